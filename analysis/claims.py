@@ -1,0 +1,177 @@
+"""What the papers claim, what came out here, and the verdict: the ledger behind every notebook.
+
+``data/published/claims.csv`` holds each claim with the range of values that would count as
+agreement, fixed beforehand. A notebook hands its value and 95 % interval to `Ledger.check`;
+``figures/claims.csv`` holds the verdicts.
+"""
+
+import math
+import os
+
+import pandas as pd
+
+from analysis import DATA, WrongUsage
+from analysis.figures import folder
+
+COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
+NOT_YET = "not yet run"
+REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
+
+
+def published():
+    """Read the papers' claims.
+
+    Returns
+    -------
+    pandas.DataFrame, indexed by id
+    """
+    return pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
+
+
+def verdicts():
+    """Read the verdict on every claim, in the order of the papers; those to come are not yet run.
+
+    Returns
+    -------
+    pandas.DataFrame, indexed by id
+    """
+    path = folder() / "claims.csv"
+    known = (
+        pd.read_csv(path).set_index("id") if path.exists() else pd.DataFrame(columns=COLUMNS[1:])
+    )
+    table = known.reindex(published().index)
+    table["verdict"] = table["verdict"].astype(object).fillna(NOT_YET)
+    return table
+
+
+def judge(value, low, high, agree_low, agree_high):
+    """Compare a value and its 95 % interval with the range that counts as agreement.
+
+    Parameters
+    ----------
+    value, low, high : float or None
+        What came out here; None where it is unresolved, or unbounded on that side.
+    agree_low, agree_high : float
+        NaN where the claim is unbounded on that side.
+
+    Returns
+    -------
+    str
+    """
+    floor = -math.inf if math.isnan(agree_low) else agree_low
+    ceiling = math.inf if math.isnan(agree_high) else agree_high
+    if value is not None and floor <= value <= ceiling:
+        return REPRODUCED
+    bottom = (-math.inf if value is None else value) if low is None else low
+    top = (math.inf if value is None else value) if high is None else high
+    if top < floor or bottom > ceiling:
+        return NOT_REPRODUCED
+    if value is None:
+        return f"{NOT_TESTABLE}: the log leaves {_span(low, high)} open"
+    return f"{NOT_TESTABLE}: the 95 % interval {_span(low, high)} reaches into the claim's range"
+
+
+class Ledger:
+    """The verdicts of one notebook; each check is written down at once.
+
+    Parameters
+    ----------
+    notebook : str
+        Its file name without the suffix. What it said on an earlier run is struck out.
+    """
+
+    def __init__(self, notebook):
+        self.notebook = notebook
+        self._published = published()
+        rows = verdicts().reset_index()
+        self._others = rows[(rows["verdict"] != NOT_YET) & (rows["notebook"] != notebook)]
+        self._mine = {}
+
+    def check(self, claim, value, low=None, high=None, *, when=None, untestable=None):
+        """Judge one claim and write the verdict down.
+
+        Parameters
+        ----------
+        claim : str
+            Its id in ``data/published/claims.csv``.
+        value : float, bool or None
+            The reproduced number; for a yes/no sentence whether it holds; None where unresolved.
+        low, high : float, optional
+            Its 95 % interval.
+        when : str, optional
+            The condition under which it is reproduced: the verdict reads "reproduced if ...".
+        untestable : str, optional
+            Why it cannot be tested here; then `value` does not count.
+
+        Returns
+        -------
+        str
+            The verdict.
+        """
+        if claim not in self._published.index:
+            raise WrongUsage(f"no claim '{claim}' in data/published/claims.csv")
+        row = self._published.loc[claim]
+        value = None if value is None or (value != value) else float(value)
+        if untestable:
+            verdict = f"{NOT_TESTABLE}: {untestable}"
+        else:
+            verdict = judge(value, low, high, row["low"], row["high"])
+            if when and verdict == REPRODUCED:
+                verdict = f"{REPRODUCED} if {when}"
+        numbers = {"value": _short(value), "low": _short(low), "high": _short(high)}
+        entry = {"id": claim, "verdict": verdict, **numbers, "unit": row["unit"]}
+        self._mine[claim] = entry | {"notebook": self.notebook}
+        self._write()
+        return verdict
+
+    def table(self):
+        """Lay published and reproduced side by side, for the notebook's last section.
+
+        Returns
+        -------
+        pandas.DataFrame
+        """
+        rows = []
+        for claim, mine in self._mine.items():
+            theirs = self._published.loc[claim]
+            rows.append(
+                {
+                    "claim": claim,
+                    "where": theirs["where"],
+                    "published": f"{theirs['value']:g} {theirs['unit']}",
+                    "agrees within": _span(theirs["low"], theirs["high"]),
+                    "reproduced": "–" if mine["value"] is None else f"{mine['value']:g}",
+                    "95 % interval": _interval(mine),
+                    "verdict": mine["verdict"],
+                }
+            )
+        return pd.DataFrame(rows).set_index("claim")
+
+    def _write(self):
+        mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)
+        parts = [part[COLUMNS] for part in (self._others, mine) if len(part)]
+        table = pd.concat(parts, ignore_index=True).set_index("id")
+        table = table.reindex([i for i in self._published.index if i in table.index])
+        path = folder() / "claims.csv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        new = path.with_suffix(".new")
+        new.write_text(table.to_csv(lineterminator="\n"), encoding="utf-8")
+        os.replace(new, path)
+
+
+def _short(x):
+    """Three digits: what an interval of this kind means, and what another machine prints too."""
+    return None if x is None or x != x or math.isinf(x) else float(f"{x:.3g}")
+
+
+def _interval(entry):
+    if entry["low"] is None and entry["high"] is None:
+        return "–"
+    return _span(entry["low"], entry["high"])
+
+
+def _span(low, high):
+    def end(x):
+        return "…" if x is None or x != x else f"{x:.3g}"
+
+    return f"{end(low)} to {end(high)}"

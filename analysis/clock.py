@@ -1,0 +1,161 @@
+"""A column of times -> seconds: which unit, which calendar, what was assumed."""
+
+import re
+import warnings
+
+import numpy as np
+import pandas as pd
+
+from analysis import WrongUsage
+from analysis.timing import BadStamps
+
+SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+WORDS = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+WORDS |= {"min": "minutes", "h": "hours"}
+_SPELLINGS = {
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "ms": ("ms", "msec", "millis", "milliseconds", "millisecond"),
+    "us": ("us", "µs", "μs", "usec", "micros", "microseconds"),
+    "ns": ("ns", "nsec", "nanos", "nanoseconds"),
+    "min": ("min", "minutes"),
+    "h": ("h", "hours"),
+}
+_UNITS = {spelling: unit for unit, more in _SPELLINGS.items() for spelling in more}
+_NAMES = re.compile(
+    r"^(t|time|timestamps?|time_?stamps?|stamp|elapsed|elapsed_?time|epoch|unix|unix_?time|utc|"
+    r"date_?time|gps_?time|tow|uptime|sample_?time|time[ _-].*|timestamp[ _-].*)$"
+)
+_UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
+_COUNTER = 2.0**32  # millis() and micros() of a microcontroller start again here
+SECONDS_PER_DAY = 86400.0
+
+
+def unit_of(name: str) -> str | None:
+    """Return the unit of time a column's name carries (``t_ms``, ``time (us)``), or None."""
+    words = re.split(r"[\s_\[\](){},;:]+", name.strip().lower().strip("])}"))
+    return _UNITS.get(words[-1]) if words[-1] not in ("h", "min") or len(words) > 1 else None
+
+
+def is_time(name: str) -> bool:
+    """Tell whether a column's name says that it holds the time."""
+    lower = name.strip().lower()
+    bare = re.sub(r"[\s_]*[\[(].*$", "", lower)
+    stem = re.sub(r"_([a-zµμ]+)$", lambda m: "" if m[1] in _UNITS else m[0], bare)
+    return bool(_NAMES.match(stem)) or (lower in _UNITS and lower not in ("h", "min", "s"))
+
+
+def seconds(
+    name: str, column: np.ndarray, rate_hz: float | None = None
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Turn a time column into seconds.
+
+    Parameters
+    ----------
+    name : str
+        The column's name; a unit in it decides.
+    column : ndarray, shape (n,)
+        Numbers, or text: ISO dates or clock times.
+    rate_hz : float, optional
+        What the reader says the rate is; settles the unit where the name does not.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Seconds since the first stamp (NaN where there is none).
+    tuple of str
+        What was assumed.
+
+    Raises
+    ------
+    BadStamps
+        At the row whose text is no time.
+    WrongUsage
+        If seconds and milliseconds are equally likely.
+    """
+    if column.dtype.kind != "f":
+        return _from_text(name, column)
+    t, repairs = _continuous(np.asarray(column, dtype=float))
+    good = t[np.isfinite(t)]
+    if not good.size:
+        raise BadStamps(0, "no time stamp in the whole column")
+    unit = unit_of(name)
+    if unit is None:
+        unit, guess = _unit_from_numbers(name, good, rate_hz)
+        repairs += (f"time column '{name}' read as {WORDS[unit]}{guess}",)
+    return (t - good[0]) * SCALES[unit], repairs
+
+
+def _from_text(name: str, column: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Read ISO dates, or clock times that may run over midnight."""
+    texts = pd.Series(column, dtype="str")
+    if texts.dropna().str.match(r"^\s*\d{1,2}:\d{2}").all():
+        padded = (
+            texts.str.strip()
+            .str.replace(",", ".")
+            .str.replace(r"^(\d+:\d+)$", r"\1:00", regex=True)
+        )
+        t = pd.to_timedelta(padded, errors="coerce").dt.total_seconds().to_numpy()
+        said = "clock time"
+    else:
+        with warnings.catch_warnings():  # pandas says so when it cannot guess one common format
+            warnings.simplefilter("ignore", UserWarning)
+            moments = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
+            if moments.isna().mean() > 0.5:
+                moments = pd.to_datetime(texts, errors="coerce", utc=True)
+        t = (moments - moments.dropna().min()).dt.total_seconds().to_numpy(dtype=float, copy=True)
+        said = "date and time"
+    unread = np.isnan(t) & texts.notna().to_numpy() & (texts.str.strip() != "").to_numpy()
+    if unread.any() or not np.isfinite(t).any():
+        row = int(np.argmax(unread))
+        raise BadStamps(row, f"'{str(column[row])[:40]}' is not a time")
+    if said == "clock time":
+        t = unwrap_clock(t)
+    return t - t[np.isfinite(t)][0], (f"time column '{name}' read as {said}",)
+
+
+def unwrap_clock(seconds_of_day: np.ndarray) -> np.ndarray:
+    """Make a time of day continuous over midnight."""
+    good = np.isfinite(seconds_of_day)
+    out = np.array(seconds_of_day, dtype=float)
+    days = np.cumsum(np.r_[0, np.diff(out[good]) < -SECONDS_PER_DAY / 2][: good.sum()])
+    out[good] += SECONDS_PER_DAY * days
+    return out
+
+
+def _continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Undo the overflow of a 32-bit counter."""
+    good = np.isfinite(t)
+    step = np.diff(t[good])
+    wraps = (step < -0.98 * _COUNTER) & (step > -_COUNTER)
+    if not wraps.any() or np.nanmax(t) >= _COUNTER:
+        return t, ()
+    out = t.copy()
+    out[good] += _COUNTER * np.cumsum(np.r_[0, wraps])
+    return out, (f"the time counter overflowed (2^32) {int(wraps.sum())} times: made continuous",)
+
+
+def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
+    """Choose the unit from the size of the numbers, or from the rate the reader gave."""
+    for unit, (low, high) in _UNIX.items():
+        if low <= t[0] < high and low <= t[-1] < high and (unit == "s" or _whole(t)):
+            if unit == "s" and _whole(t) and np.median(np.diff(t)) >= 5:
+                break  # a counter of microseconds that happens to be large
+            return unit, " since 1970"
+    step = np.diff(t)
+    step = float(np.median(step[step > 0])) if (step > 0).any() else np.nan
+    if rate_hz:
+        for unit in ("s", "ms", "us", "ns"):
+            mean = len(t) / max((t[-1] - t[0]) * SCALES[unit], 1e-300)
+            if 0.5 < mean / rate_hz < 2:
+                return unit, f", as --rate {rate_hz:g} says"
+    if step >= 5 or step < 1e-5:
+        raise WrongUsage(
+            f"time column '{name}' advances by {step:.6g}: seconds, milliseconds or microseconds? "
+            f"Rename it to '{name}_s', '{name}_ms' or '{name}_us' in the header, or give --rate too"
+        )
+    return "s", ""
+
+
+def _whole(t: np.ndarray) -> bool:
+    """Tell whether the stamps are whole numbers."""
+    return bool((t[:1000] == np.round(t[:1000])).all())

@@ -1,0 +1,175 @@
+"""The real logs: where each file is looked for, how it is checked, how it is downloaded.
+
+``data/registry.csv`` names every file with its size, sha256, licence and the public commit it
+comes from. A file is looked for in the folder that the environment variable ``COMPENDIUM_DATA``
+names, then in ``data/raw/`` (the few whose licence lets them in), then in ``data/downloaded/``
+(git-ignored). Whatever is found is checked against its sha256 before it is read.
+"""
+
+import csv
+import functools
+import hashlib
+import logging
+import os
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path
+from urllib.parse import quote
+
+from analysis import DATA, CannotAnswer, WrongUsage
+
+REGISTRY = DATA / "registry.csv"
+DOWNLOADED = DATA / "downloaded"
+COMMITTED = {"gpsd-logs": DATA / "raw" / "gpsd"}
+FOLDER_VARIABLE = "COMPENDIUM_DATA"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One registered file: a row of ``data/registry.csv``."""
+
+    file: str
+    bytes: int
+    sha256: str
+    licence: str
+    repository: str
+    commit: str
+    path_in_repository: str
+
+    @property
+    def url(self) -> str:
+        """Address of exactly these bytes."""
+        return (
+            f"https://github.com/{self.repository}/raw/{self.commit}/"
+            f"{quote(self.path_in_repository)}"
+        )
+
+
+@functools.cache
+def registry() -> dict[str, Entry]:
+    """Read the registry: file name -> `Entry`."""
+    with REGISTRY.open(newline="", encoding="utf-8") as handle:
+        rows = [Entry(**{**row, "bytes": int(row["bytes"])}) for row in csv.DictReader(handle)]
+    return {row.file: row for row in rows}
+
+
+def names(pattern: str = "*") -> list[str]:
+    """List the registered files that match a shell pattern such as ``"gpsd-logs/*"``."""
+    return [name for name in registry() if fnmatch(name, pattern)]
+
+
+def entry(name: str) -> Entry:
+    """Look up one registered file.
+
+    Raises
+    ------
+    WrongUsage
+        If no file of that name is registered.
+    """
+    if name not in registry():
+        raise WrongUsage(
+            f"'{name}' is not in data/registry.csv; `python -m analysis data` lists what is"
+        )
+    return registry()[name]
+
+
+def path(name: str) -> Path:
+    """Find a registered file on this machine and check its sha256.
+
+    Raises
+    ------
+    CannotAnswer
+        If the file is nowhere, or what is there has other bytes.
+    """
+    wanted = entry(name)
+    for place in _places(name):
+        if place.is_file():
+            _check(place, wanted)
+            return place
+    raise CannotAnswer(
+        f"the log file {name} is not on this machine: set {FOLDER_VARIABLE} to a folder that has "
+        f"it, or run `python -m analysis data {name}` with internet, or put the file from "
+        f"{wanted.url} into data/downloaded/{name}"
+    )
+
+
+def available(name: str) -> bool:
+    """Tell whether `path` would find the file with the right bytes."""
+    try:
+        path(name)
+    except CannotAnswer:
+        return False
+    return True
+
+
+def fetch(name: str, progress: bool = True) -> Path:
+    """Return a registered file, downloading it into ``data/downloaded/`` if it is nowhere yet.
+
+    Raises
+    ------
+    CannotAnswer
+        If there is no connection, or what came has another sha256; nothing half-written stays.
+    """
+    wanted = entry(name)
+    if available(name):
+        return path(name)
+    import pooch  # here, not above: reading a log must not need the downloader
+
+    pooch.get_logger().setLevel(logging.WARNING)  # the progress bar says it all
+    target = DOWNLOADED / name
+    try:
+        # pooch writes to a temporary file and moves it only once the sha256 is right.
+        pooch.retrieve(
+            wanted.url,
+            known_hash=f"sha256:{wanted.sha256}",
+            fname=target.name,
+            path=target.parent,
+            downloader=pooch.HTTPDownloader(progressbar=progress, timeout=30),
+        )
+    except OSError as error:  # requests' errors are OSErrors
+        raise CannotAnswer(
+            f"could not download {name} ({type(error).__name__}): check the connection, or set "
+            f"{FOLDER_VARIABLE} to a folder that has it, or put the file from {wanted.url} into "
+            f"data/downloaded/{name}"
+        ) from error
+    except ValueError as error:  # pooch: hash mismatch
+        raise CannotAnswer(
+            f"what came for {name} does not have the registered sha256, so it was thrown away: "
+            f"{wanted.url} no longer serves the file this project was made with"
+        ) from error
+    return path(name)
+
+
+def sha256(file: Path) -> str:
+    """Compute the sha256 of a file as hexadecimal digits."""
+    stat = file.stat()
+    return _sha256(str(file), stat.st_size, stat.st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=512)
+def _sha256(file: str, size: int, mtime_ns: int) -> str:
+    """Hash a file once per (path, size, time of change) in this process."""
+    with open(file, "rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def _places(name: str) -> list[Path]:
+    """List where a registered file may be, in the order it is looked for."""
+    folder, _, rest = name.partition("/")
+    places = []
+    if os.environ.get(FOLDER_VARIABLE):
+        places.append(Path(os.environ[FOLDER_VARIABLE]) / name)
+    if folder in COMMITTED:
+        places.append(COMMITTED[folder] / rest)
+    places.append(DOWNLOADED / name)
+    return places
+
+
+def _check(place: Path, wanted: Entry) -> None:
+    """Refuse a file whose bytes are not the registered ones."""
+    if sha256(place) != wanted.sha256:
+        raise CannotAnswer(
+            f"{wanted.file} is there but is not the registered file (its sha256 or its size of "
+            f"{wanted.bytes} bytes differs): delete that copy and run "
+            f"`python -m analysis data {wanted.file}`"
+        )

@@ -1,0 +1,152 @@
+"""Pictures that more than one notebook draws: the four panels of a sensor, an Allan plot."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from analysis.figures import DOUBLE
+
+PRETTY = {"deg": "°", "deg/s": "°/s", "deg/h": "°/h", "m/s^2": "m/s²", "g": "g", "m": "m"}
+
+
+def pretty(unit):
+    """Write a unit as a plot writes it: deg/s becomes °/s."""
+    return PRETTY.get(unit, unit.replace("deg", "°").replace("sqrt(s)", "√s").replace("*", "·"))
+
+
+CUSTOMARY = {
+    "deg/sqrt(s)": (60.0, "°/√h"),
+    "rad/sqrt(s)": (60.0 * np.degrees(1.0), "°/√h"),
+    "deg/s": (3600.0, "°/h"),
+    "rad/s": (3600.0 * np.degrees(1.0), "°/h"),
+    "deg/s/sqrt(s)": (3600.0 * 60.0, "°/h/√h"),
+    "deg/s/s": (3600.0**2, "°/h/h"),
+    "g*sqrt(s)": (1e6, "µg/√Hz"),
+    "g/sqrt(s)": (1e6, "µg/√s"),
+    "g": (1e6, "µg"),
+    "g/s": (1e6 * 3600.0, "µg/h"),
+    "m/s^2*sqrt(s)": (60.0, "m/s/√h"),
+    "deg": (1.0, "°"),
+    "m": (1.0, "m"),
+    "m/s": (3600.0, "m/h"),
+}
+
+
+def customary(unit):
+    """Factor and name of the unit in which the trade states such a number: °/√h, °/h, µg.
+
+    Returns
+    -------
+    factor : float
+    unit : str
+    """
+    return CUSTOMARY.get(unit, (1.0, pretty(unit)))
+
+
+def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
+    """Draw an Allan deviation with its 95 % band on log-log axes with equal decades.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    curve : AllanCurve
+    unit, label, color : str
+    guides : bool
+        Add slope guides -1/2 through the first point and +1/2 through the lowest.
+    band : bool
+        Shade the 95 % interval.
+    """
+    ax.loglog(curve.tau, curve.adev, color=color, label=label or "overlapped Allan deviation")
+    if band:
+        shade = {"color": color, "alpha": 0.2, "lw": 0}
+        ax.fill_between(
+            curve.tau, curve.low, curve.high, label=None if label else "95 % interval", **shade
+        )
+    if guides:
+        lowest = int(np.argmin(curve.adev))
+        ends = curve.tau[[0, -1]]
+        for at, slope, text, style in ((0, -0.5, "−1/2", "--"), (lowest, 0.5, "+1/2", ":")):
+            line = curve.adev[at] * (ends / curve.tau[at]) ** slope
+            ax.plot(ends, line, color="0.4", ls=style, lw=0.7, label=f"slope {text}")
+    ax.set_xlabel("averaging time τ (s)")
+    ax.set_ylabel(f"Allan deviation ({pretty(unit)})")
+
+
+def equal_decades(ax, curves, margin=1.5):
+    """Fit log-log limits to the curves, with a decade as long along y as along x."""
+    low = min(c.low.min() for c in curves)
+    high = max(min(c.high.max(), 30 * c.adev.max()) for c in curves)
+    ax.set_ylim(low / margin, high * margin)
+    ax.set_xlim(min(c.tau[0] for c in curves) / 1.2, max(c.tau[-1] for c in curves) * 1.2)
+    ax.set_aspect("equal", adjustable="datalim")
+
+
+def four_panels(noise, title, *, fig=None):
+    """Draw one channel as the comparison paper does (Figs 7-16).
+
+    15 s of data, Allan deviation, the whole log with its straight line, and the autocovariance at
+    several averaging windows with the 1/e level.
+
+    Parameters
+    ----------
+    noise : ChannelNoise
+    title : str
+    fig : matplotlib figure or subfigure, optional
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    fig = fig or plt.figure(figsize=(DOUBLE, 4.6))
+    (short, adev), (whole, acov) = fig.subplots(2, 2)
+    unit = pretty(noise.unit)
+    fig.suptitle(title, fontsize=9)
+    short.plot(*noise.short, color="C0", lw=0.5)
+    short.set(title="first 15 s", xlabel="time (s)", ylabel=f"{noise.name} ({unit})")
+    allan(adev, noise.allan, noise.unit, guides=True)
+    adev.set_title("Allan deviation")
+    _fit_y(adev, noise.allan)
+    adev.legend()
+    _whole_log(whole, noise, unit)
+    for window, (lag, cov) in noise.autocorrelation.items():
+        acov.plot(lag, cov, lw=0.9, label=f"{window:g} s averages")
+    peak = next(iter(noise.autocorrelation.values()))[1][0]
+    acov.axhline(peak / np.e, color="0.4", ls="--", lw=0.7, label="peak / e")
+    acov.set(title="autocorrelation", xlabel="lag (s)", ylabel=f"autocovariance ({unit})²")
+    acov.legend()
+    return fig
+
+
+def together(result):
+    """Draw the Allan deviations of all channels, one panel for each unit.
+
+    Parameters
+    ----------
+    result : StaticResult
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    units = list(dict.fromkeys(c.unit for c in result.channels))
+    fig = plt.figure(figsize=(DOUBLE, 3.2))
+    fig.suptitle(result.source["title"], fontsize=9)
+    for ax, unit in zip(np.atleast_1d(fig.subplots(1, len(units))), units, strict=True):
+        for i, c in enumerate(c for c in result.channels if c.unit == unit):
+            allan(ax, c.allan, unit, label=c.name, color=f"C{i}")
+        ax.legend()
+    return fig
+
+
+def _whole_log(ax, noise, unit):
+    t, y = noise.whole
+    mean, slope = noise.line
+    centre = t.mean()
+    ax.plot(t / 3600, y, lw=0.5, color="C0", label="log, averaged")
+    ax.plot(t[[0, -1]] / 3600, mean + slope * (t[[0, -1]] - centre), color="C3", label="line")
+    ax.set(title="whole log", xlabel="time (h)", ylabel=f"{noise.name} ({unit})")
+    ax.legend()
+
+
+def _fit_y(ax, curve):
+    high = min(curve.high.max(), 10 * curve.adev.max())
+    ax.set_ylim(curve.low.min() / 1.5, high * 1.5)

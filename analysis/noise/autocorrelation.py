@@ -1,0 +1,94 @@
+"""Autocorrelation of averaged readings, and the correlation time read off it at 1/e.
+
+The comparison paper (section III) averages the readings over windows of several widths, takes the
+lag at which the autocorrelation has fallen to 1/e of its peak as the correlation time, and the
+square root of the peak as sigma_b. The peak still holds what averaging left of the wide-band noise,
+sigma_v^2 / m, and at 1/e a finite log reads short. `analysis.noise.unified` allows for both.
+"""
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+
+
+def block_means(y, m):
+    """Mean of each `m` consecutive readings; an incomplete last block is left out.
+
+    Parameters
+    ----------
+    y : ndarray, shape (..., n), U
+        NaN where a sample is missing; a block with more than half missing is NaN.
+    m : int
+
+    Returns
+    -------
+    ndarray, shape (..., n // m), U
+    """
+    y = np.asarray(y, dtype=float)
+    if m == 1:
+        return y
+    blocks = y[..., : y.shape[-1] // m * m].reshape(*y.shape[:-1], -1, m)
+    valid = np.isfinite(blocks)
+    if valid.all():
+        return blocks.mean(axis=-1)
+    have = valid.sum(axis=-1)
+    mean = np.where(valid, blocks, 0.0).sum(axis=-1) / np.maximum(have, 1)
+    return np.where(2 * have >= m, mean, np.nan)
+
+
+def autocovariance(y, max_lag=None):
+    """Sample autocovariance about the mean, by FFT. ::
+
+        c_k = (1/n) sum_i (y_i - ybar) (y_{i+k} - ybar)
+
+    Missing samples are left out, and the sum is scaled up for the products that are missing.
+
+    Parameters
+    ----------
+    y : ndarray, shape (..., n), U
+    max_lag : int, optional
+        By default n - 1.
+
+    Returns
+    -------
+    ndarray, shape (..., max_lag + 1), U^2
+    """
+    y = np.asarray(y, dtype=float)
+    n = y.shape[-1]
+    max_lag = n - 1 if max_lag is None else min(max_lag, n - 1)
+    valid = np.isfinite(y)
+    mean = np.where(valid, y, 0).sum(-1, keepdims=True) / np.maximum(valid.sum(-1), 1)[..., None]
+    products = _lagged_products(np.where(valid, y - mean, 0.0), max_lag)
+    if valid.all():
+        return products / n
+    pairs = np.maximum(_lagged_products(valid.astype(float), max_lag).round(), 1)
+    return products / pairs * (1 - np.arange(max_lag + 1) / n)
+
+
+def one_over_e(acov, dt):
+    """Lag at which an autocovariance first falls to 1/e of its peak, interpolated.
+
+    Parameters
+    ----------
+    acov : ndarray, shape (..., k), U^2
+    dt : float
+        Spacing of the lags, s.
+
+    Returns
+    -------
+    ndarray, shape (...), s
+        NaN where it never falls so far.
+    """
+    level = acov[..., :1] / np.e
+    below = acov < level
+    at = below.argmax(axis=-1)[..., None]
+    before = np.take_along_axis(acov, np.maximum(at - 1, 0), axis=-1)
+    after = np.take_along_axis(acov, at, axis=-1)
+    step = np.where(before > after, before - after, 1.0)
+    lag = (at - 1 + (before - level) / step)[..., 0] * dt
+    return np.where(below.any(axis=-1), lag, np.nan)
+
+
+def _lagged_products(x, max_lag):
+    size = next_fast_len(x.shape[-1] + max_lag, real=True)
+    spectrum = rfft(x, size)
+    return irfft(spectrum.real**2 + spectrum.imag**2, size)[..., : max_lag + 1]

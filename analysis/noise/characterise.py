@@ -1,0 +1,152 @@
+"""Everything this package can say of one static channel, from one call.
+
+Rates and accelerations get the IEEE 952 coefficients read off their Allan deviation; every channel
+gets the comparison paper's unified model. The result holds the numbers and the four panels the
+paper draws for each sensor: 15 s of data, Allan deviation, whole log, autocorrelation.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from analysis import CannotAnswer
+from analysis.noise import reading, unified
+from analysis.noise.allan import AllanCurve, allan_deviation
+from analysis.noise.autocorrelation import autocovariance, block_means
+from analysis.noise.estimate import Estimate
+
+WHOLE = 1500  # points that draw a whole log
+LAGS = 400  # points that draw an autocorrelation
+FEWEST = 64  # samples below which there is nothing to average
+
+
+@dataclass(frozen=True)
+class ChannelNoise:
+    """Noise of one channel.
+
+    Attributes
+    ----------
+    name, unit, kind : str
+        kind is rate, angle, accel or position.
+    parameters : dict of Estimate
+        ``arw`` or ``vrw``, ``sigma_v``, ``sigma_b``, ``corr_time``, ``bias_instability``, ``rrw``,
+        ``drift``, as far as they apply to the kind.
+    allan : AllanCurve
+    line : tuple of float
+        Mean (U) and slope (U/s) of the straight line through the log.
+    short, whole : tuple of ndarray
+        Time (s) and reading (U): the first 15 s, and the whole log in averages.
+    autocorrelation : dict
+        Averaging window (s) -> lag (s), autocovariance (U^2).
+    """
+
+    name: str
+    unit: str
+    kind: str
+    parameters: dict[str, Estimate]
+    allan: AllanCurve
+    line: tuple[float, float]
+    short: tuple[np.ndarray, np.ndarray]
+    whole: tuple[np.ndarray, np.ndarray]
+    autocorrelation: dict[float, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+
+def characterise(y, dt, *, name, unit, kind, rng, detrend=True, estimate=True):
+    """Characterise one static channel.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        Evenly sampled readings, NaN where one is missing.
+    dt : float
+        Sampling interval, s.
+    name, unit, kind : str
+    rng : numpy.random.Generator
+        For the simulated logs behind the intervals of the slow bias.
+    detrend : bool
+        Take the linear drift out before the Allan deviation and the autocorrelation.
+    estimate : bool
+        False leaves ``parameters`` empty: the panels alone, at once.
+
+    Returns
+    -------
+    ChannelNoise
+
+    Raises
+    ------
+    CannotAnswer
+        If the channel is too short or does not vary.
+    """
+    y = np.asarray(y, dtype=float)
+    _refuse_what_says_nothing(y, name)
+    residual, line = unified.fit_line(y, dt)
+    residual = residual if detrend else y - np.nanmean(y)
+    curve = allan_deviation(residual, dt)
+    return ChannelNoise(
+        name=name,
+        unit=unit,
+        kind=kind,
+        parameters=_parameters(y, dt, unit, kind, curve, rng, detrend) if estimate else {},
+        allan=curve,
+        line=(float(line.null_shift), float(line.drift)),
+        short=_short(y, dt),
+        whole=_whole(y, dt),
+        autocorrelation={w: _autocorrelation(residual, dt, w) for w in windows(len(y) * dt, dt)},
+    )
+
+
+def windows(duration, dt):
+    """Averaging windows (s) to show an autocorrelation at: four, a factor apart, that the log fits.
+
+    Returns
+    -------
+    list of float
+    """
+    longest = duration / 200
+    chosen = [w for w in (0.1, 0.3, 1, 3, 10, 30, 100, 300) if 2 * dt <= w <= longest]
+    return chosen[-4:] or [dt]
+
+
+def _parameters(y, dt, unit, kind, curve, rng, detrend):
+    walk = reading.white_noise(curve, unit)
+    found = {"sigma_v": unified.wide_band_noise(y, dt, unit)}
+    # What averaging leaves of the white noise follows its level over many samples, where the
+    # curve shows one; a filter inside the sensor makes a single sample say less.
+    level = walk.value / np.sqrt(dt) if walk.resolved else found["sigma_v"].value or 0.0
+    if kind in ("rate", "accel"):
+        found["arw" if kind == "rate" else "vrw"] = walk
+        found["bias_instability"] = reading.bias_instability(curve, unit)
+        found["rrw"] = reading.rate_random_walk(curve, unit)
+    return found | unified.slow_bias(y, dt, unit, level, rng, detrend=detrend)
+
+
+def _refuse_what_says_nothing(y, name):
+    count = int(np.isfinite(y).sum())
+    if count < FEWEST:
+        raise CannotAnswer(
+            f"channel {name}: {count} samples say nothing about noise; record at least {FEWEST},"
+            " and for a correlation time some hours"
+        )
+    if np.nanmax(y) == np.nanmin(y):
+        raise CannotAnswer(
+            f"channel {name}: all {count} samples are {np.nanmax(y):g}; a constant has no noise to"
+            " measure (is the sensor connected, or its resolution too coarse?)"
+        )
+
+
+def _short(y, dt):
+    n = min(len(y), max(2, round(unified.SHORT / dt)))
+    return dt * np.arange(n), y[:n]
+
+
+def _whole(y, dt):
+    m = max(1, len(y) // WHOLE)
+    means = block_means(y, m)
+    return m * dt * (np.arange(len(means)) + 0.5), means
+
+
+def _autocorrelation(residual, dt, window):
+    m = max(1, round(window / dt))
+    acov = autocovariance(block_means(residual, m), len(residual) // m // 2)
+    thin = np.unique(np.linspace(0, len(acov) - 1, LAGS).round().astype(int))
+    return m * dt * thin, acov[thin]

@@ -1,0 +1,120 @@
+"""Parameters read off an Allan deviation: N on the -1/2 slope, B at the floor, K on the +1/2 slope.
+
+What an engineer does with a ruler (IEEE 952 annex C; terrain paper eqs. (5)-(6)), with the interval
+of the curve itself and a refusal where the curve does not show the slope. Terrain eq. (6) prints
+B = 0.6648 adev; IEEE 952 has B = adev / 0.664, and that is what stands here.
+"""
+
+import numpy as np
+
+from analysis.noise.estimate import Estimate, random_walk_unit
+
+FLICKER = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: Allan deviation of flicker noise of unit B
+TOLERANCE = 0.1  # a slope counts as -1/2 or +1/2 within this
+SPAN = 0.3  # decades over which a slope is measured, and over which it must hold
+
+
+def slopes(curve, span=SPAN):
+    """Slope d log(adev) / d log(tau), each from the points within half of `span` decades.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+    """
+    x, y = np.log10(curve.tau), np.log10(curve.adev)
+    slope = np.full(len(x), np.nan)
+    for i in range(len(x)):
+        near = np.abs(x - x[i]) <= span / 2 + 1e-9
+        if near.sum() < 3:
+            near = np.argsort(np.abs(x - x[i]), kind="stable")[:3]
+        slope[i] = np.polyfit(x[near], y[near], 1)[0] if len(x) >= 3 else np.nan
+    return slope
+
+
+def white_noise(curve, unit):
+    """Angle or velocity random walk N, from the stretch with slope -1/2. ::
+
+        N = adev(tau) sqrt(tau)
+
+    Returns
+    -------
+    Estimate, U sqrt(s)
+    """
+    out = random_walk_unit(unit)
+    run = _longest_run(curve, np.abs(slopes(curve) + 0.5) < TOLERANCE)
+    if run is None:
+        low_curve = float(np.min(curve.high * np.sqrt(curve.tau))) if len(curve.tau) else None
+        return Estimate.refused(out, "the Allan curve shows no slope of -1/2", high=low_curve)
+    root = np.sqrt(curve.tau[run])
+    weight = curve.edf[run]
+    value = float(np.exp(np.average(np.log(curve.adev[run] * root), weights=weight)))
+    # Points of one log move together: the interval of the best one stands for all.
+    best = run[np.argmax(weight)]
+    return Estimate(
+        value,
+        float(value * curve.low[best] / curve.adev[best]),
+        float(value * curve.high[best] / curve.adev[best]),
+        out,
+        note=f"slope -1/2 from {curve.tau[run[0]]:.3g} to {curve.tau[run[-1]]:.3g} s",
+    )
+
+
+def bias_instability(curve, unit):
+    """Bias instability B of IEEE 952, from the lowest point: B = adev / 0.664.
+
+    Returns
+    -------
+    Estimate, U
+    """
+    at = int(np.argmin(curve.adev))
+    scale = 1 / FLICKER
+    rises = bool((curve.low[at + 1 :] > curve.adev[at]).any()) or bool(
+        (curve.adev[at + 1 :] > curve.high[at]).any()
+    )
+    if not rises:
+        return Estimate.refused(
+            unit,
+            f"the Allan curve has no floor up to {curve.tau[-1]:.3g} s: it never rises again by"
+            " more than its uncertainty; a longer log may show one",
+            high=float(curve.high[at] * scale),
+        )
+    return Estimate(
+        float(curve.adev[at] * scale),
+        float(curve.low[at] * scale),
+        float(curve.high[at] * scale),
+        unit,
+        note=f"lowest Allan deviation, at {curve.tau[at]:.3g} s, / 0.664 (IEEE 952)",
+    )
+
+
+def rate_random_walk(curve, unit):
+    """Rate random walk K, from a stretch with slope +1/2 at the long end: K = adev sqrt(3/tau).
+
+    Returns
+    -------
+    Estimate, U/sqrt(s)
+    """
+    out = f"{unit}/sqrt(s)"
+    k_high = curve.high * np.sqrt(3 / curve.tau)
+    run = _longest_run(curve, np.abs(slopes(curve) - 0.5) < TOLERANCE)
+    if run is None:
+        return Estimate.refused(
+            out, "the Allan curve shows no slope of +1/2", high=float(k_high.min())
+        )
+    best = run[np.argmax(curve.edf[run])]
+    scale = np.sqrt(3 / curve.tau[best])
+    return Estimate(
+        float(curve.adev[best] * scale),
+        float(curve.low[best] * scale),
+        float(curve.high[best] * scale),
+        out,
+        note=f"slope +1/2 from {curve.tau[run[0]]:.3g} to {curve.tau[run[-1]]:.3g} s",
+    )
+
+
+def _longest_run(curve, good):
+    """Return the indices of the longest stretch (in log tau) where `good` holds for SPAN."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    runs = [np.arange(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    spans = [np.log10(curve.tau[r[-1]] / curve.tau[r[0]]) for r in runs]
+    return runs[int(np.argmax(spans))] if spans and max(spans) >= SPAN else None

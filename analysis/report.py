@@ -1,0 +1,120 @@
+"""One command from a log to a page: model.json, report.html and figures, or nothing at all."""
+
+import base64
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+from jinja2 import Environment, FileSystemLoader, select_autoescape
+
+from analysis import CannotAnswer, WrongUsage, draw, figures, results
+
+TEMPLATES = Path(__file__).parent / "templates"
+NAMES = {
+    "arw": "angle random walk N",
+    "vrw": "velocity random walk N",
+    "sigma_v": "wide-band noise σ_v of one sample",
+    "sigma_b": "Gauss–Markov bias σ_b (standard deviation)",
+    "corr_time": "correlation time τ of that bias",
+    "bias_instability": "bias instability B (IEEE 952: floor / 0.664)",
+    "rrw": "rate random walk K",
+    "drift": "linear drift",
+}
+
+
+def write(log, out, *, progress=True):
+    """Characterise a log and write the report, all of it or nothing.
+
+    Parameters
+    ----------
+    log : analysis.logs.Log
+    out : path-like
+        Folder; made if need be. Files of an earlier report there are replaced, others stay.
+    progress : bool
+
+    Returns
+    -------
+    StaticResult
+    """
+    out = Path(out)
+    if out.exists() and not out.is_dir():
+        raise WrongUsage(f"--out {out.name}: there is a file of that name; name a folder")
+    result = results.characterise_log(log, progress=progress)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))
+    except OSError as error:
+        raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
+    try:
+        results.write_model(result, draft / "model.json")
+        _draw(result, draft / "figures")
+        (draft / "report.html").write_text(_page(result, draft / "figures"), encoding="utf-8")
+        _move(draft, out)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return result
+
+
+def rows(channel):
+    """List a channel's parameters as the page and the terminal show them.
+
+    Returns
+    -------
+    list of dict
+        name, value, interval (with the units the trade uses beside), note, resolved.
+    """
+    listed = []
+    for key, e in channel.parameters.items():
+        factor, unit = draw.customary(e.unit)
+        value = None if e.value is None else f"{factor * e.value:.3g} {unit}"
+        ends = ["…" if v is None else f"{factor * v:.3g}" for v in (e.low, e.high)]
+        if e.low is None and e.high is None:
+            interval = "no bound"
+        elif e.low is None:
+            interval = f"at most {ends[1]} {unit}"
+        elif e.high is None:
+            interval = f"at least {ends[0]} {unit}"
+        else:
+            interval = f"{ends[0]} to {ends[1]} {unit}"
+        entry = {"key": key, "name": NAMES[key], "value": value, "interval": interval}
+        listed.append(entry | {"note": e.note, "resolved": e.resolved})
+    return listed
+
+
+def _draw(result, folder):
+    figures.use_style()
+    source = {result.source["file"]: result.source["sha256"]}
+    for channel in result.channels:
+        fig = draw.four_panels(channel, f"{result.source['title']}: {channel.name}")
+        figures.save(fig, channel.name, data=source, seed=result.source["seed"], to=folder)
+        plt.close(fig)
+    fig = draw.together(result)
+    figures.save(fig, "allan", data=source, seed=result.source["seed"], to=folder)
+    plt.close(fig)
+
+
+def _page(result, folder):
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES), autoescape=select_autoescape(default=True)
+    )
+
+    def picture(name):
+        return base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
+
+    return environment.get_template("report.html").render(
+        source=result.source,
+        allan=picture("allan"),
+        channels=[
+            {"channel": c, "rows": rows(c), "picture": picture(c.name)} for c in result.channels
+        ],
+    )
+
+
+def _move(draft, out):
+    """Move the finished files into place, one rename each."""
+    (out / "figures").mkdir(parents=True, exist_ok=True)
+    for path in sorted(draft.rglob("*")):
+        if path.is_file():
+            os.replace(path, out / path.relative_to(draft))

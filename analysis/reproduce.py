@@ -1,0 +1,103 @@
+"""Execute the notebooks in order, with a progress bar, and say what came of it."""
+
+import time
+from dataclasses import dataclass
+
+import nbformat
+import pandas as pd
+from nbclient import NotebookClient
+from nbclient.exceptions import CellExecutionError
+from tqdm import tqdm
+
+from analysis import ROOT, CannotAnswer, WrongUsage
+from analysis.figures import folder
+
+NOTEBOOKS = ROOT / "notebooks"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One executed notebook: seconds it took, figures it drew, claims it checked."""
+
+    notebook: str
+    seconds: float
+    figures: int
+    claims: int
+
+
+def order(names):
+    """Put notebooks in reading order, but the index last: it reads the verdicts of the others."""
+    return sorted(names, key=lambda name: (name.startswith("00-"), name))
+
+
+def select(names):
+    """Find the notebooks meant: all of them, or those whose name starts with what is given.
+
+    Returns
+    -------
+    list of pathlib.Path
+    """
+    paths = {p.stem: p for p in NOTEBOOKS.glob("*.ipynb")}
+    if not names:
+        return [paths[stem] for stem in order(paths)]
+    chosen = set()
+    for name in names:
+        stem = name.removesuffix(".ipynb").rsplit("/", 1)[-1]
+        found = [s for s in paths if s == stem or s.split("-")[0] == stem]
+        if not found:
+            raise WrongUsage(f"no notebook '{name}'; there are: {', '.join(sorted(paths))}")
+        chosen.update(found)
+    return [paths[stem] for stem in order(chosen)]
+
+
+def reproduce(names=(), *, progress=True):
+    """Execute notebooks and write their outputs back into them.
+
+    A notebook that fails is left as it was, and so are those after it.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Notebook names or numbers; none means all.
+    progress : bool
+
+    Yields
+    ------
+    Run
+    """
+    for path in select(names):
+        yield execute(path, progress=progress)
+
+
+def execute(path, *, progress=True):
+    """Execute one notebook in place.
+
+    Returns
+    -------
+    Run
+    """
+    notebook = nbformat.read(path, as_version=4)
+    cells = sum(cell.cell_type == "code" for cell in notebook.cells)
+    start = time.perf_counter()
+    with tqdm(total=cells, desc=path.stem, unit="cell", disable=None if progress else True) as bar:
+        client = NotebookClient(
+            notebook,
+            timeout=None,
+            kernel_name="python3",
+            record_timing=False,
+            resources={"metadata": {"path": str(path.parent)}},
+            on_cell_executed=lambda **_: bar.update(),
+        )
+        try:
+            client.execute()
+        except CellExecutionError as error:
+            last = str(error).strip().splitlines()[-1]
+            raise CannotAnswer(f"{path.name}: a cell failed: {last}") from error
+    # What would differ from one machine to the next is no result.
+    notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
+    nbformat.write(notebook, path)
+    number = path.stem.split("-")[0]
+    figures = len(list(folder().glob(f"{number}-*.png")))
+    ledger = folder() / "claims.csv"
+    claims = (pd.read_csv(ledger)["notebook"] == path.stem).sum() if ledger.exists() else 0
+    return Run(path.stem, time.perf_counter() - start, figures, int(claims))

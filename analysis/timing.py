@@ -1,0 +1,266 @@
+"""From time stamps to a uniform grid: gaps, jitter, repeats, and what was assumed about each.
+
+Allan deviations and autocorrelations need evenly spaced samples; loggers seldom write them. Nothing
+here is silent: each departure from the stamps is one sentence in `Grid.repairs`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis import CannotAnswer, WrongUsage
+
+MODES = ("auto", "count", "stamps")
+MISSING_ALLOWED = 0.10  # share of a channel beyond which a noise analysis would rest on guesses
+REGULAR_SHARE = 0.90  # this share of the steps within +-50 % of the median step: regular stamps
+REPEATS_ALLOWED = 0.01  # below this share a repeated stamp is an accident, above it the rule
+GAP = 1.5  # a step of more than this many nominal steps is a gap
+LOOKAHEAD = 50  # samples after a long step in which late ones may catch up
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Where each row of a log belongs on a uniform time grid.
+
+    Attributes
+    ----------
+    rate_hz : float
+        Samples per second of the grid.
+    size : int
+        Samples on the grid, missing ones included.
+    rows : ndarray of int, shape (k,)
+        Rows of the log that are used, in order.
+    index : ndarray of int, shape (k,), or None
+        Grid sample of each used row; None where row and sample are the same thing.
+    stamps : ndarray, shape (k,), or None
+        Times (s) to interpolate between, in mode "stamps".
+    gaps : int
+        Number of places where samples are missing.
+    repairs : tuple of str
+        One sentence for each departure from the stamps.
+    """
+
+    rate_hz: float
+    size: int
+    rows: np.ndarray
+    index: np.ndarray | None = None
+    stamps: np.ndarray | None = None
+    gaps: int = 0
+    repairs: tuple[str, ...] = ()
+
+    def place(self, values: np.ndarray) -> np.ndarray:
+        """Put one column, shape (rows of the log,), on the grid, shape (size,), NaN if missing."""
+        used = values if len(self.rows) == len(values) else values[self.rows]
+        if self.stamps is not None:
+            t = self.stamps[0] + np.arange(self.size) / self.rate_hz
+            good = np.isfinite(used)
+            return np.interp(t, self.stamps[good], used[good]) if good.any() else t * np.nan
+        if self.index is None:
+            return used
+        out = np.full(self.size, np.nan)
+        out[self.index] = used
+        return out
+
+
+class BadStamps(Exception):
+    """Time stamps that cannot be used; `row` is where, for the caller to name the line."""
+
+    def __init__(self, row: int, message: str):
+        super().__init__(message)
+        self.row, self.message = row, message
+
+
+def by_rate(rows: int, rate_hz: float) -> Grid:
+    """Make the grid of a log without stamps: the rows, one after another, at a given rate."""
+    if not (np.isfinite(rate_hz) and rate_hz > 0):
+        raise WrongUsage(f"the rate must be a positive number of samples a second, not {rate_hz}")
+    return Grid(float(rate_hz), rows, np.arange(rows))
+
+
+def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid:
+    """Make the grid of a log with stamps.
+
+    Parameters
+    ----------
+    t_s : ndarray, shape (n,)
+        Time stamps, s.
+    repeated : ndarray of bool, shape (n,)
+        True where a row equals the row before it in every column.
+    mode : {"auto", "count", "stamps"}
+        "auto" takes regular stamps at their word and samples with uneven stamps as evenly spaced;
+        "count" takes all samples as evenly spaced; "stamps" interpolates linearly between them.
+
+    Raises
+    ------
+    BadStamps
+        If time runs backward, or too much is missing: the row, and what to say about it.
+    """
+    if mode not in MODES:
+        raise WrongUsage(f"timing '{mode}' is not one of {', '.join(MODES)}")
+    rows, repairs = np.arange(len(t_s)), []
+    stamped = np.isfinite(t_s)
+    if not stamped.all():
+        first = int(np.argmin(stamped))
+        if stamped.mean() < 1 - MISSING_ALLOWED:
+            raise BadStamps(
+                first, f"no time stamp here, nor in {(~stamped).sum():,} rows of {len(t_s):,}"
+            )
+        repairs.append(f"{_count((~stamped).sum(), 'row')} without a time stamp dropped")
+        rows = rows[stamped]
+    t = t_s[rows]
+    step = np.diff(t)
+    if (step < 0).any():
+        worst = int(np.argmax(step < 0))
+        raise BadStamps(int(rows[worst + 1]), f"time runs backward by {-step[worst]:.6g} s")
+    rows, coarse = _without_repeats(t, rows, repeated[rows], repairs)
+    t = t_s[rows]
+    if len(t) < 3 or t[-1] == t[0]:
+        raise BadStamps(0, "the time stamps do not advance, so there is no rate")
+    if coarse:
+        return _coarse(t, rows, repairs)
+    step = np.diff(t)
+    usual = float(np.median(step))
+    regular = np.mean(np.abs(step / usual - 1) <= GAP - 1) >= REGULAR_SHARE
+    if mode == "auto" and regular:
+        return _regular(t, rows, usual, repairs)
+    return _uneven(t, rows, mode, repairs)
+
+
+def _without_repeats(t, rows, repeated, repairs) -> tuple[np.ndarray, bool]:
+    """Drop rows that are written twice; tell whether equal stamps are the rule (coarse stamps)."""
+    same = np.r_[False, np.diff(t) == 0]
+    twice = same & repeated
+    other = same & ~repeated
+    if other.sum() >= REPEATS_ALLOWED * len(t):
+        return rows, True
+    if twice.any():
+        repairs.append(
+            f"{_count(twice.sum(), 'row')} written twice (same stamp, same values): one dropped"
+        )
+    if other.any():
+        repairs.append(
+            f"{_count(other.sum(), 'row')} with the stamp of the row before but other values: "
+            "the first kept"
+        )
+    return rows[~same], False
+
+
+def _regular(t, rows, usual, repairs) -> Grid:
+    """Place regular stamps: one sample a step, except over gaps."""
+    step = np.diff(t)
+    dt = float(step[np.abs(step / usual - 1) <= GAP - 1].mean())
+    at, missing = _gaps(t, dt)
+    jitter = np.abs(step[step <= GAP * dt] / dt - 1)
+    if jitter.max() > 0.1:
+        repairs.append(
+            f"time stamps wander by up to {jitter.max():.0%} of a step: "
+            "samples taken as evenly spaced between gaps"
+        )
+    late = (step > GAP * dt).sum() - len(at)
+    if late:
+        repairs.append(f"{_count(late, 'sample')} stamped late but none lost: placed by count")
+    extra = np.zeros(len(t), dtype=np.int64)
+    extra[at + 1] = missing
+    return _with_gaps(rows, 1 / dt, at, missing, step, extra, repairs)
+
+
+def _gaps(t, dt) -> tuple[np.ndarray, np.ndarray]:
+    """Find the steps over which samples are missing, and how many.
+
+    A long step that is made up for by short ones right after it (a stalled logger that catches
+    up) has lost nothing: what counts is the number of rows in the whole stretch.
+    """
+    at = np.flatnonzero(np.diff(t) > GAP * dt)
+    if not at.size:
+        return at, at
+    lost = np.round((t[at + 1] - t[at]) / dt) - 1
+    following = np.r_[at[1:], len(t) - 1] - at - 1  # rows up to the next long step
+    ahead = np.minimum(np.minimum(lost, LOOKAHEAD), following).astype(np.int64)
+    expected = np.round((t[at + 1 + ahead] - t[at]) / dt)
+    missing = np.maximum(expected - 1 - ahead, 0).astype(np.int64)
+    return at[missing > 0], missing[missing > 0]
+
+
+def _with_gaps(rows, rate_hz, at, missing, step, extra, repairs) -> Grid:
+    """Assemble a grid with missing samples, unless too many are missing."""
+    if not at.size:
+        return Grid(rate_hz, len(rows), rows, np.arange(len(rows)), None, 0, tuple(repairs))
+    size = len(rows) + int(missing.sum())
+    longest = int(np.argmax(missing))
+    row = int(rows[at[longest] + 1])
+    if missing.sum() > MISSING_ALLOWED * size:
+        raise BadStamps(
+            row,
+            f"{missing.sum():,} of {size:,} samples are missing in {_count(len(at), 'gap')}, the "
+            f"longest ({step[at[longest]]:.4g} s) before here; more than {MISSING_ALLOWED:.0%} is "
+            "too much",
+        )
+    repairs.append(
+        f"{_count(len(at), 'gap')}: {missing.sum():,} of {size:,} samples missing, the longest "
+        f"{step[at[longest]]:.4g} s; left as missing"
+    )
+    index = np.arange(len(rows)) + np.cumsum(extra)
+    return Grid(rate_hz, size, rows, index, None, len(at), tuple(repairs))
+
+
+def _coarse(t, rows, repairs) -> Grid:
+    """Place samples whose clock ticks more slowly than they come, by count."""
+    ticks = np.flatnonzero(np.diff(t) > 0) + 1  # rows at which the clock moves on
+    if len(ticks) < 3:
+        raise BadStamps(
+            int(rows[0]), "the time stamps take fewer than 4 values, so there is no rate"
+        )
+    per_tick, length = np.diff(ticks), np.diff(t[ticks])
+    whole = length <= GAP * np.median(length)
+    rate = float(per_tick[whole].sum() / length[whole].sum())
+    # Between two ticks the count may be off by the sample at either edge; more is a gap.
+    lost = np.round(length * rate).astype(np.int64) - per_tick
+    gap = ~whole & (lost > np.maximum(2, 0.05 * per_tick))
+    at, missing = ticks[1:][gap] - 1, lost[gap]
+    repairs.append(
+        f"time stamps repeat (resolution {np.median(length):.4g} s): samples taken as evenly "
+        f"spaced at {rate:.6g} Hz, counted between ticks"
+    )
+    extra = np.zeros(len(t), dtype=np.int64)
+    extra[at + 1] = missing
+    return _with_gaps(rows, rate, at, missing, np.diff(t), extra, repairs)
+
+
+def _uneven(t, rows, mode, repairs) -> Grid:
+    """Place samples with uneven stamps: evenly at the mean rate, or interpolated by stamp."""
+    step = np.diff(t)
+    rate = (len(t) - 1) / float(t[-1] - t[0])
+    if mode == "stamps":
+        size = int(np.floor((t[-1] - t[0]) * rate * (1 + 1e-12))) + 1
+        repairs.append(
+            f"samples interpolated linearly between their stamps (median step "
+            f"{_time(np.median(step))}, longest {_time(step.max())}) onto a grid of {rate:.6g} Hz: "
+            f"this smooths the noise, so nothing below {_time(2 * step.max())} should be trusted"
+        )
+        return Grid(rate, size, rows, None, t, 0, tuple(repairs))
+    # A pause far beyond the usual unevenness is a gap even here.
+    limit = max(10 * float(np.percentile(step, 99)), 50 / rate)
+    at = np.flatnonzero(step > limit)
+    paused = float(step[at].sum())
+    rate = (len(t) - 1 - len(at)) / (float(t[-1] - t[0]) - paused)
+    missing = np.maximum(np.round(step[at] * rate).astype(np.int64) - 1, 0)
+    extra = np.zeros(len(t), dtype=np.int64)
+    extra[at + 1] = missing
+    off = np.abs(t - t[0] - (np.arange(len(t)) + np.cumsum(extra)) / rate).max()
+    trust = max(float(step[step <= limit].max()), float(off))
+    repairs.append(
+        f"time stamps are uneven (median step {_time(np.median(step))}, longest "
+        f"{_time(step.max())}, up to {_time(off)} from an even spacing): samples taken as evenly "
+        f"spaced at their mean rate {rate:.6g} Hz, so nothing below {_time(trust)} should be trusted"
+    )
+    return _with_gaps(rows, rate, at, missing, step, extra, repairs)
+
+
+def _count(number: int, noun: str) -> str:
+    """Write a number with its noun: ``1 gap``, ``3 gaps``."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def _time(seconds: float) -> str:
+    """Write a duration with two or three digits that mean something."""
+    return f"{seconds * 1000:.3g} ms" if seconds < 0.1 else f"{seconds:.3g} s"

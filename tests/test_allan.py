@@ -1,0 +1,131 @@
+"""Allan deviation: closed forms, allantools, and intervals that cover."""
+
+import numpy as np
+import pytest
+from allantools import oadev
+from allantools.ci import edf_greenhall
+
+from analysis.noise.allan import allan_deviation, allantools_deviation, cluster_sizes
+from analysis.noise.freedom import degrees_of_freedom
+from analysis.noise.models import UnifiedModel, adev_model
+
+DT = 0.01
+
+
+def test_constant_has_no_deviation():
+    """analytic: a constant leaves no point on the curve, for its logarithm is nowhere."""
+    assert len(allan_deviation(np.full(1000, 3.7), DT).tau) == 0
+
+
+def test_ramp():
+    """analytic: a ramp of slope s has adev^2 = s^2 tau^2 / 2, whatever its offset."""
+    slope = 0.3
+    curve = allan_deviation(5.0 + slope * DT * np.arange(4000), DT)
+    # Cumulative sums of 4000 terms lose a few digits of sixteen.
+    np.testing.assert_allclose(curve.adev, slope * curve.tau / np.sqrt(2), rtol=1e-7)
+
+
+def test_white_noise():
+    """analytic: white noise has adev^2 = N^2 / tau, within its own interval's width."""
+    arw = 0.04
+    y = arw / np.sqrt(DT) * np.random.default_rng(1).standard_normal(400_000)
+    curve = allan_deviation(y, DT, np.array([1, 10, 100]))
+    # 4e5 samples: about 0.2 % at m = 1, 2 % at m = 100; four of those standard errors.
+    np.testing.assert_allclose(curve.adev, arw / np.sqrt(curve.tau), rtol=0.08)
+    np.testing.assert_allclose(curve.adev[0], arw / np.sqrt(DT), rtol=0.008)
+
+
+@pytest.mark.parametrize("m", [1, 2, 7, 50])
+def test_first_order_autoregression(m):
+    """analytic: AR(1) has adev^2 = g(0) - g(1), with g the autocovariance of means of m."""
+    phi, sigma = 0.98, 2.0
+    lags = np.arange(1, m)
+    g0 = sigma**2 / m**2 * (m + 2 * np.sum((m - lags) * phi**lags))
+    g1 = sigma**2 / m**2 * phi * ((1 - phi**m) / (1 - phi)) ** 2
+    model = UnifiedModel(0.0, -DT / np.log(phi), sigma)
+    y = model.simulate(50_000, DT, np.random.default_rng(2), runs=20)
+    avar = [allan_deviation(run, DT, np.array([m])).adev[0] ** 2 for run in y]
+    error = np.std(avar) / np.sqrt(len(avar))
+    assert abs(np.mean(avar) - (g0 - g1)) < 4 * error
+
+
+@pytest.mark.parametrize("n", [64, 1000, 131_072])
+def test_equals_allantools(n):
+    """cross-check: the deviation is allantools' to 1e-9."""
+    y = 1e3 + np.cumsum(np.random.default_rng(n).standard_normal(n))
+    m = cluster_sizes(n)
+    curve = allan_deviation(y, DT, m)
+    np.testing.assert_allclose(curve.adev, allantools_deviation(y, DT, m), rtol=1e-9)
+
+
+def test_units_scale():
+    """property: the same log in other units gives the same curve in those units."""
+    y = np.random.default_rng(3).standard_normal(5000)
+    a, b = allan_deviation(y, DT), allan_deviation(9.80665 * y, DT)
+    np.testing.assert_allclose(9.80665 * a.adev, b.adev, rtol=1e-12)
+    # The noise mixture behind the degrees of freedom is a least-squares fit: 1e-6.
+    np.testing.assert_allclose(a.edf, b.edf, rtol=1e-6)
+
+
+def test_missing_samples_change_little():
+    """property: losing 2 % of white noise changes the curve by less than its interval."""
+    rng = np.random.default_rng(4)
+    y = rng.standard_normal(50_000)
+    holes = y.copy()
+    holes[rng.choice(len(y), 1000, replace=False)] = np.nan
+    whole, holed = allan_deviation(y, DT), allan_deviation(holes, DT)
+    assert np.all((whole.adev > holed.low) & (whole.adev < holed.high))
+
+
+@pytest.mark.parametrize("m", [1, 4, 12])
+def test_degrees_of_freedom_of_sampled_white_noise(m):
+    """analytic: they follow from the correlation of second differences, here summed by hand."""
+    n = 3000
+    filter_ = np.r_[-np.ones(m), np.ones(m)]
+    rho = np.correlate(filter_, filter_, "full")[2 * m - 1 :] / (2 * m)
+    terms = n - 2 * m + 1
+    expected = terms / (2 * np.sum(rho**2 * (1 - np.arange(2 * m) / terms)) - 1)
+    found = degrees_of_freedom(1.0 / np.array([m, 50]), np.array([m, 50]), n)[0]
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
+def test_degrees_of_freedom_at_long_tau():
+    """cross-check: for white noise they are Greenhall and Riley's, as allantools has them."""
+    n, m = 10_000, np.array([32, 256, 2000])
+    theirs = [edf_greenhall(0, d=2, m=int(k), N=n + 1, overlapping=True, modified=False) for k in m]
+    # Theirs take the noise for continuous: 5 % at m = 32, i.e. 2.5 % of an interval's width.
+    np.testing.assert_allclose(degrees_of_freedom(1.0 / m, m, n), theirs, rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        UnifiedModel(1.0),
+        UnifiedModel(0.058, 164.0, 0.046),
+        UnifiedModel(0.144, 403.0, 0.410),
+        UnifiedModel(0.006, 521.0, 0.405),
+    ],
+    ids=["white", "midg-roll", "tokimec-roll", "kvh-yaw"],
+)
+def test_intervals_cover(model):
+    """coverage: 95 % intervals cover the truth at all tau of two-hour logs, long ones included."""
+    dt, n, runs = 0.5, 14_400, 400
+    m = np.unique(np.geomspace(1, n // 4, 12).round().astype(int))
+    truth = adev_model(m * dt, dt, model)
+    inside = np.zeros(len(m))
+    for y in model.simulate(n, dt, np.random.default_rng(5), runs=runs):
+        curve = allan_deviation(y, dt, m)
+        inside += (curve.low < truth) & (truth < curve.high)
+    # 93-97 % on average; a single tau may stray by three of its own standard errors (1.1 %) more.
+    assert 0.93 <= (inside / runs).mean() <= 0.975
+    assert np.all(inside / runs > 0.95 - 0.055)
+
+
+def test_default_error_bars_do_not_cover():
+    """cross-check: the bars allantools prints by default miss the truth at long tau."""
+    n, m, runs = 4000, 1000, 200
+    inside = 0
+    for y in np.random.default_rng(6).standard_normal((runs, n)):
+        _, dev, err, _ = oadev(y, rate=1.0, data_type="freq", taus=[m])
+        inside += abs(dev[0] - 1 / np.sqrt(m)) < 1.96 * err[0]
+    assert inside / runs < 0.5

@@ -1,0 +1,97 @@
+"""The unified model: exact discretisation, exact averages, closed-form Allan deviations."""
+
+import numpy as np
+import pytest
+
+from analysis.noise.models import (
+    UnifiedModel,
+    adev_drift,
+    adev_gauss_markov,
+    adev_model,
+    adev_white,
+    gauss_markov,
+    gauss_markov_means,
+)
+
+
+@pytest.mark.parametrize("dt", [0.1, 30.0])
+def test_gauss_markov_moments(dt):
+    """analytic: variance sigma_b^2 from the first sample on, correlation exp(-dt/T), any dt."""
+    sigma_b, corr_time, runs = 0.4, 50.0, 40_000
+    b = gauss_markov(3, dt, sigma_b, corr_time, np.random.default_rng(1), runs=runs)
+    cov = np.cov(b.T)
+    lag = np.abs(np.subtract.outer(np.arange(3), np.arange(3)))
+    # Standard error of a variance: sqrt(2 / runs) = 0.7 %; four of them.
+    expected = sigma_b**2 * np.exp(-lag * dt / corr_time)
+    np.testing.assert_allclose(cov, expected, atol=0.03 * sigma_b**2)
+
+
+def test_infinite_correlation_time_is_a_constant():
+    """analytic: T = inf gives one constant a run, drawn with sigma_b."""
+    b = gauss_markov(5, 0.05, 0.052, np.inf, np.random.default_rng(2), runs=20_000)
+    assert np.ptp(b, axis=1).max() == 0
+    np.testing.assert_allclose(b[:, 0].std(), 0.052, rtol=0.03)
+
+
+@pytest.mark.parametrize("m", [1, 2, 40])
+def test_means_are_averaged_gauss_markov(m):
+    """analytic: drawn averages have the covariance of averages of an AR(1), block by block."""
+    dt, corr_time, runs, n = 0.5, 10.0, 40_000, 3
+    drawn = gauss_markov_means(n, m, dt, 1.0, corr_time, np.random.default_rng(3), runs=runs)
+    i = np.arange(n * m)
+    full = np.exp(-np.abs(np.subtract.outer(i, i)) * dt / corr_time)
+    average = np.kron(np.eye(n), np.full((1, m), 1 / m))
+    np.testing.assert_allclose(np.cov(drawn.T), average @ full @ average.T, atol=0.03)
+
+
+def test_gauss_markov_allan_deviation():
+    """published: its peak is 0.617 sigma_b near 1.89 T_c (IEEE 952, fig. C.5)."""
+    x = np.geomspace(0.01, 100, 20_001)
+    adev = adev_gauss_markov(x, 1.0, 1.0)
+    assert adev.max() == pytest.approx(0.617, abs=5e-4)
+    assert x[adev.argmax()] == pytest.approx(1.89, abs=0.01)
+
+
+def test_gauss_markov_allan_deviation_limits():
+    """analytic: K sqrt(tau/3) with K^2 = 2 sigma_b^2/T far below T, N/sqrt(tau) far above."""
+    sigma_b, corr_time = 0.3, 100.0
+    short, long = 1e-3, 1e7
+    walk = sigma_b * np.sqrt(2 / corr_time * short / 3)
+    white = sigma_b * np.sqrt(2 * corr_time / long)
+    assert adev_gauss_markov(short, sigma_b, corr_time) == pytest.approx(walk, rel=1e-4)
+    assert adev_gauss_markov(long, sigma_b, corr_time) == pytest.approx(white, rel=1e-4)
+    # The series for short tau and the closed form meet.
+    pair = adev_gauss_markov(np.array([0.999e-3, 1.001e-3]) * corr_time, sigma_b, corr_time)
+    assert pair[1] / pair[0] == pytest.approx(np.sqrt(1.001 / 0.999), rel=1e-5)
+
+
+@pytest.mark.parametrize("m", [1, 2, 9, 40, 1000])
+@pytest.mark.parametrize("corr_time", [3.0, 200.0, 1e5])
+def test_gauss_markov_allan_deviation_sampled(m, corr_time):
+    """analytic: for single values it is g(0) - g(1), g the autocovariance of means of m."""
+    dt = 0.5
+    phi, lags = np.exp(-dt / corr_time), np.arange(1, m)
+    g0 = (m + 2 * np.sum((m - lags) * phi**lags)) / m**2
+    g1 = phi * (np.sum(phi ** np.arange(m)) / m) ** 2
+    found = adev_gauss_markov(m * dt, 1.0, corr_time, dt) ** 2
+    # Below tau = T / 1000 it is a series, good to 5e-6 here.
+    assert found == pytest.approx(g0 - g1, rel=5e-6)
+
+
+def test_terms_add_in_variance():
+    """property: the model's curve is the root of the summed squares of its terms."""
+    model, tau, dt = UnifiedModel(0.1, 60.0, 0.2, 5.0, 1e-3), np.array([1.0, 30.0, 900.0]), 0.05
+    parts = (
+        adev_white(tau, 0.1 * np.sqrt(dt)),
+        adev_gauss_markov(tau, 0.2, 60.0, dt),
+        adev_drift(tau, 1e-3),
+    )
+    np.testing.assert_allclose(adev_model(tau, dt, model), np.sqrt(sum(p**2 for p in parts)))
+
+
+def test_same_seed_same_log():
+    """property: a log is decided by its generator alone, null shift and drift included."""
+    model = UnifiedModel(0.0, 60.0, 0.0, 5.0, 1e-3)
+    a, b = (model.simulate(100, 0.5, np.random.default_rng(7)) for _ in range(2))
+    np.testing.assert_array_equal(a, b)
+    np.testing.assert_allclose(a, 5.0 + 1e-3 * 0.5 * np.arange(100))
