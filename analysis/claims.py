@@ -1,7 +1,8 @@
 """What the papers claim, what came out here, and the verdict: the ledger behind every notebook.
 
 ``data/published/claims.csv`` holds each claim with the range of values that would count as
-agreement, fixed beforehand. A notebook hands its value and 95 % interval to `Ledger.check`;
+agreement, set before any notebook ran (its README tells which were set knowing a closed form). A
+notebook hands its value and 95 % interval to `Ledger.check`;
 ``figures/claims.csv`` holds the verdicts.
 """
 
@@ -123,6 +124,19 @@ class Ledger:
         self._mine[claim] = entry | {"notebook": self.notebook}
         self._write()
         return verdict
+
+    def untestable(self, claim):
+        """Write down a claim that no data here can decide, with the reason of its own row.
+
+        Returns
+        -------
+        str
+            The verdict.
+        """
+        why = self._published.loc[claim, "why"]
+        if not why.startswith(f"{NOT_TESTABLE}: "):
+            raise WrongUsage(f"claim '{claim}' can be tested: hand its value to `check`")
+        return self.check(claim, None, untestable=why.removeprefix(f"{NOT_TESTABLE}: "))
 
     def table(self):
         """Lay published and reproduced side by side, for the notebook's last section.

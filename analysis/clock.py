@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import WrongUsage
+from analysis.layout import printable
 from analysis.timing import BadStamps
 
 SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
@@ -77,7 +78,9 @@ def seconds(
     t, repairs = _continuous(np.asarray(column, dtype=float))
     good = t[np.isfinite(t)]
     if not good.size:
-        raise BadStamps(0, "no time stamp in the whole column")
+        raise BadStamps(
+            0, "no time stamp in the whole column; name another with --time, or give --rate"
+        )
     unit = unit_of(name)
     if unit is None:
         unit, guess = _unit_from_numbers(name, good, rate_hz)
@@ -107,7 +110,9 @@ def _from_text(name: str, column: np.ndarray) -> tuple[np.ndarray, tuple[str, ..
     unread = np.isnan(t) & texts.notna().to_numpy() & (texts.str.strip() != "").to_numpy()
     if unread.any() or not np.isfinite(t).any():
         row = int(np.argmax(unread))
-        raise BadStamps(row, f"'{str(column[row])[:40]}' is not a time")
+        raise BadStamps(
+            row, f"'{printable(str(column[row]))}' is not a time; correct or delete that line"
+        )
     if said == "clock time":
         t = unwrap_clock(t)
     return t - t[np.isfinite(t)][0], (f"time column '{name}' read as {said}",)

@@ -1,6 +1,11 @@
 """What a column's name says: quantity, unit and kind (``gyro_x_deg_s`` -> gyro_x, deg/s, rate)."""
 
+import difflib
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from analysis import WrongUsage
 
 KINDS = ("rate", "angle", "accel", "position")
 KIND_OF_UNIT = {
@@ -32,6 +37,9 @@ _SPELLINGS = {
 UNITS = {spelling: unit for unit, more in _SPELLINGS.items() for spelling in (unit, *more)}
 _SUFFIXES = sorted(UNITS, key=len, reverse=True)  # deg_s before deg, m_s2 before m
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
+_NOT_A_READING = re.compile(
+    r"^(lat|lon|latitude|longitude|height|separation)$|accuracy|^(temp|index|count|seq|id$|mag)"
+)
 _SOUNDS_LIKE = (("rate", ("gyr", "omega", "angvel")), ("accel", ("acc",)))
 
 
@@ -67,3 +75,117 @@ def sounds_like(name: str) -> str | None:
 def tidy(name: str) -> str:
     """Make a quantity's name safe for a file name: ``"Gyro. X"`` -> ``"Gyro_X"``."""
     return re.sub(r"[^A-Za-z0-9-]+", "_", name).strip("_") or "column"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One column to analyse: its name in the file, and what it is called and means here."""
+
+    column: str
+    name: str
+    unit: str
+    kind: str
+
+
+def resolve(wanted: str | int, names: Sequence[str], file: str) -> str:
+    """Find a column by its name, its name without the unit, or its number from 1.
+
+    Raises
+    ------
+    WrongUsage
+        If there is none: which there are, and the closest.
+    """
+    text = str(wanted).strip()
+    for spelled in (lambda n: n, str.lower, lambda n: split(n)[0].lower()):
+        hits = [name for name in names if spelled(name) == (spelled(text) or text)]
+        if len(hits) == 1:
+            return hits[0]
+    if text.isdecimal() and 1 <= int(text) <= len(names):
+        return names[int(text) - 1]
+    close = difflib.get_close_matches(text.lower(), [n.lower() for n in names], 1, 0.5)
+    near = next((f" (closest: '{n}')" for n in names if [n.lower()] == close), "")
+    raise WrongUsage(
+        f"{file}: no column '{text}'{near}; choose by name or number from "
+        + ", ".join(f"{j} {name}" for j, name in enumerate(names, 1))
+    )
+
+
+def choose(
+    names: Sequence[str],
+    file: str,
+    columns: Sequence[str | int] | None = None,
+    unit: str | None = None,
+    kind: str | None = None,
+) -> tuple[list[Choice], list[str]]:
+    """Choose the columns to analyse, and find what each one is.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Columns of the file that hold numbers, without the time.
+    file : str
+        For the messages.
+    columns : sequence of str or int, optional
+        Those wanted; all whose unit is known if left out.
+    unit : str, optional
+        Unit of the columns whose name has none. It also replaces a unit of the same kind
+        (``accel_x_m_s2`` with ``--unit g`` is in g).
+    kind : str, optional
+        Only this kind; needed for a unit that is not in the table.
+
+    Returns
+    -------
+    list of Choice
+    list of str
+        What was left out.
+    """
+    if kind is not None and kind not in KINDS:
+        raise WrongUsage(f"--kind {kind} is not one of {', '.join(KINDS)}")
+    given = None if unit is None else unit_of(unit) or (unit.strip() if kind else None)
+    if unit is not None and not given:
+        raise WrongUsage(
+            f"--unit {unit} is not one of {', '.join(KIND_OF_UNIT)}; with --kind any unit is taken"
+        )
+    given_kind = KIND_OF_UNIT.get(given, kind)
+    if given and kind and given_kind != kind:
+        raise WrongUsage(
+            f"--unit {unit} is a unit of {given_kind}, not of {kind}: leave out --kind"
+        )
+    chosen, left_out = [], []
+    for name in [resolve(c, names, file) for c in columns] if columns else names:
+        base, own = split(name)
+        own_kind = KIND_OF_UNIT.get(own)
+        if given and (own is None or own_kind == given_kind):
+            own, own_kind = given, given_kind
+        against = None
+        if own is None:
+            against = f"column '{name}' has no unit: say --unit, or call it {name}_deg_s, {name}_g"
+        elif kind and own_kind != kind:
+            against = f"column '{name}' is in {own}, which is no {kind}: leave out --kind"
+        elif given and columns and own_kind != given_kind:
+            against = f"column '{name}' is in {own}, not in {given}: leave out --unit"
+        elif {sounds_like(base), own_kind} == {"rate", "accel"}:
+            against = (
+                f"column '{name}' sounds like {sounds_like(base)}, and {own} is not: see --unit"
+            )
+        elif not columns and _NOT_A_READING.search(base.lower()):
+            against = f"column '{name}' is no reading"
+        if against and columns:
+            raise WrongUsage(f"{file}: {against}")
+        if against:
+            left_out.append(name)
+        else:
+            chosen.append(Choice(name, tidy(base), own, own_kind))
+    if not chosen and kind and not unit and any(split(name)[1] for name in names):
+        raise WrongUsage(f"{file}: no column is of the kind {kind}; there are: {', '.join(names)}")
+    if not chosen:
+        raise WrongUsage(
+            f"{file}: no unit for the columns {', '.join(names)}: add --unit (for example "
+            "--unit deg/s), or give the header names with a unit such as gyro_x_deg_s, accel_z_g"
+        )
+    doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
+    chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
+    said = (
+        [f"columns left out, having no unit that fits: {', '.join(left_out)}"] if left_out else []
+    )
+    return chosen, said

@@ -6,6 +6,7 @@ names, then in ``data/raw/`` (the few whose licence lets them in), then in ``dat
 (git-ignored). Whatever is found is checked against its sha256 before it is read.
 """
 
+import contextlib
 import csv
 import functools
 import hashlib
@@ -24,6 +25,10 @@ COMMITTED = {"gpsd-logs": DATA / "raw" / "gpsd"}
 FOLDER_VARIABLE = "COMPENDIUM_DATA"
 
 
+class NotHere(CannotAnswer):
+    """A registered file is nowhere on this machine."""
+
+
 @dataclass(frozen=True)
 class Entry:
     """One registered file: a row of ``data/registry.csv``."""
@@ -38,7 +43,9 @@ class Entry:
 
     @property
     def url(self) -> str:
-        """Address of exactly these bytes."""
+        """Where exactly these bytes are published."""
+        if not self.commit:  # a source package, not a repository
+            return f"{self.repository}{self.path_in_repository}"
         return (
             f"https://github.com/{self.repository}/raw/{self.commit}/"
             f"{quote(self.path_in_repository)}"
@@ -54,8 +61,19 @@ def registry() -> dict[str, Entry]:
 
 
 def names(pattern: str = "*") -> list[str]:
-    """List the registered files that match a shell pattern such as ``"gpsd-logs/*"``."""
-    return [name for name in registry() if fnmatch(name, pattern)]
+    """List the registered files of a folder, or those that match a pattern (``"gpsd-logs/*"``).
+
+    Raises
+    ------
+    WrongUsage
+        If there are none.
+    """
+    folder = pattern.rstrip("/") + "/"
+    found = [n for n in registry() if fnmatch(n, pattern) or n.startswith(folder)]
+    if not found:
+        folders = sorted({n.split("/")[0] for n in registry()})
+        raise WrongUsage(f"no file '{pattern}' is registered; the folders are {', '.join(folders)}")
+    return found
 
 
 def entry(name: str) -> Entry:
@@ -78,15 +96,17 @@ def path(name: str) -> Path:
 
     Raises
     ------
+    NotHere
+        If the file is nowhere.
     CannotAnswer
-        If the file is nowhere, or what is there has other bytes.
+        If what is there has other bytes.
     """
     wanted = entry(name)
     for place in _places(name):
         if place.is_file():
             _check(place, wanted)
             return place
-    raise CannotAnswer(
+    raise NotHere(
         f"the log file {name} is not on this machine: set {FOLDER_VARIABLE} to a folder that has "
         f"it, or run `python -m analysis data {name}` with internet, or put the file from "
         f"{wanted.url} into data/downloaded/{name}"
@@ -111,7 +131,7 @@ def fetch(name: str, progress: bool = True) -> Path:
         If there is no connection, or what came has another sha256; nothing half-written stays.
     """
     wanted = entry(name)
-    if available(name):
+    with contextlib.suppress(NotHere):
         return path(name)
     import pooch  # here, not above: reading a log must not need the downloader
 

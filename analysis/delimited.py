@@ -4,18 +4,23 @@ Two paths lead through a file. The fast one is pandas' C parser, told beforehand
 hold numbers. Only when it fails is the file walked line by line, to name the line and the column.
 """
 
+import contextlib
+import gzip
 import re
+import warnings
 import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from tqdm import tqdm
 
 from analysis import CannotAnswer
-from analysis.layout import Layout, data_lines, open_bytes, sniff
+from analysis.layout import Layout, data_lines, open_bytes, printable, sniff
 
 TAIL_BYTES = 1 << 13
+SLOW_BYTES = 50_000_000  # a file beyond this takes longer than a second
 
 
 @dataclass(frozen=True)
@@ -26,9 +31,12 @@ class Table:
     repairs: tuple[str, ...] = ()
     layout: Layout | None = None
     path: Path | None = None
+    lines: np.ndarray | None = None
 
     def where(self, row: int) -> str:
         """Say where row ``row`` (from 0) stands: ``"line 17"``, or ``"row 17"`` where no lines."""
+        if self.lines is not None:
+            return f"line {self.lines[row]}"
         if self.layout is not None and self.path is not None:
             for count, (number, _) in enumerate(data_lines(self.path, self.layout)):
                 if count == row:
@@ -52,7 +60,11 @@ def read(path: Path) -> Table:
     layout = sniff(path)
     types = {name: (str if name in layout.text else np.float64) for name in layout.names}
     try:
-        with open_bytes(path) as handle:
+        with (
+            open_bytes(path) as raw,
+            _progress(raw, path) as handle,
+            warnings.catch_warnings(action="error", category=pd.errors.ParserWarning),
+        ):  # the warning says that fields are thrown away: go and see which
             frame = pd.read_csv(
                 handle,
                 sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
@@ -71,9 +83,24 @@ def read(path: Path) -> Table:
         raise CannotAnswer(
             f"{path.name}: cannot be read to its end ({type(error).__name__}); copy it again"
         ) from error
-    except (ValueError, OverflowError):  # the parser's and the decoder's errors are ValueErrors
+    except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         table = _line_by_line(path, layout)
     return _without_empty_end(table)
+
+
+def _progress(raw, path: Path):
+    """Show a progress bar for a large file, on a terminal only."""
+    size = path.stat().st_size
+    if isinstance(raw, gzip.GzipFile):  # how much there is to read is not known
+        return contextlib.nullcontext(raw)
+    return tqdm.wrapattr(
+        raw,
+        "read",
+        total=size,
+        disable=None if size > SLOW_BYTES else True,
+        desc=f"reading {path.name}",
+        leave=False,
+    )
 
 
 def _line_by_line(path: Path, layout: Layout) -> Table:
@@ -113,8 +140,7 @@ def _row(fields: list[str], layout: Layout) -> list:
         try:
             values.append(field if name in layout.text else layout.number(field))
         except ValueError:
-            shown = "".join(c if c.isprintable() else "?" for c in field)[:40]
-            raise ValueError(f"column '{name}': '{shown}' is not a number") from None
+            raise ValueError(f"column '{name}': '{printable(field)}' is not a number") from None
     return values
 
 
@@ -148,7 +174,8 @@ def _without_empty_end(table: Table) -> Table:
     rows = np.flatnonzero(filled.any(axis=1))
     if not rows.size:
         raise CannotAnswer(
-            f"{table.path.name}: no data: all cells after line {table.layout.header_lines} are empty"
+            f"{table.path.name}: no data: every cell from line {table.layout.header_lines + 1} on "
+            "is empty"
         )
     keep = rows[-1] + 1
     repairs = table.repairs

@@ -4,6 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from analysis.figures import DOUBLE
+from analysis.noise import reading
 
 PRETTY = {"deg": "°", "deg/s": "°/s", "deg/h": "°/h", "m/s^2": "m/s²", "g": "g", "m": "m"}
 
@@ -42,6 +43,37 @@ def customary(unit):
     return CUSTOMARY.get(unit, (1.0, pretty(unit)))
 
 
+def interval(estimate):
+    """Write the 95 % interval of an estimate in its customary unit; a bound where one side is open.
+
+    Returns
+    -------
+    str
+    """
+    factor, unit = customary(estimate.unit)
+    low, high = (None if v is None else f"{factor * v:.3g}" for v in (estimate.low, estimate.high))
+    if low is None and high is None:
+        return "no bound"
+    if low is None:
+        return f"at most {high} {unit}"
+    if high is None:
+        return f"at least {low} {unit}"
+    return f"{low} to {high} {unit}"
+
+
+def written(estimate):
+    """Write an estimate for a table: value and interval, or the refusal's bound.
+
+    Returns
+    -------
+    str
+    """
+    if estimate.value is None:
+        return f"unresolved ({interval(estimate)})"
+    factor, _ = customary(estimate.unit)
+    return f"{factor * estimate.value:.3g}  ({interval(estimate)})"
+
+
 def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
     """Draw an Allan deviation with its 95 % band on log-log axes with equal decades.
 
@@ -51,7 +83,7 @@ def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
     curve : AllanCurve
     unit, label, color : str
     guides : bool
-        Add slope guides -1/2 through the first point and +1/2 through the lowest.
+        Add the lines of slope -1/2 and +1/2, where the curve has a stretch of that slope.
     band : bool
         Shade the 95 % interval.
     """
@@ -62,21 +94,30 @@ def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
             curve.tau, curve.low, curve.high, label=None if label else "95 % interval", **shade
         )
     if guides:
-        lowest = int(np.argmin(curve.adev))
-        ends = curve.tau[[0, -1]]
-        for at, slope, text, style in ((0, -0.5, "−1/2", "--"), (lowest, 0.5, "+1/2", ":")):
-            line = curve.adev[at] * (ends / curve.tau[at]) ** slope
-            ax.plot(ends, line, color="0.4", ls=style, lw=0.7, label=f"slope {text}")
+        walks = (
+            (reading.white_noise(curve, unit), lambda n: n / np.sqrt(curve.tau), "--", "−1/2"),
+            (
+                reading.rate_random_walk(curve, unit),
+                lambda k: k * np.sqrt(curve.tau / 3),
+                ":",
+                "+1/2",
+            ),
+        )
+        for found, line, style, slope in walks:
+            if found.resolved:
+                ax.plot(
+                    curve.tau, line(found.value), "0.3", ls=style, lw=0.7, label=f"slope {slope}"
+                )
     ax.set_xlabel("averaging time τ (s)")
     ax.set_ylabel(f"Allan deviation ({pretty(unit)})")
 
 
-def equal_decades(ax, curves, margin=1.5):
-    """Fit log-log limits to the curves, with a decade as long along y as along x."""
+def equal_decades(ax, *curves):
+    """Fit log-log limits to the curves, a decade along y as long as one along x."""
     low = min(c.low.min() for c in curves)
-    high = max(min(c.high.max(), 30 * c.adev.max()) for c in curves)
-    ax.set_ylim(low / margin, high * margin)
-    ax.set_xlim(min(c.tau[0] for c in curves) / 1.2, max(c.tau[-1] for c in curves) * 1.2)
+    high = max(min(c.high.max(), 10 * c.adev.max()) for c in curves)
+    ax.set_ylim(low / 1.3, high * 1.3)
+    ax.set_xlim(min(c.tau[0] for c in curves) / 1.3, max(c.tau[-1] for c in curves) * 1.3)
     ax.set_aspect("equal", adjustable="datalim")
 
 
@@ -104,7 +145,7 @@ def four_panels(noise, title, *, fig=None):
     short.set(title="first 15 s", xlabel="time (s)", ylabel=f"{noise.name} ({unit})")
     allan(adev, noise.allan, noise.unit, guides=True)
     adev.set_title("Allan deviation")
-    _fit_y(adev, noise.allan)
+    equal_decades(adev, noise.allan)
     adev.legend()
     _whole_log(whole, noise, unit)
     for window, (lag, cov) in noise.autocorrelation.items():
@@ -131,8 +172,10 @@ def together(result):
     fig = plt.figure(figsize=(DOUBLE, 3.2))
     fig.suptitle(result.source["title"], fontsize=9)
     for ax, unit in zip(np.atleast_1d(fig.subplots(1, len(units))), units, strict=True):
-        for i, c in enumerate(c for c in result.channels if c.unit == unit):
+        shown = [c for c in result.channels if c.unit == unit]
+        for i, c in enumerate(shown):
             allan(ax, c.allan, unit, label=c.name, color=f"C{i}")
+        equal_decades(ax, *(c.allan for c in shown))
         ax.legend()
     return fig
 
@@ -145,8 +188,3 @@ def _whole_log(ax, noise, unit):
     ax.plot(t[[0, -1]] / 3600, mean + slope * (t[[0, -1]] - centre), color="C3", label="line")
     ax.set(title="whole log", xlabel="time (h)", ylabel=f"{noise.name} ({unit})")
     ax.legend()
-
-
-def _fit_y(ax, curve):
-    high = min(curve.high.max(), 10 * curve.adev.max())
-    ax.set_ylim(curve.low.min() / 1.5, high * 1.5)

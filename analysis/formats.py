@@ -18,10 +18,10 @@ from pynmeagps import NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeErro
 from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage, delimited
+from analysis.clock import unwrap_clock
 from analysis.delimited import Table
 
-SECONDS_PER_DAY = 86400.0
-_SENTENCE = re.compile(rb"\$G[A-Z]GGA,[ -#%-)+-~]*(?:\*[0-9A-Fa-f]{2})?")
+_SENTENCE = re.compile(rb"\$G[A-Z](?:GGA|GSA),[ -#%-)+-~]*(?:\*[0-9A-Fa-f]{2})?")
 _PHONE = {  # the app's column -> ours; position and attitude are what the notebooks use
     "latitude": "lat_deg",
     "longitude": "lon_deg",
@@ -97,45 +97,59 @@ def nmea(path: Path, variable: str | None = None) -> Table:
     Table
         ``t_s`` (s of day, unwrapped over midnight), ``lat_deg``, ``lon_deg``, ``height_m`` (above
         mean sea level, as GGA gives it), ``separation_m`` (add it for the height above the
-        ellipsoid), ``hdop``, ``quality`` (GGA fix quality, 0 = no fix), ``satellites``. Epochs
+        ellipsoid), ``hdop``, ``pdop`` (of the GSA that follows, where there is one), ``quality``
+        (GGA fix quality, 0 = no fix), ``satellites``. Epochs
         without a time of day are left out, and counted; those without a fix have NaN positions.
     """
-    epochs, wrong, timeless = [], 0, 0
-    for match in _SENTENCE.finditer(path.read_bytes()):
+    content = path.read_bytes()
+    newlines = np.flatnonzero(np.frombuffer(content, dtype=np.uint8) == ord("\n"))
+    epochs, starts, wrong, timeless = [], [], 0, 0
+    for match in _SENTENCE.finditer(content):
         try:
             message = NMEAReader.parse(match.group(0) + b"\r\n")
-        except (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, UnicodeError):
+            if message.msgID == "GSA":  # belongs to the epoch whose GGA came before it
+                if epochs and message.PDOP != "":
+                    epochs[-1]["pdop"] = float(message.PDOP)
+            elif not message.time:
+                timeless += 1
+            else:
+                epochs.append(_epoch(message))
+                starts.append(match.start())
+        except (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, AttributeError):
             wrong += 1
-            continue
-        if not message.time:
-            timeless += 1
-            continue
-        clock = message.time
-        fields = (message.lat, message.lon, message.alt, message.sep, message.HDOP)
-        if not message.quality:
-            fields = (np.nan, np.nan, np.nan, np.nan, message.HDOP)
-        epochs.append(
-            (
-                clock.hour * 3600 + clock.minute * 60 + clock.second + clock.microsecond / 1e6,
-                *(np.nan if field in ("", None) else float(field) for field in fields),
-                float(message.quality or 0),
-                float(message.numSV or 0),
-            )
-        )
     if not epochs:
         raise CannotAnswer(
-            f"{path.name}: no GGA sentence with a time of day and a right checksum; give a log "
-            "in which the receiver writes GGA"
+            f"{path.name}: no GGA sentence with a time of day and a right checksum from line 1 to "
+            "the end; give a log in which the receiver writes GGA"
         )
-    columns = ["t_s", "lat_deg", "lon_deg", "height_m", "separation_m", "hdop", "quality"]
-    frame = pd.DataFrame(epochs, columns=[*columns, "satellites"])
+    frame = pd.DataFrame(epochs)
     frame["t_s"] = unwrap_clock(frame["t_s"].to_numpy())
     repairs = []
     if wrong:
-        repairs.append(f"{wrong} GGA sentences with a wrong checksum or content were left out")
+        repairs.append(f"{wrong} GGA or GSA sentences with a wrong checksum or content left out")
     if timeless:
-        repairs.append(f"{timeless} GGA sentences without a time of day were left out")
-    return Table(frame, tuple(repairs), path=path)
+        repairs.append(f"{timeless} GGA sentences without a time of day left out")
+    lines = np.searchsorted(newlines, starts) + 1
+    return Table(frame, tuple(repairs), path=path, lines=lines)
+
+
+def _epoch(message) -> dict[str, float]:
+    """Turn a GGA message into a row."""
+    clock, fix = message.time, message.quality
+    row = {"t_s": clock.hour * 3600 + clock.minute * 60 + clock.second + clock.microsecond / 1e6}
+    for name, value in (
+        ("lat_deg", message.lat),
+        ("lon_deg", message.lon),
+        ("height_m", message.alt),
+        ("separation_m", message.sep),
+    ):
+        row[name] = float(value) if fix and value not in ("", None) else np.nan
+    row["hdop"] = float(message.HDOP) if message.HDOP != "" else np.nan
+    return row | {
+        "pdop": np.nan,
+        "quality": float(fix or 0),
+        "satellites": float(message.numSV or 0),
+    }
 
 
 def phone(path: Path, variable: str | None = None) -> Table:
@@ -224,12 +238,6 @@ def unwrap(values: np.ndarray, period: float) -> np.ndarray:
     good = np.isfinite(out)
     out[good] = np.unwrap(out[good], period=period)
     return out
-
-
-def unwrap_clock(seconds: np.ndarray) -> np.ndarray:
-    """Make a time of day continuous over midnight."""
-    days = np.cumsum(np.r_[0, np.diff(seconds) < -SECONDS_PER_DAY / 2])
-    return seconds + SECONDS_PER_DAY * days
 
 
 def _only(objects: dict, variable: str | None, path: Path):

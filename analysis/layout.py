@@ -140,8 +140,9 @@ def _head(path: Path) -> tuple[list[str], str]:
         if binary:
             line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
             raise CannotAnswer(
-                f"{path.name}, line {line}: bytes that are not text; this is a binary file: "
-                "export it as CSV, or describe it in data/own/logs.toml with its format"
+                f"{path.name}, line {line}: bytes that are not text: a binary file, or a damaged "
+                "one; export it as CSV, or cut it before that line, or describe a binary format in "
+                "data/own/logs.toml"
             )
         encoding = "utf-8-sig" if head[:3] == b"\xef\xbb\xbf" else "utf-8"
     text = head.decode(encoding, errors="ignore" if more else "replace")
@@ -213,10 +214,15 @@ def _width(rows: list[list[str]]) -> int:
     return max(set(widths), key=widths.count)
 
 
+def printable(text: str) -> str:
+    """Make text from a file fit for one line of a message."""
+    return "".join(c if c.isprintable() else "?" for c in text)[:60]
+
+
 def _names(fields: list[str]) -> tuple[str, ...]:
     """Return one name per column, none empty, none twice: ``c1``, ``c2`` where there is none."""
     names: list[str] = []
     for number, field in enumerate(fields, 1):
-        name = field.strip().strip('"').strip() or f"c{number}"
+        name = printable(field.strip().strip('"').strip()) or f"c{number}"
         names.append(f"{name}.{number}" if name in names else name)
     return tuple(names)

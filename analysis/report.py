@@ -69,16 +69,7 @@ def rows(channel):
     for key, e in channel.parameters.items():
         factor, unit = draw.customary(e.unit)
         value = None if e.value is None else f"{factor * e.value:.3g} {unit}"
-        ends = ["…" if v is None else f"{factor * v:.3g}" for v in (e.low, e.high)]
-        if e.low is None and e.high is None:
-            interval = "no bound"
-        elif e.low is None:
-            interval = f"at most {ends[1]} {unit}"
-        elif e.high is None:
-            interval = f"at least {ends[0]} {unit}"
-        else:
-            interval = f"{ends[0]} to {ends[1]} {unit}"
-        entry = {"key": key, "name": NAMES[key], "value": value, "interval": interval}
+        entry = {"key": key, "name": NAMES[key], "value": value, "interval": draw.interval(e)}
         listed.append(entry | {"note": e.note, "resolved": e.resolved})
     return listed
 

@@ -85,6 +85,7 @@ def execute(path, *, progress=True):
             timeout=None,
             kernel_name="python3",
             record_timing=False,
+            extra_arguments=["--log-level=ERROR"],  # of what a kernel says, a reader needs errors
             resources={"metadata": {"path": str(path.parent)}},
             on_cell_executed=lambda **_: bar.update(),
         )

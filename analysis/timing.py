@@ -8,13 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis import CannotAnswer, WrongUsage
+from analysis import WrongUsage
 
 MODES = ("auto", "count", "stamps")
 MISSING_ALLOWED = 0.10  # share of a channel beyond which a noise analysis would rest on guesses
 REGULAR_SHARE = 0.90  # this share of the steps within +-50 % of the median step: regular stamps
 REPEATS_ALLOWED = 0.01  # below this share a repeated stamp is an accident, above it the rule
 GAP = 1.5  # a step of more than this many nominal steps is a gap
+NO_STAMPS = "cut the file there, or, if the rows are evenly spaced, give --rate and no time column"
 LOOKAHEAD = 50  # samples after a long step in which late ones may catch up
 
 
@@ -103,7 +104,8 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
         first = int(np.argmin(stamped))
         if stamped.mean() < 1 - MISSING_ALLOWED:
             raise BadStamps(
-                first, f"no time stamp here, nor in {(~stamped).sum():,} rows of {len(t_s):,}"
+                first,
+                f"no time stamp here nor in {(~stamped).sum():,} of {len(t_s):,} rows; {NO_STAMPS}",
             )
         repairs.append(f"{_count((~stamped).sum(), 'row')} without a time stamp dropped")
         rows = rows[stamped]
@@ -111,11 +113,15 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
     step = np.diff(t)
     if (step < 0).any():
         worst = int(np.argmax(step < 0))
-        raise BadStamps(int(rows[worst + 1]), f"time runs backward by {-step[worst]:.6g} s")
+        raise BadStamps(
+            int(rows[worst + 1]), f"time runs backward by {-step[worst]:.6g} s; {NO_STAMPS}"
+        )
     rows, coarse = _without_repeats(t, rows, repeated[rows], repairs)
     t = t_s[rows]
-    if len(t) < 3 or t[-1] == t[0]:
-        raise BadStamps(0, "the time stamps do not advance, so there is no rate")
+    if len(t) < 3:
+        raise BadStamps(int(rows[-1]), f"the log ends after {len(t)} samples: give a longer one")
+    if t[-1] == t[0]:
+        raise BadStamps(0, f"the time stamps do not advance; {NO_STAMPS}")
     if coarse:
         return _coarse(t, rows, repairs)
     step = np.diff(t)
@@ -193,7 +199,7 @@ def _with_gaps(rows, rate_hz, at, missing, step, extra, repairs) -> Grid:
             row,
             f"{missing.sum():,} of {size:,} samples are missing in {_count(len(at), 'gap')}, the "
             f"longest ({step[at[longest]]:.4g} s) before here; more than {MISSING_ALLOWED:.0%} is "
-            "too much",
+            "too much: take one stretch with --from and --to",
         )
     repairs.append(
         f"{_count(len(at), 'gap')}: {missing.sum():,} of {size:,} samples missing, the longest "
@@ -251,7 +257,7 @@ def _uneven(t, rows, mode, repairs) -> Grid:
     repairs.append(
         f"time stamps are uneven (median step {_time(np.median(step))}, longest "
         f"{_time(step.max())}, up to {_time(off)} from an even spacing): samples taken as evenly "
-        f"spaced at their mean rate {rate:.6g} Hz, so nothing below {_time(trust)} should be trusted"
+        f"spaced at their mean rate {rate:.6g} Hz, trust nothing below {_time(trust)}"
     )
     return _with_gaps(rows, rate, at, missing, step, extra, repairs)
 

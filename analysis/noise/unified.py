@@ -100,14 +100,17 @@ def wide_band_noise(y, dt, unit):
         if all(abs(mean - m) <= 2 * np.hypot(half, h) for m, h in found[i + 1 :])
     )
     low, high = found[i][0] - found[i][1], found[i][0] + found[i][1]
-    root = float(np.sqrt(max(high, 0.0)))
     if low <= 0:
-        note = "smoother than white noise at all lags tried; a slow process hides what there is"
-        return Estimate.refused(unit, note, high=root)
+        note = (
+            "neighbouring samples are smoother than white noise; a slow process hides what there is"
+        )
+        # White noise alone makes neighbours differ by 2 sigma_v^2 in the mean square.
+        return Estimate.refused(unit, note, high=float(np.sqrt(np.nanmean(np.diff(y) ** 2) / 2)))
     note = f"from increments over {INCREMENTS[i] * dt:.3g} s"
     if i > 0:
         note += "; samples closer together are correlated (a filter inside the sensor)"
-    return Estimate(float(np.sqrt(found[i][0])), float(np.sqrt(low)), root, unit, note=note)
+    value, low, high = (float(np.sqrt(v)) for v in (found[i][0], low, high))
+    return Estimate(value, low, high, unit, note=note)
 
 
 def _increment_product(y, k):

@@ -1,0 +1,102 @@
+"""Scatter of a static receiver: outliers, and a CEP whose interval counts independent positions.
+
+The circular error probable is the radius about the mean that holds half of the positions. Positions
+a second apart are nearly the same position: the interval of the median radius must count
+independent positions, not samples.
+"""
+
+import numpy as np
+
+from analysis import CannotAnswer
+from analysis.noise.autocorrelation import autocovariance
+from analysis.noise.estimate import Estimate
+
+CUT = 6.0  # robust standard deviations beyond which a position is an outlier
+FEWEST = 20.0  # independent positions below which the median radius has no 95 % interval
+PER_SIGMA = np.sqrt(2 * np.log(2))  # CEP of a circular Gaussian of unit deviation: 1.1774
+
+
+def outliers(*axes):
+    """Mark positions more than 6 robust standard deviations from the median along any axis.
+
+    The robust standard deviation is 1.4826 times the median absolute deviation.
+
+    Parameters
+    ----------
+    *axes : ndarray, shape (n,), m
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    bad = np.zeros(len(axes[0]), dtype=bool)
+    for axis in axes:
+        off = np.abs(axis - np.nanmedian(axis))
+        bad |= off > CUT * 1.4826 * np.nanmedian(off)
+    return bad
+
+
+def effective_samples(x):
+    """Count the independent samples in a correlated series: n / (1 + 2 sum of correlations).
+
+    The sum stops at the first lag of five times the correlation length it has found so far
+    (Sokal's window), so that it does not add up the noise of long lags.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+
+    Returns
+    -------
+    float
+        Between 1 and n.
+    """
+    x = np.asarray(x, dtype=float)
+    if np.ptp(x) == 0:
+        return 1.0
+    rho = autocovariance(x)
+    length = 2 * np.cumsum(rho / rho[0]) - 1
+    window = np.arange(len(x)) >= 5 * length
+    stop = int(window.argmax()) if window.any() else len(x) - 1
+    return float(np.clip(len(x) / max(length[stop], 1e-9), 1.0, len(x)))
+
+
+def cep(north, east):
+    """Circular error probable about the mean, with its 95 % interval. ::
+
+        CEP = median r,     r = sqrt((n - nbar)^2 + (e - ebar)^2)
+
+    The interval runs between the quantiles of r at 1/2 -+ 1.96 / (2 sqrt(N)), N the independent
+    values of north plus those of east (a radius forgets twice as fast as a coordinate), widened by
+    the freedom that the mean took.
+
+    Parameters
+    ----------
+    north, east : ndarray, shape (n,), m
+        NaN where there is no position.
+
+    Returns
+    -------
+    Estimate, m
+        Refused below 20 independent positions: their number itself is then a guess.
+
+    Raises
+    ------
+    CannotAnswer
+        If there are no positions.
+    """
+    valid = np.isfinite(north) & np.isfinite(east)
+    if not valid.any():
+        raise CannotAnswer("no position in the log: a CEP needs positions")
+    n, e = north[valid], east[valid]
+    r = np.hypot(n - n.mean(), e - e.mean())
+    median = float(np.median(r))
+    along = effective_samples(n), effective_samples(e)
+    note = f"{len(r)} positions, about {min(along):.0f} of them independent"
+    if min(along) < FEWEST:
+        return Estimate.refused(
+            "m", f"{note}: too few for an interval; half lie within {median:.2g} m"
+        )
+    half = 1.96 / (2 * np.sqrt(sum(along)))
+    ends = np.quantile(r, [0.5 - half, 0.5 + half]) / np.sqrt(1 - 2 / sum(along))
+    return Estimate(median, float(ends[0]), float(ends[1]), "m", note=note)

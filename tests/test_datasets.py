@@ -1,0 +1,121 @@
+"""The registry of raw logs: where a file is found, that it is checked, how it is refused."""
+
+import shutil
+import sys
+import types
+
+import pytest
+
+from analysis import DATA, CannotAnswer, WrongUsage, datasets
+
+NAME = "gpsd-logs/rx210.log"
+AWAY = "phone-drives/LICENSE"
+
+
+@pytest.fixture(autouse=True)
+def nowhere(tmp_path, monkeypatch):
+    """Point the folders of raw logs at empty ones."""
+    monkeypatch.delenv(datasets.FOLDER_VARIABLE, raising=False)
+    monkeypatch.setattr(datasets, "DOWNLOADED", tmp_path / "downloaded")
+
+
+def test_committed_raw_logs_are_the_registered_ones():
+    """Cross-check: what is committed equals the registry, byte for byte, and nothing else is."""
+    committed = {p.name for p in (DATA / "raw" / "gpsd").iterdir()}
+    registered = datasets.names("gpsd-logs")
+    assert committed == {name.split("/")[1] for name in registered}
+    for name in registered:
+        assert datasets.path(name).parent == DATA / "raw" / "gpsd"
+    assert [p.name for p in (DATA / "raw").iterdir()] == ["gpsd"]
+
+
+def test_the_folder_variable_comes_first(tmp_path, monkeypatch):
+    """Property: COMPENDIUM_DATA wins over what is committed."""
+    (tmp_path / "gpsd-logs").mkdir()
+    shutil.copy(datasets.path(NAME), tmp_path / NAME)
+    monkeypatch.setenv(datasets.FOLDER_VARIABLE, str(tmp_path))
+    assert datasets.path(NAME) == tmp_path / NAME
+
+
+def test_other_bytes_are_refused(tmp_path, monkeypatch):
+    """Property: a changed byte is found, also when the file is changed after a first look."""
+    (tmp_path / "gpsd-logs").mkdir()
+    copy = tmp_path / NAME
+    content = datasets.path(NAME).read_bytes()
+    copy.write_bytes(content)
+    monkeypatch.setenv(datasets.FOLDER_VARIABLE, str(tmp_path))
+    assert datasets.available(NAME)
+    copy.write_bytes(content[:-1] + b"?")
+    assert not datasets.available(NAME)
+    with pytest.raises(CannotAnswer, match=r"gpsd-logs/rx210\.log .*not the registered file"):
+        datasets.path(NAME)
+
+
+def test_an_absent_file_says_the_three_ways_to_get_it():
+    """Property: one sentence with the variable, the command and the address."""
+    assert not datasets.available(AWAY)
+    with pytest.raises(datasets.NotHere) as caught:
+        datasets.path(AWAY)
+    for word in (AWAY, "COMPENDIUM_DATA", f"python -m analysis data {AWAY}", "data/downloaded"):
+        assert word in str(caught.value)
+
+
+def test_names_and_unknown_names():
+    """Property: a folder, a pattern or a file; what is not registered is wrong usage."""
+    assert datasets.names("mpu6050-static") == datasets.names("mpu6050-static/*")
+    assert datasets.names(NAME) == [NAME]
+    for call in (datasets.names, datasets.entry):
+        with pytest.raises(WrongUsage, match=r"nothing\.log"):
+            call("nothing.log")
+
+
+def test_addresses_name_a_commit():
+    """Property: every file outside a source package has an address that cannot change."""
+    for entry in datasets.registry().values():
+        assert len(entry.sha256) == 64
+        if entry.commit:
+            assert entry.url.startswith(f"https://github.com/{entry.repository}/raw/")
+            assert entry.commit in entry.url
+            assert " " not in entry.url
+
+
+def retrieving(content=None, error=None):
+    """Make a stand-in for pooch.retrieve that writes content or fails."""
+
+    def retrieve(url, known_hash, fname, path, downloader):
+        if error:
+            raise error
+        path.mkdir(parents=True, exist_ok=True)
+        (path / fname).write_bytes(content)
+
+    return retrieve
+
+
+def use(monkeypatch, retrieve):
+    """Put a stand-in in the place of pooch."""
+    quiet = types.SimpleNamespace(setLevel=lambda level: None)
+    module = types.SimpleNamespace(
+        retrieve=retrieve, get_logger=lambda: quiet, HTTPDownloader=lambda **options: None
+    )
+    monkeypatch.setitem(sys.modules, "pooch", module)
+
+
+def test_a_download_is_checked_and_kept(monkeypatch):
+    """Property: the right bytes land in data/downloaded/, wrong ones are refused."""
+    content = (DATA / "raw" / "gpsd" / "rx210.log").read_bytes()
+    monkeypatch.setattr(datasets, "COMMITTED", {})
+    use(monkeypatch, retrieving(content))
+    assert datasets.fetch(NAME, progress=False) == datasets.DOWNLOADED / NAME
+    assert datasets.path(NAME).read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(ConnectionError("no route"), "check the connection"), (ValueError("hash"), "sha256")],
+)
+def test_a_failed_download_is_one_sentence(monkeypatch, error, words):
+    """Property: no connection, or other bytes: said plainly, and nothing is left behind."""
+    use(monkeypatch, retrieving(error=error))
+    with pytest.raises(CannotAnswer, match=words):
+        datasets.fetch(AWAY, progress=False)
+    assert not datasets.DOWNLOADED.exists()

@@ -1,0 +1,638 @@
+"""Reading a log: what is read, what is repaired and said, what is refused and how."""
+
+import datetime
+import gzip
+import os
+import shutil
+import warnings
+
+import numpy as np
+import pytest
+
+from analysis import DATA, CannotAnswer, WrongUsage, catalogue, datasets, formats, layout, logs
+
+HEADER = "t_s,gyro_x_deg_s,gyro_y_deg_s"
+
+
+def lines(n=200, rate=100.0, seed=0):
+    """Return n data lines: time, two readings, six decimals."""
+    values = np.random.default_rng(seed).normal(size=(n, 2))
+    return [f"{i / rate:.6f},{x:.6f},{y:.6f}" for i, (x, y) in enumerate(values)]
+
+
+def write(folder, rows, header=HEADER, name="my.csv", end="\n"):
+    """Write a CSV log and return its path."""
+    path = folder / name
+    path.write_text("\n".join([header, *rows] if header else rows) + end, encoding="utf-8")
+    return path
+
+
+def replaced(rows, row, column, text):
+    """Return the lines with one cell replaced."""
+    cells = rows[row].split(",")
+    cells[column] = text
+    return [*rows[:row], ",".join(cells), *rows[row + 1 :]]
+
+
+def values(log):
+    """Return all channels as one array, shape (channels, samples)."""
+    return np.array([channel.values for channel in log.channels])
+
+
+def needs(name):
+    """Skip a test where a raw log is not on this machine."""
+    return pytest.mark.skipif(
+        not datasets.available(name),
+        reason=f"{name} is not here: set {datasets.FOLDER_VARIABLE} or download it",
+    )
+
+
+# --- one log, many spellings ---------------------------------------------------------------------
+
+SPELLINGS = {
+    "crlf without a last newline": lambda s: s.replace("\n", "\r\n").rstrip().encode(),
+    "old mac newlines": lambda s: s.replace("\n", "\r").encode(),
+    "byte order mark": lambda s: b"\xef\xbb\xbf" + s.encode(),
+    "utf-16": lambda s: s.encode("utf-16"),
+    "gzip": lambda s: gzip.compress(s.encode()),
+    "semicolon and decimal comma": lambda s: s.replace(",", ";").replace(".", ",").encode(),
+    "tab": lambda s: s.replace(",", "\t").encode(),
+    "blanks": lambda s: s.replace(",", "   ").encode(),
+    "quoted": lambda s: s.replace(",", '","').replace("\n", '"\n"').join('""')[:-2].encode(),
+    "blank lines at the end": lambda s: (s + "\n" * 3000).encode(),
+    "comments": lambda s: ("# a logger\n# of ours\n" + s + "# the end\n").encode(),
+    "names in a comment": lambda s: ("#" + s).encode(),
+    "a delimiter too many": lambda s: s.replace("\n", ",\n").encode(),
+    "a row of units": lambda s: s.replace(HEADER, "t,gyro_x,gyro_y\ns,deg/s,deg/s").encode(),
+    "units in brackets, latin-1": lambda s: s.replace(
+        HEADER, "time [s],gyro_x (°/s),gyro_y (°/s)"
+    ).encode("latin-1"),
+}
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_every_spelling_of_a_log_reads_the_same(tmp_path, spelling):
+    """Property: how the text is written does not change what is read."""
+    rows = lines()
+    path = tmp_path / "my.csv"
+    path.write_bytes(SPELLINGS[spelling]("\n".join([HEADER, *rows]) + "\n"))
+    with warnings.catch_warnings(action="error"):
+        log = logs.read(path)
+    expected = np.array([[float(cell) for cell in row.split(",")[1:]] for row in rows]).T
+    assert [(c.name, c.unit, c.kind) for c in log.channels] == [
+        ("gyro_x", "deg/s", "rate"),
+        ("gyro_y", "deg/s", "rate"),
+    ]
+    np.testing.assert_allclose(values(log), expected, rtol=1e-15)  # one rounding of a decimal
+    assert log.rate_hz == pytest.approx(100.0, rel=1e-9)  # stamps carry six decimals
+    assert (log.samples, log.gaps, log.file) == (200, 0, "my.csv")
+
+
+def test_a_log_without_header_is_read_by_column_numbers(tmp_path):
+    """Property: numbers count the file's columns from 1, the time among them."""
+    path = write(tmp_path, lines(), header=None)
+    log = logs.read(path, rate=50, columns=[3, "2"], unit="rad/s")
+    assert [c.name for c in log.channels] == ["c3", "c2"]
+    assert (log.rate_hz, log.duration_s, log.dt) == (50, 4.0, 0.02)
+    by_time = logs.read(path, time=1, unit="rad/s")
+    np.testing.assert_array_equal(values(by_time)[::-1], values(log))
+
+
+def test_start_and_stop_cut_by_seconds_from_the_first_row(tmp_path):
+    """Property: a stretch equals the same rows of the whole log, with stamps or without."""
+    path = write(tmp_path, lines())
+    whole = values(logs.read(path))
+    for given in ({}, {"rate": 100, "columns": [2, 3]}):
+        part = logs.read(path, start=0.5, stop=1.5, **given)
+        np.testing.assert_array_equal(values(part), whole[:, 50:150])
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "channel"),
+    [
+        ("gyro_x_deg_s", "deg/s", ("gyro_x", "rate")),
+        ("gyro_x_rad_s", "rad/s", ("gyro_x", "rate")),
+        ("gyro_x_deg_h", "deg/h", ("gyro_x", "rate")),
+        ("w_RS_S_x [rad s^-1]", "rad/s", ("w_RS_S_x", "rate")),
+        ("accel_x_m_s2", "m/s^2", ("accel_x", "accel")),
+        ("accel_x_g", "g", ("accel_x", "accel")),
+        ("accel_x_mg", "mg", ("accel_x", "accel")),
+        ("roll_deg", "deg", ("roll", "angle")),
+        ("roll_rad", "rad", ("roll", "angle")),
+        ("north_m", "m", ("north", "position")),
+    ],
+)
+def test_units_are_read_from_the_name(tmp_path, name, unit, channel):
+    """Property: the suffix gives unit and kind, and is stripped."""
+    log = logs.read(write(tmp_path, lines(), header=f"t_s,{name},note"))
+    found = log.channels[0]
+    assert (found.name, found.kind, found.unit) == (*channel, unit)
+    assert len(log.channels) == 1
+    assert "columns left out, having no unit that fits: note" in log.repairs
+
+
+def test_angles_are_unwrapped(tmp_path):
+    """Analytic: a steady turn of 3 deg a sample comes out as a straight line, gaps and all."""
+    turn = 3.0 * np.arange(300)
+    for unit, period in (("deg", 360.0), ("rad", 2 * np.pi)):
+        wrapped = (turn * period / 360 + period / 2) % period - period / 2
+        rows = [f"{i / 10:.1f},{w:.9f}" for i, w in enumerate(wrapped)]
+        rows = replaced(rows, 60, 1, "nan")  # right at the first jump
+        log = logs.read(write(tmp_path, rows, header=f"t_s,yaw_{unit}"))
+        yaw = log.channels[0].values
+        assert np.isnan(yaw[60])
+        good = np.isfinite(yaw)
+        # nine decimals are printed
+        np.testing.assert_allclose(yaw[good], turn[good] * period / 360, atol=1e-8)
+        assert any("unwrapped: 2 jumps" in repair for repair in log.repairs)
+
+
+def test_the_same_log_in_g_and_m_s2_differs_by_gravity_only(tmp_path):
+    """Property: units are not converted, only named; the gravity check accepts both."""
+    rng = np.random.default_rng(3)
+    g = np.array([0.01, 0.02, -1.0]) + 0.01 * rng.normal(size=(200, 3))
+    header = "t_s,accel_x_{0},accel_y_{0},accel_z_{0}"
+    found = []
+    for unit, factor in (("g", 1.0), ("m_s2", 9.80665), ("mg", 1000.0)):
+        rows = [
+            f"{i / 100},{','.join(f'{v:.9f}' for v in factor * row)}" for i, row in enumerate(g)
+        ]
+        found.append(values(logs.read(write(tmp_path, rows, header.format(unit)))) / factor)
+    np.testing.assert_allclose(found[1], found[0], atol=2e-9)  # nine decimals are printed
+    np.testing.assert_allclose(found[2], found[0], atol=2e-9)
+
+
+# --- repairs are stated --------------------------------------------------------------------------
+
+
+def test_missing_cells_are_stated_and_stay_missing(tmp_path):
+    """Property: NaN, empty and infinite cells are missing, with the line of the first."""
+    rows = lines()
+    for row, text in ((10, "nan"), (11, ""), (12, "-inf")):
+        rows = replaced(rows, row, 1, text)
+    log = logs.read(write(tmp_path, rows))
+    assert np.flatnonzero(np.isnan(log.channels[0].values)).tolist() == [10, 11, 12]
+    assert np.isfinite(log.channels[1].values).all()
+    assert log.repairs == (
+        "my.csv, line 12, column 'gyro_x_deg_s': 3 of 200 values are missing, the first here",
+    )
+
+
+@pytest.mark.parametrize("cut", ["0.6", "1.990000,", "1.990000,0.123456,-", "1.990000,0.1,0.12"])
+def test_a_cut_off_last_line_is_dropped_and_stated(tmp_path, cut):
+    """Property: half a line at the end of the file never becomes half a number."""
+    log = logs.read(write(tmp_path, [*lines()[:-1], cut], end=""))
+    assert log.samples == 199
+    assert log.repairs == ("the last line (line 201) is cut off and was dropped",)
+
+
+def test_empty_spreadsheet_rows_are_dropped_and_stated(tmp_path):
+    """Property: rows of nothing but delimiters are no samples."""
+    log = logs.read(write(tmp_path, [*lines(), *[",,"] * 500]))
+    assert log.samples == 200
+    assert "500 rows without any value" in log.repairs[0]
+
+
+def test_lines_are_counted_as_an_editor_counts(tmp_path):
+    """Property: comments, blank lines and CRLF count as lines."""
+    rows = replaced(lines(), 50, 2, "abc")
+    rows.insert(20, "")
+    rows.insert(30, "# note")
+    path = tmp_path / "my.csv"
+    path.write_bytes(("# by a logger\r\n\r\n" + "\r\n".join([HEADER, *rows])).encode())
+    with pytest.raises(CannotAnswer, match=r"my\.csv, line 56, column 'gyro_y_deg_s': 'abc'"):
+        logs.read(path)
+
+
+def test_held_values_are_stated(tmp_path):
+    """Property: an output that is held between updates is said to be."""
+    rows = [f"{i / 100},{(i // 20) % 7}" for i in range(400)]
+    log = logs.read(write(tmp_path, rows, header="t_s,gyro_x_deg_s"))
+    assert "repeats its last value in 95.2% of the samples" in log.repairs[-1]
+
+
+# --- refusals: the class, and a sentence with file, line, column and the way out -----------------
+
+GRAVITY = [f"{i / 100},0.01,{0.02 + i % 2 / 100},{1 + i % 3 / 100}" for i in range(200)]
+NINE = [f"{i / 100},0.1,{0.2 + i % 2 / 100},{9.8 + i % 3 / 100}" for i in range(200)]
+BAD = {
+    "text in a number column": (
+        replaced(lines(), 50, 2, "abc"),
+        HEADER,
+        {},
+        CannotAnswer,
+        ("line 52", "'gyro_y_deg_s'", "'abc'", "correct"),
+    ),
+    "text in the first row": (
+        replaced(lines(), 0, 1, "abc"),
+        HEADER,
+        {},
+        CannotAnswer,
+        ("line 2", "'gyro_x_deg_s'", "'abc'"),
+    ),
+    "a field too many": (
+        replaced(lines(), 60, 2, "1,2"),
+        HEADER,
+        {},
+        CannotAnswer,
+        ("line 62", "'gyro_y_deg_s'", "4 fields"),
+    ),
+    "text among the times": (
+        replaced(lines(), 60, 0, "noon"),
+        HEADER,
+        {},
+        CannotAnswer,
+        ("line 62", "'t_s'", "'noon'"),
+    ),
+    "backward time": (
+        [*lines()[:100], *lines()[90:]],
+        HEADER,
+        {},
+        CannotAnswer,
+        ("line 102", "'t_s'", "backward", "--rate"),
+    ),
+    "a long gap": (
+        [*lines()[:50], *lines()[100:]],
+        HEADER,
+        {},
+        CannotAnswer,
+        ("line 52", "'t_s'", "50 of 200", "--from"),
+    ),
+    "too many missing": (
+        [row if i % 5 else row.split(",")[0] + ",nan,1" for i, row in enumerate(lines())],
+        HEADER,
+        {},
+        CannotAnswer,
+        ("line 2", "'gyro_x_deg_s'", "40 of 200", "--columns"),
+    ),
+    "too short": (lines(40), HEADER, {}, CannotAnswer, ("line 41", "'gyro_x_deg_s'", "64")),
+    "header only": ([], HEADER, {}, CannotAnswer, ("line 1", "no data")),
+    "words in a channel": (
+        [row + ",yes" for row in lines()],
+        HEADER + ",ok",
+        {"columns": ["ok"], "unit": "deg/s"},
+        CannotAnswer,
+        ("line 2", "'ok'", "'yes'", "--columns"),
+    ),
+    "unknown column": (
+        lines(),
+        HEADER,
+        {"columns": ["gyr_x"]},
+        WrongUsage,
+        ("no column 'gyr_x'", "closest: 'gyro_x_deg_s'", "3 gyro_y_deg_s"),
+    ),
+    "column number": (lines(), HEADER, {"columns": [9]}, WrongUsage, ("'9'", "3 gyro_y_deg_s")),
+    "unknown time": (lines(), HEADER, {"time": "when"}, WrongUsage, ("'when'", "1 t_s")),
+    "time as channel": (lines(), HEADER, {"columns": [1]}, WrongUsage, ("'t_s'", "is the time")),
+    "no rate": (
+        [row.split(",", 1)[1] for row in lines()],
+        "gyro_x_deg_s,gyro_y_deg_s",
+        {},
+        WrongUsage,
+        ("line 1", "--rate", "--time", "gyro_x_deg_s"),
+    ),
+    "no unit": (lines(), "t_s,a,b", {}, WrongUsage, ("a, b", "--unit", "gyro_x_deg_s")),
+    "unit of another kind": (
+        lines(),
+        "t_s,gyro_x,gyro_y",
+        {"columns": ["gyro_x"], "unit": "g"},
+        WrongUsage,
+        ("'gyro_x'", "--unit"),
+    ),
+    "rate against stamps": (
+        lines(),
+        HEADER,
+        {"rate": 50, "time": "t_s"},
+        WrongUsage,
+        ("--rate 50", "'t_s'", "100 Hz"),
+    ),
+    "no rate at all": (lines(), HEADER, {"rate": 0}, WrongUsage, ("positive",)),
+    "no such stretch": (lines(), HEADER, {"start": 50}, WrongUsage, ("50 s", "1.99 s")),
+    "no stretch": (lines(), HEADER, {"start": 2, "stop": 1}, WrongUsage, ("--from 2 --to 1",)),
+    "milliseconds or seconds": (
+        [f"{10 * i},{i % 7},{i % 5}" for i in range(200)],
+        "t,gyro_x_deg_s,gyro_y_deg_s",
+        {},
+        WrongUsage,
+        ("'t'", "milliseconds", "'t_ms'", "--rate"),
+    ),
+    "g as m/s^2": (
+        GRAVITY,
+        "t_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2",
+        {},
+        WrongUsage,
+        ("accel_z", "mean |accel| is 1.01 m/s^2", "--unit g"),
+    ),
+    "m/s^2 as g": (
+        NINE,
+        "t_s,ax,ay,az",
+        {"unit": "g"},
+        WrongUsage,
+        ("az", "mean |accel| is 9.81 g", "--unit m/s^2"),
+    ),
+    "g as m/s^2, vertical only": (
+        [",".join(row.split(",")[::3]) for row in GRAVITY],
+        "t_s,accel_z_m_s2",
+        {},
+        WrongUsage,
+        ("accel_z", "--unit g"),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_refused_in_one_sentence(tmp_path, case):
+    """Property: the right class, and a message naming the file, the place and the way out."""
+    rows, header, given, refusal, words = BAD[case]
+    path = write(tmp_path, rows, header)
+    with pytest.raises((CannotAnswer, WrongUsage)) as caught:
+        logs.read(path, **given)
+    message = str(caught.value)
+    assert caught.type is refusal
+    assert "my.csv" in message
+    assert "\n" not in message
+    assert str(tmp_path) not in message
+    for word in words:
+        assert word in message
+
+
+def test_the_way_out_of_wrong_gravity_works(tmp_path):
+    """Property: doing as the message says reads the log."""
+    path = write(tmp_path, GRAVITY, "t_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2")
+    assert {c.unit for c in logs.read(path, unit="g").channels} == {"g"}
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", ("empty", "line 1")),
+        (b"\n\n \n", ("empty", "line 1")),
+        (b"# only a comment\n", ("no data", "line 1")),
+        (bytes(range(256)) * 8, ("line 1", "binary")),
+        (b"\x89PNG\r\n\x1a\n" + b"\x00" * 99, ("line 2", "binary")),
+        ("\n".join([HEADER, *lines()]).encode() + b"\n" + b"\0" * 999, ("line 202", "damaged")),
+        (gzip.compress("\n".join([HEADER, *lines(2000)]).encode())[:3000], ("copy it again",)),
+    ],
+    ids=["empty", "blank", "comment", "binary", "picture", "zeros at the end", "half a gzip"],
+)
+def test_what_is_no_log_is_refused(tmp_path, content, words):
+    """Property: empty, binary and damaged files cannot be answered, each in one sentence."""
+    path = tmp_path / "my.csv"
+    path.write_bytes(content)
+    with pytest.raises(CannotAnswer) as caught:
+        logs.read(path)
+    assert all(word in str(caught.value) for word in ("my.csv", *words))
+
+
+def test_what_is_no_file_is_wrong_usage(tmp_path):
+    """Property: a folder and a misspelt name are wrong usage, the closest name with it."""
+    with pytest.raises(WrongUsage, match="is a folder"):
+        logs.read(tmp_path)
+    with pytest.raises(WrongUsage, match=r"no file nothing\.csv.*adis16405"):
+        logs.read(tmp_path / "nothing.csv")
+    with pytest.raises(WrongUsage, match="closest: adis16405"):
+        logs.read("adis1640")
+
+
+def test_garbage_never_ends_in_a_traceback(tmp_path):
+    """Property: damaged files give a log, `CannotAnswer` or `WrongUsage`, and nothing else."""
+    rng = np.random.default_rng(20)
+    whole = "\n".join([HEADER, *lines(100)]).encode()
+    pieces = [
+        b",",
+        b";",
+        b"\n",
+        b"\t",
+        b"\0",
+        b'"',
+        b"#",
+        b"nan",
+        b"1e999",
+        b"-",
+        b"\xff",
+        b"12:00",
+    ]
+    path = tmp_path / "my.csv"
+    outcomes = set()
+    for trial in range(400):
+        content = bytearray(whole) if trial % 4 else bytearray(rng.bytes(rng.integers(300)))
+        for _ in range(rng.integers(1, 8)):
+            at = int(rng.integers(len(content) + 1))
+            match int(rng.integers(4)):
+                case 0:
+                    content[at : at + 1] = rng.bytes(1)
+                case 1:
+                    content[at:at] = pieces[rng.integers(len(pieces))]
+                case 2:
+                    del content[at : at + int(rng.integers(1, 60))]
+                case _:
+                    content = content[at:] + content[:at]
+        path.write_bytes(bytes(content))
+        try:
+            log = logs.read(path, **({"rate": 100, "unit": "deg/s"} if trial % 3 == 0 else {}))
+        except (CannotAnswer, WrongUsage) as refusal:
+            assert "my.csv" in str(refusal)
+            assert "\n" not in str(refusal)
+            outcomes.add(type(refusal))
+        else:
+            assert np.isfinite(log.rate_hz)
+            outcomes.add(type(log))
+    assert outcomes == {logs.Log, CannotAnswer, WrongUsage}
+
+
+# --- formats -------------------------------------------------------------------------------------
+
+
+def test_text_columns_and_delimiters_are_found_beforehand(tmp_path):
+    """Property: the fast parser is told what the file looks like."""
+    moment = datetime.datetime(2024, 1, 1, 23, 59, 59, tzinfo=datetime.UTC)
+    rows = [f"{(moment + datetime.timedelta(seconds=i)).isoformat()};1,5;ok" for i in range(70)]
+    path = write(tmp_path, rows, header="time;gyro_x_deg_s;state")
+    found = layout.sniff(path)
+    assert (found.delimiter, found.decimal, found.text) == (";", ",", {"time", "state"})
+    log = logs.read(path)
+    assert log.rate_hz == pytest.approx(1.0)
+    assert (log.channels[0].values == 1.5).all()
+
+
+@pytest.mark.parametrize("file", sorted(p.name for p in (DATA / "raw" / "gpsd").glob("*.log")))
+def test_committed_receiver_logs_are_read(file):
+    """Cross-check: GGA epochs as a plain text search counts them, time only ever advancing."""
+    path = DATA / "raw" / "gpsd" / file
+    table = formats.nmea(path)
+    sentences = [part.split(b"\r")[0] for part in path.read_bytes().split(b"GGA,")[1:]]
+    timed = sum(part[:1].isdigit() for part in sentences)
+    assert len(table.frame) == timed
+    fixed = table.frame["quality"] > 0
+    assert table.frame.loc[fixed, ["lat_deg", "lon_deg", "height_m"]].notna().all(axis=None)
+    assert table.frame.loc[~fixed, ["lat_deg", "lon_deg", "height_m"]].isna().all(axis=None)
+    line = path.read_bytes().split(b"\n")[int(table.where(0).split()[1]) - 1]
+    assert b"GGA" in line
+
+
+def test_wrong_checksums_are_counted_not_read(tmp_path):
+    """Property: a damaged sentence is left out and stated; its neighbours stay."""
+    content = (DATA / "raw" / "gpsd" / "ublox-8.log").read_bytes()
+    whole = formats.nmea(DATA / "raw" / "gpsd" / "ublox-8.log").frame
+    path = tmp_path / "my.nmea"
+    path.write_bytes(content.replace(b"GGA,000950.00,4404", b"GGA,000950.00,4414"))
+    table = formats.nmea(path)
+    assert table.repairs == ("1 GGA or GSA sentences with a wrong checksum or content left out",)
+    assert set(whole["t_s"]) - set(table.frame["t_s"]) == {590.0}
+
+
+def test_midnight_and_pdop_in_nmea(tmp_path):
+    """Property: the time of day goes on over midnight; PDOP comes from the GSA that follows."""
+
+    def sentence(body):
+        check = 0
+        for byte in body.encode():
+            check ^= byte
+        return f"${body}*{check:02X}\r\n"
+
+    text = "".join(
+        sentence(f"GPGGA,{clock},4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,")
+        + sentence(f"GPGSA,A,3,04,05,,09,12,,,24,,,,,{pdop},1.3,2.1")
+        for clock, pdop in (("235959.00", 2.5), ("000000.00", 3.5))
+    )
+    path = tmp_path / "my.nmea"
+    path.write_text(text, newline="")
+    frame = formats.nmea(path).frame
+    assert frame["t_s"].tolist() == [86399.0, 86400.0]
+    assert frame["pdop"].tolist() == [2.5, 3.5]
+    assert frame["lat_deg"][0] == pytest.approx(48 + 7.038 / 60)
+    assert formats.sniff(path) == "nmea"
+
+
+def test_small_rotations_have_the_documented_signs():
+    """Analytic: a device upright at -90 deg of pitch, turned by 1 deg about each of its axes."""
+    import pandas as pd
+    from scipy.spatial.transform import Rotation
+
+    upright = Rotation.from_euler("x", 90, degrees=True)
+    for axis, name, sign in (("y", "roll", 1), ("x", "pitch", 1), ("z", "yaw", -1)):
+        turns = Rotation.from_euler(axis, [[-1.0], [0.0], [1.0]], degrees=True)
+        frame = pd.DataFrame((upright * turns).as_quat(), columns=["qx", "qy", "qz", "qw"])
+        found = formats.about_the_mean(frame)
+        expected = {"roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0}
+        expected[f"{name}_deg"] = sign * np.array([-1.0, 0.0, 1.0])
+        for column, wanted in expected.items():
+            # 1e-9: the mean quaternion comes from an eigenvector
+            np.testing.assert_allclose(found[column], wanted, atol=1e-9)
+
+
+# --- the catalogue -------------------------------------------------------------------------------
+
+
+def test_every_stanza_names_registered_data_and_its_licence():
+    """Property: file, licence and source of each stanza agree with the registry."""
+    for name, stanza in catalogue.catalogue().items():
+        if stanza["own"]:
+            continue
+        entry = datasets.entry(stanza["file"])
+        assert stanza["licence"] == entry.licence, name
+        assert entry.repository in stanza["source"], name
+        assert stanza["title"]
+
+
+def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
+    """Property: a stanza in the reader's own catalogue is read like any other."""
+    own = tmp_path / "logs.toml"
+    monkeypatch.setattr(catalogue, "OWN", own)
+    write(tmp_path, [row.split(",", 1)[1] for row in lines()], header="a,b")
+    own.write_text(
+        '[mine]\nfile = "my.csv"\nrate_hz = 20\nfrom = 1\n'
+        'channels = [{ column = "b", name = "gyro_z", unit = "deg/s" }]\n'
+    )
+    log = logs.read("mine")
+    assert (log.name, log.rate_hz, log.channels[0].name, log.samples) == ("mine", 20, "gyro_z", 180)
+    assert logs.read("mine", start=0, rate=10).duration_s == 20
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[adis16405]\nfile = "my.csv"', "taken"),
+        ("[mine]\nrate_hz = 3", "needs a line"),
+        ('[mine]\nfile = "my.csv"\nrate = 3', "did you mean 'rate_hz'"),
+        ('[mine]\nfile = "my.csv"\nformat = "xls"', "'xls' is not one of"),
+        ('[mine]\nfile = "gone.csv"', "gone.csv, which is not in data/own/"),
+        ("[mine", "not valid TOML"),
+    ],
+)
+def test_a_faulty_own_catalogue_is_wrong_usage(tmp_path, monkeypatch, text, words):
+    """Property: each mistake in the reader's catalogue is named."""
+    monkeypatch.setattr(catalogue, "OWN", tmp_path / "logs.toml")
+    (tmp_path / "logs.toml").write_text(text)
+    with pytest.raises(WrongUsage, match=words):
+        logs.read("mine")
+
+
+def test_the_committed_static_receiver_log():
+    """Published: data set page: 655 s standing still, 95 % within 2.2 m of the mean."""
+    log = logs.read("f9p-static")
+    north, east, _ = values(log)
+    assert (log.duration_s, log.rate_hz, log.gaps) == (655, 1.0, 0)
+    assert np.percentile(np.hypot(north, east), 95) == pytest.approx(
+        2.2, abs=0.05
+    )  # printed digits
+
+
+@needs("adis16405-static/adis_16405_imu1.rda")
+def test_adis16405_is_a_million_rows_in_steps_of_its_lsb():
+    """Published: 1,000,000 x 6 at 100 Hz, gyro LSB 0.05 deg/s; accel Z of -1 g passes as g."""
+    with warnings.catch_warnings(action="error"):
+        log = logs.read("adis16405")
+    assert (log.samples, log.rate_hz, log.duration_s) == (1_000_000, 100, 10_000)
+    assert [c.unit for c in log.channels] == ["deg/s"] * 3 + ["g"] * 3
+    steps = log.channels[0].values / 0.05
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)  # decimal fractions
+    assert log.channels[5].values.mean() == pytest.approx(-1.016, abs=1e-3)
+    with pytest.raises(WrongUsage, match="closest: 'gyro_z'"):
+        logs.read("adis16405", columns=["gyro_w"])
+
+
+@needs("mpu6050-static/mpu6050_gyroscope.mat")
+def test_mpu6050_says_what_its_stamps_do():
+    """Published: mean rate 99.3 Hz, median step 2 ms, longest 0.5 s."""
+    log = logs.read("mpu6050-gyro")
+    assert log.rate_hz == pytest.approx(99.3, abs=0.05)
+    assert "median step 2.04 ms, longest 0.497 s" in log.repairs[0]
+    assert log.channels[0].values.mean() == pytest.approx(4.5, abs=0.1)
+    by_stamps = logs.read("mpu6050-gyro-by-stamps")
+    assert len(by_stamps.channels[0].values) == len(log.channels[0].values)
+    assert by_stamps.channels[0].values.std() < log.channels[0].values.std()  # it smooths
+
+
+@needs("phone-drives/2023-08-09_12-47-42.csv")
+def test_the_parked_phone_stands_still():
+    """Property: the stretches in the catalogue follow the rule that their note states."""
+    frame = formats.phone(datasets.path("phone-drives/2023-08-09_12-47-42.csv")).frame
+    turning = np.linalg.norm(frame[["gyro_x", "gyro_y", "gyro_z"]].to_numpy(), axis=1) > 0.02
+    moving = frame["speed_m_s"].fillna(0).to_numpy() > 0.1
+    assert not turning[3744:5028].any()
+    assert turning[3743] and turning[5028]
+    assert moving[3864:5028].sum() == 1  # a single second of 0.33 m/s without any turning
+    assert not (turning | moving)[1613:1721].any()
+    assert np.ptp(values(logs.read("phone-parked"))[:2]) < 2  # deg: roll and pitch
+    held = logs.read("phone-parked-gnss")
+    assert any("'north' repeats its last value" in repair for repair in held.repairs)
+    fresh = logs.read("phone-stopped-gnss")
+    assert not any("repeats" in repair for repair in fresh.repairs)
+
+
+def test_catalogued_but_absent_logs_say_how_to_get_them(monkeypatch, tmp_path):
+    """Property: without the raw file the sentence names it and the three ways to get it."""
+    monkeypatch.delenv(datasets.FOLDER_VARIABLE, raising=False)
+    monkeypatch.setattr(datasets, "DOWNLOADED", tmp_path)
+    with pytest.raises(datasets.NotHere, match=r"adis_16405_imu1.rda.*COMPENDIUM_DATA.*internet"):
+        logs.read("adis16405")
+
+
+def test_reading_does_not_depend_on_the_working_directory(tmp_path, monkeypatch):
+    """Property: catalogue names work from anywhere."""
+    monkeypatch.chdir(tmp_path)
+    assert logs.read("f9p-static").samples == 655
+    shutil.copy(DATA / "raw" / "gpsd" / "ublox-8.log", tmp_path / "ride.nmea")
+    assert [c.name for c in logs.read("ride.nmea").channels] == ["north", "east", "down"]
+    assert os.listdir(tmp_path) == ["ride.nmea"]

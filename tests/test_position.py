@@ -1,0 +1,53 @@
+"""CEP: closed form of the Gaussian, honest counting of independent positions."""
+
+import numpy as np
+import pytest
+
+from analysis import CannotAnswer
+from analysis.noise.models import gauss_markov
+from analysis.noise.position import PER_SIGMA, cep, effective_samples, outliers
+
+
+def test_cep_of_a_circular_gaussian():
+    """analytic: half of a circular Gaussian lies within 1.1774 sigma."""
+    n, e = 2.0 * np.random.default_rng(1).standard_normal((2, 100_000))
+    # The median of 1e5 radii has a standard error of 0.3 %.
+    assert cep(n, e).value == pytest.approx(2.0 * PER_SIGMA, rel=0.012)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.9, 0.99])
+def test_effective_samples_of_an_autoregression(phi):
+    """analytic: AR(1) has n (1 - phi) / (1 + phi) independent values."""
+    n = 200_000
+    dt = 1.0 if phi == 0 else -np.log(phi)
+    x = gauss_markov(n, dt, 1.0, 1e-9 if phi == 0 else 1.0, np.random.default_rng(2))
+    assert effective_samples(x) == pytest.approx(n * (1 - phi) / (1 + phi), rel=0.12)
+
+
+@pytest.mark.parametrize("corr_time", [10.0, 60.0, 100.0])
+def test_interval_covers(corr_time):
+    """coverage: 95 % intervals of two-hour logs hold the truth, refusing few of them."""
+    rng, inside, refused, runs = np.random.default_rng(3), 0, 0, 300
+    for _ in range(runs):
+        found = cep(*gauss_markov(1800, 4.0, 1.0, corr_time, rng, runs=2))
+        refused += not found.resolved
+        inside += found.resolved and found.low < PER_SIGMA < found.high
+    # Three standard errors of 300 trials.
+    assert 0.91 <= inside / (runs - refused) <= 0.988
+    assert refused / runs < 0.1
+
+
+def test_too_few_independent_positions():
+    """property: positions that hardly move are refused, with what they do say."""
+    n, e = gauss_markov(600, 1.0, 1.0, 60.0, np.random.default_rng(4), runs=2)
+    found = cep(n, e)
+    assert found.value is None and "independent" in found.note
+    with pytest.raises(CannotAnswer, match="no position"):
+        cep(np.full(5, np.nan), np.zeros(5))
+
+
+def test_outliers():
+    """analytic: a position 100 sigma off is an outlier, those of a Gaussian are not."""
+    n, e = np.random.default_rng(5).standard_normal((2, 5000))
+    n[17] = 100.0
+    assert np.flatnonzero(outliers(n, e)).tolist() == [17]
