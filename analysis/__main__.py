@@ -129,7 +129,11 @@ def claims(options):
     table = ledger.verdicts().join(ledger.published()[["paper", "claim"]])
     if options.paper:
         table = table[table["paper"] == options.paper]
-    counts = table["verdict"].str.split(":| if ", regex=True).str[0].value_counts()
+    counts = (
+        table["verdict"]
+        .str.extract("^(reproduced if|reproduced|not [a-z]+(?: run)?)")[0]
+        .value_counts()
+    )
     for claim, row in table.iterrows():
         print(f"{claim:<48} {row['verdict']}")
     print()

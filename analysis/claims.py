@@ -72,6 +72,34 @@ def judge(value, low, high, agree_low, agree_high):
     return f"{NOT_TESTABLE}: the 95 % interval {_span(low, high)} reaches into the claim's range"
 
 
+def numbers(row):
+    """Write the reproduced value and interval of a verdict, with its unit.
+
+    Returns
+    -------
+    str
+    """
+    value = "" if row.value != row.value else f"{row.value:g} {row.unit}"
+    if row.low != row.low and row.high != row.high:
+        return value
+    return f"{value} ({_span(row.low, row.high)})".strip()
+
+
+def markdown(table):
+    """Write a table as Markdown, which notebooks and their readers elsewhere render alike.
+
+    Returns
+    -------
+    str
+    """
+
+    def line(cells):
+        return "| " + " | ".join(str(c).replace("|", r"\|") for c in cells) + " |"
+
+    head = [line(table.columns), "|" + "---|" * len(table.columns)]
+    return "\n".join(head + [line(row) for row in table.itertuples(index=False)])
+
+
 class Ledger:
     """The verdicts of one notebook; each check is written down at once.
 

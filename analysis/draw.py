@@ -112,6 +112,35 @@ def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
     ax.set_ylabel(f"Allan deviation ({pretty(unit)})")
 
 
+def interval_bar(ax, y, estimate, *, color="C0"):
+    """Draw an estimate and its 95 % interval along x; an arrow where a side is open.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        With x on a log scale.
+    y : float
+        Where on the other axis.
+    estimate : Estimate
+    color : str
+    """
+    low, high = estimate.low, estimate.high
+    if low is None and high is None:
+        ax.annotate("no trace", (0.5, y), xycoords=("axes fraction", "data"), va="center",
+                    ha="center", fontsize=7, color="0.4")  # fmt: skip
+        return
+    if low and high:
+        ax.plot([low, high], [y, y], color=color, lw=1.5)
+    else:
+        at, marker = (low, ">") if low else (high, "<")
+        away = at * (1.8 if low else 1 / 1.8)
+        ax.plot([at, away], [y, y], color=color, lw=1.5)
+        ax.plot(away, y, marker, color=color, ms=4)
+        ax.plot(at, y, "|", color=color, ms=6)
+    if estimate.value is not None:
+        ax.plot(estimate.value, y, "o", color=color, ms=3)
+
+
 def equal_decades(ax, *curves):
     """Fit log-log limits to the curves, a decade along y as long as one along x."""
     low = min(c.low.min() for c in curves)

@@ -14,13 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import CannotAnswer, WrongUsage, columns, datasets, formats, timing
-from analysis.catalogue import catalogue, find
-from analysis.columns import Choice
-from analysis.delimited import Table
-from analysis.layout import printable
-from analysis.stretch import Stretch, cut, naming
-from analysis.timing import MISSING_ALLOWED, Grid
+from analysis import CannotAnswer, WrongUsage, datasets
+from analysis.intake import columns, formats, timing
+from analysis.intake.catalogue import catalogue, find
+from analysis.intake.columns import Choice
+from analysis.intake.delimited import Table
+from analysis.intake.layout import printable
+from analysis.intake.stretch import Stretch, cut, naming
+from analysis.intake.timing import MISSING_ALLOWED, Grid
 
 __all__ = ["Channel", "Log", "catalogue", "read"]
 
@@ -117,7 +118,7 @@ def read(
     columns : sequence of str or int, optional
         The channels, likewise; all whose unit is known if left out.
     unit, kind : str, optional
-        For columns whose name has no unit; see `analysis.columns.choose`.
+        For columns whose name has no unit; see `analysis.intake.columns.choose`.
     start, stop : float, optional
         Seconds from the first row.
 

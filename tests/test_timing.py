@@ -5,7 +5,8 @@ import datetime
 import numpy as np
 import pytest
 
-from analysis import WrongUsage, clock, timing
+from analysis import WrongUsage
+from analysis.intake import clock, timing
 
 
 def grid(t, repeated=None, mode="auto"):

@@ -5,7 +5,7 @@ import tomllib
 from pathlib import Path
 
 from analysis import DATA, WrongUsage, datasets
-from analysis.formats import READERS
+from analysis.intake.formats import READERS
 
 CATALOGUE = DATA / "logs.toml"
 OWN = DATA / "own" / "logs.toml"

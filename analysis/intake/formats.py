@@ -17,9 +17,10 @@ import rdata
 from pynmeagps import NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
 from scipy.spatial.transform import Rotation
 
-from analysis import CannotAnswer, WrongUsage, delimited
-from analysis.clock import unwrap_clock
-from analysis.delimited import Table
+from analysis import CannotAnswer, WrongUsage
+from analysis.intake import delimited
+from analysis.intake.clock import unwrap_clock
+from analysis.intake.delimited import Table
 
 _SENTENCE = re.compile(rb"\$G[A-Z](?:GGA|GSA),[ -#%-)+-~]*(?:\*[0-9A-Fa-f]{2})?")
 _PHONE = {  # the app's column -> ours; position and attitude are what the notebooks use
@@ -32,7 +33,7 @@ _PHONE = {  # the app's column -> ours; position and attitude are what the noteb
 
 
 def csv(path: Path, variable: str | None = None) -> Table:
-    """Read a delimited text file; see `analysis.delimited.read`."""
+    """Read a delimited text file; see `analysis.intake.delimited.read`."""
     return delimited.read(path)
 
 

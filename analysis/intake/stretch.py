@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from analysis import CannotAnswer, WrongUsage, clock, columns, formats
-from analysis.delimited import Table
-from analysis.layout import CLOCK
-from analysis.timing import BadStamps
+from analysis import CannotAnswer, WrongUsage
+from analysis.intake import clock, columns, formats
+from analysis.intake.delimited import Table
+from analysis.intake.layout import CLOCK
+from analysis.intake.timing import BadStamps
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""The way in, behind `analysis.logs`: formats, columns and units, time stamps, the catalogue."""
