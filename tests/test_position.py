@@ -47,7 +47,9 @@ def test_too_few_independent_positions():
 
 
 def test_outliers():
-    """analytic: a position 100 sigma off is an outlier, those of a Gaussian are not."""
+    """analytic: a lone position 100 sigma off is one; those of a Gaussian or a drift are not."""
     n, e = np.random.default_rng(5).standard_normal((2, 5000))
     n[17] = 100.0
     assert np.flatnonzero(outliers(n, e)).tolist() == [17]
+    drift = np.r_[np.zeros(400), np.linspace(0, 50, 200)]
+    assert not outliers(drift).any()

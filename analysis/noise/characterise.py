@@ -102,9 +102,8 @@ def windows(duration, dt):
     -------
     list of float
     """
-    longest = duration / 200
-    chosen = [w for w in (0.1, 0.3, 1, 3, 10, 30, 100, 300) if 2 * dt <= w <= longest]
-    return chosen[-4:] or [dt]
+    ladder = (0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30)
+    return [w for w in ladder if dt <= w <= duration / 50][-4:] or [dt]
 
 
 def _parameters(y, dt, unit, kind, curve, rng, detrend):

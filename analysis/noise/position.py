@@ -6,20 +6,24 @@ independent positions, not samples.
 """
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from analysis import CannotAnswer
 from analysis.noise.autocorrelation import autocovariance
 from analysis.noise.estimate import Estimate
 
-CUT = 6.0  # robust standard deviations beyond which a position is an outlier
+CUT = 6.0  # robust standard deviations beyond which a lone position is an outlier
+NEIGHBOURS = 11  # positions in time that a lone one is compared with
 FEWEST = 20.0  # independent positions below which the median radius has no 95 % interval
 PER_SIGMA = np.sqrt(2 * np.log(2))  # CEP of a circular Gaussian of unit deviation: 1.1774
 
 
 def outliers(*axes):
-    """Mark positions more than 6 robust standard deviations from the median along any axis.
+    """Mark positions that stand alone: far from their neighbours in time, along any axis.
 
-    The robust standard deviation is 1.4826 times the median absolute deviation.
+    Far is more than 6 robust standard deviations of the whole log (1.4826 times the median absolute
+    deviation) from the median of the 11 positions around. A receiver that drifts away takes its
+    neighbours along, and stays; a communication error does not.
 
     Parameters
     ----------
@@ -31,8 +35,8 @@ def outliers(*axes):
     """
     bad = np.zeros(len(axes[0]), dtype=bool)
     for axis in axes:
-        off = np.abs(axis - np.nanmedian(axis))
-        bad |= off > CUT * 1.4826 * np.nanmedian(off)
+        scale = 1.4826 * np.nanmedian(np.abs(axis - np.nanmedian(axis)))
+        bad |= np.abs(axis - median_filter(axis, NEIGHBOURS, mode="nearest")) > CUT * scale
     return bad
 
 
