@@ -63,8 +63,9 @@ def judge(value, low, high, agree_low, agree_high):
     ceiling = math.inf if math.isnan(agree_high) else agree_high
     if value is not None and floor <= value <= ceiling:
         return REPRODUCED
-    bottom = (-math.inf if value is None else value) if low is None else low
-    top = (math.inf if value is None else value) if high is None else high
+    if value is not None and low is None and high is None:  # known exactly
+        low = high = value
+    bottom, top = (-math.inf if low is None else low), (math.inf if high is None else high)
     if top < floor or bottom > ceiling:
         return NOT_REPRODUCED
     if value is None:
@@ -79,10 +80,11 @@ def numbers(row):
     -------
     str
     """
-    value = "" if row.value != row.value else f"{row.value:g} {row.unit}"
+    unit = "" if row.unit == "1" else f" {row.unit}"
+    value = "" if row.value != row.value else f"{row.value:g}{unit}"
     if row.low != row.low and row.high != row.high:
         return value
-    return f"{value} ({_span(row.low, row.high)})".strip()
+    return f"{value} ({_span(row.low, row.high)}{unit})".strip()
 
 
 def markdown(table):
@@ -137,10 +139,8 @@ class Ledger:
         str
             The verdict.
         """
-        if claim not in self._published.index:
-            raise WrongUsage(f"no claim '{claim}' in data/published/claims.csv")
-        row = self._published.loc[claim]
-        value = None if value is None or (value != value) else float(value)
+        row = self._row(claim)
+        value, low, high = (None if x is None or x != x else float(x) for x in (value, low, high))
         if untestable:
             verdict = f"{NOT_TESTABLE}: {untestable}"
         else:
@@ -161,7 +161,7 @@ class Ledger:
         str
             The verdict.
         """
-        why = self._published.loc[claim, "why"]
+        why = self._row(claim)["why"]
         if not why.startswith(f"{NOT_TESTABLE}: "):
             raise WrongUsage(f"claim '{claim}' can be tested: hand its value to `check`")
         return self.check(claim, None, untestable=why.removeprefix(f"{NOT_TESTABLE}: "))
@@ -188,6 +188,11 @@ class Ledger:
                 }
             )
         return pd.DataFrame(rows).set_index("claim")
+
+    def _row(self, claim):
+        if claim not in self._published.index:
+            raise WrongUsage(f"no claim '{claim}' in data/published/claims.csv")
+        return self._published.loc[claim]
 
     def _write(self):
         mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)

@@ -108,8 +108,8 @@ def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
                 ax.plot(
                     curve.tau, line(found.value), "0.3", ls=style, lw=0.7, label=f"slope {slope}"
                 )
-    ax.set_xlabel("averaging time τ (s)")
-    ax.set_ylabel(f"Allan deviation ({pretty(unit)})")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set(xlabel="averaging time τ (s)", ylabel=f"Allan deviation ({pretty(unit)})")
 
 
 def interval_bar(ax, y, estimate, *, color="C0"):
@@ -141,15 +141,6 @@ def interval_bar(ax, y, estimate, *, color="C0"):
         ax.plot(estimate.value, y, "o", color=color, ms=3)
 
 
-def equal_decades(ax, *curves):
-    """Fit log-log limits to the curves, a decade along y as long as one along x."""
-    low = min(c.low.min() for c in curves)
-    high = max(min(c.high.max(), 10 * c.adev.max()) for c in curves)
-    ax.set_ylim(low / 1.3, high * 1.3)
-    ax.set_xlim(min(c.tau[0] for c in curves) / 1.3, max(c.tau[-1] for c in curves) * 1.3)
-    ax.set_aspect("equal", adjustable="datalim")
-
-
 def four_panels(noise, title, *, fig=None):
     """Draw one channel as the comparison paper does (Figs 7-16).
 
@@ -174,7 +165,6 @@ def four_panels(noise, title, *, fig=None):
     short.set(title="first 15 s", xlabel="time (s)", ylabel=f"{noise.name} ({unit})")
     allan(adev, noise.allan, noise.unit, guides=True)
     adev.set_title("Allan deviation")
-    equal_decades(adev, noise.allan)
     adev.legend()
     _whole_log(whole, noise, unit)
     for window, (lag, cov) in noise.autocorrelation.items():
@@ -204,7 +194,6 @@ def together(result):
         shown = [c for c in result.channels if c.unit == unit]
         for i, c in enumerate(shown):
             allan(ax, c.allan, unit, label=c.name, color=f"C{i}")
-        equal_decades(ax, *(c.allan for c in shown))
         ax.legend()
     return fig
 

@@ -33,7 +33,7 @@ STYLE = {
     "grid.alpha": 0.5,
     "lines.linewidth": 0.9,
     "lines.markersize": 3,
-    "figure.dpi": 120,
+    "figure.dpi": 90,  # inside a notebook; files have their own
     "figure.constrained_layout.use": True,
     "savefig.dpi": 220,
     "pdf.fonttype": 42,

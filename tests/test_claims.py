@@ -1,0 +1,173 @@
+"""The ledger of claims: how a verdict is reached, and what is kept from notebook to notebook."""
+
+import math
+
+import pandas as pd
+import pytest
+
+from analysis import WrongUsage, claims
+from analysis.claims import NOT_REPRODUCED, NOT_TESTABLE, NOT_YET, REPRODUCED, judge
+
+OPEN = math.nan  # a side on which the claim is unbounded
+FIRST, SECOND, THIRD = claims.published().index[:3]
+PUBLISHED = claims.published().loc[FIRST]
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    """Keep the ledger of these tests in a folder of their own."""
+    monkeypatch.setenv("COMPENDIUM_FIGURES", str(tmp_path / "figures"))
+    return tmp_path / "figures" / "claims.csv"
+
+
+@pytest.mark.parametrize(
+    ("found", "agree", "verdict"),
+    [
+        # value within: reproduced, whatever its interval
+        ((1.5, None, None), (1, 2), REPRODUCED),
+        ((1.5, 0.0, 9.0), (1, 2), REPRODUCED),
+        ((1.0, None, None), (1, 2), REPRODUCED),
+        ((2.0, None, None), (1, 2), REPRODUCED),
+        ((0.0, None, None), (-1, 0), REPRODUCED),
+        # value outside: the interval decides
+        ((3.0, None, None), (1, 2), NOT_REPRODUCED),
+        ((0.0, None, None), (1, 2), NOT_REPRODUCED),
+        ((3.0, 2.5, 3.5), (1, 2), NOT_REPRODUCED),
+        ((0.5, 0.4, 0.6), (1, 2), NOT_REPRODUCED),
+        ((3.0, 1.9, 3.5), (1, 2), NOT_TESTABLE),
+        ((0.5, 0.4, 1.1), (1, 2), NOT_TESTABLE),
+        # an interval open on one side reaches everywhere on that side, and stops on the other
+        ((3.0, None, 3.5), (1, 2), NOT_TESTABLE),
+        ((3.0, 2.5, None), (1, 2), NOT_REPRODUCED),
+        ((0.5, 0.4, None), (1, 2), NOT_TESTABLE),
+        ((0.5, None, 0.6), (1, 2), NOT_REPRODUCED),
+        # no value: the bound alone may still exclude the claim, never confirm it
+        ((None, None, None), (1, 2), NOT_TESTABLE),
+        ((None, 2.5, None), (1, 2), NOT_REPRODUCED),
+        ((None, 1.2, None), (1, 2), NOT_TESTABLE),
+        ((None, None, 0.5), (1, 2), NOT_REPRODUCED),
+        ((None, None, 1.2), (1, 2), NOT_TESTABLE),
+        ((None, 1.2, 1.8), (1, 2), NOT_TESTABLE),
+        # a claim with one side only
+        ((-99.0, None, None), (OPEN, 2), REPRODUCED),
+        ((3.0, None, None), (OPEN, 2), NOT_REPRODUCED),
+        ((99.0, None, None), (1, OPEN), REPRODUCED),
+        ((0.5, None, None), (1, OPEN), NOT_REPRODUCED),
+        ((None, 5.0, None), (OPEN, 2), NOT_REPRODUCED),
+        ((None, 5.0, None), (1, OPEN), NOT_TESTABLE),
+        # a sentence that is true or not
+        ((1.0, None, None), (1, 1), REPRODUCED),
+        ((0.0, None, None), (1, 1), NOT_REPRODUCED),
+    ],
+)
+def test_judge(found, agree, verdict):
+    """Property: the truth table of a value with its interval against the range that agrees."""
+    said = judge(*found, *agree)
+    assert said == verdict or (verdict == NOT_TESTABLE and said.startswith(f"{NOT_TESTABLE}: "))
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [((None, 1.2, None), "the log leaves 1.2 to … open"), ((3.0, 1.9, 3.5), "1.9 to 3.5")],
+)
+def test_what_cannot_be_tested_says_why(found, words):
+    """Property: the reason names the interval."""
+    assert words in judge(*found, 1, 2)
+
+
+@pytest.mark.parametrize("nothing", [None, math.nan])
+def test_a_missing_value_is_no_value(nothing, elsewhere):
+    """Property: NaN and None alike are unresolved: never reproduced, never a number on disk."""
+    assert claims.Ledger("90-test").check(FIRST, nothing).startswith(NOT_TESTABLE)
+    assert pd.read_csv(elsewhere).loc[0, ["value", "low", "high"]].isna().all()
+
+
+def test_a_missing_bound_is_no_bound(elsewhere):
+    """Property: NaN bounds are read as None, an infinite one as open."""
+    far = PUBLISHED["high"] * 100
+    ledger = claims.Ledger("90-test")
+    assert ledger.check(FIRST, far, math.nan, math.nan) == NOT_REPRODUCED
+    assert ledger.check(FIRST, far, -math.inf, far).startswith(NOT_TESTABLE)
+
+
+def test_condition_goes_with_reproduced_only():
+    """Property: "reproduced if" is said of what agrees, and of nothing else."""
+    ledger = claims.Ledger("90-test")
+    inside, outside = PUBLISHED["value"], PUBLISHED["high"] * 100
+    assert ledger.check(FIRST, inside, when="it rains") == "reproduced if it rains"
+    assert ledger.check(FIRST, outside, when="it rains") == NOT_REPRODUCED
+
+
+def test_a_second_run_strikes_out_the_first_and_keeps_other_notebooks(elsewhere):
+    """Property: a notebook's own rows go, those of others stay, in the order of the papers."""
+    value = claims.published()["value"]
+    other = claims.Ledger("10-other")
+    other.check(SECOND, value[SECOND])
+    first = claims.Ledger("90-test")
+    first.check(THIRD, value[THIRD])
+    first.check(FIRST, value[FIRST])
+    assert list(pd.read_csv(elsewhere)["id"]) == [FIRST, SECOND, THIRD]
+    claims.Ledger("90-test").check(THIRD, value[THIRD])
+    table = pd.read_csv(elsewhere)
+    assert list(table.columns) == claims.COLUMNS
+    assert list(table["id"]) == [SECOND, THIRD]
+    assert list(table["notebook"]) == ["10-other", "90-test"]
+    assert [p.name for p in elsewhere.parent.iterdir()] == ["claims.csv"]
+
+
+def test_the_same_checks_write_the_same_bytes(elsewhere):
+    """Property: neither the order of the checks nor reading back what others wrote matters."""
+    value, written = claims.published()["value"], []
+    for order in ((FIRST, SECOND), (SECOND, FIRST)):
+        for notebook in ("10-other", "90-test"):
+            ledger = claims.Ledger(notebook)
+            for claim in order if notebook == "90-test" else [THIRD]:
+                ledger.check(claim, value[claim], 0.1 * value[claim] + 1 / 3, None)
+        written.append(elsewhere.read_bytes())
+    assert written[0] == written[1]
+    assert b"\r" not in written[0]
+
+
+def test_unknown_claims_are_wrong_usage(elsewhere):
+    """Property: a misspelt id is refused, and nothing is written."""
+    ledger = claims.Ledger("90-test")
+    for call in (lambda: ledger.check("no-such-claim", 1.0), lambda: ledger.untestable("no-such")):
+        with pytest.raises(WrongUsage, match=r"no claim 'no-such"):
+            call()
+    assert not elsewhere.exists()
+
+
+def test_untestable_only_where_the_claim_says_so():
+    """Property: a claim that data can decide cannot be waved through."""
+    ledger = claims.Ledger("90-test")
+    reasons = claims.published()["why"]
+    allowed = reasons.index[reasons.str.startswith(f"{NOT_TESTABLE}: ")]
+    assert ledger.untestable(allowed[0]) == reasons[allowed[0]]
+    with pytest.raises(WrongUsage, match="can be tested"):
+        ledger.untestable(FIRST)
+
+
+def test_verdicts_fill_in_what_is_to_come():
+    """Property: every published claim has a verdict, in order; without a run it is not yet run."""
+    assert (claims.verdicts()["verdict"] == NOT_YET).all()
+    claims.Ledger("90-test").check(SECOND, claims.published().loc[SECOND, "value"])
+    table = claims.verdicts()
+    assert list(table.index) == list(claims.published().index)
+    assert table["verdict"].value_counts().to_dict() == {REPRODUCED: 1, NOT_YET: len(table) - 1}
+    assert table.loc[SECOND, "notebook"] == "90-test"
+
+
+def test_table_lays_published_beside_reproduced():
+    """Property: the notebook's last table has a row a check, with numbers and verdict."""
+    ledger = claims.Ledger("90-test")
+    verdict = ledger.check(FIRST, 12.3456, 12.0, None)
+    row = ledger.table().loc[FIRST]
+    assert (row["reproduced"], row["95 % interval"]) == ("12.3", "12 to …")
+    assert row["published"] == f"{PUBLISHED['value']:g} {PUBLISHED['unit']}"
+    assert row["verdict"] == verdict
+
+
+def test_markdown_escapes_what_would_break_a_table():
+    """Property: a cell with a bar stays one cell."""
+    lines = claims.markdown(pd.DataFrame({"a": ["|x|", 2], "b": [3, 4]})).splitlines()
+    assert lines == ["| a | b |", "|---|---|", r"| \|x\| | 3 |", "| 2 | 4 |"]
