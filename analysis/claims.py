@@ -87,21 +87,6 @@ def numbers(row):
     return f"{value} ({_span(row.low, row.high)}{unit})".strip()
 
 
-def markdown(table):
-    """Write a table as Markdown, which notebooks and their readers elsewhere render alike.
-
-    Returns
-    -------
-    str
-    """
-
-    def line(cells):
-        return "| " + " | ".join(str(c).replace("|", r"\|") for c in cells) + " |"
-
-    head = [line(table.columns), "|" + "---|" * len(table.columns)]
-    return "\n".join(head + [line(row) for row in table.itertuples(index=False)])
-
-
 class Ledger:
     """The verdicts of one notebook; each check is written down at once.
 
@@ -194,6 +179,11 @@ class Ledger:
             raise WrongUsage(f"no claim '{claim}' in data/published/claims.csv")
         return self._published.loc[claim]
 
+    def _row(self, claim):
+        if claim not in self._published.index:
+            raise WrongUsage(f"no claim '{claim}' in data/published/claims.csv")
+        return self._published.loc[claim]
+
     def _write(self):
         mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)
         parts = [part[COLUMNS] for part in (self._others, mine) if len(part)]
@@ -206,9 +196,13 @@ class Ledger:
         os.replace(new, path)
 
 
+def _number(x):
+    return None if x is None or x != x or math.isinf(x) else float(x)
+
+
 def _short(x):
     """Three digits: what an interval of this kind means, and what another machine prints too."""
-    return None if x is None or x != x or math.isinf(x) else float(f"{x:.3g}")
+    return None if x is None else float(f"{x:.3g}")
 
 
 def _interval(entry):

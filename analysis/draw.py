@@ -1,4 +1,4 @@
-"""Pictures that more than one notebook draws: the four panels of a sensor, an Allan plot."""
+"""Pictures and tables that more than one notebook shows: four panels of a sensor, an Allan plot."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -70,8 +70,23 @@ def written(estimate):
     """
     if estimate.value is None:
         return f"unresolved ({interval(estimate)})"
-    factor, _ = customary(estimate.unit)
-    return f"{factor * estimate.value:.3g}  ({interval(estimate)})"
+    factor, unit = customary(estimate.unit)
+    return f"{factor * estimate.value:.3g} {unit}  ({interval(estimate)})"
+
+
+def markdown(table):
+    """Write a table as Markdown, which notebooks and their readers elsewhere render alike.
+
+    Returns
+    -------
+    str
+    """
+
+    def line(cells):
+        return "| " + " | ".join(str(c).replace("|", r"\|") for c in cells) + " |"
+
+    head = [line(table.columns), "|" + "---|" * len(table.columns)]
+    return "\n".join(head + [line(row) for row in table.itertuples(index=False)])
 
 
 def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):

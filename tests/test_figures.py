@@ -1,0 +1,230 @@
+"""The way out for figures: same bytes, provenance inside, and the numbers that are plotted."""
+
+import io
+import json
+import re
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image
+
+from analysis import ROOT, draw, figures
+from analysis.noise.estimate import Estimate
+
+NAME = "90-test"
+ORIGIN = {"seed": 7, "data": {"my.csv": "ab" * 32}, "rate_hz": 20.0, "note": "σ of ten runs"}
+
+
+def example():
+    """Draw one of everything."""
+    fig = Figure(figsize=(3.5, 2))
+    left, right = fig.subplots(1, 2)
+    left.loglog([0.01, 1.0, 100.0], [3.0, 0.3, 0.03], label="curve")
+    left.set_title("Allan\ndeviation")
+    right.scatter([1, 2], [3, 4], label="points")
+    right.set_ylabel("north (m)")
+    return fig
+
+
+def series(fig):
+    """Return what was captured: series -> its rows as lists of x, y, y2."""
+    table = figures.plotted_numbers(fig)
+    return {k: g[["x", "y", "y2"]].to_numpy() for k, g in table.groupby("series", sort=False)}
+
+
+def axes():
+    """Return the axes of an empty figure."""
+    return Figure().subplots()
+
+
+# --- save ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """Save the example twice, under different settings, into two folders."""
+    folders = [tmp_path_factory.mktemp("figures") / "deep" for _ in range(2)]
+    figures.save(example(), NAME, to=folders[0], **ORIGIN)
+    with mpl.rc_context({"savefig.dpi": 30, "pdf.fonttype": 3}):
+        figures.save(example(), NAME, to=folders[1], **ORIGIN)
+    return folders
+
+
+def provenance(folder):
+    """Read the provenance back from each of the three files."""
+    png = json.loads(Image.open(folder / f"{NAME}.png").text["Description"])
+    # Beyond ASCII a PDF string is UTF-16 with a mark in front; parentheses are escaped.
+    subject = re.search(rb"/Subject \((.*?)(?<!\\)\)", (folder / f"{NAME}.pdf").read_bytes(), re.S)
+    plain = re.sub(rb"\\([()\\])", rb"\1", subject[1])
+    head = [r for r in (folder / f"{NAME}.csv").read_text("utf-8").splitlines() if r[:1] == "#"]
+    pairs = (row.removeprefix("# ").split(": ", 1) for row in head)
+    csv = {key: json.loads(value) for key, value in pairs}
+    return {"png": png, "pdf": json.loads(plain.decode("utf-16")), "csv": csv}
+
+
+def test_same_inputs_same_bytes(saved):
+    """Property: two calls write the same bytes, whatever the settings of the session."""
+    for kind in ("pdf", "png", "csv"):
+        one, two = (folder / f"{NAME}.{kind}" for folder in saved)
+        assert one.read_bytes() == two.read_bytes() != b"", kind
+    assert sorted(p.name for p in saved[0].iterdir()) == [
+        f"{NAME}.{k}" for k in ("csv", "pdf", "png")
+    ]
+
+
+def test_provenance_is_in_all_three(saved):
+    """Property: notebook, seed, parameters, data and versions stand in PDF, PNG and CSV alike."""
+    found = provenance(saved[0])
+    assert found["png"] == found["pdf"] == found["csv"]
+    origin = found["csv"]
+    assert list(origin) == ["figure", "notebook", "seed", "parameters", "data", "versions"]
+    assert (origin["figure"], origin["notebook"], origin["seed"]) == (NAME, "90-your-own-log", 7)
+    assert origin["parameters"] == {"rate_hz": 20.0, "note": "σ of ten runs"}
+    assert origin["data"] == ORIGIN["data"]
+    assert origin["versions"]["matplotlib"] == mpl.__version__
+
+
+def test_no_path_and_no_date_inside(saved):
+    """Property: nothing tells the machine or the day, which would differ elsewhere."""
+    for path in saved[0].iterdir():
+        content = path.read_bytes()
+        for word in (ROOT, saved[0], "CreationDate", "ModDate", "date:create"):
+            for encoding in ("utf-8", "utf-16-be"):
+                assert str(word).encode(encoding) not in content, (path.name, word)
+    assert set(Image.open(saved[0] / f"{NAME}.png").text) == {"Description", "Software"}
+
+
+def test_sidecar_holds_the_plotted_numbers(saved):
+    """Property: the CSV reads back as what `plotted_numbers` says, in six digits."""
+    table = pd.read_csv(saved[0] / f"{NAME}.csv", comment="#")
+    expected = figures.plotted_numbers(example())
+    pd.testing.assert_frame_equal(table, expected, check_dtype=False, rtol=1e-6)
+
+
+def test_the_folder_comes_from_the_environment(tmp_path, monkeypatch):
+    """Property: COMPENDIUM_FIGURES decides; without it figures/ of the repository."""
+    monkeypatch.setenv("COMPENDIUM_FIGURES", str(tmp_path / "new"))
+    figures.save(example(), NAME)
+    assert len(list((tmp_path / "new").iterdir())) == 3
+    monkeypatch.delenv("COMPENDIUM_FIGURES")
+    assert figures.folder() == ROOT / "figures"
+
+
+def test_saving_leaves_the_settings_alone(tmp_path):
+    """Property: a call changes no setting of matplotlib."""
+    before = dict(mpl.rcParams)
+    figures.save(example(), NAME, to=tmp_path)
+    assert dict(mpl.rcParams) == before
+
+
+def test_a_picture_of_a_stated_size(saved):
+    """Analytic: 3.5 in at 220 dots an inch are 770 dots, whatever the screen."""
+    assert Image.open(io.BytesIO((saved[0] / f"{NAME}.png").read_bytes())).size == (770, 440)
+
+
+# --- plotted_numbers -----------------------------------------------------------------------------
+
+
+def test_panels_and_labels():
+    """Property: panels are numbered and named; what has no label is called by its kind."""
+    fig = example()
+    fig.axes[1].plot([0, 1], [5, 6])
+    table = figures.plotted_numbers(fig)
+    assert list(dict.fromkeys(table["panel"])) == ["1: Allan deviation", "2: north (m)"]
+    assert list(dict.fromkeys(table["series"])) == ["curve", "line", "points"]
+    assert list(table.columns) == ["panel", "series", "x", "y", "y2"]
+
+
+def test_numbers_on_log_axes_are_the_numbers():
+    """Analytic: an axis transforms the picture, not the numbers."""
+    found = series(example())["curve"]
+    np.testing.assert_array_equal(found[:, :2], [[0.01, 3.0], [1.0, 0.3], [100.0, 0.03]])
+    assert np.isnan(found[:, 2]).all()
+
+
+def test_points():
+    """Analytic: a scatter yields its points, missing ones too."""
+    ax = axes()
+    ax.scatter([1, 2, 3], [3.0, np.nan, 4.0], label="fixes")
+    np.testing.assert_array_equal(series(ax.figure)["fixes"][:, :2], [[1, 3], [2, np.nan], [3, 4]])
+
+
+def test_band():
+    """Analytic: a band yields lower and upper edge at each x."""
+    ax = axes()
+    x, low, high = np.arange(4.0), np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8])
+    ax.fill_between(x, low, high, label="95 %")
+    np.testing.assert_array_equal(series(ax.figure)["95 %"], np.c_[x, low, high])
+
+
+def test_bars():
+    """Analytic: a bar yields its middle, foot and head."""
+    ax = axes()
+    ax.bar([0.0, 1.0], [2.0, 5.0], width=1.0, align="edge", bottom=1.0, label="density")
+    np.testing.assert_array_equal(series(ax.figure)["density"], [[0.5, 1, 3], [1.5, 1, 6]])
+
+
+def test_error_bars():
+    """Analytic: error bars yield the points, and the ends of each bar."""
+    ax = axes()
+    ax.errorbar([1.0, 2.0], [10.0, 20.0], yerr=[[1, 2], [3, 4]], fmt="o", label="found")
+    found = series(ax.figure)
+    np.testing.assert_array_equal(found["line"][:, :2], [[1, 10], [2, 20]])
+    np.testing.assert_array_equal(found["bars"], [[1, 9, 13], [2, 18, 24]])
+
+
+def test_guides_that_are_no_data_are_left_out():
+    """Property: lines across the whole axes have no numbers of their own."""
+    ax = axes()
+    ax.axhline(3.0, label="level")
+    ax.axvline(1.0)
+    ax.annotate("text", (0, 0))
+    ax.legend()
+    assert figures.plotted_numbers(ax.figure).empty
+
+
+# --- drawing that notebooks share ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("estimate", "words"),
+    [
+        (Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1  (0.5 to 2 °/√h)"),
+        (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1  (0 to 2 °/h)"),
+        (Estimate(np.pi / 180 / 60, None, None, "rad/sqrt(s)"), "1  (no bound)"),
+        (Estimate.refused("s", "", low=12.0), "unresolved (at least 12 s)"),
+        (Estimate.refused("g", "", high=3e-6), "unresolved (at most 3 µg)"),
+        (Estimate.refused("m", ""), "unresolved (no bound)"),
+    ],
+)
+def test_estimates_are_written_in_the_units_of_the_trade(estimate, words):
+    """Analytic: 1 deg/sqrt(s) is 60 deg/sqrt(h), 1 deg/s is 3600 deg/h, 1 g is 1e6 µg."""
+    assert draw.written(estimate) == words
+
+
+@pytest.mark.parametrize(
+    ("bounds", "ends", "markers"),
+    [
+        ((2.0, 3.0), (2.0, 3.0), ["None"]),
+        ((2.0, None), (2.0, 3.6), ["None", ">", "|"]),
+        ((None, 3.0), (3.0 / 1.8, 3.0), ["None", "<", "|"]),
+        ((0.0, 3.0), (3.0 / 1.8, 3.0), ["None", "<", "|"]),
+    ],
+)
+def test_an_interval_bar_ends_where_the_interval_does(bounds, ends, markers):
+    """Property: from bound to bound, with an arrow on a side that is open (or 0 on a log axis)."""
+    ax = axes()
+    draw.interval_bar(ax, 0, Estimate.refused("s", "", low=bounds[0], high=bounds[1]))
+    assert tuple(sorted(ax.lines[0].get_xdata())) == pytest.approx(ends)  # rounding of a quotient
+    assert [line.get_marker() for line in ax.lines] == markers
+
+
+def test_no_bound_draws_no_bar():
+    """Property: without a bound there is a word and no line."""
+    ax = axes()
+    draw.interval_bar(ax, 0, Estimate.refused("s", ""))
+    assert not ax.lines
+    assert [text.get_text() for text in ax.texts] == ["no trace"]
