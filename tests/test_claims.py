@@ -5,7 +5,7 @@ import math
 import pandas as pd
 import pytest
 
-from analysis import WrongUsage, claims
+from analysis import WrongUsage, claims, draw
 from analysis.claims import NOT_REPRODUCED, NOT_TESTABLE, NOT_YET, REPRODUCED, judge
 
 OPEN = math.nan  # a side on which the claim is unbounded
@@ -169,5 +169,5 @@ def test_table_lays_published_beside_reproduced():
 
 def test_markdown_escapes_what_would_break_a_table():
     """Property: a cell with a bar stays one cell."""
-    lines = claims.markdown(pd.DataFrame({"a": ["|x|", 2], "b": [3, 4]})).splitlines()
+    lines = draw.markdown(pd.DataFrame({"a": ["|x|", 2], "b": [3, 4]})).splitlines()
     assert lines == ["| a | b |", "|---|---|", r"| \|x\| | 3 |", "| 2 | 4 |"]
