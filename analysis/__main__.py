@@ -143,12 +143,12 @@ def claims(options):
 
 def data(options):
     """Fetch, verify, rebuild, or list."""
-    from analysis import datasets, derived, logs
+    from analysis import datasets
 
     if options.write and not options.rebuild:
         raise WrongUsage("--write goes with --rebuild")
     if options.rebuild:
-        return _rebuild(options, datasets, derived, logs)
+        return _rebuild(options)
     if not options.names:
         for name in datasets.names():
             print(f"{'here' if datasets.available(name) else 'not here':<9} {name}")
@@ -160,7 +160,9 @@ def data(options):
     return None
 
 
-def _rebuild(options, datasets, derived, logs):
+def _rebuild(options):
+    from analysis import datasets, derived, logs
+
     known = [n for n, entry in logs.catalogue().items() if not entry.get("own")]
     unknown = set(options.names) - set(known)
     if unknown:
@@ -198,6 +200,8 @@ def main(arguments=None):
     except WrongUsage as error:
         print(f"wrong usage: {error}", file=sys.stderr)
         return 2
+    except BrokenPipeError:  # the reader of our output, such as `head`, has seen enough
+        sys.stdout = None
     except KeyboardInterrupt:
         print("stopped; what was finished is kept", file=sys.stderr)
         return 130

@@ -67,8 +67,8 @@ def rebuild(name, *, write=False, progress=True):
         The differences, one sentence each; empty if there are none.
     """
     result = compute(name, progress=progress)
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    new = Path(tempfile.mkdtemp(dir=FOLDER, prefix=".new-"))
+    # Beside the old ones only where it will replace them: comparing writes nothing into the tree.
+    new = Path(tempfile.mkdtemp(dir=FOLDER if write else None, prefix=".new-"))
     try:
         results.write(result, new)
         differ = _differences(name, results.read(new)) if name in stored() else ["not stored yet"]

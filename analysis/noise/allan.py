@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from analysis.noise.freedom import degrees_of_freedom
 
-BLOCK = 1 << 15  # samples handled at once: three such arrays stay inside a core's cache
+BLOCK = 1 << 14  # samples handled at once: three such arrays stay inside a core's cache
 FULL = 0.9  # a mean counts when at least this share of its samples is there
 
 
@@ -95,13 +95,14 @@ def _second_differences(phase, m):
     terms = len(phase) - 2 * m
     if terms < 1:
         return np.nan
-    total = 0.0
+    total, room = 0.0, np.empty(min(BLOCK, terms))
     for i in range(0, terms, BLOCK):
         stop = min(i + BLOCK, terms)
-        d = phase[i + 2 * m : stop + 2 * m] - phase[i + m : stop + m]
-        d -= phase[i + m : stop + m]
+        middle, d = phase[i + m : stop + m], room[: stop - i]
+        np.subtract(phase[i + 2 * m : stop + 2 * m], middle, out=d)
+        d -= middle
         d += phase[i:stop]
-        total += d @ d
+        total += np.einsum("i,i->", d, d)  # not a BLAS product: on short blocks its threads spin
     return total / (2 * terms * float(m) ** 2)
 
 
@@ -116,7 +117,7 @@ def _differences_of_partial_means(phase, count, m):
     if not pair.any():
         return np.nan
     d = (mean[m:] - mean[:-m])[pair]
-    return d @ d / (2 * len(d))
+    return np.einsum("i,i->", d, d) / (2 * len(d))
 
 
 def allantools_deviation(y, dt, m):

@@ -225,8 +225,8 @@ def _no_bias(residual, dt, unit, drift):
     """Refuse the bias where only white noise is seen; bound it by the longest averages."""
     means = block_means(residual, max(len(residual) // FEWEST, 1))
     note = "at no averaging window does a correlated bias stand out of the white noise"
-    count = np.isfinite(residual).sum()
-    error = np.sqrt(12 / count) * np.nanstd(residual) / (len(residual) * dt)
+    # Of the averages, not of the samples: they hold whatever bias went unseen below the noise.
+    error = np.sqrt(12 / len(means)) * np.nanstd(means) / (len(residual) * dt)
     return {
         "corr_time": Estimate.refused("s", note),
         "sigma_b": Estimate.refused(unit, note, high=2 * float(np.nanstd(means))),
