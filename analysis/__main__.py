@@ -8,6 +8,7 @@ import sys
 
 from analysis import CannotAnswer, WrongUsage
 
+ABOUT = "Rerun the compendium, and characterise inertial sensors from their static logs."
 EPILOGS = {
     "reproduce": """examples:
   python -m analysis reproduce          every notebook in order, the index last
@@ -44,7 +45,7 @@ def parser():
     -------
     argparse.ArgumentParser
     """
-    top = argparse.ArgumentParser(prog="python -m analysis", description=__doc__.split("\n")[0])
+    top = argparse.ArgumentParser(prog="python -m analysis", description=ABOUT)
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def add(name, about):
@@ -209,4 +210,6 @@ def main(arguments=None):
 
 
 if __name__ == "__main__":
+    for stream in (sys.stdout, sys.stderr):  # a terminal without Greek letters ends no run
+        stream.reconfigure(errors="replace")
     sys.exit(main())

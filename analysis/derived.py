@@ -67,6 +67,8 @@ def rebuild(name, *, write=False, progress=True):
         The differences, one sentence each; empty if there are none.
     """
     result = compute(name, progress=progress)
+    if write:
+        FOLDER.mkdir(parents=True, exist_ok=True)
     # Beside the old ones only where it will replace them: comparing writes nothing into the tree.
     new = Path(tempfile.mkdtemp(dir=FOLDER if write else None, prefix=".new-"))
     try:

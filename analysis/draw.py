@@ -89,6 +89,11 @@ def markdown(table):
     return "\n".join(head + [line(row) for row in table.itertuples(index=False)])
 
 
+def plain(text):
+    """Keep a dollar sign in a reader's own name from starting a formula."""
+    return text.replace("$", r"\$")
+
+
 def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
     """Draw an Allan deviation with its 95 % band on log-log axes with equal decades.
 
@@ -175,9 +180,9 @@ def four_panels(noise, title, *, fig=None):
     fig = fig or plt.figure(figsize=(DOUBLE, 4.6))
     (short, adev), (whole, acov) = fig.subplots(2, 2)
     unit = pretty(noise.unit)
-    fig.suptitle(title, fontsize=9)
+    fig.suptitle(plain(title), fontsize=9)
     short.plot(*noise.short, color="C0", lw=0.5)
-    short.set(title="first 15 s", xlabel="time (s)", ylabel=f"{noise.name} ({unit})")
+    short.set(title="first 15 s", xlabel="time (s)", ylabel=f"{plain(noise.name)} ({unit})")
     allan(adev, noise.allan, noise.unit, guides=True)
     adev.set_title("Allan deviation")
     adev.legend()
@@ -204,11 +209,11 @@ def together(result):
     """
     units = list(dict.fromkeys(c.unit for c in result.channels))
     fig = plt.figure(figsize=(DOUBLE, 3.2))
-    fig.suptitle(result.source["title"], fontsize=9)
+    fig.suptitle(plain(result.source["title"]), fontsize=9)
     for ax, unit in zip(np.atleast_1d(fig.subplots(1, len(units))), units, strict=True):
         shown = [c for c in result.channels if c.unit == unit]
         for i, c in enumerate(shown):
-            allan(ax, c.allan, unit, label=c.name, color=f"C{i}")
+            allan(ax, c.allan, unit, label=plain(c.name), color=f"C{i}")
         ax.legend()
     return fig
 
@@ -219,5 +224,5 @@ def _whole_log(ax, noise, unit):
     centre = t.mean()
     ax.plot(t / 3600, y, lw=0.5, color="C0", label="log, averaged")
     ax.plot(t[[0, -1]] / 3600, mean + slope * (t[[0, -1]] - centre), color="C3", label="line")
-    ax.set(title="whole log", xlabel="time (h)", ylabel=f"{noise.name} ({unit})")
+    ax.set(title="whole log", xlabel="time (h)", ylabel=f"{plain(noise.name)} ({unit})")
     ax.legend()

@@ -41,7 +41,10 @@ def write(log, out, *, progress=True):
     out = Path(out)
     if out.exists() and not out.is_dir():
         raise WrongUsage(f"--out {out.name}: there is a file of that name; name a folder")
-    result = results.characterise_log(log, progress=progress)
+    try:
+        result = results.characterise_log(log, progress=progress)
+    except CannotAnswer as error:
+        raise CannotAnswer(f"{log.file}, {error}; --columns can leave a channel out") from error
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))

@@ -192,9 +192,9 @@ def test_guides_that_are_no_data_are_left_out():
 @pytest.mark.parametrize(
     ("estimate", "words"),
     [
-        (Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1  (0.5 to 2 °/√h)"),
-        (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1  (0 to 2 °/h)"),
-        (Estimate(np.pi / 180 / 60, None, None, "rad/sqrt(s)"), "1  (no bound)"),
+        (Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1 °/√h  (0.5 to 2 °/√h)"),
+        (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1 °/h  (0 to 2 °/h)"),
+        (Estimate(np.pi / 180 / 60, None, None, "rad/sqrt(s)"), "1 °/√h  (no bound)"),
         (Estimate.refused("s", "", low=12.0), "unresolved (at least 12 s)"),
         (Estimate.refused("g", "", high=3e-6), "unresolved (at most 3 µg)"),
         (Estimate.refused("m", ""), "unresolved (no bound)"),

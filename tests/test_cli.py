@@ -1,0 +1,418 @@
+"""The command line: what it writes, what it refuses and how, and that its help teaches."""
+
+import base64
+import contextlib
+import io
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis import __main__ as cli
+from analysis import claims, datasets, derived, report, reproduce
+
+COMMANDS = ["reproduce", "report", "claims", "data"]
+HEADER = "t_s,gyro_x_deg_s"
+READINGS = np.random.default_rng(5).normal(0.1, 0.01, 600)
+ROWS = [f"{i / 100:.2f},{y:.6f}" for i, y in enumerate(READINGS)]
+
+
+def run(*arguments):
+    """Run the command line in this process.
+
+    Returns
+    -------
+    status, out, err : int, str, str
+    """
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            status = cli.main([str(a) for a in arguments])
+        except SystemExit as stop:  # how argparse ends
+            status = stop.code
+    return status, out.getvalue(), err.getvalue()
+
+
+def write(folder, rows=ROWS, header=HEADER, name="my.csv", end="\n"):
+    """Write a CSV log and return its path."""
+    path = folder / name
+    path.write_text("\n".join([header, *rows] if header else rows) + end, encoding="utf-8")
+    return path
+
+
+def files(folder):
+    """Return every file under a folder -> its bytes."""
+    return {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def model(folder):
+    """Return model.json of a report."""
+    return json.loads((folder / "model.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(autouse=True)
+def nothing_but_the_repository(tmp_path, monkeypatch):
+    """Look for raw logs in what is committed only, as on a fresh clone."""
+    monkeypatch.delenv(datasets.FOLDER_VARIABLE, raising=False)
+    monkeypatch.setattr(datasets, "DOWNLOADED", tmp_path / "downloaded")
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    """Report once on a small log with a time column: folder, stdout, stderr."""
+    folder = tmp_path_factory.mktemp("good")
+    status, out, err = run("report", write(folder), "--out", folder / "mine")
+    assert status == 0
+    return SimpleNamespace(folder=folder / "mine", out=out, err=err)
+
+
+# --- help ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_teaches(command):
+    """Property: each command's help has examples, and every example is one that parses."""
+    status, text, err = run(command, "--help")
+    assert (status, err) == (0, "")
+    examples = re.findall(r"^  python -m analysis (.*?)(?:  .*)?$", text, re.M)
+    assert len(examples) >= 2
+    for example in examples:
+        assert cli.parser().parse_args(shlex.split(example)).command == command
+
+
+def test_help_lists_every_command_and_explains_every_option():
+    """Property: no command and no option without a word on it."""
+    status, text, _ = run("--help")
+    assert status == 0
+    assert all(re.search(rf"^ +{command}\s+\w", text, re.M) for command in COMMANDS)
+    _, text, _ = run("report", "--help")
+    for option in ("--rate", "--time", "--columns", "--unit", "--kind", "--from", "--to", "--out"):
+        assert re.search(rf"^  {option} .*\n?.*\w", text, re.M), option
+
+
+# --- report --------------------------------------------------------------------------------------
+
+
+def test_report_writes_the_contract(good):
+    """Property: model.json, report.html and figures; where they are is said, and nothing else."""
+    names = {str(path) for path in files(good.folder)}
+    pictures = {f"figures/{n}.{k}" for n in ("gyro_x", "allan") for k in ("pdf", "png", "csv")}
+    assert names == {"model.json", "report.html"} | pictures
+    assert good.err == ""
+    assert f"{good.folder}/report.html" in good.out
+    channel = model(good.folder)["channels"][0]
+    assert (channel["name"], channel["unit"], channel["kind"]) == ("gyro_x", "deg/s", "rate")
+    assert [p.name for p in good.folder.parent.iterdir() if p.name.startswith(".")] == []
+
+
+def test_page_stands_alone(good):
+    """Property: nothing is fetched: pictures inside, no script, no link, no path of the machine."""
+    page = (good.folder / "report.html").read_text(encoding="utf-8")
+    sources = re.findall(r'<img[^>]* src="([^"]*)"', page)
+    assert len(sources) == 2
+    for source, name in zip(sources, ("allan", "gyro_x"), strict=True):
+        kind, data = source.split(",")
+        assert kind == "data:image/png;base64"
+        assert base64.b64decode(data) == (good.folder / f"figures/{name}.png").read_bytes()
+    rest = re.sub(r'src="data:[^"]*"', "", page)
+    assert not re.search(r"https?://|<script|<link|href=|@import|url\(", rest)
+    for text in (rest, (good.folder / "model.json").read_text(encoding="utf-8")):
+        assert str(good.folder.parent) not in text
+
+
+def test_page_and_terminal_say_the_same(good):
+    """Property: each parameter's name, value and interval stand in both."""
+    page = (good.folder / "report.html").read_text(encoding="utf-8")
+    parameters = model(good.folder)["channels"][0]["parameters"]
+    for key, e in parameters.items():
+        line = next(
+            row for row in good.out.splitlines() if row.startswith(f"  {report.NAMES[key]}")
+        )
+        cell = re.search(rf"<td>{re.escape(report.NAMES[key])}</td>(.*?)</tr>", page, re.S)[1]
+        number, interval = (c.strip() for c in re.findall(r'class="number">(.*?)</td>', cell, re.S))
+        assert line.split(report.NAMES[key])[1].split() == f"{number} {interval}".split()
+        assert (number == "not resolved") == (e["value"] is None)
+
+
+def test_report_of_a_catalogued_log(tmp_path):
+    """Property: a name of the catalogue will do; licence and what was assumed are on the page."""
+    status, out, err = run("report", "f9p-static", "--out", tmp_path / "f9p")
+    assert (status, err) == (0, "")
+    assert [c["name"] for c in model(tmp_path / "f9p")["channels"]] == ["north", "east", "down"]
+    page = (tmp_path / "f9p" / "report.html").read_text(encoding="utf-8")
+    assert "BSD-2-Clause" in page
+    for repair in model(tmp_path / "f9p")["source"]["repairs"]:
+        assert repair in page
+        assert f"note: {repair}" in out
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "options"),
+    [
+        ("gyro_x_deg_s", slice(1, 2), ["--rate", "100"]),
+        (None, slice(0, 2), ["--rate", "100", "--columns", "2", "--unit", "deg/s"]),
+        ("when,gx", slice(0, 2), ["--time", "when", "--columns", "gx", "--unit", "dps"]),
+    ],
+    ids=["without time", "by number", "by name"],
+)
+def test_one_log_asked_for_in_many_ways(tmp_path, monkeypatch, good, header, columns, options):
+    """Property: with or without time column and header, the same readings give the same model."""
+    monkeypatch.setattr(report, "_draw", lambda result, folder: folder.mkdir())
+    monkeypatch.setattr(report, "_page", lambda result, folder: "")
+    rows = [",".join(row.split(",")[columns]) for row in ROWS]
+    path = write(tmp_path, rows, header)
+    status, _, err = run("report", path, "--out", tmp_path / "mine", *options)
+    assert (status, err) == (0, "")
+    found, expected = (model(f)["channels"][0] for f in (tmp_path / "mine", good.folder))
+    for key in ("unit", "kind", "parameters", "allan", "line"):
+        assert found[key] == expected[key]
+
+
+def test_what_is_repaired_is_said_on_the_page(tmp_path):
+    """Property: NaN, a gap, a row written twice and a cut-off end are read, and each is stated."""
+    rows = [*ROWS[:50], "0.50,nan", *ROWS[51:200], ROWS[199], *ROWS[200:300], *ROWS[320:-1]]
+    path = write(tmp_path, [*rows, "5.99,0."], end="")
+    status, out, err = run("report", path, "--out", tmp_path / "mine")
+    assert (status, err) == (0, "")
+    page = (tmp_path / "mine" / "report.html").read_text(encoding="utf-8")
+    source = model(tmp_path / "mine")["source"]
+    assert (source["gaps"], len(source["repairs"])) == (1, 4)
+    for words in ("line 52, column", "written twice", "1 gap: 20 of", "is cut off and was dropped"):
+        assert sum(words in repair for repair in source["repairs"]) == 1, words
+        assert words in page
+        assert words in out
+
+
+def test_three_seconds_are_too_short_for_what_is_slow(tmp_path, monkeypatch):
+    """Property: a 3 s log is answered as far as it goes: white noise, and no correlation time."""
+    monkeypatch.setattr(report, "_draw", lambda result, folder: folder.mkdir())
+    monkeypatch.setattr(report, "_page", lambda result, folder: "")
+    status, _, err = run("report", write(tmp_path, ROWS[:300]), "--out", tmp_path / "mine")
+    assert (status, err) == (0, "")
+    parameters = model(tmp_path / "mine")["channels"][0]["parameters"]
+    for name in ("corr_time", "sigma_b", "bias_instability"):
+        assert (parameters[name]["value"], parameters[name]["high"] is None) != (None, None)
+        assert not parameters[name]["resolved"]
+        assert parameters[name]["note"]
+
+
+def test_a_file_name_is_shown_as_it_is(tmp_path):
+    """Property: a name is neither a formula nor markup, and need not be ASCII."""
+    path = write(tmp_path, name="<b> costs $_{5$ & µ.csv")
+    status, _, err = run("report", path, "--out", tmp_path / "mine")
+    assert (status, err) == (0, "")
+    assert model(tmp_path / "mine")["source"]["file"] == path.name
+    page = (tmp_path / "mine" / "report.html").read_text(encoding="utf-8")
+    assert "<h1>&lt;b&gt; costs $_{5$ &amp; µ.csv</h1>" in page
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+BACKWARD = [*ROWS[:100], *ROWS[90:]]
+GRAVITY = [f"{i / 100},0.01,{0.02 + i % 2 / 100},{1 + i % 3 / 100}" for i in range(200)]
+ACCEL = "t_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"
+REFUSED = {
+    # the data cannot support an answer: 1
+    "text in a number column": (
+        [*ROWS[:50], "0.50,abc", *ROWS[51:]], HEADER, [], 1, ("line 52", "'gyro_x_deg_s'", "'abc'"),
+    ),
+    "backward time": (BACKWARD, HEADER, [], 1, ("line 102", "'t_s'", "backward", "--rate")),
+    "time that stands still": ([f"1,{i % 7}" for i in range(200)], HEADER, [], 1, ("'t_s'",)),
+    "NaN by the dozen": (
+        [row if i % 5 else f"{i / 100},nan" for i, row in enumerate(ROWS)], HEADER, [], 1,
+        ("line 2", "'gyro_x_deg_s'", "120 of 600", "--from"),
+    ),
+    "a long gap": ([*ROWS[:50], *ROWS[200:]], HEADER, [], 1, ("line 52", "'t_s'", "150 of 600")),
+    "nothing": ([], "", [], 1, ("line 1", "empty")),
+    "a header only": ([], HEADER, [], 1, ("line 1", "no data")),
+    "half a second": (ROWS[:50], HEADER, [], 1, ("line 51", "'gyro_x_deg_s'", "50 samples")),
+    "a constant": (
+        [f"{i / 100},1.5" for i in range(200)], HEADER, [], 1, ("gyro_x", "1.5", "--columns"),
+    ),
+    # the question can be put better: 2
+    "no rate": (
+        [row.split(",")[1] for row in ROWS], "gyro_x_deg_s", [], 2, ("line 1", "--rate", "--time"),
+    ),
+    "unknown column": (
+        ROWS, HEADER, ["--columns", "gyro_y"], 2, ("'gyro_y'", "closest: 'gyro_x_deg_s'"),
+    ),
+    "no unit": (ROWS, "t_s,reading", [], 2, ("reading", "--unit")),
+    "g given as m/s^2": (GRAVITY, ACCEL, [], 2, ("accel_z", "1.01 m/s^2", "--unit g")),
+    "a rate of nil": (ROWS, HEADER, ["--rate", "0"], 2, ("rate", "positive")),
+    "past the end": (ROWS, HEADER, ["--from", "60"], 2, ("60 s", "5.99 s")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals(tmp_path, case):
+    """Property: the right exit status, one sentence that names the place, and nothing written."""
+    rows, header, options, expected, words = REFUSED[case]
+    path = write(tmp_path, rows, header, end="\n" if header else "")
+    status, out, err = run("report", path, "--out", tmp_path / "deep" / "mine", *options)
+    assert (status, out) == (expected, "")
+    assert err.startswith(("", "cannot answer: ", "wrong usage: ")[expected])
+    assert err.count("\n") == 1 and err.endswith("\n")
+    for word in ("my.csv", *words):
+        assert word in err, word
+    assert str(tmp_path) not in err
+    assert os.listdir(tmp_path) == ["my.csv"]
+
+
+def test_a_refusal_leaves_an_earlier_report_alone(tmp_path, good):
+    """Property: refused is refused: what lay in the folder lies there still, byte for byte."""
+    shutil.copytree(good.folder, tmp_path / "mine")
+    status, _, _ = run("report", write(tmp_path, BACKWARD), "--out", tmp_path / "mine")
+    assert status == 1
+    assert files(tmp_path / "mine") == files(good.folder)
+
+
+def test_a_second_report_replaces_the_first_and_keeps_other_files(tmp_path, good):
+    """Property: the same log gives the same bytes again; what is not the report's stays."""
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "model.json").write_text("old")
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    status, _, _ = run("report", write(tmp_path), "--out", tmp_path / "mine")
+    assert status == 0
+    found = files(tmp_path / "mine")
+    assert found.pop(next(p for p in found if p.name == "notes.txt")) == b"mine"
+    assert found == files(good.folder)
+
+
+def test_failing_halfway_leaves_nothing(tmp_path, monkeypatch):
+    """Property: whatever goes wrong after the pictures are drawn, nothing half-written stays."""
+
+    def stop(result, folder):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(report, "_page", stop)
+    status, out, err = run("report", write(tmp_path), "--out", tmp_path / "mine")
+    assert (status, out) == (130, "")
+    assert err == "stopped; what was finished is kept\n"
+    assert os.listdir(tmp_path) == ["my.csv"]
+
+
+@pytest.mark.parametrize(("out", "expected"), [("my.csv", 2), ("my.csv/mine", 1)])
+def test_no_folder_can_be_where_a_file_is(tmp_path, out, expected):
+    """Property: an --out that cannot be is refused, and the file in its place stays."""
+    path = write(tmp_path)
+    before = path.read_bytes()
+    status, _, err = run("report", path, "--out", tmp_path / out)
+    assert status == expected
+    assert "--out" in err and err.count("\n") == 1
+    assert path.read_bytes() == before
+
+
+# --- the other commands --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [], ["nonsense"], ["report", "f9p-static"], ["report", "nothing.csv", "--out", "x"],
+        ["report", "f9p-static", "--out", "x", "--rate", "fast"], ["claims", "no-paper"],
+        ["data", "no-folder"], ["data", "--write"], ["data", "--rebuild", "no-log"],
+        ["reproduce", "77"],
+    ],
+    ids=" ".join,
+)  # fmt: skip
+def test_unknown_names_are_wrong_usage(tmp_path, monkeypatch, arguments):
+    """Property: exit status 2, the word that is wrong on stderr, and nothing is made."""
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run(*arguments)
+    assert (status, out) == (2, "")
+    assert err
+    assert "Traceback" not in err
+    assert not os.listdir(tmp_path)
+
+
+def test_claims_prints_every_verdict():
+    """Property: each claim stands there once, and the counts add up."""
+    published = claims.published()
+    for paper in (None, "terrain", "comparison", "tracker"):
+        status, out, err = run("claims", *[paper] if paper else [])
+        wanted = published if paper is None else published[published["paper"] == paper]
+        assert (status, err) == (0, "")
+        rows, counts = out.split("\n\n")
+        assert [row.split()[0] for row in rows.splitlines()] == list(wanted.index)
+        assert sum(int(row.split()[0]) for row in counts.splitlines()) == len(wanted)
+
+
+def test_data_lists_and_verifies():
+    """Property: every registered file is listed as here or not; a name is verified."""
+    status, out, _ = run("data")
+    assert status == 0
+    places = {row[10:]: row[:9].strip() for row in out.splitlines()}
+    assert list(places) == datasets.names()
+    assert {name for name, place in places.items() if place == "here"} == set(
+        datasets.names("gpsd-logs")
+    )
+    assert run("data", "gpsd-logs/rx210.log") == (0, "verified  gpsd-logs/rx210.log\n", "")
+
+
+def test_data_rebuilds_compares_and_replaces(tmp_path, monkeypatch):
+    """Property: equal as committed; a changed number is found and named; --write puts it right."""
+    before = files(derived.FOLDER)
+    assert run("data", "--rebuild", "f9p-static") == (0, "equal     f9p-static\n", "")
+    assert files(derived.FOLDER) == before
+    monkeypatch.setattr(derived, "FOLDER", tmp_path)
+    shutil.copytree(derived.DATA / "derived" / "f9p-static", tmp_path / "f9p-static")
+    expected = files(tmp_path)
+    path = tmp_path / "f9p-static" / "model.json"
+    stored = json.loads(path.read_text(encoding="utf-8"))
+    stored["channels"][1]["parameters"]["sigma_v"]["value"] = 7.0
+    path.write_text(json.dumps(stored), encoding="utf-8")
+    assert run("data", "--rebuild", "f9p-static") == (
+        1,
+        "differs   f9p-static\n",
+        "cannot answer: f9p-static, east: sigma_v differs\n",
+    )
+    status, out, _ = run("data", "--rebuild", "--write", "f9p-static")
+    assert (status, out) == (0, "written   f9p-static\n")
+    assert files(tmp_path) == expected
+
+
+def test_data_leaves_out_what_is_not_here():
+    """Property: without the raw file nothing is compared, which is said and is no failure."""
+    status, out, err = run("data", "--rebuild", "adis16405")
+    assert (status, err) == (0, "")
+    assert out.startswith("left out  adis16405: the log file adis16405-static/")
+    assert out.endswith("1 of 1 left out for want of raw files\n")
+
+
+def test_reproduce_ends_with_the_table(monkeypatch):
+    """Property: a row a notebook, the index last, and the sums."""
+    made = {"00-index": (2.0, 0, 0), "10-static-logs": (30.04, 31, 40)}
+    monkeypatch.setattr(
+        reproduce, "execute", lambda path, progress: reproduce.Run(path.stem, *made[path.stem])
+    )
+    status, out, _ = run("reproduce", "00", "notebooks/10-static-logs.ipynb")
+    assert status == 0
+    assert [row.split() for row in out.splitlines()] == [
+        ["notebook", "seconds", "figures", "claims", "checked"],
+        ["10-static-logs", "30.0", "31", "40"],
+        ["00-index", "2.0", "0", "0"],
+        ["all", "32.0", "31", "40"],
+    ]
+
+
+def test_from_another_folder_on_a_terminal_without_greek(tmp_path, good):
+    """Property: as a program of its own, anywhere, in ASCII: the same model, no traceback."""
+    write(tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-m", "analysis", "report", "my.csv", "--out", "mine"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"mine/report.html" in done.stdout
+    name = "model.json"
+    assert (tmp_path / "mine" / name).read_bytes() == (good.folder / name).read_bytes()

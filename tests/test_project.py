@@ -1,0 +1,127 @@
+"""The project itself: three lists of packages in step, notebooks in form, layers kept apart."""
+
+import ast
+import re
+import subprocess
+import tomllib
+
+import nbformat
+import pandas as pd
+import pytest
+import yaml
+from packaging.requirements import Requirement
+
+from analysis import ROOT
+
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+MODULES = sorted((ROOT / "analysis").rglob("*.py"))
+HEADER = ("Reproduces", "Question", "Needs", "Makes", "Runtime", "Code")
+
+
+def tracked():
+    """List the files that git tracks, or skip where there is no checkout."""
+    run = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if run.returncode:
+        pytest.skip("not a git checkout")
+    return [ROOT / line for line in run.stdout.splitlines()]
+
+
+def project_requirements():
+    """Read what pyproject.toml asks for, tests included: name -> range."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = project["dependencies"] + project["optional-dependencies"]["test"]
+    return {r.name: str(r.specifier) for r in map(Requirement, wanted)}
+
+
+def test_environment_is_in_step():
+    """property: environment.yml asks for the same packages in the same ranges, and this project."""
+    listed = yaml.safe_load((ROOT / "environment.yml").read_text())["dependencies"]
+    pip = next(entry["pip"] for entry in listed if isinstance(entry, dict))
+    assert "-e ." in pip
+    found = {r.name: str(r.specifier) for r in map(Requirement, set(pip) - {"-e ."})}
+    assert found == project_requirements()
+    python = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"]
+    assert f"python{python}" in listed
+
+
+def test_lock_is_in_step():
+    """property: each package is pinned inside its range, for every Python, and with hashes."""
+    text = (ROOT / "requirements.lock").read_text()
+    pins = re.findall(
+        r"^([A-Za-z0-9_.-]+)==([^ ;\\]+)[^\n]*\\\n((?: +--hash[^\n]*\n)+)", text, re.M
+    )
+    assert len(pins) == len(re.findall(r"^[A-Za-z]", text, re.M))
+    assert all("--hash=sha256:" in hashes for _, _, hashes in pins)
+    for name, wanted in project_requirements().items():
+        versions = [version for pinned, version, _ in pins if pinned == name]
+        assert versions, f"{name} is not pinned: run `make lock`"
+        for version in versions:
+            assert version in Requirement(f"x{wanted}").specifier, name
+
+
+def test_no_index_and_no_machine_in_any_file():
+    """property: no file names a package index, nor a path of the machine it was written on."""
+    # Written in pieces, so that this file does not hold what it looks for.
+    index = ["pypi" + r"\.org", "--(extra-)?index" + "-url ", "--find" + "-links "]
+    unwanted = re.compile("|".join([*index, r"(?<![\w.])/(root|home|work|Users)" + "/"]))
+    for path in tracked():
+        if path.suffix in {".pdf", ".png", ".log"} or not path.exists():
+            continue
+        found = unwanted.search(path.read_text(encoding="utf-8"))
+        assert not found, f"{path.name}: {found and found[0]}"
+
+
+def test_ci_calls_the_readme_command():
+    """property: CI, README and Makefile speak of one test command."""
+    assert "make test" in (ROOT / ".ci" / "run").read_text()
+    assert "make test" in (ROOT / "README.md").read_text()
+    assert re.search(r"^test:", (ROOT / "Makefile").read_text(), re.M)
+
+
+def test_nothing_large_is_committed():
+    """property: no tracked file is over 2 MB."""
+    large = [p.name for p in tracked() if p.exists() and p.stat().st_size > 2_000_000]
+    assert large == []
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_notebook_form(path):
+    """property: title, six lines, parameters, executed cells of a readable length, no error."""
+    notebook = nbformat.read(path, as_version=4)
+    first = notebook.cells[0].source
+    assert first.startswith("# ")
+    positions = [first.find(f"**{word}**") for word in HEADER]
+    assert -1 not in positions and positions == sorted(positions)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    tagged = [c for c in code if "parameters" in c.metadata.get("tags", [])]
+    assert len(tagged) == (0 if path.stem.startswith("00") else 1)
+    assert [c.execution_count for c in code] == list(range(1, len(code) + 1))
+    assert max(len(c.source.splitlines()) for c in code) <= 30
+    outputs = [o for c in code for o in c.outputs]
+    assert not [o for o in outputs if o.output_type == "error" or o.get("name") == "stderr"]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT / "analysis")))
+def test_modules_are_short_and_layered(path):
+    """property: at most 300 lines; pure modules import neither the way in nor the way out."""
+    text = path.read_text()
+    assert len(text.splitlines()) <= 300
+    imported = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom):
+            imported |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    if path.parent.name == "noise":
+        outside = {"logs", "datasets", "intake", "figures", "draw", "claims", "report", "results"}
+        assert not {i for i in imported if i.removeprefix("analysis.").split(".")[0] in outside}
+        assert "matplotlib" not in text and "open(" not in text
+
+
+def test_coverage_names_the_figures_there_are():
+    """property: each figure and table of the papers has our figures, or the reason for none."""
+    coverage = pd.read_csv(ROOT / "data" / "published" / "coverage.csv", keep_default_na=False)
+    for row in coverage.itertuples():
+        names = [name for name in row.figures.split(";") if name]
+        assert names or row.reason, f"{row.paper} {row.item}"
+        for name in names:
+            for suffix in (".pdf", ".png", ".csv"):
+                assert (ROOT / "figures" / f"{name}{suffix}").exists(), name
