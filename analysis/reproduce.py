@@ -92,8 +92,8 @@ def execute(path, *, progress=True):
         try:
             client.execute()
         except CellExecutionError as error:
-            last = str(error).strip().splitlines()[-1]
-            raise CannotAnswer(f"{path.name}: a cell failed: {last}") from error
+            what = f"{error.ename}: {error.evalue}".splitlines()[0]
+            raise CannotAnswer(f"{path.name}: a cell failed: {what}") from error
     # What would differ from one machine to the next is no result.
     notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
     nbformat.write(notebook, path)

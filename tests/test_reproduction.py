@@ -2,11 +2,12 @@
 
 import json
 
+import nbformat
 import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import ROOT, datasets, derived, logs
+from analysis import ROOT, CannotAnswer, datasets, derived, logs, reproduce
 
 COMMITTED = ROOT / "figures"
 FIGURES = sorted(p.stem for p in COMMITTED.glob("*.pdf"))
@@ -57,6 +58,19 @@ def test_derived_results_are_those_of_the_raw_log(name):
         assert derived.rebuild(name, progress=False) == []
     except datasets.NotHere as error:
         pytest.skip(str(error))
+
+
+def test_a_failing_notebook_is_named_and_left_as_it_was(tmp_path):
+    """property: the sentence names notebook and error, and no half-executed notebook is written."""
+    cells = [nbformat.v4.new_code_cell(source) for source in ("1 + 1", "1 / 0", "2 + 2")]
+    path = tmp_path / "10-broken.ipynb"
+    nbformat.write(nbformat.v4.new_notebook(cells=cells), path)
+    before = path.read_bytes()
+    with pytest.raises(
+        CannotAnswer, match=r"10-broken\.ipynb.*ZeroDivisionError: division by zero"
+    ):
+        reproduce.execute(path, progress=False)
+    assert path.read_bytes() == before
 
 
 def _sidecar(path):
