@@ -2,6 +2,7 @@
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.font_manager import findfont, get_font
 
 from analysis.figures import DOUBLE
 from analysis.noise import reading
@@ -90,8 +91,9 @@ def markdown(table):
 
 
 def plain(text):
-    """Keep a dollar sign in a reader's own name from starting a formula."""
-    return text.replace("$", r"\$")
+    """Keep a reader's own name from starting a formula, or asking for letters the font lacks."""
+    font = get_font(findfont("DejaVu Sans"))
+    return "".join(c if font.get_char_index(ord(c)) else "?" for c in text).replace("$", r"\$")
 
 
 def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):

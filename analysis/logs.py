@@ -192,7 +192,7 @@ def _choices(raw, stanza, wanted, unit, kind) -> tuple[list[Choice], list[str]]:
             named, _ = columns.choose(
                 [column], raw.file, [column], channel.get("unit", unit), channel.get("kind", kind)
             )
-            called = channel.get("name", named[0].name)
+            called = columns.tidy(channel.get("name", named[0].name))
             known.append(Choice(column, called, named[0].unit, named[0].kind))
         names = [choice.name for choice in known]
         picked = [columns.resolve(c, names, raw.file) for c in wanted] if wanted else names

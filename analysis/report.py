@@ -12,6 +12,7 @@ from jinja2 import Environment, FileSystemLoader, select_autoescape
 from analysis import CannotAnswer, WrongUsage, draw, figures, results
 
 TEMPLATES = Path(__file__).parent / "templates"
+JOINT = "all.allan"  # a dot, which no channel has in its name
 NAMES = {
     "arw": "angle random walk N",
     "vrw": "velocity random walk N",
@@ -85,7 +86,7 @@ def _draw(result, folder):
         figures.save(fig, channel.name, data=source, seed=result.source["seed"], to=folder)
         plt.close(fig)
     fig = draw.together(result)
-    figures.save(fig, "allan", data=source, seed=result.source["seed"], to=folder)
+    figures.save(fig, JOINT, data=source, seed=result.source["seed"], to=folder)
     plt.close(fig)
 
 
@@ -99,7 +100,7 @@ def _page(result, folder):
 
     return environment.get_template("report.html").render(
         source=result.source,
-        allan=picture("allan"),
+        allan=picture(JOINT),
         channels=[
             {"channel": c, "rows": rows(c), "picture": picture(c.name)} for c in result.channels
         ],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import nbformat
 import pandas as pd
 from nbclient import NotebookClient
-from nbclient.exceptions import CellExecutionError
+from nbclient.exceptions import CellExecutionError, DeadKernelError
 from tqdm import tqdm
 
 from analysis import ROOT, CannotAnswer, WrongUsage
@@ -94,6 +94,9 @@ def execute(path, *, progress=True):
         except CellExecutionError as error:
             what = f"{error.ename}: {error.evalue}".splitlines()[0]
             raise CannotAnswer(f"{path.name}: a cell failed: {what}") from error
+        except DeadKernelError as error:
+            why = "its kernel died, as it does when the memory runs out"
+            raise CannotAnswer(f"{path.name}: {why}; close what else is running") from error
     # What would differ from one machine to the next is no result.
     notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
     nbformat.write(notebook, path)

@@ -103,7 +103,7 @@ def test_help_lists_every_command_and_explains_every_option():
 def test_report_writes_the_contract(good):
     """Property: model.json, report.html and figures; where they are is said, and nothing else."""
     names = {str(path) for path in files(good.folder)}
-    pictures = {f"figures/{n}.{k}" for n in ("gyro_x", "allan") for k in ("pdf", "png", "csv")}
+    pictures = {f"figures/{n}.{k}" for n in ("gyro_x", "all.allan") for k in ("pdf", "png", "csv")}
     assert names == {"model.json", "report.html"} | pictures
     assert good.err == ""
     assert f"{good.folder}/report.html" in good.out
@@ -117,7 +117,7 @@ def test_page_stands_alone(good):
     page = (good.folder / "report.html").read_text(encoding="utf-8")
     sources = re.findall(r'<img[^>]* src="([^"]*)"', page)
     assert len(sources) == 2
-    for source, name in zip(sources, ("allan", "gyro_x"), strict=True):
+    for source, name in zip(sources, ("all.allan", "gyro_x"), strict=True):
         kind, data = source.split(",")
         assert kind == "data:image/png;base64"
         assert base64.b64decode(data) == (good.folder / f"figures/{name}.png").read_bytes()
