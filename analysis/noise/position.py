@@ -21,9 +21,9 @@ PER_SIGMA = np.sqrt(2 * np.log(2))  # CEP of a circular Gaussian of unit deviati
 def outliers(*axes):
     """Mark positions that stand alone: far from their neighbours in time, along any axis.
 
-    Far is more than 6 robust standard deviations of the whole log (1.4826 times the median absolute
-    deviation) from the median of the 11 positions around. A receiver that drifts away takes its
-    neighbours along, and stays; a communication error does not.
+    Far is more than 6 robust standard deviations of the whole log (its middle 95 % over 3.92) from
+    the median of the 11 positions around. A receiver that drifts away takes its neighbours along,
+    and stays; a communication error does not.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def outliers(*axes):
     """
     bad = np.zeros(len(axes[0]), dtype=bool)
     for axis in axes:
-        scale = 1.4826 * np.nanmedian(np.abs(axis - np.nanmedian(axis)))
+        scale = np.ptp(np.nanquantile(axis, [0.025, 0.975])) / 3.92
         bad |= np.abs(axis - median_filter(axis, NEIGHBOURS, mode="nearest")) > CUT * scale
     return bad
 
