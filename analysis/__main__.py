@@ -52,7 +52,7 @@ def parser():
         return commands.add_parser(
             name,
             help=about,
-            description=about,
+            description=about.replace("%%", "%"),
             epilog=EPILOGS[name],
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
@@ -66,7 +66,9 @@ def parser():
     one.add_argument("--rate", type=float, metavar="HZ", help="sampling rate; then no time column")
     one.add_argument("--time", metavar="COLUMN", help="the time column (found by name if left out)")
     one.add_argument("--columns", metavar="A,B", help="names or 1-based numbers of the channels")
-    one.add_argument("--unit", help="unit of the readings: deg/s, rad/s, deg/h, deg, g, m/s^2, m")
+    one.add_argument(
+        "--unit", help="unit of the readings: deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
+    )
     one.add_argument(
         "--kind", choices=["rate", "angle", "accel", "position"], help="if unit is not enough"
     )

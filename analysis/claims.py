@@ -61,8 +61,6 @@ def judge(value, low, high, agree_low, agree_high):
     """
     floor = -math.inf if math.isnan(agree_low) else agree_low
     ceiling = math.inf if math.isnan(agree_high) else agree_high
-    if value is not None and floor <= value <= ceiling:
-        return REPRODUCED
     if value is not None and low is None and high is None:  # known exactly
         low = high = value
     bottom, top = (-math.inf if low is None else low), (math.inf if high is None else high)
@@ -70,7 +68,11 @@ def judge(value, low, high, agree_low, agree_high):
         return NOT_REPRODUCED
     if value is None:
         return f"{NOT_TESTABLE}: the log leaves {_span(low, high)} open"
-    return f"{NOT_TESTABLE}: the 95 % interval {_span(low, high)} reaches into the claim's range"
+    if floor <= bottom and top <= ceiling:
+        return REPRODUCED
+    return (
+        f"{NOT_TESTABLE}: the 95 % interval {_span(low, high)} is partly outside the claim's range"
+    )
 
 
 def numbers(row):

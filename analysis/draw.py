@@ -134,33 +134,28 @@ def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
     ax.set(xlabel="averaging time τ (s)", ylabel=f"Allan deviation ({pretty(unit)})")
 
 
-def interval_bar(ax, y, estimate, *, color="C0"):
-    """Draw an estimate and its 95 % interval along x; an arrow where a side is open.
+def interval_bar(ax, y, estimate, *, scale=1.0, color="C0"):
+    """Draw an estimate over `scale` with its 95 % interval along x; an open side runs to the edge.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
-        With x on a log scale.
+        Its limits along x must be set.
     y : float
         Where on the other axis.
     estimate : Estimate
+    scale : float
+        What counts as 1.
     color : str
     """
-    low, high = estimate.low, estimate.high
-    if low is None and high is None:
-        ax.annotate("no trace", (0.5, y), xycoords=("axes fraction", "data"), va="center",
-                    ha="center", fontsize=7, color="0.4")  # fmt: skip
-        return
-    if low and high:
-        ax.plot([low, high], [y, y], color=color, lw=1.5)
-    else:
-        at, marker = (low, ">") if low else (high, "<")
-        away = at * (1.8 if low else 1 / 1.8)
-        ax.plot([at, away], [y, y], color=color, lw=1.5)
-        ax.plot(away, y, marker, color=color, ms=4)
-        ax.plot(at, y, "|", color=color, ms=6)
+    edges = ax.get_xlim()
+    low, high = ((v / scale if v else None) for v in (estimate.low, estimate.high))
+    ends = [edges[0] if low is None else low, edges[1] if high is None else high]
+    ax.plot(ends, [y, y], color=color, lw=1.5)
+    for end, known, marker in zip(ends, (low, high), ("<", ">"), strict=True):
+        ax.plot(end, y, "|" if known else marker, color=color, ms=6, clip_on=False)
     if estimate.value is not None:
-        ax.plot(estimate.value, y, "o", color=color, ms=3)
+        ax.plot(estimate.value / scale, y, "o", color=color, ms=3)
 
 
 def four_panels(noise, title, *, fig=None):
@@ -191,9 +186,9 @@ def four_panels(noise, title, *, fig=None):
     _whole_log(whole, noise, unit)
     for window, (lag, cov) in noise.autocorrelation.items():
         acov.plot(lag, cov, lw=0.9, label=f"{window:g} s averages")
-    peak = next(iter(noise.autocorrelation.values()))[1][0]
-    acov.axhline(peak / np.e, color="0.4", ls="--", lw=0.7, label="peak / e")
-    acov.set(title="autocorrelation", xlabel="lag (s)", ylabel=f"autocovariance ({unit})²")
+    peak = list(noise.autocorrelation.values())[-1][1][0]
+    acov.axhline(peak / np.e, color="0.4", ls="--", lw=0.7, label="peak of the longest / e")
+    acov.set(title="autocovariance", xlabel="lag (s)", ylabel=f"autocovariance ({unit})²")
     acov.legend()
     return fig
 

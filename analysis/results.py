@@ -12,6 +12,7 @@ from tqdm import tqdm
 from analysis.noise.allan import AllanCurve
 from analysis.noise.characterise import ChannelNoise, characterise
 from analysis.noise.estimate import Estimate
+from analysis.noise.quality import remarks
 
 SEED = 20080505
 DIGITS = 6
@@ -71,6 +72,7 @@ def characterise_log(log, *, seed=SEED, detrend=True, estimate=True, progress=Tr
             disable=None if progress else True,
         )
     )
+    noticed = [sentence for c in log.channels for sentence in remarks(c.values, log.dt, c.name)]
     source = {
         "title": log.title,
         "file": log.file,
@@ -79,7 +81,7 @@ def characterise_log(log, *, seed=SEED, detrend=True, estimate=True, progress=Tr
         "duration_s": _rounded(log.duration_s),
         "samples": int(log.samples),
         "gaps": int(log.gaps),
-        "repairs": list(log.repairs),
+        "repairs": [*log.repairs, *noticed],
         "licence": log.licence,
         "source": log.source,
         "seed": seed,

@@ -23,9 +23,9 @@ def elsewhere(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("found", "agree", "verdict"),
     [
-        # value within: reproduced, whatever its interval
+        # value within, and its interval too
         ((1.5, None, None), (1, 2), REPRODUCED),
-        ((1.5, 0.0, 9.0), (1, 2), REPRODUCED),
+        ((1.5, 1.2, 1.8), (1, 2), REPRODUCED),
         ((1.0, None, None), (1, 2), REPRODUCED),
         ((2.0, None, None), (1, 2), REPRODUCED),
         ((0.0, None, None), (-1, 0), REPRODUCED),

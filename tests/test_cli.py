@@ -183,8 +183,14 @@ def test_what_is_repaired_is_said_on_the_page(tmp_path):
     assert (status, err) == (0, "")
     page = (tmp_path / "mine" / "report.html").read_text(encoding="utf-8")
     source = model(tmp_path / "mine")["source"]
-    assert (source["gaps"], len(source["repairs"])) == (1, 4)
-    for words in ("line 52, column", "written twice", "1 gap: 20 of", "is cut off and was dropped"):
+    assert (source["gaps"], len(source["repairs"])) == (1, 5)
+    for words in (
+        "are short for",
+        "line 52, column",
+        "written twice",
+        "1 gap: 20 of",
+        "is cut off and was dropped",
+    ):
         assert sum(words in repair for repair in source["repairs"]) == 1, words
         assert words in page
         assert words in out

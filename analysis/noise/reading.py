@@ -60,18 +60,18 @@ def white_noise(curve, unit):
 
 
 def bias_instability(curve, unit):
-    """Bias instability B of IEEE 952, from the lowest point: B = adev / 0.664.
+    """Bias instability B of IEEE 952, from the floor of the curve: B = adev / 0.664.
 
     Returns
     -------
     Estimate, U
     """
-    at = int(np.argmin(curve.adev))
     scale = 1 / FLICKER
-    rises = bool((curve.low[at + 1 :] > curve.adev[at]).any()) or bool(
-        (curve.adev[at + 1 :] > curve.high[at]).any()
-    )
-    if not rises:
+    # A floor is a point after which the curve rises by more than its uncertainty before it falls
+    # below again; the noisy long end may lie lower by chance.
+    floors = [i for i in range(len(curve.tau)) if _rises_from(curve, i)]
+    at = min(floors, key=lambda i: curve.adev[i]) if floors else int(np.argmin(curve.adev))
+    if not floors:
         return Estimate.refused(
             unit,
             f"the Allan curve has no floor up to {curve.tau[-1]:.3g} s: it never rises again by"
@@ -83,7 +83,7 @@ def bias_instability(curve, unit):
         float(curve.low[at] * scale),
         float(curve.high[at] * scale),
         unit,
-        note=f"lowest Allan deviation, at {curve.tau[at]:.3g} s, / 0.664 (IEEE 952)",
+        note=f"floor of the Allan deviation, at {curve.tau[at]:.3g} s, / 0.664 (IEEE 952)",
     )
 
 
@@ -110,6 +110,13 @@ def rate_random_walk(curve, unit):
         out,
         note=f"slope +1/2 from {curve.tau[run[0]]:.3g} to {curve.tau[run[-1]]:.3g} s",
     )
+
+
+def _rises_from(curve, i):
+    below = np.flatnonzero(curve.adev[i + 1 :] < curve.adev[i])
+    until = i + 1 + (below[0] if len(below) else len(curve.tau))
+    after = slice(i + 1, until)
+    return bool(((curve.low[after] > curve.adev[i]) & (curve.adev[after] > curve.high[i])).any())
 
 
 def _longest_run(curve, good):

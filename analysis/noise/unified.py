@@ -207,9 +207,17 @@ def slow_bias(y, dt, unit, sigma_v, rng, *, detrend=True, runs=400):
             "sigma_b": Estimate.refused(unit, f"open while corr_time is: {why}", low=sigma_low),
             "drift": drift,
         }
+    if low is None:
+        why = f"{note}; shorter than the averages can tell"
+        sigma = f"peak of the autocorrelation (averages over {step:.3g} s), its time not resolved"
+        return {
+            "corr_time": Estimate.refused("s", why, high=high),
+            "sigma_b": Estimate.refused(unit, sigma, low=sigma_low, high=sigma_high),
+            "drift": drift,
+        }
     at_value = np.exp(np.interp(np.log(value), np.log(tau), np.log(power.mean(axis=1))))
     return {
-        "corr_time": Estimate(value, low or 0.0, high, "s", note=note),
+        "corr_time": Estimate(value, low, high, "s", note=note),
         "sigma_b": Estimate(
             float(np.sqrt(peak / at_value)),
             sigma_low,
