@@ -116,7 +116,7 @@ def report(options):
         stop=options.stop,
     )
     result = page.write(log, options.out)
-    for repair in log.repairs:
+    for repair in result.source["repairs"]:
         print(f"note: {repair}")
     for channel in result.channels:
         print(f"\n{channel.name} ({channel.unit})")

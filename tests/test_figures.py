@@ -216,7 +216,7 @@ def test_estimates_are_written_in_the_units_of_the_trade(estimate, words):
     ],
 )
 def test_an_interval_bar_ends_where_the_interval_does(bounds, ends, markers):
-    """Property: from bound to bound; an open side (or 0 on a log axis) runs to the edge, an arrow."""
+    """Property: from bound to bound; a side that is open runs to the edge, as an arrow."""
     ax = axes()
     ax.set_xlim(1.0, 10.0)
     draw.interval_bar(ax, 0, Estimate.refused("s", "", low=bounds[0], high=bounds[1]))
