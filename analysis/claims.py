@@ -198,10 +198,6 @@ class Ledger:
         os.replace(new, path)
 
 
-def _number(x):
-    return None if x is None or x != x or math.isinf(x) else float(x)
-
-
 def _short(x):
     """Three digits: what an interval of this kind means, and what another machine prints too."""
     return None if x is None else float(f"{x:.3g}")

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import matplotlib as mpl
-import matplotlib.pyplot as plt
+import matplotlib.pyplot as plt  # noqa: F401 - the notebooks draw with it, as figures.plt
 import numpy as np
 import pandas as pd
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
@@ -152,8 +152,3 @@ def _shown(ax):
 def _label(artist):
     label = str(artist.get_label())
     return "" if label.startswith("_") else label
-
-
-def close_all():
-    """Close every open figure (for runs outside a notebook)."""
-    plt.close("all")
