@@ -1,4 +1,4 @@
-"""The command line: ``python -m analysis`` reproduce, report, claims, data.
+"""The command line: ``python -m analysis`` reproduce, report, export, claims, data.
 
 Exit status: 0 good; 1 the data cannot support an answer, and why; 2 wrong usage.
 """
@@ -23,7 +23,14 @@ Rewrites figures/ (PDF, PNG, CSV, claims.csv) and the outputs inside the noteboo
 
 The log must be static: the sensor lies still. Leave out its warm-up with --from. An hour tells
 the random walk; a correlation time needs ten times itself, hours rather than minutes.
-Writes model.json, report.html (one page to pass on) and figures/.""",
+Writes model.json, report.html (one page to pass on), figures/ and exports/.""",
+    "export": """examples:
+  python -m analysis export mine/model.json --out mine/exports   of a report made before
+  python -m analysis export edited.json --out filter
+
+For Kalibr, gnss-ins-sim, pyins, MATLAB's imuSensor, Gazebo classic and Gazebo (PX4). `report`
+does the same beside its model.json. What the log does not resolve is switched off or left out,
+never filled in; README.md beside the files says what.""",
     "claims": """examples:
   python -m analysis claims                 the count of verdicts, and every claim's
   python -m analysis claims comparison      of one paper (comparison, terrain, tracker)""",
@@ -77,6 +84,10 @@ def parser():
     )
     one.add_argument("--to", dest="stop", type=float, metavar="S", help="leave out what is after")
 
+    one = add("export", "noise parameters of a model.json for Kalibr, MATLAB, Gazebo and others")
+    one.add_argument("model", metavar="MODEL.json", help="as `report` writes it")
+    one.add_argument("--out", required=True, metavar="DIR", help="folder for the files")
+
     one = add("claims", "the verdict on every claim of the three papers")
     one.add_argument("paper", nargs="?", choices=["terrain", "comparison", "tracker"])
 
@@ -122,7 +133,15 @@ def report(options):
         print(f"\n{channel.name} ({channel.unit})")
         for row in page.rows(channel):
             print(f"  {row['name']:<46}{row['value'] or 'not resolved':>18}   {row['interval']}")
-    print(f"\n{options.out}/report.html, model.json and figures/ are written")
+    print(f"\n{options.out}/report.html, model.json, figures/ and exports/ are written")
+
+
+def export(options):
+    """Write the exports of a model.json."""
+    from analysis import report as page
+
+    for name in page.export(options.model, options.out):
+        print(f"{options.out}/{name}")
 
 
 def claims(options):

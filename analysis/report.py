@@ -1,6 +1,7 @@
-"""One command from a log to a page: model.json, report.html and figures, or nothing at all."""
+"""One command from a log to a page, model.json, figures and exports: all of it or nothing."""
 
 import base64
+import json
 import os
 import shutil
 import tempfile
@@ -10,6 +11,7 @@ import matplotlib.pyplot as plt
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 
 from analysis import CannotAnswer, WrongUsage, draw, figures, results
+from analysis.noise import exports
 
 TEMPLATES = Path(__file__).parent / "templates"
 JOINT = "all.allan"  # a dot, which no channel has in its name
@@ -54,6 +56,7 @@ def write(log, out, *, progress=True):
     try:
         results.write_model(result, draft / "model.json")
         _draw(result, draft / "figures")
+        _put(exports.files(results.model(result)), draft / "exports")
         (draft / "report.html").write_text(_page(result, draft / "figures"), encoding="utf-8")
         _move(draft, out)
     finally:
@@ -107,9 +110,53 @@ def _page(result, folder):
     )
 
 
+def export(path, out):
+    """Write the exports of a model.json that is there already.
+
+    Parameters
+    ----------
+    path : path-like
+    out : path-like
+        Folder; made if need be.
+
+    Returns
+    -------
+    list of str
+        The names of the files written.
+    """
+    try:
+        texts = exports.files(json.loads(Path(path).read_bytes()))
+    except OSError as error:
+        raise CannotAnswer(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:  # neither JSON nor text
+        raise WrongUsage(f"{path}: this is no model.json as `report` writes it") from error
+    except WrongUsage as error:
+        raise WrongUsage(f"{path}: {error}") from error
+    if not texts.keys() & exports.TITLES.keys():
+        reasons = [line for line in texts["README.md"].splitlines() if "left out" in line]
+        raise CannotAnswer(f"{path}: nothing to export; " + "; ".join(r[2:] for r in reasons))
+    try:
+        _put(texts, Path(out))
+    except OSError as error:
+        raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
+    return list(texts)
+
+
+def _put(texts, folder):
+    """Write export files, and take away those of an earlier log that this one does not have."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in exports.TITLES.keys() - texts.keys():
+        (folder / name).unlink(missing_ok=True)
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
 def _move(draft, out):
     """Move the finished files into place, one rename each."""
-    (out / "figures").mkdir(parents=True, exist_ok=True)
-    for path in sorted(draft.rglob("*")):
-        if path.is_file():
-            os.replace(path, out / path.relative_to(draft))
+    fresh = [path.relative_to(draft) for path in sorted(draft.rglob("*")) if path.is_file()]
+    for path in fresh:
+        (out / path).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(draft / path, out / path)
+    for name in exports.TITLES:  # of an earlier log, where this one does not have it
+        if Path("exports", name) not in fresh:
+            (out / "exports" / name).unlink(missing_ok=True)
