@@ -17,8 +17,9 @@ import pytest
 
 from analysis import __main__ as cli
 from analysis import claims, datasets, derived, report, reproduce
+from analysis.noise import exports
 
-COMMANDS = ["reproduce", "report", "claims", "data"]
+COMMANDS = ["reproduce", "report", "export", "claims", "data"]
 HEADER = "t_s,gyro_x_deg_s"
 READINGS = np.random.default_rng(5).normal(0.1, 0.01, 600)
 ROWS = [f"{i / 100:.2f},{y:.6f}" for i, y in enumerate(READINGS)]
@@ -104,7 +105,8 @@ def test_report_writes_the_contract(good):
     """Property: model.json, report.html and figures; where they are is said, and nothing else."""
     names = {str(path) for path in files(good.folder)}
     pictures = {f"figures/{n}.{k}" for n in ("gyro_x", "all.allan") for k in ("pdf", "png", "csv")}
-    assert names == {"model.json", "report.html"} | pictures
+    exported = {f"exports/{name}" for name in (*exports.TITLES, "README.md")}
+    assert names == {"model.json", "report.html"} | pictures | exported
     assert good.err == ""
     assert f"{good.folder}/report.html" in good.out
     channel = model(good.folder)["channels"][0]

@@ -157,7 +157,7 @@ def side_by_side(arw, sigma_b, corr_time, dt, unit="°/s"):
         ),
         (
             "bias instability, first meaning: coefficient B",
-            "floor / 0.664",
+            "floor of this model / 0.664",
             low / FLICKER,
             unit,
             "IEEE 952, this package",
@@ -188,6 +188,8 @@ def markdown(sensors):
         "|---" * (len(sensors) + 4) + "|",
     ]
     for rows in zip(*sensors.values(), strict=True):
+        if not np.isfinite([row[2] for row in rows]).any():
+            continue
         quantity, formula, _, unit, who = rows[0]
         values = (f"{row[2]:.4g}" if np.isfinite(row[2]) else "not resolved" for row in rows)
         lines.append(f"| {quantity} | {formula} | {' | '.join(values)} | {unit} | {who} |")

@@ -1,0 +1,78 @@
+"""Conventions: factors against spectra, curves and the page that lays them side by side."""
+
+import numpy as np
+import pytest
+from scipy.signal import welch
+
+from analysis import ROOT
+from analysis.intake.columns import IN_M_S2
+from analysis.noise import conventions as c
+from analysis.noise.models import UnifiedModel, adev_gauss_markov, adev_model, gauss_markov
+
+PAGE = ROOT / "analysis" / "noise" / "README.md"
+
+
+def test_one_and_two_sided_densities():
+    """Cross-check: scipy's welch of simulated white noise reads N^2 two-sided, 2 N^2 one-sided."""
+    arw, dt = 0.004, 0.01
+    y = c.per_sample(arw, dt) * np.random.default_rng(1).standard_normal(1 << 20)
+    for two_sided, expected in ((True, arw**2), (False, c.one_sided(arw) ** 2)):
+        _, density = welch(y, 1 / dt, nperseg=1024, return_onesided=not two_sided)
+        # 2048 segments of 512 independent bins: the mean is good to 0.1 %
+        assert density[5:-5].mean() == pytest.approx(expected, rel=0.01)
+
+
+def test_a_gauss_markov_bias_starts_as_a_random_walk():
+    """Analytic: <(b(t) - b(0))^2> is K^2 t for t << T_c and 2 sigma_b^2 at last."""
+    sigma, time, dt = 0.005, 200.0, 1.0
+    k = c.diffusion(sigma, time)
+    assert c.stationary(k, time) == pytest.approx(sigma)
+    b = gauss_markov(2001, dt, sigma, time, np.random.default_rng(2), runs=4000)
+    moved = np.mean((b[:, [4, 2000]] - b[:, :1]) ** 2, axis=0)
+    # 4000 runs: 2.2 % (one sigma) each; at t = T_c / 50 the walk is 1 % too wide
+    assert moved[0] == pytest.approx(k**2 * 4, rel=0.08)
+    assert moved[1] == pytest.approx(2 * sigma**2, rel=0.08)
+
+
+def test_hump_and_floor():
+    """Analytic: the hump at 1.89 T_c is 0.617 sigma_b, and the floor is the lowest point before."""
+    tau = np.geomspace(0.1, 100, 20_001)
+    hump = adev_gauss_markov(tau, 1.0, 1.0)
+    assert tau[hump.argmax()] == pytest.approx(c.PEAK_AT, rel=1e-3)
+    assert hump.max() == pytest.approx(c.PEAK, rel=1e-3)
+    arw, sigma, time, dt = (c.EXAMPLE[k] for k in ("arw", "sigma_b", "corr_time", "dt"))
+    tau = np.geomspace(dt, c.PEAK_AT * time, 20_001)
+    curve = adev_model(tau, dt, UnifiedModel(c.per_sample(arw, dt), time, sigma))
+    at, low = c.floor(arw, sigma, time, dt)
+    assert low == pytest.approx(curve.min(), rel=1e-6)
+    assert at == pytest.approx(tau[curve.argmin()], rel=1e-2)
+    assert np.isnan(c.floor(1.0, 1e-6, time, dt)).all()  # white noise hides the bias
+
+
+def test_the_page_has_the_numbers_of_the_functions():
+    """Property: the table on the page is what side_by_side gives for the example."""
+    text = PAGE.read_text(encoding="utf-8")
+    table = c.markdown({"value": c.side_by_side(**c.EXAMPLE)})
+    assert f"<!-- table: conventions.side_by_side -->\n{table}\n<!-- end of table -->" in text
+    values = {row[1]: row[2] for row in c.side_by_side(**c.EXAMPLE)}
+    opening = [values["N"], values["60 N"], values["√2 N"], values["N / √Δt"]]
+    assert [f"{v:.2g}" for v in opening] == ["0.004", "0.24", "0.0057", "0.04"]
+    assert all(f"{v:.2g}" in text.split("\n\n")[1] for v in opening)
+    assert 3 < values["σ_b"] / values["min σ_A"] < 4  # "by a factor of three"
+    assert "analysis/noise/README.md" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_one_gravity():
+    """Property: exports and the reading of logs mean the same g."""
+    assert IN_M_S2["g"] == c.STANDARD_GRAVITY == c.SI["g"][0]
+    assert IN_M_S2["mg"] == pytest.approx(c.SI["mg"][0])
+
+
+def test_unknown_stays_unknown():
+    """Property: a sensor of which only N is known has no number for anything else."""
+    table = c.markdown({"one": c.side_by_side(0.004, np.nan, np.nan, 0.01)})
+    assert "σ_b" not in table and "0.004" in table
+    both = c.markdown(
+        {"one": c.side_by_side(0.004, np.nan, np.nan, 0.01), "two": c.side_by_side(**c.EXAMPLE)}
+    )
+    assert "| not resolved | 0.005 |" in both
