@@ -201,8 +201,9 @@ def refit(y, unit, rng):
 def walk(y, unit):
     """Fit N from increments and K from the Allan deviation at 300 s, 0.3 % of it white noise."""
     white, root = unified.wide_band_noise(y, DT, unit), np.sqrt(DT)
-    curve = allan_deviation(y, DT, [round(300 / DT)])
-    k = [float(v[0] * np.sqrt(3 / curve.tau[0])) for v in (curve.adev, curve.low, curve.high)]
+    curve = allan_deviation(y, DT)
+    at = np.argmin(np.abs(curve.tau - 300))
+    k = [float(v[at] * np.sqrt(3 / curve.tau[at])) for v in (curve.adev, curve.low, curve.high)]
     return (
         Estimate(root * white.value, root * white.low, root * white.high, unit),
         Estimate(*k, unit),
