@@ -114,6 +114,28 @@ def test_report_writes_the_contract(good):
     assert [p.name for p in good.folder.parent.iterdir() if p.name.startswith(".")] == []
 
 
+def test_export_repeats_what_report_wrote(good, tmp_path):
+    """Property: from the model.json alone come the same files, byte for byte, each named."""
+    status, out, err = run("export", good.folder / "model.json", "--out", tmp_path / "again")
+    assert (status, err) == (0, "")
+    expected = files(good.folder / "exports")
+    assert files(tmp_path / "again") == expected
+    assert {line.rsplit("/", 1)[1] for line in out.splitlines()} == {str(p) for p in expected}
+    status, _, err = run("export", good.folder / "report.html", "--out", tmp_path / "none")
+    assert status == 2 and "no model.json" in err and not (tmp_path / "none").exists()
+
+
+def test_no_export_of_an_earlier_log_stays(tmp_path):
+    """Property: a report of angles over one of rates leaves no export of the rates behind."""
+    log = write(tmp_path)
+    assert run("report", log, "--out", tmp_path / "mine")[0] == 0
+    log = write(tmp_path, header="t_s,roll_deg")
+    assert run("report", log, "--out", tmp_path / "mine")[0] == 0
+    assert {p.name for p in (tmp_path / "mine" / "exports").iterdir()} == {"README.md"}
+    text = (tmp_path / "mine" / "exports" / "README.md").read_text(encoding="utf-8")
+    assert "roll is of kind angle" in text
+
+
 def test_page_stands_alone(good):
     """Property: nothing is fetched: pictures inside, no script, no link, no path of the machine."""
     page = (good.folder / "report.html").read_text(encoding="utf-8")
