@@ -127,9 +127,9 @@ def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
         )
         for found, line, style, slope in walks:
             if found.resolved:
-                ax.plot(
-                    curve.tau, line(found.value), "0.3", ls=style, lw=0.7, label=f"slope {slope}"
-                )
+                y = line(found.value)
+                y = np.where(y > curve.low.min() / 3, y, np.nan)  # a guide, not half the panel
+                ax.plot(curve.tau, y, "0.3", ls=style, lw=0.7, label=f"slope {slope}")
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xlabel="averaging time τ (s)", ylabel=f"Allan deviation ({pretty(unit)})")
 

@@ -109,6 +109,7 @@ def model(result):
                 "high": _list(c.allan.high),
                 "edf": _list(c.allan.edf),
             },
+            "models": [_model(m) for m in c.models],
             "line": {"mean": _rounded(c.line[0]), "slope_per_s": _rounded(c.line[1])},
         }
         for c in result.channels
@@ -163,6 +164,7 @@ def read(folder):
                 kind=c["kind"],
                 parameters={k: Estimate(**e) for k, e in c["parameters"].items()},
                 allan=AllanCurve(*curve),
+                models=c["models"],
                 line=(c["line"]["mean"], c["line"]["slope_per_s"]),
                 short=(short["t_s"].to_numpy(), short[c["name"]].to_numpy()),
                 whole=(whole["t_s"].to_numpy(), whole[c["name"]].to_numpy()),
@@ -181,6 +183,12 @@ def _rounded(x):
 
 def _plain(estimate):
     return {k: _rounded(v) if isinstance(v, float) else v for k, v in estimate.items()}
+
+
+def _model(entry):
+    terms = {name: _list(values) for name, values in entry["terms"].items()}
+    # What an optimiser leaves of a criterion is good to a hundredth, and no reader needs more.
+    return entry | {"terms": terms, "aic_above_least": round(entry["aic_above_least"], 1)}
 
 
 def _list(values):

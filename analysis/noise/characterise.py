@@ -1,8 +1,9 @@
 """Everything this package can say of one static channel, from one call.
 
-Rates and accelerations get the IEEE 952 coefficients read off their Allan deviation; every channel
-gets the comparison paper's unified model. The result holds the numbers and the four panels the
-paper draws for each sensor: 15 s of data, Allan deviation, whole log, autocorrelation.
+The parameters come from the likelihood of the whole log (`inference`), bias instability from the
+floor of the Allan deviation where no flicker noise was fitted. Beside them stand the four panels
+the comparison paper draws for each sensor: 15 s of data, Allan deviation, whole log,
+autocorrelation.
 """
 
 from dataclasses import dataclass, field
@@ -10,14 +11,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis import CannotAnswer
-from analysis.noise import reading, unified
+from analysis.noise import reading
 from analysis.noise.allan import AllanCurve, allan_deviation
 from analysis.noise.autocorrelation import autocovariance, block_means
 from analysis.noise.estimate import Estimate
+from analysis.noise.inference import infer
+from analysis.noise.line import fit_line
 
 WHOLE = 1500  # points that draw a whole log
 LAGS = 400  # points that draw an autocorrelation
 FEWEST = 64  # samples below which there is nothing to average
+SHORT = 15.0  # s, the paper's short stretch
+ROUNDING = 1e-12  # relative; less than that is arithmetic, not noise
+ORDER = ("arw", "vrw", "sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,8 @@ class ChannelNoise:
         Time (s) and reading (U): the first 15 s, and the whole log in averages.
     autocorrelation : dict
         Averaging window (s) -> lag (s), autocovariance (U^2).
+    models : list of dict
+        The models tried: ``model``, ``terms``, ``parameters``, ``aic_above_least``, ``chosen``.
     """
 
     name: str
@@ -49,6 +57,7 @@ class ChannelNoise:
     short: tuple[np.ndarray, np.ndarray]
     whole: tuple[np.ndarray, np.ndarray]
     autocorrelation: dict[float, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    models: list[dict] = field(default_factory=list)
 
 
 def characterise(y, dt, *, name, unit, kind, rng, detrend=True, estimate=True):
@@ -62,7 +71,7 @@ def characterise(y, dt, *, name, unit, kind, rng, detrend=True, estimate=True):
         Sampling interval, s.
     name, unit, kind : str
     rng : numpy.random.Generator
-        For the simulated logs behind the intervals of the slow bias.
+        For the bridges over short holes.
     detrend : bool
         Take the linear drift out before the Allan deviation and the autocorrelation.
     estimate : bool
@@ -78,20 +87,24 @@ def characterise(y, dt, *, name, unit, kind, rng, detrend=True, estimate=True):
         If the channel is too short or does not vary.
     """
     y = np.asarray(y, dtype=float)
-    _refuse_what_says_nothing(y, name)
-    residual, line = unified.fit_line(y, dt)
+    _refuse_what_says_nothing(y, dt, name, unit)
+    residual, line = fit_line(y, dt)
     residual = residual if detrend else y - np.nanmean(y)
     curve = allan_deviation(residual, dt)
+    parameters, models = (
+        _parameters(y, dt, unit, kind, curve, rng, detrend) if estimate else ({}, [])
+    )
     return ChannelNoise(
         name=name,
         unit=unit,
         kind=kind,
-        parameters=_parameters(y, dt, unit, kind, curve, rng, detrend) if estimate else {},
+        parameters=parameters,
         allan=curve,
         line=(float(line.null_shift), float(line.drift)),
         short=_short(y, dt),
         whole=_whole(y, dt),
         autocorrelation={w: _autocorrelation(residual, dt, w) for w in windows(len(y) * dt, dt)},
+        models=models,
     )
 
 
@@ -107,26 +120,28 @@ def windows(duration, dt):
 
 
 def _parameters(y, dt, unit, kind, curve, rng, detrend):
-    walk = reading.white_noise(curve, unit)
-    found = {"sigma_v": unified.wide_band_noise(y, dt, unit)}
-    # What averaging leaves of the white noise follows its level over many samples, where the
-    # curve shows one; a filter inside the sensor makes a single sample say less.
-    level = walk.value / np.sqrt(dt) if walk.resolved else found["sigma_v"].value or 0.0
-    if kind in ("rate", "accel"):
-        found["arw" if kind == "rate" else "vrw"] = walk
+    said = infer(y, dt, unit, kind, rng, detrend=detrend)
+    found = said.parameters
+    if kind in ("rate", "accel") and "bias_instability" not in found:
         found["bias_instability"] = reading.bias_instability(curve, unit)
-        found["rrw"] = reading.rate_random_walk(curve, unit)
-    return found | unified.slow_bias(y, dt, unit, level, rng, detrend=detrend)
+    return {name: found[name] for name in ORDER if name in found}, said.table()
 
 
-def _refuse_what_says_nothing(y, name):
+def _refuse_what_says_nothing(y, dt, name, unit):
     count = int(np.isfinite(y).sum())
     if count < FEWEST:
         raise CannotAnswer(
             f"channel {name}: {count} samples say nothing about noise; record at least {FEWEST},"
             " and for a correlation time some hours"
         )
-    if np.nanmax(y) == np.nanmin(y):
+    residual, line = fit_line(y, dt)
+    span = np.nanmax(y) - np.nanmin(y)
+    if span > 0 and np.nanstd(residual) < ROUNDING * np.nanmax(np.abs(y)):
+        raise CannotAnswer(
+            f"channel {name}: a straight line of {line.drift:.3g} {unit}/s to the last digit; there"
+            " is no noise to measure"
+        )
+    if span == 0:
         raise CannotAnswer(
             f"channel {name}: all {count} samples are {np.nanmax(y):g}; a constant has no noise to"
             " measure (is the sensor connected, or its resolution too coarse?)"
@@ -134,7 +149,7 @@ def _refuse_what_says_nothing(y, name):
 
 
 def _short(y, dt):
-    n = min(len(y), max(2, round(unified.SHORT / dt)))
+    n = min(len(y), max(2, round(SHORT / dt)))
     return dt * np.arange(n), y[:n]
 
 

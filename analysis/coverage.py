@@ -1,0 +1,186 @@
+"""Do the intervals cover? Every estimator asked about simulated logs of the papers' models.
+
+Log k of a model comes from the k-th stream spawned from the model's seed, so that neither the
+number of workers nor an interruption changes a number.
+"""
+
+import os
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from analysis import DATA, table_one
+from analysis.noise import reading, recipe
+from analysis.noise.allan import allan_deviation
+from analysis.noise.fit import UNIFIED
+from analysis.noise.inference import infer
+from analysis.noise.line import fit_line
+from analysis.noise.models import UnifiedModel
+
+SEED = 4711
+FOLDER = DATA / "derived" / "coverage"
+TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005)  # Table 1: N 0.004 deg/sqrt(s) at 100 Hz
+PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "drift")
+
+
+def models():
+    """Give the models of both papers: name -> model, sampling interval (s), kind.
+
+    Returns
+    -------
+    dict of str, tuple
+    """
+    step = 1 / table_one.RATE_HZ
+    found = {name: (model, step, "angle") for name, model in table_one.models().items()}
+    return found | {"terrain": (TERRAIN, 0.01, "rate")}
+
+
+def ask(stream, model, dt, kind, hours, classical):
+    """Simulate one log and ask the estimators.
+
+    Returns
+    -------
+    list of dict
+        estimator, parameter, value, low, high (NaN where there is none), model.
+    """
+    y = model.simulate(round(3600 * hours / dt), dt, np.random.default_rng(stream))
+    said = infer(y, dt, "deg", kind, np.random.default_rng(stream))
+    found = [_row("likelihood", p, said.parameters[p], said.chosen.model) for p in PARAMETERS]
+    unified = next(f for f in said.fits if f.model == UNIFIED)
+    found += [_bare("N+GM, unselected", p, unified.terms[p][0]) for p in PARAMETERS[:3]]
+    if classical:
+        residual = fit_line(y, dt)[0]
+        curve = allan_deviation(residual, dt)
+        graph, per_sample = reading.white_noise(curve, "deg"), 1 / np.sqrt(dt)
+        ends = (None if v is None else v * per_sample for v in (graph.value, graph.low, graph.high))
+        value, low, high = ends
+        found.append(_row("graph", "sigma_v", replace(graph, value=value, low=low, high=high), ""))
+        followed = recipe.autocorrelation_recipe(residual, dt)
+        fitted = recipe.five_coefficients(curve)["white"] * per_sample
+        found += [
+            _bare("1/e", p, getattr(followed, p)) for p in ("sigma_v", "sigma_b", "corr_time")
+        ]
+        found.append(_bare("five coefficients", "sigma_v", fitted))
+    return found
+
+
+def study(runs, hours, workers=None, folder=FOLDER):
+    """Ask the estimators about `runs` logs of each model and length, and write a table a cell.
+
+    A cell that is there already with as many runs is kept: a killed study goes on where it stopped.
+
+    Parameters
+    ----------
+    runs : int
+    hours : sequence of float
+    workers : int, optional
+        Processes; by default one a core.
+    folder : Path
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    cells = [(name, h) for h in hours for name in models()]
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
+    with (
+        ProcessPoolExecutor(workers) as pool,
+        tqdm(total=runs * len(cells), unit="log", disable=None) as bar,
+    ):
+        for name, h in cells:
+            path = folder / f"{name}-{h:g}h.csv"
+            bar.set_description(path.stem)
+            if path.exists() and len(pd.read_csv(path)) and pd.read_csv(path)["runs"].max() == runs:
+                bar.update(runs)
+                continue
+            streams = np.random.SeedSequence([SEED, list(models()).index(name)]).spawn(runs)
+            model, dt, kind = models()[name]
+            one = partial(_one, model=model, dt=dt, kind=kind, hours=h)
+            rows = []
+            for k, found in enumerate(pool.map(one, range(runs), streams, chunksize=4)):
+                rows += [row | {"run": k} for row in found]
+                bar.update()
+            text = summary(pd.DataFrame(rows), model).to_csv(index=False, float_format="%.5g")
+            draft = path.with_suffix(".part")
+            draft.write_text(text, encoding="utf-8")
+            draft.replace(path)
+
+
+def summary(rows, model):
+    """Count the truths inside, and say how the values scatter relative to the truth.
+
+    Returns
+    -------
+    DataFrame
+        estimator, parameter, truth, runs, logs; resolved, covered, interval_above, interval_below
+        (shares of the logs that have a value, whose interval holds the truth, lies above it, lies
+        below it); mean, median, q025, q975 of value / truth; unified, the share of N+GM.
+    """
+    found = []
+    for (estimator, parameter), group in rows.groupby(["estimator", "parameter"], sort=False):
+        truth = getattr(model, parameter)
+        low, high = group["low"].fillna(-np.inf), group["high"].fillna(np.inf)
+        # A random constant goes with the mean: no log of it alone bounds its standard deviation.
+        has = group["interval"].any() and not (parameter == "sigma_b" and np.isinf(model.corr_time))
+        ratio = (group["value"] / truth).replace([np.inf, -np.inf], np.nan).dropna()
+        scatter = ratio if len(ratio) and np.isfinite(truth) else pd.Series([np.nan])
+        found.append(
+            {
+                "estimator": estimator,
+                "parameter": parameter,
+                "truth": truth,
+                "runs": len(group),
+                "resolved": group["value"].notna().mean(),
+                "covered": ((low <= truth) & (truth <= high)).mean() if has else np.nan,
+                "interval_above": (low > truth).mean() if has else np.nan,
+                "interval_below": (high < truth).mean() if has else np.nan,
+                "mean": scatter.mean(),
+                "median": scatter.median(),
+                "q025": scatter.quantile(0.025),
+                "q975": scatter.quantile(0.975),
+                "unified": (group["model"] == UNIFIED).mean(),
+            }
+        )
+    table = pd.DataFrame(found)
+    return table.assign(runs=table["runs"].max(), logs=table["runs"])
+
+
+def read(folder=FOLDER):
+    """Read every cell of the study.
+
+    Returns
+    -------
+    DataFrame
+        As `summary`, with ``model`` and ``hours``.
+    """
+    parts = []
+    for path in sorted(folder.glob("*h.csv")):
+        name, hours = path.stem.rsplit("-", 1)
+        part = pd.read_csv(path)
+        part.insert(0, "hours", float(hours.removesuffix("h")))
+        part.insert(0, "model", name)
+        parts.append(part)
+    return pd.concat(parts, ignore_index=True)
+
+
+def _one(k, stream, *, model, dt, kind, hours, every=4):
+    """Ask the likelihood about every log, the recipes about every fourth."""
+    return ask(stream, model, dt, kind, hours, classical=k % every == 0)
+
+
+def _row(estimator, parameter, e, model):
+    return {
+        "estimator": estimator,
+        "parameter": parameter,
+        "value": np.nan if e.value is None else e.value,
+        "low": np.nan if e.low is None else e.low,
+        "high": np.nan if e.high is None else e.high,
+        "interval": True,
+        "model": model,
+    }
+
+
+def _bare(estimator, parameter, value):
+    row = {"estimator": estimator, "parameter": parameter, "value": value}
+    return row | {"low": np.nan, "high": np.nan, "interval": False, "model": ""}

@@ -1,0 +1,298 @@
+"""Fit the field's noise models to a static log by likelihood, and choose among them by AIC.
+
+Models are sums of white noise (N), Gauss-Markov biases (GM), flicker noise (B) and a random walk of
+the rate (K); mean and linear drift are removed exactly (see `likelihood`). They are compared by
+Akaike's criterion, 2 (parameters) - 2 ln L; `choose` says how.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+from analysis.noise.likelihood import Terms, evaluate
+from analysis.noise.profile import DROP, Surface, interval
+
+MODELS = {
+    "N": ("sigma_v",),
+    "N+K": ("sigma_v", "rrw"),
+    "N+B": ("sigma_v", "flicker"),
+    "N+GM": ("sigma_v", "walk", "corr_time"),
+    "N+B+K": ("sigma_v", "flicker", "rrw"),
+    "N+GM+K": ("sigma_v", "walk", "corr_time", "rrw"),
+    "N+2GM": ("sigma_v", "walk", "corr_time", "walk", "corr_time"),
+}
+UNIFIED = "N+GM"
+WITHIN = 2.0  # AIC by which a model of another kind has to be better
+STRONG = 6.0  # AIC by which a richer model than the unified one has to be better
+LONGEST = 100.0  # longest correlation time tried, in log lengths
+SHORTEST = 4.0  # shortest, in samples or means: what is shorter counts as white
+SMALLEST = 1e-7  # smallest deviation tried, in standard deviations of the log
+TIMES = 14
+RATIOS = 9
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One model at its likeliest.
+
+    Attributes
+    ----------
+    model : str
+    terms : dict of str, list of float
+        Term (``sigma_v`` U, ``sigma_b`` U, ``corr_time`` s, ``rrw`` U/sqrt(s), ``flicker`` U,
+        ``quantisation`` U s) -> its values; two Gauss-Markov terms with the shorter time first.
+    log_likelihood : float
+    aic : float
+    point : ndarray
+        Logarithms of the parameters.
+    names : tuple of str
+        Of the parameters; ``walk`` is sigma_b sqrt(2 / corr_time).
+    """
+
+    model: str
+    terms: dict
+    log_likelihood: float
+    aic: float
+    point: np.ndarray
+    names: tuple[str, ...]
+
+    def by_name(self):
+        """Logarithms of the parameters by name, in the order of the model.
+
+        Returns
+        -------
+        dict of str, list of float
+        """
+        found = {}
+        for name, value in zip(self.names, self.point, strict=True):
+            found.setdefault(name, []).append(float(value))
+        return found
+
+
+class NoiseLikelihood:
+    """The likelihood of one log, or of several of one sensor, under any of the models.
+
+    Parameters
+    ----------
+    stretches : sequence of analysis.noise.spectrum.Stretch
+    detrend : bool
+        Remove a linear drift; else the mean only.
+    """
+
+    def __init__(self, stretches, *, detrend=True):
+        self.stretches = tuple(stretches)
+        self.detrend = detrend
+        free = sum(s.count.sum() for s in self.stretches)
+        self.scale = np.sqrt(sum(s.yy.sum() for s in self.stretches) / free)
+        self.step = max(s.m * s.dt for s in self.stretches)
+        self.duration = max(s.n * s.m * s.dt for s in self.stretches)
+        self.per_sample = min(s.m for s in self.stretches)
+
+    def surface(self, names):
+        """Give the log-likelihood over the logarithms of the named parameters."""
+        size = self.scale * np.sqrt(self.per_sample)
+        box = {
+            "sigma_v": (SMALLEST * size, 30 * size),
+            "flicker": (SMALLEST * size, 300 * size),
+            "walk": (SMALLEST * size / np.sqrt(self.duration), 300 * size / np.sqrt(self.step)),
+            "rrw": (SMALLEST * size / np.sqrt(self.duration), 300 * size / np.sqrt(self.step)),
+            "corr_time": (SHORTEST * self.step, LONGEST * self.duration),
+            "quantisation": (SMALLEST * size * self.step, 30 * size * self.step),
+        }
+        low, high = np.log(np.array([box[name] for name in names])).T
+        return Surface(lambda points: self._evaluate(points, names).value, low, high)
+
+    def fit(self, model, simpler=(), quantised=False):
+        """Find the likeliest parameters of a model.
+
+        Parameters
+        ----------
+        model : str
+            A key of `MODELS`.
+        simpler : sequence of Fit
+            Models to start from; by default the search starts anew.
+        quantised : bool
+            With a quantisation term.
+
+        Returns
+        -------
+        Fit
+        """
+        names = MODELS[model] + (("quantisation",) if quantised else ())
+        surface = self.surface(names)
+        found = []
+        for start in simpler or (None,):
+            points = self._starts(names, start)
+            climbs = 2 if start is None else 1
+            best = points[np.argsort(-surface.value(points), kind="stable")[:climbs]]
+            found += [surface.maximum(p) for p in best]
+        point, value = max(found, key=lambda pair: pair[1])
+        title = model + "+Q" if quantised else model
+        aic = 2 * len(names) - 2 * value
+        return Fit(title, _named(point, names), value, aic, point, names)
+
+    def interval(self, fit, what):
+        """95 % profile-likelihood interval of ``sigma_v``, ``sigma_b``, ``corr_time``, ``rrw``...
+
+        Of two Gauss-Markov terms it is the longer one's.
+
+        Returns
+        -------
+        tuple of (float or None, float or None)
+            None on a side that the data leave open.
+        """
+        names = fit.names
+        along, offset = np.zeros(len(names)), 0.0
+        if what in ("sigma_b", "corr_time"):
+            times = [i for i, name in enumerate(names) if name == "corr_time"]
+            i = max(times, key=lambda i: fit.point[i])
+            along[i] = 1.0
+            if what == "sigma_b":  # sigma_b = walk sqrt(T / 2)
+                along[[i - 1, i]], offset = (1.0, 0.5), -0.5 * np.log(2)
+        else:
+            along[names.index(what)] = 1.0
+        ends = interval(self.surface(names), fit.point, fit.log_likelihood, along)
+        return tuple(None if e is None else float(np.exp(e + offset)) for e in ends)
+
+    def drift(self, fit):
+        """Linear drift by generalised least squares, over all the biases the log allows.
+
+        A slow bias can look like a drift, the more the longer its correlation time. So the drift
+        and its error under each bias of a grid are mixed, each with the weight of its likelihood.
+
+        Parameters
+        ----------
+        fit : Fit
+            Of white noise and one Gauss-Markov bias.
+
+        Returns
+        -------
+        value, low, high : float, U/s
+        """
+        walk = fit.point[1] + np.linspace(-0.5, 0.5, 9)
+        time = np.log(np.geomspace(SHORTEST * self.step, LONGEST * self.duration, 40))
+        grid = np.stack(np.meshgrid(walk, time), axis=-1).reshape(-1, 2)
+        points = np.tile(fit.point, (len(grid) + 1, 1))
+        points[1:, 1:3] = grid
+        found = self._evaluate(points, fit.names)
+        weight = np.exp(found.value - found.value.max())
+        weight /= weight.sum()
+        value = float(weight @ found.drift)
+        wide = float(np.max(np.abs(found.drift - value) + 6 * found.drift_sd))
+
+        def quantile(p):
+            def miss(x):
+                return weight @ norm.cdf((x - found.drift) / found.drift_sd) - p
+
+            return float(brentq(miss, value - wide, value + wide, xtol=1e-6 * wide))
+
+        return value, quantile(0.025), quantile(0.975)
+
+    def hidden_bias(self, fit, longest):
+        """Largest sigma_b of any correlation time up to `longest` that the log does not exclude.
+
+        Returns
+        -------
+        float, U
+        """
+        size = np.geomspace(1e-3, 1e3, 121) * self.scale
+        time = np.geomspace(SHORTEST * self.step, longest, 20)
+        sigma_b, corr_time = (a.ravel() for a in np.meshgrid(size, time))
+        rows = np.tile(fit.point, (len(sigma_b), 1))
+        terms = replace(_terms(np.exp(rows), fit.names), bias=((sigma_b, corr_time),))
+        value = evaluate(self.stretches, terms, detrend=self.detrend).value
+        allowed = (2 * (fit.log_likelihood - value) < DROP).reshape(len(time), -1).any(axis=0)
+        return float(size[allowed].max()) if allowed.any() else float(size[0])
+
+    def terms(self, fit):
+        """Give a fit's parameters as one row of `Terms`."""
+        return _terms(np.exp(fit.point[None]), fit.names)
+
+    def _evaluate(self, points, names):
+        return evaluate(self.stretches, _terms(np.exp(points), names), detrend=self.detrend)
+
+    def _starts(self, names, simpler):
+        """Coarse grid, shape (rows, d): white noise, or a simpler fit, and what is new."""
+        kept = {"sigma_v": [0.0]} if simpler is None else simpler.by_name()
+        more = [n for i, n in enumerate(names) if names[:i].count(n) >= len(kept.get(n, ()))]
+        times = np.geomspace(SHORTEST * self.step, 3 * self.duration, TIMES)
+        rows = []
+        for time in times if "corr_time" in more else times[:1]:
+            for ratio in np.geomspace(1e-3, 1e3, RATIOS) if more else (1.0,):
+                new = self._new(ratio, time, np.exp(kept["sigma_v"][0]))
+                left = {name: list(values) for name, values in kept.items()}
+                rows.append([left[n].pop(0) if left.get(n) else np.log(new[n]) for n in names])
+        points = np.array(rows)
+        if simpler is None:  # of any size yet: the likeliest is known without a search
+            found = self._evaluate(points, names)
+            sizes = np.array([name != "corr_time" for name in names])
+            points = points + 0.5 * np.log(found.quadratic / found.count)[:, None] * sizes
+        return points
+
+    def _new(self, ratio, time, white):
+        """Start of each slow term, `ratio` away from one that white noise would just hide."""
+        return {
+            "corr_time": time,
+            "walk": ratio * white * np.sqrt(2 * self.step) / time,
+            "rrw": ratio * white / np.sqrt(self.duration),
+            "flicker": 0.1 * ratio * white,
+            "quantisation": 0.1 * ratio * white * self.step,
+        }
+
+
+def choose(fits):
+    """Choose the simplest model that the log does not speak against.
+
+    Of the models up to the size of N+GM it is the simplest within 2 of the least AIC, and N+GM
+    among equals. A richer one has to be better by more than 6: a term that chance alone suggests
+    would cost the others their intervals.
+
+    Parameters
+    ----------
+    fits : iterable of Fit
+
+    Returns
+    -------
+    Fit
+    """
+    fits = list(fits)
+    rich = [f for f in fits if len(f.point) > len(MODELS[UNIFIED]) or "quantisation" in f.names]
+    plain = _simplest([f for f in fits if not any(f is r for r in rich)])
+    better = [f for f in rich if f.aic < plain.aic - STRONG]
+    return _simplest(better) if better else plain
+
+
+def _simplest(fits):
+    least = min(f.aic for f in fits)
+    near = [f for f in fits if f.aic <= least + WITHIN]
+    return min(near, key=lambda f: (len(f.point), not f.model.startswith(UNIFIED), f.aic))
+
+
+def _terms(values, names):
+    """Rows of parameters, shape (rows, d), as the likelihood wants them."""
+    columns = dict(zip(names, values.T, strict=True))
+    pairs = [(i, i + 1) for i, name in enumerate(names) if name == "walk"]
+    return Terms(
+        sigma_v=columns["sigma_v"],
+        bias=tuple((values[:, i] * np.sqrt(values[:, j] / 2), values[:, j]) for i, j in pairs),
+        rrw=columns.get("rrw"),
+        flicker=columns.get("flicker"),
+        quantisation=columns.get("quantisation"),
+    )
+
+
+def _named(point, names):
+    values = np.exp(point)
+    found = {}
+    for i, name in enumerate(names):
+        if name == "walk":
+            found.setdefault("sigma_b", []).append(float(values[i] * np.sqrt(values[i + 1] / 2)))
+        else:
+            found.setdefault(name, []).append(float(values[i]))
+    if len(found.get("corr_time", ())) == 2:
+        order = np.argsort(found["corr_time"])
+        for name in ("sigma_b", "corr_time"):
+            found[name] = [found[name][i] for i in order]
+    return found

@@ -1,0 +1,285 @@
+"""What a static channel's likelihood supports: each parameter with its interval, or a refusal.
+
+The band comes first. A filter inside a sensor makes neighbouring samples alike, which no slow bias
+does. So samples are averaged, 1, 2, 4 ... at a time, until the chosen model has no correlation time
+of only some means, and agrees with the spectrum to 10 % in the octaves at the top. What is called
+white is white below that.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.noise.estimate import Estimate, random_walk_unit
+from analysis.noise.fit import MODELS, UNIFIED, Fit, NoiseLikelihood, choose
+from analysis.noise.likelihood import bin_variance
+from analysis.noise.spectrum import spikes, stretches
+
+LEAST = 256  # means that are left when no band is found
+OCTAVES = 3  # at the top of the band, where the model has to agree
+AGREE = 0.10  # relative
+BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
+FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
+SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
+WHITE = "the likelihood does not fall as the white noise goes to nothing: a slow process hides it"
+
+
+@dataclass(frozen=True)
+class Inference:
+    """The models tried on one channel, and what the chosen one says.
+
+    Attributes
+    ----------
+    fits : tuple of Fit
+        Every model, in the order of `MODELS`.
+    chosen : Fit
+    averaged : int
+        Samples behind each mean that was fitted.
+    misfit : float
+        Largest relative disagreement of spectrum and model in the octaves at the top of the band.
+    spikes : int
+        Samples left out as spikes.
+    parameters : dict of Estimate
+    """
+
+    fits: tuple[Fit, ...]
+    chosen: Fit
+    averaged: int
+    misfit: float
+    spikes: int
+    parameters: dict[str, Estimate]
+
+    def table(self):
+        """List the models for a reader: name, terms, AIC above the least, chosen or not."""
+        least = min(f.aic for f in self.fits)
+        return [
+            {
+                "model": f.model,
+                "terms": f.terms,
+                "parameters": len(f.point),
+                "aic_above_least": f.aic - least,
+                "chosen": f.model == self.chosen.model,
+            }
+            for f in self.fits
+        ]
+
+
+def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
+    """Fit every model to a channel, choose one, and say what it resolves.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+    dt : float
+        Sampling interval, s.
+    unit, kind : str
+        kind is rate, angle, accel or position.
+    rng : numpy.random.Generator
+        For the bridges over short holes.
+    detrend : bool
+        Remove a linear drift; else the mean only.
+    robust : bool
+        Leave out single samples that leave both neighbours by 8 robust deviations of a step.
+
+    Returns
+    -------
+    Inference
+    """
+    out = spikes(y) if robust else np.zeros(len(y), dtype=bool)
+    y = np.where(out, np.nan, y) if out.any() else y
+    m, fits, rate = 1, {}, kind in ("rate", "accel")
+    while True:
+        likelihood = NoiseLikelihood(stretches(y, dt, m, rng), detrend=detrend)
+        fits = fit_all(likelihood, rate=rate, near=fits)
+        chosen = choose(fits.values())
+        misfit, beyond = disagreement(likelihood, chosen)
+        clean = not beyond and min(chosen.terms.get("corr_time", [np.inf])) >= FILTER * m * dt
+        if clean or len(y) < 2 * m * LEAST:
+            break
+        m *= 2
+    said = _Said(likelihood, fits, chosen, dt, unit)
+    found = {"sigma_v": said.white(_band(m, dt, clean, misfit))}
+    if kind in ("rate", "accel"):
+        found["arw" if kind == "rate" else "vrw"] = _density(found["sigma_v"], dt, unit)
+        found["rrw"] = said.rate_random_walk()
+        if "flicker" in chosen.terms:
+            found["bias_instability"] = said.flicker()
+    found |= said.bias() | {"drift": said.drift()}
+    return Inference(tuple(fits.values()), chosen, m, misfit, int(out.sum()), found)
+
+
+def fit_all(likelihood, *, rate=False, near=None):
+    """Fit every model, the richer from the simpler; a rate with quantisation, if that is better.
+
+    Parameters
+    ----------
+    likelihood : NoiseLikelihood
+    rate : bool
+    near : dict of str, Fit, optional
+        Fits of the same log in another band, to start from.
+
+    Returns
+    -------
+    dict of str, Fit
+    """
+    fits, near = {}, near or {}
+
+    def fit(model, simpler, quantised):
+        name = model + ("+Q" if quantised else "")
+        known = [near[name]] if name in near else []
+        fits[name] = likelihood.fit(model, known + simpler, quantised=quantised)
+
+    for model in MODELS:
+        fit(model, [fits[name] for name in SIMPLER.get(model, ())], False)
+    best = choose(fits.values())
+    if rate:
+        fit(best.model, [best], True)
+        if choose(fits.values()) is not best:
+            for model in MODELS:
+                simpler = SIMPLER.get(model, ["N"] if model != "N" else [])
+                fit(model, [fits[name + "+Q"] for name in simpler], True)
+    return fits
+
+
+def disagreement(likelihood, fit):
+    """Compare the power in the octaves at the top of the band with the model's.
+
+    Returns
+    -------
+    worst : float
+        Largest relative difference.
+    beyond : bool
+        Some octave is off by more than 10 % and by more than four standard errors.
+    """
+    measured, count = np.zeros((2, OCTAVES))
+    for stretch in likelihood.stretches:
+        variance = bin_variance(stretch, likelihood.terms(fit))[0]
+        octave = np.floor(-0.5 * np.log2(np.maximum(stretch.lam, 1e-9) / 4)).astype(int)
+        inside = (octave < OCTAVES) & (stretch.count > 0)
+        # Each coefficient counts once, whatever the slope of the spectrum.
+        for total, part in ((measured, stretch.yy / variance), (count, stretch.count)):
+            np.add.at(total, octave[inside], part[inside])
+    off = measured / np.maximum(count, 1) - 1
+    error = np.sqrt(2 / np.maximum(count, 1))
+    off, error = off[count > 0], error[count > 0]
+    return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
+
+
+def _band(m, dt, clean, misfit):
+    """Say over what band the model was fitted."""
+    note = "" if m == 1 else f"means of {m} samples ({m * dt:.3g} s): closer ones are correlated"
+    if clean:
+        return note
+    off = f"no model fits to 10 % (off by {100 * misfit:.0f} %): take the interval with caution"
+    return f"{note}; {off}" if note else off
+
+
+def _density(sigma_v, dt, unit):
+    scale = np.sqrt(dt)
+    value, low, high = (
+        None if v is None else v * scale for v in (sigma_v.value, sigma_v.low, sigma_v.high)
+    )
+    return Estimate(value, low, high, random_walk_unit(unit), sigma_v.resolved, sigma_v.note)
+
+
+class _Said:
+    """One channel's fits, put into words."""
+
+    def __init__(self, likelihood, fits, chosen, dt, unit):
+        self.likelihood, self.fits, self.chosen = likelihood, fits, chosen
+        self.unit = unit
+        self.end = "+Q" if chosen.model.endswith("+Q") else ""
+        least = chosen.aic
+        self.note = f"likelihood of {chosen.model}"
+        rivals = [f"{f.model} {f.aic - least:+.1f}" for f in fits.values() if f is not chosen]
+        self.against = f"AIC against {chosen.model}: " + ", ".join(rivals)
+
+    def white(self, band):
+        low, high = self.likelihood.interval(self.chosen, "sigma_v")
+        note = "; ".join(part for part in (self.note, band) if part)
+        if low is None:
+            return Estimate.refused(self.unit, f"{note}; {WHITE}", high=high)
+        return Estimate(self.chosen.terms["sigma_v"][0], low, high, self.unit, note=note)
+
+    def rate_random_walk(self):
+        unit = f"{self.unit}/sqrt(s)"
+        if "rrw" in self.chosen.terms:
+            low, high = self.likelihood.interval(self.chosen, "rrw")
+            if low is not None:
+                return Estimate(self.chosen.terms["rrw"][0], low, high, unit, note=self.note)
+        model = "N+GM+K" if "corr_time" in self.chosen.terms else "N+K"
+        high = self.likelihood.interval(self.fits[model + self.end], "rrw")[1]
+        why = f"{self.chosen.model} describes the log as well without a random walk of the rate"
+        return Estimate.refused(unit, why, high=high)
+
+    def flicker(self):
+        low, high = self.likelihood.interval(self.chosen, "flicker")
+        note = f"{self.note}: coefficient of its flicker noise (IEEE 952)"
+        return Estimate(self.chosen.terms["flicker"][0], low, high, self.unit, note=note)
+
+    def bias(self):
+        """corr_time and sigma_b of the Gauss-Markov bias."""
+        if "corr_time" in self.chosen.terms:
+            return self._gauss_markov(self.chosen)
+        if self.chosen.model.startswith("N+K"):
+            return self._endless()
+        if "flicker" in self.chosen.terms:
+            why = (
+                f"flicker noise describes the log better than a Gauss-Markov bias ({self.against})"
+            )
+            return {
+                "corr_time": Estimate.refused("s", why),
+                "sigma_b": Estimate.refused(self.unit, why),
+            }
+        longest = self.likelihood.duration / 10
+        why = "the log shows no slow bias"
+        bound = f"{why}; the bound holds for correlation times up to {longest:.3g} s, a tenth of it"
+        return {
+            "corr_time": Estimate.refused("s", why),
+            "sigma_b": Estimate.refused(
+                self.unit, bound, high=self.likelihood.hidden_bias(self.chosen, longest)
+            ),
+        }
+
+    def _gauss_markov(self, fit):
+        ends = {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
+        units = {"corr_time": "s", "sigma_b": self.unit}
+        times = self.likelihood.duration / fit.terms["corr_time"][-1]
+        note = f"{self.note}; the log covers {times:.2g} correlation times"
+        found = {}
+        for what, (low, high) in ends.items():
+            if None in (*ends["corr_time"], low, high):
+                why = f"{note}, too few to bound it on both sides"
+                high = None if ends["corr_time"][1] is None else high
+                found[what] = Estimate.refused(units[what], why, low=low, high=high)
+            else:
+                value = fit.terms[what][-1]
+                found[what] = Estimate(value, low, high, units[what], note=note)
+        return found
+
+    def _endless(self):
+        """Bound a bias whose correlation time has no upper end."""
+        low, _ = self.likelihood.interval(self.fits[UNIFIED + self.end], "corr_time")
+        sigma_low, _ = self.likelihood.interval(self.fits[UNIFIED + self.end], "sigma_b")
+        covers = (
+            ""
+            if low is None
+            else f": it covers at most {self.likelihood.duration / low:.2g} correlation times"
+        )
+        why = f"a random walk, of no correlation time at all, describes the log as well{covers}"
+        return {
+            "corr_time": Estimate.refused("s", why, low=low),
+            "sigma_b": Estimate.refused(
+                self.unit, f"open while corr_time is: {why}", low=sigma_low
+            ),
+        }
+
+    def drift(self):
+        unit = f"{self.unit}/s"
+        value, low, high = self.likelihood.drift(self.fits[UNIFIED + self.end])
+        if low <= 0 <= high:
+            why = "no straight line stands out of the slow bias"
+            return Estimate.refused(unit, why, low=low, high=high)
+        note = "generalised least squares, over all biases the log allows"
+        return Estimate(value, low, high, unit, note=note)

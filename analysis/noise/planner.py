@@ -1,0 +1,115 @@
+"""How long to record: the log length at which a parameter is known to a wanted share of its value.
+
+The Fisher information of a stationary log says what the best estimator could do with it before it
+is recorded. With S_k the variance of cosine coefficient k under the model (`likelihood`), ::
+
+    I_ij = 1/2 sum_k (d ln S_k / d theta_i) (d ln S_k / d theta_j)
+
+over logarithms theta of the parameters. The 95 % interval then reaches a factor of
+exp(1.96 sqrt((I^-1)_ii)) up and down, as the profile likelihood does once the log covers some tens
+of correlation times.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from analysis.noise.likelihood import Terms, bin_variance
+from analysis.noise.spectrum import outline
+
+WITHIN = 1.96
+STEP = 1e-3  # of a logarithm, for derivatives
+LONGEST_H = 1e5  # eleven years
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sensor as a recording is planned for it: only the terms that are given count.
+
+    Attributes
+    ----------
+    sigma_v : float
+        White noise of a single sample, U.
+    sigma_b, corr_time : float or None
+        Gauss-Markov bias, U and s.
+    flicker : float or None
+        IEEE 952's B, U.
+    rrw : float or None
+        IEEE 952's K, U/sqrt(s).
+    """
+
+    sigma_v: float
+    sigma_b: float | None = None
+    corr_time: float | None = None
+    flicker: float | None = None
+    rrw: float | None = None
+
+    def given(self):
+        """Names and values of the terms that are there."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+
+def relative_error(plan, dt, hours):
+    """95 % half-width of every parameter's logarithm after a recording.
+
+    Parameters
+    ----------
+    plan : Plan
+    dt : float
+        Sampling interval, s.
+    hours : float
+
+    Returns
+    -------
+    dict of str, float
+        0.1 means known to within a factor exp(0.1).
+    """
+    names = list(plan.given())
+    point = np.log([plan.given()[name] for name in names])
+    moves = STEP * np.vstack([np.eye(len(names)), -np.eye(len(names))])
+    columns = dict(zip(names, np.exp(point + moves).T, strict=True))
+    bias = ((columns["sigma_b"], columns["corr_time"]),) if "sigma_b" in columns else ()
+    terms = Terms(columns["sigma_v"], bias, columns.get("rrw"), columns.get("flicker"))
+    stretch = outline(round(3600 * hours / dt), dt)
+    log_variance = np.log(bin_variance(stretch, terms))
+    slope = (log_variance[: len(names)] - log_variance[len(names) :]) / (2 * STEP)
+    information = 0.5 * np.einsum("ipb,jpb,pb->ij", slope, slope, stretch.count)
+    variance = np.diag(np.linalg.inv(information))
+    return {n: float(WITHIN * np.sqrt(v)) for n, v in zip(names, variance, strict=True)}
+
+
+def hours_needed(plan, dt, within):
+    """Hours of recording until each parameter is known to a share `within` of its value.
+
+    Parameters
+    ----------
+    plan : Plan
+    dt : float
+        Sampling interval, s.
+    within : float
+        0.1 for 10 %.
+
+    Returns
+    -------
+    dict of str, float or None
+        None where eleven years do not do.
+    """
+    wanted = np.log1p(within)
+
+    def short_by(log_hours, name):
+        return np.log(relative_error(plan, dt, np.exp(log_hours))[name] / wanted)
+
+    # Few samples or few correlation times are beyond what the information can say.
+    least = np.log(max(1000 * dt, 10 * (plan.corr_time or 0.0)) / 3600)
+    found = {}
+    for name in plan.given():
+        ends = short_by(least, name), short_by(np.log(LONGEST_H), name)
+        if ends[0] <= 0:
+            found[name] = float(np.exp(least))
+        elif ends[1] > 0:
+            found[name] = None
+        else:
+            root = brentq(short_by, least, np.log(LONGEST_H), args=(name,), xtol=1e-3)
+            found[name] = float(np.exp(root))
+    return found

@@ -1,0 +1,148 @@
+"""Maximise a likelihood over the logarithms of its parameters, and profile it for intervals.
+
+The 95 % interval of a parameter holds every value at which the best the other parameters can do is
+within chi2(0.95, 1) / 2 = 1.92 of the maximum. It needs no curvature at the top, knows a side on
+which the likelihood never falls, and says so with None.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq, minimize
+from scipy.stats import chi2
+
+DROP = chi2.ppf(0.95, 1)  # of twice the log-likelihood
+STEP = 1e-4  # of a logarithm, for gradients
+WALL = 1e4  # steepness of the likelihood's fall where a cut leaves the box
+FIRST = 0.05  # first step outward of a profile, in a logarithm
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A log-likelihood over log-parameters inside a box.
+
+    Attributes
+    ----------
+    value : callable
+        Points, shape (rows, d), to log-likelihoods, shape (rows,).
+    low, high : ndarray, shape (d,)
+        The box.
+    """
+
+    value: object
+    low: np.ndarray
+    high: np.ndarray
+
+    def maximum(self, start):
+        """Climb from `start`, shape (d,).
+
+        Returns
+        -------
+        point : ndarray, shape (d,)
+        value : float
+        """
+        start = np.clip(start, self.low, self.high)
+        before = float(self.value(start[None])[0])
+        if len(start) == 0:
+            return start, before
+        found = minimize(
+            self._below,
+            start,
+            args=(before,),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=list(zip(self.low, self.high, strict=True)),
+            options={"maxiter": 200, "ftol": 1e-9, "gtol": 1e-4, "maxcor": 20},
+        )
+        return (found.x, before - float(found.fun)) if found.fun < 0 else (start, before)
+
+    def _below(self, point, level):
+        """How far the likelihood lies below `level`, and its gradient."""
+        d = len(point)
+        moves = STEP * np.vstack([np.zeros(d), np.eye(d), -np.eye(d)])
+        values = self.value(point + moves)
+        return level - values[0], -(values[1 : d + 1] - values[d + 1 :]) / (2 * STEP)
+
+    def fixed(self, along, at):
+        """Cut the surface where ``along @ point = at``.
+
+        The coordinate of the last non-zero entry of `along` follows from the others.
+
+        Returns
+        -------
+        Surface
+            Over the other coordinates.
+        lift : callable
+            Points on the cut, shape (rows, d - 1), to points, shape (rows, d).
+        rest : ndarray of int
+            The other coordinates.
+        """
+        pivot = int(np.flatnonzero(along)[-1])
+        rest = np.delete(np.arange(len(along)), pivot)
+
+        def lift(points):
+            full = np.empty((len(points), len(along)))
+            full[:, rest] = points
+            full[:, pivot] = (at - points @ along[rest]) / along[pivot]
+            return full
+
+        def value(points):
+            full = lift(points)
+            inside = np.clip(full, self.low, self.high)
+            return self.value(inside) - WALL * ((full - inside) ** 2).sum(axis=1)
+
+        return Surface(value, self.low[rest], self.high[rest]), lift, rest
+
+
+def interval(surface, best, value, along, *, drop=DROP):
+    """Profile-likelihood interval of ``along @ point``.
+
+    Parameters
+    ----------
+    surface : Surface
+    best : ndarray, shape (d,)
+        Where the likelihood is greatest.
+    value : float
+        How great.
+    along : ndarray, shape (d,)
+        What is profiled: one log-parameter, or a sum of some, with weights of zero or more.
+    drop : float
+        Fall of twice the log-likelihood at the ends.
+
+    Returns
+    -------
+    tuple of (float or None, float or None)
+        None on a side where the likelihood does not fall so far inside the box.
+    """
+    centre = float(along @ best)
+    limits = float(along @ surface.low), float(along @ surface.high)
+    return tuple(
+        _end(surface, best, value, along, centre, sign, limit, drop)
+        for sign, limit in zip((-1, 1), limits, strict=True)
+    )
+
+
+def _end(surface, best, value, along, centre, sign, limit, drop):
+    known = {centre: -drop}  # the search below must not find a point anew, and lower
+    last = [best]
+
+    def excess(p):
+        if p not in known:
+            cut, lift, rest = surface.fixed(along, p)
+            starts = np.array([best[rest], last[0][rest]])
+            others, reached = cut.maximum(starts[np.argmax(cut.value(starts))])
+            last[0] = lift(others[None])[0]
+            known[p] = 2 * (value - reached) - drop
+        return known[p]
+
+    inside, step = centre, FIRST
+    while True:
+        outside = inside + sign * step
+        if sign * (limit - outside) <= 0:
+            outside = limit
+        over = excess(outside)
+        if over > 0:
+            return float(brentq(excess, inside, outside, xtol=1e-4 * abs(outside - centre)))
+        if outside == limit:
+            return None
+        inside, step = outside, 1.6 * step

@@ -1,0 +1,217 @@
+"""A static log reduced to a few hundred numbers that hold all a likelihood needs of it.
+
+The cosine transform (DCT-II) of a log is the basis in which every term of the noise model is
+diagonal but for the two ends of the log. With L the second-difference matrix with free ends, whose
+eigenvalues in that basis are ``lambda_k = 4 sin^2(pi k / 2n)``, and e1, en the first and the last
+sample::
+
+    white noise          r I
+    random walk          q L^-1
+    quantisation         q (L + e1 e1' + en en')
+    Gauss-Markov         [ (phi L + (1-phi)^2 I + phi (1-phi) (e1 e1' + en en')) / (1-phi^2) ]^-1
+
+Even coefficients see e1 + en, odd ones e1 - en: each half is diagonal plus one outer product a
+term, so the likelihood is exact and costs as much as there are coefficients. The coefficients of
+short periods, where the model is smooth, are gathered in bins a few per cent wide.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import dct
+
+SINGLE = 40  # coefficients of each parity kept one by one
+BINS = 14  # bins per e-fold of frequency above them
+STRETCHES = 30  # pieces of a log with long holes
+FEWEST = 32  # means below which a piece is left out
+HOLE = 10  # samples in a row that are bridged at any length of the log
+NEAR = 8  # samples on each side that a bridge stands on
+SPIKE = 8.0  # robust standard deviations of a step
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """An unbroken stretch of readings, or of means of `m` of them, as its cosine transform in bins.
+
+    Every array has shape (2, bins): even coefficients, odd coefficients.
+
+    Attributes
+    ----------
+    n : int
+        Readings or means.
+    m : int
+        Samples behind each.
+    dt : float
+        Sampling interval of the samples, s.
+    lam : ndarray
+        Eigenvalue of L at the middle of the bin.
+    count : ndarray
+        Coefficients in the bin; 0 for the mean, which no likelihood sees.
+    yy, xx, uu : ndarray
+        Sums of squares of the log's (y), the ramp's (x) and the first sample's (u) coefficients.
+    xy, uy, ux : ndarray
+        Sums of products.
+    ends : ndarray
+        Sum of squares of u, the mean's among them.
+    """
+
+    n: int
+    m: int
+    dt: float
+    lam: np.ndarray
+    count: np.ndarray
+    yy: np.ndarray
+    xx: np.ndarray
+    uu: np.ndarray
+    xy: np.ndarray
+    uy: np.ndarray
+    ux: np.ndarray
+    ends: np.ndarray
+
+
+def transform(y, dt, m=1):
+    """Reduce one unbroken stretch.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        Readings, or means of `m` consecutive ones, none missing.
+    dt : float
+        Sampling interval of the single readings, s.
+    m : int
+
+    Returns
+    -------
+    Stretch
+    """
+    n = len(y)
+    c = dct(y - y.mean(), type=2, norm="ortho")
+    half_angle = np.pi * np.arange(n) / (2 * n)
+    u = np.sqrt(2 / n) * np.cos(half_angle)
+    u[0] = np.sqrt(1 / n)
+    x = np.zeros(n)  # the ramp in seconds, centred: odd coefficients only
+    x[1::2] = -(m * dt) * u[1::2] / (2 * np.sin(half_angle[1::2]) ** 2)
+    lam, count, starts = _bins(n)
+
+    def gathered(values):
+        sums = np.zeros(lam.shape)
+        for parity, start in enumerate(starts):
+            sums[parity, : len(start)] = np.add.reduceat(values[parity::2], start)
+        return sums
+
+    ends = gathered(u * u)
+    c[0] = u[0] = 0.0
+    return Stretch(
+        n,
+        m,
+        dt,
+        lam,
+        count,
+        yy=gathered(c * c),
+        xx=gathered(x * x),
+        uu=gathered(u * u),
+        xy=gathered(x * c),
+        uy=gathered(u * c),
+        ux=gathered(u * x),
+        ends=ends,
+    )
+
+
+def outline(n, dt):
+    """Give the bins of a log of `n` samples that is yet to be recorded: its sums of y are zero.
+
+    Returns
+    -------
+    Stretch
+    """
+    lam, count, _ = _bins(n)
+    nothing = np.zeros_like(lam)
+    uu = count * (2 / n) * (1 - lam / 4)
+    return Stretch(n, 1, dt, lam, count, *[nothing] * 2, uu, *[nothing] * 3, uu)
+
+
+def _bins(n):
+    """Middle and size of each bin, shape (2, bins), and where the bins of each parity start."""
+    edges = [_edges((n + 1 - parity) // 2) for parity in (0, 1)]
+    lam, count = np.ones((2, len(edges[0]))), np.zeros((2, len(edges[0])))
+    for parity, edge in enumerate(edges):
+        k = parity + edge[:-1] + edge[1:] - 1
+        lam[parity, : len(k)] = 4 * np.sin(np.pi * k / (2 * n)) ** 2
+        count[parity, : len(k)] = np.diff(edge)
+    count[0, 0] = 0.0
+    return lam, count, [edge[:-1] for edge in edges]
+
+
+def _edges(size):
+    """Bounds of the bins: the first coefficients single, then in equal ratios."""
+    if size <= SINGLE:
+        return np.arange(size + 1)
+    steps = int(np.ceil(BINS * np.log(size / SINGLE))) + 1
+    wide = np.unique(np.geomspace(SINGLE, size, steps).round().astype(np.int64))
+    return np.append(np.arange(SINGLE), wide)
+
+
+def stretches(y, dt, m, rng):
+    """Cut a log at its long holes, close the short ones, and transform what is left.
+
+    A hole of up to 10 samples, or 1/200 of the log, is bridged: a straight line between the medians
+    of its neighbours, with white noise of the level of neighbouring differences on it. So at most
+    the share of the samples that was missing is made up.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+    dt : float, s
+    m : int
+        Samples to average.
+    rng : numpy.random.Generator
+        For the bridges.
+
+    Returns
+    -------
+    list of Stretch
+        At most the 30 longest.
+    """
+    whole = bridged(y, rng)
+    edges = np.flatnonzero(np.diff(np.isfinite(np.concatenate([[np.nan], whole, [np.nan]]))))
+    runs = sorted(edges.reshape(-1, 2).tolist(), key=lambda run: run[0] - run[1])[:STRETCHES]
+    kept = [whole[a:b] for a, b in sorted(runs) if b - a >= FEWEST * m]
+    return [transform(part[: len(part) // m * m].reshape(-1, m).mean(1), dt, m) for part in kept]
+
+
+def spikes(y):
+    """Single samples that leave both neighbours, on one side, by 8 robust deviations of a step.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    step = np.diff(y, prepend=np.nan, append=np.nan)
+    size = np.nanmedian(np.abs(step)) / 0.6745
+    if not size > 0:
+        return np.zeros(len(y), dtype=bool)
+    both = np.minimum(np.abs(step[:-1]), np.abs(step[1:])) > SPIKE * size
+    return both & (np.sign(step[:-1]) != np.sign(step[1:]))
+
+
+def bridged(y, rng):
+    """Close the short holes of a log (see `stretches`); the long ones stay NaN.
+
+    Returns
+    -------
+    ndarray, shape (n,), U
+    """
+    missing = ~np.isfinite(y)
+    if not missing.any():
+        return y
+    y = y.copy()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], missing, [False]]))).reshape(-1, 2)
+    level = np.nanmedian(np.abs(np.diff(y))) / 0.6745 / np.sqrt(2)
+    for a, b in edges[np.diff(edges)[:, 0] <= max(HOLE, len(y) // 200)]:
+        before, after = y[max(a - NEAR, 0) : a], y[b : b + NEAR]
+        if not (np.isfinite(before).any() and np.isfinite(after).any()):
+            continue
+        line = np.linspace(np.nanmedian(before), np.nanmedian(after), b - a)
+        y[a:b] = line + level * rng.standard_normal(b - a)
+    return y
