@@ -1,4 +1,4 @@
-"""The command line: ``python -m analysis`` reproduce, report, export, claims, data.
+"""The command line: ``python -m analysis`` reproduce, report, export, plan, claims, data.
 
 Exit status: 0 good; 1 the data cannot support an answer, and why; 2 wrong usage.
 """
@@ -31,6 +31,12 @@ Writes model.json, report.html (one page to pass on), figures/ and exports/.""",
 For Kalibr, gnss-ins-sim, pyins, MATLAB's imuSensor, Gazebo classic and Gazebo (PX4). `report`
 does the same beside its model.json. What the log does not resolve is switched off or left out,
 never filled in; README.md beside the files says what.""",
+    "plan": """examples:
+  python -m analysis plan --rate 100 --white 0.004 --sigma 0.005 --time 200
+  python -m analysis plan --rate 100 --white 0.0033 --flicker 0.002 --within 10
+
+From a datasheet or a first log: the numbers in the sensor's own unit U (deg/s, g ...), white noise
+as its density N in U*sqrt(s). `report` prints the same for the log it characterises.""",
     "claims": """examples:
   python -m analysis claims                 the count of verdicts, and every claim's
   python -m analysis claims comparison      of one paper (comparison, terrain, tracker)""",
@@ -88,6 +94,17 @@ def parser():
     one.add_argument("model", metavar="MODEL.json", help="as `report` writes it")
     one.add_argument("--out", required=True, metavar="DIR", help="folder for the files")
 
+    one = add("plan", "how many hours to record until each noise parameter is known")
+    one.add_argument("--rate", type=float, required=True, metavar="HZ", help="sampling rate")
+    one.add_argument(
+        "--white", type=float, required=True, metavar="N", help="white noise, U*sqrt(s)"
+    )
+    one.add_argument("--sigma", type=float, metavar="S", help="Gauss-Markov bias, U (with --time)")
+    one.add_argument("--time", type=float, metavar="S", help="its correlation time, s")
+    one.add_argument("--flicker", type=float, metavar="B", help="IEEE 952 bias instability, U")
+    one.add_argument("--walk", type=float, metavar="K", help="rate random walk, U/sqrt(s)")
+    one.add_argument("--within", type=float, default=20.0, metavar="PERCENT", help="wanted: 20")
+
     one = add("claims", "the verdict on every claim of the three papers")
     one.add_argument("paper", nargs="?", choices=["terrain", "comparison", "tracker"])
 
@@ -133,6 +150,8 @@ def report(options):
         print(f"\n{channel.name} ({channel.unit})")
         for row in page.rows(channel):
             print(f"  {row['name']:<46}{row['value'] or 'not resolved':>18}   {row['interval']}")
+        for sentence in page.recording(channel, 1 / result.source["rate_hz"]):
+            print(f"  {sentence}")
     print(f"\n{options.out}/report.html, model.json, figures/ and exports/ are written")
 
 
@@ -142,6 +161,23 @@ def export(options):
 
     for name in page.export(options.model, options.out):
         print(f"{options.out}/{name}")
+
+
+def plan(options):
+    """Print the hours each parameter takes."""
+    from analysis import report as page
+    from analysis.noise import planner
+
+    asked = (options.sigma, options.time)
+    if (None in asked) != (asked == (None, None)):
+        raise WrongUsage("--sigma and --time go together")
+    numbers = (options.rate, options.white, options.within, *asked, options.flicker, options.walk)
+    if any(v is not None and not v > 0 for v in numbers):
+        raise WrongUsage("rate, noise, times and --within are numbers above zero")
+    dt = 1 / options.rate
+    sensor = planner.Plan(options.white / dt**0.5, *asked, options.flicker, options.walk)
+    for name, hours in planner.hours_needed(sensor, dt, options.within / 100).items():
+        print(f"{page.PLANNED[name]:<10} to ±{options.within:g} % (95 %): {page.duration(hours)}")
 
 
 def claims(options):

@@ -11,8 +11,11 @@ import matplotlib.pyplot as plt
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 
 from analysis import CannotAnswer, WrongUsage, draw, figures, results
-from analysis.noise import exports
+from analysis.noise import exports, planner
 
+WITHIN = 0.2
+PLANNED = {"sigma_v": "N or σ_v", "sigma_b": "σ_b", "corr_time": "τ", "flicker": "B", "rrw": "K"}
+SLOW = ("sigma_b", "corr_time")
 TEMPLATES = Path(__file__).parent / "templates"
 JOINT = "all.allan"  # a dot, which no channel has in its name
 NAMES = {
@@ -81,6 +84,34 @@ def rows(channel):
     return listed
 
 
+def recording(channel, dt, within=WITHIN):
+    """Say how many hours of log each parameter of a channel takes.
+
+    Returns
+    -------
+    list of str
+        Sentences.
+    """
+    plan, at_least = planner.from_estimates(channel.parameters)
+    if plan is None:
+        return ["no plan without a white noise to plan with"]
+    hours = planner.hours_needed(plan, dt, within)
+    said = "; ".join(
+        f"{PLANNED[name]} {'at least ' if at_least and name in SLOW else ''}{duration(h)}"
+        for name, h in hours.items()
+    )
+    return [f"to know each to ±{within:.0%} (95 %), record: {said}"]
+
+
+def duration(hours):
+    """Write hours as a reader would say them."""
+    if hours is None:
+        return "more than eleven years"
+    if hours < 1 / 60:
+        return "less than a minute"
+    return f"{hours:.2g} h" if hours >= 1 else f"{60 * hours:.2g} min"
+
+
 def _draw(result, folder):
     figures.use_style()
     source = {result.source["file"]: result.source["sha256"]}
@@ -91,6 +122,12 @@ def _draw(result, folder):
     fig = draw.together(result)
     figures.save(fig, JOINT, data=source, seed=result.source["seed"], to=folder)
     plt.close(fig)
+
+
+def _models(channel):
+    """List the models that were tried, the likeliest first."""
+    listed = sorted(channel.models, key=lambda m: m["aic_above_least"])
+    return [m | {"aic": f"{m['aic_above_least']:.1f}"} for m in listed]
 
 
 def _page(result, folder):
@@ -105,7 +142,14 @@ def _page(result, folder):
         source=result.source,
         allan=picture(JOINT),
         channels=[
-            {"channel": c, "rows": rows(c), "picture": picture(c.name)} for c in result.channels
+            {
+                "channel": c,
+                "rows": rows(c),
+                "models": _models(c),
+                "recording": recording(c, 1 / result.source["rate_hz"]),
+                "picture": picture(c.name),
+            }
+            for c in result.channels
         ],
     )
 

@@ -100,10 +100,11 @@ def hours_needed(plan, dt, within):
     def short_by(log_hours, name):
         return np.log(relative_error(plan, dt, np.exp(log_hours))[name] / wanted)
 
-    # Few samples or few correlation times are beyond what the information can say.
-    least = np.log(max(1000 * dt, 10 * (plan.corr_time or 0.0)) / 3600)
     found = {}
     for name in plan.given():
+        # Few samples or few correlation times are beyond what the information can say.
+        times = 10 * plan.corr_time if name in ("sigma_b", "corr_time") else 0.0
+        least = np.log(max(1000 * dt, times) / 3600)
         ends = short_by(least, name), short_by(np.log(LONGEST_H), name)
         if ends[0] <= 0:
             found[name] = float(np.exp(least))
@@ -113,3 +114,36 @@ def hours_needed(plan, dt, within):
             root = brentq(short_by, least, np.log(LONGEST_H), args=(name,), xtol=1e-3)
             found[name] = float(np.exp(root))
     return found
+
+
+def from_estimates(parameters):
+    """Plan with what a first log resolved, and at its bounds where it resolved nothing.
+
+    Parameters
+    ----------
+    parameters : dict of Estimate
+        Of a channel.
+
+    Returns
+    -------
+    plan : Plan or None
+        None where the log does not even tell its white noise.
+    at_least : bool
+        The correlation time is a lower bound, and so are the hours.
+    """
+    white, sigma, time = (parameters.get(name) for name in ("sigma_v", "sigma_b", "corr_time"))
+    if white is None or not white.resolved:
+        return None, False
+    if time.resolved:
+        return Plan(white.value, sigma.value, time.value), False
+    if time.low and sigma.low:
+        return Plan(white.value, sigma.low, time.low), True
+    flicker, walk = parameters.get("bias_instability"), parameters.get("rrw")
+    # A floor read off the curve is no flicker noise: only a fitted coefficient plans a recording.
+    fitted = flicker is not None and flicker.resolved and "flicker" in flicker.note
+    resolved = walk is not None and walk.resolved
+    return Plan(
+        white.value,
+        flicker=flicker.value if fitted else None,
+        rrw=walk.value if resolved else None,
+    ), False
