@@ -12,9 +12,9 @@ from pyins.inertial_sensor import EstimationModel, Parameters
 from scipy.signal import lfilter
 
 from analysis import CannotAnswer, WrongUsage, report
-from analysis.noise import conventions, exports, triad, unified
-from analysis.noise.allan import allan_deviation
-from analysis.noise.estimate import Estimate, random_walk_unit
+from analysis.noise import conventions, exports, triad
+from analysis.noise.estimate import random_walk_unit
+from analysis.noise.inference import infer
 
 RATE, HOURS = 10.0, 6.0
 DT = 1 / RATE
@@ -29,6 +29,7 @@ TRUTH = {  # SI: N, sigma_b, T_c of x, y, z
 }
 NAMES = {"gyroscope": ("gyro", "rate", "arw"), "accelerometer": ("accel", "accel", "vrw")}
 UNITS = {"gyroscope": "rad/s", "accelerometer": "m/s^2"}
+KINDS = {"rad/s": "rate", "m/s^2": "accel"}
 
 
 # --- a model.json --------------------------------------------------------------------------------
@@ -187,27 +188,15 @@ def simulate(rng, n, *, white, phi, step, start=0.0, walk=0.0):
 
 
 def refit(y, unit, rng):
-    """Fit a simulated log: N, sigma_b, T_c. With `walk` the one place that names the estimators."""
-    white = unified.wide_band_noise(y, DT, unit)
-    slow = unified.slow_bias(y, DT, unit, white.value, rng, runs=150)
-    root = np.sqrt(DT)
-    return (
-        Estimate(root * white.value, root * white.low, root * white.high, unit),
-        slow["sigma_b"],
-        slow["corr_time"],
-    )
+    """Fit a simulated log: N, sigma_b, T_c."""
+    found = infer(y, DT, unit, KINDS[unit], rng).parameters
+    return found["arw"], found["sigma_b"], found["corr_time"]
 
 
 def walk(y, unit):
-    """Fit N from increments and K from the Allan deviation at 300 s, 0.3 % of it white noise."""
-    white, root = unified.wide_band_noise(y, DT, unit), np.sqrt(DT)
-    curve = allan_deviation(y, DT)
-    at = np.argmin(np.abs(curve.tau - 300))
-    k = [float(v[at] * np.sqrt(3 / curve.tau[at])) for v in (curve.adev, curve.low, curve.high)]
-    return (
-        Estimate(root * white.value, root * white.low, root * white.high, unit),
-        Estimate(*k, unit),
-    )
+    """Fit a simulated log: N, K."""
+    found = infer(y, DT, unit, KINDS[unit], np.random.default_rng(1)).parameters
+    return found["arw" if unit == "rad/s" else "vrw"], found["rrw"]
 
 
 def inside(e, truth):

@@ -12,7 +12,9 @@ HOUR = 3600.0
 def test_adis16405_gyros(axis):
     """published: N of 2.3 to 2.8 deg/sqrt(h), a lowest Allan deviation of 18 to 34 deg/h."""
     gyro = derived.load("adis16405")[f"gyro_{axis}"]
-    assert 2.3 <= 60 * gyro.parameters["arw"].value <= 2.8
+    arw = gyro.parameters["arw"]
+    assert 60 * arw.high >= 2.3 and 60 * arw.low <= 2.8
+    assert 60 * (arw.high - arw.low) < 0.1
     assert 18 <= HOUR * gyro.allan.adev.min() <= 34
 
 

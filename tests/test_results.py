@@ -92,7 +92,9 @@ def test_channels_have_the_keys_of_the_contract(model):
     assert [c["unit"] for c in model["channels"]] == ["deg/s", "deg", "m/s^2", "m"]
     assert [c["kind"] for c in model["channels"]] == ["rate", "angle", "accel", "position"]
     for channel in model["channels"]:
-        assert set(channel) == {"name", "unit", "kind", "parameters", "allan", "line"}
+        assert set(channel) == {"name", "unit", "kind", "parameters", "allan", "models", "line"}
+        assert sum(m["chosen"] for m in channel["models"]) == 1
+        assert min(m["aic_above_least"] for m in channel["models"]) == 0
         assert set(channel["parameters"]) == PARAMETERS[channel["kind"]]
         assert set(channel["allan"]) == {"tau_s", "deviation", "low", "high", "edf"}
         assert len({len(series) for series in channel["allan"].values()}) == 1

@@ -3,7 +3,7 @@
 The comparison paper (section III) averages the readings over windows of several widths, takes the
 lag at which the autocorrelation has fallen to 1/e of its peak as the correlation time, and the
 square root of the peak as sigma_b. The peak still holds what averaging left of the wide-band noise,
-sigma_v^2 / m, and at 1/e a finite log reads short. `analysis.noise.unified` allows for both.
+sigma_v^2 / m, and at 1/e a finite log reads short. `analysis.noise.inference` has neither fault.
 """
 
 import numpy as np

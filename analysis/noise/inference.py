@@ -2,8 +2,8 @@
 
 The band comes first. A filter inside a sensor makes neighbouring samples alike, which no slow bias
 does. So samples are averaged, 1, 2, 4 ... at a time, until the chosen model has no correlation time
-of only some means, and agrees with the spectrum to 10 % in the octaves at the top. What is called
-white is white below that.
+of only some means, and agrees with the spectrum to 3 % in the octaves at the top; then twice more,
+for what hides in the noise of those octaves still tilts them. What is called white is white below.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,8 @@ from analysis.noise.spectrum import spikes, stretches
 
 LEAST = 256  # means that are left when no band is found
 OCTAVES = 3  # at the top of the band, where the model has to agree
-AGREE = 0.10  # relative
+AGREE = 0.03  # relative
+MARGIN = 2  # doublings beyond the first means that show no filter: unseen is not gone
 BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
 SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
@@ -88,14 +89,15 @@ def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
     """
     out = spikes(y) if robust else np.zeros(len(y), dtype=bool)
     y = np.where(out, np.nan, y) if out.any() else y
-    m, fits, rate = 1, {}, kind in ("rate", "accel")
+    m, fits, rate, further = 1, {}, kind in ("rate", "accel"), 0
     while True:
         likelihood = NoiseLikelihood(stretches(y, dt, m, rng), detrend=detrend)
         fits = fit_all(likelihood, rate=rate, near=fits)
         chosen = choose(fits.values())
         misfit, beyond = disagreement(likelihood, chosen)
         clean = not beyond and min(chosen.terms.get("corr_time", [np.inf])) >= FILTER * m * dt
-        if clean or len(y) < 2 * m * LEAST:
+        further = further + 1 if clean else 0
+        if (clean and (m == 1 or further > MARGIN)) or len(y) < 2 * m * LEAST:
             break
         m *= 2
     said = _Said(likelihood, fits, chosen, dt, unit)
@@ -150,7 +152,7 @@ def disagreement(likelihood, fit):
     worst : float
         Largest relative difference.
     beyond : bool
-        Some octave is off by more than 10 % and by more than four standard errors.
+        Some octave is off by more than 3 % and by more than four standard errors.
     """
     measured, count = np.zeros((2, OCTAVES))
     for stretch in likelihood.stretches:
@@ -171,7 +173,10 @@ def _band(m, dt, clean, misfit):
     note = "" if m == 1 else f"means of {m} samples ({m * dt:.3g} s): closer ones are correlated"
     if clean:
         return note
-    off = f"no model fits to 10 % (off by {100 * misfit:.0f} %): take the interval with caution"
+    off = (
+        f"no model fits to {100 * AGREE:.0f} % (off by {100 * misfit:.0f} %): take the interval"
+        " with caution"
+    )
     return f"{note}; {off}" if note else off
 
 
@@ -190,10 +195,7 @@ class _Said:
         self.likelihood, self.fits, self.chosen = likelihood, fits, chosen
         self.unit = unit
         self.end = "+Q" if chosen.model.endswith("+Q") else ""
-        least = chosen.aic
         self.note = f"likelihood of {chosen.model}"
-        rivals = [f"{f.model} {f.aic - least:+.1f}" for f in fits.values() if f is not chosen]
-        self.against = f"AIC against {chosen.model}: " + ", ".join(rivals)
 
     def white(self, band):
         low, high = self.likelihood.interval(self.chosen, "sigma_v")
@@ -225,9 +227,8 @@ class _Said:
         if self.chosen.model.startswith("N+K"):
             return self._endless()
         if "flicker" in self.chosen.terms:
-            why = (
-                f"flicker noise describes the log better than a Gauss-Markov bias ({self.against})"
-            )
+            worse = self.fits[UNIFIED + self.end].aic - self.chosen.aic
+            why = f"flicker noise describes it better than a Gauss-Markov bias (AIC -{worse:.1f})"
             return {
                 "corr_time": Estimate.refused("s", why),
                 "sigma_b": Estimate.refused(self.unit, why),

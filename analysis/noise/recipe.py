@@ -15,7 +15,6 @@ from analysis.noise.autocorrelation import autocovariance, block_means, one_over
 SHORT = 15.0  # s, the paper's short stretch
 KEPT = 0.7  # lag-1 autocorrelation at which averaging has left little white noise
 FEWEST = 50  # averages needed to speak of an autocorrelation
-MOST = 2500  # averages that are plenty
 COEFFICIENTS = ("quantisation", "white", "bias_instability", "rrw", "ramp")
 
 
@@ -49,8 +48,6 @@ def window_for(residual):
     """
     n = len(residual)
     for m in np.unique(np.geomspace(1, max(n // FEWEST, 1), 40).round().astype(int)):
-        if n // m > MOST:
-            continue
         c = autocovariance(block_means(residual, m), 1)
         if c[0] > 0 and c[1] >= KEPT * c[0]:
             return int(m)

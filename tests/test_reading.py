@@ -1,13 +1,14 @@
-"""The unified model's estimators: known truths come back, hopeless logs are refused."""
+"""Readings off the curves and the usual recipes: closed forms back, hopeless logs refused."""
 
 import numpy as np
 import pytest
 
 from analysis import CannotAnswer
-from analysis.noise import reading, unified
-from analysis.noise.allan import allan_deviation
+from analysis.noise import reading, recipe
+from analysis.noise.allan import AllanCurve, allan_deviation
 from analysis.noise.autocorrelation import autocovariance, block_means, one_over_e
 from analysis.noise.characterise import characterise
+from analysis.noise.line import fit_line
 from analysis.noise.models import UnifiedModel
 
 DT = 0.05
@@ -47,75 +48,37 @@ def test_fit_line():
     t = DT * np.arange(1000)
     y = 2.0 + 0.3 * t
     y[100:120] = np.nan
-    residual, line = unified.fit_line(y, DT)
+    residual, line = fit_line(y, DT)
     assert line.drift == pytest.approx(0.3)
     assert np.nanmax(np.abs(residual)) < 1e-9
 
 
-@pytest.mark.parametrize("sigma_b", [0.0, 0.4, 50.0])
-def test_wide_band_noise_ignores_slow_bias(sigma_b):
-    """coverage: sigma_v's interval holds the truth about 95 times in 100 for any slow bias."""
-    model = UnifiedModel(0.7, 800.0, sigma_b)
-    logs = model.simulate(20_000, DT, np.random.default_rng(3), runs=200)
-    found = [unified.wide_band_noise(y, DT, "deg") for y in logs]
-    covered = sum((e.low or 0) < 0.7 < e.high for e in found)
-    assert 0.90 <= covered / 200 <= 0.985  # three standard errors of 200 trials
+def test_recipe_follows_the_paper():
+    """published: section III on a long log with little white noise gives tau within 20 %."""
+    model = UnifiedModel(0.01, 164.0, 0.046)
+    y = model.simulate(200_000, 0.5, np.random.default_rng(3))
+    found = recipe.autocorrelation_recipe(y - y.mean(), 0.5)
+    # 600 correlation times: the reading scatters by some 8 %; the peak keeps some white noise.
+    assert found.corr_time == pytest.approx(164.0, rel=0.2)
+    assert found.sigma_b == pytest.approx(0.046, rel=0.15)
+    assert np.isnan(recipe.autocorrelation_recipe(np.diff(y[::7]), 0.5).corr_time)
 
 
-def test_wide_band_noise_sees_a_filter():
-    """property: where neighbours are correlated, longer increments count, and the note says so."""
-    white = np.random.default_rng(4).standard_normal(200_003)
-    y = (white[3:] + white[2:-1] + white[1:-2] + white[:-3]) / 2
-    found = unified.wide_band_noise(y, DT, "deg")
-    assert found.value == pytest.approx(1.0, rel=0.02)
-    assert "filter" in found.note
-
-
-@pytest.mark.parametrize("detrend", [True, False])
-def test_slow_bias_intervals_cover(detrend):
-    """coverage: intervals of tau and sigma_b hold the truth at least about 95 times in 100."""
-    model, n, runs = UnifiedModel(0.1, 30.0, 0.3), 1200, 80
-    inside_tau = inside_sigma = 0
-    rng = np.random.default_rng(5)
-    for y in model.simulate(n, 1.0, rng, runs=runs):
-        found = unified.slow_bias(y, 1.0, "deg", 0.1, rng, detrend=detrend, runs=100)
-        tau, sigma = found["corr_time"], found["sigma_b"]
-        inside_tau += (tau.low or 0) <= 30.0 <= (tau.high or np.inf)
-        inside_sigma += (sigma.low or 0) <= 0.3 <= (sigma.high or np.inf)
-    # 80 trials: three standard errors below 95 % (and above, there is 100 %); the interval of
-    # sigma_b joins those of every admitted tau, so it may cover more.
-    assert inside_tau / runs >= 0.87
-    assert inside_sigma / runs >= 0.87
-
-
-def test_long_correlation_time_is_refused_with_a_bound():
-    """property: a log of 3 correlation times gives a lower bound and a sentence, no number."""
-    y = UnifiedModel(0.1, 2400.0, 1.0).simulate(7200, 1.0, np.random.default_rng(6))
-    found = unified.slow_bias(y, 1.0, "deg", 0.1, np.random.default_rng(7))["corr_time"]
-    assert found.value is None and not found.resolved and found.high is None
-    assert 0 < found.low < 2400 and "covers" in found.note
-
-
-def test_white_noise_has_no_correlation_time():
-    """property: of white noise no correlation time is reported, only a ceiling on sigma_b."""
-    y = UnifiedModel(0.1).simulate(20_000, DT, np.random.default_rng(8))
-    found = unified.slow_bias(y, DT, "deg", 0.1, np.random.default_rng(9))
-    assert not found["corr_time"].resolved and not found["sigma_b"].resolved
-    assert 0 < found["sigma_b"].high < 0.02
-
-
-def test_drift_needs_more_than_a_slow_bias():
-    """analytic: a steep drift comes back inside its interval, none is not invented."""
-    flat, steep = UnifiedModel(0.1, 60.0, 0.3), UnifiedModel(0.1, 60.0, 0.3, 0.0, 0.01)
-    a, b = (
-        unified.slow_bias(
-            m.simulate(7200, 1.0, np.random.default_rng(10)), 1.0, "deg", 0.1,
-            np.random.default_rng(11),
-        )["drift"]
-        for m in (flat, steep)
-    )  # fmt: skip
-    assert not a.resolved and a.low < 0 < a.high
-    assert b.resolved and b.low < 0.01 < b.high
+def test_five_coefficients_of_exact_curves():
+    """analytic: each of the five terms alone comes back from its own closed-form curve."""
+    tau = np.geomspace(0.1, 1000, 60)
+    shapes = {
+        "quantisation": np.sqrt(3) / tau,
+        "white": 1 / np.sqrt(tau),
+        "bias_instability": np.full(60, reading.FLICKER),
+        "rrw": np.sqrt(tau / 3),
+        "ramp": tau / np.sqrt(2),
+    }
+    for name, adev in shapes.items():
+        curve = AllanCurve(tau, 2 * adev, adev, 3 * adev, np.full(60, 100.0))
+        found = recipe.five_coefficients(curve)
+        assert found.pop(name) == pytest.approx(2.0, rel=1e-6)
+        assert max(found.values()) < 1e-3
 
 
 def test_graph_readings():

@@ -1,0 +1,59 @@
+"""The recording planner: the information of a log yet to be made, against logs that were made."""
+
+import numpy as np
+import pytest
+
+from analysis.noise.estimate import Estimate
+from analysis.noise.fit import NoiseLikelihood
+from analysis.noise.models import UnifiedModel
+from analysis.noise.planner import Plan, from_estimates, hours_needed, relative_error
+from analysis.noise.spectrum import transform
+
+
+def test_white_noise_is_known_as_chi_square_says():
+    """analytic: n samples know sigma_v to 1.96 / sqrt(2 n)."""
+    found = relative_error(Plan(0.3), 0.1, 1.0)["sigma_v"]
+    assert found == pytest.approx(1.96 / np.sqrt(2 * 36_000), rel=1e-3)
+
+
+def test_plan_against_simulated_logs():
+    """cross-check: the scatter of fitted logs is the planned one, at 100 correlation times."""
+    model, dt, n = UnifiedModel(0.1, 50.0, 0.1), 1.0, 5000
+    planned = relative_error(Plan(0.1, 0.1, 50.0), dt, n * dt / 3600)
+    logs = model.simulate(n, dt, np.random.default_rng(1), runs=150)
+    fits = [NoiseLikelihood([transform(y, dt)]).fit("N+GM").terms for y in logs]
+    for name, half in planned.items():
+        scatter = 1.96 * np.std(np.log([f[name][0] for f in fits]), ddof=1)
+        # 150 logs know a scatter to 6 %; the asymptote is short of the truth by as much again.
+        assert scatter == pytest.approx(half, rel=0.25), name
+
+
+def test_hours_grow_as_the_square():
+    """property: half the error takes four times the hours, and eleven years may not do."""
+    plan = Plan(0.1, 0.1, 100.0)
+    a, b = (hours_needed(plan, 0.1, np.expm1(w))["corr_time"] for w in (0.2, 0.1))
+    assert b == pytest.approx(4 * a, rel=0.05)
+    assert hours_needed(Plan(1.0, 1e-3, 1e7), 1.0, 0.05)["corr_time"] is None
+
+
+def test_plan_from_a_first_log():
+    """property: resolved values are planned with, an open correlation time with its bound."""
+
+    def known(value, unit="deg"):
+        return Estimate(value, 0.9 * value, 1.1 * value, unit)
+
+    open_time = Estimate.refused("s", "open", low=300.0)
+    plan, at_least = from_estimates(
+        {
+            "sigma_v": known(0.1),
+            "corr_time": open_time,
+            "sigma_b": Estimate.refused("deg", "", low=0.2),
+        }
+    )
+    assert at_least and plan == Plan(0.1, 0.2, 300.0)
+    plan, at_least = from_estimates(
+        {"sigma_v": known(0.1), "corr_time": known(50.0, "s"), "sigma_b": known(0.3)}
+    )
+    assert not at_least and plan == Plan(0.1, 0.3, 50.0)
+    nothing = Estimate.refused("deg", "")
+    assert from_estimates({"sigma_v": nothing, "sigma_b": nothing, "corr_time": nothing})[0] is None
