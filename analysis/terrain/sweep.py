@@ -9,7 +9,7 @@ none; and what comes out of a run does not depend on the block it is in.
 What the paper leaves open is in `Setup`, each choice with its reason.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from tqdm import tqdm
@@ -17,6 +17,11 @@ from tqdm import tqdm
 from analysis.terrain import gyro
 from analysis.terrain.ukf import Ukf, with_bias
 
+SWEPT_N = np.linspace(0.001, 0.01, 10)  # deg/sqrt(s), Figs 8 and 9
+FIXED_B = np.array([0.0001, 0.002, 0.004, 0.006, 0.008, 0.01])  # deg/s, their curves
+SWEPT_B = np.linspace(0.0001, 0.01, 10)  # deg/s, Figs 10 and 11
+FIXED_N = np.array([0.001, 0.002, 0.004, 0.006, 0.008, 0.01])  # deg/sqrt(s), their curves
+WORST = (0.01, 0.01)  # N and B of the worst sensor of the sweep
 BLOCK = 50  # runs stepped together: with 120 cells the arrays fit a processor's cache
 
 
@@ -90,6 +95,37 @@ class Setup:
             t, np.ravel(arw), np.ravel(sigma_b), self.corr_time, start=self.start
         )
         return variance.mean(axis=0)
+
+
+def paper_setup(length, **changes):
+    """Read the paper as notebooks 21 to 23 do: one filter, whose R allows for the worst sensor.
+
+    Parameters
+    ----------
+    length : float
+        Of the lap, m.
+    **changes
+        Attributes of `Setup` that are to differ; R follows from the others unless given.
+
+    Returns
+    -------
+    Setup
+    """
+    setup = Setup(length, **changes)
+    return setup if "R" in changes else replace(setup, R=float(setup.own_R(*WORST)[0]))
+
+
+def figure_grids():
+    """Give the cells of Figs 8 and 9 and those of Figs 10 and 11.
+
+    Returns
+    -------
+    tuple of (arw, sigma_b), each ndarray of shape (60,)
+        deg/sqrt(s), deg/s; six curves of ten points, curve after curve.
+    """
+    b, arw = np.meshgrid(FIXED_B, SWEPT_N, indexing="ij")
+    fixed, swept = np.meshgrid(FIXED_N, SWEPT_B, indexing="ij")
+    return (arw.ravel(), b.ravel()), (fixed.ravel(), swept.ravel())
 
 
 @dataclass(frozen=True)
