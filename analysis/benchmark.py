@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis import roads
-from analysis.terrain import sweep
+from analysis.terrain import setup, sweep
 from analysis.terrain.attitude_map import AttitudeMap
 from analysis.terrain.ukf import Ukf
 
@@ -85,13 +85,13 @@ def figures_8_to_11():
     Measured
     """
     attitude_map, length = road()
-    arw, sigma_b = (np.concatenate(pair) for pair in zip(*sweep.figure_grids(), strict=True))
-    setup = sweep.paper_setup(length)
+    arw, sigma_b = (np.concatenate(pair) for pair in zip(*setup.figure_grids(), strict=True))
+    reading = setup.paper_setup(length)
     start = time.perf_counter()
-    found = sweep.laps(attitude_map, arw, sigma_b, setup, runs=100, seed=SEED)
+    found = sweep.laps(attitude_map, arw, sigma_b, reading, runs=100, seed=SEED)
     seconds = time.perf_counter() - start
     yield Measured("Figs 8-11 in full, one core", seconds, "s", "<= 30 (2 cores)")
-    steps = found.error[..., 0].size * (setup.samples - 1)
+    steps = found.error[..., 0].size * (reading.samples - 1)
     yield Measured("filter steps per second in the sweep", steps / seconds, "1/s")
 
 

@@ -6,10 +6,10 @@ attitude error of a cell is N W + B G. All filters of a block of runs are steppe
 does the whole of Figs 8-11 in seconds, less than it takes to start another process, so there is
 none; and what comes out of a run does not depend on the block it is in.
 
-What the paper leaves open is in `Setup`, each choice with its reason.
+What the paper leaves open is in `analysis.terrain.setup`, each choice with its reason.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from tqdm import tqdm
@@ -17,115 +17,7 @@ from tqdm import tqdm
 from analysis.terrain import gyro
 from analysis.terrain.ukf import Ukf, with_bias
 
-SWEPT_N = np.linspace(0.001, 0.01, 10)  # deg/sqrt(s), Figs 8 and 9
-FIXED_B = np.array([0.0001, 0.002, 0.004, 0.006, 0.008, 0.01])  # deg/s, their curves
-SWEPT_B = np.linspace(0.0001, 0.01, 10)  # deg/s, Figs 10 and 11
-FIXED_N = np.array([0.001, 0.002, 0.004, 0.006, 0.008, 0.01])  # deg/sqrt(s), their curves
-WORST = (0.01, 0.01)  # N and B of the worst sensor of the sweep
-BLOCK = 50  # runs stepped together: with 120 cells the arrays fit a processor's cache
-
-
-@dataclass(frozen=True)
-class Setup:
-    """One reading of the paper: everything but the sensor and the map.
-
-    Attributes
-    ----------
-    rate_hz : float
-        Sampling rate of the simulated sensor (paper: 100 Hz).
-    speed : float
-        m/s; the paper has none. 11 m/s is how the van of the real laps drives.
-    begin, length : float
-        Where the lap begins on the map and how long it is, m.
-    corr_time : float
-        T_c of the bias, s (paper, Table 1: 200 s).
-    start : {"zero", "stationary"}
-        Start of the bias; an integrator in a simulation starts at 0 unless told otherwise.
-    R : float or None
-        Variance of a measured attitude that the filter assumes, deg^2, the same for every sensor
-        (the paper speaks of one given algorithm). None: each sensor its own, the variance of its
-        attitude error averaged over the lap.
-    odometry_walk, odometry_scale : float
-        Error of the odometry, m/sqrt(m) and 1 (both one sigma); the paper has neither. As measured
-        on the encoders of the real laps against RTK.
-    begin_sd : float
-        Error of the first position, m (one sigma).
-    every : int
-        The filter takes every so-manieth sample.
-    high_pass : float or None
-        Corner of a high-pass on attitude and map, s; None, as in the paper, is no such filter.
-    bias_states : bool
-        Let the filter estimate attitude error and rate bias too, which the paper rules out.
-    white_sd : float
-        With bias states: standard deviation of the rest of a measured attitude, deg.
-    """
-
-    length: float
-    begin: float = 0.0
-    rate_hz: float = 100.0
-    speed: float = 11.0
-    corr_time: float = 200.0
-    start: str = "zero"
-    R: float | None = None
-    odometry_walk: float = 0.013
-    odometry_scale: float = 3.4e-4
-    begin_sd: float = 0.5
-    every: int = 1
-    high_pass: float | None = None
-    bias_states: bool = False
-    white_sd: float = 0.05
-
-    @property
-    def samples(self):
-        """Samples of a lap."""
-        return int(self.length / self.speed * self.rate_hz) + 1
-
-    @property
-    def q(self):
-        """Variance the filter adds for a metre driven, m.
-
-        The scale error is no random walk; it is counted as the walk that is as wide at the end.
-        """
-        return self.odometry_walk**2 + self.odometry_scale**2 * self.length
-
-    def own_R(self, arw, sigma_b):
-        """Variance of a sensor's attitude error averaged over the lap, deg^2."""
-        t = np.linspace(0, self.length / self.speed, 201)[:, None]
-        variance = gyro.attitude_variance(
-            t, np.ravel(arw), np.ravel(sigma_b), self.corr_time, start=self.start
-        )
-        return variance.mean(axis=0)
-
-
-def paper_setup(length, **changes):
-    """Read the paper as notebooks 21 to 23 do: one filter, whose R allows for the worst sensor.
-
-    Parameters
-    ----------
-    length : float
-        Of the lap, m.
-    **changes
-        Attributes of `Setup` that are to differ; R follows from the others unless given.
-
-    Returns
-    -------
-    Setup
-    """
-    setup = Setup(length, **changes)
-    return setup if "R" in changes else replace(setup, R=float(setup.own_R(*WORST)[0]))
-
-
-def figure_grids():
-    """Give the cells of Figs 8 and 9 and those of Figs 10 and 11.
-
-    Returns
-    -------
-    tuple of (arw, sigma_b), each ndarray of shape (60,)
-        deg/sqrt(s), deg/s; six curves of ten points, curve after curve.
-    """
-    b, arw = np.meshgrid(FIXED_B, SWEPT_N, indexing="ij")
-    fixed, swept = np.meshgrid(FIXED_N, SWEPT_B, indexing="ij")
-    return (arw.ravel(), b.ravel()), (fixed.ravel(), swept.ravel())
+TOGETHER = 6000  # filters stepped at once: enough to hide the interpreter, few enough for a cache
 
 
 @dataclass(frozen=True)
@@ -180,19 +72,34 @@ def laps(attitude_map, arw, sigma_b, setup, *, runs, seed, progress=True, look=0
         If the lap leaves the map.
     """
     attitude_map.require([setup.begin, setup.begin + setup.length])
+    truth = setup.begin + setup.speed / setup.rate_hz * np.arange(setup.samples)
+    attitude = attitude_map.at(truth)
     streams = np.random.SeedSequence(seed).spawn(runs)
-    blocks = [streams[i : i + BLOCK] for i in range(0, runs, BLOCK)]
-    parts = [
-        _block(attitude_map, arw, sigma_b, setup, block, look)
-        for block in tqdm(blocks, desc="laps", unit="block", disable=None if progress else True)
-    ]
-    t, distance = parts[0][:2]
-    joined = (np.concatenate([part[i] for part in parts], axis=1) for i in (2, 3, 4))
-    return Laps(t, distance, *joined)
+    block = max(TOGETHER // np.size(arw), 1)
+    parts = []
+    for i in tqdm(
+        range(0, runs, block), desc="laps", unit="block", disable=None if progress else True
+    ):
+        some = streams[i : i + block]
+        first, moved = odometry(setup, some)
+        paths = attitude_errors(setup, attitude_map.channels, some)
+        parts.append(
+            follow(attitude_map, truth, attitude, first, moved, paths, arw, sigma_b, setup, look)
+        )
+    joined = (
+        np.concatenate([getattr(part, name) for part in parts], axis=1)
+        for name in ("error", "variance", "nis")
+    )
+    return Laps(parts[0].t, parts[0].distance, *joined)
 
 
 def odometry(setup, streams):
     """Draw first positions and odometry of some runs.
+
+    Parameters
+    ----------
+    setup : Setup
+    streams : sequence of numpy.random.SeedSequence
 
     Returns
     -------
@@ -213,8 +120,16 @@ def odometry(setup, streams):
     return first, moved
 
 
-def attitude_errors(setup, channels, streams):
+def attitude_errors(setup, channels, streams, *, samples=None):
     """Draw the unit paths of some runs: every channel its own gyro.
+
+    Parameters
+    ----------
+    setup : Setup
+    channels : int
+    streams : sequence of numpy.random.SeedSequence
+    samples : int, optional
+        By default those of the setup's lap.
 
     Returns
     -------
@@ -223,7 +138,7 @@ def attitude_errors(setup, channels, streams):
     """
     drawn = [
         gyro.unit_paths(
-            setup.samples,
+            samples or setup.samples,
             1 / setup.rate_hz,
             setup.corr_time,
             [_child(stream, 1 + c) for stream in streams],
@@ -237,52 +152,73 @@ def attitude_errors(setup, channels, streams):
     return walk, bias
 
 
-def _block(attitude_map, arw, sigma_b, setup, streams, look):
-    """Track one block of runs through all cells."""
+def follow(attitude_map, truth, attitude, first, moved, paths, arw, sigma_b, setup, look=0.5):
+    """Track one drive through all runs and cells; the drive may be a simulated or a real one.
+
+    Parameters
+    ----------
+    attitude_map : AttitudeMap
+    truth : ndarray, shape (samples,), m
+    attitude : ndarray, shape (channels, samples), deg
+        What a perfect gyro reads; NaN where there is nothing, and the filter then only moves.
+    first : ndarray, shape (runs,), m
+    moved : ndarray, shape (samples,) or (samples, runs), m
+    paths : tuple of ndarray, shape (samples, channels, runs)
+        Of `attitude_errors`.
+    arw, sigma_b : array_like, shape (cells,)
+    setup : Setup
+    look : float
+        As for `laps`.
+
+    Returns
+    -------
+    Laps
+    """
+    R = setup.own_R(arw, sigma_b) if setup.R is None else setup.R
+    R = np.reshape(R, (-1, 1))
     arw, sigma_b = (np.ravel(np.asarray(v, dtype=float))[:, None] for v in (arw, sigma_b))
-    n, m, dt = setup.samples, attitude_map.channels, 1 / setup.rate_hz
-    cells, runs = len(arw), len(streams)
-    step = setup.speed * dt
-    truth = setup.begin + step * np.arange(n)
-    attitude = attitude_map.at(truth)
-    first, moved = odometry(setup, streams)
-    walk, bias = attitude_errors(setup, m, streams)
-    R = setup.own_R(arw, sigma_b)[:, None] if setup.R is None else setup.R
-    R = setup.white_sd**2 if setup.bias_states else R
+    n, m, dt, every = len(truth), attitude_map.channels, 1 / setup.rate_hz, setup.every
+    walk, bias = paths
+    cells, runs = len(arw), len(first)
     tracker, Q = _filter(attitude_map, setup, arw, sigma_b, first)
-    stride = max(round(look / dt) // setup.every, 1)
-    kept = range(setup.every * stride, n, setup.every * stride)
+    stride = every * max(round(look / dt) // every, 1)
+    kept = np.arange(stride, n, stride)
     error, variance = (np.empty((cells, runs, len(kept))) for _ in range(2))
     nis = np.zeros((cells, runs))
-    for k in range(setup.every, n, setup.every):
-        tracker.predict(moved[k - setup.every + 1 : k + 1].sum(axis=0), Q)
-        z = arw * walk[k][:, None]
-        z += sigma_b * bias[k][:, None]
-        z += attitude[:, k, None, None]
-        innovation, S = tracker.update(z, R)
-        if k % kept.step == 0:
-            j = k // kept.step - 1
+    innovation, S = (
+        np.zeros((m, cells, runs)),
+        np.broadcast_to(np.eye(m)[..., None, None], (m, m, 1, 1)),
+    )
+    for k in range(every, n, every):
+        step = moved[k - every + 1 : k + 1].sum(axis=0)
+        tracker.predict(step, Q)
+        tracker.P[0, 0] += setup.q * np.abs(step)
+        if np.isfinite(attitude[:, k]).all():
+            z = arw * walk[k][:, None]
+            z += sigma_b * bias[k][:, None]
+            z += attitude[:, k, None, None]
+            innovation, S = tracker.update(z, R)
+        if k % stride == 0:
+            j = k // stride - 1
             error[:, :, j] = tracker.x[0] - truth[k]
             variance[:, :, j] = tracker.P[0, 0]
             nis += normalised(innovation, S) / m / len(kept)
-    looked = np.array(kept)
-    return looked * dt, truth[looked], error, variance, nis
+    return Laps(kept * dt, truth[kept], error, variance, nis)
 
 
 def _filter(attitude_map, setup, arw, sigma_b, first):
-    """Make the filters of a block, and the covariance of their steps."""
+    """Make the filters of a block, and the covariance of their steps but for the odometry."""
     m, cells, runs = attitude_map.channels, len(arw), len(first)
     n = 1 + 2 * m if setup.bias_states else 1
     x, P = np.zeros((n, cells, runs)), np.zeros((n, n, cells, runs))
     x[0], P[0, 0] = first, setup.begin_sd**2
-    dt = setup.every / setup.rate_hz
-    q = setup.q * setup.speed * dt
     if not setup.bias_states:
-        return Ukf(attitude_map, x, P), q
+        return Ukf(attitude_map, x, P), 0.0
+    dt = setup.every / setup.rate_hz
     transition, loading, Q = with_bias(arw, sigma_b, setup.corr_time, dt, m)
-    Q[0, 0] = q
     for a in range(1, n, 2):
-        P[a, a] = setup.white_sd**2
+        P[a, a] = setup.begin_attitude_sd**2
+        # A bias that starts at 0 is known then; a trace of doubt keeps the root real.
         P[a + 1, a + 1] = sigma_b**2 if setup.start == "stationary" else 1e-12
     return Ukf(attitude_map, x, P, transition, loading), Q
 
