@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis import datasets
+from analysis import CannotAnswer, datasets, roads
 from analysis.intake import survey
 from analysis.roads import DIRECTIONS, HIGHWAY, HIGHWAY_STEP, LAPS, TRACK, WIDTH, Lap, lap_names
 from analysis.terrain import antennas, profile, steps, track
+from analysis.terrain.antennas import Mounting
 
 GATE = (40.86217, -77.83619)  # lat, lon, deg: s = 0, in the stretch where the laps begin
 DT = 1.0 / survey.RATE_HZ
@@ -20,6 +21,38 @@ DRIVES = {
 }
 CRAWL = 0.5  # m between the rows that are used
 HIGHWAY_WIDTH = 5.0  # m, standard deviation of the Gaussian that smooths the highway
+
+
+def lap_on_map(path, direction):
+    """Lay any raw lap of this van on the committed map: the way in for laps of a reader's own.
+
+    Parameters
+    ----------
+    path : Path
+        As `analysis.intake.survey.lap` reads it.
+    direction : str
+        ``ccw`` or ``cw``.
+
+    Returns
+    -------
+    analysis.roads.Lap
+        Its wheels scaled as on the mean of the committed laps.
+
+    Raises
+    ------
+    CannotAnswer
+        If the file has no RTK or lacks an antenna, or the lap leaves the map or runs against it.
+    """
+    line, known = roads.centre_line(direction), roads.provenance()
+    raw = survey.lap(Path(path), GATE)
+    whole = np.stack([antennas.bridge(a) for a in raw.antennas])
+    mounting = Mounting(**known["mounting_deg"])
+    try:
+        lap = _lap(Path(path).stem, direction, raw, whole, line, mounting)
+    except CannotAnswer as error:
+        raise CannotAnswer(f"{Path(path).name}: {error}") from error
+    scale = np.mean([about["metres_per_count"] for about in known["laps"].values()])
+    return replace(lap, wheel_m=lap.wheel_m * scale)
 
 
 def write_track(folder):
@@ -38,10 +71,10 @@ def write_track(folder):
     files = {name: f"{TRACK}/mapping_van_2024-08-05-{name}_merged.mat" for name in LAPS}
     raw = {name: survey.lap(datasets.path(file), GATE) for name, file in files.items()}
     whole = {n: np.stack([antennas.bridge(a) for a in lap.antennas]) for n, lap in raw.items()}
-    ways = [[whole[n] for n in lap_names(d)] for d in DIRECTIONS]
-    mounting = antennas.calibrate(*ways, DT)
+    rounds = {n: _round_of(lap) for n, lap in whole.items()}
+    mounting = antennas.calibrate(*([rounds[n] for n in lap_names(d)] for d in DIRECTIONS), DT)
     lines = {d: _line([whole[n] for n in lap_names(d)]) for d in DIRECTIONS}
-    laps = {n: _lap(n, raw[n], whole[n], lines[LAPS[n]], mounting) for n in LAPS}
+    laps = {n: _lap(n, LAPS[n], raw[n], whole[n], lines[LAPS[n]], mounting) for n in LAPS}
     scale = {n: _scale(laps[n]) for n in LAPS}
     for n, lap in laps.items():
         held_out = np.mean([scale[o] for o in LAPS if o != n])
@@ -59,9 +92,14 @@ def write_track(folder):
         "length_m": {d: _round(line.length_m, 9) for d, line in lines.items()},
         "smoothing_width_m": WIDTH,
         "mounting_deg": {k: _round(v) for k, v in asdict(mounting).items()},
-        "laps": {n: _about(raw[n], laps[n], whole[n], mounting, scale[n]) for n in LAPS},
+        "laps": {n: _about(raw[n], laps[n], rounds[n], mounting, scale[n]) for n in LAPS},
     }
     _write_json(folder, said)
+
+
+def _round_of(lap):
+    east, north, _ = lap[1:].mean(axis=0).T
+    return lap[:, track.first_round(east, north)]
 
 
 def _line(laps):
@@ -69,7 +107,7 @@ def _line(laps):
     return track.centre_line([(m[:, 0], m[:, 1]) for m in middles], (0.0, 0.0))
 
 
-def _lap(name, raw, whole, line, mounting):
+def _lap(name, direction, raw, whole, line, mounting):
     """Lay a lap on its centre line; its wheel_m is still in counts."""
     middle = whole[1:].mean(axis=0)
     s, offset = track.along(line, middle[:, 0], middle[:, 1])
@@ -85,7 +123,7 @@ def _lap(name, raw, whole, line, mounting):
     s = np.interp(t, t[good], (s - scale * counts)[good]) + scale * counts
     return Lap(
         name=name,
-        direction=LAPS[name],
+        direction=direction,
         t_s=t - t[0],
         s_m=s,
         offset_m=offset[part],
@@ -102,10 +140,10 @@ def _scale(lap):
     return float(np.polyfit(lap.wheel_m[lap.fixed], lap.s_m[lap.fixed], 1)[0])
 
 
-def _about(raw, lap, whole, mounting, scale):
+def _about(raw, lap, one_round, mounting, scale):
     """Say what is known of one lap, as plain numbers."""
-    alone = antennas.residuals(whole, antennas.Mounting(), DT)
-    left = antennas.residuals(whole, mounting, DT)
+    alone = antennas.residuals(one_round, Mounting(), DT)
+    left = antennas.residuals(one_round, mounting, DT)
     return {
         "direction": lap.direction,
         "epochs": len(lap.t_s),

@@ -21,6 +21,7 @@ from analysis import CannotAnswer
 
 TIGHTEST = 0.02  # 1/m: no curve of the road is tighter; what is, is noise
 SLOWEST = 3.0  # m/s, below which a course from positions is not trusted
+VARIED = 5e-4  # 1/m of standard deviation of curvature that tell straights from bends
 BRIDGED = 2  # missing epochs in a row that are filled
 ENOUGH = 30  # epochs with attitude and course that a calibration needs
 
@@ -72,6 +73,25 @@ def attitude(front, left, right, mounting=None):
     angles = np.full((len(front), 3), np.nan)
     angles[good] = vehicle.as_euler("ZYX", degrees=True)
     return tuple(angles.T)
+
+
+def seen(pitch, roll, mounting):
+    """Give back the pitch and roll that antennas in a mounting show: `attitude` undone.
+
+    Parameters
+    ----------
+    pitch, roll : ndarray, shape (n,)
+        Of the vehicle, deg.
+    mounting : Mounting
+
+    Returns
+    -------
+    pitch, roll : ndarray, shape (n,)
+        Of the antenna frame, deg.
+    """
+    angles = np.column_stack([np.zeros(len(pitch)), pitch, roll])
+    frame = Rotation.from_euler("ZYX", angles, degrees=True) * _rotation(mounting)
+    return tuple(frame.as_euler("ZYX", degrees=True).T[1:])
 
 
 def bridge(positions, most=BRIDGED):
@@ -139,7 +159,7 @@ def motion(middle, dt):
 
 
 def residuals(antennas, mounting, dt):
-    """Say by how much a mounting misses what the road says, for one lap.
+    """Say by how much a mounting misses what the road says, for one round of a lap.
 
     Parameters
     ----------
@@ -155,13 +175,13 @@ def residuals(antennas, mounting, dt):
         Heading minus course of the rear middle, on a straight (the intercept of a line through
         heading minus course against curvature), deg.
     pitch : float
-        Mean of pitch minus road grade, deg.
+        Mean over distance of pitch minus road grade, deg.
     roll : float
-        Mean roll, deg.
+        Mean over distance of roll, deg.
     """
     front, left, right = antennas
     yaw, pitch, roll = attitude(front, left, right, mounting)
-    course, grade, curvature, _ = motion((left + right) / 2, dt)
+    course, grade, curvature, speed = motion((left + right) / 2, dt)
     ahead = (yaw - course + 180.0) % 360.0 - 180.0
     good = np.isfinite(ahead + curvature + grade) & (np.abs(curvature) < TIGHTEST)
     if good.sum() < ENOUGH:
@@ -169,8 +189,14 @@ def residuals(antennas, mounting, dt):
             f"only {good.sum()} epochs have an attitude and a course; a mounting needs {ENOUGH}: "
             "give a lap that drives"
         )
+    if np.std(curvature[good]) < VARIED:
+        raise CannotAnswer(
+            "the lap is all one curve, in which a twisted mounting and a drift look the same: give "
+            "a lap with straights and bends"
+        )
     _, straight_on = np.polyfit(curvature[good], ahead[good], 1)
-    return float(straight_on), float(np.mean((pitch - grade)[good])), float(np.mean(roll[good]))
+    pitch, roll = (np.average(v[good], weights=speed[good]) for v in (pitch - grade, roll))
+    return float(straight_on), float(pitch), float(roll)
 
 
 def calibrate(there, back, dt):
@@ -184,7 +210,8 @@ def calibrate(there, back, dt):
     Parameters
     ----------
     there, back : sequence of laps
-        Laps one way and laps the other way; each a triple of ndarray (n, 3) as for `residuals`.
+        Rounds one way and rounds the other way; each a triple of ndarray (n, 3) as for
+        `residuals`, and one whole round of the same track, so that all weigh the same bank.
     dt : float
         s
 
@@ -212,6 +239,8 @@ def calibrate(there, back, dt):
         return np.mean(each, axis=0)
 
     found = root(misses, np.zeros(3), tol=1e-10)
+    if not found.success:
+        raise CannotAnswer(f"no mounting fits these laps ({found.message.split('.')[0].lower()})")
     return Mounting(*(float(a) for a in found.x))
 
 

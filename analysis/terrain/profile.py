@@ -183,6 +183,57 @@ def combine(curves, line, between=None):
     )
 
 
+def binned(curves, line, size):
+    """Average the curves of laps over bins of about a size.
+
+    Parameters
+    ----------
+    curves : ndarray, shape (laps, grid)
+    line : analysis.terrain.track.CentreLine
+    size : float
+        m
+
+    Returns
+    -------
+    ndarray, shape (laps, bins)
+    """
+    bins = max(1, int(line.length_m // size))
+    at = (line.s_m / line.length_m * bins).astype(int)
+    return np.array(
+        [np.bincount(at, row, bins) / np.bincount(at, minlength=bins) for row in curves]
+    )
+
+
+def position_bound(values, noise, step, window, apart):
+    """Say how well a stretch of map could tell where a vehicle is (Cramer-Rao).
+
+    For readings z = h(s + shift) + noise, independent once in every ``apart`` metres::
+
+        var(shift) >= 1 / sum((dh/ds)^2 / noise^2)
+
+    Parameters
+    ----------
+    values : ndarray, shape (quantities, n)
+        Closed maps, U, each every ``step``.
+    noise : ndarray, shape (quantities,)
+        Standard deviation of a reading about the map, U.
+    step, window, apart : float
+        Grid, length of the stretch, distance between independent readings, m.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Smallest standard deviation for the stretch that starts at each point, m.
+    """
+    around = np.concatenate([values[:, -1:], values, values[:, :1]], axis=1)
+    slope = (around[:, 2:] - around[:, :-2]) / (2 * step)
+    per_point = (slope**2 / np.asarray(noise)[:, None] ** 2).sum(axis=0) * step / apart
+    count = max(1, round(window / step))
+    total = np.cumsum(np.concatenate([[0.0], per_point, per_point[: count - 1]]))
+    with np.errstate(divide="ignore"):
+        return 1.0 / np.sqrt(total[count:] - total[:-count])
+
+
 def _pool(values, step):
     """Average around the track with a Gaussian weight."""
     n = len(values)

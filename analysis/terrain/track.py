@@ -13,6 +13,7 @@ STEP = 0.5  # m between the points of a centre line
 SMOOTH = 5.0  # m, standard deviation of the Gaussian that smooths a centre line
 ROUNDS = 4  # of aligning laps and averaging them; the line moves by under a millimetre after three
 AWAY = 3.0  # m to the side beyond which a point has left the line
+BESIDE = 20.0  # m to the side within which a lap is on this road at all
 NEAREST_RETURN = 100.0  # m a lap must have driven before coming back counts as a round
 
 
@@ -128,6 +129,14 @@ def along(line, east, north):
     wrapped, offset = project(line, east, north)
     if not np.isfinite(wrapped).any():
         raise CannotAnswer("the lap has no position at all, so it cannot be laid on the map")
+    s = unwrap(wrapped, line.length_m)
+    driven = s[np.isfinite(s)]
+    near = np.nanmedian(np.abs(offset)) < BESIDE
+    if near and driven[-1] < driven[0]:
+        raise CannotAnswer(
+            f"the lap runs against the map's direction ({driven[0] - driven[-1]:.0f} m backward); "
+            "use the map of the other direction"
+        )
     out = np.flatnonzero(np.abs(offset) > AWAY)
     if out.size:
         worst = out[np.argmax(np.abs(offset[out]))]
@@ -135,14 +144,39 @@ def along(line, east, north):
             f"the lap leaves the map: it is {abs(offset[worst]):.0f} m to the side of the centre "
             f"line at s = {wrapped[worst]:.0f} m ({AWAY:g} m are allowed); cut it there"
         )
-    s = unwrap(wrapped, line.length_m)
-    driven = s[np.isfinite(s)]
-    if driven[-1] < driven[0]:
-        raise CannotAnswer(
-            f"the lap runs against the map's direction ({driven[0] - driven[-1]:.0f} m backward); "
-            "use the map of the other direction"
-        )
     return s, offset
+
+
+def first_round(east, north):
+    """Say which epochs of a lap are its first round.
+
+    Parameters
+    ----------
+    east, north : ndarray, shape (n,)
+        m, in the order of time; NaN where missing.
+
+    Returns
+    -------
+    slice
+
+    Raises
+    ------
+    CannotAnswer
+        If the lap does not come back to where it began.
+    """
+    points = np.column_stack([east, north])
+    known = np.flatnonzero(np.isfinite(points).all(axis=1))
+    points = points[known]
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    back = np.hypot(*(points - points[0]).T)
+    back[driven < NEAREST_RETURN] = np.inf
+    end = int(np.argmin(back))
+    if back[end] > AWAY:
+        raise CannotAnswer(
+            f"the lap never comes back to where it began (nearest {back[end]:.0f} m): a closed "
+            "map needs a whole round"
+        )
+    return slice(int(known[0]), int(known[end]))
 
 
 def centre_line(laps, gate):
@@ -167,7 +201,8 @@ def centre_line(laps, gate):
     CannotAnswer
         If the first lap does not come back to where it began.
     """
-    line = _resample(_first_round(*laps[0]), gate)
+    points = np.column_stack(laps[0])[first_round(*laps[0])]
+    line = _resample(points[np.isfinite(points).all(axis=1)], gate)
     # Smoothing a line cuts its corners; the offsets of the laps, averaged below, put that back.
     line = _resample(np.column_stack([_round(line.east_m), _round(line.north_m)]), gate)
     for _ in range(ROUNDS):
@@ -185,22 +220,6 @@ def centre_line(laps, gate):
         moved = np.column_stack([line.east_m + aside * north1, line.north_m - aside * east1])
         line = _resample(moved, gate)
     return line
-
-
-def _first_round(east, north):
-    """Cut out the first round of a lap, and close it."""
-    points = np.column_stack([east, north])
-    points = points[np.isfinite(points).all(axis=1)]
-    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    back = np.hypot(*(points - points[0]).T)
-    back[driven < NEAREST_RETURN] = np.inf
-    end = int(np.argmin(back))
-    if back[end] > AWAY:
-        raise CannotAnswer(
-            f"the lap never comes back to where it began (nearest {back[end]:.0f} m): a closed "
-            "map needs a whole round"
-        )
-    return points[:end]
 
 
 def _round(values):
