@@ -125,6 +125,18 @@ def load_lap(name):
     return Lap(name=name, direction=LAPS[name], **columns)
 
 
+def lap_curves(direction, width=WIDTH):
+    """Smooth the laps of one direction onto the map's grid.
+
+    Returns
+    -------
+    dict of ndarray, shape (laps, grid)
+        pitch_deg, roll_deg, height_m; in the order of `lap_names`.
+    """
+    laps = [vars(load_lap(name)) for name in lap_names(direction)]
+    return profile.lap_curves(laps, centre_line(direction), width)
+
+
 def map_without(name):
     """Make the map from the other laps of a lap's direction.
 

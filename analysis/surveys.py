@@ -20,6 +20,7 @@ DRIVES = {
     "to-altoona": "I99_StateCollege73_to_Altoona33_20210123.mat",
 }
 CRAWL = 0.5  # m between the rows that are used
+FINE = 8  # digits of a distance along the track: a curvature is read from it
 HIGHWAY_WIDTH = 5.0  # m, standard deviation of the Gaussian that smooths the highway
 
 
@@ -79,11 +80,11 @@ def write_track(folder):
     for n, lap in laps.items():
         held_out = np.mean([scale[o] for o in LAPS if o != n])
         laps[n] = replace(lap, wheel_m=lap.wheel_m * held_out)
-        _write_table(folder / f"lap-{n}.csv", vars(laps[n]))
+        _write_table(folder / f"lap-{n}.csv", vars(laps[n]), ("s_m", "wheel_m"))
     for d, line in lines.items():
         own = [vars(laps[n]) for n in lap_names(d)]
         made = profile.combine(profile.lap_curves(own, line, WIDTH), line)
-        _write_table(folder / f"profile-{d}.csv", vars(made))
+        _write_table(folder / f"profile-{d}.csv", vars(made), ("s_m", "east_m", "north_m"))
     said = {
         "title": "Larson Institute test track, six laps of a van with three RTK antennas",
         "made_by": f"python -m analysis data --rebuild --write {TRACK}",
@@ -171,16 +172,16 @@ def _origin(files):
     }
 
 
-def _write_table(path, columns):
-    """Write the arrays among some columns; distances with seven digits, the rest with six."""
+def _write_table(path, columns, along=()):
+    """Write the arrays among some columns; those along or across the track with more digits."""
     arrays = {k: np.asarray(v) for k, v in columns.items() if np.ndim(v) == 1}
     cells = {}
     for name, values in arrays.items():
         if values.dtype.kind in "bi":
             cells[name] = [str(int(v)) for v in values]
         else:
-            form = "%.7g" if name in ("s_m", "wheel_m") else "%.6g"
-            cells[name] = ["" if np.isnan(v) else form % v for v in values]
+            digits = FINE if name in along else 6
+            cells[name] = ["" if np.isnan(v) else f"{v:.{digits}g}" for v in values]
     text = pd.DataFrame(cells).to_csv(index=False, lineterminator="\n")
     path.write_text(text, encoding="utf-8")
 

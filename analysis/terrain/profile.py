@@ -183,6 +183,35 @@ def combine(curves, line, between=None):
     )
 
 
+def held_out(laps, line, width):
+    """Foretell each lap's readings from the mean of the others: what a smoothing width is worth.
+
+    Parameters
+    ----------
+    laps : sequence of dict
+        As for `lap_curves`.
+    line : analysis.terrain.track.CentreLine
+    width : float
+        m
+
+    Returns
+    -------
+    dict of list of ndarray
+        Reading minus foretold, U, of each lap; NaN where there is no reading, or no other lap.
+    """
+    curves = lap_curves(laps, line, width)
+    at = np.append(line.s_m, line.length_m)
+    missed = {q: [] for q in QUANTITIES}
+    for k, lap in enumerate(laps):
+        for q, values in curves.items():
+            others = np.delete(values, k, axis=0)
+            count = np.isfinite(others).sum(axis=0)
+            mean = np.where(count > 0, np.nansum(others, axis=0) / np.maximum(count, 1), np.nan)
+            foretold = np.interp(np.mod(lap["s_m"], line.length_m), at, np.append(mean, mean[0]))
+            missed[q].append(lap[q] - foretold)
+    return missed
+
+
 def binned(curves, line, size):
     """Average the curves of laps over bins of about a size.
 

@@ -206,20 +206,27 @@ def centre_line(laps, gate):
     # Smoothing a line cuts its corners; the offsets of the laps, averaged below, put that back.
     line = _resample(np.column_stack([_round(line.east_m), _round(line.north_m)]), gate)
     for _ in range(ROUNDS):
-        s, offset = (
-            np.concatenate(v) for v in zip(*(project(line, *lap) for lap in laps), strict=True)
-        )
-        good = np.isfinite(s) & (np.abs(offset) < AWAY)
-        cell = np.round(s[good] / line.length_m * len(line.s_m)).astype(int) % len(line.s_m)
-        weight = _round(np.bincount(cell, minlength=len(line.s_m)))
-        if weight.min() < 1e-6:
-            hole = line.s_m[np.argmin(weight)]
+        aside = np.array([_mean_offset(line, *lap) for lap in laps])
+        there = np.isfinite(aside)
+        if not there.any(axis=0).all():
+            hole = line.s_m[np.argmin(there.any(axis=0))]
             raise CannotAnswer(f"no lap has a position near s = {hole:.0f} m: the line has a gap")
-        aside = _round(np.bincount(cell, offset[good], len(line.s_m))) / weight
+        # Each lap has the same say, however often its receiver dropped out there.
+        aside = np.where(there, aside, 0.0).sum(axis=0) / there.sum(axis=0)
         east1, north1 = line.curves()(line.s_m, 1).T
         moved = np.column_stack([line.east_m + aside * north1, line.north_m - aside * east1])
         line = _resample(moved, gate)
     return line
+
+
+def _mean_offset(line, east, north):
+    """Average a lap's offset around each point of the line; NaN where it has none near."""
+    s, offset = project(line, east, north)
+    good = np.isfinite(s) & (np.abs(offset) < AWAY)
+    n = len(line.s_m)
+    cell = np.round(s[good] / line.length_m * n).astype(int) % n
+    weight, total = (_round(np.bincount(cell, w, n)) for w in (None, offset[good]))
+    return np.divide(total, weight, out=np.full(n, np.nan), where=weight > 1e-4)
 
 
 def _round(values):
