@@ -3,7 +3,9 @@
 The notebooks in ``notebooks/`` tell the story; this package holds what two of them share or what
 needs a test. Data flow one way only::
 
-    data/ -> analysis.logs, .roads -> pure modules (noise, terrain) -> notebooks -> analysis.figures -> figures/
+    data/ -> analysis.logs -> pure modules (noise, ...) -> notebooks -> analysis.figures -> figures/
+
+Roads come in through analysis.roads in the place of analysis.logs.
 
 The pure modules take and return arrays or small frozen dataclasses. They read no file and draw
 no plot.

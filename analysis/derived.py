@@ -120,9 +120,8 @@ def differences(old, new):
     found = []
     for file in sorted(files):
         if not ((old / file).exists() and (new / file).exists()):
-            found.append(
-                f"{old.name}: {file} is only {'there' if (new / file).exists() else 'here'}"
-            )
+            gone = (old / file).exists()
+            found.append(f"{old.name}: {file} is {'no longer made' if gone else 'new'}")
             continue
         was, now = (_contents(folder / file) for folder in (old, new))
         keys = sorted(was.keys() | now.keys())

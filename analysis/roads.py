@@ -141,6 +141,8 @@ def map_without(name):
     """Make the map from the other laps of a lap's direction.
 
     Where only one other lap is left, the variance between laps is that of the other direction.
+    The centre line and the mounting of the antennas stay those of all laps: they say where and how
+    the lap was measured, not what the terrain is.
 
     Returns
     -------

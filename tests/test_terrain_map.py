@@ -255,10 +255,10 @@ def test_leaving_a_lap_out_leaves_it_out():
 # ---------------------------------------------------------------- what is refused
 
 
-def write_log(path, lap, *, mode=6, without=(), counts=True):
+def write_log(path, lap, *, mode=6, without=(), counts=True, epochs=None):
     """Write antenna positions (3, n, 3) about the gate as a van's log."""
     n = lap.shape[1]
-    t = 1.7e9 + DT * np.arange(n)
+    t = 1.7e9 + DT * (np.arange(n) if epochs is None else np.resize(epochs, n))
     with h5py.File(path, "w") as file:
         raw = file.create_group("rawData")
         for name, (east, north, up) in zip(survey.ANTENNAS, lap.transpose(0, 2, 1), strict=True):
@@ -309,6 +309,8 @@ def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
         ({"without": ("Front",)}, r"mine\.mat: no antenna 'GPS_SparkFun_Front_GGA'.*all three"),
         ({"mode": 1}, r"mine\.mat: antenna Front is never RTK fixed \(mode 6; best DGPS_mode 1\)"),
         ({"counts": False}, r"mine\.mat: no wheel encoder 'Encoder_Raw'"),
+        ({"epochs": [0, 1, 3, 2]}, r"mine\.mat: the GPS time of antenna Front .* after epoch 3"),
+        ({"epochs": np.arange(200) * 60}, r"mine\.mat: .* span 0\.3 h for 200 epochs; cut out one"),
     ],
 )
 def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, said):

@@ -15,6 +15,7 @@ from analysis import CannotAnswer
 ANTENNAS = ("Front", "LeftRear", "RightRear")
 RTK_FIXED = 6  # this receiver's DGPS_mode with carrier ambiguities fixed; NMEA itself says 4
 RATE_HZ = 10
+SPARSE = 20  # times as many tenths of a second as epochs: no lap, but several or a broken clock
 CLOCK_WINDOW = 10.0  # s over which the offset of the computer's clock is taken as constant
 
 
@@ -73,6 +74,11 @@ def lap(path: Path, origin: tuple[float, float]) -> RtkLap:
         ) from error
     first = min(tick[0] for tick, *_ in receivers)
     n = max(tick[-1] for tick, *_ in receivers) - first + 1
+    if n > SPARSE * max(len(tick) for tick, *_ in receivers):
+        raise CannotAnswer(
+            f"{path.name}: the antennas' GPS times span {n / RATE_HZ / 3600:.1f} h for "
+            f"{max(len(tick) for tick, *_ in receivers)} epochs; cut out one lap"
+        )
     antennas = np.full((3, n, 3), np.nan)
     for i, (tick, xyz, fixed, _) in enumerate(receivers):
         antennas[i, tick[fixed] - first] = xyz[fixed]
@@ -119,6 +125,11 @@ def _receiver(raw, name, path, origin):
     # The plane of the origin falls away from the sea by 7 mm in 300 m: heights are GGA's own.
     xyz = np.column_stack([east, north, altitude])
     tick = np.round(gps[good] * RATE_HZ).astype(np.int64)
+    if (np.diff(tick) <= 0).any():
+        raise CannotAnswer(
+            f"{path.name}: the GPS time of antenna {name} repeats or runs backward after epoch "
+            f"{np.argmax(np.diff(tick) <= 0) + 1}; sort it, and thin it to {RATE_HZ} Hz"
+        )
     stamps = pd.DataFrame({"computer_s": computer[good], "gps_s": gps[good]})
     return tick, xyz[good], fixed[good], stamps
 
