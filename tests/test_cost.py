@@ -117,3 +117,11 @@ def test_reach_and_cheapest():
     assert cost.cheapest(prices, reaches, 1.0) == 2
     assert cost.cheapest(prices, reaches, 0.3) == 1
     assert cost.cheapest(prices, reaches, 0.15) is None
+
+
+def test_allowed_coefficient():
+    """analytic: on reach = 3 B the largest B for 0.6 m is 0.2; bounded by the grid; None below."""
+    grid = np.geomspace(0.01, 1, 7)
+    assert cost.allowed(grid, 3 * grid, 0.6) == pytest.approx(0.2)
+    assert cost.allowed(grid, 3 * grid, 9.0) == 1.0
+    assert cost.allowed(grid, 3 * grid, 0.02) is None

@@ -198,3 +198,29 @@ def cheapest(prices, reaches, wanted):
     """
     prices = np.where(np.asarray(reaches) <= wanted, np.asarray(prices, dtype=float), np.nan)
     return None if np.isnan(prices).all() else int(np.nanargmin(prices))
+
+
+def allowed(coefficient, reaches, wanted):
+    """Find the largest coefficient that keeps a precision: log-log between the points.
+
+    Parameters
+    ----------
+    coefficient : ndarray, shape (n,)
+        Rising.
+    reaches : ndarray, shape (n,), m
+    wanted : float, m
+
+    Returns
+    -------
+    float or None
+        Where `reaches` first exceeds `wanted`; the last coefficient if it never does, None if it
+        does from the start.
+    """
+    over = np.flatnonzero(np.asarray(reaches) > wanted)
+    if not len(over):
+        return float(coefficient[-1])
+    if over[0] == 0:
+        return None
+    near = slice(over[0] - 1, over[0] + 1)
+    at = np.interp(np.log(wanted), np.log(reaches[near]), np.log(coefficient[near]))
+    return float(np.exp(at))

@@ -19,6 +19,8 @@ from analysis.terrain.ukf import Ukf, with_bias
 
 TOGETHER = 6000  # filters stepped at once: enough to hide the interpreter, few enough for a cache
 
+RUNS_AT_ONCE = 250  # whose unit paths are held at a time: some 200 MB
+
 
 @dataclass(frozen=True)
 class Laps:
@@ -75,7 +77,7 @@ def laps(attitude_map, arw, sigma_b, setup, *, runs, seed, progress=True, look=0
     truth = setup.begin + setup.speed / setup.rate_hz * np.arange(setup.samples)
     attitude = attitude_map.at(truth)
     streams = np.random.SeedSequence(seed).spawn(runs)
-    block = max(TOGETHER // np.size(arw), 1)
+    block = min(max(TOGETHER // np.size(arw), 1), RUNS_AT_ONCE)
     parts = []
     for i in tqdm(
         range(0, runs, block), desc="laps", unit="block", disable=None if progress else True

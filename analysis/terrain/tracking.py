@@ -82,9 +82,7 @@ def measures(error, weights):
         return np.einsum("br,cr->bc", weights, values)
 
     square, mean = over_runs((error**2).mean(axis=2)), error.mean(axis=2)
-    at_a_moment = np.stack(
-        [(np.einsum("br,rt->bt", weights, e) ** 2).mean(axis=1) for e in error], axis=1
-    )
+    at_a_moment = np.stack([((weights @ e) ** 2).mean(axis=1) for e in error], axis=1)
     found = (
         over_runs(np.abs(error).mean(axis=2)),
         square - over_runs(mean) ** 2,
