@@ -5,6 +5,8 @@ needs a test. Data flow one way only::
 
     data/ -> analysis.logs -> pure modules (noise, ...) -> notebooks -> analysis.figures -> figures/
 
+Roads come in through analysis.roads in the place of analysis.logs.
+
 The pure modules take and return arrays or small frozen dataclasses. They read no file and draw
 no plot.
 
@@ -38,6 +40,9 @@ Frames and signs
 Body axes x forward, y right, z down; navigation axes north, east, down. Roll, pitch, yaw are the
 3-2-1 Euler angles, positive right-handed about x, y, z. Angles are unwrapped before they are
 analysed. ``C_nb`` turns a body vector into navigation axes: ``v_n = C_nb @ v_b``.
+
+On a road ``s_m`` is the distance along its centre line in the direction of travel, from a gate.
+Pitch is positive nose up, roll right side down, offset and curvature to the right.
 
 Numbers
 -------

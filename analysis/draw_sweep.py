@@ -1,0 +1,117 @@
+"""Pictures of the sweeps: a measure of tracking against one coefficient, and the N-B plane."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from analysis.terrain import tracking
+
+
+def curves(axes, x, fixed, measured, lost, *, x_label, y_label, curve):
+    """Draw Figs 8 to 11 of the terrain paper: thin curves, their average, and the laps lost.
+
+    Parameters
+    ----------
+    axes : pair of matplotlib.axes.Axes
+        For the measure, and for the share of laps lost.
+    x : ndarray, shape (points,)
+    fixed : ndarray, shape (curves,)
+        The other coefficient of each curve.
+    measured : ndarray, shape (resamples, curves, points)
+    lost : ndarray, shape (curves, points)
+        Share of laps.
+    x_label, y_label : str
+    curve : str
+        Label of a curve, with a place for its fixed value: ``"B = {:g} °/s"``.
+    """
+    ax, beside = axes
+    colors = plt.cm.viridis(np.linspace(0, 0.9, len(fixed)))
+    for k, value in enumerate(fixed):
+        ax.plot(x, measured[0, k], color=colors[k], lw=0.8, label=curve.format(value))
+        beside.plot(x, 100 * lost[k], color=colors[k], lw=0.8, label=curve.format(value))
+    middle, low, high = tracking.interval(measured.mean(axis=1))
+    ax.fill_between(x, low, high, color="k", alpha=0.15, lw=0, label="its 95 % interval")
+    ax.plot(x, middle, color="k", lw=2, label="average of the curves")
+    ax.set(xlabel=x_label, ylabel=y_label, yscale="log")
+    beside.set(xlabel=x_label, ylabel="laps lost (%)")
+    beside.set_ylim(-0.2, max(1.0, 105 * lost.max()))
+    ax.figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+
+
+def plane(ax, arw, sigma_b, reached, levels):
+    """Draw the error that is reached over the N-B plane, with a contour for each level.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    arw, sigma_b : ndarray, shape (points,)
+        The even grid of the plane, deg/sqrt(s) and deg/s.
+    reached : ndarray, shape (len(sigma_b), len(arw)), m
+    levels : sequence of float, m
+    """
+    shown = np.log10(reached)
+    ax.set(xscale="log", yscale="log", xlabel="angle random walk N (°/√s)")
+    ax.set_ylabel("bias instability B (°/s)")
+    filled = ax.contourf(arw, sigma_b, shown, levels=12, cmap="viridis_r", alpha=0.6)
+    lines = ax.contour(
+        arw, sigma_b, shown, levels=np.log10(levels), colors="k", linewidths=1, linestyles="solid"
+    )
+    ax.clabel(lines, fmt=lambda v: f"{10**v:.2g} m", fontsize=7)
+    bar = ax.figure.colorbar(filled, ax=ax, format=lambda v, _: f"{10**v:.2g}")
+    bar.set_label("error not exceeded in 95 % (m)")
+
+
+def sensors(ax, arw, sigma_b, priced, own):
+    """Mark numbered sensors on the N-B plane, filled where a price is known, and measured ones.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    arw, sigma_b : array_like, shape (sensors,)
+    priced : array_like of bool, shape (sensors,)
+    own : sequence of (label, arw, sigma_b)
+        Sensors with a ``model.json``, drawn as stars.
+    """
+    for number, (n, b, known) in enumerate(zip(arw, sigma_b, priced, strict=True), start=1):
+        face, ink = ("k", "w") if known else ("w", "k")
+        ax.plot(n, b, "o", ms=8, mfc=face, mec="k", mew=0.6, zorder=3)
+        ax.text(n, b, number, color=ink, fontsize=5.5, ha="center", va="center_baseline", zorder=4)
+    for k, (label, n, b) in enumerate(own):
+        color = ("r", "m", "b")[k % 3]
+        ax.plot(n, b, "*", color=color, ms=9, mec="w", mew=0.5, label=label, ls="none", zorder=5)
+
+
+def against_price(axes, sensors, mean, variance, fit, draws, printed):
+    """Draw Figs 12 and 13 of the terrain paper with price ranges, and eq. (7) through them.
+
+    Parameters
+    ----------
+    axes : pair of matplotlib.axes.Axes
+    sensors : pandas.DataFrame
+        Columns ``label``, ``low``, ``high``, ``middle`` (USD).
+    mean, variance : ndarray, shape (resamples, sensors)
+        m, m^2.
+    fit : PowerLaw
+    draws : tuple of ndarray, shape (draws,)
+        A and b over the price ranges.
+    printed : tuple of float
+        A and b of the paper.
+    """
+    low, high, middle = (sensors[k].to_numpy(float) for k in ("low", "high", "middle"))
+    for ax, measured in zip(axes, (mean, variance), strict=True):
+        value, below, above = tracking.interval(measured)
+        ax.hlines(value, low, high, color="C0", lw=3, alpha=0.35, label="price range")
+        ax.vlines(middle, below, above, color="C0", lw=1)
+        ax.plot(middle, value, "o", color="C0", label="simulated, 95 %")
+        ax.set(xscale="log", yscale="log", xlabel="price (USD)")
+    axes[0].set_ylabel("mean tracking error (m)")
+    axes[1].set_ylabel("variance of tracking error (m²)")
+    for label, x, y in zip(sensors["label"], middle, mean[0], strict=True):
+        axes[0].annotate(label, (x, y), (5, 6), textcoords="offset points", fontsize=6)
+    axes[0].axhline(1, color="0.5", ls="--", lw=0.7, label="1 m")
+    line = np.geomspace(low.min() / 1.5, 1.2 * high.max(), 50)
+    band = np.quantile(draws[0][:, None] * line ** -draws[1][:, None], [0.025, 0.975], axis=0)
+    axes[1].fill_between(line, *band, color="C1", alpha=0.2, lw=0, label="eq (7) over prices, 95 %")
+    axes[1].plot(line, fit.A[0] * line ** -fit.b[0], color="C1", label="eq (7), middle prices")
+    axes[1].plot(line, printed[0] * line ** -printed[1], color="0.5", ls="--", label="as printed")
+    for ax in axes:
+        ax.legend(fontsize=6, loc="lower left")
