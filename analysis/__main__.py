@@ -116,7 +116,9 @@ def parser():
     add("benchmark", "how fast this is here, beside other packages in the same run")
 
     one = add("data", "fetch and verify raw logs, rebuild the derived results")
-    one.add_argument("names", nargs="*", metavar="NAME", help="a raw file or folder; with --rebuild a log or a road")
+    one.add_argument(
+        "names", nargs="*", metavar="NAME", help="a raw file or folder; with --rebuild a result"
+    )
     one.add_argument("--rebuild", action="store_true", help="compute data/derived/ and compare")
     one.add_argument("--write", action="store_true", help="with --rebuild: replace what differs")
     return top
