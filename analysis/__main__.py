@@ -37,6 +37,12 @@ never filled in; README.md beside the files says what.""",
 
 From a datasheet or a first log: the numbers in the sensor's own unit U (deg/s, g ...), white noise
 as its density N in U*sqrt(s). `report` prints the same for the log it characterises.""",
+    "coverage": """examples:
+  python -m analysis coverage                            what data/derived/coverage holds
+  python -m analysis coverage --runs 20 --hours 1 --out mine --workers 2
+
+Simulates logs of the eight sensor models of the papers, fits each, and counts how often an interval
+holds the truth. A cell that is there with as many logs is kept: a killed study goes on.""",
     "claims": """examples:
   python -m analysis claims                 the count of verdicts, and every claim's
   python -m analysis claims comparison      of one paper (comparison, terrain, tracker)""",
@@ -109,6 +115,14 @@ def parser():
     one.add_argument("--flicker", type=float, metavar="B", help="IEEE 952 bias instability, U")
     one.add_argument("--walk", type=float, metavar="K", help="rate random walk, U/sqrt(s)")
     one.add_argument("--within", type=float, default=20.0, metavar="PERCENT", help="wanted: 20")
+
+    one = add(
+        "coverage", "do the intervals cover? every estimator on simulated logs; takes an hour"
+    )
+    one.add_argument("--runs", type=int, default=500, help="logs of each model and length: 500")
+    one.add_argument("--hours", default="2,6", metavar="A,B", help="log lengths, h: 2,6")
+    one.add_argument("--workers", type=int, metavar="N", help="processes; one a core if left out")
+    one.add_argument("--out", metavar="DIR", help="data/derived/coverage if left out")
 
     one = add("claims", "the verdict on every claim of the three papers")
     one.add_argument("paper", nargs="?", choices=["terrain", "comparison", "tracker"])
@@ -187,6 +201,25 @@ def plan(options):
     sensor = planner.Plan(options.white / dt**0.5, *asked, options.flicker, options.walk)
     for name, hours in planner.hours_needed(sensor, dt, options.within / 100).items():
         print(f"{page.PLANNED[name]:<10} to ±{options.within:g} % (95 %): {page.duration(hours)}")
+
+
+def coverage(options):
+    """Run the study behind notebook 13."""
+    from pathlib import Path
+
+    from analysis import coverage as tried
+
+    try:
+        hours = [float(h) for h in options.hours.split(",")]
+    except ValueError as error:
+        raise WrongUsage(
+            f"--hours {options.hours}: numbers with commas between, such as 2,6"
+        ) from error
+    if options.runs < 1 or not all(h > 0 for h in hours):
+        raise WrongUsage("--runs and --hours are above zero")
+    folder = Path(options.out) if options.out else tried.FOLDER
+    tried.study(options.runs, hours, options.workers, folder)
+    print(f"{len(tried.models())} models, {options.runs} logs each, are in {folder.name}/")
 
 
 def claims(options):
