@@ -1,4 +1,4 @@
-"""The command line: ``python -m analysis`` reproduce, report, export, plan, claims, data.
+"""The command line: reproduce, report, export, plan, claims, data, benchmark.
 
 Exit status: 0 good; 1 the data cannot support an answer, and why; 2 wrong usage.
 """
@@ -45,9 +45,14 @@ as its density N in U*sqrt(s). `report` prints the same for the log it character
   python -m analysis data adis16405-static  fetch and verify (names may be folders or files)
   python -m analysis data --rebuild         compute data/derived/ again and compare
   python -m analysis data --rebuild --write adis16405    replace one committed result
+  python -m analysis data --rebuild psu-test-track       the terrain map from the RTK laps
 
 Raw logs are looked for in the folder named by COMPENDIUM_DATA, in data/raw/ and in
 data/downloaded/; every file is checked by sha256.""",
+    "benchmark": """examples:
+  python -m analysis benchmark              a minute at most; other packages as far as installed
+
+Each number stands beside the bar it is held against, if it has one.""",
 }
 
 
@@ -108,8 +113,15 @@ def parser():
     one = add("claims", "the verdict on every claim of the three papers")
     one.add_argument("paper", nargs="?", choices=["terrain", "comparison", "tracker"])
 
+    add("benchmark", "how fast this is here, beside other packages in the same run")
+
     one = add("data", "fetch and verify raw logs, rebuild the derived results")
-    one.add_argument("names", nargs="*", metavar="NAME", help="a raw file or folder, or a log")
+    one.add_argument(
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="a raw file or folder; with --rebuild a log or a road",
+    )
     one.add_argument("--rebuild", action="store_true", help="compute data/derived/ and compare")
     one.add_argument("--write", action="store_true", help="with --rebuild: replace what differs")
     return top
@@ -199,6 +211,19 @@ def claims(options):
         print(f"{count:>5}  {verdict}")
 
 
+def benchmark(options):
+    """Run every benchmark and print its numbers."""
+    from analysis import benchmark as benchmarks
+
+    last = None
+    for name, one in benchmarks.run():
+        if name != last:
+            print(f"\n{name}" if last else name)
+        value = "" if one.value != one.value else f"{one.value:.3g} {one.unit}"
+        print(f"  {one.what:<44}{value:>16}   {one.bar}".rstrip())
+        last = name
+
+
 def data(options):
     """Fetch, verify, rebuild, or list."""
     from analysis import datasets
@@ -219,12 +244,14 @@ def data(options):
 
 
 def _rebuild(options):
-    from analysis import datasets, derived, logs
+    from analysis import datasets, derived
 
-    known = [n for n, entry in logs.catalogue().items() if not entry.get("own")]
+    known = derived.names()
     unknown = set(options.names) - set(known)
     if unknown:
-        raise WrongUsage(f"no log '{sorted(unknown)[0]}'; there are: {', '.join(known)}")
+        raise WrongUsage(
+            f"nothing derived is called '{sorted(unknown)[0]}'; there are: {', '.join(known)}"
+        )
     differ, left_out = [], []
     for name in options.names or known:
         try:

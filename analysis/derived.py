@@ -1,30 +1,39 @@
-"""Results computed from the catalogued logs, committed so that no notebook needs the raw files.
+"""Results computed from the raw logs, committed so that no notebook needs the raw files.
 
-``data/derived/<log>/`` holds what `analysis.results.write` writes, with the sha256, licence and
-source of the raw file. `rebuild` computes it again from the raw log and compares.
+``data/derived/<name>/`` holds tables (CSV) and their provenance (JSON: source, licence, sha256 of
+the raw files, the command). Static logs have what `analysis.results.write` writes; the roads what
+`analysis.surveys` does. `rebuild` computes a folder again from the raw files and compares.
 """
 
+import json
 import os
 import shutil
 import tempfile
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-from analysis import DATA, CannotAnswer, logs, results
+from analysis import DATA, CannotAnswer, logs, results, roads, surveys
 
 FOLDER = DATA / "derived"
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen
 COMMAND = "python -m analysis data --rebuild --write"
+ROADS = {roads.TRACK: surveys.write_track, roads.HIGHWAY: surveys.write_highway}
+
+
+def names():
+    """List everything that can be rebuilt: the static logs of the catalogue, and the roads."""
+    return [*(n for n, entry in logs.catalogue().items() if not entry["own"]), *ROADS]
 
 
 def stored():
-    """List the names of the logs with committed results, in order."""
+    """List the names of the static logs with committed results, in order."""
     return sorted(p.parent.name for p in FOLDER.glob("*/model.json"))
 
 
 def load(name):
-    """Read the committed results of a catalogued log.
+    """Read the committed results of a catalogued static log.
 
     Parameters
     ----------
@@ -45,14 +54,26 @@ def load(name):
     return results.read(FOLDER / name)
 
 
-def compute(name, *, progress=True):
-    """Characterise a catalogued log from its raw file, marked with the command that did it."""
+def compute(name, folder, *, progress=True):
+    """Compute one derived folder from its raw files, marked with the command that did it.
+
+    Parameters
+    ----------
+    name : str
+        One of `names`.
+    folder : Path
+        Where to write; must exist.
+    progress : bool
+    """
+    if name in ROADS:
+        return ROADS[name](folder)
     result = results.characterise_log(logs.read(name), progress=progress)
-    return results.StaticResult(result.source | {"made_by": f"{COMMAND} {name}"}, result.channels)
+    source = result.source | {"made_by": f"{COMMAND} {name}"}
+    return results.write(results.StaticResult(source, result.channels), folder)
 
 
 def rebuild(name, *, write=False, progress=True):
-    """Compute the results of one log again and compare them with the committed ones.
+    """Compute the results of one name again and compare them with the committed ones.
 
     Parameters
     ----------
@@ -66,14 +87,14 @@ def rebuild(name, *, write=False, progress=True):
     list of str
         The differences, one sentence each; empty if there are none.
     """
-    result = compute(name, progress=progress)
     if write:
         FOLDER.mkdir(parents=True, exist_ok=True)
     # Beside the old ones only where it will replace them: comparing writes nothing into the tree.
     new = Path(tempfile.mkdtemp(dir=FOLDER if write else None, prefix=".new-"))
     try:
-        results.write(result, new)
-        differ = _differences(name, results.read(new)) if name in stored() else ["not stored yet"]
+        compute(name, new, progress=progress)
+        there = (FOLDER / name).is_dir()
+        differ = differences(FOLDER / name, new) if there else ["not stored yet"]
         if write:
             shutil.rmtree(FOLDER / name, ignore_errors=True)
             new.chmod(0o755)
@@ -83,37 +104,70 @@ def rebuild(name, *, write=False, progress=True):
     return differ
 
 
-def _differences(name, new):
-    old = load(name)
-    found = [
-        f"{name}: source {key} was {old.source.get(key)!r}, is {new.source.get(key)!r}"
-        for key in sorted(old.source.keys() | new.source.keys())
-        if old.source.get(key) != new.source.get(key)
-    ]
-    if [c.name for c in old.channels] != [c.name for c in new.channels]:
-        return [*found, f"{name}: the channels are others"]
-    for was, now in zip(old.channels, new.channels, strict=True):
-        a, b = _numbers(was), _numbers(now)
-        found += [
-            f"{name}, {was.name}: {key} differs"
-            for key in sorted(a.keys() | b.keys())
-            if key not in a or key not in b or not _close(a[key], b[key])
-        ]
+def differences(old, new):
+    """Compare two folders of tables and provenance.
+
+    Parameters
+    ----------
+    old, new : Path
+
+    Returns
+    -------
+    list of str
+        One sentence a file; empty if all numbers agree to `TOLERANCE` and all words exactly.
+    """
+    files = {p.name for folder in (old, new) for p in folder.iterdir()}
+    found = []
+    for file in sorted(files):
+        if not ((old / file).exists() and (new / file).exists()):
+            found.append(
+                f"{old.name}: {file} is only {'there' if (new / file).exists() else 'here'}"
+            )
+            continue
+        was, now = (_contents(folder / file) for folder in (old, new))
+        keys = sorted(was.keys() | now.keys())
+        other = [k for k in keys if k not in was or k not in now or not _same(was[k], now[k])]
+        found += [f"{old.name}, {file}: {key} differs" for key in other]
     return found
 
 
-def _numbers(channel):
-    """Flatten every number of a channel: key -> array."""
-    flat = {f"allan {k}": v for k, v in vars(channel.allan).items()}
-    flat |= {"line": channel.line, "short": channel.short[1], "whole": channel.whole[1]}
-    for window, (_, cov) in channel.autocorrelation.items():
-        flat[f"autocovariance at {window:g} s"] = cov
-    for name, e in channel.parameters.items():
-        flat[name] = [np.nan if v is None else v for v in (e.value, e.low, e.high)]
-    return {k: np.asarray(v, dtype=float) for k, v in flat.items()}
+def _contents(path):
+    """Flatten a file: key -> array of numbers, or a word."""
+    if path.suffix == ".json":
+        return dict(_leaves(json.loads(path.read_text(encoding="utf-8"))))
+    table = pd.read_csv(path)
+    words = [c for c in table.columns if table[c].dtype.kind not in "fiub"]
+    groups = table.groupby(words, sort=False) if words else [("", table)]
+    return {
+        f"column {column} {' '.join(map(str, np.atleast_1d(which)))}".strip(): rows[
+            column
+        ].to_numpy(dtype=float)
+        for which, rows in groups
+        for column in table.columns.drop(words)
+    }
 
 
-def _close(a, b):
+def _leaves(value, key=""):
+    """Walk a JSON value; a list of numbers is one leaf."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _leaves(inner, f"{key}/{name}".strip("/"))
+    elif isinstance(value, list) and not all(isinstance(v, (int, float)) for v in value):
+        for i, inner in enumerate(value):
+            yield from _leaves(inner, f"{key}/{inner['name'] if _named(inner) else i}")
+    elif isinstance(value, (list, int, float)) and not isinstance(value, bool):
+        yield key, np.asarray(value, dtype=float)
+    else:
+        yield key, value
+
+
+def _named(value):
+    return isinstance(value, dict) and "name" in value
+
+
+def _same(a, b):
+    if not (isinstance(a, np.ndarray) and isinstance(b, np.ndarray)):
+        return type(a) is type(b) and a == b
     if a.shape != b.shape:
         return False
     scale = np.nanmax(np.abs(a)) if np.isfinite(a).any() else 1.0

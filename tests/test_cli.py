@@ -401,7 +401,7 @@ def test_data_rebuilds_compares_and_replaces(tmp_path, monkeypatch):
     assert run("data", "--rebuild", "f9p-static") == (
         1,
         "differs   f9p-static\n",
-        "cannot answer: f9p-static, east: sigma_v differs\n",
+        "cannot answer: f9p-static, model.json: channels/east/parameters/sigma_v/value differs\n",
     )
     status, out, _ = run("data", "--rebuild", "--write", "f9p-static")
     assert (status, out) == (0, "written   f9p-static\n")

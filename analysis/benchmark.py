@@ -1,0 +1,114 @@
+"""Speed, ours beside others', in one run on one machine: ``python -m analysis benchmark``.
+
+Each entry of `BENCHMARKS` yields `Measured` rows; a new one is a function here and a line there.
+Peers come with the extra ``test``; an entry whose peer is not installed says so and goes on.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis import roads
+from analysis.terrain import setup, sweep
+from analysis.terrain.attitude_map import AttitudeMap
+from analysis.terrain.ukf import Ukf
+
+SEED = 2011
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One measured number: what, how much, its unit, and the bar set for it ("" for none)."""
+
+    what: str
+    value: float
+    unit: str
+    bar: str = ""
+
+
+def road():
+    """Make the map that the terrain benchmarks drive on: pitch of the real test track."""
+    profile = roads.load_profile("ccw")
+    return AttitudeMap.closed(profile.length_m, profile.pitch_deg, 150.0), profile.length_m
+
+
+def ukf_against_filterpy():
+    """Time the same steps of the same filter in both, and compare the results.
+
+    Yields
+    ------
+    Measured
+    """
+    try:
+        from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+    except ImportError:
+        yield Measured("filterpy is not installed: pip install filterpy", float("nan"), "")
+        return
+    attitude_map, _ = road()
+    rng = np.random.default_rng(SEED)
+    steps, batch, moved, Q, R = 2000, 6000, 0.11, 4e-5, 0.16
+    truth = 10 + moved * np.arange(1, steps + 1)
+    noise = np.sqrt(R) * rng.standard_normal((steps, batch))
+    z = attitude_map.at(truth)[0][:, None] + noise
+
+    ours = Ukf(attitude_map, np.full((1, batch), 10.3), np.full((1, 1, batch), 0.25))
+    start = time.perf_counter()
+    for k in range(steps):
+        ours.predict(moved, Q)
+        ours.update(z[k][None], R)
+    rate = steps * batch / (time.perf_counter() - start)
+
+    points = MerweScaledSigmaPoints(1, alpha=1.0, beta=0.0, kappa=2.0)
+    theirs = UnscentedKalmanFilter(
+        1, 1, 0.01, lambda x: attitude_map.at(x)[:, 0], lambda x, dt, u: x + u, points
+    )
+    theirs.x, theirs.P = np.array([10.3]), np.array([[0.25]])
+    theirs.Q, theirs.R = np.array([[Q]]), np.array([[R]])
+    start = time.perf_counter()
+    for k in range(steps):
+        theirs.predict(u=moved)
+        theirs.update(z[k, :1])
+    peer = steps / (time.perf_counter() - start)
+    yield Measured("UKF steps per second on one core", rate, "1/s")
+    yield Measured("filterpy, the same steps", peer, "1/s")
+    yield Measured("ours over filterpy", rate / peer, "times", ">= 1000")
+    difference = max(abs(theirs.x[0] - ours.x[0, 0]), abs(theirs.P[0, 0] - ours.P[0, 0, 0]))
+    yield Measured("largest difference after all steps", difference, "m", "rounding")
+
+
+def figures_8_to_11():
+    """Time the sweep of notebook 22: 120 cells x 100 runs x a whole lap at 100 Hz, on one core.
+
+    Yields
+    ------
+    Measured
+    """
+    attitude_map, length = road()
+    arw, sigma_b = (np.concatenate(pair) for pair in zip(*setup.figure_grids(), strict=True))
+    reading = setup.paper_setup(length)
+    start = time.perf_counter()
+    found = sweep.laps(attitude_map, arw, sigma_b, reading, runs=100, seed=SEED)
+    seconds = time.perf_counter() - start
+    yield Measured("Figs 8-11 in full, one core", seconds, "s", "<= 30 (2 cores)")
+    steps = found.error[..., 0].size * (reading.samples - 1)
+    yield Measured("filter steps per second in the sweep", steps / seconds, "1/s")
+
+
+BENCHMARKS = {
+    "unscented Kalman filter": ukf_against_filterpy,
+    "sweeps of N and B": figures_8_to_11,
+}
+
+
+def run():
+    """Run every benchmark.
+
+    Yields
+    ------
+    name : str
+    measured : Measured
+    """
+    for name, benchmark in BENCHMARKS.items():
+        for measured in benchmark():
+            yield name, measured

@@ -1,0 +1,247 @@
+"""A closed centre line, and where along it a point is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import cKDTree
+
+from analysis import CannotAnswer
+
+STEP = 0.5  # m between the points of a centre line
+SMOOTH = 5.0  # m, standard deviation of the Gaussian that smooths a centre line
+ROUNDS = 4  # of aligning laps and averaging them; the line moves by under a millimetre after three
+AWAY = 3.0  # m to the side beyond which a point has left the line
+BESIDE = 20.0  # m to the side within which a lap is on this road at all
+NEAREST_RETURN = 100.0  # m a lap must have driven before coming back counts as a round
+
+
+@dataclass(frozen=True)
+class CentreLine:
+    """A closed line in the plane, in the direction of travel.
+
+    Attributes
+    ----------
+    s_m : ndarray, shape (n,)
+        Distance along the line from the gate, evenly spaced, the last one step before the gate.
+    east_m, north_m : ndarray, shape (n,)
+    length_m : float
+        Once round.
+    """
+
+    s_m: np.ndarray
+    east_m: np.ndarray
+    north_m: np.ndarray
+    length_m: float
+
+    def curves(self):
+        """Give the periodic splines east(s), north(s)."""
+        s = np.append(self.s_m, self.length_m)
+        xy = np.column_stack([self.east_m, self.north_m])
+        return CubicSpline(s, np.vstack([xy, xy[:1]]), bc_type="periodic")
+
+    def curvature(self):
+        """Give the curvature at each point, 1/m, right turns positive.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        curve = self.curves()
+        (e1, n1), (e2, n2) = curve(self.s_m, 1).T, curve(self.s_m, 2).T
+        return (e2 * n1 - n2 * e1) / np.hypot(e1, n1) ** 3
+
+
+def project(line, east, north):
+    """Give distance along a centre line and offset from it.
+
+    Parameters
+    ----------
+    line : CentreLine
+    east, north : ndarray, shape (n,)
+        m; NaN where there is no position.
+
+    Returns
+    -------
+    s : ndarray, shape (n,)
+        0 to ``line.length_m``, m.
+    offset : ndarray, shape (n,)
+        To the right of the line positive, m.
+    """
+    s, offset = np.full((2, len(east)), np.nan)
+    good = np.isfinite(east + north)
+    points = np.column_stack([east, north])[good]
+    _, near = cKDTree(np.column_stack([line.east_m, line.north_m])).query(points)
+    curve, at = line.curves(), line.s_m[near]
+    for _ in range(3):  # Newton on the foot of the perpendicular; it starts within half a step
+        gap, tangent = points - curve(at), curve(at, 1)
+        along = np.einsum("ij,ij->i", gap, tangent)
+        bend = np.einsum("ij,ij->i", gap, curve(at, 2))
+        at = at + along / (np.einsum("ij,ij->i", tangent, tangent) - bend)
+    gap, tangent = points - curve(at), curve(at, 1)
+    right = (gap[:, 0] * tangent[:, 1] - gap[:, 1] * tangent[:, 0]) / np.hypot(*tangent.T)
+    s[good], offset[good] = at % line.length_m, right
+    return s, offset
+
+
+def unwrap(s, length):
+    """Count the rounds: make distance along a closed line grow past its end.
+
+    Parameters
+    ----------
+    s : ndarray, shape (n,)
+        In the order of time; NaN where missing.
+    length : float
+        Once round.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    out = np.array(s, dtype=float)
+    good = np.isfinite(out)
+    out[good] = np.unwrap(out[good], period=length)
+    return out
+
+
+def along(line, east, north):
+    """Give the distance a lap has driven along a centre line, refusing what does not follow it.
+
+    Parameters
+    ----------
+    line : CentreLine
+    east, north : ndarray, shape (n,)
+        Positions in the order of time, m; NaN where missing.
+
+    Returns
+    -------
+    s : ndarray, shape (n,)
+        Growing over the gate, m.
+    offset : ndarray, shape (n,)
+        m
+
+    Raises
+    ------
+    CannotAnswer
+        If the lap leaves the line, or runs against it.
+    """
+    wrapped, offset = project(line, east, north)
+    if not np.isfinite(wrapped).any():
+        raise CannotAnswer("the lap has no position at all, so it cannot be laid on the map")
+    s = unwrap(wrapped, line.length_m)
+    driven = s[np.isfinite(s)]
+    near = np.nanmedian(np.abs(offset)) < BESIDE
+    if near and driven[-1] < driven[0]:
+        raise CannotAnswer(
+            f"the lap runs against the map's direction ({driven[0] - driven[-1]:.0f} m backward); "
+            "use the map of the other direction"
+        )
+    out = np.flatnonzero(np.abs(offset) > AWAY)
+    if out.size:
+        worst = out[np.argmax(np.abs(offset[out]))]
+        raise CannotAnswer(
+            f"the lap leaves the map: it is {abs(offset[worst]):.0f} m to the side of the centre "
+            f"line at s = {wrapped[worst]:.0f} m ({AWAY:g} m are allowed); cut it there"
+        )
+    return s, offset
+
+
+def first_round(east, north):
+    """Say which epochs of a lap are its first round.
+
+    Parameters
+    ----------
+    east, north : ndarray, shape (n,)
+        m, in the order of time; NaN where missing.
+
+    Returns
+    -------
+    slice
+
+    Raises
+    ------
+    CannotAnswer
+        If the lap does not come back to where it began.
+    """
+    points = np.column_stack([east, north])
+    known = np.flatnonzero(np.isfinite(points).all(axis=1))
+    points = points[known]
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    back = np.hypot(*(points - points[0]).T)
+    back[driven < NEAREST_RETURN] = np.inf
+    end = int(np.argmin(back))
+    if back[end] > AWAY:
+        raise CannotAnswer(
+            f"the lap never comes back to where it began (nearest {back[end]:.0f} m): a closed "
+            "map needs a whole round"
+        )
+    return slice(int(known[0]), int(known[end]))
+
+
+def centre_line(laps, gate):
+    """Average laps in one direction into a closed centre line.
+
+    The first round of the first lap starts it; then all laps are laid on it, their mean offset
+    moves it, and it is measured anew.
+
+    Parameters
+    ----------
+    laps : sequence of (east, north)
+        Pairs of ndarray (n,), m, in the order of time, NaN where missing; each at least a round.
+    gate : (float, float)
+        East and north of the point next to which s is 0, m.
+
+    Returns
+    -------
+    CentreLine
+
+    Raises
+    ------
+    CannotAnswer
+        If the first lap does not come back to where it began.
+    """
+    points = np.column_stack(laps[0])[first_round(*laps[0])]
+    line = _resample(points[np.isfinite(points).all(axis=1)], gate)
+    # Smoothing a line cuts its corners; the offsets of the laps, averaged below, put that back.
+    line = _resample(np.column_stack([_round(line.east_m), _round(line.north_m)]), gate)
+    for _ in range(ROUNDS):
+        aside = np.array([_mean_offset(line, *lap) for lap in laps])
+        there = np.isfinite(aside)
+        if not there.any(axis=0).all():
+            hole = line.s_m[np.argmin(there.any(axis=0))]
+            raise CannotAnswer(f"no lap has a position near s = {hole:.0f} m: the line has a gap")
+        # Each lap has the same say, however often its receiver dropped out there.
+        aside = np.where(there, aside, 0.0).sum(axis=0) / there.sum(axis=0)
+        east1, north1 = line.curves()(line.s_m, 1).T
+        moved = np.column_stack([line.east_m + aside * north1, line.north_m - aside * east1])
+        line = _resample(moved, gate)
+    return line
+
+
+def _mean_offset(line, east, north):
+    """Average a lap's offset around each point of the line; NaN where it has none near."""
+    s, offset = project(line, east, north)
+    good = np.isfinite(s) & (np.abs(offset) < AWAY)
+    n = len(line.s_m)
+    cell = np.round(s[good] / line.length_m * n).astype(int) % n
+    weight, total = (_round(np.bincount(cell, w, n)) for w in (None, offset[good]))
+    return np.divide(total, weight, out=np.full(n, np.nan), where=weight > 1e-4)
+
+
+def _round(values):
+    return gaussian_filter1d(np.asarray(values, dtype=float), SMOOTH / STEP, mode="wrap")
+
+
+def _resample(points, gate):
+    """Close points into a line, measure it, space it evenly, start it at the gate."""
+    closed = np.vstack([points, points[:1]])
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
+    curve = CubicSpline(s, closed, bc_type="periodic")
+    fine = np.linspace(0.0, s[-1], round(20 * s[-1] / STEP), endpoint=False)
+    start = fine[np.argmin(np.hypot(*(curve(fine) - gate).T))]
+    n = round(s[-1] / STEP)
+    points = curve((start + np.arange(n) * s[-1] / n) % s[-1])
+    closed = np.vstack([points, points[:1]])
+    length = float(np.hypot(*np.diff(closed, axis=0).T).sum())
+    return CentreLine(np.arange(n) * length / n, points[:, 0], points[:, 1], length)

@@ -1,0 +1,164 @@
+"""Roads: spectra and classes, synthetic surfaces, and a highway cleaned of altitude jumps."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from analysis import CannotAnswer, roads
+from analysis.terrain import road, roughness, steps
+
+
+def test_the_spectrum_keeps_the_variance():
+    """Analytic: the density integrates to the variance (Parseval); a sine stands in its band."""
+    step, n = 0.5, 4000
+    s = step * np.arange(n)
+    values = 3.0 * np.sin(2 * np.pi * s / 25.0) + np.random.default_rng(1).standard_normal(n)
+    whole, density = roughness._lines(values, values, step)
+    assert np.sum(density) * whole[0] == pytest.approx(np.var(values), rel=1e-3)
+    found = roughness.spectrum(values, step)
+    assert found.n[np.argmax(found.density)] == pytest.approx(1 / 25.0, rel=0.15)
+
+
+def test_the_interval_of_a_spectrum_covers():
+    """Coverage: of white noise, 95 % of the bands hold its density 2 sigma^2 step."""
+    rng, inside = np.random.default_rng(2), []
+    for _ in range(100):
+        found = roughness.spectrum(rng.standard_normal(2000), 0.5)
+        inside.append((found.low < 1.0) & (found.high > 1.0))
+    # 100 x 28 bands: +- 0.8 % by chance.
+    assert 0.93 < np.mean(inside) < 0.97
+
+
+def test_what_laps_share():
+    """Analytic: signal of variance 1 in noise of variance 1: shared 2 step, coherence a half."""
+    rng = np.random.default_rng(3)
+    signal = rng.standard_normal(8000)
+    laps = signal + rng.standard_normal((4, 8000))
+    shared, coherence = roughness.shared_spectrum(laps, 0.5)
+    fine = shared.n > 0.1
+    # Bands of 300 lines and more: 6 %; six pairs and three bands to the octave.
+    np.testing.assert_allclose(shared.density[fine], 1.0, rtol=0.2)
+    np.testing.assert_allclose(coherence[fine], 0.5, atol=0.07)
+    with pytest.raises(CannotAnswer, match="one lap shares nothing"):
+        roughness.shared_spectrum(laps[:1], 0.5)
+
+
+def test_iso_classes():
+    """Published: ISO 8608 (table C.1): A below 32, B 32 to 128, C to 512, D to 2048 (1e-6 m^3)."""
+    for g0, name in (
+        (1, "A"),
+        (31, "A"),
+        (33, "B"),
+        (127, "B"),
+        (129, "C"),
+        (500, "C"),
+        (520, "D"),
+    ):
+        assert roughness.iso_class(g0 * 1e-6) == name
+    assert [roughness.class_density(c) * 1e6 for c in "ABCD"] == [16, 64, 256, 1024]
+    assert roughness.iso_class(1e9) == "H"
+    with pytest.raises(CannotAnswer, match="no road class 'Z'"):
+        roughness.class_density("Z")
+
+
+def test_a_synthetic_road_has_its_spectrum():
+    """Analytic: density at 0.1 cycles/m, waviness, and the rod's pitch are those asked for."""
+    rng = np.random.default_rng(4)
+    made = road.synthetic(40_000.0, 0.5, 256e-6, rng, wheelbase=1.0, track_width=0.01)
+    taper = np.hanning(len(made.s_m))
+    found = roughness.spectrum(made.height_m * taper / np.sqrt(np.mean(taper**2)), 0.5)
+    g0, waviness = roughness.fit_iso(found, 0.02, 0.1)
+    # A rod of 1 m sees 95 % of the density at 0.1 cycles/m; bands hold 500 lines and more.
+    assert g0 == pytest.approx(256e-6 * np.cos(np.pi * 0.1) ** 2, rel=0.12)
+    assert waviness == pytest.approx(2.0, abs=0.15)
+    grade = np.degrees(np.arctan(np.gradient(made.height_m, 0.5)))
+    # Waves of a rod's length tip it as they please; over 5 m it lies along the road.
+    grade, pitch = (gaussian_filter1d(v, 5.0 / 0.5) for v in (grade, made.pitch_deg))
+    assert np.corrcoef(grade, pitch)[0, 1] > 0.99
+
+
+def test_two_tracks_share_long_waves_only():
+    """Analytic: at waviness 2 the shared part is x K_1(x), 1 at 0; wide vehicles roll less."""
+    from scipy.special import k1
+
+    n = np.array([1e-4, 0.05, 0.3, 2.0])
+    x = 2 * np.pi * n * 1.6
+    np.testing.assert_allclose(road.shared(n, 1.6), x * k1(x), rtol=1e-12)
+    assert road.shared(np.array([1e-6]), 1.6)[0] == pytest.approx(1.0, abs=1e-6)
+    rng = np.random.default_rng(5)
+    narrow, wide = (road.synthetic(5000.0, 0.5, 256e-6, rng, track_width=w) for w in (1.0, 3.0))
+    assert narrow.roll_deg.std() > wide.roll_deg.std()
+
+
+def test_hills_have_the_grade_asked_for():
+    """Analytic: on a smooth surface the root mean square pitch is that of the hills."""
+    rng = np.random.default_rng(6)
+    rms = [
+        np.sqrt(
+            np.mean(road.synthetic(20_000.0, 1.0, 1e-12, rng, hill_grade_deg=2.0).pitch_deg ** 2)
+        )
+        for _ in range(6)
+    ]
+    # An octave around 300 m in 20 km holds about 50 lines: 10 % each, 4 % for six.
+    assert np.mean(rms) == pytest.approx(2.0, rel=0.12)
+
+
+def test_the_same_seed_makes_the_same_road():
+    """Property: roads differ by seed only; nonsense is refused."""
+    a, b, c = (road.synthetic(500.0, 0.5, 64e-6, np.random.default_rng(k)) for k in (7, 7, 8))
+    assert (a.pitch_deg == b.pitch_deg).all() and not (a.pitch_deg == c.pitch_deg).any()
+    assert not a.closed and a.length_m == pytest.approx(499.5)
+    for length, step, said in ((500.0, 3.0, "does not resolve"), (10.0, 0.5, "too short")):
+        with pytest.raises(CannotAnswer, match=said):
+            road.synthetic(length, step, 64e-6, np.random.default_rng(1))
+
+
+def hill(s):
+    """A hill of 40 m in 4 km."""
+    return 20.0 - 20.0 * np.cos(2 * np.pi * s / 4000.0)
+
+
+def test_jumps_are_removed_and_the_hill_stays():
+    """Analytic: a stretch off by 20 m, and one off by 1.5 m, come back to the hill below them."""
+    s = np.arange(0.0, 8000.0, 1.4)
+    broken = hill(s) + 20.0 * ((s > 2000) & (s < 2100)) - 1.5 * ((s > 5000) & (s < 5150))
+    cleaned, level, jumps = steps.clean(s, broken)
+    assert jumps.size == 4
+    np.testing.assert_allclose(cleaned, hill(s), atol=0.05)
+    np.testing.assert_allclose(cleaned[level], broken[level], atol=1e-9)
+    assert not level[(s > 2000) & (s < 2100)].any() and level.mean() > 0.9
+    same, all_level, none = steps.clean(s, hill(s))
+    assert (same == hill(s)).all() and all_level.all() and none.size == 0
+
+
+def test_heights_that_always_jump_are_refused():
+    """Property: with no stretch of 300 m the level is unknown, which is said."""
+    s = np.arange(0.0, 2000.0, 1.4)
+    with pytest.raises(CannotAnswer, match="the height jumps 9 times, and nowhere are there 300 m"):
+        steps.clean(s, 5.0 * np.floor(s / 200.0))
+
+
+def test_resampling_keeps_a_slope():
+    """Analytic: a straight climb stays what it is, away from the ends."""
+    s = np.sort(np.random.default_rng(9).uniform(0.0, 1000.0, 900))
+    s[[0, -1]] = 0.0, 1000.0
+    at = np.arange(0.0, 1000.0, 5.0)
+    found = steps.resample(s, 0.03 * s, at, 5.0)
+    np.testing.assert_allclose(found[5:-5], 0.03 * at[5:-5], atol=1e-3)
+
+
+def test_the_committed_highway():
+    """Property: both ways climb the same hills: grades of the two carriageways agree, no jump."""
+    from scipy.spatial import cKDTree
+
+    there, back = (roads.load_highway(name) for name in roads.HIGHWAYS)
+    for drive in (there, back):
+        assert 68_000 < drive.s_m[-1] < 70_000
+        assert np.abs(np.diff(drive.height_m)).max() < 1.0  # 55 and 16 steps of over 1 m before
+        assert np.mean(np.abs(drive.grade_deg) > 4.5) < 0.005
+        assert drive.levelled.mean() < 0.12
+    tree = cKDTree(np.column_stack([back.east_m, back.north_m]))
+    apart, near = tree.query(np.column_stack([there.east_m, there.north_m]))
+    both = (apart < 60) & ~there.levelled & ~back.levelled[near]
+    assert both.sum() > 10_000
+    assert np.corrcoef(there.grade_deg[both], -back.grade_deg[near[both]])[0, 1] > 0.98

@@ -1,0 +1,180 @@
+"""Laps of many sensors, and what is said of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from analysis import CannotAnswer
+from analysis.terrain import setup as readings
+from analysis.terrain import sweep, tracking
+from analysis.terrain.attitude_map import AttitudeMap
+
+SEED = 20112
+CELLS = np.array([0.001, 0.01, 0.001, 0.01]), np.array([0.0001, 0.0001, 0.005, 0.005])
+
+
+def road():
+    """Make 500 m of hills."""
+    s = np.arange(0.0, 500.0)
+    return AttitudeMap(0.0, 1.0, np.sin(s / 9) + 0.5 * np.sin(s / 23))
+
+
+def reading(**changes):
+    """Read the paper on 300 m of that road."""
+    return readings.paper_setup(300.0, begin=50.0, **changes)
+
+
+def laps(choices, runs=8, attitude_map=None, cells=CELLS, **options):
+    """Simulate a few laps."""
+    options = {"seed": SEED, "progress": False} | options
+    return sweep.laps(attitude_map or road(), *cells, choices, runs=runs, **options)
+
+
+def test_a_lap_does_not_depend_on_its_company(monkeypatch):
+    """property: the same run in another block, another number of runs, other cells."""
+    whole = laps(reading())
+    fewer = laps(reading(), runs=3)
+    np.testing.assert_array_equal(fewer.error, whole.error[:, :3])
+    alone = laps(reading(), cells=(CELLS[0][2:3], CELLS[1][2:3]))
+    np.testing.assert_allclose(alone.error[0], whole.error[2], atol=1e-9)
+    monkeypatch.setattr(sweep, "TOGETHER", 12)
+    np.testing.assert_array_equal(laps(reading()).error, whole.error)
+
+
+def test_cells_share_their_runs():
+    """property: without attitude error all cells are the same lap, whatever their sensor."""
+    none = laps(replace(reading(), R=0.1), cells=(np.zeros(3), np.zeros(3)))
+    assert np.array_equal(none.error[0], none.error[1])
+    assert np.array_equal(none.error[0], none.error[2])
+    assert none.error[0].std() > 0
+
+
+def test_a_sensor_without_error_and_a_perfect_odometry_never_err():
+    """analytic: nothing in, nothing out."""
+    exact = reading(R=0.1, odometry_walk=0.0, odometry_scale=0.0, begin_sd=1e-9)
+    assert np.abs(laps(exact, cells=(np.zeros(1), np.zeros(1))).error).max() < 1e-6
+
+
+def test_without_terrain_it_is_dead_reckoning():
+    """analytic: on a level road the error is that of the odometry, whose variance adds up."""
+    flat = AttitudeMap(0.0, 1.0, np.zeros(500))
+    found = laps(reading(odometry_scale=1e-3), runs=400, attitude_map=flat, look=5.0)
+    driven = found.distance - 50.0
+    expected = 0.5**2 + 0.013**2 * driven + (1e-3 * driven) ** 2
+    spread = found.error[0].var(axis=0)
+    low, high = chi2.ppf([0.0005, 0.9995], 399) / 399
+    assert np.all((low * expected < spread) & (spread < high * expected))
+
+
+def test_worse_sensors_track_worse():
+    """property: with common runs, more N or more B means a larger mean square error."""
+    square = (laps(reading(), runs=30).error ** 2).mean(axis=(1, 2))
+    assert square[0] < square[1] < square[3] and square[0] < square[2] < square[3]
+
+
+def test_two_channels_and_bias_states_run_and_help():
+    """property: roll helps a sensor with hardly any bias; bias states help one with a large one."""
+    s = np.arange(0.0, 500.0)
+    both = AttitudeMap(0.0, 1.0, np.stack([road().attitude[0], np.cos(s / 14)]))
+
+    def rms(*args, **kw):
+        return np.sqrt((laps(*args, runs=30, **kw).error ** 2).mean(axis=(1, 2)))
+
+    assert rms(reading(), attitude_map=both)[0] < rms(reading())[0]
+    assert rms(reading(bias_states=True, R=0.0025))[3] < 0.5 * rms(reading())[3]
+
+
+def test_half_the_samples_have_the_same_paths():
+    """property: `every` thins the updates of the same laps; truth and moments stay."""
+    full, half = laps(reading()), laps(reading(every=2))
+    np.testing.assert_allclose(half.distance, full.distance)
+    assert 0 < np.abs(half.error - full.error).max() < 1.0
+
+
+def test_own_variance_is_averaged_over_the_lap():
+    """analytic: with no bias, N^2 times half the lap's time."""
+    assert reading().own_R(0.01, 0.0)[0] == pytest.approx(1e-4 * 300 / 11 / 2, rel=1e-3)
+    worst = reading().own_R(*readings.WORST)[0]
+    assert worst == pytest.approx(reading().R)
+
+
+def test_the_grids_are_those_of_the_figures():
+    """published: N 0.001 to 0.01 at six B, and the reverse, 120 cells."""
+    (n, b), (fixed, swept) = readings.figure_grids()
+    assert len(n) == len(swept) == 60
+    assert sorted(set(b)) == [0.0001, 0.002, 0.004, 0.006, 0.008, 0.01]
+    assert (n.min(), n.max(), swept.min(), swept.max()) == (0.001, 0.01, 0.0001, 0.01)
+    assert len(set(n)) == len(set(swept)) == 10 and len(set(fixed)) == 6
+
+
+def test_a_lap_off_the_map_is_refused():
+    """property: a sentence with both ranges, and no simulation."""
+    with pytest.raises(CannotAnswer, match=r"from 50\.0 to 650\.0 m and leaves the map"):
+        laps(replace(reading(), length=600.0))
+
+
+def synthetic_errors(cells=3, runs=50, times=40):
+    """Errors with a spread between runs (2), within runs (1) and a common offset (3)."""
+    rng = np.random.default_rng(SEED)
+    between = 2.0 * rng.standard_normal((cells, runs, 1))
+    return 3.0 + between + rng.standard_normal((cells, runs, times))
+
+
+def test_the_three_variances_are_numpys():
+    """analytic: pooled, ensemble and per-run variance as numpy computes them."""
+    error = synthetic_errors()
+    found = tracking.measures(error, tracking.resample(50, 0, np.random.default_rng(1)))
+    assert found["mean_m"][0] == pytest.approx(np.abs(error).mean(axis=(1, 2)))
+    assert found["pooled_m2"][0] == pytest.approx(error.var(axis=(1, 2)))
+    assert found["ensemble_m2"][0] == pytest.approx(error.var(axis=1).mean(axis=1))
+    assert found["per_run_m2"][0] == pytest.approx(error.var(axis=2).mean(axis=1))
+
+
+def test_bootstrap_interval_covers():
+    """coverage: 95 % intervals of the pooled variance hold the truth in 90-97 % of 300 samples.
+
+    A percentile bootstrap of 50 runs is a little narrow; 300 samples know the share to 1.3 %.
+    """
+    rng, inside = np.random.default_rng(SEED), 0
+    for _ in range(300):
+        error = 2.0 * rng.standard_normal((1, 50, 1)) + rng.standard_normal((1, 50, 10))
+        weights = tracking.resample(50, 300, rng)
+        _, low, high = tracking.interval(tracking.measures(error, weights)["pooled_m2"][:, 0])
+        inside += low < 5.0 < high
+    assert 0.88 <= inside / 300 <= 0.98
+
+
+def test_share_of_square_knows_lines_and_squares():
+    """analytic: 0 for a line, 1 for c x^2 from 0, 0.82 for the pure square of the swept N."""
+    x = readings.SWEPT_N
+    assert tracking.share_of_square(tracking.quadratic(x, 2 + 3 * x)) == pytest.approx(0, abs=1e-9)
+    assert tracking.share_of_square(tracking.quadratic(x, x**2)) == pytest.approx(0.9 / 1.1)
+    rng = np.random.default_rng(SEED)
+    for power, closer in ((1, 0.0), (2, 1.0)):
+        noisy = (x / 0.01) ** power + 0.01 * rng.standard_normal((200, 10))
+        rms, share, p = tracking.line_or_square(x, noisy)
+        assert share == closer and np.argmin(rms) == power - 1
+        assert (p < 1e-3) == (power == 2)
+
+
+def test_line_test_keeps_its_level():
+    """coverage: were the truth a line, a quadratic term is called significant 5 % of the time."""
+    rng, x = np.random.default_rng(SEED), np.linspace(0, 1, 10)
+    called = 0
+    for _ in range(300):
+        curves = x + 0.3 * rng.standard_normal((60, 10)) + rng.standard_normal((60, 1))
+        y = tracking.resample(60, 200, rng) @ curves
+        called += tracking.line_or_square(x, y)[2] < 0.05
+    assert 0.02 <= called / 300 <= 0.10  # 5 % +- 2.5 %, and a bootstrap of 60 is a little narrow
+
+
+def test_lost_and_its_share():
+    """published: Clopper-Pearson: 0 of 100 lost is at most 3.6 %; 5 of 100 is 1.6 to 11.3 %."""
+    error = np.zeros((2, 100, 7))
+    error[1, :5, 3] = -10.5
+    flags = tracking.lost(error)
+    assert flags.sum(axis=1).tolist() == [0, 5]
+    assert tracking.share(flags[0]) == pytest.approx((0, 0, 0.0362), abs=1e-4)
+    assert tracking.share(flags[1]) == pytest.approx((0.05, 0.0164, 0.1128), abs=1e-4)

@@ -1,0 +1,404 @@
+"""The terrain map: antennas to attitude, laps to a line and a map, and what is refused."""
+
+import h5py
+import numpy as np
+import pymap3d
+import pytest
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from analysis import CannotAnswer, WrongUsage, datasets, roads, surveys
+from analysis.intake import survey
+from analysis.terrain import antennas, profile, track
+from analysis.terrain.antennas import Mounting
+
+# A van whose front antenna sits 0.33 m to the left and 0.07 m low, whose right one is 9 mm higher.
+FRONT, LEFT, RIGHT = (2.58, -0.33, 0.07), (0.0, -0.74, 0.0), (0.0, 0.74, -0.009)
+LENGTH, DT = 1250.0, 0.1
+
+
+def plan(s):
+    """East, north and course (rad) of a closed track: two straights, two bends."""
+    k = 2 * np.pi / LENGTH
+    fine = np.linspace(0.0, LENGTH, 20001)
+    middle = (fine[1:] + fine[:-1]) / 2
+    course = k * middle + 0.5 * np.sin(2 * k * middle)
+    steps = np.diff(fine)[:, None] * np.column_stack([np.sin(course), np.cos(course)])
+    curve = CubicSpline(fine, np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)]))
+    return *curve(np.mod(s, LENGTH)).T, k * s + 0.5 * np.sin(2 * k * s)
+
+
+def truth(s):
+    """Pitch, roll (deg) and height (m) of its hills and banks, driven clockwise."""
+    k = 2 * np.pi / LENGTH
+    height = 1.5 * np.sin(2 * k * s) + 0.08 * np.cos(40 * k * s)
+    grade = 3.0 * k * np.cos(2 * k * s) - 3.2 * k * np.sin(40 * k * s)
+    roll = 4.0 + 1.5 * np.cos(3 * k * s) + 0.5 * np.sin(30 * k * s)
+    return np.degrees(np.arctan(grade)), roll, height
+
+
+def drive(way, *, speed=10.0, rounds=1.1, start=-20.0, noise=0.0, aside=0.0, rng=None):
+    """Antenna positions of a lap (3, n, 3), clockwise or against it, and s of the track."""
+    s = way * (start + speed * DT * np.arange(int(rounds * LENGTH / speed / DT)))
+    pitch, roll, height = truth(s)
+    east, north, course = plan(s)
+    at = np.column_stack([east, north, height])
+    at[:, :2] += aside * np.column_stack([np.cos(course), -np.sin(course)])  # to the right
+    yaw = np.degrees(course) + (0.0 if way > 0 else 180.0)
+    body = Rotation.from_euler("ZYX", np.column_stack([yaw, way * pitch, way * roll]), degrees=True)
+    middle = (np.array(LEFT) + RIGHT) / 2
+    laps = [
+        body.apply(np.array(p) - middle)[:, [1, 0, 2]] * [1, 1, -1] for p in (FRONT, LEFT, RIGHT)
+    ]
+    lap = np.stack(laps) + at
+    return (lap + noise * rng.standard_normal(lap.shape) if noise else lap), s
+
+
+def mounting_of_the_van():
+    """Angles of the antenna frame in the van, straight from its geometry."""
+    x = np.array(FRONT) - (np.array(LEFT) + RIGHT) / 2
+    z = np.cross(x, np.array(RIGHT) - LEFT)
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    frame = Rotation.from_matrix(np.column_stack([x, np.cross(z, x), z]))
+    return frame.as_euler("ZYX", degrees=True)
+
+
+def line_of(laps):
+    """Centre line through the rear middles of laps."""
+    middles = [lap[1:].mean(axis=0) for lap in laps]
+    return track.centre_line([(m[:, 0], m[:, 1]) for m in middles], (0.0, 0.0))
+
+
+def columns(lap, line, mounting):
+    """A lap as `lap_curves` wants it."""
+    middle = lap[1:].mean(axis=0)
+    s, _ = track.along(line, middle[:, 0], middle[:, 1])
+    _, pitch, roll = antennas.attitude(*lap, mounting)
+    return {"s_m": s, "pitch_deg": pitch, "roll_deg": roll, "height_m": middle[:, 2]}
+
+
+def test_attitude_of_a_known_van():
+    """Analytic: antennas placed by a known attitude give that attitude back, to rounding."""
+    lap, s = drive(1)
+    pitch, roll, _ = truth(s)
+    yaw, found_pitch, found_roll = antennas.attitude(*lap, Mounting(*mounting_of_the_van()))
+    np.testing.assert_allclose(found_pitch, pitch, atol=1e-9)
+    np.testing.assert_allclose(found_roll, roll, atol=1e-9)
+    turned = (yaw - np.degrees(plan(s)[2]) + 180.0) % 360.0 - 180.0
+    np.testing.assert_allclose(turned, 0.0, atol=1e-9)
+
+
+def test_the_mounting_is_recovered_from_both_directions():
+    """Analytic: rounds both ways give the geometry back; differences over 2 m cost 0.01 deg."""
+    ways = [[drive(way, rounds=1.0)[0]] for way in (1, -1)]
+    found = antennas.calibrate(*ways, DT)
+    expected = mounting_of_the_van()
+    np.testing.assert_allclose(
+        [found.yaw_deg, found.pitch_deg, found.roll_deg], expected, atol=0.01
+    )
+
+
+def test_a_twisted_baseline_leaks_roll_into_pitch():
+    """Analytic: without the mounting the directions disagree in pitch by sin(psi) roll, twice."""
+    laps = [drive(way, rounds=1.0)[0] for way in (1, -1)]
+    (_, there, a), (_, back, b) = (antennas.residuals(lap, Mounting(), DT) for lap in laps)
+    psi = np.radians(mounting_of_the_van()[0])
+    # First order in the roll of 4 deg: the next is its cosine, 0.3 %.
+    assert there - back == pytest.approx(-np.sin(psi) * (a - b), rel=0.02)
+    mounting = Mounting(*mounting_of_the_van())
+    left = [antennas.residuals(lap, mounting, DT)[1] for lap in laps]
+    np.testing.assert_allclose(left, 0.0, atol=0.01)
+
+
+def test_what_the_antennas_see_undoes_the_mounting():
+    """Property: seen(attitude with mounting) is the attitude without it."""
+    lap, _ = drive(1)
+    mounting = Mounting(*mounting_of_the_van())
+    _, pitch, roll = antennas.attitude(*lap, mounting)
+    _, raw_pitch, raw_roll = antennas.attitude(*lap)
+    again = antennas.seen(pitch, roll, mounting)
+    np.testing.assert_allclose(again, [raw_pitch, raw_roll], atol=1e-9)
+
+
+def test_the_centre_line_is_the_mean_of_the_laps():
+    """Analytic: laps 0.4 m to the left and right average to the track between; it closes."""
+    line = line_of([drive(1, aside=a)[0] for a in (0.4, -0.4)])
+    assert line.length_m == pytest.approx(LENGTH, abs=0.05)
+    s = np.arange(5.0, LENGTH - 5.0, 7.0)
+    found, right = track.project(line, *plan(s)[:2])
+    np.testing.assert_allclose(found, s, atol=0.05)
+    np.testing.assert_allclose(right, 0.0, atol=0.02)
+    k = 2 * np.pi / LENGTH
+    bend = k + k * np.cos(2 * k * line.s_m)
+    np.testing.assert_allclose(line.curvature(), bend, atol=0.05 * 2 * k)
+    assert np.ptp(np.diff(line.s_m)) < 1e-9
+    assert np.hypot(line.east_m[0], line.north_m[0]) < 0.05
+
+
+def test_projection_onto_the_line():
+    """Analytic: a point 2 m to the right of the line at s is found there, also across the gate."""
+    line = line_of([drive(1)[0]])
+    s = np.array([0.2, 100.0, 700.3, LENGTH - 0.3])
+    east, north, course = plan(s)
+    found, right = track.project(line, east + 2.0 * np.cos(course), north - 2.0 * np.sin(course))
+    np.testing.assert_allclose(found, s, atol=0.03)
+    np.testing.assert_allclose(right, 2.0, atol=0.01)
+
+
+@pytest.mark.parametrize("missing", [1, 2])
+def test_short_dropouts_are_bridged_and_long_ones_are_not(missing):
+    """Property: one or two epochs come back within a millimetre or so; three stay missing."""
+    lap, _ = drive(1)
+    holed = lap[0].copy()
+    holed[100 : 100 + missing] = np.nan
+    holed[200:203] = np.nan
+    whole = antennas.bridge(holed)
+    # The spline's error over 3 m of a wave of 31 m and 8 cm: h^4 k^4 a / 100, well under 2 mm.
+    np.testing.assert_allclose(whole[100 : 100 + missing], lap[0][100 : 100 + missing], atol=2e-3)
+    assert np.isnan(whole[200:203]).all()
+
+
+def test_the_map_recovers_a_known_road():
+    """Analytic: without noise the map is the road, but for what a 1 m Gaussian takes from waves."""
+    laps = [drive(1, start=x)[0] for x in (-20.0, -20.37, -20.71)]
+    line = line_of(laps)
+    mounting = Mounting(*mounting_of_the_van())
+    curves = profile.lap_curves([columns(lap, line, mounting) for lap in laps], line, 1.0)
+    made = profile.combine(curves, line)
+    # A local line biases a wave by (k w)^2 / 2: 2 % at 31 m; the wave has 0.92 deg of pitch.
+    pitch, roll, height = truth(made.s_m)
+    np.testing.assert_allclose(made.pitch_deg, pitch, atol=0.03)
+    np.testing.assert_allclose(made.roll_deg, roll, atol=0.03)
+    np.testing.assert_allclose(made.height_m, height, atol=0.005)
+    assert made.closed and (made.laps == 3).all()
+
+
+def test_the_standard_error_covers():
+    """Coverage: with 5 mm of antenna noise 95 % of the map lies within 1.96 standard errors."""
+    rng = np.random.default_rng(20)
+    mounting, inside = Mounting(*mounting_of_the_van()), []
+    for _ in range(12):
+        starts = rng.uniform(-25.0, -15.0, 4)
+        laps = [drive(1, start=x, noise=0.005, rng=rng)[0] for x in starts]
+        line = line_of(laps)
+        curves = profile.lap_curves([columns(lap, line, mounting) for lap in laps], line, 1.0)
+        made = profile.combine(curves, line)
+        for q, se, expected in (
+            (made.pitch_deg, made.pitch_se_deg, truth(made.s_m)[0]),
+            (made.roll_deg, made.roll_se_deg, truth(made.s_m)[1]),
+        ):
+            inside.append(np.mean(np.abs(q - expected) < 1.96 * se))
+    # 24 maps of about 500 independent points: +- 0.4 % by chance; the rest is the 2 % of bias.
+    assert 0.93 < np.mean(inside) < 0.97
+
+
+def test_the_bound_of_a_sine():
+    """Analytic: for h = a sin(k s) the mean squared slope is (a k)^2 / 2."""
+    step, n, a, k = 0.5, 2000, 2.0, 2 * np.pi / 50.0
+    values = a * np.sin(k * step * np.arange(n))
+    bound = profile.position_bound(values[None], [0.1], step, 100.0, 2.0)
+    expected = 1 / np.sqrt((a * k) ** 2 / 2 / 0.1**2 * 100.0 / 2.0)
+    np.testing.assert_allclose(bound, expected, rtol=2e-3)  # central differences at k h / 2 = 0.03
+    both = profile.position_bound(np.array([values, values]), [0.1, 0.1], step, 100.0, 2.0)
+    np.testing.assert_allclose(both, bound / np.sqrt(2), rtol=1e-9)
+
+
+# ---------------------------------------------------------------- the real laps
+
+
+@pytest.mark.parametrize("direction", roads.DIRECTIONS)
+def test_the_committed_map(direction):
+    """Published: the facts that datasets/README gives of the laps hold on the committed ones."""
+    line = roads.centre_line(direction)
+    laps = [roads.load_lap(name) for name in roads.lap_names(direction)]
+    curves = profile.lap_curves([vars(lap) for lap in laps], line, roads.WIDTH)
+    bins = {q: profile.binned(values, line, 5.0) for q, values in curves.items()}
+    first = np.triu_indices(len(laps), 1)
+    roll, pitch = (np.corrcoef(bins[q])[first] for q in ("roll_deg", "pitch_deg"))
+    assert roll.min() >= 0.99
+    assert pitch.min() > 0.83 and pitch.max() < 0.97  # 0.88 to 0.95 there, by another alignment
+    apart = [np.std(bins["height_m"][i] - bins["height_m"][j]) for i, j in zip(*first, strict=True)]
+    assert max(apart) / np.sqrt(2) < 0.02  # 1 to 2 cm
+
+
+def test_the_committed_map_is_what_its_laps_make():
+    """Cross-check: map from the committed laps equals the committed map, to its six digits."""
+    for direction in roads.DIRECTIONS:
+        line, stored = roads.centre_line(direction), roads.load_profile(direction)
+        laps = [vars(roads.load_lap(name)) for name in roads.lap_names(direction)]
+        made = profile.combine(profile.lap_curves(laps, line, roads.WIDTH), line)
+        for key in ("pitch_deg", "roll_deg", "height_m", "pitch_se_deg", "roll_se_deg"):
+            np.testing.assert_allclose(getattr(made, key), getattr(stored, key), atol=2e-3)
+        assert (np.diff(stored.s_m) > 0).all() and np.isfinite(stored.pitch_deg).all()
+
+
+def test_each_lap_keeps_its_promises():
+    """Property: truth grows, wheels agree to 0.2 %, attitude is there where all are fixed."""
+    for name in roads.lap_names():
+        lap = roads.load_lap(name)
+        assert (np.diff(lap.s_m) > 0).all() and np.allclose(np.diff(lap.t_s), DT)
+        assert lap.s_m[-1] - lap.s_m[0] > 1500.0
+        assert lap.wheel_m[-1] / (lap.s_m[-1] - lap.s_m[0]) == pytest.approx(1.0, abs=2e-3)
+        assert np.isfinite(lap.pitch_deg[lap.fixed]).all()
+        assert lap.fixed.mean() > 0.5 and np.isfinite(lap.pitch_deg).mean() > 0.95
+
+
+def test_leaving_a_lap_out_leaves_it_out():
+    """Property: the held-out map differs, has one lap less, and one lap alone borrows its error."""
+    for name, left in (("14-45-26", 3), ("17-39-12", 1)):
+        held_out, whole = roads.map_without(name), roads.load_profile(roads.LAPS[name])
+        assert held_out.laps.max() == left
+        assert np.std(held_out.pitch_deg - whole.pitch_deg) > 0.01
+        assert (held_out.pitch_se_deg > 0).all()
+
+
+# ---------------------------------------------------------------- what is refused
+
+
+def write_log(path, lap, *, mode=6, without=(), counts=True):
+    """Write antenna positions (3, n, 3) about the gate as a van's log."""
+    n = lap.shape[1]
+    t = 1.7e9 + DT * np.arange(n)
+    with h5py.File(path, "w") as file:
+        raw = file.create_group("rawData")
+        for name, (east, north, up) in zip(survey.ANTENNAS, lap.transpose(0, 2, 1), strict=True):
+            if name in without:
+                continue
+            group = raw.create_group(f"GPS_SparkFun_{name}_GGA")
+            # The reader takes heights as written and drops the third of the local axes.
+            lat, lon, _ = pymap3d.enu2geodetic(east, north, up, *surveys.GATE, 0.0)
+            values = {"GPS_Time": t, "ROS_Time": t - 0.04, "Latitude": lat, "Longitude": lon}
+            values |= {"Altitude": up, "GeoSep": np.zeros(n), "DGPS_mode": np.full(n, mode)}
+            for column, v in values.items():
+                group[column] = np.asarray(v, dtype=float)[None]
+        if counts:
+            encoder = raw.create_group("Encoder_Raw")
+            fine = np.linspace(0.0, n * DT, 10 * n)
+            driven = 1.0 + 2.02e5 * fine
+            for column, v in (("ROS_Time", 1.7e9 - 0.04 + fine), ("C1Counts", -driven)):
+                encoder[column] = v[None]
+            encoder["C2Counts"] = driven[None]
+    return path
+
+
+def van_on(direction, part=slice(None), aside=0.0, backward=False):
+    """Antenna positions of the synthetic van on the committed map."""
+    known = roads.load_profile(direction)
+    s = np.arange(0.0, known.length_m - 1.0, 1.0)[part]
+    curve = roads.centre_line(direction).curves()
+    (e1, n1) = curve(s, 1).T
+    at = np.column_stack([curve(s) + aside * np.column_stack([n1, -e1]), np.full(len(s), 300.0)])
+    yaw = np.degrees(np.arctan2(e1, n1))
+    body = Rotation.from_euler("Z", yaw[:, None], degrees=True)
+    lap = np.stack([body.apply(p)[:, [1, 0, 2]] * [1, 1, -1] for p in (FRONT, LEFT, RIGHT)]) + at
+    return lap[:, ::-1] if backward else lap
+
+
+def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
+    """Analytic: a van driven along the committed centre line comes back at its place."""
+    path = write_log(tmp_path / "mine.mat", van_on("ccw"))
+    lap = surveys.lap_on_map(path, "ccw")
+    np.testing.assert_allclose(lap.s_m, np.arange(len(lap.s_m)), atol=0.05)
+    # The lever of the front antenna, 0.33 m aside, is the van's, not this lap's.
+    assert np.abs(lap.offset_m).max() < 0.02 and lap.fixed.all()
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        ({"without": ("Front",)}, r"mine\.mat: no antenna 'GPS_SparkFun_Front_GGA'.*all three"),
+        ({"mode": 1}, r"mine\.mat: antenna Front is never RTK fixed \(mode 6; best DGPS_mode 1\)"),
+        ({"counts": False}, r"mine\.mat: no wheel encoder 'Encoder_Raw'"),
+    ],
+)
+def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, said):
+    """Property: one sentence that names the file and what it lacks."""
+    path = write_log(tmp_path / "mine.mat", van_on("ccw", slice(0, 200)), **made)
+    with pytest.raises(CannotAnswer, match=said):
+        surveys.lap_on_map(path, "ccw")
+
+
+def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
+    """Property: leaving the map, and running against it, are told apart; a wrong word is usage."""
+    away = van_on("ccw", slice(0, 300))
+    away[:, 200:] += [40.0, 60.0, 0.0]
+    path = write_log(tmp_path / "mine.mat", away)
+    with pytest.raises(
+        CannotAnswer, match=r"mine\.mat: the lap leaves the map: it is \d+ m to the"
+    ):
+        surveys.lap_on_map(path, "ccw")
+    path = write_log(tmp_path / "back.mat", van_on("ccw", backward=True))
+    with pytest.raises(CannotAnswer, match=r"back\.mat: the lap runs against the map's direction"):
+        surveys.lap_on_map(path, "ccw")
+    other = write_log(tmp_path / "other.mat", van_on("cw"))
+    with pytest.raises(CannotAnswer, match="against the map's direction"):
+        surveys.lap_on_map(other, "ccw")
+    with pytest.raises(WrongUsage, match="no direction 'north'; there are: ccw, cw"):
+        surveys.lap_on_map(path, "north")
+    with pytest.raises(WrongUsage, match="no lap 'x'"):
+        roads.load_lap("x")
+
+
+def test_files_that_are_no_laps_are_refused(tmp_path):
+    """Property: text, an empty file and a truncated log get a sentence, not a traceback."""
+    whole = write_log(tmp_path / "whole.mat", van_on("ccw", slice(0, 100))).read_bytes()
+    for content in (b"hello\n", b"", whole[: len(whole) // 2]):
+        path = tmp_path / "bad.mat"
+        path.write_bytes(content)
+        with pytest.raises(CannotAnswer, match=r"bad\.mat: not a MATLAB v7\.3 file, or cut off"):
+            surveys.lap_on_map(path, "ccw")
+        with pytest.raises(CannotAnswer, match=r"bad\.mat: not a"):
+            survey.highway(path)
+
+
+def test_a_map_with_a_gap_is_refused():
+    """Property: a stretch that no lap covers is named; a hole in one is filled by another."""
+    laps = [drive(1)[0], drive(1, start=-20.4)[0]]
+    line = line_of(laps)
+    mounting = Mounting(*mounting_of_the_van())
+    parts = [columns(lap, line, mounting) for lap in laps]
+    hole = (parts[0]["s_m"] % LENGTH > 300) & (parts[0]["s_m"] % LENGTH < 330)
+    parts[0]["pitch_deg"] = np.where(hole, np.nan, parts[0]["pitch_deg"])
+    made = profile.combine(profile.lap_curves(parts, line, 1.0), line)
+    assert made.laps.min() == 1 and made.laps.max() == 2
+    assert made.pitch_se_deg[made.laps == 1].min() > 0
+    gone = (parts[1]["s_m"] % LENGTH > 310) & (parts[1]["s_m"] % LENGTH < 320)
+    parts[1]["pitch_deg"] = np.where(gone, np.nan, parts[1]["pitch_deg"])
+    with pytest.raises(CannotAnswer, match=r"the map has a gap: no lap has an attitude on \d+ m"):
+        profile.combine(profile.lap_curves(parts, line, 1.0), line)
+    with pytest.raises(CannotAnswer, match="one lap makes no map"):
+        profile.combine(profile.lap_curves([columns(laps[0], line, mounting)], line, 1.0), line)
+
+
+def test_a_lap_that_does_not_come_round_makes_no_line():
+    """Property: an open drive, and one direction alone, are refused."""
+    half = drive(1, rounds=0.5)[0]
+    with pytest.raises(CannotAnswer, match="never comes back to where it began"):
+        line_of([half])
+    with pytest.raises(CannotAnswer, match="laps in both directions"):
+        antennas.calibrate([drive(1)[0]], [], DT)
+    k = 2 * np.pi / LENGTH
+    s = np.arange(0.0, LENGTH, 1.0)  # a circle: one bend all the way round
+    circle = np.column_stack([np.sin(k * s) / k, np.cos(k * s) / k, np.zeros(len(s))])
+    outward = circle * k
+    ring = np.stack([circle, circle + 0.7 * outward, circle - 0.7 * outward])
+    ring[0] += 2.6 * np.column_stack([outward[:, 1], -outward[:, 0], outward[:, 2]])
+    with pytest.raises(CannotAnswer, match="all one curve"):
+        antennas.residuals(ring, Mounting(), DT)
+    nothing = np.full((50, 3), np.nan)
+    with pytest.raises(CannotAnswer, match="no epoch has a position of all three"):
+        antennas.attitude(nothing, nothing, nothing)
+
+
+def test_raw_laps_refuse_the_other_direction():
+    """Property: on the real files too: each lap lies on its own map only."""
+    for name, direction in roads.LAPS.items():
+        file = f"{roads.TRACK}/mapping_van_2024-08-05-{name}_merged.mat"
+        try:
+            path = datasets.path(file)
+        except datasets.NotHere as error:
+            pytest.skip(str(error))
+        other = next(d for d in roads.DIRECTIONS if d != direction)
+        assert len(surveys.lap_on_map(path, direction).s_m) > 1400
+        with pytest.raises(CannotAnswer, match="against the map's direction"):
+            surveys.lap_on_map(path, other)

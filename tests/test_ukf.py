@@ -1,0 +1,206 @@
+"""The tracker on a map: against filterpy, against a grid filter, against its own covariance."""
+
+import numpy as np
+import pytest
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+
+from analysis import CannotAnswer, WrongUsage
+from analysis.terrain import point_mass
+from analysis.terrain.attitude_map import AttitudeMap
+from analysis.terrain.tracking import nees_bounds
+from analysis.terrain.ukf import Ukf, weights, with_bias
+
+SEED = 20111
+
+
+def hills(channels=1, points=1200, step=1.0):
+    """Make a map of rolling hills, deg."""
+    rng = np.random.default_rng(SEED)
+    s = np.arange(points) * step
+    waves = rng.uniform(0.01, 0.2, (channels, 12, 1)), rng.uniform(0, 7, (channels, 12, 1))
+    return AttitudeMap(0.0, step, (0.4 * np.sin(waves[0] * s + waves[1])).sum(axis=1))
+
+
+@pytest.mark.parametrize("channels", [1, 2])
+@pytest.mark.parametrize("bias_states", [False, True])
+@pytest.mark.parametrize("scaling", [(1.0, 0.0, None), (0.7, 2.0, 0.5)])
+def test_equals_filterpy(channels, bias_states, scaling):
+    """cross-check: filterpy's filter on the same inputs, states and covariances, to rounding."""
+    alpha, beta, kappa = scaling
+    rng = np.random.default_rng(SEED)
+    road, steps, moved, R = hills(channels), 1500, 0.3, 0.05
+    n = 1 + 2 * channels * bias_states
+    F, H, Q = with_bias(0.01, 0.01, 200.0, 0.01, channels) if bias_states else (None, None, None)
+    Q = np.array([[1e-4]]) if Q is None else Q
+    Q[0, 0] = 1e-4
+    first, P = np.zeros(n), np.diag([1.0] + [0.01, 1e-4] * ((n - 1) // 2))
+    first[0] = 21.0
+
+    def move(x, dt, u):
+        return np.append(x[0] + u, F @ x[1:] if bias_states else [])
+
+    def look(x):
+        return road.at(x[0]) + (H @ x[1:] if bias_states else 0.0)
+
+    points = MerweScaledSigmaPoints(n, alpha, beta, 3 - n if kappa is None else kappa)
+    theirs = UnscentedKalmanFilter(n, channels, 0.01, look, move, points)
+    theirs.x, theirs.P, theirs.Q, theirs.R = first.copy(), P.copy(), Q, R * np.eye(channels)
+    # The second of a batch of two; the first is another one, so that mixing them up shows.
+    both = np.stack([first + 1.0, first], axis=-1), np.stack([2 * P, P], axis=-1)
+    ours = Ukf(road, *both, F, H, alpha=alpha, beta=beta, kappa=kappa)
+    for k in range(steps):
+        z = road.at(np.array(20.0 + moved * (k + 1))) + np.sqrt(R) * rng.standard_normal(channels)
+        theirs.predict(u=moved)
+        theirs.update(z)
+        ours.predict(moved, Q[..., None] if n > 1 else Q[0, 0])
+        ours.update(np.stack([z - 0.1, z], axis=-1), R)
+        # Rounding, carried through a filter that is not linear for 1500 steps.
+        np.testing.assert_allclose(ours.x[:, 1], theirs.x, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(ours.P[..., 1], theirs.P, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("n", [1, 3, 5])
+def test_weights(n):
+    """property: the mean's weights add up to 1, and the points have the covariance asked for."""
+    spread, w_mean, w_cov = weights(n, 0.5, 2.0, 1.0)
+    assert w_mean.sum() == pytest.approx(1.0, abs=1e-12)
+    assert 2 * w_cov[1] * spread == pytest.approx(1.0, abs=1e-12)
+    assert weights(n)[0] == pytest.approx(3.0)
+
+
+def test_on_a_slope_it_is_the_kalman_filter():
+    """analytic: where the map is a straight line the covariance follows the Riccati recursion."""
+    slope, Q, R = 0.05, 1e-3, 0.04
+    road = AttitudeMap(0.0, 1.0, slope * np.arange(500.0))
+    ours, P = Ukf(road, np.array([[100.0]]), np.array([[[4.0]]])), 4.0
+    for _ in range(200):
+        ours.predict(0.5, Q)
+        ours.update(np.array([[7.0]]), R)
+        P = 1 / (1 / (P + Q) + slope**2 / R)
+        assert ours.P[0, 0, 0] == pytest.approx(P, rel=1e-9)
+
+
+def test_covariance_stays_symmetric_and_positive():
+    """property: after any number of updates P is symmetric with positive eigenvalues."""
+    road = hills(2)
+    F, H, Q = with_bias(0.01, 0.01, 200.0, 0.01, 2)
+    Q[0, 0] = 1e-4
+    P = np.diag([1.0, 0.01, 1e-4, 0.01, 1e-4])[..., None].repeat(3, axis=-1)
+    ours = Ukf(road, np.zeros((5, 3)) + 30.0 * np.eye(5)[:, :1], P, F, H)
+    rng = np.random.default_rng(SEED)
+    for _ in range(800):
+        ours.predict(0.3, Q[..., None])
+        ours.update(rng.standard_normal((2, 3)), 0.01)
+    assert np.array_equal(ours.P, ours.P.transpose(1, 0, 2))
+    assert np.linalg.eigvalsh(np.moveaxis(ours.P, -1, 0)).min() > 0
+
+
+def white_noise_laps(runs, R, q=1e-4, moved=0.3, steps=2500):
+    """Track laps whose noise is what filter and grid assume; give both errors, P and bound."""
+    road, rng = hills(), np.random.default_rng(SEED)
+    slips = np.sqrt(q) * rng.standard_normal((steps, runs))
+    truth = 20.0 + np.cumsum(np.full((steps, runs), moved) + slips, axis=0)
+    first = 20.0 + 0.5 * rng.standard_normal(runs)
+    ours = Ukf(road, first[None], np.full((1, 1, runs), 0.25))
+    grid = point_mass.PointMass(road, first, 0.25, half_width=5.0)
+    errors, variance = np.empty((2, steps, runs)), np.empty((steps, runs))
+    for k in range(steps):
+        z = road.at(truth[k]) + np.sqrt(R) * rng.standard_normal(runs)
+        ours.predict(moved, q)
+        ours.update(z, R)
+        grid.predict(moved, q)
+        grid.update(z, R)
+        errors[:, k] = ours.x[0] - truth[k], grid.mean()[0] - truth[k]
+        variance[k] = ours.P[0, 0]
+    slope = road.slope(20.0 + moved * np.arange(1, steps + 1)).T
+    return errors, variance, point_mass.bound(slope, q, R, 0.25)
+
+
+def test_as_good_as_the_grid_filter_and_no_better_than_the_bound():
+    """cross-check: where the terrain tells, UKF and grid filter differ by a few percent."""
+    (ukf, grid), _, bound = white_noise_laps(runs=60, R=0.04)
+    settled = slice(500, None)
+    rms = [np.sqrt((e[settled] ** 2).mean()) for e in (ukf, grid)]
+    assert rms[0] == pytest.approx(rms[1], rel=0.05)
+    # 60 runs of some dozens of independent errors each: the rms is known to 3 %.
+    assert min(rms) > 0.94 * np.sqrt((bound[settled] ** 2).mean())
+    assert min(rms) < 1.15 * np.sqrt((bound[settled] ** 2).mean())
+
+
+def test_consistent_when_its_model_holds():
+    """coverage: the mean NEES of 200 runs lies between its 95 % chi-square bounds.
+
+    Moments follow each other, which leaves some twenty independent ones: 85 to 100 % is what a
+    consistent filter shows of the 95 %.
+    """
+    (ukf, _), variance, _ = white_noise_laps(runs=200, R=0.09)
+    low, high = nees_bounds(200)
+    nees = (ukf**2 / variance).mean(axis=1)[300:]
+    assert 0.85 < ((low < nees) & (nees < high)).mean() <= 1.0
+
+
+def test_bound_of_a_slope_is_the_riccati_recursion():
+    """analytic: one state, one slope: 1 / P = 1 / (P + Q) + slope^2 / R."""
+    found = point_mass.bound(np.full((50, 1), 0.1), 1e-3, 0.04, 1.0)
+    P = 1.0
+    for sd in found:
+        P = 1 / (1 / (P + 1e-3) + 0.1**2 / 0.04)
+        assert sd == pytest.approx(np.sqrt(P), rel=1e-9)
+
+
+def test_grid_filter_diffuses_by_exactly_q():
+    """property: without measurements the variance grows by q a step and the sum stays 1."""
+    grid = point_mass.PointMass(hills(), np.array([50.0]), 0.25)
+    before = grid.mean()[1]
+    for _ in range(100):
+        grid.predict(0.1, 1e-3)
+    mean, variance = grid.mean()
+    assert mean[0] == pytest.approx(60.0, abs=1e-9)
+    assert variance[0] - before[0] == pytest.approx(0.1, rel=1e-6)
+    assert grid.p.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_flat_road_tells_nothing():
+    """property: on a level road the position stays the odometry's, and P grows with it."""
+    ours = Ukf(AttitudeMap(0.0, 1.0, np.ones(100)), np.array([[10.0]]), np.array([[[1.0]]]))
+    for _ in range(50):
+        ours.predict(1.0, 0.01)
+        ours.update(np.array([[3.0]]), 0.04)
+    assert ours.x[0, 0] == pytest.approx(60.0)
+    assert ours.P[0, 0, 0] == pytest.approx(1.5)
+
+
+def test_map_reads_straight_lines_and_stays_level_outside():
+    """analytic: numpy's interpolation inside, the end's attitude outside, slope 0 there."""
+    attitude = np.random.default_rng(SEED).standard_normal((2, 30))
+    road = AttitudeMap(-3.0, 0.5, attitude)
+    s = np.linspace(-10, 20, 301)
+    for row, found in zip(attitude, road.at(s), strict=True):
+        np.testing.assert_allclose(found, np.interp(s, road.distance, row), atol=1e-12)
+    assert np.all(road.slope(np.array([-5.0, 15.0])) == 0)
+    inside = np.array([-2.8, 3.1, 11.4])
+    step = (road.at(inside + 1e-6) - road.at(inside - 1e-6)) / 2e-6
+    np.testing.assert_allclose(road.slope(inside), step, atol=1e-6)
+
+
+def test_closed_map_goes_round():
+    """property: a round track reads the same a lap later, and beyond its start."""
+    attitude = np.random.default_rng(SEED).standard_normal(100)
+    road = AttitudeMap.closed(50.0, attitude, 7.3)
+    s = np.linspace(-7, 7, 50)
+    np.testing.assert_allclose(road.at(s), road.at(s + 50.0), atol=1e-12)
+    assert road.start <= -7.3 and road.end >= 57.3
+
+
+def test_bad_maps_and_laps_are_refused_in_a_sentence():
+    """property: gaps, too few points, a lap off the map, states that do not fit."""
+    gap = np.ones(50)
+    gap[20:24] = np.nan
+    with pytest.raises(CannotAnswer, match=r"no attitude at 4 of 50 points, the first at 20\.0 m"):
+        AttitudeMap(0.0, 1.0, gap)
+    with pytest.raises(CannotAnswer, match="three points"):
+        AttitudeMap(0.0, 1.0, [1.0, 2.0])
+    with pytest.raises(CannotAnswer, match="leaves the map"):
+        hills().require([0.0, 5000.0])
+    with pytest.raises(WrongUsage, match="do not fit"):
+        Ukf(hills(2), np.zeros((3, 1)), np.zeros((3, 3, 1)), np.eye(2), np.zeros((1, 2)))
