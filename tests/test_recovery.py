@@ -21,7 +21,7 @@ def simulate(hours, seed, m=100, dt=0.01):
 
 @pytest.mark.parametrize("tau", [0.1, 1.0, 10.0, 100.0, 3000.0])
 def test_flicker_curve_is_the_integral_of_its_density(tau):
-    """analytic: Allan variance = 4 int S(f) sin^4(pi f tau) / (pi f tau)^2 df, here by quadrature."""
+    """analytic: Allan variance = 4 int S(f) sin^4(pi f tau) / (pi f tau)^2 df."""
     cutoff = 0.3
 
     def integrand(f):
@@ -43,7 +43,7 @@ def test_flicker_curve_ends_at_its_floor_and_its_series_joins():
 
 
 def test_eq3_makes_the_densities_meet_at_the_cutoff():
-    """analytic: Gauss-Markov density = B^2 / omega at omega_0, and never above it if omega_0 = beta."""
+    """analytic: Gauss-Markov density = B^2 / omega at omega_0, touching if omega_0 = beta."""
     for cutoff in (0.1 / T_C, 1 / T_C, 30 / T_C):
         sigma = recovery.sigma_of_eq3(B, T_C, cutoff)
 
@@ -74,7 +74,7 @@ def test_white_noise_lifts_the_top_and_pulls_it_forward():
 
 
 def test_averages_are_those_of_the_whole_log():
-    """property: variance and lag-1 covariance of simulated averages equal those of averaged samples."""
+    """property: averages simulated at once and averages of samples have the same covariance."""
     m, dt, sigma_b, corr_time, arw = 20, 0.05, 1.0, 4.0, 0.7
     rng = np.random.default_rng(5)
     samples = UnifiedModel(arw / np.sqrt(dt), corr_time, sigma_b).simulate(4_000_000, dt, rng)
