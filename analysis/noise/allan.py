@@ -72,10 +72,10 @@ def allan_deviation(y, dt, m=None, *, confidence=0.95):
     m = cluster_sizes(len(y)) if m is None else np.asarray(m)
     valid = np.isfinite(y)
     level = y[valid].mean() if valid.any() else 0.0
-    phase = np.concatenate([[0.0], np.cumsum(np.where(valid, y - level, 0.0))])
     if valid.all():
-        avar = np.array([_second_differences(phase, k) for k in m])
+        avar = overlapped_variance(y, m)
     else:
+        phase = np.concatenate([[0.0], np.cumsum(np.where(valid, y - level, 0.0))])
         count = np.concatenate([[0], np.cumsum(valid)])
         avar = np.array([_differences_of_partial_means(phase, count, k) for k in m])
     keep = np.isfinite(avar) & (avar > 0)
@@ -88,6 +88,25 @@ def allan_deviation(y, dt, m=None, *, confidence=0.95):
     low = adev * np.sqrt(edf / chi2.ppf(1 - tail, edf))
     high = adev * np.sqrt(edf / chi2.ppf(tail, edf))
     return AllanCurve(m * dt, adev, low, high, edf)
+
+
+def overlapped_variance(y, m):
+    """Overlapped Allan variance alone, without its interval: for logs by the hundred.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        None missing.
+    m : ndarray of int, shape (k,)
+        Samples per mean.
+
+    Returns
+    -------
+    ndarray, shape (k,), U^2
+        NaN where the log is shorter than two means.
+    """
+    phase = np.concatenate([[0.0], np.cumsum(y - np.mean(y))]) if len(y) else np.zeros(1)
+    return np.array([_second_differences(phase, k) for k in m])
 
 
 def _second_differences(phase, m):

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
+from scipy.special import sici
 
 
 @dataclass(frozen=True)
@@ -170,6 +171,32 @@ def adev_gauss_markov(tau, sigma_b, corr_time, dt=0.0):
 
         closed = (4 * variance_of_sum(m) - variance_of_sum(2 * m)) / (2 * m**2)
     return sigma_b * np.sqrt(np.where(small, series, closed))
+
+
+def adev_flicker(tau, bias_instability, cutoff):
+    """Allan deviation of flicker noise below a cutoff (IEEE 952, bias instability). ::
+
+        S(f) = B^2 / (2 pi f)  for f <= f_0, else 0;      x = pi f_0 tau,  f_0 = omega_0 / (2 pi)
+        adev^2 = (2 B^2 / pi) [ln 2 - sin^3(x) / (2 x^2) (sin x + 4 x cos x) + Ci(2x) - Ci(4x)]
+
+    which rises as x, and stays at 0.664 B from a few 1 / f_0 on.
+
+    Parameters
+    ----------
+    tau : array_like, s
+    bias_instability, cutoff : float
+        B (U), omega_0 (rad/s).
+
+    Returns
+    -------
+    ndarray, U
+    """
+    x = np.asarray(tau, dtype=float) * cutoff / 2
+    small = x < 1e-2  # the closed form cancels; its series begins with x^2 / 2
+    far = np.where(small, 1.0, x)
+    wave = np.sin(far) ** 3 / (2 * far**2) * (np.sin(far) + 4 * far * np.cos(far))
+    closed = np.log(2) - wave + sici(2 * far)[1] - sici(4 * far)[1]
+    return bias_instability * np.sqrt(2 / np.pi * np.where(small, x**2 / 2, closed))
 
 
 def adev_drift(tau, drift):
