@@ -93,8 +93,8 @@ def test_own_sensor_from_its_model():
     model = json.loads(path.read_text(encoding="utf-8"))
     arw, bias, bound = cost.of_model(model, "gyro_y")
     assert (arw, bias, bound) == (
-        pytest.approx(0.0414, rel=0.01),
-        pytest.approx(0.01265, rel=0.01),
+        pytest.approx(0.0425, rel=0.01),
+        pytest.approx(0.00945, rel=0.01),
         False,
     )
     assert cost.of_model(model, "gyro_x")[2] is True
