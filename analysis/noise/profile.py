@@ -50,9 +50,9 @@ class Surface:
             start,
             args=(before,),
             jac=True,
-            method="L-BFGS-B",
+            method="SLSQP",  # L-BFGS-B wakes the threads of BLAS for matrices of four numbers
             bounds=list(zip(self.low, self.high, strict=True)),
-            options={"maxiter": 200, "ftol": 1e-9, "gtol": 1e-4, "maxcor": 20},
+            options={"maxiter": 200, "ftol": 1e-7},
         )
         return (found.x, before - float(found.fun)) if found.fun < 0 else (start, before)
 
