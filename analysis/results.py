@@ -2,6 +2,7 @@
 
 import json
 import re
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from analysis.noise.quality import remarks
 
 SEED = 20080505
 DIGITS = 6
+AT_ONCE = 2  # channels; each has random numbers of its own, so their order does not matter
 
 
 @dataclass(frozen=True)
@@ -54,24 +56,29 @@ def characterise_log(log, *, seed=SEED, detrend=True, estimate=True, progress=Tr
     StaticResult
     """
     streams = np.random.SeedSequence(seed).spawn(len(log.channels))
-    channels = tuple(
-        characterise(
-            c.values,
+
+    def one(channel, stream):
+        return characterise(
+            channel.values,
             log.dt,
-            name=c.name,
-            unit=c.unit,
-            kind=c.kind,
+            name=channel.name,
+            unit=channel.unit,
+            kind=channel.kind,
             rng=np.random.default_rng(stream),
             detrend=detrend,
             estimate=estimate,
         )
-        for c, stream in tqdm(
-            list(zip(log.channels, streams, strict=True)),
-            desc=f"characterising {log.name}",
-            unit="channel",
-            disable=None if progress else True,
+
+    with ThreadPoolExecutor(AT_ONCE) as threads:
+        channels = tuple(
+            tqdm(
+                threads.map(one, log.channels, streams),
+                total=len(streams),
+                desc=f"characterising {log.name}",
+                unit="channel",
+                disable=None if progress else True,
+            )
         )
-    )
     noticed = [sentence for c in log.channels for sentence in remarks(c.values, log.dt, c.name)]
     source = {
         "title": log.title,
