@@ -80,7 +80,17 @@ def characterise_log(log, *, seed=SEED, detrend=True, estimate=True, progress=Tr
             )
         )
     noticed = [sentence for c in log.channels for sentence in remarks(c.values, log.dt, c.name)]
-    source = {
+    return StaticResult(source(log, noticed) | {"seed": seed}, channels)
+
+
+def source(log, noticed=()):
+    """Say where a log comes from and what was repaired in it.
+
+    Returns
+    -------
+    dict
+    """
+    return {
         "title": log.title,
         "file": log.file,
         "sha256": log.sha256,
@@ -91,9 +101,7 @@ def characterise_log(log, *, seed=SEED, detrend=True, estimate=True, progress=Tr
         "repairs": [*log.repairs, *noticed],
         "licence": log.licence,
         "source": log.source,
-        "seed": seed,
     }
-    return StaticResult(source, channels)
 
 
 def model(result):
@@ -108,7 +116,7 @@ def model(result):
             "name": c.name,
             "unit": c.unit,
             "kind": c.kind,
-            "parameters": {name: _plain(asdict(e)) for name, e in c.parameters.items()},
+            "parameters": {name: plain(e) for name, e in c.parameters.items()},
             "allan": {
                 "tau_s": _list(c.allan.tau),
                 "deviation": _list(c.allan.adev),
@@ -126,10 +134,13 @@ def model(result):
 
 def write_model(result, path):
     """Write model.json."""
-    text = json.dumps(model(result), indent=1, ensure_ascii=False, allow_nan=False)
-    # One line per list of numbers: such a file can be read, and its changes too.
-    text = re.sub(r"\[[-\d.e+,\s]+\]", lambda found: " ".join(found[0].split()), text)
-    Path(path).write_text(text + "\n", encoding="utf-8")
+    Path(path).write_text(as_json(model(result)), encoding="utf-8")
+
+
+def as_json(found):
+    """Write plain numbers as JSON, a list of numbers on one line, so that changes can be read."""
+    text = json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False)
+    return re.sub(r"\[[-\d.e+,\s]+\]", lambda part: " ".join(part[0].split()), text) + "\n"
 
 
 def write(result, folder):
@@ -184,12 +195,13 @@ def read(folder):
     return StaticResult(stored["source"], tuple(channels))
 
 
+def plain(estimate):
+    """Give an estimate as a dict of plain numbers, rounded to what is written."""
+    return {k: _rounded(v) if isinstance(v, float) else v for k, v in asdict(estimate).items()}
+
+
 def _rounded(x):
     return None if x is None or not np.isfinite(x) else float(f"{x:.{DIGITS}g}")
-
-
-def _plain(estimate):
-    return {k: _rounded(v) if isinstance(v, float) else v for k, v in estimate.items()}
 
 
 def _model(entry):
