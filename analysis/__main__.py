@@ -9,6 +9,14 @@ from analysis import CannotAnswer, WrongUsage
 from analysis.usage import parser
 
 
+def _read(log, options):
+    from analysis import logs
+
+    names = options.columns.split(",") if options.columns else None
+    given = ("rate", "time", "unit", "kind", "start", "stop")
+    return logs.read(log, columns=names, **{name: getattr(options, name) for name in given})
+
+
 def reproduce(options):
     """Execute notebooks, then print the table."""
     from analysis import reproduce as runner
@@ -23,21 +31,9 @@ def reproduce(options):
 
 def report(options):
     """Characterise a log and say where the page is."""
-    from analysis import logs
     from analysis import report as page
 
-    columns = options.columns.split(",") if options.columns else None
-    log = logs.read(
-        options.log,
-        rate=options.rate,
-        time=options.time,
-        columns=columns,
-        unit=options.unit,
-        kind=options.kind,
-        start=options.start,
-        stop=options.stop,
-    )
-    result = page.write(log, options.out)
+    result = page.write(_read(options.log, options), options.out)
     for repair in result.source["repairs"]:
         print(f"note: {repair}")
     for channel in result.channels:
@@ -47,6 +43,19 @@ def report(options):
         for sentence in page.recording(channel, 1 / result.source["rate_hz"]):
             print(f"  {sentence}")
     print(f"\n{options.out}/report.html, model.json, figures/ and exports/ are written")
+
+
+def pool(options):
+    """Pool logs and print the table."""
+    from analysis import pooling
+
+    logs = [_read(log, options) for log in options.logs]
+    found = pooling.write(logs, options.out, axes=options.axes)
+    for channel in found["channels"]:
+        print(f"\n{channel['name']} ({channel['unit']}): {len(channel['members'])} units")
+        for name, typical, spread in pooling.rows(channel):
+            print(f"  {name:<46}{typical}; between units {spread}")
+    print(f"\n{options.out}/pooled.json is written")
 
 
 def export(options):

@@ -2,6 +2,7 @@
 
 import json
 import re
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from analysis.noise.quality import remarks
 
 SEED = 20080505
 DIGITS = 6
+AT_ONCE = 2  # channels; each has random numbers of its own, so their order does not matter
 
 
 @dataclass(frozen=True)
@@ -54,26 +56,41 @@ def characterise_log(log, *, seed=SEED, detrend=True, estimate=True, progress=Tr
     StaticResult
     """
     streams = np.random.SeedSequence(seed).spawn(len(log.channels))
-    channels = tuple(
-        characterise(
-            c.values,
+
+    def one(channel, stream):
+        return characterise(
+            channel.values,
             log.dt,
-            name=c.name,
-            unit=c.unit,
-            kind=c.kind,
+            name=channel.name,
+            unit=channel.unit,
+            kind=channel.kind,
             rng=np.random.default_rng(stream),
             detrend=detrend,
             estimate=estimate,
         )
-        for c, stream in tqdm(
-            list(zip(log.channels, streams, strict=True)),
-            desc=f"characterising {log.name}",
-            unit="channel",
-            disable=None if progress else True,
+
+    with ThreadPoolExecutor(AT_ONCE) as threads:
+        channels = tuple(
+            tqdm(
+                threads.map(one, log.channels, streams),
+                total=len(streams),
+                desc=f"characterising {log.name}",
+                unit="channel",
+                disable=None if progress else True,
+            )
         )
-    )
     noticed = [sentence for c in log.channels for sentence in remarks(c.values, log.dt, c.name)]
-    source = {
+    return StaticResult(source(log, noticed) | {"seed": seed}, channels)
+
+
+def source(log, noticed=()):
+    """Say where a log comes from and what was repaired in it.
+
+    Returns
+    -------
+    dict
+    """
+    return {
         "title": log.title,
         "file": log.file,
         "sha256": log.sha256,
@@ -84,9 +101,7 @@ def characterise_log(log, *, seed=SEED, detrend=True, estimate=True, progress=Tr
         "repairs": [*log.repairs, *noticed],
         "licence": log.licence,
         "source": log.source,
-        "seed": seed,
     }
-    return StaticResult(source, channels)
 
 
 def model(result):
@@ -101,7 +116,7 @@ def model(result):
             "name": c.name,
             "unit": c.unit,
             "kind": c.kind,
-            "parameters": {name: _plain(asdict(e)) for name, e in c.parameters.items()},
+            "parameters": {name: plain(e) for name, e in c.parameters.items()},
             "allan": {
                 "tau_s": _list(c.allan.tau),
                 "deviation": _list(c.allan.adev),
@@ -119,10 +134,13 @@ def model(result):
 
 def write_model(result, path):
     """Write model.json."""
-    text = json.dumps(model(result), indent=1, ensure_ascii=False, allow_nan=False)
-    # One line per list of numbers: such a file can be read, and its changes too.
-    text = re.sub(r"\[[-\d.e+,\s]+\]", lambda found: " ".join(found[0].split()), text)
-    Path(path).write_text(text + "\n", encoding="utf-8")
+    Path(path).write_text(as_json(model(result)), encoding="utf-8")
+
+
+def as_json(found):
+    """Write plain numbers as JSON, a list of numbers on one line, so that changes can be read."""
+    text = json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False)
+    return re.sub(r"\[[-\d.e+,\s]+\]", lambda part: " ".join(part[0].split()), text) + "\n"
 
 
 def write(result, folder):
@@ -177,12 +195,13 @@ def read(folder):
     return StaticResult(stored["source"], tuple(channels))
 
 
+def plain(estimate):
+    """Give an estimate as a dict of plain numbers, rounded to what is written."""
+    return {k: _rounded(v) if isinstance(v, float) else v for k, v in asdict(estimate).items()}
+
+
 def _rounded(x):
     return None if x is None or not np.isfinite(x) else float(f"{x:.{DIGITS}g}")
-
-
-def _plain(estimate):
-    return {k: _rounded(v) if isinstance(v, float) else v for k, v in estimate.items()}
 
 
 def _model(entry):

@@ -18,6 +18,12 @@ Rewrites figures/ (PDF, PNG, CSV, claims.csv) and the outputs inside the noteboo
 The log must be static: the sensor lies still. Leave out its warm-up with --from. An hour tells
 the random walk; a correlation time needs ten times itself, hours rather than minutes.
 Writes model.json, report.html (one page to pass on), figures/ and exports/.""",
+    "pool": """examples:
+  python -m analysis pool unit1.csv unit2.csv unit3.csv --out model   one log a unit
+  python -m analysis pool adis16405 --axes --columns gyro_x,gyro_y,gyro_z --out model
+
+One estimate for the sensor model, and how far its units differ, into pooled.json. A log that does
+not resolve a parameter counts with its bound. --axes takes x, y, z for units of one model.""",
     "export": """examples:
   python -m analysis export mine/model.json --out mine/exports   of a report made before
   python -m analysis export edited.json --out filter
@@ -81,19 +87,15 @@ def parser():
     one = add("report", "characterise a static log: noise model with 95 %% intervals, and a page")
     one.add_argument("log", metavar="LOG", help="a file, or the name of a catalogued log")
     one.add_argument("--out", required=True, metavar="DIR", help="folder for the report")
-    one.add_argument("--rate", type=float, metavar="HZ", help="sampling rate; then no time column")
-    one.add_argument("--time", metavar="COLUMN", help="the time column (found by name if left out)")
-    one.add_argument("--columns", metavar="A,B", help="names or 1-based numbers of the channels")
-    one.add_argument(
-        "--unit", help="unit of the readings: deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
+    _how_to_read(one)
+
+    one = add(
+        "pool", "one noise model from the logs of several units, with the spread between them"
     )
-    one.add_argument(
-        "--kind", choices=["rate", "angle", "accel", "position"], help="if unit is not enough"
-    )
-    one.add_argument(
-        "--from", dest="start", type=float, metavar="S", help="leave out what is before"
-    )
-    one.add_argument("--to", dest="stop", type=float, metavar="S", help="leave out what is after")
+    one.add_argument("logs", nargs="+", metavar="LOG", help="files or catalogued logs, one a unit")
+    one.add_argument("--out", required=True, metavar="DIR", help="folder for pooled.json")
+    one.add_argument("--axes", action="store_true", help="channels of a kind are pooled too")
+    _how_to_read(one)
 
     one = add("export", "noise parameters of a model.json for Kalibr, MATLAB, Gazebo and others")
     one.add_argument("model", metavar="MODEL.json", help="as `report` writes it")
@@ -130,3 +132,19 @@ def parser():
     one.add_argument("--rebuild", action="store_true", help="compute data/derived/ and compare")
     one.add_argument("--write", action="store_true", help="with --rebuild: replace what differs")
     return top
+
+
+def _how_to_read(one):
+    one.add_argument("--rate", type=float, metavar="HZ", help="sampling rate; then no time column")
+    one.add_argument("--time", metavar="COLUMN", help="the time column (found by name if left out)")
+    one.add_argument("--columns", metavar="A,B", help="names or 1-based numbers of the channels")
+    one.add_argument(
+        "--unit", help="unit of the readings: deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
+    )
+    one.add_argument(
+        "--kind", choices=["rate", "angle", "accel", "position"], help="if unit is not enough"
+    )
+    one.add_argument(
+        "--from", dest="start", type=float, metavar="S", help="leave out what is before"
+    )
+    one.add_argument("--to", dest="stop", type=float, metavar="S", help="leave out what is after")

@@ -56,6 +56,13 @@ def written(result, folder):
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
+def test_two_channels_at_a_time_change_nothing(log, result, tmp_path, monkeypatch):
+    """property: one channel after another gives the same bytes as two at a time."""
+    monkeypatch.setattr(results, "AT_ONCE", 1)
+    serial = results.characterise_log(log, progress=False)
+    assert written(serial, tmp_path / "serial") == written(result, tmp_path / "threads")
+
+
 def strictly(text):
     """Parse JSON as the standard has it: without NaN and Infinity."""
 

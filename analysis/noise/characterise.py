@@ -87,12 +87,12 @@ def characterise(y, dt, *, name, unit, kind, rng, detrend=True, estimate=True):
         If the channel is too short or does not vary.
     """
     y = np.asarray(y, dtype=float)
-    _refuse_what_says_nothing(y, dt, name, unit)
+    refuse_what_says_nothing(y, dt, name, unit)
     residual, line = fit_line(y, dt)
     residual = residual if detrend else y - np.nanmean(y)
     curve = allan_deviation(residual, dt)
     parameters, models = (
-        _parameters(y, dt, unit, kind, curve, rng, detrend) if estimate else ({}, [])
+        _parameters(y, dt, name, unit, kind, curve, rng, detrend) if estimate else ({}, [])
     )
     return ChannelNoise(
         name=name,
@@ -119,15 +119,19 @@ def windows(duration, dt):
     return [w for w in ladder if dt <= w <= duration / 50][-4:] or [dt]
 
 
-def _parameters(y, dt, unit, kind, curve, rng, detrend):
-    said = infer(y, dt, unit, kind, rng, detrend=detrend)
+def _parameters(y, dt, name, unit, kind, curve, rng, detrend):
+    try:
+        said = infer(y, dt, unit, kind, rng, detrend=detrend)
+    except CannotAnswer as error:
+        raise CannotAnswer(f"channel {name}: {error}") from error
     found = said.parameters
     if kind in ("rate", "accel") and "bias_instability" not in found:
         found["bias_instability"] = reading.bias_instability(curve, unit)
     return {name: found[name] for name in ORDER if name in found}, said.table()
 
 
-def _refuse_what_says_nothing(y, dt, name, unit):
+def refuse_what_says_nothing(y, dt, name, unit):
+    """Raise `CannotAnswer` for a channel that is too short or does not vary."""
     count = int(np.isfinite(y).sum())
     if count < FEWEST:
         raise CannotAnswer(

@@ -59,12 +59,7 @@ class Fit:
     names: tuple[str, ...]
 
     def by_name(self):
-        """Logarithms of the parameters by name, in the order of the model.
-
-        Returns
-        -------
-        dict of str, list of float
-        """
+        """Give the logarithms of the parameters by name, in the order of the model."""
         found = {}
         for name, value in zip(self.names, self.point, strict=True):
             found.setdefault(name, []).append(float(value))
@@ -143,17 +138,8 @@ class NoiseLikelihood:
         tuple of (float or None, float or None)
             None on a side that the data leave open.
         """
-        names = fit.names
-        along, offset = np.zeros(len(names)), 0.0
-        if what in ("sigma_b", "corr_time"):
-            times = [i for i, name in enumerate(names) if name == "corr_time"]
-            i = max(times, key=lambda i: fit.point[i])
-            along[i] = 1.0
-            if what == "sigma_b":  # sigma_b = walk sqrt(T / 2)
-                along[[i - 1, i]], offset = (1.0, 0.5), -0.5 * np.log(2)
-        else:
-            along[names.index(what)] = 1.0
-        ends = interval(self.surface(names), fit.point, fit.log_likelihood, along)
+        along, offset = direction(fit, what)
+        ends = interval(self.surface(fit.names), fit.point, fit.log_likelihood, along)
         return tuple(None if e is None else float(np.exp(e + offset)) for e in ends)
 
     def drift(self, fit):
@@ -240,6 +226,19 @@ class NoiseLikelihood:
             "flicker": 0.1 * ratio * white,
             "quantisation": 0.1 * ratio * white * self.step,
         }
+
+
+def direction(fit, what):
+    """Write ln of ``what`` as along @ point + offset; of two Gauss-Markov terms, the longer."""
+    names, along, offset = fit.names, np.zeros(len(fit.names)), 0.0
+    if what in ("walk", "sigma_b", "corr_time"):
+        i = max((i for i, n in enumerate(names) if n == "corr_time"), key=lambda i: fit.point[i])
+        along[i - (what == "walk")] = 1.0
+        if what == "sigma_b":  # sigma_b = walk sqrt(T / 2)
+            along[[i - 1, i]], offset = (1.0, 0.5), -0.5 * np.log(2)
+    else:
+        along[names.index(what)] = 1.0
+    return along, offset
 
 
 def choose(fits):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from analysis import CannotAnswer
 from analysis.noise.estimate import Estimate, random_walk_unit
 from analysis.noise.fit import MODELS, UNIFIED, Fit, NoiseLikelihood, choose
 from analysis.noise.likelihood import bin_variance
@@ -20,6 +21,7 @@ OCTAVES = 3  # at the top of the band, where the model has to agree
 AGREE = 0.03  # relative
 MARGIN = 2  # doublings beyond the first means that show no filter: unseen is not gone
 BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
+EXACT = 1e-9  # relative; means that vary less than that hold no noise
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
 SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
 WHITE = "the likelihood does not fall as the white noise goes to nothing: a slow process hides it"
@@ -41,6 +43,8 @@ class Inference:
     spikes : int
         Samples left out as spikes.
     parameters : dict of Estimate
+    likelihood : NoiseLikelihood
+        What was maximised.
     """
 
     fits: tuple[Fit, ...]
@@ -49,6 +53,7 @@ class Inference:
     misfit: float
     spikes: int
     parameters: dict[str, Estimate]
+    likelihood: NoiseLikelihood
 
     def table(self):
         """List the models for a reader: name, terms, AIC above the least, chosen or not."""
@@ -86,12 +91,16 @@ def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
     Returns
     -------
     Inference
+        `CannotAnswer` if no stretch of 32 samples is left between long holes.
     """
     out = spikes(y) if robust else np.zeros(len(y), dtype=bool)
     y = np.where(out, np.nan, y) if out.any() else y
     m, fits, rate, further = 1, {}, kind in ("rate", "accel"), 0
+    pieces = stretches(y, dt, m, rng)
+    if not pieces:
+        raise CannotAnswer("long holes leave no stretch of samples to fit a noise model to")
+    likelihood = NoiseLikelihood(pieces, detrend=detrend)
     while True:
-        likelihood = NoiseLikelihood(stretches(y, dt, m, rng), detrend=detrend)
         fits = fit_all(likelihood, rate=rate, near=fits)
         chosen = choose(fits.values())
         misfit, beyond = disagreement(likelihood, chosen)
@@ -99,7 +108,11 @@ def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
         further = further + 1 if clean else 0
         if (clean and (m == 1 or further > MARGIN)) or len(y) < 2 * m * LEAST:
             break
-        m *= 2
+        pieces = stretches(y, dt, 2 * m, rng)
+        wider = NoiseLikelihood(pieces, detrend=detrend) if pieces else None
+        if wider is None or wider.scale < EXACT * likelihood.scale:
+            break  # holes leave nothing to average, or a pattern averages out to the last digit
+        likelihood, m = wider, 2 * m
     said = _Said(likelihood, fits, chosen, dt, unit)
     found = {"sigma_v": said.white(_band(m, dt, clean, misfit))}
     if kind in ("rate", "accel"):
@@ -108,7 +121,7 @@ def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
         if "flicker" in chosen.terms:
             found["bias_instability"] = said.flicker()
     found |= said.bias() | {"drift": said.drift()}
-    return Inference(tuple(fits.values()), chosen, m, misfit, int(out.sum()), found)
+    return Inference(tuple(fits.values()), chosen, m, misfit, int(out.sum()), found, likelihood)
 
 
 def fit_all(likelihood, *, rate=False, near=None):

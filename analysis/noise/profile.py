@@ -15,6 +15,8 @@ DROP = chi2.ppf(0.95, 1)  # of twice the log-likelihood
 STEP = 1e-4  # of a logarithm, for gradients
 WALL = 1e4  # steepness of the likelihood's fall where a cut leaves the box
 FIRST = 0.05  # first step outward of a profile, in a logarithm
+NODES = (0.25, 0.5, 0.75, 1.0, 1.4, 1.9, 2.6)  # of a curve, in half-widths of the interval
+OPEN_NODES = 14
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,9 @@ class Surface:
             start,
             args=(before,),
             jac=True,
-            method="L-BFGS-B",
+            method="SLSQP",  # L-BFGS-B wakes the threads of BLAS for matrices of four numbers
             bounds=list(zip(self.low, self.high, strict=True)),
-            options={"maxiter": 200, "ftol": 1e-9, "gtol": 1e-4, "maxcor": 20},
+            options={"maxiter": 200, "ftol": 1e-7},
         )
         return (found.x, before - float(found.fun)) if found.fun < 0 else (start, before)
 
@@ -120,6 +122,44 @@ def interval(surface, best, value, along, *, drop=DROP):
         _end(surface, best, value, along, centre, sign, limit, drop)
         for sign, limit in zip((-1, 1), limits, strict=True)
     )
+
+
+def curve(surface, best, value, along, highest):
+    """Profile log-likelihood of ``along @ point``, less its maximum, up to `highest`.
+
+    Returns
+    -------
+    at, fall : ndarray, shape (k,)
+        Increasing values with the maximum among them, and what is lost there. A side ends where
+        the curve is some six standard errors out, or at the box where it never falls so far.
+    closed : tuple of bool
+        Whether the lower and the upper side fall to the end of the 95 % interval.
+    """
+    centre = float(along @ best)
+    ends = interval(surface, best, value, along)
+    at, fall = [centre], [0.0]
+    limits = float(along @ surface.low), min(highest, float(along @ surface.high))
+    ends = tuple(
+        None if e is None or (e - limit) * sign > 0 else e
+        for e, limit, sign in zip(ends, limits, (-1, 1), strict=True)
+    )
+    for sign, end, limit in zip((-1, 1), ends, limits, strict=True):
+        room = sign * (limit - centre)
+        if end is None:
+            first = min(FIRST, room / OPEN_NODES)
+            steps = np.geomspace(first, room, OPEN_NODES) if room > 0 else ()
+        else:
+            steps = [s for s in abs(end - centre) * np.array(NODES) if s <= room]
+        last = best
+        for step in steps:
+            cut, lift, rest = surface.fixed(along, centre + sign * step)
+            starts = np.array([best[rest], last[rest]])
+            others, reached = cut.maximum(starts[np.argmax(cut.value(starts))])
+            last = lift(others[None])[0]
+            at.append(centre + sign * step)
+            fall.append(min(reached - value, 0.0))
+    order = np.argsort(at)
+    return np.array(at)[order], np.array(fall)[order], tuple(e is not None for e in ends)
 
 
 def _end(surface, best, value, along, centre, sign, limit, drop):

@@ -91,6 +91,7 @@ def transform(y, dt, m=1):
     u[0] = np.sqrt(1 / n)
     x = np.zeros(n)  # the ramp in seconds, centred: odd coefficients only
     x[1::2] = -(m * dt) * u[1::2] / (2 * np.sin(half_angle[1::2]) ** 2)
+    del half_angle  # as long as the log: ten million samples are to fit into a small memory
     lam, count, starts = _bins(n)
 
     def gathered(values):
@@ -177,6 +178,8 @@ def stretches(y, dt, m, rng):
     edges = np.flatnonzero(np.diff(np.isfinite(np.concatenate([[np.nan], whole, [np.nan]]))))
     runs = sorted(edges.reshape(-1, 2).tolist(), key=lambda run: run[0] - run[1])[:STRETCHES]
     kept = [whole[a:b] for a, b in sorted(runs) if b - a >= FEWEST * m]
+    if m == 1:
+        return [transform(part, dt) for part in kept]
     return [transform(part[: len(part) // m * m].reshape(-1, m).mean(1), dt, m) for part in kept]
 
 

@@ -1,0 +1,117 @@
+"""Logs that say little or nothing: an answer or a sentence, and not a word from a library."""
+
+import contextlib
+import io
+import warnings
+
+import numpy as np
+import pytest
+
+from analysis import CannotAnswer, report
+from analysis import __main__ as cli
+from analysis.noise.characterise import characterise
+
+DT = 0.01
+RNG = np.random.default_rng(9)
+WHITE = RNG.standard_normal(6000)
+STEPS = np.where(np.arange(6000) % 40 < 20, 0.0, 1.0)
+
+ANSWERED = {
+    "three seconds": 0.1 * WHITE[:300],
+    "64 samples": 0.1 * WHITE[:64],
+    "two levels": np.where(WHITE > 0, 0.05, 0.0),
+    "two levels, one of them rare": np.where(WHITE > 2.5, 0.05, 0.0),
+    "two levels in turn": STEPS,
+    "every other sample": np.arange(6000) % 2 * 1.0,
+    "one step in the middle": np.where(np.arange(6000) < 3000, 0.0, 1.0) + 0.0 * WHITE,
+    "one sample differs": np.where(np.arange(6000) == 3000, 1.0, 0.0),
+    "three levels": np.round(0.5 * WHITE),
+    "drift in whole steps": np.floor(np.arange(6000) / 100) * 0.05,
+    "drift with a trace of noise": 0.01 * np.arange(6000) + 1e-6 * WHITE,
+    "a large offset": 1e9 + WHITE,
+    "tiny readings": 1e-12 * WHITE,
+    "huge readings": 1e12 * WHITE,
+    "a random walk and nothing else": np.cumsum(WHITE),
+    "a sine": np.sin(np.arange(6000) / 50),
+    "a spike": np.where(np.arange(6000) == 99, 1e6, WHITE),
+    "a long hole": np.where(np.abs(np.arange(6000) - 3000) < 200, np.nan, WHITE),
+    "stretches of 100 samples": np.where(np.arange(6000) % 200 < 100, np.cumsum(WHITE), np.nan),
+    "every other sample, with long holes": np.where(
+        np.arange(6000) % 200 < 100, np.arange(6000) % 2 * 1.0, np.nan
+    ),
+    "holes everywhere": np.where(np.arange(6000) % 13 == 0, np.nan, WHITE),
+}
+REFUSED = {
+    "one sample": (np.ones(1), "1 samples"),
+    "63 samples": (WHITE[:63], "63 samples"),
+    "a constant": (np.full(6000, 1.5), "constant"),
+    "a constant with holes": (np.where(np.arange(6000) % 20 == 0, np.nan, 1.5), "constant"),
+    "pure drift": (1.0 + 0.01 * np.arange(6000), "straight line"),
+    "bursts of 20 samples": (np.where(np.arange(6000) % 60 < 20, WHITE, np.nan), "holes"),
+    "nothing but holes": (np.full(6000, np.nan), "0 samples"),
+}
+
+
+@pytest.mark.parametrize("kind", ["rate", "angle"])
+@pytest.mark.parametrize("case", ANSWERED)
+def test_an_answer(case, kind):
+    """property: each parameter is a finite number inside its interval, or refused with a reason."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        unit = "deg/s" if kind == "rate" else "deg"
+        found = characterise(
+            ANSWERED[case], DT, name="x", unit=unit, kind=kind, rng=np.random.default_rng(0)
+        )
+    for name, e in found.parameters.items():
+        known = [v for v in (e.low, e.value, e.high) if v is not None]
+        assert np.all(np.isfinite(known)), name
+        assert known == sorted(known), name
+        assert e.resolved == (e.value is not None), name
+        assert e.resolved or e.note, name
+        if name != "drift":
+            assert all(v >= 0 for v in known), name
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_refusal(case):
+    """property: one sentence that names the channel and what it found."""
+    y, says = REFUSED[case]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(CannotAnswer, match=f"^channel x: .*{says}") as caught:
+            characterise(y, DT, name="x", unit="deg/s", kind="rate", rng=np.random.default_rng(0))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("case", "status"),
+    [
+        ("three seconds", 0),
+        ("two levels", 0),
+        ("drift in whole steps", 0),
+        ("one sample", 1),
+        ("a constant", 1),
+        ("pure drift", 1),
+    ],
+)
+def test_report(tmp_path, monkeypatch, case, status):
+    """property: the command answers, or refuses with one line and writes nothing."""
+    monkeypatch.setattr(report, "_draw", lambda result, folder: folder.mkdir())
+    monkeypatch.setattr(report, "_page", lambda result, folder: "")
+    y = ANSWERED[case] if status == 0 else REFUSED[case][0]
+    rows = [f"{i * DT:.2f},{v!r}" for i, v in enumerate(y.tolist())]
+    (tmp_path / "my.csv").write_text("\n".join(["t_s,gyro_x_deg_s", *rows]) + "\n")
+    out, err = io.StringIO(), io.StringIO()
+    arguments = ["report", str(tmp_path / "my.csv"), "--out", str(tmp_path / "mine")]
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        warnings.catch_warnings(action="error"),
+    ):
+        assert cli.main(arguments) == status
+    if status:
+        assert err.getvalue().startswith("cannot answer: my.csv")
+        assert err.getvalue().count("\n") == 1 and out.getvalue() == ""
+        assert [p.name for p in tmp_path.iterdir()] == ["my.csv"]
+    else:
+        assert err.getvalue() == "" and (tmp_path / "mine" / "model.json").exists()

@@ -1,0 +1,221 @@
+"""Pools of several units: intervals that cover, open sides that count, logs that do not belong."""
+
+import contextlib
+import io
+import json
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from analysis import __main__ as cli
+from analysis.noise import population
+from analysis.noise.fit import NoiseLikelihood
+from analysis.noise.models import UnifiedModel
+from analysis.noise.pool import of_unit
+from analysis.noise.population import NO_SPREAD, Curve
+from analysis.noise.spectrum import transform
+
+DT = 0.05
+
+
+def known_variance(theta, degrees, rng):
+    """Likelihood of ln(sigma) = theta from `degrees` normal values: exact and lopsided."""
+    top = theta + 0.5 * np.log(rng.chisquare(degrees) / degrees)
+    d = np.array([-5, -3.7, -2.7, -2, -1.5, -1, -0.5, 0, 0.5, 1, 1.5, 2, 2.7, 3.7, 5])
+    d = d / np.sqrt(2 * degrees)
+    return Curve(top + d, -degrees * d - degrees / 2 * np.expm1(-2 * d), (True, True))
+
+
+def cut_off(curve, at):
+    """Take from a curve what it says above a value: it stays where it was there."""
+    below = curve.at < at
+    level = np.interp(at, curve.at, curve.fall)
+    fall = np.append(curve.fall[below], [level, level])
+    return Curve(np.append(curve.at[below], [at, at + 3]), fall - fall.max(), (True, False))
+
+
+def test_marginal_by_quadrature():
+    """analytic: the closed form equals the integral of exp(l) times the normal density."""
+    theta = np.linspace(-30, 30, 200_001)
+    whole = known_variance(0.2, 5, np.random.default_rng(1))
+    for curve in (whole, cut_off(whole, 0.3)):
+        slope = np.diff(curve.fall) / np.diff(curve.at)
+        beyond = curve.fall[-1] + (theta - curve.at[-1]) * slope[-1] * curve.closed[1]
+        before = curve.fall[0] + (theta - curve.at[0]) * slope[0]
+        fall = np.interp(theta, curve.at, curve.fall)
+        fall = np.where(theta > curve.at[-1], beyond, np.where(theta < curve.at[0], before, fall))
+        for mu, s in ((0.0, 0.1), (1.0, 0.5), (-4.0, 2.0)):
+            normal = np.exp(-0.5 * ((theta - mu) / s) ** 2) / (s * np.sqrt(2 * np.pi))
+            expected = np.log(np.trapezoid(np.exp(fall) * normal, theta))
+            found = population._marginal(curve, np.array([[mu]]), np.array([s]))[0, 0]
+            assert found == pytest.approx(expected, abs=1e-4)  # the quadrature's kinks
+
+
+def misses(units, runs):
+    """How often the intervals of centre and spread miss the truth.
+
+    The spread is five times the error of a unit: there Student's t is what they rest on.
+    """
+    rng, s, degrees = np.random.default_rng(2), 0.3, 140  # error 0.06
+    truth, missed = 100 * np.sqrt(np.expm1(s**2)), np.zeros(2)
+    for _ in range(runs):
+        thetas = s * rng.standard_normal(units)
+        middle, spread = population.population(
+            [known_variance(t, degrees, rng) for t in thetas], "s"
+        )
+        missed[0] += not (middle.low or 0) < 1 < (middle.high or np.inf)
+        missed[1] += not (spread.low or 0) < truth < (spread.high or np.inf)
+    return missed
+
+
+def allowed(runs):
+    """Misses of a 95 % interval that chance allows: three standard errors."""
+    return 0.05 * runs + 3 * np.sqrt(0.05 * 0.95 * runs)
+
+
+@pytest.mark.parametrize(("units", "runs"), [(2, 60), (3, 60), (6, 40), (12, 20)])
+def test_intervals_of_centre_and_spread_cover(units, runs):
+    """coverage: 95 % intervals of centre and spread miss no more often than chance allows."""
+    assert np.all(misses(units, runs) <= allowed(runs))
+
+
+def test_the_usual_threshold_would_not_do(monkeypatch):
+    """coverage: with 3.84 for every number of units, as if the spread were known, they miss."""
+    monkeypatch.setattr(population, "_drop_of_a_mean", lambda freedom: chi2.ppf(0.95, 1))
+    assert misses(2, 60)[0] > allowed(60)
+
+
+def test_no_spread_is_said_with_a_bound():
+    """property: equal units show no spread, and the bound on it shrinks with their number."""
+    rng, before = np.random.default_rng(3), np.inf
+    for units in (3, 6, 12):
+        middle, spread = population.population(
+            [known_variance(0.0, 50, rng) for _ in range(units)], "s"
+        )
+        assert not spread.resolved and NO_SPREAD in spread.note
+        assert spread.high < before
+        assert middle.low < 1 < middle.high
+        before = spread.high
+
+
+def test_scale_does_not_matter():
+    """property: the same logs in another unit give the same answer in that unit."""
+    rng = np.random.default_rng(4)
+    curves = [known_variance(0.3 * rng.standard_normal(), 100, rng) for _ in range(4)]
+    a, spread_a = population.population(curves, "s")
+    b, spread_b = population.population(
+        [Curve(c.at + np.log(60), c.fall, c.closed) for c in curves], "s"
+    )
+    for x, y in ((a.value, b.value), (a.low, b.low), (a.high, b.high)):
+        assert 60 * x == pytest.approx(y)
+    assert spread_a.value == pytest.approx(spread_b.value)
+
+
+def test_open_sides_count():
+    """property: units known from below only hold the centre up; left out, they would bias it.
+
+    The longest third of the population is cut off, at half a deviation above its median.
+    """
+    rng, pooled, left, missed, runs = np.random.default_rng(5), [], [], 0, 12
+    for _ in range(runs):
+        curves = [known_variance(0.4 * rng.standard_normal(), 140, rng) for _ in range(10)]
+        seen = [c if c.best < 0.2 else cut_off(c, 0.2) for c in curves]
+        middle, _ = population.population(seen, "s")
+        missed += not (middle.low or 0) < 1 < (middle.high or np.inf)
+        pooled.append(np.log(middle.value) if middle.resolved else np.nan)
+        left.append(np.mean([c.best for c in curves if c.best < 0.2]))
+    assert missed <= allowed(runs)
+    assert np.mean(left) < -0.12  # a normal cut there has its mean 0.2 too low
+    assert np.isfinite(pooled).all()
+    assert abs(np.mean(pooled)) < 3 * 0.4 / np.sqrt(10 * runs)  # three standard errors
+
+
+def test_logs_that_leave_the_time_open():
+    """coverage: logs of 20 correlation times, a third of them open above, still give the time."""
+    rng, curves, alone = np.random.default_rng(6), [], []
+    for _ in range(8):
+        model = UnifiedModel(0.3, 100 * np.exp(0.3 * rng.standard_normal()), 1.0)
+        likelihood = NoiseLikelihood([transform(model.simulate(2000, 1.0, rng), 1.0)])
+        curves.append(of_unit(likelihood, likelihood.fit("N+GM"), "corr_time"))
+        alone.append(all(curves[-1].closed))
+    middle, _ = population.population(curves, "s")
+    assert 1 < sum(alone) < 8
+    assert middle.low < 100 < middle.high
+    assert "the others count" in middle.note
+
+
+# --- command line --------------------------------------------------------------------------------
+
+
+def run(*arguments):
+    """Run the command line in this process: status, stdout, stderr."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        status = cli.main([str(a) for a in arguments])
+    return status, out.getvalue(), err.getvalue()
+
+
+def write(path, seed, header="t_s,gyro_x_deg_s,gyro_y_deg_s", n=3000, dt=DT):
+    """Write a log of two channels of white noise, 0.1 deg/s give or take."""
+    rng = np.random.default_rng(seed)
+    columns = 0.1 * np.exp(0.05 * rng.standard_normal(2)) * rng.standard_normal((n, 2))
+    rows = [f"{i * dt:.3f},{a:.6f},{b:.6f}" for i, (a, b) in enumerate(columns)]
+    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("axes", [False, True])
+def test_pool_writes_what_it_prints(tmp_path, axes):
+    """property: three logs give each channel, or all axes, one estimate and its spread."""
+    logs = [write(tmp_path / f"{k}.csv", k) for k in range(3)]
+    status, out, err = run(
+        "pool", *logs, "--out", tmp_path / "model", *(["--axes"] if axes else [])
+    )
+    assert (status, err) == (0, "")
+    assert [p.name for p in (tmp_path / "model").iterdir()] == ["pooled.json"]
+    found = json.loads((tmp_path / "model" / "pooled.json").read_text(encoding="utf-8"))
+    assert [s["file"] for s in found["sources"]] == ["0.csv", "1.csv", "2.csv"]
+    names = [(c["name"], len(c["members"])) for c in found["channels"]]
+    assert names == ([("rate axes", 6)] if axes else [("gyro_x", 3), ("gyro_y", 3)])
+    for channel in found["channels"]:
+        white = channel["parameters"]["sigma_v"]
+        assert white["low"] < 0.1 < white["high"]
+        assert channel["parameters"]["arw"]["value"] == pytest.approx(
+            white["value"] * np.sqrt(DT), rel=1e-5
+        )
+        assert channel["spread"].keys() == channel["parameters"].keys()
+        assert f"{channel['name']} (deg/s)" in out
+    assert "between units" in out and str(tmp_path) not in json.dumps(found)
+
+
+@pytest.mark.parametrize(
+    ("header", "dt", "options", "says"),
+    [
+        ("t_s,gyro_x_rad_s,gyro_y_rad_s", DT, [], "unit and kind"),
+        ("t_s,gyro_x_deg_s,gyro_z_deg_s", DT, [], "no channel gyro_y"),
+        ("t_s,gyro_x_deg_s,gyro_y_deg_s", 0.1, [], "20 Hz"),
+        (None, DT, [], "nothing to pool"),
+    ],
+)
+def test_logs_that_do_not_belong_together(tmp_path, header, dt, options, says):
+    """property: other units, channels or rates, or one log alone: one sentence, nothing written."""
+    logs = [write(tmp_path / "a.csv", 0)]
+    if header:
+        logs.append(write(tmp_path / "b.csv", 1, header, dt=dt))
+    status, out, err = run("pool", *logs, "--out", tmp_path / "model", *options)
+    assert (status, out) == (2, "")
+    assert says in err and err.count("\n") == 1
+    assert not (tmp_path / "model").exists()
+
+
+def test_a_constant_channel_is_named(tmp_path):
+    """property: a log with nothing to measure is refused with its file and channel."""
+    logs = [write(tmp_path / "a.csv", 0), write(tmp_path / "b.csv", 1)]
+    rows = logs[1].read_text().splitlines()
+    rows[1:] = [",".join([*row.split(",")[:2], "0.5"]) for row in rows[1:]]
+    logs[1].write_text("\n".join(rows) + "\n", encoding="utf-8")
+    status, _, err = run("pool", *logs, "--out", tmp_path / "model")
+    assert status == 1 and err.count("\n") == 1
+    assert "b.csv, channel gyro_y" in err and "constant" in err
+    assert not (tmp_path / "model").exists()
