@@ -26,7 +26,7 @@ def test_predictions_are_those_of_table_one():
 
 
 def test_textbook_update_gives_one_number_of_table_one():
-    """published: 207 products for [3, 3] with divisions among them; the other three do not follow."""
+    """published: 207 products for [3, 3], divisions among them; the other three do not follow."""
     three, nine = operations.update(3, 3), operations.update(9, 5)
     sums, products = printed(2, "Update")
     assert three.products + three.divisions == products
@@ -58,20 +58,20 @@ def test_counted_update_equals_the_formula(n, m, p):
 def test_textbook_update_runs_as_counted():
     """cross-check: but for the inverse, the textbook's lines cost what the formula says."""
     n, m, tally = 9, 5, Tally()
-    x, z, H, P, R, I, inverse = (
+    x, z, H, P, R, one, inverse = (
         counted(np.ones(s), tally) for s in (n, m, (m, n), (n, n), (m, m), (n, n), (m, m))
     )
     y = z - H @ x
     _ = H @ P @ H.T + R
     K = (P @ H.T) @ inverse
     _ = x + K @ y
-    _ = (I - K @ H) @ P
+    _ = (one - K @ H) @ P
     assert tally + operations.cholesky_inverse(m) == operations.update(n, m)
 
 
 @pytest.mark.parametrize("m", [1, 2, 3, 5, 8])
 def test_cholesky_inverse_runs_as_counted(m):
-    """cross-check: a plain Cholesky inverse, run on counting numbers, costs what the formula says."""
+    """cross-check: a plain Cholesky inverse, run on counting numbers, costs that much."""
     tally = Tally()
     rng = np.random.default_rng(m)
     A = rng.standard_normal((m, m))

@@ -1,11 +1,12 @@
 """What a step costs: sums and products by formula, and counted on the code as it runs.
 
-Formulas are for dense matrices, as the tracker paper's Table I takes them: a product of an a x b and
-a b x c matrix costs a b c products and a (b - 1) c sums. Counting hands the running code numbers of
-type `Counted`, which add themselves up in a `Tally` whenever they are added or multiplied.
+Formulas are for dense matrices, as the tracker paper's Table I takes them: a product of an a x b
+and a b x c matrix costs a b c products and a (b - 1) c sums. Counting hands the running code
+numbers of type `Counted`, which add themselves up in a `Tally` whenever they are used.
 """
 
 import math
+import operator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ class Tally:
         return self.sums + self.products + self.divisions + self.functions
 
     def __add__(self, other):
+        """Add up kind by kind."""
         return Tally(*(a + b for a, b in zip(self.counts(), other.counts(), strict=True)))
 
     def counts(self):
@@ -146,6 +148,21 @@ def buffer_mean(length, axes=1):
     return Tally(sums=axes * (length - 1), divisions=axes)
 
 
+def _counting(kind, operate, *, swapped=False):
+    """Make an operator of `Counted` that counts itself."""
+
+    def method(self, other):
+        pair = (float(other), self.value) if swapped else (self.value, float(other))
+        return self.result(operate(*pair), kind)
+
+    return method
+
+
+def _comparing(operate):
+    """Make a comparison of `Counted`, which costs nothing."""
+    return lambda self, other: operate(self.value, float(other))
+
+
 class Counted:
     """A number that counts the operations done with it.
 
@@ -157,85 +174,64 @@ class Counted:
     """
 
     __slots__ = ("tally", "value")
+    __hash__ = None
 
     def __init__(self, value, tally):
         self.value, self.tally = float(value), tally
 
-    def _result(self, value, kind):
+    def result(self, value, kind):
+        """Count one operation and wrap what it gave."""
         setattr(self.tally, kind, getattr(self.tally, kind) + 1)
         return Counted(value, self.tally)
 
-    def __add__(self, other):
-        return self._result(self.value + float(other), "sums")
-
-    def __sub__(self, other):
-        return self._result(self.value - float(other), "sums")
-
-    def __rsub__(self, other):
-        return self._result(float(other) - self.value, "sums")
-
-    def __mul__(self, other):
-        return self._result(self.value * float(other), "products")
-
-    def __truediv__(self, other):
-        return self._result(self.value / float(other), "divisions")
-
-    def __rtruediv__(self, other):
-        return self._result(float(other) / self.value, "divisions")
+    __add__ = __radd__ = _counting("sums", operator.add)
+    __sub__ = _counting("sums", operator.sub)
+    __rsub__ = _counting("sums", operator.sub, swapped=True)
+    __mul__ = __rmul__ = _counting("products", operator.mul)
+    __truediv__ = _counting("divisions", operator.truediv)
+    __rtruediv__ = _counting("divisions", operator.truediv, swapped=True)
+    __lt__, __le__ = _comparing(operator.lt), _comparing(operator.le)
+    __gt__, __ge__ = _comparing(operator.gt), _comparing(operator.ge)
+    __eq__ = _comparing(operator.eq)
 
     def __pow__(self, exponent):
+        """Square by a product, else by a function."""
         if exponent == 2:
             return self * self
-        return self._result(self.value**exponent, "functions")
-
-    __radd__, __rmul__ = __add__, __mul__
+        return self.result(self.value**exponent, "functions")
 
     def __neg__(self):
+        """Change the sign, which costs nothing."""
         return Counted(-self.value, self.tally)
 
     def __abs__(self):
+        """Drop the sign, which costs nothing."""
         return Counted(abs(self.value), self.tally)
 
     def __float__(self):
+        """Leave the counting: what is done with a plain float is not seen."""
         return self.value
-
-    def __lt__(self, other):
-        return self.value < float(other)
-
-    def __le__(self, other):
-        return self.value <= float(other)
-
-    def __gt__(self, other):
-        return self.value > float(other)
-
-    def __ge__(self, other):
-        return self.value >= float(other)
-
-    def __eq__(self, other):
-        return self.value == float(other)
-
-    __hash__ = None
 
     # numpy calls these by name on arrays of objects.
     def sqrt(self):
         """Take the square root."""
-        return self._result(math.sqrt(self.value), "functions")
+        return self.result(math.sqrt(self.value), "functions")
 
     def sin(self):
         """Take the sine."""
-        return self._result(math.sin(self.value), "functions")
+        return self.result(math.sin(self.value), "functions")
 
     def cos(self):
         """Take the cosine."""
-        return self._result(math.cos(self.value), "functions")
+        return self.result(math.cos(self.value), "functions")
 
     def arctan2(self, other):
         """Take the angle of (other, self)."""
-        return self._result(math.atan2(self.value, float(other)), "functions")
+        return self.result(math.atan2(self.value, float(other)), "functions")
 
     def hypot(self, other):
         """Take the length of (self, other)."""
-        return self._result(math.hypot(self.value, float(other)), "functions")
+        return self.result(math.hypot(self.value, float(other)), "functions")
 
 
 def counted(array, tally):
