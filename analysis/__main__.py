@@ -164,9 +164,9 @@ def data(options):
 
 
 def _rebuild(options):
-    from analysis import datasets, derived, logs
+    from analysis import datasets, derived
 
-    known = [n for n, entry in logs.catalogue().items() if not entry.get("own")]
+    known = derived.names()
     unknown = set(options.names) - set(known)
     if unknown:
         raise WrongUsage(f"no log '{sorted(unknown)[0]}'; there are: {', '.join(known)}")

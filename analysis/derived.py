@@ -1,7 +1,8 @@
 """Results computed from the catalogued logs, committed so that no notebook needs the raw files.
 
 ``data/derived/<log>/`` holds what `analysis.results.write` writes, with the sha256, licence and
-source of the raw file. `rebuild` computes it again from the raw log and compares.
+source of the raw file. `rebuild` computes it again from the raw log and compares. What is no static
+log is kept as `analysis.tables`.
 """
 
 import os
@@ -11,11 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import DATA, CannotAnswer, logs, results
+from analysis import DATA, CannotAnswer, logs, results, tables
 
 FOLDER = DATA / "derived"
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen
 COMMAND = "python -m analysis data --rebuild --write"
+
+
+def names():
+    """List everything that can be rebuilt: the catalogued logs but the reader's own, the tables."""
+    return [n for n, entry in logs.catalogue().items() if not entry.get("own")] + [*tables.MAKERS]
 
 
 def stored():
@@ -57,6 +63,7 @@ def rebuild(name, *, write=False, progress=True):
     Parameters
     ----------
     name : str
+        One of `names`.
     write : bool
         Replace the committed results.
     progress : bool
@@ -66,14 +73,21 @@ def rebuild(name, *, write=False, progress=True):
     list of str
         The differences, one sentence each; empty if there are none.
     """
-    result = compute(name, progress=progress)
+    tabled = name in tables.MAKERS
+    result = tables.compute(name) if tabled else compute(name, progress=progress)
     if write:
         FOLDER.mkdir(parents=True, exist_ok=True)
     # Beside the old ones only where it will replace them: comparing writes nothing into the tree.
     new = Path(tempfile.mkdtemp(dir=FOLDER if write else None, prefix=".new-"))
     try:
-        results.write(result, new)
-        differ = _differences(name, results.read(new)) if name in stored() else ["not stored yet"]
+        if tabled:
+            tables.write(result, new)
+            known = tables.stored()
+            differ = tables.differences(name, new) if name in known else ["not stored yet"]
+        else:
+            results.write(result, new)
+            known = stored()
+            differ = _differences(name, results.read(new)) if name in known else ["not stored yet"]
         if write:
             shutil.rmtree(FOLDER / name, ignore_errors=True)
             new.chmod(0o755)

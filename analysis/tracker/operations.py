@@ -132,10 +132,9 @@ def ldl_inverse(m):
     Tally
     """
     pairs, triples = m * (m - 1) // 2, (m**3 - 3 * m**2 + 2 * m) // 6
-    factor = Tally(sums=pairs + triples, products=2 * pairs + triples, divisions=m)
-    triangle = Tally(sums=triples, products=triples)
-    third = (m**3 - m) // 6
-    return factor + triangle + Tally(sums=third, products=2 * third + pairs)
+    squares = (m - 1) * m * (2 * m - 1) // 6
+    factor = Tally(sums=triples + pairs, products=triples + 2 * pairs, divisions=m)
+    return factor + Tally(sums=squares, products=squares + pairs)
 
 
 def buffer_mean(length, axes=1):
@@ -250,3 +249,37 @@ def counted(array, tally):
     out = np.empty(array.shape, dtype=object)
     out.ravel()[:] = [Counted(x, tally) for x in array.ravel()]
     return out
+
+
+def instrument(block, tally):
+    """Make a block of the tracker count: every number in its attributes becomes a `Counted`.
+
+    What it hands to `math` (a root, a sine) leaves the counting, and is not seen.
+
+    Parameters
+    ----------
+    block : object
+        Changed in place, and so are the blocks inside it.
+    tally : Tally
+
+    Returns
+    -------
+    object
+        The block.
+    """
+    for name, value in list(vars(block).items()):
+        if hasattr(value, "__dict__") and type(value).__module__.startswith("analysis.tracker"):
+            instrument(value, tally)
+        else:
+            setattr(block, name, _instrumented(value, tally))
+    return block
+
+
+def _instrumented(value, tally):
+    if isinstance(value, np.ndarray):
+        return counted(value, tally)
+    if isinstance(value, float | np.floating):
+        return Counted(value, tally)
+    if isinstance(value, list | tuple):
+        return type(value)(_instrumented(v, tally) for v in value)
+    return value
