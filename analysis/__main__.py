@@ -1,4 +1,4 @@
-"""The command line: ``python -m analysis`` reproduce, report, claims, data.
+"""The command line: ``python -m analysis`` reproduce, report, replay, claims, data.
 
 Exit status: 0 good; 1 the data cannot support an answer, and why; 2 wrong usage.
 """
@@ -6,10 +6,11 @@ Exit status: 0 good; 1 the data cannot support an answer, and why; 2 wrong usage
 import argparse
 import sys
 
-from analysis import CannotAnswer, WrongUsage
+from analysis import CannotAnswer, WrongUsage, replay_command
 
-ABOUT = "Rerun the compendium, and characterise inertial sensors from their static logs."
+ABOUT = "Rerun the compendium, characterise inertial sensors, replay a tracker on field logs."
 EPILOGS = {
+    "replay": replay_command.EPILOG,
     "reproduce": """examples:
   python -m analysis reproduce          every notebook in order, the index last
   python -m analysis reproduce 10 11    two of them, by number
@@ -77,6 +78,9 @@ def parser():
     )
     one.add_argument("--to", dest="stop", type=float, metavar="S", help="leave out what is after")
 
+    one = add("replay", "run the tracker's six blocks on a GNSS log, with or without an IMU")
+    replay_command.arguments(one)
+
     one = add("claims", "the verdict on every claim of the three papers")
     one.add_argument("paper", nargs="?", choices=["terrain", "comparison", "tracker"])
 
@@ -123,6 +127,11 @@ def report(options):
         for row in page.rows(channel):
             print(f"  {row['name']:<46}{row['value'] or 'not resolved':>18}   {row['interval']}")
     print(f"\n{options.out}/report.html, model.json and figures/ are written")
+
+
+def replay(options):
+    """Run the tracker's blocks over a log and say what came of it."""
+    replay_command.run(options)
 
 
 def claims(options):

@@ -11,73 +11,21 @@ import math
 import numpy as np
 
 from analysis.tracker import filters
+from analysis.tracker.cascade import Direction, GyroBiasFilter
 from analysis.tracker.directions import add, cross, dot, north, turn
 
 GRAVITY = 9.80665  # m/s^2
-GYRO_ARW = 3e-4  # rad/sqrt(s), 1 deg/sqrt(h): a MEMS gyro's 0.3 with room for scale and vibration
 SIGMA_ACCEL = 0.05  # m/s^2, one sample at rest
 EXTERNAL_TAU_S = 1.0  # s over which vibration is averaged out of the vehicle's acceleration
 EXTERNAL_CORR_S = 10.0  # s that a bend or a start lasts
-SIGMA_BIAS_START = 0.1  # rad/s, 6 deg/s: the worst offset of the real sensors here is 4.5 deg/s
-BIAS_WALK = 2e-5  # rad/s/sqrt(s)
+EXTERNAL_LEAST = 0.3  # m/s^2, what GNSS overlooks of the acceleration of a moving vehicle
+EXTERNAL_MOST = 0.5  # m/s^2, of an acceleration that only the accelerometer says is one
 SIGMA_BIAS_REST = 1e-3  # rad/s, mean of a second at rest: half a step of the coarsest gyro here
-SIGMA_BIAS_MOVING = 0.02  # rad/s, of what the other two filters correct in a second
+SIGMA_BIAS_MOVING = 0.05  # rad/s, of what the other two filters correct in a second
+GYRO_SCALE = 0.01  # of a rate: error of scale and axes
 STEADY = 0.02  # rad/s, scatter of a gyro that is not turned
 ALIGN_S = 1.0  # s of samples that the first attitude is read from
 GAP_S = 1.0  # s without a sample after which the attitude starts again
-
-
-class Direction:
-    """A unit vector fixed in navigation axes, filtered in body axes (the tilt and yaw filters).
-
-    Attributes
-    ----------
-    x : ndarray, shape (3,)
-    P : ndarray, shape (3, 3)
-    """
-
-    def __init__(self, dtype=np.float64):
-        self.x = np.array([0.0, 0.0, 1.0], dtype=dtype)
-        self.P = np.eye(3, dtype=dtype)
-        self.Q = np.zeros((3, 3), dtype)
-        self.H = np.eye(3, dtype=dtype)
-        self.R = np.eye(3, dtype=dtype)
-        self._dt = None
-
-    def start(self, x, sigma):
-        """Start at a direction (sequence of 3) known to ``sigma`` rad."""
-        self.x = np.array(x, dtype=self.x.dtype)
-        self.P = self.H * (sigma * sigma)
-
-    def predict(self, F, dt):
-        """Turn with the gyro: ``F`` is the matrix of `turn`."""
-        if dt != self._dt:
-            self._dt = dt
-            self.Q = self.H * (GYRO_ARW * GYRO_ARW * dt)
-        self.x, self.P = filters.predict(self.x, self.P, F, self.Q)
-
-    def update(self, z, variance):
-        """Take in the direction measured (sequence of 3), and keep the length at one."""
-        self.R = self.H * variance
-        x, self.P, _ = filters.update(
-            self.x, self.P, np.array(z, dtype=self.x.dtype), self.H, self.R
-        )
-        self.x = x * (1 / math.sqrt(x @ x))
-
-
-class GyroBiasFilter:
-    """The bias of the gyro, rad/s in body axes, as a slow random walk."""
-
-    def __init__(self, dtype=np.float64):
-        self.x = np.zeros(3, dtype)
-        self.F = np.eye(3, dtype=dtype)
-        self.P = self.F * (SIGMA_BIAS_START * SIGMA_BIAS_START)
-
-    def step(self, z, H, sigma, dt):
-        """Carry the bias over ``dt``, and take in what was seen of it: z = H b + noise."""
-        variance = BIAS_WALK * BIAS_WALK * dt
-        self.x, self.P = filters.predict(self.x, self.P, self.F, self.F * variance)
-        self.x, self.P, _ = filters.update(self.x, self.P, z, H, self.F * (sigma * sigma))
 
 
 class Attitude:
@@ -101,7 +49,7 @@ class Attitude:
         self.F = np.eye(3, dtype=dtype)
         self.ready = self.heading_known = False
         self._gathered, self._gathered_s = [], 0.0
-        self._external, self._lasting = [0.0] * 3, [0.0] * 3
+        self._external, self._lasting, self._vehicle = [0.0] * 3, [0.0] * 3, None
         self._forget()
 
     def imu(self, gyro_b, accel_b, dt, static=False):
@@ -133,7 +81,7 @@ class Attitude:
         self.tilt.update(
             (accel_b[0] * scale, accel_b[1] * scale, accel_b[2] * scale), variance * scale * scale
         )
-        after = filters.scalars(self.tilt.x)
+        after = self._down = filters.scalars(self.tilt.x)
         self._external = [f + GRAVITY * d for f, d in zip(accel_b, after, strict=True)]
         share = dt / EXTERNAL_TAU_S if dt < EXTERNAL_TAU_S else 1.0
         self._lasting = [
@@ -146,7 +94,7 @@ class Attitude:
         self._samples += 1
         self._seconds += dt
 
-    def epoch(self, static=False, heading=None, sigma=0.1):
+    def epoch(self, static=False, heading=None, sigma=0.1, vehicle=None):
         """Close an epoch: correct yaw by the heading, then the gyro's bias.
 
         Parameters
@@ -157,10 +105,13 @@ class Attitude:
             Of the sensor's X axis, rad: course plus mounting angle. Left out when not moving.
         sigma : float
             Its standard deviation, rad.
+        vehicle : float, optional
+            Square of the horizontal acceleration of the vehicle as GNSS has it, (m/s^2)^2.
         """
+        self._vehicle = vehicle
         if not self.ready or not self._samples:
             return
-        down = filters.scalars(self.tilt.x)
+        down = self._down
         spin = 0.0
         if heading is not None:
             before = self._north(down)
@@ -172,6 +123,7 @@ class Attitude:
                 self.yaw.start(target, sigma)
                 self.heading_known, heading = True, None
         self._correct_bias(static, down, spin, heading is not None)
+        self._trust(down)
         self._forget()
 
     def restart_heading(self):
@@ -181,7 +133,7 @@ class Attitude:
     @property
     def C_nb(self):
         """Rotation from body to north, east, down: its rows are those axes seen in the body."""
-        down = filters.scalars(self.tilt.x)
+        down = self._down
         n = self._north(down)
         return np.array([n, cross(down, n), down], dtype=self.dtype)
 
@@ -198,37 +150,56 @@ class Attitude:
     def horizontal(self):
         """Acceleration (m/s^2), gravity off: along the sensor's X laid level, and to its right."""
         a0, a1, a2 = self._external
-        d0, d1, d2 = filters.scalars(self.tilt.x)
+        d0, d1, d2 = self._down
         vertical = a0 * d0 + a1 * d1 + a2 * d2
         scale = 1 / math.sqrt(max(1 - d0 * d0, 1e-12))
         return (a0 - d0 * vertical) * scale, (d2 * a1 - d1 * a2) * scale
+
+    @property
+    def level_sigma(self):
+        """What the tilt filter's own uncertainty makes of gravity in the horizontal, m/s^2."""
+        down = self._down
+        along = dot([dot(row, down) for row in self.tilt.P], down)
+        return GRAVITY * math.sqrt(max(float(np.trace(self.tilt.P)) - along, 0.0) / 2)
+
+    @property
+    def unexplained(self):
+        """Lasting acceleration that the IMU feels beyond twice the vehicle's by GNSS, m/s^2."""
+        felt = math.sqrt(dot(self._lasting, self._lasting))
+        return max(0.0, felt - 2 * math.sqrt(self._vehicle or 0.0))
 
     @property
     def yaw_rate(self):
         """Mean rate about the vertical since the last epoch, rad/s."""
         if not self._samples:
             return math.nan
-        turned = dot(self._gyro, filters.scalars(self.tilt.x)) / self._samples
-        return turned - dot(filters.scalars(self.bias.x), filters.scalars(self.tilt.x))
+        turned = dot(self._gyro, self._down) / self._samples
+        return turned - dot(filters.scalars(self.bias.x), self._down)
 
     @property
     def accel_n(self):
         """Acceleration (m/s^2), gravity off, north, east, down."""
-        down = filters.scalars(self.tilt.x)
+        down = self._down
         n, a = self._north(down), self._external
         return np.array([dot(n, a), dot(cross(down, n), a), dot(down, a)], dtype=self.dtype)
 
     def _accel_variance(self, dt, static):
         """Variance of the accelerometer as a plumb line, (m/s^2)^2.
 
-        What the vehicle itself accelerates is an error as large as last seen. The part that lasts
-        does not average out: white noise as harmful has 2 T / dt times its variance.
+        Vibration is noise as large as last seen. What the vehicle accelerates lasts and does not
+        average out: white noise as harmful has 2 T / dt times its variance. It is taken from GNSS,
+        for a wrong tilt would feign an acceleration and keep itself alive; without GNSS what the
+        accelerometer says of it counts, up to a bound.
         """
         variance = SIGMA_ACCEL * SIGMA_ACCEL
         if static:
             return variance
-        lasting = dot(self._lasting, self._lasting) * (2 * EXTERNAL_CORR_S / dt)
-        return variance + dot(self._external, self._external) + lasting
+        shaken = [e - m for e, m in zip(self._external, self._lasting, strict=True)]
+        lasting = self._vehicle
+        if lasting is None:
+            lasting = min(dot(self._lasting, self._lasting), EXTERNAL_MOST * EXTERNAL_MOST)
+        lasting = max(lasting, EXTERNAL_LEAST * EXTERNAL_LEAST)
+        return variance + dot(shaken, shaken) + lasting * (2 * EXTERNAL_CORR_S / dt)
 
     def _north(self, down):
         """North made square to down."""
@@ -250,10 +221,13 @@ class Attitude:
         force = math.sqrt(dot(mean[3:], mean[3:]))
         still = (scatter[:3] < STEADY).all() and abs(force - GRAVITY) < 0.1 * GRAVITY
         down = filters.scalars(mean[3:] * (-1 / force))
+        self._down = down
         self.tilt.start(down, SIGMA_ACCEL / GRAVITY if still else 0.1)
         self.yaw.start(north(down, 0.0), math.pi)
         if still:
             self.bias.step(mean[:3], self.bias.F, SIGMA_BIAS_REST, 0.0)
+            self.tilt.trust(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
+            self.yaw.trust(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
         self._external = [f + GRAVITY * d for f, d in zip(accel_b, down, strict=True)]
         self._lasting = self._external if not still else [0.0] * 3
         self._gathered, self._gathered_s = [], 0.0
@@ -271,11 +245,21 @@ class Attitude:
         along = np.array([[a * b for b in down] for a in down], dtype=self.dtype)
         across = self.bias.F - along
         turned = np.array(self._turned, dtype=self.dtype) * (1 / seconds)
-        noise = SIGMA_BIAS_MOVING * (1 + dot(self._external, self._external))
+        noise = SIGMA_BIAS_MOVING * (1 + (self._vehicle or 0.0))
         self.bias.step(across @ (self.bias.x + turned), across, noise, seconds)
         if spun:
             turned = np.array([d * (spin / seconds) for d in down], dtype=self.dtype)
             self.bias.step(along @ self.bias.x + turned, along, SIGMA_BIAS_MOVING, 0.0)
+
+    def _trust(self, down):
+        """Tell both directions what bias and scale of the gyro leave across and along down."""
+        scale = GYRO_SCALE * GYRO_SCALE
+        along = dot([dot(row, down) for row in self.bias.P], down)
+        squares = [square / self._samples for square in self._gyro_square]
+        turning = dot(squares, [d * d for d in down])
+        rest = max(sum(squares) - turning, 0.0)
+        self.tilt.trust((np.trace(self.bias.P) - along + scale * rest) / 2)
+        self.yaw.trust(along + scale * turning)
 
     def _forget(self):
         self._turned, self._gyro, self._gyro_square = [0.0] * 3, [0.0] * 3, [0.0] * 3

@@ -72,11 +72,12 @@ class Device:
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
         self._moved = False
+        self._speed, self._squares = math.nan, (None, None)
         self._sum = [0.0, 0.0, 0.0, 0]
 
     def imu(self, t_s, gyro_b, accel_b):
         """Take in one IMU sample (s, rad/s, m/s^2; sequences of three scalars)."""
-        dt = 0.0 if self._t_imu is None else t_s - self._t_imu
+        dt = 0.0 if self._t_imu is None else round(t_s - self._t_imu, 9)
         self._t_imu = t_s
         block = self.attitude
         if block is None:
@@ -150,14 +151,27 @@ class Device:
             elif count:
                 ax, ay, square = (total / count for total in sums)
                 variance = max(square - ax * ax - ay * ay, 0.0) / (2 * count)
-                seen = (course, speed, block.yaw_rate, ax, ay, variance)
+                seen = (course, speed, block.yaw_rate, ax, ay, variance, block.level_sigma)
                 if self.mounting.step(t_s, dt, *seen):
                     block.restart_heading()
         heading = sigma = None
         if driving:
             heading = wrap(course + (self.mounting.mount or 0.0))
             sigma = max(self.options.sigma_speed / speed, math.radians(1.0))
-        block.epoch(not moving, heading, sigma)
+        block.epoch(not moving, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
+
+    def _vehicle(self, speed, yaw_rate, dt):
+        """Square of the horizontal acceleration by GNSS speed and yaw rate; the larger of two.
+
+        Receivers smooth their speed, so an acceleration shows an epoch late.
+        """
+        before, self._speed = self._speed, speed
+        if not (speed == speed and before == before and dt > 0 and yaw_rate == yaw_rate):
+            self._squares = (self._squares[1], None)
+        else:
+            forward, lateral = (speed - before) / dt, speed * yaw_rate
+            self._squares = (self._squares[1], forward * forward + lateral * lateral)
+        return None if None in self._squares else max(self._squares)
 
     def _settle(self, epoch, accepted, moving):
         """Run block 4 while the vehicle stands."""
@@ -209,7 +223,7 @@ class Device:
 
     def _predict(self, t_s):
         """Carry the fusion filter to a time, by the acceleration if its direction is known."""
-        dt = t_s - self._t_fusion
+        dt = round(t_s - self._t_fusion, 9)  # or rounding gives each step a model of its own
         if dt <= 0:
             return
         self._t_fusion = t_s

@@ -84,38 +84,32 @@ def inverse(S):
     ZeroDivisionError or FloatingPointError
         If S is singular, which a measurement noise above zero excludes.
     """
-    rows = [scalars(row) for row in S]
-    m = len(rows)
-    # L in place below the diagonal, 1/D on it.
-    for j in range(m):
-        row = rows[j]
-        scaled = [row[k] * rows[k][k] for k in range(j)]  # L[j, k]
-        pivot = row[j]
-        for k in range(j):
-            pivot = pivot - scaled[k] * row[k]
-        for i in range(j + 1, m):
-            below = rows[i]
-            entry = below[j]
-            for k in range(j):
-                entry = entry - below[k] * scaled[k]
-            below[j] = entry  # L[i, j] D[j], scaled when its own row comes
-        rows[j] = [*scaled, 1 / pivot]
-    # inv(L), row by row below its unit diagonal.
-    lower = [[None] * m for _ in range(m)]
-    for i in range(m):
+    A = S.tolist() if S.dtype == np.float64 else [list(row) for row in S]
+    m = len(A)
+    for i, row in enumerate(A):  # row by row: L below the diagonal, 1/D on it
         for j in range(i):
-            entry = rows[i][j]
-            for k in range(j + 1, i):
-                entry = entry + rows[i][k] * lower[k][j]
-            lower[i][j] = -entry
-    result = np.empty((m, m), dtype=S.dtype)
-    for i in range(m):
-        for j in range(i + 1):
-            entry = rows[i][i] if i == j else lower[i][j] * rows[i][i]
-            for k in range(i + 1, m):
-                entry = entry + lower[k][i] * (rows[k][k] * lower[k][j])
-            result[i, j] = result[j, i] = entry
-    return result
+            entry, above = row[j], A[j]
+            for k in range(j):
+                entry = entry - row[k] * above[k]
+            row[j] = entry  # L[i, j] D[j], until the pivot is known
+        pivot = row[i]
+        for j in range(i):
+            scaled = row[j] * A[j][j]
+            pivot = pivot - row[j] * scaled
+            row[j] = scaled
+        row[i] = 1 / pivot
+    X = [[None] * m for _ in range(m)]  # from X L = L'^-1 D^-1, last column first
+    for j in reversed(range(m)):
+        for i in range(j + 1, m):
+            entry = -(X[i][j + 1] * A[j + 1][j])
+            for k in range(j + 2, m):
+                entry = entry - X[i][k] * A[k][j]
+            X[i][j] = X[j][i] = entry
+        entry = A[j][j]
+        for k in range(j + 1, m):
+            entry = entry - A[k][j] * X[k][j]
+        X[j][j] = entry
+    return np.array(X, dtype=S.dtype)
 
 
 def scalars(array):

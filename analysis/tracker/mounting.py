@@ -14,12 +14,12 @@ the angle is.
 import math
 from dataclasses import dataclass
 
-LENGTH = 10  # entries of the buffer; not printed
+LENGTH = 6  # entries of the buffer; not printed
 ENTRY_S = 1.0  # s a entry covers, so that the buffer is as long at 1 Hz as at 25 Hz
 THETA_ALPHA = math.radians(3.0) ** 2  # rad^2, the largest variance of a straight; not printed
 MIN_SPEED = 0.5  # m/s; below, a course over ground is noise
-MAX_SIGMA = math.radians(5.0)  # rad; a worse angle is kept back until more straights have come
-SIGMA_LEVEL = 0.03  # m/s^2 that a wrong tilt (0.2 deg) adds to a whole straight
+MAX_SIGMA = math.radians(6.0)  # rad; a worse angle is kept back until more straights have come
+SIGMA_LEVEL = 0.02  # m/s^2 that a wrong tilt (0.1 deg) adds at least to a whole straight
 SIGMA_BIAS = 0.15  # m/s^2 of accelerometer bias: unseen where the tilt was read, seen when turned
 SIGMA_FLOOR = 0.02  # m/s^2, best that a mean over an entry can be
 SLOPE = (0.5, 1.5)  # m/s^2 felt for one that GPS saw: one, if it is this vehicle that accelerates
@@ -99,7 +99,7 @@ class Mounting:
         self._turned = 0.0
         self.interrupt()
 
-    def step(self, t_s, dt, course, speed, yaw_rate, ax, ay, variance):
+    def step(self, t_s, dt, course, speed, yaw_rate, ax, ay, variance, level=0.0):
         """Take in one epoch of a moving vehicle.
 
         Parameters
@@ -118,6 +118,8 @@ class Mounting:
             be, or the course stays in the angle.
         variance : float
             Of these means, (m/s^2)^2: the scatter of the samples over their number.
+        level : float
+            What the tilt's uncertainty makes of gravity in the horizontal, m/s^2.
 
         Returns
         -------
@@ -149,16 +151,16 @@ class Mounting:
         if course_variance(self._buffer) >= self.theta_alpha:
             self._buffer.pop(0)
             return False
-        updated = self._straight(t_s)
+        updated = self._straight(t_s, level)
         self._buffer = []
         return updated
 
-    def _straight(self, t_s):
+    def _straight(self, t_s, level):
         """Take the angle from a full buffer, and weigh it with what is known."""
         ax, ay = mean([e[4:6] for e in self._buffer])
         self.printed = -printed_angle(ax, ay)
         bias = self.sigma_bias * 2 * math.sin(self._turned / 2)
-        level = math.sqrt(self.sigma_level * self.sigma_level + bias * bias)
+        level = math.sqrt(self.sigma_level * self.sigma_level + bias * bias + level * level)
         sums = fit([e[2:] for e in self._buffer], level)
         alone, sigma, _ = weighted_angle(sums)
         self._known = [self.keep * k + s for k, s in zip(self._known, sums, strict=True)]
