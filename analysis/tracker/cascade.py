@@ -56,7 +56,7 @@ class Direction:
         x, self.P, _ = filters.update(
             self.x, self.P, np.array(z, dtype=self.x.dtype), self.H, self.R
         )
-        self.x = x * (1 / math.sqrt(x @ x))
+        self.x = x * (1 / math.sqrt(x.dot(x)))
 
 
 class GyroBiasFilter:

@@ -29,10 +29,10 @@ def predict(x, P, F, Q, u=None, B=None):
     -------
     x, P : ndarray
     """
-    x = F @ x
+    x = F.dot(x)  # on 3 x 3 three times faster than F @ x
     if u is not None:
-        x = x + (u if B is None else B @ u)
-    return x, F @ P @ F.T + Q
+        x = x + (u if B is None else B.dot(u))
+    return x, F.dot(P).dot(F.T) + Q
 
 
 def update(x, P, z, H, R):
@@ -56,11 +56,11 @@ def update(x, P, z, H, R):
     x, P : ndarray
     innovation : ndarray, shape (m,)
     """
-    HP = H @ P
-    K = HP.T @ inverse(HP @ H.T + R)
-    innovation = z - H @ x
-    x = x + K @ innovation
-    P = P - K @ HP
+    HP = H.dot(P)
+    K = HP.T.dot(inverse(HP.dot(H.T) + R))
+    innovation = z - H.dot(x)
+    x = x + K.dot(innovation)
+    P = P - K.dot(HP)
     return x, 0.5 * (P + P.T), innovation
 
 
