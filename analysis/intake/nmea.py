@@ -12,7 +12,9 @@ import numpy as np
 from pynmeagps import NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
 
 TALKER = rb"\$(?:G[A-Z]|BD|QZ)"
-SENTENCE = re.compile(TALKER + rb"(?:GGA|GSA|RMC|GNS),[ -#%-)+-~]*\*")  # tells a file by its head
+SENTENCE = re.compile(
+    TALKER + rb"(?:GGA|GSA|RMC|GNS|GLL),[ -#%-)+-~]*\*"
+)  # tells a file by its head
 BAD = (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, AttributeError, TypeError)
 _CLOCK = rb"\d\d:\d\d:\d\d(?:[.,]\d+)?"
 _STAMP = rb"\d{4}-\d\d-\d\d[T ]" + _CLOCK + rb"(?:Z|[+-]\d\d:?\d\d)?|" + _CLOCK
@@ -161,6 +163,7 @@ def _gns(epoch, message):
 
 def _gll(epoch, message):
     if np.isnan(epoch["lat"]) and message.status == "A":
+        epoch["valid"] = True if epoch["valid"] is None else epoch["valid"]
         epoch["lat"], epoch["lon"] = _number(message.lat), _number(message.lon)
 
 

@@ -74,10 +74,12 @@ def _host(content, epochs, notes, name):
     if len(np.unique(before[before >= 0])) < HOST_SHARE * len(epochs):
         return None
     column = np.array([texts[k] if k >= 0 else "" for k in before], dtype=object)
+    unit = ""
     if all(t.replace(".", "", 1).isdigit() or not t for t in column):
         column = np.array([float(t) if t else np.nan for t in column])
+        unit = _unit(column, np.array([e["time"] or np.nan for e in epochs], dtype=float))
     try:
-        stamps = moments.read("host time stamp", column)
+        stamps = moments.read(f"host time stamp{unit}", column)
     except BadStamps:
         return None
     missing = np.flatnonzero(~np.isfinite(stamps.t_s))
@@ -87,6 +89,17 @@ def _host(content, epochs, notes, name):
     notes += [f"{name}: {note}" for note in stamps.notes]
     notes.append(f"{name}: the time is that of the host's stamps between the sentences")
     return stamps
+
+
+def _unit(column, day):
+    """Tell the unit of a host's stamps: that in which it counts as fast as the receiver's clock."""
+    moved = np.diff(day) > 0
+    steps = np.diff(column)[moved] / np.diff(day)[moved]
+    steps = steps[np.isfinite(steps) & (steps > 0)]
+    if not len(steps):
+        return ""
+    ratio = np.median(steps)
+    return min(("_s", "_ms", "_us"), key=lambda u: abs(np.log(ratio * clock.SCALES[u[1:]])))
 
 
 def _by_receiver(epochs, line, notes):
