@@ -323,7 +323,7 @@ def test_a_stamp_inside_a_sentence(tmp_path):
 
 
 def test_numbers_in_binary_are_no_stamps(tmp_path):
-    """property: digits that happen to stand before a sentence now and then are not taken as time."""
+    """property: digits that stand before a sentence now and then are not taken as time."""
     lines = [("7" if k % 9 == 0 else "") + line for k in range(20) for line in epoch(k)]
     log = tracks.read([nmea(tmp_path, lines)])
     np.testing.assert_allclose(log.gnss.t_s, np.arange(20.0))
@@ -333,7 +333,7 @@ def test_time_of_day_joins_two_logs(tmp_path):
     """property: NMEA in UTC and an IMU with Unix stamps meet, whatever the date in the NMEA."""
     for date in ("120624", "271004"):  # the second one is 1024 weeks early
         path = nmea(tmp_path, flat(epoch(k, date=date) for k in range(10)))
-        rows = [(f"{1718186400 + x:.3f}", *r[1:]) for x, r in zip((0, 1, 2), imu_rows((0, 1, 2)), strict=True)]  # fmt: skip
+        rows = [(f"{1718186400 + k:.3f}", *r[1:]) for k, r in enumerate(imu_rows((0, 1, 2)))]
         log = tracks.read([path, csv(tmp_path, IMU, rows)])
         np.testing.assert_allclose(log.imu.t_s, [0, 1, 2], atol=1e-6)
 
@@ -372,7 +372,7 @@ def test_csv_with_everything(tmp_path):
     t = np.arange(0, 20, 0.1)
     header = "time_s,latitude,longitude,altitude,pdop,speed_km_h,bearing," + IMU[4:]
     rows = []
-    for k, x in enumerate(t):
+    for x in t:
         s = int(x)
         rows.append((f"{x:.1f}", LAT + 1e-5 * s, LON, 90.0, 1.5, 36.0, 45.0, *imu_rows([x])[0][1:]))
     log = tracks.read([csv(tmp_path, header, rows)])
@@ -438,7 +438,7 @@ def test_speed_without_a_unit(tmp_path, unit):
 
 def test_missing_values_and_no_fix(tmp_path):
     """property: empty cells, a zero position and has_fix = 0 are no fix; the epochs stay."""
-    rows = [list(r) + [1] for r in gnss_rows(range(10))]
+    rows = [[*r, 1] for r in gnss_rows(range(10))]
     rows[2][1] = rows[2][2] = ""
     rows[3][1] = rows[3][2] = 0
     rows[4][-1] = 0
