@@ -196,7 +196,7 @@ LOGS = {
         _phone,
     ),
     "phone-walk": Field(
-        "phone that starts indoors and loses GNSS: accuracies up to 1100 m",
+        "phone that loses GNSS underway: accuracies up to 1100 m",
         "phone-drives/2025-06-14_21-17-02.csv",
         "https://github.com/jbrodovsky/strapdown-rs",
         _phone,

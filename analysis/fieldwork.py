@@ -14,7 +14,7 @@ from analysis.tracker.replay import Options, replay
 from analysis.tracker.timeline import turn_imu
 
 PARKED = (3744.0, 5009.0)  # s: the longest stand of the drive, 1265 s with a speed of zero
-STEP_DEG = 15.0  # between the known angles by which an IMU is turned
+STEP_DEG = 30.0  # between the known angles by which an IMU is turned
 SEED = 33  # of the reference's bootstrap
 EVERY = 4  # of the path, one point in so many is kept
 
@@ -49,7 +49,7 @@ def parked():
 
 
 def cold_phone():
-    """Replay the phone that starts with poor fixes and loses them again.
+    """Replay the phone that loses its fixes underway.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def car():
 
 
 def _turned(name):
-    """Replay a ride with its IMU turned by 0 to 345 deg.
+    """Replay a ride with its IMU turned by 0 to 330 deg.
 
     Returns
     -------

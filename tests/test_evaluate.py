@@ -34,6 +34,36 @@ def test_block_four_alone_is_the_replay_at_rest():
     np.testing.assert_allclose([north, east], np.array(out)[:, still], atol=2e-3)
 
 
+def test_cold_start_is_judged_by_the_truth():
+    """analytic: an exact memory leaves no error before a fix; without a gate the first is taken."""
+    c = scenarios.scenario_c(np.random.default_rng(4))
+    lat, lon, height = scenarios.ORIGIN
+    memory = Stored(lat, lon, height, 0.0, 2.0)
+    strict, none = (evaluate.cold_start(c, memory, gate) for gate in (10.0, 99.0))
+    assert strict["device_awaiting"] == pytest.approx(0.0, abs=1e-6)
+    # 50 and 2.5 + 47.5 exp(-t / 15) = 10 at t = 27.7 s
+    assert (none["wait_s"], strict["wait_s"]) == (40.0, 68.0)
+    assert np.isnan(none["device_awaiting"]) and np.isnan(none["refused"])
+    assert none["device_mean"] == pytest.approx(none["gps_mean"])
+    assert strict["refused"] > strict["accepted"]
+
+
+def test_a_stand_is_judged_by_hand():
+    """analytic: a filter that halves every position, and holds it every other second."""
+    t = np.arange(100.0)
+    raw = np.array([np.linspace(0.0, 10.0, 100), np.full(100, 1e-6)])
+    out = raw / 2
+    out[0, 1::2] = out[0, ::2]
+    layer = np.repeat([0, 1, 2, 3], 25)
+    found = evaluate.stand(t, raw, out, layer)
+    for name in ("spread", "north", "largest"):
+        assert found[name] == pytest.approx(0.5, abs=0.01)  # the held half second
+    assert found["circle"] == pytest.approx(9.5, abs=0.01)
+    assert (found["leaves"], found["raw_exits"], found["out_exits"]) == (0.0, 1, 0)
+    assert found["hold_s"] == 2.0
+    assert evaluate.stand(t, raw, 2 * raw, layer)["leaves"] == 1.0
+
+
 def test_exits_and_holds():
     """analytic: counted by hand."""
     assert evaluate.exits([0, 2, 2, 0, 2, 0], 1.0) == 2

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from analysis.tracker import scenarios
+from analysis.tracker.errors import GRAVITY, GnssErrors, ImuErrors
 from analysis.tracker.regression import mounting_angle
-from analysis.tracker.scenarios import GnssErrors, ImuErrors
 
 NO_ERROR = {
     "gnss": GnssErrors(drift=(), white_m=0.0, speed_m_s=0.0),
@@ -22,7 +22,7 @@ def rng(seed=0):
 def test_a_device_at_rest_feels_gravity_alone():
     """analytic: without errors the specific force is one g along the true up, and no rotation."""
     a = scenarios.scenario_a(rng(), minutes=1, **NO_ERROR)
-    up = a.C_nb[0].T @ [0.0, 0.0, -scenarios.GRAVITY]
+    up = a.C_nb[0].T @ [0.0, 0.0, -GRAVITY]
     np.testing.assert_allclose(a.log.imu.accel_b, np.tile(up, (241, 1)), atol=1e-9)
     np.testing.assert_allclose(a.log.imu.gyro_b, 0.0, atol=1e-12)
     assert not a.moving.any()
@@ -49,7 +49,7 @@ def test_readings_are_those_of_the_true_motion():
     velocity = np.zeros(3)
     for k in range(40 * 60):
         force = attitude.apply(b.log.imu.accel_b[k])
-        velocity += (force + np.array([0.0, 0.0, scenarios.GRAVITY])) * dt
+        velocity += (force + np.array([0.0, 0.0, GRAVITY])) * dt
         attitude *= Rotation.from_rotvec(gyro[k] * dt)
     # 0.05 m/s of rectangles over a minute of at most 0.6 m/s^2; 0.01 rad likewise.
     assert np.hypot(*velocity[:2]) == pytest.approx(b.speed_m_s[60], abs=0.05)

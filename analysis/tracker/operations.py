@@ -189,6 +189,7 @@ class Counted:
     __mul__ = __rmul__ = _counting("products", operator.mul)
     __truediv__ = _counting("divisions", operator.truediv)
     __rtruediv__ = _counting("divisions", operator.truediv, swapped=True)
+    __mod__ = _counting("divisions", operator.mod)
     __lt__, __le__ = _comparing(operator.lt), _comparing(operator.le)
     __gt__, __ge__ = _comparing(operator.gt), _comparing(operator.ge)
     __eq__ = _comparing(operator.eq)

@@ -6,12 +6,8 @@ sensor's X axis 90 deg clockwise of the heading, IMU at 40 Hz. C: a cold boot wi
 a walk round a car park, IMU at 4 Hz. What the paper leaves open is an assumption of `GnssErrors`,
 `ImuErrors` or of the scenario's arguments, and is written there.
 
-Horizontal position errors, per axis and unit of PDOP, are ::
-
-    e = PDOP [ sum_i GaussMarkov(sigma_i, tau_i) + white ] + settling offset * exp(-t / settle_time)
-
-Sensor readings are the specific force and rotation rate of a rigid body on a smooth path, plus
-white noise, a constant bias and a vibration that grows with speed.
+Sensor readings are the specific force and rotation rate of a rigid body on a smooth path, with the
+errors of `analysis.tracker.errors`.
 """
 
 from dataclasses import dataclass
@@ -21,59 +17,11 @@ import pymap3d
 from scipy.spatial.transform import Rotation
 
 from analysis.noise.models import gauss_markov
+from analysis.tracker.errors import GRAVITY, GnssErrors, ImuErrors
 from analysis.tracker.timeline import Gnss, Imu, Timeline
 
-GRAVITY = 9.80665  # m/s^2
 ORIGIN = (44.4949, 11.3426, 0.0)  # deg, deg, m: where the simulated logs are laid
 KMH = 1 / 3.6
-
-
-@dataclass(frozen=True)
-class GnssErrors:
-    """Errors of a cheap receiver; sigmas are per horizontal axis and unit of PDOP.
-
-    Attributes
-    ----------
-    drift : tuple of (float, float)
-        Gauss-Markov parts: standard deviation (m) and correlation time (s).
-    white_m : float
-        White noise of a position, m.
-    speed_m_s : float
-        White noise of each horizontal velocity component, m/s; speed and course follow from it.
-    settling_m, settle_time : float
-        Size (m) and time constant (s) of an offset that dies away after power-on.
-    """
-
-    drift: tuple = ((0.8, 600.0), (0.4, 60.0))
-    white_m: float = 0.1
-    speed_m_s: float = 0.04
-    settling_m: float = 0.0
-    settle_time: float = 120.0
-
-
-@dataclass(frozen=True)
-class ImuErrors:
-    """Errors of a consumer IMU: 90 ug/sqrt(Hz) and 7 mdeg/s/sqrt(Hz) in a bandwidth of 25 Hz.
-
-    Attributes
-    ----------
-    accel_white, gyro_white : float
-        Standard deviation of one sample, m/s^2 and rad/s.
-    accel_bias, gyro_bias : float
-        Standard deviation of the constant bias drawn for each axis, m/s^2 and rad/s.
-    vibration : float
-        Standard deviation of the vibration in each accelerometer axis per speed, m/s^2 per m/s. It
-        is the difference of neighbouring white values: what shakes comes back to where it was.
-    """
-
-    accel_white: float = 90e-6 * GRAVITY * 5.0
-    gyro_white: float = np.radians(7e-3) * 5.0
-    accel_bias: float = 0.1
-    gyro_bias: float = np.radians(0.5)
-    vibration: float = 0.0
-
-
-LOW_POWER = ImuErrors(accel_white=1.7e-3 * GRAVITY, gyro_white=np.radians(0.14))  # the same part
 
 
 @dataclass(frozen=True)
@@ -102,10 +50,10 @@ class Scenario:
     C_nb: np.ndarray
     mount_deg: float
 
-    def error(self, lat_deg, lon_deg):
-        """Return how far north and east of the truth positions at the GNSS epochs are, m."""
+    def error(self, lat_deg, lon_deg, at=slice(None)):
+        """Return how far north and east of the truth positions are, m, at all epochs or some."""
         north, east, _ = pymap3d.geodetic2ned(lat_deg, lon_deg, 0.0, *ORIGIN)
-        return north - self.north_m, east - self.east_m
+        return north - self.north_m[at], east - self.east_m[at]
 
 
 def scenario_a(rng, *, minutes=90.0, imu_rate=4.0, gnss=None, imu=None):
