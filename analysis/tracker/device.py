@@ -16,6 +16,7 @@ from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.low_pass import LowPass
 from analysis.tracker.mounting import Mounting, wrap
+from analysis.tracker.rest import Rest
 from analysis.tracker.static import StaticTest
 
 
@@ -60,6 +61,7 @@ class Device:
         self.static = StaticTest(
             on.theta_a, on.speed_threshold, on.wake_speed, on.speed_window, on.accel_tau_s
         )
+        self.rest = Rest()
         self.low_pass = LowPass(on.lengths)
         self.mounting = Mounting(
             on.straight_length,
@@ -82,7 +84,8 @@ class Device:
         block = self.attitude
         if block is None:
             return
-        block.imu(gyro_b, accel_b, dt, not self.static.moving)
+        self.rest.sample(gyro_b, accel_b)
+        block.imu(gyro_b, accel_b, dt, not self.static.moving or self.rest.still)
         if not block.ready:
             return
         ax, ay = block.horizontal
@@ -158,7 +161,9 @@ class Device:
         if driving:
             heading = wrap(course + (self.mounting.mount or 0.0))
             sigma = max(self.options.sigma_speed / speed, math.radians(1.0))
-        block.epoch(not moving, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
+        self.rest.epoch(not speed >= self.options.speed_threshold)
+        still = not moving or self.rest.still
+        block.epoch(still, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
 
     def _vehicle(self, speed, yaw_rate, dt):
         """Square of the horizontal acceleration by GNSS speed and yaw rate; the larger of two.
