@@ -39,7 +39,9 @@ Frames and signs
 ----------------
 Body axes x forward, y right, z down; navigation axes north, east, down. Roll, pitch, yaw are the
 3-2-1 Euler angles, positive right-handed about x, y, z. Angles are unwrapped before they are
-analysed. ``C_nb`` turns a body vector into navigation axes: ``v_n = C_nb @ v_b``.
+analysed. ``C_nb`` turns a body vector into navigation axes: ``v_n = C_nb @ v_b``. Accelerometers
+read specific force: ``accel_b`` of a level sensor at rest is (0, 0, -9.81) m/s^2. A mounting angle
+is counted clockwise, seen from above, from the vehicle's heading to the sensor's X axis.
 
 On a road ``s_m`` is the distance along its centre line in the direction of travel, from a gate.
 Pitch is positive nose up, roll right side down, offset and curvature to the right.

@@ -5,7 +5,7 @@ Exit status: 0 good; 1 the data cannot support an answer, and why; 2 wrong usage
 
 import sys
 
-from analysis import CannotAnswer, WrongUsage
+from analysis import CannotAnswer, WrongUsage, replay_command
 from analysis.usage import parser
 
 
@@ -43,6 +43,11 @@ def report(options):
         for sentence in page.recording(channel, 1 / result.source["rate_hz"]):
             print(f"  {sentence}")
     print(f"\n{options.out}/report.html, model.json, figures/ and exports/ are written")
+
+
+def replay(options):
+    """Run the tracker's blocks over a log and say what came of it."""
+    replay_command.run(options)
 
 
 def pool(options):

@@ -1,30 +1,33 @@
 """Results computed from the raw logs, committed so that no notebook needs the raw files.
 
 ``data/derived/<name>/`` holds tables (CSV) and their provenance (JSON: source, licence, sha256 of
-the raw files, the command). Static logs have what `analysis.results.write` writes; the roads what
-`analysis.surveys` does. `rebuild` computes a folder again from the raw files and compares.
+the raw files, the command). Static logs have what `analysis.results.write` writes, the roads what
+`analysis.surveys` does, the tracker's rides what `analysis.tables` does. `rebuild` computes a folder
+again from the raw files and compares.
 """
 
 import json
 import os
 import shutil
 import tempfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from analysis import DATA, CannotAnswer, logs, results, roads, surveys
+from analysis import DATA, CannotAnswer, logs, results, roads, surveys, tables
 
 FOLDER = DATA / "derived"
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen
 COMMAND = "python -m analysis data --rebuild --write"
 ROADS = {roads.TRACK: surveys.write_track, roads.HIGHWAY: surveys.write_highway}
+MAKERS = ROADS | {name: partial(tables.make, name) for name in tables.MAKERS}
 
 
 def names():
-    """List everything that can be rebuilt: the static logs of the catalogue, and the roads."""
-    return [*(n for n, entry in logs.catalogue().items() if not entry["own"]), *ROADS]
+    """List everything that can be rebuilt: the static logs of the catalogue, roads and rides."""
+    return [*(n for n, entry in logs.catalogue().items() if not entry["own"]), *MAKERS]
 
 
 def stored():
@@ -65,8 +68,8 @@ def compute(name, folder, *, progress=True):
         Where to write; must exist.
     progress : bool
     """
-    if name in ROADS:
-        return ROADS[name](folder)
+    if name in MAKERS:
+        return MAKERS[name](folder)
     result = results.characterise_log(logs.read(name), progress=progress)
     source = result.source | {"made_by": f"{COMMAND} {name}"}
     return results.write(results.StaticResult(source, result.channels), folder)

@@ -2,8 +2,11 @@
 
 import argparse
 
-ABOUT = "Rerun the compendium, and characterise inertial sensors from their static logs."
+from analysis import replay_command
+
+ABOUT = "Rerun the compendium, characterise inertial sensors, replay a tracker on field logs."
 EPILOGS = {
+    "replay": replay_command.EPILOG,
     "reproduce": """examples:
   python -m analysis reproduce          every notebook in order, the index last
   python -m analysis reproduce 10 11    two of them, by number
@@ -88,6 +91,9 @@ def parser():
     one.add_argument("log", metavar="LOG", help="a file, or the name of a catalogued log")
     one.add_argument("--out", required=True, metavar="DIR", help="folder for the report")
     _how_to_read(one)
+
+    one = add("replay", "run the tracker's six blocks on a GNSS log, with or without an IMU")
+    replay_command.arguments(one)
 
     one = add(
         "pool", "one noise model from the logs of several units, with the spread between them"

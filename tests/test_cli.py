@@ -19,7 +19,10 @@ from analysis import __main__ as cli
 from analysis import claims, datasets, derived, report, reproduce
 from analysis.noise import exports
 
-COMMANDS = ["reproduce", "report", "pool", "export", "claims", "data"]
+COMMANDS = [
+    "reproduce", "report", "replay", "pool", "export", "plan", "coverage", "claims", "data",
+    "benchmark",
+]  # fmt: skip
 HEADER = "t_s,gyro_x_deg_s"
 READINGS = np.random.default_rng(5).normal(0.1, 0.01, 600)
 ROWS = [f"{i / 100:.2f},{y:.6f}" for i, y in enumerate(READINGS)]

@@ -5,7 +5,6 @@ position, small rotations about the mean attitude) is added by `about_the_mean`,
 has been cut out.
 """
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,15 +13,14 @@ import numpy as np
 import pandas as pd
 import pymap3d
 import rdata
-from pynmeagps import NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
 from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.intake import delimited
 from analysis.intake.clock import unwrap_clock
 from analysis.intake.delimited import Table
+from analysis.intake.nmea import SENTENCE, seconds_of_day, sentences
 
-_SENTENCE = re.compile(rb"\$G[A-Z](?:GGA|GSA),[ -#%-)+-~]*(?:\*[0-9A-Fa-f]{2})?")
 _PHONE = {  # the app's column -> ours; position and attitude are what the notebooks use
     "latitude": "lat_deg",
     "longitude": "lon_deg",
@@ -104,20 +102,17 @@ def nmea(path: Path, variable: str | None = None) -> Table:
     """
     content = path.read_bytes()
     newlines = np.flatnonzero(np.frombuffer(content, dtype=np.uint8) == ord("\n"))
-    epochs, starts, wrong, timeless = [], [], 0, 0
-    for match in _SENTENCE.finditer(content):
-        try:
-            message = NMEAReader.parse(match.group(0) + b"\r\n")
-            if message.msgID == "GSA":  # belongs to the epoch whose GGA came before it
-                if epochs and message.PDOP != "":
-                    epochs[-1]["pdop"] = float(message.PDOP)
-            elif not message.time:
-                timeless += 1
-            else:
-                epochs.append(_epoch(message))
-                starts.append(match.start())
-        except (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, AttributeError):
-            wrong += 1
+    found = sentences(content, ("GGA", "GSA"))
+    epochs, starts, timeless = [], [], 0
+    for start, message in found.messages:
+        if message.msgID == "GSA":  # belongs to the epoch whose GGA came before it
+            if epochs and message.PDOP != "":
+                epochs[-1]["pdop"] = float(message.PDOP)
+        elif not message.time:
+            timeless += 1
+        else:
+            epochs.append(_epoch(message))
+            starts.append(start)
     if not epochs:
         raise CannotAnswer(
             f"{path.name}: no GGA sentence with a time of day and a right checksum from line 1 to "
@@ -126,8 +121,10 @@ def nmea(path: Path, variable: str | None = None) -> Table:
     frame = pd.DataFrame(epochs)
     frame["t_s"] = unwrap_clock(frame["t_s"].to_numpy())
     repairs = []
-    if wrong:
-        repairs.append(f"{wrong} GGA or GSA sentences with a wrong checksum or content left out")
+    if found.wrong:
+        repairs.append(
+            f"{found.wrong} GGA or GSA sentences with a wrong checksum or content left out"
+        )
     if timeless:
         repairs.append(f"{timeless} GGA sentences without a time of day left out")
     lines = np.searchsorted(newlines, starts) + 1
@@ -136,8 +133,8 @@ def nmea(path: Path, variable: str | None = None) -> Table:
 
 def _epoch(message) -> dict[str, float]:
     """Turn a GGA message into a row."""
-    clock, fix = message.time, message.quality
-    row = {"t_s": clock.hour * 3600 + clock.minute * 60 + clock.second + clock.microsecond / 1e6}
+    fix = message.quality
+    row = {"t_s": seconds_of_day(message)}
     for name, value in (
         ("lat_deg", message.lat),
         ("lon_deg", message.lon),
@@ -187,7 +184,7 @@ def sniff(path: Path) -> str:
     """Guess the format of a file that no catalogue describes, from its first bytes."""
     with path.open("rb") as handle:
         head = handle.read(1 << 14)
-    return "nmea" if _SENTENCE.search(head) else "csv"
+    return "nmea" if SENTENCE.search(head) else "csv"
 
 
 def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:

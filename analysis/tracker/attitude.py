@@ -1,0 +1,266 @@
+"""Block 2: three cascaded Kalman filters that turn gyro, accelerometer and GPS course into R_nb.
+
+Tracker paper, Section III-A2 and Fig 2, after its reference [5], the magnetometer replaced by the
+GPS course. Each filter has three states: the tilt filter the direction of *down* seen in body axes,
+the yaw filter that of *north*, the bias filter the bias of the gyro. Any vector fixed in navigation
+axes turns by the same matrix when seen from the body, so the first two share their prediction.
+"""
+
+import math
+
+import numpy as np
+
+from analysis.tracker import filters
+from analysis.tracker.cascade import Direction, GyroBiasFilter
+from analysis.tracker.directions import add, cross, dot, north, turn
+
+GRAVITY = 9.80665  # m/s^2
+SIGMA_ACCEL = 0.05  # m/s^2, one sample at rest
+EXTERNAL_TAU_S = 1.0  # s over which vibration is averaged out of the vehicle's acceleration
+EXTERNAL_CORR_S = 10.0  # s that a bend or a start lasts
+EXTERNAL_LEAST = 0.3  # m/s^2, what GNSS overlooks of the acceleration of a moving vehicle
+EXTERNAL_MOST = 0.5  # m/s^2, of an acceleration that only the accelerometer says is one
+SIGMA_BIAS_REST = 1e-3  # rad/s, mean of a second at rest: half a step of the coarsest gyro here
+SIGMA_BIAS_MOVING = 0.05  # rad/s, of what the other two filters correct in a second
+GYRO_SCALE = 0.01  # of a rate: error of scale and axes
+STEADY = 0.02  # rad/s, scatter of a gyro that is not turned
+ALIGN_S = 1.0  # s of samples that the first attitude is read from
+GAP_S = 1.0  # s without a sample after which the attitude starts again
+
+
+class Attitude:
+    """The cascade: one IMU sample at a time, and once a GNSS epoch the course and the bias.
+
+    Parameters
+    ----------
+    dtype : dtype
+
+    Attributes
+    ----------
+    ready : bool
+        Whether an attitude is known (the first second only gathers samples).
+    heading_known : bool
+        Whether a course has come since; before that, yaw counts from the direction at the start.
+    """
+
+    def __init__(self, dtype=np.float64):
+        self.dtype = dtype
+        self.tilt, self.yaw, self.bias = Direction(dtype), Direction(dtype), GyroBiasFilter(dtype)
+        self.F = np.eye(3, dtype=dtype)
+        self.ready = self.heading_known = False
+        self._gathered, self._gathered_s = [], 0.0
+        self._external, self._lasting, self._vehicle = [0.0] * 3, [0.0] * 3, None
+        self._forget()
+
+    def imu(self, gyro_b, accel_b, dt, static=False):
+        """Take in one sample.
+
+        Parameters
+        ----------
+        gyro_b : sequence of 3 floats
+            rad/s.
+        accel_b : sequence of 3 floats
+            Specific force, m/s^2: level and at rest (0, 0, -9.81).
+        dt : float
+            Time since the sample before, s.
+        static : bool
+            Block 3 says that the vehicle stands: all that the accelerometer reads is gravity.
+        """
+        if dt > GAP_S:
+            self.ready = self.heading_known = False
+        if not self.ready:
+            self._align(gyro_b, accel_b, dt)
+            return
+        b = filters.scalars(self.bias.x)
+        turn(self.F, gyro_b[0] - b[0], gyro_b[1] - b[1], gyro_b[2] - b[2], dt)
+        self.tilt.predict(self.F, dt)
+        self.yaw.predict(self.F, dt)
+        before = filters.scalars(self.tilt.x)
+        variance = self._accel_variance(dt, static)
+        scale = -1 / GRAVITY
+        self.tilt.update(
+            (accel_b[0] * scale, accel_b[1] * scale, accel_b[2] * scale), variance * scale * scale
+        )
+        after = self._down = filters.scalars(self.tilt.x)
+        self._external = [f + GRAVITY * d for f, d in zip(accel_b, after, strict=True)]
+        share = dt / EXTERNAL_TAU_S if dt < EXTERNAL_TAU_S else 1.0
+        self._lasting = [
+            m + share * (e - m) for m, e in zip(self._lasting, self._external, strict=True)
+        ]
+        # Sums over the epoch, for the bias: rotation that the tilt filter had to add, and the gyro.
+        add(self._turned, cross(before, after))
+        add(self._gyro, gyro_b)
+        add(self._gyro_square, [w * w for w in gyro_b])
+        self._samples += 1
+        self._seconds += dt
+
+    def epoch(self, static=False, heading=None, sigma=0.1, vehicle=None):
+        """Close an epoch: correct yaw by the heading, then the gyro's bias.
+
+        Parameters
+        ----------
+        static : bool
+            Block 3 says that the vehicle stands.
+        heading : float, optional
+            Of the sensor's X axis, rad: course plus mounting angle. Left out when not moving.
+        sigma : float
+            Its standard deviation, rad.
+        vehicle : float, optional
+            Square of the horizontal acceleration of the vehicle as GNSS has it, (m/s^2)^2.
+        """
+        self._vehicle = vehicle
+        if not self.ready or not self._samples:
+            return
+        down = self._down
+        spin = 0.0
+        if heading is not None:
+            before = self._north(down)
+            target = north(down, heading)
+            if self.heading_known:
+                self.yaw.update(target, sigma * sigma)
+                spin = dot(cross(before, filters.scalars(self.yaw.x)), down)
+            else:
+                self.yaw.start(target, sigma)
+                self.heading_known, heading = True, None
+        self._correct_bias(static, down, spin, heading is not None)
+        self._trust(down)
+        self._forget()
+
+    def restart_heading(self):
+        """Take the next heading as it comes: the mounting angle has changed."""
+        self.heading_known = False
+
+    @property
+    def C_nb(self):
+        """Rotation from body to north, east, down: its rows are those axes seen in the body."""
+        down = self._down
+        n = self._north(down)
+        return np.array([n, cross(down, n), down], dtype=self.dtype)
+
+    @property
+    def angles(self):
+        """Roll, pitch, yaw, rad; yaw is NaN until a heading has come."""
+        if not self.ready:
+            return math.nan, math.nan, math.nan
+        n, e, d = (filters.scalars(row) for row in self.C_nb)
+        yaw = math.atan2(e[0], n[0]) if self.heading_known else math.nan
+        return math.atan2(d[1], d[2]), -math.asin(max(-1.0, min(1.0, d[0]))), yaw
+
+    @property
+    def horizontal(self):
+        """Acceleration (m/s^2), gravity off: along the sensor's X laid level, and to its right."""
+        a0, a1, a2 = self._external
+        d0, d1, d2 = self._down
+        vertical = a0 * d0 + a1 * d1 + a2 * d2
+        scale = 1 / math.sqrt(max(1 - d0 * d0, 1e-12))
+        return (a0 - d0 * vertical) * scale, (d2 * a1 - d1 * a2) * scale
+
+    @property
+    def level_sigma(self):
+        """What the tilt filter's own uncertainty makes of gravity in the horizontal, m/s^2."""
+        down = self._down
+        along = dot([dot(row, down) for row in self.tilt.P], down)
+        return GRAVITY * math.sqrt(max(float(np.trace(self.tilt.P)) - along, 0.0) / 2)
+
+    @property
+    def unexplained(self):
+        """Lasting acceleration that the IMU feels beyond twice the vehicle's by GNSS, m/s^2."""
+        felt = math.sqrt(dot(self._lasting, self._lasting))
+        return max(0.0, felt - 2 * math.sqrt(self._vehicle or 0.0))
+
+    @property
+    def yaw_rate(self):
+        """Mean rate about the vertical since the last epoch, rad/s."""
+        if not self._samples:
+            return math.nan
+        turned = dot(self._gyro, self._down) / self._samples
+        return turned - dot(filters.scalars(self.bias.x), self._down)
+
+    @property
+    def accel_n(self):
+        """Acceleration (m/s^2), gravity off, north, east, down."""
+        down = self._down
+        n, a = self._north(down), self._external
+        return np.array([dot(n, a), dot(cross(down, n), a), dot(down, a)], dtype=self.dtype)
+
+    def _accel_variance(self, dt, static):
+        """Variance of the accelerometer as a plumb line, (m/s^2)^2.
+
+        Vibration is noise as large as last seen. What the vehicle accelerates lasts and does not
+        average out: white noise as harmful has 2 T / dt times its variance. It is taken from GNSS,
+        for a wrong tilt would feign an acceleration and keep itself alive; without GNSS what the
+        accelerometer says of it counts, up to a bound.
+        """
+        variance = SIGMA_ACCEL * SIGMA_ACCEL
+        if static:
+            return variance
+        shaken = [e - m for e, m in zip(self._external, self._lasting, strict=True)]
+        lasting = self._vehicle
+        if lasting is None:
+            lasting = min(dot(self._lasting, self._lasting), EXTERNAL_MOST * EXTERNAL_MOST)
+        lasting = max(lasting, EXTERNAL_LEAST * EXTERNAL_LEAST)
+        return variance + dot(shaken, shaken) + lasting * (2 * EXTERNAL_CORR_S / dt)
+
+    def _north(self, down):
+        """North made square to down."""
+        n = filters.scalars(self.yaw.x)
+        k = dot(n, down)
+        n = [a - k * b for a, b in zip(n, down, strict=True)]
+        scale = 1 / math.sqrt(dot(n, n))
+        return [a * scale for a in n]
+
+    def _align(self, gyro_b, accel_b, dt):
+        """Read the first attitude, and the gyro's bias if it lay still, from the first second."""
+        self._gathered_s = 0.0 if dt > GAP_S else self._gathered_s + dt
+        self._gathered = [] if dt > GAP_S else self._gathered
+        self._gathered.append([*gyro_b, *accel_b])
+        if self._gathered_s < ALIGN_S or len(self._gathered) < 3:
+            return
+        samples = np.array(self._gathered, dtype=self.dtype)
+        mean, scatter = samples.mean(axis=0), samples.std(axis=0)
+        force = math.sqrt(dot(mean[3:], mean[3:]))
+        still = (scatter[:3] < STEADY).all() and abs(force - GRAVITY) < 0.1 * GRAVITY
+        down = filters.scalars(mean[3:] * (-1 / force))
+        self._down = down
+        self.tilt.start(down, SIGMA_ACCEL / GRAVITY if still else 0.1)
+        self.yaw.start(north(down, 0.0), math.pi)
+        if still:
+            self.bias.step(mean[:3], self.bias.F, SIGMA_BIAS_REST, 0.0)
+            self.tilt.trust(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
+            self.yaw.trust(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
+        self._external = [f + GRAVITY * d for f, d in zip(accel_b, down, strict=True)]
+        self._lasting = self._external if not still else [0.0] * 3
+        self._gathered, self._gathered_s = [], 0.0
+        self.ready = True
+
+    def _correct_bias(self, static, down, spin, spun):
+        """Give the bias filter what this epoch says: the gyro at rest, or the corrections."""
+        count, seconds = self._samples, self._seconds
+        mean = np.array([s / count for s in self._gyro], dtype=self.dtype)
+        square = np.array([s / count for s in self._gyro_square], dtype=self.dtype)
+        if static and (square - mean * mean < STEADY * STEADY).all():
+            self.bias.step(mean, self.bias.F, SIGMA_BIAS_REST, seconds)
+            return
+        # A bias that is left turns the prediction away, and the measurement turns it back.
+        along = np.array([[a * b for b in down] for a in down], dtype=self.dtype)
+        across = self.bias.F - along
+        turned = np.array(self._turned, dtype=self.dtype) * (1 / seconds)
+        noise = SIGMA_BIAS_MOVING * (1 + (self._vehicle or 0.0))
+        self.bias.step(across @ (self.bias.x + turned), across, noise, seconds)
+        if spun:
+            turned = np.array([d * (spin / seconds) for d in down], dtype=self.dtype)
+            self.bias.step(along @ self.bias.x + turned, along, SIGMA_BIAS_MOVING, 0.0)
+
+    def _trust(self, down):
+        """Tell both directions what bias and scale of the gyro leave across and along down."""
+        scale = GYRO_SCALE * GYRO_SCALE
+        along = dot([dot(row, down) for row in self.bias.P], down)
+        squares = [square / self._samples for square in self._gyro_square]
+        turning = dot(squares, [d * d for d in down])
+        rest = max(sum(squares) - turning, 0.0)
+        self.tilt.trust((np.trace(self.bias.P) - along + scale * rest) / 2)
+        self.yaw.trust(along + scale * turning)
+
+    def _forget(self):
+        self._turned, self._gyro, self._gyro_square = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        self._samples, self._seconds = 0, 0.0

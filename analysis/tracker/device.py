@@ -1,0 +1,241 @@
+"""The six blocks joined as in the paper's Fig 1: what a device does with each sample and epoch.
+
+Any block can be left out. What then stands in for it is the plainest thing: without block 1 every
+fix is taken and nothing is remembered over a restart, without 3 the vehicle always moves, without 4
+a standing device reports every fix, without 5 the X axis is taken to point ahead, without 6 an
+outage holds the last position.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.tracker.attitude import GAP_S, Attitude
+from analysis.tracker.fusion import Fusion
+from analysis.tracker.last_position import LastPosition
+from analysis.tracker.low_pass import LowPass
+from analysis.tracker.mounting import Mounting, wrap
+from analysis.tracker.rest import Rest
+from analysis.tracker.static import StaticTest
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """One GNSS epoch: s, degrees, m, m/s; ``fix`` and ``ned`` are None without a fix."""
+
+    t_s: float
+    fix: tuple[float, float, float] | None
+    ned: tuple[float, float, float] | None
+    pdop: float
+    speed: float
+    course: float
+
+
+class Device:
+    """Six blocks and what joins them; feed it samples and epochs in the order of time.
+
+    Parameters
+    ----------
+    options : Options
+    stored : Stored, optional
+        Position that an earlier run left, used if block 1 is on.
+    start_ned : (north, east, down), optional
+        The same in the local frame.
+    has_imu : bool
+    needs_pdop : bool
+    """
+
+    def __init__(self, options, stored=None, start_ned=None, has_imu=True, needs_pdop=True):
+        on = options
+        self.options = on
+        gate = on.pdop_gate if on.last_position else math.inf
+        self.last = LastPosition(
+            stored if on.last_position else None,
+            gate,
+            on.save_every_s,
+            on.moved_m,
+            needs_pdop and on.last_position,
+        )
+        self.attitude = Attitude(on.dtype) if on.attitude and has_imu else None
+        self.static = StaticTest(
+            on.theta_a, on.speed_threshold, on.wake_speed, on.speed_window, on.accel_tau_s
+        )
+        self.rest = Rest()
+        self.low_pass = LowPass(on.lengths)
+        self.mounting = Mounting(
+            on.straight_length,
+            theta_alpha=on.theta_alpha,
+            min_speed=on.min_speed,
+            max_sigma=on.max_mount_sigma,
+        )
+        self.fusion = Fusion(on.dtype) if on.fusion and self.attitude else None
+        self.ned = start_ned if on.last_position else None
+        self._t_imu = self._t_fusion = self._t_epoch = None
+        self._t_fix = -math.inf
+        self._moved = False
+        self._speed, self._squares = math.nan, (None, None)
+        self._sum = [0.0, 0.0, 0.0, 0]
+
+    def imu(self, t_s, gyro_b, accel_b):
+        """Take in one IMU sample (s, rad/s, m/s^2; sequences of three scalars)."""
+        dt = 0.0 if self._t_imu is None else round(t_s - self._t_imu, 9)
+        self._t_imu = t_s
+        block = self.attitude
+        if block is None:
+            return
+        self.rest.sample(gyro_b, accel_b)
+        block.imu(gyro_b, accel_b, dt, not self.static.moving or self.rest.still)
+        if not block.ready:
+            return
+        ax, ay = block.horizontal
+        self._moved |= self.static.accelerate(ax, ay, dt)
+        total = self._sum
+        total[0], total[1], total[2] = total[0] + ax, total[1] + ay, total[2] + ax * ax + ay * ay
+        total[3] += 1
+        if self.fusion and self.fusion.started:
+            self._predict(t_s)
+
+    def gnss(self, epoch):
+        """Take in one GNSS epoch.
+
+        Parameters
+        ----------
+        epoch : Epoch
+
+        Returns
+        -------
+        dict
+            accepted, moving, layer, ned (north, east, down put out, or None), stored (whether that
+            is the position an earlier run left), roll, pitch, yaw, mount (rad; NaN without value).
+        """
+        dt = 0.0 if self._t_epoch is None else epoch.t_s - self._t_epoch
+        self._t_epoch = epoch.t_s
+        accepted = self.last.step(epoch.t_s, epoch.fix, epoch.pdop)
+        speed, course = (epoch.speed, epoch.course) if accepted else (math.nan, math.nan)
+        moving = self._judge(speed)
+        self._orient(epoch.t_s, moving, course, speed, dt)
+        if accepted:
+            self._t_fix = epoch.t_s
+        layer = self._settle(epoch, accepted, moving)
+        self._fuse(epoch, accepted, moving, layer)
+        angles = self.attitude.angles if self.attitude else (math.nan,) * 3
+        mount = self.mounting.mount
+        return {
+            "accepted": accepted,
+            "moving": moving,
+            "layer": layer,
+            "ned": self.ned,
+            "stored": not self.last.accepted and self.ned is not None,
+            "roll": angles[0],
+            "pitch": angles[1],
+            "yaw": angles[2],
+            "mount": math.nan if mount is None else mount,
+        }
+
+    def _judge(self, speed):
+        """Ask block 3; a motion at any sample since the last epoch counts."""
+        now = self.static.drive(speed)
+        moving = now or self._moved or not self.options.static
+        self._moved = False
+        return moving
+
+    def _orient(self, t_s, moving, course, speed, dt):
+        """Run blocks 5 and 2: the mounting angle, then the heading it allows."""
+        block = self.attitude
+        if block is None:
+            return
+        sums, count = self._sum[:3], self._sum[3]
+        self._sum = [0.0, 0.0, 0.0, 0]
+        driving = moving and speed >= self.options.min_speed and course == course
+        if self.options.mounting:
+            if not moving:
+                self.mounting.stand()
+            elif count:
+                ax, ay, square = (total / count for total in sums)
+                variance = max(square - ax * ax - ay * ay, 0.0) / (2 * count)
+                seen = (course, speed, block.yaw_rate, ax, ay, variance, block.level_sigma)
+                if self.mounting.step(t_s, dt, *seen):
+                    block.restart_heading()
+        heading = sigma = None
+        if driving:
+            heading = wrap(course + (self.mounting.mount or 0.0))
+            sigma = max(self.options.sigma_speed / speed, math.radians(1.0))
+        self.rest.epoch(not speed >= self.options.speed_threshold)
+        still = not moving or self.rest.still
+        block.epoch(still, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
+
+    def _vehicle(self, speed, yaw_rate, dt):
+        """Square of the horizontal acceleration by GNSS speed and yaw rate; the larger of two.
+
+        Receivers smooth their speed, so an acceleration shows an epoch late.
+        """
+        before, self._speed = self._speed, speed
+        if not (speed == speed and before == before and dt > 0 and yaw_rate == yaw_rate):
+            self._squares = (self._squares[1], None)
+        else:
+            forward, lateral = (speed - before) / dt, speed * yaw_rate
+            self._squares = (self._squares[1], forward * forward + lateral * lateral)
+        return None if None in self._squares else max(self._squares)
+
+    def _settle(self, epoch, accepted, moving):
+        """Run block 4 while the vehicle stands."""
+        if moving or not self.options.low_pass:
+            self.low_pass.wake()
+        elif accepted:
+            self.low_pass.step(epoch.ned)
+        return self.low_pass.layer
+
+    def _fuse(self, epoch, accepted, moving, layer):
+        """Run block 6, and choose what is put out."""
+        rest = self.low_pass.position
+        block = self.fusion
+        if block is None or not (block.started or accepted):
+            if layer:
+                self.ned = rest
+            elif accepted:
+                self.ned = epoch.ned
+            return
+        sigma_p, sigma_v, velocity = self._quality(epoch, accepted, moving)
+        if not block.started:
+            block.start(epoch.ned, [*(velocity or (0.0, 0.0)), 0.0], sigma_p, 1.0)
+            self._t_fusion = epoch.t_s
+        else:
+            self._predict(epoch.t_s)
+            if layer:
+                block.update(rest, (0.0, 0.0), self.options.sigma_rest_m, sigma_v)
+            elif accepted or velocity:
+                block.update(epoch.ned if accepted else None, velocity, sigma_p, sigma_v)
+        if layer:
+            self.ned = rest
+        elif not self.last.accepted or epoch.t_s - self._t_fix <= self.options.bridge_s:
+            self.ned = tuple(float(p) for p in block.position)
+
+    def _quality(self, epoch, accepted, moving):
+        """Return the standard deviations of this epoch, and its velocity where there is one."""
+        on = self.options
+        known = accepted and epoch.pdop == epoch.pdop
+        sigma_p = max(1.0, on.metres_per_pdop * epoch.pdop) if known else on.sigma_no_pdop
+        if not moving:
+            return sigma_p, on.sigma_rest_m_s, (0.0, 0.0)
+        if not accepted or epoch.speed != epoch.speed:
+            return sigma_p, on.sigma_speed, None
+        if epoch.course != epoch.course:  # receivers leave the course out when they hardly move
+            slow = epoch.speed < on.min_speed
+            return sigma_p, max(on.sigma_speed, epoch.speed), (0.0, 0.0) if slow else None
+        c, s = math.cos(epoch.course), math.sin(epoch.course)
+        return sigma_p, on.sigma_speed, (epoch.speed * c, epoch.speed * s)
+
+    def _predict(self, t_s):
+        """Carry the fusion filter to a time, by the acceleration if its direction is known."""
+        dt = round(t_s - self._t_fusion, 9)  # or rounding gives each step a model of its own
+        if dt <= 0:
+            return
+        self._t_fusion = t_s
+        on, block = self.options, self.attitude
+        sighted = block.ready and block.heading_known
+        sighted = sighted and (self.mounting.mount is not None or not on.mounting)
+        if sighted and dt <= GAP_S:
+            self.fusion.predict(block.accel_n, dt, on.sigma_accel)
+        else:
+            self.fusion.predict(np.zeros(3, on.dtype), dt, on.sigma_unaided)

@@ -1,0 +1,62 @@
+"""The errors of a cheap receiver and a cheap IMU, as the simulated scenarios assume them.
+
+Horizontal position errors, per axis, are ::
+
+    PDOP [ sum_i GaussMarkov(sigma_i, tau_i) + white ] + settling offset * exp(-t / settle_time)
+
+An IMU sample has white noise, a constant bias, and a vibration that grows with speed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+GRAVITY = 9.80665  # m/s^2
+
+
+@dataclass(frozen=True)
+class GnssErrors:
+    """Errors of a cheap receiver; sigmas are per horizontal axis and unit of PDOP.
+
+    Attributes
+    ----------
+    drift : tuple of (float, float)
+        Gauss-Markov parts: standard deviation (m) and correlation time (s).
+    white_m : float
+        White noise of a position, m.
+    speed_m_s : float
+        White noise of each horizontal velocity component, m/s; speed and course follow from it.
+    settling_m, settle_time : float
+        Size (m) and time constant (s) of an offset that dies away after power-on.
+    """
+
+    drift: tuple = ((0.8, 600.0), (0.4, 60.0))
+    white_m: float = 0.1
+    speed_m_s: float = 0.04
+    settling_m: float = 0.0
+    settle_time: float = 120.0
+
+
+@dataclass(frozen=True)
+class ImuErrors:
+    """Errors of a consumer IMU: 90 ug/sqrt(Hz) and 7 mdeg/s/sqrt(Hz) in a bandwidth of 25 Hz.
+
+    Attributes
+    ----------
+    accel_white, gyro_white : float
+        Standard deviation of one sample, m/s^2 and rad/s.
+    accel_bias, gyro_bias : float
+        Standard deviation of the constant bias drawn for each axis, m/s^2 and rad/s.
+    vibration : float
+        Standard deviation of the vibration in each accelerometer axis per speed, m/s^2 per m/s. It
+        is the difference of neighbouring white values: what shakes comes back to where it was.
+    """
+
+    accel_white: float = 90e-6 * GRAVITY * 5.0
+    gyro_white: float = np.radians(7e-3) * 5.0
+    accel_bias: float = 0.1
+    gyro_bias: float = np.radians(0.5)
+    vibration: float = 0.0
+
+
+LOW_POWER = ImuErrors(accel_white=1.7e-3 * GRAVITY, gyro_white=np.radians(0.14))  # the same part

@@ -1,0 +1,178 @@
+"""Block 1: the last known position, what a fix must be to replace it, and its place on disk.
+
+Tracker paper, Sections III-A1 and IV-C. From power-on until the first acceptable fix the stored
+position stands in; a fix is acceptable when its PDOP is at most the gate.
+"""
+
+import json
+import math
+import os
+import tempfile
+import zlib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+PDOP_GATE = 10.0  # Section IV-C: above 10 refused, below 10 accepted; exactly 10 is accepted here
+SAVE_EVERY_S = 60.0  # "periodically", Section III-A1: a flash page of 10 000 writes lasts a week
+MOVED_M = 50.0  # between the error of a poor first fix and a real move while switched off
+EARTH_RADIUS_M = 6_371_000.0
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A position worth keeping: where, how good, and when (s, of the log that gave it)."""
+
+    lat_deg: float
+    lon_deg: float
+    height_m: float
+    t_s: float
+    pdop: float
+
+
+class LastPosition:
+    """Gate the fixes and hold the last position, one epoch at a time.
+
+    Parameters
+    ----------
+    stored : Stored, optional
+        What an earlier run left.
+    gate : float
+        Largest PDOP of an acceptable fix.
+    save_every_s : float
+        Shortest time between two writes to memory.
+    moved_m : float
+        Distance from the stored position to the first accepted fix beyond which the device was
+        moved while it was off.
+    needs_pdop : bool
+        Whether a fix of unknown PDOP is refused. False only for receivers that never state one.
+
+    Attributes
+    ----------
+    position : Stored or None
+        What to put out: the stored position at first, then the last accepted fix.
+    snapshot : Stored or None
+        What lies in memory.
+    moved_while_off : float or None
+        Metres, if more than ``moved_m``.
+    """
+
+    def __init__(
+        self,
+        stored=None,
+        gate=PDOP_GATE,
+        save_every_s=SAVE_EVERY_S,
+        moved_m=MOVED_M,
+        needs_pdop=True,
+    ):
+        self.gate, self.save_every_s, self.moved_m = gate, save_every_s, moved_m
+        self.needs_pdop = needs_pdop
+        self.position = self.snapshot = stored
+        self.accepted = 0
+        self.moved_while_off = None
+        self._saved_at = -math.inf
+
+    def step(self, t_s, fix, pdop):
+        """Judge one epoch.
+
+        Parameters
+        ----------
+        t_s : float
+        fix : (lat_deg, lon_deg, height_m) or None
+            None where the receiver has no fix.
+        pdop : float
+            NaN where it is not known.
+
+        Returns
+        -------
+        bool
+            Whether the fix was accepted.
+        """
+        if fix is None or not self._acceptable(pdop):
+            return False
+        fresh = Stored(*fix, t_s, pdop)
+        if not self.accepted and self.position is not None:
+            moved = distance(self.position, fresh)
+            self.moved_while_off = moved if moved > self.moved_m else None
+        self.accepted += 1
+        self.position = fresh
+        if t_s - self._saved_at >= self.save_every_s:
+            self.snapshot, self._saved_at = fresh, t_s
+        return True
+
+    def _acceptable(self, pdop):
+        return pdop <= self.gate or (pdop != pdop and not self.needs_pdop)
+
+
+def distance(a, b):
+    """Return the metres between two positions near each other, on a sphere."""
+    north = math.radians(b.lat_deg - a.lat_deg)
+    east = math.radians((b.lon_deg - a.lon_deg + 180) % 360 - 180)
+    return EARTH_RADIUS_M * math.hypot(north, east * math.cos(math.radians(a.lat_deg)))
+
+
+def save(path, stored):
+    """Write the position to disk: all of it, or the old file stays.
+
+    Parameters
+    ----------
+    path : path-like
+    stored : Stored
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    path = Path(path)
+    text = json.dumps({"version": VERSION, **_plain(stored)}, sort_keys=True)
+    line = json.dumps({"position": text, "crc32": zlib.crc32(text.encode())}) + "\n"
+    handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(line)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(draft, path)
+    except BaseException:
+        os.unlink(draft)
+        raise
+
+
+def load(path):
+    """Read the position that an earlier run left; distrust whatever is not whole.
+
+    Returns
+    -------
+    Stored or None
+        None if there is no file, or one that cannot be trusted.
+    str or None
+        Why it was ignored.
+    """
+    path = Path(path)
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return None, None
+    except OSError as error:
+        return None, f"warning: {path.name} cannot be read ({error.strerror}); ignored"
+    try:
+        outer = json.loads(content)
+        if zlib.crc32(outer["position"].encode()) != outer["crc32"]:
+            raise ValueError("its checksum is wrong")
+        inner = json.loads(outer["position"])
+        if inner.pop("version") != VERSION:
+            raise ValueError("it is of another version")
+        inner = {k: math.nan if v is None else float(v) for k, v in inner.items()}
+        stored = Stored(**inner)
+        if not (abs(stored.lat_deg) <= 90 and abs(stored.lon_deg) <= 180):
+            raise ValueError("it is nowhere on Earth")
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        why = str(error) if type(error) is ValueError else "it is cut off or damaged"
+        return None, f"warning: the stored position in {path.name} is not used: {why}"
+    return stored, None
+
+
+def _plain(stored):
+    """Write NaN as null, which JSON has."""
+    return {k: None if v != v else float(v) for k, v in asdict(stored).items()}

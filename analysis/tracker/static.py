@@ -1,0 +1,94 @@
+"""Block 3: is the vehicle standing still?
+
+Tracker paper, Section III-A3: filtered speed over ground under a threshold, then the norm of the
+horizontal acceleration under theta_A.
+"""
+
+from collections import deque
+
+THETA_A = 0.125  # m/s^2, Section III-A3
+SPEED_THRESHOLD = 0.5  # m/s; not printed. Above what a receiver at rest reports, below a walk
+WAKE_SPEED = 1.0  # m/s, one unfiltered speed above which no average is waited for; not printed
+SPEED_WINDOW = 5  # epochs of the moving average that the paper suggests; length not printed
+ACCEL_TAU_S = 0.25  # s: at 4 Hz each sample by itself, as printed; at 40 Hz noise is averaged
+
+
+class StaticTest:
+    """Judge motion from the horizontal acceleration and the speed over ground.
+
+    Until both kinds of input have come, the one there is decides; with neither, it is moving.
+
+    Parameters
+    ----------
+    theta_a : float
+        Threshold of the horizontal acceleration, m/s^2.
+    speed_threshold, wake_speed : float
+        Thresholds of the filtered and of a single speed, m/s.
+    speed_window : int
+        Epochs of the moving average of the speed.
+    accel_tau_s : float
+        Time constant of the running mean of the acceleration, s; 0 takes each sample by itself.
+        It is a fraction of an epoch, so waking takes less than one.
+
+    Attributes
+    ----------
+    moving : bool
+    """
+
+    def __init__(
+        self,
+        theta_a=THETA_A,
+        speed_threshold=SPEED_THRESHOLD,
+        wake_speed=WAKE_SPEED,
+        speed_window=SPEED_WINDOW,
+        accel_tau_s=ACCEL_TAU_S,
+    ):
+        self.theta_a = theta_a
+        self.speed_threshold, self.wake_speed = speed_threshold, wake_speed
+        self.accel_tau_s = accel_tau_s
+        self.moving = True
+        self._speeds = deque(maxlen=speed_window)
+        self._fast = self._pushed = None
+        self._ax = self._ay = 0.0
+
+    def accelerate(self, ax, ay, dt):
+        """Take in one IMU sample.
+
+        Parameters
+        ----------
+        ax, ay : float
+            Horizontal acceleration, gravity taken off, in any two level axes, m/s^2 (eq (1)).
+        dt : float
+            Time since the sample before, s.
+
+        Returns
+        -------
+        bool
+            Whether it is moving.
+        """
+        share = dt / self.accel_tau_s if dt < self.accel_tau_s else 1.0
+        self._ax = self._ax + share * (ax - self._ax)
+        self._ay = self._ay + share * (ay - self._ay)
+        square = self._ax * self._ax + self._ay * self._ay
+        self._pushed = square > self.theta_a * self.theta_a
+        return self._judge()
+
+    def drive(self, speed):
+        """Take in the speed of one GNSS epoch (m/s; NaN where there is none).
+
+        Returns
+        -------
+        bool
+            Whether it is moving.
+        """
+        if speed == speed:
+            self._speeds.append(speed)
+            mean = sum(self._speeds) / len(self._speeds)
+            self._fast = mean > self.speed_threshold or speed > self.wake_speed
+        return self._judge()
+
+    def _judge(self):
+        if self._fast is None and self._pushed is None:
+            return self.moving
+        self.moving = bool(self._fast or self._pushed)
+        return self.moving

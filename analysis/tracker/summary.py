@@ -1,0 +1,114 @@
+"""What came of a replay: one sentence for what a block could not do, and summary.json."""
+
+import math
+from dataclasses import asdict
+
+import numpy as np
+
+BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
+CONTRADICTION = 3.0  # m/s^2 lasting for a second: emergency braking, or axes mixed up
+CONTRADICTION_SHARE = 0.2  # of the epochs
+FRAME_M = 50_000.0  # from the origin at which the tangent plane leans by half a degree
+
+
+def notes(timeline, options, has_pdop, columns, device, lasting):
+    """Say which block could not run, or only in part, and why."""
+    yield from timeline.notes
+    if timeline.imu is None:
+        yield "no IMU: blocks 2, 5 and 6 need one and do not run; block 3 judges by the speed alone"
+    elif not options.attitude:
+        yield "block 2 is off: blocks 5 and 6 need it and do not run; block 3 judges by speed alone"
+    if np.mean(np.array(lasting) > CONTRADICTION) > CONTRADICTION_SHARE:
+        yield (
+            "gyro and accelerometer contradict each other (they leave a lasting acceleration of "
+            f"over {CONTRADICTION:g} m/s^2): check the axes, their signs and the units"
+        )
+    if timeline.gnss is None:
+        yield (
+            "no GNSS: blocks 1, 4, 5 and 6 need it and put out nothing new; block 2 has no heading "
+            "and block 3 judges by the IMU alone; a row a second"
+        )
+        return
+    if not columns["has_fix"].any():
+        yield "no fix in the whole log: nothing to accept"
+    elif not columns["accepted"].any():
+        yield f"no fix has a PDOP of {options.pdop_gate:g} or less: none is accepted"
+    if columns["has_fix"].any() and not has_pdop and options.last_position:
+        yield "the receiver states no PDOP: block 1 accepts every fix"
+    if not np.isfinite(timeline.gnss.speed_m_s).any():
+        yield "the receiver states no speed: block 3 judges by the IMU alone, block 5 does not run"
+    if device.last.moved_while_off:
+        yield (
+            f"the first accepted fix lies {device.last.moved_while_off:.0f} m from the stored "
+            "position: moved while switched off"
+        )
+    farthest = max((math.hypot(*row[:2]) for row in [device.ned or (0, 0)]), default=0.0)
+    if farthest > FRAME_M:
+        yield f"the track ends {farthest / 1000:.0f} km from its origin: north and down lean there"
+
+
+def summarise(timeline, options, columns, device, said):
+    """Put summary.json together."""
+    t, layer = columns["t_s"], columns["layer"]
+    step = np.diff(t, append=t[-1:]) if len(t) else t
+    accepted = columns["accepted"].astype(bool)
+    has_fix = columns["has_fix"].astype(bool)
+    put_out = np.isfinite(columns["out_lat_deg"])
+    mount = device.mounting
+    imu = timeline.imu
+
+    def first(mask):
+        return float(t[np.argmax(mask)]) if mask.any() else None
+
+    def degrees(angle):
+        return None if angle is None else math.degrees(angle)
+
+    return {
+        "source": {
+            "files": timeline.sources,
+            "start_utc": timeline.start_utc,
+            "duration_s": timeline.duration_s,
+            "epochs": 0 if timeline.gnss is None else len(t),
+            "imu_samples": 0 if imu is None else len(imu.t_s),
+            "imu_rate_hz": None if imu is None else float(1 / np.median(np.diff(imu.t_s))),
+        },
+        "blocks": _blocks(timeline, options),
+        "fixes": {
+            "with_fix": int(has_fix.sum()),
+            "accepted": int(accepted.sum()),
+            "refused": int((has_fix & ~accepted).sum()),
+            "first_fix_s": first(has_fix),
+            "first_accepted_s": first(accepted),
+            "first_output_s": first(put_out),
+        },
+        "moved_while_off_m": device.last.moved_while_off,
+        "static": {
+            "seconds": float(step[columns["moving"] == 0].sum()),
+            "seconds_in_layer": [float(step[layer == k].sum()) for k in (1, 2, 3)],
+            "wake_ups": int((np.diff(columns["moving"]) > 0).sum()),
+        },
+        "mounting": {
+            "deg": degrees(mount.mount),
+            "sigma_deg": degrees(mount.sigma),
+            "printed_rule_deg": degrees(mount.printed),
+            "straights": len(mount.straights),
+        },
+        "seconds_without_fix_but_position": float(step[put_out & ~accepted].sum()),
+        "options": {k: v for k, v in asdict(options).items() if k not in (*BLOCKS, "dtype")},
+        "number_type": np.dtype(options.dtype).name,
+        "notes": list(said),
+    }
+
+
+def _blocks(timeline, options):
+    """Tell for each block whether it ran: on, off, or what it lacked."""
+    imu, gnss = timeline.imu is not None, timeline.gnss is not None
+    lacks = {
+        "last_position": "" if gnss else "needs GNSS",
+        "attitude": "" if imu else "needs an IMU",
+        "static": "",
+        "low_pass": "" if gnss else "needs GNSS",
+        "mounting": "" if imu and gnss and options.attitude else "needs GNSS, an IMU and block 2",
+        "fusion": "" if imu and gnss and options.attitude else "needs GNSS, an IMU and block 2",
+    }
+    return {name: lack or "on" if getattr(options, name) else "off" for name, lack in lacks.items()}

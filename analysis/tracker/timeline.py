@@ -1,0 +1,138 @@
+"""One timeline of GNSS epochs and IMU samples (tracker paper, Section III-B).
+
+Plain arrays, already read and cleaned: `analysis.tracks.read` makes them from files.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Gnss:
+    """GNSS epochs; every array has shape (n,), NaN where the receiver said nothing.
+
+    Attributes
+    ----------
+    t_s : ndarray
+        Seconds from the start of the timeline, strictly rising.
+    lat_deg, lon_deg : ndarray
+    height_m : ndarray
+        Above the ellipsoid, or above mean sea level: a constant off, which no block notices.
+    pdop : ndarray
+    speed_m_s, course_deg : ndarray
+        Over ground; course clockwise from north.
+    has_fix : ndarray of bool
+    """
+
+    t_s: np.ndarray
+    lat_deg: np.ndarray
+    lon_deg: np.ndarray
+    height_m: np.ndarray
+    pdop: np.ndarray
+    speed_m_s: np.ndarray
+    course_deg: np.ndarray
+    has_fix: np.ndarray
+
+
+@dataclass(frozen=True)
+class Imu:
+    """IMU samples in body axes.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+        On the same clock as the GNSS epochs, strictly rising.
+    gyro_b : ndarray, shape (n, 3)
+        rad/s.
+    accel_b : ndarray, shape (n, 3)
+        Specific force, m/s^2: (0, 0, -9.81) at rest with z down.
+    """
+
+    t_s: np.ndarray
+    gyro_b: np.ndarray
+    accel_b: np.ndarray
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """What a device saw, in order.
+
+    Attributes
+    ----------
+    gnss : Gnss or None
+    imu : Imu or None
+    start_utc : str or None
+        Date and time of t_s = 0, where the log says.
+    notes : tuple of str
+        One sentence for everything that was assumed or repaired.
+    sources : dict
+        File name -> sha256.
+    """
+
+    gnss: Gnss | None
+    imu: Imu | None
+    start_utc: str | None = None
+    notes: tuple[str, ...] = ()
+    sources: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def duration_s(self):
+        """Seconds from the first event to the last."""
+        ends = [t.t_s[[0, -1]] for t in (self.gnss, self.imu) if t is not None]
+        return float(max(e[1] for e in ends) - min(e[0] for e in ends))
+
+
+def inject_outages(timeline, outages):
+    """Delete the fixes of some stretches; their epochs stay, without a fix (Section III-B).
+
+    Parameters
+    ----------
+    timeline : Timeline
+    outages : sequence of (start, stop)
+        s on the timeline; epochs with start <= t < stop lose their fix.
+
+    Returns
+    -------
+    Timeline
+    """
+    gnss = timeline.gnss
+    if gnss is None or not outages:
+        return timeline
+    lost = np.zeros(len(gnss.t_s), dtype=bool)
+    for start, stop in outages:
+        lost |= (gnss.t_s >= start) & (gnss.t_s < stop)
+    blank = {
+        name: np.where(lost, np.nan, getattr(gnss, name))
+        for name in ("lat_deg", "lon_deg", "height_m", "pdop", "speed_m_s", "course_deg")
+    }
+    return replace(timeline, gnss=replace(gnss, has_fix=gnss.has_fix & ~lost, **blank))
+
+
+def without(timeline, sensor):
+    """Leave out one sensor, ``"gnss"`` or ``"imu"``."""
+    return replace(timeline, **{sensor: None})
+
+
+def turn_imu(timeline, angle):
+    """Turn the IMU about its own z axis, as if it had been mounted so.
+
+    Parameters
+    ----------
+    timeline : Timeline
+    angle : float
+        rad, right-handed about z: clockwise seen from above for an IMU whose z points down,
+        the other way round for one whose z points up.
+
+    Returns
+    -------
+    Timeline
+    """
+    imu = timeline.imu
+    c, s = np.cos(angle), np.sin(angle)
+    old_to_new = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    turned = {
+        name: np.einsum("ij,kj->ki", old_to_new, getattr(imu, name))
+        for name in ("gyro_b", "accel_b")
+    }
+    return replace(timeline, imu=replace(imu, **turned))

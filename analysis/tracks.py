@@ -1,0 +1,206 @@
+"""Logs of something that moves: files -> one timeline, and a replayed track -> files.
+
+timeline = read(["drive.nmea", "imu.csv"])     NMEA and an IMU's CSV (tracker paper, III-B)
+timeline = read(["drive.csv"])                 positions, and an IMU if there is one, in a CSV
+"""
+
+import csv
+import json
+import math
+import os
+import shutil
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from analysis import CannotAnswer, WrongUsage, datasets
+from analysis.intake import formats, moments, moving, receiver
+from analysis.intake.catalogue import find
+from analysis.tracker import last_position
+from analysis.tracker.timeline import Timeline
+
+DECIMALS = {  # as good as each column can be; a millimetre of position
+    "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
+    "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
+}  # fmt: skip
+
+
+def read(logs, *, columns=None, imu_offset=None):
+    """Read one timeline from one or several logs.
+
+    Parameters
+    ----------
+    logs : sequence of path-like
+        NMEA, or CSV with positions, an IMU, or both; or names of the catalogue.
+    columns : dict, optional
+        Our names -> the file's columns, for a CSV whose names do not say it.
+    imu_offset : float, optional
+        Seconds from the first GNSS epoch to the first IMU sample, where the clocks cannot tell.
+
+    Returns
+    -------
+    Timeline
+
+    Raises
+    ------
+    CannotAnswer, WrongUsage
+        Naming file, line and column.
+    """
+    gnss = imu = start = None
+    clocks, notes, sources = {}, [], {}
+    for log in logs:
+        path = find(log)[2]
+        sources[path.name] = datasets.sha256(path)
+        parts, said, began = _read_one(path, columns)
+        notes += said
+        for part, stamps in parts:
+            kind = "gnss" if hasattr(part, "lat_deg") else "imu"
+            if kind in clocks:
+                raise WrongUsage(
+                    f"{path.name}: a second {'GNSS' if kind == 'gnss' else 'IMU'} log; give one "
+                    "of each"
+                )
+            clocks[kind] = stamps
+            gnss, imu = (part, imu) if kind == "gnss" else (gnss, part)
+        start = began or start
+    if gnss is not None and not len(gnss.t_s):
+        raise CannotAnswer(f"{', '.join(sources)}: no row has a position; nothing to replay")
+    imu = _on_one_clock(gnss, imu, clocks, imu_offset, notes, len(sources) == 1)
+    zero = min(float(part.t_s[0]) for part in (gnss, imu) if part is not None)
+    gnss = None if gnss is None else replace(gnss, t_s=np.round(gnss.t_s - zero, 6))
+    imu = None if imu is None else replace(imu, t_s=np.round(imu.t_s - zero, 6))
+    return Timeline(gnss, imu, start, tuple(notes), sources)
+
+
+def _read_one(path, wanted):
+    """Read one file with the reader of its format: parts with their moments, notes, start."""
+    try:
+        if formats.sniff(path) == "nmea":
+            gnss, stamps, start, notes = receiver.read(path)
+            return [(gnss, stamps)], notes, start
+        gnss, gnss_stamps, imu, imu_stamps, notes = moving.read(path, wanted)
+    except PermissionError as error:
+        raise WrongUsage(f"{path.name} may not be read by this user; change its mode") from error
+    parts = [(gnss, gnss_stamps), (imu, imu_stamps)]
+    return [part for part in parts if part[0] is not None], notes, None
+
+
+def _on_one_clock(gnss, imu, clocks, offset, notes, one_file):
+    """Shift the IMU's stamps to the clock of the GNSS epochs."""
+    if gnss is None or imu is None:
+        return imu
+    if offset is not None:
+        shift = float(gnss.t_s[0] - imu.t_s[0]) + offset
+        note = f"the IMU log starts {offset:g} s after the first GNSS epoch, as --imu-offset says"
+    elif one_file:
+        shift, note = 0.0, None
+    else:
+        shift, note = moments.together(clocks["gnss"], clocks["imu"])
+    if shift is None:
+        raise WrongUsage(
+            "the stamps of the IMU and of the GNSS log are of different clocks; say --imu-offset "
+            "S, the seconds from the first GNSS epoch to the first IMU sample"
+        )
+    imu = replace(imu, t_s=imu.t_s + shift)
+    notes += [note] if note else []
+    if imu.t_s[-1] < gnss.t_s[0] or imu.t_s[0] > gnss.t_s[-1]:
+        apart = max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])
+        raise CannotAnswer(
+            f"the IMU log and the GNSS log do not overlap: {apart:.6g} s lie between them; give "
+            "logs of one ride, or say --imu-offset"
+        )
+    return imu
+
+
+def write(track, out):
+    """Write track.csv and summary.json, both or neither.
+
+    Parameters
+    ----------
+    track : analysis.tracker.replay.Track
+    out : path-like
+        Folder; made if need be. Files of an earlier replay there are replaced, others stay.
+
+    Raises
+    ------
+    WrongUsage, CannotAnswer
+        If the folder cannot be.
+    """
+    check_folder(out)
+    out = Path(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(dir=out, prefix=".replay-"))
+    except OSError as error:
+        raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
+    try:
+        with (draft / "track.csv").open("w", newline="", encoding="utf-8") as handle:
+            writer = csv.writer(handle, lineterminator="\n")
+            writer.writerow(track.columns)
+            cells = [_cells(name, column) for name, column in track.columns.items()]
+            writer.writerows(zip(*cells, strict=True))
+        text = json.dumps(_rounded(track.summary), indent=1, ensure_ascii=False)
+        (draft / "summary.json").write_text(text + "\n", encoding="utf-8")
+        for path in sorted(draft.iterdir()):
+            os.replace(path, out / path.name)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def check_folder(out):
+    """Refuse an output folder that cannot be, before any work is done."""
+    out = Path(out)
+    if out.exists() and not out.is_dir():
+        raise WrongUsage(f"--out {out.name}: there is a file of that name; name a folder")
+
+
+def keep(path, stored):
+    """Write the position for the next run."""
+    try:
+        last_position.save(path, stored)
+    except OSError as error:
+        raise CannotAnswer(
+            f"--last-position {Path(path).name}: cannot write there ({error.strerror})"
+        ) from error
+
+
+def told(summary):
+    """Yield what a replay found, one sentence a line."""
+    for note in summary["notes"]:
+        yield f"note: {note}"
+    fixes, static, mount = summary["fixes"], summary["static"], summary["mounting"]
+    yield (
+        f"fixes: {fixes['with_fix']:,} in {summary['source']['epochs']:,} epochs, "
+        f"{fixes['accepted']:,} accepted, {fixes['refused']:,} refused"
+    )
+    if fixes["first_output_s"] is not None:
+        yield f"first position put out after {fixes['first_output_s']:.1f} s"
+    layers = ", ".join(f"{s:.0f}" for s in static["seconds_in_layer"])
+    yield f"standing still for {static['seconds']:.0f} s, of which in layers 1, 2, 3: {layers} s"
+    if mount["deg"] is not None:
+        yield (
+            f"mounting angle {mount['deg']:.1f}° ± {1.96 * mount['sigma_deg']:.1f}° (95 %) from "
+            f"{mount['straights']} straights; by eq (3) as printed {mount['printed_rule_deg']:.1f}°"
+        )
+    elif mount["straights"]:
+        yield f"no mounting angle: {mount['straights']} straights, too little acceleration on them"
+
+
+def _cells(name, column):
+    """Write a column: whole numbers as such, others rounded, nothing where there is no value."""
+    if column.dtype.kind in "iub":
+        return [str(int(v)) for v in column]
+    return ["" if v != v else f"{v:.{DECIMALS[name]}f}" for v in column.tolist()]
+
+
+def _rounded(value):
+    """Round every number to six digits, and write NaN and infinities as null."""
+    if isinstance(value, dict):
+        return {k: _rounded(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(v) for v in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value

@@ -1,0 +1,198 @@
+"""Block 2: tilt, heading and the gyro's bias, on motions whose truth is known."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from analysis.tracker.attitude import GRAVITY, Attitude
+from analysis.tracker.cascade import Direction
+from analysis.tracker.directions import north, turn
+
+RATE = 40
+
+
+def simulate(angles, rng, *, rate=RATE, bias=(0.0, 0.0, 0.0), noise=(0.002, 0.02)):
+    """Make gyro and accelerometer samples of a sensor that turns but does not move.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (n, 3)
+        Roll, pitch, yaw, rad, at ``rate``.
+    """
+    attitude = Rotation.from_euler("ZYX", angles[:, ::-1])
+    gyro = (attitude[:-1].inv() * attitude[1:]).as_rotvec() * rate
+    gyro = np.vstack([gyro[:1], gyro]) + bias  # over the step that ends at the sample
+    accel = attitude.inv().apply([0.0, 0.0, -GRAVITY])
+    n = len(angles)
+    gyro = gyro + noise[0] * rng.standard_normal((n, 3))
+    return gyro.tolist(), (accel + noise[1] * rng.standard_normal((n, 3))).tolist()
+
+
+def run(block, gyro, accel, *, rate=RATE, static=True, heading=None):
+    """Feed samples, an epoch a second; headings are one per epoch."""
+    for k, (w, f) in enumerate(zip(gyro, accel, strict=True)):
+        block.imu(w, f, 1 / rate, static)
+        if k % rate == rate - 1:
+            block.epoch(static, None if heading is None else heading[k // rate])
+    return block
+
+
+def wrapped(angle):
+    """Bring degrees into -180 to 180."""
+    return (angle + 180) % 360 - 180
+
+
+def test_turn_is_a_rotation_to_second_order():
+    """analytic: F differs from the exact rotation by (w dt)^3 / 6 at most."""
+    F = np.eye(3)
+    for angle in (0.01, 0.05, 0.25):
+        w = np.array([0.6, -0.48, 0.64]) * angle
+        turn(F, *w, 1.0)
+        exact = Rotation.from_rotvec(-w).as_matrix()
+        assert np.abs(F - exact).max() <= angle**3 / 6
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.3, -2.9, math.pi])
+@pytest.mark.parametrize("pitch", [0.0, -0.8, 1.2])
+@pytest.mark.parametrize("heading", [0.0, 2.0, -3.0])
+def test_north_inverts_the_euler_angles(roll, pitch, heading):
+    """cross-check: scipy's rotation has the same first row, also for a sensor upside down."""
+    C = Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix()
+    np.testing.assert_allclose(north(C[2].tolist(), heading), C[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("roll", [0.0, 30.0, 180.0])
+@pytest.mark.parametrize("pitch", [0.0, -40.0])
+def test_tilt_and_bias_of_a_sensor_at_rest(roll, pitch):
+    """analytic: roll, pitch to 0.1 deg and a bias of degrees per second to 0.02 deg/s in 20 s."""
+    rng, bias = np.random.default_rng(1), np.radians([4.5, -2.0, 1.0])
+    angles = np.tile(np.radians([roll, pitch, 0.0]), (20 * RATE, 1))
+    block = run(Attitude(), *simulate(angles, rng, bias=bias))
+    found = np.degrees(block.angles)
+    assert abs(wrapped(found[0] - roll)) < 0.1
+    assert found[1] == pytest.approx(pitch, abs=0.1)
+    assert math.isnan(found[2])
+    np.testing.assert_allclose(np.degrees(block.bias.x), np.degrees(bias), atol=0.02)
+
+
+def test_roll_and_pitch_follow_a_turning_sensor():
+    """analytic: rolling and pitching by 20 deg, the error stays under half a degree."""
+    rng, t = np.random.default_rng(2), np.arange(0, 40, 1 / RATE)
+    moves = np.where(t > 5, 1.0, 0.0)
+    angles = np.radians(
+        np.column_stack([20 * np.sin(t - 5) * moves, 20 * (np.cos(t - 5) - 1) * moves, 0 * t])
+    )
+    gyro, accel = simulate(angles, rng)
+    block, error = Attitude(), []
+    for k, (w, f) in enumerate(zip(gyro, accel, strict=True)):
+        block.imu(w, f, 1 / RATE, t[k] < 5)
+        if k % RATE == RATE - 1:
+            block.epoch(t[k] < 5)
+            error.append(np.degrees(block.angles[:2]) - np.degrees(angles[k, :2]))
+    assert np.abs(error).max() < 0.5
+
+
+def test_yaw_takes_the_course_and_keeps_it():
+    """analytic: the first heading sets yaw; a turn of 90 deg after it comes from the gyro."""
+    rng, t = np.random.default_rng(3), np.arange(0, 30, 1 / RATE)
+    yaw = np.radians(30 + 9 * np.clip(t - 15, 0, 10))
+    gyro, accel = simulate(np.column_stack([0 * t, 0 * t, yaw]), rng)
+    heading = [math.radians(30) if 5 < k < 12 else None for k in range(30)]
+    block = Attitude()
+    for k, (w, f) in enumerate(zip(gyro, accel, strict=True)):
+        block.imu(w, f, 1 / RATE, t[k] < 5)
+        if k % RATE == RATE - 1:
+            block.epoch(t[k] < 5, heading[k // RATE])
+            assert block.heading_known == (k // RATE > 5)
+    assert math.degrees(block.angles[2]) == pytest.approx(120, abs=1.0)
+
+
+def test_bias_is_found_without_ever_standing():
+    """property: with courses alone, a bias of 2 deg/s about all axes comes out to 0.3 deg/s."""
+    rng, t = np.random.default_rng(4), np.arange(0, 120, 1 / RATE)
+    yaw = 0.4 * np.sin(0.2 * t)
+    bias = np.radians([2.0, -2.0, 2.0])
+    noisy = (0.05, 0.3)  # no first second of rest to read the bias from
+    gyro, accel = simulate(np.column_stack([0 * t, 0 * t, yaw]), rng, bias=bias, noise=noisy)
+    heading = (yaw[RATE - 1 :: RATE] + 0.02 * rng.standard_normal(120)).tolist()
+    block = run(Attitude(), gyro, accel, static=False, heading=heading)
+    np.testing.assert_allclose(np.degrees(block.bias.x), np.degrees(bias), atol=0.3)
+    assert np.abs(np.degrees(block.angles[:2])).max() < 2.0
+
+
+def test_a_lasting_acceleration_is_no_tilt():
+    """property: 0.5 m/s^2 sideways for 30 s, as in a long U-turn, tilts by less than 0.5 deg."""
+    rng = np.random.default_rng(5)
+    gyro, accel = simulate(np.zeros((60 * RATE, 3)), rng)
+    block = Attitude()
+    for k, (w, f) in enumerate(zip(gyro, accel, strict=True)):
+        driving = k >= 30 * RATE
+        block.imu(w, [f[0], f[1] + 0.5 * driving, f[2]], 1 / RATE, not driving)
+        if k % RATE == RATE - 1:
+            block.epoch(not driving, None, 0.1, 0.25 if driving else 0.0)
+    assert abs(math.degrees(block.angles[0])) < 0.5
+    assert block.horizontal[1] == pytest.approx(0.5, abs=0.15)  # noise of one sample
+
+
+def test_gravity_does_not_tell_the_heading():
+    """published: turning a static sensor about the vertical leaves its accelerometer as it is."""
+    reading = [
+        Rotation.from_euler("ZYX", [yaw, 0.2, -0.4]).inv().apply([0, 0, -GRAVITY])
+        for yaw in (0.0, 1.0, 4.0)
+    ]
+    np.testing.assert_allclose(reading[1:], reading[:-1], atol=1e-14)
+
+
+def test_axes_of_the_rotation_are_orthonormal():
+    """property: rows of C_nb are unit, square to each other and right-handed."""
+    rng = np.random.default_rng(6)
+    angles = np.cumsum(0.02 * rng.standard_normal((400, 3)), axis=0)
+    block = run(Attitude(), *simulate(angles, rng), static=False)
+    np.testing.assert_allclose(block.C_nb @ block.C_nb.T, np.eye(3), atol=1e-9)
+    assert np.linalg.det(block.C_nb) == pytest.approx(1.0)
+
+
+def test_a_gap_starts_the_attitude_again():
+    """property: after a hole in the IMU log no attitude is claimed until a second has been read."""
+    rng = np.random.default_rng(7)
+    gyro, accel = simulate(np.zeros((5 * RATE, 3)), rng)
+    block = run(Attitude(), gyro, accel)
+    assert block.ready
+    block.imu(gyro[0], accel[0], 30.0)
+    assert not block.ready
+    assert all(math.isnan(a) for a in block.angles)
+    run(block, gyro, accel)
+    assert block.ready
+
+
+def test_single_precision_stays_single_and_agrees():
+    """property: in float32 every state is float32, and the attitude is the same to 0.05 deg."""
+    rng, t = np.random.default_rng(8), np.arange(0, 60, 1 / RATE)
+    angles = np.column_stack([0.2 * np.sin(t), 0.1 * np.cos(t), 0.05 * t])
+    gyro, accel = simulate(angles, rng)
+    double = run(Attitude(), gyro, accel, static=False)
+    single = Attitude(np.float32)
+    rows = [[tuple(r) for r in np.array(a, np.float32)] for a in (gyro, accel)]
+    run(single, *rows, static=False)
+    for block in (single.tilt, single.yaw, single.bias):
+        assert block.x.dtype == block.P.dtype == np.float32
+    np.testing.assert_allclose(
+        np.degrees(single.angles[:2]), np.degrees(double.angles[:2]), atol=0.05
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_directions_stay_units_with_positive_covariance(dtype):
+    """property: after 20 000 steps |x| = 1 and P is symmetric and positive."""
+    rng, block, F = np.random.default_rng(9), Direction(dtype), np.eye(3, dtype=dtype)
+    block.trust(1e-6)
+    block.start([0.0, 0.0, 1.0], 0.1)
+    for w in rng.normal(0, 1.0, (20_000, 3)):
+        turn(F, *w, 0.025)
+        block.predict(F, 0.025)
+        block.update(block.x + 0.05 * rng.standard_normal(3), 0.0025)
+    assert np.linalg.norm(block.x.astype(float)) == pytest.approx(1.0, abs=1e-6)
+    assert (block.P == block.P.T).all()
+    assert np.linalg.eigvalsh(block.P.astype(float)).min() > 0

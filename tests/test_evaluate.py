@@ -1,0 +1,93 @@
+"""Single blocks over whole logs, and the numbers they are judged by."""
+
+import numpy as np
+import pytest
+
+from analysis.tracker import evaluate, scenarios
+from analysis.tracker.last_position import Stored
+from analysis.tracker.replay import Options, replay
+
+
+def test_block_one_alone_is_the_replay_with_the_others_off():
+    """cross-check: the short cut of the notebooks and the whole device accept the same fixes."""
+    log = scenarios.scenario_c(np.random.default_rng(1)).log
+    stored = Stored(44.4949, 11.3426, 0.0, 0.0, 2.0)
+    accepted, lat, lon, _ = evaluate.gated(log.gnss, stored)
+    off = Options(attitude=False, static=False, low_pass=False, mounting=False, fusion=False)
+    track = replay(log, off, stored)
+    np.testing.assert_array_equal(accepted, track.columns["accepted"] == 1)
+    # 1e-8 deg, a millimetre: the device turns degrees to metres and back.
+    np.testing.assert_allclose(lat, track.columns["out_lat_deg"], atol=1e-8)
+    np.testing.assert_allclose(lon, track.columns["out_lon_deg"], atol=1e-8)
+
+
+def test_block_four_alone_is_the_replay_at_rest():
+    """cross-check: the same layers and positions as the device that stands from the start."""
+    a = scenarios.scenario_a(np.random.default_rng(2), minutes=25)
+    track = replay(a.log, Options(fusion=False)).columns
+    still = np.flatnonzero(track["moving"] == 0)
+    assert (np.diff(still) == 1).all()
+    north, east = a.error(a.log.gnss.lat_deg, a.log.gnss.lon_deg)
+    layer, north, east = evaluate.low_passed(north[still], east[still])
+    np.testing.assert_array_equal(layer, track["layer"][still])
+    out = a.error(track["out_lat_deg"], track["out_lon_deg"])
+    np.testing.assert_allclose([north, east], np.array(out)[:, still], atol=2e-3)
+
+
+def test_cold_start_is_judged_by_the_truth():
+    """analytic: an exact memory leaves no error before a fix; without a gate the first is taken."""
+    c = scenarios.scenario_c(np.random.default_rng(4))
+    lat, lon, height = scenarios.ORIGIN
+    memory = Stored(lat, lon, height, 0.0, 2.0)
+    strict, none = (evaluate.cold_start(c, memory, gate) for gate in (10.0, 99.0))
+    assert strict["device_awaiting"] == pytest.approx(0.0, abs=1e-6)
+    # 50 and 2.5 + 47.5 exp(-t / 15) = 10 at t = 27.7 s
+    assert (none["wait_s"], strict["wait_s"]) == (40.0, 68.0)
+    assert np.isnan(none["device_awaiting"]) and np.isnan(none["refused"])
+    assert none["device_mean"] == pytest.approx(none["gps_mean"])
+    assert strict["refused"] > strict["accepted"]
+
+
+def test_a_stand_is_judged_by_hand():
+    """analytic: a filter that halves every position, and holds it every other second."""
+    t = np.arange(100.0)
+    raw = np.array([np.linspace(0.0, 10.0, 100), np.full(100, 1e-6)])
+    out = raw / 2
+    out[0, 1::2] = out[0, ::2]
+    layer = np.repeat([0, 1, 2, 3], 25)
+    found = evaluate.stand(t, raw, out, layer)
+    for name in ("spread", "north", "largest"):
+        assert found[name] == pytest.approx(0.5, abs=0.01)  # the held half second
+    assert found["circle"] == pytest.approx(9.5, abs=0.01)
+    assert (found["leaves"], found["raw_exits"], found["out_exits"]) == (0.0, 1, 0)
+    assert found["hold_s"] == 2.0
+    assert evaluate.stand(t, raw, 2 * raw, layer)["leaves"] == 1.0
+
+
+def test_exits_and_holds():
+    """analytic: counted by hand."""
+    assert evaluate.exits([0, 2, 2, 0, 2, 0], 1.0) == 2
+    assert evaluate.exits([2, 2, 0], 1.0) == 1
+    t = np.arange(6.0)
+    x = np.array([0, 0, 1, 1, 1, 1.0])
+    assert evaluate.longest_hold(t, x, 0 * x) == 3.0
+    assert evaluate.longest_hold(t, 0 * x) == 5.0
+
+
+def test_ratio_interval_covers():
+    """coverage: 95 % of the intervals of 300 simulated sets hold the true ratio of 0.5."""
+    held = 0
+    for stream in np.random.SeedSequence(3).spawn(300):
+        rng = np.random.default_rng(stream)
+        below = rng.gamma(4.0, 1.0, 80)
+        above = below * rng.gamma(4.0, 0.125, 80)
+        value, low, high = evaluate.ratio_interval(above, below, rng, runs=400)
+        assert low <= value <= high
+        held += low <= 0.5 <= high
+    assert 0.90 <= held / 300 <= 0.985  # 95 % +- 2.5 standard errors, and the bootstrap's own 1 %
+
+
+@pytest.mark.parametrize(("angle", "wrapped"), [(190.0, -170.0), (-190.0, 170.0), (540.0, -180.0)])
+def test_wrapped(angle, wrapped):
+    """analytic: angles meet again after a turn."""
+    assert evaluate.wrapped(angle) == wrapped

@@ -1,0 +1,89 @@
+"""The Kalman step that blocks 2 and 6 share, against code that nobody here wrote."""
+
+import numpy as np
+import pytest
+
+from analysis.tracker import filters
+
+
+def system(rng, n, m, dtype=np.float64):
+    """Draw a stable system with positive covariances."""
+
+    def positive(k):
+        A = rng.normal(size=(k, k))
+        return A @ A.T + np.eye(k)
+
+    F = np.eye(n) + 0.1 * rng.normal(size=(n, n))
+    parts = (rng.normal(size=n), positive(n), F, 0.1 * positive(n), rng.normal(size=(m, n)))
+    return [a.astype(dtype) for a in (*parts, positive(m), rng.normal(size=m))]
+
+
+@pytest.mark.parametrize("m", range(1, 7))
+def test_inverse(m):
+    """cross-check: numpy's inverse, to rounding (condition below 1e3)."""
+    A = np.random.default_rng(m).normal(size=(m, m))
+    S = A @ A.T + np.eye(m)
+    np.testing.assert_allclose(filters.inverse(S), np.linalg.inv(S), rtol=1e-11, atol=1e-13)
+
+
+def test_inverse_reads_the_lower_triangle_only():
+    """property: what stands above the diagonal does not matter, as documented."""
+    S = np.array([[4.0, 99.0], [1.0, 3.0]])
+    np.testing.assert_allclose(filters.inverse(S), np.linalg.inv([[4.0, 1.0], [1.0, 3.0]]))
+
+
+@pytest.mark.parametrize(("n", "m"), [(3, 3), (9, 5), (9, 3), (2, 1)])
+def test_against_the_textbook(n, m):
+    """cross-check: Joseph's form with numpy's inverse gives the same, to 1e-10."""
+    rng = np.random.default_rng(10 * n + m)
+    x, P, F, Q, H, R, z = system(rng, n, m)
+    B, u = rng.normal(size=(n, 3)), rng.normal(size=3)
+    x1, P1 = filters.predict(x, P, F, Q, u, B)
+    np.testing.assert_allclose(x1, F @ x + B @ u)
+    np.testing.assert_allclose(P1, F @ P @ F.T + Q)
+    x2, P2, innovation = filters.update(x1, P1, z, H, R)
+    K = P1 @ H.T @ np.linalg.inv(H @ P1 @ H.T + R)
+    left = np.eye(n) - K @ H
+    np.testing.assert_allclose(innovation, z - H @ x1)
+    np.testing.assert_allclose(x2, x1 + K @ (z - H @ x1), rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(P2, left @ P1 @ left.T + K @ R @ K.T, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize(("n", "m"), [(3, 3), (9, 5)])
+def test_against_filterpy(n, m):
+    """cross-check: filterpy's KalmanFilter over fifty steps, to 1e-8."""
+    kalman = pytest.importorskip("filterpy.kalman")
+    rng = np.random.default_rng(n)
+    x, P, F, Q, H, R, _ = system(rng, n, m)
+    F = F / np.abs(np.linalg.eigvals(F)).max()
+    other = kalman.KalmanFilter(dim_x=n, dim_z=m)
+    other.x, other.P, other.F, other.Q, other.H, other.R = x, P, F, Q, H, R
+    for _ in range(50):
+        z = rng.normal(size=m)
+        other.predict()
+        other.update(z)
+        x, P = filters.predict(x, P, F, Q)
+        x, P, _ = filters.update(x, P, z, H, R)
+    np.testing.assert_allclose(x, other.x, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(P, other.P, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize(("n", "m"), [(3, 3), (9, 5)])
+def test_covariance_stays_symmetric_and_positive(n, m, dtype):
+    """property: over 2000 steps of random systems P stays symmetric, positive and of its type."""
+    rng = np.random.default_rng(5)
+    x, P, F, Q, H, R, _ = system(rng, n, m, dtype)
+    F = (F / np.abs(np.linalg.eigvals(F)).max()).astype(dtype)
+    for _ in range(2000):
+        x, P = filters.predict(x, P, F, Q)
+        x, P, _ = filters.update(x, P, rng.normal(size=m).astype(dtype), H, R)
+        assert x.dtype == P.dtype == dtype
+        assert (P == P.T).all()
+    assert np.linalg.eigvalsh(P.astype(np.float64)).min() > 0
+
+
+def test_scalars_keep_their_number_type():
+    """property: float32 stays float32, so that a single-precision device is what is run."""
+    assert isinstance(filters.scalars(np.ones(3, np.float32))[0], np.float32)
+    assert filters.scalars(np.array([1.0, 2.0])) == [1.0, 2.0]

@@ -1,0 +1,123 @@
+"""Block 6: the fusion filter on motions whose truth is known."""
+
+import numpy as np
+import pytest
+
+from analysis.tracker.fusion import Fusion
+
+
+def drive(block, accel, rng, *, rate=40, fixes=1, noise=(2.0, 0.2), error=(0.0, 0.0, 0.0)):
+    """Feed a true acceleration (n, 3) and noisy fixes once a second while ``fixes`` says so.
+
+    Returns
+    -------
+    ndarray, shape (seconds, 3)
+        Position error at each second, m.
+    """
+    dt, p, v = 1 / rate, np.zeros(3), np.zeros(3)
+    errors = []
+    block.start(p, v, *noise)
+    for k, a in enumerate(accel):
+        block.predict(a + error, dt, 0.3)
+        p, v = p + v * dt + a * dt * dt / 2, v + a * dt
+        if k % rate == rate - 1:
+            second = k // rate
+            if fixes if np.isscalar(fixes) else fixes[second]:
+                z = p + noise[0] * rng.standard_normal(3)
+                velocity = (v[:2] + noise[1] * rng.standard_normal(2)).tolist()
+                block.update(z.tolist(), velocity, *noise)
+            errors.append(block.position - p)
+    return np.array(errors)
+
+
+def manoeuvre(seconds, rate=40):
+    """Return a weaving acceleration, m/s^2."""
+    t = np.arange(seconds * rate) / rate
+    return np.column_stack([0.5 * np.sin(0.3 * t), 0.8 * np.cos(0.2 * t), 0 * t])
+
+
+def test_prediction_is_exact():
+    """analytic: constant acceleration: p = a t^2 / 2, v = a t, to rounding."""
+    block = Fusion()
+    block.start([0.0] * 3, [0.0] * 3, 1.0, 1.0)
+    a = np.array([1.0, -2.0, 0.5])
+    for _ in range(100):
+        block.predict(a, 0.1, 0.3)
+    np.testing.assert_allclose(block.position, 50 * a)
+    np.testing.assert_allclose(block.velocity, 10 * a)
+
+
+def test_noise_does_not_depend_on_the_step():
+    """analytic: ten steps of 0.1 s add the same covariance as one of 1 s, to 1e-9."""
+    one, ten = Fusion(), Fusion()
+    for block, steps in ((one, 1), (ten, 10)):
+        block.start([0.0] * 3, [0.0] * 3, 1.0, 1.0)
+        for _ in range(steps):
+            block.predict(np.zeros(3), 1.0 / steps, 0.3)
+    np.testing.assert_allclose(ten.P[:6, :6], one.P[:6, :6], rtol=1e-4, atol=1e-9)
+
+
+def test_fused_positions_are_better_than_fixes():
+    """property: in white noise the filter's error is under half the fixes' after a minute."""
+    errors = drive(Fusion(), manoeuvre(200), np.random.default_rng(1))
+    assert np.sqrt((errors[60:, :2] ** 2).mean()) < 1.0
+
+
+def test_an_outage_is_bridged():
+    """property: 20 s without fixes while weaving: holding would be six times worse (ten rides)."""
+    accel, rate = manoeuvre(120), 40
+    fixes = [not 80 <= s < 100 for s in range(120)]
+    position = np.cumsum(np.cumsum(accel, axis=0) / rate, axis=0) / rate
+    gone = np.linalg.norm(position[100 * rate] - position[80 * rate])
+    runs = [drive(Fusion(), accel, np.random.default_rng(k), fixes=fixes)[99] for k in range(10)]
+    assert gone > 40
+    assert np.sqrt((np.array(runs)[:, :2] ** 2).sum(axis=1).mean()) < gone / 6
+
+
+def test_an_acceleration_error_is_learnt():
+    """property: a constant error of 0.2 m/s^2 is found to 0.05, so an outage stays small."""
+    block, error = Fusion(), (0.2, -0.1, 0.0)
+    drive(block, manoeuvre(300), np.random.default_rng(3), error=error)
+    np.testing.assert_allclose(block.x[6:8], error[:2], atol=0.05)
+
+
+def test_covariance_is_honest():
+    """coverage: over 40 rides the error at the end is within 95 % of P in 88 to 100 %."""
+    inside = 0
+    for seed in range(40):
+        rng, block = np.random.default_rng(seed), Fusion()
+        noisy = manoeuvre(60) + 0.0
+        error = 0.2 * rng.standard_normal(3)
+        last = drive(block, noisy, rng, error=error)[-1]
+        inside += last[:2] @ np.linalg.solve(block.P[:2, :2], last[:2]) < 5.99
+    assert inside >= 35
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_covariance_stays_symmetric_and_positive(dtype):
+    """property: half an hour with outages of position or velocity, in either number type."""
+    rng, block = np.random.default_rng(4), Fusion(dtype)
+    block.start([0.0] * 3, [0.0] * 3, 5.0, 1.0)
+    for second in range(1800):
+        for _ in range(10):
+            block.predict(rng.normal(0, 0.5, 3).astype(dtype), 0.1, 0.3)
+        position = [0.0, 0.0, 0.0] if second % 7 else None
+        velocity = (0.0, 0.0) if second % 3 else None
+        if position or velocity:
+            block.update(position, velocity, 3.0, 0.2)
+    assert block.x.dtype == block.P.dtype == dtype
+    assert (block.P == block.P.T).all()
+    assert np.linalg.eigvalsh(block.P.astype(float)).min() > 0
+
+
+@pytest.mark.parametrize("with_position", [True, False])
+def test_half_a_measurement(with_position):
+    """property: a position alone or a velocity alone improves its own half."""
+    block = Fusion()
+    block.start([0.0] * 3, [0.0] * 3, 10.0, 10.0)
+    before = np.diag(block.P).copy()
+    position, velocity = ([1.0, 2.0, 3.0], None) if with_position else (None, (1.0, 2.0))
+    block.update(position, velocity, 1.0, 1.0)
+    after = np.diag(block.P)
+    assert (after[:2] < before[:2]).all() == with_position
+    assert (after[3:5] < before[3:5]).all() == (not with_position)

@@ -1,0 +1,127 @@
+"""Operation counts: by formula, and on the code as it runs."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis import DATA
+from analysis.tracker import filters, low_pass, operations
+from analysis.tracker.operations import Counted, Tally, counted
+
+SIZES = [(3, 3, 3), (9, 5, 3), (2, 1, 1), (6, 4, 2), (1, 1, 1)]
+
+
+def printed(block, portion):
+    """Look up sums and products of a row of Table I."""
+    table = pd.read_csv(DATA / "published" / "tracker-table-1.csv", comment="#")
+    row = table[(table["block"] == block) & (table["portion"] == portion)].iloc[0]
+    return row["sums"], row["products"]
+
+
+def test_predictions_are_those_of_table_one():
+    """published: 54 sums and 63 products without B, 1476 and 1566 with it."""
+    three, nine = operations.predict(3, 3, input_matrix=False), operations.predict(9, 3)
+    assert (three.sums, three.products) == printed(2, "Predict 1")
+    assert (nine.sums, nine.products) == printed(6, "Predict")
+
+
+def test_textbook_update_gives_one_number_of_table_one():
+    """published: 207 products for [3, 3], divisions among them; the other three do not follow."""
+    three, nine = operations.update(3, 3), operations.update(9, 5)
+    sums, products = printed(2, "Update")
+    assert three.products + three.divisions == products
+    assert three.sums == sums - 6
+    sums, products = printed(6, "Update")
+    assert (nine.sums, nine.products + nine.divisions) == (sums - 175, products - 285)
+
+
+@pytest.mark.parametrize(("n", "m", "p"), SIZES)
+@pytest.mark.parametrize("input_matrix", [True, False])
+def test_counted_prediction_equals_the_formula(n, m, p, input_matrix):
+    """cross-check: the running prediction does what the formula says, for any sizes."""
+    tally = Tally()
+    p = p if input_matrix else n
+    x, P, F, Q, u, B = (counted(np.ones(s), tally) for s in (n, (n, n), (n, n), (n, n), p, (n, p)))
+    filters.predict(x, P, F, Q, u, B if input_matrix else None)
+    assert tally == operations.predict(n, p, input_matrix=input_matrix)
+
+
+@pytest.mark.parametrize(("n", "m", "p"), SIZES)
+def test_counted_update_equals_the_formula(n, m, p):
+    """cross-check: so does the update, its inverse included."""
+    tally = Tally()
+    x, z, H = (counted(np.ones(s), tally) for s in (n, m, (m, n)))
+    filters.update(x, counted(np.eye(n), tally), z, H, counted(np.eye(m), tally))
+    assert tally == operations.lean_update(n, m)
+
+
+def test_textbook_update_runs_as_counted():
+    """cross-check: but for the inverse, the textbook's lines cost what the formula says."""
+    n, m, tally = 9, 5, Tally()
+    x, z, H, P, R, one, inverse = (
+        counted(np.ones(s), tally) for s in (n, m, (m, n), (n, n), (m, m), (n, n), (m, m))
+    )
+    y = z - H @ x
+    _ = H @ P @ H.T + R
+    K = (P @ H.T) @ inverse
+    _ = x + K @ y
+    _ = (one - K @ H) @ P
+    assert tally + operations.cholesky_inverse(m) == operations.update(n, m)
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 5, 8])
+def test_cholesky_inverse_runs_as_counted(m):
+    """cross-check: a plain Cholesky inverse, run on counting numbers, costs that much."""
+    tally = Tally()
+    rng = np.random.default_rng(m)
+    A = rng.standard_normal((m, m))
+    S = A @ A.T + np.eye(m)
+    L, inv = counted(S, tally), np.zeros((m, m), dtype=object)
+    for j in range(m):
+        for k in range(j):
+            L[j, j] = L[j, j] - L[j, k] * L[j, k]
+        L[j, j] = L[j, j].sqrt()
+        for i in range(j + 1, m):
+            for k in range(j):
+                L[i, j] = L[i, j] - L[i, k] * L[j, k]
+            L[i, j] = L[i, j] / L[j, j]
+    for j in range(m):
+        inv[j, j] = 1.0 / L[j, j]
+        for i in range(j + 1, m):
+            total = L[i, j] * inv[j, j]
+            for k in range(j + 1, i):
+                total = total + L[i, k] * inv[k, j]
+            inv[i, j] = -total / L[i, i]
+    full = np.zeros((m, m))
+    for i in range(m):
+        for j in range(i + 1):
+            total = inv[i, i] * inv[i, j]
+            for k in range(i + 1, m):
+                total = total + inv[k, i] * inv[k, j]
+            full[i, j] = full[j, i] = float(total)
+    np.testing.assert_allclose(full @ S, np.eye(m), atol=1e-9)  # rounding of a random matrix
+    assert tally == operations.cholesky_inverse(m)
+
+
+def test_buffer_mean_equals_the_running_one():
+    """cross-check: the low-pass filter's mean, counted."""
+    tally = Tally()
+    buffer = [list(row) for row in counted(np.ones((10, 2)), tally)]
+    low_pass.mean(buffer)
+    assert tally == operations.buffer_mean(10, axes=2)
+
+
+def test_counting_changes_no_value():
+    """property: counted numbers compute what floats do, and each operation is counted once."""
+    tally = Tally()
+    a, b = Counted(3.0, tally), Counted(-2.0, tally)
+    assert float((a + b) * 2 - 1 / a + (1 - b) ** 2 - abs(-b) + 2.0 * a / b) == pytest.approx(
+        2 - 1 / 3 + 9 - 2 - 3
+    )
+    assert tally == Tally(sums=6, products=3, divisions=2)
+    before = tally.counts()
+    assert a > b and b < 0 and a >= 3 and b <= -2 and a == 3.0
+    assert tally.counts() == before
+    array = np.array([a, b])
+    np.hypot(array, array), np.sqrt(abs(array)), np.arctan2(array, array), np.sin(array)
+    assert tally.functions == 8

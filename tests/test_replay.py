@@ -1,0 +1,513 @@
+"""The replay: its contract, what each block does in it, what is refused, and how fast it is."""
+
+import csv
+import json
+import math
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_cli import run
+
+from analysis import datasets, replay_speed, tracks
+from analysis.tracker.last_position import Stored, load, save
+from analysis.tracker.replay import COLUMNS, Options, replay
+from analysis.tracker.scenarios import scenario_a, scenario_b, scenario_c
+from analysis.tracker.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu, without
+
+BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
+
+
+@pytest.fixture(scope="module")
+def laps():
+    """Simulate scenario B, two laps, and replay it."""
+    scenario = scenario_b(np.random.default_rng(1), laps=2)
+    return scenario, replay(scenario.log)
+
+
+@pytest.fixture(scope="module")
+def stand():
+    """Simulate half an hour of scenario A."""
+    return scenario_a(np.random.default_rng(2), minutes=30.0)
+
+
+@pytest.fixture(scope="module")
+def cold():
+    """Simulate scenario C."""
+    return scenario_c(np.random.default_rng(3))
+
+
+def as_csv(log, path, *, gnss=True, imu=True):
+    """Write a timeline into CSVs and return their paths."""
+    paths = []
+    if gnss:
+        g = log.gnss
+        header = "t_s,lat_deg,lon_deg,height_m,pdop,speed_m_s,course_deg"
+        columns = (g.t_s, g.lat_deg, g.lon_deg, g.height_m, g.pdop, g.speed_m_s, g.course_deg)
+        paths.append(_table(path / "gnss.csv", header, columns))
+    if imu:
+        i = log.imu
+        header = "t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"
+        paths.append(_table(path / "imu.csv", header, (i.t_s, *i.gyro_b.T, *i.accel_b.T)))
+    return paths
+
+
+def _table(path, header, columns):
+    rows = zip(*(c.tolist() for c in columns), strict=True)
+    lines = [",".join("" if v != v else repr(v) for v in row) for row in rows]
+    path.write_text("\n".join([header, *lines]) + "\n")
+    return path
+
+
+def metres(track, gnss=None):
+    """Return north and east of what is put out, from its first position, m."""
+    lat, lon = track.columns["out_lat_deg"], track.columns["out_lon_deg"]
+    first = np.argmax(np.isfinite(lat))
+    return (
+        (lat - lat[first]) * 111_195,
+        (lon - lon[first]) * 111_195 * math.cos(math.radians(lat[first])),
+    )
+
+
+# --- the contract --------------------------------------------------------------------------------
+
+
+def test_columns(laps):
+    """published: the columns of DESIGN section 6, in order, a row a GNSS epoch."""
+    scenario, track = laps
+    wanted = (
+        "t_s, lat_deg, lon_deg, pdop, has_fix, accepted, moving, layer, out_lat_deg, out_lon_deg, "
+        "roll_deg, pitch_deg, yaw_deg, mount_deg"
+    )
+    assert list(track.columns) == list(COLUMNS) == wanted.split(", ")
+    assert {len(c) for c in track.columns.values()} == {len(scenario.log.gnss.t_s)}
+
+
+def test_files(tmp_path, laps):
+    """property: track.csv holds the columns, empty where there is no value; JSON has no NaN."""
+    _, track = laps
+    tracks.write(track, tmp_path / "out")
+    assert sorted(os.listdir(tmp_path / "out")) == ["summary.json", "track.csv"]
+    with (tmp_path / "out" / "track.csv").open() as handle:
+        rows = list(csv.DictReader(handle))
+    assert len(rows) == len(track.columns["t_s"])
+    assert rows[0]["yaw_deg"] == rows[0]["mount_deg"] == ""
+    assert "nan" not in (tmp_path / "out" / "track.csv").read_text()
+    for name in ("t_s", "out_lat_deg", "mount_deg"):
+        found = np.array([float(row[name] or "nan") for row in rows])
+        np.testing.assert_allclose(found, track.columns[name], atol=1e-3, equal_nan=True)
+
+    def refuse(word):
+        raise AssertionError(word)
+
+    text = (tmp_path / "out" / "summary.json").read_text()
+    summary = json.loads(text, parse_constant=refuse)
+    assert summary["blocks"] == dict.fromkeys(BLOCKS, "on")
+
+
+def test_the_same_again(laps):
+    """property: a replay draws nothing at random."""
+    scenario, track = laps
+    again = replay(scenario.log)
+    for name in COLUMNS:
+        np.testing.assert_array_equal(again.columns[name], track.columns[name])
+
+
+# --- what comes out ------------------------------------------------------------------------------
+
+
+def test_attitude_and_mounting_on_laps(laps):
+    """property: on scenario B, after the first straight: mounting to 3 deg, yaw to 3 deg rms."""
+    scenario, track = laps
+    mount = track.columns["mount_deg"]
+    known = np.isfinite(mount)
+    first = scenario.log.gnss.t_s[np.argmax(known)]
+    assert first < 45  # 20 s of waiting and a straight of 17 s
+    assert np.abs(mount[known] - scenario.mount_deg).max() < 3.0
+    C = scenario.C_nb
+    yaw = np.degrees(np.arctan2(C[:, 1, 0], C[:, 0, 0]))
+    error = (track.columns["yaw_deg"] - yaw + 180) % 360 - 180
+    late = np.flatnonzero(known)[2:]
+    assert np.sqrt((error[late] ** 2).mean()) < 3.0
+    roll = np.degrees(np.arctan2(C[:, 2, 1], C[:, 2, 2]))
+    assert np.nanmax(np.abs(track.columns["roll_deg"] - roll)[30:]) < 3.0
+
+
+@pytest.mark.parametrize("angle", [-150.0, -60.0, 45.0, 170.0])
+def test_turning_the_imu_turns_the_mount(angle):
+    """property: an IMU turned by a known angle comes out with a mount turned by it, to 2 deg."""
+    log = scenario_b(np.random.default_rng(4), laps=1).log
+    plain = replay(log).summary["mounting"]["deg"]
+    turned = replay(turn_imu(log, math.radians(angle))).summary["mounting"]["deg"]
+    assert (turned - plain - angle + 180) % 360 - 180 == pytest.approx(0.0, abs=2.0)
+
+
+def test_an_outage_is_bridged(laps):
+    """property: 20 s without fixes: with block 6 the error is a third of that of holding."""
+    scenario, _ = laps
+    log = inject_outages(scenario.log, [(100.0, 120.0)])
+    gone = (log.gnss.t_s >= 100) & (log.gnss.t_s < 120)
+    assert not log.gnss.has_fix[gone].any()
+    error = {}
+    for fusion in (True, False):
+        track = replay(log, Options(fusion=fusion))
+        out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
+        error[fusion] = np.hypot(*out)[gone].max()
+    assert error[False] > 20
+    assert error[True] < error[False] / 3
+
+
+def test_never_a_position_before_the_first_acceptable_fix(cold):
+    """published: with nothing stored nothing is put out; with a stored position, exactly that."""
+    accepted = np.argmax(cold.log.gnss.pdop <= 10)
+    home = Stored(44.4949, 11.3426, 0.0, 0.0, 2.0)
+    for stored in (None, home):
+        track = replay(cold.log, stored=stored)
+        assert track.columns["accepted"][:accepted].sum() == 0
+        assert track.columns["accepted"][accepted] == 1
+        before = slice(0, accepted)
+        if stored is None:
+            assert np.isnan(track.columns["out_lat_deg"][before]).all()
+        else:
+            assert (track.columns["out_lat_deg"][before] == home.lat_deg).all()
+            assert (track.columns["out_lon_deg"][before] == home.lon_deg).all()
+        assert np.isfinite(track.columns["out_lat_deg"][accepted:]).all()
+
+
+def test_the_gate_lowers_the_error(cold):
+    """property: without block 1 the first minutes are worse, with its gate better."""
+    error = {}
+    for gate in (True, False):
+        track = replay(cold.log, Options(last_position=gate))
+        out = cold.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
+        error[gate] = np.nanmax(np.hypot(*out)[:90])
+    assert error[True] < error[False]
+
+
+def test_standing_still(stand):
+    """property: 30 min of rest at 4 Hz: static throughout, layers fill, updates get rarer."""
+    track = replay(stand.log)
+    assert track.columns["moving"][10:].sum() == 0
+    layer = track.columns["layer"]
+    assert (np.diff(layer) >= 0).all() and layer[-1] == 3
+    lat = track.columns["out_lat_deg"]
+    for k, every in ((1, 10), (2, 100)):
+        at = np.flatnonzero(layer == k)
+        changes = np.flatnonzero(np.diff(lat[at]) != 0)
+        assert np.median(np.diff(changes)) == every
+
+
+def test_no_output_leaves_the_95_percent_circle():
+    """property: on simulated stands whose errors last under a minute, from layer 2 on, none."""
+    from analysis.tracker.scenarios import GnssErrors
+
+    errors = GnssErrors(drift=((1.0, 20.0),), white_m=0.5)
+    for seed in range(5):
+        scenario = scenario_a(np.random.default_rng(seed), minutes=30.0, gnss=errors)
+        track = replay(scenario.log)
+        raw = np.hypot(*scenario.error(scenario.log.gnss.lat_deg, scenario.log.gnss.lon_deg))
+        out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
+        full = track.columns["layer"] >= 2
+        assert full.sum() > 1500
+        assert np.hypot(*out)[full].max() < np.percentile(raw, 95)
+
+
+@pytest.mark.parametrize("push", [0.15, 0.3, 1.0])
+def test_wakes_within_an_epoch(stand, push):
+    """published: motion ends the stand at once: by the next epoch the layer is 0."""
+    imu = stand.log.imu
+    accel = imu.accel_b.copy()
+    pushed = (imu.t_s >= 600.1) & (imu.t_s < 602.0)
+    east = np.array([0.0, push, 0.0])
+    accel[pushed] += np.einsum("ji,j->i", stand.C_nb[0], east)
+    log = replace(stand.log, imu=replace(imu, accel_b=accel))
+    track = replay(log)
+    at = {t: k for k, t in enumerate(track.columns["t_s"].tolist())}
+    assert track.columns["layer"][at[600.0]] == 2
+    assert track.columns["moving"][at[601.0]] == 1
+    assert track.columns["layer"][at[601.0]] == 0
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+def test_each_block_can_be_left_out(laps, block):
+    """property: a replay without any one block runs, says so, and its columns are empty."""
+    scenario, _ = laps
+    track = replay(scenario.log, Options(**{block: False}))
+    assert track.summary["blocks"][block] == "off"
+    assert np.isfinite(track.columns["out_lat_deg"]).all()
+    if block in ("attitude", "mounting"):
+        assert np.isnan(track.columns["mount_deg"]).all()
+    if block == "attitude":
+        assert np.isnan(track.columns["roll_deg"]).all()
+        assert track.summary["blocks"]["fusion"].startswith("needs")
+    if block == "static":
+        assert track.columns["moving"].all()
+    if block in ("static", "low_pass"):
+        assert not track.columns["layer"].any()
+
+
+def test_gnss_without_imu(laps):
+    """property: what needs an IMU says so; the gate, the static test and the low-pass run."""
+    scenario, _ = laps
+    track = replay(without(scenario.log, "imu"))
+    assert any(note.startswith("no IMU: blocks 2, 5 and 6") for note in track.notes)
+    assert np.isnan(track.columns["roll_deg"]).all()
+    assert track.columns["layer"].max() >= 1  # the 20 s before setting off
+    moving = track.columns["moving"].astype(bool)
+    assert (moving[30:-12]).all()
+    np.testing.assert_allclose(
+        track.columns["out_lat_deg"][moving], scenario.log.gnss.lat_deg[moving], atol=1e-9
+    )
+
+
+def test_imu_without_gnss(laps):
+    """property: roll, pitch and the static test run, a row a second; no position appears."""
+    scenario, _ = laps
+    track = replay(without(scenario.log, "gnss"))
+    assert any(note.startswith("no GNSS") for note in track.notes)
+    assert len(track.columns["t_s"]) == math.floor(scenario.log.duration_s)
+    assert np.isfinite(track.columns["roll_deg"][3:]).all()
+    for name in ("yaw_deg", "mount_deg", "out_lat_deg", "lat_deg"):
+        assert np.isnan(track.columns[name]).all()
+    assert track.summary["blocks"]["low_pass"] == "needs GNSS"
+    still = replay(without(scenario.log, "gnss"), stored=Stored(44.5, 11.3, 0.0, 0.0, 1.0))
+    assert (still.columns["out_lat_deg"] == 44.5).all()
+
+
+def test_no_fix_at_all(cold):
+    """property: a log without any fix gives rows without a position, and says so."""
+    log = inject_outages(cold.log, [(0.0, 1e9)])
+    track = replay(log)
+    assert not track.columns["has_fix"].any()
+    assert np.isnan(track.columns["out_lat_deg"]).all()
+    assert any("no fix in the whole log" in note for note in track.notes)
+    assert track.stored is None
+
+
+def test_only_poor_fixes(cold):
+    """property: a log whose fixes are all above the gate accepts none, and says so."""
+    poor = replace(
+        cold.log, gnss=replace(cold.log.gnss, pdop=np.full(len(cold.log.gnss.t_s), 20.0))
+    )
+    track = replay(poor)
+    assert track.summary["fixes"]["accepted"] == 0
+    assert any("none is accepted" in note for note in track.notes)
+
+
+def test_mixed_up_axes_are_noticed(laps):
+    """property: a gyro whose roll and pitch are swapped and turned gives a warning, not silence."""
+    log = laps[0].log
+    fast = np.tile([[0.0, 0.3, 0.0]], (len(log.imu.t_s), 1)) * np.sin(0.5 * log.imu.t_s)[:, None]
+    wrong = replace(log, imu=replace(log.imu, gyro_b=log.imu.gyro_b + 4 * fast))
+    assert any("contradict each other" in note for note in replay(wrong).notes)
+    assert not any("contradict" in note for note in laps[1].notes)
+
+
+def test_a_gap_in_the_imu(laps):
+    """property: a minute without IMU samples is no crash and no wild position."""
+    scenario, _ = laps
+    imu = scenario.log.imu
+    keep = (imu.t_s < 60) | (imu.t_s > 120)
+    log = replace(scenario.log, imu=Imu(imu.t_s[keep], imu.gyro_b[keep], imu.accel_b[keep]))
+    track = replay(log)
+    inside = (track.columns["t_s"] > 62) & (track.columns["t_s"] < 120)
+    assert np.isfinite(track.columns["out_lat_deg"]).all()
+    out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
+    raw = scenario.error(scenario.log.gnss.lat_deg, scenario.log.gnss.lon_deg)
+    assert np.hypot(*out)[inside].max() < 2 * np.hypot(*raw).max() + 2
+
+
+def test_single_precision(laps):
+    """property: in float32 the track is the same to 10 cm and a degree of mounting angle."""
+    scenario, double = laps
+    single = replay(scenario.log, Options(dtype=np.float32))
+    assert single.summary["number_type"] == "float32"
+    apart = np.hypot(*(a - b for a, b in zip(metres(single), metres(double), strict=True)))
+    assert apart.max() < 0.1
+    assert np.nanmax(np.abs(single.columns["mount_deg"] - double.columns["mount_deg"])) < 1.0
+
+
+def test_over_the_date_line():
+    """property: a drive over 180 deg of longitude has no jump."""
+    n = 100
+    lon = (179.9995 + 1e-5 * np.arange(n) + 180) % 360 - 180
+    same = np.ones(n)
+    gnss = Gnss(
+        np.arange(n) * 1.0, -17 * same, lon, 0 * same, 2 * same, 1.06 * same, 90 * same, same > 0
+    )
+    track = replay(Timeline(gnss, None))
+    np.testing.assert_allclose(track.columns["out_lon_deg"], lon, atol=1e-9)
+
+
+# --- the command ---------------------------------------------------------------------------------
+
+
+def files(folder):
+    """List what is in a folder, hidden files too."""
+    return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*"))
+
+
+def test_command(tmp_path, cold):
+    """property: two files in, two files out; what was found is printed; the position is kept."""
+    paths = as_csv(cold.log, tmp_path)
+    memory = tmp_path / "last.json"
+    status, out, err = run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
+    assert (status, err) == (0, "")
+    assert files(tmp_path / "out") == ["summary.json", "track.csv"]
+    assert "fixes: " in out and "track.csv and summary.json are written" in out
+    stored, note = load(memory)
+    assert note is None
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["source"]["files"].keys() == {"gnss.csv", "imu.csv"}
+    status, out, _ = run("replay", *paths, "--out", tmp_path / "two", "--last-position", memory)
+    with (tmp_path / "two" / "track.csv").open() as handle:
+        first = next(csv.DictReader(handle))
+    assert float(first["out_lat_deg"]) == pytest.approx(stored.lat_deg, abs=1e-8)
+
+
+def test_command_reads_what_it_is_given(tmp_path, cold):
+    """property: files give the same track as the timeline they were written from."""
+    paths = as_csv(cold.log, tmp_path)
+    log = tracks.read(paths)
+    a, b = replay(log), replay(cold.log)
+    for name in COLUMNS:
+        np.testing.assert_allclose(a.columns[name], b.columns[name], atol=1e-6, equal_nan=True)
+
+
+def test_command_switches(tmp_path, cold):
+    """property: blocks off, outages and single precision are in the summary and in the track."""
+    paths = as_csv(cold.log, tmp_path)
+    status, _, err = run(
+        "replay", *paths, "--out", tmp_path / "out", "--without", "low-pass", "--without",
+        "mounting", "--outage", "200:220", "--float32",
+    )  # fmt: skip
+    assert (status, err) == (0, "")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["blocks"]["low_pass"] == summary["blocks"]["mounting"] == "off"
+    assert summary["number_type"] == "float32"
+    with (tmp_path / "out" / "track.csv").open() as handle:
+        rows = list(csv.DictReader(handle))
+    lost = [float(r["t_s"]) for r in rows if r["has_fix"] == "0" and float(r["t_s"]) > 100]
+    assert lost == [float(t) for t in range(200, 220)]
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b'{"position": "x", "crc32": 1}\n'])
+def test_a_damaged_memory_is_a_warning(tmp_path, cold, content):
+    """property: ignored with a warning on stderr, never trusted, and replaced by a good one."""
+    paths = as_csv(cold.log, tmp_path, imu=False)
+    memory = tmp_path / "last.json"
+    memory.write_bytes(content)
+    status, _, err = run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
+    assert status == 0
+    assert err.startswith("warning: the stored position in last.json is not used")
+    assert err.count("\n") == 1
+    with (tmp_path / "out" / "track.csv").open() as handle:
+        assert next(csv.DictReader(handle))["out_lat_deg"] == ""
+    assert load(memory)[0] is not None
+
+
+WRONG = {
+    "no such log": (["nothing.nmea"], 2, "nothing.nmea"),
+    "an outage backward": (["gnss.csv", "--outage", "20:10"], 2, "FROM:TO"),
+    "an outage of words": (["gnss.csv", "--outage", "all"], 2, "FROM:TO"),
+    "an outage after the end": (["gnss.csv", "--outage", "99999:100000"], 2, "lies beyond"),
+    "columns without equals": (["gnss.csv", "--columns", "lat"], 2, "OURS=THEIRS"),
+    "two GNSS logs": (["gnss.csv", "gnss2.csv"], 2, "second GNSS"),
+    "a binary file": (["noise.bin"], 1, "noise.bin"),
+    "an empty file": (["empty.csv"], 1, "empty"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_refusals_leave_nothing(tmp_path, monkeypatch, cold, case):
+    """property: the right status, one sentence, and neither a result nor a stored position."""
+    arguments, expected, word = WRONG[case]
+    as_csv(cold.log, tmp_path, imu=False)
+    (tmp_path / "gnss2.csv").write_bytes((tmp_path / "gnss.csv").read_bytes())
+    (tmp_path / "noise.bin").write_bytes(np.random.default_rng(1).bytes(5000))
+    (tmp_path / "empty.csv").write_bytes(b"")
+    before = files(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run("replay", *arguments, "--out", "out", "--last-position", "last.json")
+    assert (status, out) == (expected, "")
+    assert word in err and err.count("\n") == 1 and str(tmp_path) not in err
+    assert files(tmp_path) == before
+
+
+def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, cold):
+    """property: whatever goes wrong while writing, the earlier files stay as they were."""
+    paths = as_csv(cold.log, tmp_path, imu=False)
+    assert run("replay", *paths, "--out", tmp_path / "out")[0] == 0
+    old = (tmp_path / "out" / "track.csv").read_bytes()
+
+    def stop(summary):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tracks, "_rounded", stop)
+    assert run("replay", *paths, "--out", tmp_path / "out")[0] == 130
+    assert files(tmp_path / "out") == ["summary.json", "track.csv"]
+    assert (tmp_path / "out" / "track.csv").read_bytes() == old
+
+
+@pytest.mark.parametrize("out", ["gnss.csv", "gnss.csv/deep"])
+def test_no_folder_where_a_file_is(tmp_path, cold, out):
+    """property: an --out that cannot be is refused before or after, and the file stays."""
+    paths = as_csv(cold.log, tmp_path, imu=False)
+    status, _, err = run("replay", *paths, "--out", tmp_path / out)
+    assert status in (1, 2)
+    assert "--out" in err
+    assert files(tmp_path) == ["gnss.csv"]
+
+
+def test_a_memory_that_cannot_be_written(tmp_path, cold):
+    """property: refused in a sentence."""
+    paths = as_csv(cold.log, tmp_path, imu=False)
+    status, _, err = run(
+        "replay", *paths, "--out", tmp_path / "out", "--last-position", tmp_path / "no" / "l.json"
+    )
+    assert status == 1
+    assert "--last-position" in err
+
+
+def test_real_cold_starts(tmp_path):
+    """property: gpsd's logs: nothing out before the gate opens, and the gate's verdicts."""
+    expected = {"rx210": (40, 36), "haicom-305N": (68, 37), "telit-he910": (187, 187)}
+    for name, (fixes, accepted) in expected.items():
+        track = replay(tracks.read([datasets.path(f"gpsd-logs/{name}.log")]))
+        assert (track.summary["fixes"]["with_fix"], track.summary["fixes"]["accepted"]) == (
+            fixes, accepted,
+        ), name  # fmt: skip
+        first = np.argmax(track.columns["accepted"])
+        assert np.isnan(track.columns["out_lat_deg"][:first]).all()
+        assert (track.columns["pdop"][track.columns["accepted"] == 1] <= 10).all()
+
+
+def test_memory_after_a_crash_is_the_last_one_written(tmp_path, cold):
+    """property: a run that is refused leaves the stored position of the run before."""
+    memory = tmp_path / "last.json"
+    save(memory, Stored(1.0, 2.0, 3.0, 4.0, 5.0))
+    before = memory.read_bytes()
+    (tmp_path / "bad.csv").write_text("t_s,lat_deg,lon_deg\n0,abc,1\n1,2,3\n")
+    status, _, _ = run(
+        "replay", tmp_path / "bad.csv", "--out", tmp_path / "o", "--last-position", memory
+    )
+    assert status != 0
+    assert memory.read_bytes() == before
+
+
+# --- speed ---------------------------------------------------------------------------------------
+
+
+def test_speed():
+    """property: faster than 250 x real time with a 40 Hz IMU, and a day of NMEA at 60 s a day.
+
+    The bars are 500 x and 60 s on an idle core (`analysis.replay_speed`); here half of that, since
+    tests run beside others. Processor time, best of three.
+    """
+    assert max(replay_speed.replay_speed(60.0) for _ in range(3)) > 250
+
+
+def test_speed_of_nmea(tmp_path):
+    """property: an hour of NMEA at 1 Hz in under 5 s, twice the share of a day in 60 s."""
+    assert min(replay_speed.nmea_seconds(1.0, folder=tmp_path) for _ in range(2)) < 5.0

@@ -1,0 +1,127 @@
+"""The simulated scenarios of the tracker paper: their truth, their readings, their errors."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from analysis.tracker import scenarios
+from analysis.tracker.errors import GRAVITY, GnssErrors, ImuErrors
+from analysis.tracker.regression import mounting_angle
+
+NO_ERROR = {
+    "gnss": GnssErrors(drift=(), white_m=0.0, speed_m_s=0.0),
+    "imu": ImuErrors(0.0, 0.0, 0.0, 0.0, 0.0),
+}
+
+
+def rng(seed=0):
+    """Make a generator."""
+    return np.random.default_rng(seed)
+
+
+def test_a_device_at_rest_feels_gravity_alone():
+    """analytic: without errors the specific force is one g along the true up, and no rotation."""
+    a = scenarios.scenario_a(rng(), minutes=1, **NO_ERROR)
+    up = a.C_nb[0].T @ [0.0, 0.0, -GRAVITY]
+    np.testing.assert_allclose(a.log.imu.accel_b, np.tile(up, (241, 1)), atol=1e-9)
+    np.testing.assert_allclose(a.log.imu.gyro_b, 0.0, atol=1e-12)
+    assert not a.moving.any()
+
+
+@pytest.mark.parametrize("mount", [0.0, 90.0, 200.0, 330.0])
+def test_setting_off_is_felt_along_the_heading(mount):
+    """analytic: 0.6 m/s^2 along the vehicle's heading, seen from the turned sensor."""
+    b = scenarios.scenario_b(rng(), laps=1, mount_deg=mount, **NO_ERROR)
+    imu = b.log.imu
+    first = (imu.t_s > 21) & (imu.t_s < 24)  # straight, setting off at the scenario's 0.6 m/s^2
+    levelled = Rotation.from_euler("ZYX", [0.0, -3.0, 2.0], degrees=True)  # the scenario's tilt
+    fx, fy, _ = levelled.apply(imu.accel_b[first]).mean(axis=0)
+    # 0.02: the first bend begins within the straight's last metres; the course turns by 1 deg.
+    assert fx == pytest.approx(0.6 * np.cos(np.radians(mount)), abs=0.02)
+    assert fy == pytest.approx(-0.6 * np.sin(np.radians(mount)), abs=0.02)
+
+
+def test_readings_are_those_of_the_true_motion():
+    """analytic: the integrated gyro gives the attitude, the force the speed, speed the place."""
+    b = scenarios.scenario_b(rng(), laps=1, **NO_ERROR)
+    gyro, dt = b.log.imu.gyro_b, 1 / 40
+    attitude = Rotation.from_matrix(b.C_nb[0])
+    velocity = np.zeros(3)
+    for k in range(40 * 60):
+        force = attitude.apply(b.log.imu.accel_b[k])
+        velocity += (force + np.array([0.0, 0.0, GRAVITY])) * dt
+        attitude *= Rotation.from_rotvec(gyro[k] * dt)
+    # 0.05 m/s of rectangles over a minute of at most 0.6 m/s^2; 0.01 rad likewise.
+    assert np.hypot(*velocity[:2]) == pytest.approx(b.speed_m_s[60], abs=0.05)
+    off = attitude.inv() * Rotation.from_matrix(b.C_nb[60])
+    assert off.magnitude() < 0.01
+    north, east = b.error(b.log.gnss.lat_deg, b.log.gnss.lon_deg)
+    assert np.abs([north, east]).max() < 1e-6
+
+
+def test_b_is_as_the_paper_describes_it():
+    """published: 17.6 km/h, 90 deg, 40 Hz, one fix a second, counter-clockwise laps."""
+    b = scenarios.scenario_b(rng())
+    imu, gnss = b.log.imu, b.log.gnss
+    speed = 3.6 * b.speed_m_s[b.moving].mean()
+    assert speed == pytest.approx(17.6, abs=0.05)
+    assert b.mount_deg == 90.0
+    assert np.median(np.diff(imu.t_s)) == pytest.approx(1 / 40)
+    assert set(np.round(np.diff(gnss.t_s), 9)) == {1.0}
+    turned = np.diff(np.unwrap(np.radians(b.course_deg))).sum() / (2 * np.pi)
+    assert turned == pytest.approx(-6, abs=0.05)
+
+
+def test_a_and_c_are_as_the_paper_describes_them():
+    """published: 90 min and 4 Hz; a cold boot with high PDOP and a walk back to the start."""
+    a, c = scenarios.scenario_a(rng()), scenarios.scenario_c(rng())
+    assert a.log.gnss.t_s[-1] == 5400.0
+    for log in (a.log, c.log):
+        assert np.median(np.diff(log.imu.t_s)) == pytest.approx(0.25)
+    first = np.argmax(c.log.gnss.has_fix)
+    assert not c.log.gnss.has_fix[:first].any() and first == 40
+    assert c.log.gnss.pdop[first] == pytest.approx(50.0)
+    assert (np.diff(c.log.gnss.pdop[first:]) < 0).all()
+    assert np.isnan(c.log.gnss.lat_deg[:first]).all()
+    assert np.hypot(c.north_m[-1], c.east_m[-1]) < 3.0
+
+
+def test_position_errors_have_the_stated_size():
+    """analytic: variance PDOP^2 (sum sigma^2 + white^2) per axis, over 200 independent logs."""
+    model = GnssErrors(drift=((1.5, 30.0), (0.5, 5.0)), white_m=0.3)
+    errors = []
+    for stream in np.random.SeedSequence(5).spawn(200):
+        b = scenarios.scenario_a(np.random.default_rng(stream), minutes=1, gnss=model)
+        north, east = b.error(b.log.gnss.lat_deg, b.log.gnss.lon_deg)
+        errors.append([north[30] / b.log.gnss.pdop[30], east[30] / b.log.gnss.pdop[30]])
+    expected = np.sqrt(1.5**2 + 0.5**2 + 0.3**2)
+    # 400 independent values: 3.5 % is one standard error, 12 % more than three.
+    assert np.std(errors) == pytest.approx(expected, rel=0.12)
+
+
+def test_vibration_has_no_lasting_part():
+    """property: the difference of white noise averages out as 1/n, not as 1/sqrt(n)."""
+    quiet, loud = (
+        scenarios.scenario_b(rng(2), laps=1, imu=ImuErrors(0, 0, 0, 0, v)) for v in (0.0, 0.2)
+    )
+    shaken = loud.log.imu.accel_b - quiet.log.imu.accel_b
+    ride = shaken[40 * 40 : 40 * 60]
+    assert 0.8 < ride[:, 0].std() < 1.3  # 0.2 of about 5 m/s
+    assert np.abs(ride.mean(axis=0)).max() < 5 / len(ride)
+
+
+def test_same_generator_same_log():
+    """property: a seed decides everything."""
+    one, two, other = (scenarios.scenario_c(rng(s)).log for s in (4, 4, 5))
+    np.testing.assert_array_equal(one.imu.accel_b, two.imu.accel_b)
+    np.testing.assert_array_equal(one.gnss.lat_deg, two.gnss.lat_deg)
+    assert not np.array_equal(one.gnss.lat_deg, other.gnss.lat_deg, equal_nan=True)
+
+
+@pytest.mark.parametrize("mount", [15.0, 90.0, 181.0, 355.0])
+def test_regression_finds_the_mounting_angle(mount):
+    """analytic: without errors the whole-log fit gives the angle back, to the leaning's 1 deg."""
+    b = scenarios.scenario_b(rng(), laps=2, mount_deg=mount, **NO_ERROR)
+    value, low, high = mounting_angle(b.log.gnss, b.log.imu, rng(), runs=20)
+    assert (value - mount + 180) % 360 - 180 == pytest.approx(0.0, abs=1.0)
+    assert low <= value <= high

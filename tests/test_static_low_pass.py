@@ -1,0 +1,128 @@
+"""Blocks 3 and 4: standing still, and the three layers of the low-pass filter."""
+
+import math
+
+import numpy as np
+import pytest
+
+from analysis.tracker.low_pass import LowPass, mean
+from analysis.tracker.static import THETA_A, StaticTest
+
+
+def test_threshold_is_the_papers():
+    """published: theta_A is 0.125 m/s^2."""
+    assert THETA_A == 0.125
+
+
+def test_moving_until_something_is_known():
+    """property: without any reading a vehicle is not called static."""
+    block = StaticTest()
+    assert block.moving
+    assert block.drive(math.nan)
+
+
+@pytest.mark.parametrize(("norm", "moving"), [(0.12, False), (0.13, True)])
+@pytest.mark.parametrize("angle", [0.0, 1.0, 4.0])
+def test_the_norm_of_the_horizontal_acceleration_decides(norm, moving, angle):
+    """published: static under theta_A at low speed, whatever the direction."""
+    block = StaticTest(accel_tau_s=0.0)
+    block.drive(0.1)
+    assert block.accelerate(norm * math.cos(angle), norm * math.sin(angle), 0.25) == moving
+
+
+def test_speed_is_filtered_but_never_waited_for_long():
+    """property: one noisy speed does not wake a standing vehicle; a plain one does at once."""
+    block = StaticTest()
+    for _ in range(5):
+        block.drive(0.1)
+    assert not block.drive(0.9)
+    assert block.drive(1.5)
+
+
+def test_no_speed_leaves_the_imu_to_judge():
+    """published: before the first fix the IMU alone says whether the device moves."""
+    block = StaticTest(accel_tau_s=0.0)
+    assert not block.accelerate(0.0, 0.01, 0.25)
+    assert not block.drive(math.nan)
+    assert block.accelerate(0.5, 0.0, 0.25)
+
+
+def test_a_lost_fix_does_not_stop_a_moving_vehicle():
+    """property: in a tunnel at constant speed the last speed stands."""
+    block = StaticTest()
+    for _ in range(5):
+        block.drive(15.0)
+    assert block.drive(math.nan)
+    assert block.accelerate(0.0, 0.0, 0.025)
+
+
+@pytest.mark.parametrize("rate", [4, 40, 100])
+@pytest.mark.parametrize("push", [0.2, 0.3, 1.0])
+def test_wakes_within_an_epoch(rate, push):
+    """published: any acceleration above theta_A ends the stand, within one second."""
+    block, rng = StaticTest(), np.random.default_rng(3)
+    for _ in range(30 * rate):
+        block.accelerate(*(0.02 * rng.standard_normal(2)), 1 / rate)
+    assert not block.drive(0.0)
+    woke = [block.accelerate(push, 0.0, 1 / rate) for _ in range(rate)]
+    assert any(woke)
+
+
+def test_white_noise_does_not_wake():
+    """property: an hour of a cheap accelerometer's noise at 40 Hz, 5 sigma below theta_A."""
+    block, rng = StaticTest(), np.random.default_rng(4)
+    block.drive(0.0)
+    noise = 0.025 * rng.standard_normal((144_000, 2))
+    assert not any(block.accelerate(x, y, 0.025) for x, y in noise.tolist())
+
+
+def test_mean():
+    """analytic: of a buffer, coordinate by coordinate."""
+    assert mean([[1.0, 2.0], [3.0, 6.0]]) == [2.0, 4.0]
+
+
+def test_layers_fill_one_after_the_other():
+    """published: layer k changes every 4, 4 x 3, 4 x 3 x 2 epochs; before, the fix passes."""
+    block = LowPass((4, 3, 2))
+    layers, outputs = zip(*(block.step([float(k * k)]) for k in range(60)), strict=True)
+    assert layers == (0,) * 3 + (1,) * 8 + (2,) * 12 + (3,) * 37
+    assert [o[0] for o in outputs[:3]] == [0.0, 1.0, 4.0]
+    for at, first in ((3, 0), (11, 0), (23, 0), (47, 24)):
+        assert outputs[at][0] == pytest.approx(np.mean(np.arange(first, at + 1) ** 2))
+    changes = [k for k in range(1, 60) if outputs[k] != outputs[k - 1]]
+    assert changes == [1, 2, 3, 7, 11, 23, 47]
+
+
+def test_waking_forgets_everything():
+    """published: motion ends the filtering at once, and the next stand starts afresh."""
+    block = LowPass((2, 2, 2))
+    for _ in range(20):
+        block.step([100.0])
+    block.wake()
+    assert (block.layer, block.position) == (0, None)
+    assert block.step([1.0]) == (0, [1.0])
+    assert block.step([3.0]) == (1, [2.0])
+
+
+@pytest.mark.parametrize("corr_time", [2.0, 20.0])
+def test_averages_stay_within_the_95_percent_circle(corr_time):
+    """property: with errors correlated over less than a layer, no output leaves the circle.
+
+    100 stands of 2000 s; from layer 2 on each output averages 100 fixes. For errors of 20 s the
+    mean of 100 s scatters by sqrt(40 / 100) of a fix, so the circle is 3.9 of its sigmas away.
+    """
+    a = math.exp(-1 / corr_time)
+    outside = total = 0
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        block, error, out = LowPass(), rng.standard_normal(2), []
+        noise = math.sqrt(1 - a * a) * rng.standard_normal((2000, 2))
+        for step in noise:
+            error = a * error + step
+            layer, position = block.step(error.tolist())
+            if layer >= 2:
+                out.append(position)
+        radius = np.hypot(*np.array(out).T)
+        outside += (radius > math.sqrt(-2 * math.log(0.05))).sum()
+        total += len(radius)
+    assert outside <= (0 if corr_time < 10 else 0.005 * total)

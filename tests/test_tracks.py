@@ -1,0 +1,493 @@
+"""Logs in: NMEA in every bad state it comes in, CSVs, and two logs on one clock."""
+
+import numpy as np
+import pytest
+
+from analysis import CannotAnswer, WrongUsage, datasets, tracks
+
+LAT, LON = 50.84, 4.347
+
+
+def sentence(body):
+    """Add dollar, checksum and line end."""
+    checksum = 0
+    for byte in body.encode():
+        checksum ^= byte
+    return f"${body}*{checksum:02X}\r\n"
+
+
+def place(k):
+    """Write a position a metre further north each second, as NMEA does."""
+    minutes = (LAT % 1) * 60 + k / 1852
+    return f"{int(LAT):02d}{minutes:08.5f},N,00420.82000,E"
+
+
+def clock(second):
+    """Write a time of day."""
+    second = second % 86400
+    return f"{int(second // 3600):02d}{int(second // 60 % 60):02d}{second % 60:05.2f}"
+
+
+def epoch(k, *, start=36000.0, fix=True, talker="GN", date="120624", pdop=2.0, speed=5.0):
+    """Write the sentences of one epoch."""
+    t = clock(start + k)
+    if not fix:
+        return [
+            sentence(f"{talker}RMC,{t},V,,,,,,,{date},,,N"),
+            sentence(f"{talker}GGA,{t},,,,,0,00,99.9,,,,,,"),
+        ]
+    return [
+        sentence(f"{talker}RMC,{t},A,{place(k)},{speed:.2f},10.00,{date},,,A"),
+        sentence(f"{talker}GGA,{t},{place(k)},1,08,1.0,100.0,M,47.0,M,,"),
+        sentence(f"{talker}GSA,A,3,01,02,03,04,,,,,,,,,{pdop:.1f},1.0,1.5"),
+    ]
+
+
+def nmea(folder, lines, name="drive.nmea"):
+    """Write lines (text or bytes) into a file."""
+    path = folder / name
+    path.write_bytes(b"".join(x if isinstance(x, bytes) else x.encode() for x in lines))
+    return path
+
+
+def flat(epochs):
+    """Join the sentences of epochs."""
+    return [line for lines in epochs for line in lines]
+
+
+def csv(folder, header, rows, name="log.csv"):
+    """Write a CSV."""
+    path = folder / name
+    path.write_text("\n".join([header, *(",".join(map(str, r)) for r in rows)]) + "\n")
+    return path
+
+
+def imu_rows(t, flip=1.0):
+    """Make IMU rows at times: t, gyro (deg/s), accel (m/s^2)."""
+    return [(f"{x:.3f}", 0.1, -0.2, 0.3, 0.01, 0.02, f"{-9.81 * flip}") for x in t]
+
+
+IMU = "t_s,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"
+GNSS = "t_s,lat_deg,lon_deg,height_m,pdop,speed_m_s,course_deg"
+
+
+def gnss_rows(t):
+    """Make GNSS rows at times."""
+    return [(x, LAT + 1e-5 * k, LON, 100.0, 1.8, 1.1, 359.0) for k, x in enumerate(t)]
+
+
+# --- NMEA ----------------------------------------------------------------------------------------
+
+
+def test_a_clean_log(tmp_path):
+    """analytic: position, height, PDOP, speed and course of each epoch as they were written."""
+    log = tracks.read([nmea(tmp_path, flat(epoch(k) for k in range(20)))])
+    gnss = log.gnss
+    np.testing.assert_allclose(gnss.t_s, np.arange(20.0))
+    assert gnss.has_fix.all()
+    np.testing.assert_allclose(gnss.lat_deg, LAT + np.arange(20) / 1852 / 60, atol=1e-7)
+    np.testing.assert_allclose(gnss.lon_deg, 4 + 20.82 / 60)
+    np.testing.assert_allclose(gnss.speed_m_s, 5 * 1852 / 3600)
+    np.testing.assert_allclose(gnss.course_deg, 10.0)
+    np.testing.assert_allclose(gnss.pdop, 2.0)
+    assert log.start_utc == "2024-06-12T10:00:00.000+00:00"
+    assert log.notes == ()
+    assert log.imu is None
+
+
+def test_wrong_checksums_are_left_out_and_counted(tmp_path):
+    """property: a flipped digit costs that sentence only, and is said."""
+    lines = flat(epoch(k) for k in range(10))
+    lines[4] = lines[4].replace("100.0", "900.0")  # GGA of the second epoch
+    log = tracks.read([nmea(tmp_path, lines)])
+    assert len(log.gnss.t_s) == 10
+    assert np.isfinite(log.gnss.lat_deg).all()  # RMC of the same epoch has the position too
+    assert np.nanmax(log.gnss.height_m) == 100.0
+    assert log.notes == (
+        "drive.nmea: 1 of 30 sentences cut off or with a wrong checksum, left out",
+    )
+
+
+def test_no_checksum_is_a_wrong_checksum(tmp_path):
+    """property: a sentence that cannot be checked is not believed."""
+    lines = flat(epoch(k) for k in range(5))
+    bare = [line.split("*")[0] + "\r\n" for line in flat([epoch(5)])]
+    log = tracks.read([nmea(tmp_path, [*lines, *bare])])
+    assert len(log.gnss.t_s) == 5
+    assert "3 of 18" in log.notes[0]
+
+
+@pytest.mark.parametrize("cut", range(1, 40, 3))
+def test_cut_sentences(tmp_path, cut):
+    """property: a log cut in the middle of its last sentence, or with a torn one, is read."""
+    text = "".join(flat(epoch(k) for k in range(5)))
+    log = tracks.read([nmea(tmp_path, [text[:-cut]])])
+    assert len(log.gnss.t_s) == 5
+    torn = "".join(flat([epoch(9)]))[:cut]
+    log = tracks.read([nmea(tmp_path, [text[:-1], torn, *flat(epoch(k) for k in range(5, 8))])])
+    assert log.gnss.t_s[-1] == 7.0
+    assert np.isfinite(log.gnss.lat_deg).all()
+
+
+def test_broken_lines_are_joined(tmp_path):
+    """property: a sentence on two lines counts if its checksum then agrees."""
+    lines = flat(epoch(k) for k in range(6))
+    whole = tracks.read([nmea(tmp_path, lines)]).gnss
+    lines[7] = lines[7][:30] + "\r\n" + lines[7][30:]
+    log = tracks.read([nmea(tmp_path, lines)])
+    np.testing.assert_array_equal(log.gnss.lat_deg, whole.lat_deg)
+    np.testing.assert_array_equal(log.gnss.height_m, whole.height_m)
+    assert log.notes == ("drive.nmea: 1 sentences broken over two lines, joined",)
+
+
+def test_binary_between_the_lines(tmp_path):
+    """property: messages of another protocol, dollars and stars among them, change nothing."""
+    rng = np.random.default_rng(1)
+    lines = []
+    for k in range(30):
+        for line in epoch(k):
+            lines += [rng.integers(0, 256, rng.integers(0, 80), dtype=np.uint8).tobytes(), line]
+    log = tracks.read([nmea(tmp_path, lines)])
+    np.testing.assert_allclose(log.gnss.t_s, np.arange(30.0))
+    assert log.gnss.has_fix.all()
+
+
+def test_mixed_talkers(tmp_path):
+    """property: GPS, GLONASS and combined solutions of one time are one epoch, the combined one."""
+    lines = []
+    for k in range(8):
+        t = clock(36000 + k)
+        wrong = place(k + 50)
+        lines += [
+            sentence(f"GPGGA,{t},{wrong},1,05,1.5,90.0,M,47.0,M,,"),
+            sentence(f"GLGGA,{t},{wrong},1,04,1.9,91.0,M,47.0,M,,"),
+            *epoch(k),
+        ]
+    log = tracks.read([nmea(tmp_path, lines)])
+    assert len(log.gnss.t_s) == 8
+    np.testing.assert_allclose(log.gnss.lat_deg, LAT + np.arange(8) / 1852 / 60, atol=1e-7)
+
+
+@pytest.mark.parametrize("kinds", [("RMC",), ("GGA",), ("GNS", "RMC"), ("GLL",)])
+def test_whichever_sentences_there_are(tmp_path, kinds):
+    """property: any sentence with a position makes an epoch."""
+    lines = []
+    for k in range(5):
+        t = clock(36000 + k)
+        body = {
+            "RMC": f"GNRMC,{t},A,{place(k)},5.00,10.00,120624,,,A",
+            "GGA": f"GNGGA,{t},{place(k)},1,08,1.0,100.0,M,47.0,M,,",
+            "GNS": f"GNGNS,{t},{place(k)},AN,08,1.0,100.0,47.0,,",
+            "GLL": f"GNGLL,{place(k)},{t},A,A",
+        }
+        lines += [sentence(body[kind]) for kind in kinds]
+    gnss = tracks.read([nmea(tmp_path, lines)]).gnss
+    np.testing.assert_allclose(gnss.t_s, np.arange(5.0))
+    has_position = np.isfinite(gnss.lat_deg)
+    assert has_position.all()
+    assert gnss.has_fix.all()
+
+
+def test_midnight(tmp_path):
+    """analytic: the timeline runs on over midnight, with or without a new date."""
+    for dates in (("120624", "130624"), ("120624", "120624")):
+        lines = flat(epoch(k, start=86395.0, date=dates[k >= 5], talker="GP") for k in range(12))
+        log = tracks.read([nmea(tmp_path, lines)])
+        np.testing.assert_allclose(log.gnss.t_s, np.arange(12.0))
+    assert any("do not follow" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("bogus", ["060180", "050104", "311299"])
+def test_bogus_dates_move_nothing(tmp_path, bogus):
+    """property: dates from before the first fix, or rolled over, are said and not used."""
+    lines = flat(epoch(k, date=bogus if k < 5 else "120624", fix=k >= 5) for k in range(12))
+    log = tracks.read([nmea(tmp_path, lines)])
+    np.testing.assert_allclose(log.gnss.t_s, np.arange(12.0))
+    assert log.start_utc == "2024-06-12T10:00:00.000+00:00"
+    assert sum("bogus or rolled over" in note for note in log.notes) == 1
+
+
+def test_no_fix_at_all(tmp_path):
+    """property: epochs without a fix are epochs; a log of nothing else is read."""
+    log = tracks.read([nmea(tmp_path, flat(epoch(k, fix=False) for k in range(10)))])
+    assert len(log.gnss.t_s) == 10
+    assert not log.gnss.has_fix.any()
+    assert np.isnan(log.gnss.lat_deg).all()
+
+
+def test_a_clock_set_at_the_first_fix(tmp_path):
+    """property: epochs of an unset clock are moved to end one interval before the first fix."""
+    early = flat(epoch(k, start=12.0, fix=False) for k in range(10))
+    log = tracks.read([nmea(tmp_path, early + flat(epoch(k) for k in range(10)))])
+    np.testing.assert_allclose(log.gnss.t_s, np.arange(20.0))
+    assert sum("sets its clock before the first fix" in note for note in log.notes) == 1
+
+
+def test_epochs_without_a_time(tmp_path):
+    """property: a receiver that does not know the time yet still has epochs, one interval apart."""
+    blank = [sentence("GPGGA,,,,,,0,,,,M,,M,,"), sentence("GPRMC,,V,,,,,,,,,,N")]
+    lines = [*blank * 7, *flat(epoch(k) for k in range(5)), *blank * 2, *flat([epoch(7)])]
+    log = tracks.read([nmea(tmp_path, lines)])
+    np.testing.assert_allclose(log.gnss.t_s, np.arange(15.0))
+    assert sum("9 epochs without a time of day" in note for note in log.notes) == 1
+
+
+def test_time_backward_is_refused(tmp_path):
+    """property: a log joined from two runs in the wrong order is refused, naming file and line."""
+    lines = flat(epoch(k) for k in range(100, 110)) + flat(epoch(k) for k in range(5))
+    with pytest.raises(CannotAnswer, match=r"drive.nmea, line 31: time goes backward by 109 s"):
+        tracks.read([nmea(tmp_path, lines)])
+
+
+def test_what_was_written_twice_is_left_out(tmp_path):
+    """property: the same epoch again is no new epoch."""
+    lines = flat(epoch(k) for k in range(5))
+    log = tracks.read([nmea(tmp_path, [*lines, *lines[-3:], *flat(epoch(k) for k in (5, 6))])])
+    np.testing.assert_allclose(log.gnss.t_s, np.arange(7.0))
+
+
+@pytest.mark.parametrize("content", [b"$GPGGA", b"$GPGGA,1,2\r\n" * 20, b"$GPGSA,A,3*00\r\n"])
+def test_nothing_usable(tmp_path, content):
+    """property: what looks like NMEA and holds no position is refused in a sentence."""
+    with pytest.raises((CannotAnswer, WrongUsage)) as caught:
+        tracks.read([nmea(tmp_path, [content])])
+    assert "drive.nmea" in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["telit-he910", "rx210", "haicom-305N", "quectel", "ublox-8"])
+def test_real_receivers(name):
+    """property: gpsd's logs as their README describes them: epochs, fixes, first PDOP."""
+    log = tracks.read([datasets.path(f"gpsd-logs/{name}.log")])
+    expected = {
+        "telit-he910": (224, 187, 4.0),
+        "rx210": (62, 40, 53.32),
+        "haicom-305N": (74, 68, 17.0),
+        "quectel": (42, 34, 1.4),
+        "ublox-8": (72, 72, 1.71),
+    }[name]
+    gnss = log.gnss
+    first = gnss.pdop[np.argmax(gnss.has_fix)]
+    assert (len(gnss.t_s), gnss.has_fix.sum(), first) == expected
+    assert (np.diff(gnss.t_s) > 0).all()
+
+
+def test_the_telit_steps_back():
+    """property: its second epoch is stamped 0.302 s before its first: said, and put right."""
+    log = tracks.read([datasets.path("gpsd-logs/telit-he910.log")])
+    assert any("line 267: the receiver sets its clock (-0.302 s)" in n for n in log.notes)
+    np.testing.assert_allclose(np.diff(log.gnss.t_s[:40])[:38], 1.0, atol=1e-6)
+
+
+# --- host stamps, and an IMU beside ---------------------------------------------------------------
+
+
+def stamp(seconds, form):
+    """Write a host's stamp."""
+    if form == "iso":
+        return f"2024-06-12T10:{int(seconds // 60):02d}:{seconds % 60:06.3f}Z"
+    if form == "ms":
+        return f"{round(1000 * seconds) + 123456}"
+    return f"{1718186400 + seconds:.3f}"
+
+
+@pytest.mark.parametrize("form", ["unix", "iso", "ms"])
+@pytest.mark.parametrize("own_line", [True, False])
+def test_host_stamps(tmp_path, form, own_line):
+    """published: sentences interspersed with the host's time stamps, and an IMU on that clock."""
+    lines = []
+    for k in range(20):
+        sep = "\r\n" if own_line else " "
+        lines += [stamp(k + 0.25, form) + sep, *epoch(k)]
+    path = nmea(tmp_path, lines)
+    t = np.arange(0, 20, 0.25)
+    rows = [(stamp(x, form), *row[1:]) for x, row in zip(t, imu_rows(t), strict=True)]
+    name = {"unix": "t_s", "iso": "time", "ms": "t_ms"}[form]
+    log = tracks.read([path, csv(tmp_path, IMU.replace("t_s", name, 1), rows)])
+    np.testing.assert_allclose(log.imu.t_s, t, atol=1e-6)
+    np.testing.assert_allclose(log.gnss.t_s, np.arange(20) + 0.25, atol=1e-6)
+    assert any("host's stamps" in note for note in log.notes)
+
+
+def test_a_stamp_inside_a_sentence(tmp_path):
+    """property: a stamp that cuts a sentence in two is taken out again."""
+    lines = []
+    for k in range(20):
+        lines += [stamp(k, "unix") + "\r\n", *epoch(k)]
+        if k == 10:
+            broken = lines[-2]
+            lines[-2] = broken[:25] + "\r\n" + stamp(k + 0.1, "unix") + "\r\n" + broken[25:]
+    log = tracks.read([nmea(tmp_path, lines)])
+    assert len(log.gnss.t_s) == 20
+    assert np.isfinite(log.gnss.height_m).all()
+    assert any("joined" in note for note in log.notes)
+
+
+def test_numbers_in_binary_are_no_stamps(tmp_path):
+    """property: digits that stand before a sentence now and then are not taken as time."""
+    lines = [("7" if k % 9 == 0 else "") + line for k in range(20) for line in epoch(k)]
+    log = tracks.read([nmea(tmp_path, lines)])
+    np.testing.assert_allclose(log.gnss.t_s, np.arange(20.0))
+
+
+def test_time_of_day_joins_two_logs(tmp_path):
+    """property: NMEA in UTC and an IMU with Unix stamps meet, whatever the date in the NMEA."""
+    for date in ("120624", "271004"):  # the second one is 1024 weeks early
+        path = nmea(tmp_path, flat(epoch(k, date=date) for k in range(10)))
+        rows = [(f"{1718186400 + k:.3f}", *r[1:]) for k, r in enumerate(imu_rows((0, 1, 2)))]
+        log = tracks.read([path, csv(tmp_path, IMU, rows)])
+        np.testing.assert_allclose(log.imu.t_s, [0, 1, 2], atol=1e-6)
+
+
+def test_clocks_that_do_not_meet(tmp_path):
+    """property: an uptime and a time of day cannot be matched: the offset is asked for."""
+    path = nmea(tmp_path, flat(epoch(k) for k in range(10)))
+    imu = csv(tmp_path, IMU, imu_rows(np.arange(0, 8, 0.5)))
+    with pytest.raises(WrongUsage, match="--imu-offset"):
+        tracks.read([path, imu])
+    log = tracks.read([path, imu], imu_offset=1.5)
+    assert log.imu.t_s[0] - log.gnss.t_s[0] == pytest.approx(1.5)
+
+
+def test_logs_of_two_rides(tmp_path):
+    """property: logs that do not overlap are refused, saying how far apart they are."""
+    gnss = csv(tmp_path, GNSS, gnss_rows(range(10)), "gnss.csv")
+    imu = csv(tmp_path, IMU, imu_rows(np.arange(500, 510, 0.25)), "imu.csv")
+    with pytest.raises(CannotAnswer, match="do not overlap: 491 s"):
+        tracks.read([gnss, imu])
+
+
+def test_two_of_a_kind(tmp_path):
+    """property: a second GNSS log is wrong usage."""
+    a = csv(tmp_path, GNSS, gnss_rows(range(10)), "a.csv")
+    b = csv(tmp_path, GNSS, gnss_rows(range(10)), "b.csv")
+    with pytest.raises(WrongUsage, match=r"b.csv: a second GNSS log"):
+        tracks.read([a, b])
+
+
+# --- CSV -----------------------------------------------------------------------------------------
+
+
+def test_csv_with_everything(tmp_path):
+    """analytic: units in the names; positions held over IMU rows are one epoch each."""
+    t = np.arange(0, 20, 0.1)
+    header = "time_s,latitude,longitude,altitude,pdop,speed_km_h,bearing," + IMU[4:]
+    rows = []
+    for x in t:
+        s = int(x)
+        rows.append((f"{x:.1f}", LAT + 1e-5 * s, LON, 90.0, 1.5, 36.0, 45.0, *imu_rows([x])[0][1:]))
+    log = tracks.read([csv(tmp_path, header, rows)])
+    np.testing.assert_allclose(log.gnss.t_s, np.arange(20.0))
+    np.testing.assert_allclose(log.gnss.speed_m_s, 10.0)
+    np.testing.assert_allclose(log.gnss.course_deg, 45.0)
+    assert len(log.imu.t_s) == 200
+    np.testing.assert_allclose(log.imu.gyro_b[0], np.radians([0.1, -0.2, 0.3]))
+    assert any("held over rows: 20 epochs" in note for note in log.notes)
+
+
+@pytest.mark.parametrize(
+    ("unit", "one"), [("g", 9.80665), ("mg", 9.80665e-3), ("m_s2", 1.0), (None, 1.0)]
+)
+def test_accelerometers_in_any_unit(tmp_path, unit, one):
+    """property: the same log in g, mg, m/s^2, or without a unit gives the same specific force."""
+    header = IMU.replace("_m_s2", f"_{unit}" if unit else "")
+    rows = [(*r[:4], *(float(a) / one for a in r[4:])) for r in imu_rows(np.arange(20))]
+    log = tracks.read([csv(tmp_path, header, rows)])
+    np.testing.assert_allclose(log.imu.accel_b[0], [0.01, 0.02, -9.81], rtol=1e-9)
+    assert log.gnss is None
+
+
+def test_accelerations_without_gravity_are_refused(tmp_path):
+    """property: "linear acceleration" is not what the blocks need, and would be silently wrong."""
+    rows = [(*r[:6], 0.03) for r in imu_rows(np.arange(20))]
+    with pytest.raises(WrongUsage, match="gravity"):
+        tracks.read([csv(tmp_path, IMU, rows)])
+
+
+def test_gyros_without_a_unit_are_refused(tmp_path):
+    """property: degrees or radians is not guessed; --columns says it, a minus turns an axis."""
+    path = csv(tmp_path, IMU.replace("_deg_s", ""), imu_rows(np.arange(20)))
+    with pytest.raises(WrongUsage, match="gyro_x_deg_s=gyro_x"):
+        tracks.read([path])
+    named = {"gyro_x_deg_s": "gyro_x", "gyro_y_deg_s": "-gyro_y", "gyro_z_deg_s": "gyro_z"}
+    log = tracks.read([path], columns=named)
+    np.testing.assert_allclose(log.imu.gyro_b[0], np.radians([0.1, 0.2, 0.3]))
+
+
+def test_half_an_imu_is_no_imu(tmp_path):
+    """property: an accelerometer without a gyro is left out, which is said."""
+    header = GNSS + ",accel_x_g,accel_y_g,accel_z_g"
+    log = tracks.read([csv(tmp_path, header, [(*r, 0, 0, -1) for r in gnss_rows(range(9))])])
+    assert log.imu is None
+    assert any("only accel_x, accel_y, accel_z" in note for note in log.notes)
+
+
+@pytest.mark.parametrize("unit", ["m_s", "km_h", "knots", "mph"])
+def test_speed_without_a_unit(tmp_path, unit):
+    """property: the unit comes from the positions if they go far enough, else it is asked for."""
+    one = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}[unit]
+    rows = [
+        (k, f"{LAT + 12.0 * k / 111_195:.8f}", LON, 100.0, 1.5, f"{12.0 / one:.4f}", 0.0)
+        for k in range(60)
+    ]
+    header = GNSS.replace("speed_m_s", "Speed")
+    log = tracks.read([csv(tmp_path, header, rows)])
+    np.testing.assert_allclose(log.gnss.speed_m_s, 12.0, rtol=1e-4)
+    with pytest.raises(WrongUsage, match="speed_m_s=Speed"):
+        tracks.read([csv(tmp_path, header, rows[:5])])
+
+
+def test_missing_values_and_no_fix(tmp_path):
+    """property: empty cells, a zero position and has_fix = 0 are no fix; the epochs stay."""
+    rows = [[*r, 1] for r in gnss_rows(range(10))]
+    rows[2][1] = rows[2][2] = ""
+    rows[3][1] = rows[3][2] = 0
+    rows[4][-1] = 0
+    log = tracks.read([csv(tmp_path, GNSS + ",has_fix", rows)])
+    assert np.flatnonzero(~log.gnss.has_fix).tolist() == [2, 3, 4]
+    assert np.isnan(log.gnss.speed_m_s[2:5]).all()
+
+
+BACK = [*range(10), 4, 5]
+REFUSED = {
+    "GNSS time backward": (GNSS, gnss_rows(BACK), CannotAnswer, ("line 12", "'t_s'", "backward")),
+    "IMU time backward": (
+        IMU, imu_rows([*range(30), *range(20, 40)]), CannotAnswer, ("line 32", "'t_s'", "backward"),
+    ),
+    "nowhere on Earth": (
+        GNSS, [(0, 123.0, 4.0, 0, 1, 1, 1), (1, 50, 4, 0, 1, 1, 1)], CannotAnswer,
+        ("line 2", "'lat_deg'", "nowhere"),
+    ),
+    "text in a column": (GNSS, [*gnss_rows(range(30)), (30, "x", 1, 1, 1, 1, 1), *gnss_rows([31])],
+        CannotAnswer, ("line 32", "'lat_deg'", "'x'")),
+    "no time": (GNSS[4:], [r[1:] for r in gnss_rows(range(5))], WrongUsage, ("t_s=COLUMN",)),
+    "neither": ("t_s,temperature", [(k, 20.5) for k in range(5)], WrongUsage, ("lat_deg",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals(tmp_path, case):
+    """property: one sentence with file, and where there is one, line and column."""
+    header, rows, kind, words = REFUSED[case]
+    with pytest.raises(kind) as caught:
+        tracks.read([csv(tmp_path, header, rows)])
+    for word in ("log.csv", *words):
+        assert word in str(caught.value), word
+    assert "\n" not in str(caught.value)
+
+
+def test_a_few_late_rows_are_dropped(tmp_path):
+    """property: under one row in a hundred may step back; it is left out, and said."""
+    t = np.arange(0, 100, 0.25)
+    t[200] = t[198]
+    log = tracks.read([csv(tmp_path, IMU, imu_rows(t))])
+    assert len(log.imu.t_s) == 399
+    assert any("1 rows not later than the row before" in note for note in log.notes)
+
+
+def test_unknown_columns_are_wrong_usage(tmp_path):
+    """property: --columns is checked on both sides of its equals sign."""
+    path = csv(tmp_path, GNSS, gnss_rows(range(9)))
+    with pytest.raises(WrongUsage, match="no column 'Breite'"):
+        tracks.read([path], columns={"lat_deg": "Breite"})
+    with pytest.raises(WrongUsage, match="'altimeter' is none of"):
+        tracks.read([path], columns={"altimeter": "height_m"})
