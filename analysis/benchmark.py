@@ -4,12 +4,14 @@ Each entry of `BENCHMARKS` yields `Measured` rows; a new one is a function here 
 Peers come with the extra ``test``; an entry whose peer is not installed says so and goes on.
 """
 
+import tempfile
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from analysis import roads
+from analysis import replay_speed, roads
 from analysis.terrain import setup, sweep
 from analysis.terrain.attitude_map import AttitudeMap
 from analysis.terrain.ukf import Ukf
@@ -95,9 +97,24 @@ def figures_8_to_11():
     yield Measured("filter steps per second in the sweep", steps / seconds, "1/s")
 
 
+def tracker():
+    """Time the six blocks of the tracker on a drive with a 40 Hz IMU, and a day of NMEA at 1 Hz.
+
+    Yields
+    ------
+    Measured
+    """
+    rate = replay_speed.replay_speed()
+    yield Measured("replay with a 40 Hz IMU, one core", rate, "x real time", ">= 500")
+    with tempfile.TemporaryDirectory() as folder:
+        seconds = replay_speed.nmea_seconds(folder=Path(folder))
+    yield Measured("24 h of 1 Hz NMEA, read and replayed", seconds, "s", "<= 60")
+
+
 BENCHMARKS = {
     "unscented Kalman filter": ukf_against_filterpy,
     "sweeps of N and B": figures_8_to_11,
+    "tracker replay": tracker,
 }
 
 

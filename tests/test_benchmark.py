@@ -19,6 +19,13 @@ def test_the_sweep_fits_its_budget():
     assert found["Figs 8-11 in full, one core"] < 30
 
 
+def test_the_tracker_keeps_its_pace():
+    """property: half of the project's bars of 500 and 60 s, for tests share their processor."""
+    found = {m.bar: m.value for m in benchmark.tracker()}
+    assert found[">= 500"] > 250
+    assert found["<= 60"] < 120
+
+
 def test_the_command_prints_value_and_bar(monkeypatch, capsys):
     """property: a line for each number, with its bar; a missing peer is named, not a failure."""
 

@@ -22,7 +22,17 @@ def felt(mount, forward, lateral=0.0):
     return c * forward + s * lateral, -s * forward + c * lateral
 
 
-def ride(block, mount, speeds, courses=None, rates=None, rng=None, noise=0.0, level=(0.0, 0.0)):
+def ride(
+    block,
+    mount,
+    speeds,
+    courses=None,
+    rates=None,
+    rng=None,
+    noise=0.0,
+    level=(0.0, 0.0),
+    variance=None,
+):
     """Drive a block by speeds at 1 Hz; return how often it updated."""
     updates = 0
     for k in range(1, len(speeds)):
@@ -32,7 +42,14 @@ def ride(block, mount, speeds, courses=None, rates=None, rng=None, noise=0.0, le
             ax, ay = ax + noise * rng.standard_normal(), ay + noise * rng.standard_normal()
         course = 1.0 if courses is None else courses[k]
         updates += block.step(
-            float(k), 1.0, course, speeds[k], rate, ax + level[0], ay + level[1], noise**2
+            float(k),
+            1.0,
+            course,
+            speeds[k],
+            rate,
+            ax + level[0],
+            ay + level[1],
+            noise**2 if variance is None else variance,
         )
     return updates
 
@@ -82,12 +99,29 @@ def test_a_bent_path_is_no_straight():
     assert block.straights == []
 
 
-def test_a_little_bend_does_no_harm():
-    """analytic: 1 deg/s passes as straight; its sideways acceleration is known and taken off."""
-    block, n = Mounting(), 20
-    rate = math.radians(1.0)
-    assert ride(block, 2.0, 10 + setting_off(n), rate * np.arange(n), np.full(n, rate)) >= 1
-    assert math.degrees(wrap(block.mount - 2.0)) == pytest.approx(0.0, abs=0.01)
+def up_and_down(n=30, a=1.2, period=6.0):
+    """Speeds that rise and fall, as between the bends of a road."""
+    return 8.0 + a * period / (2 * np.pi) * np.sin(2 * np.pi * np.arange(n) / period)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_a_little_bend_does_no_harm(share):
+    """analytic: 1 deg/s passes as straight; however much of it is felt, 0.3 deg are left."""
+    block, speeds, rate = Mounting(), up_and_down(), math.radians(1.0)
+    for k in range(1, len(speeds)):
+        ax, ay = felt(2.0, speeds[k] - speeds[k - 1], share * speeds[k] * rate)
+        block.step(float(k), 1.0, rate * k, speeds[k], rate, ax, ay, 0.0)
+    assert len(block.straights) >= 4
+    assert math.degrees(wrap(block.mount - 2.0)) == pytest.approx(0.0, abs=0.3)
+
+
+def test_fixes_that_jitter_make_no_longer_entries():
+    """property: epochs of 0.96 and 1.04 s by turns fill a buffer in as many epochs as of 1 s."""
+    block, speeds = Mounting(), up_and_down(8)
+    for k in range(1, 8):
+        dt = 0.96 if k % 2 else 1.04
+        block.step(float(k), dt, 1.0, speeds[k], 0.0, *felt(1.0, speeds[k] - speeds[k - 1]), 0.0)
+    assert [s.t_s for s in block.straights] == [7.0]
 
 
 def test_a_course_over_north_is_no_bend():
@@ -102,32 +136,54 @@ def test_slow_courses_count_little():
     assert course_variance(entries) < math.radians(3.0) ** 2
 
 
-def test_stated_sigma_covers():
-    """coverage: 400 noisy straights; the error is within 1.96 sigma in at least 93 %."""
-    rng, inside, errors = np.random.default_rng(2), 0, []
+@pytest.mark.parametrize("straights", [1, 8])
+@pytest.mark.parametrize("noise", [0.2, 0.4])
+def test_stated_sigma_covers(noise, straights):
+    """coverage: 400 rides on roads with slopes; the error is within 1.96 sigma in 90 to 98.5 %.
+
+    The noise is what is assumed, or twice that; the scatter then has to tell. After one straight
+    there are six entries to tell from, so there only the lower bound is asked for.
+    """
+    rng, inside, errors, sigmas = np.random.default_rng(2), 0, [], []
     for _ in range(400):
         mount = rng.uniform(0, 2 * np.pi)
-        block = Mounting(max_sigma=10.0)
-        level = 0.02 * rng.standard_normal(2)
-        ride(block, mount, setting_off(8), rng=rng, noise=0.05, level=level)
-        error = wrap(block.mount - mount)
-        errors.append(error)
-        inside += abs(error) <= 1.96 * block.sigma
-    assert inside >= 0.93 * 400
-    # and not absurdly wide: the mean stated sigma is under twice the scatter
-    assert block.sigma < 2 * np.std(errors)
+        block = Mounting(max_sigma=10.0, slope=(0.0, 10.0))
+        for _ in range(straights):
+            speeds = up_and_down(8, rng.uniform(0.8, 2.0))
+            level = 0.2 * rng.standard_normal(2)
+            ride(block, mount, speeds, rng=rng, noise=noise, level=level, variance=0.0)
+            block.interrupt()
+        errors.append(wrap(block.mount - mount))
+        sigmas.append(block.sigma)
+        inside += abs(errors[-1]) <= 1.96 * block.sigma
+    lowest = 0.90 if straights > 1 or noise == 0.2 else 0.80
+    assert lowest * 400 <= inside
+    if straights > 1:
+        assert inside <= 0.985 * 400
+        assert np.mean(sigmas) < 1.3 * np.std(errors)
 
 
 def test_a_new_mount_is_learnt():
-    """property: after the device is turned by 60 deg the angle follows within fifteen straights."""
+    """property: after the device is turned by 60 deg the angle follows within 25 straights."""
     block = Mounting()
-    for _ in range(10):
-        ride(block, 0.5, setting_off(8))
-        block.stand()
-    for _ in range(25):
-        ride(block, 0.5 + math.radians(60), setting_off(8))
-        block.stand()
-    assert math.degrees(wrap(block.mount - 0.5 - math.radians(60))) == pytest.approx(0.0, abs=5.0)
+    for mount, straights in ((0.5, 20), (0.5 + math.radians(60), 25)):
+        for _ in range(straights):
+            ride(block, mount, up_and_down(8))
+            block.interrupt()
+    assert math.degrees(wrap(block.mount - mount)) == pytest.approx(0.0, abs=5.0)
+
+
+def test_constant_speed_erases_nothing():
+    """property: a hundred straights that say nothing leave angle and sigma as they were."""
+    block, rng = Mounting(), np.random.default_rng(3)
+    for _ in range(3):
+        ride(block, 2.0, up_and_down(8), rng=rng, noise=0.1)
+        block.interrupt()
+    before = block.mount, block.sigma
+    ride(block, 2.0, np.full(700, 8.0), rng=rng, noise=0.1)
+    assert len(block.straights) > 100
+    assert math.degrees(wrap(block.mount - before[0])) == pytest.approx(0.0, abs=0.1)
+    assert block.sigma < 1.1 * before[1]
 
 
 def test_an_acceleration_of_another_vehicle_is_refused():
@@ -145,7 +201,7 @@ def test_any_rate_of_fixes(rate):
     """property: the buffer is as long in time at 10 Hz as at 1 Hz."""
     block = Mounting()
     t = np.arange(0, 20, 1 / rate)
-    speeds = np.minimum(0.5 + 0.6 * t, 6.0)
+    speeds = 8.0 + 1.2 * np.sin(t)
     found = None
     for k in range(1, len(t)):
         ax, ay = felt(1.2, (speeds[k] - speeds[k - 1]) * rate)

@@ -156,11 +156,9 @@ class Attitude:
         return (a0 - d0 * vertical) * scale, (d2 * a1 - d1 * a2) * scale
 
     @property
-    def level_sigma(self):
-        """What the tilt filter's own uncertainty makes of gravity in the horizontal, m/s^2."""
-        down = self._down
-        along = dot([dot(row, down) for row in self.tilt.P], down)
-        return GRAVITY * math.sqrt(max(float(np.trace(self.tilt.P)) - along, 0.0) / 2)
+    def down(self):
+        """Direction of down in body axes, as three scalars."""
+        return self._down
 
     @property
     def unexplained(self):

@@ -170,7 +170,7 @@ def _mounting(dt):
     tally = Tally()
     block = instrument(Mounting(), tally)
     entry = Tally()
-    values = (1.0, 0.3, 5.0, 0.01, 0.3, 0.1, 0.001, 0.02)
+    values = (1.0, 0.3, 5.0, 0.01, 0.3, 0.1, 0.001, (0.3, 0.1))
     for k in range(40):
         before = tally.counts()
         speed = 5.0 + 0.2 * k

@@ -11,13 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.tracker.attitude import GAP_S, Attitude
+from analysis.tracker.attitude import GAP_S, GRAVITY, Attitude
+from analysis.tracker.directions import dot
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.low_pass import LowPass
 from analysis.tracker.mounting import Mounting, wrap
 from analysis.tracker.rest import Rest
 from analysis.tracker.static import StaticTest
+from analysis.tracker.upright import Upright
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ class Device:
         )
         self.rest = Rest()
         self.low_pass = LowPass(on.lengths)
+        self.upright = Upright()
         self.mounting = Mounting(
             on.straight_length,
             theta_alpha=on.theta_alpha,
@@ -75,7 +78,7 @@ class Device:
         self._t_fix = -math.inf
         self._moved = False
         self._speed, self._squares = math.nan, (None, None)
-        self._sum = [0.0, 0.0, 0.0, 0]
+        self._sum = [0.0] * 7
 
     def imu(self, t_s, gyro_b, accel_b):
         """Take in one IMU sample (s, rad/s, m/s^2; sequences of three scalars)."""
@@ -90,9 +93,9 @@ class Device:
             return
         ax, ay = block.horizontal
         self._moved |= self.static.accelerate(ax, ay, dt)
-        total = self._sum
-        total[0], total[1], total[2] = total[0] + ax, total[1] + ay, total[2] + ax * ax + ay * ay
-        total[3] += 1
+        square = dot(accel_b, accel_b)
+        values = (ax, ay, *accel_b, square, 1.0)
+        self._sum = [total + value for total, value in zip(self._sum, values, strict=True)]
         if self.fusion and self.fusion.started:
             self._predict(t_s)
 
@@ -145,17 +148,21 @@ class Device:
         block = self.attitude
         if block is None:
             return
-        sums, count = self._sum[:3], self._sum[3]
-        self._sum = [0.0, 0.0, 0.0, 0]
+        *sums, count = self._sum
+        self._sum = [0.0] * 7
         driving = moving and speed >= self.options.min_speed and course == course
         if self.options.mounting:
             if not moving:
-                self.mounting.stand()
+                self.mounting.interrupt()
             elif count:
-                ax, ay, square = (total / count for total in sums)
-                variance = max(square - ax * ax - ay * ay, 0.0) / (2 * count)
-                seen = (course, speed, block.yaw_rate, ax, ay, variance, block.level_sigma)
-                if self.mounting.step(t_s, dt, *seen):
+                ax, ay, *force, square = (total / count for total in sums)
+                variance = max(square - dot(force, force), 0.0) / (3 * count)
+                if not self.upright.known:
+                    self.upright.start([-GRAVITY * d for d in block.down])
+                if driving:
+                    self.upright.step(force, dt)
+                seen = (course, speed, block.yaw_rate, *self.upright.level(force), variance)
+                if self.mounting.step(t_s, dt, *seen, (ax, ay)):
                     block.restart_heading()
         heading = sigma = None
         if driving:

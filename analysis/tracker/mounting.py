@@ -5,10 +5,14 @@ its heading only, so the horizontal acceleration that the sensor feels points fo
 
 Eq (3) as printed takes the arctangent of the ratio of the mean accelerations. It cannot tell
 forward from backward, and at constant speed it is the angle of noise. Beside it stands a version
-that asks by which angle the acceleration of the vehicle, known from GPS speed and the yaw rate,
-must be turned to become the one felt: braking then points the same way as accelerating, constant
-speed has no weight, a straight that is a little bent does no harm, and the scatter says how good
-the angle is.
+that fits what the sensor feels by what GNSS and gyro say the vehicle does: the change of speed, and
+speed times yaw rate ::
+
+    (ax, ay) = along * forward + across * lateral + level, one level for each straight
+
+The angle is that of ``along``. Braking then points the same way as accelerating, constant speed has
+no weight, and the scatter says how good the angle is. ``across`` is free, for what a bend is felt
+as depends on the vehicle: all of it in a car, nothing on two wheels, which lean into it.
 """
 
 import math
@@ -19,11 +23,13 @@ ENTRY_S = 1.0  # s a entry covers, so that the buffer is as long at 1 Hz as at 2
 THETA_ALPHA = math.radians(3.0) ** 2  # rad^2, the largest variance of a straight; not printed
 MIN_SPEED = 0.5  # m/s; below, a course over ground is noise
 MAX_SIGMA = math.radians(6.0)  # rad; a worse angle is kept back until more straights have come
-SIGMA_LEVEL = 0.02  # m/s^2 that a wrong tilt (0.1 deg) adds at least to a whole straight
-SIGMA_BIAS = 0.15  # m/s^2 of accelerometer bias: unseen where the tilt was read, seen when turned
-SIGMA_FLOOR = 0.02  # m/s^2, best that a mean over an entry can be
-SLOPE = (0.5, 1.5)  # m/s^2 felt for one that GPS saw: one, if it is this vehicle that accelerates
-KEEP = 0.9  # weight of what is known when a new straight comes: a turned mount is seen in ten
+SIGMA_LEVEL = 0.2  # m/s^2, 2 %: the slope along or across a straight
+SIGMA_ENTRY = 0.2  # m/s^2 of road, rider and GNSS speed in a mean over an entry, to begin with
+SIGMA_LATERAL = 1.0  # of the acceleration of a bend: between felt in full and not at all
+ASSUMED = 2.0  # entries that these two are worth against the scatter that is found
+SLOPE = (0.4, 2.5)  # m/s^2 felt for one GNSS saw: brakes dip the nose, receivers smooth the speed
+KEEP = 0.9  # least weight of what is known when a straight comes: a turned mount is seen in ten
+ENOUGH = 1 / math.radians(2.0) ** 2  # 1/rad^2 of information; until then nothing is forgotten
 
 
 @dataclass(frozen=True)
@@ -55,7 +61,7 @@ class Mounting:
     theta_alpha : float
         Largest variance of the course, rad^2; each course weighs as its speed squared, since the
         noise of a course goes as one over the speed.
-    min_speed, max_sigma, sigma_level, sigma_bias, slope, keep
+    min_speed, max_sigma, sigma_level, slope, keep
         See the constants of this module.
 
     Attributes
@@ -77,29 +83,22 @@ class Mounting:
         min_speed=MIN_SPEED,
         max_sigma=MAX_SIGMA,
         sigma_level=SIGMA_LEVEL,
-        sigma_bias=SIGMA_BIAS,
         slope=SLOPE,
         keep=KEEP,
     ):
         self.length, self.entry_s, self.theta_alpha = length, entry_s, theta_alpha
         self.min_speed, self.max_sigma = min_speed, max_sigma
-        self.sigma_level, self.sigma_bias = sigma_level, sigma_bias
-        self.slope, self.keep = slope, keep
+        self.sigma_level, self.slope, self.keep = sigma_level, slope, keep
         self.mount = self.sigma = self.printed = None
         self.straights = []
-        self._known = [0.0] * 5  # sums over all straights: see `fit`
-        self.stand()
-
-    def interrupt(self):
-        """Start the buffer anew: course or speed are missing, or too slow."""
-        self._buffer, self._since = [], None
-
-    def stand(self):
-        """Start anew at rest, where the tilt is read again."""
-        self._turned = 0.0
+        self._known = [0.0] * 11  # sums over all straights: see `fit`
         self.interrupt()
 
-    def step(self, t_s, dt, course, speed, yaw_rate, ax, ay, variance, level=0.0):
+    def interrupt(self):
+        """Start the buffer anew: at rest, or when course or speed are missing or too slow."""
+        self._buffer, self._since = [], None
+
+    def step(self, t_s, dt, course, speed, yaw_rate, ax, ay, variance, levelled=None):
         """Take in one epoch of a moving vehicle.
 
         Parameters
@@ -113,57 +112,57 @@ class Mounting:
         yaw_rate : float
             Mean since the last epoch, of the gyro about the vertical, rad/s.
         ax, ay : float
-            Mean horizontal acceleration since the last epoch, gravity off, m/s^2: along the
-            sensor's X axis laid level, and to its right. Not turned by any yaw: eq (2) must not
-            be, or the course stays in the angle.
+            Mean specific force since the last epoch, m/s^2: along the sensor's X axis laid level in
+            the upright vehicle, and to its right (`upright.Upright`).
         variance : float
             Of these means, (m/s^2)^2: the scatter of the samples over their number.
-        level : float
-            What the tilt's uncertainty makes of gravity in the horizontal, m/s^2.
+        levelled : (float, float), optional
+            The same with the vehicle's lean and pitch taken off, for eqs (2) and (3) as printed;
+            by default ``ax, ay``. Not turned by any yaw: eq (2) must not be, or the course stays
+            in the angle.
 
         Returns
         -------
         bool
             Whether the mounting angle was updated.
         """
-        self._turned = self._turned + yaw_rate * dt
         if not speed >= self.min_speed or course != course or dt > 2 * self.entry_s + 1:
             self.interrupt()
             return False
         if self._since is None:  # the first epoch only gives the speed to start from
-            self._since, self._sum = speed, [0.0] * 5
+            self._since, self._sum = speed, [0.0] * 7
             return False
-        lateral = speed * yaw_rate
-        self._sum = [
-            total + value * dt
-            for total, value in zip(self._sum, (ax, ay, lateral, variance, 1.0), strict=True)
-        ]
+        means = (ax, ay, speed * yaw_rate, variance, 1.0, *(levelled or (ax, ay)))
+        self._sum = [total + value * dt for total, value in zip(self._sum, means, strict=True)]
         seconds = self._sum[4]
-        if seconds < 0.999 * self.entry_s:
+        if seconds + 0.5 * dt < self.entry_s:  # to the nearest epoch, for theirs jitter
             return False
-        ax, ay, lateral, variance, _ = (total / seconds for total in self._sum)
+        ax, ay, lateral, variance, _, *levelled = (total / seconds for total in self._sum)
         forward = (speed - self._since) / seconds
-        weight = 1 / (SIGMA_FLOOR * SIGMA_FLOOR + variance)
-        self._buffer.append((course, speed * speed, forward, lateral, ax, ay, weight))
-        self._since, self._sum = speed, [0.0] * 5
+        bend = SIGMA_LATERAL * lateral
+        weight = 1 / (SIGMA_ENTRY * SIGMA_ENTRY + variance + bend * bend)
+        entry = (course, speed * speed, forward, lateral, ax, ay, weight, *levelled)
+        self._buffer.append(entry)
+        self._since, self._sum = speed, [0.0] * 7
         if len(self._buffer) < self.length:
             return False
         if course_variance(self._buffer) >= self.theta_alpha:
             self._buffer.pop(0)
             return False
-        updated = self._straight(t_s, level)
+        updated = self._straight(t_s)
         self._buffer = []
         return updated
 
-    def _straight(self, t_s, level):
+    def _straight(self, t_s):
         """Take the angle from a full buffer, and weigh it with what is known."""
-        ax, ay = mean([e[4:6] for e in self._buffer])
+        ax, ay = mean([e[7:9] for e in self._buffer])
         self.printed = -printed_angle(ax, ay)
-        bias = self.sigma_bias * 2 * math.sin(self._turned / 2)
-        level = math.sqrt(self.sigma_level * self.sigma_level + bias * bias + level * level)
-        sums = fit([e[2:] for e in self._buffer], level)
+        sums = fit([e[2:7] for e in self._buffer], self.sigma_level)
         alone, sigma, _ = weighted_angle(sums)
-        self._known = [self.keep * k + s for k, s in zip(self._known, sums, strict=True)]
+        # Forgetting follows a device put on otherwise; it costs what is not yet known well.
+        known, new = self._known[0], sums[0]
+        keep = max(self.keep, min(1.0, (ENOUGH - new) / known)) if known > 0 else 1.0
+        self._known = [keep * k + s for k, s in zip(self._known, sums, strict=True)]
         angle, known_sigma, slope = weighted_angle(self._known)
         good = known_sigma <= self.max_sigma and self.slope[0] <= slope <= self.slope[1]
         if good:
@@ -182,11 +181,9 @@ def printed_angle(ax, ay):
 
 
 def fit(entries, sigma_level=SIGMA_LEVEL):
-    """Sum up a straight for the angle e that turns the vehicle's acceleration into the one felt.
+    """Sum up a straight for the fit of what is felt by what the vehicle does.
 
-        (ax, ay) = turn by e of (forward, lateral), plus one small level error for the straight
-
-    Least squares with the weights given, and a prior on the level error.
+    Least squares with the weights given, and a prior on the level error of the straight.
 
     Parameters
     ----------
@@ -197,29 +194,21 @@ def fit(entries, sigma_level=SIGMA_LEVEL):
 
     Returns
     -------
-    list of float
-        Sums that may be added over straights: information, in-phase and quadrature products,
-        weighted squares of what is left sideways, degrees of freedom.
+    list of 11 floats
+        Sums that may be added over straights: the weighted products of forward, lateral, ax and ay
+        with one another, in order (forward forward, forward lateral, ...), and the entries less
+        one for the level.
     """
-    total = sf = sl = sx = sy = info = inphase = quadrature = 0.0
-    for f, l, x, y, w in entries:  # noqa: E741
-        total, sf, sl = total + w, sf + w * f, sl + w * l
-        sx, sy = sx + w * x, sy + w * y
-        info = info + w * (f * f + l * l)
-        inphase = inphase + w * (x * f + y * l)
-        quadrature = quadrature + w * (y * f - x * l)
-    shrink = 1 / (total + 1 / (sigma_level * sigma_level))
-    info = info - shrink * (sf * sf + sl * sl)
-    inphase = inphase - shrink * (sx * sf + sy * sl)
-    quadrature = quadrature - shrink * (sy * sf - sx * sl)
-    angle, _, slope = weighted_angle([info, inphase, quadrature, 0.0, 1.0])
-    c, s = math.cos(angle), math.sin(angle)
-    level = (c * sy - s * sx - slope * sl) * shrink
-    left = 0.0
-    for _, l, x, y, w in entries:  # noqa: E741
-        sideways = c * y - s * x - slope * l - level
-        left = left + w * sideways * sideways
-    return [info, inphase, quadrature, left, len(entries) - 1.0]
+    means = [0.0] * 4
+    products = [0.0] * 10
+    total = 1 / (sigma_level * sigma_level)
+    for *values, weight in entries:
+        total = total + weight
+        means = [m + weight * v for m, v in zip(means, values, strict=True)]
+        products = [p + weight * q for p, q in zip(products, _products(values), strict=True)]
+    shrink = 1 / total
+    products = [p - shrink * q for p, q in zip(products, _products(means), strict=True)]
+    return [*products, len(entries) - 1.0]
 
 
 def weighted_angle(sums):
@@ -227,7 +216,7 @@ def weighted_angle(sums):
 
     Parameters
     ----------
-    sums : sequence of 5 floats
+    sums : sequence of 11 floats
         As from `fit`; those of several straights may be added.
 
     Returns
@@ -235,18 +224,30 @@ def weighted_angle(sums):
     angle : float
         rad, from the sensor's X axis clockwise to the heading: minus the mounting angle.
     sigma : float
-        rad; infinite where there was no acceleration. Grows with the scatter where that is larger
-        than the weights say.
+        rad; infinite where there was no acceleration. The weights set its size to begin with, the
+        scatter across the heading all the more, the more entries there are.
     slope : float
-        m/s^2 felt for one that GPS saw; 1 if all is well.
+        m/s^2 felt for one that GNSS saw; near 1 if all is well.
     """
-    info, inphase, quadrature, left, freedom = sums
-    length = math.sqrt(inphase * inphase + quadrature * quadrature)
-    if info <= 0 or length <= 0 or freedom <= 0:
+    ff, fl, fx, fy, ll, lx, ly, xx, xy, yy, freedom = sums
+    ll = ll + 1 / (SIGMA_LATERAL * SIGMA_LATERAL)
+    info = ff - fl * fl / ll  # of forward, with lateral taken off
+    along_x, along_y = fx - fl * lx / ll, fy - fl * ly / ll
+    length = math.sqrt(along_x * along_x + along_y * along_y)
+    if info <= 0 or length <= 0:
         return 0.0, math.inf, 0.0
-    excess = max(1.0, left / freedom)
+    c, s = along_x / length, along_y / length
+    lateral = c * ly - s * lx
+    left = s * s * xx - 2 * s * c * xy + c * c * yy - lateral * lateral / ll
+    scatter = (ASSUMED + left) / (ASSUMED + freedom)
     slope = length / info
-    return math.atan2(quadrature, inphase), math.sqrt(excess / info) / slope, slope
+    return math.atan2(along_y, along_x), math.sqrt(scatter / info) / slope, slope
+
+
+def _products(values):
+    """Multiply four values with one another, each pair once."""
+    f, l, x, y = values  # noqa: E741
+    return (f * f, f * l, f * x, f * y, l * l, l * x, l * y, x * x, x * y, y * y)
 
 
 def course_variance(buffer):
