@@ -16,6 +16,7 @@ from analysis.tracker.low_pass import LowPass, mean
 from analysis.tracker.mounting import Mounting
 from analysis.tracker.operations import Counted, Tally, counted, instrument
 from analysis.tracker.static import StaticTest
+from analysis.tracker.upright import Upright
 
 
 def filter_steps(n, m, p, *, input_matrix):
@@ -168,14 +169,17 @@ def _low_pass_mean():
 def _mounting(dt):
     """Count the fix that completes a straight, and one before it."""
     tally = Tally()
-    block = instrument(Mounting(), tally)
+    upright = Upright()
+    upright.start(_wrap((0.3, 0.1, -GRAVITY), tally))
+    upright, block = instrument(upright, tally), instrument(Mounting(), tally)
     entry = Tally()
-    values = (1.0, 0.3, 5.0, 0.01, 0.3, 0.1, 0.001, (0.3, 0.1))
     for k in range(40):
         before = tally.counts()
         speed = 5.0 + 0.2 * k
-        t, course, _, *rest = (_wrap(v, tally) for v in (float(k), *values[1:]))
-        block.step(t, _wrap(1.0, tally), course, _wrap(speed, tally), *rest)
+        force = _wrap((0.6, 0.2, -GRAVITY), tally)
+        upright.step(force, _wrap(1.0, tally))
+        epoch = (_wrap(v, tally) for v in (float(k), 1.0, 0.3, speed, 0.01))
+        block.step(*epoch, *upright.level(force), *_wrap((0.001, (0.3, 0.1)), tally))
         counts = [now - was for now, was in zip(tally.counts(), before, strict=True)]
         if block.straights:
             return Tally(*counts), entry
