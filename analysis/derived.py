@@ -2,8 +2,8 @@
 
 ``data/derived/<name>/`` holds tables (CSV) and their provenance (JSON: source, licence, sha256 of
 the raw files, the command). Static logs have what `analysis.results.write` writes, the roads what
-`analysis.surveys` does, the tracker's rides what `analysis.tables` does. `rebuild` computes a folder
-again from the raw files and compares.
+`analysis.surveys` does, the tracker's rides what `analysis.tables` does. `rebuild` computes a
+folder again from the raw files and compares.
 """
 
 import json
