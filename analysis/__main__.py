@@ -73,6 +73,7 @@ def export(options):
 
 def plan(options):
     """Print the hours each parameter takes."""
+    from analysis import draw
     from analysis import report as page
     from analysis.noise import planner
 
@@ -85,7 +86,7 @@ def plan(options):
     dt = 1 / options.rate
     sensor = planner.Plan(options.white / dt**0.5, *asked, options.flicker, options.walk)
     for name, hours in planner.hours_needed(sensor, dt, options.within / 100).items():
-        print(f"{page.PLANNED[name]:<10} to ±{options.within:g} % (95 %): {page.duration(hours)}")
+        print(f"{page.PLANNED[name]:<10} to ±{options.within:g} % (95 %): {draw.duration(hours)}")
 
 
 def coverage(options):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import replay_speed, roads
+from analysis import noise_speed, replay_speed, roads
 from analysis.terrain import setup, sweep
 from analysis.terrain.attitude_map import AttitudeMap
 from analysis.terrain.ukf import Ukf
@@ -97,6 +97,23 @@ def figures_8_to_11():
     yield Measured("filter steps per second in the sweep", steps / seconds, "1/s")
 
 
+def noise_models():
+    """Time the fit of one channel, an Allan deviation beside allantools, and a log of 10^7 samples.
+
+    Yields
+    ------
+    Measured
+    """
+    yield Measured("fit of 2 h at 100 Hz", noise_speed.fit_seconds(), "s", "<= 2")
+    ours, theirs, difference = noise_speed.allan_seconds()
+    yield Measured("Allan deviation of 10^7 samples, 100 tau, intervals", ours, "s")
+    yield Measured("allantools, the same tau, no intervals", theirs, "s", "slower than ours")
+    yield Measured("largest relative difference", difference, "", "<= 1e-9")
+    seconds, gigabytes = noise_speed.log_seconds()
+    yield Measured("10^7 samples x 6 channels, all of report's numbers", seconds, "s", "<= 30")
+    yield Measured("most memory held", gigabytes, "GB", "<= 2")
+
+
 def tracker():
     """Time the six blocks of the tracker on a drive with a 40 Hz IMU, and a day of NMEA at 1 Hz.
 
@@ -112,6 +129,7 @@ def tracker():
 
 
 BENCHMARKS = {
+    "noise models": noise_models,
     "unscented Kalman filter": ukf_against_filterpy,
     "sweeps of N and B": figures_8_to_11,
     "tracker replay": tracker,

@@ -165,8 +165,8 @@ class Ledger:
             theirs = self._published.loc[claim]
             rows.append(
                 {
-                    "claim": claim,
                     "where": theirs["where"],
+                    "claim": theirs["claim"],
                     "published": f"{theirs['value']:g} {theirs['unit']}",
                     "agrees within": _span(theirs["low"], theirs["high"]),
                     "reproduced": "–" if mine["value"] is None else f"{mine['value']:g}",
@@ -174,12 +174,7 @@ class Ledger:
                     "verdict": mine["verdict"],
                 }
             )
-        return pd.DataFrame(rows).set_index("claim")
-
-    def _row(self, claim):
-        if claim not in self._published.index:
-            raise WrongUsage(f"no claim '{claim}' in data/published/claims.csv")
-        return self._published.loc[claim]
+        return pd.DataFrame(rows)
 
     def _row(self, claim):
         if claim not in self._published.index:

@@ -75,6 +75,15 @@ def written(estimate):
     return f"{factor * estimate.value:.3g} {unit}  ({interval(estimate)})"
 
 
+def duration(hours):
+    """Write hours as a reader would say them."""
+    if hours is None:
+        return "more than eleven years"
+    if hours < 1 / 60:
+        return "less than a minute"
+    return f"{hours:.2g} h" if hours >= 1 else f"{60 * hours:.2g} min"
+
+
 def markdown(table):
     """Write a table as Markdown, which notebooks and their readers elsewhere render alike.
 

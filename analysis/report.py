@@ -97,19 +97,10 @@ def recording(channel, dt, within=WITHIN):
         return ["no plan without a white noise to plan with"]
     hours = planner.hours_needed(plan, dt, within)
     said = "; ".join(
-        f"{PLANNED[name]} {'at least ' if at_least and name in SLOW else ''}{duration(h)}"
+        f"{PLANNED[name]} {'at least ' if at_least and name in SLOW else ''}{draw.duration(h)}"
         for name, h in hours.items()
     )
     return [f"to know each to ±{within:.0%} (95 %), record: {said}"]
-
-
-def duration(hours):
-    """Write hours as a reader would say them."""
-    if hours is None:
-        return "more than eleven years"
-    if hours < 1 / 60:
-        return "less than a minute"
-    return f"{hours:.2g} h" if hours >= 1 else f"{60 * hours:.2g} min"
 
 
 def _draw(result, folder):

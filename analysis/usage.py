@@ -59,7 +59,7 @@ holds the truth. A cell that is there with as many logs is kept: a killed study 
 Raw logs are looked for in the folder named by COMPENDIUM_DATA, in data/raw/ and in
 data/downloaded/; every file is checked by sha256.""",
     "benchmark": """examples:
-  python -m analysis benchmark              a minute at most; other packages as far as installed
+  python -m analysis benchmark              two minutes; other packages as far as installed
 
 Each number stands beside the bar it is held against, if it has one.""",
 }

@@ -161,7 +161,7 @@ def test_table_lays_published_beside_reproduced():
     """Property: the notebook's last table has a row a check, with numbers and verdict."""
     ledger = claims.Ledger("90-test")
     verdict = ledger.check(FIRST, 12.3456, 12.0, None)
-    row = ledger.table().loc[FIRST]
+    (row,) = ledger.table().to_dict("records")
     assert (row["reproduced"], row["95 % interval"]) == ("12.3", "12 to …")
     assert row["published"] == f"{PUBLISHED['value']:g} {PUBLISHED['unit']}"
     assert row["verdict"] == verdict

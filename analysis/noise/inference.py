@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis import CannotAnswer
-from analysis.noise.estimate import Estimate, random_walk_unit
-from analysis.noise.fit import MODELS, UNIFIED, Fit, NoiseLikelihood, choose
+from analysis.noise.estimate import Estimate
+from analysis.noise.findings import Findings, density
+from analysis.noise.fit import MODELS, Fit, NoiseLikelihood, choose
 from analysis.noise.likelihood import bin_variance
 from analysis.noise.spectrum import spikes, stretches
 
@@ -24,7 +25,6 @@ BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 EXACT = 1e-9  # relative; means that vary less than that hold no noise
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
 SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
-WHITE = "the likelihood does not fall as the white noise goes to nothing: a slow process hides it"
 
 
 @dataclass(frozen=True)
@@ -113,10 +113,10 @@ def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
         if wider is None or wider.scale < EXACT * likelihood.scale:
             break  # holes leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
-    said = _Said(likelihood, fits, chosen, dt, unit)
+    said = Findings(likelihood, fits, chosen, unit)
     found = {"sigma_v": said.white(_band(m, dt, clean, misfit))}
     if kind in ("rate", "accel"):
-        found["arw" if kind == "rate" else "vrw"] = _density(found["sigma_v"], dt, unit)
+        found["arw" if kind == "rate" else "vrw"] = density(found["sigma_v"], dt)
         found["rrw"] = said.rate_random_walk()
         if "flicker" in chosen.terms:
             found["bias_instability"] = said.flicker()
@@ -191,109 +191,3 @@ def _band(m, dt, clean, misfit):
         " with caution"
     )
     return f"{note}; {off}" if note else off
-
-
-def _density(sigma_v, dt, unit):
-    scale = np.sqrt(dt)
-    value, low, high = (
-        None if v is None else v * scale for v in (sigma_v.value, sigma_v.low, sigma_v.high)
-    )
-    return Estimate(value, low, high, random_walk_unit(unit), sigma_v.resolved, sigma_v.note)
-
-
-class _Said:
-    """One channel's fits, put into words."""
-
-    def __init__(self, likelihood, fits, chosen, dt, unit):
-        self.likelihood, self.fits, self.chosen = likelihood, fits, chosen
-        self.unit = unit
-        self.end = "+Q" if chosen.model.endswith("+Q") else ""
-        self.note = f"likelihood of {chosen.model}"
-
-    def white(self, band):
-        low, high = self.likelihood.interval(self.chosen, "sigma_v")
-        note = "; ".join(part for part in (self.note, band) if part)
-        if low is None:
-            return Estimate.refused(self.unit, f"{note}; {WHITE}", high=high)
-        return Estimate(self.chosen.terms["sigma_v"][0], low, high, self.unit, note=note)
-
-    def rate_random_walk(self):
-        unit = f"{self.unit}/sqrt(s)"
-        if "rrw" in self.chosen.terms:
-            low, high = self.likelihood.interval(self.chosen, "rrw")
-            if low is not None:
-                return Estimate(self.chosen.terms["rrw"][0], low, high, unit, note=self.note)
-        model = "N+GM+K" if "corr_time" in self.chosen.terms else "N+K"
-        high = self.likelihood.interval(self.fits[model + self.end], "rrw")[1]
-        why = f"{self.chosen.model} describes the log as well without a random walk of the rate"
-        return Estimate.refused(unit, why, high=high)
-
-    def flicker(self):
-        low, high = self.likelihood.interval(self.chosen, "flicker")
-        note = f"{self.note}: coefficient of its flicker noise (IEEE 952)"
-        return Estimate(self.chosen.terms["flicker"][0], low, high, self.unit, note=note)
-
-    def bias(self):
-        """corr_time and sigma_b of the Gauss-Markov bias."""
-        if "corr_time" in self.chosen.terms:
-            return self._gauss_markov(self.chosen)
-        if self.chosen.model.startswith("N+K"):
-            return self._endless()
-        if "flicker" in self.chosen.terms:
-            worse = self.fits[UNIFIED + self.end].aic - self.chosen.aic
-            why = f"flicker noise describes it better than a Gauss-Markov bias (AIC -{worse:.1f})"
-            return {
-                "corr_time": Estimate.refused("s", why),
-                "sigma_b": Estimate.refused(self.unit, why),
-            }
-        longest = self.likelihood.duration / 10
-        why = "the log shows no slow bias"
-        bound = f"{why}; the bound holds for correlation times up to {longest:.3g} s, a tenth of it"
-        return {
-            "corr_time": Estimate.refused("s", why),
-            "sigma_b": Estimate.refused(
-                self.unit, bound, high=self.likelihood.hidden_bias(self.chosen, longest)
-            ),
-        }
-
-    def _gauss_markov(self, fit):
-        ends = {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
-        units = {"corr_time": "s", "sigma_b": self.unit}
-        times = self.likelihood.duration / fit.terms["corr_time"][-1]
-        note = f"{self.note}; the log covers {times:.2g} correlation times"
-        found = {}
-        for what, (low, high) in ends.items():
-            if None in (*ends["corr_time"], low, high):
-                why = f"{note}, too few to bound it on both sides"
-                high = None if ends["corr_time"][1] is None else high
-                found[what] = Estimate.refused(units[what], why, low=low, high=high)
-            else:
-                value = fit.terms[what][-1]
-                found[what] = Estimate(value, low, high, units[what], note=note)
-        return found
-
-    def _endless(self):
-        """Bound a bias whose correlation time has no upper end."""
-        low, _ = self.likelihood.interval(self.fits[UNIFIED + self.end], "corr_time")
-        sigma_low, _ = self.likelihood.interval(self.fits[UNIFIED + self.end], "sigma_b")
-        covers = (
-            ""
-            if low is None
-            else f": it covers at most {self.likelihood.duration / low:.2g} correlation times"
-        )
-        why = f"a random walk, of no correlation time at all, describes the log as well{covers}"
-        return {
-            "corr_time": Estimate.refused("s", why, low=low),
-            "sigma_b": Estimate.refused(
-                self.unit, f"open while corr_time is: {why}", low=sigma_low
-            ),
-        }
-
-    def drift(self):
-        unit = f"{self.unit}/s"
-        value, low, high = self.likelihood.drift(self.fits[UNIFIED + self.end])
-        if low <= 0 <= high:
-            why = "no straight line stands out of the slow bias"
-            return Estimate.refused(unit, why, low=low, high=high)
-        note = "generalised least squares, over all biases the log allows"
-        return Estimate(value, low, high, unit, note=note)

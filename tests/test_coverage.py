@@ -1,0 +1,88 @@
+"""The study behind notebook 13: what the committed result says, and that the command makes it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis import coverage
+from analysis.__main__ import main
+
+FITTED = ("sigma_v", "sigma_b", "corr_time")
+
+
+@pytest.fixture(scope="module")
+def study():
+    """Read the committed study."""
+    return coverage.read()
+
+
+def test_every_model_and_length_has_400_logs(study):
+    """property: eight models, two lengths, at least 400 logs each."""
+    likelihood = study[study["estimator"] == "likelihood"]
+    assert set(likelihood["model"]) == set(coverage.models())
+    assert set(likelihood["hours"]) == {2.0, 6.0}
+    assert (likelihood["logs"] >= 400).all()
+
+
+def test_intervals_hold_the_truth(study):
+    """coverage: each cell within four standard errors of 95 %, the averages within 93 to 97 %."""
+    told = study[(study["estimator"] == "likelihood") & study["covered"].notna()]
+    told = told[told["parameter"].isin(FITTED)]
+    assert len(told) >= 44
+    error = np.sqrt(0.95 * 0.05 / told["logs"])
+    assert ((told["covered"] - 0.95).abs() < 4 * error).all()
+    means = told.groupby(["parameter", "hours"])["covered"].mean()
+    assert means.between(0.93, 0.97).all()
+
+
+def test_drift_intervals_are_never_short(study):
+    """coverage: a drift's interval joins those of many biases; it may hold more often than 95 %."""
+    told = study[(study["estimator"] == "likelihood") & (study["parameter"] == "drift")]
+    assert (told["covered"] > 0.91).all()
+
+
+def test_white_noise_is_unbiased(study):
+    """published: N and sigma_v to 1 %, on every model, at either length."""
+    told = study[(study["estimator"] == "likelihood") & (study["parameter"] == "sigma_v")]
+    assert (told["mean"] - 1).abs().max() < 0.01
+
+
+def test_correlation_time_at_six_hours(study):
+    """published: T_c to 5 % at six hours, wherever it is finite."""
+    told = study[(study["estimator"] == "N+GM, unselected") & (study["parameter"] == "corr_time")]
+    told = told[(told["hours"] == 6) & np.isfinite(told["truth"])]
+    assert len(told) == 7
+    assert (told["mean"] - 1).abs().max() < 0.05
+
+
+def test_the_usual_recipes_are_biased(study):
+    """published: 1/e reads T_c low by tens of percent at 2 h; five coefficients read N low."""
+    at = study[study["hours"] == 2].set_index(["estimator", "model", "parameter"])
+    assert at.loc[("1/e", "midg-roll", "corr_time"), "median"] < 0.7
+    assert at.loc[("five coefficients", "midg-yaw", "sigma_v"), "mean"] < 0.93
+
+
+def test_command_makes_it_and_goes_on(tmp_path, monkeypatch):
+    """property: a cell is the same for any number of workers, and one that is there is kept."""
+    short = {name: entry for name, entry in coverage.models().items() if name == "midg-yaw"}
+    monkeypatch.setattr(coverage, "models", lambda: short)
+    tables = []
+    for workers in (1, 2):
+        folder = tmp_path / str(workers)
+        arguments = ["--runs", "3", "--hours", "0.1", "--workers", str(workers)]
+        assert main(["coverage", *arguments, "--out", str(folder)]) == 0
+        tables.append((folder / "midg-yaw-0.1h.csv").read_text())
+    assert tables[0] == tables[1]
+    path = tmp_path / "1" / "midg-yaw-0.1h.csv"
+    kept = pd.read_csv(path).assign(truth=7.0)
+    kept.to_csv(path, index=False)
+    coverage.study(3, [0.1], 1, tmp_path / "1")
+    assert (coverage.read(tmp_path / "1")["truth"] == 7.0).all()
+
+
+@pytest.mark.parametrize("arguments", [["--hours", "two"], ["--runs", "0"], ["--hours", "-1"]])
+def test_wrong_usage(arguments, tmp_path, capsys):
+    """property: numbers that make no study are refused in a sentence, and nothing is written."""
+    assert main(["coverage", *arguments, "--out", str(tmp_path / "x")]) == 2
+    assert "wrong usage" in capsys.readouterr().err
+    assert not (tmp_path / "x").exists()
