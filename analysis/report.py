@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -96,8 +97,19 @@ def recording(channel, dt, within=WITHIN):
     if plan is None:
         return ["no plan without a white noise to plan with"]
     hours = planner.hours_needed(plan, dt, within)
+    # The hours go with the correlation time, which this log knows only so well.
+    time = channel.parameters["corr_time"]
+    ends = [
+        planner.hours_needed(replace(plan, corr_time=t), dt, within)
+        for t in ((time.low, time.high) if time.resolved else ())
+    ]
     said = "; ".join(
         f"{PLANNED[name]} {'at least ' if at_least and name in SLOW else ''}{draw.duration(h)}"
+        + (
+            f" ({' to '.join(draw.duration(e[name]) for e in ends)})"
+            if ends and name in SLOW
+            else ""
+        )
         for name, h in hours.items()
     )
     return [f"to know each to ±{within:.0%} (95 %), record: {said}"]

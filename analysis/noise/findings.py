@@ -5,6 +5,8 @@ import numpy as np
 from analysis.noise.estimate import Estimate, random_walk_unit
 from analysis.noise.fit import UNIFIED
 
+# The model with the next slow term beside: what it might be hides in the others' intervals.
+WIDER = {"N": "N+GM", "N+K": "N+GM", "N+B": "N+B+K", "N+GM": "N+GM+K"}
 WHITE = "the likelihood does not fall as the white noise goes to nothing: a slow process hides it"
 
 
@@ -52,16 +54,20 @@ class Findings:
             low, high = self.likelihood.interval(self.chosen, "rrw")
             if low is not None:
                 return Estimate(self.chosen.terms["rrw"][0], low, high, unit, note=self.note)
-        model = "N+GM+K" if "corr_time" in self.chosen.terms else "N+K"
+        plain = self.chosen.model.removesuffix("+Q")
+        model = "N+K" if plain == "N" else WIDER.get(plain, "N+GM+K")
         high = self.likelihood.interval(self.fits[model + self.end], "rrw")[1]
         why = f"{self.chosen.model} describes the log as well without a random walk of the rate"
         return Estimate.refused(unit, why, high=high)
 
     def flicker(self):
         """Bias instability B of fitted flicker noise, U."""
-        low, high = self.likelihood.interval(self.chosen, "flicker")
-        note = f"{self.note}: coefficient of its flicker noise (IEEE 952)"
-        return Estimate(self.chosen.terms["flicker"][0], low, high, self.unit, note=note)
+        fit = self.fits["N+B+K" + self.end]  # a random walk unseen would be counted as flicker
+        low, high = self.likelihood.interval(fit, "flicker")
+        note = f"likelihood of {fit.model}: coefficient of its flicker noise (IEEE 952)"
+        if low is None:
+            return Estimate.refused(self.unit, f"{note}; a random walk may be all of it", high=high)
+        return Estimate(fit.terms["flicker"][0], low, high, self.unit, note=note)
 
     def bias(self):
         """Give corr_time (s) and sigma_b (U) of the Gauss-Markov bias."""
@@ -122,7 +128,9 @@ class Findings:
     def drift(self):
         """Linear drift, U/s."""
         unit = f"{self.unit}/s"
-        value, low, high = self.likelihood.drift(self.fits[UNIFIED + self.end])
+        plain = self.chosen.model.removesuffix("+Q")
+        wider = WIDER.get(plain, plain) if plain != UNIFIED else UNIFIED
+        value, low, high = self.likelihood.drift(self.fits[wider + self.end])
         if low <= 0 <= high:
             why = "no straight line stands out of the slow bias"
             return Estimate.refused(unit, why, low=low, high=high)

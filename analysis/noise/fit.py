@@ -146,22 +146,24 @@ class NoiseLikelihood:
         """Linear drift by generalised least squares, over all the biases the log allows.
 
         A slow bias can look like a drift, the more the longer its correlation time. So the drift
-        and its error under each bias of a grid are mixed, each with the weight of its likelihood.
+        and its error under each point of a grid are mixed, each with the weight of its likelihood.
 
         Parameters
         ----------
         fit : Fit
-            Of white noise and one Gauss-Markov bias.
+            With two slow parameters or more, such as N+GM or N+B+K. The grid spans the whole range
+            of the last one, which the log may leave open, and some of the one before.
 
         Returns
         -------
         value, low, high : float, U/s
         """
-        walk = fit.point[1] + np.linspace(-0.5, 0.5, 9)
-        time = np.log(np.geomspace(SHORTEST * self.step, LONGEST * self.duration, 40))
-        grid = np.stack(np.meshgrid(walk, time), axis=-1).reshape(-1, 2)
-        points = np.tile(fit.point, (len(grid) + 1, 1))
-        points[1:, 1:3] = grid
+        last = len(fit.point) - (2 if "quantisation" in fit.names else 1)
+        box = self.surface(fit.names)
+        before = fit.point[last - 1] + np.linspace(-0.5, 0.5, 9)
+        grid = np.meshgrid(before, np.linspace(box.low[last], box.high[last], 40))
+        points = np.tile(fit.point, (grid[0].size + 1, 1))
+        points[1:, last - 1 : last + 1] = np.stack(grid, axis=-1).reshape(-1, 2)
         found = self._evaluate(points, fit.names)
         weight = np.exp(found.value - found.value.max())
         weight /= weight.sum()
