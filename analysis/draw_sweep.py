@@ -35,7 +35,9 @@ def curves(axes, x, fixed, measured, lost, *, x_label, y_label, curve):
     ax.plot(x, middle, color="k", lw=2, label="average of the curves")
     ax.fill_between(x, low, high, color="k", alpha=0.15, lw=0, label="its 95 % interval")
     ax.set(xlabel=x_label, ylabel=y_label, yscale="log")
-    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if _decades(ax) < 1.5 else (1.0,)))
+    ax.yaxis.set_major_locator(
+        LogLocator(subs=(1.0, 2.0, 3.0, 4.0, 6.0) if _decades(ax) < 1.5 else (1.0,))
+    )
     ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
     ax.yaxis.set_minor_formatter(NullFormatter())
     beside.set(xlabel=x_label, ylabel="laps lost (%)")
@@ -79,8 +81,19 @@ def plane(ax, arw, sigma_b, reached, levels, span):
     lines = ax.contour(
         arw, sigma_b, shown, levels=np.log10(levels), colors="k", linewidths=1, linestyles="solid"
     )
-    ax.clabel(lines, fmt=lambda v: f"{10**v:.2g} m", fontsize=7)
+    # Labels at the left or lower edge, where no sensor is.
+    places = [_crossing(arw, sigma_b, shown, np.log10(level)) for level in levels]
+    ax.clabel(lines, fmt=lambda v: f"{10**v:.2g} m", fontsize=7, manual=places)
     return filled
+
+
+def _crossing(arw, sigma_b, shown, level):
+    """Find where a level crosses the second column of the plane, or else its second row."""
+    column, row = shown[:, 1], shown[1]
+    if column[-1] > level:
+        at = np.interp(level, np.maximum.accumulate(column), np.log10(sigma_b))
+        return arw[1], 10**at
+    return 10 ** np.interp(level, np.maximum.accumulate(row), np.log10(arw)), sigma_b[1]
 
 
 def sensors(ax, arw, sigma_b, priced, own):
@@ -96,7 +109,8 @@ def sensors(ax, arw, sigma_b, priced, own):
     own : sequence of (label, arw, sigma_b)
         Sensors with a ``model.json``, drawn as stars.
     """
-    places = _apart(arw, sigma_b, APART)
+    every_n, every_b = ([*x, *(o[i] for o in own)] for i, x in ((1, arw), (2, sigma_b)))
+    places = _apart(every_n, every_b, APART)
     for number, (n, b, known) in enumerate(zip(arw, sigma_b, priced, strict=True), start=1):
         face, ink = ("k", "w") if known else ("w", "k")
         at = places[number - 1]
@@ -105,8 +119,9 @@ def sensors(ax, arw, sigma_b, priced, own):
         ax.plot(*at, "o", ms=8, mfc=face, mec="k", mew=0.6, zorder=3)
         ax.text(*at, number, color=ink, fontsize=5.5, ha="center", va="center_baseline", zorder=4)
     for k, (label, n, b) in enumerate(own):
-        color = ("r", "m", "b")[k % 3]
-        ax.plot(n, b, "*", mfc="w", mec=color, ms=11, mew=1.2, label=label, ls="none", zorder=5)
+        color, at = ("r", "m", "b")[k % 3], places[len(arw) + k]
+        ax.plot([n, at[0]], [b, at[1]], "-", color=color, lw=0.5, zorder=3)
+        ax.plot(*at, "*", mfc="w", mec=color, ms=10, mew=1.2, label=label, ls="none", zorder=5)
 
 
 def _apart(x, y, least):
