@@ -140,6 +140,35 @@ class Ledger:
         self._write()
         return verdict
 
+    def check_from(self, claim, found, default, when):
+        """Judge a claim whose verdict may hang on one setting that the paper leaves open.
+
+        It is reproduced outright if it is at every setting, under a condition if from some setting
+        on it always is, and else judged at the default.
+
+        Parameters
+        ----------
+        claim : str
+        found : dict of float to tuple
+            For each setting, rising: value, and low and high of its 95 % interval.
+        default : float
+            The setting that the notebook runs with, one of those.
+        when : str
+            The condition, with a place for the least setting: ``"R is at least {:g} times ..."``.
+
+        Returns
+        -------
+        str
+            The verdict.
+        """
+        row = self._row(claim)
+        holds = [judge(*found[x], row["low"], row["high"]) == REPRODUCED for x in sorted(found)]
+        start = len(holds) - holds[::-1].index(False) if False in holds else 0
+        if start in (0, len(holds)):
+            return self.check(claim, *found[default])
+        least = sorted(found)[start]
+        return self.check(claim, *found[least], when=when.format(least))
+
     def untestable(self, claim):
         """Write down a claim that no data here can decide, with the reason of its own row.
 
@@ -175,11 +204,6 @@ class Ledger:
                 }
             )
         return pd.DataFrame(rows)
-
-    def _row(self, claim):
-        if claim not in self._published.index:
-            raise WrongUsage(f"no claim '{claim}' in data/published/claims.csv")
-        return self._published.loc[claim]
 
     def _write(self):
         mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)

@@ -2,8 +2,11 @@
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from analysis.terrain import tracking
+
+APART = 0.17  # decades between the numbers of two sensors
 
 
 def curves(axes, x, fixed, measured, lost, *, x_label, y_label, curve):
@@ -29,15 +32,28 @@ def curves(axes, x, fixed, measured, lost, *, x_label, y_label, curve):
         ax.plot(x, measured[0, k], color=colors[k], lw=0.8, label=curve.format(value))
         beside.plot(x, 100 * lost[k], color=colors[k], lw=0.8, label=curve.format(value))
     middle, low, high = tracking.interval(measured.mean(axis=1))
-    ax.fill_between(x, low, high, color="k", alpha=0.15, lw=0, label="its 95 % interval")
     ax.plot(x, middle, color="k", lw=2, label="average of the curves")
+    ax.fill_between(x, low, high, color="k", alpha=0.15, lw=0, label="its 95 % interval")
     ax.set(xlabel=x_label, ylabel=y_label, yscale="log")
+    ax.yaxis.set_major_locator(
+        LogLocator(subs=(1.0, 2.0, 3.0, 4.0, 6.0) if _decades(ax) < 1.5 else (1.0,))
+    )
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    ax.yaxis.set_minor_formatter(NullFormatter())
     beside.set(xlabel=x_label, ylabel="laps lost (%)")
     beside.set_ylim(-0.2, max(1.0, 105 * lost.max()))
+    for each in axes:
+        each.locator_params(axis="x", nbins=5)
     ax.figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
-def plane(ax, arw, sigma_b, reached, levels):
+def _decades(ax):
+    """How many powers of ten an axis spans."""
+    low, high = ax.get_ylim()
+    return np.log10(high / low)
+
+
+def plane(ax, arw, sigma_b, reached, levels, span):
     """Draw the error that is reached over the N-B plane, with a contour for each level.
 
     Parameters
@@ -47,21 +63,43 @@ def plane(ax, arw, sigma_b, reached, levels):
         The even grid of the plane, deg/sqrt(s) and deg/s.
     reached : ndarray, shape (len(sigma_b), len(arw)), m
     levels : sequence of float, m
+    span : pair of float, m
+        Smallest and largest error of the colours, the same for panels that are to be compared.
+
+    Returns
+    -------
+    matplotlib.contour.QuadContourSet
+        For a colour bar.
     """
     shown = np.log10(reached)
     ax.set(xscale="log", yscale="log", xlabel="angle random walk N (°/√s)")
     ax.set_ylabel("bias instability B (°/s)")
-    filled = ax.contourf(arw, sigma_b, shown, levels=12, cmap="viridis_r", alpha=0.6)
+    steps = np.linspace(*np.log10(span), 13)
+    filled = ax.contourf(
+        arw, sigma_b, shown, levels=steps, cmap="viridis_r", alpha=0.6, extend="both"
+    )
     lines = ax.contour(
         arw, sigma_b, shown, levels=np.log10(levels), colors="k", linewidths=1, linestyles="solid"
     )
-    ax.clabel(lines, fmt=lambda v: f"{10**v:.2g} m", fontsize=7)
-    bar = ax.figure.colorbar(filled, ax=ax, format=lambda v, _: f"{10**v:.2g}")
-    bar.set_label("error not exceeded in 95 % (m)")
+    # Labels at the left or lower edge, where no sensor is.
+    places = [_crossing(arw, sigma_b, shown, np.log10(level)) for level in levels]
+    ax.clabel(lines, fmt=lambda v: f"{10**v:.2g} m", fontsize=7, manual=places)
+    return filled
+
+
+def _crossing(arw, sigma_b, shown, level):
+    """Find where a level crosses the second column of the plane, or else its second row."""
+    column, row = shown[:, 1], shown[1]
+    if column[-1] > level:
+        at = np.interp(level, np.maximum.accumulate(column), np.log10(sigma_b))
+        return arw[1], 10**at
+    return 10 ** np.interp(level, np.maximum.accumulate(row), np.log10(arw)), sigma_b[1]
 
 
 def sensors(ax, arw, sigma_b, priced, own):
     """Mark numbered sensors on the N-B plane, filled where a price is known, and measured ones.
+
+    Numbers that would cover each other are moved apart, a line leading to the place.
 
     Parameters
     ----------
@@ -71,13 +109,33 @@ def sensors(ax, arw, sigma_b, priced, own):
     own : sequence of (label, arw, sigma_b)
         Sensors with a ``model.json``, drawn as stars.
     """
+    every_n, every_b = ([*x, *(o[i] for o in own)] for i, x in ((1, arw), (2, sigma_b)))
+    places = _apart(every_n, every_b, APART)
     for number, (n, b, known) in enumerate(zip(arw, sigma_b, priced, strict=True), start=1):
         face, ink = ("k", "w") if known else ("w", "k")
-        ax.plot(n, b, "o", ms=8, mfc=face, mec="k", mew=0.6, zorder=3)
-        ax.text(n, b, number, color=ink, fontsize=5.5, ha="center", va="center_baseline", zorder=4)
+        at = places[number - 1]
+        ax.plot([n, at[0]], [b, at[1]], "k-", lw=0.5, zorder=3)
+        ax.plot(n, b, "k.", ms=2.5, zorder=3)
+        ax.plot(*at, "o", ms=8, mfc=face, mec="k", mew=0.6, zorder=3)
+        ax.text(*at, number, color=ink, fontsize=5.5, ha="center", va="center_baseline", zorder=4)
     for k, (label, n, b) in enumerate(own):
-        color = ("r", "m", "b")[k % 3]
-        ax.plot(n, b, "*", color=color, ms=9, mec="w", mew=0.5, label=label, ls="none", zorder=5)
+        color, at = ("r", "m", "b")[k % 3], places[len(arw) + k]
+        ax.plot([n, at[0]], [b, at[1]], "-", color=color, lw=0.5, zorder=3)
+        ax.plot(*at, "*", mfc="w", mec=color, ms=10, mew=1.2, label=label, ls="none", zorder=5)
+
+
+def _apart(x, y, least):
+    """Push points of a log-log plane apart until any two are `least` decades from each other."""
+    at = np.log10(np.array([x, y], dtype=float).T)
+    for _ in range(200):
+        gap = at[:, None] - at[None]
+        far = np.hypot(*np.moveaxis(gap, 2, 0)) + np.eye(len(at)) * 1e9
+        near = far < least
+        if not near.any():
+            break
+        push = np.where(near, (least - far) / far, 0.0)[..., None] * gap
+        at = at + 0.3 * push.sum(axis=1)
+    return 10**at
 
 
 def against_price(axes, sensors, mean, variance, fit, draws, printed):

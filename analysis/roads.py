@@ -28,7 +28,7 @@ LAPS = {
     "17-51-18": "cw",
 }
 DIRECTIONS = ("ccw", "cw")
-WIDTH = 1.0  # m: smoothing that foretells a lap left out best; shown in notebook 20
+WIDTH = 1.0  # m: less foretells a lap left out hardly better; shown in notebook 20
 HIGHWAYS = ("to-state-college", "to-altoona")
 HIGHWAY_STEP = 5.0  # m
 

@@ -171,3 +171,27 @@ def test_markdown_escapes_what_would_break_a_table():
     """Property: a cell with a bar stays one cell."""
     lines = draw.markdown(pd.DataFrame({"a": ["|x|", 2], "b": [3, 4]})).splitlines()
     assert lines == ["| a | b |", "|---|---|", r"| \|x\| | 3 |", "| 2 | 4 |"]
+
+
+@pytest.mark.parametrize(
+    ("reproduced_at", "verdict"),
+    [
+        ((1, 2, 4), REPRODUCED),
+        ((2, 4), "reproduced if R is 2"),
+        ((4,), "reproduced if R is 4"),
+        ((1, 2), REPRODUCED),
+        ((2,), NOT_REPRODUCED),
+        ((), NOT_REPRODUCED),
+    ],
+)
+def test_a_verdict_that_hangs_on_a_setting(reproduced_at, verdict):
+    """Property: a condition only where the claim holds from there to the end, else the default."""
+    found = {
+        x: (
+            PUBLISHED["value" if x in reproduced_at else "high"]
+            * (1 + 99 * (x not in reproduced_at)),
+        )
+        * 3
+        for x in (4, 1, 2)
+    }
+    assert claims.Ledger("90-test").check_from(FIRST, found, 1, "R is {:g}") == verdict

@@ -48,6 +48,17 @@ def test_interval_of_the_exponent_covers():
     assert 0.93 <= inside / 1500 <= 0.97
 
 
+def test_misfit_is_students_t():
+    """analytic: at fixed prices the drawn b and ln A have the quantiles of the t interval."""
+    price, variance = np.array([600, 2000, 5000, 20000.0]), np.array([12.0, 5.5, 3.8, 1.4])
+    fit = cost.power_law(price, variance)
+    many = (np.tile(price, (200_000, 1)), np.tile(variance, (200_000, 1)))
+    A, b = cost.with_misfit(*many, np.random.default_rng(8))
+    assert np.quantile(b, [0.5, 0.025, 0.975]) == pytest.approx(fit.b, abs=0.01)
+    drawn = np.quantile(np.log(A), [0.5, 0.025, 0.975])
+    assert drawn == pytest.approx(np.log(fit.A), abs=0.08)
+
+
 def test_many_power_laws_are_each_the_one():
     """cross-check: the batched fit equals the single one, row by row."""
     rng = np.random.default_rng(6)
@@ -120,8 +131,8 @@ def test_reach_and_cheapest():
 
 
 def test_allowed_coefficient():
-    """analytic: on reach = 3 B the largest B for 0.6 m is 0.2; bounded by the grid; None below."""
+    """analytic: on reach = 3 B the largest B for 0.6 m is 0.2; beyond the grid inf; None below."""
     grid = np.geomspace(0.01, 1, 7)
     assert cost.allowed(grid, 3 * grid, 0.6) == pytest.approx(0.2)
-    assert cost.allowed(grid, 3 * grid, 9.0) == 1.0
+    assert cost.allowed(grid, 3 * grid, 9.0) == np.inf
     assert cost.allowed(grid, 3 * grid, 0.02) is None

@@ -118,6 +118,34 @@ def power_laws(prices, variances):
     return np.exp(y.mean(axis=1) + b * x.mean(axis=1)), b, np.abs(xy) / np.sqrt(xx * yy)
 
 
+def with_misfit(prices, variances, rng):
+    """Draw A and b with all that leaves them open: prices, runs, and how few points there are.
+
+    Each draw of prices and variances is fitted as in `power_laws`; its coefficients are then drawn
+    from what least squares says of them, Student's t with n - 2 degrees of freedom, from the
+    misfit of that very draw.
+
+    Parameters
+    ----------
+    prices, variances : ndarray, shape (draws, n)
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    A, b : ndarray, shape (draws,)
+    """
+    x, y = np.log(prices), np.log(variances)
+    draws, n = x.shape
+    dx, middle = x - x.mean(axis=1, keepdims=True), y.mean(axis=1)
+    spread = (dx**2).sum(axis=1)
+    slope = (dx * y).sum(axis=1) / spread
+    rest = ((y - middle[:, None] - slope[:, None] * dx) ** 2).sum(axis=1)
+    scale = np.sqrt(rest / rng.chisquare(n - 2, size=draws))
+    level, tilt = rng.standard_normal((2, draws)) * scale
+    slope = slope + tilt / np.sqrt(spread)
+    return np.exp(middle + level / np.sqrt(n) - slope * x.mean(axis=1)), -slope
+
+
 def in_seconds(sensor):
     """N and B of an entry of ``data/sensors.toml`` in the paper's units.
 
@@ -213,12 +241,12 @@ def allowed(coefficient, reaches, wanted):
     Returns
     -------
     float or None
-        Where `reaches` first exceeds `wanted`; the last coefficient if it never does, None if it
-        does from the start.
+        Where `reaches` first exceeds `wanted`; infinite if it never does, for then the edge of
+        the grid is no answer; None if it does from the start.
     """
     over = np.flatnonzero(np.asarray(reaches) > wanted)
     if not len(over):
-        return float(coefficient[-1])
+        return float("inf")
     if over[0] == 0:
         return None
     near = slice(over[0] - 1, over[0] + 1)

@@ -21,6 +21,8 @@ class Beside:
         What the unscented filter thinks of its own.
     bound, odometry : ndarray, shape (times,), m
         Cramer-Rao bound; standard deviation of the odometry alone.
+    nis : ndarray, shape (times, runs), 1
+        Normalised innovation squared of the unscented filter, per channel.
     """
 
     distance: np.ndarray
@@ -29,6 +31,7 @@ class Beside:
     variance: np.ndarray
     bound: np.ndarray
     odometry: np.ndarray
+    nis: np.ndarray
 
 
 def beside(attitude_map, setup, *, runs, seed, look=50, half_width=3.0):
@@ -61,11 +64,14 @@ def beside(attitude_map, setup, *, runs, seed, look=50, half_width=3.0):
         z = attitude[:, k, None] + np.sqrt(setup.R) * rng.standard_normal((len(attitude), runs))
         for tracker in (ukf, grid):
             tracker.predict(moved[k], q)
-            tracker.update(z, setup.R)
+        innovation, S = ukf.update(z, setup.R)
+        grid.update(z, setup.R)
         if k % look == 0:
-            kept.append([ukf.x[0] - truth[k], grid.mean()[0] - truth[k], ukf.P[0, 0].copy()])
-    of_ukf, of_grid, variance = np.moveaxis(kept, 1, 0)
+            nis = sweep.normalised(innovation, S) / len(z)
+            off = [ukf.x[0] - truth[k], grid.mean()[0] - truth[k]]
+            kept.append([*off, ukf.P[0, 0].copy(), nis])
+    of_ukf, of_grid, variance, nis = np.moveaxis(kept, 1, 0)
     bound = point_mass.bound(attitude_map.slope(truth[1:]).T, q, setup.R, prior)[look - 1 :: look]
     at = truth[look::look]
     odometry = np.sqrt(prior + setup.q * (at - setup.begin))
-    return Beside(at, of_ukf, of_grid, variance, bound, odometry)
+    return Beside(at, of_ukf, of_grid, variance, bound, odometry, nis)
