@@ -60,6 +60,7 @@ Raw logs are looked for in the folder named by COMPENDIUM_DATA, in data/raw/ and
 data/downloaded/; every file is checked by sha256.""",
     "benchmark": """examples:
   python -m analysis benchmark              two minutes; other packages as far as installed
+  OMP_NUM_THREADS=1 python -m analysis benchmark     the same on one thread
 
 Each number stands beside the bar it is held against, if it has one.""",
 }

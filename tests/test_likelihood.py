@@ -7,7 +7,7 @@ from scipy.stats import chi2, multivariate_normal
 from analysis.noise import fit, likelihood, spectrum
 from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer
-from analysis.noise.models import UnifiedModel
+from analysis.noise.models import UnifiedModel, flicker_noise
 from analysis.noise.profile import Surface, interval
 
 DT, BLOCKS = 0.5, 70
@@ -160,13 +160,11 @@ def test_choice_among_models():
     rng = np.random.default_rng(8)
     white = rng.standard_normal(50_000)
     assert infer(white, 0.1, "deg/s", "rate", rng).chosen.model == "N"
-    ladder = [UnifiedModel(0.0, 0.1 * 3.0 ** (i - 1), 0.3) for i in range(16)]
-    flicker = white + sum(m.simulate(50_000, 0.1, rng) for m in ladder)
-    found = infer(flicker, 0.1, "deg/s", "rate", rng)
+    # Made from its spectrum, not from the ladder that the likelihood takes for it.
+    found = infer(white + flicker_noise(50_000, 0.1, 0.5, rng), 0.1, "deg/s", "rate", rng)
     assert found.chosen.model.startswith("N+B")
     b = found.parameters["bias_instability"]
-    truth = 0.3 * np.sqrt(np.pi / np.log(3))
-    assert b.low < truth < b.high
+    assert b.low < 0.5 < b.high
     assert not found.parameters["corr_time"].resolved
 
 
@@ -222,3 +220,26 @@ def test_same_log_in_other_units():
     for name in ("vrw", "sigma_b"):
         assert b.parameters[name].value == pytest.approx(9.80665 * a.parameters[name].value, 1e-3)
     assert b.parameters["corr_time"].low == pytest.approx(a.parameters["corr_time"].low, rel=5e-3)
+
+
+def test_intervals_beside_flicker_cover():
+    """coverage: in logs of white, flicker and random walk noise B, K and drift hold most truths.
+
+    The choice among models costs B and the drift some of their 95 %; notebook 13 counts how much.
+    """
+    n, dt, runs = 20_000, 0.5, 40
+    held = dict.fromkeys(("sigma_v", "bias_instability", "rrw", "drift"), 0)
+    truth = {"sigma_v": 0.06, "bias_instability": 0.0095, "rrw": 6.5e-4, "drift": 0.0}
+    for stream in np.random.SeedSequence(5).spawn(runs):
+        rng = np.random.default_rng(stream)
+        walk = truth["rrw"] * np.sqrt(dt) * np.cumsum(rng.standard_normal(n))
+        y = 0.06 * rng.standard_normal(n) + flicker_noise(n, dt, 0.0095, rng) + walk
+        found = infer(y, dt, "deg/s", "rate", rng).parameters
+        for name in held:
+            e = found.get(name)
+            low, high = (None, None) if e is None else (e.low, e.high)
+            low, high = -np.inf if low is None else low, np.inf if high is None else high
+            held[name] += low <= truth[name] <= high
+    # 40 trials: three standard errors below 95 % and, where the choice among models enters, 90 %.
+    assert min(held["sigma_v"], held["rrw"]) / runs >= 0.845, held
+    assert min(held["bias_instability"], held["drift"]) / runs >= 0.75, held

@@ -127,6 +127,29 @@ def gauss_markov_means(n, m, dt, sigma_b, corr_time, rng, *, runs=None):
     return sigma_b * (mean + left * rng.standard_normal(shape))
 
 
+def flicker_noise(n, dt, bias_instability, rng):
+    """Simulate flicker noise from its spectrum, of two-sided density B^2 / (2 pi f) (IEEE 952).
+
+    Half of a periodic series is kept, so that the log does not end where it began.
+
+    Parameters
+    ----------
+    n : int
+    dt, bias_instability : float
+        s, U.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (n,), U
+    """
+    f = np.fft.rfftfreq(2 * n, dt)
+    density = np.zeros(len(f))
+    density[1:] = bias_instability**2 / (2 * np.pi * f[1:])
+    draws = rng.standard_normal((2, len(f)))
+    return np.fft.irfft((draws[0] + 1j * draws[1]) * np.sqrt(density * n / dt), 2 * n)[:n]
+
+
 def adev_white(tau, arw):
     """Allan deviation of white noise, N / sqrt(tau) (IEEE 952, angle random walk)."""
     return arw / np.sqrt(tau)
