@@ -205,6 +205,11 @@ class Ledger:
             )
         return pd.DataFrame(rows)
 
+    def _row(self, claim):
+        if claim not in self._published.index:
+            raise WrongUsage(f"no claim '{claim}' in data/published/claims.csv")
+        return self._published.loc[claim]
+
     def _write(self):
         mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)
         parts = [part[COLUMNS] for part in (self._others, mine) if len(part)]
