@@ -139,6 +139,7 @@ def test_gaps_and_spikes_do_not_move_the_answer():
     holed[rng.integers(0, 20_000, 10)] += 5.0
     whole, broken = (infer(v, 0.5, "deg", "angle", np.random.default_rng(5)) for v in (y, holed))
     assert broken.spikes >= 9 and whole.spikes == 0
+    assert "left out as spikes" in broken.parameters["sigma_v"].note
     a, b = (r.parameters["sigma_v"] for r in (whole, broken))
     assert b.value == pytest.approx(a.value, rel=0.01)
     low, high = broken.parameters["corr_time"].low, broken.parameters["corr_time"].high

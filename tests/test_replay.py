@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from test_cli import run
 
-from analysis import datasets, replay_speed, tracks
+from analysis import datasets, tracks
 from analysis.tracker.last_position import Stored, load, save
 from analysis.tracker.replay import COLUMNS, Options, replay
 from analysis.tracker.scenarios import scenario_a, scenario_b, scenario_c
@@ -494,20 +494,3 @@ def test_memory_after_a_crash_is_the_last_one_written(tmp_path, cold):
     )
     assert status != 0
     assert memory.read_bytes() == before
-
-
-# --- speed ---------------------------------------------------------------------------------------
-
-
-def test_speed():
-    """property: faster than 250 x real time with a 40 Hz IMU, and a day of NMEA at 60 s a day.
-
-    The bars are 500 x and 60 s on an idle core (`analysis.replay_speed`); here half of that, since
-    tests run beside others. Processor time, best of three.
-    """
-    assert max(replay_speed.replay_speed(60.0) for _ in range(3)) > 250
-
-
-def test_speed_of_nmea(tmp_path):
-    """property: an hour of NMEA at 1 Hz in under 5 s, twice the share of a day in 60 s."""
-    assert min(replay_speed.nmea_seconds(1.0, folder=tmp_path) for _ in range(2)) < 5.0

@@ -114,7 +114,7 @@ def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
             break  # holes leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
     said = Findings(likelihood, fits, chosen, unit)
-    found = {"sigma_v": said.white(_band(m, dt, clean, misfit))}
+    found = {"sigma_v": said.white(_band(m, dt, clean, misfit, int(out.sum())))}
     if kind in ("rate", "accel"):
         found["arw" if kind == "rate" else "vrw"] = density(found["sigma_v"], dt)
         found["rrw"] = said.rate_random_walk()
@@ -181,13 +181,16 @@ def disagreement(likelihood, fit):
     return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
 
 
-def _band(m, dt, clean, misfit):
-    """Say over what band the model was fitted."""
-    note = "" if m == 1 else f"means of {m} samples ({m * dt:.3g} s): closer ones are correlated"
-    if clean:
-        return note
-    off = (
-        f"no model fits to {100 * AGREE:.0f} % (off by {100 * misfit:.0f} %): take the interval"
-        " with caution"
-    )
-    return f"{note}; {off}" if note else off
+def _band(m, dt, clean, misfit, left_out):
+    """Say over what band the model was fitted, and what was left out."""
+    parts = []
+    if m > 1:
+        parts.append(f"means of {m} samples ({m * dt:.3g} s): closer ones are correlated")
+    if left_out:
+        parts.append(f"left out as spikes: {left_out}")
+    if not clean:
+        parts.append(
+            f"no model fits to {100 * AGREE:.0f} % (off by {100 * misfit:.0f} %): take the interval"
+            " with caution"
+        )
+    return "; ".join(parts)

@@ -140,19 +140,3 @@ class AttitudeMap:
                 f"the lap runs from {low:.1f} to {high:.1f} m and leaves the map, which reaches "
                 f"from {self.start:.1f} to {self.end:.1f} m"
             )
-
-    def feature_length(self):
-        """Distance at which the detrended attitude has forgotten itself: autocorrelation at 1/e.
-
-        Returns
-        -------
-        float
-            The shortest among the channels, m.
-        """
-        found = []
-        for row in self.attitude:
-            row = row - row.mean()
-            lags = np.correlate(row, row, mode="full")[len(row) - 1 :]
-            below = np.flatnonzero(lags < lags[0] / np.e)
-            found.append(below[0] * self.step if len(below) else np.inf)
-        return float(min(found))
