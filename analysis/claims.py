@@ -10,6 +10,7 @@ import math
 import os
 
 import pandas as pd
+from filelock import FileLock
 
 from analysis import DATA, WrongUsage
 from analysis.figures import folder
@@ -101,8 +102,6 @@ class Ledger:
     def __init__(self, notebook):
         self.notebook = notebook
         self._published = published()
-        rows = verdicts().reset_index()
-        self._others = rows[(rows["verdict"] != NOT_YET) & (rows["notebook"] != notebook)]
         self._mine = {}
 
     def check(self, claim, value, low=None, high=None, *, when=None, untestable=None):
@@ -211,15 +210,18 @@ class Ledger:
         return self._published.loc[claim]
 
     def _write(self):
-        mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)
-        parts = [part[COLUMNS] for part in (self._others, mine) if len(part)]
-        table = pd.concat(parts, ignore_index=True).set_index("id")
-        table = table.reindex([i for i in self._published.index if i in table.index])
         path = folder() / "claims.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
-        new = path.with_suffix(".new")
-        new.write_text(table.to_csv(lineterminator="\n"), encoding="utf-8")
-        os.replace(new, path)
+        mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)
+        with FileLock(path.with_suffix(".lock")):  # other notebooks may be writing theirs
+            rows = verdicts().reset_index()
+            others = rows[(rows["verdict"] != NOT_YET) & (rows["notebook"] != self.notebook)]
+            parts = [part[COLUMNS] for part in (others, mine) if len(part)]
+            table = pd.concat(parts, ignore_index=True).set_index("id")
+            table = table.reindex([i for i in self._published.index if i in table.index])
+            new = path.with_suffix(".new")
+            new.write_text(table.to_csv(lineterminator="\n"), encoding="utf-8")
+            os.replace(new, path)
 
 
 def _short(x):

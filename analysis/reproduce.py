@@ -1,6 +1,8 @@
-"""Execute the notebooks in order, with a progress bar, and say what came of it."""
+"""Execute the notebooks in order, with a progress bar each, and say what came of it."""
 
+import os
 import time
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 import nbformat
@@ -27,7 +29,11 @@ class Run:
 
 def order(names):
     """Put notebooks in reading order, but the index last: it reads the verdicts of the others."""
-    return sorted(names, key=lambda name: (name.startswith("00-"), name))
+    return sorted(names, key=lambda name: (_is_index(name), name))
+
+
+def _is_index(name):
+    return name.startswith("00-")
 
 
 def select(names):
@@ -50,23 +56,39 @@ def select(names):
     return [paths[stem] for stem in order(chosen)]
 
 
-def reproduce(names=(), *, progress=True):
-    """Execute notebooks and write their outputs back into them.
+def reproduce(names=(), *, at_once=None, progress=True):
+    """Execute notebooks, several at once, and write their outputs back into them.
 
-    A notebook that fails is left as it was, and so are those after it.
+    They begin in reading order; the index waits for all others. A notebook that fails is left as
+    it was, and so are those not begun.
 
     Parameters
     ----------
     names : sequence of str
         Notebook names or numbers; none means all.
+    at_once : int, optional
+        How many run at a time; one a core if left out, but no more than four: each holds its logs
+        in memory.
     progress : bool
 
-    Yields
-    ------
-    Run
+    Returns
+    -------
+    list of Run
     """
-    for path in select(names):
-        yield execute(path, progress=progress)
+    paths = select(names)
+    at_once = at_once or min(os.cpu_count() or 1, 4)
+    index = [path for path in paths if _is_index(path.stem)]
+    done = []
+    for together in ([path for path in paths if path not in index], index):
+        with ThreadPoolExecutor(at_once) as pool:
+            running = [pool.submit(execute, path, progress=progress) for path in together]
+            try:
+                wait(running, return_when=FIRST_EXCEPTION)
+            finally:
+                pool.shutdown(cancel_futures=True)
+        failed = [one for one in running if not one.cancelled() and one.exception()]
+        done += [one.result() for one in failed or running]
+    return done
 
 
 def execute(path, *, progress=True):
@@ -90,7 +112,7 @@ def execute(path, *, progress=True):
             on_cell_executed=lambda **_: bar.update(),
         )
         try:
-            client.execute()
+            client.execute(env=os.environ | {"OMP_NUM_THREADS": "1"})  # notebooks are the threads
         except CellExecutionError as error:
             what = f"{error.ename}: {error.evalue}".splitlines()[0]
             raise CannotAnswer(f"{path.name}: a cell failed: {what}") from error

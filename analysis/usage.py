@@ -87,6 +87,7 @@ def parser():
 
     one = add("reproduce", "execute the notebooks and redraw figures/")
     one.add_argument("notebooks", nargs="*", metavar="NOTEBOOK", help="name or number; none: all")
+    one.add_argument("--at-once", type=int, metavar="N", help="how many run at a time; one a core")
 
     one = add("report", "characterise a static log: noise model with 95 %% intervals, and a page")
     one.add_argument("log", metavar="LOG", help="a file, or the name of a catalogued log")

@@ -1,6 +1,8 @@
 """The ledger of claims: how a verdict is reached, and what is kept from notebook to notebook."""
 
 import math
+import subprocess
+import sys
 
 import pandas as pd
 import pytest
@@ -112,7 +114,20 @@ def test_a_second_run_strikes_out_the_first_and_keeps_other_notebooks(elsewhere)
     assert list(table.columns) == claims.COLUMNS
     assert list(table["id"]) == [SECOND, THIRD]
     assert list(table["notebook"]) == ["10-other", "90-test"]
-    assert [p.name for p in elsewhere.parent.iterdir()] == ["claims.csv"]
+    assert {p.name for p in elsewhere.parent.iterdir()} == {"claims.csv", "claims.lock"}
+
+
+def test_notebooks_that_run_at_once_lose_no_row(elsewhere):
+    """Property: ledgers that write at the same time, from processes of their own, keep all rows."""
+    ids = list(claims.published().index[:60])
+    code = "import sys; from analysis import claims; ledger = claims.Ledger(sys.argv[1])\n"
+    code += "for claim in sys.argv[2:]: ledger.check(claim, 1.0)"
+    halves = {"10-one": ids[::2], "20-other": ids[1::2]}
+    running = [subprocess.Popen([sys.executable, "-c", code, n, *h]) for n, h in halves.items()]
+    assert [one.wait() for one in running] == [0, 0]
+    table = pd.read_csv(elsewhere).set_index("id")
+    assert list(table.index) == ids
+    assert all(set(table["notebook"][half]) == {name} for name, half in halves.items())
 
 
 def test_the_same_checks_write_the_same_bytes(elsewhere):
