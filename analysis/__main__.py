@@ -95,22 +95,26 @@ def plan(options):
 
 
 def coverage(options):
-    """Run the study behind notebook 13."""
+    """Run the study behind notebook 13, or cells of one's own."""
     from pathlib import Path
 
     from analysis import coverage as tried
 
     try:
-        hours = [float(h) for h in options.hours.split(",")]
+        hours = [float(h) for h in (options.hours or "2,6").split(",")]
     except ValueError as error:
         raise WrongUsage(
             f"--hours {options.hours}: numbers with commas between, such as 2,6"
         ) from error
-    if options.runs < 1 or not all(h > 0 for h in hours):
+    runs = 500 if options.runs is None else options.runs
+    if runs < 1 or not all(h > 0 for h in hours):
         raise WrongUsage("--runs and --hours are above zero")
+    names = options.models.split(",") if options.models else tried.models()
+    given = any((options.runs, options.hours, options.models))
+    cells = [(name, h, runs) for h in hours for name in names] if given else tried.plan()
     folder = Path(options.out) if options.out else tried.FOLDER
-    tried.study(options.runs, hours, options.workers, folder)
-    print(f"{len(tried.models())} models, {options.runs} logs each, are in {folder.name}/")
+    tried.study(cells, options.workers, folder)
+    print(f"{len(cells)} tables, {sum(n for _, _, n in cells)} logs in all, are in {folder.name}/")
 
 
 def claims(options):

@@ -1,4 +1,4 @@
-"""Do the intervals cover? Every estimator asked about simulated logs of the papers' models.
+"""Do the intervals cover? Every estimator asked about simulated logs of known sensors.
 
 Log k of a model comes from the k-th stream spawned from the model's seed, so that neither the
 number of workers nor an interruption changes a number.
@@ -6,28 +6,66 @@ number of workers nor an interruption changes a number.
 
 import os
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from analysis import DATA, table_one
+from analysis import DATA, WrongUsage, table_one
 from analysis.noise import reading, recipe
 from analysis.noise.allan import allan_deviation
 from analysis.noise.fit import UNIFIED
 from analysis.noise.inference import infer
 from analysis.noise.line import fit_line
-from analysis.noise.models import UnifiedModel
+from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov
 
 SEED = 4711
+LENGTHS = "midg-roll"  # asked at further lengths
 FOLDER = DATA / "derived" / "coverage"
 TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005)  # Table 1: N 0.004 deg/sqrt(s) at 100 Hz
-PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "drift")
+PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 
 
-def models():
+@dataclass(frozen=True)
+class Gyro:
+    """A rate sensor that is not white noise with one Gauss-Markov bias.
+
+    Attributes
+    ----------
+    sigma_v, bias_instability, rrw : float
+        White noise of a sample (U), flicker noise (U), rate random walk (U/sqrt(s)).
+    biases : tuple of (sigma_b, corr_time)
+        Gauss-Markov terms, U and s, the slowest last.
+    """
+
+    sigma_v: float
+    bias_instability: float = 0.0
+    rrw: float = 0.0
+    biases: tuple = ((0.0, np.nan),)
+    drift: float = 0.0
+
+    @property
+    def sigma_b(self):
+        """Of the slowest bias, U."""
+        return self.biases[-1][0]
+
+    @property
+    def corr_time(self):
+        """Of the slowest bias, s."""
+        return self.biases[-1][1]
+
+    def simulate(self, n, dt, rng):
+        """Simulate a static log, shape (n,), U."""
+        y = self.sigma_v * rng.standard_normal(n) + flicker_noise(n, dt, self.bias_instability, rng)
+        y += self.rrw * np.sqrt(dt) * np.cumsum(rng.standard_normal(n))
+        for sigma_b, corr_time in self.biases:
+            y += gauss_markov(n, dt, sigma_b, corr_time, rng) if sigma_b else 0.0
+        return y
+
+
+def papers():
     """Give the models of both papers: name -> model, sampling interval (s), kind.
 
     Returns
@@ -37,6 +75,20 @@ def models():
     step = 1 / table_one.RATE_HZ
     found = {name: (model, step, "angle") for name, model in table_one.models().items()}
     return found | {"terrain": (TERRAIN, 0.01, "rate")}
+
+
+def models():
+    """Give the papers' models and, of the size of a real MEMS gyro (deg/s), what they leave out.
+
+    Returns
+    -------
+    dict of str, tuple
+    """
+    return papers() | {
+        "flicker": (Gyro(0.06, bias_instability=0.0095, rrw=6.5e-4), 0.1, "rate"),
+        "walk": (Gyro(0.06, rrw=6.5e-4), 0.1, "rate"),
+        "two-biases": (Gyro(0.06, biases=((0.02, 20.0), (0.02, 600.0))), 0.1, "rate"),
+    }
 
 
 def ask(stream, model, dt, kind, hours, classical):
@@ -49,7 +101,8 @@ def ask(stream, model, dt, kind, hours, classical):
     """
     y = model.simulate(round(3600 * hours / dt), dt, np.random.default_rng(stream))
     said = infer(y, dt, "deg", kind, np.random.default_rng(stream))
-    found = [_row("likelihood", p, said.parameters[p], said.chosen.model) for p in PARAMETERS]
+    known = [p for p in PARAMETERS if p in said.parameters]
+    found = [_row("likelihood", p, said.parameters[p], said.chosen.model) for p in known]
     unified = next(f for f in said.fits if f.model == UNIFIED)
     found += [_bare("N+GM, unselected", p, unified.terms[p][0]) for p in PARAMETERS[:3]]
     if classical:
@@ -68,27 +121,41 @@ def ask(stream, model, dt, kind, hours, classical):
     return found
 
 
-def study(runs, hours, workers=None, folder=FOLDER):
-    """Ask the estimators about `runs` logs of each model and length, and write a table a cell.
+def plan():
+    """Give the cells of the committed study: model, hours, logs.
 
-    A cell that is there already with as many runs is kept: a killed study goes on where it stopped.
+    Returns
+    -------
+    list of (str, float, int)
+    """
+    told = [(name, h, 2000) for h in (2, 6) for name in papers()]
+    told += [(name, h, 500) for h in (2, 6) for name in models() if name not in papers()]
+    return told + [(LENGTHS, h, 500) for h in (0.5, 1, 12, 24)]
+
+
+def study(cells, workers=None, folder=FOLDER):
+    """Ask the estimators about simulated logs, and write a table a cell.
+
+    A cell that is there already with as many logs is kept: a killed study goes on where it stopped.
 
     Parameters
     ----------
-    runs : int
-    hours : sequence of float
+    cells : sequence of (str, float, int)
+        Model, hours, logs.
     workers : int, optional
         Processes; by default one a core.
     folder : Path
     """
+    unknown = [name for name, _, _ in cells if name not in models()]
+    if unknown:
+        raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(models())}")
     folder.mkdir(parents=True, exist_ok=True)
-    cells = [(name, h) for h in hours for name in models()]
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
     with (
         ProcessPoolExecutor(workers) as pool,
-        tqdm(total=runs * len(cells), unit="log", disable=None) as bar,
+        tqdm(total=sum(runs for _, _, runs in cells), unit="log", disable=None) as bar,
     ):
-        for name, h in cells:
+        for name, h, runs in cells:
             path = folder / f"{name}-{h:g}h.csv"
             bar.set_description(path.stem)
             if path.exists() and len(pd.read_csv(path)) and pd.read_csv(path)["runs"].max() == runs:
@@ -119,12 +186,13 @@ def summary(rows, model):
     """
     found = []
     for (estimator, parameter), group in rows.groupby(["estimator", "parameter"], sort=False):
-        truth = getattr(model, parameter)
+        truth = getattr(model, parameter, 0.0)
         low, high = group["low"].fillna(-np.inf), group["high"].fillna(np.inf)
         # A random constant goes with the mean: no log of it alone bounds its standard deviation.
-        has = group["interval"].any() and not (parameter == "sigma_b" and np.isinf(model.corr_time))
+        constant = parameter == "sigma_b" and np.isinf(model.corr_time)
+        has = group["interval"].any() and not constant and (truth > 0 or parameter == "drift")
         ratio = (group["value"] / truth).replace([np.inf, -np.inf], np.nan).dropna()
-        scatter = ratio if len(ratio) and np.isfinite(truth) else pd.Series([np.nan])
+        scatter = ratio if len(ratio) and 0 < truth < np.inf else pd.Series([np.nan])
         found.append(
             {
                 "estimator": estimator,
@@ -164,8 +232,8 @@ def read(folder=FOLDER):
     return pd.concat(parts, ignore_index=True)
 
 
-def _one(k, stream, *, model, dt, kind, hours, every=4):
-    """Ask the likelihood about every log, the recipes about every fourth."""
+def _one(k, stream, *, model, dt, kind, hours, every=10):
+    """Ask the likelihood about every log, the recipes about every tenth."""
     return ask(stream, model, dt, kind, hours, classical=k % every == 0)
 
 

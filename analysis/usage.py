@@ -42,10 +42,11 @@ From a datasheet or a first log: the numbers in the sensor's own unit U (deg/s, 
 as its density N in U*sqrt(s). `report` prints the same for the log it characterises.""",
     "coverage": """examples:
   python -m analysis coverage                            what data/derived/coverage holds
-  python -m analysis coverage --runs 20 --hours 1 --out mine --workers 2
+  python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
-Simulates logs of the eight sensor models of the papers, fits each, and counts how often an interval
-holds the truth. A cell that is there with as many logs is kept: a killed study goes on.""",
+Simulates logs of known sensors, the eight of the papers and three others (flicker, walk,
+two-biases), fits each, and counts how often an interval holds the truth. A table that is there with
+as many logs is kept: a killed study goes on.""",
     "claims": """examples:
   python -m analysis claims                 the count of verdicts, and every claim's
   python -m analysis claims comparison      of one paper (comparison, terrain, tracker)""",
@@ -121,10 +122,11 @@ def parser():
     one.add_argument("--within", type=float, default=20.0, metavar="PERCENT", help="wanted: 20")
 
     one = add(
-        "coverage", "do the intervals cover? every estimator on simulated logs; takes an hour"
+        "coverage", "do the intervals cover? every estimator on simulated logs; takes two hours"
     )
-    one.add_argument("--runs", type=int, default=500, help="logs of each model and length: 500")
-    one.add_argument("--hours", default="2,6", metavar="A,B", help="log lengths, h: 2,6")
+    one.add_argument("--runs", type=int, metavar="N", help="logs of each model and length: 500")
+    one.add_argument("--hours", metavar="A,B", help="log lengths, h: 2,6")
+    one.add_argument("--models", metavar="A,B", help="some of the sensors; all if left out")
     one.add_argument("--workers", type=int, metavar="N", help="processes; one a core if left out")
     one.add_argument("--out", metavar="DIR", help="data/derived/coverage if left out")
 

@@ -62,25 +62,26 @@ def test_the_usual_recipes_are_biased(study):
     assert at.loc[("five coefficients", "midg-yaw", "sigma_v"), "mean"] < 0.93
 
 
-def test_command_makes_it_and_goes_on(tmp_path, monkeypatch):
+def test_command_makes_it_and_goes_on(tmp_path):
     """property: a cell is the same for any number of workers, and one that is there is kept."""
-    short = {name: entry for name, entry in coverage.models().items() if name == "midg-yaw"}
-    monkeypatch.setattr(coverage, "models", lambda: short)
     tables = []
     for workers in (1, 2):
         folder = tmp_path / str(workers)
-        arguments = ["--runs", "3", "--hours", "0.1", "--workers", str(workers)]
+        arguments = ["--runs", "3", "--hours", "0.1", "--models", "midg-yaw"]
+        arguments += ["--workers", str(workers)]
         assert main(["coverage", *arguments, "--out", str(folder)]) == 0
         tables.append((folder / "midg-yaw-0.1h.csv").read_text())
     assert tables[0] == tables[1]
     path = tmp_path / "1" / "midg-yaw-0.1h.csv"
     kept = pd.read_csv(path).assign(truth=7.0)
     kept.to_csv(path, index=False)
-    coverage.study(3, [0.1], 1, tmp_path / "1")
+    coverage.study([("midg-yaw", 0.1, 3)], 1, tmp_path / "1")
     assert (coverage.read(tmp_path / "1")["truth"] == 7.0).all()
 
 
-@pytest.mark.parametrize("arguments", [["--hours", "two"], ["--runs", "0"], ["--hours", "-1"]])
+@pytest.mark.parametrize(
+    "arguments", [["--hours", "two"], ["--runs", "0"], ["--hours", "-1"], ["--models", "x"]]
+)
 def test_wrong_usage(arguments, tmp_path, capsys):
     """property: numbers that make no study are refused in a sentence, and nothing is written."""
     assert main(["coverage", *arguments, "--out", str(tmp_path / "x")]) == 2

@@ -97,6 +97,21 @@ def test_flicker_ladder_has_the_floor_of_ieee_952():
     np.testing.assert_allclose(np.sqrt(squares), np.sqrt(2 * np.log(2) / np.pi), rtol=0.01)
 
 
+def test_flicker_ladder_has_the_density_of_ieee_952():
+    """analytic: sampled, it holds the power of B^2 / (2 pi f), each octave of it, and in all."""
+    n = 2**14
+    stretch = spectrum.outline(n, 1.0)
+    found = likelihood.Terms(one(1e-9), flicker=one(1.0))
+    sigma_b, corr_time = (a[0] for a in likelihood._gauss_markov_terms(found, stretch))
+    f = np.arange(1, n // 2 + 1) / n
+    phi, turn = np.exp(-1 / corr_time), np.cos(2 * np.pi * f)[:, None]
+    density = (sigma_b**2 * (1 - phi**2) / (1 - 2 * phi * turn + phi**2)).sum(axis=1)
+    assert density.sum() == pytest.approx((1 / (2 * np.pi * f)).sum(), rel=0.01)
+    for octave in range(1, 9):
+        inside = (f > 2.0 ** -(octave + 1)) & (f <= 2.0**-octave)
+        assert density[inside].sum() == pytest.approx((1 / (2 * np.pi * f[inside])).sum(), rel=0.08)
+
+
 def test_profile_of_a_parabola():
     """analytic: of a quadratic surface the interval is the marginal one, and a wall is an end."""
     precision = np.array([[2.0, 0.9], [0.9, 1.0]])

@@ -5,8 +5,8 @@ import numpy as np
 from analysis.noise.estimate import Estimate, random_walk_unit
 from analysis.noise.fit import UNIFIED
 
-# The model with the next slow term beside: what it might be hides in the others' intervals.
-WIDER = {"N": "N+GM", "N+K": "N+GM", "N+B": "N+B+K", "N+GM": "N+GM+K"}
+# Where a random walk of the rate is bounded that the chosen model does without.
+WIDER = {"N": "N+K", "N+B": "N+B+K"}
 WHITE = "the likelihood does not fall as the white noise goes to nothing: a slow process hides it"
 
 
@@ -38,14 +38,17 @@ class Findings:
         self.unit = unit
         self.end = "+Q" if chosen.model.endswith("+Q") else ""
         self.note = f"likelihood of {chosen.model}"
+        # A random walk unseen would be counted as flicker, and bend the white noise with it.
+        self.plain = chosen.model.removesuffix("+Q")
+        self.told = fits["N+B+K" + self.end] if self.plain == "N+B" else chosen
 
     def white(self, band):
         """White noise of a sample, U, with a note on the band it is white in."""
-        low, high = self.likelihood.interval(self.chosen, "sigma_v")
-        note = "; ".join(part for part in (self.note, band) if part)
+        low, high = self.likelihood.interval(self.told, "sigma_v")
+        note = "; ".join(part for part in (f"likelihood of {self.told.model}", band) if part)
         if low is None:
             return Estimate.refused(self.unit, f"{note}; {WHITE}", high=high)
-        return Estimate(self.chosen.terms["sigma_v"][0], low, high, self.unit, note=note)
+        return Estimate(self.told.terms["sigma_v"][0], low, high, self.unit, note=note)
 
     def rate_random_walk(self):
         """Rate random walk K, U/sqrt(s)."""
@@ -54,20 +57,18 @@ class Findings:
             low, high = self.likelihood.interval(self.chosen, "rrw")
             if low is not None:
                 return Estimate(self.chosen.terms["rrw"][0], low, high, unit, note=self.note)
-        plain = self.chosen.model.removesuffix("+Q")
-        model = "N+K" if plain == "N" else WIDER.get(plain, "N+GM+K")
+        model = WIDER.get(self.plain, "N+GM+K")
         high = self.likelihood.interval(self.fits[model + self.end], "rrw")[1]
         why = f"{self.chosen.model} describes the log as well without a random walk of the rate"
         return Estimate.refused(unit, why, high=high)
 
     def flicker(self):
         """Bias instability B of fitted flicker noise, U."""
-        fit = self.fits["N+B+K" + self.end]  # a random walk unseen would be counted as flicker
-        low, high = self.likelihood.interval(fit, "flicker")
-        note = f"likelihood of {fit.model}: coefficient of its flicker noise (IEEE 952)"
+        low, high = self.likelihood.interval(self.told, "flicker")
+        note = f"likelihood of {self.told.model}: coefficient of its flicker noise (IEEE 952)"
         if low is None:
             return Estimate.refused(self.unit, f"{note}; a random walk may be all of it", high=high)
-        return Estimate(fit.terms["flicker"][0], low, high, self.unit, note=note)
+        return Estimate(self.told.terms["flicker"][0], low, high, self.unit, note=note)
 
     def bias(self):
         """Give corr_time (s) and sigma_b (U) of the Gauss-Markov bias."""
@@ -128,13 +129,12 @@ class Findings:
     def drift(self):
         """Linear drift, U/s."""
         unit = f"{self.unit}/s"
-        plain = self.chosen.model.removesuffix("+Q")
-        wider = WIDER.get(plain, plain) if plain != UNIFIED else UNIFIED
-        value, low, high = self.likelihood.drift(self.fits[wider + self.end])
+        fit = self.fits[UNIFIED + self.end] if self.plain == "N" else self.told
+        value, low, high = self.likelihood.drift(fit)
         if low <= 0 <= high:
             why = "no straight line stands out of the slow bias"
             return Estimate.refused(unit, why, low=low, high=high)
-        note = "generalised least squares, over all biases the log allows"
+        note = f"generalised least squares, over all biases of {fit.model} that the log allows"
         return Estimate(value, low, high, unit, note=note)
 
 

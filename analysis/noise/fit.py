@@ -11,8 +11,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from analysis.noise.likelihood import Terms, evaluate
-from analysis.noise.profile import DROP, Surface, interval
+from analysis.noise.likelihood import Terms, bin_variance, evaluate
+from analysis.noise.profile import DROP, STEP, Surface, interval
 
 MODELS = {
     "N": ("sigma_v",),
@@ -31,6 +31,9 @@ SHORTEST = 4.0  # shortest, in samples or means: what is shorter counts as white
 SMALLEST = 1e-7  # smallest deviation tried, in standard deviations of the log
 TIMES = 14
 RATIOS = 9
+GRID = (7, 30)  # of the last two parameters, for the drift
+ZOOMS = 3
+NOTHING = 1e-4  # of the greatest likelihood
 
 
 @dataclass(frozen=True)
@@ -143,29 +146,36 @@ class NoiseLikelihood:
         return tuple(None if e is None else float(np.exp(e + offset)) for e in ends)
 
     def drift(self, fit):
-        """Linear drift by generalised least squares, over all the biases the log allows.
+        """Linear drift by generalised least squares, over the biases the model allows.
 
         A slow bias can look like a drift, the more the longer its correlation time. So the drift
-        and its error under each point of a grid are mixed, each with the weight of its likelihood.
+        and its error under each point of a grid are mixed, each with the weight of its likelihood
+        and of Jeffreys' prior, the root of the determinant of the Fisher information: biases that
+        the log could not tell apart, as those of ever longer correlation times, count once.
 
         Parameters
         ----------
         fit : Fit
-            With two slow parameters or more, such as N+GM or N+B+K. The grid spans the whole range
-            of the last one, which the log may leave open, and some of the one before.
+            With two parameters or more. The grid spans the last two; the log may leave the last
+            one open.
 
         Returns
         -------
         value, low, high : float, U/s
         """
         last = len(fit.point) - (2 if "quantisation" in fit.names else 1)
+        pair = [last - 1, last]
         box = self.surface(fit.names)
-        before = fit.point[last - 1] + np.linspace(-0.5, 0.5, 9)
-        grid = np.meshgrid(before, np.linspace(box.low[last], box.high[last], 40))
-        points = np.tile(fit.point, (grid[0].size + 1, 1))
-        points[1:, last - 1 : last + 1] = np.stack(grid, axis=-1).reshape(-1, 2)
-        found = self._evaluate(points, fit.names)
-        weight = np.exp(found.value - found.value.max())
+        ends = [fit.point[last - 1] + np.array([-0.5, 0.5]), (box.low[last], box.high[last])]
+        for _ in range(ZOOMS):
+            nodes = [np.linspace(*e, n) for e, n in zip(ends, GRID, strict=True)]
+            points = np.tile(fit.point, (np.prod(GRID), 1))
+            points[:, pair] = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 2)
+            found = self._evaluate(points, fit.names)
+            weight = np.exp(found.value - found.value.max())
+            seen = weight.reshape(GRID) > NOTHING
+            ends = [_seen(n, seen.any(axis=1 - i)) for i, n in enumerate(nodes)]
+        weight *= self._jeffreys(points, fit.names, pair)
         weight /= weight.sum()
         value = float(weight @ found.drift)
         wide = float(np.max(np.abs(found.drift - value) + 6 * found.drift_sd))
@@ -200,6 +210,25 @@ class NoiseLikelihood:
 
     def _evaluate(self, points, names):
         return evaluate(self.stretches, _terms(np.exp(points), names), detrend=self.detrend)
+
+    def _jeffreys(self, points, names, pair):
+        """Root of the determinant of the Fisher information of two parameters, shape (rows,).
+
+        By Whittle's formula, I_ab = 1/2 sum of d(ln S)/da d(ln S)/db over the coefficients, of mean
+        variance S.
+        """
+        information = np.zeros((len(points), 2, 2))
+        for stretch in self.stretches:
+            slopes = []
+            for move in STEP * np.eye(len(names))[pair]:
+                above, below = (
+                    np.log(bin_variance(stretch, _terms(np.exp(points + m), names)))
+                    for m in (move, -move)
+                )
+                slopes.append((above - below).reshape(len(points), -1) / (2 * STEP))
+            slopes = np.array(slopes)
+            information += 0.5 * np.einsum("arb,crb,b->rac", slopes, slopes, stretch.count.ravel())
+        return np.sqrt(np.maximum(np.linalg.det(information), 0.0))
 
     def _starts(self, names, simpler):
         """Coarse grid, shape (rows, d): white noise, or a simpler fit, and what is new."""
@@ -269,6 +298,12 @@ def _simplest(fits):
     least = min(f.aic for f in fits)
     near = [f for f in fits if f.aic <= least + WITHIN]
     return min(near, key=lambda f: (len(f.point), not f.model.startswith(UNIFIED), f.aic))
+
+
+def _seen(nodes, seen):
+    """Give the ends of what is seen of a grid, and a node beyond."""
+    where = np.flatnonzero(seen)
+    return nodes[max(where[0] - 1, 0)], nodes[min(where[-1] + 1, len(nodes) - 1)]
 
 
 def _terms(values, names):

@@ -8,11 +8,16 @@ which the likelihood never falls, and says so with None.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq, minimize
+from scipy.optimize import brentq
 from scipy.stats import chi2
 
 DROP = chi2.ppf(0.95, 1)  # of twice the log-likelihood
-STEP = 1e-4  # of a logarithm, for gradients
+STEP = 1e-3  # of a logarithm, for gradient and curvature
+CLIMBS = 100  # steps of a search at most
+ENOUGH = 1e-7  # of the log-likelihood: less to gain is the top
+FLAT = 1e-6  # least curvature that is divided by
+FARTHEST = 2.0  # longest step of a logarithm
+SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a step that are tried
 WALL = 1e4  # steepness of the likelihood's fall where a cut leaves the box
 FIRST = 0.05  # first step outward of a profile, in a logarithm
 NODES = (0.25, 0.5, 0.75, 1.0, 1.4, 1.9, 2.6)  # of a curve, in half-widths of the interval
@@ -36,34 +41,50 @@ class Surface:
     high: np.ndarray
 
     def maximum(self, start):
-        """Climb from `start`, shape (d,).
+        """Climb from `start`, shape (d,), by Newton's method.
+
+        A direction in which the surface curves upward is climbed as if it curved down as much, and
+        of each step the best of some shares is taken.
 
         Returns
         -------
         point : ndarray, shape (d,)
         value : float
         """
-        start = np.clip(start, self.low, self.high)
-        before = float(self.value(start[None])[0])
-        if len(start) == 0:
-            return start, before
-        found = minimize(
-            self._below,
-            start,
-            args=(before,),
-            jac=True,
-            method="SLSQP",  # L-BFGS-B wakes the threads of BLAS for matrices of four numbers
-            bounds=list(zip(self.low, self.high, strict=True)),
-            options={"maxiter": 200, "ftol": 1e-7},
-        )
-        return (found.x, before - float(found.fun)) if found.fun < 0 else (start, before)
+        point = np.clip(start, self.low, self.high)
+        if len(point) == 0:
+            return point, float(self.value(point[None])[0])
+        for _ in range(CLIMBS):
+            value, gradient, curvature = self._parabola(point)
+            blocked = np.where(gradient > 0, point >= self.high, point <= self.low)
+            gradient, free = np.where(blocked, 0.0, gradient), ~blocked
+            size, turn = np.linalg.eigh(curvature * np.outer(free, free))
+            size = np.maximum(np.abs(size), FLAT)
+            step = turn @ (gradient @ turn / size)
+            if gradient @ step < ENOUGH:
+                break
+            step /= max(np.abs(step).max() / FARTHEST, 1.0)
+            tried = np.clip(point + np.outer(SHARES, step), self.low, self.high)
+            values = self.value(tried)
+            best = int(np.argmax(values))
+            if values[best] <= value:
+                break
+            point, value = tried[best], values[best]
+        return point, float(value)
 
-    def _below(self, point, level):
-        """How far the likelihood lies below `level`, and its gradient."""
+    def _parabola(self, point):
+        """Value, gradient and curvature from a stencil of points around."""
         d = len(point)
-        moves = STEP * np.vstack([np.zeros(d), np.eye(d), -np.eye(d)])
-        values = self.value(point + moves)
-        return level - values[0], -(values[1 : d + 1] - values[d + 1 :]) / (2 * STEP)
+        ahead, pairs = STEP * np.eye(d), [(i, j) for i in range(d) for j in range(i)]
+        both = np.array([ahead[i] + ahead[j] for i, j in pairs]).reshape(-1, d)
+        values = self.value(point + np.concatenate([np.zeros((1, d)), ahead, -ahead, both, -both]))
+        centre, up, down, *cross = np.split(values, np.cumsum([1, d, d, len(pairs)]))
+        curvature = np.diag((up + down - 2 * centre) / STEP**2)
+        around = up + down - centre
+        for k, (i, j) in enumerate(pairs):
+            mixed = cross[0][k] + cross[1][k] - around[i] - around[j]
+            curvature[i, j] = curvature[j, i] = mixed / (2 * STEP**2)
+        return centre[0], (up - down) / (2 * STEP), curvature
 
     def fixed(self, along, at):
         """Cut the surface where ``along @ point = at``.
@@ -163,7 +184,8 @@ def curve(surface, best, value, along, highest):
 
 
 def _end(surface, best, value, along, centre, sign, limit, drop):
-    known = {centre: -drop}  # the search below must not find a point anew, and lower
+    # In standard errors, so that the search meets what is nearly a straight line.
+    known = {centre: -np.sqrt(drop)}  # the search below must not find a point anew, and lower
     last = [best]
 
     def excess(p):
@@ -172,7 +194,7 @@ def _end(surface, best, value, along, centre, sign, limit, drop):
             starts = np.array([best[rest], last[0][rest]])
             others, reached = cut.maximum(starts[np.argmax(cut.value(starts))])
             last[0] = lift(others[None])[0]
-            known[p] = 2 * (value - reached) - drop
+            known[p] = np.sqrt(max(2 * (value - reached), 0.0)) - np.sqrt(drop)
         return known[p]
 
     inside, step = centre, FIRST
