@@ -14,7 +14,7 @@ from scipy.stats import chi2
 DROP = chi2.ppf(0.95, 1)  # of twice the log-likelihood
 STEP = 1e-3  # of a logarithm, for gradient and curvature
 CLIMBS = 100  # steps of a search at most
-ENOUGH = 1e-7  # of the log-likelihood: less to gain is the top
+ENOUGH = 1e-9  # of the log-likelihood: less to gain is the top
 FLAT = 1e-6  # least curvature that is divided by
 FARTHEST = 2.0  # longest step of a logarithm
 SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a step that are tried
