@@ -19,7 +19,7 @@ from analysis.terrain.ukf import Ukf, with_bias
 
 TOGETHER = 6000  # filters stepped at once: enough to hide the interpreter, few enough for a cache
 
-RUNS_AT_ONCE = 250  # whose unit paths are held at a time: some 200 MB
+RUNS_AT_ONCE = 300  # whose unit paths are held at a time: some 240 MB
 
 
 @dataclass(frozen=True)
