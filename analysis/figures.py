@@ -86,6 +86,7 @@ def save(fig, name, *, seed=None, data=(), to=None, **parameters):
         with mpl.rc_context({"figure.constrained_layout.use": False}):
             fig.set_layout_engine(None)
         fig.savefig(to / f"{name}.pdf", metadata={"CreationDate": None, "Subject": text})
+    fig.stale = False  # drawn, so that the end of a notebook's cell does not draw it once more
     (to / f"{name}.csv").write_text("\n".join(lines) + "\n" + csv, encoding="utf-8")
 
 
