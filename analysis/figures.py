@@ -81,8 +81,12 @@ def save(fig, name, *, seed=None, data=(), to=None, **parameters):
     lines = [f"# {key}: {json.dumps(value, ensure_ascii=False)}" for key, value in origin.items()]
     csv = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     with mpl.rc_context({k: STYLE[k] for k in ("savefig.dpi", "pdf.fonttype")}):
-        fig.savefig(to / f"{name}.pdf", metadata={"CreationDate": None, "Subject": text})
         fig.savefig(to / f"{name}.png", metadata={"Description": text})
+        # Laid out once: PDF and notebook show the same, and sooner.
+        with mpl.rc_context({"figure.constrained_layout.use": False}):
+            fig.set_layout_engine(None)
+        fig.savefig(to / f"{name}.pdf", metadata={"CreationDate": None, "Subject": text})
+    fig.stale = False  # drawn, so that the end of a notebook's cell does not draw it once more
     (to / f"{name}.csv").write_text("\n".join(lines) + "\n" + csv, encoding="utf-8")
 
 

@@ -1,5 +1,7 @@
 """Real laps on a map that has not seen them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,18 +15,43 @@ QUIET = np.zeros(1), np.zeros(1)
 
 def test_a_held_out_lap_is_tracked_well_under_a_metre():
     """property: with a perfect gyro the map of the other laps holds this one, gaps and all."""
-    laps, reckoned = heldout.track(LAP, *QUIET, paper_setup(1557.0), runs=3, seed=1)
+    found = heldout.find(LAP)
+    ((laps, reckoned),) = heldout.track([found], *QUIET, paper_setup(1557.0), runs=3, seed=1)
     assert np.sqrt((laps.error**2).mean()) < 0.6
     assert len(reckoned) == len(laps.distance) and np.isfinite(laps.error).all()
-    truth, moved, attitude = heldout.drive(LAP, ("pitch", "roll"), 100.0)
+    truth, moved, attitude = heldout.drive(found[0], ("pitch", "roll"), 100.0)
     assert attitude.shape == (2, len(truth)) and moved[0] == 0
     assert 0 < np.isnan(attitude).mean() < 0.1  # RTK drops out, and is left out
 
 
+def test_laps_tracked_together_are_as_alone():
+    """property: no other lap, nor its length, map, dropouts or R, moves a number of a lap."""
+    some, both = paper_setup(1557.0, every=10), ("pitch", "roll")
+    for setup in (some, replace(some, bias_states=True, R=0.04)):
+        options = {"runs": 2, "seed": 1, "channels": both}
+        names = (LAP, "14-45-26")
+        cells = (np.array([0.001, 0.01]), np.array([0.0001, 0.01]))
+        R = setup.R * np.array([[1.0, 2.0], [1.0, 4.0]])
+        together = heldout.track(
+            [heldout.find(n) for n in names], *cells, replace(setup, R=R), **options
+        )
+        for k, name in enumerate(names):
+            alone = heldout.track(
+                [heldout.find(name)], *cells, replace(setup, R=R[:, k]), **options
+            )
+            for one, other in zip(
+                vars(together[k][0]).values(), vars(alone[0][0]).values(), strict=True
+            ):
+                np.testing.assert_allclose(one, other, rtol=1e-12)
+            np.testing.assert_array_equal(together[k][1], alone[0][1])
+
+
 def test_an_exact_map_is_better():
     """property: what the measured attitude adds to the error is the map's, on a lap with gaps."""
-    args = (LAP, *QUIET, paper_setup(1557.0))
-    measured, exact = (heldout.track(*args, runs=3, seed=1, exact_map=e)[0] for e in (False, True))
+    args = ([heldout.find(LAP)], *QUIET, paper_setup(1557.0))
+    measured, exact = (
+        heldout.track(*args, runs=3, seed=1, exact_map=e)[0][0] for e in (False, True)
+    )
     assert (exact.error**2).mean() < (measured.error**2).mean()
 
 
@@ -36,17 +63,19 @@ def test_the_map_does_not_know_the_lap():
     assert abs(without.length_m - whole.length_m) < 5 < abs(other.length_m - whole.length_m)
 
 
-def test_a_lap_without_an_antenna_or_off_the_map_is_refused(monkeypatch):
+def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
     """property: one sentence each."""
-    lap = roads.load_lap(LAP)
-    blind = type(lap)(**{**vars(lap), "pitch_deg": np.full_like(lap.pitch_deg, np.nan)})
-    monkeypatch.setattr(roads, "load_lap", lambda name: blind)
-    with pytest.raises(CannotAnswer, match="no pitch: an antenna was missing"):
-        heldout.drive(LAP, ("pitch",), 100.0)
-    away = type(lap)(**{**vars(lap), "s_m": lap.s_m + 2000.0})
-    monkeypatch.setattr(roads, "load_lap", lambda name: away)
+    lap, others = heldout.find(LAP)
+    track = {"runs": 1, "seed": 1}
+    blind = replace(lap, pitch_deg=np.full_like(lap.pitch_deg, np.nan))
+    with pytest.raises(CannotAnswer, match=f"lap {LAP} has no pitch: an antenna was missing"):
+        heldout.track([(blind, others)], *QUIET, paper_setup(1557.0), **track)
+    away = replace(lap, s_m=lap.s_m + 2000.0)
     with pytest.raises(CannotAnswer, match="leaves the map"):
-        heldout.track(LAP, *QUIET, paper_setup(1557.0), runs=1, seed=1)
+        heldout.track([(away, others)], *QUIET, paper_setup(1557.0), **track)
+    torn = replace(others, pitch_deg=np.where(others.s_m < 7, np.nan, others.pitch_deg))
+    with pytest.raises(CannotAnswer, match=r"no attitude at .* a filter needs a map without gaps"):
+        heldout.track([(lap, torn)], *QUIET, paper_setup(1557.0), **track)
 
 
 def test_filter_grid_and_bound_on_the_real_map():

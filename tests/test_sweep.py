@@ -132,6 +132,24 @@ def test_the_three_variances_are_numpys():
     assert found["per_run_m2"][0] == pytest.approx(error.var(axis=2).mean(axis=1))
 
 
+def test_the_share_of_a_square_and_its_open_side():
+    """analytic: c2 / (c1 + c2) where the rise is clear; past the pole what its inverse says."""
+    rng, one = np.random.default_rng(SEED), np.ones(2001)
+
+    def share(c1, c2):
+        return tracking.share_interval(np.stack([one, c1, c2], axis=1))
+
+    def around(x, sd):
+        return x + sd * np.append(0.0, rng.standard_normal(2000))
+
+    value, low, high = share(around(1.0, 0.01), around(3.0, 0.01))
+    assert low < value == 0.75 < high and high - low < 0.02
+    c2 = around(1.0, 0.1)
+    value, low, high = share(around(0.1, 0.4) - c2, c2)  # perhaps no rise, but a bend
+    assert low == pytest.approx(1 / (0.1 + 1.96 * 0.4), rel=0.15) and high is None
+    assert share(around(0.1, 1.0), around(0.1, 1.0))[1:] == (None, None)
+
+
 def test_bootstrap_interval_covers():
     """coverage: 95 % intervals of the pooled variance hold the truth in 90-97 % of 300 samples.
 

@@ -29,7 +29,7 @@ class Setup:
         T_c of the bias, s (paper, Table 1: 200 s).
     start : {"zero", "stationary"}
         Start of the bias; an integrator in a simulation starts at 0 unless told otherwise.
-    R : float, None or ndarray of shape (cells,)
+    R : float, None or ndarray of shape (cells,) or (cells, runs)
         Variance of a measured attitude that the filter assumes, deg^2: one for every sensor (the
         paper speaks of one given algorithm), or one each. None: each sensor its own, the variance
         of its attitude error averaged over the lap.

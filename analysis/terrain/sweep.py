@@ -19,7 +19,7 @@ from analysis.terrain.ukf import Ukf, with_bias
 
 TOGETHER = 6000  # filters stepped at once: enough to hide the interpreter, few enough for a cache
 
-RUNS_AT_ONCE = 250  # whose unit paths are held at a time: some 200 MB
+RUNS_AT_ONCE = 300  # whose unit paths are held at a time: some 240 MB
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Laps:
     variance : ndarray, shape (cells, runs, times), m^2
         What the filter thinks of it.
     nis : ndarray, shape (cells, runs), 1
-        Normalised innovation squared per channel, averaged over those times.
+        Normalised innovation squared per channel, averaged over those times with a reading.
     """
 
     t: np.ndarray
@@ -155,13 +155,13 @@ def attitude_errors(setup, channels, streams, *, samples=None):
 
 
 def follow(attitude_map, truth, attitude, first, moved, paths, arw, sigma_b, setup, look=0.5):
-    """Track one drive through all runs and cells; the drive may be a simulated or a real one.
+    """Track one drive, simulated or real, through all runs and cells; or a drive for each run.
 
     Parameters
     ----------
-    attitude_map : AttitudeMap
-    truth : ndarray, shape (samples,), m
-    attitude : ndarray, shape (channels, samples), deg
+    attitude_map : AttitudeMap or MapOfEach
+    truth : ndarray, shape (samples,) or (samples, runs), m
+    attitude : ndarray, shape (channels, samples) or (channels, samples, runs), deg
         What a perfect gyro reads; NaN where there is nothing, and the filter then only moves.
     first : ndarray, shape (runs,), m
     moved : ndarray, shape (samples,) or (samples, runs), m
@@ -175,9 +175,10 @@ def follow(attitude_map, truth, attitude, first, moved, paths, arw, sigma_b, set
     Returns
     -------
     Laps
+        With ``distance`` of shape (times, runs) where each run has a drive of its own.
     """
-    R = setup.own_R(arw, sigma_b) if setup.R is None else setup.R
-    R = np.reshape(R, (-1, 1))
+    R = setup.own_R(arw, sigma_b) if setup.R is None else np.asarray(setup.R)
+    R = R if R.ndim == 2 else R.reshape(-1, 1)
     arw, sigma_b = (np.ravel(np.asarray(v, dtype=float))[:, None] for v in (arw, sigma_b))
     n, m, dt, every = len(truth), attitude_map.channels, 1 / setup.rate_hz, setup.every
     walk, bias = paths
@@ -187,25 +188,36 @@ def follow(attitude_map, truth, attitude, first, moved, paths, arw, sigma_b, set
     kept = np.arange(stride, n, stride)
     error, variance = (np.empty((cells, runs, len(kept))) for _ in range(2))
     nis = np.zeros((cells, runs))
-    innovation, S = (
-        np.zeros((m, cells, runs)),
-        np.broadcast_to(np.eye(m)[..., None, None], (m, m, 1, 1)),
-    )
+    seen = np.zeros(runs)
+    there = np.isfinite(attitude).all(axis=0).reshape(n, -1)
+    each, some = there.all(axis=1), there.any(axis=1)
+    attitude = attitude.reshape(m, n, 1, -1)
     for k in range(every, n, every):
         step = moved[k - every + 1 : k + 1].sum(axis=0)
         tracker.predict(step, Q)
         tracker.P[0, 0] += setup.q * np.abs(step)
-        if np.isfinite(attitude[:, k]).all():
+        if some[k]:
             z = arw * walk[k][:, None]
             z += sigma_b * bias[k][:, None]
-            z += attitude[:, k, None, None]
-            innovation, S = tracker.update(z, R)
+            z += attitude[:, k]
+            innovation, S = tracker.update(z, R) if each[k] else _of_some(tracker, z, R, there[k])
         if k % stride == 0:
             j = k // stride - 1
             error[:, :, j] = tracker.x[0] - truth[k]
             variance[:, :, j] = tracker.P[0, 0]
-            nis += normalised(innovation, S) / m / len(kept)
-    return Laps(kept * dt, truth[kept], error, variance, nis)
+            if some[k]:
+                nis += there[k] * normalised(innovation, S) / m
+                seen += there[k]
+    return Laps(kept * dt, truth[kept], error, variance, nis / np.maximum(seen, 1))
+
+
+def _of_some(tracker, z, R, there):
+    """Update the filters of the runs that have a reading; the others stay as they are."""
+    x, P = tracker.x.copy(), tracker.P.copy()
+    found = tracker.update(np.where(there, z, 0.0), R)
+    np.copyto(tracker.x, x, where=~there)
+    np.copyto(tracker.P, P, where=~there)
+    return found
 
 
 def _filter(attitude_map, setup, arw, sigma_b, first):

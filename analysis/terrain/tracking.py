@@ -133,6 +133,41 @@ def share_of_square(coefficients):
     return coefficients[..., 2] / (coefficients[..., 1] + coefficients[..., 2])
 
 
+def share_interval(coefficients):
+    """Share of the rise that the quadratic term carries, with its 95 % interval.
+
+    Where the rise may be nothing the share runs through a pole; but its inverse does not if the
+    bend is resolved, and leaves the share open upwards.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (resamples, 3)
+        Of `quadratic`; the first row is the sample's own.
+
+    Returns
+    -------
+    value : float
+    low, high : float or None
+        None where that side is open.
+    """
+    value = float(share_of_square(coefficients)[0])
+    bend = coefficients[:, 2]
+    rise = coefficients[:, 1] + bend
+    if _clear(rise):
+        _, low, high = interval(bend / rise)
+        return value, float(low), float(high)
+    if not _clear(bend):
+        return value, None, None
+    _, _, most = interval(rise / bend)
+    return value, (float(1 / most) if most > 0 else None), None
+
+
+def _clear(resampled):
+    """Say whether the 95 % interval of something leaves 0 out."""
+    _, low, high = interval(resampled)
+    return not low <= 0 <= high
+
+
 def line_or_square(x, y):
     """Compare how far a line c0 + c1 u and a pure square c0 + c2 u^2 stay from the points.
 
