@@ -7,7 +7,7 @@ from scipy.stats import chi2, multivariate_normal
 from analysis.noise import fit, likelihood, spectrum
 from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer
-from analysis.noise.models import UnifiedModel, flicker_noise
+from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov
 from analysis.noise.profile import Surface, interval
 
 DT, BLOCKS = 0.5, 70
@@ -110,6 +110,19 @@ def test_flicker_ladder_has_the_density_of_ieee_952():
     for octave in range(1, 9):
         inside = (f > 2.0 ** -(octave + 1)) & (f <= 2.0**-octave)
         assert density[inside].sum() == pytest.approx((1 / (2 * np.pi * f[inside])).sum(), rel=0.08)
+
+
+@pytest.mark.parametrize("small", ["sigma_v", "flicker", "rrw"])
+def test_a_climb_wakes_what_is_too_small_to_matter(small):
+    """property: with one term of no size at all the search comes to the same top."""
+    rng = np.random.default_rng(12)
+    y = rng.standard_normal(20_000) + gauss_markov(20_000, 0.1, 0.5, 30.0, rng)
+    names = ("sigma_v", "flicker", "rrw")
+    surface = NoiseLikelihood([spectrum.transform(y, 0.1)]).surface(names)
+    near = np.log([1.0, 0.1, 0.01])
+    asleep = np.where(np.array(names) == small, surface.low, near)
+    tops = [surface.maximum(start)[1] for start in (near, asleep)]
+    assert tops[0] == pytest.approx(tops[1], abs=1e-5)
 
 
 def test_profile_of_a_parabola():

@@ -17,6 +17,9 @@ CLIMBS = 100  # steps of a search at most
 ENOUGH = 1e-9  # of the log-likelihood: less to gain is the top
 FLAT = 1e-6  # least curvature that is divided by
 FARTHEST = 2.0  # longest step of a logarithm
+ASLEEP = 1e-3  # curvature of a coordinate that does not matter where the search is
+NODES_ASLEEP = 30  # at which its range is looked at
+WORTH = 1e-6  # of the log-likelihood: what a look is worth
 SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a step that are tried
 WALL = 1e4  # steepness of the likelihood's fall where a cut leaves the box
 FIRST = 0.05  # first step outward of a profile, in a logarithm
@@ -62,7 +65,11 @@ class Surface:
             size = np.maximum(np.abs(size), FLAT)
             step = turn @ (gradient @ turn / size)
             if gradient @ step < ENOUGH:
-                break
+                woken = self._waken(point, value, np.abs(np.diag(curvature)) < ASLEEP)
+                if woken is None:
+                    break
+                point = woken
+                continue
             step /= max(np.abs(step).max() / FARTHEST, 1.0)
             tried = np.clip(point + np.outer(SHARES, step), self.low, self.high)
             values = self.value(tried)
@@ -71,6 +78,26 @@ class Surface:
                 break
             point, value = tried[best], values[best]
         return point, float(value)
+
+    def _waken(self, point, value, asleep):
+        """Look along coordinates that do not matter here, such as the size of a term too small.
+
+        Returns
+        -------
+        ndarray, shape (d,), or None
+            Where it is worth to go on. Else `point` is changed: what matters nowhere below is put
+            to the low end of the box.
+        """
+        for i in np.flatnonzero(asleep):
+            along = np.tile(point, (NODES_ASLEEP, 1))
+            along[:, i] = np.linspace(self.low[i], self.high[i], NODES_ASLEEP)
+            values = self.value(along)
+            best = int(np.argmax(values))
+            if values[best] > value + WORTH:
+                return along[best]
+            if values[0] > value - WORTH:
+                point[i] = self.low[i]
+        return None
 
     def _parabola(self, point):
         """Value, gradient and curvature from a stencil of points around."""
