@@ -9,6 +9,7 @@ import pandas as pd
 import pymap3d
 
 from analysis import field
+from analysis.tracker.evaluate import wrapped
 from analysis.tracker.regression import mounting_angle
 from analysis.tracker.replay import Options, replay
 from analysis.tracker.timeline import turn_imu
@@ -79,21 +80,29 @@ def car():
     return _turned("car")
 
 
+def drive():
+    """Turn the IMU of the phone in a car, at 1 Hz, by known angles, and replay."""
+    return _turned("phone-drive")
+
+
 def _turned(name):
-    """Replay a ride with its IMU turned by 0 to 330 deg.
+    """Replay a ride with its IMU turned about the vertical by 0 to 330 deg.
 
     Returns
     -------
     dict
         Source, and the mounting angle fitted to the whole log with its 95 % interval (deg).
     dict of pandas.DataFrame
-        ``turned``: what came out for each angle; ``straights``: each straight of the log as it
-        is; ``path``: the ride, thinned.
+        ``turned``: what came out for each angle, ``lowest`` and ``highest`` of all answers counted
+        from the reference and the turn; ``straights``: each straight of the log as it is; ``path``:
+        the ride, thinned.
     """
     log = field.read(name)
+    value, low, high = mounting_angle(log.gnss, log.imu, np.random.default_rng(SEED))
+    down = -np.median(log.imu.accel_b, axis=0)
     rows = []
     for angle in np.arange(0.0, 360.0, STEP_DEG):
-        track = replay(turn_imu(log, np.radians(angle)), Options())
+        track = replay(turn_imu(log, np.radians(angle), down), Options())
         mount = track.columns["mount_deg"]
         known = np.flatnonzero(np.isfinite(mount))
         straights = track.trace["straights"]
@@ -101,10 +110,15 @@ def _turned(name):
         first, last = (mount[known[i]] if len(known) else np.nan for i in (0, -1))
         row |= {"first_s": log.gnss.t_s[known[0]] if len(known) else np.nan}
         row |= {"first_deg": first, "last_deg": last}
+        off = wrapped(mount[known] - value - angle)
+        row |= {"answers": len(np.unique(mount[known]))}
+        row |= {
+            "lowest_off_deg": off.min(initial=np.inf),
+            "highest_off_deg": off.max(initial=-np.inf),
+        }
         rows.append(row | {"last_printed_deg": np.degrees(straights[-1].printed)})
         if angle == 0:
             as_is, straight_table = track, _straights(straights)
-    value, low, high = mounting_angle(log.gnss, log.imu, np.random.default_rng(SEED))
     reference = {"reference_deg": value, "reference_low_deg": low, "reference_high_deg": high}
     gnss = log.gnss
     path = {"t_s": gnss.t_s} | _metres("raw", gnss.lat_deg, gnss.lon_deg)
