@@ -70,6 +70,7 @@ class Device:
         self.mounting = Mounting(
             on.straight_length,
             theta_alpha=on.theta_alpha,
+            max_bend=on.max_bend,
             min_speed=on.min_speed,
             max_sigma=on.max_mount_sigma,
         )
