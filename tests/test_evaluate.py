@@ -61,7 +61,17 @@ def test_a_stand_is_judged_by_hand():
     assert found["circle"] == pytest.approx(9.5, abs=0.01)
     assert (found["leaves"], found["raw_exits"], found["out_exits"]) == (0.0, 1, 0)
     assert found["hold_s"] == 2.0
+    assert (found["outside"], found["raw_outside"]) == (0.0, 0.1)  # 5 of the 50 last epochs
     assert evaluate.stand(t, raw, 2 * raw, layer)["leaves"] == 1.0
+
+
+def test_settling():
+    """analytic: 8 m that die away with 10 s, sampled each second: e-folded after ten of them."""
+    t = np.arange(200.0)
+    north = 8.0 * np.exp(-t / 10)
+    size, seconds = evaluate.settling(t, 0.6 * north, 0.8 * north)
+    assert size == pytest.approx(8.0, abs=1e-6)
+    assert seconds == pytest.approx(10.0, abs=1.0)
 
 
 def test_exits_and_holds():
