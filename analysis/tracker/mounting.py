@@ -79,6 +79,18 @@ class Mounting:
     printed : float or None
         The angle by eqs (2) and (3) of the last straight, in (-90 deg, 90 deg].
     straights : list of Straight
+
+    Examples
+    --------
+    Setting off on a straight, the sensor's X axis 90 deg clockwise of the heading: it feels the
+    acceleration to its left, along minus Y.
+
+    >>> block = Mounting()
+    >>> for second in range(20):
+    ...     speed, force = 1.0 + 0.1 * second**2, -0.1 * (2 * second - 1)
+    ...     updated = block.step(second, 1.0, 0.0, speed, 0.0, 0.0, force, variance=0.0)
+    >>> round(math.degrees(block.mount), 1)
+    90.0
     """
 
     def __init__(
