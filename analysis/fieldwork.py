@@ -9,6 +9,7 @@ import pandas as pd
 import pymap3d
 
 from analysis import field
+from analysis.tracker.evaluate import wrapped
 from analysis.tracker.regression import mounting_angle
 from analysis.tracker.replay import Options, replay
 from analysis.tracker.timeline import turn_imu
@@ -79,33 +80,38 @@ def car():
     return _turned("car")
 
 
+def drive():
+    """Turn the IMU of the phone in a car, at 1 Hz, by known angles, and replay."""
+    return _turned("phone-drive")
+
+
 def _turned(name):
-    """Replay a ride with its IMU turned by 0 to 330 deg.
+    """Replay a ride with its IMU turned about the vertical by 0 to 330 deg.
 
     Returns
     -------
     dict
-        Source, and the mounting angle fitted to the whole log with its 95 % interval (deg).
+        Source; the mounting angle fitted to the whole log with its 95 % interval (deg); straights
+        and the farthest answer (deg) if a bend is judged by its angle alone.
     dict of pandas.DataFrame
-        ``turned``: what came out for each angle; ``straights``: each straight of the log as it
-        is; ``path``: the ride, thinned.
+        ``turned``: what came out for each angle, ``lowest`` and ``highest`` of all answers counted
+        from the reference and the turn; ``straights``: each straight of the log as it is; ``path``:
+        the ride, thinned.
     """
     log = field.read(name)
+    value, low, high = mounting_angle(log.gnss, log.imu, np.random.default_rng(SEED))
+    down = -np.median(log.imu.accel_b, axis=0)
     rows = []
     for angle in np.arange(0.0, 360.0, STEP_DEG):
-        track = replay(turn_imu(log, np.radians(angle)), Options())
-        mount = track.columns["mount_deg"]
-        known = np.flatnonzero(np.isfinite(mount))
-        straights = track.trace["straights"]
-        row = {"turned_deg": angle, "straights": len(straights)}
-        first, last = (mount[known[i]] if len(known) else np.nan for i in (0, -1))
-        row |= {"first_s": log.gnss.t_s[known[0]] if len(known) else np.nan}
-        row |= {"first_deg": first, "last_deg": last}
-        rows.append(row | {"last_printed_deg": np.degrees(straights[-1].printed)})
+        track = replay(turn_imu(log, np.radians(angle), down), Options())
+        rows.append(_answers(log.gnss.t_s, track, angle, value))
         if angle == 0:
-            as_is, straight_table = track, _straights(straights)
-    value, low, high = mounting_angle(log.gnss, log.imu, np.random.default_rng(SEED))
-    reference = {"reference_deg": value, "reference_low_deg": low, "reference_high_deg": high}
+            as_is, straight_table = track, _straights(track.trace["straights"])
+    bent = replay(log, Options(max_bend=np.inf))
+    off = np.abs(wrapped(bent.columns["mount_deg"] - value))
+    reference = {"bends_farthest_deg": np.nanmax(off)}
+    reference |= {"bends_straights": len(bent.trace["straights"])}
+    reference |= {"reference_deg": value, "reference_low_deg": low, "reference_high_deg": high}
     gnss = log.gnss
     path = {"t_s": gnss.t_s} | _metres("raw", gnss.lat_deg, gnss.lon_deg)
     path |= {"speed_m_s": gnss.speed_m_s, "course_deg": gnss.course_deg}
@@ -116,6 +122,25 @@ def _turned(name):
         "path": pd.DataFrame(path).iloc[::EVERY],
     }
     return _source(name, log) | {k: round(float(v), 3) for k, v in reference.items()}, tables
+
+
+def _answers(t_s, track, angle, reference):
+    """Write what a ride with its IMU turned by ``angle`` (deg) answered as a row of a table."""
+    mount, straights = track.columns["mount_deg"], track.trace["straights"]
+    known = np.flatnonzero(np.isfinite(mount))
+    first, last = (mount[known[i]] if len(known) else np.nan for i in (0, -1))
+    off = wrapped(mount[known] - reference - angle)
+    return {
+        "turned_deg": angle,
+        "straights": len(straights),
+        "first_s": t_s[known[0]] if len(known) else np.nan,
+        "first_deg": first,
+        "last_deg": last,
+        "answers": len(np.unique(mount[known])),
+        "lowest_off_deg": off.min(initial=np.inf),
+        "highest_off_deg": off.max(initial=-np.inf),
+        "last_printed_deg": np.degrees(straights[-1].printed),
+    }
 
 
 def _straights(straights):

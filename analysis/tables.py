@@ -18,6 +18,7 @@ MAKERS = {  # name -> module and function
     "tracker-cold-phone": ("analysis.fieldwork", "cold_phone"),
     "tracker-racebox": ("analysis.fieldwork", "racebox"),
     "tracker-car": ("analysis.fieldwork", "car"),
+    "tracker-drive": ("analysis.fieldwork", "drive"),
 }
 COMMAND = "python -m analysis data --rebuild --write"
 

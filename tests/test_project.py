@@ -80,6 +80,14 @@ def test_no_index_and_no_machine_in_any_file():
         assert not found, f"{path.name}: {found and found[0]}"
 
 
+def test_no_merge_is_left_half_done():
+    """property: no text of the project holds the marks of two versions."""
+    marks = re.compile(r"^(<{7}|>{7}) ", re.MULTILINE)
+    texts = [p for p in tracked() if p.suffix in {".md", ".py", ".toml", ".yml", ".csv", ".json"}]
+    assert texts
+    assert [p.name for p in texts if p.exists() and marks.search(p.read_text("utf-8"))] == []
+
+
 def test_ci_calls_the_readme_command():
     """property: CI, README and Makefile speak of one test command."""
     assert re.search(r"^(exec )?make test$", (ROOT / ".ci" / "run").read_text(), re.M)

@@ -285,6 +285,14 @@ def test_no_fix_at_all(cold):
     assert track.stored is None
 
 
+def test_neither_a_fix_nor_an_imu(cold):
+    """property: block 3 then has nothing to judge by, and no note says that it asks the IMU."""
+    log = inject_outages(without(cold.log, "imu"), [(0.0, 1e9)])
+    notes = " ".join(replay(log).notes)
+    assert "block 3 has nothing to judge by" in notes
+    assert "judges by the IMU" not in notes
+
+
 def test_only_poor_fixes(cold):
     """property: a log whose fixes are all above the gate accepts none, and says so."""
     poor = replace(

@@ -41,6 +41,18 @@ class Attitude:
         Whether an attitude is known (the first second only gathers samples).
     heading_known : bool
         Whether a course has come since; before that, yaw counts from the direction at the start.
+
+    Examples
+    --------
+    A second at rest, leaning by 0.1 rad to the right, then a heading of 1 rad:
+
+    >>> block = Attitude()
+    >>> force = (0.0, -GRAVITY * math.sin(0.1), -GRAVITY * math.cos(0.1))
+    >>> for _ in range(60):
+    ...     block.imu((0.0, 0.0, 0.0), force, dt=0.025, static=True)
+    >>> block.epoch(heading=1.0, sigma=0.05)
+    >>> [round(angle, 3) for angle in block.angles]
+    [0.1, -0.0, 1.0]
     """
 
     def __init__(self, dtype=np.float64):

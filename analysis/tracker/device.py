@@ -16,9 +16,10 @@ from analysis.tracker.directions import dot
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.low_pass import LowPass
-from analysis.tracker.mounting import Mounting, wrap
+from analysis.tracker.mounting import Mounting
 from analysis.tracker.rest import Rest
 from analysis.tracker.static import StaticTest
+from analysis.tracker.straight import wrap
 from analysis.tracker.upright import Upright
 
 
@@ -69,6 +70,7 @@ class Device:
         self.mounting = Mounting(
             on.straight_length,
             theta_alpha=on.theta_alpha,
+            max_bend=on.max_bend,
             min_speed=on.min_speed,
             max_sigma=on.max_mount_sigma,
         )

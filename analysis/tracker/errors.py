@@ -7,6 +7,7 @@ Horizontal position errors, per axis, are ::
 An IMU sample has white noise, a constant bias, and a vibration that grows with speed.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,35 @@ class GnssErrors:
     speed_m_s: float = 0.04
     settling_m: float = 0.0
     settle_time: float = 120.0
+
+
+# Drift of a GPS position, a textbook's (Beard and McLain, Small Unmanned Aircraft, 2012, Table 7.1,
+# after Rankin, 1994): each second e^(-1/1100) of the last and 0.21 m of new noise; 0.4 m of white.
+DRIFT_S = 1100.0
+DRIFT_M = 0.21 / math.sqrt(1 - math.exp(-2 / DRIFT_S))
+WHITE_M = 0.4
+# How far off, and for how long, receivers at rest were after a cold start: gpsd's rx210,
+# telit-he910 and ublox-8, by `analysis.tracker.evaluate.settling`.
+STARTS = ((13.0, 20.0), (4.8, 120.0), (13.3, 25.0))
+
+
+def courtyard(start=(0.0, 1.0), pdop=2.5):
+    """Make the errors of a receiver that stands with half the sky hidden.
+
+    Parameters
+    ----------
+    start : (float, float)
+        Size (m) and time constant (s) of its settling; by default it has settled before.
+    pdop : float
+        At which the drift has its published size.
+
+    Returns
+    -------
+    GnssErrors
+    """
+    drift = ((DRIFT_M / pdop, DRIFT_S),)
+    size, seconds = start
+    return GnssErrors(drift, WHITE_M / pdop, settling_m=size, settle_time=seconds)
 
 
 @dataclass(frozen=True)

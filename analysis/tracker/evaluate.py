@@ -114,12 +114,14 @@ def stand(t_s, raw, out, layer):
         magnitudes), ``largest`` (once the first layer is full, if it ever is), ``last`` (last
         filtered error over the rms of the raw ones).
         ``circle``: the radius about the spot that holds 95 % of the raw positions, m; ``leaves``:
-        1 if an output lies outside once the second layer is full; exits from that circle,
+        1 if an output lies outside once the second layer is full; ``outside``, ``raw_outside``:
+        share of those epochs at which output and raw position do; exits from that circle,
         ``raw_exits`` and ``out_exits``; ``hold_s``: longest time without a change.
     """
     far, off = np.hypot(*raw), np.hypot(*out)
     averaged = layer >= 1 if (layer >= 1).any() else np.ones(len(layer), dtype=bool)
     circle = float(np.quantile(far, 0.95))
+    late = layer >= 2
     spread = [np.sqrt(np.var(x[0]) + np.var(x[1])) for x in (out, raw)]
     return {
         "spread": float(spread[0] / spread[1]),
@@ -128,11 +130,36 @@ def stand(t_s, raw, out, layer):
         "largest": float(off[averaged].max() / far[averaged].max()),
         "last": float(off[-1] / np.sqrt((far**2).mean())),
         "circle": circle,
-        "leaves": float((off[layer >= 2] > circle).any()),
+        "leaves": float((off[late] > circle).any()),
+        "outside": float((off[late] > circle).mean()) if late.any() else 0.0,
+        "raw_outside": float((far[late] > circle).mean()) if late.any() else 0.0,
         "raw_exits": exits(far, circle),
         "out_exits": exits(off, circle),
         "hold_s": longest_hold(t_s, *out),
     }
+
+
+def settling(t_s, north, east):
+    """Tell how far a receiver that stands still was off at its start, and for how long.
+
+    Counted from where it is at the end, so a lower bound: too short a log for an exponential fit.
+
+    Parameters
+    ----------
+    t_s, north, east : ndarray, shape (n,)
+        Accepted fixes from the first on.
+
+    Returns
+    -------
+    size : float
+        Largest distance, m.
+    seconds : float
+        From then until the distance is below 1/e of that for good.
+    """
+    far = np.hypot(north - north[-1], east - east[-1])
+    start = int(np.argmax(far))
+    last = np.flatnonzero(far > far[start] / np.e)[-1]
+    return float(far[start]), float(t_s[last] - t_s[start])
 
 
 def exits(radius, fence):

@@ -29,6 +29,17 @@ class Fusion:
     x : ndarray, shape (9,)
     P : ndarray, shape (9, 9)
     started : bool
+
+    Examples
+    --------
+    A fix, then three seconds of 1 m/s^2 northwards without any:
+
+    >>> block = Fusion()
+    >>> block.start((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), sigma_p=3.0, sigma_v=0.3)
+    >>> for _ in range(3 * 40):
+    ...     block.predict(np.array([1.0, 0.0, 0.0]), dt=1 / 40, sigma_a=0.3)
+    >>> block.position.round(6).tolist(), block.velocity.round(6).tolist()
+    ([10.5, 0.0, 0.0], [5.0, 0.0, 0.0])
     """
 
     def __init__(self, dtype=np.float64):

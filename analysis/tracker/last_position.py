@@ -55,6 +55,14 @@ class LastPosition:
         What lies in memory.
     moved_while_off : float or None
         Metres, if more than ``moved_m``.
+
+    Examples
+    --------
+    >>> block = LastPosition(Stored(45.0, 9.0, 100.0, t_s=0.0, pdop=2.0))
+    >>> block.step(1.0, (45.01, 9.0, 100.0), pdop=30.0), block.position.lat_deg
+    (False, 45.0)
+    >>> block.step(2.0, (45.00001, 9.0, 100.0), pdop=3.0), block.position.lat_deg
+    (True, 45.00001)
     """
 
     def __init__(

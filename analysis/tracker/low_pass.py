@@ -22,6 +22,20 @@ class LowPass:
         0 while the first buffer fills for the first time, then the highest buffer filled so far.
     position : list of float or None
         The latest mean of that buffer.
+
+    Examples
+    --------
+    >>> block = LowPass(lengths=(2, 2, 2))
+    >>> for north in (0.0, 2.0, 4.0, 6.0):
+    ...     layer, position = block.step([north])
+    ...     print(layer, position)
+    0 [0.0]
+    1 [1.0]
+    1 [1.0]
+    2 [3.0]
+    >>> block.wake()
+    >>> block.layer
+    0
     """
 
     def __init__(self, lengths=LENGTHS):

@@ -18,9 +18,12 @@ as depends on the vehicle: all of it in a car, nothing on two wheels, which lean
 import math
 from dataclasses import dataclass
 
+from analysis.tracker.straight import bend_variance, course_variance, wrap
+
 LENGTH = 6  # entries of the buffer; not printed
 ENTRY_S = 1.0  # s a entry covers, so that the buffer is as long at 1 Hz as at 25 Hz
 THETA_ALPHA = math.radians(3.0) ** 2  # rad^2, the largest variance of a straight; not printed
+MAX_BEND = 0.2  # m/s^2 sideways that a straight may pull: as much as its slope, `SIGMA_LEVEL`
 MIN_SPEED = 0.5  # m/s; below, a course over ground is noise
 MAX_SIGMA = math.radians(6.0)  # rad; a worse angle is kept back until more straights have come
 SIGMA_LEVEL = 0.2  # m/s^2, 2 %: the slope along or across a straight
@@ -61,6 +64,9 @@ class Mounting:
     theta_alpha : float
         Largest variance of the course, rad^2; each course weighs as its speed squared, since the
         noise of a course goes as one over the speed.
+    max_bend : float
+        Sideways acceleration, m/s^2, above which a stretch is no straight whatever ``theta_alpha``
+        says: the same turn pulls harder the faster it is taken (`bend_variance`).
     min_speed, max_sigma, sigma_level, slope, keep
         See the constants of this module.
 
@@ -73,6 +79,18 @@ class Mounting:
     printed : float or None
         The angle by eqs (2) and (3) of the last straight, in (-90 deg, 90 deg].
     straights : list of Straight
+
+    Examples
+    --------
+    Setting off on a straight, the sensor's X axis 90 deg clockwise of the heading: it feels the
+    acceleration to its left, along minus Y.
+
+    >>> block = Mounting()
+    >>> for second in range(20):
+    ...     speed, force = 1.0 + 0.1 * second**2, -0.1 * (2 * second - 1)
+    ...     updated = block.step(second, 1.0, 0.0, speed, 0.0, 0.0, force, variance=0.0)
+    >>> round(math.degrees(block.mount), 1)
+    90.0
     """
 
     def __init__(
@@ -80,13 +98,15 @@ class Mounting:
         length=LENGTH,
         entry_s=ENTRY_S,
         theta_alpha=THETA_ALPHA,
+        max_bend=MAX_BEND,
         min_speed=MIN_SPEED,
         max_sigma=MAX_SIGMA,
         sigma_level=SIGMA_LEVEL,
         slope=SLOPE,
         keep=KEEP,
     ):
-        self.length, self.entry_s, self.theta_alpha = length, entry_s, theta_alpha
+        self.length, self.entry_s = length, entry_s
+        self.theta_alpha, self.max_bend = theta_alpha, max_bend
         self.min_speed, self.max_sigma = min_speed, max_sigma
         self.sigma_level, self.slope, self.keep = sigma_level, slope, keep
         self.mount = self.sigma = self.printed = None
@@ -146,7 +166,8 @@ class Mounting:
         self._since, self._sum = speed, [0.0] * 7
         if len(self._buffer) < self.length:
             return False
-        if course_variance(self._buffer) >= self.theta_alpha:
+        allowed = bend_variance(self._buffer, self.length * self.entry_s, self.max_bend)
+        if course_variance(self._buffer) >= min(self.theta_alpha, allowed):
             self._buffer.pop(0)
             return False
         updated = self._straight(t_s)
@@ -250,24 +271,9 @@ def _products(values):
     return (f * f, f * l, f * x, f * y, l * l, l * x, l * y, x * x, x * y, y * y)
 
 
-def course_variance(buffer):
-    """Return the weighted variance of the courses (rad^2) of entries (course, weight, ...)."""
-    first = buffer[0][0]
-    turned = [wrap(entry[0] - first) for entry in buffer]
-    weights = [entry[1] for entry in buffer]
-    total = sum(weights)
-    centre = sum(w * a for w, a in zip(weights, turned, strict=True)) / total
-    return sum(w * (a - centre) ** 2 for w, a in zip(weights, turned, strict=True)) / total
-
-
 def mean(entries):
     """Average tuples, entry by entry."""
     total = list(entries[0])
     for entry in entries[1:]:
         total = [a + b for a, b in zip(total, entry, strict=True)]
     return [a / len(entries) for a in total]
-
-
-def wrap(angle):
-    """Bring an angle into (-pi, pi]."""
-    return math.pi - (math.pi - angle) % (2 * math.pi)

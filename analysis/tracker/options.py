@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.tracker.last_position import MOVED_M, PDOP_GATE, SAVE_EVERY_S
 from analysis.tracker.low_pass import LENGTHS
-from analysis.tracker.mounting import LENGTH, MAX_SIGMA, MIN_SPEED, THETA_ALPHA
+from analysis.tracker.mounting import LENGTH, MAX_BEND, MAX_SIGMA, MIN_SPEED, THETA_ALPHA
 from analysis.tracker.static import (
     ACCEL_TAU_S,
     SPEED_THRESHOLD,
@@ -60,6 +60,7 @@ class Options:
     lengths: tuple[int, int, int] = LENGTHS
     straight_length: int = LENGTH
     theta_alpha: float = THETA_ALPHA
+    max_bend: float = MAX_BEND
     min_speed: float = MIN_SPEED
     max_mount_sigma: float = MAX_SIGMA
     metres_per_pdop: float = 1.5

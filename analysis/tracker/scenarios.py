@@ -17,7 +17,7 @@ import pymap3d
 from scipy.spatial.transform import Rotation
 
 from analysis.noise.models import gauss_markov
-from analysis.tracker.errors import GRAVITY, GnssErrors, ImuErrors
+from analysis.tracker.errors import GRAVITY, STARTS, GnssErrors, ImuErrors, courtyard
 from analysis.tracker.timeline import Gnss, Imu, Timeline
 
 ORIGIN = (44.4949, 11.3426, 0.0)  # deg, deg, m: where the simulated logs are laid
@@ -59,8 +59,9 @@ class Scenario:
 def scenario_a(rng, *, minutes=90.0, imu_rate=4.0, gnss=None, imu=None):
     """Simulate scenario A: standing in a courtyard, half the sky hidden.
 
-    The receiver has just left a house (a settling offset of 20 m) and the errors have the size of
-    multipath; the PDOP wanders about 2.5.
+    The errors are published and measured ones, for the paper gives none: a textbook's drift, and
+    after power-on the settling of one of three real receivers (`analysis.tracker.errors`). The PDOP
+    wanders about 2.5.
 
     Parameters
     ----------
@@ -74,9 +75,7 @@ def scenario_a(rng, *, minutes=90.0, imu_rate=4.0, gnss=None, imu=None):
     -------
     Scenario
     """
-    gnss = gnss or GnssErrors(
-        drift=((1.6, 900.0), (0.8, 60.0)), white_m=0.2, settling_m=20.0, settle_time=180.0
-    )
+    gnss = gnss or courtyard(STARTS[rng.integers(len(STARTS))])
     n = round(60 * minutes * imu_rate) + 1
     path = np.zeros(n), np.full(n, np.radians(30.0))
     epochs = np.arange(0, n, round(imu_rate))
@@ -84,7 +83,9 @@ def scenario_a(rng, *, minutes=90.0, imu_rate=4.0, gnss=None, imu=None):
     return _measure(path, imu_rate, pdop, gnss, imu or ImuErrors(), rng, tilt=(4.0, -2.0))
 
 
-def scenario_b(rng, *, laps=6, imu_rate=40.0, mount_deg=90.0, gnss=None, imu=None):
+def scenario_b(
+    rng, *, laps=6, imu_rate=40.0, mount_deg=90.0, slope=0.0, slope_m=100.0, gnss=None, imu=None
+):
     """Simulate scenario B: counter-clockwise laps of a track round a rugby field, on a scooter.
 
     A 400 m track has straights of 84.39 m and bends of 36.5 m radius; its outermost line lies
@@ -96,6 +97,9 @@ def scenario_b(rng, *, laps=6, imu_rate=40.0, mount_deg=90.0, gnss=None, imu=Non
     rng : numpy.random.Generator
     laps : int
     imu_rate, mount_deg : float
+    slope, slope_m : float
+        Standard deviation of the ground's slope along and across, each a Gauss-Markov process over
+        the distance, and the metres over which it lasts. The paper's field is flat.
     gnss : GnssErrors, optional
     imu : ImuErrors, optional
 
@@ -125,6 +129,7 @@ def scenario_b(rng, *, laps=6, imu_rate=40.0, mount_deg=90.0, gnss=None, imu=Non
         tilt=(2.0, -3.0),
         mount_deg=mount_deg,
         lean=True,
+        ground=_ground(path[0] / imu_rate, slope, slope_m, rng),
     )
 
 
@@ -194,7 +199,19 @@ def _ride(lap, length, straight, bend, rate, *, wait, course):
     return speed, course
 
 
-def _measure(path, rate, pdop, gnss, imu, rng, *, tilt, mount_deg=0.0, lean=False, swing_deg=0.0):
+def _ground(moved, slope, slope_m, rng):
+    """Make slopes along and across (rad, shape (2, n)) for steps of so many metres."""
+    if not slope:
+        return None
+    s = np.cumsum(moved)
+    grid = np.arange(0.0, s[-1] + 2.0)
+    slopes = gauss_markov(len(grid), 1.0, slope, slope_m, rng, runs=2)
+    return np.array([np.interp(s, grid, each) for each in slopes])
+
+
+def _measure(
+    path, rate, pdop, gnss, imu, rng, *, tilt, mount_deg=0.0, lean=False, swing_deg=0.0, ground=None
+):
     """Make the readings of receiver and IMU along a path of speed (m/s) and course (rad)."""
     v, course = path
     n, dt, every = len(v), 1 / rate, round(rate)
@@ -204,7 +221,9 @@ def _measure(path, rate, pdop, gnss, imu, rng, *, tilt, mount_deg=0.0, lean=Fals
     position = np.cumsum(v_n, axis=0) * dt - v_n * dt
     roll = np.arctan(v * np.gradient(course, dt) / GRAVITY) if lean else np.zeros(n)
     step = np.radians(swing_deg) * np.minimum(v, 1.0) * np.sin(2 * np.pi * 0.9 * t)
-    vehicle = Rotation.from_euler("ZYX", np.column_stack([course, step, roll + step]))
+    along, across = np.zeros((2, n)) if ground is None else ground
+    angles = np.column_stack([course, step + along, roll + step + across])
+    vehicle = Rotation.from_euler("ZYX", angles)
     mounted = Rotation.from_euler("ZYX", [mount_deg, tilt[1], tilt[0]], degrees=True)
     attitude = vehicle * mounted
     accel = attitude.inv().apply(a_n - [0.0, 0.0, GRAVITY])

@@ -33,6 +33,14 @@ class StaticTest:
     Attributes
     ----------
     moving : bool
+
+    Examples
+    --------
+    >>> block = StaticTest()
+    >>> block.drive(0.1), block.accelerate(0.02, 0.01, dt=0.25)
+    (False, False)
+    >>> block.accelerate(0.3, 0.0, dt=0.25)
+    True
     """
 
     def __init__(

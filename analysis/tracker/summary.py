@@ -36,7 +36,8 @@ def notes(timeline, options, has_pdop, columns, device, lasting):
     if columns["has_fix"].any() and not has_pdop and options.last_position:
         yield "the receiver states no PDOP: block 1 accepts every fix"
     if not np.isfinite(timeline.gnss.speed_m_s).any():
-        yield "the receiver states no speed: block 3 judges by the IMU alone, block 5 does not run"
+        judge = "has nothing to judge by" if timeline.imu is None else "judges by the IMU alone"
+        yield f"the receiver states no speed: block 3 {judge}, block 5 does not run"
     if device.last.moved_while_off:
         yield (
             f"the first accepted fix lies {device.last.moved_while_off:.0f} m from the stored "

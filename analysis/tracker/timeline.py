@@ -6,6 +6,7 @@ Plain arrays, already read and cleaned: `analysis.tracks.read` makes them from f
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True)
@@ -114,25 +115,23 @@ def without(timeline, sensor):
     return replace(timeline, **{sensor: None})
 
 
-def turn_imu(timeline, angle):
-    """Turn the IMU about its own z axis, as if it had been mounted so.
+def turn_imu(timeline, angle, axis=(0.0, 0.0, 1.0)):
+    """Turn the IMU about an axis of its own, as if it had been mounted so.
 
     Parameters
     ----------
     timeline : Timeline
     angle : float
-        rad, right-handed about z: clockwise seen from above for an IMU whose z points down,
-        the other way round for one whose z points up.
+        rad, right-handed about the axis: clockwise seen from above for one that points down.
+    axis : sequence of 3 floats
+        In sensor axes, by default z; of a tilted sensor take down, and its mounting angle turns by
+        ``angle``.
 
     Returns
     -------
     Timeline
     """
     imu = timeline.imu
-    c, s = np.cos(angle), np.sin(angle)
-    old_to_new = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    turned = {
-        name: np.einsum("ij,kj->ki", old_to_new, getattr(imu, name))
-        for name in ("gyro_b", "accel_b")
-    }
+    old_to_new = Rotation.from_rotvec(-angle * np.asarray(axis) / np.linalg.norm(axis))
+    turned = {name: old_to_new.apply(getattr(imu, name)) for name in ("gyro_b", "accel_b")}
     return replace(timeline, imu=replace(imu, **turned))

@@ -1,0 +1,54 @@
+"""Each block by itself: the example on its page, and what has to be taken along to use it."""
+
+import ast
+import doctest
+import importlib
+
+import pytest
+
+from analysis import ROOT
+
+BLOCKS = ["last_position", "attitude", "static", "low_pass", "mounting", "fusion"]
+ALONG = {  # modules of the same folder that a block needs
+    "last_position": set(),
+    "attitude": {"cascade", "directions", "filters"},
+    "static": set(),
+    "low_pass": set(),
+    "mounting": {"straight"},
+    "fusion": {"filters"},
+}
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+def test_the_example_on_the_page_runs(block):
+    """property: each block's docstring shows its use, and what it shows is what comes out."""
+    found = doctest.testmod(importlib.import_module(f"analysis.tracker.{block}"))
+    assert found.attempted >= 3
+    assert found.failed == 0
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+def test_a_block_can_be_lifted(block):
+    """property: standard library, numpy and the few named neighbours are all that it imports."""
+    own, other, todo = set(), set(), [block]
+    while todo:
+        path = ROOT / "analysis" / "tracker" / f"{todo.pop()}.py"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                names = [node.module]
+                if node.module == "analysis.tracker":
+                    names = [f"analysis.tracker.{alias.name}" for alias in node.names]
+            elif isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            else:
+                continue
+            for name in names:
+                if not name.startswith("analysis"):
+                    other.add(name.split(".")[0])
+                elif name.split(".")[2] not in own:
+                    own.add(name.split(".")[2])
+                    todo.append(name.split(".")[2])
+    assert own == ALONG[block]
+    outside = {"numpy", "math", "collections", "dataclasses"}
+    files = {"json", "os", "pathlib", "tempfile", "zlib"}  # of block 1, for its place on disk
+    assert other <= (outside | files if block == "last_position" else outside)
