@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from analysis.noise.drift import linear_drift
 from analysis.noise.estimate import Estimate, random_walk_unit
 from analysis.noise.fit import UNIFIED
 
@@ -130,7 +131,7 @@ class Findings:
         """Linear drift, U/s."""
         unit = f"{self.unit}/s"
         fit = self.fits[UNIFIED + self.end] if self.plain == "N" else self.told
-        value, low, high = self.likelihood.drift(fit)
+        value, low, high = linear_drift(self.likelihood, fit)
         if low <= 0 <= high:
             why = "no straight line stands out of the slow bias"
             return Estimate.refused(unit, why, low=low, high=high)

@@ -8,11 +8,9 @@ Akaike's criterion, 2 (parameters) - 2 ln L; `choose` says how.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import norm
 
-from analysis.noise.likelihood import Terms, bin_variance, evaluate
-from analysis.noise.profile import DROP, STEP, Surface, interval
+from analysis.noise.likelihood import Terms, evaluate
+from analysis.noise.profile import DROP, Surface, interval
 
 MODELS = {
     "N": ("sigma_v",),
@@ -31,9 +29,6 @@ SHORTEST = 4.0  # shortest, in samples or means: what is shorter counts as white
 SMALLEST = 1e-7  # smallest deviation tried, in standard deviations of the log
 TIMES = 14
 RATIOS = 9
-GRID = (7, 30)  # of the last two parameters, for the drift
-ZOOMS = 3
-NOTHING = 1e-4  # of the greatest likelihood
 
 
 @dataclass(frozen=True)
@@ -100,7 +95,7 @@ class NoiseLikelihood:
             "quantisation": (SMALLEST * size * self.step, 30 * size * self.step),
         }
         low, high = np.log(np.array([box[name] for name in names])).T
-        return Surface(lambda points: self._evaluate(points, names).value, low, high)
+        return Surface(lambda points: self.evaluate(points, names).value, low, high)
 
     def fit(self, model, simpler=(), quantised=False):
         """Find the likeliest parameters of a model.
@@ -145,49 +140,6 @@ class NoiseLikelihood:
         ends = interval(self.surface(fit.names), fit.point, fit.log_likelihood, along)
         return tuple(None if e is None else float(np.exp(e + offset)) for e in ends)
 
-    def drift(self, fit):
-        """Linear drift by generalised least squares, over the biases the model allows.
-
-        A slow bias can look like a drift, the more the longer its correlation time. So the drift
-        and its error under each point of a grid are mixed, each with the weight of its likelihood
-        and of Jeffreys' prior, the root of the determinant of the Fisher information: biases that
-        the log could not tell apart, as those of ever longer correlation times, count once.
-
-        Parameters
-        ----------
-        fit : Fit
-            With two parameters or more. The grid spans the last two; the log may leave the last
-            one open.
-
-        Returns
-        -------
-        value, low, high : float, U/s
-        """
-        last = len(fit.point) - (2 if "quantisation" in fit.names else 1)
-        pair = [last - 1, last]
-        box = self.surface(fit.names)
-        ends = [fit.point[last - 1] + np.array([-0.5, 0.5]), (box.low[last], box.high[last])]
-        for _ in range(ZOOMS):
-            nodes = [np.linspace(*e, n) for e, n in zip(ends, GRID, strict=True)]
-            points = np.tile(fit.point, (np.prod(GRID), 1))
-            points[:, pair] = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 2)
-            found = self._evaluate(points, fit.names)
-            weight = np.exp(found.value - found.value.max())
-            seen = weight.reshape(GRID) > NOTHING
-            ends = [_seen(n, seen.any(axis=1 - i)) for i, n in enumerate(nodes)]
-        weight *= self._jeffreys(points, fit.names, pair)
-        weight /= weight.sum()
-        value = float(weight @ found.drift)
-        wide = float(np.max(np.abs(found.drift - value) + 6 * found.drift_sd))
-
-        def quantile(p):
-            def miss(x):
-                return weight @ norm.cdf((x - found.drift) / found.drift_sd) - p
-
-            return float(brentq(miss, value - wide, value + wide, xtol=1e-6 * wide))
-
-        return value, quantile(0.025), quantile(0.975)
-
     def hidden_bias(self, fit, longest):
         """Largest sigma_b of any correlation time up to `longest` that the log does not exclude.
 
@@ -198,37 +150,19 @@ class NoiseLikelihood:
         size = np.geomspace(1e-3, 1e3, 121) * self.scale
         time = np.geomspace(SHORTEST * self.step, longest, 20)
         sigma_b, corr_time = (a.ravel() for a in np.meshgrid(size, time))
-        rows = np.tile(fit.point, (len(sigma_b), 1))
-        terms = replace(_terms(np.exp(rows), fit.names), bias=((sigma_b, corr_time),))
+        points = np.tile(fit.point, (len(sigma_b), 1))
+        terms = replace(rows(points, fit.names), bias=((sigma_b, corr_time),))
         value = evaluate(self.stretches, terms, detrend=self.detrend).value
         allowed = (2 * (fit.log_likelihood - value) < DROP).reshape(len(time), -1).any(axis=0)
         return float(size[allowed].max()) if allowed.any() else float(size[0])
 
     def terms(self, fit):
         """Give a fit's parameters as one row of `Terms`."""
-        return _terms(np.exp(fit.point[None]), fit.names)
+        return rows(fit.point[None], fit.names)
 
-    def _evaluate(self, points, names):
-        return evaluate(self.stretches, _terms(np.exp(points), names), detrend=self.detrend)
-
-    def _jeffreys(self, points, names, pair):
-        """Root of the determinant of the Fisher information of two parameters, shape (rows,).
-
-        By Whittle's formula, I_ab = 1/2 sum of d(ln S)/da d(ln S)/db over the coefficients, of mean
-        variance S.
-        """
-        information = np.zeros((len(points), 2, 2))
-        for stretch in self.stretches:
-            slopes = []
-            for move in STEP * np.eye(len(names))[pair]:
-                above, below = (
-                    np.log(bin_variance(stretch, _terms(np.exp(points + m), names)))
-                    for m in (move, -move)
-                )
-                slopes.append((above - below).reshape(len(points), -1) / (2 * STEP))
-            slopes = np.array(slopes)
-            information += 0.5 * np.einsum("arb,crb,b->rac", slopes, slopes, stretch.count.ravel())
-        return np.sqrt(np.maximum(np.linalg.det(information), 0.0))
+    def evaluate(self, points, names):
+        """Give the `Likelihood` of rows of logarithms of the named parameters."""
+        return evaluate(self.stretches, rows(points, names), detrend=self.detrend)
 
     def _starts(self, names, simpler):
         """Coarse grid, shape (rows, d): white noise, or a simpler fit, and what is new."""
@@ -243,7 +177,7 @@ class NoiseLikelihood:
                 rows.append([left[n].pop(0) if left.get(n) else np.log(new[n]) for n in names])
         points = np.array(rows)
         if simpler is None:  # of any size yet: the likeliest is known without a search
-            found = self._evaluate(points, names)
+            found = self.evaluate(points, names)
             sizes = np.array([name != "corr_time" for name in names])
             points = points + 0.5 * np.log(found.quadratic / found.count)[:, None] * sizes
         return points
@@ -300,14 +234,9 @@ def _simplest(fits):
     return min(near, key=lambda f: (len(f.point), not f.model.startswith(UNIFIED), f.aic))
 
 
-def _seen(nodes, seen):
-    """Give the ends of what is seen of a grid, and a node beyond."""
-    where = np.flatnonzero(seen)
-    return nodes[max(where[0] - 1, 0)], nodes[min(where[-1] + 1, len(nodes) - 1)]
-
-
-def _terms(values, names):
-    """Rows of parameters, shape (rows, d), as the likelihood wants them."""
+def rows(points, names):
+    """Give rows of logarithms of parameters, shape (rows, d), as the likelihood wants them."""
+    values = np.exp(points)
     columns = dict(zip(names, values.T, strict=True))
     pairs = [(i, i + 1) for i, name in enumerate(names) if name == "walk"]
     return Terms(
