@@ -99,6 +99,15 @@ def test_ratio_interval_covers():
     assert 0.90 <= held / 300 <= 0.985  # 95 % +- 2.5 standard errors, and the bootstrap's own 1 %
 
 
+def test_ratio_interval_draws_within_groups():
+    """analytic: kinds of log that each have no scatter leave none, however unlike they are."""
+    above, below, kinds = [1, 1, 8, 8], [2, 2, 4, 4], ["A", "A", "C", "C"]
+    found = evaluate.ratio_interval(above, below, np.random.default_rng(4), groups=kinds)
+    assert found == (1.5, 1.5, 1.5)  # 18 / 12
+    _, low, high = evaluate.ratio_interval(above, below, np.random.default_rng(4))
+    assert low < 1.5 < high
+
+
 @pytest.mark.parametrize(("angle", "wrapped"), [(190.0, -170.0), (-190.0, 170.0), (540.0, -180.0)])
 def test_wrapped(angle, wrapped):
     """analytic: angles meet again after a turn."""

@@ -197,7 +197,7 @@ def longest_hold(t_s, *axes):
     return float(np.diff(edges).max())
 
 
-def ratio_interval(above, below, rng, *, runs=2000):
+def ratio_interval(above, below, rng, *, groups=None, runs=2000):
     """Divide the means of paired values, with a 95 % interval from pairs drawn anew.
 
     Parameters
@@ -205,6 +205,8 @@ def ratio_interval(above, below, rng, *, runs=2000):
     above, below : array_like, shape (n,)
         One pair a simulated log.
     rng : numpy.random.Generator
+    groups : array_like, shape (n,), optional
+        The kind of each log: pairs are drawn anew within each, for kinds are chosen, not drawn.
     runs : int
 
     Returns
@@ -212,7 +214,11 @@ def ratio_interval(above, below, rng, *, runs=2000):
     value, low, high : float
     """
     above, below = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
-    at = rng.integers(0, len(above), (runs, len(above)))
+    groups = np.zeros(len(above)) if groups is None else np.asarray(groups)
+    at = np.empty((runs, len(above)), dtype=int)
+    for kind in np.unique(groups):
+        where = np.flatnonzero(groups == kind)
+        at[:, where] = where[rng.integers(0, len(where), (runs, len(where)))]
     drawn = above[at].mean(axis=1) / below[at].mean(axis=1)
     return (float(above.mean() / below.mean()), *map(float, np.quantile(drawn, [0.025, 0.975])))
 
