@@ -138,15 +138,20 @@ def claims(options):
 
 def benchmark(options):
     """Run every benchmark and print its numbers."""
+    from pathlib import Path
+
     from analysis import benchmark as benchmarks
 
-    last = None
+    rows = []
     for name, one in benchmarks.run():
-        if name != last:
-            print(f"\n{name}" if last else name)
+        if not rows or name != rows[-1][0]:
+            print(f"\n{name}" if rows else name)
         value = "" if one.value != one.value else f"{one.value:.3g} {one.unit}"
         print(f"  {one.what:<44}{value:>16}   {one.bar}".rstrip())
-        last = name
+        rows.append((name, one))
+    if options.out:
+        benchmarks.write(rows, Path(options.out))
+        print(f"\n{options.out} is written")
 
 
 def data(options):

@@ -62,8 +62,10 @@ data/downloaded/; every file is checked by sha256.""",
     "benchmark": """examples:
   python -m analysis benchmark              two minutes; other packages as far as installed
   OMP_NUM_THREADS=1 python -m analysis benchmark     the same on one thread
+  python -m analysis benchmark --out mine.csv        keep the numbers, with the machine's name
 
-Each number stands beside the bar it is held against, if it has one.""",
+Each number stands beside the bar it is held against, if it has one. What one machine of two cores
+gave is in data/derived/benchmark/benchmark.csv.""",
 }
 
 
@@ -122,7 +124,7 @@ def parser():
     one.add_argument("--within", type=float, default=20.0, metavar="PERCENT", help="wanted: 20")
 
     one = add(
-        "coverage", "do the intervals cover? every estimator on simulated logs; takes two hours"
+        "coverage", "do the intervals cover? every estimator on simulated logs; takes an hour"
     )
     one.add_argument("--runs", type=int, metavar="N", help="logs of each model and length: 500")
     one.add_argument("--hours", metavar="A,B", help="log lengths, h: 2,6")
@@ -133,7 +135,8 @@ def parser():
     one = add("claims", "the verdict on every claim of the three papers")
     one.add_argument("paper", nargs="?", choices=["terrain", "comparison", "tracker"])
 
-    add("benchmark", "how fast this is here, beside other packages in the same run")
+    one = add("benchmark", "how fast this is here, beside other packages in the same run")
+    one.add_argument("--out", metavar="FILE", help="write the numbers as CSV too")
 
     one = add("data", "fetch and verify raw logs, rebuild the derived results")
     one.add_argument(

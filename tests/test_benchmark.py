@@ -1,8 +1,9 @@
 """The benchmark command: real numbers beside a peer's, and its bars."""
 
+import pandas as pd
 import pytest
 
-from analysis import benchmark, noise_speed, replay_speed
+from analysis import DATA, benchmark, noise_speed, replay_speed
 from analysis.__main__ import main
 
 
@@ -30,7 +31,21 @@ def test_the_tracker_is_timed_with_its_bars(monkeypatch):
     assert min(found.values()) > 0
 
 
-def test_the_command_prints_value_and_bar(monkeypatch, capsys):
+def test_the_committed_numbers_keep_their_bars():
+    """published: what `benchmark --out` wrote on a machine of two cores, against every bar."""
+    table = pd.read_csv(DATA / "derived" / "benchmark" / "benchmark.csv", comment="#")
+    assert set(table["part"]) == set(benchmark.BENCHMARKS)
+    held = table[table["bar"].str.match("[<>]=", na=False)]
+    assert len(held) == 9
+    for row in held.itertuples():
+        sign, bar = row.bar.split()
+        assert row.value <= float(bar) if sign == "<=" else row.value >= float(bar), row.what
+    value = table.set_index("what")["value"]
+    ours = value["Allan deviation of 10^7 samples, 100 tau, intervals"]
+    assert ours < value["allantools, the same tau, no intervals"]
+
+
+def test_the_command_prints_value_and_bar(monkeypatch, capsys, tmp_path):
     """property: a line for each number, with its bar; a missing peer is named, not a failure."""
 
     def one():
@@ -38,11 +53,15 @@ def test_the_command_prints_value_and_bar(monkeypatch, capsys):
         yield benchmark.Measured("peer is not installed", float("nan"), "")
 
     monkeypatch.setattr(benchmark, "BENCHMARKS", {"first": one, "second": one})
-    assert main(["benchmark"]) == 0
+    path = tmp_path / "new" / "mine.csv"
+    assert main(["benchmark", "--out", str(path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "first" and "second" in lines
     assert [part for part in lines[1].split("  ") if part] == ["speed", " 1.23e+03 1/s", " >= 1000"]
     assert lines[2].strip() == "peer is not installed"
+    table = pd.read_csv(path, comment="#")
+    assert list(table["value"].dropna()) == [1230.0, 1230.0]
+    assert path.read_text().startswith("# python -m analysis benchmark, ")
 
 
 def test_without_filterpy_it_says_so(monkeypatch):

@@ -64,8 +64,8 @@ def test_rows_of_a_channel_are_compared_among_themselves(tmp_path):
 def test_everything_committed_can_be_rebuilt():
     """Property: no folder in data/derived is without a maker, and none that has one is missing.
 
-    The study of coverage has no raw files, and a command of its own.
+    The study of coverage and the benchmark have no raw files, and commands of their own.
     """
     folders = {p.name for p in derived.FOLDER.iterdir() if p.is_dir()}
-    assert folders - {coverage.FOLDER.name} <= set(derived.names())
+    assert folders - {coverage.FOLDER.name, "benchmark"} <= set(derived.names())
     assert set(derived.MAKERS) <= folders

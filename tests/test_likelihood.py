@@ -184,6 +184,18 @@ def test_a_filter_is_not_taken_for_noise():
     assert arw.low < 0.1 < arw.high
 
 
+def test_pieces_that_are_left_out_are_named():
+    """property: a log in more pieces than are used says what share of it is not."""
+    rng = np.random.default_rng(3)
+    y = rng.standard_normal(60_000)
+    cut = y.copy()
+    for k in range(60):
+        cut[1000 * k : 1000 * k + 400] = np.nan
+    note = infer(cut, 0.1, "deg/s", "rate", rng).parameters["arw"].note
+    assert "50% of the samples unused: long holes cut the log into pieces" in note
+    assert "unused" not in infer(y, 0.1, "deg/s", "rate", rng).parameters["arw"].note
+
+
 def test_choice_among_models():
     """property: white noise stays white, flicker is told from a Gauss-Markov bias."""
     rng = np.random.default_rng(8)

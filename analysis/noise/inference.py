@@ -22,6 +22,7 @@ OCTAVES = 3  # at the top of the band, where the model has to agree
 AGREE = 0.03  # relative
 MARGIN = 2  # doublings beyond the first means that show no filter: unseen is not gone
 BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
+USED = 0.95  # share of the samples below which a reader is told
 EXACT = 1e-9  # relative; means that vary less than that hold no noise
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
 SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
@@ -114,7 +115,8 @@ def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
             break  # holes leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
     said = Findings(likelihood, fits, chosen, unit)
-    found = {"sigma_v": said.white(_band(m, dt, clean, misfit, int(out.sum())))}
+    used = sum(piece.n * piece.m for piece in likelihood.stretches) / np.isfinite(y).sum()
+    found = {"sigma_v": said.white(_band(m, dt, clean, misfit, int(out.sum()), used))}
     if kind in ("rate", "accel"):
         found["arw" if kind == "rate" else "vrw"] = density(found["sigma_v"], dt)
         found["rrw"] = said.rate_random_walk()
@@ -181,13 +183,15 @@ def disagreement(likelihood, fit):
     return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
 
 
-def _band(m, dt, clean, misfit, left_out):
+def _band(m, dt, clean, misfit, left_out, used):
     """Say over what band the model was fitted, and what was left out."""
     parts = []
     if m > 1:
         parts.append(f"means of {m} samples ({m * dt:.3g} s): closer ones are correlated")
     if left_out:
         parts.append(f"left out as spikes: {left_out}")
+    if used < USED:
+        parts.append(f"{1 - used:.0%} of the samples unused: long holes cut the log into pieces")
     if not clean:
         parts.append(
             f"no model fits to {100 * AGREE:.0f} % (off by {100 * misfit:.0f} %): take the interval"
