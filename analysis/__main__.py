@@ -7,6 +7,7 @@ import sys
 import time
 
 from analysis import CannotAnswer, WrongUsage, replay_command
+from analysis.output import check_file, check_folder, writing
 from analysis.usage import parser
 
 
@@ -112,8 +113,12 @@ def coverage(options):
     names = options.models.split(",") if options.models else tried.models()
     given = any((options.runs, options.hours, options.models))
     cells = [(name, h, runs) for h in hours for name in names] if given else tried.plan()
+    if options.workers is not None and options.workers < 1:
+        raise WrongUsage("--workers is one or more")
     folder = Path(options.out) if options.out else tried.FOLDER
-    tried.study(cells, options.workers, folder)
+    check_folder(folder)
+    with writing(folder):
+        tried.study(cells, options.workers, folder)
     print(f"{len(cells)} tables, {sum(n for _, _, n in cells)} logs in all, are in {folder.name}/")
 
 
@@ -142,6 +147,8 @@ def benchmark(options):
 
     from analysis import benchmark as benchmarks
 
+    if options.out:
+        check_file(options.out)
     rows = []
     for name, one in benchmarks.run():
         if not rows or name != rows[-1][0]:
@@ -150,7 +157,8 @@ def benchmark(options):
         print(f"  {one.what:<44}{value:>16}   {one.bar}".rstrip())
         rows.append((name, one))
     if options.out:
-        benchmarks.write(rows, Path(options.out))
+        with writing(options.out):
+            benchmarks.write(rows, Path(options.out))
         print(f"\n{options.out} is written")
 
 

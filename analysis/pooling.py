@@ -11,6 +11,7 @@ from analysis.noise.characterise import refuse_what_says_nothing
 from analysis.noise.estimate import Estimate
 from analysis.noise.inference import infer
 from analysis.noise.pool import pool
+from analysis.output import writing
 
 SAME_RATE = 0.01  # relative
 
@@ -139,13 +140,11 @@ def write(logs, out, *, axes=False, progress=True):
     """
     found = pooled(logs, axes=axes, progress=progress)
     out = Path(out)
-    try:
+    with writing(out):
         out.mkdir(parents=True, exist_ok=True)
         draft = out / f".pooled-{os.getpid()}.json"
         draft.write_text(results.as_json(found), encoding="utf-8")
         os.replace(draft, out / "pooled.json")
-    except OSError as error:
-        raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
     return found
 
 

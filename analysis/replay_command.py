@@ -3,6 +3,7 @@
 import sys
 
 from analysis import WrongUsage
+from analysis.output import check_folder
 
 BLOCKS = ("last-position", "attitude", "static", "low-pass", "mounting", "fusion")
 EPILOG = """examples:
@@ -65,7 +66,7 @@ def run(options):
         raise WrongUsage(f"--columns {options.columns}: write OURS=THEIRS, such as lat_deg=Lat")
     columns = dict(pair.split("=", 1) for pair in pairs)
     outages = [_stretch(text) for text in options.outage]
-    tracks.check_folder(options.out)
+    check_folder(options.out)
     log = tracks.read(options.logs, columns=columns, imu_offset=options.imu_offset)
     for start, stop in outages:
         if start > log.duration_s:

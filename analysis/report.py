@@ -13,6 +13,7 @@ from jinja2 import Environment, FileSystemLoader, select_autoescape
 
 from analysis import CannotAnswer, WrongUsage, draw, figures, results
 from analysis.noise import exports, planner
+from analysis.output import check_folder, writing
 
 WITHIN = 0.2
 PLANNED = {"sigma_v": "N or σ_v", "sigma_b": "σ_b", "corr_time": "τ", "flicker": "B", "rrw": "K"}
@@ -46,17 +47,14 @@ def write(log, out, *, progress=True):
     StaticResult
     """
     out = Path(out)
-    if out.exists() and not out.is_dir():
-        raise WrongUsage(f"--out {out.name}: there is a file of that name; name a folder")
+    check_folder(out)
     try:
         result = results.characterise_log(log, progress=progress)
     except CannotAnswer as error:
         raise CannotAnswer(f"{log.file}, {error}; --columns can leave a channel out") from error
-    try:
+    with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))
-    except OSError as error:
-        raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
     try:
         results.write_model(result, draft / "model.json")
         _draw(result, draft / "figures")
@@ -182,10 +180,8 @@ def export(path, out):
     if not texts.keys() & exports.TITLES.keys():
         reasons = [line for line in texts["README.md"].splitlines() if "left out" in line]
         raise CannotAnswer(f"{path}: nothing to export; " + "; ".join(r[2:] for r in reasons))
-    try:
+    with writing(out):
         _put(texts, Path(out))
-    except OSError as error:
-        raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
     return list(texts)
 
 

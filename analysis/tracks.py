@@ -18,6 +18,7 @@ import numpy as np
 from analysis import CannotAnswer, WrongUsage, datasets
 from analysis.intake import formats, moments, moving, receiver
 from analysis.intake.catalogue import find
+from analysis.output import check_folder, writing
 from analysis.tracker import last_position
 from analysis.tracker.timeline import Timeline
 
@@ -130,11 +131,9 @@ def write(track, out):
     """
     check_folder(out)
     out = Path(out)
-    try:
+    with writing(out):
         out.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(dir=out, prefix=".replay-"))
-    except OSError as error:
-        raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
     try:
         with (draft / "track.csv").open("w", newline="", encoding="utf-8") as handle:
             writer = csv.writer(handle, lineterminator="\n")
@@ -147,13 +146,6 @@ def write(track, out):
             os.replace(path, out / path.name)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
-
-
-def check_folder(out):
-    """Refuse an output folder that cannot be, before any work is done."""
-    out = Path(out)
-    if out.exists() and not out.is_dir():
-        raise WrongUsage(f"--out {out.name}: there is a file of that name; name a folder")
 
 
 def keep(path, stored):

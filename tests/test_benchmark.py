@@ -53,6 +53,8 @@ def test_the_command_prints_value_and_bar(monkeypatch, capsys, tmp_path):
         yield benchmark.Measured("peer is not installed", float("nan"), "")
 
     monkeypatch.setattr(benchmark, "BENCHMARKS", {"first": one, "second": one})
+    assert main(["benchmark", "--out", str(tmp_path)]) == 2
+    assert "there is a folder of that name" in capsys.readouterr().err
     path = tmp_path / "new" / "mine.csv"
     assert main(["benchmark", "--out", str(path)]) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -87,10 +87,10 @@ def test_command_makes_it_and_goes_on(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--hours", "two"], ["--runs", "0"], ["--hours", "-1"], ["--models", "x"]]
+    "arguments", ["--hours two", "--runs 0", "--hours -1", "--models x", "--workers 0"]
 )
 def test_wrong_usage(arguments, tmp_path, capsys):
     """property: numbers that make no study are refused in a sentence, and nothing is written."""
-    assert main(["coverage", *arguments, "--out", str(tmp_path / "x")]) == 2
+    assert main(["coverage", *arguments.split(), "--out", str(tmp_path / "x")]) == 2
     assert "wrong usage" in capsys.readouterr().err
     assert not (tmp_path / "x").exists()

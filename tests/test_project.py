@@ -17,7 +17,8 @@ FIGURES = ROOT / "figures"
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 MODULES = sorted((ROOT / "analysis").rglob("*.py"))
 OUTSIDE = {"logs", "datasets", "intake", "derived", "results", "figures", "draw", "claims"}
-OUTSIDE |= {"report", "reproduce", "roads", "surveys", "matplotlib", "pathlib", "os", "io"}
+OUTSIDE |= {"report", "reproduce", "roads", "surveys", "output", "matplotlib"}
+OUTSIDE |= {"pathlib", "os", "io"}
 OPENS = re.compile(
     r"open|loadtxt|genfromtxt|fromfile|read_\w+|read_text|read_bytes|savetxt|savefig"
 )

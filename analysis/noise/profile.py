@@ -65,11 +65,10 @@ class Surface:
             size = np.maximum(np.abs(size), FLAT)
             step = turn @ (gradient @ turn / size)
             if gradient @ step < ENOUGH:
-                woken = self._waken(point, value, np.abs(np.diag(curvature)) < ASLEEP)
-                if woken is None:
-                    break
-                point = woken
-                continue
+                point, onward = self._waken(point, value, np.abs(np.diag(curvature)) < ASLEEP)
+                if onward:
+                    continue
+                break
             step /= max(np.abs(step).max() / FARTHEST, 1.0)
             tried = np.clip(point + np.outer(SHARES, step), self.low, self.high)
             values = self.value(tried)
@@ -84,20 +83,22 @@ class Surface:
 
         Returns
         -------
-        ndarray, shape (d,), or None
-            Where it is worth to go on. Else `point` is changed: what matters nowhere below is put
-            to the low end of the box.
+        point : ndarray, shape (d,)
+            What matters nowhere below is put to the low end of the box.
+        onward : bool
+            Whether it is a place from which it is worth to go on.
         """
+        point = point.copy()
         for i in np.flatnonzero(asleep):
             along = np.tile(point, (NODES_ASLEEP, 1))
             along[:, i] = np.linspace(self.low[i], self.high[i], NODES_ASLEEP)
             values = self.value(along)
             best = int(np.argmax(values))
             if values[best] > value + WORTH:
-                return along[best]
+                return along[best], True
             if values[0] > value - WORTH:
                 point[i] = self.low[i]
-        return None
+        return point, False
 
     def _parabola(self, point):
         """Value, gradient and curvature from a stencil of points around."""
