@@ -5,6 +5,7 @@ import pytest
 
 from analysis.tracker import costs, operations
 from analysis.tracker.attitude import Attitude
+from analysis.tracker.low_pass import LENGTHS
 from analysis.tracker.operations import Tally, counted, instrument
 
 
@@ -39,10 +40,10 @@ def test_a_sample_of_the_attitude_holds_its_three_filter_steps(steps):
 
 
 def test_the_low_pass_filter_costs_its_means(steps):
-    """analytic: ten positions of two coordinates: 18 sums, 2 divisions; three layers at worst."""
-    assert steps["4", "fix, one layer"][0] == operations.buffer_mean(10, axes=2)
-    worst = steps["4", "fix, all three layers"][0]
-    assert worst.counts() == tuple(3 * c for c in operations.buffer_mean(10, axes=2).counts())
+    """analytic: n places, two coordinates: 2 (n - 1) sums and 2 divisions; at worst all layers."""
+    first, second, third = (operations.buffer_mean(n, axes=2) for n in LENGTHS)
+    assert steps["4", "fix, one layer"][0] == first
+    assert steps["4", "fix, all three layers"][0] == first + second + third
 
 
 def test_counting_does_not_change_what_a_block_says():

@@ -187,7 +187,7 @@ def test_the_gate_lowers_the_error(cold):
 
 def test_standing_still(stand):
     """property: 30 min of rest at 4 Hz: static throughout, layers fill, updates get rarer."""
-    track = replay(stand.log)
+    track = replay(stand.log, Options(lengths=(10, 10, 10)))
     assert track.columns["moving"][10:].sum() == 0
     layer = track.columns["layer"]
     assert (np.diff(layer) >= 0).all() and layer[-1] == 3
@@ -205,7 +205,7 @@ def test_no_output_leaves_the_95_percent_circle():
     errors = GnssErrors(drift=((1.0, 20.0),), white_m=0.5)
     for seed in range(5):
         scenario = scenario_a(np.random.default_rng(seed), minutes=30.0, gnss=errors)
-        track = replay(scenario.log)
+        track = replay(scenario.log, Options(lengths=(10, 10, 10)))
         raw = np.hypot(*scenario.error(scenario.log.gnss.lat_deg, scenario.log.gnss.lon_deg))
         out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
         full = track.columns["layer"] >= 2
@@ -222,7 +222,7 @@ def test_wakes_within_an_epoch(stand, push):
     east = np.array([0.0, push, 0.0])
     accel[pushed] += np.einsum("ji,j->i", stand.C_nb[0], east)
     log = replace(stand.log, imu=replace(imu, accel_b=accel))
-    track = replay(log)
+    track = replay(log, Options(lengths=(10, 10, 10)))
     at = {t: k for k, t in enumerate(track.columns["t_s"].tolist())}
     assert track.columns["layer"][at[600.0]] == 2
     assert track.columns["moving"][at[601.0]] == 1
@@ -250,7 +250,7 @@ def test_each_block_can_be_left_out(laps, block):
 def test_gnss_without_imu(laps):
     """property: what needs an IMU says so; the gate, the static test and the low-pass run."""
     scenario, _ = laps
-    track = replay(without(scenario.log, "imu"))
+    track = replay(without(scenario.log, "imu"), Options(lengths=(10, 10, 10)))
     assert any(note.startswith("no IMU: blocks 2, 5 and 6") for note in track.notes)
     assert np.isnan(track.columns["roll_deg"]).all()
     assert track.columns["layer"].max() >= 1  # the 20 s before setting off

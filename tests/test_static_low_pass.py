@@ -115,7 +115,7 @@ def test_averages_stay_within_the_95_percent_circle(corr_time):
     outside = total = 0
     for seed in range(100):
         rng = np.random.default_rng(seed)
-        block, error, out = LowPass(), rng.standard_normal(2), []
+        block, error, out = LowPass((10, 10, 10)), rng.standard_normal(2), []
         noise = math.sqrt(1 - a * a) * rng.standard_normal((2000, 2))
         for step in noise:
             error = a * error + step

@@ -81,21 +81,21 @@ def cold_start(scenario, stored, gate=PDOP_GATE, stands_s=120.0):
 
 
 def low_passed(north, east, lengths=LENGTHS):
-    """Drive block 4 alone over the positions of a device at rest.
+    """Drive block 4 alone over the positions of devices at rest.
 
     Parameters
     ----------
-    north, east : ndarray, shape (n,), m
+    north, east : ndarray, shape (n,) or (n, devices), m
     lengths : tuple of int
 
     Returns
     -------
     layer : ndarray of int, shape (n,)
-    north, east : ndarray, shape (n,), m
+    north, east : ndarray, as the positions, m
     """
     block = LowPass(lengths)
-    rows = [block.step(p) for p in zip(north.tolist(), east.tolist(), strict=True)]
-    return np.array([layer for layer, _ in rows]), *np.array([p for _, p in rows]).T
+    rows = [block.step(position) for position in zip(north, east, strict=True)]
+    return np.array([layer for layer, _ in rows]), *np.moveaxis([p for _, p in rows], 1, 0)
 
 
 def stand(t_s, raw, out, layer):
