@@ -42,8 +42,10 @@ def test_a_sample_of_the_attitude_holds_its_three_filter_steps(steps):
 def test_the_low_pass_filter_costs_its_means(steps):
     """analytic: n places, two coordinates: 2 (n - 1) sums and 2 divisions; at worst all layers."""
     first, second, third = (operations.buffer_mean(n, axes=2) for n in LENGTHS)
-    assert steps["4", "fix, one layer"][0] == first
-    assert steps["4", "fix, all three layers"][0] == first + second + third
+    assert steps["4", "fix that fills layer 1"][0] == first
+    assert steps["4", "fix that fills layer 3"][0] == first + second + third
+    each = sum(m.total / e for m, e in zip((first, second, third), (30, 900, 2700), strict=True))
+    assert costs.per_second(steps)["4"] == pytest.approx(each)
 
 
 def test_counting_does_not_change_what_a_block_says():

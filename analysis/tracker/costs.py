@@ -4,16 +4,14 @@ The counts do not depend on the values, only on which branch is taken: a device 
 course, a known mounting angle and a fix at each epoch, at rest for block 4.
 """
 
-import math
-
 import numpy as np
 
 from analysis.tracker import filters
 from analysis.tracker.attitude import GRAVITY, Attitude
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
-from analysis.tracker.low_pass import LowPass, mean
-from analysis.tracker.mounting import Mounting
+from analysis.tracker.low_pass import LowPass
+from analysis.tracker.mounting import LENGTH, Mounting
 from analysis.tracker.operations import Counted, Tally, counted, instrument
 from analysis.tracker.static import StaticTest
 from analysis.tracker.upright import Upright
@@ -56,7 +54,7 @@ def count_blocks(rate=40.0):
     -------
     dict of (str, str) -> (Tally, float)
         Block and step -> operations of one step, and how often a second it is taken: samples at
-        `rate`, fixes once, a straight every five fixes.
+        `rate`, fixes once, a straight once its buffer is full, a layer as often as it fills.
     """
     dt, steps = 1 / rate, {}
     for name, step in (("sample", _attitude_sample), ("fix", _attitude_fix)):
@@ -75,10 +73,12 @@ def count_blocks(rate=40.0):
         tally.sums = tally.products = tally.divisions = 0
         block.drive(_wrap(3.0, tally))
     steps["3", "fix"] = tally, 1.0
-    steps["4", "fix, all three layers"] = _low_pass_worst(), 1 / 1000.0
-    steps["4", "fix, one layer"] = _low_pass_mean(), 0.1
+    every = np.cumprod(LowPass().lengths)
+    for k, epochs in enumerate(every):
+        higher = 1 / every[k + 1] if k + 1 < len(every) else 0.0
+        steps["4", f"fix that fills layer {k + 1}"] = _low_pass(epochs), 1 / epochs - higher
     straight, entry = _mounting(dt)
-    steps["5", "fix"], steps["5", "straight"] = (entry, 1.0), (straight, 0.2)
+    steps["5", "fix"], steps["5", "straight"] = (entry, 1.0), (straight, 1 / LENGTH)
     predict, update = _fusion(dt)
     steps["6", "sample"], steps["6", "fix"] = (predict, rate), (update, 1.0)
     return steps
@@ -150,19 +150,12 @@ def _attitude_fix(dt):
     return tally
 
 
-def _low_pass_worst():
-    """Count the fix that fills all three layers at once."""
+def _low_pass(epochs):
+    """Count the last of so many fixes, and with it the means of the layers it fills."""
     tally, block = Tally(), LowPass()
-    for _ in range(math.prod(block.lengths) - 1):
+    for _ in range(epochs - 1):
         block.step((1.0, 2.0))
     instrument(block, tally).step(_wrap((1.0, 2.0), tally))
-    return tally
-
-
-def _low_pass_mean():
-    tally = Tally()
-    length = LowPass().lengths[0]
-    mean([_wrap((1.0, 2.0), tally) for _ in range(length)])
     return tally
 
 
