@@ -4,11 +4,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help reproduce test lint format lock clean
+.PHONY: help install reproduce test lint format lock clean
 
 help:
 	@echo "make reproduce  run every notebook in order and redraw figures/"
 	@echo "make test       lint, run the tests, re-execute every notebook and compare"
+	@echo "make install    make .venv and install into it; the two do so by themselves"
 	@echo "make format     format the code and the notebooks"
 	@echo "make lock       pin requirements.lock anew from pyproject.toml (needs uv)"
 
@@ -27,6 +28,8 @@ $(READY): requirements.lock pyproject.toml
 		$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e . ; \
 	fi
 	touch $@
+
+install: $(READY)
 
 reproduce: $(READY)
 	$(BIN)/python -m analysis reproduce

@@ -10,6 +10,9 @@ from analysis import CannotAnswer, WrongUsage, replay_command
 from analysis.output import check_file, check_folder, writing
 from analysis.usage import parser
 
+KEEPS = ("reproduce", "coverage", "data")  # each of their pieces is whole by itself
+ACTIVATE = ".venv/bin/activate"
+
 
 def _read(log, options):
     from analysis import logs
@@ -65,7 +68,7 @@ def pool(options):
     for channel in found["channels"]:
         print(f"\n{channel['name']} ({channel['unit']}): {len(channel['members'])} units")
         for name, typical, spread in pooling.rows(channel):
-            print(f"  {name:<46}{typical}; between units {spread}")
+            print(f"  {name:<46}  {typical}; between units {spread}")
     print(f"\n{options.out}/pooled.json is written")
 
 
@@ -216,6 +219,8 @@ def main(arguments=None):
     """
     options = parser().parse_args(arguments)
     try:
+        if getattr(options, "out", None) == "":  # a shell variable that is not set
+            raise WrongUsage("--out is empty: name where to write")
         globals()[options.command](options)
     except CannotAnswer as error:
         print(f"cannot answer: {error}", file=sys.stderr)
@@ -226,8 +231,12 @@ def main(arguments=None):
     except BrokenPipeError:  # the reader of our output, such as `head`, has seen enough
         sys.stdout = None
     except KeyboardInterrupt:
-        print("stopped; what was finished is kept", file=sys.stderr)
+        kept = "what was finished is kept" if options.command in KEEPS else "nothing is written"
+        print(f"stopped; {kept}", file=sys.stderr)
         return 130
+    except ModuleNotFoundError as error:
+        print(f"{error.name} is not installed: make install, then . {ACTIVATE}", file=sys.stderr)
+        return 2
     return 0
 
 

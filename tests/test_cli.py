@@ -328,8 +328,31 @@ def test_failing_halfway_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(report, "_page", stop)
     status, out, err = run("report", write(tmp_path), "--out", tmp_path / "mine")
     assert (status, out) == (130, "")
-    assert err == "stopped; what was finished is kept\n"
+    assert err == "stopped; nothing is written\n"
     assert os.listdir(tmp_path) == ["my.csv"]
+
+
+@pytest.mark.parametrize("command", ["report", "replay", "pool", "export"])
+def test_an_empty_out_is_refused(command, tmp_path, monkeypatch):
+    """Property: --out with a shell variable that is not set writes nothing where it is run."""
+    path = write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run(command, path, "--out", "")
+    assert (status, out) == (2, "")
+    assert err == "wrong usage: --out is empty: name where to write\n"
+    assert os.listdir(tmp_path) == ["my.csv"]
+
+
+def test_a_library_that_is_missing_is_named(monkeypatch):
+    """Property: run without the environment, the command line says how to make it."""
+
+    def plan(options):
+        raise ModuleNotFoundError("No module named 'pandas'", name="pandas")
+
+    monkeypatch.setattr(cli, "plan", plan)
+    status, out, err = run("plan", "--rate", 100, "--white", 0.004)
+    assert (status, out) == (2, "")
+    assert err == "pandas is not installed: make install, then . .venv/bin/activate\n"
 
 
 @pytest.mark.parametrize(("out", "expected"), [("my.csv", 2), ("my.csv/mine", 1)])

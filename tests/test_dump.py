@@ -25,9 +25,12 @@ def test_a_dump_is_read_back(log, tmp_path):
     read = tracks.read([gps, imu])
     np.testing.assert_array_equal(read.gnss.has_fix, log.gnss.has_fix)
     np.testing.assert_allclose(read.gnss.t_s, log.gnss.t_s, atol=1e-6)
-    # Half of the last digit written: 1e-7 minutes, 0.001 knots, 0.01 deg, 0.01.
-    for name, step in (("lat_deg", 1e-9), ("lon_deg", 1e-9), ("speed_m_s", 3e-4), ("pdop", 5e-3)):
-        np.testing.assert_allclose(getattr(read.gnss, name), getattr(log.gnss, name), atol=step)
+    # Half of the last digit written: 1e-5 minutes, 0.001 knots, 0.01 deg, 0.01.
+    degree = 0.51e-5 / 60
+    steps = {"lat_deg": degree, "lon_deg": degree, "speed_m_s": 2.6e-4, "pdop": 5.1e-3}
+    for name, step in steps.items():
+        there, here = getattr(read.gnss, name), getattr(log.gnss, name)
+        np.testing.assert_allclose(there, here, rtol=0, atol=step)
     np.testing.assert_allclose(read.gnss.course_deg, log.gnss.course_deg, atol=5.1e-3)
     np.testing.assert_allclose(read.imu.accel_b, log.imu.accel_b, atol=1e-6)
     np.testing.assert_allclose(read.imu.t_s, log.imu.t_s, atol=1e-6)

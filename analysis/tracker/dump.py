@@ -37,11 +37,14 @@ def nmea(gnss, start):
             knots = float(gnss.speed_m_s[k]) / 0.514444
             rmc |= {"spd": round(knots, 3), "cog": round(float(gnss.course_deg[k]), 2)}
         dop = round(float(gnss.pdop[k]), 2)
-        gga = {"quality": int(has), "numSV": 8 * has, "HDOP": dop, "diffAge": "", "diffStation": ""}
+        part = round(dop / 2**0.5, 2)  # the PDOP's square is the sum of theirs
+        gga = {"quality": int(has), "numSV": 8 * has, "HDOP": part, "altUnit": "M", "sepUnit": "M"}
+        gga |= {"diffAge": "", "diffStation": ""}
         gga |= {"alt": round(float(gnss.height_m[k]), 1), "sep": 0.0} if has else {}
-        gsa = {"opMode": "A", "navMode": 3 if has else 1, "PDOP": dop, "HDOP": dop, "VDOP": dop}
+        gsa = {"opMode": "A", "navMode": 3 if has else 1, "PDOP": dop, "HDOP": part, "VDOP": part}
+        gsa |= {f"svid_{i:02}": i if has and i <= 8 else "" for i in range(1, 13)}
         for kind, fields in (("RMC", clock | rmc), ("GGA", clock | gga), ("GSA", gsa)):
-            message = NMEAMessage("GP", kind, GET, hpnmeamode=True, **fields)
+            message = NMEAMessage("GP", kind, GET, **fields)
             yield message.serialize().decode().strip()
 
 

@@ -78,8 +78,11 @@ class ImuErrors:
     accel_bias, gyro_bias : float
         Standard deviation of the constant bias drawn for each axis, m/s^2 and rad/s.
     vibration : float
-        Standard deviation of the vibration in each accelerometer axis per speed, m/s^2 per m/s. It
-        is the difference of neighbouring white values: what shakes comes back to where it was.
+        Standard deviation of the vibration in each accelerometer axis per speed, m/s^2 per m/s.
+    comes_back : bool
+        Vibration is the difference of neighbouring white values, for what shakes comes back to
+        where it was: a mean over n samples holds 1/n of it. Otherwise it is white, as that of a
+        motor that turns faster than the IMU samples: 1/sqrt(n).
     """
 
     accel_white: float = 90e-6 * GRAVITY * 5.0
@@ -87,6 +90,7 @@ class ImuErrors:
     accel_bias: float = 0.1
     gyro_bias: float = np.radians(0.5)
     vibration: float = 0.0
+    comes_back: bool = True
 
 
 LOW_POWER = ImuErrors(accel_white=1.7e-3 * GRAVITY, gyro_white=np.radians(0.14))  # the same part

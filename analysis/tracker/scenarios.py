@@ -22,6 +22,8 @@ from analysis.tracker.timeline import Gnss, Imu, Timeline
 
 ORIGIN = (44.4949, 11.3426, 0.0)  # deg, deg, m: where the simulated logs are laid
 KMH = 1 / 3.6
+SCOOTER = ImuErrors(vibration=0.2)
+WALKER = ImuErrors(vibration=0.8)
 
 
 @dataclass(frozen=True)
@@ -118,13 +120,12 @@ def scenario_b(
     ride = (lap, length, 1.25 * mean, 0.9 * mean)
     path = _ride(*ride, imu_rate, wait=20.0, course=np.pi)
     pdop = np.full(len(path[0][:: round(imu_rate)]), 1.8)
-    imu = imu or ImuErrors(vibration=0.2)
     return _measure(
         path,
         imu_rate,
         pdop,
         gnss or GnssErrors(),
-        imu,
+        imu or SCOOTER,
         rng,
         tilt=(2.0, -3.0),
         mount_deg=mount_deg,
@@ -157,13 +158,12 @@ def scenario_c(rng, *, imu_rate=4.0, wait=120.0, first_fix=40.0, gnss=None, imu=
     path = _ride(lap, length, 1.3, 1.1, imu_rate, wait=wait, course=np.radians(70.0))
     t = np.arange(0, len(path[0]), round(imu_rate)) / imu_rate
     pdop = np.where(t < first_fix, 99.99, 2.5 + 47.5 * np.exp(-(t - first_fix) / 15.0))
-    imu = imu or ImuErrors(vibration=0.8)
     return _measure(
         path,
         imu_rate,
         pdop,
         gnss or GnssErrors(),
-        imu,
+        imu or WALKER,
         rng,
         tilt=(-50.0, 20.0),
         mount_deg=140.0,
@@ -232,7 +232,8 @@ def _measure(
     accel = accel + imu.accel_bias * rng.standard_normal(3)
     gyro = gyro + imu.gyro_bias * rng.standard_normal(3)
     accel += imu.accel_white * rng.standard_normal((n, 3))
-    shaking = np.diff(rng.standard_normal((n + 1, 3)), axis=0) / np.sqrt(2)
+    shaking = rng.standard_normal((n + 1, 3))
+    shaking = np.diff(shaking, axis=0) / np.sqrt(2) if imu.comes_back else shaking[1:]
     accel += imu.vibration * v[:, None] * shaking
     gyro += imu.gyro_white * rng.standard_normal((n, 3))
 
