@@ -16,6 +16,8 @@ from tqdm import tqdm
 from analysis import DATA, WrongUsage, table_one
 from analysis.noise import reading, recipe
 from analysis.noise.allan import allan_deviation
+from analysis.noise.drift import linear_drift
+from analysis.noise.estimate import Estimate
 from analysis.noise.fit import UNIFIED
 from analysis.noise.inference import infer
 from analysis.noise.line import fit_line
@@ -88,6 +90,7 @@ def models():
         "flicker": (Gyro(0.06, bias_instability=0.0095, rrw=6.5e-4), 0.1, "rate"),
         "walk": (Gyro(0.06, rrw=6.5e-4), 0.1, "rate"),
         "two-biases": (Gyro(0.06, biases=((0.02, 20.0), (0.02, 600.0))), 0.1, "rate"),
+        "weak-bias": (Gyro(0.06, biases=((0.001, 600.0),)), 0.1, "rate"),
     }
 
 
@@ -105,6 +108,9 @@ def ask(stream, model, dt, kind, hours, classical):
     found = [_row("likelihood", p, said.parameters[p], said.chosen.model) for p in known]
     unified = next(f for f in said.fits if f.model == UNIFIED)
     found += [_bare("N+GM, unselected", p, unified.terms[p][0]) for p in PARAMETERS[:3]]
+    for estimator, fit in (("N+GM, unselected", unified), ("chosen model", said.chosen)):
+        drift = Estimate(*linear_drift(said.likelihood, fit), "deg/s")
+        found.append(_row(estimator, "drift", drift, fit.model))
     if classical:
         residual = fit_line(y, dt)[0]
         curve = allan_deviation(residual, dt)

@@ -25,14 +25,18 @@ def linear_drift(likelihood, fit):
     ----------
     likelihood : analysis.noise.fit.NoiseLikelihood
     fit : analysis.noise.fit.Fit
-        With two parameters or more. The grid spans the last two; the log may leave the last
-        one open.
+        The grid spans its last two parameters, of which the log may leave the last open; white
+        noise alone needs none.
 
     Returns
     -------
     value, low, high : float, U/s
     """
     last = len(fit.point) - (2 if "quantisation" in fit.names else 1)
+    if last == 0:
+        only = likelihood.evaluate(fit.point[None], fit.names)
+        value, half = float(only.drift[0]), float(norm.ppf(0.975) * only.drift_sd[0])
+        return value, value - half, value + half
     pair = [last - 1, last]
     box = likelihood.surface(fit.names)
     ends = [fit.point[last - 1] + np.array([-0.5, 0.5]), (box.low[last], box.high[last])]
