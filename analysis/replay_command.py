@@ -1,8 +1,11 @@
 """``python -m analysis replay``: its arguments, its help, and what it prints."""
 
+import math
 import sys
+import tempfile
+from pathlib import Path
 
-from analysis import WrongUsage
+from analysis import CannotAnswer, WrongUsage
 from analysis.output import check_folder
 
 BLOCKS = ("last-position", "attitude", "static", "low-pass", "mounting", "fusion")
@@ -17,9 +20,12 @@ EPILOG = """examples:
 Blocks (of the tracker paper): last-position (1), attitude (2), static (3), low-pass (4),
 mounting (5), fusion (6). A block that lacks its sensor says so; the rest runs.
 CSV columns are found by name and unit: t_s, lat_deg, lon_deg, height_m, pdop, speed_m_s,
-course_deg, accel_x_m_s2 (or _g), gyro_x_deg_s (or _rad_s) and so on; accelerometers read
-specific force, gravity included. NMEA may have a host's time stamps between its lines.
-Writes track.csv (a row a GNSS epoch) and summary.json."""
+course_deg, accel_x_m_s2 (or _g), gyro_x_deg_s (or _rad_s) and so on. NMEA may have a host's time
+stamps between its lines. IMU axes: x forward, y right, z down; accelerometers read specific force,
+(0, 0, -9.81) m/s^2 level and at rest. A minus turns an axis: --columns accel_z_g=-AccZ.
+Writes track.csv (a row a GNSS epoch) and summary.json. yaw_deg is the heading of the sensor's X
+axis, mount_deg its angle clockwise from the vehicle's heading. The thresholds that summary.json
+lists under options are SI: m, s, m/s, m/s^2, rad (theta_alpha rad^2); lengths are counts."""
 
 
 def arguments(one):
@@ -66,7 +72,11 @@ def run(options):
         raise WrongUsage(f"--columns {options.columns}: write OURS=THEIRS, such as lat_deg=Lat")
     columns = dict(pair.split("=", 1) for pair in pairs)
     outages = [_stretch(text) for text in options.outage]
+    if options.imu_offset is not None and not math.isfinite(options.imu_offset):
+        raise WrongUsage(f"--imu-offset {options.imu_offset:g}: give a number of seconds")
     check_folder(options.out)
+    if options.last_position is not None:
+        _check_memory(options)
     log = tracks.read(options.logs, columns=columns, imu_offset=options.imu_offset)
     for start, stop in outages:
         if start > log.duration_s:
@@ -81,13 +91,32 @@ def run(options):
     log = timeline.inject_outages(log, outages)
     track = blocks.replay(log, chosen, stored, progress=True)
     tracks.write(track, options.out)
-    if options.last_position and track.stored and chosen.last_position:
-        tracks.keep(options.last_position, track.stored)
+    if options.last_position and track.stored:
+        aside = tracks.keep(options.last_position, track.stored, distrusted=bool(warning))
+        warning = f"{warning}; it is kept as {aside}" if aside else warning
     if warning:
         print(warning, file=sys.stderr)
     for line in tracks.told(track.summary):
         print(line)
     print(f"\n{options.out}/track.csv and summary.json are written")
+
+
+def _check_memory(options):
+    """Refuse a --last-position that is another file of this run, or cannot be written."""
+    path, out = Path(options.last_position), Path(options.out)
+    said = f"--last-position {path.name}"
+    if "last-position" in options.without:
+        raise WrongUsage("--last-position is of block 1, which --without last-position turns off")
+    taken = [*map(Path, options.logs), out, out / "track.csv", out / "summary.json"]
+    if path.resolve() in [other.resolve() for other in taken]:
+        raise WrongUsage(f"{said}: that is a log, or what --out writes; name a file of its own")
+    try:
+        if path.is_dir():  # "" too
+            raise WrongUsage(f"{said}: name a file, not a folder")
+        if path.parent.exists() or not out.resolve().is_relative_to(path.parent.resolve()):
+            tempfile.TemporaryFile(dir=path.parent).close()  # else it is made with --out
+    except OSError as error:
+        raise CannotAnswer(f"{said}: cannot keep a position there ({error.strerror})") from error
 
 
 def _stretch(text):

@@ -5,6 +5,7 @@ timeline = read(["drive.csv"])                 positions, and an IMU if there is
 """
 
 import csv
+import datetime
 import json
 import math
 import os
@@ -17,11 +18,12 @@ import numpy as np
 
 from analysis import CannotAnswer, WrongUsage, datasets
 from analysis.intake import formats, moments, moving, receiver
-from analysis.intake.catalogue import find
+from analysis.intake.catalogue import catalogue, find
 from analysis.output import check_folder, writing
 from analysis.tracker import last_position
 from analysis.tracker.timeline import Timeline
 
+ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
 DECIMALS = {  # as good as each column can be; a millimetre of position
     "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
     "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
@@ -51,8 +53,8 @@ def read(logs, *, columns=None, imu_offset=None):
     """
     gnss = imu = start = None
     clocks, notes, sources = {}, [], {}
-    for log in logs:
-        path = find(log)[2]
+    paths = [_file(log) for log in logs]
+    for path in paths:
         sources[path.name] = datasets.sha256(path)
         parts, said, began = _read_one(path, columns)
         notes += said
@@ -66,13 +68,27 @@ def read(logs, *, columns=None, imu_offset=None):
             clocks[kind] = stamps
             gnss, imu = (part, imu) if kind == "gnss" else (gnss, part)
         start = began or start
+    if columns and all(formats.sniff(path) == "nmea" for path in paths):
+        raise WrongUsage("--columns says what the columns of a CSV mean, and no log is a CSV")
     if gnss is not None and not len(gnss.t_s):
         raise CannotAnswer(f"{', '.join(sources)}: no row has a position; nothing to replay")
-    imu = _on_one_clock(gnss, imu, clocks, imu_offset, notes, len(sources) == 1)
+    if imu_offset is not None and (gnss is None or imu is None):
+        raise WrongUsage("--imu-offset goes with an IMU log and a GNSS log; one is missing")
+    imu = _on_one_clock(gnss, imu, clocks, imu_offset, notes, len(sources) == 1, start)
     zero = min(float(part.t_s[0]) for part in (gnss, imu) if part is not None)
     gnss = None if gnss is None else replace(gnss, t_s=np.round(gnss.t_s - zero, 6))
     imu = None if imu is None else replace(imu, t_s=np.round(imu.t_s - zero, 6))
     return Timeline(gnss, imu, start, tuple(notes), sources)
+
+
+def _file(log):
+    """Find a log; say what there should be if there is none."""
+    if not Path(log).exists() and str(log) not in catalogue():
+        raise WrongUsage(
+            f"there is no file {Path(log).name}; replay takes NMEA or CSV: a log of a GNSS "
+            "receiver, of an IMU, or one of each"
+        )
+    return find(log)[2]
 
 
 def _read_one(path, wanted):
@@ -88,7 +104,7 @@ def _read_one(path, wanted):
     return [part for part in parts if part[0] is not None], notes, None
 
 
-def _on_one_clock(gnss, imu, clocks, offset, notes, one_file):
+def _on_one_clock(gnss, imu, clocks, offset, notes, one_file, start):
     """Shift the IMU's stamps to the clock of the GNSS epochs."""
     if gnss is None or imu is None:
         return imu
@@ -99,6 +115,8 @@ def _on_one_clock(gnss, imu, clocks, offset, notes, one_file):
         shift, note = 0.0, None
     else:
         shift, note = moments.together(clocks["gnss"], clocks["imu"])
+        if start and (clocks["gnss"].clock, clocks["imu"].clock) == (moments.DAY, moments.UNIX):
+            notes += _apart(gnss, imu, start)
     if shift is None:
         raise WrongUsage(
             "the stamps of the IMU and of the GNSS log are of different clocks; say --imu-offset "
@@ -113,6 +131,22 @@ def _on_one_clock(gnss, imu, clocks, offset, notes, one_file):
             "logs of one ride, or say --imu-offset"
         )
     return imu
+
+
+def _apart(gnss, imu, start):
+    """Say so if the dates of the two logs lie apart, which a receiver's wrong date makes too."""
+    first = datetime.datetime.fromisoformat(start).timestamp()
+    rolled = ROLLOVER_S * np.round((imu.t_s[0] - first) / ROLLOVER_S)
+    spans = first + gnss.t_s[[0, -1]] - gnss.t_s[0], imu.t_s[[0, -1]]
+    if spans[0][0] + rolled <= spans[1][1] and spans[1][0] <= spans[0][1] + rolled:
+        return
+    one, other = (
+        f"{datetime.datetime.fromtimestamp(span[0], datetime.UTC):%Y-%m-%d}" for span in spans
+    )
+    yield (
+        f"by their dates the GNSS log ({one}) and the IMU log ({other}) are of different days: "
+        "taken as of one day, the receiver's date as wrong; if they are not, this is no ride"
+    )
 
 
 def write(track, out):
@@ -148,14 +182,27 @@ def write(track, out):
         shutil.rmtree(draft, ignore_errors=True)
 
 
-def keep(path, stored):
-    """Write the position for the next run."""
+def keep(path, stored, *, distrusted=False):
+    """Write the position for the next run.
+
+    A file that is not to be trusted may be anything: it is not replaced but set aside.
+
+    Returns
+    -------
+    str or None
+        The name that such a file has now.
+    """
+    path, aside = Path(path), None
     try:
+        if distrusted and path.stat().st_size:
+            aside = f"{path.name}.damaged"
+            os.replace(path, path.with_name(aside))
         last_position.save(path, stored)
     except OSError as error:
         raise CannotAnswer(
-            f"--last-position {Path(path).name}: cannot write there ({error.strerror})"
+            f"--last-position {path.name}: cannot write there ({error.strerror})"
         ) from error
+    return aside
 
 
 def told(summary):

@@ -324,6 +324,33 @@ def test_a_gap_in_the_imu(laps):
     out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
     raw = scenario.error(scenario.log.gnss.lat_deg, scenario.log.gnss.lon_deg)
     assert np.hypot(*out)[inside].max() < 2 * np.hypot(*raw).max() + 2
+    blank = np.isnan(track.columns["pitch_deg"])
+    np.testing.assert_array_equal(blank[inside], True)
+    assert not blank[(track.columns["t_s"] > 5) & (track.columns["t_s"] <= 60)].any()
+
+
+@pytest.mark.parametrize("part", [(0.0, 60.0), (60.0, 1e9)])
+def test_an_imu_for_a_part_of_the_log(laps, part):
+    """property: where the IMU is silent for over a second there is no attitude, which is said."""
+    log, whole = laps[0].log, laps[1]
+    keep = (log.imu.t_s >= part[0]) & (log.imu.t_s <= part[1])
+    imu = Imu(log.imu.t_s[keep], log.imu.gyro_b[keep], log.imu.accel_b[keep])
+    track = replay(replace(log, imu=imu))
+    t = track.columns["t_s"]
+    silent = (t < imu.t_s[0]) | (t > imu.t_s[-1] + 1.0)
+    for name in ("roll_deg", "pitch_deg", "yaw_deg"):
+        assert np.isnan(track.columns[name][silent]).all()
+    assert np.isfinite(track.columns["roll_deg"][~silent][3:]).all()
+    covered = f"the IMU covers {imu.t_s[0]:.0f} to {imu.t_s[-1]:.0f} s of {t[-1]:.0f} s; "
+    assert any(note.startswith(covered) for note in track.notes)
+    assert not any("the IMU covers" in note for note in whole.notes)
+
+
+def test_an_imu_with_z_up(laps):
+    """property: one that reads +g along z is taken as it is, and said."""
+    log = turn_imu(laps[0].log, math.pi, axis=(1.0, 0.0, 0.0))
+    assert any("rests with z up" in note for note in replay(log).notes)
+    assert not any("z up" in note for note in laps[1].notes)
 
 
 def test_single_precision(laps):
@@ -400,9 +427,12 @@ def test_command_switches(tmp_path, cold):
     assert lost == [float(t) for t in range(200, 220)]
 
 
-@pytest.mark.parametrize("content", [b"", b"{", b'{"position": "x", "crc32": 1}\n'])
+GARBAGE = [b"", b"{", b'{"position": "x", "crc32": 1}\n', b"\x00" * 50, b"do not lose me\n"]
+
+
+@pytest.mark.parametrize("content", GARBAGE)
 def test_a_damaged_memory_is_a_warning(tmp_path, cold, content):
-    """property: ignored with a warning on stderr, never trusted, and replaced by a good one."""
+    """property: ignored with a warning, never trusted nor lost, and a good one is in its place."""
     paths = as_csv(cold.log, tmp_path, imu=False)
     memory = tmp_path / "last.json"
     memory.write_bytes(content)
@@ -413,10 +443,40 @@ def test_a_damaged_memory_is_a_warning(tmp_path, cold, content):
     with (tmp_path / "out" / "track.csv").open() as handle:
         assert next(csv.DictReader(handle))["out_lat_deg"] == ""
     assert load(memory)[0] is not None
+    aside = tmp_path / "last.json.damaged"
+    assert aside.exists() == bool(content) == ("kept as last.json.damaged" in err)
+    assert not content or aside.read_bytes() == content
+
+
+@pytest.mark.parametrize("memory", ["gnss.csv", "folder", "out", "out/summary.json", ""])
+def test_a_memory_in_the_place_of_another_file(tmp_path, monkeypatch, cold, memory):
+    """property: a log, a result or a folder is refused before anything is done."""
+    as_csv(cold.log, tmp_path, imu=False)
+    (tmp_path / "folder").mkdir()
+    before, content = files(tmp_path), (tmp_path / "gnss.csv").read_bytes()
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run("replay", "gnss.csv", "--out", "out", "--last-position", memory)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "--last-position" in err
+    assert files(tmp_path) == before
+    assert (tmp_path / "gnss.csv").read_bytes() == content
+
+
+@pytest.mark.parametrize("out", ["out", "deep/out"])
+def test_a_memory_within_the_new_folder(tmp_path, cold, out):
+    """property: the position may lie in a folder that --out makes."""
+    paths = as_csv(cold.log, tmp_path, imu=False)
+    memory = tmp_path / out.split("/")[0] / "last.json"
+    status, _, err = run("replay", *paths, "--out", tmp_path / out, "--last-position", memory)
+    assert (status, err) == (0, "")
+    assert load(memory)[0] is not None
 
 
 WRONG = {
-    "no such log": (["nothing.nmea"], 2, "nothing.nmea"),
+    "no such log": (["nothing.nmea"], 2, "no file nothing.nmea; replay takes NMEA or CSV"),
+    "a memory of no use": (["gnss.csv", "--without", "last-position"], 2, "--without"),
+    "an offset that is no number": (["gnss.csv", "--imu-offset", "nan"], 2, "--imu-offset nan"),
+    "an offset of no IMU": (["gnss.csv", "--imu-offset", "5"], 2, "--imu-offset goes with"),
     "an outage backward": (["gnss.csv", "--outage", "20:10"], 2, "FROM:TO"),
     "an outage of words": (["gnss.csv", "--outage", "all"], 2, "FROM:TO"),
     "an outage after the end": (["gnss.csv", "--outage", "99999:100000"], 2, "lies beyond"),
@@ -469,13 +529,15 @@ def test_no_folder_where_a_file_is(tmp_path, cold, out):
 
 
 def test_a_memory_that_cannot_be_written(tmp_path, cold):
-    """property: refused in a sentence."""
+    """property: refused in a sentence, before anything is written."""
     paths = as_csv(cold.log, tmp_path, imu=False)
+    before = files(tmp_path)
     status, _, err = run(
         "replay", *paths, "--out", tmp_path / "out", "--last-position", tmp_path / "no" / "l.json"
     )
     assert status == 1
     assert "--last-position" in err
+    assert files(tmp_path) == before
 
 
 def test_real_cold_starts(tmp_path):

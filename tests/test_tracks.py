@@ -254,6 +254,16 @@ def test_nothing_usable(tmp_path, content):
     assert "drive.nmea" in str(caught.value) and "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("has_checksum", [False, True])
+def test_no_right_checksum_at_all(tmp_path, has_checksum):
+    """property: a log without checksums, or with wrong ones only, is refused, saying which."""
+    end = "*00\r\n" if has_checksum else "\r\n"
+    lines = [line.split("*")[0] + end for line in flat(epoch(k) for k in range(20))]
+    said = "0 have no checksum .* 60 a wrong one" if has_checksum else "60 have no checksum .* 0 a"
+    with pytest.raises(CannotAnswer, match=f"drive.nmea: none of 60 NMEA sentences .*{said}"):
+        tracks.read([nmea(tmp_path, lines)])
+
+
 @pytest.mark.parametrize("name", ["telit-he910", "rx210", "haicom-305N", "quectel", "ublox-8"])
 def test_real_receivers(name):
     """property: gpsd's logs as their README describes them: epochs, fixes, first PDOP."""
@@ -338,6 +348,18 @@ def test_time_of_day_joins_two_logs(tmp_path):
         np.testing.assert_allclose(log.imu.t_s, [0, 1, 2], atol=1e-6)
 
 
+@pytest.mark.parametrize("date", ["010524", "110624", "160904"])
+def test_dates_that_lie_apart(tmp_path, date):
+    """property: one time of day on two dates is matched, and said, unless the weeks rolled over."""
+    path = nmea(tmp_path, flat(epoch(k, date=date) for k in range(10)))
+    rows = [(f"2024-06-12T10:00:0{k}Z", *r[1:]) for k, r in enumerate(imu_rows(range(5)))]
+    log = tracks.read([path, csv(tmp_path, IMU.replace("t_s", "time"), rows)])
+    assert log.imu.t_s[0] == 0.0
+    day = f"20{date[4:]}-{date[2:4]}-{date[:2]}"
+    said = f"by their dates the GNSS log ({day}) and the IMU log (2024-06-12) are of different days"
+    assert sum(said in note for note in log.notes) == 1
+
+
 def test_clocks_that_do_not_meet(tmp_path):
     """property: an uptime and a time of day cannot be matched: the offset is asked for."""
     path = nmea(tmp_path, flat(epoch(k) for k in range(10)))
@@ -418,7 +440,24 @@ def test_half_an_imu_is_no_imu(tmp_path):
     header = GNSS + ",accel_x_g,accel_y_g,accel_z_g"
     log = tracks.read([csv(tmp_path, header, [(*r, 0, 0, -1) for r in gnss_rows(range(9))])])
     assert log.imu is None
-    assert any("only accel_x, accel_y, accel_z" in note for note in log.notes)
+    lacks = "the readings of an IMU lack gyro_x_deg_s, gyro_y_deg_s, gyro_z_deg_s: not used"
+    assert f"log.csv: {lacks}" in log.notes
+
+
+def test_half_a_position_is_no_position(tmp_path):
+    """property: a latitude alone beside an IMU is left out, which is said."""
+    rows = [(*r, 50.0) for r in imu_rows(np.arange(20))]
+    log = tracks.read([csv(tmp_path, IMU + ",lat_deg", rows)])
+    assert log.gnss is None
+    assert "log.csv: positions lack lon_deg: not used" in log.notes
+
+
+def test_negative_speeds_are_left_out_and_counted(tmp_path):
+    """property: a speed is not below zero; what is, is said."""
+    rows = [(*r[:5], -1.0 if k < 3 else r[5], r[6]) for k, r in enumerate(gnss_rows(range(9)))]
+    log = tracks.read([csv(tmp_path, GNSS, rows)])
+    assert np.isnan(log.gnss.speed_m_s[:3]).all() and np.isfinite(log.gnss.speed_m_s[3:]).all()
+    assert "log.csv: column 'speed_m_s': 3 below zero, left out" in log.notes
 
 
 @pytest.mark.parametrize("unit", ["m_s", "km_h", "knots", "mph"])
@@ -460,6 +499,14 @@ REFUSED = {
     "text in a column": (GNSS, [*gnss_rows(range(30)), (30, "x", 1, 1, 1, 1, 1), *gnss_rows([31])],
         CannotAnswer, ("line 32", "'lat_deg'", "'x'")),
     "no time": (GNSS[4:], [r[1:] for r in gnss_rows(range(5))], WrongUsage, ("t_s=COLUMN",)),
+    "an IMU but for a gyro": (
+        IMU.replace("gyro_z_deg_s", "other"), imu_rows(range(20)), WrongUsage,
+        ("an IMU lack gyro_z_deg_s; say --columns",),
+    ),
+    "no longitude": (
+        GNSS.replace("lon_deg", "other"), gnss_rows(range(5)), WrongUsage,
+        ("positions lack lon_deg; say --columns",),
+    ),
     "neither": ("t_s,temperature", [(k, 20.5) for k in range(5)], WrongUsage, ("lat_deg",)),
 }  # fmt: skip
 
@@ -491,3 +538,9 @@ def test_unknown_columns_are_wrong_usage(tmp_path):
         tracks.read([path], columns={"lat_deg": "Breite"})
     with pytest.raises(WrongUsage, match="'altimeter' is none of"):
         tracks.read([path], columns={"altimeter": "height_m"})
+
+
+def test_columns_of_no_csv_are_wrong_usage(tmp_path):
+    """property: --columns beside NMEA alone would have no effect."""
+    with pytest.raises(WrongUsage, match="no log is a CSV"):
+        tracks.read([nmea(tmp_path, epoch(0))], columns={"speed_m_s": "3"})

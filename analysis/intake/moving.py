@@ -3,12 +3,19 @@
 import numpy as np
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.intake import clock, delimited, moments, quantities
+from analysis.intake import clock, columns, delimited, moments, quantities
 from analysis.intake.layout import CLOCK
 from analysis.intake.timing import BadStamps
 from analysis.tracker.timeline import Gnss, Imu
 
 SENSOR_GAPS = 0.01  # share of IMU rows that may lack a value, or step back
+NEEDED = {
+    "positions": ("lat_deg", "lon_deg"),
+    "the readings of an IMU": (
+        *(f"gyro_{axis}_deg_s" for axis in "xyz"),
+        *(f"accel_{axis}_m_s2" for axis in "xyz"),
+    ),
+}
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
 HELD_S = 1.0  # s after which a receiver that says the same again is believed to have said it anew
 
@@ -64,16 +71,29 @@ def read(path, wanted=None):
 
     gnss = _gnss(frame, found, t, place, path.name, notes)
     imu = _imu(frame, found, t, place, path.name, notes)
+    lacks = list(_lacks(found))
     if gnss is None and imu is None:
-        raise WrongUsage(
-            f"{path.name}, line 1: neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 "
-            f"..., gyro_x_deg_s ...); say --columns OURS=THEIRS; there are: {', '.join(frame)}"
+        neither = (
+            "neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 ..., gyro_x_deg_s ...)"
         )
+        raise WrongUsage(
+            f"{path.name}, line 1: {'; '.join(lacks) or neither}; say --columns OURS=THEIRS; there "
+            f"are: {', '.join(frame)}"
+        )
+    notes += [f"{path.name}: {lack}: not used" for lack in lacks]
 
     def stamped(part):
         return None if part is None else moments.Moments(part.t_s, stamps.clock)
 
     return gnss, stamped(gnss), imu, stamped(imu), notes
+
+
+def _lacks(found):
+    """Say what is missing where a part of the columns is there."""
+    for what, needed in NEEDED.items():
+        missing = [name for name in needed if columns.split(name)[0] not in found]
+        if 0 < len(missing) < len(needed):
+            yield f"{what} lack {', '.join(missing)}"
 
 
 def _gnss(frame, found, t, place, file, notes):
@@ -123,6 +143,8 @@ def _gnss(frame, found, t, place, file, notes):
         if unit is None:
             unit = quantities.speed_unit(t[at], lat, lon, speed, name, file)
             notes.append(f"{file}: column '{name}' read as {unit.replace('_', '/')}")
+        if (speed < 0).any():
+            notes.append(f"{file}: column '{name}': {(speed < 0).sum():,} below zero, left out")
         speed = np.where(speed >= 0, speed, np.nan) * quantities.SPEED[unit]
     if found.get("course", ("", None))[1] == "rad":
         said["course"] = np.degrees(said["course"])
@@ -135,13 +157,7 @@ def _gnss(frame, found, t, place, file, notes):
 def _imu(frame, found, t, place, file, notes):
     """Make the samples: rows with all six readings, in SI units."""
     names = [f"{kind}_{axis}" for kind in ("gyro", "accel") for axis in "xyz"]
-    have = [n for n in names if n in found]
-    if len(have) < 6:
-        if have:
-            notes.append(
-                f"{file}: of an IMU only {', '.join(have)}; not used: the blocks need three gyros "
-                "and three accelerometers"
-            )
+    if not set(names) <= set(found):
         return None
     readings = frame[[found[n][0] for n in names]].to_numpy(dtype=float)
     whole = np.isfinite(readings).all(axis=1) & np.isfinite(t)

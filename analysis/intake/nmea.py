@@ -12,8 +12,10 @@ import numpy as np
 from pynmeagps import NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
 
 TALKER = rb"\$(?:G[A-Z]|BD|QZ)"
+_BODY = rb"[ -#%-)+-~]*"  # printable, no dollar, no star
+_END = rb"(?:[\r\n]|\Z)"
 SENTENCE = re.compile(
-    TALKER + rb"(?:GGA|GSA|RMC|GNS|GLL),[ -#%-)+-~]*\*"
+    TALKER + rb"(?:GGA|GSA|RMC|GNS|GLL)," + _BODY + rb"(?:\*|" + _END + rb")"
 )  # tells a file by its head
 BAD = (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, AttributeError, TypeError)
 _CLOCK = rb"\d\d:\d\d:\d\d(?:[.,]\d+)?"
@@ -74,6 +76,12 @@ def sentences(content, kinds):
             found.messages.append((match.start(), message))
     found.wrong = begun - len(found.messages)
     return found
+
+
+def without_checksum(content, kinds):
+    """Count the sentences of some kinds that end with their line and have no checksum."""
+    names = "|".join(kinds).encode()
+    return len(re.findall(TALKER + rb"(?:" + names + rb")," + _BODY + _END, content))
 
 
 def _parse(raw):

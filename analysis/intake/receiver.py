@@ -36,6 +36,13 @@ def read(path):
     content = path.read_bytes()
     found = nmea.sentences(content, nmea.KINDS)
     epochs = nmea.epochs(found.messages)
+    if not epochs and found.wrong:
+        bare = nmea.without_checksum(content, nmea.KINDS)
+        raise CannotAnswer(
+            f"{path.name}: none of {found.wrong:,} NMEA sentences can be trusted: {bare:,} have no "
+            f"checksum (*hh at the end), {found.wrong - bare:,} a wrong one or are cut off; log "
+            "them as the receiver sends them, or give the positions as CSV"
+        )
     if not epochs:
         raise CannotAnswer(
             f"{path.name}: no NMEA sentence with a position and a right checksum from line 1 to "

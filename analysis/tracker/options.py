@@ -40,6 +40,9 @@ class Options:
         Of an acceleration that is not known at all, while the heading is not.
     bridge_s : float
         Longest outage that the fusion filter carries the position through; then it holds.
+
+    The others are the constants of the blocks' modules, SI too: m, s, m/s, m/s^2, rad
+    (``theta_alpha`` rad^2).
     """
 
     last_position: bool = True

@@ -5,19 +5,34 @@ from dataclasses import asdict
 
 import numpy as np
 
+from analysis.tracker.attitude import GAP_S, GRAVITY
+
 BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
+Z_UP = 0.9 * GRAVITY  # along z on average: within 25 deg of upside down
 CONTRADICTION = 3.0  # m/s^2 lasting for a second: emergency braking, or axes mixed up
 CONTRADICTION_SHARE = 0.2  # of the epochs
 FRAME_M = 50_000.0  # from the origin at which the tangent plane leans by half a degree
 
 
-def notes(timeline, options, has_pdop, columns, device, lasting):
+def notes(timeline, options, has_pdop, columns, device, lasting, blind):
     """Say which block could not run, or only in part, and why."""
     yield from timeline.notes
     if timeline.imu is None:
         yield "no IMU: blocks 2, 5 and 6 need one and do not run; block 3 judges by the speed alone"
     elif not options.attitude:
         yield "block 2 is off: blocks 5 and 6 need it and do not run; block 3 judges by speed alone"
+    if blind.any() and options.attitude:
+        first, last = timeline.imu.t_s[[0, -1]]
+        yield (
+            f"the IMU covers {first:.0f} to {last:.0f} s of {timeline.duration_s:.0f} s; "
+            f"{blind.sum():,} of {len(blind):,} epochs have had no sample for over {GAP_S:g} s: no "
+            "roll, pitch or yaw there"
+        )
+    if timeline.imu is not None and np.median(timeline.imu.accel_b[:, 2]) > Z_UP:
+        yield (
+            "the IMU rests with z up: it reads +g along z, and roll is near 180 deg; if y is left "
+            "and z up, turn both with --columns"
+        )
     if np.mean(np.array(lasting) > CONTRADICTION) > CONTRADICTION_SHARE:
         yield (
             "gyro and accelerometer contradict each other (they leave a lasting acceleration of "
