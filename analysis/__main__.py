@@ -90,9 +90,11 @@ def plan(options):
     if (None in asked) != (asked == (None, None)):
         raise WrongUsage("--sigma and --time go together")
     numbers = (options.rate, options.white, options.within, *asked, options.flicker, options.walk)
-    if any(v is not None and not v > 0 for v in numbers):
+    if any(v is not None and not 0 < v < float("inf") for v in numbers):
         raise WrongUsage("rate, noise, times and --within are numbers above zero")
     dt = 1 / options.rate
+    if options.time is not None and options.time < dt:
+        raise WrongUsage(f"--time {options.time:g} is shorter than a sample, {dt:g} s at --rate")
     sensor = planner.Plan(options.white / dt**0.5, *asked, options.flicker, options.walk)
     for name, hours in planner.hours_needed(sensor, dt, options.within / 100).items():
         print(f"{page.PLANNED[name]:<10} to ±{options.within:g} % (95 %): {draw.duration(hours)}")

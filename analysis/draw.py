@@ -22,6 +22,11 @@ CUSTOMARY = {
     "rad/s": (3600.0 * np.degrees(1.0), "°/h"),
     "deg/s/sqrt(s)": (3600.0 * 60.0, "°/h/√h"),
     "deg/s/s": (3600.0**2, "°/h/h"),
+    "rad/s/sqrt(s)": (3600.0 * 60.0 * np.degrees(1.0), "°/h/√h"),
+    "rad/s/s": (3600.0**2 * np.degrees(1.0), "°/h/h"),
+    "deg/h*sqrt(s)": (1 / 60.0, "°/√h"),
+    "deg/h/sqrt(s)": (60.0, "°/h/√h"),
+    "deg/h/s": (3600.0, "°/h/h"),
     "g*sqrt(s)": (1e6, "µg/√Hz"),
     "g/sqrt(s)": (1e6, "µg/√s"),
     "g": (1e6, "µg"),
@@ -44,6 +49,17 @@ def customary(unit):
     return CUSTOMARY.get(unit, (1.0, pretty(unit)))
 
 
+def value(estimate):
+    """Write the value of an estimate in its customary unit; None where it is not resolved.
+
+    Returns
+    -------
+    str or None
+    """
+    unit = customary(estimate.unit)[1]
+    return None if estimate.value is None else f"{_number(estimate)(estimate.value)} {unit}"
+
+
 def interval(estimate):
     """Write the 95 % interval of an estimate in its customary unit; a bound where one side is open.
 
@@ -51,8 +67,8 @@ def interval(estimate):
     -------
     str
     """
-    factor, unit = customary(estimate.unit)
-    low, high = (None if v is None else f"{factor * v:.3g}" for v in (estimate.low, estimate.high))
+    unit, number = customary(estimate.unit)[1], _number(estimate)
+    low, high = (None if v is None else number(v) for v in (estimate.low, estimate.high))
     if low is None and high is None:
         return "no bound"
     if low is None:
@@ -71,8 +87,15 @@ def written(estimate):
     """
     if estimate.value is None:
         return f"unresolved ({interval(estimate)})"
-    factor, unit = customary(estimate.unit)
-    return f"{factor * estimate.value:.3g} {unit}  ({interval(estimate)})"
+    return f"{value(estimate)}  ({interval(estimate)})"
+
+
+def _number(estimate):
+    """Write numbers in three digits, or as many more as keep the ends of the interval apart."""
+    factor, _ = customary(estimate.unit)
+    ends = [factor * v for v in (estimate.low, estimate.high) if v is not None]
+    digits = next((d for d in range(3, 7) if len({f"{v:.{d}g}" for v in ends}) == len(ends)), 3)
+    return lambda v: f"{factor * v:.{digits}g}"
 
 
 def duration(hours):

@@ -16,7 +16,7 @@ import numpy as np
 
 from analysis import CannotAnswer, WrongUsage, datasets
 from analysis.intake import columns, formats, timing
-from analysis.intake.catalogue import catalogue, find
+from analysis.intake.catalogue import catalogue, check_unit, find
 from analysis.intake.columns import Choice
 from analysis.intake.delimited import Table
 from analysis.intake.layout import printable
@@ -26,6 +26,7 @@ from analysis.intake.timing import MISSING_ALLOWED, Grid
 __all__ = ["Channel", "Log", "catalogue", "read"]
 
 SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
+FARTHEST = 1e100  # beyond what any sensor reads, and its square is still a number
 HELD = 0.8  # share of samples equal to the one before beyond which an output counts as held
 
 
@@ -54,7 +55,8 @@ class Log:
 
     Attributes
     ----------
-    name, title : str
+    name, title, given : str
+        ``given`` is the file or name as the reader put it, for messages.
     file : str
         Base name of the raw file.
     sha256 : str
@@ -81,6 +83,7 @@ class Log:
     repairs: tuple[str, ...]
     licence: str
     source: str
+    given: str = ""
 
     @property
     def dt(self) -> float:
@@ -135,6 +138,7 @@ def read(
     """
     name, stanza, path = find(log)
     table = _table(path, stanza)
+    check_unit(name, stanza, unit)
     rate = stanza.get("rate_hz") if rate is None else rate
     time = stanza.get("time") if time is None else time
     unit = stanza.get("unit") if unit is None else unit
@@ -169,6 +173,7 @@ def read(
         repairs=tuple(repairs),
         licence=stanza.get("licence", "not stated"),
         source=stanza.get("source", "the reader's own log"),
+        given=str(log),
     )
 
 
@@ -214,7 +219,11 @@ def _choices(raw, stanza, wanted, unit, kind) -> tuple[list[Choice], list[str]]:
     numeric = list(raw.frame.select_dtypes("number").columns)
     if not numeric:
         raise WrongUsage(f"{raw.file}, line 1: no column with numbers besides the time")
-    return columns.choose(numeric, raw.file, wanted, unit, kind)
+    said = []
+    if unit is None and raw.table.layout is not None:
+        numeric, said = columns.once(numeric, raw.table.layout.names, raw.file, wanted)
+    chosen, left_out = columns.choose(numeric, raw.file, wanted, unit, kind)
+    return chosen, [*said, *left_out]
 
 
 def _grid(raw: Stretch, rate: float | None, mode: str) -> Grid:
@@ -252,6 +261,10 @@ def _channel(raw: Stretch, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
             )
         repairs.append(f"{first}: {count:,} of {len(cells):,} values are missing, the first here")
         cells = np.where(finite, cells, np.nan)
+    far = np.flatnonzero(np.abs(cells) > FARTHEST)
+    if far.size:
+        place = raw.place(int(far[0]), choice.column)
+        raise CannotAnswer(f"{place}: {cells[far[0]]:g} is no reading; correct or empty it")
     if choice.kind == "angle" and choice.unit in columns.FULL_TURN:
         turned = formats.unwrap(cells, columns.FULL_TURN[choice.unit])
         jumps = int((np.diff((turned - cells)[finite]).round(6) != 0).sum())

@@ -34,28 +34,30 @@ def groups(logs, *, axes=False):
     Raises
     ------
     WrongUsage
-        If a channel is missing in a log, or of another unit, kind or sampling rate there.
+        If a channel is missing in a log, or of another unit, kind or sampling rate there, or if
+        two logs hold the same readings.
     """
     first = logs[0]
     for log in logs[1:]:
         if abs(log.rate_hz / first.rate_hz - 1) > SAME_RATE:
             raise WrongUsage(
-                f"{first.file} has {first.rate_hz:g} Hz and {log.file} {log.rate_hz:g} Hz; logs to"
-                " pool are sampled alike, for sigma_v is of a single sample"
+                f"{first.given} has {first.rate_hz:g} Hz and {log.given} {log.rate_hz:g} Hz; logs"
+                " to pool are sampled alike, for sigma_v is of a single sample"
             )
         theirs = {c.name: c for c in log.channels}
         for c in first.channels:
             if c.name not in theirs:
                 raise WrongUsage(
-                    f"{log.file} has no channel {c.name} as {first.file} has; it has"
+                    f"{log.given} has no channel {c.name} as {first.given} has; it has"
                     f" {', '.join(theirs)}: name the same --columns"
                 )
             other = theirs[c.name]
             if (other.unit, other.kind) != (c.unit, c.kind):
                 raise WrongUsage(
-                    f"channel {c.name} is {c.kind} in {c.unit} in {first.file}, and {other.kind} in"
-                    f" {other.unit} in {log.file}; logs to pool are of one unit and kind"
+                    f"channel {c.name} is {c.kind} in {c.unit} in {first.given}, and {other.kind}"
+                    f" in {other.unit} in {log.given}; logs to pool are of one unit and kind"
                 )
+    _refuse_one_log_twice(logs)
     found = {}
     for c in first.channels:
         name = f"{c.kind} axes" if axes else c.name
@@ -72,6 +74,19 @@ def groups(logs, *, axes=False):
                 " units, or --axes to pool the axes of one"
             )
     return found
+
+
+def _refuse_one_log_twice(logs):
+    """Refuse readings that count as two units and are of one, also under another name."""
+    seen = {}
+    for log in logs:
+        for c in log.channels:
+            before = seen.setdefault((c.name, hash(c.values.tobytes())), log)
+            if before is not log:
+                raise WrongUsage(
+                    f"{before.given} and {log.given} hold the same readings of {c.name}; give the"
+                    " log of each unit once"
+                )
 
 
 def pooled(logs, *, axes=False, seed=results.SEED, progress=True):
@@ -107,7 +122,7 @@ def pooled(logs, *, axes=False, seed=results.SEED, progress=True):
                     refuse_what_says_nothing(c.values, logs[k].dt, c.name, c.unit)
                     said.append(infer(c.values, logs[k].dt, c.unit, c.kind, rng))
                 except CannotAnswer as error:
-                    raise CannotAnswer(f"{logs[k].file}, {error}") from error
+                    raise CannotAnswer(f"{logs[k].given}, {error}") from error
                 shown.update()
             c = members[0][1]
             found = pool(said, logs[0].dt, c.unit, c.kind)

@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 
 from analysis import CannotAnswer, WrongUsage, draw, figures, results
+from analysis.intake.columns import tidy
 from analysis.noise import exports, planner
 from analysis.output import check_folder, writing
 
@@ -39,7 +40,7 @@ def write(log, out, *, progress=True):
     ----------
     log : analysis.logs.Log
     out : path-like
-        Folder; made if need be. Files of an earlier report there are replaced, others stay.
+        Folder; made if need be. An earlier report there is replaced, other files stay.
     progress : bool
 
     Returns
@@ -76,10 +77,9 @@ def rows(channel):
     """
     listed = []
     for key, e in channel.parameters.items():
-        factor, unit = draw.customary(e.unit)
-        value = None if e.value is None else f"{factor * e.value:.3g} {unit}"
-        entry = {"key": key, "name": NAMES[key], "value": value, "interval": draw.interval(e)}
-        listed.append(entry | {"note": e.note, "resolved": e.resolved})
+        entry = {"key": key, "name": NAMES[key], "value": draw.value(e)}
+        entry |= {"interval": draw.interval(e), "note": e.note, "resolved": e.resolved}
+        listed.append(entry)
     return listed
 
 
@@ -94,13 +94,14 @@ def recording(channel, dt, within=WITHIN):
     plan, at_least = planner.from_estimates(channel.parameters)
     if plan is None:
         return ["no plan without a white noise to plan with"]
-    hours = planner.hours_needed(plan, dt, within)
     # The hours go with the correlation time, which this log knows only so well.
     time = channel.parameters["corr_time"]
-    ends = [
-        planner.hours_needed(replace(plan, corr_time=t), dt, within)
-        for t in ((time.low, time.high) if time.resolved else ())
-    ]
+    times = (time.low, time.high) if time.resolved else ()
+    try:
+        hours = planner.hours_needed(plan, dt, within)
+        ends = [planner.hours_needed(replace(plan, corr_time=t), dt, within) for t in times]
+    except WrongUsage as error:
+        return [str(error)]
     said = "; ".join(
         f"{PLANNED[name]} {'at least ' if at_least and name in SLOW else ''}{draw.duration(h)}"
         + (
@@ -172,7 +173,7 @@ def export(path, out):
     try:
         texts = exports.files(json.loads(Path(path).read_bytes()))
     except OSError as error:
-        raise CannotAnswer(f"{path}: cannot be read ({error.strerror})") from error
+        raise WrongUsage(f"{path}: cannot be read ({error.strerror})") from error
     except ValueError as error:  # neither JSON nor text
         raise WrongUsage(f"{path}: this is no model.json as `report` writes it") from error
     except WrongUsage as error:
@@ -195,11 +196,26 @@ def _put(texts, folder):
 
 
 def _move(draft, out):
-    """Move the finished files into place, one rename each."""
+    """Move the finished files into place, one rename each; an earlier report's others go."""
     fresh = [path.relative_to(draft) for path in sorted(draft.rglob("*")) if path.is_file()]
+    earlier = {Path("exports", name) for name in exports.TITLES} | _figures_of(out)
     for path in fresh:
         (out / path).parent.mkdir(parents=True, exist_ok=True)
         os.replace(draft / path, out / path)
-    for name in exports.TITLES:  # of an earlier log, where this one does not have it
-        if Path("exports", name) not in fresh:
-            (out / "exports" / name).unlink(missing_ok=True)
+    for path in earlier - set(fresh):
+        (out / path).unlink(missing_ok=True)
+
+
+def _figures_of(out):
+    """Name the figures of the report that lies in a folder, by its model.json."""
+    try:
+        stored = json.loads((out / "model.json").read_bytes())
+        names = {str(c["name"]) for c in stored["channels"]}
+    except (OSError, ValueError, KeyError, TypeError):  # there is none, or it is not ours
+        return set()
+    return {
+        Path("figures", f"{name}.{ending}")
+        for name in names
+        if name == tidy(name)  # and so no way out of the folder
+        for ending in ("pdf", "png", "csv")
+    }

@@ -44,9 +44,9 @@ as its density N in U*sqrt(s). `report` prints the same for the log it character
   python -m analysis coverage                            what data/derived/coverage holds
   python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
-Simulates logs of known sensors, the eight of the papers and three others (flicker, walk,
-two-biases), fits each, and counts how often an interval holds the truth. A table that is there with
-as many logs is kept: a killed study goes on.""",
+Simulates logs of known sensors, the eight of the papers and four others (flicker, walk,
+two-biases, weak-bias), fits each, and counts how often an interval holds the truth. A table that
+is there with as many logs is kept: a killed study goes on.""",
     "claims": """examples:
   python -m analysis claims                 the count of verdicts, and every claim's
   python -m analysis claims comparison      of one paper (comparison, terrain, tracker)""",
@@ -152,7 +152,8 @@ def _how_to_read(one):
     one.add_argument("--time", metavar="COLUMN", help="the time column (found by name if left out)")
     one.add_argument("--columns", metavar="A,B", help="names or 1-based numbers of the channels")
     one.add_argument(
-        "--unit", help="unit of the readings: deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
+        "--unit",
+        help="of columns whose name has none: deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m",
     )
     one.add_argument(
         "--kind", choices=["rate", "angle", "accel", "position"], help="if unit is not enough"

@@ -140,6 +140,16 @@ def test_no_export_of_an_earlier_log_stays(tmp_path):
     assert "roll is of kind angle" in text
 
 
+def test_no_figure_of_an_earlier_log_stays(tmp_path):
+    """Property: a report of fewer channels leaves no figure of the others, and no other file."""
+    both = write(tmp_path, [f"{row},{row[-3:]}" for row in ROWS], f"{HEADER},gyro_y_deg_s")
+    assert run("report", both, "--out", tmp_path / "mine")[0] == 0
+    (tmp_path / "mine" / "figures" / "own.png").write_text("mine")
+    assert run("report", both, "--columns", "gyro_y", "--out", tmp_path / "mine")[0] == 0
+    names = {p.stem for p in (tmp_path / "mine" / "figures").iterdir()}
+    assert names == {"all.allan", "gyro_y", "own"}
+
+
 def test_page_stands_alone(good):
     """Property: nothing is fetched: pictures inside, no script, no link, no path of the machine."""
     page = (good.folder / "report.html").read_text(encoding="utf-8")

@@ -463,6 +463,8 @@ def broken(path, value):
         {"channels": []},
         broken(["source", "rate_hz"], 0),
         broken(["source", "rate_hz"], "fast"),
+        broken(["source", "duration_s"], float("nan")),
+        broken(["channels", 0, "name"], None) | {"source": None},
         broken(["channels", 0, "parameters"], {}),
         broken(["channels", 0, "parameters", "arw", "unit"], "deg/sqrt(h)"),
         broken(["channels", 0, "parameters", "arw", "value"], None),
@@ -473,6 +475,35 @@ def test_what_is_no_model_is_refused(wrong):
     """Property: one sentence, whatever is missing or of another kind."""
     with pytest.raises(WrongUsage, match="no model"):
         exports.files(wrong)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "key", "value"),
+    [
+        ("arw", "value", -1),
+        ("arw", "value", "abc"),
+        ("arw", "value", True),
+        ("arw", "low", float("nan")),
+        ("rrw", "high", float("inf")),
+        ("sigma_b", "value", 1e200),
+        ("corr_time", "value", 0),
+    ],
+)
+def test_a_number_that_cannot_be_is_named(tmp_path, parameter, key, value):
+    """Property: an edited number is refused with file, channel and parameter; nothing written."""
+    path = tmp_path / "edited.json"
+    path.write_text(json.dumps(broken(["channels", 1, "parameters", parameter, key], value)))
+    with pytest.raises(WrongUsage) as caught:
+        report.export(path, tmp_path / "out")
+    said = f"{key} of {parameter} of gyro_y is {value!r}, not a number above zero"
+    assert str(caught.value).startswith(f"{path}: ") and str(caught.value).endswith(said)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_pooled_json_is_called_one():
+    """Property: what `pool` wrote is told from what `report` wrote."""
+    with pytest.raises(WrongUsage, match="this is a pooled"):
+        exports.files({"sources": [], "seed": 1, "channels": []})
 
 
 def test_export_of_a_file(tmp_path):
@@ -491,5 +522,5 @@ def test_export_of_a_file(tmp_path):
         path.write_text(text, encoding="latin-1")
         with pytest.raises(WrongUsage, match="no model"):
             report.export(path, out)
-    with pytest.raises(CannotAnswer, match="cannot be read"):
+    with pytest.raises(WrongUsage, match="cannot be read"):
         report.export(tmp_path / "none.json", out)

@@ -205,6 +205,29 @@ def test_lines_are_counted_as_an_editor_counts(tmp_path):
         logs.read(path)
 
 
+def test_a_name_that_stands_twice_is_stated(tmp_path):
+    """Property: the second column of a name is left out and said to be; its number reads it."""
+    path = write(tmp_path, lines(), "t_s,gyro_x_deg_s,gyro_x_deg_s")
+    log = logs.read(path)
+    assert [c.name for c in log.channels] == ["gyro_x"]
+    assert log.repairs == (
+        "columns 2 and 3 are both called 'gyro_x_deg_s': only the first is taken; name them apart "
+        "in the header",
+    )
+    both = logs.read(path, columns=[2, 3], unit="deg/s")
+    assert len(both.channels) == 2 and both.repairs == ()
+
+
+def test_a_long_file_keeps_the_letters_of_its_header(tmp_path):
+    """Property: beyond the first bytes that are looked at, cp1252 is still told from UTF-8."""
+    rows = lines(4000)
+    for encoding in ("cp1252", "utf-8"):
+        text = "\n".join(["t_s,gyro x [°/s],gyro_y_deg_s", *rows])
+        (tmp_path / "my.csv").write_text(text + "\n", encoding=encoding)
+        assert (tmp_path / "my.csv").stat().st_size > layout.HEAD_BYTES
+        assert [c.unit for c in logs.read(tmp_path / "my.csv").channels] == ["deg/s", "deg/s"]
+
+
 def test_held_values_are_stated(tmp_path):
     """Property: an output that is held between updates is said to be."""
     rows = [f"{i / 100},{(i // 20) % 7}" for i in range(400)]
@@ -300,6 +323,41 @@ BAD = {
         WrongUsage,
         ("'gyro_x'", "--unit"),
     ),
+    "unit against the header": (
+        lines(),
+        HEADER,
+        {"columns": ["gyro_x"], "unit": "rad/s"},
+        WrongUsage,
+        ("--unit rad/s", "'gyro_x_deg_s'", "says deg/s", "leave out"),
+    ),
+    "unit against one of the header's": (
+        lines(),
+        "t_s,gyro_x,gyro_y_deg_s",
+        {"unit": "rad/s"},
+        WrongUsage,
+        ("--unit rad/s", "'gyro_y_deg_s'", "says deg/s"),
+    ),
+    "unit that nothing is in": (
+        lines(),
+        HEADER,
+        {"unit": "g"},
+        WrongUsage,
+        ("--unit g", "none of the columns gyro_x_deg_s, gyro_y_deg_s", "leave it out"),
+    ),
+    "a name twice, the second chosen": (
+        lines(),
+        "t_s,gyro_x_deg_s,gyro_x_deg_s",
+        {"columns": [3]},
+        WrongUsage,
+        ("columns 2 and 3 are both called 'gyro_x_deg_s'", "--unit"),
+    ),
+    "no reading of a sensor": (
+        replaced(lines(), 50, 2, "-1e300"),
+        HEADER,
+        {},
+        CannotAnswer,
+        ("line 52", "'gyro_y_deg_s'", "-1e+300", "correct"),
+    ),
     "rate against stamps": (
         lines(),
         HEADER,
@@ -360,7 +418,9 @@ def test_bad_input_is_refused_in_one_sentence(tmp_path, case):
 def test_the_way_out_of_wrong_gravity_works(tmp_path):
     """Property: doing as the message says reads the log."""
     path = write(tmp_path, GRAVITY, "t_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2")
-    assert {c.unit for c in logs.read(path, unit="g").channels} == {"g"}
+    log = logs.read(path, unit="g")
+    assert {c.unit for c in log.channels} == {"g"}
+    assert "column 'accel_z_m_s2' taken in g, not in m/s^2 as its name says" in log.repairs
 
 
 @pytest.mark.parametrize(
@@ -372,7 +432,10 @@ def test_the_way_out_of_wrong_gravity_works(tmp_path):
         (bytes(range(256)) * 8, ("line 1", "binary")),
         (b"\x89PNG\r\n\x1a\n" + b"\x00" * 99, ("line 2", "binary")),
         ("\n".join([HEADER, *lines()]).encode() + b"\n" + b"\0" * 999, ("line 202", "damaged")),
-        (gzip.compress("\n".join([HEADER, *lines(2000)]).encode())[:3000], ("copy it again",)),
+        (
+            gzip.compress("\n".join([HEADER, *lines(2000)]).encode())[:3000],
+            ("cut off", "copy it again"),
+        ),
     ],
     ids=["empty", "blank", "comment", "binary", "picture", "zeros at the end", "half a gzip"],
 )
@@ -383,6 +446,7 @@ def test_what_is_no_log_is_refused(tmp_path, content, words):
     with pytest.raises(CannotAnswer) as caught:
         logs.read(path)
     assert all(word in str(caught.value) for word in ("my.csv", *words))
+    assert "Error" not in str(caught.value)
 
 
 def test_what_is_no_file_is_wrong_usage(tmp_path):
@@ -548,6 +612,9 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
     log = logs.read("mine")
     assert (log.name, log.rate_hz, log.channels[0].name, log.samples) == ("mine", 20, "gyro_z", 180)
     assert logs.read("mine", start=0, rate=10).duration_s == 20
+    assert logs.read("mine", unit="dps").channels[0].unit == "deg/s"
+    with pytest.raises(WrongUsage, match=r"--unit g contradicts the catalogue.* 'mine' in deg/s"):
+        logs.read("mine", unit="g")
 
 
 @pytest.mark.parametrize(

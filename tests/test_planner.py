@@ -1,8 +1,12 @@
 """The recording planner: the information of a log yet to be made, against logs that were made."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from analysis import __main__ as cli
+from analysis import report
 from analysis.noise.estimate import Estimate
 from analysis.noise.fit import NoiseLikelihood
 from analysis.noise.models import UnifiedModel
@@ -57,3 +61,36 @@ def test_plan_from_a_first_log():
     assert not at_least and plan == Plan(0.1, 0.3, 50.0)
     nothing = Estimate.refused("deg", "")
     assert from_estimates({"sigma_v": nothing, "sigma_b": nothing, "corr_time": nothing})[0] is None
+
+
+@pytest.mark.parametrize(
+    ("numbers", "says"),
+    [
+        ("--white 0.004 --sigma 0.005 --time 0.001", "--time 0.001 is shorter than a sample"),
+        ("--white 1e300 --sigma 1e-300 --time 1e300", "too far apart"),
+        ("--white 1 --walk 1e30", "too far apart"),
+        ("--white inf", "above zero"),
+        ("--white nan", "above zero"),
+        ("--white 1 --within 0", "above zero"),
+        ("--white 1 --sigma 1", "go together"),
+    ],
+)
+def test_numbers_without_a_plan(capsys, numbers, says):
+    """error: what is no sensor is wrong usage, in a sentence."""
+    assert cli.main(["plan", "--rate", "100", *numbers.split()]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and says in err and err.count("\n") == 1
+
+
+def test_a_time_beyond_eleven_years():
+    """property: ten correlation times longer than what is looked at are not waited for."""
+    assert hours_needed(Plan(1.0, 1.0, 1e9), 1.0, 0.1)["corr_time"] is None
+
+
+def test_a_report_without_a_plan():
+    """error: estimates too far apart to plan with cost the plan, not the report."""
+    known = {k: Estimate(v, v, v, "") for k, v in (("sigma_v", 1.0), ("rrw", 1e30))}
+    channel = SimpleNamespace(parameters=known | {"corr_time": Estimate.refused("s", "")})
+    channel.parameters["sigma_b"] = Estimate.refused("", "")
+    (said,) = report.recording(channel, 0.01)
+    assert "too far apart" in said

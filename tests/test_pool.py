@@ -209,6 +209,19 @@ def test_logs_that_do_not_belong_together(tmp_path, header, dt, options, says):
     assert not (tmp_path / "model").exists()
 
 
+def test_one_log_does_not_count_as_two_units(tmp_path):
+    """property: the same readings, also under another name, are refused with both paths."""
+    one = write(tmp_path / "log.csv", 0)
+    (tmp_path / "copy").mkdir()
+    other = tmp_path / "copy" / "log.csv"
+    other.write_text(one.read_text() + "\n", encoding="utf-8")  # other bytes, other sha256
+    for logs in ((one, one), (one, write(tmp_path / "b.csv", 1), other)):
+        status, out, err = run("pool", *logs, "--out", tmp_path / "model")
+        assert (status, out) == (2, "") and err.count("\n") == 1
+        assert f"{logs[0]} and {logs[-1]} hold the same readings of gyro_x" in err
+        assert not (tmp_path / "model").exists()
+
+
 def test_a_constant_channel_is_named(tmp_path):
     """property: a log with nothing to measure is refused with its file and channel."""
     logs = [write(tmp_path / "a.csv", 0), write(tmp_path / "b.csv", 1)]

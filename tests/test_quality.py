@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from analysis.noise.quality import remarks
 
 QUIET = np.random.default_rng(1).standard_normal(20_000)
+T = 0.01 * np.arange(20_000)
 
 
 def test_a_quiet_log_gets_no_remark():
@@ -22,8 +24,27 @@ def test_a_quiet_log_gets_no_remark():
         (np.round(QUIET / 2), 0.01, "different values"),
         (QUIET * np.where(np.arange(20_000) // 2000 == 4, 8, 1), 0.01, "moved"),
         (QUIET[:300], 0.01, "short"),
+        (np.where(np.arange(20_000) == 99, 1e6, QUIET), 0.01, "the first after 0.99 s"),
+        (QUIET + 0.5 * np.sin(2 * np.pi * 3 * T), 0.01, "an oscillation at 2.96 Hz stands"),
+        (QUIET + 20.0 * np.sin(2 * np.pi * 0.3 * T), 0.01, "an oscillation at"),
     ],
 )
 def test_signs_are_named(y, dt, word):
     """property: a spike, coarse steps, a shaken tenth and three seconds each get their sentence."""
     assert any(word in sentence and sentence.startswith("x: ") for sentence in remarks(y, dt, "x"))
+
+
+@pytest.mark.parametrize("length", [4_300, 100_000])
+def test_noise_of_any_colour_is_no_oscillation(length):
+    """property: white noise, walks, biases short and long, and a low-passed output: 40 of each."""
+    rng = np.random.default_rng(4)
+    for _ in range(40):
+        w, v = rng.standard_normal((2, length))
+        colours = [
+            w,
+            np.cumsum(w),
+            w + 30 * lfilter([0.01], [1, -0.999], v),
+            w + 10 * lfilter([0.3], [1, -0.7], v),
+            lfilter(*butter(2, 0.2), w),
+        ]
+        assert not any("oscillation" in s for y in colours for s in remarks(y, 0.01, "x"))

@@ -346,6 +346,21 @@ def test_an_imu_for_a_part_of_the_log(laps, part):
     assert not any("the IMU covers" in note for note in whole.notes)
 
 
+def test_an_imu_that_falls_silent_decides_nothing(laps):
+    """property: its last acceleration neither keeps a stop moving nor carries the position on."""
+    log = laps[0].log
+    t, ends = log.gnss.t_s, log.imu.t_s <= 30.0  # while the scooter sets off
+    imu = Imu(log.imu.t_s[ends], log.imu.gyro_b[ends], log.imu.accel_b[ends])
+    slow = replace(log.gnss, speed_m_s=np.where(t > 30.0, 0.0, log.gnss.speed_m_s))
+    stopped = replay(replace(log, imu=imu, gnss=slow)).columns["moving"]
+    assert stopped[(t > 25) & (t <= 30)].all() and not stopped[t > 40].any()
+    ends = log.imu.t_s <= 69.0  # while it speeds up by 0.6 m/s^2
+    imu = Imu(log.imu.t_s[ends], log.imu.gyro_b[ends], log.imu.accel_b[ends])
+    north, east = metres(replay(inject_outages(replace(log, imu=imu), [(69.5, 79.0)])))
+    speed = np.hypot(np.diff(north), np.diff(east))[(t[1:] > 71) & (t[1:] < 79)]
+    assert np.abs(np.diff(speed)).max() < 0.1
+
+
 def test_an_imu_with_z_up(laps):
     """property: one that reads +g along z is taken as it is, and said."""
     log = turn_imu(laps[0].log, math.pi, axis=(1.0, 0.0, 0.0))

@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 from analysis import DATA, WrongUsage, datasets
+from analysis.intake.columns import unit_of
 from analysis.intake.formats import READERS
 
 CATALOGUE = DATA / "logs.toml"
@@ -76,6 +77,16 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
             return str(log), stanza, datasets.path(stanza["file"])
         return str(log), stanza, _readable(OWN.parent / stanza["file"], "data/own/logs.toml names")
     return Path(log).stem, {}, _readable(Path(log), "", stanzas)
+
+
+def check_unit(name: str, stanza: dict, unit: str | None) -> None:
+    """Refuse a unit other than the catalogue's."""
+    listed = [entry["unit"] for entry in (stanza, *stanza.get("channels", [])) if "unit" in entry]
+    if unit is not None and listed and unit_of(unit) not in map(unit_of, listed):
+        raise WrongUsage(
+            f"--unit {unit} contradicts the catalogue, which has '{name}' in "
+            f"{', '.join(dict.fromkeys(listed))}; leave it out, or correct the catalogue"
+        )
 
 
 def _readable(path: Path, said_by: str, stanzas: dict | None = None) -> Path:

@@ -110,6 +110,32 @@ def resolve(wanted: str | int, names: Sequence[str], file: str) -> str:
     )
 
 
+def once(names, header, file: str, wanted=None) -> tuple[list[str], list[str]]:
+    """Leave out, or refuse where it is wanted, what the header calls as a column before it.
+
+    `analysis.intake.layout` tells them apart by their number: ``gyro_x_deg_s.3``.
+
+    Returns
+    -------
+    list of str
+        The other names.
+    list of str
+        What was left out.
+    """
+    twice = {}
+    for j, name in enumerate(header, 1):
+        called = name.removesuffix(f".{j}")
+        if name in names and called != name and called in header:
+            twice[name] = f"columns {header.index(called) + 1} and {j} are both called '{called}'"
+    for name in twice.keys() & set(wanted or ()):
+        raise WrongUsage(f"{file}: {twice[name]}: name them apart in the header, or say --unit")
+    said = [
+        f"{both}: only the first is taken; name them apart in the header"
+        for both in (() if wanted else twice.values())
+    ]
+    return [name for name in names if name not in twice], said
+
+
 def choose(
     names: Sequence[str],
     file: str,
@@ -128,8 +154,8 @@ def choose(
     columns : sequence of str or int, optional
         Those wanted; all whose unit is known if left out.
     unit : str, optional
-        Unit of the columns whose name has none. It also replaces a unit of the same kind
-        (``accel_x_m_s2`` with ``--unit g`` is in g).
+        Unit of the columns whose name has none. What a name says stands against it, but for an
+        accelerometer's (``accel_x_m_s2`` with ``--unit g`` is in g): gravity checks those.
     kind : str, optional
         Only this kind; needed for a unit that is not in the table.
 
@@ -137,7 +163,12 @@ def choose(
     -------
     list of Choice
     list of str
-        What was left out.
+        What was left out, and what was taken against its name.
+
+    Raises
+    ------
+    WrongUsage
+        If a unit or kind is unknown, contradicts a name, or fits no column.
     """
     if kind is not None and kind not in KINDS:
         raise WrongUsage(f"--kind {kind} is not one of {', '.join(KINDS)}")
@@ -151,26 +182,33 @@ def choose(
         raise WrongUsage(
             f"--unit {unit} is a unit of {given_kind}, not of {kind}: leave out --kind"
         )
-    chosen, left_out = [], []
+    chosen, left_out, said = [], [], []
     for name in [resolve(c, names, file) for c in columns] if columns else names:
         base, own = split(name)
         own_kind = KIND_OF_UNIT.get(own)
-        if given and (own is None or own_kind == given_kind):
+        if own != given and {own, given} <= IN_M_S2.keys():
+            said.append(f"column '{name}' taken in {given}, not in {own} as its name says")
+            own = given
+        if given and own is None:
             own, own_kind = given, given_kind
+        contradicts = given and own != given and (columns or own_kind == given_kind)
         against = None
         if own is None:
             against = f"column '{name}' has no unit: say --unit, or call it {name}_deg_s, {name}_g"
         elif kind and own_kind != kind:
             against = f"column '{name}' is in {own}, which is no {kind}: leave out --kind"
-        elif given and columns and own_kind != given_kind:
-            against = f"column '{name}' is in {own}, not in {given}: leave out --unit"
         elif {sounds_like(base), own_kind} == {"rate", "accel"}:
             against = (
                 f"column '{name}' sounds like {sounds_like(base)}, and {own} is not: see --unit"
             )
         elif not columns and _NOT_A_READING.search(base.lower()):
-            against = f"column '{name}' is no reading"
-        if against and columns:
+            against, contradicts = f"column '{name}' is no reading", False
+        elif contradicts:
+            against = (
+                f"--unit {unit} contradicts column '{name}', which says {own}; leave out --unit, "
+                "or correct the header"
+            )
+        if against and (columns or contradicts):
             raise WrongUsage(f"{file}: {against}")
         if against:
             left_out.append(name)
@@ -178,6 +216,11 @@ def choose(
             chosen.append(Choice(name, tidy(base), own, own_kind))
     if not chosen and kind and not unit and any(split(name)[1] for name in names):
         raise WrongUsage(f"{file}: no column is of the kind {kind}; there are: {', '.join(names)}")
+    if given and not any(c.unit == given for c in chosen):
+        raise WrongUsage(
+            f"{file}: --unit {unit} fits none of the columns {', '.join(names)}: leave it out, or "
+            "give theirs"
+        )
     if not chosen:
         raise WrongUsage(
             f"{file}: no unit for the columns {', '.join(names)}: add --unit (for example "
@@ -185,7 +228,6 @@ def choose(
         )
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
-    said = (
-        [f"columns left out, having no unit that fits: {', '.join(left_out)}"] if left_out else []
-    )
+    if left_out:
+        said.append(f"columns left out, having no unit that fits: {', '.join(left_out)}")
     return chosen, said

@@ -81,7 +81,7 @@ def read(path: Path) -> Table:
         table = _without_short_end(Table(frame, (), layout, path))
     except (OSError, EOFError, zlib.error) as error:
         raise CannotAnswer(
-            f"{path.name}: cannot be read to its end ({type(error).__name__}); copy it again"
+            f"{path.name}: cannot be read to its end: it is cut off or damaged; copy it again"
         ) from error
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         table = _line_by_line(path, layout)

@@ -3,6 +3,7 @@
 Everything is found from the first lines, so that the fast parser can be told beforehand.
 """
 
+import codecs
 import csv
 import gzip
 import io
@@ -128,8 +129,7 @@ def _head(path: Path) -> tuple[list[str], str]:
             more = bool(handle.read(1))
     except (OSError, EOFError, zlib.error) as error:
         raise CannotAnswer(
-            f"{path.name}: cannot be opened ({type(error).__name__}: {error.args[-1]}); "
-            "copy it again"
+            f"{path.name}: cannot be read: it is cut off or damaged; copy it again"
         ) from error
     if not head.strip():
         raise CannotAnswer(f"{path.name}: the file is empty: there is no line 1")
@@ -145,7 +145,8 @@ def _head(path: Path) -> tuple[list[str], str]:
                 "data/own/logs.toml"
             )
         encoding = "utf-8-sig" if head[:3] == b"\xef\xbb\xbf" else "utf-8"
-    text = head.decode(encoding, errors="ignore" if more else "replace")
+    # The head may end within a character, which is not wrong, only not whole.
+    text = codecs.getincrementaldecoder(encoding)("replace").decode(head, final=not more)
     if "\ufffd" in text and encoding == "utf-8":
         encoding, text = "cp1252", head.decode("cp1252", errors="replace")
     lines = _NEWLINE.split(text)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from analysis import WrongUsage
 from analysis.noise.likelihood import Terms, bin_variance
 from analysis.noise.spectrum import outline
 
@@ -94,24 +95,38 @@ def hours_needed(plan, dt, within):
     -------
     dict of str, float or None
         None where eleven years do not do.
-    """
-    wanted = np.log1p(within)
 
+    Raises
+    ------
+    WrongUsage
+        If the terms lie so far apart that one hides another to the last digit.
+    """
+    try:
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            return _hours(plan, dt, np.log1p(within))
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise WrongUsage("no plan: the numbers lie too far apart to compute with") from error
+
+
+def _hours(plan, dt, wanted):
     def short_by(log_hours, name):
         return np.log(relative_error(plan, dt, np.exp(log_hours))[name] / wanted)
 
-    found = {}
+    found, longest = {}, np.log(LONGEST_H)
     for name in plan.given():
         # Few samples or few correlation times are beyond what the information can say.
         times = 10 * plan.corr_time if name in ("sigma_b", "corr_time") else 0.0
         least = np.log(max(1000 * dt, times) / 3600)
-        ends = short_by(least, name), short_by(np.log(LONGEST_H), name)
+        if least >= longest:
+            found[name] = None
+            continue
+        ends = short_by(least, name), short_by(longest, name)
         if ends[0] <= 0:
             found[name] = float(np.exp(least))
         elif ends[1] > 0:
             found[name] = None
         else:
-            root = brentq(short_by, least, np.log(LONGEST_H), args=(name,), xtol=1e-3)
+            root = brentq(short_by, least, longest, args=(name,), xtol=1e-3)
             found[name] = float(np.exp(root))
     return found
 

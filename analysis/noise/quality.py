@@ -1,15 +1,21 @@
 """Signs that a log is not what a noise analysis takes it for; each a sentence, none a refusal."""
 
 import numpy as np
+from scipy.ndimage import median_filter
+from scipy.signal import welch
 
 SPIKE = 20.0  # robust standard deviations
 LEVELS = 12  # distinct values below which resolution, not noise, may rule
 UNEVEN = 3.0  # largest over median deviation among tenths of the log
 SHORT = 60.0  # s
+LINE = 4.0  # times the noise beside it; of noise alone no spectrum here comes to 3
+RESOLVED = 4096  # samples a piece of the spectrum, at most
+PIECES = 16  # that are averaged, at least
+BESIDE = 33  # bins
 
 
 def remarks(y, dt, name):
-    """Look for spikes, coarse steps, an unsteady noise level and a short record.
+    """Look for spikes, coarse steps, an unsteady noise level, oscillations and a short record.
 
     Parameters
     ----------
@@ -35,11 +41,12 @@ def remarks(y, dt, name):
         )
         return found
     scale = 1.4826 * np.median(np.abs(step - np.median(step)))
-    spikes = int(np.sum(np.abs(step) > SPIKE * scale)) if scale > 0 else 0
-    if spikes:
+    spikes = np.flatnonzero(np.abs(step) > SPIKE * scale) if scale > 0 else []
+    if len(spikes):
+        at = dt * np.flatnonzero(np.isfinite(y))[spikes[0] + 1]
         found.append(
-            f"{name}: {spikes} steps of more than {SPIKE:g} robust standard deviations; spikes or"
-            " knocks raise every number"
+            f"{name}: {len(spikes)} steps of more than {SPIKE:g} robust standard deviations, the"
+            f" first after {at:.4g} s; spikes or knocks raise what is read off a curve"
         )
     tenths = [part.std() for part in np.array_split(step, 10)]
     if max(tenths) > UNEVEN * np.median(tenths) > 0:
@@ -47,4 +54,30 @@ def remarks(y, dt, name):
             f"{name}: the noise of one tenth of the log is {max(tenths) / np.median(tenths):.2g}"
             " times the usual; was the sensor moved?"
         )
+    frequency, ratio = _line(step, dt)
+    if ratio > LINE:
+        found.append(
+            f"{name}: an oscillation at {frequency:.3g} Hz stands {ratio:.2g} times above the noise"
+            " beside it; vibration or motion is no noise, and no model here is made for it"
+        )
     return found
+
+
+def _line(step, dt):
+    """Find what stands out most of the spectrum of the steps, which no slow noise makes steep.
+
+    Returns
+    -------
+    frequency : float, Hz
+    ratio : float
+        To the median of the bins beside it; 0 if the log is too short to tell.
+    """
+    length = min(RESOLVED, len(step) // PIECES)
+    if length < 8 * BESIDE:
+        return 0.0, 0.0
+    f, power = welch(step, 1 / dt, nperseg=length)
+    f, power = f[2:-1], power[2:-1]
+    beside = median_filter(power, size=BESIDE, mode="nearest")
+    ratio = np.divide(power, beside, out=np.zeros_like(power), where=beside > 0)
+    most = int(np.argmax(ratio))
+    return float(f[most]), float(ratio[most])

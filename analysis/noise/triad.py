@@ -135,10 +135,12 @@ def read(model):
     WrongUsage
         If it is not the content of a model.json.
     """
+    if isinstance(model, dict) and "sources" in model:
+        raise WrongUsage("this is a pooled.json; export takes a model.json of `report`")
     try:
         groups, left_out = {}, []
         for channel in model["channels"]:
-            name, unit, kind = channel["name"], channel["unit"], channel["kind"]
+            name, unit, kind = str(channel["name"]), channel["unit"], channel["kind"]
             if kind not in SENSORS:
                 left_out.append(
                     f"{name} is of kind {kind}; these tools model rates and accelerations"
@@ -147,11 +149,15 @@ def read(model):
                 left_out.append(f"{name} is in {unit}, which is no known unit of a {kind}")
             else:
                 groups.setdefault(kind, []).append((name, _axis(channel)))
+        for key in ("rate_hz", "duration_s"):
+            _check(model["source"][key], key)
         said(model["source"], {})
-        if not 0 < float(model["source"]["rate_hz"]) < np.inf:
-            raise ValueError("rate_hz")
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise WrongUsage(f"this is no model.json as `report` writes it: {error!r}") from error
+    except ValueError as error:
+        raise WrongUsage(f"this is no model.json as `report` writes it: {error}") from error
+    except KeyError as error:
+        raise WrongUsage(f"this is no model.json as `report` writes it: no {error}") from error
+    except (TypeError, AttributeError) as error:
+        raise WrongUsage("this is no model.json as `report` writes it") from error
     triads = {}
     for kind, found in groups.items():
         letters = _letters([name for name, _ in found])
@@ -225,6 +231,9 @@ def _axis(channel):
             )
         if e.unit != was:
             raise ValueError(f"{name} of {channel['name']} is in {e.unit}, not in {was}")
+        for key in _NUMBERS:
+            if getattr(e, key) is not None:
+                _check(getattr(e, key), f"{key} of {name} of {channel['name']}", zero=key == "low")
         scaled = {k: None if getattr(e, k) is None else by * getattr(e, k) for k in _NUMBERS}
         return replace(e, unit=now, **scaled)
 
@@ -244,6 +253,13 @@ def _axis(channel):
 
 
 _NUMBERS = ("value", "low", "high")
+
+
+def _check(number, what, *, zero=False):
+    """Refuse what is no number above zero, or so far from one that its square is not."""
+    plain = isinstance(number, int | float) and not isinstance(number, bool)
+    if not (plain and (1e-100 < number < 1e100 or (zero and number == 0))):
+        raise ValueError(f"{what} is {number!r}, not a number above zero")
 
 
 def _letters(names):

@@ -118,13 +118,16 @@ class Device:
         self._t_epoch = epoch.t_s
         accepted = self.last.step(epoch.t_s, epoch.fix, epoch.pdop)
         speed, course = (epoch.speed, epoch.course) if accepted else (math.nan, math.nan)
+        blind = self._blind(epoch.t_s)
+        if blind:
+            self.static.unfelt()
         moving = self._judge(speed)
         self._orient(epoch.t_s, moving, course, speed, dt)
         if accepted:
             self._t_fix = epoch.t_s
         layer = self._settle(epoch, accepted, moving)
         self._fuse(epoch, accepted, moving, layer)
-        angles = self.attitude.angles if self.attitude else (math.nan,) * 3
+        angles = self.attitude.angles if self.attitude and not blind else (math.nan,) * 3
         mount = self.mounting.mount
         return {
             "accepted": accepted,
@@ -244,7 +247,11 @@ class Device:
         on, block = self.options, self.attitude
         sighted = block.ready and block.heading_known
         sighted = sighted and (self.mounting.mount is not None or not on.mounting)
-        if sighted and dt <= GAP_S:
+        if sighted and dt <= GAP_S and not self._blind(t_s):
             self.fusion.predict(block.accel_n, dt, on.sigma_accel)
         else:
             self.fusion.predict(np.zeros(3, on.dtype), dt, on.sigma_unaided)
+
+    def _blind(self, t_s):
+        """Tell whether the IMU has been silent for too long."""
+        return self._t_imu is not None and t_s - self._t_imu > GAP_S

@@ -8,7 +8,6 @@ import pymap3d
 from tqdm import tqdm
 
 from analysis.tracker import summary
-from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import Device, Epoch
 from analysis.tracker.last_position import Stored
 from analysis.tracker.options import Options
@@ -100,10 +99,7 @@ def replay(timeline, options=None, stored=None, *, progress=False):
             lasting.append(device.attitude.unexplained if device.attitude else 0.0)
             bar.update()
     columns = _columns(epochs, gnss, rows, origin, stored)
-    blind = _blind(columns["t_s"], imu)
-    for name in ("roll_deg", "pitch_deg", "yaw_deg"):
-        columns[name][blind] = np.nan
-    said = tuple(summary.notes(timeline, options, has_pdop, columns, device, lasting, blind))
+    said = tuple(summary.notes(timeline, options, has_pdop, columns, device, lasting))
     trace = {
         "gyro_bias_rad_s": np.array(bias, dtype=float),
         "printed_deg": np.array([math.nan if p is None else math.degrees(p) for p in printed]),
@@ -168,14 +164,6 @@ def _to_ned(positions, origin):
         place = pymap3d.geodetic2ned(p.lat_deg, p.lon_deg, height, *origin)
         placed.append(tuple(float(v) for v in place))
     return placed
-
-
-def _blind(t_s, imu):
-    """Tell which epochs have had no IMU sample for a while: their attitude is not known."""
-    if imu is None:
-        return np.zeros(len(t_s), dtype=bool)
-    last = np.maximum(np.searchsorted(imu.t_s, t_s, side="right") - 1, 0)
-    return np.abs(t_s - imu.t_s[last]) > GAP_S
 
 
 def _columns(epochs, gnss, rows, origin, stored):

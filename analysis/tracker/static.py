@@ -81,6 +81,10 @@ class StaticTest:
         self._pushed = square > self.theta_a * self.theta_a
         return self._judge()
 
+    def unfelt(self):
+        """Forget what the IMU said, for it has fallen silent: the speed alone decides."""
+        self._pushed, self._ax, self._ay = None, 0.0, 0.0
+
     def drive(self, speed):
         """Take in the speed of one GNSS epoch (m/s; NaN where there is none).
 

@@ -14,19 +14,20 @@ CONTRADICTION_SHARE = 0.2  # of the epochs
 FRAME_M = 50_000.0  # from the origin at which the tangent plane leans by half a degree
 
 
-def notes(timeline, options, has_pdop, columns, device, lasting, blind):
+def notes(timeline, options, has_pdop, columns, device, lasting):
     """Say which block could not run, or only in part, and why."""
     yield from timeline.notes
     if timeline.imu is None:
         yield "no IMU: blocks 2, 5 and 6 need one and do not run; block 3 judges by the speed alone"
     elif not options.attitude:
         yield "block 2 is off: blocks 5 and 6 need it and do not run; block 3 judges by speed alone"
-    if blind.any() and options.attitude:
+    blind = _silent(timeline.imu, columns["t_s"])
+    if blind and options.attitude:
         first, last = timeline.imu.t_s[[0, -1]]
         yield (
             f"the IMU covers {first:.0f} to {last:.0f} s of {timeline.duration_s:.0f} s; "
-            f"{blind.sum():,} of {len(blind):,} epochs have had no sample for over {GAP_S:g} s: no "
-            "roll, pitch or yaw there"
+            f"{blind:,} of {len(columns['t_s']):,} epochs have had no sample for over {GAP_S:g} s: "
+            "no roll, pitch or yaw there"
         )
     if timeline.imu is not None and np.median(timeline.imu.accel_b[:, 2]) > Z_UP:
         yield (
@@ -128,3 +129,11 @@ def _blocks(timeline, options):
         "fusion": "" if imu and gnss and options.attitude else "needs GNSS, an IMU and block 2",
     }
     return {name: lack or "on" if getattr(options, name) else "off" for name, lack in lacks.items()}
+
+
+def _silent(imu, t_s):
+    """Count the epochs at which the IMU has been silent for too long, or has not begun."""
+    if imu is None:
+        return 0
+    last = np.maximum(np.searchsorted(imu.t_s, t_s, side="right") - 1, 0)
+    return int((np.abs(t_s - imu.t_s[last]) > GAP_S).sum())
