@@ -220,7 +220,7 @@ def _choices(raw, stanza, wanted, unit, kind) -> tuple[list[Choice], list[str]]:
     if not numeric:
         raise WrongUsage(f"{raw.file}, line 1: no column with numbers besides the time")
     said = []
-    if unit is None and raw.table.layout is not None:
+    if raw.table.layout is not None and not (wanted and unit):
         numeric, said = columns.once(numeric, raw.table.layout.names, raw.file, wanted)
     chosen, left_out = columns.choose(numeric, raw.file, wanted, unit, kind)
     return chosen, [*said, *left_out]

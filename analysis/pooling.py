@@ -81,6 +81,8 @@ def _refuse_one_log_twice(logs):
     seen = {}
     for log in logs:
         for c in log.channels:
+            if np.nanmin(c.values) == np.nanmax(c.values):
+                continue  # a dead channel, which is refused as such
             before = seen.setdefault((c.name, hash(c.values.tobytes())), log)
             if before is not log:
                 raise WrongUsage(

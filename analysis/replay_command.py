@@ -103,11 +103,13 @@ def run(options):
 
 def _check_memory(options):
     """Refuse a --last-position that is another file of this run, or cannot be written."""
+    from analysis import tracks
+
     path, out = Path(options.last_position), Path(options.out)
     said = f"--last-position {path.name}"
     if "last-position" in options.without:
         raise WrongUsage("--last-position is of block 1, which --without last-position turns off")
-    taken = [*map(Path, options.logs), out, out / "track.csv", out / "summary.json"]
+    taken = [*map(tracks.located, options.logs), out, out / "track.csv", out / "summary.json"]
     if path.resolve() in [other.resolve() for other in taken]:
         raise WrongUsage(f"{said}: that is a log, or what --out writes; name a file of its own")
     try:

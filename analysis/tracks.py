@@ -6,6 +6,7 @@ timeline = read(["drive.csv"])                 positions, and an IMU if there is
 
 import csv
 import datetime
+import itertools
 import json
 import math
 import os
@@ -53,7 +54,7 @@ def read(logs, *, columns=None, imu_offset=None):
     """
     gnss = imu = start = None
     clocks, notes, sources = {}, [], {}
-    paths = [_file(log) for log in logs]
+    paths = [located(log) for log in logs]
     for path in paths:
         sources[path.name] = datasets.sha256(path)
         parts, said, began = _read_one(path, columns)
@@ -81,8 +82,13 @@ def read(logs, *, columns=None, imu_offset=None):
     return Timeline(gnss, imu, start, tuple(notes), sources)
 
 
-def _file(log):
-    """Find a log; say what there should be if there is none."""
+def located(log):
+    """Find the file of a log, or of a name in the catalogue; say what there should be if none.
+
+    Returns
+    -------
+    pathlib.Path
+    """
     if not Path(log).exists() and str(log) not in catalogue():
         raise WrongUsage(
             f"there is no file {Path(log).name}; replay takes NMEA or CSV: a log of a GNSS "
@@ -141,11 +147,12 @@ def _apart(gnss, imu, start):
     if spans[0][0] + rolled <= spans[1][1] and spans[1][0] <= spans[0][1] + rolled:
         return
     one, other = (
-        f"{datetime.datetime.fromtimestamp(span[0], datetime.UTC):%Y-%m-%d}" for span in spans
+        f"{datetime.datetime.fromtimestamp(span[0], datetime.UTC):%Y-%m-%d %H:%M}" for span in spans
     )
     yield (
-        f"by their dates the GNSS log ({one}) and the IMU log ({other}) are of different days: "
-        "taken as of one day, the receiver's date as wrong; if they are not, this is no ride"
+        f"by their dates the GNSS log (from {one}) and the IMU log (from {other}) lie a day or "
+        "more apart: matched by the time of day, the receiver's date taken as wrong; if it is not, "
+        "this is no ride"
     )
 
 
@@ -195,7 +202,7 @@ def keep(path, stored, *, distrusted=False):
     path, aside = Path(path), None
     try:
         if distrusted and path.stat().st_size:
-            aside = f"{path.name}.damaged"
+            aside = _free(path, "damaged")
             os.replace(path, path.with_name(aside))
         last_position.save(path, stored)
     except OSError as error:
@@ -203,6 +210,13 @@ def keep(path, stored, *, distrusted=False):
             f"--last-position {path.name}: cannot write there ({error.strerror})"
         ) from error
     return aside
+
+
+def _free(path, ending):
+    """Find a name beside a file that none has yet: NAME.ENDING, NAME.ENDING.2 ..."""
+    names = itertools.chain([""], (f".{k}" for k in itertools.count(2)))
+    tried = (f"{path.name}.{ending}{number}" for number in names)
+    return next(name for name in tried if not path.with_name(name).exists())
 
 
 def told(summary):

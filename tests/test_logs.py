@@ -214,6 +214,7 @@ def test_a_name_that_stands_twice_is_stated(tmp_path):
         "columns 2 and 3 are both called 'gyro_x_deg_s': only the first is taken; name them apart "
         "in the header",
     )
+    assert logs.read(path, unit="deg/s").repairs == log.repairs
     both = logs.read(path, columns=[2, 3], unit="deg/s")
     assert len(both.channels) == 2 and both.repairs == ()
 

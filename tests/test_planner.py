@@ -67,8 +67,8 @@ def test_plan_from_a_first_log():
     ("numbers", "says"),
     [
         ("--white 0.004 --sigma 0.005 --time 0.001", "--time 0.001 is shorter than a sample"),
-        ("--white 1e300 --sigma 1e-300 --time 1e300", "too far apart"),
-        ("--white 1 --walk 1e30", "too far apart"),
+        ("--white 1e300 --sigma 1e300 --time 1e300", "too far apart"),
+        ("--white 1 --walk 1e300", "too far apart"),
         ("--white inf", "above zero"),
         ("--white nan", "above zero"),
         ("--white 1 --within 0", "above zero"),
@@ -82,6 +82,14 @@ def test_numbers_without_a_plan(capsys, numbers, says):
     assert out == "" and says in err and err.count("\n") == 1
 
 
+def test_a_bias_that_is_hidden_costs_only_its_own_hours():
+    """property: N takes what it takes alone; what is lost in it would take for ever."""
+    alone = hours_needed(Plan(0.01), 0.01, 0.1)["sigma_v"]
+    for hidden in (1e-8, 1e-12, 1e-200):
+        hours = hours_needed(Plan(0.01, hidden, 1000.0), 0.01, 0.1)
+        assert hours == {"sigma_v": alone, "sigma_b": None, "corr_time": None}
+
+
 def test_a_time_beyond_eleven_years():
     """property: ten correlation times longer than what is looked at are not waited for."""
     assert hours_needed(Plan(1.0, 1.0, 1e9), 1.0, 0.1)["corr_time"] is None
@@ -89,7 +97,7 @@ def test_a_time_beyond_eleven_years():
 
 def test_a_report_without_a_plan():
     """error: estimates too far apart to plan with cost the plan, not the report."""
-    known = {k: Estimate(v, v, v, "") for k, v in (("sigma_v", 1.0), ("rrw", 1e30))}
+    known = {k: Estimate(v, v, v, "") for k, v in (("sigma_v", 1.0), ("rrw", 1e300))}
     channel = SimpleNamespace(parameters=known | {"corr_time": Estimate.refused("s", "")})
     channel.parameters["sigma_b"] = Estimate.refused("", "")
     (said,) = report.recording(channel, 0.01)

@@ -222,13 +222,15 @@ def test_one_log_does_not_count_as_two_units(tmp_path):
         assert not (tmp_path / "model").exists()
 
 
-def test_a_constant_channel_is_named(tmp_path):
+@pytest.mark.parametrize("dead", [("b.csv",), ("a.csv", "b.csv")])
+def test_a_constant_channel_is_named(tmp_path, dead):
     """property: a log with nothing to measure is refused with its file and channel."""
     logs = [write(tmp_path / "a.csv", 0), write(tmp_path / "b.csv", 1)]
-    rows = logs[1].read_text().splitlines()
-    rows[1:] = [",".join([*row.split(",")[:2], "0.5"]) for row in rows[1:]]
-    logs[1].write_text("\n".join(rows) + "\n", encoding="utf-8")
+    for path in (tmp_path / name for name in dead):
+        rows = path.read_text().splitlines()
+        rows[1:] = [",".join([*row.split(",")[:2], "0.5"]) for row in rows[1:]]
+        path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     status, _, err = run("pool", *logs, "--out", tmp_path / "model")
     assert status == 1 and err.count("\n") == 1
-    assert "b.csv, channel gyro_y" in err and "constant" in err
+    assert f"{dead[0]}, channel gyro_y" in err and "constant" in err
     assert not (tmp_path / "model").exists()

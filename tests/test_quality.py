@@ -34,6 +34,21 @@ def test_signs_are_named(y, dt, word):
     assert any(word in sentence and sentence.startswith("x: ") for sentence in remarks(y, dt, "x"))
 
 
+@pytest.mark.parametrize("uneven", ["burst", "tenth", "held"])
+def test_noise_that_is_uneven_is_no_oscillation(uneven):
+    """property: a second of shaking, a loud tenth, an output that holds its value: 30 of each."""
+    rng = np.random.default_rng(6)
+    for _ in range(30):
+        y = rng.standard_normal(20_000)
+        if uneven == "burst":
+            y[7000:7100] *= 50
+        elif uneven == "tenth":
+            y[6000:8000] *= 8
+        else:
+            y = np.repeat(y[:200], 100)
+        assert not any("oscillation" in sentence for sentence in remarks(y, 0.01, "x"))
+
+
 @pytest.mark.parametrize("length", [4_300, 100_000])
 def test_noise_of_any_colour_is_no_oscillation(length):
     """property: white noise, walks, biases short and long, and a low-passed output: 40 of each."""

@@ -354,6 +354,11 @@ def test_an_imu_that_falls_silent_decides_nothing(laps):
     slow = replace(log.gnss, speed_m_s=np.where(t > 30.0, 0.0, log.gnss.speed_m_s))
     stopped = replay(replace(log, imu=imu, gnss=slow)).columns["moving"]
     assert stopped[(t > 25) & (t <= 30)].all() and not stopped[t > 40].any()
+    ends = log.imu.t_s <= 10.0  # while it stands, and nobody states a speed
+    imu = Imu(log.imu.t_s[ends], log.imu.gyro_b[ends], log.imu.accel_b[ends])
+    mute = replace(log.gnss, speed_m_s=np.full(len(t), np.nan))
+    moving = replay(replace(log, imu=imu, gnss=mute)).columns["moving"]
+    assert not moving[5] and moving[t > 11.0].all()
     ends = log.imu.t_s <= 69.0  # while it speeds up by 0.6 m/s^2
     imu = Imu(log.imu.t_s[ends], log.imu.gyro_b[ends], log.imu.accel_b[ends])
     north, east = metres(replay(inject_outages(replace(log, imu=imu), [(69.5, 79.0)])))
@@ -362,10 +367,10 @@ def test_an_imu_that_falls_silent_decides_nothing(laps):
 
 
 def test_an_imu_with_z_up(laps):
-    """property: one that reads +g along z is taken as it is, and said."""
+    """property: one that reads +g along z is taken as it is, and said, with both ways out."""
     log = turn_imu(laps[0].log, math.pi, axis=(1.0, 0.0, 0.0))
-    assert any("rests with z up" in note for note in replay(log).notes)
-    assert not any("z up" in note for note in laps[1].notes)
+    assert any("if z points up, turn y and z" in note for note in replay(log).notes)
+    assert not any("z points up" in note for note in laps[1].notes)
 
 
 def test_single_precision(laps):
@@ -461,6 +466,10 @@ def test_a_damaged_memory_is_a_warning(tmp_path, cold, content):
     aside = tmp_path / "last.json.damaged"
     assert aside.exists() == bool(content) == ("kept as last.json.damaged" in err)
     assert not content or aside.read_bytes() == content
+    memory.write_bytes(b"another")
+    run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
+    kept = [p.read_bytes() for p in tmp_path.glob("last.json.damaged*")]
+    assert sorted(kept) == sorted([content, b"another"] if content else [b"another"])
 
 
 @pytest.mark.parametrize("memory", ["gnss.csv", "folder", "out", "out/summary.json", ""])

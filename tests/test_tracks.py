@@ -356,7 +356,7 @@ def test_dates_that_lie_apart(tmp_path, date):
     log = tracks.read([path, csv(tmp_path, IMU.replace("t_s", "time"), rows)])
     assert log.imu.t_s[0] == 0.0
     day = f"20{date[4:]}-{date[2:4]}-{date[:2]}"
-    said = f"by their dates the GNSS log ({day}) and the IMU log (2024-06-12) are of different days"
+    said = f"GNSS log (from {day} 10:00) and the IMU log (from 2024-06-12 10:00) lie a day or more"
     assert sum(said in note for note in log.notes) == 1
 
 

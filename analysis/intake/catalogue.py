@@ -82,7 +82,7 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
 def check_unit(name: str, stanza: dict, unit: str | None) -> None:
     """Refuse a unit other than the catalogue's."""
     listed = [entry["unit"] for entry in (stanza, *stanza.get("channels", [])) if "unit" in entry]
-    if unit is not None and listed and unit_of(unit) not in map(unit_of, listed):
+    if unit is not None and any((unit_of(u) or u) != (unit_of(unit) or unit) for u in listed):
         raise WrongUsage(
             f"--unit {unit} contradicts the catalogue, which has '{name}' in "
             f"{', '.join(dict.fromkeys(listed))}; leave it out, or correct the catalogue"

@@ -186,8 +186,8 @@ def choose(
     for name in [resolve(c, names, file) for c in columns] if columns else names:
         base, own = split(name)
         own_kind = KIND_OF_UNIT.get(own)
-        if own != given and {own, given} <= IN_M_S2.keys():
-            said.append(f"column '{name}' taken in {given}, not in {own} as its name says")
+        named = own
+        if {own, given} <= IN_M_S2.keys():
             own = given
         if given and own is None:
             own, own_kind = given, given_kind
@@ -205,8 +205,8 @@ def choose(
             against, contradicts = f"column '{name}' is no reading", False
         elif contradicts:
             against = (
-                f"--unit {unit} contradicts column '{name}', which says {own}; leave out --unit, "
-                "or correct the header"
+                f"--unit {unit} (or the catalogue's) contradicts column '{name}', which says "
+                f"{own}; leave out --unit, or correct the header"
             )
         if against and (columns or contradicts):
             raise WrongUsage(f"{file}: {against}")
@@ -214,6 +214,8 @@ def choose(
             left_out.append(name)
         else:
             chosen.append(Choice(name, tidy(base), own, own_kind))
+            if named not in (None, own):
+                said.append(f"column '{name}' taken in {own}, not in {named} as its name says")
     if not chosen and kind and not unit and any(split(name)[1] for name in names):
         raise WrongUsage(f"{file}: no column is of the kind {kind}; there are: {', '.join(names)}")
     if given and not any(c.unit == given for c in chosen):

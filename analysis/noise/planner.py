@@ -22,6 +22,7 @@ from analysis.noise.spectrum import outline
 WITHIN = 1.96
 STEP = 1e-3  # of a logarithm, for derivatives
 LONGEST_H = 1e5  # eleven years
+HIDDEN = 1e6  # times the error that is wanted: not known at all
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,11 @@ def relative_error(plan, dt, hours):
     log_variance = np.log(bin_variance(stretch, terms))
     slope = (log_variance[: len(names)] - log_variance[len(names) :]) / (2 * STEP)
     information = 0.5 * np.einsum("ipb,jpb,pb->ij", slope, slope, stretch.count)
-    variance = np.diag(np.linalg.inv(information))
+    scale = np.sqrt(np.diag(information))
+    seen = scale > 0  # what is hidden to the last digit is never known, and disturbs nothing
+    ratios = information[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
+    variance = np.full(len(names), np.inf)
+    variance[seen] = np.diag(np.linalg.inv(ratios)) / scale[seen] ** 2
     return {n: float(WITHIN * np.sqrt(v)) for n, v in zip(names, variance, strict=True)}
 
 
@@ -110,7 +115,8 @@ def hours_needed(plan, dt, within):
 
 def _hours(plan, dt, wanted):
     def short_by(log_hours, name):
-        return np.log(relative_error(plan, dt, np.exp(log_hours))[name] / wanted)
+        error = relative_error(plan, dt, np.exp(log_hours))[name]
+        return np.log(min(error / wanted, HIDDEN))
 
     found, longest = {}, np.log(LONGEST_H)
     for name in plan.given():

@@ -72,10 +72,10 @@ def _line(step, dt):
     ratio : float
         To the median of the bins beside it; 0 if the log is too short to tell.
     """
-    length = min(RESOLVED, len(step) // PIECES)
+    length = min(RESOLVED, np.count_nonzero(step) // PIECES)  # a held output says little
     if length < 8 * BESIDE:
         return 0.0, 0.0
-    f, power = welch(step, 1 / dt, nperseg=length)
+    f, power = welch(step, 1 / dt, nperseg=length, average="median")  # no knock
     f, power = f[2:-1], power[2:-1]
     beside = median_filter(power, size=BESIDE, mode="nearest")
     ratio = np.divide(power, beside, out=np.zeros_like(power), where=beside > 0)

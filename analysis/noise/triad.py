@@ -140,7 +140,9 @@ def read(model):
     try:
         groups, left_out = {}, []
         for channel in model["channels"]:
-            name, unit, kind = str(channel["name"]), channel["unit"], channel["kind"]
+            name, unit, kind = channel["name"], channel["unit"], channel["kind"]
+            if not isinstance(name, str):
+                raise ValueError(f"a channel is called {name!r}, which is no text")
             if kind not in SENSORS:
                 left_out.append(
                     f"{name} is of kind {kind}; these tools model rates and accelerations"
@@ -231,9 +233,11 @@ def _axis(channel):
             )
         if e.unit != was:
             raise ValueError(f"{name} of {channel['name']} is in {e.unit}, not in {was}")
-        for key in _NUMBERS:
-            if getattr(e, key) is not None:
-                _check(getattr(e, key), f"{key} of {name} of {channel['name']}", zero=key == "low")
+        given = {key: getattr(e, key) for key in _NUMBERS if getattr(e, key) is not None}
+        for key, number in given.items():
+            _check(number, f"{key} of {name} of {channel['name']}", zero=key == "low")
+        if list(given.values()) != sorted(given.values()):
+            raise ValueError(f"{name} of {channel['name']} lies outside its own interval")
         scaled = {k: None if getattr(e, k) is None else by * getattr(e, k) for k in _NUMBERS}
         return replace(e, unit=now, **scaled)
 
@@ -252,14 +256,14 @@ def _axis(channel):
     )
 
 
-_NUMBERS = ("value", "low", "high")
+_NUMBERS = ("low", "value", "high")
 
 
 def _check(number, what, *, zero=False):
     """Refuse what is no number above zero, or so far from one that its square is not."""
     plain = isinstance(number, int | float) and not isinstance(number, bool)
     if not (plain and (1e-100 < number < 1e100 or (zero and number == 0))):
-        raise ValueError(f"{what} is {number!r}, not a number above zero")
+        raise ValueError(f"{what} is {number!r}, not a number above zero that a sensor can have")
 
 
 def _letters(names):

@@ -82,7 +82,7 @@ class StaticTest:
         return self._judge()
 
     def unfelt(self):
-        """Forget what the IMU said, for it has fallen silent: the speed alone decides."""
+        """Forget what the IMU said, for it is silent: the speed decides, where there is one."""
         self._pushed, self._ax, self._ay = None, 0.0, 0.0
 
     def drive(self, speed):
@@ -100,7 +100,6 @@ class StaticTest:
         return self._judge()
 
     def _judge(self):
-        if self._fast is None and self._pushed is None:
-            return self.moving
-        self.moving = bool(self._fast or self._pushed)
+        unknown = self._fast is None and self._pushed is None
+        self.moving = bool(unknown or self._fast or self._pushed)
         return self.moving

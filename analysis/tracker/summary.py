@@ -27,12 +27,12 @@ def notes(timeline, options, has_pdop, columns, device, lasting):
         yield (
             f"the IMU covers {first:.0f} to {last:.0f} s of {timeline.duration_s:.0f} s; "
             f"{blind:,} of {len(columns['t_s']):,} epochs have had no sample for over {GAP_S:g} s: "
-            "no roll, pitch or yaw there"
+            "no roll, pitch or yaw there, and block 3 judges by the speed"
         )
     if timeline.imu is not None and np.median(timeline.imu.accel_b[:, 2]) > Z_UP:
         yield (
-            "the IMU rests with z up: it reads +g along z, and roll is near 180 deg; if y is left "
-            "and z up, turn both with --columns"
+            "the accelerometer reads +g along z, and roll is near 180 deg: if z points up, turn y "
+            "and z of both sensors with --columns; if down, all three of the accelerometer"
         )
     if np.mean(np.array(lasting) > CONTRADICTION) > CONTRADICTION_SHARE:
         yield (
