@@ -286,11 +286,11 @@ def test_no_fix_at_all(cold):
 
 
 def test_neither_a_fix_nor_an_imu(cold):
-    """property: block 3 then has nothing to judge by, and no note says that it asks the IMU."""
+    """property: block 3 then has nothing to judge by, which is said."""
     log = inject_outages(without(cold.log, "imu"), [(0.0, 1e9)])
     notes = " ".join(replay(log).notes)
-    assert "block 3 has nothing to judge by" in notes
-    assert "judges by the IMU" not in notes
+    assert "nothing for block 3 to judge by" in notes
+    assert "takes that of the fixes" not in notes
 
 
 def test_only_poor_fixes(cold):
@@ -358,12 +358,42 @@ def test_an_imu_that_falls_silent_decides_nothing(laps):
     imu = Imu(log.imu.t_s[ends], log.imu.gyro_b[ends], log.imu.accel_b[ends])
     mute = replace(log.gnss, speed_m_s=np.full(len(t), np.nan))
     moving = replay(replace(log, imu=imu, gnss=mute)).columns["moving"]
-    assert not moving[5] and moving[t > 11.0].all()
+    assert not moving[5] and moving[(t > 25) & (t < t[-1] - 15)].all()
     ends = log.imu.t_s <= 69.0  # while it speeds up by 0.6 m/s^2
     imu = Imu(log.imu.t_s[ends], log.imu.gyro_b[ends], log.imu.accel_b[ends])
     north, east = metres(replay(inject_outages(replace(log, imu=imu), [(69.5, 79.0)])))
     speed = np.hypot(np.diff(north), np.diff(east))[(t[1:] > 71) & (t[1:] < 79)]
     assert np.abs(np.diff(speed)).max() < 0.1
+
+
+@pytest.mark.parametrize("imu", [True, False])
+def test_a_receiver_that_states_no_speed(laps, imu):
+    """property: riding evenly is not standing, nor is standing moving: the fixes tell."""
+    scenario = laps[0]
+    mute = np.full(len(scenario.moving), np.nan)
+    log = replace(scenario.log, gnss=replace(scenario.log.gnss, speed_m_s=mute, course_deg=mute))
+    quiet = np.tile(log.imu.accel_b[:400].mean(axis=0), (len(log.imu.t_s), 1))  # a smooth ride
+    log = replace(log, imu=replace(log.imu, accel_b=quiet) if imu else None)
+    track = replay(log)
+    t = track.columns["t_s"]
+    riding = scenario.moving & (t > 25) & (t < t[-1] - 15)
+    assert track.columns["moving"][riding].mean() > 0.95
+    assert not track.columns["moving"][(t > 12) & (t < 20)].any()
+    north, east = metres(track)
+    error = np.hypot(north - scenario.north_m, east - scenario.east_m)
+    fixes = np.hypot(*scenario.error(log.gnss.lat_deg, log.gnss.lon_deg))
+    assert np.nanmax(error) < np.nanmax(fixes) + 5.0
+    assert any("takes that of the fixes" in note for note in track.notes)
+
+
+def test_a_turn_in_an_outage_is_no_bias_of_the_gyro(laps):
+    """property: a smooth ride without fixes is not taken for rest, whatever it reads."""
+    scenario = laps[0]
+    imu = scenario.log.imu
+    smooth = np.tile(imu.accel_b[:400].mean(axis=0), (len(imu.t_s), 1))
+    log = replace(scenario.log, imu=replace(imu, accel_b=smooth))
+    bias = replay(inject_outages(log, [(30.0, 150.0)])).trace["gyro_bias_rad_s"]
+    assert np.abs(bias[140] - bias[29]).max() < np.radians(0.1)
 
 
 def test_an_imu_with_z_up(laps):

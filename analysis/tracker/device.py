@@ -7,6 +7,7 @@ outage holds the last position.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ from analysis.tracker.rest import Rest
 from analysis.tracker.static import StaticTest
 from analysis.tracker.straight import wrap
 from analysis.tracker.upright import Upright
+
+FIXES_S = 5.0  # s over which fixes give a speed, where a receiver states none
 
 
 @dataclass(frozen=True)
@@ -47,9 +50,19 @@ class Device:
         The same in the local frame.
     has_imu : bool
     needs_pdop : bool
+    has_speed : bool
+        Whether the receiver states its speed; else block 3 takes that of the fixes.
     """
 
-    def __init__(self, options, stored=None, start_ned=None, has_imu=True, needs_pdop=True):
+    def __init__(
+        self,
+        options,
+        stored=None,
+        start_ned=None,
+        has_imu=True,
+        needs_pdop=True,
+        has_speed=True,
+    ):
         on = options
         self.options = on
         gate = on.pdop_gate if on.last_position else math.inf
@@ -78,7 +91,8 @@ class Device:
         self.ned = start_ned if on.last_position else None
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
-        self._moved = False
+        self._moved, self._slow = False, True
+        self._has_speed, self._fixes = has_speed, deque()
         self._speed, self._squares = math.nan, (None, None)
         self._sum = [0.0] * 7
 
@@ -121,7 +135,7 @@ class Device:
         blind = self._blind(epoch.t_s)
         if blind:
             self.static.unfelt()
-        moving = self._judge(speed)
+        moving = self._judge(speed if self._has_speed else self._by_fixes(epoch, accepted))
         self._orient(epoch.t_s, moving, course, speed, dt)
         if accepted:
             self._t_fix = epoch.t_s
@@ -143,10 +157,25 @@ class Device:
 
     def _judge(self, speed):
         """Ask block 3; a motion at any sample since the last epoch counts."""
+        if speed == speed:  # without one, it is as fast as it was: an outage is no rest
+            self._slow = not speed >= self.options.speed_threshold
         now = self.static.drive(speed)
         moving = now or self._moved or not self.options.static
         self._moved = False
         return moving
+
+    def _by_fixes(self, epoch, accepted):
+        """Return the speed over the last seconds by their first and last accepted fix, m/s."""
+        if accepted:
+            self._fixes.append((epoch.t_s, epoch.ned))
+        while self._fixes and epoch.t_s - self._fixes[0][0] > FIXES_S:
+            self._fixes.popleft()
+        if not self._fixes:
+            return math.nan
+        (since, was), (until, now) = self._fixes[0], self._fixes[-1]
+        if until - since < FIXES_S / 2:
+            return math.nan
+        return math.hypot(now[0] - was[0], now[1] - was[1]) / (until - since)
 
     def _orient(self, t_s, moving, course, speed, dt):
         """Run blocks 5 and 2: the mounting angle, then the heading it allows."""
@@ -173,7 +202,7 @@ class Device:
         if driving:
             heading = wrap(course + (self.mounting.mount or 0.0))
             sigma = max(self.options.sigma_speed / speed, math.radians(1.0))
-        self.rest.epoch(not speed >= self.options.speed_threshold)
+        self.rest.epoch(self._slow)
         still = not moving or self.rest.still
         block.epoch(still, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
 

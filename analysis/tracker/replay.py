@@ -79,7 +79,8 @@ def replay(timeline, options=None, stored=None, *, progress=False):
     epochs, origin = _epochs(gnss, imu, stored)
     has_pdop = gnss is not None and bool(np.isfinite(gnss.pdop).any())
     start = None if stored is None else _to_ned([stored], origin)[0]
-    device = Device(options, stored, start, imu is not None, has_pdop)
+    has_speed = gnss is not None and bool(np.isfinite(gnss.speed_m_s).any())
+    device = Device(options, stored, start, imu is not None, has_pdop, has_speed)
     rows, bias, printed, lasting = [], [], [], []
     samples = iter(())
     if imu is not None:

@@ -45,7 +45,7 @@ class Rest:
         Parameters
         ----------
         slow : bool
-            GNSS reports no speed, or says nothing of it.
+            As far as GNSS has said.
         """
         if self._low is not None:
             self._past.append((self._low, self._high))

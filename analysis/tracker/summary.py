@@ -46,14 +46,14 @@ def notes(timeline, options, has_pdop, columns, device, lasting):
         )
         return
     if not columns["has_fix"].any():
-        yield "no fix in the whole log: nothing to accept"
+        blind = ", and nothing for block 3 to judge by" if timeline.imu is None else ""
+        yield f"no fix in the whole log: nothing to accept{blind}"
     elif not columns["accepted"].any():
         yield f"no fix has a PDOP of {options.pdop_gate:g} or less: none is accepted"
     if columns["has_fix"].any() and not has_pdop and options.last_position:
         yield "the receiver states no PDOP: block 1 accepts every fix"
-    if not np.isfinite(timeline.gnss.speed_m_s).any():
-        judge = "has nothing to judge by" if timeline.imu is None else "judges by the IMU alone"
-        yield f"the receiver states no speed: block 3 {judge}, block 5 does not run"
+    if columns["has_fix"].any() and not np.isfinite(timeline.gnss.speed_m_s).any():
+        yield "the receiver states no speed: block 3 takes that of the fixes, block 5 does not run"
     if device.last.moved_while_off:
         yield (
             f"the first accepted fix lies {device.last.moved_while_off:.0f} m from the stored "
