@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from analysis import CannotAnswer, WrongUsage, datasets
-from analysis.intake import formats, moments, moving, receiver
+from analysis.intake import formats, layout, moments, moving, receiver
 from analysis.intake.catalogue import catalogue, find
+from analysis.intake.columns import resolve
 from analysis.output import check_folder, writing
 from analysis.tracker import last_position
 from analysis.tracker.timeline import Timeline
@@ -55,9 +56,10 @@ def read(logs, *, columns=None, imu_offset=None):
     gnss = imu = start = None
     clocks, notes, sources = {}, [], {}
     paths = [located(log) for log in logs]
+    meant = _of_each(columns or {}, paths)
     for path in paths:
         sources[path.name] = datasets.sha256(path)
-        parts, said, began = _read_one(path, columns)
+        parts, said, began = _read_one(path, meant[path])
         notes += said
         for part, stamps in parts:
             kind = "gnss" if hasattr(part, "lat_deg") else "imu"
@@ -69,8 +71,6 @@ def read(logs, *, columns=None, imu_offset=None):
             clocks[kind] = stamps
             gnss, imu = (part, imu) if kind == "gnss" else (gnss, part)
         start = began or start
-    if columns and all(formats.sniff(path) == "nmea" for path in paths):
-        raise WrongUsage("--columns says what the columns of a CSV mean, and no log is a CSV")
     if gnss is not None and not len(gnss.t_s):
         raise CannotAnswer(f"{', '.join(sources)}: no row has a position; nothing to replay")
     if imu_offset is not None and (gnss is None or imu is None):
@@ -95,6 +95,27 @@ def located(log):
             "receiver, of an IMU, or one of each"
         )
     return find(log)[2]
+
+
+def _of_each(wanted, paths):
+    """Give each CSV those of the wanted columns that it has; one CSV by itself has to have all."""
+    tables = [path for path in paths if formats.sniff(path) == "csv"]
+    if wanted and not tables:
+        raise WrongUsage("--columns says what the columns of a CSV mean, and no log is a CSV")
+    if len(tables) < 2:
+        return dict.fromkeys(paths, wanted)
+    found, lacking = {path: {} for path in paths}, {}
+    for ours, theirs in wanted.items():
+        for path in tables:
+            try:
+                resolve(theirs.removeprefix("-"), layout.sniff(path).names, path.name)
+                found[path][ours] = theirs
+            except WrongUsage as error:
+                lacking.setdefault(ours, []).append(str(error))
+    for refusals in lacking.values():
+        if len(refusals) == len(tables):
+            raise WrongUsage("; ".join(refusals))
+    return found
 
 
 def _read_one(path, wanted):

@@ -1,5 +1,7 @@
 """Logs in: NMEA in every bad state it comes in, CSVs, and two logs on one clock."""
 
+import gzip
+
 import numpy as np
 import pytest
 
@@ -538,6 +540,32 @@ def test_unknown_columns_are_wrong_usage(tmp_path):
         tracks.read([path], columns={"lat_deg": "Breite"})
     with pytest.raises(WrongUsage, match="'altimeter' is none of"):
         tracks.read([path], columns={"altimeter": "height_m"})
+
+
+def test_each_csv_takes_the_columns_that_it_has(tmp_path):
+    """property: names for two files at once; one that neither has is wrong usage."""
+    gnss = csv(tmp_path, GNSS.replace("lat_deg", "Breite"), gnss_rows(range(9)), "gnss.csv")
+    imu = csv(tmp_path, IMU.replace("accel_z_m_s2", "AccZ"), imu_rows(range(20), -1.0), "imu.csv")
+    wanted = {"lat_deg": "Breite", "accel_z_m_s2": "-AccZ"}
+    log = tracks.read([gnss, imu], columns=wanted)
+    plain = tracks.read([csv(tmp_path, IMU, imu_rows(range(20)), "plain.csv")])
+    assert log.gnss.has_fix.all()
+    np.testing.assert_allclose(log.imu.accel_b, plain.imu.accel_b)
+    with pytest.raises(WrongUsage, match=r"gnss.csv: no column 'Tal'.*imu.csv: no column 'Tal'"):
+        tracks.read([gnss, imu], columns=wanted | {"pdop": "Tal"})
+
+
+def test_gzipped_sentences(tmp_path):
+    """property: a packed dump is the dump; one that is cut off is refused in a sentence."""
+    path = nmea(tmp_path, flat(epoch(k) for k in range(10)))
+    packed = tmp_path / "packed.nmea.gz"
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    np.testing.assert_array_equal(
+        tracks.read([packed]).gnss.lat_deg, tracks.read([path]).gnss.lat_deg
+    )
+    packed.write_bytes(packed.read_bytes()[:-20])
+    with pytest.raises(CannotAnswer, match="cut off or damaged"):
+        tracks.read([packed])
 
 
 def test_columns_of_no_csv_are_wrong_usage(tmp_path):

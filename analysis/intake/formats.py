@@ -5,6 +5,7 @@ position, small rotations about the mean attitude) is added by `about_the_mean`,
 has been cut out.
 """
 
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,7 +17,7 @@ import rdata
 from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.intake import delimited
+from analysis.intake import delimited, layout
 from analysis.intake.clock import unwrap_clock
 from analysis.intake.delimited import Table
 from analysis.intake.nmea import SENTENCE, seconds_of_day, sentences
@@ -100,7 +101,7 @@ def nmea(path: Path, variable: str | None = None) -> Table:
         (GGA fix quality, 0 = no fix), ``satellites``. Epochs
         without a time of day are left out, and counted; those without a fix have NaN positions.
     """
-    content = path.read_bytes()
+    content = layout.content(path)
     newlines = np.flatnonzero(np.frombuffer(content, dtype=np.uint8) == ord("\n"))
     found = sentences(content, ("GGA", "GSA"))
     epochs, starts, timeless = [], [], 0
@@ -182,8 +183,11 @@ READERS: dict[str, Callable[..., Table]] = {
 
 def sniff(path: Path) -> str:
     """Guess the format of a file that no catalogue describes, from its first bytes."""
-    with path.open("rb") as handle:
-        head = handle.read(1 << 14)
+    try:
+        with layout.open_bytes(path) as handle:
+            head = handle.read(1 << 14)
+    except (OSError, EOFError, zlib.error):
+        return "csv"  # whose reader says what is wrong
     return "nmea" if SENTENCE.search(head) else "csv"
 
 

@@ -121,6 +121,17 @@ def open_bytes(path: Path):
     return gzip.open(path, "rb") if packed else path.open("rb")
 
 
+def content(path: Path) -> bytes:
+    """Read all the bytes of a file, gzipped or not."""
+    try:
+        with open_bytes(path) as handle:
+            return handle.read()
+    except (OSError, EOFError, zlib.error) as error:
+        raise CannotAnswer(
+            f"{path.name}: cannot be read: it is cut off or damaged; copy it again"
+        ) from error
+
+
 def _head(path: Path) -> tuple[list[str], str]:
     """Return the first lines as text, and the encoding."""
     try:

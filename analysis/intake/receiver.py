@@ -5,7 +5,7 @@ import datetime
 import numpy as np
 
 from analysis import CannotAnswer
-from analysis.intake import clock, moments, nmea
+from analysis.intake import clock, layout, moments, nmea
 from analysis.intake.timing import BadStamps
 from analysis.tracker.timeline import Gnss
 
@@ -33,7 +33,7 @@ def read(path):
     CannotAnswer
         If there is no epoch, or time runs backward by more than a clock that is set.
     """
-    content = path.read_bytes()
+    content = layout.content(path)
     found = nmea.sentences(content, nmea.KINDS)
     epochs = nmea.epochs(found.messages)
     if not epochs and found.wrong:

@@ -1,6 +1,7 @@
 """The stretch of a log that is analysed: its time column, and the rows between start and stop."""
 
 import contextlib
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -79,7 +80,11 @@ def _no_rate(file: str, frame: pd.DataFrame) -> str:
     """Say how to give a rate, pointing at a column that looks like time."""
     numbers = frame.select_dtypes("number")
     rising = [name for name in numbers if len(frame) > 2 and (numbers[name].diff()[1:] > 0).all()]
-    hint = f" (column '{rising[0]}' only ever rises: --time {rising[0]}?)" if rising else ""
+    hint = (
+        f" (column '{rising[0]}' only ever rises: --time {shlex.quote(rising[0])}?)"
+        if rising
+        else ""
+    )
     return (
         f"{file}, line 1: no column is named as time and no rate is given: say --rate HZ if the "
         f"rows are evenly spaced, or --time COLUMN{hint}; there are: {', '.join(frame.columns)}"
