@@ -219,6 +219,16 @@ def test_a_name_that_stands_twice_is_stated(tmp_path):
     assert len(both.channels) == 2 and both.repairs == ()
 
 
+@pytest.mark.parametrize("title", ["sep=;", "Sensor log v1.2", "Sensor log\n\nunit A"])
+def test_a_title_above_the_header(tmp_path, title):
+    """Property: one text by itself is no header, and the header below it no row of units."""
+    rows = [line.replace(",", ";") for line in lines(200)]
+    log = logs.read(write(tmp_path, rows, f"{title}\nt_s;gyro_x_deg_s;gyro_y_deg_s"))
+    plain = logs.read(write(tmp_path, rows, "t_s;gyro_x_deg_s;gyro_y_deg_s"))
+    assert [c.name for c in log.channels] == ["gyro_x", "gyro_y"]
+    np.testing.assert_array_equal(log.channels[1].values, plain.channels[1].values)
+
+
 def test_a_long_file_keeps_the_letters_of_its_header(tmp_path):
     """Property: beyond the first bytes that are looked at, cp1252 is still told from UTF-8."""
     rows = lines(4000)

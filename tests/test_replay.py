@@ -386,6 +386,14 @@ def test_a_receiver_that_states_no_speed(laps, imu):
     assert any("takes that of the fixes" in note for note in track.notes)
 
 
+def test_an_outage_that_is_not_bridged_is_said(laps):
+    """property: sixty seconds are, the rest of a longer one is counted in a note."""
+    log = laps[0].log
+    short, long = (replay(inject_outages(log, [(60.0, 60.0 + s)])).notes for s in (60.0, 90.0))
+    assert not any("stands still there" in note for note in short)
+    assert any(note.startswith("30 epochs underway lie over 60 s after") for note in long)
+
+
 def test_a_turn_in_an_outage_is_no_bias_of_the_gyro(laps):
     """property: a smooth ride without fixes is not taken for rest, whatever it reads."""
     scenario = laps[0]
@@ -394,6 +402,15 @@ def test_a_turn_in_an_outage_is_no_bias_of_the_gyro(laps):
     log = replace(scenario.log, imu=replace(imu, accel_b=smooth))
     bias = replay(inject_outages(log, [(30.0, 150.0)])).trace["gyro_bias_rad_s"]
     assert np.abs(bias[140] - bias[29]).max() < np.radians(0.1)
+
+
+@pytest.mark.parametrize(("factor", "says"), [(57.3, "0.019"), (1 / 57.3, "61"), (-1.0, "-1.1")])
+def test_a_gyro_of_another_unit_is_noticed(laps, factor, says):
+    """property: a turn by GNSS is one by the gyro, or its unit or sign is asked about."""
+    log = laps[0].log
+    other = replace(log, imu=replace(log.imu, gyro_b=factor * log.imu.gyro_b))
+    assert any(n.startswith(f"the course turns {says} times") for n in replay(other).notes)
+    assert not any("the course turns" in note for note in laps[1].notes)
 
 
 def test_an_imu_with_z_up(laps):

@@ -64,6 +64,7 @@ def sniff(path: Path) -> Layout:
     delimiter = _delimiter([lines[i] for i in rows[-HEAD_LINES:]])
     fields = {i: _split(lines[i], delimiter) for i in rows}
     decimal = _decimal(fields.values(), delimiter)
+    rows = rows[_titles([fields[i] for i in rows], decimal) :]
     first = rows[0]
     head_row = None
     if _is_header(fields[first], decimal):
@@ -210,6 +211,14 @@ def _is_header(fields: list[str], decimal: str) -> bool:
     """Tell whether a line names the columns: more words than anything else."""
     filled = [field for field in fields if field.strip()]
     return 2 * sum(_is_word(field, decimal) for field in filled) > len(filled)
+
+
+def _titles(rows: list[list[str]], decimal: str) -> int:
+    """Count the lines of one text each above the header: titles, or Excel's ``sep=;``."""
+    filled = [sum(bool(field.strip()) for field in row) for row in rows]
+    first = next((k for k, count in enumerate(filled) if count > 1), 0)
+    texts = all(_is_header(row, decimal) for row in rows[: first + 1])
+    return first if texts else 0
 
 
 def _is_text(rows: list[list[str]], column: int, decimal: str) -> bool:
