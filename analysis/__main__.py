@@ -11,7 +11,6 @@ from analysis.output import check_file, check_folder, writing
 from analysis.usage import parser
 
 KEEPS = ("reproduce", "coverage", "data")  # each of their pieces is whole by itself
-ACTIVATE = ".venv/bin/activate"
 
 
 def _read(log, options):
@@ -237,7 +236,8 @@ def main(arguments=None):
         print(f"stopped; {kept}", file=sys.stderr)
         return 130
     except ModuleNotFoundError as error:
-        print(f"{error.name} is not installed: make install, then . {ACTIVATE}", file=sys.stderr)
+        way = "make install, then . .venv/bin/activate"
+        print(f"{error.name} is not installed: {way}", file=sys.stderr)
         return 2
     return 0
 

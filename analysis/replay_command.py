@@ -92,7 +92,7 @@ def run(options):
     track = blocks.replay(log, chosen, stored, progress=True)
     tracks.write(track, options.out)
     if options.last_position and track.stored:
-        aside = tracks.keep(options.last_position, track.stored, distrusted=bool(warning))
+        aside = tracks.keep(options.last_position, track.stored)
         warning = f"{warning}; it is kept as {aside}" if aside else warning
     if warning:
         print(warning, file=sys.stderr)

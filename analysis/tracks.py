@@ -6,7 +6,6 @@ timeline = read(["drive.csv"])                 positions, and an IMU if there is
 
 import csv
 import datetime
-import itertools
 import json
 import math
 import os
@@ -104,17 +103,18 @@ def _of_each(wanted, paths):
         raise WrongUsage("--columns says what the columns of a CSV mean, and no log is a CSV")
     if len(tables) < 2:
         return dict.fromkeys(paths, wanted)
-    found, lacking = {path: {} for path in paths}, {}
+    names = {path: layout.sniff(path).names for path in tables}
+    found = {path: {} for path in paths}
     for ours, theirs in wanted.items():
+        lacking = []
         for path in tables:
             try:
-                resolve(theirs.removeprefix("-"), layout.sniff(path).names, path.name)
+                resolve(theirs.removeprefix("-"), names[path], path.name)
                 found[path][ours] = theirs
             except WrongUsage as error:
-                lacking.setdefault(ours, []).append(str(error))
-    for refusals in lacking.values():
-        if len(refusals) == len(tables):
-            raise WrongUsage("; ".join(refusals))
+                lacking.append(str(error))
+        if len(lacking) == len(tables):
+            raise WrongUsage("; ".join(lacking))
     return found
 
 
@@ -210,34 +210,14 @@ def write(track, out):
         shutil.rmtree(draft, ignore_errors=True)
 
 
-def keep(path, stored, *, distrusted=False):
-    """Write the position for the next run.
-
-    A file that is not to be trusted may be anything: it is not replaced but set aside.
-
-    Returns
-    -------
-    str or None
-        The name that such a file has now.
-    """
-    path, aside = Path(path), None
+def keep(path, stored):
+    """Write the position for the next run; return the name of a file that was set aside for it."""
     try:
-        if distrusted and path.stat().st_size:
-            aside = _free(path, "damaged")
-            os.replace(path, path.with_name(aside))
-        last_position.save(path, stored)
+        return last_position.save(path, stored)
     except OSError as error:
         raise CannotAnswer(
-            f"--last-position {path.name}: cannot write there ({error.strerror})"
+            f"--last-position {Path(path).name}: cannot write there ({error.strerror})"
         ) from error
-    return aside
-
-
-def _free(path, ending):
-    """Find a name beside a file that none has yet: NAME.ENDING, NAME.ENDING.2 ..."""
-    names = itertools.chain([""], (f".{k}" for k in itertools.count(2)))
-    tried = (f"{path.name}.{ending}{number}" for number in names)
-    return next(name for name in tried if not path.with_name(name).exists())
 
 
 def told(summary):

@@ -8,7 +8,6 @@ import contextlib
 import gzip
 import re
 import warnings
-import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -79,10 +78,6 @@ def read(path: Path) -> Table:
                 dtype=types,
             )
         table = _without_short_end(Table(frame, (), layout, path))
-    except (OSError, EOFError, zlib.error) as error:
-        raise CannotAnswer(
-            f"{path.name}: cannot be read to its end: it is cut off or damaged; copy it again"
-        ) from error
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         table = _line_by_line(path, layout)
     return _without_empty_end(table)

@@ -5,7 +5,6 @@ position, small rotations about the mean attitude) is added by `about_the_mean`,
 has been cut out.
 """
 
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -186,8 +185,8 @@ def sniff(path: Path) -> str:
     try:
         with layout.open_bytes(path) as handle:
             head = handle.read(1 << 14)
-    except (OSError, EOFError, zlib.error):
-        return "csv"  # whose reader says what is wrong
+    except CannotAnswer:
+        return "csv"  # whose reader says so, too
     return "nmea" if SENTENCE.search(head) else "csv"
 
 

@@ -10,6 +10,7 @@ import io
 import re
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -115,34 +116,30 @@ def data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
                 yield number, layout.split(line)
 
 
+@contextmanager
 def open_bytes(path: Path):
-    """Open for reading bytes, through gzip if the first bytes say so."""
-    with path.open("rb") as handle:
-        packed = handle.read(2) == b"\x1f\x8b"
-    return gzip.open(path, "rb") if packed else path.open("rb")
+    """Open for reading bytes, through gzip if the first bytes say so; an error is a sentence."""
+    try:
+        with path.open("rb") as handle:
+            packed = handle.read(2) == b"\x1f\x8b"
+        with gzip.open(path, "rb") if packed else path.open("rb") as handle:
+            yield handle
+    except (OSError, EOFError, zlib.error) as error:
+        why = getattr(error, "strerror", None) or "it is cut off or damaged; copy it again"
+        raise CannotAnswer(f"{path.name}: cannot be read to its end: {why}") from error
 
 
 def content(path: Path) -> bytes:
     """Read all the bytes of a file, gzipped or not."""
-    try:
-        with open_bytes(path) as handle:
-            return handle.read()
-    except (OSError, EOFError, zlib.error) as error:
-        raise CannotAnswer(
-            f"{path.name}: cannot be read: it is cut off or damaged; copy it again"
-        ) from error
+    with open_bytes(path) as handle:
+        return handle.read()
 
 
 def _head(path: Path) -> tuple[list[str], str]:
     """Return the first lines as text, and the encoding."""
-    try:
-        with open_bytes(path) as handle:
-            head = handle.read(HEAD_BYTES)
-            more = bool(handle.read(1))
-    except (OSError, EOFError, zlib.error) as error:
-        raise CannotAnswer(
-            f"{path.name}: cannot be read: it is cut off or damaged; copy it again"
-        ) from error
+    with open_bytes(path) as handle:
+        head = handle.read(HEAD_BYTES)
+        more = bool(handle.read(1))
     if not head.strip():
         raise CannotAnswer(f"{path.name}: the file is empty: there is no line 1")
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):

@@ -4,6 +4,7 @@ Tracker paper, Sections III-A1 and IV-C. From power-on until the first acceptabl
 position stands in; a fix is acceptable when its PDOP is at most the gate.
 """
 
+import itertools
 import json
 import math
 import os
@@ -122,10 +123,17 @@ def distance(a, b):
 def save(path, stored):
     """Write the position to disk: all of it, or the old file stays.
 
+    An old file that `load` does not trust may be anything: it is not replaced but set aside.
+
     Parameters
     ----------
     path : path-like
     stored : Stored
+
+    Returns
+    -------
+    str or None
+        The name that such a file has now: NAME.damaged, NAME.damaged.2 ...
 
     Raises
     ------
@@ -141,10 +149,19 @@ def save(path, stored):
             file.write(line)
             file.flush()
             os.fsync(file.fileno())
+        aside = _set_aside(path) if load(path)[1] and path.stat().st_size else None
         os.replace(draft, path)
     except BaseException:
         os.unlink(draft)
         raise
+    return aside
+
+
+def _set_aside(path):
+    names = (f"{path.name}.damaged" + (f".{k}" if k > 1 else "") for k in itertools.count(1))
+    name = next(name for name in names if not path.with_name(name).exists())
+    os.replace(path, path.with_name(name))
+    return name
 
 
 def load(path):

@@ -11,6 +11,7 @@ from analysis.tracker import summary
 from analysis.tracker.device import Device, Epoch
 from analysis.tracker.last_position import Stored
 from analysis.tracker.options import Options
+from analysis.tracker.remarks import remarks
 
 __all__ = ["COLUMNS", "Options", "Track", "replay"]
 
@@ -100,7 +101,7 @@ def replay(timeline, options=None, stored=None, *, progress=False):
             lasting.append(device.attitude.unexplained if device.attitude else 0.0)
             bar.update()
     columns = _columns(epochs, gnss, rows, origin, stored)
-    said = tuple(summary.notes(timeline, options, has_pdop, columns, device, lasting))
+    said = tuple(remarks(timeline, options, has_pdop, columns, device, lasting))
     trace = {
         "gyro_bias_rad_s": np.array(bias, dtype=float),
         "printed_deg": np.array([math.nan if p is None else math.degrees(p) for p in printed]),
