@@ -4,7 +4,6 @@ Tracker paper, Sections III-A1 and IV-C. From power-on until the first acceptabl
 position stands in; a fix is acceptable when its PDOP is at most the gate.
 """
 
-import itertools
 import json
 import math
 import os
@@ -158,8 +157,11 @@ def save(path, stored):
 
 
 def _set_aside(path):
-    names = (f"{path.name}.damaged" + (f".{k}" if k > 1 else "") for k in itertools.count(1))
-    name = next(name for name in names if not path.with_name(name).exists())
+    """Rename a file to the first of NAME.damaged, NAME.damaged.2 ... that is free."""
+    name, count = f"{path.name}.damaged", 1
+    while path.with_name(name).exists():
+        count += 1
+        name = f"{path.name}.damaged.{count}"
     os.replace(path, path.with_name(name))
     return name
 
