@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
+from scipy.stats import norm
 from tqdm import tqdm
 
 from analysis import DATA, WrongUsage, table_one
@@ -91,6 +92,7 @@ def models():
         "walk": (Gyro(0.06, rrw=6.5e-4), 0.1, "rate"),
         "two-biases": (Gyro(0.06, biases=((0.02, 20.0), (0.02, 600.0))), 0.1, "rate"),
         "weak-bias": (Gyro(0.06, biases=((0.001, 600.0),)), 0.1, "rate"),
+        "weak-walk": (Gyro(0.06, rrw=1.6e-5), 0.1, "rate"),
     }
 
 
@@ -108,10 +110,13 @@ def ask(stream, model, dt, kind, hours, classical):
     found = [_row("likelihood", p, said.parameters[p], said.chosen.model) for p in known]
     unified = next(f for f in said.fits if f.model == UNIFIED)
     found += [_bare("N+GM, unselected", p, unified.terms[p][0]) for p in PARAMETERS[:3]]
-    for estimator, fit in (("N+GM, unselected", unified), ("chosen model", said.chosen)):
-        drift = Estimate(*linear_drift(said.likelihood, fit), "deg/s")
-        found.append(_row(estimator, "drift", drift, fit.model))
+    line = said.likelihood.evaluate(said.chosen.point[None], said.chosen.names)
+    ends = line.drift[0] + norm.ppf([0.5, 0.025, 0.975]) * line.drift_sd[0]
+    found.append(_row("chosen model", "drift", Estimate(*ends, "deg/s"), said.chosen.model))
     if classical:
+        fits = {f.model: f for f in said.fits}
+        drift = Estimate(*linear_drift(said.likelihood, fits, said.chosen), "deg/s")
+        found.append(_row("chi-squared", "drift", drift, said.chosen.model))
         residual = fit_line(y, dt)[0]
         curve = allan_deviation(residual, dt)
         graph, per_sample = reading.white_noise(curve, "deg"), 1 / np.sqrt(dt)

@@ -44,9 +44,9 @@ as its density N in U*sqrt(s). `report` prints the same for the log it character
   python -m analysis coverage                            what data/derived/coverage holds
   python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
-Simulates logs of known sensors, the eight of the papers and four others (flicker, walk,
-two-biases, weak-bias), fits each, and counts how often an interval holds the truth. A table that
-is there with as many logs is kept: a killed study goes on.""",
+Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
+two-biases, weak-bias, weak-walk), fits each, and counts how often an interval holds the truth. A
+table that is there with as many logs is kept: a killed study goes on.""",
     "claims": """examples:
   python -m analysis claims                 the count of verdicts, and every claim's
   python -m analysis claims comparison      of one paper (comparison, terrain, tracker)""",
@@ -124,7 +124,7 @@ def parser():
     one.add_argument("--within", type=float, default=20.0, metavar="PERCENT", help="wanted: 20")
 
     one = add(
-        "coverage", "do the intervals cover? every estimator on simulated logs; takes an hour"
+        "coverage", "do the intervals cover? every estimator on simulated logs; an hour and a half"
     )
     one.add_argument("--runs", type=int, metavar="N", help="logs of each model and length: 500")
     one.add_argument("--hours", metavar="A,B", help="log lengths, h: 2,6")

@@ -3,12 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import binomtest
 
 from analysis import coverage
 from analysis.__main__ import main
 
-FITTED = ("sigma_v", "sigma_b", "corr_time")
+FITTED = ("sigma_v", "sigma_b", "corr_time", "drift")
 
 
 @pytest.fixture(scope="module")
@@ -33,32 +32,28 @@ def test_the_study_is_the_one_that_the_command_makes(study):
 
 
 def test_intervals_hold_the_truth(papers):
-    """coverage: sigma_v, sigma_b and tau of all eight models in 93 to 97 % of 2000 logs, each."""
+    """coverage: every parameter of all eight models in 93 to 97 % of 2000 logs, each."""
     told = papers[papers["parameter"].isin(FITTED) & np.isfinite(papers["truth"])]
     told = told[told["covered"].notna()]
-    assert len(told) == 44
+    assert told["parameter"].value_counts().to_dict() == {
+        "sigma_v": 16,
+        "sigma_b": 14,
+        "corr_time": 14,
+        "drift": 16,
+    }
     assert (told["logs"] >= 400).all()
     assert told["covered"].between(0.93, 0.97).all()
 
 
-def test_drift_intervals_hold_too(papers):
-    """coverage: the same of the drift, but for the chance in a count of 2000 logs."""
-    told = papers[papers["parameter"] == "drift"]
-    assert len(told) == 16
-    assert (told["covered"] >= 0.93).all()
-    held = (told["covered"] * told["logs"]).round().astype(int)
-    ends = [binomtest(k, n).proportion_ci() for k, n in zip(held, told["logs"], strict=True)]
-    assert all(end.low <= 0.97 for end in ends)
-
-
-def test_no_narrower_rule_for_the_drift_holds_everywhere(study):
-    """property: the chosen model alone fails on a weak bias, N+GM always on a random walk."""
+def test_drift_intervals_hold_where_a_bias_hides(study):
+    """property: least squares under the chosen noise does not, nor does chi-squared's fall."""
     held = study[study["parameter"] == "drift"].set_index(["estimator", "model", "hours"])
     held = held["covered"]
-    hard = [("weak-bias", 2.0), ("walk", 2.0), ("walk", 6.0)]
-    assert all(held["likelihood", name, hours] > 0.9 for name, hours in hard)
-    assert held["chosen model", "weak-bias", 2.0] < 0.9
-    assert held["N+GM, unselected", "walk", 2.0] < 0.8
+    for hours in (2.0, 6.0):
+        assert held["likelihood", "walk", hours] > 0.92
+        assert held["likelihood", "weak-bias", hours] > 0.9
+        assert held["chi-squared", "walk", hours] < 0.9
+    assert held["chosen model", "weak-bias", 2.0] < 0.85
 
 
 def test_white_noise_is_unbiased(papers):

@@ -66,6 +66,49 @@ def test_likelihood_is_exact(name, m):
     assert found.drift[0] == pytest.approx(slope, rel=1e-9)
 
 
+@pytest.mark.parametrize("name", MODELS)
+def test_drawn_logs_are_those_of_the_model(name):
+    """cross-check: what is left of them under other noise, and their drift, as algebra has it.
+
+    Drawn with one noise and asked under another, the restricted quadratic form has the mean
+    tr(P V), P = W - W X (X'W X)^-1 X'W with W the other noise's inverse covariance.
+    """
+    v, other = covariance(BLOCKS, 1, 0.7, **MODELS[name]), {"bias": [(0.8, 9.0)]}
+    t = DT * (np.arange(BLOCKS) - (BLOCKS - 1) / 2)
+    line = np.stack([np.ones(BLOCKS), t], axis=1)
+    w = np.linalg.inv(covariance(BLOCKS, 1, 0.5, **other))
+    onto = np.linalg.solve(line.T @ w @ line, line.T @ w)
+    left = w - w @ line @ onto
+    stretch = spectrum.transform(np.zeros(BLOCKS), DT)
+    rng, logs = np.random.default_rng(2), 20000
+    drawn = likelihood.simulate(stretch, terms(0.7, **MODELS[name]), logs, rng)
+    found = likelihood.evaluate([drawn], terms(0.5, **other))
+    assert found.value.shape == found.drift.shape == (logs, 1)
+    spread = np.sqrt(2 * np.trace(left @ v @ left @ v) / logs)
+    assert abs(found.quadratic.mean() - np.trace(left @ v)) < 4 * spread
+    variance = (onto @ v @ onto.T)[1, 1]
+    assert found.drift.var() == pytest.approx(variance, rel=4 * np.sqrt(2 / logs))
+
+
+def test_drawn_bins_have_the_moments_of_white_noise():
+    """analytic: sums of products with the ramp and the first sample, in bins of one and of many."""
+    stretch = spectrum.transform(np.zeros(3000), DT)
+    logs = 20000
+    drawn = likelihood.simulate(stretch, terms(2.0), logs, np.random.default_rng(3))
+    many = stretch.count > 2
+    assert many.sum() > 50
+    for products, moment in (
+        (drawn.yy, stretch.count),
+        (drawn.xy**2, stretch.xx),
+        (drawn.uy**2, stretch.uu),
+        (drawn.xy * drawn.uy, stretch.ux),
+    ):
+        spread = products.std(axis=0) / np.sqrt(logs)
+        assert np.all(np.abs(products.mean(axis=0) - 4 * moment) <= 5 * spread)
+    deviation = drawn.yy.std(axis=0)[many]
+    np.testing.assert_allclose(deviation, 4 * np.sqrt(2 * stretch.count[many]), rtol=0.04)
+
+
 def test_bins_lose_next_to_nothing():
     """property: 338 bins have the likelihood ratio of 20 000 coefficients to 1 %."""
     model = UnifiedModel(0.1, 40.0, 0.1)
@@ -84,9 +127,7 @@ def test_bins_lose_next_to_nothing():
 def test_flicker_ladder_has_the_floor_of_ieee_952():
     """analytic: a log of flicker noise B has the Allan deviation 0.664 B at every tau."""
     n = 4096
-    stretch = spectrum.outline(n, 1.0)
-    found = likelihood.Terms(one(1e-9), flicker=one(1.0))
-    sigma_b, corr_time = likelihood._gauss_markov_terms(found, stretch)
+    sigma_b, corr_time = likelihood._ladder(spectrum.outline(n, 1.0))
     from analysis.noise.models import adev_gauss_markov
 
     tau = np.array([30.0, 100.0, 300.0, 1000.0])
@@ -100,9 +141,7 @@ def test_flicker_ladder_has_the_floor_of_ieee_952():
 def test_flicker_ladder_has_the_density_of_ieee_952():
     """analytic: sampled, it holds the power of B^2 / (2 pi f), each octave of it, and in all."""
     n = 2**14
-    stretch = spectrum.outline(n, 1.0)
-    found = likelihood.Terms(one(1e-9), flicker=one(1.0))
-    sigma_b, corr_time = (a[0] for a in likelihood._gauss_markov_terms(found, stretch))
+    sigma_b, corr_time = (a[0] for a in likelihood._ladder(spectrum.outline(n, 1.0)))
     f = np.arange(1, n // 2 + 1) / n
     phi, turn = np.exp(-1 / corr_time), np.cos(2 * np.pi * f)[:, None]
     density = (sigma_b**2 * (1 - phi**2) / (1 - 2 * phi * turn + phi**2)).sum(axis=1)

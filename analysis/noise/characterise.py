@@ -71,7 +71,7 @@ def characterise(y, dt, *, name, unit, kind, rng, detrend=True, estimate=True):
         Sampling interval, s.
     name, unit, kind : str
     rng : numpy.random.Generator
-        For the bridges over short holes.
+        For the bridges over short holes, and for the logs that set the interval of the drift.
     detrend : bool
         Take the linear drift out before the Allan deviation and the autocorrelation.
     estimate : bool

@@ -1,88 +1,100 @@
-"""The linear drift of a log, with the biases that could pass for one taken into account."""
+"""The linear drift of a log, with the biases that could pass for one taken into account.
+
+A slow bias can look like a drift, the more the longer its correlation time, and generalised least
+squares under one bias knows nothing of the others. So the drift has a profile likelihood, over a
+grid of the biases that the log allows. Its fall at the ends of the interval is not chi-squared's:
+by chance a slow bias and a drift describe a random walk better than the walk does, and a bias may
+be none at all. So the fall is simulated.
+"""
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import norm
 
-from analysis.noise.fit import rows
-from analysis.noise.likelihood import bin_variance
-from analysis.noise.profile import STEP
+from analysis.noise.fit import direction, rows
+from analysis.noise.likelihood import evaluate, simulate
+from analysis.noise.profile import DROP, interval
 
-GRID = (7, 30)  # of the last two parameters
-ZOOMS = 3
-NOTHING = 1e-4  # of the greatest likelihood
+# Where no bias shows, one that hides is taken for the slowest, a random walk; a walk that shows may
+# be a slow bias; beside flicker noise a walk goes unseen.
+WIDER = {"N": "N+K", "N+K": "N+GM", "N+B": "N+B+K"}
+INSIDE = 0.95
+NODES = (15, 30)  # of the last two parameters
+FAR = 28.0  # fall of twice the log-likelihood at the ends of the grid
+FAINT = np.log(1e4)  # greatest ln(high / low) of a size on the grid
+LOGS = 500
 
 
-def linear_drift(likelihood, fit):
-    """Linear drift by generalised least squares, over the biases the model allows.
+def linear_drift(likelihood, fits, chosen, rng=None):
+    """Linear drift by profile likelihood.
 
-    A slow bias can look like a drift, the more the longer its correlation time. So the drift
-    and its error under each point of a grid are mixed, each with the weight of its likelihood
-    and of Jeffreys' prior, the root of the determinant of the Fisher information: biases that
-    the log could not tell apart, as those of ever longer correlation times, count once.
+    The interval holds the drifts that cost the likelihood no more than the true drift costs it in
+    95 % of logs drawn with the fitted noise, and asked on the same grid. Parameters off the grid
+    stay as they were fitted.
 
     Parameters
     ----------
     likelihood : analysis.noise.fit.NoiseLikelihood
-    fit : analysis.noise.fit.Fit
-        The grid spans its last two parameters, of which the log may leave the last open; white
-        noise alone needs none.
+    fits : dict of str, Fit
+    chosen : analysis.noise.fit.Fit
+    rng : numpy.random.Generator, optional
+        For the logs to draw; without it the fall is chi-squared's.
 
     Returns
     -------
     value, low, high : float, U/s
     """
-    last = len(fit.point) - (2 if "quantisation" in fit.names else 1)
-    if last == 0:
-        only = likelihood.evaluate(fit.point[None], fit.names)
-        value, half = float(only.drift[0]), float(norm.ppf(0.975) * only.drift_sd[0])
-        return value, value - half, value + half
-    pair = [last - 1, last]
-    box = likelihood.surface(fit.names)
-    ends = [fit.point[last - 1] + np.array([-0.5, 0.5]), (box.low[last], box.high[last])]
-    for _ in range(ZOOMS):
-        nodes = [np.linspace(*e, n) for e, n in zip(ends, GRID, strict=True)]
-        points = np.tile(fit.point, (np.prod(GRID), 1))
-        points[:, pair] = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 2)
-        found = likelihood.evaluate(points, fit.names)
-        weight = np.exp(found.value - found.value.max())
-        seen = weight.reshape(GRID) > NOTHING
-        ends = [_seen(n, seen.any(axis=1 - i)) for i, n in enumerate(nodes)]
-    prior = _jeffreys(likelihood, points, fit.names, pair)
-    weight *= prior if prior.any() else 1.0  # none where a bias is too small to tell from none
-    weight /= weight.sum()
-    value = float(weight @ found.drift)
-    wide = float(np.max(np.abs(found.drift - value) + 6 * found.drift_sd))
-
-    def quantile(p):
-        def miss(x):
-            return weight @ norm.cdf((x - found.drift) / found.drift_sd) - p
-
-        return float(brentq(miss, value - wide, value + wide, xtol=1e-6 * wide))
-
-    return value, quantile(0.025), quantile(0.975)
+    plain, quantised, _ = chosen.model.partition("+Q")
+    fit = fits[WIDER.get(plain, plain) + quantised]
+    terms = rows(_grid(likelihood, fit), fit.names)
+    value, drift, sd = _lines(likelihood.stretches, terms)
+    fall = DROP
+    if rng is not None:
+        noise = likelihood.terms(chosen if plain == "N+K" else fit)
+        drawn = [simulate(stretch, noise, LOGS, rng) for stretch in likelihood.stretches]
+        fall = np.quantile(_true_drift_costs(drawn, terms), INSIDE)
+    room = fall - 2 * (value.max() - value)  # for the drift, under each row of noise
+    half = sd * np.sqrt(np.maximum(room, 0.0))
+    ends = (drift - half)[room >= 0].min(), (drift + half)[room >= 0].max()
+    return float(drift[np.argmax(value)]), *map(float, ends)
 
 
-def _jeffreys(likelihood, points, names, pair):
-    """Root of the determinant of the Fisher information of two parameters, shape (rows,).
+def _lines(stretches, terms):
+    """Fit the line to one log, or to many, under rows of noise.
 
-    By Whittle's formula, I_ab = 1/2 sum of d(ln S)/da d(ln S)/db over the coefficients, of mean
-    variance S.
+    Returns
+    -------
+    value, drift : ndarray, shape (rows,) or (logs, rows)
+        Log-likelihood of noise and drift at the likeliest drift, which is not the restricted one,
+        and this drift, U/s.
+    sd : ndarray, shape (rows,), U/s
     """
-    information = np.zeros((len(points), 2, 2))
-    for stretch in likelihood.stretches:
-        slopes = []
-        for move in STEP * np.eye(len(names))[pair]:
-            above, below = (
-                np.log(bin_variance(stretch, rows(points + m, names))) for m in (move, -move)
-            )
-            slopes.append((above - below).reshape(len(points), -1) / (2 * STEP))
-        slopes = np.array(slopes)
-        information += 0.5 * np.einsum("arb,crb,b->rac", slopes, slopes, stretch.count.ravel())
-    return np.sqrt(np.maximum(np.linalg.det(information), 0.0))
+    found = evaluate(stretches, terms)
+    return found.value - np.log(found.drift_sd), found.drift, found.drift_sd
 
 
-def _seen(nodes, seen):
-    """Give the ends of what is seen of a grid, and a node beyond."""
-    where = np.flatnonzero(seen)
-    return nodes[max(where[0] - 1, 0)], nodes[min(where[-1] + 1, len(nodes) - 1)]
+def _true_drift_costs(stretches, terms):
+    """Twice the log-likelihood that each of many logs without drift loses if none is allowed."""
+    value, drift, sd = _lines(stretches, terms)
+    return 2 * (value.max(axis=1) - (value - 0.5 * (drift / sd) ** 2).max(axis=1))
+
+
+def _grid(likelihood, fit):
+    """Lay the last two parameters of a fit but for quantisation on a grid, shape (rows, d).
+
+    Of two Gauss-Markov terms it is the slower one's.
+    """
+    surface, names = likelihood.surface(fit.names), fit.names
+    last = len(names) - (2 if "quantisation" in names else 1)
+    if names[last] == "corr_time":
+        last = int(np.argmax(direction(fit, "corr_time")[0]))
+    pair, nodes = [last - 1, last], []
+    for i, count in zip(pair, NODES, strict=True):
+        along = np.eye(len(names))[i]
+        low, high = interval(surface, fit.point, fit.log_likelihood, along, drop=FAR)
+        low = surface.low[i] if low is None else low
+        high = surface.high[i] if high is None else high
+        if names[i] != "corr_time":
+            low = max(low, high - FAINT)
+        nodes.append(np.linspace(low, high, count))
+    points = np.tile(fit.point, (np.prod(NODES), 1))
+    points[:, pair] = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 2)
+    return points

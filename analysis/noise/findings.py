@@ -127,15 +127,16 @@ class Findings:
             ),
         }
 
-    def drift(self):
-        """Linear drift, U/s."""
+    def drift(self, rng):
+        """Linear drift, U/s; `rng` draws the logs that say how wide its interval has to be."""
         unit = f"{self.unit}/s"
-        fit = self.fits[UNIFIED + self.end] if self.plain == "N" else self.told
-        value, low, high = linear_drift(self.likelihood, fit)
+        value, low, high = linear_drift(self.likelihood, self.fits, self.chosen, rng)
         if low <= 0 <= high:
             why = "no straight line stands out of the slow bias"
             return Estimate.refused(unit, why, low=low, high=high)
-        note = f"generalised least squares, over all biases of {fit.model} that the log allows"
+        note = (
+            "profile likelihood over the biases that the log allows, its fall at the ends simulated"
+        )
         return Estimate(value, low, high, unit, note=note)
 
 

@@ -83,7 +83,7 @@ def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
     unit, kind : str
         kind is rate, angle, accel or position.
     rng : numpy.random.Generator
-        For the bridges over short holes.
+        For the bridges over short holes, and for the logs that set the interval of the drift.
     detrend : bool
         Remove a linear drift; else the mean only.
     robust : bool
@@ -122,7 +122,7 @@ def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
         found["rrw"] = said.rate_random_walk()
         if "flicker" in chosen.terms:
             found["bias_instability"] = said.flicker()
-    found |= said.bias() | {"drift": said.drift()}
+    found |= said.bias() | {"drift": said.drift(rng.spawn(1)[0])}
     return Inference(tuple(fits.values()), chosen, m, misfit, int(out.sum()), found, likelihood)
 
 

@@ -5,7 +5,7 @@ no drift could have changed is compared with the model, so that nothing is biase
 them. Parameters come in rows, one likelihood a row: a search or a profile asks for many at once.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -47,12 +47,15 @@ class Likelihood:
     Attributes
     ----------
     value : ndarray, shape (rows,)
-        Without the constant of the normal density.
+        Without the constant of the normal density. Of many logs (see `simulate`) value, quadratic
+        and drift have the shape (logs, rows).
     quadratic : ndarray, shape (rows,)
         What is left of y' V^-1 y; about `count` under the true parameters.
     count : int
         Degrees of freedom of the log.
-    drift, drift_sd : ndarray, shape (rows,), U/s
+    drift : ndarray, shape (rows,), U/s
+    drift_sd : ndarray, shape (rows,), U/s
+        The same for every log.
     """
 
     value: np.ndarray
@@ -79,8 +82,7 @@ def evaluate(stretches, terms, *, detrend=True):
     -------
     Likelihood
     """
-    rows = len(terms.sigma_v)
-    logdet, yy, xy, xx = (np.zeros(rows) for _ in range(4))
+    logdet, yy, xy, xx = np.zeros((4, len(terms.sigma_v)))
     count = 0
     for stretch in stretches:
         parts = _products(stretch, terms)
@@ -105,26 +107,69 @@ def bin_variance(stretch, terms):
     return diagonal + (signs[:, None] * g**2).sum(axis=2) * per_count
 
 
+def simulate(stretch, terms, logs, rng):
+    """Draw logs of the given noise, as long as a stretch and without drift.
+
+    Only what a likelihood needs of them is drawn: of the coefficients in a bin, the component along
+    u, that along the part of x orthogonal to u, and the squared length of the rest.
+
+    Parameters
+    ----------
+    stretch : analysis.noise.spectrum.Stretch
+    terms : Terms
+        One row.
+    logs : int
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    Stretch
+        yy, xy and uy with the logs along a first axis, shape (logs, 2, bins).
+    """
+    diagonal, g, signs = (a if a.ndim == 1 else a[0] for a in _covariance(stretch, terms))
+    count = stretch.count
+    u = np.sqrt(stretch.uu)
+    along = np.divide(stretch.ux, u, out=np.zeros_like(u), where=u > 0)
+    besides = np.sqrt(np.maximum(stretch.xx - along**2, 0.0))
+    outer = (g * u[:, None]).swapaxes(1, 2)
+    covariance = (outer * signs) @ outer.swapaxes(1, 2)
+    covariance += diagonal[:, :, None] * np.eye(count.shape[1])
+    normal = rng.standard_normal((2, logs, *count.shape))
+    root = np.linalg.cholesky(covariance).swapaxes(1, 2)
+    first = (normal[0].swapaxes(0, 1) @ root).swapaxes(0, 1) * (count > 0)
+    second = np.sqrt(diagonal) * normal[1] * (count > 1)
+    rest = diagonal * 2 * rng.standard_gamma(np.maximum(count - 2, 0) / 2, (logs, *count.shape))
+    yy, xy = first**2 + second**2 + rest, along * first + besides * second
+    return replace(stretch, yy=yy, xy=xy, uy=u * first)
+
+
 def _products(stretch, terms):
-    """Log-determinant and the products y'V^-1y, x'V^-1y, x'V^-1x of one stretch."""
+    """Log-determinant and the products y'V^-1y, x'V^-1y, x'V^-1x of one stretch.
+
+    With many logs in the stretch, the products with y have the shape (logs, rows).
+    """
     diagonal, g, signs = _covariance(stretch, terms)
     rows = len(diagonal)
     weight = 1 / diagonal
-    sums = np.stack([s.ravel() for s in (stretch.yy, stretch.xy, stretch.xx)], axis=1)
-    logdet = np.log(diagonal).reshape(rows, -1) @ stretch.count.ravel()
-    yy, xy, xx = (weight.reshape(rows, -1) @ sums).T
+    flat = weight.reshape(rows, -1).T
+    logdet = stretch.count.ravel() @ np.log(diagonal).reshape(rows, -1).T
+    yy, xy, xx = (s.reshape(*s.shape[:-2], -1) @ flat for s in (stretch.yy, stretch.xy, stretch.xx))
     if len(signs):
         # Woodbury's formula for V = diagonal + sum of sign * (g u)(g u)', parity by parity.
         weighted = g * weight[:, :, None, :]
         inner = (weighted * stretch.uu[:, None, :]) @ g.swapaxes(2, 3)
         inner = np.eye(len(signs)) + signs[:, None] * inner
-        # On (y, x): shape (rows, 2, terms, 2).
-        onto = weighted @ np.stack([stretch.uy, stretch.ux], axis=-1)
-        taken = onto.swapaxes(2, 3) @ np.linalg.solve(inner, signs[:, None] * onto)
         logdet = logdet + np.linalg.slogdet(inner)[1].sum(axis=1)
-        yy, xy, xx = (
-            v - taken[..., i, j].sum(1) for v, i, j in ((yy, 0, 0), (xy, 0, 1), (xx, 1, 1))
-        )
+        # On every y, and on x in the last column: shape (rows, 2, terms, logs + 1).
+        columns = np.concatenate([stretch.uy.reshape(-1, *stretch.ux.shape), stretch.ux[None]])
+        stacked = weighted.swapaxes(0, 1).reshape(2, rows * len(signs), -1)
+        onto = stacked @ columns.transpose(1, 2, 0)
+        onto = onto.reshape(2, rows, len(signs), -1).swapaxes(0, 1)
+        solved = np.linalg.solve(inner, signs[:, None] * onto)
+        (y, x), (solved_y, solved_x) = ((v[..., :-1], v[..., -1]) for v in (onto, solved))
+        yy = yy - np.einsum("rptk,rptk->kr", y, solved_y).reshape(yy.shape)
+        xy = xy - np.einsum("rptk,rpt->kr", y, solved_x).reshape(xy.shape)
+        xx = xx - (x * solved_x).sum(axis=(1, 2))
     return logdet, yy, xy, xx
 
 
@@ -141,17 +186,17 @@ def _covariance(stretch, terms):
     rows = len(terms.sigma_v)
     diagonal = _over_bins(terms.sigma_v**2 / m) + np.zeros(lam.shape)
     g, signs = [], []
-    sigma_b, corr_time = _gauss_markov_terms(terms, stretch)
-    if sigma_b.shape[1]:
-        parts = _averaged(sigma_b, corr_time, m, dt)
-        variance, next_one, phi, one_less = (a[:, None, :, None] for a in parts)
-        # Spectrum of an autocovariance that falls by phi a lag from the first lag on, not from 0.
-        below = phi * lam[:, None] + one_less**2
-        shape = one_less * (1 + phi) / below
-        ends = 1 + 2 * phi / (1 + phi) * (shape @ stretch.ends[:, :, None])
-        diagonal += (variance + next_one * (2 * one_less - lam[:, None]) / below).sum(axis=2)
-        g.append(shape * np.sqrt(2 * next_one / (1 + phi) / ends))
-        signs += [-1] * sigma_b.shape[1]
+    processes = []
+    if terms.bias:
+        processes.append(_gauss_markov(stretch, *np.array(terms.bias).transpose(1, 2, 0)))
+    if terms.flicker is not None:
+        part, outer = _gauss_markov(stretch, *_ladder(stretch))
+        size = _over_bins(terms.flicker)
+        processes.append((size**2 * part, size[..., None] * outer))
+    for part, outer in processes:
+        diagonal += part
+        g.append(outer)
+        signs += [-1] * outer.shape[2]
     if terms.rrw is not None:
         q = _over_bins(terms.rrw**2 * m * dt)
         # Means of a random walk: neighbouring increments share a sixth of their variance. The mean
@@ -170,6 +215,19 @@ def _over_bins(values):
     return values[:, None, None]
 
 
+def _gauss_markov(stretch, sigma_b, corr_time):
+    """Diagonal, shape (rows, 2, bins), and g, (rows, 2, terms, bins), of terms, (rows, terms)."""
+    m, lam = stretch.m, stretch.lam
+    parts = _averaged(sigma_b, corr_time, m, stretch.dt)
+    variance, next_one, phi, one_less = (a[:, None, :, None] for a in parts)
+    # Spectrum of an autocovariance that falls by phi a lag from the first lag on, not from 0.
+    below = phi * lam[:, None] + one_less**2
+    shape = one_less * (1 + phi) / below
+    ends = 1 + 2 * phi / (1 + phi) * (shape @ stretch.ends[:, :, None])
+    diagonal = (variance + next_one * (2 * one_less - lam[:, None]) / below).sum(axis=2)
+    return diagonal, shape * np.sqrt(2 * next_one / (1 + phi) / ends)
+
+
 def _averaged(sigma_b, corr_time, m, dt):
     """Means of m samples of a Gauss-Markov process: variance, next covariance, phi, 1 - phi.
 
@@ -185,16 +243,11 @@ def _averaged(sigma_b, corr_time, m, dt):
     return variance, next_one, 1 - one_less, one_less
 
 
-def _gauss_markov_terms(terms, stretch):
-    """sigma_b and corr_time of every Gauss-Markov term, shape (rows, terms).
+def _ladder(stretch):
+    """sigma_b and corr_time, shape (1, terms), of the terms that stand for flicker noise of B = 1.
 
-    Flicker noise is a ladder of them, of equal variance, from half a sample to 100 logs.
+    They are of equal variance, from half a sample to 100 logs.
     """
-    pairs = list(terms.bias)
-    if terms.flicker is not None:
-        sigma = terms.flicker * np.sqrt(np.log(LADDER) / np.pi)
-        rungs = int(np.ceil(np.log(100 / FASTEST * stretch.n * stretch.m) / np.log(LADDER)))
-        fastest = FASTEST * stretch.dt
-        pairs += [(sigma, np.full_like(sigma, fastest * LADDER**i)) for i in range(rungs)]
-    stacked = np.array(pairs).reshape(len(pairs), 2, len(terms.sigma_v))
-    return stacked[:, 0].T, stacked[:, 1].T
+    rungs = int(np.ceil(np.log(100 / FASTEST * stretch.n * stretch.m) / np.log(LADDER)))
+    corr_time = FASTEST * stretch.dt * LADDER ** np.arange(rungs)[None]
+    return np.full_like(corr_time, np.sqrt(np.log(LADDER) / np.pi)), corr_time
