@@ -108,13 +108,13 @@ def ask(stream, model, dt, kind, hours, classical):
     said = infer(y, dt, "deg", kind, np.random.default_rng(stream))
     known = [p for p in PARAMETERS if p in said.parameters]
     found = [_row("likelihood", p, said.parameters[p], said.chosen.model) for p in known]
-    unified = next(f for f in said.fits if f.model == UNIFIED)
-    found += [_bare("N+GM, unselected", p, unified.terms[p][0]) for p in PARAMETERS[:3]]
+    fits = {f.model: f for f in said.fits}
+    unified = fits[UNIFIED].terms
+    found += [_bare("N+GM, unselected", p, unified[p][0]) for p in PARAMETERS[:3]]
     line = said.likelihood.evaluate(said.chosen.point[None], said.chosen.names)
     ends = line.drift[0] + norm.ppf([0.5, 0.025, 0.975]) * line.drift_sd[0]
     found.append(_row("chosen model", "drift", Estimate(*ends, "deg/s"), said.chosen.model))
     if classical:
-        fits = {f.model: f for f in said.fits}
         drift = Estimate(*linear_drift(said.likelihood, fits, said.chosen), "deg/s")
         found.append(_row("chi-squared", "drift", drift, said.chosen.model))
         residual = fit_line(y, dt)[0]

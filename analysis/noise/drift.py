@@ -9,14 +9,12 @@ be none at all. So the fall is simulated.
 
 import numpy as np
 
-from analysis.noise.fit import direction, rows
+from analysis.noise.fit import UNIFIED, WITH_WALK, direction, rows
 from analysis.noise.likelihood import evaluate, simulate
-from analysis.noise.profile import DROP, interval
+from analysis.noise.profile import DROP, LEVEL, interval
 
-# Where no bias shows, one that hides is taken for the slowest, a random walk; a walk that shows may
-# be a slow bias; beside flicker noise a walk goes unseen.
-WIDER = {"N": "N+K", "N+K": "N+GM", "N+B": "N+B+K"}
-INSIDE = 0.95
+# A bias that hides is taken for the slowest, a random walk; a walk that shows may be a slow bias.
+WIDER = WITH_WALK | {"N+K": UNIFIED}
 NODES = (15, 30)  # of the last two parameters
 FAR = 28.0  # fall of twice the log-likelihood at the ends of the grid
 FAINT = np.log(1e4)  # greatest ln(high / low) of a size on the grid
@@ -42,15 +40,14 @@ def linear_drift(likelihood, fits, chosen, rng=None):
     -------
     value, low, high : float, U/s
     """
-    plain, quantised, _ = chosen.model.partition("+Q")
-    fit = fits[WIDER.get(plain, plain) + quantised]
+    fit = fits[WIDER.get(chosen.plain, chosen.plain) + chosen.end]
     terms = rows(_grid(likelihood, fit), fit.names)
     value, drift, sd = _lines(likelihood.stretches, terms)
     fall = DROP
     if rng is not None:
-        noise = likelihood.terms(chosen if plain == "N+K" else fit)
+        noise = likelihood.terms(chosen if chosen.plain == "N+K" else fit)
         drawn = [simulate(stretch, noise, LOGS, rng) for stretch in likelihood.stretches]
-        fall = np.quantile(_true_drift_costs(drawn, terms), INSIDE)
+        fall = np.quantile(_true_drift_costs(drawn, terms), LEVEL)
     room = fall - 2 * (value.max() - value)  # for the drift, under each row of noise
     half = sd * np.sqrt(np.maximum(room, 0.0))
     ends = (drift - half)[room >= 0].min(), (drift + half)[room >= 0].max()

@@ -4,10 +4,8 @@ import numpy as np
 
 from analysis.noise.drift import linear_drift
 from analysis.noise.estimate import Estimate, random_walk_unit
-from analysis.noise.fit import UNIFIED
+from analysis.noise.fit import UNIFIED, WITH_WALK
 
-# Where a random walk of the rate is bounded that the chosen model does without.
-WIDER = {"N": "N+K", "N+B": "N+B+K"}
 WHITE = "the likelihood does not fall as the white noise goes to nothing: a slow process hides it"
 
 
@@ -37,11 +35,13 @@ class Findings:
     def __init__(self, likelihood, fits, chosen, unit):
         self.likelihood, self.fits, self.chosen = likelihood, fits, chosen
         self.unit = unit
-        self.end = "+Q" if chosen.model.endswith("+Q") else ""
         self.note = f"likelihood of {chosen.model}"
         # A random walk unseen would be counted as flicker, and bend the white noise with it.
-        self.plain = chosen.model.removesuffix("+Q")
-        self.told = fits["N+B+K" + self.end] if self.plain == "N+B" else chosen
+        self.told = self._with(WITH_WALK["N+B"]) if chosen.plain == "N+B" else chosen
+
+    def _with(self, model):
+        """Give the fit of another model, with quantisation if the chosen one has it."""
+        return self.fits[model + self.chosen.end]
 
     def white(self, band):
         """White noise of a sample, U, with a note on the band it is white in."""
@@ -58,8 +58,8 @@ class Findings:
             low, high = self.likelihood.interval(self.chosen, "rrw")
             if low is not None:
                 return Estimate(self.chosen.terms["rrw"][0], low, high, unit, note=self.note)
-        model = WIDER.get(self.plain, "N+GM+K")
-        high = self.likelihood.interval(self.fits[model + self.end], "rrw")[1]
+        wider = self._with(WITH_WALK.get(self.chosen.plain, "N+GM+K"))
+        high = self.likelihood.interval(wider, "rrw")[1]
         why = f"{self.chosen.model} describes the log as well without a random walk of the rate"
         return Estimate.refused(unit, why, high=high)
 
@@ -78,7 +78,7 @@ class Findings:
         if self.chosen.model.startswith("N+K"):
             return self._endless()
         if "flicker" in self.chosen.terms:
-            worse = self.fits[UNIFIED + self.end].aic - self.chosen.aic
+            worse = self._with(UNIFIED).aic - self.chosen.aic
             why = f"flicker noise describes it better than a Gauss-Markov bias (AIC -{worse:.1f})"
             return {
                 "corr_time": Estimate.refused("s", why),
@@ -112,8 +112,8 @@ class Findings:
 
     def _endless(self):
         """Bound a bias whose correlation time has no upper end."""
-        low, _ = self.likelihood.interval(self.fits[UNIFIED + self.end], "corr_time")
-        sigma_low, _ = self.likelihood.interval(self.fits[UNIFIED + self.end], "sigma_b")
+        low, _ = self.likelihood.interval(self._with(UNIFIED), "corr_time")
+        sigma_low, _ = self.likelihood.interval(self._with(UNIFIED), "sigma_b")
         covers = (
             ""
             if low is None

@@ -22,6 +22,9 @@ MODELS = {
     "N+2GM": ("sigma_v", "walk", "corr_time", "walk", "corr_time"),
 }
 UNIFIED = "N+GM"
+# With the random walk that white or flicker noise may hide.
+WITH_WALK = {"N": "N+K", "N+B": "N+B+K"}
+QUANTISED = "+Q"
 WITHIN = 2.0  # AIC by which a model of another kind has to be better
 STRONG = 6.0  # AIC by which a richer model than the unified one has to be better
 LONGEST = 100.0  # longest correlation time tried, in log lengths
@@ -55,6 +58,16 @@ class Fit:
     aic: float
     point: np.ndarray
     names: tuple[str, ...]
+
+    @property
+    def plain(self):
+        """Model without quantisation."""
+        return self.model.removesuffix(QUANTISED)
+
+    @property
+    def end(self):
+        """What the name of the model has besides: "+Q" or nothing."""
+        return self.model.removeprefix(self.plain)
 
     def by_name(self):
         """Give the logarithms of the parameters by name, in the order of the model."""
@@ -122,7 +135,7 @@ class NoiseLikelihood:
             best = points[np.argsort(-surface.value(points), kind="stable")[:climbs]]
             found += [surface.maximum(p) for p in best]
         point, value = max(found, key=lambda pair: pair[1])
-        title = model + "+Q" if quantised else model
+        title = model + QUANTISED if quantised else model
         aic = 2 * len(names) - 2 * value
         return Fit(title, _named(point, names), value, aic, point, names)
 

@@ -13,7 +13,7 @@ import numpy as np
 from analysis import CannotAnswer
 from analysis.noise.estimate import Estimate
 from analysis.noise.findings import Findings, density
-from analysis.noise.fit import MODELS, Fit, NoiseLikelihood, choose
+from analysis.noise.fit import MODELS, QUANTISED, Fit, NoiseLikelihood, choose
 from analysis.noise.likelihood import bin_variance
 from analysis.noise.spectrum import spikes, stretches
 
@@ -143,7 +143,7 @@ def fit_all(likelihood, *, rate=False, near=None):
     fits, near = {}, near or {}
 
     def fit(model, simpler, quantised):
-        name = model + ("+Q" if quantised else "")
+        name = model + (QUANTISED if quantised else "")
         known = [near[name]] if name in near else []
         fits[name] = likelihood.fit(model, known + simpler, quantised=quantised)
 
@@ -155,7 +155,7 @@ def fit_all(likelihood, *, rate=False, near=None):
         if choose(fits.values()) is not best:
             for model in MODELS:
                 simpler = SIMPLER.get(model, ["N"] if model != "N" else [])
-                fit(model, [fits[name + "+Q"] for name in simpler], True)
+                fit(model, [fits[name + QUANTISED] for name in simpler], True)
     return fits
 
 

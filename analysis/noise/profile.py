@@ -11,7 +11,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import chi2
 
-DROP = chi2.ppf(0.95, 1)  # of twice the log-likelihood
+LEVEL = 0.95
+DROP = chi2.ppf(LEVEL, 1)  # of twice the log-likelihood
 STEP = 1e-3  # of a logarithm, for gradient and curvature
 CLIMBS = 100  # steps of a search at most
 ENOUGH = 1e-9  # of the log-likelihood: less to gain is the top
