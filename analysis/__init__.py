@@ -1,14 +1,13 @@
-"""Conventions of this package: units, names, signs, and how it says no.
+"""Conventions of this package: units, frames, signs, symbols, and how errors are reported.
 
 The notebooks in ``notebooks/`` tell the story; this package holds what two of them share or what
-needs a test. Data flow one way only::
+needs a test. Each room (``analysis.logs``, ``.noise``, ``.terrain``, ``.tracker``) shows a face:
+the names that its ``__init__`` exports; notebooks import nothing else. Data flow one way only::
 
-    data/ -> analysis.logs -> pure modules (noise, ...) -> notebooks -> analysis.figures -> figures/
+    data/ -> logs -> noise, terrain, tracker (pure) -> store, text, plots -> notebooks -> figures
 
-Roads come in through analysis.roads in the place of analysis.logs.
-
-The pure modules take and return arrays or small frozen dataclasses. They read no file and draw
-no plot.
+The pure rooms take and return arrays or small frozen dataclasses. They read no file and draw no
+plot.
 
 Units
 -----
@@ -48,15 +47,46 @@ Pitch is positive nose up, roll right side down, offset and curvature to the rig
 
 Numbers
 -------
-An estimate carries a 95 % interval, or it is refused: ``resolved`` is False, ``value`` is None, and
-``low`` or ``high`` still gives the bound the data do support. Random numbers come from a
-``numpy.random.Generator`` that the caller hands in.
+A number that data gave is an `Estimate`: a value with its 95 % interval, or a refusal with the
+bound that the data do support. Random numbers come from a ``numpy.random.Generator`` that the
+caller hands in.
+
+Errors
+------
+`CannotAnswer`: the data do not support an answer (exit status 1). `WrongUsage`: the question was
+put wrongly (exit status 2). Both say in one sentence what to do.
 """
 
+import math
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "data"
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+_DEGREE = math.degrees(1.0)
+CUSTOMARY = {  # unit -> factor and name of the unit in which datasheets state such a number
+    "deg/sqrt(s)": (60.0, "°/√h"),
+    "rad/sqrt(s)": (60.0 * _DEGREE, "°/√h"),
+    "deg/s": (3600.0, "°/h"),
+    "rad/s": (3600.0 * _DEGREE, "°/h"),
+    "deg/s/sqrt(s)": (3600.0 * 60.0, "°/h/√h"),
+    "deg/s/s": (3600.0**2, "°/h/h"),
+    "rad/s/sqrt(s)": (3600.0 * 60.0 * _DEGREE, "°/h/√h"),
+    "rad/s/s": (3600.0**2 * _DEGREE, "°/h/h"),
+    "deg/h*sqrt(s)": (1 / 60.0, "°/√h"),
+    "deg/h/sqrt(s)": (60.0, "°/h/√h"),
+    "deg/h/s": (3600.0, "°/h/h"),
+    "g*sqrt(s)": (1e6, "µg/√Hz"),
+    "g/sqrt(s)": (1e6, "µg/√s"),
+    "g": (1e6, "µg"),
+    "g/s": (1e6 * 3600.0, "µg/h"),
+    "m/s^2*sqrt(s)": (60.0, "m/s/√h"),
+    "deg": (1.0, "°"),
+    "m": (1.0, "m"),
+    "m/s": (3600.0, "m/h"),
+}
 
 
 class CannotAnswer(Exception):
@@ -65,3 +95,119 @@ class CannotAnswer(Exception):
 
 class WrongUsage(Exception):
     """The question was put wrongly; the message says how to put it (exit status 2)."""
+
+
+def wrap(angle, turn=360.0):
+    """Bring an angle, or an array of them, into (-turn/2, turn/2].
+
+    Parameters
+    ----------
+    angle : float or ndarray
+    turn : float
+        A full turn in the unit of the angle: 360 for degrees, 2 pi for radians.
+
+    Returns
+    -------
+    float or ndarray
+    """
+    return turn / 2 - (turn / 2 - angle) % turn
+
+
+def pretty(unit):
+    """Write a unit as a plot writes it: deg/s becomes °/s."""
+    plain = {"deg": "°", "m/s^2": "m/s²", "1": ""}
+    return plain.get(unit, unit.replace("deg", "°").replace("sqrt(s)", "√s").replace("*", "·"))
+
+
+def engineering(number, digits=3):
+    """Write a number in so many digits, and without an exponent where that stays readable.
+
+    Returns
+    -------
+    str
+    """
+    text = f"{number:.{digits}g}"
+    if "e" not in text or not 1e-6 <= abs(number) < 1e6:
+        return text
+    return f"{float(text):.12f}".rstrip("0").rstrip(".")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its 95 % interval, or a refusal that still says what the data do support.
+
+    ``str`` writes it in the unit of the trade: ``0.3 (0.2 to 0.4) °/√h``, or ``unresolved (at most
+    3 µg)``. A format writes it in its own unit: ``f"{share:.1%}"``, ``f"{error:.2f}"``.
+
+    Attributes
+    ----------
+    value : float or None
+        None where the data do not resolve the parameter.
+    low, high : float or None
+        95 % interval; None on a side that the data leave open.
+    unit : str
+        ``deg/sqrt(s)``, ``m``; empty for a pure number.
+    resolved : bool
+    note : str
+        How it was found, or why it was not.
+    """
+
+    value: float | None
+    low: float | None
+    high: float | None
+    unit: str = ""
+    resolved: bool = True
+    note: str = ""
+
+    @classmethod
+    def refused(cls, unit, note, *, low=None, high=None):
+        """Make a refusal, with the bound that stands all the same."""
+        return cls(None, low, high, unit, False, note)
+
+    @property
+    def value_text(self):
+        """The value in its customary unit, ``0.3 °/√h``; None where it is not resolved."""
+        return None if self.value is None else f"{self._number(self.value)}{self._unit}"
+
+    @property
+    def interval_text(self):
+        """The interval in its customary unit, ``0.2 to 0.4 °/√h``; a bound where a side is open."""
+        return self._between(self._number) + (self._unit if self._ends() else "")
+
+    def __str__(self):
+        """Write value and interval, or the refusal's bound, in the customary unit."""
+        return self._written(self._number, self._unit)
+
+    def __format__(self, spec):
+        """Write value and interval in their own unit, each number as `spec` says."""
+        if not spec:
+            return str(self)
+        unit = pretty(self.unit)
+        return self._written(lambda number: format(number, spec), f" {unit}" if unit else "")
+
+    def _written(self, number, unit):
+        between = self._between(number)
+        if self.value is None:
+            return f"unresolved ({between}{unit if self._ends() else ''})"
+        return f"{number(self.value)} ({between}){unit}"
+
+    def _between(self, number):
+        low, high = (None if v is None else number(v) for v in (self.low, self.high))
+        if low is None or high is None:
+            return f"at least {low}" if low else f"at most {high}" if high else "no bound"
+        return f"{low} to {high}"
+
+    def _ends(self):
+        return [v for v in (self.low, self.high) if v is not None]
+
+    @property
+    def _unit(self):
+        name = CUSTOMARY.get(self.unit, (1.0, pretty(self.unit)))[1]
+        return f" {name}" if name else ""
+
+    def _number(self, number):
+        """Write a number in three digits, or as many more as keep the interval's ends apart."""
+        factor = CUSTOMARY.get(self.unit, (1.0, ""))[0]
+        ends = [factor * v for v in self._ends()]
+        digits = next((d for d in range(3, 7) if len({f"{v:.{d}g}" for v in ends}) == len(ends)), 3)
+        return engineering(factor * number, digits)

@@ -81,8 +81,8 @@ def export(options):
 
 def plan(options):
     """Print the hours each parameter takes."""
-    from analysis import draw
     from analysis import report as page
+    from analysis import text
     from analysis.noise import planner
 
     asked = (options.sigma, options.time)
@@ -96,14 +96,14 @@ def plan(options):
         raise WrongUsage(f"--time {options.time:g} is shorter than a sample, {dt:g} s at --rate")
     sensor = planner.Plan(options.white / dt**0.5, *asked, options.flicker, options.walk)
     for name, hours in planner.hours_needed(sensor, dt, options.within / 100).items():
-        print(f"{page.PLANNED[name]:<10} to ±{options.within:g} % (95 %): {draw.duration(hours)}")
+        print(f"{page.PLANNED[name]:<10} to ±{options.within:g} % (95 %): {text.duration(hours)}")
 
 
 def coverage(options):
     """Run the study behind notebook 13, or cells of one's own."""
     from pathlib import Path
 
-    from analysis import coverage as tried
+    from analysis.studies import coverage as tried
 
     try:
         hours = [float(h) for h in (options.hours or "2,6").split(",")]
@@ -149,7 +149,7 @@ def benchmark(options):
     """Run every benchmark and print its numbers."""
     from pathlib import Path
 
-    from analysis import benchmark as benchmarks
+    from analysis.studies import benchmark as benchmarks
 
     if options.out:
         check_file(options.out)
@@ -168,7 +168,7 @@ def benchmark(options):
 
 def data(options):
     """Fetch, verify, rebuild, or list."""
-    from analysis import datasets
+    from analysis.logs import datasets
 
     if options.write and not options.rebuild:
         raise WrongUsage("--write goes with --rebuild")
@@ -186,7 +186,8 @@ def data(options):
 
 
 def _rebuild(options):
-    from analysis import datasets, derived
+    from analysis.logs import datasets
+    from analysis.studies import derived
 
     known = derived.names()
     unknown = set(options.names) - set(known)

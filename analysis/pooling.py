@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from analysis import CannotAnswer, WrongUsage, draw, report, results
+from analysis import CannotAnswer, Estimate, WrongUsage, report, results
 from analysis.noise.characterise import refuse_what_says_nothing
-from analysis.noise.estimate import Estimate
 from analysis.noise.inference import infer
 from analysis.noise.pool import pool
 from analysis.output import writing
@@ -175,8 +174,8 @@ def rows(channel):
     return [
         (
             report.NAMES[key],
-            draw.written(Estimate(**e)),
-            draw.written(Estimate(**channel["spread"][key])),
+            str(Estimate(**e)),
+            str(Estimate(**channel["spread"][key])),
         )
         for key, e in channel["parameters"].items()
     ]

@@ -63,8 +63,8 @@ def run(options):
     """Run the tracker's blocks over a log and say what came of it."""
     import numpy as np
 
-    from analysis import tracks
-    from analysis.tracker import last_position, timeline
+    from analysis.logs import moving, timeline
+    from analysis.tracker import last_position
     from analysis.tracker import replay as blocks
 
     pairs = options.columns.split(",") if options.columns else []
@@ -77,7 +77,7 @@ def run(options):
     check_folder(options.out)
     if options.last_position is not None:
         _check_memory(options)
-    log = tracks.read(options.logs, columns=columns, imu_offset=options.imu_offset)
+    log = moving.read(options.logs, columns=columns, imu_offset=options.imu_offset)
     for start, stop in outages:
         if start > log.duration_s:
             raise WrongUsage(
@@ -90,26 +90,26 @@ def run(options):
     chosen = blocks.Options(dtype=np.float32 if options.float32 else np.float64, **off)
     log = timeline.inject_outages(log, outages)
     track = blocks.replay(log, chosen, stored, progress=True)
-    tracks.write(track, options.out)
+    moving.write(track, options.out)
     if options.last_position and track.stored:
-        aside = tracks.keep(options.last_position, track.stored)
+        aside = moving.keep(options.last_position, track.stored)
         warning = f"{warning}; it is kept as {aside}" if aside else warning
     if warning:
         print(warning, file=sys.stderr)
-    for line in tracks.told(track.summary):
+    for line in moving.told(track.summary):
         print(line)
     print(f"\n{options.out}/track.csv and summary.json are written")
 
 
 def _check_memory(options):
     """Refuse a --last-position that is another file of this run, or cannot be written."""
-    from analysis import tracks
+    from analysis.logs import moving
 
     path, out = Path(options.last_position), Path(options.out)
     said = f"--last-position {path.name}"
     if "last-position" in options.without:
         raise WrongUsage("--last-position is of block 1, which --without last-position turns off")
-    taken = [*map(tracks.located, options.logs), out, out / "track.csv", out / "summary.json"]
+    taken = [*map(moving.located, options.logs), out, out / "track.csv", out / "summary.json"]
     if path.resolve() in [other.resolve() for other in taken]:
         raise WrongUsage(f"{said}: that is a log, or what --out writes; name a file of its own")
     try:

@@ -11,8 +11,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 
-from analysis import CannotAnswer, WrongUsage, draw, figures, results
-from analysis.intake.columns import tidy
+from analysis import CannotAnswer, WrongUsage, figures, plots, results, text
+from analysis.logs.columns import tidy
 from analysis.noise import exports, planner
 from analysis.output import check_folder, writing
 
@@ -77,8 +77,8 @@ def rows(channel):
     """
     listed = []
     for key, e in channel.parameters.items():
-        entry = {"key": key, "name": NAMES[key], "value": draw.value(e)}
-        entry |= {"interval": draw.interval(e), "note": e.note, "resolved": e.resolved}
+        entry = {"key": key, "name": NAMES[key], "value": e.value_text}
+        entry |= {"interval": e.interval_text, "note": e.note, "resolved": e.resolved}
         listed.append(entry)
     return listed
 
@@ -103,9 +103,9 @@ def recording(channel, dt, within=WITHIN):
     except WrongUsage as error:
         return [str(error)]
     said = "; ".join(
-        f"{PLANNED[name]} {'at least ' if at_least and name in SLOW else ''}{draw.duration(h)}"
+        f"{PLANNED[name]} {'at least ' if at_least and name in SLOW else ''}{text.duration(h)}"
         + (
-            f" ({' to '.join(draw.duration(e[name]) for e in ends)})"
+            f" ({' to '.join(text.duration(e[name]) for e in ends)})"
             if ends and name in SLOW
             else ""
         )
@@ -118,10 +118,10 @@ def _draw(result, folder):
     figures.use_style()
     source = {result.source["file"]: result.source["sha256"]}
     for channel in result.channels:
-        fig = draw.four_panels(channel, f"{result.source['title']}: {channel.name}")
+        fig = plots.four_panels(channel, f"{result.source['title']}: {channel.name}")
         figures.save(fig, channel.name, data=source, seed=result.source["seed"], to=folder)
         plt.close(fig)
-    fig = draw.together(result)
+    fig = plots.together(result)
     figures.save(fig, JOINT, data=source, seed=result.source["seed"], to=folder)
     plt.close(fig)
 
@@ -191,8 +191,8 @@ def _put(texts, folder):
     folder.mkdir(parents=True, exist_ok=True)
     for name in exports.TITLES.keys() - texts.keys():
         (folder / name).unlink(missing_ok=True)
-    for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
+    for name, content in texts.items():
+        (folder / name).write_text(content, encoding="utf-8")
 
 
 def _move(draft, out):

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
+from analysis import Estimate
 from analysis.noise.allan import AllanCurve
 from analysis.noise.characterise import ChannelNoise, characterise
-from analysis.noise.estimate import Estimate
 from analysis.noise.quality import remarks
 
 SEED = 20080505

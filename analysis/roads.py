@@ -1,4 +1,4 @@
-"""The real roads, from what is committed in ``data/derived/``; `analysis.surveys` makes that.
+"""The real roads, from what is committed in ``data/derived/``.
 
 load_profile("ccw")           the test track's map, counter-clockwise
 load_lap("14-45-26")          one lap: truth, attitude and wheel distance every 0.1 s
@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 
 from analysis import DATA, WrongUsage
-from analysis.terrain import profile, track
-from analysis.terrain.profile import Profile
+from analysis.terrain import centre_line as track
+from analysis.terrain import terrain_map
+from analysis.terrain.terrain_map import Profile
 
 TRACK, HIGHWAY = "psu-test-track", "psu-highway"
 FOLDER = DATA / "derived"
@@ -95,7 +96,7 @@ def load_profile(direction):
 
     Returns
     -------
-    analysis.terrain.profile.Profile
+    analysis.terrain.terrain_map.Profile
     """
     _check(direction, DIRECTIONS, "direction")
     table = pd.read_csv(FOLDER / TRACK / f"profile-{direction}.csv")
@@ -134,7 +135,7 @@ def lap_curves(direction, width=WIDTH):
         pitch_deg, roll_deg, height_m; in the order of `lap_names`.
     """
     laps = [vars(load_lap(name)) for name in lap_names(direction)]
-    return profile.lap_curves(laps, centre_line(direction), width)
+    return terrain_map.lap_curves(laps, centre_line(direction), width)
 
 
 def map_without(name):
@@ -146,7 +147,7 @@ def map_without(name):
 
     Returns
     -------
-    analysis.terrain.profile.Profile
+    analysis.terrain.terrain_map.Profile
     """
     _check(name, LAPS, "lap")
     direction = LAPS[name]
@@ -160,8 +161,8 @@ def map_without(name):
             "height_m": float(np.mean(other.height_se_m**2 * other.laps)),
         }
     line = centre_line(direction)
-    curves = profile.lap_curves([vars(lap) for lap in others], line, WIDTH)
-    return profile.combine(curves, line, between)
+    curves = terrain_map.lap_curves([vars(lap) for lap in others], line, WIDTH)
+    return terrain_map.combine(curves, line, between)
 
 
 def centre_line(direction):
@@ -169,7 +170,7 @@ def centre_line(direction):
 
     Returns
     -------
-    analysis.terrain.track.CentreLine
+    analysis.terrain.centre_line.CentreLine
     """
     known = load_profile(direction)
     return track.CentreLine(known.s_m, known.east_m, known.north_m, known.length_m)

@@ -2,7 +2,7 @@
 
 ``data/derived/<name>/`` holds one CSV a table, and ``source.json``: file, sha256, licence, source,
 and the command that made it. A maker is a function of no arguments that returns the source and the
-tables by name; it reads raw logs, and raises `analysis.datasets.NotHere` without them.
+tables by name; it reads raw logs, and raises `analysis.logs.datasets.NotHere` without them.
 """
 
 import json
@@ -14,11 +14,11 @@ from analysis import DATA, CannotAnswer
 
 FOLDER = DATA / "derived"
 MAKERS = {  # name -> module and function
-    "tracker-parked": ("analysis.fieldwork", "parked"),
-    "tracker-cold-phone": ("analysis.fieldwork", "cold_phone"),
-    "tracker-racebox": ("analysis.fieldwork", "racebox"),
-    "tracker-car": ("analysis.fieldwork", "car"),
-    "tracker-drive": ("analysis.fieldwork", "drive"),
+    "tracker-parked": ("analysis.studies.fieldwork", "parked"),
+    "tracker-cold-phone": ("analysis.studies.fieldwork", "cold_phone"),
+    "tracker-racebox": ("analysis.studies.fieldwork", "racebox"),
+    "tracker-car": ("analysis.studies.fieldwork", "car"),
+    "tracker-drive": ("analysis.studies.fieldwork", "drive"),
 }
 COMMAND = "python -m analysis data --rebuild --write"
 

@@ -3,8 +3,9 @@
 import pandas as pd
 import pytest
 
-from analysis import DATA, benchmark, noise_speed, replay_speed
+from analysis import DATA
 from analysis.__main__ import main
+from analysis.studies import benchmark, noise_speed, replay_speed
 
 
 def test_the_same_result_as_filterpy():

@@ -11,11 +11,11 @@ from analysis import ROOT
 BLOCKS = ["last_position", "attitude", "static", "low_pass", "mounting", "fusion"]
 ALONG = {  # modules of the same folder that a block needs
     "last_position": set(),
-    "attitude": {"cascade", "directions", "filters"},
+    "attitude": {"cascade", "directions", "kalman"},
     "static": set(),
     "low_pass": set(),
     "mounting": {"straight"},
-    "fusion": {"filters"},
+    "fusion": {"kalman"},
 }
 
 

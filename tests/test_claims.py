@@ -7,7 +7,7 @@ import sys
 import pandas as pd
 import pytest
 
-from analysis import WrongUsage, claims, draw
+from analysis import WrongUsage, claims, text
 from analysis.claims import NOT_REPRODUCED, NOT_TESTABLE, NOT_YET, REPRODUCED, judge
 
 OPEN = math.nan  # a side on which the claim is unbounded
@@ -184,7 +184,7 @@ def test_table_lays_published_beside_reproduced():
 
 def test_markdown_escapes_what_would_break_a_table():
     """Property: a cell with a bar stays one cell."""
-    lines = draw.markdown(pd.DataFrame({"a": ["|x|", 2], "b": [3, 4]})).splitlines()
+    lines = text.table(pd.DataFrame({"a": ["|x|", 2], "b": [3, 4]})).splitlines()
     assert lines == ["| a | b |", "|---|---|", r"| \|x\| | 3 |", "| 2 | 4 |"]
 
 

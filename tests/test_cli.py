@@ -16,8 +16,10 @@ import numpy as np
 import pytest
 
 from analysis import __main__ as cli
-from analysis import claims, datasets, derived, report, reproduce
+from analysis import claims, report, reproduce
+from analysis.logs import datasets
 from analysis.noise import exports
+from analysis.studies import derived
 
 COMMANDS = [
     "reproduce", "report", "replay", "pool", "export", "plan", "coverage", "claims", "data",

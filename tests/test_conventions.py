@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import welch
 
 from analysis import ROOT
-from analysis.intake.columns import IN_M_S2
+from analysis.logs.columns import IN_M_S2
 from analysis.noise import conventions as c
 from analysis.noise.models import UnifiedModel, adev_gauss_markov, adev_model, gauss_markov
 

@@ -6,7 +6,8 @@ import types
 
 import pytest
 
-from analysis import DATA, CannotAnswer, WrongUsage, datasets
+from analysis import DATA, CannotAnswer, WrongUsage
+from analysis.logs import datasets
 
 NAME = "gpsd-logs/rx210.log"
 AWAY = "phone-drives/LICENSE"

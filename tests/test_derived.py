@@ -6,7 +6,8 @@ import shutil
 import pandas as pd
 import pytest
 
-from analysis import coverage, derived, roads
+from analysis import roads
+from analysis.studies import coverage, derived
 
 
 @pytest.fixture

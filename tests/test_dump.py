@@ -5,8 +5,8 @@ import datetime
 import numpy as np
 import pytest
 
-from analysis import tracks
-from analysis.tracker import dump, scenarios
+from analysis.logs import dump, moving
+from analysis.tracker import scenarios
 
 START = datetime.datetime(2021, 12, 31, 23, 58, tzinfo=datetime.UTC)
 
@@ -22,7 +22,7 @@ def test_a_dump_is_read_back(log, tmp_path):
     gps, imu = tmp_path / "gps.nmea", tmp_path / "imu.csv"
     gps.write_text("\r\n".join(dump.nmea(log.gnss, START)) + "\r\n")
     imu.write_text("\n".join(dump.imu_csv(log.imu)) + "\n")
-    read = tracks.read([gps, imu])
+    read = moving.read([gps, imu])
     np.testing.assert_array_equal(read.gnss.has_fix, log.gnss.has_fix)
     np.testing.assert_allclose(read.gnss.t_s, log.gnss.t_s, atol=1e-6)
     # Half of the last digit written: 1e-5 minutes, 0.001 knots, 0.01 deg, 0.01.

@@ -4,7 +4,8 @@ import numpy as np
 import pymap3d
 import pytest
 
-from analysis import datasets, tables, tracks
+from analysis import tables
+from analysis.logs import datasets, moving
 from analysis.tracker import evaluate, scenarios
 from analysis.tracker.last_position import Stored
 from analysis.tracker.low_pass import LENGTHS
@@ -117,7 +118,7 @@ def test_wrapped(angle, wrapped):
 
 def test_real_logs_at_rest_stay_in_their_circle():
     """property: from layer 2 on no output outside what holds 95 % of the raw fixes."""
-    log = tracks.read([datasets.path("gpsd-logs/ublox-zed-f9p_hpg1.11.log")])
+    log = moving.read([datasets.path("gpsd-logs/ublox-zed-f9p_hpg1.11.log")])
     g, found = log.gnss, replay(log, Options()).columns
     there = float(g.lat_deg.mean()), float(g.lon_deg.mean()), 0.0
     pairs = ((g.lat_deg, g.lon_deg), (found["out_lat_deg"], found["out_lon_deg"]))

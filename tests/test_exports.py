@@ -13,8 +13,8 @@ from scipy.signal import lfilter
 
 from analysis import CannotAnswer, WrongUsage, report
 from analysis.noise import conventions, exports, triad
-from analysis.noise.estimate import random_walk_unit
 from analysis.noise.inference import infer
+from analysis.noise.models import random_walk_unit
 
 RATE, HOURS = 10.0, 6.0
 DT = 1 / RATE

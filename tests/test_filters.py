@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.tracker import filters
+from analysis.tracker import kalman as filters
 
 
 def system(rng, n, m, dtype=np.float64):

@@ -8,7 +8,7 @@ from analysis.noise import fit, likelihood, spectrum
 from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer
 from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov
-from analysis.noise.profile import Surface, interval
+from analysis.noise.profile_likelihood import Surface, interval
 
 DT, BLOCKS = 0.5, 70
 MODELS = {

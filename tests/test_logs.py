@@ -9,8 +9,8 @@ import warnings
 import numpy as np
 import pytest
 
-from analysis import DATA, CannotAnswer, WrongUsage, datasets, logs
-from analysis.intake import catalogue, formats, layout
+from analysis import DATA, CannotAnswer, WrongUsage, logs
+from analysis.logs import catalogue, datasets, formats, layout
 
 HEADER = "t_s,gyro_x_deg_s,gyro_y_deg_s"
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from analysis import DATA
-from analysis.tracker import filters, low_pass, operations
+from analysis.tracker import kalman, low_pass, operations
 from analysis.tracker.operations import Counted, Tally, counted
 
 SIZES = [(3, 3, 3), (9, 5, 3), (2, 1, 1), (6, 4, 2), (1, 1, 1)]
@@ -42,7 +42,7 @@ def test_counted_prediction_equals_the_formula(n, m, p, input_matrix):
     tally = Tally()
     p = p if input_matrix else n
     x, P, F, Q, u, B = (counted(np.ones(s), tally) for s in (n, (n, n), (n, n), (n, n), p, (n, p)))
-    filters.predict(x, P, F, Q, u, B if input_matrix else None)
+    kalman.predict(x, P, F, Q, u, B if input_matrix else None)
     assert tally == operations.predict(n, p, input_matrix=input_matrix)
 
 
@@ -51,7 +51,7 @@ def test_counted_update_equals_the_formula(n, m, p):
     """cross-check: so does the update, its inverse included."""
     tally = Tally()
     x, z, H = (counted(np.ones(s), tally) for s in (n, m, (m, n)))
-    filters.update(x, counted(np.eye(n), tally), z, H, counted(np.eye(m), tally))
+    kalman.update(x, counted(np.eye(n), tally), z, H, counted(np.eye(m), tally))
     assert tally == operations.lean_update(n, m)
 
 

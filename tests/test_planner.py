@@ -5,9 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from analysis import Estimate, report
 from analysis import __main__ as cli
-from analysis import report
-from analysis.noise.estimate import Estimate
 from analysis.noise.fit import NoiseLikelihood
 from analysis.noise.models import UnifiedModel
 from analysis.noise.planner import Plan, from_estimates, hours_needed, relative_error

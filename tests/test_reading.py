@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis import CannotAnswer
-from analysis.noise import reading, recipe
+from analysis.noise import graph, recipes
 from analysis.noise.allan import AllanCurve, allan_deviation
 from analysis.noise.autocorrelation import autocovariance, block_means, one_over_e
 from analysis.noise.characterise import characterise
@@ -57,11 +57,11 @@ def test_recipe_follows_the_paper():
     """published: section III on a long log with little white noise gives tau within 20 %."""
     model = UnifiedModel(0.01, 164.0, 0.046)
     y = model.simulate(200_000, 0.5, np.random.default_rng(3))
-    found = recipe.autocorrelation_recipe(y - y.mean(), 0.5)
+    found = recipes.autocorrelation_recipe(y - y.mean(), 0.5)
     # 600 correlation times: the reading scatters by some 8 %; the peak keeps some white noise.
     assert found.corr_time == pytest.approx(164.0, rel=0.2)
     assert found.sigma_b == pytest.approx(0.046, rel=0.15)
-    assert np.isnan(recipe.autocorrelation_recipe(np.diff(y[::7]), 0.5).corr_time)
+    assert np.isnan(recipes.autocorrelation_recipe(np.diff(y[::7]), 0.5).corr_time)
 
 
 def test_five_coefficients_of_exact_curves():
@@ -70,13 +70,13 @@ def test_five_coefficients_of_exact_curves():
     shapes = {
         "quantisation": np.sqrt(3) / tau,
         "white": 1 / np.sqrt(tau),
-        "bias_instability": np.full(60, reading.FLICKER),
+        "bias_instability": np.full(60, graph.FLICKER),
         "rrw": np.sqrt(tau / 3),
         "ramp": tau / np.sqrt(2),
     }
     for name, adev in shapes.items():
         curve = AllanCurve(tau, 2 * adev, adev, 3 * adev, np.full(60, 100.0))
-        found = recipe.five_coefficients(curve)
+        found = recipes.five_coefficients(curve)
         assert found.pop(name) == pytest.approx(2.0, rel=1e-6)
         assert max(found.values()) < 1e-3
 
@@ -86,9 +86,9 @@ def test_graph_readings():
     rng = np.random.default_rng(12)
     y = rng.standard_normal(500_000) + np.cumsum(2e-3 * rng.standard_normal(500_000))
     curve = allan_deviation(y, 1.0)
-    arw = reading.white_noise(curve, "deg/s")
-    floor = reading.bias_instability(curve, "deg/s")
-    rrw = reading.rate_random_walk(curve, "deg/s")
+    arw = graph.white_noise(curve, "deg/s")
+    floor = graph.bias_instability(curve, "deg/s")
+    rrw = graph.rate_random_walk(curve, "deg/s")
     assert arw.value == pytest.approx(1.0, rel=0.01) and arw.unit == "deg/sqrt(s)"
     # White 1/tau and walk K^2 tau/3 meet lowest at tau = sqrt(3)/K, adev^2 = 2K/sqrt(3).
     assert floor.value == pytest.approx(np.sqrt(2 * 2e-3 / np.sqrt(3)) / 0.664, rel=0.05)
@@ -98,7 +98,7 @@ def test_graph_readings():
 def test_no_floor_no_bias_instability():
     """property: white noise alone gives no bias instability, only a ceiling."""
     curve = allan_deviation(np.random.default_rng(13).standard_normal(50_000), 0.01)
-    found = reading.bias_instability(curve, "deg/s")
+    found = graph.bias_instability(curve, "deg/s")
     assert found.value is None and found.high > 0 and "longer log" in found.note
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis import derived
+from analysis.studies import derived
 
 HOUR = 3600.0
 

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from test_cli import run
 
-from analysis import datasets, tracks
+from analysis.logs import datasets
+from analysis.logs import moving as tracks
+from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu, without
 from analysis.tracker.last_position import Stored, load, save
 from analysis.tracker.replay import COLUMNS, Options, replay
 from analysis.tracker.scenarios import scenario_a, scenario_b, scenario_c
-from analysis.tracker.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu, without
 
 BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
 

@@ -7,7 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import ROOT, CannotAnswer, datasets, derived, reproduce
+from analysis import ROOT, CannotAnswer, reproduce
+from analysis.logs import datasets
+from analysis.studies import derived
 
 COMMITTED = ROOT / "figures"
 FIGURES = sorted(p.stem for p in COMMITTED.glob("*.pdf"))

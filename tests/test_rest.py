@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.tracker import replay, rest, scenarios
 from analysis.tracker.rest import Rest
-from analysis.tracker.timeline import Gnss, Imu, Timeline
 
 LEVEL = (0.0, 0.0, -9.81)
 

@@ -7,9 +7,11 @@ import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis import datasets, tracks
+from analysis.logs import datasets, moving
 from analysis.tracker import evaluate, scenarios
-from analysis.tracker.errors import (
+from analysis.tracker.regression import mounting_angle
+from analysis.tracker.replay import Options, replay
+from analysis.tracker.sensor_errors import (
     DRIFT_M,
     GRAVITY,
     STARTS,
@@ -17,8 +19,6 @@ from analysis.tracker.errors import (
     ImuErrors,
     courtyard,
 )
-from analysis.tracker.regression import mounting_angle
-from analysis.tracker.replay import Options, replay
 
 QUIET = ImuErrors(0.0, 0.0, 0.0, 0.0, 0.0)
 NO_ERROR = {"gnss": GnssErrors(drift=(), white_m=0.0, speed_m_s=0.0), "imu": QUIET}
@@ -153,7 +153,7 @@ def test_the_drift_is_the_published_one():
 )
 def test_the_starts_are_those_of_real_receivers(name, start):
     """cross-check: size and time of each settling, from the receiver's own log, to rounding."""
-    gnss = tracks.read([datasets.path(f"gpsd-logs/{name}.log")]).gnss
+    gnss = moving.read([datasets.path(f"gpsd-logs/{name}.log")]).gnss
     ok = gnss.has_fix & (gnss.pdop <= 10)
     lat, lon = gnss.lat_deg[ok], gnss.lon_deg[ok]
     north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, lat[-1], lon[-1], 0.0)

@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from analysis import CannotAnswer
-from analysis.terrain import setup as readings
-from analysis.terrain import sweep, tracking
+from analysis.terrain import metrics, monte_carlo
+from analysis.terrain import readings as readings
 from analysis.terrain.attitude_map import AttitudeMap
 
 SEED = 20112
@@ -29,7 +29,7 @@ def reading(**changes):
 def laps(choices, runs=8, attitude_map=None, cells=CELLS, **options):
     """Simulate a few laps."""
     options = {"seed": SEED, "progress": False} | options
-    return sweep.laps(attitude_map or road(), *cells, choices, runs=runs, **options)
+    return monte_carlo.laps(attitude_map or road(), *cells, choices, runs=runs, **options)
 
 
 def test_a_lap_does_not_depend_on_its_company(monkeypatch):
@@ -39,7 +39,7 @@ def test_a_lap_does_not_depend_on_its_company(monkeypatch):
     np.testing.assert_array_equal(fewer.error, whole.error[:, :3])
     alone = laps(reading(), cells=(CELLS[0][2:3], CELLS[1][2:3]))
     np.testing.assert_allclose(alone.error[0], whole.error[2], atol=1e-9)
-    monkeypatch.setattr(sweep, "TOGETHER", 12)
+    monkeypatch.setattr(monte_carlo, "TOGETHER", 12)
     np.testing.assert_array_equal(laps(reading()).error, whole.error)
 
 
@@ -125,7 +125,7 @@ def synthetic_errors(cells=3, runs=50, times=40):
 def test_the_three_variances_are_numpys():
     """analytic: pooled, ensemble and per-run variance as numpy computes them."""
     error = synthetic_errors()
-    found = tracking.measures(error, tracking.resample(50, 0, np.random.default_rng(1)))
+    found = metrics.measures(error, metrics.resample(50, 0, np.random.default_rng(1)))
     assert found["mean_m"][0] == pytest.approx(np.abs(error).mean(axis=(1, 2)))
     assert found["pooled_m2"][0] == pytest.approx(error.var(axis=(1, 2)))
     assert found["ensemble_m2"][0] == pytest.approx(error.var(axis=1).mean(axis=1))
@@ -137,7 +137,7 @@ def test_the_share_of_a_square_and_its_open_side():
     rng, one = np.random.default_rng(SEED), np.ones(2001)
 
     def share(c1, c2):
-        return tracking.share_interval(np.stack([one, c1, c2], axis=1))
+        return metrics.share_interval(np.stack([one, c1, c2], axis=1))
 
     def around(x, sd):
         return x + sd * np.append(0.0, rng.standard_normal(2000))
@@ -158,8 +158,8 @@ def test_bootstrap_interval_covers():
     rng, inside = np.random.default_rng(SEED), 0
     for _ in range(300):
         error = 2.0 * rng.standard_normal((1, 50, 1)) + rng.standard_normal((1, 50, 10))
-        weights = tracking.resample(50, 300, rng)
-        _, low, high = tracking.interval(tracking.measures(error, weights)["pooled_m2"][:, 0])
+        weights = metrics.resample(50, 300, rng)
+        _, low, high = metrics.interval(metrics.measures(error, weights)["pooled_m2"][:, 0])
         inside += low < 5.0 < high
     assert 0.88 <= inside / 300 <= 0.98
 
@@ -167,12 +167,12 @@ def test_bootstrap_interval_covers():
 def test_share_of_square_knows_lines_and_squares():
     """analytic: 0 for a line, 1 for c x^2 from 0, 0.82 for the pure square of the swept N."""
     x = readings.SWEPT_N
-    assert tracking.share_of_square(tracking.quadratic(x, 2 + 3 * x)) == pytest.approx(0, abs=1e-9)
-    assert tracking.share_of_square(tracking.quadratic(x, x**2)) == pytest.approx(0.9 / 1.1)
+    assert metrics.share_of_square(metrics.quadratic(x, 2 + 3 * x)) == pytest.approx(0, abs=1e-9)
+    assert metrics.share_of_square(metrics.quadratic(x, x**2)) == pytest.approx(0.9 / 1.1)
     rng = np.random.default_rng(SEED)
     for power, closer in ((1, 0.0), (2, 1.0)):
         noisy = (x / 0.01) ** power + 0.01 * rng.standard_normal((200, 10))
-        rms, share, p = tracking.line_or_square(x, noisy)
+        rms, share, p = metrics.line_or_square(x, noisy)
         assert share == closer and np.argmin(rms) == power - 1
         assert (p < 1e-3) == (power == 2)
 
@@ -183,8 +183,8 @@ def test_line_test_keeps_its_level():
     called = 0
     for _ in range(300):
         curves = x + 0.3 * rng.standard_normal((60, 10)) + rng.standard_normal((60, 1))
-        y = tracking.resample(60, 200, rng) @ curves
-        called += tracking.line_or_square(x, y)[2] < 0.05
+        y = metrics.resample(60, 200, rng) @ curves
+        called += metrics.line_or_square(x, y)[2] < 0.05
     assert 0.02 <= called / 300 <= 0.10  # 5 % +- 2.5 %, and a bootstrap of 60 is a little narrow
 
 
@@ -192,7 +192,7 @@ def test_lost_and_its_share():
     """published: Clopper-Pearson: 0 of 100 lost is at most 3.6 %; 5 of 100 is 1.6 to 11.3 %."""
     error = np.zeros((2, 100, 7))
     error[1, :5, 3] = -10.5
-    flags = tracking.lost(error)
+    flags = metrics.lost(error)
     assert flags.sum(axis=1).tolist() == [0, 5]
-    assert tracking.share(flags[0]) == pytest.approx((0, 0, 0.0362), abs=1e-4)
-    assert tracking.share(flags[1]) == pytest.approx((0.05, 0.0164, 0.1128), abs=1e-4)
+    assert metrics.share(flags[0]) == pytest.approx((0, 0, 0.0362), abs=1e-4)
+    assert metrics.share(flags[1]) == pytest.approx((0.05, 0.0164, 0.1128), abs=1e-4)

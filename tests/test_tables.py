@@ -4,7 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import CannotAnswer, datasets, derived, field, tables
+from analysis import CannotAnswer, tables
+from analysis.logs import datasets
+from analysis.studies import derived, field
 from analysis.tracker.regression import mounting_angle
 
 

@@ -7,9 +7,11 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from analysis import CannotAnswer, WrongUsage, datasets, heldout, roads, surveys
-from analysis.intake import survey
-from analysis.terrain import antennas, profile, track
+from analysis import CannotAnswer, WrongUsage, roads
+from analysis.logs import datasets
+from analysis.logs import surveys as survey
+from analysis.studies import surveys
+from analysis.terrain import antennas, centre_line, real_laps, terrain_map
 from analysis.terrain.antennas import Mounting
 
 # A van whose front antenna sits 0.33 m to the left and 0.07 m low, whose right one is 9 mm higher.
@@ -66,13 +68,13 @@ def mounting_of_the_van():
 def line_of(laps):
     """Centre line through the rear middles of laps."""
     middles = [lap[1:].mean(axis=0) for lap in laps]
-    return track.centre_line([(m[:, 0], m[:, 1]) for m in middles], (0.0, 0.0))
+    return centre_line.centre_line([(m[:, 0], m[:, 1]) for m in middles], (0.0, 0.0))
 
 
 def columns(lap, line, mounting):
     """A lap as `lap_curves` wants it."""
     middle = lap[1:].mean(axis=0)
-    s, _ = track.along(line, middle[:, 0], middle[:, 1])
+    s, _ = centre_line.along(line, middle[:, 0], middle[:, 1])
     _, pitch, roll = antennas.attitude(*lap, mounting)
     return {"s_m": s, "pitch_deg": pitch, "roll_deg": roll, "height_m": middle[:, 2]}
 
@@ -125,7 +127,7 @@ def test_the_centre_line_is_the_mean_of_the_laps():
     line = line_of([drive(1, aside=a)[0] for a in (0.4, -0.4)])
     assert line.length_m == pytest.approx(LENGTH, abs=0.05)
     s = np.arange(5.0, LENGTH - 5.0, 7.0)
-    found, right = track.project(line, *plan(s)[:2])
+    found, right = centre_line.project(line, *plan(s)[:2])
     np.testing.assert_allclose(found, s, atol=0.05)
     np.testing.assert_allclose(right, 0.0, atol=0.02)
     k = 2 * np.pi / LENGTH
@@ -140,7 +142,9 @@ def test_projection_onto_the_line():
     line = line_of([drive(1)[0]])
     s = np.array([0.2, 100.0, 700.3, LENGTH - 0.3])
     east, north, course = plan(s)
-    found, right = track.project(line, east + 2.0 * np.cos(course), north - 2.0 * np.sin(course))
+    found, right = centre_line.project(
+        line, east + 2.0 * np.cos(course), north - 2.0 * np.sin(course)
+    )
     np.testing.assert_allclose(found, s, atol=0.03)
     np.testing.assert_allclose(right, 2.0, atol=0.01)
 
@@ -163,8 +167,8 @@ def test_the_map_recovers_a_known_road():
     laps = [drive(1, start=x)[0] for x in (-20.0, -20.37, -20.71)]
     line = line_of(laps)
     mounting = Mounting(*mounting_of_the_van())
-    curves = profile.lap_curves([columns(lap, line, mounting) for lap in laps], line, 1.0)
-    made = profile.combine(curves, line)
+    curves = terrain_map.lap_curves([columns(lap, line, mounting) for lap in laps], line, 1.0)
+    made = terrain_map.combine(curves, line)
     # A local line biases a wave by (k w)^2 / 2: 2 % at 31 m; the wave has 0.92 deg of pitch.
     pitch, roll, height = truth(made.s_m)
     np.testing.assert_allclose(made.pitch_deg, pitch, atol=0.03)
@@ -181,8 +185,8 @@ def test_the_standard_error_covers():
         starts = rng.uniform(-25.0, -15.0, 4)
         laps = [drive(1, start=x, noise=0.005, rng=rng)[0] for x in starts]
         line = line_of(laps)
-        curves = profile.lap_curves([columns(lap, line, mounting) for lap in laps], line, 1.0)
-        made = profile.combine(curves, line)
+        curves = terrain_map.lap_curves([columns(lap, line, mounting) for lap in laps], line, 1.0)
+        made = terrain_map.combine(curves, line)
         for q, se, expected in (
             (made.pitch_deg, made.pitch_se_deg, truth(made.s_m)[0]),
             (made.roll_deg, made.roll_se_deg, truth(made.s_m)[1]),
@@ -196,10 +200,10 @@ def test_the_bound_of_a_sine():
     """Analytic: for h = a sin(k s) the mean squared slope is (a k)^2 / 2."""
     step, n, a, k = 0.5, 2000, 2.0, 2 * np.pi / 50.0
     values = a * np.sin(k * step * np.arange(n))
-    bound = profile.position_bound(values[None], [0.1], step, 100.0, 2.0)
+    bound = terrain_map.position_bound(values[None], [0.1], step, 100.0, 2.0)
     expected = 1 / np.sqrt((a * k) ** 2 / 2 / 0.1**2 * 100.0 / 2.0)
     np.testing.assert_allclose(bound, expected, rtol=2e-3)  # central differences at k h / 2 = 0.03
-    both = profile.position_bound(np.array([values, values]), [0.1, 0.1], step, 100.0, 2.0)
+    both = terrain_map.position_bound(np.array([values, values]), [0.1, 0.1], step, 100.0, 2.0)
     np.testing.assert_allclose(both, bound / np.sqrt(2), rtol=1e-9)
 
 
@@ -211,8 +215,8 @@ def test_the_committed_map(direction):
     """Published: the facts that datasets/README gives of the laps hold on the committed ones."""
     line = roads.centre_line(direction)
     laps = [roads.load_lap(name) for name in roads.lap_names(direction)]
-    curves = profile.lap_curves([vars(lap) for lap in laps], line, roads.WIDTH)
-    bins = {q: profile.binned(values, line, 5.0) for q, values in curves.items()}
+    curves = terrain_map.lap_curves([vars(lap) for lap in laps], line, roads.WIDTH)
+    bins = {q: terrain_map.binned(values, line, 5.0) for q, values in curves.items()}
     first = np.triu_indices(len(laps), 1)
     roll, pitch = (np.corrcoef(bins[q])[first] for q in ("roll_deg", "pitch_deg"))
     assert roll.min() >= 0.99
@@ -226,7 +230,7 @@ def test_the_committed_map_is_what_its_laps_make():
     for direction in roads.DIRECTIONS:
         line, stored = roads.centre_line(direction), roads.load_profile(direction)
         laps = [vars(roads.load_lap(name)) for name in roads.lap_names(direction)]
-        made = profile.combine(profile.lap_curves(laps, line, roads.WIDTH), line)
+        made = terrain_map.combine(terrain_map.lap_curves(laps, line, roads.WIDTH), line)
         for key in ("pitch_deg", "roll_deg", "height_m", "pitch_se_deg", "roll_se_deg"):
             np.testing.assert_allclose(getattr(made, key), getattr(stored, key), atol=2e-3)
         assert (np.diff(stored.s_m) > 0).all() and np.isfinite(stored.pitch_deg).all()
@@ -297,7 +301,7 @@ def van_on(direction, part=slice(None), aside=0.0, backward=False):
 def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
     """Analytic: a van driven along the committed centre line comes back at its place."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw"))
-    lap, known = heldout.find(path, "ccw")
+    lap, known = real_laps.find(path, "ccw")
     assert known.laps.max() == len(roads.lap_names("ccw"))
     np.testing.assert_allclose(lap.s_m, np.arange(len(lap.s_m)), atol=0.05)
     # The lever of the front antenna, 0.33 m aside, is the van's, not this lap's.
@@ -318,7 +322,7 @@ def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, said):
     """Property: one sentence that names the file and what it lacks."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw", slice(0, 200)), **made)
     with pytest.raises(CannotAnswer, match=said):
-        heldout.find(path, "ccw")
+        real_laps.find(path, "ccw")
 
 
 def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
@@ -329,15 +333,15 @@ def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
     with pytest.raises(
         CannotAnswer, match=r"mine\.mat: the lap leaves the map: it is \d+ m to the"
     ):
-        heldout.find(path, "ccw")
+        real_laps.find(path, "ccw")
     path = write_log(tmp_path / "back.mat", van_on("ccw", backward=True))
     with pytest.raises(CannotAnswer, match=r"back\.mat: the lap runs against the map's direction"):
-        heldout.find(path, "ccw")
+        real_laps.find(path, "ccw")
     other = write_log(tmp_path / "other.mat", van_on("cw"))
     with pytest.raises(CannotAnswer, match="against the map's direction"):
-        heldout.find(other, "ccw")
+        real_laps.find(other, "ccw")
     with pytest.raises(WrongUsage, match="no direction 'north'; there are: ccw, cw"):
-        heldout.find(path, "north")
+        real_laps.find(path, "north")
     with pytest.raises(WrongUsage, match="no lap 'x'"):
         roads.load_lap("x")
 
@@ -349,7 +353,7 @@ def test_files_that_are_no_laps_are_refused(tmp_path):
         path = tmp_path / "bad.mat"
         path.write_bytes(content)
         with pytest.raises(CannotAnswer, match=r"bad\.mat: not a MATLAB v7\.3 file, or cut off"):
-            heldout.find(path, "ccw")
+            real_laps.find(path, "ccw")
         with pytest.raises(CannotAnswer, match=r"bad\.mat: not a"):
             survey.highway(path)
 
@@ -362,15 +366,17 @@ def test_a_map_with_a_gap_is_refused():
     parts = [columns(lap, line, mounting) for lap in laps]
     hole = (parts[0]["s_m"] % LENGTH > 300) & (parts[0]["s_m"] % LENGTH < 330)
     parts[0]["pitch_deg"] = np.where(hole, np.nan, parts[0]["pitch_deg"])
-    made = profile.combine(profile.lap_curves(parts, line, 1.0), line)
+    made = terrain_map.combine(terrain_map.lap_curves(parts, line, 1.0), line)
     assert made.laps.min() == 1 and made.laps.max() == 2
     assert made.pitch_se_deg[made.laps == 1].min() > 0
     gone = (parts[1]["s_m"] % LENGTH > 310) & (parts[1]["s_m"] % LENGTH < 320)
     parts[1]["pitch_deg"] = np.where(gone, np.nan, parts[1]["pitch_deg"])
     with pytest.raises(CannotAnswer, match=r"the map has a gap: no lap has an attitude on \d+ m"):
-        profile.combine(profile.lap_curves(parts, line, 1.0), line)
+        terrain_map.combine(terrain_map.lap_curves(parts, line, 1.0), line)
     with pytest.raises(CannotAnswer, match="one lap makes no map"):
-        profile.combine(profile.lap_curves([columns(laps[0], line, mounting)], line, 1.0), line)
+        terrain_map.combine(
+            terrain_map.lap_curves([columns(laps[0], line, mounting)], line, 1.0), line
+        )
 
 
 def test_a_lap_that_does_not_come_round_makes_no_line():
@@ -402,9 +408,9 @@ def test_raw_laps_lie_on_their_own_map_only():
         except datasets.NotHere as error:
             pytest.skip(str(error))
         other = next(d for d in roads.DIRECTIONS if d != direction)
-        lap, known = heldout.find(path, direction)[0], roads.load_lap(name)
+        lap, known = real_laps.find(path, direction)[0], roads.load_lap(name)
         np.testing.assert_allclose(lap.s_m, known.s_m, atol=1e-3)
         np.testing.assert_allclose(lap.pitch_deg, known.pitch_deg, atol=1e-3)
         np.testing.assert_allclose(lap.wheel_m, known.wheel_m, rtol=2e-3, atol=0.1)
         with pytest.raises(CannotAnswer, match="against the map's direction"):
-            heldout.find(path, other)
+            real_laps.find(path, other)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from analysis import WrongUsage
-from analysis.intake import clock, timing
+from analysis.logs import clock
+from analysis.logs import grid as timing
 
 
 def grid(t, repeated=None, mode="auto"):

@@ -10,11 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from analysis import CannotAnswer
-from analysis.noise import reading
+from analysis import CannotAnswer, Estimate
+from analysis.noise import graph
 from analysis.noise.allan import AllanCurve, allan_deviation
 from analysis.noise.autocorrelation import autocovariance, block_means
-from analysis.noise.estimate import Estimate
 from analysis.noise.inference import infer
 from analysis.noise.line import fit_line
 
@@ -126,7 +125,7 @@ def _parameters(y, dt, name, unit, kind, curve, rng, detrend):
         raise CannotAnswer(f"channel {name}: {error}") from error
     found = said.parameters
     if kind in ("rate", "accel") and "bias_instability" not in found:
-        found["bias_instability"] = reading.bias_instability(curve, unit)
+        found["bias_instability"] = graph.bias_instability(curve, unit)
     return {name: found[name] for name in ORDER if name in found}, said.table()
 
 

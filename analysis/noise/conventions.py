@@ -18,8 +18,8 @@ The page analysis/noise/README.md holds the table of `side_by_side` for a worked
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from analysis.noise.graph import FLICKER
 from analysis.noise.models import UnifiedModel, adev_model
-from analysis.noise.reading import FLICKER
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 SI = {

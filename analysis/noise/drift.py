@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.noise.fit import UNIFIED, WITH_WALK, direction, rows
 from analysis.noise.likelihood import evaluate, simulate
-from analysis.noise.profile import DROP, LEVEL, interval
+from analysis.noise.profile_likelihood import DROP, LEVEL, interval
 
 # A bias that hides is taken for the slowest, a random walk; a walk that shows may be a slow bias.
 WIDER = WITH_WALK | {"N+K": UNIFIED}

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from analysis import Estimate
 from analysis.noise.drift import linear_drift
-from analysis.noise.estimate import Estimate, random_walk_unit
 from analysis.noise.fit import UNIFIED, WITH_WALK
+from analysis.noise.models import random_walk_unit
 
 WHITE = "the likelihood does not fall as the white noise goes to nothing: a slow process hides it"
 

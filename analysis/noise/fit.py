@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.noise.likelihood import Terms, evaluate
-from analysis.noise.profile import DROP, Surface, interval
+from analysis.noise.profile_likelihood import DROP, Surface, interval
 
 MODELS = {
     "N": ("sigma_v",),

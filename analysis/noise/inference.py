@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis import CannotAnswer
-from analysis.noise.estimate import Estimate
+from analysis import CannotAnswer, Estimate
 from analysis.noise.findings import Findings, density
 from analysis.noise.fit import MODELS, QUANTISED, Fit, NoiseLikelihood, choose
 from analysis.noise.likelihood import bin_variance

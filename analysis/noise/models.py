@@ -241,3 +241,8 @@ def adev_model(tau, dt, model):
         else np.zeros_like(white)
     )
     return np.sqrt(white**2 + bias**2 + adev_drift(tau, model.drift) ** 2)
+
+
+def random_walk_unit(unit):
+    """Unit of U sqrt(s) as the field writes it: deg/s gives deg/sqrt(s), g gives g*sqrt(s)."""
+    return f"{unit[:-2]}/sqrt(s)" if unit.endswith("/s") else f"{unit}*sqrt(s)"

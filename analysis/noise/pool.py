@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.noise.estimate import Estimate, random_walk_unit
+from analysis import Estimate
 from analysis.noise.fit import MODELS, UNIFIED, choose, direction
+from analysis.noise.models import random_walk_unit
 from analysis.noise.population import Curve, population
-from analysis.noise.profile import curve
+from analysis.noise.profile_likelihood import curve
 
 KEYS = {"sigma_v": "sigma_v", "flicker": "bias_instability", "rrw": "rrw"}
 

@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 from scipy.special import log_ndtr, logsumexp
 from scipy.stats import chi2, f
 
-from analysis.noise.estimate import Estimate
+from analysis import Estimate
 
 CENTRES = 101  # values of mu
 SPREADS = 32  # values of s

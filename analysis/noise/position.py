@@ -8,9 +8,8 @@ independent positions, not samples.
 import numpy as np
 from scipy.ndimage import median_filter
 
-from analysis import CannotAnswer
+from analysis import CannotAnswer, Estimate
 from analysis.noise.autocorrelation import autocovariance
-from analysis.noise.estimate import Estimate
 
 CUT = 6.0  # robust standard deviations beyond which a lone position is an outlier
 NEIGHBOURS = 11  # positions in time that a lone one is compared with

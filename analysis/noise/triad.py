@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis import WrongUsage
+from analysis import Estimate, WrongUsage
 from analysis.noise import conventions
-from analysis.noise.estimate import Estimate, random_walk_unit
+from analysis.noise.models import random_walk_unit
 
 SENSORS = {"rate": "gyroscope", "accel": "accelerometer"}
 SI_UNITS = {"rate": "rad/s", "accel": "m/s^2"}

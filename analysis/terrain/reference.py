@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.terrain import point_mass, sweep
+from analysis.terrain import monte_carlo, point_mass
 from analysis.terrain.ukf import Ukf
 
 
@@ -53,7 +53,7 @@ def beside(attitude_map, setup, *, runs, seed, look=50, half_width=3.0):
     Beside
     """
     streams = np.random.SeedSequence(seed).spawn(runs)
-    first, moved = sweep.odometry(setup, streams)
+    first, moved = monte_carlo.odometry(setup, streams)
     truth = setup.begin + setup.speed / setup.rate_hz * np.arange(setup.samples)
     attitude, rng = attitude_map.at(truth), np.random.default_rng(seed)
     prior, q = setup.begin_sd**2, setup.q * setup.speed / setup.rate_hz
@@ -67,7 +67,7 @@ def beside(attitude_map, setup, *, runs, seed, look=50, half_width=3.0):
         innovation, S = ukf.update(z, setup.R)
         grid.update(z, setup.R)
         if k % look == 0:
-            nis = sweep.normalised(innovation, S) / len(z)
+            nis = monte_carlo.normalised(innovation, S) / len(z)
             off = [ukf.x[0] - truth[k], grid.mean()[0] - truth[k]]
             kept.append([*off, ukf.P[0, 0].copy(), nis])
     of_ukf, of_grid, variance, nis = np.moveaxis(kept, 1, 0)

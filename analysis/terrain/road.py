@@ -12,8 +12,8 @@ import numpy as np
 from scipy.special import gamma, kv
 
 from analysis import CannotAnswer
-from analysis.terrain.profile import Profile
 from analysis.terrain.roughness import WAVINESS, iso_density
+from analysis.terrain.terrain_map import Profile
 
 LONGEST = 100.0  # m: ISO 8608 speaks of waves up to about here; what is longer is a hill
 
@@ -70,7 +70,7 @@ def synthetic(
 
     Returns
     -------
-    analysis.terrain.profile.Profile
+    analysis.terrain.terrain_map.Profile
         Known exactly: its standard errors are zero.
 
     Raises

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from analysis.tracker import filters
+from analysis.tracker import kalman
 from analysis.tracker.cascade import Direction, GyroBiasFilter
 from analysis.tracker.directions import add, cross, dot, north, turn
 
@@ -83,17 +83,17 @@ class Attitude:
         if not self.ready:
             self._align(gyro_b, accel_b, dt)
             return
-        b = filters.scalars(self.bias.x)
+        b = kalman.scalars(self.bias.x)
         turn(self.F, gyro_b[0] - b[0], gyro_b[1] - b[1], gyro_b[2] - b[2], dt)
         self.tilt.predict(self.F, dt)
         self.yaw.predict(self.F, dt)
-        before = filters.scalars(self.tilt.x)
+        before = kalman.scalars(self.tilt.x)
         variance = self._accel_variance(dt, static)
         scale = -1 / GRAVITY
         self.tilt.update(
             (accel_b[0] * scale, accel_b[1] * scale, accel_b[2] * scale), variance * scale * scale
         )
-        after = self._down = filters.scalars(self.tilt.x)
+        after = self._down = kalman.scalars(self.tilt.x)
         self._external = [f + GRAVITY * d for f, d in zip(accel_b, after, strict=True)]
         share = dt / EXTERNAL_TAU_S if dt < EXTERNAL_TAU_S else 1.0
         self._lasting = [
@@ -130,7 +130,7 @@ class Attitude:
             target = north(down, heading)
             if self.heading_known:
                 self.yaw.update(target, sigma * sigma)
-                spin = dot(cross(before, filters.scalars(self.yaw.x)), down)
+                spin = dot(cross(before, kalman.scalars(self.yaw.x)), down)
             else:
                 self.yaw.start(target, sigma)
                 self.heading_known, heading = True, None
@@ -154,7 +154,7 @@ class Attitude:
         """Roll, pitch, yaw, rad; yaw is NaN until a heading has come."""
         if not self.ready:
             return math.nan, math.nan, math.nan
-        n, e, d = (filters.scalars(row) for row in self.C_nb)
+        n, e, d = (kalman.scalars(row) for row in self.C_nb)
         yaw = math.atan2(e[0], n[0]) if self.heading_known else math.nan
         return math.atan2(d[1], d[2]), -math.asin(max(-1.0, min(1.0, d[0]))), yaw
 
@@ -184,7 +184,7 @@ class Attitude:
         if not self._samples:
             return math.nan
         turned = dot(self._gyro, self._down) / self._samples
-        return turned - dot(filters.scalars(self.bias.x), self._down)
+        return turned - dot(kalman.scalars(self.bias.x), self._down)
 
     @property
     def accel_n(self):
@@ -213,7 +213,7 @@ class Attitude:
 
     def _north(self, down):
         """North made square to down."""
-        n = filters.scalars(self.yaw.x)
+        n = kalman.scalars(self.yaw.x)
         k = dot(n, down)
         n = [a - k * b for a, b in zip(n, down, strict=True)]
         scale = 1 / math.sqrt(dot(n, n))
@@ -230,7 +230,7 @@ class Attitude:
         mean, scatter = samples.mean(axis=0), samples.std(axis=0)
         force = math.sqrt(dot(mean[3:], mean[3:]))
         still = (scatter[:3] < STEADY).all() and abs(force - GRAVITY) < 0.1 * GRAVITY
-        down = filters.scalars(mean[3:] * (-1 / force))
+        down = kalman.scalars(mean[3:] * (-1 / force))
         self._down = down
         self.tilt.start(down, SIGMA_ACCEL / GRAVITY if still else 0.1)
         self.yaw.start(north(down, 0.0), math.pi)

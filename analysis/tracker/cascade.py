@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from analysis.tracker import filters
+from analysis.tracker import kalman
 
 GYRO_ARW = 3e-4  # rad/sqrt(s), 1 deg/sqrt(h): a MEMS gyro's 0.3 with room for scale and vibration
 SIGMA_BIAS_START = 0.1  # rad/s, 6 deg/s: the worst offset of the real sensors here is 4.5 deg/s
@@ -48,12 +48,12 @@ class Direction:
         if dt != self._dt:
             self._dt = dt
             self.Q = self.H * (self.density * dt)
-        self.x, self.P = filters.predict(self.x, self.P, F, self.Q)
+        self.x, self.P = kalman.predict(self.x, self.P, F, self.Q)
 
     def update(self, z, variance):
         """Take in the direction measured (sequence of 3), and keep the length at one."""
         self.R = self.H * variance
-        x, self.P, _ = filters.update(
+        x, self.P, _ = kalman.update(
             self.x, self.P, np.array(z, dtype=self.x.dtype), self.H, self.R
         )
         self.x = x * (1 / math.sqrt(x.dot(x)))
@@ -70,5 +70,5 @@ class GyroBiasFilter:
     def step(self, z, H, sigma, dt):
         """Carry the bias over ``dt``, and take in what was seen of it: z = H b + noise."""
         variance = BIAS_WALK * BIAS_WALK * dt
-        self.x, self.P = filters.predict(self.x, self.P, self.F, self.F * variance)
-        self.x, self.P, _ = filters.update(self.x, self.P, z, H, self.F * (sigma * sigma))
+        self.x, self.P = kalman.predict(self.x, self.P, self.F, self.F * variance)
+        self.x, self.P, _ = kalman.update(self.x, self.P, z, H, self.F * (sigma * sigma))

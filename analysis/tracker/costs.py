@@ -6,7 +6,7 @@ course, a known mounting angle and a fix at each epoch, at rest for block 4.
 
 import numpy as np
 
-from analysis.tracker import filters
+from analysis.tracker import kalman
 from analysis.tracker.attitude import GRAVITY, Attitude
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
@@ -18,7 +18,7 @@ from analysis.tracker.upright import Upright
 
 
 def filter_steps(n, m, p, *, input_matrix):
-    """Count one prediction and one update of `analysis.tracker.filters`.
+    """Count one prediction and one update of `analysis.tracker.kalman`.
 
     Parameters
     ----------
@@ -35,10 +35,10 @@ def filter_steps(n, m, p, *, input_matrix):
     x, P, F, Q, u, B = (
         counted(np.ones(s), predict) for s in (n, (n, n), (n, n), (n, n), p, (n, p))
     )
-    filters.predict(x, P, F, Q, u, B if input_matrix else None)
+    kalman.predict(x, P, F, Q, u, B if input_matrix else None)
     x, P, z, H, R = (counted(a, update) for a in (np.ones(n), np.eye(n), np.ones(m), 0, np.eye(m)))
     H = counted(np.eye(n)[:m], update)
-    filters.update(x, P, z, H, R)
+    kalman.update(x, P, z, H, R)
     return predict, update
 
 

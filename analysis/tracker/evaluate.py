@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from analysis.logs.timeline import Gnss
 from analysis.tracker.last_position import PDOP_GATE, LastPosition
 from analysis.tracker.low_pass import LENGTHS, LowPass
-from analysis.tracker.timeline import Gnss
 
 
 def gated(gnss, stored=None, gate=PDOP_GATE):

@@ -8,7 +8,7 @@ acceleration, corrected by a position and the horizontal velocity.
 
 import numpy as np
 
-from analysis.tracker import filters
+from analysis.tracker import kalman
 
 SIGMA_BIAS_WALK = 2e-3  # m/s^2/sqrt(s): a tilt error of 0.1 deg comes and goes in a minute
 SIGMA_BIAS_START = 0.2  # m/s^2: about 1 deg of tilt at the start
@@ -93,7 +93,7 @@ class Fusion:
         """
         if self._stepped != (dt, sigma_a):
             self._model(dt, sigma_a)
-        self.x, self.P = filters.predict(self.x, self.P, self.F, self.Q, accel_n, self.B)
+        self.x, self.P = kalman.predict(self.x, self.P, self.F, self.Q, accel_n, self.B)
 
     def update(self, position, velocity, sigma_p, sigma_v):
         """Take in a fix.
@@ -111,7 +111,7 @@ class Fusion:
         for i in range(5):
             self.R[i, i] = sigma_p * sigma_p if i < 3 else sigma_v * sigma_v
         H, R = self.H[first:last], self.R[first:last, first:last]
-        self.x, self.P, _ = filters.update(self.x, self.P, z, H, R)
+        self.x, self.P, _ = kalman.update(self.x, self.P, z, H, R)
 
     def _model(self, dt, sigma_a):
         """Fill F, B and Q for a step of ``dt``."""

@@ -90,7 +90,7 @@ def update(n, m):
 
 
 def lean_update(n, m):
-    """Count the update of `analysis.tracker.filters`: nothing is multiplied out twice. ::
+    """Count the update of `analysis.tracker.kalman`: nothing is multiplied out twice. ::
 
         K = (H P)' inv(H P H' + R)     P = P - K (H P), then the mean of P and its transpose
 
@@ -125,7 +125,7 @@ def cholesky_inverse(m):
 
 
 def ldl_inverse(m):
-    """Count the inverse by S = L D L', without square roots, as `analysis.tracker.filters` does it.
+    """Count the inverse by S = L D L', without square roots, as `analysis.tracker.kalman` does it.
 
     Returns
     -------

@@ -65,7 +65,7 @@ def replay(timeline, options=None, stored=None, *, progress=False):
 
     Parameters
     ----------
-    timeline : analysis.tracker.timeline.Timeline
+    timeline : analysis.logs.timeline.Timeline
     options : Options, optional
     stored : Stored, optional
         Position that an earlier run left.

@@ -7,7 +7,7 @@ a walk round a car park, IMU at 4 Hz. What the paper leaves open is an assumptio
 `ImuErrors` or of the scenario's arguments, and is written there.
 
 Sensor readings are the specific force and rotation rate of a rigid body on a smooth path, with the
-errors of `analysis.tracker.errors`.
+errors of `analysis.tracker.sensor_errors`.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ import numpy as np
 import pymap3d
 from scipy.spatial.transform import Rotation
 
+from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.noise.models import gauss_markov
-from analysis.tracker.errors import GRAVITY, STARTS, GnssErrors, ImuErrors, courtyard
-from analysis.tracker.timeline import Gnss, Imu, Timeline
+from analysis.tracker.sensor_errors import GRAVITY, STARTS, GnssErrors, ImuErrors, courtyard
 
 ORIGIN = (44.4949, 11.3426, 0.0)  # deg, deg, m: where the simulated logs are laid
 KMH = 1 / 3.6
@@ -62,8 +62,7 @@ def scenario_a(rng, *, minutes=90.0, imu_rate=4.0, gnss=None, imu=None):
     """Simulate scenario A: standing in a courtyard, half the sky hidden.
 
     The errors are published and measured ones, for the paper gives none: a textbook's drift, and
-    after power-on the settling of one of three real receivers (`analysis.tracker.errors`). The PDOP
-    wanders about 2.5.
+    after power-on the settling of one of three real receivers. The PDOP wanders about 2.5.
 
     Parameters
     ----------

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from analysis.intake import clock
-from analysis.intake.layout import CLOCK
+from analysis.logs import clock
+from analysis.logs.layout import CLOCK
 
 UNIX = "unix"  # seconds since 1970
 DAY = "day"  # seconds since some midnight, UTC as far as the log says

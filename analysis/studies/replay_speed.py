@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 
+from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.tracker.replay import replay
-from analysis.tracker.timeline import Gnss, Imu, Timeline
 
 IMU_HZ = 40.0
 
@@ -46,12 +46,12 @@ def nmea_seconds(hours=24.0, *, folder, seed=1):
     float
         Seconds of processor time.
     """
-    from analysis import tracks
+    from analysis.logs import moving
 
     path = folder / "day.nmea"
     path.write_bytes(day(hours, np.random.default_rng(seed)))
     before = time.process_time()
-    replay(tracks.read([path]))
+    replay(moving.read([path]))
     return time.process_time() - before
 
 

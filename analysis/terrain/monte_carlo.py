@@ -6,7 +6,7 @@ attitude error of a cell is N W + B G. All filters of a block of runs are steppe
 does the whole of Figs 8-11 in seconds, less than it takes to start another process, so there is
 none; and what comes out of a run does not depend on the block it is in.
 
-What the paper leaves open is in `analysis.terrain.setup`, each choice with its reason.
+What the paper leaves open is in `analysis.terrain.readings`, each choice with its reason.
 """
 
 from dataclasses import dataclass

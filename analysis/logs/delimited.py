@@ -16,7 +16,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from analysis import CannotAnswer
-from analysis.intake.layout import Layout, data_lines, open_bytes, printable, sniff
+from analysis.logs.layout import Layout, data_lines, open_bytes, printable, sniff
 
 TAIL_BYTES = 1 << 13
 SLOW_BYTES = 50_000_000  # a file beyond this takes longer than a second

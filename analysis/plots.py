@@ -1,12 +1,151 @@
-"""Pictures of the sweeps: a measure of tracking against one coefficient, and the N-B plane."""
+"""Drawing that two notebooks share: panels of a sensor, an Allan plot, sweeps, the N-B plane."""
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.font_manager import findfont, get_font
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from analysis.terrain import tracking
+from analysis import pretty
+from analysis.figures import DOUBLE
+from analysis.noise import graph
+from analysis.terrain import metrics
 
 APART = 0.17  # decades between the numbers of two sensors
+
+
+def plain(text):
+    """Keep a reader's own name from starting a formula, or asking for letters the font lacks."""
+    font = get_font(findfont("DejaVu Sans"))
+    return "".join(c if font.get_char_index(ord(c)) else "?" for c in text).replace("$", r"\$")
+
+
+def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
+    """Draw an Allan deviation with its 95 % band on log-log axes with equal decades.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    curve : AllanCurve
+    unit, label, color : str
+    guides : bool
+        Add the lines of slope -1/2 and +1/2, where the curve has a stretch of that slope.
+    band : bool
+        Shade the 95 % interval.
+    """
+    ax.loglog(curve.tau, curve.adev, color=color, label=label or "overlapped Allan deviation")
+    if band:
+        shade = {"color": color, "alpha": 0.2, "lw": 0}
+        ax.fill_between(
+            curve.tau, curve.low, curve.high, label=None if label else "95 % interval", **shade
+        )
+    if guides:
+        walks = (
+            (graph.white_noise(curve, unit), lambda n: n / np.sqrt(curve.tau), "--", "−1/2"),
+            (
+                graph.rate_random_walk(curve, unit),
+                lambda k: k * np.sqrt(curve.tau / 3),
+                ":",
+                "+1/2",
+            ),
+        )
+        for found, line, style, slope in walks:
+            if found.resolved:
+                y = line(found.value)
+                y = np.where(y > curve.low.min() / 3, y, np.nan)  # a guide, not half the panel
+                ax.plot(curve.tau, y, "0.3", ls=style, lw=0.7, label=f"slope {slope}")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set(xlabel="averaging time τ (s)", ylabel=f"Allan deviation ({pretty(unit)})")
+
+
+def interval_bar(ax, y, estimate, *, scale=1.0, color="C0"):
+    """Draw an estimate over `scale` with its 95 % interval along x; an open side runs to the edge.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Its limits along x must be set.
+    y : float
+        Where on the other axis.
+    estimate : Estimate
+    scale : float
+        What counts as 1.
+    color : str
+    """
+    edges = ax.get_xlim()
+    low, high = ((v / scale if v else None) for v in (estimate.low, estimate.high))
+    ends = [edges[0] if low is None else low, edges[1] if high is None else high]
+    ax.plot(ends, [y, y], color=color, lw=1.5)
+    for end, known, marker in zip(ends, (low, high), ("<", ">"), strict=True):
+        ax.plot(end, y, "|" if known else marker, color=color, ms=6, clip_on=False)
+    if estimate.value is not None:
+        ax.plot(estimate.value / scale, y, "o", color=color, ms=3)
+
+
+def four_panels(noise, title, *, fig=None):
+    """Draw one channel as the comparison paper does (Figs 7-16).
+
+    15 s of data, Allan deviation, the whole log with its straight line, and the autocovariance at
+    several averaging windows with the 1/e level.
+
+    Parameters
+    ----------
+    noise : ChannelNoise
+    title : str
+    fig : matplotlib figure or subfigure, optional
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    fig = fig or plt.figure(figsize=(DOUBLE, 4.6))
+    (short, adev), (whole, acov) = fig.subplots(2, 2)
+    unit = pretty(noise.unit)
+    fig.suptitle(plain(title), fontsize=9)
+    short.plot(*noise.short, color="C0", lw=0.5)
+    short.set(title="first 15 s", xlabel="time (s)", ylabel=f"{plain(noise.name)} ({unit})")
+    allan(adev, noise.allan, noise.unit, guides=True)
+    adev.set_title("Allan deviation")
+    adev.legend()
+    _whole_log(whole, noise, unit)
+    for window, (lag, cov) in noise.autocorrelation.items():
+        acov.plot(lag, cov, lw=0.9, label=f"{window:g} s averages")
+    peak = list(noise.autocorrelation.values())[-1][1][0]
+    acov.axhline(peak / np.e, color="0.4", ls="--", lw=0.7, label="peak of the longest / e")
+    acov.set(title="autocovariance", xlabel="lag (s)", ylabel=f"autocovariance ({unit})²")
+    acov.legend()
+    return fig
+
+
+def together(result):
+    """Draw the Allan deviations of all channels, one panel for each unit.
+
+    Parameters
+    ----------
+    result : StaticResult
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    units = list(dict.fromkeys(c.unit for c in result.channels))
+    fig = plt.figure(figsize=(DOUBLE, 3.2))
+    fig.suptitle(plain(result.source["title"]), fontsize=9)
+    for ax, unit in zip(np.atleast_1d(fig.subplots(1, len(units))), units, strict=True):
+        shown = [c for c in result.channels if c.unit == unit]
+        for i, c in enumerate(shown):
+            allan(ax, c.allan, unit, label=plain(c.name), color=f"C{i}")
+        ax.legend()
+    return fig
+
+
+def _whole_log(ax, noise, unit):
+    t, y = noise.whole
+    mean, slope = noise.line
+    centre = t.mean()
+    ax.plot(t / 3600, y, lw=0.5, color="C0", label="log, averaged")
+    ax.plot(t[[0, -1]] / 3600, mean + slope * (t[[0, -1]] - centre), color="C3", label="line")
+    ax.set(title="whole log", xlabel="time (h)", ylabel=f"{plain(noise.name)} ({unit})")
+    ax.legend()
 
 
 def curves(axes, x, fixed, measured, lost, *, x_label, y_label, curve):
@@ -31,7 +170,7 @@ def curves(axes, x, fixed, measured, lost, *, x_label, y_label, curve):
     for k, value in enumerate(fixed):
         ax.plot(x, measured[0, k], color=colors[k], lw=0.8, label=curve.format(value))
         beside.plot(x, 100 * lost[k], color=colors[k], lw=0.8, label=curve.format(value))
-    middle, low, high = tracking.interval(measured.mean(axis=1))
+    middle, low, high = metrics.interval(measured.mean(axis=1))
     ax.plot(x, middle, color="k", lw=2, label="average of the curves")
     ax.fill_between(x, low, high, color="k", alpha=0.15, lw=0, label="its 95 % interval")
     ax.set(xlabel=x_label, ylabel=y_label, yscale="log")
@@ -156,7 +295,7 @@ def against_price(axes, sensors, mean, variance, fit, draws, printed):
     """
     low, high, middle = (sensors[k].to_numpy(float) for k in ("low", "high", "middle"))
     for ax, measured in zip(axes, (mean, variance), strict=True):
-        value, below, above = tracking.interval(measured)
+        value, below, above = metrics.interval(measured)
         ax.hlines(value, low, high, color="C0", lw=3, alpha=0.35, label="price range")
         ax.vlines(middle, below, above, color="C0", lw=1)
         ax.plot(middle, value, "o", color="C0", label="simulated, 95 %")

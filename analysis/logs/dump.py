@@ -1,6 +1,6 @@
 """A log as the paper's firmware dumped it: NMEA among time stamps, and the IMU as CSV lines.
 
-The tracker paper's Section III-B, backwards: what `analysis.tracks` reads. For the simulated
+The tracker paper's Section III-B, backwards: what `analysis.logs.moving` reads. For the simulated
 scenarios, so that they can go through the same door as a real log.
 """
 

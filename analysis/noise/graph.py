@@ -7,7 +7,8 @@ B = 0.6648 adev; IEEE 952 has B = adev / 0.664, and that is what stands here.
 
 import numpy as np
 
-from analysis.noise.estimate import Estimate, random_walk_unit
+from analysis import Estimate
+from analysis.noise.models import random_walk_unit
 
 FLICKER = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: Allan deviation of flicker noise of unit B
 TOLERANCE = 0.1  # a slope counts as -1/2 or +1/2 within this

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis import CannotAnswer, datasets, roads
-from analysis.intake import survey
+from analysis import CannotAnswer, roads
+from analysis.logs import datasets, surveys
 from analysis.roads import DIRECTIONS, HIGHWAY, HIGHWAY_STEP, LAPS, TRACK, WIDTH, Lap, lap_names
-from analysis.terrain import antennas, profile, steps, track
+from analysis.terrain import antennas, centre_line, steps, terrain_map
 from analysis.terrain.antennas import Mounting
 
 GATE = (40.86217, -77.83619)  # lat, lon, deg: s = 0, in the stretch where the laps begin
-DT = 1.0 / survey.RATE_HZ
+DT = 1.0 / surveys.RATE_HZ
 DRIVES = {
     "to-state-college": "I99_Altoona33_to_StateCollege73_20210123.mat",
     "to-altoona": "I99_StateCollege73_to_Altoona33_20210123.mat",
@@ -30,7 +30,7 @@ def lap_on_map(path, direction):
     Parameters
     ----------
     path : Path
-        As `analysis.intake.survey.lap` reads it.
+        As `analysis.logs.surveys.lap` reads it.
     direction : str
         ``ccw`` or ``cw``.
 
@@ -45,7 +45,7 @@ def lap_on_map(path, direction):
         If the file has no RTK or lacks an antenna, or the lap leaves the map or runs against it.
     """
     line, known = roads.centre_line(direction), roads.provenance()
-    raw = survey.lap(Path(path), GATE)
+    raw = surveys.lap(Path(path), GATE)
     whole = np.stack([antennas.bridge(a) for a in raw.antennas])
     mounting = Mounting(**known["mounting_deg"])
     try:
@@ -65,12 +65,12 @@ def write_track(folder):
 
     Raises
     ------
-    analysis.datasets.NotHere
+    analysis.logs.datasets.NotHere
         If a raw file is not on this machine.
     """
     folder = Path(folder)
     files = {name: f"{TRACK}/mapping_van_2024-08-05-{name}_merged.mat" for name in LAPS}
-    raw = {name: survey.lap(datasets.path(file), GATE) for name, file in files.items()}
+    raw = {name: surveys.lap(datasets.path(file), GATE) for name, file in files.items()}
     whole = {n: np.stack([antennas.bridge(a) for a in lap.antennas]) for n, lap in raw.items()}
     rounds = {n: _round_of(lap) for n, lap in whole.items()}
     mounting = antennas.calibrate(*([rounds[n] for n in lap_names(d)] for d in DIRECTIONS), DT)
@@ -83,7 +83,7 @@ def write_track(folder):
         _write_table(folder / f"lap-{n}.csv", vars(laps[n]), ("s_m", "wheel_m"))
     for d, line in lines.items():
         own = [vars(laps[n]) for n in lap_names(d)]
-        made = profile.combine(profile.lap_curves(own, line, WIDTH), line)
+        made = terrain_map.combine(terrain_map.lap_curves(own, line, WIDTH), line)
         _write_table(folder / f"profile-{d}.csv", vars(made), ("s_m", "east_m", "north_m"))
     said = {
         "title": "Larson Institute test track, six laps of a van with three RTK antennas",
@@ -100,18 +100,18 @@ def write_track(folder):
 
 def _round_of(lap):
     east, north, _ = lap[1:].mean(axis=0).T
-    return lap[:, track.first_round(east, north)]
+    return lap[:, centre_line.first_round(east, north)]
 
 
 def _line(laps):
     middles = [lap[1:].mean(axis=0) for lap in laps]
-    return track.centre_line([(m[:, 0], m[:, 1]) for m in middles], (0.0, 0.0))
+    return centre_line.centre_line([(m[:, 0], m[:, 1]) for m in middles], (0.0, 0.0))
 
 
 def _lap(name, direction, raw, whole, line, mounting):
     """Lay a lap on its centre line; its wheel_m is still in counts."""
     middle = whole[1:].mean(axis=0)
-    s, offset = track.along(line, middle[:, 0], middle[:, 1])
+    s, offset = centre_line.along(line, middle[:, 0], middle[:, 1])
     _, pitch, roll = antennas.attitude(*whole, mounting)
     known = np.flatnonzero(np.isfinite(s))
     part = slice(known[0], known[-1] + 1)
@@ -204,14 +204,14 @@ def write_highway(folder):
 
     Raises
     ------
-    analysis.datasets.NotHere
+    analysis.logs.datasets.NotHere
         If a raw file is not on this machine.
     """
     folder = Path(folder)
     files = {name: f"{HIGHWAY}/{file}" for name, file in DRIVES.items()}
     about = {}
     for name, file in files.items():
-        drive = survey.highway(datasets.path(file))
+        drive = surveys.highway(datasets.path(file))
         xyz = {c: drive[c].to_numpy() for c in ("east_m", "north_m", "height_m")}
         moved = np.hypot(np.diff(xyz["east_m"]), np.diff(xyz["north_m"]))
         s = np.concatenate([[0.0], np.cumsum(moved)])

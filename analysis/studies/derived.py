@@ -1,9 +1,9 @@
 """Results computed from the raw logs, committed so that no notebook needs the raw files.
 
 ``data/derived/<name>/`` holds tables (CSV) and their provenance (JSON: source, licence, sha256 of
-the raw files, the command). Static logs have what `analysis.results.write` writes, the roads what
-`analysis.surveys` does, the tracker's rides what `analysis.tables` does. `rebuild` computes a
-folder again from the raw files and compares.
+the raw files, the command). Static logs have what `analysis.results.write` writes, the roads
+what `analysis.studies.surveys` does, the tracker's rides what `analysis.tables` does. `rebuild`
+computes a folder again from the raw files and compares.
 """
 
 import json
@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis import DATA, CannotAnswer, logs, results, roads, surveys, tables
+from analysis import DATA, CannotAnswer, logs, results, roads, tables
+from analysis.studies import surveys
 
 FOLDER = DATA / "derived"
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen

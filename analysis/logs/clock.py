@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from analysis import WrongUsage
-from analysis.intake.layout import printable
-from analysis.intake.timing import BadStamps
+from analysis.logs.grid import BadStamps
+from analysis.logs.layout import printable
 
 SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 WORDS = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.intake import clock, columns, formats
-from analysis.intake.delimited import Table
-from analysis.intake.layout import CLOCK
-from analysis.intake.timing import BadStamps
+from analysis.logs import clock, columns, formats
+from analysis.logs.delimited import Table
+from analysis.logs.grid import BadStamps
+from analysis.logs.layout import CLOCK
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import CannotAnswer, WrongUsage, datasets
-from analysis.intake import columns, formats, timing
-from analysis.intake.catalogue import catalogue, check_unit, find
-from analysis.intake.columns import Choice
-from analysis.intake.delimited import Table
-from analysis.intake.layout import printable
-from analysis.intake.stretch import Stretch, cut, naming
-from analysis.intake.timing import MISSING_ALLOWED, Grid
+from analysis import CannotAnswer, WrongUsage
+from analysis.logs import columns, datasets, formats
+from analysis.logs import grid as timing
+from analysis.logs.catalogue import catalogue, check_unit, find
+from analysis.logs.columns import Choice
+from analysis.logs.delimited import Table
+from analysis.logs.grid import MISSING_ALLOWED, Grid
+from analysis.logs.layout import printable
+from analysis.logs.stretch import Stretch, cut, naming
 
 __all__ = ["Channel", "Log", "catalogue", "read"]
 
@@ -121,7 +122,7 @@ def read(
     columns : sequence of str or int, optional
         The channels, likewise; all whose unit is known if left out.
     unit, kind : str, optional
-        For columns whose name has no unit; see `analysis.intake.columns.choose`.
+        For columns whose name has no unit; see `analysis.logs.columns.choose`.
     start, stop : float, optional
         Seconds from the first row.
 

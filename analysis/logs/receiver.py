@@ -5,9 +5,9 @@ import datetime
 import numpy as np
 
 from analysis import CannotAnswer
-from analysis.intake import clock, layout, moments, nmea
-from analysis.intake.timing import BadStamps
-from analysis.tracker.timeline import Gnss
+from analysis.logs import clock, layout, moments, nmea
+from analysis.logs.grid import BadStamps
+from analysis.logs.timeline import Gnss
 
 PDOP_HOLD_S = 10.0  # receivers that save on sentences give a GSA every few seconds only
 STEP_BACK_S = 5.0  # a receiver that sets its clock back by less is believed to have set it right

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis import noise_speed, replay_speed, roads
-from analysis.terrain import setup, sweep
+from analysis import roads
+from analysis.studies import noise_speed, replay_speed
+from analysis.terrain import monte_carlo, readings
 from analysis.terrain.attitude_map import AttitudeMap
 from analysis.terrain.ukf import Ukf
 
@@ -91,10 +92,10 @@ def figures_8_to_11():
     Measured
     """
     attitude_map, length = road()
-    arw, sigma_b = (np.concatenate(pair) for pair in zip(*setup.figure_grids(), strict=True))
-    reading = setup.paper_setup(length)
+    arw, sigma_b = (np.concatenate(pair) for pair in zip(*readings.figure_grids(), strict=True))
+    reading = readings.paper_setup(length)
     start = time.perf_counter()
-    found = sweep.laps(attitude_map, arw, sigma_b, reading, runs=100, seed=SEED)
+    found = monte_carlo.laps(attitude_map, arw, sigma_b, reading, runs=100, seed=SEED)
     seconds = time.perf_counter() - start
     yield Measured("Figs 8-11 in full, one core", seconds, "s", "<= 30")
     steps = found.error[..., 0].size * (reading.samples - 1)

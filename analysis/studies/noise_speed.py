@@ -6,7 +6,7 @@ from resource import RUSAGE_SELF, getrusage
 import numpy as np
 
 from analysis import results
-from analysis.logs import Channel, Log
+from analysis.logs.static import Channel, Log
 from analysis.noise.allan import allan_deviation, allantools_deviation, cluster_sizes
 from analysis.noise.inference import infer
 from analysis.noise.models import UnifiedModel

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from analysis import CannotAnswer, datasets
-from analysis.tracker.timeline import Gnss, Imu, Timeline
+from analysis import CannotAnswer
+from analysis.logs import datasets
+from analysis.logs.timeline import Gnss, Imu, Timeline
 
 GRAVITY = 9.80665  # m/s^2
 KMH = 1 / 3.6

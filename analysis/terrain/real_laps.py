@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import CannotAnswer, roads, surveys
-from analysis.terrain import sweep
+from analysis import CannotAnswer, roads
+from analysis.studies import surveys
+from analysis.terrain import monte_carlo
 from analysis.terrain.attitude_map import AttitudeMap, MapOfEach
 
 MARGIN = 400.0  # m of the map before and after a lap: laps run up to 1.15 times round
@@ -23,7 +24,7 @@ def attitude_map(profile, channels=("pitch",), margin=MARGIN):
 
     Parameters
     ----------
-    profile : analysis.terrain.profile.Profile
+    profile : analysis.terrain.terrain_map.Profile
     channels : sequence of {"pitch", "roll"}
     margin : float, m
 
@@ -42,13 +43,13 @@ def find(source, direction=None):
     ----------
     source : str or Path
         One of `roads.lap_names`, on the map of the others of its direction; or a raw file of the
-        van, on the map of all committed laps (`analysis.surveys.lap_on_map`).
+        van, on the map of all committed laps (`analysis.studies.surveys.lap_on_map`).
     direction : {"ccw", "cw"}, optional
         Of a raw file: the way round it was driven.
 
     Returns
     -------
-    analysis.roads.Lap, analysis.terrain.profile.Profile
+    analysis.roads.Lap, analysis.terrain.terrain_map.Profile
 
     Raises
     ------
@@ -107,7 +108,7 @@ def track(
         Of `find`.
     arw, sigma_b : array_like, shape (cells,)
         deg/sqrt(s), deg/s.
-    setup : analysis.terrain.setup.Setup
+    setup : analysis.terrain.readings.Setup
         Its speed, lap and odometry errors do not count: those are real here. ``R`` may have the
         shape (cells, laps).
     runs : int
@@ -122,8 +123,8 @@ def track(
     Returns
     -------
     list of (laps, reckoned)
-        For each lap an `analysis.terrain.sweep.Laps`, and the error of its odometry alone from the
-        true first position: ndarray, shape (times,), m.
+        For each lap an `analysis.terrain.monte_carlo.Laps`, and the error of its odometry alone
+        from the true first position: ndarray, shape (times,), m.
 
     Raises
     ------
@@ -147,7 +148,7 @@ def track(
         setup = replace(setup, R=np.repeat(setup.R, runs, axis=1))
     each = MapOfEach([road for road in maps for _ in streams])
     first = truth[0] + np.tile(off, len(maps))
-    laps = sweep.follow(each, truth, attitude, first, moved, paths, arw, sigma_b, setup, look)
+    laps = monte_carlo.follow(each, truth, attitude, first, moved, paths, arw, sigma_b, setup, look)
     return [_one(laps, k, runs, *d[:2], setup.rate_hz) for k, d in enumerate(drives)]
 
 
@@ -155,7 +156,7 @@ def _runs_of(drive, samples, setup, streams):
     """Repeat a drive for its runs, draw their gyros, and let all of it stand still at the end."""
     truth, moved, attitude = drive
     n, runs = len(truth), len(streams)
-    walk, bias = sweep.attitude_errors(setup, len(attitude), streams, samples=n)
+    walk, bias = monte_carlo.attitude_errors(setup, len(attitude), streams, samples=n)
     more = ((0, samples - n), (0, 0))
     return (
         np.pad(np.tile(truth[:, None], runs), more, mode="edge"),
@@ -170,7 +171,7 @@ def _one(laps, k, runs, truth, moved, rate_hz):
     """Take one lap out of those that were tracked together."""
     part, at = slice(k * runs, (k + 1) * runs), np.round(laps.t * rate_hz).astype(int)
     at = at[at < len(truth)]
-    alone = sweep.Laps(
+    alone = monte_carlo.Laps(
         laps.t[: len(at)],
         truth[at],
         laps.error[:, part, : len(at)],

@@ -3,10 +3,10 @@
 import numpy as np
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.intake import clock, columns, delimited, moments, quantities
-from analysis.intake.layout import CLOCK
-from analysis.intake.timing import BadStamps
-from analysis.tracker.timeline import Gnss, Imu
+from analysis.logs import clock, columns, delimited, moments, quantities
+from analysis.logs.grid import BadStamps
+from analysis.logs.layout import CLOCK
+from analysis.logs.timeline import Gnss, Imu
 
 SENSOR_GAPS = 0.01  # share of IMU rows that may lack a value, or step back
 NEEDED = {

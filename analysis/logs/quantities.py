@@ -5,8 +5,8 @@ import re
 import numpy as np
 
 from analysis import WrongUsage
-from analysis.intake import clock, columns
-from analysis.intake.columns import IN_M_S2
+from analysis.logs import clock, columns
+from analysis.logs.columns import IN_M_S2
 
 _NAMES = (  # what a name says, once its unit is off
     ("lat", r"(gps_?|location_?)?lat(itude)?"),

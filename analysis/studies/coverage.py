@@ -14,11 +14,11 @@ import pandas as pd
 from scipy.stats import norm
 from tqdm import tqdm
 
-from analysis import DATA, WrongUsage, table_one
-from analysis.noise import reading, recipe
+from analysis import DATA, Estimate, WrongUsage
+from analysis.noise import graph as reading
+from analysis.noise import recipes, table_one
 from analysis.noise.allan import allan_deviation
 from analysis.noise.drift import linear_drift
-from analysis.noise.estimate import Estimate
 from analysis.noise.fit import UNIFIED
 from analysis.noise.inference import infer
 from analysis.noise.line import fit_line
@@ -123,8 +123,8 @@ def ask(stream, model, dt, kind, hours, classical):
         ends = (None if v is None else v * per_sample for v in (graph.value, graph.low, graph.high))
         value, low, high = ends
         found.append(_row("graph", "sigma_v", replace(graph, value=value, low=low, high=high), ""))
-        followed = recipe.autocorrelation_recipe(residual, dt)
-        fitted = recipe.five_coefficients(curve)["white"] * per_sample
+        followed = recipes.autocorrelation_recipe(residual, dt)
+        fitted = recipes.five_coefficients(curve)["white"] * per_sample
         found += [
             _bare("1/e", p, getattr(followed, p)) for p in ("sigma_v", "sigma_b", "corr_time")
         ]

@@ -1,18 +1,18 @@
 """The tracker's blocks on real logs, as tables small enough to commit; see `analysis.tables`.
 
-Each function replays one log of `analysis.field`. Positions are metres north and east of a mean,
-not coordinates, and no table holds a raw log.
+Each function replays one log of `analysis.studies.field`. Positions are metres north and east
+of a mean, not coordinates, and no table holds a raw log.
 """
 
 import numpy as np
 import pandas as pd
 import pymap3d
 
-from analysis import field
+from analysis.logs.timeline import turn_imu
+from analysis.studies import field
 from analysis.tracker.evaluate import wrapped
 from analysis.tracker.regression import mounting_angle
 from analysis.tracker.replay import Options, replay
-from analysis.tracker.timeline import turn_imu
 
 PARKED = (3744.0, 5009.0)  # s: the longest stand of the drive, 1265 s with a speed of zero
 STEP_DEG = 30.0  # between the known angles by which an IMU is turned

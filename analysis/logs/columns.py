@@ -113,7 +113,7 @@ def resolve(wanted: str | int, names: Sequence[str], file: str) -> str:
 def once(names, header, file: str, wanted=None) -> tuple[list[str], list[str]]:
     """Leave out, or refuse where it is wanted, what the header calls as a column before it.
 
-    `analysis.intake.layout` tells them apart by their number: ``gyro_x_deg_s.3``.
+    `analysis.logs.layout` tells them apart by their number: ``gyro_x_deg_s.3``.
 
     Returns
     -------

@@ -112,7 +112,7 @@ def lap_curves(laps, line, width):
     ----------
     laps : sequence of dict
         ``s_m`` and the `QUANTITIES`, each ndarray (n,).
-    line : analysis.terrain.track.CentreLine
+    line : analysis.terrain.centre_line.CentreLine
     width : float
         m
 
@@ -133,7 +133,7 @@ def combine(curves, line, between=None):
     ----------
     curves : dict of ndarray, shape (laps, grid)
         As from `lap_curves`; NaN where a lap has a gap.
-    line : analysis.terrain.track.CentreLine
+    line : analysis.terrain.centre_line.CentreLine
     between : dict of float, optional
         Variance between laps of each quantity, from elsewhere; a single lap needs it.
 
@@ -190,7 +190,7 @@ def held_out(laps, line, width):
     ----------
     laps : sequence of dict
         As for `lap_curves`.
-    line : analysis.terrain.track.CentreLine
+    line : analysis.terrain.centre_line.CentreLine
     width : float
         m
 
@@ -218,7 +218,7 @@ def binned(curves, line, size):
     Parameters
     ----------
     curves : ndarray, shape (laps, grid)
-    line : analysis.terrain.track.CentreLine
+    line : analysis.terrain.centre_line.CentreLine
     size : float
         m
 

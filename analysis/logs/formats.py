@@ -16,10 +16,10 @@ import rdata
 from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.intake import delimited, layout
-from analysis.intake.clock import unwrap_clock
-from analysis.intake.delimited import Table
-from analysis.intake.nmea import SENTENCE, seconds_of_day, sentences
+from analysis.logs import delimited, layout
+from analysis.logs.clock import unwrap_clock
+from analysis.logs.delimited import Table
+from analysis.logs.nmea import SENTENCE, seconds_of_day, sentences
 
 _PHONE = {  # the app's column -> ours; position and attitude are what the notebooks use
     "latitude": "lat_deg",
@@ -31,7 +31,7 @@ _PHONE = {  # the app's column -> ours; position and attitude are what the noteb
 
 
 def csv(path: Path, variable: str | None = None) -> Table:
-    """Read a delimited text file; see `analysis.intake.delimited.read`."""
+    """Read a delimited text file; see `analysis.logs.delimited.read`."""
     return delimited.read(path)
 
 

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import CannotAnswer, WrongUsage, datasets
-from analysis.intake import formats, layout, moments, moving, receiver
-from analysis.intake.catalogue import catalogue, find
-from analysis.intake.columns import resolve
+from analysis import CannotAnswer, WrongUsage
+from analysis.logs import datasets, formats, layout, moments, moving_csv, receiver
+from analysis.logs.catalogue import catalogue, find
+from analysis.logs.columns import resolve
+from analysis.logs.timeline import Timeline
 from analysis.output import check_folder, writing
 from analysis.tracker import last_position
-from analysis.tracker.timeline import Timeline
 
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
 DECIMALS = {  # as good as each column can be; a millimetre of position
@@ -124,7 +124,7 @@ def _read_one(path, wanted):
         if formats.sniff(path) == "nmea":
             gnss, stamps, start, notes = receiver.read(path)
             return [(gnss, stamps)], notes, start
-        gnss, gnss_stamps, imu, imu_stamps, notes = moving.read(path, wanted)
+        gnss, gnss_stamps, imu, imu_stamps, notes = moving_csv.read(path, wanted)
     except PermissionError as error:
         raise WrongUsage(f"{path.name} may not be read by this user; change its mode") from error
     parts = [(gnss, gnss_stamps), (imu, imu_stamps)]

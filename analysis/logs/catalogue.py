@@ -4,9 +4,10 @@ import difflib
 import tomllib
 from pathlib import Path
 
-from analysis import DATA, WrongUsage, datasets
-from analysis.intake.columns import unit_of
-from analysis.intake.formats import READERS
+from analysis import DATA, WrongUsage
+from analysis.logs import datasets
+from analysis.logs.columns import unit_of
+from analysis.logs.formats import READERS
 
 CATALOGUE = DATA / "logs.toml"
 OWN = DATA / "own" / "logs.toml"

@@ -1,1 +1,0 @@
-"""The way in, behind `analysis.logs`: formats, columns and units, time stamps, the catalogue."""

@@ -1,0 +1,1 @@
+"""Long computations run by hand: coverage, benchmark, rebuilding data/derived."""
