@@ -5,8 +5,10 @@ table cannot differ from the picture. Each carries its provenance: notebook, see
 by sha256, versions; never a path and never a date, so the same inputs give the same bytes.
 """
 
+import io
 import json
 import os
+import re
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,8 +17,11 @@ import matplotlib.pyplot as plt  # noqa: F401 - the notebooks draw with it, as f
 import numpy as np
 import pandas as pd
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+from matplotlib.container import ErrorbarContainer
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
-from analysis import ROOT
+from analysis import ROOT, WrongUsage
 
 SINGLE, DOUBLE = 3.5, 7.2  # widths, in
 STYLE = {
@@ -35,9 +40,11 @@ STYLE = {
     "lines.markersize": 3,
     "figure.dpi": 90,  # inside a notebook; files have their own
     "figure.constrained_layout.use": True,
-    "savefig.dpi": 220,
+    "savefig.dpi": 200,
     "pdf.fonttype": 42,
 }
+DENSE = 2000  # points of an artist: more are thinned to what the picture can show
+STRICT = False  # until every notebook names what it plots
 VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools", "inertial-compendium")
 
 
@@ -56,14 +63,22 @@ def folder():
     return Path(os.environ.get("COMPENDIUM_FIGURES", ROOT / "figures"))
 
 
-def save(fig, name, *, seed=None, data=(), to=None, **parameters):
-    """Save a figure as PDF, PNG and CSV with its provenance inside.
+def save(fig, name, caption="", series=(), *, seed=None, data=(), to=None, **parameters):
+    """Save a figure as PDF, PNG and CSV with its caption and provenance inside.
+
+    Points that lie under one dot of the picture are left out first, so that the table holds what
+    the picture shows; dense clouds become dots in the PDF too.
 
     Parameters
     ----------
     fig : matplotlib.figure.Figure
     name : str
         Starts with the number of its notebook: ``"22-variance-vs-arw"``.
+    caption : str
+        One or two sentences: what is shown, and under which condition.
+    series : sequence of str, optional
+        Names, in drawing order, of the artists that have no label. A label that begins with an
+        underscore (``label="_one sigma"``) names an artist too and keeps it out of the legend.
     seed : int, optional
         Seed of the random numbers behind it.
     data : dict of str, optional
@@ -72,25 +87,112 @@ def save(fig, name, *, seed=None, data=(), to=None, **parameters):
         Folder; by default `folder`.
     **parameters
         Whatever else decided what is plotted.
+
+    Raises
+    ------
+    WrongUsage
+        If an artist has no name, or an axis no label.
     """
     to = folder() if to is None else Path(to)
     to.mkdir(parents=True, exist_ok=True)
-    origin = provenance(name, seed, dict(data), parameters)
-    text = json.dumps(origin, ensure_ascii=False)
-    table = plotted_numbers(fig)
-    lines = [f"# {key}: {json.dumps(value, ensure_ascii=False)}" for key, value in origin.items()]
-    csv = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     with mpl.rc_context({k: STYLE[k] for k in ("savefig.dpi", "pdf.fonttype")}):
-        fig.savefig(to / f"{name}.png", metadata={"Description": text})
+        fig.draw_without_rendering()  # lays it out: from here on a point has a place in dots
         # Laid out once: PDF and notebook show the same, and sooner.
         with mpl.rc_context({"figure.constrained_layout.use": False}):
             fig.set_layout_engine(None)
+        for ax in fig.axes:
+            thin(ax, STYLE["savefig.dpi"] / fig.dpi)
+        table = plotted_numbers(fig, series)
+        origin = provenance(name, caption, seed, dict(data), parameters) | {"axes": axes_of(fig)}
+        text = json.dumps(origin, ensure_ascii=False)
+        picture = io.BytesIO()
+        fig.savefig(picture, format="png")
         fig.savefig(to / f"{name}.pdf", metadata={"CreationDate": None, "Subject": text})
     fig.stale = False  # drawn, so that the end of a notebook's cell does not draw it once more
+    inside = PngInfo()
+    inside.add_itxt("Description", text)
+    # 256 colours hold a plot without loss to the eye, in a third of the bytes.
+    colours = Image.open(picture).convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, dither=0)
+    colours.save(to / f"{name}.png", optimize=True, pnginfo=inside, dpi=(STYLE["savefig.dpi"],) * 2)
+    lines = [f"# {key}: {json.dumps(value, ensure_ascii=False)}" for key, value in origin.items()]
+    csv = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     (to / f"{name}.csv").write_text("\n".join(lines) + "\n" + csv, encoding="utf-8")
 
 
-def provenance(name, seed, data, parameters):
+def thin(ax, dots):
+    """Leave out the points of dense artists that lie under one dot, and rasterise such artists.
+
+    Of a curve with rising x the first, last, lowest and highest point of each column of dots
+    stay, so that the picture is the same; of a path or a cloud one point in each dot.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Laid out.
+    dots : float
+        Dots of the saved picture for one of the figure.
+    """
+
+    def at(x, y):
+        return np.floor(dots * ax.transData.transform(np.column_stack([x, y])))
+
+    for line in ax.lines:
+        if line.get_transform() != ax.transData:
+            continue
+        x, y = (np.asarray(v, dtype=float) for v in line.get_data(orig=False))
+        if x.size > DENSE:
+            cloud = line.get_linestyle() in ("None", "", " ")
+            rising = (np.diff(x[np.isfinite(x)]) >= 0).all()
+            if rising and not cloud:
+                keep = _outline(at(x, y), y)
+            else:
+                keep = _one_a_dot(at(x, y), joined=not cloud)
+            line.set_data(x[keep], y[keep])
+            line.set_rasterized(cloud)
+    for collection in ax.collections:
+        if isinstance(collection, PathCollection):
+            xy = np.asarray(collection.get_offsets(), dtype=float)
+            colours, sizes = collection.get_array(), collection.get_sizes()
+            if len(xy) > DENSE:
+                keep = _one_a_dot(at(*xy.T))
+                collection.set_offsets(xy[keep])
+                if colours is not None:
+                    collection.set_array(colours[keep])
+                if len(sizes) == len(xy):
+                    collection.set_sizes(sizes[keep])
+                collection.set_rasterized(True)
+        elif isinstance(collection, PolyCollection):
+            parts = [_edges(path) for path in collection.get_paths()]
+            if any(len(x) > DENSE for x, _, _ in parts):
+                kept = []
+                for x, low, high in parts:
+                    ends = (_outline(at(x, edge), edge) for edge in (low, high))
+                    keep = np.union1d(*ends)
+                    x, low, high = x[keep], low[keep], high[keep]
+                    kept.append(np.column_stack([np.r_[x, x[::-1]], np.r_[low, high[::-1]]]))
+                collection.set_verts(kept)
+
+
+def _outline(at, y):
+    """Index the first, last, lowest and highest point in each column of dots, and the gaps."""
+    column = at[:, 0]
+    gap = ~np.isfinite(at).all(axis=1)
+    rows = pd.DataFrame({"column": np.where(gap, np.nan, column), "y": np.where(gap, np.nan, y)})
+    groups = rows.groupby("column")["y"]
+    number = rows.index.to_series().groupby(rows["column"])
+    first_gaps = np.flatnonzero(gap & ~np.r_[False, gap[:-1]])
+    found = (number.first(), number.last(), groups.idxmin(), groups.idxmax(), first_gaps)
+    return np.unique(np.concatenate([np.asarray(f, dtype=int) for f in found]))
+
+
+def _one_a_dot(at, *, joined=False):
+    """Index the first point in each dot, or where `joined` at each step into another dot."""
+    place = pd.DataFrame(at)
+    again = (place == place.shift()).all(axis=1) if joined else place.duplicated()
+    return np.flatnonzero(~again)
+
+
+def provenance(name, caption, seed, data, parameters):
     """Collect where a figure is from.
 
     Returns
@@ -99,60 +201,143 @@ def provenance(name, seed, data, parameters):
     """
     number = name.split("-", 1)[0]
     notebooks = sorted((ROOT / "notebooks").glob(f"{number}-*.ipynb"))
-    origin = {"figure": name, "notebook": notebooks[0].stem if notebooks else None, "seed": seed}
+    origin = {"figure": name, "caption": caption, "notebook": None, "seed": seed}
+    origin |= {"notebook": notebooks[0].stem} if notebooks else {}
     origin |= {"parameters": parameters, "data": data}
     return origin | {"versions": {package: version(package) for package in VERSIONS}}
 
 
-def plotted_numbers(fig):
+def plotted_numbers(fig, series=()):
     """Gather every number that a figure shows, in the order of its panels.
+
+    Parameters
+    ----------
+    fig : matplotlib.figure.Figure
+    series : sequence of str, optional
+        Names of the artists that have no label, in drawing order.
 
     Returns
     -------
     pandas.DataFrame
-        Columns panel, series, x, y, y2: a point (x, y), or a band or bar from y to y2.
+        Columns panel, series, kind, x, y, y2: a point (x, y), or a band or bar from y to y2.
+
+    Raises
+    ------
+    WrongUsage
+        If there are more or fewer artists without a label than names.
     """
-    rows = []
-    for number, ax in enumerate(fig.axes):
-        panel = ax.get_title() or ax.get_title("left") or ax.get_ylabel() or f"panel {number + 1}"
-        panel = f"{number + 1}: {' '.join(panel.split())}"
+    names, rows, unnamed = iter(series), [], []
+    for panel, ax in _panels(fig):
         for kind, label, x, y, y2 in _shown(ax):
-            part = {"panel": panel, "series": label or kind, "x": x, "y": y, "y2": y2}
-            rows.append(pd.DataFrame(part))
-    columns = ["panel", "series", "x", "y", "y2"]
+            label = label or next(names, "")
+            unnamed += [] if label else [f"{kind} in panel {panel}"]
+            part = {"panel": panel, "series": label or kind, "kind": kind}
+            rows.append(pd.DataFrame(part | {"x": x, "y": y, "y2": y2}))
+    left = list(names)
+    if left or (unnamed and STRICT):
+        what = f"{len(left)} names too many" if left else f"no name for {unnamed[0]}"
+        raise WrongUsage(f"{what}: label each artist, or name in order those without a label")
+    columns = ["panel", "series", "kind", "x", "y", "y2"]
     return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame(columns=columns)
+
+
+def axes_of(fig):
+    """Give what is plotted along each panel's axes, with its unit: panel -> [x, y].
+
+    Returns
+    -------
+    dict of str, list
+
+    Raises
+    ------
+    WrongUsage
+        If an axis has no label.
+    """
+    found = {}
+    for panel, ax in _panels(fig):
+        labels = []
+        for which in "xy":
+            alike = [ax, *getattr(ax, f"get_shared_{which}_axes")().get_siblings(ax)]
+            words = (" ".join(getattr(a, f"get_{which}label")().split()) for a in alike)
+            outer = getattr(fig, f"get_sup{which}label")()
+            label = next((w for w in words if w), outer)
+            if not label and STRICT:
+                raise WrongUsage(f"panel {panel}: the {which} axis has no label")
+            labels.append(label)
+        found[panel] = labels
+    return found
+
+
+def _panels(fig):
+    """Yield number and title of each panel that shows data, and its axes."""
+    for number, ax in enumerate(fig.axes):
+        if not ax.get_visible() or next(_shown(ax), None) is None:
+            continue
+        title = ax.get_title() or ax.get_title("left") or ax.get_ylabel() or f"panel {number + 1}"
+        yield f"{number + 1}: {' '.join(title.split())}", ax
 
 
 def _shown(ax):
     """Yield (kind, label, x, y, y2) of each artist with data of its own."""
+    whole = {id(part): _label(c) for c in ax.containers for part in _parts(c)}
+
+    def name(artist):
+        return whole.get(id(artist)) or _label(artist)
+
     for line in ax.lines:
         if line.get_transform() == ax.transData:
             x, y = (np.atleast_1d(np.asarray(v, dtype=object)) for v in line.get_data(orig=False))
-            yield "line", _label(line), x.astype(float), y.astype(float), np.nan
+            yield (
+                "line",
+                name(line),
+                x.astype(float),
+                y.astype(float),
+                np.nan,
+            )
     for collection in ax.collections:
         if isinstance(collection, PathCollection):
             xy = np.asarray(collection.get_offsets(), dtype=float)
-            yield "points", _label(collection), xy[:, 0], xy[:, 1], np.nan
+            yield "points", name(collection), xy[:, 0], xy[:, 1], np.nan
         elif isinstance(collection, PolyCollection):
             for path in collection.get_paths():
-                x, at = np.unique(path.vertices[:, 0], return_inverse=True)
-                low, high = np.full(len(x), np.inf), np.full(len(x), -np.inf)
-                np.minimum.at(low, at, path.vertices[:, 1])
-                np.maximum.at(high, at, path.vertices[:, 1])
-                yield "band", _label(collection), x, low, high
+                yield "band", name(collection), *_edges(path)
         elif isinstance(collection, LineCollection):
             segments = [s for s in collection.get_segments() if len(s)]
             if segments:
                 ends = np.array([[s[0, 0], s[0, 1], s[-1, 1]] for s in segments])
-                yield "bars", _label(collection), ends[:, 0], ends[:, 1], ends[:, 2]
+                yield (
+                    "bars",
+                    name(collection),
+                    ends[:, 0],
+                    ends[:, 1],
+                    ends[:, 2],
+                )
     for container in ax.containers:
         if hasattr(container, "patches"):
             boxes = [patch.get_bbox() for patch in container.patches]
             x = np.array([(box.x0 + box.x1) / 2 for box in boxes])
             ends = np.array([[box.y0, box.y1] for box in boxes])
-            yield "bars", _label(container), x, ends[:, 0], ends[:, 1]
+            yield "bars", name(container), x, ends[:, 0], ends[:, 1]
+
+
+def _parts(container):
+    """Lines and bars of error bars, which share one label."""
+    if not isinstance(container, ErrorbarContainer):
+        return []
+    middle, caps, bars = container.lines
+    return [*([middle] if middle else []), *caps, *bars]
+
+
+def _edges(path):
+    """Lower and upper edge of a band at each x."""
+    x, at = np.unique(path.vertices[:, 0], return_inverse=True)
+    low, high = np.full(len(x), np.inf), np.full(len(x), -np.inf)
+    np.minimum.at(low, at, path.vertices[:, 1])
+    np.maximum.at(high, at, path.vertices[:, 1])
+    return x, low, high
 
 
 def _label(artist):
+    """Name of an artist; what matplotlib itself gave (_child3, _nolegend_) is none."""
     label = str(artist.get_label())
-    return "" if label.startswith("_") else label
+    return "" if re.match(r"_(child|container|nolegend)", label) else label.removeprefix("_")

@@ -11,10 +11,17 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from analysis import ROOT, Estimate, figures, plots
+from analysis import ROOT, Estimate, WrongUsage, figures, plots
 
 NAME = "90-test"
+CAPTION = "Deviation of a sensor at rest (95 % bands)."
 ORIGIN = {"seed": 7, "data": {"my.csv": "ab" * 32}, "rate_hz": 20.0, "note": "σ of ten runs"}
+
+
+@pytest.fixture(autouse=True)
+def strict(monkeypatch):
+    """Refuse what has no name."""
+    monkeypatch.setattr(figures, "STRICT", True)
 
 
 def example():
@@ -22,9 +29,9 @@ def example():
     fig = Figure(figsize=(3.5, 2))
     left, right = fig.subplots(1, 2)
     left.loglog([0.01, 1.0, 100.0], [3.0, 0.3, 0.03], label="curve")
-    left.set_title("Allan\ndeviation")
+    left.set(title="Allan\ndeviation", xlabel="averaging time τ (s)", ylabel="deviation (°/s)")
     right.scatter([1, 2], [3, 4], label="points")
-    right.set_ylabel("north (m)")
+    right.set(xlabel="east (m)", ylabel="north (m)")
     return fig
 
 
@@ -46,9 +53,9 @@ def axes():
 def saved(tmp_path_factory):
     """Save the example twice, under different settings, into two folders."""
     folders = [tmp_path_factory.mktemp("figures") / "deep" for _ in range(2)]
-    figures.save(example(), NAME, to=folders[0], **ORIGIN)
+    figures.save(example(), NAME, CAPTION, to=folders[0], **ORIGIN)
     with mpl.rc_context({"savefig.dpi": 30, "pdf.fonttype": 3}):
-        figures.save(example(), NAME, to=folders[1], **ORIGIN)
+        figures.save(example(), NAME, CAPTION, to=folders[1], **ORIGIN)
     return folders
 
 
@@ -79,10 +86,17 @@ def test_provenance_is_in_all_three(saved):
     found = provenance(saved[0])
     assert found["png"] == found["pdf"] == found["csv"]
     origin = found["csv"]
-    assert list(origin) == ["figure", "notebook", "seed", "parameters", "data", "versions"]
+    assert list(origin) == [
+        "figure", "caption", "notebook", "seed", "parameters", "data", "versions", "axes"
+    ]  # fmt: skip
     assert (origin["figure"], origin["notebook"], origin["seed"]) == (NAME, "90-your-own-log", 7)
     assert origin["parameters"] == {"rate_hz": 20.0, "note": "σ of ten runs"}
     assert origin["data"] == ORIGIN["data"]
+    assert origin["caption"] == CAPTION
+    assert origin["axes"] == {
+        "1: Allan deviation": ["averaging time τ (s)", "deviation (°/s)"],
+        "2: north (m)": ["east (m)", "north (m)"],
+    }
     assert origin["versions"]["matplotlib"] == mpl.__version__
 
 
@@ -93,7 +107,7 @@ def test_no_path_and_no_date_inside(saved):
         for word in (ROOT, saved[0], "CreationDate", "ModDate", "date:create"):
             for encoding in ("utf-8", "utf-16-be"):
                 assert str(word).encode(encoding) not in content, (path.name, word)
-    assert set(Image.open(saved[0] / f"{NAME}.png").text) == {"Description", "Software"}
+    assert set(Image.open(saved[0] / f"{NAME}.png").text) == {"Description"}
 
 
 def test_sidecar_holds_the_plotted_numbers(saved):
@@ -120,21 +134,81 @@ def test_saving_leaves_the_settings_alone(tmp_path):
 
 
 def test_a_picture_of_a_stated_size(saved):
-    """Analytic: 3.5 in at 220 dots an inch are 770 dots, whatever the screen."""
-    assert Image.open(io.BytesIO((saved[0] / f"{NAME}.png").read_bytes())).size == (770, 440)
+    """Analytic: 3.5 in at 200 dots an inch are 700 dots, whatever the screen."""
+    assert Image.open(io.BytesIO((saved[0] / f"{NAME}.png").read_bytes())).size == (700, 400)
 
 
 # --- plotted_numbers -----------------------------------------------------------------------------
 
 
-def test_panels_and_labels():
-    """Property: panels are numbered and named; what has no label is called by its kind."""
+def test_panels_and_series_are_named():
+    """Property: panels are numbered and named; a series by its label, which may be hidden."""
     fig = example()
-    fig.axes[1].plot([0, 1], [5, 6])
+    fig.axes[1].plot([0, 1], [5, 6], label="_truth")
     table = figures.plotted_numbers(fig)
     assert list(dict.fromkeys(table["panel"])) == ["1: Allan deviation", "2: north (m)"]
-    assert list(dict.fromkeys(table["series"])) == ["curve", "line", "points"]
-    assert list(table.columns) == ["panel", "series", "x", "y", "y2"]
+    assert list(dict.fromkeys(table["series"])) == ["curve", "truth", "points"]
+    assert list(table.columns) == ["panel", "series", "kind", "x", "y", "y2"]
+
+
+def test_a_series_without_a_name_is_refused():
+    """Property: artists without a label take the names given, in order; none is without."""
+    fig = example()
+    fig.axes[1].plot([0, 1], [5, 6])
+    with pytest.raises(WrongUsage, match=r"no name for line in panel 2: north \(m\)"):
+        figures.plotted_numbers(fig)
+    assert "truth" in set(figures.plotted_numbers(fig, ["truth"])["series"])
+    with pytest.raises(WrongUsage, match="1 names too many"):
+        figures.plotted_numbers(fig, ["truth", "estimate"])
+
+
+def test_an_axis_without_a_label_is_refused(tmp_path):
+    """Property: each axis with data says what it shows, by itself or through one it shares."""
+    fig = Figure()
+    top, bottom = fig.subplots(2, 1, sharex=True)
+    for ax in (top, bottom):
+        ax.plot([1, 2], [3, 4], label="height")
+        ax.set_ylabel("height (m)")
+    with pytest.raises(WrongUsage, match=r"panel 1: height \(m\): the x axis has no label"):
+        figures.save(fig, NAME, CAPTION, to=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    bottom.set_xlabel("distance (m)")
+    assert figures.axes_of(fig)["1: height (m)"] == ["distance (m)", "height (m)"]
+
+
+@pytest.mark.parametrize("kind", ["curve", "path", "cloud", "scatter", "band"])
+def test_what_lies_under_one_dot_is_left_out(kind, tmp_path):
+    """Property: far fewer points, all of them among the given ones, and the same picture."""
+    rng = np.random.default_rng(3)
+    x, y = np.arange(40_000.0), rng.standard_normal(40_000)
+    pictures = []
+    for dense in (1e9, figures.DENSE):
+        fig = Figure(figsize=(3.5, 2), layout="constrained")
+        ax = fig.subplots()
+        ax.set(xlabel="time (s)", ylabel="rate (°/s)")
+        if kind == "curve":
+            ax.plot(x, y, lw=0.5, label="rate")
+        elif kind == "path":
+            ax.plot(np.cos(x / 2000), np.sin(x / 2000), label="rate")
+        elif kind == "cloud":
+            ax.plot(np.round(y, 1), np.round(np.roll(y, 1), 1), ".", label="rate")
+        elif kind == "scatter":
+            ax.scatter(np.round(y, 1), np.round(np.roll(y, 1), 1), c=x, s=2, label="rate")
+        else:
+            ax.fill_between(x, np.sin(x / 4000) - 3, np.sin(x / 4000) + 3, lw=0, label="rate")
+        before = figures.plotted_numbers(fig)
+        old, figures.DENSE = figures.DENSE, dense
+        try:
+            figures.save(fig, NAME, CAPTION, to=tmp_path)
+        finally:
+            figures.DENSE = old
+        pictures.append(np.asarray(Image.open(tmp_path / f"{NAME}.png").convert("L")) < 250)
+    after = figures.plotted_numbers(fig)
+    assert len(after) < len(before) / 3
+    both = before[["x", "y", "y2"]].merge(after[["x", "y", "y2"]].drop_duplicates())
+    assert len(both) >= len(after)
+    ink = pictures[0].sum()  # edges are blended: where ink lies may move by a fraction of a dot
+    assert (pictures[0] ^ pictures[1]).sum() < 0.03 * ink
 
 
 def test_numbers_on_log_axes_are_the_numbers():
@@ -170,9 +244,9 @@ def test_error_bars():
     """Analytic: error bars yield the points, and the ends of each bar."""
     ax = axes()
     ax.errorbar([1.0, 2.0], [10.0, 20.0], yerr=[[1, 2], [3, 4]], fmt="o", label="found")
-    found = series(ax.figure)
-    np.testing.assert_array_equal(found["line"][:, :2], [[1, 10], [2, 20]])
-    np.testing.assert_array_equal(found["bars"], [[1, 9, 13], [2, 18, 24]])
+    found = figures.plotted_numbers(ax.figure).groupby("kind")[["x", "y", "y2"]]
+    np.testing.assert_array_equal(found.get_group("line").to_numpy()[:, :2], [[1, 10], [2, 20]])
+    np.testing.assert_array_equal(found.get_group("bars"), [[1, 9, 13], [2, 18, 24]])
 
 
 def test_guides_that_are_no_data_are_left_out():
