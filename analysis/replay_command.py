@@ -3,10 +3,11 @@
 import math
 import sys
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.output import check_folder
+from analysis.output import check_folder, told, write
 
 BLOCKS = ("last-position", "attitude", "static", "low-pass", "mounting", "fusion")
 EPILOG = """examples:
@@ -63,9 +64,9 @@ def run(options):
     """Run the tracker's blocks over a log and say what came of it."""
     import numpy as np
 
-    from analysis.logs import moving, timeline
-    from analysis.tracker import last_position
+    from analysis.logs import moving, saved_position, timeline
     from analysis.tracker import replay as blocks
+    from analysis.tracker.last_position import Stored
 
     pairs = options.columns.split(",") if options.columns else []
     if not all("=" in pair for pair in pairs):
@@ -85,18 +86,19 @@ def run(options):
             )
     stored, warning = (None, None)
     if options.last_position:
-        stored, warning = last_position.load(options.last_position)
+        position, warning = saved_position.load(options.last_position)
+        stored = Stored(**position) if position else None
     off = {name.replace("-", "_"): False for name in options.without}
     chosen = blocks.Options(dtype=np.float32 if options.float32 else np.float64, **off)
     log = timeline.inject_outages(log, outages)
     track = blocks.replay(log, chosen, stored, progress=True)
-    moving.write(track, options.out)
+    write(track, options.out)
     if options.last_position and track.stored:
-        aside = moving.keep(options.last_position, track.stored)
+        aside = saved_position.save(options.last_position, asdict(track.stored))
         warning = f"{warning}; it is kept as {aside}" if aside else warning
     if warning:
         print(warning, file=sys.stderr)
-    for line in moving.told(track.summary):
+    for line in told(track.summary):
         print(line)
     print(f"\n{options.out}/track.csv and summary.json are written")
 

@@ -4,7 +4,7 @@ import csv
 import json
 import math
 import os
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -12,8 +12,10 @@ from test_cli import run
 
 from analysis.logs import datasets
 from analysis.logs import moving as tracks
+from analysis.logs.saved_position import load, save
 from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu, without
-from analysis.tracker.last_position import Stored, load, save
+from analysis.output import write
+from analysis.tracker.last_position import Stored
 from analysis.tracker.replay import COLUMNS, Options, replay
 from analysis.tracker.scenarios import scenario_a, scenario_b, scenario_c
 
@@ -88,7 +90,7 @@ def test_columns(laps):
 def test_files(tmp_path, laps):
     """property: track.csv holds the columns, empty where there is no value; JSON has no NaN."""
     _, track = laps
-    tracks.write(track, tmp_path / "out")
+    write(track, tmp_path / "out")
     assert sorted(os.listdir(tmp_path / "out")) == ["summary.json", "track.csv"]
     with (tmp_path / "out" / "track.csv").open() as handle:
         rows = list(csv.DictReader(handle))
@@ -466,7 +468,7 @@ def test_command(tmp_path, cold):
     status, out, _ = run("replay", *paths, "--out", tmp_path / "two", "--last-position", memory)
     with (tmp_path / "two" / "track.csv").open() as handle:
         first = next(csv.DictReader(handle))
-    assert float(first["out_lat_deg"]) == pytest.approx(stored.lat_deg, abs=1e-8)
+    assert float(first["out_lat_deg"]) == pytest.approx(stored["lat_deg"], abs=1e-8)
 
 
 def test_command_reads_what_it_is_given(tmp_path, cold):
@@ -628,7 +630,7 @@ def test_real_cold_starts(tmp_path):
 def test_memory_after_a_crash_is_the_last_one_written(tmp_path, cold):
     """property: a run that is refused leaves the stored position of the run before."""
     memory = tmp_path / "last.json"
-    save(memory, Stored(1.0, 2.0, 3.0, 4.0, 5.0))
+    save(memory, asdict(Stored(1.0, 2.0, 3.0, 4.0, 5.0)))
     before = memory.read_bytes()
     (tmp_path / "bad.csv").write_text("t_s,lat_deg,lon_deg\n0,abc,1\n1,2,3\n")
     status, _, _ = run(

@@ -1,5 +1,34 @@
-"""The way in: files become logs. Formats, columns and units, time stamps, the catalogue."""
+"""Reads logs: static logs on a uniform grid, logs of a moving device as one timeline of events.
 
-from analysis.logs.static import Channel, Log, catalogue, read
+This room imports no other room. `read` and `read_moving` take a file or a name of the catalogue
+(``data/logs.toml``, ``data/own/logs.toml``); `dataset_path` finds a registered raw file.
+"""
 
-__all__ = ["Channel", "Log", "catalogue", "read"]
+from analysis.logs.catalogue import load_catalogue
+from analysis.logs.datasets import entry as dataset_entry
+from analysis.logs.datasets import path as dataset_path
+from analysis.logs.dump import imu_csv as imu_csv_lines
+from analysis.logs.dump import nmea as nmea_lines
+from analysis.logs.moving import read as read_moving
+from analysis.logs.saved_position import load as load_position
+from analysis.logs.saved_position import save as save_position
+from analysis.logs.static import Channel, Log, read
+from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages
+
+__all__ = [
+    "Channel",
+    "Gnss",
+    "Imu",
+    "Log",
+    "Timeline",
+    "dataset_entry",
+    "dataset_path",
+    "imu_csv_lines",
+    "inject_outages",
+    "load_catalogue",
+    "load_position",
+    "nmea_lines",
+    "read",
+    "read_moving",
+    "save_position",
+]

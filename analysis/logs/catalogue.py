@@ -31,7 +31,7 @@ KEYS = {
 }
 
 
-def catalogue() -> dict[str, dict]:
+def load_catalogue() -> dict[str, dict]:
     """Read both catalogues: log name -> stanza, with ``own`` telling whose it is.
 
     Raises
@@ -71,7 +71,7 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
     CannotAnswer
         If it is catalogued but the raw file is not on this machine.
     """
-    stanzas = catalogue()
+    stanzas = load_catalogue()
     if str(log) in stanzas:
         stanza = stanzas[str(log)]
         if not stanza["own"]:

@@ -1,16 +1,10 @@
-"""Logs of something that moves: files -> one timeline, and a replayed track -> files.
+"""Logs of something that moves: files -> one timeline.
 
 timeline = read(["drive.nmea", "imu.csv"])     NMEA and an IMU's CSV (tracker paper, III-B)
 timeline = read(["drive.csv"])                 positions, and an IMU if there is one, in a CSV
 """
 
-import csv
 import datetime
-import json
-import math
-import os
-import shutil
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,17 +12,11 @@ import numpy as np
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.logs import datasets, formats, layout, moments, moving_csv, receiver
-from analysis.logs.catalogue import catalogue, find
+from analysis.logs.catalogue import find, load_catalogue
 from analysis.logs.columns import resolve
 from analysis.logs.timeline import Timeline
-from analysis.output import check_folder, writing
-from analysis.tracker import last_position
 
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
-DECIMALS = {  # as good as each column can be; a millimetre of position
-    "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
-    "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
-}  # fmt: skip
 
 
 def read(logs, *, columns=None, imu_offset=None):
@@ -88,7 +76,7 @@ def located(log):
     -------
     pathlib.Path
     """
-    if not Path(log).exists() and str(log) not in catalogue():
+    if not Path(log).exists() and str(log) not in load_catalogue():
         raise WrongUsage(
             f"there is no file {Path(log).name}; replay takes NMEA or CSV: a log of a GNSS "
             "receiver, of an IMU, or one of each"
@@ -175,86 +163,3 @@ def _apart(gnss, imu, start):
         "more apart: matched by the time of day, the receiver's date taken as wrong; if it is not, "
         "this is no ride"
     )
-
-
-def write(track, out):
-    """Write track.csv and summary.json, both or neither.
-
-    Parameters
-    ----------
-    track : analysis.tracker.replay.Track
-    out : path-like
-        Folder; made if need be. Files of an earlier replay there are replaced, others stay.
-
-    Raises
-    ------
-    WrongUsage, CannotAnswer
-        If the folder cannot be.
-    """
-    check_folder(out)
-    out = Path(out)
-    with writing(out):
-        out.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(dir=out, prefix=".replay-"))
-    try:
-        with (draft / "track.csv").open("w", newline="", encoding="utf-8") as handle:
-            writer = csv.writer(handle, lineterminator="\n")
-            writer.writerow(track.columns)
-            cells = [_cells(name, column) for name, column in track.columns.items()]
-            writer.writerows(zip(*cells, strict=True))
-        text = json.dumps(_rounded(track.summary), indent=1, ensure_ascii=False)
-        (draft / "summary.json").write_text(text + "\n", encoding="utf-8")
-        for path in sorted(draft.iterdir()):
-            os.replace(path, out / path.name)
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
-
-
-def keep(path, stored):
-    """Write the position for the next run; return the name of a file that was set aside for it."""
-    try:
-        return last_position.save(path, stored)
-    except OSError as error:
-        raise CannotAnswer(
-            f"--last-position {Path(path).name}: cannot write there ({error.strerror})"
-        ) from error
-
-
-def told(summary):
-    """Yield what a replay found, one sentence a line."""
-    for note in summary["notes"]:
-        yield f"note: {note}"
-    fixes, static, mount = summary["fixes"], summary["static"], summary["mounting"]
-    yield (
-        f"fixes: {fixes['with_fix']:,} in {summary['source']['epochs']:,} epochs, "
-        f"{fixes['accepted']:,} accepted, {fixes['refused']:,} refused"
-    )
-    if fixes["first_output_s"] is not None:
-        yield f"first position put out after {fixes['first_output_s']:.1f} s"
-    layers = ", ".join(f"{s:.0f}" for s in static["seconds_in_layer"])
-    yield f"standing still for {static['seconds']:.0f} s, of which in layers 1, 2, 3: {layers} s"
-    if mount["deg"] is not None:
-        yield (
-            f"mounting angle {mount['deg']:.1f}° ± {1.96 * mount['sigma_deg']:.1f}° (95 %) from "
-            f"{mount['straights']} straights; by eq (3) as printed {mount['printed_rule_deg']:.1f}°"
-        )
-    elif mount["straights"]:
-        yield f"no mounting angle: {mount['straights']} straights, too little acceleration on them"
-
-
-def _cells(name, column):
-    """Write a column: whole numbers as such, others rounded, nothing where there is no value."""
-    if column.dtype.kind in "iub":
-        return [str(int(v)) for v in column]
-    return ["" if v != v else f"{v:.{DECIMALS[name]}f}" for v in column.tolist()]
-
-
-def _rounded(value):
-    """Round every number to six digits, and write NaN and infinities as null."""
-    if isinstance(value, dict):
-        return {k: _rounded(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(v) for v in value]
-    if isinstance(value, float):
-        return float(f"{value:.6g}") if math.isfinite(value) else None
-    return value

@@ -17,14 +17,14 @@ import numpy as np
 from analysis import CannotAnswer, WrongUsage
 from analysis.logs import columns, datasets, formats
 from analysis.logs import grid as timing
-from analysis.logs.catalogue import catalogue, check_unit, find
+from analysis.logs.catalogue import check_unit, find
 from analysis.logs.columns import Choice
 from analysis.logs.delimited import Table
 from analysis.logs.grid import MISSING_ALLOWED, Grid
 from analysis.logs.layout import printable
 from analysis.logs.stretch import Stretch, cut, naming
 
-__all__ = ["Channel", "Log", "catalogue", "read"]
+__all__ = ["Channel", "Log", "read"]
 
 SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
 FARTHEST = 1e100  # beyond what any sensor reads, and its square is still a number

@@ -28,7 +28,7 @@ MAKERS = ROADS | {name: partial(tables.make, name) for name in tables.MAKERS}
 
 def names():
     """List everything that can be rebuilt: the static logs of the catalogue, roads and rides."""
-    return [*(n for n, entry in logs.catalogue().items() if not entry["own"]), *MAKERS]
+    return [*(n for n, entry in logs.load_catalogue().items() if not entry["own"]), *MAKERS]
 
 
 def stored():

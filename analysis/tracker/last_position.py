@@ -1,22 +1,16 @@
-"""Block 1: the last known position, what a fix must be to replace it, and its place on disk.
+"""Block 1: the last known position, and the quality that a fix needs to replace it.
 
 Tracker paper, Sections III-A1 and IV-C. From power-on until the first acceptable fix the stored
 position stands in; a fix is acceptable when its PDOP is at most the gate.
 """
 
-import json
 import math
-import os
-import tempfile
-import zlib
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 
 PDOP_GATE = 10.0  # Section IV-C: above 10 refused, below 10 accepted; exactly 10 is accepted here
 SAVE_EVERY_S = 60.0  # "periodically", Section III-A1: a flash page of 10 000 writes lasts a week
 MOVED_M = 50.0  # between the error of a poor first fix and a real move while switched off
 EARTH_RADIUS_M = 6_371_000.0
-VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -117,89 +111,3 @@ def distance(a, b):
     north = math.radians(b.lat_deg - a.lat_deg)
     east = math.radians((b.lon_deg - a.lon_deg + 180) % 360 - 180)
     return EARTH_RADIUS_M * math.hypot(north, east * math.cos(math.radians(a.lat_deg)))
-
-
-def save(path, stored):
-    """Write the position to disk: all of it, or the old file stays.
-
-    An old file that `load` does not trust may be anything: it is not replaced but set aside.
-
-    Parameters
-    ----------
-    path : path-like
-    stored : Stored
-
-    Returns
-    -------
-    str or None
-        The name that such a file has now: NAME.damaged, NAME.damaged.2 ...
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    path = Path(path)
-    text = json.dumps({"version": VERSION, **_plain(stored)}, sort_keys=True)
-    line = json.dumps({"position": text, "crc32": zlib.crc32(text.encode())}) + "\n"
-    handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(line)
-            file.flush()
-            os.fsync(file.fileno())
-        aside = _set_aside(path) if load(path)[1] and path.stat().st_size else None
-        os.replace(draft, path)
-    except BaseException:
-        os.unlink(draft)
-        raise
-    return aside
-
-
-def _set_aside(path):
-    """Rename a file to the first of NAME.damaged, NAME.damaged.2 ... that is free."""
-    name, count = f"{path.name}.damaged", 1
-    while path.with_name(name).exists():
-        count += 1
-        name = f"{path.name}.damaged.{count}"
-    os.replace(path, path.with_name(name))
-    return name
-
-
-def load(path):
-    """Read the position that an earlier run left; distrust whatever is not whole.
-
-    Returns
-    -------
-    Stored or None
-        None if there is no file, or one that cannot be trusted.
-    str or None
-        Why it was ignored.
-    """
-    path = Path(path)
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        return None, None
-    except OSError as error:
-        return None, f"warning: {path.name} cannot be read ({error.strerror}); ignored"
-    try:
-        outer = json.loads(content)
-        if zlib.crc32(outer["position"].encode()) != outer["crc32"]:
-            raise ValueError("its checksum is wrong")
-        inner = json.loads(outer["position"])
-        if inner.pop("version") != VERSION:
-            raise ValueError("it is of another version")
-        inner = {k: math.nan if v is None else float(v) for k, v in inner.items()}
-        stored = Stored(**inner)
-        if not (abs(stored.lat_deg) <= 90 and abs(stored.lon_deg) <= 180):
-            raise ValueError("it is nowhere on Earth")
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        why = str(error) if type(error) is ValueError else "it is cut off or damaged"
-        return None, f"warning: the stored position in {path.name} is not used: {why}"
-    return stored, None
-
-
-def _plain(stored):
-    """Write NaN as null, which JSON has."""
-    return {k: None if v != v else float(v) for k, v in asdict(stored).items()}
