@@ -36,7 +36,11 @@ def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
     if band:
         shade = {"color": color, "alpha": 0.2, "lw": 0}
         ax.fill_between(
-            curve.tau, curve.low, curve.high, label=None if label else "95 % interval", **shade
+            curve.tau,
+            curve.low,
+            curve.high,
+            label=f"_{label}, 95 % interval" if label else "95 % interval",
+            **shade,
         )
     if guides:
         walks = (
@@ -57,7 +61,7 @@ def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
     ax.set(xlabel="averaging time τ (s)", ylabel=f"Allan deviation ({pretty(unit)})")
 
 
-def interval_bar(ax, y, estimate, *, scale=1.0, color="C0"):
+def interval_bar(ax, y, estimate, label, *, scale=1.0, color="C0"):
     """Draw an estimate over `scale` with its 95 % interval along x; an open side runs to the edge.
 
     Parameters
@@ -67,6 +71,8 @@ def interval_bar(ax, y, estimate, *, scale=1.0, color="C0"):
     y : float
         Where on the other axis.
     estimate : Estimate
+    label : str
+        Name of the series in the figure's table.
     scale : float
         What counts as 1.
     color : str
@@ -74,11 +80,14 @@ def interval_bar(ax, y, estimate, *, scale=1.0, color="C0"):
     edges = ax.get_xlim()
     low, high = ((v / scale if v else None) for v in (estimate.low, estimate.high))
     ends = [edges[0] if low is None else low, edges[1] if high is None else high]
-    ax.plot(ends, [y, y], color=color, lw=1.5)
-    for end, known, marker in zip(ends, (low, high), ("<", ">"), strict=True):
-        ax.plot(end, y, "|" if known else marker, color=color, ms=6, clip_on=False)
+    ax.plot(ends, [y, y], color=color, lw=1.5, label=f"_{label}, 95 % interval")
+    for end, known, closed, marker in zip(
+        ends, (low, high), ("low", "high"), ("<", ">"), strict=True
+    ):
+        edge = f"_{label}, {closed}{'' if known else ' (open)'}"
+        ax.plot(end, y, "|" if known else marker, color=color, ms=6, clip_on=False, label=edge)
     if estimate.value is not None:
-        ax.plot(estimate.value / scale, y, "o", color=color, ms=3)
+        ax.plot(estimate.value / scale, y, "o", color=color, ms=3, label=f"_{label}")
 
 
 def four_panels(noise, title, *, fig=None):
@@ -101,7 +110,7 @@ def four_panels(noise, title, *, fig=None):
     (short, adev), (whole, acov) = fig.subplots(2, 2)
     unit = pretty(noise.unit)
     fig.suptitle(plain(title), fontsize=9)
-    short.plot(*noise.short, color="C0", lw=0.5)
+    short.plot(*noise.short, color="C0", lw=0.5, label="_readings")
     short.set(title="first 15 s", xlabel="time (s)", ylabel=f"{plain(noise.name)} ({unit})")
     allan(adev, noise.allan, noise.unit, guides=True)
     adev.set_title("Allan deviation")
@@ -253,13 +262,23 @@ def sensors(ax, arw, sigma_b, priced, own):
     for number, (n, b, known) in enumerate(zip(arw, sigma_b, priced, strict=True), start=1):
         face, ink = ("k", "w") if known else ("w", "k")
         at = places[number - 1]
-        ax.plot([n, at[0]], [b, at[1]], "k-", lw=0.5, zorder=3)
-        ax.plot(n, b, "k.", ms=2.5, zorder=3)
-        ax.plot(*at, "o", ms=8, mfc=face, mec="k", mew=0.6, zorder=3)
+        who = f"sensor {number}"
+        ax.plot([n, at[0]], [b, at[1]], "k-", lw=0.5, zorder=3, label=f"_{who}, line to its number")
+        ax.plot(n, b, "k.", ms=2.5, zorder=3, label=f"_{who}")
+        ax.plot(
+            *at,
+            "o",
+            ms=8,
+            mfc=face,
+            mec="k",
+            mew=0.6,
+            zorder=3,
+            label=f"_{who}, place of its number",
+        )
         ax.text(*at, number, color=ink, fontsize=5.5, ha="center", va="center_baseline", zorder=4)
     for k, (label, n, b) in enumerate(own):
         color, at = ("r", "m", "b")[k % 3], places[len(arw) + k]
-        ax.plot([n, at[0]], [b, at[1]], "-", color=color, lw=0.5, zorder=3)
+        ax.plot([n, at[0]], [b, at[1]], "-", color=color, lw=0.5, zorder=3, label=f"_{label}, line")
         ax.plot(*at, "*", mfc="w", mec=color, ms=10, mew=1.2, label=label, ls="none", zorder=5)
 
 
@@ -297,7 +316,7 @@ def against_price(axes, sensors, mean, variance, fit, draws, printed):
     for ax, measured in zip(axes, (mean, variance), strict=True):
         value, below, above = metrics.interval(measured)
         ax.hlines(value, low, high, color="C0", lw=3, alpha=0.35, label="price range")
-        ax.vlines(middle, below, above, color="C0", lw=1)
+        ax.vlines(middle, below, above, color="C0", lw=1, label="_95 % interval")
         ax.plot(middle, value, "o", color="C0", label="simulated, 95 %")
         ax.set(xscale="log", yscale="log", xlabel="price (USD)")
     axes[0].set_ylabel("mean tracking error (m)")

@@ -300,6 +300,6 @@ def test_an_interval_bar_ends_where_the_interval_does(bounds, ends, markers):
     """Property: from bound to bound; a side that is open runs to the edge, as an arrow."""
     ax = axes()
     ax.set_xlim(1.0, 10.0)
-    plots.interval_bar(ax, 0, Estimate.refused("s", "", low=bounds[0], high=bounds[1]))
+    plots.interval_bar(ax, 0, Estimate.refused("s", "", low=bounds[0], high=bounds[1]), "T_c")
     assert tuple(ax.lines[0].get_xdata()) == ends
     assert [line.get_marker() for line in ax.lines] == markers
