@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 
 help:
 	@echo "make reproduce  run every notebook in order and redraw figures/"
-	@echo "make test       lint, run the tests, re-execute every notebook and compare"
+	@echo "make test       lint, check types, run the tests, re-execute every notebook and compare"
 	@echo "make install    make .venv and install into it; the two do so by themselves"
 	@echo "make format     format the code and the notebooks"
 	@echo "make lock       pin requirements.lock anew from pyproject.toml (needs uv)"
@@ -34,12 +34,14 @@ install: $(READY)
 reproduce: $(READY)
 	$(BIN)/python -m analysis reproduce
 
+# Two workers; each takes whole files, so that a notebook's cells stay in order.
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
+	$(BIN)/mypy
 
 format: $(READY)
 	$(BIN)/ruff check --fix

@@ -8,19 +8,23 @@ notebook hands its value and 95 % interval to `Ledger.check`;
 
 import math
 import os
+from collections.abc import Mapping
+from typing import Any
 
 import pandas as pd
 from filelock import FileLock
 
-from analysis import DATA, WrongUsage
+from analysis import DATA, Estimate, WrongUsage
 from analysis.figures import folder
+
+__all__ = ["NOT_YET", "Ledger", "numbers", "published", "verdicts"]
 
 COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
 NOT_YET = "not yet run"
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
 
 
-def published():
+def published() -> pd.DataFrame:
     """Read the papers' claims.
 
     Returns
@@ -30,7 +34,7 @@ def published():
     return pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
 
 
-def verdicts():
+def verdicts() -> pd.DataFrame:
     """Read the verdict on every claim, in the order of the papers; those to come are not yet run.
 
     Returns
@@ -76,7 +80,7 @@ def judge(value, low, high, agree_low, agree_high):
     )
 
 
-def numbers(row):
+def numbers(row: Any) -> str:
     """Write the reproduced value and interval of a verdict, with its unit.
 
     Returns
@@ -99,22 +103,31 @@ class Ledger:
         Its file name without the suffix. What it said on an earlier run is struck out.
     """
 
-    def __init__(self, notebook):
+    def __init__(self, notebook: str):
         self.notebook = notebook
         self._published = published()
-        self._mine = {}
+        self._mine: dict[str, dict] = {}
 
-    def check(self, claim, value, low=None, high=None, *, when=None, untestable=None):
+    def check(
+        self,
+        claim: str,
+        value: Estimate | float | bool | None,
+        low: float | None = None,
+        high: float | None = None,
+        *,
+        when: str | None = None,
+        untestable: str | None = None,
+    ) -> str:
         """Judge one claim and write the verdict down.
 
         Parameters
         ----------
         claim : str
             Its id in ``data/published/claims.csv``.
-        value : float, bool or None
+        value : Estimate, float, bool or None
             The reproduced number; for a yes/no sentence whether it holds; None where unresolved.
         low, high : float, optional
-            Its 95 % interval.
+            Its 95 % interval; an Estimate brings its own.
         when : str, optional
             The condition under which it is reproduced: the verdict reads "reproduced if ...".
         untestable : str, optional
@@ -126,7 +139,8 @@ class Ledger:
             The verdict.
         """
         row = self._row(claim)
-        value, low, high = (None if x is None or x != x else float(x) for x in (value, low, high))
+        ends = _ends(value) if isinstance(value, Estimate) else (value, low, high)
+        value, low, high = (None if x is None or x != x else float(x) for x in ends)
         if untestable:
             verdict = f"{NOT_TESTABLE}: {untestable}"
         else:
@@ -139,7 +153,13 @@ class Ledger:
         self._write()
         return verdict
 
-    def check_from(self, claim, found, default, when):
+    def check_from(
+        self,
+        claim: str,
+        by_setting: Mapping[float, Estimate | tuple[float | None, float | None, float | None]],
+        default: float,
+        when: str,
+    ) -> str:
         """Judge a claim whose verdict may hang on one setting that the paper leaves open.
 
         It is reproduced outright if it is at every setting, under a condition if from some setting
@@ -148,8 +168,8 @@ class Ledger:
         Parameters
         ----------
         claim : str
-        found : dict of float to tuple
-            For each setting, rising: value, and low and high of its 95 % interval.
+        by_setting : dict of float to Estimate, or to (value, low, high)
+            What came out at each setting.
         default : float
             The setting that the notebook runs with, one of those.
         when : str
@@ -161,14 +181,16 @@ class Ledger:
             The verdict.
         """
         row = self._row(claim)
-        holds = [judge(*found[x], row["low"], row["high"]) == REPRODUCED for x in sorted(found)]
+        settings = sorted(by_setting)
+        agrees = (row["low"], row["high"])
+        holds = [judge(*(*_ends(by_setting[x]), *agrees)) == REPRODUCED for x in settings]
         start = len(holds) - holds[::-1].index(False) if False in holds else 0
         if start in (0, len(holds)):
-            return self.check(claim, *found[default])
-        least = sorted(found)[start]
-        return self.check(claim, *found[least], when=when.format(least))
+            return self.check(claim, *_ends(by_setting[default]))
+        least = settings[start]
+        return self.check(claim, *_ends(by_setting[least]), when=when.format(least))
 
-    def untestable(self, claim):
+    def untestable(self, claim: str) -> str:
         """Write down a claim that no data here can decide, with the reason of its own row.
 
         Returns
@@ -181,7 +203,7 @@ class Ledger:
             raise WrongUsage(f"claim '{claim}' can be tested: hand its value to `check`")
         return self.check(claim, None, untestable=why.removeprefix(f"{NOT_TESTABLE}: "))
 
-    def table(self):
+    def table(self) -> pd.DataFrame:
         """Lay published and reproduced side by side, for the notebook's last section.
 
         Returns
@@ -222,6 +244,12 @@ class Ledger:
             new = path.with_suffix(".new")
             new.write_text(table.to_csv(lineterminator="\n"), encoding="utf-8")
             os.replace(new, path)
+
+
+def _ends(estimate):
+    if isinstance(estimate, Estimate):
+        return estimate.value, estimate.low, estimate.high
+    return estimate
 
 
 def _short(x):

@@ -9,19 +9,23 @@ import io
 import json
 import os
 import re
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
 import matplotlib as mpl
-import matplotlib.pyplot as plt  # noqa: F401 - the notebooks draw with it, as figures.plt
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.container import ErrorbarContainer
+from matplotlib.figure import Figure
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from analysis import ROOT, WrongUsage
+
+__all__ = ["DOUBLE", "SINGLE", "plt", "save", "use_style"]
 
 SINGLE, DOUBLE = 3.5, 7.2  # widths, in
 STYLE = {
@@ -48,12 +52,12 @@ STRICT = False  # until every notebook names what it plots
 VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools", "inertial-compendium")
 
 
-def use_style():
+def use_style() -> None:
     """Set the look of every figure from here on; call it in a notebook's import cell."""
     mpl.rcParams.update(STYLE)
 
 
-def folder():
+def folder() -> Path:
     """Folder the figures go to: ``figures/``, or the one COMPENDIUM_FIGURES names.
 
     Returns
@@ -63,7 +67,17 @@ def folder():
     return Path(os.environ.get("COMPENDIUM_FIGURES", ROOT / "figures"))
 
 
-def save(fig, name, caption="", series=(), *, seed=None, data=(), to=None, **parameters):
+def save(
+    fig: Figure,
+    name: str,
+    caption: str = "",
+    series: Sequence[str] = (),
+    *,
+    seed: int | None = None,
+    data: Mapping[str, str] | None = None,
+    to: Path | None = None,
+    **parameters: object,
+) -> None:
     """Save a figure as PDF, PNG and CSV with its caption and provenance inside.
 
     Points that lie under one dot of the picture are left out first, so that the table holds what
@@ -103,7 +117,9 @@ def save(fig, name, caption="", series=(), *, seed=None, data=(), to=None, **par
         for ax in fig.axes:
             thin(ax, STYLE["savefig.dpi"] / fig.dpi)
         table = plotted_numbers(fig, series)
-        origin = provenance(name, caption, seed, dict(data), parameters) | {"axes": axes_of(fig)}
+        origin = provenance(name, caption, seed, dict(data or {}), parameters) | {
+            "axes": axes_of(fig)
+        }
         text = json.dumps(origin, ensure_ascii=False)
         picture = io.BytesIO()
         fig.savefig(picture, format="png")

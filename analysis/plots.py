@@ -1,14 +1,27 @@
 """Drawing that two notebooks share: panels of a sensor, an Allan plot, sweeps, the N-B plane."""
 
+from collections.abc import Sequence
+
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.contour import QuadContourSet
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from analysis import pretty
+from analysis import Estimate, pretty
 from analysis.figures import DOUBLE
 from analysis.noise import graph
+from analysis.noise.allan import AllanCurve
+from analysis.noise.characterise import ChannelNoise
 from analysis.terrain import metrics
+from analysis.terrain.cost import PowerLaw
+
+__all__ = [
+    "against_price", "allan", "curves", "four_panels", "interval_bar", "plane", "pretty", "sensors",
+]  # fmt: skip
 
 APART = 0.17  # decades between the numbers of two sensors
 
@@ -19,7 +32,16 @@ def plain(text):
     return "".join(c if font.get_char_index(ord(c)) else "?" for c in text).replace("$", r"\$")
 
 
-def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
+def allan(
+    ax: Axes,
+    curve: AllanCurve,
+    unit: str,
+    *,
+    label: str | None = None,
+    color: str = "C0",
+    guides: bool = False,
+    band: bool = True,
+) -> None:
     """Draw an Allan deviation with its 95 % band on log-log axes with equal decades.
 
     Parameters
@@ -61,7 +83,9 @@ def allan(ax, curve, unit, *, label=None, color="C0", guides=False, band=True):
     ax.set(xlabel="averaging time τ (s)", ylabel=f"Allan deviation ({pretty(unit)})")
 
 
-def interval_bar(ax, y, estimate, label, *, scale=1.0, color="C0"):
+def interval_bar(
+    ax: Axes, y: float, estimate: Estimate, label: str, *, scale: float = 1.0, color: str = "C0"
+) -> None:
     """Draw an estimate over `scale` with its 95 % interval along x; an open side runs to the edge.
 
     Parameters
@@ -90,7 +114,9 @@ def interval_bar(ax, y, estimate, label, *, scale=1.0, color="C0"):
         ax.plot(estimate.value / scale, y, "o", color=color, ms=3, label=f"_{label}")
 
 
-def four_panels(noise, title, *, fig=None):
+def four_panels(
+    noise: ChannelNoise, title: str, *, fig: Figure | SubFigure | None = None
+) -> Figure | SubFigure:
     """Draw one channel as the comparison paper does (Figs 7-16).
 
     15 s of data, Allan deviation, the whole log with its straight line, and the autocovariance at
@@ -157,7 +183,17 @@ def _whole_log(ax, noise, unit):
     ax.legend()
 
 
-def curves(axes, x, fixed, measured, lost, *, x_label, y_label, curve):
+def curves(
+    axes: Sequence[Axes],
+    x: np.ndarray,
+    fixed: np.ndarray,
+    measured: np.ndarray,
+    lost: np.ndarray,
+    *,
+    x_label: str,
+    y_label: str,
+    curve: str,
+) -> None:
     """Draw Figs 8 to 11 of the terrain paper: thin curves, their average, and the laps lost.
 
     Parameters
@@ -201,7 +237,14 @@ def _decades(ax):
     return np.log10(high / low)
 
 
-def plane(ax, arw, sigma_b, reached, levels, span):
+def plane(
+    ax: Axes,
+    arw: np.ndarray,
+    sigma_b: np.ndarray,
+    reached: np.ndarray,
+    levels: Sequence[float],
+    span: tuple[float, float],
+) -> QuadContourSet:
     """Draw the error that is reached over the N-B plane, with a contour for each level.
 
     Parameters
@@ -244,7 +287,13 @@ def _crossing(arw, sigma_b, shown, level):
     return 10 ** np.interp(level, np.maximum.accumulate(row), np.log10(arw)), sigma_b[1]
 
 
-def sensors(ax, arw, sigma_b, priced, own):
+def sensors(
+    ax: Axes,
+    arw: np.ndarray,
+    sigma_b: np.ndarray,
+    priced: np.ndarray,
+    own: Sequence[tuple[str, float, float]],
+) -> None:
     """Mark numbered sensors on the N-B plane, filled where a price is known, and measured ones.
 
     Numbers that would cover each other are moved apart, a line leading to the place.
@@ -296,7 +345,15 @@ def _apart(x, y, least):
     return 10**at
 
 
-def against_price(axes, sensors, mean, variance, fit, draws, printed):
+def against_price(
+    axes: Sequence[Axes],
+    sensors: pd.DataFrame,
+    mean: np.ndarray,
+    variance: np.ndarray,
+    fit: PowerLaw,
+    draws: tuple[np.ndarray, np.ndarray],
+    printed: tuple[float, float],
+) -> None:
     """Draw Figs 12 and 13 of the terrain paper with price ranges, and eq. (7) through them.
 
     Parameters

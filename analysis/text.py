@@ -1,6 +1,10 @@
 """Numbers and tables in words, for notebooks, pages and the terminal."""
 
+from collections.abc import Mapping
+
 import pandas as pd
+
+__all__ = ["Shown", "duration", "table"]
 
 
 class Shown(str):
@@ -9,8 +13,12 @@ class Shown(str):
     def _repr_markdown_(self):
         return str(self)
 
+    def __repr__(self):
+        """Stand for itself where Markdown is not rendered, without repeating it in a notebook."""
+        return f"<Markdown of {len(self.splitlines())} lines; print it to read it>"
 
-def table(rows, key=None):
+
+def table(rows: pd.DataFrame | Mapping[str, Mapping], key: str | None = None) -> Shown:
     """Lay rows out as a table in Markdown, which notebooks and their readers elsewhere render.
 
     Parameters
@@ -25,29 +33,26 @@ def table(rows, key=None):
     -------
     Shown
     """
-    if isinstance(rows, dict):
-        columns = list(dict.fromkeys(column for cells in rows.values() for column in cells))
-        rows = pd.DataFrame(
-            [[name, *(cells.get(c) for c in columns)] for name, cells in rows.items()],
-            columns=[key or "", *columns],
-            dtype=object,
-        )
-    elif key is not None:
-        rows = rows.rename_axis(key).reset_index()
+    if isinstance(rows, pd.DataFrame):
+        frame = rows
+    else:
+        frame, key = pd.DataFrame.from_dict(rows, orient="index", dtype=object), key or ""
+    if key is not None:
+        frame = frame.rename_axis(key).reset_index()
 
     def line(cells):
         cells = ["–" if _missing(cell) else str(cell) for cell in cells]
         return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
 
-    head = [line(rows.columns), "|" + "---|" * len(rows.columns)]
-    return Shown("\n".join(head + [line(row) for row in rows.itertuples(index=False)]))
+    head = [line(frame.columns), "|" + "---|" * len(frame.columns)]
+    return Shown("\n".join(head + [line(row) for row in frame.itertuples(index=False)]))
 
 
 def _missing(cell):
     return cell is None or (isinstance(cell, float) and cell != cell)
 
 
-def duration(hours):
+def duration(hours: float | None) -> str:
     """Write hours as a reader would say them."""
     if hours is None:
         return "more than eleven years"

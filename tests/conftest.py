@@ -2,45 +2,84 @@
 
 Nothing is written into the tree: COMPENDIUM_FIGURES sends every re-executed figure and the ledger
 of claims to a temporary folder, where tests/test_reproduction.py compares them with what is
-committed.
+committed. With two workers (``pytest -n 2 --dist loadfile``) both save into that folder; the index
+and the comparison wait until every other notebook is through.
 """
 
 import os
 import shutil
 import tempfile
+import time
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 from analysis.reproduce import order
 
-FRESH = pytest.StashKey[Path]()
+WORKER = "workerinput"  # an attribute that pytest-xdist gives the configuration of its workers
+PATIENCE_S = 1800
+LAST = ("00-index", "test_reproduction")  # they read what the other notebooks write
+_finished = Counter()
 
 
 def pytest_configure(config):
-    """Send figures and claims of this session to a temporary folder."""
-    config.stash[FRESH] = Path(tempfile.mkdtemp(prefix="compendium-figures-"))
-    os.environ["COMPENDIUM_FIGURES"] = str(config.stash[FRESH])
+    """Send figures and claims of this session to one temporary folder; workers inherit it."""
+    if not hasattr(config, WORKER):
+        os.environ["COMPENDIUM_FIGURES"] = tempfile.mkdtemp(prefix="compendium-figures-")
+        os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
 
 
 def pytest_unconfigure(config):
     """Remove that folder."""
-    shutil.rmtree(config.stash[FRESH], ignore_errors=True)
+    if not hasattr(config, WORKER):
+        shutil.rmtree(os.environ.pop("COMPENDIUM_FIGURES"), ignore_errors=True)
 
 
 def pytest_collection_modifyitems(items):
-    """Put notebooks first, in their order with the index last, then the tests as they come."""
+    """Put notebooks first, in their order, then tests; last what reads the notebooks' output."""
     stems = {item.path.stem for item in items if item.path.suffix == ".ipynb"}
     place = {stem: i for i, stem in enumerate(order(stems))}
+    place |= {stem: len(items) + i for i, stem in enumerate(LAST)}
     items.sort(key=lambda item: place.get(item.path.stem, len(place)))
+
+
+def pytest_runtest_setup(item):
+    """Let the index wait for the verdicts of the other notebooks."""
+    if item.path.stem == LAST[0]:
+        _wait_for(_notebooks(item.session) - {LAST[0]})
+
+
+def pytest_runtest_teardown(item):
+    """Leave a mark when the last cell of a notebook is through, for the other worker to see."""
+    if item.path.suffix == ".ipynb":
+        stem = item.path.stem
+        _finished[stem] += 1
+        if _finished[stem] == sum(other.path.stem == stem for other in item.session.items):
+            _mark(stem).touch()
 
 
 @pytest.fixture(scope="session")
 def fresh(request):
     """Folder with the figures and claims that this session's notebooks made."""
-    items = request.session.items
-    executed = {item.path.name for item in items if item.path.suffix == ".ipynb"}
-    wanted = {p.name for p in (request.config.rootpath / "notebooks").glob("*.ipynb")}
-    if executed != wanted:
+    wanted = {p.stem for p in (request.config.rootpath / "notebooks").glob("*.ipynb")}
+    if _notebooks(request.session) != wanted:
         pytest.skip("not every notebook was re-executed in this session; run plain `pytest`")
-    return request.config.stash[FRESH]
+    _wait_for(wanted)
+    return Path(os.environ["COMPENDIUM_FIGURES"])
+
+
+def _notebooks(session):
+    return {item.path.stem for item in session.items if item.path.suffix == ".ipynb"}
+
+
+def _mark(stem):
+    return Path(os.environ["COMPENDIUM_FIGURES"], f".{stem}.done")
+
+
+def _wait_for(stems):
+    start = time.monotonic()
+    while missing := [stem for stem in stems if not _mark(stem).exists()]:
+        if time.monotonic() > start + PATIENCE_S:
+            pytest.fail(f"no end of {', '.join(sorted(missing))} within {PATIENCE_S} s")
+        time.sleep(0.2)

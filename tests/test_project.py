@@ -1,7 +1,10 @@
 """The project itself: three lists of packages in step, notebooks in form, layers kept apart."""
 
 import ast
+import importlib
+import inspect
 import re
+import statistics
 import subprocess
 import tomllib
 
@@ -11,17 +14,39 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 
+import analysis
 from analysis import ROOT
 
 FIGURES = ROOT / "figures"
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 MODULES = sorted((ROOT / "analysis").rglob("*.py"))
-OUTSIDE = {"logs", "datasets", "intake", "derived", "results", "figures", "draw", "claims"}
-OUTSIDE |= {"report", "reproduce", "roads", "surveys", "output", "matplotlib"}
-OUTSIDE |= {"pathlib", "os", "io"}
+# Which rooms a room may import, besides itself and the conventions in analysis/__init__.py.
+PURE = ("noise", "terrain", "tracker")
+ALLOWED = {
+    "logs": set(),
+    "noise": set(),
+    "terrain": {"noise"},
+    "tracker": {"noise", "logs.timeline"},
+    "text": set(),
+    "figures": set(),
+    "store": {"logs", *PURE},
+    "plots": {"figures", *PURE},
+    "claims": {"figures", "store"},
+    "reproduce": {"figures"},
+    "report": {"logs", *PURE, "store", "text", "plots", "figures"},
+    "studies": {"logs", *PURE, "store", "text"},
+    "cli": {"logs", *PURE, "store", "text", "claims", "report", "reproduce", "studies"},
+    "__main__": {"cli"},
+}
+FACES = ("logs", *PURE, "store", "text", "plots", "figures", "claims")
 OPENS = re.compile(
     r"open|loadtxt|genfromtxt|fromfile|read_\w+|read_text|read_bytes|savetxt|savefig"
 )
+FILES_AND_PLOTS = {"matplotlib", "pathlib", "os", "io", "shutil", "tempfile"}
+READ_AS_PAPERS = (
+    "00-index", "13-how-long-to-record", "20-test-track", "21-terrain-ukf", "30-tracker-inputs",
+    "90-your-own-log",
+)  # fmt: skip
 HEADER = ("Reproduces", "Question", "Needs", "Makes", "Runtime", "Code")
 
 
@@ -114,31 +139,100 @@ def test_notebook_form(path):
     tagged = [c for c in code if "parameters" in c.metadata.get("tags", [])]
     assert len(tagged) == (0 if path.stem.startswith("00") else 1)
     assert [c.execution_count for c in code] == list(range(1, len(code) + 1))
-    assert max(len(c.source.splitlines()) for c in code) <= 30
+    lengths = [len(c.source.splitlines()) for c in code]
+    folded = ["figure" in c.metadata.get("tags", []) for c in code]
+    assert max([n for n, tag in zip(lengths, folded, strict=True) if not tag]) <= 15
+    assert statistics.median(lengths) <= 6 or path.stem not in READ_AS_PAPERS
     outputs = [o for c in code for o in c.outputs]
     assert outputs
     assert not [o for o in outputs if o.output_type == "error" or o.get("name") == "stderr"]
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT / "analysis")))
-def test_modules_are_short_and_layered(path):
-    """property: at most 300 lines; pure modules import neither the way in nor the way out."""
-    text = path.read_text()
-    assert len(text.splitlines()) <= 300
-    tree = ast.walk(ast.parse(text))
-    if path.parent.name not in ("noise", "terrain"):
-        return
-    for node in tree:
+def test_arrows_go_one_way(path):
+    """property: a room imports only rooms below it; pure ones open no file and draw no plot."""
+    room = path.relative_to(ROOT / "analysis").parts[0].removesuffix(".py")
+    if room == "__init__":
+        room, allowed = "", set()
+    else:
+        allowed = ALLOWED[room] | {room}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, "relative imports hide what is imported"
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
         elif isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.Call):
+        elif isinstance(node, ast.Call) and room in PURE:
             called = getattr(node.func, "attr", getattr(node.func, "id", ""))
             assert not OPENS.fullmatch(called), called
-        assert not {n.removeprefix("analysis.").split(".")[0] for n in names} & OUTSIDE, names
+        for name in names:
+            own = name.removeprefix("analysis.")
+            if own == name:
+                assert room not in PURE or name.split(".")[0] not in FILES_AND_PLOTS, name
+            elif (ROOT / "analysis" / own.split(".")[0]).with_suffix(".py").exists() or (
+                ROOT / "analysis" / own.split(".")[0]
+            ).is_dir():
+                assert any(f"{own}.".startswith(f"{a}.") for a in allowed), name
+
+
+def test_the_house_is_small():
+    """property: at most 16 rooms and 75 modules; faces of at most 20 names, 120 in all."""
+    rooms = {p.relative_to(ROOT / "analysis").parts[0] for p in MODULES}
+    assert len(rooms) <= 16
+    assert len(MODULES) <= 75
+    sizes = {face: len(exported(face)) for face in FACES}
+    assert max(sizes.values()) <= 20, sizes
+    assert sum(sizes.values()) <= 120, sizes
+
+
+def exported(face):
+    """List the names of a face."""
+    return importlib.import_module(f"analysis.{face}").__all__
+
+
+@pytest.mark.parametrize("face", FACES)
+def test_faces_have_hints_and_docstrings(face):
+    """property: whatever a face exports says what it takes and gives, in types and in words."""
+    module = importlib.import_module(f"analysis.{face}")
+    for name in exported(face):
+        thing = getattr(module, name)
+        if not callable(thing):
+            continue
+        assert inspect.getdoc(thing), name
+        methods = [thing]
+        if inspect.isclass(thing):
+            methods = [m for k, m in vars(thing).items() if k[0] != "_" and inspect.isfunction(m)]
+        for function in methods:
+            signature = inspect.signature(function)
+            given = [p for p in signature.parameters.values() if p.name != "self"]
+            assert all(p.annotation is not p.empty for p in given), f"{name}: {function}"
+            assert signature.return_annotation is not signature.empty, f"{name}: {function}"
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
+def test_notebooks_import_only_faces(path):
+    """property: no import past a face, nor by an attribute such as noise.fit.choose."""
+    notebook = nbformat.read(path, as_version=4)
+    code = "\n".join(c.source for c in notebook.cells if c.cell_type == "code")
+    tree, rooms = ast.parse(code), {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            assert not [a.name for a in node.names if a.name.startswith("analysis")]
+        if not isinstance(node, ast.ImportFrom) or not node.module.startswith("analysis"):
+            continue
+        face = node.module.removeprefix("analysis").removeprefix(".")
+        for alias in node.names:
+            if face:
+                assert face in FACES and alias.name in exported(face), f"{face}.{alias.name}"
+            elif alias.name in FACES:
+                rooms[alias.asname or alias.name] = alias.name
+            else:
+                assert hasattr(analysis, alias.name) and alias.name[0] != "_", alias.name
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and getattr(node.value, "id", None) in rooms:
+            face = rooms[node.value.id]
+            assert node.attr in exported(face), f"{face}.{node.attr}"
 
 
 def test_figures_come_in_threes():
