@@ -34,11 +34,11 @@ def table(rows: pd.DataFrame | Mapping[str, Mapping], key: str | None = None) ->
     Shown
     """
     if isinstance(rows, pd.DataFrame):
-        frame = rows
+        frame = rows if key is None else rows.rename_axis(key).reset_index()
     else:
-        frame, key = pd.DataFrame.from_dict(rows, orient="index", dtype=object), key or ""
-    if key is not None:
-        frame = frame.rename_axis(key).reset_index()
+        columns = list(dict.fromkeys(column for cells in rows.values() for column in cells))
+        listed = [[name, *map(cells.get, columns)] for name, cells in rows.items()]
+        frame = pd.DataFrame(listed, columns=[key or "", *columns], dtype=object)
 
     def line(cells):
         cells = ["–" if _missing(cell) else str(cell) for cell in cells]
