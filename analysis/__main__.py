@@ -95,7 +95,7 @@ def plan(options):
     if options.time is not None and options.time < dt:
         raise WrongUsage(f"--time {options.time:g} is shorter than a sample, {dt:g} s at --rate")
     sensor = planner.Plan(options.white / dt**0.5, *asked, options.flicker, options.walk)
-    for name, hours in planner.hours_needed(sensor, dt, options.within / 100).items():
+    for name, hours in sensor.hours_needed(dt, options.within / 100).items():
         print(f"{page.PLANNED[name]:<10} to ±{options.within:g} % (95 %): {text.duration(hours)}")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from tqdm import tqdm
 
 from analysis import CannotAnswer, Estimate, WrongUsage, report, results
-from analysis.noise.characterise import refuse_what_says_nothing
+from analysis.noise.channel import refuse_what_says_nothing
 from analysis.noise.inference import infer
 from analysis.noise.pool import pool
 from analysis.output import writing

@@ -91,15 +91,15 @@ def recording(channel, dt, within=WITHIN):
     list of str
         Sentences.
     """
-    plan, at_least = planner.from_estimates(channel.parameters)
+    plan, at_least = planner.Plan.from_estimates(channel.parameters)
     if plan is None:
         return ["no plan without a white noise to plan with"]
     # The hours go with the correlation time, which this log knows only so well.
     time = channel.parameters["corr_time"]
     times = (time.low, time.high) if time.resolved else ()
     try:
-        hours = planner.hours_needed(plan, dt, within)
-        ends = [planner.hours_needed(replace(plan, corr_time=t), dt, within) for t in times]
+        hours = plan.hours_needed(dt, within)
+        ends = [replace(plan, corr_time=t).hours_needed(dt, within) for t in times]
     except WrongUsage as error:
         return [str(error)]
     said = "; ".join(

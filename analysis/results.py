@@ -12,8 +12,7 @@ from tqdm import tqdm
 
 from analysis import Estimate
 from analysis.noise.allan import AllanCurve
-from analysis.noise.characterise import ChannelNoise, characterise
-from analysis.noise.quality import remarks
+from analysis.noise.channel import ChannelNoise, characterise, remarks
 
 SEED = 20080505
 DIGITS = 6

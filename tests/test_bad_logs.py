@@ -9,7 +9,7 @@ import pytest
 
 from analysis import CannotAnswer, report
 from analysis import __main__ as cli
-from analysis.noise.characterise import characterise
+from analysis.noise.channel import characterise
 
 DT = 0.01
 RNG = np.random.default_rng(9)

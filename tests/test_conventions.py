@@ -7,7 +7,7 @@ from scipy.signal import welch
 from analysis import ROOT
 from analysis.logs.columns import IN_M_S2
 from analysis.noise import conventions as c
-from analysis.noise.models import UnifiedModel, adev_gauss_markov, adev_model, gauss_markov
+from analysis.noise.models import UnifiedModel, adev_gauss_markov, gauss_markov
 
 PAGE = ROOT / "analysis" / "noise" / "README.md"
 
@@ -42,7 +42,7 @@ def test_hump_and_floor():
     assert hump.max() == pytest.approx(c.PEAK, rel=1e-3)
     arw, sigma, time, dt = (c.EXAMPLE[k] for k in ("arw", "sigma_b", "corr_time", "dt"))
     tau = np.geomspace(dt, c.PEAK_AT * time, 20_001)
-    curve = adev_model(tau, dt, UnifiedModel(c.per_sample(arw, dt), time, sigma))
+    curve = UnifiedModel(c.per_sample(arw, dt), time, sigma).adev(tau, dt)
     at, low = c.floor(arw, sigma, time, dt)
     assert low == pytest.approx(curve.min(), rel=1e-6)
     assert at == pytest.approx(tau[curve.argmin()], rel=1e-2)

@@ -7,7 +7,6 @@ from analysis.noise.models import (
     UnifiedModel,
     adev_drift,
     adev_gauss_markov,
-    adev_model,
     adev_white,
     gauss_markov,
     gauss_markov_means,
@@ -86,7 +85,7 @@ def test_terms_add_in_variance():
         adev_gauss_markov(tau, 0.2, 60.0, dt),
         adev_drift(tau, 1e-3),
     )
-    np.testing.assert_allclose(adev_model(tau, dt, model), np.sqrt(sum(p**2 for p in parts)))
+    np.testing.assert_allclose(model.adev(tau, dt), np.sqrt(sum(p**2 for p in parts)))
 
 
 def test_same_seed_same_log():

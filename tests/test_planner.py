@@ -9,20 +9,20 @@ from analysis import Estimate, report
 from analysis import __main__ as cli
 from analysis.noise.fit import NoiseLikelihood
 from analysis.noise.models import UnifiedModel
-from analysis.noise.planner import Plan, from_estimates, hours_needed, relative_error
+from analysis.noise.planner import Plan
 from analysis.noise.spectrum import transform
 
 
 def test_white_noise_is_known_as_chi_square_says():
     """analytic: n samples know sigma_v to 1.96 / sqrt(2 n)."""
-    found = relative_error(Plan(0.3), 0.1, 1.0)["sigma_v"]
+    found = Plan(0.3).relative_error(0.1, 1.0)["sigma_v"]
     assert found == pytest.approx(1.96 / np.sqrt(2 * 36_000), rel=1e-3)
 
 
 def test_plan_against_simulated_logs():
     """cross-check: the scatter of fitted logs is the planned one, at 100 correlation times."""
     model, dt, n = UnifiedModel(0.1, 50.0, 0.1), 1.0, 5000
-    planned = relative_error(Plan(0.1, 0.1, 50.0), dt, n * dt / 3600)
+    planned = Plan(0.1, 0.1, 50.0).relative_error(dt, n * dt / 3600)
     logs = model.simulate(n, dt, np.random.default_rng(1), runs=150)
     fits = [NoiseLikelihood([transform(y, dt)]).fit("N+GM").terms for y in logs]
     for name, half in planned.items():
@@ -34,9 +34,9 @@ def test_plan_against_simulated_logs():
 def test_hours_grow_as_the_square():
     """property: half the error takes four times the hours, and eleven years may not do."""
     plan = Plan(0.1, 0.1, 100.0)
-    a, b = (hours_needed(plan, 0.1, np.expm1(w))["corr_time"] for w in (0.2, 0.1))
+    a, b = (plan.hours_needed(0.1, np.expm1(w))["corr_time"] for w in (0.2, 0.1))
     assert b == pytest.approx(4 * a, rel=0.05)
-    assert hours_needed(Plan(1.0, 1e-3, 1e7), 1.0, 0.05)["corr_time"] is None
+    assert Plan(1.0, 1e-3, 1e7).hours_needed(1.0, 0.05)["corr_time"] is None
 
 
 def test_plan_from_a_first_log():
@@ -46,7 +46,7 @@ def test_plan_from_a_first_log():
         return Estimate(value, 0.9 * value, 1.1 * value, unit)
 
     open_time = Estimate.refused("s", "open", low=300.0)
-    plan, at_least = from_estimates(
+    plan, at_least = Plan.from_estimates(
         {
             "sigma_v": known(0.1),
             "corr_time": open_time,
@@ -54,12 +54,15 @@ def test_plan_from_a_first_log():
         }
     )
     assert at_least and plan == Plan(0.1, 0.2, 300.0)
-    plan, at_least = from_estimates(
+    plan, at_least = Plan.from_estimates(
         {"sigma_v": known(0.1), "corr_time": known(50.0, "s"), "sigma_b": known(0.3)}
     )
     assert not at_least and plan == Plan(0.1, 0.3, 50.0)
     nothing = Estimate.refused("deg", "")
-    assert from_estimates({"sigma_v": nothing, "sigma_b": nothing, "corr_time": nothing})[0] is None
+    assert (
+        Plan.from_estimates({"sigma_v": nothing, "sigma_b": nothing, "corr_time": nothing})[0]
+        is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -83,15 +86,15 @@ def test_numbers_without_a_plan(capsys, numbers, says):
 
 def test_a_bias_that_is_hidden_costs_only_its_own_hours():
     """property: N takes what it takes alone; what is lost in it would take for ever."""
-    alone = hours_needed(Plan(0.01), 0.01, 0.1)["sigma_v"]
+    alone = Plan(0.01).hours_needed(0.01, 0.1)["sigma_v"]
     for hidden in (1e-8, 1e-12, 1e-200):
-        hours = hours_needed(Plan(0.01, hidden, 1000.0), 0.01, 0.1)
+        hours = Plan(0.01, hidden, 1000.0).hours_needed(0.01, 0.1)
         assert hours == {"sigma_v": alone, "sigma_b": None, "corr_time": None}
 
 
 def test_a_time_beyond_eleven_years():
     """property: ten correlation times longer than what is looked at are not waited for."""
-    assert hours_needed(Plan(1.0, 1.0, 1e9), 1.0, 0.1)["corr_time"] is None
+    assert Plan(1.0, 1.0, 1e9).hours_needed(1.0, 0.1)["corr_time"] is None
 
 
 def test_a_report_without_a_plan():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from analysis.noise.quality import remarks
+from analysis.noise.channel import remarks
 
 QUIET = np.random.default_rng(1).standard_normal(20_000)
 T = 0.01 * np.arange(20_000)

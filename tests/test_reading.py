@@ -5,11 +5,10 @@ import pytest
 
 from analysis import CannotAnswer
 from analysis.noise import graph, recipes
-from analysis.noise.allan import AllanCurve, allan_deviation
+from analysis.noise.allan import AllanCurve, allan_deviation, fit_line
 from analysis.noise.autocorrelation import autocovariance, block_means, one_over_e
-from analysis.noise.characterise import characterise
-from analysis.noise.line import fit_line
-from analysis.noise.models import UnifiedModel
+from analysis.noise.channel import characterise
+from analysis.noise.models import FLICKER, UnifiedModel
 
 DT = 0.05
 
@@ -57,11 +56,11 @@ def test_recipe_follows_the_paper():
     """published: section III on a long log with little white noise gives tau within 20 %."""
     model = UnifiedModel(0.01, 164.0, 0.046)
     y = model.simulate(200_000, 0.5, np.random.default_rng(3))
-    found = recipes.autocorrelation_recipe(y - y.mean(), 0.5)
+    found = recipes.ComparisonRecipe.of_log(y - y.mean(), 0.5)
     # 600 correlation times: the reading scatters by some 8 %; the peak keeps some white noise.
     assert found.corr_time == pytest.approx(164.0, rel=0.2)
     assert found.sigma_b == pytest.approx(0.046, rel=0.15)
-    assert np.isnan(recipes.autocorrelation_recipe(np.diff(y[::7]), 0.5).corr_time)
+    assert np.isnan(recipes.ComparisonRecipe.of_log(np.diff(y[::7]), 0.5).corr_time)
 
 
 def test_five_coefficients_of_exact_curves():
@@ -70,7 +69,7 @@ def test_five_coefficients_of_exact_curves():
     shapes = {
         "quantisation": np.sqrt(3) / tau,
         "white": 1 / np.sqrt(tau),
-        "bias_instability": np.full(60, graph.FLICKER),
+        "bias_instability": np.full(60, FLICKER),
         "rrw": np.sqrt(tau / 3),
         "ramp": tau / np.sqrt(2),
     }

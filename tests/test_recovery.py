@@ -5,18 +5,24 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from analysis.noise import recovery
 from analysis.noise.allan import overlapped_variance
 from analysis.noise.autocorrelation import autocovariance, block_means
-from analysis.noise.models import UnifiedModel, adev_flicker, adev_gauss_markov
+from analysis.noise.models import FLICKER, UnifiedModel, adev_flicker, adev_gauss_markov, adev_model
+from analysis.noise.recipes import TerrainRecipe, sigma_of_eq3, slow_top
 
 N, B, T_C = 0.004, 0.005, 200.0  # terrain paper, Table 1
+DT = 0.01
+SENSOR, BIAS = UnifiedModel(N / np.sqrt(DT), T_C, B), UnifiedModel(0.0, T_C, B)
 
 
-def simulate(hours, seed, m=100, dt=0.01):
-    """Make a log of Table 1's sensor in averages of `m` samples."""
-    rng = np.random.default_rng(seed)
-    return recovery.simulate_averages(round(3600 * hours / (m * dt)), m, dt, N, B, T_C, rng)
+def simulate(hours, seed):
+    """Make a log of Table 1's sensor in averages of one second."""
+    return SENSOR.simulate_means(round(3600 * hours), 100, DT, np.random.default_rng(seed))
+
+
+def limit(sensor, window):
+    """Give the correlation time that the recipe reads off a log without end."""
+    return TerrainRecipe.of_endless_log(sensor, DT, window).corr_time
 
 
 @pytest.mark.parametrize("tau", [0.1, 1.0, 10.0, 100.0, 3000.0])
@@ -38,6 +44,7 @@ def test_flicker_curve_ends_at_its_floor_and_its_series_joins():
     assert adev_flicker(1e6, 3.0, 1.0) == pytest.approx(
         3 * np.sqrt(2 * np.log(2) / np.pi), rel=1e-5
     )
+    assert adev_model(np.array([1.0, 9.0]), bias_instability=3.0) == pytest.approx(3 * FLICKER)
     below, above = adev_flicker(np.array([0.01999, 0.02001]), 1.0, 1.0)
     assert above / below == pytest.approx(0.02001 / 0.01999, rel=1e-4)  # next term: x^2 / 3
 
@@ -45,7 +52,7 @@ def test_flicker_curve_ends_at_its_floor_and_its_series_joins():
 def test_eq3_makes_the_densities_meet_at_the_cutoff():
     """analytic: Gauss-Markov density = B^2 / omega at omega_0, touching if omega_0 = beta."""
     for cutoff in (0.1 / T_C, 1 / T_C, 30 / T_C):
-        sigma = recovery.sigma_of_eq3(B, T_C, cutoff)
+        sigma = sigma_of_eq3(B, T_C, cutoff)
 
         def density(omega, sigma=sigma):
             return 2 * sigma**2 / T_C / (omega**2 + T_C**-2)
@@ -54,12 +61,13 @@ def test_eq3_makes_the_densities_meet_at_the_cutoff():
     omega = np.geomspace(1e-3, 1e3, 1001) / T_C
     tangent = 2 * B**2 / T_C / (omega**2 + T_C**-2)
     assert np.all(tangent <= B**2 / omega * (1 + 1e-12))
-    assert recovery.sigma_of_eq3(B, T_C, 1 / T_C) == pytest.approx(B, rel=1e-12)
+    assert sigma_of_eq3(B, T_C, 1 / T_C) == pytest.approx(B, rel=1e-12)
 
 
 def test_top_of_a_gauss_markov_curve():
     """published: 0.617 sigma_b near 1.89 T_c (IEEE 952, C.1.1.5.2), for any sigma_b and T_c."""
-    tau, adev = recovery.top_of_curve(0.0, B, T_C)
+    read = TerrainRecipe.of_endless_log(BIAS, DT, 10.0)
+    tau, adev = read.top_at, read.top
     assert tau / T_C == pytest.approx(1.89, abs=0.005)
     assert adev / B == pytest.approx(0.617, abs=0.0005)
     around = adev_gauss_markov(tau * np.array([0.99, 1.01]), B, T_C)
@@ -68,20 +76,19 @@ def test_top_of_a_gauss_markov_curve():
 
 def test_white_noise_lifts_the_top_and_pulls_it_forward():
     """property: with N the top is higher than without, at a shorter time."""
-    bare, under = recovery.top_of_curve(0.0, B, T_C), recovery.top_of_curve(N, B, T_C)
-    assert under[1] > bare[1]
-    assert under[0] < bare[0]
+    bare, under = (TerrainRecipe.of_endless_log(s, DT, 10.0) for s in (BIAS, SENSOR))
+    assert under.top > bare.top
+    assert under.top_at < bare.top_at
 
 
 def test_averages_are_those_of_the_whole_log():
     """property: averages simulated at once and averages of samples have the same covariance."""
     m, dt, sigma_b, corr_time, arw = 20, 0.05, 1.0, 4.0, 0.7
     rng = np.random.default_rng(5)
-    samples = UnifiedModel(arw / np.sqrt(dt), corr_time, sigma_b).simulate(4_000_000, dt, rng)
+    sensor = UnifiedModel(arw / np.sqrt(dt), corr_time, sigma_b)
+    samples = sensor.simulate(4_000_000, dt, rng)
     long = autocovariance(block_means(samples, m), 1)
-    short = autocovariance(
-        recovery.simulate_averages(200_000, m, dt, arw, sigma_b, corr_time, rng), 1
-    )
+    short = autocovariance(sensor.simulate_means(200_000, m, dt, rng), 1)
     # 200 000 averages, correlated over about 4: 1 % is three standard errors.
     assert short == pytest.approx(long, rel=0.02)
 
@@ -89,27 +96,30 @@ def test_averages_are_those_of_the_whole_log():
 def test_a_very_long_log_reads_what_the_closed_forms_say():
     """analytic: on 2000 h the recipe reads its own limits, not the parameters put in."""
     y = simulate(2000, seed=1)
-    found = recovery.recover(y, 1.0, 10.0)
-    limit = recovery.unlimited_corr_time(10.0, N, B, T_C)
+    found = TerrainRecipe.of_log(y, 1.0, 10.0)
+    endless = TerrainRecipe.of_endless_log(SENSOR, DT, 10.0)
     # Standard errors on 36 000 correlation times: 0.05 %, 0.5 %, 1.2 %.
     assert found.arw == pytest.approx(np.hypot(N, B * np.sqrt(2 / 3 / T_C)), rel=0.002)
-    assert found.top == pytest.approx(recovery.top_of_curve(N, B, T_C)[1], rel=0.02)
-    assert found.corr_time == pytest.approx(limit, rel=0.04)
-    assert abs(limit / T_C - 1) > 0.04  # so that the recipe's limit and the truth can be told apart
+    assert found.arw == pytest.approx(endless.arw, rel=0.002)
+    assert found.top == pytest.approx(endless.top, rel=0.02)
+    assert found.corr_time == pytest.approx(endless.corr_time, rel=0.04)
+    assert (
+        abs(endless.corr_time / T_C - 1) > 0.04
+    )  # the recipe's limit is not the truth
 
 
 def test_a_wide_window_reads_long_and_a_narrow_one_short():
     """analytic: limits of the recipe as white noise, then the width of the window, takes over."""
-    alone = [recovery.unlimited_corr_time(w, 0.0, B, T_C) for w in (0.1, 40.0)]
+    alone = [limit(BIAS, w) for w in (0.1, 40.0)]
     assert alone[0] == pytest.approx(T_C, rel=1e-3)
     assert alone[1] == pytest.approx(T_C * (1 + 40 / (3 * T_C)), rel=0.01)  # peak 1 - a / 3
-    assert recovery.unlimited_corr_time(0.01, N, B, T_C) < 0.01
+    assert limit(SENSOR, 0.01) < 0.01
 
 
 def test_white_noise_has_no_slow_part():
     """property: where the curve never leaves the line of slope -1/2, there is no top."""
     y = 3.0 * np.random.default_rng(2).standard_normal(20_000)
-    assert np.isnan(recovery.slow_top(y, 1.0, 3.0)).all()
+    assert np.isnan(slow_top(y, 1.0, 3.0)).all()
 
 
 def test_overlapped_variance_is_allantools():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from analysis.noise import shape
+from analysis.noise import graph
 
 Q = (np.arange(20_000) + 0.5) / 20_000  # evenly spread probabilities
 X = np.geomspace(0.1, 1000.0, 200)
@@ -19,37 +19,29 @@ def test_slope_of_a_power_law(power):
     """Analytic: a power law has its exponent as slope, wherever it is measured."""
     for low, high in ((0.1, 1000.0), (3.0, 8.0)):
         # 1e-12: least squares in double precision
-        assert shape.loglog_slope(X, 7 * X**power, low, high) == pytest.approx(power, abs=1e-12)
+        assert graph.loglog_slope(X, 7 * X**power, low, high) == pytest.approx(power, abs=1e-12)
 
 
 def test_slope_is_taken_between_the_limits():
     """Analytic: of a curve with a corner each side has its own slope."""
     y = np.where(X < 10, X**-0.5, 10**-0.5 * np.sqrt(X / 10))
-    assert shape.loglog_slope(X, y, 0.1, 9.0) == pytest.approx(-0.5, abs=1e-12)  # rounding
-    assert shape.loglog_slope(X, y, 10.5, 1000.0) == pytest.approx(0.5, abs=1e-12)
-
-
-def test_steepest_octave():
-    """Analytic: of rises of 1/4 and then 1 the steeper counts; of a fall, the least steep."""
-    y = np.where(X < 10, X**0.25, 10**0.25 * X / 10)
-    # 1e-12: straight lines in log-log are interpolated exactly, but for rounding
-    assert shape.steepest_octave(X, y) == pytest.approx(1.0, abs=1e-12)
-    assert shape.steepest_octave(X, X**-0.5) == pytest.approx(-0.5, abs=1e-12)
+    assert graph.loglog_slope(X, y, 0.1, 9.0) == pytest.approx(-0.5, abs=1e-12)  # rounding
+    assert graph.loglog_slope(X, y, 10.5, 1000.0) == pytest.approx(0.5, abs=1e-12)
 
 
 def test_distance_to_itself_is_nil():
     """Analytic: the quantiles of a shape are next to it and GAP from the other."""
     gaussian, uniform = norm(3.0, 0.2).ppf(Q), 5.0 + 7.0 * Q
     # 1e-3: 20,000 quantiles have a deviation that is a little short, most of all in the tails
-    assert shape.distance_to_shapes(gaussian) == pytest.approx((0.0, GAP), abs=1e-3)
-    assert shape.distance_to_shapes(uniform) == pytest.approx((GAP, 0.0), abs=1e-3)
+    assert graph.distances(gaussian) == pytest.approx((0.0, GAP), abs=1e-3)
+    assert graph.distances(uniform) == pytest.approx((GAP, 0.0), abs=1e-3)
 
 
 def test_missing_samples_and_units_do_not_count():
     """Property: NaN is left out, and neither order, offset nor scale changes the distances."""
     rng = np.random.default_rng(4)
     y = rng.exponential(size=500)
-    expected = shape.distance_to_shapes(y)
+    expected = graph.distances(y)
     other = np.concatenate([[np.nan], rng.permutation(-3.0 + 1e4 * y), [np.nan]])
     # 1e-9: scaling costs the last digits of the mean
-    assert shape.distance_to_shapes(other) == pytest.approx(expected, abs=1e-9)
+    assert graph.distances(other) == pytest.approx(expected, abs=1e-9)

@@ -1,1 +1,45 @@
-"""Noise of a static log: models, Allan deviation, autocorrelation and what can be read off them."""
+"""Noise of a static log: models, Allan deviation, likelihood, the papers' recipes, planning.
+
+U is the unit of the reading. tau is averaging time and T_c (``corr_time``) correlation time; the
+comparison paper prints tau for T_c.
+"""
+
+from analysis.noise.allan import allan_deviation, fit_line
+from analysis.noise.autocorrelation import correlogram
+from analysis.noise.channel import characterise
+from analysis.noise.fit import NoiseLikelihood
+from analysis.noise.graph import loglog_slope, nearer_to_gaussian, white_noise
+from analysis.noise.inference import infer
+from analysis.noise.models import (
+    UnifiedModel,
+    adev_model,
+    gauss_markov,
+    models_of_table_one,
+    simulate_logs,
+)
+from analysis.noise.planner import Plan
+from analysis.noise.position import cep, outliers
+from analysis.noise.recipes import TerrainRecipe, five_coefficients, sigma_of_eq3
+
+__all__ = [
+    "NoiseLikelihood",
+    "Plan",
+    "TerrainRecipe",
+    "UnifiedModel",
+    "adev_model",
+    "allan_deviation",
+    "cep",
+    "characterise",
+    "correlogram",
+    "fit_line",
+    "five_coefficients",
+    "gauss_markov",
+    "infer",
+    "loglog_slope",
+    "models_of_table_one",
+    "nearer_to_gaussian",
+    "outliers",
+    "sigma_of_eq3",
+    "simulate_logs",
+    "white_noise",
+]

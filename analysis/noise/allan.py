@@ -3,20 +3,33 @@
     adev^2(tau) = 1/2 < (ybar_{k+m} - ybar_k)^2 >,      tau = m dt
 
 over all overlapping pairs of adjacent means of m samples (IEEE 952 C.1; terrain paper eq. (4)). The
-interval is a chi-square interval with the degrees of freedom of `analysis.noise.freedom`: an error
-bar of adev / sqrt(terms), as tools print it, is several times too small at long tau.
+interval is a chi-square interval with `degrees_of_freedom`: an error bar of adev / sqrt(terms), as
+tools print it, is several times too small at long tau.
+
+Overlapping terms are strongly correlated, and how strongly depends on the noise. The curve is first
+written as a sum of noise types with non-negative weights. The covariance of the second differences
+of that sum gives the variance of the estimate, and so the equivalent degrees of freedom::
+
+    edf = 2 E[avar]^2 / Var[avar] = M / sum_k (1 - |k| / M) rho_k^2
+
+with M overlapping terms and rho_k the correlation of second differences k samples apart. For a
+single power law this is the formula of Greenhall and Riley (2003). For a sum the noise need not be
+rounded to the nearest whole power, an approximation that makes the usual intervals at long tau
+wrong.
 """
 
 from dataclasses import dataclass
 
-import allantools
 import numpy as np
+from scipy.optimize import nnls
 from scipy.stats import chi2
-
-from analysis.noise.freedom import degrees_of_freedom
 
 BLOCK = 1 << 14  # samples handled at once: three such arrays stay inside a core's cache
 FULL = 0.9  # a mean counts when at least this share of its samples is there
+TAIL = 0.025  # probability beyond each end of a 95 % interval
+STRIDE = 16  # lags a second difference's half-length is divided into
+REACH = 8  # lags summed, in half-lengths; beyond them the correlation has died out
+FOURTH = ((-2, 1.0), (-1, -4.0), (0, 6.0), (1, -4.0), (2, 1.0))
 
 
 @dataclass(frozen=True)
@@ -38,19 +51,21 @@ class AllanCurve:
     edf: np.ndarray
 
 
-def cluster_sizes(n, count=100):
+def cluster_sizes(n, points=100):
     """Whole numbers of samples to average over, evenly spread in log tau, up to a quarter of `n`.
 
     Beyond a quarter of the log a point has fewer than about three degrees of freedom.
 
     Returns
     -------
-    ndarray of int, shape (k,), k <= count
+    ndarray of int, shape (k,), k <= points
     """
-    return np.unique(np.geomspace(1, max(n // 4, 1), count).round().astype(int))
+    return np.unique(np.geomspace(1, max(n // 4, 1), points).round().astype(int))
 
 
-def allan_deviation(y, dt, m=None, *, confidence=0.95):
+def allan_deviation(
+    y: np.ndarray, dt: float, m: np.ndarray | None = None, *, points: int = 100
+) -> AllanCurve:
     """Overlapped Allan deviation of evenly sampled readings.
 
     Parameters
@@ -60,16 +75,16 @@ def allan_deviation(y, dt, m=None, *, confidence=0.95):
     dt : float
         Sampling interval, s.
     m : ndarray of int, optional
-        Samples per mean; by default `cluster_sizes`.
-    confidence : float
-        Of the interval.
+        Samples per mean; by default up to `points` numbers, evenly spread in log tau, up to a
+        quarter of the log.
+    points : int
 
     Returns
     -------
     AllanCurve
     """
     y = np.asarray(y, dtype=float)
-    m = cluster_sizes(len(y)) if m is None else np.asarray(m)
+    m = cluster_sizes(len(y), points) if m is None else np.asarray(m)
     valid = np.isfinite(y)
     level = y[valid].mean() if valid.any() else 0.0
     if valid.all():
@@ -83,10 +98,9 @@ def allan_deviation(y, dt, m=None, *, confidence=0.95):
     if not len(m):
         return AllanCurve(*(np.array([]) for _ in range(5)))
     edf = np.maximum(degrees_of_freedom(avar, m, len(y)) * valid.mean(), 1.0)
-    tail = (1 - confidence) / 2
     adev = np.sqrt(avar)
-    low = adev * np.sqrt(edf / chi2.ppf(1 - tail, edf))
-    high = adev * np.sqrt(edf / chi2.ppf(tail, edf))
+    low = adev * np.sqrt(edf / chi2.ppf(1 - TAIL, edf))
+    high = adev * np.sqrt(edf / chi2.ppf(TAIL, edf))
     return AllanCurve(m * dt, adev, low, high, edf)
 
 
@@ -139,12 +153,110 @@ def _differences_of_partial_means(phase, count, m):
     return np.einsum("i,i->", d, d) / (2 * len(d))
 
 
-def allantools_deviation(y, dt, m):
-    """Compute the same deviation with allantools, to compare with.
+def generalised_covariances(longest):
+    """List the noise types by the generalised covariance g(k) of their running sum.
+
+    Parameters
+    ----------
+    longest : int
+        Longest averaging factor; Gauss-Markov terms are tried up to four times that.
 
     Returns
     -------
-    ndarray, shape (k,), U
+    list of callables of the lag in samples
     """
-    taus = np.asarray(m) * dt
-    return allantools.oadev(y, rate=1 / dt, data_type="freq", taus=taus)[1]
+    corr = 10.0 ** np.arange(0.5, np.log10(4 * longest) + 0.5, 0.5)
+    return [
+        lambda k: (k == 0).astype(float),  # quantisation, white angle noise under a rate
+        lambda k: -np.abs(k) / 2,  # white
+        lambda k: k**2 * np.log(np.maximum(np.abs(k), 1e-300)),  # flicker
+        lambda k: np.abs(k) ** 3 / 12,  # random walk
+        *(lambda k, c=c: -(c**2) * _gauss_markov(np.abs(k) / c) for c in corr),
+    ]
+
+
+def _gauss_markov(x):
+    """Evaluate e^-x - 1 + x - x^2/2, whose polynomial the fourth difference removes again."""
+    small = x < 0.05
+    series = -(x**3) / 6 * (1 - x / 4 * (1 - x / 5 * (1 - x / 6)))
+    x = np.where(small, 1.0, x)
+    return np.where(small, series, np.exp(-x) - 1 + x - x**2 / 2)
+
+
+def second_difference_covariance(g, lag, m):
+    """Covariance of two second differences (half-length `m`) whose starts are `lag` apart."""
+    return sum(c * g(np.asarray(lag, dtype=float) + j * m) for j, c in FOURTH)
+
+
+def degrees_of_freedom(avar, m, n):
+    """Equivalent degrees of freedom of each point of an Allan curve.
+
+    Parameters
+    ----------
+    avar : ndarray, shape (k,)
+        Overlapped Allan variances.
+    m : ndarray of int, shape (k,)
+        Averaging factors.
+    n : int
+        Samples in the log.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        At least 1 each.
+    """
+    kinds = generalised_covariances(m[-1])
+    weights = _mixture(kinds, avar, m, n)
+    used = [(w, g) for w, g in zip(weights, kinds, strict=True) if w > 0]
+    edf = np.ones(len(m))
+    for i, k in enumerate(m):
+        terms = n - 2 * k + 1
+        stride = max(1, k // STRIDE)
+        lag = np.arange(0, min(REACH * k + 1, terms), stride)
+        cov = sum(w * second_difference_covariance(g, lag, k) for w, g in used)
+        rho2 = (cov / cov[0]) ** 2 * (1 - lag / terms)
+        edf[i] = max(terms / (stride * (2 * rho2.sum() - 1)), 1.0)
+    return edf
+
+
+def _mixture(kinds, avar, m, n):
+    """Non-negative weights of the noise types, by least squares on the relative misfit."""
+    curves = np.array([second_difference_covariance(g, 0, m) / (2.0 * m**2) for g in kinds]).T
+    trust = np.sqrt(n / m)[:, None]
+    relative = curves / avar[:, None]
+    scale = relative.max(axis=0)
+    return nnls(trust * relative / scale, trust[:, 0])[0] / scale
+
+
+@dataclass(frozen=True)
+class Line:
+    """Straight line through a log: `null_shift` (U, its mean) and `drift` (U/s)."""
+
+    null_shift: float
+    drift: float
+
+
+def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:
+    """Fit a straight line by least squares; missing readings are left out.
+
+    Parameters
+    ----------
+    y : ndarray, shape (..., n), U
+        NaN where a sample is missing.
+    dt : float, s
+
+    Returns
+    -------
+    residual : ndarray, shape (..., n), U
+    line : Line
+        With arrays of shape (...) where `y` holds several logs.
+    """
+    valid = np.isfinite(y)
+    count = np.maximum(valid.sum(-1, keepdims=True), 1)
+    t = np.where(valid, dt * np.arange(y.shape[-1]), 0.0)
+    t = np.where(valid, t - t.sum(-1, keepdims=True) / count, 0.0)
+    mean = np.where(valid, y, 0.0).sum(-1, keepdims=True) / count
+    slope = (t * np.where(valid, y, 0.0)).sum(-1, keepdims=True) / np.maximum(
+        (t * t).sum(-1, keepdims=True), 1e-300
+    )
+    return y - mean - slope * t, Line(mean[..., 0], slope[..., 0])

@@ -6,8 +6,65 @@ square root of the peak as sigma_b. The peak still holds what averaging left of 
 sigma_v^2 / m, and at 1/e a finite log reads short. `analysis.noise.inference` has neither fault.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
+
+
+@dataclass(frozen=True)
+class Correlogram:
+    """Autocovariance of averaged readings.
+
+    Attributes
+    ----------
+    lag : ndarray, shape (k,), s
+    covariance : ndarray, shape (k,), U^2
+    """
+
+    lag: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Autocorrelation: the covariance relative to that at lag 0."""
+        return self.covariance / self.covariance[0]
+
+    @property
+    def corr_time(self) -> float:
+        """Correlation time T_c read at 1/e, s; NaN where the curve does not fall so far."""
+        return float(one_over_e(self.covariance, self.lag[1]))
+
+    @property
+    def sigma_b(self) -> float:
+        """Square root of the value at lag 0, U: the comparison paper's sigma_b."""
+        return float(np.sqrt(self.covariance[0]))
+
+
+def correlogram(
+    y: np.ndarray, dt: float, window: float = 0.0, longest: float | None = None
+) -> Correlogram:
+    """Autocovariance of the readings averaged over a window.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+    dt : float
+        Sampling interval, s.
+    window : float
+        Averaging window, s; 0 for the readings themselves.
+    longest : float, optional
+        Longest lag, s; by default as long as the log.
+
+    Returns
+    -------
+    Correlogram
+    """
+    m = max(1, round(window / dt))
+    longest = None if longest is None else round(longest / (m * dt))
+    covariance = autocovariance(block_means(y, m), longest)
+    return Correlogram(m * dt * np.arange(len(covariance)), covariance)
 
 
 def block_means(y, m):

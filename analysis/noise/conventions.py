@@ -18,10 +18,9 @@ The page analysis/noise/README.md holds the table of `side_by_side` for a worked
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from analysis.noise.graph import FLICKER
-from analysis.noise.models import UnifiedModel, adev_model
+from analysis import STANDARD_GRAVITY
+from analysis.noise.models import FLICKER, UnifiedModel
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
 SI = {
     "rad/s": (1.0, "rad/s"),
     "deg/s": (np.pi / 180, "rad/s"),
@@ -71,7 +70,7 @@ def floor(arw, sigma_b, corr_time, dt):
     model = UnifiedModel(per_sample(arw, dt), corr_time, sigma_b)
 
     def log_adev(log_tau):
-        return float(np.log(adev_model(np.exp(log_tau), dt, model)))
+        return float(np.log(model.adev(np.exp(log_tau), dt)))
 
     edge = np.log(PEAK_AT * corr_time)
     low = minimize_scalar(log_adev, bounds=(np.log(dt), edge), method="bounded")

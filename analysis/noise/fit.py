@@ -5,12 +5,14 @@ the rate (K); mean and linear drift are removed exactly (see `likelihood`). They
 Akaike's criterion, 2 (parameters) - 2 ln L; `choose` says how.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.noise.likelihood import Terms, evaluate
 from analysis.noise.profile_likelihood import DROP, Surface, interval
+from analysis.noise.spectrum import Stretch, transform
 
 MODELS = {
     "N": ("sigma_v",),
@@ -87,7 +89,9 @@ class NoiseLikelihood:
         Remove a linear drift; else the mean only.
     """
 
-    def __init__(self, stretches, *, detrend=True):
+    threshold = DROP  # fall of 2 ln L at the ends of a 95 % interval
+
+    def __init__(self, stretches: Sequence[Stretch], *, detrend: bool = True):
         self.stretches = tuple(stretches)
         self.detrend = detrend
         free = sum(s.count.sum() for s in self.stretches)
@@ -95,6 +99,27 @@ class NoiseLikelihood:
         self.step = max(s.m * s.dt for s in self.stretches)
         self.duration = max(s.n * s.m * s.dt for s in self.stretches)
         self.per_sample = min(s.m for s in self.stretches)
+
+    @classmethod
+    def of_log(
+        cls, y: np.ndarray, dt: float, *, averaged: int = 1, detrend: bool = True
+    ) -> "NoiseLikelihood":
+        """Likelihood of a log without missing samples.
+
+        Parameters
+        ----------
+        y : ndarray, shape (n,), U
+            Readings, or means of `averaged` consecutive ones.
+        dt : float
+            Sampling interval of the single readings, s.
+        averaged : int
+        detrend : bool
+
+        Returns
+        -------
+        NoiseLikelihood
+        """
+        return cls([transform(y, dt, averaged)], detrend=detrend)
 
     def surface(self, names):
         """Give the log-likelihood over the logarithms of the named parameters."""
@@ -110,13 +135,15 @@ class NoiseLikelihood:
         low, high = np.log(np.array([box[name] for name in names])).T
         return Surface(lambda points: self.evaluate(points, names).value, low, high)
 
-    def fit(self, model, simpler=(), quantised=False):
+    def fit(
+        self, model: str = UNIFIED, simpler: Sequence[Fit] = (), quantised: bool = False
+    ) -> Fit:
         """Find the likeliest parameters of a model.
 
         Parameters
         ----------
         model : str
-            A key of `MODELS`.
+            A key of `MODELS`; by default white noise and one Gauss-Markov bias.
         simpler : sequence of Fit
             Models to start from; by default the search starts anew.
         quantised : bool
@@ -139,7 +166,7 @@ class NoiseLikelihood:
         aic = 2 * len(names) - 2 * value
         return Fit(title, _named(point, names), value, aic, point, names)
 
-    def interval(self, fit, what):
+    def interval(self, fit: Fit, what: str) -> tuple[float | None, float | None]:
         """95 % profile-likelihood interval of ``sigma_v``, ``sigma_b``, ``corr_time``, ``rrw``...
 
         Of two Gauss-Markov terms it is the longer one's.
@@ -152,6 +179,28 @@ class NoiseLikelihood:
         along, offset = direction(fit, what)
         ends = interval(self.surface(fit.names), fit.point, fit.log_likelihood, along)
         return tuple(None if e is None else float(np.exp(e + offset)) for e in ends)
+
+    def profile(self, fit: Fit, what: str, values: np.ndarray) -> np.ndarray:
+        """Fall of 2 ln L from its maximum when ``what`` has each of the values.
+
+        Parameters
+        ----------
+        fit : Fit
+            The maximum.
+        what : str
+            As for `interval`.
+        values : ndarray, shape (k,)
+
+        Returns
+        -------
+        ndarray, shape (k,)
+        """
+        along, offset = direction(fit, what)
+        surface, fall = self.surface(fit.names), []
+        for at in np.log(values) - offset:
+            cut, _, rest = surface.fixed(along, at)
+            fall.append(2 * (fit.log_likelihood - cut.maximum(fit.point[rest])[1]))
+        return np.array(fall)
 
     def hidden_bias(self, fit, longest):
         """Largest sigma_b of any correlation time up to `longest` that the log does not exclude.

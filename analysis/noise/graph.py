@@ -6,11 +6,12 @@ B = 0.6648 adev; IEEE 952 has B = adev / 0.664, and that is what stands here.
 """
 
 import numpy as np
+from scipy.stats import kstest, norm, uniform
 
 from analysis import Estimate
-from analysis.noise.models import random_walk_unit
+from analysis.noise.allan import AllanCurve
+from analysis.noise.models import FLICKER, random_walk_unit
 
-FLICKER = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: Allan deviation of flicker noise of unit B
 TOLERANCE = 0.1  # a slope counts as -1/2 or +1/2 within this
 SPAN = 0.3  # decades over which a slope is measured, and over which it must hold
 
@@ -32,7 +33,7 @@ def slopes(curve, span=SPAN):
     return slope
 
 
-def white_noise(curve, unit):
+def white_noise(curve: AllanCurve, unit: str) -> Estimate:
     """Angle or velocity random walk N, from the stretch with slope -1/2. ::
 
         N = adev(tau) sqrt(tau)
@@ -126,3 +127,43 @@ def _longest_run(curve, good):
     runs = [np.arange(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     spans = [np.log10(curve.tau[r[-1]] / curve.tau[r[0]]) for r in runs]
     return runs[int(np.argmax(spans))] if spans and max(spans) >= SPAN else None
+
+
+def loglog_slope(x: np.ndarray, y: np.ndarray, low: float, high: float) -> float:
+    """Slope of log y against log x for low <= x <= high, by least squares.
+
+    Returns
+    -------
+    float
+    """
+    inside = (x >= low) & (x <= high)
+    return float(np.polyfit(np.log(x[inside]), np.log(y[inside]), 1)[0])
+
+
+def nearer_to_gaussian(y: np.ndarray) -> bool:
+    """Whether a Gaussian or a uniform distribution of the same mean and deviation is nearer.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+
+    Returns
+    -------
+    bool
+        True if the Gaussian has the smaller Kolmogorov-Smirnov distance.
+    """
+    gaussian, flat = distances(y)
+    return gaussian < flat
+
+
+def distances(y):
+    """Kolmogorov-Smirnov distances of `y` to a Gaussian and to a uniform distribution, 0 to 1.
+
+    Both have the mean and the standard deviation of `y`.
+    """
+    y = y[np.isfinite(y)]
+    mean, sigma = y.mean(), y.std()
+    half = np.sqrt(3) * sigma
+    gaussian = kstest(y, norm(mean, sigma).cdf).statistic
+    return float(gaussian), float(kstest(y, uniform(mean - half, 2 * half).cdf).statistic)

@@ -70,7 +70,16 @@ class Inference:
         ]
 
 
-def infer(y, dt, unit, kind, rng, *, detrend=True, robust=True):
+def infer(
+    y: np.ndarray,
+    dt: float,
+    unit: str,
+    kind: str,
+    rng: np.random.Generator,
+    *,
+    detrend: bool = True,
+    robust: bool = True,
+) -> Inference:
     """Fit every model to a channel, choose one, and say what it resolves.
 
     Parameters

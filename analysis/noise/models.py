@@ -10,11 +10,21 @@ The discretisation is exact, so any ``dt`` gives the same process. The paper's e
 density of the driving noise as 2 sigma_b / tau; it is 2 sigma_b^2 / tau.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 from scipy.special import sici
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FLICKER = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: Allan deviation of flicker noise of unit B
+# Comparison paper, section V: "over 200" and "less than 10" degrees per hour.
+DRIFT_DEG_H = {"tokimec-yaw": 220.0, "kvh-yaw": 9.0}
 
 
 @dataclass(frozen=True)
@@ -33,6 +43,8 @@ class UnifiedModel:
         Constant offset, U.
     drift : float
         Linear drift, U/s.
+    title : str
+        Name of the sensor in tables and figures.
     """
 
     sigma_v: float
@@ -40,8 +52,30 @@ class UnifiedModel:
     sigma_b: float = 0.0
     null_shift: float = 0.0
     drift: float = 0.0
+    title: str = ""
 
-    def simulate(self, n, dt, rng, *, runs=None):
+    def adev(self, tau: ArrayLike, dt: float) -> np.ndarray:
+        """Allan deviation of single readings every `dt` seconds, from its closed form.
+
+        Parameters
+        ----------
+        tau : array_like, s
+            Averaging times.
+        dt : float
+            Sampling interval, s.
+
+        Returns
+        -------
+        ndarray, U
+        """
+        white = self.sigma_v * np.sqrt(dt)
+        return adev_model(
+            tau, arw=white, sigma_b=self.sigma_b, corr_time=self.corr_time, drift=self.drift, dt=dt
+        )
+
+    def simulate(
+        self, n: int, dt: float, rng: np.random.Generator, *, runs: int | None = None
+    ) -> np.ndarray:
         """Simulate a static log of this sensor.
 
         Parameters
@@ -63,8 +97,83 @@ class UnifiedModel:
         ramp = self.null_shift + self.drift * dt * np.arange(n)
         return ramp + bias + self.sigma_v * rng.standard_normal(shape)
 
+    def simulate_means(self, n: int, m: int, dt: float, rng: np.random.Generator) -> np.ndarray:
+        """Simulate the means of `m` consecutive readings, exactly and without the readings.
 
-def gauss_markov(n, dt, sigma_b, corr_time, rng, *, runs=None):
+        Parameters
+        ----------
+        n, m : int
+            Means, readings in each.
+        dt : float
+            Sampling interval of the readings, s.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        ndarray, shape (n,), U
+        """
+        bias = gauss_markov_means(n, m, dt, self.sigma_b, self.corr_time, rng)
+        ramp = self.null_shift + self.drift * dt * (m * np.arange(n) + (m - 1) / 2)
+        return ramp + bias + self.sigma_v / np.sqrt(m) * rng.standard_normal(n)
+
+
+def models_of_table_one(table: "pd.DataFrame") -> dict[str, UnifiedModel]:
+    """Make the models of the comparison paper's Table I.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Columns sensor, channel, sigma_v_deg, corr_time_s, sigma_b_deg, as in
+        data/published/comparison-table-1.csv.
+
+    Returns
+    -------
+    dict of str, UnifiedModel
+        Channel (``midg-roll`` ... ``kvh-yaw``) -> model in deg, with the drift that the text gives.
+    """
+    models = {}
+    for row in table.itertuples():
+        name = f"{row.sensor}-{row.channel}".lower()
+        drift = DRIFT_DEG_H.get(name, 0.0) / 3600
+        parameters = row.sigma_v_deg, row.corr_time_s, row.sigma_b_deg, 0.0, drift
+        models[name] = UnifiedModel(*parameters, title=f"{row.sensor} {row.channel}")
+    return models
+
+
+def simulate_logs(
+    models: Mapping[str, UnifiedModel], n: int, dt: float, seed: int
+) -> dict[str, np.ndarray]:
+    """Simulate a static log of each model, log k from the k-th stream spawned from `seed`.
+
+    Parameters
+    ----------
+    models : mapping of str to UnifiedModel
+    n : int
+        Samples of each log.
+    dt : float
+        Sampling interval, s.
+    seed : int
+
+    Returns
+    -------
+    dict of str, ndarray of shape (n,), U
+    """
+    streams = np.random.SeedSequence(seed).spawn(len(models))
+    return {
+        name: model.simulate(n, dt, np.random.default_rng(stream))
+        for (name, model), stream in zip(models.items(), streams, strict=True)
+    }
+
+
+def gauss_markov(
+    n: int,
+    dt: float,
+    sigma_b: float,
+    corr_time: float,
+    rng: np.random.Generator,
+    *,
+    runs: int | None = None,
+) -> np.ndarray:
     """Simulate a stationary first-order Gauss-Markov process, exactly discretised.
 
     Parameters
@@ -215,6 +324,8 @@ def adev_flicker(tau, bias_instability, cutoff):
     ndarray, U
     """
     x = np.asarray(tau, dtype=float) * cutoff / 2
+    if np.isinf(cutoff):
+        return np.full(x.shape, bias_instability * FLICKER)
     small = x < 1e-2  # the closed form cancels; its series begins with x^2 / 2
     far = np.where(small, 1.0, x)
     wave = np.sin(far) ** 3 / (2 * far**2) * (np.sin(far) + 4 * far * np.cos(far))
@@ -227,20 +338,44 @@ def adev_drift(tau, drift):
     return np.abs(drift) * np.asarray(tau, dtype=float) / np.sqrt(2)
 
 
-def adev_model(tau, dt, model):
-    """Allan deviation of a `UnifiedModel` sampled every `dt` seconds: the terms added in variance.
+def adev_model(
+    tau: ArrayLike,
+    *,
+    arw: float = 0.0,
+    sigma_b: float = 0.0,
+    corr_time: float = np.inf,
+    bias_instability: float = 0.0,
+    cutoff: float = np.inf,
+    drift: float = 0.0,
+    dt: float = 0.0,
+) -> np.ndarray:
+    """Allan deviation of a sum of noise terms: their Allan variances add (IEEE 952, annex C).
+
+    Parameters
+    ----------
+    tau : array_like, s
+        Averaging times.
+    arw : float
+        White noise N, U sqrt(s): N / sqrt(tau).
+    sigma_b, corr_time : float
+        Gauss-Markov bias, U and s.
+    bias_instability, cutoff : float
+        Flicker noise B, U, below omega_0, rad/s; without a cutoff 0.664 B at every tau.
+    drift : float
+        Linear drift, U/s: drift tau / sqrt(2).
+    dt : float
+        Sampling interval of single values of the bias, s; 0 for the continuous process.
 
     Returns
     -------
     ndarray, U
     """
-    white = adev_white(tau, model.sigma_v * np.sqrt(dt))
-    bias = (
-        adev_gauss_markov(tau, model.sigma_b, model.corr_time, dt)
-        if np.isfinite(model.corr_time)
-        else np.zeros_like(white)
-    )
-    return np.sqrt(white**2 + bias**2 + adev_drift(tau, model.drift) ** 2)
+    variance = adev_white(tau, arw) ** 2
+    if np.isfinite(corr_time):
+        variance = variance + adev_gauss_markov(tau, sigma_b, corr_time, dt) ** 2
+    if bias_instability:
+        variance = variance + adev_flicker(tau, bias_instability, cutoff) ** 2
+    return np.sqrt(variance + adev_drift(tau, drift) ** 2)
 
 
 def random_walk_unit(unit):

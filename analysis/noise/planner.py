@@ -10,12 +10,13 @@ exp(1.96 sqrt((I^-1)_ii)) up and down, as the profile likelihood does once the l
 of correlation times.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
 
-from analysis import WrongUsage
+from analysis import Estimate, WrongUsage
 from analysis.noise.likelihood import Terms, bin_variance
 from analysis.noise.spectrum import outline
 
@@ -51,120 +52,116 @@ class Plan:
         """Names and values of the terms that are there."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
+    def relative_error(self, dt: float, hours: float) -> dict[str, float]:
+        """95 % half-width of every parameter's logarithm after a recording.
 
-def relative_error(plan, dt, hours):
-    """95 % half-width of every parameter's logarithm after a recording.
+        Parameters
+        ----------
+        dt : float
+            Sampling interval, s.
+        hours : float
 
-    Parameters
-    ----------
-    plan : Plan
-    dt : float
-        Sampling interval, s.
-    hours : float
+        Returns
+        -------
+        dict of str, float
+            0.1 means known to within a factor exp(0.1).
+        """
+        given = self.given()
+        names = list(given)
+        point = np.log([given[name] for name in names])
+        moves = STEP * np.vstack([np.eye(len(names)), -np.eye(len(names))])
+        columns = dict(zip(names, np.exp(point + moves).T, strict=True))
+        bias = ((columns["sigma_b"], columns["corr_time"]),) if "sigma_b" in columns else ()
+        terms = Terms(columns["sigma_v"], bias, columns.get("rrw"), columns.get("flicker"))
+        stretch = outline(round(3600 * hours / dt), dt)
+        log_variance = np.log(bin_variance(stretch, terms))
+        slope = (log_variance[: len(names)] - log_variance[len(names) :]) / (2 * STEP)
+        information = 0.5 * np.einsum("ipb,jpb,pb->ij", slope, slope, stretch.count)
+        scale = np.sqrt(np.diag(information))
+        seen = scale > 0  # what is hidden to the last digit is never known, and disturbs nothing
+        ratios = information[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
+        variance = np.full(len(names), np.inf)
+        variance[seen] = np.diag(np.linalg.inv(ratios)) / scale[seen] ** 2
+        return {n: float(WITHIN * np.sqrt(v)) for n, v in zip(names, variance, strict=True)}
 
-    Returns
-    -------
-    dict of str, float
-        0.1 means known to within a factor exp(0.1).
-    """
-    names = list(plan.given())
-    point = np.log([plan.given()[name] for name in names])
-    moves = STEP * np.vstack([np.eye(len(names)), -np.eye(len(names))])
-    columns = dict(zip(names, np.exp(point + moves).T, strict=True))
-    bias = ((columns["sigma_b"], columns["corr_time"]),) if "sigma_b" in columns else ()
-    terms = Terms(columns["sigma_v"], bias, columns.get("rrw"), columns.get("flicker"))
-    stretch = outline(round(3600 * hours / dt), dt)
-    log_variance = np.log(bin_variance(stretch, terms))
-    slope = (log_variance[: len(names)] - log_variance[len(names) :]) / (2 * STEP)
-    information = 0.5 * np.einsum("ipb,jpb,pb->ij", slope, slope, stretch.count)
-    scale = np.sqrt(np.diag(information))
-    seen = scale > 0  # what is hidden to the last digit is never known, and disturbs nothing
-    ratios = information[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
-    variance = np.full(len(names), np.inf)
-    variance[seen] = np.diag(np.linalg.inv(ratios)) / scale[seen] ** 2
-    return {n: float(WITHIN * np.sqrt(v)) for n, v in zip(names, variance, strict=True)}
+    def hours_needed(self, dt: float, within: float) -> dict[str, float | None]:
+        """Hours of recording until each parameter is known to a share `within` of its value.
 
+        Parameters
+        ----------
+        dt : float
+            Sampling interval, s.
+        within : float
+            0.1 for 10 %.
 
-def hours_needed(plan, dt, within):
-    """Hours of recording until each parameter is known to a share `within` of its value.
+        Returns
+        -------
+        dict of str, float or None
+            None where eleven years do not do.
 
-    Parameters
-    ----------
-    plan : Plan
-    dt : float
-        Sampling interval, s.
-    within : float
-        0.1 for 10 %.
+        Raises
+        ------
+        WrongUsage
+            If the terms lie so far apart that one hides another to the last digit.
+        """
+        try:
+            with np.errstate(divide="raise", over="raise", invalid="raise"):
+                return self._hours(dt, np.log1p(within))
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise WrongUsage("no plan: the numbers lie too far apart to compute with") from error
 
-    Returns
-    -------
-    dict of str, float or None
-        None where eleven years do not do.
+    @classmethod
+    def from_estimates(cls, parameters: Mapping[str, Estimate]) -> tuple["Plan | None", bool]:
+        """Plan with what a first log resolved, and at its bounds where it resolved nothing.
 
-    Raises
-    ------
-    WrongUsage
-        If the terms lie so far apart that one hides another to the last digit.
-    """
-    try:
-        with np.errstate(divide="raise", over="raise", invalid="raise"):
-            return _hours(plan, dt, np.log1p(within))
-    except (ArithmeticError, np.linalg.LinAlgError) as error:
-        raise WrongUsage("no plan: the numbers lie too far apart to compute with") from error
+        Parameters
+        ----------
+        parameters : dict of Estimate
+            Of a channel.
 
+        Returns
+        -------
+        plan : Plan or None
+            None where the log does not even tell its white noise.
+        at_least : bool
+            The correlation time is a lower bound, and so are the hours.
+        """
+        white, sigma, time = (parameters.get(name) for name in ("sigma_v", "sigma_b", "corr_time"))
+        if white is None or not white.resolved:
+            return None, False
+        if time.resolved:
+            return cls(white.value, sigma.value, time.value), False
+        if time.low and sigma.low:
+            return cls(white.value, sigma.low, time.low), True
+        flicker, walk = parameters.get("bias_instability"), parameters.get("rrw")
+        # A floor read off the curve is not flicker noise: only a fitted coefficient counts.
+        fitted = flicker is not None and flicker.resolved and "flicker" in flicker.note
+        resolved = walk is not None and walk.resolved
+        return cls(
+            white.value,
+            flicker=flicker.value if fitted else None,
+            rrw=walk.value if resolved else None,
+        ), False
 
-def _hours(plan, dt, wanted):
-    def short_by(log_hours, name):
-        error = relative_error(plan, dt, np.exp(log_hours))[name]
-        return np.log(min(error / wanted, HIDDEN))
+    def _hours(self, dt, wanted):
+        def short_by(log_hours, name):
+            error = self.relative_error(dt, np.exp(log_hours))[name]
+            return np.log(min(error / wanted, HIDDEN))
 
-    found, longest = {}, np.log(LONGEST_H)
-    for name in plan.given():
-        # Few samples or few correlation times are beyond what the information can say.
-        times = 10 * plan.corr_time if name in ("sigma_b", "corr_time") else 0.0
-        least = np.log(max(1000 * dt, times) / 3600)
-        if least >= longest:
-            found[name] = None
-            continue
-        ends = short_by(least, name), short_by(longest, name)
-        if ends[0] <= 0:
-            found[name] = float(np.exp(least))
-        elif ends[1] > 0:
-            found[name] = None
-        else:
-            root = brentq(short_by, least, longest, args=(name,), xtol=1e-3)
-            found[name] = float(np.exp(root))
-    return found
-
-
-def from_estimates(parameters):
-    """Plan with what a first log resolved, and at its bounds where it resolved nothing.
-
-    Parameters
-    ----------
-    parameters : dict of Estimate
-        Of a channel.
-
-    Returns
-    -------
-    plan : Plan or None
-        None where the log does not even tell its white noise.
-    at_least : bool
-        The correlation time is a lower bound, and so are the hours.
-    """
-    white, sigma, time = (parameters.get(name) for name in ("sigma_v", "sigma_b", "corr_time"))
-    if white is None or not white.resolved:
-        return None, False
-    if time.resolved:
-        return Plan(white.value, sigma.value, time.value), False
-    if time.low and sigma.low:
-        return Plan(white.value, sigma.low, time.low), True
-    flicker, walk = parameters.get("bias_instability"), parameters.get("rrw")
-    # A floor read off the curve is no flicker noise: only a fitted coefficient plans a recording.
-    fitted = flicker is not None and flicker.resolved and "flicker" in flicker.note
-    resolved = walk is not None and walk.resolved
-    return Plan(
-        white.value,
-        flicker=flicker.value if fitted else None,
-        rrw=walk.value if resolved else None,
-    ), False
+        found, longest = {}, np.log(LONGEST_H)
+        for name in self.given():
+            # Few samples or few correlation times are beyond what the information can say.
+            times = 10 * self.corr_time if name in ("sigma_b", "corr_time") else 0.0
+            least = np.log(max(1000 * dt, times) / 3600)
+            if least >= longest:
+                found[name] = None
+                continue
+            ends = short_by(least, name), short_by(longest, name)
+            if ends[0] <= 0:
+                found[name] = float(np.exp(least))
+            elif ends[1] > 0:
+                found[name] = None
+            else:
+                root = brentq(short_by, least, longest, args=(name,), xtol=1e-3)
+                found[name] = float(np.exp(root))
+        return found

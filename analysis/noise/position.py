@@ -17,7 +17,7 @@ FEWEST = 20.0  # independent positions below which the median radius has no 95 %
 PER_SIGMA = np.sqrt(2 * np.log(2))  # CEP of a circular Gaussian of unit deviation: 1.1774
 
 
-def outliers(*axes):
+def outliers(*axes: np.ndarray) -> np.ndarray:
     """Mark positions that stand alone: far from their neighbours in time, along any axis.
 
     Far is more than 6 robust standard deviations of the whole log (its middle 95 % over 3.92) from
@@ -64,7 +64,7 @@ def effective_samples(x):
     return float(np.clip(len(x) / max(length[stop], 1e-9), 1.0, len(x)))
 
 
-def cep(north, east):
+def cep(north: np.ndarray, east: np.ndarray) -> Estimate:
     """Circular error probable about the mean, with its 95 % interval. ::
 
         CEP = median r,     r = sqrt((n - nbar)^2 + (e - ebar)^2)

@@ -16,18 +16,20 @@ from tqdm import tqdm
 
 from analysis import DATA, Estimate, WrongUsage
 from analysis.noise import graph as reading
-from analysis.noise import recipes, table_one
-from analysis.noise.allan import allan_deviation
+from analysis.noise import recipes
+from analysis.noise.allan import allan_deviation, fit_line
 from analysis.noise.drift import linear_drift
 from analysis.noise.fit import UNIFIED
 from analysis.noise.inference import infer
-from analysis.noise.line import fit_line
-from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov
+from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov, models_of_table_one
 
 SEED = 4711
+RATE_HZ = 20.0  # of Table I, comparison paper section IV
 LENGTHS = "midg-roll"  # asked at further lengths
 FOLDER = DATA / "derived" / "coverage"
-TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005)  # Table 1: N 0.004 deg/sqrt(s) at 100 Hz
+TERRAIN = UnifiedModel(
+    0.004 * 10, 200.0, 0.005, title="terrain Table 1"
+)  # at 100 Hz: N = 0.004 deg/sqrt(s)
 PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 
 
@@ -75,8 +77,9 @@ def papers():
     -------
     dict of str, tuple
     """
-    step = 1 / table_one.RATE_HZ
-    found = {name: (model, step, "angle") for name, model in table_one.models().items()}
+    table = pd.read_csv(DATA / "published" / "comparison-table-1.csv", comment="#")
+    models = models_of_table_one(table)
+    found = {name: (model, 1 / RATE_HZ, "angle") for name, model in models.items()}
     return found | {"terrain": (TERRAIN, 0.01, "rate")}
 
 
@@ -123,7 +126,7 @@ def ask(stream, model, dt, kind, hours, classical):
         ends = (None if v is None else v * per_sample for v in (graph.value, graph.low, graph.high))
         value, low, high = ends
         found.append(_row("graph", "sigma_v", replace(graph, value=value, low=low, high=high), ""))
-        followed = recipes.autocorrelation_recipe(residual, dt)
+        followed = recipes.ComparisonRecipe.of_log(residual, dt)
         fitted = recipes.five_coefficients(curve)["white"] * per_sample
         found += [
             _bare("1/e", p, getattr(followed, p)) for p in ("sigma_v", "sigma_b", "corr_time")
