@@ -15,7 +15,7 @@ from analysis import Estimate, pretty
 from analysis.figures import DOUBLE
 from analysis.noise import graph
 from analysis.noise.allan import AllanCurve
-from analysis.noise.characterise import ChannelNoise
+from analysis.noise.channel import ChannelNoise
 from analysis.terrain import metrics
 from analysis.terrain.cost import PowerLaw
 
