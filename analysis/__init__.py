@@ -58,6 +58,7 @@ put wrongly (exit status 2). Both say in one sentence what to do.
 """
 
 import math
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -87,6 +88,16 @@ CUSTOMARY = {  # unit -> factor and name of the unit in which datasheets state s
     "m": (1.0, "m"),
     "m/s": (3600.0, "m/h"),
 }
+
+
+def figures_folder() -> Path:
+    """Folder the figures go to: ``figures/``, or the one COMPENDIUM_FIGURES names.
+
+    Returns
+    -------
+    pathlib.Path
+    """
+    return Path(os.environ.get("COMPENDIUM_FIGURES", ROOT / "figures"))
 
 
 class CannotAnswer(Exception):

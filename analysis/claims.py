@@ -14,8 +14,7 @@ from typing import Any
 import pandas as pd
 from filelock import FileLock
 
-from analysis import DATA, Estimate, WrongUsage
-from analysis.figures import folder
+from analysis import DATA, Estimate, WrongUsage, figures_folder
 
 __all__ = ["NOT_YET", "Ledger", "numbers", "published", "verdicts"]
 
@@ -41,7 +40,7 @@ def verdicts() -> pd.DataFrame:
     -------
     pandas.DataFrame, indexed by id
     """
-    path = folder() / "claims.csv"
+    path = figures_folder() / "claims.csv"
     known = (
         pd.read_csv(path).set_index("id") if path.exists() else pd.DataFrame(columns=COLUMNS[1:])
     )
@@ -232,7 +231,7 @@ class Ledger:
         return self._published.loc[claim]
 
     def _write(self):
-        path = folder() / "claims.csv"
+        path = figures_folder() / "claims.csv"
         path.parent.mkdir(parents=True, exist_ok=True)
         mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)
         with FileLock(path.with_suffix(".lock")):  # other notebooks may be writing theirs

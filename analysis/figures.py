@@ -7,7 +7,6 @@ by sha256, versions; never a path and never a date, so the same inputs give the 
 
 import io
 import json
-import os
 import re
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -23,7 +22,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from analysis import ROOT, WrongUsage
+from analysis import ROOT, WrongUsage, figures_folder
 
 __all__ = ["DOUBLE", "SINGLE", "plt", "save", "use_style"]
 
@@ -55,16 +54,6 @@ VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools", "inertial-co
 def use_style() -> None:
     """Set the look of every figure from here on; call it in a notebook's import cell."""
     mpl.rcParams.update(STYLE)
-
-
-def folder() -> Path:
-    """Folder the figures go to: ``figures/``, or the one COMPENDIUM_FIGURES names.
-
-    Returns
-    -------
-    pathlib.Path
-    """
-    return Path(os.environ.get("COMPENDIUM_FIGURES", ROOT / "figures"))
 
 
 def save(
@@ -107,7 +96,7 @@ def save(
     WrongUsage
         If an artist has no name, or an axis no label.
     """
-    to = folder() if to is None else Path(to)
+    to = figures_folder() if to is None else Path(to)
     to.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context({k: STYLE[k] for k in ("savefig.dpi", "pdf.fonttype")}):
         fig.draw_without_rendering()  # lays it out: from here on a point has a place in dots

@@ -17,7 +17,6 @@ from analysis.noise import exports, planner
 from analysis.output import check_folder, writing
 
 WITHIN = 0.2
-PLANNED = {"sigma_v": "N or σ_v", "sigma_b": "σ_b", "corr_time": "τ", "flicker": "B", "rrw": "K"}
 SLOW = ("sigma_b", "corr_time")
 TEMPLATES = Path(__file__).parent / "templates"
 JOINT = "all.allan"  # a dot, which no channel has in its name
@@ -26,7 +25,7 @@ NAMES = {
     "vrw": "velocity random walk N",
     "sigma_v": "wide-band noise σ_v of one sample",
     "sigma_b": "standard deviation σ_b of the Gauss–Markov bias",
-    "corr_time": "correlation time τ of the Gauss–Markov bias",
+    "corr_time": "correlation time T_c of the Gauss–Markov bias",
     "bias_instability": "bias instability B (IEEE 952: floor / 0.664)",
     "rrw": "rate random walk K",
     "drift": "linear drift",
@@ -102,16 +101,16 @@ def recording(channel, dt, within=WITHIN):
         ends = [replace(plan, corr_time=t).hours_needed(dt, within) for t in times]
     except WrongUsage as error:
         return [str(error)]
-    said = "; ".join(
-        f"{PLANNED[name]} {'at least ' if at_least and name in SLOW else ''}{text.duration(h)}"
-        + (
-            f" ({' to '.join(text.duration(e[name]) for e in ends)})"
-            if ends and name in SLOW
-            else ""
+    parts = []
+    for name, needed in hours.items():
+        slow = name in SLOW
+        span = " to ".join(text.duration(end[name]) for end in ends) if slow else ""
+        at_least_text = "at least " if at_least and slow else ""
+        parts.append(
+            f"{planner.SYMBOLS[name]} {at_least_text}{text.duration(needed)}"
+            + (f" ({span})" if span else "")
         )
-        for name, h in hours.items()
-    )
-    return [f"to know each to ±{within:.0%} (95 %), record: {said}"]
+    return [f"to know each to ±{within:.0%} (95 %), record: {'; '.join(parts)}"]
 
 
 def _draw(result, folder):

@@ -11,8 +11,7 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
 from tqdm import tqdm
 
-from analysis import ROOT, CannotAnswer, WrongUsage
-from analysis.figures import folder
+from analysis import ROOT, CannotAnswer, WrongUsage, figures_folder
 
 NOTEBOOKS = ROOT / "notebooks"
 
@@ -123,7 +122,7 @@ def execute(path, *, progress=True):
     notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
     nbformat.write(notebook, path)
     number = path.stem.split("-")[0]
-    figures = len(list(folder().glob(f"{number}-*.png")))
-    ledger = folder() / "claims.csv"
+    figures = len(list(figures_folder().glob(f"{number}-*.png")))
+    ledger = figures_folder() / "claims.csv"
     claims = (pd.read_csv(ledger)["notebook"] == path.stem).sum() if ledger.exists() else 0
     return Run(path.stem, time.perf_counter() - start, figures, int(claims))

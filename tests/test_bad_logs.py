@@ -7,8 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
-from analysis import CannotAnswer, report
-from analysis import __main__ as cli
+from analysis import CannotAnswer, cli, report
 from analysis.noise.channel import characterise
 
 DT = 0.01

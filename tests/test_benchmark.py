@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from analysis import DATA
-from analysis.__main__ import main
+from analysis.cli import main
 from analysis.studies import benchmark, noise_speed, replay_speed
 
 

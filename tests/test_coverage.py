@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.__main__ import main
+from analysis.cli import main
 from analysis.studies import coverage
 
 FITTED = ("sigma_v", "sigma_b", "corr_time", "drift")

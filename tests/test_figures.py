@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from analysis import ROOT, Estimate, WrongUsage, figures, plots
+from analysis import ROOT, Estimate, WrongUsage, figures, figures_folder, plots
 
 NAME = "90-test"
 CAPTION = "Deviation of a sensor at rest (95 % bands)."
@@ -123,7 +123,7 @@ def test_the_folder_comes_from_the_environment(tmp_path, monkeypatch):
     figures.save(example(), NAME)
     assert len(list((tmp_path / "new").iterdir())) == 3
     monkeypatch.delenv("COMPENDIUM_FIGURES")
-    assert figures.folder() == ROOT / "figures"
+    assert figures_folder() == ROOT / "figures"
 
 
 def test_saving_leaves_the_settings_alone(tmp_path):

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis import Estimate, report
-from analysis import __main__ as cli
+from analysis import Estimate, cli, report
 from analysis.noise.fit import NoiseLikelihood
 from analysis.noise.models import UnifiedModel
 from analysis.noise.planner import Plan

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis import __main__ as cli
+from analysis import cli
 from analysis.noise import population
 from analysis.noise.fit import NoiseLikelihood
 from analysis.noise.models import UnifiedModel

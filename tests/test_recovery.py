@@ -103,9 +103,7 @@ def test_a_very_long_log_reads_what_the_closed_forms_say():
     assert found.arw == pytest.approx(endless.arw, rel=0.002)
     assert found.top == pytest.approx(endless.top, rel=0.02)
     assert found.corr_time == pytest.approx(endless.corr_time, rel=0.04)
-    assert (
-        abs(endless.corr_time / T_C - 1) > 0.04
-    )  # the recipe's limit is not the truth
+    assert abs(endless.corr_time / T_C - 1) > 0.04  # the recipe's limit is not the truth
 
 
 def test_a_wide_window_reads_long_and_a_narrow_one_short():

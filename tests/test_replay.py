@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from test_cli import run
 
+from analysis import output
 from analysis.logs import datasets
 from analysis.logs import moving as tracks
 from analysis.logs.saved_position import load, save
@@ -586,7 +587,7 @@ def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, cold):
     def stop(summary):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(tracks, "_rounded", stop)
+    monkeypatch.setattr(output, "_rounded", stop)
     assert run("replay", *paths, "--out", tmp_path / "out")[0] == 130
     assert files(tmp_path / "out") == ["summary.json", "track.csv"]
     assert (tmp_path / "out" / "track.csv").read_bytes() == old

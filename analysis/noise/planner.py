@@ -24,6 +24,9 @@ WITHIN = 1.96
 STEP = 1e-3  # of a logarithm, for derivatives
 LONGEST_H = 1e5  # eleven years
 HIDDEN = 1e6  # times the error that is wanted: not known at all
+SYMBOLS = {  # how the terms of a `Plan` are printed
+    "sigma_v": "N or σ_v", "sigma_b": "σ_b", "corr_time": "T_c", "flicker": "B", "rrw": "K",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

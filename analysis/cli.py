@@ -1,0 +1,610 @@
+"""The command line, ``python -m analysis``: every verb, its options and its help.
+
+Exit status: 0 good; 1 the data cannot support an answer; 2 wrong usage; 130 stopped by Ctrl-C.
+A verb imports what it needs when it runs, so that the help appears at once.
+"""
+
+import math
+import sys
+import tempfile
+from dataclasses import asdict
+from enum import StrEnum
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated, Literal
+
+import typer
+from typer.core import TyperGroup
+
+from analysis import CannotAnswer, WrongUsage
+from analysis.output import check_file, check_folder, told, write, writing
+
+RESUMABLE = ("reproduce", "coverage", "data")  # verbs that keep each piece that is finished
+Block = StrEnum(
+    "Block",
+    {
+        name.replace("-", "_"): name
+        for name in ("last-position", "attitude", "static", "low-pass", "mounting", "fusion")
+    },
+)
+
+
+class Verbs(TyperGroup):
+    """The group of all verbs: turns an error into one sentence and an exit status."""
+
+    def invoke(self, ctx):
+        """Run the verb that was named."""
+        try:
+            return super().invoke(ctx)
+        except CannotAnswer as error:
+            sentence, status = f"cannot answer: {error}", 1
+        except WrongUsage as error:
+            sentence, status = f"wrong usage: {error}", 2
+        except KeyboardInterrupt:
+            kept = ctx.invoked_subcommand in RESUMABLE
+            sentence = f"stopped; {'what was finished is kept' if kept else 'nothing is written'}"
+            status = 130
+        except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
+            sys.stdout = None
+            return None
+        print(sentence, file=sys.stderr)
+        raise typer.Exit(status)
+
+
+app = typer.Typer(
+    cls=Verbs,
+    help="Rerun the compendium, characterise inertial sensors, replay a tracker on field logs.",
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _not_empty(out):
+    if out == "":  # a shell variable that is not set
+        raise WrongUsage("--out is empty: name where to write")
+    return out
+
+
+def _out(about, metavar="DIR"):
+    return typer.Option("--out", metavar=metavar, help=about, callback=_not_empty)
+
+
+Rate = Annotated[
+    float | None, typer.Option(metavar="HZ", help="Sampling rate; the time column is not used.")
+]
+Time = Annotated[
+    str | None, typer.Option(metavar="COLUMN", help="Time column; if left out, found by its name.")
+]
+Columns = Annotated[
+    str | None, typer.Option(metavar="A,B", help="Channels, by name or by number from 1.")
+]
+Unit = Annotated[
+    str | None,
+    typer.Option(
+        metavar="UNIT",
+        help="Unit of columns whose name states none: deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, "
+        "m.",
+    ),
+]
+Kind = Annotated[
+    Literal["rate", "angle", "accel", "position"] | None,
+    typer.Option(help="Kind of reading, if the unit does not tell."),
+]
+From = Annotated[
+    float | None, typer.Option("--from", metavar="S", help="Leave out what is before, s.")
+]
+To = Annotated[float | None, typer.Option("--to", metavar="S", help="Leave out what is after, s.")]
+
+
+def _read(log, columns, **options):
+    from analysis import logs
+
+    return logs.read(log, columns=columns.split(",") if columns else None, **options)
+
+
+@app.command()
+def reproduce(
+    notebooks: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NOTEBOOK", help="Names or numbers; all if left out."),
+    ] = None,
+    at_once: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Notebooks at a time; one for each core, up to 4."),
+    ] = None,
+):
+    """Execute the notebooks and redraw figures/.
+
+    \b
+    python -m analysis reproduce          all notebooks in order, the index last
+    python -m analysis reproduce 10 11    two of them, by number
+
+    Rewrites figures/ (PDF, PNG, CSV and claims.csv) and the outputs in the notebooks.
+    """
+    from analysis import reproduce as runner
+
+    start = perf_counter()
+    runs = runner.reproduce(notebooks or (), at_once=at_once)
+    seconds = perf_counter() - start
+    print(f"{'notebook':<28}{'seconds':>8}{'figures':>9}{'claims checked':>16}")
+    for run in runs:
+        print(f"{run.notebook:<28}{run.seconds:>8.1f}{run.figures:>9}{run.claims:>16}")
+    figures, claims = (sum(getattr(run, name) for run in runs) for name in ("figures", "claims"))
+    print(f"{'all, elapsed time':<28}{seconds:>8.1f}{figures:>9}{claims:>16}")
+
+
+@app.command()
+def report(
+    log: Annotated[str, typer.Argument(metavar="LOG", help="A file, or a log of the catalogue.")],
+    out: Annotated[str, _out("Folder for the report.")],
+    rate: Rate = None,
+    time: Time = None,
+    columns: Columns = None,
+    unit: Unit = None,
+    kind: Kind = None,
+    start: From = None,
+    stop: To = None,
+):
+    """Characterise a static log: noise model and report.
+
+    \b
+    python -m analysis report adis16405 --out adis            a log of the catalogue
+    python -m analysis report my.csv --out mine               a CSV with a time column
+    python -m analysis report my.csv --out mine --rate 100 --columns 2,3,4 --unit deg/s
+    python -m analysis report my.csv --out mine --time t_us --columns gx --unit rad/s --from 60
+
+    The log must be static: the sensor lies still. Leave out the warm-up with --from. The random
+    walk needs about an hour. A correlation time needs a log at least ten times as long: hours
+    rather than minutes.
+
+    Writes model.json (every parameter with its 95 % interval), report.html (one page to pass on),
+    figures/ and exports/.
+    """
+    from analysis import report as page
+
+    log = _read(log, columns, rate=rate, time=time, unit=unit, kind=kind, start=start, stop=stop)
+    result = page.write(log, out)
+    for repair in result.source["repairs"]:
+        print(f"note: {repair}")
+    for channel in result.channels:
+        print(f"\n{channel.name} ({channel.unit})")
+        for row in page.rows(channel):
+            print(f"  {row['name']:<46}{row['value'] or 'not resolved':>18}   {row['interval']}")
+        for sentence in page.recording(channel, 1 / result.source["rate_hz"]):
+            print(f"  {sentence}")
+    print(f"\n{out}/report.html, model.json, figures/ and exports/ are written")
+
+
+@app.command()
+def replay(
+    logs: Annotated[
+        list[str],
+        typer.Argument(metavar="LOG", help="NMEA or CSV; GNSS and IMU in one file or in two."),
+    ],
+    out: Annotated[str, _out("Folder for track.csv and summary.json.")],
+    without: Annotated[
+        list[Block] | None,
+        typer.Option(metavar="BLOCK", help="Turn a block off (may be repeated)."),
+    ] = None,
+    outage: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FROM:TO",
+            help="Delete the fixes of an interval, in s from the start of the log (may be "
+            "repeated).",
+        ),
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(metavar="OURS=THEIRS,...", help="What a CSV's columns mean, with the unit."),
+    ] = None,
+    imu_offset: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            help="Seconds from the first GNSS epoch to the first IMU sample, if the time stamps "
+            "do not tell.",
+        ),
+    ] = None,
+    last_position: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Where block 1 keeps the position between runs."),
+    ] = None,
+    float32: Annotated[
+        bool, typer.Option("--float32", help="Run the filters in single precision.")
+    ] = False,
+):
+    """Run the tracker paper's six blocks on a GNSS (and IMU) log.
+
+    \b
+    python -m analysis replay drive.nmea --out drive              an NMEA log of a receiver alone
+    python -m analysis replay drive.nmea imu.csv --out drive      and the log of an IMU
+    python -m analysis replay drive.csv --out drive --columns speed_km_h=Speed,gyro_x_deg_s=GyroX
+    python -m analysis replay drive.csv --out plain --without low-pass --without fusion
+    python -m analysis replay drive.csv --out tunnel --outage 300:330 --outage 600:660
+    python -m analysis replay drive.nmea --out drive --last-position where.json
+
+    The blocks are those of the tracker paper: last-position (1), attitude (2), static (3),
+    low-pass (4), mounting (5), fusion (6). A block whose sensor is missing is reported; the others
+    run.
+
+    CSV columns are found by name and unit: t_s, lat_deg, lon_deg, height_m, pdop, speed_m_s,
+    course_deg, accel_x_m_s2 (or _g), gyro_x_deg_s (or _rad_s) and so on. An NMEA log may have the
+    time stamps of a host between its lines. IMU axes: x forward, y right, z down; accelerometers
+    read specific force, (0, 0, -9.81) m/s^2 level and at rest. A minus sign turns an axis round:
+    --columns accel_z_g=-AccZ.
+
+    Writes track.csv (one row for each GNSS epoch) and summary.json. yaw_deg is the heading of the
+    sensor's X axis, mount_deg its angle clockwise from the vehicle's heading. The thresholds that
+    summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad (theta_alpha in rad^2);
+    lengths are counts.
+    """
+    import numpy as np
+
+    from analysis.logs import moving, saved_position, timeline
+    from analysis.tracker import replay as tracker
+    from analysis.tracker.last_position import Stored
+
+    pairs = columns.split(",") if columns else []
+    if not all("=" in pair for pair in pairs):
+        raise WrongUsage(f"--columns {columns}: write OURS=THEIRS, such as lat_deg=Lat")
+    outages = [_interval(text) for text in outage or ()]
+    if imu_offset is not None and not math.isfinite(imu_offset):
+        raise WrongUsage(f"--imu-offset {imu_offset:g}: give a number of seconds")
+    check_folder(out)
+    if last_position is not None:
+        if "last-position" in (without or ()):
+            raise WrongUsage(
+                "--last-position belongs to block 1, which --without last-position turns off"
+            )
+        _check_last_position(Path(last_position), logs, Path(out))
+    log = moving.read(
+        logs, columns=dict(pair.split("=", 1) for pair in pairs), imu_offset=imu_offset
+    )
+    for start, stop in outages:
+        if start > log.duration_s:
+            raise WrongUsage(
+                f"--outage {start:g}:{stop:g} lies beyond the log, which lasts {log.duration_s:g} s"
+            )
+    position, warning = saved_position.load(last_position) if last_position else (None, None)
+    stored = Stored(**position) if position else None
+    off = {block.name: False for block in without or ()}
+    options = tracker.Options(dtype=np.float32 if float32 else np.float64, **off)
+    track = tracker.replay(timeline.inject_outages(log, outages), options, stored, progress=True)
+    write(track, out)
+    if last_position and track.stored:
+        aside = saved_position.save(last_position, asdict(track.stored))
+        warning = f"{warning}; it is kept as {aside}" if aside else warning
+    if warning:
+        print(warning, file=sys.stderr)
+    for line in told(track.summary):
+        print(line)
+    print(f"\n{out}/track.csv and summary.json are written")
+
+
+def _interval(text):
+    """Read FROM:TO in seconds."""
+    try:
+        start, stop = (float(part) for part in text.split(":"))
+    except ValueError:
+        start, stop = 0.0, -1.0
+    if not 0 <= start < stop:
+        raise WrongUsage(f"--outage {text}: write FROM:TO in seconds, such as 300:330")
+    return start, stop
+
+
+def _check_last_position(path, logs, out):
+    """Refuse a --last-position that is another file of this run, or cannot be written."""
+    from analysis.logs import moving
+
+    option = f"--last-position {path.name}"
+    taken = [*map(moving.located, logs), out, out / "track.csv", out / "summary.json"]
+    if path.resolve() in [other.resolve() for other in taken]:
+        raise WrongUsage(f"{option}: that is a log, or what --out writes; name another file")
+    try:
+        if path.is_dir():  # "" too
+            raise WrongUsage(f"{option}: name a file, not a folder")
+        if path.parent.exists() or not out.resolve().is_relative_to(path.parent.resolve()):
+            tempfile.TemporaryFile(dir=path.parent).close()  # otherwise it is made with --out
+    except OSError as error:
+        raise CannotAnswer(f"{option}: cannot keep a position there ({error.strerror})") from error
+
+
+@app.command()
+def pool(
+    logs: Annotated[
+        list[str],
+        typer.Argument(metavar="LOG", help="Files or logs of the catalogue, one for each unit."),
+    ],
+    out: Annotated[str, _out("Folder for pooled.json.")],
+    axes: Annotated[
+        bool, typer.Option("--axes", help="Pool x, y and z too, as units of one model.")
+    ] = False,
+    rate: Rate = None,
+    time: Time = None,
+    columns: Columns = None,
+    unit: Unit = None,
+    kind: Kind = None,
+    start: From = None,
+    stop: To = None,
+):
+    """Estimate one noise model from the logs of several units.
+
+    \b
+    python -m analysis pool unit1.csv unit2.csv unit3.csv --out model   one log for each unit
+    python -m analysis pool adis16405 --axes --columns gyro_x,gyro_y,gyro_z --out model
+
+    Writes pooled.json: one estimate for the sensor model, and the spread between its units. A log
+    that does not resolve a parameter counts with its bound.
+    """
+    from analysis import pooling
+
+    read = [
+        _read(log, columns, rate=rate, time=time, unit=unit, kind=kind, start=start, stop=stop)
+        for log in logs
+    ]
+    pooled = pooling.write(read, out, axes=axes)
+    for channel in pooled["channels"]:
+        print(f"\n{channel['name']} ({channel['unit']}): {len(channel['members'])} units")
+        for name, typical, spread in pooling.rows(channel):
+            print(f"  {name:<46}  {typical}; between units {spread}")
+    print(f"\n{out}/pooled.json is written")
+
+
+@app.command()
+def export(
+    model: Annotated[str, typer.Argument(metavar="MODEL.json", help="As `report` writes it.")],
+    out: Annotated[str, _out("Folder for the files.")],
+):
+    """Write a model.json for Kalibr, MATLAB, Gazebo and others.
+
+    \b
+    python -m analysis export mine/model.json --out mine/exports   of a report made before
+    python -m analysis export edited.json --out filter
+
+    Formats: Kalibr, gnss-ins-sim, pyins, MATLAB's imuSensor, Gazebo classic and Gazebo (PX4).
+    `report` writes the same files beside its model.json. A parameter that the log does not resolve
+    is switched off or left out, never invented; README.md in the folder lists them.
+    """
+    from analysis import report as page
+
+    for name in page.export(model, out):
+        print(f"{out}/{name}")
+
+
+@app.command()
+def plan(
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Sampling rate.")],
+    white: Annotated[float, typer.Option(metavar="N", help="White noise, U*sqrt(s).")],
+    sigma: Annotated[
+        float | None, typer.Option(metavar="S", help="Gauss-Markov bias, U (with --time).")
+    ] = None,
+    time: Annotated[
+        float | None, typer.Option(metavar="S", help="Its correlation time, s.")
+    ] = None,
+    flicker: Annotated[
+        float | None, typer.Option(metavar="B", help="Bias instability of IEEE 952, U.")
+    ] = None,
+    walk: Annotated[
+        float | None, typer.Option(metavar="K", help="Rate random walk, U/sqrt(s).")
+    ] = None,
+    within: Annotated[
+        float, typer.Option(metavar="PERCENT", help="Half width of the 95 % interval.")
+    ] = 20.0,
+):
+    """Tell how many hours to record for each noise parameter.
+
+    \b
+    python -m analysis plan --rate 100 --white 0.004 --sigma 0.005 --time 200
+    python -m analysis plan --rate 100 --white 0.0033 --flicker 0.002 --within 10
+
+    Take the numbers from a datasheet or a first log, in the sensor's own unit U (deg/s, g ...);
+    white noise as its density N in U*sqrt(s). `report` prints the same for the log that it
+    characterises.
+    """
+    from analysis import text
+    from analysis.noise import planner
+
+    bias = (sigma, time)
+    if (sigma is None) != (time is None):
+        raise WrongUsage("--sigma and --time go together")
+    numbers = (rate, white, within, *bias, flicker, walk)
+    if any(v is not None and not 0 < v < math.inf for v in numbers):
+        raise WrongUsage("rate, noise, times and --within are numbers above zero")
+    dt = 1 / rate
+    if time is not None and time < dt:
+        raise WrongUsage(f"--time {time:g} is shorter than a sample, {dt:g} s at --rate")
+    sensor = planner.Plan(white / dt**0.5, *bias, flicker, walk)
+    for name, hours in sensor.hours_needed(dt, within / 100).items():
+        print(f"{planner.SYMBOLS[name]:<10} to ±{within:g} % (95 %): {text.duration(hours)}")
+
+
+@app.command()
+def coverage(
+    runs: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Logs of each model and length; 500 if left out."),
+    ] = None,
+    hours: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Lengths of the logs, h; 2,6 if left out.")
+    ] = None,
+    models: Annotated[
+        str | None, typer.Option(metavar="A,B", help="Names of sensors; all if left out.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Processes; one a core if left out.")
+    ] = None,
+    out: Annotated[str | None, _out("Folder; data/derived/coverage if left out.")] = None,
+):
+    """Count on simulated logs how often intervals hold the truth.
+
+    \b
+    python -m analysis coverage                            what data/derived/coverage holds
+    python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
+
+    Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
+    two-biases, weak-bias, weak-walk), fits each, and counts how often an interval holds the true
+    value: an hour and a half on two cores. A table that exists with as many logs is kept, so a
+    study that was stopped resumes.
+    """
+    from analysis.studies import coverage as study
+
+    try:
+        lengths = [float(h) for h in (hours or "2,6").split(",")]
+    except ValueError as error:
+        raise WrongUsage(f"--hours {hours}: write numbers with commas, such as 2,6") from error
+    if not all(h > 0 for h in lengths):
+        raise WrongUsage("--hours are above zero")
+    names = models.split(",") if models else study.models()
+    cells = [(name, h, runs or 500) for h in lengths for name in names]
+    if not any((runs, hours, models)):
+        cells = study.plan()
+    folder = Path(out) if out else study.FOLDER
+    check_folder(folder)
+    with writing(folder):
+        study.study(cells, workers, folder)
+    print(f"{len(cells)} tables, {sum(n for _, _, n in cells)} logs in all, are in {folder.name}/")
+
+
+@app.command()
+def claims(
+    paper: Annotated[
+        Literal["terrain", "comparison", "tracker"] | None,
+        typer.Argument(metavar="PAPER", help="Claims of one paper; all if left out."),
+    ] = None,
+):
+    """Print the verdict on every claim of the three papers.
+
+    \b
+    python -m analysis claims                 every claim, and how many have each verdict
+    python -m analysis claims comparison      those of one paper
+    """
+    from analysis import claims as ledger
+
+    table = ledger.verdicts().join(ledger.published()[["paper", "claim"]])
+    if paper:
+        table = table[table["paper"] == paper]
+    for claim, row in table.iterrows():
+        print(f"{claim:<48} {row['verdict']}")
+    kinds = table["verdict"].str.extract("^(reproduced if|reproduced|not [a-z]+(?: run)?)")[0]
+    print()
+    for verdict, count in kinds.value_counts().items():
+        print(f"{count:>5}  {verdict}")
+
+
+@app.command()
+def data(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME", help="Raw files or folders; with --rebuild results."),
+    ] = None,
+    rebuild: Annotated[
+        bool, typer.Option("--rebuild", help="Compute data/derived/ again and compare.")
+    ] = False,
+    write: Annotated[
+        bool, typer.Option("--write", help="With --rebuild: replace what differs.")
+    ] = False,
+):
+    """Fetch and verify raw logs, rebuild the derived results.
+
+    \b
+    python -m analysis data                   which raw logs are here, and which are not
+    python -m analysis data adis16405-static  fetch and verify (a folder or a file)
+    python -m analysis data --rebuild         compute data/derived/ again and compare
+    python -m analysis data --rebuild --write adis16405    replace one committed result
+    python -m analysis data --rebuild psu-test-track       the terrain map from the RTK laps
+
+    Raw logs are looked for in the folder that COMPENDIUM_DATA names, in data/raw/ and in
+    data/downloaded/. Every file is checked by sha256.
+    """
+    from analysis.logs import datasets
+
+    if write and not rebuild:
+        raise WrongUsage("--write goes with --rebuild")
+    if rebuild:
+        _rebuild(names, write)
+    elif not names:
+        for name in datasets.names():
+            print(f"{'here' if datasets.available(name) else 'not here':<9} {name}")
+    else:
+        for name in [name for pattern in names for name in datasets.names(pattern)]:
+            datasets.fetch(name)
+            print(f"verified  {name}")
+
+
+def _rebuild(names, write):
+    from analysis.logs import datasets
+    from analysis.studies import derived
+
+    known = derived.names()
+    unknown = sorted(set(names or ()) - set(known))
+    if unknown:
+        raise WrongUsage(f"no derived result '{unknown[0]}'; there are: {', '.join(known)}")
+    names = names or known
+    differences, left_out = [], 0
+    for name in names:
+        try:
+            found = derived.rebuild(name, write=write)
+        except datasets.NotHere as error:
+            left_out += 1
+            print(f"left out  {name}: {error}")
+            continue
+        print(f"{'equal' if not found else 'written' if write else 'differs':<9} {name}")
+        differences += found
+    if differences and not write:
+        raise CannotAnswer("; ".join(differences))
+    if left_out:
+        print(f"{left_out} of {len(names)} left out because raw files are missing")
+
+
+@app.command()
+def benchmark(
+    out: Annotated[str | None, _out("Write the numbers as CSV too.", "FILE")] = None,
+):
+    """Measure speed here, next to other packages in the same run.
+
+    \b
+    python -m analysis benchmark              two minutes; other packages as far as installed
+    OMP_NUM_THREADS=1 python -m analysis benchmark     the same on one thread
+    python -m analysis benchmark --out mine.csv        keep the numbers, with the machine's name
+
+    Each number is printed with the limit it has to meet, if there is one. Numbers of one machine
+    with two cores are in data/derived/benchmark/benchmark.csv.
+    """
+    from analysis.studies import benchmark as benchmarks
+
+    if out:
+        check_file(out)
+    rows = []
+    for name, one in benchmarks.run():
+        if not rows or name != rows[-1][0]:
+            print(f"\n{name}" if rows else name)
+        value = "" if math.isnan(one.value) else f"{one.value:.3g} {one.unit}"
+        print(f"  {one.what:<44}{value:>16}   {one.bar}".rstrip())
+        rows.append((name, one))
+    if out:
+        with writing(out):
+            benchmarks.write(rows, Path(out))
+        print(f"\n{out} is written")
+
+
+def main(arguments=None):
+    """Run one verb.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        As typed; those of the process if left out.
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
+    try:
+        app(arguments, prog_name="python -m analysis")
+    except SystemExit as stop:
+        return stop.code
