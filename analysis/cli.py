@@ -245,7 +245,7 @@ def replay(
     import numpy as np
 
     from analysis.logs import moving, saved_position, timeline
-    from analysis.tracker import replay as tracker
+    from analysis.tracker import log_replay as tracker
     from analysis.tracker.last_position import Stored
 
     pairs = columns.split(",") if columns else []

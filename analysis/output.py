@@ -45,7 +45,7 @@ def write(track, out):
 
     Parameters
     ----------
-    track : analysis.tracker.replay.Track
+    track : analysis.tracker.log_replay.Track
     out : path-like
         Folder; made if need be. Files of an earlier replay there are replaced, others stay.
 

@@ -14,7 +14,7 @@ START = datetime.datetime(2021, 12, 31, 23, 58, tzinfo=datetime.UTC)
 @pytest.fixture(scope="module")
 def log():
     """Simulate a cold start and a walk, over midnight and the turn of the year."""
-    return scenarios.scenario_c(np.random.default_rng(8)).log
+    return scenarios.scenario("C", np.random.default_rng(8)).log
 
 
 def test_a_dump_is_read_back(log, tmp_path):

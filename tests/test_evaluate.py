@@ -7,14 +7,15 @@ import pytest
 from analysis import tables
 from analysis.logs import datasets, moving
 from analysis.tracker import evaluate, scenarios
+from analysis.tracker.device import Options
 from analysis.tracker.last_position import Stored
+from analysis.tracker.log_replay import replay
 from analysis.tracker.low_pass import LENGTHS
-from analysis.tracker.replay import Options, replay
 
 
 def test_block_one_alone_is_the_replay_with_the_others_off():
     """cross-check: the short cut of the notebooks and the whole device accept the same fixes."""
-    log = scenarios.scenario_c(np.random.default_rng(1)).log
+    log = scenarios.scenario("C", np.random.default_rng(1)).log
     stored = Stored(44.4949, 11.3426, 0.0, 0.0, 2.0)
     accepted, lat, lon, _ = evaluate.gated(log.gnss, stored)
     off = Options(attitude=False, static=False, low_pass=False, mounting=False, fusion=False)
@@ -27,7 +28,7 @@ def test_block_one_alone_is_the_replay_with_the_others_off():
 
 def test_block_four_alone_is_the_replay_at_rest():
     """cross-check: the same layers and positions as the device that stands from the start."""
-    a = scenarios.scenario_a(np.random.default_rng(2), minutes=25)
+    a = scenarios.scenario("A", np.random.default_rng(2), minutes=25)
     track = replay(a.log, Options(fusion=False)).columns
     still = np.flatnonzero(track["moving"] == 0)
     assert (np.diff(still) == 1).all()
@@ -40,9 +41,8 @@ def test_block_four_alone_is_the_replay_at_rest():
 
 def test_cold_start_is_judged_by_the_truth():
     """analytic: an exact memory leaves no error before a fix; without a gate the first is taken."""
-    c = scenarios.scenario_c(np.random.default_rng(4))
-    lat, lon, height = scenarios.ORIGIN
-    memory = Stored(lat, lon, height, 0.0, 2.0)
+    c = scenarios.scenario("C", np.random.default_rng(4))
+    memory = c.stored(0.0, 0.0)
     strict, none = (evaluate.cold_start(c, memory, gate) for gate in (10.0, 99.0))
     assert strict["device_awaiting"] == pytest.approx(0.0, abs=1e-6)
     # 50 and 2.5 + 47.5 exp(-t / 15) = 10 at t = 27.7 s
@@ -52,21 +52,21 @@ def test_cold_start_is_judged_by_the_truth():
     assert strict["refused"] > strict["accepted"]
 
 
-def test_a_stand_is_judged_by_hand():
+def test_a_stationary_period_is_judged_by_hand():
     """analytic: a filter that halves every position, and holds it every other second."""
     t = np.arange(100.0)
     raw = np.array([np.linspace(0.0, 10.0, 100), np.full(100, 1e-6)])
     out = raw / 2
     out[0, 1::2] = out[0, ::2]
     layer = np.repeat([0, 1, 2, 3], 25)
-    found = evaluate.stand(t, raw, out, layer)
+    found = evaluate.stationary_period(t, raw, out, layer)
     for name in ("spread", "north", "largest"):
         assert found[name] == pytest.approx(0.5, abs=0.01)  # the held half second
     assert found["circle"] == pytest.approx(9.5, abs=0.01)
     assert (found["leaves"], found["raw_exits"], found["out_exits"]) == (0.0, 1, 0)
     assert found["hold_s"] == 2.0
     assert (found["outside"], found["raw_outside"]) == (0.0, 0.1)  # 5 of the 50 last epochs
-    assert evaluate.stand(t, raw, 2 * raw, layer)["leaves"] == 1.0
+    assert evaluate.stationary_period(t, raw, 2 * raw, layer)["leaves"] == 1.0
 
 
 def test_settling():
@@ -95,9 +95,9 @@ def test_ratio_interval_covers():
         rng = np.random.default_rng(stream)
         below = rng.gamma(4.0, 1.0, 80)
         above = below * rng.gamma(4.0, 0.125, 80)
-        value, low, high = evaluate.ratio_interval(above, below, rng, runs=400)
-        assert low <= value <= high
-        held += low <= 0.5 <= high
+        ratio = evaluate.ratio_interval(above, below, rng, runs=400)
+        assert ratio.low <= ratio.value <= ratio.high
+        held += ratio.low <= 0.5 <= ratio.high
     assert 0.90 <= held / 300 <= 0.985  # 95 % +- 2.5 standard errors, and the bootstrap's own 1 %
 
 
@@ -105,15 +105,9 @@ def test_ratio_interval_draws_within_groups():
     """analytic: kinds of log that each have no scatter leave none, however unlike they are."""
     above, below, kinds = [1, 1, 8, 8], [2, 2, 4, 4], ["A", "A", "C", "C"]
     found = evaluate.ratio_interval(above, below, np.random.default_rng(4), groups=kinds)
-    assert found == (1.5, 1.5, 1.5)  # 18 / 12
-    _, low, high = evaluate.ratio_interval(above, below, np.random.default_rng(4))
-    assert low < 1.5 < high
-
-
-@pytest.mark.parametrize(("angle", "wrapped"), [(190.0, -170.0), (-190.0, 170.0), (540.0, -180.0)])
-def test_wrapped(angle, wrapped):
-    """analytic: angles meet again after a turn."""
-    assert evaluate.wrapped(angle) == wrapped
+    assert (found.value, found.low, found.high) == (1.5, 1.5, 1.5)  # 18 / 12
+    found = evaluate.ratio_interval(above, below, np.random.default_rng(4))
+    assert found.low < 1.5 < found.high
 
 
 def test_real_logs_at_rest_stay_in_their_circle():
@@ -129,22 +123,13 @@ def test_real_logs_at_rest_stay_in_their_circle():
     stands.append((phone["t_s"].to_numpy(), raw, out, phone["layer"].to_numpy()))
     for t, raw, out, layer in stands:
         assert (layer >= 1).sum() > 600
-        assert evaluate.stand(t, raw, out, layer)["leaves"] == 0.0
+        assert evaluate.stationary_period(t, raw, out, layer)["leaves"] == 0.0
 
 
 @pytest.mark.parametrize(("lengths", "most"), [(LENGTHS, 0.0), ((10, 10, 10), 0.4)])
 def test_a_published_drift_stays_in_the_circle_if_the_second_layer_lasts(lengths, most):
     """property: 200 stands of 90 min: no output leaves; with a second layer of 100 s, some do."""
-    logs = [
-        scenarios.scenario_a(np.random.default_rng(stream), imu_rate=1.0)
-        for stream in np.random.SeedSequence(9).spawn(200)
-    ]
-    t = logs[0].log.gnss.t_s
-    raw = np.stack([a.error(a.log.gnss.lat_deg, a.log.gnss.lon_deg) for a in logs], axis=-1)
-    layer, *out = evaluate.low_passed(*raw, lengths)
-    stands = zip(np.moveaxis(raw, -1, 0), np.moveaxis(out, -1, 0), strict=True)
-    found = [evaluate.stand(t, before, after, layer) for before, after in stands]
-    mean = {k: np.mean([f[k] for f in found]) for k in ("leaves", "outside", "raw_outside")}
+    mean = evaluate.stationary_periods(*evaluate.courtyard_errors(9, 200), lengths).mean()
     assert most / 4 <= mean["leaves"] <= most
     assert 0.03 < mean["raw_outside"] < 0.06
     assert mean["outside"] <= mean["raw_outside"] * most

@@ -5,16 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from analysis import tables
+from analysis import tables, wrap
 from analysis.tracker.mounting import (
     THETA_ALPHA,
     Mounting,
+    bend_variance,
+    course_variance,
     fit,
     mean,
     printed_angle,
     weighted_angle,
 )
-from analysis.tracker.straight import bend_variance, course_variance, wrap
 
 
 def felt(mount, forward, lateral=0.0):
@@ -78,7 +79,7 @@ def test_weighted_rule_keeps_the_quadrant(angle, accelerating):
     mount, speeds = math.radians(angle), setting_off()
     block = Mounting()
     assert ride(block, mount, speeds if accelerating else speeds[::-1]) >= 1
-    assert math.degrees(wrap(block.mount - mount)) == pytest.approx(0.0, abs=1e-6)
+    assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_constant_speed_gives_no_angle():
@@ -113,7 +114,7 @@ def test_a_little_bend_does_no_harm(share):
         ax, ay = felt(2.0, speeds[k] - speeds[k - 1], share * speeds[k] * rate)
         block.step(float(k), 1.0, rate * k, speeds[k], rate, ax, ay, 0.0)
     assert len(block.straights) >= 4
-    assert math.degrees(wrap(block.mount - 2.0)) == pytest.approx(0.0, abs=0.3)
+    assert math.degrees(wrap(block.mount - 2.0, 2 * math.pi)) == pytest.approx(0.0, abs=0.3)
 
 
 def test_fixes_that_jitter_make_no_longer_entries():
@@ -173,7 +174,7 @@ def test_stated_sigma_covers(noise, straights):
             level = 0.2 * rng.standard_normal(2)
             ride(block, mount, speeds, rng=rng, noise=noise, level=level, variance=0.0)
             block.interrupt()
-        errors.append(wrap(block.mount - mount))
+        errors.append(wrap(block.mount - mount, 2 * math.pi))
         sigmas.append(block.sigma)
         inside += abs(errors[-1]) <= 1.96 * block.sigma
     lowest = 0.90 if straights > 1 or noise == 0.2 else 0.80
@@ -190,7 +191,7 @@ def test_a_new_mount_is_learnt():
         for _ in range(straights):
             ride(block, mount, up_and_down(8))
             block.interrupt()
-    assert math.degrees(wrap(block.mount - mount)) == pytest.approx(0.0, abs=5.0)
+    assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=5.0)
 
 
 def test_constant_speed_erases_nothing():
@@ -202,7 +203,7 @@ def test_constant_speed_erases_nothing():
     before = block.mount, block.sigma
     ride(block, 2.0, np.full(700, 8.0), rng=rng, noise=0.1)
     assert len(block.straights) > 100
-    assert math.degrees(wrap(block.mount - before[0])) == pytest.approx(0.0, abs=0.1)
+    assert math.degrees(wrap(block.mount - before[0], 2 * math.pi)) == pytest.approx(0.0, abs=0.1)
     assert block.sigma < 1.1 * before[1]
 
 
@@ -253,9 +254,9 @@ def test_fit_adds_over_straights():
 def test_mean_and_wrap():
     """analytic: component by component; into (-pi, pi]."""
     assert mean([(1.0, 5.0), (2.0, 7.0)]) == [1.5, 6.0]
-    assert wrap(3 * math.pi) == pytest.approx(math.pi)
-    assert wrap(-math.pi) == pytest.approx(math.pi)
-    assert wrap(-0.1) == pytest.approx(-0.1)
+    assert wrap(3 * math.pi, 2 * math.pi) == pytest.approx(math.pi)
+    assert wrap(-math.pi, 2 * math.pi) == pytest.approx(math.pi)
+    assert wrap(-0.1, 2 * math.pi) == pytest.approx(-0.1)
 
 
 @pytest.mark.parametrize(("name", "within"), [("racebox", 5.0), ("car", 5.0), ("drive", 6.0)])

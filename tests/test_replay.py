@@ -16,9 +16,10 @@ from analysis.logs import moving as tracks
 from analysis.logs.saved_position import load, save
 from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu, without
 from analysis.output import write
+from analysis.tracker import scenarios
+from analysis.tracker.device import Options
 from analysis.tracker.last_position import Stored
-from analysis.tracker.replay import COLUMNS, Options, replay
-from analysis.tracker.scenarios import scenario_a, scenario_b, scenario_c
+from analysis.tracker.log_replay import COLUMNS, replay
 
 BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
 
@@ -26,20 +27,20 @@ BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion
 @pytest.fixture(scope="module")
 def laps():
     """Simulate scenario B, two laps, and replay it."""
-    scenario = scenario_b(np.random.default_rng(1), laps=2)
+    scenario = scenarios.scenario("B", np.random.default_rng(1), laps=2)
     return scenario, replay(scenario.log)
 
 
 @pytest.fixture(scope="module")
 def stand():
     """Simulate half an hour of scenario A."""
-    return scenario_a(np.random.default_rng(2), minutes=30.0)
+    return scenarios.scenario("A", np.random.default_rng(2), minutes=30.0)
 
 
 @pytest.fixture(scope="module")
 def cold():
     """Simulate scenario C."""
-    return scenario_c(np.random.default_rng(3))
+    return scenarios.scenario("C", np.random.default_rng(3))
 
 
 def as_csv(log, path, *, gnss=True, imu=True):
@@ -141,7 +142,7 @@ def test_attitude_and_mounting_on_laps(laps):
 @pytest.mark.parametrize("angle", [-150.0, -60.0, 45.0, 170.0])
 def test_turning_the_imu_turns_the_mount(angle):
     """property: an IMU turned by a known angle comes out with a mount turned by it, to 2 deg."""
-    log = scenario_b(np.random.default_rng(4), laps=1).log
+    log = scenarios.scenario("B", np.random.default_rng(4), laps=1).log
     plain = replay(log).summary["mounting"]["deg"]
     turned = replay(turn_imu(log, math.radians(angle))).summary["mounting"]["deg"]
     assert (turned - plain - angle + 180) % 360 - 180 == pytest.approx(0.0, abs=2.0)
@@ -208,7 +209,7 @@ def test_no_output_leaves_the_95_percent_circle():
 
     errors = GnssErrors(drift=((1.0, 20.0),), white_m=0.5)
     for seed in range(5):
-        scenario = scenario_a(np.random.default_rng(seed), minutes=30.0, gnss=errors)
+        scenario = scenarios.scenario("A", np.random.default_rng(seed), minutes=30.0, gnss=errors)
         track = replay(scenario.log, Options(lengths=(10, 10, 10)))
         raw = np.hypot(*scenario.error(scenario.log.gnss.lat_deg, scenario.log.gnss.lon_deg))
         out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])

@@ -7,7 +7,7 @@ import pytest
 from analysis import CannotAnswer, tables
 from analysis.logs import datasets
 from analysis.studies import derived, field
-from analysis.tracker.regression import mounting_angle
+from analysis.tracker.evaluate import mounting_regression
 
 
 def result():
@@ -76,7 +76,7 @@ def test_axes_of_the_real_logs(name, mount, by):
         log = field.read(name)
     except datasets.NotHere as error:
         pytest.skip(str(error))
-    value, _, _ = mounting_angle(log.gnss, log.imu, np.random.default_rng(0), runs=10)
+    value = mounting_regression(log.gnss, log.imu, np.random.default_rng(0), runs=10).value
     assert abs((value - mount + 180) % 360 - 180) < by
     # The median of the vertical alone: corners add to the rest, and a motorbike leans.
     down = np.abs(np.median(log.imu.accel_b, axis=0)).max()

@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
+from analysis import wrap
 from analysis.logs.timeline import turn_imu
 from analysis.studies import field
-from analysis.tracker.evaluate import wrapped
-from analysis.tracker.regression import mounting_angle
-from analysis.tracker.replay import Options, replay
+from analysis.tracker.device import Options
+from analysis.tracker.evaluate import mounting_regression
+from analysis.tracker.log_replay import replay
 
 PARKED = (3744.0, 5009.0)  # s: the longest stand of the drive, 1265 s with a speed of zero
 STEP_DEG = 30.0  # between the known angles by which an IMU is turned
@@ -99,7 +100,8 @@ def _turned(name):
         the ride, thinned.
     """
     log = field.read(name)
-    value, low, high = mounting_angle(log.gnss, log.imu, np.random.default_rng(SEED))
+    whole = mounting_regression(log.gnss, log.imu, np.random.default_rng(SEED))
+    value, low, high = whole.value, whole.low, whole.high
     down = -np.median(log.imu.accel_b, axis=0)
     rows = []
     for angle in np.arange(0.0, 360.0, STEP_DEG):
@@ -108,7 +110,7 @@ def _turned(name):
         if angle == 0:
             as_is, straight_table = track, _straights(track.trace["straights"])
     bent = replay(log, Options(max_bend=np.inf))
-    off = np.abs(wrapped(bent.columns["mount_deg"] - value))
+    off = np.abs(wrap(bent.columns["mount_deg"] - value))
     reference = {"bends_farthest_deg": np.nanmax(off)}
     reference |= {"bends_straights": len(bent.trace["straights"])}
     reference |= {"reference_deg": value, "reference_low_deg": low, "reference_high_deg": high}
@@ -129,7 +131,7 @@ def _answers(t_s, track, angle, reference):
     mount, straights = track.columns["mount_deg"], track.trace["straights"]
     known = np.flatnonzero(np.isfinite(mount))
     first, last = (mount[known[i]] if len(known) else np.nan for i in (0, -1))
-    off = wrapped(mount[known] - reference - angle)
+    off = wrap(mount[known] - reference - angle)
     return {
         "turned_deg": angle,
         "straights": len(straights),

@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from analysis.logs.timeline import Gnss, Imu, Timeline
-from analysis.tracker.replay import replay
+from analysis.tracker.log_replay import replay
 
 IMU_HZ = 40.0
 

@@ -1,1 +1,45 @@
-"""The six blocks of the tracker paper, one module each, and what joins them to logs."""
+"""The six blocks of the tracker paper, a module each, and what joins, simulates and judges them.
+
+``replay(timeline, Options(...))`` runs a whole log through the device that the blocks make.
+"""
+
+from analysis.tracker.device import Options
+from analysis.tracker.evaluate import (
+    cold_start,
+    courtyard_errors,
+    gated,
+    mounting_ride,
+    mounting_summary,
+    ratio_interval,
+    settling,
+    stationary_period,
+    stationary_periods,
+)
+from analysis.tracker.last_position import Stored
+from analysis.tracker.log_replay import replay
+from analysis.tracker.mounting import printed_angle
+from analysis.tracker.operations import alignment_costs, block_costs, filter_costs
+from analysis.tracker.scenarios import GnssErrors, ImuErrors, assumed_errors, scenario
+
+__all__ = [
+    "GnssErrors",
+    "ImuErrors",
+    "Options",
+    "Stored",
+    "alignment_costs",
+    "assumed_errors",
+    "block_costs",
+    "cold_start",
+    "courtyard_errors",
+    "filter_costs",
+    "gated",
+    "mounting_ride",
+    "mounting_summary",
+    "printed_angle",
+    "ratio_interval",
+    "replay",
+    "scenario",
+    "settling",
+    "stationary_period",
+    "stationary_periods",
+]

@@ -10,11 +10,9 @@ import math
 
 import numpy as np
 
+from analysis import STANDARD_GRAVITY
 from analysis.tracker import kalman
-from analysis.tracker.cascade import Direction, GyroBiasFilter
-from analysis.tracker.directions import add, cross, dot, north, turn
 
-GRAVITY = 9.80665  # m/s^2
 SIGMA_ACCEL = 0.05  # m/s^2, one sample at rest
 EXTERNAL_TAU_S = 1.0  # s over which vibration is averaged out of the vehicle's acceleration
 EXTERNAL_CORR_S = 10.0  # s that a bend or a start lasts
@@ -26,6 +24,12 @@ GYRO_SCALE = 0.01  # of a rate: error of scale and axes
 STEADY = 0.02  # rad/s, scatter of a gyro that is not turned
 ALIGN_S = 1.0  # s of samples that the first attitude is read from
 GAP_S = 1.0  # s without a sample after which the attitude starts again
+GYRO_ARW = 3e-4  # rad/sqrt(s), 1 deg/sqrt(h): a MEMS gyro's 0.3 with room for scale and vibration
+SIGMA_BIAS_START = 0.1  # rad/s, 6 deg/s: the worst offset of the real sensors here is 4.5 deg/s
+BIAS_WALK = 2e-5  # rad/s/sqrt(s)
+BIAS_LASTS_S = 10.0  # s over which an error of the bias is taken to last
+UPRIGHT_S = 120.0  # s of driving that are remembered
+REST_S = 20.0  # s of driving that the tilt read at rest is worth
 
 
 class Attitude:
@@ -47,7 +51,7 @@ class Attitude:
     A second at rest, leaning by 0.1 rad to the right, then a heading of 1 rad:
 
     >>> block = Attitude()
-    >>> force = (0.0, -GRAVITY * math.sin(0.1), -GRAVITY * math.cos(0.1))
+    >>> force = (0.0, -STANDARD_GRAVITY * math.sin(0.1), -STANDARD_GRAVITY * math.cos(0.1))
     >>> for _ in range(60):
     ...     block.imu((0.0, 0.0, 0.0), force, dt=0.025, static=True)
     >>> block.epoch(heading=1.0, sigma=0.05)
@@ -89,12 +93,12 @@ class Attitude:
         self.yaw.predict(self.F, dt)
         before = kalman.scalars(self.tilt.x)
         variance = self._accel_variance(dt, static)
-        scale = -1 / GRAVITY
+        scale = -1 / STANDARD_GRAVITY
         self.tilt.update(
             (accel_b[0] * scale, accel_b[1] * scale, accel_b[2] * scale), variance * scale * scale
         )
         after = self._down = kalman.scalars(self.tilt.x)
-        self._external = [f + GRAVITY * d for f, d in zip(accel_b, after, strict=True)]
+        self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, after, strict=True)]
         share = dt / EXTERNAL_TAU_S if dt < EXTERNAL_TAU_S else 1.0
         self._lasting = [
             m + share * (e - m) for m, e in zip(self._lasting, self._external, strict=True)
@@ -229,16 +233,18 @@ class Attitude:
         samples = np.array(self._gathered, dtype=self.dtype)
         mean, scatter = samples.mean(axis=0), samples.std(axis=0)
         force = math.sqrt(dot(mean[3:], mean[3:]))
-        still = (scatter[:3] < STEADY).all() and abs(force - GRAVITY) < 0.1 * GRAVITY
+        still = (scatter[:3] < STEADY).all() and abs(
+            force - STANDARD_GRAVITY
+        ) < 0.1 * STANDARD_GRAVITY
         down = kalman.scalars(mean[3:] * (-1 / force))
         self._down = down
-        self.tilt.start(down, SIGMA_ACCEL / GRAVITY if still else 0.1)
+        self.tilt.start(down, SIGMA_ACCEL / STANDARD_GRAVITY if still else 0.1)
         self.yaw.start(north(down, 0.0), math.pi)
         if still:
             self.bias.step(mean[:3], self.bias.F, SIGMA_BIAS_REST, 0.0)
             self.tilt.trust(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
             self.yaw.trust(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
-        self._external = [f + GRAVITY * d for f, d in zip(accel_b, down, strict=True)]
+        self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, down, strict=True)]
         self._lasting = self._external if not still else [0.0] * 3
         self._gathered, self._gathered_s = [], 0.0
         self.ready = True
@@ -274,3 +280,165 @@ class Attitude:
     def _forget(self):
         self._turned, self._gyro, self._gyro_square = [0.0] * 3, [0.0] * 3, [0.0] * 3
         self._samples, self._seconds = 0, 0.0
+
+
+class Direction:
+    """A unit vector fixed in navigation axes, filtered in body axes (the tilt and yaw filters).
+
+    Attributes
+    ----------
+    x : ndarray, shape (3,)
+    P : ndarray, shape (3, 3)
+    """
+
+    def __init__(self, dtype=np.float64):
+        self.x = np.array([0.0, 0.0, 1.0], dtype=dtype)
+        self.P = np.eye(3, dtype=dtype)
+        self.Q = np.zeros((3, 3), dtype)
+        self.H = np.eye(3, dtype=dtype)
+        self.R = np.eye(3, dtype=dtype)
+        self.trust(SIGMA_BIAS_START * SIGMA_BIAS_START)
+
+    def trust(self, variance):
+        """Say how well the gyro is known for now: variance of a lasting error, (rad/s)^2.
+
+        What is left of bias and scale turns the prediction away steadily, which does as much harm
+        over the time it lasts as white noise of that much greater density.
+        """
+        self.density = GYRO_ARW * GYRO_ARW + variance * BIAS_LASTS_S
+        self._dt = None
+
+    def start(self, x, sigma):
+        """Start at a direction (sequence of 3) known to ``sigma`` rad."""
+        self.x = np.array(x, dtype=self.x.dtype)
+        self.P = self.H * (sigma * sigma)
+
+    def predict(self, F, dt):
+        """Turn with the gyro: ``F`` is the matrix of `turn`."""
+        if dt != self._dt:
+            self._dt = dt
+            self.Q = self.H * (self.density * dt)
+        self.x, self.P = kalman.predict(self.x, self.P, F, self.Q)
+
+    def update(self, z, variance):
+        """Take in the direction measured (sequence of 3), and keep the length at one."""
+        self.R = self.H * variance
+        x, self.P, _ = kalman.update(
+            self.x, self.P, np.array(z, dtype=self.x.dtype), self.H, self.R
+        )
+        self.x = x * (1 / math.sqrt(x.dot(x)))
+
+
+class GyroBiasFilter:
+    """The bias of the gyro, rad/s in body axes, as a slow random walk."""
+
+    def __init__(self, dtype=np.float64):
+        self.x = np.zeros(3, dtype)
+        self.F = np.eye(3, dtype=dtype)
+        self.P = self.F * (SIGMA_BIAS_START * SIGMA_BIAS_START)
+
+    def step(self, z, H, sigma, dt):
+        """Carry the bias over ``dt``, and take in what was seen of it: z = H b + noise."""
+        variance = BIAS_WALK * BIAS_WALK * dt
+        self.x, self.P = kalman.predict(self.x, self.P, self.F, self.F * variance)
+        self.x, self.P, _ = kalman.update(self.x, self.P, z, H, self.F * (sigma * sigma))
+
+
+class Upright:
+    """The mean direction of the specific force of a vehicle underway.
+
+    Parameters
+    ----------
+    remember_s, rest_s : float
+        See the constants of this module.
+
+    Attributes
+    ----------
+    known : bool
+    """
+
+    def __init__(self, remember_s=UPRIGHT_S, rest_s=REST_S):
+        self.remember_s, self.rest_s = remember_s, rest_s
+        self.known = False
+
+    def start(self, force):
+        """Begin with the specific force at rest (sequence of 3, m/s^2)."""
+        self.known = True
+        self._mean, self._worth = list(force), self.rest_s
+
+    def step(self, force, dt):
+        """Take in the mean specific force (m/s^2) of ``dt`` seconds of driving."""
+        self._worth = min(self._worth + dt, self.remember_s)
+        share = min(dt / self._worth, 1.0)
+        self._mean = [m + share * (f - m) for m, f in zip(self._mean, force, strict=True)]
+
+    def level(self, force):
+        """Split a specific force.
+
+        Parameters
+        ----------
+        force : sequence of 3 floats
+            Sensor axes, m/s^2.
+
+        Returns
+        -------
+        ax, ay : float
+            Along the sensor's X axis laid level in the upright vehicle, and to its right. Undefined
+            for an X axis that points straight up or down.
+        """
+        x, y, z = self._mean
+        length = math.sqrt(x * x + y * y + z * z)
+        d0, d1, d2 = -x / length, -y / length, -z / length
+        vertical = force[0] * d0 + force[1] * d1 + force[2] * d2
+        scale = 1 / math.sqrt(max(1 - d0 * d0, 1e-12))
+        return (force[0] - d0 * vertical) * scale, (d2 * force[1] - d1 * force[2]) * scale
+
+
+def turn(F, wx, wy, wz, dt):
+    """Fill F with the rotation of a navigation-fixed vector seen in a body turning at w.
+
+        x' = -w x x,  so  F = I - W dt + W W dt^2 / 2
+
+    Parameters
+    ----------
+    F : ndarray, shape (3, 3)
+        Written.
+    wx, wy, wz : float
+        rad/s.
+    dt : float
+    """
+    a, b, c = wx * dt, wy * dt, wz * dt
+    ab, bc, ca = 0.5 * (a * b), 0.5 * (b * c), 0.5 * (c * a)
+    aa, bb, cc = 0.5 * (a * a), 0.5 * (b * b), 0.5 * (c * c)
+    F[0, 0], F[0, 1], F[0, 2] = 1 - bb - cc, ab + c, ca - b
+    F[1, 0], F[1, 1], F[1, 2] = ab - c, 1 - aa - cc, bc + a
+    F[2, 0], F[2, 1], F[2, 2] = ca + b, bc - a, 1 - aa - bb
+
+
+def north(down, heading):
+    """Return north in body axes, for a sensor whose X axis, laid level, heads to ``heading``.
+
+    Undefined for an X axis that points straight up or down.
+    """
+    d0, d1, d2 = down
+    scale = 1 / math.sqrt(max(1 - d0 * d0, 1e-12))
+    c, s = math.cos(heading) * scale, math.sin(heading) * scale
+    # forward = x - d0 down, right = down x forward = (0, d2, -d1), both over the scale
+    return [c * (1 - d0 * d0), -c * d0 * d1 - s * d2, -c * d0 * d2 + s * d1]
+
+
+def cross(a, b):
+    """Return the cross product of two sequences of three."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def dot(a, b):
+    """Return the dot product of two sequences of three."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def add(total, values):
+    """Add three values to three sums."""
+    total[0] += values[0]
+    total[1] += values[1]
+    total[2] += values[2]

@@ -1,13 +1,22 @@
 """Single blocks driven over a whole log, and the numbers the notebooks judge them by."""
 
 import numpy as np
+import pandas as pd
 
-from analysis.logs.timeline import Gnss
-from analysis.tracker.last_position import PDOP_GATE, LastPosition
-from analysis.tracker.low_pass import LENGTHS, LowPass
+from analysis import Estimate, wrap
+from analysis.logs.timeline import Gnss, Imu
+from analysis.tracker.device import Options
+from analysis.tracker.last_position import LastPosition, Stored
+from analysis.tracker.log_replay import replay
+from analysis.tracker.low_pass import LowPass
+from analysis.tracker.scenarios import Scenario, scenario
+
+DEFAULT = Options()
 
 
-def gated(gnss, stored=None, gate=PDOP_GATE):
+def gated(
+    gnss: Gnss, stored: Stored | None = None, gate: float = DEFAULT.pdop_gate
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, LastPosition]:
     """Drive block 1 alone over a log.
 
     Parameters
@@ -33,19 +42,26 @@ def gated(gnss, stored=None, gate=PDOP_GATE):
         accepted.append(block.step(t, place if has else None, pdop))
         p = block.position
         out.append((np.nan, np.nan) if p is None else (p.lat_deg, p.lon_deg))
-    return np.array(accepted), *np.array(out).T, block
+    lat_deg, lon_deg = np.array(out).T
+    return np.array(accepted), lat_deg, lon_deg, block
 
 
-def cold_start(scenario, stored, gate=PDOP_GATE, stands_s=120.0):
+def cold_start(
+    simulated: Scenario,
+    stored: Stored,
+    gate: float = DEFAULT.pdop_gate,
+    at_rest_s: float = 120.0,
+) -> dict[str, float]:
     """Judge block 1 alone on a simulated start.
 
     Parameters
     ----------
-    scenario : analysis.tracker.scenarios.Scenario
+    simulated : Scenario
     stored : Stored
     gate : float
-    stands_s : float
-        How long the device stands; errors are over the epochs of that time that have a fix.
+        Largest PDOP accepted.
+    at_rest_s : float
+        How long the device is at rest; errors are over the epochs of that time that have a fix.
 
     Returns
     -------
@@ -54,33 +70,34 @@ def cold_start(scenario, stored, gate=PDOP_GATE, stands_s=120.0):
         their means ``awaiting`` the first accepted fix (NaN if the first fix is accepted); the
         median error of the ``refused`` and of the ``accepted`` fixes.
     """
-    stands = scenario.log.gnss.t_s < stands_s
-    gnss = Gnss(**{k: v[stands] for k, v in vars(scenario.log.gnss).items()})
+    at_rest = simulated.log.gnss.t_s < at_rest_s
+    gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.log.gnss).items()})
     accepted, *place, _ = gated(gnss, stored, gate)
     device, gps = (
-        np.hypot(*scenario.error(*p, stands)) for p in (place, (gnss.lat_deg, gnss.lon_deg))
+        np.hypot(*simulated.error(*p, at_rest)) for p in (place, (gnss.lat_deg, gnss.lon_deg))
     )
-    stands = gnss.has_fix
-    refused = stands & ~accepted
-    waits = stands & (np.cumsum(accepted) == 0)
+    fix = gnss.has_fix
+    waits = fix & (np.cumsum(accepted) == 0)
 
     def over(statistic, error, where):
         return float(statistic(error[where])) if where.any() else np.nan
 
     return {
         "wait_s": float(gnss.t_s[np.argmax(accepted)] - gnss.t_s[0]),
-        "device_mean": over(np.mean, device, stands),
-        "device_largest": over(np.max, device, stands),
-        "gps_mean": over(np.mean, gps, stands),
-        "gps_largest": over(np.max, gps, stands),
+        "device_mean": over(np.mean, device, fix),
+        "device_largest": over(np.max, device, fix),
+        "gps_mean": over(np.mean, gps, fix),
+        "gps_largest": over(np.max, gps, fix),
         "device_awaiting": over(np.mean, device, waits),
         "gps_awaiting": over(np.mean, gps, waits),
-        "refused": over(np.median, gps, refused),
-        "accepted": over(np.median, gps, stands & accepted),
+        "refused": over(np.median, gps, fix & ~accepted),
+        "accepted": over(np.median, gps, fix & accepted),
     }
 
 
-def low_passed(north, east, lengths=LENGTHS):
+def low_passed(
+    north: np.ndarray, east: np.ndarray, lengths: tuple[int, ...] = DEFAULT.lengths
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Drive block 4 alone over the positions of devices at rest.
 
     Parameters
@@ -95,59 +112,126 @@ def low_passed(north, east, lengths=LENGTHS):
     """
     block = LowPass(lengths)
     rows = [block.step(position) for position in zip(north, east, strict=True)]
-    return np.array([layer for layer, _ in rows]), *np.moveaxis([p for _, p in rows], 1, 0)
+    north, east = np.moveaxis([p for _, p in rows], 1, 0)
+    return np.array([layer for layer, _ in rows]), north, east
 
 
-def stand(t_s, raw, out, layer):
-    """Judge block 4 on a stand, positions counted from the true spot.
+def stationary_period(
+    t_s: np.ndarray, raw: np.ndarray, out: np.ndarray, layer: np.ndarray
+) -> dict[str, float]:
+    """Judge block 4 on a stationary period, positions counted from the true one.
 
     Parameters
     ----------
     t_s : ndarray, shape (n,)
-    raw, out : (north, east), each ndarray of shape (n,), m
+    raw, out : ndarray, shape (2, n)
+        North and east of the fixes and of the output, m.
     layer : ndarray of int, shape (n,)
 
     Returns
     -------
     dict of float
         Ratios, filtered over raw: ``spread`` (standard deviation), ``east`` and ``north`` (mean
-        magnitudes), ``largest`` (once the first layer is full, if it ever is), ``last`` (last
-        filtered error over the rms of the raw ones).
-        ``circle``: the radius about the spot that holds 95 % of the raw positions, m; ``leaves``:
-        1 if an output lies outside once the second layer is full; ``outside``, ``raw_outside``:
-        share of those epochs at which output and raw position do; exits from that circle,
-        ``raw_exits`` and ``out_exits``; ``hold_s``: longest time without a change.
+        magnitudes), ``rms``, ``rms_late`` (once the second layer is full), ``largest`` (once the
+        first layer is full, if it ever is), ``last`` (last filtered error over the rms of the raw
+        ones).
+        ``circle``: the radius about the true position that holds 95 % of the raw ones, m;
+        ``leaves``: 1 if an output lies outside once the second layer is full, ``leaves_ever`` from
+        the start on; ``outside``, ``raw_outside``: share of those epochs at which output and raw
+        position do, ``outside_ever`` from the start on; exits from that circle, ``raw_exits`` and
+        ``out_exits``; ``hold_s``: longest time without a change; ``change_1_s`` to ``change_3_s``:
+        mean time between two changes in a layer, NaN if there are none.
     """
     far, off = np.hypot(*raw), np.hypot(*out)
     averaged = layer >= 1 if (layer >= 1).any() else np.ones(len(layer), dtype=bool)
     circle = float(np.quantile(far, 0.95))
     late = layer >= 2
+
+    def rms_ratio(at):
+        return float(np.sqrt((off[at] ** 2).mean() / (far[at] ** 2).mean()))
+
     spread = [np.sqrt(np.var(x[0]) + np.var(x[1])) for x in (out, raw)]
     return {
         "spread": float(spread[0] / spread[1]),
         "north": float(np.abs(out[0]).mean() / np.abs(raw[0]).mean()),
         "east": float(np.abs(out[1]).mean() / np.abs(raw[1]).mean()),
+        "rms": rms_ratio(slice(None)),
+        "rms_late": rms_ratio(late) if late.any() else np.nan,
         "largest": float(off[averaged].max() / far[averaged].max()),
         "last": float(off[-1] / np.sqrt((far**2).mean())),
         "circle": circle,
         "leaves": float((off[late] > circle).any()),
+        "leaves_ever": float((off > circle).any()),
         "outside": float((off[late] > circle).mean()) if late.any() else 0.0,
+        "outside_ever": float((off > circle).mean()),
         "raw_outside": float((far[late] > circle).mean()) if late.any() else 0.0,
         "raw_exits": exits(far, circle),
         "out_exits": exits(off, circle),
         "hold_s": longest_hold(t_s, *out),
-    }
+    } | {f"change_{k}_s": _between_changes(t_s, out[0], layer == k) for k in (1, 2, 3)}
 
 
-def settling(t_s, north, east):
-    """Tell how far a receiver that stands still was off at its start, and for how long.
+def courtyard_errors(seed: int, count: int, **settings) -> tuple[np.ndarray, np.ndarray]:
+    """Draw the position errors of stationary periods: scenario A, one a device.
+
+    Parameters
+    ----------
+    seed, count : int
+        Device k draws from ``SeedSequence(seed).spawn(count)[k]``.
+    **settings
+        As of `scenario`.
+
+    Returns
+    -------
+    t_s : ndarray, shape (n,)
+    raw : ndarray, shape (2, n, count)
+        Errors north and east, m.
+    """
+    streams = np.random.SeedSequence(seed).spawn(count)
+    drawn = [scenario("A", np.random.default_rng(s), imu_rate=1.0, **settings) for s in streams]
+    raw = [a.error(a.log.gnss.lat_deg, a.log.gnss.lon_deg) for a in drawn]
+    return drawn[0].log.gnss.t_s, np.stack(raw, axis=-1)
+
+
+def stationary_periods(
+    t_s: np.ndarray,
+    raw: np.ndarray,
+    lengths: tuple[int, ...] = DEFAULT.lengths,
+    circle_m: float = np.inf,
+) -> pd.DataFrame:
+    """Drive block 4 alone over many stationary periods, and judge each.
+
+    Parameters
+    ----------
+    t_s, raw : ndarray
+        As `courtyard_errors` returns them.
+    lengths : tuple of int
+    circle_m : float
+        Radius of a circle that does not depend on the period's own fixes.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a device, as `stationary_period`; ``leaves_model``: 1 if an output lies outside
+        `circle_m` once the second layer is full.
+    """
+    layer, *out = low_passed(*raw, lengths)
+    rows = []
+    for before, after in zip(np.moveaxis(raw, -1, 0), np.moveaxis(out, -1, 0), strict=True):
+        leaves = float((np.hypot(*after)[layer >= 2] > circle_m).any())
+        rows.append(stationary_period(t_s, before, after, layer) | {"leaves_model": leaves})
+    return pd.DataFrame(rows)
+
+
+def settling(t_s: np.ndarray, north: np.ndarray, east: np.ndarray) -> tuple[float, float]:
+    """Measure how far a receiver at rest was off at its start, and for how long.
 
     Counted from where it is at the end, so a lower bound: too short a log for an exponential fit.
 
     Parameters
     ----------
     t_s, north, east : ndarray, shape (n,)
-        Accepted fixes from the first on.
+        Accepted fixes from the first on; s, m.
 
     Returns
     -------
@@ -190,15 +274,23 @@ def longest_hold(t_s, *axes):
     -------
     float
     """
-    changed = np.zeros(len(t_s) - 1, dtype=bool)
-    for axis in axes:
-        changed |= np.diff(axis) != 0
+    changed = np.any([np.diff(axis) != 0 for axis in axes], axis=0)
     edges = np.concatenate([[t_s[0]], t_s[1:][changed], [t_s[-1]]])
     return float(np.diff(edges).max())
 
 
-def ratio_interval(above, below, rng, *, groups=None, runs=2000):
-    """Divide the means of paired values, with a 95 % interval from pairs drawn anew.
+def _between_changes(t_s, position, when):
+    """Return the mean time between two changes of a position at some of the epochs, s."""
+    inside = np.flatnonzero(when)
+    changed = inside[1:][np.diff(position[inside]) != 0]
+    times = t_s[np.concatenate([inside[:1], changed])]
+    return float(np.diff(times).mean()) if len(times) > 1 else np.nan
+
+
+def ratio_interval(
+    above, below, rng: np.random.Generator, *, groups=None, runs: int = 2000
+) -> Estimate:
+    """Divide the means of paired values, with a 95 % interval by bootstrap of the pairs.
 
     Parameters
     ----------
@@ -206,12 +298,12 @@ def ratio_interval(above, below, rng, *, groups=None, runs=2000):
         One pair a simulated log.
     rng : numpy.random.Generator
     groups : array_like, shape (n,), optional
-        The kind of each log: pairs are drawn anew within each, for kinds are chosen, not drawn.
+        The kind of each log: pairs are resampled within each, for kinds are chosen, not drawn.
     runs : int
 
     Returns
     -------
-    value, low, high : float
+    Estimate
     """
     above, below = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
     groups = np.zeros(len(above)) if groups is None else np.asarray(groups)
@@ -219,10 +311,152 @@ def ratio_interval(above, below, rng, *, groups=None, runs=2000):
     for kind in np.unique(groups):
         where = np.flatnonzero(groups == kind)
         at[:, where] = where[rng.integers(0, len(where), (runs, len(where)))]
-    drawn = above[at].mean(axis=1) / below[at].mean(axis=1)
-    return (float(above.mean() / below.mean()), *map(float, np.quantile(drawn, [0.025, 0.975])))
+    ratios = above[at].mean(axis=1) / below[at].mean(axis=1)
+    return Estimate(float(above.mean() / below.mean()), *np.quantile(ratios, [0.025, 0.975]))
 
 
-def wrapped(angle_deg):
-    """Bring angles into [-180, 180) deg."""
-    return (np.asarray(angle_deg) + 180.0) % 360.0 - 180.0
+def mounting_ride(ride: Scenario) -> dict:
+    """Replay a simulated ride, and compare its mounting angles with the truth.
+
+    Parameters
+    ----------
+    ride : Scenario
+        Scenario B.
+
+    Returns
+    -------
+    dict
+        ``late_s``: when the first angle came, counted from the first bend (s); errors of the
+        ``first`` and the ``last`` angle (deg), the ``sigma`` stated with the last, and by how much
+        the angle ``changed`` on the way; all NaN if none came.
+        Errors of each straight by itself, arrays (deg): by eq (3) as ``printed``, by the four-
+        quadrant arctangent with the sign of the speed's change (``signed``), weighted (``alone``),
+        whose stated standard deviations are ``sigmas``.
+        ``sideways``: mean magnitude of the acceleration across the heading on straights, m/s^2.
+    """
+    track = replay(ride.log, Options(fusion=False))
+    when, straights = track.columns["t_s"], track.trace["straights"]
+    off = wrap(track.columns["mount_deg"] - ride.mount_deg)
+    known = np.flatnonzero(np.isfinite(off))
+    row = dict.fromkeys(("late_s", "first", "last", "sigma", "changed"), np.nan)
+    if len(known):
+        row["late_s"] = when[known[0]] - ride.first_turn_s
+        row |= {"first": off[known[0]], "last": off[-1], "changed": np.ptp(off[known])}
+        row["sigma"] = track.summary["mounting"]["sigma_deg"]
+    ends = np.array([s.t_s for s in straights])
+    speed = ride.log.gnss.speed_m_s
+    start = np.interp(ends - Options().straight_s, when, speed)
+    gained = np.sign(np.interp(ends, when, speed) - start)
+    ax, ay = np.array([(s.ax, s.ay) for s in straights]).T
+    rules = {
+        "printed": [s.printed for s in straights],
+        "signed": -np.arctan2(gained * ay, gained * ax),
+        "alone": [s.alone for s in straights],
+    }
+    row |= {k: wrap(np.degrees(v) - ride.mount_deg) for k, v in rules.items()}
+    row["sigmas"] = np.degrees([s.sigma for s in straights])
+    c, s = np.cos(np.radians(ride.mount_deg)), np.sin(np.radians(ride.mount_deg))
+    return row | {"sideways": np.abs(ax * s + ay * c).mean()}
+
+
+def mounting_summary(rides: pd.DataFrame) -> dict[str, str]:
+    """Sum up what `mounting_ride` gave on several rides, as a row of a table.
+
+    Parameters
+    ----------
+    rides : pandas.DataFrame
+        A row a ride.
+
+    Returns
+    -------
+    dict of str
+        Name of a column -> cell.
+    """
+    known = rides[np.isfinite(rides["last"])]
+    row = {"with an answer": f"{len(known)} of {len(rides)}"}
+    row |= {"there as the first U-turn begins": f"{(rides['late_s'] <= 0).sum()} of {len(rides)}"}
+    if known.empty:
+        return row
+    late = np.unique(known["late_s"][known["late_s"] > 0])
+    within = (known["last"].abs() <= 1.96 * known["sigma"]).sum()
+    return row | {
+        "else later by (s)": ", ".join(f"{x:.0f}" for x in late) or "–",
+        "first answer off by up to (°)": f"{known['first'].abs().max():.1f}",
+        "last answer off by up to (°)": f"{known['last'].abs().max():.1f}",
+        "rms at the end (°)": f"{np.sqrt((known['last'] ** 2).mean()):.1f}",
+        "stated (°)": f"{np.sqrt((known['sigma'] ** 2).mean()):.1f}",
+        "within 1.96 of it": f"{within} of {len(known)}",
+    }
+
+
+def mounting_regression(
+    gnss: Gnss,
+    imu: Imu,
+    rng: np.random.Generator,
+    *,
+    slowest: float = 2.0,
+    runs: int = 400,
+    block: int = 20,
+) -> Estimate:
+    """Fit the mounting angle to a whole log at once: a reference where no truth is known.
+
+    Over one-second steps of a moving vehicle the specific force in sensor axes is fitted by ::
+
+        f = forward * dv/dt + right * v dpsi/dt + rest
+
+    Rest is minus gravity, forward is the heading in sensor axes. It uses all of the log, turns and
+    braking included, and looks ahead: what block 5 must do on the way, it does afterwards. The 95 %
+    interval is a block bootstrap's.
+
+    Parameters
+    ----------
+    gnss : Gnss
+        One fix a second.
+    imu : Imu
+    rng : numpy.random.Generator
+    slowest : float
+        Speed under which an epoch is left out, m/s.
+    runs, block : int
+        Bootstrap runs; epochs in a block, longer than the correlation that rider and road cause.
+
+    Returns
+    -------
+    Estimate
+        Clockwise from the heading to the sensor's X axis, deg; the interval surrounds the value
+        and is not wrapped.
+    """
+    design, force = _steps(gnss, imu, slowest)
+    value = _angle(design, force)
+    starts = np.arange(0, max(1, len(force) - block + 1))
+    angles = []
+    for _ in range(runs):
+        at = rng.choice(starts, size=-(-len(force) // block))
+        rows = (at[:, None] + np.arange(block)).ravel()
+        angles.append(_angle(design[rows % len(force)], force[rows % len(force)]))
+    low, high = np.quantile(wrap(np.array(angles) - value), [0.025, 0.975])
+    return Estimate(value, value + low, value + high, "deg")
+
+
+def _steps(gnss, imu, slowest):
+    """Gather, for each step between fixes in motion, the fit's inputs and the mean force."""
+    t, v = gnss.t_s, gnss.speed_m_s
+    course = np.radians(gnss.course_deg)
+    inside = (imu.t_s >= t[0]) & (imu.t_s < t[-1])
+    at = np.searchsorted(t, imu.t_s[inside], side="right") - 1
+    count = np.bincount(at, minlength=len(t) - 1)[: len(t) - 1]
+    total = [np.bincount(at, a, minlength=len(t) - 1) for a in imu.accel_b[inside].T]
+    dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
+    turned = wrap(np.diff(course), 2 * np.pi)
+    use = (dt < 1.5) & (mean_v > slowest) & np.isfinite(turned) & (count > 0)
+    design = np.column_stack([np.diff(v) / dt, mean_v * turned / dt, np.ones(len(dt))])[use]
+    return design, (np.array(total)[:, : len(dt)] / np.maximum(count, 1)).T[use]
+
+
+def _angle(design, force):
+    forward, _, rest = np.linalg.lstsq(design, force, rcond=None)[0]
+    down = -rest / np.linalg.norm(rest)
+    # The sensor's X axis laid level, and the level axis to its right.
+    ahead = np.array([1.0, 0.0, 0.0]) - down[0] * down
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(down, ahead)
+    return float(np.degrees(-np.arctan2(forward @ right, forward @ ahead)) % 360)

@@ -7,6 +7,8 @@ position stands in; a fix is acceptable when its PDOP is at most the gate.
 import math
 from dataclasses import dataclass
 
+from analysis import wrap
+
 PDOP_GATE = 10.0  # Section IV-C: above 10 refused, below 10 accepted; exactly 10 is accepted here
 SAVE_EVERY_S = 60.0  # "periodically", Section III-A1: a flash page of 10 000 writes lasts a week
 MOVED_M = 50.0  # between the error of a poor first fix and a real move while switched off
@@ -109,5 +111,5 @@ class LastPosition:
 def distance(a, b):
     """Return the metres between two positions near each other, on a sphere."""
     north = math.radians(b.lat_deg - a.lat_deg)
-    east = math.radians((b.lon_deg - a.lon_deg + 180) % 360 - 180)
+    east = math.radians(wrap(b.lon_deg - a.lon_deg))
     return EARTH_RADIUS_M * math.hypot(north, east * math.cos(math.radians(a.lat_deg)))

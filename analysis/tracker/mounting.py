@@ -18,15 +18,16 @@ as depends on the vehicle: all of it in a car, nothing on two wheels, which lean
 import math
 from dataclasses import dataclass
 
-from analysis.tracker.straight import bend_variance, course_variance, wrap
+from analysis import wrap
 
+TURN = 2 * math.pi
 LENGTH = 6  # entries of the buffer; not printed
 ENTRY_S = 1.0  # s a entry covers, so that the buffer is as long at 1 Hz as at 25 Hz
 THETA_ALPHA = math.radians(3.0) ** 2  # rad^2, the largest variance of a straight; not printed
-MAX_BEND = 0.2  # m/s^2 sideways that a straight may pull: as much as its slope, `SIGMA_LEVEL`
 MIN_SPEED = 0.5  # m/s; below, a course over ground is noise
 MAX_SIGMA = math.radians(6.0)  # rad; a worse angle is kept back until more straights have come
 SIGMA_LEVEL = 0.2  # m/s^2, 2 %: the slope along or across a straight
+MAX_BEND = SIGMA_LEVEL  # m/s^2 sideways on a stretch that counts as straight
 SIGMA_ENTRY = 0.2  # m/s^2 of road, rider and GNSS speed in a mean over an entry, to begin with
 SIGMA_LATERAL = 1.0  # of the acceleration of a bend: between felt in full and not at all
 ASSUMED = 2.0  # entries that these two are worth against the scatter that is found
@@ -133,7 +134,7 @@ class Mounting:
             Mean since the last epoch, of the gyro about the vertical, rad/s.
         ax, ay : float
             Mean specific force since the last epoch, m/s^2: along the sensor's X axis laid level in
-            the upright vehicle, and to its right (`upright.Upright`).
+            the upright vehicle, and to its right (`attitude.Upright`).
         variance : float
             Of these means, (m/s^2)^2: the scatter of the samples over their number.
         levelled : (float, float), optional
@@ -187,9 +188,9 @@ class Mounting:
         angle, known_sigma, slope = weighted_angle(self._known)
         good = known_sigma <= self.max_sigma and self.slope[0] <= slope <= self.slope[1]
         if good:
-            self.mount, self.sigma = wrap(-angle), known_sigma
+            self.mount, self.sigma = wrap(-angle, TURN), known_sigma
         kept = math.nan if self.mount is None else self.mount
-        self.straights.append(Straight(t_s, self.printed, wrap(-alone), sigma, kept, ax, ay))
+        self.straights.append(Straight(t_s, self.printed, wrap(-alone, TURN), sigma, kept, ax, ay))
         return good
 
 
@@ -277,3 +278,38 @@ def mean(entries):
     for entry in entries[1:]:
         total = [a + b for a, b in zip(total, entry, strict=True)]
     return [a / len(entries) for a in total]
+
+
+def course_variance(buffer):
+    """Return the weighted variance of the courses (rad^2) of entries (course, weight, ...)."""
+    first = buffer[0][0]
+    turned = [wrap(entry[0] - first, TURN) for entry in buffer]
+    weights = [entry[1] for entry in buffer]
+    total = sum(weights)
+    centre = sum(w * a for w, a in zip(weights, turned, strict=True)) / total
+    return sum(w * (a - centre) ** 2 for w, a in zip(weights, turned, strict=True)) / total
+
+
+def bend_variance(buffer, seconds, pull):
+    """Return the variance of the course (rad^2) in a steady bend that pulls sideways by ``pull``.
+
+        v dpsi/dt = pull over T:  psi runs evenly through pull T / v,  variance (pull T / v)^2 / 12
+
+    Eq (3) asks that nothing is felt sideways. A fixed variance does not: 3 deg in 6 s are 0.15
+    m/s^2 at the 17.6 km/h of the paper's scooter, and 0.9 m/s^2 at 30 m/s.
+
+    Parameters
+    ----------
+    buffer : sequence of (course, speed squared, ...)
+    seconds : float
+        That the buffer covers.
+    pull : float
+        m/s^2.
+
+    Returns
+    -------
+    float
+    """
+    square = sum(entry[1] for entry in buffer) / len(buffer)
+    turned = pull * seconds
+    return turned * turned / (12 * square)

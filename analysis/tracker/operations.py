@@ -10,6 +10,16 @@ import operator
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
+
+from analysis import STANDARD_GRAVITY
+from analysis.tracker import kalman
+from analysis.tracker.attitude import Attitude, Upright
+from analysis.tracker.fusion import Fusion
+from analysis.tracker.last_position import LastPosition
+from analysis.tracker.low_pass import LowPass
+from analysis.tracker.mounting import LENGTH, Mounting, mean
+from analysis.tracker.static import StaticTest
 
 
 @dataclass
@@ -147,7 +157,7 @@ def buffer_mean(length, axes=1):
     return Tally(sums=axes * (length - 1), divisions=axes)
 
 
-def _counting(kind, operate, *, swapped=False):
+def _operator(kind, operate, *, swapped=False):
     """Make an operator of `Counted` that counts itself."""
 
     def method(self, other):
@@ -183,13 +193,13 @@ class Counted:
         setattr(self.tally, kind, getattr(self.tally, kind) + 1)
         return Counted(value, self.tally)
 
-    __add__ = __radd__ = _counting("sums", operator.add)
-    __sub__ = _counting("sums", operator.sub)
-    __rsub__ = _counting("sums", operator.sub, swapped=True)
-    __mul__ = __rmul__ = _counting("products", operator.mul)
-    __truediv__ = _counting("divisions", operator.truediv)
-    __rtruediv__ = _counting("divisions", operator.truediv, swapped=True)
-    __mod__ = _counting("divisions", operator.mod)
+    __add__ = __radd__ = _operator("sums", operator.add)
+    __sub__ = _operator("sums", operator.sub)
+    __rsub__ = _operator("sums", operator.sub, swapped=True)
+    __mul__ = __rmul__ = _operator("products", operator.mul)
+    __truediv__ = _operator("divisions", operator.truediv)
+    __rtruediv__ = _operator("divisions", operator.truediv, swapped=True)
+    __mod__ = _operator("divisions", operator.mod)
     __lt__, __le__ = _comparing(operator.lt), _comparing(operator.le)
     __gt__, __ge__ = _comparing(operator.gt), _comparing(operator.ge)
     __eq__ = _comparing(operator.eq)
@@ -272,15 +282,200 @@ def instrument(block, tally):
         if hasattr(value, "__dict__") and type(value).__module__.startswith("analysis.tracker"):
             instrument(value, tally)
         else:
-            setattr(block, name, _instrumented(value, tally))
+            setattr(block, name, _counting(value, tally))
     return block
 
 
-def _instrumented(value, tally):
+def _counting(value, tally):
     if isinstance(value, np.ndarray):
         return counted(value, tally)
     if isinstance(value, float | np.floating):
         return Counted(value, tally)
     if isinstance(value, list | tuple):
-        return type(value)(_instrumented(v, tally) for v in value)
+        return type(value)(_counting(v, tally) for v in value)
     return value
+
+
+def filter_costs(n: int, m: int, p: int, *, input_matrix: bool) -> dict[str, dict[str, Tally]]:
+    """Count one prediction and one update of a Kalman filter, by formula and as it runs here.
+
+    Parameters
+    ----------
+    n, m, p : int
+        Sizes of state, measurement and input.
+    input_matrix : bool
+        Multiply the input by B; else add it.
+
+    Returns
+    -------
+    dict of dict of Tally
+        ``formula`` (`predict`, `update`) and ``counted`` (`analysis.tracker.kalman`) ->
+        ``Predict`` and ``Update``.
+    """
+    first, second = Tally(), Tally()
+    x, P, F, Q, u, B = (counted(np.ones(s), first) for s in (n, (n, n), (n, n), (n, n), p, (n, p)))
+    kalman.predict(x, P, F, Q, u, B if input_matrix else None)
+    x, P, z, H, R = (
+        counted(a, second) for a in (np.ones(n), np.eye(n), np.ones(m), np.eye(n)[:m], np.eye(m))
+    )
+    kalman.update(x, P, z, H, R)
+    formula = predict(n, p, input_matrix=input_matrix), update(n, m)
+    portions = "Predict", "Update"
+    return {
+        "formula": dict(zip(portions, formula, strict=True)),
+        "counted": dict(zip(portions, (first, second), strict=True)),
+    }
+
+
+def block_costs(rate: float = 40.0) -> pd.DataFrame:
+    """Count every step of every block on numbers that count themselves.
+
+    The counts do not depend on the values, only on which branch is taken: a moving device with a
+    course, a known mounting angle and a fix at each epoch; at rest for block 4.
+
+    Parameters
+    ----------
+    rate : float
+        Samples of the IMU a second.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each (block, step): ``sums``, ``products``, ``divisions``, ``functions``, their
+        ``total``, and ``times_a_second``: samples at `rate`, fixes once, a straight once its buffer
+        is full, a layer as often as it fills.
+    """
+    dt, steps = 1 / rate, {}
+    tally = Tally()
+    block = instrument(LastPosition(), tally)
+    block.step(*_counting((1.0, (44.0, 11.0, 0.0), 2.0), tally))
+    steps["1", "fix"] = tally, 1.0
+    steps["2", "fix"], steps["2", "sample"] = (_attitude_fix(dt), 1.0), (_attitude_sample(dt), rate)
+    tally = Tally()
+    block = instrument(StaticTest(), tally)
+    for _ in range(5):  # a full buffer of speeds
+        tally.sums = tally.products = tally.divisions = 0
+        block.drive(Counted(3.0, tally))
+    steps["3", "fix"] = tally, 1.0
+    tally = Tally()
+    block = instrument(StaticTest(), tally)
+    block.accelerate(*_counting((0.3, 0.1, dt), tally))
+    steps["3", "sample"] = tally, rate
+    every = np.cumprod(LowPass().lengths)
+    for k, epochs in enumerate(every):
+        higher = 1 / every[k + 1] if k + 1 < len(every) else 0.0
+        steps["4", f"fix that fills layer {k + 1}"] = _low_pass(epochs), 1 / epochs - higher
+    straight, entry = _mounting()
+    steps["5", "fix"], steps["5", "straight"] = (entry, 1.0), (straight, 1 / LENGTH)
+    first, second = _fusion(dt)
+    steps["6", "fix"], steps["6", "sample"] = (second, 1.0), (first, rate)
+    index = pd.MultiIndex.from_tuples(steps, names=["block", "step"])
+    rows = [vars(t) | {"total": t.total, "times_a_second": times} for t, times in steps.values()]
+    return pd.DataFrame(rows, index=index)
+
+
+def alignment_costs(rate: float = 40.0) -> dict[str, int]:
+    """Count the parts of block 5 that Table I lists by themselves.
+
+    Parameters
+    ----------
+    rate : float
+        Samples of the IMU a second.
+
+    Returns
+    -------
+    dict of int
+        Operations of the ``mean`` of a straight's accelerations, and of the ``rotation`` matrix.
+    """
+    averaged, turning = Tally(), Tally()
+    mean([tuple(row) for row in counted(np.ones((LENGTH, 2)), averaged)])
+    block = _counting_block(under_way(1 / rate), turning)
+    _ = block.C_nb
+    return {"mean": averaged.total, "rotation": turning.total}
+
+
+def under_way(dt):
+    """Make an attitude block that knows all it can: level, heading, bias.
+
+    Parameters
+    ----------
+    dt : float
+        Between IMU samples, s.
+
+    Returns
+    -------
+    Attitude
+    """
+    block = Attitude()
+    for _ in range(round(3 / dt)):
+        block.imu((0.0, 0.0, 0.1), (0.0, 0.0, -STANDARD_GRAVITY), dt)
+    for _ in range(2):
+        block.epoch(False, 0.3, 0.05)
+        block.imu((0.0, 0.0, 0.1), (0.3, 0.0, -STANDARD_GRAVITY), dt)
+    return block
+
+
+def _counting_block(block, tally):
+    """Instrument a block whose arrays must hold objects."""
+    instrument(block, tally)
+    block.dtype = object
+    return block
+
+
+def _attitude_sample(dt):
+    tally = Tally()
+    block = _counting_block(under_way(dt), tally)
+    block.imu(*_counting(((0.0, 0.0, 0.1), (0.3, 0.0, -STANDARD_GRAVITY), dt), tally))
+    _ = block.horizontal
+    return tally
+
+
+def _attitude_fix(dt):
+    tally = Tally()
+    block = _counting_block(under_way(dt), tally)
+    block.epoch(False, *_counting((0.31, 0.05), tally))
+    return tally
+
+
+def _low_pass(epochs):
+    """Count the last of so many fixes, and with it the means of the layers it fills."""
+    tally, block = Tally(), LowPass()
+    for _ in range(epochs - 1):
+        block.step((1.0, 2.0))
+    instrument(block, tally).step(_counting((1.0, 2.0), tally))
+    return tally
+
+
+def _mounting():
+    """Count the fix that completes a straight, and one before it."""
+    tally = Tally()
+    upright = Upright()
+    upright.start(_counting((0.3, 0.1, -STANDARD_GRAVITY), tally))
+    upright, block = instrument(upright, tally), instrument(Mounting(), tally)
+    entry = Tally()
+    for k in range(40):
+        before = tally.counts()
+        force = _counting((0.6, 0.2, -STANDARD_GRAVITY), tally)
+        upright.step(force, Counted(1.0, tally))
+        epoch = _counting((float(k), 1.0, 0.3, 5.0 + 0.2 * k, 0.01), tally)
+        block.step(*epoch, *upright.level(force), *_counting((0.001, (0.3, 0.1)), tally))
+        counts = [now - was for now, was in zip(tally.counts(), before, strict=True)]
+        if block.straights:
+            return Tally(*counts), entry
+        entry = Tally(*counts)
+    raise AssertionError("a steady course gave no straight")
+
+
+def _fusion(dt):
+    """Count a prediction and an update with position and velocity."""
+    first, second = Tally(), Tally()
+    for tally, name in ((first, "predict"), (second, "update")):
+        block = Fusion()
+        block.start((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 3.0, 1.0)
+        block.predict(np.array([0.1, 0.0, 0.0]), dt, 0.3)
+        block = _counting_block(block, tally)
+        if name == "predict":
+            block.predict(counted([0.1, 0.0, 0.0], tally), dt, 0.3)
+        else:
+            block.update(*_counting(((0.1, 0.0, 0.0), (1.0, 0.0), 3.0, 0.3), tally))
+    return first, second

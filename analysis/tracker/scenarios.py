@@ -1,4 +1,4 @@
-"""The tracker paper's three scenarios, simulated from its description, with the truth beside them.
+"""The tracker paper's three scenarios, simulated from its description, with their truth.
 
 Its logs were never published. A: 90 min in one place, the position drifting as under multipath,
 IMU at 4 Hz. B: laps round a rugby field on an electric scooter at 17.6 km/h, long U-turns, the
@@ -6,24 +6,157 @@ sensor's X axis 90 deg clockwise of the heading, IMU at 40 Hz. C: a cold boot wi
 a walk round a car park, IMU at 4 Hz. What the paper leaves open is an assumption of `GnssErrors`,
 `ImuErrors` or of the scenario's arguments, and is written there.
 
-Sensor readings are the specific force and rotation rate of a rigid body on a smooth path, with the
-errors of `analysis.tracker.sensor_errors`.
+Sensor readings are the specific force and rotation rate of a rigid body on a smooth path. The
+horizontal position errors are, per axis, ::
+
+    PDOP [ sum_i GaussMarkov(sigma_i, T_c,i) + white ] + settling offset * exp(-t / settle_time)
+
+An IMU sample has white noise, a constant bias, and a vibration that grows with speed.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
+import pandas as pd
 import pymap3d
 from scipy.spatial.transform import Rotation
 
-from analysis.logs.timeline import Gnss, Imu, Timeline
+from analysis import STANDARD_GRAVITY
+from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages
 from analysis.noise.models import gauss_markov
-from analysis.tracker.sensor_errors import GRAVITY, STARTS, GnssErrors, ImuErrors, courtyard
+from analysis.tracker.last_position import Stored
 
-ORIGIN = (44.4949, 11.3426, 0.0)  # deg, deg, m: where the simulated logs are laid
 KMH = 1 / 3.6
-SCOOTER = ImuErrors(vibration=0.2)
-WALKER = ImuErrors(vibration=0.8)
+# Drift of a GPS position from a textbook (Beard and McLain, Small Unmanned Aircraft, 2012, Table
+# 7.1, after Rankin, 1994): each second e^(-1/1100) of the last and 0.21 m of new noise; white noise
+# of 0.4 m.
+DRIFT_S = 1100.0
+DRIFT_M = 0.21 / math.sqrt(1 - math.exp(-2 / DRIFT_S))
+WHITE_M = 0.4
+
+
+@dataclass(frozen=True)
+class GnssErrors:
+    """Errors of a cheap receiver; sigmas are per horizontal axis and unit of PDOP.
+
+    Attributes
+    ----------
+    drift : tuple of (float, float)
+        Gauss-Markov parts: standard deviation (m) and correlation time (s).
+    white_m : float
+        White noise of a position, m.
+    speed_m_s : float
+        White noise of each horizontal velocity component, m/s; speed and course follow from it.
+    settling_m, settle_time : float
+        Size (m) and time constant (s) of an offset that decays after power-on.
+    STARTS : dict of str -> (float, float)
+        The same two of real receivers at rest after a cold start, by name of their log in gpsd's
+        tests, as `analysis.tracker.settling` measures them.
+    """
+
+    drift: tuple = ((0.8, 600.0), (0.4, 60.0))
+    white_m: float = 0.1
+    speed_m_s: float = 0.04
+    settling_m: float = 0.0
+    settle_time: float = 120.0
+    STARTS: ClassVar = {"rx210": (13.0, 20.0), "telit-he910": (4.8, 120.0), "ublox-8": (13.3, 25.0)}
+
+    @classmethod
+    def courtyard(cls, start=(0.0, 1.0), pdop=2.5):
+        """Make the errors of a receiver at rest with half the sky hidden.
+
+        Parameters
+        ----------
+        start : (float, float)
+            Size (m) and time constant (s) of its settling; by default it has settled before.
+        pdop : float
+            At which the drift has its published size.
+
+        Returns
+        -------
+        GnssErrors
+        """
+        drift = ((DRIFT_M / pdop, DRIFT_S),)
+        return cls(drift, WHITE_M / pdop, settling_m=start[0], settle_time=start[1])
+
+    def circle_m(self, pdop):
+        """Return the radius (m) that holds 95 % of the positions of a settled receiver."""
+        variance = sum(sigma**2 for sigma, _ in self.drift) + self.white_m**2
+        return pdop * math.sqrt(-2 * math.log(0.05) * variance)
+
+
+@dataclass(frozen=True)
+class ImuErrors:
+    """Errors of a consumer IMU: 90 ug/sqrt(Hz) and 7 mdeg/s/sqrt(Hz) in a bandwidth of 25 Hz.
+
+    Attributes
+    ----------
+    accel_white, gyro_white : float
+        Standard deviation of one sample, m/s^2 and rad/s.
+    accel_bias, gyro_bias : float
+        Standard deviation of the constant bias drawn for each axis, m/s^2 and rad/s.
+    vibration : float
+        Standard deviation of the vibration in each accelerometer axis per speed, m/s^2 per m/s.
+    zero_mean_displacement : bool
+        Vibration is the difference of neighbouring white values, so that it moves the sensor
+        nowhere: the mean of n samples holds 1/n of it. Otherwise it is white, as that of a motor
+        that turns faster than the IMU samples: 1/sqrt(n).
+    """
+
+    accel_white: float = 90e-6 * STANDARD_GRAVITY * 5.0
+    gyro_white: float = np.radians(7e-3) * 5.0
+    accel_bias: float = 0.1
+    gyro_bias: float = np.radians(0.5)
+    vibration: float = 0.0
+    zero_mean_displacement: bool = True
+
+    @classmethod
+    def low_power(cls):
+        """Make the errors of the same part in its low-power mode."""
+        return cls(accel_white=1.7e-3 * STANDARD_GRAVITY, gyro_white=np.radians(0.14))
+
+
+ASSUMED = {  # scenario -> errors of receiver and IMU, and the PDOP that it comes to
+    "A": (GnssErrors.courtyard(), ImuErrors(), 2.5),
+    "B": (GnssErrors(), ImuErrors(vibration=0.2), 1.8),
+    "C": (GnssErrors(), ImuErrors(vibration=0.8), 2.5),
+}
+
+
+def assumed_errors() -> pd.DataFrame:
+    """List what the scenarios assume of receiver and IMU.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row an error, a column a scenario, written with units as a reader wants them.
+    """
+
+    def pairs(parts):
+        return [f"{size:.3g} m, {seconds:g} s" for size, seconds in parts]
+
+    columns = {}
+    for name, (gnss, imu, pdop) in ASSUMED.items():
+        drift = [(float(f"{pdop * sigma:.2g}"), corr_time) for sigma, corr_time in gnss.drift]
+        columns[name] = {
+            "drift per axis at the PDOP of": f"{pdop:g}",
+            "- standard deviation and correlation time": "; ".join(pairs(drift)),
+            "- white noise (m)": f"{gnss.white_m * pdop:.2f}",
+            "- each velocity component, white (m/s)": f"{gnss.speed_m_s * pdop:.2f}",
+            "settling: size and time constant": "–",
+            "accelerometer, white, one sample (mm/s²)": f"{1e3 * imu.accel_white:.1f}",
+            "- constant bias, σ of each axis (m/s²)": f"{imu.accel_bias:g}",
+            "- vibration per speed (m/s² per m/s)": f"{imu.vibration:g}",
+            "gyro, white, one sample (°/s)": f"{math.degrees(imu.gyro_white):.3f}",
+            "- constant bias, σ of each axis (°/s)": f"{math.degrees(imu.gyro_bias):g}",
+        }
+    table = pd.DataFrame(columns).rename_axis("assumed")
+    table.loc["settling: size and time constant", "A"] = " or ".join(
+        pairs(GnssErrors.STARTS.values())
+    )
+    return table.reset_index()
 
 
 @dataclass(frozen=True)
@@ -35,12 +168,14 @@ class Scenario:
     log : Timeline
         Without a fix position, speed and course are NaN, and the PDOP is 99.99.
     north_m, east_m, speed_m_s, course_deg : ndarray, shape (n,)
-        Truth; metres from `ORIGIN`.
+        Truth; metres from `origin`.
     moving : ndarray of bool, shape (n,)
     C_nb : ndarray, shape (n, 3, 3)
         Attitude of the sensor.
     mount_deg : float
         Angle of the sensor's X axis clockwise from the heading.
+    origin : (float, float, float)
+        Latitude and longitude (deg) and height (m) at which every simulated log starts.
     """
 
     log: Timeline
@@ -51,63 +186,105 @@ class Scenario:
     moving: np.ndarray
     C_nb: np.ndarray
     mount_deg: float
+    origin: ClassVar = (44.4949, 11.3426, 0.0)
 
     def error(self, lat_deg, lon_deg, at=slice(None)):
         """Return how far north and east of the truth positions are, m, at all epochs or some."""
-        north, east, _ = pymap3d.geodetic2ned(lat_deg, lon_deg, 0.0, *ORIGIN)
+        north, east, _ = pymap3d.geodetic2ned(lat_deg, lon_deg, 0.0, *self.origin)
         return north - self.north_m[at], east - self.east_m[at]
 
+    def stored(self, north_m, east_m):
+        """Return the position that an earlier run left, so far from the origin."""
+        lat, lon, _ = pymap3d.ned2geodetic(north_m, east_m, 0.0, *self.origin)
+        return Stored(float(lat), float(lon), 0.0, 0.0, 2.0)
 
-def scenario_a(rng, *, minutes=90.0, imu_rate=4.0, gnss=None, imu=None):
-    """Simulate scenario A: standing in a courtyard, half the sky hidden.
+    def with_outages(self, outages):
+        """Return the scenario without the fixes of some stretches (start, stop), s."""
+        return replace(self, log=inject_outages(self.log, outages))
 
-    The errors are published and measured ones, for the paper gives none: a textbook's drift, and
-    after power-on the settling of one of three real receivers. The PDOP wanders about 2.5.
+    def levelling_errors(self, roll_deg, pitch_deg):
+        """Compare roll and pitch with those read off the mean of each second of the accelerometer.
+
+        Parameters
+        ----------
+        roll_deg, pitch_deg : ndarray, shape (n,)
+            Of a replay, an epoch each; epochs where they are NaN are left out.
+
+        Returns
+        -------
+        given, by_mean : float
+            Mean square angle between the true vertical and each of the two, deg^2.
+        """
+        t, imu = self.log.gnss.t_s, self.log.imu
+        total = np.cumsum(np.vstack([np.zeros(3), imu.accel_b]), axis=0)
+        end = np.searchsorted(imu.t_s, t + 1e-6)
+        f = total[end] - total[np.maximum(end - round(1 / np.median(np.diff(imu.t_s))), 0)]
+        down = -f / np.linalg.norm(f, axis=1)[:, None]
+        use = np.isfinite(roll_deg)
+        roll, pitch = np.radians(roll_deg[use]), np.radians(pitch_deg[use])
+        given = np.column_stack(
+            [-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)]
+        )
+        cosines = [np.einsum("ij,ij->i", d, self.C_nb[use, 2]) for d in (given, down[use])]
+        return tuple(float((np.degrees(np.arccos(np.clip(c, -1, 1))) ** 2).mean()) for c in cosines)
+
+    @property
+    def first_turn_s(self):
+        """When the first bend has begun: the course turns at half of its greatest rate, s."""
+        rate = np.abs(np.gradient(np.unwrap(np.radians(self.course_deg))))
+        return self.log.gnss.t_s[np.argmax(rate > rate.max() / 2)]
+
+
+def scenario(name: str, rng: np.random.Generator, **settings) -> Scenario:
+    """Simulate one of the paper's scenarios.
+
+    A: at rest in a courtyard, half the sky hidden. The errors are published and measured ones, for
+    the paper gives none: a textbook's drift, and after power-on the settling of one of three real
+    receivers. The PDOP varies about 2.5.
+
+    B: counter-clockwise laps of a track round a rugby field, on a scooter. A 400 m track has
+    straights of 84.39 m and bends of 36.5 m radius; its outermost line lies 9.76 m further out. The
+    scooter waits 20 s, sets off from north to south, slows down for each bend and speeds up after
+    it (0.9 and 1.25 of its mean speed), and leans into the bends.
+
+    C: a cold boot in a courtyard, then a lap of a car park on foot. No fix for 40 s; then the PDOP
+    falls from 50 towards 2.5 with a time constant of 15 s. The walker stands for two minutes, walks
+    round a rectangle of 120 m by 70 m at 1.3 m/s with the device swinging in a bag, and is back at
+    the start to 3 m.
 
     Parameters
     ----------
+    name : str
+        "A", "B" or "C".
     rng : numpy.random.Generator
-    minutes, imu_rate : float
-        Duration, samples a second.
-    gnss : GnssErrors, optional
-    imu : ImuErrors, optional
+    **settings
+        Of all: ``gnss`` (`GnssErrors`), ``imu`` (`ImuErrors`), ``imu_rate`` (samples a second).
+        A: ``minutes``.
+        B: ``laps``; ``mount_deg``; ``slope``, ``slope_m``: standard deviation of the ground's slope
+        along and across, each a Gauss-Markov process over the distance, and the metres over which
+        it is correlated. The paper's field is flat.
+        C: ``wait`` until the walk begins, ``first_fix``, both s.
 
     Returns
     -------
     Scenario
     """
-    gnss = gnss or courtyard(STARTS[rng.integers(len(STARTS))])
+    return {"A": _courtyard, "B": _laps, "C": _walk}[name](rng, **settings)
+
+
+def _courtyard(rng, *, minutes=90.0, imu_rate=4.0, gnss=None, imu=None):
+    starts = list(GnssErrors.STARTS.values())
+    gnss = gnss or GnssErrors.courtyard(starts[rng.integers(len(starts))])
     n = round(60 * minutes * imu_rate) + 1
     path = np.zeros(n), np.full(n, np.radians(30.0))
     epochs = np.arange(0, n, round(imu_rate))
     pdop = 2.5 * np.exp(gauss_markov(len(epochs), 1.0, 0.2, 300.0, rng))
-    return _measure(path, imu_rate, pdop, gnss, imu or ImuErrors(), rng, tilt=(4.0, -2.0))
+    return _measure(path, imu_rate, pdop, gnss, imu or ASSUMED["A"][1], rng, tilt=(4.0, -2.0))
 
 
-def scenario_b(
+def _laps(
     rng, *, laps=6, imu_rate=40.0, mount_deg=90.0, slope=0.0, slope_m=100.0, gnss=None, imu=None
 ):
-    """Simulate scenario B: counter-clockwise laps of a track round a rugby field, on a scooter.
-
-    A 400 m track has straights of 84.39 m and bends of 36.5 m radius; its outermost line lies
-    9.76 m further out. The scooter waits 20 s, sets off from north to south, slows down for each
-    bend and speeds up after it (0.9 and 1.25 of its mean speed), and leans into the bends.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    laps : int
-    imu_rate, mount_deg : float
-    slope, slope_m : float
-        Standard deviation of the ground's slope along and across, each a Gauss-Markov process over
-        the distance, and the metres over which it lasts. The paper's field is flat.
-    gnss : GnssErrors, optional
-    imu : ImuErrors, optional
-
-    Returns
-    -------
-    Scenario
-    """
     radius = 36.5 + 9.76
     lap = [(84.39, 0.0), (np.pi * radius, -np.pi), (84.39, 0.0), (np.pi * radius, -np.pi)]
     length = laps * sum(part[0] for part in lap)
@@ -118,13 +295,13 @@ def scenario_b(
         mean *= 17.6 * KMH / v[v > 0].mean()
     ride = (lap, length, 1.25 * mean, 0.9 * mean)
     path = _ride(*ride, imu_rate, wait=20.0, course=np.pi)
-    pdop = np.full(len(path[0][:: round(imu_rate)]), 1.8)
+    gnss_errors, imu_errors, pdop = ASSUMED["B"]
     return _measure(
         path,
         imu_rate,
-        pdop,
-        gnss or GnssErrors(),
-        imu or SCOOTER,
+        np.full(len(path[0][:: round(imu_rate)]), pdop),
+        gnss or gnss_errors,
+        imu or imu_errors,
         rng,
         tilt=(2.0, -3.0),
         mount_deg=mount_deg,
@@ -133,36 +310,20 @@ def scenario_b(
     )
 
 
-def scenario_c(rng, *, imu_rate=4.0, wait=120.0, first_fix=40.0, gnss=None, imu=None):
-    """Simulate scenario C: a cold boot in a courtyard, then a lap of a car park on foot.
-
-    No fix for 40 s; then the PDOP falls from 50 towards 2.5 with a time constant of 15 s. The
-    walker stands for two minutes, walks round a rectangle of 120 m by 70 m at 1.3 m/s with the
-    device swinging in a bag, and is back at the start to 3 m.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    imu_rate, wait, first_fix : float
-    gnss : GnssErrors, optional
-    imu : ImuErrors, optional
-
-    Returns
-    -------
-    Scenario
-    """
+def _walk(rng, *, imu_rate=4.0, wait=120.0, first_fix=40.0, gnss=None, imu=None):
     turn = (3.0 * np.pi / 2, np.pi / 2)
     lap = [(114.0, 0.0), turn, (64.0, 0.0), turn, (114.0, 0.0), turn, (64.0, 0.0), turn]
     length = sum(part[0] for part in lap)
     path = _ride(lap, length, 1.3, 1.1, imu_rate, wait=wait, course=np.radians(70.0))
     t = np.arange(0, len(path[0]), round(imu_rate)) / imu_rate
-    pdop = np.where(t < first_fix, 99.99, 2.5 + 47.5 * np.exp(-(t - first_fix) / 15.0))
+    gnss_errors, imu_errors, last = ASSUMED["C"]
+    pdop = np.where(t < first_fix, 99.99, last + 47.5 * np.exp(-(t - first_fix) / 15.0))
     return _measure(
         path,
         imu_rate,
         pdop,
-        gnss or GnssErrors(),
-        imu or WALKER,
+        gnss or gnss_errors,
+        imu or imu_errors,
         rng,
         tilt=(-50.0, 20.0),
         mount_deg=140.0,
@@ -218,21 +379,21 @@ def _measure(
     v_n = np.column_stack([v * np.cos(course), v * np.sin(course), np.zeros(n)])
     a_n = np.gradient(v_n, dt, axis=0)
     position = np.cumsum(v_n, axis=0) * dt - v_n * dt
-    roll = np.arctan(v * np.gradient(course, dt) / GRAVITY) if lean else np.zeros(n)
+    roll = np.arctan(v * np.gradient(course, dt) / STANDARD_GRAVITY) if lean else np.zeros(n)
     step = np.radians(swing_deg) * np.minimum(v, 1.0) * np.sin(2 * np.pi * 0.9 * t)
     along, across = np.zeros((2, n)) if ground is None else ground
     angles = np.column_stack([course, step + along, roll + step + across])
     vehicle = Rotation.from_euler("ZYX", angles)
     mounted = Rotation.from_euler("ZYX", [mount_deg, tilt[1], tilt[0]], degrees=True)
     attitude = vehicle * mounted
-    accel = attitude.inv().apply(a_n - [0.0, 0.0, GRAVITY])
+    accel = attitude.inv().apply(a_n - [0.0, 0.0, STANDARD_GRAVITY])
     gyro = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / dt
     gyro = np.vstack([gyro, gyro[-1:]])
     accel = accel + imu.accel_bias * rng.standard_normal(3)
     gyro = gyro + imu.gyro_bias * rng.standard_normal(3)
     accel += imu.accel_white * rng.standard_normal((n, 3))
     shaking = rng.standard_normal((n + 1, 3))
-    shaking = np.diff(shaking, axis=0) / np.sqrt(2) if imu.comes_back else shaking[1:]
+    shaking = np.diff(shaking, axis=0) / np.sqrt(2) if imu.zero_mean_displacement else shaking[1:]
     accel += imu.vibration * v[:, None] * shaking
     gyro += imu.gyro_white * rng.standard_normal((n, 3))
 
@@ -246,7 +407,7 @@ def _measure(
     north = position[at, 0] + pdop * error[0] + settling * np.cos(direction)
     east = position[at, 1] + pdop * error[1] + settling * np.sin(direction)
     velocity = v_n[at, :2] + gnss.speed_m_s * pdop[:, None] * rng.standard_normal((m, 2))
-    lat, lon, _ = pymap3d.ned2geodetic(north, east, 0.0, *ORIGIN)
+    lat, lon, _ = pymap3d.ned2geodetic(north, east, 0.0, *Scenario.origin)
     fix = pdop < 99.0
 
     def fixed(x):
@@ -256,7 +417,7 @@ def _measure(
         t_s=t[at],
         lat_deg=fixed(lat),
         lon_deg=fixed(lon),
-        height_m=fixed(np.full(m, ORIGIN[2])),
+        height_m=fixed(np.full(m, Scenario.origin[2])),
         pdop=pdop,
         speed_m_s=fixed(np.hypot(*velocity.T)),
         course_deg=fixed(np.degrees(np.arctan2(velocity[:, 1], velocity[:, 0])) % 360),

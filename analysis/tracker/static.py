@@ -11,6 +11,11 @@ SPEED_THRESHOLD = 0.5  # m/s; not printed. Above what a receiver at rest reports
 WAKE_SPEED = 1.0  # m/s, one unfiltered speed above which no average is waited for; not printed
 SPEED_WINDOW = 5  # epochs of the moving average that the paper suggests; length not printed
 ACCEL_TAU_S = 0.25  # s: at 4 Hz each sample by itself, as printed; at 40 Hz noise is averaged
+EPOCHS = 5  # that must all be still
+GYRO_RANGE = (
+    0.05  # rad/s between the largest and the smallest reading; a cheap gyro's noise is half
+)
+ACCEL_RANGE = 0.3  # m/s^2, likewise; an engine or a hand shakes it by more
 
 
 class StaticTest:
@@ -103,3 +108,51 @@ class StaticTest:
         unknown = self._fast is None and self._pushed is None
         self.moving = bool(unknown or self._fast or self._pushed)
         return self.moving
+
+
+class Rest:
+    """Watch the range of the readings, one sample and one GNSS epoch at a time.
+
+    Attributes
+    ----------
+    still : bool
+        Since some epochs nothing has changed.
+    """
+
+    def __init__(self, epochs=EPOCHS):
+        self.still = False
+        self._past = deque(maxlen=epochs)
+        self._low = self._high = None
+
+    def sample(self, gyro_b, accel_b):
+        """Take in one IMU sample (rad/s, m/s^2); what leaves the range ends the rest at once."""
+        values = (*gyro_b, *accel_b)
+        if self._low is None:
+            self._low, self._high = values, values
+        else:
+            self._low = tuple(map(min, self._low, values))
+            self._high = tuple(map(max, self._high, values))
+        self.still = self.still and _narrow(self._low, self._high)
+
+    def epoch(self, slow):
+        """Close an epoch.
+
+        Parameters
+        ----------
+        slow : bool
+            As far as GNSS has said.
+        """
+        if self._low is not None:
+            self._past.append((self._low, self._high))
+        self._low = self._high = None
+        if not slow or len(self._past) < self._past.maxlen:
+            self.still = False
+            return
+        low = [min(axis) for axis in zip(*(p[0] for p in self._past), strict=True)]
+        high = [max(axis) for axis in zip(*(p[1] for p in self._past), strict=True)]
+        self.still = _narrow(low, high)
+
+
+def _narrow(low, high):
+    limits = (GYRO_RANGE,) * 3 + (ACCEL_RANGE,) * 3
+    return all(b - a < limit for a, b, limit in zip(low, high, limits, strict=True))
