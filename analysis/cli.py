@@ -301,7 +301,7 @@ def _check_last_position(path, logs, out):
     from analysis.logs import moving
 
     option = f"--last-position {path.name}"
-    taken = [*map(moving.located, logs), out, out / "track.csv", out / "summary.json"]
+    taken = [*map(moving.locate, logs), out, out / "track.csv", out / "summary.json"]
     if path.resolve() in [other.resolve() for other in taken]:
         raise WrongUsage(f"{option}: that is a log, or what --out writes; name another file")
     try:

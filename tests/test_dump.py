@@ -5,7 +5,7 @@ import datetime
 import numpy as np
 import pytest
 
-from analysis.logs import dump, moving
+from analysis.logs import imu_csv_lines, nmea_lines, read_moving
 from analysis.tracker import scenarios
 
 START = datetime.datetime(2021, 12, 31, 23, 58, tzinfo=datetime.UTC)
@@ -20,9 +20,9 @@ def log():
 def test_a_dump_is_read_back(log, tmp_path):
     """cross-check: what pynmeagps wrote, and CSV, come back through the reader of real logs."""
     gps, imu = tmp_path / "gps.nmea", tmp_path / "imu.csv"
-    gps.write_text("\r\n".join(dump.nmea(log.gnss, START)) + "\r\n")
-    imu.write_text("\n".join(dump.imu_csv(log.imu)) + "\n")
-    read = moving.read([gps, imu])
+    gps.write_text("\r\n".join(nmea_lines(log.gnss, START)) + "\r\n")
+    imu.write_text("\n".join(imu_csv_lines(log.imu)) + "\n")
+    read = read_moving([gps, imu])
     np.testing.assert_array_equal(read.gnss.has_fix, log.gnss.has_fix)
     np.testing.assert_allclose(read.gnss.t_s, log.gnss.t_s, atol=1e-6)
     # Half of the last digit written: 1e-5 minutes, 0.001 knots, 0.01 deg, 0.01.
@@ -39,7 +39,7 @@ def test_a_dump_is_read_back(log, tmp_path):
 
 def test_every_epoch_has_its_stamp(log):
     """property: a stamp, then three sentences with right checksums, for each epoch."""
-    lines = list(dump.nmea(log.gnss, START))
+    lines = list(nmea_lines(log.gnss, START))
     assert len(lines) == 4 * len(log.gnss.t_s)
     assert [float(line) for line in lines[::4]] == log.gnss.t_s.tolist()
     for line in lines[1::4]:

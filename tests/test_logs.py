@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis import DATA, CannotAnswer, WrongUsage, logs
-from analysis.logs import catalogue, datasets, formats, layout
+from analysis.logs import catalogue, datasets, delimited, formats, nmea
 
 HEADER = "t_s,gyro_x_deg_s,gyro_y_deg_s"
 
@@ -235,7 +235,7 @@ def test_a_long_file_keeps_the_letters_of_its_header(tmp_path):
     for encoding in ("cp1252", "utf-8"):
         text = "\n".join(["t_s,gyro x [°/s],gyro_y_deg_s", *rows])
         (tmp_path / "my.csv").write_text(text + "\n", encoding=encoding)
-        assert (tmp_path / "my.csv").stat().st_size > layout.HEAD_BYTES
+        assert (tmp_path / "my.csv").stat().st_size > delimited.HEAD_BYTES
         assert [c.unit for c in logs.read(tmp_path / "my.csv").channels] == ["deg/s", "deg/s"]
 
 
@@ -524,7 +524,7 @@ def test_text_columns_and_delimiters_are_found_beforehand(tmp_path):
     moment = datetime.datetime(2024, 1, 1, 23, 59, 59, tzinfo=datetime.UTC)
     rows = [f"{(moment + datetime.timedelta(seconds=i)).isoformat()};1,5;ok" for i in range(70)]
     path = write(tmp_path, rows, header="time;gyro_x_deg_s;state")
-    found = layout.sniff(path)
+    found = delimited.sniff(path)
     assert (found.delimiter, found.decimal, found.text) == (";", ",", {"time", "state"})
     log = logs.read(path)
     assert log.rate_hz == pytest.approx(1.0)
@@ -535,24 +535,24 @@ def test_text_columns_and_delimiters_are_found_beforehand(tmp_path):
 def test_committed_receiver_logs_are_read(file):
     """Cross-check: GGA epochs as a plain text search counts them, time only ever advancing."""
     path = DATA / "raw" / "gpsd" / file
-    table = formats.nmea(path)
+    table = nmea.read_table(path)
     sentences = [part.split(b"\r")[0] for part in path.read_bytes().split(b"GGA,")[1:]]
     timed = sum(part[:1].isdigit() for part in sentences)
     assert len(table.frame) == timed
     fixed = table.frame["quality"] > 0
     assert table.frame.loc[fixed, ["lat_deg", "lon_deg", "height_m"]].notna().all(axis=None)
     assert table.frame.loc[~fixed, ["lat_deg", "lon_deg", "height_m"]].isna().all(axis=None)
-    line = path.read_bytes().split(b"\n")[int(table.where(0).split()[1]) - 1]
+    line = path.read_bytes().split(b"\n")[int(table.place(0).split()[-1]) - 1]
     assert b"GGA" in line
 
 
 def test_wrong_checksums_are_counted_not_read(tmp_path):
     """Property: a damaged sentence is left out and stated; its neighbours stay."""
     content = (DATA / "raw" / "gpsd" / "ublox-8.log").read_bytes()
-    whole = formats.nmea(DATA / "raw" / "gpsd" / "ublox-8.log").frame
+    whole = nmea.read_table(DATA / "raw" / "gpsd" / "ublox-8.log").frame
     path = tmp_path / "my.nmea"
     path.write_bytes(content.replace(b"GGA,000950.00,4404", b"GGA,000950.00,4414"))
-    table = formats.nmea(path)
+    table = nmea.read_table(path)
     assert table.repairs == ("1 GGA or GSA sentences with a wrong checksum or content left out",)
     assert set(whole["t_s"]) - set(table.frame["t_s"]) == {590.0}
 
@@ -573,7 +573,7 @@ def test_midnight_and_pdop_in_nmea(tmp_path):
     )
     path = tmp_path / "my.nmea"
     path.write_text(text, newline="")
-    frame = formats.nmea(path).frame
+    frame = nmea.read_table(path).frame
     assert frame["t_s"].tolist() == [86399.0, 86400.0]
     assert frame["pdop"].tolist() == [2.5, 3.5]
     assert frame["lat_deg"][0] == pytest.approx(48 + 7.038 / 60)

@@ -7,9 +7,8 @@ This room imports no other room. `read` and `read_moving` take a file or a name 
 from analysis.logs.catalogue import load_catalogue
 from analysis.logs.datasets import entry as dataset_entry
 from analysis.logs.datasets import path as dataset_path
-from analysis.logs.dump import imu_csv as imu_csv_lines
-from analysis.logs.dump import nmea as nmea_lines
 from analysis.logs.moving import read as read_moving
+from analysis.logs.nmea import imu_csv_lines, nmea_lines
 from analysis.logs.saved_position import load as load_position
 from analysis.logs.saved_position import save as save_position
 from analysis.logs.static import Channel, Log, read

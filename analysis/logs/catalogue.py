@@ -11,23 +11,12 @@ from analysis.logs.formats import READERS
 
 CATALOGUE = DATA / "logs.toml"
 OWN = DATA / "own" / "logs.toml"
-KEYS = {
-    "title",
-    "file",
-    "format",
-    "variable",
-    "names",
-    "rate_hz",
-    "time",
-    "timing",
-    "from",
-    "to",
-    "note",
-    "unit",
-    "kind",
-    "channels",
-    "licence",
-    "source",
+_TEXT = "title note licence source file format variable timing unit kind"
+KEYS: dict[str, type | tuple[type, ...]] = {  # of a stanza, with the type of the value
+    **dict.fromkeys(_TEXT.split(), str),
+    **dict.fromkeys(("rate_hz", "from", "to"), (int, float)),
+    **dict.fromkeys(("names", "channels"), list),
+    "time": (str, int),
 }
 
 
@@ -71,13 +60,21 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
     CannotAnswer
         If it is catalogued but the raw file is not on this machine.
     """
-    stanzas = load_catalogue()
-    if str(log) in stanzas:
-        stanza = stanzas[str(log)]
-        if not stanza["own"]:
-            return str(log), stanza, datasets.path(stanza["file"])
-        return str(log), stanza, _readable(OWN.parent / stanza["file"], "data/own/logs.toml names")
-    return Path(log).stem, {}, _readable(Path(log), "", stanzas)
+    stanzas, name, path = load_catalogue(), str(log), Path(log)
+    if name not in stanzas:
+        close = difflib.get_close_matches(name, stanzas, 1)
+        missing = (
+            f"there is no file {path.name}, and no log of that name in the catalogue"
+            + (f" (closest: {close[0]})" if close else "")
+            + f"; it has {', '.join(stanzas)}"
+        )
+        return path.stem, {}, _check_file(path, missing)
+    stanza = stanzas[name]
+    if not stanza["own"]:
+        return name, stanza, datasets.path(stanza["file"])
+    path = OWN.parent / stanza["file"]
+    missing = f"data/own/logs.toml names {path.name}, which is not in data/own/"
+    return name, stanza, _check_file(path, missing)
 
 
 def check_unit(name: str, stanza: dict, unit: str | None) -> None:
@@ -90,20 +87,13 @@ def check_unit(name: str, stanza: dict, unit: str | None) -> None:
         )
 
 
-def _readable(path: Path, said_by: str, stanzas: dict | None = None) -> Path:
-    """Refuse what is no file."""
+def _check_file(path: Path, missing: str) -> Path:
+    """Refuse a path that is no file."""
     if path.is_dir():
         raise WrongUsage(f"{path.name or path} is a folder: name the log file in it")
-    if path.is_file():
-        return path
-    if stanzas is None:
-        raise WrongUsage(f"{said_by} {path.name}, which is not in data/own/")
-    close = difflib.get_close_matches(str(path), stanzas, 1)
-    raise WrongUsage(
-        f"there is no file {path.name}, and no log of that name in the catalogue"
-        + (f" (closest: {close[0]})" if close else "")
-        + f"; it has {', '.join(stanzas)}"
-    )
+    if not path.is_file():
+        raise WrongUsage(missing)
+    return path
 
 
 def _read(path: Path, own: bool) -> dict[str, dict]:
@@ -116,13 +106,13 @@ def _read(path: Path, own: bool) -> dict[str, dict]:
     for name, stanza in stanzas.items():
         if not isinstance(stanza, dict) or not isinstance(stanza.get("file"), str):
             raise WrongUsage(f'{where}: [{name}] needs a line such as file = "my.csv"')
-        unknown = sorted(stanza.keys() - KEYS)
-        if unknown:
-            close = difflib.get_close_matches(unknown[0], KEYS, 1)
-            raise WrongUsage(
-                f"{where}: [{name}] has the unknown key '{unknown[0]}'"
-                + (f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(KEYS)}")
-            )
+        for key, value in stanza.items():
+            if key not in KEYS:
+                close = difflib.get_close_matches(key, KEYS, 1)
+                hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(KEYS)}"
+                raise WrongUsage(f"{where}: [{name}] has the unknown key '{key}'; {hint}")
+            if not isinstance(value, KEYS[key]):
+                raise WrongUsage(f"{where}: [{name}] {key} = {value!r} is of the wrong type")
         if stanza.get("format", "csv") not in READERS:
             raise WrongUsage(
                 f"{where}: [{name}] format '{stanza['format']}' is not one of {', '.join(READERS)}"

@@ -1,18 +1,20 @@
-"""A column of times -> seconds: which unit, which calendar, what was assumed."""
+"""A column of times -> seconds on a clock: which unit, which calendar, what was assumed."""
 
+import contextlib
 import re
 import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from analysis import WrongUsage
+from analysis import CannotAnswer, WrongUsage
+from analysis.logs.delimited import CLOCK, Table, printable
 from analysis.logs.grid import BadStamps
-from analysis.logs.layout import printable
 
 SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 WORDS = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
-WORDS |= {"min": "minutes", "h": "hours"}
 _SPELLINGS = {
     "s": ("s", "sec", "secs", "second", "seconds"),
     "ms": ("ms", "msec", "millis", "milliseconds", "millisecond"),
@@ -29,6 +31,31 @@ _NAMES = re.compile(
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
 _COUNTER = 2.0**32  # millis() and micros() of a microcontroller start again here
 SECONDS_PER_DAY = 86400.0
+UNIX = "unix"  # seconds since 1970
+DAY = "day"  # seconds since some midnight, UTC as far as the log states
+DEVICE = "device"  # seconds since an event of the device's own, such as power-on
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """Time stamps in seconds.
+
+    Attributes
+    ----------
+    since_s : ndarray, shape (n,)
+        Seconds since the first stamp; NaN where there is none.
+    zero_s : float
+        The first stamp, in seconds on ``clock``.
+    clock : str
+        UNIX, DAY or DEVICE.
+    notes : tuple of str
+        What was assumed.
+    """
+
+    since_s: np.ndarray
+    zero_s: float
+    clock: str
+    notes: tuple[str, ...]
 
 
 def unit_of(name: str) -> str | None:
@@ -38,16 +65,22 @@ def unit_of(name: str) -> str | None:
 
 
 def is_time(name: str) -> bool:
-    """Tell whether a column's name says that it holds the time."""
+    """Tell whether a column's name means time."""
     lower = name.strip().lower()
     bare = re.sub(r"[\s_]*[\[(].*$", "", lower)
     stem = re.sub(r"_([a-zµμ]+)$", lambda m: "" if m[1] in _UNITS else m[0], bare)
     return bool(_NAMES.match(stem)) or (lower in _UNITS and lower not in ("h", "min", "s"))
 
 
-def seconds(
-    name: str, column: np.ndarray, rate_hz: float | None = None
-) -> tuple[np.ndarray, tuple[str, ...]]:
+def time_column(frame: pd.DataFrame) -> str | None:
+    """Find the time column by its name, or as the only column of clock times."""
+    named = [name for name in frame if is_time(name)]
+    texts = [name for name in frame if frame[name].dtype.kind != "f"]
+    clocks = [name for name in texts if CLOCK.match(str(frame[name].iloc[0]).strip())]
+    return next(iter(named + (clocks if len(clocks) == 1 else [])), None)
+
+
+def read(name: str, column: np.ndarray, rate_hz: float | None = None) -> Stamps:
     """Turn a time column into seconds.
 
     Parameters
@@ -57,14 +90,7 @@ def seconds(
     column : ndarray, shape (n,)
         Numbers, or text: ISO dates or clock times.
     rate_hz : float, optional
-        What the reader says the rate is; settles the unit where the name does not.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Seconds since the first stamp (NaN where there is none).
-    tuple of str
-        What was assumed.
+        Rate stated by the user; settles the unit where the name does not.
 
     Raises
     ------
@@ -75,7 +101,7 @@ def seconds(
     """
     if column.dtype.kind != "f":
         return _from_text(name, column)
-    t, repairs = _continuous(np.asarray(column, dtype=float))
+    t, notes = _continuous(np.asarray(column, dtype=float))
     good = t[np.isfinite(t)]
     if not good.size:
         raise BadStamps(
@@ -84,13 +110,27 @@ def seconds(
     unit = unit_of(name)
     if unit is None:
         unit, guess = _unit_from_numbers(name, good, rate_hz)
-        repairs += (f"time column '{name}' read as {WORDS[unit]}{guess}",)
-    return (t - good[0]) * SCALES[unit], repairs
+        notes += (f"time column '{name}' read as {WORDS[unit]}{guess}",)
+    zero = float(good[0]) * SCALES[unit]
+    since_1970 = _UNIX["s"][0] <= zero < _UNIX["s"][1]
+    return Stamps((t - good[0]) * SCALES[unit], zero, UNIX if since_1970 else DEVICE, notes)
 
 
-def _from_text(name: str, column: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+@contextlib.contextmanager
+def stamp_errors_at(table: Table, column: str) -> Iterator[None]:
+    """Add file, line and column to an error about a time stamp."""
+    try:
+        yield
+    except BadStamps as error:
+        raise CannotAnswer(f"{table.place(error.row, column)}: {error.message}") from error
+    except WrongUsage as error:
+        raise WrongUsage(f"{table.file}: {error}") from error
+
+
+def _from_text(name: str, column: np.ndarray) -> Stamps:
     """Read ISO dates, or clock times that may run over midnight."""
     texts = pd.Series(column, dtype="str")
+    start = 0.0
     if texts.dropna().str.match(r"^\s*\d{1,2}:\d{2}").all():
         padded = (
             texts.str.strip()
@@ -98,24 +138,27 @@ def _from_text(name: str, column: np.ndarray) -> tuple[np.ndarray, tuple[str, ..
             .str.replace(r"^(\d+:\d+)$", r"\1:00", regex=True)
         )
         t = pd.to_timedelta(padded, errors="coerce").dt.total_seconds().to_numpy()
-        said = "clock time"
+        clock, read_as = DAY, "clock time"
     else:
-        with warnings.catch_warnings():  # pandas says so when it cannot guess one common format
+        with warnings.catch_warnings():  # pandas warns when it cannot guess one common format
             warnings.simplefilter("ignore", UserWarning)
-            moments = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
-            if moments.isna().mean() > 0.5:
-                moments = pd.to_datetime(texts, errors="coerce", utc=True)
-        t = (moments - moments.dropna().min()).dt.total_seconds().to_numpy(dtype=float, copy=True)
-        said = "date and time"
+            dates = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
+            if dates.isna().mean() > 0.5:
+                dates = pd.to_datetime(texts, errors="coerce", utc=True)
+        first = dates.dropna().min()
+        t = (dates - first).dt.total_seconds().to_numpy(dtype=float, copy=True)
+        start = first.timestamp() if first == first else 0.0
+        clock, read_as = UNIX, "date and time"
     unread = np.isnan(t) & texts.notna().to_numpy() & (texts.str.strip() != "").to_numpy()
     if unread.any() or not np.isfinite(t).any():
         row = int(np.argmax(unread))
         raise BadStamps(
             row, f"'{printable(str(column[row]))}' is not a time; correct or delete that line"
         )
-    if said == "clock time":
+    if clock == DAY:
         t = unwrap_clock(t)
-    return t - t[np.isfinite(t)][0], (f"time column '{name}' read as {said}",)
+    zero = float(t[np.isfinite(t)][0])
+    return Stamps(t - zero, start + zero, clock, (f"time column '{name}' read as {read_as}",))
 
 
 def unwrap_clock(seconds_of_day: np.ndarray) -> np.ndarray:
@@ -164,3 +207,51 @@ def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
 def _whole(t: np.ndarray) -> bool:
     """Tell whether the stamps are whole numbers."""
     return bool((t[:1000] == np.round(t[:1000])).all())
+
+
+def rising(t_s: np.ndarray, place: Callable[[int], str], notes: list[str]) -> np.ndarray:
+    """Return the epochs later than the one before; repeated times are noted, backward ones refused.
+
+    Parameters
+    ----------
+    t_s : ndarray, shape (n,)
+    place : callable
+        Names the place in the file of an epoch.
+    notes : list of str
+        Gets one sentence about the epochs left out.
+
+    Returns
+    -------
+    ndarray of int
+    """
+    step = np.diff(t_s, prepend=-np.inf)
+    if (step < 0).any():
+        k = int(np.argmax(step < 0))
+        raise CannotAnswer(
+            f"{place(k)}: time goes backward by {-step[k]:.6g} s; cut the file there, or leave out "
+            "what was written twice"
+        )
+    twice = np.flatnonzero(step == 0)
+    if twice.size:
+        notes.append(f"{place(twice[0])}: {twice.size:,} epochs at a time already there, left out")
+    return np.flatnonzero(step > 0)
+
+
+def same_clock(gnss_t, gnss_clock: str, imu_t, imu_clock: str) -> tuple[float | None, str | None]:
+    """Find what brings the stamps of an IMU log to the clock of a GNSS log.
+
+    Returns
+    -------
+    shift : float or None
+        Seconds to add to the IMU's stamps; None if the clocks cannot be related.
+    note : str or None
+    """
+    if gnss_clock == imu_clock == DEVICE:
+        return 0.0, "GNSS and IMU stamps taken as of one clock, that of the device"
+    if DEVICE in (gnss_clock, imu_clock):
+        return None, None
+    if gnss_clock == imu_clock == UNIX:
+        return 0.0, None
+    # With a time of day, whole days are unknown; a rolled-over date does no harm either.
+    days = np.round((np.nanmedian(gnss_t) - np.nanmedian(imu_t)) / SECONDS_PER_DAY)
+    return float(days * SECONDS_PER_DAY), "GNSS and IMU matched by the time of day, UTC"

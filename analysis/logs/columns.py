@@ -1,26 +1,29 @@
-"""What a column's name says: quantity, unit and kind (``gyro_x_deg_s`` -> gyro_x, deg/s, rate)."""
+"""What a column holds: quantity, unit and kind (``gyro_x_deg_s`` -> gyro_x, deg/s, rate).
+
+`choose` picks the channels of a static log. `measurements` finds positions, speed and IMU readings
+in a moving log; where a name has no unit, the speed's follows from the distance between positions,
+and the accelerometer's from gravity.
+"""
 
 import difflib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from analysis import WrongUsage
+import numpy as np
+import pandas as pd
 
-KINDS = ("rate", "angle", "accel", "position")
-KIND_OF_UNIT = {
-    "deg/s": "rate",
-    "rad/s": "rate",
-    "deg/h": "rate",
-    "deg": "angle",
-    "rad": "angle",
-    "m/s^2": "accel",
-    "g": "accel",
-    "mg": "accel",
-    "m": "position",
+from analysis import STANDARD_GRAVITY, WrongUsage
+from analysis.logs import clock
+
+_UNITS_OF_KIND = {
+    "rate": ("deg/s", "rad/s", "deg/h"),
+    "angle": ("deg", "rad"),
+    "accel": ("m/s^2", "g", "mg"),
+    "position": ("m",),
 }
+KIND_OF_UNIT = {unit: kind for kind, units in _UNITS_OF_KIND.items() for unit in units}
 FULL_TURN = {"deg": 360.0, "rad": 6.283185307179586}
-STANDARD_GRAVITY = 9.80665  # m/s^2
 IN_M_S2 = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000}
 
 _SPELLINGS = {
@@ -37,10 +40,28 @@ _SPELLINGS = {
 UNITS = {spelling: unit for unit, more in _SPELLINGS.items() for spelling in (unit, *more)}
 _SUFFIXES = sorted(UNITS, key=len, reverse=True)  # deg_s before deg, m_s2 before m
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
-_NOT_A_READING = re.compile(
+_NO_READING = re.compile(
     r"^(lat|lon|latitude|longitude|height|separation)$|accuracy|^(temp|index|count|seq|id$|mag)"
 )
 _SOUNDS_LIKE = (("rate", ("gyr", "omega", "angvel")), ("accel", ("acc",)))
+_SPEED_NAME = r"(gps_?|location_?)?(speed|sog|ground_?speed|speed_over_ground)"
+_MEANINGS = (  # meaning of a name without its unit
+    ("lat", r"(gps_?|location_?)?lat(itude)?"),
+    ("lon", r"(gps_?|location_?)?(lon|lng|long)(itude)?"),
+    ("height", r"(gps_?|location_?)?(height|alt|altitude)"),
+    ("pdop", r"(gps_?)?pdop"),
+    ("speed", _SPEED_NAME),
+    ("course", r"(gps_?|location_?)?(course|cog|bearing|track|heading)"),
+    ("fix", r"has_?fix|fix|fix_?type|quality"),
+    ("accel_{}", r"(a|acc|accel|accelerometer|acceleration|g_?force)[ _.]?{}"),
+    ("gyro_{}", r"(w|gyr|gyro|gyroscope|omega|rate|angular_?rate)[ _.]?{}"),
+)
+_BODY_RATES = {"rollrate": "gyro_x", "pitchrate": "gyro_y", "yawrate": "gyro_z"}
+SPEED = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
+_SPEED_SPELLINGS = {
+    "m_s": r"m_s|m/s|mps|ms", "km_h": r"km_h|km/h|kmh|kph", "knots": r"knots?|kn|kt", "mph": r"mph",
+}  # fmt: skip
+_RAD_S = {"deg/s": np.pi / 180, "rad/s": 1.0, "deg/h": np.pi / 180 / 3600}
 
 
 def unit_of(text: str) -> str | None:
@@ -93,7 +114,7 @@ def resolve(wanted: str | int, names: Sequence[str], file: str) -> str:
     Raises
     ------
     WrongUsage
-        If there is none: which there are, and the closest.
+        If there is none; the message lists all names and the closest.
     """
     text = str(wanted).strip()
     for spelled in (lambda n: n, str.lower, lambda n: split(n)[0].lower()):
@@ -110,10 +131,10 @@ def resolve(wanted: str | int, names: Sequence[str], file: str) -> str:
     )
 
 
-def once(names, header, file: str, wanted=None) -> tuple[list[str], list[str]]:
-    """Leave out, or refuse where it is wanted, what the header calls as a column before it.
+def without_doubles(names, header, file: str, wanted=None) -> tuple[list[str], list[str]]:
+    """Leave out columns whose name stands in the header twice; refuse one that is wanted.
 
-    `analysis.logs.layout` tells them apart by their number: ``gyro_x_deg_s.3``.
+    `analysis.logs.delimited` tells them apart by their number: ``gyro_x_deg_s.3``.
 
     Returns
     -------
@@ -122,18 +143,18 @@ def once(names, header, file: str, wanted=None) -> tuple[list[str], list[str]]:
     list of str
         What was left out.
     """
-    twice = {}
+    doubles = {}
     for j, name in enumerate(header, 1):
-        called = name.removesuffix(f".{j}")
-        if name in names and called != name and called in header:
-            twice[name] = f"columns {header.index(called) + 1} and {j} are both called '{called}'"
-    for name in twice.keys() & set(wanted or ()):
-        raise WrongUsage(f"{file}: {twice[name]}: name them apart in the header, or say --unit")
-    said = [
+        first = name.removesuffix(f".{j}")
+        if name in names and first != name and first in header:
+            doubles[name] = f"columns {header.index(first) + 1} and {j} are both called '{first}'"
+    for name in doubles.keys() & set(wanted or ()):
+        raise WrongUsage(f"{file}: {doubles[name]}: name them apart in the header, or say --unit")
+    notes = [
         f"{both}: only the first is taken; name them apart in the header"
-        for both in (() if wanted else twice.values())
+        for both in (() if wanted else doubles.values())
     ]
-    return [name for name in names if name not in twice], said
+    return [name for name in names if name not in doubles], notes
 
 
 def choose(
@@ -154,8 +175,8 @@ def choose(
     columns : sequence of str or int, optional
         Those wanted; all whose unit is known if left out.
     unit : str, optional
-        Unit of the columns whose name has none. What a name says stands against it, but for an
-        accelerometer's (``accel_x_m_s2`` with ``--unit g`` is in g): gravity checks those.
+        Unit of the columns whose name has none. A name with another unit contradicts it, except for
+        an accelerometer (``accel_x_m_s2`` with ``--unit g`` is in g): gravity checks those.
     kind : str, optional
         Only this kind; needed for a unit that is not in the table.
 
@@ -170,8 +191,8 @@ def choose(
     WrongUsage
         If a unit or kind is unknown, contradicts a name, or fits no column.
     """
-    if kind is not None and kind not in KINDS:
-        raise WrongUsage(f"--kind {kind} is not one of {', '.join(KINDS)}")
+    if kind is not None and kind not in _UNITS_OF_KIND:
+        raise WrongUsage(f"--kind {kind} is not one of {', '.join(_UNITS_OF_KIND)}")
     given = None if unit is None else unit_of(unit) or (unit.strip() if kind else None)
     if unit is not None and not given:
         raise WrongUsage(
@@ -182,7 +203,7 @@ def choose(
         raise WrongUsage(
             f"--unit {unit} is a unit of {given_kind}, not of {kind}: leave out --kind"
         )
-    chosen, left_out, said = [], [], []
+    chosen, left_out, notes = [], [], []
     for name in [resolve(c, names, file) for c in columns] if columns else names:
         base, own = split(name)
         own_kind = KIND_OF_UNIT.get(own)
@@ -192,30 +213,30 @@ def choose(
         if given and own is None:
             own, own_kind = given, given_kind
         contradicts = given and own != given and (columns or own_kind == given_kind)
-        against = None
+        problem = None
         if own is None:
-            against = f"column '{name}' has no unit: say --unit, or call it {name}_deg_s, {name}_g"
+            problem = f"column '{name}' has no unit: say --unit, or call it {name}_deg_s, {name}_g"
         elif kind and own_kind != kind:
-            against = f"column '{name}' is in {own}, which is no {kind}: leave out --kind"
+            problem = f"column '{name}' is in {own}, which is no {kind}: leave out --kind"
         elif {sounds_like(base), own_kind} == {"rate", "accel"}:
-            against = (
+            problem = (
                 f"column '{name}' sounds like {sounds_like(base)}, and {own} is not: see --unit"
             )
-        elif not columns and _NOT_A_READING.search(base.lower()):
-            against, contradicts = f"column '{name}' is no reading", False
+        elif not columns and _NO_READING.search(base.lower()):
+            problem, contradicts = f"column '{name}' is no reading", False
         elif contradicts:
-            against = (
+            problem = (
                 f"--unit {unit} (or the catalogue's) contradicts column '{name}', which says "
                 f"{own}; leave out --unit, or correct the header"
             )
-        if against and (columns or contradicts):
-            raise WrongUsage(f"{file}: {against}")
-        if against:
+        if problem and (columns or contradicts):
+            raise WrongUsage(f"{file}: {problem}")
+        if problem:
             left_out.append(name)
         else:
             chosen.append(Choice(name, tidy(base), own, own_kind))
             if named not in (None, own):
-                said.append(f"column '{name}' taken in {own}, not in {named} as its name says")
+                notes.append(f"column '{name}' taken in {own}, not in {named} as its name says")
     if not chosen and kind and not unit and any(split(name)[1] for name in names):
         raise WrongUsage(f"{file}: no column is of the kind {kind}; there are: {', '.join(names)}")
     if given and not any(c.unit == given for c in chosen):
@@ -231,5 +252,115 @@ def choose(
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
     if left_out:
-        said.append(f"columns left out, having no unit that fits: {', '.join(left_out)}")
-    return chosen, said
+        notes.append(f"columns left out, having no unit that fits: {', '.join(left_out)}")
+    return chosen, notes
+
+
+def rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFrame:
+    """Give columns the names that the user assigns to them; drop others of the same meaning.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+    wanted : dict
+        Our names (``speed_km_h``, ``gyro_x_deg_s``, ``t_s``) -> the file's columns; a minus before
+        the column changes its sign.
+    file : str
+        For the messages.
+    """
+    names = list(frame.columns)
+    picked = {
+        ours: resolve(theirs.removeprefix("-"), names, file) for ours, theirs in wanted.items()
+    }
+    for ours, theirs in picked.items():
+        if not (clock.is_time(ours) or _meaning(ours)[0]):
+            raise WrongUsage(
+                f"--columns {ours}={theirs}: '{ours}' is none of t_s, lat_deg, lon_deg, height_m, "
+                "pdop, speed_m_s, course_deg, has_fix, accel_x_m_s2 ..., gyro_x_deg_s ..."
+            )
+
+    def meanings(name):
+        return {"time"} if clock.is_time(name) else {_meaning(name)[0]} - {None}
+
+    taken = set().union(*map(meanings, picked))
+    drop = [n for n in names if n not in picked.values() and meanings(n) & taken]
+    frame = frame.drop(columns=drop).rename(columns={v: k for k, v in picked.items()})
+    negative = [ours for ours, theirs in wanted.items() if theirs.startswith("-")]
+    return frame.assign(**{ours: -frame[ours] for ours in negative})
+
+
+def _meaning(name: str) -> tuple[str | None, str | None]:
+    """Return meaning and unit of a column's name (None, None if unknown)."""
+    lower = name.strip().lower()
+    if lower in _BODY_RATES:
+        return _BODY_RATES[lower], None
+    base, unit = split(name)
+    base = base.strip().lower()
+    for speed_unit, spelled in _SPEED_SPELLINGS.items():
+        match = re.fullmatch(rf"(.*?)[ _]*[\[(]?(?:{spelled})[\])]?", lower)
+        if match and re.fullmatch(_SPEED_NAME, match[1].strip(" _")):
+            return "speed", speed_unit
+    for meaning, pattern in _MEANINGS:
+        for axis in "xyz" if "{}" in meaning else [""]:
+            if re.fullmatch(pattern.replace("{}", axis), base):
+                return meaning.format(axis), unit
+    return None, None
+
+
+def measurements(frame: pd.DataFrame) -> dict[str, tuple[str, str | None]]:
+    """Return meaning -> (column, unit) of the columns of numbers; the first of a meaning counts."""
+    columns = {}
+    for name in frame.select_dtypes("number"):
+        meaning, unit = _meaning(name)
+        if meaning:
+            columns.setdefault(meaning, (name, unit))
+    return columns
+
+
+def speed_unit(t, lat, lon, speed, name: str, file: str) -> str:
+    """Find the unit of a speed from the distance between positions."""
+    metres = 111_195 * np.hypot(np.diff(lat), np.diff(lon) * np.cos(np.radians(lat[1:])))
+    moving = speed[1:] > 0
+    travelled, integrated = np.nansum(metres[moving]), np.nansum((speed[1:] * np.diff(t))[moving])
+    ratio = travelled / max(integrated, 1e-9)
+    unit = min(SPEED, key=lambda u: abs(np.log(max(ratio, 1e-9) / SPEED[u])))
+    if moving.sum() < 20 or abs(ratio / SPEED[unit] - 1) > 0.06 or travelled < 200:
+        raise WrongUsage(
+            f"{file}: column '{name}' has no unit, and its positions do not tell it; say "
+            f"--columns speed_m_s={name}, or speed_km_h, speed_knots, speed_mph"
+        )
+    return unit
+
+
+def gyro_scale(columns: dict, file: str) -> float:
+    """Return rad/s per unit of the gyro; a column without a unit is refused."""
+    units = {axis: columns[f"gyro_{axis}"] for axis in "xyz"}
+    for axis, (name, unit) in units.items():
+        if unit not in _RAD_S:
+            raise WrongUsage(
+                f"{file}: column '{name}' has no unit of a rate: say --columns "
+                f"gyro_{axis}_deg_s={name}, or gyro_{axis}_rad_s={name}, for each axis"
+            )
+    scales = {_RAD_S[unit] for _, unit in units.values()}
+    if len(scales) > 1:
+        raise WrongUsage(f"{file}: the three gyros are in different units")
+    return scales.pop()
+
+
+def accel_scale(columns: dict, accel: np.ndarray, file: str, notes: list[str]) -> float:
+    """Return m/s^2 per unit of the accelerometer; without a unit, gravity decides."""
+    names, units = zip(*(columns[f"accel_{axis}"] for axis in "xyz"), strict=True)
+    if len(set(units)) > 1:
+        raise WrongUsage(f"{file}: the three accelerometers are in different units")
+    unit, norm = units[0], float(np.median(np.linalg.norm(accel, axis=1)))
+    likely = [u for u, one in IN_M_S2.items() if 0.8 < norm * one / STANDARD_GRAVITY < 1.25]
+    if unit is None and likely:
+        notes.append(f"{file}: accelerometer read as {likely[0]}: its length is {norm:.3g}")
+        unit = likely[0]
+    if unit not in likely:
+        raise WrongUsage(
+            f"{file}, columns {', '.join(names)}: the median length is "
+            f"{norm:.3g}{' ' + unit if unit else ''}, which is no gravity; give specific force "
+            "(gravity included) as accel_x_m_s2 or accel_x_g"
+        )
+    return IN_M_S2[unit]

@@ -1,13 +1,20 @@
-"""Delimited text (CSV and its relatives) -> numbers, and the exact place of what is no number.
+"""Delimited text (CSV and its relatives) -> numbers, and the exact place of a cell that is none.
 
-Two paths lead through a file. The fast one is pandas' C parser, told beforehand which columns
-hold numbers. Only when it fails is the file walked line by line, to name the line and the column.
+`sniff` finds how the file is written (delimiter, decimal mark, header, text columns) from its first
+lines. With that, pandas' C parser reads it. Only when the parser fails is the file read line by
+line, to name the line and the column.
 """
 
+import codecs
 import contextlib
+import csv
 import gzip
+import io
+import itertools
 import re
 import warnings
+import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,31 +23,277 @@ import pandas as pd
 from tqdm import tqdm
 
 from analysis import CannotAnswer
-from analysis.logs.layout import Layout, data_lines, open_bytes, printable, sniff
 
+HEAD_BYTES = 1 << 16
+HEAD_LINES = 50
+MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "<na>", "#n/a"}
+CLOCK = re.compile(
+    r"^\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ]+\d{1,2}:\d{2}.*)?$|^\d{1,2}:\d{2}(:\d{2}([.,]\d*)?)?$"
+)
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+_NEWLINE = re.compile(r"\r\n|\n|\r")
 TAIL_BYTES = 1 << 13
 SLOW_BYTES = 50_000_000  # a file beyond this takes longer than a second
 
 
 @dataclass(frozen=True)
+class Layout:
+    """How a delimited file is written: found from its first lines."""
+
+    delimiter: str  # "," ";" "\t", or " " for any run of blanks
+    decimal: str
+    comment: str
+    encoding: str
+    header_lines: int  # physical lines before the first data row
+    names: tuple[str, ...]
+    text: frozenset[str]  # columns of clock times or labels
+
+    def split(self, line: str) -> list[str]:
+        """Split one line into its fields."""
+        return _split(line, self.delimiter)
+
+    def number(self, field: str) -> float:
+        """Read one field as a number; NaN where it says missing; ValueError otherwise."""
+        field = field.strip()
+        if field.lower() in MISSING:
+            return np.nan
+        if "_" in field:  # Python would take 1_000
+            raise ValueError(field)
+        return float(field.replace(",", ".") if self.decimal == "," else field)
+
+
+def sniff(path: Path) -> Layout:
+    """Find delimiter, decimal mark, encoding, header and text columns from the first lines."""
+    lines, encoding = _head(path)
+    comments = [i for i, line in enumerate(lines) if line.lstrip()[:1] in ("#", "%")]
+    comment = lines[comments[0]].lstrip()[0] if comments else "#"
+    rows = [i for i, line in enumerate(lines) if line.strip() and i not in comments]
+    if not rows:
+        raise CannotAnswer(f"{path.name}: no data: line 1 to the end are empty or comments")
+    delimiter = _delimiter([lines[i] for i in rows[-HEAD_LINES:]])
+    fields = {i: _split(lines[i], delimiter) for i in rows}
+    decimal = _decimal(fields.values(), delimiter)
+    rows = rows[_titles([fields[i] for i in rows], decimal) :]
+    first = rows[0]
+    head_row = None
+    if _is_header(fields[first], decimal):
+        head_row, header_lines = fields[first], first + 1
+        rows = rows[1:]
+        if rows and all(_is_word(f, decimal) for f in fields[rows[0]]):  # a row of units
+            units = fields[rows[0]]
+            head_row = [f"{n} ({u.strip()})" for n, u in zip(head_row, units, strict=False)]
+            header_lines, rows = rows[0] + 1, rows[1:]
+        if not rows:
+            raise CannotAnswer(
+                f"{path.name}: no data: line {header_lines}, the header, is the last line"
+            )
+    else:
+        header_lines = first
+        above = [i for i in comments if i < first]
+        if above:  # numpy.savetxt and EuRoC put the names into a comment
+            named = _split(lines[above[-1]].lstrip()[1:].strip(), delimiter)
+            if len(named) == len(fields[first]) and _is_header(named, decimal):
+                head_row = named
+    width = _width([fields[i] for i in rows])
+    if head_row is not None and len(head_row) < width:
+        extra = [i for i in rows if any(field.strip() for field in fields[i][len(head_row) :])]
+        if extra:
+            raise CannotAnswer(
+                f"{path.name}, line {extra[0] + 1}: {width} fields, but the header ends at column "
+                f"'{head_row[-1].strip()}' ({len(head_row)}); name each column there"
+            )
+    named = head_row or []
+    names = _names([*named, *[""] * (width - len(named))])
+    text = frozenset(
+        name for j, name in enumerate(names) if _is_text([fields[i] for i in rows], j, decimal)
+    )
+    return Layout(delimiter, decimal, comment, encoding, header_lines, names, text)
+
+
+def data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
+    """Iterate over the data rows: (line number as an editor counts, fields)."""
+    with (
+        open_bytes(path) as raw,
+        io.TextIOWrapper(raw, encoding=layout.encoding, errors="replace") as handle,
+    ):
+        for number, line in enumerate(handle, 1):
+            if number <= layout.header_lines:
+                continue
+            line = line.split(layout.comment, 1)[0]
+            if line.strip():
+                yield number, layout.split(line)
+
+
+@contextlib.contextmanager
+def open_bytes(path: Path):
+    """Open a file, gzipped or not, for reading bytes; an error becomes `CannotAnswer`."""
+    try:
+        with path.open("rb") as handle:
+            packed = handle.read(2) == b"\x1f\x8b"
+        with gzip.open(path, "rb") if packed else path.open("rb") as handle:
+            yield handle
+    except (OSError, EOFError, zlib.error) as error:
+        why = getattr(error, "strerror", None) or "it is cut off or damaged; copy it again"
+        raise CannotAnswer(f"{path.name}: cannot be read to its end: {why}") from error
+
+
+def content(path: Path) -> bytes:
+    """Read all the bytes of a file, gzipped or not."""
+    with open_bytes(path) as handle:
+        return handle.read()
+
+
+def _head(path: Path) -> tuple[list[str], str]:
+    """Return the first lines as text, and the encoding."""
+    with open_bytes(path) as handle:
+        head = handle.read(HEAD_BYTES)
+        more = bool(handle.read(1))
+    if not head.strip():
+        raise CannotAnswer(f"{path.name}: the file is empty: there is no line 1")
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        encoding = "utf-16"
+    else:
+        binary = _CONTROL.search(head)
+        if binary:
+            line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
+            raise CannotAnswer(
+                f"{path.name}, line {line}: bytes that are not text: a binary file, or a damaged "
+                "one; export it as CSV, or cut it before that line, or describe a binary format in "
+                "data/own/logs.toml"
+            )
+        encoding = "utf-8-sig" if head[:3] == b"\xef\xbb\xbf" else "utf-8"
+    # The head may end within a character, which is not wrong, only not whole.
+    text = codecs.getincrementaldecoder(encoding)("replace").decode(head, final=not more)
+    if "\ufffd" in text and encoding == "utf-8":
+        encoding, text = "cp1252", head.decode("cp1252", errors="replace")
+    lines = _NEWLINE.split(text)
+    return (lines[:-1] if more and len(lines) > 1 else lines), encoding
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    """Split a line at its delimiter, outside quotes."""
+    if delimiter == " ":
+        return line.replace('"', "").split()
+    if '"' not in line:
+        return line.rstrip("\r\n").split(delimiter)
+    return next(csv.reader([line.rstrip("\r\n")], delimiter=delimiter, skipinitialspace=True), [""])
+
+
+def _delimiter(lines: list[str]) -> str:
+    """Choose the delimiter that splits most lines into the same number of fields, more than one."""
+    best, score = ",", (0.0, 0)
+    for rank, candidate in enumerate((";", "\t", ",", " ")):
+        widths = [len(_split(line, candidate)) for line in lines]
+        usual = max(set(widths), key=widths.count)
+        if usual > 1 and (widths.count(usual) / len(widths), -rank) > score:
+            best, score = candidate, (widths.count(usual) / len(widths), -rank)
+    return best
+
+
+def _decimal(rows, delimiter: str) -> str:
+    """Tell whether numbers are written with a decimal comma."""
+    if delimiter == ",":
+        return "."
+    fields = [field.strip() for row in rows for field in row]
+    commas = sum(bool(re.fullmatch(r"[-+]?\d+,\d+([eE][-+]?\d+)?", field)) for field in fields)
+    points = sum(bool(re.fullmatch(r"[-+]?\d*\.\d+([eE][-+]?\d+)?", field)) for field in fields)
+    return "," if commas > points else "."
+
+
+def _is_word(field: str, decimal: str) -> bool:
+    """Tell whether a field is a word: no number, no clock time, not missing."""
+    field = field.strip()
+    if field.lower() in MISSING or CLOCK.match(field):
+        return False
+    try:
+        float(field.replace(",", ".") if decimal == "," else field)
+    except ValueError:
+        return True
+    return False
+
+
+def _is_header(fields: list[str], decimal: str) -> bool:
+    """Tell whether a line names the columns: more words than anything else."""
+    filled = [field for field in fields if field.strip()]
+    return 2 * sum(_is_word(field, decimal) for field in filled) > len(filled)
+
+
+def _titles(rows: list[list[str]], decimal: str) -> int:
+    """Count the lines of one text each above the header: titles, or Excel's ``sep=;``."""
+    filled = [sum(bool(field.strip()) for field in row) for row in rows]
+    first = next((k for k, count in enumerate(filled) if count > 1), 0)
+    texts = all(_is_header(row, decimal) for row in rows[: first + 1])
+    return first if texts else 0
+
+
+def _is_text(rows: list[list[str]], column: int, decimal: str) -> bool:
+    """Tell whether most cells of a column are words or clock times."""
+    cells = [row[column].strip() for row in rows if len(row) > column]
+    cells = [cell for cell in cells if cell.lower() not in MISSING]
+    texts = sum(bool(CLOCK.match(cell)) or _is_word(cell, decimal) for cell in cells)
+    return 2 * texts > len(cells)
+
+
+def _width(rows: list[list[str]]) -> int:
+    """Return the usual number of fields of a data row."""
+    widths = [len(row) for row in rows]
+    return max(set(widths), key=widths.count)
+
+
+def printable(text: str) -> str:
+    """Make text from a file fit for one line of a message."""
+    return "".join(c if c.isprintable() else "?" for c in text)[:60]
+
+
+def _names(fields: list[str]) -> tuple[str, ...]:
+    """Return one name per column, none empty, none twice: ``c1``, ``c2`` where there is none."""
+    names: list[str] = []
+    for number, field in enumerate(fields, 1):
+        name = printable(field.strip().strip('"').strip()) or f"c{number}"
+        names.append(f"{name}.{number}" if name in names else name)
+    return tuple(names)
+
+
+@dataclass(frozen=True)
 class Table:
-    """What a format yields: columns, what was repaired, and where each row stood in the file."""
+    """Rows of a file: columns, repairs, and where each row stands in the file.
+
+    Attributes
+    ----------
+    frame : pandas.DataFrame
+    path : Path
+    repairs : tuple of str
+        One sentence for everything that was repaired.
+    layout : Layout or None
+        Of a delimited file.
+    lines : ndarray or None
+        Line of each row of the file, where the format knows it.
+    rows : ndarray or None
+        Row in the file of each row of ``frame``, if some were left out.
+    """
 
     frame: pd.DataFrame
+    path: Path
     repairs: tuple[str, ...] = ()
     layout: Layout | None = None
-    path: Path | None = None
     lines: np.ndarray | None = None
+    rows: np.ndarray | None = None
 
-    def where(self, row: int) -> str:
-        """Say where row ``row`` (from 0) stands: ``"line 17"``, or ``"row 17"`` where no lines."""
+    @property
+    def file(self) -> str:
+        """Name of the file, for messages."""
+        return self.path.name
+
+    def place(self, row: int, column: str | None = None) -> str:
+        """Name file, line (or row, where there are no lines) and column of a cell of ``frame``."""
+        row = int(row if self.rows is None else self.rows[row])
+        where = f"row {row + 1}"
         if self.lines is not None:
-            return f"line {self.lines[row]}"
-        if self.layout is not None and self.path is not None:
-            for count, (number, _) in enumerate(data_lines(self.path, self.layout)):
-                if count == row:
-                    return f"line {number}"
-        return f"row {row + 1}"
+            where = f"line {self.lines[row]}"
+        elif self.layout is not None:
+            numbers = (number for number, _ in data_lines(self.path, self.layout))
+            where = f"line {next(itertools.islice(numbers, row, None))}"
+        return f"{self.file}, {where}" + (f", column '{column}'" if column else "")
 
 
 def read(path: Path) -> Table:
@@ -77,14 +330,14 @@ def read(path: Path) -> Table:
                 skipinitialspace=True,
                 dtype=types,
             )
-        table = _without_short_end(Table(frame, (), layout, path))
+        table = _without_short_end(Table(frame, path, layout=layout))
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         table = _line_by_line(path, layout)
     return _without_empty_end(table)
 
 
 def _progress(raw, path: Path):
-    """Show a progress bar for a large file, on a terminal only."""
+    """Show a progress bar for a large file, only on a terminal."""
     size = path.stat().st_size
     if isinstance(raw, gzip.GzipFile):  # how much there is to read is not known
         return contextlib.nullcontext(raw)
@@ -101,7 +354,7 @@ def _progress(raw, path: Path):
 def _line_by_line(path: Path, layout: Layout) -> Table:
     """Read slowly; refuse the first cell that is no number, naming its place."""
     rows: list[list] = []
-    fault, last = "", 0
+    fault, last, repairs = "", 0, ()
     for number, fields in data_lines(path, layout):
         if fault:
             break
@@ -110,14 +363,13 @@ def _line_by_line(path: Path, layout: Layout) -> Table:
         except ValueError as error:
             fault, last = f"{path.name}, line {number}, {error}", number
     else:  # a fault that nothing follows is a line cut off while it was written
-        if rows and not _ends_with_newline(path):
-            repairs = (_dropped(last),) if fault else ()
-            return Table(pd.DataFrame(rows, columns=list(layout.names)), repairs, layout, path)
+        if fault and rows and not _ends_with_newline(path):
+            fault, repairs = "", (_dropped(last),)
     if fault:
         raise CannotAnswer(f"{fault}; correct or empty it, or cut the file before that line")
     if not rows:
         raise CannotAnswer(f"{path.name}: no data after line {layout.header_lines}")
-    return Table(pd.DataFrame(rows, columns=list(layout.names)), (), layout, path)
+    return Table(pd.DataFrame(rows, columns=list(layout.names)), path, repairs, layout)
 
 
 def _row(fields: list[str], layout: Layout) -> list:

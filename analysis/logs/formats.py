@@ -1,11 +1,13 @@
 """One function per file format; each returns a `Table` of columns that carry their unit.
 
-What only has a meaning about the mean of the stretch that is analysed (metres north of the mean
-position, small rotations about the mean attitude) is added by `about_the_mean`, after the stretch
-has been cut out.
+Columns that are measured from the mean of the analysed stretch (metres north of the mean position,
+small rotations from the mean attitude) are added by `about_the_mean`, after the stretch has been
+cut out.
 """
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -16,10 +18,8 @@ import rdata
 from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.logs import delimited, layout
-from analysis.logs.clock import unwrap_clock
+from analysis.logs import delimited, nmea
 from analysis.logs.delimited import Table
-from analysis.logs.nmea import SENTENCE, seconds_of_day, sentences
 
 _PHONE = {  # the app's column -> ours; position and attitude are what the notebooks use
     "latitude": "lat_deg",
@@ -30,12 +30,7 @@ _PHONE = {  # the app's column -> ours; position and attitude are what the noteb
 }
 
 
-def csv(path: Path, variable: str | None = None) -> Table:
-    """Read a delimited text file; see `analysis.logs.delimited.read`."""
-    return delimited.read(path)
-
-
-def rda(path: Path, variable: str | None = None) -> Table:
+def rda(path: Path, variable: str | None) -> Table:
     """Read a matrix with named columns from an R data file.
 
     Parameters
@@ -44,8 +39,8 @@ def rda(path: Path, variable: str | None = None) -> Table:
     variable : str, optional
         The R object; may be left out when the file holds a single one.
     """
-    # rdata warns where an R class has no Python twin (here "imu", a matrix with attributes) and
-    # then hands out the plain matrix, which is what is wanted: told so, it stays silent.
+    # rdata warns where an R class has no Python equivalent (here "imu", a matrix with attributes)
+    # and then returns the plain matrix, which is wanted here: constructors avoid the warning.
     constructors = {
         **rdata.conversion.DEFAULT_CLASS_MAP,
         "imu": lambda matrix, attributes: matrix,
@@ -59,10 +54,10 @@ def rda(path: Path, variable: str | None = None) -> Table:
         ) from error
     array = _only(objects, variable, path)
     names = [str(name) for name in array.coords[array.dims[1]].values]
-    return Table(pd.DataFrame(np.asarray(array.values, dtype=float), columns=names), path=path)
+    return Table(pd.DataFrame(np.asarray(array.values, dtype=float), columns=names), path)
 
 
-def mat73(path: Path, variable: str | None = None, names: tuple[str, ...] = ()) -> Table:
+def mat73(path: Path, variable: str | None, names: tuple[str, ...]) -> Table:
     """Read one matrix from a MATLAB v7.3 (HDF5) file; its longer side is taken as the samples.
 
     Parameters
@@ -85,72 +80,10 @@ def mat73(path: Path, variable: str | None = None, names: tuple[str, ...] = ()) 
     names = names or tuple(f"c{j}" for j in range(1, matrix.shape[1] + 1))
     if len(names) != matrix.shape[1]:
         raise WrongUsage(f"{path.name}: {len(names)} names for {matrix.shape[1]} columns")
-    return Table(pd.DataFrame(np.asarray(matrix, dtype=float), columns=list(names)), path=path)
+    return Table(pd.DataFrame(np.asarray(matrix, dtype=float), columns=list(names)), path)
 
 
-def nmea(path: Path, variable: str | None = None) -> Table:
-    """Read the GGA epochs of an NMEA log, also where binary messages stand between the lines.
-
-    Returns
-    -------
-    Table
-        ``t_s`` (s of day, unwrapped over midnight), ``lat_deg``, ``lon_deg``, ``height_m`` (above
-        mean sea level, as GGA gives it), ``separation_m`` (add it for the height above the
-        ellipsoid), ``hdop``, ``pdop`` (of the GSA that follows, where there is one), ``quality``
-        (GGA fix quality, 0 = no fix), ``satellites``. Epochs
-        without a time of day are left out, and counted; those without a fix have NaN positions.
-    """
-    content = layout.content(path)
-    newlines = np.flatnonzero(np.frombuffer(content, dtype=np.uint8) == ord("\n"))
-    found = sentences(content, ("GGA", "GSA"))
-    epochs, starts, timeless = [], [], 0
-    for start, message in found.messages:
-        if message.msgID == "GSA":  # belongs to the epoch whose GGA came before it
-            if epochs and message.PDOP != "":
-                epochs[-1]["pdop"] = float(message.PDOP)
-        elif not message.time:
-            timeless += 1
-        else:
-            epochs.append(_epoch(message))
-            starts.append(start)
-    if not epochs:
-        raise CannotAnswer(
-            f"{path.name}: no GGA sentence with a time of day and a right checksum from line 1 to "
-            "the end; give a log in which the receiver writes GGA"
-        )
-    frame = pd.DataFrame(epochs)
-    frame["t_s"] = unwrap_clock(frame["t_s"].to_numpy())
-    repairs = []
-    if found.wrong:
-        repairs.append(
-            f"{found.wrong} GGA or GSA sentences with a wrong checksum or content left out"
-        )
-    if timeless:
-        repairs.append(f"{timeless} GGA sentences without a time of day left out")
-    lines = np.searchsorted(newlines, starts) + 1
-    return Table(frame, tuple(repairs), path=path, lines=lines)
-
-
-def _epoch(message) -> dict[str, float]:
-    """Turn a GGA message into a row."""
-    fix = message.quality
-    row = {"t_s": seconds_of_day(message)}
-    for name, value in (
-        ("lat_deg", message.lat),
-        ("lon_deg", message.lon),
-        ("height_m", message.alt),
-        ("separation_m", message.sep),
-    ):
-        row[name] = float(value) if fix and value not in ("", None) else np.nan
-    row["hdop"] = float(message.HDOP) if message.HDOP != "" else np.nan
-    return row | {
-        "pdop": np.nan,
-        "quality": float(fix or 0),
-        "satellites": float(message.numSV or 0),
-    }
-
-
-def phone(path: Path, variable: str | None = None) -> Table:
+def phone(path: Path) -> Table:
     """Read a phone log: position, attitude quaternion, recorded angles, at 1 Hz.
 
     The recorded roll, pitch, yaw are radians, and with the phone upright pitch is near -90 deg,
@@ -168,26 +101,43 @@ def phone(path: Path, variable: str | None = None) -> Table:
         )
     for angle in {"roll", "pitch", "yaw"} & set(frame):
         frame[f"recorded_{angle}_deg"] = unwrap(np.degrees(frame.pop(angle).to_numpy()), 360.0)
-    return Table(frame, table.repairs, table.layout, path)
+    return replace(table, frame=frame)
 
 
-READERS: dict[str, Callable[..., Table]] = {
-    "csv": csv,
-    "rda": rda,
-    "mat73": mat73,
-    "nmea": nmea,
-    "phone": phone,
+READERS: dict[str, Callable[[Path, dict], Table]] = {
+    "csv": lambda path, stanza: delimited.read(path),
+    "rda": lambda path, stanza: rda(path, stanza.get("variable")),
+    "mat73": lambda path, stanza: mat73(
+        path, stanza.get("variable"), tuple(stanza.get("names", ()))
+    ),
+    "nmea": lambda path, stanza: nmea.read_table(path),
+    "phone": lambda path, stanza: phone(path),
 }
+
+
+@contextlib.contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Turn a missing permission into `WrongUsage`."""
+    try:
+        yield
+    except PermissionError as error:
+        raise WrongUsage(f"{path.name} may not be read by this user; change its mode") from error
+
+
+def read(path: Path, stanza: dict) -> Table:
+    """Read a file in the format that its stanza names, or in the one that its bytes suggest."""
+    with readable(path):
+        return READERS[stanza.get("format") or sniff(path)](path, stanza)
 
 
 def sniff(path: Path) -> str:
     """Guess the format of a file that no catalogue describes, from its first bytes."""
     try:
-        with layout.open_bytes(path) as handle:
+        with delimited.open_bytes(path) as handle:
             head = handle.read(1 << 14)
     except CannotAnswer:
-        return "csv"  # whose reader says so, too
-    return "nmea" if SENTENCE.search(head) else "csv"
+        return "csv"  # whose reader raises the same error
+    return "nmea" if nmea.SENTENCE.search(head) else "csv"
 
 
 def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:
@@ -216,12 +166,7 @@ def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:
             attitude = Rotation.from_quat(q[good])
             small = np.full((len(q), 3), np.nan)
             small[good] = (attitude.mean().inv() * attitude).as_rotvec(degrees=True)
-            for name, values in zip(
-                ("roll_deg", "pitch_deg", "yaw_deg"),
-                (small[:, 1], small[:, 0], -small[:, 2]),
-                strict=True,
-            ):
-                added[name] = values
+            added |= {"roll_deg": small[:, 1], "pitch_deg": small[:, 0], "yaw_deg": -small[:, 2]}
     return frame.assign(**added)
 
 

@@ -1,25 +1,40 @@
-"""Logs of something that moves: files -> one timeline.
+"""Logs of a moving device: NMEA and CSV files in, one timeline of GNSS epochs and IMU samples out.
 
 timeline = read(["drive.nmea", "imu.csv"])     NMEA and an IMU's CSV (tracker paper, III-B)
 timeline = read(["drive.csv"])                 positions, and an IMU if there is one, in a CSV
 """
 
 import datetime
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.logs import datasets, formats, layout, moments, moving_csv, receiver
+from analysis.logs import clock, columns, datasets, delimited, formats, nmea
 from analysis.logs.catalogue import find, load_catalogue
-from analysis.logs.columns import resolve
-from analysis.logs.timeline import Timeline
+from analysis.logs.timeline import Gnss, Imu, Timeline
 
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
+IMU_GAPS = 0.01  # share of IMU rows whose time may step back
+NEEDED = {
+    "positions": ("lat_deg", "lon_deg"),
+    "the readings of an IMU": (
+        *(f"gyro_{axis}_deg_s" for axis in "xyz"),
+        *(f"accel_{axis}_m_s2" for axis in "xyz"),
+    ),
+}
+HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
+HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch
 
 
-def read(logs, *, columns=None, imu_offset=None):
+def read(
+    logs: Sequence[str | Path],
+    *,
+    columns: dict[str, str] | None = None,
+    imu_offset: float | None = None,
+) -> Timeline:
     """Read one timeline from one or several logs.
 
     Parameters
@@ -27,9 +42,11 @@ def read(logs, *, columns=None, imu_offset=None):
     logs : sequence of path-like
         NMEA, or CSV with positions, an IMU, or both; or names of the catalogue.
     columns : dict, optional
-        Our names -> the file's columns, for a CSV whose names do not say it.
+        Our names (``speed_km_h``, ``gyro_x_deg_s``, ``t_s``) -> the file's columns, for a CSV whose
+        names are not known; a minus before the column changes its sign.
     imu_offset : float, optional
-        Seconds from the first GNSS epoch to the first IMU sample, where the clocks cannot tell.
+        Seconds from the first GNSS epoch to the first IMU sample, where the stamps are of clocks
+        that cannot be related.
 
     Returns
     -------
@@ -40,42 +57,50 @@ def read(logs, *, columns=None, imu_offset=None):
     CannotAnswer, WrongUsage
         Naming file, line and column.
     """
-    gnss = imu = start = None
-    clocks, notes, sources = {}, [], {}
-    paths = [located(log) for log in logs]
-    meant = _of_each(columns or {}, paths)
+    parts: dict[str, Gnss | Imu] = {}
+    clocks, notes, sources, start = {}, [], {}, None
+    paths = [locate(log) for log in logs]
+    wanted = _columns_of_each(columns or {}, paths)
     for path in paths:
         sources[path.name] = datasets.sha256(path)
-        parts, said, began = _read_one(path, meant[path])
-        notes += said
-        for part, stamps in parts:
-            kind = "gnss" if hasattr(part, "lat_deg") else "imu"
-            if kind in clocks:
-                raise WrongUsage(
-                    f"{path.name}: a second {'GNSS' if kind == 'gnss' else 'IMU'} log; give one "
-                    "of each"
-                )
-            clocks[kind] = stamps
-            gnss, imu = (part, imu) if kind == "gnss" else (gnss, part)
-        start = began or start
+        with formats.readable(path):
+            if formats.sniff(path) == "nmea":
+                gnss, which, began, more = nmea.read_gnss(path)
+                found = {"GNSS": gnss}
+                start = began or start
+            else:
+                found, which, more = _read_csv(path, wanted[path])
+        notes += more
+        for kind in found:
+            if kind in parts:
+                raise WrongUsage(f"{path.name}: a second {kind} log; give one of each")
+        parts |= found
+        clocks |= dict.fromkeys(found, which)
+    gnss, imu = parts.get("GNSS"), parts.get("IMU")
     if gnss is not None and not len(gnss.t_s):
         raise CannotAnswer(f"{', '.join(sources)}: no row has a position; nothing to replay")
     if imu_offset is not None and (gnss is None or imu is None):
         raise WrongUsage("--imu-offset goes with an IMU log and a GNSS log; one is missing")
-    imu = _on_one_clock(gnss, imu, clocks, imu_offset, notes, len(sources) == 1, start)
+    if gnss is not None and imu is not None:
+        one_clock = len(sources) == 1 and imu_offset is None
+        shift = 0.0 if one_clock else _shift(gnss, imu, clocks, imu_offset, notes, start)
+        imu = replace(imu, t_s=imu.t_s + shift)
+        apart = max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])
+        if apart > 0:
+            raise CannotAnswer(
+                f"the IMU log and the GNSS log do not overlap: {apart:.6g} s lie between them; "
+                "give logs of one ride, or say --imu-offset"
+            )
     zero = min(float(part.t_s[0]) for part in (gnss, imu) if part is not None)
-    gnss = None if gnss is None else replace(gnss, t_s=np.round(gnss.t_s - zero, 6))
-    imu = None if imu is None else replace(imu, t_s=np.round(imu.t_s - zero, 6))
+    gnss, imu = (
+        None if part is None else replace(part, t_s=np.round(part.t_s - zero, 6))
+        for part in (gnss, imu)
+    )
     return Timeline(gnss, imu, start, tuple(notes), sources)
 
 
-def located(log):
-    """Find the file of a log, or of a name in the catalogue; say what there should be if none.
-
-    Returns
-    -------
-    pathlib.Path
-    """
+def locate(log: str | Path) -> Path:
+    """Find the file of a log, or of a name in the catalogue."""
     if not Path(log).exists() and str(log) not in load_catalogue():
         raise WrongUsage(
             f"there is no file {Path(log).name}; replay takes NMEA or CSV: a log of a GNSS "
@@ -84,72 +109,49 @@ def located(log):
     return find(log)[2]
 
 
-def _of_each(wanted, paths):
-    """Give each CSV those of the wanted columns that it has; one CSV by itself has to have all."""
+def _columns_of_each(wanted: dict[str, str], paths: list[Path]) -> dict[Path, dict[str, str]]:
+    """Give each CSV those of the wanted columns that it has; a single CSV has to have all."""
     tables = [path for path in paths if formats.sniff(path) == "csv"]
     if wanted and not tables:
         raise WrongUsage("--columns says what the columns of a CSV mean, and no log is a CSV")
     if len(tables) < 2:
         return dict.fromkeys(paths, wanted)
-    names = {path: layout.sniff(path).names for path in tables}
-    found = {path: {} for path in paths}
+    names = {path: delimited.sniff(path).names for path in tables}
+    each: dict[Path, dict[str, str]] = {path: {} for path in paths}
     for ours, theirs in wanted.items():
-        lacking = []
+        errors = []
         for path in tables:
             try:
-                resolve(theirs.removeprefix("-"), names[path], path.name)
-                found[path][ours] = theirs
+                columns.resolve(theirs.removeprefix("-"), names[path], path.name)
+                each[path][ours] = theirs
             except WrongUsage as error:
-                lacking.append(str(error))
-        if len(lacking) == len(tables):
-            raise WrongUsage("; ".join(lacking))
-    return found
+                errors.append(str(error))
+        if len(errors) == len(tables):
+            raise WrongUsage("; ".join(errors))
+    return each
 
 
-def _read_one(path, wanted):
-    """Read one file with the reader of its format: parts with their moments, notes, start."""
-    try:
-        if formats.sniff(path) == "nmea":
-            gnss, stamps, start, notes = receiver.read(path)
-            return [(gnss, stamps)], notes, start
-        gnss, gnss_stamps, imu, imu_stamps, notes = moving_csv.read(path, wanted)
-    except PermissionError as error:
-        raise WrongUsage(f"{path.name} may not be read by this user; change its mode") from error
-    parts = [(gnss, gnss_stamps), (imu, imu_stamps)]
-    return [part for part in parts if part[0] is not None], notes, None
-
-
-def _on_one_clock(gnss, imu, clocks, offset, notes, one_file, start):
-    """Shift the IMU's stamps to the clock of the GNSS epochs."""
-    if gnss is None or imu is None:
-        return imu
+def _shift(gnss, imu, clocks, offset, notes, start) -> float:
+    """Find the seconds that bring the IMU's stamps to the clock of the GNSS epochs."""
     if offset is not None:
-        shift = float(gnss.t_s[0] - imu.t_s[0]) + offset
-        note = f"the IMU log starts {offset:g} s after the first GNSS epoch, as --imu-offset says"
-    elif one_file:
-        shift, note = 0.0, None
-    else:
-        shift, note = moments.together(clocks["gnss"], clocks["imu"])
-        if start and (clocks["gnss"].clock, clocks["imu"].clock) == (moments.DAY, moments.UNIX):
-            notes += _apart(gnss, imu, start)
+        notes.append(
+            f"the IMU log starts {offset:g} s after the first GNSS epoch, as --imu-offset says"
+        )
+        return float(gnss.t_s[0] - imu.t_s[0]) + offset
+    shift, note = clock.same_clock(gnss.t_s, clocks["GNSS"], imu.t_s, clocks["IMU"])
+    if start and (clocks["GNSS"], clocks["IMU"]) == (clock.DAY, clock.UNIX):
+        notes += _dates_apart(gnss, imu, start)
     if shift is None:
         raise WrongUsage(
             "the stamps of the IMU and of the GNSS log are of different clocks; say --imu-offset "
             "S, the seconds from the first GNSS epoch to the first IMU sample"
         )
-    imu = replace(imu, t_s=imu.t_s + shift)
     notes += [note] if note else []
-    if imu.t_s[-1] < gnss.t_s[0] or imu.t_s[0] > gnss.t_s[-1]:
-        apart = max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])
-        raise CannotAnswer(
-            f"the IMU log and the GNSS log do not overlap: {apart:.6g} s lie between them; give "
-            "logs of one ride, or say --imu-offset"
-        )
-    return imu
+    return shift
 
 
-def _apart(gnss, imu, start):
-    """Say so if the dates of the two logs lie apart, which a receiver's wrong date makes too."""
+def _dates_apart(gnss, imu, start) -> Iterator[str]:
+    """Note that the dates of the two logs lie apart, which a receiver's wrong date also causes."""
     first = datetime.datetime.fromisoformat(start).timestamp()
     rolled = ROLLOVER_S * np.round((imu.t_s[0] - first) / ROLLOVER_S)
     spans = first + gnss.t_s[[0, -1]] - gnss.t_s[0], imu.t_s[[0, -1]]
@@ -162,4 +164,123 @@ def _apart(gnss, imu, start):
         f"by their dates the GNSS log (from {one}) and the IMU log (from {other}) lie a day or "
         "more apart: matched by the time of day, the receiver's date taken as wrong; if it is not, "
         "this is no ride"
+    )
+
+
+def _read_csv(path: Path, wanted: dict[str, str]) -> tuple[dict[str, Gnss | Imu], str, list[str]]:
+    """Read a CSV: its GNSS epochs and IMU samples, the clock of its stamps, notes."""
+    table = delimited.read(path)
+    table = replace(table, frame=columns.rename(table.frame, wanted, path.name))
+    time = clock.time_column(table.frame)
+    there = f"there are: {', '.join(table.frame)}"
+    if time is None:
+        raise WrongUsage(
+            f"{path.name}, line 1: no column is named as time; say --columns t_s=COLUMN; {there}"
+        )
+    with clock.stamp_errors_at(table, time):
+        stamps = clock.read(time, table.frame[time].to_numpy())
+    notes = [f"{path.name}: {note}" for note in (*table.repairs, *stamps.notes)]
+    known = columns.measurements(table.frame.drop(columns=time))
+    args = table, time, stamps.since_s + stamps.zero_s, known, notes
+    parts = {"GNSS": _gnss(*args), "IMU": _imu(*args)}
+    lacks = []
+    for what, needed in NEEDED.items():
+        missing = [name for name in needed if columns.split(name)[0] not in known]
+        if 0 < len(missing) < len(needed):
+            lacks.append(f"{what} lack {', '.join(missing)}")
+    parts = {kind: part for kind, part in parts.items() if part is not None}
+    if not parts:
+        neither = (
+            "neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 ..., gyro_x_deg_s ...)"
+        )
+        raise WrongUsage(
+            f"{path.name}, line 1: {'; '.join(lacks) or neither}; say --columns OURS=THEIRS; "
+            f"{there}"
+        )
+    notes += [f"{path.name}: {lack}: not used" for lack in lacks]
+    return parts, stamps.clock, notes
+
+
+def _gnss(table, time, t, known, notes) -> Gnss | None:
+    """Make the epochs: the rows in which the receiver gives a value."""
+    if not {"lat", "lon"} <= set(known):
+        return None
+    file = table.file
+    data = {
+        meaning: table.frame[name].to_numpy()
+        for meaning, (name, _) in known.items()
+        if not meaning.startswith(("accel", "gyro"))
+    }
+    rows = np.flatnonzero(np.isfinite(t) & np.isfinite(list(data.values())).any(axis=0))
+    position = np.column_stack([data["lat"][rows], data["lon"][rows]])
+    changed = np.r_[True, (np.diff(position, axis=0) != 0).any(axis=1)]
+    if any(meaning.startswith("accel") for meaning in known) and np.mean(~changed) > HELD:
+        keep, last = [], -np.inf
+        for k, row in enumerate(rows):
+            if changed[k] or t[row] - last >= HELD_S:
+                keep.append(k)
+                last = t[row]
+        notes.append(f"{file}: a position is held over rows: {len(keep):,} epochs where it changes")
+        rows = rows[keep]
+    at = rows[clock.rising(t[rows], lambda k: table.place(rows[k], time), notes)]
+
+    def column(meaning):
+        return data[meaning][at] if meaning in data else np.full(len(at), np.nan)
+
+    lat, lon, speed, course = (column(name) for name in ("lat", "lon", "speed", "course"))
+    fix = np.isfinite(lat) & np.isfinite(lon) & ~((lat == 0) & (lon == 0))
+    if "fix" in data:
+        fix &= column("fix") > 0
+    beyond = np.flatnonzero(fix & ~((np.abs(lat) <= 90) & (np.abs(lon) <= 360)))
+    if beyond.size:
+        k = beyond[0]
+        place = table.place(at[k], known["lat"][0])
+        raise CannotAnswer(f"{place}: {lat[k]:g}, {lon[k]:g} is nowhere on Earth")
+    if "speed" in data:
+        name, unit = known["speed"]
+        if unit is None:
+            unit = columns.speed_unit(t[at], lat, lon, speed, name, file)
+            notes.append(f"{file}: column '{name}' read as {unit.replace('_', '/')}")
+        if (speed < 0).any():
+            notes.append(f"{file}: column '{name}': {(speed < 0).sum():,} below zero, left out")
+        speed = np.where(speed >= 0, speed, np.nan) * columns.SPEED[unit]
+    if known.get("course", ("", None))[1] == "rad":
+        course = np.degrees(course)
+    blank = {"lat_deg": lat, "lon_deg": lon, "height_m": column("height")}
+    blank |= {"speed_m_s": speed, "course_deg": course}
+    blank = {name: np.where(fix, array, np.nan) for name, array in blank.items()}
+    return Gnss(t_s=t[at], pdop=column("pdop"), has_fix=fix, **blank)
+
+
+def _imu(table, time, t, known, notes) -> Imu | None:
+    """Make the samples: rows with all six readings, in SI units."""
+    names = [f"{kind}_{axis}" for kind in ("gyro", "accel") for axis in "xyz"]
+    if not set(names) <= set(known):
+        return None
+    readings = table.frame[[known[n][0] for n in names]].to_numpy(dtype=float)
+    rows = np.flatnonzero(np.isfinite(readings).all(axis=1) & np.isfinite(t))
+    if not rows.size:
+        raise CannotAnswer(f"{table.file}: no row has all six IMU readings and a time")
+    latest = np.maximum.accumulate(t[rows])
+    late = np.flatnonzero(np.r_[False, t[rows][1:] <= latest[:-1]])
+    if len(late):
+        place = table.place(rows[late[0]], time)
+        if len(late) > IMU_GAPS * len(rows):
+            back = float(latest[late[0] - 1] - t[rows][late[0]])
+            raise CannotAnswer(
+                f"{place}: time stands still or goes backward (by {back:.6g} s) here and in "
+                f"{len(late):,} of {len(rows):,} rows; sort or cut the file"
+            )
+        notes.append(f"{place}: {len(late):,} rows not later than the row before")
+    if len(rows) < len(readings) and "lat" not in known:
+        share = 1 - len(rows) / len(readings)
+        notes.append(f"{table.file}: {share:.1%} of the IMU rows lack a reading, left out")
+    rows = np.delete(rows, late)
+    if len(rows) < 2:
+        raise CannotAnswer(f"{table.file}: a single IMU sample")
+    gyro, accel = readings[rows, :3], readings[rows, 3:]
+    return Imu(
+        t[rows],
+        gyro * columns.gyro_scale(known, table.file),
+        accel * columns.accel_scale(known, accel, table.file, notes),
     )

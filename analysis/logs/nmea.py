@@ -1,23 +1,44 @@
-"""NMEA 0183 as receivers and loggers leave it: sentences found among anything else, then epochs.
+"""NMEA 0183: sentences -> epochs -> rows of a static log, or GNSS epochs of a moving one; and back.
 
 Every sentence is checked by pynmeagps, checksum first. Between sentences there may be binary
 messages, comments or the time stamps of a host (tracker paper, Section III-B); a sentence that such
 a stamp or a line break cuts in two is joined again, if the checksum then agrees.
 """
 
+import datetime
 import re
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from pynmeagps import NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
+import pandas as pd
+from pynmeagps import (
+    GET,
+    NMEAMessage,
+    NMEAMessageError,
+    NMEAParseError,
+    NMEAReader,
+    NMEATypeError,
+)
 
+from analysis import CannotAnswer
+from analysis.logs import clock
+from analysis.logs.delimited import Table, content
+from analysis.logs.grid import BadStamps
+from analysis.logs.timeline import Gnss, Imu
+
+PDOP_HOLD_S = 10.0  # receivers that save on sentences give a GSA every few seconds only
+STEP_BACK_S = 5.0  # a receiver that sets its clock back by less is taken to set it right
+LEAP_S = 60.0  # a leap forward at the first fix, of a clock that was not yet set
+HOST_SHARE = 0.5  # epochs with a host's stamp beyond which the stamps are taken as time
 TALKER = rb"\$(?:G[A-Z]|BD|QZ)"
 _BODY = rb"[ -#%-)+-~]*"  # printable, no dollar, no star
 _END = rb"(?:[\r\n]|\Z)"
 SENTENCE = re.compile(
     TALKER + rb"(?:GGA|GSA|RMC|GNS|GLL)," + _BODY + rb"(?:\*|" + _END + rb")"
 )  # tells a file by its head
-BAD = (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, AttributeError, TypeError)
+_BAD = (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, AttributeError, TypeError)
 _CLOCK = rb"\d\d:\d\d:\d\d(?:[.,]\d+)?"
 _STAMP = rb"\d{4}-\d\d-\d\d[T ]" + _CLOCK + rb"(?:Z|[+-]\d\d:?\d\d)?|" + _CLOCK
 _STAMP += rb"|\d{1,19}(?:\.\d+)?"
@@ -38,82 +59,52 @@ class Sentences:
     messages : list of (int, NMEAMessage)
         Offset of each in the file, and the parsed message.
     wrong : int
-        How many were cut off, had no or a wrong checksum, or a content that cannot be.
+        Number of sentences cut off, without or with a wrong checksum, or with impossible content.
     joined : int
-        How many stood on two lines.
+        Number of sentences on two lines.
     """
 
-    messages: list = field(default_factory=list)
-    wrong: int = 0
-    joined: int = 0
+    messages: list[tuple[int, NMEAMessage]]
+    wrong: int
+    joined: int
 
 
-def sentences(content, kinds):
-    """Find and parse the sentences of some kinds.
-
-    Parameters
-    ----------
-    content : bytes
-    kinds : tuple of str
-        Such as ``("GGA", "GSA")``.
-
-    Returns
-    -------
-    Sentences
-    """
+def sentences(content: bytes, kinds: tuple[str, ...]) -> Sentences:
+    """Find and parse the sentences of some kinds, such as ``("GGA", "GSA")``."""
     names = b"|".join(kind.encode() for kind in kinds)
     whole = re.compile(TALKER + rb"(?:" + names + rb"),[^$*]{0,160}\*[0-9A-Fa-f]{2}")
     begun = len(re.findall(TALKER + rb"(?:" + names + rb"),", content))
-    found = Sentences()
+    messages, joined = [], 0
     for match in whole.finditer(content):
         raw = match.group(0)
         message = _parse(raw)
         if message is None and _BREAK.search(raw):
             tries = (_parse(_BREAK.sub(b"", raw)), _parse(_STAMPED_BREAK.sub(b"", raw)))
             message = next((m for m in tries if m is not None), None)
-            found.joined += message is not None
+            joined += message is not None
         if message is not None:
-            found.messages.append((match.start(), message))
-    found.wrong = begun - len(found.messages)
-    return found
+            messages.append((match.start(), message))
+    return Sentences(messages, begun - len(messages), joined)
 
 
-def without_checksum(content, kinds):
-    """Count the sentences of some kinds that end with their line and have no checksum."""
-    names = "|".join(kinds).encode()
-    return len(re.findall(TALKER + rb"(?:" + names + rb")," + _BODY + _END, content))
-
-
-def _parse(raw):
+def _parse(raw: bytes) -> NMEAMessage | None:
     """Parse one sentence; None if its checksum or content is wrong."""
     try:
         return NMEAReader.parse(raw + b"\r\n")
-    except BAD:
+    except _BAD:
         return None
 
 
-def seconds_of_day(message):
+def _time(message) -> float | None:
     """Return the time of day of a message in s, or None."""
-    clock = getattr(message, "time", None)
-    if not clock:
+    at = getattr(message, "time", None)
+    if not at:
         return None
-    return clock.hour * 3600 + clock.minute * 60 + clock.second + clock.microsecond / 1e6
+    return at.hour * 3600 + at.minute * 60 + at.second + at.microsecond / 1e6
 
 
-def host_stamps(content):
-    """Find the time stamps that a host wrote at the start of lines, or on lines of their own.
-
-    Returns
-    -------
-    offsets : ndarray of int
-    texts : list of str
-    """
-    found = [(m.start(1), m.group(1).decode()) for m in _HOST.finditer(content)]
-    return np.array([o for o, _ in found], dtype=int), [text for _, text in found]
-
-
-def epochs(messages):
-    """Put the sentences of each epoch together.
+def epochs(messages: list[tuple[int, NMEAMessage]], each: str | None = None) -> list[dict]:
+    """Combine the sentences of each epoch.
 
     Sentences with one time of day are one epoch; those without belong to the one before, unless it
     has such a sentence already. Of several talkers the combined solution (GN) counts.
@@ -122,57 +113,63 @@ def epochs(messages):
     ----------
     messages : list of (int, NMEAMessage)
         GGA, RMC, GSA, GNS, GLL, VTG in the order of the file.
+    each : str, optional
+        Start an epoch at each sentence of this kind instead.
 
     Returns
     -------
     list of dict
-        offset, time (s of day or None), lat, lon, height, pdop, speed (m/s), course (deg), fix,
-        date (or None); NaN where nothing was said.
+        offset, time (s of day or None), fix, valid, date (or None), lat, lon, height, separation,
+        hdop, pdop, quality, satellites, speed (m/s), course (deg); NaN where no sentence gives it.
     """
     out, kinds = [], set()
     for offset, message in messages:
-        kind, clock = message.msgID, seconds_of_day(message)
+        kind, time = message.msgID, _time(message)
         timed = kind in ("GGA", "RMC", "GNS", "GLL")
-        fresh = not out or (timed and clock is not None and clock != out[-1]["time"])
-        if timed and clock is None:  # a receiver that does not know the time yet
+        fresh = not out or (timed and time is not None and time != out[-1]["time"])
+        if timed and time is None:  # a receiver that does not know the time yet
             fresh = not out or out[-1]["time"] is not None or kind in kinds
-        if fresh and (timed or not out):
-            out.append(_empty(offset, clock))
+        if kind == each or (fresh and (not out or (timed and each is None))):
+            out.append({"offset": offset, "time": time} | _NOTHING)
             kinds = set()
-        combined = message.talker == "GN"
-        if kind not in kinds or combined or kind == "GSA":
+        if kind not in kinds or message.talker == "GN" or kind == "GSA":
             _TAKE[kind](out[-1], message)
         kinds.add(kind)
     return out
 
 
-def _empty(offset, clock):
-    nothing = dict.fromkeys(("lat", "lon", "height", "pdop", "speed", "course"), np.nan)
-    return {"offset": offset, "time": clock, "date": None, "fix": None, "valid": None, **nothing}
+_NUMBERS = "lat lon height separation hdop pdop quality satellites speed course"
+_NOTHING = dict.fromkeys(("date", "fix", "valid")) | dict.fromkeys(_NUMBERS.split(), np.nan)
 
 
-def _number(value):
+def _number(value) -> float:
     """Return a number, NaN for an empty field."""
     return float(value) if value not in ("", None) else np.nan
 
 
+def _position(epoch, message):
+    epoch["lat"], epoch["lon"] = _number(message.lat), _number(message.lon)
+
+
 def _gga(epoch, message):
     epoch["fix"] = int(message.quality or 0) not in _NO_FIX
-    epoch["lat"], epoch["lon"] = _number(message.lat), _number(message.lon)
-    epoch["height"] = _number(message.alt)
+    _position(epoch, message)
+    epoch["height"], epoch["separation"] = _number(message.alt), _number(message.sep)
+    epoch["hdop"], epoch["quality"] = _number(message.HDOP), float(message.quality or 0)
+    epoch["satellites"] = float(message.numSV or 0)
 
 
 def _gns(epoch, message):
     if epoch["fix"] is None:
         epoch["fix"] = any(mode not in "NE" for mode in message.posMode)
-        epoch["lat"], epoch["lon"] = _number(message.lat), _number(message.lon)
+        _position(epoch, message)
         epoch["height"] = _number(message.alt)
 
 
 def _gll(epoch, message):
     if np.isnan(epoch["lat"]) and message.status == "A":
         epoch["valid"] = True if epoch["valid"] is None else epoch["valid"]
-        epoch["lat"], epoch["lon"] = _number(message.lat), _number(message.lon)
+        _position(epoch, message)
 
 
 def _rmc(epoch, message):
@@ -182,7 +179,7 @@ def _rmc(epoch, message):
         epoch["speed"] = _number(message.spd) * 1852 / 3600  # knots
         epoch["course"] = _number(message.cog)
         if np.isnan(epoch["lat"]):
-            epoch["lat"], epoch["lon"] = _number(message.lat), _number(message.lon)
+            _position(epoch, message)
 
 
 def _vtg(epoch, message):
@@ -198,4 +195,270 @@ def _gsa(epoch, message):
 
 
 _TAKE = {"GGA": _gga, "GNS": _gns, "GLL": _gll, "RMC": _rmc, "VTG": _vtg, "GSA": _gsa}
-KINDS = tuple(_TAKE)
+
+
+def _lines(raw: bytes, found: list[dict]) -> np.ndarray:
+    """Return the line in the file at which each epoch starts."""
+    newlines = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == ord("\n"))
+    return np.searchsorted(newlines, [epoch["offset"] for epoch in found]) + 1
+
+
+def read_table(path: Path) -> Table:
+    """Read the GGA sentences of a static log, a row each.
+
+    Returns
+    -------
+    Table
+        ``t_s`` (s of day, unwrapped over midnight), ``lat_deg``, ``lon_deg``, ``height_m`` (above
+        mean sea level, as GGA gives it), ``separation_m`` (add it for the height above the
+        ellipsoid), ``hdop``, ``pdop`` (of the GSA that follows, where there is one), ``quality``
+        (GGA fix quality, 0 = no fix), ``satellites``. Sentences without a time of day are left
+        out, and counted; those without a fix have NaN positions.
+    """
+    raw = content(path)
+    parsed = sentences(raw, ("GGA", "GSA"))
+    rows = [e for e in epochs(parsed.messages, each="GGA") if e["time"] is not None]
+    if not rows:
+        raise CannotAnswer(
+            f"{path.name}: no GGA sentence with a time of day and a right checksum from line 1 to "
+            "the end; give a log in which the receiver writes GGA"
+        )
+    units = {"lat": "lat_deg", "lon": "lon_deg", "height": "height_m", "separation": "separation_m"}
+    frame = pd.DataFrame(rows)[[*units, "hdop", "pdop", "quality", "satellites"]]
+    frame.loc[frame["quality"] == 0, list(units)] = np.nan
+    frame.insert(0, "t_s", clock.unwrap_clock(np.array([e["time"] for e in rows])))
+    repairs = []
+    if parsed.wrong:
+        repairs.append(
+            f"{parsed.wrong} GGA or GSA sentences with a wrong checksum or content left out"
+        )
+    timeless = sum(message.msgID == "GGA" for _, message in parsed.messages) - len(rows)
+    if timeless:
+        repairs.append(f"{timeless} GGA sentences without a time of day left out")
+    return Table(frame.rename(columns=units), path, tuple(repairs), lines=_lines(raw, rows))
+
+
+def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[str]]:
+    """Read the GNSS epochs of a moving log, on a clock that only runs forward.
+
+    Returns
+    -------
+    Gnss
+        ``t_s`` on the clock.
+    str
+        The clock: that of the receiver (`clock.DAY`), or that of a host's stamps.
+    str or None
+        Date and time of the first epoch, if the receiver states it.
+    list of str
+        What was repaired.
+
+    Raises
+    ------
+    CannotAnswer
+        If there is no epoch, or time runs backward by more than a clock that is set.
+    """
+    raw = content(path)
+    parsed = sentences(raw, tuple(_TAKE))
+    found = epochs(parsed.messages)
+    if not found and parsed.wrong:
+        kinds = "|".join(_TAKE).encode()
+        bare = len(re.findall(TALKER + rb"(?:" + kinds + rb")," + _BODY + _END, raw))
+        raise CannotAnswer(
+            f"{path.name}: none of {parsed.wrong:,} NMEA sentences can be trusted: {bare:,} have "
+            f"no checksum (*hh at the end), {parsed.wrong - bare:,} a wrong one or are cut off; "
+            "log them as the receiver sends them, or give the positions as CSV"
+        )
+    if not found:
+        raise CannotAnswer(
+            f"{path.name}: no NMEA sentence with a position and a right checksum from line 1 to "
+            "the end; give a log in which the receiver writes GGA or RMC"
+        )
+    notes = []
+    if parsed.wrong:
+        notes.append(
+            f"{path.name}: {parsed.wrong:,} of {parsed.wrong + len(parsed.messages):,} sentences "
+            "cut off or with a wrong checksum, left out"
+        )
+    if parsed.joined:
+        notes.append(f"{path.name}: {parsed.joined:,} sentences broken over two lines, joined")
+    lines = _lines(raw, found)
+
+    def place(k):
+        return f"{path.name}, line {lines[k]}"
+
+    t, which = _host_time(raw, found, notes, path.name)
+    if t is None:
+        t, which = _receiver_time(found, place, notes), clock.DAY
+    keep = clock.rising(t, place, notes)
+    t, found = t[keep], [found[k] for k in keep]
+    return _gnss(t, found), which, _start(found, t, notes), notes
+
+
+def _host_time(raw: bytes, found, notes, name) -> tuple[np.ndarray | None, str]:
+    """Take the host's stamp before each epoch, where most epochs have one of their own."""
+    stamps = [(match.start(1), match.group(1).decode()) for match in _HOST.finditer(raw)]
+    starts = [epoch["offset"] for epoch in found]
+    before = np.searchsorted([offset for offset, _ in stamps], starts, side="right") - 1
+    if len(np.unique(before[before >= 0])) < max(HOST_SHARE * len(found), 1):
+        return None, ""
+    column = np.array([stamps[k][1] if k >= 0 else "" for k in before], dtype=object)
+    unit = ""
+    if all(text.replace(".", "", 1).isdigit() or not text for text in column):
+        column = np.array([float(text) if text else np.nan for text in column])
+        unit = _host_unit(column, np.array([e["time"] or np.nan for e in found], dtype=float))
+    try:
+        read = clock.read(f"host time stamp{unit}", column)
+    except BadStamps:
+        return None, ""
+    t = read.since_s + read.zero_s
+    missing = np.flatnonzero(~np.isfinite(t))
+    if len(missing):  # before the first stamp: count back a second an epoch
+        first = int(np.argmax(np.isfinite(t)))
+        t[missing] = t[first] - (first - missing)
+    notes += [f"{name}: {note}" for note in read.notes]
+    notes.append(f"{name}: the time is that of the host's stamps between the sentences")
+    return t, read.clock
+
+
+def _host_unit(column: np.ndarray, day: np.ndarray) -> str:
+    """Choose the unit in which a host's stamps advance as fast as the receiver's clock."""
+    moved = np.diff(day) > 0
+    steps = np.diff(column)[moved] / np.diff(day)[moved]
+    steps = steps[np.isfinite(steps) & (steps > 0)]
+    if not len(steps):
+        return ""
+    ratio = np.median(steps)
+    return min(("_s", "_ms", "_us"), key=lambda u: abs(np.log(ratio * clock.SCALES[u[1:]])))
+
+
+def _receiver_time(found, place, notes) -> np.ndarray:
+    """Return seconds by the receiver's time of day, continuous over midnight.
+
+    Where the clock is set (it steps back by a moment, or leaps when the first fix comes), the
+    epochs before it are moved to end one interval before. Epochs without a time of day are
+    extrapolated, or interpolated between those that have one.
+    """
+    day = np.array([np.nan if e["time"] is None else e["time"] for e in found])
+    known = np.flatnonzero(np.isfinite(day))
+    if not known.size:
+        notes.append(f"{place(0)}: no time of day in the whole log: one epoch a second assumed")
+        return np.arange(len(day), dtype=float)
+    t = clock.unwrap_clock(day)
+    steps = np.diff(t[known])
+    interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
+    fixed = np.array([bool(e["fix"] or e["valid"]) for e in found])
+    for k, step in zip(known[1:], steps, strict=True):
+        before_any_fix = not fixed[:k].any()
+        if -STEP_BACK_S < step < 0 or (before_any_fix and (step < 0 or step > LEAP_S)):
+            at_fix = " before the first fix" if before_any_fix else ""
+            notes.append(
+                f"{place(k)}: the receiver sets its clock{at_fix} ({step:+.3f} s); the epochs "
+                f"before are moved to end {interval:g} s earlier"
+            )
+            t[:k] += step - interval
+    lacking = np.flatnonzero(~np.isfinite(t))
+    if lacking.size:
+        index = np.arange(len(t))
+        outside = np.minimum(index - known[0], 0) + np.maximum(index - known[-1], 0)
+        t = np.interp(index, known, t[known]) + interval * outside
+        notes.append(
+            f"{place(lacking[0])}: {lacking.size:,} epochs without a time of day, the first "
+            f"here: taken as {interval:g} s apart, or even between those that have one"
+        )
+    return t
+
+
+def _gnss(t: np.ndarray, found: list[dict]) -> Gnss:
+    """Turn epochs into arrays; the last PDOP holds for some seconds."""
+    fix = np.array([bool(e["valid"] if e["fix"] is None else e["fix"]) for e in found])
+    names = ("lat", "lon", "height", "speed", "course", "pdop")
+    columns = {name: np.array([e[name] for e in found]) for name in names}
+    fix &= np.array([e["valid"] is not False for e in found])
+    fix &= np.isfinite(columns["lat"]) & np.isfinite(columns["lon"])
+    pdop = columns.pop("pdop")
+    last = np.maximum.accumulate(np.where(np.isnan(pdop), -1, np.arange(len(pdop))))
+    pdop = np.where((last >= 0) & (t - t[last] <= PDOP_HOLD_S), pdop[last], np.nan)
+    position = [np.where(fix, column, np.nan) for column in columns.values()]
+    return Gnss(t, *position[:3], pdop, *position[3:], fix)
+
+
+def _start(found: list[dict], t: np.ndarray, notes: list[str]) -> str | None:
+    """Return date and time of the first epoch by the last date; a date never moves the timeline."""
+    dated = [k for k, e in enumerate(found) if e["date"] and e["time"] is not None]
+    if not dated:
+        return None
+    since_1970 = [_midnight(found[k]["date"]) + found[k]["time"] for k in dated]
+    zeros = {
+        round((at - t[k]) / clock.SECONDS_PER_DAY, 2)
+        for k, at in zip(dated, since_1970, strict=True)
+    }
+    if max(zeros) - min(zeros) > 0.9:
+        dates = sorted({found[k]["date"] for k in dated})
+        notes.append(
+            f"dates from {dates[0]} to {dates[-1]} do not follow each other: bogus or rolled over; "
+            "only the time of day is used"
+        )
+    start = since_1970[-1] - (t[dated[-1]] - t[0])
+    return datetime.datetime.fromtimestamp(start, datetime.UTC).isoformat(timespec="milliseconds")
+
+
+def _midnight(date: datetime.date) -> float:
+    """Seconds since 1970 at the start of a date."""
+    return datetime.datetime.combine(date, datetime.time(), datetime.UTC).timestamp()
+
+
+def nmea_lines(gnss: Gnss, start: datetime.datetime) -> Iterator[str]:
+    """Write GNSS epochs as RMC, GGA and GSA sentences, each epoch after a line with its stamp.
+
+    Parameters
+    ----------
+    gnss : Gnss
+    start : datetime.datetime
+        UTC of ``t_s = 0``.
+
+    Yields
+    ------
+    str
+        A line, without its end.
+    """
+    for k, t in enumerate(gnss.t_s.tolist()):
+        at = start + datetime.timedelta(seconds=t)
+        yield f"{t:.3f}"
+        has = bool(gnss.has_fix[k])
+        when = {"time": at.time().replace(tzinfo=None), "lat": "", "NS": "", "lon": "", "EW": ""}
+        if has:
+            lat, lon = float(gnss.lat_deg[k]), float(gnss.lon_deg[k])
+            when |= {"lat": lat, "NS": "NS"[lat < 0], "lon": lon, "EW": "EW"[lon < 0]}
+        rmc = {"status": "AV"[not has], "date": at.date(), "posMode": "AN"[not has]}
+        if has:
+            knots = float(gnss.speed_m_s[k]) / 0.514444
+            rmc |= {"spd": round(knots, 3), "cog": round(float(gnss.course_deg[k]), 2)}
+        dop = round(float(gnss.pdop[k]), 2)
+        part = round(dop / 2**0.5, 2)  # the PDOP's square is the sum of theirs
+        gga = {"quality": int(has), "numSV": 8 * has, "HDOP": part, "altUnit": "M", "sepUnit": "M"}
+        gga |= {"diffAge": "", "diffStation": ""}
+        gga |= {"alt": round(float(gnss.height_m[k]), 1), "sep": 0.0} if has else {}
+        gsa = {"opMode": "A", "navMode": 3 if has else 1, "PDOP": dop, "HDOP": part, "VDOP": part}
+        gsa |= {f"svid_{i:02}": i if has and i <= 8 else "" for i in range(1, 13)}
+        for kind, fields in (("RMC", when | rmc), ("GGA", when | gga), ("GSA", gsa)):
+            message = NMEAMessage("GP", kind, GET, **fields)
+            yield message.serialize().decode().strip()
+
+
+def imu_csv_lines(imu: Imu) -> Iterator[str]:
+    """Write IMU samples as lines of a CSV: time, gyro (rad/s), acceleration (m/s^2).
+
+    Parameters
+    ----------
+    imu : Imu
+
+    Yields
+    ------
+    str
+        A line, without its end.
+    """
+    axes = "xyz"
+    names = [f"gyro_{a}_rad_s" for a in axes] + [f"accel_{a}_m_s2" for a in axes]
+    yield ",".join(["t_s", *names])
+    for t, row in zip(imu.t_s, np.hstack([imu.gyro_b, imu.accel_b]), strict=True):
+        yield ",".join([f"{t:.4f}", *(f"{v:.6f}" for v in row)])

@@ -1,33 +1,31 @@
-"""The one reader of logs: a file or a catalogue name in, channels on a uniform time grid out.
+"""Static logs: a file or a catalogue name in, channels on a uniform time grid out.
 
     read("adis16405")                              a stanza of data/logs.toml
     read("my.csv")                                 time column and units found by name
     read("my.csv", rate=100, columns=[2, 3, 4], unit="deg/s")
 
-What cannot be read is refused in one sentence with file, line, column and the way out; what was
-repaired is stated, one sentence each, in `Log.repairs`.
+A file that cannot be read is refused in one sentence with file, line, column and what to do; every
+repair is one sentence in `Log.repairs`.
 """
 
+import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-from analysis import CannotAnswer, WrongUsage
-from analysis.logs import columns, datasets, formats
-from analysis.logs import grid as timing
+from analysis import STANDARD_GRAVITY, CannotAnswer, WrongUsage
+from analysis.logs import clock, columns, datasets, formats
+from analysis.logs import grid as grids
 from analysis.logs.catalogue import check_unit, find
 from analysis.logs.columns import Choice
-from analysis.logs.delimited import Table
+from analysis.logs.delimited import Table, printable
 from analysis.logs.grid import MISSING_ALLOWED, Grid
-from analysis.logs.layout import printable
-from analysis.logs.stretch import Stretch, cut, naming
-
-__all__ = ["Channel", "Log", "read"]
 
 SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
-FARTHEST = 1e100  # beyond what any sensor reads, and its square is still a number
+LARGEST = 1e100  # beyond what any sensor reads, and its square is still a number
 HELD = 0.8  # share of samples equal to the one before beyond which an output counts as held
 
 
@@ -57,7 +55,7 @@ class Log:
     Attributes
     ----------
     name, title, given : str
-        ``given`` is the file or name as the reader put it, for messages.
+        ``given`` is the file or name as the user wrote it, for messages.
     file : str
         Base name of the raw file.
     sha256 : str
@@ -67,7 +65,7 @@ class Log:
     samples : int
         Rows read, within ``start`` and ``stop``.
     gaps : int
-        Places where the stamps say that samples are missing.
+        Places where samples are missing by the time stamps.
     repairs : tuple of str
         One sentence for everything that was assumed or repaired.
     licence, source : str
@@ -97,6 +95,16 @@ class Log:
         return len(self.channels[0].values) / self.rate_hz
 
 
+@dataclass(frozen=True)
+class _Window:
+    """The part of a file between start and stop."""
+
+    table: Table  # without its time column
+    names: list[str]  # of all columns of the file, the time among them
+    time: str | None
+    t_s: np.ndarray | None
+
+
 def read(
     log: str | Path,
     *,
@@ -108,7 +116,7 @@ def read(
     start: float | None = None,
     stop: float | None = None,
 ) -> Log:
-    """Read a log.
+    """Read a static log.
 
     Parameters
     ----------
@@ -133,34 +141,27 @@ def read(
     Raises
     ------
     WrongUsage
-        If the question can be put better: unknown column, no rate, g given as m/s^2 ...
+        If an argument has to be changed: unknown column, no rate, g given as m/s^2 ...
     CannotAnswer
         If the file cannot support an answer: text among numbers, time running backward ...
     """
     name, stanza, path = find(log)
-    table = _table(path, stanza)
     check_unit(name, stanza, unit)
-    rate = stanza.get("rate_hz") if rate is None else rate
-    time = stanza.get("time") if time is None else time
-    unit = stanza.get("unit") if unit is None else unit
-    kind = stanza.get("kind") if kind is None else kind
-    window = (
-        stanza.get("from") if start is None else start,
-        stanza.get("to") if stop is None else stop,
-    )
-    raw, repairs = cut(path.name, table, rate, time, window)
-    chosen, said = _choices(raw, stanza, columns, unit, kind)
-    repairs = [*([stanza["note"]] if "note" in stanza else []), *table.repairs, *repairs, *said]
-    grid = _grid(raw, rate, stanza.get("timing", "auto"))
+    given = {"rate_hz": rate, "time": time, "unit": unit, "kind": kind, "from": start, "to": stop}
+    option = stanza | {key: value for key, value in given.items() if value is not None}
+    table = formats.read(path, stanza)
+    window, notes = _window(table, option)
+    chosen, choices = _choices(window, stanza, columns, option)
+    repairs = [*([stanza["note"]] if "note" in stanza else []), *table.repairs, *notes, *choices]
+    grid = _grid(window, option)
     repairs += grid.repairs
-    channels = tuple(_channel(raw, grid, choice, repairs) for choice in chosen)
+    channels = tuple(_channel(window.table, grid, choice, repairs) for choice in chosen)
     _check_gravity(path.name, channels)
     if grid.size < SAMPLES_NEEDED:
-        last = raw.table.where(int(raw.rows[-1]))
+        last = window.table.place(-1, chosen[0].column)
         raise CannotAnswer(
-            f"{path.name}, {last}, column '{chosen[0].column}': the log ends after {grid.size} "
-            f"samples; a noise analysis needs at least {SAMPLES_NEEDED}: give a longer log or "
-            "stretch"
+            f"{last}: the log ends after {grid.size} samples; a noise analysis needs at least "
+            f"{SAMPLES_NEEDED}: give a longer log or stretch"
         )
     return Log(
         name=name,
@@ -169,7 +170,7 @@ def read(
         sha256=datasets.sha256(path),
         rate_hz=grid.rate_hz,
         channels=channels,
-        samples=len(raw.frame),
+        samples=len(window.table.frame),
         gaps=grid.gaps,
         repairs=tuple(repairs),
         licence=stanza.get("licence", "not stated"),
@@ -178,81 +179,123 @@ def read(
     )
 
 
-def _table(path: Path, stanza: dict) -> Table:
-    """Read the file with the reader of its format."""
-    try:
-        form = stanza.get("format") or formats.sniff(path)
-        if form == "mat73":
-            return formats.mat73(path, stanza.get("variable"), tuple(stanza.get("names", ())))
-        return formats.READERS[form](path, stanza.get("variable"))
-    except PermissionError as error:
-        raise WrongUsage(f"{path.name} may not be read by this user; change its mode") from error
+def _window(table: Table, option: dict) -> tuple[_Window, list[str]]:
+    """Find the time column, and cut out the rows between start and stop."""
+    file, frame, notes = table.file, table.frame, []
+    names, rate = list(frame.columns), option.get("rate_hz")
+    if "time" in option:
+        time = columns.resolve(option["time"], names, file)
+    else:
+        time = clock.time_column(frame)
+    if rate is not None and not (np.isfinite(rate) and rate > 0):
+        raise WrongUsage(f"{file}: the rate must be a positive number of samples a second")
+    if rate is not None and "time" not in option and time:
+        notes.append(f"time column '{time}' not used, since the rate is given")
+        frame, time = frame.drop(columns=time), None
+    if rate is None and time is None:
+        raise WrongUsage(_no_rate(file, frame))
+    t_s = None
+    if time:
+        with clock.stamp_errors_at(table, time):
+            stamps = clock.read(time, frame[time].to_numpy(), rate)
+        t_s, frame = stamps.since_s, frame.drop(columns=time)
+        notes += stamps.notes
+    start, stop = option.get("from", 0.0), option.get("to")
+    if not (start >= 0 and (stop is None or stop > start)):
+        raise WrongUsage(f"{file}: --from {start:g} --to {stop} is no stretch of time")
+    rows = np.arange(len(frame))
+    if option.keys() & {"from", "to"}:
+        at = rows / rate if t_s is None else t_s
+        inside = ~(at < start) & ~(at >= (np.inf if stop is None else stop))
+        if not inside.any():
+            raise WrongUsage(
+                f"{file}: no row from {start:g} s"
+                + ("" if stop is None else f" to {stop:g} s")
+                + f"; the log lasts {np.nanmax(at):.6g} s"
+            )
+        rows, frame = rows[inside], frame.iloc[inside]
+        t_s = t_s if t_s is None else t_s[inside]
+    table = replace(table, frame=formats.about_the_mean(frame), rows=rows)
+    return _Window(table, names, time, t_s), notes
 
 
-def _choices(raw, stanza, wanted, unit, kind) -> tuple[list[Choice], list[str]]:
+def _no_rate(file: str, frame: pd.DataFrame) -> str:
+    """State how to give a rate; suggest a column that looks like time."""
+    numbers = frame.select_dtypes("number")
+    rising = [name for name in numbers if len(frame) > 2 and (numbers[name].diff()[1:] > 0).all()]
+    hint = ""
+    if rising:
+        hint = f" (column '{rising[0]}' only ever rises: --time {shlex.quote(rising[0])}?)"
+    return (
+        f"{file}, line 1: no column is named as time and no rate is given: say --rate HZ if the "
+        f"rows are evenly spaced, or --time COLUMN{hint}; there are: {', '.join(frame.columns)}"
+    )
+
+
+def _choices(window, stanza, wanted, option) -> tuple[list[Choice], list[str]]:
     """Choose the channels: the catalogue's, or those of the file."""
+    table, file = window.table, window.table.file
+    frame, unit, kind = table.frame, option.get("unit"), option.get("kind")
     if "channels" in stanza:
         known = []
         for channel in stanza["channels"]:
-            column = columns.resolve(channel["column"], list(raw.frame.columns), raw.file)
-            named, _ = columns.choose(
-                [column], raw.file, [column], channel.get("unit", unit), channel.get("kind", kind)
+            column = columns.resolve(channel["column"], list(frame.columns), file)
+            (named,), _ = columns.choose(
+                [column], file, [column], channel.get("unit", unit), channel.get("kind", kind)
             )
-            called = columns.tidy(channel.get("name", named[0].name))
-            known.append(Choice(column, called, named[0].unit, named[0].kind))
+            name = columns.tidy(channel.get("name", named.name))
+            known.append(replace(named, name=name))
         names = [choice.name for choice in known]
-        picked = [columns.resolve(c, names, raw.file) for c in wanted] if wanted else names
+        picked = [columns.resolve(c, names, file) for c in wanted] if wanted else names
         return [known[names.index(name)] for name in picked], []
     if wanted:  # numbers count the columns of the file, the time among them
-        names = [*raw.table.frame.columns, *(c for c in raw.frame if c not in raw.table.frame)]
-        wanted = [columns.resolve(c, names, raw.file) for c in wanted]
+        names = [*window.names, *(name for name in frame if name not in window.names)]
+        wanted = [columns.resolve(c, names, file) for c in wanted]
         for name in wanted:
-            if name not in raw.frame:
-                raise WrongUsage(
-                    f"{raw.file}: column '{name}' is the time; leave it out of --columns"
-                )
-            if raw.frame[name].dtype.kind != "f":
-                cell = raw.frame[name].iloc[0]
+            if name not in frame:
+                raise WrongUsage(f"{file}: column '{name}' is the time; leave it out of --columns")
+            if frame[name].dtype.kind != "f":
+                cell = printable(str(frame[name].iloc[0]))
                 raise CannotAnswer(
-                    f"{raw.place(0, name)}: '{printable(str(cell))}' is not a number; choose other "
-                    "--columns"
+                    f"{table.place(0, name)}: '{cell}' is not a number; choose other --columns"
                 )
-    numeric = list(raw.frame.select_dtypes("number").columns)
+    numeric = list(frame.select_dtypes("number").columns)
     if not numeric:
-        raise WrongUsage(f"{raw.file}, line 1: no column with numbers besides the time")
-    said = []
-    if raw.table.layout is not None and not (wanted and unit):
-        numeric, said = columns.once(numeric, raw.table.layout.names, raw.file, wanted)
-    chosen, left_out = columns.choose(numeric, raw.file, wanted, unit, kind)
-    return chosen, [*said, *left_out]
+        raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
+    notes = []
+    if table.layout is not None and not (wanted and unit):
+        numeric, notes = columns.without_doubles(numeric, table.layout.names, file, wanted)
+    chosen, left_out = columns.choose(numeric, file, wanted, unit, kind)
+    return chosen, [*notes, *left_out]
 
 
-def _grid(raw: Stretch, rate: float | None, mode: str) -> Grid:
+def _grid(window: _Window, option: dict) -> Grid:
     """Place the rows on a uniform grid, by their stamps or by a given rate."""
-    if raw.t_s is None:
-        return timing.by_rate(len(raw.frame), rate)
-    repeated = np.zeros(len(raw.frame), dtype=bool)
-    same = np.flatnonzero(np.diff(raw.t_s) == 0) + 1
+    rate, t_s, frame = option.get("rate_hz"), window.t_s, window.table.frame
+    if t_s is None:
+        return grids.by_rate(len(frame), rate)
+    repeated = np.zeros(len(frame), dtype=bool)
+    same = np.flatnonzero(np.diff(t_s) == 0) + 1
     if same.size:
-        now, before = raw.frame.iloc[same], raw.frame.iloc[same - 1]
-        pairs = [(now[c].to_numpy(), before[c].to_numpy()) for c in raw.frame]
+        now, before = frame.iloc[same], frame.iloc[same - 1]
+        pairs = [(now[c].to_numpy(), before[c].to_numpy()) for c in frame]
         repeated[same] = np.all([(a == b) | ((a != a) & (b != b)) for a, b in pairs], axis=0)
-    with naming(raw):
-        grid = timing.by_stamps(raw.t_s, repeated, mode)
+    with clock.stamp_errors_at(window.table, window.time):
+        grid = grids.by_stamps(t_s, repeated, option.get("timing", "auto"))
     if rate is not None and abs(grid.rate_hz / rate - 1) > 0.05:
         raise WrongUsage(
-            f"{raw.file}: --rate {rate:g} contradicts time column '{raw.time}', which says "
-            f"{grid.rate_hz:.6g} Hz; leave one of them out"
+            f"{window.table.file}: --rate {rate:g} contradicts time column '{window.time}', which "
+            f"says {grid.rate_hz:.6g} Hz; leave one of them out"
         )
     return grid
 
 
-def _channel(raw: Stretch, grid: Grid, choice: Choice, repairs: list[str]) -> Channel:
-    """Put one column on the grid; state or refuse what is missing."""
-    cells = raw.frame[choice.column].to_numpy(dtype=float)
+def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Channel:
+    """Put one column on the grid; note missing values, refuse too many."""
+    cells = table.frame[choice.column].to_numpy(dtype=float)
     finite = np.isfinite(cells)
     if not finite.all():
-        first = raw.place(int(np.argmin(finite)), choice.column)
+        first = table.place(int(np.argmin(finite)), choice.column)
         count = int((~finite).sum())
         if count > MISSING_ALLOWED * len(cells):
             raise CannotAnswer(
@@ -262,10 +305,10 @@ def _channel(raw: Stretch, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
             )
         repairs.append(f"{first}: {count:,} of {len(cells):,} values are missing, the first here")
         cells = np.where(finite, cells, np.nan)
-    far = np.flatnonzero(np.abs(cells) > FARTHEST)
-    if far.size:
-        place = raw.place(int(far[0]), choice.column)
-        raise CannotAnswer(f"{place}: {cells[far[0]]:g} is no reading; correct or empty it")
+    large = np.flatnonzero(np.abs(cells) > LARGEST)
+    if large.size:
+        place = table.place(large[0], choice.column)
+        raise CannotAnswer(f"{place}: {cells[large[0]]:g} is no reading; correct or empty it")
     if choice.kind == "angle" and choice.unit in columns.FULL_TURN:
         turned = formats.unwrap(cells, columns.FULL_TURN[choice.unit])
         jumps = int((np.diff((turned - cells)[finite]).round(6) != 0).sum())
@@ -286,15 +329,15 @@ def _channel(raw: Stretch, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
 def _check_gravity(file: str, channels: tuple[Channel, ...]) -> None:
     """Refuse accelerometers whose mean is one g in another unit."""
     accels = [c for c in channels if c.kind == "accel" and c.unit in columns.IN_M_S2]
-    upright = [c for c in accels if c.name.lower().endswith(("_z", "z", "_down", "_up"))]
-    group = accels if len(accels) >= 3 else upright
+    vertical = [c for c in accels if c.name.lower().endswith(("_z", "z", "_down", "_up"))]
+    group = accels if len(accels) >= 3 else vertical
     if not group or len({c.unit for c in group}) > 1:
         return
     norm = float(np.sqrt(sum(np.nanmean(c.values) ** 2 for c in group)))
-    said = group[0].unit
+    own = group[0].unit
     for unit, one in columns.IN_M_S2.items():
-        if unit != said and 0.8 < norm * one / columns.STANDARD_GRAVITY < 1.2:
+        if unit != own and 0.8 < norm * one / STANDARD_GRAVITY < 1.2:
             raise WrongUsage(
                 f"{file}, columns {', '.join(c.name for c in group)}: mean |accel| is {norm:.2f} "
-                f"{said}; at rest it is one g, so these look like {unit}: say --unit {unit}"
+                f"{own}; at rest it is one g, so these look like {unit}: say --unit {unit}"
             )
