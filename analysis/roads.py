@@ -8,14 +8,18 @@ load_highway("to-altoona")    I-99, cleaned of altitude jumps
 
 import functools
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from analysis import DATA, WrongUsage
-from analysis.terrain import centre_line as track
+from analysis import DATA, CannotAnswer, WrongUsage
+from analysis.logs import surveys
 from analysis.terrain import terrain_map
+from analysis.terrain.antennas import AntennaMounting
+from analysis.terrain.centre_line import CentreLine
+from analysis.terrain.real_laps import Lap, lay_on_line
 from analysis.terrain.terrain_map import Profile
 
 TRACK, HIGHWAY = "psu-test-track", "psu-highway"
@@ -32,41 +36,6 @@ DIRECTIONS = ("ccw", "cw")
 WIDTH = 1.0  # m: less foretells a lap left out hardly better; shown in notebook 20
 HIGHWAYS = ("to-state-college", "to-altoona")
 HIGHWAY_STEP = 5.0  # m
-
-
-@dataclass(frozen=True)
-class Lap:
-    """One lap on its direction's centre line, every 0.1 s.
-
-    Attributes
-    ----------
-    name, direction : str
-    t_s : ndarray, shape (n,)
-        GPS time from the lap's first epoch.
-    s_m : ndarray, shape (n,)
-        True distance along the centre line, RTK; grows past the map's length over the gate, and is
-        below zero before it.
-    offset_m : ndarray, shape (n,)
-        To the right of the centre line.
-    pitch_deg, roll_deg, height_m : ndarray, shape (n,)
-        From the antennas; NaN in dropouts longer than two epochs.
-    wheel_m : ndarray, shape (n,)
-        Driven since the first epoch, by the wheel encoders, scaled on the other laps.
-    fixed : ndarray of bool, shape (n,)
-        All three antennas measured and RTK fixed; elsewhere attitude is bridged or missing, and
-        s_m bridged by the wheels.
-    """
-
-    name: str
-    direction: str
-    t_s: np.ndarray
-    s_m: np.ndarray
-    offset_m: np.ndarray
-    pitch_deg: np.ndarray
-    roll_deg: np.ndarray
-    height_m: np.ndarray
-    wheel_m: np.ndarray
-    fixed: np.ndarray
 
 
 def lap_names(direction=None):
@@ -134,7 +103,7 @@ def lap_curves(direction, width=WIDTH):
     dict of ndarray, shape (laps, grid)
         pitch_deg, roll_deg, height_m; in the order of `lap_names`.
     """
-    laps = [vars(load_lap(name)) for name in lap_names(direction)]
+    laps = [load_lap(name) for name in lap_names(direction)]
     return terrain_map.lap_curves(laps, centre_line(direction), width)
 
 
@@ -161,8 +130,42 @@ def map_without(name):
             "height_m": float(np.mean(other.height_se_m**2 * other.laps)),
         }
     line = centre_line(direction)
-    curves = terrain_map.lap_curves([vars(lap) for lap in others], line, WIDTH)
+    curves = terrain_map.lap_curves(others, line, WIDTH)
     return terrain_map.combine(curves, line, between)
+
+
+def lap_and_map(source, direction=None):
+    """Give a real lap and the map to track it on, for `analysis.terrain.track_real_laps`.
+
+    Parameters
+    ----------
+    source : str or Path
+        One of `lap_names`, with the map of the other laps of its direction; or a raw file of the
+        van (`analysis.logs.surveys.lap`), with the map of all committed laps.
+    direction : {"ccw", "cw"}, optional
+        Of a raw file: the direction in which it was driven.
+
+    Returns
+    -------
+    analysis.terrain.real_laps.Lap, analysis.terrain.terrain_map.Profile
+        The wheels of a raw file are scaled as on the mean of the committed laps.
+
+    Raises
+    ------
+    CannotAnswer
+        If a raw file has no RTK or lacks an antenna, or its lap leaves the map or runs against it.
+    """
+    if direction is None:
+        return load_lap(source), map_without(source)
+    path, line, known = Path(source), centre_line(direction), provenance()
+    raw = surveys.lap(path, known["gate_lat_lon_deg"])
+    mounting = AntennaMounting(**known["mounting_deg"])
+    try:
+        lap = lay_on_line(path.stem, direction, raw, line, mounting)
+    except CannotAnswer as error:
+        raise CannotAnswer(f"{path.name}: {error}") from error
+    scale = np.mean([about["metres_per_count"] for about in known["laps"].values()])
+    return replace(lap, wheel_m=lap.wheel_m * scale), load_profile(direction)
 
 
 def centre_line(direction):
@@ -173,7 +176,7 @@ def centre_line(direction):
     analysis.terrain.centre_line.CentreLine
     """
     known = load_profile(direction)
-    return track.CentreLine(known.s_m, known.east_m, known.north_m, known.length_m)
+    return CentreLine(known.s_m, known.east_m, known.north_m, known.length_m)
 
 
 @dataclass(frozen=True)

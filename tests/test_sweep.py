@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from analysis.terrain.attitude_map import AttitudeMap
 from scipy.stats import chi2
 
 from analysis import CannotAnswer
 from analysis.terrain import metrics, monte_carlo
 from analysis.terrain import readings as readings
-from analysis.terrain.attitude_map import AttitudeMap
 
 SEED = 20112
 CELLS = np.array([0.001, 0.01, 0.001, 0.01]), np.array([0.0001, 0.0001, 0.005, 0.005])

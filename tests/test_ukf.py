@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from analysis.terrain.attitude_map import AttitudeMap
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.terrain import point_mass
-from analysis.terrain.attitude_map import AttitudeMap
 from analysis.terrain.metrics import nees_bounds
 from analysis.terrain.ukf import Ukf, weights, with_bias
 

@@ -17,8 +17,8 @@ import pandas as pd
 
 from analysis import roads
 from analysis.studies import noise_speed, replay_speed
-from analysis.terrain import monte_carlo, readings
-from analysis.terrain.attitude_map import AttitudeMap
+from analysis.terrain.monte_carlo import simulate_laps
+from analysis.terrain.readings import Setup
 from analysis.terrain.ukf import Ukf
 
 SEED = 2011
@@ -37,7 +37,7 @@ class Measured:
 def road():
     """Make the map that the terrain benchmarks drive on: pitch of the real test track."""
     profile = roads.load_profile("ccw")
-    return AttitudeMap.closed(profile.length_m, profile.pitch_deg, 150.0), profile.length_m
+    return profile.attitude_map(margin=150.0), profile.length_m
 
 
 def ukf_against_filterpy():
@@ -92,10 +92,13 @@ def figures_8_to_11():
     Measured
     """
     attitude_map, length = road()
-    arw, sigma_b = (np.concatenate(pair) for pair in zip(*readings.figure_grids(), strict=True))
-    reading = readings.paper_setup(length)
+    over_n, over_b = Setup.sweeps()
+    sensors = {("N", *at): s for at, s in over_n.items()} | {
+        ("B", *at): s for at, s in over_b.items()
+    }
+    reading = Setup.paper(length)
     start = time.perf_counter()
-    found = monte_carlo.laps(attitude_map, arw, sigma_b, reading, runs=100, seed=SEED)
+    found = simulate_laps(attitude_map, sensors, reading, runs=100, seed=SEED)
     seconds = time.perf_counter() - start
     yield Measured("Figs 8-11 in full, one core", seconds, "s", "<= 30")
     steps = found.error[..., 0].size * (reading.samples - 1)

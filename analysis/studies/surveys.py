@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis import CannotAnswer, roads
 from analysis.logs import datasets, surveys
-from analysis.roads import DIRECTIONS, HIGHWAY, HIGHWAY_STEP, LAPS, TRACK, WIDTH, Lap, lap_names
-from analysis.terrain import antennas, centre_line, steps, terrain_map
-from analysis.terrain.antennas import Mounting
+from analysis.roads import DIRECTIONS, HIGHWAY, HIGHWAY_STEP, LAPS, TRACK, WIDTH, lap_names
+from analysis.terrain import antennas, centre_line, terrain_map
+from analysis.terrain.antennas import AntennaMounting
+from analysis.terrain.real_laps import lay_on_line
 
 GATE = (40.86217, -77.83619)  # lat, lon, deg: s = 0, in the stretch where the laps begin
 DT = 1.0 / surveys.RATE_HZ
@@ -22,38 +22,6 @@ DRIVES = {
 CRAWL = 0.5  # m between the rows that are used
 FINE = 8  # digits of a distance along the track: a curvature is read from it
 HIGHWAY_WIDTH = 5.0  # m, standard deviation of the Gaussian that smooths the highway
-
-
-def lap_on_map(path, direction):
-    """Lay any raw lap of this van on the committed map: the way in for laps of a reader's own.
-
-    Parameters
-    ----------
-    path : Path
-        As `analysis.logs.surveys.lap` reads it.
-    direction : str
-        ``ccw`` or ``cw``.
-
-    Returns
-    -------
-    analysis.roads.Lap
-        Its wheels scaled as on the mean of the committed laps.
-
-    Raises
-    ------
-    CannotAnswer
-        If the file has no RTK or lacks an antenna, or the lap leaves the map or runs against it.
-    """
-    line, known = roads.centre_line(direction), roads.provenance()
-    raw = surveys.lap(Path(path), GATE)
-    whole = np.stack([antennas.bridge(a) for a in raw.antennas])
-    mounting = Mounting(**known["mounting_deg"])
-    try:
-        lap = _lap(Path(path).stem, direction, raw, whole, line, mounting)
-    except CannotAnswer as error:
-        raise CannotAnswer(f"{Path(path).name}: {error}") from error
-    scale = np.mean([about["metres_per_count"] for about in known["laps"].values()])
-    return replace(lap, wheel_m=lap.wheel_m * scale)
 
 
 def write_track(folder):
@@ -75,14 +43,14 @@ def write_track(folder):
     rounds = {n: _round_of(lap) for n, lap in whole.items()}
     mounting = antennas.calibrate(*([rounds[n] for n in lap_names(d)] for d in DIRECTIONS), DT)
     lines = {d: _line([whole[n] for n in lap_names(d)]) for d in DIRECTIONS}
-    laps = {n: _lap(n, LAPS[n], raw[n], whole[n], lines[LAPS[n]], mounting) for n in LAPS}
+    laps = {n: lay_on_line(n, LAPS[n], raw[n], lines[LAPS[n]], mounting) for n in LAPS}
     scale = {n: _scale(laps[n]) for n in LAPS}
     for n, lap in laps.items():
         held_out = np.mean([scale[o] for o in LAPS if o != n])
         laps[n] = replace(lap, wheel_m=lap.wheel_m * held_out)
         _write_table(folder / f"lap-{n}.csv", vars(laps[n]), ("s_m", "wheel_m"))
     for d, line in lines.items():
-        own = [vars(laps[n]) for n in lap_names(d)]
+        own = [laps[n] for n in lap_names(d)]
         made = terrain_map.combine(terrain_map.lap_curves(own, line, WIDTH), line)
         _write_table(folder / f"profile-{d}.csv", vars(made), ("s_m", "east_m", "north_m"))
     said = {
@@ -108,34 +76,6 @@ def _line(laps):
     return centre_line.centre_line([(m[:, 0], m[:, 1]) for m in middles], (0.0, 0.0))
 
 
-def _lap(name, direction, raw, whole, line, mounting):
-    """Lay a lap on its centre line; its wheel_m is still in counts."""
-    middle = whole[1:].mean(axis=0)
-    s, offset = centre_line.along(line, middle[:, 0], middle[:, 1])
-    _, pitch, roll = antennas.attitude(*whole, mounting)
-    known = np.flatnonzero(np.isfinite(s))
-    part = slice(known[0], known[-1] + 1)
-    t, s = raw.t_s[part], s[part]
-    s = s - line.length_m * (s[0] > line.length_m / 2)
-    counts = np.interp(t, raw.wheel_t_s, raw.wheel_counts)
-    counts -= counts[0]
-    good = np.isfinite(s)
-    scale = np.polyfit(counts[good], s[good], 1)[0]
-    s = np.interp(t, t[good], (s - scale * counts)[good]) + scale * counts
-    return Lap(
-        name=name,
-        direction=direction,
-        t_s=t - t[0],
-        s_m=s,
-        offset_m=offset[part],
-        pitch_deg=pitch[part],
-        roll_deg=roll[part],
-        height_m=middle[part, 2],
-        wheel_m=counts,
-        fixed=np.isfinite(raw.antennas).all(axis=(0, 2))[part],
-    )
-
-
 def _scale(lap):
     """Metres along the centre line per encoder count, by least squares."""
     return float(np.polyfit(lap.wheel_m[lap.fixed], lap.s_m[lap.fixed], 1)[0])
@@ -143,7 +83,7 @@ def _scale(lap):
 
 def _about(raw, lap, one_round, mounting, scale):
     """Say what is known of one lap, as plain numbers."""
-    alone = antennas.residuals(one_round, Mounting(), DT)
+    alone = antennas.residuals(one_round, AntennaMounting(), DT)
     left = antennas.residuals(one_round, mounting, DT)
     return {
         "direction": lap.direction,
@@ -218,9 +158,9 @@ def write_highway(folder):
         # At a crawl and at a light the height drifts but the road does not: a row every half metre.
         _, rows = np.unique(s // CRAWL, return_index=True)
         s, xyz = s[rows], {c: values[rows] for c, values in xyz.items()}
-        xyz["height_m"], level, jumps = steps.clean(s, xyz["height_m"])
+        xyz["height_m"], level, jumps = antennas.remove_jumps(s, xyz["height_m"])
         at = np.arange(s[0], s[-1], HIGHWAY_STEP)
-        made = {c: steps.resample(s, values, at, HIGHWAY_WIDTH) for c, values in xyz.items()}
+        made = {c: antennas.smooth_onto(s, values, at, HIGHWAY_WIDTH) for c, values in xyz.items()}
         made["levelled"] = np.interp(at, s, level) < 0.5
         _write_table(folder / f"{name}.csv", made)
         over = np.abs(np.diff(drive["height_m"])) > 1.0

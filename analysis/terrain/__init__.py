@@ -1,1 +1,39 @@
-"""Where on a known road is the vehicle? The road, the gyro, the filter, and what it costs."""
+"""Terrain-based localisation: road maps, simulated gyros, the filter, and the price of precision.
+
+A vehicle measures its pitch or roll and compares it with a map of the road. The face of this room
+is the names below.
+"""
+
+from analysis.terrain.antennas import AntennaMounting
+from analysis.terrain.cost import PowerLaw, draw_prices, largest_allowed
+from analysis.terrain.gyro import attitude_variance, unit_paths
+from analysis.terrain.metrics import fit_trend, interval, share
+from analysis.terrain.monte_carlo import simulate_laps
+from analysis.terrain.point_mass import compare_filters, cramer_rao_bound
+from analysis.terrain.readings import Sensor, Setup, sensor_table
+from analysis.terrain.real_laps import track_real_laps
+from analysis.terrain.roughness import IsoRoad, shared_spectrum
+from analysis.terrain.terrain_map import AttitudeMap, held_out
+
+__all__ = [
+    "AntennaMounting",
+    "AttitudeMap",
+    "IsoRoad",
+    "PowerLaw",
+    "Sensor",
+    "Setup",
+    "attitude_variance",
+    "compare_filters",
+    "cramer_rao_bound",
+    "draw_prices",
+    "fit_trend",
+    "held_out",
+    "interval",
+    "largest_allowed",
+    "sensor_table",
+    "share",
+    "shared_spectrum",
+    "simulate_laps",
+    "track_real_laps",
+    "unit_paths",
+]

@@ -1,38 +1,77 @@
-"""Attitude of a vehicle from three satellite antennas, and how they sit on it.
+"""Positions of satellite antennas: attitude, mounting, short dropouts, jumps of the height.
 
 The antennas span a frame of their own: x from the middle of the rear pair to the front antenna,
 z down, perpendicular to the plane of the three, y to the right. That frame is turned against the
-vehicle by three small angles, the `Mounting`. A mounting yaw psi makes roll leak into pitch::
+vehicle by three small angles, the `AntennaMounting`. With a mounting yaw psi, roll leaks into
+pitch::
 
     pitch of the antennas = mounting pitch + pitch - sin(psi) roll      (small angles)
 
 so a vehicle that leans left in one direction round a track and right in the other shows two
 different mounting pitches if psi is left out.
+
+A receiver that loses its carrier phase makes its height jump. `remove_jumps` takes the shape of the
+height from the steps between neighbouring samples, without jumps and without slopes that no highway
+has, and its level from the long stretches without either; between them both are interpolated.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
-from analysis import CannotAnswer
+from analysis import CannotAnswer, wrap
 
-TIGHTEST = 0.02  # 1/m: no curve of the road is tighter; what is, is noise
-SLOWEST = 3.0  # m/s, below which a course from positions is not trusted
-VARIED = 5e-4  # 1/m of standard deviation of curvature that tell straights from bends
+MAX_CURVATURE = 0.02  # 1/m: no curve of the road is tighter; a larger value is noise
+MIN_SPEED = 3.0  # m/s, below which a course from positions is not used
+MIN_VARIATION = 5e-4  # 1/m, standard deviation of curvature of a lap with straights and bends
 BRIDGED = 2  # missing epochs in a row that are filled
-ENOUGH = 30  # epochs with attitude and course that a calibration needs
+MIN_EPOCHS = 30  # with attitude and course, for a calibration
+MAX_SLOPE = 0.12  # rise over run that no two neighbouring samples of a highway have
+MAX_MEAN_SLOPE = 0.09  # and that no `WINDOW` of it has: a steeper one is a drift of the height
+WINDOW = 20.0  # m
+NOISE = 0.2  # m, noise of the difference of two neighbouring samples
+LEVEL_LENGTH = 300.0  # m without a jump that a stretch needs to give the level
+LEVEL_MARGIN = 75.0  # m at its ends that do not, so that a change of level is spread over 150 m
 
 
 @dataclass(frozen=True)
-class Mounting:
+class AntennaMounting:
     """Attitude of the antenna frame in the vehicle's: 3-2-1 Euler angles, deg."""
 
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
     roll_deg: float = 0.0
+
+    @property
+    def rotation(self) -> Rotation:
+        """The same as a rotation from the antenna frame to the vehicle's."""
+        angles = [self.yaw_deg, self.pitch_deg, self.roll_deg]
+        return Rotation.from_euler("ZYX", angles, degrees=True)
+
+    def antenna_attitude(
+        self, pitch_deg: np.ndarray, roll_deg: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Give the pitch and roll of the antenna frame on a vehicle: `attitude` reversed.
+
+        Parameters
+        ----------
+        pitch_deg, roll_deg : ndarray, shape (n,)
+            Of the vehicle.
+
+        Returns
+        -------
+        pitch_deg, roll_deg : ndarray, shape (n,)
+            Of the antenna frame.
+        """
+        angles = np.column_stack([np.zeros(len(pitch_deg)), pitch_deg, roll_deg])
+        frame = Rotation.from_euler("ZYX", angles, degrees=True) * self.rotation
+        _, pitch, roll = frame.as_euler("ZYX", degrees=True).T
+        return pitch, roll
 
 
 def attitude(front, left, right, mounting=None):
@@ -42,7 +81,7 @@ def attitude(front, left, right, mounting=None):
     ----------
     front, left, right : ndarray, shape (n, 3)
         East, north, up of the front and the two rear antennas, m; NaN where there is no position.
-    mounting : Mounting, optional
+    mounting : AntennaMounting, optional
         None gives the attitude of the antenna frame itself.
 
     Returns
@@ -69,36 +108,17 @@ def attitude(front, left, right, mounting=None):
     C_na = np.stack([x, np.cross(z, x), z], axis=2)  # columns: the antenna axes in n
     vehicle = Rotation.from_matrix(C_na)
     if mounting is not None:
-        vehicle = vehicle * _rotation(mounting).inv()  # C_nb = C_na C_ba^T
+        vehicle = vehicle * mounting.rotation.inv()  # C_nb = C_na C_ba^T
     angles = np.full((len(front), 3), np.nan)
     angles[good] = vehicle.as_euler("ZYX", degrees=True)
     return tuple(angles.T)
 
 
-def seen(pitch, roll, mounting):
-    """Give back the pitch and roll that antennas in a mounting show: `attitude` undone.
-
-    Parameters
-    ----------
-    pitch, roll : ndarray, shape (n,)
-        Of the vehicle, deg.
-    mounting : Mounting
-
-    Returns
-    -------
-    pitch, roll : ndarray, shape (n,)
-        Of the antenna frame, deg.
-    """
-    angles = np.column_stack([np.zeros(len(pitch)), pitch, roll])
-    frame = Rotation.from_euler("ZYX", angles, degrees=True) * _rotation(mounting)
-    return tuple(frame.as_euler("ZYX", degrees=True).T[1:])
-
-
 def bridge(positions, most=BRIDGED):
     """Fill short dropouts of one antenna by a cubic spline through its other epochs.
 
-    Over one missing epoch at 10 Hz (two) the test-track laps themselves say what that costs:
-    2 to 3 mm (3 to 4 mm) in height, little more than the noise of a fix.
+    Its error in height on the test-track laps is 2 to 3 mm over one missing epoch at 10 Hz and 3 to
+    4 mm over two, little more than the noise of a fix.
 
     Parameters
     ----------
@@ -148,7 +168,7 @@ def motion(middle, dt):
     v[1:-1] = (middle[2:] - middle[:-2]) / (2 * dt)
     a[2:-2] = (middle[4:] - 2 * middle[2:-2] + middle[:-4]) / (2 * dt) ** 2
     speed = np.hypot(v[:, 0], v[:, 1])
-    slow = speed < SLOWEST
+    slow = speed < MIN_SPEED
     with np.errstate(divide="ignore", invalid="ignore"):
         curvature = (a[:, 0] * v[:, 1] - a[:, 1] * v[:, 0]) / speed**3
         grade = np.degrees(np.arctan2(v[:, 2], speed))
@@ -159,13 +179,13 @@ def motion(middle, dt):
 
 
 def residuals(antennas, mounting, dt):
-    """Say by how much a mounting misses what the road says, for one round of a lap.
+    """Compare the attitude under a mounting with the road, for one round of a lap.
 
     Parameters
     ----------
     antennas : sequence of three ndarray, shape (n, 3)
         Front, left, right; east, north, up, m.
-    mounting : Mounting
+    mounting : AntennaMounting
     dt : float
         s
 
@@ -182,24 +202,24 @@ def residuals(antennas, mounting, dt):
     front, left, right = antennas
     yaw, pitch, roll = attitude(front, left, right, mounting)
     course, grade, curvature, speed = motion((left + right) / 2, dt)
-    ahead = (yaw - course + 180.0) % 360.0 - 180.0
-    good = np.isfinite(ahead + curvature + grade) & (np.abs(curvature) < TIGHTEST)
-    if good.sum() < ENOUGH:
+    ahead = wrap(yaw - course)
+    good = np.isfinite(ahead + curvature + grade) & (np.abs(curvature) < MAX_CURVATURE)
+    if good.sum() < MIN_EPOCHS:
         raise CannotAnswer(
-            f"only {good.sum()} epochs have an attitude and a course; a mounting needs {ENOUGH}: "
-            "give a lap that drives"
+            f"only {good.sum()} epochs have an attitude and a course; a mounting needs "
+            f"{MIN_EPOCHS}: give a lap in motion"
         )
-    if np.std(curvature[good]) < VARIED:
+    if np.std(curvature[good]) < MIN_VARIATION:
         raise CannotAnswer(
-            "the lap is all one curve, in which a twisted mounting and a drift look the same: give "
-            "a lap with straights and bends"
+            "the lap is all one curve, in which a yaw of the mounting and a side-slip look the "
+            "same: give a lap with straights and bends"
         )
     _, straight_on = np.polyfit(curvature[good], ahead[good], 1)
     pitch, roll = (np.average(v[good], weights=speed[good]) for v in (pitch - grade, roll))
     return float(straight_on), float(pitch), float(roll)
 
 
-def calibrate(there, back, dt):
+def calibrate(one_way, other_way, dt):
     """Find the mounting from laps in both directions round the same track.
 
     Yaw: on a straight the vehicle points where it goes. Pitch: on the average it lies along the
@@ -209,15 +229,15 @@ def calibrate(there, back, dt):
 
     Parameters
     ----------
-    there, back : sequence of laps
-        Rounds one way and rounds the other way; each a triple of ndarray (n, 3) as for
+    one_way, other_way : sequence of laps
+        Rounds in the two directions; each a triple of ndarray (n, 3) as for
         `residuals`, and one whole round of the same track, so that all weigh the same bank.
     dt : float
         s
 
     Returns
     -------
-    Mounting
+    AntennaMounting
         The directions weigh the same, however many laps each has.
 
     Raises
@@ -225,26 +245,107 @@ def calibrate(there, back, dt):
     CannotAnswer
         If there are no laps in one of the directions.
     """
-    if not there or not back:
+    if not one_way or not other_way:
         raise CannotAnswer(
-            "a mounting needs laps in both directions: with one alone its roll cannot be told "
-            "from the bank of the road"
+            "a mounting needs laps in both directions: with one direction alone its roll cannot be "
+            "separated from the bank of the road"
         )
 
-    def misses(angles):
+    def mean_residual(angles):
         each = [
-            np.mean([residuals(lap, Mounting(*angles), dt) for lap in laps], axis=0)
-            for laps in (there, back)
+            np.mean([residuals(lap, AntennaMounting(*angles), dt) for lap in laps], axis=0)
+            for laps in (one_way, other_way)
         ]
         return np.mean(each, axis=0)
 
-    found = root(misses, np.zeros(3), tol=1e-10)
+    found = root(mean_residual, np.zeros(3), tol=1e-10)
     if not found.success:
         raise CannotAnswer(f"no mounting fits these laps ({found.message.split('.')[0].lower()})")
-    return Mounting(*(float(a) for a in found.x))
+    return AntennaMounting(*(float(a) for a in found.x))
 
 
-def _rotation(mounting):
-    return Rotation.from_euler(
-        "ZYX", [mounting.yaw_deg, mounting.pitch_deg, mounting.roll_deg], degrees=True
-    )
+def remove_jumps(s, height):
+    """Remove the jumps of a receiver from heights.
+
+    A jump is a step that is steeper than any road and larger than the noise. After it the receiver
+    is off by up to tens of metres, until it jumps back: between two jumps the height is wrong but
+    its slope is right, unless it drifts.
+
+    Parameters
+    ----------
+    s : ndarray, shape (n,)
+        Distance, m, growing.
+    height : ndarray, shape (n,)
+        m
+
+    Returns
+    -------
+    cleaned : ndarray, shape (n,)
+        m
+    level : ndarray of bool, shape (n,)
+        Where the receiver's own height is kept, to within a millimetre.
+    jumps : ndarray of int
+        Index of the sample before each jump.
+
+    Raises
+    ------
+    CannotAnswer
+        If no stretch is long enough to give the level.
+    """
+    run, rise = np.diff(s), np.diff(height)
+    jumped = np.abs(rise) > NOISE + MAX_SLOPE * run
+    jumps = np.flatnonzero(jumped)
+    if not jumps.size:
+        return np.array(height, dtype=float), np.ones(len(s), dtype=bool), jumps
+    between = (s[:-1] + s[1:]) / 2
+    slope = rise / np.where(run > 0, run, 1.0)
+    shape = _shape(between, run, rise, slope, jumped)
+    ahead, behind = (np.interp(between + d, s, shape) for d in (WINDOW / 2, -WINDOW / 2))
+    drifts = np.concatenate([[0], np.cumsum(np.abs(ahead - behind) > MAX_MEAN_SLOPE * WINDOW)])
+    to, since = (np.searchsorted(between, between + d) for d in (2 * WINDOW, -2 * WINDOW))
+    drifting = drifts[to] > drifts[since]  # and 40 m on either side, where it begins and ends
+    shape = _shape(between, run, rise, slope, jumped | drifting)
+    level = np.zeros(len(s), dtype=bool)
+    ends = np.flatnonzero(jumped | drifting) + 1
+    for a, b in pairwise(np.concatenate([[0], ends, [len(s)]])):
+        stretch = s[a:b]
+        if stretch[-1] - stretch[0] >= LEVEL_LENGTH:
+            first, last = a == 0, b == len(s)
+            level[a:b] = (stretch >= stretch[0] + LEVEL_MARGIN * (not first)) & (
+                stretch <= stretch[-1] - LEVEL_MARGIN * (not last)
+            )
+    if not level.any():
+        raise CannotAnswer(
+            f"the height jumps {jumps.size} times, and nowhere are there {LEVEL_LENGTH:g} m "
+            "without a jump: no stretch gives the level"
+        )
+    return shape + np.interp(s, s[level], (height - shape)[level]), level, jumps
+
+
+def _shape(between, run, rise, slope, bad):
+    """Sum the rises; where they are bad, with the slope interpolated between good ones."""
+    filled = np.interp(between, between[~bad], slope[~bad]) * run
+    return np.concatenate([[0.0], np.cumsum(np.where(bad, filled, rise))])
+
+
+def smooth_onto(s, values, at, width):
+    """Smooth a drive onto other distances.
+
+    Parameters
+    ----------
+    s : ndarray, shape (n,)
+        m, growing.
+    values : ndarray, shape (n,)
+    at : ndarray, shape (k,)
+        m, evenly spaced, within s.
+    width : float
+        Standard deviation of the Gaussian that smooths, m.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+    """
+    finer = 8
+    step = (at[1] - at[0]) / finer
+    fine = at[0] + step * np.arange(finer * len(at))
+    return gaussian_filter1d(np.interp(fine, s, values), width / step, mode="nearest")[::finer]

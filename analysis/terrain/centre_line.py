@@ -1,4 +1,4 @@
-"""A closed centre line, and where along it a point is."""
+"""A closed centre line: where along it a point is, and values on its grid."""
 
 from dataclasses import dataclass
 
@@ -12,9 +12,10 @@ from analysis import CannotAnswer
 STEP = 0.5  # m between the points of a centre line
 SMOOTH = 5.0  # m, standard deviation of the Gaussian that smooths a centre line
 ROUNDS = 4  # of aligning laps and averaging them; the line moves by under a millimetre after three
-AWAY = 3.0  # m to the side beyond which a point has left the line
-BESIDE = 20.0  # m to the side within which a lap is on this road at all
+MAX_OFFSET = 3.0  # m to the side beyond which a point has left the line
+SAME_ROAD = 20.0  # m to the side within which a lap is on this road at all
 NEAREST_RETURN = 100.0  # m a lap must have driven before coming back counts as a round
+NEEDED = 1.0  # samples within about a smoothing width that a value needs
 
 
 @dataclass(frozen=True)
@@ -52,102 +53,141 @@ class CentreLine:
         (e1, n1), (e2, n2) = curve(self.s_m, 1).T, curve(self.s_m, 2).T
         return (e2 * n1 - n2 * e1) / np.hypot(e1, n1) ** 3
 
+    def project(self, east, north):
+        """Give the distance along the line and the offset from it.
 
-def project(line, east, north):
-    """Give distance along a centre line and offset from it.
+        Parameters
+        ----------
+        east, north : ndarray, shape (n,)
+            m; NaN where there is no position.
 
-    Parameters
-    ----------
-    line : CentreLine
-    east, north : ndarray, shape (n,)
-        m; NaN where there is no position.
-
-    Returns
-    -------
-    s : ndarray, shape (n,)
-        0 to ``line.length_m``, m.
-    offset : ndarray, shape (n,)
-        To the right of the line positive, m.
-    """
-    s, offset = np.full((2, len(east)), np.nan)
-    good = np.isfinite(east + north)
-    points = np.column_stack([east, north])[good]
-    _, near = cKDTree(np.column_stack([line.east_m, line.north_m])).query(points)
-    curve, at = line.curves(), line.s_m[near]
-    for _ in range(3):  # Newton on the foot of the perpendicular; it starts within half a step
+        Returns
+        -------
+        s : ndarray, shape (n,)
+            0 to ``length_m``, m.
+        offset : ndarray, shape (n,)
+            To the right of the line positive, m.
+        """
+        s, offset = np.full((2, len(east)), np.nan)
+        good = np.isfinite(east + north)
+        points = np.column_stack([east, north])[good]
+        _, near = cKDTree(np.column_stack([self.east_m, self.north_m])).query(points)
+        curve, at = self.curves(), self.s_m[near]
+        for _ in range(3):  # Newton on the foot of the perpendicular; it starts within half a step
+            gap, tangent = points - curve(at), curve(at, 1)
+            along = np.einsum("ij,ij->i", gap, tangent)
+            bend = np.einsum("ij,ij->i", gap, curve(at, 2))
+            at = at + along / (np.einsum("ij,ij->i", tangent, tangent) - bend)
         gap, tangent = points - curve(at), curve(at, 1)
-        along = np.einsum("ij,ij->i", gap, tangent)
-        bend = np.einsum("ij,ij->i", gap, curve(at, 2))
-        at = at + along / (np.einsum("ij,ij->i", tangent, tangent) - bend)
-    gap, tangent = points - curve(at), curve(at, 1)
-    right = (gap[:, 0] * tangent[:, 1] - gap[:, 1] * tangent[:, 0]) / np.hypot(*tangent.T)
-    s[good], offset[good] = at % line.length_m, right
-    return s, offset
+        right = (gap[:, 0] * tangent[:, 1] - gap[:, 1] * tangent[:, 0]) / np.hypot(*tangent.T)
+        s[good], offset[good] = at % self.length_m, right
+        return s, offset
+
+    def lap_distance(self, east, north):
+        """Give the distance that a lap has driven along the line; refuse a lap that leaves it.
+
+        Parameters
+        ----------
+        east, north : ndarray, shape (n,)
+            Positions in the order of time, m; NaN where missing.
+
+        Returns
+        -------
+        s : ndarray, shape (n,)
+            Growing over the gate, m.
+        offset : ndarray, shape (n,)
+            m
+
+        Raises
+        ------
+        CannotAnswer
+            If the lap leaves the line, or runs against it.
+        """
+        wrapped, offset = self.project(east, north)
+        if not np.isfinite(wrapped).any():
+            raise CannotAnswer("the lap has no position at all, so it cannot be laid on the map")
+        s = wrapped.copy()
+        known = np.isfinite(s)
+        s[known] = np.unwrap(s[known], period=self.length_m)
+        driven = s[known]
+        near = np.nanmedian(np.abs(offset)) < SAME_ROAD
+        if near and driven[-1] < driven[0]:
+            raise CannotAnswer(
+                f"the lap runs against the map's direction ({driven[0] - driven[-1]:.0f} m "
+                "backward); use the map of the other direction"
+            )
+        out = np.flatnonzero(np.abs(offset) > MAX_OFFSET)
+        if out.size:
+            worst = out[np.argmax(np.abs(offset[out]))]
+            raise CannotAnswer(
+                f"the lap leaves the map: it is {abs(offset[worst]):.0f} m to the side of the "
+                f"centre line at s = {wrapped[worst]:.0f} m ({MAX_OFFSET:g} m are allowed); cut "
+                "it there"
+            )
+        return s, offset
+
+    def smooth(self, s, values, width):
+        """Smooth samples onto the line's grid by local straight lines with a Gaussian weight.
+
+        Parameters
+        ----------
+        s : ndarray, shape (n,)
+            Distance of each sample, m; any number of rounds; NaN where missing.
+        values : ndarray, shape (n,)
+            NaN where missing.
+        width : float
+            Standard deviation of the weight, m.
+
+        Returns
+        -------
+        ndarray, shape (grid,)
+            NaN where the weights of the samples around add up to less than `NEEDED`.
+        """
+        grid, length = self.s_m, self.length_m
+        good = np.isfinite(s + values)
+        s, values = np.mod(s[good], length), values[good]
+        order = np.argsort(s)
+        s, values = s[order], values[order]
+        reach = 4 * width
+        s = np.concatenate([s - length, s, s + length])
+        values = np.tile(values, 3)
+        low, high = np.searchsorted(s, grid - reach), np.searchsorted(s, grid + reach)
+        if not (high > low).any():
+            return np.full(len(grid), np.nan)
+        at = low[:, None] + np.arange((high - low).max())
+        inside = at < high[:, None]
+        at = np.minimum(at, len(s) - 1)
+        d = s[at] - grid[:, None]
+        w = np.where(inside, np.exp(-((d / width) ** 2) / 2), 0.0)
+        y = values[at]
+        w0, w1, w2 = w.sum(1), (w * d).sum(1), (w * d**2).sum(1)
+        y0, y1 = (w * y).sum(1), (w * d * y).sum(1)
+        spread = w0 * w2 - w1**2
+        enough = (w0 >= NEEDED) & (spread > 1e-6 * w0**2 * width**2)
+        out = np.full(len(grid), np.nan)
+        np.divide(w2 * y0 - w1 * y1, spread, out=out, where=enough)
+        return out
+
+    def bin_means(self, values, size):
+        """Average values on the line's grid over bins of about a size.
+
+        Parameters
+        ----------
+        values : ndarray, shape (rows, grid)
+        size : float
+            m
+
+        Returns
+        -------
+        ndarray, shape (rows, bins)
+        """
+        bins = max(1, int(self.length_m // size))
+        at = (self.s_m / self.length_m * bins).astype(int)
+        count = np.bincount(at, minlength=bins)
+        return np.array([np.bincount(at, row, bins) / count for row in values])
 
 
-def unwrap(s, length):
-    """Count the rounds: make distance along a closed line grow past its end.
-
-    Parameters
-    ----------
-    s : ndarray, shape (n,)
-        In the order of time; NaN where missing.
-    length : float
-        Once round.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
-    out = np.array(s, dtype=float)
-    good = np.isfinite(out)
-    out[good] = np.unwrap(out[good], period=length)
-    return out
-
-
-def along(line, east, north):
-    """Give the distance a lap has driven along a centre line, refusing what does not follow it.
-
-    Parameters
-    ----------
-    line : CentreLine
-    east, north : ndarray, shape (n,)
-        Positions in the order of time, m; NaN where missing.
-
-    Returns
-    -------
-    s : ndarray, shape (n,)
-        Growing over the gate, m.
-    offset : ndarray, shape (n,)
-        m
-
-    Raises
-    ------
-    CannotAnswer
-        If the lap leaves the line, or runs against it.
-    """
-    wrapped, offset = project(line, east, north)
-    if not np.isfinite(wrapped).any():
-        raise CannotAnswer("the lap has no position at all, so it cannot be laid on the map")
-    s = unwrap(wrapped, line.length_m)
-    driven = s[np.isfinite(s)]
-    near = np.nanmedian(np.abs(offset)) < BESIDE
-    if near and driven[-1] < driven[0]:
-        raise CannotAnswer(
-            f"the lap runs against the map's direction ({driven[0] - driven[-1]:.0f} m backward); "
-            "use the map of the other direction"
-        )
-    out = np.flatnonzero(np.abs(offset) > AWAY)
-    if out.size:
-        worst = out[np.argmax(np.abs(offset[out]))]
-        raise CannotAnswer(
-            f"the lap leaves the map: it is {abs(offset[worst]):.0f} m to the side of the centre "
-            f"line at s = {wrapped[worst]:.0f} m ({AWAY:g} m are allowed); cut it there"
-        )
-    return s, offset
-
-
-def first_round(east, north):
+def first_smooth_round(east, north):
     """Say which epochs of a lap are its first round.
 
     Parameters
@@ -171,7 +211,7 @@ def first_round(east, north):
     back = np.hypot(*(points - points[0]).T)
     back[driven < NEAREST_RETURN] = np.inf
     end = int(np.argmin(back))
-    if back[end] > AWAY:
+    if back[end] > MAX_OFFSET:
         raise CannotAnswer(
             f"the lap never comes back to where it began (nearest {back[end]:.0f} m): a closed "
             "map needs a whole round"
@@ -201,35 +241,38 @@ def centre_line(laps, gate):
     CannotAnswer
         If the first lap does not come back to where it began.
     """
-    points = np.column_stack(laps[0])[first_round(*laps[0])]
+    points = np.column_stack(laps[0])[first_smooth_round(*laps[0])]
     line = _resample(points[np.isfinite(points).all(axis=1)], gate)
     # Smoothing a line cuts its corners; the offsets of the laps, averaged below, put that back.
-    line = _resample(np.column_stack([_round(line.east_m), _round(line.north_m)]), gate)
+    line = _resample(
+        np.column_stack([_smooth_round(line.east_m), _smooth_round(line.north_m)]), gate
+    )
     for _ in range(ROUNDS):
-        aside = np.array([_mean_offset(line, *lap) for lap in laps])
-        there = np.isfinite(aside)
-        if not there.any(axis=0).all():
-            hole = line.s_m[np.argmin(there.any(axis=0))]
+        offset = np.array([_mean_offset(line, *lap) for lap in laps])
+        known = np.isfinite(offset)
+        if not known.any(axis=0).all():
+            hole = line.s_m[np.argmin(known.any(axis=0))]
             raise CannotAnswer(f"no lap has a position near s = {hole:.0f} m: the line has a gap")
-        # Each lap has the same say, however often its receiver dropped out there.
-        aside = np.where(there, aside, 0.0).sum(axis=0) / there.sum(axis=0)
+        # Each lap has the same weight, however often its receiver dropped out there.
+        offset = np.where(known, offset, 0.0).sum(axis=0) / known.sum(axis=0)
         east1, north1 = line.curves()(line.s_m, 1).T
-        moved = np.column_stack([line.east_m + aside * north1, line.north_m - aside * east1])
+        moved = np.column_stack([line.east_m + offset * north1, line.north_m - offset * east1])
         line = _resample(moved, gate)
     return line
 
 
 def _mean_offset(line, east, north):
     """Average a lap's offset around each point of the line; NaN where it has none near."""
-    s, offset = project(line, east, north)
-    good = np.isfinite(s) & (np.abs(offset) < AWAY)
+    s, offset = line.project(east, north)
+    good = np.isfinite(s) & (np.abs(offset) < MAX_OFFSET)
     n = len(line.s_m)
     cell = np.round(s[good] / line.length_m * n).astype(int) % n
-    weight, total = (_round(np.bincount(cell, w, n)) for w in (None, offset[good]))
+    weight, total = (_smooth_round(np.bincount(cell, w, n)) for w in (None, offset[good]))
     return np.divide(total, weight, out=np.full(n, np.nan), where=weight > 1e-4)
 
 
-def _round(values):
+def _smooth_round(values):
+    """Smooth values round the closed line."""
     return gaussian_filter1d(np.asarray(values, dtype=float), SMOOTH / STEP, mode="wrap")
 
 

@@ -7,8 +7,8 @@ A rate error is white noise plus a Gauss-Markov bias, and the attitude error is 
 
 B is the stationary standard deviation of the bias, which is what Table 1 of the paper bears out
 (eq. 6 read as a quotient). The two paths W and G do not depend on N and B: one pair of them, drawn
-once per run, serves every sensor of a sweep. Both are discretised exactly, so the sampling rate
-decides when the attitude is looked at, not how large its error is.
+once per run, serves every sensor of a sweep. Both are discretised exactly: the size of the error
+does not depend on the sampling rate.
 """
 
 import numpy as np
@@ -19,7 +19,9 @@ from analysis import WrongUsage
 STARTS = ("zero", "stationary")
 
 
-def unit_paths(n, dt, corr_time, streams, *, start="zero"):
+def unit_paths(
+    n: int, dt: float, corr_time: float, streams, *, start: str = "zero"
+) -> tuple[np.ndarray, np.ndarray]:
     """Draw the attitude error of a sensor with N = 1 and of one with B = 1, run by run.
 
     The bias and its integral are drawn jointly: over a step of x = dt / T_c ::
@@ -36,7 +38,7 @@ def unit_paths(n, dt, corr_time, streams, *, start="zero"):
     streams : sequence of numpy.random.SeedSequence
         One for each run.
     start : {"zero", "stationary"}
-        Whether the bias starts at 0, as an integrator of a simulation does, or anywhere.
+        Whether the bias starts at 0, as an integrator of a simulation does, or is drawn.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def unit_paths(n, dt, corr_time, streams, *, start="zero"):
     return walk, bias
 
 
-def attitude_variance(t, arw, sigma_b, corr_time, *, start="zero"):
+def attitude_variance(t, arw, sigma_b, corr_time: float, *, start: str = "zero") -> np.ndarray:
     """Variance of the attitude error after a time `t` (closed form). ::
 
         zero:        N^2 t + B^2 T_c^2 (2x - 3 + 4 e^-x - e^-2x),   x = t / T_c
@@ -78,8 +80,9 @@ def attitude_variance(t, arw, sigma_b, corr_time, *, start="zero"):
     Parameters
     ----------
     t : array_like, s
-    arw, sigma_b, corr_time : array_like
-        deg/sqrt(s), deg/s, s.
+    arw, sigma_b : array_like
+        deg/sqrt(s), deg/s.
+    corr_time : float, s
     start : {"zero", "stationary"}
 
     Returns
@@ -97,7 +100,7 @@ def attitude_variance(t, arw, sigma_b, corr_time, *, start="zero"):
 
 
 def high_pass(values, dt, corner):
-    """Take the slow part out of series sampled every `dt`: first-order high-pass, exact pole.
+    """Remove slow variation from series sampled every `dt`: first-order high-pass, exact pole.
 
     Parameters
     ----------

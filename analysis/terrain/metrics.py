@@ -1,54 +1,42 @@
-"""How well laps were tracked: lost or not, mean and variance of the error, consistency, trends.
+"""Tracking errors as numbers: mean and variances with bootstrap intervals, shares, trends.
 
-Errors come as arrays (cells, runs, times). The paper's "tracking error" is true minus estimated
-distance; its mean is read as the mean of the absolute error, which is what an accuracy is. Its
-variance can be three things, and all three are here:
+Errors come as arrays (sensors, runs, times). The paper's "tracking error" is true minus estimated
+distance; its mean is read as the mean of the absolute error, which is an accuracy. Its variance can
+mean three things, and all three are here:
 
 - pooled: of every error of every lap about their common mean,
 - ensemble: over the laps at one moment, averaged over moments,
 - per run: over the moments of one lap, averaged over laps.
 
-Cells share their runs, so intervals come from a bootstrap that draws whole runs and takes the same
-ones for every cell; a difference or ratio of cells is then as sharp as it should be.
+Sensors share their runs, so the bootstrap draws whole runs, the same ones for every sensor; an
+interval of a difference or ratio of two sensors then takes their correlation into account.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
-from scipy.stats import beta, chi2
+from scipy.stats import binomtest, chi2
+
+from analysis import Estimate
 
 LOST_M = 10.0  # m: three sigma of the worst variance that the paper reports (about 12 m^2)
 MEASURES = ("mean_m", "pooled_m2", "ensemble_m2", "per_run_m2")
 
 
-def lost(error, limit=LOST_M):
-    """Say of each lap whether the track was lost: off by more than `limit` at any moment.
+def share(yes) -> Estimate:
+    """Share of events with its 95 % interval (Clopper-Pearson).
 
     Parameters
     ----------
-    error : ndarray, shape (..., times), m
-    limit : float, m
+    yes : array_like of bool, shape (events,)
 
     Returns
     -------
-    ndarray of bool, shape (...)
+    Estimate
     """
-    return np.abs(error).max(axis=-1) > limit
-
-
-def share(yes):
-    """Share of laps with its 95 % interval (Clopper-Pearson).
-
-    Parameters
-    ----------
-    yes : ndarray of bool, shape (runs,)
-
-    Returns
-    -------
-    value, low, high : float
-    """
-    k, n = int(np.sum(yes)), len(yes)
-    low = beta.ppf(0.025, k, n - k + 1) if k else 0.0
-    high = beta.ppf(0.975, k + 1, n - k) if k < n else 1.0
-    return k / n, float(low), float(high)
+    found = binomtest(int(np.sum(yes)), len(yes))
+    low, high = found.proportion_ci()
+    return Estimate(float(found.statistic), float(low), float(high))
 
 
 def resample(runs, draws, rng):
@@ -68,13 +56,13 @@ def measures(error, weights):
 
     Parameters
     ----------
-    error : ndarray, shape (cells, runs, times), m
+    error : ndarray, shape (sensors, runs, times), m
     weights : ndarray, shape (resamples, runs)
         Of `resample`.
 
     Returns
     -------
-    dict of ndarray, shape (resamples, cells)
+    dict of ndarray, shape (resamples, sensors)
         Keys `MEASURES`; m and m^2.
     """
 
@@ -92,114 +80,128 @@ def measures(error, weights):
     return dict(zip(MEASURES, found, strict=True))
 
 
-def interval(resampled):
-    """Value and 95 % interval of anything computed from every row of `measures`.
+def quantiles(resampled):
+    """Value and ends of the 95 % interval of every column of an array of resamples.
 
     Parameters
     ----------
-    resampled : ndarray, shape (resamples, ...)
+    resampled : array_like, shape (resamples, ...)
         The first row is the sample's own.
 
     Returns
     -------
-    value, low, high : float or ndarray
+    value, low, high : ndarray, shape (...)
     """
+    resampled = np.asarray(resampled)
     low, high = np.quantile(resampled[1:], [0.025, 0.975], axis=0)
     return resampled[0], low, high
 
 
-def quadratic(x, y):
-    """Least-squares coefficients of c0 + c1 u + c2 u^2, u being x scaled to 0..1.
+def interval(resampled, unit: str = "") -> Estimate:
+    """Value and 95 % interval of a number computed from every row of `Laps.measures`.
+
+    Parameters
+    ----------
+    resampled : array_like, shape (resamples,)
+        The first row is the sample's own.
+    unit : str
+
+    Returns
+    -------
+    Estimate
+        An end is None where the number is infinite there.
+    """
+    ends = (float(v) for v in quantiles(resampled))
+    return Estimate(*(v if np.isfinite(v) else None for v in ends), unit)
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A curve against a swept coefficient: c0 + c1 u + c2 u^2, u being x scaled to 0..1.
+
+    Attributes
+    ----------
+    rise : Estimate
+        Last point over first, less 1.
+    c1, c2 : Estimate
+        Linear and quadratic coefficient.
+    share : Estimate
+        Share of the rise that the quadratic term carries, c2 / (c1 + c2): 0 for a line. Where the
+        rise may be 0 the share has a pole; the interval then comes from its inverse and is open
+        upwards, or open on both sides if c2 may be 0 too.
+    line_rms, square_rms : float
+        Residual of the sample about c0 + c1 u and about c0 + c2 u^2, over the rise.
+    square_closer : float
+        Share of resamples that the pure square fits better: near 0 a line, near 1 a square.
+    p_line : float
+        Probability of a quadratic term as large as this one if the truth were a line (Wald).
+    """
+
+    rise: Estimate
+    c1: Estimate
+    c2: Estimate
+    share: Estimate
+    line_rms: float
+    square_rms: float
+    square_closer: float
+    p_line: float
+
+
+def fit_trend(x, y) -> Trend:
+    """Fit a line and a square to a curve, with the resamples of the whole curve.
 
     Parameters
     ----------
     x : array_like, shape (points,)
-    y : ndarray, shape (..., points)
+        Rising.
+    y : array_like, shape (resamples, points)
+        The first row is the sample's own. Points of a curve share their runs, so the resamples of
+        the whole curve decide, not the scatter of its points.
 
     Returns
     -------
-    ndarray, shape (..., 3)
+    Trend
     """
-    return y @ np.linalg.pinv(_powers(x, 2)).T
+    x, y = np.asarray(x, dtype=float), np.asarray(y)
+    powers = np.vander((x - x[0]) / (x[-1] - x[0]), 3, increasing=True)
+    _, c1, c2 = (y @ np.linalg.pinv(powers).T).T
+    rms = []
+    for columns in (powers[:, [0, 1]], powers[:, [0, 2]]):
+        rest = y - y @ np.linalg.pinv(columns).T @ columns.T
+        rms.append(np.sqrt((rest**2).mean(axis=-1)))
+    line_rms, square_rms = (float(r[0] / abs(y[0, -1] - y[0, 0])) for r in rms)
+    return Trend(
+        interval(y[:, -1] / y[:, 0] - 1),
+        interval(c1),
+        interval(c2),
+        _share_of_square(c1, c2),
+        line_rms,
+        square_rms,
+        float((rms[1][1:] < rms[0][1:]).mean()),
+        float(chi2.sf((c2[0] / c2[1:].std()) ** 2, 1)),
+    )
 
 
-def share_of_square(coefficients):
-    """Share of the fitted rise that the quadratic term carries, c2 / (c1 + c2): 0 for a line.
-
-    Returns
-    -------
-    ndarray, shape (...)
-    """
-    return coefficients[..., 2] / (coefficients[..., 1] + coefficients[..., 2])
-
-
-def share_interval(coefficients):
-    """Share of the rise that the quadratic term carries, with its 95 % interval.
-
-    Where the rise may be nothing the share runs through a pole; but its inverse does not if the
-    bend is resolved, and leaves the share open upwards.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (resamples, 3)
-        Of `quadratic`; the first row is the sample's own.
-
-    Returns
-    -------
-    value : float
-    low, high : float or None
-        None where that side is open.
-    """
-    value = float(share_of_square(coefficients)[0])
-    bend = coefficients[:, 2]
-    rise = coefficients[:, 1] + bend
-    if _clear(rise):
-        _, low, high = interval(bend / rise)
-        return value, float(low), float(high)
-    if not _clear(bend):
-        return value, None, None
-    _, _, most = interval(rise / bend)
-    return value, (float(1 / most) if most > 0 else None), None
+def _share_of_square(c1, c2):
+    """Share of the rise that the quadratic term carries, from resampled coefficients."""
+    rise = c1 + c2
+    value = float(c2[0] / rise[0])
+    if _excludes_zero(rise):
+        found = interval(c2 / rise)
+        return Estimate(value, found.low, found.high)
+    if not _excludes_zero(c2):
+        return Estimate(value, None, None)
+    most = interval(rise / c2).high
+    return Estimate(value, 1 / most if most > 0 else None, None)
 
 
-def _clear(resampled):
-    """Say whether the 95 % interval of something leaves 0 out."""
-    _, low, high = interval(resampled)
+def _excludes_zero(resampled):
+    _, low, high = quantiles(resampled)
     return not low <= 0 <= high
 
 
-def line_or_square(x, y):
-    """Compare how far a line c0 + c1 u and a pure square c0 + c2 u^2 stay from the points.
-
-    Parameters
-    ----------
-    x : array_like, shape (points,)
-    y : ndarray, shape (resamples, points)
-        Resamples of the whole curve, so that points which share their runs are tested together.
-
-    Returns
-    -------
-    rms : ndarray, shape (2,)
-        What line and square leave over in the sample, over the rise from first to last point.
-    closer : float
-        Share of resamples that the square fits better: near 0 the line, near 1 the square.
-    p_line : float
-        Chance of a quadratic term as large as this one were the truth a line (Wald).
-    """
-    both = _powers(x, 2)
-    left = []
-    for columns in (both[:, [0, 1]], both[:, [0, 2]]):
-        rest = y - y @ np.linalg.pinv(columns).T @ columns.T
-        left.append(np.sqrt((rest**2).mean(axis=-1)))
-    c2 = quadratic(x, y)[:, 2]
-    wald = (c2[0] / c2[1:].std()) ** 2
-    rise = abs(y[0, -1] - y[0, 0])
-    closer = float((left[1][1:] < left[0][1:]).mean())
-    return np.array([left[0][0], left[1][0]]) / rise, closer, float(chi2.sf(wald, 1))
-
-
 def nees_bounds(runs, states=1):
-    """95 % bounds of the mean NEES of so many independent runs, were the filter consistent.
+    """95 % bounds of the mean NEES of independent runs of a consistent filter.
 
     Returns
     -------
@@ -208,8 +210,3 @@ def nees_bounds(runs, states=1):
     """
     low, high = chi2.ppf([0.025, 0.975], runs * states) / runs
     return float(low), float(high)
-
-
-def _powers(x, order):
-    x = np.asarray(x, dtype=float)
-    return np.vander((x - x[0]) / (x[-1] - x[0]), order + 1, increasing=True)

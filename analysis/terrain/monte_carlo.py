@@ -1,68 +1,137 @@
 """Laps of many simulated sensors at once: the runs behind Figs 7-13 of the terrain paper.
 
-A run is one lap: one odometry, one pair of unit paths of the gyro (`gyro.unit_paths`). A cell is
-one sensor (N, B). Every cell sees the same runs, so cells differ by their sensor alone; the
-attitude error of a cell is N W + B G. All filters of a block of runs are stepped together. One core
-does the whole of Figs 8-11 in seconds, less than it takes to start another process, so there is
-none; and what comes out of a run does not depend on the block it is in.
+A run is one lap: one odometry, one pair of unit paths of the gyro (`gyro.unit_paths`). Every sensor
+drives the same runs; its attitude error is N W + B G. All filters of a block of runs are stepped
+together, on one core. The result of a run does not depend on the block it is in.
 
-What the paper leaves open is in `analysis.terrain.readings`, each choice with its reason.
+The choices that the paper leaves open are in `analysis.terrain.readings`, each with its reason.
 """
 
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from tqdm import tqdm
 
-from analysis.terrain import gyro
-from analysis.terrain.ukf import Ukf, with_bias
+from analysis.terrain import gyro, metrics
+from analysis.terrain.readings import Sensor, Setup
+from analysis.terrain.terrain_map import AttitudeMap
+from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
 
-TOGETHER = 6000  # filters stepped at once: enough to hide the interpreter, few enough for a cache
-
+TOGETHER = 6000  # filters stepped at once: many for the interpreter, few enough for a cache
 RUNS_AT_ONCE = 300  # whose unit paths are held at a time: some 240 MB
 
 
 @dataclass(frozen=True)
 class Laps:
-    """What came of simulated laps.
+    """Tracking errors of laps with one or more sensors; sensors are named by their labels.
 
     Attributes
     ----------
+    labels : tuple
+        Of the sensors, in the order of the arrays.
     t : ndarray, shape (times,), s
-        When the rest was looked at.
     distance : ndarray, shape (times,), m
-        Where the car was.
-    error : ndarray, shape (cells, runs, times), m
+        True distance.
+    error : ndarray, shape (sensors, runs, times), m
         Estimated minus true distance.
-    variance : ndarray, shape (cells, runs, times), m^2
-        What the filter thinks of it.
-    nis : ndarray, shape (cells, runs), 1
+    variance : ndarray, shape (sensors, runs, times), m^2
+        That the filter computes for its error.
+    nis : ndarray, shape (sensors, runs), 1
         Normalised innovation squared per channel, averaged over those times with a reading.
+    odometry : ndarray, shape (times,), m, optional
+        Error of the odometry alone from the true first position; of real laps.
     """
 
+    labels: tuple
     t: np.ndarray
     distance: np.ndarray
     error: np.ndarray
     variance: np.ndarray
     nis: np.ndarray
+    odometry: np.ndarray | None = None
+
+    def errors(self, label: Hashable) -> np.ndarray:
+        """Errors of one sensor, m, shape (runs, times)."""
+        return self.error[self.labels.index(label)]
+
+    def lost(self, limit: float = metrics.LOST_M) -> pd.DataFrame:
+        """Mark each lap in which the error exceeds `limit` (m) at any moment.
+
+        Returns
+        -------
+        pandas.DataFrame of bool
+            A row for each run, a column for each sensor.
+        """
+        return self._by_sensor(limit < np.abs(self.error).max(axis=-1).T)
+
+    def measures(self, draws: int, rng, runs=None) -> dict[str, pd.DataFrame]:
+        """Mean absolute error and three variances, with a bootstrap over runs.
+
+        Parameters
+        ----------
+        draws : int
+            Resamples.
+        rng : numpy.random.Generator
+        runs : ndarray of bool, optional
+            The runs that are used; by default all.
+
+        Returns
+        -------
+        dict of pandas.DataFrame
+            Keys `analysis.terrain.metrics.MEASURES`; a column for each sensor, the sample itself in
+            the first row and a resample in each further row. See `interval`.
+        """
+        error = self.error if runs is None else self.error[:, runs]
+        weights = metrics.resample(error.shape[1], draws, rng)
+        found = metrics.measures(error, weights)
+        return {name: self._by_sensor(values) for name, values in found.items()}
+
+    def rms(self) -> pd.Series:
+        """Root mean square error over all runs and times, m, by sensor."""
+        return self._by_sensor(np.sqrt((self.error**2).mean(axis=(1, 2)))[None]).loc[0]
+
+    def nees(self) -> pd.Series:
+        """Mean of error^2 / variance, by sensor: 1 if the filter is consistent."""
+        return self._by_sensor((self.error**2 / self.variance).mean(axis=(1, 2))[None]).loc[0]
+
+    def reach(self, level: float = 0.95) -> pd.Series:
+        """Absolute error that this share of all moments of all laps stays below, m, by sensor."""
+        absolute = np.abs(self.error).reshape(len(self.error), -1)
+        return self._by_sensor(np.quantile(absolute, level, axis=1)[None]).loc[0]
+
+    def _by_sensor(self, values):
+        return pd.DataFrame(values, columns=pd.Index(list(self.labels)))
 
 
-def laps(attitude_map, arw, sigma_b, setup, *, runs, seed, progress=True, look=0.5):
+def simulate_laps(
+    attitude_map: AttitudeMap,
+    sensors: Mapping[Hashable, Sensor],
+    setup: Setup,
+    *,
+    runs: int,
+    seed: int,
+    store_every: float = 0.5,
+    map_error: float = 0.0,
+) -> Laps:
     """Simulate and track laps of many sensors.
 
     Parameters
     ----------
     attitude_map : AttitudeMap
-    arw, sigma_b : array_like, shape (cells,)
-        deg/sqrt(s), deg/s.
+    sensors : mapping of label to Sensor
+        Or to a tuple (arw, sigma_b) or (arw, sigma_b, R).
     setup : Setup
     runs : int
         Laps of each sensor; the same ones for all.
     seed : int
         Run k draws from the k-th stream spawned from it.
-    progress : bool
-    look : float
-        Interval at which errors are kept, s.
+    store_every : float
+        Time between stored errors, s.
+    map_error : float
+        Standard deviation of white noise that is added to every reading, deg. It is drawn for all
+        runs at once, so that it depends on their number.
 
     Returns
     -------
@@ -74,25 +143,28 @@ def laps(attitude_map, arw, sigma_b, setup, *, runs, seed, progress=True, look=0
         If the lap leaves the map.
     """
     attitude_map.require([setup.begin, setup.begin + setup.length])
-    truth = setup.begin + setup.speed / setup.rate_hz * np.arange(setup.samples)
+    truth = setup.truth
     attitude = attitude_map.at(truth)
+    if map_error:
+        shape = (*attitude.shape, runs)
+        noise = map_error * np.random.default_rng(seed).standard_normal(shape)
+        attitude = attitude[..., None] + noise
     streams = np.random.SeedSequence(seed).spawn(runs)
-    block = min(max(TOGETHER // np.size(arw), 1), RUNS_AT_ONCE)
+    block = min(max(TOGETHER // len(sensors), 1), RUNS_AT_ONCE)
     parts = []
-    for i in tqdm(
-        range(0, runs, block), desc="laps", unit="block", disable=None if progress else True
-    ):
-        some = streams[i : i + block]
-        first, moved = odometry(setup, some)
-        paths = attitude_errors(setup, attitude_map.channels, some)
+    for i in tqdm(range(0, runs, block), desc="laps", unit="block", disable=None):
+        part = slice(i, i + block)
+        first, moved = odometry(setup, streams[part])
+        paths = attitude_errors(setup, attitude_map.channels, streams[part])
+        seen = attitude[..., part] if map_error else attitude
         parts.append(
-            follow(attitude_map, truth, attitude, first, moved, paths, arw, sigma_b, setup, look)
+            follow(attitude_map, truth, seen, first, moved, paths, sensors, setup, store_every)
         )
     joined = (
         np.concatenate([getattr(part, name) for part in parts], axis=1)
         for name in ("error", "variance", "nis")
     )
-    return Laps(parts[0].t, parts[0].distance, *joined)
+    return Laps(tuple(sensors), parts[0].t, parts[0].distance, *joined)
 
 
 def odometry(setup, streams):
@@ -154,7 +226,9 @@ def attitude_errors(setup, channels, streams, *, samples=None):
     return walk, bias
 
 
-def follow(attitude_map, truth, attitude, first, moved, paths, arw, sigma_b, setup, look=0.5):
+def follow(
+    attitude_map, truth, attitude, first, moved, paths, sensors, setup, store_every=0.5
+) -> Laps:
     """Track one drive, simulated or real, through all runs and cells; or a drive for each run.
 
     Parameters
@@ -162,62 +236,66 @@ def follow(attitude_map, truth, attitude, first, moved, paths, arw, sigma_b, set
     attitude_map : AttitudeMap or MapOfEach
     truth : ndarray, shape (samples,) or (samples, runs), m
     attitude : ndarray, shape (channels, samples) or (channels, samples, runs), deg
-        What a perfect gyro reads; NaN where there is nothing, and the filter then only moves.
+        Reading of a perfect gyro; NaN where there is none, and the filter then only predicts.
     first : ndarray, shape (runs,), m
     moved : ndarray, shape (samples,) or (samples, runs), m
     paths : tuple of ndarray, shape (samples, channels, runs)
         Of `attitude_errors`.
-    arw, sigma_b : array_like, shape (cells,)
-    setup : Setup
-    look : float
-        As for `laps`.
+    sensors, setup, store_every
+        As for `simulate_laps`; a sensor's R may have the shape (runs,).
 
     Returns
     -------
     Laps
         With ``distance`` of shape (times, runs) where each run has a drive of its own.
     """
-    R = setup.own_R(arw, sigma_b) if setup.R is None else np.asarray(setup.R)
-    R = R if R.ndim == 2 else R.reshape(-1, 1)
-    arw, sigma_b = (np.ravel(np.asarray(v, dtype=float))[:, None] for v in (arw, sigma_b))
+    each_sensor = [Sensor(*sensor) for sensor in sensors.values()]
+    arw, sigma_b = np.array([sensor[:2] for sensor in each_sensor], dtype=float).T[..., None]
+    R = np.stack(np.broadcast_arrays(*(_assumed_R(sensor, setup) for sensor in each_sensor)))
     n, m, dt, every = len(truth), attitude_map.channels, 1 / setup.rate_hz, setup.every
     walk, bias = paths
-    cells, runs = len(arw), len(first)
-    tracker, Q = _filter(attitude_map, setup, arw, sigma_b, first)
-    stride = every * max(round(look / dt) // every, 1)
-    kept = np.arange(stride, n, stride)
-    error, variance = (np.empty((cells, runs, len(kept))) for _ in range(2))
-    nis = np.zeros((cells, runs))
-    seen = np.zeros(runs)
-    there = np.isfinite(attitude).all(axis=0).reshape(n, -1)
-    each, some = there.all(axis=1), there.any(axis=1)
+    ukf, Q = _filter(attitude_map, setup, arw, sigma_b, first)
+    stride = every * max(round(store_every / dt) // every, 1)
+    stored = np.arange(stride, n, stride)
+    error, variance = np.empty((2, len(arw), len(first), len(stored)))
+    nis = np.zeros((len(arw), len(first)))
+    readings = np.zeros(len(first))
+    known = np.isfinite(attitude).all(axis=0).reshape(n, -1)
+    all_known, some_known = known.all(axis=1), known.any(axis=1)
     attitude = attitude.reshape(m, n, 1, -1)
     for k in range(every, n, every):
         step = moved[k - every + 1 : k + 1].sum(axis=0)
-        tracker.predict(step, Q)
-        tracker.P[0, 0] += setup.q * np.abs(step)
-        if some[k]:
+        ukf.predict(step, Q)
+        ukf.P[0, 0] += setup.q * np.abs(step)
+        if some_known[k]:
             z = arw * walk[k][:, None]
             z += sigma_b * bias[k][:, None]
             z += attitude[:, k]
-            innovation, S = tracker.update(z, R) if each[k] else _of_some(tracker, z, R, there[k])
+            innovation, S = ukf.update(z, R) if all_known[k] else _update_known(ukf, z, R, known[k])
         if k % stride == 0:
             j = k // stride - 1
-            error[:, :, j] = tracker.x[0] - truth[k]
-            variance[:, :, j] = tracker.P[0, 0]
-            if some[k]:
-                nis += there[k] * normalised(innovation, S) / m
-                seen += there[k]
-    return Laps(kept * dt, truth[kept], error, variance, nis / np.maximum(seen, 1))
+            error[:, :, j] = ukf.x[0] - truth[k]
+            variance[:, :, j] = ukf.P[0, 0]
+            if some_known[k]:
+                nis += known[k] * normalised_square(innovation, S) / m
+                readings += known[k]
+    nis /= np.maximum(readings, 1)
+    return Laps(tuple(sensors), stored * dt, truth[stored], error, variance, nis)
 
 
-def _of_some(tracker, z, R, there):
+def _assumed_R(sensor, setup):
+    """Measurement variance that the filter of a sensor assumes, deg^2, shape (1,) or (runs,)."""
+    R = setup.R if sensor.R is None else sensor.R
+    return np.atleast_1d(setup.own_R(sensor) if R is None else R)
+
+
+def _update_known(ukf, z, R, known):
     """Update the filters of the runs that have a reading; the others stay as they are."""
-    x, P = tracker.x.copy(), tracker.P.copy()
-    found = tracker.update(np.where(there, z, 0.0), R)
-    np.copyto(tracker.x, x, where=~there)
-    np.copyto(tracker.P, P, where=~there)
-    return found
+    x, P = ukf.x.copy(), ukf.P.copy()
+    innovation, S = ukf.update(np.where(known, z, 0.0), R)
+    np.copyto(ukf.x, x, where=~known)
+    np.copyto(ukf.P, P, where=~known)
+    return innovation, S
 
 
 def _filter(attitude_map, setup, arw, sigma_b, first):
@@ -229,26 +307,12 @@ def _filter(attitude_map, setup, arw, sigma_b, first):
     if not setup.bias_states:
         return Ukf(attitude_map, x, P), 0.0
     dt = setup.every / setup.rate_hz
-    transition, loading, Q = with_bias(arw, sigma_b, setup.corr_time, dt, m)
+    transition, loading, Q = bias_state_matrices(arw, sigma_b, setup.corr_time, dt, m)
     for a in range(1, n, 2):
         P[a, a] = setup.begin_attitude_sd**2
-        # A bias that starts at 0 is known then; a trace of doubt keeps the root real.
+        # A bias that starts at 0 is known then; a small variance keeps the root real.
         P[a + 1, a + 1] = sigma_b**2 if setup.start == "stationary" else 1e-12
     return Ukf(attitude_map, x, P, transition, loading), Q
-
-
-def normalised(innovation, S):
-    """Innovation squared over its covariance, nu' S^-1 nu, for one or two channels.
-
-    Returns
-    -------
-    ndarray, shape (...)
-    """
-    if len(innovation) == 1:
-        return innovation[0] ** 2 / S[0, 0]
-    a, b = innovation
-    det = S[0, 0] * S[1, 1] - S[0, 1] ** 2
-    return (a * a * S[1, 1] - 2 * a * b * S[0, 1] + b * b * S[0, 0]) / det
 
 
 def _child(stream, i):

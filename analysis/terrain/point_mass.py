@@ -1,9 +1,9 @@
-"""The best a tracker can do: a Bayes filter on a grid of positions, and a bound no filter beats.
+"""The UKF against two references: a point-mass filter and the posterior Cramer-Rao bound.
 
-The grid rides along with the odometry and holds how probable each offset from it is (a point-mass
-filter). It assumes what the paper's tracker assumes, white measurement noise of variance R and a
-random walk of variance Q, but nothing about straight lines or Gaussians: what separates the two is
-the price of the unscented transform alone.
+The point-mass filter is a Bayes filter on a grid of positions that moves with the odometry. It
+assumes what the paper's UKF assumes, white measurement noise of variance R and a random walk of
+variance Q, but neither a linear map nor a Gaussian: the difference between the two filters is the
+error of the unscented transform alone.
 
 The posterior Cramer-Rao bound does not depend on any filter. With a linear motion its recursion is
 (Tichavsky, Muravchik, Nehorai 1998) ::
@@ -13,7 +13,15 @@ The posterior Cramer-Rao bound does not depend on any filter. With a linear moti
 with H_k the gradient of the map where the car is, and with it the loading of further states.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
+
+from analysis.terrain import monte_carlo
+from analysis.terrain.metrics import nees_bounds
+from analysis.terrain.readings import Sensor, Setup
+from analysis.terrain.terrain_map import AttitudeMap
+from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
 
 
 class PointMass:
@@ -53,7 +61,7 @@ class PointMass:
         spread = (1 - 2 * side) * p
         spread[:, 1:] += side * p[:, :-1]
         spread[:, :-1] += side * p[:, 1:]
-        # What would leave at the ends stays there: nothing is lost.
+        # The probability that would leave at the ends stays there, so that the sum stays 1.
         spread[:, 0] += side * p[:, 0]
         spread[:, -1] += side * p[:, -1]
         self.p = spread
@@ -66,7 +74,7 @@ class PointMass:
         z : ndarray, shape (channels, runs), deg
         R : array_like, broadcast over (runs,), deg^2
         """
-        expected = self.map.read(self.moved[:, None] + self.offset)
+        expected = self.map.at(self.moved[:, None] + self.offset)
         misfit = ((z[..., None] - expected) ** 2).sum(axis=0)
         misfit -= misfit.min(axis=1, keepdims=True)
         self.p *= np.exp(-0.5 * misfit / np.reshape(R, (-1, 1)))
@@ -78,7 +86,7 @@ class PointMass:
         return self.moved + offset, self.p @ self.offset**2 - offset**2
 
 
-def bound(slope, Q, R, first, transition=None, loading=None):
+def posterior_bound(slope, Q, R, first, transition=None, loading=None):
     """Posterior Cramer-Rao bound of the distance along a lap.
 
     Parameters
@@ -96,7 +104,7 @@ def bound(slope, Q, R, first, transition=None, loading=None):
     Returns
     -------
     ndarray, shape (steps,), m
-        Standard deviation that no unbiased tracker gets below.
+        Smallest standard deviation of any unbiased filter.
     """
     P, Q = (np.atleast_2d(np.asarray(v, dtype=float)) for v in (first, Q))
     n, channels = len(P), slope.shape[1]
@@ -114,3 +122,126 @@ def bound(slope, Q, R, first, transition=None, loading=None):
         P = P - K.T @ (H @ P)
         out[k] = np.sqrt(P[0, 0])
     return out
+
+
+def cramer_rao_bound(
+    attitude_map: AttitudeMap, setup: Setup, sensor: Sensor | None = None
+) -> np.ndarray:
+    """Posterior Cramer-Rao bound of the distance along the lap of a setup.
+
+    The odometry's scale error is left out, for it is no random walk.
+
+    Parameters
+    ----------
+    attitude_map : AttitudeMap
+    setup : Setup
+        With bias states, the attitude error and the bias start at 0 and are known then.
+    sensor : Sensor, optional
+        Needed with bias states.
+
+    Returns
+    -------
+    ndarray, shape (samples - 1,), m
+        From the second sample on.
+    """
+    slope, dt = attitude_map.slope(setup.truth[1:]).T, 1 / setup.rate_hz
+    first, q = setup.begin_sd**2, setup.odometry_walk**2 * setup.speed / setup.rate_hz
+    if not setup.bias_states:
+        return posterior_bound(slope, q, setup.R, first)
+    channels = attitude_map.channels
+    transition, loading, Q = bias_state_matrices(*sensor[:2], setup.corr_time, dt, channels)
+    Q[0, 0] = q
+    start = np.diag([first] + [1e-12] * 2 * channels)
+    return posterior_bound(slope, Q, setup.R, start, transition, loading)
+
+
+@dataclass(frozen=True)
+class FilterComparison:
+    """Errors of two filters on the same laps, with the bound and the odometry alone.
+
+    Attributes
+    ----------
+    distance : ndarray, shape (times,), m
+    ukf, grid : ndarray, shape (times, runs), m
+        Errors of the unscented and of the point-mass filter.
+    variance : ndarray, shape (times, runs), m^2
+        That the unscented filter computes for its error.
+    bound, odometry : ndarray, shape (times,), m
+        Cramer-Rao bound; standard deviation of the odometry alone.
+    nis : ndarray, shape (times, runs), 1
+        Normalised innovation squared of the unscented filter, per channel.
+    """
+
+    distance: np.ndarray
+    ukf: np.ndarray
+    grid: np.ndarray
+    variance: np.ndarray
+    bound: np.ndarray
+    odometry: np.ndarray
+    nis: np.ndarray
+
+    @property
+    def informative(self) -> np.ndarray:
+        """Where the terrain more than halves the variance that the odometry leaves (times,)."""
+        return self.bound < 0.6 * self.odometry
+
+    @property
+    def consistency(self) -> dict[str, np.ndarray]:
+        """Mean over the runs of NEES and of NIS, each of shape (times,); 1 if consistent."""
+        return {"NEES": (self.ukf**2 / self.variance).mean(axis=1), "NIS": self.nis.mean(axis=1)}
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """95 % bounds of those means, were the filter consistent."""
+        return nees_bounds(self.ukf.shape[1])
+
+
+def compare_filters(
+    attitude_map: AttitudeMap,
+    setup: Setup,
+    *,
+    runs: int,
+    seed: int,
+    store_every: float = 0.5,
+    half_width: float = 3.0,
+) -> FilterComparison:
+    """Track the same laps with both filters: white attitude noise, odometry a random walk.
+
+    Parameters
+    ----------
+    attitude_map : AttitudeMap
+    setup : Setup
+        With ``odometry_scale = 0``, for a scale error is no random walk.
+    runs, seed : int
+    store_every : float
+        Time between stored errors, s.
+    half_width : float
+        Of the grid, m.
+
+    Returns
+    -------
+    FilterComparison
+    """
+    streams = np.random.SeedSequence(seed).spawn(runs)
+    first, moved = monte_carlo.odometry(setup, streams)
+    truth, stride = setup.truth, round(store_every * setup.rate_hz)
+    attitude, rng = attitude_map.at(truth), np.random.default_rng(seed)
+    prior, q = setup.begin_sd**2, setup.q * setup.speed / setup.rate_hz
+    ukf = Ukf(attitude_map, first[None], np.full((1, 1, runs), prior))
+    grid = PointMass(attitude_map, first, prior, half_width=half_width)
+    stored = []
+    for k in range(1, setup.samples):
+        z = attitude[:, k, None] + np.sqrt(setup.R) * rng.standard_normal((len(attitude), runs))
+        for each in (ukf, grid):
+            each.predict(moved[k], q)
+        innovation, S = ukf.update(z, setup.R)
+        grid.update(z, setup.R)
+        if k % stride == 0:
+            nis = normalised_square(innovation, S) / len(z)
+            errors = [ukf.x[0] - truth[k], grid.mean()[0] - truth[k]]
+            stored.append([*errors, ukf.P[0, 0].copy(), nis])
+    of_ukf, of_grid, variance, nis = np.moveaxis(stored, 1, 0)
+    bound = cramer_rao_bound(attitude_map, setup)[stride - 1 :: stride]
+    at = truth[stride::stride]
+    odometry = np.sqrt(prior + setup.q * (at - setup.begin))
+    return FilterComparison(at, of_ukf, of_grid, variance, bound, odometry, nis)

@@ -1,16 +1,97 @@
 """One reading of the terrain paper: all that it leaves open, chosen, with the reason for it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from analysis.terrain import gyro
+from analysis import CannotAnswer
+from analysis.terrain.gyro import attitude_variance
 
 SWEPT_N = np.linspace(0.001, 0.01, 10)  # deg/sqrt(s), Figs 8 and 9
 FIXED_B = np.array([0.0001, 0.002, 0.004, 0.006, 0.008, 0.01])  # deg/s, their curves
 SWEPT_B = np.linspace(0.0001, 0.01, 10)  # deg/s, Figs 10 and 11
 FIXED_N = np.array([0.001, 0.002, 0.004, 0.006, 0.008, 0.01])  # deg/sqrt(s), their curves
-WORST = (0.01, 0.01)  # N and B of the worst sensor of the sweep
+
+
+class Sensor(NamedTuple):
+    """A gyro: N and B, and the measurement variance that a filter assumes for it.
+
+    Attributes
+    ----------
+    arw : float
+        deg/sqrt(s)
+    sigma_b : float
+        deg/s
+    R : float or ndarray of shape (laps,), optional
+        deg^2; one for every lap, or one for each real lap. None: that of the `Setup`.
+    """
+
+    arw: float
+    sigma_b: float
+    R: float | np.ndarray | None = None
+
+    @classmethod
+    def from_model(cls, model: dict, channel: str) -> tuple[Sensor, bool]:
+        """Take N and B of a channel of a ``model.json``, as datasheets mean them.
+
+        B is the bias instability (floor of the Allan deviation / 0.664). Where the log shows no
+        floor, its upper bound is taken.
+
+        Parameters
+        ----------
+        model : dict
+            As ``python -m analysis report`` writes it.
+        channel : str
+
+        Returns
+        -------
+        sensor : Sensor
+        bound : bool
+            Whether B is only an upper bound.
+
+        Raises
+        ------
+        CannotAnswer
+            If there is no such channel, it is no rate, or its log resolves neither.
+        """
+        rates = {c["name"]: c for c in model["channels"] if c["kind"] == "rate"}
+        if channel not in rates:
+            raise CannotAnswer(f"'{channel}' is no rate channel of this log; it has: {list(rates)}")
+        unit, numbers = rates[channel]["unit"], rates[channel]["parameters"]
+        scale = {"deg/s": 1.0, "rad/s": np.degrees(1.0), "deg/h": 1 / 3600}.get(unit)
+        arw, bias = (numbers.get(k, {}) for k in ("arw", "bias_instability"))
+        b = bias.get("value") or bias.get("high")
+        if scale is None or not arw.get("value") or not b:
+            raise CannotAnswer(f"'{channel}' in {unit}: this log gives no N, or no bound of B")
+        return cls(scale * arw["value"], scale * b), not bias.get("value")
+
+
+def sensor_table(entries: dict[str, dict]) -> pd.DataFrame:
+    """Lay out the entries of ``data/sensors.toml`` with N and B in the paper's units.
+
+    Parameters
+    ----------
+    entries : dict
+        Name to entry, as read from the file.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each sensor: the entry, ``arw`` (deg/sqrt(s)), ``bias`` (deg/s), ``low`` and
+        ``high`` of the price and ``price``, its geometric middle (USD; NaN where not traced).
+    """
+    table = pd.DataFrame(entries).T
+    density = table["arw_deg_sqrt_h"] / 60
+    table["arw"] = density.where(density.notna(), table["density_deg_s"]).astype(float)
+    table["bias"] = table["bias_deg_h"].astype(float) / 3600
+    prices = [p if isinstance(p, list) else [np.nan, np.nan] for p in table["price_usd"]]
+    table["low"], table["high"] = np.array(prices).T
+    table["price"] = np.sqrt(table["low"] * table["high"])
+    return table
 
 
 @dataclass(frozen=True)
@@ -19,29 +100,29 @@ class Setup:
 
     Attributes
     ----------
+    begin, length : float
+        Where the lap begins on the map and how long it is, m.
     rate_hz : float
         Sampling rate of the simulated sensor (paper: 100 Hz).
     speed : float
         m/s; the paper has none. 11 m/s is how the van of the real laps drives.
-    begin, length : float
-        Where the lap begins on the map and how long it is, m.
     corr_time : float
         T_c of the bias, s (paper, Table 1: 200 s).
     start : {"zero", "stationary"}
-        Start of the bias; an integrator in a simulation starts at 0 unless told otherwise.
-    R : float, None or ndarray of shape (cells,) or (cells, runs)
-        Variance of a measured attitude that the filter assumes, deg^2: one for every sensor (the
-        paper speaks of one given algorithm), or one each. None: each sensor its own, the variance
-        of its attitude error averaged over the lap.
+        Start of the bias; an integrator in a simulation starts at 0 by default.
+    R : float or None
+        Variance of a measured attitude that the filter assumes, deg^2, for every sensor that has
+        none of its own (the paper speaks of one given algorithm). None: for each sensor the
+        variance of its attitude error averaged over the lap.
     odometry_walk, odometry_scale : float
         Error of the odometry, m/sqrt(m) and 1 (both one sigma); the paper has neither. As measured
         on the encoders of the real laps against RTK.
     begin_sd : float
         Error of the first position, m (one sigma).
     every : int
-        The filter takes every so-manieth sample.
+        The filter uses one sample in `every`.
     high_pass : float or None
-        Corner of a high-pass on attitude and map, s; None, as in the paper, is no such filter.
+        Time constant of a high-pass on the attitude error, s; None, as in the paper: no filter.
     bias_states : bool
         Let the filter estimate attitude error and rate bias too, which the paper rules out. R is
         then the variance of what is left: the map's error.
@@ -55,7 +136,7 @@ class Setup:
     speed: float = 11.0
     corr_time: float = 200.0
     start: str = "zero"
-    R: float | np.ndarray | None = None
+    R: float | None = None
     odometry_walk: float = 0.013
     odometry_scale: float = 3.4e-4
     begin_sd: float = 0.5
@@ -64,54 +145,70 @@ class Setup:
     bias_states: bool = False
     begin_attitude_sd: float = 0.05
 
+    WORST = Sensor(0.01, 0.01)  # the worst sensor of the sweep
+
+    @classmethod
+    def paper(cls, length: float, **changes) -> Setup:
+        """Read the paper as notebooks 21 to 23 do: one R, that of the worst sensor of the sweep.
+
+        Parameters
+        ----------
+        length : float
+            Of the lap, m.
+        **changes
+            Attributes that differ; R follows from the others unless given.
+
+        Returns
+        -------
+        Setup
+        """
+        setup = cls(length, **changes)
+        return setup if "R" in changes else replace(setup, R=setup.own_R(cls.WORST))
+
+    @staticmethod
+    def sweeps() -> tuple[dict, dict]:
+        """Give the sensors of Figs 8 and 9, labelled (B, N), and of Figs 10 and 11, (N, B).
+
+        Returns
+        -------
+        over_n, over_b : dict of tuple to Sensor
+            Six curves of ten points, curve after curve; the label is the curve's fixed
+            coefficient and then the swept one.
+        """
+        over_n = {(b, n): Sensor(n, b) for b in FIXED_B for n in SWEPT_N}
+        over_b = {(n, b): Sensor(n, b) for n in FIXED_N for b in SWEPT_B}
+        return over_n, over_b
+
     @property
-    def samples(self):
+    def samples(self) -> int:
         """Samples of a lap."""
         return int(self.length / self.speed * self.rate_hz) + 1
 
     @property
-    def q(self):
+    def truth(self) -> np.ndarray:
+        """True distance of each sample, m, shape (samples,)."""
+        return self.begin + self.speed / self.rate_hz * np.arange(self.samples)
+
+    @property
+    def seconds(self) -> float:
+        """Time of the last sample, s."""
+        return (self.samples - 1) / self.rate_hz
+
+    @property
+    def q(self) -> float:
         """Variance the filter adds for a metre driven, m.
 
         The scale error is no random walk; it is counted as the walk that is as wide at the end.
         """
         return self.odometry_walk**2 + self.odometry_scale**2 * self.length
 
-    def own_R(self, arw, sigma_b):
+    def own_R(self, sensor: Sensor) -> float:
         """Variance of a sensor's attitude error averaged over the lap, deg^2."""
         t = np.linspace(0, self.length / self.speed, 201)[:, None]
-        variance = gyro.attitude_variance(
-            t, np.ravel(arw), np.ravel(sigma_b), self.corr_time, start=self.start
-        )
-        return variance.mean(axis=0)
+        variance = attitude_variance(t, *sensor[:2], self.corr_time, start=self.start)
+        return float(variance.mean(axis=0)[0])
 
-
-def paper_setup(length, **changes):
-    """Read the paper as notebooks 21 to 23 do: one filter, whose R allows for the worst sensor.
-
-    Parameters
-    ----------
-    length : float
-        Of the lap, m.
-    **changes
-        Attributes of `Setup` that are to differ; R follows from the others unless given.
-
-    Returns
-    -------
-    Setup
-    """
-    setup = Setup(length, **changes)
-    return setup if "R" in changes else replace(setup, R=float(setup.own_R(*WORST)[0]))
-
-
-def figure_grids():
-    """Give the cells of Figs 8 and 9 and those of Figs 10 and 11.
-
-    Returns
-    -------
-    tuple of (arw, sigma_b), each ndarray of shape (60,)
-        deg/sqrt(s), deg/s; six curves of ten points, curve after curve.
-    """
-    b, arw = np.meshgrid(FIXED_B, SWEPT_N, indexing="ij")
-    fixed, swept = np.meshgrid(FIXED_N, SWEPT_B, indexing="ij")
-    return (arw.ravel(), b.ravel()), (fixed.ravel(), swept.ravel())
+    def drift_sd(self, sensor: Sensor) -> float:
+        """Standard deviation of a sensor's attitude error at the end of the lap, deg."""
+        end = attitude_variance(self.seconds, *sensor[:2], self.corr_time, start=self.start)
+        return float(np.sqrt(end))

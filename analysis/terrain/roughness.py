@@ -1,25 +1,159 @@
-"""How rough a road is: spectra over wave number, ISO 8608 classes, and what two laps share.
+"""Road roughness: spectra over wave number, ISO 8608 classes, coherence of laps, synthetic roads.
 
 ISO 8608 describes the vertical displacement of a road by a one-sided spectrum over wave number n::
 
     G(n) = G(n0) (n / n0)^-w,    n0 = 0.1 cycles/m,  w = 2
 
-and names classes by G(n0): A to H, each four times the one before. The spectrum of the *shared*
-part of two laps, their cross-spectrum, leaves out what each receiver adds of its own.
+and names classes by G(n0): A to H, each four times the one before. The cross-spectrum of two laps
+keeps what both have; the noise of each receiver averages out.
+
+A synthetic road is an ISO 8608 surface under two wheel paths, with hills below it. Two parallel
+paths at distance b on an isotropic surface share, at wave number n, the part (Kamash and Robson,
+1978)::
+
+    gamma(n) = 2 (pi n b)^(w/2) K_(w/2)(2 pi n b) / Gamma(w/2)
+
+and their difference makes the roll. The vehicle is a rigid rod on the surface: no suspension.
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gamma, kv
+from scipy.stats import chi2, linregress
 
 from analysis import CannotAnswer
+from analysis.terrain.terrain_map import Profile
 
 REFERENCE = 0.1  # cycles/m, n0 of ISO 8608
 CLASSES = "ABCDEFGH"
 CLASS_A = 16e-6  # m^3, geometric mean of class A at n0; each class is four times the one before
-WAVINESS = 2.0
+LONGEST = 100.0  # m: ISO 8608 covers waves up to about here; longer ones are hills
+
+
+@dataclass(frozen=True)
+class IsoRoad:
+    """A road as ISO 8608 describes it.
+
+    Attributes
+    ----------
+    g0 : float
+        Displacement density at 0.1 cycles/m, m^3.
+    waviness : float
+        Exponent of the spectrum.
+    """
+
+    g0: float
+    waviness: float = 2.0
+
+    @classmethod
+    def of_class(cls, name: str) -> IsoRoad:
+        """Give the middle of a class (geometric mean of its bounds), A to H."""
+        if name not in CLASSES or len(name) != 1:
+            raise CannotAnswer(f"no road class '{name}': ISO 8608 has {', '.join(CLASSES)}")
+        return cls(CLASS_A * 4.0 ** CLASSES.index(name))
+
+    @property
+    def name(self) -> str:
+        """Class of the density at n0: A (also for smoother roads) to H (also for rougher ones).
+
+        The bounds of a class lie a factor of two from its mean.
+        """
+        step = np.floor(np.log(self.g0 / CLASS_A) / np.log(4.0) + 0.5)
+        return CLASSES[int(np.clip(step, 0, len(CLASSES) - 1))]
+
+    def density(self, n) -> np.ndarray:
+        """Displacement density, m^3, at wave numbers `n`, cycles/m."""
+        return self.g0 * (np.asarray(n) / REFERENCE) ** -self.waviness
+
+    def shared(self, n, distance: float) -> np.ndarray:
+        """Part of the spectrum that two parallel paths share.
+
+        Parameters
+        ----------
+        n : ndarray
+            Wave number, cycles/m, positive.
+        distance : float
+            Between the paths, m.
+
+        Returns
+        -------
+        ndarray
+            1 for waves much longer than `distance`, 0 for much shorter ones.
+        """
+        x, order = np.pi * np.asarray(n, dtype=float) * distance, self.waviness / 2
+        return 2.0 * x**order * kv(order, 2.0 * x) / gamma(order)
+
+    def simulate(
+        self,
+        length: float,
+        step: float,
+        rng,
+        *,
+        wheelbase: float = 3.5,
+        track_width: float = 1.6,
+        hill_grade_deg: float = 0.0,
+        hill_length: float = 300.0,
+    ) -> Profile:
+        """Make a straight road with the attitude of a vehicle standing on it.
+
+        Parameters
+        ----------
+        length, step : float
+            m; the road is not closed.
+        rng : numpy.random.Generator
+        wheelbase, track_width : float
+            m
+        hill_grade_deg : float
+            Root mean square of the grade that the hills add, deg.
+        hill_length : float
+            Middle wave length of the hills, m; they fill an octave around it.
+
+        Returns
+        -------
+        analysis.terrain.terrain_map.Profile
+            Known exactly: its standard errors are zero.
+
+        Raises
+        ------
+        CannotAnswer
+            If the step is too large for the wheelbase, or the road is too short.
+        """
+        if not 0 < step <= wheelbase / 2:
+            raise CannotAnswer(
+                f"a step of {step:g} m does not resolve a wheelbase of {wheelbase:g} m"
+            )
+        if length < 10 * wheelbase:
+            raise CannotAnswer(f"a road of {length:g} m is too short: make at least ten wheelbases")
+        m = 2 * round(length / step)  # made twice as long, so that its ends do not meet
+        n = np.fft.rfftfreq(m, step)[1:]
+        paths = np.where(n >= 1.0 / LONGEST, self.density(n), 0.0)
+        both = self.shared(n, track_width)
+        hills = np.abs(np.log2(n * hill_length)) <= 0.5
+        hills = hills * np.tan(np.radians(hill_grade_deg)) ** 2 / (2 * np.pi * n) ** 2
+        if hills.any():
+            hills /= np.ptp(n[hills > 0]) + n[0]
+        middle = _wave(paths * (1 + both) / 2 + hills, m, step, rng)
+        across = _wave(paths * 2 * (1 - both), m, step, rng)  # left minus right
+        half = np.pi * n * wheelbase  # phase from the middle of the vehicle to an axle
+        part = slice(0, m // 2)
+        s = np.arange(m // 2) * step
+        slope = _back(middle * 2j * np.sin(half), m)[part] / wheelbase
+        bank = _back(across * np.cos(half), m)[part] / track_width
+        zero = ("pitch_se_deg", "roll_se_deg", "height_se_m", "east_m", "curvature_1_m", "laps")
+        return Profile(
+            s_m=s,
+            pitch_deg=np.degrees(np.arctan(slope)),
+            roll_deg=np.degrees(np.arctan(bank)),
+            height_m=_back(middle * np.cos(half), m)[part],
+            north_m=s,
+            length_m=float(s[-1]),
+            closed=False,
+            **dict.fromkeys(zero, np.zeros(m // 2)),
+        )
 
 
 @dataclass(frozen=True)
@@ -40,6 +174,29 @@ class Spectrum:
     density: np.ndarray
     low: np.ndarray
     high: np.ndarray
+
+    def displacement(self) -> Spectrum:
+        """Turn a spectrum of slope (rise over run, m) into one of displacement (m^3)."""
+        square = (2 * np.pi * self.n) ** 2
+        return Spectrum(self.n, self.density / square, self.low / square, self.high / square)
+
+    def fit_iso(self, low: float, high: float) -> IsoRoad:
+        """Fit a line through the logarithms of a spectrum of displacement.
+
+        Parameters
+        ----------
+        low, high : float
+            Wave numbers between which it is fitted, cycles/m.
+
+        Returns
+        -------
+        IsoRoad
+        """
+        use = (self.n >= low) & (self.n <= high) & (self.density > 0)
+        if use.sum() < 3:
+            raise CannotAnswer(f"fewer than 3 bands between {low:g} and {high:g} cycles/m to fit")
+        line = linregress(np.log(self.n[use] / REFERENCE), np.log(self.density[use]))
+        return IsoRoad(float(np.exp(line.intercept)), float(-line.slope))
 
 
 def spectrum(values, step, per_octave=3):
@@ -62,7 +219,9 @@ def spectrum(values, step, per_octave=3):
     return _banded(n, density, per_octave, intervals=True)
 
 
-def shared_spectrum(laps, step, per_octave=3):
+def shared_spectrum(
+    laps: np.ndarray, step: float, per_octave: int = 3
+) -> tuple[Spectrum, np.ndarray]:
     """Estimate the spectrum of what laps have in common, and their coherence.
 
     Parameters
@@ -78,7 +237,7 @@ def shared_spectrum(laps, step, per_octave=3):
     shared : Spectrum
         Mean cross-spectrum over all pairs: noise of the single laps averages out.
     coherence : ndarray, shape (k,)
-        Shared over total density: the share of a lap's variance that another lap has too.
+        Shared over total density: the part of a lap's variance that another lap has too.
 
     Raises
     ------
@@ -87,73 +246,12 @@ def shared_spectrum(laps, step, per_octave=3):
     """
     laps = np.asarray(laps, dtype=float)
     if len(laps) < 2:
-        raise CannotAnswer("one lap shares nothing with another: give two laps or more")
+        raise CannotAnswer("one lap alone has no coherence: give two laps or more")
     n, _ = _lines(laps[0], laps[0], step)
     cross = np.mean([_lines(a, b, step)[1] for a, b in combinations(laps, 2)], axis=0)
     total = np.mean([_lines(a, a, step)[1] for a in laps], axis=0)
     shared = _banded(n, cross, per_octave, intervals=False)
     return shared, shared.density / _banded(n, total, per_octave, intervals=False).density
-
-
-def iso_density(n, g0, waviness=WAVINESS):
-    """Give the ISO 8608 displacement spectrum, m^3.
-
-    Parameters
-    ----------
-    n : ndarray
-        cycles/m
-    g0 : float
-        Density at n0, m^3.
-    waviness : float
-    """
-    return g0 * (np.asarray(n) / REFERENCE) ** -waviness
-
-
-def class_density(name):
-    """Give the geometric mean of G(n0) of an ISO 8608 class, m^3."""
-    if name not in CLASSES or len(name) != 1:
-        raise CannotAnswer(f"no road class '{name}': ISO 8608 has {', '.join(CLASSES)}")
-    return CLASS_A * 4.0 ** CLASSES.index(name)
-
-
-def iso_class(g0):
-    """Name the ISO 8608 class of a density at n0; bounds lie a factor of two from the means.
-
-    Parameters
-    ----------
-    g0 : float
-        m^3
-
-    Returns
-    -------
-    str
-        A (also for smoother roads) to H (also for rougher ones).
-    """
-    step = np.floor(np.log(g0 / CLASS_A) / np.log(4.0) + 0.5)
-    return CLASSES[int(np.clip(step, 0, len(CLASSES) - 1))]
-
-
-def fit_iso(found, low, high):
-    """Fit G(n0) and the waviness to a spectrum by a line through its logarithms.
-
-    Parameters
-    ----------
-    found : Spectrum
-        Of displacement, m^3.
-    low, high : float
-        Wave numbers between which it is fitted, cycles/m.
-
-    Returns
-    -------
-    g0 : float
-        m^3
-    waviness : float
-    """
-    use = (found.n >= low) & (found.n <= high) & (found.density > 0)
-    if use.sum() < 3:
-        raise CannotAnswer(f"fewer than 3 bands between {low:g} and {high:g} cycles/m to fit")
-    slope, level = np.polyfit(np.log(found.n[use] / REFERENCE), np.log(found.density[use]), 1)
-    return float(np.exp(level)), float(-slope)
 
 
 def _lines(a, b, step):
@@ -177,3 +275,13 @@ def _banded(n, density, per_octave, intervals):
         return Spectrum(mean_n, mean, blank, blank)
     low, high = (2 * count * mean / chi2.ppf(p, 2 * count) for p in (0.975, 0.025))
     return Spectrum(mean_n, mean, low, high)
+
+
+def _wave(density, m, step, rng):
+    """Draw the Fourier lines (but the mean) of a Gaussian series with a one-sided spectrum."""
+    lines = rng.standard_normal((2, len(density)))
+    return np.sqrt(density * m / (4 * step)) * (lines[0] + 1j * lines[1])
+
+
+def _back(lines, m):
+    return np.fft.irfft(np.concatenate([[0.0], lines]), m)

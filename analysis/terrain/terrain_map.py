@@ -1,11 +1,12 @@
 """The terrain map: attitude and height against distance along a closed line, with standard error.
 
-Each lap is smoothed onto the grid by a local straight line; the map is the mean of the laps at each
-point. What the laps differ by there is their noise and their drift together, so the standard error
+Each lap is smoothed onto the grid by a local straight line. The map is the mean of the laps at each
+point. Laps differ by noise and by drift, so the standard error is taken from their scatter ::
 
     se(s) = sqrt(v(s) / n(s))
 
 with v the variance between laps, pooled over a stretch of road, and n the number of laps.
+A filter reads the map as an `AttitudeMap`.
 """
 
 from dataclasses import dataclass
@@ -15,8 +16,175 @@ import numpy as np
 from analysis import CannotAnswer
 
 QUANTITIES = ("pitch_deg", "roll_deg", "height_m")
-NEEDED = 1.0  # epochs within about a smoothing width that a value needs
 POOLED = 50.0  # m, standard deviation of the stretch over which variances are pooled
+MARGIN = 400.0  # m of the map before and after a lap: laps run up to 1.15 times round
+
+
+class AttitudeMap:
+    """Pitch, roll or both on an even grid of distance, as a filter reads them.
+
+    Between two grid points the attitude is a straight line. Outside the map it stays constant, so
+    that a position off the map gives no information.
+
+    Parameters
+    ----------
+    start, step : float
+        Distance of the first grid point and between two, m.
+    attitude : array_like, shape (points,) or (channels, points), deg
+
+    Raises
+    ------
+    CannotAnswer
+        If the map has a gap, or too few points.
+    """
+
+    def __init__(self, start, step, attitude):
+        attitude = np.atleast_2d(np.asarray(attitude, dtype=float))
+        points = attitude.shape[1]
+        if points < 3 or not step > 0:
+            raise CannotAnswer(
+                f"a map needs three points or more and a positive step; this one has {points} "
+                f"and {step:g} m"
+            )
+        gaps = np.flatnonzero(~np.isfinite(attitude).all(axis=0))
+        if len(gaps):
+            raise CannotAnswer(
+                f"the map has no attitude at {len(gaps)} of {points} points, the first at "
+                f"{start + step * gaps[0]:.1f} m: a filter needs a map without gaps"
+            )
+        self.start, self.step, self.attitude = float(start), float(step), attitude
+        # Straight line i is intercept + slope u in u = distance / step; a level one at either end.
+        slope = np.diff(attitude, axis=1)
+        intercept = attitude[:, :-1] - slope * np.arange(1, points)
+        level = np.zeros((len(attitude), 1))
+        self._slope = np.hstack([level, slope, level])
+        self._intercept = np.hstack([attitude[:, :1], intercept, attitude[:, -1:]])
+        self._scale, self._shift = 1.0 / self.step, 1.0 - self.start / self.step
+
+    @classmethod
+    def closed(cls, length, attitude, margin):
+        """Make the map of a closed track, continued past its gate on both sides.
+
+        Parameters
+        ----------
+        length : float
+            Once round, m; the grid of `attitude` divides it evenly and does not repeat its start.
+        attitude : array_like, shape (points,) or (channels, points), deg
+        margin : float
+            How far a position may be off the lap at either end, m.
+
+        Returns
+        -------
+        AttitudeMap
+            From -margin to length + margin, rounded up to the grid.
+        """
+        attitude = np.atleast_2d(attitude)
+        points = attitude.shape[1]
+        step = length / points
+        more = int(np.ceil(margin / step))
+        around = np.arange(-more, points + more + 1) % points
+        return cls(-more * step, step, attitude[:, around])
+
+    @property
+    def channels(self):
+        """Number of channels."""
+        return len(self.attitude)
+
+    @property
+    def end(self):
+        """Distance of the last grid point, m."""
+        return self.start + self.step * (self.attitude.shape[1] - 1)
+
+    @property
+    def distance(self):
+        """Distances of the grid points, m, shape (points,)."""
+        return self.start + self.step * np.arange(self.attitude.shape[1])
+
+    def at(self, distance: np.ndarray) -> np.ndarray:
+        """Attitude at some distances.
+
+        Parameters
+        ----------
+        distance : ndarray, any shape, m
+
+        Returns
+        -------
+        ndarray, shape (channels, ...), deg
+        """
+        u = np.asarray(distance * self._scale)
+        u += self._shift
+        return _on_lines(self._slope, self._intercept, u, u.astype(np.intp))
+
+    def slope(self, distance):
+        """Gradient of the attitude: that of the straight line a distance lies on.
+
+        Returns
+        -------
+        ndarray, shape (channels, ...), deg/m
+        """
+        u = np.asarray(distance, dtype=float) * self._scale + self._shift
+        return self._slope.take(u.astype(np.intp), axis=1, mode="clip") * self._scale
+
+    def require(self, distance):
+        """Refuse a lap that leaves the map.
+
+        Raises
+        ------
+        CannotAnswer
+        """
+        low, high = float(np.min(distance)), float(np.max(distance))
+        if not (self.start <= low and high <= self.end):
+            raise CannotAnswer(
+                f"the lap runs from {low:.1f} to {high:.1f} m and leaves the map, which reaches "
+                f"from {self.start:.1f} to {self.end:.1f} m"
+            )
+
+
+class MapOfEach:
+    """Several maps for one batch of filters: those of run k read the k-th map.
+
+    The tables of all maps lie end to end, and every run looks into its own part only.
+
+    Parameters
+    ----------
+    maps : sequence of AttitudeMap, one for each run
+        With the same channels; runs on the same road share one object.
+    """
+
+    def __init__(self, maps):
+        different = {id(m): m for m in maps}
+        lines = {key: m._slope.shape[1] for key, m in different.items()}
+        first = dict(zip(lines, np.cumsum([0, *lines.values()]), strict=False))
+        self._slope = np.hstack([m._slope for m in different.values()])
+        self._intercept = np.hstack([m._intercept for m in different.values()])
+        self._scale, self._shift = (
+            np.array([getattr(m, name) for m in maps]) for name in ("_scale", "_shift")
+        )
+        self._first = np.array([first[id(m)] for m in maps])
+        self._last = np.array([lines[id(m)] for m in maps]) - 0.5  # on the level line at the end
+
+    @property
+    def channels(self):
+        """Number of channels."""
+        return len(self._slope)
+
+    def at(self, distance):
+        """Attitude at some distances, as `AttitudeMap.at`.
+
+        Parameters
+        ----------
+        distance : ndarray, shape (..., runs), m
+
+        Returns
+        -------
+        ndarray, shape (channels, ..., runs), deg
+        """
+        u = distance * self._scale
+        u += self._shift
+        np.clip(u, 0.0, self._last, out=u)
+        i = u.astype(np.intp)
+        i += self._first
+        return _on_lines(self._slope, self._intercept, u, i)
 
 
 @dataclass(frozen=True)
@@ -38,9 +206,9 @@ class Profile:
     curvature_1_m : ndarray, shape (n,)
         Right turns positive.
     laps : ndarray of int, shape (n,)
-        Laps that the map is the mean of, at each point.
+        Number of laps in the mean at each point.
     length_m : float
-        Once round, or from end to end.
+        Length of a round, or from end to end.
     closed : bool
     """
 
@@ -58,51 +226,52 @@ class Profile:
     length_m: float
     closed: bool
 
+    def attitude_map(self, channels=("pitch",), margin=MARGIN) -> AttitudeMap:
+        """Make the map that a filter reads.
 
-def on_grid(s, values, grid, width, length):
-    """Smooth samples onto a closed grid by local straight lines with a Gaussian weight.
+        Parameters
+        ----------
+        channels : sequence of {"pitch", "roll"}
+        margin : float
+            How far a position may be off a closed map at either end, m.
 
-    Parameters
-    ----------
-    s : ndarray, shape (n,)
-        Distance of each sample, m; any number of rounds; NaN where missing.
-    values : ndarray, shape (n,)
-        NaN where missing.
-    grid : ndarray, shape (m,)
-        m
-    width : float
-        Standard deviation of the weight, m.
-    length : float
-        Once round, m.
+        Returns
+        -------
+        AttitudeMap
+        """
+        rows = [getattr(self, f"{name}_deg") for name in channels]
+        if self.closed:
+            return AttitudeMap.closed(self.length_m, rows, margin)
+        return AttitudeMap(self.s_m[0], self.s_m[1] - self.s_m[0], rows)
 
-    Returns
-    -------
-    ndarray, shape (m,)
-        NaN where less than `NEEDED` samples' weight lies around.
-    """
-    good = np.isfinite(s + values)
-    s, values = np.mod(s[good], length), values[good]
-    order = np.argsort(s)
-    s, values = s[order], values[order]
-    reach = 4 * width
-    s = np.concatenate([s - length, s, s + length])
-    values = np.tile(values, 3)
-    low, high = np.searchsorted(s, grid - reach), np.searchsorted(s, grid + reach)
-    if not (high > low).any():
-        return np.full(len(grid), np.nan)
-    at = low[:, None] + np.arange((high - low).max())
-    inside = at < high[:, None]
-    at = np.minimum(at, len(s) - 1)
-    d = s[at] - grid[:, None]
-    w = np.where(inside, np.exp(-((d / width) ** 2) / 2), 0.0)
-    y = values[at]
-    w0, w1, w2 = w.sum(1), (w * d).sum(1), (w * d**2).sum(1)
-    y0, y1 = (w * y).sum(1), (w * d * y).sum(1)
-    spread = w0 * w2 - w1**2
-    enough = (w0 >= NEEDED) & (spread > 1e-6 * w0**2 * width**2)
-    out = np.full(len(grid), np.nan)
-    np.divide(w2 * y0 - w1 * y1, spread, out=out, where=enough)
-    return out
+    def position_bound(self, noise_deg, window, spacing) -> np.ndarray:
+        """Give the Cramer-Rao bound of a position from readings over a stretch of a closed map.
+
+        For readings z = h(s + shift) + noise, independent once in every ``spacing`` metres::
+
+            var(shift) >= 1 / sum((dh/ds)^2 / noise^2)
+
+        Parameters
+        ----------
+        noise_deg : dict of str to float
+            Standard deviation of a reading about the map, for each channel ("pitch", "roll") read.
+        window, spacing : float
+            Length of the stretch, distance between independent readings, m.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Smallest standard deviation for the stretch that starts at each point, m.
+        """
+        values = np.array([getattr(self, f"{name}_deg") for name in noise_deg])
+        noise, step = np.array([*noise_deg.values()])[:, None], self.s_m[1] - self.s_m[0]
+        around = np.concatenate([values[:, -1:], values, values[:, :1]], axis=1)
+        slope = (around[:, 2:] - around[:, :-2]) / (2 * step)
+        per_point = (slope**2 / noise**2).sum(axis=0) * step / spacing
+        count = max(1, round(window / step))
+        total = np.cumsum(np.concatenate([[0.0], per_point, per_point[: count - 1]]))
+        with np.errstate(divide="ignore"):
+            return 1.0 / np.sqrt(total[count:] - total[:-count])
 
 
 def lap_curves(laps, line, width):
@@ -110,8 +279,8 @@ def lap_curves(laps, line, width):
 
     Parameters
     ----------
-    laps : sequence of dict
-        ``s_m`` and the `QUANTITIES`, each ndarray (n,).
+    laps : sequence of analysis.terrain.real_laps.Lap
+        Or anything with ``s_m`` and the `QUANTITIES`, each ndarray (n,).
     line : analysis.terrain.centre_line.CentreLine
     width : float
         m
@@ -121,7 +290,7 @@ def lap_curves(laps, line, width):
     dict of ndarray, shape (laps, grid)
     """
     return {
-        q: np.array([on_grid(x["s_m"], x[q], line.s_m, width, line.length_m) for x in laps])
+        q: np.array([line.smooth(lap.s_m, getattr(lap, q), width) for lap in laps])
         for q in QUANTITIES
     }
 
@@ -135,7 +304,7 @@ def combine(curves, line, between=None):
         As from `lap_curves`; NaN where a lap has a gap.
     line : analysis.terrain.centre_line.CentreLine
     between : dict of float, optional
-        Variance between laps of each quantity, from elsewhere; a single lap needs it.
+        Variance between laps of each quantity from other laps; a single lap needs it.
 
     Returns
     -------
@@ -144,7 +313,7 @@ def combine(curves, line, between=None):
     Raises
     ------
     CannotAnswer
-        If there is a place that no lap covers, or nowhere two laps to compare.
+        If no lap covers some place, or there is only one lap and no `between`.
     """
     count = np.isfinite(curves["pitch_deg"] + curves["roll_deg"] + curves["height_m"]).sum(axis=0)
     step = line.s_m[1] - line.s_m[0]
@@ -155,7 +324,7 @@ def combine(curves, line, between=None):
             f"first at s = {empty[0]:.0f} m; add a lap, or widen the smoothing"
         )
     if count.max() < 2 and between is None:
-        raise CannotAnswer("one lap makes no map: its error shows only against a second lap")
+        raise CannotAnswer("one lap makes no map: its error needs a second lap to compare with")
     mean, se = {}, {}
     for q, values in curves.items():
         n = np.isfinite(values).sum(axis=0)
@@ -168,12 +337,8 @@ def combine(curves, line, between=None):
         se[q] = np.sqrt(variance / n)
     return Profile(
         s_m=line.s_m,
-        pitch_deg=mean["pitch_deg"],
-        roll_deg=mean["roll_deg"],
-        pitch_se_deg=se["pitch_deg"],
-        roll_se_deg=se["roll_deg"],
-        height_m=mean["height_m"],
-        height_se_m=se["height_m"],
+        **mean,
+        **{q.replace("_", "_se_"): values for q, values in se.items()},
         east_m=line.east_m,
         north_m=line.north_m,
         curvature_1_m=line.curvature(),
@@ -183,13 +348,12 @@ def combine(curves, line, between=None):
     )
 
 
-def held_out(laps, line, width):
-    """Foretell each lap's readings from the mean of the others: what a smoothing width is worth.
+def held_out(laps, line, width) -> dict[str, list[np.ndarray]]:
+    """Predict each lap's readings from the mean of the other laps, to choose a smoothing width.
 
     Parameters
     ----------
-    laps : sequence of dict
-        As for `lap_curves`.
+    laps : sequence of analysis.terrain.real_laps.Lap
     line : analysis.terrain.centre_line.CentreLine
     width : float
         m
@@ -197,70 +361,31 @@ def held_out(laps, line, width):
     Returns
     -------
     dict of list of ndarray
-        Reading minus foretold, U, of each lap; NaN where there is no reading, or no other lap.
+        Reading minus prediction of each lap, for each of the `QUANTITIES`; NaN where there is no
+        reading, or no other lap.
     """
     curves = lap_curves(laps, line, width)
     at = np.append(line.s_m, line.length_m)
-    missed = {q: [] for q in QUANTITIES}
+    residual = {q: [] for q in QUANTITIES}
     for k, lap in enumerate(laps):
         for q, values in curves.items():
             others = np.delete(values, k, axis=0)
             count = np.isfinite(others).sum(axis=0)
             mean = np.where(count > 0, np.nansum(others, axis=0) / np.maximum(count, 1), np.nan)
-            foretold = np.interp(np.mod(lap["s_m"], line.length_m), at, np.append(mean, mean[0]))
-            missed[q].append(lap[q] - foretold)
-    return missed
+            predicted = np.interp(np.mod(lap.s_m, line.length_m), at, np.append(mean, mean[0]))
+            residual[q].append(getattr(lap, q) - predicted)
+    return residual
 
 
-def binned(curves, line, size):
-    """Average the curves of laps over bins of about a size.
-
-    Parameters
-    ----------
-    curves : ndarray, shape (laps, grid)
-    line : analysis.terrain.centre_line.CentreLine
-    size : float
-        m
-
-    Returns
-    -------
-    ndarray, shape (laps, bins)
-    """
-    bins = max(1, int(line.length_m // size))
-    at = (line.s_m / line.length_m * bins).astype(int)
-    return np.array(
-        [np.bincount(at, row, bins) / np.bincount(at, minlength=bins) for row in curves]
-    )
-
-
-def position_bound(values, noise, step, window, apart):
-    """Say how well a stretch of map could tell where a vehicle is (Cramer-Rao).
-
-    For readings z = h(s + shift) + noise, independent once in every ``apart`` metres::
-
-        var(shift) >= 1 / sum((dh/ds)^2 / noise^2)
-
-    Parameters
-    ----------
-    values : ndarray, shape (quantities, n)
-        Closed maps, U, each every ``step``.
-    noise : ndarray, shape (quantities,)
-        Standard deviation of a reading about the map, U.
-    step, window, apart : float
-        Grid, length of the stretch, distance between independent readings, m.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Smallest standard deviation for the stretch that starts at each point, m.
-    """
-    around = np.concatenate([values[:, -1:], values, values[:, :1]], axis=1)
-    slope = (around[:, 2:] - around[:, :-2]) / (2 * step)
-    per_point = (slope**2 / np.asarray(noise)[:, None] ** 2).sum(axis=0) * step / apart
-    count = max(1, round(window / step))
-    total = np.cumsum(np.concatenate([[0.0], per_point, per_point[: count - 1]]))
-    with np.errstate(divide="ignore"):
-        return 1.0 / np.sqrt(total[count:] - total[:-count])
+def _on_lines(slope, intercept, u, i):
+    """Read straight line i at u, for each channel."""
+    out = np.empty((len(slope), *u.shape))
+    for c in range(len(slope)):
+        value = out[c, ...]
+        np.take(slope[c], i, mode="clip", out=value)
+        value *= u
+        value += np.take(intercept[c], i, mode="clip")
+    return out
 
 
 def _pool(values, step):

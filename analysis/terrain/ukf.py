@@ -1,4 +1,4 @@
-"""The terrain paper's tracker: an unscented Kalman filter along a road, many at once.
+"""The terrain paper's filter: an unscented Kalman filter along a road, many at once.
 
 The first state is the distance from the last intersection. Odometry moves it, attitude measures it
 against the map::
@@ -7,9 +7,9 @@ against the map::
 
 The paper leaves the sensor's bias out of the state. Here further states may follow the first: they
 move linearly (`transition`) and add linearly to the measurement (`loading`), such as the attitude
-error and the rate bias of `with_bias`. Only the map is not linear, so of the 2n + 1 sigma points
-of Merwe's scaled set only three differ in distance, and the others are summed in closed form: the
-filter is the same as one that visits them all, to rounding.
+error and the rate bias of `bias_state_matrices`. Only the map is not linear, so of the 2n + 1 sigma
+points of Merwe's scaled set only three differ in distance, and the others are summed in closed
+form: the filter equals one that evaluates all points, to rounding.
 
 Every state is an array over a batch (cells, runs, ...): one filter each, all stepped together.
 """
@@ -119,7 +119,7 @@ class Ukf:
         self.P += Q
 
     def update(self, z, R):
-        """Hold a measured attitude against the map.
+        """Compare a measured attitude with the map, and correct every filter.
 
         Parameters
         ----------
@@ -140,11 +140,11 @@ class Ukf:
         points[0] = x[0]
         np.add(x[0], reach, out=points[1, ...])
         np.subtract(x[0], reach, out=points[2, ...])
-        h = self.map.read(points)
+        h = self.map.at(points)
         centre, plus, minus = h[:, 0], h[:, 1], h[:, 2]
         w = self.w_mean[1]
-        # How each column of the root shows in the measurement, through the further states alone.
-        shown = [
+        # Part of each column of the root in the measurement, through the further states alone.
+        extra_part = [
             [
                 sum(self.loading[c, i - 1] * root[i][j] for i in range(max(j, 1), n))
                 for j in range(n)
@@ -153,8 +153,8 @@ class Ukf:
         ]
         if n > 1:
             for c in range(m):
-                plus[c] += np.sqrt(self.spread) * shown[c][0]
-                minus[c] -= np.sqrt(self.spread) * shown[c][0]
+                plus[c] += np.sqrt(self.spread) * extra_part[c][0]
+                minus[c] -= np.sqrt(self.spread) * extra_part[c][0]
         expected = plus + minus
         expected *= w
         expected += (1.0 - 2.0 * w) * centre
@@ -169,7 +169,7 @@ class Ukf:
                 S[a, b] = w_centre * centre[a] * centre[b]
                 S[a, b] += w * (plus[a] * plus[b] + minus[a] * minus[b])
                 for j in range(1, n):
-                    S[a, b] += shown[a][j] * shown[b][j]
+                    S[a, b] += extra_part[a][j] * extra_part[b][j]
                 if a == b:
                     S[a, a] += R
                 S[b, a] = S[a, b]
@@ -179,7 +179,7 @@ class Ukf:
                 innovation[c] -= self.loading[c, i] * x[1 + i]
         P_xz = [
             [
-                root[i][0] * cross[c] + sum(root[i][j] * shown[c][j] for j in range(1, i + 1))
+                root[i][0] * cross[c] + sum(root[i][j] * extra_part[c][j] for j in range(1, i + 1))
                 for c in range(m)
             ]
             for i in range(n)
@@ -196,7 +196,7 @@ class Ukf:
         return innovation, S
 
 
-def with_bias(arw, sigma_b, corr_time, dt, channels=1):
+def bias_state_matrices(arw, sigma_b, corr_time, dt, channels=1):
     """Matrices of a filter that also estimates attitude error and rate bias, for each channel.
 
     States: distance, then attitude error a (deg) and rate bias b (deg/s) of each channel, ::
@@ -230,6 +230,20 @@ def with_bias(arw, sigma_b, corr_time, dt, channels=1):
         Q[a, a + 1] = Q[a + 1, a] = drive * dt / 2
         Q[a + 1, a + 1] = drive
     return transition, loading, Q
+
+
+def normalised_square(innovation, S):
+    """Innovation squared over its covariance, nu' S^-1 nu, for one or two channels.
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
+    if len(innovation) == 1:
+        return innovation[0] ** 2 / S[0, 0]
+    a, b = innovation
+    det = S[0, 0] * S[1, 1] - S[0, 1] ** 2
+    return (a * a * S[1, 1] - 2 * a * b * S[0, 1] + b * b * S[0, 0]) / det
 
 
 def _cholesky(P):
