@@ -185,10 +185,8 @@ def _whole_log(ax, noise, unit):
 
 def curves(
     axes: Sequence[Axes],
-    x: np.ndarray,
-    fixed: np.ndarray,
-    measured: np.ndarray,
-    lost: np.ndarray,
+    measured: pd.DataFrame,
+    lost: pd.Series,
     *,
     x_label: str,
     y_label: str,
@@ -200,22 +198,23 @@ def curves(
     ----------
     axes : pair of matplotlib.axes.Axes
         For the measure, and for the share of laps lost.
-    x : ndarray, shape (points,)
-    fixed : ndarray, shape (curves,)
-        The other coefficient of each curve.
-    measured : ndarray, shape (resamples, curves, points)
-    lost : ndarray, shape (curves, points)
-        Share of laps.
+    measured : pandas.DataFrame
+        A row for each resample, the sample first; columns labelled by the fixed and the swept
+        coefficient.
+    lost : pandas.Series
+        Share of laps, with the same labels.
     x_label, y_label : str
     curve : str
         Label of a curve, with a place for its fixed value: ``"B = {:g} °/s"``.
     """
     ax, beside = axes
+    fixed, x = (measured.columns.unique(level) for level in (0, 1))
     colors = plt.cm.viridis(np.linspace(0, 0.9, len(fixed)))
-    for k, value in enumerate(fixed):
-        ax.plot(x, measured[0, k], color=colors[k], lw=0.8, label=curve.format(value))
-        beside.plot(x, 100 * lost[k], color=colors[k], lw=0.8, label=curve.format(value))
-    middle, low, high = metrics.interval(measured.mean(axis=1))
+    for value, color in zip(fixed, colors, strict=True):
+        style = {"color": color, "lw": 0.8, "label": curve.format(value)}
+        ax.plot(x, measured[value].iloc[0], **style)
+        beside.plot(x, 100 * lost[value], **style)
+    middle, low, high = metrics.quantiles(measured.T.groupby(level=1).mean().T)
     ax.plot(x, middle, color="k", lw=2, label="average of the curves")
     ax.fill_between(x, low, high, color="k", alpha=0.15, lw=0, label="its 95 % interval")
     ax.set(xlabel=x_label, ylabel=y_label, yscale="log")
@@ -348,10 +347,10 @@ def _apart(x, y, least):
 def against_price(
     axes: Sequence[Axes],
     sensors: pd.DataFrame,
-    mean: np.ndarray,
-    variance: np.ndarray,
+    mean: pd.DataFrame,
+    variance: pd.DataFrame,
     fit: PowerLaw,
-    draws: tuple[np.ndarray, np.ndarray],
+    draws: dict[str, np.ndarray],
     printed: tuple[float, float],
 ) -> None:
     """Draw Figs 12 and 13 of the terrain paper with price ranges, and eq. (7) through them.
@@ -361,30 +360,30 @@ def against_price(
     axes : pair of matplotlib.axes.Axes
     sensors : pandas.DataFrame
         Columns ``label``, ``low``, ``high``, ``middle`` (USD).
-    mean, variance : ndarray, shape (resamples, sensors)
-        m, m^2.
+    mean, variance : pandas.DataFrame
+        m, m^2; a row for each resample, the sample first, a column for each sensor.
     fit : PowerLaw
-    draws : tuple of ndarray, shape (draws,)
-        A and b over the price ranges.
+    draws : dict of ndarray, shape (draws,)
+        ``A`` and ``b`` over the price ranges.
     printed : tuple of float
         A and b of the paper.
     """
     low, high, middle = (sensors[k].to_numpy(float) for k in ("low", "high", "middle"))
     for ax, measured in zip(axes, (mean, variance), strict=True):
-        value, below, above = metrics.interval(measured)
+        value, below, above = metrics.quantiles(measured)
         ax.hlines(value, low, high, color="C0", lw=3, alpha=0.35, label="price range")
         ax.vlines(middle, below, above, color="C0", lw=1, label="_95 % interval")
         ax.plot(middle, value, "o", color="C0", label="simulated, 95 %")
         ax.set(xscale="log", yscale="log", xlabel="price (USD)")
     axes[0].set_ylabel("mean tracking error (m)")
     axes[1].set_ylabel("variance of tracking error (m²)")
-    for label, x, y in zip(sensors["label"], middle, mean[0], strict=True):
+    for label, x, y in zip(sensors["label"], middle, mean.iloc[0], strict=True):
         axes[0].annotate(label, (x, y), (5, 6), textcoords="offset points", fontsize=6)
     axes[0].axhline(1, color="0.5", ls="--", lw=0.7, label="1 m")
     line = np.geomspace(low.min() / 1.5, 1.2 * high.max(), 50)
-    band = np.quantile(draws[0][:, None] * line ** -draws[1][:, None], [0.025, 0.975], axis=0)
+    band = np.quantile(draws["A"][:, None] * line ** -draws["b"][:, None], [0.025, 0.975], axis=0)
     axes[1].fill_between(line, *band, color="C1", alpha=0.2, lw=0, label="eq (7) over prices, 95 %")
-    axes[1].plot(line, fit.A[0] * line ** -fit.b[0], color="C1", label="eq (7), middle prices")
+    axes[1].plot(line, fit.A.value * line**-fit.b.value, color="C1", label="eq (7), middle prices")
     axes[1].plot(line, printed[0] * line ** -printed[1], color="0.5", ls="--", label="as printed")
     for ax in axes:
         ax.legend(fontsize=6, loc="lower left")

@@ -9,7 +9,8 @@ import pytest
 from scipy.stats import linregress
 
 from analysis import DATA, CannotAnswer
-from analysis.terrain import cost
+from analysis.terrain.cost import PowerLaw, draw_prices, largest_allowed
+from analysis.terrain.readings import Sensor, sensor_table
 
 SENSORS = tomllib.loads((DATA / "sensors.toml").read_text(encoding="utf-8"))
 
@@ -17,13 +18,13 @@ SENSORS = tomllib.loads((DATA / "sensors.toml").read_text(encoding="utf-8"))
 def test_power_law_is_a_regression_of_logarithms():
     """cross-check: scipy's linregress, slope, intercept, correlation and their standard errors."""
     price, variance = np.array([600, 2000, 5000, 20000.0]), np.array([12.0, 5.5, 3.8, 1.4])
-    found, theirs = cost.power_law(price, variance), linregress(np.log(price), np.log(variance))
-    assert found.b[0] == pytest.approx(-theirs.slope)
-    assert found.A[0] == pytest.approx(np.exp(theirs.intercept))
+    found, theirs = PowerLaw.fit(price, variance), linregress(np.log(price), np.log(variance))
+    assert found.b.value == pytest.approx(-theirs.slope)
+    assert found.A.value == pytest.approx(np.exp(theirs.intercept))
     assert found.correlation == pytest.approx(-theirs.rvalue)
     times = 4.302653  # Student's t, 97.5 %, two degrees of freedom
-    assert found.b[2] - found.b[0] == pytest.approx(times * theirs.stderr, rel=1e-5)
-    assert np.log(found.A[2] / found.A[0]) == pytest.approx(
+    assert found.b.high - found.b.value == pytest.approx(times * theirs.stderr, rel=1e-5)
+    assert np.log(found.A.high / found.A.value) == pytest.approx(
         times * theirs.intercept_stderr, rel=1e-5
     )
 
@@ -31,11 +32,11 @@ def test_power_law_is_a_regression_of_logarithms():
 def test_power_law_gives_back_the_papers():
     """published: points on eq. (7) give A = 508.4, b = 0.586 and a correlation of 1."""
     price = np.array([500.0, 2000, 8000, 30000])
-    found = cost.power_law(price, 508.4 * price**-0.586)
-    assert (found.A[0], found.b[0]) == pytest.approx((508.4, 0.586))
+    found = PowerLaw.fit(price, 508.4 * price**-0.586)
+    assert (found.A.value, found.b.value) == pytest.approx((508.4, 0.586))
     assert found.correlation == pytest.approx(1.0)
     with pytest.raises(CannotAnswer, match="needs three sensors, not 2"):
-        cost.power_law(price[:2], price[:2])
+        PowerLaw.fit(price[:2], price[:2])
 
 
 def test_interval_of_the_exponent_covers():
@@ -43,20 +44,22 @@ def test_interval_of_the_exponent_covers():
     rng, price, inside = np.random.default_rng(5), np.array([600, 2000, 5000, 20000.0]), 0
     for _ in range(1500):
         scattered = 508.4 * price**-0.586 * np.exp(0.2 * rng.standard_normal(4))
-        _, low, high = cost.power_law(price, scattered).b
-        inside += low < 0.586 < high
+        b = PowerLaw.fit(price, scattered).b
+        inside += b.low < 0.586 < b.high
     assert 0.93 <= inside / 1500 <= 0.97
 
 
 def test_misfit_is_students_t():
     """analytic: at fixed prices the drawn b and ln A have the quantiles of the t interval."""
     price, variance = np.array([600, 2000, 5000, 20000.0]), np.array([12.0, 5.5, 3.8, 1.4])
-    fit = cost.power_law(price, variance)
+    fit = PowerLaw.fit(price, variance)
     many = (np.tile(price, (200_000, 1)), np.tile(variance, (200_000, 1)))
-    A, b = cost.with_misfit(*many, np.random.default_rng(8))
-    assert np.quantile(b, [0.5, 0.025, 0.975]) == pytest.approx(fit.b, abs=0.01)
-    drawn = np.quantile(np.log(A), [0.5, 0.025, 0.975])
-    assert drawn == pytest.approx(np.log(fit.A), abs=0.08)
+    drawn = PowerLaw.fit_draws(*many, misfit=np.random.default_rng(8))
+    for found, expected, within in (
+        (drawn["b"], [fit.b.value, fit.b.low, fit.b.high], 0.01),
+        (np.log(drawn["A"]), np.log([fit.A.value, fit.A.low, fit.A.high]), 0.08),
+    ):
+        assert np.quantile(found, [0.5, 0.025, 0.975]) == pytest.approx(expected, abs=within)
 
 
 def test_many_power_laws_are_each_the_one():
@@ -64,21 +67,21 @@ def test_many_power_laws_are_each_the_one():
     rng = np.random.default_rng(6)
     prices = np.sort(np.exp(rng.uniform(5, 10, (20, 4))), axis=1)
     variances = np.exp(rng.standard_normal((20, 4)))
-    A, b, correlation = cost.power_laws(prices, variances)
+    many = PowerLaw.fit_draws(prices, variances)
     for k in range(20):
-        one = cost.power_law(prices[k], variances[k])
-        assert (one.A[0], one.b[0]) == pytest.approx((A[k], b[k]))
-        assert one.correlation == pytest.approx(correlation[k])
+        one = PowerLaw.fit(prices[k], variances[k])
+        found = (one.A.value, one.b.value, one.correlation)
+        assert found == pytest.approx([many[name][k] for name in ("A", "b", "correlation")])
 
 
 def test_prices_stay_in_their_ranges_and_order():
     """property: within the ranges, rising where asked; ranges that cannot rise are refused."""
     rng, ranges = np.random.default_rng(7), [[300, 2000], [2000, 4000], [2000, 15000]]
-    prices = cost.draw_prices(ranges, 500, rng, rising=True)
+    prices = draw_prices(ranges, 500, rng, rising=True)
     assert prices.shape == (500, 3) and np.all(np.diff(prices, axis=1) > 0)
     assert np.all((np.transpose(ranges)[0] <= prices) & (prices <= np.transpose(ranges)[1]))
     with pytest.raises(CannotAnswer, match="rising order"):
-        cost.draw_prices([[5, 6], [1, 2]], 10, rng, rising=True)
+        draw_prices([[5, 6], [1, 2]], 10, rng, rising=True)
 
 
 def test_sensor_list_is_whole():
@@ -94,45 +97,38 @@ def test_sensor_list_is_whole():
 
 def test_units_of_the_sensor_list():
     """published: 2.0 deg/sqrt(h) and 46.8 deg/h are 0.033 deg/sqrt(s) and 0.013 deg/s (Table 2)."""
-    assert cost.in_seconds(SENSORS["adis16367"]) == pytest.approx((0.0333, 0.013), abs=5e-5)
-    assert cost.in_seconds(SENSORS["mpu6050"])[0] == 0.005
+    table = sensor_table(SENSORS)
+    adis = table.loc["adis16367", ["arw", "bias"]].tolist()
+    assert adis == pytest.approx((0.0333, 0.013), abs=5e-5)
+    assert table.loc["mpu6050", "arw"] == 0.005
+    traced = table["low"].notna()
+    assert set(table.index[traced]) == {k for k, s in SENSORS.items() if "price_usd" in s}
+    assert (table["price"] ** 2)[traced].tolist() == pytest.approx(
+        (table["low"] * table["high"])[traced].tolist()
+    )
 
 
 def test_own_sensor_from_its_model():
     """property: value where the log resolves it, bound where not, rad/s as deg/s, else refused."""
     path = DATA / "derived" / "adis16405" / "model.json"
     model = json.loads(path.read_text(encoding="utf-8"))
-    arw, bias, bound = cost.of_model(model, "gyro_y")
-    assert (arw, bias, bound) == (
-        pytest.approx(0.0425, rel=0.01),
-        pytest.approx(0.00945, rel=0.01),
-        False,
-    )
-    assert cost.of_model(model, "gyro_x")[2] is True
+    sensor, bound = Sensor.from_model(model, "gyro_y")
+    assert sensor[:2] == pytest.approx((0.0425, 0.00945), rel=0.01) and bound is False
+    assert Sensor.from_model(model, "gyro_x")[1] is True
     in_rad = json.loads(json.dumps(model))
     for c in in_rad["channels"]:
         c["unit"] = "rad/s"
-    assert cost.of_model(in_rad, "gyro_y")[0] == pytest.approx(np.degrees(arw))
+    assert Sensor.from_model(in_rad, "gyro_y")[0].arw == pytest.approx(np.degrees(sensor.arw))
     with pytest.raises(CannotAnswer, match="no rate channel"):
-        cost.of_model(model, "accel_x")
+        Sensor.from_model(model, "accel_x")
     model["channels"][1]["parameters"]["arw"]["value"] = None
     with pytest.raises(CannotAnswer, match="gives no N"):
-        cost.of_model(model, "gyro_y")
-
-
-def test_reach_and_cheapest():
-    """analytic: 95 % of 1..100 is 95.05; the cheapest that reaches it; none, if none does."""
-    error = np.arange(1, 101.0).reshape(1, 10, 10) * np.array([1, -0.1])[:, None, None]
-    assert cost.reach(error) == pytest.approx([95.05, 9.505])
-    prices, reaches = [10, 500, 20, np.nan], [5.0, 0.2, 0.9, 0.1]
-    assert cost.cheapest(prices, reaches, 1.0) == 2
-    assert cost.cheapest(prices, reaches, 0.3) == 1
-    assert cost.cheapest(prices, reaches, 0.15) is None
+        Sensor.from_model(model, "gyro_y")
 
 
 def test_allowed_coefficient():
     """analytic: on reach = 3 B the largest B for 0.6 m is 0.2; beyond the grid inf; None below."""
     grid = np.geomspace(0.01, 1, 7)
-    assert cost.allowed(grid, 3 * grid, 0.6) == pytest.approx(0.2)
-    assert cost.allowed(grid, 3 * grid, 9.0) == np.inf
-    assert cost.allowed(grid, 3 * grid, 0.02) is None
+    assert largest_allowed(grid, 3 * grid, 0.6) == pytest.approx(0.2)
+    assert largest_allowed(grid, 3 * grid, 9.0) == np.inf
+    assert largest_allowed(grid, 3 * grid, 0.02) is None

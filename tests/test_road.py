@@ -5,7 +5,9 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from analysis import CannotAnswer, roads
-from analysis.terrain import road, roughness, steps
+from analysis.terrain import roughness
+from analysis.terrain.antennas import remove_jumps, smooth_onto
+from analysis.terrain.roughness import IsoRoad
 
 
 def test_the_spectrum_keeps_the_variance():
@@ -39,7 +41,7 @@ def test_what_laps_share():
     # Bands of 300 lines and more: 6 %; six pairs and three bands to the octave.
     np.testing.assert_allclose(shared.density[fine], 1.0, rtol=0.2)
     np.testing.assert_allclose(coherence[fine], 0.5, atol=0.07)
-    with pytest.raises(CannotAnswer, match="one lap shares nothing"):
+    with pytest.raises(CannotAnswer, match="one lap alone has no coherence"):
         roughness.shared_spectrum(laps[:1], 0.5)
 
 
@@ -54,23 +56,23 @@ def test_iso_classes():
         (500, "C"),
         (520, "D"),
     ):
-        assert roughness.iso_class(g0 * 1e-6) == name
-    assert [roughness.class_density(c) * 1e6 for c in "ABCD"] == [16, 64, 256, 1024]
-    assert roughness.iso_class(1e9) == "H"
+        assert IsoRoad(g0 * 1e-6).name == name
+    assert [IsoRoad.of_class(c).g0 * 1e6 for c in "ABCD"] == [16, 64, 256, 1024]
+    assert IsoRoad(1e9).name == "H"
     with pytest.raises(CannotAnswer, match="no road class 'Z'"):
-        roughness.class_density("Z")
+        IsoRoad.of_class("Z")
 
 
 def test_a_synthetic_road_has_its_spectrum():
     """Analytic: density at 0.1 cycles/m, waviness, and the rod's pitch are those asked for."""
     rng = np.random.default_rng(4)
-    made = road.synthetic(40_000.0, 0.5, 256e-6, rng, wheelbase=1.0, track_width=0.01)
+    made = IsoRoad(256e-6).simulate(40_000.0, 0.5, rng, wheelbase=1.0, track_width=0.01)
     taper = np.hanning(len(made.s_m))
     found = roughness.spectrum(made.height_m * taper / np.sqrt(np.mean(taper**2)), 0.5)
-    g0, waviness = roughness.fit_iso(found, 0.02, 0.1)
+    fit = found.fit_iso(0.02, 0.1)
     # A rod of 1 m sees 95 % of the density at 0.1 cycles/m; bands hold 500 lines and more.
-    assert g0 == pytest.approx(256e-6 * np.cos(np.pi * 0.1) ** 2, rel=0.12)
-    assert waviness == pytest.approx(2.0, abs=0.15)
+    assert fit.g0 == pytest.approx(256e-6 * np.cos(np.pi * 0.1) ** 2, rel=0.12)
+    assert fit.waviness == pytest.approx(2.0, abs=0.15)
     grade = np.degrees(np.arctan(np.gradient(made.height_m, 0.5)))
     # Waves of a rod's length tip it as they please; over 5 m it lies along the road.
     grade, pitch = (gaussian_filter1d(v, 5.0 / 0.5) for v in (grade, made.pitch_deg))
@@ -83,10 +85,10 @@ def test_two_tracks_share_long_waves_only():
 
     n = np.array([1e-4, 0.05, 0.3, 2.0])
     x = 2 * np.pi * n * 1.6
-    np.testing.assert_allclose(road.shared(n, 1.6), x * k1(x), rtol=1e-12)
-    assert road.shared(np.array([1e-6]), 1.6)[0] == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(IsoRoad(1.0).shared(n, 1.6), x * k1(x), rtol=1e-12)
+    assert IsoRoad(1.0).shared(np.array([1e-6]), 1.6)[0] == pytest.approx(1.0, abs=1e-6)
     rng = np.random.default_rng(5)
-    narrow, wide = (road.synthetic(5000.0, 0.5, 256e-6, rng, track_width=w) for w in (1.0, 3.0))
+    narrow, wide = (IsoRoad(256e-6).simulate(5000.0, 0.5, rng, track_width=w) for w in (1.0, 3.0))
     assert narrow.roll_deg.std() > wide.roll_deg.std()
 
 
@@ -95,7 +97,7 @@ def test_hills_have_the_grade_asked_for():
     rng = np.random.default_rng(6)
     rms = [
         np.sqrt(
-            np.mean(road.synthetic(20_000.0, 1.0, 1e-12, rng, hill_grade_deg=2.0).pitch_deg ** 2)
+            np.mean(IsoRoad(1e-12).simulate(20_000.0, 1.0, rng, hill_grade_deg=2.0).pitch_deg ** 2)
         )
         for _ in range(6)
     ]
@@ -105,12 +107,12 @@ def test_hills_have_the_grade_asked_for():
 
 def test_the_same_seed_makes_the_same_road():
     """Property: roads differ by seed only; nonsense is refused."""
-    a, b, c = (road.synthetic(500.0, 0.5, 64e-6, np.random.default_rng(k)) for k in (7, 7, 8))
+    a, b, c = (IsoRoad(64e-6).simulate(500.0, 0.5, np.random.default_rng(k)) for k in (7, 7, 8))
     assert (a.pitch_deg == b.pitch_deg).all() and not (a.pitch_deg == c.pitch_deg).any()
     assert not a.closed and a.length_m == pytest.approx(499.5)
-    for length, step, said in ((500.0, 3.0, "does not resolve"), (10.0, 0.5, "too short")):
-        with pytest.raises(CannotAnswer, match=said):
-            road.synthetic(length, step, 64e-6, np.random.default_rng(1))
+    for length, step, words in ((500.0, 3.0, "does not resolve"), (10.0, 0.5, "too short")):
+        with pytest.raises(CannotAnswer, match=words):
+            IsoRoad(64e-6).simulate(length, step, np.random.default_rng(1))
 
 
 def hill(s):
@@ -122,20 +124,20 @@ def test_jumps_are_removed_and_the_hill_stays():
     """Analytic: a stretch off by 20 m, and one off by 1.5 m, come back to the hill below them."""
     s = np.arange(0.0, 8000.0, 1.4)
     broken = hill(s) + 20.0 * ((s > 2000) & (s < 2100)) - 1.5 * ((s > 5000) & (s < 5150))
-    cleaned, level, jumps = steps.clean(s, broken)
+    cleaned, level, jumps = remove_jumps(s, broken)
     assert jumps.size == 4
     np.testing.assert_allclose(cleaned, hill(s), atol=0.05)
     np.testing.assert_allclose(cleaned[level], broken[level], atol=1e-9)
     assert not level[(s > 2000) & (s < 2100)].any() and level.mean() > 0.9
-    same, all_level, none = steps.clean(s, hill(s))
+    same, all_level, none = remove_jumps(s, hill(s))
     assert (same == hill(s)).all() and all_level.all() and none.size == 0
 
 
 def test_heights_that_always_jump_are_refused():
-    """Property: with no stretch of 300 m the level is unknown, which is said."""
+    """Property: with no stretch of 300 m the level is unknown: refused."""
     s = np.arange(0.0, 2000.0, 1.4)
     with pytest.raises(CannotAnswer, match="the height jumps 9 times, and nowhere are there 300 m"):
-        steps.clean(s, 5.0 * np.floor(s / 200.0))
+        remove_jumps(s, 5.0 * np.floor(s / 200.0))
 
 
 def test_resampling_keeps_a_slope():
@@ -143,7 +145,7 @@ def test_resampling_keeps_a_slope():
     s = np.sort(np.random.default_rng(9).uniform(0.0, 1000.0, 900))
     s[[0, -1]] = 0.0, 1000.0
     at = np.arange(0.0, 1000.0, 5.0)
-    found = steps.resample(s, 0.03 * s, at, 5.0)
+    found = smooth_onto(s, 0.03 * s, at, 5.0)
     np.testing.assert_allclose(found[5:-5], 0.03 * at[5:-5], atol=1e-3)
 
 

@@ -1,18 +1,20 @@
-"""Laps of many sensors, and what is said of them."""
+"""Laps of many sensors: simulation, measures with intervals, trends."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from analysis.terrain.attitude_map import AttitudeMap
 from scipy.stats import chi2
 
 from analysis import CannotAnswer
 from analysis.terrain import metrics, monte_carlo
 from analysis.terrain import readings as readings
+from analysis.terrain.readings import SWEPT_N, Sensor, Setup
+from analysis.terrain.terrain_map import AttitudeMap
 
 SEED = 20112
-CELLS = np.array([0.001, 0.01, 0.001, 0.01]), np.array([0.0001, 0.0001, 0.005, 0.005])
+SENSORS = {(n, b): Sensor(float(n), float(b)) for b in (0.0001, 0.005) for n in (0.001, 0.01)}
+PERFECT = {0: Sensor(0.0, 0.0)}
 
 
 def road():
@@ -23,13 +25,13 @@ def road():
 
 def reading(**changes):
     """Read the paper on 300 m of that road."""
-    return readings.paper_setup(300.0, begin=50.0, **changes)
+    return Setup.paper(300.0, begin=50.0, **changes)
 
 
-def laps(choices, runs=8, attitude_map=None, cells=CELLS, **options):
+def laps(choices, runs=8, attitude_map=None, sensors=SENSORS, **options):
     """Simulate a few laps."""
-    options = {"seed": SEED, "progress": False} | options
-    return monte_carlo.laps(attitude_map or road(), *cells, choices, runs=runs, **options)
+    options = {"seed": SEED} | options
+    return monte_carlo.simulate_laps(attitude_map or road(), sensors, choices, runs=runs, **options)
 
 
 def test_a_lap_does_not_depend_on_its_company(monkeypatch):
@@ -37,15 +39,15 @@ def test_a_lap_does_not_depend_on_its_company(monkeypatch):
     whole = laps(reading())
     fewer = laps(reading(), runs=3)
     np.testing.assert_array_equal(fewer.error, whole.error[:, :3])
-    alone = laps(reading(), cells=(CELLS[0][2:3], CELLS[1][2:3]))
-    np.testing.assert_allclose(alone.error[0], whole.error[2], atol=1e-9)
+    alone = laps(reading(), sensors={"x": (0.001, 0.005)})
+    np.testing.assert_allclose(alone.errors("x"), whole.errors((0.001, 0.005)), atol=1e-9)
     monkeypatch.setattr(monte_carlo, "TOGETHER", 12)
     np.testing.assert_array_equal(laps(reading()).error, whole.error)
 
 
-def test_cells_share_their_runs():
-    """property: without attitude error all cells are the same lap, whatever their sensor."""
-    none = laps(replace(reading(), R=0.1), cells=(np.zeros(3), np.zeros(3)))
+def test_sensors_share_their_runs():
+    """property: without attitude error all sensors are on the same lap."""
+    none = laps(reading(R=0.1), sensors=dict.fromkeys(range(3), Sensor(0.0, 0.0)))
     assert np.array_equal(none.error[0], none.error[1])
     assert np.array_equal(none.error[0], none.error[2])
     assert none.error[0].std() > 0
@@ -54,13 +56,13 @@ def test_cells_share_their_runs():
 def test_a_sensor_without_error_and_a_perfect_odometry_never_err():
     """analytic: nothing in, nothing out."""
     exact = reading(R=0.1, odometry_walk=0.0, odometry_scale=0.0, begin_sd=1e-9)
-    assert np.abs(laps(exact, cells=(np.zeros(1), np.zeros(1))).error).max() < 1e-6
+    assert np.abs(laps(exact, sensors=PERFECT).error).max() < 1e-6
 
 
 def test_without_terrain_it_is_dead_reckoning():
     """analytic: on a level road the error is that of the odometry, whose variance adds up."""
     flat = AttitudeMap(0.0, 1.0, np.zeros(500))
-    found = laps(reading(odometry_scale=1e-3), runs=400, attitude_map=flat, look=5.0)
+    found = laps(reading(odometry_scale=1e-3), runs=400, attitude_map=flat, store_every=5.0)
     driven = found.distance - 50.0
     expected = 0.5**2 + 0.013**2 * driven + (1e-3 * driven) ** 2
     spread = found.error[0].var(axis=0)
@@ -95,18 +97,58 @@ def test_half_the_samples_have_the_same_paths():
 
 def test_own_variance_is_averaged_over_the_lap():
     """analytic: with no bias, N^2 times half the lap's time."""
-    assert reading().own_R(0.01, 0.0)[0] == pytest.approx(1e-4 * 300 / 11 / 2, rel=1e-3)
-    worst = reading().own_R(*readings.WORST)[0]
-    assert worst == pytest.approx(reading().R)
+    assert reading().own_R(Sensor(0.01, 0.0)) == pytest.approx(1e-4 * 300 / 11 / 2, rel=1e-3)
+    assert reading().own_R(Setup.WORST) == pytest.approx(reading().R)
+    sensor = Sensor(0.01, 0.005)
+    own = laps(replace(reading(), R=None), sensors={0: sensor})
+    same = laps(reading(), sensors={0: sensor._replace(R=reading().own_R(sensor))})
+    np.testing.assert_array_equal(own.error, same.error)
 
 
 def test_the_grids_are_those_of_the_figures():
     """published: N 0.001 to 0.01 at six B, and the reverse, 120 cells."""
-    (n, b), (fixed, swept) = readings.figure_grids()
-    assert len(n) == len(swept) == 60
+    over_n, over_b = Setup.sweeps()
+    assert len(over_n) == len(over_b) == 60
+    assert all(label == (s.sigma_b, s.arw) for label, s in over_n.items())
+    assert all(label == (s.arw, s.sigma_b) for label, s in over_b.items())
+    (b, n), (fixed, swept) = (zip(*labels, strict=True) for labels in (over_n, over_b))
     assert sorted(set(b)) == [0.0001, 0.002, 0.004, 0.006, 0.008, 0.01]
-    assert (n.min(), n.max(), swept.min(), swept.max()) == (0.001, 0.01, 0.0001, 0.01)
+    assert (min(n), max(n), min(swept), max(swept)) == (0.001, 0.01, 0.0001, 0.01)
     assert len(set(n)) == len(set(swept)) == 10 and len(set(fixed)) == 6
+
+
+def test_laps_by_label():
+    """property: tables carry the labels of the sensors, and agree with the arrays."""
+    found = laps(reading())
+    lost, rms = found.lost(0.5), found.rms()
+    assert lost.shape == (8, 4) and list(lost.columns) == list(SENSORS)
+    for k, label in enumerate(SENSORS):
+        error = found.errors(label)
+        assert np.array_equal(lost[label], np.abs(error).max(axis=1) > 0.5)
+        assert rms[label] == pytest.approx(
+            error.std() if error.mean() == 0 else np.sqrt((error**2).mean())
+        )
+        nees = (error**2 / found.variance[k]).mean()
+        assert found.nees()[label] == pytest.approx(nees)
+        assert found.reach(0.9)[label] == pytest.approx(np.quantile(np.abs(error), 0.9))
+    chosen = np.arange(8) < 5
+    some = found.measures(20, np.random.default_rng(1), runs=chosen)["pooled_m2"]
+    fewer = laps(reading(), runs=5).measures(20, np.random.default_rng(1))["pooled_m2"]
+    np.testing.assert_allclose(some, fewer, rtol=1e-9)
+
+
+def test_reach():
+    """analytic: 95 % of 1..100 is 95.05, whatever the sign."""
+    error = np.arange(1, 101.0).reshape(1, 10, 10) * np.array([1, -0.1])[:, None, None]
+    reach = monte_carlo.Laps(("a", "b"), None, None, error, None, None).reach()
+    assert reach.tolist() == pytest.approx([95.05, 9.505])
+
+
+def test_white_noise_of_the_map_is_added():
+    """property: a map error of no size changes nothing, another is a noise on every reading."""
+    exact = laps(reading(R=0.01), sensors=PERFECT)
+    noisy = laps(reading(R=0.01), sensors=PERFECT, map_error=0.1)
+    assert exact.nis.mean() < 0.2 and noisy.nis.mean() == pytest.approx(1.0, rel=0.25)
 
 
 def test_a_lap_off_the_map_is_refused():
@@ -134,10 +176,11 @@ def test_the_three_variances_are_numpys():
 
 def test_the_share_of_a_square_and_its_open_side():
     """analytic: c2 / (c1 + c2) where the rise is clear; past the pole what its inverse says."""
-    rng, one = np.random.default_rng(SEED), np.ones(2001)
+    rng = np.random.default_rng(SEED)
 
     def share(c1, c2):
-        return metrics.share_interval(np.stack([one, c1, c2], axis=1))
+        found = metrics._share_of_square(c1, c2)
+        return found.value, found.low, found.high
 
     def around(x, sd):
         return x + sd * np.append(0.0, rng.standard_normal(2000))
@@ -159,22 +202,24 @@ def test_bootstrap_interval_covers():
     for _ in range(300):
         error = 2.0 * rng.standard_normal((1, 50, 1)) + rng.standard_normal((1, 50, 10))
         weights = metrics.resample(50, 300, rng)
-        _, low, high = metrics.interval(metrics.measures(error, weights)["pooled_m2"][:, 0])
-        inside += low < 5.0 < high
+        found = metrics.interval(metrics.measures(error, weights)["pooled_m2"][:, 0])
+        inside += found.low < 5.0 < found.high
     assert 0.88 <= inside / 300 <= 0.98
 
 
 def test_share_of_square_knows_lines_and_squares():
     """analytic: 0 for a line, 1 for c x^2 from 0, 0.82 for the pure square of the swept N."""
-    x = readings.SWEPT_N
-    assert metrics.share_of_square(metrics.quadratic(x, 2 + 3 * x)) == pytest.approx(0, abs=1e-9)
-    assert metrics.share_of_square(metrics.quadratic(x, x**2)) == pytest.approx(0.9 / 1.1)
-    rng = np.random.default_rng(SEED)
+    x, rng = SWEPT_N, np.random.default_rng(SEED)
+    for curve, share in ((2 + 3 * x, 0.0), (x**2, 0.9 / 1.1)):
+        around = curve * (1 + 1e-12 * rng.standard_normal((50, 1)))
+        assert metrics.fit_trend(x, around).share.value == pytest.approx(share, abs=1e-9)
     for power, closer in ((1, 0.0), (2, 1.0)):
         noisy = (x / 0.01) ** power + 0.01 * rng.standard_normal((200, 10))
-        rms, share, p = metrics.line_or_square(x, noisy)
-        assert share == closer and np.argmin(rms) == power - 1
-        assert (p < 1e-3) == (power == 2)
+        found = metrics.fit_trend(x, noisy)
+        assert found.square_closer == closer
+        assert (found.square_rms < found.line_rms) == (power == 2)
+        assert (found.p_line < 1e-3) == (power == 2)
+        assert found.rise.value == pytest.approx(noisy[0, -1] / noisy[0, 0] - 1)
 
 
 def test_line_test_keeps_its_level():
@@ -184,7 +229,7 @@ def test_line_test_keeps_its_level():
     for _ in range(300):
         curves = x + 0.3 * rng.standard_normal((60, 10)) + rng.standard_normal((60, 1))
         y = metrics.resample(60, 200, rng) @ curves
-        called += metrics.line_or_square(x, y)[2] < 0.05
+        called += metrics.fit_trend(x, 3.0 + y).p_line < 0.05
     assert 0.02 <= called / 300 <= 0.10  # 5 % +- 2.5 %, and a bootstrap of 60 is a little narrow
 
 
@@ -192,7 +237,8 @@ def test_lost_and_its_share():
     """published: Clopper-Pearson: 0 of 100 lost is at most 3.6 %; 5 of 100 is 1.6 to 11.3 %."""
     error = np.zeros((2, 100, 7))
     error[1, :5, 3] = -10.5
-    flags = metrics.lost(error)
-    assert flags.sum(axis=1).tolist() == [0, 5]
-    assert metrics.share(flags[0]) == pytest.approx((0, 0, 0.0362), abs=1e-4)
-    assert metrics.share(flags[1]) == pytest.approx((0.05, 0.0164, 0.1128), abs=1e-4)
+    lost = monte_carlo.Laps(("good", "bad"), None, None, error, None, None).lost()
+    assert lost.sum().tolist() == [0, 5]
+    for label, expected in (("good", (0, 0, 0.0362)), ("bad", (0.05, 0.0164, 0.1128))):
+        found = metrics.share(lost[label])
+        assert (found.value, found.low, found.high) == pytest.approx(expected, abs=1e-4)

@@ -1,5 +1,7 @@
 """The terrain map: antennas to attitude, laps to a line and a map, and what is refused."""
 
+from types import SimpleNamespace
+
 import h5py
 import numpy as np
 import pymap3d
@@ -11,8 +13,9 @@ from analysis import CannotAnswer, WrongUsage, roads
 from analysis.logs import datasets
 from analysis.logs import surveys as survey
 from analysis.studies import surveys
-from analysis.terrain import antennas, centre_line, real_laps, terrain_map
-from analysis.terrain.antennas import Mounting
+from analysis.terrain import antennas, centre_line, terrain_map
+from analysis.terrain.antennas import AntennaMounting
+from analysis.terrain.terrain_map import Profile
 
 # A van whose front antenna sits 0.33 m to the left and 0.07 m low, whose right one is 9 mm higher.
 FRONT, LEFT, RIGHT = (2.58, -0.33, 0.07), (0.0, -0.74, 0.0), (0.0, 0.74, -0.009)
@@ -74,16 +77,16 @@ def line_of(laps):
 def columns(lap, line, mounting):
     """A lap as `lap_curves` wants it."""
     middle = lap[1:].mean(axis=0)
-    s, _ = centre_line.along(line, middle[:, 0], middle[:, 1])
+    s, _ = line.lap_distance(middle[:, 0], middle[:, 1])
     _, pitch, roll = antennas.attitude(*lap, mounting)
-    return {"s_m": s, "pitch_deg": pitch, "roll_deg": roll, "height_m": middle[:, 2]}
+    return SimpleNamespace(s_m=s, pitch_deg=pitch, roll_deg=roll, height_m=middle[:, 2])
 
 
 def test_attitude_of_a_known_van():
     """Analytic: antennas placed by a known attitude give that attitude back, to rounding."""
     lap, s = drive(1)
     pitch, roll, _ = truth(s)
-    yaw, found_pitch, found_roll = antennas.attitude(*lap, Mounting(*mounting_of_the_van()))
+    yaw, found_pitch, found_roll = antennas.attitude(*lap, AntennaMounting(*mounting_of_the_van()))
     np.testing.assert_allclose(found_pitch, pitch, atol=1e-9)
     np.testing.assert_allclose(found_roll, roll, atol=1e-9)
     turned = (yaw - np.degrees(plan(s)[2]) + 180.0) % 360.0 - 180.0
@@ -103,22 +106,22 @@ def test_the_mounting_is_recovered_from_both_directions():
 def test_a_twisted_baseline_leaks_roll_into_pitch():
     """Analytic: without the mounting the directions disagree in pitch by sin(psi) roll, twice."""
     laps = [drive(way, rounds=1.0)[0] for way in (1, -1)]
-    (_, there, a), (_, back, b) = (antennas.residuals(lap, Mounting(), DT) for lap in laps)
+    (_, there, a), (_, back, b) = (antennas.residuals(lap, AntennaMounting(), DT) for lap in laps)
     psi = np.radians(mounting_of_the_van()[0])
     # First order in the roll of 4 deg: the next is its cosine, 0.3 %.
     assert there - back == pytest.approx(-np.sin(psi) * (a - b), rel=0.02)
-    mounting = Mounting(*mounting_of_the_van())
+    mounting = AntennaMounting(*mounting_of_the_van())
     left = [antennas.residuals(lap, mounting, DT)[1] for lap in laps]
     np.testing.assert_allclose(left, 0.0, atol=0.01)
 
 
 def test_what_the_antennas_see_undoes_the_mounting():
-    """Property: seen(attitude with mounting) is the attitude without it."""
+    """Property: the antenna attitude of the vehicle's is the one without a mounting."""
     lap, _ = drive(1)
-    mounting = Mounting(*mounting_of_the_van())
+    mounting = AntennaMounting(*mounting_of_the_van())
     _, pitch, roll = antennas.attitude(*lap, mounting)
     _, raw_pitch, raw_roll = antennas.attitude(*lap)
-    again = antennas.seen(pitch, roll, mounting)
+    again = mounting.antenna_attitude(pitch, roll)
     np.testing.assert_allclose(again, [raw_pitch, raw_roll], atol=1e-9)
 
 
@@ -127,7 +130,7 @@ def test_the_centre_line_is_the_mean_of_the_laps():
     line = line_of([drive(1, aside=a)[0] for a in (0.4, -0.4)])
     assert line.length_m == pytest.approx(LENGTH, abs=0.05)
     s = np.arange(5.0, LENGTH - 5.0, 7.0)
-    found, right = centre_line.project(line, *plan(s)[:2])
+    found, right = line.project(*plan(s)[:2])
     np.testing.assert_allclose(found, s, atol=0.05)
     np.testing.assert_allclose(right, 0.0, atol=0.02)
     k = 2 * np.pi / LENGTH
@@ -142,9 +145,7 @@ def test_projection_onto_the_line():
     line = line_of([drive(1)[0]])
     s = np.array([0.2, 100.0, 700.3, LENGTH - 0.3])
     east, north, course = plan(s)
-    found, right = centre_line.project(
-        line, east + 2.0 * np.cos(course), north - 2.0 * np.sin(course)
-    )
+    found, right = line.project(east + 2.0 * np.cos(course), north - 2.0 * np.sin(course))
     np.testing.assert_allclose(found, s, atol=0.03)
     np.testing.assert_allclose(right, 2.0, atol=0.01)
 
@@ -166,7 +167,7 @@ def test_the_map_recovers_a_known_road():
     """Analytic: without noise the map is the road, but for what a 1 m Gaussian takes from waves."""
     laps = [drive(1, start=x)[0] for x in (-20.0, -20.37, -20.71)]
     line = line_of(laps)
-    mounting = Mounting(*mounting_of_the_van())
+    mounting = AntennaMounting(*mounting_of_the_van())
     curves = terrain_map.lap_curves([columns(lap, line, mounting) for lap in laps], line, 1.0)
     made = terrain_map.combine(curves, line)
     # A local line biases a wave by (k w)^2 / 2: 2 % at 31 m; the wave has 0.92 deg of pitch.
@@ -180,7 +181,7 @@ def test_the_map_recovers_a_known_road():
 def test_the_standard_error_covers():
     """Coverage: with 5 mm of antenna noise 95 % of the map lies within 1.96 standard errors."""
     rng = np.random.default_rng(20)
-    mounting, inside = Mounting(*mounting_of_the_van()), []
+    mounting, inside = AntennaMounting(*mounting_of_the_van()), []
     for _ in range(12):
         starts = rng.uniform(-25.0, -15.0, 4)
         laps = [drive(1, start=x, noise=0.005, rng=rng)[0] for x in starts]
@@ -200,10 +201,13 @@ def test_the_bound_of_a_sine():
     """Analytic: for h = a sin(k s) the mean squared slope is (a k)^2 / 2."""
     step, n, a, k = 0.5, 2000, 2.0, 2 * np.pi / 50.0
     values = a * np.sin(k * step * np.arange(n))
-    bound = terrain_map.position_bound(values[None], [0.1], step, 100.0, 2.0)
+    zero = dict.fromkeys(Profile.__dataclass_fields__, np.zeros(n))
+    closed = {"s_m": step * np.arange(n), "pitch_deg": values, "roll_deg": values}
+    made = Profile(**zero | closed | {"length_m": step * n, "closed": True})
+    bound = made.position_bound({"pitch": 0.1}, 100.0, 2.0)
     expected = 1 / np.sqrt((a * k) ** 2 / 2 / 0.1**2 * 100.0 / 2.0)
     np.testing.assert_allclose(bound, expected, rtol=2e-3)  # central differences at k h / 2 = 0.03
-    both = terrain_map.position_bound(np.array([values, values]), [0.1, 0.1], step, 100.0, 2.0)
+    both = made.position_bound({"pitch": 0.1, "roll": 0.1}, 100.0, 2.0)
     np.testing.assert_allclose(both, bound / np.sqrt(2), rtol=1e-9)
 
 
@@ -215,8 +219,8 @@ def test_the_committed_map(direction):
     """Published: the facts that datasets/README gives of the laps hold on the committed ones."""
     line = roads.centre_line(direction)
     laps = [roads.load_lap(name) for name in roads.lap_names(direction)]
-    curves = terrain_map.lap_curves([vars(lap) for lap in laps], line, roads.WIDTH)
-    bins = {q: terrain_map.binned(values, line, 5.0) for q, values in curves.items()}
+    curves = terrain_map.lap_curves(laps, line, roads.WIDTH)
+    bins = {q: line.bin_means(values, 5.0) for q, values in curves.items()}
     first = np.triu_indices(len(laps), 1)
     roll, pitch = (np.corrcoef(bins[q])[first] for q in ("roll_deg", "pitch_deg"))
     assert roll.min() >= 0.99
@@ -229,7 +233,7 @@ def test_the_committed_map_is_what_its_laps_make():
     """Cross-check: map from the committed laps equals the committed map, to its six digits."""
     for direction in roads.DIRECTIONS:
         line, stored = roads.centre_line(direction), roads.load_profile(direction)
-        laps = [vars(roads.load_lap(name)) for name in roads.lap_names(direction)]
+        laps = [roads.load_lap(name) for name in roads.lap_names(direction)]
         made = terrain_map.combine(terrain_map.lap_curves(laps, line, roads.WIDTH), line)
         for key in ("pitch_deg", "roll_deg", "height_m", "pitch_se_deg", "roll_se_deg"):
             np.testing.assert_allclose(getattr(made, key), getattr(stored, key), atol=2e-3)
@@ -301,7 +305,7 @@ def van_on(direction, part=slice(None), aside=0.0, backward=False):
 def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
     """Analytic: a van driven along the committed centre line comes back at its place."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw"))
-    lap, known = real_laps.find(path, "ccw")
+    lap, known = roads.lap_and_map(path, "ccw")
     assert known.laps.max() == len(roads.lap_names("ccw"))
     np.testing.assert_allclose(lap.s_m, np.arange(len(lap.s_m)), atol=0.05)
     # The lever of the front antenna, 0.33 m aside, is the van's, not this lap's.
@@ -322,7 +326,7 @@ def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, said):
     """Property: one sentence that names the file and what it lacks."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw", slice(0, 200)), **made)
     with pytest.raises(CannotAnswer, match=said):
-        real_laps.find(path, "ccw")
+        roads.lap_and_map(path, "ccw")
 
 
 def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
@@ -333,15 +337,15 @@ def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
     with pytest.raises(
         CannotAnswer, match=r"mine\.mat: the lap leaves the map: it is \d+ m to the"
     ):
-        real_laps.find(path, "ccw")
+        roads.lap_and_map(path, "ccw")
     path = write_log(tmp_path / "back.mat", van_on("ccw", backward=True))
     with pytest.raises(CannotAnswer, match=r"back\.mat: the lap runs against the map's direction"):
-        real_laps.find(path, "ccw")
+        roads.lap_and_map(path, "ccw")
     other = write_log(tmp_path / "other.mat", van_on("cw"))
     with pytest.raises(CannotAnswer, match="against the map's direction"):
-        real_laps.find(other, "ccw")
+        roads.lap_and_map(other, "ccw")
     with pytest.raises(WrongUsage, match="no direction 'north'; there are: ccw, cw"):
-        real_laps.find(path, "north")
+        roads.lap_and_map(path, "north")
     with pytest.raises(WrongUsage, match="no lap 'x'"):
         roads.load_lap("x")
 
@@ -353,7 +357,7 @@ def test_files_that_are_no_laps_are_refused(tmp_path):
         path = tmp_path / "bad.mat"
         path.write_bytes(content)
         with pytest.raises(CannotAnswer, match=r"bad\.mat: not a MATLAB v7\.3 file, or cut off"):
-            real_laps.find(path, "ccw")
+            roads.lap_and_map(path, "ccw")
         with pytest.raises(CannotAnswer, match=r"bad\.mat: not a"):
             survey.highway(path)
 
@@ -362,15 +366,15 @@ def test_a_map_with_a_gap_is_refused():
     """Property: a stretch that no lap covers is named; a hole in one is filled by another."""
     laps = [drive(1)[0], drive(1, start=-20.4)[0]]
     line = line_of(laps)
-    mounting = Mounting(*mounting_of_the_van())
+    mounting = AntennaMounting(*mounting_of_the_van())
     parts = [columns(lap, line, mounting) for lap in laps]
-    hole = (parts[0]["s_m"] % LENGTH > 300) & (parts[0]["s_m"] % LENGTH < 330)
-    parts[0]["pitch_deg"] = np.where(hole, np.nan, parts[0]["pitch_deg"])
+    hole = (parts[0].s_m % LENGTH > 300) & (parts[0].s_m % LENGTH < 330)
+    parts[0].pitch_deg = np.where(hole, np.nan, parts[0].pitch_deg)
     made = terrain_map.combine(terrain_map.lap_curves(parts, line, 1.0), line)
     assert made.laps.min() == 1 and made.laps.max() == 2
     assert made.pitch_se_deg[made.laps == 1].min() > 0
-    gone = (parts[1]["s_m"] % LENGTH > 310) & (parts[1]["s_m"] % LENGTH < 320)
-    parts[1]["pitch_deg"] = np.where(gone, np.nan, parts[1]["pitch_deg"])
+    gone = (parts[1].s_m % LENGTH > 310) & (parts[1].s_m % LENGTH < 320)
+    parts[1].pitch_deg = np.where(gone, np.nan, parts[1].pitch_deg)
     with pytest.raises(CannotAnswer, match=r"the map has a gap: no lap has an attitude on \d+ m"):
         terrain_map.combine(terrain_map.lap_curves(parts, line, 1.0), line)
     with pytest.raises(CannotAnswer, match="one lap makes no map"):
@@ -393,7 +397,7 @@ def test_a_lap_that_does_not_come_round_makes_no_line():
     ring = np.stack([circle, circle + 0.7 * outward, circle - 0.7 * outward])
     ring[0] += 2.6 * np.column_stack([outward[:, 1], -outward[:, 0], outward[:, 2]])
     with pytest.raises(CannotAnswer, match="all one curve"):
-        antennas.residuals(ring, Mounting(), DT)
+        antennas.residuals(ring, AntennaMounting(), DT)
     nothing = np.full((50, 3), np.nan)
     with pytest.raises(CannotAnswer, match="no epoch has a position of all three"):
         antennas.attitude(nothing, nothing, nothing)
@@ -408,9 +412,9 @@ def test_raw_laps_lie_on_their_own_map_only():
         except datasets.NotHere as error:
             pytest.skip(str(error))
         other = next(d for d in roads.DIRECTIONS if d != direction)
-        lap, known = real_laps.find(path, direction)[0], roads.load_lap(name)
+        lap, known = roads.lap_and_map(path, direction)[0], roads.load_lap(name)
         np.testing.assert_allclose(lap.s_m, known.s_m, atol=1e-3)
         np.testing.assert_allclose(lap.pitch_deg, known.pitch_deg, atol=1e-3)
         np.testing.assert_allclose(lap.wheel_m, known.wheel_m, rtol=2e-3, atol=0.1)
         with pytest.raises(CannotAnswer, match="against the map's direction"):
-            real_laps.find(path, other)
+            roads.lap_and_map(path, other)

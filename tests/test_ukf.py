@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from analysis.terrain.attitude_map import AttitudeMap
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.terrain import point_mass
 from analysis.terrain.metrics import nees_bounds
-from analysis.terrain.ukf import Ukf, weights, with_bias
+from analysis.terrain.readings import Sensor, Setup
+from analysis.terrain.terrain_map import AttitudeMap
+from analysis.terrain.ukf import Ukf, bias_state_matrices, weights
 
 SEED = 20111
 
@@ -30,7 +31,11 @@ def test_equals_filterpy(channels, bias_states, scaling):
     rng = np.random.default_rng(SEED)
     road, steps, moved, R = hills(channels), 1500, 0.3, 0.05
     n = 1 + 2 * channels * bias_states
-    F, H, Q = with_bias(0.01, 0.01, 200.0, 0.01, channels) if bias_states else (None, None, None)
+    F, H, Q = (
+        bias_state_matrices(0.01, 0.01, 200.0, 0.01, channels)
+        if bias_states
+        else (None, None, None)
+    )
     Q = np.array([[1e-4]]) if Q is None else Q
     Q[0, 0] = 1e-4
     first, P = np.zeros(n), np.diag([1.0] + [0.01, 1e-4] * ((n - 1) // 2))
@@ -83,7 +88,7 @@ def test_on_a_slope_it_is_the_kalman_filter():
 def test_covariance_stays_symmetric_and_positive():
     """property: after any number of updates P is symmetric with positive eigenvalues."""
     road = hills(2)
-    F, H, Q = with_bias(0.01, 0.01, 200.0, 0.01, 2)
+    F, H, Q = bias_state_matrices(0.01, 0.01, 200.0, 0.01, 2)
     Q[0, 0] = 1e-4
     P = np.diag([1.0, 0.01, 1e-4, 0.01, 1e-4])[..., None].repeat(3, axis=-1)
     ours = Ukf(road, np.zeros((5, 3)) + 30.0 * np.eye(5)[:, :1], P, F, H)
@@ -113,7 +118,7 @@ def white_noise_laps(runs, R, q=1e-4, moved=0.3, steps=2500):
         errors[:, k] = ours.x[0] - truth[k], grid.mean()[0] - truth[k]
         variance[k] = ours.P[0, 0]
     slope = road.slope(20.0 + moved * np.arange(1, steps + 1)).T
-    return errors, variance, point_mass.bound(slope, q, R, 0.25)
+    return errors, variance, point_mass.posterior_bound(slope, q, R, 0.25)
 
 
 def test_as_good_as_the_grid_filter_and_no_better_than_the_bound():
@@ -141,11 +146,24 @@ def test_consistent_when_its_model_holds():
 
 def test_bound_of_a_slope_is_the_riccati_recursion():
     """analytic: one state, one slope: 1 / P = 1 / (P + Q) + slope^2 / R."""
-    found = point_mass.bound(np.full((50, 1), 0.1), 1e-3, 0.04, 1.0)
+    found = point_mass.posterior_bound(np.full((50, 1), 0.1), 1e-3, 0.04, 1.0)
     P = 1.0
     for sd in found:
         P = 1 / (1 / (P + 1e-3) + 0.1**2 / 0.04)
         assert sd == pytest.approx(np.sqrt(P), rel=1e-9)
+
+
+@pytest.mark.parametrize("channels", [1, 2])
+def test_bound_of_a_setup(channels):
+    """property: it never exceeds the odometry, and an unknown bias makes it larger."""
+    road, sensor = hills(channels), Sensor(0.01, 0.01)
+    setup = Setup(300.0, R=0.01, odometry_scale=0.0)
+    one = point_mass.cramer_rao_bound(road, setup)
+    alone = np.sqrt(setup.begin_sd**2 + setup.q * setup.truth[1:])
+    assert one.shape == (setup.samples - 1,) and (one <= alone * (1 + 1e-9)).all()
+    states = Setup(300.0, R=0.01, odometry_scale=0.0, bias_states=True)
+    more = point_mass.cramer_rao_bound(road, states, sensor)
+    assert (more >= one * (1 - 1e-9)).all() and more[-1] > 1.05 * one[-1]
 
 
 def test_grid_filter_diffuses_by_exactly_q():
