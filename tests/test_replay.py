@@ -14,7 +14,7 @@ from analysis import output
 from analysis.logs import datasets
 from analysis.logs import moving as tracks
 from analysis.logs.saved_position import load, save
-from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu, without
+from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
 from analysis.output import write
 from analysis.tracker import scenarios
 from analysis.tracker.device import Options
@@ -255,7 +255,7 @@ def test_each_block_can_be_left_out(laps, block):
 def test_gnss_without_imu(laps):
     """property: what needs an IMU says so; the gate, the static test and the low-pass run."""
     scenario, _ = laps
-    track = replay(without(scenario.log, "imu"), Options(lengths=(10, 10, 10)))
+    track = replay(replace(scenario.log, imu=None), Options(lengths=(10, 10, 10)))
     assert any(note.startswith("no IMU: blocks 2, 5 and 6") for note in track.notes)
     assert np.isnan(track.columns["roll_deg"]).all()
     assert track.columns["layer"].max() >= 1  # the 20 s before setting off
@@ -269,14 +269,14 @@ def test_gnss_without_imu(laps):
 def test_imu_without_gnss(laps):
     """property: roll, pitch and the static test run, a row a second; no position appears."""
     scenario, _ = laps
-    track = replay(without(scenario.log, "gnss"))
+    track = replay(replace(scenario.log, gnss=None))
     assert any(note.startswith("no GNSS") for note in track.notes)
     assert len(track.columns["t_s"]) == math.floor(scenario.log.duration_s)
     assert np.isfinite(track.columns["roll_deg"][3:]).all()
     for name in ("yaw_deg", "mount_deg", "out_lat_deg", "lat_deg"):
         assert np.isnan(track.columns[name]).all()
     assert track.summary["blocks"]["low_pass"] == "needs GNSS"
-    still = replay(without(scenario.log, "gnss"), stored=Stored(44.5, 11.3, 0.0, 0.0, 1.0))
+    still = replay(replace(scenario.log, gnss=None), stored=Stored(44.5, 11.3, 0.0, 0.0, 1.0))
     assert (still.columns["out_lat_deg"] == 44.5).all()
 
 
@@ -292,7 +292,7 @@ def test_no_fix_at_all(cold):
 
 def test_neither_a_fix_nor_an_imu(cold):
     """property: block 3 then has nothing to judge by, which is said."""
-    log = inject_outages(without(cold.log, "imu"), [(0.0, 1e9)])
+    log = inject_outages(replace(cold.log, imu=None), [(0.0, 1e9)])
     notes = " ".join(replay(log).notes)
     assert "nothing for block 3 to judge by" in notes
     assert "takes that of the fixes" not in notes

@@ -198,7 +198,7 @@ def choose(
         raise WrongUsage(
             f"--unit {unit} is not one of {', '.join(KIND_OF_UNIT)}; with --kind any unit is taken"
         )
-    given_kind = KIND_OF_UNIT.get(given, kind)
+    given_kind = KIND_OF_UNIT.get(given or "", kind)
     if given and kind and given_kind != kind:
         raise WrongUsage(
             f"--unit {unit} is a unit of {given_kind}, not of {kind}: leave out --kind"
@@ -206,7 +206,7 @@ def choose(
     chosen, left_out, notes = [], [], []
     for name in [resolve(c, names, file) for c in columns] if columns else names:
         base, own = split(name)
-        own_kind = KIND_OF_UNIT.get(own)
+        own_kind = KIND_OF_UNIT.get(own or "")
         named = own
         if {own, given} <= IN_M_S2.keys():
             own = given
@@ -234,7 +234,7 @@ def choose(
         if problem:
             left_out.append(name)
         else:
-            chosen.append(Choice(name, tidy(base), own, own_kind))
+            chosen.append(Choice(name, tidy(base), own or "", own_kind or ""))
             if named not in (None, own):
                 notes.append(f"column '{name}' taken in {own}, not in {named} as its name says")
     if not chosen and kind and not unit and any(split(name)[1] for name in names):
@@ -309,7 +309,7 @@ def _meaning(name: str) -> tuple[str | None, str | None]:
 
 def measurements(frame: pd.DataFrame) -> dict[str, tuple[str, str | None]]:
     """Return meaning -> (column, unit) of the columns of numbers; the first of a meaning counts."""
-    columns = {}
+    columns: dict[str, tuple[str, str | None]] = {}
     for name in frame.select_dtypes("number"):
         meaning, unit = _meaning(name)
         if meaning:

@@ -3,7 +3,7 @@
 ``data/registry.csv`` names every file with its size, sha256, licence and the public commit it
 comes from. A file is looked for in the folder that the environment variable ``COMPENDIUM_DATA``
 names, then in ``data/raw/`` (the few whose licence lets them in), then in ``data/downloaded/``
-(git-ignored). Whatever is found is checked against its sha256 before it is read.
+(git-ignored). A file is checked against its sha256 before it is read.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ class Entry:
     """One registered file: a row of ``data/registry.csv``."""
 
     file: str
-    bytes: int
+    bytes: str
     sha256: str
     licence: str
     repository: str
@@ -56,7 +56,7 @@ class Entry:
 def registry() -> dict[str, Entry]:
     """Read the registry: file name -> `Entry`."""
     with REGISTRY.open(newline="", encoding="utf-8") as handle:
-        rows = [Entry(**{**row, "bytes": int(row["bytes"])}) for row in csv.DictReader(handle)]
+        rows = [Entry(**row) for row in csv.DictReader(handle)]
     return {row.file: row for row in rows}
 
 
@@ -135,7 +135,7 @@ def fetch(name: str, progress: bool = True) -> Path:
         return path(name)
     import pooch  # here, not above: reading a log must not need the downloader
 
-    pooch.get_logger().setLevel(logging.WARNING)  # the progress bar says it all
+    pooch.get_logger().setLevel(logging.WARNING)  # the progress bar is enough
     target = DOWNLOADED / name
     try:
         # pooch writes to a temporary file and moves it only once the sha256 is right.

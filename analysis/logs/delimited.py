@@ -53,7 +53,7 @@ class Layout:
         return _split(line, self.delimiter)
 
     def number(self, field: str) -> float:
-        """Read one field as a number; NaN where it says missing; ValueError otherwise."""
+        """Read one field as a number; NaN if it means missing; ValueError otherwise."""
         field = field.strip()
         if field.lower() in MISSING:
             return np.nan
@@ -316,7 +316,7 @@ def read(path: Path) -> Table:
             open_bytes(path) as raw,
             _progress(raw, path) as handle,
             warnings.catch_warnings(action="error", category=pd.errors.ParserWarning),
-        ):  # the warning says that fields are thrown away: go and see which
+        ):  # the warning means that fields are dropped: find out which
             frame = pd.read_csv(
                 handle,
                 sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
@@ -330,10 +330,10 @@ def read(path: Path) -> Table:
                 skipinitialspace=True,
                 dtype=types,
             )
-        table = _without_short_end(Table(frame, path, layout=layout))
+        table = _without_short_end(Table(frame, path, layout=layout), layout)
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         table = _line_by_line(path, layout)
-    return _without_empty_end(table)
+    return _without_empty_end(table, layout)
 
 
 def _progress(raw, path: Path):
@@ -354,7 +354,8 @@ def _progress(raw, path: Path):
 def _line_by_line(path: Path, layout: Layout) -> Table:
     """Read slowly; refuse the first cell that is no number, naming its place."""
     rows: list[list] = []
-    fault, last, repairs = "", 0, ()
+    fault, last = "", 0
+    repairs: tuple[str, ...] = ()
     for number, fields in data_lines(path, layout):
         if fault:
             break
@@ -373,7 +374,7 @@ def _line_by_line(path: Path, layout: Layout) -> Table:
 
 
 def _row(fields: list[str], layout: Layout) -> list:
-    """Turn one line's fields into values; ValueError says which column has what."""
+    """Turn one line's fields into values; ValueError names the column of a faulty field."""
     while len(fields) > len(layout.names) and not fields[-1].strip():
         fields = fields[:-1]
     if len(fields) > len(layout.names):
@@ -391,15 +392,15 @@ def _row(fields: list[str], layout: Layout) -> list:
     return values
 
 
-def _without_short_end(table: Table) -> Table:
+def _without_short_end(table: Table, layout: Layout) -> Table:
     """Drop a last line that was cut off while it was written."""
-    layout, lines = table.layout, _tail(table.path, table.layout)
+    lines = _tail(table.path, layout)
     if len(lines) < 2 or len(table.frame) < 2:
         return table
     *before, last = [layout.split(line) for line in lines]
     cut = len(last) < min(len(fields) for fields in before)
     if not _ends_with_newline(table.path) and len(last) == len(before[-1]):
-        # Numbers of one printed length, except for the very last one: it lost its end.
+        # All last fields have as many decimals, except the very last one: it is cut off.
         lengths = {_decimals(fields[-1]) for fields in before}
         cut = len(lengths) == 1 and len(before) > 4 and _decimals(last[-1]) < max(lengths)
     if not cut:
@@ -409,20 +410,16 @@ def _without_short_end(table: Table) -> Table:
     return replace(table, frame=table.frame.iloc[:-1], repairs=(_dropped(last_line),))
 
 
-def _without_empty_end(table: Table) -> Table:
+def _without_empty_end(table: Table, layout: Layout) -> Table:
     """Drop unnamed empty columns, and the empty rows that a spreadsheet leaves at the end."""
     frame = table.frame
     filled = frame.notna().to_numpy()
-    nameless = [
-        name
-        for j, name in enumerate(frame.columns)
-        if re.fullmatch(r"c\d+", name) and not filled[:, j].any()
-    ]
+    empty = frame.columns[~filled.any(axis=0)]
+    nameless = [name for name in empty if re.fullmatch(r"c\d+", name)]
     rows = np.flatnonzero(filled.any(axis=1))
     if not rows.size:
         raise CannotAnswer(
-            f"{table.path.name}: no data: every cell from line {table.layout.header_lines + 1} on "
-            "is empty"
+            f"{table.file}: no data: every cell from line {layout.header_lines + 1} on is empty"
         )
     keep = rows[-1] + 1
     repairs = table.repairs

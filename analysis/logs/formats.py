@@ -149,7 +149,7 @@ def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:
     the rotation vector from the mean attitude, about the device's forward (y), right (x) and down
     (-z) axis.
     """
-    added = {}
+    added: dict[str, np.ndarray] = {}
     if {"lat_deg", "lon_deg"} <= set(frame):
         lat, lon = frame["lat_deg"].to_numpy(), frame["lon_deg"].to_numpy()
         has_height = "height_m" in frame

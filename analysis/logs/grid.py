@@ -71,13 +71,6 @@ class BadStamps(Exception):
         self.row, self.message = row, message
 
 
-def by_rate(rows: int, rate_hz: float) -> Grid:
-    """Make the grid of a log without stamps: the rows, one after another, at a given rate."""
-    if not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise WrongUsage(f"the rate must be a positive number of samples a second, not {rate_hz}")
-    return Grid(float(rate_hz), rows, np.arange(rows))
-
-
 def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid:
     """Make the grid of a log with stamps.
 
@@ -165,9 +158,7 @@ def _regular(t, rows, usual, repairs) -> Grid:
     late = (step > GAP * dt).sum() - len(at)
     if late:
         repairs.append(f"{_count(late, 'sample')} stamped late but none lost: placed by count")
-    extra = np.zeros(len(t), dtype=np.int64)
-    extra[at + 1] = missing
-    return _with_gaps(rows, 1 / dt, at, missing, step, extra, repairs)
+    return _with_gaps(rows, 1 / dt, at, missing, step, repairs)
 
 
 def _gaps(t, dt) -> tuple[np.ndarray, np.ndarray]:
@@ -187,7 +178,7 @@ def _gaps(t, dt) -> tuple[np.ndarray, np.ndarray]:
     return at[missing > 0], missing[missing > 0]
 
 
-def _with_gaps(rows, rate_hz, at, missing, step, extra, repairs) -> Grid:
+def _with_gaps(rows, rate_hz, at, missing, step, repairs) -> Grid:
     """Assemble a grid with missing samples, unless too many are missing."""
     if not at.size:
         return Grid(rate_hz, len(rows), rows, np.arange(len(rows)), None, 0, tuple(repairs))
@@ -205,8 +196,15 @@ def _with_gaps(rows, rate_hz, at, missing, step, extra, repairs) -> Grid:
         f"{_count(len(at), 'gap')}: {missing.sum():,} of {size:,} samples missing, the longest "
         f"{step[at[longest]]:.4g} s; left as missing"
     )
-    index = np.arange(len(rows)) + np.cumsum(extra)
+    index = _index(len(rows), at, missing)
     return Grid(rate_hz, size, rows, index, None, len(at), tuple(repairs))
+
+
+def _index(size, at, missing) -> np.ndarray:
+    """Return the grid sample of each row, with so many samples missing after the rows `at`."""
+    extra = np.zeros(size, dtype=np.int64)
+    extra[at + 1] = missing
+    return np.arange(size) + np.cumsum(extra)
 
 
 def _coarse(t, rows, repairs) -> Grid:
@@ -227,9 +225,7 @@ def _coarse(t, rows, repairs) -> Grid:
         f"time stamps repeat (resolution {np.median(length):.4g} s): samples taken as evenly "
         f"spaced at {rate:.6g} Hz, counted between ticks"
     )
-    extra = np.zeros(len(t), dtype=np.int64)
-    extra[at + 1] = missing
-    return _with_gaps(rows, rate, at, missing, np.diff(t), extra, repairs)
+    return _with_gaps(rows, rate, at, missing, np.diff(t), repairs)
 
 
 def _uneven(t, rows, mode, repairs) -> Grid:
@@ -250,16 +246,14 @@ def _uneven(t, rows, mode, repairs) -> Grid:
     paused = float(step[at].sum())
     rate = (len(t) - 1 - len(at)) / (float(t[-1] - t[0]) - paused)
     missing = np.maximum(np.round(step[at] * rate).astype(np.int64) - 1, 0)
-    extra = np.zeros(len(t), dtype=np.int64)
-    extra[at + 1] = missing
-    off = np.abs(t - t[0] - (np.arange(len(t)) + np.cumsum(extra)) / rate).max()
+    off = np.abs(t - t[0] - _index(len(t), at, missing) / rate).max()
     trust = max(float(step[step <= limit].max()), float(off))
     repairs.append(
         f"time stamps are uneven (median step {_time(np.median(step))}, longest "
         f"{_time(step.max())}, up to {_time(off)} from an even spacing): samples taken as evenly "
         f"spaced at their mean rate {rate:.6g} Hz, trust nothing below {_time(trust)}"
     )
-    return _with_gaps(rows, rate, at, missing, step, extra, repairs)
+    return _with_gaps(rows, rate, at, missing, step, repairs)
 
 
 def _count(number: int, noun: str) -> str:

@@ -8,6 +8,7 @@ import datetime
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,25 +58,26 @@ def read(
     CannotAnswer, WrongUsage
         Naming file, line and column.
     """
-    parts: dict[str, Gnss | Imu] = {}
-    clocks, notes, sources, start = {}, [], {}, None
+    parts: dict[str, Any] = {}
+    clocks: dict[str, str] = {}
+    notes, sources, start = [], {}, None
     paths = [locate(log) for log in logs]
     wanted = _columns_of_each(columns or {}, paths)
     for path in paths:
         sources[path.name] = datasets.sha256(path)
         with formats.readable(path):
             if formats.sniff(path) == "nmea":
-                gnss, which, began, more = nmea.read_gnss(path)
-                found = {"GNSS": gnss}
+                epochs, which, began, more = nmea.read_gnss(path)
+                new = {"GNSS": epochs}
                 start = began or start
             else:
-                found, which, more = _read_csv(path, wanted[path])
+                new, which, more = _read_csv(path, wanted[path])
         notes += more
-        for kind in found:
+        for kind in new:
             if kind in parts:
                 raise WrongUsage(f"{path.name}: a second {kind} log; give one of each")
-        parts |= found
-        clocks |= dict.fromkeys(found, which)
+        parts |= new
+        clocks |= dict.fromkeys(new, which)
     gnss, imu = parts.get("GNSS"), parts.get("IMU")
     if gnss is not None and not len(gnss.t_s):
         raise CannotAnswer(f"{', '.join(sources)}: no row has a position; nothing to replay")
@@ -84,19 +86,16 @@ def read(
     if gnss is not None and imu is not None:
         one_clock = len(sources) == 1 and imu_offset is None
         shift = 0.0 if one_clock else _shift(gnss, imu, clocks, imu_offset, notes, start)
-        imu = replace(imu, t_s=imu.t_s + shift)
+        parts["IMU"] = imu = replace(imu, t_s=imu.t_s + shift)
         apart = max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])
         if apart > 0:
             raise CannotAnswer(
                 f"the IMU log and the GNSS log do not overlap: {apart:.6g} s lie between them; "
                 "give logs of one ride, or say --imu-offset"
             )
-    zero = min(float(part.t_s[0]) for part in (gnss, imu) if part is not None)
-    gnss, imu = (
-        None if part is None else replace(part, t_s=np.round(part.t_s - zero, 6))
-        for part in (gnss, imu)
-    )
-    return Timeline(gnss, imu, start, tuple(notes), sources)
+    zero = min(float(part.t_s[0]) for part in parts.values())
+    parts = {k: replace(part, t_s=np.round(part.t_s - zero, 6)) for k, part in parts.items()}
+    return Timeline(parts.get("GNSS"), parts.get("IMU"), start, tuple(notes), sources)
 
 
 def locate(log: str | Path) -> Path:
@@ -113,7 +112,7 @@ def _columns_of_each(wanted: dict[str, str], paths: list[Path]) -> dict[Path, di
     """Give each CSV those of the wanted columns that it has; a single CSV has to have all."""
     tables = [path for path in paths if formats.sniff(path) == "csv"]
     if wanted and not tables:
-        raise WrongUsage("--columns says what the columns of a CSV mean, and no log is a CSV")
+        raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
     if len(tables) < 2:
         return dict.fromkeys(paths, wanted)
     names = {path: delimited.sniff(path).names for path in tables}
@@ -167,7 +166,7 @@ def _dates_apart(gnss, imu, start) -> Iterator[str]:
     )
 
 
-def _read_csv(path: Path, wanted: dict[str, str]) -> tuple[dict[str, Gnss | Imu], str, list[str]]:
+def _read_csv(path: Path, wanted: dict[str, str]) -> tuple[dict[str, Any], str, list[str]]:
     """Read a CSV: its GNSS epochs and IMU samples, the clock of its stamps, notes."""
     table = delimited.read(path)
     table = replace(table, frame=columns.rename(table.frame, wanted, path.name))
@@ -182,13 +181,13 @@ def _read_csv(path: Path, wanted: dict[str, str]) -> tuple[dict[str, Gnss | Imu]
     notes = [f"{path.name}: {note}" for note in (*table.repairs, *stamps.notes)]
     known = columns.measurements(table.frame.drop(columns=time))
     args = table, time, stamps.since_s + stamps.zero_s, known, notes
-    parts = {"GNSS": _gnss(*args), "IMU": _imu(*args)}
+    both = {"GNSS": _gnss(*args), "IMU": _imu(*args)}
+    parts = {kind: part for kind, part in both.items() if part is not None}
     lacks = []
     for what, needed in NEEDED.items():
         missing = [name for name in needed if columns.split(name)[0] not in known]
         if 0 < len(missing) < len(needed):
             lacks.append(f"{what} lack {', '.join(missing)}")
-    parts = {kind: part for kind, part in parts.items() if part is not None}
     if not parts:
         neither = (
             "neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 ..., gyro_x_deg_s ...)"

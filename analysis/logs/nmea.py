@@ -8,7 +8,6 @@ a stamp or a line break cuts in two is joined again, if the checksum then agrees
 import datetime
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -47,44 +46,36 @@ _BREAK = re.compile(rb"[\r\n]+")
 _STAMPED_BREAK = re.compile(
     rb"[\r\n]+(?:[\[(< ]*(?:" + _STAMP + rb")[\])> ,;:\t|]*(?:[\r\n]+|(?=,)))?"
 )
+Sentence = tuple[int, NMEAMessage]
+_POSITION = ("lat_deg", "lon_deg", "height_m", "separation_m")
+_NUMBERS = (*_POSITION, "hdop", "pdop", "quality", "satellites", "speed_m_s", "course_deg")
+_NOTHING = {"date": None, "fix": None, "valid": None, **dict.fromkeys(_NUMBERS, np.nan)}
 _NO_FIX = {0, 6}  # none, and estimated (the receiver's own dead reckoning)
 
 
-@dataclass
-class Sentences:
-    """The sentences of some kinds in a file.
+def sentences(content: bytes, kinds: tuple[str, ...]) -> tuple[list[Sentence], int, int]:
+    """Find and parse the sentences of some kinds, such as ``("GGA", "GSA")``.
 
-    Attributes
-    ----------
-    messages : list of (int, NMEAMessage)
+    Returns
+    -------
+    list of (int, NMEAMessage)
         Offset of each in the file, and the parsed message.
-    wrong : int
+    int
         Number of sentences cut off, without or with a wrong checksum, or with impossible content.
-    joined : int
+    int
         Number of sentences on two lines.
     """
-
-    messages: list[tuple[int, NMEAMessage]]
-    wrong: int
-    joined: int
-
-
-def sentences(content: bytes, kinds: tuple[str, ...]) -> Sentences:
-    """Find and parse the sentences of some kinds, such as ``("GGA", "GSA")``."""
-    names = b"|".join(kind.encode() for kind in kinds)
-    whole = re.compile(TALKER + rb"(?:" + names + rb"),[^$*]{0,160}\*[0-9A-Fa-f]{2}")
-    begun = len(re.findall(TALKER + rb"(?:" + names + rb"),", content))
+    begin = TALKER + rb"(?:" + "|".join(kinds).encode() + rb"),"
     messages, joined = [], 0
-    for match in whole.finditer(content):
+    for match in re.finditer(begin + rb"[^$*]{0,160}\*[0-9A-Fa-f]{2}", content):
         raw = match.group(0)
         message = _parse(raw)
         if message is None and _BREAK.search(raw):
-            tries = (_parse(_BREAK.sub(b"", raw)), _parse(_STAMPED_BREAK.sub(b"", raw)))
-            message = next((m for m in tries if m is not None), None)
+            message = _parse(_BREAK.sub(b"", raw)) or _parse(_STAMPED_BREAK.sub(b"", raw))
             joined += message is not None
         if message is not None:
             messages.append((match.start(), message))
-    return Sentences(messages, begun - len(messages), joined)
+    return messages, len(re.findall(begin, content)) - len(messages), joined
 
 
 def _parse(raw: bytes) -> NMEAMessage | None:
@@ -103,7 +94,7 @@ def _time(message) -> float | None:
     return at.hour * 3600 + at.minute * 60 + at.second + at.microsecond / 1e6
 
 
-def epochs(messages: list[tuple[int, NMEAMessage]], each: str | None = None) -> list[dict]:
+def epochs(messages: list[Sentence], each: str | None = None) -> list[dict]:
     """Combine the sentences of each epoch.
 
     Sentences with one time of day are one epoch; those without belong to the one before, unless it
@@ -112,17 +103,18 @@ def epochs(messages: list[tuple[int, NMEAMessage]], each: str | None = None) -> 
     Parameters
     ----------
     messages : list of (int, NMEAMessage)
-        GGA, RMC, GSA, GNS, GLL, VTG in the order of the file.
+        GGA, RMC, GSA, GNS, GLL, VTG in the order of the file, as `sentences` returns them.
     each : str, optional
         Start an epoch at each sentence of this kind instead.
 
     Returns
     -------
     list of dict
-        offset, time (s of day or None), fix, valid, date (or None), lat, lon, height, separation,
-        hdop, pdop, quality, satellites, speed (m/s), course (deg); NaN where no sentence gives it.
+        offset, time (s of day or None), fix, valid, date (or None), and the numbers of `_NUMBERS`:
+        NaN where no sentence gives them.
     """
-    out, kinds = [], set()
+    out: list[dict] = []
+    kinds: set[str] = set()
     for offset, message in messages:
         kind, time = message.msgID, _time(message)
         timed = kind in ("GGA", "RMC", "GNS", "GLL")
@@ -138,23 +130,19 @@ def epochs(messages: list[tuple[int, NMEAMessage]], each: str | None = None) -> 
     return out
 
 
-_NUMBERS = "lat lon height separation hdop pdop quality satellites speed course"
-_NOTHING = dict.fromkeys(("date", "fix", "valid")) | dict.fromkeys(_NUMBERS.split(), np.nan)
-
-
 def _number(value) -> float:
     """Return a number, NaN for an empty field."""
     return float(value) if value not in ("", None) else np.nan
 
 
 def _position(epoch, message):
-    epoch["lat"], epoch["lon"] = _number(message.lat), _number(message.lon)
+    epoch["lat_deg"], epoch["lon_deg"] = _number(message.lat), _number(message.lon)
 
 
 def _gga(epoch, message):
     epoch["fix"] = int(message.quality or 0) not in _NO_FIX
     _position(epoch, message)
-    epoch["height"], epoch["separation"] = _number(message.alt), _number(message.sep)
+    epoch["height_m"], epoch["separation_m"] = _number(message.alt), _number(message.sep)
     epoch["hdop"], epoch["quality"] = _number(message.HDOP), float(message.quality or 0)
     epoch["satellites"] = float(message.numSV or 0)
 
@@ -163,11 +151,11 @@ def _gns(epoch, message):
     if epoch["fix"] is None:
         epoch["fix"] = any(mode not in "NE" for mode in message.posMode)
         _position(epoch, message)
-        epoch["height"] = _number(message.alt)
+        epoch["height_m"] = _number(message.alt)
 
 
 def _gll(epoch, message):
-    if np.isnan(epoch["lat"]) and message.status == "A":
+    if np.isnan(epoch["lat_deg"]) and message.status == "A":
         epoch["valid"] = True if epoch["valid"] is None else epoch["valid"]
         _position(epoch, message)
 
@@ -176,16 +164,16 @@ def _rmc(epoch, message):
     epoch["valid"] = message.status == "A"
     epoch["date"] = message.date or None
     if epoch["valid"]:
-        epoch["speed"] = _number(message.spd) * 1852 / 3600  # knots
-        epoch["course"] = _number(message.cog)
-        if np.isnan(epoch["lat"]):
+        epoch["speed_m_s"] = _number(message.spd) * 1852 / 3600  # knots
+        epoch["course_deg"] = _number(message.cog)
+        if np.isnan(epoch["lat_deg"]):
             _position(epoch, message)
 
 
 def _vtg(epoch, message):
-    if np.isnan(epoch["speed"]):
-        epoch["speed"] = _number(message.sogk) / 3.6
-        epoch["course"] = _number(message.cogt)
+    if np.isnan(epoch["speed_m_s"]):
+        epoch["speed_m_s"] = _number(message.sogk) / 3.6
+        epoch["course_deg"] = _number(message.cogt)
 
 
 def _gsa(epoch, message):
@@ -216,26 +204,23 @@ def read_table(path: Path) -> Table:
         out, and counted; those without a fix have NaN positions.
     """
     raw = content(path)
-    parsed = sentences(raw, ("GGA", "GSA"))
-    rows = [e for e in epochs(parsed.messages, each="GGA") if e["time"] is not None]
+    messages, wrong, _ = sentences(raw, ("GGA", "GSA"))
+    rows = [e for e in epochs(messages, each="GGA") if e["time"] is not None]
     if not rows:
         raise CannotAnswer(
             f"{path.name}: no GGA sentence with a time of day and a right checksum from line 1 to "
             "the end; give a log in which the receiver writes GGA"
         )
-    units = {"lat": "lat_deg", "lon": "lon_deg", "height": "height_m", "separation": "separation_m"}
-    frame = pd.DataFrame(rows)[[*units, "hdop", "pdop", "quality", "satellites"]]
-    frame.loc[frame["quality"] == 0, list(units)] = np.nan
+    frame = pd.DataFrame(rows)[[*_POSITION, "hdop", "pdop", "quality", "satellites"]]
+    frame.loc[frame["quality"] == 0, list(_POSITION)] = np.nan
     frame.insert(0, "t_s", clock.unwrap_clock(np.array([e["time"] for e in rows])))
     repairs = []
-    if parsed.wrong:
-        repairs.append(
-            f"{parsed.wrong} GGA or GSA sentences with a wrong checksum or content left out"
-        )
-    timeless = sum(message.msgID == "GGA" for _, message in parsed.messages) - len(rows)
+    if wrong:
+        repairs.append(f"{wrong} GGA or GSA sentences with a wrong checksum or content left out")
+    timeless = sum(message.msgID == "GGA" for _, message in messages) - len(rows)
     if timeless:
         repairs.append(f"{timeless} GGA sentences without a time of day left out")
-    return Table(frame.rename(columns=units), path, tuple(repairs), lines=_lines(raw, rows))
+    return Table(frame, path, tuple(repairs), lines=_lines(raw, rows))
 
 
 def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[str]]:
@@ -258,14 +243,14 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[str]]:
         If there is no epoch, or time runs backward by more than a clock that is set.
     """
     raw = content(path)
-    parsed = sentences(raw, tuple(_TAKE))
-    found = epochs(parsed.messages)
-    if not found and parsed.wrong:
+    messages, wrong, joined = sentences(raw, tuple(_TAKE))
+    found = epochs(messages)
+    if not found and wrong:
         kinds = "|".join(_TAKE).encode()
         bare = len(re.findall(TALKER + rb"(?:" + kinds + rb")," + _BODY + _END, raw))
         raise CannotAnswer(
-            f"{path.name}: none of {parsed.wrong:,} NMEA sentences can be trusted: {bare:,} have "
-            f"no checksum (*hh at the end), {parsed.wrong - bare:,} a wrong one or are cut off; "
+            f"{path.name}: none of {wrong:,} NMEA sentences can be trusted: {bare:,} have "
+            f"no checksum (*hh at the end), {wrong - bare:,} a wrong one or are cut off; "
             "log them as the receiver sends them, or give the positions as CSV"
         )
     if not found:
@@ -274,13 +259,13 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[str]]:
             "the end; give a log in which the receiver writes GGA or RMC"
         )
     notes = []
-    if parsed.wrong:
+    if wrong:
         notes.append(
-            f"{path.name}: {parsed.wrong:,} of {parsed.wrong + len(parsed.messages):,} sentences "
-            "cut off or with a wrong checksum, left out"
+            f"{path.name}: {wrong:,} of {wrong + len(messages):,} sentences cut off or with a "
+            "wrong checksum, left out"
         )
-    if parsed.joined:
-        notes.append(f"{path.name}: {parsed.joined:,} sentences broken over two lines, joined")
+    if joined:
+        notes.append(f"{path.name}: {joined:,} sentences broken over two lines, joined")
     lines = _lines(raw, found)
 
     def place(k):
@@ -371,15 +356,15 @@ def _receiver_time(found, place, notes) -> np.ndarray:
 def _gnss(t: np.ndarray, found: list[dict]) -> Gnss:
     """Turn epochs into arrays; the last PDOP holds for some seconds."""
     fix = np.array([bool(e["valid"] if e["fix"] is None else e["fix"]) for e in found])
-    names = ("lat", "lon", "height", "speed", "course", "pdop")
-    columns = {name: np.array([e[name] for e in found]) for name in names}
     fix &= np.array([e["valid"] is not False for e in found])
-    fix &= np.isfinite(columns["lat"]) & np.isfinite(columns["lon"])
-    pdop = columns.pop("pdop")
+    names = (*_POSITION[:3], "speed_m_s", "course_deg")
+    columns = {name: np.array([e[name] for e in found]) for name in names}
+    fix &= np.isfinite(columns["lat_deg"]) & np.isfinite(columns["lon_deg"])
+    pdop = np.array([e["pdop"] for e in found])
     last = np.maximum.accumulate(np.where(np.isnan(pdop), -1, np.arange(len(pdop))))
     pdop = np.where((last >= 0) & (t - t[last] <= PDOP_HOLD_S), pdop[last], np.nan)
-    position = [np.where(fix, column, np.nan) for column in columns.values()]
-    return Gnss(t, *position[:3], pdop, *position[3:], fix)
+    columns = {name: np.where(fix, column, np.nan) for name, column in columns.items()}
+    return Gnss(t_s=t, pdop=pdop, has_fix=fix, **columns)
 
 
 def _start(found: list[dict], t: np.ndarray, notes: list[str]) -> str | None:

@@ -183,10 +183,9 @@ def _window(table: Table, option: dict) -> tuple[_Window, list[str]]:
     """Find the time column, and cut out the rows between start and stop."""
     file, frame, notes = table.file, table.frame, []
     names, rate = list(frame.columns), option.get("rate_hz")
+    time = clock.time_column(frame)
     if "time" in option:
         time = columns.resolve(option["time"], names, file)
-    else:
-        time = clock.time_column(frame)
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise WrongUsage(f"{file}: the rate must be a positive number of samples a second")
     if rate is not None and "time" not in option and time:
@@ -262,7 +261,7 @@ def _choices(window, stanza, wanted, option) -> tuple[list[Choice], list[str]]:
     numeric = list(frame.select_dtypes("number").columns)
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
-    notes = []
+    notes: list[str] = []
     if table.layout is not None and not (wanted and unit):
         numeric, notes = columns.without_doubles(numeric, table.layout.names, file, wanted)
     chosen, left_out = columns.choose(numeric, file, wanted, unit, kind)
@@ -272,8 +271,8 @@ def _choices(window, stanza, wanted, option) -> tuple[list[Choice], list[str]]:
 def _grid(window: _Window, option: dict) -> Grid:
     """Place the rows on a uniform grid, by their stamps or by a given rate."""
     rate, t_s, frame = option.get("rate_hz"), window.t_s, window.table.frame
-    if t_s is None:
-        return grids.by_rate(len(frame), rate)
+    if t_s is None or window.time is None:
+        return Grid(float(option["rate_hz"]), len(frame), np.arange(len(frame)))
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(np.diff(t_s) == 0) + 1
     if same.size:

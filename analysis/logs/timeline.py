@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 @dataclass(frozen=True)
 class Gnss:
-    """GNSS epochs; every array has shape (n,), NaN where the receiver said nothing.
+    """GNSS epochs; every array has shape (n,), NaN where the receiver gave no value.
 
     Attributes
     ----------
@@ -19,7 +19,7 @@ class Gnss:
         Seconds from the start of the timeline, strictly rising.
     lat_deg, lon_deg : ndarray
     height_m : ndarray
-        Above the ellipsoid, or above mean sea level: a constant off, which no block notices.
+        Above the ellipsoid, or above mean sea level: a constant difference, which no block uses.
     pdop : ndarray
     speed_m_s, course_deg : ndarray
         Over ground; course clockwise from north.
@@ -108,11 +108,6 @@ def inject_outages(timeline, outages):
         for name in ("lat_deg", "lon_deg", "height_m", "pdop", "speed_m_s", "course_deg")
     }
     return replace(timeline, gnss=replace(gnss, has_fix=gnss.has_fix & ~lost, **blank))
-
-
-def without(timeline, sensor):
-    """Leave out one sensor, ``"gnss"`` or ``"imu"``."""
-    return replace(timeline, **{sensor: None})
 
 
 def turn_imu(timeline, angle, axis=(0.0, 0.0, 1.0)):
