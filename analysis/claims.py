@@ -9,18 +9,18 @@ notebook hands its value and 95 % interval to `Ledger.check`;
 import math
 import os
 from collections.abc import Mapping
-from typing import Any
 
 import pandas as pd
 from filelock import FileLock
 
-from analysis import DATA, Estimate, WrongUsage, figures_folder
+from analysis import DATA, Estimate, WrongUsage, engineering, figures_folder, pretty
 
-__all__ = ["NOT_YET", "Ledger", "numbers", "published", "verdicts"]
+__all__ = ["Ledger", "published", "verdicts"]
 
 COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
 NOT_YET = "not yet run"
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
+OUTCOMES = "^(reproduced if|reproduced|not [a-z]+(?: run)?)"
 
 
 def published() -> pd.DataFrame:
@@ -39,14 +39,18 @@ def verdicts() -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame, indexed by id
+        paper, where, claim; verdict, and its ``outcome`` without condition or reason; value, low,
+        high, unit, and these four in words as ``reproduced``; notebook.
     """
     path = figures_folder() / "claims.csv"
     known = (
         pd.read_csv(path).set_index("id") if path.exists() else pd.DataFrame(columns=COLUMNS[1:])
     )
-    table = known.reindex(published().index)
+    table = published()[["paper", "where", "claim", "quantity"]].join(known)
     table["verdict"] = table["verdict"].astype(object).fillna(NOT_YET)
-    return table
+    table["outcome"] = table["verdict"].str.extract(OUTCOMES)[0]
+    table["reproduced"] = [_in_words(row) for _, row in table.iterrows()]
+    return table.drop(columns="quantity")
 
 
 def judge(value, low, high, agree_low, agree_high):
@@ -77,20 +81,6 @@ def judge(value, low, high, agree_low, agree_high):
     return (
         f"{NOT_TESTABLE}: the 95 % interval {_span(low, high)} is partly outside the claim's range"
     )
-
-
-def numbers(row: Any) -> str:
-    """Write the reproduced value and interval of a verdict, with its unit.
-
-    Returns
-    -------
-    str
-    """
-    unit = "" if row.unit == "1" else f" {row.unit}"
-    value = "" if row.value != row.value else f"{row.value:g}{unit}"
-    if row.low != row.low and row.high != row.high:
-        return value
-    return f"{value} ({_span(row.low, row.high)}{unit})".strip()
 
 
 class Ledger:
@@ -216,9 +206,9 @@ class Ledger:
                 {
                     "where": theirs["where"],
                     "claim": theirs["claim"],
-                    "published": f"{theirs['value']:g} {theirs['unit']}",
-                    "agrees within": _span(theirs["low"], theirs["high"]),
-                    "reproduced": "–" if mine["value"] is None else f"{mine['value']:g}",
+                    "published": _number(theirs["value"], theirs),
+                    "agrees within": "yes" if _asks(theirs) else _interval(theirs),
+                    "reproduced": _number(mine["value"], theirs) or "–",
                     "95 % interval": _interval(mine),
                     "verdict": mine["verdict"],
                 }
@@ -256,14 +246,34 @@ def _short(x):
     return None if x is None else float(f"{x:.3g}")
 
 
-def _interval(entry):
-    if entry["low"] is None and entry["high"] is None:
-        return "–"
-    return _span(entry["low"], entry["high"])
+def _in_words(row):
+    """Write value and interval of a verdict with its unit."""
+    words = [_number(row["value"], row)]
+    if _interval(row) != "–":
+        words.append(f"({_interval(row)} {pretty(row['unit'])}".strip() + ")")
+    return " ".join(words).strip() or "–"
+
+
+def _number(value, row):
+    """Write a value in the unit of its row, or yes or no where the claim asks for that."""
+    if value is None or value != value:
+        return ""
+    if _asks(row) and value in (0, 1):
+        return "yes" if value else "no"
+    return f"{value:g} {pretty(row['unit'])}".strip()
+
+
+def _asks(row):
+    return row["quantity"].startswith("1 if")
+
+
+def _interval(row):
+    span = _span(row["low"], row["high"])
+    return "–" if span == _span(None, None) else span
 
 
 def _span(low, high):
     def end(x):
-        return "…" if x is None or x != x else f"{x:.3g}"
+        return "…" if x is None or x != x else engineering(x)
 
     return f"{end(low)} to {end(high)}"

@@ -484,15 +484,14 @@ def claims(
     """
     from analysis import claims as ledger
 
-    table = ledger.verdicts().join(ledger.published()[["paper", "claim"]])
+    table = ledger.verdicts()
     if paper:
         table = table[table["paper"] == paper]
     for claim, row in table.iterrows():
         print(f"{claim:<48} {row['verdict']}")
-    kinds = table["verdict"].str.extract("^(reproduced if|reproduced|not [a-z]+(?: run)?)")[0]
     print()
-    for verdict, count in kinds.value_counts().items():
-        print(f"{count:>5}  {verdict}")
+    for outcome, count in table["outcome"].value_counts().items():
+        print(f"{count:>5}  {outcome}")
 
 
 @app.command()

@@ -170,6 +170,7 @@ def test_verdicts_fill_in_what_is_to_come():
     assert list(table.index) == list(claims.published().index)
     assert table["verdict"].value_counts().to_dict() == {REPRODUCED: 1, NOT_YET: len(table) - 1}
     assert table.loc[SECOND, "notebook"] == "90-test"
+    assert table["outcome"].tolist() == table["verdict"].tolist()
 
 
 def test_table_lays_published_beside_reproduced():
@@ -177,9 +178,19 @@ def test_table_lays_published_beside_reproduced():
     ledger = claims.Ledger("90-test")
     verdict = ledger.check(FIRST, 12.3456, 12.0, None)
     (row,) = ledger.table().to_dict("records")
-    assert (row["reproduced"], row["95 % interval"]) == ("12.3", "12 to …")
-    assert row["published"] == f"{PUBLISHED['value']:g} {PUBLISHED['unit']}"
+    assert (row["reproduced"], row["95 % interval"]) == ("12.3 °", "12 to …")
+    assert (row["published"], PUBLISHED["unit"]) == (f"{PUBLISHED['value']:g} °", "deg")
     assert row["verdict"] == verdict
+    assert claims.verdicts().loc[FIRST, "reproduced"] == "12.3 ° (12 to … °)"
+
+
+@pytest.mark.parametrize(("value", "words"), [(True, "yes"), (False, "no"), (None, "–")])
+def test_a_yes_or_no_is_written_as_one(value, words):
+    """Property: where the claim's quantity is 1 for yes and 0 for no, the table says which."""
+    ledger = claims.Ledger("90-test")
+    ledger.check("comparison-cep-order-as-spec", value)
+    (row,) = ledger.table().to_dict("records")
+    assert (row["published"], row["agrees within"], row["reproduced"]) == ("yes", "yes", words)
 
 
 def test_markdown_escapes_what_would_break_a_table():
