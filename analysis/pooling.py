@@ -7,7 +7,7 @@ import numpy as np
 from tqdm import tqdm
 
 from analysis import CannotAnswer, Estimate, WrongUsage, report, results
-from analysis.noise.channel import refuse_what_says_nothing
+from analysis.noise.channel import refuse_without_noise
 from analysis.noise.inference import infer
 from analysis.noise.pool import pool
 from analysis.output import writing
@@ -120,7 +120,7 @@ def pooled(logs, *, axes=False, seed=results.SEED, progress=True):
             for k, c in members:
                 rng = np.random.default_rng(next(streams))
                 try:
-                    refuse_what_says_nothing(c.values, logs[k].dt, c.name, c.unit)
+                    refuse_without_noise(c.values, logs[k].dt, c.name, c.unit)
                     said.append(infer(c.values, logs[k].dt, c.unit, c.kind, rng))
                 except CannotAnswer as error:
                     raise CannotAnswer(f"{logs[k].given}, {error}") from error

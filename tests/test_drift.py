@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.noise.drift import linear_drift
 from analysis.noise.fit import NoiseLikelihood
+from analysis.noise.inference import linear_drift
 from analysis.noise.models import gauss_markov
 from analysis.noise.spectrum import transform
 

@@ -152,15 +152,15 @@ def test_flicker_ladder_has_the_density_of_ieee_952():
 
 
 @pytest.mark.parametrize("small", ["sigma_v", "flicker", "rrw"])
-def test_a_climb_wakes_what_is_too_small_to_matter(small):
+def test_a_search_finds_terms_that_are_too_small_to_matter(small):
     """property: with one term of no size at all the search comes to the same top."""
     rng = np.random.default_rng(12)
     y = rng.standard_normal(20_000) + gauss_markov(20_000, 0.1, 0.5, 30.0, rng)
     names = ("sigma_v", "flicker", "rrw")
     surface = NoiseLikelihood([spectrum.transform(y, 0.1)]).surface(names)
     near = np.log([1.0, 0.1, 0.01])
-    asleep = np.where(np.array(names) == small, surface.low, near)
-    tops = [surface.maximum(start)[1] for start in (near, asleep)]
+    tiny = np.where(np.array(names) == small, surface.low, near)
+    tops = [surface.maximum(start)[1] for start in (near, tiny)]
     assert tops[0] == pytest.approx(tops[1], abs=1e-5)
 
 
@@ -231,7 +231,7 @@ def test_pieces_that_are_left_out_are_named():
     for k in range(60):
         cut[1000 * k : 1000 * k + 400] = np.nan
     note = infer(cut, 0.1, "deg/s", "rate", rng).parameters["arw"].note
-    assert "50% of the samples unused: long holes cut the log into pieces" in note
+    assert "50% of the samples unused: long gaps split the log" in note
     assert "unused" not in infer(y, 0.1, "deg/s", "rate", rng).parameters["arw"].note
 
 

@@ -9,11 +9,10 @@ import pytest
 from scipy.stats import chi2
 
 from analysis import cli
-from analysis.noise import population
+from analysis.noise import pool
 from analysis.noise.fit import NoiseLikelihood
 from analysis.noise.models import UnifiedModel
-from analysis.noise.pool import of_unit
-from analysis.noise.population import NO_SPREAD, Curve
+from analysis.noise.pool import NO_SPREAD, Profile, population, profile_of_unit
 from analysis.noise.spectrum import transform
 
 DT = 0.05
@@ -24,7 +23,7 @@ def known_variance(theta, degrees, rng):
     top = theta + 0.5 * np.log(rng.chisquare(degrees) / degrees)
     d = np.array([-5, -3.7, -2.7, -2, -1.5, -1, -0.5, 0, 0.5, 1, 1.5, 2, 2.7, 3.7, 5])
     d = d / np.sqrt(2 * degrees)
-    return Curve(top + d, -degrees * d - degrees / 2 * np.expm1(-2 * d), (True, True))
+    return Profile(top + d, -degrees * d - degrees / 2 * np.expm1(-2 * d), (True, True))
 
 
 def cut_off(curve, at):
@@ -32,7 +31,7 @@ def cut_off(curve, at):
     below = curve.at < at
     level = np.interp(at, curve.at, curve.fall)
     fall = np.append(curve.fall[below], [level, level])
-    return Curve(np.append(curve.at[below], [at, at + 3]), fall - fall.max(), (True, False))
+    return Profile(np.append(curve.at[below], [at, at + 3]), fall - fall.max(), (True, False))
 
 
 def test_marginal_by_quadrature():
@@ -48,7 +47,7 @@ def test_marginal_by_quadrature():
         for mu, s in ((0.0, 0.1), (1.0, 0.5), (-4.0, 2.0)):
             normal = np.exp(-0.5 * ((theta - mu) / s) ** 2) / (s * np.sqrt(2 * np.pi))
             expected = np.log(np.trapezoid(np.exp(fall) * normal, theta))
-            found = population._marginal(curve, np.array([[mu]]), np.array([s]))[0, 0]
+            found = pool._marginal(curve, np.array([[mu]]), np.array([s]))[0, 0]
             assert found == pytest.approx(expected, abs=1e-4)  # the quadrature's kinks
 
 
@@ -61,9 +60,7 @@ def misses(units, runs):
     truth, missed = 100 * np.sqrt(np.expm1(s**2)), np.zeros(2)
     for _ in range(runs):
         thetas = s * rng.standard_normal(units)
-        middle, spread = population.population(
-            [known_variance(t, degrees, rng) for t in thetas], "s"
-        )
+        middle, spread = population([known_variance(t, degrees, rng) for t in thetas], "s")
         missed[0] += not (middle.low or 0) < 1 < (middle.high or np.inf)
         missed[1] += not (spread.low or 0) < truth < (spread.high or np.inf)
     return missed
@@ -82,7 +79,7 @@ def test_intervals_of_centre_and_spread_cover(units, runs):
 
 def test_the_usual_threshold_would_not_do(monkeypatch):
     """coverage: with 3.84 for every number of units, as if the spread were known, they miss."""
-    monkeypatch.setattr(population, "_drop_of_a_mean", lambda freedom: chi2.ppf(0.95, 1))
+    monkeypatch.setattr(pool, "_threshold_of_a_mean", lambda freedom: chi2.ppf(0.95, 1))
     assert misses(2, 60)[0] > allowed(60)
 
 
@@ -90,9 +87,7 @@ def test_no_spread_is_said_with_a_bound():
     """property: equal units show no spread, and the bound on it shrinks with their number."""
     rng, before = np.random.default_rng(3), np.inf
     for units in (3, 6, 12):
-        middle, spread = population.population(
-            [known_variance(0.0, 50, rng) for _ in range(units)], "s"
-        )
+        middle, spread = population([known_variance(0.0, 50, rng) for _ in range(units)], "s")
         assert not spread.resolved and NO_SPREAD in spread.note
         assert spread.high < before
         assert middle.low < 1 < middle.high
@@ -103,10 +98,8 @@ def test_scale_does_not_matter():
     """property: the same logs in another unit give the same answer in that unit."""
     rng = np.random.default_rng(4)
     curves = [known_variance(0.3 * rng.standard_normal(), 100, rng) for _ in range(4)]
-    a, spread_a = population.population(curves, "s")
-    b, spread_b = population.population(
-        [Curve(c.at + np.log(60), c.fall, c.closed) for c in curves], "s"
-    )
+    a, spread_a = population(curves, "s")
+    b, spread_b = population([Profile(c.at + np.log(60), c.fall, c.closed) for c in curves], "s")
     for x, y in ((a.value, b.value), (a.low, b.low), (a.high, b.high)):
         assert 60 * x == pytest.approx(y)
     assert spread_a.value == pytest.approx(spread_b.value)
@@ -121,7 +114,7 @@ def test_open_sides_count():
     for _ in range(runs):
         curves = [known_variance(0.4 * rng.standard_normal(), 140, rng) for _ in range(10)]
         seen = [c if c.best < 0.2 else cut_off(c, 0.2) for c in curves]
-        middle, _ = population.population(seen, "s")
+        middle, _ = population(seen, "s")
         missed += not (middle.low or 0) < 1 < (middle.high or np.inf)
         pooled.append(np.log(middle.value) if middle.resolved else np.nan)
         left.append(np.mean([c.best for c in curves if c.best < 0.2]))
@@ -137,9 +130,9 @@ def test_logs_that_leave_the_time_open():
     for _ in range(8):
         model = UnifiedModel(0.3, 100 * np.exp(0.3 * rng.standard_normal()), 1.0)
         likelihood = NoiseLikelihood([transform(model.simulate(2000, 1.0, rng), 1.0)])
-        curves.append(of_unit(likelihood, likelihood.fit("N+GM"), "corr_time"))
+        curves.append(profile_of_unit(likelihood, likelihood.fit("N+GM"), "corr_time"))
         alone.append(all(curves[-1].closed))
-    middle, _ = population.population(curves, "s")
+    middle, _ = population(curves, "s")
     assert 1 < sum(alone) < 8
     assert middle.low < 100 < middle.high
     assert "the others count" in middle.note

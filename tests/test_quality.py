@@ -25,7 +25,7 @@ def test_a_quiet_log_gets_no_remark():
         (QUIET * np.where(np.arange(20_000) // 2000 == 4, 8, 1), 0.01, "moved"),
         (QUIET[:300], 0.01, "short"),
         (np.where(np.arange(20_000) == 99, 1e6, QUIET), 0.01, "the first after 0.99 s"),
-        (QUIET + 0.5 * np.sin(2 * np.pi * 3 * T), 0.01, "an oscillation at 3.04 Hz stands"),
+        (QUIET + 0.5 * np.sin(2 * np.pi * 3 * T), 0.01, "an oscillation at 3.04 Hz, "),
         (QUIET + 20.0 * np.sin(2 * np.pi * 0.6 * T), 0.01, "an oscillation at 0.641 Hz"),
     ],
 )

@@ -1,8 +1,8 @@
-"""Everything this package can say of one static channel, from one call.
+"""All results for one static channel, from one call, and remarks on what disturbs it.
 
 The parameters come from the likelihood of the whole log (`inference`), bias instability from the
-floor of the Allan deviation where no flicker noise was fitted. Beside them stand the four panels
-the comparison paper draws for each sensor: 15 s of data, Allan deviation, whole log,
+floor of the Allan deviation where no flicker noise was fitted. With them come the four panels
+that the comparison paper draws for each sensor: 15 s of data, Allan deviation, whole log,
 autocorrelation.
 """
 
@@ -27,11 +27,11 @@ SPIKE = 20.0  # robust standard deviations
 LEVELS = 12  # distinct values below which resolution, not noise, may rule
 UNEVEN = 3.0  # largest over median deviation among tenths of the log
 BRIEF = 60.0  # s; a shorter log is remarked on
-LINE = 5.0  # times the noise beside it; of noise alone none of 9000 spectra came to 4
+LINE = 5.0  # times the spectrum around it; none of 9000 spectra of noise alone reached 4
 RESOLVED = 4096  # samples a piece of the spectrum, at most
 PIECES = 32, 256  # whose median is the spectrum, at least and at most
-BESIDE = 33  # bins
-HELD = 0.1  # share of samples that differ from the one before, below which an output is held
+NEIGHBOURS = 33  # bins of the spectrum around a line
+HELD = 0.1  # share of samples that differ from the one before; below it the output is held
 ORDER = ("arw", "vrw", "sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 
 
@@ -90,11 +90,11 @@ def characterise(
         Sampling interval, s.
     name, unit, kind : str
     rng : numpy.random.Generator
-        For the bridges over short holes, and for the logs that set the interval of the drift.
+        For the bridges over short gaps, and for the bootstrap of the drift.
     detrend : bool
-        Take the linear drift out before the Allan deviation and the autocorrelation.
+        Remove the linear drift before the Allan deviation and the autocorrelation.
     estimate : bool
-        False leaves ``parameters`` empty: the panels alone, at once.
+        False leaves ``parameters`` empty: only the panels, which are fast.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def characterise(
         If the channel is too short or does not vary.
     """
     y = np.asarray(y, dtype=float)
-    refuse_what_says_nothing(y, dt, name, unit)
+    refuse_without_noise(y, dt, name, unit)
     residual, line = fit_line(y, dt)
     residual = residual if detrend else y - np.nanmean(y)
     curve = allan_deviation(residual, dt)
@@ -140,29 +140,29 @@ def windows(duration, dt):
 
 def _parameters(y, dt, name, unit, kind, curve, rng, detrend):
     try:
-        said = infer(y, dt, unit, kind, rng, detrend=detrend)
+        result = infer(y, dt, unit, kind, rng, detrend=detrend)
     except CannotAnswer as error:
         raise CannotAnswer(f"channel {name}: {error}") from error
-    found = said.parameters
-    if kind in ("rate", "accel") and "bias_instability" not in found:
-        found["bias_instability"] = graph.bias_instability(curve, unit)
-    return {name: found[name] for name in ORDER if name in found}, said.table()
+    known = result.parameters
+    if kind in ("rate", "accel") and "bias_instability" not in known:
+        known["bias_instability"] = graph.bias_instability(curve, unit)
+    return {name: known[name] for name in ORDER if name in known}, result.table()
 
 
-def refuse_what_says_nothing(y, dt, name, unit):
+def refuse_without_noise(y, dt, name, unit):
     """Raise `CannotAnswer` for a channel that is too short or does not vary."""
     count = int(np.isfinite(y).sum())
     if count < FEWEST:
         raise CannotAnswer(
-            f"channel {name}: {count} samples say nothing about noise; record at least {FEWEST},"
-            " and for a correlation time some hours"
+            f"channel {name}: {count} samples are too few to measure noise; record at least"
+            f" {FEWEST}, and for a correlation time some hours"
         )
     residual, line = fit_line(y, dt)
     span = np.nanmax(y) - np.nanmin(y)
     if span > 0 and np.nanstd(residual) < ROUNDING * np.nanmax(np.abs(y)):
         raise CannotAnswer(
-            f"channel {name}: a straight line of {line.drift:.3g} {unit}/s to the last digit; there"
-            " is no noise to measure"
+            f"channel {name}: a straight line of {line.drift:.3g} {unit}/s to the last digit: no"
+            " noise to measure"
         )
     if span == 0:
         raise CannotAnswer(
@@ -204,57 +204,57 @@ def remarks(y, dt, name):
     -------
     list of str
     """
-    found, z = [], y[np.isfinite(y)]
+    notes, z = [], y[np.isfinite(y)]
     step = np.diff(z)
     if len(z) * dt < BRIEF:
-        found.append(f"{name}: {len(z) * dt:.3g} s are short for anything but the white noise")
+        notes.append(f"{name}: {len(z) * dt:.3g} s are too short for anything but the white noise")
     distinct = len(np.unique(z))
     if distinct < LEVELS:
-        found.append(
+        notes.append(
             f"{name}: only {distinct} different values; the resolution, not the noise, may be what"
             " is measured"
         )
-        return found
+        return notes
     scale = 1.4826 * np.median(np.abs(step - np.median(step)))
     spikes = np.flatnonzero(np.abs(step) > SPIKE * scale) if scale > 0 else []
     if len(spikes):
         at = dt * np.flatnonzero(np.isfinite(y))[spikes[0] + 1]
-        found.append(
+        notes.append(
             f"{name}: {len(spikes)} steps of more than {SPIKE:g} robust standard deviations, the"
-            f" first after {at:.4g} s; spikes or knocks raise what is read off a curve"
+            f" first after {at:.4g} s; spikes or shocks raise the Allan deviation"
         )
     tenths = [part.std() for part in np.array_split(step, 10)]
     if max(tenths) > UNEVEN * np.median(tenths) > 0:
-        found.append(
+        notes.append(
             f"{name}: the noise of one tenth of the log is {max(tenths) / np.median(tenths):.2g}"
             " times the usual; was the sensor moved?"
         )
     frequency, ratio = _line(step, dt)
     if ratio > LINE:
-        found.append(
-            f"{name}: an oscillation at {frequency:.3g} Hz stands {ratio:.2g} times above the noise"
-            " beside it; vibration or motion is no noise, and no model here is made for it"
+        notes.append(
+            f"{name}: an oscillation at {frequency:.3g} Hz, {ratio:.2g} times the spectrum around"
+            " it; vibration or motion is not noise, and no model here covers it"
         )
-    return found
+    return notes
 
 
 def _line(step, dt):
-    """Find what stands out most of the spectrum of the steps, which no slow noise makes steep.
+    """Find the strongest line in the spectrum of the steps, which slow noise does not make steep.
 
     Returns
     -------
     frequency : float, Hz
     ratio : float
-        To the median of the bins beside it; 0 if the log is too short or too coarse to tell.
+        To the median of the bins around it; 0 if the log is too short or too coarse.
     """
     length = min(RESOLVED, len(step) // PIECES[0])
     held = np.count_nonzero(step) < HELD * len(step)
-    if held or length < 8 * BESIDE:
+    if held or length < 8 * NEIGHBOURS:
         return 0.0, 0.0
     pieces = step[: len(step) // length * length].reshape(-1, length)
     f, power = periodogram(pieces[:: -(-len(pieces) // PIECES[1])], 1 / dt, window="hann")
-    f, power = f[2:-1], np.median(power, axis=0)[2:-1]  # which no knock decides
-    beside = median_filter(power, size=BESIDE, mode="nearest")
-    ratio = np.divide(power, beside, out=np.zeros_like(power), where=beside > 0)
+    f, power = f[2:-1], np.median(power, axis=0)[2:-1]  # robust against shocks
+    around = median_filter(power, size=NEIGHBOURS, mode="nearest")
+    ratio = np.divide(power, around, out=np.zeros_like(power), where=around > 0)
     most = int(np.argmax(ratio))
     return float(f[most]), float(ratio[most])

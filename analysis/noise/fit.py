@@ -1,4 +1,4 @@
-"""Fit the field's noise models to a static log by likelihood, and choose among them by AIC.
+"""Fit noise models to a static log by maximum likelihood, and choose among them by AIC.
 
 Models are sums of white noise (N), Gauss-Markov biases (GM), flicker noise (B) and a random walk of
 the rate (K); mean and linear drift are removed exactly (see `likelihood`). They are compared by
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.noise.likelihood import Terms, evaluate
-from analysis.noise.profile_likelihood import DROP, Surface, interval
+from analysis.noise.profile_likelihood import THRESHOLD, Surface, interval
 from analysis.noise.spectrum import Stretch, transform
 
 MODELS = {
@@ -24,10 +24,10 @@ MODELS = {
     "N+2GM": ("sigma_v", "walk", "corr_time", "walk", "corr_time"),
 }
 UNIFIED = "N+GM"
-# With the random walk that white or flicker noise may hide.
+# The model with a random walk that white or flicker noise may mask.
 WITH_WALK = {"N": "N+K", "N+B": "N+B+K"}
 QUANTISED = "+Q"
-WITHIN = 2.0  # AIC by which a model of another kind has to be better
+EQUAL = 2.0  # AIC differences up to this count as equal
 STRONG = 6.0  # AIC by which a richer model than the unified one has to be better
 LONGEST = 100.0  # longest correlation time tried, in log lengths
 SHORTEST = 4.0  # shortest, in samples or means: what is shorter counts as white
@@ -38,7 +38,7 @@ RATIOS = 9
 
 @dataclass(frozen=True)
 class Fit:
-    """One model at its likeliest.
+    """One model at its maximum likelihood.
 
     Attributes
     ----------
@@ -68,19 +68,19 @@ class Fit:
 
     @property
     def end(self):
-        """What the name of the model has besides: "+Q" or nothing."""
+        """Suffix of the model: "+Q" with quantisation, else nothing."""
         return self.model.removeprefix(self.plain)
 
     def by_name(self):
         """Give the logarithms of the parameters by name, in the order of the model."""
-        found = {}
+        values = {}
         for name, value in zip(self.names, self.point, strict=True):
-            found.setdefault(name, []).append(float(value))
-        return found
+            values.setdefault(name, []).append(float(value))
+        return values
 
 
 class NoiseLikelihood:
-    """The likelihood of one log, or of several of one sensor, under any of the models.
+    """Likelihood of one log, or of several of one sensor, under any of the models.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class NoiseLikelihood:
         Remove a linear drift; else the mean only.
     """
 
-    threshold = DROP  # fall of 2 ln L at the ends of a 95 % interval
+    threshold = THRESHOLD  # fall of 2 ln L at the ends of a 95 % interval
 
     def __init__(self, stretches: Sequence[Stretch], *, detrend: bool = True):
         self.stretches = tuple(stretches)
@@ -138,7 +138,7 @@ class NoiseLikelihood:
     def fit(
         self, model: str = UNIFIED, simpler: Sequence[Fit] = (), quantised: bool = False
     ) -> Fit:
-        """Find the likeliest parameters of a model.
+        """Maximise the likelihood of a model.
 
         Parameters
         ----------
@@ -155,13 +155,13 @@ class NoiseLikelihood:
         """
         names = MODELS[model] + (("quantisation",) if quantised else ())
         surface = self.surface(names)
-        found = []
+        tops = []
         for start in simpler or (None,):
             points = self._starts(names, start)
-            climbs = 2 if start is None else 1
-            best = points[np.argsort(-surface.value(points), kind="stable")[:climbs]]
-            found += [surface.maximum(p) for p in best]
-        point, value = max(found, key=lambda pair: pair[1])
+            searches = 2 if start is None else 1
+            best = points[np.argsort(-surface.value(points), kind="stable")[:searches]]
+            tops += [surface.maximum(p) for p in best]
+        point, value = max(tops, key=lambda pair: pair[1])
         title = model + QUANTISED if quantised else model
         aic = 2 * len(names) - 2 * value
         return Fit(title, _named(point, names), value, aic, point, names)
@@ -174,11 +174,14 @@ class NoiseLikelihood:
         Returns
         -------
         tuple of (float or None, float or None)
-            None on a side that the data leave open.
+            None on a side that the data do not bound.
         """
         along, offset = direction(fit, what)
-        ends = interval(self.surface(fit.names), fit.point, fit.log_likelihood, along)
-        return tuple(None if e is None else float(np.exp(e + offset)) for e in ends)
+        low, high = (
+            None if end is None else float(np.exp(end + offset))
+            for end in interval(self.surface(fit.names), fit.point, fit.log_likelihood, along)
+        )
+        return low, high
 
     def profile(self, fit: Fit, what: str, values: np.ndarray) -> np.ndarray:
         """Fall of 2 ln L from its maximum when ``what`` has each of the values.
@@ -215,7 +218,7 @@ class NoiseLikelihood:
         points = np.tile(fit.point, (len(sigma_b), 1))
         terms = replace(rows(points, fit.names), bias=((sigma_b, corr_time),))
         value = evaluate(self.stretches, terms, detrend=self.detrend).value
-        allowed = (2 * (fit.log_likelihood - value) < DROP).reshape(len(time), -1).any(axis=0)
+        allowed = (2 * (fit.log_likelihood - value) < THRESHOLD).reshape(len(time), -1).any(axis=0)
         return float(size[allowed].max()) if allowed.any() else float(size[0])
 
     def terms(self, fit):
@@ -238,14 +241,14 @@ class NoiseLikelihood:
                 left = {name: list(values) for name, values in kept.items()}
                 rows.append([left[n].pop(0) if left.get(n) else np.log(new[n]) for n in names])
         points = np.array(rows)
-        if simpler is None:  # of any size yet: the likeliest is known without a search
-            found = self.evaluate(points, names)
+        if simpler is None:  # the best common scale of all sizes has a closed form
+            likelihood = self.evaluate(points, names)
             sizes = np.array([name != "corr_time" for name in names])
-            points = points + 0.5 * np.log(found.quadratic / found.count)[:, None] * sizes
+            points = points + 0.5 * np.log(likelihood.quadratic / likelihood.count)[:, None] * sizes
         return points
 
     def _new(self, ratio, time, white):
-        """Start of each slow term, `ratio` away from one that white noise would just hide."""
+        """Start of each slow term, `ratio` times the size that white noise would just mask."""
         return {
             "corr_time": time,
             "walk": ratio * white * np.sqrt(2 * self.step) / time,
@@ -269,11 +272,11 @@ def direction(fit, what):
 
 
 def choose(fits):
-    """Choose the simplest model that the log does not speak against.
+    """Choose the simplest model that is consistent with the log.
 
     Of the models up to the size of N+GM it is the simplest within 2 of the least AIC, and N+GM
-    among equals. A richer one has to be better by more than 6: a term that chance alone suggests
-    would cost the others their intervals.
+    among equals. A richer one has to be better by more than 6: a term added by chance would
+    widen or shift the intervals of the others.
 
     Parameters
     ----------
@@ -292,12 +295,12 @@ def choose(fits):
 
 def _simplest(fits):
     least = min(f.aic for f in fits)
-    near = [f for f in fits if f.aic <= least + WITHIN]
+    near = [f for f in fits if f.aic <= least + EQUAL]
     return min(near, key=lambda f: (len(f.point), not f.model.startswith(UNIFIED), f.aic))
 
 
 def rows(points, names):
-    """Give rows of logarithms of parameters, shape (rows, d), as the likelihood wants them."""
+    """Convert rows of logarithms of parameters, shape (rows, d), to `Terms`."""
     values = np.exp(points)
     columns = dict(zip(names, values.T, strict=True))
     pairs = [(i, i + 1) for i, name in enumerate(names) if name == "walk"]
@@ -312,14 +315,14 @@ def rows(points, names):
 
 def _named(point, names):
     values = np.exp(point)
-    found = {}
+    terms = {}
     for i, name in enumerate(names):
         if name == "walk":
-            found.setdefault("sigma_b", []).append(float(values[i] * np.sqrt(values[i + 1] / 2)))
+            terms.setdefault("sigma_b", []).append(float(values[i] * np.sqrt(values[i + 1] / 2)))
         else:
-            found.setdefault(name, []).append(float(values[i]))
-    if len(found.get("corr_time", ())) == 2:
-        order = np.argsort(found["corr_time"])
+            terms.setdefault(name, []).append(float(values[i]))
+    if len(terms.get("corr_time", ())) == 2:
+        order = np.argsort(terms["corr_time"])
         for name in ("sigma_b", "corr_time"):
-            found[name] = [found[name][i] for i in order]
-    return found
+            terms[name] = [terms[name][i] for i in order]
+    return terms

@@ -1,41 +1,69 @@
-"""What a static channel's likelihood supports: each parameter with its interval, or a refusal.
+"""What the likelihood of a static channel supports: each parameter with its interval, or a refusal.
 
-The band comes first. A filter inside a sensor makes neighbouring samples alike, which no slow bias
-does. So samples are averaged, 1, 2, 4 ... at a time, until the chosen model has no correlation time
-of only some means, and agrees with the spectrum to 3 % in the octaves at the top; then twice more,
-for what hides in the noise of those octaves still tilts them. What is called white is white below.
+First the band is chosen. A filter inside a sensor correlates neighbouring samples, which no model
+here describes. So samples are averaged, 1, 2, 4 ... at a time, until the chosen model has no
+correlation time of a few means only and agrees with the spectrum to 3 % in the highest octaves,
+and then twice more, because what is hidden in the noise of those octaves still tilts them. sigma_v
+is the noise level within the fitted band.
+
+The linear drift has a profile likelihood over a grid of the biases that the log allows. A slow bias
+can look like a drift, the more so the longer its correlation time, and generalised least squares
+under one bias ignores the other biases. The threshold of this profile is not chi-squared: by chance
+a slow bias and a drift describe a random walk better than the random walk does, and the bias may be
+zero. So the threshold is calibrated by parametric bootstrap.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from analysis import CannotAnswer, Estimate
-from analysis.noise.findings import Findings, density
-from analysis.noise.fit import MODELS, QUANTISED, Fit, NoiseLikelihood, choose
-from analysis.noise.likelihood import bin_variance
+from analysis.noise.fit import (
+    MODELS,
+    QUANTISED,
+    UNIFIED,
+    WITH_WALK,
+    Fit,
+    NoiseLikelihood,
+    choose,
+    direction,
+    rows,
+)
+from analysis.noise.likelihood import bin_variance, evaluate, simulate
+from analysis.noise.models import random_walk_unit
+from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
 from analysis.noise.spectrum import spikes, stretches
 
-LEAST = 256  # means that are left when no band is found
+FEWEST_MEANS = 256  # averaging stops before fewer means are left
 OCTAVES = 3  # at the top of the band, where the model has to agree
 AGREE = 0.03  # relative
-MARGIN = 2  # doublings beyond the first means that show no filter: unseen is not gone
+MARGIN = 2  # doublings beyond the first band without a visible filter
 BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
-USED = 0.95  # share of the samples below which a reader is told
+USED = 0.95  # a note says if less than this share of the samples is used
 EXACT = 1e-9  # relative; means that vary less than that hold no noise
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
 SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
+# The model whose biases are tried with a drift: a bias below the white noise is taken for the
+# slowest, a random walk; a visible random walk may be a slow bias.
+DRIFT_MODEL = WITH_WALK | {"N+K": UNIFIED}
+DRIFT_GRID = (15, 30)  # points along the last two parameters
+GRID_FALL = 28.0  # fall of 2 ln L at the ends of the grid
+GRID_RANGE = np.log(1e4)  # greatest ln(high / low) of a size on the grid
+BOOTSTRAP_LOGS = 500
 
 
 @dataclass(frozen=True)
 class Inference:
-    """The models tried on one channel, and what the chosen one says.
+    """The models tried on one channel, and the parameters of the chosen one.
 
     Attributes
     ----------
-    fits : tuple of Fit
+    likelihood : NoiseLikelihood
+    fits : dict of str, Fit
         Every model, in the order of `MODELS`.
     chosen : Fit
+    unit : str
+        Of the reading, U.
     averaged : int
         Samples behind each mean that was fitted.
     misfit : float
@@ -43,21 +71,20 @@ class Inference:
     spikes : int
         Samples left out as spikes.
     parameters : dict of Estimate
-    likelihood : NoiseLikelihood
-        What was maximised.
     """
 
-    fits: tuple[Fit, ...]
-    chosen: Fit
-    averaged: int
-    misfit: float
-    spikes: int
-    parameters: dict[str, Estimate]
     likelihood: NoiseLikelihood
+    fits: dict[str, Fit]
+    chosen: Fit
+    unit: str
+    averaged: int = 1
+    misfit: float = 0.0
+    spikes: int = 0
+    parameters: dict[str, Estimate] = field(default_factory=dict)
 
-    def table(self):
-        """List the models for a reader: name, terms, AIC above the least, chosen or not."""
-        least = min(f.aic for f in self.fits)
+    def table(self) -> list[dict]:
+        """List the models tried: name, terms, AIC above the least, chosen or not."""
+        least = min(f.aic for f in self.fits.values())
         return [
             {
                 "model": f.model,
@@ -66,8 +93,112 @@ class Inference:
                 "aic_above_least": f.aic - least,
                 "chosen": f.model == self.chosen.model,
             }
-            for f in self.fits
+            for f in self.fits.values()
         ]
+
+    @property
+    def level_fit(self):
+        """The fit that white and flicker noise are taken from.
+
+        With flicker noise it has a random walk too: one below the white noise would otherwise be
+        counted as flicker noise, and change the white noise with it.
+        """
+        return self.similar(WITH_WALK["N+B"]) if self.chosen.plain == "N+B" else self.chosen
+
+    def similar(self, model):
+        """Give the fit of another model, with quantisation if the chosen one has it."""
+        return self.fits[model + self.chosen.end]
+
+    def estimate(self, fit, what, unit, note, otherwise):
+        """Estimate one parameter of a fit; refused if the likelihood gives no lower bound."""
+        low, high = self.likelihood.interval(fit, what)
+        if low is None:
+            return Estimate.refused(unit, otherwise, high=high)
+        return Estimate(fit.terms[what][0], low, high, unit, note=note)
+
+    def white_noise(self, band):
+        """White noise of a sample, U, with a note on the band it was fitted in."""
+        note = "; ".join(part for part in (f"likelihood of {self.level_fit.model}", band) if part)
+        hidden = (
+            "the likelihood does not decrease as the white noise goes to zero: a slow process"
+            " masks it"
+        )
+        return self.estimate(self.level_fit, "sigma_v", self.unit, note, f"{note}; {hidden}")
+
+    def rate_random_walk(self):
+        """Rate random walk K, U/sqrt(s)."""
+        unit, note = f"{self.unit}/sqrt(s)", f"likelihood of {self.chosen.model}"
+        if "rrw" in self.chosen.terms:
+            walk = self.estimate(self.chosen, "rrw", unit, note, "")
+            if walk.resolved:
+                return walk
+        wider = self.similar(WITH_WALK.get(self.chosen.plain, "N+GM+K"))
+        high = self.likelihood.interval(wider, "rrw")[1]
+        why = f"{self.chosen.model} fits the log equally well without a rate random walk"
+        return Estimate.refused(unit, why, high=high)
+
+    def bias_instability(self):
+        """Bias instability B of fitted flicker noise, U."""
+        note = f"likelihood of {self.level_fit.model}: coefficient of its flicker noise (IEEE 952)"
+        otherwise = f"{note}; a rate random walk alone may explain it"
+        return self.estimate(self.level_fit, "flicker", self.unit, note, otherwise)
+
+    def bias(self):
+        """Give corr_time (s) and sigma_b (U) of the Gauss-Markov bias."""
+        if "corr_time" in self.chosen.terms:
+            return self._gauss_markov()
+        if self.chosen.model.startswith("N+K"):
+            return self._random_walk()
+        if "flicker" in self.chosen.terms:
+            more = self.similar(UNIFIED).aic - self.chosen.aic
+            why = f"flicker noise chosen, not a Gauss-Markov bias (AIC of {UNIFIED}: {more:+.1f})"
+            return self._no_bias(why, why)
+        longest = self.likelihood.duration / 10
+        why = "the log shows no slow bias"
+        bound = f"{why}; the upper bound assumes a correlation time of at most {longest:.3g} s, a"
+        bound += " tenth of the log"
+        return self._no_bias(why, bound, high=self.likelihood.hidden_bias(self.chosen, longest))
+
+    def _no_bias(self, why, why_no_size, *, time_low=None, **bound):
+        return {
+            "corr_time": Estimate.refused("s", why, low=time_low),
+            "sigma_b": Estimate.refused(self.unit, why_no_size, **bound),
+        }
+
+    def _gauss_markov(self):
+        fit, estimates = self.chosen, {}
+        ends = {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
+        times = self.likelihood.duration / fit.terms["corr_time"][-1]
+        note = f"likelihood of {fit.model}; the log covers {_count(times)} correlation times"
+        for (what, (low, high)), unit in zip(ends.items(), ("s", self.unit), strict=True):
+            if None in (*ends["corr_time"], low, high):
+                why = f"{note}, too few to bound it on both sides"
+                high = None if ends["corr_time"][1] is None else high
+                estimates[what] = Estimate.refused(unit, why, low=low, high=high)
+            else:
+                estimates[what] = Estimate(fit.terms[what][-1], low, high, unit, note=note)
+        return estimates
+
+    def _random_walk(self):
+        """Bound a bias whose correlation time has no upper end."""
+        unified = self.similar(UNIFIED)
+        low, sigma_low = (self.likelihood.interval(unified, w)[0] for w in ("corr_time", "sigma_b"))
+        why = "a random walk, which has no correlation time, fits the log equally well"
+        if low is not None:
+            times = _count(self.likelihood.duration / low)
+            why += f": the log covers at most {times} correlation times"
+        open_time = f"not bounded because corr_time is not: {why}"
+        return self._no_bias(why, open_time, time_low=low, low=sigma_low)
+
+    def drift(self, rng):
+        """Linear drift, U/s; `rng` draws the logs of the bootstrap."""
+        value, low, high = linear_drift(self.likelihood, self.fits, self.chosen, rng)
+        if low <= 0 <= high:
+            why = "no linear drift that a slow bias does not explain"
+            return Estimate.refused(f"{self.unit}/s", why, low=low, high=high)
+        note = "profile likelihood over the biases that the log allows; threshold calibrated by"
+        note += " parametric bootstrap"
+        return Estimate(value, low, high, f"{self.unit}/s", note=note)
 
 
 def infer(
@@ -80,7 +211,7 @@ def infer(
     detrend: bool = True,
     robust: bool = True,
 ) -> Inference:
-    """Fit every model to a channel, choose one, and say what it resolves.
+    """Fit every model to a channel, choose one, and estimate its parameters.
 
     Parameters
     ----------
@@ -91,47 +222,50 @@ def infer(
     unit, kind : str
         kind is rate, angle, accel or position.
     rng : numpy.random.Generator
-        For the bridges over short holes, and for the logs that set the interval of the drift.
+        For the bridges over short gaps, and for the bootstrap of the drift.
     detrend : bool
         Remove a linear drift; else the mean only.
     robust : bool
-        Leave out single samples that leave both neighbours by 8 robust deviations of a step.
+        Leave out spikes: single samples that differ from both neighbours by 8 robust deviations of
+        a step.
 
     Returns
     -------
     Inference
-        `CannotAnswer` if no stretch of 32 samples is left between long holes.
+        `CannotAnswer` if no stretch of 32 samples is left between long gaps.
     """
     out = spikes(y) if robust else np.zeros(len(y), dtype=bool)
     y = np.where(out, np.nan, y) if out.any() else y
-    m, fits, rate, further = 1, {}, kind in ("rate", "accel"), 0
+    m, rate, clean_bands = 1, kind in ("rate", "accel"), 0
+    fits: dict[str, Fit] = {}
     pieces = stretches(y, dt, m, rng)
     if not pieces:
-        raise CannotAnswer("long holes leave no stretch of samples to fit a noise model to")
+        raise CannotAnswer("long gaps leave no stretch of samples to fit a noise model to")
     likelihood = NoiseLikelihood(pieces, detrend=detrend)
     while True:
         fits = fit_all(likelihood, rate=rate, near=fits)
         chosen = choose(fits.values())
         misfit, beyond = disagreement(likelihood, chosen)
         clean = not beyond and min(chosen.terms.get("corr_time", [np.inf])) >= FILTER * m * dt
-        further = further + 1 if clean else 0
-        if (clean and (m == 1 or further > MARGIN)) or len(y) < 2 * m * LEAST:
+        clean_bands = clean_bands + 1 if clean else 0
+        if (clean and (m == 1 or clean_bands > MARGIN)) or len(y) < 2 * m * FEWEST_MEANS:
             break
         pieces = stretches(y, dt, 2 * m, rng)
         wider = NoiseLikelihood(pieces, detrend=detrend) if pieces else None
         if wider is None or wider.scale < EXACT * likelihood.scale:
-            break  # holes leave nothing to average, or a pattern averages out to the last digit
+            break  # gaps leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
-    said = Findings(likelihood, fits, chosen, unit)
+    result = Inference(likelihood, fits, chosen, unit, m, misfit, int(out.sum()))
     used = sum(piece.n * piece.m for piece in likelihood.stretches) / np.isfinite(y).sum()
-    found = {"sigma_v": said.white(_band(m, dt, clean, misfit, int(out.sum()), used))}
-    if kind in ("rate", "accel"):
-        found["arw" if kind == "rate" else "vrw"] = density(found["sigma_v"], dt)
-        found["rrw"] = said.rate_random_walk()
+    parameters = result.parameters
+    parameters["sigma_v"] = result.white_noise(_band(result, dt, clean, used))
+    if rate:
+        parameters["arw" if kind == "rate" else "vrw"] = density(parameters["sigma_v"], dt)
+        parameters["rrw"] = result.rate_random_walk()
         if "flicker" in chosen.terms:
-            found["bias_instability"] = said.flicker()
-    found |= said.bias() | {"drift": said.drift(rng.spawn(1)[0])}
-    return Inference(tuple(fits.values()), chosen, m, misfit, int(out.sum()), found, likelihood)
+            parameters["bias_instability"] = result.bias_instability()
+    parameters |= result.bias() | {"drift": result.drift(rng.spawn(1)[0])}
+    return result
 
 
 def fit_all(likelihood, *, rate=False, near=None):
@@ -191,18 +325,110 @@ def disagreement(likelihood, fit):
     return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
 
 
-def _band(m, dt, clean, misfit, left_out, used):
-    """Say over what band the model was fitted, and what was left out."""
-    parts = []
+def density(sigma_v, dt):
+    """Turn the white noise of a sample (U) into a density, N = sigma_v sqrt(dt) (U sqrt(s))."""
+    ends = (sigma_v.value, sigma_v.low, sigma_v.high)
+    value, low, high = (None if v is None else v * np.sqrt(dt) for v in ends)
+    return Estimate(
+        value, low, high, random_walk_unit(sigma_v.unit), sigma_v.resolved, sigma_v.note
+    )
+
+
+def _band(result, dt, clean, used):
+    """Write over what band the model was fitted, and what was left out."""
+    parts, m = [], result.averaged
     if m > 1:
-        parts.append(f"means of {m} samples ({m * dt:.3g} s): closer ones are correlated")
-    if left_out:
-        parts.append(f"left out as spikes: {left_out}")
+        parts.append(
+            f"noise level within the fitted band, means of {m} samples ({m * dt:.3g} s): closer"
+            " samples are correlated"
+        )
+    if result.spikes:
+        parts.append(f"left out as spikes: {result.spikes}")
     if used < USED:
-        parts.append(f"{1 - used:.0%} of the samples unused: long holes cut the log into pieces")
+        parts.append(f"{1 - used:.0%} of the samples unused: long gaps split the log")
     if not clean:
         parts.append(
-            f"no model fits to {100 * AGREE:.0f} % (off by {100 * misfit:.0f} %): take the interval"
-            " with caution"
+            f"no model fits within {100 * AGREE:.0f} % (misfit {100 * result.misfit:.0f} %): the"
+            " interval may be too narrow"
         )
     return "; ".join(parts)
+
+
+def _count(times):
+    return f"{times:.0f}" if times >= 10 else f"{times:.2g}"
+
+
+def linear_drift(likelihood, fits, chosen, rng=None):
+    """Linear drift by profile likelihood.
+
+    The interval holds the drifts at which 2 ln L falls by no more than the threshold. The threshold
+    is the fall at the true drift that 95 % of logs simulated with the fitted noise stay below, on
+    the same grid (parametric bootstrap). Parameters not on the grid keep their fitted values.
+
+    Parameters
+    ----------
+    likelihood : NoiseLikelihood
+    fits : dict of str, Fit
+    chosen : Fit
+    rng : numpy.random.Generator, optional
+        For the bootstrap; without it the threshold is chi-squared's.
+
+    Returns
+    -------
+    value, low, high : float, U/s
+    """
+    fit = fits[DRIFT_MODEL.get(chosen.plain, chosen.plain) + chosen.end]
+    terms = rows(_grid(likelihood, fit), fit.names)
+    value, drift, sd = _lines(likelihood.stretches, terms)
+    threshold = THRESHOLD
+    if rng is not None:
+        noise = likelihood.terms(chosen if chosen.plain == "N+K" else fit)
+        drawn = [simulate(stretch, noise, BOOTSTRAP_LOGS, rng) for stretch in likelihood.stretches]
+        threshold = np.quantile(_fall_at_no_drift(drawn, terms), LEVEL)
+    room = threshold - 2 * (value.max() - value)  # left for the drift, under each row of noise
+    half = sd * np.sqrt(np.maximum(room, 0.0))
+    ends = (drift - half)[room >= 0].min(), (drift + half)[room >= 0].max()
+    return float(drift[np.argmax(value)]), *map(float, ends)
+
+
+def _lines(stretches, terms):
+    """Fit the line to one log, or to many, under rows of noise.
+
+    Returns
+    -------
+    value, drift : ndarray, shape (rows,) or (logs, rows)
+        Log-likelihood of noise and drift at the likeliest drift, which is not the restricted one,
+        and this drift, U/s.
+    sd : ndarray, shape (rows,), U/s
+    """
+    result = evaluate(stretches, terms)
+    return result.value - np.log(result.drift_sd), result.drift, result.drift_sd
+
+
+def _fall_at_no_drift(stretches, terms):
+    """Fall of 2 ln L at zero drift, for each of many logs."""
+    value, drift, sd = _lines(stretches, terms)
+    return 2 * (value.max(axis=1) - (value - 0.5 * (drift / sd) ** 2).max(axis=1))
+
+
+def _grid(likelihood, fit):
+    """Put the last two parameters of a fit, quantisation aside, on a grid, shape (rows, d).
+
+    Of two Gauss-Markov terms it is the slower one's.
+    """
+    surface, names = likelihood.surface(fit.names), fit.names
+    last = len(names) - (2 if "quantisation" in names else 1)
+    if names[last] == "corr_time":
+        last = int(np.argmax(direction(fit, "corr_time")[0]))
+    pair, nodes = [last - 1, last], []
+    for i, count in zip(pair, DRIFT_GRID, strict=True):
+        along = np.eye(len(names))[i]
+        low, high = interval(surface, fit.point, fit.log_likelihood, along, threshold=GRID_FALL)
+        low = surface.low[i] if low is None else low
+        high = surface.high[i] if high is None else high
+        if names[i] != "corr_time":
+            low = max(low, high - GRID_RANGE)
+        nodes.append(np.linspace(low, high, count))
+    points = np.tile(fit.point, (np.prod(DRIFT_GRID), 1))
+    points[:, pair] = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, 2)
+    return points

@@ -1,4 +1,4 @@
-"""How long to record: the log length at which a parameter is known to a wanted share of its value.
+"""How long to record: the log length at which a parameter is known to a wanted relative error.
 
 The Fisher information of a stationary log says what the best estimator could do with it before it
 is recorded. With S_k the variance of cosine coefficient k under the model (`likelihood`), ::
@@ -23,7 +23,7 @@ from analysis.noise.spectrum import outline
 WITHIN = 1.96
 STEP = 1e-3  # of a logarithm, for derivatives
 LONGEST_H = 1e5  # eleven years
-HIDDEN = 1e6  # times the error that is wanted: not known at all
+UNKNOWN = 1e6  # times the error that is wanted: not known at all
 SYMBOLS = {  # how the terms of a `Plan` are printed
     "sigma_v": "N or σ_v", "sigma_b": "σ_b", "corr_time": "T_c", "flicker": "B", "rrw": "K",
 }  # fmt: skip
@@ -31,7 +31,7 @@ SYMBOLS = {  # how the terms of a `Plan` are printed
 
 @dataclass(frozen=True)
 class Plan:
-    """A sensor as a recording is planned for it: only the terms that are given count.
+    """Noise model of a sensor for which a recording is planned; terms not given are absent.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Plan:
     rrw: float | None = None
 
     def given(self):
-        """Names and values of the terms that are there."""
+        """Names and values of the terms given."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
     def relative_error(self, dt: float, hours: float) -> dict[str, float]:
@@ -81,7 +81,7 @@ class Plan:
         slope = (log_variance[: len(names)] - log_variance[len(names) :]) / (2 * STEP)
         information = 0.5 * np.einsum("ipb,jpb,pb->ij", slope, slope, stretch.count)
         scale = np.sqrt(np.diag(information))
-        seen = scale > 0  # what is hidden to the last digit is never known, and disturbs nothing
+        seen = scale > 0  # a term below rounding is never known, and disturbs no other
         ratios = information[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
         variance = np.full(len(names), np.inf)
         variance[seen] = np.diag(np.linalg.inv(ratios)) / scale[seen] ** 2
@@ -100,12 +100,12 @@ class Plan:
         Returns
         -------
         dict of str, float or None
-            None where eleven years do not do.
+            None where eleven years are not enough.
 
         Raises
         ------
         WrongUsage
-            If the terms lie so far apart that one hides another to the last digit.
+            If the terms are too far apart in size to compute with.
         """
         try:
             with np.errstate(divide="raise", over="raise", invalid="raise"):
@@ -115,7 +115,7 @@ class Plan:
 
     @classmethod
     def from_estimates(cls, parameters: Mapping[str, Estimate]) -> tuple["Plan | None", bool]:
-        """Plan with what a first log resolved, and at its bounds where it resolved nothing.
+        """Make a plan from the parameters of a first log, or from their bounds where unresolved.
 
         Parameters
         ----------
@@ -125,46 +125,43 @@ class Plan:
         Returns
         -------
         plan : Plan or None
-            None where the log does not even tell its white noise.
+            None if the log does not resolve its white noise.
         at_least : bool
             The correlation time is a lower bound, and so are the hours.
         """
-        white, sigma, time = (parameters.get(name) for name in ("sigma_v", "sigma_b", "corr_time"))
-        if white is None or not white.resolved:
+        known = {k: e.value for k, e in parameters.items() if e.resolved and e.value is not None}
+        if "sigma_v" not in known:
             return None, False
-        if time.resolved:
-            return cls(white.value, sigma.value, time.value), False
+        if "corr_time" in known:
+            return cls(known["sigma_v"], known.get("sigma_b"), known["corr_time"]), False
+        sigma, time = parameters["sigma_b"], parameters["corr_time"]
         if time.low and sigma.low:
-            return cls(white.value, sigma.low, time.low), True
-        flicker, walk = parameters.get("bias_instability"), parameters.get("rrw")
-        # A floor read off the curve is not flicker noise: only a fitted coefficient counts.
-        fitted = flicker is not None and flicker.resolved and "flicker" in flicker.note
-        resolved = walk is not None and walk.resolved
-        return cls(
-            white.value,
-            flicker=flicker.value if fitted else None,
-            rrw=walk.value if resolved else None,
-        ), False
+            return cls(known["sigma_v"], sigma.low, time.low), True
+        # A floor read off the Allan curve is not flicker noise: only a fitted coefficient counts.
+        flicker = parameters.get("bias_instability")
+        fitted = flicker is not None and "flicker" in flicker.note
+        size = known.get("bias_instability") if fitted else None
+        return cls(known["sigma_v"], flicker=size, rrw=known.get("rrw")), False
 
     def _hours(self, dt, wanted):
         def short_by(log_hours, name):
             error = self.relative_error(dt, np.exp(log_hours))[name]
-            return np.log(min(error / wanted, HIDDEN))
+            return np.log(min(error / wanted, UNKNOWN))
 
-        found, longest = {}, np.log(LONGEST_H)
+        hours, longest = {}, np.log(LONGEST_H)
         for name in self.given():
-            # Few samples or few correlation times are beyond what the information can say.
+            # The asymptotic error does not hold for few samples or few correlation times.
             times = 10 * self.corr_time if name in ("sigma_b", "corr_time") else 0.0
             least = np.log(max(1000 * dt, times) / 3600)
             if least >= longest:
-                found[name] = None
+                hours[name] = None
                 continue
             ends = short_by(least, name), short_by(longest, name)
             if ends[0] <= 0:
-                found[name] = float(np.exp(least))
+                hours[name] = float(np.exp(least))
             elif ends[1] > 0:
-                found[name] = None
+                hours[name] = None
             else:
                 root = brentq(short_by, least, longest, args=(name,), xtol=1e-3)
-                found[name] = float(np.exp(root))
-        return found
+                hours[name] = float(np.exp(root))
+        return hours

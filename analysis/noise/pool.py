@@ -1,36 +1,52 @@
 """One noise model for several units, or axes, of a sensor: a common model, each parameter pooled.
 
-`population` says how units are pooled, and what counts for those whose logs leave a side open.
+Unit i has a parameter of its own, theta_i = ln(sigma_v | sigma_b | corr_time | rrw | B), drawn from
+N(mu, s^2). Its log gives the profile log-likelihood l_i of theta_i, and so that of (mu, s) ::
+
+    L_i(mu, s) = integral exp(l_i(theta)) N(theta; mu, s^2) dtheta
+
+A log that bounds theta_i on one side only counts with its whole curve, flat side included: leaving
+it out would leave out the units of long correlation time. mu and s are each estimated from the
+product of the L_i with the other integrated out: mu evenly, s evenly up to the error of one unit
+and in equal ratios above. The 95 % interval ends where 2 ln L has fallen by the threshold of
+Student's t and of chi-square with k - 1 degrees of freedom, k being the units that bound theta_i on
+both sides: the usual 3.84 assumes a known spread, which three units do not give.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import log_ndtr, logsumexp
+from scipy.stats import chi2, f
 
 from analysis import Estimate
-from analysis.noise.fit import MODELS, UNIFIED, choose, direction
-from analysis.noise.models import random_walk_unit
-from analysis.noise.population import Curve, population
-from analysis.noise.profile_likelihood import curve
+from analysis.noise.fit import MODELS, QUANTISED, UNIFIED, choose, direction
+from analysis.noise.inference import density
+from analysis.noise.profile_likelihood import profile_curve
 
 KEYS = {"sigma_v": "sigma_v", "flicker": "bias_instability", "rrw": "rrw"}
+CENTRES = 101  # values of mu
+SPREADS = 32  # values of s
+WIDEST = 5.0  # s of a logarithm above which a spread is as good as open
+NO_SPREAD = "no spread between the units is visible"
 
 
 @dataclass(frozen=True)
 class Pooled:
-    """What several units say of their model.
+    """The common model of several units, and its parameters.
 
     Attributes
     ----------
     model : str
-        The noise model that suits all.
+        The noise model common to all.
     models : list of dict
         Every model: ``model``, ``aic_above_least`` of the sum over units, ``chosen``.
     units : int
     parameters : dict of Estimate
-        Of the unit in the middle: half are above, half below.
+        Of the median unit.
     spread : dict of Estimate
-        Standard deviation between units relative to that, %.
+        Standard deviation between units relative to the median, %.
     """
 
     model: str
@@ -55,7 +71,7 @@ def pool(inferences, dt, unit, kind):
     -------
     Pooled
     """
-    names = dict.fromkeys(f.model for said in inferences for f in said.fits)
+    names = dict.fromkeys(model for i in inferences for model in i.fits)
     by_model = {name: _fits(inferences, name) for name in names}
     sums = {
         name: replace(fits[0], aic=sum(f.aic for f in fits), log_likelihood=np.nan)
@@ -71,30 +87,25 @@ def pool(inferences, dt, unit, kind):
     parameters, spread = {}, {}
     for key, name, what in _wanted(chosen, kind):
         fits = by_model.get(name) or _fits(inferences, name)
-        curves = [of_unit(s.likelihood, f, what) for s, f in zip(inferences, fits, strict=True)]
+        pairs = list(zip(inferences, fits, strict=True))
+        curves = [profile_of_unit(i.likelihood, fit, what) for i, fit in pairs]
         parameters[key], spread[key] = population(curves, units.get(key, unit), name)
         if what == "sigma_b":
-            pairs = zip(inferences, fits, strict=True)
-            walk, _ = population([of_unit(s.likelihood, f, "walk") for s, f in pairs], "")
+            curves = [profile_of_unit(i.likelihood, fit, "walk") for i, fit in pairs]
+            walk, _ = population(curves, "")
             parameters[key] = deviation(walk, parameters["corr_time"], unit)
     if kind in ("rate", "accel"):
         key = "arw" if kind == "rate" else "vrw"
-        white = parameters["sigma_v"]
-        value, low, high = (
-            None if v is None else v * np.sqrt(dt) for v in (white.value, white.low, white.high)
-        )
-        parameters[key] = replace(
-            white, value=value, low=low, high=high, unit=random_walk_unit(unit)
-        )
+        parameters[key] = density(parameters["sigma_v"], dt)
         spread[key] = spread["sigma_v"]
     return Pooled(chosen.model, models, len(inferences), parameters, spread)
 
 
 def deviation(walk, time, unit):
-    """Give sigma_b = walk sqrt(corr_time / 2) of the unit in the middle.
+    """Give sigma_b = walk sqrt(corr_time / 2) of the median unit.
 
-    A log tells walk well and corr_time hardly, so what it says of sigma_b hangs on its own walk:
-    pooled as they stand, curves open above would pull sigma_b up by a tenth.
+    A log determines walk well and corr_time poorly, so its sigma_b depends on its own walk: pooled
+    directly, curves without an upper bound would raise sigma_b by a tenth.
 
     Parameters
     ----------
@@ -107,10 +118,12 @@ def deviation(walk, time, unit):
     Estimate
     """
 
-    def of(w, t):
+    def sigma_b(w, t):
         return None if w is None or t is None else float(w * np.sqrt(t / 2))
 
-    value, low, high = (of(getattr(walk, k), getattr(time, k)) for k in ("value", "low", "high"))
+    value, low, high = (
+        sigma_b(getattr(walk, k), getattr(time, k)) for k in ("value", "low", "high")
+    )
     if value is None:
         return Estimate.refused(unit, time.note, low=low, high=high)
     down, up = (
@@ -121,7 +134,7 @@ def deviation(walk, time, unit):
     return Estimate(value, low, high, unit, note=time.note)
 
 
-def of_unit(likelihood, fit, what):
+def profile_of_unit(likelihood, fit, what):
     """Profile one parameter of one unit's log.
 
     Parameters
@@ -134,7 +147,7 @@ def of_unit(likelihood, fit, what):
 
     Returns
     -------
-    Curve
+    Profile
     """
     along, offset = direction(fit, what)
     surface = likelihood.surface(fit.names)
@@ -142,18 +155,14 @@ def of_unit(likelihood, fit, what):
     if what == "sigma_b":  # beyond, the longest time tried, not the log, ends the curve
         i = int(np.argmax(along))
         highest = along @ np.where(np.arange(len(along)) == i, fit.point, surface.high)
-    at, fall, closed = curve(surface, fit.point, fit.log_likelihood, along, highest)
-    return Curve(at + offset, fall, closed)
+    at, fall, closed = profile_curve(surface, fit.point, fit.log_likelihood, along, highest)
+    return Profile(at + offset, fall, closed)
 
 
 def _fits(inferences, name):
     """Fit of one model to every unit; where it was not tried, it is now."""
-    model, quantised = name.removesuffix("+Q"), name.endswith("+Q")
-    found = []
-    for said in inferences:
-        known = next((f for f in said.fits if f.model == name), None)
-        found.append(known or said.likelihood.fit(model, quantised=quantised))
-    return found
+    model, quantised = name.removesuffix(QUANTISED), name.endswith(QUANTISED)
+    return [i.fits.get(name) or i.likelihood.fit(model, quantised=quantised) for i in inferences]
 
 
 def _wanted(chosen, kind):
@@ -163,8 +172,193 @@ def _wanted(chosen, kind):
         terms = [t for t in terms if t != "rrw"]
     wanted = [(KEYS[t], chosen.model, t) for t in terms]
     slow = chosen.model
-    if slow.startswith("N+K"):  # what no log tells from a random walk, all of them together may
+    if slow.startswith(
+        "N+K"
+    ):  # all logs together may resolve what looks like a random walk in each
         slow = UNIFIED + slow.removeprefix("N+K")
-    if "corr_time" in MODELS[slow.removesuffix("+Q")]:
+    if "corr_time" in MODELS[slow.removesuffix(QUANTISED)]:
         wanted += [(key, slow, key) for key in ("corr_time", "sigma_b")]
     return wanted
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Profile log-likelihood of ln(parameter) from one log: straight pieces between nodes.
+
+    Attributes
+    ----------
+    at, fall : ndarray, shape (k,)
+        Values, and the log-likelihood below its maximum.
+    closed : tuple of bool
+        Whether the log bounds the lower, the upper side.
+    """
+
+    at: np.ndarray
+    fall: np.ndarray
+    closed: tuple[bool, bool]
+
+    @property
+    def best(self):
+        """Likeliest value."""
+        return float(self.at[np.argmax(self.fall)])
+
+    @property
+    def error(self):
+        """Standard error: from the nearer of the places where 0.5 is lost."""
+        distances = [
+            abs(np.interp(0.5, -fall, at) - self.best)
+            for at, fall in self._sides()
+            if len(fall) > 1 and fall[-1] < -0.5
+        ]
+        return float(min(distances)) if distances else np.inf
+
+    @property
+    def anchor(self):
+        """Value to centre tables on: the maximum, or the bound of a one-sided curve."""
+        if all(self.closed) or not any(self.closed):
+            return self.best
+        at, fall = list(self._sides())[0 if self.closed[0] else 1]
+        return float(np.interp(0.5, -fall, at))
+
+    def _sides(self):
+        top = int(np.argmax(self.fall))
+        for part in (slice(top, None, -1), slice(top, None)):
+            yield self.at[part], np.minimum.accumulate(self.fall[part])
+
+
+def population(curves, unit, model=""):
+    """Centre and spread of a population, from the profile of each unit.
+
+    Parameters
+    ----------
+    curves : sequence of Profile
+        Two or more.
+    unit : str
+    model : str
+        For the note.
+
+    Returns
+    -------
+    centre : Estimate, `unit`
+    spread : Estimate, %
+    """
+    n, both = len(curves), sum(all(c.closed) for c in curves)
+    freedom = max(both, 2) - 1
+    mu, s, log_l = _table(curves)
+    prior = np.gradient(s) / (s + _typical(curves))
+    of_mu = logsumexp(log_l, axis=1, b=prior)
+    of_s = logsumexp(log_l, axis=0, b=np.gradient(mu)[:, None])
+    centre, low, high = _peak_and_ends(mu, of_mu, _threshold_of_a_mean(freedom))
+    note = f"{n} units" + (f", likelihood of {model}" if model else "")
+    note += f"; {both} of {n} logs bound it on both sides"
+    if both < n:
+        note += ", the others count with the side they bound"
+    if freedom < 3:
+        count = "one degree" if freedom == 1 else "two degrees"
+        note += f"; the spread between units has {count} of freedom only, hence the wide interval"
+    ends = [None if e is None else float(np.exp(e)) for e in (low, high)]
+    if None in ends:
+        why = f"{note}: not enough to bound it on both sides"
+        middle = Estimate.refused(unit, why, low=ends[0], high=ends[1])
+    else:
+        middle = Estimate(float(np.exp(centre)), *ends, unit, note=note)
+    return middle, _spread(s, of_s, freedom, note)
+
+
+def _typical(curves):
+    """Median error of the units that have one."""
+    errors = [c.error for c in curves if np.isfinite(c.error)]
+    return float(np.median(errors)) if errors else 1.0
+
+
+def _table(curves):
+    """Tabulate ln L(mu, s): shape (centres, spreads)."""
+    anchors, error = np.array([c.anchor for c in curves]), _typical(curves)
+    room = np.ptp(anchors) + error
+    mu = anchors.mean() + room * np.sinh(np.linspace(-5, 5, CENTRES)) / 3
+    s = np.geomspace(0.02 * error, 100 * room, SPREADS)
+    return mu, s, sum(_marginal(c, mu[:, None], s) for c in curves)
+
+
+def _marginal(curve, mu, s):
+    """ln of the integral of exp(l) N(mu, s^2) over the straight pieces of a curve: closed form."""
+    at, fall = curve.at, curve.fall
+    slope = np.diff(fall) / np.diff(at)
+    low = slope[0] if curve.closed[0] else 0.0
+    high = slope[-1] if curve.closed[1] else 0.0
+    slope = np.concatenate([[low], slope, [high]])[:, None, None]
+    # Piece j runs from a to b along fall[from_] + slope (theta - at[from_]).
+    start = np.concatenate([[-np.inf], at])[:, None, None]
+    stop = np.concatenate([at, [np.inf]])[:, None, None]
+    node = np.concatenate([at[:1], at])[:, None, None]
+    level = np.concatenate([fall[:1], fall])[:, None, None]
+    shift = mu + slope * s**2
+    a, b = (start - shift) / s, (stop - shift) / s
+    # Of the two tails take the one that does not cancel.
+    a, b = np.where(a + b > 0, -b, a), np.where(a + b > 0, -a, b)
+    upper, lower = log_ndtr(b), log_ndtr(a)
+    with np.errstate(divide="ignore"):
+        mass = upper + np.log(-np.expm1(np.minimum(lower - upper, 0.0)))
+    return logsumexp(level + slope * (mu - node) + (slope * s) ** 2 / 2 + mass, axis=0)
+
+
+def _peak_and_ends(x, log_l, threshold):
+    """Maximum of a tabulated curve, and where 2 ln L has fallen by `threshold`, or None."""
+    i = int(np.argmax(log_l))
+    peak, top = float(x[i]), float(log_l[i])
+    if 0 < i < len(x) - 1:
+        a, b, c = np.polyfit(x[i - 1 : i + 2] - x[i], log_l[i - 1 : i + 2] - log_l[i], 2)
+        peak, top = float(x[i] - b / (2 * a)), float(log_l[i] + c - b**2 / (4 * a))
+    fallen = 2 * (top - log_l) - threshold
+    ends = []
+    for side in (range(i, -1, -1), range(i, len(x))):
+        past = next((j for j in side if fallen[j] > 0), None)
+        if past is None:
+            ends.append(None)
+            continue
+        before = past + (1 if past < i else -1)
+        share = fallen[before] / (fallen[before] - fallen[past])
+        ends.append(float(x[before] + share * (x[past] - x[before])))
+    return peak, *ends
+
+
+def _spread(s, of_s, freedom, note):
+    """Estimate the spread: standard deviation as per cent of the median unit."""
+    value, low, high = _peak_and_ends(np.log(s), of_s, _threshold_of_a_deviation(freedom))
+    value, low, high = (
+        None if v is None or v > np.log(WIDEST) else _relative(np.exp(v))
+        for v in (value, low, high)
+    )
+    if low is None:
+        return Estimate.refused("%", f"{NO_SPREAD}; {note}", high=high)
+    if high is None:
+        return Estimate.refused("%", f"{note}: not enough for an upper bound", low=low)
+    return Estimate(value, low, high, "%", note=note)
+
+
+def _relative(s):
+    """Per cent of the median that a logarithm's standard deviation stands for."""
+    return float(100 * np.sqrt(np.expm1(s**2)))
+
+
+def _threshold_of_a_mean(freedom):
+    """Fall of 2 ln L for a mean whose standard deviation has so many degrees of freedom."""
+    return (freedom + 1) * np.log1p(f.ppf(0.95, 1, freedom) / freedom)
+
+
+def _threshold_of_a_deviation(freedom):
+    """Fall of 2 ln L for a standard deviation that 95 % of samples stay within.
+
+    With x chi-square of `freedom` degrees, the fall at the truth is x - freedom - freedom
+    ln(x / freedom).
+    """
+
+    def fall(x):
+        return x - freedom - freedom * np.log(x / freedom)
+
+    def outside(threshold):
+        low = brentq(lambda x: fall(x) - threshold, 1e-12 * freedom, freedom)
+        high = brentq(lambda x: fall(x) - threshold, freedom, 100 * freedom + 100)
+        return chi2.cdf(low, freedom) + chi2.sf(high, freedom) - 0.05
+
+    return brentq(outside, 1.0, 10.0)

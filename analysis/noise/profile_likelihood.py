@@ -1,8 +1,8 @@
 """Maximise a likelihood over the logarithms of its parameters, and profile it for intervals.
 
-The 95 % interval of a parameter holds every value at which the best the other parameters can do is
-within chi2(0.95, 1) / 2 = 1.92 of the maximum. It needs no curvature at the top, knows a side on
-which the likelihood never falls, and says so with None.
+The 95 % interval of a parameter holds every value at which the maximum over the other parameters is
+within chi2(0.95, 1) / 2 = 1.92 of the maximum. It needs no curvature at the maximum. A
+side on which the likelihood never falls so far has no end: None.
 """
 
 from dataclasses import dataclass
@@ -12,20 +12,20 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 
 LEVEL = 0.95
-DROP = chi2.ppf(LEVEL, 1)  # of twice the log-likelihood
+THRESHOLD = chi2.ppf(LEVEL, 1)  # fall of 2 ln L at the ends of an interval
 STEP = 1e-3  # of a logarithm, for gradient and curvature
-CLIMBS = 100  # steps of a search at most
-ENOUGH = 1e-9  # of the log-likelihood: less to gain is the top
+MOST_STEPS = 100  # steps of a search at most
+CONVERGED = 1e-9  # of the log-likelihood: a smaller expected gain ends the search
 FLAT = 1e-6  # least curvature that is divided by
-FARTHEST = 2.0  # longest step of a logarithm
-ASLEEP = 1e-3  # curvature of a coordinate that does not matter where the search is
-NODES_ASLEEP = 30  # at which its range is looked at
-WORTH = 1e-6  # of the log-likelihood: what a look is worth
-SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a step that are tried
-WALL = 1e4  # steepness of the likelihood's fall where a cut leaves the box
+LONGEST_STEP = 2.0  # longest step of a logarithm
+INSENSITIVE = 1e-3  # curvature below which a parameter has no effect where the search is
+SCAN_POINTS = 30  # at which its range is evaluated
+SCAN_GAIN = 1e-6  # of the log-likelihood: least gain for which the search goes on from there
+FRACTIONS = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a step that are tried
+PENALTY = 1e4  # of the log-likelihood, times the squared distance outside the box
 FIRST = 0.05  # first step outward of a profile, in a logarithm
-NODES = (0.25, 0.5, 0.75, 1.0, 1.4, 1.9, 2.6)  # of a curve, in half-widths of the interval
-OPEN_NODES = 14
+SIDE_POINTS = (0.25, 0.5, 0.75, 1.0, 1.4, 1.9, 2.6)  # of a curve, in half-widths of the interval
+OPEN_SIDE_POINTS = 14
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ class Surface:
     high: np.ndarray
 
     def maximum(self, start):
-        """Climb from `start`, shape (d,), by Newton's method.
+        """Search from `start`, shape (d,), by Newton's method.
 
-        A direction in which the surface curves upward is climbed as if it curved down as much, and
-        of each step the best of some shares is taken.
+        In a direction of upward curvature the step is that of the same curvature downward. Of each
+        step the best of some fractions is taken.
 
         Returns
         -------
@@ -58,20 +58,20 @@ class Surface:
         point = np.clip(start, self.low, self.high)
         if len(point) == 0:
             return point, float(self.value(point[None])[0])
-        for _ in range(CLIMBS):
+        for _ in range(MOST_STEPS):
             value, gradient, curvature = self._parabola(point)
             blocked = np.where(gradient > 0, point >= self.high, point <= self.low)
             gradient, free = np.where(blocked, 0.0, gradient), ~blocked
             size, turn = np.linalg.eigh(curvature * np.outer(free, free))
             size = np.maximum(np.abs(size), FLAT)
             step = turn @ (gradient @ turn / size)
-            if gradient @ step < ENOUGH:
-                point, onward = self._waken(point, value, np.abs(np.diag(curvature)) < ASLEEP)
+            if gradient @ step < CONVERGED:
+                point, onward = self._scan(point, value, np.abs(np.diag(curvature)) < INSENSITIVE)
                 if onward:
                     continue
                 break
-            step /= max(np.abs(step).max() / FARTHEST, 1.0)
-            tried = np.clip(point + np.outer(SHARES, step), self.low, self.high)
+            step /= max(np.abs(step).max() / LONGEST_STEP, 1.0)
+            tried = np.clip(point + np.outer(FRACTIONS, step), self.low, self.high)
             values = self.value(tried)
             best = int(np.argmax(values))
             if values[best] <= value:
@@ -79,25 +79,25 @@ class Surface:
             point, value = tried[best], values[best]
         return point, float(value)
 
-    def _waken(self, point, value, asleep):
-        """Look along coordinates that do not matter here, such as the size of a term too small.
+    def _scan(self, point, value, insensitive):
+        """Scan parameters without effect here, such as the size of a term that is too small.
 
         Returns
         -------
         point : ndarray, shape (d,)
-            What matters nowhere below is put to the low end of the box.
+            A parameter without effect from its low end to here is set to the low end.
         onward : bool
-            Whether it is a place from which it is worth to go on.
+            Whether the likelihood is higher there, so that the search goes on.
         """
         point = point.copy()
-        for i in np.flatnonzero(asleep):
-            along = np.tile(point, (NODES_ASLEEP, 1))
-            along[:, i] = np.linspace(self.low[i], self.high[i], NODES_ASLEEP)
+        for i in np.flatnonzero(insensitive):
+            along = np.tile(point, (SCAN_POINTS, 1))
+            along[:, i] = np.linspace(self.low[i], self.high[i], SCAN_POINTS)
             values = self.value(along)
             best = int(np.argmax(values))
-            if values[best] > value + WORTH:
+            if values[best] > value + SCAN_GAIN:
                 return along[best], True
-            if values[0] > value - WORTH:
+            if values[0] > value - SCAN_GAIN:
                 point[i] = self.low[i]
         return point, False
 
@@ -141,12 +141,12 @@ class Surface:
         def value(points):
             full = lift(points)
             inside = np.clip(full, self.low, self.high)
-            return self.value(inside) - WALL * ((full - inside) ** 2).sum(axis=1)
+            return self.value(inside) - PENALTY * ((full - inside) ** 2).sum(axis=1)
 
         return Surface(value, self.low[rest], self.high[rest]), lift, rest
 
 
-def interval(surface, best, value, along, *, drop=DROP):
+def interval(surface, best, value, along, *, threshold=THRESHOLD):
     """Profile-likelihood interval of ``along @ point``.
 
     Parameters
@@ -158,8 +158,8 @@ def interval(surface, best, value, along, *, drop=DROP):
         How great.
     along : ndarray, shape (d,)
         What is profiled: one log-parameter, or a sum of some, with weights of zero or more.
-    drop : float
-        Fall of twice the log-likelihood at the ends.
+    threshold : float
+        Fall of 2 ln L at the ends.
 
     Returns
     -------
@@ -169,12 +169,12 @@ def interval(surface, best, value, along, *, drop=DROP):
     centre = float(along @ best)
     limits = float(along @ surface.low), float(along @ surface.high)
     return tuple(
-        _end(surface, best, value, along, centre, sign, limit, drop)
+        _end(surface, best, value, along, centre, sign, limit, threshold)
         for sign, limit in zip((-1, 1), limits, strict=True)
     )
 
 
-def curve(surface, best, value, along, highest):
+def profile_curve(surface, best, value, along, highest):
     """Profile log-likelihood of ``along @ point``, less its maximum, up to `highest`.
 
     Returns
@@ -196,10 +196,10 @@ def curve(surface, best, value, along, highest):
     for sign, end, limit in zip((-1, 1), ends, limits, strict=True):
         room = sign * (limit - centre)
         if end is None:
-            first = min(FIRST, room / OPEN_NODES)
-            steps = np.geomspace(first, room, OPEN_NODES) if room > 0 else ()
+            first = min(FIRST, room / OPEN_SIDE_POINTS)
+            steps = np.geomspace(first, room, OPEN_SIDE_POINTS) if room > 0 else ()
         else:
-            steps = [s for s in abs(end - centre) * np.array(NODES) if s <= room]
+            steps = [s for s in abs(end - centre) * np.array(SIDE_POINTS) if s <= room]
         last = best
         for step in steps:
             cut, lift, rest = surface.fixed(along, centre + sign * step)
@@ -212,9 +212,9 @@ def curve(surface, best, value, along, highest):
     return np.array(at)[order], np.array(fall)[order], tuple(e is not None for e in ends)
 
 
-def _end(surface, best, value, along, centre, sign, limit, drop):
-    # In standard errors, so that the search meets what is nearly a straight line.
-    known = {centre: -np.sqrt(drop)}  # the search below must not find a point anew, and lower
+def _end(surface, best, value, along, centre, sign, limit, threshold):
+    # In standard errors, in which the profile is nearly a straight line.
+    known = {centre: -np.sqrt(threshold)}  # each point is maximised once only
     last = [best]
 
     def excess(p):
@@ -223,7 +223,7 @@ def _end(surface, best, value, along, centre, sign, limit, drop):
             starts = np.array([best[rest], last[0][rest]])
             others, reached = cut.maximum(starts[np.argmax(cut.value(starts))])
             last[0] = lift(others[None])[0]
-            known[p] = np.sqrt(max(2 * (value - reached), 0.0)) - np.sqrt(drop)
+            known[p] = np.sqrt(max(2 * (value - reached), 0.0)) - np.sqrt(threshold)
         return known[p]
 
     inside, step = centre, FIRST

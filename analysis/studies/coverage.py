@@ -18,9 +18,8 @@ from analysis import DATA, Estimate, WrongUsage
 from analysis.noise import graph as reading
 from analysis.noise import recipes
 from analysis.noise.allan import allan_deviation, fit_line
-from analysis.noise.drift import linear_drift
 from analysis.noise.fit import UNIFIED
-from analysis.noise.inference import infer
+from analysis.noise.inference import infer, linear_drift
 from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov, models_of_table_one
 
 SEED = 4711
@@ -111,7 +110,7 @@ def ask(stream, model, dt, kind, hours, classical):
     said = infer(y, dt, "deg", kind, np.random.default_rng(stream))
     known = [p for p in PARAMETERS if p in said.parameters]
     found = [_row("likelihood", p, said.parameters[p], said.chosen.model) for p in known]
-    fits = {f.model: f for f in said.fits}
+    fits = said.fits
     unified = fits[UNIFIED].terms
     found += [_bare("N+GM, unselected", p, unified[p][0]) for p in PARAMETERS[:3]]
     line = said.likelihood.evaluate(said.chosen.point[None], said.chosen.names)
