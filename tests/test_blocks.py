@@ -14,7 +14,7 @@ ALONG = {  # modules of the same folder that a block needs
     "attitude": {"kalman"},
     "static": set(),
     "low_pass": set(),
-    "mounting": set(),
+    "mounting": {"low_pass"},
     "fusion": {"kalman"},
 }
 

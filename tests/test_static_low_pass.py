@@ -10,7 +10,7 @@ from analysis.tracker import static
 from analysis.tracker.log_replay import replay
 from analysis.tracker.low_pass import LowPass, mean
 from analysis.tracker.scenarios import Scenario
-from analysis.tracker.static import THETA_A, Rest, StaticTest
+from analysis.tracker.static import THETA_A, StaticTest, SteadyReadings
 
 
 def test_threshold_is_the_papers():
@@ -102,7 +102,7 @@ def test_waking_forgets_everything():
     block = LowPass((2, 2, 2))
     for _ in range(20):
         block.step([100.0])
-    block.wake()
+    block.reset()
     assert (block.layer, block.position) == (0, None)
     assert block.step([1.0]) == (0, [1.0])
     assert block.step([3.0]) == (1, [2.0])
@@ -149,32 +149,32 @@ def fed(block, epochs, *, slow=True, jump=None):
 
 def test_rest_takes_some_epochs_and_ends_at_once():
     """property: still after five quiet epochs; one sample out of range ends it."""
-    assert not fed(Rest(), static.EPOCHS - 1).still
-    block = fed(Rest(), static.EPOCHS)
-    assert block.still
+    assert not fed(SteadyReadings(), static.STEADY_EPOCHS - 1).steady
+    block = fed(SteadyReadings(), static.STEADY_EPOCHS)
+    assert block.steady
     block.sample((0.0, 0.0, 0.0), LEVEL)
-    assert block.still
+    assert block.steady
     block.sample((0.0, 0.0, 0.0), (static.ACCEL_RANGE + 0.2, 0.0, -9.81))
-    assert not block.still
+    assert not block.steady
     block.epoch(True)
-    assert not block.still
+    assert not block.steady
 
 
 def test_a_fast_vehicle_is_not_at_rest():
     """property: readings may be as steady as they like, GNSS speed forbids it."""
-    assert not fed(Rest(), 20, slow=False).still
+    assert not fed(SteadyReadings(), 20, slow=False).steady
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_slow_turn_is_not_at_rest(axis):
     """property: a gyro that moves by more than its noise over five seconds is no rest."""
-    block = Rest()
+    block = SteadyReadings()
     for k in range(10):
         gyro = np.zeros(3)
         gyro[axis] = 0.02 * k
         block.sample(gyro, LEVEL)
         block.epoch(True)
-    assert not block.still
+    assert not block.steady
 
 
 def tumbled_then_left(seconds=200, tumble=60):
@@ -193,8 +193,8 @@ def tumbled_then_left(seconds=200, tumble=60):
 
 
 def test_a_wrong_tilt_does_not_keep_a_device_awake(monkeypatch):
-    """property: left lying, it is judged static within a minute; without this module it is not."""
+    """property: left lying, it is judged static within a minute; only with SteadyReadings."""
     found = replay(tumbled_then_left()).columns["moving"]
     assert not found[-80:].any()
-    monkeypatch.setattr(Rest, "epoch", lambda self, slow: None)
+    monkeypatch.setattr(SteadyReadings, "epoch", lambda self, slow: None)
     assert replay(tumbled_then_left()).columns["moving"][-80:].any()

@@ -165,11 +165,7 @@ class Attitude:
     @property
     def horizontal(self):
         """Acceleration (m/s^2), gravity off: along the sensor's X laid level, and to its right."""
-        a0, a1, a2 = self._external
-        d0, d1, d2 = self._down
-        vertical = a0 * d0 + a1 * d1 + a2 * d2
-        scale = 1 / math.sqrt(max(1 - d0 * d0, 1e-12))
-        return (a0 - d0 * vertical) * scale, (d2 * a1 - d1 * a2) * scale
+        return level(self._external, self._down)
 
     @property
     def down(self):
@@ -347,28 +343,22 @@ class GyroBiasFilter:
 class Upright:
     """The mean direction of the specific force of a vehicle underway.
 
-    Parameters
-    ----------
-    remember_s, rest_s : float
-        See the constants of this module.
-
     Attributes
     ----------
     known : bool
     """
 
-    def __init__(self, remember_s=UPRIGHT_S, rest_s=REST_S):
-        self.remember_s, self.rest_s = remember_s, rest_s
+    def __init__(self):
         self.known = False
 
     def start(self, force):
         """Begin with the specific force at rest (sequence of 3, m/s^2)."""
         self.known = True
-        self._mean, self._worth = list(force), self.rest_s
+        self._mean, self._worth = list(force), REST_S
 
     def step(self, force, dt):
         """Take in the mean specific force (m/s^2) of ``dt`` seconds of driving."""
-        self._worth = min(self._worth + dt, self.remember_s)
+        self._worth = min(self._worth + dt, UPRIGHT_S)
         share = min(dt / self._worth, 1.0)
         self._mean = [m + share * (f - m) for m, f in zip(self._mean, force, strict=True)]
 
@@ -388,10 +378,7 @@ class Upright:
         """
         x, y, z = self._mean
         length = math.sqrt(x * x + y * y + z * z)
-        d0, d1, d2 = -x / length, -y / length, -z / length
-        vertical = force[0] * d0 + force[1] * d1 + force[2] * d2
-        scale = 1 / math.sqrt(max(1 - d0 * d0, 1e-12))
-        return (force[0] - d0 * vertical) * scale, (d2 * force[1] - d1 * force[2]) * scale
+        return level(force, (-x / length, -y / length, -z / length))
 
 
 def turn(F, wx, wy, wz, dt):
@@ -425,6 +412,13 @@ def north(down, heading):
     c, s = math.cos(heading) * scale, math.sin(heading) * scale
     # forward = x - d0 down, right = down x forward = (0, d2, -d1), both over the scale
     return [c * (1 - d0 * d0), -c * d0 * d1 - s * d2, -c * d0 * d2 + s * d1]
+
+
+def level(vector, down):
+    """Return the parts of a vector along the sensor's X axis laid level, and to its right."""
+    scale = 1 / math.sqrt(max(1 - down[0] * down[0], 1e-12))
+    ahead = (vector[0] - down[0] * dot(vector, down)) * scale
+    return ahead, (down[2] * vector[1] - down[1] * vector[2]) * scale
 
 
 def cross(a, b):

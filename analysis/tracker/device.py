@@ -1,9 +1,9 @@
 """The six blocks joined as in the paper's Fig 1: what a device does with each sample and epoch.
 
-Any block can be left out. What then stands in for it is the plainest thing: without block 1 every
-fix is taken and nothing is remembered over a restart, without 3 the vehicle always moves, without 4
-a standing device reports every fix, without 5 the X axis is taken to point ahead, without 6 an
-outage holds the last position.
+Any block can be left out; the simplest rule then replaces it. Without block 1 every fix is taken
+and nothing is kept over a restart, without 3 the vehicle always moves, without 4 a device at rest
+reports every fix, without 5 the X axis is taken to point ahead, without 6 the last position is held
+during an outage.
 """
 
 import math
@@ -32,11 +32,11 @@ from analysis.tracker.static import (
     SPEED_WINDOW,
     THETA_A,
     WAKE_SPEED,
-    Rest,
     StaticTest,
+    SteadyReadings,
 )
 
-FIXES_S = 5.0  # s over which fixes give a speed, where a receiver states none
+FIXES_S = 5.0  # s over which fixes give a speed, where a receiver reports none
 
 
 @dataclass(frozen=True)
@@ -117,30 +117,22 @@ class Epoch:
 
 
 class Device:
-    """Six blocks and what joins them; feed it samples and epochs in the order of time.
+    """The six blocks joined; takes samples and epochs in the order of time.
 
     Parameters
     ----------
     options : Options
-    stored : Stored, optional
+    stored : Stored or None
         Position that an earlier run left, used if block 1 is on.
-    start_ned : (north, east, down), optional
+    start_ned : (north, east, down) or None
         The same in the local frame.
     has_imu : bool
     needs_pdop : bool
     has_speed : bool
-        Whether the receiver states its speed; else block 3 takes that of the fixes.
+        Whether the receiver reports its speed; else block 3 computes it from the fixes.
     """
 
-    def __init__(
-        self,
-        options,
-        stored=None,
-        start_ned=None,
-        has_imu=True,
-        needs_pdop=True,
-        has_speed=True,
-    ):
+    def __init__(self, options, stored, start_ned, has_imu, needs_pdop, has_speed):
         on = options
         self.options = on
         gate = on.pdop_gate if on.last_position else math.inf
@@ -155,7 +147,7 @@ class Device:
         self.static = StaticTest(
             on.theta_a, on.speed_threshold, on.wake_speed, on.speed_window, on.accel_tau_s
         )
-        self.rest = Rest()
+        self.steady = SteadyReadings()
         self.low_pass = LowPass(on.lengths)
         self.upright = Upright()
         self.mounting = Mounting(
@@ -181,8 +173,8 @@ class Device:
         block = self.attitude
         if block is None:
             return
-        self.rest.sample(gyro_b, accel_b)
-        block.imu(gyro_b, accel_b, dt, not self.static.moving or self.rest.still)
+        self.steady.sample(gyro_b, accel_b)
+        block.imu(gyro_b, accel_b, dt, not self.static.moving or self.steady.steady)
         if not block.ready:
             return
         ax, ay = block.horizontal
@@ -212,7 +204,7 @@ class Device:
         speed, course = (epoch.speed, epoch.course) if accepted else (math.nan, math.nan)
         blind = self._blind(epoch.t_s)
         if blind:
-            self.static.unfelt()
+            self.static.no_imu()
         moving = self._judge(speed if self._has_speed else self._by_fixes(epoch, accepted))
         self._orient(epoch.t_s, moving, course, speed, dt)
         if accepted:
@@ -280,8 +272,8 @@ class Device:
         if driving:
             heading = wrap(course + (self.mounting.mount or 0.0), 2 * math.pi)
             sigma = max(self.options.sigma_speed / speed, math.radians(1.0))
-        self.rest.epoch(self._slow)
-        still = not moving or self.rest.still
+        self.steady.epoch(self._slow)
+        still = not moving or self.steady.steady
         block.epoch(still, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
 
     def _vehicle(self, speed, yaw_rate, dt):
@@ -300,7 +292,7 @@ class Device:
     def _settle(self, epoch, accepted, moving):
         """Run block 4 while the vehicle stands."""
         if moving or not self.options.low_pass:
-            self.low_pass.wake()
+            self.low_pass.reset()
         elif accepted:
             self.low_pass.step(epoch.ned)
         return self.low_pass.layer

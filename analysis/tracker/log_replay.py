@@ -1,4 +1,4 @@
-"""A whole log through the device: the track, a row a GNSS epoch, and what came of each block."""
+"""A whole log through the device: the track, one row for each GNSS epoch, its summary and notes."""
 
 import math
 from dataclasses import asdict, dataclass, field
@@ -9,39 +9,24 @@ from scipy.integrate import cumulative_trapezoid
 from tqdm import tqdm
 
 from analysis import STANDARD_GRAVITY, wrap
+from analysis.logs.timeline import Timeline
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import Device, Epoch, Options
 from analysis.tracker.last_position import Stored
 
-COLUMNS = (
-    "t_s",
-    "lat_deg",
-    "lon_deg",
-    "pdop",
-    "has_fix",
-    "accepted",
-    "moving",
-    "layer",
-    "out_lat_deg",
-    "out_lon_deg",
-    "roll_deg",
-    "pitch_deg",
-    "yaw_deg",
-    "mount_deg",
-)
-ROW_S = 1.0  # without GNSS: a row a second, so that the blocks which need none can be seen
+ROW_S = 1.0  # without GNSS: one row a second, so that the blocks that need none can be seen
 Z_UP = 0.9 * STANDARD_GRAVITY  # along z on average: within 25 deg of upside down
-CONTRADICTION = 3.0  # m/s^2 lasting for a second: emergency braking, or axes mixed up
+CONTRADICTION = 3.0  # m/s^2 over a second: emergency braking, or axes mixed up
 CONTRADICTION_SHARE = 0.2  # of the epochs
-TURNS = 5.0  # times that course and gyro may differ, for lag and noise
+TURNS = 5.0  # ratio of the turns by course and by gyro that lag and noise explain
 FAST, TURNED, ALIKE = 3.0, 0.1, 0.7  # m/s, rad^2 in all, correlation: enough to compare them by
-FRAME_M = 50_000.0  # from the origin at which the tangent plane leans by half a degree
+FRAME_M = 50_000.0  # from the origin, where the tangent plane is tilted by half a degree
 BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
 
 
 @dataclass(frozen=True)
 class Track:
-    """What a replay gives.
+    """Result of a replay.
 
     Attributes
     ----------
@@ -52,10 +37,10 @@ class Track:
     stored : Stored or None
         The position to keep for the next run: what block 1 had written to memory last.
     notes : tuple of str
-        What a block could not do, and why.
+        What a block could not do and why, and what looks wrong.
     trace : dict
-        More than the contract asks: ``gyro_bias_rad_s`` (n, 3), ``printed_deg`` (n,) the mounting
-        angle by eq (3) as printed, ``straights`` the list of `mounting.Straight`.
+        More than the contract asks: ``gyro_bias_rad_s`` (n, 3), ``straights`` the list of
+        `mounting.Straight`.
     """
 
     columns: dict[str, np.ndarray]
@@ -65,7 +50,13 @@ class Track:
     trace: dict = field(default_factory=dict)
 
 
-def replay(timeline, options=None, stored=None, *, progress=False):
+def replay(
+    timeline: Timeline,
+    options: Options | None = None,
+    stored: Stored | None = None,
+    *,
+    progress: bool = False,
+) -> Track:
     """Run the blocks over a whole timeline, one sample and one epoch at a time.
 
     Parameters
@@ -75,45 +66,40 @@ def replay(timeline, options=None, stored=None, *, progress=False):
     stored : Stored, optional
         Position that an earlier run left.
     progress : bool
+        Show a progress bar.
 
     Returns
     -------
     Track
     """
-    options = Options() if options is None else options
+    options = options or Options()
     gnss, imu = timeline.gnss, timeline.imu
     epochs, origin = _epochs(gnss, imu, stored)
     has_pdop = gnss is not None and bool(np.isfinite(gnss.pdop).any())
-    start = None if stored is None else _to_ned([stored], origin)[0]
     has_speed = gnss is not None and bool(np.isfinite(gnss.speed_m_s).any())
+    start = None if stored is None else _stored_ned(stored, origin)
     device = Device(options, stored, start, imu is not None, has_pdop, has_speed)
-    rows, bias, printed, lasting = [], [], [], []
+    rows, bias, unexplained = [], [], []
     samples = iter(())
     if imu is not None:
         gyro, accel = (_rows(a, options.dtype) for a in (imu.gyro_b, imu.accel_b))
         samples = zip(imu.t_s.tolist(), gyro, accel, strict=True)
     sample = next(samples, None)
-    with tqdm(
-        total=len(epochs), desc="replay", unit="epoch", disable=None if progress else True
-    ) as bar:
-        for epoch in epochs:
-            while sample is not None and sample[0] <= epoch.t_s:
-                device.imu(*sample)
-                sample = next(samples, None)
-            rows.append(device.gnss(epoch))
-            bias.append(device.attitude.bias.x if device.attitude else (math.nan,) * 3)
-            printed.append(device.mounting.printed)
-            lasting.append(device.attitude.unexplained if device.attitude else 0.0)
-            bar.update()
+    for epoch in tqdm(epochs, desc="replay", unit="epoch", disable=None if progress else True):
+        while sample is not None and sample[0] <= epoch.t_s:
+            device.imu(*sample)
+            sample = next(samples, None)
+        rows.append(device.gnss(epoch))
+        bias.append(device.attitude.bias.x if device.attitude else (math.nan,) * 3)
+        unexplained.append(device.attitude.unexplained if device.attitude else 0.0)
     columns = _columns(epochs, gnss, rows, origin, stored)
-    said = tuple(remarks(timeline, options, has_pdop, columns, device, lasting))
+    notes = tuple(_notes(timeline, options, has_pdop, columns, device, unexplained))
     trace = {
         "gyro_bias_rad_s": np.array(bias, dtype=float),
-        "printed_deg": np.array([math.nan if p is None else math.degrees(p) for p in printed]),
         "straights": device.mounting.straights,
     }
-    told = summarise(timeline, options, columns, device, said)
-    return Track(columns, told, device.last.snapshot, said, trace)
+    summary = _summary(timeline, options, columns, device, notes)
+    return Track(columns, summary, device.last.snapshot, notes, trace)
 
 
 def _rows(array, dtype):
@@ -125,90 +111,77 @@ def _rows(array, dtype):
 
 def _epochs(gnss, imu, stored):
     """Turn the arrays into epochs, with positions in a local frame; return its origin, too."""
+    origin = None if stored is None else (stored.lat_deg, stored.lon_deg, 0.0)
     if gnss is None:
         times = np.arange(imu.t_s[0] + ROW_S, imu.t_s[-1] + 1e-9, ROW_S).tolist()
-        origin = None if stored is None else (stored.lat_deg, stored.lon_deg, 0.0)
-        nothing = (None, None, math.nan, math.nan, math.nan)
-        return [Epoch(t, *nothing) for t in times], origin
+        return [Epoch(t, None, None, math.nan, math.nan, math.nan) for t in times], origin
     height = np.where(np.isfinite(gnss.height_m), gnss.height_m, 0.0)
     has = gnss.has_fix & np.isfinite(gnss.lat_deg) & np.isfinite(gnss.lon_deg)
-    origin = None
-    if stored is not None:
-        origin = (stored.lat_deg, stored.lon_deg, 0.0)
+    places = np.column_stack([gnss.lat_deg, gnss.lon_deg, height])
+    ned = np.full((len(has), 3), np.nan)
     if has.any():
         # The best fix, so that a wild first one does not set the frame.
         best = np.flatnonzero(has)[np.argmin(np.nan_to_num(gnss.pdop[has], nan=np.inf))]
-        origin = (float(gnss.lat_deg[best]), float(gnss.lon_deg[best]), float(height[best]))
-    ned = np.full((len(has), 3), np.nan)
-    if has.any():
-        lat, lon = gnss.lat_deg[has], gnss.lon_deg[has]
-        ned[has] = np.column_stack(pymap3d.geodetic2ned(lat, lon, height[has], *origin))
+        origin = tuple(places[best].tolist())
+        ned[has] = np.column_stack(pymap3d.geodetic2ned(*places[has].T, *origin))
+    motion = zip(gnss.speed_m_s.tolist(), np.radians(gnss.course_deg).tolist(), strict=True)
     fixes = zip(
-        has.tolist(),
-        zip(gnss.lat_deg.tolist(), gnss.lon_deg.tolist(), height.tolist(), strict=True),
-        map(tuple, ned.tolist()),
-        strict=True,
-    )
-    rest = zip(
-        gnss.t_s.tolist(),
-        gnss.pdop.tolist(),
-        gnss.speed_m_s.tolist(),
-        np.radians(gnss.course_deg).tolist(),
-        strict=True,
-    )
+        gnss.t_s.tolist(), has.tolist(), map(tuple, places.tolist()), map(tuple, ned.tolist()),
+        gnss.pdop.tolist(), motion, strict=True,
+    )  # fmt: skip
     epochs = [
-        Epoch(t, fix if fixed else None, place if fixed else None, pdop, speed, course)
-        for (fixed, fix, place), (t, pdop, speed, course) in zip(fixes, rest, strict=True)
+        Epoch(t, fix if fixed else None, place if fixed else None, pdop, *moves)
+        for t, fixed, fix, place, pdop, moves in fixes
     ]
     return epochs, origin
 
 
-def _to_ned(positions, origin):
-    """Place stored positions in the local frame, at its height where they have none."""
-    placed = []
-    for p in positions:
-        height = p.height_m if math.isfinite(p.height_m) else origin[2]
-        place = pymap3d.geodetic2ned(p.lat_deg, p.lon_deg, height, *origin)
-        placed.append(tuple(float(v) for v in place))
-    return placed
+def _stored_ned(stored, origin):
+    """Place the stored position in the local frame, at its height where it has none."""
+    height = stored.height_m if math.isfinite(stored.height_m) else origin[2]
+    place = pymap3d.geodetic2ned(stored.lat_deg, stored.lon_deg, height, *origin)
+    return tuple(float(v) for v in place)
 
 
 def _columns(epochs, gnss, rows, origin, stored):
-    """Put the columns of the contract together."""
-    n = len(epochs)
-    blank = np.full(n, np.nan)
-    taken = {
+    """Return the columns of track.csv, in order."""
+    blank = np.full(len(epochs), np.nan)
+    ned = np.array([row["ned"] or (np.nan,) * 3 for row in rows], dtype=float).reshape(-1, 3)
+    lat, lon = blank.copy(), blank.copy()
+    placed = np.isfinite(ned[:, 0])
+    if placed.any():
+        lat[placed], lon[placed], _ = pymap3d.ned2geodetic(*ned[placed].T, *origin)
+    for i, row in enumerate(rows):
+        if row["stored"]:  # to the last digit
+            lat[i], lon[i] = stored.lat_deg, stored.lon_deg
+
+    def taken(name, dtype):
+        return np.array([row[name] for row in rows], dtype=dtype)
+
+    return {
         "t_s": np.array([e.t_s for e in epochs]),
         "lat_deg": blank if gnss is None else gnss.lat_deg,
         "lon_deg": blank if gnss is None else gnss.lon_deg,
         "pdop": blank if gnss is None else gnss.pdop,
         "has_fix": np.array([e.fix is not None for e in epochs], dtype=int),
+        **{name: taken(name, int) for name in ("accepted", "moving", "layer")},
+        "out_lat_deg": lat,
+        "out_lon_deg": lon,
+        **{
+            f"{name}_deg": np.degrees(taken(name, float))
+            for name in ("roll", "pitch", "yaw", "mount")
+        },
     }
-    for name in ("accepted", "moving", "layer"):
-        taken[name] = np.array([row[name] for row in rows], dtype=int)
-    lat, lon = blank.copy(), blank.copy()
-    placed = [i for i, row in enumerate(rows) if row["ned"] is not None]
-    if placed:
-        ned = np.array([rows[i]["ned"] for i in placed])
-        lat[placed], lon[placed], _ = pymap3d.ned2geodetic(*ned.T, *origin)
-    for i, row in enumerate(rows):
-        if row["stored"]:  # to the last digit
-            lat[i], lon[i] = stored.lat_deg, stored.lon_deg
-    taken |= {"out_lat_deg": lat, "out_lon_deg": lon}
-    for name in ("roll", "pitch", "yaw", "mount"):
-        taken[f"{name}_deg"] = np.degrees(np.array([row[name] for row in rows], dtype=float))
-    return {name: taken[name] for name in COLUMNS}
 
 
-def summarise(timeline, options, columns, device, said):
-    """Put summary.json together."""
+def _summary(timeline, options, columns, device, notes):
+    """Return the content of summary.json."""
     t, layer = columns["t_s"], columns["layer"]
     step = np.diff(t, append=t[-1:]) if len(t) else t
     accepted = columns["accepted"].astype(bool)
     has_fix = columns["has_fix"].astype(bool)
     put_out = np.isfinite(columns["out_lat_deg"])
-    mount = device.mounting
-    imu = timeline.imu
+    mount, imu, gnss = device.mounting, timeline.imu, timeline.gnss
 
     def first(mask):
         return float(t[np.argmax(mask)]) if mask.any() else None
@@ -216,16 +189,26 @@ def summarise(timeline, options, columns, device, said):
     def degrees(angle):
         return None if angle is None else math.degrees(angle)
 
+    joined = gnss is not None and imu is not None and options.attitude
+    lacks = {
+        "last_position": "" if gnss else "needs GNSS",
+        "attitude": "" if imu else "needs an IMU",
+        "low_pass": "" if gnss else "needs GNSS",
+        "mounting": "" if joined else "needs GNSS, an IMU and block 2",
+        "fusion": "" if joined else "needs GNSS, an IMU and block 2",
+    }
     return {
         "source": {
             "files": timeline.sources,
             "start_utc": timeline.start_utc,
             "duration_s": timeline.duration_s,
-            "epochs": 0 if timeline.gnss is None else len(t),
+            "epochs": 0 if gnss is None else len(t),
             "imu_samples": 0 if imu is None else len(imu.t_s),
             "imu_rate_hz": None if imu is None else float(1 / np.median(np.diff(imu.t_s))),
         },
-        "blocks": _blocks(timeline, options),
+        "blocks": {
+            name: lacks.get(name) or "on" if getattr(options, name) else "off" for name in BLOCKS
+        },
         "fixes": {
             "with_fix": int(has_fix.sum()),
             "accepted": int(accepted.sum()),
@@ -249,88 +232,80 @@ def summarise(timeline, options, columns, device, said):
         "seconds_without_fix_but_position": float(step[put_out & ~accepted].sum()),
         "options": {k: v for k, v in asdict(options).items() if k not in (*BLOCKS, "dtype")},
         "number_type": np.dtype(options.dtype).name,
-        "notes": list(said),
+        "notes": list(notes),
     }
 
 
-def _blocks(timeline, options):
-    """Tell for each block whether it ran: on, off, or what it lacked."""
-    imu, gnss = timeline.imu is not None, timeline.gnss is not None
-    lacks = {
-        "last_position": "" if gnss else "needs GNSS",
-        "attitude": "" if imu else "needs an IMU",
-        "static": "",
-        "low_pass": "" if gnss else "needs GNSS",
-        "mounting": "" if imu and gnss and options.attitude else "needs GNSS, an IMU and block 2",
-        "fusion": "" if imu and gnss and options.attitude else "needs GNSS, an IMU and block 2",
-    }
-    return {name: lack or "on" if getattr(options, name) else "off" for name, lack in lacks.items()}
-
-
-def remarks(timeline, options, has_pdop, columns, device, lasting):
-    """Yield a sentence for each: what could not run, or only in part, and what looks wrong."""
+def _notes(timeline, options, has_pdop, columns, device, unexplained):
+    """Yield a sentence for each block that could not run in full, and for what looks wrong."""
     yield from timeline.notes
-    if timeline.imu is None:
-        yield "no IMU: blocks 2, 5 and 6 need one and do not run; block 3 judges by the speed alone"
+    imu, gnss, t = timeline.imu, timeline.gnss, columns["t_s"]
+    if imu is None:
+        yield "no IMU: blocks 2, 5 and 6 need one and do not run; block 3 uses the speed alone"
     elif not options.attitude:
-        yield "block 2 is off: blocks 5 and 6 need it and do not run; block 3 judges by speed alone"
-    blind = _silent(timeline.imu, columns["t_s"])
-    if blind and options.attitude:
-        first, last = timeline.imu.t_s[[0, -1]]
+        yield "block 2 is off: blocks 5 and 6 need it and do not run; block 3 uses the speed alone"
+    elif missing := _without_imu(imu, t):
         yield (
-            f"the IMU covers {first:.0f} to {last:.0f} s of {timeline.duration_s:.0f} s; "
-            f"{blind:,} of {len(columns['t_s']):,} epochs have had no sample for over {GAP_S:g} s: "
-            "no roll, pitch or yaw there, and block 3 judges by the speed"
+            f"the IMU covers {imu.t_s[0]:.0f} to {imu.t_s[-1]:.0f} s of {timeline.duration_s:.0f} "
+            f"s; {missing:,} of {len(t):,} epochs have had no sample for over {GAP_S:g} s: no "
+            "roll, pitch or yaw there, and block 3 uses the speed alone"
         )
-    if timeline.imu is not None and np.median(timeline.imu.accel_b[:, 2]) > Z_UP:
+    if imu is not None and np.median(imu.accel_b[:, 2]) > Z_UP:
         yield (
-            "the accelerometer reads +g along z, and roll is near 180 deg: if z points up, turn y "
-            "and z of both sensors with --columns; if down, all three of the accelerometer"
+            "the accelerometer reads +g along z, and roll is near 180 deg: if z points up, change "
+            "the signs of y and z of both sensors with --columns; if z points down, change all "
+            "three signs of the accelerometer"
         )
-    if np.mean(np.array(lasting) > CONTRADICTION) > CONTRADICTION_SHARE:
+    if np.mean(np.array(unexplained) > CONTRADICTION) > CONTRADICTION_SHARE:
         yield (
-            "gyro and accelerometer contradict each other (they leave a lasting acceleration of "
-            f"over {CONTRADICTION:g} m/s^2): check the axes, their signs and the units"
+            "gyro and accelerometer contradict each other (they leave an acceleration of over "
+            f"{CONTRADICTION:g} m/s^2 that lasts): check the axes, their signs and the units"
         )
-    if timeline.gnss is None:
+    if gnss is None:
         yield (
-            "no GNSS: blocks 1, 4, 5 and 6 need it and put out nothing new; block 2 has no heading "
-            "and block 3 judges by the IMU alone; a row a second"
+            "no GNSS: blocks 1, 4, 5 and 6 need it and give nothing new; block 2 has no heading "
+            "and block 3 uses the IMU alone; one row a second"
         )
         return
     factor = _turns(timeline)
     if abs(math.log(abs(factor))) > math.log(TURNS) or factor < 0:
         yield (
-            f"the course turns {factor:.2g} times as far as the gyro says: check its unit (57.3 is "
-            "rad/s for deg/s), its axes and their signs"
+            f"the course turns {factor:.2g} times as far as the gyro: check the gyro's unit (57.3 "
+            "is rad/s for deg/s), its axes and their signs"
         )
     if not columns["has_fix"].any():
-        blind = ", and nothing for block 3 to judge by" if timeline.imu is None else ""
-        yield f"no fix in the whole log: nothing to accept{blind}"
-    elif not columns["accepted"].any():
-        yield f"no fix has a PDOP of {options.pdop_gate:g} or less: none is accepted"
-    if columns["has_fix"].any() and not has_pdop and options.last_position:
-        yield "the receiver states no PDOP: block 1 accepts every fix"
-    if columns["has_fix"].any() and not np.isfinite(timeline.gnss.speed_m_s).any():
-        yield "the receiver states no speed: block 3 takes that of the fixes, block 5 does not run"
-    held = _held(columns, options)
-    if held:
+        nothing = ", and block 3 has no input" if imu is None else ""
+        yield f"no fix in the whole log: nothing to accept{nothing}"
+    else:
+        if not columns["accepted"].any():
+            yield f"no fix has a PDOP of {options.pdop_gate:g} or less: none is accepted"
+        if not has_pdop and options.last_position:
+            yield "the receiver reports no PDOP: block 1 accepts every fix"
+        if not np.isfinite(gnss.speed_m_s).any():
+            yield (
+                "the receiver reports no speed: block 3 computes it from the fixes, block 5 does "
+                "not run"
+            )
+    if held := _held(columns, options):
         yield (
-            f"{held:,} epochs underway lie over {options.bridge_s:g} s after the last accepted "
-            "fix: the position put out stands still there"
+            f"{held:,} epochs in motion are over {options.bridge_s:g} s after the last accepted "
+            "fix: the output position is held there"
         )
     if device.last.moved_while_off:
         yield (
-            f"the first accepted fix lies {device.last.moved_while_off:.0f} m from the stored "
+            f"the first accepted fix is {device.last.moved_while_off:.0f} m from the stored "
             "position: moved while switched off"
         )
-    farthest = max((math.hypot(*row[:2]) for row in [device.ned or (0, 0)]), default=0.0)
-    if farthest > FRAME_M:
-        yield f"the track ends {farthest / 1000:.0f} km from its origin: north and down lean there"
+    distance = math.hypot(*device.ned[:2]) if device.ned else 0.0
+    if distance > FRAME_M:
+        yield (
+            f"the track ends {distance / 1000:.0f} km from its origin: north and down are tilted "
+            "there"
+        )
 
 
 def _turns(timeline):
-    """Compare the turns of the course with those of the gyro about the vertical; 1 if none tell."""
+    """Return the ratio of the turns of the course to those of the gyro; 1 if too few to tell."""
     gnss, imu = timeline.gnss, timeline.imu
     if imu is None or len(gnss.t_s) < 3:
         return 1.0
@@ -340,25 +315,23 @@ def _turns(timeline):
     by_gyro, by_course = np.diff(angle), np.radians(wrap(np.diff(gnss.course_deg)))
     fast = np.minimum(gnss.speed_m_s[:-1], gnss.speed_m_s[1:]) > FAST
     use = fast & np.isfinite(by_course) & (np.abs(by_course) < 1.0)
-    ours, theirs = by_gyro[use], by_course[use]
-    sizes = float(ours @ ours), float(theirs @ theirs)
+    by_gyro, by_course = by_gyro[use], by_course[use]
+    sizes = float(by_gyro @ by_gyro), float(by_course @ by_course)
     if not (sizes[0] > 0 and sizes[1] > TURNED):
         return 1.0
-    alike = float(ours @ theirs) / math.sqrt(sizes[0] * sizes[1])
+    alike = float(by_gyro @ by_course) / math.sqrt(sizes[0] * sizes[1])
     return math.copysign(math.sqrt(sizes[1] / sizes[0]), alike) if abs(alike) > ALIKE else 1.0
 
 
 def _held(columns, options):
-    """Count the epochs underway at which an outage has lasted for too long to be bridged."""
+    """Count the epochs in motion at which an outage has lasted for too long to be bridged."""
     t, accepted = columns["t_s"], columns["accepted"].astype(bool)
     since = t - np.maximum.accumulate(np.where(accepted, t, -np.inf))
     late = np.isfinite(since) & (since > options.bridge_s) & (columns["moving"] == 1)
     return int(late.sum())
 
 
-def _silent(imu, t_s):
-    """Count the epochs at which the IMU has been silent for too long, or has not begun."""
-    if imu is None:
-        return 0
+def _without_imu(imu, t_s):
+    """Count the epochs that have had no IMU sample for too long."""
     last = np.maximum(np.searchsorted(imu.t_s, t_s, side="right") - 1, 0)
     return int((np.abs(t_s - imu.t_s[last]) > GAP_S).sum())

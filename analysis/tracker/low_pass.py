@@ -1,12 +1,12 @@
-"""Block 4: the three-layer low-pass filter of the position while the device stands still.
+"""Block 4: the three-layer low-pass filter of the position while the device is at rest.
 
 Tracker paper, Section III-A4. Fixes fill a first buffer; its mean is put out and goes into a second
 buffer, whose mean goes into a third. The mean of the highest buffer that has been full is the
-position, so it changes ever more rarely the longer the stand. Any motion ends it at once.
+position, so it changes ever more rarely, the longer the rest. Any motion ends it at once.
 """
 
 # Not printed. At 1 Hz the layers change every 30 s, 15 min and 45 min. A second layer much shorter
-# follows a drift out of the circle that holds 95 % of a stand's fixes (notebook 32).
+# follows a drift out of the circle that holds 95 % of the fixes (notebook 32).
 LENGTHS = (30, 30, 3)
 
 
@@ -35,17 +35,17 @@ class LowPass:
     1 [1.0]
     1 [1.0]
     2 [3.0]
-    >>> block.wake()
+    >>> block.reset()
     >>> block.layer
     0
     """
 
     def __init__(self, lengths=LENGTHS):
         self.lengths = lengths
-        self.wake()
+        self.reset()
 
-    def wake(self):
-        """Forget everything: the vehicle moves."""
+    def reset(self):
+        """Empty all buffers: the vehicle moves."""
         self.layer = 0
         self._buffers = [[] for _ in self.lengths]
         self.position = None

@@ -19,6 +19,7 @@ import math
 from dataclasses import dataclass
 
 from analysis import wrap
+from analysis.tracker.low_pass import mean
 
 TURN = 2 * math.pi
 LENGTH = 6  # entries of the buffer; not printed
@@ -61,14 +62,13 @@ class Mounting:
     ----------
     length : int
         Entries in the buffer.
-    entry_s : float
     theta_alpha : float
         Largest variance of the course, rad^2; each course weighs as its speed squared, since the
         noise of a course goes as one over the speed.
     max_bend : float
         Sideways acceleration, m/s^2, above which a stretch is no straight whatever ``theta_alpha``
         says: the same turn pulls harder the faster it is taken (`bend_variance`).
-    min_speed, max_sigma, sigma_level, slope, keep
+    min_speed, max_sigma, slope
         See the constants of this module.
 
     Attributes
@@ -97,19 +97,16 @@ class Mounting:
     def __init__(
         self,
         length=LENGTH,
-        entry_s=ENTRY_S,
         theta_alpha=THETA_ALPHA,
         max_bend=MAX_BEND,
         min_speed=MIN_SPEED,
         max_sigma=MAX_SIGMA,
-        sigma_level=SIGMA_LEVEL,
         slope=SLOPE,
-        keep=KEEP,
     ):
-        self.length, self.entry_s = length, entry_s
+        self.length, self.entry_s = length, ENTRY_S
         self.theta_alpha, self.max_bend = theta_alpha, max_bend
         self.min_speed, self.max_sigma = min_speed, max_sigma
-        self.sigma_level, self.slope, self.keep = sigma_level, slope, keep
+        self.sigma_level, self.slope, self.keep = SIGMA_LEVEL, slope, KEEP
         self.mount = self.sigma = self.printed = None
         self.straights = []
         self._known = [0.0] * 11  # sums over all straights: see `fit`
@@ -270,14 +267,6 @@ def _products(values):
     """Multiply four values with one another, each pair once."""
     f, l, x, y = values  # noqa: E741
     return (f * f, f * l, f * x, f * y, l * l, l * x, l * y, x * x, x * y, y * y)
-
-
-def mean(entries):
-    """Average tuples, entry by entry."""
-    total = list(entries[0])
-    for entry in entries[1:]:
-        total = [a + b for a, b in zip(total, entry, strict=True)]
-    return [a / len(entries) for a in total]
 
 
 def course_variance(buffer):

@@ -1,7 +1,12 @@
-"""Block 3: is the vehicle standing still?
+"""Block 3: is the vehicle stationary?
 
 Tracker paper, Section III-A3: filtered speed over ground under a threshold, then the norm of the
 horizontal acceleration under theta_A.
+
+That acceleration needs a good tilt, and tilt and gyro bias are best read at rest. After a rough
+ride, or with few samples a second, the tilt may be so far off that the test never says static, and
+then nothing corrects it. `SteadyReadings` finds rest from the readings themselves: an acceleration
+does not last unchanged for seconds.
 """
 
 from collections import deque
@@ -11,11 +16,9 @@ SPEED_THRESHOLD = 0.5  # m/s; not printed. Above what a receiver at rest reports
 WAKE_SPEED = 1.0  # m/s, one unfiltered speed above which no average is waited for; not printed
 SPEED_WINDOW = 5  # epochs of the moving average that the paper suggests; length not printed
 ACCEL_TAU_S = 0.25  # s: at 4 Hz each sample by itself, as printed; at 40 Hz noise is averaged
-EPOCHS = 5  # that must all be still
-GYRO_RANGE = (
-    0.05  # rad/s between the largest and the smallest reading; a cheap gyro's noise is half
-)
-ACCEL_RANGE = 0.3  # m/s^2, likewise; an engine or a hand shakes it by more
+STEADY_EPOCHS = 5  # epochs over which the readings must not change
+GYRO_RANGE = 0.05  # rad/s, largest minus smallest reading; the noise of a cheap gyro is half
+ACCEL_RANGE = 0.3  # m/s^2, likewise; an engine or a hand gives more
 
 
 class StaticTest:
@@ -61,7 +64,7 @@ class StaticTest:
         self.accel_tau_s = accel_tau_s
         self.moving = True
         self._speeds = deque(maxlen=speed_window)
-        self._fast = self._pushed = None
+        self._fast = self._accelerated = None
         self._ax = self._ay = 0.0
 
     def accelerate(self, ax, ay, dt):
@@ -83,12 +86,12 @@ class StaticTest:
         self._ax = self._ax + share * (ax - self._ax)
         self._ay = self._ay + share * (ay - self._ay)
         square = self._ax * self._ax + self._ay * self._ay
-        self._pushed = square > self.theta_a * self.theta_a
+        self._accelerated = square > self.theta_a * self.theta_a
         return self._judge()
 
-    def unfelt(self):
-        """Forget what the IMU said, for it is silent: the speed decides, where there is one."""
-        self._pushed, self._ax, self._ay = None, 0.0, 0.0
+    def no_imu(self):
+        """Forget the acceleration, for the IMU gives no samples: the speed decides alone."""
+        self._accelerated, self._ax, self._ay = None, 0.0, 0.0
 
     def drive(self, speed):
         """Take in the speed of one GNSS epoch (m/s; NaN where there is none).
@@ -105,34 +108,34 @@ class StaticTest:
         return self._judge()
 
     def _judge(self):
-        unknown = self._fast is None and self._pushed is None
-        self.moving = bool(unknown or self._fast or self._pushed)
+        unknown = self._fast is None and self._accelerated is None
+        self.moving = bool(unknown or self._fast or self._accelerated)
         return self.moving
 
 
-class Rest:
-    """Watch the range of the readings, one sample and one GNSS epoch at a time.
+class SteadyReadings:
+    """Find rest from the range of the readings, one sample and one GNSS epoch at a time.
 
     Attributes
     ----------
-    still : bool
-        Since some epochs nothing has changed.
+    steady : bool
+        The readings have not changed for `STEADY_EPOCHS`.
     """
 
-    def __init__(self, epochs=EPOCHS):
-        self.still = False
-        self._past = deque(maxlen=epochs)
+    def __init__(self):
+        self.steady = False
+        self._past = deque(maxlen=STEADY_EPOCHS)
         self._low = self._high = None
 
     def sample(self, gyro_b, accel_b):
-        """Take in one IMU sample (rad/s, m/s^2); what leaves the range ends the rest at once."""
+        """Take in one IMU sample (rad/s, m/s^2); one outside the range ends the rest at once."""
         values = (*gyro_b, *accel_b)
         if self._low is None:
             self._low, self._high = values, values
         else:
             self._low = tuple(map(min, self._low, values))
             self._high = tuple(map(max, self._high, values))
-        self.still = self.still and _narrow(self._low, self._high)
+        self.steady = self.steady and _narrow(self._low, self._high)
 
     def epoch(self, slow):
         """Close an epoch.
@@ -140,17 +143,16 @@ class Rest:
         Parameters
         ----------
         slow : bool
-            As far as GNSS has said.
+            Whether the last GNSS speed was low.
         """
         if self._low is not None:
             self._past.append((self._low, self._high))
         self._low = self._high = None
         if not slow or len(self._past) < self._past.maxlen:
-            self.still = False
+            self.steady = False
             return
-        low = [min(axis) for axis in zip(*(p[0] for p in self._past), strict=True)]
-        high = [max(axis) for axis in zip(*(p[1] for p in self._past), strict=True)]
-        self.still = _narrow(low, high)
+        lows, highs = zip(*self._past, strict=True)
+        self.steady = _narrow(map(min, *lows), map(max, *highs))
 
 
 def _narrow(low, high):
