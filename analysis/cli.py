@@ -4,6 +4,8 @@ Exit status: 0 good; 1 the data cannot support an answer; 2 wrong usage; 130 sto
 A verb imports what it needs when it runs, so that the help appears at once.
 """
 
+import csv
+import json
 import math
 import sys
 import tempfile
@@ -16,9 +18,13 @@ from typing import Annotated, Literal
 import typer
 from typer.core import TyperGroup
 
-from analysis import CannotAnswer, WrongUsage
-from analysis.output import check_file, check_folder, told, write, writing
+from analysis import CannotAnswer, Estimate, WrongUsage
+from analysis.output import replacing, writing
 
+DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
+    "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
+    "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
+}  # fmt: skip
 RESUMABLE = ("reproduce", "coverage", "data")  # verbs that keep each piece that is finished
 Block = StrEnum(
     "Block",
@@ -62,14 +68,20 @@ app = typer.Typer(
 )
 
 
-def _not_empty(out):
-    if out == "":  # a shell variable that is not set
-        raise WrongUsage("--out is empty: name where to write")
-    return out
+def _out(about, file=False):
+    """Make the option --out; what cannot be written is refused before any work is done."""
 
+    def check(out):
+        if out == "":  # a shell variable that is not set
+            raise WrongUsage("--out is empty: name where to write")
+        if out and Path(out).exists() and Path(out).is_dir() == file:
+            taken, wanted = ("folder", "file") if file else ("file", "folder")
+            raise WrongUsage(
+                f"--out {Path(out).name}: there is a {taken} of that name; name a {wanted}"
+            )
+        return out
 
-def _out(about, metavar="DIR"):
-    return typer.Option("--out", metavar=metavar, help=about, callback=_not_empty)
+    return typer.Option("--out", metavar="FILE" if file else "DIR", help=about, callback=check)
 
 
 Rate = Annotated[
@@ -171,10 +183,12 @@ def report(
         print(f"note: {repair}")
     for channel in result.channels:
         print(f"\n{channel.name} ({channel.unit})")
-        for row in page.rows(channel):
-            print(f"  {row['name']:<46}{row['value'] or 'not resolved':>18}   {row['interval']}")
-        for sentence in page.recording(channel, 1 / result.source["rate_hz"]):
-            print(f"  {sentence}")
+        for key, estimate in channel.parameters.items():
+            value = estimate.value_text or "not resolved"
+            print(f"  {page.NAMES[key]:<46}{value:>18}   {estimate.interval_text}")
+        print(
+            f"  how long to record: {page.hours_to_record(channel, 1 / result.source['rate_hz'])}"
+        )
     print(f"\n{out}/report.html, model.json, figures/ and exports/ are written")
 
 
@@ -245,8 +259,9 @@ def replay(
     import numpy as np
 
     from analysis.logs import moving, saved_position, timeline
-    from analysis.tracker import log_replay as tracker
     from analysis.tracker.last_position import Stored
+    from analysis.tracker.log_replay import Options
+    from analysis.tracker.log_replay import replay as replay_log
 
     pairs = columns.split(",") if columns else []
     if not all("=" in pair for pair in pairs):
@@ -254,7 +269,6 @@ def replay(
     outages = [_interval(text) for text in outage or ()]
     if imu_offset is not None and not math.isfinite(imu_offset):
         raise WrongUsage(f"--imu-offset {imu_offset:g}: give a number of seconds")
-    check_folder(out)
     if last_position is not None:
         if "last-position" in (without or ()):
             raise WrongUsage(
@@ -272,16 +286,15 @@ def replay(
     position, warning = saved_position.load(last_position) if last_position else (None, None)
     stored = Stored(**position) if position else None
     off = {block.name: False for block in without or ()}
-    options = tracker.Options(dtype=np.float32 if float32 else np.float64, **off)
-    track = tracker.replay(timeline.inject_outages(log, outages), options, stored, progress=True)
-    write(track, out)
+    options = Options(dtype=np.float32 if float32 else np.float64, **off)
+    track = replay_log(timeline.inject_outages(log, outages), options, stored, progress=True)
+    write_track(track, out)
     if last_position and track.stored:
         aside = saved_position.save(last_position, asdict(track.stored))
         warning = f"{warning}; it is kept as {aside}" if aside else warning
     if warning:
         print(warning, file=sys.stderr)
-    for line in told(track.summary):
-        print(line)
+    _print_summary(track.summary)
     print(f"\n{out}/track.csv and summary.json are written")
 
 
@@ -313,6 +326,73 @@ def _check_last_position(path, logs, out):
         raise CannotAnswer(f"{option}: cannot keep a position there ({error.strerror})") from error
 
 
+def write_track(track, out):
+    """Write track.csv and summary.json, both or neither.
+
+    Parameters
+    ----------
+    track : analysis.tracker.log_replay.Track
+    out : path-like
+        Folder; made if need be. Files of an earlier replay there are replaced, others stay.
+
+    Raises
+    ------
+    CannotAnswer
+        If the folder cannot be written.
+    """
+    with replacing(out) as draft:
+        with (draft / "track.csv").open("w", newline="", encoding="utf-8") as handle:
+            writer = csv.writer(handle, lineterminator="\n")
+            writer.writerow(track.columns)
+            cells = [_cells(name, column) for name, column in track.columns.items()]
+            writer.writerows(zip(*cells, strict=True))
+        content = json.dumps(_rounded(track.summary), indent=1, ensure_ascii=False)
+        (draft / "summary.json").write_text(content + "\n", encoding="utf-8")
+
+
+def _cells(name, column):
+    """Write a column: whole numbers as such, others rounded, nothing where there is no value."""
+    if column.dtype.kind in "iub":
+        return [str(int(v)) for v in column]
+    return ["" if v != v else f"{v:.{DECIMALS[name]}f}" for v in column.tolist()]
+
+
+def _rounded(value):
+    """Round every number to six digits, and write NaN and infinities as null."""
+    if isinstance(value, dict):
+        return {k: _rounded(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(v) for v in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value
+
+
+def _print_summary(summary):
+    for note in summary["notes"]:
+        print(f"note: {note}")
+    fixes, static, mount = summary["fixes"], summary["static"], summary["mounting"]
+    print(
+        f"fixes: {fixes['with_fix']:,} in {summary['source']['epochs']:,} epochs, "
+        f"{fixes['accepted']:,} accepted, {fixes['refused']:,} refused"
+    )
+    if fixes["first_output_s"] is not None:
+        print(f"first position put out after {fixes['first_output_s']:.1f} s")
+    layers = ", ".join(f"{s:.0f}" for s in static["seconds_in_layer"])
+    print(f"stationary for {static['seconds']:.0f} s, of which in layers 1, 2, 3: {layers} s")
+    if mount["deg"] is not None:
+        print(
+            f"mounting angle {mount['deg']:.1f}° ± {1.96 * mount['sigma_deg']:.1f}° (95 %) from "
+            f"{mount['straights']} straight stretches; by eq (3) as printed "
+            f"{mount['printed_rule_deg']:.1f}°"
+        )
+    elif mount["straights"]:
+        print(
+            f"no mounting angle: {mount['straights']} straight stretches, with too little "
+            "acceleration"
+        )
+
+
 @app.command()
 def pool(
     logs: Annotated[
@@ -340,17 +420,15 @@ def pool(
     Writes pooled.json: one estimate for the sensor model, and the spread between its units. A log
     that does not resolve a parameter counts with its bound.
     """
-    from analysis import pooling
+    from analysis import report as page
 
-    read = [
-        _read(log, columns, rate=rate, time=time, unit=unit, kind=kind, start=start, stop=stop)
-        for log in logs
-    ]
-    pooled = pooling.write(read, out, axes=axes)
+    options = {"rate": rate, "time": time, "unit": unit, "kind": kind, "start": start, "stop": stop}
+    pooled = page.write_pooled([_read(log, columns, **options) for log in logs], out, axes=axes)
     for channel in pooled["channels"]:
         print(f"\n{channel['name']} ({channel['unit']}): {len(channel['members'])} units")
-        for name, typical, spread in pooling.rows(channel):
-            print(f"  {name:<46}  {typical}; between units {spread}")
+        for key, estimate in channel["parameters"].items():
+            spread = Estimate(**channel["spread"][key])
+            print(f"  {page.NAMES[key]:<46}  {Estimate(**estimate)}; between units {spread}")
     print(f"\n{out}/pooled.json is written")
 
 
@@ -463,7 +541,6 @@ def coverage(
     if not any((runs, hours, models)):
         cells = study.plan()
     folder = Path(out) if out else study.FOLDER
-    check_folder(folder)
     with writing(folder):
         study.study(cells, workers, folder)
     print(f"{len(cells)} tables, {sum(n for _, _, n in cells)} logs in all, are in {folder.name}/")
@@ -561,7 +638,7 @@ def _rebuild(names, write):
 
 @app.command()
 def benchmark(
-    out: Annotated[str | None, _out("Write the numbers as CSV too.", "FILE")] = None,
+    out: Annotated[str | None, _out("Write the numbers as CSV too.", file=True)] = None,
 ):
     """Measure speed here, next to other packages in the same run.
 
@@ -575,8 +652,6 @@ def benchmark(
     """
     from analysis.studies import benchmark as benchmarks
 
-    if out:
-        check_file(out)
     rows = []
     for name, one in benchmarks.run():
         if not rows or name != rows[-1][0]:

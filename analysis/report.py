@@ -1,25 +1,30 @@
-"""One command from a log to a page, model.json, figures and exports: all of it or nothing."""
+"""Writes what the commands report: a static log as model.json, page, figures and exports; a pool.
+
+One command, one folder; all its files are written or none.
+"""
 
 import base64
 import json
-import os
-import shutil
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, select_autoescape
+from tqdm import tqdm
 
 from analysis import CannotAnswer, WrongUsage, figures, plots, results, text
 from analysis.logs.columns import tidy
-from analysis.noise import exports, planner
-from analysis.output import check_folder, writing
+from analysis.noise import exports
+from analysis.noise.channel import refuse_without_noise
+from analysis.noise.inference import infer
+from analysis.noise.planner import SYMBOLS, Plan
+from analysis.noise.pool import pool
+from analysis.output import replacing
 
-WITHIN = 0.2
-SLOW = ("sigma_b", "corr_time")
 TEMPLATES = Path(__file__).parent / "templates"
-JOINT = "all.allan"  # a dot, which no channel has in its name
+ALL_CHANNELS = "all.allan"  # name of a figure; no channel has a dot in its name
+SAME_RATE = 0.01  # relative difference of two sampling rates
 NAMES = {
     "arw": "angle random walk N",
     "vrw": "velocity random walk N",
@@ -32,7 +37,7 @@ NAMES = {
 }
 
 
-def write(log, out, *, progress=True):
+def write(log, out):
     """Characterise a log and write the report, all of it or nothing.
 
     Parameters
@@ -40,123 +45,109 @@ def write(log, out, *, progress=True):
     log : analysis.logs.Log
     out : path-like
         Folder; made if need be. An earlier report there is replaced, other files stay.
-    progress : bool
 
     Returns
     -------
     StaticResult
     """
-    out = Path(out)
-    check_folder(out)
     try:
-        result = results.characterise_log(log, progress=progress)
+        result = results.characterise_log(log)
     except CannotAnswer as error:
         raise CannotAnswer(f"{log.file}, {error}; --columns can leave a channel out") from error
-    with writing(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}-"))
-    try:
+    earlier = {Path("exports", name) for name in exports.TITLES} | _figures_of(Path(out))
+    with replacing(out, earlier) as draft:
         results.write_model(result, draft / "model.json")
         _draw(result, draft / "figures")
-        _put(exports.files(results.model(result)), draft / "exports")
+        _write_texts(exports.files(results.model(result)), draft / "exports")
         (draft / "report.html").write_text(_page(result, draft / "figures"), encoding="utf-8")
-        _move(draft, out)
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
     return result
 
 
-def rows(channel):
-    """List a channel's parameters as the page and the terminal show them.
+def hours_to_record(channel, dt, within=0.2):
+    """Write how many hours of log each parameter of a channel needs.
+
+    Parameters
+    ----------
+    channel : ChannelNoise
+    dt : float
+        Sampling interval, s.
+    within : float
+        Wanted half width of the 95 % interval, relative.
 
     Returns
     -------
-    list of dict
-        name, value, interval (with the units the trade uses beside), note, resolved.
+    str
     """
-    listed = []
-    for key, e in channel.parameters.items():
-        entry = {"key": key, "name": NAMES[key], "value": e.value_text}
-        entry |= {"interval": e.interval_text, "note": e.note, "resolved": e.resolved}
-        listed.append(entry)
-    return listed
-
-
-def recording(channel, dt, within=WITHIN):
-    """Say how many hours of log each parameter of a channel takes.
-
-    Returns
-    -------
-    list of str
-        Sentences.
-    """
-    plan, at_least = planner.Plan.from_estimates(channel.parameters)
+    plan, at_least = Plan.from_estimates(channel.parameters)
     if plan is None:
-        return ["no plan without a white noise to plan with"]
-    # The hours go with the correlation time, which this log knows only so well.
+        return "no plan: the log does not resolve the white noise"
+    # The hours grow with the correlation time, which has an interval of its own.
     time = channel.parameters["corr_time"]
     times = (time.low, time.high) if time.resolved else ()
     try:
         hours = plan.hours_needed(dt, within)
         ends = [replace(plan, corr_time=t).hours_needed(dt, within) for t in times]
     except WrongUsage as error:
-        return [str(error)]
+        return str(error)
     parts = []
     for name, needed in hours.items():
-        slow = name in SLOW
-        span = " to ".join(text.duration(end[name]) for end in ends) if slow else ""
-        at_least_text = "at least " if at_least and slow else ""
-        parts.append(
-            f"{planner.SYMBOLS[name]} {at_least_text}{text.duration(needed)}"
-            + (f" ({span})" if span else "")
-        )
-    return [f"to know each to ±{within:.0%} (95 %), record: {'; '.join(parts)}"]
+        part = text.duration(needed)
+        if name in ("sigma_b", "corr_time"):
+            part = f"at least {part}" if at_least else part
+            part += f" ({' to '.join(text.duration(end[name]) for end in ends)})" if ends else ""
+        parts.append(f"{SYMBOLS[name]} {part}")
+    return f"{'; '.join(parts)} (each then known to ±{within:.0%}, 95 % interval)"
 
 
 def _draw(result, folder):
     figures.use_style()
-    source = {result.source["file"]: result.source["sha256"]}
+    origin = {"data": {result.source["file"]: result.source["sha256"]}}
+    origin |= {"seed": result.source["seed"], "to": folder}
     for channel in result.channels:
         fig = plots.four_panels(channel, f"{result.source['title']}: {channel.name}")
-        figures.save(fig, channel.name, data=source, seed=result.source["seed"], to=folder)
+        caption = "15 s of data, Allan deviation with its 95 % band, whole log and autocorrelation."
+        figures.save(fig, channel.name, caption, **origin)
         plt.close(fig)
     fig = plots.together(result)
-    figures.save(fig, JOINT, data=source, seed=result.source["seed"], to=folder)
+    caption = "Allan deviation of every channel with its 95 % band."
+    figures.save(fig, ALL_CHANNELS, caption, **origin)
     plt.close(fig)
 
 
-def _models(channel):
-    """List the models that were tried, the likeliest first."""
-    listed = sorted(channel.models, key=lambda m: m["aic_above_least"])
-    return [m | {"aic": f"{m['aic_above_least']:.1f}"} for m in listed]
-
-
 def _page(result, folder):
-    environment = Environment(
+    templates = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=select_autoescape(default=True)
     )
-
-    def picture(name):
-        return base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
-
-    return environment.get_template("report.html").render(
+    dt = 1 / result.source["rate_hz"]
+    return templates.get_template("report.html").render(
         source=result.source,
-        allan=picture(JOINT),
-        channels=[
-            {
-                "channel": c,
-                "rows": rows(c),
-                "models": _models(c),
-                "recording": recording(c, 1 / result.source["rate_hz"]),
-                "picture": picture(c.name),
-            }
-            for c in result.channels
-        ],
+        channels=result.channels,
+        names=NAMES,
+        hours={c.name: hours_to_record(c, dt) for c in result.channels},
+        pictures={
+            name: base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
+            for name in (ALL_CHANNELS, *(c.name for c in result.channels))
+        },
     )
+
+
+def _figures_of(out):
+    """Name the figures of the report that is in a folder, by its model.json."""
+    try:
+        stored = json.loads((out / "model.json").read_bytes())
+        names = {str(c["name"]) for c in stored["channels"]}
+    except (OSError, ValueError, KeyError, TypeError):  # there is none, or `write` did not make it
+        return set()
+    return {
+        Path("figures", f"{name}.{suffix}")
+        for name in names
+        if name == tidy(name)  # and so no path out of the folder
+        for suffix in ("pdf", "png", "csv")
+    }
 
 
 def export(path, out):
-    """Write the exports of a model.json that is there already.
+    """Write the exports of an existing model.json.
 
     Parameters
     ----------
@@ -167,7 +158,7 @@ def export(path, out):
     Returns
     -------
     list of str
-        The names of the files written.
+        Names of the files.
     """
     try:
         texts = exports.files(json.loads(Path(path).read_bytes()))
@@ -180,41 +171,128 @@ def export(path, out):
     if not texts.keys() & exports.TITLES.keys():
         reasons = [line for line in texts["README.md"].splitlines() if "left out" in line]
         raise CannotAnswer(f"{path}: nothing to export; " + "; ".join(r[2:] for r in reasons))
-    with writing(out):
-        _put(texts, Path(out))
+    with replacing(out, exports.TITLES) as draft:
+        _write_texts(texts, draft)
     return list(texts)
 
 
-def _put(texts, folder):
-    """Write export files, and take away those of an earlier log that this one does not have."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in exports.TITLES.keys() - texts.keys():
-        (folder / name).unlink(missing_ok=True)
+def _write_texts(texts, folder):
+    folder.mkdir(exist_ok=True)
     for name, content in texts.items():
         (folder / name).write_text(content, encoding="utf-8")
 
 
-def _move(draft, out):
-    """Move the finished files into place, one rename each; an earlier report's others go."""
-    fresh = [path.relative_to(draft) for path in sorted(draft.rglob("*")) if path.is_file()]
-    earlier = {Path("exports", name) for name in exports.TITLES} | _figures_of(out)
-    for path in fresh:
-        (out / path).parent.mkdir(parents=True, exist_ok=True)
-        os.replace(draft / path, out / path)
-    for path in earlier - set(fresh):
-        (out / path).unlink(missing_ok=True)
+def write_pooled(logs, out, *, axes=False):
+    """Pool the logs of several units and write pooled.json.
 
+    Parameters
+    ----------
+    logs : sequence of analysis.logs.Log
+        One for each unit.
+    out : path-like
+        Folder; made if need be.
+    axes : bool
+        Channels of one kind and unit are pooled too, x with y with z.
 
-def _figures_of(out):
-    """Name the figures of the report that lies in a folder, by its model.json."""
-    try:
-        stored = json.loads((out / "model.json").read_bytes())
-        names = {str(c["name"]) for c in stored["channels"]}
-    except (OSError, ValueError, KeyError, TypeError):  # there is none, or it is not ours
-        return set()
-    return {
-        Path("figures", f"{name}.{ending}")
-        for name in names
-        if name == tidy(name)  # and so no way out of the folder
-        for ending in ("pdf", "png", "csv")
+    Returns
+    -------
+    dict
+        What was written.
+
+    Raises
+    ------
+    WrongUsage
+        If a channel is missing in a log, or has another unit, kind or sampling rate there, or if
+        two logs hold the same readings.
+    CannotAnswer
+        If a channel has no noise to measure.
+    """
+    groups = _group_channels(logs, axes)
+    total = sum(map(len, groups.values()))
+    streams = iter(np.random.SeedSequence(results.SEED).spawn(total))
+    channels = []
+    with tqdm(total=total, desc="pooling", unit="channel", disable=None) as bar:
+        for name, members in groups.items():
+            inferences = []
+            for log, c in members:
+                rng = np.random.default_rng(next(streams))
+                try:
+                    refuse_without_noise(c.values, log.dt, c.name, c.unit)
+                    inferences.append(infer(c.values, log.dt, c.unit, c.kind, rng))
+                except CannotAnswer as error:
+                    raise CannotAnswer(f"{log.given}, {error}") from error
+                bar.update()
+            log, c = members[0]
+            pooled = pool(inferences, log.dt, c.unit, c.kind)
+            channels.append(
+                {
+                    "name": name,
+                    "unit": c.unit,
+                    "kind": c.kind,
+                    "members": [{"file": log.file, "channel": c.name} for log, c in members],
+                    "model": pooled.model,
+                    "models": pooled.models,
+                    "parameters": {k: results.plain(e) for k, e in pooled.parameters.items()},
+                    "spread": {k: results.plain(e) for k, e in pooled.spread.items()},
+                }
+            )
+    content = {
+        "sources": [results.source(log) for log in logs],
+        "seed": results.SEED,
+        "channels": channels,
     }
+    with replacing(out) as draft:
+        (draft / "pooled.json").write_text(results.as_json(content), encoding="utf-8")
+    return content
+
+
+def _group_channels(logs, axes):
+    """Collect the (log, channel) pairs that one estimate is made of: name -> list of pairs."""
+    first, by_name = logs[0], [{c.name: c for c in log.channels} for log in logs]
+    for log, channels in zip(logs, by_name, strict=True):
+        if abs(log.rate_hz / first.rate_hz - 1) > SAME_RATE:
+            raise WrongUsage(
+                f"{first.given} has {first.rate_hz:g} Hz and {log.given} {log.rate_hz:g} Hz; pool"
+                " logs of one sampling rate, because sigma_v is the noise of a single sample"
+            )
+        for wanted in first.channels:
+            c = channels.get(wanted.name)
+            if c is None:
+                raise WrongUsage(
+                    f"{log.given} has no channel {wanted.name} as {first.given} has; it has"
+                    f" {', '.join(channels)}: name the same --columns"
+                )
+            if (c.unit, c.kind) != (wanted.unit, wanted.kind):
+                raise WrongUsage(
+                    f"channel {c.name} is {wanted.kind} in {wanted.unit} in {first.given}, and"
+                    f" {c.kind} in {c.unit} in {log.given}; pool logs of one unit and kind"
+                )
+    _refuse_same_readings(logs)
+    groups = {}
+    for c in first.channels:
+        members = [(log, channels[c.name]) for log, channels in zip(logs, by_name, strict=True)]
+        groups.setdefault(f"{c.kind} axes" if axes else c.name, []).extend(members)
+    for name, members in groups.items():
+        if len({(c.unit, c.kind) for _, c in members}) > 1:
+            raise WrongUsage(f"{name}: channels in several units; say --unit or fewer --columns")
+        if len(members) < 2:
+            raise WrongUsage(
+                f"{name}: one log and one channel are nothing to pool; give the logs of several"
+                " units, or --axes to pool the axes of one"
+            )
+    return groups
+
+
+def _refuse_same_readings(logs):
+    """Refuse two logs of the same readings, also under different names: they are one unit."""
+    seen = {}
+    for log in logs:
+        for c in log.channels:
+            if np.nanmin(c.values) == np.nanmax(c.values):
+                continue  # a constant channel is refused later, as such
+            before = seen.setdefault((c.name, hash(c.values.tobytes())), log)
+            if before is not log:
+                raise WrongUsage(
+                    f"{before.given} and {log.given} hold the same readings of {c.name}; give the"
+                    " log of each unit once"
+                )

@@ -101,5 +101,4 @@ def test_a_report_without_a_plan():
     known = {k: Estimate(v, v, v, "") for k, v in (("sigma_v", 1.0), ("rrw", 1e300))}
     channel = SimpleNamespace(parameters=known | {"corr_time": Estimate.refused("s", "")})
     channel.parameters["sigma_b"] = Estimate.refused("", "")
-    (said,) = report.recording(channel, 0.01)
-    assert "too far apart" in said
+    assert "too far apart" in report.hours_to_record(channel, 0.01)

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from test_cli import run
 
-from analysis import output
+from analysis import cli
 from analysis.logs import datasets
 from analysis.logs import moving as tracks
 from analysis.logs.saved_position import load, save
 from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
-from analysis.output import write
 from analysis.tracker import scenarios
 from analysis.tracker.device import Options
 from analysis.tracker.last_position import Stored
@@ -92,7 +91,7 @@ def test_columns(laps):
 def test_files(tmp_path, laps):
     """property: track.csv holds the columns, empty where there is no value; JSON has no NaN."""
     _, track = laps
-    write(track, tmp_path / "out")
+    cli.write_track(track, tmp_path / "out")
     assert sorted(os.listdir(tmp_path / "out")) == ["summary.json", "track.csv"]
     with (tmp_path / "out" / "track.csv").open() as handle:
         rows = list(csv.DictReader(handle))
@@ -588,7 +587,7 @@ def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, cold):
     def stop(summary):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(output, "_rounded", stop)
+    monkeypatch.setattr(cli, "_rounded", stop)
     assert run("replay", *paths, "--out", tmp_path / "out")[0] == 130
     assert files(tmp_path / "out") == ["summary.json", "track.csv"]
     assert (tmp_path / "out" / "track.csv").read_bytes() == old
