@@ -339,14 +339,14 @@ BAD = {
         HEADER,
         {"columns": ["gyro_x"], "unit": "rad/s"},
         WrongUsage,
-        ("--unit rad/s", "'gyro_x_deg_s'", "says deg/s", "leave out"),
+        ("--unit rad/s", "'gyro_x_deg_s'", "whose unit is deg/s", "leave out"),
     ),
     "unit against one of the header's": (
         lines(),
         "t_s,gyro_x,gyro_y_deg_s",
         {"unit": "rad/s"},
         WrongUsage,
-        ("--unit rad/s", "'gyro_y_deg_s'", "says deg/s"),
+        ("--unit rad/s", "'gyro_y_deg_s'", "whose unit is deg/s"),
     ),
     "unit that nothing is in": (
         lines(),
@@ -431,7 +431,7 @@ def test_the_way_out_of_wrong_gravity_works(tmp_path):
     path = write(tmp_path, GRAVITY, "t_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2")
     log = logs.read(path, unit="g")
     assert {c.unit for c in log.channels} == {"g"}
-    assert "column 'accel_z_m_s2' taken in g, not in m/s^2 as its name says" in log.repairs
+    assert "column 'accel_z_m_s2' taken in g, though its name has m/s^2" in log.repairs
 
 
 @pytest.mark.parametrize(
@@ -635,6 +635,7 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
         ("[mine]\nrate_hz = 3", "needs a line"),
         ('[mine]\nfile = "my.csv"\nrate = 3', "did you mean 'rate_hz'"),
         ('[mine]\nfile = "my.csv"\nformat = "xls"', "'xls' is not one of"),
+        ('[mine]\nfile = "my.csv"\nrate_hz = "100"', "rate_hz = '100' is of the wrong type"),
         ('[mine]\nfile = "gone.csv"', "gone.csv, which is not in data/own/"),
         ("[mine", "not valid TOML"),
     ],
@@ -698,6 +699,15 @@ def test_the_parked_phone_stands_still():
     assert any("'north' repeats its last value" in repair for repair in held.repairs)
     fresh = logs.read("phone-stopped-gnss")
     assert not any("repeats" in repair for repair in fresh.repairs)
+
+
+def test_a_file_that_may_not_be_read_is_wrong_usage(tmp_path, monkeypatch):
+    """Property: a missing permission is one sentence, for static and for moving logs."""
+    path = write(tmp_path, lines())
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    for reader, log in ((logs.read, path), (logs.read_moving, [path])):
+        with pytest.raises(WrongUsage, match=r"my\.csv may not be read by this user"):
+            reader(log)
 
 
 def test_catalogued_but_absent_logs_say_how_to_get_them(monkeypatch, tmp_path):

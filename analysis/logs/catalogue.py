@@ -1,6 +1,7 @@
 """The catalogue of logs: ``data/logs.toml``, and the reader's own ``data/own/logs.toml``."""
 
 import difflib
+import os
 import tomllib
 from pathlib import Path
 
@@ -88,11 +89,13 @@ def check_unit(name: str, stanza: dict, unit: str | None) -> None:
 
 
 def _check_file(path: Path, missing: str) -> Path:
-    """Refuse a path that is no file."""
+    """Refuse a path that is no file, or that may not be read."""
     if path.is_dir():
         raise WrongUsage(f"{path.name or path} is a folder: name the log file in it")
     if not path.is_file():
         raise WrongUsage(missing)
+    if not os.access(path, os.R_OK):
+        raise WrongUsage(f"{path.name} may not be read by this user; change its mode")
     return path
 
 

@@ -195,7 +195,7 @@ def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
         for unit in ("s", "ms", "us", "ns"):
             mean = len(t) / max((t[-1] - t[0]) * SCALES[unit], 1e-300)
             if 0.5 < mean / rate_hz < 2:
-                return unit, f", as --rate {rate_hz:g} says"
+                return unit, f", by --rate {rate_hz:g}"
     if step >= 5 or step < 1e-5:
         raise WrongUsage(
             f"time column '{name}' advances by {step:.6g}: seconds, milliseconds or microseconds? "

@@ -43,7 +43,7 @@ _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$
 _NO_READING = re.compile(
     r"^(lat|lon|latitude|longitude|height|separation)$|accuracy|^(temp|index|count|seq|id$|mag)"
 )
-_SOUNDS_LIKE = (("rate", ("gyr", "omega", "angvel")), ("accel", ("acc",)))
+_STEMS = {"rate": ("gyr", "omega", "angvel"), "accel": ("acc",)}
 _SPEED_NAME = r"(gps_?|location_?)?(speed|sog|ground_?speed|speed_over_ground)"
 _MEANINGS = (  # meaning of a name without its unit
     ("lat", r"(gps_?|location_?)?lat(itude)?"),
@@ -85,14 +85,6 @@ def split(name: str) -> tuple[str, str | None]:
     return name, None
 
 
-def sounds_like(name: str) -> str | None:
-    """Return the kind a bare name suggests (``acc_x`` -> accel), or None."""
-    for kind, stems in _SOUNDS_LIKE:
-        if name.lower().startswith(stems):
-            return kind
-    return None
-
-
 def tidy(name: str) -> str:
     """Make a quantity's name safe for a file name: ``"Gyro. X"`` -> ``"Gyro_X"``."""
     return re.sub(r"[^A-Za-z0-9-]+", "_", name).strip("_") or "column"
@@ -100,7 +92,7 @@ def tidy(name: str) -> str:
 
 @dataclass(frozen=True)
 class Choice:
-    """One column to analyse: its name in the file, and what it is called and means here."""
+    """One column to analyse: its name in the file; name, unit and kind of its channel."""
 
     column: str
     name: str
@@ -184,7 +176,7 @@ def choose(
     -------
     list of Choice
     list of str
-        What was left out, and what was taken against its name.
+        What was left out, and which columns were taken in another unit than their name has.
 
     Raises
     ------
@@ -207,6 +199,7 @@ def choose(
     for name in [resolve(c, names, file) for c in columns] if columns else names:
         base, own = split(name)
         own_kind = KIND_OF_UNIT.get(own or "")
+        stem_kind = next((k for k, stem in _STEMS.items() if base.lower().startswith(stem)), None)
         named = own
         if {own, given} <= IN_M_S2.keys():
             own = given
@@ -218,16 +211,14 @@ def choose(
             problem = f"column '{name}' has no unit: say --unit, or call it {name}_deg_s, {name}_g"
         elif kind and own_kind != kind:
             problem = f"column '{name}' is in {own}, which is no {kind}: leave out --kind"
-        elif {sounds_like(base), own_kind} == {"rate", "accel"}:
-            problem = (
-                f"column '{name}' sounds like {sounds_like(base)}, and {own} is not: see --unit"
-            )
+        elif {stem_kind, own_kind} == {"rate", "accel"}:
+            problem = f"column '{name}' is named as {stem_kind}, and {own} is not: see --unit"
         elif not columns and _NO_READING.search(base.lower()):
             problem, contradicts = f"column '{name}' is no reading", False
         elif contradicts:
             problem = (
-                f"--unit {unit} (or the catalogue's) contradicts column '{name}', which says "
-                f"{own}; leave out --unit, or correct the header"
+                f"--unit {unit} (or the catalogue's) contradicts column '{name}', whose unit "
+                f"is {own}; leave out --unit, or correct the header"
             )
         if problem and (columns or contradicts):
             raise WrongUsage(f"{file}: {problem}")
@@ -236,7 +227,7 @@ def choose(
         else:
             chosen.append(Choice(name, tidy(base), own or "", own_kind or ""))
             if named not in (None, own):
-                notes.append(f"column '{name}' taken in {own}, not in {named} as its name says")
+                notes.append(f"column '{name}' taken in {own}, though its name has {named}")
     if not chosen and kind and not unit and any(split(name)[1] for name in names):
         raise WrongUsage(f"{file}: no column is of the kind {kind}; there are: {', '.join(names)}")
     if given and not any(c.unit == given for c in chosen):

@@ -104,12 +104,16 @@ def path(name: str) -> Path:
     wanted = entry(name)
     for place in _places(name):
         if place.is_file():
-            _check(place, wanted)
+            if sha256(place) != wanted.sha256:
+                raise CannotAnswer(
+                    f"{name} is there but is not the registered file (its sha256 or its size of "
+                    f"{wanted.bytes} bytes differs): delete that copy and run "
+                    f"`python -m analysis data {name}`"
+                )
             return place
     raise NotHere(
-        f"the log file {name} is not on this machine: set {FOLDER_VARIABLE} to a folder that has "
-        f"it, or run `python -m analysis data {name}` with internet, or put the file from "
-        f"{wanted.url} into data/downloaded/{name}"
+        f"the log file {name} is not on this machine: {_by_hand(wanted)}, or run "
+        f"`python -m analysis data {name}` with internet"
     )
 
 
@@ -148,13 +152,12 @@ def fetch(name: str, progress: bool = True) -> Path:
         )
     except OSError as error:  # requests' errors are OSErrors
         raise CannotAnswer(
-            f"could not download {name} ({type(error).__name__}): check the connection, or set "
-            f"{FOLDER_VARIABLE} to a folder that has it, or put the file from {wanted.url} into "
-            f"data/downloaded/{name}"
+            f"could not download {name} ({type(error).__name__}): check the connection, or "
+            f"{_by_hand(wanted)}"
         ) from error
     except ValueError as error:  # pooch: hash mismatch
         raise CannotAnswer(
-            f"what came for {name} does not have the registered sha256, so it was thrown away: "
+            f"what was downloaded for {name} does not have the registered sha256, and was deleted: "
             f"{wanted.url} no longer serves the file this project was made with"
         ) from error
     return path(name)
@@ -173,6 +176,14 @@ def _sha256(file: str, size: int, mtime_ns: int) -> str:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
 
+def _by_hand(wanted: Entry) -> str:
+    """State how a file gets here without this program."""
+    return (
+        f"set {FOLDER_VARIABLE} to a folder that has it, or put the file from {wanted.url} into "
+        f"data/downloaded/{wanted.file}"
+    )
+
+
 def _places(name: str) -> list[Path]:
     """List where a registered file may be, in the order it is looked for."""
     folder, _, rest = name.partition("/")
@@ -183,13 +194,3 @@ def _places(name: str) -> list[Path]:
         places.append(COMMITTED[folder] / rest)
     places.append(DOWNLOADED / name)
     return places
-
-
-def _check(place: Path, wanted: Entry) -> None:
-    """Refuse a file whose bytes are not the registered ones."""
-    if sha256(place) != wanted.sha256:
-        raise CannotAnswer(
-            f"{wanted.file} is there but is not the registered file (its sha256 or its size of "
-            f"{wanted.bytes} bytes differs): delete that copy and run "
-            f"`python -m analysis data {wanted.file}`"
-        )

@@ -5,8 +5,7 @@ small rotations from the mean attitude) are added by `about_the_mean`, after the
 cut out.
 """
 
-import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -115,19 +114,9 @@ READERS: dict[str, Callable[[Path, dict], Table]] = {
 }
 
 
-@contextlib.contextmanager
-def readable(path: Path) -> Iterator[None]:
-    """Turn a missing permission into `WrongUsage`."""
-    try:
-        yield
-    except PermissionError as error:
-        raise WrongUsage(f"{path.name} may not be read by this user; change its mode") from error
-
-
 def read(path: Path, stanza: dict) -> Table:
     """Read a file in the format that its stanza names, or in the one that its bytes suggest."""
-    with readable(path):
-        return READERS[stanza.get("format") or sniff(path)](path, stanza)
+    return READERS[stanza.get("format") or sniff(path)](path, stanza)
 
 
 def sniff(path: Path) -> str:

@@ -65,13 +65,11 @@ def read(
     wanted = _columns_of_each(columns or {}, paths)
     for path in paths:
         sources[path.name] = datasets.sha256(path)
-        with formats.readable(path):
-            if formats.sniff(path) == "nmea":
-                epochs, which, began, more = nmea.read_gnss(path)
-                new = {"GNSS": epochs}
-                start = began or start
-            else:
-                new, which, more = _read_csv(path, wanted[path])
+        if formats.sniff(path) == "nmea":
+            epochs, which, began, more = nmea.read_gnss(path)
+            new, start = {"GNSS": epochs}, began or start
+        else:
+            new, which, more = _read_csv(path, wanted[path])
         notes += more
         for kind in new:
             if kind in parts:
@@ -133,9 +131,7 @@ def _columns_of_each(wanted: dict[str, str], paths: list[Path]) -> dict[Path, di
 def _shift(gnss, imu, clocks, offset, notes, start) -> float:
     """Find the seconds that bring the IMU's stamps to the clock of the GNSS epochs."""
     if offset is not None:
-        notes.append(
-            f"the IMU log starts {offset:g} s after the first GNSS epoch, as --imu-offset says"
-        )
+        notes.append(f"the IMU log starts {offset:g} s after the first GNSS epoch, by --imu-offset")
         return float(gnss.t_s[0] - imu.t_s[0]) + offset
     shift, note = clock.same_clock(gnss.t_s, clocks["GNSS"], imu.t_s, clocks["IMU"])
     if start and (clocks["GNSS"], clocks["IMU"]) == (clock.DAY, clock.UNIX):
@@ -171,11 +167,9 @@ def _read_csv(path: Path, wanted: dict[str, str]) -> tuple[dict[str, Any], str, 
     table = delimited.read(path)
     table = replace(table, frame=columns.rename(table.frame, wanted, path.name))
     time = clock.time_column(table.frame)
-    there = f"there are: {', '.join(table.frame)}"
+    header, there = f"{path.name}, line 1", f"there are: {', '.join(table.frame)}"
     if time is None:
-        raise WrongUsage(
-            f"{path.name}, line 1: no column is named as time; say --columns t_s=COLUMN; {there}"
-        )
+        raise WrongUsage(f"{header}: no column is named as time; say --columns t_s=COLUMN; {there}")
     with clock.stamp_errors_at(table, time):
         stamps = clock.read(time, table.frame[time].to_numpy())
     notes = [f"{path.name}: {note}" for note in (*table.repairs, *stamps.notes)]
@@ -189,13 +183,10 @@ def _read_csv(path: Path, wanted: dict[str, str]) -> tuple[dict[str, Any], str, 
         if 0 < len(missing) < len(needed):
             lacks.append(f"{what} lack {', '.join(missing)}")
     if not parts:
-        neither = (
+        lacks = lacks or [
             "neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 ..., gyro_x_deg_s ...)"
-        )
-        raise WrongUsage(
-            f"{path.name}, line 1: {'; '.join(lacks) or neither}; say --columns OURS=THEIRS; "
-            f"{there}"
-        )
+        ]
+        raise WrongUsage(f"{header}: {'; '.join(lacks)}; say --columns OURS=THEIRS; {there}")
     notes += [f"{path.name}: {lack}: not used" for lack in lacks]
     return parts, stamps.clock, notes
 

@@ -1,12 +1,14 @@
-"""Logs in: NMEA in every bad state it comes in, CSVs, and two logs on one clock."""
+"""Moving logs: NMEA with every usual fault, CSVs, two logs on one clock, written logs read back."""
 
+import datetime
 import gzip
 
 import numpy as np
 import pytest
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.logs import datasets, moving
+from analysis.logs import datasets, imu_csv_lines, moving, nmea_lines
+from analysis.tracker import scenarios
 
 LAT, LON = 50.84, 4.347
 
@@ -573,3 +575,47 @@ def test_columns_of_no_csv_are_wrong_usage(tmp_path):
     """property: --columns beside NMEA alone would have no effect."""
     with pytest.raises(WrongUsage, match="no log is a CSV"):
         moving.read([nmea(tmp_path, epoch(0))], columns={"speed_m_s": "3"})
+
+
+# --- written and read back ------------------------------------------------------------------------
+
+START = datetime.datetime(2021, 12, 31, 23, 58, tzinfo=datetime.UTC)
+
+
+@pytest.fixture(scope="module")
+def walk():
+    """Simulate a cold start and a walk, over midnight and the turn of the year."""
+    return scenarios.scenario("C", np.random.default_rng(8)).log
+
+
+def test_a_dump_is_read_back(walk, tmp_path):
+    """cross-check: what pynmeagps wrote, and CSV, come back through the reader of real logs."""
+    gps, imu = tmp_path / "gps.nmea", tmp_path / "imu.csv"
+    gps.write_text("\r\n".join(nmea_lines(walk.gnss, START)) + "\r\n")
+    imu.write_text("\n".join(imu_csv_lines(walk.imu)) + "\n")
+    read = moving.read([gps, imu])
+    np.testing.assert_array_equal(read.gnss.has_fix, walk.gnss.has_fix)
+    np.testing.assert_allclose(read.gnss.t_s, walk.gnss.t_s, atol=1e-6)
+    # Half of the last digit written: 1e-5 minutes, 0.001 knots, 0.01 deg, 0.01.
+    degree = 0.51e-5 / 60
+    steps = {"lat_deg": degree, "lon_deg": degree, "speed_m_s": 2.6e-4, "pdop": 5.1e-3}
+    for name, step in steps.items():
+        there, here = getattr(read.gnss, name), getattr(walk.gnss, name)
+        np.testing.assert_allclose(there, here, rtol=0, atol=step)
+    np.testing.assert_allclose(read.gnss.course_deg, walk.gnss.course_deg, atol=5.1e-3)
+    np.testing.assert_allclose(read.imu.accel_b, walk.imu.accel_b, atol=1e-6)
+    np.testing.assert_allclose(read.imu.t_s, walk.imu.t_s, atol=1e-6)
+    assert read.start_utc.startswith("2021-12-31T23:58")
+
+
+def test_every_epoch_has_its_stamp(walk):
+    """property: a stamp, then three sentences with right checksums, for each epoch."""
+    lines = list(nmea_lines(walk.gnss, START))
+    assert len(lines) == 4 * len(walk.gnss.t_s)
+    assert [float(line) for line in lines[::4]] == walk.gnss.t_s.tolist()
+    for line in lines[1::4]:
+        body, checksum = line[1:].split("*")
+        total = 0
+        for byte in body.encode():
+            total ^= byte
+        assert int(checksum, 16) == total
