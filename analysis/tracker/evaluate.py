@@ -70,11 +70,12 @@ def cold_start(
         their means ``awaiting`` the first accepted fix (NaN if the first fix is accepted); the
         median error of the ``refused`` and of the ``accepted`` fixes.
     """
-    at_rest = simulated.log.gnss.t_s < at_rest_s
-    gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.log.gnss).items()})
+    at_rest = simulated.gnss.t_s < at_rest_s
+    gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.gnss).items()})
     accepted, *place, _ = gated(gnss, stored, gate)
     device, gps = (
-        np.hypot(*simulated.error(*p, at_rest)) for p in (place, (gnss.lat_deg, gnss.lon_deg))
+        np.hypot(*simulated.error(p[0], p[1], at_rest))
+        for p in (place, (gnss.lat_deg, gnss.lon_deg))
     )
     fix = gnss.has_fix
     waits = fix & (np.cumsum(accepted) == 0)
@@ -189,8 +190,7 @@ def courtyard_errors(seed: int, count: int, **settings) -> tuple[np.ndarray, np.
     """
     streams = np.random.SeedSequence(seed).spawn(count)
     drawn = [scenario("A", np.random.default_rng(s), imu_rate=1.0, **settings) for s in streams]
-    raw = [a.error(a.log.gnss.lat_deg, a.log.gnss.lon_deg) for a in drawn]
-    return drawn[0].log.gnss.t_s, np.stack(raw, axis=-1)
+    return drawn[0].gnss.t_s, np.stack([a.fix_error() for a in drawn], axis=-1)
 
 
 def stationary_periods(
@@ -215,7 +215,7 @@ def stationary_periods(
         A row a device, as `stationary_period`; ``leaves_model``: 1 if an output lies outside
         `circle_m` once the second layer is full.
     """
-    layer, *out = low_passed(*raw, lengths)
+    layer, *out = low_passed(raw[0], raw[1], lengths)
     rows = []
     for before, after in zip(np.moveaxis(raw, -1, 0), np.moveaxis(out, -1, 0), strict=True):
         leaves = float((np.hypot(*after)[layer >= 2] > circle_m).any())
@@ -344,7 +344,7 @@ def mounting_ride(ride: Scenario) -> dict:
         row |= {"first": off[known[0]], "last": off[-1], "changed": np.ptp(off[known])}
         row["sigma"] = track.summary["mounting"]["sigma_deg"]
     ends = np.array([s.t_s for s in straights])
-    speed = ride.log.gnss.speed_m_s
+    speed = ride.gnss.speed_m_s
     start = np.interp(ends - Options().straight_s, when, speed)
     gained = np.sign(np.interp(ends, when, speed) - start)
     ax, ay = np.array([(s.ax, s.ay) for s in straights]).T

@@ -80,10 +80,7 @@ def replay(
     start = None if stored is None else _stored_ned(stored, origin)
     device = Device(options, stored, start, imu is not None, has_pdop, has_speed)
     rows, bias, unexplained = [], [], []
-    samples = iter(())
-    if imu is not None:
-        gyro, accel = (_rows(a, options.dtype) for a in (imu.gyro_b, imu.accel_b))
-        samples = zip(imu.t_s.tolist(), gyro, accel, strict=True)
+    samples = _samples(imu, options.dtype)
     sample = next(samples, None)
     for epoch in tqdm(epochs, desc="replay", unit="epoch", disable=None if progress else True):
         while sample is not None and sample[0] <= epoch.t_s:
@@ -102,11 +99,15 @@ def replay(
     return Track(columns, summary, device.last.snapshot, notes, trace)
 
 
-def _rows(array, dtype):
-    """Return the samples as triples of scalars of the number type."""
+def _samples(imu, dtype):
+    """Return time, rotation rate and specific force of each sample, scalars of the number type."""
+    if imu is None:
+        return iter(())
     if dtype == np.float64:
-        return array.tolist()
-    return [tuple(row) for row in array.astype(dtype)]
+        gyro, accel = imu.gyro_b.tolist(), imu.accel_b.tolist()
+    else:
+        gyro, accel = (map(tuple, a.astype(dtype)) for a in (imu.gyro_b, imu.accel_b))
+    return zip(imu.t_s.tolist(), gyro, accel, strict=True)
 
 
 def _epochs(gnss, imu, stored):

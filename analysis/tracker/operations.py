@@ -7,6 +7,7 @@ numbers of type `Counted`, which add themselves up in a `Tally` whenever they ar
 
 import math
 import operator
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.low_pass import LowPass
 from analysis.tracker.mounting import LENGTH, Mounting, mean
-from analysis.tracker.static import StaticTest
+from analysis.tracker.static import SPEED_WINDOW, StaticTest
 
 
 @dataclass
@@ -99,26 +100,6 @@ def update(n, m):
     return innovation + S + gain + state + covariance
 
 
-def lean_update(n, m):
-    """Count the update of `analysis.tracker.kalman`: nothing is multiplied out twice. ::
-
-        K = (H P)' inv(H P H' + R)     P = P - K (H P), then the mean of P and its transpose
-
-    Parameters
-    ----------
-    n, m : int
-
-    Returns
-    -------
-    Tally
-    """
-    state = matrix_product(m, n, 1) + matrix_product(n, m, 1) + Tally(sums=m + n)
-    S = matrix_product(m, n, n) + matrix_product(m, n, m) + Tally(sums=m * m)
-    gain = ldl_inverse(m) + matrix_product(n, m, m)
-    covariance = matrix_product(n, m, n) + Tally(sums=2 * n * n, products=n * n)
-    return state + S + gain + covariance
-
-
 def cholesky_inverse(m):
     """Count the inverse of a symmetric m x m matrix: S = L L', inv(L), inv(L)' inv(L).
 
@@ -132,29 +113,6 @@ def cholesky_inverse(m):
         sums=(m**3 - 3 * m**2 + 2 * m) // 6, products=third, divisions=m * (m + 1) // 2
     )
     return factor + triangle + Tally(sums=third, products=third + m * (m + 1) // 2)
-
-
-def ldl_inverse(m):
-    """Count the inverse by S = L D L', without square roots, as `analysis.tracker.kalman` does it.
-
-    Returns
-    -------
-    Tally
-    """
-    pairs, triples = m * (m - 1) // 2, (m**3 - 3 * m**2 + 2 * m) // 6
-    squares = (m - 1) * m * (2 * m - 1) // 6
-    factor = Tally(sums=triples + pairs, products=triples + 2 * pairs, divisions=m)
-    return factor + Tally(sums=squares, products=squares + pairs)
-
-
-def buffer_mean(length, axes=1):
-    """Count the mean of a buffer from scratch, the worst case: one division an axis.
-
-    Returns
-    -------
-    Tally
-    """
-    return Tally(sums=axes * (length - 1), divisions=axes)
 
 
 def _operator(kind, operate, *, swapped=False):
@@ -183,7 +141,7 @@ class Counted:
     """
 
     __slots__ = ("tally", "value")
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, value, tally):
         self.value, self.tally = float(value), tally
@@ -291,7 +249,7 @@ def _counting(value, tally):
         return counted(value, tally)
     if isinstance(value, float | np.floating):
         return Counted(value, tally)
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple | deque):
         return type(value)(_counting(v, tally) for v in value)
     return value
 
@@ -309,7 +267,7 @@ def filter_costs(n: int, m: int, p: int, *, input_matrix: bool) -> dict[str, dic
     Returns
     -------
     dict of dict of Tally
-        ``formula`` (`predict`, `update`) and ``counted`` (`analysis.tracker.kalman`) ->
+        ``formula`` (`predict`, `update`) and ``counted`` (`kalman`) ->
         ``Predict`` and ``Update``.
     """
     first, second = Tally(), Tally()
@@ -345,30 +303,27 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
         ``total``, and ``times_a_second``: samples at `rate`, fixes once, a straight once its buffer
         is full, a layer as often as it fills.
     """
-    dt, steps = 1 / rate, {}
-    tally = Tally()
-    block = instrument(LastPosition(), tally)
-    block.step(*_counting((1.0, (44.0, 11.0, 0.0), 2.0), tally))
-    steps["1", "fix"] = tally, 1.0
-    steps["2", "fix"], steps["2", "sample"] = (_attitude_fix(dt), 1.0), (_attitude_sample(dt), rate)
-    tally = Tally()
-    block = instrument(StaticTest(), tally)
-    for _ in range(5):  # a full buffer of speeds
-        tally.sums = tally.products = tally.divisions = 0
-        block.drive(Counted(3.0, tally))
-    steps["3", "fix"] = tally, 1.0
-    tally = Tally()
-    block = instrument(StaticTest(), tally)
-    block.accelerate(*_counting((0.3, 0.1, dt), tally))
-    steps["3", "sample"] = tally, rate
+    dt, started = 1 / rate, StaticTest()
+    for _ in range(SPEED_WINDOW - 1):
+        started.drive(3.0)
+    motion = (0.0, 0.0, 0.1), (0.3, 0.0, -STANDARD_GRAVITY), dt
     every = np.cumprod(LowPass().lengths)
-    for k, epochs in enumerate(every):
-        higher = 1 / every[k + 1] if k + 1 < len(every) else 0.0
-        steps["4", f"fix that fills layer {k + 1}"] = _low_pass(epochs), 1 / epochs - higher
+    fills = 1 / every - np.append(1 / every[1:], 0.0)
     straight, entry = _mounting()
-    steps["5", "fix"], steps["5", "straight"] = (entry, 1.0), (straight, 1 / LENGTH)
-    first, second = _fusion(dt)
-    steps["6", "fix"], steps["6", "sample"] = (second, 1.0), (first, rate)
+    steps = {
+        ("1", "fix"): (_count(LastPosition().step, 1.0, (44.0, 11.0, 0.0), 2.0), 1.0),
+        ("2", "fix"): (_count(under_way(dt).epoch, False, 0.31, 0.05), 1.0),
+        ("2", "sample"): (_count(under_way(dt).imu, *motion, read="horizontal"), rate),
+        ("3", "fix"): (_count(started.drive, 3.0), 1.0),
+        ("3", "sample"): (_count(StaticTest().accelerate, 0.3, 0.1, dt), rate),
+    } | {
+        ("4", f"fix that fills layer {k + 1}"): (_low_pass(epochs), times)
+        for k, (epochs, times) in enumerate(zip(every, fills, strict=True))
+    }
+    steps |= {("5", "fix"): (entry, 1.0), ("5", "straight"): (straight, 1 / LENGTH)}
+    fix = (0.1, 0.0, 0.0), (1.0, 0.0), 3.0, 0.3
+    steps["6", "fix"] = _count(_fusion(dt).update, *fix), 1.0
+    steps["6", "sample"] = _count(_fusion(dt).predict, np.array([0.1, 0.0, 0.0]), dt, 0.3), rate
     index = pd.MultiIndex.from_tuples(steps, names=["block", "step"])
     rows = [vars(t) | {"total": t.total, "times_a_second": times} for t, times in steps.values()]
     return pd.DataFrame(rows, index=index)
@@ -389,7 +344,8 @@ def alignment_costs(rate: float = 40.0) -> dict[str, int]:
     """
     averaged, turning = Tally(), Tally()
     mean([tuple(row) for row in counted(np.ones((LENGTH, 2)), averaged)])
-    block = _counting_block(under_way(1 / rate), turning)
+    block = instrument(under_way(1 / rate), turning)
+    block.dtype = object
     _ = block.C_nb
     return {"mean": averaged.total, "rotation": turning.total}
 
@@ -415,35 +371,22 @@ def under_way(dt):
     return block
 
 
-def _counting_block(block, tally):
-    """Instrument a block whose arrays must hold objects."""
-    instrument(block, tally)
-    block.dtype = object
-    return block
-
-
-def _attitude_sample(dt):
-    tally = Tally()
-    block = _counting_block(under_way(dt), tally)
-    block.imu(*_counting(((0.0, 0.0, 0.1), (0.3, 0.0, -STANDARD_GRAVITY), dt), tally))
-    _ = block.horizontal
-    return tally
-
-
-def _attitude_fix(dt):
-    tally = Tally()
-    block = _counting_block(under_way(dt), tally)
-    block.epoch(False, *_counting((0.31, 0.05), tally))
+def _count(step, *values, read=None):
+    """Count one step, a bound method of a block, and a property read after it."""
+    tally, block = Tally(), step.__self__
+    instrument(block, tally).dtype = object
+    step(*_counting(values, tally))
+    if read:
+        getattr(block, read)
     return tally
 
 
 def _low_pass(epochs):
     """Count the last of so many fixes, and with it the means of the layers it fills."""
-    tally, block = Tally(), LowPass()
+    block = LowPass()
     for _ in range(epochs - 1):
         block.step((1.0, 2.0))
-    instrument(block, tally).step(_counting((1.0, 2.0), tally))
-    return tally
+    return _count(block.step, (1.0, 2.0))
 
 
 def _mounting():
@@ -467,15 +410,8 @@ def _mounting():
 
 
 def _fusion(dt):
-    """Count a prediction and an update with position and velocity."""
-    first, second = Tally(), Tally()
-    for tally, name in ((first, "predict"), (second, "update")):
-        block = Fusion()
-        block.start((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 3.0, 1.0)
-        block.predict(np.array([0.1, 0.0, 0.0]), dt, 0.3)
-        block = _counting_block(block, tally)
-        if name == "predict":
-            block.predict(counted([0.1, 0.0, 0.0], tally), dt, 0.3)
-        else:
-            block.update(*_counting(((0.1, 0.0, 0.0), (1.0, 0.0), 3.0, 0.3), tally))
-    return first, second
+    """Make a fusion filter that has its model of a step."""
+    block = Fusion()
+    block.start((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 3.0, 1.0)
+    block.predict(np.array([0.1, 0.0, 0.0]), dt, 0.3)
+    return block

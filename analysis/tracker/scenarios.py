@@ -15,6 +15,7 @@ An IMU sample has white noise, a constant bias, and a vibration that grows with 
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -64,7 +65,7 @@ class GnssErrors:
     STARTS: ClassVar = {"rx210": (13.0, 20.0), "telit-he910": (4.8, 120.0), "ublox-8": (13.3, 25.0)}
 
     @classmethod
-    def courtyard(cls, start=(0.0, 1.0), pdop=2.5):
+    def courtyard(cls, start: tuple[float, float] = (0.0, 1.0), pdop: float = 2.5) -> "GnssErrors":
         """Make the errors of a receiver at rest with half the sky hidden.
 
         Parameters
@@ -81,7 +82,7 @@ class GnssErrors:
         drift = ((DRIFT_M / pdop, DRIFT_S),)
         return cls(drift, WHITE_M / pdop, settling_m=start[0], settle_time=start[1])
 
-    def circle_m(self, pdop):
+    def circle_m(self, pdop: float) -> float:
         """Return the radius (m) that holds 95 % of the positions of a settled receiver."""
         variance = sum(sigma**2 for sigma, _ in self.drift) + self.white_m**2
         return pdop * math.sqrt(-2 * math.log(0.05) * variance)
@@ -113,7 +114,7 @@ class ImuErrors:
     zero_mean_displacement: bool = True
 
     @classmethod
-    def low_power(cls):
+    def low_power(cls) -> "ImuErrors":
         """Make the errors of the same part in its low-power mode."""
         return cls(accel_white=1.7e-3 * STANDARD_GRAVITY, gyro_white=np.radians(0.14))
 
@@ -193,6 +194,19 @@ class Scenario:
         north, east, _ = pymap3d.geodetic2ned(lat_deg, lon_deg, 0.0, *self.origin)
         return north - self.north_m[at], east - self.east_m[at]
 
+    @property
+    def gnss(self):
+        """GNSS epochs of the log."""
+        return self.log.gnss
+
+    def fix_error(self):
+        """Return the errors of the fixes north and east, m, shape (2, n)."""
+        return np.array(self.error(self.log.gnss.lat_deg, self.log.gnss.lon_deg))
+
+    def output_error(self, columns):
+        """Return the errors of a replay's output north and east, m, shape (2, n)."""
+        return np.array(self.error(columns["out_lat_deg"], columns["out_lon_deg"]))
+
     def stored(self, north_m, east_m):
         """Return the position that an earlier run left, so far from the origin."""
         lat, lon, _ = pymap3d.ned2geodetic(north_m, east_m, 0.0, *self.origin)
@@ -269,7 +283,8 @@ def scenario(name: str, rng: np.random.Generator, **settings) -> Scenario:
     -------
     Scenario
     """
-    return {"A": _courtyard, "B": _laps, "C": _walk}[name](rng, **settings)
+    makers: dict[str, Callable[..., Scenario]] = {"A": _courtyard, "B": _laps, "C": _walk}
+    return makers[name](rng, **settings)
 
 
 def _courtyard(rng, *, minutes=90.0, imu_rate=4.0, gnss=None, imu=None):
