@@ -78,7 +78,7 @@ def columns(lap, line, mounting):
     """A lap as `lap_curves` wants it."""
     middle = lap[1:].mean(axis=0)
     s, _ = line.lap_distance(middle[:, 0], middle[:, 1])
-    _, pitch, roll = antennas.attitude(*lap, mounting)
+    _, pitch, roll = antennas.attitude(lap, mounting)
     return SimpleNamespace(s_m=s, pitch_deg=pitch, roll_deg=roll, height_m=middle[:, 2])
 
 
@@ -86,7 +86,7 @@ def test_attitude_of_a_known_van():
     """Analytic: antennas placed by a known attitude give that attitude back, to rounding."""
     lap, s = drive(1)
     pitch, roll, _ = truth(s)
-    yaw, found_pitch, found_roll = antennas.attitude(*lap, AntennaMounting(*mounting_of_the_van()))
+    yaw, found_pitch, found_roll = antennas.attitude(lap, AntennaMounting(*mounting_of_the_van()))
     np.testing.assert_allclose(found_pitch, pitch, atol=1e-9)
     np.testing.assert_allclose(found_roll, roll, atol=1e-9)
     turned = (yaw - np.degrees(plan(s)[2]) + 180.0) % 360.0 - 180.0
@@ -119,8 +119,8 @@ def test_what_the_antennas_see_undoes_the_mounting():
     """Property: the antenna attitude of the vehicle's is the one without a mounting."""
     lap, _ = drive(1)
     mounting = AntennaMounting(*mounting_of_the_van())
-    _, pitch, roll = antennas.attitude(*lap, mounting)
-    _, raw_pitch, raw_roll = antennas.attitude(*lap)
+    _, pitch, roll = antennas.attitude(lap, mounting)
+    _, raw_pitch, raw_roll = antennas.attitude(lap)
     again = mounting.antenna_attitude(pitch, roll)
     np.testing.assert_allclose(again, [raw_pitch, raw_roll], atol=1e-9)
 
@@ -400,7 +400,7 @@ def test_a_lap_that_does_not_come_round_makes_no_line():
         antennas.residuals(ring, AntennaMounting(), DT)
     nothing = np.full((50, 3), np.nan)
     with pytest.raises(CannotAnswer, match="no epoch has a position of all three"):
-        antennas.attitude(nothing, nothing, nothing)
+        antennas.attitude([nothing] * 3)
 
 
 def test_raw_laps_lie_on_their_own_map_only():

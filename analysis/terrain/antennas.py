@@ -74,13 +74,13 @@ class AntennaMounting:
         return pitch, roll
 
 
-def attitude(front, left, right, mounting=None):
+def attitude(positions, mounting=None):
     """Give the vehicle's attitude from three antenna positions.
 
     Parameters
     ----------
-    front, left, right : ndarray, shape (n, 3)
-        East, north, up of the front and the two rear antennas, m; NaN where there is no position.
+    positions : sequence of three ndarray, shape (n, 3)
+        Front, left rear, right rear antenna; east, north, up, m; NaN where there is no position.
     mounting : AntennaMounting, optional
         None gives the attitude of the antenna frame itself.
 
@@ -95,6 +95,7 @@ def attitude(front, left, right, mounting=None):
     CannotAnswer
         If no epoch has all three positions.
     """
+    front, left, right = positions
     to_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     x = (front - (left + right) / 2) @ to_ned
     z = np.cross(x, (right - left) @ to_ned)
@@ -178,13 +179,13 @@ def motion(middle, dt):
     return course, grade, curvature, speed
 
 
-def residuals(antennas, mounting, dt):
+def residuals(positions, mounting, dt):
     """Compare the attitude under a mounting with the road, for one round of a lap.
 
     Parameters
     ----------
-    antennas : sequence of three ndarray, shape (n, 3)
-        Front, left, right; east, north, up, m.
+    positions : sequence of three ndarray, shape (n, 3)
+        As for `attitude`.
     mounting : AntennaMounting
     dt : float
         s
@@ -199,9 +200,8 @@ def residuals(antennas, mounting, dt):
     roll : float
         Mean over distance of roll, deg.
     """
-    front, left, right = antennas
-    yaw, pitch, roll = attitude(front, left, right, mounting)
-    course, grade, curvature, speed = motion((left + right) / 2, dt)
+    yaw, pitch, roll = attitude(positions, mounting)
+    course, grade, curvature, speed = motion((positions[1] + positions[2]) / 2, dt)
     ahead = wrap(yaw - course)
     good = np.isfinite(ahead + curvature + grade) & (np.abs(curvature) < MAX_CURVATURE)
     if good.sum() < MIN_EPOCHS:

@@ -111,8 +111,8 @@ def interval(resampled, unit: str = "") -> Estimate:
     Estimate
         An end is None where the number is infinite there.
     """
-    ends = (float(v) for v in quantiles(resampled))
-    return Estimate(*(v if np.isfinite(v) else None for v in ends), unit)
+    value, low, high = (float(v) if np.isfinite(v) else None for v in quantiles(resampled))
+    return Estimate(value, low, high, unit)
 
 
 @dataclass(frozen=True)

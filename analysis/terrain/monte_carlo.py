@@ -307,12 +307,12 @@ def _filter(attitude_map, setup, arw, sigma_b, first):
     if not setup.bias_states:
         return Ukf(attitude_map, x, P), 0.0
     dt = setup.every / setup.rate_hz
-    transition, loading, Q = bias_state_matrices(arw, sigma_b, setup.corr_time, dt, m)
+    transition, Q = bias_state_matrices(arw, sigma_b, setup.corr_time, dt, m)
     for a in range(1, n, 2):
         P[a, a] = setup.begin_attitude_sd**2
         # A bias that starts at 0 is known then; a small variance keeps the root real.
         P[a + 1, a + 1] = sigma_b**2 if setup.start == "stationary" else 1e-12
-    return Ukf(attitude_map, x, P, transition, loading), Q
+    return Ukf(attitude_map, x, P, transition), Q
 
 
 def _child(stream, i):

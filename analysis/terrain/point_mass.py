@@ -10,7 +10,7 @@ The posterior Cramer-Rao bound does not depend on any filter. With a linear moti
 
     J_k = (F J_{k-1}^-1 F' + Q)^-1 + H_k' R^-1 H_k
 
-with H_k the gradient of the map where the car is, and with it the loading of further states.
+with H_k the gradient of the map where the car is and, with bias states, 1 for the attitude error.
 """
 
 from dataclasses import dataclass
@@ -86,7 +86,7 @@ class PointMass:
         return self.moved + offset, self.p @ self.offset**2 - offset**2
 
 
-def posterior_bound(slope, Q, R, first, transition=None, loading=None):
+def posterior_bound(slope, Q, R, first, transition=None):
     """Posterior Cramer-Rao bound of the distance along a lap.
 
     Parameters
@@ -98,7 +98,7 @@ def posterior_bound(slope, Q, R, first, transition=None, loading=None):
     R : float, deg^2
     first : float or ndarray, shape (n, n)
         Covariance at the start.
-    transition, loading : ndarray, optional
+    transition : ndarray, optional
         Of further states, as for `Ukf`.
 
     Returns
@@ -111,7 +111,7 @@ def posterior_bound(slope, Q, R, first, transition=None, loading=None):
     F = np.eye(n)
     H = np.zeros((channels, n))
     if n > 1:
-        F[1:, 1:], H[:, 1:] = transition, loading
+        F[1:, 1:], H[:, 1::2] = transition, np.eye(channels)
     R = R * np.eye(channels)
     out = np.empty(len(slope))
     for k, gradient in enumerate(slope):
@@ -125,7 +125,7 @@ def posterior_bound(slope, Q, R, first, transition=None, loading=None):
 
 
 def cramer_rao_bound(
-    attitude_map: AttitudeMap, setup: Setup, sensor: Sensor | None = None
+    attitude_map: AttitudeMap, setup: Setup, sensor: Sensor = Setup.WORST
 ) -> np.ndarray:
     """Posterior Cramer-Rao bound of the distance along the lap of a setup.
 
@@ -136,8 +136,8 @@ def cramer_rao_bound(
     attitude_map : AttitudeMap
     setup : Setup
         With bias states, the attitude error and the bias start at 0 and are known then.
-    sensor : Sensor, optional
-        Needed with bias states.
+    sensor : Sensor
+        Used with bias states only.
 
     Returns
     -------
@@ -149,10 +149,10 @@ def cramer_rao_bound(
     if not setup.bias_states:
         return posterior_bound(slope, q, setup.R, first)
     channels = attitude_map.channels
-    transition, loading, Q = bias_state_matrices(*sensor[:2], setup.corr_time, dt, channels)
+    transition, Q = bias_state_matrices(sensor.arw, sensor.sigma_b, setup.corr_time, dt, channels)
     Q[0, 0] = q
     start = np.diag([first] + [1e-12] * 2 * channels)
-    return posterior_bound(slope, Q, setup.R, start, transition, loading)
+    return posterior_bound(slope, Q, setup.R, start, transition)
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ def lay_on_line(name, direction, raw, line, mounting) -> Lap:
     whole = np.stack([antennas.bridge(a) for a in raw.antennas])
     middle = whole[1:].mean(axis=0)
     s, offset = line.lap_distance(middle[:, 0], middle[:, 1])
-    _, pitch, roll = antennas.attitude(*whole, mounting)
+    _, pitch, roll = antennas.attitude(whole, mounting)
     known = np.flatnonzero(np.isfinite(s))
     part = slice(known[0], known[-1] + 1)
     t, s = raw.t_s[part], s[part]
@@ -201,10 +201,20 @@ def track_real_laps(
     tracked = monte_carlo.follow(
         map_of_each, truth, attitude, first, moved, paths, each_run, setup, store_every
     )
-    return {
-        label: _one_lap(tracked, k, runs, *drives[k][:2], setup.rate_hz)
-        for k, label in enumerate(laps)
-    }
+    found = {}
+    for k, (label, (truth, moved, _)) in enumerate(zip(laps, drives, strict=True)):
+        part, at = slice(k * runs, (k + 1) * runs), np.round(tracked.t * setup.rate_hz).astype(int)
+        at = at[at < len(truth)]
+        found[label] = replace(
+            tracked,
+            t=tracked.t[: len(at)],
+            distance=truth[at],
+            error=tracked.error[:, part, : len(at)],
+            variance=tracked.variance[:, part, : len(at)],
+            nis=tracked.nis[:, part],
+            odometry=(truth[0] + np.cumsum(moved))[at] - truth[at],
+        )
+    return found
 
 
 def _runs_of(drive, samples, setup, streams):
@@ -219,19 +229,4 @@ def _runs_of(drive, samples, setup, streams):
         np.pad(np.tile(attitude[..., None], runs), ((0, 0), *more), constant_values=np.nan),
         np.pad(walk, (more[0], (0, 0), (0, 0))),
         np.pad(bias, (more[0], (0, 0), (0, 0))),
-    )
-
-
-def _one_lap(tracked, k, runs, truth, moved, rate_hz):
-    """Take one lap out of those that were tracked together."""
-    part, at = slice(k * runs, (k + 1) * runs), np.round(tracked.t * rate_hz).astype(int)
-    at = at[at < len(truth)]
-    return replace(
-        tracked,
-        t=tracked.t[: len(at)],
-        distance=truth[at],
-        error=tracked.error[:, part, : len(at)],
-        variance=tracked.variance[:, part, : len(at)],
-        nis=tracked.nis[:, part],
-        odometry=(truth[0] + np.cumsum(moved))[at] - truth[at],
     )

@@ -23,7 +23,7 @@ from itertools import combinations
 
 import numpy as np
 from scipy.special import gamma, kv
-from scipy.stats import chi2, linregress
+from scipy.stats import linregress
 
 from analysis import CannotAnswer
 from analysis.terrain.terrain_map import Profile
@@ -166,19 +166,14 @@ class Spectrum:
         Wave number, cycles/m.
     density : ndarray, shape (k,)
         U^2 m
-    low, high : ndarray, shape (k,)
-        95 % interval (chi-square on the lines of each band); NaN for a cross-spectrum.
     """
 
     n: np.ndarray
     density: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
 
     def displacement(self) -> Spectrum:
         """Turn a spectrum of slope (rise over run, m) into one of displacement (m^3)."""
-        square = (2 * np.pi * self.n) ** 2
-        return Spectrum(self.n, self.density / square, self.low / square, self.high / square)
+        return Spectrum(self.n, self.density / (2 * np.pi * self.n) ** 2)
 
     def fit_iso(self, low: float, high: float) -> IsoRoad:
         """Fit a line through the logarithms of a spectrum of displacement.
@@ -197,26 +192,6 @@ class Spectrum:
             raise CannotAnswer(f"fewer than 3 bands between {low:g} and {high:g} cycles/m to fit")
         line = linregress(np.log(self.n[use] / REFERENCE), np.log(self.density[use]))
         return IsoRoad(float(np.exp(line.intercept)), float(-line.slope))
-
-
-def spectrum(values, step, per_octave=3):
-    """Estimate the spectrum of an even series that is closed, or made so by a taper.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        U, every ``step``; a whole round of a closed track.
-    step : float
-        m
-    per_octave : int
-        Bands per octave; lines in each are averaged.
-
-    Returns
-    -------
-    Spectrum
-    """
-    n, density = _lines(values, values, step)
-    return _banded(n, density, per_octave, intervals=True)
 
 
 def shared_spectrum(
@@ -250,8 +225,8 @@ def shared_spectrum(
     n, _ = _lines(laps[0], laps[0], step)
     cross = np.mean([_lines(a, b, step)[1] for a, b in combinations(laps, 2)], axis=0)
     total = np.mean([_lines(a, a, step)[1] for a in laps], axis=0)
-    shared = _banded(n, cross, per_octave, intervals=False)
-    return shared, shared.density / _banded(n, total, per_octave, intervals=False).density
+    shared = _banded(n, cross, per_octave)
+    return shared, shared.density / _banded(n, total, per_octave).density
 
 
 def _lines(a, b, step):
@@ -263,18 +238,13 @@ def _lines(a, b, step):
     return n[1:], density[1:]
 
 
-def _banded(n, density, per_octave, intervals):
+def _banded(n, density, per_octave):
     """Average lines over bands of equal ratio."""
     band = np.floor(np.log2(n / n[0]) * per_octave + 1e-9).astype(int)
     _, band = np.unique(band, return_inverse=True)
     count = np.bincount(band)
     mean_n = np.exp(np.bincount(band, np.log(n)) / count)
-    mean = np.bincount(band, density) / count
-    if not intervals:
-        blank = np.full(len(mean), np.nan)
-        return Spectrum(mean_n, mean, blank, blank)
-    low, high = (2 * count * mean / chi2.ppf(p, 2 * count) for p in (0.975, 0.025))
-    return Spectrum(mean_n, mean, low, high)
+    return Spectrum(mean_n, np.bincount(band, density) / count)
 
 
 def _wave(density, m, step, rng):

@@ -366,7 +366,7 @@ def held_out(laps, line, width) -> dict[str, list[np.ndarray]]:
     """
     curves = lap_curves(laps, line, width)
     at = np.append(line.s_m, line.length_m)
-    residual = {q: [] for q in QUANTITIES}
+    residual: dict[str, list[np.ndarray]] = {q: [] for q in QUANTITIES}
     for k, lap in enumerate(laps):
         for q, values in curves.items():
             others = np.delete(values, k, axis=0)
