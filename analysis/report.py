@@ -23,6 +23,12 @@ from analysis.noise.pool import pool
 from analysis.output import replacing
 
 TEMPLATES = Path(__file__).parent / "templates"
+EXPORTS = Environment(
+    loader=FileSystemLoader(TEMPLATES / "exports"),
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+)
 ALL_CHANNELS = "all.allan"  # name of a figure; no channel has a dot in its name
 SAME_RATE = 0.01  # relative difference of two sampling rates
 NAMES = {
@@ -58,7 +64,7 @@ def write(log, out):
     with replacing(out, earlier) as draft:
         results.write_model(result, draft / "model.json")
         _draw(result, draft / "figures")
-        _write_texts(exports.files(results.model(result)), draft / "exports")
+        _write_texts(exports.files(results.model(result), EXPORTS), draft / "exports")
         (draft / "report.html").write_text(_page(result, draft / "figures"), encoding="utf-8")
     return result
 
@@ -161,7 +167,7 @@ def export(path, out):
         Names of the files.
     """
     try:
-        texts = exports.files(json.loads(Path(path).read_bytes()))
+        texts = exports.files(json.loads(Path(path).read_bytes()), EXPORTS)
     except OSError as error:
         raise WrongUsage(f"{path}: cannot be read ({error.strerror})") from error
     except ValueError as error:  # neither JSON nor text

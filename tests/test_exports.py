@@ -12,7 +12,7 @@ from pyins.inertial_sensor import EstimationModel, Parameters
 from scipy.signal import lfilter
 
 from analysis import CannotAnswer, WrongUsage, report
-from analysis.noise import conventions, exports, triad
+from analysis.noise import conventions, exports
 from analysis.noise.inference import infer
 from analysis.noise.models import random_walk_unit
 
@@ -30,6 +30,11 @@ TRUTH = {  # SI: N, sigma_b, T_c of x, y, z
 NAMES = {"gyroscope": ("gyro", "rate", "arw"), "accelerometer": ("accel", "accel", "vrw")}
 UNITS = {"gyroscope": "rad/s", "accelerometer": "m/s^2"}
 KINDS = {"rad/s": "rate", "m/s^2": "accel"}
+
+
+def files(content):
+    """Write the exports of the content of a model.json."""
+    return exports.files(content, report.EXPORTS)
 
 
 # --- a model.json --------------------------------------------------------------------------------
@@ -211,7 +216,7 @@ def inside(e, truth):
 @pytest.mark.parametrize("sensor", TRUTH)
 def test_a_tool_gets_the_process_of_the_model(tool, sensor):
     """Analytic: the tool's recurrence, given the file, has N, sigma_b and T_c of the model."""
-    texts = exports.files(model())
+    texts = files(model())
     for axis, (white, sigma, time) in TRUTH[sensor].items():
         got = tool(texts, sensor, axis)
         if tool is gazebo_classic:  # one number for three axes
@@ -228,7 +233,7 @@ def test_a_tool_gets_the_process_of_the_model(tool, sensor):
 @pytest.mark.parametrize("tool", GAUSS_MARKOV, ids=lambda f: f.__name__)
 def test_simulated_by_the_tool_and_fitted_back(tool):
     """Coverage: a log by the tool's definition, fitted, has the model inside its 95 % intervals."""
-    texts, n = exports.files(model()), round(3600 * HOURS * RATE)
+    texts, n = files(model()), round(3600 * HOURS * RATE)
     hits = np.zeros(3, dtype=int)
     for k, axis in enumerate("xyz"):
         rng = np.random.default_rng([31, k])
@@ -245,7 +250,7 @@ def test_simulated_by_the_tool_and_fitted_back(tool):
 
 def test_pyins_simulates_what_kalibr_and_pyins_are_told():
     """Cross-check: pyins itself simulates the exported triad; N and K come back."""
-    texts, n = exports.files(model()), round(3600 * HOURS * RATE)
+    texts, n = files(model()), round(3600 * HOURS * RATE)
     told = python(texts["pyins_imu.py"])
     still = pd.DataFrame(np.zeros((n, 3)), index=DT * np.arange(n))
     for name, sensor in (("GYRO", "gyroscope"), ("ACCEL", "accelerometer")):
@@ -265,7 +270,7 @@ def test_pyins_simulates_what_kalibr_and_pyins_are_told():
 
 def test_kalibr_simulated_by_its_wiki_and_fitted_back():
     """Coverage: Kalibr's discrete model with the exported numbers gives N and K back."""
-    texts, n = exports.files(model()), round(3600 * HOURS * RATE)
+    texts, n = files(model()), round(3600 * HOURS * RATE)
     rows = np.array(list(TRUTH["gyroscope"].values()))
     truth = (
         np.sqrt(np.mean(rows[:, 0] ** 2)),
@@ -281,9 +286,7 @@ def test_kalibr_simulated_by_its_wiki_and_fitted_back():
 def test_a_random_walk_alone_reaches_every_tool():
     """Analytic: with K resolved and no Gauss-Markov term, each tool's bias steps by K sqrt(dt)."""
     k = 3e-6
-    texts = exports.files(
-        model(*(channel("gyroscope", axis, 1e-4, None, None, rrw=k) for axis in "xyz"))
-    )
+    texts = files(model(*(channel("gyroscope", axis, 1e-4, None, None, rrw=k) for axis in "xyz")))
     for tool in (gnss_ins_sim, gazebo_classic, gz_sim):
         got = tool(texts, "gyroscope", "x")
         # 1e-4: Gazebo classic computes exp(-2e-10) - 1 with 1e-16 to spare
@@ -297,7 +300,7 @@ def test_a_random_walk_alone_reaches_every_tool():
 
 def test_matlab_double_sided_would_be_wrong():
     """Published: IMUSensorSimulator.m; its default simulates N / sqrt(2) and K sqrt(2)."""
-    texts = exports.files(
+    texts = files(
         model(*(channel("gyroscope", axis, 1e-4, None, None, rrw=1e-6) for axis in "xyz"))
     )
     right = imu_sensor(texts, "gyroscope", "x")
@@ -322,7 +325,7 @@ def test_the_unit_of_the_log_does_not_matter(gyro, accel):
             for axis, values in axes.items()
         )
     )
-    found, expected = exports.files(other), exports.files(model())
+    found, expected = files(other), files(model())
     number = r"\d+\.?\d*(?:e[-+]\d+)?"
     for name, text in expected.items():
         assert re.sub(number, "#", found[name]) == re.sub(number, "#", text)
@@ -336,9 +339,11 @@ def test_the_unit_of_the_log_does_not_matter(gyro, accel):
 def test_a_triad_mean_keeps_power():
     """Property: one number for three axes keeps the mean of N^2, of sigma_b^2 and of K^2."""
     different = [("x", 1e-4, 1e-5, 50.0), ("y", 2e-4, 3e-5, 500.0), ("z", 3e-4, 2e-5, 200.0)]
-    found = triad.read(model(*(channel("gyroscope", *row) for row in different)))[0]["gyroscope"]
+    found = exports.read_triads(model(*(channel("gyroscope", *row) for row in different)))[0][
+        "gyroscope"
+    ]
     _, white, sigma, time = (np.array(column) for column in zip(*different, strict=True))
-    assert found.mean(lambda a: a.white.value) == pytest.approx(np.sqrt(np.mean(white**2)))
+    assert found.mean("N") == pytest.approx(np.sqrt(np.mean(white**2)))
     mean_sigma, mean_time = found.process
     assert mean_sigma == pytest.approx(np.sqrt(np.mean(sigma**2)))
     assert 2 * mean_sigma**2 / mean_time == pytest.approx(np.mean(2 * sigma**2 / time))
@@ -350,7 +355,7 @@ def test_terms_of_one_model_add_in_power():
     one = channel("gyroscope", "x", 1e-4, 1e-5, 50.0, rrw=1e-6)
     one["parameters"]["sigma_b_2"] = estimate(3e-5, "rad/s")
     one["parameters"]["corr_time_2"] = estimate(900.0, "s")
-    axis = triad.read(model(one))[0]["gyroscope"].axes["x"]
+    axis = exports.read_triads(model(one))[0]["gyroscope"].axes["x"]
     assert axis.walk == pytest.approx(np.sqrt(1e-12 + 2e-10 / 50 + 18e-10 / 900))
     assert axis.process == pytest.approx((3e-5, 900.0))
 
@@ -360,7 +365,7 @@ def test_terms_of_one_model_add_in_power():
 
 def test_nothing_unresolved_gets_a_number():
     """Property: an unresolved term is off, in Kalibr absent, and named with its bound."""
-    texts = exports.files(model(*(channel("gyroscope", a, None, None, None) for a in "xyz")))
+    texts = files(model(*(channel("gyroscope", a, None, None, None) for a in "xyz")))
     given = yaml.safe_load(texts["imu.yaml"])
     assert set(given) == {"rostopic", "update_rate"}
     assert "# gyroscope_noise_density: not resolved" in texts["imu.yaml"]
@@ -384,13 +389,15 @@ def test_nothing_unresolved_gets_a_number():
 def test_half_a_gauss_markov_term_is_none():
     """Property: sigma_b without T_c, or T_c without sigma_b, is no process."""
     for half in ((1e-5, None), (None, 100.0)):
-        axis = triad.read(model(channel("gyroscope", "x", 1e-4, *half)))[0]["gyroscope"].axes["x"]
+        axis = exports.read_triads(model(channel("gyroscope", "x", 1e-4, *half)))[0][
+            "gyroscope"
+        ].axes["x"]
         assert axis.process is None and axis.walk is None
 
 
 def test_other_axes_stand_in_for_none():
     """Property: an axis that is not in the log is off; a triad's mean is of those that are."""
-    texts = exports.files(model(channel("gyroscope", "y", *TRUTH["gyroscope"]["y"])))
+    texts = files(model(channel("gyroscope", "y", *TRUTH["gyroscope"]["y"])))
     assert python(texts["pyins_imu.py"])["GYRO"]["noise"][::2] == [0.0, 0.0]
     white = yaml.safe_load(texts["imu.yaml"])["gyroscope_noise_density"]
     assert white == pytest.approx(TRUTH["gyroscope"]["y"][0], rel=1e-6)
@@ -412,7 +419,7 @@ def test_other_axes_stand_in_for_none():
 def test_axes_are_told_by_name(names, letters):
     """Property: x, y, z or roll, pitch, yaw in the name; else the order of up to three."""
     channels = [channel("gyroscope", "x", 1e-4, None, None) | {"name": n} for n in names]
-    triads, left_out = triad.read(model(*channels))
+    triads, left_out = exports.read_triads(model(*channels))
     if letters is None:
         assert triads == {} and "not one triad" in left_out[0]
     else:
@@ -424,7 +431,7 @@ def test_what_no_tool_can_take_is_said():
     """Property: angles, positions and unknown units are left out with a sentence each."""
     angle = channel("gyroscope", "x", 1e-4, None, None) | {"kind": "angle", "name": "roll"}
     counts = channel("gyroscope", "x", 1e-4, None, None) | {"unit": "LSB", "name": "raw"}
-    texts = exports.files(model(angle, counts))
+    texts = files(model(angle, counts))
     assert set(texts) == {"README.md"}
     assert "roll is of kind angle" in texts["README.md"]
     assert "raw is in LSB" in texts["README.md"]
@@ -435,7 +442,7 @@ def test_comments_cannot_break_a_file():
     one = channel("gyroscope", "x", 1e-4, None, None)
     wicked = model(one)
     wicked["source"]["file"] = "ä--b\nimport nothing; -->.csv"
-    texts = exports.files(wicked)
+    texts = files(wicked)
     assert all(texts[name].isascii() for name in exports.TITLES)
     ET.fromstring(texts["gazebo_classic_imu.sdf"])
     ET.fromstring(texts["gz_sim_imu.sdf"])
@@ -477,7 +484,7 @@ def broken(path, value):
 def test_what_is_no_model_is_refused(wrong):
     """Property: one sentence, whatever is missing or of another kind."""
     with pytest.raises(WrongUsage, match="no model"):
-        exports.files(wrong)
+        files(wrong)
 
 
 @pytest.mark.parametrize(
@@ -506,7 +513,7 @@ def test_a_number_that_cannot_be_is_named(tmp_path, parameter, key, value):
 def test_a_pooled_json_is_called_one():
     """Property: what `pool` wrote is told from what `report` wrote."""
     with pytest.raises(WrongUsage, match="this is a pooled"):
-        exports.files({"sources": [], "seed": 1, "channels": []})
+        files({"sources": [], "seed": 1, "channels": []})
 
 
 def test_export_of_a_file(tmp_path):

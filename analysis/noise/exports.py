@@ -1,8 +1,11 @@
-"""Noise parameters of a model.json in the words of the tools that use them.
+"""Noise parameters of a model.json in the conventions of the tools that use them.
+
+The channels of a model.json are sorted into a gyroscope and an accelerometer triad, in SI. The
+files are templates in analysis/templates/exports; the caller hands in what loads them.
 
 A term that the log does not resolve is never filled in: a simulator gets 0, which switches it off,
-a filter that cannot do without it gets no line; in either case a comment gives the bound that
-stands. Each tool's own definition, and where it is written (tests/test_exports.py simulates them):
+a filter that cannot do without it gets no line. In both cases a comment gives the known bound.
+Each tool's own definition, and where it is written (tests/test_exports.py simulates them):
 
 Kalibr, ``imu.yaml``
     Wiki page "IMU Noise Model"; ``ImuParameters`` in kalibr_common/ConfigReader.py, which wants all
@@ -30,10 +33,14 @@ Gazebo (gz-sim)
     notwithstanding, is the random walk K; the bias starts at N(bias_mean, bias_stddev).
 """
 
+import re
+from dataclasses import dataclass, replace
+
 import numpy as np
 
+from analysis import Estimate, WrongUsage
 from analysis.noise import conventions
-from analysis.noise.triad import FOREVER, MISSING, read, said
+from analysis.noise.models import random_walk_unit
 
 TITLES = {
     "imu.yaml": "Kalibr: kalibr_calibrate_imu_camera --imu imu.yaml",
@@ -43,15 +50,142 @@ TITLES = {
     "gazebo_classic_imu.sdf": "Gazebo classic, PX4 SITL: put this plugin into the model",
     "gz_sim_imu.sdf": "Gazebo (gz-sim), PX4 gz: put this sensor into the link",
 }
+SENSORS = {"rate": "gyroscope", "accel": "accelerometer"}
+SI_UNITS = {"rate": "rad/s", "accel": "m/s^2"}
+MISSING = "not resolved"
+FOREVER = 1e9  # s, 30 years: a Gauss-Markov process of this correlation time is a random walk
+_AXIS = re.compile(r"(?:^|[_\-])([xyz])(?:$|[_\-])|([xyz])$", re.IGNORECASE)
+_TURNS = {"roll": "x", "pitch": "y", "yaw": "z"}
+NUMBERS = ("low", "value", "high")
 
 
-def files(model):
+@dataclass(frozen=True)
+class Axis:
+    """Noise of one axis, in SI.
+
+    Attributes
+    ----------
+    channel : str
+    white : Estimate
+        N, U sqrt(s).
+    rrw : Estimate
+        K, U/sqrt(s).
+    bias : tuple of (Estimate, Estimate)
+        Gauss-Markov terms, sigma_b (U) and corr_time (s) each.
+    """
+
+    channel: str
+    white: Estimate
+    rrw: Estimate
+    bias: tuple[tuple[Estimate, Estimate], ...]
+
+    @property
+    def N(self):
+        """White noise N, U sqrt(s), or None."""
+        return self.white.value
+
+    @property
+    def K(self):
+        """Rate random walk K, U/sqrt(s), or None."""
+        return self.rrw.value
+
+    @property
+    def gauss_markov(self):
+        """Gauss-Markov terms resolved in both parameters, the strongest first: (U, s) each."""
+        resolved = [(s.value, t.value) for s, t in self.bias if s.resolved and t.resolved]
+        return sorted(resolved, reverse=True)
+
+    @property
+    def strongest(self):
+        """Give sigma_b of the strongest Gauss-Markov term, U, or None."""
+        return self.gauss_markov[0][0] if self.gauss_markov else None
+
+    @property
+    def walk(self):
+        """Random walk of the bias for times much shorter than its correlation times, or None. ::
+
+        K_total^2 = K^2 + sum of 2 sigma_b^2 / T_c
+        """
+        parts = [conventions.diffusion(*term) for term in self.gauss_markov]
+        parts += [self.rrw.value] if self.rrw.resolved else []
+        return float(np.linalg.norm(parts)) if parts else None
+
+    @property
+    def process(self):
+        """Give (sigma_b, T_c) for a tool with one Gauss-Markov term, or None.
+
+        The strongest Gauss-Markov term; without one the random walk K, as the same process with a
+        correlation time of 30 years.
+        """
+        if self.gauss_markov:
+            return self.gauss_markov[0]
+        if self.rrw.resolved:
+            return conventions.stationary(self.rrw.value, FOREVER), FOREVER
+        return None
+
+    @property
+    def sigma_b(self):
+        """Give sigma_b of `process`, U, or None."""
+        return self.process and self.process[0]
+
+    @property
+    def corr_time(self):
+        """Correlation time of `process`, s, or None."""
+        return self.process and self.process[1]
+
+
+@dataclass(frozen=True)
+class Triad:
+    """Gyroscope or accelerometer.
+
+    Attributes
+    ----------
+    sensor : str
+        gyroscope or accelerometer.
+    unit : str
+        rad/s or m/s^2.
+    axes : dict
+        x, y, z -> Axis, as far as the log has them.
+    """
+
+    sensor: str
+    unit: str
+    axes: dict[str, Axis]
+
+    def each(self, name):
+        """Attribute of each axis x, y, z, or None where there is no such axis."""
+        return [getattr(self.axes[k], name) if k in self.axes else None for k in "xyz"]
+
+    def mean(self, name):
+        """Root mean square of an attribute over the axes that have it, or None."""
+        values = [v for v in self.each(name) if v is not None]
+        return float(np.sqrt(np.mean(np.square(values)))) if values else None
+
+    @property
+    def process(self):
+        """One (sigma_b, T_c) for three axes, or None.
+
+        Root mean squares of sigma_b and of its random walk, so that both keep their mean power:
+        T_c = 2 sigma_b^2 / K^2. Axes that only have a random walk count where no axis has more.
+        """
+        processes = [a.process for a in self.axes.values() if a.process]
+        processes = [p for p in processes if p[1] < FOREVER] or processes
+        if not processes:
+            return None
+        sigma, time = np.array(processes).T
+        power, walk = np.mean(sigma**2), np.mean(2 * sigma**2 / time)
+        return float(np.sqrt(power)), float(2 * power / walk)
+
+
+def files(model, templates):
     """Write every export of a model.json.
 
     Parameters
     ----------
     model : dict
         As `analysis.results.model` gives it, or json.load of the file.
+    templates : jinja2.Environment
+        Of analysis/templates/exports.
 
     Returns
     -------
@@ -64,229 +198,214 @@ def files(model):
     WrongUsage
         If it is not the content of a model.json.
     """
-    triads, left_out = read(model)
-    rate = float(model["source"]["rate_hz"])
-    writers = (kalibr, gnss_ins_sim, pyins, matlab, gazebo_classic, gz_sim) if triads else ()
-    about = said(model["source"], triads)
-    texts = {}
-    for name, writer in zip(TITLES, writers, strict=False):
-        lines = [TITLES[name], *about] if not name.endswith("sdf") else about
-        texts[name] = _ascii(writer(triads, rate, lines))
-    return texts | {"README.md": _readme(model["source"], triads, left_out, rate, texts)}
-
-
-def kalibr(triads, rate, about):
-    """Kalibr's imu.yaml; a number that is not resolved has no line, and Kalibr will ask for it."""
-    lines = _comment(about, "# ")
-    lines += [
-        "# One number per triad: root mean square over its resolved axes. Kalibr's bias is a",
-        "# random walk; of a Gauss-Markov bias that is sigma_b sqrt(2 / T_c), good for t << T_c.",
-    ]
-    for sensor in ("accelerometer", "gyroscope"):
-        triad = triads.get(sensor)
-        white, walk = (
-            triad.mean(what) if triad else None for what in (_white, lambda axis: axis.walk)
-        )
-        for key, value in ((f"{sensor}_noise_density", white), (f"{sensor}_random_walk", walk)):
-            why = MISSING if triad else "not in this log"
-            absent = f"# {key}: {why}; Kalibr cannot do without it, and this log cannot give it"
-            lines.append(absent if value is None else f"{key}: {value:.6e}")
-    return "\n".join([*lines, "rostopic: /imu0", f"update_rate: {rate:.6g}"]) + "\n"
-
-
-def gnss_ins_sim(triads, rate, about):
-    """Give the dict that gnss-ins-sim's IMU takes; deg/h, deg/sqrt(h), m/s^2, m/s/sqrt(h)."""
-    lines = _comment(about, "# ")
-    lines += [
-        "# 0 switches a term off: not resolved, see above, or not in this log. gnss-ins-sim has",
-        "# one Gauss-Markov bias an axis and no random walk beside it (a random walk alone is that",
-        "# bias with a correlation time of 30 years). Needs a version whose pathgen.bias_drift has",
-        "# sqrt(1 - exp(-2 dt / T)); before its issue #19 it had another factor.",
-        "import numpy as np",
-        "",
-        "IMU_ERR = {",
-    ]
-    degrees = np.degrees(1.0)
-    scales = (("gyro", "arw", 60 * degrees, 3600 * degrees), ("accel", "vrw", 60.0, 1.0))
-    for sensor, (short, walk, white, bias) in zip(
-        ("gyroscope", "accelerometer"), scales, strict=True
-    ):
-        process = _each(triads, sensor, lambda axis: axis.process)
-        numbers = {
-            "b": [0.0] * 3,
-            walk: [white * (v or 0.0) for v in _each(triads, sensor, _white)],
-            "b_stability": [bias * p[0] if p else 0.0 for p in process],
-            "b_corr": [p[1] if p else np.inf for p in process],
-        }
-        lines += [f'    "{short}_{k}": np.array([{_python(v)}]),' for k, v in numbers.items()]
-    return "\n".join([*lines, "}"]) + "\n"
-
-
-def pyins(triads, rate, about):
-    """Give keyword arguments for pyins.inertial_sensor.Parameters and EstimationModel, in SI."""
-    lines = _comment(about, "# ")
-    lines += [
-        "# 0 switches a term off: not resolved, see above, or not in this log. pyins' bias is a",
-        "# random walk; of a Gauss-Markov bias that is sigma_b sqrt(2 / T_c), good for t << T_c.",
-        "# bias_sd of EstimationModel is left to you: how the bias differs from one switching on",
-        "# to the next is not in a static log.",
-    ]
-    for name, sensor in (("GYRO", "gyroscope"), ("ACCEL", "accelerometer")):
-        noise, walk = (
-            _python([v or 0.0 for v in _each(triads, sensor, what)])
-            for what in (_white, lambda axis: axis.walk)
-        )
-        lines.append(f'{name} = {{"noise": [{noise}], "bias_walk": [{walk}]}}')
-    return "\n".join(lines) + "\n"
-
-
-def matlab(triads, rate, about):
-    """MATLAB script that makes an imuSensor."""
-    lines = _comment(about, "% ")
-    lines += [
-        "% 0 switches a term off: not resolved, see above, or not in this log. 'single-sided' is",
-        "% meant: with the default 'double-sided' imuSensor simulates N / sqrt(2) and K sqrt(2).",
-        f"Fs = {rate:.9g};",
-        "imu = imuSensor('accel-gyro', 'SampleRate', Fs);",
-    ]
-    for name, function, sensor in (
-        ("Gyroscope", "gyroparams", "gyroscope"),
-        ("Accelerometer", "accelparams", "accelerometer"),
-    ):
-        if sensor not in triads:
-            lines.append(f"% imu.{name} stays ideal: there is no {sensor} in this log.")
-            continue
-        triad = triads[sensor]
-        given = {"NoiseDensity": _white, "RandomWalk": lambda axis: axis.rrw.value}
-        settings = ["'NoiseType', 'single-sided'"]
-        settings += [f"'{k}', [{_vector(triad.each(v))}]" for k, v in given.items()]
-        if any(axis.gauss_markov for axis in triad.axes.values()):
-            lines += [
-                "% One filter for three axes; each axis' own T_c is above.",
-                f"phi = exp(-1 / (Fs * {triad.process[1]:.6e}));",
-            ]
-            sigma = [g[0][0] if g else None for g in triad.each(lambda a: a.gauss_markov)]
-            settings += [
-                f"'BiasInstability', [{_vector(sigma)}]",
-                "'BiasInstabilityCoefficients', "
-                "struct('Numerator', sqrt(1 - phi^2), 'Denominator', [1, -phi])",
-            ]
-        lines.append(f"imu.{name} = {function}( ...\n    " + ", ...\n    ".join(settings) + ");")
-    return "\n".join(lines) + "\n"
-
-
-def gazebo_classic(triads, rate, about):
-    """Write the plugin element of Gazebo classic as PX4's SITL uses it."""
-    lines = ['<plugin name="gazebo_imu_plugin" filename="libgazebo_imu_plugin.so">']
-    lines += _xml(
-        [TITLES["gazebo_classic_imu.sdf"], *about],
-        "One number per triad: root mean square over its resolved axes. 0 switches a term off: "
-        "not resolved, see above, or not in this log. An element left out would take the plugin's "
-        "value for another sensor. TurnOnBiasSigma, how the bias differs from one switching on to "
-        "the next, is not in a static log.",
+    triads, left_out = read_triads(model)
+    source, rate, texts = model["source"], float(model["source"]["rate_hz"]), {}
+    empty = {s: Triad(s, SI_UNITS[kind], {}) for kind, s in SENSORS.items()}
+    context = empty | triads | {
+        "about": parameter_lines(source, triads),
+        "rate": rate,
+        "missing": MISSING,
+        "forever": FOREVER,
+        "inf": np.inf,
+        "degrees": np.degrees(1.0),
+        "python": _python,
+        "matlab": _matlab,
+        "diffusion": conventions.diffusion,
+        "per_sample": conventions.per_sample,
+    }  # fmt: skip
+    for name, title in TITLES.items() if triads else ():
+        text = templates.get_template(f"{name}.j2").render(context, title=title)
+        texts[name] = text.encode("ascii", "replace").decode()
+    explained = parameter_lines(source, triads, why=True)
+    texts["README.md"] = templates.get_template("README.md.j2").render(
+        file=source["file"],
+        titles={name: TITLES[name] for name in texts},
+        left_out=left_out,
+        absent=[sensor for sensor in SENSORS.values() if sensor not in triads],
+        unresolved=[line for line in explained if MISSING in line],
+        tables={triad.sensor: _in_every_convention(triad, rate) for triad in triads.values()},
     )
-    lines += ["  <robotNamespace></robotNamespace>", "  <linkName>imu_link</linkName>"]
-    for sensor in ("gyroscope", "accelerometer"):
-        triad = triads.get(sensor)
-        process = triad.process if triad else None
-        numbers = {"NoiseDensity": (triad.mean(_white) if triad else None) or 0.0}
-        numbers["RandomWalk"] = conventions.diffusion(*process) if process else 0.0
-        numbers["BiasCorrelationTime"] = process[1] if process else FOREVER
-        numbers["TurnOnBiasSigma"] = 0.0
-        for name, value in numbers.items():
-            lines.append(f"  <{sensor}{name}>{value:.6e}</{sensor}{name}>")
-    return "\n".join([*lines, "</plugin>"]) + "\n"
+    return texts
 
 
-def gz_sim(triads, rate, about):
-    """Write the sensor element of gz-sim, with a noise element for each axis."""
-    lines = ['<sensor name="imu_sensor" type="imu">']
-    lines += _xml(
-        [TITLES["gz_sim_imu.sdf"], *about],
-        "stddev is N sqrt(update_rate): of one sample, for this rate only. dynamic_bias_stddev is "
-        "K = sigma_b sqrt(2 / T_c). An axis without noise: not resolved, or not in this log.",
-    )
-    lines += [f"  <update_rate>{rate:.9g}</update_rate>", "  <imu>"]
-    for sensor, element in (
-        ("gyroscope", "angular_velocity"),
-        ("accelerometer", "linear_acceleration"),
-    ):
-        axes = triads[sensor].axes if sensor in triads else {}
-        lines.append(f"    <{element}>")
-        for letter, axis in axes.items():
-            numbers = {"mean": 0.0}
-            if axis.white.resolved:
-                numbers["stddev"] = conventions.per_sample(axis.white.value, 1 / rate)
-            if axis.process:
-                sigma, time = axis.process
-                numbers |= {"bias_mean": 0.0, "bias_stddev": sigma if time < FOREVER else 0.0}
-                numbers["dynamic_bias_stddev"] = conventions.diffusion(sigma, time)
-                numbers["dynamic_bias_correlation_time"] = time
-            if len(numbers) > 1:
-                inner = "".join(f"<{k}>{v:.6e}</{k}>" for k, v in numbers.items())
-                lines.append(f'      <{letter}><noise type="gaussian">{inner}</noise></{letter}>')
-        lines.append(f"    </{element}>")
-    return "\n".join([*lines, "  </imu>", "</sensor>"]) + "\n"
-
-
-def _white(axis):
-    return axis.white.value
-
-
-def _each(triads, sensor, what):
-    return triads[sensor].each(what) if sensor in triads else [None] * 3
-
-
-def _python(values):
+def _python(values, scale=1.0, absent=0.0):
+    values = [absent if v is None else scale * v for v in values]
     return ", ".join("np.inf" if np.isinf(v) else f"{v:.6e}" for v in values)
 
 
-def _vector(values):
+def _matlab(values):
     return " ".join(f"{v or 0.0:.6e}" for v in values)
 
 
-def _comment(lines, mark):
-    return [(mark + line).rstrip() for line in lines]
+def _in_every_convention(triad, rate):
+    gyro, sensors = triad.sensor == "gyroscope", {}
+    per, unit = (np.degrees(1.0), "°/s") if gyro else (1.0, "m/s²")
+    for axis in triad.axes.values():
+        sigma, time = axis.gauss_markov[0] if axis.gauss_markov else (np.nan, np.nan)
+        white = np.nan if axis.N is None else axis.N
+        rows = conventions.side_by_side(per * white, per * sigma, time, 1 / rate, unit)
+        sensors[axis.channel] = rows
+    return conventions.markdown(sensors)
 
 
-def _xml(lines, remark):
-    text = [line.replace("--", "- -").rstrip("-") for line in (*lines, remark)]
-    return ["  <!--", *(f"    {line}" for line in text), "  -->"]
+def read_triads(model):
+    """Sort the channels of a model.json into triads.
+
+    Parameters
+    ----------
+    model : dict
+        As `analysis.results.model` gives it, or json.load of the file.
+
+    Returns
+    -------
+    triads : dict
+        gyroscope, accelerometer -> Triad, as far as the log has them.
+    left_out : list of str
+        A sentence for each channel or sensor that no tool here can take.
+
+    Raises
+    ------
+    WrongUsage
+        If it is not the content of a model.json.
+    """
+    if isinstance(model, dict) and "sources" in model:
+        raise WrongUsage("this is a pooled.json; export takes a model.json of `report`")
+    try:
+        groups, left_out = {}, []
+        for channel in model["channels"]:
+            name, unit, kind = channel["name"], channel["unit"], channel["kind"]
+            if not isinstance(name, str):
+                raise ValueError(f"a channel is called {name!r}, which is no text")
+            if kind not in SENSORS:
+                left_out.append(
+                    f"{name} is of kind {kind}; these tools model rates and accelerations"
+                )
+            elif conventions.SI.get(unit, (None, None))[1] != SI_UNITS[kind]:
+                left_out.append(f"{name} is in {unit}, which is no known unit of a {kind}")
+            else:
+                groups.setdefault(kind, []).append(_axis(channel))
+        for key in ("rate_hz", "duration_s"):
+            _check(model["source"][key], key)
+        parameter_lines(model["source"], {})
+    except ValueError as error:
+        raise WrongUsage(f"this is no model.json as `report` writes it: {error}") from error
+    except KeyError as error:
+        raise WrongUsage(f"this is no model.json as `report` writes it: no {error}") from error
+    except (TypeError, AttributeError) as error:
+        raise WrongUsage("this is no model.json as `report` writes it") from error
+    triads = {}
+    for kind, axes in groups.items():
+        names = [axis.channel for axis in axes]
+        letters = _letters(names)
+        if letters is None:
+            left_out.append(
+                f"{len(axes)} {kind} channels ({', '.join(names)}) are not one triad x, y, z;"
+                " report one sensor at a time with --columns"
+            )
+            continue
+        axes = dict(sorted(zip(letters, axes, strict=True), key=lambda pair: pair[0]))
+        triads[SENSORS[kind]] = Triad(SENSORS[kind], SI_UNITS[kind], axes)
+    return triads, left_out
 
 
-def _ascii(text):
-    return text.encode("ascii", "replace").decode()
+def parameter_lines(source, triads, *, why=False):
+    """List the source of the numbers: the log, and every parameter with its interval or bound.
 
+    Parameters
+    ----------
+    source : dict
+        Of the model.json.
+    triads : dict of Triad
+    why : bool
+        Give the reason where a parameter is not resolved.
 
-def _readme(source, triads, left_out, rate, texts):
-    lines = [f"# Noise of {source['file']} for other tools", ""]
-    lines += [f"- `{name}` – {TITLES[name]}" for name in texts]
-    lines += [f"- left out: {sentence}" for sentence in left_out]
-    absent = [sensor for sensor in ("gyroscope", "accelerometer") if sensor not in triads]
-    if not triads:
-        lines.append("- no file: none of the tools can take this log")
-    elif absent:
-        lines.append(f"- no {absent[0]} in this log: its terms are off in the simulators")
-    lines.append("- bias instability B is in no file: none of the tools has flicker noise as it is")
-    unknown = [line for line in said(source, triads, why=True) if MISSING in line]
-    if unknown:
-        lines += ["", "What the log does not resolve, and so no file has:", ""]
-        lines += [f"- {line}" for line in unknown]
+    Returns
+    -------
+    list of str
+        Lines without a comment mark; the first names the log.
+    """
+    hours = float(source["duration_s"]) / 3600
+    lines = [
+        f"From {source['file']}, {hours:.3g} h at {float(source['rate_hz']):g} Hz; in SI, 95 %."
+    ]
     for triad in triads.values():
-        sensors = {a.channel: _in_every_convention(a, triad, rate) for a in triad.axes.values()}
-        lines += [
-            "",
-            f"## The {triad.sensor} in every convention",
-            "",
-            conventions.markdown(sensors),
-        ]
-    return "\n".join(lines) + "\n"
+        for letter, axis in triad.axes.items():
+            named = [("N", axis.white), ("K", axis.rrw)]
+            named += [
+                (n, e) for term in axis.bias for n, e in zip(("sigma_b", "T_c"), term, strict=True)
+            ]
+            lines += [f"{axis.channel} ({letter}): {n} {_written(e, why)}" for n, e in named]
+            if len(axis.gauss_markov) > 1:
+                lines.append(
+                    f"{axis.channel} ({letter}): tools with one such bias get the strongest"
+                )
+    return [" ".join(line.split()) for line in lines]
 
 
-def _in_every_convention(axis, triad, rate):
-    gyro = triad.sensor == "gyroscope"
-    per = np.degrees(1.0) if gyro else 1.0
-    sigma, time = axis.gauss_markov[0] if axis.gauss_markov else (np.nan, np.nan)
-    white = axis.white.value if axis.white.resolved else np.nan
-    unit = "°/s" if gyro else "m/s²"
-    return conventions.side_by_side(per * white, per * sigma, time, 1 / rate, unit)
+def _written(e, why):
+    if e.low is not None and e.high is not None:
+        bound = f"{e.low:.4g} to {e.high:.4g}"
+    elif e.low is not None:
+        bound = f"at least {e.low:.4g}"
+    else:
+        bound = "no bound" if e.high is None else f"at most {e.high:.4g}"
+    if e.resolved:
+        return f"{e.value:.4g} ({bound}) {e.unit}"
+    return f"{MISSING} ({bound}) {e.unit}" + (f": {e.note}" if why else "")
+
+
+def _axis(channel):
+    unit, parameters = channel["unit"], channel["parameters"]
+    white = "arw" if channel["kind"] == "rate" else "vrw"
+    factor, si = conventions.SI[unit]
+
+    def estimate(name, was, now, by):
+        e = Estimate(**parameters[name])
+        if e.resolved == (e.value is None):
+            raise ValueError(
+                f"{name} of {channel['name']} is resolved without a value, or not with one"
+            )
+        if e.unit != was:
+            raise ValueError(f"{name} of {channel['name']} is in {e.unit}, not in {was}")
+        given = {key: getattr(e, key) for key in NUMBERS if getattr(e, key) is not None}
+        for key, number in given.items():
+            _check(number, f"{key} of {name} of {channel['name']}", zero=key == "low")
+        if list(given.values()) != sorted(given.values()):
+            raise ValueError(f"{name} of {channel['name']} lies outside its own interval")
+        scaled = {k: None if getattr(e, k) is None else by * getattr(e, k) for k in NUMBERS}
+        return replace(e, unit=now, **scaled)
+
+    terms = [key.removeprefix("sigma_b") for key in parameters if key.startswith("sigma_b")]
+    return Axis(
+        channel["name"],
+        estimate(white, random_walk_unit(unit), random_walk_unit(si), factor),
+        estimate("rrw", f"{unit}/sqrt(s)", f"{si}/sqrt(s)", factor),
+        tuple(
+            (
+                estimate(f"sigma_b{which}", unit, si, factor),
+                estimate(f"corr_time{which}", "s", "s", 1.0),
+            )
+            for which in terms
+        ),
+    )
+
+
+def _check(number, what, *, zero=False):
+    """Refuse what is no number above zero, or so far from one that its square is not."""
+    plain = isinstance(number, int | float) and not isinstance(number, bool)
+    if not (plain and (1e-100 < number < 1e100 or (zero and number == 0))):
+        raise ValueError(f"{what} is {number!r}, not a number above zero that a sensor can have")
+
+
+def _letters(names):
+    """Axis of each channel, by name or, for nameless ones, by order; None if they are no triad."""
+    letters = [_letter(name) for name in names]
+    if None in letters and len(names) <= 3:
+        return "xyz"[: len(names)]
+    return None if None in letters or len(set(letters)) < len(letters) else letters
+
+
+def _letter(name):
+    turn = next((axis for word, axis in _TURNS.items() if word in name.lower()), None)
+    match = _AXIS.search(name)
+    return turn or (match and (match[1] or match[2]).lower())
