@@ -258,7 +258,9 @@ def replay(
     """
     import numpy as np
 
-    from analysis.logs import moving, saved_position, timeline
+    from analysis.logs.moving import read_moving
+    from analysis.logs.saved_position import load_position, save_position
+    from analysis.logs.timeline import inject_outages
     from analysis.tracker.last_position import Stored
     from analysis.tracker.log_replay import Options
     from analysis.tracker.log_replay import replay as replay_log
@@ -275,7 +277,7 @@ def replay(
                 "--last-position belongs to block 1, which --without last-position turns off"
             )
         _check_last_position(Path(last_position), logs, Path(out))
-    log = moving.read(
+    log = read_moving(
         logs, columns=dict(pair.split("=", 1) for pair in pairs), imu_offset=imu_offset
     )
     for start, stop in outages:
@@ -283,14 +285,14 @@ def replay(
             raise WrongUsage(
                 f"--outage {start:g}:{stop:g} lies beyond the log, which lasts {log.duration_s:g} s"
             )
-    position, warning = saved_position.load(last_position) if last_position else (None, None)
+    position, warning = load_position(last_position) if last_position else (None, None)
     stored = Stored(**position) if position else None
     off = {block.name: False for block in without or ()}
     options = Options(dtype=np.float32 if float32 else np.float64, **off)
-    track = replay_log(timeline.inject_outages(log, outages), options, stored, progress=True)
+    track = replay_log(inject_outages(log, outages), options, stored, progress=True)
     write_track(track, out)
     if last_position and track.stored:
-        aside = saved_position.save(last_position, asdict(track.stored))
+        aside = save_position(last_position, asdict(track.stored))
         warning = f"{warning}; it is kept as {aside}" if aside else warning
     if warning:
         print(warning, file=sys.stderr)

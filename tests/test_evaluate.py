@@ -112,7 +112,7 @@ def test_ratio_interval_draws_within_groups():
 
 def test_real_logs_at_rest_stay_in_their_circle():
     """property: from layer 2 on no output outside what holds 95 % of the raw fixes."""
-    log = moving.read([datasets.path("gpsd-logs/ublox-zed-f9p_hpg1.11.log")])
+    log = moving.read_moving([datasets.path("gpsd-logs/ublox-zed-f9p_hpg1.11.log")])
     g, found = log.gnss, replay(log, Options()).columns
     there = float(g.lat_deg.mean()), float(g.lon_deg.mean()), 0.0
     pairs = ((g.lat_deg, g.lon_deg), (found["out_lat_deg"], found["out_lon_deg"]))

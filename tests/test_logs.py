@@ -577,7 +577,7 @@ def test_midnight_and_pdop_in_nmea(tmp_path):
     assert frame["t_s"].tolist() == [86399.0, 86400.0]
     assert frame["pdop"].tolist() == [2.5, 3.5]
     assert frame["lat_deg"][0] == pytest.approx(48 + 7.038 / 60)
-    assert formats.sniff(path) == "nmea"
+    assert formats.format_of(path) == "nmea"
 
 
 def test_small_rotations_have_the_documented_signs():

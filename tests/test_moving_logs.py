@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.logs import datasets, imu_csv_lines, moving, nmea_lines
+from analysis.logs import datasets, imu_csv_lines, nmea_lines, read_moving
 from analysis.tracker import scenarios
 
 LAT, LON = 50.84, 4.347
@@ -86,7 +86,7 @@ def gnss_rows(t):
 
 def test_a_clean_log(tmp_path):
     """analytic: position, height, PDOP, speed and course of each epoch as they were written."""
-    log = moving.read([nmea(tmp_path, flat(epoch(k) for k in range(20)))])
+    log = read_moving([nmea(tmp_path, flat(epoch(k) for k in range(20)))])
     gnss = log.gnss
     np.testing.assert_allclose(gnss.t_s, np.arange(20.0))
     assert gnss.has_fix.all()
@@ -104,7 +104,7 @@ def test_wrong_checksums_are_left_out_and_counted(tmp_path):
     """property: a flipped digit costs that sentence only, and is said."""
     lines = flat(epoch(k) for k in range(10))
     lines[4] = lines[4].replace("100.0", "900.0")  # GGA of the second epoch
-    log = moving.read([nmea(tmp_path, lines)])
+    log = read_moving([nmea(tmp_path, lines)])
     assert len(log.gnss.t_s) == 10
     assert np.isfinite(log.gnss.lat_deg).all()  # RMC of the same epoch has the position too
     assert np.nanmax(log.gnss.height_m) == 100.0
@@ -117,7 +117,7 @@ def test_no_checksum_is_a_wrong_checksum(tmp_path):
     """property: a sentence that cannot be checked is not believed."""
     lines = flat(epoch(k) for k in range(5))
     bare = [line.split("*")[0] + "\r\n" for line in flat([epoch(5)])]
-    log = moving.read([nmea(tmp_path, [*lines, *bare])])
+    log = read_moving([nmea(tmp_path, [*lines, *bare])])
     assert len(log.gnss.t_s) == 5
     assert "3 of 18" in log.notes[0]
 
@@ -126,10 +126,10 @@ def test_no_checksum_is_a_wrong_checksum(tmp_path):
 def test_cut_sentences(tmp_path, cut):
     """property: a log cut in the middle of its last sentence, or with a torn one, is read."""
     text = "".join(flat(epoch(k) for k in range(5)))
-    log = moving.read([nmea(tmp_path, [text[:-cut]])])
+    log = read_moving([nmea(tmp_path, [text[:-cut]])])
     assert len(log.gnss.t_s) == 5
     torn = "".join(flat([epoch(9)]))[:cut]
-    log = moving.read([nmea(tmp_path, [text[:-1], torn, *flat(epoch(k) for k in range(5, 8))])])
+    log = read_moving([nmea(tmp_path, [text[:-1], torn, *flat(epoch(k) for k in range(5, 8))])])
     assert log.gnss.t_s[-1] == 7.0
     assert np.isfinite(log.gnss.lat_deg).all()
 
@@ -137,9 +137,9 @@ def test_cut_sentences(tmp_path, cut):
 def test_broken_lines_are_joined(tmp_path):
     """property: a sentence on two lines counts if its checksum then agrees."""
     lines = flat(epoch(k) for k in range(6))
-    whole = moving.read([nmea(tmp_path, lines)]).gnss
+    whole = read_moving([nmea(tmp_path, lines)]).gnss
     lines[7] = lines[7][:30] + "\r\n" + lines[7][30:]
-    log = moving.read([nmea(tmp_path, lines)])
+    log = read_moving([nmea(tmp_path, lines)])
     np.testing.assert_array_equal(log.gnss.lat_deg, whole.lat_deg)
     np.testing.assert_array_equal(log.gnss.height_m, whole.height_m)
     assert log.notes == ("drive.nmea: 1 sentences broken over two lines, joined",)
@@ -152,7 +152,7 @@ def test_binary_between_the_lines(tmp_path):
     for k in range(30):
         for line in epoch(k):
             lines += [rng.integers(0, 256, rng.integers(0, 80), dtype=np.uint8).tobytes(), line]
-    log = moving.read([nmea(tmp_path, lines)])
+    log = read_moving([nmea(tmp_path, lines)])
     np.testing.assert_allclose(log.gnss.t_s, np.arange(30.0))
     assert log.gnss.has_fix.all()
 
@@ -168,7 +168,7 @@ def test_mixed_talkers(tmp_path):
             sentence(f"GLGGA,{t},{wrong},1,04,1.9,91.0,M,47.0,M,,"),
             *epoch(k),
         ]
-    log = moving.read([nmea(tmp_path, lines)])
+    log = read_moving([nmea(tmp_path, lines)])
     assert len(log.gnss.t_s) == 8
     np.testing.assert_allclose(log.gnss.lat_deg, LAT + np.arange(8) / 1852 / 60, atol=1e-7)
 
@@ -186,7 +186,7 @@ def test_whichever_sentences_there_are(tmp_path, kinds):
             "GLL": f"GNGLL,{place(k)},{t},A,A",
         }
         lines += [sentence(body[kind]) for kind in kinds]
-    gnss = moving.read([nmea(tmp_path, lines)]).gnss
+    gnss = read_moving([nmea(tmp_path, lines)]).gnss
     np.testing.assert_allclose(gnss.t_s, np.arange(5.0))
     has_position = np.isfinite(gnss.lat_deg)
     assert has_position.all()
@@ -197,7 +197,7 @@ def test_midnight(tmp_path):
     """analytic: the timeline runs on over midnight, with or without a new date."""
     for dates in (("120624", "130624"), ("120624", "120624")):
         lines = flat(epoch(k, start=86395.0, date=dates[k >= 5], talker="GP") for k in range(12))
-        log = moving.read([nmea(tmp_path, lines)])
+        log = read_moving([nmea(tmp_path, lines)])
         np.testing.assert_allclose(log.gnss.t_s, np.arange(12.0))
     assert any("do not follow" in note for note in log.notes)
 
@@ -206,7 +206,7 @@ def test_midnight(tmp_path):
 def test_bogus_dates_move_nothing(tmp_path, bogus):
     """property: dates from before the first fix, or rolled over, are said and not used."""
     lines = flat(epoch(k, date=bogus if k < 5 else "120624", fix=k >= 5) for k in range(12))
-    log = moving.read([nmea(tmp_path, lines)])
+    log = read_moving([nmea(tmp_path, lines)])
     np.testing.assert_allclose(log.gnss.t_s, np.arange(12.0))
     assert log.start_utc == "2024-06-12T10:00:00.000+00:00"
     assert sum("bogus or rolled over" in note for note in log.notes) == 1
@@ -214,7 +214,7 @@ def test_bogus_dates_move_nothing(tmp_path, bogus):
 
 def test_no_fix_at_all(tmp_path):
     """property: epochs without a fix are epochs; a log of nothing else is read."""
-    log = moving.read([nmea(tmp_path, flat(epoch(k, fix=False) for k in range(10)))])
+    log = read_moving([nmea(tmp_path, flat(epoch(k, fix=False) for k in range(10)))])
     assert len(log.gnss.t_s) == 10
     assert not log.gnss.has_fix.any()
     assert np.isnan(log.gnss.lat_deg).all()
@@ -223,7 +223,7 @@ def test_no_fix_at_all(tmp_path):
 def test_a_clock_set_at_the_first_fix(tmp_path):
     """property: epochs of an unset clock are moved to end one interval before the first fix."""
     early = flat(epoch(k, start=12.0, fix=False) for k in range(10))
-    log = moving.read([nmea(tmp_path, early + flat(epoch(k) for k in range(10)))])
+    log = read_moving([nmea(tmp_path, early + flat(epoch(k) for k in range(10)))])
     np.testing.assert_allclose(log.gnss.t_s, np.arange(20.0))
     assert sum("sets its clock before the first fix" in note for note in log.notes) == 1
 
@@ -232,7 +232,7 @@ def test_epochs_without_a_time(tmp_path):
     """property: a receiver that does not know the time yet still has epochs, one interval apart."""
     blank = [sentence("GPGGA,,,,,,0,,,,M,,M,,"), sentence("GPRMC,,V,,,,,,,,,,N")]
     lines = [*blank * 7, *flat(epoch(k) for k in range(5)), *blank * 2, *flat([epoch(7)])]
-    log = moving.read([nmea(tmp_path, lines)])
+    log = read_moving([nmea(tmp_path, lines)])
     np.testing.assert_allclose(log.gnss.t_s, np.arange(15.0))
     assert sum("9 epochs without a time of day" in note for note in log.notes) == 1
 
@@ -241,13 +241,13 @@ def test_time_backward_is_refused(tmp_path):
     """property: a log joined from two runs in the wrong order is refused, naming file and line."""
     lines = flat(epoch(k) for k in range(100, 110)) + flat(epoch(k) for k in range(5))
     with pytest.raises(CannotAnswer, match=r"drive.nmea, line 31: time goes backward by 109 s"):
-        moving.read([nmea(tmp_path, lines)])
+        read_moving([nmea(tmp_path, lines)])
 
 
 def test_what_was_written_twice_is_left_out(tmp_path):
     """property: the same epoch again is no new epoch."""
     lines = flat(epoch(k) for k in range(5))
-    log = moving.read([nmea(tmp_path, [*lines, *lines[-3:], *flat(epoch(k) for k in (5, 6))])])
+    log = read_moving([nmea(tmp_path, [*lines, *lines[-3:], *flat(epoch(k) for k in (5, 6))])])
     np.testing.assert_allclose(log.gnss.t_s, np.arange(7.0))
 
 
@@ -255,7 +255,7 @@ def test_what_was_written_twice_is_left_out(tmp_path):
 def test_nothing_usable(tmp_path, content):
     """property: what looks like NMEA and holds no position is refused in a sentence."""
     with pytest.raises((CannotAnswer, WrongUsage)) as caught:
-        moving.read([nmea(tmp_path, [content])])
+        read_moving([nmea(tmp_path, [content])])
     assert "drive.nmea" in str(caught.value) and "\n" not in str(caught.value)
 
 
@@ -266,13 +266,13 @@ def test_no_right_checksum_at_all(tmp_path, has_checksum):
     lines = [line.split("*")[0] + end for line in flat(epoch(k) for k in range(20))]
     said = "0 have no checksum .* 60 a wrong one" if has_checksum else "60 have no checksum .* 0 a"
     with pytest.raises(CannotAnswer, match=f"drive.nmea: none of 60 NMEA sentences .*{said}"):
-        moving.read([nmea(tmp_path, lines)])
+        read_moving([nmea(tmp_path, lines)])
 
 
 @pytest.mark.parametrize("name", ["telit-he910", "rx210", "haicom-305N", "quectel", "ublox-8"])
 def test_real_receivers(name):
     """property: gpsd's logs as their README describes them: epochs, fixes, first PDOP."""
-    log = moving.read([datasets.path(f"gpsd-logs/{name}.log")])
+    log = read_moving([datasets.path(f"gpsd-logs/{name}.log")])
     expected = {
         "telit-he910": (224, 187, 4.0),
         "rx210": (62, 40, 53.32),
@@ -288,7 +288,7 @@ def test_real_receivers(name):
 
 def test_the_telit_steps_back():
     """property: its second epoch is stamped 0.302 s before its first: said, and put right."""
-    log = moving.read([datasets.path("gpsd-logs/telit-he910.log")])
+    log = read_moving([datasets.path("gpsd-logs/telit-he910.log")])
     assert any("line 267: the receiver sets its clock (-0.302 s)" in n for n in log.notes)
     np.testing.assert_allclose(np.diff(log.gnss.t_s[:40])[:38], 1.0, atol=1e-6)
 
@@ -317,7 +317,7 @@ def test_host_stamps(tmp_path, form, own_line):
     t = np.arange(0, 20, 0.25)
     rows = [(stamp(x, form), *row[1:]) for x, row in zip(t, imu_rows(t), strict=True)]
     name = {"unix": "t_s", "iso": "time", "ms": "t_ms"}[form]
-    log = moving.read([path, csv(tmp_path, IMU.replace("t_s", name, 1), rows)])
+    log = read_moving([path, csv(tmp_path, IMU.replace("t_s", name, 1), rows)])
     np.testing.assert_allclose(log.imu.t_s, t, atol=1e-6)
     np.testing.assert_allclose(log.gnss.t_s, np.arange(20) + 0.25, atol=1e-6)
     assert any("host's stamps" in note for note in log.notes)
@@ -331,7 +331,7 @@ def test_a_stamp_inside_a_sentence(tmp_path):
         if k == 10:
             broken = lines[-2]
             lines[-2] = broken[:25] + "\r\n" + stamp(k + 0.1, "unix") + "\r\n" + broken[25:]
-    log = moving.read([nmea(tmp_path, lines)])
+    log = read_moving([nmea(tmp_path, lines)])
     assert len(log.gnss.t_s) == 20
     assert np.isfinite(log.gnss.height_m).all()
     assert any("joined" in note for note in log.notes)
@@ -340,7 +340,7 @@ def test_a_stamp_inside_a_sentence(tmp_path):
 def test_numbers_in_binary_are_no_stamps(tmp_path):
     """property: digits that stand before a sentence now and then are not taken as time."""
     lines = [("7" if k % 9 == 0 else "") + line for k in range(20) for line in epoch(k)]
-    log = moving.read([nmea(tmp_path, lines)])
+    log = read_moving([nmea(tmp_path, lines)])
     np.testing.assert_allclose(log.gnss.t_s, np.arange(20.0))
 
 
@@ -349,7 +349,7 @@ def test_time_of_day_joins_two_logs(tmp_path):
     for date in ("120624", "271004"):  # the second one is 1024 weeks early
         path = nmea(tmp_path, flat(epoch(k, date=date) for k in range(10)))
         rows = [(f"{1718186400 + k:.3f}", *r[1:]) for k, r in enumerate(imu_rows((0, 1, 2)))]
-        log = moving.read([path, csv(tmp_path, IMU, rows)])
+        log = read_moving([path, csv(tmp_path, IMU, rows)])
         np.testing.assert_allclose(log.imu.t_s, [0, 1, 2], atol=1e-6)
 
 
@@ -358,7 +358,7 @@ def test_dates_that_lie_apart(tmp_path, date):
     """property: one time of day on two dates is matched, and said, unless the weeks rolled over."""
     path = nmea(tmp_path, flat(epoch(k, date=date) for k in range(10)))
     rows = [(f"2024-06-12T10:00:0{k}Z", *r[1:]) for k, r in enumerate(imu_rows(range(5)))]
-    log = moving.read([path, csv(tmp_path, IMU.replace("t_s", "time"), rows)])
+    log = read_moving([path, csv(tmp_path, IMU.replace("t_s", "time"), rows)])
     assert log.imu.t_s[0] == 0.0
     day = f"20{date[4:]}-{date[2:4]}-{date[:2]}"
     said = f"GNSS log (from {day} 10:00) and the IMU log (from 2024-06-12 10:00) lie a day or more"
@@ -370,8 +370,8 @@ def test_clocks_that_do_not_meet(tmp_path):
     path = nmea(tmp_path, flat(epoch(k) for k in range(10)))
     imu = csv(tmp_path, IMU, imu_rows(np.arange(0, 8, 0.5)))
     with pytest.raises(WrongUsage, match="--imu-offset"):
-        moving.read([path, imu])
-    log = moving.read([path, imu], imu_offset=1.5)
+        read_moving([path, imu])
+    log = read_moving([path, imu], imu_offset=1.5)
     assert log.imu.t_s[0] - log.gnss.t_s[0] == pytest.approx(1.5)
 
 
@@ -380,7 +380,7 @@ def test_logs_of_two_rides(tmp_path):
     gnss = csv(tmp_path, GNSS, gnss_rows(range(10)), "gnss.csv")
     imu = csv(tmp_path, IMU, imu_rows(np.arange(500, 510, 0.25)), "imu.csv")
     with pytest.raises(CannotAnswer, match="do not overlap: 491 s"):
-        moving.read([gnss, imu])
+        read_moving([gnss, imu])
 
 
 def test_two_of_a_kind(tmp_path):
@@ -388,7 +388,7 @@ def test_two_of_a_kind(tmp_path):
     a = csv(tmp_path, GNSS, gnss_rows(range(10)), "a.csv")
     b = csv(tmp_path, GNSS, gnss_rows(range(10)), "b.csv")
     with pytest.raises(WrongUsage, match=r"b.csv: a second GNSS log"):
-        moving.read([a, b])
+        read_moving([a, b])
 
 
 # --- CSV -----------------------------------------------------------------------------------------
@@ -402,7 +402,7 @@ def test_csv_with_everything(tmp_path):
     for x in t:
         s = int(x)
         rows.append((f"{x:.1f}", LAT + 1e-5 * s, LON, 90.0, 1.5, 36.0, 45.0, *imu_rows([x])[0][1:]))
-    log = moving.read([csv(tmp_path, header, rows)])
+    log = read_moving([csv(tmp_path, header, rows)])
     np.testing.assert_allclose(log.gnss.t_s, np.arange(20.0))
     np.testing.assert_allclose(log.gnss.speed_m_s, 10.0)
     np.testing.assert_allclose(log.gnss.course_deg, 45.0)
@@ -418,7 +418,7 @@ def test_accelerometers_in_any_unit(tmp_path, unit, one):
     """property: the same log in g, mg, m/s^2, or without a unit gives the same specific force."""
     header = IMU.replace("_m_s2", f"_{unit}" if unit else "")
     rows = [(*r[:4], *(float(a) / one for a in r[4:])) for r in imu_rows(np.arange(20))]
-    log = moving.read([csv(tmp_path, header, rows)])
+    log = read_moving([csv(tmp_path, header, rows)])
     np.testing.assert_allclose(log.imu.accel_b[0], [0.01, 0.02, -9.81], rtol=1e-9)
     assert log.gnss is None
 
@@ -427,23 +427,23 @@ def test_accelerations_without_gravity_are_refused(tmp_path):
     """property: "linear acceleration" is not what the blocks need, and would be silently wrong."""
     rows = [(*r[:6], 0.03) for r in imu_rows(np.arange(20))]
     with pytest.raises(WrongUsage, match="gravity"):
-        moving.read([csv(tmp_path, IMU, rows)])
+        read_moving([csv(tmp_path, IMU, rows)])
 
 
 def test_gyros_without_a_unit_are_refused(tmp_path):
     """property: degrees or radians is not guessed; --columns says it, a minus turns an axis."""
     path = csv(tmp_path, IMU.replace("_deg_s", ""), imu_rows(np.arange(20)))
     with pytest.raises(WrongUsage, match="gyro_x_deg_s=gyro_x"):
-        moving.read([path])
+        read_moving([path])
     named = {"gyro_x_deg_s": "gyro_x", "gyro_y_deg_s": "-gyro_y", "gyro_z_deg_s": "gyro_z"}
-    log = moving.read([path], columns=named)
+    log = read_moving([path], columns=named)
     np.testing.assert_allclose(log.imu.gyro_b[0], np.radians([0.1, 0.2, 0.3]))
 
 
 def test_half_an_imu_is_no_imu(tmp_path):
     """property: an accelerometer without a gyro is left out, which is said."""
     header = GNSS + ",accel_x_g,accel_y_g,accel_z_g"
-    log = moving.read([csv(tmp_path, header, [(*r, 0, 0, -1) for r in gnss_rows(range(9))])])
+    log = read_moving([csv(tmp_path, header, [(*r, 0, 0, -1) for r in gnss_rows(range(9))])])
     assert log.imu is None
     lacks = "the readings of an IMU lack gyro_x_deg_s, gyro_y_deg_s, gyro_z_deg_s: not used"
     assert f"log.csv: {lacks}" in log.notes
@@ -452,7 +452,7 @@ def test_half_an_imu_is_no_imu(tmp_path):
 def test_half_a_position_is_no_position(tmp_path):
     """property: a latitude alone beside an IMU is left out, which is said."""
     rows = [(*r, 50.0) for r in imu_rows(np.arange(20))]
-    log = moving.read([csv(tmp_path, IMU + ",lat_deg", rows)])
+    log = read_moving([csv(tmp_path, IMU + ",lat_deg", rows)])
     assert log.gnss is None
     assert "log.csv: positions lack lon_deg: not used" in log.notes
 
@@ -460,7 +460,7 @@ def test_half_a_position_is_no_position(tmp_path):
 def test_negative_speeds_are_left_out_and_counted(tmp_path):
     """property: a speed is not below zero; what is, is said."""
     rows = [(*r[:5], -1.0 if k < 3 else r[5], r[6]) for k, r in enumerate(gnss_rows(range(9)))]
-    log = moving.read([csv(tmp_path, GNSS, rows)])
+    log = read_moving([csv(tmp_path, GNSS, rows)])
     assert np.isnan(log.gnss.speed_m_s[:3]).all() and np.isfinite(log.gnss.speed_m_s[3:]).all()
     assert "log.csv: column 'speed_m_s': 3 below zero, left out" in log.notes
 
@@ -474,10 +474,10 @@ def test_speed_without_a_unit(tmp_path, unit):
         for k in range(60)
     ]
     header = GNSS.replace("speed_m_s", "Speed")
-    log = moving.read([csv(tmp_path, header, rows)])
+    log = read_moving([csv(tmp_path, header, rows)])
     np.testing.assert_allclose(log.gnss.speed_m_s, 12.0, rtol=1e-4)
     with pytest.raises(WrongUsage, match="speed_m_s=Speed"):
-        moving.read([csv(tmp_path, header, rows[:5])])
+        read_moving([csv(tmp_path, header, rows[:5])])
 
 
 def test_missing_values_and_no_fix(tmp_path):
@@ -486,7 +486,7 @@ def test_missing_values_and_no_fix(tmp_path):
     rows[2][1] = rows[2][2] = ""
     rows[3][1] = rows[3][2] = 0
     rows[4][-1] = 0
-    log = moving.read([csv(tmp_path, GNSS + ",has_fix", rows)])
+    log = read_moving([csv(tmp_path, GNSS + ",has_fix", rows)])
     assert np.flatnonzero(~log.gnss.has_fix).tolist() == [2, 3, 4]
     assert np.isnan(log.gnss.speed_m_s[2:5]).all()
 
@@ -521,7 +521,7 @@ def test_refusals(tmp_path, case):
     """property: one sentence with file, and where there is one, line and column."""
     header, rows, kind, words = REFUSED[case]
     with pytest.raises(kind) as caught:
-        moving.read([csv(tmp_path, header, rows)])
+        read_moving([csv(tmp_path, header, rows)])
     for word in ("log.csv", *words):
         assert word in str(caught.value), word
     assert "\n" not in str(caught.value)
@@ -531,7 +531,7 @@ def test_a_few_late_rows_are_dropped(tmp_path):
     """property: under one row in a hundred may step back; it is left out, and said."""
     t = np.arange(0, 100, 0.25)
     t[200] = t[198]
-    log = moving.read([csv(tmp_path, IMU, imu_rows(t))])
+    log = read_moving([csv(tmp_path, IMU, imu_rows(t))])
     assert len(log.imu.t_s) == 399
     assert any("1 rows not later than the row before" in note for note in log.notes)
 
@@ -540,9 +540,9 @@ def test_unknown_columns_are_wrong_usage(tmp_path):
     """property: --columns is checked on both sides of its equals sign."""
     path = csv(tmp_path, GNSS, gnss_rows(range(9)))
     with pytest.raises(WrongUsage, match="no column 'Breite'"):
-        moving.read([path], columns={"lat_deg": "Breite"})
+        read_moving([path], columns={"lat_deg": "Breite"})
     with pytest.raises(WrongUsage, match="'altimeter' is none of"):
-        moving.read([path], columns={"altimeter": "height_m"})
+        read_moving([path], columns={"altimeter": "height_m"})
 
 
 def test_each_csv_takes_the_columns_that_it_has(tmp_path):
@@ -550,12 +550,12 @@ def test_each_csv_takes_the_columns_that_it_has(tmp_path):
     gnss = csv(tmp_path, GNSS.replace("lat_deg", "Breite"), gnss_rows(range(9)), "gnss.csv")
     imu = csv(tmp_path, IMU.replace("accel_z_m_s2", "AccZ"), imu_rows(range(20), -1.0), "imu.csv")
     wanted = {"lat_deg": "Breite", "accel_z_m_s2": "-AccZ"}
-    log = moving.read([gnss, imu], columns=wanted)
-    plain = moving.read([csv(tmp_path, IMU, imu_rows(range(20)), "plain.csv")])
+    log = read_moving([gnss, imu], columns=wanted)
+    plain = read_moving([csv(tmp_path, IMU, imu_rows(range(20)), "plain.csv")])
     assert log.gnss.has_fix.all()
     np.testing.assert_allclose(log.imu.accel_b, plain.imu.accel_b)
     with pytest.raises(WrongUsage, match=r"gnss.csv: no column 'Tal'.*imu.csv: no column 'Tal'"):
-        moving.read([gnss, imu], columns=wanted | {"pdop": "Tal"})
+        read_moving([gnss, imu], columns=wanted | {"pdop": "Tal"})
 
 
 def test_gzipped_sentences(tmp_path):
@@ -564,17 +564,17 @@ def test_gzipped_sentences(tmp_path):
     packed = tmp_path / "packed.nmea.gz"
     packed.write_bytes(gzip.compress(path.read_bytes()))
     np.testing.assert_array_equal(
-        moving.read([packed]).gnss.lat_deg, moving.read([path]).gnss.lat_deg
+        read_moving([packed]).gnss.lat_deg, read_moving([path]).gnss.lat_deg
     )
     packed.write_bytes(packed.read_bytes()[:-20])
     with pytest.raises(CannotAnswer, match="cut off or damaged"):
-        moving.read([packed])
+        read_moving([packed])
 
 
 def test_columns_of_no_csv_are_wrong_usage(tmp_path):
     """property: --columns beside NMEA alone would have no effect."""
     with pytest.raises(WrongUsage, match="no log is a CSV"):
-        moving.read([nmea(tmp_path, epoch(0))], columns={"speed_m_s": "3"})
+        read_moving([nmea(tmp_path, epoch(0))], columns={"speed_m_s": "3"})
 
 
 # --- written and read back ------------------------------------------------------------------------
@@ -593,7 +593,7 @@ def test_a_dump_is_read_back(walk, tmp_path):
     gps, imu = tmp_path / "gps.nmea", tmp_path / "imu.csv"
     gps.write_text("\r\n".join(nmea_lines(walk.gnss, START)) + "\r\n")
     imu.write_text("\n".join(imu_csv_lines(walk.imu)) + "\n")
-    read = moving.read([gps, imu])
+    read = read_moving([gps, imu])
     np.testing.assert_array_equal(read.gnss.has_fix, walk.gnss.has_fix)
     np.testing.assert_allclose(read.gnss.t_s, walk.gnss.t_s, atol=1e-6)
     # Half of the last digit written: 1e-5 minutes, 0.001 knots, 0.01 deg, 0.01.

@@ -13,7 +13,7 @@ from test_cli import run
 from analysis import cli
 from analysis.logs import datasets
 from analysis.logs import moving as tracks
-from analysis.logs.saved_position import load, save
+from analysis.logs.saved_position import load_position, save_position
 from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
 from analysis.tracker import scenarios
 from analysis.tracker.device import Options
@@ -462,7 +462,7 @@ def test_command(tmp_path, cold):
     assert (status, err) == (0, "")
     assert files(tmp_path / "out") == ["summary.json", "track.csv"]
     assert "fixes: " in out and "track.csv and summary.json are written" in out
-    stored, note = load(memory)
+    stored, note = load_position(memory)
     assert note is None
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["source"]["files"].keys() == {"gnss.csv", "imu.csv"}
@@ -475,7 +475,7 @@ def test_command(tmp_path, cold):
 def test_command_reads_what_it_is_given(tmp_path, cold):
     """property: files give the same track as the timeline they were written from."""
     paths = as_csv(cold.log, tmp_path)
-    log = tracks.read(paths)
+    log = tracks.read_moving(paths)
     a, b = replay(log), replay(cold.log)
     for name in b.columns:
         np.testing.assert_allclose(a.columns[name], b.columns[name], atol=1e-6, equal_nan=True)
@@ -513,7 +513,7 @@ def test_a_damaged_memory_is_a_warning(tmp_path, cold, content):
     assert err.count("\n") == 1
     with (tmp_path / "out" / "track.csv").open() as handle:
         assert next(csv.DictReader(handle))["out_lat_deg"] == ""
-    assert load(memory)[0] is not None
+    assert load_position(memory)[0] is not None
     aside = tmp_path / "last.json.damaged"
     assert aside.exists() == bool(content) == ("kept as last.json.damaged" in err)
     assert not content or aside.read_bytes() == content
@@ -544,7 +544,7 @@ def test_a_memory_within_the_new_folder(tmp_path, cold, out):
     memory = tmp_path / out.split("/")[0] / "last.json"
     status, _, err = run("replay", *paths, "--out", tmp_path / out, "--last-position", memory)
     assert (status, err) == (0, "")
-    assert load(memory)[0] is not None
+    assert load_position(memory)[0] is not None
 
 
 WRONG = {
@@ -619,7 +619,7 @@ def test_real_cold_starts(tmp_path):
     """property: gpsd's logs: nothing out before the gate opens, and the gate's verdicts."""
     expected = {"rx210": (40, 36), "haicom-305N": (68, 37), "telit-he910": (187, 187)}
     for name, (fixes, accepted) in expected.items():
-        track = replay(tracks.read([datasets.path(f"gpsd-logs/{name}.log")]))
+        track = replay(tracks.read_moving([datasets.path(f"gpsd-logs/{name}.log")]))
         assert (track.summary["fixes"]["with_fix"], track.summary["fixes"]["accepted"]) == (
             fixes, accepted,
         ), name  # fmt: skip
@@ -631,7 +631,7 @@ def test_real_cold_starts(tmp_path):
 def test_memory_after_a_crash_is_the_last_one_written(tmp_path, cold):
     """property: a run that is refused leaves the stored position of the run before."""
     memory = tmp_path / "last.json"
-    save(memory, asdict(Stored(1.0, 2.0, 3.0, 4.0, 5.0)))
+    save_position(memory, asdict(Stored(1.0, 2.0, 3.0, 4.0, 5.0)))
     before = memory.read_bytes()
     (tmp_path / "bad.csv").write_text("t_s,lat_deg,lon_deg\n0,abc,1\n1,2,3\n")
     status, _, _ = run(

@@ -7,7 +7,7 @@ import os
 import pytest
 
 from analysis import CannotAnswer
-from analysis.logs.saved_position import FIELDS, load, save
+from analysis.logs.saved_position import FIELDS, load_position, save_position
 
 
 def position(*numbers):
@@ -21,8 +21,8 @@ HOME = position(44.5, 11.3, 60.0, 12.0, 2.0)
 def test_round_trip(tmp_path):
     """property: what was saved is loaded to the last digit, an unknown PDOP and height included."""
     for stored in (HOME, position(-45.123456789012, 170.1, math.nan, 0.1, math.nan)):
-        save(tmp_path / "last.json", stored)
-        found, note = load(tmp_path / "last.json")
+        save_position(tmp_path / "last.json", stored)
+        found, note = load_position(tmp_path / "last.json")
         assert note is None
         assert repr(found) == repr(stored)
     assert os.listdir(tmp_path) == ["last.json"]
@@ -30,13 +30,13 @@ def test_round_trip(tmp_path):
 
 def test_no_file_is_no_warning(tmp_path):
     """property: a first run has nothing stored, which is no fault."""
-    assert load(tmp_path / "none.json") == (None, None)
+    assert load_position(tmp_path / "none.json") == (None, None)
 
 
 def written(tmp_path):
     """Save a good file and return its path and bytes."""
     path = tmp_path / "last.json"
-    save(path, HOME)
+    save_position(path, HOME)
     return path, path.read_bytes()
 
 
@@ -45,7 +45,7 @@ def test_any_truncation_is_refused(tmp_path):
     path, whole = written(tmp_path)
     for end in range(len(whole) - 1):
         path.write_bytes(whole[:end])
-        found, note = load(path)
+        found, note = load_position(path)
         assert found is None, end
         assert note.startswith("warning: ") and "last.json" in note and "\n" not in note
 
@@ -57,7 +57,7 @@ def test_any_changed_digit_is_refused(tmp_path):
         if whole[at : at + 1].isdigit():
             other = b"7" if whole[at : at + 1] != b"7" else b"3"
             path.write_bytes(whole[:at] + other + whole[at + 1 :])
-            assert load(path)[0] is None, at
+            assert load_position(path)[0] is None, at
 
 
 @pytest.mark.parametrize(
@@ -68,15 +68,15 @@ def test_garbage_is_refused(tmp_path, content):
     """property: whatever else the file holds, it is ignored with a warning and no traceback."""
     path = tmp_path / "last.json"
     path.write_bytes(content)
-    found, note = load(path)
+    found, note = load_position(path)
     assert found is None
     assert note.startswith("warning: ")
 
 
 def test_a_place_that_is_nowhere_is_refused(tmp_path):
     """property: a well-formed file with an impossible latitude is not trusted either."""
-    save(tmp_path / "last.json", position(120.0, 11.0, 0.0, 0.0, 1.0))
-    assert load(tmp_path / "last.json")[0] is None
+    save_position(tmp_path / "last.json", position(120.0, 11.0, 0.0, 0.0, 1.0))
+    assert load_position(tmp_path / "last.json")[0] is None
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
@@ -88,7 +88,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
 
     monkeypatch.setattr(os, "replace", stop)
     with pytest.raises(CannotAnswer, match="No space left"):
-        save(path, position(1.0, 2.0, 3.0, 4.0, 5.0))
+        save_position(path, position(1.0, 2.0, 3.0, 4.0, 5.0))
     assert path.read_bytes() == whole
     assert os.listdir(tmp_path) == ["last.json"]
 

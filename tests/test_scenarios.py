@@ -145,7 +145,7 @@ def test_the_drift_is_the_published_one():
 @pytest.mark.parametrize(("name", "start"), GnssErrors.STARTS.items())
 def test_the_starts_are_those_of_real_receivers(name, start):
     """cross-check: size and time of each settling, from the receiver's own log, to rounding."""
-    gnss = moving.read([datasets.path(f"gpsd-logs/{name}.log")]).gnss
+    gnss = moving.read_moving([datasets.path(f"gpsd-logs/{name}.log")]).gnss
     ok = gnss.has_fix & (gnss.pdop <= 10)
     lat, lon = gnss.lat_deg[ok], gnss.lon_deg[ok]
     north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, lat[-1], lon[-1], 0.0)

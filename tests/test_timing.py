@@ -202,7 +202,7 @@ def test_time_columns_and_their_units_are_told_from_the_name(name, unit, time):
 )
 def test_units_of_time(name, column, said):
     """Analytic: a hundred samples at 100 Hz in every way to write time."""
-    stamps = clock.read(name, column)
+    stamps = clock.stamps(name, column)
     t, notes = stamps.since_s, stamps.notes
     # 5e-7: a double holds Unix nanoseconds to 256 ns
     np.testing.assert_allclose(t, 0.01 * np.arange(100), atol=5e-7)
@@ -221,7 +221,7 @@ def test_dates_and_clock_times_run_over_midnight(form, said):
     """Analytic: a hundred samples at 100 Hz across midnight."""
     start = datetime.datetime(2023, 12, 31, 23, 59, 59, 500_000, tzinfo=datetime.UTC)
     texts = [(start + datetime.timedelta(milliseconds=10 * i)).strftime(form) for i in range(100)]
-    stamps = clock.read("time", np.array(texts, dtype=object))
+    stamps = clock.stamps("time", np.array(texts, dtype=object))
     np.testing.assert_allclose(stamps.since_s, 0.01 * np.arange(100), atol=1e-9)  # µs are printed
     assert stamps.notes == (f"time column 'time' read as {said}",)
 
@@ -230,7 +230,7 @@ def test_an_ambiguous_unit_is_asked_for_and_settled_by_the_rate():
     """Property: steps of 10 without a unit are refused, unless the rate says which."""
     column = 10.0 * np.arange(100)
     with pytest.raises(WrongUsage, match="'t_ms'"):
-        clock.read("t", column)
-    stamps = clock.read("t", column, rate_hz=100)
+        clock.stamps("t", column)
+    stamps = clock.stamps("t", column, rate_hz=100)
     np.testing.assert_allclose(stamps.since_s, 0.01 * np.arange(100), rtol=1e-12)
     assert "milliseconds" in stamps.notes[0]

@@ -7,10 +7,9 @@ This room imports no other room. `read` and `read_moving` take a file or a name 
 from analysis.logs.catalogue import load_catalogue
 from analysis.logs.datasets import entry as dataset_entry
 from analysis.logs.datasets import path as dataset_path
-from analysis.logs.moving import read as read_moving
+from analysis.logs.moving import read_moving
 from analysis.logs.nmea import imu_csv_lines, nmea_lines
-from analysis.logs.saved_position import load as load_position
-from analysis.logs.saved_position import save as save_position
+from analysis.logs.saved_position import load_position, save_position
 from analysis.logs.static import Channel, Log, read
 from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages
 

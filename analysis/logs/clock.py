@@ -80,7 +80,7 @@ def time_column(frame: pd.DataFrame) -> str | None:
     return next(iter(named + (clocks if len(clocks) == 1 else [])), None)
 
 
-def read(name: str, column: np.ndarray, rate_hz: float | None = None) -> Stamps:
+def stamps(name: str, column: np.ndarray, rate_hz: float | None = None) -> Stamps:
     """Turn a time column into seconds.
 
     Parameters

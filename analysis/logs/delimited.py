@@ -296,7 +296,7 @@ class Table:
         return f"{self.file}, {where}" + (f", column '{column}'" if column else "")
 
 
-def read(path: Path) -> Table:
+def read_table(path: Path) -> Table:
     """Read a delimited text file, gzipped or not.
 
     Returns

@@ -90,7 +90,7 @@ def phone(path: Path) -> Table:
     ``recorded_roll_deg`` ...; what is analysed is the small rotation that `about_the_mean` makes
     from the quaternion.
     """
-    table = delimited.read(path)
+    table = delimited.read_table(path)
     frame = table.frame.rename(columns=_PHONE)
     lacking = {"time", "qw", "qx", "qy", "qz", "lat_deg", "lon_deg", "height_m"} - set(frame)
     if lacking:
@@ -104,7 +104,7 @@ def phone(path: Path) -> Table:
 
 
 READERS: dict[str, Callable[[Path, dict], Table]] = {
-    "csv": lambda path, stanza: delimited.read(path),
+    "csv": lambda path, stanza: delimited.read_table(path),
     "rda": lambda path, stanza: rda(path, stanza.get("variable")),
     "mat73": lambda path, stanza: mat73(
         path, stanza.get("variable"), tuple(stanza.get("names", ()))
@@ -114,12 +114,12 @@ READERS: dict[str, Callable[[Path, dict], Table]] = {
 }
 
 
-def read(path: Path, stanza: dict) -> Table:
+def read_table(path: Path, stanza: dict) -> Table:
     """Read a file in the format that its stanza names, or in the one that its bytes suggest."""
-    return READERS[stanza.get("format") or sniff(path)](path, stanza)
+    return READERS[stanza.get("format") or format_of(path)](path, stanza)
 
 
-def sniff(path: Path) -> str:
+def format_of(path: Path) -> str:
     """Guess the format of a file that no catalogue describes, from its first bytes."""
     try:
         with delimited.open_bytes(path) as handle:

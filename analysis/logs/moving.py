@@ -1,7 +1,7 @@
 """Logs of a moving device: NMEA and CSV files in, one timeline of GNSS epochs and IMU samples out.
 
-timeline = read(["drive.nmea", "imu.csv"])     NMEA and an IMU's CSV (tracker paper, III-B)
-timeline = read(["drive.csv"])                 positions, and an IMU if there is one, in a CSV
+timeline = read_moving(["drive.nmea", "imu.csv"])   NMEA and an IMU's CSV (tracker paper, III-B)
+timeline = read_moving(["drive.csv"])               positions, and an IMU if there is one
 """
 
 import datetime
@@ -30,7 +30,7 @@ HELD = 0.6  # share of rows with the position of the row before: a held output b
 HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch
 
 
-def read(
+def read_moving(
     logs: Sequence[str | Path],
     *,
     columns: dict[str, str] | None = None,
@@ -65,7 +65,7 @@ def read(
     wanted = _columns_of_each(columns or {}, paths)
     for path in paths:
         sources[path.name] = datasets.sha256(path)
-        if formats.sniff(path) == "nmea":
+        if formats.format_of(path) == "nmea":
             epochs, which, began, more = nmea.read_gnss(path)
             new, start = {"GNSS": epochs}, began or start
         else:
@@ -108,7 +108,7 @@ def locate(log: str | Path) -> Path:
 
 def _columns_of_each(wanted: dict[str, str], paths: list[Path]) -> dict[Path, dict[str, str]]:
     """Give each CSV those of the wanted columns that it has; a single CSV has to have all."""
-    tables = [path for path in paths if formats.sniff(path) == "csv"]
+    tables = [path for path in paths if formats.format_of(path) == "csv"]
     if wanted and not tables:
         raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
     if len(tables) < 2:
@@ -164,14 +164,14 @@ def _dates_apart(gnss, imu, start) -> Iterator[str]:
 
 def _read_csv(path: Path, wanted: dict[str, str]) -> tuple[dict[str, Any], str, list[str]]:
     """Read a CSV: its GNSS epochs and IMU samples, the clock of its stamps, notes."""
-    table = delimited.read(path)
+    table = delimited.read_table(path)
     table = replace(table, frame=columns.rename(table.frame, wanted, path.name))
     time = clock.time_column(table.frame)
     header, there = f"{path.name}, line 1", f"there are: {', '.join(table.frame)}"
     if time is None:
         raise WrongUsage(f"{header}: no column is named as time; say --columns t_s=COLUMN; {there}")
     with clock.stamp_errors_at(table, time):
-        stamps = clock.read(time, table.frame[time].to_numpy())
+        stamps = clock.stamps(time, table.frame[time].to_numpy())
     notes = [f"{path.name}: {note}" for note in (*table.repairs, *stamps.notes)]
     known = columns.measurements(table.frame.drop(columns=time))
     args = table, time, stamps.since_s + stamps.zero_s, known, notes

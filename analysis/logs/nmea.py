@@ -281,28 +281,28 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[str]]:
 
 def _host_time(raw: bytes, found, notes, name) -> tuple[np.ndarray | None, str]:
     """Take the host's stamp before each epoch, where most epochs have one of their own."""
-    stamps = [(match.start(1), match.group(1).decode()) for match in _HOST.finditer(raw)]
+    texts = [(match.start(1), match.group(1).decode()) for match in _HOST.finditer(raw)]
     starts = [epoch["offset"] for epoch in found]
-    before = np.searchsorted([offset for offset, _ in stamps], starts, side="right") - 1
+    before = np.searchsorted([offset for offset, _ in texts], starts, side="right") - 1
     if len(np.unique(before[before >= 0])) < max(HOST_SHARE * len(found), 1):
         return None, ""
-    column = np.array([stamps[k][1] if k >= 0 else "" for k in before], dtype=object)
+    column = np.array([texts[k][1] if k >= 0 else "" for k in before], dtype=object)
     unit = ""
     if all(text.replace(".", "", 1).isdigit() or not text for text in column):
         column = np.array([float(text) if text else np.nan for text in column])
         unit = _host_unit(column, np.array([e["time"] or np.nan for e in found], dtype=float))
     try:
-        read = clock.read(f"host time stamp{unit}", column)
+        stamps = clock.stamps(f"host time stamp{unit}", column)
     except BadStamps:
         return None, ""
-    t = read.since_s + read.zero_s
+    t = stamps.since_s + stamps.zero_s
     missing = np.flatnonzero(~np.isfinite(t))
     if len(missing):  # before the first stamp: count back a second an epoch
         first = int(np.argmax(np.isfinite(t)))
         t[missing] = t[first] - (first - missing)
-    notes += [f"{name}: {note}" for note in read.notes]
+    notes += [f"{name}: {note}" for note in stamps.notes]
     notes.append(f"{name}: the time is that of the host's stamps between the sentences")
-    return t, read.clock
+    return t, stamps.clock
 
 
 def _host_unit(column: np.ndarray, day: np.ndarray) -> str:

@@ -17,10 +17,10 @@ VERSION = 1
 FIELDS = ("lat_deg", "lon_deg", "height_m", "t_s", "pdop")
 
 
-def save(path: str | Path, position: dict[str, float]) -> str | None:
+def save_position(path: str | Path, position: dict[str, float]) -> str | None:
     """Write a position: the whole file, or the old file stays.
 
-    An old file that `load` refuses may hold anything, so it is renamed, not replaced.
+    An old file that `load_position` refuses may hold anything, so it is renamed, not replaced.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def save(path: str | Path, position: dict[str, float]) -> str | None:
                 file.write(line)
                 file.flush()
                 os.fsync(file.fileno())
-            damaged = load(path)[1] and path.stat().st_size
+            damaged = load_position(path)[1] and path.stat().st_size
             renamed = _rename_damaged(path) if damaged else None
             os.replace(draft, path)
         except BaseException:
@@ -72,7 +72,7 @@ def _rename_damaged(path: Path) -> str:
     return name
 
 
-def load(path: str | Path) -> tuple[dict[str, float] | None, str | None]:
+def load_position(path: str | Path) -> tuple[dict[str, float] | None, str | None]:
     """Read the position that an earlier run saved; refuse a file that is not intact.
 
     Returns

@@ -149,7 +149,7 @@ def read(
     check_unit(name, stanza, unit)
     given = {"rate_hz": rate, "time": time, "unit": unit, "kind": kind, "from": start, "to": stop}
     option = stanza | {key: value for key, value in given.items() if value is not None}
-    table = formats.read(path, stanza)
+    table = formats.read_table(path, stanza)
     window, notes = _window(table, option)
     chosen, choices = _choices(window, stanza, columns, option)
     repairs = [*([stanza["note"]] if "note" in stanza else []), *table.repairs, *notes, *choices]
@@ -196,7 +196,7 @@ def _window(table: Table, option: dict) -> tuple[_Window, list[str]]:
     t_s = None
     if time:
         with clock.stamp_errors_at(table, time):
-            stamps = clock.read(time, frame[time].to_numpy(), rate)
+            stamps = clock.stamps(time, frame[time].to_numpy(), rate)
         t_s, frame = stamps.since_s, frame.drop(columns=time)
         notes += stamps.notes
     start, stop = option.get("from", 0.0), option.get("to")

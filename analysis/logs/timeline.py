@@ -1,6 +1,6 @@
 """One timeline of GNSS epochs and IMU samples (tracker paper, Section III-B).
 
-Plain arrays, already read and cleaned: `analysis.logs.moving.read` makes them from files.
+Plain arrays, already read and cleaned: `analysis.logs.moving.read_moving` makes them from files.
 """
 
 from dataclasses import dataclass, field, replace

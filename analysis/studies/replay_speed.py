@@ -51,7 +51,7 @@ def nmea_seconds(hours=24.0, *, folder, seed=1):
     path = folder / "day.nmea"
     path.write_bytes(day(hours, np.random.default_rng(seed)))
     before = time.process_time()
-    replay(moving.read([path]))
+    replay(moving.read_moving([path]))
     return time.process_time() - before
 
 
