@@ -181,7 +181,7 @@ def test_single_precision_stays_single_and_agrees():
 def test_directions_stay_units_with_positive_covariance(dtype):
     """property: after 20 000 steps |x| = 1 and P is symmetric and positive."""
     rng, block, F = np.random.default_rng(9), Direction(dtype), np.eye(3, dtype=dtype)
-    block.trust(1e-6)
+    block.set_rate_error(1e-6)
     block.start([0.0, 0.0, 1.0], 0.1)
     for w in rng.normal(0, 1.0, (20_000, 3)):
         turn(F, *w, 0.025)

@@ -8,7 +8,7 @@ import pytest
 from analysis import tables, wrap
 from analysis.tracker.mounting import (
     THETA_ALPHA,
-    Mounting,
+    MountingYaw,
     bend_variance,
     course_variance,
     fit,
@@ -77,14 +77,14 @@ def test_printed_rule_loses_the_quadrant(angle, accelerating):
 def test_weighted_rule_keeps_the_quadrant(angle, accelerating):
     """analytic: without noise the angle is exact for any mounting, speeding up or braking."""
     mount, speeds = math.radians(angle), setting_off()
-    block = Mounting()
+    block = MountingYaw()
     assert ride(block, mount, speeds if accelerating else speeds[::-1]) >= 1
     assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_constant_speed_gives_no_angle():
     """property: at constant speed the weighted rule answers nothing; the printed one, noise."""
-    block, rng = Mounting(), np.random.default_rng(1)
+    block, rng = MountingYaw(), np.random.default_rng(1)
     assert ride(block, 1.0, np.full(300, 8.0), rng=rng, noise=0.03) == 0
     assert block.mount is None
     assert len(block.straights) >= 30
@@ -94,7 +94,7 @@ def test_constant_speed_gives_no_angle():
 
 def test_a_bent_path_is_no_straight():
     """published: the variance of the course over the buffer must stay under theta_alpha."""
-    block = Mounting()
+    block = MountingYaw()
     speeds = setting_off(60)
     courses = 0.1 * np.arange(60)
     assert ride(block, 1.0, speeds, courses, np.full(60, 0.1)) == 0
@@ -109,7 +109,7 @@ def up_and_down(n=30, a=1.2, period=6.0):
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_a_little_bend_does_no_harm(share):
     """analytic: 1 deg/s passes as straight; however much of it is felt, 0.3 deg are left."""
-    block, speeds, rate = Mounting(), up_and_down(), math.radians(1.0)
+    block, speeds, rate = MountingYaw(), up_and_down(), math.radians(1.0)
     for k in range(1, len(speeds)):
         ax, ay = felt(2.0, speeds[k] - speeds[k - 1], share * speeds[k] * rate)
         block.step(float(k), 1.0, rate * k, speeds[k], rate, ax, ay, 0.0)
@@ -119,7 +119,7 @@ def test_a_little_bend_does_no_harm(share):
 
 def test_fixes_that_jitter_make_no_longer_entries():
     """property: epochs of 0.96 and 1.04 s by turns fill a buffer in as many epochs as of 1 s."""
-    block, speeds = Mounting(), up_and_down(8)
+    block, speeds = MountingYaw(), up_and_down(8)
     for k in range(1, 8):
         dt = 0.96 if k % 2 else 1.04
         block.step(float(k), dt, 1.0, speeds[k], 0.0, *felt(1.0, speeds[k] - speeds[k - 1]), 0.0)
@@ -135,7 +135,7 @@ def test_a_course_over_north_is_no_bend():
 @pytest.mark.parametrize(("pull", "straight"), [(0.15, True), (0.3, False)])
 def test_a_fast_bend_is_no_straight(pull, straight):
     """analytic: at 20 m/s 0.3 m/s^2 turn by 1.5 deg in 6 s, far under 3 deg, and still pull."""
-    block, speed = Mounting(), 20.0
+    block, speed = MountingYaw(), 20.0
     rate = pull / speed
     for k in range(1, 12):
         block.step(float(k), 1.0, rate * k, speed, rate, 0.0, pull, 0.0)
@@ -168,7 +168,7 @@ def test_stated_sigma_covers(noise, straights):
     rng, inside, errors, sigmas = np.random.default_rng(2), 0, [], []
     for _ in range(400):
         mount = rng.uniform(0, 2 * np.pi)
-        block = Mounting(max_sigma=10.0, slope=(0.0, 10.0))
+        block = MountingYaw(max_sigma=10.0, slope=(0.0, 10.0))
         for _ in range(straights):
             speeds = up_and_down(8, rng.uniform(0.8, 2.0))
             level = 0.2 * rng.standard_normal(2)
@@ -186,7 +186,7 @@ def test_stated_sigma_covers(noise, straights):
 
 def test_a_new_mount_is_learnt():
     """property: after the device is turned by 60 deg the angle follows within 25 straights."""
-    block = Mounting()
+    block = MountingYaw()
     for mount, straights in ((0.5, 20), (0.5 + math.radians(60), 25)):
         for _ in range(straights):
             ride(block, mount, up_and_down(8))
@@ -196,7 +196,7 @@ def test_a_new_mount_is_learnt():
 
 def test_constant_speed_erases_nothing():
     """property: a hundred straights that say nothing leave angle and sigma as they were."""
-    block, rng = Mounting(), np.random.default_rng(3)
+    block, rng = MountingYaw(), np.random.default_rng(3)
     for _ in range(3):
         ride(block, 2.0, up_and_down(8), rng=rng, noise=0.1)
         block.interrupt()
@@ -209,7 +209,7 @@ def test_constant_speed_erases_nothing():
 
 def test_an_acceleration_of_another_vehicle_is_refused():
     """property: felt at a third of what GPS says, it is not the vehicle's: no angle."""
-    block = Mounting()
+    block = MountingYaw()
     speeds = setting_off(20)
     for k in range(1, 20):
         ax, ay = felt(1.0, (speeds[k] - speeds[k - 1]) / 3)
@@ -220,7 +220,7 @@ def test_an_acceleration_of_another_vehicle_is_refused():
 @pytest.mark.parametrize("rate", [1, 2, 5, 10])
 def test_any_rate_of_fixes(rate):
     """property: the buffer is as long in time at 10 Hz as at 1 Hz."""
-    block = Mounting()
+    block = MountingYaw()
     t = np.arange(0, 20, 1 / rate)
     speeds = 8.0 + 1.2 * np.sin(t)
     found = None
@@ -234,7 +234,7 @@ def test_any_rate_of_fixes(rate):
 
 def test_without_course_or_speed_the_buffer_starts_anew():
     """property: a hole in course or speed never joins two stretches into one straight."""
-    block = Mounting()
+    block = MountingYaw()
     for k in range(60):
         course = math.nan if k % 5 == 4 else 0.0
         assert not block.step(float(k), 1.0, course, 3.0 + 0.5 * k, 0.0, 0.5, 0.0, 0.0)

@@ -1,9 +1,11 @@
 """Block 2: three cascaded Kalman filters that turn gyro, accelerometer and GPS course into R_nb.
 
 Tracker paper, Section III-A2 and Fig 2, after its reference [5], the magnetometer replaced by the
-GPS course. Each filter has three states: the tilt filter the direction of *down* seen in body axes,
+GPS course. Each filter has three states: the tilt filter the direction of *down* in body axes,
 the yaw filter that of *north*, the bias filter the bias of the gyro. Any vector fixed in navigation
-axes turns by the same matrix when seen from the body, so the first two share their prediction.
+axes turns by the same matrix in body axes, so the first two share their prediction.
+
+`Upright` gives block 5 its level: the tilt of the upright vehicle, not that of the moment.
 """
 
 import math
@@ -15,9 +17,9 @@ from analysis.tracker import kalman
 
 SIGMA_ACCEL = 0.05  # m/s^2, one sample at rest
 EXTERNAL_TAU_S = 1.0  # s over which vibration is averaged out of the vehicle's acceleration
-EXTERNAL_CORR_S = 10.0  # s that a bend or a start lasts
-EXTERNAL_LEAST = 0.3  # m/s^2, what GNSS overlooks of the acceleration of a moving vehicle
-EXTERNAL_MOST = 0.5  # m/s^2, of an acceleration that only the accelerometer says is one
+EXTERNAL_CORR_S = 10.0  # s, duration of a bend or a start
+EXTERNAL_LEAST = 0.3  # m/s^2, acceleration of a moving vehicle that GNSS does not show
+EXTERNAL_MOST = 0.5  # m/s^2, bound on an acceleration that only the accelerometer shows
 SIGMA_BIAS_REST = 1e-3  # rad/s, mean of a second at rest: half a step of the coarsest gyro here
 SIGMA_BIAS_MOVING = 0.05  # rad/s, of what the other two filters correct in a second
 GYRO_SCALE = 0.01  # of a rate: error of scale and axes
@@ -27,9 +29,9 @@ GAP_S = 1.0  # s without a sample after which the attitude starts again
 GYRO_ARW = 3e-4  # rad/sqrt(s), 1 deg/sqrt(h): a MEMS gyro's 0.3 with room for scale and vibration
 SIGMA_BIAS_START = 0.1  # rad/s, 6 deg/s: the worst offset of the real sensors here is 4.5 deg/s
 BIAS_WALK = 2e-5  # rad/s/sqrt(s)
-BIAS_LASTS_S = 10.0  # s over which an error of the bias is taken to last
-UPRIGHT_S = 120.0  # s of driving that are remembered
-REST_S = 20.0  # s of driving that the tilt read at rest is worth
+BIAS_ERROR_S = 10.0  # s, assumed correlation time of an error of the bias
+UPRIGHT_S = 120.0  # s of driving over which the mean force is taken
+REST_S = 20.0  # s of driving with the same weight as the tilt read at rest
 
 
 class Attitude:
@@ -65,8 +67,8 @@ class Attitude:
         self.F = np.eye(3, dtype=dtype)
         self.ready = self.heading_known = False
         self._gathered, self._gathered_s = [], 0.0
-        self._external, self._lasting, self._vehicle = [0.0] * 3, [0.0] * 3, None
-        self._forget()
+        self._external, self._mean_external, self._vehicle = [0.0] * 3, [0.0] * 3, None
+        self._clear_sums()
 
     def imu(self, gyro_b, accel_b, dt, static=False):
         """Take in one sample.
@@ -80,7 +82,7 @@ class Attitude:
         dt : float
             Time since the sample before, s.
         static : bool
-            Block 3 says that the vehicle stands: all that the accelerometer reads is gravity.
+            Block 3 judges the vehicle static: the accelerometer reads gravity alone.
         """
         if dt > GAP_S:
             self.ready = self.heading_known = False
@@ -100,8 +102,8 @@ class Attitude:
         after = self._down = kalman.scalars(self.tilt.x)
         self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, after, strict=True)]
         share = dt / EXTERNAL_TAU_S if dt < EXTERNAL_TAU_S else 1.0
-        self._lasting = [
-            m + share * (e - m) for m, e in zip(self._lasting, self._external, strict=True)
+        self._mean_external = [
+            m + share * (e - m) for m, e in zip(self._mean_external, self._external, strict=True)
         ]
         # Sums over the epoch, for the bias: rotation that the tilt filter had to add, and the gyro.
         add(self._turned, cross(before, after))
@@ -116,13 +118,13 @@ class Attitude:
         Parameters
         ----------
         static : bool
-            Block 3 says that the vehicle stands.
+            Block 3 judges the vehicle static.
         heading : float, optional
             Of the sensor's X axis, rad: course plus mounting angle. Left out when not moving.
         sigma : float
             Its standard deviation, rad.
         vehicle : float, optional
-            Square of the horizontal acceleration of the vehicle as GNSS has it, (m/s^2)^2.
+            Square of the horizontal acceleration of the vehicle by GNSS, (m/s^2)^2.
         """
         self._vehicle = vehicle
         if not self.ready or not self._samples:
@@ -139,16 +141,16 @@ class Attitude:
                 self.yaw.start(target, sigma)
                 self.heading_known, heading = True, None
         self._correct_bias(static, down, spin, heading is not None)
-        self._trust(down)
-        self._forget()
+        self._set_rate_errors(down)
+        self._clear_sums()
 
     def restart_heading(self):
-        """Take the next heading as it comes: the mounting angle has changed."""
+        """Start the yaw anew from the next heading: the mounting angle has changed."""
         self.heading_known = False
 
     @property
     def C_nb(self):
-        """Rotation from body to north, east, down: its rows are those axes seen in the body."""
+        """Rotation from body to north, east, down: its rows are those axes in body axes."""
         down = self._down
         n = self._north(down)
         return np.array([n, cross(down, n), down], dtype=self.dtype)
@@ -164,7 +166,7 @@ class Attitude:
 
     @property
     def horizontal(self):
-        """Acceleration (m/s^2), gravity off: along the sensor's X laid level, and to its right."""
+        """Acceleration (m/s^2) without gravity: along the levelled X axis, and to its right."""
         return level(self._external, self._down)
 
     @property
@@ -174,9 +176,9 @@ class Attitude:
 
     @property
     def unexplained(self):
-        """Lasting acceleration that the IMU feels beyond twice the vehicle's by GNSS, m/s^2."""
-        felt = math.sqrt(dot(self._lasting, self._lasting))
-        return max(0.0, felt - 2 * math.sqrt(self._vehicle or 0.0))
+        """Mean acceleration in the IMU beyond twice that of the vehicle by GNSS, m/s^2."""
+        measured = math.sqrt(dot(self._mean_external, self._mean_external))
+        return max(0.0, measured - 2 * math.sqrt(self._vehicle or 0.0))
 
     @property
     def yaw_rate(self):
@@ -194,20 +196,22 @@ class Attitude:
         return np.array([dot(n, a), dot(cross(down, n), a), dot(down, a)], dtype=self.dtype)
 
     def _accel_variance(self, dt, static):
-        """Variance of the accelerometer as a plumb line, (m/s^2)^2.
+        """Variance of the accelerometer as a measurement of the vertical, (m/s^2)^2.
 
-        Vibration is noise as large as last seen. What the vehicle accelerates lasts and does not
-        average out: white noise as harmful has 2 T / dt times its variance. It is taken from GNSS,
-        for a wrong tilt would feign an acceleration and keep itself alive; without GNSS what the
-        accelerometer says of it counts, up to a bound.
+        Vibration is white noise of the size of the last sample. An acceleration of the vehicle is
+        correlated over T and does not average out: the equivalent white noise has 2 T / dt times
+        its variance. It is taken from GNSS, for a wrong tilt looks like an acceleration and would
+        confirm itself; without GNSS it is taken from the accelerometer, up to a bound.
         """
         variance = SIGMA_ACCEL * SIGMA_ACCEL
         if static:
             return variance
-        shaken = [e - m for e, m in zip(self._external, self._lasting, strict=True)]
+        shaken = [e - m for e, m in zip(self._external, self._mean_external, strict=True)]
         lasting = self._vehicle
         if lasting is None:
-            lasting = min(dot(self._lasting, self._lasting), EXTERNAL_MOST * EXTERNAL_MOST)
+            lasting = min(
+                dot(self._mean_external, self._mean_external), EXTERNAL_MOST * EXTERNAL_MOST
+            )
         lasting = max(lasting, EXTERNAL_LEAST * EXTERNAL_LEAST)
         return variance + dot(shaken, shaken) + lasting * (2 * EXTERNAL_CORR_S / dt)
 
@@ -238,15 +242,15 @@ class Attitude:
         self.yaw.start(north(down, 0.0), math.pi)
         if still:
             self.bias.step(mean[:3], self.bias.F, SIGMA_BIAS_REST, 0.0)
-            self.tilt.trust(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
-            self.yaw.trust(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
+            self.tilt.set_rate_error(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
+            self.yaw.set_rate_error(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
         self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, down, strict=True)]
-        self._lasting = self._external if not still else [0.0] * 3
+        self._mean_external = self._external if not still else [0.0] * 3
         self._gathered, self._gathered_s = [], 0.0
         self.ready = True
 
     def _correct_bias(self, static, down, spin, spun):
-        """Give the bias filter what this epoch says: the gyro at rest, or the corrections."""
+        """Update the bias filter with the gyro at rest, or with the corrections of this epoch."""
         count, seconds = self._samples, self._seconds
         mean = np.array([s / count for s in self._gyro], dtype=self.dtype)
         square = np.array([s / count for s in self._gyro_square], dtype=self.dtype)
@@ -263,17 +267,17 @@ class Attitude:
             turned = np.array([d * (spin / seconds) for d in down], dtype=self.dtype)
             self.bias.step(along @ self.bias.x + turned, along, SIGMA_BIAS_MOVING, 0.0)
 
-    def _trust(self, down):
-        """Tell both directions what bias and scale of the gyro leave across and along down."""
+    def _set_rate_errors(self, down):
+        """Set the errors that bias and scale of the gyro leave across and along down."""
         scale = GYRO_SCALE * GYRO_SCALE
         along = dot([dot(row, down) for row in self.bias.P], down)
         squares = [square / self._samples for square in self._gyro_square]
         turning = dot(squares, [d * d for d in down])
         rest = max(sum(squares) - turning, 0.0)
-        self.tilt.trust((np.trace(self.bias.P) - along + scale * rest) / 2)
-        self.yaw.trust(along + scale * turning)
+        self.tilt.set_rate_error((np.trace(self.bias.P) - along + scale * rest) / 2)
+        self.yaw.set_rate_error(along + scale * turning)
 
-    def _forget(self):
+    def _clear_sums(self):
         self._turned, self._gyro, self._gyro_square = [0.0] * 3, [0.0] * 3, [0.0] * 3
         self._samples, self._seconds = 0, 0.0
 
@@ -293,15 +297,15 @@ class Direction:
         self.Q = np.zeros((3, 3), dtype)
         self.H = np.eye(3, dtype=dtype)
         self.R = np.eye(3, dtype=dtype)
-        self.trust(SIGMA_BIAS_START * SIGMA_BIAS_START)
+        self.set_rate_error(SIGMA_BIAS_START * SIGMA_BIAS_START)
 
-    def trust(self, variance):
-        """Say how well the gyro is known for now: variance of a lasting error, (rad/s)^2.
+    def set_rate_error(self, variance):
+        """Set the variance of the gyro's correlated error, (rad/s)^2.
 
-        What is left of bias and scale turns the prediction away steadily, which does as much harm
-        over the time it lasts as white noise of that much greater density.
+        What is left of bias and scale has the effect of white noise of the density variance times
+        correlation time.
         """
-        self.density = GYRO_ARW * GYRO_ARW + variance * BIAS_LASTS_S
+        self.density = GYRO_ARW * GYRO_ARW + variance * BIAS_ERROR_S
         self._dt = None
 
     def start(self, x, sigma):
@@ -334,14 +338,24 @@ class GyroBiasFilter:
         self.P = self.F * (SIGMA_BIAS_START * SIGMA_BIAS_START)
 
     def step(self, z, H, sigma, dt):
-        """Carry the bias over ``dt``, and take in what was seen of it: z = H b + noise."""
+        """Carry the bias over ``dt``, and take in a measurement of it: z = H b + noise."""
         variance = BIAS_WALK * BIAS_WALK * dt
         self.x, self.P = kalman.predict(self.x, self.P, self.F, self.F * variance)
         self.x, self.P, _ = kalman.update(self.x, self.P, z, H, self.F * (sigma * sigma))
 
 
 class Upright:
-    """The mean direction of the specific force of a vehicle underway.
+    """The direction of down in the upright vehicle, in sensor axes.
+
+    A mounting angle belongs to the vehicle, not to the ground: a motorbike that leans by 40 deg
+    turns the level under its sensor, while the heading keeps its place among the sensor's axes. So
+    block 5 takes accelerations along axes levelled in the upright vehicle. What stays of gravity
+    there is the tilt of the vehicle itself: pitch points along the heading, where it does the angle
+    no harm, and a lean goes sideways with the acceleration of the bend, and is removed with it.
+
+    Upright is the mean over a ride: accelerations cancel, as do bends to the left and to the right,
+    and the mean specific force is gravity. It holds no drift of a gyro and no lean that a tilt
+    filter missed.
 
     Attributes
     ----------
@@ -373,7 +387,7 @@ class Upright:
         Returns
         -------
         ax, ay : float
-            Along the sensor's X axis laid level in the upright vehicle, and to its right. Undefined
+            Along the X axis levelled in the upright vehicle, and to its right. Undefined
             for an X axis that points straight up or down.
         """
         x, y, z = self._mean
@@ -382,7 +396,7 @@ class Upright:
 
 
 def turn(F, wx, wy, wz, dt):
-    """Fill F with the rotation of a navigation-fixed vector seen in a body turning at w.
+    """Fill F with the rotation of a navigation-fixed vector in the axes of a body turning at w.
 
         x' = -w x x,  so  F = I - W dt + W W dt^2 / 2
 
@@ -403,7 +417,7 @@ def turn(F, wx, wy, wz, dt):
 
 
 def north(down, heading):
-    """Return north in body axes, for a sensor whose X axis, laid level, heads to ``heading``.
+    """Return north in body axes, for a sensor whose levelled X axis points to ``heading``.
 
     Undefined for an X axis that points straight up or down.
     """
@@ -415,7 +429,7 @@ def north(down, heading):
 
 
 def level(vector, down):
-    """Return the parts of a vector along the sensor's X axis laid level, and to its right."""
+    """Return the parts of a vector along the levelled X axis of the sensor, and to its right."""
     scale = 1 / math.sqrt(max(1 - down[0] * down[0], 1e-12))
     ahead = (vector[0] - down[0] * dot(vector, down)) * scale
     return ahead, (down[2] * vector[1] - down[1] * vector[2]) * scale

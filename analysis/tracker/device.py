@@ -24,7 +24,7 @@ from analysis.tracker.mounting import (
     MAX_SIGMA,
     MIN_SPEED,
     THETA_ALPHA,
-    Mounting,
+    MountingYaw,
 )
 from analysis.tracker.static import (
     ACCEL_TAU_S,
@@ -150,7 +150,7 @@ class Device:
         self.steady = SteadyReadings()
         self.low_pass = LowPass(on.lengths)
         self.upright = Upright()
-        self.mounting = Mounting(
+        self.mounting = MountingYaw(
             on.straight_length,
             theta_alpha=on.theta_alpha,
             max_bend=on.max_bend,
@@ -202,8 +202,8 @@ class Device:
         self._t_epoch = epoch.t_s
         accepted = self.last.step(epoch.t_s, epoch.fix, epoch.pdop)
         speed, course = (epoch.speed, epoch.course) if accepted else (math.nan, math.nan)
-        blind = self._blind(epoch.t_s)
-        if blind:
+        no_imu = self._without_imu(epoch.t_s)
+        if no_imu:
             self.static.no_imu()
         moving = self._judge(speed if self._has_speed else self._by_fixes(epoch, accepted))
         self._orient(epoch.t_s, moving, course, speed, dt)
@@ -211,7 +211,7 @@ class Device:
             self._t_fix = epoch.t_s
         layer = self._settle(epoch, accepted, moving)
         self._fuse(epoch, accepted, moving, layer)
-        angles = self.attitude.angles if self.attitude and not blind else (math.nan,) * 3
+        angles = self.attitude.angles if self.attitude and not no_imu else (math.nan,) * 3
         mount = self.mounting.mount
         return {
             "accepted": accepted,
@@ -265,8 +265,8 @@ class Device:
                     self.upright.start([-STANDARD_GRAVITY * d for d in block.down])
                 if driving:
                     self.upright.step(force, dt)
-                seen = (course, speed, block.yaw_rate, *self.upright.level(force), variance)
-                if self.mounting.step(t_s, dt, *seen, (ax, ay)):
+                measured = (course, speed, block.yaw_rate, *self.upright.level(force), variance)
+                if self.mounting.step(t_s, dt, *measured, (ax, ay)):
                     block.restart_heading()
         heading = sigma = None
         if driving:
@@ -290,7 +290,7 @@ class Device:
         return None if None in self._squares else max(self._squares)
 
     def _settle(self, epoch, accepted, moving):
-        """Run block 4 while the vehicle stands."""
+        """Run block 4 while the vehicle is static."""
         if moving or not self.options.low_pass:
             self.low_pass.reset()
         elif accepted:
@@ -346,11 +346,11 @@ class Device:
         on, block = self.options, self.attitude
         sighted = block.ready and block.heading_known
         sighted = sighted and (self.mounting.mount is not None or not on.mounting)
-        if sighted and dt <= GAP_S and not self._blind(t_s):
+        if sighted and dt <= GAP_S and not self._without_imu(t_s):
             self.fusion.predict(block.accel_n, dt, on.sigma_accel)
         else:
             self.fusion.predict(np.zeros(3, on.dtype), dt, on.sigma_unaided)
 
-    def _blind(self, t_s):
-        """Tell whether the IMU has been silent for too long."""
+    def _without_imu(self, t_s):
+        """Return whether the IMU has given no sample for too long."""
         return self._t_imu is not None and t_s - self._t_imu > GAP_S

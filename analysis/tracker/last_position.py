@@ -17,7 +17,7 @@ EARTH_RADIUS_M = 6_371_000.0
 
 @dataclass(frozen=True)
 class Stored:
-    """A position worth keeping: where, how good, and when (s, of the log that gave it)."""
+    """A position to keep: where, its PDOP, and when (s, of the log that gave it)."""
 
     lat_deg: float
     lon_deg: float
@@ -32,7 +32,7 @@ class LastPosition:
     Parameters
     ----------
     stored : Stored, optional
-        What an earlier run left.
+        Position that an earlier run left.
     gate : float
         Largest PDOP of an acceptable fix.
     save_every_s : float
@@ -41,14 +41,14 @@ class LastPosition:
         Distance from the stored position to the first accepted fix beyond which the device was
         moved while it was off.
     needs_pdop : bool
-        Whether a fix of unknown PDOP is refused. False only for receivers that never state one.
+        Whether a fix of unknown PDOP is refused. False only for receivers that never report one.
 
     Attributes
     ----------
     position : Stored or None
-        What to put out: the stored position at first, then the last accepted fix.
+        Output: the stored position at first, then the last accepted fix.
     snapshot : Stored or None
-        What lies in memory.
+        Content of the memory.
     moved_while_off : float or None
         Metres, if more than ``moved_m``.
 

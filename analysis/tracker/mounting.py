@@ -1,18 +1,24 @@
 """Block 5: the mounting angle of the sensor about the vertical, from straight stretches.
 
 Tracker paper, Section III-A5, eqs (2) and (3). On a straight path a land vehicle accelerates along
-its heading only, so the horizontal acceleration that the sensor feels points forward or backward.
+its heading only, so the measured horizontal acceleration points forward or backward.
 
 Eq (3) as printed takes the arctangent of the ratio of the mean accelerations. It cannot tell
-forward from backward, and at constant speed it is the angle of noise. Beside it stands a version
-that fits what the sensor feels by what GNSS and gyro say the vehicle does: the change of speed, and
-speed times yaw rate ::
+forward from backward, and at constant speed it is the angle of noise. The version used here fits
+the accelerations that the sensor measures by those of the vehicle from GNSS and gyro, the change of
+speed (``forward``) and speed times yaw rate (``lateral``) ::
 
     (ax, ay) = along * forward + across * lateral + level, one level for each straight
 
 The angle is that of ``along``. Braking then points the same way as accelerating, constant speed has
-no weight, and the scatter says how good the angle is. ``across`` is free, for what a bend is felt
-as depends on the vehicle: all of it in a car, nothing on two wheels, which lean into it.
+no weight, and the scatter gives the standard deviation of the angle. ``across`` is free, for the
+lateral acceleration in the sensor depends on the vehicle: all of it in a car, none on two wheels,
+which lean into the bend.
+
+A stretch is straight where the variance of the course is under a threshold, which the paper does
+not print. Eq (3) needs that nothing accelerates sideways, and the same turn accelerates the more,
+the faster it is driven: so a second threshold is on the lateral acceleration of the bend that
+would give that variance.
 """
 
 import math
@@ -23,23 +29,23 @@ from analysis.tracker.low_pass import mean
 
 TURN = 2 * math.pi
 LENGTH = 6  # entries of the buffer; not printed
-ENTRY_S = 1.0  # s a entry covers, so that the buffer is as long at 1 Hz as at 25 Hz
+ENTRY_S = 1.0  # s that an entry covers, so that the buffer is as long at 1 Hz as at 25 Hz
 THETA_ALPHA = math.radians(3.0) ** 2  # rad^2, the largest variance of a straight; not printed
 MIN_SPEED = 0.5  # m/s; below, a course over ground is noise
-MAX_SIGMA = math.radians(6.0)  # rad; a worse angle is kept back until more straights have come
+MAX_SIGMA = math.radians(6.0)  # rad; a worse angle is not put out
 SIGMA_LEVEL = 0.2  # m/s^2, 2 %: the slope along or across a straight
 MAX_BEND = SIGMA_LEVEL  # m/s^2 sideways on a stretch that counts as straight
 SIGMA_ENTRY = 0.2  # m/s^2 of road, rider and GNSS speed in a mean over an entry, to begin with
-SIGMA_LATERAL = 1.0  # of the acceleration of a bend: between felt in full and not at all
-ASSUMED = 2.0  # entries that these two are worth against the scatter that is found
-SLOPE = (0.4, 2.5)  # m/s^2 felt for one GNSS saw: brakes dip the nose, receivers smooth the speed
-KEEP = 0.9  # least weight of what is known when a straight comes: a turned mount is seen in ten
-ENOUGH = 1 / math.radians(2.0) ** 2  # 1/rad^2 of information; until then nothing is forgotten
+SIGMA_LATERAL = 1.0  # of the share of the lateral acceleration that the sensor measures: 0 to 1
+ASSUMED = 2.0  # entries: weight of these two against the measured scatter
+SLOPE = (0.4, 2.5)  # acceleration in the sensor over that by GNSS: pitching, smoothed speed
+KEEP = 0.9  # least weight of earlier straights at a new one: ten show a turned sensor
+ENOUGH = 1 / math.radians(2.0) ** 2  # 1/rad^2; below, no earlier straight loses weight
 
 
 @dataclass(frozen=True)
 class Straight:
-    """What one straight stretch gave: angles in rad, as mounting angles (NaN where there is none).
+    """Result of one straight stretch: mounting angles in rad (NaN where there is none).
 
     ``printed`` is eqs (2) and (3) on this stretch, ``alone`` the weighted angle of this stretch by
     itself with its ``sigma``, ``mount`` the angle in force after it; ``ax, ay`` the mean horizontal
@@ -55,7 +61,7 @@ class Straight:
     ay: float
 
 
-class Mounting:
+class MountingYaw:
     """Find straights and the angle they give, one GNSS epoch at a time.
 
     Parameters
@@ -66,8 +72,8 @@ class Mounting:
         Largest variance of the course, rad^2; each course weighs as its speed squared, since the
         noise of a course goes as one over the speed.
     max_bend : float
-        Sideways acceleration, m/s^2, above which a stretch is no straight whatever ``theta_alpha``
-        says: the same turn pulls harder the faster it is taken (`bend_variance`).
+        Lateral acceleration, m/s^2, above which a stretch is not straight whatever ``theta_alpha``
+        is (`bend_variance`).
     min_speed, max_sigma, slope
         See the constants of this module.
 
@@ -83,10 +89,10 @@ class Mounting:
 
     Examples
     --------
-    Setting off on a straight, the sensor's X axis 90 deg clockwise of the heading: it feels the
-    acceleration to its left, along minus Y.
+    Setting off on a straight, the sensor's X axis 90 deg clockwise of the heading: the
+    acceleration is to its left, along minus Y.
 
-    >>> block = Mounting()
+    >>> block = MountingYaw()
     >>> for second in range(20):
     ...     speed, force = 1.0 + 0.1 * second**2, -0.1 * (2 * second - 1)
     ...     updated = block.step(second, 1.0, 0.0, speed, 0.0, 0.0, force, variance=0.0)
@@ -130,7 +136,7 @@ class Mounting:
         yaw_rate : float
             Mean since the last epoch, of the gyro about the vertical, rad/s.
         ax, ay : float
-            Mean specific force since the last epoch, m/s^2: along the sensor's X axis laid level in
+            Mean specific force since the last epoch, m/s^2: along the sensor's X axis levelled in
             the upright vehicle, and to its right (`attitude.Upright`).
         variance : float
             Of these means, (m/s^2)^2: the scatter of the samples over their number.
@@ -200,7 +206,7 @@ def printed_angle(ax, ay):
 
 
 def fit(entries, sigma_level=SIGMA_LEVEL):
-    """Sum up a straight for the fit of what is felt by what the vehicle does.
+    """Sum up a straight for the fit of measured accelerations by those of the vehicle.
 
     Least squares with the weights given, and a prior on the level error of the straight.
 
@@ -231,7 +237,7 @@ def fit(entries, sigma_level=SIGMA_LEVEL):
 
 
 def weighted_angle(sums):
-    """Return the direction of the vehicle's heading seen from the sensor, and how good it is.
+    """Return the direction of the vehicle's heading in sensor axes, and its standard deviation.
 
     Parameters
     ----------
@@ -246,7 +252,7 @@ def weighted_angle(sums):
         rad; infinite where there was no acceleration. The weights set its size to begin with, the
         scatter across the heading all the more, the more entries there are.
     slope : float
-        m/s^2 felt for one that GNSS saw; near 1 if all is well.
+        Acceleration in the sensor over that by GNSS; near 1.
     """
     ff, fl, fx, fy, ll, lx, ly, xx, xy, yy, freedom = sums
     ll = ll + 1 / (SIGMA_LATERAL * SIGMA_LATERAL)
@@ -279,12 +285,12 @@ def course_variance(buffer):
     return sum(w * (a - centre) ** 2 for w, a in zip(weights, turned, strict=True)) / total
 
 
-def bend_variance(buffer, seconds, pull):
-    """Return the variance of the course (rad^2) in a steady bend that pulls sideways by ``pull``.
+def bend_variance(buffer, seconds, lateral):
+    """Return the variance of the course (rad^2) in a steady bend of a lateral acceleration.
 
-        v dpsi/dt = pull over T:  psi runs evenly through pull T / v,  variance (pull T / v)^2 / 12
+        v dpsi/dt = a over T:  psi is uniform over a T / v,  variance (a T / v)^2 / 12
 
-    Eq (3) asks that nothing is felt sideways. A fixed variance does not: 3 deg in 6 s are 0.15
+    Eq (3) needs no lateral acceleration. A fixed variance does not ensure it: 3 deg in 6 s are 0.15
     m/s^2 at the 17.6 km/h of the paper's scooter, and 0.9 m/s^2 at 30 m/s.
 
     Parameters
@@ -292,7 +298,7 @@ def bend_variance(buffer, seconds, pull):
     buffer : sequence of (course, speed squared, ...)
     seconds : float
         That the buffer covers.
-    pull : float
+    lateral : float
         m/s^2.
 
     Returns
@@ -300,5 +306,5 @@ def bend_variance(buffer, seconds, pull):
     float
     """
     square = sum(entry[1] for entry in buffer) / len(buffer)
-    turned = pull * seconds
+    turned = lateral * seconds
     return turned * turned / (12 * square)

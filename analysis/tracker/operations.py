@@ -1,8 +1,8 @@
-"""What a step costs: sums and products by formula, and counted on the code as it runs.
+"""The cost of a step: sums and products by formula, and counted on the code as it runs.
 
 Formulas are for dense matrices, as the tracker paper's Table I takes them: a product of an a x b
-and a b x c matrix costs a b c products and a (b - 1) c sums. Counting hands the running code
-numbers of type `Counted`, which add themselves up in a `Tally` whenever they are used.
+and a b x c matrix costs a b c products and a (b - 1) c sums. To count, the running code is given
+numbers of type `Counted`, which add each operation to a `Tally`.
 """
 
 import math
@@ -18,8 +18,8 @@ from analysis.tracker import kalman
 from analysis.tracker.attitude import Attitude, Upright
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
-from analysis.tracker.low_pass import LowPass
-from analysis.tracker.mounting import LENGTH, Mounting, mean
+from analysis.tracker.low_pass import LowPass, mean
+from analysis.tracker.mounting import LENGTH, MountingYaw
 from analysis.tracker.static import SPEED_WINDOW, StaticTest
 
 
@@ -177,7 +177,7 @@ class Counted:
         return Counted(abs(self.value), self.tally)
 
     def __float__(self):
-        """Leave the counting: what is done with a plain float is not seen."""
+        """Return a plain float: operations on it are not counted."""
         return self.value
 
     # numpy calls these by name on arrays of objects.
@@ -223,7 +223,7 @@ def counted(array, tally):
 def instrument(block, tally):
     """Make a block of the tracker count: every number in its attributes becomes a `Counted`.
 
-    What it hands to `math` (a root, a sine) leaves the counting, and is not seen.
+    What it passes to `math` (a root, a sine) is not counted.
 
     Parameters
     ----------
@@ -394,7 +394,7 @@ def _mounting():
     tally = Tally()
     upright = Upright()
     upright.start(_counting((0.3, 0.1, -STANDARD_GRAVITY), tally))
-    upright, block = instrument(upright, tally), instrument(Mounting(), tally)
+    upright, block = instrument(upright, tally), instrument(MountingYaw(), tally)
     entry = Tally()
     for k in range(40):
         before = tally.counts()

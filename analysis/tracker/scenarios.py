@@ -262,7 +262,7 @@ def scenario(name: str, rng: np.random.Generator, **settings) -> Scenario:
     it (0.9 and 1.25 of its mean speed), and leans into the bends.
 
     C: a cold boot in a courtyard, then a lap of a car park on foot. No fix for 40 s; then the PDOP
-    falls from 50 towards 2.5 with a time constant of 15 s. The walker stands for two minutes, walks
+    falls from 50 towards 2.5 with a time constant of 15 s. The walker waits for two minutes, walks
     round a rectangle of 120 m by 70 m at 1.3 m/s with the device swinging in a bag, and is back at
     the start to 3 m.
 
