@@ -185,7 +185,7 @@ def report(
         print(f"\n{channel.name} ({channel.unit})")
         for key, estimate in channel.parameters.items():
             value = estimate.value_text or "not resolved"
-            print(f"  {page.NAMES[key]:<46}{value:>18}   {estimate.interval_text}")
+            print(f"  {page.NAMES[key]:<48}{value:>18}   {estimate.interval_text}")
         print(
             f"  how long to record: {page.hours_to_record(channel, 1 / result.source['rate_hz'])}"
         )
@@ -430,7 +430,7 @@ def pool(
         print(f"\n{channel['name']} ({channel['unit']}): {len(channel['members'])} units")
         for key, estimate in channel["parameters"].items():
             spread = Estimate(**channel["spread"][key])
-            print(f"  {page.NAMES[key]:<46}  {Estimate(**estimate)}; between units {spread}")
+            print(f"  {page.NAMES[key]:<48}  {Estimate(**estimate)}; between units {spread}")
     print(f"\n{out}/pooled.json is written")
 
 

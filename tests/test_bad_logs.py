@@ -46,7 +46,7 @@ REFUSED = {
     "a constant": (np.full(6000, 1.5), "constant"),
     "a constant with holes": (np.where(np.arange(6000) % 20 == 0, np.nan, 1.5), "constant"),
     "pure drift": (1.0 + 0.01 * np.arange(6000), "straight line"),
-    "bursts of 20 samples": (np.where(np.arange(6000) % 60 < 20, WHITE, np.nan), "holes"),
+    "bursts of 20 samples": (np.where(np.arange(6000) % 60 < 20, WHITE, np.nan), "long gaps"),
     "nothing but holes": (np.full(6000, np.nan), "0 samples"),
 }
 

@@ -225,7 +225,7 @@ def test_what_is_repaired_is_said_on_the_page(tmp_path):
     source = model(tmp_path / "mine")["source"]
     assert (source["gaps"], len(source["repairs"])) == (1, 5)
     for words in (
-        "are short for",
+        "are too short for",
         "line 52, column",
         "written twice",
         "1 gap: 20 of",
