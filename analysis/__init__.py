@@ -59,6 +59,8 @@ put wrongly (exit status 2). Both say in one sentence what to do.
 
 import math
 import os
+import tempfile
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -122,6 +124,35 @@ def wrap(angle, turn=360.0):
     float or ndarray
     """
     return turn / 2 - (turn / 2 - angle) % turn
+
+
+@contextmanager
+def replacing(path):
+    """Write a file or a folder beside its place, and move it there when it is complete.
+
+    After an error nothing has changed. A folder's files are moved one by one; other files that are
+    already in the folder stay.
+
+    Parameters
+    ----------
+    path : path-like
+        Its parents are made if need be.
+
+    Yields
+    ------
+    Path
+        Where to write: a file, or a folder that the caller makes.
+    """
+    path = Path(path)
+    home = path if path.is_dir() else path.parent
+    home.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=home, prefix=f".{path.name}-") as folder:
+        draft = Path(folder, f"draft{path.suffix}")
+        yield draft
+        for part in [p for p in sorted(draft.rglob("*")) if p.is_file()] or [draft]:
+            place = path / part.relative_to(draft)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(part, place)
 
 
 def pretty(unit):

@@ -13,7 +13,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 from tqdm import tqdm
 
-from analysis import CannotAnswer, WrongUsage, figures, plots, results, text
+from analysis import CannotAnswer, WrongUsage, figures, plots, store, text
 from analysis.logs.columns import tidy
 from analysis.noise import exports
 from analysis.noise.channel import refuse_without_noise
@@ -57,14 +57,15 @@ def write(log, out):
     StaticResult
     """
     try:
-        result = results.characterise_log(log)
+        result = store.characterise_log(log)
     except CannotAnswer as error:
         raise CannotAnswer(f"{log.file}, {error}; --columns can leave a channel out") from error
     earlier = {Path("exports", name) for name in exports.TITLES} | _figures_of(Path(out))
     with replacing(out, earlier) as draft:
-        results.write_model(result, draft / "model.json")
+        model = store.model(result)
+        (draft / "model.json").write_text(store.as_json(model), encoding="utf-8")
         _draw(result, draft / "figures")
-        _write_texts(exports.files(results.model(result), EXPORTS), draft / "exports")
+        _write_texts(exports.files(model, EXPORTS), draft / "exports")
         (draft / "report.html").write_text(_page(result, draft / "figures"), encoding="utf-8")
     return result
 
@@ -215,7 +216,7 @@ def write_pooled(logs, out, *, axes=False):
     """
     groups = _group_channels(logs, axes)
     total = sum(map(len, groups.values()))
-    streams = iter(np.random.SeedSequence(results.SEED).spawn(total))
+    streams = iter(np.random.SeedSequence(store.SEED).spawn(total))
     channels = []
     with tqdm(total=total, desc="pooling", unit="channel", disable=None) as bar:
         for name, members in groups.items():
@@ -238,17 +239,17 @@ def write_pooled(logs, out, *, axes=False):
                     "members": [{"file": log.file, "channel": c.name} for log, c in members],
                     "model": pooled.model,
                     "models": pooled.models,
-                    "parameters": {k: results.plain(e) for k, e in pooled.parameters.items()},
-                    "spread": {k: results.plain(e) for k, e in pooled.spread.items()},
+                    "parameters": {k: store.plain(e) for k, e in pooled.parameters.items()},
+                    "spread": {k: store.plain(e) for k, e in pooled.spread.items()},
                 }
             )
     content = {
-        "sources": [results.source(log) for log in logs],
-        "seed": results.SEED,
+        "sources": [store.log_source(log) for log in logs],
+        "seed": store.SEED,
         "channels": channels,
     }
     with replacing(out) as draft:
-        (draft / "pooled.json").write_text(results.as_json(content), encoding="utf-8")
+        (draft / "pooled.json").write_text(store.as_json(content), encoding="utf-8")
     return content
 
 

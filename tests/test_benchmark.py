@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from analysis import DATA
+from analysis import store
 from analysis.cli import main
 from analysis.studies import benchmark, noise_speed, replay_speed
 
@@ -34,7 +34,7 @@ def test_the_tracker_is_timed_with_its_bars(monkeypatch):
 
 def test_the_committed_numbers_keep_their_bars():
     """published: what `benchmark --out` wrote on a machine of two cores, against every bar."""
-    table = pd.read_csv(DATA / "derived" / "benchmark" / "benchmark.csv", comment="#")
+    table = store.read("benchmark").tables["benchmark"]
     assert set(table["part"]) == set(benchmark.BENCHMARKS)
     held = table[table["bar"].str.match("[<>]=", na=False)]
     assert len(held) == 9

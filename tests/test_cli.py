@@ -13,13 +13,13 @@ import sys
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 import typer
 
-from analysis import ROOT, claims, cli, report, reproduce
+from analysis import ROOT, claims, cli, report, reproduce, store
 from analysis.logs import datasets
 from analysis.noise import exports
-from analysis.studies import derived
 
 COMMANDS = [
     "reproduce", "report", "replay", "pool", "export", "plan", "coverage", "claims", "data",
@@ -446,20 +446,21 @@ def test_data_lists_and_verifies():
 
 def test_data_rebuilds_compares_and_replaces(tmp_path, monkeypatch):
     """Property: equal as committed; a changed number is found and named; --write puts it right."""
-    before = files(derived.FOLDER)
+    committed = store.FOLDER
+    before = files(committed)
     assert run("data", "--rebuild", "f9p-static") == (0, "equal     f9p-static\n", "")
-    assert files(derived.FOLDER) == before
-    monkeypatch.setattr(derived, "FOLDER", tmp_path)
-    shutil.copytree(derived.DATA / "derived" / "f9p-static", tmp_path / "f9p-static")
+    assert files(committed) == before
+    monkeypatch.setattr(store, "FOLDER", tmp_path)
+    shutil.copytree(committed / "f9p-static", tmp_path / "f9p-static")
     expected = files(tmp_path)
-    path = tmp_path / "f9p-static" / "model.json"
-    stored = json.loads(path.read_text(encoding="utf-8"))
-    stored["channels"][1]["parameters"]["sigma_v"]["value"] = 7.0
-    path.write_text(json.dumps(stored), encoding="utf-8")
+    path = tmp_path / "f9p-static" / "parameters.csv"
+    table = pd.read_csv(path)
+    table.loc[(table["channel"] == "east") & (table["parameter"] == "sigma_v"), "value"] = 7.0
+    table.to_csv(path, index=False)
     assert run("data", "--rebuild", "f9p-static") == (
         1,
         "differs   f9p-static\n",
-        "cannot answer: f9p-static, model.json: channels/east/parameters/sigma_v/value differs\n",
+        "cannot answer: f9p-static, parameters.csv: column value east sigma_v differs\n",
     )
     status, out, _ = run("data", "--rebuild", "--write", "f9p-static")
     assert (status, out) == (0, "written   f9p-static\n")

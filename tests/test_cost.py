@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy.stats import linregress
 
-from analysis import DATA, CannotAnswer
+from analysis import DATA, CannotAnswer, store
 from analysis.terrain.cost import PowerLaw, draw_prices, largest_allowed
 from analysis.terrain.readings import Sensor, sensor_table
 
@@ -110,8 +110,7 @@ def test_units_of_the_sensor_list():
 
 def test_own_sensor_from_its_model():
     """property: value where the log resolves it, bound where not, rad/s as deg/s, else refused."""
-    path = DATA / "derived" / "adis16405" / "model.json"
-    model = json.loads(path.read_text(encoding="utf-8"))
+    model = store.read_model("adis16405")
     sensor, bound = Sensor.from_model(model, "gyro_y")
     assert sensor[:2] == pytest.approx((0.0425, 0.00945), rel=0.01) and bound is False
     assert Sensor.from_model(model, "gyro_x")[1] is True

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis import store
 from analysis.cli import main
 from analysis.studies import coverage
 
@@ -13,7 +14,7 @@ FITTED = ("sigma_v", "sigma_b", "corr_time", "drift")
 @pytest.fixture(scope="module")
 def study():
     """Read the committed study."""
-    return coverage.read()
+    return store.coverage()
 
 
 @pytest.fixture
@@ -92,7 +93,7 @@ def test_command_makes_it_and_goes_on(tmp_path):
     kept = pd.read_csv(path).assign(truth=7.0)
     kept.to_csv(path, index=False)
     coverage.study([("midg-yaw", 0.1, 3)], 1, tmp_path / "1")
-    assert (coverage.read(tmp_path / "1")["truth"] == 7.0).all()
+    assert (store.coverage(tmp_path / "1")["truth"] == 7.0).all()
 
 
 @pytest.mark.parametrize(

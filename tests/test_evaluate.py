@@ -4,7 +4,7 @@ import numpy as np
 import pymap3d
 import pytest
 
-from analysis import tables
+from analysis import store
 from analysis.logs import datasets, moving
 from analysis.tracker import evaluate, scenarios
 from analysis.tracker.device import Options
@@ -118,7 +118,7 @@ def test_real_logs_at_rest_stay_in_their_circle():
     pairs = ((g.lat_deg, g.lon_deg), (found["out_lat_deg"], found["out_lon_deg"]))
     raw, out = (np.array(pymap3d.geodetic2ned(*p, 0.0, *there)[:2]) for p in pairs)
     stands = [(g.t_s, raw, out, found["layer"])]
-    phone = tables.load("tracker-parked")[1]["stand"]
+    phone = store.read("tracker-parked")[1]["stand"]
     raw, out = (phone[[f"{k}_north_m", f"{k}_east_m"]].to_numpy().T for k in ("raw", "out"))
     stands.append((phone["t_s"].to_numpy(), raw, out, phone["layer"].to_numpy()))
     for t, raw, out, layer in stands:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis import CannotAnswer, roads
+from analysis import CannotAnswer, store
 from analysis.terrain.point_mass import compare_filters
 from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.real_laps import resample_lap, track_real_laps
@@ -16,7 +16,7 @@ PERFECT = {0: (0.0, 0.0)}
 
 def test_a_held_out_lap_is_tracked_well_under_a_metre():
     """property: with a perfect gyro the map of the other laps holds this one, gaps and all."""
-    lap, others = roads.lap_and_map(LAP)
+    lap, others = store.lap_and_map(LAP)
     options = {"runs": 3, "seed": 1}
     laps = track_real_laps({LAP: (lap, others)}, PERFECT, Setup.paper(1557.0), **options)[LAP]
     assert np.sqrt((laps.error**2).mean()) < 0.6
@@ -37,7 +37,7 @@ def test_laps_tracked_together_are_as_alone():
             "one": Sensor(0.001, 0.0001, R["one"]),
             "four": Sensor(0.01, 0.01, R["four"]),
         }
-        laps = {name: roads.lap_and_map(name) for name in names}
+        laps = {name: store.lap_and_map(name) for name in names}
         together = track_real_laps(laps, sensors, setup, **options)
         for k, name in enumerate(names):
             own = {label: s._replace(R=s.R[k]) for label, s in sensors.items()}
@@ -51,7 +51,7 @@ def test_laps_tracked_together_are_as_alone():
 
 def test_an_exact_map_is_better():
     """property: what the measured attitude adds to the error is the map's, on a lap with gaps."""
-    args = ({LAP: roads.lap_and_map(LAP)}, PERFECT, Setup.paper(1557.0))
+    args = ({LAP: store.lap_and_map(LAP)}, PERFECT, Setup.paper(1557.0))
     measured, exact = (
         track_real_laps(*args, runs=3, seed=1, exact_map=e)[LAP] for e in (False, True)
     )
@@ -60,15 +60,15 @@ def test_an_exact_map_is_better():
 
 def test_the_map_does_not_know_the_lap():
     """property: leaving a lap out changes the map, and the map is of the lap's direction."""
-    whole, without = roads.load_profile(roads.LAPS[LAP]), roads.map_without(LAP)
+    whole, without = store.profile(store.lap(LAP).direction), store.map_without(LAP)
     assert without.laps.max() < whole.laps.max()
-    other = roads.load_profile("cw" if roads.LAPS[LAP] == "ccw" else "ccw")
+    other = store.profile("cw" if store.lap(LAP).direction == "ccw" else "ccw")
     assert abs(without.length_m - whole.length_m) < 5 < abs(other.length_m - whole.length_m)
 
 
 def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
     """property: one sentence each."""
-    lap, others = roads.lap_and_map(LAP)
+    lap, others = store.lap_and_map(LAP)
     options = {"runs": 1, "seed": 1}
     blind = replace(lap, pitch_deg=np.full_like(lap.pitch_deg, np.nan))
     with pytest.raises(CannotAnswer, match=f"lap {LAP} has no pitch: an antenna was missing"):
@@ -83,7 +83,7 @@ def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
 
 def test_filter_grid_and_bound_on_the_real_map():
     """cross-check: on the real track, where the model is true, UKF and grid differ by percents."""
-    profile = roads.load_profile("ccw")
+    profile = store.profile("ccw")
     setup = Setup.paper(600.0, R=0.05, odometry_scale=0.0)
     found = compare_filters(profile.attitude_map(), setup, runs=40, seed=3)
     tells = found.informative

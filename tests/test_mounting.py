@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from analysis import tables, wrap
+from analysis import store, wrap
 from analysis.tracker.mounting import (
     THETA_ALPHA,
     MountingYaw,
@@ -266,7 +266,7 @@ def test_real_rides_turned_by_known_angles(name, within):
     As committed in data/derived, which the raw logs are compared with where they are. The phone's
     drive has an IMU of 1 Hz and a reference that is itself only known to 2 deg: 6 there.
     """
-    source, stored = tables.load(f"tracker-{name}")
+    source, stored = store.read(f"tracker-{name}")
     table = stored["turned"]
     assert sorted(table["turned_deg"]) == list(range(0, 360, 30))
     assert (table["answers"] >= 4).all()

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from analysis import CannotAnswer, WrongUsage, roads
+from analysis import CannotAnswer, WrongUsage, store
 from analysis.logs import datasets
 from analysis.logs import surveys as survey
 from analysis.studies import surveys
@@ -214,12 +214,12 @@ def test_the_bound_of_a_sine():
 # ---------------------------------------------------------------- the real laps
 
 
-@pytest.mark.parametrize("direction", roads.DIRECTIONS)
+@pytest.mark.parametrize("direction", ("ccw", "cw"))
 def test_the_committed_map(direction):
     """Published: the facts that datasets/README gives of the laps hold on the committed ones."""
-    line = roads.centre_line(direction)
-    laps = [roads.load_lap(name) for name in roads.lap_names(direction)]
-    curves = terrain_map.lap_curves(laps, line, roads.WIDTH)
+    line = store.centre_line(direction)
+    laps = [store.lap(name) for name in store.lap_names(direction)]
+    curves = terrain_map.lap_curves(laps, line, surveys.WIDTH)
     bins = {q: line.bin_means(values, 5.0) for q, values in curves.items()}
     first = np.triu_indices(len(laps), 1)
     roll, pitch = (np.corrcoef(bins[q])[first] for q in ("roll_deg", "pitch_deg"))
@@ -231,10 +231,10 @@ def test_the_committed_map(direction):
 
 def test_the_committed_map_is_what_its_laps_make():
     """Cross-check: map from the committed laps equals the committed map, to its six digits."""
-    for direction in roads.DIRECTIONS:
-        line, stored = roads.centre_line(direction), roads.load_profile(direction)
-        laps = [roads.load_lap(name) for name in roads.lap_names(direction)]
-        made = terrain_map.combine(terrain_map.lap_curves(laps, line, roads.WIDTH), line)
+    for direction in ("ccw", "cw"):
+        line, stored = store.centre_line(direction), store.profile(direction)
+        laps = [store.lap(name) for name in store.lap_names(direction)]
+        made = terrain_map.combine(terrain_map.lap_curves(laps, line, surveys.WIDTH), line)
         for key in ("pitch_deg", "roll_deg", "height_m", "pitch_se_deg", "roll_se_deg"):
             np.testing.assert_allclose(getattr(made, key), getattr(stored, key), atol=2e-3)
         assert (np.diff(stored.s_m) > 0).all() and np.isfinite(stored.pitch_deg).all()
@@ -242,8 +242,8 @@ def test_the_committed_map_is_what_its_laps_make():
 
 def test_each_lap_keeps_its_promises():
     """Property: truth grows, wheels agree to 0.2 %, attitude is there where all are fixed."""
-    for name in roads.lap_names():
-        lap = roads.load_lap(name)
+    for name in store.lap_names():
+        lap = store.lap(name)
         assert (np.diff(lap.s_m) > 0).all() and np.allclose(np.diff(lap.t_s), DT)
         assert lap.s_m[-1] - lap.s_m[0] > 1500.0
         assert lap.wheel_m[-1] / (lap.s_m[-1] - lap.s_m[0]) == pytest.approx(1.0, abs=2e-3)
@@ -254,7 +254,7 @@ def test_each_lap_keeps_its_promises():
 def test_leaving_a_lap_out_leaves_it_out():
     """Property: the held-out map differs, has one lap less, and one lap alone borrows its error."""
     for name, left in (("14-45-26", 3), ("17-39-12", 1)):
-        held_out, whole = roads.map_without(name), roads.load_profile(roads.LAPS[name])
+        held_out, whole = store.map_without(name), store.profile(store.lap(name).direction)
         assert held_out.laps.max() == left
         assert np.std(held_out.pitch_deg - whole.pitch_deg) > 0.01
         assert (held_out.pitch_se_deg > 0).all()
@@ -291,9 +291,9 @@ def write_log(path, lap, *, mode=6, without=(), counts=True, epochs=None):
 
 def van_on(direction, part=slice(None), aside=0.0, backward=False):
     """Antenna positions of the synthetic van on the committed map."""
-    known = roads.load_profile(direction)
+    known = store.profile(direction)
     s = np.arange(0.0, known.length_m - 1.0, 1.0)[part]
-    curve = roads.centre_line(direction).curves()
+    curve = store.centre_line(direction).curves()
     (e1, n1) = curve(s, 1).T
     at = np.column_stack([curve(s) + aside * np.column_stack([n1, -e1]), np.full(len(s), 300.0)])
     yaw = np.degrees(np.arctan2(e1, n1))
@@ -305,8 +305,8 @@ def van_on(direction, part=slice(None), aside=0.0, backward=False):
 def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
     """Analytic: a van driven along the committed centre line comes back at its place."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw"))
-    lap, known = roads.lap_and_map(path, "ccw")
-    assert known.laps.max() == len(roads.lap_names("ccw"))
+    lap, known = store.lap_and_map(path, "ccw")
+    assert known.laps.max() == len(store.lap_names("ccw"))
     np.testing.assert_allclose(lap.s_m, np.arange(len(lap.s_m)), atol=0.05)
     # The lever of the front antenna, 0.33 m aside, is the van's, not this lap's.
     assert np.abs(lap.offset_m).max() < 0.02 and lap.fixed.all()
@@ -326,7 +326,7 @@ def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, said):
     """Property: one sentence that names the file and what it lacks."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw", slice(0, 200)), **made)
     with pytest.raises(CannotAnswer, match=said):
-        roads.lap_and_map(path, "ccw")
+        store.lap_and_map(path, "ccw")
 
 
 def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
@@ -337,17 +337,17 @@ def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
     with pytest.raises(
         CannotAnswer, match=r"mine\.mat: the lap leaves the map: it is \d+ m to the"
     ):
-        roads.lap_and_map(path, "ccw")
+        store.lap_and_map(path, "ccw")
     path = write_log(tmp_path / "back.mat", van_on("ccw", backward=True))
     with pytest.raises(CannotAnswer, match=r"back\.mat: the lap runs against the map's direction"):
-        roads.lap_and_map(path, "ccw")
+        store.lap_and_map(path, "ccw")
     other = write_log(tmp_path / "other.mat", van_on("cw"))
     with pytest.raises(CannotAnswer, match="against the map's direction"):
-        roads.lap_and_map(other, "ccw")
+        store.lap_and_map(other, "ccw")
     with pytest.raises(WrongUsage, match="no direction 'north'; there are: ccw, cw"):
-        roads.lap_and_map(path, "north")
+        store.lap_and_map(path, "north")
     with pytest.raises(WrongUsage, match="no lap 'x'"):
-        roads.load_lap("x")
+        store.lap("x")
 
 
 def test_files_that_are_no_laps_are_refused(tmp_path):
@@ -357,7 +357,7 @@ def test_files_that_are_no_laps_are_refused(tmp_path):
         path = tmp_path / "bad.mat"
         path.write_bytes(content)
         with pytest.raises(CannotAnswer, match=r"bad\.mat: not a MATLAB v7\.3 file, or cut off"):
-            roads.lap_and_map(path, "ccw")
+            store.lap_and_map(path, "ccw")
         with pytest.raises(CannotAnswer, match=r"bad\.mat: not a"):
             survey.highway(path)
 
@@ -405,16 +405,16 @@ def test_a_lap_that_does_not_come_round_makes_no_line():
 
 def test_raw_laps_lie_on_their_own_map_only():
     """Property: the real files, brought in as a reader's own, are the committed laps again."""
-    for name, direction in roads.LAPS.items():
-        file = f"{roads.TRACK}/mapping_van_2024-08-05-{name}_merged.mat"
+    for name, direction in surveys.DIRECTION_OF.items():
+        file = f"{store.TRACK}/mapping_van_2024-08-05-{name}_merged.mat"
         try:
             path = datasets.path(file)
         except datasets.NotHere as error:
             pytest.skip(str(error))
-        other = next(d for d in roads.DIRECTIONS if d != direction)
-        lap, known = roads.lap_and_map(path, direction)[0], roads.load_lap(name)
+        other = next(d for d in ("ccw", "cw") if d != direction)
+        lap, known = store.lap_and_map(path, direction)[0], store.lap(name)
         np.testing.assert_allclose(lap.s_m, known.s_m, atol=1e-3)
         np.testing.assert_allclose(lap.pitch_deg, known.pitch_deg, atol=1e-3)
         np.testing.assert_allclose(lap.wheel_m, known.wheel_m, rtol=2e-3, atol=0.1)
         with pytest.raises(CannotAnswer, match="against the map's direction"):
-            roads.lap_and_map(path, other)
+            store.lap_and_map(path, other)

@@ -183,7 +183,7 @@ def files(model, templates):
     Parameters
     ----------
     model : dict
-        As `analysis.results.model` gives it, or json.load of the file.
+        As `analysis.store.model` gives it, or json.load of the file.
     templates : jinja2.Environment
         Of analysis/templates/exports.
 
@@ -254,7 +254,7 @@ def read_triads(model):
     Parameters
     ----------
     model : dict
-        As `analysis.results.model` gives it, or json.load of the file.
+        As `analysis.store.model` gives it, or json.load of the file.
 
     Returns
     -------

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis import roads
 from analysis.studies import noise_speed, replay_speed
 from analysis.terrain.monte_carlo import simulate_laps
 from analysis.terrain.readings import Setup
@@ -36,7 +35,7 @@ class Measured:
 
 def road():
     """Make the map that the terrain benchmarks drive on: pitch of the real test track."""
-    profile = roads.load_profile("ccw")
+    profile = store.profile("ccw")
     return profile.attitude_map(margin=150.0), profile.length_m
 
 

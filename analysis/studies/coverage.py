@@ -1,12 +1,13 @@
-"""Do the intervals cover? Every estimator asked about simulated logs of known sensors.
+"""Coverage of the 95 % intervals: every estimator on simulated logs of known sensors.
 
 Log k of a model comes from the k-th stream spawned from the model's seed, so that neither the
-number of workers nor an interruption changes a number.
+number of workers nor an interruption changes a number. A table a cell (model and hours) is kept in
+``data/derived/coverage``.
 """
 
 import os
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -14,21 +15,21 @@ import pandas as pd
 from scipy.stats import norm
 from tqdm import tqdm
 
-from analysis import DATA, Estimate, WrongUsage
-from analysis.noise import graph as reading
-from analysis.noise import recipes
+from analysis import WrongUsage, replacing, store
+from analysis.noise import graph, recipes
 from analysis.noise.allan import allan_deviation, fit_line
 from analysis.noise.fit import UNIFIED
 from analysis.noise.inference import infer, linear_drift
 from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov, models_of_table_one
 
 SEED = 4711
+FOLDER = store.FOLDER / "coverage"
+FURTHER_LENGTHS = "midg-roll"  # the model that is simulated at further lengths
+EVERY = 10  # logs: one in so many is given to the slower recipes too
+DIGITS = 5  # of the numbers in the tables
 RATE_HZ = 20.0  # of Table I, comparison paper section IV
-LENGTHS = "midg-roll"  # asked at further lengths
-FOLDER = DATA / "derived" / "coverage"
-TERRAIN = UnifiedModel(
-    0.004 * 10, 200.0, 0.005, title="terrain Table 1"
-)  # at 100 Hz: N = 0.004 deg/sqrt(s)
+# At 100 Hz: N = 0.004 deg/sqrt(s).
+TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005, title="terrain Table 1")
 PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 
 
@@ -76,10 +77,9 @@ def papers():
     -------
     dict of str, tuple
     """
-    table = pd.read_csv(DATA / "published" / "comparison-table-1.csv", comment="#")
-    models = models_of_table_one(table)
-    found = {name: (model, 1 / RATE_HZ, "angle") for name, model in models.items()}
-    return found | {"terrain": (TERRAIN, 0.01, "rate")}
+    models = models_of_table_one(store.published("comparison-table-1"))
+    sensors = {name: (model, 1 / RATE_HZ, "angle") for name, model in models.items()}
+    return sensors | {"terrain": (TERRAIN, 0.01, "rate")}
 
 
 def models():
@@ -98,40 +98,51 @@ def models():
     }
 
 
-def ask(stream, model, dt, kind, hours, classical):
-    """Simulate one log and ask the estimators.
+def estimate(run, stream, *, model, dt, kind, hours):
+    """Simulate one log and run the estimators on it, the slower ones on every tenth log.
 
     Returns
     -------
     list of dict
-        estimator, parameter, value, low, high (NaN where there is none), model.
+        run, estimator, parameter, value, low, high (NaN where there is none), interval (whether
+        the estimator gives one), model.
     """
     y = model.simulate(round(3600 * hours / dt), dt, np.random.default_rng(stream))
-    said = infer(y, dt, "deg", kind, np.random.default_rng(stream))
-    known = [p for p in PARAMETERS if p in said.parameters]
-    found = [_row("likelihood", p, said.parameters[p], said.chosen.model) for p in known]
-    fits = said.fits
-    unified = fits[UNIFIED].terms
-    found += [_bare("N+GM, unselected", p, unified[p][0]) for p in PARAMETERS[:3]]
-    line = said.likelihood.evaluate(said.chosen.point[None], said.chosen.names)
+    found = infer(y, dt, "deg", kind, np.random.default_rng(stream))
+    chosen, rows = found.chosen.model, []
+
+    def add(estimator, parameter, value, low=None, high=None, *, interval=True, model=""):
+        row = {"run": run, "estimator": estimator, "parameter": parameter}
+        row |= {"value": value, "low": low, "high": high}
+        rows.append(row | {"interval": interval, "model": model})
+
+    for p in PARAMETERS:
+        if p in found.parameters:
+            e = found.parameters[p]
+            add("likelihood", p, e.value, e.low, e.high, model=chosen)
+    for p in PARAMETERS[:3]:
+        add("N+GM, unselected", p, found.fits[UNIFIED].terms[p][0], interval=False)
+    line = found.likelihood.evaluate(found.chosen.point[None], found.chosen.names)
     ends = line.drift[0] + norm.ppf([0.5, 0.025, 0.975]) * line.drift_sd[0]
-    found.append(_row("chosen model", "drift", Estimate(*ends, "deg/s"), said.chosen.model))
-    if classical:
-        drift = Estimate(*linear_drift(said.likelihood, fits, said.chosen), "deg/s")
-        found.append(_row("chi-squared", "drift", drift, said.chosen.model))
-        residual = fit_line(y, dt)[0]
+    add("chosen model", "drift", *ends, model=chosen)
+    if run % EVERY == 0:
+        add(
+            "chi-squared",
+            "drift",
+            *linear_drift(found.likelihood, found.fits, found.chosen),
+            model=chosen,
+        )
+        residual, per_sample = fit_line(y, dt)[0], 1 / np.sqrt(dt)
         curve = allan_deviation(residual, dt)
-        graph, per_sample = reading.white_noise(curve, "deg"), 1 / np.sqrt(dt)
-        ends = (None if v is None else v * per_sample for v in (graph.value, graph.low, graph.high))
-        value, low, high = ends
-        found.append(_row("graph", "sigma_v", replace(graph, value=value, low=low, high=high), ""))
-        followed = recipes.ComparisonRecipe.of_log(residual, dt)
+        white = graph.white_noise(curve, "deg")
+        ends = (None if v is None else v * per_sample for v in (white.value, white.low, white.high))
+        add("graph", "sigma_v", *ends)
+        recipe = recipes.ComparisonRecipe.of_log(residual, dt)
+        for p in PARAMETERS[:3]:
+            add("1/e", p, getattr(recipe, p), interval=False)
         fitted = recipes.five_coefficients(curve)["white"] * per_sample
-        found += [
-            _bare("1/e", p, getattr(followed, p)) for p in ("sigma_v", "sigma_b", "corr_time")
-        ]
-        found.append(_bare("five coefficients", "sigma_v", fitted))
-    return found
+        add("five coefficients", "sigma_v", fitted, interval=False)
+    return rows
 
 
 def plan():
@@ -141,13 +152,13 @@ def plan():
     -------
     list of (str, float, int)
     """
-    told = [(name, h, 2000) for h in (2, 6) for name in papers()]
-    told += [(name, h, 500) for h in (2, 6) for name in models() if name not in papers()]
-    return told + [(LENGTHS, h, 500) for h in (0.5, 1, 12, 24)]
+    cells = [(name, h, 2000) for h in (2, 6) for name in papers()]
+    cells += [(name, h, 500) for h in (2, 6) for name in models() if name not in papers()]
+    return cells + [(FURTHER_LENGTHS, h, 500) for h in (0.5, 1, 12, 24)]
 
 
 def study(cells, workers=None, folder=FOLDER):
-    """Ask the estimators about simulated logs, and write a table a cell.
+    """Run the estimators on simulated logs, and write a table a cell.
 
     A cell that is there already with as many logs is kept: a killed study goes on where it stopped.
 
@@ -162,57 +173,71 @@ def study(cells, workers=None, folder=FOLDER):
     unknown = [name for name, _, _ in cells if name not in models()]
     if unknown:
         raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(models())}")
-    folder.mkdir(parents=True, exist_ok=True)
+    source = {
+        "title": "Coverage of the 95 % intervals: estimators on simulated logs of known sensors",
+        "made_by": "python -m analysis coverage",
+        "seed": SEED,
+        "papers": {n: {"title": m.title, "interval_s": dt} for n, (m, dt, _) in papers().items()},
+        "further_lengths": FURTHER_LENGTHS,
+    }
+    store.write(folder, source, {})
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
     with (
         ProcessPoolExecutor(workers) as pool,
         tqdm(total=sum(runs for _, _, runs in cells), unit="log", disable=None) as bar,
     ):
-        for name, h, runs in cells:
-            path = folder / f"{name}-{h:g}h.csv"
+        for name, hours, runs in cells:
+            path = folder / f"{name}-{hours:g}h.csv"
             bar.set_description(path.stem)
-            if path.exists() and len(pd.read_csv(path)) and pd.read_csv(path)["runs"].max() == runs:
+            if path.exists() and (pd.read_csv(path)["runs"] == runs).any():
                 bar.update(runs)
                 continue
-            streams = np.random.SeedSequence([SEED, list(models()).index(name)]).spawn(runs)
             model, dt, kind = models()[name]
-            one = partial(_one, model=model, dt=dt, kind=kind, hours=h)
+            one = partial(estimate, model=model, dt=dt, kind=kind, hours=hours)
             rows = []
-            for k, found in enumerate(pool.map(one, range(runs), streams, chunksize=4)):
-                rows += [row | {"run": k} for row in found]
+            for found in pool.map(one, range(runs), streams(name, runs), chunksize=4):
+                rows += found
                 bar.update()
-            text = summary(pd.DataFrame(rows), model).to_csv(index=False, float_format="%.5g")
-            draft = path.with_suffix(".part")
-            draft.write_text(text, encoding="utf-8")
-            draft.replace(path)
+            table = summary(pd.DataFrame(rows), model)
+            table.insert(0, "hours", float(hours))
+            table.insert(0, "model", name)
+            with replacing(path) as draft:
+                store.write_table(draft, store.rounded(table, DIGITS))
+
+
+def streams(name, runs):
+    """Give the random streams of a model's logs."""
+    return np.random.SeedSequence([SEED, list(models()).index(name)]).spawn(runs)
 
 
 def summary(rows, model):
-    """Count the truths inside, and say how the values scatter relative to the truth.
+    """Count the intervals that hold the truth, and summarise the values relative to the truth.
 
     Returns
     -------
     DataFrame
-        estimator, parameter, truth, runs, logs; resolved, covered, interval_above, interval_below
-        (shares of the logs that have a value, whose interval holds the truth, lies above it, lies
-        below it); mean, median, q025, q975 of value / truth; unified, the share of N+GM.
+        estimator, parameter, truth, runs (of the cell), logs; resolved, covered, interval_above,
+        interval_below (shares of the logs that have a value, whose interval holds the truth, lies
+        above it, lies below it); mean, median, q025, q975 of value / truth; unified, the share of
+        logs for which N+GM was chosen.
     """
-    found = []
+    cells = []
     for (estimator, parameter), group in rows.groupby(["estimator", "parameter"], sort=False):
-        truth = getattr(model, parameter, 0.0)
-        low, high = group["low"].fillna(-np.inf), group["high"].fillna(np.inf)
+        truth, value = getattr(model, parameter, 0.0), group["value"].astype(float)
+        low = group["low"].astype(float).fillna(-np.inf)
+        high = group["high"].astype(float).fillna(np.inf)
         # A random constant goes with the mean: no log of it alone bounds its standard deviation.
         constant = parameter == "sigma_b" and np.isinf(model.corr_time)
         has = group["interval"].any() and not constant and (truth > 0 or parameter == "drift")
-        ratio = (group["value"] / truth).replace([np.inf, -np.inf], np.nan).dropna()
+        ratio = (value / truth).replace([np.inf, -np.inf], np.nan).dropna()
         scatter = ratio if len(ratio) and 0 < truth < np.inf else pd.Series([np.nan])
-        found.append(
+        cells.append(
             {
                 "estimator": estimator,
                 "parameter": parameter,
                 "truth": truth,
                 "runs": len(group),
-                "resolved": group["value"].notna().mean(),
+                "resolved": value.notna().mean(),
                 "covered": ((low <= truth) & (truth <= high)).mean() if has else np.nan,
                 "interval_above": (low > truth).mean() if has else np.nan,
                 "interval_below": (high < truth).mean() if has else np.nan,
@@ -223,45 +248,5 @@ def summary(rows, model):
                 "unified": (group["model"] == UNIFIED).mean(),
             }
         )
-    table = pd.DataFrame(found)
+    table = pd.DataFrame(cells)
     return table.assign(runs=table["runs"].max(), logs=table["runs"])
-
-
-def read(folder=FOLDER):
-    """Read every cell of the study.
-
-    Returns
-    -------
-    DataFrame
-        As `summary`, with ``model`` and ``hours``.
-    """
-    parts = []
-    for path in sorted(folder.glob("*h.csv")):
-        name, hours = path.stem.rsplit("-", 1)
-        part = pd.read_csv(path)
-        part.insert(0, "hours", float(hours.removesuffix("h")))
-        part.insert(0, "model", name)
-        parts.append(part)
-    return pd.concat(parts, ignore_index=True)
-
-
-def _one(k, stream, *, model, dt, kind, hours, every=10):
-    """Ask the likelihood about every log, the recipes about every tenth."""
-    return ask(stream, model, dt, kind, hours, classical=k % every == 0)
-
-
-def _row(estimator, parameter, e, model):
-    return {
-        "estimator": estimator,
-        "parameter": parameter,
-        "value": np.nan if e.value is None else e.value,
-        "low": np.nan if e.low is None else e.low,
-        "high": np.nan if e.high is None else e.high,
-        "interval": True,
-        "model": model,
-    }
-
-
-def _bare(estimator, parameter, value):
-    row = {"estimator": estimator, "parameter": parameter, "value": value}
-    return row | {"low": np.nan, "high": np.nan, "interval": False, "model": ""}

@@ -6,7 +6,7 @@ from resource import RUSAGE_SELF, getrusage
 import allantools
 import numpy as np
 
-from analysis import results
+from analysis import store
 from analysis.logs.static import Channel, Log
 from analysis.noise.allan import allan_deviation
 from analysis.noise.inference import infer
@@ -61,5 +61,5 @@ def log_seconds(samples=10_000_000, channels=6):
     named = tuple(Channel(f"gyro_{k}", "deg/s", "rate", y) for k, y in enumerate(readings))
     log = Log("made", "made", "made", "", 1 / DT, named, samples, 0, (), "", "")
     start = time.perf_counter()
-    results.characterise_log(log, progress=False)
+    store.characterise_log(log, progress=False)
     return time.perf_counter() - start, getrusage(RUSAGE_SELF).ru_maxrss / 1e6

@@ -1,12 +1,15 @@
-"""What a static log says, on disk: model.json as the contract has it, and the series beside it."""
+"""data/derived: written, read, compared; model.json as the contract has it; what is committed."""
 
 import json
+import shutil
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from analysis import logs, results
+from analysis import CannotAnswer, logs, replacing, store
 from analysis.noise.models import UnifiedModel
+from analysis.studies import derived
 
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}
@@ -22,7 +25,7 @@ G = 9.80665  # m/s^2
 
 
 def simulated(n=12_000):
-    """Simulate a log with white noise and a bias that forgets in 10 s."""
+    """Simulate a log with white noise and a bias of correlation time 10 s."""
     return UnifiedModel(0.03, 10.0, 0.02).simulate(n, DT, np.random.default_rng(11))
 
 
@@ -47,19 +50,19 @@ def log(tmp_path_factory):
 @pytest.fixture(scope="module")
 def result(log):
     """Characterise it once."""
-    return results.characterise_log(log, progress=False)
+    return store.characterise_log(log, progress=False)
 
 
 def written(result, folder):
     """Write a result and return its files' bytes."""
-    results.write(result, folder)
+    store.write(folder, result.source, store.static_tables(result))
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
 def test_two_channels_at_a_time_change_nothing(log, result, tmp_path, monkeypatch):
     """property: one channel after another gives the same bytes as two at a time."""
-    monkeypatch.setattr(results, "AT_ONCE", 1)
-    serial = results.characterise_log(log, progress=False)
+    monkeypatch.setattr(store, "AT_ONCE", 1)
+    serial = store.characterise_log(log, progress=False)
     assert written(serial, tmp_path / "serial") == written(result, tmp_path / "threads")
 
 
@@ -73,11 +76,9 @@ def strictly(text):
 
 
 @pytest.fixture(scope="module")
-def model(result, tmp_path_factory):
+def model(result):
     """Give model.json as another program reads it."""
-    path = tmp_path_factory.mktemp("model") / "model.json"
-    results.write_model(result, path)
-    return strictly(path.read_text(encoding="utf-8"))
+    return strictly(store.as_json(store.model(result)))
 
 
 def test_source_says_which_log(model, log):
@@ -89,7 +90,7 @@ def test_source_says_which_log(model, log):
     assert (source["rate_hz"], source["duration_s"]) == (10.0, 1200.0)
     assert (source["samples"], source["gaps"]) == (12_000, 0)
     assert any("5 of 12,000 values are missing" in repair for repair in source["repairs"])
-    assert source["seed"] == results.SEED
+    assert source["seed"] == store.SEED
 
 
 def test_channels_have_the_keys_of_the_contract(model):
@@ -153,8 +154,18 @@ def test_what_was_put_in_comes_out(result):
 def test_round_trip(result, tmp_path):
     """Property: what is read back is what was written, to the six digits that are stored."""
     first = written(result, tmp_path / "first")
-    assert list(first) == ["autocorrelation.csv", "model.json", "short.csv", "whole.csv"]
-    back = results.read(tmp_path / "first")
+    assert list(first) == [
+        "allan.csv",
+        "autocorrelation.csv",
+        "channels.csv",
+        "models.csv",
+        "parameters.csv",
+        "short.csv",
+        "source.json",
+        "whole.csv",
+    ]
+    back = store.static_log(tmp_path / "first")
+    assert store.model(back) == store.model(result)
     assert written(back, tmp_path / "second") == first
     assert back.source == result.source
     close = {"rtol": 1e-5, "atol": 1e-30}  # six digits, none of them near zero by rounding
@@ -177,17 +188,17 @@ def test_round_trip(result, tmp_path):
 def test_same_seed_same_bytes(log, result, tmp_path, capfd):
     """Property: the seed decides, the progress bar does not, and there is none off a terminal."""
     first = written(result, tmp_path / "first")
-    again = results.characterise_log(log, progress=True)
+    again = store.characterise_log(log, progress=True)
     assert written(again, tmp_path / "again") == first
     assert capfd.readouterr() == ("", "")
-    other = results.characterise_log(log, seed=1, progress=False)
-    assert written(other, tmp_path / "other")["model.json"] != first["model.json"]
+    other = store.characterise_log(log, seed=1, progress=False)
+    assert written(other, tmp_path / "other")["parameters.csv"] != first["parameters.csv"]
 
 
 def test_a_channel_does_not_depend_on_those_after_it(log, result):
     """Property: channel k draws from the k-th stream of the seed, whatever comes later."""
     few = logs.Log(**{**vars(log), "channels": log.channels[:2]})
-    found = results.characterise_log(few, progress=False)
+    found = store.characterise_log(few, progress=False)
     assert [c.parameters for c in found.channels] == [c.parameters for c in result.channels[:2]]
 
 
@@ -198,9 +209,7 @@ def test_same_log_in_g_and_m_s2(tmp_path):
     found = []
     for unit, factor in (("g", 1.0), ("m_s2", G)):
         named = {f"accel_{a}_{unit}": factor * c for a, c in zip("xyz", channels, strict=True)}
-        found.append(
-            results.characterise_log(read(tmp_path, f"{unit}.csv", **named), progress=False)
-        )
+        found.append(store.characterise_log(read(tmp_path, f"{unit}.csv", **named), progress=False))
     resolved = 0
     for in_g, in_m_s2 in zip(found[0].channels, found[1].channels, strict=True):
         # 1e-6: the CSVs have 15 digits, of which squaring a small difference costs some
@@ -212,3 +221,155 @@ def test_same_log_in_g_and_m_s2(tmp_path):
                 assert b == (None if a is None else pytest.approx(factor * a, rel=1e-6)), name
             resolved += e.resolved
     assert resolved >= 7  # sigma_v and N of each axis, the bias of x: or nothing was compared
+
+
+# --- any folder ----------------------------------------------------------------------------------
+
+
+def small_set():
+    """Make a small source and table."""
+    table = pd.DataFrame({"t_s": [0.0, 1.0, 2.0], "x_m": [1.0, np.nan, -3.0], "what": list("abc")})
+    return {"file": "f.csv", "sha256": "0" * 64}, {"one": table}
+
+
+def test_written_tables_are_read_back(tmp_path, monkeypatch):
+    """property: what is written is read back, truth values as 0 and 1, and compares equal."""
+    monkeypatch.setattr(store, "FOLDER", tmp_path)
+    source, tables = small_set()
+    store.write(tmp_path / "log", source, tables | {"two": pd.DataFrame({"yes": [True, False]})})
+    assert store.names() == store.names("two") == ["log"] and store.names("three") == []
+    back = store.read("log")
+    assert back.source == source
+    pd.testing.assert_frame_equal(back.tables["one"], tables["one"], check_dtype=False)
+    assert list(back.tables["two"]["yes"]) == [1, 0]
+    assert store.compare(tmp_path / "log", tmp_path / "log") == []
+
+
+def test_rounding_keeps_significant_digits():
+    """analytic: six digits, or as many as a column is given; words and whole numbers stay."""
+    table = pd.DataFrame({"a": [123456.789, np.nan], "b": [1.23456789e-7, 2.0], "c": [7654321, 1]})
+    back = store.rounded(table, b=8)
+    assert back["a"][0] == 123457.0 and np.isnan(back["a"][1])
+    assert back["b"][0] == 1.2345679e-7 and back["c"][0] == 7654321
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda s, t: t["one"].__setitem__("x_m", [1.0, np.nan, -3.01]), "one.csv: column x_m"),
+        (lambda s, t: t["one"].__setitem__("what", list("abd")), "one.csv: column"),
+        (lambda s, t: t.__setitem__("one", t["one"][["t_s"]]), "one.csv: column x_m"),
+        (lambda s, t: t.__setitem__("two", t["one"]), "two.csv is new"),
+        (lambda s, t: s.__setitem__("sha256", "1" * 64), "sha256"),
+    ],
+)
+def test_each_difference_is_named(tmp_path, change, words):
+    """property: another number, word, column, table or source is found and named."""
+    store.write(tmp_path / "log", *small_set())
+    changed = small_set()
+    change(*changed)
+    store.write(tmp_path / "new", *changed)
+    assert words in " ".join(store.compare(tmp_path / "log", tmp_path / "new"))
+
+
+@pytest.fixture
+def pair(tmp_path):
+    """Two equal copies of the derived highway."""
+    folders = [tmp_path / "old" / store.HIGHWAY, tmp_path / "new" / store.HIGHWAY]
+    for folder in folders:
+        shutil.copytree(store.FOLDER / store.HIGHWAY, folder)
+    return folders
+
+
+def test_equal_folders_and_rounding_are_no_difference(pair):
+    """property: a last digit more or less passes; nothing is invented."""
+    old, new = pair
+    assert store.compare(old, new) == []
+    path = new / "to-altoona.csv"
+    table = pd.read_csv(path)
+    table["height_m"] *= 1 + 1e-6
+    table.to_csv(path, index=False)
+    assert store.compare(old, new) == []
+
+
+def test_a_number_a_word_a_column_and_a_file_are_named(pair):
+    """property: each difference is one sentence with folder, file and place."""
+    old, new = pair
+    path = new / "to-altoona.csv"
+    table = pd.read_csv(path)
+    table.loc[7, "height_m"] += 1.0
+    table.drop(columns="east_m").to_csv(path, index=False)
+    (new / "more.csv").write_text("a\n1\n", encoding="utf-8")
+    path = new / "source.json"
+    source = json.loads(path.read_text(encoding="utf-8"))
+    source["licence"] = "CC0"
+    source["drives"]["to-altoona"]["jumps_found"] += 1
+    path.write_text(json.dumps(source), encoding="utf-8")
+    assert store.compare(old, new) == [
+        "psu-highway: more.csv is new",
+        "psu-highway, source.json: drives/to-altoona/jumps_found differs",
+        "psu-highway, source.json: licence differs",
+        "psu-highway, to-altoona.csv: column east_m differs",
+        "psu-highway, to-altoona.csv: column height_m differs",
+    ]
+
+
+def test_rows_of_a_channel_are_compared_among_themselves(tmp_path):
+    """property: a small channel beside a large one keeps its own scale."""
+    for name, small in (("old", 1e-9), ("new", 2e-9)):
+        rows = {"channel": ["big", "big", "small"], "value": [1e3, 2e3, small]}
+        store.write(tmp_path / name / "x", {"a": 1}, {"t": pd.DataFrame(rows)})
+    differences = store.compare(tmp_path / "old" / "x", tmp_path / "new" / "x")
+    assert differences == ["x, t.csv: column value small differs"]
+
+
+@pytest.mark.parametrize("folder", [False, True])
+def test_a_replaced_file_or_folder_is_whole_or_as_before(tmp_path, folder):
+    """property: an error leaves the old content and no draft; other files of a folder stay."""
+    path = tmp_path / "deep" / ("out" if folder else "out.csv")
+
+    def put(draft, text):
+        if folder:
+            draft.mkdir()
+        (draft / "a.csv" if folder else draft).write_text(text, encoding="utf-8")
+
+    with replacing(path) as draft:
+        put(draft, "old")
+    file = path / "a.csv" if folder else path
+    other = file.with_name("other.csv")
+    other.write_text("stays", encoding="utf-8")
+    with pytest.raises(ZeroDivisionError), replacing(path) as draft:
+        put(draft, "half")
+        raise ZeroDivisionError
+    assert file.read_text() == "old"
+    with replacing(path) as draft:
+        put(draft, "new")
+    assert (file.read_text(), other.read_text()) == ("new", "stays")
+    assert sorted(p.name for p in file.parent.iterdir()) == sorted([file.name, "other.csv"])
+
+
+# --- what is committed ---------------------------------------------------------------------------
+
+
+def test_what_is_not_stored_says_how_to_make_it():
+    """property: one sentence with the command."""
+    with pytest.raises(CannotAnswer, match="python -m analysis data --rebuild --write nothing"):
+        store.read("nothing")
+
+
+def test_every_folder_can_be_made_again_and_states_its_source():
+    """property: no folder is without a maker or a source; those of raw files have file and licence.
+
+    The study of coverage and the benchmark have no raw files, and commands of their own.
+    """
+    folders = {p.name for p in store.FOLDER.iterdir() if p.is_dir()}
+    assert folders == set(store.names())
+    assert folders - {"coverage", "benchmark"} <= set(derived.names())
+    assert set(derived.MAKERS) <= folders
+    for name in folders:
+        source = store.read(name).source
+        assert source["title"] and source["made_by"].startswith("python -m analysis ")
+        if name not in ("coverage", "benchmark"):
+            sums = source.get("files") or {source["file"]: source["sha256"]}
+            assert all(len(sha256) == 64 for sha256 in sums.values())
+            assert source["licence"] and source["source"]

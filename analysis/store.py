@@ -1,0 +1,581 @@
+"""What was computed once from raw logs, in ``data/derived``: read, written, compared.
+
+``data/derived/<name>/`` holds ``source.json`` (the raw files with sha256, licence and source, the
+command that made the folder, results that are single numbers) and one CSV a table. Missing values
+are empty, truth values 0 or 1, numbers have at most nine digits; whoever makes a table rounds it to
+what it means. The functions that make the folders are listed in `analysis.studies.derived`.
+
+read("psu-highway")           any folder: its source and its tables
+static_log("adis16405")       a characterised static log
+profile("ccw"), lap("14-45-26"), highway("to-altoona")    the surveyed roads
+published("terrain-table-2")  a table copied from one of the papers
+"""
+
+import functools
+import json
+import re
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from analysis import DATA, CannotAnswer, Estimate, WrongUsage
+from analysis.logs import surveys
+from analysis.logs.static import Log
+from analysis.noise.allan import AllanCurve
+from analysis.noise.channel import ChannelNoise, characterise, remarks
+from analysis.terrain import terrain_map
+from analysis.terrain.antennas import AntennaMounting
+from analysis.terrain.centre_line import CentreLine
+from analysis.terrain.real_laps import Lap, lay_on_line
+from analysis.terrain.terrain_map import Profile
+
+__all__ = [
+    "Stored",
+    "centre_line",
+    "characterise_log",
+    "coverage",
+    "highway",
+    "lap",
+    "lap_and_map",
+    "lap_curves",
+    "lap_names",
+    "map_without",
+    "names",
+    "profile",
+    "published",
+    "read",
+    "read_model",
+    "static_log",
+]
+
+FOLDER = DATA / "derived"
+COMMAND = "python -m analysis data --rebuild --write"
+TRACK, HIGHWAY = "psu-test-track", "psu-highway"
+DIGITS = 6  # of a number in model.json and in most tables
+TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen
+SEED = 20080505
+AT_ONCE = 2  # channels; each has random numbers of its own, so their order does not matter
+
+
+class Stored(NamedTuple):
+    """One folder of data/derived.
+
+    Attributes
+    ----------
+    source : dict
+        What was read, under which licence, by which command; and single numbers.
+    tables : dict of DataFrame
+    """
+
+    source: dict
+    tables: dict[str, pd.DataFrame]
+
+
+def names(holding: str = "") -> list[str]:
+    """List the committed folders, or those that hold a table of that name.
+
+    ``names("parameters")`` are the characterised static logs.
+    """
+    folders = sorted(path.parent for path in FOLDER.glob("*/source.json"))
+    return [f.name for f in folders if not holding or (f / f"{holding}.csv").exists()]
+
+
+def read(name: str | Path) -> Stored:
+    """Read a folder of data/derived, by its name, or any other folder of that layout.
+
+    Raises
+    ------
+    CannotAnswer
+        If there is none.
+    """
+    folder = FOLDER / name
+    if not (folder / "source.json").exists():
+        raise CannotAnswer(f"no results '{name}' in data/derived; make them with: {COMMAND} {name}")
+    source = json.loads((folder / "source.json").read_text(encoding="utf-8"))
+    return Stored(source, {p.stem: pd.read_csv(p) for p in sorted(folder.glob("*.csv"))})
+
+
+def write(folder: Path, source: dict, tables: dict[str, pd.DataFrame]) -> None:
+    """Write a source and its tables; tables of an earlier run stay unless they have the same name.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if need be.
+    source : dict
+        Plain numbers, words and lists of them.
+    tables : dict of DataFrame
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "source.json").write_text(as_json(source), encoding="utf-8")
+    for name, table in tables.items():
+        write_table(folder / f"{name}.csv", table)
+
+
+def write_table(path: Path, table: pd.DataFrame) -> None:
+    """Write one table in the format of data/derived."""
+    whole = table.astype(dict.fromkeys(table.select_dtypes(bool), int))
+    whole.to_csv(path, index=False, float_format="%.9g", lineterminator="\n")
+
+
+def rounded(table: pd.DataFrame, digits: int = DIGITS, **finer: int) -> pd.DataFrame:
+    """Round the numbers of a table to significant digits; ``s_m=8`` keeps that column finer."""
+    columns = {
+        name: [float(f"{v:.{finer.get(str(name), digits)}g}") for v in table[name]]
+        for name in table.select_dtypes("float")
+    }
+    return table.assign(**columns)
+
+
+def rounded_number(x, digits=DIGITS):
+    """Round a number to significant digits; one that is missing or not finite becomes None."""
+    return None if x is None or not np.isfinite(x) else float(f"{x:.{digits}g}")
+
+
+def as_json(content: dict) -> str:
+    """Write plain numbers as JSON, a list of numbers on one line, so that changes can be read."""
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+    return re.sub(r"\[[-\d.e+,\s]+\]", lambda part: " ".join(part[0].split()), text) + "\n"
+
+
+def compare(old: Path, new: Path) -> list[str]:
+    """Compare two folders: tables and sources.
+
+    Returns
+    -------
+    list of str
+        One sentence a difference; empty if all numbers agree to `TOLERANCE` and all words exactly.
+    """
+    differences = []
+    files = {p.name for folder in (old, new) for p in folder.iterdir() if p.is_file()}
+    for file in sorted(files):
+        if not ((old / file).exists() and (new / file).exists()):
+            gone = (old / file).exists()
+            differences.append(f"{old.name}: {file} is {'no longer made' if gone else 'new'}")
+            continue
+        was, now = (_values(folder / file) for folder in (old, new))
+        keys = sorted(was.keys() | now.keys())
+        differ = [k for k in keys if k not in was or k not in now or not _same(was[k], now[k])]
+        differences += [f"{old.name}, {file}: {key} differs" for key in differ]
+    return differences
+
+
+def _values(path):
+    """Flatten a file: key -> number, array of numbers, or words."""
+    if path.suffix == ".json":
+        source = json.loads(path.read_text(encoding="utf-8"))
+        return pd.json_normalize(source, sep="/").iloc[0].to_dict()
+    table = pd.read_csv(path)
+    keys = [c for c in table.select_dtypes(exclude="number") if c not in ("unit", "note")]
+    groups = table.groupby(keys, sort=False, dropna=False) if keys else [((), table)]
+    return {
+        " ".join(["column", column, *map(str, group)]): rows[column]
+        for group, rows in groups
+        for column in table.columns.drop(keys)
+    }
+
+
+def _same(a, b):
+    a, b = np.asarray(a), np.asarray(b)
+    if a.shape != b.shape:
+        return False
+    if not {a.dtype.kind, b.dtype.kind} <= set("iuf"):
+        return np.array_equal(a.astype(str), b.astype(str))
+    scale = np.nanmax(np.abs(a)) if np.isfinite(a).any() else 1.0
+    return np.allclose(a, b, rtol=TOLERANCE, atol=1e-6 * scale, equal_nan=True)
+
+
+def coverage(folder: Path = FOLDER / "coverage") -> pd.DataFrame:
+    """Read every cell of the study of coverage: a row a model, hours, estimator and parameter."""
+    return pd.concat(read(folder).tables.values(), ignore_index=True)
+
+
+def published(name: str, dtype: type | None = None) -> pd.DataFrame:
+    """Read a table copied from one of the papers.
+
+    Parameters
+    ----------
+    name : str
+        A CSV of data/published, without its suffix.
+    dtype : type, optional
+        ``str`` keeps the digits as printed.
+    """
+    return pd.read_csv(DATA / "published" / f"{name}.csv", comment="#", dtype=dtype)
+
+
+# Static logs
+
+
+@dataclass(frozen=True)
+class StaticResult:
+    """A characterised static log.
+
+    Attributes
+    ----------
+    source : dict
+        ``file``, ``sha256``, ``rate_hz``, ``duration_s``, ``samples``, ``gaps``, ``repairs``,
+        ``licence``, ``source``, ``title``, ``seed``.
+    channels : tuple of ChannelNoise
+    """
+
+    source: dict
+    channels: tuple[ChannelNoise, ...]
+
+    def __getitem__(self, name: str) -> ChannelNoise:
+        """Return the channel of that name."""
+        return next(c for c in self.channels if c.name == name)
+
+
+def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> StaticResult:
+    """Characterise every channel of a log, channel k with the k-th stream spawned from `seed`.
+
+    Parameters
+    ----------
+    log : Log
+    seed : int
+    progress : bool
+        Show a progress bar on a terminal.
+    """
+    streams = np.random.SeedSequence(seed).spawn(len(log.channels))
+
+    def characterise_channel(channel, stream):
+        return characterise(
+            channel.values,
+            log.dt,
+            name=channel.name,
+            unit=channel.unit,
+            kind=channel.kind,
+            rng=np.random.default_rng(stream),
+        )
+
+    with ThreadPoolExecutor(AT_ONCE) as threads:
+        channels = tuple(
+            tqdm(
+                threads.map(characterise_channel, log.channels, streams),
+                total=len(streams),
+                desc=f"characterising {log.name}",
+                unit="channel",
+                disable=None if progress else True,
+            )
+        )
+    noticed = [sentence for c in log.channels for sentence in remarks(c.values, log.dt, c.name)]
+    return StaticResult(log_source(log, noticed) | {"seed": seed}, channels)
+
+
+def log_source(log: Log, noticed: Iterable[str] = ()) -> dict:
+    """State where a static log comes from and what was repaired in it."""
+    return {
+        "title": log.title,
+        "file": log.file,
+        "sha256": log.sha256,
+        "rate_hz": rounded_number(log.rate_hz),
+        "duration_s": rounded_number(log.duration_s),
+        "samples": int(log.samples),
+        "gaps": int(log.gaps),
+        "repairs": [*log.repairs, *noticed],
+        "licence": log.licence,
+        "source": log.source,
+    }
+
+
+def model(result: StaticResult) -> dict:
+    """Give the content of model.json, plain numbers and words."""
+
+    def numbers(values):
+        return [rounded_number(v) for v in values]
+
+    channels = [
+        {
+            "name": c.name,
+            "unit": c.unit,
+            "kind": c.kind,
+            "parameters": {name: plain(e) for name, e in c.parameters.items()},
+            "allan": {
+                "tau_s": numbers(c.allan.tau),
+                "deviation": numbers(c.allan.adev),
+                "low": numbers(c.allan.low),
+                "high": numbers(c.allan.high),
+                "edf": numbers(c.allan.edf),
+            },
+            # The minimum of a criterion is good to a hundredth, and no reader needs more.
+            "models": [
+                m
+                | {"terms": {term: numbers(v) for term, v in m["terms"].items()}}
+                | {"aic_above_least": round(m["aic_above_least"], 1)}
+                for m in c.models
+            ],
+            "line": {
+                "mean": rounded_number(c.line[0]),
+                "slope_per_s": rounded_number(c.line[1]),
+            },
+        }
+        for c in result.channels
+    ]
+    return {"source": result.source, "channels": channels}
+
+
+def read_model(source: str | Path) -> dict:
+    """Read a model.json that `report` wrote, or give that of a committed static log by its name."""
+    if Path(source).suffix == ".json":
+        return json.loads(Path(source).read_text(encoding="utf-8"))
+    return model(static_log(source))
+
+
+def plain(estimate: Estimate) -> dict:
+    """Give an estimate as a dict of plain numbers and words."""
+    entries = asdict(estimate).items()
+    return {k: rounded_number(v) if isinstance(v, float) else v for k, v in entries}
+
+
+def static_tables(result: StaticResult) -> dict[str, pd.DataFrame]:
+    """Lay a characterised log out as tables: the numbers of model.json, and the series plotted.
+
+    Returns
+    -------
+    dict of DataFrame
+        channels, parameters, allan, models (a row a term), short, whole, autocorrelation.
+    """
+    channels = model(result)["channels"]
+    about = [{k: c[k] for k in ("name", "unit", "kind")} | c["line"] for c in channels]
+    parameters = [
+        {"channel": c["name"], "parameter": name, **e}
+        for c in channels
+        for name, e in c["parameters"].items()
+    ]
+    terms = [
+        {"channel": c["name"], **m, "term": term, "value": value}
+        for c in channels
+        for m in c["models"]
+        for term, values in m["terms"].items()
+        for value in values
+    ]
+    tables = {
+        "channels": pd.DataFrame(about),
+        "parameters": pd.DataFrame(parameters),
+        "allan": pd.concat([pd.DataFrame({"channel": c["name"]} | c["allan"]) for c in channels]),
+        "models": pd.DataFrame(terms).drop(columns="terms"),
+    }
+    for panel in ("short", "whole"):
+        series = {c.name: getattr(c, panel)[1] for c in result.channels}
+        tables[panel] = pd.DataFrame({"t_s": getattr(result.channels[0], panel)[0]} | series)
+    tables["autocorrelation"] = pd.concat(
+        pd.DataFrame({"channel": c.name, "window_s": w, "lag_s": lag, "autocovariance": cov})
+        for c in result.channels
+        for w, (lag, cov) in c.autocorrelation.items()
+    )
+    return {name: rounded(table) for name, table in tables.items()}
+
+
+def static_log(name: str | Path) -> StaticResult:
+    """Read a characterised static log.
+
+    Parameters
+    ----------
+    name : str
+        A stanza of ``data/logs.toml``.
+
+    Raises
+    ------
+    CannotAnswer
+        If it is not committed.
+    """
+    stored = read(name)
+    short, whole = stored.tables["short"], stored.tables["whole"]
+    channels = []
+    for about in stored.tables["channels"].itertuples():
+        parameters, allan, models, covariances = (
+            _rows(stored.tables[key], "channel", about.name)
+            for key in ("parameters", "allan", "models", "autocorrelation")
+        )
+        channels.append(
+            ChannelNoise(
+                name=about.name,
+                unit=about.unit,
+                kind=about.kind,
+                parameters={p.parameter: _estimate(p) for p in parameters.itertuples()},
+                allan=AllanCurve(*allan.to_numpy(dtype=float).T),
+                models=[
+                    {
+                        "model": name,
+                        "terms": {t: list(g["value"]) for t, g in m.groupby("term", sort=False)},
+                        "parameters": int(m["parameters"].iloc[0]),
+                        "aic_above_least": float(m["aic_above_least"].iloc[0]),
+                        "chosen": bool(m["chosen"].iloc[0]),
+                    }
+                    for name, m in models.groupby("model", sort=False)
+                ],
+                line=(about.mean, about.slope_per_s),
+                short=(short["t_s"].to_numpy(), short[about.name].to_numpy()),
+                whole=(whole["t_s"].to_numpy(), whole[about.name].to_numpy()),
+                autocorrelation={
+                    window: (g["lag_s"].to_numpy(), g["autocovariance"].to_numpy())
+                    for window, g in covariances.groupby("window_s")
+                },
+            )
+        )
+    return StaticResult(stored.source, tuple(channels))
+
+
+def _rows(table, column, value):
+    return table[table[column] == value].drop(columns=column)
+
+
+def _estimate(row):
+    ends = (None if np.isnan(v) else float(v) for v in (row.value, row.low, row.high))
+    note = row.note if isinstance(row.note, str) else ""
+    return Estimate(*ends, row.unit, bool(row.resolved), note)
+
+
+# Roads
+
+
+@dataclass(frozen=True)
+class Highway:
+    """One drive on I-99, with altitude jumps removed.
+
+    Attributes
+    ----------
+    s_m : ndarray, shape (n,)
+        Distance driven, evenly spaced.
+    east_m, north_m, height_m : ndarray, shape (n,)
+        In the survey's own frame.
+    grade_deg : ndarray, shape (n,)
+        Of the road, uphill positive: the central difference of height.
+    levelled : ndarray of bool, shape (n,)
+        Where the height had jumped: its level is interpolated between long good stretches.
+    """
+
+    s_m: np.ndarray
+    east_m: np.ndarray
+    north_m: np.ndarray
+    height_m: np.ndarray
+    grade_deg: np.ndarray
+    levelled: np.ndarray
+
+
+@functools.cache
+def _road(name):
+    return read(name)
+
+
+def lap_names(direction: str | None = None) -> list[str]:
+    """List the laps of the test track, of one direction (``ccw``, ``cw``) or all."""
+    source = _road(TRACK).source
+    if direction is not None:
+        _check(direction, source["length_m"], "direction")
+    return [n for n, lap in source["laps"].items() if direction in (None, lap["direction"])]
+
+
+def profile(direction: str) -> Profile:
+    """Read the test track's terrain map in one direction, ``ccw`` or ``cw``."""
+    stored = _road(TRACK)
+    _check(direction, stored.source["length_m"], "direction")
+    table, length = stored.tables[f"profile-{direction}"], stored.source["length_m"][direction]
+    columns = {name: table[name].to_numpy() for name in table.columns}
+    columns["s_m"] = np.arange(len(table)) * length / len(table)  # exact, as it was
+    return Profile(**columns, length_m=length, closed=True)
+
+
+@functools.cache
+def lap(name: str) -> Lap:
+    """Read one lap of the test track, by the time of day of its recording; see `lap_names`."""
+    stored = _road(TRACK)
+    _check(name, stored.source["laps"], "lap")
+    table = stored.tables[f"lap-{name}"]
+    columns = {key: table[key].to_numpy(dtype=float) for key in table.columns}
+    columns["fixed"] = columns["fixed"] == 1
+    return Lap(name, stored.source["laps"][name]["direction"], **columns)
+
+
+def highway(name: str) -> Highway:
+    """Read a drive on I-99, ``to-state-college`` or ``to-altoona``."""
+    stored = _road(HIGHWAY)
+    _check(name, stored.source["drives"], "drive")
+    table, step = stored.tables[name], stored.source["step_m"]
+    east, north, height = table[["east_m", "north_m", "height_m"]].to_numpy(dtype=float).T
+    grade = np.degrees(np.arctan(np.gradient(height, step)))
+    return Highway(
+        np.arange(len(table)) * step, east, north, height, grade, table["levelled"].to_numpy() == 1
+    )
+
+
+def centre_line(direction: str) -> CentreLine:
+    """Give the centre line of the map in one direction."""
+    known = profile(direction)
+    return CentreLine(known.s_m, known.east_m, known.north_m, known.length_m)
+
+
+def lap_curves(direction: str) -> dict[str, np.ndarray]:
+    """Smooth the laps of one direction onto the map's grid.
+
+    Returns
+    -------
+    dict of ndarray, shape (laps, grid)
+        pitch_deg, roll_deg, height_m; in the order of `lap_names`.
+    """
+    laps = [lap(name) for name in lap_names(direction)]
+    width = _road(TRACK).source["smoothing_width_m"]
+    return terrain_map.lap_curves(laps, centre_line(direction), width)
+
+
+def map_without(name: str) -> Profile:
+    """Make the map from the other laps of a lap's direction.
+
+    Where only one other lap is left, the variance between laps is that of the other direction.
+    The centre line and the mounting of the antennas stay those of all laps: they say where and how
+    the lap was measured, not what the terrain is.
+    """
+    left_out = lap(name)
+    line, curves = centre_line(left_out.direction), lap_curves(left_out.direction)
+    kept = [k for k, n in enumerate(lap_names(left_out.direction)) if n != name]
+    between = None
+    if len(kept) == 1:
+        other = profile("cw" if left_out.direction == "ccw" else "ccw")
+        errors = {q: getattr(other, q.replace("_", "_se_")) for q in curves}
+        between = {q: float(np.mean(se**2 * other.laps)) for q, se in errors.items()}
+    return terrain_map.combine({q: v[kept] for q, v in curves.items()}, line, between)
+
+
+def lap_and_map(source: str | Path, direction: str | None = None) -> tuple[Lap, Profile]:
+    """Give a real lap and the map to track it on, for `analysis.terrain.track_real_laps`.
+
+    Parameters
+    ----------
+    source : str or Path
+        One of `lap_names`, with the map of the other laps of its direction; or a raw file of the
+        van (`analysis.logs.surveys.lap`), with the map of all committed laps.
+    direction : {"ccw", "cw"}, optional
+        Of a raw file: the direction in which it was driven.
+
+    Returns
+    -------
+    Lap, Profile
+        The wheels of a raw file are scaled as on the mean of the committed laps.
+
+    Raises
+    ------
+    CannotAnswer
+        If a raw file has no RTK or lacks an antenna, or its lap leaves the map or runs against it.
+    """
+    if direction is None:
+        return lap(str(source)), map_without(str(source))
+    path, line, known = Path(source), centre_line(direction), _road(TRACK).source
+    raw = surveys.lap(path, known["gate_lat_lon_deg"])
+    mounting = AntennaMounting(**known["mounting_deg"])
+    try:
+        own = lay_on_line(path.stem, direction, raw, line, mounting)
+    except CannotAnswer as error:
+        raise CannotAnswer(f"{path.name}: {error}") from error
+    scale = np.mean([about["metres_per_count"] for about in known["laps"].values()])
+    return replace(own, wheel_m=own.wheel_m * scale), profile(direction)
+
+
+def _check(name, known, what):
+    if name not in known:
+        raise WrongUsage(f"no {what} '{name}'; there are: {', '.join(known)}")

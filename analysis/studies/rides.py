@@ -1,0 +1,346 @@
+"""Real rides: raw files of the registry on one timeline each, and what the tracker makes of them.
+
+Every log gets the conventions of the package (z down, specific force, rad/s) and a fix once a
+second, as the tracker paper has them; the IMU keeps its rate. Its notes state what was done.
+The tables are small enough to commit: positions are metres from a mean, not coordinates, and no
+table holds a raw log.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import pymap3d
+
+from analysis import STANDARD_GRAVITY, CannotAnswer, store, wrap
+from analysis.logs import datasets
+from analysis.logs.timeline import Gnss, Imu, Timeline, turn_imu
+from analysis.tracker.device import Options
+from analysis.tracker.evaluate import mounting_regression
+from analysis.tracker.log_replay import replay
+
+KMH = 1 / 3.6
+METRES_PER_PDOP = 5.0  # of a reported 68 % accuracy, where a phone gives no PDOP
+Z_UP_TO_DOWN = np.array([1.0, -1.0, -1.0])
+PARKED = (3744.0, 5009.0)  # s: the longest stationary period of the drive, 1265 s at a speed of 0
+STEP_DEG = 30.0  # between the known angles by which an IMU is turned
+SEED = 33  # of the reference's bootstrap
+EVERY = 4  # of the path, one point in so many is kept
+DIGITS = 7  # of the numbers in the tables
+
+
+@dataclass(frozen=True)
+class Ride:
+    """One raw log: title, file in the registry, source, and the function that reads its table."""
+
+    title: str
+    file: str
+    source: str
+    reader: Callable
+
+
+def read(name):
+    """Read a real log onto one timeline.
+
+    Parameters
+    ----------
+    name : str
+        One of `RIDES`.
+
+    Returns
+    -------
+    Timeline
+
+    Raises
+    ------
+    CannotAnswer
+        If the raw file is not on this machine.
+    """
+    if name not in RIDES:
+        raise CannotAnswer(f"no ride '{name}'; there are: {', '.join(RIDES)}")
+    path = datasets.path(RIDES[name].file)
+    gnss, imu, notes = RIDES[name].reader(pd.read_csv(path, low_memory=False))
+    return Timeline(gnss, imu, None, notes, {path.name: datasets.sha256(path)})
+
+
+def _racebox(raw):
+    t = raw["Time"].to_numpy(float)
+    lat, lon = raw["Latitude"].to_numpy(float), raw["Longitude"].to_numpy(float)
+    fixes = {
+        "lat_deg": lat,
+        "lon_deg": lon,
+        "height_m": raw["Altitude"].to_numpy(float),
+        "speed_m_s": raw["Speed"].to_numpy(float) * KMH,
+        "course_deg": _course(t, lat, lon, 0.24),
+    }
+    accel = raw[["GForceX", "GForceY", "GForceZ"]].to_numpy(float) * STANDARD_GRAVITY
+    gyro = np.radians(raw[["GyroX", "GyroY", "GyroZ"]].to_numpy(float))
+    notes = ("course from positions 0.24 s before and after; axes turned to z down",)
+    gnss = _gnss(t, _once_a_second(t), **fixes)
+    return gnss, Imu(t, gyro * Z_UP_TO_DOWN, accel * Z_UP_TO_DOWN), notes
+
+
+def _balzer(raw):
+    t = (raw["millis"].to_numpy(float) - raw["millis"].iloc[0]) / 1000
+    new = np.flatnonzero(np.r_[True, np.diff(raw["time"].to_numpy()) != 0])  # others repeat a fix
+    gnss = _gnss(
+        t,
+        new[_once_a_second(t[new])],
+        lat_deg=raw["latitude"].to_numpy(float),
+        lon_deg=raw["longitude"].to_numpy(float),
+        height_m=raw["altitude"].to_numpy(float),
+        pdop=raw["pdop"].to_numpy(float),
+        speed_m_s=raw["speed"].to_numpy(float) * KMH,
+        course_deg=raw["course"].to_numpy(float),
+    )
+    # The phone logs gravity plus acceleration's opposite (z reads -9.8 face up): minus the specific
+    # force; x forward, y left, z up turn to x, right, down.
+    accel = raw[["ax", "ay", "az"]].to_numpy(float) * [-1.0, 1.0, 1.0]
+    gyro = np.radians(raw[["rollrate", "pitchrate", "yawrate"]].to_numpy(float)) * Z_UP_TO_DOWN
+    lag = course_lag(gnss, t, gyro[:, 2])
+    note = f"the course lags the gyro by {lag:.2f} s; the IMU's clock was set back by that"
+    return gnss, Imu(t + lag, gyro, accel), ("axes turned to z down, specific force", note)
+
+
+def _phone(raw):
+    stamp = pd.to_datetime(raw["time"], format="ISO8601")
+    t = (stamp - stamp.iloc[0]).dt.total_seconds().to_numpy()
+    keep = np.r_[True, np.diff(t) > 0]
+    raw, t = raw[keep], t[keep]
+    gnss = _gnss(
+        t,
+        slice(None),
+        lat_deg=raw["latitude"].to_numpy(float),
+        lon_deg=raw["longitude"].to_numpy(float),
+        height_m=raw["altitude"].to_numpy(float),
+        pdop=raw["horizontalAccuracy"].to_numpy(float) / METRES_PER_PDOP,
+        speed_m_s=raw["speed"].to_numpy(float),
+        course_deg=raw["bearing"].to_numpy(float),
+    )
+    # x right, y to the top, z out of the screen
+    accel = raw[["acc_x", "acc_y", "acc_z"]].to_numpy(float) * Z_UP_TO_DOWN
+    gyro = raw[["gyro_x", "gyro_y", "gyro_z"]].to_numpy(float) * Z_UP_TO_DOWN
+    ok = np.isfinite(accel).all(1) & np.isfinite(gyro).all(1)
+    note = f"no PDOP in the log: the reported accuracy over {METRES_PER_PDOP:g} m stands in for it"
+    return gnss, Imu(t[ok], gyro[ok], accel[ok]), (note, "axes turned to z down")
+
+
+RIDES = {
+    "racebox": Ride(
+        "motorbike on a race track, 8 laps",
+        "racebox-laps/02_racebox-micro-on-bike-example.csv",
+        "https://github.com/timdrysdale/imu-data",
+        _racebox,
+    ),
+    "car": Ride(
+        "car in a town, phone at 50 Hz",
+        "car-phone-balzer/2014-03-26-000-Data.csv",
+        "https://github.com/balzer82/Kalman",
+        _balzer,
+    ),
+    "phone-drive": Ride(
+        "phone in a car, 5209 s at 1 Hz, 1265 s of them parked",
+        "phone-drives/2023-08-09_12-47-42.csv",
+        "https://github.com/jbrodovsky/strapdown-rs",
+        _phone,
+    ),
+    "phone-walk": Ride(
+        "phone that loses GNSS underway: accuracies up to 1100 m",
+        "phone-drives/2025-06-14_21-17-02.csv",
+        "https://github.com/jbrodovsky/strapdown-rs",
+        _phone,
+    ),
+}
+
+
+def course_lag(gnss, imu_t, yaw_rate, *, longest=2.0):
+    """Find by how much the course lags the yaw rate, from where their correlation peaks.
+
+    Parameters
+    ----------
+    gnss : Gnss
+    imu_t, yaw_rate : ndarray, shape (k,)
+        s, rad/s.
+    longest : float
+        Largest lag tried, s.
+
+    Returns
+    -------
+    float, s
+    """
+    moving = gnss.speed_m_s > 2.0
+    t = gnss.t_s[moving]
+    turned = np.diff(np.unwrap(np.radians(gnss.course_deg[moving])))
+    angle = np.concatenate([[0.0], np.cumsum(yaw_rate[1:] * np.diff(imu_t))])
+    lags = np.arange(-longest, longest + 0.01, 0.05)
+    near = np.diff(t) < 1.5
+    correlation = [
+        np.corrcoef(np.diff(np.interp(t - lag, imu_t, angle))[near], turned[near])[0, 1]
+        for lag in lags
+    ]
+    return float(lags[int(np.argmax(correlation))])
+
+
+def _gnss(t, rows, *, course_deg, pdop=None, **columns):
+    """Make fixes of some rows of a log."""
+    columns |= {
+        "pdop": np.full(len(t), np.nan) if pdop is None else pdop,
+        "course_deg": course_deg % 360,
+        "has_fix": np.isfinite(columns["lat_deg"]) & np.isfinite(columns["lon_deg"]),
+    }
+    return Gnss(t_s=t[rows], **{name: values[rows] for name, values in columns.items()})
+
+
+def _once_a_second(t):
+    """Pick the first row of each second."""
+    return np.flatnonzero(np.r_[True, np.diff(np.floor(t + 1e-6)) > 0])
+
+
+def _course(t, lat, lon, half):
+    """Course from where the vehicle was `half` seconds ago to where it will be then, deg."""
+    north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, lat[0], lon[0], 0.0)
+    ahead = [np.interp(t + half, t, x) - np.interp(t - half, t, x) for x in (north, east)]
+    return np.degrees(np.arctan2(ahead[1], ahead[0])) % 360
+
+
+def parked():
+    """Replay the phone's drive and keep its long stationary period.
+
+    Returns
+    -------
+    dict
+        Source, with the share of epochs that block 3 classified wrongly, standing and driving.
+    dict of pandas.DataFrame
+        ``stand``: an epoch a row, metres from the mean of the raw positions of the period.
+    """
+    log = read("phone-drive")
+    columns = replay(log, Options()).columns
+    t, speed, moving = log.gnss.t_s, log.gnss.speed_m_s, columns["moving"].astype(float)
+    stand = (t >= PARKED[0]) & (t < PARKED[1]) & log.gnss.has_fix
+    raw = np.array([log.gnss.lat_deg[stand], log.gnss.lon_deg[stand]])
+    table = {"t_s": t[stand] - PARKED[0]} | _metres("raw", *raw, *raw.mean(axis=1))
+    out = columns["out_lat_deg"][stand], columns["out_lon_deg"][stand]
+    table |= _metres("out", *out, *raw.mean(axis=1))
+    table |= {"moving": columns["moving"][stand], "layer": columns["layer"][stand]}
+    source = _source("phone-drive", log) | {
+        "epochs_standing": int((speed == 0).sum()),
+        "said_moving": float(np.nanmean(moving[speed == 0])),
+        "epochs_driving": int((speed > 2).sum()),
+        "said_standing": float(1 - np.nanmean(moving[speed > 2])),
+    }
+    return source, {"stand": store.rounded(pd.DataFrame(table), DIGITS)}
+
+
+def cold_phone():
+    """Replay the phone that loses its fixes underway.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``fixes``: a fix a row, metres from the first output position.
+    """
+    log = read("phone-walk")
+    columns = replay(log, Options()).columns
+    fix = log.gnss.has_fix
+    out = np.array([columns["out_lat_deg"], columns["out_lon_deg"]])
+    zero = out[:, np.isfinite(out[0])][:, 0]
+    table = {"t_s": log.gnss.t_s[fix], "accuracy_m": log.gnss.pdop[fix] * METRES_PER_PDOP}
+    table |= _metres("raw", log.gnss.lat_deg[fix], log.gnss.lon_deg[fix], *zero)
+    table |= _metres("out", *out[:, fix], *zero)
+    table |= {"accepted": columns["accepted"][fix], "moving": columns["moving"][fix]}
+    return _source("phone-walk", log), {"fixes": store.rounded(pd.DataFrame(table), DIGITS)}
+
+
+def turned(name):
+    """Replay a ride with its IMU turned about the vertical by 0 to 330 deg.
+
+    Returns
+    -------
+    dict
+        Source; the mounting angle fitted to the whole log with its 95 % interval (deg); straights
+        and the largest error (deg) if bends are limited by their angle alone.
+    dict of pandas.DataFrame
+        ``turned``: the mounting angles found for each turn, ``lowest`` and ``highest`` of them
+        counted from the reference and the turn; ``straights``: each straight of the log as it is;
+        ``path``: the ride, thinned.
+    """
+    log = read(name)
+    gnss = log.gnss
+    whole = mounting_regression(gnss, log.imu, np.random.default_rng(SEED))
+    down = -np.median(log.imu.accel_b, axis=0)
+    tracks = {
+        angle: replay(turn_imu(log, np.radians(angle), down), Options())
+        for angle in np.arange(0.0, 360.0, STEP_DEG)
+    }
+    bends = replay(log, Options(max_bend=np.inf))
+    reference = {
+        "bends_farthest_deg": np.nanmax(np.abs(wrap(bends.columns["mount_deg"] - whole.value))),
+        "bends_straights": len(bends.trace["straights"]),
+        "reference_deg": whole.value,
+        "reference_low_deg": whole.low,
+        "reference_high_deg": whole.high,
+    }
+    path = {"t_s": gnss.t_s} | _metres("raw", gnss.lat_deg, gnss.lon_deg)
+    path |= {"speed_m_s": gnss.speed_m_s, "course_deg": gnss.course_deg}
+    path |= {column: tracks[0].columns[column] for column in ("moving", "mount_deg")}
+    rows = [_mounting_row(gnss.t_s, track, angle, whole.value) for angle, track in tracks.items()]
+    tables = {
+        "turned": pd.DataFrame(rows),
+        "straights": _straights(tracks[0].trace["straights"]),
+        "path": pd.DataFrame(path).iloc[::EVERY],
+    }
+    source = _source(name, log) | {k: round(float(v), 3) for k, v in reference.items()}
+    return source, {key: store.rounded(table, DIGITS) for key, table in tables.items()}
+
+
+def _mounting_row(t_s, track, angle, reference):
+    """Write the mounting angles of a ride whose IMU was turned by `angle` (deg) as a row."""
+    mount, straights = track.columns["mount_deg"], track.trace["straights"]
+    known = np.flatnonzero(np.isfinite(mount))
+    first, last = (mount[known[i]] if len(known) else np.nan for i in (0, -1))
+    off = wrap(mount[known] - reference - angle)
+    return {
+        "turned_deg": angle,
+        "straights": len(straights),
+        "first_s": t_s[known[0]] if len(known) else np.nan,
+        "first_deg": first,
+        "last_deg": last,
+        "answers": len(np.unique(mount[known])),
+        "lowest_off_deg": off.min(initial=np.inf),
+        "highest_off_deg": off.max(initial=-np.inf),
+        "last_printed_deg": np.degrees(straights[-1].printed),
+    }
+
+
+def _straights(straights):
+    """Write the straights of a replay as a table, angles in degrees."""
+    rows = [
+        {"t_s": s.t_s}
+        | {f"{k}_deg": np.degrees(getattr(s, k)) for k in ("printed", "alone", "sigma", "mount")}
+        | {"ax_m_s2": s.ax, "ay_m_s2": s.ay}
+        for s in straights
+    ]
+    return pd.DataFrame(rows)
+
+
+def _metres(prefix, lat, lon, lat0=None, lon0=None):
+    """Turn positions into metres north and east of a point, by default of their own mean."""
+    lat0 = np.nanmean(lat) if lat0 is None else lat0
+    lon0 = np.nanmean(lon) if lon0 is None else lon0
+    north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, lat0, lon0, 0.0)
+    return {f"{prefix}_north_m": np.round(north, 2), f"{prefix}_east_m": np.round(east, 2)}
+
+
+def _source(name, log):
+    """State where a ride is from and what was done to it."""
+    ride, entry = RIDES[name], datasets.entry(RIDES[name].file)
+    return {
+        "title": ride.title,
+        "file": ride.file.split("/")[1],
+        "sha256": entry.sha256,
+        "licence": entry.licence,
+        "source": ride.source,
+        "notes": list(log.notes),
+    }
