@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from analysis import store
 from analysis.studies import noise_speed, replay_speed
 from analysis.terrain.monte_carlo import simulate_laps
 from analysis.terrain.readings import Setup
