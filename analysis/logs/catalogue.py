@@ -57,7 +57,7 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
     Raises
     ------
     WrongUsage
-        If it is neither.
+        If it is neither, or may not be read.
     CannotAnswer
         If it is catalogued but the raw file is not on this machine.
     """

@@ -1,7 +1,7 @@
-"""The real logs: where each file is looked for, how it is checked, how it is downloaded.
+"""The raw logs: where each file is searched, how it is checked and downloaded.
 
 ``data/registry.csv`` names every file with its size, sha256, licence and the public commit it
-comes from. A file is looked for in the folder that the environment variable ``COMPENDIUM_DATA``
+comes from. A file is searched in the folder that the environment variable ``COMPENDIUM_DATA``
 names, then in ``data/raw/`` (the few whose licence lets them in), then in ``data/downloaded/``
 (git-ignored). A file is checked against its sha256 before it is read.
 """
@@ -26,7 +26,7 @@ FOLDER_VARIABLE = "COMPENDIUM_DATA"
 
 
 class NotHere(CannotAnswer):
-    """A registered file is nowhere on this machine."""
+    """A registered file is not on this machine."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Entry:
 
     @property
     def url(self) -> str:
-        """Where exactly these bytes are published."""
+        """Address of exactly these bytes."""
         if not self.commit:  # a source package, not a repository
             return f"{self.repository}{self.path_in_repository}"
         return (
@@ -97,9 +97,9 @@ def path(name: str) -> Path:
     Raises
     ------
     NotHere
-        If the file is nowhere.
+        If the file is not on this machine.
     CannotAnswer
-        If what is there has other bytes.
+        If its bytes are not the registered ones.
     """
     wanted = entry(name)
     for place in _places(name):
@@ -118,7 +118,7 @@ def path(name: str) -> Path:
 
 
 def available(name: str) -> bool:
-    """Tell whether `path` would find the file with the right bytes."""
+    """Tell whether the file is on this machine, with the right bytes."""
     try:
         path(name)
     except CannotAnswer:
@@ -127,12 +127,12 @@ def available(name: str) -> bool:
 
 
 def fetch(name: str, progress: bool = True) -> Path:
-    """Return a registered file, downloading it into ``data/downloaded/`` if it is nowhere yet.
+    """Return a registered file, downloading it into ``data/downloaded/`` if need be.
 
     Raises
     ------
     CannotAnswer
-        If there is no connection, or what came has another sha256; nothing half-written stays.
+        If there is no connection, or the download has another sha256; no partial file stays.
     """
     wanted = entry(name)
     with contextlib.suppress(NotHere):
@@ -185,7 +185,7 @@ def _by_hand(wanted: Entry) -> str:
 
 
 def _places(name: str) -> list[Path]:
-    """List where a registered file may be, in the order it is looked for."""
+    """List where a registered file may be, in the order of the search."""
     folder, _, rest = name.partition("/")
     places = []
     if os.environ.get(FOLDER_VARIABLE):

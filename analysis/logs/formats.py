@@ -5,7 +5,8 @@ small rotations from the mean attitude) are added by `about_the_mean`, after the
 cut out.
 """
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,6 +57,18 @@ def rda(path: Path, variable: str | None) -> Table:
     return Table(pd.DataFrame(np.asarray(array.values, dtype=float), columns=names), path)
 
 
+@contextlib.contextmanager
+def open_mat73(path: Path) -> Iterator[h5py.File]:
+    """Open a MATLAB v7.3 (HDF5) file; an error becomes `CannotAnswer`."""
+    try:
+        with h5py.File(path) as file:
+            yield file
+    except OSError as error:
+        raise CannotAnswer(
+            f"{path.name}: not a MATLAB v7.3 file, or cut off ({error}); save it with -v7.3"
+        ) from error
+
+
 def mat73(path: Path, variable: str | None, names: tuple[str, ...]) -> Table:
     """Read one matrix from a MATLAB v7.3 (HDF5) file; its longer side is taken as the samples.
 
@@ -67,13 +80,8 @@ def mat73(path: Path, variable: str | None, names: tuple[str, ...]) -> Table:
     names : tuple of str
         Column names in the order of the matrix; ``c1``, ``c2`` ... if left out.
     """
-    try:
-        with h5py.File(path) as file:
-            matrices = {k: v[()] for k, v in file.items() if isinstance(v, h5py.Dataset)}
-    except OSError as error:
-        raise CannotAnswer(
-            f"{path.name}: not a MATLAB v7.3 file, or cut off ({error}); save it with -v7.3"
-        ) from error
+    with open_mat73(path) as file:
+        matrices = {k: v[()] for k, v in file.items() if isinstance(v, h5py.Dataset)}
     matrix = np.atleast_2d(_only(matrices, variable, path))
     matrix = matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
     names = names or tuple(f"c{j}" for j in range(1, matrix.shape[1] + 1))

@@ -1,7 +1,7 @@
-"""From time stamps to a uniform grid: gaps, jitter, repeats, and what was assumed about each.
+"""Time stamps -> a uniform grid: gaps, jitter, repeated stamps, and what was assumed about each.
 
-Allan deviations and autocorrelations need evenly spaced samples; loggers seldom write them. Nothing
-here is silent: each departure from the stamps is one sentence in `Grid.repairs`.
+Allan deviations and autocorrelations need evenly spaced samples, which few loggers write. Each
+departure from the stamps is stated in one sentence in `Grid.repairs`.
 """
 
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ import numpy as np
 from analysis import WrongUsage
 
 MODES = ("auto", "count", "stamps")
-MISSING_ALLOWED = 0.10  # share of a channel beyond which a noise analysis would rest on guesses
+MISSING_ALLOWED = 0.10  # largest share of missing samples in a channel
 REGULAR_SHARE = 0.90  # this share of the steps within +-50 % of the median step: regular stamps
-REPEATS_ALLOWED = 0.01  # below this share a repeated stamp is an accident, above it the rule
+REPEATS_ALLOWED = 0.01  # share of repeated stamps above which the clock counts as coarse
 GAP = 1.5  # a step of more than this many nominal steps is a gap
 NO_STAMPS = "cut the file there, or, if the rows are evenly spaced, give --rate and no time column"
 LOOKAHEAD = 50  # samples after a long step in which late ones may catch up
@@ -32,7 +32,7 @@ class Grid:
     rows : ndarray of int, shape (k,)
         Rows of the log that are used, in order.
     index : ndarray of int, shape (k,), or None
-        Grid sample of each used row; None where row and sample are the same thing.
+        Grid sample of each used row; None where rows and samples are the same.
     stamps : ndarray, shape (k,), or None
         Times (s) to interpolate between, in mode "stamps".
     gaps : int
@@ -64,7 +64,7 @@ class Grid:
 
 
 class BadStamps(Exception):
-    """Time stamps that cannot be used; `row` is where, for the caller to name the line."""
+    """Time stamps that cannot be used; from `row` the caller finds the line in the file."""
 
     def __init__(self, row: int, message: str):
         super().__init__(message)
@@ -81,13 +81,13 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
     repeated : ndarray of bool, shape (n,)
         True where a row equals the row before it in every column.
     mode : {"auto", "count", "stamps"}
-        "auto" takes regular stamps at their word and samples with uneven stamps as evenly spaced;
-        "count" takes all samples as evenly spaced; "stamps" interpolates linearly between them.
+        "auto" trusts regular stamps and takes samples with uneven stamps as evenly spaced; "count"
+        takes all samples as evenly spaced; "stamps" interpolates linearly between them.
 
     Raises
     ------
     BadStamps
-        If time runs backward, or too much is missing: the row, and what to say about it.
+        If time runs backward, or too much is missing: the row, and the message.
     """
     if mode not in MODES:
         raise WrongUsage(f"timing '{mode}' is not one of {', '.join(MODES)}")
@@ -126,7 +126,7 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
 
 
 def _without_repeats(t, rows, repeated, repairs) -> tuple[np.ndarray, bool]:
-    """Drop rows that are written twice; tell whether equal stamps are the rule (coarse stamps)."""
+    """Drop rows that are written twice; return also whether the clock is coarse."""
     same = np.r_[False, np.diff(t) == 0]
     twice = same & repeated
     other = same & ~repeated
@@ -164,8 +164,8 @@ def _regular(t, rows, usual, repairs) -> Grid:
 def _gaps(t, dt) -> tuple[np.ndarray, np.ndarray]:
     """Find the steps over which samples are missing, and how many.
 
-    A long step that is made up for by short ones right after it (a stalled logger that catches
-    up) has lost nothing: what counts is the number of rows in the whole stretch.
+    A logger that stalls and then catches up loses no sample: a long step with short ones right
+    after it is no gap if the whole stretch has as many rows as expected.
     """
     at = np.flatnonzero(np.diff(t) > GAP * dt)
     if not at.size:
@@ -208,7 +208,7 @@ def _index(size, at, missing) -> np.ndarray:
 
 
 def _coarse(t, rows, repairs) -> Grid:
-    """Place samples whose clock ticks more slowly than they come, by count."""
+    """Place samples by count, where the clock of the stamps is slower than the sampling."""
     ticks = np.flatnonzero(np.diff(t) > 0) + 1  # rows at which the clock moves on
     if len(ticks) < 3:
         raise BadStamps(
@@ -240,7 +240,7 @@ def _uneven(t, rows, mode, repairs) -> Grid:
             f"this smooths the noise, so nothing below {_time(2 * step.max())} should be trusted"
         )
         return Grid(rate, size, rows, None, t, 0, tuple(repairs))
-    # A pause far beyond the usual unevenness is a gap even here.
+    # A pause much longer than the usual steps is a gap here too.
     limit = max(10 * float(np.percentile(step, 99)), 50 / rate)
     at = np.flatnonzero(step > limit)
     paused = float(step[at].sum())
@@ -262,5 +262,5 @@ def _count(number: int, noun: str) -> str:
 
 
 def _time(seconds: float) -> str:
-    """Write a duration with two or three digits that mean something."""
+    """Write a duration with three digits."""
     return f"{seconds * 1000:.3g} ms" if seconds < 0.1 else f"{seconds:.3g} s"

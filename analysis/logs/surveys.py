@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pandas as pd
 import pymap3d
@@ -11,12 +10,13 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from analysis import CannotAnswer
+from analysis.logs.formats import open_mat73
 
 ANTENNAS = ("Front", "LeftRear", "RightRear")
-RTK_FIXED = 6  # this receiver's DGPS_mode with carrier ambiguities fixed; NMEA itself says 4
+RTK_FIXED = 6  # this receiver's DGPS_mode with carrier ambiguities fixed; in NMEA it is 4
 RATE_HZ = 10
-SPARSE = 20  # times as many tenths of a second as epochs: no lap, but several or a broken clock
-CLOCK_WINDOW = 10.0  # s over which the offset of the computer's clock is taken as constant
+SPARSE = 20  # span in steps of 0.1 s over epochs, beyond which the file is not one lap
+CLOCK_WINDOW = 10.0  # s over which the offset of the computer's clock is constant
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class RtkLap:
         GPS time from the first epoch, every 0.1 s.
     antennas : ndarray, shape (3, n, 3)
         Front, left rear, right rear: east and north of the origin, height above mean sea level,
-        m; NaN where the receiver wrote nothing or was not RTK fixed.
+        m; NaN where the receiver wrote no epoch or was not RTK fixed.
     epochs : tuple of int
         Epochs that each of the antennas wrote.
     wheel_t_s : ndarray, shape (m,)
@@ -63,15 +63,10 @@ def lap(path: Path, origin: tuple[float, float]) -> RtkLap:
     CannotAnswer
         If the file, an antenna, its RTK fixes or the encoders are missing.
     """
-    try:
-        with h5py.File(path) as file:
-            raw = file.get("rawData", {})
-            receivers = [_receiver(raw, name, path, origin) for name in ANTENNAS]
-            encoder = _encoder(raw, path)
-    except OSError as error:
-        raise CannotAnswer(
-            f"{path.name}: not a MATLAB v7.3 file, or cut off ({error}); save it with -v7.3"
-        ) from error
+    with open_mat73(path) as file:
+        raw = file.get("rawData", {})
+        receivers = [_receiver(raw, name, path, origin) for name in ANTENNAS]
+        encoder = _encoder(raw, path)
     first = min(tick[0] for tick, *_ in receivers)
     n = max(tick[-1] for tick, *_ in receivers) - first + 1
     if n > SPARSE * max(len(tick) for tick, *_ in receivers):
@@ -122,7 +117,7 @@ def _receiver(raw, name, path, origin):
             "without centimetres there is no attitude: give a log with RTK"
         )
     east, north, _ = pymap3d.geodetic2enu(lat, lon, altitude + separation, *origin, 0.0)
-    # The plane of the origin falls away from the sea by 7 mm in 300 m: heights are GGA's own.
+    # The tangent plane departs from mean sea level by 7 mm in 300 m: heights are those of GGA.
     xyz = np.column_stack([east, north, altitude])
     tick = np.round(gps[good] * RATE_HZ).astype(np.int64)
     if (np.diff(tick) <= 0).any():

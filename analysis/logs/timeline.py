@@ -57,14 +57,14 @@ class Imu:
 
 @dataclass(frozen=True)
 class Timeline:
-    """What a device saw, in order.
+    """GNSS epochs and IMU samples of one device, on one time axis.
 
     Attributes
     ----------
     gnss : Gnss or None
     imu : Imu or None
     start_utc : str or None
-        Date and time of t_s = 0, where the log says.
+        Date and time of t_s = 0, where the log states it.
     notes : tuple of str
         One sentence for everything that was assumed or repaired.
     sources : dict
@@ -85,7 +85,7 @@ class Timeline:
 
 
 def inject_outages(timeline, outages):
-    """Delete the fixes of some stretches; their epochs stay, without a fix (Section III-B).
+    """Delete the fixes of some stretches; the epochs stay, without a fix (Section III-B).
 
     Parameters
     ----------
@@ -119,8 +119,8 @@ def turn_imu(timeline, angle, axis=(0.0, 0.0, 1.0)):
     angle : float
         rad, right-handed about the axis: clockwise seen from above for one that points down.
     axis : sequence of 3 floats
-        In sensor axes, by default z; of a tilted sensor take down, and its mounting angle turns by
-        ``angle``.
+        In sensor axes, by default z. For a tilted sensor give its down axis: then the mounting
+        angle changes by ``angle``.
 
     Returns
     -------
