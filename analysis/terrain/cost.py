@@ -11,9 +11,11 @@ they are known.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import linregress
 from scipy.stats import t as student
 
@@ -39,7 +41,7 @@ class PowerLaw:
     correlation: float
 
     @classmethod
-    def fit(cls, price, variance) -> PowerLaw:
+    def fit(cls, price: Sequence[float], variance: Sequence[float]) -> PowerLaw:
         """Fit eq. (7) by a straight line through the logarithms.
 
         Parameters
@@ -66,7 +68,9 @@ class PowerLaw:
         return cls(Estimate(*A.tolist()), Estimate(*b.tolist()), float(abs(line.rvalue)))
 
     @staticmethod
-    def fit_draws(prices, variances, misfit=None) -> dict[str, np.ndarray]:
+    def fit_draws(
+        prices: ArrayLike, variances: ArrayLike, misfit: np.random.Generator | None = None
+    ) -> dict[str, np.ndarray]:
         """Fit eq. (7) to many draws of prices and resamples of variances at once.
 
         Parameters
@@ -95,7 +99,9 @@ class PowerLaw:
         return {"A": np.exp(level + b * x.mean(axis=1)), "b": b, "correlation": correlation}
 
 
-def draw_prices(ranges, draws: int, rng, *, rising: bool = False) -> np.ndarray:
+def draw_prices(
+    ranges: ArrayLike, draws: int, rng: np.random.Generator, *, rising: bool = False
+) -> np.ndarray:
     """Draw prices log-uniformly from their ranges.
 
     Parameters
@@ -127,7 +133,7 @@ def draw_prices(ranges, draws: int, rng, *, rising: bool = False) -> np.ndarray:
     raise CannotAnswer("the price ranges hardly ever leave the sensors in rising order")
 
 
-def largest_allowed(coefficient, reach, wanted: float) -> float | None:
+def largest_allowed(coefficient: np.ndarray, reach: np.ndarray, wanted: float) -> float | None:
     """Find the largest coefficient that keeps a precision, log-log between the points.
 
     Parameters

@@ -11,7 +11,10 @@ once per run, serves every sensor of a sweep. Both are discretised exactly: the 
 does not depend on the sampling rate.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from analysis import WrongUsage
@@ -20,7 +23,7 @@ STARTS = ("zero", "stationary")
 
 
 def unit_paths(
-    n: int, dt: float, corr_time: float, streams, *, start: str = "zero"
+    n: int, dt: float, corr_time: float, streams: Sequence, *, start: str = "zero"
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw the attitude error of a sensor with N = 1 and of one with B = 1, run by run.
 
@@ -71,7 +74,9 @@ def unit_paths(
     return walk, bias
 
 
-def attitude_variance(t, arw, sigma_b, corr_time: float, *, start: str = "zero") -> np.ndarray:
+def attitude_variance(
+    t: ArrayLike, arw: ArrayLike, sigma_b: ArrayLike, corr_time: float, *, start: str = "zero"
+) -> np.ndarray:
     """Variance of the attitude error after a time `t` (closed form). ::
 
         zero:        N^2 t + B^2 T_c^2 (2x - 3 + 4 e^-x - e^-2x),   x = t / T_c

@@ -12,9 +12,11 @@ Sensors share their runs, so the bootstrap draws whole runs, the same ones for e
 interval of a difference or ratio of two sensors then takes their correlation into account.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import binomtest, chi2
 
 from analysis import Estimate
@@ -23,7 +25,7 @@ LOST_M = 10.0  # m: three sigma of the worst variance that the paper reports (ab
 MEASURES = ("mean_m", "pooled_m2", "ensemble_m2", "per_run_m2")
 
 
-def share(yes) -> Estimate:
+def share(yes: Sequence) -> Estimate:
     """Share of events with its 95 % interval (Clopper-Pearson).
 
     Parameters
@@ -97,7 +99,7 @@ def quantiles(resampled):
     return resampled[0], low, high
 
 
-def interval(resampled, unit: str = "") -> Estimate:
+def interval(resampled: ArrayLike, unit: str = "") -> Estimate:
     """Value and 95 % interval of a number computed from every row of `Laps.measures`.
 
     Parameters
@@ -147,7 +149,7 @@ class Trend:
     p_line: float
 
 
-def fit_trend(x, y) -> Trend:
+def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
     """Fit a line and a square to a curve, with the resamples of the whole curve.
 
     Parameters

@@ -66,7 +66,7 @@ class Laps:
         """
         return self._by_sensor(limit < np.abs(self.error).max(axis=-1).T)
 
-    def measures(self, draws: int, rng, runs=None) -> dict[str, pd.DataFrame]:
+    def measures(self, draws: int, rng: np.random.Generator, runs=None) -> dict[str, pd.DataFrame]:
         """Mean absolute error and three variances, with a bootstrap over runs.
 
         Parameters

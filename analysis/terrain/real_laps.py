@@ -7,7 +7,7 @@ its RTK position along the centre line. A simulated gyro's error is added to the
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,7 +145,7 @@ def track_real_laps(
     *,
     runs: int,
     seed: int,
-    channels=("pitch",),
+    channels: Sequence[str] = ("pitch",),
     exact_map: bool = False,
     store_every: float = 0.5,
 ) -> dict[Hashable, Laps]:

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import gamma, kv
 from scipy.stats import linregress
 
@@ -65,11 +66,11 @@ class IsoRoad:
         step = np.floor(np.log(self.g0 / CLASS_A) / np.log(4.0) + 0.5)
         return CLASSES[int(np.clip(step, 0, len(CLASSES) - 1))]
 
-    def density(self, n) -> np.ndarray:
+    def density(self, n: ArrayLike) -> np.ndarray:
         """Displacement density, m^3, at wave numbers `n`, cycles/m."""
         return self.g0 * (np.asarray(n) / REFERENCE) ** -self.waviness
 
-    def shared(self, n, distance: float) -> np.ndarray:
+    def shared(self, n: ArrayLike, distance: float) -> np.ndarray:
         """Part of the spectrum that two parallel paths share.
 
         Parameters
@@ -91,7 +92,7 @@ class IsoRoad:
         self,
         length: float,
         step: float,
-        rng,
+        rng: np.random.Generator,
         *,
         wheelbase: float = 3.5,
         track_width: float = 1.6,

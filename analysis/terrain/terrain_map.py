@@ -9,11 +9,15 @@ with v the variance between laps, pooled over a stretch of road, and n the numbe
 A filter reads the map as an `AttitudeMap`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from analysis import CannotAnswer
+from analysis.terrain.centre_line import CentreLine
 
 QUANTITIES = ("pitch_deg", "roll_deg", "height_m")
 POOLED = 50.0  # m, standard deviation of the stretch over which variances are pooled
@@ -115,7 +119,7 @@ class AttitudeMap:
         u += self._shift
         return _on_lines(self._slope, self._intercept, u, u.astype(np.intp))
 
-    def slope(self, distance):
+    def slope(self, distance: ArrayLike) -> np.ndarray:
         """Gradient of the attitude: that of the straight line a distance lies on.
 
         Returns
@@ -125,7 +129,7 @@ class AttitudeMap:
         u = np.asarray(distance, dtype=float) * self._scale + self._shift
         return self._slope.take(u.astype(np.intp), axis=1, mode="clip") * self._scale
 
-    def require(self, distance):
+    def require(self, distance: ArrayLike) -> None:
         """Refuse a lap that leaves the map.
 
         Raises
@@ -348,7 +352,7 @@ def combine(curves, line, between=None):
     )
 
 
-def held_out(laps, line, width) -> dict[str, list[np.ndarray]]:
+def held_out(laps: Sequence[Any], line: CentreLine, width: float) -> dict[str, list[np.ndarray]]:
     """Predict each lap's readings from the mean of the other laps, to choose a smoothing width.
 
     Parameters
