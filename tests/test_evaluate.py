@@ -1,6 +1,7 @@
 """Single blocks over whole logs, and the numbers they are judged by."""
 
 import numpy as np
+import pandas as pd
 import pymap3d
 import pytest
 
@@ -133,3 +134,59 @@ def test_a_published_drift_stays_in_the_circle_if_the_second_layer_lasts(lengths
     assert most / 4 <= mean["leaves"] <= most
     assert 0.03 < mean["raw_outside"] < 0.06
     assert mean["outside"] <= mean["raw_outside"] * most
+
+
+def test_times_between_changes_are_those_of_the_buffers():
+    """analytic: layer k changes every 4, 4 x 3, 4 x 3 x 2 epochs, whatever the fixes."""
+    raw = np.random.default_rng(5).standard_normal((2, 400, 2))
+    found = evaluate.stationary_periods(np.arange(400.0), raw, (4, 3, 2), circle_m=0.0)
+    assert found["change_1_s"].tolist() == [4.0, 4.0]
+    assert np.isnan(found["change_2_s"]).all()  # a single position, until layer 3 takes over
+    assert found["change_3_s"].tolist() == [24.0, 24.0]
+    assert (found["leaves_model"] == 1.0).all()
+
+
+def test_devices_draw_from_their_own_streams():
+    """property: a device's errors do not depend on how many there are; they are scenario A's."""
+    t, three = evaluate.courtyard_errors(6, 3, minutes=2)
+    np.testing.assert_array_equal(evaluate.courtyard_errors(6, 2, minutes=2)[1], three[:, :, :2])
+    stream = np.random.SeedSequence(6).spawn(1)[0]
+    a = scenarios.scenario("A", np.random.default_rng(stream), imu_rate=1.0, minutes=2)
+    np.testing.assert_array_equal(a.fix_error(), three[:, :, 0])
+    np.testing.assert_array_equal(a.log.gnss.t_s, t)
+
+
+@pytest.fixture(scope="module")
+def rides():
+    """Ride two laps with the sensor at two angles."""
+    angles = (90.0, 210.0)
+    return pd.DataFrame(
+        [
+            evaluate.mounting_ride(
+                scenarios.scenario("B", np.random.default_rng(k), laps=2, mount_deg=angle)
+            )
+            for k, angle in enumerate(angles)
+        ]
+    )
+
+
+def test_a_ride_is_judged_by_its_true_angle(rides):
+    """property: the device's angle is right to its sigma; eq (3) is not, 180 deg off or more."""
+    assert rides["last"].abs().max() < 10
+    assert (rides["last"].abs() < 4 * rides["sigma"]).all()
+    assert np.abs(np.concatenate(list(rides["printed"]))).max() > 90
+    assert all(len(row["alone"]) == len(row["sigmas"]) for _, row in rides.iterrows())
+    assert (rides["sideways"] < 0.5).all()
+
+
+def test_rides_are_summed_up_by_hand(rides):
+    """analytic: counts and largest errors of two rides; without an answer nothing is averaged."""
+    row = evaluate.mounting_summary(rides)
+    assert row["with an answer"] == "2 of 2"
+    assert row["last answer off by up to (°)"] == f"{rides['last'].abs().max():.1f}"
+    assert row["within 1.96 of it"].endswith("of 2")
+    none = rides.assign(last=np.nan, late_s=np.nan)
+    assert evaluate.mounting_summary(none) == {
+        "with an answer": "0 of 2",
+        "there as the first U-turn begins": "0 of 2",
+    }

@@ -12,7 +12,7 @@ from analysis.logs import datasets, moving
 from analysis.tracker import evaluate
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
-from analysis.tracker.scenarios import DRIFT_M, GnssErrors, ImuErrors, scenario
+from analysis.tracker.scenarios import DRIFT_M, GnssErrors, ImuErrors, assumed_errors, scenario
 
 QUIET = ImuErrors(0.0, 0.0, 0.0, 0.0, 0.0)
 NO_ERROR = {"gnss": GnssErrors(drift=(), white_m=0.0, speed_m_s=0.0), "imu": QUIET}
@@ -182,3 +182,46 @@ def test_regression_finds_the_mounting_angle(mount):
     found = evaluate.mounting_regression(b.log.gnss, b.log.imu, rng(), runs=20)
     assert wrap(found.value - mount) == pytest.approx(0.0, abs=1.0)
     assert found.low <= found.value <= found.high
+
+
+def test_the_table_of_assumed_errors_holds_what_the_scenarios_take():
+    """published: the textbook's 0.4 m; real starts in A alone; the vibration of B and C."""
+    table = assumed_errors().set_index("assumed")
+    assert table.loc["- white noise (m)", "A"] == "0.40"
+    starts = table.loc["settling: size and time constant"]
+    assert starts["A"].count(" or ") == len(GnssErrors.STARTS) - 1
+    assert list(starts[["B", "C"]]) == ["–", "–"]
+    b = scenario("B", rng(6), laps=1)
+    shaken = b.log.imu.accel_b[40 * 40 : 40 * 60].std(axis=0).min()
+    vibration = float(table.loc["- vibration per speed (m/s² per m/s)", "B"])
+    assert shaken > 0.8 * vibration * b.speed_m_s[40:60].mean()
+
+
+def test_the_circle_of_a_model_holds_95_percent():
+    """analytic: of 400 independent positions of a settled receiver, 95 % to 3 standard errors."""
+    model = GnssErrors(drift=((1.0, 2.0),), white_m=0.5)
+    c = scenario("A", rng(7), minutes=400 / 6, imu_rate=1.0, gnss=model)
+    radius = np.hypot(*c.fix_error())[::10] / c.log.gnss.pdop[::10]
+    assert (radius <= model.circle_m(1.0)).mean() == pytest.approx(0.95, abs=0.033)
+
+
+def test_outages_take_the_fixes_only():
+    """property: within an outage no fix, elsewhere all; the truth stays."""
+    b = scenario("B", rng(8), laps=1)
+    cut = b.with_outages([(30.0, 40.0)])
+    t = b.log.gnss.t_s
+    assert (cut.log.gnss.has_fix == ~((t >= 30) & (t < 40))).all()
+    np.testing.assert_array_equal(cut.north_m, b.north_m)
+    assert b.first_turn_s == pytest.approx(20 + 84.39 / 4.9, abs=6.0)  # a straight after the wait
+
+
+def test_levelling_errors_are_angles_to_the_true_vertical():
+    """analytic: roll off by 2 deg is 4 deg^2; at rest without noise the accelerometer has none."""
+    a = scenario("A", rng(), minutes=1, **NO_ERROR)
+    down = a.C_nb[:, 2]
+    roll, pitch = np.degrees([np.arctan2(down[:, 1], down[:, 2]), -np.arcsin(down[:, 0])])
+    roll[0] = np.nan
+    given, by_mean = a.levelling_errors(roll, pitch)
+    assert (given, by_mean) == pytest.approx((0.0, 0.0), abs=1e-9)
+    # A roll about the pitched axis turns the vertical by its cosine: cos(2 deg) is 1 to 1e-3.
+    assert a.levelling_errors(roll + 2.0, pitch)[0] == pytest.approx(4.0, rel=0.01)

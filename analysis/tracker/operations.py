@@ -5,7 +5,6 @@ and a b x c matrix costs a b c products and a (b - 1) c sums. To count, the runn
 numbers of type `Counted`, which add each operation to a `Tally`.
 """
 
-import math
 import operator
 from collections import deque
 from dataclasses import dataclass
@@ -30,7 +29,7 @@ class Tally:
     sums: int = 0
     products: int = 0
     divisions: int = 0
-    functions: int = 0  # square roots, sines, arctangents
+    functions: int = 0  # square roots
 
     @property
     def total(self):
@@ -163,43 +162,16 @@ class Counted:
     __eq__ = _comparing(operator.eq)
 
     def __pow__(self, exponent):
-        """Square by a product, else by a function."""
-        if exponent == 2:
-            return self * self
-        return self.result(self.value**exponent, "functions")
+        """Square, by a product; the blocks take no other power."""
+        return self * self if exponent == 2 else NotImplemented
 
     def __neg__(self):
         """Change the sign, which costs nothing."""
         return Counted(-self.value, self.tally)
 
-    def __abs__(self):
-        """Drop the sign, which costs nothing."""
-        return Counted(abs(self.value), self.tally)
-
     def __float__(self):
         """Return a plain float: operations on it are not counted."""
         return self.value
-
-    # numpy calls these by name on arrays of objects.
-    def sqrt(self):
-        """Take the square root."""
-        return self.result(math.sqrt(self.value), "functions")
-
-    def sin(self):
-        """Take the sine."""
-        return self.result(math.sin(self.value), "functions")
-
-    def cos(self):
-        """Take the cosine."""
-        return self.result(math.cos(self.value), "functions")
-
-    def arctan2(self, other):
-        """Take the angle of (other, self)."""
-        return self.result(math.atan2(self.value, float(other)), "functions")
-
-    def hypot(self, other):
-        """Take the length of (self, other)."""
-        return self.result(math.hypot(self.value, float(other)), "functions")
 
 
 def counted(array, tally):

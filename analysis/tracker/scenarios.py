@@ -249,7 +249,14 @@ class Scenario:
         return self.log.gnss.t_s[np.argmax(rate > rate.max() / 2)]
 
 
-def scenario(name: str, rng: np.random.Generator, **settings) -> Scenario:
+def scenario(
+    name: str,
+    rng: np.random.Generator,
+    *,
+    gnss: GnssErrors | None = None,
+    imu: ImuErrors | None = None,
+    **settings,
+) -> Scenario:
     """Simulate one of the paper's scenarios.
 
     A: at rest in a courtyard, half the sky hidden. The errors are published and measured ones, for
@@ -271,8 +278,10 @@ def scenario(name: str, rng: np.random.Generator, **settings) -> Scenario:
     name : str
         "A", "B" or "C".
     rng : numpy.random.Generator
+    gnss : GnssErrors, optional
+    imu : ImuErrors, optional
     **settings
-        Of all: ``gnss`` (`GnssErrors`), ``imu`` (`ImuErrors`), ``imu_rate`` (samples a second).
+        Of all: ``imu_rate``, samples a second.
         A: ``minutes``.
         B: ``laps``; ``mount_deg``; ``slope``, ``slope_m``: standard deviation of the ground's slope
         along and across, each a Gauss-Markov process over the distance, and the metres over which
@@ -283,23 +292,23 @@ def scenario(name: str, rng: np.random.Generator, **settings) -> Scenario:
     -------
     Scenario
     """
+    if name == "A" and gnss is None:
+        starts = list(GnssErrors.STARTS.values())
+        gnss = GnssErrors.courtyard(starts[rng.integers(len(starts))])
+    assumed = ASSUMED[name]
     makers: dict[str, Callable[..., Scenario]] = {"A": _courtyard, "B": _laps, "C": _walk}
-    return makers[name](rng, **settings)
+    return makers[name](rng, gnss or assumed[0], imu or assumed[1], **settings)
 
 
-def _courtyard(rng, *, minutes=90.0, imu_rate=4.0, gnss=None, imu=None):
-    starts = list(GnssErrors.STARTS.values())
-    gnss = gnss or GnssErrors.courtyard(starts[rng.integers(len(starts))])
+def _courtyard(rng, gnss, imu, *, minutes=90.0, imu_rate=4.0):
     n = round(60 * minutes * imu_rate) + 1
     path = np.zeros(n), np.full(n, np.radians(30.0))
     epochs = np.arange(0, n, round(imu_rate))
     pdop = 2.5 * np.exp(gauss_markov(len(epochs), 1.0, 0.2, 300.0, rng))
-    return _measure(path, imu_rate, pdop, gnss, imu or ASSUMED["A"][1], rng, tilt=(4.0, -2.0))
+    return _measure(path, imu_rate, pdop, gnss, imu, rng, tilt=(4.0, -2.0))
 
 
-def _laps(
-    rng, *, laps=6, imu_rate=40.0, mount_deg=90.0, slope=0.0, slope_m=100.0, gnss=None, imu=None
-):
+def _laps(rng, gnss, imu, *, laps=6, imu_rate=40.0, mount_deg=90.0, slope=0.0, slope_m=100.0):
     radius = 36.5 + 9.76
     lap = [(84.39, 0.0), (np.pi * radius, -np.pi), (84.39, 0.0), (np.pi * radius, -np.pi)]
     length = laps * sum(part[0] for part in lap)
@@ -310,40 +319,21 @@ def _laps(
         mean *= 17.6 * KMH / v[v > 0].mean()
     ride = (lap, length, 1.25 * mean, 0.9 * mean)
     path = _ride(*ride, imu_rate, wait=20.0, course=np.pi)
-    gnss_errors, imu_errors, pdop = ASSUMED["B"]
-    return _measure(
-        path,
-        imu_rate,
-        np.full(len(path[0][:: round(imu_rate)]), pdop),
-        gnss or gnss_errors,
-        imu or imu_errors,
-        rng,
-        tilt=(2.0, -3.0),
-        mount_deg=mount_deg,
-        lean=True,
-        ground=_ground(path[0] / imu_rate, slope, slope_m, rng),
-    )
+    pdop = np.full(len(path[0][:: round(imu_rate)]), ASSUMED["B"][2])
+    ground = _ground(path[0] / imu_rate, slope, slope_m, rng)
+    mounted = {"tilt": (2.0, -3.0), "mount_deg": mount_deg}
+    return _measure(path, imu_rate, pdop, gnss, imu, rng, lean=True, ground=ground, **mounted)
 
 
-def _walk(rng, *, imu_rate=4.0, wait=120.0, first_fix=40.0, gnss=None, imu=None):
+def _walk(rng, gnss, imu, *, imu_rate=4.0, wait=120.0, first_fix=40.0):
     turn = (3.0 * np.pi / 2, np.pi / 2)
     lap = [(114.0, 0.0), turn, (64.0, 0.0), turn, (114.0, 0.0), turn, (64.0, 0.0), turn]
     length = sum(part[0] for part in lap)
     path = _ride(lap, length, 1.3, 1.1, imu_rate, wait=wait, course=np.radians(70.0))
     t = np.arange(0, len(path[0]), round(imu_rate)) / imu_rate
-    gnss_errors, imu_errors, last = ASSUMED["C"]
-    pdop = np.where(t < first_fix, 99.99, last + 47.5 * np.exp(-(t - first_fix) / 15.0))
-    return _measure(
-        path,
-        imu_rate,
-        pdop,
-        gnss or gnss_errors,
-        imu or imu_errors,
-        rng,
-        tilt=(-50.0, 20.0),
-        mount_deg=140.0,
-        swing_deg=6.0,
-    )
+    pdop = np.where(t < first_fix, 99.99, ASSUMED["C"][2] + 47.5 * np.exp(-(t - first_fix) / 15.0))
+    mounted = {"tilt": (-50.0, 20.0), "mount_deg": 140.0}
+    return _measure(path, imu_rate, pdop, gnss, imu, rng, swing_deg=6.0, **mounted)
 
 
 def _ride(lap, length, straight, bend, rate, *, wait, course):
