@@ -1,4 +1,4 @@
-"""Execute the notebooks in order, with a progress bar each, and say what came of it."""
+"""Execute the notebooks in order, each with a progress bar, and count figures and claims."""
 
 import os
 import time
@@ -27,7 +27,7 @@ class Run:
 
 
 def order(names):
-    """Put notebooks in reading order, but the index last: it reads the verdicts of the others."""
+    """Put notebooks in reading order, the index last: it reads the verdicts of the others."""
     return sorted(names, key=lambda name: (_is_index(name), name))
 
 
@@ -36,7 +36,7 @@ def _is_index(name):
 
 
 def select(names):
-    """Find the notebooks meant: all of them, or those whose name starts with what is given.
+    """Find notebooks by name or number; all of them if none is named.
 
     Returns
     -------
@@ -55,20 +55,19 @@ def select(names):
     return [paths[stem] for stem in order(chosen)]
 
 
-def reproduce(names=(), *, at_once=None, progress=True):
+def reproduce(names=(), *, at_once=None):
     """Execute notebooks, several at once, and write their outputs back into them.
 
-    They begin in reading order; the index waits for all others. A notebook that fails is left as
-    it was, and so are those not begun.
+    They start in reading order; the index waits for all others. A notebook that fails is left as
+    it was, and so are those that have not started.
 
     Parameters
     ----------
     names : sequence of str
         Notebook names or numbers; none means all.
     at_once : int, optional
-        How many run at a time; one a core if left out, but no more than four: each holds its logs
-        in memory.
-    progress : bool
+        How many run at a time. Default: one for each core, at most four, because each holds its
+        logs in memory.
 
     Returns
     -------
@@ -77,20 +76,20 @@ def reproduce(names=(), *, at_once=None, progress=True):
     paths = select(names)
     at_once = at_once or min(os.cpu_count() or 1, 4)
     index = [path for path in paths if _is_index(path.stem)]
-    done = []
-    for together in ([path for path in paths if path not in index], index):
+    runs = []
+    for group in ([path for path in paths if path not in index], index):
         with ThreadPoolExecutor(at_once) as pool:
-            running = [pool.submit(execute, path, progress=progress) for path in together]
+            futures = [pool.submit(execute, path) for path in group]
             try:
-                wait(running, return_when=FIRST_EXCEPTION)
+                wait(futures, return_when=FIRST_EXCEPTION)
             finally:
                 pool.shutdown(cancel_futures=True)
-        failed = [one for one in running if not one.cancelled() and one.exception()]
-        done += [one.result() for one in failed or running]
-    return done
+        failed = [future for future in futures if not future.cancelled() and future.exception()]
+        runs += [future.result() for future in failed or futures]
+    return runs
 
 
-def execute(path, *, progress=True):
+def execute(path):
     """Execute one notebook in place.
 
     Returns
@@ -100,25 +99,26 @@ def execute(path, *, progress=True):
     notebook = nbformat.read(path, as_version=4)
     cells = sum(cell.cell_type == "code" for cell in notebook.cells)
     start = time.perf_counter()
-    with tqdm(total=cells, desc=path.stem, unit="cell", disable=None if progress else True) as bar:
+    with tqdm(total=cells, desc=path.stem, unit="cell", disable=None) as bar:
         client = NotebookClient(
             notebook,
             timeout=None,
             kernel_name="python3",
             record_timing=False,
-            extra_arguments=["--log-level=ERROR"],  # of what a kernel says, a reader needs errors
+            extra_arguments=["--log-level=ERROR"],  # a reader needs only the kernel's errors
             resources={"metadata": {"path": str(path.parent)}},
             on_cell_executed=lambda **_: bar.update(),
         )
         try:
-            client.execute(env=os.environ | {"OMP_NUM_THREADS": "1"})  # notebooks are the threads
+            # Notebooks run in parallel already: one thread each.
+            client.execute(env=os.environ | {"OMP_NUM_THREADS": "1"})
         except CellExecutionError as error:
-            what = f"{error.ename}: {error.evalue}".splitlines()[0]
-            raise CannotAnswer(f"{path.name}: a cell failed: {what}") from error
+            reason = f"{error.ename}: {error.evalue}".splitlines()[0]
+            raise CannotAnswer(f"{path.name}: a cell failed: {reason}") from error
         except DeadKernelError as error:
-            why = "its kernel died, as it does when the memory runs out"
-            raise CannotAnswer(f"{path.name}: {why}; close what else is running") from error
-    # What would differ from one machine to the next is no result.
+            reason = "its kernel died, perhaps because the memory ran out; close other programs"
+            raise CannotAnswer(f"{path.name}: {reason}") from error
+    # Keep only metadata that is the same on every machine.
     notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
     nbformat.write(notebook, path)
     number = path.stem.split("-")[0]

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from analysis import report
 from analysis.reproduce import order
 
 WORKER = "workerinput"  # an attribute that pytest-xdist gives the configuration of its workers
@@ -83,3 +84,16 @@ def _wait_for(stems):
         if time.monotonic() > start + PATIENCE_S:
             pytest.fail(f"no end of {', '.join(sorted(missing))} within {PATIENCE_S} s")
         time.sleep(0.2)
+
+
+@pytest.fixture
+def no_pictures(monkeypatch):
+    """Write empty files in place of a report's pictures; drawing is most of its time."""
+
+    def touch(result, folder):
+        folder.mkdir()
+        for name in (report.ALL_CHANNELS, *(channel.name for channel in result.channels)):
+            for suffix in ("pdf", "png", "csv"):
+                (folder / f"{name}.{suffix}").touch()
+
+    monkeypatch.setattr(report, "_draw", touch)

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
-from analysis import CannotAnswer, cli, report
+from analysis import CannotAnswer, cli
 from analysis.noise.channel import characterise
 
 DT = 0.01
@@ -93,10 +93,8 @@ def test_a_refusal(case):
         ("pure drift", 1),
     ],
 )
-def test_report(tmp_path, monkeypatch, case, status):
+def test_report(tmp_path, no_pictures, case, status):
     """property: the command answers, or refuses with one line and writes nothing."""
-    monkeypatch.setattr(report, "_draw", lambda result, folder: folder.mkdir())
-    monkeypatch.setattr(report, "_page", lambda result, folder: "")
     y = ANSWERED[case] if status == 0 else REFUSED[case][0]
     rows = [f"{i * DT:.2f},{v!r}" for i, v in enumerate(y.tolist())]
     (tmp_path / "my.csv").write_text("\n".join(["t_s,gyro_x_deg_s", *rows]) + "\n")

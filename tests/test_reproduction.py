@@ -71,7 +71,7 @@ def test_a_failing_notebook_is_named_and_left_as_it_was(tmp_path):
     with pytest.raises(
         CannotAnswer, match=r"10-broken\.ipynb.*ZeroDivisionError: division by zero"
     ):
-        reproduce.execute(path, progress=False)
+        reproduce.execute(path)
     assert path.read_bytes() == before
 
 
