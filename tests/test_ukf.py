@@ -104,8 +104,16 @@ def white_noise_laps(runs, R, q=1e-4, moved=0.3, steps=2500):
         grid.update(z, R)
         errors[:, k] = ours.x[0] - truth[k], grid.mean()[0] - truth[k]
         variance[k] = ours.P[0, 0]
-    slope = road.slope(20.0 + moved * np.arange(1, steps + 1)).T
-    return errors, variance, point_mass.posterior_bound(slope, q, R, 0.25)
+    setup = Setup(
+        moved * (steps + 0.5),
+        begin=20.0,
+        rate_hz=1.0,
+        speed=moved,
+        R=R,
+        odometry_walk=np.sqrt(q / moved),
+        odometry_scale=0.0,
+    )
+    return errors, variance, point_mass.cramer_rao_bound(road, setup)
 
 
 def test_as_good_as_the_grid_filter_and_no_better_than_the_bound():
@@ -133,7 +141,11 @@ def test_consistent_when_its_model_holds():
 
 def test_bound_of_a_slope_is_the_riccati_recursion():
     """analytic: one state, one slope: 1 / P = 1 / (P + Q) + slope^2 / R."""
-    found = point_mass.posterior_bound(np.full((50, 1), 0.1), 1e-3, 0.04, 1.0)
+    road = AttitudeMap(0.0, 1.0, 0.1 * np.arange(100.0))
+    setup = Setup(
+        50.5, begin=1.0, rate_hz=1.0, speed=1.0, R=0.04, begin_sd=1.0, odometry_walk=1e-3**0.5
+    )
+    found = point_mass.cramer_rao_bound(road, setup)
     P = 1.0
     for sd in found:
         P = 1 / (1 / (P + 1e-3) + 0.1**2 / 0.04)
@@ -181,7 +193,7 @@ def test_map_reads_straight_lines_and_stays_level_outside():
     road = AttitudeMap(-3.0, 0.5, attitude)
     s = np.linspace(-10, 20, 301)
     for row, found in zip(attitude, road.at(s), strict=True):
-        np.testing.assert_allclose(found, np.interp(s, road.distance, row), atol=1e-12)
+        np.testing.assert_allclose(found, np.interp(s, -3.0 + 0.5 * np.arange(30), row), atol=1e-12)
     assert np.all(road.slope(np.array([-5.0, 15.0])) == 0)
     inside = np.array([-2.8, 3.1, 11.4])
     step = (road.at(inside + 1e-6) - road.at(inside - 1e-6)) / 2e-6

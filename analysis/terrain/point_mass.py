@@ -23,6 +23,9 @@ from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
 
+STORE_EVERY = 0.5  # s between the stored errors of a comparison
+HALF_WIDTH = 3.0  # m, of the grid of a comparison
+
 
 class PointMass:
     """A batch of grid filters, and the probabilities they carry from step to step.
@@ -86,44 +89,6 @@ class PointMass:
         return self.moved + offset, self.p @ self.offset**2 - offset**2
 
 
-def posterior_bound(slope, Q, R, first, transition=None):
-    """Posterior Cramer-Rao bound of the distance along a lap.
-
-    Parameters
-    ----------
-    slope : ndarray, shape (steps, channels), deg/m
-        Gradient of the map where the car is.
-    Q : float or ndarray, shape (n, n)
-        Covariance of what a step adds.
-    R : float, deg^2
-    first : float or ndarray, shape (n, n)
-        Covariance at the start.
-    transition : ndarray, optional
-        Of further states, as for `Ukf`.
-
-    Returns
-    -------
-    ndarray, shape (steps,), m
-        Smallest standard deviation of any unbiased filter.
-    """
-    P, Q = (np.atleast_2d(np.asarray(v, dtype=float)) for v in (first, Q))
-    n, channels = len(P), slope.shape[1]
-    F = np.eye(n)
-    H = np.zeros((channels, n))
-    if n > 1:
-        F[1:, 1:], H[:, 1::2] = transition, np.eye(channels)
-    R = R * np.eye(channels)
-    out = np.empty(len(slope))
-    for k, gradient in enumerate(slope):
-        H[:, 0] = gradient
-        P = F @ P @ F.T + Q
-        # The information form of the recursion, turned around: P may start out singular.
-        K = np.linalg.solve(H @ P @ H.T + R, H @ P)
-        P = P - K.T @ (H @ P)
-        out[k] = np.sqrt(P[0, 0])
-    return out
-
-
 def cramer_rao_bound(
     attitude_map: AttitudeMap, setup: Setup, sensor: Sensor = Setup.WORST
 ) -> np.ndarray:
@@ -142,17 +107,27 @@ def cramer_rao_bound(
     Returns
     -------
     ndarray, shape (samples - 1,), m
-        From the second sample on.
+        Smallest standard deviation of any unbiased filter, from the second sample on.
     """
-    slope, dt = attitude_map.slope(setup.truth[1:]).T, 1 / setup.rate_hz
-    first, q = setup.begin_sd**2, setup.odometry_walk**2 * setup.speed / setup.rate_hz
-    if not setup.bias_states:
-        return posterior_bound(slope, q, setup.R, first)
-    channels = attitude_map.channels
-    transition, Q = bias_state_matrices(sensor.arw, sensor.sigma_b, setup.corr_time, dt, channels)
-    Q[0, 0] = q
-    start = np.diag([first] + [1e-12] * 2 * channels)
-    return posterior_bound(slope, Q, setup.R, start, transition)
+    channels, dt = attitude_map.channels, 1 / setup.rate_hz
+    n = 1 + 2 * channels * setup.bias_states
+    F, P, Q, H = np.eye(n), 1e-12 * np.eye(n), np.zeros((n, n)), np.zeros((channels, n))
+    if setup.bias_states:
+        F[1:, 1:], Q = bias_state_matrices(
+            sensor.arw, sensor.sigma_b, setup.corr_time, dt, channels
+        )
+        H[:, 1::2] = np.eye(channels)
+    P[0, 0], Q[0, 0] = setup.begin_sd**2, setup.odometry_walk**2 * setup.speed / setup.rate_hz
+    R = setup.R * np.eye(channels)
+    out = np.empty(setup.samples - 1)
+    for k, gradient in enumerate(attitude_map.slope(setup.truth[1:]).T):
+        H[:, 0] = gradient
+        P = F @ P @ F.T + Q
+        # The covariance form of the recursion, for P may be nearly singular at the start.
+        K = np.linalg.solve(H @ P @ H.T + R, H @ P)
+        P = P - K.T @ (H @ P)
+        out[k] = np.sqrt(P[0, 0])
+    return out
 
 
 @dataclass(frozen=True)
@@ -197,13 +172,7 @@ class FilterComparison:
 
 
 def compare_filters(
-    attitude_map: AttitudeMap,
-    setup: Setup,
-    *,
-    runs: int,
-    seed: int,
-    store_every: float = 0.5,
-    half_width: float = 3.0,
+    attitude_map: AttitudeMap, setup: Setup, *, runs: int, seed: int
 ) -> FilterComparison:
     """Track the same laps with both filters: white attitude noise, odometry a random walk.
 
@@ -213,10 +182,6 @@ def compare_filters(
     setup : Setup
         With ``odometry_scale = 0``, for a scale error is no random walk.
     runs, seed : int
-    store_every : float
-        Time between stored errors, s.
-    half_width : float
-        Of the grid, m.
 
     Returns
     -------
@@ -224,11 +189,11 @@ def compare_filters(
     """
     streams = np.random.SeedSequence(seed).spawn(runs)
     first, moved = monte_carlo.odometry(setup, streams)
-    truth, stride = setup.truth, round(store_every * setup.rate_hz)
+    truth, stride = setup.truth, round(STORE_EVERY * setup.rate_hz)
     attitude, rng = attitude_map.at(truth), np.random.default_rng(seed)
     prior, q = setup.begin_sd**2, setup.q * setup.speed / setup.rate_hz
     ukf = Ukf(attitude_map, first[None], np.full((1, 1, runs), prior))
-    grid = PointMass(attitude_map, first, prior, half_width=half_width)
+    grid = PointMass(attitude_map, first, prior, half_width=HALF_WIDTH)
     stored = []
     for k in range(1, setup.samples):
         z = attitude[:, k, None] + np.sqrt(setup.R) * rng.standard_normal((len(attitude), runs))

@@ -32,6 +32,7 @@ from analysis.terrain.terrain_map import Profile
 REFERENCE = 0.1  # cycles/m, n0 of ISO 8608
 CLASSES = "ABCDEFGH"
 CLASS_A = 16e-6  # m^3, geometric mean of class A at n0; each class is four times the one before
+PER_OCTAVE = 3  # bands per octave; the lines in each are averaged
 LONGEST = 100.0  # m: ISO 8608 covers waves up to about here; longer ones are hills
 
 
@@ -195,9 +196,7 @@ class Spectrum:
         return IsoRoad(float(np.exp(line.intercept)), float(-line.slope))
 
 
-def shared_spectrum(
-    laps: np.ndarray, step: float, per_octave: int = 3
-) -> tuple[Spectrum, np.ndarray]:
+def shared_spectrum(laps: np.ndarray, step: float) -> tuple[Spectrum, np.ndarray]:
     """Estimate the spectrum of what laps have in common, and their coherence.
 
     Parameters
@@ -206,7 +205,6 @@ def shared_spectrum(
         U, each a whole round on the same grid.
     step : float
         m
-    per_octave : int
 
     Returns
     -------
@@ -226,8 +224,8 @@ def shared_spectrum(
     n, _ = _lines(laps[0], laps[0], step)
     cross = np.mean([_lines(a, b, step)[1] for a, b in combinations(laps, 2)], axis=0)
     total = np.mean([_lines(a, a, step)[1] for a in laps], axis=0)
-    shared = _banded(n, cross, per_octave)
-    return shared, shared.density / _banded(n, total, per_octave).density
+    shared = _banded(n, cross)
+    return shared, shared.density / _banded(n, total).density
 
 
 def _lines(a, b, step):
@@ -239,9 +237,9 @@ def _lines(a, b, step):
     return n[1:], density[1:]
 
 
-def _banded(n, density, per_octave):
+def _banded(n, density):
     """Average lines over bands of equal ratio."""
-    band = np.floor(np.log2(n / n[0]) * per_octave + 1e-9).astype(int)
+    band = np.floor(np.log2(n / n[0]) * PER_OCTAVE + 1e-9).astype(int)
     _, band = np.unique(band, return_inverse=True)
     count = np.bincount(band)
     mean_n = np.exp(np.bincount(band, np.log(n)) / count)

@@ -99,11 +99,6 @@ class AttitudeMap:
         """Distance of the last grid point, m."""
         return self.start + self.step * (self.attitude.shape[1] - 1)
 
-    @property
-    def distance(self):
-        """Distances of the grid points, m, shape (points,)."""
-        return self.start + self.step * np.arange(self.attitude.shape[1])
-
     def at(self, distance: np.ndarray) -> np.ndarray:
         """Attitude at some distances.
 
