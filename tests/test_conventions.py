@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from analysis import ROOT
+from analysis import ROOT, report
 from analysis.logs.columns import IN_M_S2
 from analysis.noise import conventions as c
 from analysis.noise.models import UnifiedModel, adev_gauss_markov, gauss_markov
@@ -16,7 +16,7 @@ def test_one_and_two_sided_densities():
     """Cross-check: scipy's welch of simulated white noise reads N^2 two-sided, 2 N^2 one-sided."""
     arw, dt = 0.004, 0.01
     y = c.per_sample(arw, dt) * np.random.default_rng(1).standard_normal(1 << 20)
-    for two_sided, expected in ((True, arw**2), (False, c.one_sided(arw) ** 2)):
+    for two_sided, expected in ((True, arw**2), (False, 2 * arw**2)):
         _, density = welch(y, 1 / dt, nperseg=1024, return_onesided=not two_sided)
         # 2048 segments of 512 independent bins: the mean is good to 0.1 %
         assert density[5:-5].mean() == pytest.approx(expected, rel=0.01)
@@ -52,13 +52,13 @@ def test_hump_and_floor():
 def test_the_page_has_the_numbers_of_the_functions():
     """Property: the table on the page is what side_by_side gives for the example."""
     text = PAGE.read_text(encoding="utf-8")
-    table = c.markdown({"value": c.side_by_side(**c.EXAMPLE)})
-    assert f"<!-- table: conventions.side_by_side -->\n{table}\n<!-- end of table -->" in text
-    values = {row[1]: row[2] for row in c.side_by_side(**c.EXAMPLE)}
-    opening = [values["N"], values["60 N"], values["√2 N"], values["N / √Δt"]]
+    values = c.side_by_side(**c.EXAMPLE)
+    table = c.table({"value": values}, c.EXAMPLE["dt"], "°/s", report.EXPORTS)
+    assert f"<!-- table: conventions.table -->\n{table}\n<!-- end of table -->" in text
+    opening = [values[k] for k in ("N", "N_per_root_hour", "one_sided", "sample")]
     assert [f"{v:.2g}" for v in opening] == ["0.004", "0.24", "0.0057", "0.04"]
     assert all(f"{v:.2g}" in text.split("\n\n")[1] for v in opening)
-    assert 3 < values["σ_b"] / values["min σ_A"] < 4  # "by a factor of three"
+    assert 3 < values["sigma_b"] / values["floor"] < 4  # "by a factor of three"
     assert "analysis/noise/README.md" in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -70,9 +70,8 @@ def test_one_gravity():
 
 def test_unknown_stays_unknown():
     """Property: a sensor of which only N is known has no number for anything else."""
-    table = c.markdown({"one": c.side_by_side(0.004, np.nan, np.nan, 0.01)})
-    assert "σ_b" not in table and "0.004" in table
-    both = c.markdown(
-        {"one": c.side_by_side(0.004, np.nan, np.nan, 0.01), "two": c.side_by_side(**c.EXAMPLE)}
-    )
+    one, two = c.side_by_side(0.004, np.nan, np.nan, 0.01), c.side_by_side(**c.EXAMPLE)
+    alone = c.table({"one": one}, 0.01, "°/s", report.EXPORTS)
+    assert "σ_b" not in alone and "0.004" in alone
+    both = c.table({"one": one, "two": two}, 0.01, "°/s", report.EXPORTS)
     assert "| not resolved | 0.005 |" in both

@@ -1,4 +1,4 @@
-"""Overlapped Allan deviation with intervals that stay honest at long averaging times. ::
+"""Overlapped Allan deviation with intervals that hold at long averaging times. ::
 
     adev^2(tau) = 1/2 < (ybar_{k+m} - ybar_k)^2 >,      tau = m dt
 
@@ -25,10 +25,10 @@ from scipy.optimize import nnls
 from scipy.stats import chi2
 
 BLOCK = 1 << 14  # samples handled at once: three such arrays stay inside a core's cache
-FULL = 0.9  # a mean counts when at least this share of its samples is there
+FULL = 0.9  # least share of its samples that a mean needs
 TAIL = 0.025  # probability beyond each end of a 95 % interval
-STRIDE = 16  # lags a second difference's half-length is divided into
-REACH = 8  # lags summed, in half-lengths; beyond them the correlation has died out
+STRIDE = 16  # lags evaluated per half-length of a second difference
+REACH = 8  # lags summed, in half-lengths; the correlation beyond them is negligible
 FOURTH = ((-2, 1.0), (-1, -4.0), (0, 6.0), (1, -4.0), (2, 1.0))
 
 
@@ -140,7 +140,7 @@ def _second_differences(phase, m):
 
 
 def _differences_of_partial_means(phase, count, m):
-    """Do the same where samples are missing: means of what is there, if it is nearly all."""
+    """Do the same where samples are missing, with means that have nearly all of their samples."""
     if len(phase) - 2 * m < 1:
         return np.nan
     have = count[m:] - count[:-m]

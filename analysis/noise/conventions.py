@@ -12,7 +12,7 @@ earlier than T_c it is a random walk (`diffusion`)::
     db/dt = -b / T_c + w,     density of w: K^2 = 2 sigma_b^2 / T_c
     <(b(t) - b(0))^2> = 2 sigma_b^2 (1 - exp(-t / T_c)) ~ K^2 t     for t << T_c
 
-The page analysis/noise/README.md holds the table of `side_by_side` for a worked example.
+The page analysis/noise/README.md holds the `table` for a worked example.
 """
 
 import numpy as np
@@ -30,22 +30,13 @@ SI = {
     "mg": (STANDARD_GRAVITY / 1000, "m/s^2"),
 }
 EXAMPLE = {"arw": 0.004, "sigma_b": 0.005, "corr_time": 200.0, "dt": 0.01}  # terrain paper, Table 1
+MISSING = "not resolved"
 PEAK_AT, PEAK = 1.8926, 0.6174  # hump of a Gauss-Markov process' Allan deviation: tau/T_c, /sigma_b
 
 
 def per_sample(arw, dt):
     """Standard deviation of one sample of white noise, N / sqrt(dt), U."""
     return arw / np.sqrt(dt)
-
-
-def one_sided(arw):
-    """Root of the one-sided power density, sqrt(2) N, U/sqrt(Hz); the two-sided one is N."""
-    return np.sqrt(2) * arw
-
-
-def per_root_hour(arw):
-    """N of a rate integrated over an hour: deg/sqrt(s) to deg/sqrt(h), 60 N."""
-    return 60 * arw
 
 
 def diffusion(sigma_b, corr_time):
@@ -65,7 +56,7 @@ def floor(arw, sigma_b, corr_time, dt):
     -------
     tau : float, s
     adev : float, U
-        Or two NaN, where white noise hides the hump and there is no such point.
+        Or two NaN, where white noise masks the hump and there is no such point.
     """
     model = UnifiedModel(per_sample(arw, dt), corr_time, sigma_b)
 
@@ -87,109 +78,56 @@ def side_by_side(arw, sigma_b, corr_time, dt, unit="°/s"):
     arw, sigma_b, corr_time, dt : float
         U sqrt(s), U, s, s; NaN where it is not known.
     unit : str
-        U, a rate or an acceleration in units per second: °/s, rad/s, m/s².
+        U: °/s or m/s².
 
     Returns
     -------
-    list of tuple
-        (quantity, formula, value, unit, who writes it so), value a float.
+    dict of str, float or None
+        One value for each row of analysis/templates/exports/conventions.md.j2; None where it is
+        not known.
     """
-    walk = diffusion(sigma_b, corr_time)
     known = np.isfinite([arw, sigma_b, corr_time]).all()
     at, low = floor(arw, sigma_b, corr_time, dt) if known else (np.nan, np.nan)
-    integral = unit.removesuffix("/s") if unit.endswith("/s") else "m/s"
-    si = np.pi / 180 if unit == "°/s" else 1.0
-    return [
-        ("white noise N", "σ_A(τ) √τ", arw, f"{integral}/√s", "IEEE 952, the papers"),
-        (
-            "the same in SI",
-            "π/180 N" if si < 1 else "N",
-            si * arw,
-            f"{integral.replace('°', 'rad')}/√s",
-            "every file here but gnss-ins-sim",
-        ),
-        ("the same per root hour", "60 N", per_root_hour(arw), f"{integral}/√h", "datasheets"),
-        (
-            "root of the two-sided density",
-            "N",
-            arw,
-            f"{unit}/√Hz",
-            "Kalibr, Gazebo classic, pyins, MATLAB 'single-sided'",
-        ),
-        (
-            "root of the one-sided density",
-            "√2 N",
-            one_sided(arw),
-            f"{unit}/√Hz",
-            "spectrum analysers, welch, MATLAB 'double-sided'",
-        ),
-        ("two-sided power density", "N²", arw**2, f"({unit})²/Hz", "Kalman filters (Q)"),
-        ("one-sided power density", "2 N²", 2 * arw**2, f"({unit})²/Hz", "welch, periodogram"),
-        (
-            f"one sample at {1 / dt:g} Hz",
-            "N / √Δt",
-            per_sample(arw, dt),
-            unit,
-            "σ_v of a rate; gz-sim stddev",
-        ),
-        (
-            "spread of the Gauss–Markov bias",
-            "σ_b",
-            sigma_b,
-            unit,
-            "comparison paper; gnss-ins-sim b_stability",
-        ),
-        ("its correlation time", "T_c", corr_time, "s", "Gazebo, gnss-ins-sim b_corr"),
-        (
-            "its random walk, for t ≪ T_c",
-            "σ_b √(2/T_c)",
-            walk,
-            f"{unit}/√s",
-            "Kalibr, Gazebo random walk, pyins bias_walk, gz-sim dynamic_bias_stddev",
-        ),
-        (
-            "one step of it",
-            "σ_b √(1 − e^(−2Δt/T_c))",
-            sigma_b * np.sqrt(-np.expm1(-2 * dt / corr_time)),
-            unit,
-            "simulations",
-        ),
-        (
-            "bias instability, first meaning: coefficient B",
-            "floor of this model / 0.664",
-            low / FLICKER,
-            unit,
-            "IEEE 952, this package",
-        ),
-        ("second meaning: that floor itself", "min σ_A", low, unit, "most datasheets"),
-        ("where it lies", "τ of min σ_A", at, "s", "most datasheets"),
-        (
-            "third meaning: the spread of the Gauss–Markov bias",
-            "σ_b",
-            sigma_b,
-            unit,
-            "terrain paper, simulators",
-        ),
-        (
-            f"and its hump, at {PEAK_AT:.2f} T_c",
-            f"{PEAK:.3f} σ_b",
-            PEAK * sigma_b,
-            unit,
-            "mistaken for a floor",
-        ),
-    ]
+    values = {
+        "N": arw,
+        "N_si": (np.pi / 180 if unit == "°/s" else 1.0) * arw,
+        "N_per_root_hour": 60 * arw,
+        "one_sided": np.sqrt(2) * arw,
+        "power": arw**2,
+        "one_sided_power": 2 * arw**2,
+        "sample": per_sample(arw, dt),
+        "sigma_b": sigma_b,
+        "corr_time": corr_time,
+        "walk": diffusion(sigma_b, corr_time),
+        "step": sigma_b * np.sqrt(-np.expm1(-2 * dt / corr_time)),
+        "B": low / FLICKER,
+        "floor": low,
+        "floor_at": at,
+        "hump": PEAK * sigma_b,
+    }
+    return {key: float(value) if np.isfinite(value) else None for key, value in values.items()}
 
 
-def markdown(sensors):
-    """Write sensors, name -> rows of `side_by_side`, as one Markdown table."""
-    lines = [
-        f"| quantity | formula | {' | '.join(sensors)} | unit | who writes it so |",
-        "|---" * (len(sensors) + 4) + "|",
-    ]
-    for rows in zip(*sensors.values(), strict=True):
-        if not np.isfinite([row[2] for row in rows]).any():
-            continue
-        quantity, formula, _, unit, who = rows[0]
-        values = (f"{row[2]:.4g}" if np.isfinite(row[2]) else "not resolved" for row in rows)
-        lines.append(f"| {quantity} | {formula} | {' | '.join(values)} | {unit} | {who} |")
-    return "\n".join(lines)
+def table(sensors, dt, unit, templates):
+    """Write sensors, name -> values of `side_by_side`, as one Markdown table.
+
+    Parameters
+    ----------
+    sensors : dict of str, dict
+    dt : float
+        Sampling interval, s.
+    unit : str
+        As for `side_by_side`.
+    templates : jinja2.Environment
+        Of analysis/templates/exports.
+
+    Returns
+    -------
+    str
+        Without the rows that are known of no sensor.
+    """
+    columns = list(sensors.values())
+    known = {key for key in columns[0] if any(column[key] is not None for column in columns)}
+    template = templates.get_template("conventions.md.j2")
+    about = {"unit": unit, "rate": 1 / dt, "peak_at": PEAK_AT, "peak": PEAK, "missing": MISSING}
+    return template.render(about, sensors=sensors, known=known).rstrip()

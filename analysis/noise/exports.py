@@ -8,7 +8,7 @@ a filter that cannot do without it gets no line. In both cases a comment gives t
 Each tool's own definition, and where it is written (tests/test_exports.py simulates them):
 
 Kalibr, ``imu.yaml``
-    Wiki page "IMU Noise Model"; ``ImuParameters`` in kalibr_common/ConfigReader.py, which wants all
+    Wiki page "IMU Noise Model"; ``ImuParameters`` in kalibr_common/ConfigReader.py, which needs all
     four numbers positive. One number per triad. Bias: a random walk, here ``Triad.mean(walk)``.
 gnss-ins-sim
     ``IMU`` in sim/imu_model.py (deg/h, deg/sqrt(h), m/s/sqrt(h)); ``bias_drift`` in
@@ -21,7 +21,7 @@ MATLAB ``imuSensor``
     NoiseDensity sqrt(F), random walk steps RandomWalk / sqrt(F), F = SampleRate / 2 for the default
     NoiseType 'double-sided' and SampleRate for 'single-sided': the latter is N and K, as MathWorks'
     example "Inertial Sensor Noise Analysis Using Allan Variance" says. BiasInstability drives the
-    filter in BiasInstabilityCoefficients, by default 1 / (1 - z^-1 / 2), which forgets in two
+    filter in BiasInstabilityCoefficients, by default 1 / (1 - z^-1 / 2), whose memory is two
     samples; with sqrt(1 - phi^2) / (1 - phi z^-1) it is the Gauss-Markov process exactly.
 Gazebo classic (PX4 SITL)
     ``GazeboImuPlugin::addNoise`` in gazebo_imu_plugin.cpp: densities; bias exactly discretised with
@@ -40,6 +40,7 @@ import numpy as np
 
 from analysis import Estimate, WrongUsage
 from analysis.noise import conventions
+from analysis.noise.conventions import MISSING
 from analysis.noise.models import random_walk_unit
 
 TITLES = {
@@ -52,7 +53,6 @@ TITLES = {
 }
 SENSORS = {"rate": "gyroscope", "accel": "accelerometer"}
 SI_UNITS = {"rate": "rad/s", "accel": "m/s^2"}
-MISSING = "not resolved"
 FOREVER = 1e9  # s, 30 years: a Gauss-Markov process of this correlation time is a random walk
 _AXIS = re.compile(r"(?:^|[_\-])([xyz])(?:$|[_\-])|([xyz])$", re.IGNORECASE)
 _TURNS = {"roll": "x", "pitch": "y", "yaw": "z"}
@@ -223,7 +223,7 @@ def files(model, templates):
         left_out=left_out,
         absent=[sensor for sensor in SENSORS.values() if sensor not in triads],
         unresolved=[line for line in explained if MISSING in line],
-        tables={triad.sensor: _in_every_convention(triad, rate) for triad in triads.values()},
+        tables={t.sensor: _in_every_convention(t, 1 / rate, templates) for t in triads.values()},
     )
     return texts
 
@@ -237,15 +237,15 @@ def _matlab(values):
     return " ".join(f"{v or 0.0:.6e}" for v in values)
 
 
-def _in_every_convention(triad, rate):
+def _in_every_convention(triad, dt, templates):
     gyro, sensors = triad.sensor == "gyroscope", {}
     per, unit = (np.degrees(1.0), "°/s") if gyro else (1.0, "m/s²")
     for axis in triad.axes.values():
         sigma, time = axis.gauss_markov[0] if axis.gauss_markov else (np.nan, np.nan)
         white = np.nan if axis.N is None else axis.N
-        rows = conventions.side_by_side(per * white, per * sigma, time, 1 / rate, unit)
-        sensors[axis.channel] = rows
-    return conventions.markdown(sensors)
+        values = conventions.side_by_side(per * white, per * sigma, time, dt, unit)
+        sensors[axis.channel] = values
+    return conventions.table(sensors, dt, unit, templates)
 
 
 def read_triads(model):

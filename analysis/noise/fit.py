@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.noise.likelihood import Terms, evaluate
 from analysis.noise.profile_likelihood import THRESHOLD, Surface, interval
-from analysis.noise.spectrum import Stretch, transform
+from analysis.noise.spectrum import Spectrum, transform
 
 MODELS = {
     "N": ("sigma_v",),
@@ -84,14 +84,14 @@ class NoiseLikelihood:
 
     Parameters
     ----------
-    stretches : sequence of analysis.noise.spectrum.Stretch
+    stretches : sequence of analysis.noise.spectrum.Spectrum
     detrend : bool
         Remove a linear drift; else the mean only.
     """
 
     threshold = THRESHOLD  # fall of 2 ln L at the ends of a 95 % interval
 
-    def __init__(self, stretches: Sequence[Stretch], *, detrend: bool = True):
+    def __init__(self, stretches: Sequence[Spectrum], *, detrend: bool = True):
         self.stretches = tuple(stretches)
         self.detrend = detrend
         free = sum(s.count.sum() for s in self.stretches)

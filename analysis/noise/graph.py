@@ -1,8 +1,8 @@
 """Parameters read off an Allan deviation: N on the -1/2 slope, B at the floor, K on the +1/2 slope.
 
-What an engineer does with a ruler (IEEE 952 annex C; terrain paper eqs. (5)-(6)), with the interval
-of the curve itself and a refusal where the curve does not show the slope. Terrain eq. (6) prints
-B = 0.6648 adev; IEEE 952 has B = adev / 0.664, and that is what stands here.
+The graphical method (IEEE 952 annex C; terrain paper eqs. (5)-(6)), with the interval of the curve
+itself, and a refusal where the curve does not show the slope. Terrain eq. (6) prints
+B = 0.6648 adev; here it is B = adev / 0.664, as in IEEE 952.
 """
 
 import numpy as np
@@ -50,7 +50,7 @@ def white_noise(curve: AllanCurve, unit: str) -> Estimate:
     root = np.sqrt(curve.tau[run])
     weight = curve.edf[run]
     value = float(np.exp(np.average(np.log(curve.adev[run] * root), weights=weight)))
-    # Points of one log move together: the interval of the best one stands for all.
+    # The errors of points of one log are correlated: the interval of the best one counts for all.
     best = run[np.argmax(weight)]
     return Estimate(
         value,

@@ -32,7 +32,7 @@ from analysis.noise.fit import (
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.models import random_walk_unit
 from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
-from analysis.noise.spectrum import spikes, stretches
+from analysis.noise.spectrum import spectra, spikes
 
 FEWEST_MEANS = 256  # averaging stops before fewer means are left
 OCTAVES = 3  # at the top of the band, where the model has to agree
@@ -238,7 +238,7 @@ def infer(
     y = np.where(out, np.nan, y) if out.any() else y
     m, rate, clean_bands = 1, kind in ("rate", "accel"), 0
     fits: dict[str, Fit] = {}
-    pieces = stretches(y, dt, m, rng)
+    pieces = spectra(y, dt, m, rng)
     if not pieces:
         raise CannotAnswer("long gaps leave no stretch of samples to fit a noise model to")
     likelihood = NoiseLikelihood(pieces, detrend=detrend)
@@ -250,7 +250,7 @@ def infer(
         clean_bands = clean_bands + 1 if clean else 0
         if (clean and (m == 1 or clean_bands > MARGIN)) or len(y) < 2 * m * FEWEST_MEANS:
             break
-        pieces = stretches(y, dt, 2 * m, rng)
+        pieces = spectra(y, dt, 2 * m, rng)
         wider = NoiseLikelihood(pieces, detrend=detrend) if pieces else None
         if wider is None or wider.scale < EXACT * likelihood.scale:
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
@@ -397,8 +397,7 @@ def _lines(stretches, terms):
     Returns
     -------
     value, drift : ndarray, shape (rows,) or (logs, rows)
-        Log-likelihood of noise and drift at the likeliest drift, which is not the restricted one,
-        and this drift, U/s.
+        Unrestricted log-likelihood at the best drift, and this drift, U/s.
     sd : ndarray, shape (rows,), U/s
     """
     result = evaluate(stretches, terms)

@@ -1,15 +1,16 @@
 """The exact Gaussian likelihood of a static log under a sum of the field's noise terms.
 
-Mean and linear drift are removed as a restricted likelihood does it (REML): only what no mean and
-no drift could have changed is compared with the model, so that nothing is biased by having fitted
-them. Parameters come in rows, one likelihood a row: a search or a profile asks for many at once.
+Mean and linear drift are removed by restricted maximum likelihood (REML): only the part of the log
+that does not depend on mean and drift is compared with the model, so that fitting them biases no
+noise parameter. Parameters come in rows, one likelihood a row: a search or a profile needs many at
+once.
 """
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-LADDER = 3.0  # ratio of neighbouring correlation times in the sum that stands for flicker noise
+LADDER = 3.0  # ratio of neighbouring correlation times in the sum that represents flicker noise
 # Shortest of them, in samples: sampled, the sum holds the power of B^2 / (2 pi f) up to half the
 # sampling rate, each octave to 8 %. A shorter one would fold more in from beyond.
 FASTEST = 0.55
@@ -50,7 +51,7 @@ class Likelihood:
         Without the constant of the normal density. Of many logs (see `simulate`) value, quadratic
         and drift have the shape (logs, rows).
     quadratic : ndarray, shape (rows,)
-        What is left of y' V^-1 y; about `count` under the true parameters.
+        The restricted quadratic form y' V^-1 y; about `count` under the true parameters.
     count : int
         Degrees of freedom of the log.
     drift : ndarray, shape (rows,), U/s
@@ -68,12 +69,12 @@ class Likelihood:
 def evaluate(stretches, terms, *, detrend=True):
     """Restricted likelihood of a log, stretch by stretch.
 
-    Stretches are taken as independent, each with a mean of its own and one drift common to all:
-    what a gap says of the process that runs through it is given away.
+    Stretches are taken as independent, each with its own mean, with one drift common to all.
+    The correlation across a gap is not used.
 
     Parameters
     ----------
-    stretches : sequence of analysis.noise.spectrum.Stretch
+    stretches : sequence of analysis.noise.spectrum.Spectrum
     terms : Terms
     detrend : bool
         Also remove a linear drift.
@@ -108,14 +109,14 @@ def bin_variance(stretch, terms):
 
 
 def simulate(stretch, terms, logs, rng):
-    """Draw logs of the given noise, as long as a stretch and without drift.
+    """Simulate logs of the given noise, as long as a stretch and without drift.
 
-    Only what a likelihood needs of them is drawn: of the coefficients in a bin, the component along
+    Only what the likelihood needs is simulated: of the coefficients in a bin, the component along
     u, that along the part of x orthogonal to u, and the squared length of the rest.
 
     Parameters
     ----------
-    stretch : analysis.noise.spectrum.Stretch
+    stretch : analysis.noise.spectrum.Spectrum
     terms : Terms
         One row.
     logs : int
@@ -123,14 +124,14 @@ def simulate(stretch, terms, logs, rng):
 
     Returns
     -------
-    Stretch
+    Spectrum
         yy, xy and uy with the logs along a first axis, shape (logs, 2, bins).
     """
     diagonal, g, signs = (a if a.ndim == 1 else a[0] for a in _covariance(stretch, terms))
     count = stretch.count
     u = np.sqrt(stretch.uu)
     along = np.divide(stretch.ux, u, out=np.zeros_like(u), where=u > 0)
-    besides = np.sqrt(np.maximum(stretch.xx - along**2, 0.0))
+    orthogonal = np.sqrt(np.maximum(stretch.xx - along**2, 0.0))
     outer = (g * u[:, None]).swapaxes(1, 2)
     covariance = (outer * signs) @ outer.swapaxes(1, 2)
     covariance += diagonal[:, :, None] * np.eye(count.shape[1])
@@ -139,7 +140,7 @@ def simulate(stretch, terms, logs, rng):
     first = (normal[0].swapaxes(0, 1) @ root).swapaxes(0, 1) * (count > 0)
     second = np.sqrt(diagonal) * normal[1] * (count > 1)
     rest = diagonal * 2 * rng.standard_gamma(np.maximum(count - 2, 0) / 2, (logs, *count.shape))
-    yy, xy = first**2 + second**2 + rest, along * first + besides * second
+    yy, xy = first**2 + second**2 + rest, along * first + orthogonal * second
     return replace(stretch, yy=yy, xy=xy, uy=u * first)
 
 
@@ -207,8 +208,8 @@ def _covariance(stretch, terms):
         diagonal += q * lam
         g.append(np.sqrt(2 * q)[:, :, None] + np.zeros((2, 1, lam.shape[1])))
         signs.append(1)
-    nothing = np.zeros((rows, 2, 0, lam.shape[1]))
-    return diagonal, np.concatenate([nothing, *g], axis=2), np.array(signs)
+    none = np.zeros((rows, 2, 0, lam.shape[1]))
+    return diagonal, np.concatenate([none, *g], axis=2), np.array(signs)
 
 
 def _over_bins(values):

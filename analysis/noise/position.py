@@ -11,18 +11,18 @@ from scipy.ndimage import median_filter
 from analysis import CannotAnswer, Estimate
 from analysis.noise.autocorrelation import autocovariance
 
-CUT = 6.0  # robust standard deviations beyond which a lone position is an outlier
-NEIGHBOURS = 11  # positions in time that a lone one is compared with
+CUT = 6.0  # robust standard deviations beyond which a single position is an outlier
+NEIGHBOURS = 11  # positions in time that each one is compared with
 FEWEST = 20.0  # independent positions below which the median radius has no 95 % interval
 PER_SIGMA = np.sqrt(2 * np.log(2))  # CEP of a circular Gaussian of unit deviation: 1.1774
 
 
 def outliers(*axes: np.ndarray) -> np.ndarray:
-    """Mark positions that stand alone: far from their neighbours in time, along any axis.
+    """Mark outliers: single positions far from their neighbours in time, along any axis.
 
     Far is more than 6 robust standard deviations of the whole log (its middle 95 % over 3.92) from
-    the median of the 11 positions around. A receiver that drifts away takes its neighbours along,
-    and stays; a communication error does not.
+    the median of the 11 positions around. A receiver that drifts moves its neighbours too; a
+    communication error does not.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def outliers(*axes: np.ndarray) -> np.ndarray:
 def effective_samples(x):
     """Count the independent samples in a correlated series: n / (1 + 2 sum of correlations).
 
-    The sum stops at the first lag of five times the correlation length it has found so far
+    The sum stops at the first lag of five times the correlation length reached so far
     (Sokal's window), so that it does not add up the noise of long lags.
 
     Parameters
@@ -70,8 +70,8 @@ def cep(north: np.ndarray, east: np.ndarray) -> Estimate:
         CEP = median r,     r = sqrt((n - nbar)^2 + (e - ebar)^2)
 
     The interval runs between the quantiles of r at 1/2 -+ 1.96 / (2 sqrt(N)), N the independent
-    values of north plus those of east (a radius forgets twice as fast as a coordinate), widened by
-    the freedom that the mean took.
+    values of north plus those of east (a radius has half the correlation time of a coordinate),
+    widened by the degrees of freedom of the mean.
 
     Parameters
     ----------

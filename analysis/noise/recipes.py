@@ -27,9 +27,9 @@ SHORT = 15.0  # s, the paper's short stretch
 KEPT = 0.7  # lag-1 autocorrelation at which averaging has left little white noise
 WHITE = 2.0  # the slow part begins where the curve stands this far above the line of slope -1/2
 READ_AT = 1.0  # s, where N is read, as IEEE 952 does
-COARSE = 10.0  # s, averages that do for the slow part
+COARSE = 10.0  # s, averages used for the slow part
 POINTS = 40
-FEWEST = 50  # averages needed to speak of an autocorrelation
+FEWEST = 50  # averages needed for an autocorrelation
 COEFFICIENTS = ("quantisation", "white", "bias_instability", "rrw", "ramp")
 
 
@@ -96,7 +96,7 @@ class TerrainRecipe:
         y : ndarray, shape (n,), U
             Means over `dt` seconds.
         dt : float
-            A whole part of a second.
+            One second divided by a whole number.
         window : float
             Averages whose autocorrelation is taken, s.
 

@@ -1,4 +1,4 @@
-"""A static log reduced to a few hundred numbers that hold all a likelihood needs of it.
+"""A static log reduced to a few hundred numbers that are all its likelihood needs.
 
 The cosine transform (DCT-II) of a log is the basis in which every term of the noise model is
 diagonal but for the two ends of the log. With L the second-difference matrix with free ends, whose
@@ -10,9 +10,10 @@ sample::
     quantisation         q (L + e1 e1' + en en')
     Gauss-Markov         [ (phi L + (1-phi)^2 I + phi (1-phi) (e1 e1' + en en')) / (1-phi^2) ]^-1
 
-Even coefficients see e1 + en, odd ones e1 - en: each half is diagonal plus one outer product a
-term, so the likelihood is exact and costs as much as there are coefficients. The coefficients of
-short periods, where the model is smooth, are gathered in bins a few per cent wide.
+Even coefficients depend on e1 + en, odd ones on e1 - en: each half is diagonal plus one outer
+product a term, so the likelihood is exact, at a cost proportional to the number of coefficients.
+The coefficients of short periods, where the model is smooth, are gathered in bins a few per cent
+wide.
 """
 
 from dataclasses import dataclass
@@ -22,16 +23,16 @@ from scipy.fft import dct
 
 SINGLE = 40  # coefficients of each parity kept one by one
 BINS = 14  # bins per e-fold of frequency above them
-STRETCHES = 30  # pieces of a log with long holes
+STRETCHES = 30  # longest pieces of a log with long gaps that are used
 FEWEST = 32  # means below which a piece is left out
-HOLE = 10  # samples in a row that are bridged at any length of the log
-NEAR = 8  # samples on each side that a bridge stands on
+GAP = 10  # missing samples in a row that are bridged at any length of the log
+NEAR = 8  # samples on each side that a bridge is computed from
 SPIKE = 8.0  # robust standard deviations of a step
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """An unbroken stretch of readings, or of means of `m` of them, as its cosine transform in bins.
+class Spectrum:
+    """Cosine transform, in bins, of readings without gap, or of means of `m` of them.
 
     Every array has shape (2, bins): even coefficients, odd coefficients.
 
@@ -46,13 +47,13 @@ class Stretch:
     lam : ndarray
         Eigenvalue of L at the middle of the bin.
     count : ndarray
-        Coefficients in the bin; 0 for the mean, which no likelihood sees.
+        Coefficients in the bin; 0 for the mean, which is not used.
     yy, xx, uu : ndarray
         Sums of squares of the log's (y), the ramp's (x) and the first sample's (u) coefficients.
     xy, uy, ux : ndarray
         Sums of products.
     ends : ndarray
-        Sum of squares of u, the mean's among them.
+        Sum of squares of u, that of the mean included.
     """
 
     n: int
@@ -82,7 +83,7 @@ def transform(y, dt, m=1):
 
     Returns
     -------
-    Stretch
+    Spectrum
     """
     n = len(y)
     c = dct(y - y.mean(), type=2, norm="ortho")
@@ -102,7 +103,7 @@ def transform(y, dt, m=1):
 
     ends = gathered(u * u)
     c[0] = u[0] = 0.0
-    return Stretch(
+    return Spectrum(
         n,
         m,
         dt,
@@ -119,16 +120,16 @@ def transform(y, dt, m=1):
 
 
 def outline(n, dt):
-    """Give the bins of a log of `n` samples that is yet to be recorded: its sums of y are zero.
+    """Give the bins of a log of `n` samples that is not recorded yet: its sums of y are zero.
 
     Returns
     -------
-    Stretch
+    Spectrum
     """
     lam, count, _ = _bins(n)
-    nothing = np.zeros_like(lam)
+    zero = np.zeros_like(lam)
     uu = count * (2 / n) * (1 - lam / 4)
-    return Stretch(n, 1, dt, lam, count, *[nothing] * 2, uu, *[nothing] * 3, uu)
+    return Spectrum(n, 1, dt, lam, count, *[zero] * 2, uu, *[zero] * 3, uu)
 
 
 def _bins(n):
@@ -152,12 +153,12 @@ def _edges(size):
     return np.append(np.arange(SINGLE), wide)
 
 
-def stretches(y, dt, m, rng):
-    """Cut a log at its long holes, close the short ones, and transform what is left.
+def spectra(y, dt, m, rng):
+    """Split a log at its long gaps, bridge the short ones, and transform the pieces.
 
-    A hole of up to 10 samples, or 1/200 of the log, is bridged: a straight line between the medians
-    of its neighbours, with white noise of the level of neighbouring differences on it. So at most
-    the share of the samples that was missing is made up.
+    A gap of up to 10 samples, or 1/200 of the log, is bridged: a straight line between the medians
+    of its neighbours, with white noise of the level of neighbouring differences on it. So no more
+    samples are simulated than were missing.
 
     Parameters
     ----------
@@ -171,7 +172,7 @@ def stretches(y, dt, m, rng):
 
     Returns
     -------
-    list of Stretch
+    list of Spectrum
         At most the 30 longest.
     """
     whole = bridged(y, rng)
@@ -184,7 +185,8 @@ def stretches(y, dt, m, rng):
 
 
 def spikes(y):
-    """Single samples that leave both neighbours, on one side, by 8 robust deviations of a step.
+    """Mark single samples that differ from both neighbours, in the same direction, by 8 robust
+    deviations of a step.
 
     Returns
     -------
@@ -199,7 +201,7 @@ def spikes(y):
 
 
 def bridged(y, rng):
-    """Close the short holes of a log (see `stretches`); the long ones stay NaN.
+    """Bridge the short gaps of a log (see `spectra`); the long ones stay NaN.
 
     Returns
     -------
@@ -211,7 +213,7 @@ def bridged(y, rng):
     y = y.copy()
     edges = np.flatnonzero(np.diff(np.concatenate([[False], missing, [False]]))).reshape(-1, 2)
     level = np.nanmedian(np.abs(np.diff(y))) / 0.6745 / np.sqrt(2)
-    for a, b in edges[np.diff(edges)[:, 0] <= max(HOLE, len(y) // 200)]:
+    for a, b in edges[np.diff(edges)[:, 0] <= max(GAP, len(y) // 200)]:
         before, after = y[max(a - NEAR, 0) : a], y[b : b + NEAR]
         if not (np.isfinite(before).any() and np.isfinite(after).any()):
             continue
