@@ -3,6 +3,7 @@
 Plain arrays, already read and cleaned: `analysis.logs.moving.read_moving` makes them from files.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -78,13 +79,13 @@ class Timeline:
     sources: dict[str, str] = field(default_factory=dict)
 
     @property
-    def duration_s(self):
+    def duration_s(self) -> float:
         """Seconds from the first event to the last."""
         ends = [t.t_s[[0, -1]] for t in (self.gnss, self.imu) if t is not None]
         return float(max(e[1] for e in ends) - min(e[0] for e in ends))
 
 
-def inject_outages(timeline, outages):
+def inject_outages(timeline: Timeline, outages: Sequence[tuple[float, float]]) -> Timeline:
     """Delete the fixes of some stretches; the epochs stay, without a fix (Section III-B).
 
     Parameters
@@ -110,7 +111,7 @@ def inject_outages(timeline, outages):
     return replace(timeline, gnss=replace(gnss, has_fix=gnss.has_fix & ~lost, **blank))
 
 
-def turn_imu(timeline, angle, axis=(0.0, 0.0, 1.0)):
+def turn_imu(timeline: Timeline, angle: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Timeline:
     """Turn the IMU about an axis of its own, as if it had been mounted so.
 
     Parameters
@@ -127,6 +128,8 @@ def turn_imu(timeline, angle, axis=(0.0, 0.0, 1.0)):
     Timeline
     """
     imu = timeline.imu
+    if imu is None:
+        return timeline
     old_to_new = Rotation.from_rotvec(-angle * np.asarray(axis) / np.linalg.norm(axis))
     turned = {name: old_to_new.apply(getattr(imu, name)) for name in ("gyro_b", "accel_b")}
     return replace(timeline, imu=replace(imu, **turned))
