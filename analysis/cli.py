@@ -640,17 +640,17 @@ def _rebuild(names, write):
 
 @app.command()
 def benchmark(
-    out: Annotated[str | None, _out("Write the numbers as CSV too.", file=True)] = None,
+    out: Annotated[str | None, _out("Folder for the numbers, as CSV.")] = None,
 ):
     """Measure speed here, next to other packages in the same run.
 
     \b
     python -m analysis benchmark              two minutes; other packages as far as installed
     OMP_NUM_THREADS=1 python -m analysis benchmark     the same on one thread
-    python -m analysis benchmark --out mine.csv        keep the numbers, with the machine's name
+    python -m analysis benchmark --out speed           keep the numbers, with the machine's name
 
     Each number is printed with the limit it has to meet, if there is one. Numbers of one machine
-    with two cores are in data/derived/benchmark/benchmark.csv.
+    with two cores are in data/derived/benchmark/.
     """
     from analysis.studies import benchmark as benchmarks
 
@@ -663,8 +663,8 @@ def benchmark(
         rows.append((name, one))
     if out:
         with writing(out):
-            benchmarks.write(rows, Path(out))
-        print(f"\n{out} is written")
+            benchmarks.write(rows, out)
+        print(f"\n{out}/source.json and benchmark.csv are written")
 
 
 def main(arguments=None):

@@ -1,8 +1,11 @@
 """The study behind notebook 13: what the committed result says, and that the command makes it."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import binom
 
 from analysis import store
 from analysis.cli import main
@@ -79,6 +82,31 @@ def test_the_usual_recipes_are_biased(study):
     assert at.loc[("five coefficients", "midg-yaw", "sigma_v"), "mean"] < 0.93
 
 
+def test_some_logs_of_the_study_again(study):
+    """cross-check: 20 of the 2000 logs of 2 h, simulated and estimated now, fit the committed row.
+
+    Shares are compared with the binomial 99.9 % interval; sigma_v of a log lies within the
+    width of the committed quantiles (four standard deviations) from the truth.
+    """
+    name, runs, hours = "tokimec-yaw", 20, 2.0
+    model, dt, kind = coverage.models()[name]
+    rows = []
+    for k, stream in enumerate(coverage.streams(name, 2000)[1 : runs + 1], start=1):
+        rows += coverage.estimate(k, stream, model=model, dt=dt, kind=kind, hours=hours)
+    now = coverage.summary(pd.DataFrame(rows), model).set_index(["estimator", "parameter"])
+    was = study[(study["model"] == name) & (study["hours"] == hours)]
+    was = was.set_index(["estimator", "parameter"])
+    for parameter in FITTED:
+        new, old = now.loc[("likelihood", parameter)], was.loc[("likelihood", parameter)]
+        assert new["truth"] == pytest.approx(old["truth"], rel=1e-5)  # five digits are stored
+        for share in ("covered", "resolved"):
+            low, high = binom.interval(0.999, runs, old[share])
+            assert low <= runs * new[share] <= high, (parameter, share)
+    sigma_v, stored = (t.loc[("likelihood", "sigma_v")] for t in (now, was))
+    width = stored["q975"] - stored["q025"]
+    assert abs(sigma_v["q025"] - 1) < width and abs(sigma_v["q975"] - 1) < width
+
+
 def test_command_makes_it_and_goes_on(tmp_path):
     """property: a cell is the same for any number of workers, and one that is there is kept."""
     tables = []
@@ -102,5 +130,5 @@ def test_command_makes_it_and_goes_on(tmp_path):
 def test_wrong_usage(arguments, tmp_path, capsys):
     """property: numbers that make no study are refused in a sentence, and nothing is written."""
     assert main(["coverage", *arguments.split(), "--out", str(tmp_path / "x")]) == 2
-    assert "wrong usage" in capsys.readouterr().err
+    assert re.search("wrong usage|Invalid value", capsys.readouterr().err)
     assert not (tmp_path / "x").exists()

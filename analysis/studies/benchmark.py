@@ -1,27 +1,40 @@
-"""Speed, ours beside others', in one run on one machine: ``python -m analysis benchmark``.
+"""Speed of this package and its peers, in one run on one machine: ``python -m analysis benchmark``.
 
 Each entry of `BENCHMARKS` yields `Measured` rows; a new one is a function here and a line there.
-Peers come with the extra ``test``; an entry whose peer is not installed says so and goes on.
+Logs are simulated for the purpose. Peers come with the extra ``test``; an entry whose peer is not
+installed states that and goes on.
 """
 
 import os
 import platform
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
+from resource import RUSAGE_SELF, getrusage
 
+import allantools
 import numpy as np
 import pandas as pd
 
-from analysis import store
-from analysis.studies import noise_speed, replay_speed
+from analysis import STANDARD_GRAVITY, replacing, store
+from analysis.logs.moving import read_moving
+from analysis.logs.static import Channel, Log
+from analysis.logs.timeline import Gnss, Imu, Timeline
+from analysis.noise.allan import allan_deviation
+from analysis.noise.inference import infer
+from analysis.noise.models import UnifiedModel
 from analysis.terrain.monte_carlo import simulate_laps
 from analysis.terrain.readings import Setup
 from analysis.terrain.ukf import Ukf
+from analysis.tracker.log_replay import replay
 
-SEED = 2011
+SEED = 2011  # of the terrain benchmarks
+GYRO, DT = UnifiedModel(0.04, 200.0, 0.005), 0.01  # terrain paper, Table 1, at 100 Hz
+GYRO_SEED = 2008
+IMU_HZ = 40.0
+DIGITS = 3  # of a measured number
 
 
 @dataclass(frozen=True)
@@ -105,61 +118,172 @@ def figures_8_to_11():
     yield Measured("filter steps per second in the sweep", steps / seconds, "1/s")
 
 
-def noise_models():
-    """Time the fit of one channel, an Allan deviation beside allantools, and a log of 10^7 samples.
+def noise_models(samples=10_000_000, channels=6, fit_hours=2.0):
+    """Time the fit of one channel, an Allan deviation and allantools' of it, and a whole log.
+
+    Parameters
+    ----------
+    samples, channels : int
+        Of the whole log; the Allan deviation is that of one such channel.
+    fit_hours : float
 
     Yields
     ------
     Measured
+        The memory is the most that this process has held so far.
     """
-    yield Measured("fit of 2 h at 100 Hz", noise_speed.fit_seconds(), "s", "<= 2")
-    ours, theirs, difference = noise_speed.allan_seconds()
+    y = GYRO.simulate(round(3600 * fit_hours / DT), DT, np.random.default_rng(GYRO_SEED))
+    start = time.perf_counter()
+    infer(y, DT, "deg/s", "rate", np.random.default_rng(GYRO_SEED))
+    yield Measured("fit of 2 h at 100 Hz", time.perf_counter() - start, "s", "<= 2")
+
+    y = GYRO.simulate(samples, DT, np.random.default_rng(GYRO_SEED))
+    start = time.perf_counter()
+    curve = allan_deviation(y, DT)
+    ours = time.perf_counter() - start
+    start = time.perf_counter()
+    theirs = allantools.oadev(y, rate=1 / DT, data_type="freq", taus=curve.tau)[1]
+    peer = time.perf_counter() - start
     yield Measured("Allan deviation of 10^7 samples, 100 tau, intervals", ours, "s")
-    yield Measured("allantools, the same tau, no intervals", theirs, "s", "slower than ours")
+    yield Measured("allantools, the same tau, no intervals", peer, "s", "slower than ours")
+    difference = float(np.abs(curve.adev / theirs - 1).max())
     yield Measured("largest relative difference", difference, "", "<= 1e-9")
-    seconds, gigabytes = noise_speed.log_seconds()
+
+    streams = np.random.SeedSequence(GYRO_SEED).spawn(channels)
+    readings = [GYRO.simulate(samples, DT, np.random.default_rng(s)) for s in streams]
+    named = tuple(Channel(f"gyro_{k}", "deg/s", "rate", y) for k, y in enumerate(readings))
+    log = Log("made", "made", "made", "", 1 / DT, named, samples, 0, (), "", "")
+    start = time.perf_counter()
+    store.characterise_log(log, progress=False)
+    seconds = time.perf_counter() - start
     yield Measured("10^7 samples x 6 channels, all of report's numbers", seconds, "s", "<= 30")
+    gigabytes = getrusage(RUSAGE_SELF).ru_maxrss / 1e6
     yield Measured("most memory held", gigabytes, "GB", "<= 2")
 
 
-def tracker():
+def tracker(seconds=300.0, hours=24.0):
     """Time the six blocks of the tracker on a drive with a 40 Hz IMU, and a day of NMEA at 1 Hz.
+
+    Parameters
+    ----------
+    seconds : float
+        Length of the drive.
+    hours : float
+        Length of the NMEA log.
 
     Yields
     ------
     Measured
+        From processor time.
     """
-    rate = replay_speed.replay_speed()
+    log = drive(seconds, IMU_HZ, np.random.default_rng(1))
+    start = time.process_time()
+    replay(log)
+    rate = seconds / (time.process_time() - start)
     yield Measured("replay with a 40 Hz IMU, one core", rate, "x real time", ">= 500")
     with tempfile.TemporaryDirectory() as folder:
-        seconds = replay_speed.nmea_seconds(folder=Path(folder))
-    yield Measured("24 h of 1 Hz NMEA, read and replayed", seconds, "s", "<= 60")
+        path = Path(folder) / "day.nmea"
+        path.write_bytes(nmea_log(hours, np.random.default_rng(1)))
+        start = time.process_time()
+        replay(read_moving([path]))
+        spent = time.process_time() - start
+    yield Measured("24 h of 1 Hz NMEA, read and replayed", spent, "s", "<= 60")
 
 
-def write(rows, path):
-    """Write what was measured, with the machine it was measured on, as CSV.
+def drive(seconds, imu_hz, rng):
+    """Simulate a drive: 20 s at rest, then weaving at 8 to 12 m/s.
+
+    Returns
+    -------
+    Timeline
+    """
+    t = np.arange(round(seconds * imu_hz)) / imu_hz
+    go = np.clip((t - 20) / 10, 0, 1)
+    speed = go * (10 + 2 * np.sin(0.1 * t))
+    course = 1.0 + 0.5 * np.sin(0.07 * t) * go
+    forward, rate = np.gradient(speed, t), np.gradient(course, t)
+    accel = np.column_stack([forward, speed * rate, np.full(len(t), -STANDARD_GRAVITY)])
+    gyro = np.column_stack([0 * t, 0 * t, rate])
+    imu = Imu(
+        t,
+        gyro + 0.003 * rng.standard_normal(gyro.shape),
+        accel + 0.05 * rng.standard_normal(accel.shape),
+    )
+    every = round(imu_hz)
+    at = slice(0, None, every)
+    metres = np.cumsum(speed[:, None] * np.column_stack([np.cos(course), np.sin(course)]), axis=0)
+    north, east = (metres / imu_hz)[at].T + rng.standard_normal((2, len(t[at])))
+    n = len(north)
+    fixes = Gnss(
+        t_s=t[at],
+        lat_deg=45.0 + north / 111_195,
+        lon_deg=9.0 + east / 78_626,
+        height_m=np.full(n, 100.0),
+        pdop=np.full(n, 2.0),
+        speed_m_s=np.abs(speed[at] + 0.1 * rng.standard_normal(n)),
+        course_deg=np.degrees(course[at]) % 360,
+        has_fix=np.ones(n, dtype=bool),
+    )
+    return Timeline(fixes, imu)
+
+
+def nmea_log(hours, rng):
+    """Write an NMEA log at 1 Hz of a receiver that stands and drives in turn.
+
+    Returns
+    -------
+    bytes
+    """
+    n = round(3600 * hours)
+    second = np.arange(n)
+    speed = np.where(second // 1800 % 2 == 1, 10.0, 0.05)  # knots
+    north = np.cumsum(speed * 1852 / 3600) + rng.standard_normal(n)
+    lines = []
+    for k in range(n):
+        clock = f"{k // 3600 % 24:02d}{k // 60 % 60:02d}{k % 60:02d}.00"
+        date = f"{1 + k // 86400:02d}0624"
+        minutes = 45 * 60 + north[k] / 1852
+        place = f"{int(minutes // 60):02d}{minutes % 60:09.6f},N,00900.000000,E"
+        lines += [
+            _sentence(f"GNRMC,{clock},A,{place},{speed[k]:.2f},0.00,{date},,,A"),
+            _sentence(f"GNGGA,{clock},{place},1,10,1.0,100.0,M,47.0,M,,"),
+            _sentence("GNGSA,A,3,01,02,03,04,05,06,07,08,,,,,1.8,1.0,1.5"),
+        ]
+    return "".join(lines).encode()
+
+
+def _sentence(body):
+    """Add dollar, checksum and line end."""
+    checksum = 0
+    for byte in body.encode():
+        checksum ^= byte
+    return f"${body}*{checksum:02X}\r\n"
+
+
+def write(rows, folder):
+    """Write what was measured and the machine it was measured on, in the layout of data/derived.
 
     Parameters
     ----------
     rows : sequence of (str, Measured)
-    path : pathlib.Path
+    folder : path-like
     """
-    parts = {name: version(name) for name in ("numpy", "scipy")}
-    head = [
-        f"# python -m analysis benchmark, {os.cpu_count()} cores ({processor()})",
-        f"# python {platform.python_version()}, " + ", ".join(f"{n} {v}" for n, v in parts.items()),
-    ]
-    told = [
-        {"part": part, "what": m.what, "value": m.value, "unit": m.unit, "bar": m.bar}
-        for part, m in rows
-    ]
-    text = pd.DataFrame(told).to_csv(index=False, float_format="%.3g")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join([*head, text]), encoding="utf-8")
+    source = {
+        "title": "Speed of this package and of its peers, in one run on one machine",
+        "made_by": "python -m analysis benchmark --out FOLDER",
+        "machine": f"{os.cpu_count()} cores ({processor()})",
+        "versions": {
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("numpy", "scipy")},
+        },
+    }
+    table = pd.DataFrame([{"part": part, **asdict(measured)} for part, measured in rows])
+    with replacing(folder) as draft:
+        store.write(draft, source, {"benchmark": store.rounded(table, DIGITS)})
 
 
 def processor():
-    """Name the processor, as far as the system tells."""
+    """Name the processor, as far as the system states it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
