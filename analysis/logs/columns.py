@@ -58,9 +58,10 @@ _MEANINGS = (  # meaning of a name without its unit
 )
 _BODY_RATES = {"rollrate": "gyro_x", "pitchrate": "gyro_y", "yawrate": "gyro_z"}
 SPEED = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
-_SPEED_SPELLINGS = {
-    "m_s": r"m_s|m/s|mps|ms", "km_h": r"km_h|km/h|kmh|kph", "knots": r"knots?|kn|kt", "mph": r"mph",
-}  # fmt: skip
+_SPEED_WITH_UNIT = re.compile(
+    _SPEED_NAME + r"[ _]*[\[(]?((?P<m_s>m_s|m/s|mps|ms)|(?P<km_h>km_h|km/h|kmh|kph)"
+    r"|(?P<knots>knots?|kn|kt)|(?P<mph>mph))[\])]?"
+)
 _RAD_S = {"deg/s": np.pi / 180, "rad/s": 1.0, "deg/h": np.pi / 180 / 3600}
 
 
@@ -287,10 +288,9 @@ def _meaning(name: str) -> tuple[str | None, str | None]:
         return _BODY_RATES[lower], None
     base, unit = split(name)
     base = base.strip().lower()
-    for speed_unit, spelled in _SPEED_SPELLINGS.items():
-        match = re.fullmatch(rf"(.*?)[ _]*[\[(]?(?:{spelled})[\])]?", lower)
-        if match and re.fullmatch(_SPEED_NAME, match[1].strip(" _")):
-            return "speed", speed_unit
+    speed = _SPEED_WITH_UNIT.fullmatch(lower)
+    if speed:
+        return "speed", next(unit for unit in SPEED if speed[unit])
     for meaning, pattern in _MEANINGS:
         for axis in "xyz" if "{}" in meaning else [""]:
             if re.fullmatch(pattern.replace("{}", axis), base):
