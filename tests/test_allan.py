@@ -1,11 +1,11 @@
-"""Allan deviation: closed forms, allantools, and intervals that cover."""
+"""Allan deviation: closed forms, allantools, and intervals that cover; the straight line."""
 
 import numpy as np
 import pytest
 from allantools import oadev
 from allantools.ci import edf_greenhall
 
-from analysis.noise.allan import allan_deviation, cluster_sizes, degrees_of_freedom
+from analysis.noise.allan import allan_deviation, cluster_sizes, degrees_of_freedom, fit_line
 from analysis.noise.models import UnifiedModel
 
 DT = 0.01
@@ -128,3 +128,13 @@ def test_default_error_bars_do_not_cover():
         _, dev, err, _ = oadev(y, rate=1.0, data_type="freq", taus=[m])
         inside += abs(dev[0] - 1 / np.sqrt(m)) < 1.96 * err[0]
     assert inside / runs < 0.5
+
+
+def test_fit_line():
+    """analytic: a line with holes comes back exactly, mean and slope."""
+    t = DT * np.arange(1000)
+    y = 2.0 + 0.3 * t
+    y[100:120] = np.nan
+    residual, line = fit_line(y, DT)
+    assert line.drift == pytest.approx(0.3)
+    assert np.nanmax(np.abs(residual)) < 1e-9

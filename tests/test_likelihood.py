@@ -179,6 +179,18 @@ def test_profile_of_a_parabola():
     assert interval(tight, np.zeros(2), 0.0, np.array([1.0, 0.0]))[1] is None
 
 
+@pytest.mark.parametrize("what", ["corr_time", "sigma_b", "sigma_v"])
+def test_profile_ends_where_the_interval_does(what):
+    """property: the profile is zero at the maximum and at its threshold at the interval's ends."""
+    y = UnifiedModel(0.1, 40.0, 0.1).simulate(10_000, 1.0, np.random.default_rng(13))
+    noise = NoiseLikelihood.of_log(y, 1.0)
+    best = noise.fit()
+    at = np.array([best.terms[what][0], *noise.interval(best, what)])
+    # 4e-3: the ends are searched to 1e-4 of their distance, and 2 ln L falls as its square
+    expected = pytest.approx([0.0, noise.threshold, noise.threshold], abs=4e-3)
+    assert noise.profile(best, what, at) == expected
+
+
 @pytest.mark.parametrize(("corr_time", "n"), [(40.0, 20_000), (400.0, 8000)])
 def test_intervals_cover(corr_time, n):
     """coverage: 95 % intervals of N+GM hold the truth, at 500 and at 20 correlation times."""

@@ -1,8 +1,10 @@
 """The unified model: exact discretisation, exact averages, closed-form Allan deviations."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from analysis import DATA
 from analysis.noise.models import (
     UnifiedModel,
     adev_drift,
@@ -10,6 +12,8 @@ from analysis.noise.models import (
     adev_white,
     gauss_markov,
     gauss_markov_means,
+    models_of_table_one,
+    simulate_logs,
 )
 
 
@@ -94,3 +98,31 @@ def test_same_seed_same_log():
     a, b = (model.simulate(100, 0.5, np.random.default_rng(7)) for _ in range(2))
     np.testing.assert_array_equal(a, b)
     np.testing.assert_allclose(a, 5.0 + 1e-3 * 0.5 * np.arange(100))
+
+
+def test_models_of_table_one():
+    """published: Table I and the drifts of section V, in deg and seconds."""
+    table = pd.read_csv(DATA / "published" / "comparison-table-1.csv", comment="#")
+    models = models_of_table_one(table)
+    assert len(models) == 7
+    assert models["tokimec-roll"] == UnifiedModel(0.144, 403.0, 0.410, title="Tokimec roll")
+    assert models["midg-pitch"].corr_time == np.inf
+    assert models["tokimec-yaw"].drift == 220.0 / 3600 and models["kvh-yaw"].title == "KVH yaw"
+
+
+def test_log_k_has_stream_k():
+    """property: a log is decided by the seed and its place, not by the models after it."""
+    models = {"a": UnifiedModel(0.1, 60.0, 0.2), "b": UnifiedModel(0.3)}
+    logs = simulate_logs(models, 100, 0.5, seed=3)
+    stream = np.random.SeedSequence(3).spawn(1)[0]
+    alone = models["a"].simulate(100, 0.5, np.random.default_rng(stream))
+    np.testing.assert_array_equal(logs["a"], alone)
+    assert list(logs) == ["a", "b"]
+
+
+def test_means_carry_the_line():
+    """analytic: means of m readings of a line are the line at the middle of each m."""
+    model = UnifiedModel(0.0, 60.0, 0.0, 5.0, 1e-3)
+    rng = np.random.default_rng(7)
+    whole = model.simulate(100, 0.5, rng).reshape(-1, 10).mean(axis=1)
+    np.testing.assert_allclose(model.simulate_means(10, 10, 0.5, rng), whole)

@@ -1,10 +1,11 @@
-"""Remarks on logs that are not quiet, not fine enough or not long enough."""
+"""One channel: refusals, and remarks on logs that are disturbed, too coarse or too short."""
 
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from analysis.noise.channel import remarks
+from analysis import CannotAnswer
+from analysis.noise.channel import characterise, remarks
 
 QUIET = np.random.default_rng(1).standard_normal(20_000)
 T = 0.01 * np.arange(20_000)
@@ -63,3 +64,28 @@ def test_noise_of_any_colour_is_no_oscillation(length):
             lfilter(*butter(2, 0.2), w),
         ]
         assert not any("oscillation" in s for y in colours for s in remarks(y, 0.01, "x"))
+
+
+@pytest.mark.parametrize(
+    ("y", "says"),
+    [
+        (np.zeros(1000), "constant"),
+        (np.arange(10.0), "samples"),
+        (np.full(500, np.nan), "samples"),
+    ],
+)
+def test_refusals(y, says):
+    """property: what has no noise to measure is refused in a sentence that names the channel."""
+    with pytest.raises(CannotAnswer, match=f"gyro_x.*{says}"):
+        characterise(
+            y, 0.05, name="gyro_x", unit="deg/s", kind="rate", rng=np.random.default_rng(0)
+        )
+
+
+@pytest.mark.parametrize("levels", [2, 3])
+def test_quantised_channels_do_not_warn(levels, recwarn):
+    """property: a channel that knows two or three values is answered without library noise."""
+    y = np.random.default_rng(14).integers(0, levels, 2000).astype(float)
+    found = characterise(y, 0.05, name="x", unit="g", kind="accel", rng=np.random.default_rng(0))
+    assert found.parameters["vrw"].value == pytest.approx(y.std() * np.sqrt(0.05), rel=0.1)
+    assert not recwarn.list

@@ -1,14 +1,20 @@
-"""Noise parameters put in and read back as the terrain paper does (eqs. 3-6, Table 1)."""
+"""The recipes of the papers and of IEEE 952: closed forms back, and their own limits."""
 
 import allantools
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from analysis.noise.allan import overlapped_variance
+from analysis.noise.allan import AllanCurve, overlapped_variance
 from analysis.noise.autocorrelation import autocovariance, block_means
 from analysis.noise.models import FLICKER, UnifiedModel, adev_flicker, adev_gauss_markov, adev_model
-from analysis.noise.recipes import TerrainRecipe, sigma_of_eq3, slow_top
+from analysis.noise.recipes import (
+    ComparisonRecipe,
+    TerrainRecipe,
+    five_coefficients,
+    sigma_of_eq3,
+    slow_top,
+)
 
 N, B, T_C = 0.004, 0.005, 200.0  # terrain paper, Table 1
 DT = 0.01
@@ -127,3 +133,31 @@ def test_overlapped_variance_is_allantools():
     assert np.sqrt(overlapped_variance(y, m)) == pytest.approx(theirs, rel=1e-9)
     assert np.isnan(overlapped_variance(y[:10], [6])).all()
     assert np.isnan(overlapped_variance(np.array([]), [1])).all()
+
+
+def test_recipe_follows_the_paper():
+    """published: section III on a long log with little white noise gives tau within 20 %."""
+    model = UnifiedModel(0.01, 164.0, 0.046)
+    y = model.simulate(200_000, 0.5, np.random.default_rng(3))
+    found = ComparisonRecipe.of_log(y - y.mean(), 0.5)
+    # 600 correlation times: the reading scatters by some 8 %; the peak keeps some white noise.
+    assert found.corr_time == pytest.approx(164.0, rel=0.2)
+    assert found.sigma_b == pytest.approx(0.046, rel=0.15)
+    assert np.isnan(ComparisonRecipe.of_log(np.diff(y[::7]), 0.5).corr_time)
+
+
+def test_five_coefficients_of_exact_curves():
+    """analytic: each of the five terms alone comes back from its own closed-form curve."""
+    tau = np.geomspace(0.1, 1000, 60)
+    shapes = {
+        "quantisation": np.sqrt(3) / tau,
+        "white": 1 / np.sqrt(tau),
+        "bias_instability": np.full(60, FLICKER),
+        "rrw": np.sqrt(tau / 3),
+        "ramp": tau / np.sqrt(2),
+    }
+    for name, adev in shapes.items():
+        curve = AllanCurve(tau, 2 * adev, adev, 3 * adev, np.full(60, 100.0))
+        found = five_coefficients(curve)
+        assert found.pop(name) == pytest.approx(2.0, rel=1e-6)
+        assert max(found.values()) < 1e-3

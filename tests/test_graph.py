@@ -1,10 +1,11 @@
-"""Numbers for what the eye sees in a plot, against shapes whose answer is known."""
+"""Parameters and slopes read off curves, and shapes of histograms, where the answer is known."""
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from analysis.noise import graph
+from analysis.noise.allan import allan_deviation
 
 Q = (np.arange(20_000) + 0.5) / 20_000  # evenly spread probabilities
 X = np.geomspace(0.1, 1000.0, 200)
@@ -45,3 +46,30 @@ def test_missing_samples_and_units_do_not_count():
     other = np.concatenate([[np.nan], rng.permutation(-3.0 + 1e4 * y), [np.nan]])
     # 1e-9: scaling costs the last digits of the mean
     assert graph.distances(other) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_nearer_shape():
+    """Analytic: the quantiles of each shape are nearer to it."""
+    assert graph.nearer_to_gaussian(norm(3.0, 0.2).ppf(Q))
+    assert not graph.nearer_to_gaussian(5.0 + 7.0 * Q)
+
+
+def test_graph_readings():
+    """analytic: N, and B from the floor, of white noise plus a random walk; K where it rules."""
+    rng = np.random.default_rng(12)
+    y = rng.standard_normal(500_000) + np.cumsum(2e-3 * rng.standard_normal(500_000))
+    curve = allan_deviation(y, 1.0)
+    arw = graph.white_noise(curve, "deg/s")
+    floor = graph.bias_instability(curve, "deg/s")
+    rrw = graph.rate_random_walk(curve, "deg/s")
+    assert arw.value == pytest.approx(1.0, rel=0.01) and arw.unit == "deg/sqrt(s)"
+    # White 1/tau and walk K^2 tau/3 meet lowest at tau = sqrt(3)/K, adev^2 = 2K/sqrt(3).
+    assert floor.value == pytest.approx(np.sqrt(2 * 2e-3 / np.sqrt(3)) / 0.664, rel=0.05)
+    assert rrw.low < 2e-3 < rrw.high
+
+
+def test_no_floor_no_bias_instability():
+    """property: white noise alone gives no bias instability, only a ceiling."""
+    curve = allan_deviation(np.random.default_rng(13).standard_normal(50_000), 0.01)
+    found = graph.bias_instability(curve, "deg/s")
+    assert found.value is None and found.high > 0 and "longer log" in found.note
