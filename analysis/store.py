@@ -25,7 +25,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from analysis import DATA, CannotAnswer, Estimate, WrongUsage
-from analysis.logs import surveys
+from analysis.logs import road_logs
 from analysis.logs.static import Log
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise, characterise, remarks
@@ -549,7 +549,7 @@ def lap_and_map(source: str | Path, direction: str | None = None) -> tuple[Lap, 
     ----------
     source : str or Path
         One of `lap_names`, with the map of the other laps of its direction; or a raw file of the
-        van (`analysis.logs.surveys.lap`), with the map of all committed laps.
+        van (`analysis.logs.road_logs.lap`), with the map of all committed laps.
     direction : {"ccw", "cw"}, optional
         Of a raw file: the direction in which it was driven.
 
@@ -566,7 +566,7 @@ def lap_and_map(source: str | Path, direction: str | None = None) -> tuple[Lap, 
     if direction is None:
         return lap(str(source)), map_without(str(source))
     path, line, known = Path(source), centre_line(direction), _road(TRACK).source
-    raw = surveys.lap(path, known["gate_lat_lon_deg"])
+    raw = road_logs.lap(path, known["gate_lat_lon_deg"])
     mounting = AntennaMounting(**known["mounting_deg"])
     try:
         own = lay_on_line(path.stem, direction, raw, line, mounting)

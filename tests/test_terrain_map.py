@@ -10,8 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage, store
-from analysis.logs import datasets
-from analysis.logs import surveys as survey
+from analysis.logs import datasets, road_logs
 from analysis.studies import surveys
 from analysis.terrain import antennas, centre_line, terrain_map
 from analysis.terrain.antennas import AntennaMounting
@@ -269,7 +268,7 @@ def write_log(path, lap, *, mode=6, without=(), counts=True, epochs=None):
     t = 1.7e9 + DT * (np.arange(n) if epochs is None else np.resize(epochs, n))
     with h5py.File(path, "w") as file:
         raw = file.create_group("rawData")
-        for name, (east, north, up) in zip(survey.ANTENNAS, lap.transpose(0, 2, 1), strict=True):
+        for name, (east, north, up) in zip(road_logs.ANTENNAS, lap.transpose(0, 2, 1), strict=True):
             if name in without:
                 continue
             group = raw.create_group(f"GPS_SparkFun_{name}_GGA")
@@ -359,7 +358,7 @@ def test_files_that_are_no_laps_are_refused(tmp_path):
         with pytest.raises(CannotAnswer, match=r"bad\.mat: not a MATLAB v7\.3 file, or cut off"):
             store.lap_and_map(path, "ccw")
         with pytest.raises(CannotAnswer, match=r"bad\.mat: not a"):
-            survey.highway(path)
+            road_logs.highway(path)
 
 
 def test_a_map_with_a_gap_is_refused():

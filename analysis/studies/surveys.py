@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pandas as pd
 
-from analysis.logs import datasets, surveys
+from analysis.logs import datasets, road_logs
 from analysis.store import HIGHWAY, TRACK, rounded, rounded_number
 from analysis.terrain import antennas, centre_line, terrain_map
 from analysis.terrain.antennas import AntennaMounting
@@ -21,7 +21,7 @@ DIRECTION_OF = {
 }
 LAPS = {d: [n for n, way in DIRECTION_OF.items() if way == d] for d in ("ccw", "cw")}
 GATE = (40.86217, -77.83619)  # lat, lon, deg: s = 0, in the stretch where the laps begin
-DT = 1.0 / surveys.RATE_HZ
+DT = 1.0 / road_logs.RATE_HZ
 DRIVES = {
     "to-state-college": "I99_Altoona33_to_StateCollege73_20210123.mat",
     "to-altoona": "I99_StateCollege73_to_Altoona33_20210123.mat",
@@ -49,7 +49,7 @@ def test_track():
         If a raw file is not on this machine.
     """
     files = {n: f"{TRACK}/mapping_van_2024-08-05-{n}_merged.mat" for n in DIRECTION_OF}
-    raw = {name: surveys.lap(datasets.path(file), GATE) for name, file in files.items()}
+    raw = {name: road_logs.lap(datasets.path(file), GATE) for name, file in files.items()}
     whole = {n: np.stack([antennas.bridge(a) for a in lap.antennas]) for n, lap in raw.items()}
     rounds = {n: _first_round(lap) for n, lap in whole.items()}
     mounting = antennas.calibrate(*([rounds[n] for n in names] for names in LAPS.values()), DT)
@@ -146,7 +146,7 @@ def highway():
     files = {name: f"{HIGHWAY}/{file}" for name, file in DRIVES.items()}
     about, tables = {}, {}
     for name, file in files.items():
-        drive = surveys.highway(datasets.path(file))
+        drive = road_logs.highway(datasets.path(file))
         xyz = {c: drive[c].to_numpy() for c in ("east_m", "north_m", "height_m")}
         moved = np.hypot(np.diff(xyz["east_m"]), np.diff(xyz["north_m"]))
         s = np.concatenate([[0.0], np.cumsum(moved)])

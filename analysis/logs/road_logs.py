@@ -1,4 +1,4 @@
-"""Readers of driven surveys: a van with three RTK antennas (MATLAB v7.3), a highway (MATLAB v5)."""
+"""Logs of roads: a van with three RTK antennas (MATLAB v7.3), a highway drive (MATLAB v5)."""
 
 from dataclasses import dataclass
 from pathlib import Path
