@@ -339,7 +339,7 @@ def test_the_unit_of_the_log_does_not_matter(gyro, accel):
 def test_a_triad_mean_keeps_power():
     """Property: one number for three axes keeps the mean of N^2, of sigma_b^2 and of K^2."""
     different = [("x", 1e-4, 1e-5, 50.0), ("y", 2e-4, 3e-5, 500.0), ("z", 3e-4, 2e-5, 200.0)]
-    found = exports.read_triads(model(*(channel("gyroscope", *row) for row in different)))[0][
+    found = exports.sort_triads(model(*(channel("gyroscope", *row) for row in different)))[0][
         "gyroscope"
     ]
     _, white, sigma, time = (np.array(column) for column in zip(*different, strict=True))
@@ -355,7 +355,7 @@ def test_terms_of_one_model_add_in_power():
     one = channel("gyroscope", "x", 1e-4, 1e-5, 50.0, rrw=1e-6)
     one["parameters"]["sigma_b_2"] = estimate(3e-5, "rad/s")
     one["parameters"]["corr_time_2"] = estimate(900.0, "s")
-    axis = exports.read_triads(model(one))[0]["gyroscope"].axes["x"]
+    axis = exports.sort_triads(model(one))[0]["gyroscope"].axes["x"]
     assert axis.walk == pytest.approx(np.sqrt(1e-12 + 2e-10 / 50 + 18e-10 / 900))
     assert axis.process == pytest.approx((3e-5, 900.0))
 
@@ -389,7 +389,7 @@ def test_nothing_unresolved_gets_a_number():
 def test_half_a_gauss_markov_term_is_none():
     """Property: sigma_b without T_c, or T_c without sigma_b, is no process."""
     for half in ((1e-5, None), (None, 100.0)):
-        axis = exports.read_triads(model(channel("gyroscope", "x", 1e-4, *half)))[0][
+        axis = exports.sort_triads(model(channel("gyroscope", "x", 1e-4, *half)))[0][
             "gyroscope"
         ].axes["x"]
         assert axis.process is None and axis.walk is None
@@ -419,7 +419,7 @@ def test_other_axes_stand_in_for_none():
 def test_axes_are_told_by_name(names, letters):
     """Property: x, y, z or roll, pitch, yaw in the name; else the order of up to three."""
     channels = [channel("gyroscope", "x", 1e-4, None, None) | {"name": n} for n in names]
-    triads, left_out = exports.read_triads(model(*channels))
+    triads, left_out = exports.sort_triads(model(*channels))
     if letters is None:
         assert triads == {} and "not one triad" in left_out[0]
     else:

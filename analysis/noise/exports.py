@@ -198,7 +198,7 @@ def files(model, templates):
     WrongUsage
         If it is not the content of a model.json.
     """
-    triads, left_out = read_triads(model)
+    triads, left_out = sort_triads(model)
     source, rate, texts = model["source"], float(model["source"]["rate_hz"]), {}
     empty = {s: Triad(s, SI_UNITS[kind], {}) for kind, s in SENSORS.items()}
     context = empty | triads | {
@@ -248,7 +248,7 @@ def _in_every_convention(triad, dt, templates):
     return conventions.table(sensors, dt, unit, templates)
 
 
-def read_triads(model):
+def sort_triads(model):
     """Sort the channels of a model.json into triads.
 
     Parameters

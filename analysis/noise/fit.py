@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.noise.likelihood import Terms, evaluate
+from analysis.noise.likelihood import Likelihood, Terms, evaluate
 from analysis.noise.profile_likelihood import THRESHOLD, Surface, interval
 from analysis.noise.spectrum import Spectrum, transform
 
@@ -121,7 +121,7 @@ class NoiseLikelihood:
         """
         return cls([transform(y, dt, averaged)], detrend=detrend)
 
-    def surface(self, names):
+    def surface(self, names: Sequence[str]) -> Surface:
         """Give the log-likelihood over the logarithms of the named parameters."""
         size = self.scale * np.sqrt(self.per_sample)
         box = {
@@ -205,7 +205,7 @@ class NoiseLikelihood:
             fall.append(2 * (fit.log_likelihood - cut.maximum(fit.point[rest])[1]))
         return np.array(fall)
 
-    def hidden_bias(self, fit, longest):
+    def hidden_bias(self, fit: Fit, longest: float) -> float:
         """Largest sigma_b of any correlation time up to `longest` that the log does not exclude.
 
         Returns
@@ -221,11 +221,11 @@ class NoiseLikelihood:
         allowed = (2 * (fit.log_likelihood - value) < THRESHOLD).reshape(len(time), -1).any(axis=0)
         return float(size[allowed].max()) if allowed.any() else float(size[0])
 
-    def terms(self, fit):
+    def terms(self, fit: Fit) -> Terms:
         """Give a fit's parameters as one row of `Terms`."""
         return rows(fit.point[None], fit.names)
 
-    def evaluate(self, points, names):
+    def evaluate(self, points: np.ndarray, names: Sequence[str]) -> Likelihood:
         """Give the `Likelihood` of rows of logarithms of the named parameters."""
         return evaluate(self.stretches, rows(points, names), detrend=self.detrend)
 

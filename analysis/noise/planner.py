@@ -51,7 +51,7 @@ class Plan:
     flicker: float | None = None
     rrw: float | None = None
 
-    def given(self):
+    def given(self) -> dict[str, float]:
         """Names and values of the terms given."""
         return {name: value for name, value in vars(self).items() if value is not None}
 

@@ -5,6 +5,7 @@ within chi2(0.95, 1) / 2 = 1.92 of the maximum. It needs no curvature at the max
 side on which the likelihood never falls so far has no end: None.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,7 @@ class Surface:
         The box.
     """
 
-    value: object
+    value: Callable[[np.ndarray], np.ndarray]
     low: np.ndarray
     high: np.ndarray
 
