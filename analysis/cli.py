@@ -9,6 +9,7 @@ import json
 import math
 import sys
 import tempfile
+from contextlib import contextmanager
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -18,8 +19,7 @@ from typing import Annotated, Literal
 import typer
 from typer.core import TyperGroup
 
-from analysis import CannotAnswer, Estimate, WrongUsage
-from analysis.output import replacing, writing
+from analysis import CannotAnswer, Estimate, WrongUsage, replacing
 
 DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
     "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
@@ -82,6 +82,15 @@ def _out(about, file=False):
         return out
 
     return typer.Option("--out", metavar="FILE" if file else "DIR", help=about, callback=check)
+
+
+@contextmanager
+def writing(out):
+    """Turn an error of the disk into a sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
 
 
 Rate = Annotated[
@@ -178,7 +187,8 @@ def report(
     from analysis import report as page
 
     log = _read(log, columns, rate=rate, time=time, unit=unit, kind=kind, start=start, stop=stop)
-    result = page.write(log, out)
+    with writing(out):
+        result = page.write(log, out)
     for repair in result.source["repairs"]:
         print(f"note: {repair}")
     for channel in result.channels:
@@ -290,7 +300,8 @@ def replay(
     off = {block.name: False for block in without or ()}
     options = Options(dtype=np.float32 if float32 else np.float64, **off)
     track = replay_log(inject_outages(log, outages), options, stored, progress=True)
-    write_track(track, out)
+    with writing(out):
+        write_track(track, out)
     if last_position and track.stored:
         aside = save_position(last_position, asdict(track.stored))
         warning = f"{warning}; it is kept as {aside}" if aside else warning
@@ -336,13 +347,9 @@ def write_track(track, out):
     track : analysis.tracker.log_replay.Track
     out : path-like
         Folder; made if need be. Files of an earlier replay there are replaced, others stay.
-
-    Raises
-    ------
-    CannotAnswer
-        If the folder cannot be written.
     """
     with replacing(out) as draft:
+        draft.mkdir()
         with (draft / "track.csv").open("w", newline="", encoding="utf-8") as handle:
             writer = csv.writer(handle, lineterminator="\n")
             writer.writerow(track.columns)
@@ -425,7 +432,9 @@ def pool(
     from analysis import report as page
 
     options = {"rate": rate, "time": time, "unit": unit, "kind": kind, "start": start, "stop": stop}
-    pooled = page.write_pooled([_read(log, columns, **options) for log in logs], out, axes=axes)
+    read = [_read(log, columns, **options) for log in logs]
+    with writing(out):
+        pooled = page.write_pooled(read, out, axes=axes)
     for channel in pooled["channels"]:
         print(f"\n{channel['name']} ({channel['unit']}): {len(channel['members'])} units")
         for key, estimate in channel["parameters"].items():
@@ -451,7 +460,9 @@ def export(
     """
     from analysis import report as page
 
-    for name in page.export(model, out):
+    with writing(out):
+        names = page.export(model, out)
+    for name in names:
         print(f"{out}/{name}")
 
 

@@ -13,14 +13,13 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 from tqdm import tqdm
 
-from analysis import CannotAnswer, WrongUsage, figures, plots, store, text
+from analysis import CannotAnswer, WrongUsage, figures, plots, replacing, store, text
 from analysis.logs.columns import tidy
 from analysis.noise import exports
 from analysis.noise.channel import refuse_without_noise
 from analysis.noise.inference import infer
 from analysis.noise.planner import SYMBOLS, Plan
 from analysis.noise.pool import pool
-from analysis.output import replacing
 
 TEMPLATES = Path(__file__).parent / "templates"
 EXPORTS = Environment(
@@ -61,12 +60,16 @@ def write(log, out):
     except CannotAnswer as error:
         raise CannotAnswer(f"{log.file}, {error}; --columns can leave a channel out") from error
     earlier = {Path("exports", name) for name in exports.TITLES} | _figures_of(Path(out))
-    with replacing(out, earlier) as draft:
-        model = store.model(result)
+    model = store.model(result)
+    with replacing(out) as draft:
+        draft.mkdir()
         (draft / "model.json").write_text(store.as_json(model), encoding="utf-8")
         _draw(result, draft / "figures")
         _write_texts(exports.files(model, EXPORTS), draft / "exports")
         (draft / "report.html").write_text(_page(result, draft / "figures"), encoding="utf-8")
+        written = {path.relative_to(draft) for path in draft.rglob("*")}
+    for path in earlier - written:
+        Path(out, path).unlink(missing_ok=True)
     return result
 
 
@@ -178,13 +181,15 @@ def export(path, out):
     if not texts.keys() & exports.TITLES.keys():
         reasons = [line for line in texts["README.md"].splitlines() if "left out" in line]
         raise CannotAnswer(f"{path}: nothing to export; " + "; ".join(r[2:] for r in reasons))
-    with replacing(out, exports.TITLES) as draft:
+    with replacing(out) as draft:
         _write_texts(texts, draft)
+    for name in exports.TITLES.keys() - texts.keys():
+        Path(out, name).unlink(missing_ok=True)
     return list(texts)
 
 
 def _write_texts(texts, folder):
-    folder.mkdir(exist_ok=True)
+    folder.mkdir()
     for name, content in texts.items():
         (folder / name).write_text(content, encoding="utf-8")
 
@@ -248,8 +253,8 @@ def write_pooled(logs, out, *, axes=False):
         "seed": store.SEED,
         "channels": channels,
     }
-    with replacing(out) as draft:
-        (draft / "pooled.json").write_text(store.as_json(content), encoding="utf-8")
+    with replacing(Path(out, "pooled.json")) as draft:
+        draft.write_text(store.as_json(content), encoding="utf-8")
     return content
 
 
