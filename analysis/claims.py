@@ -7,13 +7,12 @@ notebook hands its value and 95 % interval to `Ledger.check`;
 """
 
 import math
-import os
 from collections.abc import Mapping
 
 import pandas as pd
 from filelock import FileLock
 
-from analysis import DATA, Estimate, WrongUsage, engineering, figures_folder, pretty
+from analysis import DATA, Estimate, WrongUsage, engineering, figures_folder, pretty, replacing
 
 __all__ = ["Ledger", "published", "verdicts"]
 
@@ -222,7 +221,7 @@ class Ledger:
 
     def _write(self):
         path = figures_folder() / "claims.csv"
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)  # for the lock
         mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)
         with FileLock(path.with_suffix(".lock")):  # other notebooks may be writing theirs
             rows = verdicts().reset_index()
@@ -230,9 +229,8 @@ class Ledger:
             parts = [part[COLUMNS] for part in (others, mine) if len(part)]
             table = pd.concat(parts, ignore_index=True).set_index("id")
             table = table.reindex([i for i in self._published.index if i in table.index])
-            new = path.with_suffix(".new")
-            new.write_text(table.to_csv(lineterminator="\n"), encoding="utf-8")
-            os.replace(new, path)
+            with replacing(path) as draft:
+                draft.write_text(table.to_csv(lineterminator="\n"), encoding="utf-8")
 
 
 def _ends(estimate):
