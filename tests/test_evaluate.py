@@ -28,7 +28,7 @@ def test_block_one_alone_is_the_replay_with_the_others_off():
 
 
 def test_block_four_alone_is_the_replay_at_rest():
-    """cross-check: the same layers and positions as the device that stands from the start."""
+    """cross-check: the same layers and positions as the device at rest from the start."""
     a = scenarios.scenario("A", np.random.default_rng(2), minutes=25)
     track = replay(a.log, Options(fusion=False)).columns
     still = np.flatnonzero(track["moving"] == 0)
@@ -118,18 +118,18 @@ def test_real_logs_at_rest_stay_in_their_circle():
     there = float(g.lat_deg.mean()), float(g.lon_deg.mean()), 0.0
     pairs = ((g.lat_deg, g.lon_deg), (found["out_lat_deg"], found["out_lon_deg"]))
     raw, out = (np.array(pymap3d.geodetic2ned(*p, 0.0, *there)[:2]) for p in pairs)
-    stands = [(g.t_s, raw, out, found["layer"])]
+    periods = [(g.t_s, raw, out, found["layer"])]
     phone = store.read("tracker-parked")[1]["stand"]
     raw, out = (phone[[f"{k}_north_m", f"{k}_east_m"]].to_numpy().T for k in ("raw", "out"))
-    stands.append((phone["t_s"].to_numpy(), raw, out, phone["layer"].to_numpy()))
-    for t, raw, out, layer in stands:
+    periods.append((phone["t_s"].to_numpy(), raw, out, phone["layer"].to_numpy()))
+    for t, raw, out, layer in periods:
         assert (layer >= 1).sum() > 600
         assert evaluate.stationary_period(t, raw, out, layer)["leaves"] == 0.0
 
 
 @pytest.mark.parametrize(("lengths", "most"), [(LENGTHS, 0.0), ((10, 10, 10), 0.4)])
 def test_a_published_drift_stays_in_the_circle_if_the_second_layer_lasts(lengths, most):
-    """property: 200 stands of 90 min: no output leaves; with a second layer of 100 s, some do."""
+    """property: 200 periods of 90 min: no output leaves; with a second layer of 100 s, some do."""
     mean = evaluate.stationary_periods(*evaluate.courtyard_errors(9, 200), lengths).mean()
     assert most / 4 <= mean["leaves"] <= most
     assert 0.03 < mean["raw_outside"] < 0.06

@@ -31,7 +31,7 @@ def laps():
 
 
 @pytest.fixture(scope="module")
-def stand():
+def at_rest():
     """Simulate half an hour of scenario A."""
     return scenarios.scenario("A", np.random.default_rng(2), minutes=30.0)
 
@@ -189,9 +189,9 @@ def test_the_gate_lowers_the_error(cold):
     assert error[True] < error[False]
 
 
-def test_standing_still(stand):
+def test_at_rest(at_rest):
     """property: 30 min of rest at 4 Hz: static throughout, layers fill, updates get rarer."""
-    track = replay(stand.log, Options(lengths=(10, 10, 10)))
+    track = replay(at_rest.log, Options(lengths=(10, 10, 10)))
     assert track.columns["moving"][10:].sum() == 0
     layer = track.columns["layer"]
     assert (np.diff(layer) >= 0).all() and layer[-1] == 3
@@ -203,7 +203,7 @@ def test_standing_still(stand):
 
 
 def test_no_output_leaves_the_95_percent_circle():
-    """property: on simulated stands whose errors last under a minute, from layer 2 on, none."""
+    """property: at rest with simulated errors that last under a minute, from layer 2 on, none."""
     from analysis.tracker.scenarios import GnssErrors
 
     errors = GnssErrors(drift=((1.0, 20.0),), white_m=0.5)
@@ -218,14 +218,14 @@ def test_no_output_leaves_the_95_percent_circle():
 
 
 @pytest.mark.parametrize("push", [0.15, 0.3, 1.0])
-def test_wakes_within_an_epoch(stand, push):
-    """published: motion ends the stand at once: by the next epoch the layer is 0."""
-    imu = stand.log.imu
+def test_wakes_within_an_epoch(at_rest, push):
+    """published: motion ends the rest at once: by the next epoch the layer is 0."""
+    imu = at_rest.log.imu
     accel = imu.accel_b.copy()
     pushed = (imu.t_s >= 600.1) & (imu.t_s < 602.0)
     east = np.array([0.0, push, 0.0])
-    accel[pushed] += np.einsum("ji,j->i", stand.C_nb[0], east)
-    log = replace(stand.log, imu=replace(imu, accel_b=accel))
+    accel[pushed] += np.einsum("ji,j->i", at_rest.C_nb[0], east)
+    log = replace(at_rest.log, imu=replace(imu, accel_b=accel))
     track = replay(log, Options(lengths=(10, 10, 10)))
     at = {t: k for k, t in enumerate(track.columns["t_s"].tolist())}
     assert track.columns["layer"][at[600.0]] == 2
@@ -358,7 +358,7 @@ def test_an_imu_that_falls_silent_decides_nothing(laps):
     slow = replace(log.gnss, speed_m_s=np.where(t > 30.0, 0.0, log.gnss.speed_m_s))
     stopped = replay(replace(log, imu=imu, gnss=slow)).columns["moving"]
     assert stopped[(t > 25) & (t <= 30)].all() and not stopped[t > 40].any()
-    ends = log.imu.t_s <= 10.0  # while it stands, and nobody states a speed
+    ends = log.imu.t_s <= 10.0  # while it is at rest, and no speed is known
     imu = Imu(log.imu.t_s[ends], log.imu.gyro_b[ends], log.imu.accel_b[ends])
     mute = replace(log.gnss, speed_m_s=np.full(len(t), np.nan))
     moving = replay(replace(log, imu=imu, gnss=mute)).columns["moving"]

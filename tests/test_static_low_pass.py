@@ -52,7 +52,7 @@ def test_no_speed_leaves_the_imu_to_judge():
 
 
 def test_a_lost_fix_does_not_stop_a_moving_vehicle():
-    """property: in a tunnel at constant speed the last speed stands."""
+    """property: in a tunnel at constant speed the last speed is kept."""
     block = StaticTest()
     for _ in range(5):
         block.drive(15.0)
@@ -63,7 +63,7 @@ def test_a_lost_fix_does_not_stop_a_moving_vehicle():
 @pytest.mark.parametrize("rate", [4, 40, 100])
 @pytest.mark.parametrize("push", [0.2, 0.3, 1.0])
 def test_wakes_within_an_epoch(rate, push):
-    """published: any acceleration above theta_A ends the stand, within one second."""
+    """published: any acceleration above theta_A ends the rest, within one second."""
     block, rng = StaticTest(), np.random.default_rng(3)
     for _ in range(30 * rate):
         block.accelerate(*(0.02 * rng.standard_normal(2)), 1 / rate)
@@ -98,7 +98,7 @@ def test_layers_fill_one_after_the_other():
 
 
 def test_waking_forgets_everything():
-    """published: motion ends the filtering at once, and the next stand starts afresh."""
+    """published: motion ends the filtering at once, and the next rest starts anew."""
     block = LowPass((2, 2, 2))
     for _ in range(20):
         block.step([100.0])
@@ -112,7 +112,7 @@ def test_waking_forgets_everything():
 def test_averages_stay_within_the_95_percent_circle(corr_time):
     """property: with errors correlated over less than a layer, no output leaves the circle.
 
-    100 stands of 2000 s; from layer 2 on each output averages 100 fixes. For errors of 20 s the
+    100 periods of 2000 s; from layer 2 on each output averages 100 fixes. For errors of 20 s the
     mean of 100 s scatters by sqrt(40 / 100) of a fix, so the circle is 3.9 of its sigmas away.
     """
     a = math.exp(-1 / corr_time)

@@ -47,6 +47,7 @@ class Attitude:
         Whether an attitude is known (the first second only gathers samples).
     heading_known : bool
         Whether a course has come since; before that, yaw counts from the direction at the start.
+        Set to False, the yaw starts anew from the next heading.
 
     Examples
     --------
@@ -143,10 +144,6 @@ class Attitude:
         self._correct_bias(static, down, spin, heading is not None)
         self._set_rate_errors(down)
         self._clear_sums()
-
-    def restart_heading(self):
-        """Start the yaw anew from the next heading: the mounting angle has changed."""
-        self.heading_known = False
 
     @property
     def C_nb(self):

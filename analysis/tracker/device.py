@@ -209,7 +209,11 @@ class Device:
         self._orient(epoch.t_s, moving, course, speed, dt)
         if accepted:
             self._t_fix = epoch.t_s
-        layer = self._settle(epoch, accepted, moving)
+        if moving or not self.options.low_pass:
+            self.low_pass.reset()
+        elif accepted:
+            self.low_pass.step(epoch.ned)
+        layer = self.low_pass.layer
         self._fuse(epoch, accepted, moving, layer)
         angles = self.attitude.angles if self.attitude and not no_imu else (math.nan,) * 3
         mount = self.mounting.mount
@@ -267,7 +271,7 @@ class Device:
                     self.upright.step(force, dt)
                 measured = (course, speed, block.yaw_rate, *self.upright.level(force), variance)
                 if self.mounting.step(t_s, dt, *measured, (ax, ay)):
-                    block.restart_heading()
+                    block.heading_known = False  # the next heading starts the yaw anew
         heading = sigma = None
         if driving:
             heading = wrap(course + (self.mounting.mount or 0.0), 2 * math.pi)
@@ -288,14 +292,6 @@ class Device:
             forward, lateral = (speed - before) / dt, speed * yaw_rate
             self._squares = (self._squares[1], forward * forward + lateral * lateral)
         return None if None in self._squares else max(self._squares)
-
-    def _settle(self, epoch, accepted, moving):
-        """Run block 4 while the vehicle is static."""
-        if moving or not self.options.low_pass:
-            self.low_pass.reset()
-        elif accepted:
-            self.low_pass.step(epoch.ned)
-        return self.low_pass.layer
 
     def _fuse(self, epoch, accepted, moving, layer):
         """Run block 6, and choose what is put out."""

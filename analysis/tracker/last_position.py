@@ -92,7 +92,8 @@ class LastPosition:
         bool
             Whether the fix was accepted.
         """
-        if fix is None or not self._acceptable(pdop):
+        acceptable = pdop <= self.gate or (pdop != pdop and not self.needs_pdop)
+        if fix is None or not acceptable:
             return False
         fresh = Stored(*fix, t_s, pdop)
         if not self.accepted and self.position is not None:
@@ -103,9 +104,6 @@ class LastPosition:
         if t_s - self._saved_at >= self.save_every_s:
             self.snapshot, self._saved_at = fresh, t_s
         return True
-
-    def _acceptable(self, pdop):
-        return pdop <= self.gate or (pdop != pdop and not self.needs_pdop)
 
 
 def distance(a, b):

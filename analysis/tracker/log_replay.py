@@ -77,7 +77,11 @@ def replay(
     epochs, origin = _epochs(gnss, imu, stored)
     has_pdop = gnss is not None and bool(np.isfinite(gnss.pdop).any())
     has_speed = gnss is not None and bool(np.isfinite(gnss.speed_m_s).any())
-    start = None if stored is None else _stored_ned(stored, origin)
+    start = None
+    if stored is not None:
+        height = stored.height_m if math.isfinite(stored.height_m) else origin[2]
+        ned = pymap3d.geodetic2ned(stored.lat_deg, stored.lon_deg, height, *origin)
+        start = tuple(float(v) for v in ned)
     device = Device(options, stored, start, imu is not None, has_pdop, has_speed)
     rows, bias, unexplained = [], [], []
     samples = _samples(imu, options.dtype)
@@ -135,13 +139,6 @@ def _epochs(gnss, imu, stored):
         for t, fixed, fix, place, pdop, moves in fixes
     ]
     return epochs, origin
-
-
-def _stored_ned(stored, origin):
-    """Place the stored position in the local frame, at its height where it has none."""
-    height = stored.height_m if math.isfinite(stored.height_m) else origin[2]
-    place = pymap3d.geodetic2ned(stored.lat_deg, stored.lon_deg, height, *origin)
-    return tuple(float(v) for v in place)
 
 
 def _columns(epochs, gnss, rows, origin, stored):

@@ -353,7 +353,7 @@ def _ride(lap, length, straight, bend, rate, *, wait, course):
     while s < length - 0.05:
         here = s % ends[-1]
         target = np.interp((here + 1.5 * v) % ends[-1], at, speeds, period=ends[-1])
-        target = min(target, np.sqrt(2 * 0.6 * (length - s)))  # to stand still at the end
+        target = min(target, np.sqrt(2 * 0.6 * (length - s)))  # to be at rest at the end
         v += np.clip(target - v, -0.6 * dt, 0.6 * dt) if v or s == 0 else 0.01
         v = max(v, 0.02)
         s += v * dt
