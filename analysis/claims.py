@@ -43,7 +43,9 @@ def verdicts() -> pd.DataFrame:
     """
     path = figures_folder() / "claims.csv"
     known = (
-        pd.read_csv(path).set_index("id") if path.exists() else pd.DataFrame(columns=COLUMNS[1:])
+        pd.read_csv(path, dtype={"unit": str}).set_index("id")
+        if path.exists()
+        else pd.DataFrame(columns=COLUMNS[1:])
     )
     table = published()[["paper", "where", "claim", "quantity"]].join(known)
     table["verdict"] = table["verdict"].astype(object).fillna(NOT_YET)
@@ -246,6 +248,8 @@ def _short(x):
 
 def _in_words(row):
     """Write value and interval of a verdict with its unit."""
+    if row["verdict"] == NOT_YET:
+        return "–"
     words = [_number(row["value"], row)]
     if _interval(row) != "–":
         words.append(f"({_interval(row)} {pretty(row['unit'])}".strip() + ")")
