@@ -61,7 +61,7 @@ import math
 import os
 import tempfile
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -205,6 +205,12 @@ class Estimate:
     def refused(cls, unit, note, *, low=None, high=None):
         """Make a refusal, with the bound that stands all the same."""
         return cls(None, low, high, unit, False, note)
+
+    def scaled(self, factor, unit):
+        """The same estimate times a factor, in another unit."""
+        ends = (self.value, self.low, self.high)
+        value, low, high = (None if v is None else v * factor for v in ends)
+        return replace(self, value=value, low=low, high=high, unit=unit)
 
     @property
     def value_text(self):

@@ -6,7 +6,7 @@ that the comparison paper draws for each sensor: 15 s of data, Allan deviation, 
 autocorrelation.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -110,35 +110,21 @@ def characterise(
     residual, line = fit_line(y, dt)
     residual = residual if detrend else y - np.nanmean(y)
     curve = allan_deviation(residual, dt)
-    parameters, models = (
-        _parameters(y, dt, name, unit, kind, curve, rng, detrend) if estimate else ({}, [])
-    )
-    return ChannelNoise(
+    m = max(1, len(y) // WHOLE)
+    n, means = min(len(y), max(2, round(SHORT / dt))), block_means(y, m)
+    noise = ChannelNoise(
         name=name,
         unit=unit,
         kind=kind,
-        parameters=parameters,
+        parameters={},
         allan=curve,
         line=(float(line.null_shift), float(line.drift)),
-        short=_short(y, dt),
-        whole=_whole(y, dt),
+        short=(dt * np.arange(n), y[:n]),
+        whole=(m * dt * (np.arange(len(means)) + 0.5), means),
         autocorrelation={w: _autocorrelation(residual, dt, w) for w in windows(len(y) * dt, dt)},
-        models=models,
     )
-
-
-def windows(duration, dt):
-    """Averaging windows (s) to show an autocorrelation at: four, a factor apart, that the log fits.
-
-    Returns
-    -------
-    list of float
-    """
-    ladder = (0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30)
-    return [w for w in ladder if dt <= w <= duration / 50][-4:] or [dt]
-
-
-def _parameters(y, dt, name, unit, kind, curve, rng, detrend):
+    if not estimate:
+        return noise
     try:
         result = infer(y, dt, unit, kind, rng, detrend=detrend)
     except CannotAnswer as error:
@@ -146,7 +132,19 @@ def _parameters(y, dt, name, unit, kind, curve, rng, detrend):
     known = result.parameters
     if kind in ("rate", "accel") and "bias_instability" not in known:
         known["bias_instability"] = graph.bias_instability(curve, unit)
-    return {name: known[name] for name in ORDER if name in known}, result.table()
+    parameters = {name: known[name] for name in ORDER if name in known}
+    return replace(noise, parameters=parameters, models=result.table())
+
+
+def windows(duration, dt):
+    """Averaging windows (s) to show an autocorrelation at: the last four that fit the log.
+
+    Returns
+    -------
+    list of float
+    """
+    ladder = (0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30)
+    return [w for w in ladder if dt <= w <= duration / 50][-4:] or [dt]
 
 
 def refuse_without_noise(y, dt, name, unit):
@@ -169,17 +167,6 @@ def refuse_without_noise(y, dt, name, unit):
             f"channel {name}: all {count} samples are {np.nanmax(y):g}; a constant has no noise to"
             " measure (is the sensor connected, or its resolution too coarse?)"
         )
-
-
-def _short(y, dt):
-    n = min(len(y), max(2, round(SHORT / dt)))
-    return dt * np.arange(n), y[:n]
-
-
-def _whole(y, dt):
-    m = max(1, len(y) // WHOLE)
-    means = block_means(y, m)
-    return m * dt * (np.arange(len(means)) + 0.5), means
 
 
 def _autocorrelation(residual, dt, window):

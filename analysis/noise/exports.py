@@ -34,7 +34,7 @@ Gazebo (gz-sim)
 """
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -372,8 +372,7 @@ def _axis(channel):
             _check(number, f"{key} of {name} of {channel['name']}", zero=key == "low")
         if list(given.values()) != sorted(given.values()):
             raise ValueError(f"{name} of {channel['name']} lies outside its own interval")
-        scaled = {k: None if getattr(e, k) is None else by * getattr(e, k) for k in NUMBERS}
-        return replace(e, unit=now, **scaled)
+        return e.scaled(by, now)
 
     terms = [key.removeprefix("sigma_b") for key in parameters if key.startswith("sigma_b")]
     return Axis(

@@ -68,7 +68,7 @@ def bias_instability(curve, unit):
     -------
     Estimate, U
     """
-    scale = 1 / FLICKER
+    scale = float(1 / FLICKER)
     # A floor is a point after which the curve rises by more than its uncertainty before it falls
     # below again; the noisy long end may lie lower by chance.
     floors = [i for i in range(len(curve.tau)) if _rises_from(curve, i)]
@@ -80,13 +80,8 @@ def bias_instability(curve, unit):
             " more than its uncertainty; a longer log may show one",
             high=float(curve.high[at] * scale),
         )
-    return Estimate(
-        float(curve.adev[at] * scale),
-        float(curve.low[at] * scale),
-        float(curve.high[at] * scale),
-        unit,
-        note=f"floor of the Allan deviation, at {curve.tau[at]:.3g} s, / 0.664 (IEEE 952)",
-    )
+    note = f"floor of the Allan deviation, at {curve.tau[at]:.3g} s, / 0.664 (IEEE 952)"
+    return _point(curve, at, unit, note).scaled(scale, unit)
 
 
 def rate_random_walk(curve, unit):
@@ -104,14 +99,14 @@ def rate_random_walk(curve, unit):
             out, "the Allan curve shows no slope of +1/2", high=float(k_high.min())
         )
     best = run[np.argmax(curve.edf[run])]
-    scale = np.sqrt(3 / curve.tau[best])
-    return Estimate(
-        float(curve.adev[best] * scale),
-        float(curve.low[best] * scale),
-        float(curve.high[best] * scale),
-        out,
-        note=f"slope +1/2 from {curve.tau[run[0]]:.3g} to {curve.tau[run[-1]]:.3g} s",
-    )
+    scale = float(np.sqrt(3 / curve.tau[best]))
+    note = f"slope +1/2 from {curve.tau[run[0]]:.3g} to {curve.tau[run[-1]]:.3g} s"
+    return _point(curve, best, unit, note).scaled(scale, out)
+
+
+def _point(curve, i, unit, note):
+    """One point of the curve with its interval."""
+    return Estimate(*(float(y[i]) for y in (curve.adev, curve.low, curve.high)), unit, note=note)
 
 
 def _rises_from(curve, i):

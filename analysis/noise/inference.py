@@ -260,7 +260,8 @@ def infer(
     parameters = result.parameters
     parameters["sigma_v"] = result.white_noise(_band(result, dt, clean, used))
     if rate:
-        parameters["arw" if kind == "rate" else "vrw"] = density(parameters["sigma_v"], dt)
+        density = parameters["sigma_v"].scaled(np.sqrt(dt), random_walk_unit(unit))  # N
+        parameters["arw" if kind == "rate" else "vrw"] = density
         parameters["rrw"] = result.rate_random_walk()
         if "flicker" in chosen.terms:
             parameters["bias_instability"] = result.bias_instability()
@@ -323,15 +324,6 @@ def disagreement(likelihood, fit):
     error = np.sqrt(2 / np.maximum(count, 1))
     off, error = off[count > 0], error[count > 0]
     return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
-
-
-def density(sigma_v, dt):
-    """Turn the white noise of a sample (U) into a density, N = sigma_v sqrt(dt) (U sqrt(s))."""
-    ends = (sigma_v.value, sigma_v.low, sigma_v.high)
-    value, low, high = (None if v is None else v * np.sqrt(dt) for v in ends)
-    return Estimate(
-        value, low, high, random_walk_unit(sigma_v.unit), sigma_v.resolved, sigma_v.note
-    )
 
 
 def _band(result, dt, clean, used):

@@ -22,7 +22,7 @@ from scipy.stats import chi2, f
 
 from analysis import Estimate
 from analysis.noise.fit import MODELS, QUANTISED, UNIFIED, choose, direction
-from analysis.noise.inference import density
+from analysis.noise.models import random_walk_unit
 from analysis.noise.profile_likelihood import profile_curve
 
 KEYS = {"sigma_v": "sigma_v", "flicker": "bias_instability", "rrw": "rrw"}
@@ -96,7 +96,7 @@ def pool(inferences, dt, unit, kind):
             parameters[key] = deviation(walk, parameters["corr_time"], unit)
     if kind in ("rate", "accel"):
         key = "arw" if kind == "rate" else "vrw"
-        parameters[key] = density(parameters["sigma_v"], dt)
+        parameters[key] = parameters["sigma_v"].scaled(np.sqrt(dt), random_walk_unit(unit))
         spread[key] = spread["sigma_v"]
     return Pooled(chosen.model, models, len(inferences), parameters, spread)
 

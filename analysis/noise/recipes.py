@@ -189,7 +189,7 @@ def window_for(residual):
 def five_coefficients(curve: AllanCurve) -> dict[str, float]:
     """Fit IEEE 952's five terms to an Allan variance by non-negative least squares. ::
 
-        adev^2 = 3 Q^2 / tau^2 + N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3 + R^2 tau^2 / 2
+        adev^2 = 3 Q^2 / tau^2 + N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3 + D^2 tau^2 / 2
 
     with each point weighed by its relative uncertainty.
 
@@ -201,7 +201,7 @@ def five_coefficients(curve: AllanCurve) -> dict[str, float]:
     -------
     dict of str, float
         ``quantisation`` Q (U s), ``white`` N (U sqrt(s)), ``bias_instability`` B (U), ``rrw`` K
-        (U/sqrt(s)), ``ramp`` R (U/s).
+        (U/sqrt(s)), ``ramp`` D (U/s).
     """
     tau = curve.tau
     terms = np.stack(

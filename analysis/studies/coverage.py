@@ -134,9 +134,8 @@ def estimate(run, stream, *, model, dt, kind, hours):
         )
         residual, per_sample = fit_line(y, dt)[0], 1 / np.sqrt(dt)
         curve = allan_deviation(residual, dt)
-        white = graph.white_noise(curve, "deg")
-        ends = (None if v is None else v * per_sample for v in (white.value, white.low, white.high))
-        add("graph", "sigma_v", *ends)
+        white = graph.white_noise(curve, "deg").scaled(per_sample, "deg")
+        add("graph", "sigma_v", white.value, white.low, white.high)
         recipe = recipes.ComparisonRecipe.of_log(residual, dt)
         for p in PARAMETERS[:3]:
             add("1/e", p, getattr(recipe, p), interval=False)
