@@ -7,13 +7,14 @@ import numpy as np
 import pymap3d
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage, store
 from analysis.logs import datasets, road_logs
 from analysis.studies import surveys
 from analysis.terrain import antennas, centre_line, terrain_map
-from analysis.terrain.antennas import AntennaMounting
+from analysis.terrain.antennas import AntennaMounting, remove_jumps, smooth_onto
 from analysis.terrain.terrain_map import Profile
 
 # A van whose front antenna sits 0.33 m to the left and 0.07 m low, whose right one is 9 mm higher.
@@ -210,6 +211,58 @@ def test_the_bound_of_a_sine():
     np.testing.assert_allclose(both, bound / np.sqrt(2), rtol=1e-9)
 
 
+# ---------------------------------------------------------------- jumps of the height
+
+
+def hill(s):
+    """A hill of 40 m in 4 km."""
+    return 20.0 - 20.0 * np.cos(2 * np.pi * s / 4000.0)
+
+
+def test_jumps_are_removed_and_the_hill_stays():
+    """Analytic: a stretch off by 20 m, and one off by 1.5 m, come back to the hill below them."""
+    s = np.arange(0.0, 8000.0, 1.4)
+    broken = hill(s) + 20.0 * ((s > 2000) & (s < 2100)) - 1.5 * ((s > 5000) & (s < 5150))
+    cleaned, level, jumps = remove_jumps(s, broken)
+    assert jumps.size == 4
+    np.testing.assert_allclose(cleaned, hill(s), atol=0.05)
+    np.testing.assert_allclose(cleaned[level], broken[level], atol=1e-9)
+    assert not level[(s > 2000) & (s < 2100)].any() and level.mean() > 0.9
+    same, all_level, none = remove_jumps(s, hill(s))
+    assert (same == hill(s)).all() and all_level.all() and none.size == 0
+
+
+def test_heights_that_always_jump_are_refused():
+    """Property: with no stretch of 300 m the level is unknown: refused."""
+    s = np.arange(0.0, 2000.0, 1.4)
+    with pytest.raises(CannotAnswer, match="the height jumps 9 times, and nowhere are there 300 m"):
+        remove_jumps(s, 5.0 * np.floor(s / 200.0))
+
+
+def test_resampling_keeps_a_slope():
+    """Analytic: a straight climb stays what it is, away from the ends."""
+    s = np.sort(np.random.default_rng(9).uniform(0.0, 1000.0, 900))
+    s[[0, -1]] = 0.0, 1000.0
+    at = np.arange(0.0, 1000.0, 5.0)
+    found = smooth_onto(s, 0.03 * s, at, 5.0)
+    np.testing.assert_allclose(found[5:-5], 0.03 * at[5:-5], atol=1e-3)
+
+
+def test_the_committed_highway():
+    """Property: both ways climb the same hills: grades of the two carriageways agree, no jump."""
+    there, back = (store.highway(name) for name in ("to-state-college", "to-altoona"))
+    for drive in (there, back):
+        assert 68_000 < drive.s_m[-1] < 70_000
+        assert np.abs(np.diff(drive.height_m)).max() < 1.0  # 55 and 16 steps of over 1 m before
+        assert np.mean(np.abs(drive.grade_deg) > 4.5) < 0.005
+        assert drive.levelled.mean() < 0.12
+    tree = cKDTree(np.column_stack([back.east_m, back.north_m]))
+    apart, near = tree.query(np.column_stack([there.east_m, there.north_m]))
+    both = (apart < 60) & ~there.levelled & ~back.levelled[near]
+    assert both.sum() > 10_000
+    assert np.corrcoef(there.grade_deg[both], -back.grade_deg[near[both]])[0, 1] > 0.98
+
+
 # ---------------------------------------------------------------- the real laps
 
 
@@ -312,7 +365,7 @@ def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("made", "said"),
+    ("made", "words"),
     [
         ({"without": ("Front",)}, r"mine\.mat: no antenna 'GPS_SparkFun_Front_GGA'.*all three"),
         ({"mode": 1}, r"mine\.mat: antenna Front is never RTK fixed \(mode 6; best DGPS_mode 1\)"),
@@ -321,10 +374,10 @@ def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
         ({"epochs": np.arange(200) * 60}, r"mine\.mat: .* span 0\.3 h for 200 epochs; cut out one"),
     ],
 )
-def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, said):
+def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, words):
     """Property: one sentence that names the file and what it lacks."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw", slice(0, 200)), **made)
-    with pytest.raises(CannotAnswer, match=said):
+    with pytest.raises(CannotAnswer, match=words):
         store.lap_and_map(path, "ccw")
 
 

@@ -1,12 +1,11 @@
-"""Roads: spectra and classes, synthetic surfaces, and a highway cleaned of altitude jumps."""
+"""Road roughness: spectra and classes, and synthetic roads."""
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from analysis import CannotAnswer, store
+from analysis import CannotAnswer
 from analysis.terrain import roughness
-from analysis.terrain.antennas import remove_jumps, smooth_onto
 from analysis.terrain.roughness import IsoRoad
 
 
@@ -104,54 +103,3 @@ def test_the_same_seed_makes_the_same_road():
     for length, step, words in ((500.0, 3.0, "does not resolve"), (10.0, 0.5, "too short")):
         with pytest.raises(CannotAnswer, match=words):
             IsoRoad(64e-6).simulate(length, step, np.random.default_rng(1))
-
-
-def hill(s):
-    """A hill of 40 m in 4 km."""
-    return 20.0 - 20.0 * np.cos(2 * np.pi * s / 4000.0)
-
-
-def test_jumps_are_removed_and_the_hill_stays():
-    """Analytic: a stretch off by 20 m, and one off by 1.5 m, come back to the hill below them."""
-    s = np.arange(0.0, 8000.0, 1.4)
-    broken = hill(s) + 20.0 * ((s > 2000) & (s < 2100)) - 1.5 * ((s > 5000) & (s < 5150))
-    cleaned, level, jumps = remove_jumps(s, broken)
-    assert jumps.size == 4
-    np.testing.assert_allclose(cleaned, hill(s), atol=0.05)
-    np.testing.assert_allclose(cleaned[level], broken[level], atol=1e-9)
-    assert not level[(s > 2000) & (s < 2100)].any() and level.mean() > 0.9
-    same, all_level, none = remove_jumps(s, hill(s))
-    assert (same == hill(s)).all() and all_level.all() and none.size == 0
-
-
-def test_heights_that_always_jump_are_refused():
-    """Property: with no stretch of 300 m the level is unknown: refused."""
-    s = np.arange(0.0, 2000.0, 1.4)
-    with pytest.raises(CannotAnswer, match="the height jumps 9 times, and nowhere are there 300 m"):
-        remove_jumps(s, 5.0 * np.floor(s / 200.0))
-
-
-def test_resampling_keeps_a_slope():
-    """Analytic: a straight climb stays what it is, away from the ends."""
-    s = np.sort(np.random.default_rng(9).uniform(0.0, 1000.0, 900))
-    s[[0, -1]] = 0.0, 1000.0
-    at = np.arange(0.0, 1000.0, 5.0)
-    found = smooth_onto(s, 0.03 * s, at, 5.0)
-    np.testing.assert_allclose(found[5:-5], 0.03 * at[5:-5], atol=1e-3)
-
-
-def test_the_committed_highway():
-    """Property: both ways climb the same hills: grades of the two carriageways agree, no jump."""
-    from scipy.spatial import cKDTree
-
-    there, back = (store.highway(name) for name in ("to-state-college", "to-altoona"))
-    for drive in (there, back):
-        assert 68_000 < drive.s_m[-1] < 70_000
-        assert np.abs(np.diff(drive.height_m)).max() < 1.0  # 55 and 16 steps of over 1 m before
-        assert np.mean(np.abs(drive.grade_deg) > 4.5) < 0.005
-        assert drive.levelled.mean() < 0.12
-    tree = cKDTree(np.column_stack([back.east_m, back.north_m]))
-    apart, near = tree.query(np.column_stack([there.east_m, there.north_m]))
-    both = (apart < 60) & ~there.levelled & ~back.levelled[near]
-    assert both.sum() > 10_000
-    assert np.corrcoef(there.grade_deg[both], -back.grade_deg[near[both]])[0, 1] > 0.98
