@@ -58,6 +58,11 @@ FOLDER = DATA / "derived"
 COMMAND = "python -m analysis data --rebuild --write"
 TRACK, HIGHWAY = "psu-test-track", "psu-highway"
 DIGITS = 6  # of a number in model.json and in most tables
+SOURCE = (  # of a static log, in the order of model.json
+    *("title", "file", "sha256", "rate_hz", "duration_s", "samples", "gaps", "repairs"),
+    *("licence", "source"),
+)
+ALLAN = ("tau_s", "deviation", "low", "high", "edf")  # names of an `AllanCurve`'s series
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen
 SEED = 20080505
 AT_ONCE = 2  # channels; each has random numbers of its own, so their order does not matter
@@ -270,17 +275,10 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
 
 def log_source(log: Log, noticed: Iterable[str] = ()) -> dict:
     """State where a static log comes from and what was repaired in it."""
-    return {
-        "title": log.title,
-        "file": log.file,
-        "sha256": log.sha256,
+    return {key: getattr(log, key) for key in SOURCE} | {
         "rate_hz": rounded_number(log.rate_hz),
         "duration_s": rounded_number(log.duration_s),
-        "samples": int(log.samples),
-        "gaps": int(log.gaps),
         "repairs": [*log.repairs, *noticed],
-        "licence": log.licence,
-        "source": log.source,
     }
 
 
@@ -292,17 +290,9 @@ def model(result: StaticResult) -> dict:
 
     channels = [
         {
-            "name": c.name,
-            "unit": c.unit,
-            "kind": c.kind,
+            **{key: getattr(c, key) for key in ("name", "unit", "kind")},
             "parameters": {name: plain(e) for name, e in c.parameters.items()},
-            "allan": {
-                "tau_s": numbers(c.allan.tau),
-                "deviation": numbers(c.allan.adev),
-                "low": numbers(c.allan.low),
-                "high": numbers(c.allan.high),
-                "edf": numbers(c.allan.edf),
-            },
+            "allan": dict(zip(ALLAN, map(numbers, vars(c.allan).values()), strict=True)),
             # The minimum of a criterion is good to a hundredth, and no reader needs more.
             "models": [
                 m
@@ -310,10 +300,7 @@ def model(result: StaticResult) -> dict:
                 | {"aic_above_least": round(m["aic_above_least"], 1)}
                 for m in c.models
             ],
-            "line": {
-                "mean": rounded_number(c.line[0]),
-                "slope_per_s": rounded_number(c.line[1]),
-            },
+            "line": dict(zip(("mean", "slope_per_s"), numbers(c.line), strict=True)),
         }
         for c in result.channels
     ]
@@ -386,12 +373,11 @@ def static_log(name: str | Path) -> StaticResult:
         If it is not committed.
     """
     stored = read(name)
-    short, whole = stored.tables["short"], stored.tables["whole"]
+    tables = [stored.tables[k] for k in ("parameters", "allan", "models", "autocorrelation")]
     channels = []
     for about in stored.tables["channels"].itertuples():
         parameters, allan, models, covariances = (
-            _rows(stored.tables[key], "channel", about.name)
-            for key in ("parameters", "allan", "models", "autocorrelation")
+            table[table["channel"] == about.name].drop(columns="channel") for table in tables
         )
         channels.append(
             ChannelNoise(
@@ -411,10 +397,9 @@ def static_log(name: str | Path) -> StaticResult:
                     for name, m in models.groupby("model", sort=False)
                 ],
                 line=(about.mean, about.slope_per_s),
-                short=(short["t_s"].to_numpy(), short[about.name].to_numpy()),
-                whole=(whole["t_s"].to_numpy(), whole[about.name].to_numpy()),
+                **{p: _columns(stored.tables[p], "t_s", about.name) for p in ("short", "whole")},
                 autocorrelation={
-                    window: (g["lag_s"].to_numpy(), g["autocovariance"].to_numpy())
+                    window: _columns(g, "lag_s", "autocovariance")
                     for window, g in covariances.groupby("window_s")
                 },
             )
@@ -422,8 +407,8 @@ def static_log(name: str | Path) -> StaticResult:
     return StaticResult(stored.source, tuple(channels))
 
 
-def _rows(table, column, value):
-    return table[table[column] == value].drop(columns=column)
+def _columns(table, x, y):
+    return table[x].to_numpy(), table[y].to_numpy()
 
 
 def _estimate(row):

@@ -7,7 +7,7 @@ table holds a raw log.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,6 +22,7 @@ from analysis.tracker.log_replay import replay
 
 KMH = 1 / 3.6
 METRES_PER_PDOP = 5.0  # of a reported 68 % accuracy, where a phone gives no PDOP
+POSITION = {"lat_deg": "latitude", "lon_deg": "longitude", "height_m": "altitude"}
 Z_UP_TO_DOWN = np.array([1.0, -1.0, -1.0])
 PARKED = (3744.0, 5009.0)  # s: the longest stationary period of the drive, 1265 s at a speed of 0
 STEP_DEG = 30.0  # between the known angles by which an IMU is turned
@@ -30,13 +31,11 @@ EVERY = 4  # of the path, one point in so many is kept
 DIGITS = 7  # of the numbers in the tables
 
 
-@dataclass(frozen=True)
-class Ride:
-    """One raw log: title, file in the registry, source, and the function that reads its table."""
+class Ride(NamedTuple):
+    """One raw log: title, file in the registry, and the function that reads its table."""
 
     title: str
     file: str
-    source: str
     reader: Callable
 
 
@@ -66,34 +65,21 @@ def read(name):
 
 def _racebox(raw):
     t = raw["Time"].to_numpy(float)
-    lat, lon = raw["Latitude"].to_numpy(float), raw["Longitude"].to_numpy(float)
-    fixes = {
-        "lat_deg": lat,
-        "lon_deg": lon,
-        "height_m": raw["Altitude"].to_numpy(float),
-        "speed_m_s": raw["Speed"].to_numpy(float) * KMH,
-        "course_deg": _course(t, lat, lon, 0.24),
-    }
+    columns = {"lat_deg": "Latitude", "lon_deg": "Longitude", "height_m": "Altitude"}
+    raw["speed"] = raw["Speed"] * KMH
+    raw["course"] = _course(t, *(raw[c].to_numpy(float) for c in ("Latitude", "Longitude")), 0.24)
+    gnss = _gnss(t, raw, _once_a_second(t), columns)
     accel = raw[["GForceX", "GForceY", "GForceZ"]].to_numpy(float) * STANDARD_GRAVITY
     gyro = np.radians(raw[["GyroX", "GyroY", "GyroZ"]].to_numpy(float))
     notes = ("course from positions 0.24 s before and after; axes turned to z down",)
-    gnss = _gnss(t, _once_a_second(t), **fixes)
     return gnss, Imu(t, gyro * Z_UP_TO_DOWN, accel * Z_UP_TO_DOWN), notes
 
 
 def _balzer(raw):
     t = (raw["millis"].to_numpy(float) - raw["millis"].iloc[0]) / 1000
     new = np.flatnonzero(np.r_[True, np.diff(raw["time"].to_numpy()) != 0])  # others repeat a fix
-    gnss = _gnss(
-        t,
-        new[_once_a_second(t[new])],
-        lat_deg=raw["latitude"].to_numpy(float),
-        lon_deg=raw["longitude"].to_numpy(float),
-        height_m=raw["altitude"].to_numpy(float),
-        pdop=raw["pdop"].to_numpy(float),
-        speed_m_s=raw["speed"].to_numpy(float) * KMH,
-        course_deg=raw["course"].to_numpy(float),
-    )
+    raw["speed"] *= KMH
+    gnss = _gnss(t, raw, new[_once_a_second(t[new])], POSITION | {"pdop": "pdop"})
     # The phone logs gravity plus acceleration's opposite (z reads -9.8 face up): minus the specific
     # force; x forward, y left, z up turn to x, right, down.
     accel = raw[["ax", "ay", "az"]].to_numpy(float) * [-1.0, 1.0, 1.0]
@@ -107,17 +93,9 @@ def _phone(raw):
     stamp = pd.to_datetime(raw["time"], format="ISO8601")
     t = (stamp - stamp.iloc[0]).dt.total_seconds().to_numpy()
     keep = np.r_[True, np.diff(t) > 0]
-    raw, t = raw[keep], t[keep]
-    gnss = _gnss(
-        t,
-        slice(None),
-        lat_deg=raw["latitude"].to_numpy(float),
-        lon_deg=raw["longitude"].to_numpy(float),
-        height_m=raw["altitude"].to_numpy(float),
-        pdop=raw["horizontalAccuracy"].to_numpy(float) / METRES_PER_PDOP,
-        speed_m_s=raw["speed"].to_numpy(float),
-        course_deg=raw["bearing"].to_numpy(float),
-    )
+    raw, t = raw[keep].rename(columns={"bearing": "course"}), t[keep]
+    raw["pdop"] = raw["horizontalAccuracy"] / METRES_PER_PDOP
+    gnss = _gnss(t, raw, slice(None), POSITION | {"pdop": "pdop"})
     # x right, y to the top, z out of the screen
     accel = raw[["acc_x", "acc_y", "acc_z"]].to_numpy(float) * Z_UP_TO_DOWN
     gyro = raw[["gyro_x", "gyro_y", "gyro_z"]].to_numpy(float) * Z_UP_TO_DOWN
@@ -130,25 +108,19 @@ RIDES = {
     "racebox": Ride(
         "motorbike on a race track, 8 laps",
         "racebox-laps/02_racebox-micro-on-bike-example.csv",
-        "https://github.com/timdrysdale/imu-data",
         _racebox,
     ),
     "car": Ride(
-        "car in a town, phone at 50 Hz",
-        "car-phone-balzer/2014-03-26-000-Data.csv",
-        "https://github.com/balzer82/Kalman",
-        _balzer,
+        "car in a town, phone at 50 Hz", "car-phone-balzer/2014-03-26-000-Data.csv", _balzer
     ),
     "phone-drive": Ride(
         "phone in a car, 5209 s at 1 Hz, 1265 s of them parked",
         "phone-drives/2023-08-09_12-47-42.csv",
-        "https://github.com/jbrodovsky/strapdown-rs",
         _phone,
     ),
     "phone-walk": Ride(
         "phone that loses GNSS underway: accuracies up to 1100 m",
         "phone-drives/2025-06-14_21-17-02.csv",
-        "https://github.com/jbrodovsky/strapdown-rs",
         _phone,
     ),
 }
@@ -182,14 +154,16 @@ def course_lag(gnss, imu_t, yaw_rate, *, longest=2.0):
     return float(lags[int(np.argmax(correlation))])
 
 
-def _gnss(t, rows, *, course_deg, pdop=None, **columns):
-    """Make fixes of some rows of a log."""
-    columns |= {
-        "pdop": np.full(len(t), np.nan) if pdop is None else pdop,
-        "course_deg": course_deg % 360,
-        "has_fix": np.isfinite(columns["lat_deg"]) & np.isfinite(columns["lon_deg"]),
-    }
-    return Gnss(t_s=t[rows], **{name: values[rows] for name, values in columns.items()})
+def _gnss(t, raw, rows, columns):
+    """Make fixes of some rows of a table; ``columns`` names position and, where known, PDOP."""
+    fixes = {name: raw[column].to_numpy(float)[rows] for name, column in columns.items()}
+    return Gnss(
+        t_s=t[rows],
+        **{"pdop": np.full(len(t[rows]), np.nan)} | fixes,
+        speed_m_s=raw["speed"].to_numpy(float)[rows],
+        course_deg=raw["course"].to_numpy(float)[rows] % 360,
+        has_fix=np.isfinite(fixes["lat_deg"]) & np.isfinite(fixes["lon_deg"]),
+    )
 
 
 def _once_a_second(t):
@@ -335,12 +309,12 @@ def _metres(prefix, lat, lon, lat0=None, lon0=None):
 
 def _source(name, log):
     """State where a ride is from and what was done to it."""
-    ride, entry = RIDES[name], datasets.entry(RIDES[name].file)
+    entry = datasets.entry(RIDES[name].file)
     return {
-        "title": ride.title,
-        "file": ride.file.split("/")[1],
+        "title": RIDES[name].title,
+        "file": entry.file.split("/")[1],
         "sha256": entry.sha256,
         "licence": entry.licence,
-        "source": ride.source,
+        "source": f"https://github.com/{entry.repository}",
         "notes": list(log.notes),
     }
