@@ -25,6 +25,7 @@ DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetr
     "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
     "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
 }  # fmt: skip
+UNITS = "deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
 RESUMABLE = ("reproduce", "coverage", "data")  # verbs that keep each piece that is finished
 Block = StrEnum(
     "Block",
@@ -68,20 +69,29 @@ app = typer.Typer(
 )
 
 
-def _out(about, file=False):
-    """Make the option --out; what cannot be written is refused before any work is done."""
+def _option(metavar, about, *names, **settings):
+    return typer.Option(*names, metavar=metavar, help=about, **settings)
 
-    def check(out):
-        if out == "":  # a shell variable that is not set
-            raise WrongUsage("--out is empty: name where to write")
-        if out and Path(out).exists() and Path(out).is_dir() == file:
-            taken, wanted = ("folder", "file") if file else ("file", "folder")
-            raise WrongUsage(
-                f"--out {Path(out).name}: there is a {taken} of that name; name a {wanted}"
-            )
-        return out
 
-    return typer.Option("--out", metavar="FILE" if file else "DIR", help=about, callback=check)
+def _flag(name, about):
+    return typer.Option(name, help=about)
+
+
+def _argument(metavar, about):
+    return typer.Argument(metavar=metavar, help=about)
+
+
+def _out(about):
+    return _option("DIR", about, "--out", callback=_check_folder)
+
+
+def _check_folder(out):
+    """Refuse an --out that cannot be a folder, before any work is done."""
+    if out == "":  # a shell variable that is not set
+        raise WrongUsage("--out is empty: name where to write")
+    if out and Path(out).exists() and not Path(out).is_dir():
+        raise WrongUsage(f"--out {Path(out).name}: there is a file of that name; name a folder")
+    return out
 
 
 @contextmanager
@@ -93,31 +103,18 @@ def writing(out):
         raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
 
 
-Rate = Annotated[
-    float | None, typer.Option(metavar="HZ", help="Sampling rate; the time column is not used.")
-]
-Time = Annotated[
-    str | None, typer.Option(metavar="COLUMN", help="Time column; if left out, found by its name.")
-]
-Columns = Annotated[
-    str | None, typer.Option(metavar="A,B", help="Channels, by name or by number from 1.")
-]
-Unit = Annotated[
-    str | None,
-    typer.Option(
-        metavar="UNIT",
-        help="Unit of columns whose name states none: deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, "
-        "m.",
-    ),
-]
+Number, Count, Text, Texts = float | None, int | None, str | None, list[str] | None
+# Options of the verbs that read a static log:
+Rate = Annotated[Number, _option("HZ", "Sampling rate; the time column is not used.")]
+Time = Annotated[Text, _option("COLUMN", "Time column; if left out, found by its name.")]
+Columns = Annotated[Text, _option("A,B", "Channels, by name or by number from 1.")]
+Unit = Annotated[Text, _option("UNIT", f"Unit of columns whose name has none: {UNITS}.")]
 Kind = Annotated[
     Literal["rate", "angle", "accel", "position"] | None,
     typer.Option(help="Kind of reading, if the unit does not tell."),
 ]
-From = Annotated[
-    float | None, typer.Option("--from", metavar="S", help="Leave out what is before, s.")
-]
-To = Annotated[float | None, typer.Option("--to", metavar="S", help="Leave out what is after, s.")]
+From = Annotated[Number, _option("S", "Leave out what is before, s.", "--from")]
+To = Annotated[Number, _option("S", "Leave out what is after, s.", "--to")]
 
 
 def _read(log, columns, **options):
@@ -128,13 +125,9 @@ def _read(log, columns, **options):
 
 @app.command()
 def reproduce(
-    notebooks: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="NOTEBOOK", help="Names or numbers; all if left out."),
-    ] = None,
+    notebooks: Annotated[Texts, _argument("NOTEBOOK", "Names or numbers (default all).")] = None,
     at_once: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Notebooks at a time; one for each core, up to 4."),
+        Count, _option("N", "Notebooks at a time (default one a core, up to 4).", min=1)
     ] = None,
 ):
     """Execute the notebooks and redraw figures/.
@@ -159,7 +152,7 @@ def reproduce(
 
 @app.command()
 def report(
-    log: Annotated[str, typer.Argument(metavar="LOG", help="A file, or a log of the catalogue.")],
+    log: Annotated[str, _argument("LOG", "A file, or a log of the catalogue.")],
     out: Annotated[str, _out("Folder for the report.")],
     rate: Rate = None,
     time: Time = None,
@@ -204,42 +197,32 @@ def report(
 
 @app.command()
 def replay(
-    logs: Annotated[
-        list[str],
-        typer.Argument(metavar="LOG", help="NMEA or CSV; GNSS and IMU in one file or in two."),
-    ],
+    logs: Annotated[list[str], _argument("LOG", "NMEA or CSV; GNSS and IMU in one file or two.")],
     out: Annotated[str, _out("Folder for track.csv and summary.json.")],
     without: Annotated[
-        list[Block] | None,
-        typer.Option(metavar="BLOCK", help="Turn a block off (may be repeated)."),
+        list[Block] | None, _option("BLOCK", "Turn off this block; may be repeated.")
     ] = None,
     outage: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="FROM:TO",
-            help="Delete the fixes of an interval, in s from the start of the log (may be "
-            "repeated).",
+        Texts,
+        _option(
+            "FROM:TO",
+            "Delete the fixes of this part of the log, s; may be repeated.",
         ),
     ] = None,
     columns: Annotated[
-        str | None,
-        typer.Option(metavar="OURS=THEIRS,...", help="What a CSV's columns mean, with the unit."),
+        Text, _option("OURS=THEIRS,...", "Meaning and unit of a CSV's columns.")
     ] = None,
     imu_offset: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S",
-            help="Seconds from the first GNSS epoch to the first IMU sample, if the time stamps "
-            "do not tell.",
+        Number,
+        _option(
+            "S",
+            "Time from first GNSS epoch to first IMU sample, if the stamps do not tell, s.",
         ),
     ] = None,
     last_position: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Where block 1 keeps the position between runs."),
+        Text, _option("FILE", "File that keeps the position between runs.")
     ] = None,
-    float32: Annotated[
-        bool, typer.Option("--float32", help="Run the filters in single precision.")
-    ] = False,
+    float32: Annotated[bool, _flag("--float32", "Run the filters in single precision.")] = False,
 ):
     """Run the tracker paper's six blocks on a GNSS (and IMU) log.
 
@@ -404,14 +387,9 @@ def _print_summary(summary):
 
 @app.command()
 def pool(
-    logs: Annotated[
-        list[str],
-        typer.Argument(metavar="LOG", help="Files or logs of the catalogue, one for each unit."),
-    ],
+    logs: Annotated[list[str], _argument("LOG", "Files or logs of the catalogue; one a unit.")],
     out: Annotated[str, _out("Folder for pooled.json.")],
-    axes: Annotated[
-        bool, typer.Option("--axes", help="Pool x, y and z too, as units of one model.")
-    ] = False,
+    axes: Annotated[bool, _flag("--axes", "Pool x, y and z too, as units of one model.")] = False,
     rate: Rate = None,
     time: Time = None,
     columns: Columns = None,
@@ -445,7 +423,7 @@ def pool(
 
 @app.command()
 def export(
-    model: Annotated[str, typer.Argument(metavar="MODEL.json", help="As `report` writes it.")],
+    model: Annotated[str, _argument("MODEL.json", "As `report` writes it.")],
     out: Annotated[str, _out("Folder for the files.")],
 ):
     """Write a model.json for Kalibr, MATLAB, Gazebo and others.
@@ -468,23 +446,13 @@ def export(
 
 @app.command()
 def plan(
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Sampling rate.")],
-    white: Annotated[float, typer.Option(metavar="N", help="White noise, U*sqrt(s).")],
-    sigma: Annotated[
-        float | None, typer.Option(metavar="S", help="Gauss-Markov bias, U (with --time).")
-    ] = None,
-    time: Annotated[
-        float | None, typer.Option(metavar="S", help="Its correlation time, s.")
-    ] = None,
-    flicker: Annotated[
-        float | None, typer.Option(metavar="B", help="Bias instability of IEEE 952, U.")
-    ] = None,
-    walk: Annotated[
-        float | None, typer.Option(metavar="K", help="Rate random walk, U/sqrt(s).")
-    ] = None,
-    within: Annotated[
-        float, typer.Option(metavar="PERCENT", help="Half width of the 95 % interval.")
-    ] = 20.0,
+    rate: Annotated[float, _option("HZ", "Sampling rate.")],
+    white: Annotated[float, _option("N", "White noise, U*sqrt(s).")],
+    sigma: Annotated[Number, _option("S", "Gauss-Markov bias, U (with --time).")] = None,
+    time: Annotated[Number, _option("S", "Its correlation time, s.")] = None,
+    flicker: Annotated[Number, _option("B", "Bias instability of IEEE 952, U.")] = None,
+    walk: Annotated[Number, _option("K", "Rate random walk, U/sqrt(s).")] = None,
+    within: Annotated[float, _option("PERCENT", "Half width of the 95 % interval.")] = 20.0,
 ):
     """Tell how many hours to record for each noise parameter.
 
@@ -516,19 +484,12 @@ def plan(
 @app.command()
 def coverage(
     runs: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Logs of each model and length; 500 if left out."),
+        Count, _option("N", "Logs of each model and length (default 500).", min=1)
     ] = None,
-    hours: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Lengths of the logs, h; 2,6 if left out.")
-    ] = None,
-    models: Annotated[
-        str | None, typer.Option(metavar="A,B", help="Names of sensors; all if left out.")
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Processes; one a core if left out.")
-    ] = None,
-    out: Annotated[str | None, _out("Folder; data/derived/coverage if left out.")] = None,
+    hours: Annotated[Text, _option("A,B", "Lengths of the logs, h (default 2,6).")] = None,
+    models: Annotated[Text, _option("A,B", "Names of sensors (default all).")] = None,
+    workers: Annotated[Count, _option("N", "Processes (default one a core).", min=1)] = None,
+    out: Annotated[Text, _out("Folder (default data/derived/coverage).")] = None,
 ):
     """Count on simulated logs how often intervals hold the truth.
 
@@ -563,7 +524,7 @@ def coverage(
 def claims(
     paper: Annotated[
         Literal["terrain", "comparison", "tracker"] | None,
-        typer.Argument(metavar="PAPER", help="Claims of one paper; all if left out."),
+        _argument("PAPER", "Claims of one paper (default all)."),
     ] = None,
 ):
     """Print the verdict on every claim of the three papers.
@@ -587,15 +548,12 @@ def claims(
 @app.command()
 def data(
     names: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="NAME", help="Raw files or folders; with --rebuild results."),
+        Texts, _argument("NAME", "Raw files or folders; with --rebuild results.")
     ] = None,
     rebuild: Annotated[
-        bool, typer.Option("--rebuild", help="Compute data/derived/ again and compare.")
+        bool, _flag("--rebuild", "Compute data/derived/ again and compare.")
     ] = False,
-    write: Annotated[
-        bool, typer.Option("--write", help="With --rebuild: replace what differs.")
-    ] = False,
+    write: Annotated[bool, _flag("--write", "With --rebuild: replace what differs.")] = False,
 ):
     """Fetch and verify raw logs, rebuild the derived results.
 
@@ -651,7 +609,7 @@ def _rebuild(names, write):
 
 @app.command()
 def benchmark(
-    out: Annotated[str | None, _out("Folder for the numbers, as CSV.")] = None,
+    out: Annotated[Text, _out("Folder for the numbers, as CSV.")] = None,
 ):
     """Measure speed here, next to other packages in the same run.
 
