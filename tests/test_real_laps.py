@@ -86,7 +86,9 @@ def test_filter_grid_and_bound_on_the_real_map():
     profile = store.profile("ccw")
     setup = Setup.paper(600.0, R=0.05, odometry_scale=0.0)
     found = compare_filters(profile.attitude_map(), setup, runs=40, seed=3)
-    tells = found.informative
-    ukf, grid = (np.sqrt((e[tells] ** 2).mean()) for e in (found.ukf, found.grid))
+    informative = found.informative
+    ukf, grid = (np.sqrt((e[informative] ** 2).mean()) for e in (found.ukf, found.grid))
     assert ukf == pytest.approx(grid, rel=0.05)
-    assert grid > 0.85 * np.sqrt((found.bound[tells] ** 2).mean())  # 40 laps know it to some 8 %
+    assert grid > 0.85 * np.sqrt(
+        (found.bound[informative] ** 2).mean()
+    )  # 40 laps know it to some 8 %

@@ -53,7 +53,7 @@ def test_iso_classes():
 
 
 def test_a_synthetic_road_has_its_spectrum():
-    """Analytic: density at 0.1 cycles/m, waviness, and the rod's pitch are those asked for."""
+    """Analytic: density at 0.1 cycles/m, waviness, and the rod's pitch are the given ones."""
     rng = np.random.default_rng(4)
     made = IsoRoad(256e-6).simulate(40_000.0, 0.5, rng, wheelbase=1.0, track_width=0.01)
     taper = np.hanning(len(made.s_m))
