@@ -382,7 +382,7 @@ def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, words):
 
 
 def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
-    """Property: leaving the map, and running against it, are refused with different sentences; a wrong word is usage."""
+    """Property: a lap off the map, and one against its direction, have a sentence each."""
     away = van_on("ccw", slice(0, 300))
     away[:, 200:] += [40.0, 60.0, 0.0]
     path = write_log(tmp_path / "mine.mat", away)

@@ -117,7 +117,7 @@ def white_noise_laps(runs, R, q=1e-4, moved=0.3, steps=2500):
 
 
 def test_as_good_as_the_grid_filter_and_no_better_than_the_bound():
-    """cross-check: where the terrain gives information, UKF and grid filter differ by a few percent."""
+    """cross-check: on informative terrain UKF and grid filter differ by a few percent."""
     (ukf, grid), _, bound = white_noise_laps(runs=60, R=0.04)
     settled = slice(500, None)
     rms = [np.sqrt((e[settled] ** 2).mean()) for e in (ukf, grid)]
