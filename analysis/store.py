@@ -7,7 +7,7 @@ what it means. The functions that make the folders are listed in `analysis.studi
 
 read("psu-highway")           any folder: its source and its tables
 static_log("adis16405")       a characterised static log
-profile("ccw"), lap("14-45-26"), highway("to-altoona")    the surveyed roads
+profile("ccw"), laps("ccw"), highway("to-altoona")    the surveyed roads
 published("terrain-table-2")  a table copied from one of the papers
 """
 
@@ -36,16 +36,13 @@ from analysis.terrain.real_laps import Lap, lay_on_line
 from analysis.terrain.terrain_map import Profile
 
 __all__ = [
-    "Stored",
     "centre_line",
     "characterise_log",
     "coverage",
     "highway",
-    "lap",
     "lap_and_map",
     "lap_curves",
-    "lap_names",
-    "map_without",
+    "laps",
     "names",
     "profile",
     "published",
@@ -478,6 +475,11 @@ def lap(name: str) -> Lap:
     return Lap(name, stored.source["laps"][name]["direction"], **columns)
 
 
+def laps(direction: str | None = None) -> dict[str, Lap]:
+    """Read the laps of the test track, of one direction (``ccw``, ``cw``) or all, by name."""
+    return {name: lap(name) for name in lap_names(direction)}
+
+
 def highway(name: str) -> Highway:
     """Read a drive on I-99, ``to-state-college`` or ``to-altoona``."""
     stored = _road(HIGHWAY)
@@ -502,11 +504,10 @@ def lap_curves(direction: str) -> dict[str, np.ndarray]:
     Returns
     -------
     dict of ndarray, shape (laps, grid)
-        pitch_deg, roll_deg, height_m; in the order of `lap_names`.
+        pitch_deg, roll_deg, height_m; in the order of `laps`.
     """
-    laps = [lap(name) for name in lap_names(direction)]
-    width = _road(TRACK).source["smoothing_width_m"]
-    return terrain_map.lap_curves(laps, centre_line(direction), width)
+    width, own = _road(TRACK).source["smoothing_width_m"], list(laps(direction).values())
+    return terrain_map.lap_curves(own, centre_line(direction), width)
 
 
 def map_without(name: str) -> Profile:
@@ -533,7 +534,7 @@ def lap_and_map(source: str | Path, direction: str | None = None) -> tuple[Lap, 
     Parameters
     ----------
     source : str or Path
-        One of `lap_names`, with the map of the other laps of its direction; or a raw file of the
+        A name of `laps`, with the map of the other laps of its direction; or a raw file of the
         van (`analysis.logs.road_logs.lap`), with the map of all committed laps.
     direction : {"ccw", "cw"}, optional
         Of a raw file: the direction in which it was driven.
