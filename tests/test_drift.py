@@ -13,7 +13,7 @@ from analysis.noise.spectrum import transform
 LOGS, SAMPLES, DRIFT = 100, 1000, 1e-3
 
 
-def asked(y, chosen, *models):
+def fitted(y, chosen, *models):
     """Fit some models to a log; give its likelihood, the fits and the one to be taken as chosen."""
     likelihood = NoiseLikelihood([transform(y, 1.0)])
     fits = {model: likelihood.fit(model) for model in (chosen, *models)}
@@ -26,7 +26,7 @@ def test_a_walk_does_not_hide_a_drift():
     for k in range(LOGS):
         rng = np.random.default_rng([7, k])
         y = rng.standard_normal(SAMPLES) + 0.1 * np.cumsum(rng.standard_normal(SAMPLES))
-        log = asked(y + DRIFT * np.arange(SAMPLES), "N+K", "N+GM")
+        log = fitted(y + DRIFT * np.arange(SAMPLES), "N+K", "N+GM")
         for j, draws in enumerate((rng, None)):
             _, low, high = linear_drift(*log, draws)
             held[k, j] = low < DRIFT < high
@@ -40,7 +40,7 @@ def test_white_noise_is_what_least_squares_says():
     for k in range(LOGS):
         rng = np.random.default_rng([8, k])
         y = rng.standard_normal(SAMPLES) + DRIFT * np.arange(SAMPLES)
-        _, low, high = linear_drift(*asked(y, "N", "N+K"), rng)
+        _, low, high = linear_drift(*fitted(y, "N", "N+K"), rng)
         widths.append((high - low) / 2 / np.sqrt(12 / SAMPLES**3))
         held.append(low < DRIFT < high)
     assert np.median(widths) == pytest.approx(1.96, rel=0.15)
@@ -52,7 +52,7 @@ def test_of_two_biases_the_slower_one_is_on_the_grid():
     rng = np.random.default_rng(9)
     y = rng.standard_normal(20000)
     y += gauss_markov(len(y), 1.0, 2.0, 20.0, rng) + gauss_markov(len(y), 1.0, 2.0, 1500.0, rng)
-    likelihood, fits, fit = asked(y, "N+2GM")
+    likelihood, fits, fit = fitted(y, "N+2GM")
     swapped = replace(fit, point=fit.point[[0, 3, 4, 1, 2]])
     found = linear_drift(likelihood, fits, fit, np.random.default_rng(1))
     other = linear_drift(likelihood, {"N+2GM": swapped}, swapped, np.random.default_rng(1))
@@ -67,6 +67,6 @@ def test_a_log_in_pieces():
     likelihood = NoiseLikelihood(pieces)
     fits = {model: likelihood.fit(model) for model in ("N", "N+K")}
     _, low, high = linear_drift(likelihood, fits, fits["N"], np.random.default_rng(1))
-    _, least, most = linear_drift(*asked(y, "N", "N+K"), np.random.default_rng(1))
+    _, least, most = linear_drift(*fitted(y, "N", "N+K"), np.random.default_rng(1))
     assert low < DRIFT < high
     assert high - low > most - least

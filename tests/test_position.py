@@ -5,7 +5,9 @@ import pytest
 
 from analysis import CannotAnswer
 from analysis.noise.models import gauss_markov
-from analysis.noise.position import PER_SIGMA, cep, effective_samples, outliers
+from analysis.noise.position import cep, effective_samples, outliers
+
+PER_SIGMA = np.sqrt(2 * np.log(2))  # CEP of a circular Gaussian of unit deviation: 1.1774
 
 
 def test_cep_of_a_circular_gaussian():

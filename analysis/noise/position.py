@@ -14,7 +14,6 @@ from analysis.noise.autocorrelation import autocovariance
 CUT = 6.0  # robust standard deviations beyond which a single position is an outlier
 NEIGHBOURS = 11  # positions in time that each one is compared with
 FEWEST = 20.0  # independent positions below which the median radius has no 95 % interval
-PER_SIGMA = np.sqrt(2 * np.log(2))  # CEP of a circular Gaussian of unit deviation: 1.1774
 
 
 def outliers(*axes: np.ndarray) -> np.ndarray:
