@@ -1,7 +1,10 @@
 """Single blocks driven over a whole log, and the numbers the notebooks judge them by."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from analysis import Estimate, wrap
 from analysis.logs.timeline import Gnss, Imu
@@ -172,7 +175,7 @@ def stationary_period(
     } | {f"change_{k}_s": _between_changes(t_s, out[0], layer == k) for k in (1, 2, 3)}
 
 
-def courtyard_errors(seed: int, count: int, **settings) -> tuple[np.ndarray, np.ndarray]:
+def courtyard_errors(seed: int, count: int, **settings: Any) -> tuple[np.ndarray, np.ndarray]:
     """Draw the position errors of stationary periods: scenario A, one a device.
 
     Parameters
@@ -288,7 +291,12 @@ def _between_changes(t_s, position, when):
 
 
 def ratio_interval(
-    above, below, rng: np.random.Generator, *, groups=None, runs: int = 2000
+    above: ArrayLike,
+    below: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    groups: ArrayLike | None = None,
+    runs: int = 2000,
 ) -> Estimate:
     """Divide the means of paired values, with a 95 % interval by bootstrap of the pairs.
 

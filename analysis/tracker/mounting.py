@@ -197,7 +197,7 @@ class MountingYaw:
         return good
 
 
-def printed_angle(ax, ay):
+def printed_angle(ax: float, ay: float) -> float:
     """Return arctan(ay / ax), eq (3) as printed: the direction of the acceleration, rad.
 
     In (-90 deg, 90 deg], so that a direction and its opposite are one.

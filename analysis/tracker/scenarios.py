@@ -17,7 +17,7 @@ An IMU sample has white noise, a constant bias, and a vibration that grows with 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -255,7 +255,7 @@ def scenario(
     *,
     gnss: GnssErrors | None = None,
     imu: ImuErrors | None = None,
-    **settings,
+    **settings: Any,
 ) -> Scenario:
     """Simulate one of the paper's scenarios.
 
