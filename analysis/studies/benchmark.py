@@ -111,10 +111,10 @@ def figures_8_to_11():
     }
     reading = Setup.paper(length)
     start = time.perf_counter()
-    found = simulate_laps(attitude_map, sensors, reading, runs=100, seed=SEED)
+    laps = simulate_laps(attitude_map, sensors, reading, runs=100, seed=SEED)
     seconds = time.perf_counter() - start
     yield Measured("Figs 8-11 in full, one core", seconds, "s", "<= 30")
-    steps = found.error[..., 0].size * (reading.samples - 1)
+    steps = laps.error[..., 0].size * (reading.samples - 1)
     yield Measured("filter steps per second in the sweep", steps / seconds, "1/s")
 
 

@@ -108,8 +108,8 @@ def estimate(run, stream, *, model, dt, kind, hours):
         the estimator gives one), model.
     """
     y = model.simulate(round(3600 * hours / dt), dt, np.random.default_rng(stream))
-    found = infer(y, dt, "deg", kind, np.random.default_rng(stream))
-    chosen, rows = found.chosen.model, []
+    inference = infer(y, dt, "deg", kind, np.random.default_rng(stream))
+    chosen, rows = inference.chosen.model, []
 
     def add(estimator, parameter, value, low=None, high=None, *, interval=True, model=""):
         row = {"run": run, "estimator": estimator, "parameter": parameter}
@@ -117,19 +117,19 @@ def estimate(run, stream, *, model, dt, kind, hours):
         rows.append(row | {"interval": interval, "model": model})
 
     for p in PARAMETERS:
-        if p in found.parameters:
-            e = found.parameters[p]
+        if p in inference.parameters:
+            e = inference.parameters[p]
             add("likelihood", p, e.value, e.low, e.high, model=chosen)
     for p in PARAMETERS[:3]:
-        add("N+GM, unselected", p, found.fits[UNIFIED].terms[p][0], interval=False)
-    line = found.likelihood.evaluate(found.chosen.point[None], found.chosen.names)
+        add("N+GM, unselected", p, inference.fits[UNIFIED].terms[p][0], interval=False)
+    line = inference.likelihood.evaluate(inference.chosen.point[None], inference.chosen.names)
     ends = line.drift[0] + norm.ppf([0.5, 0.025, 0.975]) * line.drift_sd[0]
     add("chosen model", "drift", *ends, model=chosen)
     if run % EVERY == 0:
         add(
             "chi-squared",
             "drift",
-            *linear_drift(found.likelihood, found.fits, found.chosen),
+            *linear_drift(inference.likelihood, inference.fits, inference.chosen),
             model=chosen,
         )
         residual, per_sample = fit_line(y, dt)[0], 1 / np.sqrt(dt)
@@ -194,8 +194,8 @@ def study(cells, workers=None, folder=FOLDER):
             model, dt, kind = models()[name]
             one = partial(estimate, model=model, dt=dt, kind=kind, hours=hours)
             rows = []
-            for found in pool.map(one, range(runs), streams(name, runs), chunksize=4):
-                rows += found
+            for of_log in pool.map(one, range(runs), streams(name, runs), chunksize=4):
+                rows += of_log
                 bar.update()
             table = summary(pd.DataFrame(rows), model)
             table.insert(0, "hours", float(hours))

@@ -199,9 +199,9 @@ def parked():
     table |= {"moving": columns["moving"][stand], "layer": columns["layer"][stand]}
     source = _source("phone-drive", log) | {
         "epochs_standing": int((speed == 0).sum()),
-        "said_moving": float(np.nanmean(moving[speed == 0])),
+        "standing_judged_moving": float(np.nanmean(moving[speed == 0])),
         "epochs_driving": int((speed > 2).sum()),
-        "said_standing": float(1 - np.nanmean(moving[speed > 2])),
+        "driving_judged_standing": float(1 - np.nanmean(moving[speed > 2])),
     }
     return source, {"stand": store.rounded(pd.DataFrame(table), DIGITS)}
 
