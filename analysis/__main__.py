@@ -3,7 +3,7 @@
 import sys
 
 for stream in (sys.stdout, sys.stderr):  # a terminal without Greek letters ends no run
-    stream.reconfigure(errors="replace")
+    stream.reconfigure(errors="replace")  # type: ignore[union-attr]
 try:
     from analysis.cli import main
 

@@ -14,7 +14,7 @@ from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 from typer.core import TyperGroup
@@ -27,13 +27,17 @@ DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetr
 }  # fmt: skip
 UNITS = "deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
 RESUMABLE = ("reproduce", "coverage", "data")  # verbs that keep each piece that is finished
-Block = StrEnum(
-    "Block",
-    {
-        name.replace("-", "_"): name
-        for name in ("last-position", "attitude", "static", "low-pass", "mounting", "fusion")
-    },
-)
+
+
+class Block(StrEnum):
+    """The tracker's blocks, as --without names them."""
+
+    last_position = "last-position"
+    attitude = "attitude"
+    static = "static"
+    low_pass = "low-pass"
+    mounting = "mounting"
+    fusion = "fusion"
 
 
 class Verbs(TyperGroup):
@@ -103,7 +107,10 @@ def writing(out):
         raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
 
 
-Number, Count, Text, Texts = float | None, int | None, str | None, list[str] | None
+Number = float | None
+Count = int | None
+Text = str | None
+Texts = list[str] | None
 # Options of the verbs that read a static log:
 Rate = Annotated[Number, _option("HZ", "Sampling rate; the time column is not used.")]
 Time = Annotated[Text, _option("COLUMN", "Time column; if left out, found by its name.")]
@@ -280,7 +287,7 @@ def replay(
             )
     position, warning = load_position(last_position) if last_position else (None, None)
     stored = Stored(**position) if position else None
-    off = {block.name: False for block in without or ()}
+    off: dict[str, Any] = {block.name: False for block in without or ()}
     options = Options(dtype=np.float32 if float32 else np.float64, **off)
     track = replay_log(inject_outages(log, outages), options, stored, progress=True)
     with writing(out):
@@ -623,7 +630,7 @@ def benchmark(
     """
     from analysis.studies import benchmark as benchmarks
 
-    rows = []
+    rows: list[tuple] = []
     for name, one in benchmarks.run():
         if not rows or name != rows[-1][0]:
             print(f"\n{name}" if rows else name)

@@ -19,6 +19,7 @@ import pandas as pd
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
+from matplotlib.quiver import Quiver
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
@@ -166,7 +167,7 @@ def thin(ax, dots):
                 if len(sizes) == len(xy):
                     collection.set_sizes(sizes[keep])
                 collection.set_rasterized(True)
-        elif isinstance(collection, PolyCollection):
+        elif isinstance(collection, PolyCollection) and not isinstance(collection, Quiver):
             parts = [_edges(path) for path in collection.get_paths()]
             if any(len(x) > DENSE for x, _, _ in parts):
                 kept = []
@@ -303,6 +304,8 @@ def _shown(ax):
         if isinstance(collection, PathCollection):
             xy = np.asarray(collection.get_offsets(), dtype=float)
             yield "points", name(collection), xy[:, 0], xy[:, 1], np.nan
+        elif isinstance(collection, Quiver):
+            yield "arrows", name(collection), collection.X, collection.Y, np.nan
         elif isinstance(collection, PolyCollection):
             for path in collection.get_paths():
                 yield "band", name(collection), *_edges(path)
