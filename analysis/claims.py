@@ -270,12 +270,12 @@ def _asks(row):
 
 
 def _interval(row):
-    span = _span(row["low"], row["high"])
+    span = _span(row["low"], row["high"], digits=6)  # as published, or rounded before
     return "–" if span == _span(None, None) else span
 
 
-def _span(low, high):
+def _span(low, high, digits=3):
     def end(x):
-        return "…" if x is None or x != x else engineering(x)
+        return "…" if x is None or x != x else engineering(x, digits)
 
     return f"{end(low)} to {end(high)}"
