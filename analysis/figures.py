@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.container import ErrorbarContainer
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 from PIL import Image
@@ -309,6 +310,11 @@ def _shown(ax):
         elif isinstance(collection, PolyCollection):
             for path in collection.get_paths():
                 yield "band", name(collection), *_edges(path)
+        elif isinstance(collection, ContourSet) and not collection.filled:
+            for level, path in zip(collection.levels, collection.get_paths(), strict=True):
+                of_level = f" {level:g}" if len(collection.levels) > 1 else ""
+                for xy in path.to_polygons(closed_only=False):
+                    yield "contour", name(collection) + of_level, *xy.T, np.nan
         elif isinstance(collection, LineCollection):
             segments = [s for s in collection.get_segments() if len(s)]
             if segments:

@@ -1,6 +1,7 @@
 """Drawing that two notebooks share: panels of a sensor, an Allan plot, sweeps, the N-B plane."""
 
 from collections.abc import Sequence
+from itertools import cycle
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -9,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.font_manager import findfont, get_font
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from analysis import Estimate, pretty
 from analysis.figures import DOUBLE
@@ -17,13 +18,11 @@ from analysis.noise import graph
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
 from analysis.terrain import metrics
-from analysis.terrain.cost import PowerLaw
 
-__all__ = [
-    "against_price", "allan", "curves", "four_panels", "interval_bar", "plane", "pretty", "sensors",
-]  # fmt: skip
+__all__ = ["against_price", "allan", "curves", "four_panels", "interval_bar", "plane", "sensors"]
 
 APART = 0.17  # decades between the numbers of two sensors
+AXIS = {"N": "angle random walk N (°/√s)", "B": "bias instability B (°/s)"}
 
 
 def plain(text):
@@ -57,26 +56,16 @@ def allan(
     ax.loglog(curve.tau, curve.adev, color=color, label=label or "overlapped Allan deviation")
     if band:
         shade = {"color": color, "alpha": 0.2, "lw": 0}
-        ax.fill_between(
-            curve.tau,
-            curve.low,
-            curve.high,
-            label=f"_{label}, 95 % interval" if label else "95 % interval",
-            **shade,
-        )
+        shade["label"] = f"_{label}, 95 % interval" if label else "95 % interval"
+        ax.fill_between(curve.tau, curve.low, curve.high, **shade)
     if guides:
         walks = (
-            (graph.white_noise(curve, unit), lambda n: n / np.sqrt(curve.tau), "--", "−1/2"),
-            (
-                graph.rate_random_walk(curve, unit),
-                lambda k: k * np.sqrt(curve.tau / 3),
-                ":",
-                "+1/2",
-            ),
+            (graph.white_noise(curve, unit), 1 / np.sqrt(curve.tau), "--", "−1/2"),
+            (graph.rate_random_walk(curve, unit), np.sqrt(curve.tau / 3), ":", "+1/2"),
         )
-        for found, line, style, slope in walks:
-            if found.resolved:
-                y = line(found.value)
+        for estimate, shape, style, slope in walks:
+            if estimate.resolved:
+                y = estimate.value * shape
                 y = np.where(y > curve.low.min() / 3, y, np.nan)  # a guide, not half the panel
                 ax.plot(curve.tau, y, "0.3", ls=style, lw=0.7, label=f"slope {slope}")
     ax.set_aspect("equal", adjustable="datalim")
@@ -101,15 +90,12 @@ def interval_bar(
         What counts as 1.
     color : str
     """
-    edges = ax.get_xlim()
-    low, high = ((v / scale if v else None) for v in (estimate.low, estimate.high))
-    ends = [edges[0] if low is None else low, edges[1] if high is None else high]
+    bounds, edges = (estimate.low, estimate.high), ax.get_xlim()
+    ends = [v / scale if v else edge for v, edge in zip(bounds, edges, strict=True)]
     ax.plot(ends, [y, y], color=color, lw=1.5, label=f"_{label}, 95 % interval")
-    for end, known, closed, marker in zip(
-        ends, (low, high), ("low", "high"), ("<", ">"), strict=True
-    ):
-        edge = f"_{label}, {closed}{'' if known else ' (open)'}"
-        ax.plot(end, y, "|" if known else marker, color=color, ms=6, clip_on=False, label=edge)
+    for end, known, side, arrow in zip(ends, bounds, ("low", "high"), "<>", strict=True):
+        name = f"_{label}, {side}{'' if known else ' (open)'}"
+        ax.plot(end, y, "|" if known else arrow, color=color, ms=6, clip_on=False, label=name)
     if estimate.value is not None:
         ax.plot(estimate.value / scale, y, "o", color=color, ms=3, label=f"_{label}")
 
@@ -141,56 +127,47 @@ def four_panels(
     allan(adev, noise.allan, noise.unit, guides=True)
     adev.set_title("Allan deviation")
     adev.legend()
-    _whole_log(whole, noise, unit)
+    t, y = noise.whole
+    mean, slope = noise.line
+    ends = t[[0, -1]]
+    whole.plot(t / 3600, y, lw=0.5, color="C0", label="log, averaged")
+    whole.plot(ends / 3600, mean + slope * (ends - t.mean()), color="C3", label="straight line")
+    whole.set(title="whole log", xlabel="time (h)", ylabel=f"{plain(noise.name)} ({unit})")
+    whole.legend()
     for window, (lag, cov) in noise.autocorrelation.items():
         acov.plot(lag, cov, lw=0.9, label=f"{window:g} s averages")
     peak = list(noise.autocorrelation.values())[-1][1][0]
-    acov.axhline(peak / np.e, color="0.4", ls="--", lw=0.7, label="peak of the longest / e")
+    level = "peak / e (longest averages)"
+    acov.axhline(peak / np.e, color="0.4", ls="--", lw=0.7, label=level)
     acov.set(title="autocovariance", xlabel="lag (s)", ylabel=f"autocovariance ({unit})²")
     acov.legend()
     return fig
 
 
-def together(result):
+def allan_panels(channels: Sequence[ChannelNoise], title: str) -> Figure:
     """Draw the Allan deviations of all channels, one panel for each unit.
 
     Parameters
     ----------
-    result : StaticResult
+    channels : sequence of ChannelNoise
+    title : str
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    units = list(dict.fromkeys(c.unit for c in result.channels))
+    units = list(dict.fromkeys(c.unit for c in channels))
     fig = plt.figure(figsize=(DOUBLE, 3.2))
-    fig.suptitle(plain(result.source["title"]), fontsize=9)
-    for ax, unit in zip(np.atleast_1d(fig.subplots(1, len(units))), units, strict=True):
-        shown = [c for c in result.channels if c.unit == unit]
-        for i, c in enumerate(shown):
+    fig.suptitle(plain(title), fontsize=9)
+    for ax, unit in zip(fig.subplots(1, len(units), squeeze=False)[0], units, strict=True):
+        for i, c in enumerate(c for c in channels if c.unit == unit):
             allan(ax, c.allan, unit, label=plain(c.name), color=f"C{i}")
         ax.legend()
     return fig
 
 
-def _whole_log(ax, noise, unit):
-    t, y = noise.whole
-    mean, slope = noise.line
-    centre = t.mean()
-    ax.plot(t / 3600, y, lw=0.5, color="C0", label="log, averaged")
-    ax.plot(t[[0, -1]] / 3600, mean + slope * (t[[0, -1]] - centre), color="C3", label="line")
-    ax.set(title="whole log", xlabel="time (h)", ylabel=f"{plain(noise.name)} ({unit})")
-    ax.legend()
-
-
 def curves(
-    axes: Sequence[Axes],
-    measured: pd.DataFrame,
-    lost: pd.Series,
-    *,
-    x_label: str,
-    y_label: str,
-    curve: str,
+    axes: Sequence[Axes], measured: pd.DataFrame, lost: pd.Series, swept: str, y_label: str
 ) -> None:
     """Draw Figs 8 to 11 of the terrain paper: thin curves, their average, and the laps lost.
 
@@ -203,55 +180,50 @@ def curves(
         coefficient.
     lost : pandas.Series
         Share of laps, with the same labels.
-    x_label, y_label : str
-    curve : str
-        Label of a curve, with a place for its fixed value: ``"B = {:g} °/s"``.
+    swept : {"N", "B"}
+    y_label : str
+        What is measured, with its unit.
     """
-    ax, beside = axes
+    name = {"N": "B = {:g} °/s", "B": "N = {:g} °/√s"}[swept]  # of a curve: the other coefficient
     fixed, x = (measured.columns.unique(level) for level in (0, 1))
-    colors = plt.cm.viridis(np.linspace(0, 0.9, len(fixed)))
-    for value, color in zip(fixed, colors, strict=True):
-        style = {"color": color, "lw": 0.8, "label": curve.format(value)}
-        ax.plot(x, measured[value].iloc[0], **style)
-        beside.plot(x, 100 * lost[value], **style)
+    for value, color in zip(fixed, plt.cm.viridis(np.linspace(0, 0.9, len(fixed))), strict=True):
+        style = {"color": color, "lw": 0.8, "label": name.format(value)}
+        axes[0].plot(x, measured[value].iloc[0], **style)
+        axes[1].plot(x, 100 * lost[value], **style)
     middle, low, high = metrics.quantiles(measured.T.groupby(level=1).mean().T)
-    ax.plot(x, middle, color="k", lw=2, label="average of the curves")
-    ax.fill_between(x, low, high, color="k", alpha=0.15, lw=0, label="its 95 % interval")
-    ax.set(xlabel=x_label, ylabel=y_label, yscale="log")
-    ax.yaxis.set_major_locator(
-        LogLocator(subs=(1.0, 2.0, 3.0, 4.0, 6.0) if _decades(ax) < 1.5 else (1.0,))
-    )
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
-    beside.set(xlabel=x_label, ylabel="laps lost (%)")
-    beside.set_ylim(-0.2, max(1.0, 105 * lost.max()))
-    for each in axes:
-        each.locator_params(axis="x", nbins=5)
-    ax.figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
-
-
-def _decades(ax):
-    """How many powers of ten an axis spans."""
-    low, high = ax.get_ylim()
-    return np.log10(high / low)
+    axes[0].plot(x, middle, color="k", lw=2, label="average of the curves")
+    band = {"color": "k", "alpha": 0.15, "lw": 0, "label": "95 % interval of the average"}
+    axes[0].fill_between(x, low, high, **band)
+    axes[0].set(ylabel=y_label, yscale="log")
+    bottom, top = axes[0].get_ylim()
+    ticks = (1.0, 2.0, 3.0, 4.0, 6.0) if top < 10**1.5 * bottom else (1.0,)
+    axes[0].yaxis.set_major_locator(LogLocator(subs=ticks))
+    axes[0].yaxis.set_major_formatter("{x:g}")
+    axes[0].yaxis.set_minor_formatter(NullFormatter())
+    axes[1].set(ylabel="laps lost (%)", ylim=(-0.2, max(1.0, 105 * lost.max())))
+    for ax in axes:
+        ax.set_xlabel(AXIS[swept])
+        ax.locator_params(axis="x", nbins=5)
+    handles = axes[0].get_legend_handles_labels()
+    axes[0].figure.legend(*handles, loc="outside lower center", ncols=4)
 
 
 def plane(
     ax: Axes,
     arw: np.ndarray,
     sigma_b: np.ndarray,
-    reached: np.ndarray,
+    error: np.ndarray,
     levels: Sequence[float],
     span: tuple[float, float],
 ) -> QuadContourSet:
-    """Draw the error that is reached over the N-B plane, with a contour for each level.
+    """Draw an error over the N-B plane, with a contour line for each level inside it.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
     arw, sigma_b : ndarray, shape (points,)
-        The even grid of the plane, deg/sqrt(s) and deg/s.
-    reached : ndarray, shape (len(sigma_b), len(arw)), m
+        The grid of the plane, evenly spaced in logarithm, deg/sqrt(s) and deg/s.
+    error : ndarray, shape (len(sigma_b), len(arw)), m
     levels : sequence of float, m
     span : pair of float, m
         Smallest and largest error of the colours, the same for panels that are to be compared.
@@ -261,24 +233,25 @@ def plane(
     matplotlib.contour.QuadContourSet
         For a colour bar.
     """
-    shown = np.log10(reached)
-    ax.set(xscale="log", yscale="log", xlabel="angle random walk N (°/√s)")
-    ax.set_ylabel("bias instability B (°/s)")
-    steps = np.linspace(*np.log10(span), 13)
-    filled = ax.contourf(
-        arw, sigma_b, shown, levels=steps, cmap="viridis_r", alpha=0.6, extend="both"
-    )
-    lines = ax.contour(
-        arw, sigma_b, shown, levels=np.log10(levels), colors="k", linewidths=1, linestyles="solid"
-    )
-    # Labels at the left or lower edge, where no sensor is.
-    places = [_crossing(arw, sigma_b, shown, np.log10(level)) for level in levels]
-    ax.clabel(lines, fmt=lambda v: f"{10**v:.2g} m", fontsize=7, manual=places)
+    shown, steps = np.log10(error), np.linspace(*np.log10(span), 13)
+    ax.set(xscale="log", yscale="log", xlabel=AXIS["N"], ylabel=AXIS["B"])
+    colors = {"cmap": "viridis_r", "alpha": 0.6, "extend": "both"}
+    filled = ax.contourf(arw, sigma_b, shown, levels=steps, **colors)
+    for level in levels:
+        if error.min() < level < error.max():
+            at = np.log10(level)
+            line = ax.contour(arw, sigma_b, shown, [at], colors="k", linewidths=1, linestyles="-")
+            line.set_label(f"_level {level:g} m")
+            place = _crossing(arw, sigma_b, shown, at)
+            ax.clabel(line, fmt={at: f"{level:g} m"}, fontsize=7, manual=[place])
     return filled
 
 
 def _crossing(arw, sigma_b, shown, level):
-    """Find where a level crosses the second column of the plane, or else its second row."""
+    """Find where a level crosses the second column of the plane, or else its second row.
+
+    There, at the left or lower edge, no sensor lies under the label.
+    """
     column, row = shown[:, 1], shown[1]
     if column[-1] > level:
         at = np.interp(level, np.maximum.accumulate(column), np.log10(sigma_b))
@@ -307,26 +280,17 @@ def sensors(
     """
     every_n, every_b = ([*x, *(o[i] for o in own)] for i, x in ((1, arw), (2, sigma_b)))
     places = _apart(every_n, every_b, APART)
-    for number, (n, b, known) in enumerate(zip(arw, sigma_b, priced, strict=True), start=1):
+    listed = zip(arw, sigma_b, priced, places[: len(arw)], strict=True)
+    for number, (n, b, known, at) in enumerate(listed, start=1):
         face, ink = ("k", "w") if known else ("w", "k")
-        at = places[number - 1]
-        who = f"sensor {number}"
-        ax.plot([n, at[0]], [b, at[1]], "k-", lw=0.5, zorder=3, label=f"_{who}, line to its number")
-        ax.plot(n, b, "k.", ms=2.5, zorder=3, label=f"_{who}")
-        ax.plot(
-            *at,
-            "o",
-            ms=8,
-            mfc=face,
-            mec="k",
-            mew=0.6,
-            zorder=3,
-            label=f"_{who}, place of its number",
-        )
+        name, mark = f"_sensor {number}", {"ms": 8, "mfc": face, "mec": "k", "mew": 0.6}
+        ax.plot([n, at[0]], [b, at[1]], "k-", lw=0.5, zorder=3, label=f"{name}, line to its number")
+        ax.plot(n, b, "k.", ms=2.5, zorder=3, label=name)
+        ax.plot(*at, "o", zorder=3, label=f"{name}, place of its number", **mark)
         ax.text(*at, number, color=ink, fontsize=5.5, ha="center", va="center_baseline", zorder=4)
-    for k, (label, n, b) in enumerate(own):
-        color, at = ("r", "m", "b")[k % 3], places[len(arw) + k]
-        ax.plot([n, at[0]], [b, at[1]], "-", color=color, lw=0.5, zorder=3, label=f"_{label}, line")
+    for (label, n, b), at, color in zip(own, places[len(arw) :], cycle("rmb"), strict=False):
+        line = f"_{label}, line to its star"
+        ax.plot([n, at[0]], [b, at[1]], "-", color=color, lw=0.5, zorder=3, label=line)
         ax.plot(*at, "*", mfc="w", mec=color, ms=10, mew=1.2, label=label, ls="none", zorder=5)
 
 
@@ -349,7 +313,7 @@ def against_price(
     sensors: pd.DataFrame,
     mean: pd.DataFrame,
     variance: pd.DataFrame,
-    fit: PowerLaw,
+    fit: tuple[float, float],
     draws: dict[str, np.ndarray],
     printed: tuple[float, float],
 ) -> None:
@@ -362,18 +326,17 @@ def against_price(
         Columns ``label``, ``low``, ``high``, ``middle`` (USD).
     mean, variance : pandas.DataFrame
         m, m^2; a row for each resample, the sample first, a column for each sensor.
-    fit : PowerLaw
+    fit, printed : tuple of float
+        A and b of eq. (7), fitted to the middle prices and as the paper prints them.
     draws : dict of ndarray, shape (draws,)
         ``A`` and ``b`` over the price ranges.
-    printed : tuple of float
-        A and b of the paper.
     """
     low, high, middle = (sensors[k].to_numpy(float) for k in ("low", "high", "middle"))
-    for ax, measured in zip(axes, (mean, variance), strict=True):
+    for ax, measured, what in ((axes[0], mean, "mean"), (axes[1], variance, "variance")):
         value, below, above = metrics.quantiles(measured)
         ax.hlines(value, low, high, color="C0", lw=3, alpha=0.35, label="price range")
-        ax.vlines(middle, below, above, color="C0", lw=1, label="_95 % interval")
-        ax.plot(middle, value, "o", color="C0", label="simulated, 95 %")
+        ax.vlines(middle, below, above, color="C0", lw=1, label=f"_{what}, 95 % interval")
+        ax.plot(middle, value, "o", color="C0", label=f"simulated {what}, 95 % interval")
         ax.set(xscale="log", yscale="log", xlabel="price (USD)")
     axes[0].set_ylabel("mean tracking error (m)")
     axes[1].set_ylabel("variance of tracking error (m²)")
@@ -382,8 +345,8 @@ def against_price(
     axes[0].axhline(1, color="0.5", ls="--", lw=0.7, label="1 m")
     line = np.geomspace(low.min() / 1.5, 1.2 * high.max(), 50)
     band = np.quantile(draws["A"][:, None] * line ** -draws["b"][:, None], [0.025, 0.975], axis=0)
-    axes[1].fill_between(line, *band, color="C1", alpha=0.2, lw=0, label="eq (7) over prices, 95 %")
-    axes[1].plot(line, fit.A.value * line**-fit.b.value, color="C1", label="eq (7), middle prices")
+    axes[1].fill_between(line, *band, color="C1", alpha=0.2, lw=0, label="eq (7), 95 % of draws")
+    axes[1].plot(line, fit[0] * line ** -fit[1], color="C1", label="eq (7), middle prices")
     axes[1].plot(line, printed[0] * line ** -printed[1], color="0.5", ls="--", label="as printed")
     for ax in axes:
         ax.legend(fontsize=6, loc="lower left")

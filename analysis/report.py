@@ -118,7 +118,7 @@ def _draw(result, folder):
         caption = "15 s of data, Allan deviation with its 95 % band, whole log and autocorrelation."
         figures.save(fig, channel.name, caption, **origin)
         plt.close(fig)
-    fig = plots.together(result)
+    fig = plots.allan_panels(result.channels, result.source["title"])
     caption = "Allan deviation of every channel with its 95 % band."
     figures.save(fig, ALL_CHANNELS, caption, **origin)
     plt.close(fig)

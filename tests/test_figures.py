@@ -249,6 +249,19 @@ def test_error_bars():
     np.testing.assert_array_equal(found.get_group("bars"), [[1, 9, 13], [2, 18, 24]])
 
 
+def test_contour_lines():
+    """Analytic: on z = x the contour of a level is the line x = level; a filled one has none."""
+    ax = axes()
+    x = np.linspace(0.0, 4.0, 5)
+    ax.contourf(x, x, np.tile(x, (5, 1)))
+    ax.contour(x, x, np.tile(x, (5, 1)), levels=[0.5, 2.5]).set_label("_level")
+    found = series(ax.figure)
+    assert set(found) == {"level 0.5", "level 2.5"}
+    for level in (0.5, 2.5):
+        np.testing.assert_allclose(found[f"level {level}"][:, 0], level)
+        assert set(found[f"level {level}"][:, 1]) == set(x)
+
+
 def test_guides_that_are_no_data_are_left_out():
     """Property: lines across the whole axes have no numbers of their own."""
     ax = axes()
