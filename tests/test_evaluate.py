@@ -11,7 +11,7 @@ from analysis.tracker import evaluate, scenarios
 from analysis.tracker.device import Options
 from analysis.tracker.last_position import Stored
 from analysis.tracker.log_replay import replay
-from analysis.tracker.low_pass import LENGTHS
+from analysis.tracker.low_pass import LowPass
 
 
 def test_block_one_alone_is_the_replay_with_the_others_off():
@@ -127,7 +127,7 @@ def test_real_logs_at_rest_stay_in_their_circle():
         assert evaluate.stationary_period(t, raw, out, layer)["leaves"] == 0.0
 
 
-@pytest.mark.parametrize(("lengths", "most"), [(LENGTHS, 0.0), ((10, 10, 10), 0.4)])
+@pytest.mark.parametrize(("lengths", "most"), [(LowPass.lengths, 0.0), ((10, 10, 10), 0.4)])
 def test_a_published_drift_stays_in_the_circle_if_the_second_layer_lasts(lengths, most):
     """property: 200 periods of 90 min: no output leaves; with a second layer of 100 s, some do."""
     mean = evaluate.stationary_periods(*evaluate.courtyard_errors(9, 200), lengths).mean()

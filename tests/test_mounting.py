@@ -7,7 +7,6 @@ import pytest
 
 from analysis import store, wrap
 from analysis.tracker.mounting import (
-    THETA_ALPHA,
     MountingYaw,
     bend_variance,
     course_variance,
@@ -139,7 +138,7 @@ def test_a_fast_bend_is_no_straight(pull, straight):
     rate = pull / speed
     for k in range(1, 12):
         block.step(float(k), 1.0, rate * k, speed, rate, 0.0, pull, 0.0)
-    assert course_variance([(rate * k, 1.0) for k in range(6)]) < THETA_ALPHA / 4
+    assert course_variance([(rate * k, 1.0) for k in range(6)]) < MountingYaw.theta_alpha / 4
     assert bool(block.straights) == straight
 
 

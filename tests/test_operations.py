@@ -9,7 +9,6 @@ import pytest
 from analysis import DATA
 from analysis.tracker import kalman, low_pass, operations
 from analysis.tracker.attitude import Attitude
-from analysis.tracker.low_pass import LENGTHS
 from analysis.tracker.operations import Counted, Tally, counted, instrument
 
 SIZES = [(3, 3, 3), (9, 5, 3), (2, 1, 1), (6, 4, 2), (1, 1, 1)]
@@ -195,7 +194,7 @@ def test_a_sample_of_the_attitude_holds_its_three_filter_steps(steps):
 
 def test_the_low_pass_filter_costs_its_means(steps):
     """analytic: n places, two coordinates: 2 (n - 1) sums and 2 divisions; at worst all layers."""
-    first, second, third = (buffer_mean(n, axes=2) for n in LENGTHS)
+    first, second, third = (buffer_mean(n, axes=2) for n in low_pass.LowPass.lengths)
     assert kinds(steps, "4", "fix that fills layer 1") == first
     assert kinds(steps, "4", "fix that fills layer 3") == first + second + third
     each = sum(m.total / e for m, e in zip((first, second, third), (30, 900, 2700), strict=True))

@@ -10,12 +10,12 @@ from analysis.tracker import static
 from analysis.tracker.log_replay import replay
 from analysis.tracker.low_pass import LowPass, mean
 from analysis.tracker.scenarios import Scenario
-from analysis.tracker.static import THETA_A, StaticTest, SteadyReadings
+from analysis.tracker.static import StaticTest, SteadyReadings
 
 
 def test_threshold_is_the_papers():
     """published: theta_A is 0.125 m/s^2."""
-    assert THETA_A == 0.125
+    assert StaticTest.theta_a == 0.125
 
 
 def test_moving_until_something_is_known():

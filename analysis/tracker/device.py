@@ -15,26 +15,10 @@ import numpy as np
 from analysis import STANDARD_GRAVITY, wrap
 from analysis.tracker.attitude import GAP_S, Attitude, Upright, dot
 from analysis.tracker.fusion import Fusion
-from analysis.tracker.last_position import MOVED_M, PDOP_GATE, SAVE_EVERY_S, LastPosition
-from analysis.tracker.low_pass import LENGTHS, LowPass
-from analysis.tracker.mounting import (
-    ENTRY_S,
-    LENGTH,
-    MAX_BEND,
-    MAX_SIGMA,
-    MIN_SPEED,
-    THETA_ALPHA,
-    MountingYaw,
-)
-from analysis.tracker.static import (
-    ACCEL_TAU_S,
-    SPEED_THRESHOLD,
-    SPEED_WINDOW,
-    THETA_A,
-    WAKE_SPEED,
-    StaticTest,
-    SteadyReadings,
-)
+from analysis.tracker.last_position import LastPosition
+from analysis.tracker.low_pass import LowPass
+from analysis.tracker.mounting import ENTRY_S, MountingYaw
+from analysis.tracker.static import StaticTest, SteadyReadings
 
 FIXES_S = 5.0  # s over which fixes give a speed, where a receiver reports none
 
@@ -64,7 +48,7 @@ class Options:
     bridge_s : float
         Longest outage that the fusion filter carries the position through; then it holds.
 
-    The others are the constants of the blocks' modules, SI too: m, s, m/s, m/s^2, rad
+    The others are the parameters of the blocks, SI too: m, s, m/s, m/s^2, rad
     (``theta_alpha`` rad^2).
     """
 
@@ -75,20 +59,20 @@ class Options:
     mounting: bool = True
     fusion: bool = True
     dtype: type = np.float64
-    pdop_gate: float = PDOP_GATE
-    save_every_s: float = SAVE_EVERY_S
-    moved_m: float = MOVED_M
-    theta_a: float = THETA_A
-    speed_threshold: float = SPEED_THRESHOLD
-    wake_speed: float = WAKE_SPEED
-    speed_window: int = SPEED_WINDOW
-    accel_tau_s: float = ACCEL_TAU_S
-    lengths: tuple[int, int, int] = LENGTHS
-    straight_length: int = LENGTH
-    theta_alpha: float = THETA_ALPHA
-    max_bend: float = MAX_BEND
-    min_speed: float = MIN_SPEED
-    max_mount_sigma: float = MAX_SIGMA
+    pdop_gate: float = LastPosition.gate
+    save_every_s: float = LastPosition.save_every_s
+    moved_m: float = LastPosition.moved_m
+    theta_a: float = StaticTest.theta_a
+    speed_threshold: float = StaticTest.speed_threshold
+    wake_speed: float = StaticTest.wake_speed
+    speed_window: int = StaticTest.speed_window
+    accel_tau_s: float = StaticTest.accel_tau_s
+    lengths: tuple[int, ...] = LowPass.lengths
+    straight_length: int = MountingYaw.length
+    theta_alpha: float = MountingYaw.theta_alpha
+    max_bend: float = MountingYaw.max_bend
+    min_speed: float = MountingYaw.min_speed
+    max_mount_sigma: float = MountingYaw.max_sigma
     metres_per_pdop: float = 1.5
     sigma_no_pdop: float = 4.0
     sigma_speed: float = 0.3

@@ -9,9 +9,6 @@ from dataclasses import dataclass
 
 from analysis import wrap
 
-PDOP_GATE = 10.0  # Section IV-C: above 10 refused, below 10 accepted; exactly 10 is accepted here
-SAVE_EVERY_S = 60.0  # "periodically", Section III-A1: a flash page of 10 000 writes lasts a week
-MOVED_M = 50.0  # between the error of a poor first fix and a real move while switched off
 EARTH_RADIUS_M = 6_371_000.0
 
 
@@ -26,6 +23,7 @@ class Stored:
     pdop: float
 
 
+@dataclass
 class LastPosition:
     """Gate the fixes and hold the last position, one epoch at a time.
 
@@ -61,17 +59,15 @@ class LastPosition:
     (True, 45.00001)
     """
 
-    def __init__(
-        self,
-        stored=None,
-        gate=PDOP_GATE,
-        save_every_s=SAVE_EVERY_S,
-        moved_m=MOVED_M,
-        needs_pdop=True,
-    ):
-        self.gate, self.save_every_s, self.moved_m = gate, save_every_s, moved_m
-        self.needs_pdop = needs_pdop
-        self.position = self.snapshot = stored
+    stored: Stored | None = None
+    gate: float = 10.0  # Section IV-C: above refused, below accepted; here 10 itself is
+    save_every_s: float = 60.0  # "periodically", Section III-A1: 10 000 writes last a week
+    moved_m: float = 50.0  # between the error of a poor first fix and a real move
+    needs_pdop: bool = True
+
+    def __post_init__(self):
+        """Begin with what an earlier run left."""
+        self.position = self.snapshot = self.stored
         self.accepted = 0
         self.moved_while_off = None
         self._saved_at = -math.inf

@@ -5,11 +5,10 @@ buffer, whose mean goes into a third. The mean of the highest buffer that has be
 position, so it changes ever more rarely, the longer the rest. Any motion ends it at once.
 """
 
-# Not printed. At 1 Hz the layers change every 30 s, 15 min and 45 min. A second layer much shorter
-# follows a drift out of the circle that holds 95 % of the fixes (notebook 32).
-LENGTHS = (30, 30, 3)
+from dataclasses import dataclass
 
 
+@dataclass
 class LowPass:
     """Filter one position an epoch.
 
@@ -40,8 +39,12 @@ class LowPass:
     0
     """
 
-    def __init__(self, lengths=LENGTHS):
-        self.lengths = lengths
+    # Not printed. At 1 Hz the layers change every 30 s, 15 min and 45 min. A second layer much
+    # shorter follows a drift out of the circle that holds 95 % of the fixes (notebook 32).
+    lengths: tuple[int, ...] = (30, 30, 3)
+
+    def __post_init__(self):
+        """Begin with empty buffers."""
         self.reset()
 
     def reset(self):

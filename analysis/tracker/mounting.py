@@ -28,17 +28,11 @@ from analysis import wrap
 from analysis.tracker.low_pass import mean
 
 TURN = 2 * math.pi
-LENGTH = 6  # entries of the buffer; not printed
 ENTRY_S = 1.0  # s that an entry covers, so that the buffer is as long at 1 Hz as at 25 Hz
-THETA_ALPHA = math.radians(3.0) ** 2  # rad^2, the largest variance of a straight; not printed
-MIN_SPEED = 0.5  # m/s; below, a course over ground is noise
-MAX_SIGMA = math.radians(6.0)  # rad; a worse angle is not put out
 SIGMA_LEVEL = 0.2  # m/s^2, 2 %: the slope along or across a straight
-MAX_BEND = SIGMA_LEVEL  # m/s^2 sideways on a stretch that counts as straight
 SIGMA_ENTRY = 0.2  # m/s^2 of road, rider and GNSS speed in a mean over an entry, to begin with
 SIGMA_LATERAL = 1.0  # of the share of the lateral acceleration that the sensor measures: 0 to 1
 ASSUMED = 2.0  # entries: weight of these two against the measured scatter
-SLOPE = (0.4, 2.5)  # acceleration in the sensor over that by GNSS: pitching, smoothed speed
 KEEP = 0.9  # least weight of earlier straights at a new one: ten show a turned sensor
 ENOUGH = 1 / math.radians(2.0) ** 2  # 1/rad^2; below, no earlier straight loses weight
 
@@ -61,6 +55,7 @@ class Straight:
     ay: float
 
 
+@dataclass
 class MountingYaw:
     """Find straights and the angle they give, one GNSS epoch at a time.
 
@@ -74,8 +69,12 @@ class MountingYaw:
     max_bend : float
         Lateral acceleration, m/s^2, above which a stretch is not straight whatever ``theta_alpha``
         is (`bend_variance`).
-    min_speed, max_sigma, slope
-        See the constants of this module.
+    min_speed : float
+        m/s; below, a course over ground is noise.
+    max_sigma : float
+        rad; a worse angle is not put out.
+    slope : (float, float)
+        Acceleration in the sensor over that by GNSS: pitching, smoothed speed.
 
     Attributes
     ----------
@@ -100,19 +99,16 @@ class MountingYaw:
     90.0
     """
 
-    def __init__(
-        self,
-        length=LENGTH,
-        theta_alpha=THETA_ALPHA,
-        max_bend=MAX_BEND,
-        min_speed=MIN_SPEED,
-        max_sigma=MAX_SIGMA,
-        slope=SLOPE,
-    ):
-        self.length, self.entry_s = length, ENTRY_S
-        self.theta_alpha, self.max_bend = theta_alpha, max_bend
-        self.min_speed, self.max_sigma = min_speed, max_sigma
-        self.sigma_level, self.slope, self.keep = SIGMA_LEVEL, slope, KEEP
+    length: int = 6  # not printed
+    theta_alpha: float = math.radians(3.0) ** 2  # not printed
+    max_bend: float = SIGMA_LEVEL
+    min_speed: float = 0.5
+    max_sigma: float = math.radians(6.0)
+    slope: tuple[float, float] = (0.4, 2.5)
+
+    def __post_init__(self):
+        """Begin without an angle."""
+        self.entry_s, self.sigma_level, self.keep = ENTRY_S, SIGMA_LEVEL, KEEP
         self.mount = self.sigma = self.printed = None
         self.straights = []
         self._known = [0.0] * 11  # sums over all straights: see `fit`

@@ -18,8 +18,8 @@ from analysis.tracker.attitude import Attitude, Upright
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.low_pass import LowPass, mean
-from analysis.tracker.mounting import LENGTH, MountingYaw
-from analysis.tracker.static import SPEED_WINDOW, StaticTest
+from analysis.tracker.mounting import MountingYaw
+from analysis.tracker.static import StaticTest
 
 
 @dataclass
@@ -276,7 +276,7 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
         is full, a layer as often as it fills.
     """
     dt, started = 1 / rate, StaticTest()
-    for _ in range(SPEED_WINDOW - 1):
+    for _ in range(StaticTest.speed_window - 1):
         started.drive(3.0)
     motion = (0.0, 0.0, 0.1), (0.3, 0.0, -STANDARD_GRAVITY), dt
     every = np.cumprod(LowPass().lengths)
@@ -292,7 +292,7 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
         ("4", f"fix that fills layer {k + 1}"): (_low_pass(epochs), times)
         for k, (epochs, times) in enumerate(zip(every, fills, strict=True))
     }
-    steps |= {("5", "fix"): (entry, 1.0), ("5", "straight"): (straight, 1 / LENGTH)}
+    steps |= {("5", "fix"): (entry, 1.0), ("5", "straight"): (straight, 1 / MountingYaw.length)}
     fix = (0.1, 0.0, 0.0), (1.0, 0.0), 3.0, 0.3
     steps["6", "fix"] = _count(_fusion(dt).update, *fix), 1.0
     steps["6", "sample"] = _count(_fusion(dt).predict, np.array([0.1, 0.0, 0.0]), dt, 0.3), rate
@@ -315,7 +315,7 @@ def alignment_costs(rate: float = 40.0) -> dict[str, int]:
         Operations of the ``mean`` of a straight's accelerations, and of the ``rotation`` matrix.
     """
     averaged, turning = Tally(), Tally()
-    mean([tuple(row) for row in counted(np.ones((LENGTH, 2)), averaged)])
+    mean([tuple(row) for row in counted(np.ones((MountingYaw.length, 2)), averaged)])
     block = instrument(under_way(1 / rate), turning)
     block.dtype = object
     _ = block.C_nb

@@ -10,17 +10,14 @@ does not last unchanged for seconds.
 """
 
 from collections import deque
+from dataclasses import dataclass
 
-THETA_A = 0.125  # m/s^2, Section III-A3
-SPEED_THRESHOLD = 0.5  # m/s; not printed. Above what a receiver at rest reports, below a walk
-WAKE_SPEED = 1.0  # m/s, one unfiltered speed above which no average is waited for; not printed
-SPEED_WINDOW = 5  # epochs of the moving average that the paper suggests; length not printed
-ACCEL_TAU_S = 0.25  # s: at 4 Hz each sample by itself, as printed; at 40 Hz noise is averaged
 STEADY_EPOCHS = 5  # epochs over which the readings must not change
 GYRO_RANGE = 0.05  # rad/s, largest minus smallest reading; the noise of a cheap gyro is half
 ACCEL_RANGE = 0.3  # m/s^2, likewise; an engine or a hand gives more
 
 
+@dataclass
 class StaticTest:
     """Judge motion from the horizontal acceleration and the speed over ground.
 
@@ -51,19 +48,16 @@ class StaticTest:
     True
     """
 
-    def __init__(
-        self,
-        theta_a=THETA_A,
-        speed_threshold=SPEED_THRESHOLD,
-        wake_speed=WAKE_SPEED,
-        speed_window=SPEED_WINDOW,
-        accel_tau_s=ACCEL_TAU_S,
-    ):
-        self.theta_a = theta_a
-        self.speed_threshold, self.wake_speed = speed_threshold, wake_speed
-        self.accel_tau_s = accel_tau_s
+    theta_a: float = 0.125  # Section III-A3
+    speed_threshold: float = 0.5  # not printed. Above what a receiver at rest reports, below a walk
+    wake_speed: float = 1.0  # not printed. Above it, no average is waited for
+    speed_window: int = 5  # the paper suggests a moving average, and does not print its length
+    accel_tau_s: float = 0.25  # at 4 Hz each sample by itself, as printed; at 40 Hz an average
+
+    def __post_init__(self):
+        """Begin as moving: no input has come."""
         self.moving = True
-        self._speeds = deque(maxlen=speed_window)
+        self._speeds = deque(maxlen=self.speed_window)
         self._fast = self._accelerated = None
         self._ax = self._ay = 0.0
 
