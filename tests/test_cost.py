@@ -75,13 +75,13 @@ def test_many_power_laws_are_each_the_one():
 
 
 def test_prices_stay_in_their_ranges_and_order():
-    """property: within the ranges, rising where asked; ranges that cannot rise are refused."""
+    """property: within the ranges, and rising; ranges that cannot rise are refused."""
     rng, ranges = np.random.default_rng(7), [[300, 2000], [2000, 4000], [2000, 15000]]
-    prices = draw_prices(ranges, 500, rng, rising=True)
+    prices = draw_prices(ranges, 500, rng)
     assert prices.shape == (500, 3) and np.all(np.diff(prices, axis=1) > 0)
     assert np.all((np.transpose(ranges)[0] <= prices) & (prices <= np.transpose(ranges)[1]))
-    with pytest.raises(CannotAnswer, match="rising order"):
-        draw_prices([[5, 6], [1, 2]], 10, rng, rising=True)
+    with pytest.raises(CannotAnswer, match="rising prices"):
+        draw_prices([[5, 6], [1, 2]], 10, rng)
 
 
 def test_sensor_list_is_whole():

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis import CannotAnswer
+from analysis import CannotAnswer, Estimate
 from analysis.terrain import metrics, monte_carlo
-from analysis.terrain import readings as readings
-from analysis.terrain.readings import SWEPT_N, Sensor, Setup
+from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
 
 SEED = 20112
@@ -209,17 +208,30 @@ def test_bootstrap_interval_covers():
 
 def test_share_of_square_knows_lines_and_squares():
     """analytic: 0 for a line, 1 for c x^2 from 0, 0.82 for the pure square of the swept N."""
-    x, rng = SWEPT_N, np.random.default_rng(SEED)
+    x, rng = np.linspace(0.001, 0.01, 10), np.random.default_rng(SEED)
     for curve, share in ((2 + 3 * x, 0.0), (x**2, 0.9 / 1.1)):
         around = curve * (1 + 1e-12 * rng.standard_normal((50, 1)))
         assert metrics.fit_trend(x, around).share.value == pytest.approx(share, abs=1e-9)
-    for power, closer in ((1, 0.0), (2, 1.0)):
+    for power in (1, 2):
         noisy = (x / 0.01) ** power + 0.01 * rng.standard_normal((200, 10))
         found = metrics.fit_trend(x, noisy)
-        assert found.square_closer == closer
         assert (found.square_rms < found.line_rms) == (power == 2)
         assert (found.p_line < 1e-3) == (power == 2)
         assert found.rise.value == pytest.approx(noisy[0, -1] / noisy[0, 0] - 1)
+
+
+def test_a_claimed_shape_is_judged_by_both_coefficients():
+    """analytic: one clear term decides; two exclude a square; without any there is no verdict."""
+    clear, none = Estimate(1.0, 0.9, 1.1), Estimate(0.1, -0.2, 0.3)
+    share = Estimate(0.5, 0.4, 0.6)
+
+    def judge(c1, c2, shape):
+        return metrics.Trend(clear, c1, c2, share, 0.1, 0.1, 0.5).judge(shape)
+
+    for c1, c2, shape in ((clear, none, "line"), (none, clear, "square"), (clear, clear, "line")):
+        assert judge(c1, c2, shape) == (share, None)
+    assert judge(clear, clear, "square") == (Estimate(0.0, None, None), None)
+    assert judge(none, none, "line")[1].startswith("the 95 % interval of c2, -0.2 to 0.3, incl")
 
 
 def test_line_test_keeps_its_level():

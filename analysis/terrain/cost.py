@@ -21,7 +21,7 @@ from scipy.stats import t as student
 
 from analysis import CannotAnswer, Estimate
 
-ATTEMPTS = 1000  # at an order of prices before giving up
+ATTEMPTS = 1000  # to draw rising prices before giving up
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,11 @@ class PowerLaw:
         CannotAnswer
             With fewer than three points, for then nothing is left to judge the fit by.
         """
-        n = len(price)
+        x, y = (np.log(np.asarray(v, dtype=float)) for v in (price, variance))
+        n = len(x)
         if n < 3:
             raise CannotAnswer(f"a power law with an interval needs three sensors, not {n}")
-        line = linregress(np.log(np.asarray(price, float)), np.log(np.asarray(variance, float)))
+        line = linregress(x, y)
         signs, times = np.array([0, -1, 1]), student.ppf(0.975, n - 2)
         A = np.exp(line.intercept + signs * times * line.intercept_stderr)
         b = -line.slope + signs * times * line.stderr
@@ -99,18 +100,14 @@ class PowerLaw:
         return {"A": np.exp(level + b * x.mean(axis=1)), "b": b, "correlation": correlation}
 
 
-def draw_prices(
-    ranges: ArrayLike, draws: int, rng: np.random.Generator, *, rising: bool = False
-) -> np.ndarray:
-    """Draw prices log-uniformly from their ranges.
+def draw_prices(ranges: ArrayLike, draws: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw prices log-uniformly from their ranges, so that each sensor costs more than the last.
 
     Parameters
     ----------
     ranges : array_like, shape (n, 2), USD
     draws : int
     rng : numpy.random.Generator
-    rising : bool
-        Keep only draws in which each sensor costs more than the one before.
 
     Returns
     -------
@@ -119,22 +116,20 @@ def draw_prices(
     Raises
     ------
     CannotAnswer
-        If the ranges hardly allow a rising order.
+        If the ranges hardly allow this order.
     """
     low, high = np.log(np.asarray(ranges, dtype=float)).T
     kept = []
     for _ in range(ATTEMPTS):
         prices = np.exp(rng.uniform(low, high, size=(draws, len(low))))
-        if rising:
-            prices = prices[(np.diff(prices, axis=1) > 0).all(axis=1)]
-        kept.append(prices)
+        kept.append(prices[(np.diff(prices, axis=1) > 0).all(axis=1)])
         if sum(map(len, kept)) >= draws:
             return np.concatenate(kept)[:draws]
-    raise CannotAnswer("the price ranges hardly ever leave the sensors in rising order")
+    raise CannotAnswer("the price ranges hardly ever give the sensors rising prices")
 
 
 def largest_allowed(coefficient: np.ndarray, reach: np.ndarray, wanted: float) -> float | None:
-    """Find the largest coefficient that keeps a precision, log-log between the points.
+    """Find the largest coefficient that keeps a precision, log-log between the points of a grid.
 
     Parameters
     ----------
@@ -152,9 +147,8 @@ def largest_allowed(coefficient: np.ndarray, reach: np.ndarray, wanted: float) -
     """
     over = np.flatnonzero(np.asarray(reach) > wanted)
     if not len(over):
-        return float("inf")
+        return np.inf
     if over[0] == 0:
         return None
     near = slice(over[0] - 1, over[0] + 1)
-    at = np.interp(np.log(wanted), np.log(reach[near]), np.log(coefficient[near]))
-    return float(np.exp(at))
+    return float(np.exp(np.interp(np.log(wanted), np.log(reach[near]), np.log(coefficient[near]))))

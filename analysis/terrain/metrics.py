@@ -133,8 +133,6 @@ class Trend:
         upwards, or open on both sides if c2 may be 0 too.
     line_rms, square_rms : float
         Residual of the sample about c0 + c1 u and about c0 + c2 u^2, over the rise.
-    square_closer : float
-        Share of resamples that the pure square fits better: near 0 a line, near 1 a square.
     p_line : float
         Probability of a quadratic term as large as this one if the truth were a line (Wald).
     """
@@ -145,8 +143,32 @@ class Trend:
     share: Estimate
     line_rms: float
     square_rms: float
-    square_closer: float
     p_line: float
+
+    def judge(self, shape: str) -> tuple[Estimate, str | None]:
+        """Give the share of the square by which a claimed shape is judged.
+
+        A line is excluded where the interval of c2 excludes 0; a square holds where, besides, the
+        interval of c1 includes 0.
+
+        Parameters
+        ----------
+        shape : {"line", "square"}
+
+        Returns
+        -------
+        share : Estimate
+            0 without an interval where a square is claimed and both intervals exclude 0.
+        why : str or None
+            Why no shape can be judged: both intervals include 0.
+        """
+        linear, quadratic = _excludes_zero(self.c1), _excludes_zero(self.c2)
+        if linear and quadratic and shape == "square":
+            return Estimate(0.0, None, None), None
+        if linear or quadratic:
+            return self.share, None
+        c2 = f"{self.c2.low:.2g} to {self.c2.high:.2g}"
+        return self.share, f"the 95 % interval of c2, {c2}, includes 0, and so does that of c1"
 
 
 def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
@@ -169,46 +191,34 @@ def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
     _, c1, c2 = (y @ np.linalg.pinv(powers).T).T
     rms = []
     for columns in (powers[:, [0, 1]], powers[:, [0, 2]]):
-        rest = y - y @ np.linalg.pinv(columns).T @ columns.T
-        rms.append(np.sqrt((rest**2).mean(axis=-1)))
-    line_rms, square_rms = (float(r[0] / abs(y[0, -1] - y[0, 0])) for r in rms)
-    return Trend(
-        interval(y[:, -1] / y[:, 0] - 1),
-        interval(c1),
-        interval(c2),
-        _share_of_square(c1, c2),
-        line_rms,
-        square_rms,
-        float((rms[1][1:] < rms[0][1:]).mean()),
-        float(chi2.sf((c2[0] / c2[1:].std()) ** 2, 1)),
-    )
+        rest = y[0] - columns @ np.linalg.pinv(columns) @ y[0]
+        rms.append(float(np.sqrt((rest**2).mean()) / abs(y[0, -1] - y[0, 0])))
+    rise, p_line = y[:, -1] / y[:, 0] - 1, chi2.sf((c2[0] / c2[1:].std()) ** 2, 1)
+    share = _share_of_square(c1, c2)
+    return Trend(interval(rise), interval(c1), interval(c2), share, rms[0], rms[1], float(p_line))
 
 
 def _share_of_square(c1, c2):
     """Share of the rise that the quadratic term carries, from resampled coefficients."""
     rise = c1 + c2
-    value = float(c2[0] / rise[0])
-    if _excludes_zero(rise):
-        found = interval(c2 / rise)
-        return Estimate(value, found.low, found.high)
-    if not _excludes_zero(c2):
-        return Estimate(value, None, None)
-    most = interval(rise / c2).high
-    return Estimate(value, 1 / most if most > 0 else None, None)
+    share = interval(c2 / rise)
+    if _excludes_zero(interval(rise)):
+        return share
+    most = interval(rise / c2).high if _excludes_zero(interval(c2)) else 0.0
+    return Estimate(share.value, 1 / most if most > 0 else None, None)
 
 
-def _excludes_zero(resampled):
-    _, low, high = quantiles(resampled)
-    return not low <= 0 <= high
+def _excludes_zero(estimate):
+    return not estimate.low <= 0 <= estimate.high
 
 
-def nees_bounds(runs, states=1):
-    """95 % bounds of the mean NEES of independent runs of a consistent filter.
+def nees_bounds(runs):
+    """95 % bounds of the mean NEES of independent runs of a consistent filter with one state.
 
     Returns
     -------
     low, high : float
-        Of a mean whose expectation is `states`.
+        Of a mean whose expectation is 1.
     """
-    low, high = chi2.ppf([0.025, 0.975], runs * states) / runs
+    low, high = chi2.ppf([0.025, 0.975], runs) / runs
     return float(low), float(high)

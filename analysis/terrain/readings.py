@@ -11,14 +11,9 @@ import pandas as pd
 from analysis import CannotAnswer
 from analysis.terrain.gyro import attitude_variance
 
-SWEPT_N = np.linspace(0.001, 0.01, 10)  # deg/sqrt(s), Figs 8 and 9
-FIXED_B = np.array([0.0001, 0.002, 0.004, 0.006, 0.008, 0.01])  # deg/s, their curves
-SWEPT_B = np.linspace(0.0001, 0.01, 10)  # deg/s, Figs 10 and 11
-FIXED_N = np.array([0.001, 0.002, 0.004, 0.006, 0.008, 0.01])  # deg/sqrt(s), their curves
-
 
 class Sensor(NamedTuple):
-    """A gyro: N and B, and the measurement variance that a filter assumes for it.
+    """A gyro: N and B, and the measurement variance R that a filter assumes for it.
 
     Attributes
     ----------
@@ -175,8 +170,10 @@ class Setup:
             Six curves of ten points, curve after curve; the label is the curve's fixed
             coefficient and then the swept one.
         """
-        over_n = {(b, n): Sensor(n, b) for b in FIXED_B for n in SWEPT_N}
-        over_b = {(n, b): Sensor(n, b) for n in FIXED_N for b in SWEPT_B}
+        n, b = np.linspace(0.001, 0.01, 10), np.linspace(0.0001, 0.01, 10)
+        upper = np.array([0.002, 0.004, 0.006, 0.008, 0.01])  # of N and of B
+        over_n = {(fixed, x): Sensor(x, fixed) for fixed in (b[0], *upper) for x in n}
+        over_b = {(fixed, x): Sensor(fixed, x) for fixed in (n[0], *upper) for x in b}
         return over_n, over_b
 
     @property
