@@ -1,6 +1,7 @@
 """Numbers and tables in words, for notebooks, pages and the terminal."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import pandas as pd
 
@@ -18,14 +19,15 @@ class Shown(str):
         return f"<Markdown of {len(self.splitlines())} lines; print it to read it>"
 
 
-def table(rows: pd.DataFrame | Mapping[str, Mapping], key: str | None = None) -> Shown:
+def table(rows: pd.DataFrame | Mapping[str, Any], key: str | None = None) -> Shown:
     """Lay rows out as a table in Markdown, which notebooks and their readers elsewhere render.
 
     Parameters
     ----------
     rows : DataFrame, or dict of str to dict
-        A dict gives a row for each entry: its name, then its cells by column. A cell is written by
-        ``str``, so that an `Estimate` shows its interval; a missing one is a dash.
+        A dict gives a row for each entry: its name, then its cells by column, or a single cell in
+        a column "value". A cell is written by ``str``, so that an `Estimate` shows its interval; a
+        missing one is a dash.
     key : str, optional
         Heading of the first column, where `rows` is a dict or its index is to be shown.
 
@@ -36,8 +38,9 @@ def table(rows: pd.DataFrame | Mapping[str, Mapping], key: str | None = None) ->
     if isinstance(rows, pd.DataFrame):
         frame = rows if key is None else rows.rename_axis(key).reset_index()
     else:
-        columns = list(dict.fromkeys(column for cells in rows.values() for column in cells))
-        listed = [[name, *map(cells.get, columns)] for name, cells in rows.items()]
+        full = {k: v if isinstance(v, Mapping) else {"value": v} for k, v in rows.items()}
+        columns = list(dict.fromkeys(column for cells in full.values() for column in cells))
+        listed = [[name, *map(cells.get, columns)] for name, cells in full.items()]
         frame = pd.DataFrame(listed, columns=[key or "", *columns], dtype=object)
 
     def line(cells):

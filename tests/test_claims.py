@@ -199,6 +199,12 @@ def test_markdown_escapes_what_would_break_a_table():
     assert lines == ["| a | b |", "|---|---|", r"| \|x\| | 3 |", "| 2 | 4 |"]
 
 
+def test_a_table_of_single_values_has_one_column_for_them():
+    """Property: a dict of name and value is a table of two columns, a missing value a dash."""
+    lines = text.table({"N": 2, "B": None}, "parameter").splitlines()
+    assert lines == ["| parameter | value |", "|---|---|", "| N | 2 |", "| B | – |"]
+
+
 @pytest.mark.parametrize(
     ("reproduced_at", "verdict"),
     [
