@@ -47,9 +47,28 @@ _STAMPED_BREAK = re.compile(
     rb"[\r\n]+(?:[\[(< ]*(?:" + _STAMP + rb")[\])> ,;:\t|]*(?:[\r\n]+|(?=,)))?"
 )
 Sentence = tuple[int, NMEAMessage]
-_POSITION = ("lat_deg", "lon_deg", "height_m", "separation_m")
-_NUMBERS = (*_POSITION, "hdop", "pdop", "quality", "satellites", "speed_m_s", "course_deg")
-_NOTHING = {"date": None, "fix": None, "valid": None, **dict.fromkeys(_NUMBERS, np.nan)}
+_POSITION = {"lat_deg": "lat", "lon_deg": "lon"}
+_FIELDS: dict[str, dict[str, str]] = {  # of an epoch's sentences the first with a value counts
+    "GGA": {
+        **_POSITION,
+        "height_m": "alt",
+        "separation_m": "sep",
+        "hdop": "HDOP",
+        "quality": "quality",
+        "satellites": "numSV",
+    },
+    "GNS": {**_POSITION, "height_m": "alt", "modes": "posMode"},
+    "RMC": {
+        **_POSITION,
+        "speed_knots": "spd",
+        "course_deg": "cog",
+        "date": "date",
+        "status": "status",
+    },
+    "GLL": {**_POSITION, "status": "status"},
+    "VTG": {"speed_km_h": "sogk", "course_deg": "cogt"},
+    "GSA": {"pdop": "PDOP"},
+}
 _NO_FIX = {0, 6}  # none, and estimated (the receiver's own dead reckoning)
 
 
@@ -94,7 +113,7 @@ def _time(message) -> float | None:
     return at.hour * 3600 + at.minute * 60 + at.second + at.microsecond / 1e6
 
 
-def epochs(messages: list[Sentence], each: str | None = None) -> list[dict]:
+def epochs(messages: list[Sentence], each: str | None = None) -> pd.DataFrame:
     """Combine the sentences of each epoch.
 
     Sentences with one time of day are one epoch; those without belong to the one before, unless it
@@ -109,86 +128,44 @@ def epochs(messages: list[Sentence], each: str | None = None) -> list[dict]:
 
     Returns
     -------
-    list of dict
-        offset, time (s of day or None), fix, valid, date (or None), and the numbers of `_NUMBERS`:
-        NaN where no sentence gives them.
+    pandas.DataFrame
+        A row for each epoch: offset, time (s of day), fix, speed_m_s, and the values of `_FIELDS`,
+        missing where no sentence gives them.
     """
-    out: list[dict] = []
-    kinds: set[str] = set()
+    order = list(_FIELDS)
+    rows: list[dict] = []
+    epoch, last, kinds = 0, None, set[str]()
     for offset, message in messages:
         kind, time = message.msgID, _time(message)
         timed = kind in ("GGA", "RMC", "GNS", "GLL")
-        fresh = not out or (timed and time is not None and time != out[-1]["time"])
+        fresh = timed and time is not None and time != last
         if timed and time is None:  # a receiver that does not know the time yet
-            fresh = not out or out[-1]["time"] is not None or kind in kinds
-        if kind == each or (fresh and (not out or (timed and each is None))):
-            out.append({"offset": offset, "time": time} | _NOTHING)
-            kinds = set()
-        if kind not in kinds or message.talker == "GN" or kind == "GSA":
-            _TAKE[kind](out[-1], message)
+            fresh = last is not None or kind in kinds
+        if not rows or kind == each or (fresh and each is None):
+            epoch, last, kinds = epoch + 1, time, set()
         kinds.add(kind)
-    return out
+        rank = order.index(kind) + 0.5 * (message.talker != "GN")
+        row = {"epoch": epoch, "rank": rank, "offset": offset, "time": time}
+        row |= {ours: getattr(message, theirs) for ours, theirs in _FIELDS[kind].items()}
+        rows.append(row)
+    values = dict.fromkeys(name for fields in _FIELDS.values() for name in fields)
+    frame = pd.DataFrame(rows, columns=["epoch", "rank", "offset", "time", *values])
+    frame = frame.replace("", np.nan).sort_values(["epoch", "rank"])
+    frame["pdop"] = frame["pdop"].where(frame["pdop"] > 0)
+    found = frame.groupby("epoch").first().assign(offset=frame.groupby("epoch")["offset"].min())
+    numbers = found.columns.difference(["modes", "date", "status"])
+    found[numbers] = found[numbers].astype(float)
+    quality, status, modes = found["quality"], found["status"], found["modes"]
+    fix = np.where(modes.notna(), modes.astype(str).str.strip("NE") != "", status == "A")
+    fix = np.where(quality.notna(), ~quality.isin(_NO_FIX), fix)
+    speed = (found["speed_knots"] * 1852 / 3600).fillna(found["speed_km_h"] / 3.6)
+    return found.assign(fix=fix & (status.isna() | (status == "A")), speed_m_s=speed)
 
 
-def _number(value) -> float:
-    """Return a number, NaN for an empty field."""
-    return float(value) if value not in ("", None) else np.nan
-
-
-def _position(epoch, message):
-    epoch["lat_deg"], epoch["lon_deg"] = _number(message.lat), _number(message.lon)
-
-
-def _gga(epoch, message):
-    epoch["fix"] = int(message.quality or 0) not in _NO_FIX
-    _position(epoch, message)
-    epoch["height_m"], epoch["separation_m"] = _number(message.alt), _number(message.sep)
-    epoch["hdop"], epoch["quality"] = _number(message.HDOP), float(message.quality or 0)
-    epoch["satellites"] = float(message.numSV or 0)
-
-
-def _gns(epoch, message):
-    if epoch["fix"] is None:
-        epoch["fix"] = any(mode not in "NE" for mode in message.posMode)
-        _position(epoch, message)
-        epoch["height_m"] = _number(message.alt)
-
-
-def _gll(epoch, message):
-    if np.isnan(epoch["lat_deg"]) and message.status == "A":
-        epoch["valid"] = True if epoch["valid"] is None else epoch["valid"]
-        _position(epoch, message)
-
-
-def _rmc(epoch, message):
-    epoch["valid"] = message.status == "A"
-    epoch["date"] = message.date or None
-    if epoch["valid"]:
-        epoch["speed_m_s"] = _number(message.spd) * 1852 / 3600  # knots
-        epoch["course_deg"] = _number(message.cog)
-        if np.isnan(epoch["lat_deg"]):
-            _position(epoch, message)
-
-
-def _vtg(epoch, message):
-    if np.isnan(epoch["speed_m_s"]):
-        epoch["speed_m_s"] = _number(message.sogk) / 3.6
-        epoch["course_deg"] = _number(message.cogt)
-
-
-def _gsa(epoch, message):
-    if np.isnan(epoch["pdop"]):
-        pdop = _number(message.PDOP)
-        epoch["pdop"] = pdop if pdop > 0 else np.nan
-
-
-_TAKE = {"GGA": _gga, "GNS": _gns, "GLL": _gll, "RMC": _rmc, "VTG": _vtg, "GSA": _gsa}
-
-
-def _lines(raw: bytes, found: list[dict]) -> np.ndarray:
+def _lines(raw: bytes, found: pd.DataFrame) -> np.ndarray:
     """Return the line in the file at which each epoch starts."""
     newlines = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == ord("\n"))
-    return np.searchsorted(newlines, [epoch["offset"] for epoch in found]) + 1
+    return np.searchsorted(newlines, found["offset"]) + 1
 
 
 def read_table(path: Path) -> Table:
@@ -205,21 +182,22 @@ def read_table(path: Path) -> Table:
     """
     raw = content(path)
     messages, wrong, _ = sentences(raw, ("GGA", "GSA"))
-    rows = [e for e in epochs(messages, each="GGA") if e["time"] is not None]
-    if not rows:
+    rows = epochs(messages, each="GGA").dropna(subset="time")
+    if rows.empty:
         raise CannotAnswer(
             f"{path.name}: no GGA sentence with a time of day and a right checksum from line 1 to "
             "the end; give a log in which the receiver writes GGA"
         )
-    frame = pd.DataFrame(rows)[[*_POSITION, "hdop", "pdop", "quality", "satellites"]]
-    frame.loc[frame["quality"] == 0, list(_POSITION)] = np.nan
-    frame.insert(0, "t_s", clock.unwrap_clock(np.array([e["time"] for e in rows])))
+    frame = rows[[*_FIELDS["GGA"], "pdop"]].fillna({"quality": 0.0, "satellites": 0.0})
+    frame.loc[frame["quality"] == 0, [*_POSITION, "height_m", "separation_m"]] = np.nan
+    frame.insert(0, "t_s", clock.unwrap_clock(rows["time"].to_numpy()))
     repairs = []
     if wrong:
         repairs.append(f"{wrong} GGA or GSA sentences with a wrong checksum or content left out")
     timeless = sum(message.msgID == "GGA" for _, message in messages) - len(rows)
     if timeless:
         repairs.append(f"{timeless} GGA sentences without a time of day left out")
+    frame = frame.reset_index(drop=True)
     return Table(frame, path, tuple(repairs), lines=_lines(raw, rows))
 
 
@@ -243,21 +221,16 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[str]]:
         If there is no epoch, or time runs backward by more than a clock that is set.
     """
     raw = content(path)
-    messages, wrong, joined = sentences(raw, tuple(_TAKE))
-    found = epochs(messages)
-    if not found and wrong:
-        kinds = "|".join(_TAKE).encode()
+    messages, wrong, joined = sentences(raw, tuple(_FIELDS))
+    if not messages:
+        kinds = "|".join(_FIELDS).encode()
         bare = len(re.findall(TALKER + rb"(?:" + kinds + rb")," + _BODY + _END, raw))
         raise CannotAnswer(
-            f"{path.name}: none of {wrong:,} NMEA sentences can be trusted: {bare:,} have "
-            f"no checksum (*hh at the end), {wrong - bare:,} a wrong one or are cut off; "
-            "log them as the receiver sends them, or give the positions as CSV"
+            f"{path.name}: no right checksum in {wrong:,} NMEA sentences, from line 1 on: {bare:,} "
+            f"have no checksum (*hh at the end), {wrong - bare:,} a wrong one or are cut off; log "
+            "GGA or RMC as the receiver sends them, or give the positions as CSV"
         )
-    if not found:
-        raise CannotAnswer(
-            f"{path.name}: no NMEA sentence with a position and a right checksum from line 1 to "
-            "the end; give a log in which the receiver writes GGA or RMC"
-        )
+    found = epochs(messages)
     notes = []
     if wrong:
         notes.append(
@@ -275,22 +248,21 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[str]]:
     if t is None:
         t, which = _receiver_time(found, place, notes), clock.DAY
     keep = clock.rising(t, place, notes)
-    t, found = t[keep], [found[k] for k in keep]
+    t, found = t[keep], found.iloc[keep]
     return _gnss(t, found), which, _start(found, t, notes), notes
 
 
 def _host_time(raw: bytes, found, notes, name) -> tuple[np.ndarray | None, str]:
     """Take the host's stamp before each epoch, where most epochs have one of their own."""
     texts = [(match.start(1), match.group(1).decode()) for match in _HOST.finditer(raw)]
-    starts = [epoch["offset"] for epoch in found]
-    before = np.searchsorted([offset for offset, _ in texts], starts, side="right") - 1
+    before = np.searchsorted([at for at, _ in texts], found["offset"], side="right") - 1
     if len(np.unique(before[before >= 0])) < max(HOST_SHARE * len(found), 1):
         return None, ""
     column = np.array([texts[k][1] if k >= 0 else "" for k in before], dtype=object)
     unit = ""
-    if all(text.replace(".", "", 1).isdigit() or not text for text in column):
-        column = np.array([float(text) if text else np.nan for text in column])
-        unit = _host_unit(column, np.array([e["time"] or np.nan for e in found], dtype=float))
+    if not any(":" in text for text in column):
+        column = pd.to_numeric(column).astype(float)
+        unit = _host_unit(column, found["time"].to_numpy())
     try:
         stamps = clock.stamps(f"host time stamp{unit}", column)
     except BadStamps:
@@ -323,7 +295,7 @@ def _receiver_time(found, place, notes) -> np.ndarray:
     epochs before it are moved to end one interval before. Epochs without a time of day are
     extrapolated, or interpolated between those that have one.
     """
-    day = np.array([np.nan if e["time"] is None else e["time"] for e in found])
+    day = found["time"].to_numpy()
     known = np.flatnonzero(np.isfinite(day))
     if not known.size:
         notes.append(f"{place(0)}: no time of day in the whole log: one epoch a second assumed")
@@ -331,7 +303,7 @@ def _receiver_time(found, place, notes) -> np.ndarray:
     t = clock.unwrap_clock(day)
     steps = np.diff(t[known])
     interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    fixed = np.array([bool(e["fix"] or e["valid"]) for e in found])
+    fixed = found["fix"].to_numpy()
     for k, step in zip(known[1:], steps, strict=True):
         before_any_fix = not fixed[:k].any()
         if -STEP_BACK_S < step < 0 or (before_any_fix and (step < 0 or step > LEAP_S)):
@@ -353,43 +325,30 @@ def _receiver_time(found, place, notes) -> np.ndarray:
     return t
 
 
-def _gnss(t: np.ndarray, found: list[dict]) -> Gnss:
+def _gnss(t: np.ndarray, found: pd.DataFrame) -> Gnss:
     """Turn epochs into arrays; the last PDOP holds for some seconds."""
-    fix = np.array([bool(e["valid"] if e["fix"] is None else e["fix"]) for e in found])
-    fix &= np.array([e["valid"] is not False for e in found])
-    names = (*_POSITION[:3], "speed_m_s", "course_deg")
-    columns = {name: np.array([e[name] for e in found]) for name in names}
-    fix &= np.isfinite(columns["lat_deg"]) & np.isfinite(columns["lon_deg"])
-    pdop = np.array([e["pdop"] for e in found])
-    last = np.maximum.accumulate(np.where(np.isnan(pdop), -1, np.arange(len(pdop))))
-    pdop = np.where((last >= 0) & (t - t[last] <= PDOP_HOLD_S), pdop[last], np.nan)
-    columns = {name: np.where(fix, column, np.nan) for name, column in columns.items()}
-    return Gnss(t_s=t, pdop=pdop, has_fix=fix, **columns)
+    fix = found["fix"] & found[[*_POSITION]].notna().all(axis=1)
+    names = (*_POSITION, "height_m", "speed_m_s", "course_deg")
+    columns = {name: found[name].where(fix).to_numpy() for name in names}
+    age = t - pd.Series(t, found.index).where(found["pdop"].notna()).ffill()
+    pdop = found["pdop"].ffill().where(age <= PDOP_HOLD_S)
+    return Gnss(t_s=t, pdop=pdop.to_numpy(), has_fix=fix.to_numpy(), **columns)
 
 
-def _start(found: list[dict], t: np.ndarray, notes: list[str]) -> str | None:
+def _start(found: pd.DataFrame, t: np.ndarray, notes: list[str]) -> str | None:
     """Return date and time of the first epoch by the last date; a date never moves the timeline."""
-    dated = [k for k, e in enumerate(found) if e["date"] and e["time"] is not None]
-    if not dated:
+    dated = found.assign(since_s=t - t[0]).dropna(subset=["date", "time"])
+    if dated.empty:
         return None
-    since_1970 = [_midnight(found[k]["date"]) + found[k]["time"] for k in dated]
-    zeros = {
-        round((at - t[k]) / clock.SECONDS_PER_DAY, 2)
-        for k, at in zip(dated, since_1970, strict=True)
-    }
-    if max(zeros) - min(zeros) > 0.9:
-        dates = sorted({found[k]["date"] for k in dated})
+    starts = pd.to_datetime(dated["date"], utc=True)
+    starts += pd.to_timedelta(dated["time"] - dated["since_s"], unit="s")
+    if starts.max() - starts.min() > pd.Timedelta(days=0.9):
+        dates = sorted(dated["date"])
         notes.append(
             f"dates from {dates[0]} to {dates[-1]} do not follow each other: bogus or rolled over; "
             "only the time of day is used"
         )
-    start = since_1970[-1] - (t[dated[-1]] - t[0])
-    return datetime.datetime.fromtimestamp(start, datetime.UTC).isoformat(timespec="milliseconds")
-
-
-def _midnight(date: datetime.date) -> float:
-    """Seconds since 1970 at the start of a date."""
-    return datetime.datetime.combine(date, datetime.time(), datetime.UTC).timestamp()
+    return starts.iloc[-1].round("ms").isoformat(timespec="milliseconds")
 
 
 def nmea_lines(gnss: Gnss, start: datetime.datetime) -> Iterator[str]:
