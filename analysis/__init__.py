@@ -220,7 +220,7 @@ class Estimate:
     @property
     def interval_text(self):
         """The interval in its customary unit, ``0.2 to 0.4 °/√h``; a bound where a side is open."""
-        return self._between(self._number) + (self._unit if self._ends() else "")
+        return self.between(self._number) + (self._unit if self._ends() else "")
 
     def __str__(self):
         """Write value and interval, or the refusal's bound, in the customary unit."""
@@ -234,12 +234,13 @@ class Estimate:
         return self._written(lambda number: format(number, spec), f" {unit}" if unit else "")
 
     def _written(self, number, unit):
-        between = self._between(number)
+        between = self.between(number)
         if self.value is None:
             return f"unresolved ({between}{unit if self._ends() else ''})"
         return f"{number(self.value)} ({between}){unit}"
 
-    def _between(self, number):
+    def between(self, number):
+        """Write the interval, or the bound where a side is open; `number` writes its ends."""
         low, high = (None if v is None else number(v) for v in (self.low, self.high))
         if low is None or high is None:
             return f"at least {low}" if low else f"at most {high}" if high else "no bound"

@@ -7,9 +7,7 @@ import pytest
 from analysis import DATA
 from analysis.noise.models import (
     UnifiedModel,
-    adev_drift,
     adev_gauss_markov,
-    adev_white,
     gauss_markov,
     gauss_markov_means,
     models_of_table_one,
@@ -85,9 +83,9 @@ def test_terms_add_in_variance():
     """property: the model's curve is the root of the summed squares of its terms."""
     model, tau, dt = UnifiedModel(0.1, 60.0, 0.2, 5.0, 1e-3), np.array([1.0, 30.0, 900.0]), 0.05
     parts = (
-        adev_white(tau, 0.1 * np.sqrt(dt)),
+        0.1 * np.sqrt(dt / tau),
         adev_gauss_markov(tau, 0.2, 60.0, dt),
-        adev_drift(tau, 1e-3),
+        1e-3 * tau / np.sqrt(2),
     )
     np.testing.assert_allclose(model.adev(tau, dt), np.sqrt(sum(p**2 for p in parts)))
 

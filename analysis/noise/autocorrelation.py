@@ -33,7 +33,7 @@ class Correlogram:
     @property
     def corr_time(self) -> float:
         """Correlation time T_c read at 1/e, s; NaN where the curve does not fall so far."""
-        return float(one_over_e(self.covariance, self.lag[1]))
+        return one_over_e(self.covariance, self.lag[1])
 
     @property
     def sigma_b(self) -> float:
@@ -126,23 +126,21 @@ def one_over_e(acov, dt):
 
     Parameters
     ----------
-    acov : ndarray, shape (..., k), U^2
+    acov : ndarray, shape (k,), U^2
     dt : float
         Spacing of the lags, s.
 
     Returns
     -------
-    ndarray, shape (...), s
+    float, s
         NaN where it never falls so far.
     """
-    level = acov[..., :1] / np.e
-    below = acov < level
-    at = below.argmax(axis=-1)[..., None]
-    before = np.take_along_axis(acov, np.maximum(at - 1, 0), axis=-1)
-    after = np.take_along_axis(acov, at, axis=-1)
-    step = np.where(before > after, before - after, 1.0)
-    lag = (at - 1 + (before - level) / step)[..., 0] * dt
-    return np.where(below.any(axis=-1), lag, np.nan)
+    level = acov[0] / np.e
+    below = np.flatnonzero(acov < level)
+    if not len(below):
+        return np.nan
+    at = below[0]
+    return float((at - 1 + (acov[at - 1] - level) / (acov[at - 1] - acov[at])) * dt)
 
 
 def _lagged_products(x, max_lag):

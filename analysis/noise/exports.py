@@ -287,12 +287,9 @@ def sort_triads(model):
         for key in ("rate_hz", "duration_s"):
             _check(model["source"][key], key)
         parameter_lines(model["source"], {})
-    except ValueError as error:
-        raise WrongUsage(f"this is no model.json as `report` writes it: {error}") from error
-    except KeyError as error:
-        raise WrongUsage(f"this is no model.json as `report` writes it: no {error}") from error
-    except (TypeError, AttributeError) as error:
-        raise WrongUsage("this is no model.json as `report` writes it") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        why = f"no {error}" if isinstance(error, KeyError) else error
+        raise WrongUsage(f"this is no model.json as `report` writes it: {why}") from error
     triads = {}
     for kind, axes in groups.items():
         names = [axis.channel for axis in axes]
@@ -343,12 +340,7 @@ def parameter_lines(source, triads, *, why=False):
 
 
 def _written(e, why):
-    if e.low is not None and e.high is not None:
-        bound = f"{e.low:.4g} to {e.high:.4g}"
-    elif e.low is not None:
-        bound = f"at least {e.low:.4g}"
-    else:
-        bound = "no bound" if e.high is None else f"at most {e.high:.4g}"
+    bound = e.between("{:.4g}".format)
     if e.resolved:
         return f"{e.value:.4g} ({bound}) {e.unit}"
     return f"{MISSING} ({bound}) {e.unit}" + (f": {e.note}" if why else "")

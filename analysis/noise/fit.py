@@ -201,8 +201,8 @@ class NoiseLikelihood:
         along, offset = direction(fit, what)
         surface, fall = self.surface(fit.names), []
         for at in np.log(values) - offset:
-            cut, _, rest = surface.fixed(along, at)
-            fall.append(2 * (fit.log_likelihood - cut.maximum(fit.point[rest])[1]))
+            reached = surface.maximum_where(along, at, [fit.point])[1]
+            fall.append(2 * (fit.log_likelihood - reached))
         return np.array(fall)
 
     def hidden_bias(self, fit: Fit, longest: float) -> float:
@@ -314,15 +314,14 @@ def rows(points, names):
 
 
 def _named(point, names):
-    values = np.exp(point)
+    """Convert the logarithms of one fit's parameters to its `Fit.terms`."""
+    row = rows(point[None], names)
     terms = {}
-    for i, name in enumerate(names):
+    for name in dict.fromkeys(names):
         if name == "walk":
-            terms.setdefault("sigma_b", []).append(float(values[i] * np.sqrt(values[i + 1] / 2)))
-        else:
-            terms.setdefault(name, []).append(float(values[i]))
-    if len(terms.get("corr_time", ())) == 2:
-        order = np.argsort(terms["corr_time"])
-        for name in ("sigma_b", "corr_time"):
-            terms[name] = [terms[name][i] for i in order]
+            slowest_last = sorted(row.bias, key=lambda pair: pair[1][0])
+            pairs = np.array(slowest_last)[:, :, 0]
+            terms["sigma_b"], terms["corr_time"] = pairs.T.tolist()
+        elif name != "corr_time":
+            terms[name] = getattr(row, name).tolist()
     return terms

@@ -259,11 +259,6 @@ def flicker_noise(n, dt, bias_instability, rng):
     return np.fft.irfft((draws[0] + 1j * draws[1]) * np.sqrt(density * n / dt), 2 * n)[:n]
 
 
-def adev_white(tau, arw):
-    """Allan deviation of white noise, N / sqrt(tau) (IEEE 952, angle random walk)."""
-    return arw / np.sqrt(tau)
-
-
 def adev_gauss_markov(tau, sigma_b, corr_time, dt=0.0):
     """Allan deviation of a Gauss-Markov process (IEEE 952, exponentially correlated noise). ::
 
@@ -333,11 +328,6 @@ def adev_flicker(tau, bias_instability, cutoff):
     return bias_instability * np.sqrt(2 / np.pi * np.where(small, x**2 / 2, closed))
 
 
-def adev_drift(tau, drift):
-    """Allan deviation of a ramp, drift tau / sqrt(2) (IEEE 952, rate ramp)."""
-    return np.abs(drift) * np.asarray(tau, dtype=float) / np.sqrt(2)
-
-
 def adev_model(
     tau: ArrayLike,
     *,
@@ -370,12 +360,13 @@ def adev_model(
     -------
     ndarray, U
     """
-    variance = adev_white(tau, arw) ** 2
+    variance = (arw / np.sqrt(tau)) ** 2
     if np.isfinite(corr_time):
         variance = variance + adev_gauss_markov(tau, sigma_b, corr_time, dt) ** 2
     if bias_instability:
         variance = variance + adev_flicker(tau, bias_instability, cutoff) ** 2
-    return np.sqrt(variance + adev_drift(tau, drift) ** 2)
+    ramp = np.abs(drift) * np.asarray(tau, dtype=float) / np.sqrt(2)
+    return np.sqrt(variance + ramp**2)
 
 
 def random_walk_unit(unit):

@@ -116,19 +116,22 @@ class Surface:
             curvature[i, j] = curvature[j, i] = mixed / (2 * STEP**2)
         return centre[0], (up - down) / (2 * STEP), curvature
 
-    def fixed(self, along, at):
-        """Cut the surface where ``along @ point = at``.
+    def maximum_where(self, along, at, starts):
+        """Search among the points with ``along @ point = at``.
 
         The coordinate of the last non-zero entry of `along` follows from the others.
 
+        Parameters
+        ----------
+        along : ndarray, shape (d,)
+        at : float
+        starts : sequence of ndarray, shape (d,)
+            Points; the search begins at the best of them, moved to the cut.
+
         Returns
         -------
-        Surface
-            Over the other coordinates.
-        lift : callable
-            Points on the cut, shape (rows, d - 1), to points, shape (rows, d).
-        rest : ndarray of int
-            The other coordinates.
+        point : ndarray, shape (d,)
+        value : float
         """
         pivot = int(np.flatnonzero(along)[-1])
         rest = np.delete(np.arange(len(along)), pivot)
@@ -144,7 +147,10 @@ class Surface:
             inside = np.clip(full, self.low, self.high)
             return self.value(inside) - PENALTY * ((full - inside) ** 2).sum(axis=1)
 
-        return Surface(value, self.low[rest], self.high[rest]), lift, rest
+        cut = Surface(value, self.low[rest], self.high[rest])
+        starts = np.array(starts)[:, rest]
+        others, reached = cut.maximum(starts[np.argmax(cut.value(starts))])
+        return lift(others[None])[0], reached
 
 
 def interval(surface, best, value, along, *, threshold=THRESHOLD):
@@ -188,42 +194,34 @@ def profile_curve(surface, best, value, along, highest):
     """
     centre = float(along @ best)
     ends = interval(surface, best, value, along)
-    at, fall = [centre], [0.0]
     limits = float(along @ surface.low), min(highest, float(along @ surface.high))
-    ends = tuple(
-        None if e is None or (e - limit) * sign > 0 else e
-        for e, limit, sign in zip(ends, limits, (-1, 1), strict=True)
-    )
+    at, fall, closed = [centre], [0.0], []
     for sign, end, limit in zip((-1, 1), ends, limits, strict=True):
         room = sign * (limit - centre)
-        if end is None:
+        closed.append(end is not None and sign * (limit - end) >= 0)
+        if closed[-1]:
+            steps = [s for s in abs(end - centre) * np.array(SIDE_POINTS) if s <= room]
+        else:
             first = min(FIRST, room / OPEN_SIDE_POINTS)
             steps = np.geomspace(first, room, OPEN_SIDE_POINTS) if room > 0 else ()
-        else:
-            steps = [s for s in abs(end - centre) * np.array(SIDE_POINTS) if s <= room]
         last = best
         for step in steps:
-            cut, lift, rest = surface.fixed(along, centre + sign * step)
-            starts = np.array([best[rest], last[rest]])
-            others, reached = cut.maximum(starts[np.argmax(cut.value(starts))])
-            last = lift(others[None])[0]
+            last, reached = surface.maximum_where(along, centre + sign * step, [best, last])
             at.append(centre + sign * step)
             fall.append(min(reached - value, 0.0))
     order = np.argsort(at)
-    return np.array(at)[order], np.array(fall)[order], tuple(e is not None for e in ends)
+    return np.array(at)[order], np.array(fall)[order], tuple(closed)
 
 
 def _end(surface, best, value, along, centre, sign, limit, threshold):
     # In standard errors, in which the profile is nearly a straight line.
     known = {centre: -np.sqrt(threshold)}  # each point is maximised once only
-    last = [best]
+    last = best
 
     def excess(p):
+        nonlocal last
         if p not in known:
-            cut, lift, rest = surface.fixed(along, p)
-            starts = np.array([best[rest], last[0][rest]])
-            others, reached = cut.maximum(starts[np.argmax(cut.value(starts))])
-            last[0] = lift(others[None])[0]
+            last, reached = surface.maximum_where(along, p, [best, last])
             known[p] = np.sqrt(max(2 * (value - reached), 0.0)) - np.sqrt(threshold)
         return known[p]
 

@@ -145,7 +145,7 @@ class TerrainRecipe:
         acov = (2 * np.sinh(a / 2) / a) ** 2 * np.exp(-a * np.arange(3 + int(3 / a)))
         acov[0] = 2 / a**2 * (a + np.expm1(-a)) + (arw / sigma_b) ** 2 / window
         read_at_1_s = float(model.adev(READ_AT, dt) * np.sqrt(READ_AT))
-        top_at, lag = float(np.exp(found.x)), float(one_over_e(acov, window))
+        top_at, lag = float(np.exp(found.x)), one_over_e(acov, window)
         return cls(read_at_1_s, float(-found.fun), top_at, lag)
 
 

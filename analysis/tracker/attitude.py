@@ -48,6 +48,8 @@ class Attitude:
     heading_known : bool
         Whether a course has come since; before that, yaw counts from the direction at the start.
         Set to False, the yaw starts anew from the next heading.
+    down : list of 3 floats
+        Direction of down in body axes, once ready.
 
     Examples
     --------
@@ -97,10 +99,8 @@ class Attitude:
         before = kalman.scalars(self.tilt.x)
         variance = self._accel_variance(dt, static)
         scale = -1 / STANDARD_GRAVITY
-        self.tilt.update(
-            (accel_b[0] * scale, accel_b[1] * scale, accel_b[2] * scale), variance * scale * scale
-        )
-        after = self._down = kalman.scalars(self.tilt.x)
+        self.tilt.update([f * scale for f in accel_b], variance * scale * scale)
+        after = self.down = kalman.scalars(self.tilt.x)
         self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, after, strict=True)]
         share = dt / EXTERNAL_TAU_S if dt < EXTERNAL_TAU_S else 1.0
         self._mean_external = [
@@ -130,7 +130,7 @@ class Attitude:
         self._vehicle = vehicle
         if not self.ready or not self._samples:
             return
-        down = self._down
+        down = self.down
         spin = 0.0
         if heading is not None:
             before = self._north(down)
@@ -148,7 +148,7 @@ class Attitude:
     @property
     def C_nb(self):
         """Rotation from body to north, east, down: its rows are those axes in body axes."""
-        down = self._down
+        down = self.down
         n = self._north(down)
         return np.array([n, cross(down, n), down], dtype=self.dtype)
 
@@ -164,12 +164,7 @@ class Attitude:
     @property
     def horizontal(self):
         """Acceleration (m/s^2) without gravity: along the levelled X axis, and to its right."""
-        return level(self._external, self._down)
-
-    @property
-    def down(self):
-        """Direction of down in body axes, as three scalars."""
-        return self._down
+        return level(self._external, self.down)
 
     @property
     def unexplained(self):
@@ -182,13 +177,13 @@ class Attitude:
         """Mean rate about the vertical since the last epoch, rad/s."""
         if not self._samples:
             return math.nan
-        turned = dot(self._gyro, self._down) / self._samples
-        return turned - dot(kalman.scalars(self.bias.x), self._down)
+        turned = dot(self._gyro, self.down) / self._samples
+        return turned - dot(kalman.scalars(self.bias.x), self.down)
 
     @property
     def accel_n(self):
         """Acceleration (m/s^2), gravity off, north, east, down."""
-        down = self._down
+        down = self.down
         n, a = self._north(down), self._external
         return np.array([dot(n, a), dot(cross(down, n), a), dot(down, a)], dtype=self.dtype)
 
@@ -206,9 +201,8 @@ class Attitude:
         shaken = [e - m for e, m in zip(self._external, self._mean_external, strict=True)]
         lasting = self._vehicle
         if lasting is None:
-            lasting = min(
-                dot(self._mean_external, self._mean_external), EXTERNAL_MOST * EXTERNAL_MOST
-            )
+            measured = dot(self._mean_external, self._mean_external)
+            lasting = min(measured, EXTERNAL_MOST * EXTERNAL_MOST)
         lasting = max(lasting, EXTERNAL_LEAST * EXTERNAL_LEAST)
         return variance + dot(shaken, shaken) + lasting * (2 * EXTERNAL_CORR_S / dt)
 
@@ -230,11 +224,10 @@ class Attitude:
         samples = np.array(self._gathered, dtype=self.dtype)
         mean, scatter = samples.mean(axis=0), samples.std(axis=0)
         force = math.sqrt(dot(mean[3:], mean[3:]))
-        still = (scatter[:3] < STEADY).all() and abs(
-            force - STANDARD_GRAVITY
-        ) < 0.1 * STANDARD_GRAVITY
+        unlike_gravity = abs(force - STANDARD_GRAVITY)
+        still = (scatter[:3] < STEADY).all() and unlike_gravity < 0.1 * STANDARD_GRAVITY
         down = kalman.scalars(mean[3:] * (-1 / force))
-        self._down = down
+        self.down = down
         self.tilt.start(down, SIGMA_ACCEL / STANDARD_GRAVITY if still else 0.1)
         self.yaw.start(north(down, 0.0), math.pi)
         if still:
@@ -291,9 +284,7 @@ class Direction:
     def __init__(self, dtype=np.float64):
         self.x = np.array([0.0, 0.0, 1.0], dtype=dtype)
         self.P = np.eye(3, dtype=dtype)
-        self.Q = np.zeros((3, 3), dtype)
         self.H = np.eye(3, dtype=dtype)
-        self.R = np.eye(3, dtype=dtype)
         self.set_rate_error(SIGMA_BIAS_START * SIGMA_BIAS_START)
 
     def set_rate_error(self, variance):
@@ -319,10 +310,8 @@ class Direction:
 
     def update(self, z, variance):
         """Take in the direction measured (sequence of 3), and keep the length at one."""
-        self.R = self.H * variance
-        x, self.P, _ = kalman.update(
-            self.x, self.P, np.array(z, dtype=self.x.dtype), self.H, self.R
-        )
+        z = np.array(z, dtype=self.x.dtype)
+        x, self.P, _ = kalman.update(self.x, self.P, z, self.H, self.H * variance)
         self.x = x * (1 / math.sqrt(x.dot(x)))
 
 
