@@ -8,6 +8,7 @@ by sha256, versions; never a path and never a date, so the same inputs give the 
 import io
 import json
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -69,7 +70,7 @@ def save(
     to: Path | None = None,
     **parameters: object,
 ) -> None:
-    """Save a figure as PDF, PNG and CSV with its caption and provenance inside.
+    """Save a figure as PDF, PNG and CSV with caption and provenance inside; show it in a notebook.
 
     Points that lie under one dot of the picture are left out first, so that the table holds what
     the picture shows; dense clouds become dots in the PDF too.
@@ -115,7 +116,6 @@ def save(
         picture = io.BytesIO()
         fig.savefig(picture, format="png")
         fig.savefig(to / f"{name}.pdf", metadata={"CreationDate": None, "Subject": text})
-    fig.stale = False  # drawn, so that the end of a notebook's cell does not draw it once more
     inside = PngInfo()
     inside.add_itxt("Description", text)
     # 256 colours hold a plot without loss to the eye, in a third of the bytes.
@@ -124,6 +124,18 @@ def save(
     lines = [f"# {key}: {json.dumps(value, ensure_ascii=False)}" for key, value in origin.items()]
     csv = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     (to / f"{name}.csv").write_text("\n".join(lines) + "\n" + csv, encoding="utf-8")
+    _show(fig, caption)
+
+
+def _show(fig, caption):
+    """Show a figure with its caption below, in a notebook; elsewhere nothing."""
+    shell = sys.modules.get("IPython") and sys.modules["IPython"].get_ipython()
+    if shell:
+        from IPython.display import Markdown, display
+
+        display(fig)
+        display(Markdown(f"*{caption}*"))
+        plt.close(fig)  # shown already
 
 
 def thin(ax, dots):
