@@ -184,7 +184,7 @@ def test_a_cut_off_last_line_is_dropped_and_stated(tmp_path, cut):
     """Property: half a line at the end of the file never becomes half a number."""
     log = logs.read(write(tmp_path, [*lines()[:-1], cut], end=""))
     assert log.samples == 199
-    assert log.repairs == ("the last line (line 201) is cut off and was dropped",)
+    assert log.repairs == ("line 201: the last line is cut off and was dropped",)
 
 
 def test_empty_spreadsheet_rows_are_dropped_and_stated(tmp_path):

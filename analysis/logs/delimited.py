@@ -32,6 +32,8 @@ CLOCK = re.compile(
 )
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _NEWLINE = re.compile(r"\r\n|\n|\r")
+_LINE_ENDS = (b"\n", b"\r", b"\x00")
+_CUT_OFF = "the last line is cut off and was dropped"
 TAIL_BYTES = 1 << 13
 SLOW_BYTES = 50_000_000  # a file beyond this takes longer than a second
 
@@ -47,19 +49,6 @@ class Layout:
     header_lines: int  # physical lines before the first data row
     names: tuple[str, ...]
     text: frozenset[str]  # columns of clock times or labels
-
-    def split(self, line: str) -> list[str]:
-        """Split one line into its fields."""
-        return _split(line, self.delimiter)
-
-    def number(self, field: str) -> float:
-        """Read one field as a number; NaN if it means missing; ValueError otherwise."""
-        field = field.strip()
-        if field.lower() in MISSING:
-            return np.nan
-        if "_" in field:  # Python would take 1_000
-            raise ValueError(field)
-        return float(field.replace(",", ".") if self.decimal == "," else field)
 
 
 def sniff(path: Path) -> Layout:
@@ -121,7 +110,7 @@ def data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
                 continue
             line = line.split(layout.comment, 1)[0]
             if line.strip():
-                yield number, layout.split(line)
+                yield number, _split(line, layout.delimiter)
 
 
 @contextlib.contextmanager
@@ -200,15 +189,18 @@ def _decimal(rows, delimiter: str) -> str:
     return "," if commas > points else "."
 
 
+def _number(field: str, decimal: str) -> float:
+    """Read one field as a number; NaN if it means missing; ValueError otherwise."""
+    field = field.strip()
+    return np.nan if field.lower() in MISSING else float(field.replace(decimal, "."))
+
+
 def _is_word(field: str, decimal: str) -> bool:
     """Tell whether a field is a word: no number, no clock time, not missing."""
-    field = field.strip()
-    if field.lower() in MISSING or CLOCK.match(field):
-        return False
     try:
-        float(field.replace(",", ".") if decimal == "," else field)
+        _number(field, decimal)
     except ValueError:
-        return True
+        return not CLOCK.match(field.strip())
     return False
 
 
@@ -310,11 +302,18 @@ def read_table(path: Path) -> Table:
         If the file is empty, binary, or holds text where a number should be: file, line, column.
     """
     layout = sniff(path)
+    size = path.stat().st_size
+    bar = {  # for a large file, only on a terminal; a packed one has more to read than its size
+        "total": size,
+        "disable": None if size > SLOW_BYTES else True,
+        "desc": f"reading {path.name}",
+        "leave": False,
+    }
     types = {name: (str if name in layout.text else np.float64) for name in layout.names}
     try:
         with (
             open_bytes(path) as raw,
-            _progress(raw, path) as handle,
+            tqdm.wrapattr(raw, "read", **bar) as handle,
             warnings.catch_warnings(action="error", category=pd.errors.ParserWarning),
         ):  # the warning means that fields are dropped: find out which
             frame = pd.read_csv(
@@ -336,25 +335,10 @@ def read_table(path: Path) -> Table:
     return _without_empty_end(table, layout)
 
 
-def _progress(raw, path: Path):
-    """Show a progress bar for a large file, only on a terminal."""
-    size = path.stat().st_size
-    if isinstance(raw, gzip.GzipFile):  # how much there is to read is not known
-        return contextlib.nullcontext(raw)
-    return tqdm.wrapattr(
-        raw,
-        "read",
-        total=size,
-        disable=None if size > SLOW_BYTES else True,
-        desc=f"reading {path.name}",
-        leave=False,
-    )
-
-
 def _line_by_line(path: Path, layout: Layout) -> Table:
     """Read slowly; refuse the first cell that is no number, naming its place."""
     rows: list[list] = []
-    fault, last = "", 0
+    fault, line = "", ""
     repairs: tuple[str, ...] = ()
     for number, fields in data_lines(path, layout):
         if fault:
@@ -362,12 +346,14 @@ def _line_by_line(path: Path, layout: Layout) -> Table:
         try:
             rows.append(_row(fields, layout))
         except ValueError as error:
-            fault, last = f"{path.name}, line {number}, {error}", number
+            fault, line = str(error), f"line {number}"
     else:  # a fault that nothing follows is a line cut off while it was written
-        if fault and rows and not _ends_with_newline(path):
-            fault, repairs = "", (_dropped(last),)
+        if fault and rows and not _tail(path).endswith(_LINE_ENDS):
+            fault, repairs = "", (f"{line}: {_CUT_OFF}",)
     if fault:
-        raise CannotAnswer(f"{fault}; correct or empty it, or cut the file before that line")
+        raise CannotAnswer(
+            f"{path.name}, {line}, {fault}; correct or empty it, or cut the file before that line"
+        )
     if not rows:
         raise CannotAnswer(f"{path.name}: no data after line {layout.header_lines}")
     return Table(pd.DataFrame(rows, columns=list(layout.names)), path, repairs, layout)
@@ -386,7 +372,9 @@ def _row(fields: list[str], layout: Layout) -> list:
     for j, name in enumerate(layout.names):
         field = fields[j].strip() if j < len(fields) else ""
         try:
-            values.append(field if name in layout.text else layout.number(field))
+            values.append(field if name in layout.text else _number(field, layout.decimal))
+            if "_" in field and name not in layout.text:  # Python takes 1_000 for a number
+                raise ValueError
         except ValueError:
             raise ValueError(f"column '{name}': '{printable(field)}' is not a number") from None
     return values
@@ -394,20 +382,22 @@ def _row(fields: list[str], layout: Layout) -> list:
 
 def _without_short_end(table: Table, layout: Layout) -> Table:
     """Drop a last line that was cut off while it was written."""
-    lines = _tail(table.path, layout)
+    tail = _tail(table.path)
+    text = tail.decode(layout.encoding, errors="replace") if layout.encoding != "utf-16" else ""
+    lines = [line for line in _NEWLINE.split(text)[1:] if line.strip()]
+    lines = [line for line in lines if not line.lstrip().startswith(layout.comment)][-50:]
     if len(lines) < 2 or len(table.frame) < 2:
         return table
-    *before, last = [layout.split(line) for line in lines]
+    *before, last = [_split(line, layout.delimiter) for line in lines]
     cut = len(last) < min(len(fields) for fields in before)
-    if not _ends_with_newline(table.path) and len(last) == len(before[-1]):
+    if not tail.endswith(_LINE_ENDS) and len(last) == len(before[-1]):
         # All last fields have as many decimals, except the very last one: it is cut off.
-        lengths = {_decimals(fields[-1]) for fields in before}
-        cut = len(lengths) == 1 and len(before) > 4 and _decimals(last[-1]) < max(lengths)
+        decimals = [len(f[-1].strip().partition(layout.decimal)[2]) for f in (*before, last)]
+        cut = len(set(decimals[:-1])) == 1 and len(before) > 4 and decimals[-1] < decimals[0]
     if not cut:
         return table
-    for number, _ in data_lines(table.path, layout):
-        last_line = number
-    return replace(table, frame=table.frame.iloc[:-1], repairs=(_dropped(last_line),))
+    line = table.place(len(table.frame) - 1).split(", ")[-1]
+    return replace(table, frame=table.frame.iloc[:-1], repairs=(f"{line}: {_CUT_OFF}",))
 
 
 def _without_empty_end(table: Table, layout: Layout) -> Table:
@@ -428,30 +418,8 @@ def _without_empty_end(table: Table, layout: Layout) -> Table:
     return replace(table, frame=frame.iloc[:keep].drop(columns=nameless), repairs=repairs)
 
 
-def _dropped(line: int) -> str:
-    """State the repair of a cut-off last line."""
-    return f"the last line (line {line}) is cut off and was dropped"
-
-
-def _decimals(field: str) -> int:
-    """Count the characters after the decimal mark."""
-    return len(re.split(r"[.,]", field.strip(), maxsplit=1)[-1]) if re.search("[.,]", field) else 0
-
-
-def _tail(path: Path, layout: Layout) -> list[str]:
-    """Return the last data lines of the file (none for UTF-16, whose end may split a character)."""
-    if layout.encoding == "utf-16":
-        return []
+def _tail(path: Path) -> bytes:
+    """Return the last bytes of a file."""
     with open_bytes(path) as handle:
-        size = handle.seek(0, 2)
-        handle.seek(max(0, size - TAIL_BYTES))
-        text = handle.read().decode(layout.encoding, errors="replace")
-    lines = [line for line in re.split(r"\r\n|\n|\r", text)[1:] if line.strip()]
-    return [line for line in lines if not line.lstrip().startswith(layout.comment)][-50:]
-
-
-def _ends_with_newline(path: Path) -> bool:
-    """Tell whether the last byte ends a line."""
-    with open_bytes(path) as handle:
-        handle.seek(max(0, handle.seek(0, 2) - 1))
-        return handle.read(1) in (b"\n", b"\r", b"\x00")
+        handle.seek(max(0, handle.seek(0, 2) - TAIL_BYTES))
+        return handle.read()

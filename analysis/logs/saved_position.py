@@ -7,11 +7,10 @@ A position is a dict of the numbers in `FIELDS`. The tracker's block 1 uses it
 import json
 import math
 import os
-import tempfile
 import zlib
 from pathlib import Path
 
-from analysis import CannotAnswer
+from analysis import CannotAnswer, replacing
 
 VERSION = 1
 FIELDS = ("lat_deg", "lon_deg", "height_m", "t_s", "pdop")
@@ -43,18 +42,13 @@ def save_position(path: str | Path, position: dict[str, float]) -> str | None:
     text = json.dumps({"version": VERSION, **numbers}, sort_keys=True)
     line = json.dumps({"position": text, "crc32": zlib.crc32(text.encode())}) + "\n"
     try:
-        handle, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
+        with replacing(path) as draft:
+            with draft.open("w", encoding="utf-8") as file:
                 file.write(line)
                 file.flush()
                 os.fsync(file.fileno())
             damaged = load_position(path)[1] and path.stat().st_size
             renamed = _rename_damaged(path) if damaged else None
-            os.replace(draft, path)
-        except BaseException:
-            os.unlink(draft)
-            raise
     except OSError as error:
         raise CannotAnswer(
             f"--last-position {path.name}: cannot write there ({error.strerror})"
