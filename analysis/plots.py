@@ -203,7 +203,7 @@ def curves(
     axes[1].set(ylabel="laps lost (%)", ylim=(-0.2, max(1.0, 105 * lost.max())))
     for ax in axes:
         ax.set_xlabel(AXIS[swept])
-        ax.locator_params(axis="x", nbins=5)
+        ax.locator_params(axis="x", nbins=4)
     handles = axes[0].get_legend_handles_labels()
     axes[0].figure.legend(*handles, loc="outside lower center", ncols=4)
 
