@@ -241,22 +241,18 @@ def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:
 
     Parameters
     ----------
-    y : ndarray, shape (..., n), U
+    y : ndarray, shape (n,), U
         NaN where a sample is missing.
     dt : float, s
 
     Returns
     -------
-    residual : ndarray, shape (..., n), U
+    residual : ndarray, shape (n,), U
     line : Line
-        With arrays of shape (...) where `y` holds several logs.
     """
     valid = np.isfinite(y)
-    count = np.maximum(valid.sum(-1, keepdims=True), 1)
-    t = np.where(valid, dt * np.arange(y.shape[-1]), 0.0)
-    t = np.where(valid, t - t.sum(-1, keepdims=True) / count, 0.0)
-    mean = np.where(valid, y, 0.0).sum(-1, keepdims=True) / count
-    slope = (t * np.where(valid, y, 0.0)).sum(-1, keepdims=True) / np.maximum(
-        (t * t).sum(-1, keepdims=True), 1e-300
-    )
-    return y - mean - slope * t, Line(mean[..., 0], slope[..., 0])
+    count = max(valid.sum(), 1)
+    known, t = np.where(valid, y, 0.0), np.where(valid, dt * np.arange(len(y)), 0.0)
+    t = np.where(valid, t - t.sum() / count, 0.0)
+    mean, slope = known.sum() / count, (t * known).sum() / max((t * t).sum(), 1e-300)
+    return y - mean - slope * t, Line(float(mean), float(slope))

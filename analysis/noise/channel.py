@@ -6,7 +6,7 @@ that the comparison paper draws for each sensor: 15 s of data, Allan deviation, 
 autocorrelation.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -65,8 +65,8 @@ class ChannelNoise:
     line: tuple[float, float]
     short: tuple[np.ndarray, np.ndarray]
     whole: tuple[np.ndarray, np.ndarray]
-    autocorrelation: dict[float, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
-    models: list[dict] = field(default_factory=list)
+    autocorrelation: dict[float, tuple[np.ndarray, np.ndarray]]
+    models: list[dict]
 
 
 def characterise(
@@ -112,28 +112,28 @@ def characterise(
     curve = allan_deviation(residual, dt)
     m = max(1, len(y) // WHOLE)
     n, means = min(len(y), max(2, round(SHORT / dt))), block_means(y, m)
-    noise = ChannelNoise(
+    parameters, models = {}, []
+    if estimate:
+        try:
+            result = infer(y, dt, unit, kind, rng, detrend=detrend)
+        except CannotAnswer as error:
+            raise CannotAnswer(f"channel {name}: {error}") from error
+        known, models = result.parameters, result.table()
+        if kind in ("rate", "accel") and "bias_instability" not in known:
+            known["bias_instability"] = graph.bias_instability(curve, unit)
+        parameters = {key: known[key] for key in ORDER if key in known}
+    return ChannelNoise(
         name=name,
         unit=unit,
         kind=kind,
-        parameters={},
+        parameters=parameters,
         allan=curve,
-        line=(float(line.null_shift), float(line.drift)),
+        line=(line.null_shift, line.drift),
         short=(dt * np.arange(n), y[:n]),
         whole=(m * dt * (np.arange(len(means)) + 0.5), means),
         autocorrelation={w: _autocorrelation(residual, dt, w) for w in windows(len(y) * dt, dt)},
+        models=models,
     )
-    if not estimate:
-        return noise
-    try:
-        result = infer(y, dt, unit, kind, rng, detrend=detrend)
-    except CannotAnswer as error:
-        raise CannotAnswer(f"channel {name}: {error}") from error
-    known = result.parameters
-    if kind in ("rate", "accel") and "bias_instability" not in known:
-        known["bias_instability"] = graph.bias_instability(curve, unit)
-    parameters = {name: known[name] for name in ORDER if name in known}
-    return replace(noise, parameters=parameters, models=result.table())
 
 
 def windows(duration, dt):

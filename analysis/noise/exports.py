@@ -66,34 +66,22 @@ class Axis:
     Attributes
     ----------
     channel : str
-    white : Estimate
-        N, U sqrt(s).
-    rrw : Estimate
-        K, U/sqrt(s).
-    bias : tuple of (Estimate, Estimate)
-        Gauss-Markov terms, sigma_b (U) and corr_time (s) each.
+    N : float or None
+        White noise, U sqrt(s).
+    K : float or None
+        Rate random walk, U/sqrt(s).
+    gauss_markov : list of (float, float)
+        Gauss-Markov terms resolved in both parameters, the strongest first: sigma_b (U) and
+        corr_time (s) each.
+    estimates : list of (str, Estimate)
+        Every parameter by its symbol.
     """
 
     channel: str
-    white: Estimate
-    rrw: Estimate
-    bias: tuple[tuple[Estimate, Estimate], ...]
-
-    @property
-    def N(self):
-        """White noise N, U sqrt(s), or None."""
-        return self.white.value
-
-    @property
-    def K(self):
-        """Rate random walk K, U/sqrt(s), or None."""
-        return self.rrw.value
-
-    @property
-    def gauss_markov(self):
-        """Gauss-Markov terms resolved in both parameters, the strongest first: (U, s) each."""
-        resolved = [(s.value, t.value) for s, t in self.bias if s.resolved and t.resolved]
-        return sorted(resolved, reverse=True)
+    N: float | None
+    K: float | None
+    gauss_markov: list[tuple[float, float]]
+    estimates: list[tuple[str, Estimate]]
 
     @property
     def strongest(self):
@@ -107,7 +95,7 @@ class Axis:
         K_total^2 = K^2 + sum of 2 sigma_b^2 / T_c
         """
         parts = [conventions.diffusion(*term) for term in self.gauss_markov]
-        parts += [self.rrw.value] if self.rrw.resolved else []
+        parts += [] if self.K is None else [self.K]
         return float(np.linalg.norm(parts)) if parts else None
 
     @property
@@ -119,9 +107,7 @@ class Axis:
         """
         if self.gauss_markov:
             return self.gauss_markov[0]
-        if self.rrw.resolved:
-            return conventions.stationary(self.rrw.value, FOREVER), FOREVER
-        return None
+        return self.K and (conventions.stationary(self.K, FOREVER), FOREVER)
 
     @property
     def sigma_b(self):
@@ -278,7 +264,7 @@ def sort_triads(model):
                 raise ValueError(f"a channel is called {name!r}, which is no text")
             if kind not in SENSORS:
                 left_out.append(
-                    f"{name} is of kind {kind}; these tools model rates and accelerations"
+                    f"{name} is of kind {kind}; tools here take rates and accelerations"
                 )
             elif conventions.SI.get(unit, (None, None))[1] != SI_UNITS[kind]:
                 left_out.append(f"{name} is in {unit}, which is no known unit of a {kind}")
@@ -321,21 +307,14 @@ def parameter_lines(source, triads, *, why=False):
     list of str
         Lines without a comment mark; the first names the log.
     """
-    hours = float(source["duration_s"]) / 3600
-    lines = [
-        f"From {source['file']}, {hours:.3g} h at {float(source['rate_hz']):g} Hz; in SI, 95 %."
-    ]
+    hours, rate = float(source["duration_s"]) / 3600, float(source["rate_hz"])
+    lines = [f"From {source['file']}, {hours:.3g} h at {rate:g} Hz; in SI, 95 %."]
     for triad in triads.values():
         for letter, axis in triad.axes.items():
-            named = [("N", axis.white), ("K", axis.rrw)]
-            named += [
-                (n, e) for term in axis.bias for n, e in zip(("sigma_b", "T_c"), term, strict=True)
-            ]
-            lines += [f"{axis.channel} ({letter}): {n} {_written(e, why)}" for n, e in named]
+            name = f"{axis.channel} ({letter})"
+            lines += [f"{name}: {symbol} {_written(e, why)}" for symbol, e in axis.estimates]
             if len(axis.gauss_markov) > 1:
-                lines.append(
-                    f"{axis.channel} ({letter}): tools with one such bias get the strongest"
-                )
+                lines.append(f"{name}: tools with one such bias get the strongest")
     return [" ".join(line.split()) for line in lines]
 
 
@@ -352,33 +331,28 @@ def _axis(channel):
     factor, si = conventions.SI[unit]
 
     def estimate(name, was, now, by):
-        e = Estimate(**parameters[name])
+        e, what = Estimate(**parameters[name]), f"{name} of {channel['name']}"
         if e.resolved == (e.value is None):
-            raise ValueError(
-                f"{name} of {channel['name']} is resolved without a value, or not with one"
-            )
+            raise ValueError(f"{what} is resolved without a value, or not with one")
         if e.unit != was:
-            raise ValueError(f"{name} of {channel['name']} is in {e.unit}, not in {was}")
+            raise ValueError(f"{what} is in {e.unit}, not in {was}")
         given = {key: getattr(e, key) for key in NUMBERS if getattr(e, key) is not None}
         for key, number in given.items():
-            _check(number, f"{key} of {name} of {channel['name']}", zero=key == "low")
+            _check(number, f"{key} of {what}", zero=key == "low")
         if list(given.values()) != sorted(given.values()):
-            raise ValueError(f"{name} of {channel['name']} lies outside its own interval")
+            raise ValueError(f"{what} lies outside its own interval")
         return e.scaled(by, now)
 
-    terms = [key.removeprefix("sigma_b") for key in parameters if key.startswith("sigma_b")]
-    return Axis(
-        channel["name"],
-        estimate(white, random_walk_unit(unit), random_walk_unit(si), factor),
-        estimate("rrw", f"{unit}/sqrt(s)", f"{si}/sqrt(s)", factor),
-        tuple(
-            (
-                estimate(f"sigma_b{which}", unit, si, factor),
-                estimate(f"corr_time{which}", "s", "s", 1.0),
-            )
-            for which in terms
-        ),
-    )
+    N = estimate(white, random_walk_unit(unit), random_walk_unit(si), factor)
+    K = estimate("rrw", f"{unit}/sqrt(s)", f"{si}/sqrt(s)", factor)
+    estimates, resolved = [("N", N), ("K", K)], []
+    for which in [k.removeprefix("sigma_b") for k in parameters if k.startswith("sigma_b")]:
+        sigma_b = estimate(f"sigma_b{which}", unit, si, factor)
+        corr_time = estimate(f"corr_time{which}", "s", "s", 1.0)
+        estimates += [("sigma_b", sigma_b), ("T_c", corr_time)]
+        if sigma_b.resolved and corr_time.resolved:
+            resolved.append((sigma_b.value, corr_time.value))
+    return Axis(channel["name"], N.value, K.value, sorted(resolved, reverse=True), estimates)
 
 
 def _check(number, what, *, zero=False):

@@ -209,9 +209,11 @@ def infer(
     rng: np.random.Generator,
     *,
     detrend: bool = True,
-    robust: bool = True,
 ) -> Inference:
     """Fit every model to a channel, choose one, and estimate its parameters.
+
+    Spikes are left out: single samples that differ from both neighbours by 8 robust deviations of a
+    step.
 
     Parameters
     ----------
@@ -225,16 +227,13 @@ def infer(
         For the bridges over short gaps, and for the bootstrap of the drift.
     detrend : bool
         Remove a linear drift; else the mean only.
-    robust : bool
-        Leave out spikes: single samples that differ from both neighbours by 8 robust deviations of
-        a step.
 
     Returns
     -------
     Inference
         `CannotAnswer` if no stretch of 32 samples is left between long gaps.
     """
-    out = spikes(y) if robust else np.zeros(len(y), dtype=bool)
+    out = spikes(y)
     y = np.where(out, np.nan, y) if out.any() else y
     m, rate, clean_bands = 1, kind in ("rate", "accel"), 0
     fits: dict[str, Fit] = {}

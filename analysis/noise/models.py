@@ -12,15 +12,12 @@ density of the driving noise as 2 sigma_b / tau; it is 2 sigma_b^2 / tau.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 from scipy.special import sici
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FLICKER = np.sqrt(2 * np.log(2) / np.pi)  # 0.664: Allan deviation of flicker noise of unit B
 # Comparison paper, section V: "over 200" and "less than 10" degrees per hour.
@@ -117,7 +114,7 @@ class UnifiedModel:
         return ramp + bias + self.sigma_v / np.sqrt(m) * rng.standard_normal(n)
 
 
-def models_of_table_one(table: "pd.DataFrame") -> dict[str, UnifiedModel]:
+def models_of_table_one(table: pd.DataFrame) -> dict[str, UnifiedModel]:
     """Make the models of the comparison paper's Table I.
 
     Parameters

@@ -171,12 +171,10 @@ def _wanted(chosen, kind):
     if kind not in ("rate", "accel"):
         terms = [t for t in terms if t != "rrw"]
     wanted = [(KEYS[t], chosen.model, t) for t in terms]
-    slow = chosen.model
-    if slow.startswith(
-        "N+K"
-    ):  # all logs together may resolve what looks like a random walk in each
-        slow = UNIFIED + slow.removeprefix("N+K")
-    if "corr_time" in MODELS[slow.removesuffix(QUANTISED)]:
+    # All logs together may resolve what looks like a random walk in each.
+    plain = UNIFIED if chosen.plain == "N+K" else chosen.plain
+    slow = plain + chosen.end
+    if "corr_time" in MODELS[plain]:
         wanted += [(key, slow, key) for key in ("corr_time", "sigma_b")]
     return wanted
 

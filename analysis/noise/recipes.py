@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar, nnls
 
-from analysis.noise.allan import AllanCurve, overlapped_variance
+from analysis.noise.allan import AllanCurve, cluster_sizes, overlapped_variance
 from analysis.noise.autocorrelation import autocovariance, block_means, correlogram, one_over_e
 from analysis.noise.models import UnifiedModel, adev_model
 
@@ -33,39 +33,25 @@ FEWEST = 50  # averages needed for an autocorrelation
 COEFFICIENTS = ("quantisation", "white", "bias_instability", "rrw", "ramp")
 
 
-@dataclass(frozen=True)
-class ComparisonRecipe:
-    """What the comparison paper's recipe reads off one log; NaN where it finds nothing.
+def comparison_recipe(residual, dt):
+    """Follow section III of the comparison paper on a log whose linear drift is removed.
 
-    Attributes
+    Parameters
     ----------
-    sigma_v, corr_time, sigma_b : float
-        U, s, U.
+    residual : ndarray, shape (n,), U
+    dt : float, s
+
+    Returns
+    -------
+    dict of str, float
+        ``sigma_v`` (U), ``corr_time`` (s), ``sigma_b`` (U); NaN where the recipe finds nothing.
     """
-
-    sigma_v: float
-    corr_time: float
-    sigma_b: float
-
-    @classmethod
-    def of_log(cls, residual: np.ndarray, dt: float) -> "ComparisonRecipe":
-        """Follow section III on a log whose linear drift is removed.
-
-        Parameters
-        ----------
-        residual : ndarray, shape (n,), U
-        dt : float, s
-
-        Returns
-        -------
-        ComparisonRecipe
-        """
-        sigma_v = float(np.nanstd(residual[: max(2, round(SHORT / dt))], ddof=1))
-        m = window_for(residual)
-        if m is None:
-            return cls(sigma_v, np.nan, np.nan)
-        averaged = correlogram(residual, dt, m * dt)
-        return cls(sigma_v, averaged.corr_time, averaged.sigma_b)
+    sigma_v = float(np.nanstd(residual[: max(2, round(SHORT / dt))], ddof=1))
+    m = window_for(residual)
+    if m is None:
+        return {"sigma_v": sigma_v, "corr_time": np.nan, "sigma_b": np.nan}
+    averaged = correlogram(residual, dt, m * dt)
+    return {"sigma_v": sigma_v, "corr_time": averaged.corr_time, "sigma_b": averaged.sigma_b}
 
 
 @dataclass(frozen=True)
@@ -229,7 +215,7 @@ def slow_top(y, dt, arw):
     tau, adev : float
         s, U; NaN where the curve never leaves the line.
     """
-    m = np.unique(np.geomspace(1, max(len(y) // 4, 1), POINTS).round().astype(int))
+    m = cluster_sizes(len(y), POINTS)
     tau, adev = m * dt, np.sqrt(overlapped_variance(y, m))
     off = np.flatnonzero(adev > WHITE * arw / np.sqrt(tau))
     if not len(off):

@@ -21,6 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import dct
 
+from analysis.noise.autocorrelation import block_means
+
 SINGLE = 40  # coefficients of each parity kept one by one
 BINS = 14  # bins per e-fold of frequency above them
 STRETCHES = 30  # longest pieces of a log with long gaps that are used
@@ -179,9 +181,7 @@ def spectra(y, dt, m, rng):
     edges = np.flatnonzero(np.diff(np.isfinite(np.concatenate([[np.nan], whole, [np.nan]]))))
     runs = sorted(edges.reshape(-1, 2).tolist(), key=lambda run: run[0] - run[1])[:STRETCHES]
     kept = [whole[a:b] for a, b in sorted(runs) if b - a >= FEWEST * m]
-    if m == 1:
-        return [transform(part, dt) for part in kept]
-    return [transform(part[: len(part) // m * m].reshape(-1, m).mean(1), dt, m) for part in kept]
+    return [transform(block_means(part, m), dt, m) for part in kept]
 
 
 def spikes(y):

@@ -136,9 +136,9 @@ def estimate(run, stream, *, model, dt, kind, hours):
         curve = allan_deviation(residual, dt)
         white = graph.white_noise(curve, "deg").scaled(per_sample, "deg")
         add("graph", "sigma_v", white.value, white.low, white.high)
-        recipe = recipes.ComparisonRecipe.of_log(residual, dt)
+        recipe = recipes.comparison_recipe(residual, dt)
         for p in PARAMETERS[:3]:
-            add("1/e", p, getattr(recipe, p), interval=False)
+            add("1/e", p, recipe[p], interval=False)
         fitted = recipes.five_coefficients(curve)["white"] * per_sample
         add("five coefficients", "sigma_v", fitted, interval=False)
     return rows

@@ -14,11 +14,9 @@ from analysis.tracker.log_replay import replay
 from analysis.tracker.low_pass import LowPass
 from analysis.tracker.scenarios import Scenario, scenario
 
-DEFAULT = Options()
-
 
 def gated(
-    gnss: Gnss, stored: Stored | None = None, gate: float = DEFAULT.pdop_gate
+    gnss: Gnss, stored: Stored | None = None, gate: float = LastPosition.gate
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, LastPosition]:
     """Drive block 1 alone over a log.
 
@@ -52,7 +50,7 @@ def gated(
 def cold_start(
     simulated: Scenario,
     stored: Stored,
-    gate: float = DEFAULT.pdop_gate,
+    gate: float = LastPosition.gate,
     at_rest_s: float = 120.0,
 ) -> dict[str, float]:
     """Judge block 1 alone on a simulated start.
@@ -100,7 +98,7 @@ def cold_start(
 
 
 def low_passed(
-    north: np.ndarray, east: np.ndarray, lengths: tuple[int, ...] = DEFAULT.lengths
+    north: np.ndarray, east: np.ndarray, lengths: tuple[int, ...] = LowPass.lengths
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Drive block 4 alone over the positions of devices at rest.
 
@@ -199,7 +197,7 @@ def courtyard_errors(seed: int, count: int, **settings: Any) -> tuple[np.ndarray
 def stationary_periods(
     t_s: np.ndarray,
     raw: np.ndarray,
-    lengths: tuple[int, ...] = DEFAULT.lengths,
+    lengths: tuple[int, ...] = LowPass.lengths,
     circle_m: float = np.inf,
 ) -> pd.DataFrame:
     """Drive block 4 alone over many stationary periods, and judge each.
@@ -261,8 +259,8 @@ def exits(radius, fence):
     -------
     int
     """
-    outside = np.asarray(radius) > fence
-    return int((outside[1:] & ~outside[:-1]).sum() + outside[0])
+    outside = (np.asarray(radius) > fence).astype(int)
+    return int((np.diff(outside, prepend=0) == 1).sum())
 
 
 def longest_hold(t_s, *axes):

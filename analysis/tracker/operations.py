@@ -249,11 +249,10 @@ def filter_costs(n: int, m: int, p: int, *, input_matrix: bool) -> dict[str, dic
         counted(a, second) for a in (np.ones(n), np.eye(n), np.ones(m), np.eye(n)[:m], np.eye(m))
     )
     kalman.update(x, P, z, H, R)
-    formula = predict(n, p, input_matrix=input_matrix), update(n, m)
-    portions = "Predict", "Update"
+    by_formula = predict(n, p, input_matrix=input_matrix)
     return {
-        "formula": dict(zip(portions, formula, strict=True)),
-        "counted": dict(zip(portions, (first, second), strict=True)),
+        "formula": {"Predict": by_formula, "Update": update(n, m)},
+        "counted": {"Predict": first, "Update": second},
     }
 
 
