@@ -314,10 +314,10 @@ def _interval(text):
 
 def _check_last_position(path, logs, out):
     """Refuse a --last-position that is another file of this run, or cannot be written."""
-    from analysis.logs import moving
+    from analysis.logs.catalogue import find
 
     option = f"--last-position {path.name}"
-    taken = [*map(moving.locate, logs), out, out / "track.csv", out / "summary.json"]
+    taken = [*(find(log)[2] for log in logs), out, out / "track.csv", out / "summary.json"]
     if path.resolve() in [other.resolve() for other in taken]:
         raise WrongUsage(f"{option}: that is a log, or what --out writes; name another file")
     try:

@@ -466,7 +466,7 @@ def test_what_is_no_file_is_wrong_usage(tmp_path):
         logs.read(tmp_path)
     with pytest.raises(WrongUsage, match=r"no file nothing\.csv.*adis16405"):
         logs.read(tmp_path / "nothing.csv")
-    with pytest.raises(WrongUsage, match="closest: adis16405"):
+    with pytest.raises(WrongUsage, match="closest: 'adis16405'"):
         logs.read("adis1640")
 
 
@@ -633,7 +633,7 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
     [
         ('[adis16405]\nfile = "my.csv"', "taken"),
         ("[mine]\nrate_hz = 3", "needs a line"),
-        ('[mine]\nfile = "my.csv"\nrate = 3', "did you mean 'rate_hz'"),
+        ('[mine]\nfile = "my.csv"\nrate = 3', "closest: 'rate_hz'"),
         ('[mine]\nfile = "my.csv"\nformat = "xls"', "'xls' is not one of"),
         ('[mine]\nfile = "my.csv"\nrate_hz = "100"', "rate_hz = '100' is of the wrong type"),
         ('[mine]\nfile = "gone.csv"', "gone.csv, which is not in data/own/"),

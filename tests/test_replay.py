@@ -548,7 +548,7 @@ def test_a_memory_within_the_new_folder(tmp_path, cold, out):
 
 
 WRONG = {
-    "no such log": (["nothing.nmea"], 2, "no file nothing.nmea; replay takes NMEA or CSV"),
+    "no such log": (["nothing.nmea"], 2, "there is no file nothing.nmea"),
     "a memory of no use": (["gnss.csv", "--without", "last-position"], 2, "--without"),
     "an offset that is no number": (["gnss.csv", "--imu-offset", "nan"], 2, "--imu-offset nan"),
     "an offset of no IMU": (["gnss.csv", "--imu-offset", "5"], 2, "--imu-offset goes with"),

@@ -1,13 +1,12 @@
 """The catalogue of logs: ``data/logs.toml``, and the reader's own ``data/own/logs.toml``."""
 
-import difflib
 import os
 import tomllib
 from pathlib import Path
 
 from analysis import DATA, WrongUsage
 from analysis.logs import datasets
-from analysis.logs.columns import unit_of
+from analysis.logs.columns import closest, unit_of
 from analysis.logs.formats import READERS
 
 CATALOGUE = DATA / "logs.toml"
@@ -63,11 +62,9 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
     """
     stanzas, name, path = load_catalogue(), str(log), Path(log)
     if name not in stanzas:
-        close = difflib.get_close_matches(name, stanzas, 1)
         missing = (
             f"there is no file {path.name}, and no log of that name in the catalogue"
-            + (f" (closest: {close[0]})" if close else "")
-            + f"; it has {', '.join(stanzas)}"
+            f"{closest(name, stanzas)}; it has {', '.join(stanzas)}"
         )
         return path.stem, {}, _check_file(path, missing)
     stanza = stanzas[name]
@@ -111,9 +108,10 @@ def _read(path: Path, own: bool) -> dict[str, dict]:
             raise WrongUsage(f'{where}: [{name}] needs a line such as file = "my.csv"')
         for key, value in stanza.items():
             if key not in KEYS:
-                close = difflib.get_close_matches(key, KEYS, 1)
-                hint = f"did you mean '{close[0]}'?" if close else f"known: {', '.join(KEYS)}"
-                raise WrongUsage(f"{where}: [{name}] has the unknown key '{key}'; {hint}")
+                raise WrongUsage(
+                    f"{where}: [{name}] has the unknown key '{key}'{closest(key, KEYS)}; known: "
+                    + ", ".join(KEYS)
+                )
             if not isinstance(value, KEYS[key]):
                 raise WrongUsage(f"{where}: [{name}] {key} = {value!r} is of the wrong type")
         if stanza.get("format", "csv") not in READERS:

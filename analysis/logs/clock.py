@@ -235,23 +235,3 @@ def rising(t_s: np.ndarray, place: Callable[[int], str], notes: list[str]) -> np
     if twice.size:
         notes.append(f"{place(twice[0])}: {twice.size:,} epochs at a time already there, left out")
     return np.flatnonzero(step > 0)
-
-
-def same_clock(gnss_t, gnss_clock: str, imu_t, imu_clock: str) -> tuple[float | None, str | None]:
-    """Find what brings the stamps of an IMU log to the clock of a GNSS log.
-
-    Returns
-    -------
-    shift : float or None
-        Seconds to add to the IMU's stamps; None if the clocks cannot be related.
-    note : str or None
-    """
-    if gnss_clock == imu_clock == DEVICE:
-        return 0.0, "GNSS and IMU stamps taken as of one clock, that of the device"
-    if DEVICE in (gnss_clock, imu_clock):
-        return None, None
-    if gnss_clock == imu_clock == UNIX:
-        return 0.0, None
-    # With a time of day, whole days are unknown; a rolled-over date does no harm either.
-    days = np.round((np.nanmedian(gnss_t) - np.nanmedian(imu_t)) / SECONDS_PER_DAY)
-    return float(days * SECONDS_PER_DAY), "GNSS and IMU matched by the time of day, UTC"

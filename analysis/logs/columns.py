@@ -7,7 +7,7 @@ and the accelerometer's from gravity.
 
 import difflib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,6 +101,13 @@ class Choice:
     kind: str
 
 
+def closest(word: str, known: Iterable[str]) -> str:
+    """Suggest the known word that is closest: `` (closest: 'gyro_x')``, or nothing."""
+    spelled = {name.lower(): name for name in known}
+    close = difflib.get_close_matches(word.lower(), spelled, 1, 0.5)
+    return f" (closest: '{spelled[close[0]]}')" if close else ""
+
+
 def resolve(wanted: str | int, names: Sequence[str], file: str) -> str:
     """Find a column by its name, its name without the unit, or its number from 1.
 
@@ -116,10 +123,8 @@ def resolve(wanted: str | int, names: Sequence[str], file: str) -> str:
             return hits[0]
     if text.isdecimal() and 1 <= int(text) <= len(names):
         return names[int(text) - 1]
-    close = difflib.get_close_matches(text.lower(), [n.lower() for n in names], 1, 0.5)
-    near = next((f" (closest: '{n}')" for n in names if [n.lower()] == close), "")
     raise WrongUsage(
-        f"{file}: no column '{text}'{near}; choose by name or number from "
+        f"{file}: no column '{text}'{closest(text, names)}; choose by name or number from "
         + ", ".join(f"{j} {name}" for j, name in enumerate(names, 1))
     )
 
@@ -229,17 +234,12 @@ def choose(
             chosen.append(Choice(name, tidy(base), own or "", own_kind or ""))
             if named not in (None, own):
                 notes.append(f"column '{name}' taken in {own}, though its name has {named}")
-    if not chosen and kind and not unit and any(split(name)[1] for name in names):
-        raise WrongUsage(f"{file}: no column is of the kind {kind}; there are: {', '.join(names)}")
-    if given and not any(c.unit == given for c in chosen):
+    if not any(given in (None, c.unit) for c in chosen):
+        options = [f"--{o} {v}" for o, v in (("unit", unit), ("kind", kind)) if v]
         raise WrongUsage(
-            f"{file}: --unit {unit} fits none of the columns {', '.join(names)}: leave it out, or "
-            "give theirs"
-        )
-    if not chosen:
-        raise WrongUsage(
-            f"{file}: no unit for the columns {', '.join(names)}: add --unit (for example "
-            "--unit deg/s), or give the header names with a unit such as gyro_x_deg_s, accel_z_g"
+            f"{file}: {' '.join(options) or 'no known unit'} fits none of the columns "
+            f"{', '.join(names)}: leave it out, or state their unit with --unit (for example "
+            "--unit deg/s), or in the header with names such as gyro_x_deg_s, accel_z_g"
         )
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]

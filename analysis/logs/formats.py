@@ -30,14 +30,14 @@ _PHONE = {  # the app's column -> ours; position and attitude are what the noteb
 }
 
 
-def rda(path: Path, variable: str | None) -> Table:
+def rda(path: Path, stanza: dict) -> Table:
     """Read a matrix with named columns from an R data file.
 
     Parameters
     ----------
     path : Path
-    variable : str, optional
-        The R object; may be left out when the file holds a single one.
+    stanza : dict
+        ``variable``: the R object; may be left out when the file holds a single one.
     """
     # rdata warns where an R class has no Python equivalent (here "imu", a matrix with attributes)
     # and then returns the plain matrix, which is wanted here: constructors avoid the warning.
@@ -52,7 +52,7 @@ def rda(path: Path, variable: str | None) -> Table:
         raise CannotAnswer(
             f"{path.name}: not an R data file that can be read ({error}); save the matrix as CSV"
         ) from error
-    array = _only(objects, variable, path)
+    array = _only(objects, stanza, path)
     names = [str(name) for name in array.coords[array.dims[1]].values]
     return Table(pd.DataFrame(np.asarray(array.values, dtype=float), columns=names), path)
 
@@ -69,25 +69,24 @@ def open_mat73(path: Path) -> Iterator[h5py.File]:
         ) from error
 
 
-def mat73(path: Path, variable: str | None, names: tuple[str, ...]) -> Table:
+def mat73(path: Path, stanza: dict) -> Table:
     """Read one matrix from a MATLAB v7.3 (HDF5) file; its longer side is taken as the samples.
 
     Parameters
     ----------
     path : Path
-    variable : str, optional
-        The MATLAB variable; may be left out when the file holds a single one.
-    names : tuple of str
-        Column names in the order of the matrix; ``c1``, ``c2`` ... if left out.
+    stanza : dict
+        ``variable``: the MATLAB variable; may be left out when the file holds a single one.
+        ``names``: of the columns, in the order of the matrix; ``c1``, ``c2`` ... if left out.
     """
     with open_mat73(path) as file:
         matrices = {k: v[()] for k, v in file.items() if isinstance(v, h5py.Dataset)}
-    matrix = np.atleast_2d(_only(matrices, variable, path))
+    matrix = np.atleast_2d(_only(matrices, stanza, path))
     matrix = matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
-    names = names or tuple(f"c{j}" for j in range(1, matrix.shape[1] + 1))
+    names = stanza.get("names") or [f"c{j}" for j in range(1, matrix.shape[1] + 1)]
     if len(names) != matrix.shape[1]:
         raise WrongUsage(f"{path.name}: {len(names)} names for {matrix.shape[1]} columns")
-    return Table(pd.DataFrame(np.asarray(matrix, dtype=float), columns=list(names)), path)
+    return Table(pd.DataFrame(np.asarray(matrix, dtype=float), columns=names), path)
 
 
 def phone(path: Path) -> Table:
@@ -113,10 +112,8 @@ def phone(path: Path) -> Table:
 
 READERS: dict[str, Callable[[Path, dict], Table]] = {
     "csv": lambda path, stanza: delimited.read_table(path),
-    "rda": lambda path, stanza: rda(path, stanza.get("variable")),
-    "mat73": lambda path, stanza: mat73(
-        path, stanza.get("variable"), tuple(stanza.get("names", ()))
-    ),
+    "rda": rda,
+    "mat73": mat73,
     "nmea": lambda path, stanza: nmea.read_table(path),
     "phone": lambda path, stanza: phone(path),
 }
@@ -183,8 +180,9 @@ def unwrap(values: np.ndarray, period: float) -> np.ndarray:
     return out
 
 
-def _only(objects: dict, variable: str | None, path: Path):
+def _only(objects: dict, stanza: dict, path: Path):
     """Pick the named object, or the only one."""
+    variable = stanza.get("variable")
     if variable is None and len(objects) == 1:
         return next(iter(objects.values()))
     if variable not in objects:

@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.logs import clock, columns, datasets, delimited, formats, nmea
-from analysis.logs.catalogue import find, load_catalogue
+from analysis.logs.catalogue import find
 from analysis.logs.timeline import Gnss, Imu, Timeline
 
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
@@ -61,7 +61,7 @@ def read_moving(
     parts: dict[str, Any] = {}
     clocks: dict[str, str] = {}
     notes, sources, start = [], {}, None
-    paths = [locate(log) for log in logs]
+    paths = [find(log)[2] for log in logs]
     wanted = _columns_of_each(columns or {}, paths)
     for path in paths:
         sources[path.name] = datasets.sha256(path)
@@ -96,23 +96,11 @@ def read_moving(
     return Timeline(parts.get("GNSS"), parts.get("IMU"), start, tuple(notes), sources)
 
 
-def locate(log: str | Path) -> Path:
-    """Find the file of a log, or of a name in the catalogue."""
-    if not Path(log).exists() and str(log) not in load_catalogue():
-        raise WrongUsage(
-            f"there is no file {Path(log).name}; replay takes NMEA or CSV: a log of a GNSS "
-            "receiver, of an IMU, or one of each"
-        )
-    return find(log)[2]
-
-
 def _columns_of_each(wanted: dict[str, str], paths: list[Path]) -> dict[Path, dict[str, str]]:
     """Give each CSV those of the wanted columns that it has; a single CSV has to have all."""
     tables = [path for path in paths if formats.format_of(path) == "csv"]
     if wanted and not tables:
         raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
-    if len(tables) < 2:
-        return dict.fromkeys(paths, wanted)
     names = {path: delimited.sniff(path).names for path in tables}
     each: dict[Path, dict[str, str]] = {path: {} for path in paths}
     for ours, theirs in wanted.items():
@@ -133,16 +121,22 @@ def _shift(gnss, imu, clocks, offset, notes, start) -> float:
     if offset is not None:
         notes.append(f"the IMU log starts {offset:g} s after the first GNSS epoch, by --imu-offset")
         return float(gnss.t_s[0] - imu.t_s[0]) + offset
-    shift, note = clock.same_clock(gnss.t_s, clocks["GNSS"], imu.t_s, clocks["IMU"])
-    if start and (clocks["GNSS"], clocks["IMU"]) == (clock.DAY, clock.UNIX):
-        notes += _dates_apart(gnss, imu, start)
-    if shift is None:
+    both = clocks["GNSS"], clocks["IMU"]
+    if both == (clock.DEVICE, clock.DEVICE):
+        notes.append("GNSS and IMU stamps taken as of one clock, that of the device")
+    if both in ((clock.DEVICE, clock.DEVICE), (clock.UNIX, clock.UNIX)):
+        return 0.0
+    if clock.DEVICE in both:
         raise WrongUsage(
             "the stamps of the IMU and of the GNSS log are of different clocks; say --imu-offset "
             "S, the seconds from the first GNSS epoch to the first IMU sample"
         )
-    notes += [note] if note else []
-    return shift
+    if start and both == (clock.DAY, clock.UNIX):
+        notes += _dates_apart(gnss, imu, start)
+    notes.append("GNSS and IMU matched by the time of day, UTC")
+    # With a time of day, whole days are unknown; a rolled-over date does no harm either.
+    days = np.round((np.nanmedian(gnss.t_s) - np.nanmedian(imu.t_s)) / clock.SECONDS_PER_DAY)
+    return float(days * clock.SECONDS_PER_DAY)
 
 
 def _dates_apart(gnss, imu, start) -> Iterator[str]:

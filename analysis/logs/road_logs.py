@@ -101,13 +101,8 @@ def _receiver(raw, name, path, origin):
             f"{path.name}: no antenna '{group}' in the file; pitch and roll need all three "
             f"({', '.join(ANTENNAS)})"
         )
-    columns = ("GPS_Time", "ROS_Time", "Latitude", "Longitude", "Altitude", "GeoSep", "DGPS_mode")
-    absent = [c for c in columns if c not in raw[group]]
-    if absent:
-        raise CannotAnswer(f"{path.name}: antenna {name} has no '{absent[0]}'")
-    gps, computer, lat, lon, altitude, separation, mode = (
-        np.ravel(raw[group][c][()]).astype(float) for c in columns
-    )
+    names = ("GPS_Time", "ROS_Time", "Latitude", "Longitude", "Altitude", "GeoSep", "DGPS_mode")
+    gps, computer, lat, lon, altitude, separation, mode = _columns(raw[group], names, path)
     good = np.isfinite(gps + lat + lon + altitude + separation)
     fixed = good & (mode == RTK_FIXED)
     if not fixed.any():
@@ -129,14 +124,19 @@ def _receiver(raw, name, path, origin):
     return tick, xyz[good], fixed[good], stamps
 
 
+def _columns(group, names, path):
+    """Read columns of numbers; refuse a group that lacks one."""
+    absent = [name for name in names if name not in group]
+    if absent:
+        raise CannotAnswer(f"{path.name}: {group.name} has no '{absent[0]}'")
+    return [np.ravel(group[name][()]).astype(float) for name in names]
+
+
 def _encoder(raw, path):
     """Read the wheel encoders: computer time, mean counts forward, how many rows had none."""
     if "Encoder_Raw" not in raw:
         raise CannotAnswer(f"{path.name}: no wheel encoder 'Encoder_Raw' in the file")
-    t, one, two = (
-        np.ravel(raw["Encoder_Raw"][c][()]).astype(float)
-        for c in ("ROS_Time", "C1Counts", "C2Counts")
-    )
+    t, one, two = _columns(raw["Encoder_Raw"], ("ROS_Time", "C1Counts", "C2Counts"), path)
     good = np.isfinite(t + one + two) & (one != 0) & (two != 0)
     if good.sum() < 2:
         raise CannotAnswer(f"{path.name}: the wheel encoders counted nothing")

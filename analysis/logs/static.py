@@ -95,16 +95,6 @@ class Log:
         return len(self.channels[0].values) / self.rate_hz
 
 
-@dataclass(frozen=True)
-class _Window:
-    """The part of a file between start and stop."""
-
-    table: Table  # without its time column
-    names: list[str]  # of all columns of the file, the time among them
-    time: str | None
-    t_s: np.ndarray | None
-
-
 def read(
     log: str | Path,
     *,
@@ -150,15 +140,15 @@ def read(
     given = {"rate_hz": rate, "time": time, "unit": unit, "kind": kind, "from": start, "to": stop}
     option = stanza | {key: value for key, value in given.items() if value is not None}
     table = formats.read_table(path, stanza)
-    window, notes = _window(table, option)
-    chosen, choices = _choices(window, stanza, columns, option)
+    table, time_column, t_s, notes = _stretch(table, option)
+    chosen, choices = _choices(table, time_column, stanza, columns, option)
     repairs = [*([stanza["note"]] if "note" in stanza else []), *table.repairs, *notes, *choices]
-    grid = _grid(window, option)
+    grid = _grid(table, time_column, t_s, option)
     repairs += grid.repairs
-    channels = tuple(_channel(window.table, grid, choice, repairs) for choice in chosen)
+    channels = tuple(_channel(table, grid, choice, repairs) for choice in chosen)
     _check_gravity(path.name, channels)
     if grid.size < SAMPLES_NEEDED:
-        last = window.table.place(-1, chosen[0].column)
+        last = table.place(-1, chosen[0].column)
         raise CannotAnswer(
             f"{last}: the log ends after {grid.size} samples; a noise analysis needs at least "
             f"{SAMPLES_NEEDED}: give a longer log or stretch"
@@ -170,7 +160,7 @@ def read(
         sha256=datasets.sha256(path),
         rate_hz=grid.rate_hz,
         channels=channels,
-        samples=len(window.table.frame),
+        samples=len(table.frame),
         gaps=grid.gaps,
         repairs=tuple(repairs),
         licence=stanza.get("licence", "not stated"),
@@ -179,25 +169,34 @@ def read(
     )
 
 
-def _window(table: Table, option: dict) -> tuple[_Window, list[str]]:
-    """Find the time column, and cut out the rows between start and stop."""
-    file, frame, notes = table.file, table.frame, []
-    names, rate = list(frame.columns), option.get("rate_hz")
+def _stretch(table: Table, option: dict):
+    """Find the time column, and cut out the rows between start and stop.
+
+    Returns
+    -------
+    table : Table
+        Those rows.
+    time : str or None
+        The time column.
+    t_s : ndarray or None
+        Seconds since the first row of the file; None if the stamps are not used.
+    notes : list of str
+    """
+    file, frame, rate, notes = table.file, table.frame, option.get("rate_hz"), []
     time = clock.time_column(frame)
     if "time" in option:
-        time = columns.resolve(option["time"], names, file)
+        time = columns.resolve(option["time"], list(frame), file)
     if rate is not None and not (np.isfinite(rate) and rate > 0):
         raise WrongUsage(f"{file}: the rate must be a positive number of samples a second")
-    if rate is not None and "time" not in option and time:
-        notes.append(f"time column '{time}' not used, since the rate is given")
-        frame, time = frame.drop(columns=time), None
     if rate is None and time is None:
         raise WrongUsage(_no_rate(file, frame))
     t_s = None
-    if time:
+    if time and rate is not None and "time" not in option:
+        notes.append(f"time column '{time}' not used, since the rate is given")
+    elif time:
         with clock.stamp_errors_at(table, time):
             stamps = clock.stamps(time, frame[time].to_numpy(), rate)
-        t_s, frame = stamps.since_s, frame.drop(columns=time)
+        t_s = stamps.since_s
         notes += stamps.notes
     start, stop = option.get("from", 0.0), option.get("to")
     if not (start >= 0 and (stop is None or stop > start)):
@@ -214,8 +213,7 @@ def _window(table: Table, option: dict) -> tuple[_Window, list[str]]:
             )
         rows, frame = rows[inside], frame.iloc[inside]
         t_s = t_s if t_s is None else t_s[inside]
-    table = replace(table, frame=formats.about_the_mean(frame), rows=rows)
-    return _Window(table, names, time, t_s), notes
+    return replace(table, frame=formats.about_the_mean(frame), rows=rows), time, t_s, notes
 
 
 def _no_rate(file: str, frame: pd.DataFrame) -> str:
@@ -231,10 +229,9 @@ def _no_rate(file: str, frame: pd.DataFrame) -> str:
     )
 
 
-def _choices(window, stanza, wanted, option) -> tuple[list[Choice], list[str]]:
+def _choices(table, time, stanza, wanted, option) -> tuple[list[Choice], list[str]]:
     """Choose the channels: the catalogue's, or those of the file."""
-    table, file = window.table, window.table.file
-    frame, unit, kind = table.frame, option.get("unit"), option.get("kind")
+    file, frame, unit, kind = table.file, table.frame, option.get("unit"), option.get("kind")
     if "channels" in stanza:
         known = []
         for channel in stanza["channels"]:
@@ -248,17 +245,16 @@ def _choices(window, stanza, wanted, option) -> tuple[list[Choice], list[str]]:
         picked = [columns.resolve(c, names, file) for c in wanted] if wanted else names
         return [known[names.index(name)] for name in picked], []
     if wanted:  # numbers count the columns of the file, the time among them
-        names = [*window.names, *(name for name in frame if name not in window.names)]
-        wanted = [columns.resolve(c, names, file) for c in wanted]
+        wanted = [columns.resolve(c, list(frame), file) for c in wanted]
         for name in wanted:
-            if name not in frame:
+            if name == time:
                 raise WrongUsage(f"{file}: column '{name}' is the time; leave it out of --columns")
             if frame[name].dtype.kind != "f":
                 cell = printable(str(frame[name].iloc[0]))
                 raise CannotAnswer(
                     f"{table.place(0, name)}: '{cell}' is not a number; choose other --columns"
                 )
-    numeric = list(frame.select_dtypes("number").columns)
+    numeric = [name for name in frame.select_dtypes("number") if name != time]
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
     notes: list[str] = []
@@ -268,10 +264,10 @@ def _choices(window, stanza, wanted, option) -> tuple[list[Choice], list[str]]:
     return chosen, [*notes, *left_out]
 
 
-def _grid(window: _Window, option: dict) -> Grid:
+def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid:
     """Place the rows on a uniform grid, by their stamps or by a given rate."""
-    rate, t_s, frame = option.get("rate_hz"), window.t_s, window.table.frame
-    if t_s is None or window.time is None:
+    rate, frame = option.get("rate_hz"), table.frame
+    if t_s is None:
         return Grid(float(option["rate_hz"]), len(frame), np.arange(len(frame)))
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(np.diff(t_s) == 0) + 1
@@ -279,11 +275,11 @@ def _grid(window: _Window, option: dict) -> Grid:
         now, before = frame.iloc[same], frame.iloc[same - 1]
         pairs = [(now[c].to_numpy(), before[c].to_numpy()) for c in frame]
         repeated[same] = np.all([(a == b) | ((a != a) & (b != b)) for a, b in pairs], axis=0)
-    with clock.stamp_errors_at(window.table, window.time):
+    with clock.stamp_errors_at(table, time):
         grid = grids.by_stamps(t_s, repeated, option.get("timing", "auto"))
     if rate is not None and abs(grid.rate_hz / rate - 1) > 0.05:
         raise WrongUsage(
-            f"{window.table.file}: --rate {rate:g} contradicts time column '{window.time}', which "
+            f"{table.file}: --rate {rate:g} contradicts time column '{time}', which "
             f"says {grid.rate_hz:.6g} Hz; leave one of them out"
         )
     return grid
