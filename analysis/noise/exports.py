@@ -263,9 +263,7 @@ def sort_triads(model):
             if not isinstance(name, str):
                 raise ValueError(f"a channel is called {name!r}, which is no text")
             if kind not in SENSORS:
-                left_out.append(
-                    f"{name} is of kind {kind}; tools here take rates and accelerations"
-                )
+                left_out.append(f"{name} is of kind {kind}; these tools take rate and accel")
             elif conventions.SI.get(unit, (None, None))[1] != SI_UNITS[kind]:
                 left_out.append(f"{name} is in {unit}, which is no known unit of a {kind}")
             else:

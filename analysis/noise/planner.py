@@ -153,15 +153,13 @@ class Plan:
             # The asymptotic error does not hold for few samples or few correlation times.
             times = 10 * self.corr_time if name in ("sigma_b", "corr_time") else 0.0
             least = np.log(max(1000 * dt, times) / 3600)
+            hours[name] = None
             if least >= longest:
-                hours[name] = None
                 continue
-            ends = short_by(least, name), short_by(longest, name)
-            if ends[0] <= 0:
+            first, last = short_by(least, name), short_by(longest, name)
+            if first <= 0:
                 hours[name] = float(np.exp(least))
-            elif ends[1] > 0:
-                hours[name] = None
-            else:
+            elif last <= 0:
                 root = brentq(short_by, least, longest, args=(name,), xtol=1e-3)
                 hours[name] = float(np.exp(root))
         return hours

@@ -324,7 +324,7 @@ def _spread(s, of_s, freedom, note):
     """Estimate the spread: standard deviation as per cent of the median unit."""
     value, low, high = _peak_and_ends(np.log(s), of_s, _threshold_of_a_deviation(freedom))
     value, low, high = (
-        None if v is None or v > np.log(WIDEST) else _relative(np.exp(v))
+        None if v is None or v > np.log(WIDEST) else float(100 * np.sqrt(np.expm1(np.exp(v) ** 2)))
         for v in (value, low, high)
     )
     if low is None:
@@ -332,11 +332,6 @@ def _spread(s, of_s, freedom, note):
     if high is None:
         return Estimate.refused("%", f"{note}: not enough for an upper bound", low=low)
     return Estimate(value, low, high, "%", note=note)
-
-
-def _relative(s):
-    """Per cent of the median that a logarithm's standard deviation stands for."""
-    return float(100 * np.sqrt(np.expm1(s**2)))
 
 
 def _threshold_of_a_mean(freedom):

@@ -105,20 +105,8 @@ def transform(y, dt, m=1):
 
     ends = gathered(u * u)
     c[0] = u[0] = 0.0
-    return Spectrum(
-        n,
-        m,
-        dt,
-        lam,
-        count,
-        yy=gathered(c * c),
-        xx=gathered(x * x),
-        uu=gathered(u * u),
-        xy=gathered(x * c),
-        uy=gathered(u * c),
-        ux=gathered(u * x),
-        ends=ends,
-    )
+    sums = [gathered(a * b) for a, b in ((c, c), (x, x), (u, u), (x, c), (u, c), (u, x))]
+    return Spectrum(n, m, dt, lam, count, *sums, ends)
 
 
 def outline(n, dt):

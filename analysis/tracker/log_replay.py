@@ -129,14 +129,12 @@ def _epochs(gnss, imu, stored):
         best = np.flatnonzero(has)[np.argmin(np.nan_to_num(gnss.pdop[has], nan=np.inf))]
         origin = tuple(places[best].tolist())
         ned[has] = np.column_stack(pymap3d.geodetic2ned(*places[has].T, *origin))
-    motion = zip(gnss.speed_m_s.tolist(), np.radians(gnss.course_deg).tolist(), strict=True)
-    fixes = zip(
-        gnss.t_s.tolist(), has.tolist(), map(tuple, places.tolist()), map(tuple, ned.tolist()),
-        gnss.pdop.tolist(), motion, strict=True,
-    )  # fmt: skip
+    readings = [gnss.t_s, gnss.pdop, gnss.speed_m_s, np.radians(gnss.course_deg)]
     epochs = [
-        Epoch(t, fix if fixed else None, place if fixed else None, pdop, *moves)
-        for t, fixed, fix, place, pdop, moves in fixes
+        Epoch(t, tuple(place) if fixed else None, tuple(local) if fixed else None, *others)
+        for fixed, place, local, (t, *others) in zip(
+            has, places.tolist(), ned.tolist(), np.transpose(readings).tolist(), strict=True
+        )
     ]
     return epochs, origin
 
