@@ -445,7 +445,7 @@ def test_half_an_imu_is_no_imu(tmp_path):
     header = GNSS + ",accel_x_g,accel_y_g,accel_z_g"
     log = read_moving([csv(tmp_path, header, [(*r, 0, 0, -1) for r in gnss_rows(range(9))])])
     assert log.imu is None
-    lacks = "the readings of an IMU lack gyro_x_deg_s, gyro_y_deg_s, gyro_z_deg_s: not used"
+    lacks = "the IMU has no column gyro_x_deg_s, gyro_y_deg_s, gyro_z_deg_s: not used"
     assert f"log.csv: {lacks}" in log.notes
 
 
@@ -454,7 +454,7 @@ def test_half_a_position_is_no_position(tmp_path):
     rows = [(*r, 50.0) for r in imu_rows(np.arange(20))]
     log = read_moving([csv(tmp_path, IMU + ",lat_deg", rows)])
     assert log.gnss is None
-    assert "log.csv: positions lack lon_deg: not used" in log.notes
+    assert "log.csv: the GNSS has no column lon_deg: not used" in log.notes
 
 
 def test_negative_speeds_are_left_out_and_counted(tmp_path):
@@ -506,11 +506,11 @@ REFUSED = {
     "no time": (GNSS[4:], [r[1:] for r in gnss_rows(range(5))], WrongUsage, ("t_s=COLUMN",)),
     "an IMU but for a gyro": (
         IMU.replace("gyro_z_deg_s", "other"), imu_rows(range(20)), WrongUsage,
-        ("an IMU lack gyro_z_deg_s; say --columns",),
+        ("the IMU has no column gyro_z_deg_s; say --columns",),
     ),
     "no longitude": (
         GNSS.replace("lon_deg", "other"), gnss_rows(range(5)), WrongUsage,
-        ("positions lack lon_deg; say --columns",),
+        ("the GNSS has no column lon_deg; say --columns",),
     ),
     "neither": ("t_s,temperature", [(k, 20.5) for k in range(5)], WrongUsage, ("lat_deg",)),
 }  # fmt: skip

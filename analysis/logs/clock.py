@@ -209,29 +209,37 @@ def _whole(t: np.ndarray) -> bool:
     return bool((t[:1000] == np.round(t[:1000])).all())
 
 
-def rising(t_s: np.ndarray, place: Callable[[int], str], notes: list[str]) -> np.ndarray:
-    """Return the epochs later than the one before; repeated times are noted, backward ones refused.
+def rising(
+    t_s: np.ndarray, place: Callable[[int], str], notes: list[str], late_allowed: float = 0.0
+) -> np.ndarray:
+    """Return the rows later than all before; note those left out, refuse time that runs backward.
 
     Parameters
     ----------
     t_s : ndarray, shape (n,)
     place : callable
-        Names the place in the file of an epoch.
+        Names the place in the file of a row.
     notes : list of str
-        Gets one sentence about the epochs left out.
+        Gets one sentence about the rows left out.
+    late_allowed : float
+        Share of the rows that may be no later than the row before. With 0, any number may repeat
+        the time of the row before, and none may be earlier.
 
     Returns
     -------
     ndarray of int
     """
-    step = np.diff(t_s, prepend=-np.inf)
-    if (step < 0).any():
-        k = int(np.argmax(step < 0))
+    behind = np.r_[-np.inf, np.maximum.accumulate(t_s)[:-1] - t_s[1:]]
+    late = np.flatnonzero(behind >= 0)
+    refused = late if late_allowed else np.flatnonzero(behind > 0)
+    if len(refused) > late_allowed * len(t_s):
+        first = refused[0]
         raise CannotAnswer(
-            f"{place(k)}: time goes backward by {-step[k]:.6g} s; cut the file there, or leave out "
-            "what was written twice"
+            f"{place(first)}: time goes backward by {behind[first]:.6g} s, or stands still, here "
+            f"and in {len(refused) - 1:,} of {len(t_s):,} rows; sort the file, or cut it there"
         )
-    twice = np.flatnonzero(step == 0)
-    if twice.size:
-        notes.append(f"{place(twice[0])}: {twice.size:,} epochs at a time already there, left out")
-    return np.flatnonzero(step > 0)
+    if late.size:
+        notes.append(
+            f"{place(late[0])}: {late.size:,} rows not later than the row before, left out"
+        )
+    return np.flatnonzero(behind < 0)

@@ -102,7 +102,13 @@ def path(name: str) -> Path:
         If its bytes are not the registered ones.
     """
     wanted = entry(name)
-    for place in _places(name):
+    folder, _, rest = name.partition("/")
+    places = (
+        Path(os.environ.get(FOLDER_VARIABLE) or DOWNLOADED, name),
+        COMMITTED.get(folder, DOWNLOADED / folder) / rest,
+        DOWNLOADED / name,
+    )
+    for place in places:
         if place.is_file():
             if sha256(place) != wanted.sha256:
                 raise CannotAnswer(
@@ -182,15 +188,3 @@ def _by_hand(wanted: Entry) -> str:
         f"set {FOLDER_VARIABLE} to a folder that has it, or put the file from {wanted.url} into "
         f"data/downloaded/{wanted.file}"
     )
-
-
-def _places(name: str) -> list[Path]:
-    """List where a registered file may be, in the order of the search."""
-    folder, _, rest = name.partition("/")
-    places = []
-    if os.environ.get(FOLDER_VARIABLE):
-        places.append(Path(os.environ[FOLDER_VARIABLE]) / name)
-    if folder in COMMITTED:
-        places.append(COMMITTED[folder] / rest)
-    places.append(DOWNLOADED / name)
-    return places

@@ -31,8 +31,8 @@ class Grid:
         Samples on the grid, missing ones included.
     rows : ndarray of int, shape (k,)
         Rows of the log that are used, in order.
-    index : ndarray of int, shape (k,), or None
-        Grid sample of each used row; None where rows and samples are the same.
+    index : ndarray of int, shape (k,)
+        Grid sample of each used row.
     stamps : ndarray, shape (k,), or None
         Times (s) to interpolate between, in mode "stamps".
     gaps : int
@@ -44,20 +44,18 @@ class Grid:
     rate_hz: float
     size: int
     rows: np.ndarray
-    index: np.ndarray | None = None
+    index: np.ndarray
     stamps: np.ndarray | None = None
     gaps: int = 0
     repairs: tuple[str, ...] = ()
 
     def place(self, values: np.ndarray) -> np.ndarray:
         """Put one column, shape (rows of the log,), on the grid, shape (size,), NaN if missing."""
-        used = values if len(self.rows) == len(values) else values[self.rows]
+        used = values[self.rows]
         if self.stamps is not None:
             t = self.stamps[0] + np.arange(self.size) / self.rate_hz
             good = np.isfinite(used)
             return np.interp(t, self.stamps[good], used[good]) if good.any() else t * np.nan
-        if self.index is None:
-            return used
         out = np.full(self.size, np.nan)
         out[self.index] = used
         return out
@@ -180,22 +178,20 @@ def _gaps(t, dt) -> tuple[np.ndarray, np.ndarray]:
 
 def _with_gaps(rows, rate_hz, at, missing, step, repairs) -> Grid:
     """Assemble a grid with missing samples, unless too many are missing."""
-    if not at.size:
-        return Grid(rate_hz, len(rows), rows, np.arange(len(rows)), None, 0, tuple(repairs))
     size = len(rows) + int(missing.sum())
-    longest = int(np.argmax(missing))
-    row = int(rows[at[longest] + 1])
-    if missing.sum() > MISSING_ALLOWED * size:
-        raise BadStamps(
-            row,
-            f"{missing.sum():,} of {size:,} samples are missing in {_count(len(at), 'gap')}, the "
-            f"longest ({step[at[longest]]:.4g} s) before here; more than {MISSING_ALLOWED:.0%} is "
-            "too much: take one stretch with --from and --to",
+    if at.size:
+        before = at[np.argmax(missing)]
+        gaps = (
+            f"{_count(len(at), 'gap')}: {missing.sum():,} of {size:,} samples missing, the longest "
+            f"{step[before]:.4g} s"
         )
-    repairs.append(
-        f"{_count(len(at), 'gap')}: {missing.sum():,} of {size:,} samples missing, the longest "
-        f"{step[at[longest]]:.4g} s; left as missing"
-    )
+        if missing.sum() > MISSING_ALLOWED * size:
+            raise BadStamps(
+                int(rows[before + 1]),
+                f"{gaps}, before here; more than {MISSING_ALLOWED:.0%} is too much: take one "
+                "stretch with --from and --to",
+            )
+        repairs.append(f"{gaps}; left as missing")
     index = _index(len(rows), at, missing)
     return Grid(rate_hz, size, rows, index, None, len(at), tuple(repairs))
 
@@ -239,7 +235,7 @@ def _uneven(t, rows, mode, repairs) -> Grid:
             f"{_time(np.median(step))}, longest {_time(step.max())}) onto a grid of {rate:.6g} Hz: "
             f"this smooths the noise, so nothing below {_time(2 * step.max())} should be trusted"
         )
-        return Grid(rate, size, rows, None, t, 0, tuple(repairs))
+        return Grid(rate, size, rows, np.arange(len(rows)), t, 0, tuple(repairs))
     # A pause much longer than the usual steps is a gap here too.
     limit = max(10 * float(np.percentile(step, 99)), 50 / rate)
     at = np.flatnonzero(step > limit)

@@ -20,8 +20,8 @@ from analysis.logs.timeline import Gnss, Imu, Timeline
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
 IMU_GAPS = 0.01  # share of IMU rows whose time may step back
 NEEDED = {
-    "positions": ("lat_deg", "lon_deg"),
-    "the readings of an IMU": (
+    "GNSS": ("lat_deg", "lon_deg"),
+    "IMU": (
         *(f"gyro_{axis}_deg_s" for axis in "xyz"),
         *(f"accel_{axis}_m_s2" for axis in "xyz"),
     ),
@@ -169,13 +169,14 @@ def _read_csv(path: Path, wanted: dict[str, str]) -> tuple[dict[str, Any], str, 
     notes = [f"{path.name}: {note}" for note in (*table.repairs, *stamps.notes)]
     known = columns.measurements(table.frame.drop(columns=time))
     args = table, time, stamps.since_s + stamps.zero_s, known, notes
-    both = {"GNSS": _gnss(*args), "IMU": _imu(*args)}
-    parts = {kind: part for kind, part in both.items() if part is not None}
+    parts: dict[str, Any] = {}
     lacks = []
-    for what, needed in NEEDED.items():
-        missing = [name for name in needed if columns.split(name)[0] not in known]
-        if 0 < len(missing) < len(needed):
-            lacks.append(f"{what} lack {', '.join(missing)}")
+    for kind, build in (("GNSS", _gnss), ("IMU", _imu)):
+        missing = [name for name in NEEDED[kind] if columns.split(name)[0] not in known]
+        if not missing:
+            parts[kind] = build(*args)
+        elif len(missing) < len(NEEDED[kind]):
+            lacks.append(f"the {kind} has no column {', '.join(missing)}")
     if not parts:
         lacks = lacks or [
             "neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 ..., gyro_x_deg_s ...)"
@@ -185,10 +186,8 @@ def _read_csv(path: Path, wanted: dict[str, str]) -> tuple[dict[str, Any], str, 
     return parts, stamps.clock, notes
 
 
-def _gnss(table, time, t, known, notes) -> Gnss | None:
+def _gnss(table, time, t, known, notes) -> Gnss:
     """Make the epochs: the rows in which the receiver gives a value."""
-    if not {"lat", "lon"} <= set(known):
-        return None
     file = table.file
     data = {
         meaning: table.frame[name].to_numpy()
@@ -236,30 +235,17 @@ def _gnss(table, time, t, known, notes) -> Gnss | None:
     return Gnss(t_s=t[at], pdop=column("pdop"), has_fix=fix, **blank)
 
 
-def _imu(table, time, t, known, notes) -> Imu | None:
+def _imu(table, time, t, known, notes) -> Imu:
     """Make the samples: rows with all six readings, in SI units."""
-    names = [f"{kind}_{axis}" for kind in ("gyro", "accel") for axis in "xyz"]
-    if not set(names) <= set(known):
-        return None
-    readings = table.frame[[known[n][0] for n in names]].to_numpy(dtype=float)
+    names = [known[columns.split(name)[0]][0] for name in NEEDED["IMU"]]
+    readings = table.frame[names].to_numpy(dtype=float)
     rows = np.flatnonzero(np.isfinite(readings).all(axis=1) & np.isfinite(t))
     if not rows.size:
         raise CannotAnswer(f"{table.file}: no row has all six IMU readings and a time")
-    latest = np.maximum.accumulate(t[rows])
-    late = np.flatnonzero(np.r_[False, t[rows][1:] <= latest[:-1]])
-    if len(late):
-        place = table.place(rows[late[0]], time)
-        if len(late) > IMU_GAPS * len(rows):
-            back = float(latest[late[0] - 1] - t[rows][late[0]])
-            raise CannotAnswer(
-                f"{place}: time stands still or goes backward (by {back:.6g} s) here and in "
-                f"{len(late):,} of {len(rows):,} rows; sort or cut the file"
-            )
-        notes.append(f"{place}: {len(late):,} rows not later than the row before")
     if len(rows) < len(readings) and "lat" not in known:
         share = 1 - len(rows) / len(readings)
         notes.append(f"{table.file}: {share:.1%} of the IMU rows lack a reading, left out")
-    rows = np.delete(rows, late)
+    rows = rows[clock.rising(t[rows], lambda k: table.place(rows[k], time), notes, IMU_GAPS)]
     if len(rows) < 2:
         raise CannotAnswer(f"{table.file}: a single IMU sample")
     gyro, accel = readings[rows, :3], readings[rows, 3:]

@@ -233,17 +233,13 @@ def _choices(table, time, stanza, wanted, option) -> tuple[list[Choice], list[st
     """Choose the channels: the catalogue's, or those of the file."""
     file, frame, unit, kind = table.file, table.frame, option.get("unit"), option.get("kind")
     if "channels" in stanza:
-        known = []
+        known = {}
         for channel in stanza["channels"]:
-            column = columns.resolve(channel["column"], list(frame.columns), file)
-            (named,), _ = columns.choose(
-                [column], file, [column], channel.get("unit", unit), channel.get("kind", kind)
-            )
+            own_unit, own_kind = channel.get("unit", unit), channel.get("kind", kind)
+            (named,), _ = columns.choose(list(frame), file, [channel["column"]], own_unit, own_kind)
             name = columns.tidy(channel.get("name", named.name))
-            known.append(replace(named, name=name))
-        names = [choice.name for choice in known]
-        picked = [columns.resolve(c, names, file) for c in wanted] if wanted else names
-        return [known[names.index(name)] for name in picked], []
+            known[name] = replace(named, name=name)
+        return [known[columns.resolve(c, list(known), file)] for c in wanted or known], []
     if wanted:  # numbers count the columns of the file, the time among them
         wanted = [columns.resolve(c, list(frame), file) for c in wanted]
         for name in wanted:
@@ -268,7 +264,8 @@ def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid
     """Place the rows on a uniform grid, by their stamps or by a given rate."""
     rate, frame = option.get("rate_hz"), table.frame
     if t_s is None:
-        return Grid(float(option["rate_hz"]), len(frame), np.arange(len(frame)))
+        rows = np.arange(len(frame))
+        return Grid(float(option["rate_hz"]), len(rows), rows, rows)
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(np.diff(t_s) == 0) + 1
     if same.size:
