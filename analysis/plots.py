@@ -204,6 +204,7 @@ def curves(
     for ax in axes:
         ax.set_xlabel(AXIS[swept])
         ax.locator_params(axis="x", nbins=4)
+        ax.xaxis.set_major_formatter("{x:g}")
     handles = axes[0].get_legend_handles_labels()
     axes[0].figure.legend(*handles, loc="outside lower center", ncols=4)
 
@@ -235,6 +236,7 @@ def plane(
     """
     shown, steps = np.log10(error), np.linspace(*np.log10(span), 13)
     ax.set(xscale="log", yscale="log", xlabel=AXIS["N"], ylabel=AXIS["B"])
+    ax.label_outer()
     colors = {"cmap": "viridis_r", "alpha": 0.6, "extend": "both"}
     filled = ax.contourf(arw, sigma_b, shown, levels=steps, **colors)
     for level in levels:
@@ -259,13 +261,7 @@ def _crossing(arw, sigma_b, shown, level):
     return 10 ** np.interp(level, np.maximum.accumulate(row), np.log10(arw)), sigma_b[1]
 
 
-def sensors(
-    ax: Axes,
-    arw: np.ndarray,
-    sigma_b: np.ndarray,
-    priced: np.ndarray,
-    own: Sequence[tuple[str, float, float]],
-) -> None:
+def sensors(ax: Axes, table: pd.DataFrame, own: Sequence[tuple[str, float, float]]) -> None:
     """Mark numbered sensors on the N-B plane, filled where a price is known, and measured ones.
 
     Numbers that would cover each other are moved apart, a line leading to the place.
@@ -273,25 +269,30 @@ def sensors(
     Parameters
     ----------
     ax : matplotlib.axes.Axes
-    arw, sigma_b : array_like, shape (sensors,)
-    priced : array_like of bool, shape (sensors,)
+    table : pandas.DataFrame
+        Of `analysis.terrain.sensor_table`.
     own : sequence of (label, arw, sigma_b)
         Sensors with a ``model.json``, drawn as stars.
     """
-    every_n, every_b = ([*x, *(o[i] for o in own)] for i, x in ((1, arw), (2, sigma_b)))
-    places = _apart(every_n, every_b, APART)
-    listed = zip(arw, sigma_b, priced, places[: len(arw)], strict=True)
-    for number, (n, b, known, at) in enumerate(listed, start=1):
-        face, ink = ("k", "w") if known else ("w", "k")
-        name, mark = f"_sensor {number}", {"ms": 8, "mfc": face, "mec": "k", "mew": 0.6}
-        ax.plot([n, at[0]], [b, at[1]], "k-", lw=0.5, zorder=3, label=f"{name}, line to its number")
-        ax.plot(n, b, "k.", ms=2.5, zorder=3, label=name)
-        ax.plot(*at, "o", zorder=3, label=f"{name}, place of its number", **mark)
-        ax.text(*at, number, color=ink, fontsize=5.5, ha="center", va="center_baseline", zorder=4)
-    for (label, n, b), at, color in zip(own, places[len(arw) :], cycle("rmb"), strict=False):
-        line = f"_{label}, line to its star"
-        ax.plot([n, at[0]], [b, at[1]], "-", color=color, lw=0.5, zorder=3, label=line)
-        ax.plot(*at, "*", mfc="w", mec=color, ms=10, mew=1.2, label=label, ls="none", zorder=5)
+    measured = pd.DataFrame(own, columns=["name", "arw", "bias"])
+    every = pd.concat([table[["name", "arw", "bias"]], measured], ignore_index=True)
+    priced, colors = table["price"].notna().to_numpy(), cycle("rmb")
+    at = _apart(every["arw"], every["bias"], APART)
+    for i, (name, n, b) in enumerate(every.itertuples(index=False)):
+        listed = i < len(table)
+        color = "k" if listed else next(colors)
+        line = {"color": color, "lw": 0.5, "zorder": 3, "label": f"_{name}, line to its mark"}
+        ax.plot([n, at[i, 0]], [b, at[i, 1]], **line)
+        if listed:
+            face, ink = ("k", "w") if priced[i] else ("w", "k")
+            mark = {"ms": 8, "mfc": face, "mec": "k", "mew": 0.6, "ls": "none", "zorder": 3}
+            ax.plot(n, b, "k.", ms=2.5, zorder=3, label=f"_{name}")
+            ax.plot(*at[i], "o", label=f"{i + 1}  {name}", **mark)
+            middle = {"ha": "center", "va": "center_baseline"}
+            ax.text(*at[i], i + 1, color=ink, fontsize=5.5, zorder=4, **middle)
+        else:
+            mark = {"ms": 10, "mfc": "w", "mec": color, "mew": 1.2, "ls": "none", "zorder": 5}
+            ax.plot(*at[i], "*", label=name, **mark)
 
 
 def _apart(x, y, least):
