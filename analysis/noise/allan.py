@@ -141,8 +141,6 @@ def _second_differences(phase, m):
 
 def _differences_of_partial_means(phase, count, m):
     """Do the same where samples are missing, with means that have nearly all of their samples."""
-    if len(phase) - 2 * m < 1:
-        return np.nan
     have = count[m:] - count[:-m]
     full = have >= FULL * m
     mean = (phase[m:] - phase[:-m]) / np.where(full, have, 1)

@@ -16,8 +16,8 @@ TOLERANCE = 0.1  # a slope counts as -1/2 or +1/2 within this
 SPAN = 0.3  # decades over which a slope is measured, and over which it must hold
 
 
-def slopes(curve, span=SPAN):
-    """Slope d log(adev) / d log(tau), each from the points within half of `span` decades.
+def slopes(curve):
+    """Slope d log(adev) / d log(tau), each from the points within half of SPAN decades.
 
     Returns
     -------
@@ -26,7 +26,7 @@ def slopes(curve, span=SPAN):
     x, y = np.log10(curve.tau), np.log10(curve.adev)
     slope = np.full(len(x), np.nan)
     for i in range(len(x)):
-        near = np.abs(x - x[i]) <= span / 2 + 1e-9
+        near = np.abs(x - x[i]) <= SPAN / 2 + 1e-9
         if near.sum() < 3:
             near = np.argsort(np.abs(x - x[i]), kind="stable")[:3]
         slope[i] = np.polyfit(x[near], y[near], 1)[0] if len(x) >= 3 else np.nan

@@ -268,21 +268,21 @@ def infer(
     return result
 
 
-def fit_all(likelihood, *, rate=False, near=None):
+def fit_all(likelihood, *, rate, near):
     """Fit every model, the richer from the simpler; a rate with quantisation, if that is better.
 
     Parameters
     ----------
     likelihood : NoiseLikelihood
     rate : bool
-    near : dict of str, Fit, optional
-        Fits of the same log in another band, to start from.
+    near : dict of str, Fit
+        Fits of the same log in another band, to start from; may be empty.
 
     Returns
     -------
     dict of str, Fit
     """
-    fits, near = {}, near or {}
+    fits = {}
 
     def fit(model, simpler, quantised):
         name = model + (QUANTISED if quantised else "")

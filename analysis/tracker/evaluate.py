@@ -14,6 +14,9 @@ from analysis.tracker.log_replay import replay
 from analysis.tracker.low_pass import LowPass
 from analysis.tracker.scenarios import Scenario, scenario
 
+SLOWEST = 2.0  # m/s, speed under which the regression leaves an epoch out
+BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
+
 
 def gated(
     gnss: Gnss, stored: Stored | None = None, gate: float = LastPosition.gate
@@ -71,13 +74,11 @@ def cold_start(
         their means ``awaiting`` the first accepted fix (NaN if the first fix is accepted); the
         median error of the ``refused`` and of the ``accepted`` fixes.
     """
-    at_rest = simulated.gnss.t_s < at_rest_s
-    gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.gnss).items()})
+    at_rest = simulated.log.gnss.t_s < at_rest_s
+    gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.log.gnss).items()})
     accepted, *place, _ = gated(gnss, stored, gate)
-    device, gps = (
-        np.hypot(*simulated.error(p[0], p[1], at_rest))
-        for p in (place, (gnss.lat_deg, gnss.lon_deg))
-    )
+    device = np.hypot(*simulated.error(*place, at_rest))
+    gps = np.hypot(*simulated.fix_error()[:, at_rest])
     fix = gnss.has_fix
     waits = fix & (np.cumsum(accepted) == 0)
 
@@ -191,7 +192,7 @@ def courtyard_errors(seed: int, count: int, **settings: Any) -> tuple[np.ndarray
     """
     streams = np.random.SeedSequence(seed).spawn(count)
     drawn = [scenario("A", np.random.default_rng(s), imu_rate=1.0, **settings) for s in streams]
-    return drawn[0].gnss.t_s, np.stack([a.fix_error() for a in drawn], axis=-1)
+    return drawn[0].log.gnss.t_s, np.stack([a.fix_error() for a in drawn], axis=-1)
 
 
 def stationary_periods(
@@ -350,7 +351,7 @@ def mounting_ride(ride: Scenario) -> dict:
         row |= {"first": off[known[0]], "last": off[-1], "changed": np.ptp(off[known])}
         row["sigma"] = track.summary["mounting"]["sigma_deg"]
     ends = np.array([s.t_s for s in straights])
-    speed = ride.gnss.speed_m_s
+    speed = ride.log.gnss.speed_m_s
     start = np.interp(ends - Options().straight_s, when, speed)
     gained = np.sign(np.interp(ends, when, speed) - start)
     ax, ay = np.array([(s.ax, s.ay) for s in straights]).T
@@ -396,13 +397,7 @@ def mounting_summary(rides: pd.DataFrame) -> dict[str, str]:
 
 
 def mounting_regression(
-    gnss: Gnss,
-    imu: Imu,
-    rng: np.random.Generator,
-    *,
-    slowest: float = 2.0,
-    runs: int = 400,
-    block: int = 20,
+    gnss: Gnss, imu: Imu, rng: np.random.Generator, *, runs: int = 400
 ) -> Estimate:
     """Fit the mounting angle to a whole log at once: a reference where no truth is known.
 
@@ -420,10 +415,8 @@ def mounting_regression(
         One fix a second.
     imu : Imu
     rng : numpy.random.Generator
-    slowest : float
-        Speed under which an epoch is left out, m/s.
-    runs, block : int
-        Bootstrap runs; epochs in a block, longer than the correlation that rider and road cause.
+    runs : int
+        Of the bootstrap.
 
     Returns
     -------
@@ -431,19 +424,19 @@ def mounting_regression(
         Clockwise from the heading to the sensor's X axis, deg; the interval surrounds the value
         and is not wrapped.
     """
-    design, force = _steps(gnss, imu, slowest)
+    design, force = _steps(gnss, imu)
     value = _angle(design, force)
-    starts = np.arange(0, max(1, len(force) - block + 1))
+    starts = np.arange(0, max(1, len(force) - BLOCK + 1))
     angles = []
     for _ in range(runs):
-        at = rng.choice(starts, size=-(-len(force) // block))
-        rows = (at[:, None] + np.arange(block)).ravel()
+        at = rng.choice(starts, size=-(-len(force) // BLOCK))
+        rows = (at[:, None] + np.arange(BLOCK)).ravel()
         angles.append(_angle(design[rows % len(force)], force[rows % len(force)]))
     low, high = np.quantile(wrap(np.array(angles) - value), [0.025, 0.975])
     return Estimate(value, value + low, value + high, "deg")
 
 
-def _steps(gnss, imu, slowest):
+def _steps(gnss, imu):
     """Gather, for each step between fixes in motion, the fit's inputs and the mean force."""
     t, v = gnss.t_s, gnss.speed_m_s
     course = np.radians(gnss.course_deg)
@@ -453,7 +446,7 @@ def _steps(gnss, imu, slowest):
     total = [np.bincount(at, a, minlength=len(t) - 1) for a in imu.accel_b[inside].T]
     dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
     turned = wrap(np.diff(course), 2 * np.pi)
-    use = (dt < 1.5) & (mean_v > slowest) & np.isfinite(turned) & (count > 0)
+    use = (dt < 1.5) & (mean_v > SLOWEST) & np.isfinite(turned) & (count > 0)
     design = np.column_stack([np.diff(v) / dt, mean_v * turned / dt, np.ones(len(dt))])[use]
     return design, (np.array(total)[:, : len(dt)] / np.maximum(count, 1)).T[use]
 

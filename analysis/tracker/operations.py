@@ -7,7 +7,7 @@ numbers of type `Counted`, which add each operation to a `Tally`.
 
 import operator
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 import pandas as pd
@@ -34,15 +34,11 @@ class Tally:
     @property
     def total(self):
         """All of them."""
-        return self.sums + self.products + self.divisions + self.functions
+        return sum(astuple(self))
 
     def __add__(self, other):
         """Add up kind by kind."""
-        return Tally(*(a + b for a, b in zip(self.counts(), other.counts(), strict=True)))
-
-    def counts(self):
-        """Sums, products, divisions, functions."""
-        return self.sums, self.products, self.divisions, self.functions
+        return Tally(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
 
 def matrix_product(a, b, c):
@@ -368,12 +364,12 @@ def _mounting():
     upright, block = instrument(upright, tally), instrument(MountingYaw(), tally)
     entry = Tally()
     for k in range(40):
-        before = tally.counts()
+        before = astuple(tally)
         force = _counting((0.6, 0.2, -STANDARD_GRAVITY), tally)
         upright.step(force, Counted(1.0, tally))
         epoch = _counting((float(k), 1.0, 0.3, 5.0 + 0.2 * k, 0.01), tally)
         block.step(*epoch, *upright.level(force), *_counting((0.001, (0.3, 0.1)), tally))
-        counts = [now - was for now, was in zip(tally.counts(), before, strict=True)]
+        counts = [now - was for now, was in zip(astuple(tally), before, strict=True)]
         if block.straights:
             return Tally(*counts), entry
         entry = Tally(*counts)
