@@ -74,8 +74,8 @@ def cold_start(
         their means ``awaiting`` the first accepted fix (NaN if the first fix is accepted); the
         median error of the ``refused`` and of the ``accepted`` fixes.
     """
-    at_rest = simulated.log.gnss.t_s < at_rest_s
-    gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.log.gnss).items()})
+    at_rest = simulated.gnss.t_s < at_rest_s
+    gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.gnss).items()})
     accepted, *place, _ = gated(gnss, stored, gate)
     device = np.hypot(*simulated.error(*place, at_rest))
     gps = np.hypot(*simulated.fix_error()[:, at_rest])
@@ -192,7 +192,7 @@ def courtyard_errors(seed: int, count: int, **settings: Any) -> tuple[np.ndarray
     """
     streams = np.random.SeedSequence(seed).spawn(count)
     drawn = [scenario("A", np.random.default_rng(s), imu_rate=1.0, **settings) for s in streams]
-    return drawn[0].log.gnss.t_s, np.stack([a.fix_error() for a in drawn], axis=-1)
+    return drawn[0].gnss.t_s, np.stack([a.fix_error() for a in drawn], axis=-1)
 
 
 def stationary_periods(
@@ -351,7 +351,7 @@ def mounting_ride(ride: Scenario) -> dict:
         row |= {"first": off[known[0]], "last": off[-1], "changed": np.ptp(off[known])}
         row["sigma"] = track.summary["mounting"]["sigma_deg"]
     ends = np.array([s.t_s for s in straights])
-    speed = ride.log.gnss.speed_m_s
+    speed = ride.gnss.speed_m_s
     start = np.interp(ends - Options().straight_s, when, speed)
     gained = np.sign(np.interp(ends, when, speed) - start)
     ax, ay = np.array([(s.ax, s.ay) for s in straights]).T

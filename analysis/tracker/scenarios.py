@@ -194,6 +194,11 @@ class Scenario:
         north, east, _ = pymap3d.geodetic2ned(lat_deg, lon_deg, 0.0, *self.origin)
         return north - self.north_m[at], east - self.east_m[at]
 
+    @property
+    def gnss(self):
+        """GNSS epochs of the log, which a simulated one always has."""
+        return self.log.gnss
+
     def fix_error(self):
         """Return the errors of the fixes north and east, m, shape (2, n)."""
         return np.array(self.error(self.log.gnss.lat_deg, self.log.gnss.lon_deg))
