@@ -54,9 +54,11 @@ _MEANINGS = (  # meaning of a name without its unit
     ("course", r"(gps_?|location_?)?(course|cog|bearing|track|heading)"),
     ("fix", r"has_?fix|fix|fix_?type|quality"),
     ("accel_{}", r"(a|acc|accel|accelerometer|acceleration|g_?force)[ _.]?{}"),
+    ("gyro_x", r"rollrate"),
+    ("gyro_y", r"pitchrate"),
+    ("gyro_z", r"yawrate"),
     ("gyro_{}", r"(w|gyr|gyro|gyroscope|omega|rate|angular_?rate)[ _.]?{}"),
 )
-_BODY_RATES = {"rollrate": "gyro_x", "pitchrate": "gyro_y", "yawrate": "gyro_z"}
 SPEED = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
 _SPEED_WITH_UNIT = re.compile(
     _SPEED_NAME + r"[ _]*[\[(]?((?P<m_s>m_s|m/s|mps|ms)|(?P<km_h>km_h|km/h|kmh|kph)"
@@ -265,17 +267,13 @@ def rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFra
         ours: resolve(theirs.removeprefix("-"), names, file) for ours, theirs in wanted.items()
     }
     for ours, theirs in picked.items():
-        if not (clock.is_time(ours) or _meaning(ours)[0]):
+        if not _meaning(ours)[0]:
             raise WrongUsage(
                 f"--columns {ours}={theirs}: '{ours}' is none of t_s, lat_deg, lon_deg, height_m, "
                 "pdop, speed_m_s, course_deg, has_fix, accel_x_m_s2 ..., gyro_x_deg_s ..."
             )
-
-    def meanings(name):
-        return {"time"} if clock.is_time(name) else {_meaning(name)[0]} - {None}
-
-    taken = set().union(*map(meanings, picked))
-    drop = [n for n in names if n not in picked.values() and meanings(n) & taken]
+    taken = {_meaning(ours)[0] for ours in picked}
+    drop = [n for n in names if n not in picked.values() and _meaning(n)[0] in taken]
     frame = frame.drop(columns=drop).rename(columns={v: k for k, v in picked.items()})
     negative = [ours for ours, theirs in wanted.items() if theirs.startswith("-")]
     return frame.assign(**{ours: -frame[ours] for ours in negative})
@@ -283,12 +281,11 @@ def rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFra
 
 def _meaning(name: str) -> tuple[str | None, str | None]:
     """Return meaning and unit of a column's name (None, None if unknown)."""
-    lower = name.strip().lower()
-    if lower in _BODY_RATES:
-        return _BODY_RATES[lower], None
+    if clock.is_time(name):
+        return "time", None
     base, unit = split(name)
     base = base.strip().lower()
-    speed = _SPEED_WITH_UNIT.fullmatch(lower)
+    speed = _SPEED_WITH_UNIT.fullmatch(name.strip().lower())
     if speed:
         return "speed", next(unit for unit in SPEED if speed[unit])
     for meaning, pattern in _MEANINGS:
@@ -303,7 +300,7 @@ def measurements(frame: pd.DataFrame) -> dict[str, tuple[str, str | None]]:
     columns: dict[str, tuple[str, str | None]] = {}
     for name in frame.select_dtypes("number"):
         meaning, unit = _meaning(name)
-        if meaning:
+        if meaning not in (None, "time"):
             columns.setdefault(meaning, (name, unit))
     return columns
 

@@ -17,6 +17,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import multimode
 
 import numpy as np
 import pandas as pd
@@ -35,7 +36,6 @@ _NEWLINE = re.compile(r"\r\n|\n|\r")
 _LINE_ENDS = (b"\n", b"\r", b"\x00")
 _CUT_OFF = "the last line is cut off and was dropped"
 TAIL_BYTES = 1 << 13
-SLOW_BYTES = 50_000_000  # a file beyond this takes longer than a second
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def sniff(path: Path) -> Layout:
             named = _split(lines[above[-1]].lstrip()[1:].strip(), delimiter)
             if len(named) == len(fields[first]) and _is_header(named, decimal):
                 head_row = named
-    width = _width([fields[i] for i in rows])
+    width = min(multimode(len(fields[i]) for i in rows))
     if head_row is not None and len(head_row) < width:
         extra = [i for i in rows if any(field.strip() for field in fields[i][len(head_row) :])]
         if extra:
@@ -173,7 +173,7 @@ def _delimiter(lines: list[str]) -> str:
     best, score = ",", (0.0, 0)
     for rank, candidate in enumerate((";", "\t", ",", " ")):
         widths = [len(_split(line, candidate)) for line in lines]
-        usual = max(set(widths), key=widths.count)
+        usual = min(multimode(widths))
         if usual > 1 and (widths.count(usual) / len(widths), -rank) > score:
             best, score = candidate, (widths.count(usual) / len(widths), -rank)
     return best
@@ -224,12 +224,6 @@ def _is_text(rows: list[list[str]], column: int, decimal: str) -> bool:
     cells = [cell for cell in cells if cell.lower() not in MISSING]
     texts = sum(bool(CLOCK.match(cell)) or _is_word(cell, decimal) for cell in cells)
     return 2 * texts > len(cells)
-
-
-def _width(rows: list[list[str]]) -> int:
-    """Return the usual number of fields of a data row."""
-    widths = [len(row) for row in rows]
-    return max(set(widths), key=widths.count)
 
 
 def printable(text: str) -> str:
@@ -302,10 +296,10 @@ def read_table(path: Path) -> Table:
         If the file is empty, binary, or holds text where a number should be: file, line, column.
     """
     layout = sniff(path)
-    size = path.stat().st_size
-    bar = {  # for a large file, only on a terminal; a packed one has more to read than its size
-        "total": size,
-        "disable": None if size > SLOW_BYTES else True,
+    bar = {  # after a second, and only on a terminal; a packed file has more to read than its size
+        "total": path.stat().st_size,
+        "delay": 1.0,
+        "disable": None,
         "desc": f"reading {path.name}",
         "leave": False,
     }

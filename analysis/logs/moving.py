@@ -101,13 +101,13 @@ def _columns_of_each(wanted: dict[str, str], paths: list[Path]) -> dict[Path, di
     tables = [path for path in paths if formats.format_of(path) == "csv"]
     if wanted and not tables:
         raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
-    names = {path: delimited.sniff(path).names for path in tables}
     each: dict[Path, dict[str, str]] = {path: {} for path in paths}
     for ours, theirs in wanted.items():
         errors = []
         for path in tables:
             try:
-                columns.resolve(theirs.removeprefix("-"), names[path], path.name)
+                names = delimited.sniff(path).names
+                columns.resolve(theirs.removeprefix("-"), names, path.name)
                 each[path][ours] = theirs
             except WrongUsage as error:
                 errors.append(str(error))

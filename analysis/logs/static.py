@@ -268,10 +268,9 @@ def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid
         return Grid(float(option["rate_hz"]), len(rows), rows, rows)
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(np.diff(t_s) == 0) + 1
-    if same.size:
-        now, before = frame.iloc[same], frame.iloc[same - 1]
-        pairs = [(now[c].to_numpy(), before[c].to_numpy()) for c in frame]
-        repeated[same] = np.all([(a == b) | ((a != a) & (b != b)) for a, b in pairs], axis=0)
+    now = frame.iloc[same]
+    before = frame.iloc[same - 1].set_axis(now.index)
+    repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
     with clock.stamp_errors_at(table, time):
         grid = grids.by_stamps(t_s, repeated, option.get("timing", "auto"))
     if rate is not None and abs(grid.rate_hz / rate - 1) > 0.05:
