@@ -11,7 +11,7 @@ from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.real_laps import resample_lap, track_real_laps
 
 LAP = "17-39-12"  # the one with the longest dropout
-PERFECT = {0: (0.0, 0.0)}
+PERFECT = {0: Sensor(0.0, 0.0)}
 
 
 def test_a_held_out_lap_is_tracked_well_under_a_metre():

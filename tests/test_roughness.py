@@ -14,9 +14,11 @@ def test_the_spectrum_keeps_the_variance():
     step, n = 0.5, 4000
     s = step * np.arange(n)
     values = 3.0 * np.sin(2 * np.pi * s / 25.0) + np.random.default_rng(1).standard_normal(n)
-    whole, density = roughness._lines(values, values, step)
-    assert np.sum(density) * whole[0] == pytest.approx(np.var(values), rel=1e-3)
-    found, _ = roughness.shared_spectrum([values, values], step)
+    found, coherence = roughness.shared_spectrum([values, values], step)
+    edges = np.sqrt(found.n[:-1] * found.n[1:])
+    width = np.diff(edges, prepend=0.5 / (step * n), append=1 / step / 2)
+    assert np.sum(found.density * width) == pytest.approx(np.var(values), rel=0.1)  # bands
+    np.testing.assert_allclose(coherence, 1.0, rtol=1e-9)
     assert found.n[np.argmax(found.density)] == pytest.approx(1 / 25.0, rel=0.15)
 
 

@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, label
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
@@ -137,11 +137,9 @@ def bridge(positions, most=BRIDGED):
     if good.sum() < 4:
         return out
     known = np.flatnonzero(good)
-    before = np.searchsorted(known, np.arange(len(good)), side="right") - 1
-    inside = (before >= 0) & (before < len(known) - 1)
-    length = np.zeros(len(good), dtype=int)
-    length[inside] = known[before[inside] + 1] - known[before[inside]] - 1
-    fill = ~good & inside & (length <= most)
+    dropout, _ = label(~good)
+    fill = ~good & (np.bincount(dropout)[dropout] <= most)
+    fill[: known[0]] = fill[known[-1] :] = False  # at the ends there is nothing to bridge to
     out[fill] = CubicSpline(known, positions[good])(np.flatnonzero(fill))
     return out
 

@@ -155,7 +155,7 @@ def simulate_laps(
     for i in tqdm(range(0, runs, block), desc="laps", unit="block", disable=None):
         part = slice(i, i + block)
         first, moved = odometry(setup, streams[part])
-        paths = attitude_errors(setup, attitude_map.channels, streams[part])
+        paths = attitude_errors(setup, attitude_map.channels, streams[part], len(truth))
         seen = attitude[..., part] if map_error else attitude
         parts.append(
             follow(attitude_map, truth, seen, first, moved, paths, sensors, setup, store_every)
@@ -194,7 +194,7 @@ def odometry(setup, streams):
     return first, moved
 
 
-def attitude_errors(setup, channels, streams, *, samples=None):
+def attitude_errors(setup, channels, streams, samples):
     """Draw the unit paths of some runs: every channel its own gyro.
 
     Parameters
@@ -202,8 +202,7 @@ def attitude_errors(setup, channels, streams, *, samples=None):
     setup : Setup
     channels : int
     streams : sequence of numpy.random.SeedSequence
-    samples : int, optional
-        By default those of the setup's lap.
+    samples : int
 
     Returns
     -------
@@ -212,7 +211,7 @@ def attitude_errors(setup, channels, streams, *, samples=None):
     """
     drawn = [
         gyro.unit_paths(
-            samples or setup.samples,
+            samples,
             1 / setup.rate_hz,
             setup.corr_time,
             [_child(stream, 1 + c) for stream in streams],
@@ -229,12 +228,12 @@ def attitude_errors(setup, channels, streams, *, samples=None):
 def follow(
     attitude_map, truth, attitude, first, moved, paths, sensors, setup, store_every=0.5
 ) -> Laps:
-    """Track one drive, simulated or real, through all runs and cells; or a drive for each run.
+    """Track one drive, simulated or real, through all runs and sensors.
 
     Parameters
     ----------
-    attitude_map : AttitudeMap or MapOfEach
-    truth : ndarray, shape (samples,) or (samples, runs), m
+    attitude_map : AttitudeMap
+    truth : ndarray, shape (samples,), m
     attitude : ndarray, shape (channels, samples) or (channels, samples, runs), deg
         Reading of a perfect gyro; NaN where there is none, and the filter then only predicts.
     first : ndarray, shape (runs,), m
@@ -242,60 +241,49 @@ def follow(
     paths : tuple of ndarray, shape (samples, channels, runs)
         Of `attitude_errors`.
     sensors, setup, store_every
-        As for `simulate_laps`; a sensor's R may have the shape (runs,).
+        As for `simulate_laps`.
 
     Returns
     -------
     Laps
-        With ``distance`` of shape (times, runs) where each run has a drive of its own.
     """
     each_sensor = [Sensor(*sensor) for sensor in sensors.values()]
-    arw, sigma_b = np.array([sensor[:2] for sensor in each_sensor], dtype=float).T[..., None]
-    R = np.stack(np.broadcast_arrays(*(_assumed_R(sensor, setup) for sensor in each_sensor)))
+    arw, sigma_b, R = np.array(
+        [(sensor.arw, sensor.sigma_b, _assumed_R(sensor, setup)) for sensor in each_sensor]
+    ).T[..., None]
     n, m, dt, every = len(truth), attitude_map.channels, 1 / setup.rate_hz, setup.every
     walk, bias = paths
     ukf, Q = _filter(attitude_map, setup, arw, sigma_b, first)
     stride = every * max(round(store_every / dt) // every, 1)
     stored = np.arange(stride, n, stride)
     error, variance = np.empty((2, len(arw), len(first), len(stored)))
-    nis = np.zeros((len(arw), len(first)))
-    readings = np.zeros(len(first))
-    known = np.isfinite(attitude).all(axis=0).reshape(n, -1)
-    all_known, some_known = known.all(axis=1), known.any(axis=1)
+    nis, readings = np.zeros((len(arw), len(first))), 0
     attitude = attitude.reshape(m, n, 1, -1)
+    known = np.isfinite(attitude).all(axis=(0, 2, 3))
     for k in range(every, n, every):
         step = moved[k - every + 1 : k + 1].sum(axis=0)
         ukf.predict(step, Q)
         ukf.P[0, 0] += setup.q * np.abs(step)
-        if some_known[k]:
+        if known[k]:
             z = arw * walk[k][:, None]
             z += sigma_b * bias[k][:, None]
             z += attitude[:, k]
-            innovation, S = ukf.update(z, R) if all_known[k] else _update_known(ukf, z, R, known[k])
+            innovation, S = ukf.update(z, R)
         if k % stride == 0:
             j = k // stride - 1
             error[:, :, j] = ukf.x[0] - truth[k]
             variance[:, :, j] = ukf.P[0, 0]
-            if some_known[k]:
-                nis += known[k] * normalised_square(innovation, S) / m
-                readings += known[k]
-    nis /= np.maximum(readings, 1)
+            if known[k]:
+                nis += normalised_square(innovation, S) / m
+                readings += 1
+    nis /= max(readings, 1)
     return Laps(tuple(sensors), stored * dt, truth[stored], error, variance, nis)
 
 
 def _assumed_R(sensor, setup):
-    """Measurement variance that the filter of a sensor assumes, deg^2, shape (1,) or (runs,)."""
+    """Measurement variance that the filter of a sensor assumes, deg^2."""
     R = setup.R if sensor.R is None else sensor.R
-    return np.atleast_1d(setup.own_R(sensor) if R is None else R)
-
-
-def _update_known(ukf, z, R, known):
-    """Update the filters of the runs that have a reading; the others stay as they are."""
-    x, P = ukf.x.copy(), ukf.P.copy()
-    innovation, S = ukf.update(np.where(known, z, 0.0), R)
-    np.copyto(ukf.x, x, where=~known)
-    np.copyto(ukf.P, P, where=~known)
-    return innovation, S
+    return setup.own_R(sensor) if R is None else R
 
 
 def _filter(attitude_map, setup, arw, sigma_b, first):

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis import CannotAnswer
-from analysis.terrain import antennas, monte_carlo
-from analysis.terrain.monte_carlo import Laps
+from analysis.terrain import antennas
+from analysis.terrain.monte_carlo import Laps, attitude_errors, follow
 from analysis.terrain.readings import Sensor, Setup
-from analysis.terrain.terrain_map import MapOfEach, Profile
+from analysis.terrain.terrain_map import Profile
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def track_real_laps(
     exact_map: bool = False,
     store_every: float = 0.5,
 ) -> dict[Hashable, Laps]:
-    """Track real laps with simulated gyros, each on its own map; all are stepped together.
+    """Track real laps with simulated gyros, each on its own map.
 
     Parameters
     ----------
@@ -178,55 +178,24 @@ def track_real_laps(
     CannotAnswer
         If a lap has no attitude, or leaves its map.
     """
-    maps = [profile.attitude_map(channels) for _, profile in laps.values()]
-    drives = [resample_lap(lap, channels, setup.rate_hz) for lap, _ in laps.values()]
-    for attitude_map, (truth, *_) in zip(maps, drives, strict=True):
-        attitude_map.require(truth)
-    if exact_map:
-        drives = [(s, u, each.at(s)) for each, (s, u, _) in zip(maps, drives, strict=True)]
-    longest = max(len(truth) for truth, *_ in drives)
     streams = np.random.SeedSequence(seed).spawn(runs)
     off = setup.begin_sd * np.array([np.random.default_rng(s).standard_normal() for s in streams])
-    truth, moved, attitude, *paths = (
-        np.concatenate(parts, axis=-1)
-        for parts in zip(*(_runs_of(d, longest, setup, streams) for d in drives), strict=True)
-    )
-    sensors = {label: Sensor(*sensor) for label, sensor in sensors.items()}
-    each_run = {
-        label: sensor._replace(R=np.repeat(sensor.R, runs)) if np.ndim(sensor.R) else sensor
-        for label, sensor in sensors.items()
-    }
-    map_of_each = MapOfEach([each for each in maps for _ in streams])
-    first = truth[0] + np.tile(off, len(maps))
-    tracked = monte_carlo.follow(
-        map_of_each, truth, attitude, first, moved, paths, each_run, setup, store_every
-    )
-    found = {}
-    for k, (label, (truth, moved, _)) in enumerate(zip(laps, drives, strict=True)):
-        part, at = slice(k * runs, (k + 1) * runs), np.round(tracked.t * setup.rate_hz).astype(int)
-        at = at[at < len(truth)]
-        found[label] = replace(
-            tracked,
-            t=tracked.t[: len(at)],
-            distance=truth[at],
-            error=tracked.error[:, part, : len(at)],
-            variance=tracked.variance[:, part, : len(at)],
-            nis=tracked.nis[:, part],
-            odometry=(truth[0] + np.cumsum(moved))[at] - truth[at],
+    tracked = {}
+    for k, (label, (lap, profile)) in enumerate(laps.items()):
+        attitude_map = profile.attitude_map(channels)
+        truth, moved, attitude = resample_lap(lap, channels, setup.rate_hz)
+        attitude_map.require(truth)
+        if exact_map:
+            attitude = attitude_map.at(truth)
+        own = {
+            name: Sensor(arw, sigma_b, R[k] if np.ndim(R) else R)
+            for name, (arw, sigma_b, R) in sensors.items()
+        }
+        paths = attitude_errors(setup, len(channels), streams, len(truth))
+        found = follow(
+            attitude_map, truth, attitude, truth[0] + off, moved, paths, own, setup, store_every
         )
-    return found
-
-
-def _runs_of(drive, samples, setup, streams):
-    """Repeat a drive for its runs, draw their gyros, and continue it at rest to so many samples."""
-    truth, moved, attitude = drive
-    n, runs = len(truth), len(streams)
-    walk, bias = monte_carlo.attitude_errors(setup, len(attitude), streams, samples=n)
-    more = ((0, samples - n), (0, 0))
-    return (
-        np.pad(np.tile(truth[:, None], runs), more, mode="edge"),
-        np.pad(np.tile(moved[:, None], runs), more),
-        np.pad(np.tile(attitude[..., None], runs), ((0, 0), *more), constant_values=np.nan),
-        np.pad(walk, (more[0], (0, 0), (0, 0))),
-        np.pad(bias, (more[0], (0, 0), (0, 0))),
-    )
+        odometry = truth[0] + np.cumsum(moved)
+        at = np.round(found.t * setup.rate_hz).astype(int)
+        tracked[label] = replace(found, odometry=(odometry - truth)[at])
+    return tracked

@@ -19,7 +19,6 @@ and their difference makes the roll. The vehicle is a rigid rod on the surface: 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -221,20 +220,15 @@ def shared_spectrum(laps: np.ndarray, step: float) -> tuple[Spectrum, np.ndarray
     laps = np.asarray(laps, dtype=float)
     if len(laps) < 2:
         raise CannotAnswer("one lap alone has no coherence: give two laps or more")
-    n, _ = _lines(laps[0], laps[0], step)
-    cross = np.mean([_lines(a, b, step)[1] for a, b in combinations(laps, 2)], axis=0)
-    total = np.mean([_lines(a, a, step)[1] for a in laps], axis=0)
-    shared = _banded(n, cross)
-    return shared, shared.density / _banded(n, total).density
-
-
-def _lines(a, b, step):
-    """Give the one-sided cross periodogram without its mean: wave number, real density."""
-    m = len(a)
-    product = np.fft.rfft(a - np.mean(a)) * np.conj(np.fft.rfft(b - np.mean(b)))
-    density = 2.0 * step / m * product.real
-    n = np.fft.rfftfreq(m, step)
-    return n[1:], density[1:]
+    count, points = laps.shape
+    n = np.fft.rfftfreq(points, step)[1:]
+    lines = np.fft.rfft(laps - laps.mean(axis=1, keepdims=True))[:, 1:]
+    one_sided = 2.0 * step / points
+    own = (np.abs(lines) ** 2).sum(axis=0)
+    of_pairs = np.abs(lines.sum(axis=0)) ** 2 - own  # every lap with every other one
+    total = _banded(n, one_sided * own / count)
+    shared = _banded(n, one_sided * of_pairs / (count * (count - 1)))
+    return shared, shared.density / total.density
 
 
 def _banded(n, density):

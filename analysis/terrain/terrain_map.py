@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import gaussian_filter1d
 
 from analysis import CannotAnswer
 from analysis.terrain.centre_line import CentreLine
@@ -112,7 +113,14 @@ class AttitudeMap:
         """
         u = np.asarray(distance * self._scale)
         u += self._shift
-        return _on_lines(self._slope, self._intercept, u, u.astype(np.intp))
+        i = u.astype(np.intp)
+        out = np.empty((self.channels, *u.shape))
+        for c in range(self.channels):
+            value = out[c, ...]
+            np.take(self._slope[c], i, mode="clip", out=value)
+            value *= u
+            value += np.take(self._intercept[c], i, mode="clip")
+        return out
 
     def slope(self, distance: ArrayLike) -> np.ndarray:
         """Gradient of the attitude: that of the straight line a distance lies on.
@@ -137,53 +145,6 @@ class AttitudeMap:
                 f"the lap runs from {low:.1f} to {high:.1f} m and leaves the map, which reaches "
                 f"from {self.start:.1f} to {self.end:.1f} m"
             )
-
-
-class MapOfEach:
-    """Several maps for one batch of filters: those of run k read the k-th map.
-
-    The tables of all maps lie end to end, and every run looks into its own part only.
-
-    Parameters
-    ----------
-    maps : sequence of AttitudeMap, one for each run
-        With the same channels; runs on the same road share one object.
-    """
-
-    def __init__(self, maps):
-        different = {id(m): m for m in maps}
-        lines = {key: m._slope.shape[1] for key, m in different.items()}
-        first = dict(zip(lines, np.cumsum([0, *lines.values()]), strict=False))
-        self._slope = np.hstack([m._slope for m in different.values()])
-        self._intercept = np.hstack([m._intercept for m in different.values()])
-        self._scale, self._shift = (
-            np.array([getattr(m, name) for m in maps]) for name in ("_scale", "_shift")
-        )
-        self._first = np.array([first[id(m)] for m in maps])
-        self._last = np.array([lines[id(m)] for m in maps]) - 0.5  # on the level line at the end
-
-    @property
-    def channels(self):
-        """Number of channels."""
-        return len(self._slope)
-
-    def at(self, distance):
-        """Attitude at some distances, as `AttitudeMap.at`.
-
-        Parameters
-        ----------
-        distance : ndarray, shape (..., runs), m
-
-        Returns
-        -------
-        ndarray, shape (channels, ..., runs), deg
-        """
-        u = distance * self._scale
-        u += self._shift
-        np.clip(u, 0.0, self._last, out=u)
-        i = u.astype(np.intp)
-        i += self._first
-        return _on_lines(self._slope, self._intercept, u, i)
 
 
 @dataclass(frozen=True)
@@ -376,20 +337,7 @@ def held_out(laps: Sequence[Any], line: CentreLine, width: float) -> dict[str, l
     return residual
 
 
-def _on_lines(slope, intercept, u, i):
-    """Read straight line i at u, for each channel."""
-    out = np.empty((len(slope), *u.shape))
-    for c in range(len(slope)):
-        value = out[c, ...]
-        np.take(slope[c], i, mode="clip", out=value)
-        value *= u
-        value += np.take(intercept[c], i, mode="clip")
-    return out
-
-
 def _pool(values, step):
     """Average around the track with a Gaussian weight."""
-    n = len(values)
-    d = np.minimum(np.arange(n), n - np.arange(n)) * step
-    kernel = np.exp(-((d / min(POOLED, n * step / 8)) ** 2) / 2)
-    return np.fft.irfft(np.fft.rfft(values) * np.fft.rfft(kernel / kernel.sum()), n)
+    width = min(POOLED / step, len(values) / 8)
+    return gaussian_filter1d(values, width, mode="wrap", truncate=8)

@@ -186,11 +186,8 @@ def normalised_square(innovation, S):
     -------
     ndarray, shape (...)
     """
-    if len(innovation) == 1:
-        return innovation[0] ** 2 / S[0, 0]
-    a, b = innovation
-    det = S[0, 0] * S[1, 1] - S[0, 1] ** 2
-    return (a * a * S[1, 1] - 2 * a * b * S[0, 1] + b * b * S[0, 0]) / det
+    weighted = _divide(innovation, S)
+    return sum(innovation[c] * weighted[c] for c in range(len(weighted)))
 
 
 def _cholesky(P):
