@@ -76,8 +76,8 @@ def cold_start(
     """
     at_rest = simulated.gnss.t_s < at_rest_s
     gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.gnss).items()})
-    accepted, *place, _ = gated(gnss, stored, gate)
-    device = np.hypot(*simulated.error(*place, at_rest))
+    accepted, lat_deg, lon_deg, _ = gated(gnss, stored, gate)
+    device = np.hypot(*simulated.error(lat_deg, lon_deg, at_rest))
     gps = np.hypot(*simulated.fix_error()[:, at_rest])
     fix = gnss.has_fix
     waits = fix & (np.cumsum(accepted) == 0)
