@@ -321,18 +321,14 @@ def speed_unit(t, lat, lon, speed, name: str, file: str) -> str:
 
 
 def gyro_scale(columns: dict, file: str) -> float:
-    """Return rad/s per unit of the gyro; a column without a unit is refused."""
-    units = {axis: columns[f"gyro_{axis}"] for axis in "xyz"}
-    for axis, (name, unit) in units.items():
-        if unit not in _RAD_S:
-            raise WrongUsage(
-                f"{file}: column '{name}' has no unit of a rate: say --columns "
-                f"gyro_{axis}_deg_s={name}, or gyro_{axis}_rad_s={name}, for each axis"
-            )
-    scales = {_RAD_S[unit] for _, unit in units.values()}
-    if len(scales) > 1:
-        raise WrongUsage(f"{file}: the three gyros are in different units")
-    return scales.pop()
+    """Return rad/s per unit of the gyro; axes without a unit, or in several, are refused."""
+    names, units = zip(*(columns[f"gyro_{axis}"] for axis in "xyz"), strict=True)
+    if len(set(units)) > 1 or units[0] not in _RAD_S:
+        raise WrongUsage(
+            f"{file}, columns {', '.join(names)}: they need one unit of a rate: say --columns "
+            f"gyro_x_deg_s={names[0]}, or gyro_x_rad_s={names[0]}, and so on for each axis"
+        )
+    return _RAD_S[units[0]]
 
 
 def accel_scale(columns: dict, accel: np.ndarray, file: str, notes: list[str]) -> float:
