@@ -4,7 +4,6 @@ Exit status: 0 good; 1 the data cannot support an answer; 2 wrong usage; 130 sto
 A verb imports what it needs when it runs, so that the help appears at once.
 """
 
-import csv
 import json
 import math
 import sys
@@ -27,17 +26,8 @@ DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetr
 }  # fmt: skip
 UNITS = "deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
 RESUMABLE = ("reproduce", "coverage", "data")  # verbs that keep each piece that is finished
-
-
-class Block(StrEnum):
-    """The tracker's blocks, as --without names them."""
-
-    last_position = "last-position"
-    attitude = "attitude"
-    static = "static"
-    low_pass = "low-pass"
-    mounting = "mounting"
-    fusion = "fusion"
+BLOCKS = ["last-position", "attitude", "static", "low-pass", "mounting", "fusion"]
+Block = StrEnum("Block", BLOCKS)  # the tracker's, as --without names them
 
 
 class Verbs(TyperGroup):
@@ -287,7 +277,7 @@ def replay(
             )
     position, warning = load_position(last_position) if last_position else (None, None)
     stored = Stored(**position) if position else None
-    off: dict[str, Any] = {block.name: False for block in without or ()}
+    off: dict[str, Any] = {block.replace("-", "_"): False for block in without or ()}
     options = Options(dtype=np.float32 if float32 else np.float64, **off)
     track = replay_log(inject_outages(log, outages), options, stored, progress=True)
     with writing(out):
@@ -338,13 +328,12 @@ def write_track(track, out):
     out : path-like
         Folder; made if need be. Files of an earlier replay there are replaced, others stay.
     """
+    import pandas as pd
+
     with replacing(out) as draft:
         draft.mkdir()
-        with (draft / "track.csv").open("w", newline="", encoding="utf-8") as handle:
-            writer = csv.writer(handle, lineterminator="\n")
-            writer.writerow(track.columns)
-            cells = [_cells(name, column) for name, column in track.columns.items()]
-            writer.writerows(zip(*cells, strict=True))
+        table = pd.DataFrame({name: _cells(name, c) for name, c in track.columns.items()})
+        table.to_csv(draft / "track.csv", index=False, lineterminator="\n")
         content = json.dumps(_rounded(track.summary), indent=1, ensure_ascii=False)
         (draft / "summary.json").write_text(content + "\n", encoding="utf-8")
 

@@ -417,30 +417,6 @@ def _estimate(row):
 # Roads
 
 
-@dataclass(frozen=True)
-class Highway:
-    """One drive on I-99, with altitude jumps removed.
-
-    Attributes
-    ----------
-    s_m : ndarray, shape (n,)
-        Distance driven, evenly spaced.
-    east_m, north_m, height_m : ndarray, shape (n,)
-        In the survey's own frame.
-    grade_deg : ndarray, shape (n,)
-        Of the road, uphill positive: the central difference of height.
-    levelled : ndarray of bool, shape (n,)
-        Where the height had jumped: its level is interpolated between long good stretches.
-    """
-
-    s_m: np.ndarray
-    east_m: np.ndarray
-    north_m: np.ndarray
-    height_m: np.ndarray
-    grade_deg: np.ndarray
-    levelled: np.ndarray
-
-
 @functools.cache
 def _road(name):
     return read(name)
@@ -480,16 +456,24 @@ def laps(direction: str | None = None) -> dict[str, Lap]:
     return {name: lap(name) for name in lap_names(direction)}
 
 
-def highway(name: str) -> Highway:
-    """Read a drive on I-99, ``to-state-college`` or ``to-altoona``."""
+def highway(name: str) -> np.recarray:
+    """Read a drive on I-99, ``to-state-college`` or ``to-altoona``, with altitude jumps removed.
+
+    Returns
+    -------
+    numpy.recarray, shape (n,)
+        ``s_m``, distance driven, evenly spaced; ``east_m``, ``north_m``, ``height_m`` in the
+        survey's own frame; ``grade_deg`` of the road, uphill positive, the central difference of
+        height; ``levelled``, where the height had jumped and its level is interpolated.
+    """
     stored = _road(HIGHWAY)
     _check(name, stored.source["drives"], "drive")
     table, step = stored.tables[name], stored.source["step_m"]
-    east, north, height = table[["east_m", "north_m", "height_m"]].to_numpy(dtype=float).T
-    grade = np.degrees(np.arctan(np.gradient(height, step)))
-    return Highway(
-        np.arange(len(table)) * step, east, north, height, grade, table["levelled"].to_numpy() == 1
-    )
+    return table.assign(
+        s_m=np.arange(len(table)) * step,
+        grade_deg=np.degrees(np.arctan(np.gradient(table["height_m"], step))),
+        levelled=table["levelled"] == 1,
+    ).to_records(index=False)
 
 
 def centre_line(direction: str) -> CentreLine:

@@ -225,8 +225,7 @@ class Profile:
         """
         values = np.array([getattr(self, f"{name}_deg") for name in noise_deg])
         noise, step = np.array([*noise_deg.values()])[:, None], self.s_m[1] - self.s_m[0]
-        around = np.concatenate([values[:, -1:], values, values[:, :1]], axis=1)
-        slope = (around[:, 2:] - around[:, :-2]) / (2 * step)
+        slope = (np.roll(values, -1, axis=1) - np.roll(values, 1, axis=1)) / (2 * step)
         per_point = (slope**2 / noise**2).sum(axis=0) * step / spacing
         count = max(1, round(window / step))
         total = np.cumsum(np.concatenate([[0.0], per_point, per_point[: count - 1]]))
@@ -330,8 +329,8 @@ def held_out(laps: Sequence[Any], line: CentreLine, width: float) -> dict[str, l
     for k, lap in enumerate(laps):
         for q, values in curves.items():
             others = np.delete(values, k, axis=0)
-            count = np.isfinite(others).sum(axis=0)
-            mean = np.where(count > 0, np.nansum(others, axis=0) / np.maximum(count, 1), np.nan)
+            with np.errstate(invalid="ignore"):  # 0 / 0 where no other lap has a reading
+                mean = np.nansum(others, axis=0) / np.isfinite(others).sum(axis=0)
             predicted = np.interp(np.mod(lap.s_m, line.length_m), at, np.append(mean, mean[0]))
             residual[q].append(getattr(lap, q) - predicted)
     return residual
