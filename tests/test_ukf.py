@@ -8,7 +8,7 @@ from analysis import CannotAnswer, WrongUsage
 from analysis.terrain import point_mass
 from analysis.terrain.metrics import nees_bounds
 from analysis.terrain.readings import Sensor, Setup
-from analysis.terrain.terrain_map import AttitudeMap
+from analysis.terrain.terrain_map import AttitudeMap, Profile
 from analysis.terrain.ukf import Ukf, bias_state_matrices
 
 SEED = 20111
@@ -202,8 +202,9 @@ def test_map_reads_straight_lines_and_stays_level_outside():
 
 def test_closed_map_goes_round():
     """property: a round track reads the same a lap later, and beyond its start."""
-    attitude = np.random.default_rng(SEED).standard_normal(100)
-    road = AttitudeMap.closed(50.0, attitude, 7.3)
+    columns = dict.fromkeys(Profile.__dataclass_fields__, np.zeros(100))
+    columns["pitch_deg"] = np.random.default_rng(SEED).standard_normal(100)
+    road = Profile(**columns | {"length_m": 50.0, "closed": True}).attitude_map(margin=7.3)
     s = np.linspace(-7, 7, 50)
     np.testing.assert_allclose(road.at(s), road.at(s + 50.0), atol=1e-12)
     assert road.start <= -7.3 and road.end >= 57.3

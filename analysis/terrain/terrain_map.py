@@ -66,30 +66,6 @@ class AttitudeMap:
         self._intercept = np.hstack([attitude[:, :1], intercept, attitude[:, -1:]])
         self._scale, self._shift = 1.0 / self.step, 1.0 - self.start / self.step
 
-    @classmethod
-    def closed(cls, length, attitude, margin):
-        """Make the map of a closed track, continued past its gate on both sides.
-
-        Parameters
-        ----------
-        length : float
-            Once round, m; the grid of `attitude` divides it evenly and does not repeat its start.
-        attitude : array_like, shape (points,) or (channels, points), deg
-        margin : float
-            How far a position may be off the lap at either end, m.
-
-        Returns
-        -------
-        AttitudeMap
-            From -margin to length + margin, rounded up to the grid.
-        """
-        attitude = np.atleast_2d(attitude)
-        points = attitude.shape[1]
-        step = length / points
-        more = int(np.ceil(margin / step))
-        around = np.arange(-more, points + more + 1) % points
-        return cls(-more * step, step, attitude[:, around])
-
     @property
     def channels(self):
         """Number of channels."""
@@ -198,11 +174,16 @@ class Profile:
         Returns
         -------
         AttitudeMap
+            A closed track is continued past its gate on both sides, rounded up to the grid.
         """
-        rows = [getattr(self, f"{name}_deg") for name in channels]
-        if self.closed:
-            return AttitudeMap.closed(self.length_m, rows, margin)
-        return AttitudeMap(self.s_m[0], self.s_m[1] - self.s_m[0], rows)
+        rows = np.array([getattr(self, f"{name}_deg") for name in channels])
+        if not self.closed:
+            return AttitudeMap(self.s_m[0], self.s_m[1] - self.s_m[0], rows)
+        points = len(self.s_m)
+        step = self.length_m / points
+        more = int(np.ceil(margin / step))
+        around = np.arange(-more, points + more + 1) % points
+        return AttitudeMap(-more * step, step, rows[:, around])
 
     def position_bound(self, noise_deg, window, spacing) -> np.ndarray:
         """Give the Cramer-Rao bound of a position from readings over a stretch of a closed map.

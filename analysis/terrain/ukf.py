@@ -55,7 +55,6 @@ class Ukf:
                 f"{self.m} channels, {self.n} states and a transition {self.transition.shape} do "
                 "not fit: the filter has one or two channels, and one state or two more a channel"
             )
-        self._points = np.empty((3, *self.x.shape[1:]))
 
     def predict(self, moved, Q):
         """Move every filter by its odometry.
@@ -93,12 +92,8 @@ class Ukf:
         """
         x, P, n, m = self.x, self.P, self.n, self.m
         root = _cholesky(P)
-        points = self._points
         reach = root[0][0] * np.sqrt(SPREAD)
-        points[0] = x[0]
-        np.add(x[0], reach, out=points[1, ...])
-        np.subtract(x[0], reach, out=points[2, ...])
-        h = self.map.at(points)
+        h = self.map.at(np.stack([x[0], x[0] + reach, x[0] - reach]))
         centre, plus, minus = h[:, 0], h[:, 1], h[:, 2]
         # The attitude error of channel c is state 1 + 2 c.
         error = [1 + 2 * c for c in range(m)] if n > 1 else []
@@ -113,16 +108,13 @@ class Ukf:
         cross *= W * np.sqrt(SPREAD)
         for part in (centre, plus, minus):
             part -= expected
-        S = np.empty((m, m, *x.shape[1:]))
+        S = W_CENTRE * centre[:, None] * centre
+        S += W * (plus[:, None] * plus + minus[:, None] * minus)
         for a in range(m):
-            for b in range(a + 1):
-                S[a, b] = W_CENTRE * centre[a] * centre[b]
-                S[a, b] += W * (plus[a] * plus[b] + minus[a] * minus[b])
+            for b in range(m):
                 for j in range(1, n):
                     S[a, b] += extra_part[a][j] * extra_part[b][j]
-                if a == b:
-                    S[a, a] += R
-                S[b, a] = S[a, b]
+            S[a, a] += R
         innovation = z - expected
         for c, i in enumerate(error):
             innovation[c] -= x[i]
@@ -137,7 +129,6 @@ class Ukf:
         for i in range(n):
             for c in range(m):
                 x[i] += K[i][c] * innovation[c]
-        for i in range(n):
             for j in range(i + 1):
                 P[i, j] -= sum(K[i][c] * P_xz[j][c] for c in range(m))
                 if i != j:
