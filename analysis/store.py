@@ -1,9 +1,10 @@
 """What was computed once from raw logs, in ``data/derived``: read, written, compared.
 
 ``data/derived/<name>/`` holds ``source.json`` (the raw files with sha256, licence and source, the
-command that made the folder, results that are single numbers) and one CSV a table. Missing values
-are empty, truth values 0 or 1, numbers have at most nine digits; whoever makes a table rounds it to
-what it means. The functions that make the folders are listed in `analysis.studies.derived`.
+command that made the folder, results that are single numbers) and one CSV for each table. Missing
+values are empty, truth values 0 or 1, numbers have at most nine digits; whoever makes a table
+rounds it to what it means. The functions that make them are listed in `analysis.studies.derived`;
+coverage and benchmark have commands of their own.
 
 read("psu-highway")           any folder: its source and its tables
 static_log("adis16405")       a characterised static log

@@ -1,8 +1,8 @@
 """What a column holds: quantity, unit and kind (``gyro_x_deg_s`` -> gyro_x, deg/s, rate).
 
 `choose` picks the channels of a static log. `measurements` finds positions, speed and IMU readings
-in a moving log; where a name has no unit, the speed's follows from the distance between positions,
-and the accelerometer's from gravity.
+in a moving log; where a name states no unit, that of a speed is inferred from the distance between
+positions, and that of an acceleration from gravity.
 """
 
 import difflib

@@ -1,7 +1,8 @@
 """Noise of a static log: models, Allan deviation, likelihood, the papers' recipes, planning.
 
 U is the unit of the reading. tau is averaging time and T_c (``corr_time``) correlation time; the
-comparison paper prints tau for T_c.
+comparison paper prints tau for T_c. To read the likelihood fit in order: spectrum, likelihood,
+profile_likelihood, fit, inference, channel.
 """
 
 from analysis.noise.allan import allan_deviation, fit_line

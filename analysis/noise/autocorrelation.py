@@ -2,8 +2,9 @@
 
 The comparison paper (section III) averages the readings over windows of several widths, takes the
 lag at which the autocorrelation has fallen to 1/e of its peak as the correlation time, and the
-square root of the peak as sigma_b. The peak still holds what averaging left of the wide-band noise,
-sigma_v^2 / m, and at 1/e a finite log reads short. `analysis.noise.inference` has neither fault.
+square root of the peak as sigma_b. Two biases follow: the peak still contains the averaged
+wide-band noise, sigma_v^2 / m, and in a finite log the correlation time is too short.
+`analysis.noise.inference` has neither.
 """
 
 from dataclasses import dataclass

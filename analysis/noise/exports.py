@@ -1,7 +1,7 @@
 """Noise parameters of a model.json in the conventions of the tools that use them.
 
 The channels of a model.json are sorted into a gyroscope and an accelerometer triad, in SI. The
-files are templates in analysis/templates/exports; the caller hands in what loads them.
+files are templates in analysis/templates/exports; the caller passes the template loader.
 
 A term that the log does not resolve is never filled in: a simulator gets 0, which switches it off,
 a filter that cannot do without it gets no line. In both cases a comment gives the known bound.

@@ -1,10 +1,10 @@
 """What the likelihood of a static channel supports: each parameter with its interval, or a refusal.
 
 First the band is chosen. A filter inside a sensor correlates neighbouring samples, which no model
-here describes. So samples are averaged, 1, 2, 4 ... at a time, until the chosen model has no
-correlation time of a few means only and agrees with the spectrum to 3 % in the highest octaves,
-and then twice more, because what is hidden in the noise of those octaves still tilts them. sigma_v
-is the noise level within the fitted band.
+here describes. So samples are averaged, 1, 2, 4 ... at a time, until no fitted
+correlation time is as short as a few means and the model agrees with the spectrum within 3 % in the
+highest octaves; then two steps more, as a margin of safety. sigma_v is the noise level within the
+fitted band.
 
 The linear drift has a profile likelihood over a grid of the biases that the log allows. A slow bias
 can look like a drift, the more so the longer its correlation time, and generalised least squares

@@ -2,8 +2,8 @@
 
 Mean and linear drift are removed by restricted maximum likelihood (REML): only the part of the log
 that does not depend on mean and drift is compared with the model, so that fitting them biases no
-noise parameter. Parameters come in rows, one likelihood a row: a search or a profile needs many at
-once.
+noise parameter. An array of parameter sets, one per row, gives one likelihood per row, because a
+search or a profile needs many at once.
 """
 
 from dataclasses import dataclass, field, replace

@@ -7,10 +7,10 @@ N(mu, s^2). Its log gives the profile log-likelihood l_i of theta_i, and so that
 
 A log that bounds theta_i on one side only counts with its whole curve, flat side included: leaving
 it out would leave out the units of long correlation time. mu and s are each estimated from the
-product of the L_i with the other integrated out: mu evenly, s evenly up to the error of one unit
-and in equal ratios above. The 95 % interval ends where 2 ln L has fallen by the threshold of
-Student's t and of chi-square with k - 1 degrees of freedom, k being the units that bound theta_i on
-both sides: the usual 3.84 assumes a known spread, which three units do not give.
+product of the L_i with the other integrated out: the prior is flat in mu, and flat in s up to the
+error of one unit and in ln s above. The 95 % interval ends where 2 ln L has fallen by the threshold
+of Student's t and of chi-square with k - 1 degrees of freedom, k being the units that bound theta_i
+on both sides: the usual 3.84 assumes a known spread, which three units do not give.
 """
 
 from dataclasses import dataclass, replace

@@ -1,9 +1,9 @@
 """A static log reduced to a few hundred numbers that are all its likelihood needs.
 
 The cosine transform (DCT-II) of a log is the basis in which every term of the noise model is
-diagonal but for the two ends of the log. With L the second-difference matrix with free ends, whose
-eigenvalues in that basis are ``lambda_k = 4 sin^2(pi k / 2n)``, and e1, en the first and the last
-sample::
+diagonal except for terms of the first and the last sample. With L the second-difference matrix with
+free ends, whose eigenvalues in that basis are ``lambda_k = 4 sin^2(pi k / 2n)``, and e1, en the
+first and the last sample::
 
     white noise          r I
     random walk          q L^-1
@@ -11,9 +11,9 @@ sample::
     Gauss-Markov         [ (phi L + (1-phi)^2 I + phi (1-phi) (e1 e1' + en en')) / (1-phi^2) ]^-1
 
 Even coefficients depend on e1 + en, odd ones on e1 - en: each half is diagonal plus one outer
-product a term, so the likelihood is exact, at a cost proportional to the number of coefficients.
-The coefficients of short periods, where the model is smooth, are gathered in bins a few per cent
-wide.
+product for each term, so the likelihood is exact, at a cost proportional to the number of
+coefficients. The coefficients of short periods, where the model is smooth, are gathered in bins a
+few per cent wide.
 """
 
 from dataclasses import dataclass

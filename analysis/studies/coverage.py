@@ -1,8 +1,9 @@
 """Coverage of the 95 % intervals: every estimator on simulated logs of known sensors.
 
 Log k of a model comes from the k-th stream spawned from the model's seed, so that neither the
-number of workers nor an interruption changes a number. A table a cell (model and hours) is kept in
-``data/derived/coverage``.
+number of workers nor an interruption changes a number. One CSV for each cell (model and hours) is
+kept in ``data/derived/coverage``; a cell that is there with as many logs is not computed again, so
+delete it to see a new estimator.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""What makes each folder of data/derived, and making it again from the raw files.
+"""The register of functions that compute folders of data/derived, and computing them again.
 
 A maker takes no argument and returns the source (dict) and the tables (dict of DataFrame) that
 `analysis.store.write` writes. It raises `analysis.logs.datasets.NotHere` without the raw files.

@@ -1,4 +1,4 @@
-"""From the raw surveys to what is committed of them: the test track's maps and laps, and I-99."""
+"""Makes psu-test-track (maps, laps) and psu-highway (I-99) of data/derived from the raw surveys."""
 
 from dataclasses import asdict, replace
 

@@ -1,4 +1,4 @@
-"""One reading of the terrain paper: all that it leaves open, chosen, with the reason for it."""
+"""One reading of the terrain paper: what is chosen where it leaves something open, and why."""
 
 from __future__ import annotations
 

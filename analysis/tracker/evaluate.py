@@ -1,4 +1,4 @@
-"""Single blocks driven over a whole log, and the numbers the notebooks judge them by."""
+"""One block alone over a whole log, and the numbers that judge it; `log_replay` runs all blocks."""
 
 from typing import Any
 
