@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
-from analysis import CannotAnswer
+from analysis import CannotAnswer, wrap
 
 STEP = 0.5  # m between the points of a centre line
 SMOOTH = 5.0  # m, standard deviation of the Gaussian that smooths a centre line
@@ -146,22 +146,15 @@ class CentreLine:
         grid, length = self.s_m, self.length_m
         good = np.isfinite(s + values)
         s, values = np.mod(s[good], length), values[good]
-        order = np.argsort(s)
-        s, values = s[order], values[order]
-        reach = 4 * width
-        s = np.concatenate([s - length, s, s + length])
-        values = np.tile(values, 3)
-        low, high = np.searchsorted(s, grid - reach), np.searchsorted(s, grid + reach)
-        if not (high > low).any():
-            return np.full(len(grid), np.nan)
-        at = low[:, None] + np.arange((high - low).max())
-        inside = at < high[:, None]
-        at = np.minimum(at, len(s) - 1)
-        d = s[at] - grid[:, None]
-        w = np.where(inside, np.exp(-((d / width) ** 2) / 2), 0.0)
-        y = values[at]
-        w0, w1, w2 = w.sum(1), (w * d).sum(1), (w * d**2).sum(1)
-        y0, y1 = (w * y).sum(1), (w * d * y).sum(1)
+        s[s == length] = 0.0  # a tiny negative distance, rounded
+        on_grid, samples = (cKDTree(at[:, None], boxsize=length) for at in (grid, s))
+        near = on_grid.sparse_distance_matrix(samples, 4 * width, output_type="ndarray")
+        at, y = near["i"], values[near["j"]]
+        d = wrap(s[near["j"]] - grid[at], length)
+        w = np.exp(-((d / width) ** 2) / 2)
+        w0, w1, w2, y0, y1 = (
+            np.bincount(at, v, len(grid)) for v in (w, w * d, w * d**2, w * y, w * d * y)
+        )
         spread = w0 * w2 - w1**2
         enough = (w0 >= NEEDED) & (spread > 1e-6 * w0**2 * width**2)
         out = np.full(len(grid), np.nan)
