@@ -26,8 +26,9 @@ DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetr
 }  # fmt: skip
 UNITS = "deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
 RESUMABLE = ("reproduce", "coverage", "data")  # verbs that keep each piece that is finished
-BLOCKS = ["last-position", "attitude", "static", "low-pass", "mounting", "fusion"]
-Block = StrEnum("Block", BLOCKS)  # the tracker's, as --without names them
+Block = StrEnum(  # the tracker's, as --without names them
+    "Block", ["last-position", "attitude", "static", "low-pass", "mounting", "fusion"]
+)
 
 
 class Verbs(TyperGroup):

@@ -188,7 +188,7 @@ def track_real_laps(
         if exact_map:
             attitude = attitude_map.at(truth)
         own = {
-            name: Sensor(arw, sigma_b, R[k] if np.ndim(R) else R)
+            name: Sensor(arw, sigma_b, R[k] if isinstance(R, np.ndarray) else R)
             for name, (arw, sigma_b, R) in sensors.items()
         }
         paths = attitude_errors(setup, len(channels), streams, len(truth))
