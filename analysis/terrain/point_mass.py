@@ -16,6 +16,7 @@ with H_k the gradient of the map where the car is and, with bias states, 1 for t
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import convolve1d
 
 from analysis.terrain import monte_carlo
 from analysis.terrain.metrics import nees_bounds
@@ -60,14 +61,8 @@ class PointMass:
         """
         self.moved += moved
         side = 0.5 * q / self.step**2
-        p = self.p
-        spread = (1 - 2 * side) * p
-        spread[:, 1:] += side * p[:, :-1]
-        spread[:, :-1] += side * p[:, 1:]
         # The probability that would leave at the ends stays there, so that the sum stays 1.
-        spread[:, 0] += side * p[:, 0]
-        spread[:, -1] += side * p[:, -1]
-        self.p = spread
+        self.p = convolve1d(self.p, [side, 1 - 2 * side, side], axis=1, mode="nearest")
 
     def update(self, z, R):
         """Weigh every offset by how well the map there explains a measured attitude.
