@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+METRES_PER_DEGREE = 1.11e5  # of latitude, to half a percent
+
 
 @dataclass(frozen=True)
 class Gnss:
@@ -35,6 +37,28 @@ class Gnss:
     speed_m_s: np.ndarray
     course_deg: np.ndarray
     has_fix: np.ndarray
+
+    def largest_differences(self, other: "Gnss") -> dict[str, float]:
+        """Return by how much two logs differ at most, at the epochs that both have.
+
+        Parameters
+        ----------
+        other : Gnss
+            Has every epoch of this log, to a millisecond, and maybe more.
+
+        Returns
+        -------
+        dict of float
+            ``position_m`` (horizontal), ``speed_m_s``, ``course_deg``, ``pdop``; epochs at which
+            either has no value are left out.
+        """
+        here = np.isin(np.round(other.t_s, 3), np.round(self.t_s, 3))
+        pairs = {k: (v, vars(other)[k][here]) for k, v in vars(self).items()}
+        off = {k: np.abs(a - b) for k, (a, b) in pairs.items() if k not in ("t_s", "has_fix")}
+        metres = METRES_PER_DEGREE * np.array([off.pop("lat_deg"), off.pop("lon_deg")])
+        metres[1] *= np.cos(np.radians(self.lat_deg))
+        off = {"position_m": np.hypot(*metres), **off}
+        return {k: float(np.nanmax(v)) for k, v in off.items() if k != "height_m"}
 
 
 @dataclass(frozen=True)
