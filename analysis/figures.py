@@ -49,7 +49,7 @@ STYLE = {
     "savefig.dpi": 200,
     "pdf.fonttype": 42,
 }
-DENSE = 2000  # points of an artist: more are thinned to what the picture can show
+DENSE = 500  # points of an artist: more are thinned to what the picture can show
 STRICT = False  # until every notebook names what it plots
 VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools", "inertial-compendium")
 
@@ -139,10 +139,11 @@ def _show(fig, caption):
 
 
 def thin(ax, dots):
-    """Leave out the points of dense artists that lie under one dot, and rasterise such artists.
+    """Leave out points of dense artists that others cover, and rasterise dense clouds.
 
-    Of a curve with rising x the first, last, lowest and highest point of each column of dots
-    stay, so that the picture is the same; of a path or a cloud one point in each dot.
+    Of a curve with rising x the first, last, lowest and highest point in each width of its pen
+    stay, so that the picture is the same; of a path one point in each such width, of a cloud one
+    in each third of a marker.
 
     Parameters
     ----------
@@ -152,8 +153,10 @@ def thin(ax, dots):
         Dots of the saved picture for one of the figure.
     """
 
-    def at(x, y):
-        return np.floor(dots * ax.transData.transform(np.column_stack([x, y])))
+    def at(x, y, points):
+        """Number the cells, each as wide as a pen of so many typographic points."""
+        cell = max(1.0, points / 72 * ax.figure.dpi * dots)
+        return np.floor(dots / cell * ax.transData.transform(np.column_stack([x, y])))
 
     for line in ax.lines:
         if line.get_transform() != ax.transData:
@@ -162,10 +165,8 @@ def thin(ax, dots):
         if x.size > DENSE:
             cloud = line.get_linestyle() in ("None", "", " ")
             rising = (np.diff(x[np.isfinite(x)]) >= 0).all()
-            if rising and not cloud:
-                keep = _outline(at(x, y), y)
-            else:
-                keep = _one_a_dot(at(x, y), joined=not cloud)
+            cells = at(x, y, line.get_markersize() / 3 if cloud else line.get_linewidth())
+            keep = _outline(cells, y) if rising and not cloud else _one_a_cell(cells, not cloud)
             line.set_data(x[keep], y[keep])
             line.set_rasterized(cloud)
     for collection in ax.collections:
@@ -173,7 +174,7 @@ def thin(ax, dots):
             xy = np.asarray(collection.get_offsets(), dtype=float)
             colours, sizes = collection.get_array(), collection.get_sizes()
             if len(xy) > DENSE:
-                keep = _one_a_dot(at(*xy.T))
+                keep = _one_a_cell(at(*xy.T, sizes.max() ** 0.5 / 3))
                 collection.set_offsets(xy[keep])
                 if colours is not None:
                     collection.set_array(colours[keep])
@@ -185,7 +186,7 @@ def thin(ax, dots):
             if any(len(x) > DENSE for x, _, _ in parts):
                 kept = []
                 for x, low, high in parts:
-                    ends = (_outline(at(x, edge), edge) for edge in (low, high))
+                    ends = (_outline(at(x, edge, 0.5), edge) for edge in (low, high))
                     keep = np.union1d(*ends)
                     x, low, high = x[keep], low[keep], high[keep]
                     kept.append(np.column_stack([np.r_[x, x[::-1]], np.r_[low, high[::-1]]]))
@@ -193,7 +194,7 @@ def thin(ax, dots):
 
 
 def _outline(at, y):
-    """Index the first, last, lowest and highest point in each column of dots, and the gaps."""
+    """Index the first, last, lowest and highest point in each column of cells, and the gaps."""
     column = at[:, 0]
     gap = ~np.isfinite(at).all(axis=1)
     rows = pd.DataFrame({"column": np.where(gap, np.nan, column), "y": np.where(gap, np.nan, y)})
@@ -204,8 +205,8 @@ def _outline(at, y):
     return np.unique(np.concatenate([np.asarray(f, dtype=int) for f in found]))
 
 
-def _one_a_dot(at, *, joined=False):
-    """Index the first point in each dot, or where `joined` at each step into another dot."""
+def _one_a_cell(at, joined=False):
+    """Index the first point in each cell, or where `joined` at each step into another cell."""
     place = pd.DataFrame(at)
     again = (place == place.shift()).all(axis=1) if joined else place.duplicated()
     return np.flatnonzero(~again)
@@ -238,7 +239,8 @@ def plotted_numbers(fig, series=()):
     Returns
     -------
     pandas.DataFrame
-        Columns panel, series, kind, x, y, y2: a point (x, y), or a band or bar from y to y2.
+        Columns panel (its number, see `axes_of`), series, kind, x, y, y2: a point (x, y), or a
+        band or bar from y to y2.
 
     Raises
     ------
@@ -246,10 +248,10 @@ def plotted_numbers(fig, series=()):
         If there are more or fewer artists without a label than names.
     """
     names, rows, unnamed = iter(series), [], []
-    for panel, ax in _panels(fig):
+    for panel, (title, ax) in _panels(fig).items():
         for kind, label, x, y, y2 in _shown(ax):
             label = label or next(names, "")
-            unnamed += [] if label else [f"{kind} in panel {panel}"]
+            unnamed += [] if label else [f"{kind} in panel {panel} ({title})"]
             part = {"panel": panel, "series": label or kind, "kind": kind}
             rows.append(pd.DataFrame(part | {"x": x, "y": y, "y2": y2}))
     left = list(names)
@@ -261,11 +263,11 @@ def plotted_numbers(fig, series=()):
 
 
 def axes_of(fig):
-    """Give what is plotted along each panel's axes, with its unit: panel -> [x, y].
+    """Give title, x label and y label of each panel, by its number.
 
     Returns
     -------
-    dict of str, list
+    dict of int, list of str
 
     Raises
     ------
@@ -273,27 +275,28 @@ def axes_of(fig):
         If an axis has no label.
     """
     found = {}
-    for panel, ax in _panels(fig):
-        labels = []
+    for panel, (title, ax) in _panels(fig).items():
+        labels = [title]
         for which in "xy":
             alike = [ax, *getattr(ax, f"get_shared_{which}_axes")().get_siblings(ax)]
             words = (" ".join(getattr(a, f"get_{which}label")().split()) for a in alike)
             outer = getattr(fig, f"get_sup{which}label")()
             label = next((w for w in words if w), outer)
             if not label and STRICT:
-                raise WrongUsage(f"panel {panel}: the {which} axis has no label")
+                raise WrongUsage(f"panel {panel} ({title}): the {which} axis has no label")
             labels.append(label)
         found[panel] = labels
     return found
 
 
 def _panels(fig):
-    """Yield number and title of each panel that shows data, and its axes."""
-    for number, ax in enumerate(fig.axes):
-        if not ax.get_visible() or next(_shown(ax), None) is None:
-            continue
-        title = ax.get_title() or ax.get_title("left") or ax.get_ylabel() or f"panel {number + 1}"
-        yield f"{number + 1}: {' '.join(title.split())}", ax
+    """Give title and axes of each panel that shows data, by its number."""
+    shown = [ax for ax in fig.axes if ax.get_visible() and next(_shown(ax), None) is not None]
+    titles = (ax.get_title() or ax.get_title("left") or ax.get_ylabel() for ax in shown)
+    return {
+        n: (" ".join(t.split()), ax)
+        for n, (t, ax) in enumerate(zip(titles, shown, strict=True), start=1)
+    }
 
 
 def _shown(ax):

@@ -94,8 +94,8 @@ def test_provenance_is_in_all_three(saved):
     assert origin["data"] == ORIGIN["data"]
     assert origin["caption"] == CAPTION
     assert origin["axes"] == {
-        "1: Allan deviation": ["averaging time τ (s)", "deviation (°/s)"],
-        "2: north (m)": ["east (m)", "north (m)"],
+        "1": ["Allan deviation", "averaging time τ (s)", "deviation (°/s)"],
+        "2": ["north (m)", "east (m)", "north (m)"],
     }
     assert origin["versions"]["matplotlib"] == mpl.__version__
 
@@ -146,7 +146,7 @@ def test_panels_and_series_are_named():
     fig = example()
     fig.axes[1].plot([0, 1], [5, 6], label="_truth")
     table = figures.plotted_numbers(fig)
-    assert list(dict.fromkeys(table["panel"])) == ["1: Allan deviation", "2: north (m)"]
+    assert list(dict.fromkeys(table["panel"])) == [1, 2]
     assert list(dict.fromkeys(table["series"])) == ["curve", "truth", "points"]
     assert list(table.columns) == ["panel", "series", "kind", "x", "y", "y2"]
 
@@ -155,7 +155,7 @@ def test_a_series_without_a_name_is_refused():
     """Property: artists without a label take the names given, in order; none is without."""
     fig = example()
     fig.axes[1].plot([0, 1], [5, 6])
-    with pytest.raises(WrongUsage, match=r"no name for line in panel 2: north \(m\)"):
+    with pytest.raises(WrongUsage, match=r"no name for line in panel 2 \(north \(m\)\)"):
         figures.plotted_numbers(fig)
     assert "truth" in set(figures.plotted_numbers(fig, ["truth"])["series"])
     with pytest.raises(WrongUsage, match="1 names too many"):
@@ -169,11 +169,11 @@ def test_an_axis_without_a_label_is_refused(tmp_path):
     for ax in (top, bottom):
         ax.plot([1, 2], [3, 4], label="height")
         ax.set_ylabel("height (m)")
-    with pytest.raises(WrongUsage, match=r"panel 1: height \(m\): the x axis has no label"):
+    with pytest.raises(WrongUsage, match=r"panel 1 \(height \(m\)\): the x axis has no label"):
         figures.save(fig, NAME, CAPTION, to=tmp_path)
     assert list(tmp_path.iterdir()) == []
     bottom.set_xlabel("distance (m)")
-    assert figures.axes_of(fig)["1: height (m)"] == ["distance (m)", "height (m)"]
+    assert figures.axes_of(fig)[1] == ["height (m)", "distance (m)", "height (m)"]
 
 
 @pytest.mark.parametrize("kind", ["curve", "path", "cloud", "scatter", "band"])
