@@ -1,7 +1,6 @@
 """Single blocks over whole logs, and the numbers they are judged by."""
 
 import numpy as np
-import pandas as pd
 import pymap3d
 import pytest
 
@@ -159,15 +158,15 @@ def test_devices_draw_from_their_own_streams():
 @pytest.fixture(scope="module")
 def rides():
     """Ride two laps with the sensor at two angles."""
-    angles = (90.0, 210.0)
-    return pd.DataFrame(
-        [
-            evaluate.mounting_ride(
-                scenarios.scenario("B", np.random.default_rng(k), laps=2, mount_deg=angle)
-            )
-            for k, angle in enumerate(angles)
-        ]
-    )
+    return evaluate.mounting_rides(0, (90.0, 210.0), laps=2)
+
+
+def test_a_ride_draws_from_its_own_stream(rides):
+    """property: the second ride is scenario B with the second stream of the seed, at its angle."""
+    rng = np.random.default_rng(np.random.SeedSequence(0).spawn(2)[1])
+    ride = scenarios.scenario("B", rng, laps=2, mount_deg=210.0)
+    for name, value in evaluate.mounting_ride(ride).items():
+        np.testing.assert_array_equal(rides[name][1], value)
 
 
 def test_a_ride_is_judged_by_its_true_angle(rides):
@@ -182,11 +181,11 @@ def test_a_ride_is_judged_by_its_true_angle(rides):
 def test_rides_are_summed_up_by_hand(rides):
     """analytic: counts and largest errors of two rides; without an answer nothing is averaged."""
     row = evaluate.mounting_summary(rides)
-    assert row["with an answer"] == "2 of 2"
-    assert row["last answer off by up to (°)"] == f"{rides['last'].abs().max():.1f}"
-    assert row["within 1.96 of it"].endswith("of 2")
+    assert row["with an angle"] == "2 of 2"
+    assert row["largest error of the last"] == f"{rides['last'].abs().max():.1f}°"
+    assert row["error within 1.96 σ"].endswith("of 2")
     none = rides.assign(last=np.nan, late_s=np.nan)
     assert evaluate.mounting_summary(none) == {
-        "with an answer": "0 of 2",
-        "there as the first U-turn begins": "0 of 2",
+        "with an angle": "0 of 2",
+        "by the first U-turn": "0 of 2",
     }

@@ -1,5 +1,6 @@
 """One block alone over a whole log, and the numbers that judge it; `log_replay` runs all blocks."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -366,13 +367,39 @@ def mounting_ride(ride: Scenario) -> dict:
     return row | {"sideways": np.abs(ax * s + ay * c).mean()}
 
 
+def mounting_rides(seed: int, angles: Sequence[float], **settings: Any) -> pd.DataFrame:
+    """Simulate rides of scenario B with the sensor at given angles, and judge each.
+
+    Parameters
+    ----------
+    seed : int
+        Ride k draws from ``SeedSequence(seed).spawn(len(angles))[k]``.
+    angles : sequence of float
+        deg, one a ride.
+    **settings
+        As of `scenario`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a ride, as `mounting_ride`.
+    """
+    streams = np.random.SeedSequence(seed).spawn(len(angles))
+    return pd.DataFrame(
+        [
+            mounting_ride(scenario("B", np.random.default_rng(s), mount_deg=float(a), **settings))
+            for s, a in zip(streams, angles, strict=True)
+        ]
+    )
+
+
 def mounting_summary(rides: pd.DataFrame) -> dict[str, str]:
-    """Sum up what `mounting_ride` gave on several rides, as a row of a table.
+    """Sum up simulated rides as a row of a table.
 
     Parameters
     ----------
     rides : pandas.DataFrame
-        A row a ride.
+        As from `mounting_rides`.
 
     Returns
     -------
@@ -380,19 +407,20 @@ def mounting_summary(rides: pd.DataFrame) -> dict[str, str]:
         Name of a column -> cell.
     """
     known = rides[np.isfinite(rides["last"])]
-    row = {"with an answer": f"{len(known)} of {len(rides)}"}
-    row |= {"there as the first U-turn begins": f"{(rides['late_s'] <= 0).sum()} of {len(rides)}"}
+    row = {"with an angle": f"{len(known)} of {len(rides)}"}
+    row |= {"by the first U-turn": f"{(rides['late_s'] <= 0).sum()} of {len(rides)}"}
     if known.empty:
         return row
     late = np.unique(known["late_s"][known["late_s"] > 0])
     within = (known["last"].abs() <= 1.96 * known["sigma"]).sum()
     return row | {
         "else later by (s)": ", ".join(f"{x:.0f}" for x in late) or "–",
-        "first answer off by up to (°)": f"{known['first'].abs().max():.1f}",
-        "last answer off by up to (°)": f"{known['last'].abs().max():.1f}",
-        "rms at the end (°)": f"{np.sqrt((known['last'] ** 2).mean()):.1f}",
-        "stated (°)": f"{np.sqrt((known['sigma'] ** 2).mean()):.1f}",
-        "within 1.96 of it": f"{within} of {len(known)}",
+        "largest error of the first angle": f"{known['first'].abs().max():.1f}°",
+        "largest error of the last": f"{known['last'].abs().max():.1f}°",
+        "rms error of the last": f"{np.sqrt((known['last'] ** 2).mean()):.1f}°",
+        "its stated σ": f"{np.sqrt((known['sigma'] ** 2).mean()):.1f}°",
+        "error within 1.96 σ": f"{within} of {len(known)}",
+        "largest change on the way": f"{known['changed'].max():.1f}°",
     }
 
 

@@ -17,6 +17,7 @@ An IMU sample has white noise, a constant bias, and a vibration that grows with 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -309,20 +310,23 @@ def _courtyard(rng, gnss, imu, *, minutes=90.0, imu_rate=4.0):
 
 
 def _laps(rng, gnss, imu, *, laps=6, imu_rate=40.0, mount_deg=90.0, slope=0.0, slope_m=100.0):
+    path = _path_of_laps(laps, imu_rate)
+    pdop = np.full(len(path[0][:: round(imu_rate)]), ASSUMED["B"][2])
+    ground = _ground(path[0] / imu_rate, slope, slope_m, rng)
+    mounted = {"tilt": (2.0, -3.0), "mount_deg": mount_deg}
+    return _measure(path, imu_rate, pdop, gnss, imu, rng, lean=True, ground=ground, **mounted)
+
+
+@lru_cache(maxsize=4)  # the same for every ride, and slower to make than its errors
+def _path_of_laps(laps, imu_rate):
     radius = 36.5 + 9.76
     lap = [(84.39, 0.0), (np.pi * radius, -np.pi), (84.39, 0.0), (np.pi * radius, -np.pi)]
     length = laps * sum(part[0] for part in lap)
     mean = 17.6 * KMH
     for _ in range(3):  # the targets are scaled until the whole ride has its mean speed
-        ride = (lap, length, 1.25 * mean, 0.9 * mean)
-        v, _ = _ride(*ride, 10.0, wait=0.0, course=np.pi)
+        v, _ = _ride(lap, length, 1.25 * mean, 0.9 * mean, 10.0, wait=0.0, course=np.pi)
         mean *= 17.6 * KMH / v[v > 0].mean()
-    ride = (lap, length, 1.25 * mean, 0.9 * mean)
-    path = _ride(*ride, imu_rate, wait=20.0, course=np.pi)
-    pdop = np.full(len(path[0][:: round(imu_rate)]), ASSUMED["B"][2])
-    ground = _ground(path[0] / imu_rate, slope, slope_m, rng)
-    mounted = {"tilt": (2.0, -3.0), "mount_deg": mount_deg}
-    return _measure(path, imu_rate, pdop, gnss, imu, rng, lean=True, ground=ground, **mounted)
+    return _ride(lap, length, 1.25 * mean, 0.9 * mean, imu_rate, wait=20.0, course=np.pi)
 
 
 def _walk(rng, gnss, imu, *, imu_rate=4.0, wait=120.0, first_fix=40.0):
