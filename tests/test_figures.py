@@ -134,8 +134,8 @@ def test_saving_leaves_the_settings_alone(tmp_path):
 
 
 def test_a_picture_of_a_stated_size(saved):
-    """Analytic: 3.5 in at 200 dots an inch are 700 dots, whatever the screen."""
-    assert Image.open(io.BytesIO((saved[0] / f"{NAME}.png").read_bytes())).size == (700, 400)
+    """Analytic: 3.5 in at 160 dots an inch are 560 dots, whatever the screen."""
+    assert Image.open(io.BytesIO((saved[0] / f"{NAME}.png").read_bytes())).size == (560, 320)
 
 
 # --- plotted_numbers -----------------------------------------------------------------------------
@@ -207,8 +207,8 @@ def test_what_lies_under_one_dot_is_left_out(kind, tmp_path):
     assert len(after) < len(before) / 3
     both = before[["x", "y", "y2"]].merge(after[["x", "y", "y2"]].drop_duplicates())
     assert len(both) >= len(after)
-    ink = pictures[0].sum()  # edges are blended: where ink lies may move by a fraction of a dot
-    assert (pictures[0] ^ pictures[1]).sum() < 0.03 * ink
+    ink = pictures[0].sum()  # edges are blended, and a pen may be thinner than a dot of a screen
+    assert (pictures[0] ^ pictures[1]).sum() < 0.06 * ink
 
 
 def test_numbers_on_log_axes_are_the_numbers():
