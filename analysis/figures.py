@@ -50,7 +50,6 @@ STYLE = {
     "pdf.fonttype": 42,
 }
 DENSE = 300  # points of an artist: more are thinned to what the picture can show
-STRICT = False  # until every notebook names what it plots
 VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools", "inertial-compendium")
 
 
@@ -62,7 +61,7 @@ def use_style() -> None:
 def save(
     fig: Figure,
     name: str,
-    caption: str = "",
+    caption: str,
     series: Sequence[str] = (),
     *,
     seed: int | None = None,
@@ -251,7 +250,7 @@ def plotted_numbers(fig, series=()):
             part = {"panel": panel, "series": label or kind, "kind": kind}
             rows.append(pd.DataFrame(part | {"x": x, "y": y, "y2": y2}))
     left = list(names)
-    if left or (unnamed and STRICT):
+    if left or unnamed:
         what = f"{len(left)} names too many" if left else f"no name for {unnamed[0]}"
         raise WrongUsage(f"{what}: label each artist, or name in order those without a label")
     columns = ["panel", "series", "kind", "x", "y", "y2"]
@@ -278,7 +277,7 @@ def axes_of(fig):
             words = (" ".join(getattr(a, f"get_{which}label")().split()) for a in alike)
             outer = getattr(fig, f"get_sup{which}label")()
             label = next((w for w in words if w), outer)
-            if not label and STRICT:
+            if not label:
                 raise WrongUsage(f"panel {panel} ({title}): the {which} axis has no label")
             labels.append(label)
         found[panel] = labels

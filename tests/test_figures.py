@@ -18,12 +18,6 @@ CAPTION = "Deviation of a sensor at rest (95 % bands)."
 ORIGIN = {"seed": 7, "data": {"my.csv": "ab" * 32}, "rate_hz": 20.0, "note": "σ of ten runs"}
 
 
-@pytest.fixture(autouse=True)
-def strict(monkeypatch):
-    """Refuse what has no name."""
-    monkeypatch.setattr(figures, "STRICT", True)
-
-
 def example():
     """Draw one of everything."""
     fig = Figure(figsize=(3.5, 2))
@@ -120,7 +114,7 @@ def test_sidecar_holds_the_plotted_numbers(saved):
 def test_the_folder_comes_from_the_environment(tmp_path, monkeypatch):
     """Property: COMPENDIUM_FIGURES decides; without it figures/ of the repository."""
     monkeypatch.setenv("COMPENDIUM_FIGURES", str(tmp_path / "new"))
-    figures.save(example(), NAME)
+    figures.save(example(), NAME, CAPTION)
     assert len(list((tmp_path / "new").iterdir())) == 3
     monkeypatch.delenv("COMPENDIUM_FIGURES")
     assert figures_folder() == ROOT / "figures"
@@ -129,7 +123,7 @@ def test_the_folder_comes_from_the_environment(tmp_path, monkeypatch):
 def test_saving_leaves_the_settings_alone(tmp_path):
     """Property: a call changes no setting of matplotlib."""
     before = dict(mpl.rcParams)
-    figures.save(example(), NAME, to=tmp_path)
+    figures.save(example(), NAME, CAPTION, to=tmp_path)
     assert dict(mpl.rcParams) == before
 
 
