@@ -49,6 +49,7 @@ STYLE = {
     "savefig.dpi": 160,
     "pdf.fonttype": 42,
 }
+HALF_MM = 1.42  # typographic points
 DENSE = 300  # points of an artist: more are thinned to what the picture can show
 VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools", "inertial-compendium")
 
@@ -112,27 +113,34 @@ def save(
             "axes": axes_of(fig)
         }
         text = json.dumps(origin, ensure_ascii=False)
-        picture = io.BytesIO()
-        fig.savefig(picture, format="png")
+        picture = _picture(fig, STYLE["savefig.dpi"])
         fig.savefig(to / f"{name}.pdf", metadata={"CreationDate": None, "Subject": text})
     inside = PngInfo()
     inside.add_itxt("Description", text)
-    # 256 colours hold a plot without loss to the eye, in a third of the bytes.
-    colours = Image.open(picture).convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, dither=0)
-    colours.save(to / f"{name}.png", optimize=True, pnginfo=inside, dpi=(STYLE["savefig.dpi"],) * 2)
+    picture.save(to / f"{name}.png", optimize=True, pnginfo=inside, dpi=(STYLE["savefig.dpi"],) * 2)
     lines = [f"# {key}: {json.dumps(value, ensure_ascii=False)}" for key, value in origin.items()]
     csv = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     (to / f"{name}.csv").write_text("\n".join(lines) + "\n" + csv, encoding="utf-8")
     _show(fig, caption)
 
 
+def _picture(fig, dpi):
+    """Draw a figure in 256 colours: no loss to the eye, in a third of the bytes."""
+    drawn = io.BytesIO()
+    fig.savefig(drawn, format="png", dpi=dpi)
+    return Image.open(drawn).convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, dither=0)
+
+
 def _show(fig, caption):
     """Show a figure with its caption below, in a notebook; elsewhere nothing."""
     shell = sys.modules.get("IPython") and sys.modules["IPython"].get_ipython()
     if shell:
+        from IPython.display import Image as Shown
         from IPython.display import Markdown, display
 
-        display(fig)
+        png = io.BytesIO()
+        _picture(fig, STYLE["figure.dpi"]).save(png, "PNG", optimize=True)
+        display(Shown(png.getvalue()))
         display(Markdown(f"*{caption}*"))
         plt.close(fig)  # shown already
 
@@ -142,7 +150,7 @@ def thin(ax, dots):
 
     Of a curve with rising x the lowest and the highest point in each width of its pen stay, so that
     the picture is the same; of a path one point in each such width, of a cloud one in each third of
-    a marker. A dot of a screen (0.8 typographic points) is the least width.
+    a marker. Half a millimetre on paper is the least width.
 
     Parameters
     ----------
@@ -154,7 +162,7 @@ def thin(ax, dots):
 
     def at(x, y, points):
         """Number the cells, each as wide as a pen of so many typographic points."""
-        cell = max(0.8, points) / 72 * ax.figure.dpi * dots
+        cell = max(HALF_MM, points) / 72 * ax.figure.dpi * dots
         return np.floor(dots / cell * ax.transData.transform(np.column_stack([x, y])))
 
     for line in ax.lines:

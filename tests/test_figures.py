@@ -201,8 +201,8 @@ def test_what_lies_under_one_dot_is_left_out(kind, tmp_path):
     assert len(after) < len(before) / 3
     both = before[["x", "y", "y2"]].merge(after[["x", "y", "y2"]].drop_duplicates())
     assert len(both) >= len(after)
-    ink = pictures[0].sum()  # edges are blended, and a pen may be thinner than a dot of a screen
-    assert (pictures[0] ^ pictures[1]).sum() < 0.06 * ink
+    ink = pictures[0].sum()  # edges are blended, and a pen may be thinner than half a millimetre
+    assert (pictures[0] ^ pictures[1]).sum() < 0.1 * ink
 
 
 def test_numbers_on_log_axes_are_the_numbers():
