@@ -124,10 +124,10 @@ def save(
 
 
 def _picture(fig, dpi):
-    """Draw a figure in 64 colours: no loss to the eye, in a quarter of the bytes."""
+    """Draw a figure in 128 colours: no loss to the eye, in a third of the bytes."""
     drawn = io.BytesIO()
     fig.savefig(drawn, format="png", dpi=dpi)
-    return Image.open(drawn).convert("RGB").quantize(64, Image.Quantize.MEDIANCUT, dither=0)
+    return Image.open(drawn).convert("RGB").quantize(128, Image.Quantize.MAXCOVERAGE, dither=0)
 
 
 def _show(fig, caption):
