@@ -29,6 +29,8 @@ def pytest_configure(config):
     if not hasattr(config, WORKER):
         os.environ["COMPENDIUM_FIGURES"] = tempfile.mkdtemp(prefix="compendium-figures-")
         os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
+        # Files in the order given below: what waits for the notebooks must not come before them.
+        config.option.loadscopereorder = False
 
 
 def pytest_unconfigure(config):
