@@ -3,7 +3,8 @@
 Nothing is written into the tree: COMPENDIUM_FIGURES sends every re-executed figure and the ledger
 of claims to a temporary folder, where tests/test_reproduction.py compares them with what is
 committed. With two workers (``pytest -n 2 --dist loadfile``) both save into that folder; the index
-and the comparison wait until every other notebook is through.
+and the comparison wait until every other notebook is through. It lies above notebooks/ and tests/,
+because the hooks of a conftest are for its own folder only.
 """
 
 import os
@@ -26,7 +27,6 @@ _finished = Counter()
 
 def pytest_configure(config):
     """Send figures and claims of this session to one temporary folder; workers inherit it."""
-    config.pluginmanager.register(Marks())
     if not hasattr(config, WORKER):
         os.environ["COMPENDIUM_FIGURES"] = tempfile.mkdtemp(prefix="compendium-figures-")
         os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
@@ -48,21 +48,19 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: place.get(item.path.stem, len(place)))
 
 
-class Marks:
-    """Hooks for the cells of notebooks too; those of a conftest are for its own folder only."""
+def pytest_runtest_setup(item):
+    """Let the index wait for the verdicts of the other notebooks."""
+    if item.path.stem == LAST[0]:
+        _wait_for(_notebooks(item.session) - {LAST[0]})
 
-    def pytest_runtest_setup(self, item):
-        """Let the index wait for the verdicts of the other notebooks."""
-        if item.path.stem == LAST[0]:
-            _wait_for(_notebooks(item.session) - {LAST[0]})
 
-    def pytest_runtest_teardown(self, item):
-        """Leave a mark when the last cell of a notebook is through, for the other worker to see."""
-        if item.path.suffix == ".ipynb":
-            stem = item.path.stem
-            _finished[stem] += 1
-            if _finished[stem] == sum(other.path.stem == stem for other in item.session.items):
-                _mark(stem).touch()
+def pytest_runtest_teardown(item):
+    """Leave a mark when the last cell of a notebook is through, for the other worker to see."""
+    if item.path.suffix == ".ipynb":
+        stem = item.path.stem
+        _finished[stem] += 1
+        if _finished[stem] == sum(other.path.stem == stem for other in item.session.items):
+            _mark(stem).touch()
 
 
 @pytest.fixture(scope="session")
