@@ -48,38 +48,51 @@ def covariance(n, m, sigma_v, bias=(), rrw=0.0, quantisation=0.0):
     return full.reshape(n, m, n, m).mean(axis=(1, 3))
 
 
+def regressors(m, added):
+    """Give a mean, a line and, where wanted, a warm-up and a step, as columns."""
+    t = m * DT * (np.arange(BLOCKS) - (BLOCKS - 1) / 2)
+    more = [np.exp(-np.arange(BLOCKS) / 9), 1.0 * (np.arange(BLOCKS) > 31)] if added else []
+    return np.stack([np.ones(BLOCKS), t, *more], axis=1)
+
+
+@pytest.mark.parametrize("added", [False, True])
 @pytest.mark.parametrize("m", [1, 7])
 @pytest.mark.parametrize("name", MODELS)
-def test_likelihood_is_exact(name, m):
-    """cross-check: equal to scipy's normal density of what no mean and no drift could change."""
+def test_likelihood_is_exact(name, m, added):
+    """cross-check: equal to scipy's normal density of what mean, drift and terms cannot change."""
     y = np.cumsum(np.random.default_rng(1).standard_normal(BLOCKS))
     v = covariance(BLOCKS, m, 0.7, **MODELS[name])
-    t = m * DT * (np.arange(BLOCKS) - (BLOCKS - 1) / 2)
-    # Contrasts: an orthonormal basis of what is left when mean and line are taken out.
-    line = np.stack([np.ones(BLOCKS), t], axis=1)
-    basis = np.linalg.svd(line, full_matrices=True)[0][:, 2:]
+    x = regressors(m, added)
+    # Contrasts: an orthonormal basis of what is left when the columns are taken out.
+    basis = np.linalg.svd(x, full_matrices=True)[0][:, x.shape[1] :]
     dense = multivariate_normal(cov=basis.T @ v @ basis).logpdf(basis.T @ y)
-    found = likelihood.evaluate([spectrum.transform(y, DT, m)], terms(0.7, **MODELS[name]))
-    constant = 0.5 * (BLOCKS - 2) * np.log(2 * np.pi) - 0.5 * np.log((t**2).sum())
+    stretch = spectrum.transform(y, DT, m, x.T[2:])
+    found = likelihood.evaluate([stretch], terms(0.7, **MODELS[name]))
+    centred = x[:, 1:] - x[:, 1:].mean(axis=0)
+    constant = 0.5 * basis.shape[1] * np.log(2 * np.pi)
+    constant -= 0.5 * np.linalg.slogdet(centred.T @ centred)[1]
     assert found.value[0] == pytest.approx(dense + constant, abs=1e-8)
-    slope = np.linalg.solve(line.T @ np.linalg.solve(v, line), line.T @ np.linalg.solve(v, y))[1]
-    assert found.drift[0] == pytest.approx(slope, rel=1e-9)
+    cov = np.linalg.inv(x.T @ np.linalg.solve(v, x))
+    best = cov @ x.T @ np.linalg.solve(v, y)
+    assert found.drift[0] == pytest.approx(best[1], rel=1e-9)
+    np.testing.assert_allclose(found.added[0], best[2:], rtol=1e-8)
+    np.testing.assert_allclose(found.added_cov[0], cov[2:, 2:], rtol=1e-8)
 
 
+@pytest.mark.parametrize("added", [False, True])
 @pytest.mark.parametrize("name", MODELS)
-def test_drawn_logs_are_those_of_the_model(name):
+def test_drawn_logs_are_those_of_the_model(name, added):
     """cross-check: what is left of them under other noise, and their drift, as algebra has it.
 
     Drawn with one noise and asked under another, the restricted quadratic form has the mean
     tr(P V), P = W - W X (X'W X)^-1 X'W with W the other noise's inverse covariance.
     """
     v, other = covariance(BLOCKS, 1, 0.7, **MODELS[name]), {"bias": [(0.8, 9.0)]}
-    t = DT * (np.arange(BLOCKS) - (BLOCKS - 1) / 2)
-    line = np.stack([np.ones(BLOCKS), t], axis=1)
+    line = regressors(1, added)
     w = np.linalg.inv(covariance(BLOCKS, 1, 0.5, **other))
     onto = np.linalg.solve(line.T @ w @ line, line.T @ w)
     left = w - w @ line @ onto
-    stretch = spectrum.transform(np.zeros(BLOCKS), DT)
+    stretch = spectrum.transform(np.zeros(BLOCKS), DT, 1, line.T[2:])
     rng, logs = np.random.default_rng(2), 20000
     drawn = likelihood.simulate(stretch, terms(0.7, **MODELS[name]), logs, rng)
     found = likelihood.evaluate([drawn], terms(0.5, **other))
@@ -99,9 +112,9 @@ def test_drawn_bins_have_the_moments_of_white_noise():
     assert many.sum() > 50
     for products, moment in (
         (drawn.yy, stretch.count),
-        (drawn.xy**2, stretch.xx),
+        (drawn.xy[:, 0] ** 2, stretch.xx[0, 0]),
         (drawn.uy**2, stretch.uu),
-        (drawn.xy * drawn.uy, stretch.ux),
+        (drawn.xy[:, 0] * drawn.uy, stretch.ux[0]),
     ):
         spread = products.std(axis=0) / np.sqrt(logs)
         assert np.all(np.abs(products.mean(axis=0) - 4 * moment) <= 5 * spread)

@@ -57,6 +57,11 @@ class Likelihood:
     drift : ndarray, shape (rows,), U/s
     drift_sd : ndarray, shape (rows,), U/s
         The same for every log.
+    added : ndarray, shape (rows, p - 1)
+        Coefficients of the added regressors by generalised least squares; of many logs,
+        shape (logs, rows, p - 1).
+    added_cov : ndarray, shape (rows, p - 1, p - 1)
+        Their covariance.
     """
 
     value: np.ndarray
@@ -64,6 +69,8 @@ class Likelihood:
     count: int
     drift: np.ndarray
     drift_sd: np.ndarray
+    added: np.ndarray
+    added_cov: np.ndarray
 
 
 def evaluate(stretches, terms, *, detrend=True):
@@ -83,17 +90,25 @@ def evaluate(stretches, terms, *, detrend=True):
     -------
     Likelihood
     """
-    logdet, yy, xy, xx = np.zeros((4, len(terms.sigma_v)))
-    count = 0
-    for stretch in stretches:
-        parts = _products(stretch, terms)
-        logdet, yy, xy, xx = (a + b for a, b in zip((logdet, yy, xy, xx), parts, strict=True))
-        count += int(stretch.count.sum())
-    if detrend:
-        logdet = logdet + np.log(xx)
-        yy = yy - xy**2 / xx
-        count -= 1
-    return Likelihood(-0.5 * (logdet + yy), yy, count, xy / xx, 1 / np.sqrt(xx))
+    parts = [_products(stretch, terms) for stretch in stretches]
+    logdet, yy, xy, xx = (sum(part) for part in zip(*parts, strict=True))
+    cov = np.linalg.inv(xx)
+    best = (cov @ xy[..., None])[..., 0]
+    used = slice(0 if detrend else 1, None)
+    left = xx[:, used, used]
+    logdet = logdet + np.linalg.slogdet(left)[1]
+    solved = best if detrend else np.linalg.solve(left, xy[..., used, None])[..., 0]
+    yy = yy - (xy[..., used] * solved).sum(axis=-1)
+    count = sum(int(stretch.count.sum()) for stretch in stretches) - left.shape[1]
+    return Likelihood(
+        -0.5 * (logdet + yy),
+        yy,
+        count,
+        best[..., 0],
+        np.sqrt(cov[:, 0, 0]),
+        solved[..., 1 if detrend else 0 :],
+        cov[:, 1:, 1:] if detrend else np.linalg.inv(left),
+    )
 
 
 def bin_variance(stretch, terms):
@@ -128,26 +143,51 @@ def simulate(stretch, terms, logs, rng):
         yy, xy and uy with the logs along a first axis, shape (logs, 2, bins).
     """
     diagonal, g, signs = (a if a.ndim == 1 else a[0] for a in _covariance(stretch, terms))
-    count = stretch.count
-    u = np.sqrt(stretch.uu)
-    along = np.divide(stretch.ux, u, out=np.zeros_like(u), where=u > 0)
-    orthogonal = np.sqrt(np.maximum(stretch.xx - along**2, 0.0))
-    outer = (g * u[:, None]).swapaxes(1, 2)
+    count, basis = stretch.count, _orthogonal(stretch)
+    outer = (g * basis[0, 0][:, None]).swapaxes(1, 2)
     covariance = (outer * signs) @ outer.swapaxes(1, 2)
     covariance += diagonal[:, :, None] * np.eye(count.shape[1])
-    normal = rng.standard_normal((2, logs, *count.shape))
     root = np.linalg.cholesky(covariance).swapaxes(1, 2)
-    first = (normal[0].swapaxes(0, 1) @ root).swapaxes(0, 1) * (count > 0)
-    second = np.sqrt(diagonal) * normal[1] * (count > 1)
-    rest = diagonal * 2 * rng.standard_gamma(np.maximum(count - 2, 0) / 2, (logs, *count.shape))
-    yy, xy = first**2 + second**2 + rest, along * first + orthogonal * second
-    return replace(stretch, yy=yy, xy=xy, uy=u * first)
+    normal = rng.standard_normal((len(basis), logs, *count.shape))
+    along, free = np.sqrt(diagonal) * normal, count.copy()
+    along[0] = (normal[0].swapaxes(0, 1) @ root).swapaxes(0, 1)
+    for k, component in enumerate(along):
+        # A bin has no more components than coefficients, and a ramp has no even ones.
+        has = (free > 0) & ((basis[k, k] > 0) | (k in (0, len(along) - 1)))
+        component *= has
+        free -= has
+    rest = diagonal * 2 * rng.standard_gamma(free / 2, (logs, *count.shape))
+    onto_u, *onto_x = np.einsum("jkpb,klpb->jlpb", basis, along)
+    return replace(
+        stretch, yy=(along**2).sum(axis=0) + rest, xy=np.stack(onto_x, axis=1), uy=onto_u
+    )
+
+
+def _orthogonal(stretch):
+    """Write u and the regressors of each bin in an orthonormal basis, u first (Gram-Schmidt).
+
+    Returns
+    -------
+    ndarray, shape (p + 1, p + 1, 2, bins)
+        Vector j in component k, 0 for k > j.
+    """
+    gram = np.concatenate([stretch.uu[None], stretch.ux])[:, None]
+    gram = np.concatenate([gram, np.concatenate([stretch.ux[None], stretch.xx])], axis=1)
+    basis = np.zeros_like(gram)
+    for k in range(len(gram)):
+        left = gram[k, k] - (basis[k, :k] ** 2).sum(axis=0)
+        basis[k, k] = np.sqrt(np.where(left > 1e-9 * gram[k, k], left, 0.0))
+        for j in range(k + 1, len(gram)):
+            shared = gram[j, k] - (basis[j, :k] * basis[k, :k]).sum(axis=0)
+            np.divide(shared, basis[k, k], out=basis[j, k], where=basis[k, k] > 0)
+    return basis
 
 
 def _products(stretch, terms):
     """Log-determinant and the products y'V^-1y, x'V^-1y, x'V^-1x of one stretch.
 
-    With many logs in the stretch, the products with y have the shape (logs, rows).
+    Shapes (rows,), (rows,), (rows, p), (rows, p, p); with many logs in the stretch, the products
+    with y have the logs in front.
     """
     diagonal, g, signs = _covariance(stretch, terms)
     rows = len(diagonal)
@@ -155,23 +195,25 @@ def _products(stretch, terms):
     flat = weight.reshape(rows, -1).T
     logdet = stretch.count.ravel() @ np.log(diagonal).reshape(rows, -1).T
     yy, xy, xx = (s.reshape(*s.shape[:-2], -1) @ flat for s in (stretch.yy, stretch.xy, stretch.xx))
+    columns = len(xx)
     if len(signs):
         # Woodbury's formula for V = diagonal + sum of sign * (g u)(g u)', parity by parity.
         weighted = g * weight[:, :, None, :]
         inner = (weighted * stretch.uu[:, None, :]) @ g.swapaxes(2, 3)
         inner = np.eye(len(signs)) + signs[:, None] * inner
         logdet = logdet + np.linalg.slogdet(inner)[1].sum(axis=1)
-        # On every y, and on x in the last column: shape (rows, 2, terms, logs + 1).
-        columns = np.concatenate([stretch.uy.reshape(-1, *stretch.ux.shape), stretch.ux[None]])
+        # On every y, and on the regressors in the last columns: (rows, 2, terms, logs + p).
+        both = np.concatenate([stretch.uy.reshape(-1, *stretch.uu.shape), stretch.ux])
         stacked = weighted.swapaxes(0, 1).reshape(2, rows * len(signs), -1)
-        onto = stacked @ columns.transpose(1, 2, 0)
+        onto = stacked @ both.transpose(1, 2, 0)
         onto = onto.reshape(2, rows, len(signs), -1).swapaxes(0, 1)
         solved = np.linalg.solve(inner, signs[:, None] * onto)
-        (y, x), (solved_y, solved_x) = ((v[..., :-1], v[..., -1]) for v in (onto, solved))
+        y, x = onto[..., :-columns], onto[..., -columns:]
+        solved_y, solved_x = solved[..., :-columns], solved[..., -columns:]
         yy = yy - np.einsum("rptk,rptk->kr", y, solved_y).reshape(yy.shape)
-        xy = xy - np.einsum("rptk,rpt->kr", y, solved_x).reshape(xy.shape)
-        xx = xx - (x * solved_x).sum(axis=(1, 2))
-    return logdet, yy, xy, xx
+        xy = xy - np.einsum("rptk,rptq->kqr", y, solved_x).reshape(xy.shape)
+        xx = xx - np.einsum("rptq,rptw->qwr", x, solved_x)
+    return logdet, yy, np.moveaxis(xy, -1, -2), np.moveaxis(xx, -1, 0)
 
 
 def _covariance(stretch, terms):

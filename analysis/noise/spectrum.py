@@ -36,7 +36,8 @@ SPIKE = 8.0  # robust standard deviations of a step
 class Spectrum:
     """Cosine transform, in bins, of readings without gap, or of means of `m` of them.
 
-    Every array has shape (2, bins): even coefficients, odd coefficients.
+    Every array has shape (2, bins): even coefficients, odd coefficients. Products with the
+    regressors x, a ramp and what is added to it, have their number p in front.
 
     Attributes
     ----------
@@ -50,10 +51,11 @@ class Spectrum:
         Eigenvalue of L at the middle of the bin.
     count : ndarray
         Coefficients in the bin; 0 for the mean, which is not used.
-    yy, xx, uu : ndarray
-        Sums of squares of the log's (y), the ramp's (x) and the first sample's (u) coefficients.
-    xy, uy, ux : ndarray
-        Sums of products.
+    yy, uu, uy : ndarray
+        Sums of products of the log's (y) and the first sample's (u) coefficients.
+    xx : ndarray, shape (p, p, 2, bins)
+    xy, ux : ndarray, shape (p, 2, bins)
+        The same with the regressors.
     ends : ndarray
         Sum of squares of u, that of the mean included.
     """
@@ -64,15 +66,15 @@ class Spectrum:
     lam: np.ndarray
     count: np.ndarray
     yy: np.ndarray
-    xx: np.ndarray
     uu: np.ndarray
-    xy: np.ndarray
     uy: np.ndarray
+    xx: np.ndarray
+    xy: np.ndarray
     ux: np.ndarray
     ends: np.ndarray
 
 
-def transform(y, dt, m=1):
+def transform(y, dt, m=1, added=()):
     """Reduce one unbroken stretch.
 
     Parameters
@@ -82,6 +84,8 @@ def transform(y, dt, m=1):
     dt : float
         Sampling interval of the single readings, s.
     m : int
+    added : sequence of ndarray, shape (n,)
+        Regressors besides the ramp.
 
     Returns
     -------
@@ -105,8 +109,17 @@ def transform(y, dt, m=1):
 
     ends = gathered(u * u)
     c[0] = u[0] = 0.0
-    sums = [gathered(a * b) for a, b in ((c, c), (x, x), (u, u), (x, c), (u, c), (u, x))]
-    return Spectrum(n, m, dt, lam, count, *sums, ends)
+    columns = [x]
+    for column in added:
+        columns.append(dct(column - column.mean(), type=2, norm="ortho"))
+        columns[-1][0] = 0.0
+    xx = np.zeros((len(columns), len(columns), *lam.shape))
+    for i, a in enumerate(columns):
+        for j, b in enumerate(columns[: i + 1]):
+            xx[i, j] = xx[j, i] = gathered(a * b)
+    xy, ux = (np.array([gathered(a * column) for column in columns]) for a in (c, u))
+    sums = [gathered(a * b) for a, b in ((c, c), (u, u), (u, c))]
+    return Spectrum(n, m, dt, lam, count, *sums, xx, xy, ux, ends)
 
 
 def outline(n, dt):
@@ -119,7 +132,8 @@ def outline(n, dt):
     lam, count, _ = _bins(n)
     zero = np.zeros_like(lam)
     uu = count * (2 / n) * (1 - lam / 4)
-    return Spectrum(n, 1, dt, lam, count, *[zero] * 2, uu, *[zero] * 3, uu)
+    none = zero[None]
+    return Spectrum(n, 1, dt, lam, count, zero, uu, zero, none[None], none, none, uu)
 
 
 def _bins(n):
@@ -143,7 +157,7 @@ def _edges(size):
     return np.append(np.arange(SINGLE), wide)
 
 
-def spectra(y, dt, m, rng):
+def spectra(y, dt, m, rng, added=()):
     """Split a log at its long gaps, bridge the short ones, and transform the pieces.
 
     A gap of up to 10 samples, or 1/200 of the log, is bridged: a straight line between the medians
@@ -159,6 +173,8 @@ def spectra(y, dt, m, rng):
         Samples to average.
     rng : numpy.random.Generator
         For the bridges.
+    added : sequence of callable
+        Regressors besides the ramp: time since the first sample, s, to their values.
 
     Returns
     -------
@@ -168,8 +184,13 @@ def spectra(y, dt, m, rng):
     whole = bridged(y, rng)
     edges = np.flatnonzero(np.diff(np.isfinite(np.concatenate([[np.nan], whole, [np.nan]]))))
     runs = sorted(edges.reshape(-1, 2).tolist(), key=lambda run: run[0] - run[1])[:STRETCHES]
-    kept = [whole[a:b] for a, b in sorted(runs) if b - a >= FEWEST * m]
-    return [transform(block_means(part, m), dt, m) for part in kept]
+    pieces = []
+    for a, b in sorted(runs):
+        if b - a >= FEWEST * m:
+            means = block_means(whole[a:b], m)
+            middle = dt * (a + m * np.arange(len(means)) + (m - 1) / 2)
+            pieces.append(transform(means, dt, m, [column(middle) for column in added]))
+    return pieces
 
 
 def spikes(y):
