@@ -17,7 +17,7 @@ from analysis.figures import DOUBLE
 from analysis.noise import graph
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
-from analysis.terrain import metrics
+from analysis.terrain.monte_carlo import quantiles
 
 __all__ = ["against_price", "allan", "curves", "four_panels", "interval_bar", "plane", "sensors"]
 
@@ -190,7 +190,7 @@ def curves(
         style = {"color": color, "lw": 0.8, "label": name.format(value)}
         axes[0].plot(x, measured[value].iloc[0], **style)
         axes[1].plot(x, 100 * lost[value], **style)
-    middle, low, high = metrics.quantiles(measured.T.groupby(level=1).mean().T)
+    middle, low, high = quantiles(measured.T.groupby(level=1).mean().T)
     axes[0].plot(x, middle, color="k", lw=2, label="average of the curves")
     band = {"color": "k", "alpha": 0.15, "lw": 0, "label": "95 % interval of the average"}
     axes[0].fill_between(x, low, high, **band)
@@ -334,7 +334,7 @@ def against_price(
     """
     low, high, middle = (sensors[k].to_numpy(float) for k in ("low", "high", "middle"))
     for ax, measured, what in ((axes[0], mean, "mean"), (axes[1], variance, "variance")):
-        value, below, above = metrics.quantiles(measured)
+        value, below, above = quantiles(measured)
         ax.hlines(value, low, high, color="C0", lw=3, alpha=0.35, label="price range")
         ax.vlines(middle, below, above, color="C0", lw=1, label=f"_{what}, 95 % interval")
         ax.plot(middle, value, "o", color="C0", label=f"simulated {what}, 95 % interval")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis import CannotAnswer, Estimate
-from analysis.terrain import metrics, monte_carlo
+from analysis import CannotAnswer
+from analysis.terrain import monte_carlo
 from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
 
@@ -129,7 +129,7 @@ def test_laps_by_label():
         )
         nees = (error**2 / found.variance[k]).mean()
         assert found.nees()[label] == pytest.approx(nees)
-        assert found.reach(0.9)[label] == pytest.approx(np.quantile(np.abs(error), 0.9))
+        assert found.reach()[label] == pytest.approx(np.quantile(np.abs(error), 0.95))
     chosen = np.arange(8) < 5
     some = found.measures(20, np.random.default_rng(1), runs=chosen)["pooled_m2"]
     fewer = laps(reading(), runs=5).measures(20, np.random.default_rng(1))["pooled_m2"]
@@ -166,30 +166,13 @@ def synthetic_errors(cells=3, runs=50, times=40):
 def test_the_three_variances_are_numpys():
     """analytic: pooled, ensemble and per-run variance as numpy computes them."""
     error = synthetic_errors()
-    found = metrics.measures(error, metrics.resample(50, 0, np.random.default_rng(1)))
-    assert found["mean_m"][0] == pytest.approx(np.abs(error).mean(axis=(1, 2)))
-    assert found["pooled_m2"][0] == pytest.approx(error.var(axis=(1, 2)))
-    assert found["ensemble_m2"][0] == pytest.approx(error.var(axis=1).mean(axis=1))
-    assert found["per_run_m2"][0] == pytest.approx(error.var(axis=2).mean(axis=1))
-
-
-def test_the_share_of_a_square_and_its_open_side():
-    """analytic: c2 / (c1 + c2) where the rise is clear; past the pole what its inverse says."""
-    rng = np.random.default_rng(SEED)
-
-    def share(c1, c2):
-        found = metrics._share_of_square(c1, c2)
-        return found.value, found.low, found.high
-
-    def around(x, sd):
-        return x + sd * np.append(0.0, rng.standard_normal(2000))
-
-    value, low, high = share(around(1.0, 0.01), around(3.0, 0.01))
-    assert low < value == 0.75 < high and high - low < 0.02
-    c2 = around(1.0, 0.1)
-    value, low, high = share(around(0.1, 0.4) - c2, c2)  # perhaps no rise, but a bend
-    assert low == pytest.approx(1 / (0.1 + 1.96 * 0.4), rel=0.15) and high is None
-    assert share(around(0.1, 1.0), around(0.1, 1.0))[1:] == (None, None)
+    laps = monte_carlo.Laps((0, 1, 2), None, None, error, None, None)
+    found = laps.measures(1, np.random.default_rng(1))
+    found = {name: values.loc[0].to_numpy() for name, values in found.items()}
+    assert found["mean_m"] == pytest.approx(np.abs(error).mean(axis=(1, 2)))
+    assert found["pooled_m2"] == pytest.approx(error.var(axis=(1, 2)))
+    assert found["ensemble_m2"] == pytest.approx(error.var(axis=1).mean(axis=1))
+    assert found["per_run_m2"] == pytest.approx(error.var(axis=2).mean(axis=1))
 
 
 def test_bootstrap_interval_covers():
@@ -200,49 +183,10 @@ def test_bootstrap_interval_covers():
     rng, inside = np.random.default_rng(SEED), 0
     for _ in range(300):
         error = 2.0 * rng.standard_normal((1, 50, 1)) + rng.standard_normal((1, 50, 10))
-        weights = metrics.resample(50, 300, rng)
-        found = metrics.interval(metrics.measures(error, weights)["pooled_m2"][:, 0])
+        laps = monte_carlo.Laps((0,), None, None, error, None, None)
+        found = monte_carlo.interval(laps.measures(300, rng)["pooled_m2"][0])
         inside += found.low < 5.0 < found.high
     assert 0.88 <= inside / 300 <= 0.98
-
-
-def test_share_of_square_knows_lines_and_squares():
-    """analytic: 0 for a line, 1 for c x^2 from 0, 0.82 for the pure square of the swept N."""
-    x, rng = np.linspace(0.001, 0.01, 10), np.random.default_rng(SEED)
-    for curve, share in ((2 + 3 * x, 0.0), (x**2, 0.9 / 1.1)):
-        around = curve * (1 + 1e-12 * rng.standard_normal((50, 1)))
-        assert metrics.fit_trend(x, around).share.value == pytest.approx(share, abs=1e-9)
-    for power in (1, 2):
-        noisy = (x / 0.01) ** power + 0.01 * rng.standard_normal((200, 10))
-        found = metrics.fit_trend(x, noisy)
-        assert (found.square_rms < found.line_rms) == (power == 2)
-        assert (found.p_line < 1e-3) == (power == 2)
-        assert found.rise.value == pytest.approx(noisy[0, -1] / noisy[0, 0] - 1)
-
-
-def test_a_claimed_shape_is_judged_by_both_coefficients():
-    """analytic: one clear term decides; two exclude a square; without any there is no verdict."""
-    clear, none = Estimate(1.0, 0.9, 1.1), Estimate(0.1, -0.2, 0.3)
-    share = Estimate(0.5, 0.4, 0.6)
-
-    def judge(c1, c2, shape):
-        return metrics.Trend(clear, c1, c2, share, 0.1, 0.1, 0.5).judge(shape)
-
-    for c1, c2, shape in ((clear, none, "line"), (none, clear, "square"), (clear, clear, "line")):
-        assert judge(c1, c2, shape) == (share, None)
-    assert judge(clear, clear, "square") == (Estimate(0.0, None, None), None)
-    assert judge(none, none, "line")[1].startswith("the 95 % interval of c2, -0.2 to 0.3, incl")
-
-
-def test_line_test_keeps_its_level():
-    """coverage: were the truth a line, a quadratic term is called significant 5 % of the time."""
-    rng, x = np.random.default_rng(SEED), np.linspace(0, 1, 10)
-    called = 0
-    for _ in range(300):
-        curves = x + 0.3 * rng.standard_normal((60, 10)) + rng.standard_normal((60, 1))
-        y = metrics.resample(60, 200, rng) @ curves
-        called += metrics.fit_trend(x, 3.0 + y).p_line < 0.05
-    assert 0.02 <= called / 300 <= 0.10  # 5 % +- 2.5 %, and a bootstrap of 60 is a little narrow
 
 
 def test_lost_and_its_share():
@@ -252,5 +196,5 @@ def test_lost_and_its_share():
     lost = monte_carlo.Laps(("good", "bad"), None, None, error, None, None).lost()
     assert lost.sum().tolist() == [0, 5]
     for label, expected in (("good", (0, 0, 0.0362)), ("bad", (0.05, 0.0164, 0.1128))):
-        found = metrics.share(lost[label])
+        found = monte_carlo.share(lost[label])
         assert (found.value, found.low, found.high) == pytest.approx(expected, abs=1e-4)

@@ -120,7 +120,7 @@ def test_what_the_antennas_see_undoes_the_mounting():
     lap, _ = drive(1)
     mounting = AntennaMounting(*mounting_of_the_van())
     _, pitch, roll = antennas.attitude(lap, mounting)
-    _, raw_pitch, raw_roll = antennas.attitude(lap)
+    _, raw_pitch, raw_roll = antennas.attitude(lap, AntennaMounting())
     again = mounting.antenna_attitude(pitch, roll)
     np.testing.assert_allclose(again, [raw_pitch, raw_roll], atol=1e-9)
 
@@ -452,7 +452,7 @@ def test_a_lap_that_does_not_come_round_makes_no_line():
         antennas.residuals(ring, AntennaMounting(), DT)
     nothing = np.full((50, 3), np.nan)
     with pytest.raises(CannotAnswer, match="no epoch has a position of all three"):
-        antennas.attitude([nothing] * 3)
+        antennas.attitude([nothing] * 3, AntennaMounting())
 
 
 def test_raw_laps_lie_on_their_own_map_only():

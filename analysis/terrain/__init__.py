@@ -5,15 +5,14 @@ is the names below.
 """
 
 from analysis.terrain.antennas import AntennaMounting
-from analysis.terrain.cost import PowerLaw, draw_prices, largest_allowed
 from analysis.terrain.gyro import attitude_variance, unit_paths
-from analysis.terrain.metrics import fit_trend, interval, share
-from analysis.terrain.monte_carlo import simulate_laps
+from analysis.terrain.monte_carlo import interval, share, simulate_laps
 from analysis.terrain.point_mass import compare_filters, cramer_rao_bound
 from analysis.terrain.readings import Sensor, Setup, sensor_table
 from analysis.terrain.real_laps import track_real_laps
 from analysis.terrain.roughness import IsoRoad, shared_spectrum
 from analysis.terrain.terrain_map import AttitudeMap, held_out
+from analysis.terrain.trends import PowerLaw, draw_prices, fit_trend, largest_allowed
 
 __all__ = [
     "AntennaMounting",

@@ -29,7 +29,7 @@ from analysis import CannotAnswer, wrap
 MAX_CURVATURE = 0.02  # 1/m: no curve of the road is tighter; a larger value is noise
 MIN_SPEED = 3.0  # m/s, below which a course from positions is not used
 MIN_VARIATION = 5e-4  # 1/m, standard deviation of curvature of a lap with straights and bends
-BRIDGED = 2  # missing epochs in a row that are filled
+BRIDGED = 2  # missing epochs in a row that are filled; longer dropouts stay missing
 MIN_EPOCHS = 30  # with attitude and course, for a calibration
 MAX_SLOPE = 0.12  # rise over run that no two neighbouring samples of a highway have
 MAX_MEAN_SLOPE = 0.09  # and that no `WINDOW` of it has: a steeper one is a drift of the height
@@ -74,15 +74,15 @@ class AntennaMounting:
         return pitch, roll
 
 
-def attitude(positions, mounting=None):
+def attitude(positions, mounting):
     """Give the vehicle's attitude from three antenna positions.
 
     Parameters
     ----------
     positions : sequence of three ndarray, shape (n, 3)
         Front, left rear, right rear antenna; east, north, up, m; NaN where there is no position.
-    mounting : AntennaMounting, optional
-        None gives the attitude of the antenna frame itself.
+    mounting : AntennaMounting
+        With no angles, ``AntennaMounting()``, the attitude is that of the antenna frame itself.
 
     Returns
     -------
@@ -107,15 +107,13 @@ def attitude(positions, mounting=None):
         )
     x, z = (v[good] / np.linalg.norm(v[good], axis=1)[:, None] for v in (x, z))
     C_na = np.stack([x, np.cross(z, x), z], axis=2)  # columns: the antenna axes in n
-    vehicle = Rotation.from_matrix(C_na)
-    if mounting is not None:
-        vehicle = vehicle * mounting.rotation.inv()  # C_nb = C_na C_ba^T
+    C_nb = Rotation.from_matrix(C_na) * mounting.rotation.inv()
     angles = np.full((len(front), 3), np.nan)
-    angles[good] = vehicle.as_euler("ZYX", degrees=True)
+    angles[good] = C_nb.as_euler("ZYX", degrees=True)
     return tuple(angles.T)
 
 
-def bridge(positions, most=BRIDGED):
+def bridge(positions):
     """Fill short dropouts of one antenna by a cubic spline through its other epochs.
 
     Its error in height on the test-track laps is 2 to 3 mm over one missing epoch at 10 Hz and 3 to
@@ -125,8 +123,6 @@ def bridge(positions, most=BRIDGED):
     ----------
     positions : ndarray, shape (n, 3)
         m, evenly spaced in time; NaN where missing.
-    most : int
-        Missing epochs in a row that are filled; longer dropouts stay missing.
 
     Returns
     -------
@@ -138,43 +134,10 @@ def bridge(positions, most=BRIDGED):
         return out
     known = np.flatnonzero(good)
     dropout, _ = label(~good)
-    fill = ~good & (np.bincount(dropout)[dropout] <= most)
+    fill = ~good & (np.bincount(dropout)[dropout] <= BRIDGED)
     fill[: known[0]] = fill[known[-1] :] = False  # at the ends there is nothing to bridge to
     out[fill] = CubicSpline(known, positions[good])(np.flatnonzero(fill))
     return out
-
-
-def motion(middle, dt):
-    """Give course, grade, curvature and speed of a moving point by central differences.
-
-    Parameters
-    ----------
-    middle : ndarray, shape (n, 3)
-        East, north, up of the middle of the rear pair, m, every ``dt``; NaN where missing.
-    dt : float
-        s
-
-    Returns
-    -------
-    course, grade : ndarray, shape (n,)
-        deg: clockwise from north; up positive. NaN below 3 m/s.
-    curvature : ndarray, shape (n,)
-        1/m, right turns positive.
-    speed : ndarray, shape (n,)
-        m/s, horizontal.
-    """
-    v, a = np.full((2, *np.shape(middle)), np.nan)
-    v[1:-1] = (middle[2:] - middle[:-2]) / (2 * dt)
-    a[2:-2] = (middle[4:] - 2 * middle[2:-2] + middle[:-4]) / (2 * dt) ** 2
-    speed = np.hypot(v[:, 0], v[:, 1])
-    slow = speed < MIN_SPEED
-    with np.errstate(divide="ignore", invalid="ignore"):
-        curvature = (a[:, 0] * v[:, 1] - a[:, 1] * v[:, 0]) / speed**3
-        grade = np.degrees(np.arctan2(v[:, 2], speed))
-    course = np.degrees(np.arctan2(v[:, 0], v[:, 1]))
-    for values in (course, grade, curvature):
-        values[slow] = np.nan
-    return course, grade, curvature, speed
 
 
 def residuals(positions, mounting, dt):
@@ -199,8 +162,14 @@ def residuals(positions, mounting, dt):
         Mean over distance of roll, deg.
     """
     yaw, pitch, roll = attitude(positions, mounting)
-    course, grade, curvature, speed = motion((positions[1] + positions[2]) / 2, dt)
-    ahead = wrap(yaw - course)
+    v = np.gradient((positions[1] + positions[2]) / 2, dt, axis=0)
+    a = np.gradient(v, dt, axis=0)
+    v[[0, 1, -2, -1]] = np.nan  # there `a` is no central difference
+    speed = np.hypot(v[:, 0], v[:, 1])
+    v[speed < MIN_SPEED] = np.nan
+    curvature = (a[:, 0] * v[:, 1] - a[:, 1] * v[:, 0]) / speed**3
+    grade = np.degrees(np.arctan2(v[:, 2], speed))
+    ahead = wrap(yaw - np.degrees(np.arctan2(v[:, 0], v[:, 1])))
     good = np.isfinite(ahead + curvature + grade) & (np.abs(curvature) < MAX_CURVATURE)
     if good.sum() < MIN_EPOCHS:
         raise CannotAnswer(
@@ -213,7 +182,7 @@ def residuals(positions, mounting, dt):
             "same: give a lap with straights and bends"
         )
     _, straight_on = np.polyfit(curvature[good], ahead[good], 1)
-    pitch, roll = (np.average(v[good], weights=speed[good]) for v in (pitch - grade, roll))
+    pitch, roll = (np.average(x[good], weights=speed[good]) for x in (pitch - grade, roll))
     return float(straight_on), float(pitch), float(roll)
 
 

@@ -106,10 +106,8 @@ class CentreLine:
         wrapped, offset = self.project(east, north)
         if not np.isfinite(wrapped).any():
             raise CannotAnswer("the lap has no position at all, so it cannot be laid on the map")
-        s = wrapped.copy()
-        known = np.isfinite(s)
-        s[known] = np.unwrap(s[known], period=self.length_m)
-        driven = s[known]
+        s, known = wrapped.copy(), np.isfinite(wrapped)
+        s[known] = driven = np.unwrap(wrapped[known], period=self.length_m)
         near = np.nanmedian(np.abs(offset)) < SAME_ROAD
         if near and driven[-1] < driven[0]:
             raise CannotAnswer(
@@ -176,8 +174,7 @@ class CentreLine:
         """
         bins = max(1, int(self.length_m // size))
         at = (self.s_m / self.length_m * bins).astype(int)
-        count = np.bincount(at, minlength=bins)
-        return np.array([np.bincount(at, row, bins) / count for row in values])
+        return np.array([np.bincount(at, row, bins) for row in values]) / np.bincount(at)
 
 
 def first_smooth_round(east, north):
@@ -237,17 +234,15 @@ def centre_line(laps, gate):
     points = np.column_stack(laps[0])[first_smooth_round(*laps[0])]
     line = _resample(points[np.isfinite(points).all(axis=1)], gate)
     # Smoothing a line cuts its corners; the offsets of the laps, averaged below, put that back.
-    line = _resample(
-        np.column_stack([_smooth_round(line.east_m), _smooth_round(line.north_m)]), gate
-    )
+    line = _resample(_smooth_round([line.east_m, line.north_m]).T, gate)
     for _ in range(ROUNDS):
         offset = np.array([_mean_offset(line, *lap) for lap in laps])
-        known = np.isfinite(offset)
-        if not known.any(axis=0).all():
-            hole = line.s_m[np.argmin(known.any(axis=0))]
+        gap = np.isnan(offset).all(axis=0)
+        if gap.any():
+            hole = line.s_m[np.argmax(gap)]
             raise CannotAnswer(f"no lap has a position near s = {hole:.0f} m: the line has a gap")
         # Each lap has the same weight, however often its receiver dropped out there.
-        offset = np.where(known, offset, 0.0).sum(axis=0) / known.sum(axis=0)
+        offset = np.nanmean(offset, axis=0)
         east1, north1 = line.curves()(line.s_m, 1).T
         moved = np.column_stack([line.east_m + offset * north1, line.north_m - offset * east1])
         line = _resample(moved, gate)

@@ -4,23 +4,36 @@ A run is one lap: one odometry, one pair of unit paths of the gyro (`gyro.unit_p
 drives the same runs; its attitude error is N W + B G. All filters of a block of runs are stepped
 together, on one core. The result of a run does not depend on the block it is in.
 
-The choices that the paper leaves open are in `analysis.terrain.readings`, each with its reason.
+The choices that the paper leaves open are in `analysis.terrain.readings`, each with its reason. Its
+"tracking error" is true minus estimated distance; its mean is read as the mean of the absolute
+error, which is an accuracy. Its variance can mean three things, and all three are here:
+
+- pooled: of every error of every lap about their common mean,
+- ensemble: over the laps at one moment, averaged over moments,
+- per run: over the moments of one lap, averaged over laps.
+
+Sensors share their runs, so the bootstrap draws whole runs, the same ones for every sensor; an
+interval of a difference or ratio of two sensors then takes their correlation into account.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
+from scipy.stats import binomtest, chi2
 from tqdm import tqdm
 
-from analysis.terrain import gyro, metrics
+from analysis import Estimate
+from analysis.terrain import gyro
 from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
 
 TOGETHER = 6000  # filters stepped at once: many for the interpreter, few enough for a cache
 RUNS_AT_ONCE = 300  # whose unit paths are held at a time: some 240 MB
+LOST_M = 10.0  # m: three sigma of the worst variance that the paper reports (about 12 m^2)
 
 
 @dataclass(frozen=True)
@@ -56,7 +69,7 @@ class Laps:
         """Errors of one sensor, m, shape (runs, times)."""
         return self.error[self.labels.index(label)]
 
-    def lost(self, limit: float = metrics.LOST_M) -> pd.DataFrame:
+    def lost(self, limit: float = LOST_M) -> pd.DataFrame:
         """Mark each lap in which the error exceeds `limit` (m) at any moment.
 
         Returns
@@ -80,12 +93,23 @@ class Laps:
         Returns
         -------
         dict of pandas.DataFrame
-            Keys `analysis.terrain.metrics.MEASURES`; a column for each sensor, the sample itself in
-            the first row and a resample in each further row. See `interval`.
+            ``mean_m``, ``pooled_m2``, ``ensemble_m2``, ``per_run_m2``; a column for each sensor,
+            the sample itself in the first row and a resample in each further row. See `interval`.
         """
         error = self.error if runs is None else self.error[:, runs]
-        weights = metrics.resample(error.shape[1], draws, rng)
-        found = metrics.measures(error, weights)
+        weights = resample(error.shape[1], draws, rng)
+
+        def over_runs(values):
+            return np.einsum("br,cr->bc", weights, values)
+
+        square, mean = over_runs((error**2).mean(axis=2)), error.mean(axis=2)
+        at_a_moment = np.stack([((weights @ e) ** 2).mean(axis=1) for e in error], axis=1)
+        found = {
+            "mean_m": over_runs(np.abs(error).mean(axis=2)),
+            "pooled_m2": square - over_runs(mean) ** 2,
+            "ensemble_m2": square - at_a_moment,
+            "per_run_m2": square - over_runs(mean**2),
+        }
         return {name: self._by_sensor(values) for name, values in found.items()}
 
     def rms(self) -> pd.Series:
@@ -96,10 +120,10 @@ class Laps:
         """Mean of error^2 / variance, by sensor: 1 if the filter is consistent."""
         return self._by_sensor((self.error**2 / self.variance).mean(axis=(1, 2))[None]).loc[0]
 
-    def reach(self, level: float = 0.95) -> pd.Series:
-        """Absolute error that this share of all moments of all laps stays below, m, by sensor."""
+    def reach(self) -> pd.Series:
+        """Absolute error that 95 % of all moments of all laps stay below, m, by sensor."""
         absolute = np.abs(self.error).reshape(len(self.error), -1)
-        return self._by_sensor(np.quantile(absolute, level, axis=1)[None]).loc[0]
+        return self._by_sensor(np.quantile(absolute, 0.95, axis=1)[None]).loc[0]
 
     def _by_sensor(self, values):
         return pd.DataFrame(values, columns=pd.Index(list(self.labels)))
@@ -306,3 +330,78 @@ def _filter(attitude_map, setup, arw, sigma_b, first):
 def _child(stream, i):
     """Give the i-th stream under a run's own, whatever was spawned before."""
     return np.random.SeedSequence(stream.entropy, spawn_key=(*stream.spawn_key, i))
+
+
+def resample(runs, draws, rng):
+    """Draw the runs of each bootstrap resample; the first row is the sample itself.
+
+    Returns
+    -------
+    ndarray, shape (1 + draws, runs)
+        The weight of each run, each row adding up to 1.
+    """
+    weights = rng.multinomial(runs, np.full(runs, 1 / runs), size=draws) / runs
+    return np.vstack([np.full(runs, 1 / runs), weights])
+
+
+def quantiles(resampled):
+    """Value and ends of the 95 % interval of every column of an array of resamples.
+
+    Parameters
+    ----------
+    resampled : array_like, shape (resamples, ...)
+        The first row is the sample's own.
+
+    Returns
+    -------
+    value, low, high : ndarray, shape (...)
+    """
+    resampled = np.asarray(resampled)
+    low, high = np.quantile(resampled[1:], [0.025, 0.975], axis=0)
+    return resampled[0], low, high
+
+
+def interval(resampled: ArrayLike, unit: str = "") -> Estimate:
+    """Value and 95 % interval of a number computed from every row of `Laps.measures`.
+
+    Parameters
+    ----------
+    resampled : array_like, shape (resamples,)
+        The first row is the sample's own.
+    unit : str
+
+    Returns
+    -------
+    Estimate
+        An end is None where the number is infinite there.
+    """
+    value, low, high = (float(v) if np.isfinite(v) else None for v in quantiles(resampled))
+    return Estimate(value, low, high, unit)
+
+
+def share(yes: Sequence) -> Estimate:
+    """Share of events with its 95 % interval (Clopper-Pearson).
+
+    Parameters
+    ----------
+    yes : array_like of bool, shape (events,)
+
+    Returns
+    -------
+    Estimate
+    """
+    found = binomtest(int(np.sum(yes)), len(yes))
+    low, high = found.proportion_ci()
+    return Estimate(float(found.statistic), float(low), float(high))
+
+
+def nees_bounds(runs):
+    """95 % bounds of the mean NEES of independent runs of a consistent filter with one state.
+
+    Returns
+    -------
+    low, high : float
+        Of a mean whose expectation is 1.
+    """
+    low, high = chi2.ppf([0.025, 0.975], runs) / runs
+    return float(low), float(high)

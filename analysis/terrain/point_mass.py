@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import convolve1d
 
-from analysis.terrain import monte_carlo
-from analysis.terrain.metrics import nees_bounds
+from analysis.terrain.monte_carlo import nees_bounds, odometry
 from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
@@ -183,7 +182,7 @@ def compare_filters(
     FilterComparison
     """
     streams = np.random.SeedSequence(seed).spawn(runs)
-    first, moved = monte_carlo.odometry(setup, streams)
+    first, moved = odometry(setup, streams)
     truth, stride = setup.truth, round(STORE_EVERY * setup.rate_hz)
     attitude, rng = attitude_map.at(truth), np.random.default_rng(seed)
     prior, q = setup.begin_sd**2, setup.q * setup.speed / setup.rate_hz
@@ -203,5 +202,5 @@ def compare_filters(
     of_ukf, of_grid, variance, nis = np.moveaxis(stored, 1, 0)
     bound = cramer_rao_bound(attitude_map, setup)[stride - 1 :: stride]
     at = truth[stride::stride]
-    odometry = np.sqrt(prior + setup.q * (at - setup.begin))
-    return FilterComparison(at, of_ukf, of_grid, variance, bound, odometry, nis)
+    alone = np.sqrt(prior + setup.q * (at - setup.begin))
+    return FilterComparison(at, of_ukf, of_grid, variance, bound, alone, nis)

@@ -265,20 +265,18 @@ def combine(curves, line, between=None):
         )
     if count.max() < 2 and between is None:
         raise CannotAnswer("one lap makes no map: its error needs a second lap to compare with")
-    mean, se = {}, {}
+    columns = {}
     for q, values in curves.items():
-        n = np.isfinite(values).sum(axis=0)
-        mean[q] = np.nansum(values, axis=0) / n
+        n, mean = np.isfinite(values).sum(axis=0), np.nanmean(values, axis=0)
         if between is None:
-            squares = np.nansum((values - mean[q]) ** 2, axis=0)
+            squares = np.nansum((values - mean) ** 2, axis=0)
             variance = _pool(squares, step) / _pool(n - 1.0, step)
         else:
             variance = between[q]
-        se[q] = np.sqrt(variance / n)
+        columns |= {q: mean, q.replace("_", "_se_"): np.sqrt(variance / n)}
     return Profile(
         s_m=line.s_m,
-        **mean,
-        **{q.replace("_", "_se_"): values for q, values in se.items()},
+        **columns,
         east_m=line.east_m,
         north_m=line.north_m,
         curvature_1_m=line.curvature(),

@@ -1,6 +1,7 @@
-"""The price of precision: the power law of eq. (7), its uncertainty, and its inverse.
+"""How an error grows with a noise coefficient and falls with price, and the inverse of both.
 
-Eq. (7) of the terrain paper, with the exponent called b here, as B is the bias instability::
+Against a swept coefficient (Figs 8-11 of the terrain paper) a line and a square are fitted. Against
+price, eq. (7) is a power law; its exponent is called b here, as B is the bias instability::
 
     sigma^2 = A cost^-b        ln sigma^2 = ln A - b ln cost
 
@@ -16,12 +17,108 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import linregress
+from scipy.stats import chi2, linregress
 from scipy.stats import t as student
 
 from analysis import CannotAnswer, Estimate
+from analysis.terrain.monte_carlo import interval
 
 ATTEMPTS = 1000  # to draw rising prices before giving up
+
+
+@dataclass(frozen=True)
+class Trend:
+    """A curve against a swept coefficient: c0 + c1 u + c2 u^2, u being x scaled to 0..1.
+
+    Attributes
+    ----------
+    rise : Estimate
+        Last point over first, less 1.
+    c1, c2 : Estimate
+        Linear and quadratic coefficient.
+    share : Estimate
+        Share of the rise that the quadratic term carries, c2 / (c1 + c2): 0 for a line. Where the
+        rise may be 0 the share has a pole; the interval then comes from its inverse and is open
+        upwards, or open on both sides if c2 may be 0 too.
+    line_rms, square_rms : float
+        Residual of the sample about c0 + c1 u and about c0 + c2 u^2, over the rise.
+    p_line : float
+        Probability of a quadratic term as large as this one if the truth were a line (Wald).
+    """
+
+    rise: Estimate
+    c1: Estimate
+    c2: Estimate
+    share: Estimate
+    line_rms: float
+    square_rms: float
+    p_line: float
+
+    def judge(self, shape: str) -> tuple[Estimate, str | None]:
+        """Give the share of the square by which a claimed shape is judged.
+
+        A line is excluded where the interval of c2 excludes 0; a square holds where, besides, the
+        interval of c1 includes 0.
+
+        Parameters
+        ----------
+        shape : {"line", "square"}
+
+        Returns
+        -------
+        share : Estimate
+            0 without an interval where a square is claimed and both intervals exclude 0.
+        why : str or None
+            Why no shape can be judged: both intervals include 0.
+        """
+        linear, quadratic = _excludes_zero(self.c1), _excludes_zero(self.c2)
+        if linear and quadratic and shape == "square":
+            return Estimate(0.0, None, None), None
+        if linear or quadratic:
+            return self.share, None
+        c2 = f"{self.c2.low:.2g} to {self.c2.high:.2g}"
+        return self.share, f"the 95 % interval of c2, {c2}, includes 0, and so does that of c1"
+
+
+def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
+    """Fit a line and a square to a curve, with the resamples of the whole curve.
+
+    Parameters
+    ----------
+    x : array_like, shape (points,)
+        Rising.
+    y : array_like, shape (resamples, points)
+        The first row is the sample's own. Points of a curve share their runs, so the resamples of
+        the whole curve decide, not the scatter of its points.
+
+    Returns
+    -------
+    Trend
+    """
+    x, y = np.asarray(x, dtype=float), np.asarray(y)
+    powers = np.vander((x - x[0]) / (x[-1] - x[0]), 3, increasing=True)
+    _, c1, c2 = (y @ np.linalg.pinv(powers).T).T
+    rms = []
+    for columns in (powers[:, [0, 1]], powers[:, [0, 2]]):
+        rest = y[0] - columns @ np.linalg.pinv(columns) @ y[0]
+        rms.append(float(np.sqrt((rest**2).mean()) / abs(y[0, -1] - y[0, 0])))
+    rise, p_line = y[:, -1] / y[:, 0] - 1, chi2.sf((c2[0] / c2[1:].std()) ** 2, 1)
+    share = _share_of_square(c1, c2)
+    return Trend(interval(rise), interval(c1), interval(c2), share, rms[0], rms[1], float(p_line))
+
+
+def _share_of_square(c1, c2):
+    """Share of the rise that the quadratic term carries, from resampled coefficients."""
+    rise = c1 + c2
+    share = interval(c2 / rise)
+    if _excludes_zero(interval(rise)):
+        return share
+    most = interval(rise / c2).high if _excludes_zero(interval(c2)) else 0.0
+    return Estimate(share.value, 1 / most if most > 0 else None, None)
+
+
+def _excludes_zero(estimate):
+    return not estimate.low <= 0 <= estimate.high
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Prices: the power law, how far it is known, and the reverse."""
+"""Trends and prices: shapes, the power law, how far it is known, and the reverse."""
 
 import json
 import tomllib
@@ -8,10 +8,19 @@ import pandas as pd
 import pytest
 from scipy.stats import linregress
 
-from analysis import DATA, CannotAnswer, store
-from analysis.terrain.cost import PowerLaw, draw_prices, largest_allowed
+from analysis import DATA, CannotAnswer, Estimate, store
+from analysis.terrain.monte_carlo import resample
 from analysis.terrain.readings import Sensor, sensor_table
+from analysis.terrain.trends import (
+    PowerLaw,
+    Trend,
+    _share_of_square,
+    draw_prices,
+    fit_trend,
+    largest_allowed,
+)
 
+SEED = 20112
 SENSORS = tomllib.loads((DATA / "sensors.toml").read_text(encoding="utf-8"))
 
 
@@ -131,3 +140,61 @@ def test_allowed_coefficient():
     assert largest_allowed(grid, 3 * grid, 0.6) == pytest.approx(0.2)
     assert largest_allowed(grid, 3 * grid, 9.0) == np.inf
     assert largest_allowed(grid, 3 * grid, 0.02) is None
+
+
+def test_the_share_of_a_square_and_its_open_side():
+    """analytic: c2 / (c1 + c2) where the rise is clear; past the pole what its inverse says."""
+    rng = np.random.default_rng(SEED)
+
+    def share(c1, c2):
+        found = _share_of_square(c1, c2)
+        return found.value, found.low, found.high
+
+    def around(x, sd):
+        return x + sd * np.append(0.0, rng.standard_normal(2000))
+
+    value, low, high = share(around(1.0, 0.01), around(3.0, 0.01))
+    assert low < value == 0.75 < high and high - low < 0.02
+    c2 = around(1.0, 0.1)
+    value, low, high = share(around(0.1, 0.4) - c2, c2)  # perhaps no rise, but a bend
+    assert low == pytest.approx(1 / (0.1 + 1.96 * 0.4), rel=0.15) and high is None
+    assert share(around(0.1, 1.0), around(0.1, 1.0))[1:] == (None, None)
+
+
+def test_share_of_square_knows_lines_and_squares():
+    """analytic: 0 for a line, 1 for c x^2 from 0, 0.82 for the pure square of the swept N."""
+    x, rng = np.linspace(0.001, 0.01, 10), np.random.default_rng(SEED)
+    for curve, share in ((2 + 3 * x, 0.0), (x**2, 0.9 / 1.1)):
+        around = curve * (1 + 1e-12 * rng.standard_normal((50, 1)))
+        assert fit_trend(x, around).share.value == pytest.approx(share, abs=1e-9)
+    for power in (1, 2):
+        noisy = (x / 0.01) ** power + 0.01 * rng.standard_normal((200, 10))
+        found = fit_trend(x, noisy)
+        assert (found.square_rms < found.line_rms) == (power == 2)
+        assert (found.p_line < 1e-3) == (power == 2)
+        assert found.rise.value == pytest.approx(noisy[0, -1] / noisy[0, 0] - 1)
+
+
+def test_a_claimed_shape_is_judged_by_both_coefficients():
+    """analytic: one clear term decides; two exclude a square; without any there is no verdict."""
+    clear, none = Estimate(1.0, 0.9, 1.1), Estimate(0.1, -0.2, 0.3)
+    share = Estimate(0.5, 0.4, 0.6)
+
+    def judge(c1, c2, shape):
+        return Trend(clear, c1, c2, share, 0.1, 0.1, 0.5).judge(shape)
+
+    for c1, c2, shape in ((clear, none, "line"), (none, clear, "square"), (clear, clear, "line")):
+        assert judge(c1, c2, shape) == (share, None)
+    assert judge(clear, clear, "square") == (Estimate(0.0, None, None), None)
+    assert judge(none, none, "line")[1].startswith("the 95 % interval of c2, -0.2 to 0.3, incl")
+
+
+def test_line_test_keeps_its_level():
+    """coverage: were the truth a line, a quadratic term is called significant 5 % of the time."""
+    rng, x = np.random.default_rng(SEED), np.linspace(0, 1, 10)
+    called = 0
+    for _ in range(300):
+        curves = x + 0.3 * rng.standard_normal((60, 10)) + rng.standard_normal((60, 1))
+        y = resample(60, 200, rng) @ curves
+        called += fit_trend(x, 3.0 + y).p_line < 0.05
+    assert 0.02 <= called / 300 <= 0.10  # 5 % +- 2.5 %, and a bootstrap of 60 is a little narrow
