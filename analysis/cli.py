@@ -486,12 +486,16 @@ def coverage(
     hours: Annotated[Text, _option("A,B", "Lengths of the logs, h (default 2,6).")] = None,
     models: Annotated[Text, _option("A,B", "Names of sensors (default all).")] = None,
     workers: Annotated[Count, _option("N", "Processes (default one a core).", min=1)] = None,
-    out: Annotated[Text, _out("Folder (default data/derived/coverage).")] = None,
+    out: Annotated[Text, _out("Folder (default that of the committed study).")] = None,
+    broken: Annotated[
+        bool, _flag("--broken", "Logs that break the models: warm-up, step, loss, motion ...")
+    ] = False,
 ):
     """Count on simulated logs how often intervals hold the truth.
 
     \b
     python -m analysis coverage                            what data/derived/coverage holds
+    python -m analysis coverage --broken                   what data/derived/robustness holds
     python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
@@ -502,18 +506,19 @@ def coverage(
     from analysis.studies import coverage as study
 
     try:
-        lengths = [float(h) for h in (hours or "2,6").split(",")]
+        lengths = [float(h) for h in (hours or ("2" if broken else "2,6")).split(",")]
     except ValueError as error:
         raise WrongUsage(f"--hours {hours}: write numbers with commas, such as 2,6") from error
     if not all(h > 0 for h in lengths):
         raise WrongUsage("--hours are above zero")
-    names = models.split(",") if models else study.models()
+    known, plan = (study.broken, study.broken_plan) if broken else (study.models, study.plan)
+    names = models.split(",") if models else known()
     cells = [(name, h, runs or 500) for h in lengths for name in names]
     if not any((runs, hours, models)):
-        cells = study.plan()
-    folder = Path(out) if out else study.FOLDER
+        cells = plan()
+    folder = Path(out) if out else study.BROKEN if broken else study.FOLDER
     with writing(folder):
-        study.study(cells, workers, folder)
+        study.study(cells, workers, folder, breaks=broken)
     print(f"{len(cells)} tables, {sum(n for _, _, n in cells)} logs in all, are in {folder.name}/")
 
 

@@ -132,3 +132,99 @@ def test_wrong_usage(arguments, tmp_path, capsys):
     assert main(["coverage", *arguments.split(), "--out", str(tmp_path / "x")]) == 2
     assert re.search("wrong usage|Invalid value", capsys.readouterr().err)
     assert not (tmp_path / "x").exists()
+
+
+# --- logs that break the models ------------------------------------------------------------------
+
+
+def test_what_breaks_a_log_is_what_is_said():
+    """property: each disturbance has its size, beside the same noise of the same sensor."""
+    dt, n = 0.1, 72000
+    t, name = dt * np.arange(n), "walk"
+    still = np.zeros(n)
+    done = {
+        what: disturb(still, t, np.random.default_rng(1))
+        for what, (_, disturb) in coverage.disturbances(0.01, 0.06).items()
+        if not what.startswith("low-pass")
+    }
+    assert not done["nothing"].any()
+    assert done["warm-up-10"][[0, 9000]] == pytest.approx([0.1, 0.1 / np.e])
+    assert set(np.abs(done["step-10"])) == {0.0, 0.1}
+    assert np.ptp(done["cycle"]) == pytest.approx(0.06, rel=1e-3)
+    # Standard error of a share of 5 % of 72000: 0.08 %.
+    assert np.isnan(done["loss-5"]).mean() == pytest.approx(0.05, abs=0.003)
+    assert 300 <= np.isnan(done["gaps"]).sum() <= 3600
+    assert (done["spikes"] != 0).sum() == 7 and np.abs(done["spikes"]).max() > 0.3
+    assert (done["rotation"] == 30).all()
+    # Student t3 at the sensor's standard deviation; its square has no variance, hence 10 %.
+    tails = coverage.tails(still, t, np.random.default_rng(1), level=0.06)
+    assert tails.std() == pytest.approx(0.06, rel=0.1)
+    halves = coverage.doubled(still, t, np.random.default_rng(1), level=0.06)
+    assert not halves[: n // 2].any() and halves[n // 2 + 1 :].std() == pytest.approx(
+        np.sqrt(3) * 0.06, rel=0.02
+    )
+    streams = (coverage.streams(f"{name}+{what}", 2)[1] for what in ("nothing", "cycle"))
+    control, moved = (
+        coverage.broken()[f"walk+{what}"][0].simulate(n, dt, np.random.default_rng(stream))
+        for what, stream in zip(("nothing", "cycle"), streams, strict=True)
+    )
+    assert np.ptp(moved - control) == pytest.approx(0.06, rel=1e-3)
+
+
+def test_low_pass_leaves_slow_noise():
+    """analytic: half the power is left at the cutoff; the mean of a constant is the constant."""
+    dt, cutoff = 0.01, 5.0
+    t = dt * np.arange(100_000)
+    wave = coverage.low_pass(np.sin(2 * np.pi * cutoff * t), t, None, cutoff=cutoff)
+    assert wave[1000:].var() == pytest.approx(0.25, rel=0.01)
+    np.testing.assert_allclose(coverage.low_pass(np.full(1000, 3.0), t, None, cutoff=1.0), 3.0)
+
+
+def test_truths_of_a_sensor():
+    """analytic: N = sigma_v sqrt(dt); a walk's floor is sqrt(2 N K / sqrt(3)) / 0.664."""
+    truth = coverage.truths(coverage.Gyro(0.06, rrw=6.5e-4), 0.1)
+    arw = 0.06 * np.sqrt(0.1)
+    assert truth["arw"] == pytest.approx(arw)
+    floor = np.sqrt(2 * arw * 6.5e-4 / np.sqrt(3)) / np.sqrt(2 * np.log(2) / np.pi)
+    assert truth["bias_instability"] == pytest.approx(floor, rel=1e-4)
+    assert truth["drift"] == 0 and truth["rrw"] == 6.5e-4
+
+
+def test_summary_of_broken_logs_counts():
+    """analytic: four logs, one refused, one wrong and said, one wrong and not said, one right."""
+    rows = pd.DataFrame(
+        {
+            "run": range(4),
+            "parameter": "arw",
+            "truth": 1.0,
+            "value": [np.nan, 2.0, 3.0, 1.1],
+            "low": [np.nan, 1.9, 2.9, 0.9],
+            "high": [1.5, 2.1, 3.1, 1.2],
+            "reported": [True, True, False, False],
+        }
+    )
+    (counted,) = coverage.broken_summary(rows).to_dict("records")
+    assert counted == {
+        "parameter": "arw",
+        "truth": 1.0,
+        "runs": 4,
+        "resolved": 0.75,
+        "held": pytest.approx(1 / 3),
+        "wrong": 0.5,
+        "unsaid": 0.25,
+        "reported": 0.5,
+        "median": 2.0,
+    }
+
+
+def test_command_makes_broken_cells(tmp_path):
+    """property: a cell of logs that break the models is the same for any number of workers."""
+    tables = []
+    for workers in (1, 2):
+        folder = tmp_path / str(workers)
+        arguments = ["--broken", "--runs", "3", "--hours", "0.1", "--models", "walk+loss-5"]
+        assert main(["coverage", *arguments, "--workers", str(workers), "--out", str(folder)]) == 0
+        tables.append((folder / "walk+loss-5-0.1h.csv").read_text())
+    assert tables[0] == tables[1]
+    assert "5 % of the samples lost" in (tmp_path / "1" / "source.json").read_text()
+    assert main(["coverage", "--broken", "--models", "walk", "--out", str(tmp_path / "x")]) == 2

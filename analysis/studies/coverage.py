@@ -1,30 +1,44 @@
 """Coverage of the 95 % intervals: every estimator on simulated logs of known sensors.
 
-Log k of a model comes from the k-th stream spawned from the model's seed, so that neither the
-number of workers nor an interruption changes a number. One CSV for each cell (model and hours) is
-kept in ``data/derived/coverage``; a cell that is there with as many logs is not computed again, so
-delete it to see a new estimator.
+Two sets of cells: the models of the papers and what they leave out (``data/derived/coverage``),
+and logs that break every model (``data/derived/robustness``): warm-up, step, cycle, lost samples,
+heavy tails, motion. The second set is measured with what `report` runs, `store.characterise_log`.
+
+Log k of a sensor comes from the k-th stream spawned from the sensor's seed, so that neither the
+number of workers nor an interruption changes a number, and log k of a sensor has the same noise
+under every disturbance. One CSV for each cell (sensor and hours) is kept; a cell that is there with
+as many logs is not computed again, so delete it to see a new estimator.
 """
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 import pandas as pd
+from scipy.signal import butter, lfilter, lfilter_zi
 from scipy.stats import norm
 from tqdm import tqdm
 
-from analysis import WrongUsage, replacing, store
+from analysis import CannotAnswer, WrongUsage, replacing, store
+from analysis.logs import Channel, Log
 from analysis.noise import graph, recipes
 from analysis.noise.allan import allan_deviation, fit_line
 from analysis.noise.fit import UNIFIED
 from analysis.noise.inference import infer, linear_drift
-from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov, models_of_table_one
+from analysis.noise.models import (
+    FLICKER,
+    UnifiedModel,
+    adev_model,
+    flicker_noise,
+    gauss_markov,
+    models_of_table_one,
+)
 
 SEED = 4711
-FOLDER = store.FOLDER / "coverage"
+FOLDER, BROKEN = store.FOLDER / "coverage", store.FOLDER / "robustness"
 FURTHER_LENGTHS = "midg-roll"  # the model that is simulated at further lengths
 EVERY = 10  # logs: one in so many is given to the slower recipes too
 DIGITS = 5  # of the numbers in the tables
@@ -32,6 +46,13 @@ RATE_HZ = 20.0  # of Table I, comparison paper section IV
 # At 100 Hz: N = 0.004 deg/sqrt(s).
 TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005, title="terrain Table 1")
 PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
+OF_A_RATE = ("arw", *PARAMETERS[1:])
+BROKEN_HOURS, BROKEN_LOGS = 2.0, 200
+WARM_UP, CYCLE, SWING = 900.0, 1200.0, 600.0  # s, time constant and periods
+LINE_HZ = 28.5  # of an engine, as in the log car-roof-imu
+GAPS, GAP = 12, 30.0  # how many, s
+SPIKES = 1e-4  # share of the samples
+ON_EVERY_SENSOR = ("nothing", "warm-up-10", "step-10", "cycle", "loss-5", "gaps", "low-pass-1")
 
 
 @dataclass(frozen=True)
@@ -71,6 +92,33 @@ class Gyro:
         return y
 
 
+@dataclass(frozen=True)
+class Broken:
+    """A sensor whose log is disturbed.
+
+    Attributes
+    ----------
+    says : str
+        The disturbance and its size.
+    truth : UnifiedModel or Gyro
+        What the intervals have to hold.
+    disturb : callable
+        Readings (U), time (s) and random numbers -> readings.
+    sensor : UnifiedModel or Gyro, optional
+        What is simulated, if it is not `truth`.
+    """
+
+    says: str
+    truth: UnifiedModel | Gyro
+    disturb: Callable
+    sensor: UnifiedModel | Gyro | None = None
+
+    def simulate(self, n, dt, rng):
+        """Simulate a static log and disturb it, shape (n,), U."""
+        y = (self.sensor or self.truth).simulate(n, dt, rng)
+        return self.disturb(y, dt * np.arange(n), rng)
+
+
 def papers():
     """Give the models of both papers: name -> model, sampling interval (s), kind.
 
@@ -97,6 +145,123 @@ def models():
         "weak-bias": (Gyro(0.06, biases=((0.001, 600.0),)), 0.1, "rate"),
         "weak-walk": (Gyro(0.06, rrw=1.6e-5), 0.1, "rate"),
     }
+
+
+def broken():
+    """Give logs that break the models, of a terrain-like gyro and of two others: name -> cell.
+
+    A size of 1 is 0.005 deg/s on ``terrain`` (its sigma_b), 0.01 on ``walk`` (its growth in four
+    minutes) and 0.0095 on ``flicker`` (its B).
+
+    Returns
+    -------
+    dict of str, tuple
+        As in `models`: `Broken`, sampling interval (s), kind; named ``sensor+disturbance``.
+    """
+    cells = {}
+    for name, size in (("terrain", 0.005), ("walk", 0.01), ("flicker", 0.0095)):
+        sensor, dt, kind = models()[name]
+        level = sensor.sigma_v
+        for what, (says, disturb) in disturbances(size, level).items():
+            if name == "terrain" or what in ON_EVERY_SENSOR:
+                cells[f"{name}+{what}"] = Broken(says, sensor, disturb), dt, kind
+        quiet = partial(tails, level=level), replace(sensor, sigma_v=0.0)
+        cells[f"{name}+student-t3"] = Broken("white noise Student t3", sensor, *quiet), dt, kind
+    louder = replace(TERRAIN, sigma_v=TERRAIN.sigma_v * np.sqrt(2.5))  # root mean square
+    halves = partial(doubled, level=TERRAIN.sigma_v), TERRAIN
+    halves = Broken("noise doubled in the second half", louder, *halves)
+    sensor, dt, kind = models()["two-biases"]
+    both = Broken("a random walk, K 6.5e-4 deg/s/sqrt(s)", replace(sensor, rrw=6.5e-4), nothing)
+    return cells | {"terrain+doubled": (halves, 0.01, "rate"), "two-biases+walk": (both, dt, kind)}
+
+
+def disturbances(size, level):
+    """Give each disturbance in words, and as a function of readings, time and random numbers.
+
+    Parameters
+    ----------
+    size, level : float, U
+        A size of 1, and the white noise of a sample.
+
+    Returns
+    -------
+    dict of str, (str, callable)
+    """
+    return {
+        "nothing": ("nothing: the control", nothing),
+        "warm-up-3": ("3 exp(-t / 900 s)", partial(warm_up, size=3 * size)),
+        "warm-up-10": ("10 exp(-t / 900 s)", partial(warm_up, size=10 * size)),
+        "step-3": ("a step of 3 at a random time", partial(step, size=3 * size)),
+        "step-10": ("a step of 10 at a random time", partial(step, size=10 * size)),
+        "cycle": ("a sinusoid of 20 min, amplitude 3", partial(cycle, size=3 * size)),
+        "loss-1": ("1 % of the samples lost", partial(loss, share=0.01)),
+        "loss-5": ("5 % of the samples lost", partial(loss, share=0.05)),
+        "gaps": ("12 gaps of 30 s", gaps),
+        "gaps-loss-5": ("12 gaps of 30 s, and 5 % lost", partial(gaps, share=0.05)),
+        "spikes": ("72 spikes of 5 to 100 sigma_v", partial(spikes, level=level)),
+        "vibration": ("0.1 deg/s at 28.5 Hz", partial(cycle, size=0.1, period=1 / LINE_HZ)),
+        "low-pass-1": ("a low-pass of 1 Hz", partial(low_pass, cutoff=1.0)),
+        "low-pass-5": ("a low-pass of 5 Hz", partial(low_pass, cutoff=5.0)),
+        "low-pass-20": ("a low-pass of 20 Hz", partial(low_pass, cutoff=20.0)),
+        "rotation": ("turns at 30 deg/s", partial(warm_up, size=30.0, time=np.inf)),
+        "swing": ("swings at up to 30 deg/s, 10 min", partial(cycle, size=30.0, period=SWING)),
+    }
+
+
+def nothing(y, t, rng):
+    """Disturb nothing."""
+    return y
+
+
+def warm_up(y, t, rng, *, size, time=WARM_UP):
+    """Add an exponential; with an infinite time, a constant."""
+    return y + size * np.exp(-t / time)
+
+
+def step(y, t, rng, *, size):
+    """Add a step, up or down, between a tenth and nine tenths of the log."""
+    return y + size * rng.choice([-1, 1]) * (t > rng.uniform(0.1, 0.9) * t[-1])
+
+
+def cycle(y, t, rng, *, size, period=CYCLE):
+    """Add a sinusoid of random phase."""
+    return y + size * np.sin(2 * np.pi * (t / period + rng.uniform()))
+
+
+def loss(y, t, rng, *, share):
+    """Lose samples at random."""
+    return np.where(rng.random(len(y)) < share, np.nan, y)
+
+
+def gaps(y, t, rng, *, share=0.0):
+    """Lose 12 stretches of 30 s, and a share of the other samples."""
+    for start in rng.uniform(0, t[-1] - GAP, GAPS):
+        y = np.where((t >= start) & (t < start + GAP), np.nan, y)
+    return loss(y, t, rng, share=share)
+
+
+def tails(y, t, rng, *, level):
+    """Add white noise of a Student distribution of 3 degrees of freedom, of standard deviation."""
+    return y + level / np.sqrt(3) * rng.standard_t(3, len(y))
+
+
+def spikes(y, t, rng, *, level):
+    """Add single samples that are off by 5 to 100 standard deviations."""
+    at = rng.choice(len(y), round(SPIKES * len(y)), replace=False)
+    y = y.copy()
+    y[at] += level * rng.choice([-1, 1], len(at)) * np.exp(rng.uniform(*np.log([5, 100]), len(at)))
+    return y
+
+
+def doubled(y, t, rng, *, level):
+    """Double the white noise in the second half."""
+    return y + np.sqrt(3) * level * rng.standard_normal(len(y)) * (t > t[-1] / 2)
+
+
+def low_pass(y, t, rng, *, cutoff):
+    """Filter as a sensor does: Butterworth of second order, settled at the first sample."""
+    b, a = butter(2, cutoff, fs=1 / (t[1] - t[0]))
+    return lfilter(b, a, y, zi=lfilter_zi(b, a) * y[0])[0]
 
 
 def estimate(run, stream, *, model, dt, kind, hours):
@@ -145,6 +310,95 @@ def estimate(run, stream, *, model, dt, kind, hours):
     return rows
 
 
+def characterised(run, stream, *, model, dt, kind, hours):
+    """Simulate one broken log, and characterise it as `report` does.
+
+    Returns
+    -------
+    list of dict
+        run, parameter, truth, value, low, high (NaN where there is none), reported (whether
+        anything is said about the log).
+    """
+    rng = np.random.default_rng(stream)
+    y = model.simulate(round(3600 * hours / dt), dt, rng)
+    told = dict.fromkeys(("name", "title", "file", "sha256", "licence", "source"), "")
+    channels, samples = (Channel("gyro", "deg/s", kind, y),), int(np.isfinite(y).sum())
+    log = Log(**told, rate_hz=1 / dt, channels=channels, samples=samples, gaps=0, repairs=())
+    blank = {"run": run, "value": np.nan, "low": np.nan, "high": np.nan}
+    try:
+        result = store.characterise_log(log, seed=int(rng.integers(2**32)), progress=False)
+    except CannotAnswer:
+        return [blank | {"parameter": p, "truth": np.nan, "reported": True} for p in OF_A_RATE]
+    reported, truth = bool(result.source["repairs"]), truths(model.truth, dt)
+    return [
+        {"run": run, "parameter": p, "truth": truth[p], "value": e.value, "low": e.low}
+        | {"high": e.high, "reported": reported}
+        for p, e in result["gyro"].parameters.items()
+        if p in OF_A_RATE
+    ]
+
+
+def truths(sensor, dt):
+    """Give what the intervals have to hold.
+
+    Bias instability is the floor of the Allan deviation of sensor, read between white noise and
+    the slow bias, / 0.664.
+
+    Returns
+    -------
+    dict of str, float
+    """
+    tau = np.geomspace(10 * dt, 3600.0, 2000)
+    slow = {name: getattr(sensor, name, 0.0) for name in ("bias_instability", "rrw")}
+    biases = getattr(sensor, "biases", ((sensor.sigma_b, sensor.corr_time),))
+    variance = sensor.sigma_v**2 * dt / tau + slow["rrw"] ** 2 * tau / 3
+    variance += (FLICKER * slow["bias_instability"]) ** 2
+    variance += sum(adev_model(tau, sigma_b=s, corr_time=t) ** 2 for s, t in biases if s)
+    rises = np.flatnonzero(np.diff(variance) > 0)
+    floor = np.sqrt(variance[rises[0]] if len(rises) else variance[-1]) / FLICKER
+    return {p: getattr(sensor, p, 0.0) for p in PARAMETERS} | {
+        "arw": sensor.sigma_v * np.sqrt(dt),
+        "bias_instability": slow["bias_instability"] or float(floor),
+    }
+
+
+def broken_summary(rows):
+    """Count what happens to each parameter of logs that break the models.
+
+    Returns
+    -------
+    DataFrame
+        parameter, truth, runs; resolved (share of the logs with a value), held (share of those
+        whose interval holds the truth), wrong (share of the logs with a value whose interval does
+        not hold the truth), unsaid (share of those about which nothing is reported either),
+        reported (share of the logs about which something is); median of value / truth.
+    """
+    runs = rows["run"].nunique()
+    rows = rows.assign(
+        resolved=rows["value"].notna(),
+        held=(rows["low"] <= rows["truth"]) & (rows["truth"] <= rows["high"]),
+    )
+    table = []
+    for parameter, group in rows.groupby("parameter", sort=False):
+        given = group[group["resolved"]]
+        wrong = given[~given["held"]]
+        ratio = given["value"] / given["truth"].where(given["truth"] > 0)
+        table.append(
+            {
+                "parameter": parameter,
+                "truth": group["truth"].median(),
+                "runs": runs,
+                "resolved": len(given) / runs,
+                "held": given["held"].mean(),
+                "wrong": len(wrong) / runs,
+                "unsaid": (~wrong["reported"].astype(bool)).sum() / runs,
+                "reported": group["reported"].sum() / runs,
+                "median": ratio.median(),
+            }
+        )
+    return pd.DataFrame(table)
+
+
 def plan():
     """Give the cells of the committed study: model, hours, logs.
 
@@ -157,7 +411,17 @@ def plan():
     return cells + [(FURTHER_LENGTHS, h, 500) for h in (0.5, 1, 12, 24)]
 
 
-def study(cells, workers=None, folder=FOLDER):
+def broken_plan():
+    """Give the cells of the committed study of logs that break the models.
+
+    Returns
+    -------
+    list of (str, float, int)
+    """
+    return [(name, BROKEN_HOURS, BROKEN_LOGS) for name in broken()]
+
+
+def study(cells, workers=None, folder=FOLDER, *, breaks=False):
     """Run the estimators on simulated logs, and write a table a cell.
 
     A cell that is there already with as many logs is kept: a killed study goes on where it stopped.
@@ -169,18 +433,14 @@ def study(cells, workers=None, folder=FOLDER):
     workers : int, optional
         Processes; by default one a core.
     folder : Path
+    breaks : bool
+        The models are those of `broken`.
     """
-    unknown = [name for name, _, _ in cells if name not in models()]
+    known = broken() if breaks else models()
+    unknown = [name for name, _, _ in cells if name not in known]
     if unknown:
-        raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(models())}")
-    source = {
-        "title": "Coverage of the 95 % intervals: estimators on simulated logs of known sensors",
-        "made_by": "python -m analysis coverage",
-        "seed": SEED,
-        "papers": {n: {"title": m.title, "interval_s": dt} for n, (m, dt, _) in papers().items()},
-        "further_lengths": FURTHER_LENGTHS,
-    }
-    store.write(folder, source, {})
+        raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(known)}")
+    store.write(folder, broken_source() if breaks else papers_source(), {})
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
     with (
         ProcessPoolExecutor(workers) as pool,
@@ -192,22 +452,46 @@ def study(cells, workers=None, folder=FOLDER):
             if path.exists() and (pd.read_csv(path)["runs"] == runs).any():
                 bar.update(runs)
                 continue
-            model, dt, kind = models()[name]
-            one = partial(estimate, model=model, dt=dt, kind=kind, hours=hours)
+            model, dt, kind = known[name]
+            run = characterised if breaks else estimate
+            one = partial(run, model=model, dt=dt, kind=kind, hours=hours)
             rows = []
             for of_log in pool.map(one, range(runs), streams(name, runs), chunksize=4):
                 rows += of_log
                 bar.update()
-            table = summary(pd.DataFrame(rows), model)
+            table = pd.DataFrame(rows)
+            table = broken_summary(table) if breaks else summary(table, model)
             table.insert(0, "hours", float(hours))
             table.insert(0, "model", name)
             with replacing(path) as draft:
                 store.write_table(draft, store.rounded(table, DIGITS))
 
 
+def papers_source():
+    """State what the cells of `models` are."""
+    return {
+        "title": "Coverage of the 95 % intervals: estimators on simulated logs of known sensors",
+        "made_by": "python -m analysis coverage",
+        "seed": SEED,
+        "papers": {n: {"title": m.title, "interval_s": dt} for n, (m, dt, _) in papers().items()},
+        "further_lengths": FURTHER_LENGTHS,
+    }
+
+
+def broken_source():
+    """State what the cells of `broken` are."""
+    return {
+        "title": "Logs that break the noise models: what is resolved, held, wrong, reported",
+        "made_by": "python -m analysis coverage --broken",
+        "seed": SEED,
+        "disturbances": {name: cell.says for name, (cell, _, _) in broken().items()},
+    }
+
+
 def streams(name, runs):
-    """Give the random streams of a model's logs."""
-    return np.random.SeedSequence([SEED, list(models()).index(name)]).spawn(runs)
+    """Give the random streams of a model's logs, whatever disturbs them."""
+    sensor = name.split("+")[0]
+    return np.random.SeedSequence([SEED, list(models()).index(sensor)]).spawn(runs)
 
 
 def summary(rows, model):
