@@ -8,6 +8,7 @@ from analysis import DATA
 from analysis.noise.models import (
     UnifiedModel,
     adev_gauss_markov,
+    adev_of_terms,
     gauss_markov,
     gauss_markov_means,
     models_of_table_one,
@@ -88,6 +89,23 @@ def test_terms_add_in_variance():
         1e-3 * tau / np.sqrt(2),
     )
     np.testing.assert_allclose(model.adev(tau, dt), np.sqrt(sum(p**2 for p in parts)))
+
+
+def test_fitted_terms_add_in_variance():
+    """analytic: Q, N, B, K and two biases, each with its closed form of IEEE 952 annex C."""
+    tau, dt = np.array([1.0, 30.0, 900.0]), 0.05
+    terms = {"sigma_v": [0.1], "flicker": [0.02], "rrw": [3e-4], "quantisation": [5e-3]}
+    terms |= {"sigma_b": [0.03, 0.2], "corr_time": [5.0, 60.0]}
+    parts = (
+        0.1 * np.sqrt(dt / tau),
+        0.02 * np.sqrt(2 * np.log(2) / np.pi),
+        3e-4 * np.sqrt(tau / 3),
+        np.sqrt(3) * 5e-3 / tau,
+        adev_gauss_markov(tau, 0.03, 5.0, dt),
+        adev_gauss_markov(tau, 0.2, 60.0, dt),
+    )
+    found = adev_of_terms(terms, tau, dt)
+    np.testing.assert_allclose(found, np.sqrt(sum(np.square(p) for p in parts)))
 
 
 def test_same_seed_same_log():

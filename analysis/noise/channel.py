@@ -17,7 +17,9 @@ from analysis.noise import graph
 from analysis.noise.allan import AllanCurve, allan_deviation, fit_line
 from analysis.noise.autocorrelation import autocovariance, block_means
 from analysis.noise.inference import infer
+from analysis.noise.models import adev_of_terms
 
+MEANS = 2  # fitted, in the shortest averaging time at which a floor is read
 WHOLE = 1500  # points that draw a whole log
 LAGS = 400  # points that draw an autocorrelation
 FEWEST = 64  # samples below which there is nothing to average
@@ -120,7 +122,7 @@ def characterise(
             raise CannotAnswer(f"channel {name}: {error}") from error
         known, models = result.parameters, result.table()
         if kind in ("rate", "accel") and "bias_instability" not in known:
-            known["bias_instability"] = graph.bias_instability(curve, unit)
+            known["bias_instability"] = floor(result, curve, dt)
         parameters = {key: known[key] for key in ORDER if key in known}
     return ChannelNoise(
         name=name,
@@ -133,6 +135,30 @@ def characterise(
         whole=(m * dt * (np.arange(len(means)) + 0.5), means),
         autocorrelation={w: _autocorrelation(residual, dt, w) for w in windows(len(y) * dt, dt)},
         models=models,
+    )
+
+
+def floor(result, curve, dt):
+    """Bias instability from the floor of an Allan curve, for a channel without flicker noise.
+
+    Parameters
+    ----------
+    result : analysis.noise.inference.Inference
+    curve : AllanCurve
+        Without the straight line.
+    dt : float
+        Sampling interval, s.
+
+    Returns
+    -------
+    Estimate, U
+    """
+    return graph.bias_instability(
+        curve,
+        result.unit,
+        adev_of_terms(result.chosen.terms, curve.tau, dt),
+        shortest=MEANS * result.averaged * dt,
+        flicker=result.possible_flicker(),
     )
 
 

@@ -5,6 +5,8 @@ itself, and a refusal where the curve does not show the slope. Terrain eq. (6) p
 B = 0.6648 adev; here it is B = adev / 0.664, as in IEEE 952.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.stats import kstest, norm, uniform
 
@@ -13,6 +15,7 @@ from analysis.noise.allan import AllanCurve
 from analysis.noise.models import FLICKER, random_walk_unit
 
 TOLERANCE = 0.1  # a slope counts as -1/2 or +1/2 within this
+TENTH = 0.4  # of the longest averaging time, a quarter of the log
 SPAN = 0.3  # decades over which a slope is measured, and over which it must hold
 
 
@@ -61,27 +64,73 @@ def white_noise(curve: AllanCurve, unit: str) -> Estimate:
     )
 
 
-def bias_instability(curve, unit):
-    """Bias instability B of IEEE 952, from the floor of the curve: B = adev / 0.664.
+def bias_instability(
+    curve: AllanCurve,
+    unit: str,
+    model: np.ndarray,
+    *,
+    shortest: float = 0.0,
+    flicker: tuple[float | None, float | None] | None = None,
+) -> Estimate:
+    """Bias instability B from the floor of the curve, where a fitted model has its floor. ::
+
+        B = adev(tau_floor) / 0.664,      tau_floor where the model's own curve is lowest
+
+    The curve of the data is never searched for a low point: a minimum of noisy points is biased
+    low, and a sensor's filter, quantisation and oscillations make ripples at short tau. For a
+    Gauss-Markov bias or a random walk under white noise B is the floor of the model's own Allan
+    deviation / 0.664; white noise alone has no floor. Flicker noise has the coefficient B itself,
+    which white noise and a walk at the floor raise by a quarter and more: it is fitted, not read,
+    and where the log does not exclude it beside the chosen model the interval reaches down to it.
+
+    Parameters
+    ----------
+    curve : AllanCurve
+        Of the log without its straight line.
+    unit : str
+        U.
+    model : ndarray, shape (k,), U
+        Allan deviation of the fitted model at the same averaging times.
+    shortest : float
+        Shortest averaging time, s, at which the model was fitted.
+    flicker : tuple of (float or None), optional
+        95 % interval of the flicker noise that the log does not exclude, U.
 
     Returns
     -------
     Estimate, U
+        Refused, with the upper bound that the lowest point of the model gives, if there is no floor
+        between `shortest` and a tenth of the log.
     """
     scale = float(1 / FLICKER)
-    # A floor is a point after which the curve rises by more than its uncertainty before it falls
-    # below again; the noisy long end may lie lower by chance.
-    floors = [i for i in range(len(curve.tau)) if _rises_from(curve, i)]
-    at = min(floors, key=lambda i: curve.adev[i]) if floors else int(np.argmin(curve.adev))
-    if not floors:
-        return Estimate.refused(
-            unit,
-            f"the Allan curve has no floor up to {curve.tau[-1]:.3g} s: it never rises again by"
-            " more than its uncertainty; a longer log may show one",
-            high=float(curve.high[at] * scale),
+    inside = np.flatnonzero((curve.tau >= shortest) & (curve.tau <= TENTH * curve.tau[-1]))
+    if not len(inside):
+        return Estimate.refused(unit, "the log is too short for a floor of the Allan curve")
+    at = inside[np.argmin(model[inside])]
+    tau, low, high = curve.tau[at], curve.low[at], curve.high[at]
+    why = ""
+    if at == inside[-1] or model[at:].max() <= high:
+        why = (
+            f"no floor: up to {curve.tau[inside[-1]]:.3g} s, a tenth of the log, the fitted model"
+            " does not rise again by more than the curve's uncertainty; a longer log may show one"
         )
-    note = f"floor of the Allan deviation, at {curve.tau[at]:.3g} s, / 0.664 (IEEE 952)"
-    return _point(curve, at, unit, note).scaled(scale, unit)
+    elif at == inside[0]:
+        why = f"no floor: the fitted model rises from {tau:.3g} s on, and is not fitted below"
+    elif not low**2 <= model[at] * curve.adev[at] <= high**2:  # twice the interval, in log
+        why = f"the fitted model differs from the Allan curve at its floor, {tau:.3g} s"
+    elif flicker and flicker[0] is None:
+        why = (
+            f"the floor at {tau:.3g} s may be flicker noise or not: the log neither shows nor"
+            " excludes it"
+        )
+    if why:
+        return Estimate.refused(unit, why, high=float(high * scale))
+    note = f"floor of the Allan deviation, at {tau:.3g} s, / 0.664 (IEEE 952)"
+    read = _point(curve, at, unit, note).scaled(scale, unit)
+    if flicker:
+        note += "; the lower end is that of the flicker noise which the log does not exclude"
+        return replace(read, low=min(read.low, flicker[0]), note=note)
+    return read
 
 
 def rate_random_walk(curve, unit):
@@ -107,13 +156,6 @@ def rate_random_walk(curve, unit):
 def _point(curve, i, unit, note):
     """One point of the curve with its interval."""
     return Estimate(*(float(y[i]) for y in (curve.adev, curve.low, curve.high)), unit, note=note)
-
-
-def _rises_from(curve, i):
-    below = np.flatnonzero(curve.adev[i + 1 :] < curve.adev[i])
-    until = i + 1 + (below[0] if len(below) else len(curve.tau))
-    after = slice(i + 1, until)
-    return bool(((curve.low[after] > curve.adev[i]) & (curve.adev[after] > curve.high[i])).any())
 
 
 def _longest_run(curve, good):

@@ -21,6 +21,7 @@ from analysis import CannotAnswer, Estimate
 from analysis.noise.fit import (
     MODELS,
     QUANTISED,
+    STRONG,
     UNIFIED,
     WITH_WALK,
     Fit,
@@ -142,6 +143,13 @@ class Inference:
         note = f"likelihood of {self.level_fit.model}: coefficient of its flicker noise (IEEE 952)"
         otherwise = f"{note}; a rate random walk alone may explain it"
         return self.estimate(self.level_fit, "flicker", self.unit, note, otherwise)
+
+    def possible_flicker(self):
+        """95 % interval of flicker noise, U, if a model with it is not clearly worse, else None."""
+        wider = self.similar(WITH_WALK["N+B"])
+        if min(wider.aic, self.similar("N+B").aic) > self.chosen.aic + STRONG:
+            return None
+        return self.likelihood.interval(wider, "flicker")
 
     def bias(self):
         """Give corr_time (s) and sigma_b (U) of the Gauss-Markov bias."""

@@ -10,7 +10,7 @@ The discretisation is exact, so any ``dt`` gives the same process. The paper's e
 density of the driving noise as 2 sigma_b / tau; it is 2 sigma_b^2 / tau.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -333,6 +333,8 @@ def adev_model(
     corr_time: float = np.inf,
     bias_instability: float = 0.0,
     cutoff: float = np.inf,
+    rrw: float = 0.0,
+    quantisation: float = 0.0,
     drift: float = 0.0,
     dt: float = 0.0,
 ) -> np.ndarray:
@@ -348,6 +350,10 @@ def adev_model(
         Gauss-Markov bias, U and s.
     bias_instability, cutoff : float
         Flicker noise B, U, below omega_0, rad/s; without a cutoff 0.664 B at every tau.
+    rrw : float
+        Rate random walk K, U/sqrt(s): K sqrt(tau / 3).
+    quantisation : float
+        Q, U s: sqrt(3) Q / tau.
     drift : float
         Linear drift, U/s: drift tau / sqrt(2).
     dt : float
@@ -357,13 +363,35 @@ def adev_model(
     -------
     ndarray, U
     """
-    variance = (arw / np.sqrt(tau)) ** 2
+    tau = np.asarray(tau, dtype=float)
+    variance = arw**2 / tau + rrw**2 * tau / 3 + 3 * (quantisation / tau) ** 2
     if np.isfinite(corr_time):
         variance = variance + adev_gauss_markov(tau, sigma_b, corr_time, dt) ** 2
     if bias_instability:
         variance = variance + adev_flicker(tau, bias_instability, cutoff) ** 2
-    ramp = np.abs(drift) * np.asarray(tau, dtype=float) / np.sqrt(2)
-    return np.sqrt(variance + ramp**2)
+    return np.sqrt(variance + (drift * tau) ** 2 / 2)
+
+
+def adev_of_terms(terms: Mapping[str, Sequence[float]], tau: ArrayLike, dt: float) -> np.ndarray:
+    """Allan deviation of a fitted model, its straight line left out.
+
+    Parameters
+    ----------
+    terms : mapping of str to sequence of float
+        As `analysis.noise.fit.Fit.terms` has them; some Gauss-Markov terms, one of every other.
+    tau : array_like, s
+    dt : float
+        Sampling interval, s.
+
+    Returns
+    -------
+    ndarray, U
+    """
+    names = {"rrw": "rrw", "flicker": "bias_instability", "quantisation": "quantisation"}
+    single = {names[key]: values[0] for key, values in terms.items() if key in names}
+    steady = adev_model(tau, arw=terms["sigma_v"][0] * np.sqrt(dt), **single)
+    pairs = zip(terms.get("sigma_b", []), terms.get("corr_time", []), strict=True)
+    return np.sqrt(steady**2 + sum(adev_gauss_markov(tau, *pair, dt) ** 2 for pair in pairs))
 
 
 def random_walk_unit(unit):
