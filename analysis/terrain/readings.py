@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -201,9 +201,12 @@ class Setup:
 
     def own_R(self, sensor: Sensor) -> float:
         """Variance of a sensor's attitude error averaged over the lap, deg^2."""
-        t = np.linspace(0, self.length / self.speed, 201)[:, None]
-        variance = attitude_variance(t, *sensor[:2], self.corr_time, start=self.start)
-        return float(variance.mean(axis=0)[0])
+        t = np.linspace(0, self.length / self.speed, 201)
+        return float(attitude_variance(t, *sensor[:2], self.corr_time, start=self.start).mean())
+
+    def stated(self) -> dict:
+        """Give the attributes as plain numbers and words, for the provenance of a figure."""
+        return asdict(self) | {"R": self.R and round(self.R, 6)}
 
     def drift_sd(self, sensor: Sensor) -> float:
         """Standard deviation of a sensor's attitude error at the end of the lap, deg."""
