@@ -1,10 +1,32 @@
 """What breaks the noise models in a static log, and which parameters it affects.
 
 Each test returns `Disturbance` objects. A parameter whose averaging times hold a disturbance of
-practical size is refused, unless the disturbance is modelled as a term of its own.
+practical size is refused, unless the disturbance is modelled as a term of its own, or widens the
+interval by a stated amount (`judged`).
 """
 
 from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, f, norm, t
+
+from analysis import Estimate
+from analysis.noise.autocorrelation import block_means
+
+FAR = 5.5  # robust deviations of a step: 0.04 of a million steps of Gaussian noise are larger
+HEAVIEST = 3.0  # tail index of the heaviest noise that is kept: Student's t of 3 degrees
+APART = 0.01  # chance that such noise has a gap as wide as the one below the spikes
+FEW = 2e-3, 1e-2  # spikes, and samples in them, as shares of all; more belongs to the noise
+BURST = 10  # samples; large steps no further apart are one spike
+PARTS = 8  # of a log, and of each part, whose noise levels are compared
+LEAST = 8  # increments in a part of a part
+CHANCE = 1e-3  # that one test rejects Gaussian noise
+BEYOND = 5.0  # standard errors of the kurtosis of Gaussian noise
+NOTICED = 1.2  # overdispersion that makes an interval a tenth wider
+UNSTEADY = 0.15  # widening beyond which one number does not describe the log
+BOUNDED = 2.7  # tail index below which the measured variance says little about the true one
+TAIL = 500  # one increment in so many is in the tail
+SHARE = 0.5  # of the Allan variance; where white noise has more, its level is what changes
 
 
 @dataclass(frozen=True)
@@ -24,6 +46,11 @@ class Disturbance:
         One sentence for the page.
     decides : bool
         False where it is shown only: its size does not change the parameters noticeably.
+    widens : (float, float), optional
+        Half widths of the logarithm, below and above, that are added in quadrature to the interval
+        of each parameter affected; without them it is refused.
+    bounds : (float or None, float or None)
+        What is said of a parameter refused, as shares of its value.
     """
 
     kind: str
@@ -32,3 +59,277 @@ class Disturbance:
     affects: tuple[str, ...]
     note: str
     decides: bool = True
+    widens: tuple[float, float] | None = None
+    bounds: tuple[float | None, float | None] = (None, None)
+
+
+def judged(estimate: Estimate, name: str, disturbances: list[Disturbance]) -> Estimate:
+    """Widen or refuse an estimate as the disturbances of its log demand.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    name : str
+        Of the parameter in model.json.
+    disturbances : list of Disturbance
+
+    Returns
+    -------
+    Estimate
+    """
+    deciding = [d for d in disturbances if d.decides and name in d.affects]
+    value, low, high = estimate.value, estimate.low, estimate.high
+    if value is None or low is None or high is None or not deciding:
+        return estimate
+    note = "; ".join(part for part in (estimate.note, *(d.note for d in deciding)) if part)
+    for d in deciding:
+        if d.widens is None:
+            low, high = (None if share is None else share * value for share in d.bounds)
+            return Estimate.refused(estimate.unit, note, low=low, high=high)
+    below, above = np.transpose([d.widens for d in deciding])
+    down = np.linalg.norm([np.log(value / low), *below])
+    up = np.linalg.norm([np.log(high / value), *above])
+    ends = float(value * np.exp(-down)), float(value * np.exp(up))
+    return Estimate(value, *ends, estimate.unit, note=note)
+
+
+def spikes(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
+    """Mark isolated spikes: few, and apart from the rest of the noise.
+
+    A spike is a run of large steps up and down, at most 10 samples from one to the next; its size x
+    is the lesser of the largest up and the largest down, in robust deviations of a step. Sorted
+    from the largest, noise with a tail index a has gaps with j ln(x_j / x_(j+1)) exponential of
+    mean 1/a (Renyi). The j largest are isolated if the widest such gap is one that a tail index of
+    3 shows in 1 % of logs; then the rest is looked at. Without such a gap the tails belong to the
+    noise, and nothing is left out.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+    dt : float, s
+
+    Returns
+    -------
+    marked : ndarray of bool, shape (n,)
+    list of Disturbance
+        Empty, or one.
+    """
+    marked = np.zeros(len(y), dtype=bool)
+    there = np.flatnonzero(np.isfinite(y)) if np.isnan(y).any() else None
+    step = np.diff(y if there is None else y[there])
+    size = np.median(np.abs(step)) / norm.ppf(0.75) if len(step) else 0.0
+    large = np.flatnonzero(np.abs(step) > FAR * size) if size > 0 else np.zeros(0, int)
+    runs = np.split(large, np.flatnonzero(np.diff(large) > BURST) + 1)
+    # A spike returns; a shift does not.
+    runs = [r for r in runs if len(r) and np.ptp(np.sign(step[r]))]
+    if not runs:
+        return marked, []
+    x = np.array([min(step[r].max(), -step[r].min()) / size for r in runs])
+    order = np.argsort(-x)
+    x = np.append(x[order], FAR)
+    lengths = np.array([r[-1] - r[0] for r in runs])[order]
+    lengths *= np.where(lengths > 1, 2, 1)  # what rings dies out
+    few = np.cumsum(lengths) <= FEW[1] * len(step)
+    few &= np.arange(len(runs)) < max(1.0, FEW[0] * len(step))
+    resolution = np.abs(step[step != 0]).min() / size
+    gap = np.log(np.maximum((x[:-1] - resolution) / x[1:], 1.0)) * few
+    first = 0
+    while first < len(runs):
+        j = np.arange(1, len(runs) - first + 1)
+        widest = int(np.argmax(j * gap[first:]))
+        if HEAVIEST * j[widest] * gap[first + widest] < np.log(len(runs) / APART):
+            break
+        first += widest + 1
+    if not first:
+        return marked, []
+    for i, length in zip(order[:first], lengths, strict=False):
+        span = slice(runs[i][0] + 1, runs[i][0] + 1 + length)
+        marked[span if there is None else there[span]] = True
+    at = dt * np.flatnonzero(marked)
+    note = (
+        f"spikes left out: {first}, the first at {at[0]:.4g} s; the smallest is {x[first - 1]:.2g}"
+    )
+    note += " robust deviations of a step"
+    return marked, [Disturbance("spikes", at[0], at[-1], (), note, decides=False)]
+
+
+@dataclass(frozen=True)
+class Increments:
+    """Differences of neighbouring means, standardised, in eighths of eighths of a log.
+
+    Attributes
+    ----------
+    z : ndarray, shape (8, 8, k)
+        Over the root mean square of their eighth; NaN where samples are missing.
+    variance : float
+        Mean square before that, U^2.
+    level : ndarray, shape (8, 8)
+        Mean of their magnitude, U.
+    count : int
+        Means that are there.
+    """
+
+    z: np.ndarray
+    variance: float
+    level: np.ndarray
+    count: int
+
+
+def increments(means):
+    """Difference neighbouring means, two by two; None if there are too few.
+
+    They are nearly uncorrelated whether the noise is white, a random walk or between the two, and
+    they hold no slow bias.
+
+    Parameters
+    ----------
+    means : ndarray, shape (n,), U
+
+    Returns
+    -------
+    Increments or None
+    """
+    k = len(means) // (2 * PARTS**2)
+    h = np.diff(means[: 2 * PARTS**2 * k].reshape(PARTS, PARTS, k, 2))[..., 0]
+    there = np.isfinite(h)
+    if k < LEAST or there.sum(axis=2).min() < LEAST:
+        return None
+    energy = np.nanmean(h**2, axis=(1, 2), keepdims=True)
+    level = np.nanmean(np.abs(h), axis=2)
+    if not level.all():
+        return None  # held output
+    return Increments(h / np.sqrt(energy), float(energy.mean()), level, 2 * int(there.sum()))
+
+
+def heavy_tails(part: Increments, duration: float, affects: tuple[str, ...]) -> list[Disturbance]:
+    """Test for tails heavier than Gaussian, by the kurtosis of increments within eighths.
+
+    With excess kurtosis g of the increments of n means, the variance of ln(sigma^2) is
+    2 (1 + g) / n in place of 2 / n. What a heavy-tailed log lacks is its rarest and largest
+    samples: the interval grows twice as much above. The two largest increments alone are no tail.
+
+    Parameters
+    ----------
+    part : Increments
+        Of the means that the noise model was fitted to.
+    duration : float
+        Of the log, s.
+    affects : tuple of str
+
+    Returns
+    -------
+    list of Disturbance
+        Empty, or one.
+    """
+    z = np.abs(part.z[np.isfinite(part.z)])
+    excess, error = float(np.mean(z**4)) - 3, np.sqrt(24 / len(z))
+    least = max(BEYOND * error, NOTICED - 1)
+    tail = np.sort(np.partition(z, -(len(z) // TAIL + 5))[-(len(z) // TAIL + 5) :])
+    if excess < least or excess - np.sum(tail[-2:] ** 4) / len(z) < least:
+        return []
+    index = 1 / np.mean(np.log(tail[1:] / tail[0]))  # Hill's
+    middle = float(np.subtract(*np.percentile(part.z[np.isfinite(part.z)], [75, 25])))
+    robust = middle / (norm.ppf(0.75) - norm.ppf(0.25))
+    note = f"heavy-tailed noise (excess kurtosis {excess:.2g} of neighbouring means)"
+    if index < BOUNDED:
+        note += f": tail index {index:.2g}, its variance is not bounded by this log; at least the"
+        note += " robust value from the interquartile range"
+        return [Disturbance("heavy_tails", 0, duration, affects, note, bounds=(robust, None))]
+    half = float(norm.ppf(0.975) * np.sqrt(excess / (2 * part.count)))
+    note += f": interval widened for an overdispersion of {1 + excess:.2g}; the interquartile range"
+    note += f" gives {robust:.2f} of this value"
+    return [Disturbance("heavy_tails", 0, duration, affects, note, widens=(half, 2 * half))]
+
+
+def level_changes(
+    part: Increments, duration: float, affects: tuple[str, ...], chance: float = CHANCE
+) -> list[Disturbance]:
+    """Test for a noise level that changes along the log, by an analysis of variance.
+
+    The logarithm of the mean magnitude of increments in 64 pieces is compared between eighths and
+    within them (F test): correlated samples and heavy tails scatter both alike. Bursts within an
+    eighth show as a scatter of the energies of its pieces beyond that of their kurtosis. The
+    interval widens by the error of a mean over the eighths (Student's t of 7 degrees) and of the
+    mean energy under such bursts; beyond 15 % the parameter is refused.
+
+    Parameters
+    ----------
+    part : Increments
+    duration : float
+        Of the log, s.
+    affects : tuple of str
+    chance : float
+        That Gaussian noise is rejected.
+
+    Returns
+    -------
+    list of Disturbance
+        Empty, or one.
+    """
+    logs = np.log(part.level)
+    eighths, inside = logs.mean(axis=1), logs.var(axis=1, ddof=1).mean()
+    between = max(eighths.var(ddof=1) - inside / PARTS, 0.0)
+    changes = f.sf(PARTS * eighths.var(ddof=1) / inside, PARTS - 1, PARTS * (PARTS - 1)) < chance
+    squares = part.z**2
+    energy, k = np.nanmean(squares, axis=2), part.count / 2 / PARTS**2
+    tails = max(1 + (np.nanmean(squares**2) - 3) / 2, 1.0)
+    ratio = energy.var(axis=1, ddof=1).mean() * k / 2
+    freedom = PARTS * (PARTS - 1)
+    bursts = ratio / tails > chi2.isf(chance, freedom) / freedom and ratio > 1 + (NOTICED - 1) / 2
+    if not (changes or bursts):
+        return []
+    half = 0.0
+    if changes:
+        half = float(t.ppf(0.975, PARTS - 1) * np.sqrt(between / PARTS))
+    if bursts:
+        half = float(np.hypot(half, norm.ppf(0.975) * np.sqrt((ratio - tails) / part.count)))
+    level = np.exp(logs.ravel() if bursts else eighths)
+    level /= np.sqrt(np.mean(level**2))
+    low, high = float(level.min()), float(level.max())
+    off = np.flatnonzero(np.abs(level - np.median(level)) > (high - low) / 4)
+    start, end = off[0] / len(level) * duration, (off[-1] + 1) / len(level) * duration
+    note = f"noise level {low:.2f} to {high:.2f} of its mean over {len(level)} parts"
+    if half > UNSTEADY:
+        note += ": no single value describes the log"
+        bounds = low, high
+        return [Disturbance("noise_level", start, end, affects, note, bounds=bounds)]
+    note += f": interval widened by {100 * half:.2g} %"
+    return [Disturbance("noise_level", start, end, affects, note, widens=(half, half))]
+
+
+def uneven(
+    y: np.ndarray, dt: float, m: int, white: float, names: tuple[str, ...]
+) -> list[Disturbance]:
+    """Test the noise for heavy tails and for changes of its level, at octaves of averaging time.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+    dt : float, s
+    m : int
+        Samples to average, as the noise model was fitted.
+    white : float
+        Its sigma_v, U.
+    names : tuple of str
+        Parameters that the white noise gives. Where it has less than half of the Allan variance,
+        the others change: sigma_b, bias_instability, rrw.
+
+    Returns
+    -------
+    list of Disturbance
+    """
+    duration, means, scales = len(y) * dt, block_means(y, m), []
+    while (part := increments(means)) is not None:
+        scales.append((white**2 / m > SHARE * part.variance / 2, part))
+        means, m = block_means(means, 2), 2 * m
+    found = []
+    for is_white, affects in ((True, names), (False, ("sigma_b", "bias_instability", "rrw"))):
+        parts = [part for of_white, part in scales if of_white is is_white]
+        chance = CHANCE / len(scales)
+        tests = [d for part in parts for d in level_changes(part, duration, affects, chance)]
+        found += sorted(tests, key=lambda d: d.widens or (np.inf,))[-1:]
+    if scales:
+        found += heavy_tails(scales[0][1], duration, names)
+    return found
