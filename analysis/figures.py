@@ -18,7 +18,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
-from matplotlib.container import ErrorbarContainer
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
@@ -103,8 +102,7 @@ def save(
     with mpl.rc_context({k: STYLE[k] for k in ("savefig.dpi", "pdf.fonttype")}):
         fig.draw_without_rendering()  # lays it out: from here on a point has a place in dots
         # Laid out once: PDF and notebook show the same, and sooner.
-        with mpl.rc_context({"figure.constrained_layout.use": False}):
-            fig.set_layout_engine(None)
+        fig.set_layout_engine("none")
         for ax in fig.axes:
             thin(ax, STYLE["savefig.dpi"] / fig.dpi)
         table = plotted_numbers(fig, series)
@@ -223,10 +221,15 @@ def provenance(name, caption, seed, data, parameters):
     """
     number = name.split("-", 1)[0]
     notebooks = sorted((ROOT / "notebooks").glob(f"{number}-*.ipynb"))
-    origin = {"figure": name, "caption": caption, "notebook": None, "seed": seed}
-    origin |= {"notebook": notebooks[0].stem} if notebooks else {}
-    origin |= {"parameters": parameters, "data": data}
-    return origin | {"versions": {package: version(package) for package in VERSIONS}}
+    return {
+        "figure": name,
+        "caption": caption,
+        "notebook": notebooks[0].stem if notebooks else None,
+        "seed": seed,
+        "parameters": parameters,
+        "data": data,
+        "versions": {package: version(package) for package in VERSIONS},
+    }
 
 
 def plotted_numbers(fig, series=()):
@@ -303,7 +306,8 @@ def _panels(fig):
 
 def _shown(ax):
     """Yield (kind, label, x, y, y2) of each artist with data of its own."""
-    whole = {id(part): _label(c) for c in ax.containers for part in _parts(c)}
+    # The lines and bars of error bars share the label of the whole.
+    whole = {id(part): _label(c) for c in ax.containers for part in c.get_children()}
 
     def name(artist):
         return whole.get(id(artist)) or _label(artist)
@@ -311,13 +315,7 @@ def _shown(ax):
     for line in ax.lines:
         if line.get_transform() == ax.transData:
             x, y = (np.atleast_1d(np.asarray(v, dtype=object)) for v in line.get_data(orig=False))
-            yield (
-                "line",
-                name(line),
-                x.astype(float),
-                y.astype(float),
-                np.nan,
-            )
+            yield "line", name(line), x.astype(float), y.astype(float), np.nan
     for collection in ax.collections:
         if isinstance(collection, PathCollection):
             xy = np.asarray(collection.get_offsets(), dtype=float)
@@ -336,27 +334,12 @@ def _shown(ax):
             segments = [s for s in collection.get_segments() if len(s)]
             if segments:
                 ends = np.array([[s[0, 0], s[0, 1], s[-1, 1]] for s in segments])
-                yield (
-                    "bars",
-                    name(collection),
-                    ends[:, 0],
-                    ends[:, 1],
-                    ends[:, 2],
-                )
+                yield "bars", name(collection), *ends.T
     for container in ax.containers:
         if hasattr(container, "patches"):
             boxes = [patch.get_bbox() for patch in container.patches]
             x = np.array([(box.x0 + box.x1) / 2 for box in boxes])
-            ends = np.array([[box.y0, box.y1] for box in boxes])
-            yield "bars", name(container), x, ends[:, 0], ends[:, 1]
-
-
-def _parts(container):
-    """Lines and bars of error bars, which share one label."""
-    if not isinstance(container, ErrorbarContainer):
-        return []
-    middle, caps, bars = container.lines
-    return [*([middle] if middle else []), *caps, *bars]
+            yield "bars", name(container), x, *np.array([[box.y0, box.y1] for box in boxes]).T
 
 
 def _edges(path):

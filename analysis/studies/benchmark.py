@@ -5,6 +5,7 @@ Logs are simulated for the purpose. Peers come with the extra ``test``; an entry
 installed states that and goes on.
 """
 
+import datetime
 import os
 import platform
 import tempfile
@@ -18,10 +19,10 @@ import allantools
 import numpy as np
 import pandas as pd
 
-from analysis import STANDARD_GRAVITY, replacing, store
+from analysis import replacing, store
 from analysis.logs.moving import read_moving
+from analysis.logs.nmea import nmea_lines
 from analysis.logs.static import Channel, Log
-from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.noise.allan import allan_deviation
 from analysis.noise.inference import infer
 from analysis.noise.models import UnifiedModel
@@ -29,11 +30,13 @@ from analysis.terrain.monte_carlo import simulate_laps
 from analysis.terrain.readings import Setup
 from analysis.terrain.ukf import Ukf
 from analysis.tracker.log_replay import replay
+from analysis.tracker.scenarios import scenario
 
 SEED = 2011  # of the terrain benchmarks
 GYRO, DT = UnifiedModel(0.04, 200.0, 0.005), 0.01  # terrain paper, Table 1, at 100 Hz
 GYRO_SEED = 2008
-IMU_HZ = 40.0
+TRACKER_SEED = 1
+NMEA_START = datetime.datetime(2024, 6, 1, tzinfo=datetime.UTC)
 DIGITS = 3  # of a measured number
 
 
@@ -161,103 +164,35 @@ def noise_models(samples=10_000_000, channels=6, fit_hours=2.0):
     yield Measured("most memory held", gigabytes, "GB", "<= 2")
 
 
-def tracker(seconds=300.0, hours=24.0):
-    """Time the six blocks of the tracker on a drive with a 40 Hz IMU, and a day of NMEA at 1 Hz.
+def tracker(laps=5, hours=24.0):
+    """Time the six blocks of the tracker on a ride with a 40 Hz IMU, and a day of NMEA at 1 Hz.
 
     Parameters
     ----------
-    seconds : float
-        Length of the drive.
+    laps : int
+        Of scenario B, a minute each.
     hours : float
-        Length of the NMEA log.
+        Length of the NMEA log, of a receiver at rest.
 
     Yields
     ------
     Measured
         From processor time.
     """
-    log = drive(seconds, IMU_HZ, np.random.default_rng(1))
+    ride = scenario("B", np.random.default_rng(TRACKER_SEED), laps=laps).log
     start = time.process_time()
-    replay(log)
-    rate = seconds / (time.process_time() - start)
+    replay(ride)
+    rate = ride.duration_s / (time.process_time() - start)
     yield Measured("replay with a 40 Hz IMU, one core", rate, "x real time", ">= 500")
+    rng = np.random.default_rng(TRACKER_SEED)
+    day = scenario("A", rng, minutes=60 * hours, imu_rate=1.0).gnss
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "day.nmea"
-        path.write_bytes(nmea_log(hours, np.random.default_rng(1)))
+        path = Path(folder, "day.nmea")
+        path.write_text("\r\n".join(nmea_lines(day, NMEA_START)) + "\r\n")
         start = time.process_time()
         replay(read_moving([path]))
         spent = time.process_time() - start
     yield Measured("24 h of 1 Hz NMEA, read and replayed", spent, "s", "<= 60")
-
-
-def drive(seconds, imu_hz, rng):
-    """Simulate a drive: 20 s at rest, then weaving at 8 to 12 m/s.
-
-    Returns
-    -------
-    Timeline
-    """
-    t = np.arange(round(seconds * imu_hz)) / imu_hz
-    go = np.clip((t - 20) / 10, 0, 1)
-    speed = go * (10 + 2 * np.sin(0.1 * t))
-    course = 1.0 + 0.5 * np.sin(0.07 * t) * go
-    forward, rate = np.gradient(speed, t), np.gradient(course, t)
-    accel = np.column_stack([forward, speed * rate, np.full(len(t), -STANDARD_GRAVITY)])
-    gyro = np.column_stack([0 * t, 0 * t, rate])
-    imu = Imu(
-        t,
-        gyro + 0.003 * rng.standard_normal(gyro.shape),
-        accel + 0.05 * rng.standard_normal(accel.shape),
-    )
-    every = round(imu_hz)
-    at = slice(0, None, every)
-    metres = np.cumsum(speed[:, None] * np.column_stack([np.cos(course), np.sin(course)]), axis=0)
-    north, east = (metres / imu_hz)[at].T + rng.standard_normal((2, len(t[at])))
-    n = len(north)
-    fixes = Gnss(
-        t_s=t[at],
-        lat_deg=45.0 + north / 111_195,
-        lon_deg=9.0 + east / 78_626,
-        height_m=np.full(n, 100.0),
-        pdop=np.full(n, 2.0),
-        speed_m_s=np.abs(speed[at] + 0.1 * rng.standard_normal(n)),
-        course_deg=np.degrees(course[at]) % 360,
-        has_fix=np.ones(n, dtype=bool),
-    )
-    return Timeline(fixes, imu)
-
-
-def nmea_log(hours, rng):
-    """Write an NMEA log at 1 Hz of a receiver that stands and drives in turn.
-
-    Returns
-    -------
-    bytes
-    """
-    n = round(3600 * hours)
-    second = np.arange(n)
-    speed = np.where(second // 1800 % 2 == 1, 10.0, 0.05)  # knots
-    north = np.cumsum(speed * 1852 / 3600) + rng.standard_normal(n)
-    lines = []
-    for k in range(n):
-        clock = f"{k // 3600 % 24:02d}{k // 60 % 60:02d}{k % 60:02d}.00"
-        date = f"{1 + k // 86400:02d}0624"
-        minutes = 45 * 60 + north[k] / 1852
-        place = f"{int(minutes // 60):02d}{minutes % 60:09.6f},N,00900.000000,E"
-        lines += [
-            _sentence(f"GNRMC,{clock},A,{place},{speed[k]:.2f},0.00,{date},,,A"),
-            _sentence(f"GNGGA,{clock},{place},1,10,1.0,100.0,M,47.0,M,,"),
-            _sentence("GNGSA,A,3,01,02,03,04,05,06,07,08,,,,,1.8,1.0,1.5"),
-        ]
-    return "".join(lines).encode()
-
-
-def _sentence(body):
-    """Add dollar, checksum and line end."""
-    checksum = 0
-    for byte in body.encode():
-        checksum ^= byte
-    return f"${body}*{checksum:02X}\r\n"
 
 
 def write(rows, folder):

@@ -2,12 +2,13 @@
 
 Formulas are for dense matrices, as the tracker paper's Table I takes them: a product of an a x b
 and a b x c matrix costs a b c products and a (b - 1) c sums. To count, the running code is given
-numbers of type `Counted`, which add each operation to a `Tally`.
+numbers of type `Counted`, which add each operation to a tally: a `collections.Counter` of sums,
+products, divisions and functions (square roots). Comparisons and sign changes are free, as in the
+paper's table.
 """
 
 import operator
-from collections import deque
-from dataclasses import astuple, dataclass
+from collections import Counter, deque
 
 import numpy as np
 import pandas as pd
@@ -21,24 +22,7 @@ from analysis.tracker.low_pass import LowPass, mean
 from analysis.tracker.mounting import MountingYaw
 from analysis.tracker.static import StaticTest
 
-
-@dataclass
-class Tally:
-    """Operations counted so far; comparisons and sign changes are free, as in the paper's table."""
-
-    sums: int = 0
-    products: int = 0
-    divisions: int = 0
-    functions: int = 0  # square roots
-
-    @property
-    def total(self):
-        """All of them."""
-        return sum(astuple(self))
-
-    def __add__(self, other):
-        """Add up kind by kind."""
-        return Tally(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+KINDS = ("sums", "products", "divisions", "functions")
 
 
 def matrix_product(a, b, c):
@@ -46,9 +30,9 @@ def matrix_product(a, b, c):
 
     Returns
     -------
-    Tally
+    Counter
     """
-    return Tally(sums=a * (b - 1) * c, products=a * b * c)
+    return Counter(sums=a * (b - 1) * c, products=a * b * c)
 
 
 def predict(n, p, *, input_matrix=True):
@@ -65,12 +49,12 @@ def predict(n, p, *, input_matrix=True):
 
     Returns
     -------
-    Tally
+    Counter
     """
-    state = matrix_product(n, n, 1) + Tally(sums=n if p else 0)
+    state = matrix_product(n, n, 1) + Counter(sums=n if p else 0)
     if p and input_matrix:
         state += matrix_product(n, p, 1)
-    return state + matrix_product(n, n, n) + matrix_product(n, n, n) + Tally(sums=n * n)
+    return state + matrix_product(n, n, n) + matrix_product(n, n, n) + Counter(sums=n * n)
 
 
 def update(n, m):
@@ -85,13 +69,13 @@ def update(n, m):
 
     Returns
     -------
-    Tally
+    Counter
     """
-    innovation = matrix_product(m, n, 1) + Tally(sums=m)
-    S = matrix_product(m, n, n) + matrix_product(m, n, m) + Tally(sums=m * m)
+    innovation = matrix_product(m, n, 1) + Counter(sums=m)
+    S = matrix_product(m, n, n) + matrix_product(m, n, m) + Counter(sums=m * m)
     gain = matrix_product(n, n, m) + cholesky_inverse(m) + matrix_product(n, m, m)
-    state = matrix_product(n, m, 1) + Tally(sums=n)
-    covariance = matrix_product(n, m, n) + Tally(sums=n * n) + matrix_product(n, n, n)
+    state = matrix_product(n, m, 1) + Counter(sums=n)
+    covariance = matrix_product(n, m, n) + Counter(sums=n * n) + matrix_product(n, n, n)
     return innovation + S + gain + state + covariance
 
 
@@ -100,14 +84,14 @@ def cholesky_inverse(m):
 
     Returns
     -------
-    Tally
+    Counter
     """
     third = (m**3 - m) // 6
-    factor = Tally(sums=third, products=third, divisions=m * (m - 1) // 2, functions=m)
-    triangle = Tally(
+    factor = Counter(sums=third, products=third, divisions=m * (m - 1) // 2, functions=m)
+    triangle = Counter(
         sums=(m**3 - 3 * m**2 + 2 * m) // 6, products=third, divisions=m * (m + 1) // 2
     )
-    return factor + triangle + Tally(sums=third, products=third + m * (m + 1) // 2)
+    return factor + triangle + Counter(sums=third, products=third + m * (m + 1) // 2)
 
 
 def _operator(kind, operate, *, swapped=False):
@@ -131,7 +115,7 @@ class Counted:
     Parameters
     ----------
     value : float
-    tally : Tally
+    tally : Counter
         Where they are counted; results of operations keep it.
     """
 
@@ -143,7 +127,7 @@ class Counted:
 
     def result(self, value, kind):
         """Count one operation and wrap what it gave."""
-        setattr(self.tally, kind, getattr(self.tally, kind) + 1)
+        self.tally[kind] += 1
         return Counted(value, self.tally)
 
     __add__ = __radd__ = _operator("sums", operator.add)
@@ -170,22 +154,27 @@ class Counted:
         return self.value
 
 
-def counted(array, tally):
-    """Turn an array of numbers into `Counted` ones.
+def counted(value, tally):
+    """Turn a number, or those of an array or a sequence, into `Counted` ones.
 
     Parameters
     ----------
-    array : array_like
-    tally : Tally
+    value : float, ndarray or sequence of these
+        Anything else stays as it is.
+    tally : Counter
 
     Returns
     -------
-    ndarray of object, of the same shape
+    Counted, ndarray of object, or sequence
+        Of the same shape.
     """
-    array = np.asarray(array, dtype=float)
-    out = np.empty(array.shape, dtype=object)
-    out.ravel()[:] = [Counted(x, tally) for x in array.ravel()]
-    return out
+    if isinstance(value, np.ndarray):
+        return np.frompyfunc(lambda x: Counted(x, tally), 1, 1)(value)
+    if isinstance(value, float | np.floating):
+        return Counted(value, tally)
+    if isinstance(value, list | tuple | deque):
+        return type(value)(counted(v, tally) for v in value)
+    return value
 
 
 def instrument(block, tally):
@@ -197,7 +186,7 @@ def instrument(block, tally):
     ----------
     block : object
         Changed in place, and so are the blocks inside it.
-    tally : Tally
+    tally : Counter
 
     Returns
     -------
@@ -208,21 +197,11 @@ def instrument(block, tally):
         if hasattr(value, "__dict__") and type(value).__module__.startswith("analysis.tracker"):
             instrument(value, tally)
         else:
-            setattr(block, name, _counting(value, tally))
+            setattr(block, name, counted(value, tally))
     return block
 
 
-def _counting(value, tally):
-    if isinstance(value, np.ndarray):
-        return counted(value, tally)
-    if isinstance(value, float | np.floating):
-        return Counted(value, tally)
-    if isinstance(value, list | tuple | deque):
-        return type(value)(_counting(v, tally) for v in value)
-    return value
-
-
-def filter_costs(n: int, m: int, p: int, *, input_matrix: bool) -> dict[str, dict[str, Tally]]:
+def filter_costs(n: int, m: int, p: int, *, input_matrix: bool) -> dict[str, dict[str, Counter]]:
     """Count one prediction and one update of a Kalman filter, by formula and as it runs here.
 
     Parameters
@@ -234,11 +213,11 @@ def filter_costs(n: int, m: int, p: int, *, input_matrix: bool) -> dict[str, dic
 
     Returns
     -------
-    dict of dict of Tally
+    dict of dict of Counter
         ``formula`` (`predict`, `update`) and ``counted`` (`kalman`) ->
         ``Predict`` and ``Update``.
     """
-    first, second = Tally(), Tally()
+    first, second = Counter(), Counter()
     x, P, F, Q, u, B = (counted(np.ones(s), first) for s in (n, (n, n), (n, n), (n, n), p, (n, p)))
     kalman.predict(x, P, F, Q, u, B if input_matrix else None)
     x, P, z, H, R = (
@@ -292,8 +271,9 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
     steps["6", "fix"] = _count(_fusion(dt).update, *fix), 1.0
     steps["6", "sample"] = _count(_fusion(dt).predict, np.array([0.1, 0.0, 0.0]), dt, 0.3), rate
     index = pd.MultiIndex.from_tuples(steps, names=["block", "step"])
-    rows = [vars(t) | {"total": t.total, "times_a_second": times} for t, times in steps.values()]
-    return pd.DataFrame(rows, index=index)
+    tallies, times = zip(*steps.values(), strict=True)
+    table = pd.DataFrame(tallies, index, KINDS).fillna(0).astype(int)
+    return table.assign(total=table.sum(axis=1), times_a_second=times)
 
 
 def alignment_costs(rate: float = 40.0) -> dict[str, int]:
@@ -309,12 +289,12 @@ def alignment_costs(rate: float = 40.0) -> dict[str, int]:
     dict of int
         Operations of the ``mean`` of a straight's accelerations, and of the ``rotation`` matrix.
     """
-    averaged, turning = Tally(), Tally()
+    averaged, turning = Counter(), Counter()
     mean([tuple(row) for row in counted(np.ones((MountingYaw.length, 2)), averaged)])
     block = instrument(under_way(1 / rate), turning)
     block.dtype = object
     _ = block.C_nb
-    return {"mean": averaged.total, "rotation": turning.total}
+    return {"mean": averaged.total(), "rotation": turning.total()}
 
 
 def under_way(dt):
@@ -340,9 +320,9 @@ def under_way(dt):
 
 def _count(step, *values, read=None):
     """Count one step, a bound method of a block, and a property read after it."""
-    tally, block = Tally(), step.__self__
+    tally, block = Counter(), step.__self__
     instrument(block, tally).dtype = object
-    step(*_counting(values, tally))
+    step(*counted(values, tally))
     if read:
         getattr(block, read)
     return tally
@@ -358,21 +338,20 @@ def _low_pass(epochs):
 
 def _mounting():
     """Count the fix that completes a straight, and one before it."""
-    tally = Tally()
+    tally = Counter()
     upright = Upright()
-    upright.start(_counting((0.3, 0.1, -STANDARD_GRAVITY), tally))
+    upright.start(counted((0.3, 0.1, -STANDARD_GRAVITY), tally))
     upright, block = instrument(upright, tally), instrument(MountingYaw(), tally)
-    entry = Tally()
+    entry = Counter()
     for k in range(40):
-        before = astuple(tally)
-        force = _counting((0.6, 0.2, -STANDARD_GRAVITY), tally)
+        tally.clear()
+        force = counted((0.6, 0.2, -STANDARD_GRAVITY), tally)
         upright.step(force, Counted(1.0, tally))
-        epoch = _counting((float(k), 1.0, 0.3, 5.0 + 0.2 * k, 0.01), tally)
-        block.step(*epoch, *upright.level(force), *_counting((0.001, (0.3, 0.1)), tally))
-        counts = [now - was for now, was in zip(astuple(tally), before, strict=True)]
+        epoch = counted((float(k), 1.0, 0.3, 5.0 + 0.2 * k, 0.01), tally)
+        block.step(*epoch, *upright.level(force), *counted((0.001, (0.3, 0.1)), tally))
         if block.straights:
-            return Tally(*counts), entry
-        entry = Tally(*counts)
+            return tally, entry
+        entry = tally.copy()
     raise AssertionError("a steady course gave no straight")
 
 
