@@ -6,9 +6,9 @@ import importlib
 
 import pytest
 
-from analysis import ROOT
+from analysis import ROOT, cli
+from analysis.tracker.device import BLOCKS
 
-BLOCKS = ["last_position", "attitude", "static", "low_pass", "mounting", "fusion"]
 ALONG = {  # modules of the same folder that a block needs
     "last_position": set(),
     "attitude": {"kalman"},
@@ -17,6 +17,11 @@ ALONG = {  # modules of the same folder that a block needs
     "mounting": {"low_pass"},
     "fusion": {"kalman"},
 }
+
+
+def test_the_command_can_turn_each_block_off():
+    """property: `replay --without` takes each block, and nothing else."""
+    assert [block.value.replace("-", "_") for block in cli.Block] == list(BLOCKS)
 
 
 @pytest.mark.parametrize("block", BLOCKS)

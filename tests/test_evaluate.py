@@ -27,16 +27,16 @@ def test_block_one_alone_is_the_replay_with_the_others_off():
 
 
 def test_block_four_alone_is_the_replay_at_rest():
-    """cross-check: the same layers and positions as the device at rest from the start."""
+    """cross-check: judged the same as the device at rest from the start: layers, errors, times."""
     a = scenarios.scenario("A", np.random.default_rng(2), minutes=25)
     track = replay(a.log, Options(fusion=False)).columns
     still = np.flatnonzero(track["moving"] == 0)
     assert (np.diff(still) == 1).all()
-    north, east = a.error(a.log.gnss.lat_deg, a.log.gnss.lon_deg)
-    layer, north, east = evaluate.low_passed(north[still], east[still])
-    np.testing.assert_array_equal(layer, track["layer"][still])
-    out = a.error(track["out_lat_deg"], track["out_lon_deg"])
-    np.testing.assert_allclose([north, east], np.array(out)[:, still], atol=2e-3)
+    t, raw, out = a.gnss.t_s[still], a.fix_error()[:, still], a.output_error(track)[:, still]
+    device = evaluate.stationary_period(t, raw, out, track["layer"][still])
+    alone = evaluate.stationary_periods(t, raw[:, :, None]).iloc[0]
+    for name, value in device.items():  # metres, seconds and ratios to a millimetre
+        assert alone[name] == pytest.approx(value, abs=2e-3, nan_ok=True), name
 
 
 def test_cold_start_is_judged_by_the_truth():

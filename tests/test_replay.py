@@ -16,11 +16,9 @@ from analysis.logs import moving as tracks
 from analysis.logs.saved_position import load_position, save_position
 from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
 from analysis.tracker import scenarios
-from analysis.tracker.device import Options
+from analysis.tracker.device import BLOCKS, Options
 from analysis.tracker.last_position import Stored
 from analysis.tracker.log_replay import replay
-
-BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ during an outage.
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -86,6 +86,9 @@ class Options:
     def straight_s(self):
         """Shortest straight that gives a mounting angle, s."""
         return self.straight_length * ENTRY_S
+
+
+BLOCKS = tuple(option.name for option in fields(Options) if option.type is bool)
 
 
 @dataclass(frozen=True)

@@ -99,27 +99,6 @@ def cold_start(
     }
 
 
-def low_passed(
-    north: np.ndarray, east: np.ndarray, lengths: tuple[int, ...] = LowPass.lengths
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Drive block 4 alone over the positions of devices at rest.
-
-    Parameters
-    ----------
-    north, east : ndarray, shape (n,) or (n, devices), m
-    lengths : tuple of int
-
-    Returns
-    -------
-    layer : ndarray of int, shape (n,)
-    north, east : ndarray, as the positions, m
-    """
-    block = LowPass(lengths)
-    rows = [block.step(position) for position in zip(north, east, strict=True)]
-    north, east = np.moveaxis([p for _, p in rows], 1, 0)
-    return np.array([layer for layer, _ in rows]), north, east
-
-
 def stationary_period(
     t_s: np.ndarray, raw: np.ndarray, out: np.ndarray, layer: np.ndarray
 ) -> dict[str, float]:
@@ -191,8 +170,8 @@ def courtyard_errors(seed: int, count: int, **settings: Any) -> tuple[np.ndarray
     raw : ndarray, shape (2, n, count)
         Errors north and east, m.
     """
-    streams = np.random.SeedSequence(seed).spawn(count)
-    drawn = [scenario("A", np.random.default_rng(s), imu_rate=1.0, **settings) for s in streams]
+    rngs = np.random.default_rng(seed).spawn(count)
+    drawn = [scenario("A", rng, imu_rate=1.0, **settings) for rng in rngs]
     return drawn[0].gnss.t_s, np.stack([a.fix_error() for a in drawn], axis=-1)
 
 
@@ -218,9 +197,10 @@ def stationary_periods(
         A row a device, as `stationary_period`; ``leaves_model``: 1 if an output lies outside
         `circle_m` once the second layer is full.
     """
-    layer, *out = low_passed(raw[0], raw[1], lengths)
-    rows = []
-    for before, after in zip(np.moveaxis(raw, -1, 0), np.moveaxis(out, -1, 0), strict=True):
+    block = LowPass(lengths)
+    layers, out = zip(*map(block.step, np.moveaxis(raw, 1, 0)), strict=True)
+    layer, rows = np.array(layers), []
+    for before, after in zip(np.moveaxis(raw, 2, 0), np.transpose(out, (2, 1, 0)), strict=True):
         leaves = float((np.hypot(*after)[layer >= 2] > circle_m).any())
         rows.append(stationary_period(t_s, before, after, layer) | {"leaves_model": leaves})
     return pd.DataFrame(rows)
@@ -384,13 +364,9 @@ def mounting_rides(seed: int, angles: Sequence[float], **settings: Any) -> pd.Da
     pandas.DataFrame
         A row a ride, as `mounting_ride`.
     """
-    streams = np.random.SeedSequence(seed).spawn(len(angles))
-    return pd.DataFrame(
-        [
-            mounting_ride(scenario("B", np.random.default_rng(s), mount_deg=float(a), **settings))
-            for s, a in zip(streams, angles, strict=True)
-        ]
-    )
+    drawn = zip(np.random.default_rng(seed).spawn(len(angles)), map(float, angles), strict=True)
+    rides = (scenario("B", rng, mount_deg=angle, **settings) for rng, angle in drawn)
+    return pd.DataFrame(map(mounting_ride, rides))
 
 
 def mounting_summary(rides: pd.DataFrame) -> dict[str, str]:

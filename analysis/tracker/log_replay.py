@@ -11,7 +11,7 @@ from tqdm import tqdm
 from analysis import STANDARD_GRAVITY, wrap
 from analysis.logs.timeline import Timeline
 from analysis.tracker.attitude import GAP_S
-from analysis.tracker.device import Device, Epoch, Options
+from analysis.tracker.device import BLOCKS, Device, Epoch, Options
 from analysis.tracker.last_position import Stored
 
 ROW_S = 1.0  # without GNSS: one row a second, so that the blocks that need none can be seen
@@ -21,7 +21,6 @@ CONTRADICTION_SHARE = 0.2  # of the epochs
 TURNS = 5.0  # ratio of the turns by course and by gyro that lag and noise explain
 FAST, TURNED, ALIKE = 3.0, 0.1, 0.7  # m/s, rad^2 in all, correlation: enough to compare them by
 FRAME_M = 50_000.0  # from the origin, where the tangent plane is tilted by half a degree
-BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
 
 
 @dataclass(frozen=True)
@@ -141,19 +140,16 @@ def _epochs(gnss, imu, stored):
 
 def _columns(epochs, gnss, rows, origin, stored):
     """Return the columns of track.csv, in order."""
-    blank = np.full(len(epochs), np.nan)
-    ned = np.array([row["ned"] or (np.nan,) * 3 for row in rows], dtype=float).reshape(-1, 3)
-    lat, lon = blank.copy(), blank.copy()
-    placed = np.isfinite(ned[:, 0])
-    if placed.any():
-        lat[placed], lon[placed], _ = pymap3d.ned2geodetic(*ned[placed].T, *origin)
-    for i, row in enumerate(rows):
-        if row["stored"]:  # to the last digit
-            lat[i], lon[i] = stored.lat_deg, stored.lon_deg
 
     def taken(name, dtype):
         return np.array([row[name] for row in rows], dtype=dtype)
 
+    blank = np.full(len(epochs), np.nan)
+    ned = np.reshape([row["ned"] or (np.nan,) * 3 for row in rows], (-1, 3))
+    lat, lon, _ = pymap3d.ned2geodetic(*ned.T, *(origin or (0.0, 0.0, 0.0)))
+    if stored:
+        held = taken("stored", bool)
+        lat[held], lon[held] = stored.lat_deg, stored.lon_deg  # to the last digit
     return {
         "t_s": np.array([e.t_s for e in epochs]),
         "lat_deg": blank if gnss is None else gnss.lat_deg,
@@ -174,8 +170,7 @@ def _summary(timeline, options, columns, device, notes):
     """Return the content of summary.json."""
     t, layer = columns["t_s"], columns["layer"]
     step = np.diff(t, append=t[-1:]) if len(t) else t
-    accepted = columns["accepted"].astype(bool)
-    has_fix = columns["has_fix"].astype(bool)
+    accepted, has_fix = columns["accepted"] == 1, columns["has_fix"] == 1
     put_out = np.isfinite(columns["out_lat_deg"])
     mount, imu, gnss = device.mounting, timeline.imu, timeline.gnss
 
@@ -185,14 +180,10 @@ def _summary(timeline, options, columns, device, notes):
     def degrees(angle):
         return None if angle is None else math.degrees(angle)
 
-    joined = gnss is not None and imu is not None and options.attitude
-    lacks = {
-        "last_position": "" if gnss else "needs GNSS",
-        "attitude": "" if imu else "needs an IMU",
-        "low_pass": "" if gnss else "needs GNSS",
-        "mounting": "" if joined else "needs GNSS, an IMU and block 2",
-        "fusion": "" if joined else "needs GNSS, an IMU and block 2",
-    }
+    lacks = {} if gnss else dict.fromkeys(("last_position", "low_pass"), "needs GNSS")
+    lacks |= {} if imu else {"attitude": "needs an IMU"}
+    if not (gnss and imu and options.attitude):
+        lacks |= dict.fromkeys(("mounting", "fusion"), "needs GNSS, an IMU and block 2")
     return {
         "source": {
             "files": timeline.sources,
@@ -203,7 +194,7 @@ def _summary(timeline, options, columns, device, notes):
             "imu_rate_hz": None if imu is None else float(1 / np.median(np.diff(imu.t_s))),
         },
         "blocks": {
-            name: lacks.get(name) or "on" if getattr(options, name) else "off" for name in BLOCKS
+            name: lacks.get(name, "on") if getattr(options, name) else "off" for name in BLOCKS
         },
         "fixes": {
             "with_fix": int(has_fix.sum()),
