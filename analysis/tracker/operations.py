@@ -217,7 +217,7 @@ def filter_costs(n: int, m: int, p: int, *, input_matrix: bool) -> dict[str, dic
         ``formula`` (`predict`, `update`) and ``counted`` (`kalman`) ->
         ``Predict`` and ``Update``.
     """
-    first, second = Counter(), Counter()
+    first, second = Counter[str](), Counter[str]()
     x, P, F, Q, u, B = (counted(np.ones(s), first) for s in (n, (n, n), (n, n), (n, n), p, (n, p)))
     kalman.predict(x, P, F, Q, u, B if input_matrix else None)
     x, P, z, H, R = (
@@ -289,7 +289,7 @@ def alignment_costs(rate: float = 40.0) -> dict[str, int]:
     dict of int
         Operations of the ``mean`` of a straight's accelerations, and of the ``rotation`` matrix.
     """
-    averaged, turning = Counter(), Counter()
+    averaged, turning = Counter[str](), Counter[str]()
     mean([tuple(row) for row in counted(np.ones((MountingYaw.length, 2)), averaged)])
     block = instrument(under_way(1 / rate), turning)
     block.dtype = object
