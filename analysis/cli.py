@@ -415,6 +415,10 @@ def pool(
         for key, estimate in channel["parameters"].items():
             spread = Estimate(**channel["spread"][key])
             print(f"  {page.NAMES[key]:<48}  {Estimate(**estimate)}; between units {spread}")
+        repeats = Estimate(**channel["bias_repeatability"])
+        print(f"  {'repeatability of the mean bias, 1 sigma':<48}  {repeats}")
+    for note in pooled["notes"]:
+        print(f"note: {note}")
     print(f"\n{out}/pooled.json is written")
 
 

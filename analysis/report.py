@@ -19,7 +19,7 @@ from analysis.noise import exports
 from analysis.noise.channel import refuse_without_noise
 from analysis.noise.inference import infer
 from analysis.noise.planner import SYMBOLS, Plan
-from analysis.noise.pool import pool
+from analysis.noise.pool import alike, pool, repeatability
 
 TEMPLATES = Path(__file__).parent / "templates"
 EXPORTS = Environment(
@@ -104,7 +104,8 @@ def hours_to_record(channel, dt, within=0.2):
         part = text.duration(needed)
         if name in ("sigma_b", "corr_time"):
             part = f"at least {part}" if at_least else part
-            part += f" ({' to '.join(text.duration(end[name]) for end in ends)})" if ends else ""
+            spans = sorted((h[name] for h in (hours, *ends)), key=lambda h: (h is None, h))
+            part += f" ({text.duration(spans[0])} to {text.duration(spans[-1])})" if ends else ""
         parts.append(f"{SYMBOLS[name]} {part}")
     return f"{'; '.join(parts)} (each then known to ±{within:.0%}, 95 % interval)"
 
@@ -236,21 +237,27 @@ def write_pooled(logs, out, *, axes=False):
                 bar.update()
             log, c = members[0]
             pooled = pool(inferences, log.dt, c.unit, c.kind)
+            means = [float(np.nanmean(c.values)) for _, c in members]
             channels.append(
                 {
                     "name": name,
                     "unit": c.unit,
                     "kind": c.kind,
-                    "members": [{"file": log.file, "channel": c.name} for log, c in members],
+                    "members": [
+                        {"file": log.file, "channel": c.name, "mean": store.rounded_number(mean)}
+                        for (log, c), mean in zip(members, means, strict=True)
+                    ],
                     "model": pooled.model,
                     "models": pooled.models,
                     "parameters": {k: store.plain(e) for k, e in pooled.parameters.items()},
                     "spread": {k: store.plain(e) for k, e in pooled.spread.items()},
+                    "bias_repeatability": store.plain(repeatability(means, c.unit, c.kind)),
                 }
             )
     content = {
         "sources": [store.log_source(log) for log in logs],
         "seed": store.SEED,
+        "notes": perhaps_one_unit(logs),
         "channels": channels,
     }
     with replacing(Path(out, "pooled.json")) as draft:
@@ -293,6 +300,31 @@ def _group_channels(logs, axes):
                 " units, or --axes to pool the axes of one"
             )
     return groups
+
+
+def perhaps_one_unit(logs):
+    """Say which logs may be of one unit, because the biases of all their gyro axes agree.
+
+    Parameters
+    ----------
+    logs : sequence of analysis.logs.Log
+        With the same channels.
+
+    Returns
+    -------
+    list of str
+    """
+    names = [c.name for c in logs[0].channels if c.kind == "rate"]
+    if not names:
+        return []
+    by_name = [{c.name: c for c in log.channels} for log in logs]
+    biases = np.array([[np.nanmean(channels[n].values) for n in names] for channels in by_name])
+    return [
+        f"{logs[a].file} and {logs[b].file} may be of one unit: the biases of {', '.join(names)}"
+        f" agree to {most:.2g} {by_name[0][names[0]].unit}; the spread is then from one power-on to"
+        " the next, not from unit to unit"
+        for a, b, most in alike(biases)
+    ]
 
 
 def _refuse_same_readings(logs):

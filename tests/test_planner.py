@@ -1,11 +1,12 @@
 """The recording planner: the information of a log yet to be made, against logs that were made."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from analysis import Estimate, cli, report
+from analysis import Estimate, cli, report, text
 from analysis.noise.fit import NoiseLikelihood
 from analysis.noise.models import UnifiedModel
 from analysis.noise.planner import Plan
@@ -102,3 +103,17 @@ def test_a_report_without_a_plan():
     channel = SimpleNamespace(parameters=known | {"corr_time": Estimate.refused("s", "")})
     channel.parameters["sigma_b"] = Estimate.refused("", "")
     assert "too far apart" in report.hours_to_record(channel, 0.01)
+
+
+def test_hours_ascend():
+    """property: the range of hours goes from the shorter to the longer, though a bias of a short
+    correlation time below the white noise needs the longer log.
+    """
+    ends = {"sigma_v": (1.0, 1.0, 1.0), "sigma_b": (0.02, 0.01, 0.04), "corr_time": (100, 5, 1000)}
+    known = {k: Estimate(v, low, high, "") for k, (v, low, high) in ends.items()}
+    plan, _ = Plan.from_estimates(known)
+    short, long = (replace(plan, corr_time=t).hours_needed(0.1, 0.2)["sigma_b"] for t in (5, 1000))
+    assert short > long
+    said = report.hours_to_record(SimpleNamespace(parameters=known), 0.1)
+    first, last = said.split("σ_b")[1].split(";")[0].split("(")[1].rstrip(")").split(" to ")
+    assert last == text.duration(short) and first != last

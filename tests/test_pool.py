@@ -202,6 +202,43 @@ def test_logs_that_do_not_belong_together(tmp_path, header, dt, options, says):
     assert not (tmp_path / "model").exists()
 
 
+def test_repeatability_of_the_bias_covers():
+    """coverage: of 400 triples of units, the 95 % interval of the spread misses 5 %, give or take
+    three standard errors.
+    """
+    means = 0.3 * np.random.default_rng(5).standard_normal((400, 3))
+    found = [pool.repeatability(m, "deg/s", "rate") for m in means]
+    assert 380 - 13 <= sum(e.low <= 0.3 <= e.high for e in found) <= 380 + 13
+    lying = pool.repeatability(means[0], "g", "accel")
+    assert not lying.resolved and lying.high == pytest.approx(found[0].high)
+
+
+def test_biases_of_one_unit_are_noticed():
+    """published: imu1 and imu3 of ADIS16405 agree to 0.05 deg/s on three axes whose biases are 0.3
+    to 0.4; different units do so in less than 1 % of pairs.
+    """
+    adis = np.array([[0.402, -0.416, -0.294], [0.379, -0.436, -0.272], [0.351, -0.427, -0.286]])
+    assert [pair[:2] for pair in pool.alike(adis)] == [(0, 1), (0, 2), (1, 2)]
+    units = np.random.default_rng(6).standard_normal((400, 2, 3))
+    assert sum(bool(pool.alike(pair)) for pair in units) <= 10  # 4 expected; chance: 0.3 %
+
+
+def test_a_pool_says_what_may_be_one_unit(tmp_path):
+    """property: two logs of the same biases are named in pooled.json and on the screen."""
+    logs = [write(tmp_path / f"{k}.csv", k) for k in range(2)]
+    for path in logs:
+        rows = [row.split(",") for row in path.read_text().splitlines()]
+        rows[1:] = [[t, f"{float(a) + 3:.6f}", f"{float(b) - 2:.6f}"] for t, a, b in rows[1:]]
+        path.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
+    status, out, _ = run("pool", *logs, "--out", tmp_path / "model")
+    found = json.loads((tmp_path / "model" / "pooled.json").read_text(encoding="utf-8"))
+    assert status == 0 and "note: 0.csv and 1.csv may be of one unit" in out
+    assert found["notes"] == [line[6:] for line in out.splitlines() if line.startswith("note: ")]
+    repeats = found["channels"][0]["bias_repeatability"]
+    means = [member["mean"] for member in found["channels"][0]["members"]]
+    assert repeats["value"] == pytest.approx(np.std(means, ddof=1), abs=1e-4)
+
+
 def test_one_log_does_not_count_as_two_units(tmp_path):
     """property: the same readings, also under another name, are refused with both paths."""
     one = write(tmp_path / "log.csv", 0)

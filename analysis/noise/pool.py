@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import log_ndtr, logsumexp
-from scipy.stats import chi2, f
+from scipy.stats import chi2, f, norm
 
 from analysis import Estimate
 from analysis.noise.fit import MODELS, QUANTISED, UNIFIED, choose, direction
@@ -30,6 +30,7 @@ CENTRES = 101  # values of mu
 SPREADS = 32  # values of s
 WIDEST = 5.0  # s of a logarithm above which a spread is as good as open
 NO_SPREAD = "no spread between the units is visible"
+ALIKE = 0.01  # chance that different units agree so well in every bias
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,61 @@ def pool(inferences, dt, unit, kind):
         parameters[key] = parameters["sigma_v"].scaled(np.sqrt(dt), random_walk_unit(unit))
         spread[key] = spread["sigma_v"]
     return Pooled(chosen.model, models, len(inferences), parameters, spread)
+
+
+def repeatability(means, unit, kind):
+    """Standard deviation of the mean bias between logs: from unit to unit, or power-on to power-on.
+
+    Parameters
+    ----------
+    means : sequence of float, U
+        Mean reading of each log.
+    unit, kind : str
+
+    Returns
+    -------
+    Estimate
+        With the chi-square interval of normal biases. Refused for other kinds than a rate: there
+        the mean holds gravity, attitude or place.
+    """
+    freedom = len(means) - 1
+    value = float(np.std(means, ddof=1))
+    low, high = value * np.sqrt(freedom / chi2.ppf([0.975, 0.025], freedom))
+    if kind != "rate":
+        why = "the mean of a log holds how the unit lay, not its bias alone"
+        return Estimate.refused(unit, why, high=float(high))
+    note = (
+        f"mean biases of {len(means)} logs; it holds what a bias wanders in a log, and the Earth's"
+    )
+    note += " rotation where the units lay differently"
+    return Estimate(value, float(low), float(high), unit, note=note)
+
+
+def alike(biases):
+    """Find pairs of logs whose biases agree so well that they may be of one unit.
+
+    Units of one model differ in bias as the axes of a unit do. With s the root mean square of all
+    biases, the largest difference over n axes stays below d in a share
+    (2 Phi(d / (sqrt(2) s)) - 1)^n of pairs of different units.
+
+    Parameters
+    ----------
+    biases : ndarray, shape (logs, axes), U
+        Mean reading of every gyro axis.
+
+    Returns
+    -------
+    list of (int, int, float)
+        The two logs, and the largest difference of their biases, U.
+    """
+    spread = np.sqrt(2 * np.mean(np.square(biases)))
+    pairs = []
+    for i in range(len(biases)):
+        for j in range(i):
+            most = float(np.abs(biases[i] - biases[j]).max())
+            if (2 * norm.cdf(most / spread) - 1) ** biases.shape[1] < ALIKE:
+                pairs.append((j, i, most))
+    return pairs
 
 
 def deviation(walk, time, unit):
