@@ -438,7 +438,7 @@ def profile(direction: str) -> Profile:
     table, length = stored.tables[f"profile-{direction}"], stored.source["length_m"][direction]
     columns = {name: table[name].to_numpy() for name in table.columns}
     columns["s_m"] = np.arange(len(table)) * length / len(table)  # exact, as it was
-    return Profile(**columns, length_m=length, closed=True)
+    return Profile(**columns, length_m=length)
 
 
 @functools.cache

@@ -101,7 +101,7 @@ def test_the_same_seed_makes_the_same_road():
     """Property: roads differ by seed only; nonsense is refused."""
     a, b, c = (IsoRoad(64e-6).simulate(500.0, 0.5, np.random.default_rng(k)) for k in (7, 7, 8))
     assert (a.pitch_deg == b.pitch_deg).all() and not (a.pitch_deg == c.pitch_deg).any()
-    assert not a.closed and a.length_m == pytest.approx(499.5)
+    assert a["s_m"].iloc[-1] == pytest.approx(499.5)
     for length, step, words in ((500.0, 3.0, "does not resolve"), (10.0, 0.5, "too short")):
         with pytest.raises(CannotAnswer, match=words):
             IsoRoad(64e-6).simulate(length, step, np.random.default_rng(1))

@@ -21,12 +21,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.special import gamma, kv
 from scipy.stats import linregress
 
 from analysis import CannotAnswer
-from analysis.terrain.terrain_map import Profile
 
 REFERENCE = 0.1  # cycles/m, n0 of ISO 8608
 CLASSES = "ABCDEFGH"
@@ -98,7 +98,7 @@ class IsoRoad:
         track_width: float = 1.6,
         hill_grade_deg: float = 0.0,
         hill_length: float = 300.0,
-    ) -> Profile:
+    ) -> pd.DataFrame:
         """Make a straight road with the attitude of a vehicle standing on it.
 
         Parameters
@@ -115,8 +115,8 @@ class IsoRoad:
 
         Returns
         -------
-        analysis.terrain.terrain_map.Profile
-            Known exactly: its standard errors are zero.
+        pandas.DataFrame
+            ``s_m`` (distance from the start), ``pitch_deg``, ``roll_deg``, ``height_m``.
 
         Raises
         ------
@@ -140,21 +140,15 @@ class IsoRoad:
         middle = _wave(paths * (1 + both) / 2 + hills, m, step, rng)
         across = _wave(paths * 2 * (1 - both), m, step, rng)  # left minus right
         half = np.pi * n * wheelbase  # phase from the middle of the vehicle to an axle
-        part = slice(0, m // 2)
-        s = np.arange(m // 2) * step
-        slope = _back(middle * 2j * np.sin(half), m)[part] / wheelbase
-        bank = _back(across * np.cos(half), m)[part] / track_width
-        zero = ("pitch_se_deg", "roll_se_deg", "height_se_m", "east_m", "curvature_1_m", "laps")
-        return Profile(
-            s_m=s,
-            pitch_deg=np.degrees(np.arctan(slope)),
-            roll_deg=np.degrees(np.arctan(bank)),
-            height_m=_back(middle * np.cos(half), m)[part],
-            north_m=s,
-            length_m=float(s[-1]),
-            closed=False,
-            **dict.fromkeys(zero, np.zeros(m // 2)),
-        )
+        slope = _back(middle * 2j * np.sin(half), m) / wheelbase
+        bank = _back(across * np.cos(half), m) / track_width
+        road = {
+            "s_m": np.arange(m) * step,
+            "pitch_deg": np.degrees(np.arctan(slope)),
+            "roll_deg": np.degrees(np.arctan(bank)),
+            "height_m": _back(middle * np.cos(half), m),
+        }
+        return pd.DataFrame(road).head(m // 2)
 
 
 @dataclass(frozen=True)

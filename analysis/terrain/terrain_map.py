@@ -125,12 +125,12 @@ class AttitudeMap:
 
 @dataclass(frozen=True)
 class Profile:
-    """A terrain map on an even grid, in the direction of travel.
+    """A terrain map of a closed track on an even grid, in the direction of travel.
 
     Attributes
     ----------
     s_m : ndarray, shape (n,)
-        Distance from the gate; evenly spaced; a closed map ends one step before its start.
+        Distance from the gate; evenly spaced; the last point is one step before the first.
     pitch_deg, roll_deg : ndarray, shape (n,)
         Of the vehicle on this road; nose up and right side down positive.
     pitch_se_deg, roll_se_deg : ndarray, shape (n,)
@@ -144,8 +144,7 @@ class Profile:
     laps : ndarray of int, shape (n,)
         Number of laps in the mean at each point.
     length_m : float
-        Length of a round, or from end to end.
-    closed : bool
+        Length of a round.
     """
 
     s_m: np.ndarray
@@ -160,28 +159,23 @@ class Profile:
     curvature_1_m: np.ndarray
     laps: np.ndarray
     length_m: float
-    closed: bool
 
-    def attitude_map(self, channels=("pitch",), margin=MARGIN) -> AttitudeMap:
+    def attitude_map(self, channels=("pitch",)) -> AttitudeMap:
         """Make the map that a filter reads.
 
         Parameters
         ----------
         channels : sequence of {"pitch", "roll"}
-        margin : float
-            How far a position may be off a closed map at either end, m.
 
         Returns
         -------
         AttitudeMap
-            A closed track is continued past its gate on both sides, rounded up to the grid.
+            The track is continued past its gate on both sides by `MARGIN`, rounded up to the grid.
         """
         rows = np.array([getattr(self, f"{name}_deg") for name in channels])
-        if not self.closed:
-            return AttitudeMap(self.s_m[0], self.s_m[1] - self.s_m[0], rows)
         points = len(self.s_m)
         step = self.length_m / points
-        more = int(np.ceil(margin / step))
+        more = int(np.ceil(MARGIN / step))
         around = np.arange(-more, points + more + 1) % points
         return AttitudeMap(-more * step, step, rows[:, around])
 
@@ -282,7 +276,6 @@ def combine(curves, line, between=None):
         curvature_1_m=line.curvature(),
         laps=count,
         length_m=line.length_m,
-        closed=True,
     )
 
 
