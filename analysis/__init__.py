@@ -103,11 +103,25 @@ def figures_folder() -> Path:
 
 
 class CannotAnswer(Exception):
-    """The data cannot support an answer; the message says why (exit status 1)."""
+    """The data cannot support an answer; the message says why (exit status 1).
+
+    Attributes
+    ----------
+    flags : tuple of dict
+        Flags (``--unit`` -> value) with which the same command can be answered, if there are any.
+    """
+
+    def __init__(self, message, *flags):
+        super().__init__(message)
+        self.flags = flags
 
 
 class WrongUsage(Exception):
     """The question was put wrongly; the message says how to put it (exit status 2)."""
+
+    def __init__(self, message, *flags):
+        super().__init__(message)
+        self.flags = flags
 
 
 def wrap(angle, turn=360.0):

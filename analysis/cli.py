@@ -4,8 +4,10 @@ Exit status: 0 good; 1 the data cannot support an answer; 2 wrong usage; 130 sto
 A verb imports what it needs when it runs, so that the help appears at once.
 """
 
+import inspect
 import json
 import math
+import shlex
 import sys
 import tempfile
 from contextlib import contextmanager
@@ -39,9 +41,9 @@ class Verbs(TyperGroup):
         try:
             return super().invoke(ctx)
         except CannotAnswer as error:
-            sentence, status = f"cannot answer: {error}", 1
+            sentence, status = f"cannot answer: {error}{_commands(error, ctx)}", 1
         except WrongUsage as error:
-            sentence, status = f"wrong usage: {error}", 2
+            sentence, status = f"wrong usage: {error}{_commands(error, ctx)}", 2
         except KeyboardInterrupt:
             kept = ctx.invoked_subcommand in RESUMABLE
             sentence = f"stopped; {'what was finished is kept' if kept else 'nothing is written'}"
@@ -51,6 +53,19 @@ class Verbs(TyperGroup):
             return None
         print(sentence, file=sys.stderr)
         raise typer.Exit(status)
+
+
+def _commands(error, ctx):
+    """Write the command as it was typed with the flags that put it right."""
+    commands = []
+    for flags in error.flags:
+        typed, skip = ["python", "-m", "analysis"], False
+        for word in map(str, ctx.obj):
+            if not skip and word.split("=", 1)[0] not in flags:
+                typed.append(word)
+            skip = word in flags
+        commands.append(shlex.join([*typed, *(part for flag in flags.items() for part in flag)]))
+    return "".join(f"{' or' if k else '; run'}: {one}" for k, one in enumerate(commands))
 
 
 app = typer.Typer(
@@ -102,23 +117,54 @@ Number = float | None
 Count = int | None
 Text = str | None
 Texts = list[str] | None
-# Options of the verbs that read a static log:
-Rate = Annotated[Number, _option("HZ", "Sampling rate; the time column is not used.")]
-Time = Annotated[Text, _option("COLUMN", "Time column; if left out, found by its name.")]
-Columns = Annotated[Text, _option("A,B", "Channels, by name or by number from 1.")]
-Unit = Annotated[Text, _option("UNIT", f"Unit of columns whose name has none: {UNITS}.")]
-Kind = Annotated[
-    Literal["rate", "angle", "accel", "position"] | None,
-    typer.Option(help="Kind of reading, if the unit does not tell."),
+Units = Annotated[
+    Text,
+    _option(
+        "UNITS",
+        "Unit of columns whose name has none: gyro=deg/s,accel=g for each kind, or deg/s alone for "
+        f"channels of one kind. Units: {UNITS}.",
+        "--unit",
+    ),
 ]
-From = Annotated[Number, _option("S", "Leave out what is before, s.", "--from")]
-To = Annotated[Number, _option("S", "Leave out what is after, s.", "--to")]
+Scales = Annotated[
+    Text,
+    _option("SCALES", "What turns raw counts into the unit: gyro=1/131,accel=1/16384.", "--scale"),
+]
+TimeUnit = Annotated[
+    Literal["s", "ms", "us", "ns"] | None,
+    typer.Option(help="Unit of the time column, if its name and numbers do not tell."),
+]
+READING = {  # options of the verbs that read a static log
+    "rate": Annotated[Number, _option("HZ", "Sampling rate; the time column is not used.")],
+    "time": Annotated[Text, _option("COLUMN", "Time column; if left out, found by its name.")],
+    "time_unit": TimeUnit,
+    "columns": Annotated[Text, _option("A,B", "Channels, by name or by number from 1.")],
+    "unit": Units,
+    "scale": Scales,
+    "kind": Annotated[
+        Literal["rate", "angle", "accel", "position"] | None,
+        typer.Option(help="Kind of reading, if name and unit do not tell."),
+    ],
+    "start": Annotated[Number, _option("S", "Leave out what is before, s.", "--from")],
+    "stop": Annotated[Number, _option("S", "Leave out what is after, s.", "--to")],
+}
 
 
-def _read(log, columns, **options):
+def _reads_static(verb):
+    """Give a verb the options that read a static log; it takes them as ``**reading``."""
+    *own, rest = inspect.signature(verb).parameters.values()
+    shared = [
+        rest.replace(name=n, kind=rest.KEYWORD_ONLY, default=None, annotation=a)
+        for n, a in READING.items()
+    ]
+    verb.__signature__ = inspect.Signature([*own, *shared])
+    return verb
+
+
+def _read(log, columns, **reading):
     from analysis import logs
 
-    return logs.read(log, columns=columns.split(",") if columns else None, **options)
+    return logs.read(log, columns=columns.split(",") if columns else None, **reading)
 
 
 @app.command()
@@ -149,16 +195,11 @@ def reproduce(
 
 
 @app.command()
+@_reads_static
 def report(
     log: Annotated[str, _argument("LOG", "A file, or a log of the catalogue.")],
     out: Annotated[str, _out("Folder for the report.")],
-    rate: Rate = None,
-    time: Time = None,
-    columns: Columns = None,
-    unit: Unit = None,
-    kind: Kind = None,
-    start: From = None,
-    stop: To = None,
+    **reading,
 ):
     """Characterise a static log: noise model and report.
 
@@ -167,6 +208,12 @@ def report(
     python -m analysis report my.csv --out mine               a CSV with a time column
     python -m analysis report my.csv --out mine --rate 100 --columns 2,3,4 --unit deg/s
     python -m analysis report my.csv --out mine --time t_us --columns gx --unit rad/s --from 60
+    python -m analysis report my.csv --out mine --unit gyro=deg/s,accel=g --time-unit us
+    python -m analysis report raw.csv --out mine --unit gyro=deg/s --scale gyro=1/131
+
+    Times, counters, norms and status words among the columns are left out. Gyros and
+    accelerometers are told apart by name and by size (a length of one g). What was guessed stands
+    first on the output, with the flag that overrules it.
 
     The log must be static: the sensor lies still. Leave out the warm-up with --from. The random
     walk needs about an hour. A correlation time needs a log at least ten times as long: hours
@@ -177,7 +224,7 @@ def report(
     """
     from analysis import report as page
 
-    log = _read(log, columns, rate=rate, time=time, unit=unit, kind=kind, start=start, stop=stop)
+    log = _read(log, **reading)
     with writing(out):
         result = page.write(log, out)
     for repair in result.source["repairs"]:
@@ -220,6 +267,9 @@ def replay(
     last_position: Annotated[
         Text, _option("FILE", "File that keeps the position between runs.")
     ] = None,
+    unit: Units = None,
+    scale: Scales = None,
+    time_unit: TimeUnit = None,
     float32: Annotated[bool, _flag("--float32", "Run the filters in single precision.")] = False,
 ):
     """Run the tracker paper's six blocks on a GNSS (and IMU) log.
@@ -228,6 +278,7 @@ def replay(
     python -m analysis replay drive.nmea --out drive              an NMEA log of a receiver alone
     python -m analysis replay drive.nmea imu.csv --out drive      and the log of an IMU
     python -m analysis replay drive.csv --out drive --columns speed_km_h=Speed,gyro_x_deg_s=GyroX
+    python -m analysis replay drive.csv --out drive --unit gyro=deg/s,accel=g
     python -m analysis replay drive.csv --out plain --without low-pass --without fusion
     python -m analysis replay drive.csv --out tunnel --outage 300:330 --outage 600:660
     python -m analysis replay drive.nmea --out drive --last-position where.json
@@ -269,7 +320,12 @@ def replay(
             )
         _check_last_position(Path(last_position), logs, Path(out))
     log = read_moving(
-        logs, columns=dict(pair.split("=", 1) for pair in pairs), imu_offset=imu_offset
+        logs,
+        columns=dict(pair.split("=", 1) for pair in pairs),
+        imu_offset=imu_offset,
+        unit=unit,
+        scale=scale,
+        time_unit=time_unit,
     )
     for start, stop in outages:
         if start > log.duration_s:
@@ -383,17 +439,12 @@ def _print_summary(summary):
 
 
 @app.command()
+@_reads_static
 def pool(
     logs: Annotated[list[str], _argument("LOG", "Files or logs of the catalogue; one a unit.")],
     out: Annotated[str, _out("Folder for pooled.json.")],
     axes: Annotated[bool, _flag("--axes", "Pool x, y and z too, as units of one model.")] = False,
-    rate: Rate = None,
-    time: Time = None,
-    columns: Columns = None,
-    unit: Unit = None,
-    kind: Kind = None,
-    start: From = None,
-    stop: To = None,
+    **reading,
 ):
     """Estimate one noise model from the logs of several units.
 
@@ -406,8 +457,7 @@ def pool(
     """
     from analysis import report as page
 
-    options = {"rate": rate, "time": time, "unit": unit, "kind": kind, "start": start, "stop": stop}
-    read = [_read(log, columns, **options) for log in logs]
+    read = [_read(log, **reading) for log in logs]
     with writing(out):
         pooled = page.write_pooled(read, out, axes=axes)
     for channel in pooled["channels"]:
@@ -656,6 +706,7 @@ def main(arguments=None):
         Exit status.
     """
     try:
-        app(arguments, prog_name="python -m analysis")
+        typed = sys.argv[1:] if arguments is None else arguments
+        app(arguments, prog_name="python -m analysis", obj=typed)
     except SystemExit as stop:
         return stop.code

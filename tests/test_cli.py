@@ -100,8 +100,13 @@ def test_help_lists_every_command_and_explains_every_option():
     assert status == 0
     assert all(re.search(rf"^ +{command}\s+\w", text, re.M) for command in COMMANDS)
     _, text, _ = run("report", "--help")
-    for option in ("--rate", "--time", "--columns", "--unit", "--kind", "--from", "--to", "--out"):
-        assert re.search(rf"^  {option} .*\n?.*\w", text, re.M), option
+    options = set(re.findall(r"--[a-z-]+", " ".join(text.split("Options:")[1].split())))
+    reading = {"--rate", "--time", "--time-unit", "--columns", "--unit", "--scale", "--kind"}
+    assert reading | {"--from", "--to", "--out"} <= options
+    for option in options:
+        assert re.search(rf"^  (-h, )?{option} .*\n?.*\w", text, re.M), option
+    _, pooled, _ = run("pool", "--help")
+    assert all(option in pooled for option in reading)
 
 
 # --- report --------------------------------------------------------------------------------------
@@ -143,7 +148,7 @@ def test_no_export_of_an_earlier_log_stays(tmp_path, good, no_pictures):
 
 def test_no_figure_of_an_earlier_log_stays(tmp_path, no_pictures):
     """Property: a report of fewer channels leaves no figure of the others, and no other file."""
-    both = write(tmp_path, [f"{row},{row[-3:]}" for row in ROWS], f"{HEADER},gyro_y_deg_s")
+    both = write(tmp_path, [f"{row},0.{row[-3:]}" for row in ROWS], f"{HEADER},gyro_y_deg_s")
     assert run("report", both, "--out", tmp_path / "mine")[0] == 0
     (tmp_path / "mine" / "figures" / "own.png").write_text("mine")
     assert run("report", both, "--columns", "gyro_y", "--out", tmp_path / "mine")[0] == 0

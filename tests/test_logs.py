@@ -129,7 +129,7 @@ def test_units_are_read_from_the_name(tmp_path, name, unit, channel):
     found = log.channels[0]
     assert (found.name, found.kind, found.unit) == (*channel, unit)
     assert len(log.channels) == 1
-    assert "columns left out, having no unit that fits: note" in log.repairs
+    assert any("columns left out: note (not named as a reading)" in r for r in log.repairs)
 
 
 def test_angles_are_unwrapped(tmp_path):
@@ -243,6 +243,7 @@ def test_held_values_are_stated(tmp_path):
     """Property: an output that is held between updates is said to be."""
     rows = [f"{i / 100},{(i // 20) % 7}" for i in range(400)]
     log = logs.read(write(tmp_path, rows, header="t_s,gyro_x_deg_s"))
+    assert any("whole numbers, taken as deg/s" in repair for repair in log.repairs)
     assert "repeats its last value in 95.2% of the samples" in log.repairs[-1]
 
 
@@ -384,7 +385,7 @@ BAD = {
         "t,gyro_x_deg_s,gyro_y_deg_s",
         {},
         WrongUsage,
-        ("'t'", "milliseconds", "'t_ms'", "--rate"),
+        ("'t'", "milliseconds", "'t_ms'", "--time-unit ms"),
     ),
     "g as m/s^2": (
         GRAVITY,

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from analysis import DATA, WrongUsage
 from analysis.logs import datasets
-from analysis.logs.columns import closest, unit_of
+from analysis.logs.columns import closest, per_kind, unit_of
 from analysis.logs.formats import READERS
 
 CATALOGUE = DATA / "logs.toml"
 OWN = DATA / "own" / "logs.toml"
-_TEXT = "title note licence source file format variable timing unit kind"
+_TEXT = "title note licence source file format variable timing unit kind scale time_unit"
 KEYS: dict[str, type | tuple[type, ...]] = {  # of a stanza, with the type of the value
     **dict.fromkeys(_TEXT.split(), str),
     **dict.fromkeys(("rate_hz", "from", "to"), (int, float)),
@@ -78,11 +78,13 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
 def check_unit(name: str, stanza: dict, unit: str | None) -> None:
     """Refuse a unit other than the catalogue's."""
     listed = [entry["unit"] for entry in (stanza, *stanza.get("channels", [])) if "unit" in entry]
-    if unit is not None and any((unit_of(u) or u) != (unit_of(unit) or unit) for u in listed):
-        raise WrongUsage(
-            f"--unit {unit} contradicts the catalogue, which has '{name}' in "
-            f"{', '.join(dict.fromkeys(listed))}; leave it out, or correct the catalogue"
-        )
+    for kind, mine in per_kind(unit, "unit").items():
+        theirs = [(k or kind, u) for text in listed for k, u in per_kind(text, "unit").items()]
+        if any((unit_of(u) or u) != (unit_of(mine) or mine) for k, u in theirs if k == kind):
+            raise WrongUsage(
+                f"--unit {unit} contradicts the catalogue, which has '{name}' in "
+                f"{', '.join(dict.fromkeys(listed))}; leave it out, or correct the catalogue"
+            )
 
 
 def _check_file(path: Path, missing: str) -> Path:

@@ -28,6 +28,7 @@ _NAMES = re.compile(
     r"^(t|time|timestamps?|time_?stamps?|stamp|elapsed|elapsed_?time|epoch|unix|unix_?time|utc|"
     r"date_?time|gps_?time|tow|uptime|sample_?time|time[ _-].*|timestamp[ _-].*)$"
 )
+_STAMP = re.compile(r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)([._ ]n?secs?)?$")
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
 _COUNTER = 2.0**32  # millis() and micros() of a microcontroller start again here
 SECONDS_PER_DAY = 86400.0
@@ -67,6 +68,8 @@ def unit_of(name: str) -> str | None:
 def is_time(name: str) -> bool:
     """Tell whether a column's name means time."""
     lower = name.strip().lower()
+    if re.fullmatch(r"t\s*[\[(].*[\])]", lower) and not unit_of(lower):
+        return False  # T(°) is a temperature
     bare = re.sub(r"[\s_]*[\[(].*$", "", lower)
     stem = re.sub(r"_([a-zµμ]+)$", lambda m: "" if m[1] in _UNITS else m[0], bare)
     return bool(_NAMES.match(stem)) or (lower in _UNITS and lower not in ("h", "min", "s"))
@@ -74,13 +77,26 @@ def is_time(name: str) -> bool:
 
 def time_column(frame: pd.DataFrame) -> str | None:
     """Find the time column by its name, or as the only column of clock times."""
-    named = [name for name in frame if is_time(name)]
+    named = [name for name in frame if is_time(name)] or [
+        name for name in frame if _STAMP.search(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower())
+    ]
     texts = [name for name in frame if frame[name].dtype.kind != "f"]
     clocks = [name for name in texts if CLOCK.match(str(frame[name].iloc[0]).strip())]
     return next(iter(named + (clocks if len(clocks) == 1 else [])), None)
 
 
-def stamps(name: str, column: np.ndarray, rate_hz: float | None = None) -> Stamps:
+def joined(frame: pd.DataFrame) -> pd.DataFrame:
+    """Add a column of nanoseconds to the one of seconds beside it: ROS writes a stamp as two."""
+    for name in frame.select_dtypes("number"):
+        beside = re.sub(r"sec(s?)$", r"nsec\1", name)
+        if beside != name and beside in frame and frame[beside].dtype.kind == "f":
+            frame = frame.assign(**{name: frame[name] + 1e-9 * frame[beside]}).drop(columns=beside)
+    return frame
+
+
+def stamps(
+    name: str, column: np.ndarray, rate_hz: float | None = None, unit: str | None = None
+) -> Stamps:
     """Turn a time column into seconds.
 
     Parameters
@@ -91,6 +107,8 @@ def stamps(name: str, column: np.ndarray, rate_hz: float | None = None) -> Stamp
         Numbers, or text: ISO dates or clock times.
     rate_hz : float, optional
         Rate stated by the user; settles the unit where the name does not.
+    unit : str, optional
+        Unit stated by the user: s, ms, us, ns, min or h.
 
     Raises
     ------
@@ -107,10 +125,12 @@ def stamps(name: str, column: np.ndarray, rate_hz: float | None = None) -> Stamp
         raise BadStamps(
             0, "no time stamp in the whole column; name another with --time, or give --rate"
         )
-    unit = unit_of(name)
+    if unit is not None and unit not in SCALES:
+        raise WrongUsage(f"--time-unit {unit} is not one of {', '.join(SCALES)}")
+    unit = unit or unit_of(name)
     if unit is None:
         unit, guess = _unit_from_numbers(name, good, rate_hz)
-        notes += (f"time column '{name}' read as {WORDS[unit]}{guess}",)
+        notes += (f"time column '{name}' read as {WORDS[unit]}{guess} (--time-unit overrules)",)
     zero = float(good[0]) * SCALES[unit]
     since_1970 = _UNIX["s"][0] <= zero < _UNIX["s"][1]
     return Stamps((t - good[0]) * SCALES[unit], zero, UNIX if since_1970 else DEVICE, notes)
@@ -199,7 +219,7 @@ def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
     if step >= 5 or step < 1e-5:
         raise WrongUsage(
             f"time column '{name}' advances by {step:.6g}: seconds, milliseconds or microseconds? "
-            f"Rename it to '{name}_s', '{name}_ms' or '{name}_us' in the header, or give --rate too"
+            f"Say --time-unit ms (or s, us, ns), or rename it to '{name}_ms' in the header"
         )
     return "s", ""
 

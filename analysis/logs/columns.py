@@ -1,11 +1,12 @@
 """What a column holds: quantity, unit and kind (``gyro_x_deg_s`` -> gyro_x, deg/s, rate).
 
-`choose` picks the channels of a static log. `measurements` finds positions, speed and IMU readings
-in a moving log; where a name states no unit, that of a speed is inferred from the distance between
-positions, and that of an acceleration from gravity.
+`meaning` tells it by the name, `contents` by the numbers. `choose` picks the channels of a static
+log: times, counters, norms and status words are no readings, and what is guessed is said with the
+flag that overrules it.
 """
 
 import difflib
+import itertools
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -40,31 +41,42 @@ _SPELLINGS = {
 UNITS = {spelling: unit for unit, more in _SPELLINGS.items() for spelling in (unit, *more)}
 _SUFFIXES = sorted(UNITS, key=len, reverse=True)  # deg_s before deg, m_s2 before m
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
-_NO_READING = re.compile(
-    r"^(lat|lon|latitude|longitude|height|separation)$|accuracy|^(temp|index|count|seq|id$|mag)"
-)
-_STEMS = {"rate": ("gyr", "omega", "angvel"), "accel": ("acc",)}
-_SPEED_NAME = r"(gps_?|location_?)?(speed|sog|ground_?speed|speed_over_ground)"
-_MEANINGS = (  # meaning of a name without its unit
-    ("lat", r"(gps_?|location_?)?lat(itude)?"),
-    ("lon", r"(gps_?|location_?)?(lon|lng|long)(itude)?"),
-    ("height", r"(gps_?|location_?)?(height|alt|altitude)"),
-    ("pdop", r"(gps_?)?pdop"),
-    ("speed", _SPEED_NAME),
-    ("course", r"(gps_?|location_?)?(course|cog|bearing|track|heading)"),
-    ("fix", r"has_?fix|fix|fix_?type|quality"),
-    ("accel_{}", r"(a|acc|accel|accelerometer|acceleration|g_?force)[ _.]?{}"),
-    ("gyro_x", r"rollrate"),
-    ("gyro_y", r"pitchrate"),
-    ("gyro_z", r"yawrate"),
-    ("gyro_{}", r"(w|gyr|gyro|gyroscope|omega|rate|angular_?rate)[ _.]?{}"),
-)
-SPEED = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
-_SPEED_WITH_UNIT = re.compile(
-    _SPEED_NAME + r"[ _]*[\[(]?((?P<m_s>m_s|m/s|mps|ms)|(?P<km_h>km_h|km/h|kmh|kph)"
-    r"|(?P<knots>knots?|kn|kt)|(?P<mph>mph))[\])]?"
-)
-_RAD_S = {"deg/s": np.pi / 180, "rad/s": 1.0, "deg/h": np.pi / 180 / 3600}
+FLAG = {"rate": "gyro", "accel": "accel", "angle": "angle", "position": "position"}
+_KINDS = {**{flag: kind for kind, flag in FLAG.items()}, "rate": "rate", "acceleration": "accel"}
+_WORDS = {  # of a column's name -> what it holds instead of a reading; with an axis it may be one
+    "a time": "time stamp timestamp elapsed millis micros nanos secs nsecs epoch utc date clock",
+    "a norm": "absolute abs norm magnitude resultant total",
+    "a counter": "seq sequence index idx count counter cnt id sample row frame packet record lap"
+    " number unnamed tick ticks loop",
+    "a status word": "status flag flags valid state mode quality fix label activity battery voltage"
+    " error errors checksum crc",
+    "an accuracy": "accuracy covariance cov variance std sigma confidence",
+    "a temperature": "temp temperature tmp thermometer",
+    "another sensor's": "mag magn magnetic magnetometer compass pressure baro barometer humidity"
+    " light lat lon lng latitude longitude altitude height separation speed course bearing"
+    " orientation quaternion qw qx qy qz gravity grav mx my mz pdop hdop vdop satellites",
+}
+_SAID_BY = {word: what for what, words in _WORDS.items() for word in words.split()}
+_WITH_AXIS = {"a counter", "a status word", "a norm"}  # such words do not spoil imu_sample_gyro_x
+_ALWAYS = {"absolute", "abs", "norm", "magnitude", "resultant", "status", "valid"}
+_READS = {
+    "rate": "gyr gyro gyros gyroscope omega angvel w rollrate pitchrate yawrate rotationrate",
+    "accel": "a acc accel accl acceleration accelerometer gforce linacc specificforce",
+    "angle": "roll pitch yaw heading attitude",
+    "position": "north east down up pos position",
+}
+_KIND_OF_WORD = {word: kind for kind, words in _READS.items() for word in words.split()}
+_PAIRS = {  # two words in a row
+    **dict.fromkeys((("angular", "velocity"), ("angular", "rate"), ("rotation", "rate")), "rate"),
+    **dict.fromkeys((("roll", "rate"), ("pitch", "rate"), ("yaw", "rate")), "rate"),
+    **dict.fromkeys((("g", "force"), ("specific", "force")), "accel"),
+}
+_TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
+LOOKED_AT = 5000  # rows in which a counter, a clock or a norm shows
+_USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
+_WHOLE_UNITS = ("deg/s", "rad/s", "g", "m/s^2")  # in which no sensor's readings are whole numbers
+_LARGEST = {"rate": 20.0, "accel": 30.0}  # beyond what a sensor at rest reads, in any such unit
+_LSB = (16384, 8192, 4096, 2048, 1024, 256)  # counts per g of common accelerometers
 
 
 def unit_of(text: str) -> str | None:
@@ -91,16 +103,6 @@ def split(name: str) -> tuple[str, str | None]:
 def tidy(name: str) -> str:
     """Make a quantity's name safe for a file name: ``"Gyro. X"`` -> ``"Gyro_X"``."""
     return re.sub(r"[^A-Za-z0-9-]+", "_", name).strip("_") or "column"
-
-
-@dataclass(frozen=True)
-class Choice:
-    """One column to analyse: its name in the file; name, unit and kind of its channel."""
-
-    column: str
-    name: str
-    unit: str
-    kind: str
 
 
 def closest(word: str, known: Iterable[str]) -> str:
@@ -157,194 +159,542 @@ def without_doubles(names, header, file: str, wanted=None) -> tuple[list[str], l
     return [name for name in names if name not in doubles], notes
 
 
-def choose(
-    names: Sequence[str],
-    file: str,
-    columns: Sequence[str | int] | None = None,
-    unit: str | None = None,
-    kind: str | None = None,
-) -> tuple[list[Choice], list[str]]:
-    """Choose the columns to analyse, and find what each one is.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Columns of the file that hold numbers, without the time.
-    file : str
-        For the messages.
-    columns : sequence of str or int, optional
-        Those wanted; all whose unit is known if left out.
-    unit : str, optional
-        Unit of the columns whose name has none. A name with another unit contradicts it, except for
-        an accelerometer (``accel_x_m_s2`` with ``--unit g`` is in g): gravity checks those.
-    kind : str, optional
-        Only this kind; needed for a unit that is not in the table.
-
-    Returns
-    -------
-    list of Choice
-    list of str
-        What was left out, and which columns were taken in another unit than their name has.
+def per_kind(text: str | None, flag: str) -> dict[str | None, str]:
+    """Read ``gyro=deg/s,accel=g`` as kind -> value; a bare value has the kind None.
 
     Raises
     ------
     WrongUsage
-        If a unit or kind is unknown, contradicts a name, or fits no column.
+        If a kind is unknown.
     """
-    if kind is not None and kind not in _UNITS_OF_KIND:
-        raise WrongUsage(f"--kind {kind} is not one of {', '.join(_UNITS_OF_KIND)}")
-    given = None if unit is None else unit_of(unit) or (unit.strip() if kind else None)
-    if unit is not None and not given:
-        raise WrongUsage(
-            f"--unit {unit} is not one of {', '.join(KIND_OF_UNIT)}; with --kind any unit is taken"
-        )
-    given_kind = KIND_OF_UNIT.get(given or "", kind)
-    if given and kind and given_kind != kind:
-        raise WrongUsage(
-            f"--unit {unit} is a unit of {given_kind}, not of {kind}: leave out --kind"
-        )
-    chosen, left_out, notes = [], [], []
-    for name in [resolve(c, names, file) for c in columns] if columns else names:
-        base, own = split(name)
-        own_kind = KIND_OF_UNIT.get(own or "")
-        stem_kind = next((k for k, stem in _STEMS.items() if base.lower().startswith(stem)), None)
-        named = own
-        if {own, given} <= IN_M_S2.keys():
-            own = given
-        if given and own is None:
-            own, own_kind = given, given_kind
-        contradicts = given and own != given and (columns or own_kind == given_kind)
-        problem = None
-        if own is None:
-            problem = f"column '{name}' has no unit: say --unit, or call it {name}_deg_s, {name}_g"
-        elif kind and own_kind != kind:
-            problem = f"column '{name}' is in {own}, which is no {kind}: leave out --kind"
-        elif {stem_kind, own_kind} == {"rate", "accel"}:
-            problem = f"column '{name}' is named as {stem_kind}, and {own} is not: see --unit"
-        elif not columns and _NO_READING.search(base.lower()):
-            problem, contradicts = f"column '{name}' is no reading", False
-        elif contradicts:
-            problem = (
-                f"--unit {unit} (or the catalogue's) contradicts column '{name}', whose unit "
-                f"is {own}; leave out --unit, or correct the header"
+    if text is None:
+        return {}
+    if "=" not in text:
+        return {None: text.strip()}
+    found: dict[str | None, str] = {}
+    for part in text.split(","):
+        kind, _, value = (side.strip() for side in part.partition("="))
+        if kind not in _KINDS or not value:
+            raise WrongUsage(
+                f"--{flag} {text}: write it for each kind, such as --{flag} "
+                f"{'gyro=deg/s,accel=g' if flag == 'unit' else 'gyro=1/131,accel=1/16384'}; kinds "
+                f"are {', '.join(FLAG.values())}"
             )
-        if problem and (columns or contradicts):
-            raise WrongUsage(f"{file}: {problem}")
-        if problem:
-            left_out.append(name)
-        else:
-            chosen.append(Choice(name, tidy(base), own or "", own_kind or ""))
-            if named not in (None, own):
-                notes.append(f"column '{name}' taken in {own}, though its name has {named}")
-    if not any(given in (None, c.unit) for c in chosen):
-        options = [f"--{o} {v}" for o, v in (("unit", unit), ("kind", kind)) if v]
-        raise WrongUsage(
-            f"{file}: {' '.join(options) or 'no known unit'} fits none of the columns "
-            f"{', '.join(names)}: leave it out, or state their unit with --unit (for example "
-            "--unit deg/s), or in the header with names such as gyro_x_deg_s, accel_z_g"
-        )
-    doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
-    chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
-    if left_out:
-        notes.append(f"columns left out, having no unit that fits: {', '.join(left_out)}")
-    return chosen, notes
+        found[_KINDS[kind]] = value
+    return found
 
 
-def rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFrame:
-    """Give columns the names that the user assigns to them; drop others of the same meaning.
+def fraction(text: str) -> float:
+    """Read a scale, such as ``1/131`` or ``0.00763``."""
+    try:
+        above, _, below = text.partition("/")
+        value = float(above) / float(below or 1)
+    except (ValueError, ZeroDivisionError):
+        value = 0.0
+    if not value or not np.isfinite(value):
+        raise WrongUsage(f"--scale {text}: write a number or a fraction, such as 1/131")
+    return value
+
+
+def words(name: str) -> list[str]:
+    """Split a name into words: ``"accelerometerAccelerationX"`` -> accelerometer acceleration x.
+
+    An axis written onto a word is a word of its own: ``ax`` -> a x, ``gyrox`` -> gyro x.
+    """
+    found: list[str] = []
+    for word in (part.lower() for part in _TOKEN.findall(name)):
+        stem = word[:-1] if word[-1:] in ("x", "y", "z") else ""
+        known = stem == "g" or stem in _KIND_OF_WORD
+        found += [stem, word[-1]] if known and word not in _SAID_BY else [word]
+    return found
+
+
+def meaning(name: str) -> tuple[str | None, str | None]:
+    """Tell by its name what a column holds.
+
+    Returns
+    -------
+    str or None
+        Kind of the reading; None if the name does not tell.
+    str or None
+        What it holds if it is no reading, such as ``a counter``.
+    """
+    parts = words(split(name)[0])
+    axis = bool({"x", "y", "z"} & set(parts[-2:]))
+    kinds = [_PAIRS.get(pair) for pair in itertools.pairwise(parts)]
+    kinds += [
+        "rate" if part == "g" else _KIND_OF_WORD.get(part)
+        for part in parts
+        if axis or part not in ("a", "w", "g", "up", "down")
+    ]
+    kind = next((k for k in kinds if k), None)
+    for part in parts:
+        said = _SAID_BY.get(part)
+        spoilt = said not in _WITH_AXIS or part in _ALWAYS or not (kind and axis)
+        if said and spoilt and not (part == "mag" and kind == "accel" and axis):
+            return kind, said
+    if clock.is_time(name):
+        return None, "a time"
+    if axis and "heading" in parts:  # the magnetometer of a phone
+        return None, "another sensor's"
+    if parts == ["t"]:  # T(°)
+        return None, "a temperature"
+    if re.search(r"\|.+\|", name):
+        return kind, "a norm"
+    return kind, None
+
+
+def sample(frame: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """Take as many rows as tell what the columns hold: the first ones, and some of the others."""
+    rows = np.arange(LOOKED_AT, len(frame), 1 + len(frame) // LOOKED_AT)
+    return frame.iloc[np.r_[: min(LOOKED_AT, len(frame)), rows]][list(names)]
+
+
+def contents(frame: pd.DataFrame) -> dict[str, str]:
+    """Tell by their numbers which columns are counters, clocks or norms of three others.
 
     Parameters
     ----------
     frame : pandas.DataFrame
-    wanted : dict
-        Our names (``speed_km_h``, ``gyro_x_deg_s``, ``t_s``) -> the file's columns; a minus before
-        the column changes its sign.
+        Columns of numbers; the first rows are looked at.
+
+    Returns
+    -------
+    dict
+        Column -> what it holds; readings are not in it.
+    """
+    names = list(frame)
+    head = frame.iloc[:LOOKED_AT].to_numpy(dtype=float)
+    head = head[np.isfinite(head).all(axis=1)]
+    found: dict[str, str] = {}
+    if len(head) < 3:
+        return found
+    steps, whole = np.diff(head, axis=0), (head == np.round(head)).all(axis=0)
+    for j, name in enumerate(names):
+        if whole[j] and np.mean(steps[:, j] == 1) > 0.9:
+            found[name] = "a counter: it steps by 1"
+        elif (steps[:, j] > 0).all() or (whole[j] and _ticks(steps[:, j])):
+            found[name] = "a time or counter: it never falls"
+    for j in range(len(names) - 2):
+        norm = np.linalg.norm(head[:, j : j + 3], axis=1)
+        for k in {*range(len(names))} - {j, j + 1, j + 2}:
+            off = np.sqrt(np.mean((head[:, k] - norm) ** 2))
+            if off < 0.05 * norm.std():  # what its rounding leaves
+                found[names[k]] = f"the norm of {', '.join(names[j : j + 3])}"
+    return found
+
+
+def _ticks(steps: np.ndarray) -> bool:
+    """Tell whether whole numbers climb as a coarse clock does: often still, never back."""
+    return bool((steps >= 0).all() and np.count_nonzero(steps) > 2)
+
+
+def gravity_unit(norm: float, within: float = 0.2) -> str | None:
+    """Return the unit in which a length is one g, or None."""
+    sizes = {unit: abs(norm * one / STANDARD_GRAVITY - 1) for unit, one in IN_M_S2.items()}
+    unit = min(sizes, key=lambda u: sizes[u])
+    return unit if sizes[unit] < within else None
+
+
+def vectors(names: Iterable[str]) -> dict[str, list[str]]:
+    """Group columns that differ by their axis only: what they share -> names."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        parts = words(split(name)[0])
+        groups.setdefault(" ".join(p for p in parts if p not in ("x", "y", "z")), []).append(name)
+    return groups
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One column to analyse.
+
+    Attributes
+    ----------
+    column : str
+        Its name in the file.
+    name, unit, kind : str
+        Of its channel.
+    scale : float
+        Turns the numbers in the file into ``unit``.
+    """
+
+    column: str
+    name: str
+    unit: str
+    kind: str
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The columns of a static log.
+
+    Attributes
+    ----------
+    channels : list of Choice
+    guessed : list of str
+        What was guessed about them, with the flag that overrules it.
+    notes : list of str
+        What was left out and why; which columns were taken in another unit than their name has.
+    """
+
+    channels: list[Choice]
+    guessed: list[str]
+    notes: list[str]
+
+
+def choose(
+    frame: pd.DataFrame,
+    file: str,
+    columns: Sequence[str | int] | None = None,
+    unit: str | None = None,
+    kind: str | None = None,
+    scale: str | None = None,
+) -> Chosen:
+    """Choose the columns to analyse, and find what each one is.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Columns of the file that hold numbers, without the time; see `sample`.
     file : str
         For the messages.
+    columns : sequence of str or int, optional
+        Those wanted; all that look like readings and whose unit is known if left out.
+    unit : str, optional
+        Unit of the columns whose name has none: ``deg/s``, or ``gyro=deg/s,accel=g``. A name with
+        another unit contradicts it, except for an accelerometer (``accel_x_m_s2`` with
+        ``--unit g`` is in g): gravity checks those.
+    kind : str, optional
+        Only this kind; needed for a unit that is not in the table.
+    scale : str, optional
+        What turns raw counts into the unit: ``1/131``, or ``gyro=1/131,accel=1/16384``.
+
+    Raises
+    ------
+    WrongUsage
+        If a unit or kind is unknown, contradicts a name, fits no column, or is one for columns of
+        several kinds; if readings are raw counts and there is no scale.
     """
-    names = list(frame.columns)
-    picked = {
-        ours: resolve(theirs.removeprefix("-"), names, file) for ours, theirs in wanted.items()
-    }
-    for ours, theirs in picked.items():
-        if not _meaning(ours)[0]:
+    if kind is not None and kind not in _UNITS_OF_KIND:
+        raise WrongUsage(f"--kind {kind} is not one of {', '.join(_UNITS_OF_KIND)}")
+    units = given_units(unit, kind)
+    scales = given_scales(scale)
+    wanted = [resolve(c, list(frame), file) for c in columns] if columns else None
+    kinds, left_out = _kinds(frame, file, wanted, kind)
+    guessed = _unnamed(frame, file, kinds, left_out, wanted, kind, units, scales)
+    if set(kinds.values()) == {"angle"} and KIND_OF_UNIT.get(units.get(None, "")) == "rate":
+        kinds = dict.fromkeys(kinds, "rate")  # roll, pitch and yaw in deg/s
+    there = list(dict.fromkeys(kinds.values()))
+    fixed = _fix(frame, kinds, units, scales, scale)
+    for flag, text, of in (("unit", unit, units), ("scale", scale, scales)):
+        if None in of and len(there) > 1:
             raise WrongUsage(
-                f"--columns {ours}={theirs}: '{ours}' is none of t_s, lat_deg, lon_deg, height_m, "
-                "pdop, speed_m_s, course_deg, has_fix, accel_x_m_s2 ..., gyro_x_deg_s ..."
+                f"{file}: --{flag} {text} is for channels of one kind, and this log has "
+                f"{_listed(kinds)}: say {_spelled(fixed)}",
+                fixed,
             )
-    taken = {_meaning(ours)[0] for ours in picked}
-    drop = [n for n in names if n not in picked.values() and _meaning(n)[0] in taken]
-    frame = frame.drop(columns=drop).rename(columns={v: k for k, v in picked.items()})
-    negative = [ours for ours, theirs in wanted.items() if theirs.startswith("-")]
-    return frame.assign(**{ours: -frame[ours] for ours in negative})
-
-
-def _meaning(name: str) -> tuple[str | None, str | None]:
-    """Return meaning and unit of a column's name (None, None if unknown)."""
-    if clock.is_time(name):
-        return "time", None
-    base, unit = split(name)
-    base = base.strip().lower()
-    speed = _SPEED_WITH_UNIT.fullmatch(name.strip().lower())
-    if speed:
-        return "speed", next(unit for unit in SPEED if speed[unit])
-    for meaning, pattern in _MEANINGS:
-        for axis in "xyz" if "{}" in meaning else [""]:
-            if re.fullmatch(pattern.replace("{}", axis), base):
-                return meaning.format(axis), unit
-    return None, None
-
-
-def measurements(frame: pd.DataFrame) -> dict[str, tuple[str, str | None]]:
-    """Return meaning -> (column, unit) of the columns of numbers; the first of a meaning counts."""
-    columns: dict[str, tuple[str, str | None]] = {}
-    for name in frame.select_dtypes("number"):
-        meaning, unit = _meaning(name)
-        if meaning not in (None, "time"):
-            columns.setdefault(meaning, (name, unit))
-    return columns
-
-
-def speed_unit(t, lat, lon, speed, name: str, file: str) -> str:
-    """Find the unit of a speed from the distance between positions."""
-    metres = 111_195 * np.hypot(np.diff(lat), np.diff(lon) * np.cos(np.radians(lat[1:])))
-    moving = speed[1:] > 0
-    travelled, integrated = np.nansum(metres[moving]), np.nansum((speed[1:] * np.diff(t))[moving])
-    ratio = travelled / max(integrated, 1e-9)
-    unit = min(SPEED, key=lambda u: abs(np.log(max(ratio, 1e-9) / SPEED[u])))
-    if moving.sum() < 20 or abs(ratio / SPEED[unit] - 1) > 0.06 or travelled < 200:
+        for absent in of.keys() - {None, *there}:
+            raise WrongUsage(
+                f"{file}: --{flag} {FLAG[absent or 'rate']}= fits none of the columns "
+                f"{', '.join(frame)}: leave it out, or choose with --columns"
+            )
+    sizes = _accel_units(frame, kinds, scales)
+    chosen: list[Choice] = []
+    no_unit, notes = {}, []
+    for name, its in kinds.items():
+        base, own = split(name)
+        given = units.get(its, units.get(None))
+        if given and KIND_OF_UNIT.get(given, its) != its:
+            if wanted and not own:
+                raise WrongUsage(
+                    f"{file}: column '{name}' is named as {FLAG[its]}, which --unit {given} is "
+                    f"not for; add --kind {KIND_OF_UNIT[given]} to take it all the same"
+                )
+            given = None
+        elif given and own not in (None, given) and not {own, given} <= IN_M_S2.keys():
+            raise WrongUsage(
+                f"{file}: --unit {unit} (or the catalogue's) contradicts column '{name}', whose "
+                f"unit is {own}; leave out --unit, or correct the header"
+            )
+        taken = given or own or sizes.get(name)
+        if taken is None:
+            no_unit[name] = its
+            continue
+        if own not in (None, taken):
+            notes.append(f"column '{name}' taken in {taken}, though its name has {own}")
+        factor = scales.get(its, scales.get(None, 1.0))
+        chosen.append(Choice(name, tidy(base), taken, its, factor))
+    stated = bool(units) or any(split(c.column)[1] for c in chosen)
+    if no_unit and (wanted or not stated):
         raise WrongUsage(
-            f"{file}: column '{name}' has no unit, and its positions do not tell it; say "
-            f"--columns speed_m_s={name}, or speed_km_h, speed_knots, speed_mph"
+            f"{file}: {', '.join(no_unit)}: no unit is known; say {_spelled(fixed)} (in their own "
+            "units), or put it into the header, with names such as gyro_x_deg_s, accel_z_g"
         )
-    return unit
-
-
-def gyro_scale(columns: dict, file: str) -> float:
-    """Return rad/s per unit of the gyro; axes without a unit, or in several, are refused."""
-    names, units = zip(*(columns[f"gyro_{axis}"] for axis in "xyz"), strict=True)
-    if len(set(units)) > 1 or units[0] not in _RAD_S:
+    if not any(units.get(None) in (None, c.unit) for c in chosen):
+        options = [f"--{o} {v}" for o, v in (("unit", unit), ("kind", kind)) if v]
         raise WrongUsage(
-            f"{file}, columns {', '.join(names)}: they need one unit of a rate: say --columns "
-            f"gyro_x_deg_s={names[0]}, or gyro_x_rad_s={names[0]}, and so on for each axis"
+            f"{file}: {' '.join(options) or 'no known unit'} fits none of the columns "
+            f"{', '.join(frame)}: leave it out, or state their unit with --unit (for example "
+            "--unit deg/s), or in the header with names such as gyro_x_deg_s, accel_z_g"
         )
-    return _RAD_S[units[0]]
+    guessed += _refuse_counts(frame, file, chosen, scales, fixed)
+    guessed += _said(chosen, sizes, units)
+    left_out |= {n: f"no unit: --unit {FLAG[k]}={_USUAL[k]} ?" for n, k in no_unit.items()}
+    if left_out:
+        listed = ", ".join(f"{name} ({why})" for name, why in left_out.items())
+        notes.append(f"columns left out: {listed}; --columns takes such a column all the same")
+    doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
+    chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
+    return Chosen(chosen, guessed, notes)
 
 
-def accel_scale(columns: dict, accel: np.ndarray, file: str, notes: list[str]) -> float:
-    """Return m/s^2 per unit of the accelerometer; without a unit, gravity decides."""
-    names, units = zip(*(columns[f"accel_{axis}"] for axis in "xyz"), strict=True)
-    if len(set(units)) > 1:
-        raise WrongUsage(f"{file}: the three accelerometers are in different units")
-    unit, norm = units[0], float(np.median(np.linalg.norm(accel, axis=1)))
-    likely = [u for u, one in IN_M_S2.items() if 0.8 < norm * one / STANDARD_GRAVITY < 1.25]
-    if unit is None and likely:
-        notes.append(f"{file}: accelerometer read as {likely[0]}: its length is {norm:.3g}")
-        unit = likely[0]
-    if unit not in likely:
+def given_scales(scale: str | None) -> dict[str | None, float]:
+    """Read the scales given for each kind; a bare one has the kind None."""
+    return {kind: fraction(text) for kind, text in per_kind(scale, "scale").items()}
+
+
+def given_units(unit: str | None, kind: str | None = None) -> dict[str | None, str]:
+    """Spell the units given for each kind as the table does; refuse those that are not in it."""
+    units = per_kind(unit, "unit")
+    for its, text in units.items():
+        spelled = unit_of(text) or (text if kind else None)
+        if not spelled:
+            raise WrongUsage(
+                f"--unit {text} is not one of {', '.join(KIND_OF_UNIT)}; with --kind any unit is "
+                "taken"
+            )
+        stated = its or kind
+        if stated and KIND_OF_UNIT.get(spelled, stated) != stated:
+            raise WrongUsage(
+                f"--unit {unit}: {spelled} is a unit of {KIND_OF_UNIT[spelled]}, not of {stated}"
+                + ("" if its else ": leave out --kind")
+            )
+        units[its] = spelled
+    return units
+
+
+def _kinds(frame, file, wanted, kind) -> tuple[dict[str, str], dict[str, str]]:
+    """Tell the kind of each column by unit and name, "" where neither does; and what is none."""
+    kinds, left_out = {}, {}
+    by_content = {} if wanted else contents(frame)
+    for name in wanted or frame:
+        own = KIND_OF_UNIT.get(split(name)[1] or "")
+        named, said = meaning(name)
+        if not wanted and (said or not (named and own)):
+            said = said or by_content.get(name)
+        if {own, named} == {"rate", "accel"}:
+            said = f"named as {named}, and its unit {split(name)[1]} is not of one"
+            if wanted:
+                raise WrongUsage(f"{file}: column '{name}' is {said}: correct the header")
+        of_kind = kind if wanted and not own and kind else own or named or ""
+        if wanted:
+            if kind and of_kind != kind:
+                raise WrongUsage(
+                    f"{file}: column '{name}' is in {split(name)[1]}, which is no {kind}: leave "
+                    "out --kind"
+                )
+            kinds[name] = of_kind
+        elif said:
+            left_out[name] = said
+        elif kind and of_kind not in ("", kind):
+            left_out[name] = f"of kind {of_kind}"
+        else:
+            kinds[name] = of_kind
+    return kinds, left_out
+
+
+def _unnamed(frame, file, kinds, left_out, wanted, kind, units, scales) -> list[str]:
+    """Settle the columns whose name tells nothing, in `kinds` and `left_out`; say what was guessed.
+
+    Beside columns that are named as readings they are none. Where no column is named, gravity tells
+    accelerometers: three columns in a row whose length is one g.
+    """
+    unknown = [name for name, its in kinds.items() if not its]
+    if len(unknown) < len(kinds) and not wanted:
+        left_out |= dict.fromkeys(unknown, "not named as a reading")
+        unknown = [name for name in unknown if kinds.pop(name)]
+    if not unknown:
+        return []
+    few = [name for name in unknown if not wanted and _levels(frame[name]) <= 2]
+    if 0 < len(few) < len(unknown):
+        left_out |= dict.fromkeys(few, "a status word: at most two whole values")
+        unknown = [name for name in unknown if name not in few or kinds.pop(name)]
+    heavy = [name for name in _heavy(frame, unknown, scales) if not kind]
+    rest = [name for name in unknown if name not in heavy]
+    usual = kind or KIND_OF_UNIT.get(units.get(None, ""), "")
+    if heavy and not rest and None in units and usual not in ("", "accel"):
         raise WrongUsage(
-            f"{file}, columns {', '.join(names)}: the median length is "
-            f"{norm:.3g}{' ' + unit if unit else ''}, which is no gravity; give specific force "
-            "(gravity included) as accel_x_m_s2 or accel_x_g"
+            f"{file}: --unit {units[None]}, but columns {', '.join(heavy)} have a length of "
+            f"{_norm(frame, heavy[:3]):.3g}, as accelerometers at one g: say --unit "
+            f"{gravity_unit(_norm(frame, heavy[:3])) or 'g'}, or add --kind {usual}",
         )
-    return IN_M_S2[unit]
+    others = [its for its in units if its not in (None, "accel")]
+    if heavy and (rest or not usual):
+        kinds |= dict.fromkeys(heavy, "accel") | dict.fromkeys(rest, (others or ["rate"])[0])
+    else:
+        kinds |= dict.fromkeys(unknown, usual or (others or [*units, "rate"])[0])
+    if not heavy or not rest:
+        return []
+    return [
+        f"columns {', '.join(heavy)} read as accel, {', '.join(rest)} as {FLAG[kinds[rest[0]]]}: "
+        "the length of the first is one g (--columns with --kind overrules)"
+    ]
+
+
+def _levels(column: pd.Series) -> float:
+    """Count the distinct values; infinitely many if one is no whole number."""
+    levels = column.dropna().unique()
+    return len(levels) if (levels == np.round(levels)).all() else np.inf
+
+
+def _heavy(frame, names, scales) -> list[str]:
+    """Find the columns, three in a row, whose length is one g."""
+    found: list[str] = []
+    for k in range(len(names) - 2):
+        three = names[k : k + 3]
+        norm = _norm(frame, three)
+        scaled = norm * abs(scales.get("accel", 1.0))
+        if not set(three) & set(found) and (gravity_unit(scaled, 0.1) or _lsb(norm)):
+            found += three
+    return found
+
+
+def _norm(frame, names) -> float:
+    """Return the median length of the vector that some columns are; turning does not change it."""
+    vectors = frame[list(names)].dropna().to_numpy(dtype=float)
+    return float(np.median(np.linalg.norm(vectors, axis=1))) if len(vectors) else 0.0
+
+
+def _lsb(norm: float) -> int | None:
+    """Return the counts per g of a common accelerometer, if a length is that."""
+    return next((lsb for lsb in _LSB if abs(norm / lsb - 1) < 0.1), None)
+
+
+def _accel_units(frame, kinds, scales) -> dict[str, str]:
+    """Tell the unit of the accelerometers whose name has none by gravity."""
+    found: dict[str, str] = {}
+    mute = [n for n, its in kinds.items() if its == "accel" and not split(n)[1]]
+    factor = abs(scales.get("accel", scales.get(None, 1.0)))
+    unnamed = [n for n in mute if meaning(n)[0] is None]
+    threes = [unnamed[k : k + 3] for k in range(0, len(unnamed), 3)]
+    for three in (*vectors(n for n in mute if n not in unnamed).values(), *threes):
+        unit = gravity_unit(factor * _norm(frame, three)) if len(three) == 3 else None
+        found |= dict.fromkeys(three, unit) if unit else {}
+    units = set(found.values())
+    return dict.fromkeys(mute, units.pop()) if len(units) == 1 else {}
+
+
+def _fix(frame, kinds, units, scales, scale) -> dict[str, str]:
+    """Return the flags that state what the columns do not: flag -> value."""
+    sizes = _accel_units(frame, kinds, scales)
+    mute = {its for n, its in kinds.items() if not split(n)[1]}
+    bare = units.get(None, "")
+    usual = _USUAL | {"accel": next(iter(sizes.values()), "g")}
+    usual |= {KIND_OF_UNIT[bare]: bare} if bare in KIND_OF_UNIT else {}
+    of_unit = {its: usual[its] for its in mute} | {its: u for its, u in units.items() if its}
+    of_scale = {its: text for its, text in per_kind(scale, "scale").items() if its}
+    for its in set(kinds.values()) - of_scale.keys():
+        names = [n for n, k in kinds.items() if k == its]
+        if _counts(frame, names, of_unit.get(its, split(names[0])[1])):
+            lsb = 131 if its == "rate" else _lsb(_norm(frame, names[:3])) or 16384
+            of_scale[its] = f"1/{lsb}"
+    flags = {"--unit": of_unit, "--scale": of_scale}
+    return {
+        flag: ",".join(f"{word}={of[its]}" for its, word in FLAG.items() if its in of)
+        for flag, of in flags.items()
+        if of
+    }
+
+
+def _spelled(flags: dict[str, str]) -> str:
+    """Write flags as they are typed."""
+    return " ".join(f"{flag} {value}" for flag, value in flags.items()) or "neither"
+
+
+def _listed(kinds) -> str:
+    """Write the columns of each kind: ``gyro (gx, gy, gz) and accel (ax, ay, az)``."""
+    there = dict.fromkeys(kinds.values())
+    return " and ".join(
+        f"{FLAG[its]} ({', '.join(n for n, k in kinds.items() if k == its)})" for its in there
+    )
+
+
+def _counts(frame, names, unit) -> bool:
+    """Tell whether readings are raw counts: whole numbers, in a unit that no sensor counts in."""
+    return unit in _WHOLE_UNITS and 3 <= max(_levels(frame[name]) for name in names) < np.inf
+
+
+def _refuse_counts(frame, file, chosen, scales, fixed) -> list[str]:
+    """Refuse gyros and accelerometers that are raw counts and have no scale.
+
+    Small whole numbers in a column whose name has a unit are taken, which is said.
+    """
+    said = []
+    for kind in dict.fromkeys(c.kind for c in chosen):
+        mine = [c for c in chosen if c.kind == kind]
+        names, unit = [c.column for c in mine], mine[0].unit
+        if scales.keys() & {kind, None} or not _counts(frame, names, unit):
+            continue
+        large = _norm(frame, names) > _LARGEST[kind]
+        if large or not all(split(name)[1] for name in names):
+            raise WrongUsage(
+                f"{file}, columns {', '.join(names)}: whole numbers only: these look like raw "
+                f"counts of the converter, not {unit}; say {_spelled(fixed)} with the {unit} per "
+                f"count of the datasheet, or --scale {FLAG[kind]}=1 if they are {unit}",
+                fixed,
+            )
+        said.append(
+            f"columns {', '.join(names)}: whole numbers, taken as {unit} (raw counts need --scale "
+            f"{FLAG[kind]}=...)"
+        )
+    return said
+
+
+def _said(chosen, sizes, units) -> list[str]:
+    """State the unit of what had none in its name, and where it is from."""
+    said = []
+    for kind in dict.fromkeys(c.kind for c in chosen):
+        mute = [c for c in chosen if c.kind == kind and not split(c.column)[1]]
+        if not mute or not (len({c.kind for c in chosen}) > 1 or not units):
+            continue
+        why = "by --unit"
+        if kind not in units and None not in units:
+            why = f"by their length, one g; --unit {FLAG[kind]}=... overrules"
+        names = ", ".join(c.column for c in mute)
+        said.append(f"columns {names} read as {FLAG[kind]} in {mute[0].unit} ({why})")
+    return said
+
+
+def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, str, np.ndarray] | None:
+    """Find a column of temperatures.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+    names : sequence of str
+        The columns that are looked at.
+
+    Returns
+    -------
+    tuple or None
+        Column, its unit, and its values in deg C, NaN where there is none; None if there is no such
+        column or its unit cannot be told.
+    """
+    for name in names:
+        if meaning(name)[1] != "a temperature":
+            continue
+        values = frame[name].to_numpy(dtype=float)
+        if not np.isfinite(values).any():
+            continue
+        unit = _BRACKETS.match(name)
+        last = (unit["unit"] if unit else words(name)[-1]).lower().removeprefix("deg").strip("° ")
+        typical = float(np.nanmedian(values))
+        if last in ("k", "kelvin") or (last not in ("c", "celsius", "f") and 200 < typical < 400):
+            return name, "K", values - 273.15
+        if last in ("f", "fahrenheit"):
+            return name, "deg F", (values - 32) / 1.8
+        if -60 < typical < 150:
+            return name, "deg C", values
+    return None

@@ -5,14 +5,17 @@ timeline = read_moving(["drive.csv"])               positions, and an IMU if the
 """
 
 import datetime
+import functools
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from analysis import CannotAnswer, WrongUsage
+from analysis import STANDARD_GRAVITY, CannotAnswer, WrongUsage
 from analysis.logs import clock, columns, datasets, delimited, formats, nmea
 from analysis.logs.catalogue import find
 from analysis.logs.timeline import Gnss, Imu, Timeline
@@ -26,6 +29,27 @@ NEEDED = {
         *(f"accel_{axis}_m_s2" for axis in "xyz"),
     ),
 }
+_SPEED_NAME = r"(gps_?|location_?)?(speed|sog|ground_?speed|speed_over_ground)"
+_MEANINGS = (  # meaning of a name without its unit
+    ("lat", r"(gps_?|location_?)?lat(itude)?"),
+    ("lon", r"(gps_?|location_?)?(lon|lng|long)(itude)?"),
+    ("height", r"(gps_?|location_?)?(height|alt|altitude)"),
+    ("pdop", r"(gps_?)?pdop"),
+    ("speed", _SPEED_NAME),
+    ("course", r"(gps_?|location_?)?(course|cog|bearing|track|heading)"),
+    ("fix", r"has_?fix|fix|fix_?type|quality"),
+    ("accel_{}", r"(a|acc|accel|accelerometer|acceleration|g_?force)[ _.]?{}"),
+    ("gyro_x", r"rollrate"),
+    ("gyro_y", r"pitchrate"),
+    ("gyro_z", r"yawrate"),
+    ("gyro_{}", r"(w|gyr|gyro|gyroscope|omega|rate|angular_?rate)[ _.]?{}"),
+)
+SPEED = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
+_SPEED_WITH_UNIT = re.compile(
+    _SPEED_NAME + r"[ _]*[\[(]?((?P<m_s>m_s|m/s|mps|ms)|(?P<km_h>km_h|km/h|kmh|kph)"
+    r"|(?P<knots>knots?|kn|kt)|(?P<mph>mph))[\])]?"
+)
+_RAD_S = {"deg/s": np.pi / 180, "rad/s": 1.0, "deg/h": np.pi / 180 / 3600}
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
 HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch
 
@@ -35,6 +59,9 @@ def read_moving(
     *,
     columns: dict[str, str] | None = None,
     imu_offset: float | None = None,
+    unit: str | None = None,
+    scale: str | None = None,
+    time_unit: str | None = None,
 ) -> Timeline:
     """Read one timeline from one or several logs.
 
@@ -48,6 +75,10 @@ def read_moving(
     imu_offset : float, optional
         Seconds from the first GNSS epoch to the first IMU sample, where the stamps are of clocks
         that cannot be related.
+    unit, scale : str, optional
+        Of IMU columns whose name has no unit: ``gyro=deg/s,accel=g``, ``gyro=1/131``.
+    time_unit : str, optional
+        Of the time columns of the CSVs.
 
     Returns
     -------
@@ -63,13 +94,14 @@ def read_moving(
     notes, sources, start = [], {}, None
     paths = [find(log)[2] for log in logs]
     wanted = _columns_of_each(columns or {}, paths)
+    given = _given(unit, scale) | {"time_unit": time_unit}
     for path in paths:
         sources[path.name] = datasets.sha256(path)
         if formats.format_of(path) == "nmea":
             epochs, which, began, more = nmea.read_gnss(path)
             new, start = {"GNSS": epochs}, began or start
         else:
-            new, which, more = _read_csv(path, wanted[path])
+            new, which, more = _read_csv(path, wanted[path], given)
         notes += more
         for kind in new:
             if kind in parts:
@@ -94,6 +126,21 @@ def read_moving(
     zero = min(float(part.t_s[0]) for part in parts.values())
     parts = {k: replace(part, t_s=np.round(part.t_s - zero, 6)) for k, part in parts.items()}
     return Timeline(parts.get("GNSS"), parts.get("IMU"), start, tuple(notes), sources)
+
+
+def _given(unit: str | None, scale: str | None) -> dict[str, Any]:
+    """Read unit and scale for each kind; an IMU has two kinds, so a bare one is refused."""
+    given: dict[str, dict] = {
+        "unit": columns.given_units(unit),
+        "scale": columns.given_scales(scale),
+    }
+    for flag, each in given.items():
+        if None in each:
+            raise WrongUsage(
+                f"--{flag} {each[None]}: an IMU has gyros and accelerometers: say "
+                f"--{flag} gyro={each[None]}, or accel=, or both with a comma"
+            )
+    return given
 
 
 def _columns_of_each(wanted: dict[str, str], paths: list[Path]) -> dict[Path, dict[str, str]]:
@@ -156,22 +203,25 @@ def _dates_apart(gnss, imu, start) -> Iterator[str]:
     )
 
 
-def _read_csv(path: Path, wanted: dict[str, str]) -> tuple[dict[str, Any], str, list[str]]:
+def _read_csv(
+    path: Path, wanted: dict[str, str], given: dict
+) -> tuple[dict[str, Any], str, list[str]]:
     """Read a CSV: its GNSS epochs and IMU samples, the clock of its stamps, notes."""
     table = delimited.read_table(path)
-    table = replace(table, frame=columns.rename(table.frame, wanted, path.name))
+    table = replace(table, frame=_rename(table.frame, wanted, path.name))
     time = clock.time_column(table.frame)
     header, there = f"{path.name}, line 1", f"there are: {', '.join(table.frame)}"
     if time is None:
         raise WrongUsage(f"{header}: no column is named as time; say --columns t_s=COLUMN; {there}")
     with clock.stamp_errors_at(table, time):
-        stamps = clock.stamps(time, table.frame[time].to_numpy())
+        stamps = clock.stamps(time, table.frame[time].to_numpy(), unit=given["time_unit"])
     notes = [f"{path.name}: {note}" for note in (*table.repairs, *stamps.notes)]
-    known = columns.measurements(table.frame.drop(columns=time))
+    known = _measurements(table.frame.drop(columns=time))
     args = table, time, stamps.since_s + stamps.zero_s, known, notes
     parts: dict[str, Any] = {}
     lacks = []
-    for kind, build in (("GNSS", _gnss), ("IMU", _imu)):
+    imu = functools.partial(_imu, given=given)
+    for kind, build in (("GNSS", _gnss), ("IMU", imu)):
         missing = [name for name in NEEDED[kind] if columns.split(name)[0] not in known]
         if not missing:
             parts[kind] = build(*args)
@@ -222,11 +272,11 @@ def _gnss(table, time, t, known, notes) -> Gnss:
     if "speed" in data:
         name, unit = known["speed"]
         if unit is None:
-            unit = columns.speed_unit(t[at], lat, lon, speed, name, file)
+            unit = _speed_unit(t[at], lat, lon, speed, name, file)
             notes.append(f"{file}: column '{name}' read as {unit.replace('_', '/')}")
         if (speed < 0).any():
             notes.append(f"{file}: column '{name}': {(speed < 0).sum():,} below zero, left out")
-        speed = np.where(speed >= 0, speed, np.nan) * columns.SPEED[unit]
+        speed = np.where(speed >= 0, speed, np.nan) * SPEED[unit]
     if known.get("course", ("", None))[1] == "rad":
         course = np.degrees(course)
     blank = {"lat_deg": lat, "lon_deg": lon, "height_m": column("height")}
@@ -235,7 +285,7 @@ def _gnss(table, time, t, known, notes) -> Gnss:
     return Gnss(t_s=t[at], pdop=column("pdop"), has_fix=fix, **blank)
 
 
-def _imu(table, time, t, known, notes) -> Imu:
+def _imu(table, time, t, known, notes, given) -> Imu:
     """Make the samples: rows with all six readings, in SI units."""
     names = [known[columns.split(name)[0]][0] for name in NEEDED["IMU"]]
     readings = table.frame[names].to_numpy(dtype=float)
@@ -251,6 +301,117 @@ def _imu(table, time, t, known, notes) -> Imu:
     gyro, accel = readings[rows, :3], readings[rows, 3:]
     return Imu(
         t[rows],
-        gyro * columns.gyro_scale(known, table.file),
-        accel * columns.accel_scale(known, accel, table.file, notes),
+        gyro * _gyro_scale(known, table.file, given),
+        accel * _accel_scale(known, accel, table.file, notes, given),
     )
+
+
+def _rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFrame:
+    """Give columns the names that the user assigns to them; drop others of the same meaning.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+    wanted : dict
+        Our names (``speed_km_h``, ``gyro_x_deg_s``, ``t_s``) -> the file's columns; a minus before
+        the column changes its sign.
+    file : str
+        For the messages.
+    """
+    names = list(frame.columns)
+    picked = {
+        ours: columns.resolve(theirs.removeprefix("-"), names, file)
+        for ours, theirs in wanted.items()
+    }
+    for ours, theirs in picked.items():
+        if not _meaning(ours)[0]:
+            raise WrongUsage(
+                f"--columns {ours}={theirs}: '{ours}' is none of t_s, lat_deg, lon_deg, height_m, "
+                "pdop, speed_m_s, course_deg, has_fix, accel_x_m_s2 ..., gyro_x_deg_s ..."
+            )
+    taken = {_meaning(ours)[0] for ours in picked}
+    drop = [n for n in names if n not in picked.values() and _meaning(n)[0] in taken]
+    frame = frame.drop(columns=drop).rename(columns={v: k for k, v in picked.items()})
+    negative = [ours for ours, theirs in wanted.items() if theirs.startswith("-")]
+    return frame.assign(**{ours: -frame[ours] for ours in negative})
+
+
+def _meaning(name: str) -> tuple[str | None, str | None]:
+    """Return meaning and unit of a column's name (None, None if unknown)."""
+    if clock.is_time(name):
+        return "time", None
+    base, unit = columns.split(name)
+    base = base.strip().lower()
+    speed = _SPEED_WITH_UNIT.fullmatch(name.strip().lower())
+    if speed:
+        return "speed", next(unit for unit in SPEED if speed[unit])
+    for meaning, pattern in _MEANINGS:
+        for axis in "xyz" if "{}" in meaning else [""]:
+            if re.fullmatch(pattern.replace("{}", axis), base):
+                return meaning.format(axis), unit
+    return None, None
+
+
+def _measurements(frame: pd.DataFrame) -> dict[str, tuple[str, str | None]]:
+    """Return meaning -> (column, unit) of the columns of numbers; the first of a meaning counts."""
+    known: dict[str, tuple[str, str | None]] = {}
+    for name in frame.select_dtypes("number"):
+        meaning, unit = _meaning(name)
+        if meaning not in (None, "time"):
+            known.setdefault(meaning, (name, unit))
+    return known
+
+
+def _speed_unit(t, lat, lon, speed, name: str, file: str) -> str:
+    """Find the unit of a speed from the distance between positions."""
+    metres = 111_195 * np.hypot(np.diff(lat), np.diff(lon) * np.cos(np.radians(lat[1:])))
+    moving = speed[1:] > 0
+    travelled, integrated = np.nansum(metres[moving]), np.nansum((speed[1:] * np.diff(t))[moving])
+    ratio = travelled / max(integrated, 1e-9)
+    unit = min(SPEED, key=lambda u: abs(np.log(max(ratio, 1e-9) / SPEED[u])))
+    if moving.sum() < 20 or abs(ratio / SPEED[unit] - 1) > 0.06 or travelled < 200:
+        raise WrongUsage(
+            f"{file}: column '{name}' has no unit, and its positions do not tell it; say "
+            f"--columns speed_m_s={name}, or speed_km_h, speed_knots, speed_mph"
+        )
+    return unit
+
+
+def _gyro_scale(known: dict, file: str, given: dict) -> float:
+    """Return rad/s per unit of the gyro; axes without a unit, or in several, are refused."""
+    names, units = zip(*(known[f"gyro_{axis}"] for axis in "xyz"), strict=True)
+    if set(units) == {None}:
+        units = (given["unit"].get("rate"),)
+    if len(set(units)) > 1 or units[0] not in _RAD_S:
+        raise WrongUsage(
+            f"{file}, columns {', '.join(names)}: they need one unit of a rate: say --unit "
+            f"gyro=deg/s, or --columns gyro_x_deg_s={names[0]} and so on for each axis",
+            {"--unit": "gyro=deg/s"},
+        )
+    return _RAD_S[units[0]] * given["scale"].get("rate", 1.0)
+
+
+def _accel_scale(known: dict, accel: np.ndarray, file: str, notes: list[str], given: dict) -> float:
+    """Return m/s^2 per unit of the accelerometer; without a unit, gravity decides."""
+    names, units = zip(*(known[f"accel_{axis}"] for axis in "xyz"), strict=True)
+    if len(set(units)) > 1:
+        raise WrongUsage(f"{file}: the three accelerometers are in different units")
+    factor = given["scale"].get("accel", 1.0)
+    norm = abs(factor) * float(np.median(np.linalg.norm(accel, axis=1)))
+    sizes = {u: norm * one / STANDARD_GRAVITY for u, one in columns.IN_M_S2.items()}
+    likely = [u for u, size in sizes.items() if 0.8 < size < 1.25]
+    unit = units[0] or given["unit"].get("accel")
+    if unit is None and likely:
+        unit = likely[0]
+        notes.append(
+            f"{file}: accelerometer read as {unit}: its length is {norm:.3g} (--unit accel=... "
+            "overrules)"
+        )
+    if unit not in likely:
+        raise WrongUsage(
+            f"{file}, columns {', '.join(names)}: the median length is "
+            f"{norm:.3g}{' ' + unit if unit else ''}, which is no gravity; give specific force "
+            "(gravity included) as accel_x_m_s2 or accel_x_g; raw counts need --scale, such as "
+            "--scale accel=1/16384"
+        )
+    return factor * columns.IN_M_S2[unit]

@@ -3,6 +3,7 @@
     read("adis16405")                              a stanza of data/logs.toml
     read("my.csv")                                 time column and units found by name
     read("my.csv", rate=100, columns=[2, 3, 4], unit="deg/s")
+    read("raw.csv", unit="gyro=deg/s,accel=g", scale="gyro=1/131,accel=1/16384", time_unit="us")
 
 A file that cannot be read is refused in one sentence with file, line, column and what to do; every
 repair is one sentence in `Log.repairs`.
@@ -16,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis import STANDARD_GRAVITY, CannotAnswer, WrongUsage
+from analysis import CannotAnswer, WrongUsage
 from analysis.logs import clock, columns, datasets, formats
 from analysis.logs import grid as grids
 from analysis.logs.catalogue import check_unit, find
@@ -67,8 +68,10 @@ class Log:
     gaps : int
         Places where samples are missing by the time stamps.
     repairs : tuple of str
-        One sentence for everything that was assumed or repaired.
+        One sentence for everything that was guessed, assumed or repaired, guesses first.
     licence, source : str
+    temperature : ndarray, shape (n,), or None
+        Of the sensor, deg C, on the grid of the channels; None where it is not logged.
     """
 
     name: str
@@ -83,6 +86,7 @@ class Log:
     licence: str
     source: str
     given: str = ""
+    temperature: np.ndarray | None = None
 
     @property
     def dt(self) -> float:
@@ -103,6 +107,8 @@ def read(
     columns: Sequence[str | int] | None = None,
     unit: str | None = None,
     kind: str | None = None,
+    scale: str | None = None,
+    time_unit: str | None = None,
     start: float | None = None,
     stop: float | None = None,
 ) -> Log:
@@ -119,8 +125,10 @@ def read(
         The time column, by name or number from 1; found by its name if left out.
     columns : sequence of str or int, optional
         The channels, likewise; all whose unit is known if left out.
-    unit, kind : str, optional
+    unit, kind, scale : str, optional
         For columns whose name has no unit; see `analysis.logs.columns.choose`.
+    time_unit : str, optional
+        Of the time column: s, ms, us or ns; found by its name and numbers if left out.
     start, stop : float, optional
         Seconds from the first row.
 
@@ -137,18 +145,20 @@ def read(
     """
     name, stanza, path = find(log)
     check_unit(name, stanza, unit)
-    given = {"rate_hz": rate, "time": time, "unit": unit, "kind": kind, "from": start, "to": stop}
+    given = {"rate_hz": rate, "time": time, "time_unit": time_unit, "from": start, "to": stop}
+    given |= {"unit": unit, "kind": kind, "scale": scale}
     option = stanza | {key: value for key, value in given.items() if value is not None}
     table = formats.read_table(path, stanza)
     table, time_column, t_s, notes = _stretch(table, option)
-    chosen, choices = _choices(table, time_column, stanza, columns, option)
-    repairs = [*([stanza["note"]] if "note" in stanza else []), *table.repairs, *notes, *choices]
     grid = _grid(table, time_column, t_s, option)
+    chosen, temperature = _choices(table, time_column, stanza, columns, option)
+    repairs = [*chosen.guessed, *([stanza["note"]] if "note" in stanza else [])]
+    repairs += [*table.repairs, *notes, *chosen.notes]
     repairs += grid.repairs
-    channels = tuple(_channel(table, grid, choice, repairs) for choice in chosen)
-    _check_gravity(path.name, channels)
+    channels = tuple(_channel(table, grid, choice, repairs) for choice in chosen.channels)
+    _check_gravity(path.name, channels, option.get("unit"))
     if grid.size < SAMPLES_NEEDED:
-        last = table.place(-1, chosen[0].column)
+        last = table.place(-1, chosen.channels[0].column)
         raise CannotAnswer(
             f"{last}: the log ends after {grid.size} samples; a noise analysis needs at least "
             f"{SAMPLES_NEEDED}: give a longer log or stretch"
@@ -166,7 +176,15 @@ def read(
         licence=stanza.get("licence", "not stated"),
         source=stanza.get("source", "the reader's own log"),
         given=str(log),
+        temperature=None if temperature is None else _filled(grid.place(temperature)),
     )
+
+
+def _filled(values: np.ndarray) -> np.ndarray:
+    """Draw straight lines over what is missing in a slow series."""
+    good = np.isfinite(values)
+    at = np.arange(len(values))
+    return np.interp(at, at[good], values[good]) if good.any() else values
 
 
 def _stretch(table: Table, option: dict):
@@ -182,7 +200,7 @@ def _stretch(table: Table, option: dict):
         Seconds since the first row of the file; None if the stamps are not used.
     notes : list of str
     """
-    file, frame, rate, notes = table.file, table.frame, option.get("rate_hz"), []
+    file, frame, rate, notes = table.file, clock.joined(table.frame), option.get("rate_hz"), []
     time = clock.time_column(frame)
     if "time" in option:
         time = columns.resolve(option["time"], list(frame), file)
@@ -195,7 +213,7 @@ def _stretch(table: Table, option: dict):
         notes.append(f"time column '{time}' not used, since the rate is given")
     elif time:
         with clock.stamp_errors_at(table, time):
-            stamps = clock.stamps(time, frame[time].to_numpy(), rate)
+            stamps = clock.stamps(time, frame[time].to_numpy(), rate, option.get("time_unit"))
         t_s = stamps.since_s
         notes += stamps.notes
     start, stop = option.get("from", 0.0), option.get("to")
@@ -229,17 +247,21 @@ def _no_rate(file: str, frame: pd.DataFrame) -> str:
     )
 
 
-def _choices(table, time, stanza, wanted, option) -> tuple[list[Choice], list[str]]:
-    """Choose the channels: the catalogue's, or those of the file."""
-    file, frame, unit, kind = table.file, table.frame, option.get("unit"), option.get("kind")
+def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.ndarray | None]:
+    """Choose the channels, the catalogue's or those of the file; and find the temperature."""
+    file, frame = table.file, table.frame
+    given = {key: option.get(key) for key in ("unit", "kind", "scale")}
+    numeric = [name for name in frame.select_dtypes("number") if name != time]
+    warm, unit, temperature = columns.temperature(frame, numeric) or ("", "", None)
     if "channels" in stanza:
-        known = {}
+        known, few = {}, columns.sample(frame, numeric)
         for channel in stanza["channels"]:
-            own_unit, own_kind = channel.get("unit", unit), channel.get("kind", kind)
-            (named,), _ = columns.choose(list(frame), file, [channel["column"]], own_unit, own_kind)
+            own = given | {key: channel[key] for key in given if key in channel}
+            (named,) = columns.choose(few, file, [channel["column"]], **own).channels
             name = columns.tidy(channel.get("name", named.name))
             known[name] = replace(named, name=name)
-        return [known[columns.resolve(c, list(known), file)] for c in wanted or known], []
+        chosen = [known[columns.resolve(c, list(known), file)] for c in wanted or known]
+        return columns.Chosen(chosen, [], []), temperature
     if wanted:  # numbers count the columns of the file, the time among them
         wanted = [columns.resolve(c, list(frame), file) for c in wanted]
         for name in wanted:
@@ -250,14 +272,15 @@ def _choices(table, time, stanza, wanted, option) -> tuple[list[Choice], list[st
                 raise CannotAnswer(
                     f"{table.place(0, name)}: '{cell}' is not a number; choose other --columns"
                 )
-    numeric = [name for name in frame.select_dtypes("number") if name != time]
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
-    notes: list[str] = []
-    if table.layout is not None and not (wanted and unit):
-        numeric, notes = columns.without_doubles(numeric, table.layout.names, file, wanted)
-    chosen, left_out = columns.choose(numeric, file, wanted, unit, kind)
-    return chosen, [*notes, *left_out]
+    notes = [f"column '{warm}' kept as the temperature, in {unit}"] if warm else []
+    numeric = [name for name in numeric if name != warm or name in (wanted or ())]
+    if table.layout is not None and not (wanted and given["unit"]):
+        numeric, doubles = columns.without_doubles(numeric, table.layout.names, file, wanted)
+        notes += doubles
+    found = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
+    return replace(found, notes=[*notes, *found.notes]), temperature
 
 
 def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid:
@@ -283,7 +306,7 @@ def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid
 
 def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Channel:
     """Put one column on the grid; note missing values, refuse too many."""
-    cells = table.frame[choice.column].to_numpy(dtype=float)
+    cells = choice.scale * table.frame[choice.column].to_numpy(dtype=float)
     finite = np.isfinite(cells)
     if not finite.all():
         first = table.place(int(np.argmin(finite)), choice.column)
@@ -317,18 +340,22 @@ def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
     return Channel(choice.name, choice.unit, choice.kind, grid.place(cells))
 
 
-def _check_gravity(file: str, channels: tuple[Channel, ...]) -> None:
+def _check_gravity(file: str, channels: tuple[Channel, ...], given: str | None) -> None:
     """Refuse accelerometers whose mean is one g in another unit."""
-    accels = [c for c in channels if c.kind == "accel" and c.unit in columns.IN_M_S2]
-    vertical = [c for c in accels if c.name.lower().endswith(("_z", "z", "_down", "_up"))]
-    group = accels if len(accels) >= 3 else vertical
-    if not group or len({c.unit for c in group}) > 1:
-        return
-    norm = float(np.sqrt(sum(np.nanmean(c.values) ** 2 for c in group)))
-    own = group[0].unit
-    for unit, one in columns.IN_M_S2.items():
-        if unit != own and 0.8 < norm * one / STANDARD_GRAVITY < 1.2:
+    accels = {c.name: c for c in channels if c.kind == "accel" and c.unit in columns.IN_M_S2}
+    vertical = [n for n in accels if n.lower().endswith(("z", "_down", "_up"))]
+    for names in columns.vectors(accels).values():
+        group = [accels[name] for name in (names if len(names) >= 3 else vertical)]
+        if not group or len({c.unit for c in group}) > 1:
+            continue
+        norm = float(np.sqrt(sum(np.nanmean(c.values) ** 2 for c in group)))
+        own, unit = group[0].unit, columns.gravity_unit(norm)
+        if unit not in (None, own):
+            units = columns.given_units(given) if "=" in (given or "") else {}
+            said = {columns.FLAG[kind]: u for kind, u in units.items() if kind} | {"accel": unit}
+            several = len(accels) < len(channels)
+            flag = ",".join(f"{k}={u}" for k, u in said.items()) if several else unit
             raise WrongUsage(
                 f"{file}, columns {', '.join(c.name for c in group)}: mean |accel| is {norm:.2f} "
-                f"{own}; at rest it is one g, so these look like {unit}: say --unit {unit}"
+                f"{own}; at rest it is one g, so these look like {unit}: say --unit {flag}"
             )

@@ -1,0 +1,343 @@
+"""Which columns of a static log are readings, of what kind, in which unit: by name and by size."""
+
+import contextlib
+import io
+import shlex
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis import WrongUsage, cli, logs
+from analysis.logs import columns
+
+N = 400
+T = np.arange(N) / 100
+RNG = np.random.default_rng(11)
+WHITE = RNG.normal(size=(N, 6))
+GYRO = [0.3, -0.5, 0.2] + 0.05 * WHITE[:, :3]  # deg/s
+ACCEL = [0.02, 0.01, 1.0] + 0.003 * WHITE[:, 3:]  # g
+UNIX = 1.7e9 + T
+
+
+def write(folder, header, *series):
+    """Write a CSV; whole numbers without a point, as a logger writes counts."""
+    cells = np.column_stack(series).tolist()
+    rows = [",".join(f"{v:.0f}" if v % 1 == 0 else f"{v:.9f}" for v in row) for row in cells]
+    path = folder / "my.csv"
+    path.write_text("\n".join([header, *rows] if header else rows) + "\n", encoding="utf-8")
+    return path
+
+
+def found(log):
+    """Return name and unit of every channel."""
+    return [(c.name, c.unit) for c in log.channels]
+
+
+def left_out(log):
+    """Return the sentence on what was left out."""
+    return next((r for r in log.repairs if r.startswith("columns left out")), "")
+
+
+# --- today's failures: each took a wrong channel with exit status 0 ------------------------------
+
+XYZ = [("z", "rad/s"), ("y", "rad/s"), ("x", "rad/s")]
+PHYPHOX = "Time (s),Gyroscope x (rad/s),Gyroscope y (rad/s),Gyroscope z (rad/s),Absolute (rad/s)"
+ROS = "header.seq,header.stamp.secs,header.stamp.nsecs,angular_velocity.x,angular_velocity.y"
+
+
+@pytest.mark.parametrize(
+    ("header", "series", "options", "expected", "said"),
+    [
+        (
+            "time,seconds_elapsed,z,y,x",
+            (1e9 * UNIX, T, GYRO),
+            {"unit": "rad/s"},
+            XYZ,
+            "seconds_elapsed (a time)",
+        ),
+        (
+            PHYPHOX,
+            (T, GYRO, np.linalg.norm(GYRO, axis=1)),
+            {},
+            [(f"Gyroscope_{axis}", "rad/s") for axis in "xyz"],
+            "Absolute (rad/s) (a norm)",
+        ),
+        (
+            ROS,
+            (np.arange(N) + 7, np.floor(UNIX), 1e9 * (UNIX % 1), GYRO[:, :2]),
+            {"unit": "rad/s"},
+            [("angular_velocity_x", "rad/s"), ("angular_velocity_y", "rad/s")],
+            "header.seq (a counter)",
+        ),
+        (
+            "%time,field.header.seq,field.header.stamp,field.angular_velocity.x",
+            (1e9 * UNIX, np.arange(N), 1e9 * UNIX, GYRO[:, 0]),
+            {"unit": "rad/s"},
+            [("field_angular_velocity_x", "rad/s")],
+            "field.header.seq (a counter), field.header.stamp (a time)",
+        ),
+        (
+            "t,a,b,c,foo,n",
+            (T, GYRO, np.linalg.norm(GYRO, axis=1), np.arange(N) % 256),
+            {"unit": "deg/s"},
+            [("a", "deg/s"), ("b", "deg/s"), ("c", "deg/s")],
+            "foo (the norm of a, b, c), n (a counter: it steps by 1)",
+        ),
+        (
+            "t,gyro_x,battery,state,acc_valid,mag_x,quality",
+            (T, GYRO, GYRO),
+            {"unit": "deg/s"},
+            [("gyro_x", "deg/s")],
+            "battery (a status word), state (a status word)",
+        ),
+        (
+            "",
+            (1000 + 10 * np.arange(N), GYRO, np.arange(N) > 200),
+            {"unit": "deg/s", "rate": 100},
+            [("c2", "deg/s"), ("c3", "deg/s"), ("c4", "deg/s")],
+            "c1 (a time or counter: it never falls)",
+        ),
+    ],
+    ids=["sensor logger", "phyphox", "ros", "rostopic", "by content", "other words", "no header"],
+)
+def test_what_is_no_reading_is_left_out_and_said(tmp_path, header, series, options, expected, said):
+    """Property: times, counters, norms and status words are no channels, by name and content."""
+    log = logs.read(write(tmp_path, header, *series), **options)
+    assert found(log) == expected
+    assert said in left_out(log)
+    assert log.rate_hz == pytest.approx(100, rel=1e-6)  # double precision of Unix nanoseconds
+
+
+def test_what_was_left_out_can_be_asked_for(tmp_path):
+    """Property: --columns takes a column that its name or content would leave out."""
+    path = write(tmp_path, "t,a,norm,index", T, GYRO)
+    assert found(logs.read(path, columns=["norm", "index"], unit="deg/s")) == [
+        ("norm", "deg/s"),
+        ("index", "deg/s"),
+    ]
+
+
+SIX = {
+    "t,ax,ay,az,gx,gy,gz": "ax",
+    "t,wx,wy,wz,accX,accY,accZ": "accX",
+    "Time,GForceX,GForceY,GForceZ,GyroX,GyroY,GyroZ": "GForceX",
+    "t,linear_acceleration.x,linear_acceleration.y,linear_acceleration.z,omega_x,omega_y,omega_z": (
+        "linear_acceleration_x"
+    ),
+    "": "c1",
+}
+
+
+@pytest.mark.parametrize("header", SIX)
+@pytest.mark.parametrize(("unit", "one"), [("m/s^2", 9.80665), ("g", 1.0), ("mg", 1000.0)])
+def test_gyros_and_accelerometers_are_told_apart(tmp_path, header, unit, one):
+    """Property: by name, and without names by size; gravity gives the unit of accelerometers."""
+    six = (one * ACCEL, GYRO) if "wx" not in header else (GYRO, one * ACCEL)
+    path = write(tmp_path, header, *((T,) if header else ()), *six)
+    log = logs.read(path, unit=f"gyro=deg/s,accel={unit}", rate=100)
+    kinds = {c.name: (c.kind, c.unit) for c in log.channels}
+    assert sorted(kinds.values()) == [("accel", unit)] * 3 + [("rate", "deg/s")] * 3
+    assert kinds[SIX[header]] == ("accel", unit)
+    if header:
+        guessed = logs.read(path, unit="gyro=deg/s")
+        assert {c.name: (c.kind, c.unit) for c in guessed.channels} == kinds
+        said = f"accel in {unit} (by their length, one g; --unit accel="
+        assert any(said in repair for repair in guessed.repairs[:2])
+
+
+@pytest.mark.parametrize("header", SIX)
+def test_a_bare_unit_is_for_one_kind(tmp_path, header):
+    """Property: refused beside two kinds, and the command that is printed works."""
+    six = (9.80665 * ACCEL, GYRO) if "wx" not in header else (GYRO, 9.80665 * ACCEL)
+    path = write(tmp_path, header, *((T,) if header else ()), *six)
+    typed = ["pool", str(path), "--axes", "--out", str(tmp_path / "mine"), "--unit", "deg/s"]
+    typed += ["--rate", "100", "--columns", ",".join(header.split(",")[1:] or "123456")]
+    with contextlib.redirect_stderr(io.StringIO()) as err:
+        assert cli.main(typed) == 2
+    sentence, command = err.getvalue().strip().split("; run: ")
+    assert "--unit deg/s is for channels of one kind" in sentence and "\n" not in command
+    assert "--unit gyro=deg/s,accel=m/s^2" in sentence
+    again = shlex.split(command)
+    assert again[:3] == ["python", "-m", "analysis"] and "deg/s" not in again
+    at = again.index("--unit")
+    assert len(logs.read(path, unit=again[at + 1], rate=100).channels) == 6
+
+
+def test_a_single_kind_takes_a_bare_unit(tmp_path):
+    """Property: a bare unit fits a log of one kind, or the columns of one kind."""
+    path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", T, ACCEL, GYRO)
+    assert found(logs.read(path, columns=["gx", "gz"], unit="deg/s")) == [
+        ("gx", "deg/s"),
+        ("gz", "deg/s"),
+    ]
+    assert [c.kind for c in logs.read(path, unit="deg/s", kind="rate").channels] == ["rate"] * 3
+    path = write(tmp_path, "t,roll,pitch,yaw", T, GYRO)
+    assert {c.kind for c in logs.read(path, unit="deg").channels} == {"angle"}
+    assert {c.kind for c in logs.read(path, unit="deg/s").channels} == {"rate"}
+
+
+def test_an_accelerometer_without_names_is_no_gyro(tmp_path):
+    """Property: a length of one g contradicts a unit of rates, unless --kind says so."""
+    path = write(tmp_path, "time,x,y,z", T, 9.80665 * ACCEL)
+    with pytest.raises(WrongUsage, match=r"9\.81, as accelerometers at one g: say --unit m/s\^2"):
+        logs.read(path, unit="deg/s")
+    assert {c.kind for c in logs.read(path, unit="deg/s", kind="rate").channels} == {"rate"}
+    assert {c.unit for c in logs.read(path).channels} == {"m/s^2"}
+
+
+# --- raw counts ----------------------------------------------------------------------------------
+
+RAW = (T, np.round(16384 * ACCEL), np.round(131 * GYRO))
+COUNTS = "t_s,ax,ay,az,gx,gy,gz"
+
+
+@pytest.mark.parametrize(
+    ("header", "options"),
+    [
+        (COUNTS, {"unit": "gyro=deg/s,accel=g"}),
+        (COUNTS, {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131"}),
+        (COUNTS, {"unit": "deg/s", "columns": ["gx", "gy", "gz"]}),
+        ("t_s,a_g,b_g,accel_z_g,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s", {}),
+        ("", {"unit": "deg/s", "rate": 100, "columns": [5, 6, 7]}),
+    ],
+)
+def test_raw_counts_are_refused_without_a_scale(tmp_path, header, options):
+    """Property: whole numbers are no deg/s or g; the sentence shows the flag."""
+    with pytest.raises(WrongUsage, match="raw counts") as caught:
+        logs.read(write(tmp_path, header, *RAW), **options)
+    (flags,) = caught.value.flags
+    assert f"--scale {flags['--scale']}" in str(caught.value)
+    assert ("accel=1/16384" in flags["--scale"]) == ("columns" not in options)
+
+
+def test_a_scale_turns_counts_into_the_unit(tmp_path):
+    """Analytic: counts over counts per unit, to the rounding of a count."""
+    path = write(tmp_path, COUNTS, *RAW)
+    log = logs.read(path, unit="gyro=deg/s,accel=g", scale="gyro=1/131,accel=1/16384")
+    values = np.column_stack([c.values for c in log.channels])
+    np.testing.assert_allclose(values[:, :3], ACCEL, atol=0.51 / 16384)  # half a count
+    np.testing.assert_allclose(values[:, 3:], GYRO, atol=0.51 / 131)
+    bare = logs.read(path, columns=["gx"], unit="deg/s", scale="0.5")
+    np.testing.assert_array_equal(bare.channels[0].values, 0.5 * RAW[2][:, 0])
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"unit": "gyros=deg/s"}, "kinds are gyro, accel, angle, position"),
+        ({"unit": "gyro=g"}, "g is a unit of accel, not of rate"),
+        ({"unit": "gyro=deg/s", "scale": "gyro=one"}, "write a number or a fraction"),
+        ({"unit": "gyro=deg/s", "scale": "gyro=1/0"}, "write a number or a fraction"),
+        ({"unit": "gyro=deg/s", "scale": "1/131"}, "--scale 1/131 is for channels of one kind"),
+        ({"unit": "position=m,gyro=deg/s"}, "--unit position= fits none"),
+        ({"unit": "gyro=deg/s", "time_unit": "min/h"}, "--time-unit min/h is not one of"),
+    ],
+)
+def test_faulty_units_and_scales_are_wrong_usage(tmp_path, options, words):
+    """Property: each fault in --unit, --scale and --time-unit is named."""
+    path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", T, ACCEL, GYRO)
+    with pytest.raises(WrongUsage, match=words):
+        logs.read(path, **options)
+
+
+# --- time, temperature, catalogue ----------------------------------------------------------------
+
+
+def test_the_unit_of_time_can_be_given(tmp_path):
+    """Analytic: 100 Hz in microseconds without a name that says so."""
+    path = write(tmp_path, "t,gyro_x_deg_s", 1e6 * T, GYRO[:, 0])
+    with pytest.raises(WrongUsage, match="--time-unit ms"):
+        logs.read(path)
+    assert logs.read(path, time_unit="us").rate_hz == pytest.approx(100)
+    path = write(tmp_path, "t,gyro_x_deg_s", T, GYRO[:, 0])
+    assert logs.read(path, time_unit="ms").rate_hz == pytest.approx(1e5)
+    assert "(--time-unit overrules)" in logs.read(path).repairs[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "logged"),
+    [
+        ("temp", lambda c: c),
+        ("Temperature (°C)", lambda c: c),
+        ("T(°)", lambda c: c),
+        ("imu_temp_K", lambda c: c + 273.15),
+        ("temp_degF", lambda c: 32 + 1.8 * c),
+    ],
+)
+def test_temperature_is_kept_in_degrees_celsius(tmp_path, name, logged):
+    """Analytic: on the grid of the channels, drawn straight over what is missing."""
+    celsius = 25 + T
+    rows = logged(celsius.copy())
+    rows[50:60] = np.nan
+    log = logs.read(write(tmp_path, f"t_s,gyro_x_deg_s,{name}", T, GYRO[:, 0], rows))
+    assert found(log) == [("gyro_x", "deg/s")]
+    np.testing.assert_allclose(log.temperature, celsius, atol=1e-6)  # nine decimals are printed
+    assert any("kept as the temperature" in repair for repair in log.repairs)
+
+
+def test_a_temperature_in_counts_is_not_kept(tmp_path):
+    """Property: a number that no temperature has is left out, and said."""
+    log = logs.read(write(tmp_path, "t_s,gyro_x_deg_s,temp", T, GYRO[:, 0], np.full(N, -3000)))
+    assert log.temperature is None
+    assert "temp (a temperature)" in left_out(log)
+
+
+def test_the_catalogue_takes_the_same_keys(tmp_path, monkeypatch):
+    """Property: unit, scale and time_unit of a stanza read as the flags do."""
+    path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", 1e6 * T, *RAW[1:])
+    flags = {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131,accel=1/16384", "time_unit": "us"}
+    expected = logs.read(path, **flags)
+    monkeypatch.setattr(logs.catalogue, "OWN", tmp_path / "logs.toml")
+    stanza = ['[mine]\nfile = "my.csv"', *(f'{key} = "{value}"' for key, value in flags.items())]
+    (tmp_path / "logs.toml").write_text("\n".join(stanza) + "\n")
+    mine = logs.read("mine")
+    assert found(mine) == found(expected) and mine.rate_hz == expected.rate_hz
+    with pytest.raises(WrongUsage, match="--unit gyro=rad/s contradicts the catalogue"):
+        logs.read("mine", unit="gyro=rad/s")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "said"),
+    [
+        ("ax", "accel", None),
+        ("a_y", "accel", None),
+        ("accelerometerAccelerationX", "accel", None),
+        ("motionUserAccelerationZ", "accel", None),
+        ("gx", "rate", None),
+        ("wx(deg/s)", "rate", None),
+        ("w_RS_S_x [rad s^-1]", "rate", None),
+        ("gyroRotationX", "rate", None),
+        ("rollrate", "rate", None),
+        ("yaw rate", "rate", None),
+        ("imu_sample_gyro_x", "rate", None),
+        ("total acceleration x", "accel", None),
+        ("roll", "angle", None),
+        ("Gyroscope", "rate", None),
+        ("locationHeadingX", None, "another sensor's"),
+        ("a", None, None),
+        ("g", None, None),
+        ("gyroTimestamp_sinceReboot", "rate", "a time"),
+        ("Absolute acceleration (m/s^2)", "accel", "a norm"),
+        ("|omega|", "rate", "a norm"),
+        ("acc_total", "accel", "a norm"),
+        ("gyro_x_status", "rate", "a status word"),
+        ("angular_velocity_covariance[0]", "rate", "an accuracy"),
+        ("gyro_temp", "rate", "a temperature"),
+        ("mag_x", None, "another sensor's"),
+        ("Unnamed: 0", None, "a counter"),
+    ],
+)
+def test_meaning_of_names(name, kind, said):
+    """Property: the vocabulary of readings, and of what is none."""
+    assert columns.meaning(name) == (kind, said)
+
+
+def test_a_drifting_gyro_is_no_clock():
+    """Property: a column that is named and has its unit is a reading, whatever its numbers."""
+    frame = pd.DataFrame({"gyro_x_deg_s": np.arange(100) / 10, "n": np.arange(100)})
+    chosen = columns.choose(frame, "my.csv")
+    assert [c.name for c in chosen.channels] == ["gyro_x"]
+    assert chosen.notes == [
+        "columns left out: n (a counter: it steps by 1); --columns takes such a column all the same"
+    ]
