@@ -544,12 +544,16 @@ def coverage(
     broken: Annotated[
         bool, _flag("--broken", "Logs that break the models: warm-up, step, loss, motion ...")
     ] = False,
+    real: Annotated[
+        bool, _flag("--real", "Real logs in halves, quarters, eighths: do the numbers repeat?")
+    ] = False,
 ):
     """Count on simulated logs how often intervals hold the truth.
 
     \b
     python -m analysis coverage                            what data/derived/coverage holds
     python -m analysis coverage --broken                   what data/derived/robustness holds
+    python -m analysis coverage --real                     what data/derived/repeatability holds
     python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
@@ -559,6 +563,16 @@ def coverage(
     """
     from analysis.studies import coverage as study
 
+    if real:
+        if broken or any((runs, hours, models)):
+            raise WrongUsage("--real has no other options than --workers and --out")
+        from analysis.studies import repeatability
+
+        folder = Path(out) if out else repeatability.FOLDER
+        with writing(folder):
+            repeatability.study(workers, folder)
+        print(f"the parts of {len(repeatability.LOGS)} real logs are in {folder.name}/")
+        return
     try:
         lengths = [float(h) for h in (hours or ("2" if broken else "2,6")).split(",")]
     except ValueError as error:

@@ -31,7 +31,7 @@ from analysis.noise.inference import infer, linear_drift
 from analysis.noise.models import (
     FLICKER,
     UnifiedModel,
-    adev_model,
+    adev_of_terms,
     flicker_noise,
     gauss_markov,
     models_of_table_one,
@@ -341,24 +341,22 @@ def characterised(run, stream, *, model, dt, kind, hours):
 def truths(sensor, dt):
     """Give what the intervals have to hold.
 
-    Bias instability is the floor of the Allan deviation of sensor, read between white noise and
-    the slow bias, / 0.664.
+    Bias instability is the coefficient of flicker noise where there is any; otherwise the lowest
+    Allan deviation of the sensor up to a tenth of the log, / 0.664 (`graph.bias_instability`).
 
     Returns
     -------
     dict of str, float
     """
-    tau = np.geomspace(10 * dt, 3600.0, 2000)
-    slow = {name: getattr(sensor, name, 0.0) for name in ("bias_instability", "rrw")}
-    biases = getattr(sensor, "biases", ((sensor.sigma_b, sensor.corr_time),))
-    variance = sensor.sigma_v**2 * dt / tau + slow["rrw"] ** 2 * tau / 3
-    variance += (FLICKER * slow["bias_instability"]) ** 2
-    variance += sum(adev_model(tau, sigma_b=s, corr_time=t) ** 2 for s, t in biases if s)
-    rises = np.flatnonzero(np.diff(variance) > 0)
-    floor = np.sqrt(variance[rises[0]] if len(rises) else variance[-1]) / FLICKER
+    biases = [pair for pair in getattr(sensor, "biases", ()) if pair[0]]
+    biases = biases or [(sensor.sigma_b, sensor.corr_time)] * (sensor.sigma_b > 0)
+    terms = {"sigma_v": [sensor.sigma_v], "rrw": [getattr(sensor, "rrw", 0.0)]}
+    terms |= {"sigma_b": [s for s, _ in biases], "corr_time": [t for _, t in biases]}
+    tau = np.geomspace(dt, 360 * BROKEN_HOURS, 2000)
+    floor = float(adev_of_terms(terms, tau, dt).min() / FLICKER)
     return {p: getattr(sensor, p, 0.0) for p in PARAMETERS} | {
         "arw": sensor.sigma_v * np.sqrt(dt),
-        "bias_instability": slow["bias_instability"] or float(floor),
+        "bias_instability": getattr(sensor, "bias_instability", 0.0) or floor,
     }
 
 

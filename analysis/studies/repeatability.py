@@ -1,0 +1,208 @@
+"""Do the numbers of a real static log repeat? Every channel cut into halves, quarters, eighths.
+
+Each part is characterised by itself, as `report` does. Two parts of one channel are independent
+measurements of the same sensor, so a pair of resolved values a, b of one parameter has ::
+
+    z = (b - a) / sqrt(s_a^2 + s_b^2)
+
+with s the distance from the value to the end of its 95 % interval that faces the other value, over
+1.96; on a logarithmic scale for all parameters but the drift. If the intervals are right, 95 % of
+pairs have |z| < 1.96. The interval of a share comes from drawing channels, not pairs: there are few
+channels, and pairs of one channel share parts.
+"""
+
+import os
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from analysis import CannotAnswer, logs, store
+from analysis.logs import datasets, formats
+
+FOLDER = store.FOLDER / "repeatability"
+DIGITS = 5  # of the numbers in the tables
+SEED = 20240513
+PIECES = (1, 2, 4, 8)  # parts of a log; the whole only names what disturbs it
+ADIS = {f"adis16405-{k}": f"adis16405-static/adis_16405_imu{k}.rda" for k in (1, 2, 3)}
+LOGS = dict.fromkeys(ADIS, "ADIS16405") | {  # name -> sensor
+    "mpu6050-gyro": "MPU-6050",
+    "mpu6050-accel": "MPU-6050",
+    "phone-parked": "phone",
+    "f9p-static": "ZED-F9P",
+}
+DRAWS = 2000  # of channels, for the interval of a share
+WITHIN = 1.96
+PAIR = ["sensor", "kind", "pieces", "parameter"]
+
+
+def read(name):
+    """Read a log of the study, with all its channels.
+
+    Returns
+    -------
+    Log
+    """
+    if name not in ADIS:
+        return logs.read(name)
+    first, path = logs.read("adis16405"), logs.dataset_path(ADIS[name])
+    frame = formats.read_table(path, {"format": "rda"}).frame
+    known = logs.load_catalogue()["adis16405"]["channels"]
+    channels = tuple(
+        replace(channel, values=frame[about["column"]].to_numpy(dtype=float))
+        for channel, about in zip(first.channels, known, strict=True)
+    )
+    return replace(first, file=path.name, sha256=datasets.sha256(path), channels=channels)
+
+
+def parts(log, *, number=0, pieces=PIECES):
+    """Characterise every part of a log.
+
+    Parameters
+    ----------
+    log : Log
+    number : int
+        Of the log in the study: its random numbers.
+    pieces : sequence of int
+        Into how many parts it is cut, each in turn.
+
+    Returns
+    -------
+    list of dict
+        channel, kind, pieces, part (from 0), parameter, value, low, high (NaN where there is none),
+        named (what is reported for the channel).
+    """
+    rows = []
+    for count in pieces:
+        cuts = np.linspace(0, len(log.channels[0].values), count + 1).astype(int)
+        for part, (a, b) in enumerate(pairwise(cuts)):
+            channels = tuple(replace(c, values=c.values[a:b]) for c in log.channels)
+            seed = np.random.SeedSequence([SEED, number, count, part]).generate_state(1)[0]
+            one = replace(log, channels=channels, samples=int(b - a), repairs=())
+            try:
+                result = store.characterise_log(one, seed=int(seed), progress=False)
+            except CannotAnswer:
+                continue
+            for c in result.channels:
+                about = {"channel": c.name, "kind": c.kind, "pieces": count, "part": part}
+                said = [s for s in result.source["repairs"] if s.startswith(f"{c.name}:")]
+                rows += [
+                    about
+                    | {"parameter": p, "value": e.value, "low": e.low, "high": e.high}
+                    | {"named": "remark" if said else ""}
+                    for p, e in c.parameters.items()
+                ]
+    return rows
+
+
+def pairs(table):
+    """Compare every two parts of a channel in which a parameter is resolved.
+
+    Parameters
+    ----------
+    table : DataFrame
+        sensor, log and the columns of `parts`.
+
+    Returns
+    -------
+    DataFrame
+        sensor, kind, pieces, parameter, log, channel, part_a, part_b, z, named (what is reported
+        for either part, or for the whole log).
+    """
+    found = []
+    whole = table[table["pieces"] == 1].set_index(["log", "channel", "parameter"])["named"]
+    groups = table[(table["pieces"] > 1) & table["value"].notna()].groupby(
+        [*PAIR, "log", "channel"], sort=False
+    )
+    for key, group in groups:
+        about = dict(zip([*PAIR, "log", "channel"], key, strict=True))
+        of_whole = whole.get((about["log"], about["channel"], about["parameter"]), "")
+        for a, b in combinations(group.itertuples(), 2):
+            names = {n for text in (a.named, b.named, of_whole) for n in text.split(";") if n}
+            pair = {"part_a": a.part, "part_b": b.part, "z": z_score(a, b, about["parameter"])}
+            found.append(about | pair | {"named": ";".join(sorted(names))})
+    return pd.DataFrame(found, columns=[*PAIR, "log", "channel", "part_a", "part_b", "z", "named"])
+
+
+def z_score(a, b, parameter):
+    """Difference of two estimates in standard deviations of the difference."""
+    scale = np.array if parameter == "drift" else np.log
+    if a.value > b.value:
+        return -z_score(b, a, parameter)
+    (va, ha), (lb, vb) = scale([a.value, a.high]), scale([b.low, b.value])
+    return float((vb - va) * WITHIN / np.hypot(ha - va, vb - lb))
+
+
+def summary(table, pairs, *, draws=DRAWS, seed=SEED):
+    """Share of parts with a value, and of pairs within 1.96, for each sensor, length, parameter.
+
+    Returns
+    -------
+    DataFrame
+        sensor, kind, pieces, parameter; channels, resolved (share of the parts), pairs, within
+        (share of the pairs with |z| < 1.96), low, high (its 95 % interval, channels drawn), named
+        (share of the other pairs for which something is reported).
+    """
+    rng, rows = np.random.default_rng(seed), []
+    groups = dict(list(pairs.groupby(PAIR, sort=False)))
+    for key, of_parts in table[table["pieces"] > 1].groupby(PAIR, sort=False):
+        names = of_parts["log"] + of_parts["channel"]
+        about = {"channels": names.nunique(), "resolved": of_parts["value"].notna().mean()}
+        row = dict(zip(PAIR, key, strict=True)) | about | {"pairs": 0}
+        if key in groups:
+            z = groups[key]["z"].abs()
+            count = (z < WITHIN).groupby([groups[key]["log"], groups[key]["channel"]])
+            within, all_ = count.sum().to_numpy(), count.size().to_numpy()
+            drawn = rng.integers(len(all_), size=(draws, len(all_)))
+            share = within[drawn].sum(axis=1) / all_[drawn].sum(axis=1)
+            low, high = np.quantile(share, [0.025, 0.975])
+            row |= {"pairs": len(z), "within": (z < WITHIN).mean(), "low": low, "high": high}
+            row["named"] = (groups[key].loc[z >= WITHIN, "named"] != "").mean()
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def study(workers=None, folder=FOLDER):
+    r"""Characterise every part of every log, compare, and write the tables.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Processes; by default one a core.
+    folder : Path
+        Gets parts, summary, and exceptions (the pairs with \|z\| >= 1.96).
+    """
+    rows, source = [], {}
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
+    with ProcessPoolExecutor(workers) as pool:
+        done = pool.map(of_log, LOGS)
+        for name, (about, found) in zip(
+            LOGS, tqdm(done, total=len(LOGS), unit="log", disable=None), strict=True
+        ):
+            rows += [{"sensor": LOGS[name], "log": name} | row for row in found]
+            source[about["file"]] = about
+    table = pd.DataFrame(rows)
+    compared = pairs(table)
+    stated = {
+        "title": "Repeatability: real static logs in halves, quarters, eighths",
+        "made_by": "python -m analysis coverage --real",
+        "files": {file: about["sha256"] for file, about in source.items()},
+        "licence": {file: about["licence"] for file, about in source.items()},
+        "source": {file: about["source"] for file, about in source.items()},
+        "seed": SEED,
+    }
+    tables = {
+        "parts": table,
+        "summary": summary(table, compared),
+        "exceptions": compared[compared["z"].abs() >= WITHIN],
+    }
+    store.write(folder, stated, {k: store.rounded(t, DIGITS) for k, t in tables.items()})
+
+
+def of_log(name):
+    """Read a log; give where it is from, and the rows of its parts."""
+    log = read(name)
+    return store.log_source(log), parts(log, number=list(LOGS).index(name))

@@ -1,0 +1,77 @@
+"""The study of real logs in parts: how two parts are compared, and that the stored result is it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.cli import main
+from analysis.studies import repeatability
+
+
+def parts_of(values, half, *, parameter="drift", named=""):
+    """Lay values with symmetric intervals out as parts of channels, shape (channels, parts)."""
+    return pd.DataFrame(
+        {"sensor": "s", "log": "l", "channel": f"c{c}", "kind": "rate", "pieces": row.size}
+        | {"part": part, "parameter": parameter, "value": value}
+        | {"low": value - half, "high": value + half, "named": named}
+        for c, row in enumerate(np.atleast_2d(values))
+        for part, value in enumerate(row)
+    )
+
+
+def test_z_of_a_pair():
+    """analytic: equal errors s, a difference of d: z = d / (s sqrt(2)); in logarithms likewise."""
+    table = parts_of([1.0, 2.0], 1.96 * 0.5)
+    (z,) = repeatability.pairs(table)["z"]
+    assert z == pytest.approx(1 / (0.5 * np.sqrt(2)))
+    ratio = np.exp(1.96 * 0.1)
+    table = table.assign(parameter="arw", low=table["value"] / ratio, high=table["value"] * ratio)
+    (z,) = repeatability.pairs(table)["z"]
+    assert z == pytest.approx(np.log(2) / (0.1 * np.sqrt(2)))
+    swapped = repeatability.pairs(table.iloc[::-1])
+    assert swapped["z"].iloc[0] == pytest.approx(-z)
+
+
+def test_only_resolved_parts_are_compared():
+    """property: a refused part makes no pair, and counts in the share that is resolved."""
+    table = parts_of([1.0, 2.0, 3.0, 4.0], 1.0)
+    table.loc[3, "value"] = np.nan
+    compared = repeatability.pairs(table)
+    assert len(compared) == 3
+    (row,) = repeatability.summary(table, compared).to_dict("records")
+    assert (row["resolved"], row["pairs"], row["channels"]) == (0.75, 3, 1)
+    nothing = table.assign(value=np.nan)
+    (row,) = repeatability.summary(nothing, repeatability.pairs(nothing)).to_dict("records")
+    assert (row["resolved"], row["pairs"]) == (0, 0)
+
+
+def test_right_intervals_are_within_in_95_of_100():
+    """coverage: 300 channels in quarters with known errors; too narrow intervals show."""
+    rng = np.random.default_rng(5)
+    values = 7 + 0.3 * rng.standard_normal((300, 4))
+    for half, low, high in ((1.96 * 0.3, 0.93, 0.97), (0.98 * 0.3, 0.6, 0.75)):
+        table = parts_of(values, half)
+        (row,) = repeatability.summary(table, repeatability.pairs(table)).to_dict("records")
+        assert row["pairs"] == 1800 and low < row["within"] < high
+        assert row["low"] < row["within"] < row["high"]
+    # P(|z| < 0.98) = 0.673 where intervals are half as wide as they should be.
+    assert row["low"] < 0.673 < row["high"]
+
+
+def test_interval_of_a_share_is_of_channels():
+    """property: one bad channel of three widens the interval, however many pairs it has."""
+    values = np.array([[1.0] * 8, [1.0] * 8, [1.0, 9.0] * 4])
+    table = parts_of(values, 0.1, named="step")
+    (row,) = repeatability.summary(table, repeatability.pairs(table)).to_dict("records")
+    assert row["low"] < 0.6 and row["high"] == 1.0
+    assert row["named"] == 1.0
+    unnamed = table.assign(named="")
+    (row,) = repeatability.summary(unnamed, repeatability.pairs(unnamed)).to_dict("records")
+    assert row["named"] == 0.0
+
+
+@pytest.mark.parametrize("arguments", ["--runs 3", "--broken", "--models terrain"])
+def test_wrong_usage(arguments, tmp_path):
+    """property: options of the simulated study are refused."""
+    assert main(["coverage", "--real", *arguments.split(), "--out", str(tmp_path / "x")]) == 2
+    assert not (tmp_path / "x").exists()
