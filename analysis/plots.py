@@ -14,9 +14,9 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from analysis import Estimate, pretty
 from analysis.figures import DOUBLE
-from analysis.noise import graph
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
+from analysis.noise.models import FLICKER, adev_of_terms
 from analysis.terrain.monte_carlo import quantiles
 
 __all__ = ["against_price", "allan", "curves", "four_panels", "interval_bar", "plane", "sensors"]
@@ -38,7 +38,6 @@ def allan(
     *,
     label: str | None = None,
     color: str = "C0",
-    guides: bool = False,
     band: bool = True,
 ) -> None:
     """Draw an Allan deviation with its 95 % band on log-log axes with equal decades.
@@ -48,8 +47,6 @@ def allan(
     ax : matplotlib.axes.Axes
     curve : AllanCurve
     unit, label, color : str
-    guides : bool
-        Add the lines of slope -1/2 and +1/2, where the curve has a stretch of that slope.
     band : bool
         Shade the 95 % interval.
     """
@@ -58,16 +55,6 @@ def allan(
         shade = {"color": color, "alpha": 0.2, "lw": 0}
         shade["label"] = f"_{label}, 95 % interval" if label else "95 % interval"
         ax.fill_between(curve.tau, curve.low, curve.high, **shade)
-    if guides:
-        walks = (
-            (graph.white_noise(curve, unit), 1 / np.sqrt(curve.tau), "--", "−1/2"),
-            (graph.rate_random_walk(curve, unit), np.sqrt(curve.tau / 3), ":", "+1/2"),
-        )
-        for estimate, shape, style, slope in walks:
-            if estimate.resolved:
-                y = estimate.value * shape
-                y = np.where(y > curve.low.min() / 3, y, np.nan)  # a guide, not half the panel
-                ax.plot(curve.tau, y, "0.3", ls=style, lw=0.7, label=f"slope {slope}")
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xlabel="averaging time τ (s)", ylabel=f"Allan deviation ({pretty(unit)})")
 
@@ -105,8 +92,9 @@ def four_panels(
 ) -> Figure | SubFigure:
     """Draw one channel as the comparison paper does (Figs 7-16).
 
-    15 s of data, Allan deviation, the whole log with its straight line, and the autocovariance at
-    several averaging windows with the 1/e level.
+    15 s of data, Allan deviation as recorded and without the straight line with the fitted model
+    over it, the whole log with its straight line, and the autocovariance at several averaging
+    windows with the 1/e level.
 
     Parameters
     ----------
@@ -124,9 +112,13 @@ def four_panels(
     fig.suptitle(plain(title), fontsize=9)
     short.plot(*noise.short, color="C0", lw=0.5, label="_readings")
     short.set(title="first 15 s", xlabel="time (s)", ylabel=f"{plain(noise.name)} ({unit})")
-    allan(adev, noise.allan, noise.unit, guides=True)
+    allan(adev, noise.allan, noise.unit, label="as recorded")
+    if noise.allan_line_removed:
+        removed = noise.allan_line_removed
+        adev.plot(removed.tau, removed.adev, "C1", lw=0.8, label="straight line removed")
+    fitted_model(adev, noise)
     adev.set_title("Allan deviation")
-    adev.legend()
+    adev.legend(fontsize=6)
     t, y = noise.whole
     mean, slope = noise.line
     ends = t[[0, -1]]
@@ -144,8 +136,43 @@ def four_panels(
     return fig
 
 
+def fitted_model(ax: Axes, noise: ChannelNoise) -> None:
+    """Draw the fitted model over the curve as recorded, straight line included; mark N, B, K.
+
+    N is marked at tau = 1 s, B at the floor of the model (at 0.664 B), K where its line ends, each
+    with its 95 % interval; what is not resolved has no mark. The model begins where it was fitted.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    noise : ChannelNoise
+    """
+    chosen = next((m for m in noise.models if m["chosen"]), None)
+    if chosen is None:
+        return
+    dt = float(noise.short[0][1] - noise.short[0][0])
+    tau = noise.allan.tau[noise.allan.tau >= noise.fitted_from - dt / 2]
+    model = adev_of_terms(chosen["terms"], tau, dt)
+    with_line = np.hypot(model, noise.line[1] * tau / np.sqrt(2))
+    label = f"{chosen['model']}, fitted, and the line"
+    ax.plot(tau, with_line, "k--", lw=0.8, label=label)
+    end = float(tau[-1])
+    marks = (
+        ("N", ("arw", "vrw"), 1.0, 1.0, "s"),
+        ("B", ("bias_instability",), tau[np.argmin(model)], FLICKER, "o"),
+        ("K", ("rrw",), end, np.sqrt(end / 3), "^"),
+    )
+    for symbol, keys, at, factor, marker in marks:
+        for estimate in (noise.parameters[key] for key in keys if key in noise.parameters):
+            if estimate.resolved:
+                low, y, high = factor * np.array([estimate.low, estimate.value, estimate.high])
+                ax.plot([at, at], [low, high], "k", lw=0.8, label=f"_{symbol}, 95 % interval")
+                label = f"{symbol} = {estimate.value_text}"
+                ax.plot(at, y, marker, color="k", mfc="w", ms=4, label=label)
+
+
 def allan_panels(channels: Sequence[ChannelNoise], title: str) -> Figure:
-    """Draw the Allan deviations of all channels, one panel for each unit.
+    """Draw the Allan deviations of all channels as recorded, one panel for each unit.
 
     Parameters
     ----------

@@ -116,11 +116,14 @@ def _draw(result, folder):
     origin |= {"seed": result.source["seed"], "to": folder}
     for channel in result.channels:
         fig = plots.four_panels(channel, f"{result.source['title']}: {channel.name}")
-        caption = "15 s of data, Allan deviation with its 95 % band, whole log and autocorrelation."
+        caption = (
+            "15 s of data; Allan deviation as recorded with its 95 % band, without the straight"
+            " line, and the fitted model with N, B and K; whole log; autocorrelation."
+        )
         figures.save(fig, channel.name, caption, **origin)
         plt.close(fig)
     fig = plots.allan_panels(result.channels, result.source["title"])
-    caption = "Allan deviation of every channel with its 95 % band."
+    caption = "Allan deviation of every channel as recorded, with its 95 % band."
     figures.save(fig, ALL_CHANNELS, caption, **origin)
     plt.close(fig)
 

@@ -60,6 +60,7 @@ SOURCE = (  # of a static log, in the order of model.json
     *("title", "file", "sha256", "rate_hz", "duration_s", "samples", "gaps", "repairs"),
     *("licence", "source"),
 )
+CURVES = ("allan", "allan_line_removed")  # of a channel: as recorded, without the straight line
 ALLAN = ("tau_s", "deviation", "low", "high", "edf")  # names of an `AllanCurve`'s series
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen
 SEED = 20080505
@@ -290,7 +291,11 @@ def model(result: StaticResult) -> dict:
         {
             **{key: getattr(c, key) for key in ("name", "unit", "kind")},
             "parameters": {name: plain(e) for name, e in c.parameters.items()},
-            "allan": dict(zip(ALLAN, map(numbers, vars(c.allan).values()), strict=True)),
+            **{
+                key: dict(zip(ALLAN, map(numbers, vars(curve).values()), strict=True))
+                for key in CURVES
+                if (curve := getattr(c, key))
+            },
             # The minimum of a criterion is good to a hundredth, and no reader needs more.
             "models": [
                 m
@@ -299,6 +304,7 @@ def model(result: StaticResult) -> dict:
                 for m in c.models
             ],
             "line": dict(zip(("mean", "slope_per_s"), numbers(c.line), strict=True)),
+            "fitted_from_s": rounded_number(c.fitted_from),
         }
         for c in result.channels
     ]
@@ -324,10 +330,13 @@ def static_tables(result: StaticResult) -> dict[str, pd.DataFrame]:
     Returns
     -------
     dict of DataFrame
-        channels, parameters, allan, models (a row a term), short, whole, autocorrelation.
+        channels, parameters, allan, allan_line_removed, models (a row a term), short, whole,
+        autocorrelation.
     """
     channels = model(result)["channels"]
-    about = [{k: c[k] for k in ("name", "unit", "kind")} | c["line"] for c in channels]
+    about = [
+        {k: c[k] for k in ("name", "unit", "kind", "fitted_from_s")} | c["line"] for c in channels
+    ]
     parameters = [
         {"channel": c["name"], "parameter": name, **e}
         for c in channels
@@ -343,7 +352,10 @@ def static_tables(result: StaticResult) -> dict[str, pd.DataFrame]:
     tables = {
         "channels": pd.DataFrame(about),
         "parameters": pd.DataFrame(parameters),
-        "allan": pd.concat([pd.DataFrame({"channel": c["name"]} | c["allan"]) for c in channels]),
+        **{
+            key: pd.concat([pd.DataFrame({"channel": c["name"]} | c[key]) for c in channels])
+            for key in CURVES
+        },
         "models": pd.DataFrame(terms).drop(columns="terms"),
     }
     for panel in ("short", "whole"):
@@ -371,10 +383,10 @@ def static_log(name: str | Path) -> StaticResult:
         If it is not committed.
     """
     stored = read(name)
-    tables = [stored.tables[k] for k in ("parameters", "allan", "models", "autocorrelation")]
+    tables = [stored.tables[k] for k in ("parameters", *CURVES, "models", "autocorrelation")]
     channels = []
     for about in stored.tables["channels"].itertuples():
-        parameters, allan, models, covariances = (
+        parameters, recorded, line_removed, models, covariances = (
             table[table["channel"] == about.name].drop(columns="channel") for table in tables
         )
         channels.append(
@@ -383,7 +395,8 @@ def static_log(name: str | Path) -> StaticResult:
                 unit=about.unit,
                 kind=about.kind,
                 parameters={p.parameter: _estimate(p) for p in parameters.itertuples()},
-                allan=AllanCurve(*allan.to_numpy(dtype=float).T),
+                allan=_curve(recorded),
+                allan_line_removed=_curve(line_removed),
                 models=[
                     {
                         "model": name,
@@ -395,6 +408,7 @@ def static_log(name: str | Path) -> StaticResult:
                     for name, m in models.groupby("model", sort=False)
                 ],
                 line=(about.mean, about.slope_per_s),
+                fitted_from=about.fitted_from_s,
                 **{p: _columns(stored.tables[p], "t_s", about.name) for p in ("short", "whole")},
                 autocorrelation={
                     window: _columns(g, "lag_s", "autocovariance")
@@ -403,6 +417,10 @@ def static_log(name: str | Path) -> StaticResult:
             )
         )
     return StaticResult(stored.source, tuple(channels))
+
+
+def _curve(table):
+    return AllanCurve(*table.to_numpy(dtype=float).T)
 
 
 def _columns(table, x, y):

@@ -5,7 +5,13 @@ import pytest
 from allantools import oadev
 from allantools.ci import edf_greenhall
 
-from analysis.noise.allan import allan_deviation, cluster_sizes, degrees_of_freedom, fit_line
+from analysis.noise.allan import (
+    allan_deviation,
+    cluster_sizes,
+    degrees_of_freedom,
+    fit_line,
+    with_and_without_line,
+)
 from analysis.noise.models import UnifiedModel
 
 DT = 0.01
@@ -55,6 +61,33 @@ def test_equals_allantools(n):
     curve = allan_deviation(y, DT)
     theirs = oadev(y, rate=1 / DT, data_type="freq", taus=DT * cluster_sizes(n))[1]
     np.testing.assert_allclose(curve.adev, theirs, rtol=1e-9)
+
+
+@pytest.mark.parametrize("slope", [0.0, 1e-5, -0.3])
+def test_with_and_without_line(slope):
+    """cross-check: as recorded it is allantools' curve to 1e-9, without line that of the rest."""
+    y = 20.0 + np.random.default_rng(7).standard_normal(20_000) + slope * np.arange(20_000)
+    residual, line = fit_line(y, DT)
+    recorded, removed = with_and_without_line(residual, line, DT)
+    for curve, log in ((recorded, y), (removed, residual)):
+        theirs = oadev(log, rate=1 / DT, data_type="freq", taus=DT * cluster_sizes(len(y)))[1]
+        np.testing.assert_allclose(curve.adev, theirs, rtol=1e-9)
+    # At a quarter of the log the steep line is all there is: D tau / sqrt(2) above noise of 1/70.
+    ramp = abs(line.drift) * recorded.tau[-1] / np.sqrt(2)
+    if abs(slope) > 0.1:
+        assert recorded.adev[-1] == pytest.approx(ramp, rel=1e-4)
+        assert removed.adev[-1] < 1e-3 * ramp
+
+
+def test_with_and_without_line_where_samples_are_missing():
+    """property: both are the curves of the log, and of the log less its line, holes and all."""
+    y = np.random.default_rng(8).standard_normal(5000) + 1e-3 * np.arange(5000)
+    y[1000:1040] = np.nan
+    residual, line = fit_line(y, DT)
+    recorded, removed = with_and_without_line(residual, line, DT)
+    for curve, log in ((recorded, y), (removed, residual)):  # 1e-9: rounding of sums
+        np.testing.assert_allclose(curve.adev, allan_deviation(log, DT).adev, rtol=1e-9)
+    assert recorded.adev[-1] > 3 * removed.adev[-1]
 
 
 def test_units_scale():

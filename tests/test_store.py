@@ -100,12 +100,14 @@ def test_channels_have_the_keys_of_the_contract(model):
     assert [c["unit"] for c in model["channels"]] == ["deg/s", "deg", "m/s^2", "m"]
     assert [c["kind"] for c in model["channels"]] == ["rate", "angle", "accel", "position"]
     for channel in model["channels"]:
-        assert set(channel) == {"name", "unit", "kind", "parameters", "allan", "models", "line"}
+        about = {"name", "unit", "kind", "parameters", "models", "line", "fitted_from_s"}
+        assert set(channel) == about | set(store.CURVES)
         assert sum(m["chosen"] for m in channel["models"]) == 1
         assert min(m["aic_above_least"] for m in channel["models"]) == 0
         assert set(channel["parameters"]) == PARAMETERS[channel["kind"]]
-        assert set(channel["allan"]) == {"tau_s", "deviation", "low", "high", "edf"}
-        assert len({len(series) for series in channel["allan"].values()}) == 1
+        for key in store.CURVES:
+            assert set(channel[key]) == {"tau_s", "deviation", "low", "high", "edf"}
+            assert len({len(series) for series in channel[key].values()}) == 1
         tau, low, deviation, high = (
             np.array(channel["allan"][k]) for k in ("tau_s", "low", "deviation", "high")
         )
@@ -156,6 +158,7 @@ def test_round_trip(result, tmp_path):
     first = written(result, tmp_path / "first")
     assert list(first) == [
         "allan.csv",
+        "allan_line_removed.csv",
         "autocorrelation.csv",
         "channels.csv",
         "models.csv",
@@ -174,8 +177,10 @@ def test_round_trip(result, tmp_path):
         for panel in ("short", "whole"):
             for a, b in zip(getattr(was, panel), getattr(now, panel), strict=True):
                 np.testing.assert_allclose(b, a, **close)
-        for a, b in zip(vars(was.allan).values(), vars(now.allan).values(), strict=True):
-            np.testing.assert_allclose(b, a, **close)
+        for key in store.CURVES:
+            first_curve, second_curve = (vars(getattr(c, key)) for c in (was, now))
+            for series, values in first_curve.items():
+                np.testing.assert_allclose(second_curve[series], values, **close)
         assert list(now.autocorrelation) == list(was.autocorrelation)
         for window, (lag, cov) in was.autocorrelation.items():
             np.testing.assert_allclose(now.autocorrelation[window], (lag, cov), **close)

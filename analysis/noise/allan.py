@@ -51,6 +51,14 @@ class AllanCurve:
     edf: np.ndarray
 
 
+@dataclass(frozen=True)
+class Line:
+    """Straight line through a log: `null_shift` (U, its mean) and `drift` (U/s)."""
+
+    null_shift: float
+    drift: float
+
+
 def cluster_sizes(n, points=100):
     """Whole numbers of samples to average over, evenly spread in log tau, up to a quarter of `n`.
 
@@ -86,18 +94,49 @@ def allan_deviation(
     y = np.asarray(y, dtype=float)
     m = cluster_sizes(len(y), points) if m is None else np.asarray(m)
     valid = np.isfinite(y)
-    level = y[valid].mean() if valid.any() else 0.0
+    avar = overlapped_variance(y, m) if valid.all() else _with_holes(y, valid, m)
+    return _curve(avar, m, dt, valid)
+
+
+def with_and_without_line(
+    residual: np.ndarray, line: Line, dt: float
+) -> tuple[AllanCurve, AllanCurve]:
+    """Overlapped Allan deviation of a log as recorded, and without its straight line.
+
+    A line of slope D adds the constant D dt m^2 to every second difference d of the running sum, so
+    that one pass gives both::
+
+        avar = avar_removed + D dt <d> + (D dt m)^2 / 2
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,), U
+        The log without its line, as `fit_line` gives it; NaN where a sample is missing.
+    line : Line
+    dt : float, s
+
+    Returns
+    -------
+    recorded, line_removed : AllanCurve
+        The first is that of `allan_deviation` of the log.
+    """
+    m, valid, bend = cluster_sizes(len(residual)), np.isfinite(residual), line.drift * dt
     if valid.all():
-        avar = overlapped_variance(y, m)
+        removed = overlapped_variance(residual, m)
+        recorded = removed + bend * _mean_second_differences(residual, m) + (bend * m) ** 2 / 2
     else:
-        phase = np.concatenate([[0.0], np.cumsum(np.where(valid, y - level, 0.0))])
-        count = np.concatenate([[0], np.cumsum(valid)])
-        avar = np.array([_differences_of_partial_means(phase, count, k) for k in m])
+        removed = _with_holes(residual, valid, m)
+        recorded = _with_holes(residual + bend * np.arange(len(residual)), valid, m)
+    return _curve(recorded, m, dt, valid), _curve(removed, m, dt, valid)
+
+
+def _curve(avar, m, dt, valid):
+    """Make a curve of Allan variances, with the interval of a log with these samples."""
     keep = np.isfinite(avar) & (avar > 0)
     m, avar = m[keep], avar[keep]
     if not len(m):
         return AllanCurve(*(np.array([]) for _ in range(5)))
-    edf = np.maximum(degrees_of_freedom(avar, m, len(y)) * valid.mean(), 1.0)
+    edf = np.maximum(degrees_of_freedom(avar, m, len(valid)) * valid.mean(), 1.0)
     adev = np.sqrt(avar)
     low = adev * np.sqrt(edf / chi2.ppf(1 - TAIL, edf))
     high = adev * np.sqrt(edf / chi2.ppf(TAIL, edf))
@@ -119,8 +158,28 @@ def overlapped_variance(y, m):
     ndarray, shape (k,), U^2
         NaN where the log is shorter than two means.
     """
-    phase = np.concatenate([[0.0], np.cumsum(y - np.mean(y))]) if len(y) else np.zeros(1)
+    phase = _running_sum(y)
     return np.array([_second_differences(phase, k) for k in m])
+
+
+def _running_sum(y):
+    return np.concatenate([[0.0], np.cumsum(y - np.mean(y))]) if len(y) else np.zeros(1)
+
+
+def _mean_second_differences(y, m):
+    """Mean second difference of the running sum, from the sums of its three stretches."""
+    total = np.concatenate([[0.0], np.cumsum(_running_sum(y))])
+    terms = len(total) - 1 - 2 * m
+    first, middle, last = (total[k * m + terms] - total[k * m] for k in range(3))
+    return (first - 2 * middle + last) / terms
+
+
+def _with_holes(y, valid, m):
+    """Allan variances of a log with missing samples."""
+    level = y[valid].mean() if valid.any() else 0.0
+    phase = np.concatenate([[0.0], np.cumsum(np.where(valid, y - level, 0.0))])
+    count = np.concatenate([[0], np.cumsum(valid)])
+    return np.array([_differences_of_partial_means(phase, count, k) for k in m])
 
 
 def _second_differences(phase, m):
@@ -224,14 +283,6 @@ def _mixture(kinds, avar, m, n):
     relative = curves / avar[:, None]
     scale = relative.max(axis=0)
     return nnls(trust * relative / scale, trust[:, 0])[0] / scale
-
-
-@dataclass(frozen=True)
-class Line:
-    """Straight line through a log: `null_shift` (U, its mean) and `drift` (U/s)."""
-
-    null_shift: float
-    drift: float
 
 
 def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:

@@ -1,9 +1,9 @@
 """All results for one static channel, from one call, and remarks on what disturbs it.
 
 The parameters come from the likelihood of the whole log (`inference`), bias instability from the
-floor of the Allan deviation where no flicker noise was fitted. With them come the four panels
-that the comparison paper draws for each sensor: 15 s of data, Allan deviation, whole log,
-autocorrelation.
+floor of the Allan deviation without the straight line where no flicker noise was fitted. With them
+come the four panels that the comparison paper draws for each sensor: 15 s of data, Allan deviation,
+whole log, autocorrelation.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from scipy.signal import periodogram
 
 from analysis import CannotAnswer, Estimate
 from analysis.noise import graph
-from analysis.noise.allan import AllanCurve, allan_deviation, fit_line
+from analysis.noise.allan import AllanCurve, fit_line, with_and_without_line
 from analysis.noise.autocorrelation import autocovariance, block_means
 from analysis.noise.inference import infer
 from analysis.noise.models import adev_of_terms
@@ -49,12 +49,17 @@ class ChannelNoise:
         ``arw`` or ``vrw``, ``sigma_v``, ``sigma_b``, ``corr_time``, ``bias_instability``, ``rrw``,
         ``drift``, as far as they apply to the kind.
     allan : AllanCurve
+        Of the log as recorded, as every tool shows it.
+    allan_line_removed : AllanCurve or None
+        Without the straight line; None if that is left in.
     line : tuple of float
         Mean (U) and slope (U/s) of the straight line through the log.
     short, whole : tuple of ndarray
         Time (s) and reading (U): the first 15 s, and the whole log in averages.
     autocorrelation : dict
         Averaging window (s) -> lag (s), autocovariance (U^2).
+    fitted_from : float
+        Shortest averaging time at which the models were fitted, s; NaN if none was.
     models : list of dict
         The models tried: ``model``, ``terms``, ``parameters``, ``aic_above_least``, ``chosen``.
     """
@@ -64,10 +69,12 @@ class ChannelNoise:
     kind: str
     parameters: dict[str, Estimate]
     allan: AllanCurve
+    allan_line_removed: AllanCurve | None
     line: tuple[float, float]
     short: tuple[np.ndarray, np.ndarray]
     whole: tuple[np.ndarray, np.ndarray]
     autocorrelation: dict[float, tuple[np.ndarray, np.ndarray]]
+    fitted_from: float
     models: list[dict]
 
 
@@ -94,7 +101,7 @@ def characterise(
     rng : numpy.random.Generator
         For the bridges over short gaps, and for the bootstrap of the drift.
     detrend : bool
-        Remove the linear drift before the Allan deviation and the autocorrelation.
+        Remove the linear drift before the fit and the autocorrelation.
     estimate : bool
         False leaves ``parameters`` empty: only the panels, which are fast.
 
@@ -108,32 +115,34 @@ def characterise(
         If the channel is too short or does not vary.
     """
     y = np.asarray(y, dtype=float)
-    refuse_without_noise(y, dt, name, unit)
-    residual, line = fit_line(y, dt)
-    residual = residual if detrend else y - np.nanmean(y)
-    curve = allan_deviation(residual, dt)
+    residual, line = refuse_without_noise(y, dt, name, unit)
+    recorded, line_removed = with_and_without_line(residual, line, dt)
+    residual = residual if detrend else y - line.null_shift
     m = max(1, len(y) // WHOLE)
     n, means = min(len(y), max(2, round(SHORT / dt))), block_means(y, m)
-    parameters, models = {}, []
+    parameters, models, fitted_from = {}, [], np.nan
     if estimate:
         try:
             result = infer(y, dt, unit, kind, rng, detrend=detrend)
         except CannotAnswer as error:
             raise CannotAnswer(f"channel {name}: {error}") from error
         known, models = result.parameters, result.table()
+        fitted_from = result.averaged * dt
         if kind in ("rate", "accel") and "bias_instability" not in known:
-            known["bias_instability"] = floor(result, curve, dt)
+            known["bias_instability"] = floor(result, line_removed, dt)
         parameters = {key: known[key] for key in ORDER if key in known}
     return ChannelNoise(
         name=name,
         unit=unit,
         kind=kind,
         parameters=parameters,
-        allan=curve,
+        allan=recorded,
+        allan_line_removed=line_removed if detrend else None,
         line=(line.null_shift, line.drift),
         short=(dt * np.arange(n), y[:n]),
         whole=(m * dt * (np.arange(len(means)) + 0.5), means),
         autocorrelation={w: _autocorrelation(residual, dt, w) for w in windows(len(y) * dt, dt)},
+        fitted_from=fitted_from,
         models=models,
     )
 
@@ -174,7 +183,13 @@ def windows(duration, dt):
 
 
 def refuse_without_noise(y, dt, name, unit):
-    """Raise `CannotAnswer` for a channel that is too short or does not vary."""
+    """Raise `CannotAnswer` for a channel that is too short or does not vary; else fit its line.
+
+    Returns
+    -------
+    residual : ndarray, shape (n,), U
+    line : analysis.noise.allan.Line
+    """
     count = int(np.isfinite(y).sum())
     if count < FEWEST:
         raise CannotAnswer(
@@ -193,6 +208,7 @@ def refuse_without_noise(y, dt, name, unit):
             f"channel {name}: all {count} samples are {np.nanmax(y):g}; a constant has no noise to"
             " measure (is the sensor connected, or its resolution too coarse?)"
         )
+    return residual, line
 
 
 def _autocorrelation(residual, dt, window):

@@ -1,11 +1,10 @@
-"""Parameters read off an Allan deviation: N on the -1/2 slope, B at the floor, K on the +1/2 slope.
+"""Parameters read off an Allan deviation: N on the -1/2 slope, B at the floor.
 
 The graphical method (IEEE 952 annex C; terrain paper eqs. (5)-(6)), with the interval of the curve
-itself, and a refusal where the curve does not show the slope. Terrain eq. (6) prints
+itself, and a refusal where the curve does not show the slope. N is read off the log as recorded, as
+other tools do; B without the straight line, which the drift is for. Terrain eq. (6) prints
 B = 0.6648 adev; here it is B = adev / 0.664, as in IEEE 952.
 """
-
-from dataclasses import replace
 
 import numpy as np
 from scipy.stats import kstest, norm, uniform
@@ -108,6 +107,7 @@ def bias_instability(
         return Estimate.refused(unit, "the log is too short for a floor of the Allan curve")
     at = inside[np.argmin(model[inside])]
     tau, low, high = curve.tau[at], curve.low[at], curve.high[at]
+    least = flicker[0] if flicker else np.inf
     why = ""
     if at == inside[-1] or model[at:].max() <= high:
         why = (
@@ -118,44 +118,18 @@ def bias_instability(
         why = f"no floor: the fitted model rises from {tau:.3g} s on, and is not fitted below"
     elif not low**2 <= model[at] * curve.adev[at] <= high**2:  # twice the interval, in log
         why = f"the fitted model differs from the Allan curve at its floor, {tau:.3g} s"
-    elif flicker and flicker[0] is None:
+    elif least is None:
         why = (
             f"the floor at {tau:.3g} s may be flicker noise or not: the log neither shows nor"
             " excludes it"
         )
-    if why:
+    if why or least is None:
         return Estimate.refused(unit, why, high=float(high * scale))
     note = f"floor of the Allan deviation, at {tau:.3g} s, / 0.664 (IEEE 952)"
-    read = _point(curve, at, unit, note).scaled(scale, unit)
     if flicker:
         note += "; the lower end is that of the flicker noise which the log does not exclude"
-        return replace(read, low=min(read.low, flicker[0]), note=note)
-    return read
-
-
-def rate_random_walk(curve, unit):
-    """Rate random walk K, from a stretch with slope +1/2 at the long end: K = adev sqrt(3/tau).
-
-    Returns
-    -------
-    Estimate, U/sqrt(s)
-    """
-    out = f"{unit}/sqrt(s)"
-    k_high = curve.high * np.sqrt(3 / curve.tau)
-    run = _longest_run(curve, np.abs(slopes(curve) - 0.5) < TOLERANCE)
-    if run is None:
-        return Estimate.refused(
-            out, "the Allan curve shows no slope of +1/2", high=float(k_high.min())
-        )
-    best = run[np.argmax(curve.edf[run])]
-    scale = float(np.sqrt(3 / curve.tau[best]))
-    note = f"slope +1/2 from {curve.tau[run[0]]:.3g} to {curve.tau[run[-1]]:.3g} s"
-    return _point(curve, best, unit, note).scaled(scale, out)
-
-
-def _point(curve, i, unit, note):
-    """One point of the curve with its interval."""
-    return Estimate(*(float(y[i]) for y in (curve.adev, curve.low, curve.high)), unit, note=note)
+    value, low, high = (float(y * scale) for y in (curve.adev[at], low, high))
+    return Estimate(value, min(low, least), high, unit, note=note)
 
 
 def _longest_run(curve, good):
