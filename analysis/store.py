@@ -40,6 +40,7 @@ __all__ = [
     "centre_line",
     "characterise_log",
     "coverage",
+    "ensemble",
     "highway",
     "lap_and_map",
     "lap_curves",
@@ -198,6 +199,27 @@ def _same(a, b):
 def coverage(folder: Path = FOLDER / "coverage") -> pd.DataFrame:
     """Read every cell of the study of coverage: a row a model, hours, estimator and parameter."""
     return pd.concat(read(folder).tables.values(), ignore_index=True)
+
+
+def ensemble(subject: str, quantity: str) -> np.ndarray:
+    """Read what each of many simulated logs gave, from data/derived/ensembles.
+
+    Parameters
+    ----------
+    subject, quantity : str
+        Described in `analysis.studies.ensembles`.
+
+    Returns
+    -------
+    ndarray, shape (logs,) or (logs, 3)
+        The value of each log, or value, low and high of its 95 % interval; NaN where a log leaves
+        them open.
+    """
+    table = read("ensembles").tables[subject]
+    numbers = table[table["quantity"] == quantity][["value", "low", "high"]].to_numpy()
+    if not len(numbers):
+        raise WrongUsage(f"no quantity '{quantity}' of '{subject}' in data/derived/ensembles")
+    return numbers if np.isfinite(numbers[:, 1:]).any() else numbers[:, 0]
 
 
 def published(name: str, dtype: type | None = None) -> pd.DataFrame:

@@ -14,12 +14,11 @@ from analysis.noise.inference import infer
 from analysis.noise.models import (
     UnifiedModel,
     adev_model,
-    gauss_markov,
     models_of_table_one,
     simulate_logs,
 )
 from analysis.noise.planner import Plan
-from analysis.noise.position import cep, outliers
+from analysis.noise.position import cep, outliers, simulate_fixes
 from analysis.noise.recipes import TerrainRecipe, five_coefficients, sigma_of_eq3
 
 __all__ = [
@@ -34,13 +33,13 @@ __all__ = [
     "correlogram",
     "fit_line",
     "five_coefficients",
-    "gauss_markov",
     "infer",
     "loglog_slope",
     "models_of_table_one",
     "nearer_to_gaussian",
     "outliers",
     "sigma_of_eq3",
+    "simulate_fixes",
     "simulate_logs",
     "white_noise",
 ]

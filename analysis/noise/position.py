@@ -10,10 +10,43 @@ from scipy.ndimage import median_filter
 
 from analysis import CannotAnswer, Estimate
 from analysis.noise.autocorrelation import autocovariance
+from analysis.noise.models import gauss_markov
 
 CUT = 6.0  # robust standard deviations beyond which a single position is an outlier
 NEIGHBOURS = 11  # positions in time that each one is compared with
+VERTICAL = 1.5  # ratio of vertical to horizontal deviation, VDOP to HDOP (assumed)
+CORR_TIME = 120.0  # s, of the errors (assumed)
+ERRORS, ERROR = 5, 1000.0  # communication errors in a log, m (assumed)
 FEWEST = 20.0  # independent positions below which the median radius has no 95 % interval
+
+
+def simulate_fixes(
+    radius: float, n: int, dt: float, rng: np.random.Generator, *, corr_time: float = CORR_TIME
+) -> dict[str, np.ndarray]:
+    """Simulate a receiver at rest: Gaussian errors, correlated over minutes, and five outliers.
+
+    Parameters
+    ----------
+    radius : float
+        CEP, m: sqrt(2 ln 2) standard deviations of a horizontal axis.
+    n : int
+        Positions.
+    dt : float
+        s between them.
+    rng : numpy.random.Generator
+    corr_time : float
+        Of the errors, s.
+
+    Returns
+    -------
+    dict of str, ndarray of shape (n,)
+        ``north``, ``east``, ``down``, m; the last 1.5 times as wide as the others.
+    """
+    sigma = radius / np.sqrt(2 * np.log(2)) * np.array([[1.0], [1.0], [VERTICAL]])
+    ned = sigma * gauss_markov(n, dt, 1.0, corr_time, rng, runs=3)
+    at = rng.choice(n, ERRORS, replace=False)
+    ned[:, at] += ERROR * rng.standard_normal((3, ERRORS))
+    return dict(zip(("north", "east", "down"), ned, strict=True))
 
 
 def outliers(*axes: np.ndarray) -> np.ndarray:

@@ -1,0 +1,57 @@
+"""The simulated logs behind the verdicts of notebooks 10 to 14: what is stored, and made again."""
+
+import numpy as np
+import pytest
+
+from analysis import WrongUsage, store
+from analysis.claims import FEWEST_LOGS
+from analysis.noise import cep, simulate_fixes
+from analysis.studies import ensembles
+
+LIVE = {"midg-roll": 1, "kvh-yaw": 1, "cep-midg": 5, "terrain-bias": 2, "terrain-recipe": 2}
+
+
+@pytest.mark.parametrize("name", LIVE)
+def test_the_first_logs_come_out_again(name):
+    """cross-check: logs simulated and read now are those of the committed table."""
+    now = ensembles.table(name, LIVE[name]).set_index(["quantity", "log"])
+    stored = store.read("ensembles").tables[name].set_index(["quantity", "log"])
+    # Six digits are stored; an interval's ends are searched for to about 1e-5.
+    np.testing.assert_allclose(now, stored.loc[now.index], rtol=store.TOLERANCE)
+
+
+def test_every_quantity_of_a_verdict_has_200_logs():
+    """property: the stored tables are those that the command makes, each with all of its logs."""
+    source, tables = store.read("ensembles")
+    assert set(tables) == set(ensembles.subjects()) == set(source["logs"])
+    for name, (_, logs) in ensembles.subjects().items():
+        assert logs >= FEWEST_LOGS or name == "terrain-fitted"  # a comparison, no verdict
+        assert (tables[name].groupby("quantity")["log"].nunique() == logs).all(), name
+        assert not tables[name].duplicated(["quantity", "log"]).any()
+
+
+def test_intervals_and_values_have_their_shapes():
+    """property: with an interval three columns, else one; a quantity that is not there is told."""
+    assert store.ensemble("midg-roll", "corr_time").shape == (200, 3)
+    assert store.ensemble("midg-roll", "short_std").shape == (200,)
+    with pytest.raises(WrongUsage, match="no quantity 'colour' of 'midg-roll'"):
+        store.ensemble("midg-roll", "colour")
+
+
+def test_stored_intervals_hold_the_truth():
+    """coverage: T_c of 164 s and the CEP of 3.7 m lie in 95 % of their intervals."""
+    for subject, quantity, truth in (("midg-roll", "corr_time", 164.0), ("cep-midg", "cep", 3.7)):
+        low, high = store.ensemble(subject, quantity)[:, 1:].T
+        inside = (np.nan_to_num(low, nan=0.0) <= truth) & (truth <= np.nan_to_num(high, nan=np.inf))
+        # Three standard errors of 200 trials.
+        assert 0.90 <= inside.mean() <= 0.995
+
+
+def test_simulated_fixes_have_their_cep():
+    """analytic: the radius that was asked for, correlated or not, and five outliers in each log."""
+    fixes = simulate_fixes(3.7, 400_000, 1.0, np.random.default_rng(6), corr_time=5.0)
+    # About 80,000 independent positions: the median radius has a standard error of 0.3 %.
+    assert cep(fixes["north"], fixes["east"]).value == pytest.approx(3.7, rel=0.012)
+    wide = [np.ptp(np.quantile(axis, [0.1, 0.9])) for axis in fixes.values()]
+    assert wide[2] / wide[0] == pytest.approx(1.5, rel=0.02)  # VERTICAL
+    assert np.sum(np.hypot(fixes["north"], fixes["east"]) > 30) == 5
