@@ -2,24 +2,37 @@
 
 ``data/published/claims.csv`` holds each claim with the range of values that would count as
 agreement, set before any notebook ran (its README tells which were set knowing a closed form). A
-notebook hands its value and 95 % interval to `Ledger.check`;
-``figures/claims.csv`` holds the verdicts.
+notebook hands its value and 95 % interval to `Ledger.check`, or what many simulated logs gave to
+`Ledger.check_logs`; ``figures/claims.csv`` holds the verdicts.
+
+Two kinds of claim are not judged: those that no data here can decide, and those that could not have
+come out otherwise (an input handed back, an identity, print against print). The register says so,
+where ``why`` begins with ``not testable:`` or ``by construction:``. The checks refuse these claims,
+so that none of them can be called reproduced; `Ledger.not_judged` writes their reason down.
 """
 
 import math
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
 from filelock import FileLock
+from numpy.typing import ArrayLike
 
 from analysis import DATA, Estimate, WrongUsage, engineering, figures_folder, pretty, replacing
 
-__all__ = ["Ledger", "published", "verdicts"]
+__all__ = ["OUTCOMES", "Ledger", "published", "verdicts"]
 
 COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
 NOT_YET = "not yet run"
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
-OUTCOMES = "^(reproduced if|reproduced|not [a-z]+(?: run)?)"
+BY_CONSTRUCTION = "by construction"
+OUTCOMES = (
+    REPRODUCED, f"{REPRODUCED} if", NOT_REPRODUCED, f"{NOT_REPRODUCED} if", NOT_TESTABLE,
+    BY_CONSTRUCTION, NOT_YET,
+)  # fmt: skip
+FEWEST_LOGS = 200  # simulated logs that a verdict on something random needs
+MOST = 0.9  # share of the logs in which a claim has to come out, or to fail, for a verdict
 
 
 def published() -> pd.DataFrame:
@@ -49,7 +62,9 @@ def verdicts() -> pd.DataFrame:
     )
     table = published()[["paper", "where", "claim", "quantity"]].join(known)
     table["verdict"] = table["verdict"].astype(object).fillna(NOT_YET)
-    table["outcome"] = table["verdict"].str.extract(OUTCOMES)[0]
+    table["outcome"] = table["verdict"].str.extract(
+        f"^({'|'.join(sorted(OUTCOMES, reverse=True))})"
+    )[0]
     table["reproduced"] = [_in_words(row) for _, row in table.iterrows()]
     return table.drop(columns="quantity")
 
@@ -84,6 +99,45 @@ def judge(value, low, high, agree_low, agree_high):
     )
 
 
+def judge_logs(found, agree_low, agree_high):
+    """Judge a claim in each of many simulated logs; most of them have to say the same.
+
+    Parameters
+    ----------
+    found : ndarray, shape (n,) or (n, 3)
+        What each log gave: a value, true or false, or a value with its 95 % interval. NaN where a
+        log gives no value, or leaves a side of the interval open.
+    agree_low, agree_high : float
+        NaN where the claim is unbounded on that side.
+
+    Returns
+    -------
+    verdict : str
+        A log whose interval lies partly outside the range speaks neither for the claim nor against.
+    value, low, high : float
+        Median and middle 95 % of the values, logs without a value last; of true or false, the share
+        of the logs in which it is true, without interval.
+    """
+    if len(found) < FEWEST_LOGS:
+        raise WrongUsage(f"{len(found)} logs: a verdict takes at least {FEWEST_LOGS}")
+    each = np.column_stack([found] * 3) if found.ndim == 1 else found
+    missing = np.isnan(each[:, 0])
+    low, high = np.nan_to_num(each[:, 1], nan=-np.inf), np.nan_to_num(each[:, 2], nan=np.inf)
+    floor = -math.inf if math.isnan(agree_low) else agree_low
+    ceiling = math.inf if math.isnan(agree_high) else agree_high
+    share = np.mean((low >= floor) & (high <= ceiling) & ~missing)
+    verdict = f"{NOT_TESTABLE}: in {100 * share:.3g} % of logs"
+    if share >= MOST:
+        verdict = REPRODUCED
+    elif np.mean((high < floor) | (low > ceiling)) >= MOST:
+        verdict = NOT_REPRODUCED
+    if found.dtype == bool:
+        return verdict, (float(found.mean()), None, None)
+    values = np.where(missing, np.inf, each[:, 0])
+    middle = np.quantile(values, [0.5, 0.025, 0.975], method="nearest")
+    return verdict, tuple(v if np.isfinite(v) else None for v in middle)
+
+
 class Ledger:
     """The verdicts of one notebook; each check is written down at once.
 
@@ -91,10 +145,14 @@ class Ledger:
     ----------
     notebook : str
         Its file name without the suffix. What it said on an earlier run is struck out.
+    when : str, optional
+        The setting that the claims of the notebook share: every verdict reads "reproduced if ..."
+        or "not reproduced if ...".
     """
 
-    def __init__(self, notebook: str):
+    def __init__(self, notebook: str, when: str | None = None):
         self.notebook = notebook
+        self.when = when
         self._published = published()
         self._mine: dict[str, dict] = {}
 
@@ -119,7 +177,7 @@ class Ledger:
         low, high : float, optional
             Its 95 % interval; an Estimate brings its own.
         when : str, optional
-            The condition under which it is reproduced: the verdict reads "reproduced if ...".
+            The setting under which the verdict was reached, beside that of the notebook.
         untestable : str, optional
             Why it cannot be tested here; then `value` does not count.
 
@@ -128,25 +186,40 @@ class Ledger:
         str
             The verdict.
         """
-        row = self._row(claim)
-        ends = _ends(value) if isinstance(value, Estimate) else (value, low, high)
-        value, low, high = (None if x is None or x != x else float(x) for x in ends)
+        row = self._judged(claim)
+        judged = _verdict(row, value if isinstance(value, Estimate) else (value, low, high))
         if untestable:
-            verdict = f"{NOT_TESTABLE}: {untestable}"
-        else:
-            verdict = judge(value, low, high, row["low"], row["high"])
-            if when and verdict == REPRODUCED:
-                verdict = f"{REPRODUCED} if {when}"
-        numbers = {"value": _short(value), "low": _short(low), "high": _short(high)}
-        entry = {"id": claim, "verdict": verdict, **numbers, "unit": row["unit"]}
-        self._mine[claim] = entry | {"notebook": self.notebook}
-        self._write()
-        return verdict
+            judged = (f"{NOT_TESTABLE}: {untestable}", judged[1])
+        return self._enter(row, judged, when)
+
+    def check_logs(self, claim: str, found: ArrayLike, *, when: str | None = None) -> str:
+        """Judge one claim about something random by what came out in many simulated logs.
+
+        It is reproduced if it comes out in at least 90 % of the logs, not reproduced if it fails in
+        at least 90 %, and else not testable; then the verdict gives the share.
+
+        Parameters
+        ----------
+        claim : str
+        found : array_like, shape (n,) or (n, 3)
+            A value a log (a number, or whether the sentence holds), or value, low and high of a
+            95 % interval; at least 200 logs.
+        when : str, optional
+
+        Returns
+        -------
+        str
+            The verdict.
+        """
+        row = self._judged(claim)
+        return self._enter(row, _verdict(row, np.asarray(found)), when)
 
     def check_from(
         self,
         claim: str,
-        by_setting: Mapping[float, Estimate | tuple[float | None, float | None, float | None]],
+        by_setting: Mapping[
+            float, Estimate | np.ndarray | tuple[float | None, float | None, float | None]
+        ],
         default: float,
         when: str,
     ) -> str:
@@ -158,8 +231,8 @@ class Ledger:
         Parameters
         ----------
         claim : str
-        by_setting : dict of float to Estimate, or to (value, low, high)
-            What came out at each setting.
+        by_setting : dict of float to Estimate, to (value, low, high), or to ndarray
+            What came out at each setting; an array holds what many logs gave, as in `check_logs`.
         default : float
             The setting that the notebook runs with, one of those.
         when : str
@@ -170,28 +243,22 @@ class Ledger:
         str
             The verdict.
         """
-        row = self._row(claim)
+        row = self._judged(claim)
         settings = sorted(by_setting)
-        agrees = (row["low"], row["high"])
-        holds = [judge(*(*_ends(by_setting[x]), *agrees)) == REPRODUCED for x in settings]
+        holds = [_verdict(row, by_setting[x])[0] == REPRODUCED for x in settings]
         start = len(holds) - holds[::-1].index(False) if False in holds else 0
         if start in (0, len(holds)):
-            return self.check(claim, *_ends(by_setting[default]))
+            return self._enter(row, _verdict(row, by_setting[default]))
         least = settings[start]
-        return self.check(claim, *_ends(by_setting[least]), when=when.format(least))
+        return self._enter(row, _verdict(row, by_setting[least]), when.format(least))
 
-    def untestable(self, claim: str) -> str:
-        """Write down a claim that no data here can decide, with the reason of its own row.
+    def untestable(self, *claims: str) -> None:
+        """Write down claims that no data here can decide, with the reason of their own rows."""
+        self._not_judged(NOT_TESTABLE, claims)
 
-        Returns
-        -------
-        str
-            The verdict.
-        """
-        why = self._row(claim)["why"]
-        if not why.startswith(f"{NOT_TESTABLE}: "):
-            raise WrongUsage(f"claim '{claim}' can be tested: hand its value to `check`")
-        return self.check(claim, None, untestable=why.removeprefix(f"{NOT_TESTABLE}: "))
+    def by_construction(self, *claims: str) -> None:
+        """Write down claims that could not have come out otherwise, as their own rows say."""
+        self._not_judged(BY_CONSTRUCTION, claims)
 
     def table(self) -> pd.DataFrame:
         """Lay published and reproduced side by side, for the notebook's last section.
@@ -221,6 +288,29 @@ class Ledger:
             raise WrongUsage(f"no claim '{claim}' in data/published/claims.csv")
         return self._published.loc[claim]
 
+    def _judged(self, claim):
+        row = self._row(claim)
+        if row["why"].startswith((f"{NOT_TESTABLE}: ", f"{BY_CONSTRUCTION}: ")):
+            raise WrongUsage(f"claim '{claim}' is not judged: its row says {row['why']}")
+        return row
+
+    def _not_judged(self, kind, claims):
+        for row in [self._row(claim) for claim in claims]:
+            if not row["why"].startswith(f"{kind}: "):
+                raise WrongUsage(f"the row of claim '{row.name}' does not say '{kind}: ...'")
+            self._enter(row, (row["why"], (None, None, None)))
+
+    def _enter(self, row, judged, when=None):
+        verdict, ends = judged
+        conditions = ", ".join(filter(None, (self.when, when)))
+        if conditions and verdict in (REPRODUCED, NOT_REPRODUCED):
+            verdict += f" if {conditions}"
+        numbers = dict(zip(("value", "low", "high"), map(_short, ends), strict=True))
+        entry = {"id": row.name, "verdict": verdict, **numbers, "unit": row["unit"]}
+        self._mine[row.name] = entry | {"notebook": self.notebook}
+        self._write()
+        return verdict
+
     def _write(self):
         path = figures_folder() / "claims.csv"
         path.parent.mkdir(parents=True, exist_ok=True)  # for the lock
@@ -235,10 +325,14 @@ class Ledger:
                 draft.write_text(table.to_csv(lineterminator="\n"), encoding="utf-8")
 
 
-def _ends(estimate):
-    if isinstance(estimate, Estimate):
-        return estimate.value, estimate.low, estimate.high
-    return estimate
+def _verdict(row, found):
+    """Judge an Estimate, a (value, low, high) or the logs of an array; also give its numbers."""
+    if isinstance(found, np.ndarray):
+        logs = found.astype(bool if _asks(row) else float)
+        return judge_logs(logs, row["low"], row["high"])
+    ends = (found.value, found.low, found.high) if isinstance(found, Estimate) else found
+    ends = [None if x is None or x != x else float(x) for x in ends]
+    return judge(*ends, row["low"], row["high"]), ends
 
 
 def _short(x):
@@ -260,8 +354,8 @@ def _number(value, row):
     """Write a value in the unit of its row, or yes or no where the claim asks for that."""
     if value is None or value != value:
         return ""
-    if _asks(row) and value in (0, 1):
-        return "yes" if value else "no"
+    if _asks(row):
+        return {0: "no", 1: "yes"}.get(value, f"in {100 * value:.3g} % of logs")
     return f"{value:g} {pretty(row['unit'])}".strip()
 
 

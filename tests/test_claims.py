@@ -4,15 +4,26 @@ import math
 import subprocess
 import sys
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from analysis import WrongUsage, claims, text
-from analysis.claims import NOT_REPRODUCED, NOT_TESTABLE, NOT_YET, REPRODUCED, judge
+from analysis.claims import (
+    BY_CONSTRUCTION,
+    NOT_REPRODUCED,
+    NOT_TESTABLE,
+    NOT_YET,
+    REPRODUCED,
+    judge,
+)
 
 OPEN = math.nan  # a side on which the claim is unbounded
-FIRST, SECOND, THIRD = claims.published().index[:3]
-PUBLISHED = claims.published().loc[FIRST]
+APART = (f"{NOT_TESTABLE}: ", f"{BY_CONSTRUCTION}: ")
+JUDGED = claims.published()[lambda rows: ~rows["why"].str.startswith(APART)]
+FIRST, SECOND, THIRD = JUDGED.index[JUDGED["unit"] == "deg"][:3]
+YES_OR_NO = JUDGED.index[JUDGED["quantity"].str.startswith("1 if")][0]
+PUBLISHED = JUDGED.loc[FIRST]
 
 
 @pytest.fixture(autouse=True)
@@ -92,12 +103,59 @@ def test_a_missing_bound_is_no_bound(elsewhere):
     assert ledger.check(FIRST, far, -math.inf, far).startswith(NOT_TESTABLE)
 
 
-def test_condition_goes_with_reproduced_only():
-    """Property: "reproduced if" is said of what agrees, and of nothing else."""
-    ledger = claims.Ledger("90-test")
+def test_conditions_stand_on_successes_and_failures():
+    """Property: what the notebook's claims share comes first; what is open has no condition."""
+    ledger = claims.Ledger("90-test", when="it rains")
     inside, outside = PUBLISHED["value"], PUBLISHED["high"] * 100
-    assert ledger.check(FIRST, inside, when="it rains") == "reproduced if it rains"
-    assert ledger.check(FIRST, outside, when="it rains") == NOT_REPRODUCED
+    assert ledger.check(FIRST, inside) == "reproduced if it rains"
+    assert ledger.check(FIRST, outside, when="it blows") == "not reproduced if it rains, it blows"
+    assert ledger.check(FIRST, None, inside, outside).startswith(f"{NOT_TESTABLE}: ")
+    assert claims.Ledger("90-test").check(FIRST, outside, when="dry") == "not reproduced if dry"
+
+
+@pytest.mark.parametrize(
+    ("inside", "outside", "verdict"),
+    [
+        (180, 20, REPRODUCED),
+        (179, 21, "not testable: in 89.5 % of logs"),
+        (21, 179, "not testable: in 10.5 % of logs"),
+        (20, 180, NOT_REPRODUCED),
+        (180, 0, REPRODUCED),
+        (0, 179, "not testable: in 0 % of logs"),
+        (0, 180, NOT_REPRODUCED),
+    ],
+)
+def test_most_logs_decide(inside, outside, verdict):
+    """Property: nine logs of ten, for or against; an interval partly outside is neither."""
+    low, high = PUBLISHED[["low", "high"]].astype(float)
+    logs = np.full((200, 3), [low, low / 2, high])
+    logs[:inside] = (low + high) / 2, low, high
+    logs[200 - outside :] = 3 * high, 2 * high, np.nan
+    assert claims.Ledger("90-test").check_logs(FIRST, logs) == verdict
+
+
+def test_logs_of_true_and_false_give_their_share(elsewhere):
+    """Property: with two outcomes the share of true logs is the value, and the words say so."""
+    ledger, logs = claims.Ledger("90-test"), np.arange(400) < 100
+    assert ledger.check_logs(YES_OR_NO, ~logs).endswith("in 75 % of logs")
+    assert ledger.table()["reproduced"].item() == "in 75 % of logs"
+    assert pd.read_csv(elsewhere)["value"].item() == 0.75
+
+
+def test_logs_without_a_value_rank_last(elsewhere):
+    """Property: the median is of all logs, not of those that happen to give a value."""
+    logs = np.where(np.arange(300) < 200, np.arange(300.0), np.nan)
+    claims.Ledger("90-test").check_logs(FIRST, logs)
+    row = pd.read_csv(elsewhere).loc[0]
+    assert row["value"] == pytest.approx(149.5, rel=0.01)
+    assert math.isnan(row["high"])
+
+
+def test_few_logs_are_no_verdict(elsewhere):
+    """Property: fewer than 200 logs are refused."""
+    with pytest.raises(WrongUsage, match="199 logs"):
+        claims.Ledger("90-test").check_logs(FIRST, np.ones(199))
+    assert not elsewhere.exists()
 
 
 def test_a_second_run_strikes_out_the_first_and_keeps_other_notebooks(elsewhere):
@@ -119,7 +177,7 @@ def test_a_second_run_strikes_out_the_first_and_keeps_other_notebooks(elsewhere)
 
 def test_notebooks_that_run_at_once_lose_no_row(elsewhere):
     """Property: ledgers that write at the same time, from processes of their own, keep all rows."""
-    ids = list(claims.published().index[:60])
+    ids = list(JUDGED.index[:60])
     code = "import sys; from analysis import claims; ledger = claims.Ledger(sys.argv[1])\n"
     code += "for claim in sys.argv[2:]: ledger.check(claim, 1.0)"
     halves = {"10-one": ids[::2], "20-other": ids[1::2]}
@@ -152,14 +210,24 @@ def test_unknown_claims_are_wrong_usage(elsewhere):
     assert not elsewhere.exists()
 
 
-def test_untestable_only_where_the_claim_says_so():
-    """Property: a claim that data can decide cannot be waved through."""
-    ledger = claims.Ledger("90-test")
-    reasons = claims.published()["why"]
-    allowed = reasons.index[reasons.str.startswith(f"{NOT_TESTABLE}: ")]
-    assert ledger.untestable(allowed[0]) == reasons[allowed[0]]
-    with pytest.raises(WrongUsage, match="can be tested"):
-        ledger.untestable(FIRST)
+@pytest.mark.parametrize("kind", ["untestable", "by_construction"])
+def test_what_is_not_judged_stands_in_the_register(kind, elsewhere):
+    """Property: the two ways of not judging take their own claims, and the checks take none."""
+    start = APART[kind == "by_construction"]
+    reasons, ledger = claims.published()["why"], claims.Ledger("90-test")
+    apart = reasons.index[reasons.str.startswith(start)]
+    getattr(ledger, kind)(*apart[:2])
+    assert pd.read_csv(elsewhere)["verdict"].tolist() == reasons[apart[:2]].tolist()
+    checks = (
+        lambda: ledger.check(apart[0], 1.0),
+        lambda: ledger.check_logs(apart[0], np.ones(200)),
+        lambda: ledger.check_from(apart[0], {1: (1.0, None, None)}, 1, "R is {:g}"),
+    )
+    for check in checks:
+        with pytest.raises(WrongUsage, match="is not judged"):
+            check()
+    with pytest.raises(WrongUsage, match=f"does not say '{start}"):
+        getattr(ledger, kind)(FIRST)
 
 
 def test_verdicts_fill_in_what_is_to_come():
@@ -188,7 +256,7 @@ def test_table_lays_published_beside_reproduced():
 def test_a_yes_or_no_is_written_as_one(value, words):
     """Property: where the claim's quantity is 1 for yes and 0 for no, the table says which."""
     ledger = claims.Ledger("90-test")
-    ledger.check("comparison-cep-order-as-spec", value)
+    ledger.check(YES_OR_NO, value)
     (row,) = ledger.table().to_dict("records")
     assert (row["published"], row["agrees within"], row["reproduced"]) == ("yes", "yes", words)
 
