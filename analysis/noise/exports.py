@@ -13,7 +13,9 @@ Kalibr, ``imu.yaml``
 gnss-ins-sim
     ``IMU`` in sim/imu_model.py (deg/h, deg/sqrt(h), m/s/sqrt(h)); ``bias_drift`` in
     pathgen/pathgen.py: b_{k+1} = (1 - dt/T) b_k + sigma sqrt(1 - exp(-2 dt/T)) w, so b_stability is
-    sigma_b; an infinite T gives white noise of that sigma instead. Starts at b = 0.
+    sigma_b; an infinite T gives white noise of that sigma instead. Starts at b = 0. ``env`` of
+    ``Sim`` (README, step 4.1): a sinusoid of phase zero, one frequency for three axes, as text
+    without exponents; rad/s and m/s^2.
 pyins (``python-ins``)
     ``inertial_sensor.Parameters`` and ``EstimationModel``: root densities, bias a random walk.
 MATLAB ``imuSensor``
@@ -23,6 +25,7 @@ MATLAB ``imuSensor``
     example "Inertial Sensor Noise Analysis Using Allan Variance" says. BiasInstability drives the
     filter in BiasInstabilityCoefficients, by default 1 / (1 - z^-1 / 2), whose memory is two
     samples; with sqrt(1 - phi^2) / (1 - phi z^-1) it is the Gauss-Markov process exactly.
+    TemperatureBias is multiplied by the temperature above 25 degrees.
 Gazebo classic (PX4 SITL)
     ``GazeboImuPlugin::addNoise`` in gazebo_imu_plugin.cpp: densities; bias exactly discretised with
     RandomWalk K and BiasCorrelationTime T_c, so sigma_b = K sqrt(T_c / 2). An element left out
@@ -57,6 +60,8 @@ FOREVER = 1e9  # s, 30 years: a Gauss-Markov process of this correlation time is
 _AXIS = re.compile(r"(?:^|[_\-])([xyz])(?:$|[_\-])|([xyz])$", re.IGNORECASE)
 _TURNS = {"roll": "x", "pitch": "y", "yaw": "z"}
 NUMBERS = ("low", "value", "high")
+HELD = {"sinusoid": "gnss_ins_sim_imu.py", "temperature": "matlab_imu.m"}  # terms that a file holds
+SAME = 0.1  # relative; periods that close are one vibration seen by several axes
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,9 @@ class Axis:
         corr_time (s) each.
     estimates : list of (str, Estimate)
         Every parameter by its symbol.
+    terms : list of (str, dict of Estimate)
+        What was fitted beside the noise: warm_up, step, sinusoid or temperature, with its amplitude
+        (U; U/K) and time (s).
     """
 
     channel: str
@@ -82,6 +90,21 @@ class Axis:
     K: float | None
     gauss_markov: list[tuple[float, float]]
     estimates: list[tuple[str, Estimate]]
+    terms: list[tuple[str, dict[str, Estimate]]]
+
+    @property
+    def temperature(self):
+        """Change of the bias with temperature, U/K, or None."""
+        return next((t["amplitude"].value for kind, t in self.terms if kind == "temperature"), None)
+
+    def at_period(self, period):
+        """Amplitude of a sinusoid of about that period, U, or 0."""
+        found = [
+            t["amplitude"].value
+            for kind, t in self.terms
+            if kind == "sinusoid" and abs(t["period"].value / period - 1) < SAME
+        ]
+        return max(found, default=0.0)
 
     @property
     def strongest(self):
@@ -148,6 +171,21 @@ class Triad:
         return float(np.sqrt(np.mean(np.square(values)))) if values else None
 
     @property
+    def sinusoid(self):
+        """Frequency (Hz) of the strongest sinusoid, and its amplitude on x, y and z, U; or None."""
+        found = [
+            (t["amplitude"].value, t["period"].value)
+            for axis in self.axes.values()
+            for kind, t in axis.terms
+            if kind == "sinusoid"
+        ]
+        if not found:
+            return None
+        period = max(found)[1]
+        sizes = [self.axes[k].at_period(period) if k in self.axes else 0.0 for k in "xyz"]
+        return 1 / period, sizes
+
+    @property
     def process(self):
         """One (sigma_b, T_c) for three axes, or None.
 
@@ -196,6 +234,7 @@ def files(model, templates):
         "degrees": np.degrees(1.0),
         "python": _python,
         "matlab": _matlab,
+        "fixed": lambda values: " ".join(f"{v:.12f}" for v in values),
         "diffusion": conventions.diffusion,
         "per_sample": conventions.per_sample,
     }  # fmt: skip
@@ -209,9 +248,28 @@ def files(model, templates):
         left_out=left_out,
         absent=[sensor for sensor in SENSORS.values() if sensor not in triads],
         unresolved=[line for line in explained if MISSING in line],
+        terms=_terms_in_files(triads),
         tables={t.sensor: _in_every_convention(t, 1 / rate, templates) for t in triads.values()},
     )
     return texts
+
+
+def _terms_in_files(triads):
+    """Say of each term fitted beside the noise which file holds it."""
+    sentences = []
+    for triad in triads.values():
+        frequency = triad.sinusoid and triad.sinusoid[0]
+        for axis in triad.axes.values():
+            for kind, estimates in axis.terms:
+                held = HELD.get(kind, "no file")
+                if kind == "sinusoid" and not axis.at_period(1 / frequency):
+                    held = "no file, which has one frequency for three axes"
+                sentences.append(f"{axis.channel}, {_term(kind, estimates)}: in {held}")
+    return sentences
+
+
+def _term(kind, estimates):
+    return f"{kind} " + ", ".join(f"{k} {_written(e, False)}" for k, e in estimates.items())
 
 
 def _python(values, scale=1.0, absent=0.0):
@@ -313,6 +371,7 @@ def parameter_lines(source, triads, *, why=False):
             lines += [f"{name}: {symbol} {_written(e, why)}" for symbol, e in axis.estimates]
             if len(axis.gauss_markov) > 1:
                 lines.append(f"{name}: tools with one such bias get the strongest")
+            lines += [f"{name}: {_term(*term)}" for term in axis.terms]
     return [" ".join(line.split()) for line in lines]
 
 
@@ -350,7 +409,20 @@ def _axis(channel):
         estimates += [("sigma_b", sigma_b), ("T_c", corr_time)]
         if sigma_b.resolved and corr_time.resolved:
             resolved.append((sigma_b.value, corr_time.value))
-    return Axis(channel["name"], N.value, K.value, sorted(resolved, reverse=True), estimates)
+    terms = [
+        (term["kind"], {k: _of_term(Estimate(**e), factor, unit, si) for k, e in sizes})
+        for term in channel.get("fit", {}).get("terms", ())
+        if (sizes := term["parameters"].items())
+    ]
+    resolved.sort(reverse=True)
+    return Axis(channel["name"], N.value, K.value, resolved, estimates, terms)
+
+
+def _of_term(estimate, factor, unit, si):
+    """Bring an amplitude (U or U/K) to SI; times stay."""
+    if not estimate.unit.startswith(unit):
+        return estimate
+    return estimate.scaled(factor, si + estimate.unit.removeprefix(unit))
 
 
 def _check(number, what, *, zero=False):
