@@ -9,7 +9,7 @@ import io
 import json
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
@@ -61,7 +61,6 @@ def save(
     fig: Figure,
     name: str,
     caption: str,
-    series: Sequence[str] = (),
     *,
     seed: int | None = None,
     data: Mapping[str, str] | None = None,
@@ -76,13 +75,12 @@ def save(
     Parameters
     ----------
     fig : matplotlib.figure.Figure
+        Each artist's label names its series. One that begins with an underscore
+        (``label="_one sigma"``) stays out of the legend.
     name : str
         Starts with the number of its notebook: ``"22-variance-vs-arw"``.
     caption : str
         One or two sentences: what is shown, and under which condition.
-    series : sequence of str, optional
-        Names, in drawing order, of the artists that have no label. A label that begins with an
-        underscore (``label="_one sigma"``) names an artist too and keeps it out of the legend.
     seed : int, optional
         Seed of the random numbers behind it.
     data : dict of str, optional
@@ -105,7 +103,7 @@ def save(
         fig.set_layout_engine("none")
         for ax in fig.axes:
             thin(ax, STYLE["savefig.dpi"] / fig.dpi)
-        table = plotted_numbers(fig, series)
+        table = plotted_numbers(fig)
         origin = provenance(name, caption, seed, dict(data or {}), parameters) | {
             "axes": axes_of(fig)
         }
@@ -116,7 +114,7 @@ def save(
     inside.add_itxt("Description", text)
     picture.save(to / f"{name}.png", optimize=True, pnginfo=inside, dpi=(STYLE["savefig.dpi"],) * 2)
     lines = [f"# {key}: {json.dumps(value, ensure_ascii=False)}" for key, value in origin.items()]
-    csv = table.drop(columns="kind").to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    csv = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     (to / f"{name}.csv").write_text("\n".join(lines) + "\n" + csv, encoding="utf-8")
     _show(fig, caption)
 
@@ -232,38 +230,31 @@ def provenance(name, caption, seed, data, parameters):
     }
 
 
-def plotted_numbers(fig, series=()):
+def plotted_numbers(fig):
     """Gather every number that a figure shows, in the order of its panels.
 
     Parameters
     ----------
     fig : matplotlib.figure.Figure
-    series : sequence of str, optional
-        Names of the artists that have no label, in drawing order.
 
     Returns
     -------
     pandas.DataFrame
-        Columns panel (its number, see `axes_of`), series, kind, x, y, y2: a point (x, y), or a
-        band or bar from y to y2.
+        Columns panel (its number, see `axes_of`), series, x, y, y2: a point (x, y), or a band or
+        bar from y to y2.
 
     Raises
     ------
     WrongUsage
-        If there are more or fewer artists without a label than names.
+        If an artist has no label.
     """
-    names, rows, unnamed = iter(series), [], []
+    columns = ["panel", "series", "x", "y", "y2"]
+    rows = []
     for panel, (title, ax) in _panels(fig).items():
-        for kind, label, x, y, y2 in _shown(ax):
-            label = label or next(names, "")
-            unnamed += [] if label else [f"{kind} in panel {panel} ({title})"]
-            part = {"panel": panel, "series": label or kind, "kind": kind}
-            rows.append(pd.DataFrame(part | {"x": x, "y": y, "y2": y2}))
-    left = list(names)
-    if left or unnamed:
-        what = f"{len(left)} names too many" if left else f"no name for {unnamed[0]}"
-        raise WrongUsage(f"{what}: label each artist, or name in order those without a label")
-    columns = ["panel", "series", "kind", "x", "y", "y2"]
+        for kind, label, *numbers in _shown(ax):
+            if not label:
+                raise WrongUsage(f"no name for {kind} in panel {panel} ({title}): label it")
+            rows.append(pd.DataFrame(dict(zip(columns, (panel, label, *numbers), strict=True))))
     return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame(columns=columns)
 
 

@@ -107,7 +107,7 @@ def test_no_path_and_no_date_inside(saved):
 def test_sidecar_holds_the_plotted_numbers(saved):
     """Property: the CSV reads back as what `plotted_numbers` says, in six digits."""
     table = pd.read_csv(saved[0] / f"{NAME}.csv", comment="#")
-    expected = figures.plotted_numbers(example()).drop(columns="kind")
+    expected = figures.plotted_numbers(example())
     pd.testing.assert_frame_equal(table, expected, check_dtype=False, rtol=1e-6)
 
 
@@ -142,18 +142,17 @@ def test_panels_and_series_are_named():
     table = figures.plotted_numbers(fig)
     assert list(dict.fromkeys(table["panel"])) == [1, 2]
     assert list(dict.fromkeys(table["series"])) == ["curve", "truth", "points"]
-    assert list(table.columns) == ["panel", "series", "kind", "x", "y", "y2"]
+    assert list(table.columns) == ["panel", "series", "x", "y", "y2"]
 
 
 def test_a_series_without_a_name_is_refused():
-    """Property: artists without a label take the names given, in order; none is without."""
+    """Property: the sentence names the artist; a label that the legend hides is a name."""
     fig = example()
-    fig.axes[1].plot([0, 1], [5, 6])
+    (line,) = fig.axes[1].plot([0, 1], [5, 6])
     with pytest.raises(WrongUsage, match=r"no name for line in panel 2 \(north \(m\)\)"):
         figures.plotted_numbers(fig)
-    assert "truth" in set(figures.plotted_numbers(fig, ["truth"])["series"])
-    with pytest.raises(WrongUsage, match="1 names too many"):
-        figures.plotted_numbers(fig, ["truth", "estimate"])
+    line.set_label("_truth")
+    assert "truth" in set(figures.plotted_numbers(fig)["series"])
 
 
 def test_an_axis_without_a_label_is_refused(tmp_path):
@@ -238,9 +237,9 @@ def test_error_bars():
     """Analytic: error bars yield the points, and the ends of each bar."""
     ax = axes()
     ax.errorbar([1.0, 2.0], [10.0, 20.0], yerr=[[1, 2], [3, 4]], fmt="o", label="found")
-    found = figures.plotted_numbers(ax.figure).groupby("kind")[["x", "y", "y2"]]
-    np.testing.assert_array_equal(found.get_group("line").to_numpy()[:, :2], [[1, 10], [2, 20]])
-    np.testing.assert_array_equal(found.get_group("bars"), [[1, 9, 13], [2, 18, 24]])
+    points, bars = np.split(series(ax.figure)["found"], 2)
+    np.testing.assert_array_equal(points, [[1, 10, np.nan], [2, 20, np.nan]])
+    np.testing.assert_array_equal(bars, [[1, 9, 13], [2, 18, 24]])
 
 
 def test_contour_lines():

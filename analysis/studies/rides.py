@@ -290,13 +290,11 @@ def _mounting_row(t_s, track, angle, reference):
 
 def _straights(straights):
     """Write the straights of a replay as a table, angles in degrees."""
-    rows = [
-        {"t_s": s.t_s}
-        | {f"{k}_deg": np.degrees(getattr(s, k)) for k in ("printed", "alone", "sigma", "mount")}
-        | {"ax_m_s2": s.ax, "ay_m_s2": s.ay}
-        for s in straights
-    ]
-    return pd.DataFrame(rows)
+    table = pd.DataFrame(map(vars, straights))
+    angles = ["printed", "alone", "sigma", "mount"]
+    table[angles] = np.degrees(table[angles])
+    units = {k: f"{k}_deg" for k in angles} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
+    return table.rename(columns=units)
 
 
 def _metres(prefix, lat, lon, lat0=None, lon0=None):

@@ -120,16 +120,11 @@ class Device:
     """
 
     def __init__(self, options, stored, start_ned, has_imu, needs_pdop, has_speed):
-        on = options
-        self.options = on
+        self.options = on = options
+        if not on.last_position:
+            stored, start_ned, needs_pdop = None, None, False
         gate = on.pdop_gate if on.last_position else math.inf
-        self.last = LastPosition(
-            stored if on.last_position else None,
-            gate,
-            on.save_every_s,
-            on.moved_m,
-            needs_pdop and on.last_position,
-        )
+        self.last = LastPosition(stored, gate, on.save_every_s, on.moved_m, needs_pdop)
         self.attitude = Attitude(on.dtype) if on.attitude and has_imu else None
         self.static = StaticTest(
             on.theta_a, on.speed_threshold, on.wake_speed, on.speed_window, on.accel_tau_s
@@ -138,14 +133,10 @@ class Device:
         self.low_pass = LowPass(on.lengths)
         self.upright = Upright()
         self.mounting = MountingYaw(
-            on.straight_length,
-            theta_alpha=on.theta_alpha,
-            max_bend=on.max_bend,
-            min_speed=on.min_speed,
-            max_sigma=on.max_mount_sigma,
+            on.straight_length, on.theta_alpha, on.max_bend, on.min_speed, on.max_mount_sigma
         )
         self.fusion = Fusion(on.dtype) if on.fusion and self.attitude else None
-        self.ned = start_ned if on.last_position else None
+        self.ned = start_ned
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
         self._moved, self._slow = False, True

@@ -236,11 +236,9 @@ class Scenario:
         f = total[end] - total[np.maximum(end - round(1 / np.median(np.diff(imu.t_s))), 0)]
         down = -f / np.linalg.norm(f, axis=1)[:, None]
         use = np.isfinite(roll_deg)
-        roll, pitch = np.radians(roll_deg[use]), np.radians(pitch_deg[use])
-        given = np.column_stack(
-            [-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)]
-        )
-        cosines = [np.einsum("ij,ij->i", d, self.C_nb[use, 2]) for d in (given, down[use])]
+        angles = np.column_stack([pitch_deg, roll_deg])[use]
+        given = Rotation.from_euler("YX", angles, degrees=True).as_matrix()[:, 2]
+        cosines = [np.vecdot(d, self.C_nb[use, 2]) for d in (given, down[use])]
         return tuple(float((np.degrees(np.arccos(np.clip(c, -1, 1))) ** 2).mean()) for c in cosines)
 
     @property
@@ -417,21 +415,16 @@ def _measure(
     east = position[at, 1] + pdop * error[1] + settling * np.sin(direction)
     velocity = v_n[at, :2] + gnss.speed_m_s * pdop[:, None] * rng.standard_normal((m, 2))
     lat, lon, _ = pymap3d.ned2geodetic(north, east, 0.0, *Scenario.origin)
+    readings = {
+        "lat_deg": lat,
+        "lon_deg": lon,
+        "height_m": Scenario.origin[2],
+        "speed_m_s": np.hypot(*velocity.T),
+        "course_deg": np.degrees(np.arctan2(velocity[:, 1], velocity[:, 0])) % 360,
+    }
     fix = pdop < 99.0
-
-    def fixed(x):
-        return np.where(fix, x, np.nan)
-
-    fixes = Gnss(
-        t_s=t[at],
-        lat_deg=fixed(lat),
-        lon_deg=fixed(lon),
-        height_m=fixed(np.full(m, Scenario.origin[2])),
-        pdop=pdop,
-        speed_m_s=fixed(np.hypot(*velocity.T)),
-        course_deg=fixed(np.degrees(np.arctan2(velocity[:, 1], velocity[:, 0])) % 360),
-        has_fix=fix,
-    )
+    given = {name: np.where(fix, reading, np.nan) for name, reading in readings.items()}
+    fixes = Gnss(t_s=t[at], pdop=pdop, has_fix=fix, **given)
     return Scenario(
         log=Timeline(fixes, Imu(t, gyro, accel), None, (), {}),
         north_m=position[at, 0],
