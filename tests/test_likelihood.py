@@ -18,6 +18,7 @@ MODELS = {
     "walk": {"rrw": 0.4},
     "everything": {"bias": [(1.0, 300.0)], "rrw": 0.4, "quantisation": 0.3},
 }
+HOLES = [(9, 14), (22, 23), (40, 58)]  # blocks
 
 
 def one(value):
@@ -79,26 +80,86 @@ def test_likelihood_is_exact(name, m, added):
     np.testing.assert_allclose(found.added_cov[0], cov[2:, 2:], rtol=1e-8)
 
 
+def holed(y, m):
+    """Cut the holes into a log of means; give it sample by sample, and which means are left."""
+    left = np.ones(len(y), dtype=bool)
+    for a, b in HOLES:
+        left[a:b] = False
+    return np.repeat(np.where(left, y, np.nan), m), left
+
+
+@pytest.mark.parametrize("m", [1, 7])
+@pytest.mark.parametrize("name", MODELS)
+def test_likelihood_with_gaps_is_exact(name, m):
+    """cross-check: equal to the normal density of the means that are there, across all gaps.
+
+    A random walk across gaps is a Gauss-Markov process of 1000 log lengths, hence its tolerances:
+    a few ten-thousandths of a standard error.
+    """
+    y = np.cumsum(np.random.default_rng(1).standard_normal(BLOCKS))
+    samples, left = holed(y, m)
+    warm_up = [lambda t: np.exp(-t / (9 * m * DT))]
+    pieces = spectrum.spectra(samples, DT, m, warm_up)
+    found = likelihood.evaluate(pieces, terms(0.7, **MODELS[name]))
+    v = covariance(BLOCKS, m, 0.7, **MODELS[name])[np.ix_(left, left)]
+    middle = DT * (m * np.arange(BLOCKS) + (m - 1) / 2)
+    x = np.column_stack([regressors(m, False), warm_up[0](middle)])[left]
+    basis = np.linalg.svd(x, full_matrices=True)[0][:, 3:]
+    dense = multivariate_normal(cov=basis.T @ v @ basis).logpdf(basis.T @ y[left])
+    centred = x[:, 1:] - x[:, 1:].mean(axis=0)
+    constant = 0.5 * basis.shape[1] * np.log(2 * np.pi)
+    constant -= 0.5 * np.linalg.slogdet(centred.T @ centred)[1]
+    walk = "rrw" in MODELS[name]
+    assert found.count == basis.shape[1]
+    assert found.value[0] == pytest.approx(dense + constant, abs=1e-4 if walk else 1e-8)
+    cov = np.linalg.inv(x.T @ np.linalg.solve(v, x))
+    best, rel = cov @ x.T @ np.linalg.solve(v, y[left]), 1e-4 if walk else 1e-8
+    assert found.drift[0] == pytest.approx(best[1], abs=rel * np.sqrt(cov[1, 1]))
+    assert found.drift_sd[0] == pytest.approx(np.sqrt(cov[1, 1]), rel=1e-3 if walk else 1e-8)
+    assert found.added[0, 0] == pytest.approx(best[2], abs=rel * np.sqrt(cov[2, 2]))
+
+
+def test_flicker_noise_across_gaps_is_exact():
+    """cross-check: the ladder's likelihood against the dense one of the means that are there."""
+    y = np.cumsum(np.random.default_rng(1).standard_normal(BLOCKS))
+    samples, left = holed(y, 3)
+    pieces = spectrum.spectra(samples, DT, 3)
+    row = likelihood.Terms(one(0.7), flicker=one(0.9))
+    size, time = (a[0] for a in likelihood._ladder(pieces[0]))
+    v = covariance(BLOCKS, 3, 0.7, list(zip(0.9 * size, time, strict=True)))[np.ix_(left, left)]
+    basis = np.linalg.svd(np.ones((left.sum(), 1)), full_matrices=True)[0][:, 1:]
+    dense = multivariate_normal(cov=basis.T @ v @ basis).logpdf(basis.T @ y[left])
+    found = likelihood.evaluate(pieces, row, detrend=False).value[0]
+    assert found - 0.5 * basis.shape[1] * np.log(2 * np.pi) == pytest.approx(dense, abs=1e-8)
+
+
+@pytest.mark.parametrize("cut", [False, True])
 @pytest.mark.parametrize("added", [False, True])
 @pytest.mark.parametrize("name", MODELS)
-def test_drawn_logs_are_those_of_the_model(name, added):
+def test_drawn_logs_are_those_of_the_model(name, added, cut):
     """cross-check: what is left of them under other noise, and their drift, as algebra has it.
 
     Drawn with one noise and asked under another, the restricted quadratic form has the mean
     tr(P V), P = W - W X (X'W X)^-1 X'W with W the other noise's inverse covariance.
     """
-    v, other = covariance(BLOCKS, 1, 0.7, **MODELS[name]), {"bias": [(0.8, 9.0)]}
-    line = regressors(1, added)
-    w = np.linalg.inv(covariance(BLOCKS, 1, 0.5, **other))
+    samples, left = holed(np.zeros(BLOCKS), 1) if cut else (np.zeros(BLOCKS), slice(None))
+    other = {"bias": [(0.8, 9.0)]}
+    v, w = (
+        covariance(BLOCKS, 1, size, **parts)[left][:, left]
+        for size, parts in ((0.7, MODELS[name]), (0.5, other))
+    )
+    line, w = regressors(1, added), np.linalg.inv(w)
+    columns = [lambda t, c=c: c[np.round(t / DT).astype(int)] for c in line.T[2:]]
+    line = line[left]
     onto = np.linalg.solve(line.T @ w @ line, line.T @ w)
-    left = w - w @ line @ onto
-    stretch = spectrum.transform(np.zeros(BLOCKS), DT, 1, line.T[2:])
+    free = w - w @ line @ onto
+    stretches = spectrum.spectra(samples, DT, 1, columns)
     rng, logs = np.random.default_rng(2), 20000
-    drawn = likelihood.simulate(stretch, terms(0.7, **MODELS[name]), logs, rng)
-    found = likelihood.evaluate([drawn], terms(0.5, **other))
+    drawn = likelihood.simulate(stretches, terms(0.7, **MODELS[name]), logs, rng)
+    found = likelihood.evaluate(drawn, terms(0.5, **other))
     assert found.value.shape == found.drift.shape == (logs, 1)
-    spread = np.sqrt(2 * np.trace(left @ v @ left @ v) / logs)
-    assert abs(found.quadratic.mean() - np.trace(left @ v)) < 4 * spread
+    spread = np.sqrt(2 * np.trace(free @ v @ free @ v) / logs)
+    assert abs(found.quadratic.mean() - np.trace(free @ v)) < 4 * spread
     variance = (onto @ v @ onto.T)[1, 1]
     assert found.drift.var() == pytest.approx(variance, rel=4 * np.sqrt(2 / logs))
 
@@ -107,7 +168,7 @@ def test_drawn_bins_have_the_moments_of_white_noise():
     """analytic: sums of products with the ramp and the first sample, in bins of one and of many."""
     stretch = spectrum.transform(np.zeros(3000), DT)
     logs = 20000
-    drawn = likelihood.simulate(stretch, terms(2.0), logs, np.random.default_rng(3))
+    [drawn] = likelihood.simulate([stretch], terms(2.0), logs, np.random.default_rng(3))
     many = stretch.count > 2
     assert many.sum() > 50
     for products, moment in (

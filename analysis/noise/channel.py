@@ -99,7 +99,7 @@ def characterise(
         Sampling interval, s.
     name, unit, kind : str
     rng : numpy.random.Generator
-        For the bridges over short gaps, and for the bootstrap of the drift.
+        For the bootstrap of the drift.
     detrend : bool
         Remove the linear drift before the fit and the autocorrelation.
     estimate : bool

@@ -97,8 +97,8 @@ class NoiseLikelihood:
         free = sum(s.count.sum() for s in self.stretches)
         self.scale = np.sqrt(sum(s.yy.sum() for s in self.stretches) / free)
         self.step = max(s.m * s.dt for s in self.stretches)
-        self.duration = max(s.n * s.m * s.dt for s in self.stretches)
-        self.per_sample = min(s.m for s in self.stretches)
+        self.duration = max(s.whole * s.dt for s in self.stretches)
+        self.per_sample = min(s.behind for s in self.stretches)
 
     @classmethod
     def of_log(

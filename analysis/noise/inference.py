@@ -33,7 +33,7 @@ from analysis.noise.fit import (
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.models import random_walk_unit
 from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
-from analysis.noise.spectrum import spectra, spikes
+from analysis.noise.spectrum import fewest_to_average, spectra, spikes
 
 FEWEST_MEANS = 256  # averaging stops before fewer means are left
 OCTAVES = 3  # at the top of the band, where the model has to agree
@@ -67,6 +67,8 @@ class Inference:
         Of the reading, U.
     averaged : int
         Samples behind each mean that was fitted.
+    fewest : int
+        The same at least, so that single missing samples leave no gap.
     misfit : float
         Largest relative disagreement of spectrum and model in the octaves at the top of the band.
     spikes : int
@@ -79,6 +81,7 @@ class Inference:
     chosen: Fit
     unit: str
     averaged: int = 1
+    fewest: int = 1
     misfit: float = 0.0
     spikes: int = 0
     parameters: dict[str, Estimate] = field(default_factory=dict)
@@ -232,7 +235,7 @@ def infer(
     unit, kind : str
         kind is rate, angle, accel or position.
     rng : numpy.random.Generator
-        For the bridges over short gaps, and for the bootstrap of the drift.
+        For the bootstrap of the drift.
     detrend : bool
         Remove a linear drift; else the mean only.
 
@@ -243,9 +246,13 @@ def infer(
     """
     out = spikes(y)
     y = np.where(out, np.nan, y) if out.any() else y
-    m, rate, clean_bands = 1, kind in ("rate", "accel"), 0
+    m, rate, clean_bands = (
+        fewest_to_average(y, len(y) / (2 * FEWEST_MEANS)),
+        kind in ("rate", "accel"),
+        0,
+    )
     fits: dict[str, Fit] = {}
-    pieces = spectra(y, dt, m, rng)
+    pieces, fewest = spectra(y, dt, m), m
     if not pieces:
         raise CannotAnswer("long gaps leave no stretch of samples to fit a noise model to")
     likelihood = NoiseLikelihood(pieces, detrend=detrend)
@@ -255,15 +262,15 @@ def infer(
         misfit, beyond = disagreement(likelihood, chosen)
         clean = not beyond and min(chosen.terms.get("corr_time", [np.inf])) >= FILTER * m * dt
         clean_bands = clean_bands + 1 if clean else 0
-        if (clean and (m == 1 or clean_bands > MARGIN)) or len(y) < 2 * m * FEWEST_MEANS:
+        if (clean and (m == fewest or clean_bands > MARGIN)) or len(y) < 2 * m * FEWEST_MEANS:
             break
-        pieces = spectra(y, dt, 2 * m, rng)
+        pieces = spectra(y, dt, 2 * m)
         wider = NoiseLikelihood(pieces, detrend=detrend) if pieces else None
         if wider is None or wider.scale < EXACT * likelihood.scale:
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
-    result = Inference(likelihood, fits, chosen, unit, m, misfit, int(out.sum()))
-    used = sum(piece.n * piece.m for piece in likelihood.stretches) / np.isfinite(y).sum()
+    result = Inference(likelihood, fits, chosen, unit, m, fewest, misfit, int(out.sum()))
+    used = sum(piece.n * piece.behind for piece in likelihood.stretches) / np.isfinite(y).sum()
     parameters = result.parameters
     parameters["sigma_v"] = result.white_noise(_band(result, dt, clean, used))
     if rate:
@@ -337,9 +344,10 @@ def _band(result, dt, clean, used):
     """Write over what band the model was fitted, and what was left out."""
     parts, m = [], result.averaged
     if m > 1:
+        filtered = m > result.fewest
+        why = "closer samples are correlated" if filtered else "single samples are missing"
         parts.append(
-            f"noise level within the fitted band, means of {m} samples ({m * dt:.3g} s): closer"
-            " samples are correlated"
+            f"noise level within the fitted band, means of {m} samples ({m * dt:.3g} s): {why}"
         )
     if result.spikes:
         parts.append(f"left out as spikes: {result.spikes}")
@@ -382,7 +390,7 @@ def linear_drift(likelihood, fits, chosen, rng=None):
     threshold = THRESHOLD
     if rng is not None:
         noise = likelihood.terms(chosen if chosen.plain == "N+K" else fit)
-        drawn = [simulate(stretch, noise, BOOTSTRAP_LOGS, rng) for stretch in likelihood.stretches]
+        drawn = simulate(likelihood.stretches, noise, BOOTSTRAP_LOGS, rng)
         threshold = np.quantile(_fall_at_no_drift(drawn, terms), LEVEL)
     room = threshold - 2 * (value.max() - value)  # left for the drift, under each row of noise
     half = sd * np.sqrt(np.maximum(room, 0.0))

@@ -4,16 +4,23 @@ Mean and linear drift are removed by restricted maximum likelihood (REML): only 
 that does not depend on mean and drift is compared with the model, so that fitting them biases no
 noise parameter. An array of parameter sets, one per row, gives one likelihood per row, because a
 search or a profile needs many at once.
+
+Nothing is put in place of missing samples: the likelihood is that of the samples that are there,
+the correlation across gaps included.
 """
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 LADDER = 3.0  # ratio of neighbouring correlation times in the sum that represents flicker noise
 # Shortest of them, in samples: sampled, the sum holds the power of B^2 / (2 pi f) up to half the
 # sampling rate, each octave to 8 %. A shorter one would fold more in from beyond.
 FASTEST = 0.55
+# Correlation time, in log lengths, of the Gauss-Markov process that stands for a random walk across
+# gaps: its increments over the whole log are short by 1/2000.
+FAR = 1000.0
 
 
 @dataclass(frozen=True)
@@ -74,14 +81,12 @@ class Likelihood:
 
 
 def evaluate(stretches, terms, *, detrend=True):
-    """Restricted likelihood of a log, stretch by stretch.
-
-    Stretches are taken as independent, each with its own mean, with one drift common to all.
-    The correlation across a gap is not used.
+    """Restricted likelihood of a log.
 
     Parameters
     ----------
     stretches : sequence of analysis.noise.spectrum.Spectrum
+        In order of time.
     terms : Terms
     detrend : bool
         Also remove a linear drift.
@@ -90,8 +95,7 @@ def evaluate(stretches, terms, *, detrend=True):
     -------
     Likelihood
     """
-    parts = [_products(stretch, terms) for stretch in stretches]
-    logdet, yy, xy, xx = (sum(part) for part in zip(*parts, strict=True))
+    logdet, yy, xy, xx = _of_log(stretches, terms)
     cov = np.linalg.inv(xx)
     best = (cov @ xy[..., None])[..., 0]
     used = slice(0 if detrend else 1, None)
@@ -100,6 +104,7 @@ def evaluate(stretches, terms, *, detrend=True):
     solved = best if detrend else np.linalg.solve(left, xy[..., used, None])[..., 0]
     yy = yy - (xy[..., used] * solved).sum(axis=-1)
     count = sum(int(stretch.count.sum()) for stretch in stretches) - left.shape[1]
+    count -= len(stretches) > 1  # the mean, which a log in one stretch does not use
     return Likelihood(
         -0.5 * (logdet + yy),
         yy,
@@ -123,15 +128,15 @@ def bin_variance(stretch, terms):
     return diagonal + (signs[:, None] * g**2).sum(axis=2) * per_count
 
 
-def simulate(stretch, terms, logs, rng):
-    """Simulate logs of the given noise, as long as a stretch and without drift.
+def simulate(stretches, terms, logs, rng):
+    """Simulate logs of the given noise, as long and with the same gaps as one, and without drift.
 
     Only what the likelihood needs is simulated: of the coefficients in a bin, the component along
     u, that along the part of x orthogonal to u, and the squared length of the rest.
 
     Parameters
     ----------
-    stretch : analysis.noise.spectrum.Spectrum
+    stretches : sequence of analysis.noise.spectrum.Spectrum
     terms : Terms
         One row.
     logs : int
@@ -139,18 +144,48 @@ def simulate(stretch, terms, logs, rng):
 
     Returns
     -------
-    Spectrum
+    list of Spectrum
         yy, xy and uy with the logs along a first axis, shape (logs, 2, bins).
     """
+    drawn, before, state = [], None, None
+    for stretch in stretches:
+        corr_time = _ends(stretch, terms)[1][0]
+        normal = rng.standard_normal((logs, len(corr_time)))
+        if before is None:
+            state = normal
+        else:
+            decay = np.exp(-(stretch.start - before.last) * stretch.dt / corr_time)
+            state = decay * state + np.sqrt(1 - decay**2) * normal
+        one, state = _draw(stretch, terms, state, rng)
+        drawn.append(one)
+        before = stretch
+    return drawn
+
+
+def _draw(stretch, terms, state, rng):
+    """Draw one stretch of every log given its processes at the first sample, in their deviations.
+
+    Returns
+    -------
+    Spectrum
+    state : ndarray, shape (logs, processes)
+        At the last sample.
+    """
+    logs, used = state.shape
     diagonal, g, signs = (a if a.ndim == 1 else a[0] for a in _covariance(stretch, terms))
     count, basis = stretch.count, _orthogonal(stretch)
     outer = (g * basis[0, 0][:, None]).swapaxes(1, 2)
-    covariance = (outer * signs) @ outer.swapaxes(1, 2)
-    covariance += diagonal[:, :, None] * np.eye(count.shape[1])
-    root = np.linalg.cholesky(covariance).swapaxes(1, 2)
+    covariance = block_diag(*((outer * signs) @ outer.swapaxes(1, 2))) + np.diag(diagonal.ravel())
+    factor, corr_time = (a[0] for a in _ends(stretch, terms))
+    at_first, at_last = (
+        (sign * outer[..., :used] * factor[:, None]).reshape(diagonal.size, used)
+        for sign in (1, np.array([1, -1])[:, None, None])
+    )
+    root = np.linalg.cholesky(covariance - at_first @ at_first.T)
     normal = rng.standard_normal((len(basis), logs, *count.shape))
+    first = normal[0].reshape(logs, -1)
     along, free = np.sqrt(diagonal) * normal, count.copy()
-    along[0] = (normal[0].swapaxes(0, 1) @ root).swapaxes(0, 1)
+    along[0] = (state @ at_first.T + first @ root.T).reshape(logs, *count.shape)
     for k, component in enumerate(along):
         # A bin has no more components than coefficients, and a ramp has no even ones.
         has = (free > 0) & ((basis[k, k] > 0) | (k in (0, len(along) - 1)))
@@ -158,9 +193,13 @@ def simulate(stretch, terms, logs, rng):
         free -= has
     rest = diagonal * 2 * rng.standard_gamma(free / 2, (logs, *count.shape))
     onto_u, *onto_x = np.einsum("jkpb,klpb->jlpb", basis, along)
-    return replace(
-        stretch, yy=(along**2).sum(axis=0) + rest, xy=np.stack(onto_x, axis=1), uy=onto_u
-    )
+    yy, xy = (along**2).sum(axis=0) + rest, np.stack(onto_x, axis=1)
+    stay = np.exp(-(stretch.last - stretch.start) * stretch.dt / corr_time)
+    shared = np.linalg.solve(root, at_last - at_first * stay)
+    size, turn = np.linalg.eigh(np.diag(1 - stay**2) - shared.T @ shared)
+    free_part = rng.standard_normal((logs, used)) * np.sqrt(np.maximum(size, 0.0))
+    state = stay * state + first @ shared + free_part @ turn.T
+    return replace(stretch, yy=yy, xy=xy, uy=onto_u), state
 
 
 def _orthogonal(stretch):
@@ -183,11 +222,86 @@ def _orthogonal(stretch):
     return basis
 
 
-def _products(stretch, terms):
-    """Log-determinant and the products y'V^-1y, x'V^-1y, x'V^-1x of one stretch.
+def _of_log(stretches, terms):
+    """Log-determinant and the products y'V^-1y, x'V^-1y, x'V^-1x of a log, its mean taken out.
 
-    Shapes (rows,), (rows,), (rows, p), (rows, p, p); with many logs in the stretch, the products
-    with y have the logs in front.
+    All that a stretch shares with those before it are the values of the Gauss-Markov processes at
+    its first sample. A and B are the covariances of the readings of a stretch with these values and
+    with those at its last sample, C the covariance of the two, E the decay over the gap that
+    follows; processes are divided by their standard deviations. With z the readings and the
+    regressors, s what is expected of the first values for each, I + D their covariance ::
+
+        H = D (I + A'V^-1A D)^-1                   D = 0 and s = 0 before the first stretch
+        f = s + H (A'V^-1z - A'V^-1A s)            expected with the stretch known
+        z'V^-1z less s'A'V^-1z + (A'V^-1z - A'V^-1A s)' f
+        s = E ((C - B'V^-1A) f + B'V^-1z)          expected at the start of the next stretch
+        D = E ((C - B'V^-1A) H (C - B'V^-1A)' - B'V^-1B) E
+
+    That is Kalman's filter with a stretch for a step.
+
+    Returns
+    -------
+    logdet : ndarray, shape (rows,)
+    yy, xy, xx : ndarray, shape (rows,), (rows, p), (rows, p, p)
+        With many logs in the stretches, the products with y have the logs in front.
+    """
+    parts = [_products(stretch, terms) for stretch in stretches]
+    logdet, yy, xy, xx = (sum(part) for part in zip(*(part[:4] for part in parts), strict=True))
+    if len(parts) == 1:
+        return logdet, yy, xy, xx
+    starts = [*(stretch.start for stretch in stretches[1:]), stretches[-1].whole]
+    expected, more = 0.0, 0.0
+    for stretch, (*_, square, onto), next_start in zip(stretches, parts, starts, strict=True):
+        first, corr_time = _ends(stretch, terms)
+        used = first.shape[-1]  # quantisation is of no use across a gap
+        onto = first[..., None] * onto[:, :, :used]
+        square = first[..., None] * square[:, :, :used, :used] * first[:, :, None]
+        onto_first, onto_last = onto.sum(axis=1), onto[:, 0] - onto[:, 1]  # odd ones change sign
+        within, across = square.sum(axis=1), square[:, 0] - square[:, 1]
+        expected, more = expected + np.zeros_like(onto_first), more + np.zeros_like(within)
+        inner = np.eye(used) + within @ more
+        gain = more @ np.linalg.inv(inner)
+        logdet = logdet + np.linalg.slogdet(inner)[1]
+        new = onto_first - within @ expected
+        known = expected + gain @ new
+        pairs = [expected, new], [onto_first, known]
+        yy, xy, xx = _less(yy, xy, xx, *(np.concatenate(pair, axis=1) for pair in pairs))
+        steps = stretch.last - stretch.start, next_start - stretch.last
+        stay, decay = (np.exp(-k * stretch.dt / corr_time) for k in steps)
+        onward = stay[..., None] * np.eye(used) - across
+        expected = decay[..., None] * (onward @ known + onto_last)
+        more = decay[..., None] * (onward @ gain @ onward - within) * decay[:, None]
+    # The constant is the last regressor.
+    level, share = xx[:, -1:, -1], xx[:, :-1, -1]
+    yy, xy, xx = (
+        yy - xy[..., -1] ** 2 / level[:, 0],
+        xy[..., :-1] - xy[..., -1:] * share / level,
+        xx[:, :-1, :-1] - share[:, :, None] * share[:, None] / level[..., None],
+    )
+    samples = sum(stretch.n for stretch in stretches)
+    return logdet + np.log(level[:, 0] / samples), yy, xy, xx
+
+
+def _less(yy, xy, xx, left, right):
+    """Subtract left'right from the products; its last columns are the regressors'."""
+    p = xx.shape[-1]
+    (y, x), (other_y, other_x) = ((v[..., :-p], v[..., -p:]) for v in (left, right))
+    yy = yy - np.einsum("rtk,rtk->kr", y, other_y).reshape(yy.shape)
+    xy = xy - np.einsum("rtk,rtq->krq", y, other_x).reshape(xy.shape)
+    return yy, xy, xx - np.einsum("rtq,rtw->rqw", x, other_x)
+
+
+def _products(stretch, terms):
+    """Log-determinant and products of one stretch by itself.
+
+    Returns
+    -------
+    logdet, yy, xy, xx
+        As of `_of_log`.
+    square : ndarray, shape (rows, 2, products, products)
+        (g u)'V^-1(g u), for a stretch of a longer log.
+    onto : ndarray, shape (rows, 2, products, logs + p)
+        (g u)'V^-1 on every y and on the regressors.
     """
     diagonal, g, signs = _covariance(stretch, terms)
     rows = len(diagonal)
@@ -195,25 +309,42 @@ def _products(stretch, terms):
     flat = weight.reshape(rows, -1).T
     logdet = stretch.count.ravel() @ np.log(diagonal).reshape(rows, -1).T
     yy, xy, xx = (s.reshape(*s.shape[:-2], -1) @ flat for s in (stretch.yy, stretch.xy, stretch.xx))
-    columns = len(xx)
-    if len(signs):
-        # Woodbury's formula for V = diagonal + sum of sign * (g u)(g u)', parity by parity.
-        weighted = g * weight[:, :, None, :]
-        inner = (weighted * stretch.uu[:, None, :]) @ g.swapaxes(2, 3)
-        inner = np.eye(len(signs)) + signs[:, None] * inner
-        logdet = logdet + np.linalg.slogdet(inner)[1].sum(axis=1)
-        # On every y, and on the regressors in the last columns: (rows, 2, terms, logs + p).
-        both = np.concatenate([stretch.uy.reshape(-1, *stretch.uu.shape), stretch.ux])
-        stacked = weighted.swapaxes(0, 1).reshape(2, rows * len(signs), -1)
-        onto = stacked @ both.transpose(1, 2, 0)
-        onto = onto.reshape(2, rows, len(signs), -1).swapaxes(0, 1)
-        solved = np.linalg.solve(inner, signs[:, None] * onto)
-        y, x = onto[..., :-columns], onto[..., -columns:]
-        solved_y, solved_x = solved[..., :-columns], solved[..., -columns:]
-        yy = yy - np.einsum("rptk,rptk->kr", y, solved_y).reshape(yy.shape)
-        xy = xy - np.einsum("rptk,rptq->kqr", y, solved_x).reshape(xy.shape)
-        xx = xx - np.einsum("rptq,rptw->qwr", x, solved_x)
-    return logdet, yy, np.moveaxis(xy, -1, -2), np.moveaxis(xx, -1, 0)
+    xy, xx = np.moveaxis(xy, -1, -2), np.moveaxis(xx, -1, 0)
+    # Woodbury's formula for V = diagonal + sum of sign * (g u)(g u)', parity by parity.
+    weighted = g * weight[:, :, None, :]
+    square = (weighted * stretch.uu[:, None, :]) @ g.swapaxes(2, 3)
+    both = np.concatenate([stretch.uy.reshape(-1, *stretch.uu.shape), stretch.ux])
+    stacked = weighted.swapaxes(0, 1).reshape(2, rows * len(signs), g.shape[-1])
+    onto = stacked @ both.transpose(1, 2, 0)
+    onto = onto.reshape(2, rows, len(signs), len(both)).swapaxes(0, 1)
+    inner = np.eye(len(signs)) + signs[:, None] * square
+    logdet = logdet + np.linalg.slogdet(inner)[1].sum(axis=1)
+    solved = np.linalg.solve(inner, signs[:, None] * onto)
+    together = (rows, 2 * len(signs), len(both))
+    yy, xy, xx = _less(yy, xy, xx, onto.reshape(together), solved.reshape(together))
+    if not stretch.is_whole:
+        square = signs[:, None] * np.linalg.solve(inner, signs[:, None] * square)
+    return logdet, yy, xy, xx, square, signs[:, None] * solved
+
+
+def _ends(stretch, terms):
+    """Relate the processes at the first sample of a stretch to its outer products.
+
+    The covariance of the readings with a process there, divided by its standard deviation, is
+    factor * g u; at the last sample that of the odd coefficients has the other sign. A log in one
+    stretch has nothing to relate to.
+
+    Returns
+    -------
+    factor : ndarray, shape (rows, 2, processes)
+    corr_time : ndarray, shape (rows, processes), s
+    """
+    rows = len(terms.sigma_v)
+    found = [] if stretch.is_whole else _processes(stretch, terms)
+    times = [corr_time + np.zeros((rows, 1)) for _, corr_time in found]
+    corr_time = np.concatenate([np.zeros((rows, 0)), *times], axis=1)
+    factor = np.sqrt(_reach(stretch, corr_time) / (2 * np.exp(-stretch.dt / corr_time[:, None])))
+    return factor, corr_time
 
 
 def _covariance(stretch, terms):
@@ -227,20 +358,14 @@ def _covariance(stretch, terms):
     """
     m, dt, lam = stretch.m, stretch.dt, stretch.lam
     rows = len(terms.sigma_v)
-    diagonal = _over_bins(terms.sigma_v**2 / m) + np.zeros(lam.shape)
+    diagonal = _over_bins(terms.sigma_v**2 / stretch.behind) + np.zeros(lam.shape)
     g, signs = [], []
-    processes = []
-    if terms.bias:
-        processes.append(_gauss_markov(stretch, *np.array(terms.bias).transpose(1, 2, 0)))
-    if terms.flicker is not None:
-        part, outer = _gauss_markov(stretch, *_ladder(stretch))
-        size = _over_bins(terms.flicker)
-        processes.append((size**2 * part, size[..., None] * outer))
-    for part, outer in processes:
+    for size, corr_time in _processes(stretch, terms):
+        part, outer = _gauss_markov(stretch, size, corr_time)
         diagonal += part
         g.append(outer)
         signs += [-1] * outer.shape[2]
-    if terms.rrw is not None:
+    if terms.rrw is not None and stretch.is_whole:
         q = _over_bins(terms.rrw**2 * m * dt)
         # Means of a random walk: neighbouring increments share a sixth of their variance. The mean
         # of the log has no eigenvalue, and does not count.
@@ -251,39 +376,66 @@ def _covariance(stretch, terms):
         g.append(np.sqrt(2 * q)[:, :, None] + np.zeros((2, 1, lam.shape[1])))
         signs.append(1)
     none = np.zeros((rows, 2, 0, lam.shape[1]))
-    return diagonal, np.concatenate([none, *g], axis=2), np.array(signs)
+    return diagonal, np.concatenate([none, *g], axis=2), np.array(signs, dtype=int)
 
 
 def _over_bins(values):
     return values[:, None, None]
 
 
+def _processes(stretch, terms):
+    """List sigma_b, shape (rows, terms), and corr_time, (rows or 1, terms), of Gauss-Markov terms.
+
+    Of a stretch of a longer log they include the random walk.
+    """
+    found = []
+    if terms.bias:
+        found.append(tuple(np.array(terms.bias).transpose(1, 2, 0)))
+    if terms.flicker is not None:
+        size, corr_time = _ladder(stretch)
+        found.append((terms.flicker[:, None] * size, corr_time))
+    if terms.rrw is not None and not stretch.is_whole:
+        corr_time = np.full((1, 1), FAR * stretch.whole * stretch.dt)
+        found.append((terms.rrw[:, None] * np.sqrt(corr_time / 2), corr_time))
+    return found
+
+
 def _gauss_markov(stretch, sigma_b, corr_time):
-    """Diagonal, shape (rows, 2, bins), and g, (rows, 2, terms, bins), of terms, (rows, terms)."""
+    """Diagonal, shape (rows, 2, bins), and g, (rows, 2, terms, bins), of `_processes`."""
     m, lam = stretch.m, stretch.lam
-    parts = _averaged(sigma_b, corr_time, m, stretch.dt)
+    parts = _averaged(corr_time, m, stretch.dt)
     variance, next_one, phi, one_less = (a[:, None, :, None] for a in parts)
     # Spectrum of an autocovariance that falls by phi a lag from the first lag on, not from 0.
     below = phi * lam[:, None] + one_less**2
-    shape = one_less * (1 + phi) / below
-    ends = 1 + 2 * phi / (1 + phi) * (shape @ stretch.ends[:, :, None])
-    diagonal = (variance + next_one * (2 * one_less - lam[:, None]) / below).sum(axis=2)
-    return diagonal, shape * np.sqrt(2 * next_one / (1 + phi) / ends)
+    diagonal = variance + next_one * (2 * one_less - lam[:, None]) / below
+    g = one_less / below * np.sqrt(2 * next_one * _reach(stretch, corr_time)[..., None])
+    size = sigma_b[:, None, None]
+    return (size**2 @ diagonal)[:, :, 0], size.swapaxes(2, 3) * g
 
 
-def _averaged(sigma_b, corr_time, m, dt):
+def _reach(stretch, corr_time):
+    """Give 1 - exp(-length / corr_time) for even coefficients, 1 + exp(...) for odd ones.
+
+    Returns
+    -------
+    ndarray, shape (rows, 2, terms)
+    """
+    x = stretch.n * stretch.m * stretch.dt / corr_time
+    return np.stack([-np.expm1(-x), 1 + np.exp(-x)], axis=1)
+
+
+def _averaged(corr_time, m, dt):
     """Means of m samples of a Gauss-Markov process: variance, next covariance, phi, 1 - phi.
 
-    From the first lag on the autocovariance falls by phi; the variance lies below that line, so the
-    means are no Gauss-Markov process themselves.
+    Of unit variance before. From the first lag on the autocovariance falls by phi; the variance
+    lies below that line, so the means are no Gauss-Markov process themselves.
     """
     x = dt / corr_time
     step, one_less = -np.expm1(-x), -np.expm1(-m * x)
-    next_one = sigma_b**2 * (1 - step) * (one_less / (m * step)) ** 2
+    next_one = (1 - step) * (one_less / (m * step)) ** 2
     closed = (m + 2 * (1 - step) * (m * step - one_less) / step**2) / m**2
     series = 1 - (m - 1 / m) * x / 3 + (m**2 - 1) * x**2 / 12  # where the closed form cancels
-    variance = sigma_b**2 * np.where(m * x < 1e-4, series, closed)
-    return variance, next_one, 1 - one_less, one_less
+    return np.where(m * x < 1e-4, series, closed), next_one, 1 - one_less, one_less
 
 
 def _ladder(stretch):
@@ -291,6 +443,6 @@ def _ladder(stretch):
 
     They are of equal variance, from half a sample to 100 logs.
     """
-    rungs = int(np.ceil(np.log(100 / FASTEST * stretch.n * stretch.m) / np.log(LADDER)))
+    rungs = int(np.ceil(np.log(100 / FASTEST * stretch.whole) / np.log(LADDER)))
     corr_time = FASTEST * stretch.dt * LADDER ** np.arange(rungs)[None]
     return np.full_like(corr_time, np.sqrt(np.log(LADDER) / np.pi)), corr_time

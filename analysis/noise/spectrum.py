@@ -21,20 +21,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import dct
 
-from analysis.noise.autocorrelation import block_means
-
 SINGLE = 40  # coefficients of each parity kept one by one
 BINS = 14  # bins per e-fold of frequency above them
-STRETCHES = 30  # longest pieces of a log with long gaps that are used
-FEWEST = 32  # means below which a piece is left out
-GAP = 10  # missing samples in a row that are bridged at any length of the log
-NEAR = 8  # samples on each side that a bridge is computed from
+STRETCHES = 30  # longest pieces of a log with gaps that are used
+FEWEST = 8  # means below which a piece is left out
+USED = 0.95  # share of the samples that is to be used
+ENOUGH = 0.5  # share of the usual number of samples that a mean needs
 SPIKE = 8.0  # robust standard deviations of a step
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Cosine transform, in bins, of readings without gap, or of means of `m` of them.
+    """Cosine transform, in bins, of a stretch without gap: readings, or means of `m` of them.
 
     Every array has shape (2, bins): even coefficients, odd coefficients. Products with the
     regressors x, a ramp and what is added to it, have their number p in front.
@@ -44,25 +42,30 @@ class Spectrum:
     n : int
         Readings or means.
     m : int
-        Samples behind each.
+        Samples that each spans.
     dt : float
         Sampling interval of the samples, s.
+    behind : float
+        Samples behind each as far as white noise is concerned: the harmonic mean of their numbers.
+    start, whole : int
+        Samples of the log before the stretch, and in all.
     lam : ndarray
         Eigenvalue of L at the middle of the bin.
     count : ndarray
-        Coefficients in the bin; 0 for the mean, which is not used.
+        Coefficients in the bin; 0 for the mean of a whole log, which is not used.
     yy, uu, uy : ndarray
         Sums of products of the log's (y) and the first sample's (u) coefficients.
     xx : ndarray, shape (p, p, 2, bins)
     xy, ux : ndarray, shape (p, 2, bins)
-        The same with the regressors.
-    ends : ndarray
-        Sum of squares of u, that of the mean included.
+        The same with the regressors. The last one of a stretch of a longer log is a constant.
     """
 
     n: int
     m: int
     dt: float
+    behind: float
+    start: int
+    whole: int
     lam: np.ndarray
     count: np.ndarray
     yy: np.ndarray
@@ -71,10 +74,19 @@ class Spectrum:
     xx: np.ndarray
     xy: np.ndarray
     ux: np.ndarray
-    ends: np.ndarray
+
+    @property
+    def is_whole(self):
+        """Whether the log has no other stretch."""
+        return self.whole == self.n * self.m
+
+    @property
+    def last(self):
+        """The last sample, counted as `start` is."""
+        return self.start + self.n * self.m - 1
 
 
-def transform(y, dt, m=1, added=()):
+def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
     """Reduce one unbroken stretch.
 
     Parameters
@@ -86,13 +98,19 @@ def transform(y, dt, m=1, added=()):
     m : int
     added : sequence of ndarray, shape (n,)
         Regressors besides the ramp.
+    behind : float, optional
+        As in `Spectrum`; by default `m`.
+    start, whole : int
+        As in `Spectrum`; by default the stretch is the whole log.
 
     Returns
     -------
     Spectrum
     """
     n = len(y)
-    c = dct(y - y.mean(), type=2, norm="ortho")
+    whole = n * m if whole is None else whole
+    alone = whole == n * m  # then the mean is not used
+    c = dct(y - y.mean() if alone else y, type=2, norm="ortho")
     half_angle = np.pi * np.arange(n) / (2 * n)
     u = np.sqrt(2 / n) * np.cos(half_angle)
     u[0] = np.sqrt(1 / n)
@@ -103,23 +121,26 @@ def transform(y, dt, m=1, added=()):
 
     def gathered(values):
         sums = np.zeros(lam.shape)
-        for parity, start in enumerate(starts):
-            sums[parity, : len(start)] = np.add.reduceat(values[parity::2], start)
+        for parity, first in enumerate(starts):
+            sums[parity, : len(first)] = np.add.reduceat(values[parity::2], first)
         return sums
 
-    ends = gathered(u * u)
-    c[0] = u[0] = 0.0
-    columns = [x]
-    for column in added:
-        columns.append(dct(column - column.mean(), type=2, norm="ortho"))
-        columns[-1][0] = 0.0
+    columns = [x, *(dct(column, type=2, norm="ortho") for column in added)]
+    if alone:
+        for column in (c, u, *columns):
+            column[0] = 0.0
+    else:
+        count[0, 0] = 1.0
+        x[0] = np.sqrt(n) * dt * (start + (n * m - whole) / 2)
+        columns.append(np.sqrt(n) * (np.arange(n) == 0))
     xx = np.zeros((len(columns), len(columns), *lam.shape))
     for i, a in enumerate(columns):
         for j, b in enumerate(columns[: i + 1]):
             xx[i, j] = xx[j, i] = gathered(a * b)
     xy, ux = (np.array([gathered(a * column) for column in columns]) for a in (c, u))
     sums = [gathered(a * b) for a, b in ((c, c), (u, u), (u, c))]
-    return Spectrum(n, m, dt, lam, count, *sums, xx, xy, ux, ends)
+    behind = float(m) if behind is None else behind
+    return Spectrum(n, m, dt, behind, start, whole, lam, count, *sums, xx, xy, ux)
 
 
 def outline(n, dt):
@@ -133,7 +154,7 @@ def outline(n, dt):
     zero = np.zeros_like(lam)
     uu = count * (2 / n) * (1 - lam / 4)
     none = zero[None]
-    return Spectrum(n, 1, dt, lam, count, zero, uu, zero, none[None], none, none, uu)
+    return Spectrum(n, 1, dt, 1.0, 0, n, lam, count, zero, uu, zero, none[None], none, none)
 
 
 def _bins(n):
@@ -157,12 +178,8 @@ def _edges(size):
     return np.append(np.arange(SINGLE), wide)
 
 
-def spectra(y, dt, m, rng, added=()):
-    """Split a log at its long gaps, bridge the short ones, and transform the pieces.
-
-    A gap of up to 10 samples, or 1/200 of the log, is bridged: a straight line between the medians
-    of its neighbours, with white noise of the level of neighbouring differences on it. So no more
-    samples are simulated than were missing.
+def spectra(y, dt, m, added=()):
+    """Average a log, split it at its gaps, and transform the pieces.
 
     Parameters
     ----------
@@ -171,8 +188,6 @@ def spectra(y, dt, m, rng, added=()):
     dt : float, s
     m : int
         Samples to average.
-    rng : numpy.random.Generator
-        For the bridges.
     added : sequence of callable
         Regressors besides the ramp: time since the first sample, s, to their values.
 
@@ -181,16 +196,77 @@ def spectra(y, dt, m, rng, added=()):
     list of Spectrum
         At most the 30 longest.
     """
-    whole = bridged(y, rng)
-    edges = np.flatnonzero(np.diff(np.isfinite(np.concatenate([[np.nan], whole, [np.nan]]))))
-    runs = sorted(edges.reshape(-1, 2).tolist(), key=lambda run: run[0] - run[1])[:STRETCHES]
+    runs, have = _runs(np.isfinite(y), m)
+    runs = runs[runs[:, 1] - runs[:, 0] >= FEWEST]
+    if not len(runs):
+        return []
+    means = _means(y, m, have)
+    if len(runs) > 1:
+        means = means - np.nanmean(means)
+    first, last = runs[0, 0], runs[-1, 1]
     pieces = []
-    for a, b in sorted(runs):
-        if b - a >= FEWEST * m:
-            means = block_means(whole[a:b], m)
-            middle = dt * (a + m * np.arange(len(means)) + (m - 1) / 2)
-            pieces.append(transform(means, dt, m, [column(middle) for column in added]))
+    for a, b in runs:
+        middle = dt * (m * np.arange(a, b) + (m - 1) / 2)
+        columns = [column(middle) for column in added]
+        behind = float(1 / np.mean(1 / have[a:b]))
+        place = {"start": int(m * (a - first)), "whole": int(m * (last - first))}
+        pieces.append(transform(means[a:b], dt, m, columns, behind=behind, **place))
     return pieces
+
+
+def fewest_to_average(y, most):
+    """Smallest power of two of samples whose means leave few enough gaps.
+
+    The 30 longest stretches of means hold 95 % of the samples then, or as many as they can.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+    most : float
+        Largest number of samples to try.
+
+    Returns
+    -------
+    int
+    """
+    valid, used, m = np.isfinite(y), {}, 1
+    if valid.all():
+        return m
+    while m == 1 or m <= most:
+        runs, have = _runs(valid, m)
+        used[m] = sum(have[a:b].sum() for a, b in runs)
+        if used[m] >= USED * valid.sum():
+            return m
+        m *= 2
+    return max(used, key=used.get)
+
+
+def _runs(valid, m):
+    """Find the longest runs of means that have enough samples, in order of time.
+
+    Returns
+    -------
+    runs : ndarray of int, shape (k, 2)
+        First mean and the one after the last, of at most 30 runs.
+    have : ndarray of int, shape (means,)
+        Samples behind each mean.
+    """
+    have = valid[: len(valid) // m * m].reshape(-1, m).sum(axis=1, dtype=np.int32)
+    enough = have >= ENOUGH * np.median(have[have > 0]) if have.any() else have > 0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], enough, [False]])))
+    runs = edges.reshape(-1, 2)
+    longest = np.argsort(runs[:, 0] - runs[:, 1], kind="stable")[:STRETCHES]
+    return runs[np.sort(longest)], have
+
+
+def _means(y, m, have):
+    """Mean of the samples that are there, of each m; NaN where there is none."""
+    blocks = y[: len(have) * m].reshape(-1, m)
+    if m == 1 or have.min() == m:
+        return y if m == 1 else blocks.mean(axis=1)
+    sums = np.where(np.isfinite(blocks), blocks, 0.0).sum(axis=1)
+    return np.divide(sums, have, out=np.full(len(have), np.nan), where=have > 0)
 
 
 def spikes(y):
@@ -207,25 +283,3 @@ def spikes(y):
         return np.zeros(len(y), dtype=bool)
     both = np.minimum(np.abs(step[:-1]), np.abs(step[1:])) > SPIKE * size
     return both & (np.sign(step[:-1]) != np.sign(step[1:]))
-
-
-def bridged(y, rng):
-    """Bridge the short gaps of a log (see `spectra`); the long ones stay NaN.
-
-    Returns
-    -------
-    ndarray, shape (n,), U
-    """
-    missing = ~np.isfinite(y)
-    if not missing.any():
-        return y
-    y = y.copy()
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], missing, [False]]))).reshape(-1, 2)
-    level = np.nanmedian(np.abs(np.diff(y))) / 0.6745 / np.sqrt(2)
-    for a, b in edges[np.diff(edges)[:, 0] <= max(GAP, len(y) // 200)]:
-        before, after = y[max(a - NEAR, 0) : a], y[b : b + NEAR]
-        if not (np.isfinite(before).any() and np.isfinite(after).any()):
-            continue
-        line = np.linspace(np.nanmedian(before), np.nanmedian(after), b - a)
-        y[a:b] = line + level * rng.standard_normal(b - a)
-    return y
