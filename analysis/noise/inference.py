@@ -4,7 +4,7 @@ First the band is chosen. A filter inside a sensor correlates neighbouring sampl
 here describes. So samples are averaged, 1, 2, 4 ... at a time, until no fitted
 correlation time is as short as a few means and the model agrees with the spectrum within 3 % in the
 highest octaves; then two steps more, as a margin of safety. sigma_v is the noise level within the
-fitted band.
+fitted band. Where single samples are missing, averaging starts with as many as leave no gap.
 
 The linear drift has a profile likelihood over a grid of the biases that the log allows. A slow bias
 can look like a drift, the more so the longer its correlation time, and generalised least squares
@@ -246,13 +246,10 @@ def infer(
     """
     out = spikes(y)
     y = np.where(out, np.nan, y) if out.any() else y
-    m, rate, clean_bands = (
-        fewest_to_average(y, len(y) / (2 * FEWEST_MEANS)),
-        kind in ("rate", "accel"),
-        0,
-    )
+    fewest = fewest_to_average(y, len(y) / (2 * FEWEST_MEANS))
+    m, rate, clean_bands = fewest, kind in ("rate", "accel"), 0
     fits: dict[str, Fit] = {}
-    pieces, fewest = spectra(y, dt, m), m
+    pieces = spectra(y, dt, m)
     if not pieces:
         raise CannotAnswer("long gaps leave no stretch of samples to fit a noise model to")
     likelihood = NoiseLikelihood(pieces, detrend=detrend)
@@ -262,7 +259,8 @@ def infer(
         misfit, beyond = disagreement(likelihood, chosen)
         clean = not beyond and min(chosen.terms.get("corr_time", [np.inf])) >= FILTER * m * dt
         clean_bands = clean_bands + 1 if clean else 0
-        if (clean and (m == fewest or clean_bands > MARGIN)) or len(y) < 2 * m * FEWEST_MEANS:
+        unfiltered = m == 1 or (m == fewest and as_noisy(y, chosen))
+        if (clean and (unfiltered or clean_bands > MARGIN)) or len(y) < 2 * m * FEWEST_MEANS:
             break
         pieces = spectra(y, dt, 2 * m)
         wider = NoiseLikelihood(pieces, detrend=detrend) if pieces else None
@@ -338,6 +336,12 @@ def disagreement(likelihood, fit):
     error = np.sqrt(2 / np.maximum(count, 1))
     off, error = off[count > 0], error[count > 0]
     return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
+
+
+def as_noisy(y, fit):
+    """Whether neighbouring samples differ as white noise of the fitted size has it."""
+    level = np.nanmean(np.diff(y) ** 2) / 2
+    return abs(level / fit.terms["sigma_v"][0] ** 2 - 1) < AGREE
 
 
 def _band(result, dt, clean, used):
