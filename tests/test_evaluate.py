@@ -7,10 +7,10 @@ import pytest
 from analysis import store
 from analysis.logs import datasets, moving
 from analysis.tracker import evaluate, scenarios
+from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import Options
 from analysis.tracker.last_position import Stored
 from analysis.tracker.log_replay import replay
-from analysis.tracker.low_pass import LowPass
 
 
 def test_block_one_alone_is_the_replay_with_the_others_off():

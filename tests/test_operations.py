@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from analysis import DATA
-from analysis.tracker import kalman, low_pass, operations
+from analysis.tracker import at_rest, kalman, operations
 from analysis.tracker.attitude import Attitude
 from analysis.tracker.operations import Counted, counted, instrument
 
@@ -136,7 +136,7 @@ def test_buffer_mean_equals_the_running_one():
     """cross-check: the low-pass filter's mean, counted."""
     tally = Counter()
     buffer = [list(row) for row in counted(np.ones((10, 2)), tally)]
-    low_pass.mean(buffer)
+    at_rest.mean(buffer)
     assert tally == buffer_mean(10, axes=2)
 
 
@@ -195,7 +195,7 @@ def test_a_sample_of_the_attitude_holds_its_three_filter_steps(steps):
 
 def test_the_low_pass_filter_costs_its_means(steps):
     """analytic: n places, two coordinates: 2 (n - 1) sums and 2 divisions; at worst all layers."""
-    first, second, third = (buffer_mean(n, axes=2) for n in low_pass.LowPass.lengths)
+    first, second, third = (buffer_mean(n, axes=2) for n in at_rest.LowPass.lengths)
     assert kinds(steps, "4", "fix that fills layer 1") == first
     assert kinds(steps, "4", "fix that fills layer 3") == first + second + third
     each = sum(m.total() / e for m, e in zip((first, second, third), (30, 900, 2700), strict=True))

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from analysis.logs.timeline import Gnss, Imu, Timeline
-from analysis.tracker import static
+from analysis.tracker import at_rest
+from analysis.tracker.at_rest import LowPass, StaticTest, SteadyReadings, mean
 from analysis.tracker.log_replay import replay
-from analysis.tracker.low_pass import LowPass, mean
 from analysis.tracker.scenarios import Scenario
-from analysis.tracker.static import StaticTest, SteadyReadings
 
 
 def test_threshold_is_the_papers():
@@ -149,12 +148,12 @@ def fed(block, epochs, *, slow=True, jump=None):
 
 def test_rest_takes_some_epochs_and_ends_at_once():
     """property: still after five quiet epochs; one sample out of range ends it."""
-    assert not fed(SteadyReadings(), static.STEADY_EPOCHS - 1).steady
-    block = fed(SteadyReadings(), static.STEADY_EPOCHS)
+    assert not fed(SteadyReadings(), at_rest.STEADY_EPOCHS - 1).steady
+    block = fed(SteadyReadings(), at_rest.STEADY_EPOCHS)
     assert block.steady
     block.sample((0.0, 0.0, 0.0), LEVEL)
     assert block.steady
-    block.sample((0.0, 0.0, 0.0), (static.ACCEL_RANGE + 0.2, 0.0, -9.81))
+    block.sample((0.0, 0.0, 0.0), (at_rest.ACCEL_RANGE + 0.2, 0.0, -9.81))
     assert not block.steady
     block.epoch(True)
     assert not block.steady

@@ -1,4 +1,6 @@
-"""The six blocks of the tracker paper, a module each, and what joins, simulates and judges them.
+"""The six blocks of the tracker paper, and what joins, simulates and judges them.
+
+Blocks 1 to 6 are in `last_position`, `attitude`, `at_rest` (3 and 4), `mounting` and `fusion`.
 
 ``replay(timeline, Options(...))`` runs a whole log through the device that the blocks make.
 """

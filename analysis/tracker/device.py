@@ -13,12 +13,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from analysis import STANDARD_GRAVITY, wrap
+from analysis.tracker.at_rest import LowPass, StaticTest, SteadyReadings
 from analysis.tracker.attitude import GAP_S, Attitude, Upright, dot
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
-from analysis.tracker.low_pass import LowPass
 from analysis.tracker.mounting import ENTRY_S, MountingYaw
-from analysis.tracker.static import StaticTest, SteadyReadings
 
 FIXES_S = 5.0  # s over which fixes give a speed, where a receiver reports none
 

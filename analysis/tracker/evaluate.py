@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from analysis import Estimate, wrap
 from analysis.logs.timeline import Gnss, Imu
+from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import Options
 from analysis.tracker.last_position import LastPosition, Stored
 from analysis.tracker.log_replay import replay
-from analysis.tracker.low_pass import LowPass
 from analysis.tracker.scenarios import Scenario, scenario
 
 SLOWEST = 2.0  # m/s, speed under which the regression leaves an epoch out

@@ -25,7 +25,7 @@ import math
 from dataclasses import dataclass
 
 from analysis import wrap
-from analysis.tracker.low_pass import mean
+from analysis.tracker.at_rest import mean
 
 TURN = 2 * math.pi
 ENTRY_S = 1.0  # s that an entry covers, so that the buffer is as long at 1 Hz as at 25 Hz

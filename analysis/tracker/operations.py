@@ -15,12 +15,11 @@ import pandas as pd
 
 from analysis import STANDARD_GRAVITY
 from analysis.tracker import kalman
+from analysis.tracker.at_rest import LowPass, StaticTest, mean
 from analysis.tracker.attitude import Attitude, Upright
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
-from analysis.tracker.low_pass import LowPass, mean
 from analysis.tracker.mounting import MountingYaw
-from analysis.tracker.static import StaticTest
 
 KINDS = ("sums", "products", "divisions", "functions")
 
