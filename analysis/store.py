@@ -37,6 +37,7 @@ from analysis.terrain.real_laps import Lap, lay_on_line
 from analysis.terrain.terrain_map import Profile
 
 __all__ = [
+    "before_and_after",
     "centre_line",
     "characterise_log",
     "coverage",
@@ -220,6 +221,23 @@ def ensemble(subject: str, quantity: str) -> np.ndarray:
     if not len(numbers):
         raise WrongUsage(f"no quantity '{quantity}' of '{subject}' in data/derived/ensembles")
     return numbers if np.isfinite(numbers[:, 1:]).any() else numbers[:, 0]
+
+
+def before_and_after(name: str | Path) -> pd.DataFrame:
+    """Read what changed since the tests of fit: ``robustness`` or ``repeatability``.
+
+    Both have a table ``before``, from the code before these tests on the same logs.
+
+    Returns
+    -------
+    DataFrame
+        A row a cell and parameter; a column of the earlier code ends in ``_before``.
+    """
+    tables = read(name).tables
+    before = tables.pop("before")
+    after = tables["summary"] if "summary" in tables else pd.concat(tables.values())
+    keys = [c for c in ("model", "hours", "sensor", "kind", "pieces", "parameter") if c in after]
+    return after.merge(before, "left", keys, suffixes=("", "_before"))
 
 
 def published(name: str, dtype: type | None = None) -> pd.DataFrame:

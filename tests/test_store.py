@@ -11,6 +11,7 @@ from analysis import CannotAnswer, logs, replacing, store
 from analysis.noise.models import UnifiedModel
 from analysis.studies import derived
 
+OWN_COMMANDS = {"coverage", "robustness", "repeatability", "benchmark"}  # not `data --rebuild`
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}
 READ_OFF = {"bias_instability", "rrw"}
@@ -365,16 +366,16 @@ def test_what_is_not_stored_says_how_to_make_it():
 def test_every_folder_can_be_made_again_and_states_its_source():
     """property: no folder is without a maker or a source; those of raw files have file and licence.
 
-    The study of coverage and the benchmark have no raw files, and commands of their own.
+    The studies of simulated logs and the benchmark have no raw files.
     """
     folders = {p.name for p in store.FOLDER.iterdir() if p.is_dir()}
     assert folders == set(store.names())
-    assert folders - {"coverage", "benchmark"} <= set(derived.names())
+    assert folders - OWN_COMMANDS <= set(derived.names())
     assert set(derived.MAKERS) <= folders
     for name in folders:
         source = store.read(name).source
         assert source["title"] and source["made_by"].startswith("python -m analysis ")
-        if name not in ("coverage", "benchmark"):
+        if name not in {"coverage", "robustness", "benchmark"}:
             sums = source.get("files") or {source["file"]: source["sha256"]}
             assert all(len(sha256) == 64 for sha256 in sums.values())
             assert source["licence"] and source["source"]

@@ -47,7 +47,8 @@ RATE_HZ = 20.0  # of Table I, comparison paper section IV
 TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005, title="terrain Table 1")
 PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 OF_A_RATE = ("arw", *PARAMETERS[1:])
-BROKEN_HOURS, BROKEN_LOGS = 2.0, 200
+BROKEN_HOURS, BROKEN_LOGS = 2.0, 24
+BEFORE = "table 'before': the same logs, by the code of commit e05b09e, which had no tests of fit"
 WARM_UP, CYCLE, SWING = 900.0, 1200.0, 600.0  # s, time constant and periods
 LINE_HZ = 28.5  # of an engine, as in the log car-roof-imu
 GAPS, GAP = 12, 30.0  # how many, s
@@ -482,6 +483,7 @@ def broken_source():
         "title": "Logs that break the noise models: what is resolved, held, wrong, reported",
         "made_by": "python -m analysis coverage --broken",
         "seed": SEED,
+        "before": BEFORE,
         "disturbances": {name: cell.says for name, (cell, _, _) in broken().items()},
     }
 

@@ -14,16 +14,18 @@ channels, and pairs of one channel share parts.
 import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from itertools import combinations, pairwise
 
 import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from analysis import CannotAnswer, logs, store
+from analysis import CannotAnswer, logs, replacing, store
 from analysis.logs import datasets, formats
 
 FOLDER = store.FOLDER / "repeatability"
+BEFORE = "table 'before': the same parts, by the code of commit e05b09e"
 DIGITS = 5  # of the numbers in the tables
 SEED = 20240513
 PIECES = (1, 2, 4, 8)  # parts of a log; the whole only names what disturbs it
@@ -113,6 +115,7 @@ def pairs(table):
         for either part, or for the whole log).
     """
     found = []
+    table = table.assign(named=table["named"].fillna(""))
     whole = table[table["pieces"] == 1].set_index(["log", "channel", "parameter"])["named"]
     groups = table[(table["pieces"] > 1) & table["value"].notna()].groupby(
         [*PAIR, "log", "channel"], sort=False
@@ -168,41 +171,43 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
 def study(workers=None, folder=FOLDER):
     r"""Characterise every part of every log, compare, and write the tables.
 
+    A log whose table is there is not computed again: a killed study goes on where it stopped.
+
     Parameters
     ----------
     workers : int, optional
         Processes; by default one a core.
     folder : Path
-        Gets parts, summary, and exceptions (the pairs with \|z\| >= 1.96).
+        Gets a table of the parts of each log, summary, and exceptions (the pairs with
+        \|z\| >= 1.96).
     """
-    rows, source = [], {}
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
-    with ProcessPoolExecutor(workers) as pool:
-        done = pool.map(of_log, LOGS)
-        for name, (about, found) in zip(
-            LOGS, tqdm(done, total=len(LOGS), unit="log", disable=None), strict=True
-        ):
-            rows += [{"sensor": LOGS[name], "log": name} | row for row in found]
-            source[about["file"]] = about
-    table = pd.DataFrame(rows)
-    compared = pairs(table)
+    logs_read = {name: read(name) for name in LOGS}
+    sources = {log.file: log for log in logs_read.values()}
     stated = {
         "title": "Repeatability: real static logs in halves, quarters, eighths",
         "made_by": "python -m analysis coverage --real",
-        "files": {file: about["sha256"] for file, about in source.items()},
-        "licence": {file: about["licence"] for file, about in source.items()},
-        "source": {file: about["source"] for file, about in source.items()},
+        "files": {file: log.sha256 for file, log in sources.items()},
+        "licence": {file: log.licence for file, log in sources.items()},
+        "source": {file: log.source for file, log in sources.items()},
+        "before": BEFORE,
         "seed": SEED,
     }
-    tables = {
-        "parts": table,
-        "summary": summary(table, compared),
-        "exceptions": compared[compared["z"].abs() >= WITHIN],
-    }
+    store.write(folder, stated, {})
+    missing = [name for name in LOGS if not (folder / f"{name}.csv").exists()]
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
+    with ProcessPoolExecutor(workers) as pool:
+        one = partial(write_parts, folder=folder)
+        list(tqdm(pool.map(one, missing), total=len(missing), unit="log", disable=None))
+    table = pd.concat([pd.read_csv(folder / f"{name}.csv") for name in LOGS])
+    compared = pairs(table)
+    exceptions = compared[compared["z"].abs() >= WITHIN]
+    tables = {"summary": summary(table, compared), "exceptions": exceptions}
     store.write(folder, stated, {k: store.rounded(t, DIGITS) for k, t in tables.items()})
 
 
-def of_log(name):
-    """Read a log; give where it is from, and the rows of its parts."""
-    log = read(name)
-    return store.log_source(log), parts(log, number=list(LOGS).index(name))
+def write_parts(name, folder):
+    """Characterise the parts of one log, and write their table."""
+    rows = parts(read(name), number=list(LOGS).index(name))
+    table = pd.DataFrame([{"sensor": LOGS[name], "log": name} | row for row in rows])
+    with replacing(folder / f"{name}.csv") as draft:
+        store.write_table(draft, store.rounded(table, DIGITS))
