@@ -11,7 +11,7 @@ from analysis import CannotAnswer, logs, replacing, store
 from analysis.noise.models import UnifiedModel
 from analysis.studies import derived
 
-OWN_COMMANDS = {"coverage", "robustness", "repeatability", "benchmark"}  # not `data --rebuild`
+OWN_COMMANDS = {"coverage", "ensembles", "robustness", "repeatability", "benchmark"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}
 READ_OFF = {"bias_instability", "rrw"}
@@ -375,7 +375,7 @@ def test_every_folder_can_be_made_again_and_states_its_source():
     for name in folders:
         source = store.read(name).source
         assert source["title"] and source["made_by"].startswith("python -m analysis ")
-        if name not in {"coverage", "robustness", "benchmark"}:
+        if name not in {"coverage", "ensembles", "robustness", "benchmark"}:
             sums = source.get("files") or {source["file"]: source["sha256"]}
             assert all(len(sha256) == 64 for sha256 in sums.values())
             assert source["licence"] and source["source"]
