@@ -153,10 +153,10 @@ def test_drawn_logs_are_those_of_the_model(name, added, cut):
     line = line[left]
     onto = np.linalg.solve(line.T @ w @ line, line.T @ w)
     free = w - w @ line @ onto
-    stretches = spectrum.spectra(samples, DT, 1, columns)
+    [stretch] = spectrum.spectra(samples, DT, 1, columns)
     rng, logs = np.random.default_rng(2), 20000
-    drawn = likelihood.simulate(stretches, terms(0.7, **MODELS[name]), logs, rng)
-    found = likelihood.evaluate(drawn, terms(0.5, **other))
+    drawn = likelihood.simulate(stretch, terms(0.7, **MODELS[name]), logs, rng)
+    found = likelihood.evaluate([drawn], terms(0.5, **other))
     assert found.value.shape == found.drift.shape == (logs, 1)
     spread = np.sqrt(2 * np.trace(free @ v @ free @ v) / logs)
     assert abs(found.quadratic.mean() - np.trace(free @ v)) < 4 * spread
@@ -168,7 +168,7 @@ def test_drawn_bins_have_the_moments_of_white_noise():
     """analytic: sums of products with the ramp and the first sample, in bins of one and of many."""
     stretch = spectrum.transform(np.zeros(3000), DT)
     logs = 20000
-    [drawn] = likelihood.simulate([stretch], terms(2.0), logs, np.random.default_rng(3))
+    drawn = likelihood.simulate(stretch, terms(2.0), logs, np.random.default_rng(3))
     many = stretch.count > 2
     assert many.sum() > 50
     for products, moment in (

@@ -98,7 +98,7 @@ class NoiseLikelihood:
         self.scale = np.sqrt(sum(s.yy.sum() for s in self.stretches) / free)
         self.step = max(s.m * s.dt for s in self.stretches)
         self.duration = max(s.whole * s.dt for s in self.stretches)
-        self.per_sample = min(s.behind for s in self.stretches)
+        self.per_sample = min(s.behind.min() for s in self.stretches)
 
     @classmethod
     def of_log(

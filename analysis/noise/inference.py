@@ -268,7 +268,10 @@ def infer(
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
     result = Inference(likelihood, fits, chosen, unit, m, fewest, misfit, int(out.sum()))
-    used = sum(piece.n * piece.behind for piece in likelihood.stretches) / np.isfinite(y).sum()
+    used = (
+        sum(piece.length @ piece.behind / m for piece in likelihood.stretches)
+        / np.isfinite(y).sum()
+    )
     parameters = result.parameters
     parameters["sigma_v"] = result.white_noise(_band(result, dt, clean, used))
     if rate:
@@ -389,21 +392,21 @@ def linear_drift(likelihood, fits, chosen, rng=None):
     value, low, high : float, U/s
     """
     fit = fits[DRIFT_MODEL.get(chosen.plain, chosen.plain) + chosen.end]
-    terms = rows(_grid(likelihood, fit), fit.names)
-    value, drift, sd = _lines(likelihood.stretches, terms)
+    grid = _grid(likelihood, fit), fit.names
+    value, drift, sd = _lines(likelihood.stretches, *grid)
     threshold = THRESHOLD
     if rng is not None:
         noise = likelihood.terms(chosen if chosen.plain == "N+K" else fit)
-        drawn = simulate(likelihood.stretches, noise, BOOTSTRAP_LOGS, rng)
-        threshold = np.quantile(_fall_at_no_drift(drawn, terms), LEVEL)
+        drawn = [simulate(stretch, noise, BOOTSTRAP_LOGS, rng) for stretch in likelihood.stretches]
+        threshold = np.quantile(_fall_at_no_drift(drawn, *grid), LEVEL)
     room = threshold - 2 * (value.max() - value)  # left for the drift, under each row of noise
     half = sd * np.sqrt(np.maximum(room, 0.0))
     ends = (drift - half)[room >= 0].min(), (drift + half)[room >= 0].max()
     return float(drift[np.argmax(value)]), *map(float, ends)
 
 
-def _lines(stretches, terms):
-    """Fit the line to one log, or to many, under rows of noise.
+def _lines(stretches, points, names):
+    """Fit the line to one log, or to many, under rows of noise, some at a time.
 
     Returns
     -------
@@ -411,13 +414,17 @@ def _lines(stretches, terms):
         Unrestricted log-likelihood at the best drift, and this drift, U/s.
     sd : ndarray, shape (rows,), U/s
     """
-    result = evaluate(stretches, terms)
-    return result.value - np.log(result.drift_sd), result.drift, result.drift_sd
+    parts = []
+    for some in np.array_split(points, DRIFT_GRID[0]):
+        result = evaluate(stretches, rows(some, names))
+        parts.append((result.value - np.log(result.drift_sd), result.drift, result.drift_sd))
+    value, drift, sd = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+    return value, drift, sd
 
 
-def _fall_at_no_drift(stretches, terms):
+def _fall_at_no_drift(stretches, points, names):
     """Fall of 2 ln L at zero drift, for each of many logs."""
-    value, drift, sd = _lines(stretches, terms)
+    value, drift, sd = _lines(stretches, points, names)
     return 2 * (value.max(axis=1) - (value - 0.5 * (drift / sd) ** 2).max(axis=1))
 
 

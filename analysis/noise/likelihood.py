@@ -81,12 +81,11 @@ class Likelihood:
 
 
 def evaluate(stretches, terms, *, detrend=True):
-    """Restricted likelihood of a log.
+    """Restricted likelihood of a log, or of several with one drift, each with its own mean.
 
     Parameters
     ----------
     stretches : sequence of analysis.noise.spectrum.Spectrum
-        In order of time.
     terms : Terms
     detrend : bool
         Also remove a linear drift.
@@ -95,7 +94,8 @@ def evaluate(stretches, terms, *, detrend=True):
     -------
     Likelihood
     """
-    logdet, yy, xy, xx = _of_log(stretches, terms)
+    parts = [_of_log(stretch, terms) for stretch in stretches]
+    logdet, yy, xy, xx = (sum(part) for part in zip(*parts, strict=True))
     cov = np.linalg.inv(xx)
     best = (cov @ xy[..., None])[..., 0]
     used = slice(0 if detrend else 1, None)
@@ -104,7 +104,7 @@ def evaluate(stretches, terms, *, detrend=True):
     solved = best if detrend else np.linalg.solve(left, xy[..., used, None])[..., 0]
     yy = yy - (xy[..., used] * solved).sum(axis=-1)
     count = sum(int(stretch.count.sum()) for stretch in stretches) - left.shape[1]
-    count -= len(stretches) > 1  # the mean, which a log in one stretch does not use
+    count -= sum(stretch.has_gaps for stretch in stretches)  # their means
     return Likelihood(
         -0.5 * (logdet + yy),
         yy,
@@ -121,14 +121,14 @@ def bin_variance(stretch, terms):
 
     Returns
     -------
-    ndarray, shape (rows, 2, bins), U^2
+    ndarray, shape (rows, h, bins), U^2
     """
     diagonal, g, signs = _covariance(stretch, terms)
     per_count = stretch.uu / np.maximum(stretch.count, 1)
     return diagonal + (signs[:, None] * g**2).sum(axis=2) * per_count
 
 
-def simulate(stretches, terms, logs, rng):
+def simulate(stretch, terms, logs, rng):
     """Simulate logs of the given noise, as long and with the same gaps as one, and without drift.
 
     Only what the likelihood needs is simulated: of the coefficients in a bin, the component along
@@ -136,7 +136,7 @@ def simulate(stretches, terms, logs, rng):
 
     Parameters
     ----------
-    stretches : sequence of analysis.noise.spectrum.Spectrum
+    stretch : analysis.noise.spectrum.Spectrum
     terms : Terms
         One row.
     logs : int
@@ -144,48 +144,15 @@ def simulate(stretches, terms, logs, rng):
 
     Returns
     -------
-    list of Spectrum
-        yy, xy and uy with the logs along a first axis, shape (logs, 2, bins).
-    """
-    drawn, before, state = [], None, None
-    for stretch in stretches:
-        corr_time = _ends(stretch, terms)[1][0]
-        normal = rng.standard_normal((logs, len(corr_time)))
-        if before is None:
-            state = normal
-        else:
-            decay = np.exp(-(stretch.start - before.last) * stretch.dt / corr_time)
-            state = decay * state + np.sqrt(1 - decay**2) * normal
-        one, state = _draw(stretch, terms, state, rng)
-        drawn.append(one)
-        before = stretch
-    return drawn
-
-
-def _draw(stretch, terms, state, rng):
-    """Draw one stretch of every log given its processes at the first sample, in their deviations.
-
-    Returns
-    -------
     Spectrum
-    state : ndarray, shape (logs, processes)
-        At the last sample.
+        yy, xy and uy with the logs along a first axis, shape (logs, h, bins).
     """
-    logs, used = state.shape
     diagonal, g, signs = (a if a.ndim == 1 else a[0] for a in _covariance(stretch, terms))
     count, basis = stretch.count, _orthogonal(stretch)
     outer = (g * basis[0, 0][:, None]).swapaxes(1, 2)
-    covariance = block_diag(*((outer * signs) @ outer.swapaxes(1, 2))) + np.diag(diagonal.ravel())
-    factor, corr_time = (a[0] for a in _ends(stretch, terms))
-    at_first, at_last = (
-        (sign * outer[..., :used] * factor[:, None]).reshape(diagonal.size, used)
-        for sign in (1, np.array([1, -1])[:, None, None])
-    )
-    root = np.linalg.cholesky(covariance - at_first @ at_first.T)
     normal = rng.standard_normal((len(basis), logs, *count.shape))
-    first = normal[0].reshape(logs, -1)
     along, free = np.sqrt(diagonal) * normal, count.copy()
-    along[0] = (state @ at_first.T + first @ root.T).reshape(logs, *count.shape)
+    along[0] = _along_u(stretch, terms, (diagonal, outer, signs), normal[0], rng)
     for k, component in enumerate(along):
         # A bin has no more components than coefficients, and a ramp has no even ones.
         has = (free > 0) & ((basis[k, k] > 0) | (k in (0, len(along) - 1)))
@@ -193,13 +160,39 @@ def _draw(stretch, terms, state, rng):
         free -= has
     rest = diagonal * 2 * rng.standard_gamma(free / 2, (logs, *count.shape))
     onto_u, *onto_x = np.einsum("jkpb,klpb->jlpb", basis, along)
-    yy, xy = (along**2).sum(axis=0) + rest, np.stack(onto_x, axis=1)
-    stay = np.exp(-(stretch.last - stretch.start) * stretch.dt / corr_time)
-    shared = np.linalg.solve(root, at_last - at_first * stay)
-    size, turn = np.linalg.eigh(np.diag(1 - stay**2) - shared.T @ shared)
-    free_part = rng.standard_normal((logs, used)) * np.sqrt(np.maximum(size, 0.0))
-    state = stay * state + first @ shared + free_part @ turn.T
-    return replace(stretch, yy=yy, xy=xy, uy=onto_u), state
+    return replace(
+        stretch, yy=(along**2).sum(axis=0) + rest, xy=np.stack(onto_x, axis=1), uy=onto_u
+    )
+
+
+def _along_u(stretch, terms, covariance, normal, rng):
+    """Draw the components along u from standard normal ones, shape (logs, h, bins).
+
+    One stretch after the other: given the Gauss-Markov processes at its first sample, and together
+    with those at its last one.
+    """
+    logs, _, bins = normal.shape
+    diagonal, outer, signs = covariance
+    factor, corr_time = (a[0] for a in _ends(stretch, terms))
+    used = len(corr_time)
+    stay, decay = np.exp(-_steps(stretch)[..., None] * stretch.dt / corr_time)
+    state = rng.standard_normal((logs, used))
+    drawn = np.empty_like(normal)
+    for k in range(len(stretch.start)):
+        both = slice(2 * k, 2 * k + 2)
+        v = block_diag(*((outer[both] * signs) @ outer[both].swapaxes(1, 2)))
+        v += np.diag(diagonal[both].ravel())
+        at_first = (outer[both, :, :used] * factor[both, None]).reshape(2 * bins, used)
+        at_last = at_first * np.repeat([1, -1], bins)[:, None]
+        root = np.linalg.cholesky(v - at_first @ at_first.T)
+        own = normal[:, both].reshape(logs, 2 * bins)
+        drawn[:, both] = (state @ at_first.T + own @ root.T).reshape(logs, 2, bins)
+        shared = np.linalg.solve(root, at_last - at_first * stay[k])
+        size, turn = np.linalg.eigh(np.diag(1 - stay[k] ** 2) - shared.T @ shared)
+        new = rng.standard_normal((2, logs, used))
+        state = stay[k] * state + own @ shared + new[0] * np.sqrt(np.maximum(size, 0)) @ turn.T
+        state = decay[k] * state + np.sqrt(1 - decay[k] ** 2) * new[1]
+    return drawn
 
 
 def _orthogonal(stretch):
@@ -222,7 +215,7 @@ def _orthogonal(stretch):
     return basis
 
 
-def _of_log(stretches, terms):
+def _of_log(stretch, terms):
     """Log-determinant and the products y'V^-1y, x'V^-1y, x'V^-1x of a log, its mean taken out.
 
     All that a stretch shares with those before it are the values of the Gauss-Markov processes at
@@ -245,41 +238,54 @@ def _of_log(stretches, terms):
     yy, xy, xx : ndarray, shape (rows,), (rows, p), (rows, p, p)
         With many logs in the stretches, the products with y have the logs in front.
     """
-    parts = [_products(stretch, terms) for stretch in stretches]
-    logdet, yy, xy, xx = (sum(part) for part in zip(*(part[:4] for part in parts), strict=True))
-    if len(parts) == 1:
+    logdet, yy, xy, xx, square, onto = _products(stretch, terms)
+    if not stretch.has_gaps:
         return logdet, yy, xy, xx
-    starts = [*(stretch.start for stretch in stretches[1:]), stretches[-1].whole]
-    expected, more = 0.0, 0.0
-    for stretch, (*_, square, onto), next_start in zip(stretches, parts, starts, strict=True):
-        first, corr_time = _ends(stretch, terms)
-        used = first.shape[-1]  # quantisation is of no use across a gap
-        onto = first[..., None] * onto[:, :, :used]
-        square = first[..., None] * square[:, :, :used, :used] * first[:, :, None]
-        onto_first, onto_last = onto.sum(axis=1), onto[:, 0] - onto[:, 1]  # odd ones change sign
-        within, across = square.sum(axis=1), square[:, 0] - square[:, 1]
-        expected, more = expected + np.zeros_like(onto_first), more + np.zeros_like(within)
-        inner = np.eye(used) + within @ more
-        gain = more @ np.linalg.inv(inner)
+    factor, corr_time = _ends(stretch, terms)
+    used = factor.shape[-1]
+    onto = factor[..., None] * onto[:, :, :used]  # quantisation is of no use across a gap
+    square = factor[..., None] * square[:, :, :used, :used] * factor[:, :, None]
+    even_onto, odd_onto, even_square, odd_square = (
+        a[:, parity::2].swapaxes(0, 1) for a in (onto, square) for parity in (0, 1)
+    )
+    # At the last sample odd coefficients have the other sign.
+    first, last = even_onto + odd_onto, even_onto - odd_onto
+    within, across = even_square + odd_square, even_square - odd_square
+    steps = _steps(stretch)[..., None, None] * stretch.dt
+    stay, decay = np.exp(-steps / corr_time)
+    onward = stay[..., None] * np.eye(used) - across
+    expected, more = [np.zeros_like(first[0])], np.zeros_like(within[0])
+    new, known = [], []
+    for k in range(len(first)):
+        inner = np.eye(used) + within[k] @ more
         logdet = logdet + np.linalg.slogdet(inner)[1]
-        new = onto_first - within @ expected
-        known = expected + gain @ new
-        pairs = [expected, new], [onto_first, known]
-        yy, xy, xx = _less(yy, xy, xx, *(np.concatenate(pair, axis=1) for pair in pairs))
-        steps = stretch.last - stretch.start, next_start - stretch.last
-        stay, decay = (np.exp(-k * stretch.dt / corr_time) for k in steps)
-        onward = stay[..., None] * np.eye(used) - across
-        expected = decay[..., None] * (onward @ known + onto_last)
-        more = decay[..., None] * (onward @ gain @ onward - within) * decay[:, None]
+        gain = more @ np.linalg.inv(inner)
+        new.append(first[k] - within[k] @ expected[k])
+        known.append(expected[k] + gain @ new[k])
+        expected.append(decay[k][..., None] * (onward[k] @ known[k] + last[k]))
+        more = onward[k] @ gain @ onward[k] - within[k]
+        more = decay[k][..., None] * more * decay[k][:, None]
+    left, right = (np.concatenate(a, axis=1) for a in ([*expected[:-1], *new], [*first, *known]))
+    yy, xy, xx = _less(yy, xy, xx, left, right)
     # The constant is the last regressor.
     level, share = xx[:, -1:, -1], xx[:, :-1, -1]
-    yy, xy, xx = (
+    return (
+        logdet + np.log(level[:, 0] / stretch.n),
         yy - xy[..., -1] ** 2 / level[:, 0],
         xy[..., :-1] - xy[..., -1:] * share / level,
         xx[:, :-1, :-1] - share[:, :, None] * share[:, None] / level[..., None],
     )
-    samples = sum(stretch.n for stretch in stretches)
-    return logdet + np.log(level[:, 0] / samples), yy, xy, xx
+
+
+def _steps(stretch):
+    """Count samples from the first to the last of each stretch, and from there to the next one.
+
+    Returns
+    -------
+    ndarray, shape (2, stretches)
+    """
+    last = stretch.start + stretch.length - 1
+    return np.array([stretch.length - 1, np.append(stretch.start[1:], stretch.whole) - last])
 
 
 def _less(yy, xy, xx, left, right):
@@ -292,19 +298,19 @@ def _less(yy, xy, xx, left, right):
 
 
 def _products(stretch, terms):
-    """Log-determinant and products of one stretch by itself.
+    """Log-determinant and products as if each stretch were a log by itself.
 
     Returns
     -------
     logdet, yy, xy, xx
         As of `_of_log`.
-    square : ndarray, shape (rows, 2, products, products)
-        (g u)'V^-1(g u), for a stretch of a longer log.
-    onto : ndarray, shape (rows, 2, products, logs + p)
+    square : ndarray, shape (rows, h, products, products)
+        (g u)'V^-1(g u), for a log with gaps.
+    onto : ndarray, shape (rows, h, products, logs + p)
         (g u)'V^-1 on every y and on the regressors.
     """
     diagonal, g, signs = _covariance(stretch, terms)
-    rows = len(diagonal)
+    rows, halves, _ = diagonal.shape
     weight = 1 / diagonal
     flat = weight.reshape(rows, -1).T
     logdet = stretch.count.ravel() @ np.log(diagonal).reshape(rows, -1).T
@@ -314,33 +320,33 @@ def _products(stretch, terms):
     weighted = g * weight[:, :, None, :]
     square = (weighted * stretch.uu[:, None, :]) @ g.swapaxes(2, 3)
     both = np.concatenate([stretch.uy.reshape(-1, *stretch.uu.shape), stretch.ux])
-    stacked = weighted.swapaxes(0, 1).reshape(2, rows * len(signs), g.shape[-1])
+    stacked = weighted.swapaxes(0, 1).reshape(halves, rows * len(signs), g.shape[-1])
     onto = stacked @ both.transpose(1, 2, 0)
-    onto = onto.reshape(2, rows, len(signs), len(both)).swapaxes(0, 1)
+    onto = onto.reshape(halves, rows, len(signs), len(both)).swapaxes(0, 1)
     inner = np.eye(len(signs)) + signs[:, None] * square
     logdet = logdet + np.linalg.slogdet(inner)[1].sum(axis=1)
     solved = np.linalg.solve(inner, signs[:, None] * onto)
-    together = (rows, 2 * len(signs), len(both))
+    together = (rows, halves * len(signs), len(both))
     yy, xy, xx = _less(yy, xy, xx, onto.reshape(together), solved.reshape(together))
-    if not stretch.is_whole:
+    if stretch.has_gaps:
         square = signs[:, None] * np.linalg.solve(inner, signs[:, None] * square)
     return logdet, yy, xy, xx, square, signs[:, None] * solved
 
 
 def _ends(stretch, terms):
-    """Relate the processes at the first sample of a stretch to its outer products.
+    """Relate the processes at the first sample of each stretch to its outer products.
 
     The covariance of the readings with a process there, divided by its standard deviation, is
-    factor * g u; at the last sample that of the odd coefficients has the other sign. A log in one
-    stretch has nothing to relate to.
+    factor * g u; at the last sample that of the odd coefficients has the other sign. A log without
+    gaps has nothing to relate to.
 
     Returns
     -------
-    factor : ndarray, shape (rows, 2, processes)
+    factor : ndarray, shape (rows, h, processes)
     corr_time : ndarray, shape (rows, processes), s
     """
     rows = len(terms.sigma_v)
-    found = [] if stretch.is_whole else _processes(stretch, terms)
+    found = _processes(stretch, terms) if stretch.has_gaps else []
     times = [corr_time + np.zeros((rows, 1)) for _, corr_time in found]
     corr_time = np.concatenate([np.zeros((rows, 0)), *times], axis=1)
     factor = np.sqrt(_reach(stretch, corr_time) / (2 * np.exp(-stretch.dt / corr_time[:, None])))
@@ -352,20 +358,21 @@ def _covariance(stretch, terms):
 
     Returns
     -------
-    diagonal : ndarray, shape (rows, 2, bins)
-    g : ndarray, shape (rows, 2, products, bins)
+    diagonal : ndarray, shape (rows, h, bins)
+    g : ndarray, shape (rows, h, products, bins)
     signs : ndarray, shape (products,)
     """
     m, dt, lam = stretch.m, stretch.dt, stretch.lam
     rows = len(terms.sigma_v)
-    diagonal = _over_bins(terms.sigma_v**2 / stretch.behind) + np.zeros(lam.shape)
+    behind = np.repeat(stretch.behind, 2)[:, None]
+    diagonal = _over_bins(terms.sigma_v**2) / behind + np.zeros(lam.shape)
     g, signs = [], []
     for size, corr_time in _processes(stretch, terms):
         part, outer = _gauss_markov(stretch, size, corr_time)
         diagonal += part
         g.append(outer)
         signs += [-1] * outer.shape[2]
-    if terms.rrw is not None and stretch.is_whole:
+    if terms.rrw is not None and not stretch.has_gaps:
         q = _over_bins(terms.rrw**2 * m * dt)
         # Means of a random walk: neighbouring increments share a sixth of their variance. The mean
         # of the log has no eigenvalue, and does not count.
@@ -373,9 +380,9 @@ def _covariance(stretch, terms):
     if terms.quantisation is not None:
         q = _over_bins((terms.quantisation / (m * dt)) ** 2)
         diagonal += q * lam
-        g.append(np.sqrt(2 * q)[:, :, None] + np.zeros((2, 1, lam.shape[1])))
+        g.append(np.sqrt(2 * q)[:, :, None] + np.zeros((len(lam), 1, lam.shape[1])))
         signs.append(1)
-    none = np.zeros((rows, 2, 0, lam.shape[1]))
+    none = np.zeros((rows, len(lam), 0, lam.shape[1]))
     return diagonal, np.concatenate([none, *g], axis=2), np.array(signs, dtype=int)
 
 
@@ -386,7 +393,7 @@ def _over_bins(values):
 def _processes(stretch, terms):
     """List sigma_b, shape (rows, terms), and corr_time, (rows or 1, terms), of Gauss-Markov terms.
 
-    Of a stretch of a longer log they include the random walk.
+    Of a log with gaps they include the random walk.
     """
     found = []
     if terms.bias:
@@ -394,14 +401,14 @@ def _processes(stretch, terms):
     if terms.flicker is not None:
         size, corr_time = _ladder(stretch)
         found.append((terms.flicker[:, None] * size, corr_time))
-    if terms.rrw is not None and not stretch.is_whole:
+    if terms.rrw is not None and stretch.has_gaps:
         corr_time = np.full((1, 1), FAR * stretch.whole * stretch.dt)
         found.append((terms.rrw[:, None] * np.sqrt(corr_time / 2), corr_time))
     return found
 
 
 def _gauss_markov(stretch, sigma_b, corr_time):
-    """Diagonal, shape (rows, 2, bins), and g, (rows, 2, terms, bins), of `_processes`."""
+    """Diagonal, shape (rows, h, bins), and g, (rows, h, terms, bins), of `_processes`."""
     m, lam = stretch.m, stretch.lam
     parts = _averaged(corr_time, m, stretch.dt)
     variance, next_one, phi, one_less = (a[:, None, :, None] for a in parts)
@@ -418,10 +425,11 @@ def _reach(stretch, corr_time):
 
     Returns
     -------
-    ndarray, shape (rows, 2, terms)
+    ndarray, shape (rows, h, terms)
     """
-    x = stretch.n * stretch.m * stretch.dt / corr_time
-    return np.stack([-np.expm1(-x), 1 + np.exp(-x)], axis=1)
+    x = stretch.length[:, None] * stretch.dt / corr_time[:, None]
+    both = np.stack([-np.expm1(-x), 1 + np.exp(-x)], axis=2)
+    return both.reshape(len(x), 2 * x.shape[1], x.shape[2])
 
 
 def _averaged(corr_time, m, dt):

@@ -16,7 +16,7 @@ coefficients. The coefficients of short periods, where the model is smooth, are 
 few per cent wide.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.fft import dct
@@ -32,40 +32,45 @@ SPIKE = 8.0  # robust standard deviations of a step
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Cosine transform, in bins, of a stretch without gap: readings, or means of `m` of them.
+    """Cosine transform, in bins, of each stretch of a log: of readings, or of means of `m`.
 
-    Every array has shape (2, bins): even coefficients, odd coefficients. Products with the
-    regressors x, a ramp and what is added to it, have their number p in front.
+    Arrays of bins have shape (h, bins), with the even and the odd coefficients of the first
+    stretch, then those of the next: h = 2 without gaps. Products with the regressors x, a ramp and
+    what is added to it, have their number p in front.
 
     Attributes
     ----------
     n : int
-        Readings or means.
+        Readings or means in all.
     m : int
         Samples that each spans.
     dt : float
         Sampling interval of the samples, s.
-    behind : float
-        Samples behind each as far as white noise is concerned: the harmonic mean of their numbers.
-    start, whole : int
-        Samples of the log before the stretch, and in all.
-    lam : ndarray
+    whole : int
+        Samples from the first to the last, with those that are missing.
+    start, length : ndarray of int, shape (h / 2,)
+        Samples of the log before each stretch, and those it spans.
+    behind : ndarray, shape (h / 2,)
+        Samples behind each reading as far as white noise is concerned: the harmonic mean of their
+        numbers.
+    lam : ndarray, shape (h, bins)
         Eigenvalue of L at the middle of the bin.
-    count : ndarray
-        Coefficients in the bin; 0 for the mean of a whole log, which is not used.
-    yy, uu, uy : ndarray
+    count : ndarray, shape (h, bins)
+        Coefficients in the bin; 0 for the mean of a log without gaps, which is not used.
+    yy, uu, uy : ndarray, shape (h, bins)
         Sums of products of the log's (y) and the first sample's (u) coefficients.
-    xx : ndarray, shape (p, p, 2, bins)
-    xy, ux : ndarray, shape (p, 2, bins)
-        The same with the regressors. The last one of a stretch of a longer log is a constant.
+    xx : ndarray, shape (p, p, h, bins)
+    xy, ux : ndarray, shape (p, h, bins)
+        The same with the regressors. The last one of a log with gaps is a constant.
     """
 
     n: int
     m: int
     dt: float
-    behind: float
-    start: int
     whole: int
+    start: np.ndarray
+    length: np.ndarray
+    behind: np.ndarray
     lam: np.ndarray
     count: np.ndarray
     yy: np.ndarray
@@ -76,14 +81,9 @@ class Spectrum:
     ux: np.ndarray
 
     @property
-    def is_whole(self):
-        """Whether the log has no other stretch."""
-        return self.whole == self.n * self.m
-
-    @property
-    def last(self):
-        """The last sample, counted as `start` is."""
-        return self.start + self.n * self.m - 1
+    def has_gaps(self):
+        """Whether there is more than one stretch."""
+        return len(self.start) > 1
 
 
 def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
@@ -106,6 +106,7 @@ def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
     Returns
     -------
     Spectrum
+        Of one stretch; with a mean if there are others (see `joined`).
     """
     n = len(y)
     whole = n * m if whole is None else whole
@@ -139,8 +140,34 @@ def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
             xx[i, j] = xx[j, i] = gathered(a * b)
     xy, ux = (np.array([gathered(a * column) for column in columns]) for a in (c, u))
     sums = [gathered(a * b) for a, b in ((c, c), (u, u), (u, c))]
-    behind = float(m) if behind is None else behind
-    return Spectrum(n, m, dt, behind, start, whole, lam, count, *sums, xx, xy, ux)
+    place = (np.array([v]) for v in (start, n * m, float(m) if behind is None else behind))
+    return Spectrum(n, m, dt, whole, *place, lam, count, *sums, xx, xy, ux)
+
+
+def joined(stretches):
+    """Put the stretches of a log side by side, filled up with empty bins.
+
+    Parameters
+    ----------
+    stretches : sequence of Spectrum
+
+    Returns
+    -------
+    Spectrum
+    """
+    if len(stretches) == 1:
+        return stretches[0]
+    most = max(stretch.lam.shape[1] for stretch in stretches)
+    together = {"n": sum(stretch.n for stretch in stretches)}
+    for name in ("start", "length", "behind"):
+        together[name] = np.concatenate([getattr(stretch, name) for stretch in stretches])
+    for name in ("lam", "count", "yy", "uu", "uy", "xx", "xy", "ux"):
+        parts = [getattr(stretch, name) for stretch in stretches]
+        wide = [[(0, 0)] * (a.ndim - 1) + [(0, most - a.shape[-1])] for a in parts]
+        fill = 1.0 if name == "lam" else 0.0
+        parts = [np.pad(a, w, constant_values=fill) for a, w in zip(parts, wide, strict=True)]
+        together[name] = np.concatenate(parts, axis=-2)
+    return replace(stretches[0], **together)
 
 
 def outline(n, dt):
@@ -154,7 +181,8 @@ def outline(n, dt):
     zero = np.zeros_like(lam)
     uu = count * (2 / n) * (1 - lam / 4)
     none = zero[None]
-    return Spectrum(n, 1, dt, 1.0, 0, n, lam, count, zero, uu, zero, none[None], none, none)
+    place = (np.array([v]) for v in (0, n, 1.0))
+    return Spectrum(n, 1, dt, n, *place, lam, count, zero, uu, zero, none[None], none, none)
 
 
 def _bins(n):
@@ -181,6 +209,8 @@ def _edges(size):
 def spectra(y, dt, m, added=()):
     """Average a log, split it at its gaps, and transform the pieces.
 
+    At most 30 of them, the longest.
+
     Parameters
     ----------
     y : ndarray, shape (n,), U
@@ -194,7 +224,7 @@ def spectra(y, dt, m, added=()):
     Returns
     -------
     list of Spectrum
-        At most the 30 longest.
+        One, or none of a log without a stretch of 8 means.
     """
     runs, have = _runs(np.isfinite(y), m)
     runs = runs[runs[:, 1] - runs[:, 0] >= FEWEST]
@@ -211,7 +241,7 @@ def spectra(y, dt, m, added=()):
         behind = float(1 / np.mean(1 / have[a:b]))
         place = {"start": int(m * (a - first)), "whole": int(m * (last - first))}
         pieces.append(transform(means[a:b], dt, m, columns, behind=behind, **place))
-    return pieces
+    return [joined(pieces)]
 
 
 def fewest_to_average(y, most):
