@@ -60,14 +60,20 @@ def test_of_two_biases_the_slower_one_is_on_the_grid():
 
 
 def test_a_log_in_pieces():
-    """property: one drift through both pieces; its interval is wider than the whole log's."""
-    rng = np.random.default_rng(11)
-    y = rng.standard_normal(SAMPLES) + DRIFT * np.arange(SAMPLES)
-    holed = y.copy()
-    holed[400:600] = np.nan
-    likelihood = NoiseLikelihood(spectra(holed, 1.0, 1))
-    fits = {model: likelihood.fit(model) for model in ("N", "N+K")}
-    _, low, high = linear_drift(likelihood, fits, fits["N"], np.random.default_rng(1))
-    _, least, most = linear_drift(*fitted(y, "N", "N+K"), np.random.default_rng(1))
-    assert low < DRIFT < high
-    assert high - low > most - least
+    """coverage: the interval of a log with a gap holds the drift, and says little less of it.
+
+    Five logs; with the gap it may be narrower by chance, where no random walk shows.
+    """
+    held, ratios = 0, []
+    for k in range(5):
+        rng = np.random.default_rng([11, k])
+        y = rng.standard_normal(SAMPLES) + DRIFT * np.arange(SAMPLES)
+        _, least, most = linear_drift(*fitted(y, "N", "N+K"), rng)
+        y[400:600] = np.nan
+        likelihood = NoiseLikelihood(spectra(y, 1.0, 1))
+        fits = {model: likelihood.fit(model) for model in ("N", "N+K")}
+        _, low, high = linear_drift(likelihood, fits, fits["N"], rng)
+        held += low < DRIFT < high
+        ratios.append((high - low) / (most - least))
+    assert held >= 4  # of 5: fewer are one case in 50 under 95 %
+    assert 0.5 < np.median(ratios) < 2.0
