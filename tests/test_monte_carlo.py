@@ -131,8 +131,8 @@ def test_laps_by_label():
         assert found.nees()[label] == pytest.approx(nees)
         assert found.reach()[label] == pytest.approx(np.quantile(np.abs(error), 0.95))
     chosen = np.arange(8) < 5
-    some = found.measures(20, np.random.default_rng(1), runs=chosen)["pooled_m2"]
-    fewer = laps(reading(), runs=5).measures(20, np.random.default_rng(1))["pooled_m2"]
+    some = found.measures(20, np.random.default_rng(1), runs=chosen)["variance"]
+    fewer = laps(reading(), runs=5).measures(20, np.random.default_rng(1))["variance"]
     np.testing.assert_allclose(some, fewer, rtol=1e-9)
 
 
@@ -169,10 +169,12 @@ def test_the_three_variances_are_numpys():
     laps = monte_carlo.Laps((0, 1, 2), None, None, error, None, None)
     found = laps.measures(1, np.random.default_rng(1))
     found = {name: values.loc[0].to_numpy() for name, values in found.items()}
-    assert found["mean_m"] == pytest.approx(np.abs(error).mean(axis=(1, 2)))
-    assert found["pooled_m2"] == pytest.approx(error.var(axis=(1, 2)))
-    assert found["ensemble_m2"] == pytest.approx(error.var(axis=1).mean(axis=1))
-    assert found["per_run_m2"] == pytest.approx(error.var(axis=2).mean(axis=1))
+    assert found["mean"] == pytest.approx(np.abs(error).mean(axis=(1, 2)))
+    assert found["variance"] == pytest.approx(error.var(axis=(1, 2)))
+    assert found["variance over laps at one moment"] == pytest.approx(
+        error.var(axis=1).mean(axis=1)
+    )
+    assert found["variance over a lap"] == pytest.approx(error.var(axis=2).mean(axis=1))
 
 
 def test_bootstrap_interval_covers():
@@ -184,7 +186,7 @@ def test_bootstrap_interval_covers():
     for _ in range(300):
         error = 2.0 * rng.standard_normal((1, 50, 1)) + rng.standard_normal((1, 50, 10))
         laps = monte_carlo.Laps((0,), None, None, error, None, None)
-        found = monte_carlo.interval(laps.measures(300, rng)["pooled_m2"][0])
+        found = monte_carlo.interval(laps.measures(300, rng)["variance"][0])
         inside += found.low < 5.0 < found.high
     assert 0.88 <= inside / 300 <= 0.98
 

@@ -79,7 +79,7 @@ def test_track():
 
 def _first_round(lap):
     east, north, _ = lap[1:].mean(axis=0).T
-    return lap[:, centre_line.first_smooth_round(east, north)]
+    return lap[:, centre_line.first_round(east, north)]
 
 
 def _line(laps):

@@ -275,12 +275,10 @@ def remove_jumps(s, height):
     level = np.zeros(len(s), dtype=bool)
     ends = np.flatnonzero(jumped | drifting) + 1
     for a, b in pairwise(np.concatenate([[0], ends, [len(s)]])):
-        stretch = s[a:b]
-        if stretch[-1] - stretch[0] >= LEVEL_LENGTH:
-            first, last = a == 0, b == len(s)
-            level[a:b] = (stretch >= stretch[0] + LEVEL_MARGIN * (not first)) & (
-                stretch <= stretch[-1] - LEVEL_MARGIN * (not last)
-            )
+        if s[b - 1] - s[a] >= LEVEL_LENGTH:
+            low = s[a] + LEVEL_MARGIN if a > 0 else s[a]
+            high = s[b - 1] - LEVEL_MARGIN if b < len(s) else s[b - 1]
+            level[a:b] = (low <= s[a:b]) & (s[a:b] <= high)
     if not level.any():
         raise CannotAnswer(
             f"the height jumps {jumps.size} times, and nowhere are there {LEVEL_LENGTH:g} m "

@@ -177,7 +177,7 @@ class CentreLine:
         return np.array([np.bincount(at, row, bins) for row in values]) / np.bincount(at)
 
 
-def first_smooth_round(east, north):
+def first_round(east, north):
     """Say which epochs of a lap are its first round.
 
     Parameters
@@ -231,7 +231,7 @@ def centre_line(laps, gate):
     CannotAnswer
         If the first lap does not come back to where it began.
     """
-    points = np.column_stack(laps[0])[first_smooth_round(*laps[0])]
+    points = np.column_stack(laps[0])[first_round(*laps[0])]
     line = _resample(points[np.isfinite(points).all(axis=1)], gate)
     # Smoothing a line cuts its corners; the offsets of the laps, averaged below, put that back.
     line = _resample(_smooth_round([line.east_m, line.north_m]).T, gate)

@@ -93,8 +93,10 @@ class Laps:
         Returns
         -------
         dict of pandas.DataFrame
-            ``mean_m``, ``pooled_m2``, ``ensemble_m2``, ``per_run_m2``; a column for each sensor,
-            the sample itself in the first row and a resample in each further row. See `interval`.
+            ``mean`` (m) and ``standard deviation`` (m), ``variance`` (m^2, pooled), ``variance over
+            laps at one moment`` (ensemble) and ``variance over a lap`` (per run); a column for each
+            sensor, the sample itself in the first row and a resample in each further row. See
+            `interval`.
         """
         error = self.error if runs is None else self.error[:, runs]
         weights = resample(error.shape[1], draws, rng)
@@ -104,11 +106,13 @@ class Laps:
 
         square, mean = over_runs((error**2).mean(axis=2)), error.mean(axis=2)
         at_a_moment = np.stack([((weights @ e) ** 2).mean(axis=1) for e in error], axis=1)
+        pooled = square - over_runs(mean) ** 2
         found = {
-            "mean_m": over_runs(np.abs(error).mean(axis=2)),
-            "pooled_m2": square - over_runs(mean) ** 2,
-            "ensemble_m2": square - at_a_moment,
-            "per_run_m2": square - over_runs(mean**2),
+            "mean": over_runs(np.abs(error).mean(axis=2)),
+            "standard deviation": np.sqrt(pooled),
+            "variance": pooled,
+            "variance over laps at one moment": square - at_a_moment,
+            "variance over a lap": square - over_runs(mean**2),
         }
         return {name: self._by_sensor(values) for name, values in found.items()}
 
@@ -361,14 +365,13 @@ def quantiles(resampled):
     return resampled[0], low, high
 
 
-def interval(resampled: ArrayLike, unit: str = "") -> Estimate:
+def interval(resampled: ArrayLike) -> Estimate:
     """Value and 95 % interval of a number computed from every row of `Laps.measures`.
 
     Parameters
     ----------
     resampled : array_like, shape (resamples,)
         The first row is the sample's own.
-    unit : str
 
     Returns
     -------
@@ -376,7 +379,7 @@ def interval(resampled: ArrayLike, unit: str = "") -> Estimate:
         An end is None where the number is infinite there.
     """
     value, low, high = (float(v) if np.isfinite(v) else None for v in quantiles(resampled))
-    return Estimate(value, low, high, unit)
+    return Estimate(value, low, high)
 
 
 def share(yes: Sequence) -> Estimate:

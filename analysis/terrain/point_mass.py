@@ -13,9 +13,8 @@ The posterior Cramer-Rao bound does not depend on any filter. With a linear moti
 with H_k the gradient of the map where the car is and, with bias states, 1 for the attitude error.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
+import pandas as pd
 from scipy.ndimage import convolve1d
 
 from analysis.terrain.monte_carlo import nees_bounds, odometry
@@ -124,50 +123,9 @@ def cramer_rao_bound(
     return out
 
 
-@dataclass(frozen=True)
-class FilterComparison:
-    """Errors of two filters on the same laps, with the bound and the odometry alone.
-
-    Attributes
-    ----------
-    distance : ndarray, shape (times,), m
-    ukf, grid : ndarray, shape (times, runs), m
-        Errors of the unscented and of the point-mass filter.
-    variance : ndarray, shape (times, runs), m^2
-        That the unscented filter computes for its error.
-    bound, odometry : ndarray, shape (times,), m
-        Cramer-Rao bound; standard deviation of the odometry alone.
-    nis : ndarray, shape (times, runs), 1
-        Normalised innovation squared of the unscented filter, per channel.
-    """
-
-    distance: np.ndarray
-    ukf: np.ndarray
-    grid: np.ndarray
-    variance: np.ndarray
-    bound: np.ndarray
-    odometry: np.ndarray
-    nis: np.ndarray
-
-    @property
-    def informative(self) -> np.ndarray:
-        """Where the terrain more than halves the variance that the odometry leaves (times,)."""
-        return self.bound < 0.6 * self.odometry
-
-    @property
-    def consistency(self) -> dict[str, np.ndarray]:
-        """Mean over the runs of NEES and of NIS, each of shape (times,); 1 if consistent."""
-        return {"NEES": (self.ukf**2 / self.variance).mean(axis=1), "NIS": self.nis.mean(axis=1)}
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """95 % bounds of those means, were the filter consistent."""
-        return nees_bounds(self.ukf.shape[1])
-
-
 def compare_filters(
     attitude_map: AttitudeMap, setup: Setup, *, runs: int, seed: int
-) -> FilterComparison:
+) -> tuple[pd.DataFrame, tuple[float, float]]:
     """Track the same laps with both filters: white attitude noise, odometry a random walk.
 
     Parameters
@@ -179,7 +137,14 @@ def compare_filters(
 
     Returns
     -------
-    FilterComparison
+    by_distance : pandas.DataFrame
+        A row for each stored distance (m): rms error of the ``UKF`` and of the ``grid filter``, the
+        ``Cramér–Rao bound``, the standard deviation of ``odometry alone``, the ``largest`` error of
+        the UKF (m); its ``NEES`` and ``NIS``, means over the runs, which are 1 if it is consistent;
+        ``informative``, whether the bound is below 0.6 of the odometry: there the terrain more than
+        halves the variance that the odometry leaves.
+    bounds : tuple of float
+        95 % bounds of these means, were the filter consistent.
     """
     streams = np.random.SeedSequence(seed).spawn(runs)
     first, moved = odometry(setup, streams)
@@ -199,8 +164,17 @@ def compare_filters(
             nis = normalised_square(innovation, S) / len(z)
             errors = [ukf.x[0] - truth[k], grid.mean()[0] - truth[k]]
             stored.append([*errors, ukf.P[0, 0].copy(), nis])
-    of_ukf, of_grid, variance, nis = np.moveaxis(stored, 1, 0)
-    bound = cramer_rao_bound(attitude_map, setup)[stride - 1 :: stride]
+    of_ukf, of_grid, variance, nis = np.moveaxis(stored, 1, 0)  # each (times, runs)
     at = truth[stride::stride]
-    alone = np.sqrt(prior + setup.q * (at - setup.begin))
-    return FilterComparison(at, of_ukf, of_grid, variance, bound, alone, nis)
+    by_distance = {
+        "UKF": np.sqrt((of_ukf**2).mean(axis=1)),
+        "grid filter": np.sqrt((of_grid**2).mean(axis=1)),
+        "Cramér–Rao bound": cramer_rao_bound(attitude_map, setup)[stride - 1 :: stride],
+        "odometry alone": np.sqrt(prior + setup.q * (at - setup.begin)),
+        "largest": np.abs(of_ukf).max(axis=1),
+        "NEES": (of_ukf**2 / variance).mean(axis=1),
+        "NIS": nis.mean(axis=1),
+    }
+    table = pd.DataFrame(by_distance, index=at)
+    informative = table["Cramér–Rao bound"] < 0.6 * table["odometry alone"]
+    return table.assign(informative=informative), nees_bounds(runs)

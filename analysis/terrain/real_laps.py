@@ -147,7 +147,6 @@ def track_real_laps(
     seed: int,
     channels: Sequence[str] = ("pitch",),
     exact_map: bool = False,
-    store_every: float = 0.5,
 ) -> dict[Hashable, Laps]:
     """Track real laps with simulated gyros, each on its own map.
 
@@ -165,8 +164,6 @@ def track_real_laps(
     channels : sequence of {"pitch", "roll"}
     exact_map : bool
         Replace the measured attitude by the map's: the same lap, if the map had no error.
-    store_every : float
-        Time between stored errors, s.
 
     Returns
     -------
@@ -192,9 +189,7 @@ def track_real_laps(
             for name, (arw, sigma_b, R) in sensors.items()
         }
         paths = attitude_errors(setup, len(channels), streams, len(truth))
-        found = follow(
-            attitude_map, truth, attitude, truth[0] + off, moved, paths, own, setup, store_every
-        )
+        found = follow(attitude_map, truth, attitude, truth[0] + off, moved, paths, own, setup)
         odometry = truth[0] + np.cumsum(moved)
         at = np.round(found.t * setup.rate_hz).astype(int)
         tracked[label] = replace(found, odometry=(odometry - truth)[at])

@@ -33,6 +33,7 @@ CLASSES = "ABCDEFGH"
 CLASS_A = 16e-6  # m^3, geometric mean of class A at n0; each class is four times the one before
 PER_OCTAVE = 3  # bands per octave; the lines in each are averaged
 LONGEST = 100.0  # m: ISO 8608 covers waves up to about here; longer ones are hills
+HILLS = 300.0  # m, middle wave length of the hills; they fill an octave around it
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,27 @@ class IsoRoad:
         if name not in CLASSES or len(name) != 1:
             raise CannotAnswer(f"no road class '{name}': ISO 8608 has {', '.join(CLASSES)}")
         return cls(CLASS_A * 4.0 ** CLASSES.index(name))
+
+    @classmethod
+    def fit(cls, spectrum: pd.DataFrame, low: float, high: float) -> IsoRoad:
+        """Fit a line through the logarithms of a spectrum of displacement.
+
+        Parameters
+        ----------
+        spectrum : pandas.DataFrame
+            ``n`` (cycles/m) and ``density`` (m^3), as from `shared_spectrum`.
+        low, high : float
+            Wave numbers between which it is fitted, cycles/m.
+
+        Returns
+        -------
+        IsoRoad
+        """
+        used = spectrum[spectrum["n"].between(low, high) & (spectrum["density"] > 0)]
+        if len(used) < 3:
+            raise CannotAnswer(f"fewer than 3 bands between {low:g} and {high:g} cycles/m to fit")
+        line = linregress(np.log(used["n"] / REFERENCE), np.log(used["density"]))
+        return cls(float(np.exp(line.intercept)), float(-line.slope))
 
     @property
     def name(self) -> str:
@@ -97,7 +119,6 @@ class IsoRoad:
         wheelbase: float = 3.5,
         track_width: float = 1.6,
         hill_grade_deg: float = 0.0,
-        hill_length: float = 300.0,
     ) -> pd.DataFrame:
         """Make a straight road with the attitude of a vehicle standing on it.
 
@@ -110,8 +131,6 @@ class IsoRoad:
             m
         hill_grade_deg : float
             Root mean square of the grade that the hills add, deg.
-        hill_length : float
-            Middle wave length of the hills, m; they fill an octave around it.
 
         Returns
         -------
@@ -133,7 +152,7 @@ class IsoRoad:
         n = np.fft.rfftfreq(m, step)[1:]
         paths = np.where(n >= 1.0 / LONGEST, self.density(n), 0.0)
         both = self.shared(n, track_width)
-        hills = np.abs(np.log2(n * hill_length)) <= 0.5
+        hills = np.abs(np.log2(n * HILLS)) <= 0.5
         hills = hills * np.tan(np.radians(hill_grade_deg)) ** 2 / (2 * np.pi * n) ** 2
         if hills.any():
             hills /= np.ptp(n[hills > 0]) + n[0]
@@ -151,45 +170,7 @@ class IsoRoad:
         return pd.DataFrame(road).head(m // 2)
 
 
-@dataclass(frozen=True)
-class Spectrum:
-    """A one-sided power spectral density, averaged over bands of equal ratio.
-
-    Attributes
-    ----------
-    n : ndarray, shape (k,)
-        Wave number, cycles/m.
-    density : ndarray, shape (k,)
-        U^2 m
-    """
-
-    n: np.ndarray
-    density: np.ndarray
-
-    def displacement(self) -> Spectrum:
-        """Turn a spectrum of slope (rise over run, m) into one of displacement (m^3)."""
-        return Spectrum(self.n, self.density / (2 * np.pi * self.n) ** 2)
-
-    def fit_iso(self, low: float, high: float) -> IsoRoad:
-        """Fit a line through the logarithms of a spectrum of displacement.
-
-        Parameters
-        ----------
-        low, high : float
-            Wave numbers between which it is fitted, cycles/m.
-
-        Returns
-        -------
-        IsoRoad
-        """
-        use = (self.n >= low) & (self.n <= high) & (self.density > 0)
-        if use.sum() < 3:
-            raise CannotAnswer(f"fewer than 3 bands between {low:g} and {high:g} cycles/m to fit")
-        line = linregress(np.log(self.n[use] / REFERENCE), np.log(self.density[use]))
-        return IsoRoad(float(np.exp(line.intercept)), float(-line.slope))
-
-
-def shared_spectrum(laps: np.ndarray, step: float) -> tuple[Spectrum, np.ndarray]:
+def shared_spectrum(laps: np.ndarray, step: float) -> pd.DataFrame:
     """Estimate the spectrum of what laps have in common, and their coherence.
 
     Parameters
@@ -201,10 +182,11 @@ def shared_spectrum(laps: np.ndarray, step: float) -> tuple[Spectrum, np.ndarray
 
     Returns
     -------
-    shared : Spectrum
-        Mean cross-spectrum over all pairs: noise of the single laps averages out.
-    coherence : ndarray, shape (k,)
-        Shared over total density: the part of a lap's variance that another lap has too.
+    pandas.DataFrame
+        A row for each of the bands of equal ratio, means over their lines: ``n``, wave number,
+        cycles/m; ``density``, U^2 m, one-sided mean cross-spectrum over all pairs: noise of the
+        single laps averages out; ``coherence``, shared over total density: the part of a lap's
+        variance that another lap has too.
 
     Raises
     ------
@@ -217,21 +199,18 @@ def shared_spectrum(laps: np.ndarray, step: float) -> tuple[Spectrum, np.ndarray
     count, points = laps.shape
     n = np.fft.rfftfreq(points, step)[1:]
     lines = np.fft.rfft(laps - laps.mean(axis=1, keepdims=True))[:, 1:]
-    one_sided = 2.0 * step / points
     own = (np.abs(lines) ** 2).sum(axis=0)
     of_pairs = np.abs(lines.sum(axis=0)) ** 2 - own  # every lap with every other one
-    total = _banded(n, one_sided * own / count)
-    shared = _banded(n, one_sided * of_pairs / (count * (count - 1)))
-    return shared, shared.density / total.density
-
-
-def _banded(n, density):
-    """Average lines over bands of equal ratio."""
-    band = np.floor(np.log2(n / n[0]) * PER_OCTAVE + 1e-9).astype(int)
-    _, band = np.unique(band, return_inverse=True)
-    count = np.bincount(band)
-    mean_n = np.exp(np.bincount(band, np.log(n)) / count)
-    return Spectrum(mean_n, np.bincount(band, density) / count)
+    one_sided = 2.0 * step / points
+    spectrum = {
+        "n": np.log(n),
+        "density": one_sided * of_pairs / (count * (count - 1)),
+        "total": one_sided * own / count,
+    }
+    band = np.floor(np.log2(n / n[0]) * PER_OCTAVE + 1e-9)
+    means = pd.DataFrame(spectrum).groupby(band).mean().reset_index(drop=True)
+    coherence = means["density"] / means.pop("total")
+    return means.assign(n=np.exp(means["n"]), coherence=coherence)
 
 
 def _wave(density, m, step, rng):
