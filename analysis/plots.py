@@ -11,6 +11,7 @@ from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.ticker import LogLocator, NullFormatter
+from scipy.stats import norm
 
 from analysis import Estimate, pretty
 from analysis.figures import DOUBLE
@@ -19,7 +20,16 @@ from analysis.noise.channel import ChannelNoise
 from analysis.noise.models import FLICKER, adev_of_terms
 from analysis.terrain.monte_carlo import quantiles
 
-__all__ = ["against_price", "allan", "curves", "four_panels", "interval_bar", "plane", "sensors"]
+__all__ = [
+    "against_price",
+    "allan",
+    "curves",
+    "four_panels",
+    "histogram",
+    "interval_bar",
+    "plane",
+    "sensors",
+]
 
 APART = 0.17  # decades between the numbers of two sensors
 AXIS = {"N": "angle random walk N (°/√s)", "B": "bias instability B (°/s)"}
@@ -57,6 +67,25 @@ def allan(
         ax.fill_between(curve.tau, curve.low, curve.high, **shade)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xlabel="averaging time τ (s)", ylabel=f"Allan deviation ({pretty(unit)})")
+
+
+def histogram(ax: Axes, values: np.ndarray, bins: int, label: str, of_fit: str) -> None:
+    """Draw a histogram, and the Gaussian of the same mean and standard deviation.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    values : ndarray, shape (n,)
+    bins : int
+    label, of_fit : str
+        Names of the two series.
+    """
+    density, edges = np.histogram(values, bins=bins, density=True)
+    bars = {"align": "edge", "color": "C0", "alpha": 0.6, "label": label}
+    ax.bar(edges[:-1], density, np.diff(edges), **bars)
+    x = np.linspace(edges[0], edges[-1], 200)
+    ax.plot(x, norm(values.mean(), values.std()).pdf(x), "C3", lw=1, label=of_fit)
+    ax.set_yticks([])
 
 
 def interval_bar(

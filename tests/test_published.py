@@ -3,10 +3,11 @@
 import math
 import re
 
+import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import DATA
+from analysis import DATA, ROOT
 
 PUBLISHED = DATA / "published"
 PAPERS = {"terrain", "comparison", "tracker"}
@@ -95,6 +96,23 @@ def test_claim(row):
     if row["quantity"].startswith("1 if "):
         assert (row["value"], row["low"], row["high"], row["unit"]) == ("1", "1", "1", "1")
     assert ("needs the paper's own logs" in row["why"]) == untestable
+
+
+def test_what_is_by_construction_says_of_which_kind():
+    """Property: one of three kinds, and then the inputs, the identity or the two numbers."""
+    apart = CLAIMS["why"][CLAIMS["why"].str.startswith("by construction")]
+    kinds = r"by construction: (input handed back|identity|print against print): \S"
+    assert apart.str.match(kinds).all()
+
+
+def test_what_is_judged_could_have_failed():
+    """Property: a claim that notebooks 10 to 14 judge says what would have made it fail."""
+    verdicts = pd.read_csv(ROOT / "figures" / "claims.csv")
+    mine = verdicts["id"][verdicts["notebook"].str.match("1[0-4]-")]
+    why = CLAIMS["why"][CLAIMS.index.isin(mine)]
+    why = why[~why.str.startswith(("by construction: ", "not testable: "))]
+    assert len(why) > 40
+    assert why.index[~why.str.contains("; fails if ")].tolist() == []
 
 
 @pytest.mark.parametrize("table", [CLAIMS, COVERAGE, ERRATA], ids=["claims", "coverage", "errata"])
@@ -215,3 +233,40 @@ def test_operation_counts_are_claims_and_add_up():
     for row in others.itertuples():
         name = rest[row.module, row.portion]
         assert row.flops == claimed(f"tracker-table1-{name}-flops")
+
+
+def test_the_text_prints_table_one_rounded():
+    """Published: 20 of the 21 numbers in the text are Table I's, one is an erratum."""
+    keys, columns = ["sensor", "channel"], ["sigma_v_deg", "corr_time_s", "sigma_b_deg"]
+    words = pd.read_csv(PUBLISHED / "comparison-text-values.csv", comment="#", dtype=str)
+    table = number_table("comparison-table-1.csv").set_index(keys)
+    differ = []
+    for where, row in words.set_index(keys).iterrows():
+        for column in columns:
+            half = 0.5 * 10.0 ** -len(row[column].partition(".")[2]) * (1 + 1e-9)
+            printed, value = float(row[column]), table.loc[where, column]
+            if printed != value and not abs(printed - value) <= half:
+                differ.append((*where, column))
+    assert differ == [("MIDG", "pitch", "sigma_b_deg")]
+
+
+def test_print_agrees_with_print():
+    """Published: the comparisons of printed numbers that hold by construction do hold."""
+    table = number_table("comparison-table-1.csv")
+    channel = table["sensor"].str.lower() + "-" + table["channel"]
+    spread = dict(zip(channel, np.hypot(table["sigma_v_deg"], table["sigma_b_deg"]), strict=True))
+    for name in ("midg-roll", "midg-pitch", "midg-yaw", "tokimec-roll", "tokimec-pitch"):
+        for claim in ("std", "within-spec"):
+            row = CLAIMS.loc[f"comparison-histogram-{name}-{claim}"]
+            assert float(row["low"]) <= spread[name] <= float(row["high"]), row["id"]
+    assert spread["tokimec-yaw"] > claimed("comparison-tokimec-yaw-fails-spec")
+    for axis in ("roll", "pitch", "yaw"):
+        assert spread[f"midg-{axis}"] < spread[f"tokimec-{axis}"]
+    cep = number_table("comparison-cep.csv").set_index("receiver")
+    assert (cep["cep_m"] < cep["spec_m"]).all()
+    assert cep["cep_m"].rank().equals(cep["spec_m"].rank())
+    assert cep["cep_m"]["MIDG"] < cep["cep_m"]["Tokimec"]
+    spec = (
+        number_table("comparison-specifications.csv").set_index("sensor").drop(columns="price_usd")
+    )
+    assert (spec.loc["MIDG"] <= spec.loc["Tokimec"]).all()
