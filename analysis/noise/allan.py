@@ -25,7 +25,7 @@ from scipy.optimize import nnls
 from scipy.stats import chi2
 
 BLOCK = 1 << 14  # samples handled at once: three such arrays stay inside a core's cache
-FULL = 0.9  # least share of its samples that a mean needs
+FULL = 0.5  # least share of its samples that a mean needs
 TAIL = 0.025  # probability beyond each end of a 95 % interval
 STRIDE = 16  # lags evaluated per half-length of a second difference
 REACH = 8  # lags summed, in half-lengths; the correlation beyond them is negligible
@@ -94,8 +94,10 @@ def allan_deviation(
     y = np.asarray(y, dtype=float)
     m = cluster_sizes(len(y), points) if m is None else np.asarray(m)
     valid = np.isfinite(y)
-    avar = overlapped_variance(y, m) if valid.all() else _with_holes(y, valid, m)
-    return _curve(avar, m, dt, valid)
+    if valid.all():
+        return _curve(overlapped_variance(y, m), m, dt, len(y))
+    avar, share = _with_holes(y, valid, m)
+    return _curve(avar, m, dt, len(y), np.minimum(share, valid.mean()))
 
 
 def with_and_without_line(
@@ -121,22 +123,25 @@ def with_and_without_line(
         The first is that of `allan_deviation` of the log.
     """
     m, valid, bend = cluster_sizes(len(residual)), np.isfinite(residual), line.drift * dt
+    share = np.ones(len(m))
     if valid.all():
         removed = overlapped_variance(residual, m)
         recorded = removed + bend * _mean_second_differences(residual, m) + (bend * m) ** 2 / 2
     else:
-        removed = _with_holes(residual, valid, m)
-        recorded = _with_holes(residual + bend * np.arange(len(residual)), valid, m)
-    return _curve(recorded, m, dt, valid), _curve(removed, m, dt, valid)
+        removed, share = _with_holes(residual, valid, m)
+        recorded, _ = _with_holes(residual + bend * np.arange(len(residual)), valid, m)
+        share = np.minimum(share, valid.mean())
+    recorded, removed = (_curve(v, m, dt, len(valid), share) for v in (recorded, removed))
+    return recorded, removed
 
 
-def _curve(avar, m, dt, valid):
-    """Make a curve of Allan variances, with the interval of a log with these samples."""
+def _curve(avar, m, dt, n, share=1.0):
+    """Make a curve of Allan variances of n samples, a share of which is there."""
     keep = np.isfinite(avar) & (avar > 0)
-    m, avar = m[keep], avar[keep]
+    m, avar, share = m[keep], avar[keep], np.broadcast_to(share, keep.shape)[keep]
     if not len(m):
         return AllanCurve(*(np.array([]) for _ in range(5)))
-    edf = np.maximum(degrees_of_freedom(avar, m, len(valid)) * valid.mean(), 1.0)
+    edf = np.maximum(degrees_of_freedom(avar, m, n) * share, 1.0)
     adev = np.sqrt(avar)
     low = adev * np.sqrt(edf / chi2.ppf(1 - TAIL, edf))
     high = adev * np.sqrt(edf / chi2.ppf(TAIL, edf))
@@ -175,11 +180,11 @@ def _mean_second_differences(y, m):
 
 
 def _with_holes(y, valid, m):
-    """Allan variances of a log with missing samples."""
+    """Allan variances of a log with missing samples, and the share of the pairs that is there."""
     level = y[valid].mean() if valid.any() else 0.0
-    phase = np.concatenate([[0.0], np.cumsum(np.where(valid, y - level, 0.0))])
-    count = np.concatenate([[0], np.cumsum(valid)])
-    return np.array([_differences_of_partial_means(phase, count, k) for k in m])
+    known = np.where(valid, y - level, 0.0)
+    sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (known, known**2, valid)]
+    return np.array([_differences_of_partial_means(*sums, k) for k in m]).T
 
 
 def _second_differences(phase, m):
@@ -198,16 +203,23 @@ def _second_differences(phase, m):
     return total / (2 * terms * float(m) ** 2)
 
 
-def _differences_of_partial_means(phase, count, m):
-    """Do the same where samples are missing, with means that have nearly all of their samples."""
-    have = count[m:] - count[:-m]
-    full = have >= FULL * m
-    mean = (phase[m:] - phase[:-m]) / np.where(full, have, 1)
+def _differences_of_partial_means(phase, squares, count, m):
+    """Do the same where samples are missing, with means of at least half of their samples.
+
+    The mean of k samples taken at random from m differs from the mean of all by (1/k - 1/m) s^2 in
+    the mean square, with s^2 the variance of the m samples (finite population): that is subtracted.
+    """
+    have, total, energy = (v[m:] - v[:-m] for v in (count, phase, squares))
+    full = (have == m) | ((have >= FULL * m) & (have > 1))
     pair = full[m:] & full[:-m]
     if not pair.any():
-        return np.nan
+        return np.nan, 0.0
+    have = np.where(full, have, 1)
+    mean = total / have
+    spread = (energy - total * mean) / np.maximum(have - 1, 1) * (1 / have - 1 / m)
     d = (mean[m:] - mean[:-m])[pair]
-    return np.einsum("i,i->", d, d) / (2 * len(d))
+    excess = np.mean((spread[m:] + spread[:-m])[pair])
+    return (np.einsum("i,i->", d, d) / len(d) - excess) / 2, pair.mean()
 
 
 def generalised_covariances(longest):
