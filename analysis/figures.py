@@ -172,18 +172,7 @@ def thin(ax, dots):
             line.set_data(x[keep], y[keep])
             line.set_rasterized(cloud)
     for collection in ax.collections:
-        if isinstance(collection, PathCollection):
-            xy = np.asarray(collection.get_offsets(), dtype=float)
-            colours, sizes = collection.get_array(), collection.get_sizes()
-            if len(xy) > DENSE:
-                keep = _one_a_cell(at(*xy.T, sizes.max() ** 0.5 / 3))
-                collection.set_offsets(xy[keep])
-                if colours is not None:
-                    collection.set_array(colours[keep])
-                if len(sizes) == len(xy):
-                    collection.set_sizes(sizes[keep])
-                collection.set_rasterized(True)
-        elif isinstance(collection, PolyCollection) and not isinstance(collection, Quiver):
+        if isinstance(collection, PolyCollection) and not isinstance(collection, Quiver):
             parts = [_edges(path) for path in collection.get_paths()]
             if any(len(x) > DENSE for x, _, _ in parts):
                 kept = []
@@ -203,7 +192,7 @@ def _outline(at, y):
     return np.unique(np.r_[0, groups.idxmin(), groups.idxmax(), first_gaps, len(y) - 1].astype(int))
 
 
-def _one_a_cell(at, joined=False):
+def _one_a_cell(at, joined):
     """Index the first point in each cell, or where `joined` at each step into another cell."""
     place = pd.DataFrame(at)
     again = (place == place.shift()).all(axis=1) if joined else place.duplicated()

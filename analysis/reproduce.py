@@ -4,6 +4,7 @@ import os
 import time
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from itertools import groupby
 
 import nbformat
 import pandas as pd
@@ -28,11 +29,7 @@ class Run:
 
 def order(names):
     """Put notebooks in reading order, the index last: it reads the verdicts of the others."""
-    return sorted(names, key=lambda name: (_is_index(name), name))
-
-
-def _is_index(name):
-    return name.startswith("00-")
+    return sorted(names, key=lambda name: (name.startswith("00-"), name))
 
 
 def select(names):
@@ -73,11 +70,9 @@ def reproduce(names=(), *, at_once=None):
     -------
     list of Run
     """
-    paths = select(names)
     at_once = at_once or min(os.cpu_count() or 1, 4)
-    index = [path for path in paths if _is_index(path.stem)]
     runs = []
-    for group in ([path for path in paths if path not in index], index):
+    for _, group in groupby(select(names), key=lambda path: path.stem.startswith("00-")):
         with ThreadPoolExecutor(at_once) as pool:
             futures = [pool.submit(execute, path) for path in group]
             try:

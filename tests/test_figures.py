@@ -169,7 +169,7 @@ def test_an_axis_without_a_label_is_refused(tmp_path):
     assert figures.axes_of(fig)[1] == ["height (m)", "distance (m)", "height (m)"]
 
 
-@pytest.mark.parametrize("kind", ["curve", "path", "cloud", "scatter", "band"])
+@pytest.mark.parametrize("kind", ["curve", "path", "cloud", "band"])
 def test_what_lies_under_one_dot_is_left_out(kind, tmp_path):
     """Property: far fewer points, all of them among the given ones, and the same picture."""
     rng = np.random.default_rng(3)
@@ -185,8 +185,6 @@ def test_what_lies_under_one_dot_is_left_out(kind, tmp_path):
             ax.plot(np.cos(x / 2000), np.sin(x / 2000), label="rate")
         elif kind == "cloud":
             ax.plot(np.round(y, 1), np.round(np.roll(y, 1), 1), ".", label="rate")
-        elif kind == "scatter":
-            ax.scatter(np.round(y, 1), np.round(np.roll(y, 1), 1), c=x, s=2, label="rate")
         else:
             ax.fill_between(x, np.sin(x / 4000) - 3, np.sin(x / 4000) + 3, lw=0, label="rate")
         before = figures.plotted_numbers(fig)

@@ -40,10 +40,9 @@ def gated(
         As it is at the end.
     """
     block = LastPosition(stored, gate=gate)
-    places = zip(gnss.lat_deg.tolist(), gnss.lon_deg.tolist(), gnss.height_m.tolist(), strict=True)
-    epochs = zip(gnss.t_s.tolist(), gnss.has_fix.tolist(), places, gnss.pdop.tolist(), strict=True)
+    epochs = [gnss.t_s, gnss.has_fix, gnss.pdop, gnss.lat_deg, gnss.lon_deg, gnss.height_m]
     accepted, out = [], []
-    for t, has, place, pdop in epochs:
+    for t, has, pdop, *place in np.transpose(epochs).tolist():
         accepted.append(block.step(t, place if has else None, pdop))
         p = block.position
         out.append((np.nan, np.nan) if p is None else (p.lat_deg, p.lon_deg))

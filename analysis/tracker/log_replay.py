@@ -269,26 +269,17 @@ def _notes(timeline, options, has_pdop, columns, device, unexplained):
         if not has_pdop and options.last_position:
             yield "the receiver reports no PDOP: block 1 accepts every fix"
         if not np.isfinite(gnss.speed_m_s).any():
-            yield (
-                "the receiver reports no speed: block 3 computes it from the fixes, block 5 does "
-                "not run"
-            )
+            yield "no speed in the log: block 3 computes it from the fixes, block 5 does not run"
     if held := _held(columns, options):
         yield (
             f"{held:,} epochs in motion are over {options.bridge_s:g} s after the last accepted "
             "fix: the output position is held there"
         )
-    if device.last.moved_while_off:
-        yield (
-            f"the first accepted fix is {device.last.moved_while_off:.0f} m from the stored "
-            "position: moved while switched off"
-        )
+    if moved := device.last.moved_while_off:
+        yield f"moved while switched off: first accepted fix {moved:.0f} m from the stored position"
     distance = math.hypot(*device.ned[:2]) if device.ned else 0.0
     if distance > FRAME_M:
-        yield (
-            f"the track ends {distance / 1000:.0f} km from its origin: north and down are tilted "
-            "there"
-        )
+        yield f"the track ends {distance / 1000:.0f} km from its origin, where north and down tilt"
 
 
 def _turns(timeline):
