@@ -5,10 +5,9 @@ is the names below.
 """
 
 from analysis.terrain.antennas import AntennaMounting
-from analysis.terrain.gyro import attitude_variance, unit_paths
 from analysis.terrain.monte_carlo import interval, share, simulate_laps
 from analysis.terrain.point_mass import compare_filters, cramer_rao_bound
-from analysis.terrain.readings import Sensor, Setup, sensor_table
+from analysis.terrain.readings import Sensor, Setup, attitude_variance, sensor_table, unit_paths
 from analysis.terrain.real_laps import track_real_laps
 from analysis.terrain.roughness import IsoRoad, shared_spectrum
 from analysis.terrain.terrain_map import AttitudeMap, held_out

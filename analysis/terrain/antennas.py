@@ -60,18 +60,18 @@ class AntennaMounting:
 
         Parameters
         ----------
-        pitch_deg, roll_deg : ndarray, shape (n,)
+        pitch_deg, roll_deg : ndarray, any shape
             Of the vehicle.
 
         Returns
         -------
-        pitch_deg, roll_deg : ndarray, shape (n,)
+        pitch_deg, roll_deg : ndarray, the same shape
             Of the antenna frame.
         """
-        angles = np.column_stack([np.zeros(len(pitch_deg)), pitch_deg, roll_deg])
+        angles = np.stack([np.zeros(pitch_deg.size), pitch_deg.ravel(), roll_deg.ravel()], axis=1)
         frame = Rotation.from_euler("ZYX", angles, degrees=True) * self.rotation
         _, pitch, roll = frame.as_euler("ZYX", degrees=True).T
-        return pitch, roll
+        return pitch.reshape(pitch_deg.shape), roll.reshape(roll_deg.shape)
 
 
 def attitude(positions, mounting):

@@ -1,8 +1,8 @@
 """Laps of many simulated sensors at once: the runs behind Figs 7-13 of the terrain paper.
 
-A run is one lap: one odometry, one pair of unit paths of the gyro (`gyro.unit_paths`). Every sensor
-drives the same runs; its attitude error is N W + B G. All filters of a block of runs are stepped
-together, on one core. The result of a run does not depend on the block it is in.
+A run is one lap: one odometry, one pair of unit paths of the gyro (`readings.unit_paths`). Every
+sensor drives the same runs; its attitude error is N W + B G. All filters of a block of runs are
+stepped together, on one core. The result of a run does not depend on the block it is in.
 
 The choices that the paper leaves open are in `analysis.terrain.readings`, each with its reason. Its
 "tracking error" is true minus estimated distance; its mean is read as the mean of the absolute
@@ -26,8 +26,7 @@ from scipy.stats import binomtest, chi2
 from tqdm import tqdm
 
 from analysis import Estimate
-from analysis.terrain import gyro
-from analysis.terrain.readings import Sensor, Setup
+from analysis.terrain.readings import Sensor, Setup, high_pass, unit_paths
 from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
 
@@ -238,7 +237,7 @@ def attitude_errors(setup, channels, streams, samples):
         sqrt(s), s: to be multiplied with N and B.
     """
     drawn = [
-        gyro.unit_paths(
+        unit_paths(
             samples,
             1 / setup.rate_hz,
             setup.corr_time,
@@ -249,7 +248,7 @@ def attitude_errors(setup, channels, streams, samples):
     ]
     walk, bias = (np.stack(paths, axis=1) for paths in zip(*drawn, strict=True))
     if setup.high_pass:
-        walk, bias = (gyro.high_pass(p, 1 / setup.rate_hz, setup.high_pass) for p in (walk, bias))
+        walk, bias = (high_pass(p, 1 / setup.rate_hz, setup.high_pass) for p in (walk, bias))
     return walk, bias
 
 
