@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis import Estimate
-from analysis.noise.disturbances import Disturbance, judged, spikes, uneven
+from analysis.noise.disturbances import Disturbance, judged, missing, spikes, uneven
 from analysis.noise.models import UnifiedModel, flicker_noise
 
 N, DT = 36_000, 0.1
@@ -132,3 +132,18 @@ def test_intervals_widen_in_quadrature():
     found = [Disturbance("noise_level", 0, 1, ("arw",), "a", widens=w) for w in ((3, 4), (4, 3))]
     e = judged(Estimate(1.0, np.exp(-12), np.exp(12), "deg/s"), "arw", found)
     np.testing.assert_allclose(np.log([e.low, e.high]), [-13, 13])
+
+
+def test_what_is_missing_is_said_with_its_place():
+    """analytic: gaps are counted with length and place, single losses by their share."""
+    y = rng().standard_normal(N)
+    assert missing(y, DT) == []
+    y[1000:1300] = y[20_000:20_450] = np.nan
+    [gaps] = missing(y, DT)
+    assert gaps.note.startswith("2 gaps, 75 s in all, the longest 45 s at 2000 s")
+    assert (gaps.start_s, gaps.end_s) == pytest.approx((100.0, 2045.0))
+    y[rng(3).random(N) < 0.05] = np.nan
+    gaps, single = missing(y, DT)
+    assert gaps.note.startswith("2 gaps") and not (gaps.decides or single.decides)
+    share = float(single.note.split("(")[1].split()[0])
+    assert share == pytest.approx(0.05, rel=0.05)  # 1800 samples: two standard errors

@@ -333,3 +333,45 @@ def uneven(
     if scales:
         found += heavy_tails(scales[0][1], duration, names)
     return found
+
+
+def missing(y: np.ndarray, dt: float) -> list[Disturbance]:
+    """List what is missing: gaps, and single samples.
+
+    A gap is a run of missing samples longer than chance makes one of so many lost one by one. The
+    likelihood is that of the samples that are there, so neither touches a parameter.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+    dt : float, s
+
+    Returns
+    -------
+    list of Disturbance
+        None, one or two.
+    """
+    lost = ~np.isfinite(y)
+    if not lost.any() or lost.all():
+        return []
+    runs = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]))).reshape(-1, 2)
+    length = np.diff(runs)[:, 0]
+    gap = length > np.log(len(y) / APART) / -np.log(lost.mean())
+    found = []
+    for some, name in ((gap, "gap"), (~gap, "")):
+        if not some.any():
+            continue
+        longest, total = runs[some][np.argmax(length[some])], int(length[some].sum())
+        if name:
+            count = f"{some.sum()} gaps" if some.sum() > 1 else "one gap"
+            note = f"{count}, {total * dt:.4g} s in all, the longest {np.ptp(longest) * dt:.3g} s"
+            note += f" at {longest[0] * dt:.4g} s"
+        else:
+            note = (
+                f"{total} samples ({total / len(y):.2g} of all) lost one by one or a few at a time"
+            )
+        note += "; nothing is put in their place"
+        ends = runs[some][0, 0] * dt, runs[some][-1, 1] * dt
+        found.append(Disturbance("missing", *map(float, ends), (), note, decides=False))
+    return found
