@@ -372,6 +372,6 @@ def missing(y: np.ndarray, dt: float) -> list[Disturbance]:
                 f"{total} samples ({total / len(y):.2g} of all) lost one by one or a few at a time"
             )
         note += "; nothing is put in their place"
-        ends = runs[some][0, 0] * dt, runs[some][-1, 1] * dt
-        found.append(Disturbance("missing", *map(float, ends), (), note, decides=False))
+        start, end = float(runs[some][0, 0] * dt), float(runs[some][-1, 1] * dt)
+        found.append(Disturbance("missing", start, end, (), note, decides=False))
     return found
