@@ -51,9 +51,11 @@ def test_track():
     files = {n: f"{TRACK}/mapping_van_2024-08-05-{n}_merged.mat" for n in DIRECTION_OF}
     raw = {name: road_logs.lap(datasets.path(file), GATE) for name, file in files.items()}
     whole = {n: np.stack([antennas.bridge(a) for a in lap.antennas]) for n, lap in raw.items()}
-    rounds = {n: _first_round(lap) for n, lap in whole.items()}
+    middles = {n: lap[1:].mean(axis=0)[:, :2].T for n, lap in whole.items()}  # east, north
+    rounds = {n: whole[n][:, centre_line.first_round(*middles[n])] for n in whole}
     mounting = antennas.calibrate(*([rounds[n] for n in names] for names in LAPS.values()), DT)
-    lines = {d: _line([whole[n] for n in names]) for d, names in LAPS.items()}
+    paths = {d: [middles[n] for n in names] for d, names in LAPS.items()}
+    lines = {d: centre_line.centre_line(of, (0.0, 0.0)) for d, of in paths.items()}
     laps = {n: lay_on_line(n, d, raw[n], lines[d], mounting) for n, d in DIRECTION_OF.items()}
     scale = {n: _metres_per_count(lap) for n, lap in laps.items()}
     tables = {}
@@ -75,16 +77,6 @@ def test_track():
         "laps": {n: _about(raw[n], laps[n], rounds[n], mounting, scale[n]) for n in laps},
     }
     return source, tables
-
-
-def _first_round(lap):
-    east, north, _ = lap[1:].mean(axis=0).T
-    return lap[:, centre_line.first_round(east, north)]
-
-
-def _line(laps):
-    middles = [lap[1:].mean(axis=0) for lap in laps]
-    return centre_line.centre_line([(m[:, 0], m[:, 1]) for m in middles], (0.0, 0.0))
 
 
 def _metres_per_count(lap):
