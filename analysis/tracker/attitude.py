@@ -311,7 +311,7 @@ class Direction:
     def update(self, z, variance):
         """Take in the direction measured (sequence of 3), and keep the length at one."""
         z = np.array(z, dtype=self.x.dtype)
-        x, self.P, _ = kalman.update(self.x, self.P, z, self.H, self.H * variance)
+        x, self.P = kalman.update(self.x, self.P, z, self.H, self.H * variance)
         self.x = x * (1 / math.sqrt(x.dot(x)))
 
 
@@ -327,7 +327,7 @@ class GyroBiasFilter:
         """Carry the bias over ``dt``, and take in a measurement of it: z = H b + noise."""
         variance = BIAS_WALK * BIAS_WALK * dt
         self.x, self.P = kalman.predict(self.x, self.P, self.F, self.F * variance)
-        self.x, self.P, _ = kalman.update(self.x, self.P, z, H, self.F * (sigma * sigma))
+        self.x, self.P = kalman.update(self.x, self.P, z, H, self.F * (sigma * sigma))
 
 
 class Upright:

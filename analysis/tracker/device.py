@@ -193,18 +193,14 @@ class Device:
         layer = self.low_pass.layer
         self._fuse(epoch, accepted, moving, layer)
         angles = self.attitude.angles if self.attitude and not no_imu else (math.nan,) * 3
-        mount = self.mounting.mount
+        mount = math.nan if self.mounting.mount is None else self.mounting.mount
         return {
             "accepted": accepted,
             "moving": moving,
             "layer": layer,
             "ned": self.ned,
             "stored": not self.last.accepted and self.ned is not None,
-            "roll": angles[0],
-            "pitch": angles[1],
-            "yaw": angles[2],
-            "mount": math.nan if mount is None else mount,
-        }
+        } | dict(zip(("roll", "pitch", "yaw", "mount"), (*angles, mount), strict=True))
 
     def _judge(self, speed):
         """Ask block 3; a motion at any sample since the last epoch counts."""

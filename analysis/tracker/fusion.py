@@ -111,7 +111,7 @@ class Fusion:
         for i in range(5):
             self.R[i, i] = sigma_p * sigma_p if i < 3 else sigma_v * sigma_v
         H, R = self.H[first:last], self.R[first:last, first:last]
-        self.x, self.P, _ = kalman.update(self.x, self.P, z, H, R)
+        self.x, self.P = kalman.update(self.x, self.P, z, H, R)
 
     def _model(self, dt, sigma_a):
         """Fill F, B and Q for a step of ``dt``."""

@@ -54,14 +54,11 @@ def update(x, P, z, H, R):
     Returns
     -------
     x, P : ndarray
-    innovation : ndarray, shape (m,)
     """
     HP = H.dot(P)
     K = HP.T.dot(inverse(HP.dot(H.T) + R))
-    innovation = z - H.dot(x)
-    x = x + K.dot(innovation)
     P = P - K.dot(HP)
-    return x, 0.5 * (P + P.T), innovation
+    return x + K.dot(z - H.dot(x)), 0.5 * (P + P.T)
 
 
 def inverse(S):
