@@ -38,7 +38,7 @@ def test_a_lap_does_not_depend_on_its_company(monkeypatch):
     whole = laps(reading())
     fewer = laps(reading(), runs=3)
     np.testing.assert_array_equal(fewer.error, whole.error[:, :3])
-    alone = laps(reading(), sensors={"x": (0.001, 0.005)})
+    alone = laps(reading(), sensors={"x": Sensor(0.001, 0.005)})
     np.testing.assert_allclose(alone.errors("x"), whole.errors((0.001, 0.005)), atol=1e-9)
     monkeypatch.setattr(monte_carlo, "TOGETHER", 12)
     np.testing.assert_array_equal(laps(reading()).error, whole.error)

@@ -148,7 +148,6 @@ def simulate_laps(
     ----------
     attitude_map : AttitudeMap
     sensors : mapping of label to Sensor
-        Or to a tuple (arw, sigma_b) or (arw, sigma_b, R).
     setup : Setup
     runs : int
         Laps of each sensor; the same ones for all.
@@ -274,10 +273,8 @@ def follow(
     -------
     Laps
     """
-    each_sensor = [Sensor(*sensor) for sensor in sensors.values()]
-    arw, sigma_b, R = np.array(
-        [(sensor.arw, sensor.sigma_b, _assumed_R(sensor, setup)) for sensor in each_sensor]
-    ).T[..., None]
+    assumed = [(s.arw, s.sigma_b, _assumed_R(s, setup)) for s in sensors.values()]
+    arw, sigma_b, R = np.array(assumed).T[..., None]
     n, m, dt, every = len(truth), attitude_map.channels, 1 / setup.rate_hz, setup.every
     walk, bias = paths
     ukf, Q = _filter(attitude_map, setup, arw, sigma_b, first)

@@ -296,14 +296,13 @@ def held_out(laps: Sequence[Any], line: CentreLine, width: float) -> dict[str, l
         reading, or no other lap.
     """
     curves = lap_curves(laps, line, width)
-    at = np.append(line.s_m, line.length_m)
     residual: dict[str, list[np.ndarray]] = {q: [] for q in QUANTITIES}
     for k, lap in enumerate(laps):
         for q, values in curves.items():
             others = np.delete(values, k, axis=0)
             with np.errstate(invalid="ignore"):  # 0 / 0 where no other lap has a reading
                 mean = np.nansum(others, axis=0) / np.isfinite(others).sum(axis=0)
-            predicted = np.interp(np.mod(lap.s_m, line.length_m), at, np.append(mean, mean[0]))
+            predicted = np.interp(lap.s_m, line.s_m, mean, period=line.length_m)
             residual[q].append(getattr(lap, q) - predicted)
     return residual
 
