@@ -13,6 +13,7 @@ so that none of them can be called reproduced; `Ledger.not_judged` writes their 
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -134,7 +135,8 @@ def judge_logs(found, agree_low, agree_high):
     if found.dtype == bool:
         return verdict, (float(found.mean()), None, None)
     values = np.where(missing, np.inf, each[:, 0])
-    middle = np.quantile(values, [0.5, 0.025, 0.975], method="nearest")
+    method: Any = "nearest" if missing.any() else "linear"
+    middle = np.quantile(values, [0.5, 0.025, 0.975], method=method)
     return verdict, tuple(v if np.isfinite(v) else None for v in middle)
 
 
@@ -282,6 +284,17 @@ class Ledger:
                 }
             )
         return pd.DataFrame(rows)
+
+    def errata(self) -> pd.DataFrame:
+        """List the misprints, contradictions and unclear passages that the notebook meets.
+
+        Returns
+        -------
+        pandas.DataFrame
+        """
+        register = pd.read_csv(DATA / "published" / "errata.csv")
+        mine = register[register["notebook"] == self.notebook]
+        return mine[["where", "printed", "should_be", "evidence"]]
 
     def _row(self, claim):
         if claim not in self._published.index:

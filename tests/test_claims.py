@@ -295,3 +295,11 @@ def test_a_verdict_that_hangs_on_a_setting(reproduced_at, verdict):
         for x in (4, 1, 2)
     }
     assert claims.Ledger("90-test").check_from(FIRST, found, 1, "R is {:g}") == verdict
+
+
+def test_errata_are_those_of_the_notebook():
+    """Property: every erratum is listed by the notebook that its row names, and by no other."""
+    register = pd.read_csv(claims.DATA / "published" / "errata.csv")
+    listed = [len(claims.Ledger(name).errata()) for name in register["notebook"].unique()]
+    assert sum(listed) == len(register)
+    assert claims.Ledger("90-test").errata().empty
