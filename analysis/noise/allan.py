@@ -125,8 +125,9 @@ def with_and_without_line(
     m, valid, bend = cluster_sizes(len(residual)), np.isfinite(residual), line.drift * dt
     share = np.ones(len(m))
     if valid.all():
-        removed = overlapped_variance(residual, m)
-        recorded = removed + bend * _mean_second_differences(residual, m) + (bend * m) ** 2 / 2
+        phase = _running_sum(residual)
+        removed = np.array([_second_differences(phase, k) for k in m])
+        recorded = removed + bend * _mean_second_differences(phase, m) + (bend * m) ** 2 / 2
     else:
         removed, share = _with_holes(residual, valid, m)
         recorded, _ = _with_holes(residual + bend * np.arange(len(residual)), valid, m)
@@ -171,10 +172,10 @@ def _running_sum(y):
     return np.concatenate([[0.0], np.cumsum(y - np.mean(y))]) if len(y) else np.zeros(1)
 
 
-def _mean_second_differences(y, m):
-    """Mean second difference of the running sum, from the sums of its three stretches."""
-    total = np.concatenate([[0.0], np.cumsum(_running_sum(y))])
-    terms = len(total) - 1 - 2 * m
+def _mean_second_differences(phase, m):
+    """Mean second difference of a running sum, from the sums of its three stretches."""
+    total = np.concatenate([[0.0], np.cumsum(phase)])
+    terms = len(phase) - 2 * m
     first, middle, last = (total[k * m + terms] - total[k * m] for k in range(3))
     return (first - 2 * middle + last) / terms
 
