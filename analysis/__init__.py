@@ -25,7 +25,8 @@ name                    meaning                                                 
                         a rate / an acceleration
 ``sigma_b``             stationary standard deviation of the Gauss-Markov bias       U
 ``corr_time``           correlation time of the Gauss-Markov bias                    s
-``bias_instability``    floor of the Allan deviation / 0.664 (IEEE 952)              U
+``bias_instability``    B of IEEE 952: of the fitted flicker noise; where none is    U
+                        fitted, floor of the Allan deviation / 0.664
 ``rrw``                 rate random walk K: adev = K sqrt(tau / 3)                   U/sqrt(s)
 ``drift``               slope of the straight line through the whole log             U/s
 ======================  ===========================================================  ===========

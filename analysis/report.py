@@ -36,7 +36,7 @@ NAMES = {
     "sigma_v": "wide-band noise σ_v of one sample",
     "sigma_b": "standard deviation σ_b of the Gauss–Markov bias",
     "corr_time": "correlation time T_c of the Gauss–Markov bias",
-    "bias_instability": "bias instability B (IEEE 952: floor / 0.664)",
+    "bias_instability": "bias instability B (IEEE 952)",
     "rrw": "rate random walk K",
     "drift": "linear drift",
 }
