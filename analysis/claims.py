@@ -127,11 +127,15 @@ def judge_logs(found, agree_low, agree_high):
     floor = -math.inf if math.isnan(agree_low) else agree_low
     ceiling = math.inf if math.isnan(agree_high) else agree_high
     share = np.mean((low >= floor) & (high <= ceiling) & ~missing)
-    verdict = f"{NOT_TESTABLE}: in {100 * share:.3g} % of logs"
+    against = np.mean((high < floor) | (low > ceiling))
     if share >= MOST:
         verdict = REPRODUCED
-    elif np.mean((high < floor) | (low > ceiling)) >= MOST:
+    elif against >= MOST:
         verdict = NOT_REPRODUCED
+    else:
+        verdict = f"{NOT_TESTABLE}: in {100 * share:.3g} % of logs"
+        left = 100 * (1 - share - against)
+        verdict += f"; {left:.3g} % leave it open" if left > 0.01 else ""
     if found.dtype == bool:
         return verdict, (float(found.mean()), None, None)
     values = np.where(missing, np.inf, each[:, 0])
