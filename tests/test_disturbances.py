@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis import Estimate
-from analysis.noise.disturbances import Disturbance, judged, missing, spikes, uneven
+from analysis.noise.disturbances import Disturbance, adjusted, missing, spikes, uneven
 from analysis.noise.models import UnifiedModel, flicker_noise
 
 N, DT = 36_000, 0.1
@@ -104,11 +104,11 @@ def test_uneven_noise_holds_or_is_refused(kind, named, resolved):
     assert named <= {d.kind for d in found} and bool(named) == bool(found)
     error = 1.96 / np.sqrt(2 * N)
     plain = Estimate(y.std(), y.std() * (1 - error), y.std() * (1 + error), "deg/s")
-    e = judged(plain, "sigma_v", found)
+    e = adjusted(plain, "sigma_v", found)
     assert e.resolved == resolved
     assert e.low <= truth <= (np.inf if e.high is None else e.high)
     assert all(d.note in e.note for d in found if d.decides)
-    assert judged(plain, "corr_time", found) == plain
+    assert adjusted(plain, "corr_time", found) == plain
 
 
 def test_few_gaussian_logs_are_flagged():
@@ -130,7 +130,7 @@ def test_few_gaussian_logs_are_flagged():
 def test_intervals_widen_in_quadrature():
     """analytic: two widenings add to the logarithm of an interval as independent errors do."""
     found = [Disturbance("noise_level", 0, 1, ("arw",), "a", widens=w) for w in ((3, 4), (4, 3))]
-    e = judged(Estimate(1.0, np.exp(-12), np.exp(12), "deg/s"), "arw", found)
+    e = adjusted(Estimate(1.0, np.exp(-12), np.exp(12), "deg/s"), "arw", found)
     np.testing.assert_allclose(np.log([e.low, e.high]), [-13, 13])
 
 

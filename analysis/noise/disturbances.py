@@ -2,7 +2,7 @@
 
 Each test returns `Disturbance` objects. A parameter whose averaging times hold a disturbance of
 practical size is refused, unless the disturbance is modelled as a term of its own, or widens the
-interval by a stated amount (`judged`).
+interval by a stated amount (`adjusted`).
 """
 
 from dataclasses import dataclass
@@ -20,6 +20,7 @@ FEW = 2e-3, 1e-2  # spikes, and samples in them, as shares of all; more belongs 
 BURST = 10  # samples; large steps no further apart are one spike
 PARTS = 8  # of a log, and of each part, whose noise levels are compared
 LEAST = 8  # increments in a part of a part
+EXACT = 1e-9  # relative; levels that differ by less are of no noise
 CHANCE = 1e-3  # that one test rejects Gaussian noise
 BEYOND = 5.0  # standard errors of the kurtosis of Gaussian noise
 NOTICED = 1.2  # overdispersion that makes an interval a tenth wider
@@ -63,7 +64,7 @@ class Disturbance:
     bounds: tuple[float | None, float | None] = (None, None)
 
 
-def judged(estimate: Estimate, name: str, disturbances: list[Disturbance]) -> Estimate:
+def adjusted(estimate: Estimate, name: str, disturbances: list[Disturbance]) -> Estimate:
     """Widen or refuse an estimate as the disturbances of its log demand.
 
     Parameters
@@ -161,22 +162,22 @@ class Increments:
     Attributes
     ----------
     z : ndarray, shape (8, 8, k)
-        Over the root mean square of their eighth; NaN where samples are missing.
+        Over the root mean square of their eighth.
     variance : float
         Mean square before that, U^2.
     level : ndarray, shape (8, 8)
         Mean of their magnitude, U.
-    count : int
-        Means that are there.
+    edges : ndarray, shape (65,)
+        Where the pieces begin and end, s.
     """
 
     z: np.ndarray
     variance: float
     level: np.ndarray
-    count: int
+    edges: np.ndarray
 
 
-def increments(means):
+def increments(means, width):
     """Difference neighbouring means, two by two; None if there are too few.
 
     They are nearly uncorrelated whether the noise is white, a random walk or between the two, and
@@ -185,24 +186,29 @@ def increments(means):
     Parameters
     ----------
     means : ndarray, shape (n,), U
+        NaN where they are missing.
+    width : float
+        Of each, s.
 
     Returns
     -------
     Increments or None
     """
-    k = len(means) // (2 * PARTS**2)
-    h = np.diff(means[: 2 * PARTS**2 * k].reshape(PARTS, PARTS, k, 2))[..., 0]
-    there = np.isfinite(h)
-    if k < LEAST or there.sum(axis=2).min() < LEAST:
+    there = np.flatnonzero(np.isfinite(means))
+    k = len(there) // (2 * PARTS**2)
+    if k < LEAST:
         return None
-    energy = np.nanmean(h**2, axis=(1, 2), keepdims=True)
-    level = np.nanmean(np.abs(h), axis=2)
-    if not level.all():
-        return None  # held output
-    return Increments(h / np.sqrt(energy), float(energy.mean()), level, 2 * int(there.sum()))
+    used = there[: 2 * PARTS**2 * k]
+    h = np.diff(means[used].reshape(PARTS, PARTS, k, 2))[..., 0]
+    energy = np.mean(h**2, axis=(1, 2), keepdims=True)
+    level = np.mean(np.abs(h), axis=2)
+    if level.min() == 0.0 or np.ptp(level, axis=1).max() <= EXACT * level.max():
+        return None  # an output that is held, or a pattern
+    edges = width * np.append(used[:: 2 * k], used[-1] + 1)
+    return Increments(h / np.sqrt(energy), float(energy.mean()), level, edges)
 
 
-def heavy_tails(part: Increments, duration: float, affects: tuple[str, ...]) -> list[Disturbance]:
+def heavy_tails(part: Increments, affects: tuple[str, ...]) -> list[Disturbance]:
     """Test for tails heavier than Gaussian, by the kurtosis of increments within eighths.
 
     With excess kurtosis g of the increments of n means, the variance of ln(sigma^2) is
@@ -213,8 +219,6 @@ def heavy_tails(part: Increments, duration: float, affects: tuple[str, ...]) -> 
     ----------
     part : Increments
         Of the means that the noise model was fitted to.
-    duration : float
-        Of the log, s.
     affects : tuple of str
 
     Returns
@@ -222,28 +226,28 @@ def heavy_tails(part: Increments, duration: float, affects: tuple[str, ...]) -> 
     list of Disturbance
         Empty, or one.
     """
-    z = np.abs(part.z[np.isfinite(part.z)])
+    z, ends = np.abs(part.z.ravel()), (part.edges[0], part.edges[-1])
     excess, error = float(np.mean(z**4)) - 3, np.sqrt(24 / len(z))
     least = max(BEYOND * error, NOTICED - 1)
     tail = np.sort(np.partition(z, -(len(z) // TAIL + 5))[-(len(z) // TAIL + 5) :])
     if excess < least or excess - np.sum(tail[-2:] ** 4) / len(z) < least:
         return []
     index = 1 / np.mean(np.log(tail[1:] / tail[0]))  # Hill's
-    middle = float(np.subtract(*np.percentile(part.z[np.isfinite(part.z)], [75, 25])))
+    middle = float(np.subtract(*np.percentile(part.z, [75, 25])))
     robust = middle / (norm.ppf(0.75) - norm.ppf(0.25))
     note = f"heavy-tailed noise (excess kurtosis {excess:.2g} of neighbouring means)"
     if index < BOUNDED:
         note += f": tail index {index:.2g}, its variance is not bounded by this log; at least the"
         note += " robust value from the interquartile range"
-        return [Disturbance("heavy_tails", 0, duration, affects, note, bounds=(robust, None))]
-    half = float(norm.ppf(0.975) * np.sqrt(excess / (2 * part.count)))
+        return [Disturbance("heavy_tails", *ends, affects, note, bounds=(robust, None))]
+    half = float(norm.ppf(0.975) * np.sqrt(excess / (4 * z.size)))
     note += f": interval widened for an overdispersion of {1 + excess:.2g}; the interquartile range"
     note += f" gives {robust:.2f} of this value"
-    return [Disturbance("heavy_tails", 0, duration, affects, note, widens=(half, 2 * half))]
+    return [Disturbance("heavy_tails", *ends, affects, note, widens=(half, 2 * half))]
 
 
 def level_changes(
-    part: Increments, duration: float, affects: tuple[str, ...], chance: float = CHANCE
+    part: Increments, affects: tuple[str, ...], chance: float = CHANCE
 ) -> list[Disturbance]:
     """Test for a noise level that changes along the log, by an analysis of variance.
 
@@ -256,8 +260,6 @@ def level_changes(
     Parameters
     ----------
     part : Increments
-    duration : float
-        Of the log, s.
     affects : tuple of str
     chance : float
         That Gaussian noise is rejected.
@@ -272,23 +274,22 @@ def level_changes(
     between = max(eighths.var(ddof=1) - inside / PARTS, 0.0)
     changes = f.sf(PARTS * eighths.var(ddof=1) / inside, PARTS - 1, PARTS * (PARTS - 1)) < chance
     squares = part.z**2
-    energy, k = np.nanmean(squares, axis=2), part.count / 2 / PARTS**2
-    tails = max(1 + (np.nanmean(squares**2) - 3) / 2, 1.0)
-    ratio = energy.var(axis=1, ddof=1).mean() * k / 2
+    energy = np.mean(squares, axis=2)
+    tails = max(1 + (np.mean(squares**2) - 3) / 2, 1.0)
+    ratio = energy.var(axis=1, ddof=1).mean() * squares.shape[2] / 2
     freedom = PARTS * (PARTS - 1)
     bursts = ratio / tails > chi2.isf(chance, freedom) / freedom and ratio > 1 + (NOTICED - 1) / 2
     if not (changes or bursts):
         return []
-    half = 0.0
-    if changes:
-        half = float(t.ppf(0.975, PARTS - 1) * np.sqrt(between / PARTS))
-    if bursts:
-        half = float(np.hypot(half, norm.ppf(0.975) * np.sqrt((ratio - tails) / part.count)))
+    error = changes * t.ppf(0.975, PARTS - 1) * np.sqrt(between / PARTS)
+    within = bursts * norm.ppf(0.975) * np.sqrt(max(ratio - tails, 0.0) / (2 * squares.size))
+    half = float(np.hypot(error, within))
     level = np.exp(logs.ravel() if bursts else eighths)
     level /= np.sqrt(np.mean(level**2))
     low, high = float(level.min()), float(level.max())
     off = np.flatnonzero(np.abs(level - np.median(level)) > (high - low) / 4)
-    start, end = off[0] / len(level) * duration, (off[-1] + 1) / len(level) * duration
+    edges = part.edges[:: PARTS**2 // len(level)]
+    start, end = float(edges[off[0]]), float(edges[off[-1] + 1])
     note = f"noise level {low:.2f} to {high:.2f} of its mean over {len(level)} parts"
     if half > UNSTEADY:
         note += ": no single value describes the log"
@@ -320,19 +321,18 @@ def uneven(
     -------
     list of Disturbance
     """
-    duration, means, scales = len(y) * dt, block_means(y, m), []
-    while (part := increments(means)) is not None:
+    means, scales = block_means(y, m), []
+    while (part := increments(means, m * dt)) is not None:
         scales.append((white**2 / m > SHARE * part.variance / 2, part))
         means, m = block_means(means, 2), 2 * m
-    found = []
+    if not scales:
+        return []
+    chance, found = CHANCE / len(scales), []
     for is_white, affects in ((True, names), (False, ("sigma_b", "bias_instability", "rrw"))):
         parts = [part for of_white, part in scales if of_white is is_white]
-        chance = CHANCE / len(scales)
-        tests = [d for part in parts for d in level_changes(part, duration, affects, chance)]
+        tests = [d for part in parts for d in level_changes(part, affects, chance)]
         found += sorted(tests, key=lambda d: d.widens or (np.inf,))[-1:]
-    if scales:
-        found += heavy_tails(scales[0][1], duration, names)
-    return found
+    return found + heavy_tails(scales[0][1], names)
 
 
 def missing(y: np.ndarray, dt: float) -> list[Disturbance]:

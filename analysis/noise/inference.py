@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis import CannotAnswer, Estimate
+from analysis.noise.disturbances import Disturbance, adjusted, spikes, uneven
 from analysis.noise.fit import (
     MODELS,
     QUANTISED,
@@ -33,7 +34,7 @@ from analysis.noise.fit import (
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.models import random_walk_unit
 from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
-from analysis.noise.spectrum import fewest_to_average, spectra, spikes
+from analysis.noise.spectrum import fewest_to_average, spectra
 
 FEWEST_MEANS = 256  # averaging stops before fewer means are left
 OCTAVES = 3  # at the top of the band, where the model has to agree
@@ -71,8 +72,7 @@ class Inference:
         The same at least, so that single missing samples leave no gap.
     misfit : float
         Largest relative disagreement of spectrum and model in the octaves at the top of the band.
-    spikes : int
-        Samples left out as spikes.
+    disturbances : list of Disturbance
     parameters : dict of Estimate
     """
 
@@ -83,7 +83,7 @@ class Inference:
     averaged: int = 1
     fewest: int = 1
     misfit: float = 0.0
-    spikes: int = 0
+    disturbances: list[Disturbance] = field(default_factory=list)
     parameters: dict[str, Estimate] = field(default_factory=dict)
 
     def table(self) -> list[dict]:
@@ -223,8 +223,8 @@ def infer(
 ) -> Inference:
     """Fit every model to a channel, choose one, and estimate its parameters.
 
-    Spikes are left out: single samples that differ from both neighbours by 8 robust deviations of a
-    step.
+    Isolated spikes are left out; heavy tails and a changing noise level widen the intervals, or
+    refuse the parameter (`disturbances`).
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def infer(
     Inference
         `CannotAnswer` if no stretch of 32 samples is left between long gaps.
     """
-    out = spikes(y)
+    out, noticed = spikes(y, dt)
     y = np.where(out, np.nan, y) if out.any() else y
     fewest = fewest_to_average(y, len(y) / (2 * FEWEST_MEANS))
     m, rate, clean_bands = fewest, kind in ("rate", "accel"), 0
@@ -267,7 +267,7 @@ def infer(
         if wider is None or wider.scale < EXACT * likelihood.scale:
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
-    result = Inference(likelihood, fits, chosen, unit, m, fewest, misfit, int(out.sum()))
+    result = Inference(likelihood, fits, chosen, unit, m, fewest, misfit, noticed)
     used = (
         sum(piece.length @ piece.behind / m for piece in likelihood.stretches)
         / np.isfinite(y).sum()
@@ -281,6 +281,9 @@ def infer(
         if "flicker" in chosen.terms:
             parameters["bias_instability"] = result.bias_instability()
     parameters |= result.bias() | {"drift": result.drift(rng.spawn(1)[0])}
+    white = result.level_fit.terms["sigma_v"][0]
+    noticed += uneven(y, dt, m, white, ("arw", "vrw", "sigma_v"))
+    parameters |= {name: adjusted(e, name, noticed) for name, e in parameters.items()}
     return result
 
 
@@ -356,8 +359,6 @@ def _band(result, dt, clean, used):
         parts.append(
             f"noise level within the fitted band, means of {m} samples ({m * dt:.3g} s): {why}"
         )
-    if result.spikes:
-        parts.append(f"left out as spikes: {result.spikes}")
     if used < USED:
         parts.append(f"{1 - used:.0%} of the samples unused: long gaps split the log")
     if not clean:

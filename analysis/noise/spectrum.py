@@ -27,7 +27,6 @@ STRETCHES = 30  # longest pieces of a log with gaps that are used
 FEWEST = 8  # means below which a piece is left out
 USED = 0.95  # share of the samples that is to be used
 ENOUGH = 0.5  # share of the usual number of samples that a mean needs
-SPIKE = 8.0  # robust standard deviations of a step
 
 
 @dataclass(frozen=True)
@@ -297,19 +296,3 @@ def _means(y, m, have):
         return y if m == 1 else blocks.mean(axis=1)
     sums = np.where(np.isfinite(blocks), blocks, 0.0).sum(axis=1)
     return np.divide(sums, have, out=np.full(len(have), np.nan), where=have > 0)
-
-
-def spikes(y):
-    """Mark single samples that differ from both neighbours, in the same direction, by 8 robust
-    deviations of a step.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-    """
-    step = np.diff(y, prepend=np.nan, append=np.nan)
-    size = np.nanmedian(np.abs(step)) / 0.6745
-    if not size > 0:
-        return np.zeros(len(y), dtype=bool)
-    both = np.minimum(np.abs(step[:-1]), np.abs(step[1:])) > SPIKE * size
-    return both & (np.sign(step[:-1]) != np.sign(step[1:]))
