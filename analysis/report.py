@@ -57,6 +57,8 @@ def write(log, out):
     """
     try:
         result = store.characterise_log(log)
+    except store.Moving:
+        raise
     except CannotAnswer as error:
         raise CannotAnswer(f"{log.file}, {error}; --columns can leave a channel out") from error
     earlier = {Path("exports", name) for name in exports.TITLES} | _figures_of(Path(out))
@@ -221,8 +223,9 @@ def write_pooled(logs, out, *, axes=False):
         If a channel is missing in a log, or has another unit, kind or sampling rate there, or if
         two logs hold the same readings.
     CannotAnswer
-        If a channel has no noise to measure.
+        If a sensor moves, or a channel has no noise to measure.
     """
+    logs = [store.static_part(log) for log in logs]
     groups = _group_channels(logs, axes)
     total = sum(map(len, groups.values()))
     streams = iter(np.random.SeedSequence(store.SEED).spawn(total))

@@ -14,6 +14,7 @@ published("terrain-table-2")  a table copied from one of the papers
 
 import functools
 import json
+import math
 import re
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -27,9 +28,11 @@ from tqdm import tqdm
 
 from analysis import DATA, CannotAnswer, Estimate, WrongUsage
 from analysis.logs import road_logs
+from analysis.logs.columns import IN_M_S2
 from analysis.logs.static import Log
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise, characterise, remarks
+from analysis.noise.disturbances import OFFSET, TURNING, static_stretches
 from analysis.terrain import terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.centre_line import CentreLine
@@ -62,6 +65,11 @@ SOURCE = (  # of a static log, in the order of model.json
     *("title", "file", "sha256", "rate_hz", "duration_s", "samples", "gaps", "repairs"),
     *("licence", "source"),
 )
+SIZES = {  # unit of a gyro in deg/s, of an accelerometer in m/s^2
+    **{"deg/s": 1.0, "rad/s": 180 / math.pi, "deg/h": 1 / 3600},
+    **IN_M_S2,
+}
+SHORTEST, LEAST_SAMPLES, MOST = 10.0, 64, 3  # s and samples of a stretch that is named, how many
 CURVES = ("allan", "allan_line_removed")  # of a channel: as recorded, without the straight line
 ALLAN = ("tau_s", "deviation", "low", "high", "edf")  # names of an `AllanCurve`'s series
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen
@@ -264,7 +272,7 @@ class StaticResult:
     ----------
     source : dict
         ``file``, ``sha256``, ``rate_hz``, ``duration_s``, ``samples``, ``gaps``, ``repairs``,
-        ``licence``, ``source``, ``title``, ``seed``.
+        ``licence``, ``source``, ``title``, ``seed``; ``used`` {from_s, to_s} where a part is.
     channels : tuple of ChannelNoise
     """
 
@@ -276,16 +284,93 @@ class StaticResult:
         return next(c for c in self.channels if c.name == name)
 
 
+class Moving(CannotAnswer):
+    """The sensor moves; `flags` name the stretches in which it lies still."""
+
+
+def static_part(log: Log) -> Log:
+    """Take the stretch of a log in which its gyros and accelerometers lie still.
+
+    Returns
+    -------
+    Log
+        The log itself, if it is static as a whole or has no gyro and no accelerometer; else the
+        one static stretch that covers at least half of it.
+
+    Raises
+    ------
+    Moving
+        If there is no such stretch; with the flags ``--from`` and ``--to`` of shorter ones.
+    """
+    axes: dict[str, list[np.ndarray]] = {"rate": [], "accel": []}
+    for c in log.channels:
+        if c.unit in SIZES and log.used is None:
+            values = c.values if SIZES[c.unit] == 1 else SIZES[c.unit] * c.values
+            axes[c.kind].append(values)
+    if not any(axes.values()):
+        return log
+    stretches = static_stretches(axes["rate"], axes["accel"], log.dt)
+    offset = float(np.linalg.norm([np.nanmedian(y) for y in axes["rate"]]))
+    longest = max(stretches, key=lambda s: s[1] - s[0], default=(0.0, 0.0))
+    if longest[1] - longest[0] < log.duration_s / 2:
+        raise _moving(log, stretches, offset)
+    if OFFSET < offset <= TURNING:
+        doubt = (
+            f"the gyros read {offset:.3g} deg/s: a large offset at rest, or a steady turn, which "
+            "this log cannot tell"
+        )
+        log = replace(log, repairs=(doubt, *log.repairs))
+    if longest[1] - longest[0] > log.duration_s - log.dt / 2:
+        return log
+    start, stop = _tenths(log, longest)
+    said = (
+        f"the sensor lies still from {start:g} s to {stop:g} s and moves in the rest of the "
+        f"{log.duration_s:.6g} s: only this stretch is used"
+    )
+    return log.between(start, stop, said)
+
+
+def _moving(log, stretches, offset) -> Moving:
+    """State that no static stretch covers half of a log, with the flags that take a shorter one."""
+    least = max(SHORTEST, LEAST_SAMPLES * log.dt)
+    some = sorted((s for s in stretches if s[1] - s[0] >= least), key=lambda s: s[0] - s[1])[:MOST]
+    if not some:
+        why = "its gyros and accelerometers change as in motion"
+        if offset > TURNING:
+            why = f"its gyros read {offset:.3g} deg/s, more than any offset at rest: it turns"
+        return Moving(f"{log.file}: no static stretch: {why}; record the sensor lying still")
+    spans = [_tenths(log, s) for s in sorted(some)]
+    listed = ", ".join(f"{start:g} s to {stop:g} s" for start, stop in spans)
+    return Moving(
+        f"{log.file}: the sensor moves; it lies still for less than half of the "
+        f"{log.duration_s:.6g} s, at most from {listed}",
+        *({"--from": f"{start:g}", "--to": f"{stop:g}"} for start, stop in spans),
+    )
+
+
+def _tenths(log, stretch) -> tuple[float, float]:
+    """Round a stretch inwards to tenths of a second from the first row of the file."""
+    start, stop = (log.start_s + t for t in stretch)
+    return math.ceil(10 * start - 1e-6) / 10, math.floor(10 * stop + 1e-6) / 10
+
+
 def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> StaticResult:
     """Characterise every channel of a log, channel k with the k-th stream spawned from `seed`.
 
     Parameters
     ----------
     log : Log
+        Of which the static stretch is used; see `static_part`.
     seed : int
     progress : bool
         Show a progress bar on a terminal.
+
+    Raises
+    ------
+    CannotAnswer
+        If the sensor moves, or a channel is too short or does not vary.
     """
+    log = static_part(log)
     streams = np.random.SeedSequence(seed).spawn(len(log.channels))
 
     def characterise_channel(channel, stream):
@@ -314,11 +399,16 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
 
 def log_source(log: Log, noticed: Iterable[str] = ()) -> dict:
     """State where a static log comes from and what was repaired in it."""
-    return {key: getattr(log, key) for key in SOURCE} | {
-        "rate_hz": rounded_number(log.rate_hz),
-        "duration_s": rounded_number(log.duration_s),
-        "repairs": [*log.repairs, *noticed],
-    }
+    used = dict(zip(("from_s", "to_s"), log.used, strict=True)) if log.used else None
+    return (
+        {key: getattr(log, key) for key in SOURCE}
+        | ({"used": used} if used else {})
+        | {
+            "rate_hz": rounded_number(log.rate_hz),
+            "duration_s": rounded_number(log.duration_s),
+            "repairs": [*log.repairs, *noticed],
+        }
+    )
 
 
 def model(result: StaticResult) -> dict:

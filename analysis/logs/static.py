@@ -72,6 +72,10 @@ class Log:
     licence, source : str
     temperature : ndarray, shape (n,), or None
         Of the sensor, deg C, on the grid of the channels; None where it is not logged.
+    start_s : float
+        Of the first sample, seconds from the first row of the file.
+    used : tuple of float, or None
+        Start and end of the stretch that `between` cut out, likewise.
     """
 
     name: str
@@ -87,6 +91,8 @@ class Log:
     source: str
     given: str = ""
     temperature: np.ndarray | None = None
+    start_s: float = 0.0
+    used: tuple[float, float] | None = None
 
     @property
     def dt(self) -> float:
@@ -97,6 +103,22 @@ class Log:
     def duration_s(self) -> float:
         """Time covered, s: samples on the grid times the sampling interval."""
         return len(self.channels[0].values) / self.rate_hz
+
+    def between(self, start: float, stop: float, repair: str) -> "Log":
+        """Cut out a stretch, s from the first row of the file; `repair` is its first remark."""
+        first, last = (round((t - self.start_s) * self.rate_hz) for t in (start, stop))
+        channels = tuple(replace(c, values=c.values[first:last]) for c in self.channels)
+        missing = np.all([np.isnan(c.values) for c in channels], axis=0)
+        return replace(
+            self,
+            channels=channels,
+            samples=int((~missing).sum()),
+            gaps=int((np.diff(missing.astype(int)) > 0).sum()),
+            repairs=(repair, *self.repairs),
+            temperature=None if self.temperature is None else self.temperature[first:last],
+            start_s=start,
+            used=(start, stop),
+        )
 
 
 def read(
@@ -177,6 +199,7 @@ def read(
         source=stanza.get("source", "the reader's own log"),
         given=str(log),
         temperature=None if temperature is None else _filled(grid.place(temperature)),
+        start_s=float(table.rows[0] / grid.rate_hz if t_s is None else np.nanmin(t_s)),
     )
 
 

@@ -5,9 +5,12 @@ practical size is refused, unless the disturbance is modelled as a term of its o
 interval by a stated amount (`adjusted`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import median_filter
 from scipy.stats import chi2, f, norm, t
 
 from analysis import Estimate
@@ -27,7 +30,46 @@ NOTICED = 1.2  # overdispersion that makes an interval a tenth wider
 UNSTEADY = 0.15  # widening beyond which one number does not describe the log
 BOUNDED = 2.7  # tail index below which the measured variance says little about the true one
 TAIL = 500  # one increment in so many is in the tail
+NOISY = 4.0  # standard errors of a window's mean, beyond the limits below
+STIRRED = 5.0  # real static logs: 0.6 to 2.5; the most moving axis of a car: 10 to 100
+LOUDER = 3.0  # times the scatter of the quietest tenth of the windows
+KNOCK = 3  # windows
+FEWEST = 8  # samples in a window
+TURNING = 20.0  # deg/s; the largest offset at rest in a datasheet here (MPU-6050: +-20 deg/s)
+OFFSET = 5.0  # deg/s; beyond the offsets of the real static logs (MPU-6050: 4.5)
 SHARE = 0.5  # of the Allan variance; where white noise has more, its level is what changes
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What an axis at rest does not exceed, U; real static logs reach a third of it at most.
+
+    Attributes
+    ----------
+    departs : float
+        A window's mean from the median of nine around it.
+    changes : float
+        The medians of five windows before and five after.
+    shakes : float
+        Scatter in a window.
+    stirs : float
+        Robust deviation of the departures in a stretch, if the scatter explains a fifth of it.
+    wanders : float
+        Range of the smoothed means within a stretch; warm-up and temperature stay below.
+    pose : float
+        Difference before and after an interruption.
+    """
+
+    departs: float
+    changes: float
+    shakes: float
+    stirs: float
+    wanders: float
+    pose: float
+
+
+GYRO = Limits(0.3, changes=0.5, shakes=0.5, stirs=0.1, wanders=5.0, pose=5.0)  # deg/s
+ACCEL = Limits(0.15, changes=0.15, shakes=0.2, stirs=0.05, wanders=1.0, pose=0.15)  # m/s^2
 
 
 @dataclass(frozen=True)
@@ -375,3 +417,91 @@ def missing(y: np.ndarray, dt: float) -> list[Disturbance]:
         start, end = float(runs[some][0, 0] * dt), float(runs[some][-1, 1] * dt)
         found.append(Disturbance("missing", start, end, (), note, decides=False))
     return found
+
+
+def static_stretches(
+    gyro_deg_s: Sequence[np.ndarray], accel_m_s2: Sequence[np.ndarray], dt: float
+) -> list[tuple[float, float]]:
+    """Find the stretches of a log in which the sensor lies still.
+
+    Windows of a second show motion: a mean that departs from those around it, means that differ
+    before and after, a scatter far above the quietest of the log. Each limit is the larger of a
+    multiple of the log's own noise and of a size that neither noise nor bias reaches at rest
+    (`Limits`). In a stretch that is left, slow motion makes the means stir more than the scatter
+    explains, or wander. A steady turn does neither: gyros whose offset is beyond `TURNING` turn.
+    Up to `KNOCK` moving windows between readings of one pose, a knock, are part of a stretch.
+
+    Parameters
+    ----------
+    gyro_deg_s, accel_m_s2 : sequence of ndarray, shape (n,)
+        One array an axis, NaN where a sample is missing; either sequence may be empty.
+    dt : float, s
+
+    Returns
+    -------
+    list of (float, float)
+        Start and end, s from the first sample, in order.
+    """
+    axes = [(y, GYRO) for y in gyro_deg_s] + [(y, ACCEL) for y in accel_m_s2]
+    n = len(axes[0][0])
+    m = max(FEWEST, round(1 / dt))
+    count = n // m
+    if not count:
+        return [(0.0, n * dt)]
+    sudden, slow, seen = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool), []
+    for y, limits in axes:
+        mean, scatter = _windows(y[: count * m].reshape(count, m))
+        noise = scatter / np.sqrt(m)
+        departs = np.abs(mean - median_filter(mean, 9, mode="nearest"))
+        medians = np.median(sliding_window_view(np.pad(mean, 5, mode="edge"), 5), axis=1)
+        changes = np.abs(medians[6:] - medians[:count])  # of five windows before and after
+        sudden |= departs > np.maximum(limits.departs, NOISY * noise)
+        slow |= changes > np.maximum(limits.changes, NOISY * noise)
+        sudden |= scatter > np.maximum(limits.shakes, LOUDER * np.percentile(scatter, 10))
+        seen.append((limits, mean, noise, departs))
+    moving = np.convolve(np.pad(sudden | slow, 2), np.ones(5), "valid") >= 2  # not one alone
+    runs: list[list[int]] = []
+    for start, end in np.flatnonzero(np.diff(np.r_[True, moving, True])).reshape(-1, 2).tolist():
+        before = runs[-1][1] if runs else -count
+        knock = sudden[before:start].sum() <= KNOCK and start - before <= 3 * KNOCK
+        if runs and knock and _one_pose(seen, before, start):
+            runs[-1][1] = end
+        else:
+            runs.append([start, end])
+    still = [run for run in runs if not _turns(seen, slice(*run))]
+    return [(start * m * dt, n * dt if end == count else end * m * dt) for start, end in still]
+
+
+def _windows(y):
+    """Return mean and scatter of each window without the missing samples, both shape (count,)."""
+    if np.isfinite(y.sum()):
+        mean = y.mean(axis=1)
+        return mean, np.sqrt(np.pi / 2) * np.abs(y - mean[:, None]).mean(axis=1)
+    known = np.isfinite(y)
+    number = known.sum(axis=1)
+    mean = np.where(known, y, 0.0).sum(axis=1) / np.maximum(number, 1)
+    at = np.flatnonzero(number)
+    mean = np.interp(np.arange(len(mean)), at, mean[at]) if at.size else mean
+    off = np.where(known, np.abs(y - mean[:, None]), 0.0).sum(axis=1)
+    return mean, np.sqrt(np.pi / 2) * off / np.maximum(number, 1)  # a standard deviation
+
+
+def _one_pose(seen, end, start):
+    """Tell whether the readings before one window and from another are of the same pose."""
+    before, after = slice(max(end - 5, 0), end), slice(start, start + 5)
+    return all(
+        abs(np.median(mean[before]) - np.median(mean[after])) < limits.pose
+        for limits, mean, *_ in seen
+    )
+
+
+def _turns(seen, part):
+    """Tell whether a stretch without sudden changes is slow motion or one steady turn."""
+    offsets = [0.0]
+    for limits, mean, noise, departs in seen:
+        explained = max(limits.stirs, STIRRED * np.median(noise[part]))
+        wander = np.ptp(median_filter(mean[part], 9, mode="nearest"))
+        if 1.4826 * np.median(departs[part]) > explained or wander > limits.wanders:
+            return True
+        offsets += [np.median(mean[part])] if limits is GYRO else []
+    return np.linalg.norm(offsets) > TURNING
