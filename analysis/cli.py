@@ -215,7 +215,9 @@ def report(
     accelerometers are told apart by name and by size (a length of one g). What was guessed stands
     first on the output, with the flag that overrules it.
 
-    The log must be static: the sensor lies still. Leave out the warm-up with --from. The random
+    The log must be static: the sensor lies still. If gyros or accelerometers move, the one static
+    stretch that covers at least half of the log is used; shorter ones are named with the --from and
+    --to that take them. Leave out the warm-up with --from. The random
     walk needs about an hour. A correlation time needs a log at least ten times as long: hours
     rather than minutes.
 

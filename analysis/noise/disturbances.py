@@ -69,7 +69,7 @@ class Limits:
 
 
 GYRO = Limits(0.3, changes=0.5, shakes=0.5, stirs=0.1, wanders=5.0, pose=5.0)  # deg/s
-ACCEL = Limits(0.15, changes=0.15, shakes=0.2, stirs=0.05, wanders=1.0, pose=0.15)  # m/s^2
+ACCEL = Limits(0.15, changes=0.5, shakes=0.2, stirs=0.05, wanders=1.5, pose=0.15)  # m/s^2
 
 
 @dataclass(frozen=True)
