@@ -15,6 +15,7 @@ from scipy.stats import norm
 
 from analysis import Estimate, pretty
 from analysis.figures import DOUBLE
+from analysis.noise import graph
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
 from analysis.noise.models import FLICKER, adev_of_terms
@@ -188,7 +189,7 @@ def fitted_model(ax: Axes, noise: ChannelNoise) -> None:
     end = float(tau[-1])
     marks = (
         ("N", ("arw", "vrw"), 1.0, 1.0, "s"),
-        ("B", ("bias_instability",), tau[np.argmin(model)], FLICKER, "o"),
+        ("B", ("bias_instability",), tau[graph.floor_of(model)[0]], FLICKER, "o"),
         ("K", ("rrw",), end, np.sqrt(end / 3), "^"),
     )
     for symbol, keys, at, factor, marker in marks:

@@ -6,7 +6,7 @@ from scipy.signal import butter, lfilter
 from scipy.stats import norm
 
 from analysis.noise import conventions, graph
-from analysis.noise.allan import allan_deviation, fit_line
+from analysis.noise.allan import AllanCurve, allan_deviation, fit_line
 from analysis.noise.models import UnifiedModel, adev_model
 
 Q = (np.arange(20_000) + 0.5) / 20_000  # evenly spread probabilities
@@ -95,6 +95,18 @@ def test_the_floor_of_a_bias_is_covered():
     # 93-97 %, and the standard error of 200 logs, 1.5 %.
     held = np.mean([b.low < TRUTH < b.high for b in given])
     assert 0.93 - 0.015 <= held <= 0.97 + 0.015
+
+
+def test_the_floor_is_left_of_the_hump():
+    """analytic: beyond the hump of a short bias the curve falls below the floor; B is not there."""
+    gyro, tau = UnifiedModel(0.04, 60.0, 0.005), np.geomspace(0.01, 1800, 200)
+    exact = gyro.adev(tau, 0.01)
+    curve = AllanCurve(tau, exact, 0.9 * exact, 1.1 * exact, np.full(len(tau), 200.0))
+    floor = conventions.floor(0.004, 0.005, 60.0, 0.01)[1]
+    assert exact[tau < 720].min() < floor
+    # 1e-3: the floor lies between two averaging times
+    found = graph.bias_instability(curve, "deg/s", exact).value
+    assert found == pytest.approx(floor / 0.664, rel=1e-3)
 
 
 def log_with_ripple():

@@ -73,7 +73,7 @@ def bias_instability(
 ) -> Estimate:
     """Bias instability B from the floor of the curve, where a fitted model has its floor. ::
 
-        B = adev(tau_floor) / 0.664,      tau_floor where the model's own curve is lowest
+        B = adev(tau_floor) / 0.664,      tau_floor the lowest minimum of the model
 
     The curve of the data is never searched for a low point: a minimum of noisy points is biased
     low, and a sensor's filter, quantisation and oscillations make ripples at short tau. For a
@@ -105,7 +105,8 @@ def bias_instability(
     inside = np.flatnonzero((curve.tau >= shortest) & (curve.tau <= TENTH * curve.tau[-1]))
     if not len(inside):
         return Estimate.refused(unit, "the log is too short for a floor of the Allan curve")
-    at = inside[np.argmin(model[inside])]
+    at, turns = floor_of(model[inside])
+    at += inside[0]
     tau, low, high = curve.tau[at], curve.low[at], curve.high[at]
     least = flicker[0] if flicker else np.inf
     why = ""
@@ -114,7 +115,7 @@ def bias_instability(
             f"no floor: up to {curve.tau[inside[-1]]:.3g} s, a tenth of the log, the fitted model"
             " does not rise again by more than the curve's uncertainty; a longer log may show one"
         )
-    elif at == inside[0]:
+    elif not turns:
         why = f"no floor: the fitted model rises from {tau:.3g} s on, and is not fitted below"
     elif not low**2 <= model[at] * curve.adev[at] <= high**2:  # twice the interval, in log
         why = f"the fitted model differs from the Allan curve at its floor, {tau:.3g} s"
@@ -130,6 +131,24 @@ def bias_instability(
         note += "; the lower end is that of the flicker noise which the log does not exclude"
     value, low, high = (float(y * scale) for y in (curve.adev[at], low, high))
     return Estimate(value, min(low, least), high, unit, note=note)
+
+
+def floor_of(model):
+    """Find the lowest place of a model's curve from which it rises on both sides.
+
+    Beyond the hump of a Gauss-Markov bias a curve falls again, below the floor before it.
+
+    Returns
+    -------
+    at : int
+        Index of the floor; of the lowest point, if the curve has no floor.
+    turns : bool
+        Whether it has one.
+    """
+    rising = np.diff(model) >= 0
+    floors = np.flatnonzero(~rising[:-1] & rising[1:]) + 1
+    places = floors if len(floors) else np.arange(len(model))
+    return int(places[np.argmin(model[places])]), len(floors) > 0
 
 
 def _longest_run(curve, good):
