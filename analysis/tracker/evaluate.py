@@ -85,17 +85,13 @@ def cold_start(
     def over(statistic, error, where):
         return float(statistic(error[where])) if where.any() else np.nan
 
-    return {
-        "wait_s": float(gnss.t_s[np.argmax(accepted)] - gnss.t_s[0]),
-        "device_mean": over(np.mean, device, fix),
-        "device_largest": over(np.max, device, fix),
-        "gps_mean": over(np.mean, gps, fix),
-        "gps_largest": over(np.max, gps, fix),
-        "device_awaiting": over(np.mean, device, waits),
-        "gps_awaiting": over(np.mean, gps, waits),
-        "refused": over(np.median, gps, fix & ~accepted),
-        "accepted": over(np.median, gps, fix & accepted),
-    }
+    row = {"wait_s": float(gnss.t_s[np.argmax(accepted)] - gnss.t_s[0])}
+    for name, error in (("device", device), ("gps", gps)):
+        row[f"{name}_mean"] = over(np.mean, error, fix)
+        row[f"{name}_largest"] = over(np.max, error, fix)
+        row[f"{name}_awaiting"] = over(np.mean, error, waits)
+    row["refused"] = over(np.median, gps, fix & ~accepted)
+    return row | {"accepted": over(np.median, gps, fix & accepted)}
 
 
 def stationary_period(
