@@ -8,6 +8,7 @@ import pytest
 
 from analysis import Estimate, cli, report, text
 from analysis.noise.fit import NoiseLikelihood
+from analysis.noise.graph import FLOOR
 from analysis.noise.models import UnifiedModel
 from analysis.noise.planner import Plan
 from analysis.noise.spectrum import transform
@@ -103,6 +104,22 @@ def test_a_report_without_a_plan():
     channel = SimpleNamespace(parameters=known | {"corr_time": Estimate.refused("s", "")})
     channel.parameters["sigma_b"] = Estimate.refused("", "")
     assert "too far apart" in report.hours_to_record(channel, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("note", "taken"),
+    [
+        ("likelihood of N+B+K: coefficient of its flicker noise", True),
+        (f"{FLOOR}, at 9 s, / 0.664; the lower end is that of the flicker noise", False),
+    ],
+)
+def test_only_fitted_flicker_noise_is_planned_for(note, taken):
+    """property: a B read off the floor is no flicker noise, whatever else its note says."""
+    known = dict.fromkeys(("sigma_b", "corr_time"), Estimate.refused("", ""))
+    known["sigma_v"] = Estimate(1.0, 0.9, 1.1)
+    known["bias_instability"] = Estimate(0.1, 0.05, 0.2, note=note)
+    plan, _ = Plan.from_estimates(known)
+    assert plan is not None and (plan.flicker is not None) == taken
 
 
 def test_hours_ascend():

@@ -14,6 +14,7 @@ from analysis.noise.allan import AllanCurve
 from analysis.noise.models import FLICKER, random_walk_unit
 
 TOLERANCE = 0.1  # a slope counts as -1/2 or +1/2 within this
+FLOOR = "floor of the Allan deviation"  # how the note of a B that was read begins
 TENTH = 0.4  # of the longest averaging time, a quarter of the log
 SPAN = 0.3  # decades over which a slope is measured, and over which it must hold
 
@@ -126,7 +127,7 @@ def bias_instability(
         )
     if why or least is None:
         return Estimate.refused(unit, why, high=float(high * scale))
-    note = f"floor of the Allan deviation, at {tau:.3g} s, / 0.664 (IEEE 952)"
+    note = f"{FLOOR}, at {tau:.3g} s, / 0.664 (IEEE 952)"
     if flicker:
         note += "; the lower end is that of the flicker noise which the log does not exclude"
     value, low, high = (float(y * scale) for y in (curve.adev[at], low, high))

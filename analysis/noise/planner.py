@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from analysis import Estimate, WrongUsage
+from analysis.noise.graph import FLOOR
 from analysis.noise.likelihood import Terms, bin_variance
 from analysis.noise.spectrum import outline
 
@@ -139,7 +140,7 @@ class Plan:
             return cls(known["sigma_v"], sigma.low, time.low), True
         # A floor read off the Allan curve is not flicker noise: only a fitted coefficient counts.
         flicker = parameters.get("bias_instability")
-        fitted = flicker is not None and "flicker" in flicker.note
+        fitted = flicker is not None and not flicker.note.startswith(FLOOR)
         size = known.get("bias_instability") if fitted else None
         return cls(known["sigma_v"], flicker=size, rrw=known.get("rrw")), False
 
