@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from allantools import oadev
 from scipy.signal import butter, lfilter
 
-from analysis import CannotAnswer
+from analysis import CannotAnswer, figures, plots
 from analysis.noise.channel import characterise, remarks
 
 QUIET = np.random.default_rng(1).standard_normal(20_000)
@@ -89,3 +90,27 @@ def test_quantised_channels_do_not_warn(levels, recwarn):
     found = characterise(y, 0.05, name="x", unit="g", kind="accel", rng=np.random.default_rng(0))
     assert found.parameters["vrw"].value == pytest.approx(y.std() * np.sqrt(0.05), rel=0.1)
     assert not recwarn.list
+
+
+def test_both_allan_curves_and_the_model_over_them():
+    """cross-check: a log with a trend has allantools' curve; the one without its line is lower.
+
+    The picture names both, draws the model with the line over the first, and marks N and K.
+    """
+    rng, dt = np.random.default_rng(15), 0.1
+    y = rng.standard_normal(20_000) + np.cumsum(0.02 * rng.standard_normal(20_000))
+    y += 1e-3 * np.arange(20_000)
+    found = characterise(y, dt, name="x", unit="deg/s", kind="rate", rng=rng)
+    theirs = oadev(y, rate=1 / dt, data_type="freq", taus=found.allan.tau)[1]
+    np.testing.assert_allclose(found.allan.adev, theirs, rtol=1e-9)
+    assert found.allan_line_removed.adev[-1] < 0.5 * found.allan.adev[-1]
+    table = figures.plotted_numbers(plots.four_panels(found, "x"))
+    drawn = {name: g[["x", "y"]].to_numpy() for name, g in table.groupby("series")}
+    model = next(xy for name, xy in drawn.items() if "fitted, and the line" in name)
+    assert {"as recorded", "straight line removed"} <= drawn.keys()
+    # The trend rules at the end; noise adds 5 % there at most, the fit of the line less.
+    assert model[-1, 1] == pytest.approx(found.allan.adev[-1], rel=0.1)
+    marks = {name[0]: xy[0] for name, xy in drawn.items() if name[1:4] == " = "}
+    arw, rrw, end = found.parameters["arw"], found.parameters["rrw"], found.allan.tau[-1]
+    assert marks["N"] == pytest.approx((1.0, arw.value))
+    assert marks["K"] == pytest.approx((end, rrw.value * np.sqrt(end / 3)))
