@@ -13,11 +13,21 @@ a slow bias and a drift describe a random walk better than the random walk does,
 zero. So the threshold is calibrated by parametric bootstrap.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from analysis import CannotAnswer, Estimate
+from analysis.noise.added_terms import (
+    GAIN,
+    MOST_TERMS,
+    UNSURE,
+    AddedTerm,
+    Coarse,
+    candidates,
+    weaker_noise,
+)
 from analysis.noise.disturbances import Disturbance, adjusted, spikes, uneven
 from analysis.noise.fit import (
     MODELS,
@@ -31,6 +41,7 @@ from analysis.noise.fit import (
     direction,
     rows,
 )
+from analysis.noise.goodness import Test, goodness_of_fit, stationarity_of
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.models import random_walk_unit
 from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
@@ -42,6 +53,8 @@ AGREE = 0.03  # relative
 MARGIN = 2  # doublings beyond the first band without a visible filter
 BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 USED = 0.95  # a note says if less than this share of the samples is used
+FEW = 4.0  # AIC within which a model without a term speaks against the term
+SAME = 0.02  # relative; two terms so close to each other are one
 EXACT = 1e-9  # relative; means that vary less than that hold no noise
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
 SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
@@ -66,25 +79,34 @@ class Inference:
     chosen : Fit
     unit : str
         Of the reading, U.
+    coarse : Coarse
+        The log as means, with its terms still in it.
     averaged : int
         Samples behind each mean that was fitted.
     fewest : int
         The same at least, so that single missing samples leave no gap.
     misfit : float
         Largest relative disagreement of spectrum and model in the octaves at the top of the band.
-    disturbances : list of Disturbance
+    terms : tuple of AddedTerm
+        Warm-up, step, sinusoid or temperature in the log, fitted with the noise.
     parameters : dict of Estimate
+    goodness, stationarity : Test
+    disturbances : list of Disturbance
     """
 
     likelihood: NoiseLikelihood
     fits: dict[str, Fit]
     chosen: Fit
     unit: str
+    coarse: Coarse
     averaged: int = 1
     fewest: int = 1
     misfit: float = 0.0
-    disturbances: list[Disturbance] = field(default_factory=list)
+    terms: tuple[AddedTerm, ...] = ()
     parameters: dict[str, Estimate] = field(default_factory=dict)
+    goodness: Test | None = None
+    stationarity: Test | None = None
+    disturbances: list[Disturbance] = field(default_factory=list)
 
     def table(self) -> list[dict]:
         """List the models tried: name, terms, AIC above the least, chosen or not."""
@@ -120,6 +142,33 @@ class Inference:
             return Estimate.refused(unit, otherwise, high=high)
         return Estimate(fit.terms[what][0], low, high, unit, note=note)
 
+    def criterion(self):
+        """AIC of the best model, with the coefficients of the terms at their best."""
+        return min(
+            fit.aic + self._logdet(self.likelihood.evaluate(fit.point[None], fit.names).added_cov)
+            for fit in self.fits.values()
+        )
+
+    @staticmethod
+    def _logdet(covariance):
+        return np.linalg.slogdet(covariance[0])[1]
+
+    def sizes(self):
+        """Coefficients of the terms under the chosen noise, and their standard errors, U."""
+        fitted = self.likelihood.evaluate(self.chosen.point[None], self.chosen.names)
+        return fitted.added[0], np.sqrt(np.diagonal(fitted.added_cov[0]))
+
+    def fitted_terms(self):
+        """Give the terms with their parameters."""
+        sizes, errors = (iter(values) for values in self.sizes())
+        noise, others = self.likelihood.terms(self.chosen), list(self.terms)
+        for term in self.terms:
+            size, error = (
+                np.array([next(values) for _ in term.columns]) for values in (sizes, errors)
+            )
+            rest = [other for other in others if other is not term]
+            yield term.fitted(self.coarse, rest, noise, size, error, self.unit)
+
     def white_noise(self, band):
         """White noise of a sample, U, with a note on the band it was fitted in."""
         note = "; ".join(part for part in (f"likelihood of {self.level_fit.model}", band) if part)
@@ -133,7 +182,10 @@ class Inference:
         """Rate random walk K, U/sqrt(s)."""
         unit, note = f"{self.unit}/sqrt(s)", f"likelihood of {self.chosen.model}"
         if "rrw" in self.chosen.terms:
+            rival = self.rival(without=("rrw", "corr_time"))
             walk = self.estimate(self.chosen, "rrw", unit, note, "")
+            if rival:
+                return Estimate.refused(unit, rival, high=walk.high)
             if walk.resolved:
                 return walk
         wider = self.similar(WITH_WALK.get(self.chosen.plain, "N+GM+K"))
@@ -146,6 +198,21 @@ class Inference:
         note = f"likelihood of {self.level_fit.model}: coefficient of its flicker noise (IEEE 952)"
         otherwise = f"{note}; a rate random walk alone may explain it"
         return self.estimate(self.level_fit, "flicker", self.unit, note, otherwise)
+
+    def rival(self, without):
+        """Name a model without any of these terms that fits the log nearly as well, or nothing."""
+        rivals = [
+            fit
+            for fit in self.fits.values()
+            if fit.end == self.chosen.end and not set(without) & fit.terms.keys()
+        ]
+        best = min(rivals, key=lambda fit: fit.aic)
+        if best.aic > self.chosen.aic + FEW:
+            return ""
+        return (
+            f"{best.model} fits the log nearly as well as {self.chosen.model} (AIC"
+            f" {best.aic - self.chosen.aic:+.1f})"
+        )
 
     def possible_flicker(self):
         """95 % interval of flicker noise, U, if a model with it is not clearly worse, else None."""
@@ -220,11 +287,13 @@ def infer(
     rng: np.random.Generator,
     *,
     detrend: bool = True,
+    temperature: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Inference:
     """Fit every model to a channel, choose one, and estimate its parameters.
 
-    Isolated spikes are left out; heavy tails and a changing noise level widen the intervals, or
-    refuse the parameter (`disturbances`).
+    Isolated spikes are left out. A warm-up, a step or a sinusoid that the log shows is fitted with
+    the noise. Whatever else disturbs the log widens the parameters that it affects, or they are
+    refused.
 
     Parameters
     ----------
@@ -238,13 +307,15 @@ def infer(
         For the bootstrap of the drift.
     detrend : bool
         Remove a linear drift; else the mean only.
+    temperature : callable, optional
+        Time from the first sample, s, to the temperature, K or degC.
 
     Returns
     -------
     Inference
         `CannotAnswer` if no stretch of 32 samples is left between long gaps.
     """
-    out, noticed = spikes(y, dt)
+    out, disturbances = spikes(y, dt)
     y = np.where(out, np.nan, y) if out.any() else y
     fewest = fewest_to_average(y, len(y) / (2 * FEWEST_MEANS))
     m, rate, clean_bands = fewest, kind in ("rate", "accel"), 0
@@ -267,24 +338,123 @@ def infer(
         if wider is None or wider.scale < EXACT * likelihood.scale:
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
-    result = Inference(likelihood, fits, chosen, unit, m, fewest, misfit, noticed)
+    result = Inference(likelihood, fits, chosen, unit, Coarse.of(y, dt, m), m, fewest, misfit)
+    result, rival = add_terms(result, rate, temperature, lambda columns: spectra(y, dt, m, columns))
     used = (
         sum(piece.length @ piece.behind / m for piece in likelihood.stretches)
         / np.isfinite(y).sum()
     )
-    parameters = result.parameters
-    parameters["sigma_v"] = result.white_noise(_band(result, dt, clean, used))
-    if rate:
-        density = parameters["sigma_v"].scaled(np.sqrt(dt), random_walk_unit(unit))  # N
+    band, streams = _band(result, dt, clean, used), rng.spawn(2)
+    parameters = _parameters(result, kind, dt, band, streams[0])
+    if rival:
+        others = _parameters(rival, kind, dt, band, streams[1])
+        for name, own in parameters.items():
+            parameters[name] = either(own, others.get(name), rival.terms[-1].kind)
+    white = result.level_fit.terms["sigma_v"][0]
+    disturbances += uneven(y, dt, m, white, ("arw", "vrw", "sigma_v"))
+    return _judged(result, parameters, disturbances)
+
+
+def _parameters(result, kind, dt, band, rng):
+    """Estimate every parameter of a channel, by its name in model.json."""
+    parameters = {"sigma_v": result.white_noise(band)}
+    if kind in ("rate", "accel"):
+        density = parameters["sigma_v"].scaled(np.sqrt(dt), random_walk_unit(result.unit))  # N
         parameters["arw" if kind == "rate" else "vrw"] = density
         parameters["rrw"] = result.rate_random_walk()
-        if "flicker" in chosen.terms:
+        if "flicker" in result.chosen.terms:
             parameters["bias_instability"] = result.bias_instability()
-    parameters |= result.bias() | {"drift": result.drift(rng.spawn(1)[0])}
-    white = result.level_fit.terms["sigma_v"][0]
-    noticed += uneven(y, dt, m, white, ("arw", "vrw", "sigma_v"))
-    parameters |= {name: adjusted(e, name, noticed) for name, e in parameters.items()}
-    return result
+    return parameters | result.bias() | {"drift": result.drift(rng)}
+
+
+def add_terms(result, rate, temperature, transformed):
+    """Fit the log again with a warm-up, a step or a sinusoid, as long as it is clearly better.
+
+    Parameters
+    ----------
+    result : Inference
+    rate : bool
+    temperature : callable or None
+        Time, s, to temperature.
+    transformed : callable
+        Regressors to the stretches of the log.
+
+    Returns
+    -------
+    result : Inference
+        With the terms that are kept.
+    rival : Inference or None
+        With one more term, if the log does not say whether it is there.
+    """
+    while len(result.terms) < MOST_TERMS:
+        fits = {f.plain: f for f in result.fits.values() if f.end == result.chosen.end}
+        coarse = result.coarse.without(result.terms, result.sizes()[0])
+        rows = weaker_noise(fits, coarse.duration)
+        rise, term = max(
+            candidates(coarse, rows, temperature), key=lambda pair: pair[0] - GAIN[pair[1].kind]
+        )
+        if rise < GAIN[term.kind] - UNSURE:
+            break
+        if term.kind == "step":
+            term = coarse.placed(term)
+        if any(term.kind == t.kind and abs(term.at / t.at - 1) < SAME for t in result.terms):
+            break
+        terms = (*result.terms, term)
+        wider = NoiseLikelihood(
+            transformed([column for t in terms for column in t.columns]),
+            detrend=result.likelihood.detrend,
+        )
+        wider_fits = fit_all(wider, rate=rate, near=result.fits)
+        other = replace(
+            result,
+            likelihood=wider,
+            fits=wider_fits,
+            chosen=choose(wider_fits.values()),
+            terms=terms,
+            parameters={},
+            disturbances=[],
+        )
+        rise = result.criterion() - other.criterion()
+        if rise < GAIN[term.kind]:
+            return result, other if rise > GAIN[term.kind] - UNSURE else None
+        result = other
+    return result, None
+
+
+def either(own, other, kind):
+    """Widen an estimate to what holds with a further term and without; refuse it where one does."""
+    if other is None:
+        return own
+    low, high = (
+        None if None in ends else pick(ends)
+        for pick, ends in ((min, (own.low, other.low)), (max, (own.high, other.high)))
+    )
+    named = kind.replace("_", "-")
+    if own.resolved and other.resolved:
+        return replace(own, low=low, high=high, note=f"{own.note}; with and without a {named}")
+    why = own.note if not own.resolved else other.note
+    why += f"; the log does not say whether it holds a {named}"
+    return Estimate.refused(own.unit, why, low=low, high=high)
+
+
+def _judged(result, parameters, disturbances):
+    """Test the fit, and widen or refuse the parameters that disturbances and misfits affect."""
+    goodness, misfits = goodness_of_fit(result.likelihood, result.chosen)
+    sizes, _ = result.sizes()
+    stationarity, changes = stationarity_of(
+        result.coarse.without(result.terms, sizes), result.likelihood.terms(result.chosen)
+    )
+    terms = tuple(result.fitted_terms())
+    disturbances = [*disturbances, *(t.disturbance(result.coarse) for t in terms)]
+    disturbances += misfits + changes
+    return replace(
+        result,
+        terms=terms,
+        parameters={name: adjusted(e, name, disturbances) for name, e in parameters.items()},
+        goodness=goodness,
+        stationarity=stationarity,
+        disturbances=disturbances,
+    )
 
 
 def fit_all(likelihood, *, rate, near):

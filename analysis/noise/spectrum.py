@@ -169,24 +169,33 @@ def joined(stretches):
     return replace(stretches[0], **together)
 
 
-def outline(n, dt):
+def outline(n, dt, m=1, single=SINGLE):
     """Give the bins of a log of `n` samples that is not recorded yet: its sums of y are zero.
+
+    Parameters
+    ----------
+    n : int
+        Samples, or means of `m`.
+    dt : float, s
+    m : int
+    single : int
+        Coefficients of each parity with a bin of their own.
 
     Returns
     -------
     Spectrum
     """
-    lam, count, _ = _bins(n)
+    lam, count, _ = _bins(n, single)
     zero = np.zeros_like(lam)
     uu = count * (2 / n) * (1 - lam / 4)
     none = zero[None]
-    place = (np.array([v]) for v in (0, n, 1.0))
-    return Spectrum(n, 1, dt, n, *place, lam, count, zero, uu, zero, none[None], none, none)
+    place = (np.array([v]) for v in (0, n * m, float(m)))
+    return Spectrum(n, m, dt, n * m, *place, lam, count, zero, uu, zero, none[None], none, none)
 
 
-def _bins(n):
+def _bins(n, single=SINGLE):
     """Middle and size of each bin, shape (2, bins), and where the bins of each parity start."""
-    edges = [_edges((n + 1 - parity) // 2) for parity in (0, 1)]
+    edges = [_edges((n + 1 - parity) // 2, single) for parity in (0, 1)]
     lam, count = np.ones((2, len(edges[0]))), np.zeros((2, len(edges[0])))
     for parity, edge in enumerate(edges):
         k = parity + edge[:-1] + edge[1:] - 1
@@ -196,13 +205,13 @@ def _bins(n):
     return lam, count, [edge[:-1] for edge in edges]
 
 
-def _edges(size):
+def _edges(size, single):
     """Bounds of the bins: the first coefficients single, then in equal ratios."""
-    if size <= SINGLE:
+    if size <= single:
         return np.arange(size + 1)
-    steps = int(np.ceil(BINS * np.log(size / SINGLE))) + 1
-    wide = np.unique(np.geomspace(SINGLE, size, steps).round().astype(np.int64))
-    return np.append(np.arange(SINGLE), wide)
+    steps = int(np.ceil(BINS * np.log(size / single))) + 1
+    wide = np.unique(np.geomspace(single, size, steps).round().astype(np.int64))
+    return np.append(np.arange(single), wide)
 
 
 def spectra(y, dt, m, added=()):

@@ -1,0 +1,382 @@
+"""A warm-up, a step, a sinusoid or a line in temperature, fitted together with the noise.
+
+Each is a regressor of the likelihood, so it is compared with noise that could look like it: a log
+with a slow Gauss-Markov bias has steps, and one with a random walk has sinusoids. `candidates`
+searches for the strongest of each kind on means of the log. `inference` fits all noise models again
+with the best one, and keeps it if 2 ln L rises by more than `GAIN`, which few simulated logs of the
+papers' models, of flicker noise and of a random walk exceed. Within `UNSURE` below that, the
+parameters are given as they are with the term and without.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.fft import dct, idct
+from scipy.optimize import minimize_scalar
+from scipy.stats import norm
+
+from analysis import Estimate
+from analysis.noise.autocorrelation import block_means
+from analysis.noise.disturbances import Disturbance
+from analysis.noise.likelihood import Terms, _covariance, evaluate
+from analysis.noise.profile_likelihood import THRESHOLD
+from analysis.noise.spectrum import outline, transform
+
+GAIN = {"warm_up": 10.0, "step": 25.0, "sinusoid": 25.0, "temperature": 12.0}  # of 2 ln L
+UNSURE = 6.0  # of 2 ln L below its threshold at which a term may be there or not
+MOST_TERMS = 3
+COARSE = 2048  # means of the log on which terms are searched for
+WARM_UPS = 20  # time constants tried
+STEPS = 160  # positions at which the variance of a step's size is computed
+CYCLES = np.arange(3, 400) / 2  # in the log; slower ones are drift, faster ones vibration
+EDGE = 4  # means at either end of the log before and after which no step is looked for
+PROFILE = 12  # values on each side of a term's parameter
+WEAKER = (1.0, 0.5, 0.2)  # of the walk of the slow noise under which terms are looked for
+SHORTER = (np.inf, 0.1, 0.04, 0.015)  # its correlation times, in log lengths
+
+
+@dataclass(frozen=True)
+class AddedTerm:
+    """A regressor of the log besides mean and line.
+
+    Attributes
+    ----------
+    kind : str
+        warm_up: A exp(-t / x); step: A for t >= x; sinusoid: A cos(2 pi t / x - phase);
+        temperature: A times the temperature less its mean.
+    at : float
+        The x above, s; 0 for a temperature.
+    columns : tuple of callable
+        Time from the first sample, s, to the values of each regressor.
+    parameters : dict of Estimate
+        Amplitude and x, once they are fitted.
+    """
+
+    kind: str
+    at: float
+    columns: tuple[Callable[[np.ndarray], np.ndarray], ...]
+    parameters: dict[str, Estimate] = field(default_factory=dict)
+
+    def fitted(self, coarse, others, noise, size, error, unit):
+        """Give the term with amplitude, and with time constant, moment or period.
+
+        Parameters
+        ----------
+        coarse : Coarse
+        others : sequence of AddedTerm
+            Further terms of the log.
+        noise : Terms
+            One row.
+        size, error : ndarray, shape (columns,), U
+            Coefficients and their standard errors.
+        unit : str
+        """
+        amplitude, spread = float(np.hypot.reduce(size)), float(np.sqrt((error**2).mean()))
+        if len(size) == 1:
+            amplitude = float(size[0])
+        half = norm.ppf(0.975) * spread
+        low = max(amplitude - half, 0.0) if len(size) > 1 else amplitude - half
+        unit = f"{unit}/K" if self.kind == "temperature" else unit
+        parameters = {"amplitude": Estimate(amplitude, low, amplitude + half, unit)}
+        if self.kind != "temperature":
+            name = {"warm_up": "time_constant", "step": "moment", "sinusoid": "period"}[self.kind]
+            parameters[name] = self._placed(coarse, others, noise)
+        return replace(self, parameters=parameters)
+
+    def _placed(self, coarse, others, noise):
+        """Profile-likelihood interval of the term's x, s, the noise as it is."""
+        reach = {
+            "warm_up": 0.9 * self.at,
+            "step": min(self.at, coarse.duration - self.at) - EDGE * coarse.m * coarse.dt,
+            "sinusoid": self.at * min(0.5, self.at / coarse.duration),
+        }[self.kind]
+
+        def fall(at):
+            return coarse.deviance([*others, added_term(self.kind, at)], noise)[0]
+
+        least, offsets = fall(self.at), np.append(0.0, np.geomspace(1e-3, 1, PROFILE) * reach)
+        ends = []
+        for sign in (-1, 1):
+            distance = [np.sqrt(max(fall(self.at + sign * x) - least, 0.0)) for x in offsets]
+            out = int(np.argmax(np.array(distance) > np.sqrt(THRESHOLD)))
+            across = slice(out - 1, out + 1)
+            end = np.interp(np.sqrt(THRESHOLD), distance[across], offsets[across]) if out else None
+            ends.append(None if end is None else float(self.at + sign * end))
+        return Estimate(self.at, *ends, "s", None not in ends)
+
+    def disturbance(self, coarse):
+        """Report the fitted term; the parameters hold with it, so it decides nothing."""
+        size, *place = self.parameters.items()
+        words = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in (size, *place))
+        note = f"{self.kind.replace('_', '-')} fitted with the noise: {words}"
+        start = self.at if self.kind == "step" else 0.0
+        return Disturbance(self.kind, start, coarse.duration, (), note, decides=False)
+
+
+def added_term(kind: str, at: float, temperature: Callable | None = None) -> AddedTerm:
+    """Make a term of a kind with its time constant, moment or period (s)."""
+    columns: tuple[Callable[[np.ndarray], np.ndarray], ...]
+    if kind == "warm_up":
+        columns = (lambda t: np.exp(-t / at),)
+    elif kind == "step":
+        columns = (lambda t: (t >= at).astype(float),)
+    elif kind == "sinusoid":
+        columns = (lambda t: np.cos(2 * np.pi * t / at), lambda t: np.sin(2 * np.pi * t / at))
+    else:
+        assert temperature is not None
+        columns = (temperature,)
+    return AddedTerm(kind, at, columns)
+
+
+@dataclass(frozen=True)
+class Coarse:
+    """A log as at most `COARSE` means, on which terms are searched for and profiled.
+
+    Attributes
+    ----------
+    y : ndarray, shape (n,), U
+        Means of `m` samples; a missing one is interpolated, which only the search uses.
+    have : ndarray of bool, shape (n,)
+        Whether a mean is there.
+    dt : float
+        Sampling interval of the samples, s.
+    m : int
+    samples : ndarray, U
+        The log.
+    """
+
+    y: np.ndarray
+    have: np.ndarray
+    dt: float
+    m: int
+    samples: np.ndarray
+
+    @classmethod
+    def of(cls, y, dt, averaged):
+        """Average a log to at most `COARSE` means, of no fewer than `averaged` samples."""
+        m = max(averaged, -(-len(y) // COARSE))
+        means = block_means(y, m)
+        have = np.isfinite(means)
+        k = np.arange(len(means))
+        return cls(np.interp(k, k[have], means[have]), have, dt, m, y)
+
+    @property
+    def time(self):
+        """Middle of each mean, s."""
+        return self.m * self.dt * (np.arange(len(self.y)) + 0.5)
+
+    @property
+    def duration(self):
+        """Length, s."""
+        return self.m * self.dt * len(self.y)
+
+    def without(self, terms, coefficients):
+        """Subtract fitted terms."""
+        y = self.y.copy()
+        for values, size in zip(self.columns(terms), coefficients, strict=True):
+            y -= size * values
+        return replace(self, y=y)
+
+    def placed(self, step):
+        """Place a step to the sample: where the means on both sides differ most, within its mean.
+
+        Noise is nearly white over so short a time.
+        """
+        middle, width = round(step.at / self.dt), 2 * self.m
+        start = max(middle - width, 0)
+        near = self.samples[start : middle + width]
+        known = np.flatnonzero(np.isfinite(near))
+        total, count = np.cumsum(near[known]), np.arange(1, len(known) + 1)
+        if len(known) < 4:
+            return step
+        before, after = total[:-1] / count[:-1], (total[-1] - total[:-1]) / count[:0:-1]
+        between = (after - before) ** 2 * count[:-1] * count[:0:-1]
+        return added_term("step", self.dt * float(start + known[int(np.argmax(between)) + 1]))
+
+    def deviance(self, terms, noise):
+        """-2 ln L under rows of noise, with the coefficients of the terms at their best."""
+        columns = self.columns(terms)
+        fit = evaluate([transform(self.y, self.dt, self.m, columns)], noise)
+        return np.linalg.slogdet(fit.added_cov)[1] - 2 * fit.value
+
+    def columns(self, terms):
+        """Evaluate the regressors of terms, a list of arrays of shape (n,)."""
+        return [column(self.time) for term in terms for column in term.columns]
+
+
+def candidates(
+    coarse: Coarse, rows: Terms, temperature: Callable | None = None
+) -> list[tuple[float, AddedTerm]]:
+    """Find the strongest term of each kind, and by how much 2 ln L rises with it.
+
+    Parameters
+    ----------
+    coarse : Coarse
+    rows : Terms
+        Noise under which the terms are looked for; the best row counts, with a term and without.
+    temperature : callable, optional
+        Time, s, to temperature.
+
+    Returns
+    -------
+    list of (float, AddedTerm)
+    """
+    screen = _Screen(coarse, rows)
+    duration, step = coarse.duration, coarse.m * coarse.dt
+    warm_ups = np.geomspace(0.005, 1, WARM_UPS) * duration
+    steps = np.arange(EDGE, len(coarse.y) - EDGE)
+    cycles = CYCLES[len(coarse.y) / 4 > CYCLES]
+    searches = {
+        "warm_up": (warm_ups, screen.of_columns(np.exp(-coarse.time / warm_ups[:, None]))),
+        "step": (steps * step, screen.of_steps(steps)),
+        "sinusoid": (duration / cycles, screen.of_sinusoids(cycles)),
+    }
+    if temperature is not None:
+        searches["temperature"] = np.zeros(1), screen.of_columns(temperature(coarse.time)[None])
+    found = []
+    for kind, (grid, rise) in searches.items():
+        best = int(np.argmax(rise))
+        at = float(grid[best])
+        if kind in ("warm_up", "sinusoid") and rise[best] > GAIN[kind] - UNSURE:
+            ends = sorted((grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]))
+            search = minimize_scalar(
+                lambda x, kind=kind: coarse.deviance([added_term(kind, x)], rows).min(),
+                bounds=ends,
+                options={"xatol": 1e-3 * at},
+            )
+            at = float(search.x)
+        found.append((float(rise[best]), added_term(kind, at, temperature)))
+    return found
+
+
+def weaker_noise(fits: dict, duration: float) -> Terms:
+    """Give rows of noise with the slow part of the fits, weaker, and of shorter correlation time.
+
+    A disturbance that is not modelled is fitted as a random walk or a slow bias. Under either it
+    stands out less than under the noise that is left once it is modelled.
+
+    Parameters
+    ----------
+    fits : dict of str, analysis.noise.fit.Fit
+        By model without quantisation.
+    duration : float
+        Of the log, s.
+
+    Returns
+    -------
+    Terms
+    """
+    rows = [fit.terms for name, fit in fits.items() if "flicker" not in fit.terms]
+    walks = [(fits["N+K"].terms, fits["N+K"].terms["rrw"][0])]
+    gauss_markov = fits["N+GM"].terms
+    sigma_b, corr_time = gauss_markov["sigma_b"][0], gauss_markov["corr_time"][0]
+    walks.append((gauss_markov, sigma_b * np.sqrt(2 / corr_time)))
+    for terms, walk in walks:
+        for scale in WEAKER:
+            for share in SHORTER:
+                time = share * duration
+                slow = (
+                    {"rrw": [scale * walk]}
+                    if np.isinf(time)
+                    else {"sigma_b": [scale * walk * np.sqrt(time / 2)], "corr_time": [time]}
+                )
+                kept = {k: terms[k] for k in ("sigma_v", "quantisation") if k in terms}
+                rows.append(kept | slow)
+    two = fits["N+2GM"].terms
+    rows.append(two | {"sigma_b": two["sigma_b"][:1], "corr_time": two["corr_time"][:1]})
+    most = max(len(row.get("sigma_b", ())) for row in rows)
+
+    def column(name, i=0, otherwise=0.0):
+        return np.array([row[name][i] if len(row.get(name, ())) > i else otherwise for row in rows])
+
+    return Terms(
+        sigma_v=column("sigma_v"),
+        bias=tuple((column("sigma_b", i), column("corr_time", i, 1.0)) for i in range(most)),
+        rrw=column("rrw"),
+        quantisation=(
+            column("quantisation") if any("quantisation" in row for row in rows) else None
+        ),
+    )
+
+
+class _Screen:
+    """The rise of 2 ln L with each of many regressors, one at a time, under rows of noise."""
+
+    def __init__(self, coarse, rows):
+        self.samples = n = len(coarse.y)
+        stretch = outline(n, coarse.dt, coarse.m, single=n)
+        diagonal, g, signs = _covariance(stretch, rows)
+        self.inverse = np.where(stretch.count > 0, 1 / diagonal, 0.0)
+        g = g * np.sqrt(stretch.uu)[:, None]
+        self.outer = g * self.inverse[:, :, None]
+        inner = np.eye(len(signs)) + signs[:, None] * (self.outer @ g.swapaxes(2, 3))
+        self.solved = np.linalg.solve(inner, np.broadcast_to(np.diag(signs), inner.shape))
+        y, line = _coefficients(np.stack([coarse.y, coarse.time]))
+        self.line = self._weighted(line)
+        self.line_square = (self.line * line).sum(axis=(1, 2))
+        weighted = self._weighted(y)
+        slope = (self.line * y).sum(axis=(1, 2)) / self.line_square
+        self.left = weighted - slope[:, None, None] * self.line
+        logdet = (np.log(diagonal) * (stretch.count > 0)).sum(axis=(1, 2))
+        logdet += np.linalg.slogdet(inner)[1].sum(axis=1) + np.log(self.line_square)
+        self.value = -(logdet + (self.left * y).sum(axis=(1, 2)))  # 2 ln L without a term
+
+    def _weighted(self, c):
+        """Inverse covariance times one vector, shape (rows, 2, half)."""
+        onto = np.einsum("rptk,pk->rpt", self.outer, c)
+        inside = np.einsum("rpts,rps->rpt", self.solved, onto)
+        return self.inverse * c - np.einsum("rptk,rpt->rpk", self.outer, inside)
+
+    def of_columns(self, columns):
+        """Rise of 2 ln L with one regressor; columns of shape (k, n), result (k,)."""
+        c = _coefficients(columns)
+        onto_y = self.left.reshape(len(self.value), -1) @ c.reshape(len(c), -1).T
+        return self._best(onto_y**2 / self._squares(c))
+
+    def of_steps(self, at):
+        """Rise of 2 ln L with a step after so many means, shape (steps,)."""
+        n = self.samples
+        left = idct(_interleaved(self.left)[:, :n], type=2, norm="ortho", axis=1)
+        onto_y = np.cumsum(left[:, ::-1], axis=1)[:, ::-1][:, at]
+        some = np.unique(np.linspace(at[0], at[-1], STEPS).round())
+        squares = self._squares(_coefficients((np.arange(n) >= some[:, None]).astype(float)))
+        squares = np.array([np.interp(at, some, of_row) for of_row in squares])  # they are smooth
+        return self._best(onto_y**2 / squares)
+
+    def _squares(self, c):
+        """x' V^-1 x of regressors with the line taken out, shape (rows, k)."""
+        flat, rows = c.reshape(len(c), -1).T, len(self.value)
+        squares = self.inverse.reshape(rows, -1) @ flat**2
+        outer = np.matmul(c.swapaxes(0, 1)[None], self.outer.swapaxes(2, 3))
+        squares -= ((outer @ self.solved) * outer).sum(axis=(1, 3))
+        squares -= (self.line.reshape(rows, -1) @ flat) ** 2 / self.line_square[:, None]
+        return np.maximum(squares, 1e-300)
+
+    def of_sinusoids(self, cycles):
+        """Rise of 2 ln L with a sinusoid of so many cycles in the log, shape (cycles,).
+
+        The cycles are rounded to halves. The variance at a frequency is the model's, the ends of
+        the log set aside.
+        """
+        n, k = self.samples, np.round(2 * cycles).astype(int)
+        left = _interleaved(self.left)[:, :n]
+        power = np.abs(np.fft.rfft(idct(left, type=2, norm="ortho", axis=1), 2 * n, axis=1)) ** 2
+        return self._best(power[:, k] * 2 / n / _interleaved(self.inverse)[:, k])
+
+    def _best(self, gain):
+        """Let the best row of noise count, with a regressor and without."""
+        return (self.value[:, None] + gain).max(axis=0) - self.value.max()
+
+
+def _coefficients(columns):
+    """Cosine transform of columns, shape (k, n), by parity as in `outline`; 0 for the mean."""
+    c = dct(columns, type=2, norm="ortho", axis=-1)
+    c[:, 0] = 0.0
+    c = np.pad(c, ((0, 0), (0, 2 + c.shape[1] % 2)))
+    return c.reshape(len(c), -1, 2).swapaxes(1, 2)
+
+
+def _interleaved(c):
+    """Undo the sorting by parity, shape (rows, 2 half)."""
+    return c.swapaxes(1, 2).reshape(len(c), -1)

@@ -1,0 +1,171 @@
+"""Does the fitted noise model describe the log: its spectrum, and all of its length.
+
+`goodness_of_fit` compares the spectrum with the model, octave by octave, and `stationarity` the
+power of the slow noise in parts of the log. A failure of practical size affects the parameters of
+the noise that rules at those averaging times.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import idct
+from scipy.stats import chi2, norm
+
+from analysis.noise.added_terms import Coarse, _coefficients, _interleaved
+from analysis.noise.disturbances import Disturbance
+from analysis.noise.likelihood import Terms, _covariance, bin_variance
+from analysis.noise.spectrum import outline
+
+OCTAVES = 24
+ALPHA = 0.003  # probability at which a test fails
+PRACTICAL = 0.2  # of the power: a smaller misfit is shown, and decides nothing
+FEWEST_SLOW = 12  # coefficients of slow noise that can be tested
+LEVEL = ("sigma_v", "arw", "vrw")  # parameters of the white noise
+SLOW = ("sigma_b", "corr_time", "bias_instability", "rrw", "drift")
+
+
+@dataclass(frozen=True)
+class Test:
+    """A test of the fitted model: its statistic, its p-value and what follows.
+
+    Attributes
+    ----------
+    statistic : float
+        Largest relative difference from the model in power.
+    p : float or None
+        Probability of so much by chance, corrected for the number of places looked at; None where
+        the log is too short to test.
+    verdict : str
+    """
+
+    statistic: float
+    p: float | None
+    verdict: str
+
+
+def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
+    """Compare the spectrum with the fitted model, octave by octave.
+
+    Mean, line and terms are taken out at their best, and each octave has the degrees of freedom
+    that they leave it.
+
+    Parameters
+    ----------
+    likelihood : analysis.noise.fit.NoiseLikelihood
+    fit : analysis.noise.fit.Fit
+
+    Returns
+    -------
+    Test
+    list of Disturbance
+        An octave off by more than 20 % in power, and not by chance.
+    """
+    terms = likelihood.terms(fit)
+    best = likelihood.evaluate(fit.point[None], fit.names)
+    sizes = np.append(best.drift[0], best.added[0])
+    power, freedom, count, white, top = np.zeros((5, OCTAVES))
+    for stretch in likelihood.stretches:
+        variance = bin_variance(stretch, terms)[0]
+        p = len(sizes)  # without the mean, whose coefficients are left out below
+        left = stretch.yy - 2 * np.tensordot(sizes, stretch.xy[:p], 1)
+        left = left + np.einsum("i,ijhb,j->hb", sizes, stretch.xx[:p, :p], sizes)
+        products = stretch.xx[:p, :p] / variance
+        products[..., ::2, 0] = 0.0
+        inverse = np.linalg.pinv(products.sum(axis=(2, 3)), hermitian=True)
+        lost = np.einsum("ij,ijhb->hb", inverse, products)
+        octave = np.floor(-0.5 * np.log2(np.maximum(stretch.lam, 1e-18) / 4)).astype(int)
+        inside = (octave < OCTAVES) & (stretch.count > 0)
+        inside[::2, 0] = False
+        share = terms.sigma_v[0] ** 2 / stretch.m / variance
+        for total, part in (
+            (power, left / variance),
+            (freedom, np.maximum(stretch.count - lost, 0.0)),
+            (count, stretch.count),
+            (white, stretch.count * share),
+        ):
+            np.add.at(total, octave[inside], part[inside])
+        np.maximum.at(top, octave[inside], np.sqrt(stretch.lam[inside]) / (2 * np.pi * stretch.m))
+    chance = _two_sided(power, freedom) * max((freedom >= 1).sum(), 1)
+    chance, off = np.minimum(chance, 1.0), power / np.maximum(freedom, 1e-9) - 1
+    worst = int(np.argmin(chance))
+    test = Test(float(off[worst]), float(chance[worst]), _verdict(chance[worst], off[worst]))
+    misfits = []
+    dt = likelihood.stretches[0].dt
+    for i in np.flatnonzero(chance < ALPHA):
+        affects = (*(LEVEL if white[i] > 0.5 * count[i] else ()),)
+        affects += SLOW if white[i] < 0.8 * count[i] else ()
+        period = dt / top[i]
+        note = (
+            f"spectrum {100 * off[i]:+.0f} % off the fitted model in power at periods of"
+            f" {period:.3g} to {2 * period:.3g} s"
+        )
+        decides = abs(off[i]) > PRACTICAL
+        misfits.append(Disturbance("misfit", 0.0, likelihood.duration, affects, note, decides))
+    return test, misfits
+
+
+def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbance]]:
+    """Compare the power of the slow noise in halves and quarters of a log, and its largest value.
+
+    The log is divided by the square root of the model's spectrum where slow noise is more than
+    white noise. What is left is white in that band if the model holds all the time.
+
+    Parameters
+    ----------
+    coarse : Coarse
+        Without terms.
+    noise : Terms
+        One row.
+
+    Returns
+    -------
+    Test
+    list of Disturbance
+    """
+    n = len(coarse.y)
+    stretch = outline(n, coarse.dt, coarse.m, single=n)
+    inverse = _interleaved(1 / _covariance(stretch, noise)[0])[0, :n]
+    slow = np.flatnonzero(noise.sigma_v[0] ** 2 / coarse.m * inverse > 0.5)
+    band = int(slow[0]) if len(slow) else n  # coefficients in which slow noise rules
+    if band < FEWEST_SLOW:
+        return Test(0.0, None, "not tested: too few periods of slow noise in the log"), []
+    y, line = (
+        _interleaved(c[None])[0, :n] for c in _coefficients(np.stack([coarse.y, coarse.time]))
+    )
+    y = y - (line * inverse * y).sum() / (line * inverse * line).sum() * line
+    whitened = np.where(np.arange(n) < band, y * np.sqrt(inverse), 0.0)
+    series = idct(whitened, type=2, norm="ortho") * np.sqrt(n / band)  # of variance one
+    there = np.flatnonzero(coarse.have)
+    parts = [part for count in (2, 4) for part in np.array_split(there, count)]
+    freedom = np.array([band * len(part) / n for part in parts])
+    power = np.array([(series[part] ** 2).mean() for part in parts]) * freedom
+    p = np.append(
+        _two_sided(power, freedom) * len(parts), 4 * band * norm.sf(np.abs(series[there]).max())
+    )
+    worst, least = int(np.argmin(p)), min(float(p.min()), 1.0)
+    if worst < len(parts):
+        part, off = parts[worst], power[worst] / freedom[worst] - 1
+        note = f"slow noise {100 * off:+.0f} % off its mean power"
+    else:
+        top = int(there[np.argmax(np.abs(series[there]))])
+        part, off = np.array([max(top - n // band, 0), min(top + n // band, n - 1)]), series[top]
+        note = f"slow noise reaches {abs(off):.1f} standard deviations"
+    step = coarse.m * coarse.dt
+    start, end = float(part[0] * step), float((part[-1] + 1) * step)
+    test = Test(float(off), least, _verdict(least, off))
+    note += f" from {start:.4g} to {end:.4g} s: it is not stationary"
+    return test, [Disturbance("misfit", start, end, SLOW, note)] if least < ALPHA else []
+
+
+def _two_sided(power, freedom):
+    """Probability of a chi-squared sum as far from its mean as this one, on either side."""
+    usable = freedom >= 1
+    of = np.where(usable, freedom, 1.0)
+    p = 2 * np.minimum(chi2.cdf(power, of), chi2.sf(power, of))
+    return np.where(usable, p, 1.0)
+
+
+def _verdict(p, off):
+    if p >= ALPHA:
+        return "agrees"
+    return "differs" if abs(off) > PRACTICAL else "differs by too little to matter"
