@@ -64,7 +64,8 @@ def _commands(error, ctx):
             if not skip and word.split("=", 1)[0] not in flags:
                 typed.append(word)
             skip = word in flags
-        commands.append(shlex.join([*typed, *(part for flag in flags.items() for part in flag)]))
+        typed += [word for flag, value in flags.items() if value for word in (flag, value)]
+        commands.append(shlex.join(typed))
     return "".join(f"{' or' if k else '; run'}: {one}" for k, one in enumerate(commands))
 
 

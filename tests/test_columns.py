@@ -164,6 +164,14 @@ def test_a_bare_unit_is_for_one_kind(tmp_path, header):
     assert len(logs.read(path, unit=again[at + 1], rate=100).channels) == 6
 
 
+def test_a_bare_unit_beside_stated_ones_is_left_out(tmp_path):
+    """Property: where every name has its unit, the command that works has no --unit."""
+    path = write(tmp_path, "t,accel_x_g,gyro_x_deg_s", T, ACCEL[:, 0], GYRO[:, 0])
+    with pytest.raises(WrongUsage, match="leave out --unit") as caught:
+        logs.read(path, unit="deg/s")
+    assert caught.value.flags == ({"--unit": None},)
+
+
 def test_a_single_kind_takes_a_bare_unit(tmp_path):
     """Property: a bare unit fits a log of one kind, or the columns of one kind."""
     path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", T, ACCEL, GYRO)

@@ -392,7 +392,7 @@ def choose(
         if None in of and len(there) > 1:
             raise WrongUsage(
                 f"{file}: --{flag} {text} is for channels of one kind, and this log has "
-                f"{_listed(kinds)}: say {_spelled(fixed)}",
+                f"{_listed(kinds)}: {_spelled(fixed)}",
                 fixed,
             )
         for absent in of.keys() - {None, *there}:
@@ -429,7 +429,7 @@ def choose(
     stated = bool(units) or any(split(c.column)[1] for c in chosen)
     if no_unit and (wanted or not stated):
         raise WrongUsage(
-            f"{file}: {', '.join(no_unit)}: no unit is known; say {_spelled(fixed)} (in their own "
+            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(fixed)} (in their own "
             "units), or put it into the header, with names such as gyro_x_deg_s, accel_z_g"
         )
     if not any(units.get(None) in (None, c.unit) for c in chosen):
@@ -586,31 +586,35 @@ def _accel_units(frame, kinds, scales) -> dict[str, str]:
     return dict.fromkeys(mute, units.pop()) if len(units) == 1 else {}
 
 
-def _fix(frame, kinds, units, scales, scale) -> dict[str, str]:
-    """Return the flags that state what the columns do not: flag -> value."""
+def _fix(frame, kinds, units, scales, scale) -> dict[str, str | None]:
+    """Return the flags that state what the columns do not: flag -> value, None to leave it out."""
     sizes = _accel_units(frame, kinds, scales)
     mute = {its for n, its in kinds.items() if not split(n)[1]}
     bare = units.get(None, "")
     usual = _USUAL | {"accel": next(iter(sizes.values()), "g")}
     usual |= {KIND_OF_UNIT[bare]: bare} if bare in KIND_OF_UNIT else {}
     of_unit = {its: usual[its] for its in mute} | {its: u for its, u in units.items() if its}
-    of_scale = {its: text for its, text in per_kind(scale, "scale").items() if its}
+    first = min(kinds.values(), key=list(FLAG).index, default="rate")
+    of_scale = {its or first: text for its, text in per_kind(scale, "scale").items()}
     for its in set(kinds.values()) - of_scale.keys():
         names = [n for n, k in kinds.items() if k == its]
-        if _counts(frame, names, of_unit.get(its, split(names[0])[1])):
-            lsb = 131 if its == "rate" else _lsb(_norm(frame, names[:3])) or 16384
+        whole = [n for n in names if _counts(frame, [n], of_unit.get(its, split(n)[1]))]
+        if whole:
+            lsb = 131 if its == "rate" else _lsb(_norm(frame, whole[:3])) or 16384
             of_scale[its] = f"1/{lsb}"
-    flags = {"--unit": of_unit, "--scale": of_scale}
-    return {
-        flag: ",".join(f"{word}={of[its]}" for its, word in FLAG.items() if its in of)
-        for flag, of in flags.items()
-        if of
-    }
+    flags: dict[str, str | None] = {"--unit": None} if None in units else {}
+    for flag, of in (("--unit", of_unit), ("--scale", of_scale)):
+        if of:
+            flags[flag] = ",".join(f"{word}={of[its]}" for its, word in FLAG.items() if its in of)
+    return flags
 
 
-def _spelled(flags: dict[str, str]) -> str:
+def _spelled(flags: dict[str, str | None]) -> str:
     """Write flags as they are typed."""
-    return " ".join(f"{flag} {value}" for flag, value in flags.items()) or "neither"
+    typed = [f"{flag} {value}" for flag, value in flags.items() if value]
+    without = [flag for flag, value in flags.items() if not value]
+    said = [f"say {' '.join(typed)}"] * bool(typed) + [f"leave out {w}" for w in without]
+    return ", ".join(said)
 
 
 def _listed(kinds) -> str:
@@ -641,7 +645,7 @@ def _refuse_counts(frame, file, chosen, scales, fixed) -> list[str]:
         if large or not all(split(name)[1] for name in names):
             raise WrongUsage(
                 f"{file}, columns {', '.join(names)}: whole numbers only: these look like raw "
-                f"counts of the converter, not {unit}; say {_spelled(fixed)} with the {unit} per "
+                f"counts of the converter, not {unit}; {_spelled(fixed)} with the {unit} per "
                 f"count of the datasheet, or --scale {FLAG[kind]}=1 if they are {unit}",
                 fixed,
             )

@@ -34,6 +34,7 @@ NOISY = 4.0  # standard errors of a window's mean, beyond the limits below
 STIRRED = 5.0  # real static logs: 0.6 to 2.5; the most moving axis of a car: 10 to 100
 LOUDER = 3.0  # times the scatter of the quietest tenth of the windows
 KNOCK = 3  # windows
+AT_ONCE = 500  # windows; more do not fit a processor's cache
 FEWEST = 8  # samples in a window
 TURNING = 20.0  # deg/s; the largest offset at rest in a datasheet here (MPU-6050: +-20 deg/s)
 OFFSET = 5.0  # deg/s; beyond the offsets of the real static logs (MPU-6050: 4.5)
@@ -474,16 +475,18 @@ def static_stretches(
 
 def _windows(y):
     """Return mean and scatter of each window without the missing samples, both shape (count,)."""
-    if np.isfinite(y.sum()):
-        mean = y.mean(axis=1)
-        return mean, np.sqrt(np.pi / 2) * np.abs(y - mean[:, None]).mean(axis=1)
-    known = np.isfinite(y)
-    number = known.sum(axis=1)
-    mean = np.where(known, y, 0.0).sum(axis=1) / np.maximum(number, 1)
+    mean, scatter, number = np.zeros((3, len(y)))
+    for k in range(0, len(y), AT_ONCE):
+        part = y[k : k + AT_ONCE]
+        known = np.isfinite(part)
+        number[k : k + AT_ONCE] = counts = known.sum(axis=1)
+        part = np.where(known, part, 0.0)
+        mean[k : k + AT_ONCE] = means = part.sum(axis=1) / np.maximum(counts, 1)
+        off = np.abs(part - means[:, None], where=known, out=np.zeros_like(part)).sum(axis=1)
+        scatter[k : k + AT_ONCE] = off / np.maximum(counts, 1)
     at = np.flatnonzero(number)
     mean = np.interp(np.arange(len(mean)), at, mean[at]) if at.size else mean
-    off = np.where(known, np.abs(y - mean[:, None]), 0.0).sum(axis=1)
-    return mean, np.sqrt(np.pi / 2) * off / np.maximum(number, 1)  # a standard deviation
+    return mean, np.sqrt(np.pi / 2) * scatter  # a standard deviation, of Gaussian noise
 
 
 def _one_pose(seen, end, start):
