@@ -186,7 +186,7 @@ def _values(path):
         source = json.loads(path.read_text(encoding="utf-8"))
         return pd.json_normalize(source, sep="/").iloc[0].to_dict()
     table = pd.read_csv(path)
-    keys = [c for c in table.select_dtypes(exclude="number") if c not in ("unit", "note")]
+    keys = [c for c in table.select_dtypes(exclude="number") if c not in ("unit", "note", "fit")]
     groups = table.groupby(keys, sort=False, dropna=False) if keys else [((), table)]
     return {
         " ".join(["column", column, *map(str, group)]): rows[column]
@@ -394,6 +394,7 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
             )
         )
     noticed = [sentence for c in log.channels for sentence in remarks(c.values, log.dt, c.name)]
+    noticed += [f"{c.name}: {d['note']}" for c in channels for d in c.fit["disturbances"]]
     return StaticResult(log_source(log, noticed) | {"seed": seed}, channels)
 
 
@@ -433,6 +434,7 @@ def model(result: StaticResult) -> dict:
                 | {"aic_above_least": round(m["aic_above_least"], 1)}
                 for m in c.models
             ],
+            "fit": c.fit,
             "line": dict(zip(("mean", "slope_per_s"), numbers(c.line), strict=True)),
             "fitted_from_s": rounded_number(c.fitted_from),
         }
@@ -465,7 +467,10 @@ def static_tables(result: StaticResult) -> dict[str, pd.DataFrame]:
     """
     channels = model(result)["channels"]
     about = [
-        {k: c[k] for k in ("name", "unit", "kind", "fitted_from_s")} | c["line"] for c in channels
+        {k: c[k] for k in ("name", "unit", "kind", "fitted_from_s")}
+        | c["line"]
+        | {"fit": json.dumps(c["fit"], ensure_ascii=False)}
+        for c in channels
     ]
     parameters = [
         {"channel": c["name"], "parameter": name, **e}
@@ -539,6 +544,7 @@ def static_log(name: str | Path) -> StaticResult:
                 ],
                 line=(about.mean, about.slope_per_s),
                 fitted_from=about.fitted_from_s,
+                fit=json.loads(getattr(about, "fit", "{}")),
                 **{p: _columns(stored.tables[p], "t_s", about.name) for p in ("short", "whole")},
                 autocorrelation={
                     window: _columns(g, "lag_s", "autocovariance")

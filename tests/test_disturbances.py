@@ -2,9 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from analysis import Estimate
-from analysis.noise.disturbances import Disturbance, adjusted, missing, spikes, uneven
+from analysis.noise.disturbances import (
+    Disturbance,
+    adjusted,
+    missing,
+    oscillation,
+    spikes,
+    uneven,
+)
 from analysis.noise.models import UnifiedModel, flicker_noise
 
 N, DT = 36_000, 0.1
@@ -147,3 +155,43 @@ def test_what_is_missing_is_said_with_its_place():
     assert gaps.note.startswith("2 gaps") and not (gaps.decides or single.decides)
     share = float(single.note.split("(")[1].split()[0])
     assert share == pytest.approx(0.05, rel=0.05)  # 1800 samples: two standard errors
+
+
+@pytest.mark.parametrize(("size", "frequency"), [(0.5, "3.04"), (20.0, "0.641")])
+def test_an_oscillation_is_named(size, frequency):
+    """property: a weak and a slow strong vibration are found within a bin of the spectrum."""
+    t = 0.01 * np.arange(20_000)
+    y = rng().standard_normal(len(t)) + size * np.sin(2 * np.pi * round(float(frequency), 1) * t)
+    (found,) = oscillation(y, 0.01)
+    assert found.note.startswith(f"oscillation at {frequency} Hz, ") and not found.decides
+
+
+@pytest.mark.parametrize("uneven", ["burst", "tenth", "held"])
+def test_noise_that_is_uneven_is_no_oscillation(uneven):
+    """property: a second of shaking, a loud tenth, an output that holds its value: 30 of each."""
+    r = rng(6)
+    for _ in range(30):
+        y = r.standard_normal(20_000)
+        if uneven == "burst":
+            y[7000:7100] *= 50
+        elif uneven == "tenth":
+            y[6000:8000] *= 8
+        else:
+            y = np.repeat(y[:200], 100)
+        assert not oscillation(y, 0.01)
+
+
+@pytest.mark.parametrize("length", [9_000, 100_000])
+def test_noise_of_any_colour_is_no_oscillation(length):
+    """property: white noise, walks, biases short and long, and a low-passed output: 40 of each."""
+    r = rng(4)
+    for _ in range(40):
+        w, v = r.standard_normal((2, length))
+        colours = [
+            w,
+            np.cumsum(w),
+            w + 30 * lfilter([0.01], [1, -0.999], v),
+            w + 10 * lfilter([0.3], [1, -0.7], v),
+            lfilter(*butter(2, 0.2), w),
+        ]
+        assert not any(oscillation(y, 0.01) for y in colours)

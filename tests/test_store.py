@@ -101,7 +101,7 @@ def test_channels_have_the_keys_of_the_contract(model):
     assert [c["unit"] for c in model["channels"]] == ["deg/s", "deg", "m/s^2", "m"]
     assert [c["kind"] for c in model["channels"]] == ["rate", "angle", "accel", "position"]
     for channel in model["channels"]:
-        about = {"name", "unit", "kind", "parameters", "models", "line", "fitted_from_s"}
+        about = {"name", "unit", "kind", "parameters", "models", "fit", "line", "fitted_from_s"}
         assert set(channel) == about | set(store.CURVES)
         assert sum(m["chosen"] for m in channel["models"]) == 1
         assert min(m["aic_above_least"] for m in channel["models"]) == 0

@@ -1,4 +1,4 @@
-"""All results for one static channel, from one call, and remarks on what disturbs it.
+"""All results for one static channel, from one call, and remarks on its length and resolution.
 
 The parameters come from the likelihood of the whole log (`inference`), bias instability from the
 floor of the Allan deviation without the straight line where no flicker noise was fitted. With them
@@ -6,16 +6,15 @@ come the four panels that the comparison paper draws for each sensor: 15 s of da
 whole log, autocorrelation.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.ndimage import median_filter
-from scipy.signal import periodogram
 
 from analysis import CannotAnswer, Estimate
 from analysis.noise import graph
 from analysis.noise.allan import AllanCurve, fit_line, with_and_without_line
 from analysis.noise.autocorrelation import autocovariance, block_means
+from analysis.noise.disturbances import adjusted
 from analysis.noise.inference import infer
 from analysis.noise.models import adev_of_terms
 
@@ -25,15 +24,8 @@ LAGS = 400  # points that draw an autocorrelation
 FEWEST = 64  # samples below which there is nothing to average
 SHORT = 15.0  # s, the paper's short stretch
 ROUNDING = 1e-12  # relative; less than that is arithmetic, not noise
-SPIKE = 20.0  # robust standard deviations
 LEVELS = 12  # distinct values below which resolution, not noise, may rule
-UNEVEN = 3.0  # largest over median deviation among tenths of the log
 BRIEF = 60.0  # s; a shorter log is remarked on
-LINE = 5.0  # times the spectrum around it; none of 9000 spectra of noise alone reached 4
-RESOLVED = 4096  # samples a piece of the spectrum, at most
-PIECES = 32, 256  # whose median is the spectrum, at least and at most
-NEIGHBOURS = 33  # bins of the spectrum around a line
-HELD = 0.1  # share of samples that differ from the one before; below it the output is held
 ORDER = ("arw", "vrw", "sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 
 
@@ -62,6 +54,9 @@ class ChannelNoise:
         Shortest averaging time at which the models were fitted, s; NaN if none was.
     models : list of dict
         The models tried: ``model``, ``terms``, ``parameters``, ``aic_above_least``, ``chosen``.
+    fit : dict
+        As in model.json: model, rivals, terms, goodness, stationarity, disturbances; empty
+        without an estimate.
     """
 
     name: str
@@ -76,6 +71,7 @@ class ChannelNoise:
     autocorrelation: dict[float, tuple[np.ndarray, np.ndarray]]
     fitted_from: float
     models: list[dict]
+    fit: dict = field(default_factory=dict)
 
 
 def characterise(
@@ -120,16 +116,18 @@ def characterise(
     residual = residual if detrend else y - line.null_shift
     m = max(1, len(y) // WHOLE)
     n, means = min(len(y), max(2, round(SHORT / dt))), block_means(y, m)
-    parameters, models, fitted_from = {}, [], np.nan
+    parameters, models, fit, fitted_from = {}, [], {}, np.nan
     if estimate:
         try:
             result = infer(y, dt, unit, kind, rng, detrend=detrend)
         except CannotAnswer as error:
             raise CannotAnswer(f"channel {name}: {error}") from error
-        known, models = result.parameters, result.table()
+        known, models, fit = result.parameters, result.table(), result.summary()
         fitted_from = result.averaged * dt
         if kind in ("rate", "accel") and "bias_instability" not in known:
-            known["bias_instability"] = floor(result, line_removed, dt)
+            known["bias_instability"] = adjusted(
+                floor(result, line_removed, dt), "bias_instability", result.disturbances
+            )
         parameters = {key: known[key] for key in ORDER if key in known}
     return ChannelNoise(
         name=name,
@@ -144,6 +142,7 @@ def characterise(
         autocorrelation={w: _autocorrelation(residual, dt, w) for w in windows(len(y) * dt, dt)},
         fitted_from=fitted_from,
         models=models,
+        fit=fit,
     )
 
 
@@ -219,7 +218,7 @@ def _autocorrelation(residual, dt, window):
 
 
 def remarks(y, dt, name):
-    """Look for spikes, coarse steps, an unsteady noise level, oscillations and a short record.
+    """Look for coarse steps and a short record.
 
     Parameters
     ----------
@@ -234,7 +233,6 @@ def remarks(y, dt, name):
     list of str
     """
     notes, z = [], y[np.isfinite(y)]
-    step = np.diff(z)
     if len(z) * dt < BRIEF:
         notes.append(f"{name}: {len(z) * dt:.3g} s are too short for anything but the white noise")
     distinct = len(np.unique(z))
@@ -243,47 +241,4 @@ def remarks(y, dt, name):
             f"{name}: only {distinct} different values; the resolution, not the noise, may be what"
             " is measured"
         )
-        return notes
-    scale = 1.4826 * np.median(np.abs(step - np.median(step)))
-    spikes = np.flatnonzero(np.abs(step) > SPIKE * scale) if scale > 0 else []
-    if len(spikes):
-        at = dt * np.flatnonzero(np.isfinite(y))[spikes[0] + 1]
-        notes.append(
-            f"{name}: {len(spikes)} steps of more than {SPIKE:g} robust standard deviations, the"
-            f" first after {at:.4g} s; spikes or shocks raise the Allan deviation"
-        )
-    tenths = [part.std() for part in np.array_split(step, 10)]
-    if max(tenths) > UNEVEN * np.median(tenths) > 0:
-        notes.append(
-            f"{name}: the noise of one tenth of the log is {max(tenths) / np.median(tenths):.2g}"
-            " times the usual; was the sensor moved?"
-        )
-    frequency, ratio = _line(step, dt)
-    if ratio > LINE:
-        notes.append(
-            f"{name}: an oscillation at {frequency:.3g} Hz, {ratio:.2g} times the spectrum around"
-            " it; vibration or motion is not noise, and no model here covers it"
-        )
     return notes
-
-
-def _line(step, dt):
-    """Find the strongest line in the spectrum of the steps, which slow noise does not make steep.
-
-    Returns
-    -------
-    frequency : float, Hz
-    ratio : float
-        To the median of the bins around it; 0 if the log is too short or too coarse.
-    """
-    length = min(RESOLVED, len(step) // PIECES[0])
-    held = np.count_nonzero(step) < HELD * len(step)
-    if held or length < 8 * NEIGHBOURS:
-        return 0.0, 0.0
-    pieces = step[: len(step) // length * length].reshape(-1, length)
-    f, power = periodogram(pieces[:: -(-len(pieces) // PIECES[1])], 1 / dt, window="hann")
-    f, power = f[2:-1], np.median(power, axis=0)[2:-1]  # robust against shocks
-    around = median_filter(power, size=NEIGHBOURS, mode="nearest")
-    ratio = np.divide(power, around, out=np.zeros_like(power), where=around > 0)
-    most = int(np.argmax(ratio))
-    return float(f[most]), float(ratio[most])

@@ -14,7 +14,7 @@ zero. So the threshold is calibrated by parametric bootstrap.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
@@ -28,7 +28,14 @@ from analysis.noise.added_terms import (
     candidates,
     weaker_noise,
 )
-from analysis.noise.disturbances import Disturbance, adjusted, spikes, uneven
+from analysis.noise.disturbances import (
+    Disturbance,
+    adjusted,
+    missing,
+    oscillation,
+    spikes,
+    uneven,
+)
 from analysis.noise.fit import (
     MODELS,
     QUANTISED,
@@ -121,6 +128,28 @@ class Inference:
             }
             for f in self.fits.values()
         ]
+
+    def summary(self) -> dict:
+        """Give what model.json says of the fit: model, rivals, terms, tests, disturbances."""
+        rivals = [m for m in self.table() if m["aic_above_least"] <= FEW and not m["chosen"]]
+        tests = {"goodness": self.goodness, "stationarity": self.stationarity}
+        return {
+            "model": self.chosen.model,
+            "rivals": [
+                {"model": m["model"], "aic_above_least": round(m["aic_above_least"], 1)}
+                for m in rivals
+            ],
+            "terms": [
+                {"kind": t.kind, "parameters": {k: _short(e) for k, e in t.parameters.items()}}
+                for t in self.terms
+            ],
+            **{name: test and _short(test) for name, test in tests.items()},
+            "disturbances": [
+                {"kind": d.kind, "from": round(float(d.start_s), 3), "to": round(float(d.end_s), 3)}
+                | {"affects": list(d.affects) if d.decides else [], "note": d.note}
+                for d in self.disturbances
+            ],
+        }
 
     @property
     def level_fit(self):
@@ -315,7 +344,9 @@ def infer(
     Inference
         `CannotAnswer` if no stretch of 32 samples is left between long gaps.
     """
-    out, disturbances = spikes(y, dt)
+    disturbances = missing(y, dt)
+    out, noticed = spikes(y, dt)
+    disturbances += noticed
     y = np.where(out, np.nan, y) if out.any() else y
     fewest = fewest_to_average(y, len(y) / (2 * FEWEST_MEANS))
     m, rate, clean_bands = fewest, kind in ("rate", "accel"), 0
@@ -351,7 +382,7 @@ def infer(
         for name, own in parameters.items():
             parameters[name] = either(own, others.get(name), rival.terms[-1].kind)
     white = result.level_fit.terms["sigma_v"][0]
-    disturbances += uneven(y, dt, m, white, ("arw", "vrw", "sigma_v"))
+    disturbances += uneven(y, dt, m, white, ("arw", "vrw", "sigma_v")) + oscillation(y, dt)
     return _judged(result, parameters, disturbances)
 
 
@@ -537,6 +568,12 @@ def _band(result, dt, clean, used):
             " interval may be too narrow"
         )
     return "; ".join(parts)
+
+
+def _short(record):
+    """Give an `Estimate` or a `Test` as a dict, its numbers to four digits."""
+    entries = asdict(record).items()
+    return {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in entries}
 
 
 def _count(times):
