@@ -194,6 +194,19 @@ def test_an_accelerometer_without_names_is_no_gyro(tmp_path):
     assert {c.unit for c in logs.read(path).channels} == {"m/s^2"}
 
 
+def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
+    """Property: gx, gy, gz may be gravity; --kind settles it."""
+    path = write(tmp_path, "t,gx,gy,gz", T, 9.80665 * ACCEL)
+    with pytest.raises(WrongUsage, match=r"length of one g in m/s\^2: say --columns gx,gy,gz"):
+        logs.read(path, unit="deg/s")
+    three = {"columns": ["gx", "gy", "gz"]}
+    as_accel = logs.read(path, **three, kind="accel", unit="m/s^2")
+    assert {c.kind for c in as_accel.channels} == {"accel"}
+    assert {c.kind for c in logs.read(path, **three, kind="rate", unit="deg/s").channels} == {
+        "rate"
+    }
+
+
 # --- raw counts ----------------------------------------------------------------------------------
 
 RAW = (T, np.round(16384 * ACCEL), np.round(131 * GYRO))
@@ -303,6 +316,18 @@ def test_the_catalogue_takes_the_same_keys(tmp_path, monkeypatch):
     assert found(mine) == found(expected) and mine.rate_hz == expected.rate_hz
     with pytest.raises(WrongUsage, match="--unit gyro=rad/s contradicts the catalogue"):
         logs.read("mine", unit="gyro=rad/s")
+
+
+def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
+    """Analytic: counts of an IMU beside positions, in SI units, to the rounding of a count."""
+    path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", 1e6 * T, *RAW[1:])
+    flags = {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131,accel=1/16384", "time_unit": "us"}
+    imu = logs.read_moving([path], **flags).imu
+    np.testing.assert_allclose(imu.t_s, T, atol=1e-6)  # stamps are rounded to a microsecond
+    np.testing.assert_allclose(np.degrees(imu.gyro_b), GYRO, atol=0.51 / 131)
+    np.testing.assert_allclose(imu.accel_b / 9.80665, ACCEL, atol=0.51 / 16384)
+    with pytest.raises(WrongUsage, match="--unit deg/s: an IMU has gyros and accelerometers"):
+        logs.read_moving([path], **flags | {"unit": "deg/s"})
 
 
 @pytest.mark.parametrize(

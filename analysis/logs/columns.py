@@ -386,39 +386,15 @@ def choose(
     guessed = _unnamed(frame, file, kinds, left_out, wanted, kind, units, scales)
     if set(kinds.values()) == {"angle"} and KIND_OF_UNIT.get(units.get(None, "")) == "rate":
         kinds = dict.fromkeys(kinds, "rate")  # roll, pitch and yaw in deg/s
-    there = list(dict.fromkeys(kinds.values()))
+    if not kind:
+        _refuse_heavy_gyros(frame, file, kinds)
     fixed = _fix(frame, kinds, units, scales, scale)
-    for flag, text, of in (("unit", unit, units), ("scale", scale, scales)):
-        if None in of and len(there) > 1:
-            raise WrongUsage(
-                f"{file}: --{flag} {text} is for channels of one kind, and this log has "
-                f"{_listed(kinds)}: {_spelled(fixed)}",
-                fixed,
-            )
-        for absent in of.keys() - {None, *there}:
-            raise WrongUsage(
-                f"{file}: --{flag} {FLAG[absent or 'rate']}= fits none of the columns "
-                f"{', '.join(frame)}: leave it out, or choose with --columns"
-            )
+    _refuse_misfits(frame, file, kinds, {"unit": (unit, units), "scale": (scale, scales)}, fixed)
     sizes = _accel_units(frame, kinds, scales)
-    chosen: list[Choice] = []
-    no_unit, notes = {}, []
+    chosen, no_unit, notes = [], {}, []
     for name, its in kinds.items():
         base, own = split(name)
-        given = units.get(its, units.get(None))
-        if given and KIND_OF_UNIT.get(given, its) != its:
-            if wanted and not own:
-                raise WrongUsage(
-                    f"{file}: column '{name}' is named as {FLAG[its]}, which --unit {given} is "
-                    f"not for; add --kind {KIND_OF_UNIT[given]} to take it all the same"
-                )
-            given = None
-        elif given and own not in (None, given) and not {own, given} <= IN_M_S2.keys():
-            raise WrongUsage(
-                f"{file}: --unit {unit} (or the catalogue's) contradicts column '{name}', whose "
-                f"unit is {own}; leave out --unit, or correct the header"
-            )
-        taken = given or own or sizes.get(name)
+        taken = _unit_given(name, its, units, bool(wanted), file) or own or sizes.get(name)
         if taken is None:
             no_unit[name] = its
             continue
@@ -440,7 +416,7 @@ def choose(
             "--unit deg/s), or in the header with names such as gyro_x_deg_s, accel_z_g"
         )
     guessed += _refuse_counts(frame, file, chosen, scales, fixed)
-    guessed += _said(chosen, sizes, units)
+    guessed += _said(chosen, units)
     left_out |= {n: f"no unit: --unit {FLAG[k]}={_USUAL[k]} ?" for n, k in no_unit.items()}
     if left_out:
         listed = ", ".join(f"{name} ({why})" for name, why in left_out.items())
@@ -448,6 +424,54 @@ def choose(
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
     return Chosen(chosen, guessed, notes)
+
+
+def _refuse_heavy_gyros(frame, file, kinds) -> None:
+    """Refuse gyros by name, without a unit, that have the length of gravity."""
+    mute = [n for n, its in kinds.items() if its == "rate" and not split(n)[1]]
+    for three in vectors(mute).values():
+        unit = gravity_unit(_norm(frame, three), 0.03) if len(three) == 3 else None
+        if unit in ("m/s^2", "mg"):
+            raise WrongUsage(
+                f"{file}: columns {', '.join(three)} are named as gyro, and have the length of one "
+                f"g in {unit}: say --columns {','.join(three)} with --kind accel --unit {unit}, or "
+                "with --kind rate if they are rates"
+            )
+
+
+def _refuse_misfits(frame, file, kinds, flags, fixed) -> None:
+    """Refuse a bare unit or scale for several kinds, and one of a kind that is absent."""
+    there = set(kinds.values())
+    for flag, (text, given) in flags.items():
+        if None in given and len(there) > 1:
+            raise WrongUsage(
+                f"{file}: --{flag} {text} is for channels of one kind, and this log has "
+                f"{_listed(kinds)}: {_spelled(fixed)}",
+                fixed,
+            )
+        for absent in given.keys() - {None} - there:
+            raise WrongUsage(
+                f"{file}: --{flag} {FLAG[absent]}= fits none of the columns {', '.join(frame)}: "
+                "leave it out, or choose with --columns"
+            )
+
+
+def _unit_given(name, kind, units, wanted, file) -> str | None:
+    """Return the unit that --unit gives a column; refuse one that contradicts its name."""
+    given, own = units.get(kind, units.get(None)), split(name)[1]
+    if given and KIND_OF_UNIT.get(given, kind) != kind:
+        if wanted and not own:
+            raise WrongUsage(
+                f"{file}: column '{name}' is named as {FLAG[kind]}, which --unit {given} is not "
+                f"for; add --kind {KIND_OF_UNIT[given]} to take it all the same"
+            )
+        return None
+    if given and own not in (None, given) and not {own, given} <= IN_M_S2.keys():
+        raise WrongUsage(
+            f"{file}: --unit {given} (or the catalogue's) contradicts column '{name}', whose unit "
+            f"is {own}; leave out --unit, or correct the header"
+        )
+    return given
 
 
 def given_scales(scale: str | None) -> dict[str | None, float]:
@@ -656,7 +680,7 @@ def _refuse_counts(frame, file, chosen, scales, fixed) -> list[str]:
     return said
 
 
-def _said(chosen, sizes, units) -> list[str]:
+def _said(chosen, units) -> list[str]:
     """State the unit of what had none in its name, and where it is from."""
     said = []
     for kind in dict.fromkeys(c.kind for c in chosen):

@@ -42,7 +42,7 @@ _MEANINGS = (  # meaning of a name without its unit
     ("gyro_x", r"rollrate"),
     ("gyro_y", r"pitchrate"),
     ("gyro_z", r"yawrate"),
-    ("gyro_{}", r"(w|gyr|gyro|gyroscope|omega|rate|angular_?rate)[ _.]?{}"),
+    ("gyro_{}", r"(w|g|gyr|gyro|gyroscope|omega|rate|angular_?rate)[ _.]?{}"),
 )
 SPEED = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
 _SPEED_WITH_UNIT = re.compile(
