@@ -12,7 +12,12 @@ import numpy as np
 
 from analysis import CannotAnswer, Estimate
 from analysis.noise import graph
-from analysis.noise.allan import AllanCurve, fit_line, with_and_without_line
+from analysis.noise.allan import (
+    AllanCurve,
+    allan_deviation,
+    fit_line,
+    with_and_without_line,
+)
 from analysis.noise.autocorrelation import autocovariance, block_means
 from analysis.noise.disturbances import adjusted
 from analysis.noise.inference import infer
@@ -125,9 +130,11 @@ def characterise(
         known, models, fit = result.parameters, result.table(), result.summary()
         fitted_from = result.averaged * dt
         if kind in ("rate", "accel") and "bias_instability" not in known:
-            known["bias_instability"] = adjusted(
-                floor(result, line_removed, dt), "bias_instability", result.disturbances
-            )
+            curve = line_removed
+            if result.terms:
+                curve = allan_deviation(fit_line(result.without_terms(y), dt)[0], dt)
+            read = floor(result, curve, dt)
+            known["bias_instability"] = adjusted(read, "bias_instability", result.disturbances)
         parameters = {key: known[key] for key in ORDER if key in known}
     return ChannelNoise(
         name=name,

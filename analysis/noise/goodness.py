@@ -125,8 +125,8 @@ def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbanc
     n = len(coarse.y)
     stretch = outline(n, coarse.dt, coarse.m, single=n)
     inverse = _interleaved(1 / _covariance(stretch, noise)[0])[0, :n]
-    slow = np.flatnonzero(noise.sigma_v[0] ** 2 / coarse.m * inverse > 0.5)
-    band = int(slow[0]) if len(slow) else n  # coefficients in which slow noise rules
+    ruled = np.flatnonzero(noise.sigma_v[0] ** 2 / coarse.m * inverse[1:] > 0.5)
+    band = int(ruled[0]) + 1 if len(ruled) else n  # coefficients in which slow noise rules
     if band < FEWEST_SLOW:
         return Test(0.0, None, "not tested: too few periods of slow noise in the log"), []
     y, line = (

@@ -198,6 +198,12 @@ class Inference:
             rest = [other for other in others if other is not term]
             yield term.fitted(self.coarse, rest, noise, size, error, self.unit)
 
+    def without_terms(self, y):
+        """Subtract the added terms from the log, shape (n,), U."""
+        t, sizes = np.arange(len(y)) * self.coarse.dt, self.sizes()[0]
+        columns = (column(t) for term in self.terms for column in term.columns)
+        return y - sum(size * values for size, values in zip(sizes, columns, strict=True))
+
     def white_noise(self, band):
         """White noise of a sample, U, with a note on the band it was fitted in."""
         note = "; ".join(part for part in (f"likelihood of {self.level_fit.model}", band) if part)
