@@ -4,7 +4,7 @@ Each is a regressor of the likelihood, so it is compared with noise that could l
 with a slow Gauss-Markov bias has steps, and one with a random walk has sinusoids. `candidates`
 searches for the strongest of each kind on means of the log. `inference` fits all noise models again
 with the best one, and keeps it if 2 ln L rises by more than `GAIN`, which few simulated logs of the
-papers' models, of flicker noise and of a random walk exceed. Within `UNSURE` below that, the
+papers' models, of flicker noise and of a random walk exceed. Between `UNSURE` and that, the
 parameters are given as they are with the term and without.
 """
 
@@ -23,8 +23,9 @@ from analysis.noise.likelihood import Terms, _covariance, evaluate
 from analysis.noise.profile_likelihood import THRESHOLD
 from analysis.noise.spectrum import outline, transform
 
-GAIN = {"warm_up": 10.0, "step": 25.0, "sinusoid": 25.0, "temperature": 12.0}  # of 2 ln L
-UNSURE = 6.0  # of 2 ln L below its threshold at which a term may be there or not
+GAIN = {"warm_up": 14.0, "step": 25.0, "sinusoid": 25.0, "temperature": 12.0}  # of 2 ln L
+# From here on a term may be there or not. A warm-up looks much like a drift.
+UNSURE = {"warm_up": 4.0, "step": 19.0, "sinusoid": 19.0, "temperature": 6.0}
 MOST_TERMS = 3
 COARSE = 2048  # means of the log on which terms are searched for
 WARM_UPS = 20  # time constants tried
@@ -238,7 +239,7 @@ def candidates(
     for kind, (grid, rise) in searches.items():
         best = int(np.argmax(rise))
         at = float(grid[best])
-        if kind in ("warm_up", "sinusoid") and rise[best] > GAIN[kind] - UNSURE:
+        if kind in ("warm_up", "sinusoid") and rise[best] > UNSURE[kind]:
             ends = sorted((grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]))
             search = minimize_scalar(
                 lambda x, kind=kind: coarse.deviance([added_term(kind, x)], rows).min(),

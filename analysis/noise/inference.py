@@ -430,7 +430,7 @@ def add_terms(result, rate, temperature, transformed):
         rise, term = max(
             candidates(coarse, rows, temperature), key=lambda pair: pair[0] - GAIN[pair[1].kind]
         )
-        if rise < GAIN[term.kind] - UNSURE:
+        if rise < UNSURE[term.kind]:
             break
         if term.kind == "step":
             term = coarse.placed(term)
@@ -453,7 +453,7 @@ def add_terms(result, rate, temperature, transformed):
         )
         rise = result.criterion() - other.criterion()
         if rise < GAIN[term.kind]:
-            return result, other if rise > GAIN[term.kind] - UNSURE else None
+            return result, other if rise > UNSURE[term.kind] else None
         result = other
     return result, None
 
