@@ -374,7 +374,7 @@ def test_every_folder_can_be_made_again_and_states_its_source():
     assert set(derived.MAKERS) <= folders
     for name in folders:
         source = store.read(name).source
-        assert source["title"] and source["made_by"].startswith("python -m analysis ")
+        assert source["title"] and source["made_by"].startswith("python -m analysis")
         if name not in {"coverage", "ensembles", "robustness", "benchmark"}:
             sums = source.get("files") or {source["file"]: source["sha256"]}
             assert all(len(sha256) == 64 for sha256 in sums.values())
