@@ -239,13 +239,14 @@ def before_and_after(name: str | Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row a cell and parameter; a column of the earlier code ends in ``_before``.
+        A row a cell and parameter; a column of the earlier code ends in ``_before``. Empty where a
+        cell is not computed again yet.
     """
     tables = read(name).tables
     before = tables.pop("before")
     after = tables["summary"] if "summary" in tables else pd.concat(tables.values())
     keys = [c for c in ("model", "hours", "sensor", "kind", "pieces", "parameter") if c in after]
-    return after.merge(before, "left", keys, suffixes=("", "_before"))
+    return before.merge(after, "left", keys, suffixes=("_before", ""))
 
 
 def published(name: str, dtype: type | None = None) -> pd.DataFrame:

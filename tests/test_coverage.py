@@ -200,7 +200,7 @@ def test_summary_of_broken_logs_counts():
             "value": [np.nan, 2.0, 3.0, 1.1],
             "low": [np.nan, 1.9, 2.9, 0.9],
             "high": [1.5, 2.1, 3.1, 1.2],
-            "reported": [True, True, False, False],
+            "reported": ["step", "misfit step", "", ""],
         }
     )
     (counted,) = coverage.broken_summary(rows).to_dict("records")
@@ -213,8 +213,31 @@ def test_summary_of_broken_logs_counts():
         "wrong": 0.5,
         "unsaid": 0.25,
         "reported": 0.5,
+        "kinds": "misfit 1, step 2",
         "median": 2.0,
+        "first": pytest.approx(np.nan, nan_ok=True),
     }
+
+
+def test_the_study_of_broken_logs_is_the_one_that_the_command_makes():
+    """property: every stored cell is of the plan, with its logs; before has every cell of it."""
+    plan = {(name, h): n for name, h, n in coverage.broken_plan()}
+    table = store.before_and_after("robustness").dropna(subset="runs")
+    cells = table.groupby(["model", "hours"])["runs"].max().to_dict()
+    assert cells.items() <= plan.items()
+    before = store.read("robustness").tables["before"]
+    assert {*zip(before["model"], before["hours"], strict=True)} == plan.keys()
+
+
+@pytest.mark.parametrize("name", ["walk+step-10", "walk+cycle", "flicker+nothing"])
+def test_a_log_of_the_study_of_broken_logs_again(name):
+    """cross-check: log 0 of a cell, simulated and characterised now, gives the stored values."""
+    stored = store.read("robustness").tables[f"{name}-2h"].set_index("parameter")["first"]
+    model, dt, kind = coverage.broken()[name]
+    stream = coverage.streams(name, 1)[0]
+    rows = coverage.characterised(0, stream, model=model, dt=dt, kind=kind, hours=2.0)
+    now = pd.DataFrame(rows).set_index("parameter")["value"].astype(float)
+    np.testing.assert_allclose(now, stored[now.index], rtol=store.TOLERANCE)
 
 
 def test_command_makes_broken_cells(tmp_path):

@@ -47,7 +47,7 @@ RATE_HZ = 20.0  # of Table I, comparison paper section IV
 TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005, title="terrain Table 1")
 PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 OF_A_RATE = ("arw", *PARAMETERS[1:])
-BROKEN_HOURS, BROKEN_LOGS = 2.0, 24
+BROKEN_HOURS, BROKEN_LOGS = 2.0, 12
 BEFORE = "table 'before': the same logs, by the code of commit e05b09e, which had no tests of fit"
 WARM_UP, CYCLE, SWING = 900.0, 1200.0, 600.0  # s, time constant and periods
 LINE_HZ = 28.5  # of an engine, as in the log car-roof-imu
@@ -317,20 +317,21 @@ def characterised(run, stream, *, model, dt, kind, hours):
     Returns
     -------
     list of dict
-        run, parameter, truth, value, low, high (NaN where there is none), reported (whether
-        anything is said about the log).
+        run, parameter, truth, value, low, high (NaN where there is none), reported (the kinds of
+        disturbance that are reported for the log, with spaces).
     """
     rng = np.random.default_rng(stream)
     y = model.simulate(round(3600 * hours / dt), dt, rng)
     told = dict.fromkeys(("name", "title", "file", "sha256", "licence", "source"), "")
     channels, samples = (Channel("gyro", "deg/s", kind, y),), int(np.isfinite(y).sum())
     log = Log(**told, rate_hz=1 / dt, channels=channels, samples=samples, gaps=0, repairs=())
-    blank = {"run": run, "value": np.nan, "low": np.nan, "high": np.nan}
+    blank = {"run": run} | dict.fromkeys(("truth", "value", "low", "high"), np.nan)
     try:
         result = store.characterise_log(log, seed=int(rng.integers(2**32)), progress=False)
     except CannotAnswer:
-        return [blank | {"parameter": p, "truth": np.nan, "reported": True} for p in OF_A_RATE]
-    reported, truth = bool(result.source["repairs"]), truths(model.truth, dt)
+        return [blank | {"parameter": p, "reported": "refused"} for p in OF_A_RATE]
+    kinds = {found["kind"] for found in result["gyro"].fit["disturbances"]}
+    reported, truth = " ".join(sorted(kinds)), truths(model.truth, dt)
     return [
         {"run": run, "parameter": p, "truth": truth[p], "value": e.value, "low": e.low}
         | {"high": e.high, "reported": reported}
@@ -369,11 +370,15 @@ def broken_summary(rows):
     DataFrame
         parameter, truth, runs; resolved (share of the logs with a value), held (share of those
         whose interval holds the truth), wrong (share of the logs with a value whose interval does
-        not hold the truth), unsaid (share of those about which nothing is reported either),
-        reported (share of the logs about which something is); median of value / truth.
+        not hold the truth), unsaid (share of the logs with such a value and nothing reported),
+        reported (share of the logs with something reported), kinds (of what is reported, with the
+        number of logs); median of value / truth; first, the value of log 0.
     """
-    runs = rows["run"].nunique()
+    runs, said = rows["run"].nunique(), rows["reported"] != ""
+    logs = rows.drop_duplicates("run")["reported"].str.split().explode().value_counts()
+    kinds = ", ".join(f"{kind} {count}" for kind, count in sorted(logs.items()))
     rows = rows.assign(
+        said=said,
         resolved=rows["value"].notna(),
         held=(rows["low"] <= rows["truth"]) & (rows["truth"] <= rows["high"]),
     )
@@ -390,9 +395,11 @@ def broken_summary(rows):
                 "resolved": len(given) / runs,
                 "held": given["held"].mean(),
                 "wrong": len(wrong) / runs,
-                "unsaid": (~wrong["reported"].astype(bool)).sum() / runs,
-                "reported": group["reported"].sum() / runs,
+                "unsaid": (~wrong["said"]).sum() / runs,
+                "reported": group["said"].sum() / runs,
+                "kinds": kinds,
                 "median": ratio.median(),
+                "first": group["value"].iloc[0],
             }
         )
     return pd.DataFrame(table)

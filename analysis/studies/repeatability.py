@@ -90,13 +90,13 @@ def parts(log, *, number=0, pieces=PIECES):
                 continue
             for c in result.channels:
                 about = {"channel": c.name, "kind": c.kind, "pieces": count, "part": part}
-                said = [s for s in result.source["repairs"] if s.startswith(f"{c.name}:")]
-                rows += [
-                    about
-                    | {"parameter": p, "value": e.value, "low": e.low, "high": e.high}
-                    | {"named": "remark" if said else ""}
-                    for p, e in c.parameters.items()
-                ]
+                for p, e in c.parameters.items():
+                    if p == "sigma_v" and c.kind in ("rate", "accel"):
+                        continue  # N, in other units
+                    found = c.fit["disturbances"]
+                    kinds = {d["kind"] for d in found if p in d["affects"] or not d["affects"]}
+                    row = {"parameter": p, "value": e.value, "low": e.low, "high": e.high}
+                    rows.append(about | row | {"named": ";".join(sorted(kinds))})
     return rows
 
 
