@@ -23,6 +23,7 @@ from scipy.fft import dct
 
 SINGLE = 40  # coefficients of each parity kept one by one
 BINS = 14  # bins per e-fold of frequency above them
+OF_MANY = 10, 7  # the same in each stretch of a log with gaps
 STRETCHES = 30  # longest pieces of a log with gaps that are used
 FEWEST = 8  # means below which a piece is left out
 USED = 0.95  # share of the samples that is to be used
@@ -117,7 +118,7 @@ def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
     x = np.zeros(n)  # the ramp in seconds, centred: odd coefficients only
     x[1::2] = -(m * dt) * u[1::2] / (2 * np.sin(half_angle[1::2]) ** 2)
     del half_angle  # as long as the log: ten million samples are to fit into a small memory
-    lam, count, starts = _bins(n)
+    lam, count, starts = _bins(n, *((SINGLE, BINS) if alone else OF_MANY))
 
     def gathered(values):
         sums = np.zeros(lam.shape)
@@ -193,9 +194,9 @@ def outline(n, dt, m=1, single=SINGLE):
     return Spectrum(n, m, dt, n * m, *place, lam, count, zero, uu, zero, none[None], none, none)
 
 
-def _bins(n, single=SINGLE):
+def _bins(n, single=SINGLE, per_fold=BINS):
     """Middle and size of each bin, shape (2, bins), and where the bins of each parity start."""
-    edges = [_edges((n + 1 - parity) // 2, single) for parity in (0, 1)]
+    edges = [_edges((n + 1 - parity) // 2, single, per_fold) for parity in (0, 1)]
     lam, count = np.ones((2, len(edges[0]))), np.zeros((2, len(edges[0])))
     for parity, edge in enumerate(edges):
         k = parity + edge[:-1] + edge[1:] - 1
@@ -205,11 +206,11 @@ def _bins(n, single=SINGLE):
     return lam, count, [edge[:-1] for edge in edges]
 
 
-def _edges(size, single):
+def _edges(size, single, per_fold):
     """Bounds of the bins: the first coefficients single, then in equal ratios."""
     if size <= single:
         return np.arange(size + 1)
-    steps = int(np.ceil(BINS * np.log(size / single))) + 1
+    steps = int(np.ceil(per_fold * np.log(size / single))) + 1
     wide = np.unique(np.geomspace(single, size, steps).round().astype(np.int64))
     return np.append(np.arange(single), wide)
 
