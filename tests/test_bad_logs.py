@@ -39,6 +39,7 @@ ANSWERED = {
         np.arange(6000) % 200 < 100, np.arange(6000) % 2 * 1.0, np.nan
     ),
     "holes everywhere": np.where(np.arange(6000) % 13 == 0, np.nan, WHITE),
+    "bursts of 20 samples": np.where(np.arange(6000) % 60 < 20, WHITE, np.nan),
 }
 REFUSED = {
     "one sample": (np.ones(1), "1 samples"),
@@ -46,7 +47,6 @@ REFUSED = {
     "a constant": (np.full(6000, 1.5), "constant"),
     "a constant with holes": (np.where(np.arange(6000) % 20 == 0, np.nan, 1.5), "constant"),
     "pure drift": (1.0 + 0.01 * np.arange(6000), "straight line"),
-    "bursts of 20 samples": (np.where(np.arange(6000) % 60 < 20, WHITE, np.nan), "long gaps"),
     "nothing but holes": (np.full(6000, np.nan), "0 samples"),
 }
 
