@@ -382,6 +382,7 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
             unit=channel.unit,
             kind=channel.kind,
             rng=np.random.default_rng(stream),
+            temperature=log.temperature,
         )
 
     with ThreadPoolExecutor(AT_ONCE) as threads:

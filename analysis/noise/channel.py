@@ -89,6 +89,7 @@ def characterise(
     rng: np.random.Generator,
     detrend: bool = True,
     estimate: bool = True,
+    temperature: np.ndarray | None = None,
 ) -> ChannelNoise:
     """Characterise one static channel.
 
@@ -105,6 +106,8 @@ def characterise(
         Remove the linear drift before the fit and the autocorrelation.
     estimate : bool
         False leaves ``parameters`` empty: only the panels, which are fast.
+    temperature : ndarray, shape (n,), optional
+        degC, where it was logged: a line in it is tried as a term.
 
     Returns
     -------
@@ -124,7 +127,7 @@ def characterise(
     parameters, models, fit, fitted_from = {}, [], {}, np.nan
     if estimate:
         try:
-            result = infer(y, dt, unit, kind, rng, detrend=detrend)
+            result = infer(y, dt, unit, kind, rng, detrend=detrend, temperature=temperature)
         except CannotAnswer as error:
             raise CannotAnswer(f"channel {name}: {error}") from error
         known, models, fit = result.parameters, result.table(), result.summary()

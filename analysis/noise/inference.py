@@ -13,8 +13,8 @@ a slow bias and a drift describe a random walk better than the random walk does,
 zero. So the threshold is calibrated by parametric bootstrap.
 """
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -323,7 +323,7 @@ def infer(
     rng: np.random.Generator,
     *,
     detrend: bool = True,
-    temperature: Callable[[np.ndarray], np.ndarray] | None = None,
+    temperature: np.ndarray | None = None,
 ) -> Inference:
     """Fit every model to a channel, choose one, and estimate its parameters.
 
@@ -343,8 +343,8 @@ def infer(
         For the bootstrap of the drift.
     detrend : bool
         Remove a linear drift; else the mean only.
-    temperature : callable, optional
-        Time from the first sample, s, to the temperature, K or degC.
+    temperature : ndarray, shape (n,), optional
+        degC; a line in it is tried as a term.
 
     Returns
     -------
@@ -377,7 +377,11 @@ def infer(
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
     result = Inference(likelihood, fits, chosen, unit, Coarse.of(y, dt, m), m, fewest, misfit)
-    result, rival = add_terms(result, rate, temperature, lambda columns: spectra(y, dt, m, columns))
+    warmth = None
+    if temperature is not None and np.ptp(temperature) > 0:
+        times, warmer = dt * np.arange(len(y)), temperature - temperature.mean()
+        warmth = partial(np.interp, xp=times, fp=warmer)
+    result, rival = add_terms(result, rate, warmth, lambda columns: spectra(y, dt, m, columns))
     used = (
         sum(piece.length @ piece.behind / m for piece in likelihood.stretches)
         / np.isfinite(y).sum()
@@ -435,7 +439,7 @@ def add_terms(result, rate, temperature, transformed):
             break
         if term.kind == "step":
             term = coarse.placed(term)
-        if any(term.kind == t.kind and abs(term.at / t.at - 1) < SAME for t in result.terms):
+        if any(term.kind == t.kind and abs(term.at - t.at) <= SAME * t.at for t in result.terms):
             break
         terms = (*result.terms, term)
         wider = NoiseLikelihood(

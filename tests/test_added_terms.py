@@ -1,0 +1,102 @@
+"""Terms besides the noise: found where they are, not where they are not; what else is refused."""
+
+import numpy as np
+import pytest
+
+from analysis import Estimate
+from analysis.noise import added_terms, goodness, likelihood
+from analysis.noise.inference import either, infer
+from analysis.noise.likelihood import Terms
+from analysis.noise.models import UnifiedModel
+from analysis.noise.spectrum import transform
+
+MODEL, DT, N = UnifiedModel(0.04, 200.0, 0.005), 0.1, 72_000  # two hours of a gyro, deg/s
+T = DT * np.arange(N)
+# Ten stationary sigma_b, in the shapes that a log really has.
+SHAPES = {
+    "step": 0.05 * (T >= 2611.3),
+    "sinusoid": 0.015 * np.cos(2 * np.pi * T / 1200 + 1),
+    "warm_up": 0.3 * np.exp(-T / 700),
+    "temperature": 0.01 * np.sin(T / 3000) ** 2 * 5,
+}
+PLACE = {
+    "step": ("moment", 2611.3),
+    "sinusoid": ("period", 1200),
+    "warm_up": ("time_constant", 700),
+}
+
+
+def log(seed):
+    """Simulate a log without drift."""
+    return MODEL.simulate(N, DT, np.random.default_rng(seed))
+
+
+def inferred(y, **more):
+    """Infer as for a gyro."""
+    return infer(y, DT, "deg/s", "rate", np.random.default_rng(1), **more)
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_a_term_is_found_and_the_noise_is_as_without(kind):
+    """coverage: size and place within twice their intervals, and sigma_b within the clean log's."""
+    clean, shape = log(3), SHAPES[kind]
+    warmth = {"temperature": 20 + 100 * shape} if kind == "temperature" else {}
+    found, whole = inferred(clean + shape, **warmth), inferred(clean)
+    assert [t.kind for t in found.terms] == [kind]
+    term = found.terms[0].parameters
+    size = 0.01 if kind == "temperature" else np.abs(shape).max()
+    e = term["amplitude"]
+    assert abs(e.value - size) < e.high - e.low
+    if kind in PLACE:
+        name, at = PLACE[kind]
+        e = term[name]
+        assert abs(e.value - at) < e.high - e.low
+    a, b = found.parameters["sigma_b"], whole.parameters["sigma_b"]
+    assert a.resolved and b.low < a.value < b.high
+    assert not found.parameters["rrw"].resolved
+    assert kind in [d.kind for d in found.disturbances]
+
+
+def test_noise_alone_has_no_terms():
+    """property: bias, random walk and white noise in ten logs: no term, and every test passes."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        walk = 2e-4 * np.cumsum(rng.standard_normal(N)) if seed % 2 else 0.0
+        found = inferred(log(seed) + walk)
+        assert not found.terms
+        assert found.goodness.p > goodness.ALPHA
+        assert found.stationarity.p is None or found.stationarity.p > goodness.ALPHA
+
+
+def test_screening_is_the_likelihood():
+    """cross-check: the rise of 2 ln L of screened regressors equals that of a fit with each."""
+    y = log(5)[::10][:2000]
+    coarse = added_terms.Coarse.of(y, 1.0, 1)
+    one = np.ones(1)
+    rows = Terms(0.04 * one, ((0.005 * one, 200.0 * one),), 1e-4 * one)
+    screen = added_terms._Screen(coarse, rows)
+    terms = [added_terms.added_term(*t) for t in (("warm_up", 300.0), ("step", 700.0))]
+    without = -2 * likelihood.evaluate([transform(y, 1.0)], rows).value[0]
+    rises = [without - coarse.deviance([t], rows)[0] for t in terms]
+    # Bins of many coefficients against each coefficient by itself: a thousandth of 2 ln L.
+    columns = screen.of_columns(np.array(coarse.columns(terms)))
+    np.testing.assert_allclose(columns, rises, rtol=0.03, atol=0.02)
+    assert screen.of_steps(np.arange(600, 800))[100] == pytest.approx(columns[1], rel=0.02)
+
+
+def test_noise_that_is_not_stationary_is_refused():
+    """property: a random walk in the middle third only; K and the drift are refused, N is not."""
+    rng = np.random.default_rng(8)
+    steps = np.where((T > 2400) & (T < 4800), 3e-4, 0.0) * rng.standard_normal(N)
+    found = inferred(0.04 * rng.standard_normal(N) + np.cumsum(steps))
+    assert found.stationarity.p < goodness.ALPHA or found.terms
+    assert found.parameters["arw"].resolved
+
+
+def test_what_may_be_there_widens():
+    """property: the union of two intervals; refused where one is refused."""
+    a, b = Estimate(2.0, 1.0, 3.0, "s"), Estimate(2.5, 1.5, 4.0, "s")
+    both = either(a, b, "step")
+    assert (both.value, both.low, both.high) == (2.0, 1.0, 4.0)
+    refused = either(a, Estimate.refused("s", "none", high=9.0), "step")
+    assert not refused.resolved and refused.low is None and refused.high == 9.0
