@@ -212,7 +212,12 @@ class Inference:
             "the likelihood does not decrease as the white noise goes to zero: a slow process"
             " masks it"
         )
-        return self.estimate(self.level_fit, "sigma_v", self.unit, note, f"{note}; {hidden}")
+        white = self.estimate(self.level_fit, "sigma_v", self.unit, note, f"{note}; {hidden}")
+        if self.averaged == self.fewest or white.low is None or white.high is None:
+            return white
+        ends = {"low": white.low * (1 - AGREE / 2), "high": white.high * (1 + AGREE / 2)}
+        note = f"{white.note}; widened by {AGREE / 2:.1%} for what is left of the filter"
+        return replace(white, **ends, note=note)
 
     def rate_random_walk(self):
         """Rate random walk K, U/sqrt(s)."""
@@ -281,6 +286,14 @@ class Inference:
 
     def _gauss_markov(self):
         fit, estimates = self.chosen, {}
+        if "rrw" in fit.terms and self.similar("N+2GM").aic < fit.aic + FEW:
+            low = self.likelihood.interval(fit, "corr_time")[0]
+            why = (
+                f"of two slow processes the log does not say whether the slower is a bias or a"
+                f" random walk; the faster has T_c {fit.terms['corr_time'][0]:.3g} s and sigma_b"
+                f" {fit.terms['sigma_b'][0]:.3g} {self.unit}"
+            )
+            return self._no_bias(why, why, time_low=low)
         ends = {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
         times = self.likelihood.duration / fit.terms["corr_time"][-1]
         note = f"likelihood of {fit.model}; the log covers {_count(times)} correlation times"
@@ -307,8 +320,9 @@ class Inference:
     def drift(self, rng):
         """Linear drift, U/s; `rng` draws the logs of the bootstrap."""
         value, low, high = linear_drift(self.likelihood, self.fits, self.chosen, rng)
-        if low <= 0 <= high:
-            why = "no linear drift that a slow bias does not explain"
+        warm_up = any(term.kind == "warm_up" for term in self.terms)
+        if warm_up or low <= 0 <= high:
+            why = f"no linear drift that a {'warm-up' if warm_up else 'slow bias'} does not explain"
             return Estimate.refused(f"{self.unit}/s", why, low=low, high=high)
         note = "profile likelihood over the biases that the log allows; threshold calibrated by"
         note += " parametric bootstrap"
