@@ -546,7 +546,7 @@ def static_log(name: str | Path) -> StaticResult:
                 ],
                 line=(about.mean, about.slope_per_s),
                 fitted_from=about.fitted_from_s,
-                fit=json.loads(getattr(about, "fit", "{}")),
+                fit=json.loads(about.fit),
                 **{p: _columns(stored.tables[p], "t_s", about.name) for p in ("short", "whole")},
                 autocorrelation={
                     window: _columns(g, "lag_s", "autocovariance")
