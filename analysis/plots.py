@@ -16,6 +16,7 @@ from scipy.stats import norm
 from analysis import Estimate, pretty
 from analysis.figures import DOUBLE
 from analysis.noise import graph
+from analysis.noise.added_terms import adev_of_signal
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
 from analysis.noise.models import FLICKER, adev_of_terms
@@ -183,9 +184,11 @@ def fitted_model(ax: Axes, noise: ChannelNoise) -> None:
     dt = float(noise.short[0][1] - noise.short[0][0])
     tau = noise.allan.tau[noise.allan.tau >= noise.fitted_from - dt / 2]
     model = adev_of_terms(chosen["terms"], tau, dt)
-    with_line = np.hypot(model, noise.line[1] * tau / np.sqrt(2))
-    label = f"{chosen['model']}, fitted, and the line"
-    ax.plot(tau, with_line, "k--", lw=0.8, label=label)
+    terms, duration = noise.fit["terms"], float(noise.whole[0][-1] + noise.whole[0][0])
+    signal = adev_of_signal(terms, noise.line[1], tau, duration)
+    named = " and ".join(dict.fromkeys(["the line", *(t["kind"].replace("_", "-") for t in terms)]))
+    label = f"{chosen['model']}, fitted, with {named}"
+    ax.plot(tau, np.hypot(model, signal), "k--", lw=0.8, label=label)
     end = float(tau[-1])
     marks = (
         ("N", ("arw", "vrw"), 1.0, 1.0, "s"),

@@ -100,3 +100,15 @@ def test_what_may_be_there_widens():
     assert (both.value, both.low, both.high) == (2.0, 1.0, 4.0)
     refused = either(a, Estimate.refused("s", "none", high=9.0), "step")
     assert not refused.resolved and refused.low is None and refused.high == 9.0
+
+
+def test_signals_have_the_allan_deviation_of_textbooks():
+    """analytic: slope tau / sqrt(2) of a line; A sin^2(pi f tau) / (pi f tau) of a sinusoid."""
+    tau, duration = np.array([0.5, 30.0, 200.0, 800.0]), 7200.0
+    line = added_terms.adev_of_signal([], 3e-6, tau, duration)
+    np.testing.assert_allclose(line, 3e-6 * tau / np.sqrt(2), rtol=0.02)
+    size, period = ({"value": v} for v in (0.015, 600.0))
+    wave = {"kind": "sinusoid", "parameters": {"amplitude": size, "period": period}}
+    found = added_terms.adev_of_signal([wave], 0.0, tau[1:], duration)
+    x = np.pi * tau[1:] / 600
+    np.testing.assert_allclose(found, 0.015 * np.sin(x) ** 2 / x, rtol=0.06)

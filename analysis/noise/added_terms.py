@@ -17,6 +17,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import norm
 
 from analysis import Estimate
+from analysis.noise.allan import overlapped_variance
 from analysis.noise.autocorrelation import block_means
 from analysis.noise.disturbances import Disturbance
 from analysis.noise.likelihood import Terms, _covariance, evaluate
@@ -128,6 +129,34 @@ def added_term(kind: str, at: float, temperature: Callable | None = None) -> Add
         assert temperature is not None
         columns = (temperature,)
     return AddedTerm(kind, at, columns)
+
+
+def adev_of_signal(terms: list[dict], slope: float, tau: np.ndarray, duration: float) -> np.ndarray:
+    """Allan deviation of what is no noise in a log: its straight line and its added terms.
+
+    Parameters
+    ----------
+    terms : list of dict
+        As model.json has them: ``kind`` and ``parameters``. A line in temperature is left out.
+    slope : float, U/s
+        Of the straight line through the whole log.
+    tau : ndarray, shape (k,), s
+    duration : float, s
+
+    Returns
+    -------
+    ndarray, shape (k,), U
+    """
+    t = np.linspace(0, duration, COARSE)
+    y = np.zeros(COARSE)
+    for term in terms:
+        size, *place = (e["value"] for e in term["parameters"].values())
+        if place:
+            y += size * added_term(term["kind"], place[0]).columns[0](t)
+    y += slope * t - np.polyval(np.polyfit(t, y, 1), t)
+    m = np.maximum(np.round(tau / t[1]), 1).astype(int)
+    # Within a step of this grid the signal is a line.
+    return np.sqrt(overlapped_variance(y, m)) * tau / (m * t[1])
 
 
 @dataclass(frozen=True)
