@@ -84,6 +84,18 @@ def test_screening_is_the_likelihood():
     assert screen.of_steps(np.arange(600, 800))[100] == pytest.approx(columns[1], rel=0.02)
 
 
+def test_terms_that_coincide_are_no_traceback():
+    """property: two equal steps have no likelihood; the profile of one past another goes on."""
+    coarse = added_terms.Coarse.of(log(6), DT, 36)
+    step = added_terms.added_term("step", 3600.0)
+    noise = Terms(np.array([0.04]), ((np.array([0.005]), np.array([200.0])),))
+    assert coarse.deviance([step, step], noise)[0] == np.inf
+    second = added_terms.added_term("step", 3650.0)
+    one = np.array([1e-3])
+    placed = second.fitted(coarse, [step], noise, one, one, "deg/s").parameters["moment"]
+    assert placed.value == 3650.0
+
+
 def test_noise_that_is_not_stationary_is_refused():
     """property: a random walk in the middle third only; K and the drift are refused, N is not."""
     rng = np.random.default_rng(8)

@@ -225,9 +225,15 @@ class Coarse:
         return added_term("step", self.dt * float(start + known[int(np.argmax(between)) + 1]))
 
     def deviance(self, terms, noise):
-        """-2 ln L under rows of noise, with the coefficients of the terms at their best."""
+        """-2 ln L under rows of noise, with the coefficients of the terms at their best.
+
+        Terms that coincide have none: infinite.
+        """
         columns = self.columns(terms)
-        fit = evaluate([transform(self.y, self.dt, self.m, columns)], noise)
+        try:
+            fit = evaluate([transform(self.y, self.dt, self.m, columns)], noise)
+        except np.linalg.LinAlgError:
+            return np.full(len(noise.sigma_v), np.inf)
         return np.linalg.slogdet(fit.added_cov)[1] - 2 * fit.value
 
     def columns(self, terms):

@@ -460,7 +460,10 @@ def add_terms(result, rate, temperature, transformed):
             transformed([column for t in terms for column in t.columns]),
             detrend=result.likelihood.detrend,
         )
-        wider_fits = fit_all(wider, rate=rate, near=result.fits)
+        try:
+            wider_fits = fit_all(wider, rate=rate, near=result.fits)
+        except np.linalg.LinAlgError:
+            break  # the new term is a sum of others
         other = replace(
             result,
             likelihood=wider,
