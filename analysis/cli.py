@@ -234,6 +234,8 @@ def report(
         print(f"note: {repair}")
     for channel in result.channels:
         print(f"\n{channel.name} ({channel.unit})")
+        for disturbance in channel.fit["disturbances"]:
+            print(f"  note: {disturbance['note']}")
         for key, estimate in channel.parameters.items():
             value = estimate.value_text or "not resolved"
             print(f"  {page.NAMES[key]:<48}{value:>18}   {estimate.interval_text}")

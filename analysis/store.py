@@ -396,7 +396,6 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
             )
         )
     noticed = [sentence for c in log.channels for sentence in remarks(c.values, log.dt, c.name)]
-    noticed += [f"{c.name}: {d['note']}" for c in channels for d in c.fit["disturbances"]]
     return StaticResult(log_source(log, noticed) | {"seed": seed}, channels)
 
 

@@ -4,7 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis import store
 from analysis.cli import main
+from analysis.logs import datasets
 from analysis.studies import repeatability
 
 
@@ -68,6 +70,30 @@ def test_interval_of_a_share_is_of_channels():
     unnamed = table.assign(named="")
     (row,) = repeatability.summary(unnamed, repeatability.pairs(unnamed)).to_dict("records")
     assert row["named"] == 0.0
+
+
+def test_parts_of_a_real_log_again():
+    """cross-check: eighths of the F9P's positions, characterised now, give the stored values."""
+    stored = store.read("repeatability").tables["f9p-static"].query("pieces == 8")
+    try:
+        log = repeatability.read("f9p-static")
+    except datasets.NotHere as error:
+        pytest.skip(str(error))
+    now = pd.DataFrame(
+        repeatability.parts(log, number=list(repeatability.LOGS).index("f9p-static"), pieces=(8,))
+    )
+    assert list(now["parameter"]) == list(stored["parameter"])
+    for column in ("value", "low", "high"):
+        np.testing.assert_allclose(now[column].astype(float), stored[column], rtol=store.TOLERANCE)
+
+
+def test_stored_summary_is_that_of_the_parts():
+    """cross-check: pairs and shares computed now from the stored parts equal the stored summary."""
+    tables = store.read("repeatability").tables
+    parts = pd.concat([tables[name] for name in repeatability.LOGS])
+    now = repeatability.summary(parts, repeatability.pairs(parts))
+    for column in ("resolved", "pairs", "within", "low", "high"):
+        np.testing.assert_allclose(now[column], tables["summary"][column], rtol=store.TOLERANCE)
 
 
 @pytest.mark.parametrize("arguments", ["--runs 3", "--broken", "--models terrain"])
