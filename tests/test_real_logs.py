@@ -14,8 +14,8 @@ def test_adis16405_gyros(axis):
     gyro = store.static_log("adis16405")[f"gyro_{axis}"]
     arw = gyro.parameters["arw"]
     assert 60 * arw.high >= 2.3 and 60 * arw.low <= 2.8
-    # A fortieth either way by the likelihood, and 1.5 % for what the sensor's filter leaves.
-    assert 60 * (arw.high - arw.low) < 0.15
+    # The likelihood's own interval, without the 1.5 % at each end for what the filter leaves.
+    assert 60 * (arw.high / 1.015 - arw.low / 0.985) < 0.1
     assert 18 <= HOUR * gyro.allan.adev.min() <= 34
 
 
