@@ -8,7 +8,7 @@ import pytest
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.logs import datasets, imu_csv_lines, nmea_lines, read_moving, timeline
-from analysis.tracker import scenarios
+from analysis.tracker import replay, scenarios
 
 LAT, LON = 50.84, 4.347
 
@@ -632,3 +632,16 @@ def test_largest_differences():
     off = timeline.Gnss(**fewer).largest_differences(gnss)
     assert off["position_m"] == pytest.approx(5.0, rel=1e-6)
     assert (off["pdop"], off["speed_m_s"], off["course_deg"]) == pytest.approx((0.5, 0, 0))
+
+
+def test_reported_attitude(tmp_path):
+    """property: roll, pitch and heading are an attitude, with or without positions; clock kept."""
+    path = tmp_path / "efis.csv"
+    rows = [f"{34320 + k / 5},{10 + k},-2,{np.radians(3 * k):.6f}" for k in range(20)]
+    path.write_text("\n".join(["t_s,heading_deg,pitch_deg,roll_rad", *rows]))
+    log = read_moving([path])
+    assert log.gnss is None and (log.zero_s, log.clock) == (34320.0, "device")
+    np.testing.assert_allclose(log.attitude.yaw_deg, 10 + np.arange(20))
+    np.testing.assert_allclose(log.attitude.roll_deg, 3 * np.arange(20), atol=1e-4)  # as written
+    with pytest.raises(WrongUsage, match="neither positions nor an IMU"):
+        replay(log)

@@ -18,7 +18,7 @@ import pandas as pd
 from analysis import STANDARD_GRAVITY, CannotAnswer, WrongUsage
 from analysis.logs import clock, columns, datasets, delimited, formats, nmea
 from analysis.logs.catalogue import find
-from analysis.logs.timeline import Gnss, Imu, Timeline
+from analysis.logs.timeline import Attitude, Gnss, Imu, Timeline
 
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
 IMU_GAPS = 0.01  # share of IMU rows whose time may step back
@@ -42,6 +42,9 @@ _MEANINGS = (  # meaning of a name without its unit
     ("gyro_x", r"rollrate"),
     ("gyro_y", r"pitchrate"),
     ("gyro_z", r"yawrate"),
+    ("roll", r"roll|roll_?angle"),
+    ("pitch", r"pitch|pitch_?angle"),
+    ("yaw", r"yaw|yaw_?angle|azimuth"),
     ("gyro_{}", r"(w|g|gyr|gyro|gyroscope|omega|rate|angular_?rate)[ _.]?{}"),
 )
 SPEED = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
@@ -104,11 +107,11 @@ def read_moving(
             new, which, more = _read_csv(path, wanted[path], given)
         notes += more
         for kind in new:
-            if kind in parts:
+            if kind in parts and kind != "attitude":
                 raise WrongUsage(f"{path.name}: a second {kind} log; give one of each")
-        parts |= new
-        clocks |= dict.fromkeys(new, which)
-    gnss, imu = parts.get("GNSS"), parts.get("IMU")
+        parts = new | parts
+        clocks = dict.fromkeys(new, which) | clocks
+    gnss, imu, attitude = (parts.get(kind) for kind in ("GNSS", "IMU", "attitude"))
     if gnss is not None and not len(gnss.t_s):
         raise CannotAnswer(f"{', '.join(sources)}: no row has a position; nothing to replay")
     if imu_offset is not None and (gnss is None or imu is None):
@@ -123,9 +126,17 @@ def read_moving(
                 f"the IMU log and the GNSS log do not overlap: {apart:.6g} s lie between them; "
                 "give logs of one ride, or say --imu-offset"
             )
-    zero = min(float(part.t_s[0]) for part in parts.values())
-    parts = {k: replace(part, t_s=np.round(part.t_s - zero, 6)) for k, part in parts.items()}
-    return Timeline(parts.get("GNSS"), parts.get("IMU"), start, tuple(notes), sources)
+    if attitude is not None and clocks["attitude"] != clocks.get("GNSS", clocks["attitude"]):
+        notes.append("attitude and GNSS stamps are of different clocks: the attitude is not used")
+        attitude = None
+    first = [part for part in (gnss, parts.get("IMU")) if part is not None] or [attitude]
+    zero = min(float(part.t_s[0]) for part in first)
+    gnss, imu, attitude = (
+        None if part is None else replace(part, t_s=np.round(part.t_s - zero, 6))
+        for part in (gnss, parts.get("IMU"), attitude)
+    )
+    which = clocks.get("GNSS") or next(iter(clocks.values()))
+    return Timeline(gnss, imu, start, tuple(notes), sources, attitude, zero, which)
 
 
 def _given(unit: str | None, scale: str | None) -> dict[str, Any]:
@@ -227,9 +238,12 @@ def _read_csv(
             parts[kind] = build(*args)
         elif len(missing) < len(NEEDED[kind]):
             lacks.append(f"the {kind} has no column {', '.join(missing)}")
+    if {"roll", "pitch"} <= known.keys():
+        parts["attitude"] = _attitude(*args, given)
     if not parts:
         lacks = lacks or [
-            "neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 ..., gyro_x_deg_s ...)"
+            "neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 ..., gyro_x_deg_s ...) "
+            "nor an attitude (roll_deg, pitch_deg, yaw_deg)"
         ]
         raise WrongUsage(f"{header}: {'; '.join(lacks)}; say --columns OURS=THEIRS; {there}")
     notes += [f"{path.name}: {lack}: not used" for lack in lacks]
@@ -304,6 +318,20 @@ def _imu(table, time, t, known, notes, given) -> Imu:
         gyro * _gyro_scale(known, table.file, given),
         accel * _accel_scale(known, accel, table.file, notes, given),
     )
+
+
+def _attitude(table, time, t, known, notes, given) -> Attitude:
+    """Make the attitude of the rows that have one; a heading beside roll and pitch is the yaw."""
+    named = [known.get(n) for n in ("roll", "pitch", "yaw")]
+    named[2] = named[2] or known.get("course")
+    angles = np.full((3, len(t)), np.nan)
+    for angle, column in zip(angles, named, strict=True):
+        if column is not None:
+            unit = column[1] or given["unit"].get("angle", "deg")
+            angle[:] = table.frame[column[0]] * (np.degrees(1.0) if unit == "rad" else 1.0)
+    rows = np.flatnonzero(np.isfinite(angles).any(axis=0) & np.isfinite(t))
+    rows = rows[clock.rising(t[rows], lambda k: table.place(rows[k], time), [], IMU_GAPS)]
+    return Attitude(t[rows], *angles[:, rows])
 
 
 def _rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFrame:

@@ -81,8 +81,26 @@ class Imu:
 
 
 @dataclass(frozen=True)
+class Attitude:
+    """Attitude that a unit reports; every array has shape (n,), NaN where it gave no value.
+
+    Attributes
+    ----------
+    t_s : ndarray
+        On the same clock as the GNSS epochs, strictly rising.
+    roll_deg, pitch_deg, yaw_deg : ndarray
+        As the unit gives them; `analysis.units` checks signs and zero.
+    """
+
+    t_s: np.ndarray
+    roll_deg: np.ndarray
+    pitch_deg: np.ndarray
+    yaw_deg: np.ndarray
+
+
+@dataclass(frozen=True)
 class Timeline:
-    """GNSS epochs and IMU samples of one device, on one time axis.
+    """GNSS epochs, IMU samples and attitude of one device, on one time axis.
 
     Attributes
     ----------
@@ -94,6 +112,12 @@ class Timeline:
         One sentence for everything that was assumed or repaired.
     sources : dict
         File name -> sha256.
+    attitude : Attitude or None
+        Its first sample may be before t_s = 0.
+    zero_s : float
+        What the log's clock reads at t_s = 0.
+    clock : str
+        That clock: "unix", "day" (time of day) or "device".
     """
 
     gnss: Gnss | None
@@ -101,11 +125,15 @@ class Timeline:
     start_utc: str | None = None
     notes: tuple[str, ...] = ()
     sources: dict[str, str] = field(default_factory=dict)
+    attitude: Attitude | None = None
+    zero_s: float = 0.0
+    clock: str = "device"
 
     @property
     def duration_s(self) -> float:
         """Seconds from the first event to the last."""
-        ends = [t.t_s[[0, -1]] for t in (self.gnss, self.imu) if t is not None]
+        parts = (self.gnss, self.imu) if self.gnss or self.imu else (self.attitude,)
+        ends = [t.t_s[[0, -1]] for t in parts if t is not None]
         return float(max(e[1] for e in ends) - min(e[0] for e in ends))
 
 

@@ -8,7 +8,7 @@ import pymap3d
 from scipy.integrate import cumulative_trapezoid
 from tqdm import tqdm
 
-from analysis import STANDARD_GRAVITY, wrap
+from analysis import STANDARD_GRAVITY, WrongUsage, wrap
 from analysis.logs.timeline import Timeline
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
@@ -70,9 +70,16 @@ def replay(
     Returns
     -------
     Track
+
+    Raises
+    ------
+    WrongUsage
+        If the log has neither positions nor an IMU.
     """
     options = options or Options()
     gnss, imu = timeline.gnss, timeline.imu
+    if gnss is None and imu is None:
+        raise WrongUsage("nothing to replay: the log has neither positions nor an IMU")
     epochs, origin = _epochs(gnss, imu, stored)
     has_pdop = gnss is not None and bool(np.isfinite(gnss.pdop).any())
     has_speed = gnss is not None and bool(np.isfinite(gnss.speed_m_s).any())
