@@ -60,7 +60,7 @@ def claimed(claim):
 @pytest.mark.parametrize(
     ("table", "header"),
     [
-        (CLAIMS, "id,paper,where,claim,quantity,value,unit,low,high,why"),
+        (CLAIMS, "id,paper,where,claim,quantity,value,unit,low,high,why,notebook"),
         (COVERAGE, "paper,item,notebook,figures,reason"),
         (ERRATA, "id,paper,where,printed,should_be,evidence,notebook"),
     ],
@@ -103,6 +103,15 @@ def test_what_is_by_construction_says_of_which_kind():
     apart = CLAIMS["why"][CLAIMS["why"].str.startswith("by construction")]
     kinds = r"by construction: (input handed back|identity|print against print): \S"
     assert apart.str.match(kinds).all()
+
+
+def test_verdicts_come_from_the_notebook_of_the_register():
+    """Property: where the register names a claim's notebook, its verdict is from there."""
+    verdicts = pd.read_csv(ROOT / "figures" / "claims.csv").set_index("id")["notebook"]
+    named = CLAIMS["notebook"][CLAIMS["notebook"] != ""]
+    both = named.index.intersection(verdicts.index)
+    assert len(both) > 200
+    assert named[both].to_dict() == verdicts[both].to_dict()
 
 
 def test_what_is_judged_could_have_failed():
