@@ -60,37 +60,51 @@ put wrongly (exit status 2). Both say in one sentence what to do.
 
 import math
 import os
+import re
 import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "data"
 STANDARD_GRAVITY = 9.80665  # m/s^2
+ENGINEERING = 1000.0  # from here on a number is written in the next larger unit
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _DEGREE = math.degrees(1.0)
-CUSTOMARY = {  # unit -> factor and name of the unit in which datasheets state such a number
-    "deg/sqrt(s)": (60.0, "°/√h"),
-    "rad/sqrt(s)": (60.0 * _DEGREE, "°/√h"),
-    "deg/s": (3600.0, "°/h"),
-    "rad/s": (3600.0 * _DEGREE, "°/h"),
-    "deg/s/sqrt(s)": (3600.0 * 60.0, "°/h/√h"),
-    "deg/s/s": (3600.0**2, "°/h/h"),
-    "rad/s/sqrt(s)": (3600.0 * 60.0 * _DEGREE, "°/h/√h"),
-    "rad/s/s": (3600.0**2 * _DEGREE, "°/h/h"),
-    "deg/h*sqrt(s)": (1 / 60.0, "°/√h"),
-    "deg/h/sqrt(s)": (60.0, "°/h/√h"),
-    "deg/h/s": (3600.0, "°/h/h"),
-    "g*sqrt(s)": (1e6, "µg/√Hz"),
-    "g/sqrt(s)": (1e6, "µg/√s"),
-    "g": (1e6, "µg"),
-    "g/s": (1e6 * 3600.0, "µg/h"),
-    "m/s^2*sqrt(s)": (60.0, "m/s/√h"),
-    "deg": (1.0, "°"),
-    "m": (1.0, "m"),
-    "m/s": (3600.0, "m/h"),
-}
+_RATES = {"deg/s": 3600.0, "rad/s": 3600.0 * _DEGREE, "deg/h": 1.0}  # in deg/h
+_ACCELS = {"g": 1e6, "mg": 1e3, "m/s^2": 1e6 / STANDARD_GRAVITY}  # in µg
+_PER = (("", "", 1), ("/s", "/h", 3600), ("/K", "/K", 1))
+
+
+def _customary_units():
+    """Give the units in which datasheets state a number, with their factors, the finest first."""
+    units = {
+        "deg/sqrt(s)": ((60.0, "°/√h"),),
+        "rad/sqrt(s)": ((60.0 * _DEGREE, "°/√h"),),
+        "deg/h*sqrt(s)": ((1 / 60, "°/√h"),),
+        "m/s^2*sqrt(s)": ((60.0, "m/s/√h"),),
+        "g*sqrt(s)": ((1e6, "µg/√Hz"), (1e3, "mg/√Hz")),
+        "mg*sqrt(s)": ((1e3, "µg/√Hz"), (1.0, "mg/√Hz")),
+        "deg": ((1.0, "°"),),
+        "rad": ((_DEGREE, "°"),),
+        "m": ((1.0, "m"),),
+        "m/s": ((3600.0, "m/h"),),
+    }
+    for unit, f in _RATES.items():
+        units[f"{unit}/sqrt(s)"] = ((60 * f, "°/h/√h"),)
+        for per, name, times in _PER:
+            units[unit + per] = ((times * f, f"°/h{name}"), (times * f / 3600, f"°/s{name}"))
+    for unit, f in _ACCELS.items():
+        for per, name, times in (*_PER, ("/sqrt(s)", "/√s", 1)):
+            steps = ((1, "µ"), (1e-3, "m"), (1e-6, ""))
+            units[unit + per] = tuple((times * f * k, f"{letter}g{name}") for k, letter in steps)
+    return units
+
+
+CUSTOMARY = _customary_units()
 
 
 def figures_folder() -> Path:
@@ -177,24 +191,34 @@ def pretty(unit):
 
 
 def engineering(number, digits=3):
-    """Write a number in so many digits, and without an exponent where that stays readable.
+    """Write a number in so many digits: 1000, never 1e+03; beyond a million 1.2×10⁷.
 
     Returns
     -------
     str
     """
-    text = f"{number:.{digits}g}"
-    if "e" not in text or not 1e-6 <= abs(number) < 1e6:
-        return text
-    return f"{float(text):.12f}".rstrip("0").rstrip(".")
+    return without_exponents(f"{number:.{digits}g}")
+
+
+def without_exponents(text):
+    """Write the numbers of a text out, 1e+03 as 1000; those of many digits as 1.2×10⁷."""
+
+    def written_out(number):
+        mantissa, exponent = number[1], int(number[2])
+        if -6 <= exponent < 6:
+            return f"{Decimal(number[0]):f}"
+        return f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPTS)}"
+
+    return re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([-+]\d+)\b", written_out, text)
 
 
 @dataclass(frozen=True)
 class Estimate:
     """A number with its 95 % interval, or a refusal that still says what the data do support.
 
-    ``str`` writes it in the unit of the trade: ``0.3 (0.2 to 0.4) °/√h``, or ``unresolved (at most
-    3 µg)``. A format writes it in its own unit: ``f"{share:.1%}"``, ``f"{error:.2f}"``.
+    ``str`` writes it in the unit of the trade, rounded by the width of the interval: ``0.3 (0.2 to
+    0.4) °/√h``, or ``unresolved (at most 3 µg)``. A format writes it in its own unit, each number
+    as it says: ``f"{share:.1%}"``, ``f"{error:.2f}"``.
 
     Attributes
     ----------
@@ -230,23 +254,27 @@ class Estimate:
     @property
     def value_text(self):
         """The value in its customary unit, ``0.3 °/√h``; None where it is not resolved."""
-        return None if self.value is None else f"{self._number(self.value)}{self._unit}"
+        number, unit = self._customary()
+        return None if self.value is None else f"{number(self.value)}{unit}"
 
     @property
     def interval_text(self):
         """The interval in its customary unit, ``0.2 to 0.4 °/√h``; a bound where a side is open."""
-        return self.between(self._number) + (self._unit if self._ends() else "")
+        number, unit = self._customary()
+        return self.between(number) + (unit if self._ends() else "")
 
     def __str__(self):
         """Write value and interval, or the refusal's bound, in the customary unit."""
-        return self._written(self._number, self._unit)
+        return self._written(*self._customary())
 
     def __format__(self, spec):
         """Write value and interval in their own unit, each number as `spec` says."""
         if not spec:
             return str(self)
         unit = pretty(self.unit)
-        return self._written(lambda number: format(number, spec), f" {unit}" if unit else "")
+        return self._written(
+            lambda x: without_exponents(format(x, spec)), f" {unit}" if unit else ""
+        )
 
     def _written(self, number, unit):
         between = self.between(number)
@@ -264,14 +292,39 @@ class Estimate:
     def _ends(self):
         return [v for v in (self.low, self.high) if v is not None]
 
-    @property
-    def _unit(self):
-        name = CUSTOMARY.get(self.unit, (1.0, pretty(self.unit)))[1]
-        return f" {name}" if name else ""
+    def _customary(self):
+        """Choose unit and decimals for value and interval together.
 
-    def _number(self, number):
-        """Write a number in three digits, or as many more as keep the interval's ends apart."""
-        factor = CUSTOMARY.get(self.unit, (1.0, ""))[0]
-        ends = [factor * v for v in self._ends()]
-        digits = next((d for d in range(3, 7) if len({f"{v:.{d}g}" for v in ends}) == len(ends)), 3)
-        return engineering(factor * number, digits)
+        The unit is the finest of the datasheets' in which the number stays below 1000. Of its last
+        digit the interval spans 4 to 40, and so does each number, so that the near end of an
+        interval over decades is not rounded away.
+
+        Returns
+        -------
+        number : callable
+            Writes a value that is in `unit` of the estimate.
+        unit : str
+            With a space before it, or empty.
+        """
+        known = [v for v in (self.value, *self._ends()) if v is not None]
+        size = abs(self.value) if self.value else max(map(abs, known), default=0.0)
+        units = CUSTOMARY.get(self.unit, ((1.0, pretty(self.unit)),))
+        factor, name = next((u for u in units if u[0] * size < ENGINEERING), units[-1])
+        size, ends = factor * size, [factor * v for v in known] or [0.0]
+        width = max(ends) - min(ends)
+        around_zero = max(map(abs, ends)) if min(ends) <= 0 <= max(ends) else 0.0
+
+        def number(x):
+            x *= factor
+            if not width or not 1e-5 <= size < 1e6:
+                return engineering(x)
+            least = min(width, around_zero or abs(x)) / 4
+            place = max(_order(least), _order(max(least, abs(x))) - 5)
+            return f"{Decimal(round(x, -place) + 0.0):.{max(-place, 0)}f}"
+
+        return number, f" {name}" if name else ""
+
+
+def _order(x):
+    """Power of ten of the first digit of a number above zero."""
+    return math.floor(math.log10(x) + 1e-9)

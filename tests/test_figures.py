@@ -11,7 +11,16 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from analysis import ROOT, Estimate, WrongUsage, figures, figures_folder, plots
+from analysis import (
+    CUSTOMARY,
+    ROOT,
+    Estimate,
+    WrongUsage,
+    figures,
+    figures_folder,
+    plots,
+    without_exponents,
+)
 
 NAME = "90-test"
 CAPTION = "Deviation of a sensor at rest (95 % bands)."
@@ -269,16 +278,20 @@ def test_guides_that_are_no_data_are_left_out():
 @pytest.mark.parametrize(
     ("estimate", "words"),
     [
-        (Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1 (0.5 to 2) °/√h"),
-        (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1 (0 to 2) °/h"),
+        (Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1.0 (0.5 to 2.0) °/√h"),
+        (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1.0 (0.0 to 2.0) °/h"),
         (Estimate(np.pi / 180 / 60, None, None, "rad/sqrt(s)"), "1 (no bound) °/√h"),
         (
             Estimate(1 / 60, 0.5 / 60, 2 / 60, "rad/s/sqrt(s)"),
-            "206000 (103000 to 413000) °/h/√h",
+            "210000 (100000 to 410000) °/h/√h",
         ),
-        (Estimate(18.0, 12.0, 24.0, "deg/h*sqrt(s)"), "0.3 (0.2 to 0.4) °/√h"),
+        (Estimate(18.0, 12.0, 24.0, "deg/h*sqrt(s)"), "0.30 (0.20 to 0.40) °/√h"),
+        (Estimate(1000e-6, 997e-6, 1003e-6, "g"), "1.000 (0.997 to 1.003) mg"),
+        (Estimate(5.0, 0.05, 9.80665, "m/s^2"), "500 (5 to 1000) mg"),
+        (Estimate(187.0, 112.0, 803.0, "s"), "190 (110 to 800) s"),
+        (Estimate(1.7e7, 0.52, 5.6e14), "1.7×10⁷ (0.52 to 5.6×10¹⁴)"),
         (Estimate(1.0, 0.5, 2.0, "deg/h/sqrt(s)"), "60 (30 to 120) °/h/√h"),
-        (Estimate(127.04, 126.81, 127.27, "deg/h"), "127 (126.8 to 127.3) °/h"),
+        (Estimate(127.04, 126.81, 127.27, "deg/h"), "127.0 (126.8 to 127.3) °/h"),
         (Estimate(5.0, 5.0, 5.0, "s"), "5 (5 to 5) s"),
         (Estimate.refused("s", "", low=12.0), "unresolved (at least 12 s)"),
         (Estimate.refused("g", "", high=3e-6), "unresolved (at most 3 µg)"),
@@ -288,6 +301,39 @@ def test_guides_that_are_no_data_are_left_out():
 def test_estimates_are_written_in_the_units_of_the_trade(estimate, words):
     """Analytic: 1 deg/sqrt(s) is 60 deg/sqrt(h), 1 deg/s is 3600 deg/h, 1 g is 1e6 µg."""
     assert str(estimate) == words
+
+
+def test_value_and_interval_are_rounded_together():
+    """Property: no exponent at any magnitude; nothing moves by over 1/8 of itself or the interval.
+
+    Half a last digit is at most 1/8 of what spans four of them.
+    """
+    rng = np.random.default_rng(14)
+    for unit, units in CUSTOMARY.items():
+        for value in 10 ** rng.uniform(-4.9, 5.9, 40) / units[0][0]:
+            low, high = value * np.exp(10 ** rng.uniform(-4, 0.7, 2) * [-1, 1])
+            words = str(Estimate(value, low, high, unit))
+            *numbers, name = re.fullmatch(
+                r"([\d.]+) \(([\d.]+) to ([\d.]+)\) ?(.*)", words
+            ).groups()
+            factor = next(factor for factor, known in units if known == name)
+            for written, exact in zip(map(float, numbers), (value, low, high), strict=True):
+                slack = max(min(exact, high - low) / 8 * factor, exact * factor * 1e-5)
+                assert abs(written - factor * exact) < 1.001 * slack, (words, value, low, high)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1e+03 s", "1000 s"),
+        ("a 2.5e-05", "a 0.000025"),
+        ("3e-09", "3×10⁻⁹"),
+        ("x1e+03.csv", "x1e+03.csv"),
+    ],
+)
+def test_exponents_are_written_out(text, words):
+    """Analytic: 1e+03 is 1000; what is part of a name stays."""
+    assert without_exponents(text) == words
 
 
 @pytest.mark.parametrize(
