@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from analysis import logs, replacing, store
-from analysis.studies import rides, surveys
+from analysis.studies import rides, several_units, surveys
 
 MAKERS = {
     store.TRACK: surveys.test_track,
@@ -19,6 +19,15 @@ MAKERS = {
     "tracker-racebox": partial(rides.turned, "racebox"),
     "tracker-car": partial(rides.turned, "car"),
     "tracker-drive": partial(rides.turned, "phone-drive"),
+    "parkway": several_units.parkway,
+    "five-receivers": several_units.five_receivers,
+    "turin": several_units.turin,
+    "comma2k19": several_units.comma,
+    "car-attitude": several_units.car_attitude,
+    "car-roof": several_units.car_roof,
+    "car-bridging": several_units.bridging,
+    "light-aircraft": several_units.light_aircraft,
+    "aerobatic": several_units.aerobatic,
 }
 
 
