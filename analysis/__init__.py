@@ -1,10 +1,12 @@
 """Conventions of this package: units, frames, signs, symbols, and how errors are reported.
 
 The notebooks in ``notebooks/`` tell the story; this package holds what two of them share or what
-needs a test. Each room (``analysis.logs``, ``.noise``, ``.terrain``, ``.tracker``) shows a face:
-the names that its ``__init__`` exports; notebooks import nothing else. Data flow one way only::
+needs a test. Each room (``analysis.logs``, ``.noise``, ``.terrain``, ``.tracker``, ``.units``)
+shows a face: the names that its ``__init__`` exports; notebooks import nothing else. Data flow one
+way only::
 
-    data/ -> logs -> noise, terrain, tracker (pure) -> store, text, plots -> notebooks -> figures
+    data/ -> logs -> noise, terrain, tracker, units (pure) -> store, text, plots
+          -> notebooks -> figures
 
 The pure rooms take and return arrays or small frozen dataclasses. They read no file and draw no
 plot.

@@ -21,12 +21,13 @@ FIGURES = ROOT / "figures"
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 MODULES = sorted((ROOT / "analysis").rglob("*.py"))
 # Which rooms a room may import, besides itself and the conventions in analysis/__init__.py.
-PURE = ("noise", "terrain", "tracker")
+PURE = ("noise", "terrain", "tracker", "units")
 ALLOWED = {
     "logs": set(),
     "noise": set(),
     "terrain": {"noise"},
     "tracker": {"noise", "logs.timeline"},
+    "units": {"noise", "logs.timeline"},
     "text": set(),
     "figures": set(),
     "store": {"logs", *PURE},

@@ -1,0 +1,19 @@
+"""Units side by side: one clock, one frame, their differences and events; without a truth too.
+
+Pure: a `Unit` is arrays that somebody has read. To read in order: frame, clock, differences,
+events.
+"""
+
+from analysis.units.clock import clock_offset
+from analysis.units.differences import differences, trajectory_metrics
+from analysis.units.events import find_events
+from analysis.units.frame import Unit, local_tracks
+
+__all__ = [
+    "Unit",
+    "clock_offset",
+    "differences",
+    "find_events",
+    "local_tracks",
+    "trajectory_metrics",
+]

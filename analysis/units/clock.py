@@ -1,0 +1,310 @@
+"""Offset and drift between the clocks of two units that travelled together.
+
+Two steps. The lag at which the two tracks fit best, found for all lags at once by Fourier
+transform: the variance of the position difference, or of the difference of turn rates where there
+are only attitudes. Then least squares on the position difference along the velocity::
+
+    d = p_b - p_a = v (delta + drift (t - t_m)) + C(course) l + c + noise
+
+with a lever arm l (body axes) and a shift of datum c, which would otherwise be read as time.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from analysis import CannotAnswer, Estimate
+from analysis.noise.position import effective_samples
+from analysis.units.frame import Track, interpolated, rate, unwrapped
+
+STEP_S = 0.5  # of the grid on which lags are tried; coarser where both logs are slower
+LEAST_S = 30.0  # of common time
+LEAST_M = 30.0  # standard deviation of the positions in the common time
+LEAST_DEG_S = 1.0  # of the rates of turn, where there are only attitudes
+SHARE = 0.25  # of the shorter log's motion, at least, in the common time
+LEVER_M, DATUM_M = 3.0, 300.0  # what a lever arm and a shift of datum may be (1 sigma, assumed)
+DRIFT = 1e-4  # s/s: what a clock may drift (1 sigma, assumed); crystals keep 1e-5 to 1e-4
+OFF_TRACK = 6.0  # robust standard deviations at which an epoch is left out
+SAME_JOURNEY = 5.0  # ratio of along- to cross-track scatter beyond which it is another journey
+ALONG_M = 25.0  # along-track scatter that is always allowed
+SAME_M = 100.0  # median difference, constant shift taken out, beyond any receiver's error
+FEWEST_SAMPLES = 20  # of common attitudes
+THIN_S = 1.0  # between epochs when lags are compared
+ENOUGH_S = 1e-4  # step at which the refinement ends
+HOUR_S, LEAP_S, GPS_EPOCH_S = 3600.0, 18.0, 315_964_800.0
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How the clock of one unit (b) stands to that of another (a).
+
+    Attributes
+    ----------
+    offset_s : Estimate, s
+        Time by a minus time by b, at ``middle_s``. Refused where it cannot be found; then the
+        stamps are taken as they are.
+    drift : Estimate, s/s
+    middle_s : float
+        Time by b at which the offset holds, s.
+    named : str
+        What the offset is, if it is a known one: "5 h (time zone) and -1.00 s".
+    """
+
+    offset_s: Estimate
+    drift: Estimate
+    middle_s: float = 0.0
+    named: str = ""
+
+    def to_first(self, t: np.ndarray) -> np.ndarray:
+        """Turn times by b into times by a."""
+        return t + (self.offset_s.value or 0.0) + (self.drift.value or 0.0) * (t - self.middle_s)
+
+
+def clock_offset(a: Track, b: Track) -> Clock:
+    """Estimate offset and drift of the clock of b against that of a.
+
+    Parameters
+    ----------
+    a, b : Track
+        On their own clocks, in one frame.
+
+    Returns
+    -------
+    Clock
+
+    Raises
+    ------
+    CannotAnswer
+        If there is no motion, no common time, or if the tracks are not of one journey.
+    """
+    both = f"{a.name} and {b.name}"
+    if a.fixed.sum() >= 3 and b.fixed.sum() >= 3:
+        signals = [(t.t_s, t.enu[:, :2]) for t in (a, b)]
+        least = LEAST_M
+    elif len(a.attitude_t_s) and len(b.attitude_t_s):
+        # Absolute rates: whether signs agree is not known yet.
+        signals = [
+            (t.attitude_t_s, np.abs(rate(t.attitude_t_s, unwrapped(t.attitude), 1.0)))
+            for t in (a, b)
+        ]
+        least = LEAST_DEG_S
+    else:
+        raise CannotAnswer(f"{both} share neither positions nor an attitude: nothing to compare")
+    moves = [np.sqrt(np.nanvar(x, axis=0).sum()) for _, x in signals]
+    for track, motion in zip((a, b), moves, strict=True):
+        if not motion > least:
+            raise CannotAnswer(
+                f"{track.name} does not move (its scatter is {motion:.2g} "
+                f"{'m' if least == LEAST_M else 'deg/s'}), so its clock cannot be found by motion"
+            )
+    lags = list(_best_lags(signals[0], signals[1], least))
+    if not lags:
+        raise CannotAnswer(
+            f"{both} have no {LEAST_S:.0f} s of common motion at any clock offset: they did not "
+            "travel together, or one of them hardly moves"
+        )
+    if least == LEAST_DEG_S:
+        return _by_attitude(a, b, lags[0])
+    thin = [t.every(THIN_S) for t in (a, b)]
+    fits = [fit for lag in lags if (fit := _refined(thin[0], thin[1], lag)) is not None]
+    if not fits:
+        raise CannotAnswer(f"{both} have no common epochs while they move")
+    best = min(fits, key=lambda fit: fit.scatter)
+    best = _refined(a, b, best.lag) or best
+    if best.along > max(ALONG_M, SAME_JOURNEY * best.cross) or best.scatter > SAME_M:
+        raise CannotAnswer(
+            f"{both} were not on one journey at one time: at the best clock offset "
+            f"({best.lag:.0f} s) they still differ by {best.along:.0f} m along the track and "
+            f"{best.cross:.0f} m across"
+        )
+    return Clock(best.offset, best.drift, best.middle, named_offset(best.offset, a, b))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    lag: float
+    offset: Estimate
+    drift: Estimate
+    middle: float
+    scatter: float  # m, of the position difference
+    along: float
+    cross: float
+
+
+def _best_lags(one, other, least) -> Iterator[float]:
+    """Yield the lags (time by a minus time by b) at which the tracks fit best, best first.
+
+    The variance about the mean of x_a(t) - x_b(t - lag) for all lags at once, from four
+    correlations; only lags at which enough of the motion is common.
+    """
+    slow = max(float(np.median(np.diff(t))) for t, _ in (one, other))
+    step = max(STEP_S, slow / 2)
+    grids, masks = [], []
+    for t, x in (one, other):
+        grid = np.arange(t[0], t[-1] + step, step)
+        values = interpolated(grid, t, x)
+        mask = np.isfinite(values).all(axis=1)
+        grids.append(np.where(mask[:, None], values - np.nanmedian(x, axis=0), 0.0))
+        masks.append(mask.astype(float))
+    size = fft.next_fast_len(len(masks[0]) + len(masks[1]), real=True)
+    scale = np.sqrt(sum(np.mean(g**2) for g in grids))  # keeps the sums well scaled
+
+    def correlation(x, y):
+        spectrum = fft.rfft(x, size, axis=0) * np.conj(fft.rfft(y, size, axis=0))
+        return fft.irfft(spectrum, size, axis=0)
+
+    (xa, xb), (wa, wb) = [g / scale for g in grids], masks
+    n = np.maximum(correlation(wa, wb), 1e-9)
+    sums = [correlation(xa, wb[:, None]), correlation(wa[:, None], xb)]
+    squares = [correlation((xa**2).sum(axis=1), wb), correlation(wa, (xb**2).sum(axis=1))]
+    mean = [s / n[:, None] for s in sums]
+    total = squares[0] + squares[1] - 2 * correlation(xa, xb).sum(axis=1)
+    variance = total / n - ((mean[0] - mean[1]) ** 2).sum(axis=1)
+    motion = [q / n - (m**2).sum(axis=1) for q, m in zip(squares, mean, strict=True)]
+    mean_motion = min(float((x**2).sum() / max(w.sum(), 1)) for x, w in ((xa, wa), (xb, wb)))
+    enough = (n * step >= LEAST_S) & (np.minimum(*motion) > (least / scale) ** 2)
+    shorter = min(w.sum() for w in masks)
+    enough &= np.minimum(*motion) * n > SHARE**2 * mean_motion * shorter
+    shifts = np.arange(size)
+    shifts[shifts > len(masks[0])] -= size
+    score = np.where(
+        enough, np.maximum(variance, 0) / np.maximum(np.minimum(*motion), 1e-12), np.inf
+    )
+    lowest = (score <= np.roll(score, 1)) & (score <= np.roll(score, -1)) & np.isfinite(score)
+    order = np.flatnonzero(lowest)[np.argsort(score[lowest])][:8]
+    for k in order:
+        yield one[0][0] - other[0][0] + step * float(shifts[k])
+
+
+def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
+    """Refine a lag by least squares, with the epochs off the track left out."""
+    p, q = a.enu[:, :2], b.enu[:, :2]
+    velocity = rate(a.t_s, p, 1.0)
+    slower = a.fixed.sum() <= b.fixed.sum()
+    for _ in range(8):
+        t = a.t_s[a.fixed] if slower else b.t_s[b.fixed] + lag
+        v = interpolated(t, a.t_s, velocity)
+        d = interpolated(t, b.t_s + lag, q) - interpolated(t, a.t_s, p)
+        good = np.isfinite(d + v).all(axis=1)
+        t, d, v = t[good], d[good], v[good]
+        if len(t) < 10 or np.ptp(t) < LEAST_S / 2:
+            return None
+        speed = np.hypot(*v.T)
+        # At a standstill the direction is unknown: the lever arm counts from walking pace up.
+        heading = v / np.maximum(speed, 1e-9)[:, None] * (speed > 1.0)[:, None]
+        along, cross = heading, heading[:, ::-1] * [1, -1]
+        middle = float(t.mean())
+        columns = [v, v * (t - middle)[:, None], along, cross]
+        columns += [np.broadcast_to(e, v.shape) for e in np.eye(2)]
+        x = np.stack(columns, axis=-1)  # (n, 2, 6)
+        prior = np.array([np.inf, DRIFT, LEVER_M, LEVER_M, DATUM_M, DATUM_M])
+        # b late by delta shows b where a was: p_b = p_a - v delta at the same stamp.
+        beta, residual, covariance, use = _least_squares(x, d, prior)
+        lag += float(beta[0])
+        if abs(beta[0]) < ENOUGH_S:
+            break
+    half, slope = 1.96 * np.sqrt(np.diag(covariance)[:2]), float(beta[1])
+    offset = Estimate(lag, float(lag - half[0]), float(lag + half[0]), "s")
+    drift = Estimate(slope, float(slope - half[1]), float(slope + half[1]), "s/s")
+    moving = use & (speed > 1.0)
+    parts = [np.abs((residual * e).sum(axis=1)[moving]) for e in (along, cross)]
+    if not moving.any():
+        return None
+    along_m, cross_m = (1.4826 * float(np.median(p)) for p in parts)
+    scatter = float(np.median(np.hypot(*residual.T)))
+    return _Fit(lag, offset, drift, middle - lag, scatter, along_m, cross_m)
+
+
+def _least_squares(x, d, prior):
+    """Solve d = x beta with Gaussian priors about zero, robustly; correlated residuals counted.
+
+    Returns beta, residuals, covariance and the epochs that were used. The covariance takes as many
+    independent samples as the residuals have (`noise.position.effective_samples`).
+    """
+    use, spread = np.ones(len(d), dtype=bool), 1.0
+    beta = np.zeros(x.shape[-1])
+    covariance = np.eye(x.shape[-1])
+    for _ in range(4):
+        rows, right = x[use].reshape(-1, x.shape[-1]), d[use].ravel()
+        weight = spread**2
+        normal = rows.T @ rows / weight + np.diag(1 / prior**2)
+        scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        covariance = np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True)
+        covariance *= np.outer(scale, scale)
+        beta = covariance @ (rows.T @ right / weight)
+        residual = d - x @ beta
+        size = np.hypot(*residual.T) if residual.shape[1] == 2 else np.abs(residual).max(axis=1)
+        robust = 1.4826 * float(np.median(size))
+        use = size <= OFF_TRACK * max(robust, 1e-6)
+        kept = residual[use]
+        inflation = max(len(kept) / effective_samples(column) for column in kept.T)
+        spread = max(float(np.sqrt(np.mean(kept**2) * inflation)), 1e-9)
+    return beta, residual, covariance, use
+
+
+def _by_attitude(a: Track, b: Track, lag: float) -> Clock:
+    """Refine a lag on attitudes alone; signs of the axes are found on the way."""
+    drift = Estimate.refused("s/s", "not estimated from attitudes alone")
+    for _ in range(8):
+        t = a.attitude_t_s
+        rates = interpolated(t, a.attitude_t_s, rate(t, unwrapped(a.attitude), 0.5))
+        moved = interpolated(t, b.attitude_t_s + lag, unwrapped(b.attitude))
+        d = moved - unwrapped(a.attitude)
+        good = np.isfinite(d + rates).all(axis=1)
+        if good.sum() < FEWEST_SAMPLES:
+            raise CannotAnswer(f"{a.name} and {b.name} have no common attitude samples")
+        x = np.zeros((int(good.sum()), 3, 4))
+        signs = [
+            np.sign(np.corrcoef(p[good], q[good])[0, 1])
+            for p, q in zip(unwrapped(a.attitude).T, moved.T, strict=True)
+        ]
+        d = signs * moved[good] - unwrapped(a.attitude)[good]
+        x[:, :, 0] = rates[good]
+        x[:, [0, 1, 2], [1, 2, 3]] = 1.0
+        prior = np.array([np.inf, 360.0, 360.0, 360.0])
+        beta, _, covariance, _ = _least_squares(x, d, prior)
+        lag += float(beta[0])
+        if abs(beta[0]) < ENOUGH_S:
+            break
+    half = 1.96 * float(np.sqrt(covariance[0, 0]))
+    offset = Estimate(lag, lag - half, lag + half, "s")
+    return Clock(offset, drift, float(np.median(t)) - lag, named_offset(offset, a, b))
+
+
+def named_offset(offset: Estimate, a: Track, b: Track) -> str:
+    """Name an offset that is known: whole hours of a time zone, leap seconds, the GPS epoch.
+
+    Returns
+    -------
+    str
+        Empty where it is none of these.
+    """
+    value = offset.value or 0.0
+    within = max(1.5, abs(value - (offset.low or value)))
+    rest, parts = value, []
+    for sign in (1, -1):
+        if abs(sign * value - GPS_EPOCH_S) < 7 * 86400:
+            parts.append("seconds since 1970 against seconds since the GPS epoch of 1980")
+            rest = value - sign * GPS_EPOCH_S
+    days = round(rest / 86400) if abs(rest) > 15 * HOUR_S else 0
+    if days and abs(rest - 86400 * days) < 15 * HOUR_S and not parts:
+        parts.append(f"{days} d")
+        rest -= 86400 * days
+    quarters = round(rest / (HOUR_S / 4))
+    if quarters and abs(quarters) <= 56 and _near(rest - quarters * HOUR_S / 4, within):
+        parts.append(f"{quarters / 4:g} h (a time zone)")
+        rest -= quarters * HOUR_S / 4
+    if abs(abs(rest) - LEAP_S) < min(within, 0.9):
+        first, second = ("GPS", "UTC") if rest > 0 else ("UTC", "GPS")
+        parts.append(f"{LEAP_S:.0f} leap seconds ({a.name} in {first} time, {b.name} in {second})")
+        rest -= np.sign(rest) * LEAP_S
+    if not parts or not _near(rest, within):
+        return ""
+    return " and ".join([*parts, *([f"{rest:+.2f} s"] if abs(rest) >= 0.01 else [])])
+
+
+def _near(rest, within):
+    """Tell whether what is left is small, or the leap seconds and something small."""
+    return min(abs(rest), abs(abs(rest) - LEAP_S)) <= within

@@ -1,0 +1,246 @@
+"""Differences between two units on one clock, and their size with intervals.
+
+The intervals count independent samples: a quantile has those of the indicator of being beyond it,
+a root mean square those of the squares (`noise.position.effective_samples`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis import CannotAnswer, Estimate, wrap
+from analysis.noise.position import effective_samples
+from analysis.units.frame import Track, interpolated, rate, unwrapped
+
+MOVING_M_S = 1.0  # above it the direction of travel is known
+TURN_S = 2.0  # width of the difference that gives the rate of turn
+FEWEST = 10.0  # independent samples below which there is no interval
+FEWEST_EPOCHS = 10  # common ones
+ANGLES = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class Differences:
+    """Unit b minus unit a at common epochs: positions (n), attitudes (m); either may be empty.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    enu : ndarray, shape (n, 3)
+        East, north, up, m; up may be NaN.
+    along_m, cross_m : ndarray, shape (n,)
+        Along the velocity of a and to its right; NaN below 1 m/s.
+    speed_m_s, turn_deg_s : ndarray, shape (n,)
+        Of a; turn positive to the right, NaN below 1 m/s.
+    attitude_t_s : ndarray, shape (m,)
+    attitude : ndarray, shape (m, 3)
+        Roll, pitch, yaw, deg, wrapped to (-180, 180].
+    attitude_turn_deg_s : ndarray, shape (m,)
+        Rate of the yaw of a.
+    """
+
+    t_s: np.ndarray
+    enu: np.ndarray
+    along_m: np.ndarray
+    cross_m: np.ndarray
+    speed_m_s: np.ndarray
+    turn_deg_s: np.ndarray
+    attitude_t_s: np.ndarray
+    attitude: np.ndarray
+    attitude_turn_deg_s: np.ndarray
+
+    @property
+    def horizontal_m(self) -> np.ndarray:
+        """Horizontal distance between the units, (n,), m."""
+        return np.hypot(self.enu[:, 0], self.enu[:, 1])
+
+
+def differences(a: Track, b: Track) -> Differences:
+    """Subtract unit a from unit b at the epochs of the one that has fewer.
+
+    Parameters
+    ----------
+    a, b : Track
+        On one clock (`Track.shifted`) and in one frame.
+
+    Returns
+    -------
+    Differences
+
+    Raises
+    ------
+    CannotAnswer
+        If they have no common epochs.
+    """
+    start, stop = (f(_ends(a)[k], _ends(b)[k]) for k, f in ((0, max), (1, min)))
+    t = _common(a.t_s[a.fixed], b.t_s[b.fixed], start, stop)
+    here, there = (interpolated(t, u.t_s, u.enu) for u in (a, b))
+    flat = [interpolated(t, u.t_s, u.enu[:, :2]) for u in (a, b)]  # where only heights are missing
+    enu = there - here
+    enu[:, :2] = flat[1] - flat[0]
+    v = rate(a.t_s, a.enu[:, :2], 1.0)
+    v = interpolated(t, a.t_s, np.where(np.isfinite(v), v, a.velocity))
+    good = np.isfinite(enu[:, :2]).all(axis=1)
+    t, enu, v = t[good], enu[good], v[good]
+    speed = np.hypot(*v.T)
+    with np.errstate(invalid="ignore"):
+        course = np.where(speed > MOVING_M_S, np.degrees(np.arctan2(*v.T)), np.nan)
+    sin, cos = np.sin(np.radians(course)), np.cos(np.radians(course))
+    angle_t = _common(a.attitude_t_s, b.attitude_t_s, -np.inf, np.inf)
+    angles = [interpolated_angles(angle_t, u) for u in (a, b)]
+    known = np.isfinite(angles[1] - angles[0]).any(axis=1) if len(angle_t) else slice(0)
+    if not len(t) and not np.any(known):
+        raise CannotAnswer(
+            f"{a.name} and {b.name} have no epoch in common: {a.name} runs from "
+            f"{_ends(a)[0]:.0f} s to {_ends(a)[1]:.0f} s, {b.name} from {_ends(b)[0]:.0f} s to "
+            f"{_ends(b)[1]:.0f} s on the same clock"
+        )
+    turning = rate(angle_t, angles[0][:, 2:], TURN_S)[:, 0]
+    return Differences(
+        t,
+        enu,
+        enu[:, 0] * sin + enu[:, 1] * cos,
+        enu[:, 0] * cos - enu[:, 1] * sin,
+        speed,
+        rate(t, unwrapped(course[:, None]), TURN_S)[:, 0],
+        angle_t[known],
+        wrap(angles[1] - angles[0])[known],
+        turning[known],
+    )
+
+
+def _ends(track):
+    """First and last time with a position or an attitude."""
+    t = np.concatenate([track.t_s[track.fixed], track.attitude_t_s])
+    return (float(t.min()), float(t.max())) if len(t) else (np.inf, -np.inf)
+
+
+def _common(one, other, start, stop):
+    """Take the epochs of the slower of two series, where both last."""
+    if not len(one) or not len(other):
+        return np.empty(0)
+    start = max(start, one[0], other[0])
+    stop = min(stop, one[-1], other[-1])
+    inside = [t[(t >= start) & (t <= stop)] for t in (one, other)]
+    return min(inside, key=len)
+
+
+def interpolated_angles(t: np.ndarray, track: Track) -> np.ndarray:
+    """Interpolate roll, pitch and yaw, each on its own; continuous over the ends of a turn.
+
+    Returns
+    -------
+    ndarray, shape (k, 3), deg
+    """
+    angles = unwrapped(track.attitude)
+    columns = [interpolated(t, track.attitude_t_s, angles[:, [k]]) for k in range(3)]
+    return np.hstack(columns) if len(t) else np.empty((0, 3))
+
+
+def trajectory_metrics(d: Differences) -> dict[str, Estimate]:
+    """Measure position, height and attitude differences as the field reports them.
+
+    Parameters
+    ----------
+    d : Differences
+
+    Returns
+    -------
+    dict of str to Estimate
+        Of the horizontal distance r as it is: ``p50_m``, ``p95_m``, ``max_m`` (a lower bound: a
+        longer log has a larger one). About the mean difference, which takes a constant shift
+        out: ``cep_m`` (median), ``r95_m``, ``drms2_m`` = 2 sqrt(var east + var north). Root mean
+        squares: ``along_rms_m``, ``cross_rms_m``. ``height_mean_m`` and, about it, ``height_sd_m``;
+        ``roll_mean_deg``, ``roll_sd_deg``, ``roll_rms_deg``, and so on. What a log does not have
+        is left out.
+    """
+    out: dict[str, Estimate] = {}
+    if len(d.t_s) >= FEWEST_EPOCHS:
+        r, about = d.horizontal_m, d.enu[:, :2] - d.enu[:, :2].mean(axis=0)
+        spread = np.hypot(*about.T)
+        out |= {"p50_m": quantile(r, 0.5, "m"), "p95_m": quantile(r, 0.95, "m")}
+        most = float(r.max())
+        out["max_m"] = Estimate(most, most, None, "m", note=f"at {d.t_s[r.argmax()]:.1f} s")
+        out |= {"cep_m": quantile(spread, 0.5, "m"), "r95_m": quantile(spread, 0.95, "m")}
+        out["drms2_m"] = root_mean_square(spread, "m").scaled(2.0, "m")
+        for name, x in (("along", d.along_m), ("cross", d.cross_m)):
+            if np.isfinite(x).sum() >= FEWEST_EPOCHS:
+                out[f"{name}_rms_m"] = root_mean_square(x, "m")
+        if np.isfinite(d.enu[:, 2]).sum() >= FEWEST_EPOCHS:
+            out |= _about(d.enu[:, 2], "height", "m")
+    for name, x in zip(ANGLES, d.attitude.T, strict=True):
+        if np.isfinite(x).sum() >= FEWEST_EPOCHS:
+            out[f"{name}_rms_deg"] = root_mean_square(x, "deg")
+            out |= _about(x, name, "deg")
+    return out
+
+
+def _about(x, name, unit):
+    """Mean and standard deviation, with intervals."""
+    x = x[np.isfinite(x)]
+    n, mean = effective_samples(x), float(x.mean())
+    half = 1.96 * float(x.std()) / np.sqrt(n) if n >= FEWEST else None
+    ends = (None, None) if half is None else (mean - half, mean + half)
+    return {
+        f"{name}_mean_{unit}": Estimate(mean, *ends, unit, note=_note(n, half is None)),
+        f"{name}_sd_{unit}": root_mean_square(x - mean, unit),
+    }
+
+
+def quantile(x: np.ndarray, q: float, unit: str) -> Estimate:
+    """Estimate a quantile; the interval runs between order statistics. ::
+
+        q -+ 1.96 sqrt(q (1 - q) / N),    N the independent samples of [x > x_q]
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        NaN where there is no value.
+    q : float
+    unit : str
+
+    Returns
+    -------
+    Estimate
+        Its upper end is open where the log is too short for it.
+    """
+    x = x[np.isfinite(x)]
+    value = float(np.quantile(x, q))
+    n = effective_samples((x > value).astype(float))
+    if n < FEWEST:
+        return Estimate(value, None, None, unit, note=_note(n, True))
+    half = 1.96 * np.sqrt(q * (1 - q) / n)
+    low = float(np.quantile(x, max(q - half, 0.0)))
+    high = float(np.quantile(x, q + half)) if q + half < 1 else None
+    return Estimate(value, low, high, unit, note=_note(n, False))
+
+
+def root_mean_square(x: np.ndarray, unit: str) -> Estimate:
+    """Estimate a root mean square from correlated values. ::
+
+        log interval +- 1.96 sd(x^2) / (2 mean(x^2) sqrt(N)),   N the independent samples of x^2
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        NaN where there is no value.
+    unit : str
+
+    Returns
+    -------
+    Estimate
+    """
+    square = x[np.isfinite(x)] ** 2
+    mean = float(square.mean())
+    value = float(np.sqrt(mean))
+    n = effective_samples(square)
+    if n < FEWEST or mean == 0:
+        return Estimate(value, None, None, unit, note=_note(n, True))
+    half = 0.98 * float(square.std()) / (mean * np.sqrt(n))
+    ends = value * np.exp([-half, half])
+    return Estimate(value, float(ends[0]), float(ends[1]), unit, note=_note(n, False))
+
+
+def _note(n, few):
+    """Say how many independent samples there are."""
+    return f"about {n:.0f} independent samples" + (": too few for an interval" if few else "")

@@ -1,0 +1,324 @@
+"""Units that travelled together, and their tracks in one local frame (east, north, up).
+
+A `Unit` is what a log gives, on its own clock and in degrees. A `Track` is the same in metres, on
+the tangent plane at the first unit's median position.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+import numpy as np
+import pymap3d
+
+from analysis import CannotAnswer
+from analysis.logs.timeline import Timeline
+
+RENEWED_S = 1.5  # a position that repeats for less is a slow output, not a standstill
+SMOOTH_S = 1.0  # width of the difference that gives velocity and rates of turn
+FEWEST = 10  # epochs with a position, or with an attitude
+APART_M = 50e3  # farther from each other at all times, two units made no common journey
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What one unit logged; positions have shape (n,), attitudes (m,), both may be empty.
+
+    Attributes
+    ----------
+    name : str
+    t_s, attitude_t_s : ndarray
+        Seconds on the unit's own clock, strictly rising.
+    lat_deg, lon_deg, height_m, speed_m_s, course_deg : ndarray, shape (n,)
+        NaN where there is no fix or no value.
+    roll_deg, pitch_deg, yaw_deg : ndarray, shape (m,)
+    clock : str
+        "unix", "day" (seconds of some day) or "device".
+    """
+
+    name: str
+    t_s: np.ndarray
+    lat_deg: np.ndarray
+    lon_deg: np.ndarray
+    height_m: np.ndarray
+    speed_m_s: np.ndarray
+    course_deg: np.ndarray
+    attitude_t_s: np.ndarray
+    roll_deg: np.ndarray
+    pitch_deg: np.ndarray
+    yaw_deg: np.ndarray
+    clock: str = "device"
+
+    @classmethod
+    def of(cls, name: str, timeline: Timeline) -> "Unit":
+        """Take positions and attitude of a log that was read.
+
+        Parameters
+        ----------
+        name : str
+        timeline : analysis.logs.Timeline
+
+        Returns
+        -------
+        Unit
+
+        Raises
+        ------
+        CannotAnswer
+            If the log has neither positions nor an attitude, or none but a few.
+        """
+        zero, clock = timeline.zero_s, timeline.clock
+        if clock == "day" and timeline.start_utc:  # the log states the date as well
+            start = datetime.fromisoformat(timeline.start_utc.replace("Z", "+00:00"))
+            zero, clock = start.timestamp(), "unix"
+        empty = np.empty(0)
+        parts: dict[str, np.ndarray] = dict.fromkeys(cls.__annotations__, empty)
+        if (gnss := timeline.gnss) is not None:
+            parts |= {k: v for k, v in vars(gnss).items() if k in parts} | {"t_s": zero + gnss.t_s}
+            blank = ~gnss.has_fix
+            parts |= {k: np.where(blank, np.nan, parts[k]) for k in ("lat_deg", "lon_deg")}
+        if (attitude := timeline.attitude) is not None:
+            parts |= {k: v for k, v in vars(attitude).items() if k != "t_s"}
+            parts["attitude_t_s"] = zero + attitude.t_s
+        fixes = int(np.isfinite(parts["lat_deg"]).sum())
+        if max(fixes, len(parts["attitude_t_s"])) < FEWEST:
+            raise CannotAnswer(
+                f"{name}: {fixes} epochs with a position and {len(parts['attitude_t_s'])} with an "
+                "attitude: too few to compare with another unit"
+            )
+        return cls(**parts | {"name": name, "clock": clock})
+
+
+@dataclass(frozen=True)
+class Track:
+    """A unit in the local frame.
+
+    Attributes
+    ----------
+    name : str
+    t_s : ndarray, shape (n,)
+        s; on the unit's own clock until `shifted`.
+    enu : ndarray, shape (n, 3)
+        East, north, up of the common origin, m; NaN where there is no fix.
+    velocity : ndarray, shape (n, 2)
+        East and north, m/s: as reported, otherwise from the positions.
+    attitude_t_s : ndarray, shape (m,)
+    attitude : ndarray, shape (m, 3)
+        Roll, pitch, yaw, deg.
+    clock : str
+        Of ``t_s``: "unix", "day" or "device".
+    """
+
+    name: str
+    t_s: np.ndarray
+    enu: np.ndarray
+    velocity: np.ndarray
+    attitude_t_s: np.ndarray
+    attitude: np.ndarray
+    clock: str = "device"
+
+    @property
+    def fixed(self) -> np.ndarray:
+        """Epochs with a position, (n,) of bool."""
+        return np.isfinite(self.enu[:, 0])
+
+    @property
+    def speed(self) -> np.ndarray:
+        """Ground speed, (n,), m/s."""
+        return np.hypot(*self.velocity.T)
+
+    def shifted(self, to_common) -> "Track":
+        """The same track with its times changed.
+
+        Parameters
+        ----------
+        to_common : callable
+            Takes and returns an array of times, s; such as `clock.Clock.to_first`.
+        """
+        return replace(self, t_s=to_common(self.t_s), attitude_t_s=to_common(self.attitude_t_s))
+
+    def every(self, step: float) -> "Track":
+        """The track at epochs at least about so many seconds apart."""
+        n, m = (
+            max(1, int(step / np.median(np.diff(t)) + 0.01)) if len(t) > 1 else 1
+            for t in (self.t_s, self.attitude_t_s)
+        )
+        return replace(
+            self,
+            t_s=self.t_s[::n],
+            enu=self.enu[::n],
+            velocity=self.velocity[::n],
+            attitude_t_s=self.attitude_t_s[::m],
+            attitude=self.attitude[::m],
+        )
+
+    def between(self, start: float, stop: float) -> "Track":
+        """The part of the track with start <= t < stop, s."""
+        at = (self.t_s >= start) & (self.t_s < stop)
+        angle = (self.attitude_t_s >= start) & (self.attitude_t_s < stop)
+        return replace(
+            self,
+            t_s=self.t_s[at],
+            enu=self.enu[at],
+            velocity=self.velocity[at],
+            attitude_t_s=self.attitude_t_s[angle],
+            attitude=self.attitude[angle],
+        )
+
+
+def local_tracks(units: Sequence[Unit]) -> list[Track]:
+    """Bring units into one local frame: east, north, up on WGS 84 (pymap3d).
+
+    The origin is the median position of the first unit that has one. A position that is repeated
+    for less than 1.5 s counts once: the output is faster than the receiver. Heights are taken as
+    they are (`conventions` compares datums).
+
+    Parameters
+    ----------
+    units : sequence of Unit
+
+    Returns
+    -------
+    list of Track
+
+    Raises
+    ------
+    CannotAnswer
+        If two units are never within 50 km of each other.
+    """
+    positioned = [u for u in units if np.isfinite(u.lat_deg).any()]
+    origin = (0.0, 0.0, 0.0)
+    if positioned:
+        first = positioned[0]
+        origin = (float(np.nanmedian(first.lat_deg)), float(np.nanmedian(first.lon_deg)), 0.0)
+    tracks = [_track(unit, origin) for unit in units]
+    boxes = {
+        t.name: (np.nanmin(t.enu[:, :2], axis=0), np.nanmax(t.enu[:, :2], axis=0))
+        for t in tracks
+        if t.fixed.any()
+    }
+    for name, (low, high) in list(boxes.items())[1:]:
+        one, (low_1, high_1) = next(iter(boxes.items()))
+        apart = float(np.hypot(*np.maximum(0, np.maximum(low - high_1, low_1 - high))))
+        if apart > APART_M:
+            raise CannotAnswer(
+                f"{one} and {name} are never closer than {apart / 1000:.0f} km: they did not "
+                "travel together"
+            )
+    return tracks
+
+
+def _track(unit: Unit, origin) -> Track:
+    """Put one unit into the frame."""
+    fixed = np.isfinite(unit.lat_deg) & np.isfinite(unit.lon_deg)
+    enu = np.full((len(unit.t_s), 3), np.nan)
+    height = np.where(np.isfinite(unit.height_m), unit.height_m, 0.0)
+    enu[fixed] = np.column_stack(
+        pymap3d.geodetic2enu(
+            unit.lat_deg[fixed], unit.lon_deg[fixed], height[fixed], *origin, deg=True
+        )
+    )
+    # The tangent plane falls away from the Earth by 8 m in 10 km; heights stay what they were.
+    enu[:, 2] = np.where(fixed, unit.height_m, np.nan)
+    keep = ~_repeated(unit.t_s, enu[:, :2])
+    t, enu = unit.t_s[keep], enu[keep]
+    course = np.radians(unit.course_deg[keep])
+    reported = unit.speed_m_s[keep, None] * np.column_stack([np.sin(course), np.cos(course)])
+    derived = rate(t, enu[:, :2], SMOOTH_S)
+    few = np.isfinite(reported).all(axis=1).sum() < 0.5 * np.isfinite(derived).all(axis=1).sum()
+    velocity = derived if few else np.where(np.isfinite(reported), reported, derived)
+    angles = np.column_stack([unit.roll_deg, unit.pitch_deg, unit.yaw_deg])
+    return Track(unit.name, t, enu, velocity, unit.attitude_t_s, angles, unit.clock)
+
+
+def _repeated(t, xy):
+    """Mark epochs that repeat the position of the epoch before, in runs shorter than 1.5 s."""
+    same = np.r_[False, (np.diff(xy, axis=0) == 0).all(axis=1)]
+    start = np.flatnonzero(np.diff(np.r_[False, same].astype(int)) == 1) - 1
+    stop = np.flatnonzero(np.diff(np.r_[same, False].astype(int)) == -1)
+    drop = np.zeros(len(t), dtype=bool)
+    for i, j in zip(start, stop, strict=True):
+        drop[i + 1 : j + 1] = t[j] - t[i] < RENEWED_S
+    return drop
+
+
+def rate(t: np.ndarray, x: np.ndarray, width: float) -> np.ndarray:
+    """Differentiate by a centred difference over a width, or over two epochs if that is longer.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,), s
+    x : ndarray, shape (n, k)
+        NaN where there is no value.
+    width : float, s
+
+    Returns
+    -------
+    ndarray, shape (n, k)
+        Per second; NaN where x is.
+    """
+    out = np.full(x.shape, np.nan)
+    good = np.isfinite(x).all(axis=1)
+    if good.sum() < 3:
+        return out
+    tg, xg = t[good], x[good]
+    half = max(width / 2, float(np.median(np.diff(tg))))
+    ends = np.clip(tg - half, tg[0], None), np.clip(tg + half, None, tg[-1])
+    values = [np.column_stack([np.interp(end, tg, column) for column in xg.T]) for end in ends]
+    out[good] = (values[1] - values[0]) / (ends[1] - ends[0])[:, None]
+    return out
+
+
+def interpolated(t: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Interpolate along a cubic through the neighbours, and not over a gap.
+
+    Parameters
+    ----------
+    t : ndarray, shape (k,), s
+        Where values are wanted.
+    at : ndarray, shape (n,), s
+        Strictly rising.
+    x : ndarray, shape (n, c)
+        NaN where there is no value.
+
+    Returns
+    -------
+    ndarray, shape (k, c)
+        NaN outside, and where the epochs with values are more than 2.5 median intervals (at least
+        1 s) apart.
+    """
+    good = np.isfinite(x).all(axis=1)
+    at, x = at[good], x[good]
+    out = np.full((len(t), x.shape[1]), np.nan)
+    if len(at) < 2:
+        return out
+    slope = np.gradient(x, at, axis=0) if len(at) > 2 else np.diff(x, axis=0) / np.diff(at)[:, None]
+    slope = np.broadcast_to(slope, x.shape)
+    k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 2)
+    step = at[k + 1] - at[k]
+    u = ((t - at[k]) / step)[:, None]
+    inside = (t >= at[0]) & (t <= at[-1])
+    inside &= (step <= max(2.5 * float(np.median(np.diff(at))), 1.0)) | (u[:, 0] == 0)
+    h = step[:, None]
+    value = (1 + 2 * u) * (1 - u) ** 2 * x[k] + u * (1 - u) ** 2 * h * slope[k]
+    value += u**2 * (3 - 2 * u) * x[k + 1] - u**2 * (1 - u) * h * slope[k + 1]
+    out[inside] = value[inside]
+    return out
+
+
+def unwrapped(angles: np.ndarray) -> np.ndarray:
+    """Unwrap angles in degrees along the first axis, over missing values.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (n, k)
+
+    Returns
+    -------
+    ndarray, shape (n, k)
+    """
+    out = np.array(angles, dtype=float)
+    for column in out.T:
+        good = np.isfinite(column)
+        column[good] = np.unwrap(column[good], period=360.0)
+    return out
