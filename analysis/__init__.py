@@ -71,6 +71,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "data"
+FIGURES = ROOT / "figures"  # to be cited; only ``reproduce`` writes there
 STANDARD_GRAVITY = 9.80665  # m/s^2
 ENGINEERING = 1000.0  # from here on a number is written in the next larger unit
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -109,18 +110,22 @@ def _customary_units():
 CUSTOMARY = _customary_units()
 
 
-def figures_folder() -> Path:
-    """Folder the figures go to: ``figures/``, or the one COMPENDIUM_FIGURES names.
+def figures_folder() -> Path | None:
+    """Folder that figures and verdicts go to: the one that COMPENDIUM_FIGURES names.
+
+    ``reproduce`` names ``figures/``, or that of its ``--scratch``, and the tests a temporary one.
+    In a notebook that is run by hand none is named, so that it cannot change what is cited.
 
     Returns
     -------
-    pathlib.Path
+    pathlib.Path or None
     """
-    return Path(os.environ.get("COMPENDIUM_FIGURES", ROOT / "figures"))
+    named = os.environ.get("COMPENDIUM_FIGURES")
+    return Path(named) if named else None
 
 
-class CannotAnswer(Exception):
-    """The data cannot support an answer; the message says why (exit status 1).
+class Refusal(Exception):
+    """One sentence instead of a result, in a notebook too.
 
     Attributes
     ----------
@@ -132,13 +137,16 @@ class CannotAnswer(Exception):
         super().__init__(message)
         self.flags = flags
 
+    def _render_traceback_(self):  # IPython prints these lines in place of a traceback
+        return [f"{type(self).__name__}: {self}"]
 
-class WrongUsage(Exception):
+
+class CannotAnswer(Refusal):
+    """The data cannot support an answer; the message says why (exit status 1)."""
+
+
+class WrongUsage(Refusal):
     """The question was put wrongly; the message says how to put it (exit status 2)."""
-
-    def __init__(self, message, *flags):
-        super().__init__(message)
-        self.flags = flags
 
 
 def wrap(angle, turn=360.0):

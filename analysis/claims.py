@@ -20,7 +20,16 @@ import pandas as pd
 from filelock import FileLock
 from numpy.typing import ArrayLike
 
-from analysis import DATA, Estimate, WrongUsage, engineering, figures_folder, pretty, replacing
+from analysis import (
+    DATA,
+    FIGURES,
+    Estimate,
+    WrongUsage,
+    engineering,
+    figures_folder,
+    pretty,
+    replacing,
+)
 
 __all__ = ["OUTCOMES", "Ledger", "published", "verdicts"]
 
@@ -55,7 +64,7 @@ def verdicts() -> pd.DataFrame:
         paper, where, claim; verdict, and its ``outcome`` without condition or reason; value, low,
         high, unit, and these four in words as ``reproduced``; notebook.
     """
-    path = figures_folder() / "claims.csv"
+    path = (figures_folder() or FIGURES) / "claims.csv"
     known = (
         pd.read_csv(path, dtype={"unit": str}).set_index("id")
         if path.exists()
@@ -146,6 +155,9 @@ def judge_logs(found, agree_low, agree_high):
 
 class Ledger:
     """The verdicts of one notebook; each check is written down at once.
+
+    In a notebook that is run by hand nothing is written: `table` shows the verdicts, and beside one
+    that differs the one in ``figures/claims.csv``.
 
     Parameters
     ----------
@@ -273,9 +285,10 @@ class Ledger:
         -------
         pandas.DataFrame
         """
-        rows = []
+        rows, written = [], verdicts()["verdict"]
         for claim, mine in self._mine.items():
-            theirs = self._published.loc[claim]
+            theirs, cited = self._published.loc[claim], written[claim]
+            other = "" if cited == mine["verdict"] else f" (figures/claims.csv: {cited})"
             rows.append(
                 {
                     "where": theirs["where"],
@@ -284,7 +297,7 @@ class Ledger:
                     "agrees within": "yes" if _asks(theirs) else _interval(theirs),
                     "reproduced": _number(mine["value"], theirs) or "–",
                     "95 % interval": _interval(mine),
-                    "verdict": mine["verdict"],
+                    "verdict": mine["verdict"] + other,
                 }
             )
         return pd.DataFrame(rows)
@@ -329,7 +342,10 @@ class Ledger:
         return verdict
 
     def _write(self):
-        path = figures_folder() / "claims.csv"
+        folder = figures_folder()
+        if folder is None:
+            return
+        path = folder / "claims.csv"
         path.parent.mkdir(parents=True, exist_ok=True)  # for the lock
         mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)
         with FileLock(path.with_suffix(".lock")):  # other notebooks may be writing theirs

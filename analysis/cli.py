@@ -4,13 +4,14 @@ Exit status: 0 good; 1 the data cannot support an answer; 2 wrong usage; 130 sto
 A verb imports what it needs when it runs, so that the help appears at once.
 """
 
+import ast
+import contextlib
 import inspect
 import json
 import math
 import shlex
 import sys
 import tempfile
-from contextlib import contextmanager
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -96,22 +97,23 @@ def _out(about):
     return _option("DIR", about, "--out", callback=_check_folder)
 
 
-def _check_folder(out):
-    """Refuse an --out that cannot be a folder, before any work is done."""
+def _check_folder(param: typer.CallbackParam, out: str | None):
+    """Refuse a folder to write that cannot be one, before any work is done."""
+    option = param.opts[0]
     if out == "":  # a shell variable that is not set
-        raise WrongUsage("--out is empty: name where to write")
+        raise WrongUsage(f"{option} is empty: name where to write")
     if out and Path(out).exists() and not Path(out).is_dir():
-        raise WrongUsage(f"--out {Path(out).name}: there is a file of that name; name a folder")
+        raise WrongUsage(f"{option} {Path(out).name}: there is a file of that name; name a folder")
     return out
 
 
-@contextmanager
-def writing(out):
+@contextlib.contextmanager
+def writing(out, option="--out"):
     """Turn an error of the disk into a sentence."""
     try:
         yield
     except OSError as error:
-        raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
+        raise CannotAnswer(f"{option} {out}: cannot write there ({error.strerror})") from error
 
 
 Number = float | None
@@ -174,25 +176,56 @@ def reproduce(
     at_once: Annotated[
         Count, _option("N", "Notebooks at a time (default one a core, up to 4).", min=1)
     ] = None,
+    scratch: Annotated[
+        Text, _option("DIR", "Write all into this folder instead.", callback=_check_folder)
+    ] = None,
+    parameters: Annotated[
+        Texts,
+        _option("NAME=VALUE", "With --scratch: another value for a parameter; repeatable.", "-p"),
+    ] = None,
 ):
     """Execute the notebooks and redraw figures/.
 
     \b
     python -m analysis reproduce          all notebooks in order, the index last
     python -m analysis reproduce 10 11    two of them, by number
+    python -m analysis reproduce --scratch try 22 -p RUNS=100 -p SEED=7     what if?
+    python -m analysis reproduce --scratch try 90 -p LOG=my.csv
 
-    Rewrites figures/ (PDF, PNG, CSV and claims.csv) and the outputs in the notebooks.
+    Rewrites figures/ (PDF, PNG, CSV and claims.csv) and the outputs in the notebooks; with
+    --scratch it leaves them as they are and writes notebooks, figures and claims into that folder.
+    Ends with each figure and claim that differs from the committed: a verdict, or a number by more
+    than 1e-4 (in claims.csv, which has three digits, 6e-3).
     """
     from analysis import reproduce as runner
 
+    if parameters and not scratch:
+        raise WrongUsage("-p goes with --scratch DIR: figures/ holds what the notebooks state")
+    values = dict(map(_parameter, parameters or ()))
     start = perf_counter()
-    runs = runner.reproduce(notebooks or (), at_once=at_once)
+    with writing(scratch or "figures", "--scratch"):
+        runs, found = runner.reproduce(
+            notebooks or (), at_once=at_once, scratch=scratch, parameters=values
+        )
     seconds = perf_counter() - start
     print(f"{'notebook':<28}{'seconds':>8}{'figures':>9}{'claims checked':>16}")
     for run in runs:
         print(f"{run.notebook:<28}{run.seconds:>8.1f}{run.figures:>9}{run.claims:>16}")
     figures, claims = (sum(getattr(run, name) for run in runs) for name in ("figures", "claims"))
     print(f"{'all, elapsed time':<28}{seconds:>8.1f}{figures:>9}{claims:>16}")
+    print("\nnothing differs from the committed" if not found else "\ndiffers from the committed:")
+    for sentence in found:
+        print(f"  {sentence}")
+
+
+def _parameter(text):
+    """Read NAME=VALUE: a Python literal, the absolute path of a file that is here, or text."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise WrongUsage(f"-p {text}: write NAME=VALUE, such as SEED=3")
+    with contextlib.suppress(ValueError, SyntaxError):
+        return name, ast.literal_eval(value)
+    return name, str(Path(value).resolve()) if Path(value).is_file() else value
 
 
 @app.command()

@@ -24,7 +24,7 @@ from matplotlib.quiver import Quiver
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from analysis import ROOT, WrongUsage, figures_folder
+from analysis import FIGURES, ROOT, WrongUsage, figures_folder
 
 __all__ = ["DOUBLE", "SINGLE", "plt", "save", "use_style"]
 
@@ -48,6 +48,10 @@ STYLE = {
     "savefig.dpi": 130,
     "pdf.fonttype": 42,
 }
+SCRATCH = ROOT / "scratch"  # for a notebook that is run by hand
+# Six digits are written; processors differ in the last of sixteen, which a long sum or an
+# interpolated crossing magnifies. A panel's own size says what is nothing in it.
+RELATIVE, OF_THE_PANEL = 1e-4, 1e-6
 DENSE = 300  # points of an artist: more are thinned to what the picture can show
 VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools", "inertial-compendium")
 
@@ -86,7 +90,8 @@ def save(
     data : dict of str, optional
         Name of each log shown -> its sha256, or what it is.
     to : pathlib.Path, optional
-        Folder; by default `folder`.
+        Folder; by default the one that ``reproduce`` names, and in a notebook that is run by hand
+        ``scratch/``: then a line says so, and what differs from the figure to cite.
     **parameters
         Whatever else decided what is plotted.
 
@@ -95,7 +100,8 @@ def save(
     WrongUsage
         If an artist has no name, or an axis no label.
     """
-    to = figures_folder() if to is None else Path(to)
+    by_hand = to is None and figures_folder() is None
+    to = Path(to or figures_folder() or SCRATCH)
     to.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context({k: STYLE[k] for k in ("savefig.dpi", "pdf.fonttype")}):
         fig.draw_without_rendering()  # lays it out: from here on a point has a place in dots
@@ -117,6 +123,53 @@ def save(
     csv = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     (to / f"{name}.csv").write_text("\n".join(lines) + "\n" + csv, encoding="utf-8")
     _show(fig, caption)
+    if by_hand:
+        other = ", ".join(differences(FIGURES / f"{name}.csv", to / f"{name}.csv"))
+        than = f"differs from figures/ in: {other}" if other else "as in figures/"
+        print(f"{SCRATCH.name}/{name}.pdf, .png and .csv are written; {than}")
+
+
+def differences(was: Path, now: Path) -> list[str]:
+    """Compare the tables of two figures, and where they are from but for the versions.
+
+    Parameters
+    ----------
+    was, now : pathlib.Path
+        As `save` writes them; there may be none.
+
+    Returns
+    -------
+    list of str
+        What differs: the keys of the provenance, and ``numbers``, of which each has to agree to
+        1e-4, or to 1e-6 of the largest in its panel.
+    """
+    if not (was.exists() and now.exists()):
+        return [] if was.exists() == now.exists() else ["gone" if was.exists() else "new"]
+    if was.read_bytes() == now.read_bytes():
+        return []
+    heads, tables = zip(*map(_read, (was, now)), strict=True)
+    keys = dict.fromkeys([*heads[0], *heads[1]])
+    found = [k for k in keys if k != "versions" and heads[0].get(k) != heads[1].get(k)]
+    return found if _close(*tables) else [*found, "numbers"]
+
+
+def _read(path):
+    """Read provenance and numbers of a figure."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    head = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
+    return head, pd.read_csv(path, comment="#")
+
+
+def _close(old, new):
+    if not old[["panel", "series"]].equals(new[["panel", "series"]]):
+        return False
+    for _, rows in old.groupby("panel"):
+        for column in ("x", "y", "y2"):
+            a, b = rows[column].to_numpy(float), new.loc[rows.index, column].to_numpy(float)
+            scale = np.nanmax(np.abs(a)) if np.isfinite(a).any() else 1.0
+            if not np.allclose(b, a, RELATIVE, OF_THE_PANEL * scale, equal_nan=True):
+                return False
+    return True
 
 
 def _picture(fig, dpi):

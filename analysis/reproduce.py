@@ -1,20 +1,31 @@
-"""Execute the notebooks in order, each with a progress bar, and count figures and claims."""
+"""Execute the notebooks in order, each with a progress bar; say what differs from the committed.
 
+`reproduce` alone writes ``figures/``. With a scratch folder it leaves figures, verdicts and
+notebooks as they are, and takes other parameters.
+"""
+
+import ast
 import os
+import shutil
+import tempfile
 import time
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from itertools import groupby
+from pathlib import Path
 
 import nbformat
+import numpy as np
 import pandas as pd
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
 from tqdm import tqdm
 
-from analysis import ROOT, CannotAnswer, WrongUsage, figures_folder
+from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, figures, figures_folder
 
 NOTEBOOKS = ROOT / "notebooks"
+OWN = ("LOG", "OWN", "OWN_LAPS")  # parameters that name logs of the reader
+THREE_DIGITS = 6e-3  # relative, of numbers in claims.csv: half a step of the last digit
 
 
 @dataclass(frozen=True)
@@ -52,11 +63,12 @@ def select(names):
     return [paths[stem] for stem in order(chosen)]
 
 
-def reproduce(names=(), *, at_once=None):
+def reproduce(names=(), *, at_once=None, scratch=None, parameters=None):
     """Execute notebooks, several at once, and write their outputs back into them.
 
     They start in reading order; the index waits for all others. A notebook that fails is left as
-    it was, and so are those that have not started.
+    it was, and so are those that have not started. ``figures/`` is written, or the folder that
+    COMPENDIUM_FIGURES names.
 
     Parameters
     ----------
@@ -65,33 +77,141 @@ def reproduce(names=(), *, at_once=None):
     at_once : int, optional
         How many run at a time. Default: one for each core, at most four, because each holds its
         logs in memory.
+    scratch : path-like, optional
+        Folder for the notebooks, and below it ``figures/`` with figures and verdicts: nothing else
+        is written. Verdicts of notebooks that have not run there are the committed ones.
+    parameters : dict, optional
+        Name -> value that replaces the one in the parameters cell of each notebook that has it.
 
     Returns
     -------
-    list of Run
+    runs : list of Run
+    differences : list of str
+        A sentence for each figure and verdict that differs from the one in ``figures/``.
+
+    Raises
+    ------
+    WrongUsage
+        If no notebook has such a parameter, or one that is set to a log of the reader would write
+        into ``figures/``.
     """
     at_once = at_once or min(os.cpu_count() or 1, 4)
-    runs = []
-    for _, group in groupby(select(names), key=lambda path: path.stem.startswith("00-")):
-        with ThreadPoolExecutor(at_once) as pool:
-            futures = [pool.submit(execute, path) for path in group]
-            try:
-                wait(futures, return_when=FIRST_EXCEPTION)
-            finally:
-                pool.shutdown(cancel_futures=True)
-        failed = [future for future in futures if not future.cancelled() and future.exception()]
-        runs += [future.result() for future in failed or futures]
-    return runs
+    to = Path(scratch, "figures") if scratch else figures_folder() or FIGURES
+    tasks = _prepared(select(names), parameters or {}, own=to != FIGURES)
+    to.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as kept:
+        for table in FIGURES.glob("*.csv"):
+            shutil.copy(table, kept)
+        if scratch and not (to / "claims.csv").exists():
+            shutil.copy(FIGURES / "claims.csv", to)
+        runs = []
+        for _, group in groupby(tasks, key=lambda task: task[0].stem.startswith("00-")):
+            with ThreadPoolExecutor(at_once) as pool:
+                futures = [pool.submit(execute, *task, to, scratch) for task in group]
+                try:
+                    wait(futures, return_when=FIRST_EXCEPTION)
+                finally:
+                    pool.shutdown(cancel_futures=True)
+            failed = [future for future in futures if not future.cancelled() and future.exception()]
+            runs += [future.result() for future in failed or futures]
+        numbers = {run.notebook.split("-")[0] for run in runs}
+        return runs, differences(Path(kept), to, numbers)
 
 
-def execute(path):
-    """Execute one notebook in place.
+def _prepared(paths, parameters, own):
+    """Read the notebooks and put new values after their parameters cells."""
+    tasks, known = [], {}
+    for path in paths:
+        notebook = nbformat.read(path, as_version=4)
+        at, values = parameters_of(notebook)
+        known |= values
+        taken = {name: value for name, value in parameters.items() if name in values}
+        if taken:
+            source = "\n".join(f"{name} = {value!r}" for name, value in taken.items())
+            notebook.cells.insert(at + 1, nbformat.v4.new_code_cell(source))
+        mine = [n for n in OWN if n in values and ast.unparse(values[n]) not in ("None", "{}")]
+        if mine and not own:
+            raise WrongUsage(
+                f"{path.name}: {mine[0]} names logs of your own, which do not go into figures/; "
+                "name another folder, or run the notebook in Jupyter",
+                {"--scratch": "scratch"},
+            )
+        tasks.append((path, notebook))
+    if unknown := sorted(parameters.keys() - known.keys()):
+        raise WrongUsage(
+            f"no parameter '{unknown[0]}' in these notebooks; there are: {', '.join(sorted(known))}"
+        )
+    return tasks
+
+
+def parameters_of(notebook):
+    """Find the parameters cell of a notebook.
+
+    Returns
+    -------
+    at : int
+        Number of the cell, -1 if there is none.
+    values : dict of str to ast.expr
+        What each name is set to; of several names set at once, all.
+    """
+    for at, cell in enumerate(notebook.cells):
+        if "parameters" in cell.metadata.get("tags", []):
+            found = {}
+            for line in ast.parse(cell.source).body:
+                names = [n for t in getattr(line, "targets", ()) for n in ast.walk(t)]
+                found |= {n.id: line.value for n in names if isinstance(n, ast.Name)}
+            return at, found
+    return -1, {}
+
+
+def differences(old, new, numbers):
+    """Compare the tables of figures, and the verdicts, in two folders.
+
+    Parameters
+    ----------
+    old, new : pathlib.Path
+    numbers : set of str
+        Of the notebooks whose figures have to be in both.
+
+    Returns
+    -------
+    list of str
+    """
+    names = {p.stem for p in new.glob("*.csv")}
+    names |= {p.stem for p in old.glob("*.csv") if p.stem.split("-")[0] in numbers}
+    found = []
+    for name in sorted(names - {"claims"}):
+        keys = figures.differences(old / f"{name}.csv", new / f"{name}.csv")
+        found += [f"figure {name} ({', '.join(keys)})"] if keys else []
+    was, now = (pd.read_csv(f / "claims.csv").set_index("id") for f in (old, new))
+    for claim in [*was.index, *now.index.difference(was.index)]:
+        verdicts = [table["verdict"].get(claim, "no verdict") for table in (was, now)]
+        if len(set(verdicts)) > 1:
+            found.append(f"claim {claim} (was: {verdicts[0]}; now: {verdicts[1]})")
+            continue
+        pair = [table.loc[claim, ["value", "low", "high"]].astype(float) for table in (was, now)]
+        if not np.allclose(*pair, rtol=THREE_DIGITS, equal_nan=True):
+            found.append(f"claim {claim} (numbers)")
+    return found
+
+
+def execute(path, notebook, to, scratch=None):
+    """Execute one notebook.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Where it is read from and, without `scratch`, written to.
+    notebook : nbformat.NotebookNode
+    to : pathlib.Path
+        Folder for its figures and verdicts.
+    scratch : path-like, optional
+        Folder for the executed notebook.
 
     Returns
     -------
     Run
     """
-    notebook = nbformat.read(path, as_version=4)
     cells = sum(cell.cell_type == "code" for cell in notebook.cells)
     start = time.perf_counter()
     with tqdm(total=cells, desc=path.stem, unit="cell", disable=None) as bar:
@@ -106,7 +226,8 @@ def execute(path):
         )
         try:
             # Notebooks run in parallel already: one thread each.
-            client.execute(env=os.environ | {"OMP_NUM_THREADS": "1"})
+            named = {"COMPENDIUM_FIGURES": str(to.resolve()), "OMP_NUM_THREADS": "1"}
+            client.execute(env=os.environ | named)
         except CellExecutionError as error:
             reason = f"{error.ename}: {error.evalue}".splitlines()[0]
             raise CannotAnswer(f"{path.name}: a cell failed: {reason}") from error
@@ -115,9 +236,9 @@ def execute(path):
             raise CannotAnswer(f"{path.name}: {reason}") from error
     # Keep only metadata that is the same on every machine.
     notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
-    nbformat.write(notebook, path)
+    nbformat.write(notebook, Path(scratch, path.name) if scratch else path)
     number = path.stem.split("-")[0]
-    figures = len(list(figures_folder().glob(f"{number}-*.png")))
-    ledger = figures_folder() / "claims.csv"
+    drawn = len(list(to.glob(f"{number}-*.png")))
+    ledger = to / "claims.csv"
     claims = (pd.read_csv(ledger)["notebook"] == path.stem).sum() if ledger.exists() else 0
-    return Run(path.stem, time.perf_counter() - start, figures, int(claims))
+    return Run(path.stem, time.perf_counter() - start, drawn, int(claims))

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import WrongUsage, claims, text
+from analysis import FIGURES, WrongUsage, claims, text
 from analysis.claims import (
     BY_CONSTRUCTION,
     NOT_REPRODUCED,
@@ -250,6 +250,18 @@ def test_table_lays_published_beside_reproduced():
     assert (row["published"], PUBLISHED["unit"]) == (f"{PUBLISHED['value']:g} °", "deg")
     assert row["verdict"] == verdict
     assert claims.verdicts().loc[FIRST, "reproduced"] == "12.3 ° (12 to … °)"
+
+
+def test_a_notebook_run_by_hand_writes_no_verdict(monkeypatch):
+    """Property: figures/claims.csv stays as it is, and a verdict that differs stands beside it."""
+    monkeypatch.delenv("COMPENDIUM_FIGURES")
+    path = FIGURES / "claims.csv"
+    before, cited = path.read_bytes(), claims.verdicts()["verdict"]
+    ledger = claims.Ledger("90-test")
+    mine = ledger.check(FIRST, PUBLISHED["high"] + 1)
+    assert ledger.table()["verdict"].item() == f"{mine} (figures/claims.csv: {cited[FIRST]})"
+    assert path.read_bytes() == before
+    assert claims.verdicts()["verdict"].equals(cited)
 
 
 @pytest.mark.parametrize(("value", "words"), [(True, "yes"), (False, "no"), (None, "–")])

@@ -395,6 +395,9 @@ def test_no_folder_can_be_where_a_file_is(tmp_path, out, expected):
         ["data", "no-folder"], ["data", "--write"], ["data", "--rebuild", "no-log"],
         ["reproduce", "77"],
         ["reproduce", "--at-once", "0"],
+        ["reproduce", "90", "-p", "SEED=1"],
+        ["reproduce", "90", "--scratch", "x", "-p", "SEED"],
+        ["reproduce", "90", "--scratch", "x", "-p", "SPEED=1"],
     ],
     ids=" ".join,
 )  # fmt: skip
@@ -467,16 +470,19 @@ def test_reproduce_ends_with_the_table(monkeypatch):
     """Property: a row a notebook, the index last, and the sums."""
     made = {"00-index": (2.0, 0, 0), "10-static-logs": (30.04, 31, 40)}
     monkeypatch.setattr(
-        reproduce, "execute", lambda path: reproduce.Run(path.stem, *made[path.stem])
+        reproduce, "execute", lambda path, *_: reproduce.Run(path.stem, *made[path.stem])
     )
+    monkeypatch.setenv("COMPENDIUM_FIGURES", str(ROOT / "figures"))
     status, out, _ = run("reproduce", "00", "notebooks/10-static-logs.ipynb")
     assert status == 0
-    assert [row.split() for row in out.splitlines()[:-1]] == [
+    *table, _, last = out.splitlines()
+    assert last == "nothing differs from the committed"
+    assert [row.split() for row in table[:-1]] == [
         ["notebook", "seconds", "figures", "claims", "checked"],
         ["10-static-logs", "30.0", "31", "40"],
         ["00-index", "2.0", "0", "0"],
     ]
-    assert out.splitlines()[-1].split()[-2:] == ["31", "40"]
+    assert table[-1].split()[-2:] == ["31", "40"]
 
 
 def test_a_second_report_from_another_folder_on_a_terminal_without_greek(tmp_path, good):

@@ -13,6 +13,7 @@ from PIL import Image
 
 from analysis import (
     CUSTOMARY,
+    FIGURES,
     ROOT,
     Estimate,
     WrongUsage,
@@ -120,13 +121,43 @@ def test_sidecar_holds_the_plotted_numbers(saved):
     pd.testing.assert_frame_equal(table, expected, check_dtype=False, rtol=1e-6)
 
 
-def test_the_folder_comes_from_the_environment(tmp_path, monkeypatch):
-    """Property: COMPENDIUM_FIGURES decides; without it figures/ of the repository."""
+def test_the_folder_comes_from_the_environment(tmp_path, monkeypatch, capsys):
+    """Property: COMPENDIUM_FIGURES decides; without it a run by hand saves aside, and says so."""
     monkeypatch.setenv("COMPENDIUM_FIGURES", str(tmp_path / "new"))
-    figures.save(example(), NAME, CAPTION)
+    figures.save(example(), NAME, CAPTION, seed=1)
     assert len(list((tmp_path / "new").iterdir())) == 3
+    assert capsys.readouterr().out == ""
     monkeypatch.delenv("COMPENDIUM_FIGURES")
-    assert figures_folder() == ROOT / "figures"
+    assert figures_folder() is None
+    monkeypatch.setattr(figures, "SCRATCH", tmp_path / "scratch")
+    monkeypatch.setattr(figures, "FIGURES", tmp_path / "new")
+    for seed, words in ((1, "as in figures/"), (2, "differs from figures/ in: seed")):
+        figures.save(example(), NAME, CAPTION, seed=seed)
+        assert capsys.readouterr().out == (
+            f"scratch/{NAME}.pdf, .png and .csv are written; {words}\n"
+        )
+    assert not list(FIGURES.glob(f"{NAME}*"))
+
+
+def test_what_differs_between_two_figures_is_named(tmp_path):
+    """Property: a moved point, a renamed series, a caption; not the last of six digits."""
+    for folder in ("a", "b"):
+        figures.save(example(), NAME, CAPTION, to=tmp_path / folder)
+    was, now = (tmp_path / folder / f"{NAME}.csv" for folder in ("a", "b"))
+    text = now.read_text(encoding="utf-8")
+    assert figures.differences(was, now) == []
+    for old, new, found in (
+        ("points,2", "points,2.00001", []),
+        ("points,2", "points,2.001", ["numbers"]),
+        ("1,curve,", "1,line,", ["numbers"]),
+        ("at rest", "in motion", ["caption"]),
+        ('"numpy": "', '"numpy": "9', []),
+    ):
+        now.write_text(text.replace(old, new), encoding="utf-8")
+        assert now.read_text(encoding="utf-8") != text, old
+        assert figures.differences(was, now) == found, old
+    now.unlink()
+    assert figures.differences(was, now) == ["gone"]
 
 
 def test_saving_leaves_the_settings_alone(tmp_path):

@@ -1,56 +1,28 @@
 """What this session's notebooks made is what is committed: figures, numbers, verdicts, data."""
 
-import json
-
 import nbformat
-import numpy as np
-import pandas as pd
 import pytest
 
-from analysis import ROOT, CannotAnswer, reproduce
+from analysis import FIGURES, CannotAnswer, WrongUsage, reproduce
 from analysis.logs import datasets
 from analysis.studies import derived
 
-COMMITTED = ROOT / "figures"
-FIGURES = sorted(p.stem for p in COMMITTED.glob("*.pdf"))
-# Six digits are written; processors differ in the last of sixteen, which a long sum or an
-# interpolated crossing magnifies. A panel's own size says what is nothing in it.
-RELATIVE, OF_THE_PANEL = 1e-4, 1e-6
+NAMES = {p.stem for p in FIGURES.glob("*.pdf")}
 
 
 def test_same_figures(fresh):
     """property: the session drew exactly the committed figures, in three forms each."""
-    for folder in (COMMITTED, fresh):
+    for folder in (FIGURES, fresh):
         for suffix, magic in ((".pdf", b"%PDF"), (".png", b"\x89PNG"), (".csv", b"# figure")):
             names = {p.stem for p in folder.glob(f"*{suffix}")} - {"claims"}
-            assert names == set(FIGURES), suffix
+            assert names == NAMES, suffix
             for name in names:
                 assert (folder / f"{name}{suffix}").read_bytes().startswith(magic), name
 
 
-@pytest.mark.parametrize("name", FIGURES)
-def test_same_numbers(fresh, name):
-    """property: the plotted numbers are the committed ones, from the same seed and data."""
-    (was, old), (now, new) = (_sidecar(folder / f"{name}.csv") for folder in (COMMITTED, fresh))
-    assert now == was
-    assert old[["panel", "series"]].equals(new[["panel", "series"]])
-    for panel, rows in old.groupby("panel"):
-        for column in ("x", "y", "y2"):
-            a, b = rows[column].to_numpy(float), new.loc[rows.index, column].to_numpy(float)
-            scale = np.nanmax(np.abs(a)) if np.isfinite(a).any() else 1.0
-            np.testing.assert_allclose(
-                b, a, rtol=RELATIVE, atol=OF_THE_PANEL * scale, err_msg=f"{panel}: {column}"
-            )
-
-
-def test_same_verdicts(fresh):
-    """property: no claim has another verdict than the committed one, and none is missing."""
-    was, now = (pd.read_csv(f / "claims.csv").set_index("id") for f in (COMMITTED, fresh))
-    assert list(now.index) == list(was.index)
-    other = {i: (was["verdict"][i], now["verdict"][i]) for i in was.index}
-    assert {i: pair for i, pair in other.items() if pair[0] != pair[1]} == {}
-    for column in ("value", "low", "high"):  # written with three digits: half a step of the last
-        np.testing.assert_allclose(now[column], was[column], rtol=6e-3, err_msg=column)
+def test_same_numbers_and_verdicts(fresh):
+    """property: every plotted number, its seed and data, and every verdict are the committed."""
+    assert reproduce.differences(FIGURES, fresh, {name.split("-")[0] for name in NAMES}) == []
 
 
 @pytest.mark.parametrize("name", derived.names())
@@ -64,20 +36,55 @@ def test_derived_results_are_those_of_the_raw_log(name):
 
 def test_a_failing_notebook_is_named_and_left_as_it_was(tmp_path):
     """property: the sentence names notebook and error, and no half-executed notebook is written."""
-    cells = [nbformat.v4.new_code_cell(source) for source in ("1 + 1", "1 / 0", "2 + 2")]
-    path = tmp_path / "10-broken.ipynb"
-    nbformat.write(nbformat.v4.new_notebook(cells=cells), path)
+    path = small_notebook(tmp_path, "1 / 0")
     before = path.read_bytes()
-    with pytest.raises(
-        CannotAnswer, match=r"10-broken\.ipynb.*ZeroDivisionError: division by zero"
-    ):
-        reproduce.execute(path)
+    with pytest.raises(CannotAnswer, match=r"99-small\.ipynb.*ZeroDivisionError: division by zero"):
+        reproduce.execute(path, nbformat.read(path, 4), tmp_path)
     assert path.read_bytes() == before
 
 
-def _sidecar(path):
-    """Read provenance (but for the versions, which may move) and numbers of a figure."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    head = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
-    head.pop("versions")
-    return {k: json.loads(v) for k, v in head.items()}, pd.read_csv(path, comment="#")
+DRAW = """
+from analysis import claims, figures
+fig, ax = figures.plt.subplots(figsize=(2, 1))
+ax.plot([0, 1], [0, SIZE], label="line")
+ax.set(xlabel="x (m)", ylabel="y (m)")
+figures.save(fig, "99-small", "A line.", size=SIZE)
+claims.Ledger("99-small").check("terrain-eq7-a", SIZE * 1e6)
+"""
+
+
+def small_notebook(folder, draw=DRAW, own="None"):
+    """Write a notebook with one parameter that draws one figure."""
+    cells = [nbformat.v4.new_code_cell(s) for s in (f"SIZE = 1.0\nOWN = {own}", draw, "2 + 2")]
+    cells[0].metadata["tags"] = ["parameters"]
+    spec = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
+    notebook = nbformat.v4.new_notebook(cells=cells, metadata=spec)
+    nbformat.write(notebook, folder / "99-small.ipynb")
+    return folder / "99-small.ipynb"
+
+
+def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypatch):
+    """property: other parameters: own folder, injected cell, differences named; figures/ as was."""
+    citable = tmp_path / "figures"
+    citable.mkdir()
+    (citable / "claims.csv").write_text("id,verdict,value,low,high,unit,notebook\n")
+    path = small_notebook(tmp_path)
+    for name, value in (("NOTEBOOKS", tmp_path), ("FIGURES", citable)):
+        monkeypatch.setattr(reproduce, name, value)
+    monkeypatch.setenv("COMPENDIUM_FIGURES", str(citable))
+    exec(DRAW, {"SIZE": 1.0})
+    before = {p.name: p.read_bytes() for p in (path, *citable.iterdir())}
+    runs, found = reproduce.reproduce(scratch=tmp_path / "other", parameters={"SIZE": 2.0})
+    assert [(run.notebook, run.figures, run.claims) for run in runs] == [("99-small", 1, 1)]
+    assert found == ["figure 99-small (parameters, numbers)", "claim terrain-eq7-a (numbers)"]
+    assert {p.name: p.read_bytes() for p in (path, *citable.iterdir())} == before
+    cells = nbformat.read(tmp_path / "other" / "99-small.ipynb", 4).cells
+    assert [c.source for c in cells[:2]] == ["SIZE = 1.0\nOWN = None", "SIZE = 2.0"]
+    with pytest.raises(WrongUsage, match=r"no parameter 'WIDTH' .* there are: OWN, SIZE"):
+        reproduce.reproduce(scratch=tmp_path / "none", parameters={"WIDTH": 2.0})
+    small_notebook(tmp_path, own="'my.csv'")
+    with pytest.raises(WrongUsage, match=r"99-small\.ipynb: OWN names logs of your own"):
+        reproduce.reproduce()
+    assert {p.name: p.read_bytes() for p in citable.iterdir()} == {
+        name: content for name, content in before.items() if name != path.name
+    }
