@@ -8,7 +8,8 @@ notebook hands its value and 95 % interval to `Ledger.check`, or what many simul
 Two kinds of claim are not judged: those that no data here can decide, and those that could not have
 come out otherwise (an input handed back, an identity, print against print). The register says so,
 where ``why`` begins with ``not testable:`` or ``by construction:``. The checks refuse these claims,
-so that none of them can be called reproduced; `Ledger.not_judged` writes their reason down.
+so that none of them can be called reproduced; the `Ledger` of a notebook writes down those that the
+register lists under it, with the first check.
 """
 
 import math
@@ -41,6 +42,7 @@ OUTCOMES = (
     REPRODUCED, f"{REPRODUCED} if", NOT_REPRODUCED, f"{NOT_REPRODUCED} if", NOT_TESTABLE,
     BY_CONSTRUCTION, NOT_YET,
 )  # fmt: skip
+NOT_JUDGED = (f"{NOT_TESTABLE}: ", f"{BY_CONSTRUCTION}: ")  # beginning of such a row's reason
 FEWEST_LOGS = 200  # simulated logs that a verdict on something random needs
 MOST = 0.9  # share of the logs in which a claim has to come out, or to fail, for a verdict
 
@@ -172,7 +174,12 @@ class Ledger:
         self.notebook = notebook
         self.when = when
         self._published = published()
+        own = self._published[self._published["notebook"] == notebook]
         self._mine: dict[str, dict] = {}
+        self._not_judged = [
+            self._entry(row, row["why"], (None,) * 3)
+            for _, row in own[own["why"].str.startswith(NOT_JUDGED)].iterrows()
+        ]
 
     def check(
         self,
@@ -270,14 +277,6 @@ class Ledger:
         least = settings[start]
         return self._enter(row, _verdict(row, by_setting[least]), when.format(least))
 
-    def untestable(self, *claims: str) -> None:
-        """Write down claims that no data here can decide, with the reason of their own rows."""
-        self._not_judged(NOT_TESTABLE, claims)
-
-    def by_construction(self, *claims: str) -> None:
-        """Write down claims that could not have come out otherwise, as their own rows say."""
-        self._not_judged(BY_CONSTRUCTION, claims)
-
     def table(self) -> pd.DataFrame:
         """Lay published and reproduced side by side, for the notebook's last section.
 
@@ -286,8 +285,8 @@ class Ledger:
         pandas.DataFrame
         """
         rows, written = [], verdicts()["verdict"]
-        for claim, mine in self._mine.items():
-            theirs, cited = self._published.loc[claim], written[claim]
+        for mine in self._entries():
+            theirs, cited = self._published.loc[mine["id"]], written[mine["id"]]
             other = "" if cited == mine["verdict"] else f" (figures/claims.csv: {cited})"
             rows.append(
                 {
@@ -313,33 +312,31 @@ class Ledger:
         mine = register[register["notebook"] == self.notebook]
         return mine[["where", "printed", "should_be", "evidence"]]
 
-    def _row(self, claim):
+    def _judged(self, claim):
         if claim not in self._published.index:
             raise WrongUsage(f"no claim '{claim}' in data/published/claims.csv")
-        return self._published.loc[claim]
-
-    def _judged(self, claim):
-        row = self._row(claim)
-        if row["why"].startswith((f"{NOT_TESTABLE}: ", f"{BY_CONSTRUCTION}: ")):
+        row = self._published.loc[claim]
+        if row["why"].startswith(NOT_JUDGED):
             raise WrongUsage(f"claim '{claim}' is not judged: its row says {row['why']}")
         return row
-
-    def _not_judged(self, kind, claims):
-        for row in [self._row(claim) for claim in claims]:
-            if not row["why"].startswith(f"{kind}: "):
-                raise WrongUsage(f"the row of claim '{row.name}' does not say '{kind}: ...'")
-            self._enter(row, (row["why"], (None, None, None)))
 
     def _enter(self, row, judged, when=None):
         verdict, ends = judged
         conditions = ", ".join(filter(None, (self.when, when)))
         if conditions and verdict in (REPRODUCED, NOT_REPRODUCED):
             verdict += f" if {conditions}"
-        numbers = dict(zip(("value", "low", "high"), map(_short, ends), strict=True))
-        entry = {"id": row.name, "verdict": verdict, **numbers, "unit": row["unit"]}
-        self._mine[row.name] = entry | {"notebook": self.notebook}
+        self._mine[row.name] = self._entry(row, verdict, ends)
         self._write()
         return verdict
+
+    def _entry(self, row, verdict, ends):
+        # Three digits: what an interval of this kind means, and what another machine prints too.
+        numbers = (None if x is None else float(f"{x:.3g}") for x in ends)
+        entry = (row.name, verdict, *numbers, row["unit"], self.notebook)
+        return dict(zip(COLUMNS, entry, strict=True))
+
+    def _entries(self):
+        return [*self._mine.values(), *self._not_judged]
 
     def _write(self):
         folder = figures_folder()
@@ -347,7 +344,7 @@ class Ledger:
             return
         path = folder / "claims.csv"
         path.parent.mkdir(parents=True, exist_ok=True)  # for the lock
-        mine = pd.DataFrame(list(self._mine.values()), columns=COLUMNS)
+        mine = pd.DataFrame(self._entries(), columns=COLUMNS)
         with FileLock(path.with_suffix(".lock")):  # other notebooks may be writing theirs
             rows = verdicts().reset_index()
             others = rows[(rows["verdict"] != NOT_YET) & (rows["notebook"] != self.notebook)]
@@ -366,11 +363,6 @@ def _verdict(row, found):
     ends = (found.value, found.low, found.high) if isinstance(found, Estimate) else found
     ends = [None if x is None or x != x else float(x) for x in ends]
     return judge(*ends, row["low"], row["high"]), ends
-
-
-def _short(x):
-    """Three digits: what an interval of this kind means, and what another machine prints too."""
-    return None if x is None else float(f"{x:.3g}")
 
 
 def _in_words(row):

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.contour import QuadContourSet
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.ticker import LogLocator, NullFormatter
 from scipy.stats import norm
@@ -43,15 +43,7 @@ def plain(text):
     return "".join(c if font.get_char_index(ord(c)) else "?" for c in text).replace("$", r"\$")
 
 
-def allan(
-    ax: Axes,
-    curve: AllanCurve,
-    unit: str,
-    *,
-    label: str | None = None,
-    color: str = "C0",
-    band: bool = True,
-) -> None:
+def allan(ax: Axes, curve: AllanCurve, unit: str, *, label: str, color: str = "C0") -> None:
     """Draw an Allan deviation with its 95 % band on log-log axes with equal decades.
 
     Parameters
@@ -59,14 +51,10 @@ def allan(
     ax : matplotlib.axes.Axes
     curve : AllanCurve
     unit, label, color : str
-    band : bool
-        Shade the 95 % interval.
     """
-    ax.loglog(curve.tau, curve.adev, color=color, label=label or "overlapped Allan deviation")
-    if band:
-        shade = {"color": color, "alpha": 0.2, "lw": 0}
-        shade["label"] = f"_{label}, 95 % interval" if label else "95 % interval"
-        ax.fill_between(curve.tau, curve.low, curve.high, **shade)
+    ax.loglog(curve.tau, curve.adev, color=color, label=label)
+    shade = {"color": color, "alpha": 0.2, "lw": 0, "label": f"_{label}, 95 % interval"}
+    ax.fill_between(curve.tau, curve.low, curve.high, **shade)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set(xlabel="averaging time τ (s)", ylabel=f"Allan deviation ({pretty(unit)})")
 
@@ -90,9 +78,7 @@ def histogram(ax: Axes, values: np.ndarray, bins: int, label: str, of_fit: str) 
     ax.set_yticks([])
 
 
-def interval_bar(
-    ax: Axes, y: float, estimate: Estimate, label: str, *, scale: float = 1.0, color: str = "C0"
-) -> None:
+def interval_bar(ax: Axes, y: float, estimate: Estimate, label: str, *, scale: float = 1.0) -> None:
     """Draw an estimate over `scale` with its 95 % interval along x; an open side runs to the edge.
 
     Parameters
@@ -106,21 +92,18 @@ def interval_bar(
         Name of the series in the figure's table.
     scale : float
         What counts as 1.
-    color : str
     """
     bounds, edges = (estimate.low, estimate.high), ax.get_xlim()
     ends = [v / scale if v else edge for v, edge in zip(bounds, edges, strict=True)]
-    ax.plot(ends, [y, y], color=color, lw=1.5, label=f"_{label}, 95 % interval")
+    ax.plot(ends, [y, y], "C0", lw=1.5, label=f"_{label}, 95 % interval")
     for end, known, side, arrow in zip(ends, bounds, ("low", "high"), "<>", strict=True):
         name = f"_{label}, {side}{'' if known else ' (open)'}"
-        ax.plot(end, y, "|" if known else arrow, color=color, ms=6, clip_on=False, label=name)
+        ax.plot(end, y, "|" if known else arrow, color="C0", ms=6, clip_on=False, label=name)
     if estimate.value is not None:
-        ax.plot(estimate.value / scale, y, "o", color=color, ms=3, label=f"_{label}")
+        ax.plot(estimate.value / scale, y, "C0o", ms=3, label=f"_{label}")
 
 
-def four_panels(
-    noise: ChannelNoise, title: str, *, fig: Figure | SubFigure | None = None
-) -> Figure | SubFigure:
+def four_panels(noise: ChannelNoise, title: str) -> Figure:
     """Draw one channel as the comparison paper does (Figs 7-16).
 
     15 s of data, Allan deviation as recorded and without the straight line with the fitted model
@@ -131,13 +114,12 @@ def four_panels(
     ----------
     noise : ChannelNoise
     title : str
-    fig : matplotlib figure or subfigure, optional
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    fig = fig or plt.figure(figsize=(DOUBLE, 4.6))
+    fig = plt.figure(figsize=(DOUBLE, 4.6))
     (short, adev), (whole, acov) = fig.subplots(2, 2)
     unit = pretty(noise.unit)
     fig.suptitle(plain(title), fontsize=9)

@@ -573,17 +573,7 @@ def _estimate(row):
 # Roads
 
 
-@functools.cache
-def _road(name):
-    return read(name)
-
-
-def lap_names(direction: str | None = None) -> list[str]:
-    """List the laps of the test track, of one direction (``ccw``, ``cw``) or all."""
-    source = _road(TRACK).source
-    if direction is not None:
-        _check(direction, source["length_m"], "direction")
-    return [n for n, lap in source["laps"].items() if direction in (None, lap["direction"])]
+_road = functools.cache(read)
 
 
 def profile(direction: str) -> Profile:
@@ -598,7 +588,7 @@ def profile(direction: str) -> Profile:
 
 @functools.cache
 def lap(name: str) -> Lap:
-    """Read one lap of the test track, by the time of day of its recording; see `lap_names`."""
+    """Read one lap of the test track, by the time of day of its recording."""
     stored = _road(TRACK)
     _check(name, stored.source["laps"], "lap")
     table = stored.tables[f"lap-{name}"]
@@ -609,7 +599,11 @@ def lap(name: str) -> Lap:
 
 def laps(direction: str | None = None) -> dict[str, Lap]:
     """Read the laps of the test track, of one direction (``ccw``, ``cw``) or all, by name."""
-    return {name: lap(name) for name in lap_names(direction)}
+    source = _road(TRACK).source
+    if direction is not None:
+        _check(direction, source["length_m"], "direction")
+    known = source["laps"].items()
+    return {name: lap(name) for name, of in known if direction in (None, of["direction"])}
 
 
 def highway(name: str) -> np.recarray:
@@ -659,7 +653,7 @@ def map_without(name: str) -> Profile:
     """
     left_out = lap(name)
     line, curves = centre_line(left_out.direction), lap_curves(left_out.direction)
-    kept = [k for k, n in enumerate(lap_names(left_out.direction)) if n != name]
+    kept = [k for k, n in enumerate(laps(left_out.direction)) if n != name]
     between = None
     if len(kept) == 1:
         other = profile("cw" if left_out.direction == "ccw" else "ccw")

@@ -13,17 +13,18 @@ from analysis.tracker.last_position import Stored
 from analysis.tracker.log_replay import replay
 
 
-def test_block_one_alone_is_the_replay_with_the_others_off():
-    """cross-check: the short cut of the notebooks and the whole device accept the same fixes."""
-    log = scenarios.scenario("C", np.random.default_rng(1)).log
+def test_block_one_alone_gates_and_holds_the_last_accepted_fix():
+    """property: until the first fix under the gate the stored position is put out, then fixes."""
+    gnss = scenarios.scenario("C", np.random.default_rng(1)).gnss
     stored = Stored(44.4949, 11.3426, 0.0, 0.0, 2.0)
-    accepted, lat, lon, _ = evaluate.gated(log.gnss, stored)
-    off = Options(attitude=False, static=False, low_pass=False, mounting=False, fusion=False)
-    track = replay(log, off, stored)
-    np.testing.assert_array_equal(accepted, track.columns["accepted"] == 1)
-    # 1e-8 deg, a millimetre: the device turns degrees to metres and back.
-    np.testing.assert_allclose(lat, track.columns["out_lat_deg"], atol=1e-8)
-    np.testing.assert_allclose(lon, track.columns["out_lon_deg"], atol=1e-8)
+    track = evaluate.gated(gnss, stored).columns
+    accepted = gnss.has_fix & (gnss.pdop <= 10.0)
+    np.testing.assert_array_equal(track["accepted"] == 1, accepted)
+    last = np.maximum.accumulate(np.where(accepted, np.arange(len(accepted)), -1))
+    for name, kept in (("lat_deg", stored.lat_deg), ("lon_deg", stored.lon_deg)):
+        expected = np.where(last < 0, kept, getattr(gnss, name)[last])
+        # 1e-8 deg, a millimetre: the device turns degrees to metres and back.
+        np.testing.assert_allclose(track[f"out_{name}"], expected, atol=1e-8)
 
 
 def test_block_four_alone_is_the_replay_at_rest():

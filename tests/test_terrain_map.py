@@ -270,7 +270,7 @@ def test_the_committed_highway():
 def test_the_committed_map(direction):
     """Published: the facts that datasets/README gives of the laps hold on the committed ones."""
     line = store.centre_line(direction)
-    laps = [store.lap(name) for name in store.lap_names(direction)]
+    laps = list(store.laps(direction).values())
     curves = terrain_map.lap_curves(laps, line, surveys.WIDTH)
     bins = {q: line.bin_means(values, 5.0) for q, values in curves.items()}
     first = np.triu_indices(len(laps), 1)
@@ -285,7 +285,7 @@ def test_the_committed_map_is_what_its_laps_make():
     """Cross-check: map from the committed laps equals the committed map, to its six digits."""
     for direction in ("ccw", "cw"):
         line, stored = store.centre_line(direction), store.profile(direction)
-        laps = [store.lap(name) for name in store.lap_names(direction)]
+        laps = list(store.laps(direction).values())
         made = terrain_map.combine(terrain_map.lap_curves(laps, line, surveys.WIDTH), line)
         for key in ("pitch_deg", "roll_deg", "height_m", "pitch_se_deg", "roll_se_deg"):
             np.testing.assert_allclose(getattr(made, key), getattr(stored, key), atol=2e-3)
@@ -294,7 +294,7 @@ def test_the_committed_map_is_what_its_laps_make():
 
 def test_each_lap_keeps_its_promises():
     """Property: truth grows, wheels agree to 0.2 %, attitude is there where all are fixed."""
-    for name in store.lap_names():
+    for name in store.laps():
         lap = store.lap(name)
         assert (np.diff(lap.s_m) > 0).all() and np.allclose(np.diff(lap.t_s), DT)
         assert lap.s_m[-1] - lap.s_m[0] > 1500.0
@@ -358,7 +358,7 @@ def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
     """Analytic: a van driven along the committed centre line comes back at its place."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw"))
     lap, known = store.lap_and_map(path, "ccw")
-    assert known.laps.max() == len(store.lap_names("ccw"))
+    assert known.laps.max() == len(store.laps("ccw"))
     np.testing.assert_allclose(lap.s_m, np.arange(len(lap.s_m)), atol=0.05)
     # The lever of the front antenna, 0.33 m aside, is the van's, not this lap's.
     assert np.abs(lap.offset_m).max() < 0.02 and lap.fixed.all()

@@ -12,21 +12,3 @@ from analysis.logs.nmea import imu_csv_lines, nmea_lines
 from analysis.logs.saved_position import load_position, save_position
 from analysis.logs.static import Channel, Log, read
 from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages
-
-__all__ = [
-    "Channel",
-    "Gnss",
-    "Imu",
-    "Log",
-    "Timeline",
-    "dataset_entry",
-    "dataset_path",
-    "imu_csv_lines",
-    "inject_outages",
-    "load_catalogue",
-    "load_position",
-    "nmea_lines",
-    "read",
-    "read_moving",
-    "save_position",
-]

@@ -20,26 +20,3 @@ from analysis.noise.models import (
 from analysis.noise.planner import Plan
 from analysis.noise.position import cep, outliers, simulate_fixes
 from analysis.noise.recipes import TerrainRecipe, five_coefficients, sigma_of_eq3
-
-__all__ = [
-    "NoiseLikelihood",
-    "Plan",
-    "TerrainRecipe",
-    "UnifiedModel",
-    "adev_model",
-    "allan_deviation",
-    "cep",
-    "characterise",
-    "correlogram",
-    "fit_line",
-    "five_coefficients",
-    "infer",
-    "loglog_slope",
-    "models_of_table_one",
-    "nearer_to_gaussian",
-    "outliers",
-    "sigma_of_eq3",
-    "simulate_fixes",
-    "simulate_logs",
-    "white_noise",
-]

@@ -251,7 +251,7 @@ def turned(name):
     bends = replay(log, Options(max_bend=np.inf))
     reference = {
         "bends_farthest_deg": np.nanmax(np.abs(wrap(bends.columns["mount_deg"] - whole.value))),
-        "bends_straights": len(bends.trace["straights"]),
+        "bends_straights": len(bends.straights),
         "reference_deg": whole.value,
         "reference_low_deg": whole.low,
         "reference_high_deg": whole.high,
@@ -262,7 +262,7 @@ def turned(name):
     rows = [_mounting_row(gnss.t_s, track, angle, whole.value) for angle, track in tracks.items()]
     tables = {
         "turned": pd.DataFrame(rows),
-        "straights": _straights(tracks[0].trace["straights"]),
+        "straights": tracks[0].straights,
         "path": pd.DataFrame(path).iloc[::EVERY],
     }
     source = _source(name, log) | {k: round(float(v), 3) for k, v in reference.items()}
@@ -271,30 +271,21 @@ def turned(name):
 
 def _mounting_row(t_s, track, angle, reference):
     """Write the mounting angles of a ride whose IMU was turned by `angle` (deg) as a row."""
-    mount, straights = track.columns["mount_deg"], track.trace["straights"]
+    mount = track.columns["mount_deg"]
     known = np.flatnonzero(np.isfinite(mount))
     first, last = (mount[known[i]] if len(known) else np.nan for i in (0, -1))
     off = wrap(mount[known] - reference - angle)
     return {
         "turned_deg": angle,
-        "straights": len(straights),
+        "straights": len(track.straights),
         "first_s": t_s[known[0]] if len(known) else np.nan,
         "first_deg": first,
         "last_deg": last,
         "answers": len(np.unique(mount[known])),
         "lowest_off_deg": off.min(initial=np.inf),
         "highest_off_deg": off.max(initial=-np.inf),
-        "last_printed_deg": np.degrees(straights[-1].printed),
+        "last_printed_deg": track.straights["printed_deg"].iloc[-1],
     }
-
-
-def _straights(straights):
-    """Write the straights of a replay as a table, angles in degrees."""
-    table = pd.DataFrame(map(vars, straights))
-    angles = ["printed", "alone", "sigma", "mount"]
-    table[angles] = np.degrees(table[angles])
-    units = {k: f"{k}_deg" for k in angles} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
-    return table.rename(columns=units)
 
 
 def _metres(prefix, lat, lon, lat0=None, lon0=None):

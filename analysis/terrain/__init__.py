@@ -12,26 +12,3 @@ from analysis.terrain.real_laps import track_real_laps
 from analysis.terrain.roughness import IsoRoad, shared_spectrum
 from analysis.terrain.terrain_map import AttitudeMap, held_out
 from analysis.terrain.trends import PowerLaw, draw_prices, fit_trend, largest_allowed
-
-__all__ = [
-    "AntennaMounting",
-    "AttitudeMap",
-    "IsoRoad",
-    "PowerLaw",
-    "Sensor",
-    "Setup",
-    "attitude_variance",
-    "compare_filters",
-    "cramer_rao_bound",
-    "draw_prices",
-    "fit_trend",
-    "held_out",
-    "interval",
-    "largest_allowed",
-    "sensor_table",
-    "share",
-    "shared_spectrum",
-    "simulate_laps",
-    "track_real_laps",
-    "unit_paths",
-]

@@ -22,26 +22,3 @@ from analysis.tracker.log_replay import replay
 from analysis.tracker.mounting import printed_angle
 from analysis.tracker.operations import alignment_costs, block_costs, filter_costs
 from analysis.tracker.scenarios import GnssErrors, ImuErrors, assumed_errors, scenario
-
-__all__ = [
-    "GnssErrors",
-    "ImuErrors",
-    "Options",
-    "Stored",
-    "alignment_costs",
-    "assumed_errors",
-    "block_costs",
-    "cold_start",
-    "courtyard_errors",
-    "filter_costs",
-    "gated",
-    "mounting_rides",
-    "mounting_summary",
-    "printed_angle",
-    "ratio_interval",
-    "replay",
-    "scenario",
-    "settling",
-    "stationary_period",
-    "stationary_periods",
-]

@@ -8,21 +8,19 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from analysis import Estimate, wrap
-from analysis.logs.timeline import Gnss, Imu
+from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.tracker.at_rest import LowPass
-from analysis.tracker.device import Options
+from analysis.tracker.device import BLOCKS, Options
 from analysis.tracker.last_position import LastPosition, Stored
-from analysis.tracker.log_replay import replay
+from analysis.tracker.log_replay import Track, replay
 from analysis.tracker.scenarios import Scenario, scenario
 
 SLOWEST = 2.0  # m/s, speed under which the regression leaves an epoch out
 BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
 
 
-def gated(
-    gnss: Gnss, stored: Stored | None = None, gate: float = LastPosition.gate
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, LastPosition]:
-    """Drive block 1 alone over a log.
+def gated(gnss: Gnss, stored: Stored | None = None, gate: float = LastPosition.gate) -> Track:
+    """Replay a log with block 1 alone.
 
     Parameters
     ----------
@@ -33,21 +31,10 @@ def gated(
 
     Returns
     -------
-    accepted : ndarray of bool, shape (n,)
-    lat_deg, lon_deg : ndarray, shape (n,)
-        What is put out; NaN while nothing is known.
-    block : LastPosition
-        As it is at the end.
+    Track
     """
-    block = LastPosition(stored, gate=gate)
-    epochs = [gnss.t_s, gnss.has_fix, gnss.pdop, gnss.lat_deg, gnss.lon_deg, gnss.height_m]
-    accepted, out = [], []
-    for t, has, pdop, *place in np.transpose(epochs).tolist():
-        accepted.append(block.step(t, place if has else None, pdop))
-        p = block.position
-        out.append((np.nan, np.nan) if p is None else (p.lat_deg, p.lon_deg))
-    lat_deg, lon_deg = np.array(out).T
-    return np.array(accepted), lat_deg, lon_deg, block
+    off: dict[str, Any] = dict.fromkeys(BLOCKS[1:], False)
+    return replay(Timeline(gnss, None), Options(pdop_gate=gate, **off), stored)
 
 
 def cold_start(
@@ -76,8 +63,9 @@ def cold_start(
     """
     at_rest = simulated.gnss.t_s < at_rest_s
     gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.gnss).items()})
-    accepted, lat_deg, lon_deg, _ = gated(gnss, stored, gate)
-    device = np.hypot(*simulated.error(lat_deg, lon_deg, at_rest))
+    track = gated(gnss, stored, gate).columns
+    accepted = track["accepted"] == 1
+    device = np.hypot(*simulated.error(track["out_lat_deg"], track["out_lon_deg"], at_rest))
     gps = np.hypot(*simulated.fix_error()[:, at_rest])
     fix = gnss.has_fix
     waits = fix & (np.cumsum(accepted) == 0)
@@ -318,7 +306,7 @@ def mounting_ride(ride: Scenario) -> dict:
         ``sideways``: mean magnitude of the acceleration across the heading on straights, m/s^2.
     """
     track = replay(ride.log, Options(fusion=False))
-    when, straights = track.columns["t_s"], track.trace["straights"]
+    when, straights = track.columns["t_s"], track.straights
     off = wrap(track.columns["mount_deg"] - ride.mount_deg)
     known = np.flatnonzero(np.isfinite(off))
     row = dict.fromkeys(("late_s", "first", "last", "sigma", "changed"), np.nan)
@@ -326,18 +314,17 @@ def mounting_ride(ride: Scenario) -> dict:
         row["late_s"] = when[known[0]] - ride.first_turn_s
         row |= {"first": off[known[0]], "last": off[-1], "changed": np.ptp(off[known])}
         row["sigma"] = track.summary["mounting"]["sigma_deg"]
-    ends = np.array([s.t_s for s in straights])
-    speed = ride.gnss.speed_m_s
+    ends, speed = straights["t_s"], ride.gnss.speed_m_s
     start = np.interp(ends - Options().straight_s, when, speed)
     gained = np.sign(np.interp(ends, when, speed) - start)
-    ax, ay = np.array([(s.ax, s.ay) for s in straights]).T
+    ax, ay = straights[["ax_m_s2", "ay_m_s2"]].to_numpy().T
     rules = {
-        "printed": [s.printed for s in straights],
-        "signed": -np.arctan2(gained * ay, gained * ax),
-        "alone": [s.alone for s in straights],
+        "printed": straights["printed_deg"].to_numpy(),
+        "signed": -np.degrees(np.arctan2(gained * ay, gained * ax)),
+        "alone": straights["alone_deg"].to_numpy(),
     }
-    row |= {k: wrap(np.degrees(v) - ride.mount_deg) for k, v in rules.items()}
-    row["sigmas"] = np.degrees([s.sigma for s in straights])
+    row |= {k: wrap(v - ride.mount_deg) for k, v in rules.items()}
+    row["sigmas"] = straights["sigma_deg"].to_numpy()
     c, s = np.cos(np.radians(ride.mount_deg)), np.sin(np.radians(ride.mount_deg))
     return row | {"sideways": np.abs(ax * s + ay * c).mean()}
 

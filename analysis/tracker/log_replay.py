@@ -1,9 +1,10 @@
 """A whole log through the device: the track, one row for each GNSS epoch, its summary and notes."""
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 
 import numpy as np
+import pandas as pd
 import pymap3d
 from scipy.integrate import cumulative_trapezoid
 from tqdm import tqdm
@@ -13,6 +14,7 @@ from analysis.logs.timeline import Timeline
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
 from analysis.tracker.last_position import Stored
+from analysis.tracker.mounting import Straight
 
 ROW_S = 1.0  # without GNSS: one row a second, so that the blocks that need none can be seen
 Z_UP = 0.9 * STANDARD_GRAVITY  # along z on average: within 25 deg of upside down
@@ -37,16 +39,15 @@ class Track:
         The position to keep for the next run: what block 1 had written to memory last.
     notes : tuple of str
         What a block could not do and why, and what looks wrong.
-    trace : dict
-        More than the contract asks: ``gyro_bias_rad_s`` (n, 3), ``straights`` the list of
-        `mounting.Straight`.
+    straights : pandas.DataFrame
+        Those of block 5, a row each: the fields of `mounting.Straight`, angles in degrees.
     """
 
     columns: dict[str, np.ndarray]
     summary: dict
     stored: Stored | None
     notes: tuple[str, ...]
-    trace: dict = field(default_factory=dict)
+    straights: pd.DataFrame
 
 
 def replay(
@@ -89,7 +90,7 @@ def replay(
         ned = pymap3d.geodetic2ned(stored.lat_deg, stored.lon_deg, height, *origin)
         start = tuple(float(v) for v in ned)
     device = Device(options, stored, start, imu is not None, has_pdop, has_speed)
-    rows, bias, unexplained = [], [], []
+    rows, unexplained = [], []
     samples = _samples(imu, options.dtype)
     sample = next(samples, None)
     for epoch in tqdm(epochs, desc="replay", unit="epoch", disable=None if progress else True):
@@ -97,16 +98,15 @@ def replay(
             device.imu(*sample)
             sample = next(samples, None)
         rows.append(device.gnss(epoch))
-        bias.append(device.attitude.bias.x if device.attitude else (math.nan,) * 3)
         unexplained.append(device.attitude.unexplained if device.attitude else 0.0)
     columns = _columns(epochs, gnss, rows, origin, stored)
     notes = tuple(_notes(timeline, options, has_pdop, columns, device, unexplained))
-    trace = {
-        "gyro_bias_rad_s": np.array(bias, dtype=float),
-        "straights": device.mounting.straights,
-    }
+    straights = pd.DataFrame(device.mounting.straights, columns=Straight._fields)
+    angles = ["printed", "alone", "sigma", "mount"]
+    straights[angles] = np.degrees(straights[angles].astype(float))
+    units = {k: f"{k}_deg" for k in angles} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
     summary = _summary(timeline, options, columns, device, notes)
-    return Track(columns, summary, device.last.snapshot, notes, trace)
+    return Track(columns, summary, device.last.snapshot, notes, straights.rename(columns=units))
 
 
 def _samples(imu, dtype):

@@ -23,6 +23,7 @@ would give that variance.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from analysis import wrap
 from analysis.tracker.at_rest import mean
@@ -37,8 +38,7 @@ KEEP = 0.9  # least weight of earlier straights at a new one: ten show a turned 
 ENOUGH = 1 / math.radians(2.0) ** 2  # 1/rad^2; below, no earlier straight loses weight
 
 
-@dataclass(frozen=True)
-class Straight:
+class Straight(NamedTuple):
     """Result of one straight stretch: mounting angles in rad (NaN where there is none).
 
     ``printed`` is eqs (2) and (3) on this stretch, ``alone`` the weighted angle of this stretch by
