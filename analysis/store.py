@@ -38,6 +38,7 @@ from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.centre_line import CentreLine
 from analysis.terrain.real_laps import Lap, lay_on_line
 from analysis.terrain.terrain_map import Profile
+from analysis.units.frame import Track
 
 __all__ = [
     "before_and_after",
@@ -55,6 +56,7 @@ __all__ = [
     "read",
     "read_model",
     "static_log",
+    "tracks",
 ]
 
 FOLDER = DATA / "derived"
@@ -568,6 +570,34 @@ def _estimate(row):
     ends = (None if np.isnan(v) else float(v) for v in (row.value, row.low, row.high))
     note = row.note if isinstance(row.note, str) else ""
     return Estimate(*ends, row.unit, bool(row.resolved), note)
+
+
+# Units side by side
+
+
+def tracks(name: str) -> dict[str, Track]:
+    """Read the units of one journey, each on its own clock, in one frame.
+
+    Returns
+    -------
+    dict of str, Track
+        A table with ``t_s``, ``east_m`` and ``north_m`` each; velocity from the positions, heights
+        and angles where the table has them. A position that a slow receiver repeats counts once.
+    """
+    found = {}
+    for key, table in read(name).tables.items():
+        if not {"t_s", "east_m", "north_m"} <= set(table):
+            continue
+        new = table[(table[["east_m", "north_m"]].diff() != 0).any(axis=1)]
+        enu = new.reindex(columns=["east_m", "north_m", "up_m"]).to_numpy(dtype=float)
+        t = new["t_s"].to_numpy(dtype=float)
+        yaw = "heading_deg" if "heading_deg" in table else "yaw_deg"
+        angles = table.reindex(columns=["roll_deg", "pitch_deg", yaw]).to_numpy(dtype=float)
+        known = np.isfinite(angles).any(axis=1)
+        own = table["t_s"].to_numpy(dtype=float)[known]
+        velocity = np.gradient(enu[:, :2], t, axis=0)
+        found[key] = Track(key, t, enu, velocity, own, angles[known])
+    return found
 
 
 # Roads

@@ -178,7 +178,7 @@ def test_arrows_go_one_way(path):
 
 
 def test_the_house_is_small():
-    """property: at most 16 rooms; modules as stated; faces of at most 20 names, 120 in all.
+    """property: at most 16 rooms; modules as stated; faces of at most 20 names, 140 in all.
 
     75 modules, and what was added since: readers of binary formats (4), units side by side (7).
     """
@@ -187,7 +187,7 @@ def test_the_house_is_small():
     assert len(MODULES) <= 75 + 4 + 7
     sizes = {face: len(exported(face)) for face in FACES}
     assert max(sizes.values()) <= 20, sizes
-    assert sum(sizes.values()) <= 120, sizes
+    assert sum(sizes.values()) <= 140, sizes
 
 
 def exported(face):

@@ -27,7 +27,6 @@ RECEIVERS = {
     "etrex": "Garmin-Etrex-30x", "lezyne": "Lezyne", "phone": "MotoG3", "adafruit": "adafruit",
     "openlog": "openlog",
 }  # fmt: skip
-AIRCRAFT_S = 0.4  # s between rows of the first unit; its positions are new about twice a second
 CAR_S, POSE_S, UAV_S = 0.2, 0.1, 0.2  # s between rows
 OUTAGE_S, EVERY_S, FASTER = 10.0, 30.0, 3.0  # s, s, m/s: outages of rides on the move
 ONLY_ATTITUDE = Options(static=False, low_pass=False, mounting=False, fusion=False)
@@ -287,12 +286,10 @@ def light_aircraft():
             parts[part] = pd.read_csv(datasets.path(files[-1]))
         att, gps, air, echo = (parts[k] for k in ("mgl_att", "mgl_gps", "mgl_air", "echo"))
         origin = origin or (gps["lat"][0], gps["lon"][0], 0.0)
-        t = np.arange(gps["t"].iloc[0], gps["t"].iloc[-1], AIRCRAFT_S)
-        row = np.searchsorted(gps["t"], t, side="right") - 1  # what the unit last said: no blend
-        here = gps.iloc[row]
-        table = {"t_s": t.round(2)} | _enu(
-            here["lat"], here["lon"], here["alt_ft"] * FEET, origin, 1
-        )
+        here = gps[(gps[["lat", "lon"]].diff() != 0).any(axis=1)]  # it repeats each position
+        t = here["t"].to_numpy()
+        table = {"t_s": t} | _enu(here["lat"], here["lon"], 0.0 * here["lat"], origin, 1)
+        table["msl_m"] = (here["alt_ft"] * FEET).round(1)
         table |= {"speed_m_s": (here["gs_kmh"] * KMH).round(1), "track_deg": here["track"]}
         table |= {"satellites": here["sats"]}
         table["pressure_m"] = np.interp(t, air["t"], air["palt_ft"] * FEET).round(1)
@@ -305,7 +302,8 @@ def light_aircraft():
         table |= {"pressure_m": (echo["palt_ft"] * FEET).round(1), "nic": echo["nic"]}
         table |= {"nacp": echo["nacp"], "speed_m_s": (echo["gs_kt"] * KNOT).round(1)}
         tables[f"echo-{flight}"] = pd.DataFrame(table | {"track_deg": echo["track"].round(1)})
-        del tables[f"echo-{flight}"]["up_m"]
+        for unit in ("efis", "echo"):  # the plane through the origin leaves the ground far away
+            del tables[f"{unit}-{flight}"]["up_m"]
     return _source("light aircraft with two units, two flights of 620 and 742 s", *files), tables
 
 

@@ -8,12 +8,20 @@ from analysis.units.clock import clock_offset
 from analysis.units.differences import differences, trajectory_metrics
 from analysis.units.events import find_events
 from analysis.units.frame import Unit, local_tracks
+from analysis.units.journeys import ASSUMED, simulate_drive, simulate_flight
+from analysis.units.spread import ratio_of_spreads, share, spread
 
 __all__ = [
+    "ASSUMED",
     "Unit",
     "clock_offset",
     "differences",
     "find_events",
     "local_tracks",
+    "ratio_of_spreads",
+    "share",
+    "simulate_drive",
+    "simulate_flight",
+    "spread",
     "trajectory_metrics",
 ]
