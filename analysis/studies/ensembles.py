@@ -1,4 +1,4 @@
-"""Ensembles of simulated logs, behind every verdict on something random in notebooks 10 to 14.
+"""Ensembles of simulated logs, behind every verdict on something random of notebooks 10 to 14, 41.
 
 What the papers say of one log is judged by what many such logs say. One CSV for each subject (a
 channel of Table I, a receiver, the terrain paper's sensor) is kept in ``data/derived/ensembles``,
@@ -30,6 +30,7 @@ from analysis.noise import (
 from analysis.noise.allan import cluster_sizes, overlapped_variance
 from analysis.noise.models import gauss_markov
 from analysis.studies.coverage import RATE_HZ, TERRAIN
+from analysis.units.journeys import DT, MANOEUVRES
 
 SEED = 2608
 LOGS = 200
@@ -108,6 +109,21 @@ def of_receiver(radius, stream):
     return {"cep": (e.value, e.low, e.high)}
 
 
+def of_flight(models, stream):
+    """Give the spread of yaw against the KVH's over a flight's manoeuvres, both by Table I alone.
+
+    Returns
+    -------
+    dict of str, float
+        ``midg``, ``tokimec``: standard deviation of the difference, deg.
+    """
+    rng = np.random.default_rng(stream)
+    n = round(MANOEUVRES[1] / DT)
+    yaw = {k: models[f"{k}-yaw"].simulate(n, DT, rng) for k in ("midg", "tokimec", "kvh")}
+    part = slice(round(MANOEUVRES[0] / DT), n)
+    return {k: float(np.std((yaw[k] - yaw["kvh"])[part])) for k in ("midg", "tokimec")}
+
+
 def of_bias(stream):
     """Whether the Allan deviation of the terrain paper's bias alone rises to one top and falls.
 
@@ -169,6 +185,7 @@ def subjects():
     for row in store.published("comparison-cep").itertuples():
         jobs[f"cep-{row.receiver.split()[0].lower()}"] = (partial(of_receiver, row.cep_m), LOGS)
     jobs["terrain-bias"] = (of_bias, LOGS)
+    jobs["flight-yaw"] = (partial(of_flight, models), LOGS)
     return jobs | {"terrain-recipe": (by_recipe, LOGS), "terrain-fitted": (by_likelihood, FITTED)}
 
 
@@ -210,7 +227,7 @@ def study(folder=FOLDER, workers=2):
     """Read every log of every subject, and write a table a subject."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
     source = {
-        "title": "Ensembles of simulated logs behind the verdicts of notebooks 10 to 14",
+        "title": "Ensembles of simulated logs behind the verdicts of notebooks 10 to 14 and 41",
         "made_by": "python -m analysis.studies.ensembles",
         "seeds": {"papers": SEED, "terrain-recipe, terrain-fitted": TERRAIN_SEED},
         "logs": {name: logs for name, (_, logs) in subjects().items()},

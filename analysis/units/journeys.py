@@ -33,6 +33,7 @@ OVER = [(1, 46, 0, pitch) for pitch in (26, 14, 2, -10)]  # 12 deg/s: what weigh
 PUSHOVER = [(4, 50, 0, 20), (5, 48, 0, 38), *OVER, (4, 48, 0, -20), (5, 50, 0, -8), (40, 50, 0, 0)]
 FLIGHT = [(20, 35, 0, 0), CLIMB, (640, 55, 0, 0), (49, 55, 20, 0), BACK, (60, 57, 0, 0), *TURNS,
           *PUSHOVER, *PUSHOVER, *PUSHOVER, DOWN, (60, 35, 0, 0)]  # fmt: skip
+MANOEUVRES = tuple(float(sum(leg[0] for leg in FLIGHT[:k])) for k in (6, -2))  # s, from and to
 COAST_COURSE = -67.6  # deg, from KWVI to Ano Nuevo
 WEIGHTLESS = 0.3  # g, below which a unit with an inertial part loses its position
 
@@ -93,7 +94,7 @@ class Journey:
     turn_deg_s : ndarray, shape (n,)
         Rate of the true yaw.
     events : dict of str, list of (float, float)
-        From and to, s: ``hidden``, ``building``, ``turn-round``, ``pushover``.
+        From and to, s: ``hidden``, ``building``; ``turn-round``, ``manoeuvres``, ``pushover``.
     """
 
     truth: Track
@@ -165,6 +166,7 @@ def simulate_flight(models: Mapping[str, UnifiedModel], rng: np.random.Generator
     ends = np.cumsum(seconds)
     events = {"turn-round": [(float(ends[2]), float(ends[3]))]}
     light = np.flatnonzero(np.diff(np.r_[False, load < WEIGHTLESS, False].astype(int)))
+    events["manoeuvres"] = [MANOEUVRES]
     events["pushover"] = [(truth.t_s[a - 1], truth.t_s[b - 1]) for a, b in light.reshape(-1, 2)]
     units = {}
     for name, errors in ASSUMED.items():
