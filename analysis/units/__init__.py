@@ -1,7 +1,7 @@
 """Units side by side: one clock, one frame, their differences and events; without a truth too.
 
 Pure: a `Unit` is arrays that somebody has read. To read in order: frame, clock, differences,
-events.
+events, variances.
 """
 
 from analysis.units.clock import clock_offset
@@ -10,6 +10,7 @@ from analysis.units.events import find_events
 from analysis.units.frame import Unit, local_tracks
 from analysis.units.journeys import ASSUMED, simulate_drive, simulate_flight
 from analysis.units.spread import ratio_of_spreads, share, spread
+from analysis.units.variances import unit_variances
 
 __all__ = [
     "ASSUMED",
@@ -24,4 +25,5 @@ __all__ = [
     "simulate_flight",
     "spread",
     "trajectory_metrics",
+    "unit_variances",
 ]

@@ -7,6 +7,7 @@ a root mean square those of the squares (`noise.position.effective_samples`).
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t as student
 
 from analysis import CannotAnswer, Estimate, wrap
 from analysis.noise.position import effective_samples
@@ -15,6 +16,7 @@ from analysis.units.frame import Track, interpolated, rate, unwrapped
 MOVING_M_S = 1.0  # above it the direction of travel is known
 TURN_S = 2.0  # width of the difference that gives the rate of turn
 FEWEST = 10.0  # independent samples below which there is no interval
+WINDOW = 5.0  # correlation lengths over which correlations are summed up
 FEWEST_EPOCHS = 10  # common ones
 ANGLES = ("roll", "pitch", "yaw")
 
@@ -179,7 +181,7 @@ def _about(x, name, unit):
     """Mean and standard deviation, with intervals."""
     x = x[np.isfinite(x)]
     n, mean = effective_samples(x), float(x.mean())
-    half = 1.96 * float(x.std()) / np.sqrt(n) if n >= FEWEST else None
+    half = normal_factor(n) * float(x.std()) / np.sqrt(n) if n >= FEWEST else None
     ends = (None, None) if half is None else (mean - half, mean + half)
     return {
         f"{name}_mean_{unit}": Estimate(mean, *ends, unit, note=_note(n, half is None)),
@@ -190,7 +192,7 @@ def _about(x, name, unit):
 def quantile(x: np.ndarray, q: float, unit: str) -> Estimate:
     """Estimate a quantile; the interval runs between order statistics. ::
 
-        q -+ 1.96 sqrt(q (1 - q) / N),    N the independent samples of [x > x_q]
+        q -+ t sqrt(q (1 - q) / N),    N the independent samples of [x > x_q]
 
     Parameters
     ----------
@@ -209,7 +211,7 @@ def quantile(x: np.ndarray, q: float, unit: str) -> Estimate:
     n = effective_samples((x > value).astype(float))
     if n < FEWEST:
         return Estimate(value, None, None, unit, note=_note(n, True))
-    half = 1.96 * np.sqrt(q * (1 - q) / n)
+    half = normal_factor(n) * np.sqrt(q * (1 - q) / n)
     low = float(np.quantile(x, max(q - half, 0.0)))
     high = float(np.quantile(x, q + half)) if q + half < 1 else None
     return Estimate(value, low, high, unit, note=_note(n, False))
@@ -218,7 +220,7 @@ def quantile(x: np.ndarray, q: float, unit: str) -> Estimate:
 def root_mean_square(x: np.ndarray, unit: str) -> Estimate:
     """Estimate a root mean square from correlated values. ::
 
-        log interval +- 1.96 sd(x^2) / (2 mean(x^2) sqrt(N)),   N the independent samples of x^2
+        log interval +- t sd(x^2) / (2 mean(x^2) sqrt(N)),   N the independent samples of x^2
 
     Parameters
     ----------
@@ -236,9 +238,27 @@ def root_mean_square(x: np.ndarray, unit: str) -> Estimate:
     n = effective_samples(square)
     if n < FEWEST or mean == 0:
         return Estimate(value, None, None, unit, note=_note(n, True))
-    half = 0.98 * float(square.std()) / (mean * np.sqrt(n))
+    half = normal_factor(n) * float(square.std()) / (2 * mean * np.sqrt(n))
     ends = value * np.exp([-half, half])
     return Estimate(value, float(ends[0]), float(ends[1]), unit, note=_note(n, False))
+
+
+def normal_factor(n: float) -> float:
+    """Half width of a 95 % interval in standard errors, for n independent samples.
+
+    That number is itself an estimate, from correlations within a window of five lengths: so
+    Student's t with n / 5 degrees of freedom.
+
+    Parameters
+    ----------
+    n : float
+        As `noise.position.effective_samples` counts them.
+
+    Returns
+    -------
+    float
+    """
+    return float(student.ppf(0.975, max(n / WINDOW, 1.0)))
 
 
 def _note(n, few):

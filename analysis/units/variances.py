@@ -1,0 +1,353 @@
+"""The noise of each of several units without a truth: what their differences can tell.
+
+Only differences are known. Their variances s_ij = var(x_i - x_j) hold N unknown variances v_i and
+N (N - 1) / 2 unknown covariances r_ij::
+
+    s_ij = v_i + v_j - 2 r_ij
+
+so that any v_i may be taken, and r_ij follows: an assumption about correlation is needed. With
+independent units (r_ij = 0) three of them give the three-cornered hat; as the Groslambert
+covariance it is a mean of products ::
+
+    v_i = mean (x_i - x_j) (x_i - x_k)
+
+and the joint likelihood of the differences keeps it positive, for any number of units. Premoli and
+Tavella (1993) take the covariances of least sum of squares with which the matrix is a covariance
+matrix. Errors that all units share never show.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import brentq, minimize
+from scipy.stats import chi2
+
+from analysis import CannotAnswer, Estimate
+from analysis.noise.position import effective_samples
+from analysis.units.differences import normal_factor, root_mean_square
+
+SMALLEST = 1e-8  # of the largest difference's variance: stands for zero
+ROUNDS, PROFILE = 200, 60  # rounds of the fit; variances tried for an interval
+CORRELATIONS = (0.2, 0.5)  # between two units, assumed for the ranges
+ASSUMED, WIDE = 0.2, 2.0  # a range of a standard deviation over this ratio is wide
+LEVEL = 0.01  # of the test of independence
+FEWEST = 25.0  # independent differences
+
+
+@dataclass(frozen=True)
+class Variances:
+    """What the differences of N units tell about each.
+
+    Attributes
+    ----------
+    sigma : tuple of Estimate
+        Standard deviation of each unit, for independent units; refused, with the range that is
+        possible, where the units are correlated, or where correlations of 0.2 would make the range
+        wide.
+    independent : tuple of Estimate
+        The same without the refusal.
+    hat : ndarray, shape (N,)
+        Variances of the three-cornered hat (least squares for more units); may be negative.
+    p_independent : float
+        Probability of differences as unlikely as these if the units were independent; NaN for two.
+    least_correlation : float
+        Smallest bound on all |correlations| with which the differences are possible.
+    allowed : dict of float to ndarray, shape (N, 2)
+        |Correlation| at most -> smallest and largest standard deviation that is possible.
+    least_squares_correlation : ndarray, shape (N,)
+        Standard deviations by Premoli and Tavella.
+    note : str
+    """
+
+    sigma: tuple[Estimate, ...]
+    independent: tuple[Estimate, ...]
+    hat: np.ndarray
+    p_independent: float
+    least_correlation: float
+    allowed: dict[float, np.ndarray]
+    least_squares_correlation: np.ndarray
+    note: str
+
+
+def unit_variances(x: np.ndarray, unit: str = "m") -> Variances:
+    """Estimate the noise of each unit from the differences between them.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N, n)
+        Readings of N units at n common times, N >= 2, all of the same quantity; constant shifts
+        between units are taken out. Times with a NaN are left out.
+    unit : str
+
+    Returns
+    -------
+    Variances
+
+    Raises
+    ------
+    CannotAnswer
+        If there are fewer than 25 independent differences, or two units agree exactly.
+    """
+    x = np.asarray(x, dtype=float)
+    x = x[:, np.isfinite(x).all(axis=0)]
+    count, n = x.shape
+    if n < FEWEST:
+        raise CannotAnswer(f"{n} times at which all {count} units have a value: too few")
+    x = x - x.mean(axis=1, keepdims=True)
+    s = np.zeros((count, count))
+    independent_samples = np.inf
+    for i, j in combinations(range(count), 2):
+        d = x[i] - x[j]
+        own = effective_samples(d)
+        independent_samples = min(independent_samples, own)
+        s[i, j] = s[j, i] = np.mean(d**2) / (1 - 1 / max(own, 2.0))
+        if s[i, j] == 0:
+            raise CannotAnswer(f"units {i + 1} and {j + 1} hold the same readings")
+    if independent_samples < FEWEST:
+        raise CannotAnswer(
+            f"about {independent_samples:.0f} independent differences: too few for variances"
+        )
+    if count == 2:
+        return _two(x, s, unit)
+    hat, freedom = _hat(x, s)
+    best = _joint(s, np.full((1, count), s.max() / 2), range(count))[0]
+    independent = tuple(_interval(s, best, i, f, unit) for i, f in enumerate(freedom))
+    p = _independence(s, float(_deviance(best, s)), float(freedom.min()), hat)
+    allowed = {rho: np.sqrt(_range(s, rho)) for rho in CORRELATIONS}
+    correlated = p < LEVEL
+    note = f"{n} common times, about {freedom.min():.0f} of them independent"
+    least_rho = _least_correlation(s) if (hat < 0).any() or count > 3 else 0.0
+    if correlated:
+        note += f"; the units are correlated (p = {p:.1g}), by at least {least_rho:.2f}"
+    sigma = []
+    for i, one in enumerate(independent):
+        low, high = allowed[ASSUMED][i]
+        if correlated:
+            low, high = (np.nan, np.nan) if np.isnan(low) else (low, high)
+            why = "the units are correlated: the hat does not hold"
+        elif not high < WIDE * low:
+            why = f"correlations of ±{ASSUMED} allow this whole range"
+        else:
+            sigma.append(one)
+            continue
+        ends = [None if np.isnan(v) else float(v) for v in (low, high)]
+        sigma.append(Estimate.refused(unit, why, low=ends[0], high=ends[1]))
+    tavella = np.sqrt(_premoli_tavella(s))
+    return Variances(tuple(sigma), independent, hat, p, least_rho, allowed, tavella, note)
+
+
+def _two(x, s, unit) -> Variances:
+    """Say what two units tell: the sum of their variances."""
+    total = root_mean_square(x[0] - x[1], unit)
+    note = (
+        f"two units: only the sum of their variances is known, √(σ₁² + σ₂²) = {total:.3g}, "
+        "if they are independent; a third unit would part it"
+    )
+    bound = Estimate.refused(unit, note, low=0.0, high=total.high)
+    both = (bound, bound)
+    nan = np.full(2, np.nan)
+    allowed = {rho: np.sqrt(_range(s, rho)) for rho in CORRELATIONS}
+    return Variances(both, both, nan, float("nan"), 0.0, allowed, nan, note)
+
+
+def _hat(x, s):
+    """Return the hat's variances and the degrees of freedom that each one has.
+
+    The freedom is that of the mean of Groslambert's products: their independent samples, fewer
+    where they scatter more than those of Gaussian noise.
+    """
+    count = len(x)
+    pairs = s.sum() / 2
+    hat = (s.sum(axis=1) - pairs / (count - 1)) / (count - 2)
+    freedom = np.empty(count)
+    for i in range(count):
+        others = [j for j in range(count) if j != i]
+        products = [(x[i] - x[j]) * (x[i] - x[k]) for j, k in combinations(others, 2)]
+        gaussian = np.mean(
+            [
+                s[i, j] * s[i, k] + ((s[i, j] + s[i, k] - s[j, k]) / 2) ** 2
+                for j, k in combinations(others, 2)
+            ]
+        )
+        spread = np.mean([np.var(p) for p in products])
+        n = effective_samples(np.mean(products, axis=0))
+        freedom[i] = max(n * min(1.0, gaussian / spread), 2.0)
+    return hat, freedom
+
+
+def _deviance(v, s):
+    """Minus twice the log likelihood of the differences per degree of freedom. ::
+
+        sum log v + log W + sum_(i<j) w_i w_j s_ij / W,    w = 1 / v, W their sum
+
+    Parameters
+    ----------
+    v : ndarray, shape (..., N)
+    s : ndarray, shape (N, N)
+    """
+    w = 1 / v
+    total = w.sum(axis=-1)
+    pairs = 0.5 * ((w @ s) * w).sum(axis=-1)
+    return np.log(v).sum(axis=-1) + np.log(total) + pairs / total
+
+
+def _joint(s, v, free):
+    """Minimise the deviance over some of the variances, one after the other, until they stand.
+
+    With the others given, x_i minus their weighted mean has a variance of v_i + 1 / W of the
+    others, and its mean square is the best estimate of that.
+
+    Parameters
+    ----------
+    s : ndarray, shape (N, N)
+    v : ndarray, shape (m, N)
+        Where to start; the variances that are not free stay.
+    free : sequence of int
+
+    Returns
+    -------
+    ndarray, shape (m, N)
+    """
+    v, smallest = v.copy(), SMALLEST * s.max()
+    for _ in range(ROUNDS):
+        before = v.copy()
+        for i in free:
+            w = 1 / v
+            w[:, i] = 0.0
+            total = w.sum(axis=1)
+            w /= total[:, None]
+            square = w @ s[i] - 0.5 * ((w @ s) * w).sum(axis=1)
+            v[:, i] = np.maximum(square - 1 / total, smallest)
+        if np.abs(np.log(v / before)).max() < 1e-5:
+            break
+    return v
+
+
+def _interval(s, best, i, freedom, unit) -> Estimate:
+    """Profile the deviance for one unit's standard deviation."""
+    count = len(s)
+    smallest = SMALLEST * s.max()
+    wide, near = np.exp(np.linspace(-10, 5, PROFILE)), np.exp(np.linspace(-1.5, 1.5, PROFILE))
+    grid = np.unique(np.r_[smallest, s.max() * wide, best[i] * near, best[i]])
+    start = np.tile(np.maximum(best, 1e-3 * s.max()), (len(grid), 1))
+    start[:, i] = grid
+    v = _joint(s, start, [j for j in range(count) if j != i])
+    beyond = freedom * (_deviance(v, s) - _deviance(best, s)) - normal_factor(freedom) ** 2
+    at = int(np.argmin(np.abs(grid - best[i])))
+    value = float(np.sqrt(best[i]))
+    above = at + int(np.argmax(beyond[at:] > 0))
+    high = float(np.sqrt(_crossing(grid, beyond, above - 1)))
+    if not (beyond[:at] > 0).any():
+        return Estimate(value, 0.0, high, unit, note="zero is possible")
+    below = int(np.flatnonzero(beyond[:at] > 0)[-1])
+    return Estimate(value, float(np.sqrt(_crossing(grid, beyond, below))), high, unit)
+
+
+def _crossing(grid, y, k):
+    """Where a line between two points of the profile is zero, on the scale of the logarithm."""
+    x = np.log(grid[k : k + 2])
+    return float(np.exp(x[0] - y[k] * (x[1] - x[0]) / (y[k + 1] - y[k])))
+
+
+def _independence(s, least, freedom, hat):
+    """Test independence: the deviance against that of any covariance of the differences."""
+    count = len(s)
+    c = (s[:-1, -1:] + s[-1:, :-1] - s[:-1, :-1]) / 2  # covariance of x_i - x_N
+    sign, logdet = np.linalg.slogdet(c)
+    if sign <= 0:
+        return 0.0
+    statistic = max(freedom * (least - logdet - (count - 1)), 0.0)
+    spare = count * (count - 1) // 2 - count
+    if spare:
+        return float(chi2.sf(statistic, spare))
+    # Three units: as many unknowns as knowns; only a negative variance speaks, on one side.
+    return 0.5 * float(chi2.sf(statistic, 1)) if (hat < 0).any() else 1.0
+
+
+def _covariances(v, s):
+    """Covariance matrix that variances v leave for the units: r_ij = (v_i + v_j - s_ij) / 2."""
+    r = (v[:, None] + v[None, :] - s) / 2
+    np.fill_diagonal(r, v)
+    return r
+
+
+def _slacks(v, s, rho):
+    """By how much the variances keep |r_ij| <= rho sqrt(v_i v_j), and a matrix without negatives.
+
+    All are concave in v, so that the variances that keep them are a convex set.
+    """
+    v = np.maximum(v, 0.0)
+    i, j = zip(*combinations(range(len(v)), 2), strict=True)
+    v_i, v_j = v[list(i)], v[list(j)]
+    room = rho * np.sqrt(v_i * v_j + 1e-12) - np.abs(v_i + v_j - s[i, j]) / 2
+    if rho * (len(v) - 1) <= 1:  # small correlations: no eigenvalue can be negative (Gershgorin)
+        return room
+    return np.concatenate([room, np.linalg.eigvalsh(_covariances(v, s))])
+
+
+def _inside(s, rho):
+    """Variances deep inside the set that |correlations| <= rho allow, and how deep; s of size 1."""
+    start = np.r_[_premoli_tavella(s) + 0.05, 0.0]
+    start[-1] = _slacks(start[:-1], s, rho).min()
+    found = minimize(
+        lambda x: -x[-1],
+        start,
+        method="SLSQP",
+        bounds=[(0.0, None)] * len(s) + [(-3.0, 1.0)],
+        constraints=[{"type": "ineq", "fun": lambda x: _slacks(x[:-1], s, rho) - x[-1]}],
+        options={"maxiter": 60, "ftol": 1e-8},
+    )
+    return found.x[:-1], float(_slacks(found.x[:-1], s, rho).min())
+
+
+def _range(s, rho):
+    """Smallest and largest variance of each unit with all |correlations| <= rho; NaN if none."""
+    scale, count = s.max(), len(s)
+    start = (s.sum(axis=1) - s.sum() / (2 * max(count - 1, 1))) / (max(count - 2, 1) * scale)
+    if count == 2 or count > 3 or not (start > 1e-3).all():  # else the hat itself is inside
+        start = _inside(s / scale, rho)[0]
+    out = np.full((count, 2), np.nan)
+    if _slacks(start, s / scale, rho).min() < -1e-6:
+        return out
+    for i in range(len(s)):
+        for k, sign in enumerate((1.0, -1.0)):
+            found = minimize(
+                lambda v, i=i, sign=sign: sign * v[i],
+                start,
+                method="SLSQP",
+                bounds=[(0.0, None)] * len(s),
+                constraints=[{"type": "ineq", "fun": lambda v: _slacks(v, s / scale, rho)}],
+                options={"maxiter": 60, "ftol": 1e-8},
+            )
+            good = _slacks(found.x, s / scale, rho).min() > -1e-5
+            out[i, k] = scale * max((found.x if good else start)[i], 0.0)
+    return out
+
+
+def _premoli_tavella(s):
+    """Variances of least sum of squared covariances, with a covariance matrix that is one."""
+    scale = s.max()
+    unit = s / scale
+    upper = np.triu_indices(len(s), 1)
+
+    def cost(v):
+        return float((_covariances(v, unit)[upper] ** 2).sum())
+
+    found = minimize(
+        cost,
+        np.full(len(s), 0.6),  # every v_i >= s_ij / 2 is a covariance matrix
+        method="SLSQP",
+        bounds=[(0.0, None)] * len(s),
+        constraints=[{"type": "ineq", "fun": lambda v: np.linalg.eigvalsh(_covariances(v, unit))}],
+        options={"maxiter": 200, "ftol": 1e-12},
+    )
+    return np.maximum(found.x, 0.0) * scale
+
+
+def _least_correlation(s):
+    """Smallest bound on all |correlations| with which the differences are possible."""
+    unit = s / s.max()
+    if _inside(unit, 0.0)[1] > -1e-4:
+        return 0.0
+    return float(brentq(lambda rho: _inside(unit, rho)[1] + 1e-6, 0.0, 1.0, xtol=1e-3))
