@@ -1,10 +1,11 @@
 """Units side by side: one clock, one frame, their differences and events; without a truth too.
 
 Pure: a `Unit` is arrays that somebody has read. To read in order: frame, clock, differences,
-events, variances.
+events, variances, comparison.
 """
 
 from analysis.units.clock import clock_offset
+from analysis.units.comparison import conventions, side_by_side
 from analysis.units.differences import differences, trajectory_metrics
 from analysis.units.events import find_events
 from analysis.units.frame import Unit, local_tracks
@@ -16,11 +17,13 @@ __all__ = [
     "ASSUMED",
     "Unit",
     "clock_offset",
+    "conventions",
     "differences",
     "find_events",
     "local_tracks",
     "ratio_of_spreads",
     "share",
+    "side_by_side",
     "simulate_drive",
     "simulate_flight",
     "spread",

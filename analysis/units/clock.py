@@ -80,24 +80,16 @@ def clock_offset(a: Track, b: Track) -> Clock:
         If there is no motion, no common time, or if the tracks are not of one journey.
     """
     both = f"{a.name} and {b.name}"
-    if a.fixed.sum() >= 3 and b.fixed.sum() >= 3:
-        signals = [(t.t_s, t.enu[:, :2]) for t in (a, b)]
-        least = LEAST_M
-    elif len(a.attitude_t_s) and len(b.attitude_t_s):
-        # Absolute rates: whether signs agree is not known yet.
-        signals = [
-            (t.attitude_t_s, np.abs(rate(t.attitude_t_s, unwrapped(t.attitude), 1.0)))
-            for t in (a, b)
-        ]
-        least = LEAST_DEG_S
-    else:
+    by_position = all(t.fixed.sum() >= 3 for t in (a, b))
+    if not by_position and not all(len(t.attitude_t_s) for t in (a, b)):
         raise CannotAnswer(f"{both} share neither positions nor an attitude: nothing to compare")
-    moves = [np.sqrt(np.nanvar(x, axis=0).sum()) for _, x in signals]
-    for track, motion in zip((a, b), moves, strict=True):
-        if not motion > least:
+    signals = [_signal(t, by_position) for t in (a, b)]
+    least = LEAST_M if by_position else LEAST_DEG_S
+    for track, (_, x) in zip((a, b), signals, strict=True):
+        if not _size(x) > least:
             raise CannotAnswer(
-                f"{track.name} does not move (its scatter is {motion:.2g} "
-                f"{'m' if least == LEAST_M else 'deg/s'}), so its clock cannot be found by motion"
+                f"{track.name} does not move (its scatter is {_size(x):.2g} "
+                f"{'m' if by_position else 'deg/s'}), so its clock cannot be found by motion"
             )
     lags = list(_best_lags(signals[0], signals[1], least))
     if not lags:
@@ -105,7 +97,7 @@ def clock_offset(a: Track, b: Track) -> Clock:
             f"{both} have no {LEAST_S:.0f} s of common motion at any clock offset: they did not "
             "travel together, or one of them hardly moves"
         )
-    if least == LEAST_DEG_S:
+    if not by_position:
         return _by_attitude(a, b, lags[0])
     thin = [t.every(THIN_S) for t in (a, b)]
     fits = [fit for lag in lags if (fit := _refined(thin[0], thin[1], lag)) is not None]
@@ -120,6 +112,25 @@ def clock_offset(a: Track, b: Track) -> Clock:
             f"{best.cross:.0f} m across"
         )
     return Clock(best.offset, best.drift, best.middle, named_offset(best.offset, a, b))
+
+
+def _signal(track, by_position):
+    """What is compared: positions, or absolute rates of the angles, whose signs may not agree."""
+    if by_position:
+        return track.t_s, track.enu[:, :2]
+    angles = track.attitude[:, np.isfinite(track.attitude).any(axis=0)]
+    return track.attitude_t_s, np.abs(rate(track.attitude_t_s, unwrapped(angles), 1.0))
+
+
+def _size(x):
+    """Scatter of a signal, over all its axes."""
+    return float(np.sqrt(np.nanvar(x, axis=0).sum()))
+
+
+def stands_still(track: Track) -> bool:
+    """Tell whether a unit does not move by its own log, so that its clock cannot be found."""
+    by_position = bool(track.fixed.sum() >= 3)
+    return not _size(_signal(track, by_position)[1]) > (LEAST_M if by_position else LEAST_DEG_S)
 
 
 @dataclass(frozen=True)
@@ -201,7 +212,7 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
         x = np.stack(columns, axis=-1)  # (n, 2, 6)
         prior = np.array([np.inf, DRIFT, LEVER_M, LEVER_M, DATUM_M, DATUM_M])
         # b late by delta shows b where a was: p_b = p_a - v delta at the same stamp.
-        beta, residual, covariance, use = _least_squares(x, d, prior)
+        beta, residual, covariance, use = least_squares(x, d, prior)
         lag += float(beta[0])
         if abs(beta[0]) < ENOUGH_S:
             break
@@ -217,7 +228,7 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
     return _Fit(lag, offset, drift, middle - lag, scatter, along_m, cross_m)
 
 
-def _least_squares(x, d, prior):
+def least_squares(x: np.ndarray, d: np.ndarray, prior: np.ndarray) -> tuple:
     """Solve d = x beta with Gaussian priors about zero, robustly; correlated residuals counted.
 
     Returns beta, residuals, covariance and the epochs that were used. The covariance takes as many
@@ -247,24 +258,21 @@ def _least_squares(x, d, prior):
 def _by_attitude(a: Track, b: Track, lag: float) -> Clock:
     """Refine a lag on attitudes alone; signs of the axes are found on the way."""
     drift = Estimate.refused("s/s", "not estimated from attitudes alone")
+    use = np.isfinite(a.attitude).any(axis=0) & np.isfinite(b.attitude).any(axis=0)
+    t, mine, theirs = a.attitude_t_s, unwrapped(a.attitude[:, use]), unwrapped(b.attitude[:, use])
+    rates, count = rate(t, mine, 0.5), int(use.sum())
     for _ in range(8):
-        t = a.attitude_t_s
-        rates = interpolated(t, a.attitude_t_s, rate(t, unwrapped(a.attitude), 0.5))
-        moved = interpolated(t, b.attitude_t_s + lag, unwrapped(b.attitude))
-        d = moved - unwrapped(a.attitude)
-        good = np.isfinite(d + rates).all(axis=1)
+        moved = interpolated(t, b.attitude_t_s + lag, theirs)
+        good = np.isfinite(moved + mine + rates).all(axis=1)
         if good.sum() < FEWEST_SAMPLES:
             raise CannotAnswer(f"{a.name} and {b.name} have no common attitude samples")
-        x = np.zeros((int(good.sum()), 3, 4))
-        signs = [
-            np.sign(np.corrcoef(p[good], q[good])[0, 1])
-            for p, q in zip(unwrapped(a.attitude).T, moved.T, strict=True)
-        ]
-        d = signs * moved[good] - unwrapped(a.attitude)[good]
+        signs = np.sign([np.cov(mine[good, k], moved[good, k])[0, 1] for k in range(count)])
+        x = np.zeros((int(good.sum()), count, count + 1))
         x[:, :, 0] = rates[good]
-        x[:, [0, 1, 2], [1, 2, 3]] = 1.0
-        prior = np.array([np.inf, 360.0, 360.0, 360.0])
-        beta, _, covariance, _ = _least_squares(x, d, prior)
+        x[:, range(count), range(1, count + 1)] = 1.0
+        prior = np.array([np.inf, *[360.0] * count])
+        d = signs * moved[good] - mine[good]
+        beta, _, covariance, _ = least_squares(x, d, prior)
         lag += float(beta[0])
         if abs(beta[0]) < ENOUGH_S:
             break

@@ -32,7 +32,7 @@ ROUNDS, PROFILE = 200, 60  # rounds of the fit; variances tried for an interval
 CORRELATIONS = (0.2, 0.5)  # between two units, assumed for the ranges
 ASSUMED, WIDE = 0.2, 2.0  # a range of a standard deviation over this ratio is wide
 LEVEL = 0.01  # of the test of independence
-FEWEST = 25.0  # independent differences
+FEWEST, FEWEST_FREE = 25.0, 10.0  # independent differences, and products of them
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def unit_variances(x: np.ndarray, unit: str = "m") -> Variances:
         elif not high < WIDE * low:
             why = f"correlations of ±{ASSUMED} allow this whole range"
         else:
-            sigma.append(one)
+            sigma.append(one if one.resolved else Estimate.refused(unit, one.note))
             continue
         ends = [None if np.isnan(v) else float(v) for v in (low, high)]
         sigma.append(Estimate.refused(unit, why, low=ends[0], high=ends[1]))
@@ -226,7 +226,10 @@ def _joint(s, v, free):
 
 def _interval(s, best, i, freedom, unit) -> Estimate:
     """Profile the deviance for one unit's standard deviation."""
-    count = len(s)
+    count, value = len(s), float(np.sqrt(best[i]))
+    if freedom < FEWEST_FREE:
+        note = f"a few spells make most of it: about {freedom:.0f} independent values"
+        return Estimate(value, None, None, unit, False, note)
     smallest = SMALLEST * s.max()
     wide, near = np.exp(np.linspace(-10, 5, PROFILE)), np.exp(np.linspace(-1.5, 1.5, PROFILE))
     grid = np.unique(np.r_[smallest, s.max() * wide, best[i] * near, best[i]])
@@ -235,7 +238,6 @@ def _interval(s, best, i, freedom, unit) -> Estimate:
     v = _joint(s, start, [j for j in range(count) if j != i])
     beyond = freedom * (_deviance(v, s) - _deviance(best, s)) - normal_factor(freedom) ** 2
     at = int(np.argmin(np.abs(grid - best[i])))
-    value = float(np.sqrt(best[i]))
     above = at + int(np.argmax(beyond[at:] > 0))
     high = float(np.sqrt(_crossing(grid, beyond, above - 1)))
     if not (beyond[:at] > 0).any():

@@ -1,0 +1,413 @@
+"""Two or more units side by side: conventions and datums agreed, everything of this room in order.
+
+A yaw that turns against the course, or counts from east, or is in radians is another convention
+and is put right; an angle of mounting, or magnetic north, is a difference and stays. A constant
+difference of height of tens of metres is another datum: it is said, and stays.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from analysis import CannotAnswer, Estimate, WrongUsage, wrap
+from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
+from analysis.units.differences import (
+    Differences,
+    differences,
+    interpolated_angles,
+    trajectory_metrics,
+)
+from analysis.units.events import Event, find_events
+from analysis.units.frame import Track, Unit, interpolated, local_tracks, rate, unwrapped
+from analysis.units.variances import Variances, unit_variances
+
+WINDOW_S = 10.0  # over which changes of angle are compared
+TURNED_DEG, TILTED_DEG = 5.0, 0.5  # root mean square of the changes that can tell
+AGREE = 0.5  # of the variance of one that the other explains
+RADIAN = np.degrees(1.0)
+FACTORS = {
+    1.0: "",
+    -1.0: "turned round",
+    1 / RADIAN: "in radians",
+    -1 / RADIAN: "in radians and turned round",
+}
+ZERO_DEG = 20.0  # from a multiple of 90 deg, within which a zero is another convention
+DATUM_M, DATUM_RATIO = 8.0, 4.0  # constant difference of height: least, and over its scatter
+GEOID_M = 110.0  # heights of the geoid above the ellipsoid lie within -107 to 86 m
+SHIFT_M = 20.0  # constant horizontal difference that is another datum rather than a lever arm
+LEVER_M = 0.5  # half width of its interval within which a lever arm counts as observed
+SPREAD = 0.3  # root mean square of sin and cos of heading about their means: turns enough
+
+
+COMPONENTS = ("along", "cross", "height", "roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two of the units: b minus a.
+
+    Attributes
+    ----------
+    a, b : str
+    differences : Differences
+    metrics : dict of str to Estimate
+        As `trajectory_metrics` gives them.
+    lever : dict of str to Estimate
+        ``forward_m``, ``right_m`` from a to b; empty without positions.
+    """
+
+    a: str
+    b: str
+    differences: Differences
+    metrics: dict[str, Estimate]
+    lever: dict[str, Estimate]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Units side by side.
+
+    Attributes
+    ----------
+    tracks : list of Track
+        All on the clock of the first unit, in one frame and by one convention.
+    clocks : list of Clock
+        One for each unit after the first: time by the first minus time by that unit.
+    pairs : list of Pair
+    events : list of Event
+        Of all units, in order of time.
+    variances : dict of str to Variances
+        ``along``, ``cross``, ``height``, ``roll``, ``pitch``, ``yaw``: as far as all units have it.
+    notes : tuple of str
+        What was found or assumed, a sentence each.
+    """
+
+    tracks: list[Track]
+    clocks: list[Clock]
+    pairs: list[Pair]
+    events: list[Event]
+    variances: dict[str, Variances]
+    notes: tuple[str, ...]
+
+
+def side_by_side(units: Sequence[Unit]) -> Comparison:
+    """Compare units that travelled together.
+
+    Parameters
+    ----------
+    units : sequence of Unit
+        Two or more. The first one's clock is the common one.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    WrongUsage
+        If there are fewer than two, or two hold the same readings.
+    CannotAnswer
+        If a unit is frozen, or two were not on one journey at one time.
+    """
+    if len(units) < 2:
+        raise WrongUsage("one unit cannot be compared: give the logs of two or more")
+    _refuse_same(units)
+    first, *others = local_tracks(units)
+    notes: list[str] = []
+    clocks = []
+    for other in others:
+        clocks.append(_clock(first, other, notes))
+    tracks = [first, *(t.shifted(c.to_first) for t, c in zip(others, clocks, strict=True))]
+    tracks = _agreed(tracks, notes)
+    events = []
+    for k, track in enumerate(tracks):
+        events += find_events(track, tracks[:k] + tracks[k + 1 :])
+    pairs = []
+    for a, b in combinations(tracks, 2):
+        d = differences(a, b)
+        notes += datums(a, b, d)
+        lever, why = lever_arm(a, d) if len(d.t_s) else ({}, "")
+        if why:
+            notes.append(f"{a.name} and {b.name}: {why}")
+        pairs.append(Pair(a.name, b.name, d, trajectory_metrics(d), lever))
+    return Comparison(
+        tracks,
+        clocks,
+        pairs,
+        sorted(events, key=lambda e: e.from_s),
+        _variances(tracks, pairs[: len(tracks) - 1], notes),
+        tuple(dict.fromkeys(notes)),
+    )
+
+
+def _refuse_same(units):
+    """Refuse two units with the same readings."""
+    for a, b in combinations(units, 2):
+        for name in ("lat_deg", "roll_deg"):
+            one, other = (getattr(u, name) for u in (a, b))
+            if len(one) and np.array_equal(one, other, equal_nan=True) and np.ptp(one[one == one]):
+                raise WrongUsage(
+                    f"{a.name} and {b.name} hold the same readings: the same log twice? Give the "
+                    "log of each unit once"
+                )
+
+
+def _clock(a: Track, b: Track, notes) -> Clock:
+    """Find the clock of b, or take its stamps where both units stand still."""
+    for one, other in ((a, b), (b, a)):
+        xy = one.enu[one.fixed][:, :2]
+        if len(xy) > 2 and not np.ptp(xy, axis=0).any() and not stands_still(other):
+            far = np.ptp(other.enu[other.fixed][:, :2], axis=0)
+            raise CannotAnswer(
+                f"{one.name} is frozen: its position never changes while {other.name} moves over "
+                f"{np.hypot(*far):.0f} m"
+            )
+    try:
+        clock = clock_offset(a, b)
+    except CannotAnswer as error:
+        start, stop = (f(_span(a)[k], _span(b)[k]) for k, f in ((0, max), (1, min)))
+        if not (stands_still(a) and stands_still(b)):
+            raise
+        if stop <= start or a.clock != b.clock:
+            raise CannotAnswer(
+                f"{a.name} and {b.name} stand still and their stamps do not overlap: nothing tells "
+                "which times belong together"
+            ) from error
+        note = f"{error}; the stamps are taken as of one clock"
+        notes.append(note)
+        return Clock(Estimate.refused("s", note), Estimate.refused("s/s", note))
+    if clock.named:
+        notes.append(f"the clock of {b.name} against that of {a.name}: {clock.named}")
+    return clock
+
+
+def _span(track):
+    t = np.concatenate([track.t_s[track.fixed], track.attitude_t_s])
+    return float(t.min()), float(t.max())
+
+
+def _agreed(tracks, notes):
+    """Bring all attitudes to one convention: that of the first one which has turns to check it."""
+    known = [t for t in tracks if len(t.attitude_t_s)]
+    if not known:
+        return tracks
+    reference, said = conventions(known[0])
+    notes += said
+    out = []
+    for track in tracks:
+        if track is known[0]:
+            track = reference
+        elif len(track.attitude_t_s):
+            track, said = conventions(track, reference)
+            notes += said
+        out.append(track)
+    return out
+
+
+def _variances(tracks, pairs, notes) -> dict[str, Variances]:
+    """Estimate each unit's noise, component by component, at the epochs that all units have."""
+    found = {}
+    for k, name in enumerate(COMPONENTS):
+        try:
+            x = _component(tracks, pairs, k)
+            if x is not None:
+                found[name] = unit_variances(x, "m" if k < 3 else "deg")
+        except CannotAnswer as error:
+            notes.append(f"noise of each unit in {name}: {error}")
+    return found
+
+
+def _component(tracks, pairs, k):
+    """One component of all units against the first, (N, n); None where one does not have it."""
+    series = []
+    for pair in pairs:
+        d = pair.differences
+        t = d.t_s if k < 3 else d.attitude_t_s
+        x = (d.along_m, d.cross_m, d.enu[:, 2])[k] if k < 3 else d.attitude[:, k - 3]
+        if np.isfinite(x).sum() < 2:
+            return None
+        series.append((t, x))
+    base = min((t for t, _ in series), key=len)
+    others = [interpolated(base, t, x[:, None])[:, 0] for t, x in series]
+    return np.vstack([np.zeros(len(base)), *others])
+
+
+def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...]]:
+    """Check the attitude of one unit against another, or against its own course.
+
+    Parameters
+    ----------
+    b : Track
+        The unit to be checked.
+    a : Track, optional
+        Another one on the same clock, taken as right; its attitude, or else its course, is the
+        reference. Without it, b's own course.
+
+    Returns
+    -------
+    Track
+        b with roll, pitch, yaw positive right-handed about forward, right, down, and yaw from
+        north, as far as the reference shows it.
+    tuple of str
+        What was found, a sentence each.
+    """
+    if not len(b.attitude_t_s):
+        return b, ()
+    angles, said = b.attitude.copy(), []
+    t = b.attitude_t_s
+    against = interpolated_angles(t, a) if a is not None and len(a.attitude_t_s) else None
+    reference = b if a is None else a
+    course = _course(t, reference)
+    yaw = course if against is None else against[:, 2]
+    name = f"the course of {reference.name}" if against is None else f"the yaw of {reference.name}"
+    factor = _factor(t, unwrapped(angles)[:, 2], unwrapped(yaw[:, None])[:, 0], TURNED_DEG)
+    if factor is not None:
+        if FACTORS[factor]:
+            said.append(f"{b.name}: yaw is {FACTORS[factor]} against {name}; put right")
+        angles[:, 2] = wrap(angles[:, 2] * (RADIAN if abs(factor) < 1 else 1) * np.sign(factor))
+        off = np.exp(1j * np.radians(angles[:, 2] - yaw))
+        mean = np.nanmean(off)
+        zero = float(np.degrees(np.angle(mean)))
+        quarter = 90.0 * round(zero / 90)
+        if quarter and abs(zero - quarter) < ZERO_DEG and abs(mean) > 0.7:
+            angles[:, 2] = wrap(angles[:, 2] - quarter)
+            from_east = "counts from east (ENU)" if factor < 0 else f"is {quarter:+.0f} deg off"
+            said.append(f"{b.name}: yaw {from_east} against {name}; put right")
+    if against is not None:
+        for k, which in enumerate(("roll", "pitch")):
+            mine, theirs = (unwrapped(x)[:, k] for x in (angles, against))
+            factor = _factor(t, mine, theirs, TILTED_DEG)
+            other = unwrapped(against)[:, 1 - k]
+            if factor is None and _factor(t, mine, other, TILTED_DEG) is not None:
+                said.append(
+                    f"{b.name}: {which} follows the {('pitch', 'roll')[k]} of {reference.name}: "
+                    "axes changed over; not put right"
+                )
+            elif factor is not None and FACTORS[factor]:
+                angles[:, k] = (
+                    mine / factor if abs(factor) == 1 else mine * RADIAN * np.sign(factor)
+                )
+                said.append(
+                    f"{b.name}: {which} is {FACTORS[factor]} against {reference.name}; put right"
+                )
+    return replace(b, attitude=angles), tuple(said)
+
+
+def _course(t, track):
+    """Course over ground at times t, deg; NaN below 2 m/s."""
+    if not track.fixed.any():
+        return np.full(len(t), np.nan)
+    v = interpolated(t, track.t_s, rate(track.t_s, track.enu[:, :2], 1.0))
+    with np.errstate(invalid="ignore"):
+        return np.where(np.hypot(*v.T) > 2.0, np.degrees(np.arctan2(*v.T)), np.nan)
+
+
+def _factor(t, mine, theirs, least):
+    """Find by which of the known factors one angle follows the changes of another; None if none."""
+    step = float(np.median(np.diff(t))) if len(t) > 2 else 0.0
+    lag = max(1, round(WINDOW_S / step)) if step else 0
+    if not lag or len(t) < 10 * lag // 2:
+        return None
+    x, y = theirs[lag:] - theirs[:-lag], mine[lag:] - mine[:-lag]
+    good = np.isfinite(x + y)
+    if good.sum() < 20 or np.sqrt(np.mean(x[good] ** 2)) < least:
+        return None
+    x, y = x[good] - x[good].mean(), y[good] - y[good].mean()
+    total = float(x @ x * (y @ y))
+    if not total or (x @ y) ** 2 < AGREE * total:
+        return None
+    slope = float(x @ y / (x @ x))
+    return min(
+        FACTORS, key=lambda f: abs(np.log(abs(slope / f))) + 10 * (np.sign(slope) != np.sign(f))
+    )
+
+
+def datums(a: Track, b: Track, d: Differences) -> list[str]:
+    """Say which constant differences of position are datums rather than errors.
+
+    Returns
+    -------
+    list of str
+    """
+    said, up = [], d.enu[:, 2]
+    if np.isfinite(up).sum() > 10:
+        middle, scatter = _middle(up)
+        if abs(middle) > max(DATUM_M, DATUM_RATIO * scatter):
+            why = (
+                "one counts from mean sea level and the other from the ellipsoid, or from a "
+                "pressure: another datum, not an error"
+                if abs(middle) < GEOID_M
+                else "more than any height of the geoid: feet for metres, or a pressure altitude?"
+            )
+            said.append(
+                f"heights of {b.name} are {abs(middle):.1f} m {'above' if middle > 0 else 'below'} "
+                f"those of {a.name} throughout (scatter {scatter:.1f} m): {why}"
+            )
+    if len(d.t_s) > 10:
+        (east, east_scatter), (north, north_scatter) = (_middle(d.enu[:, k]) for k in (0, 1))
+        shift, scatter = np.hypot(east, north), np.hypot(east_scatter, north_scatter)
+        if shift > max(SHIFT_M, DATUM_RATIO * scatter):
+            said.append(
+                f"{b.name} is {north:+.0f} m north and {east:+.0f} m east of {a.name} throughout "
+                f"(scatter {scatter:.0f} m): another horizontal datum, or a grid of its own"
+            )
+    return said
+
+
+def _middle(x):
+    """Median and robust standard deviation."""
+    x = x[np.isfinite(x)]
+    middle = float(np.median(x))
+    return middle, 1.4826 * float(np.median(np.abs(x - middle)))
+
+
+def lever_arm(a: Track, d: Differences) -> tuple[dict[str, Estimate], str]:
+    """Estimate the horizontal lever arm from unit a to unit b, in the axes of the vehicle. ::
+
+        d = C(yaw) l + c + noise
+
+    Parameters
+    ----------
+    a : Track
+        Its yaw is used; without one, its course, which a car's heading follows.
+    d : Differences
+        b minus a.
+
+    Returns
+    -------
+    dict of Estimate
+        ``forward_m``, ``right_m``; refused where attitude and turns do not make it observable.
+    str
+        Why it is refused, or which heading was used; empty for the yaw.
+    """
+    yaw = (
+        interpolated_angles(d.t_s, a)[:, 2] if len(a.attitude_t_s) else np.full(len(d.t_s), np.nan)
+    )
+    note = ""
+    if not np.isfinite(yaw).any():
+        yaw = np.where(d.speed_m_s > 2.0, _course(d.t_s, a), np.nan)
+        note = "no yaw in the log: the course is taken as heading"
+    good = np.isfinite(yaw)
+    heading = np.radians(yaw[good])
+    forward = np.column_stack([np.sin(heading), np.cos(heading)])
+    if good.sum() < 20 or np.sqrt(forward.var(axis=0).min()) < SPREAD:
+        why = "lever arm not observable: too few turns" + (" and " + note if note else "")
+        refused = Estimate.refused("m", why)
+        return {"forward_m": refused, "right_m": refused}, why
+    columns = [forward, forward[:, ::-1] * [1, -1]]
+    columns += [np.broadcast_to(e, forward.shape) for e in np.eye(2)]
+    x = np.stack(columns, axis=-1)
+    beta, _, covariance, _ = least_squares(x, d.enu[good][:, :2], np.full(4, 1e3))
+    half = 1.96 * np.sqrt(np.diag(covariance))
+    found = {}
+    for k, name in enumerate(("forward_m", "right_m")):
+        ends = float(beta[k] - half[k]), float(beta[k] + half[k])
+        if half[k] > LEVER_M:
+            why = f"lever arm not observable: known to ±{half[k]:.1f} m only"
+            found[name] = Estimate.refused("m", why, low=ends[0], high=ends[1])
+            note = why
+        else:
+            found[name] = Estimate(float(beta[k]), *ends, "m", note=note)
+    return found, note
