@@ -93,9 +93,10 @@ def _wait_for(stems):
 def no_pictures(monkeypatch):
     """Write empty files in place of a report's pictures; drawing is most of its time."""
 
-    def touch(result, folder):
+    def touch(result, folder, atlas):
         folder.mkdir()
-        for name in (report.ALL_CHANNELS, *(channel.name for channel in result.channels)):
+        drawn = [report.ALL_CHANNELS, *(channel.name for channel in result.channels)]
+        for name in drawn + [report.ATLAS] * (atlas is not None):
             for suffix in ("pdf", "png", "csv"):
                 (folder / f"{name}.{suffix}").touch()
 

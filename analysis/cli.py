@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal
 import typer
 from typer.core import TyperGroup
 
-from analysis import CannotAnswer, Estimate, WrongUsage, replacing
+from analysis import CannotAnswer, Estimate, WrongUsage, replacing, without_exponents
 
 DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
     "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
@@ -231,8 +231,12 @@ def _parameter(text):
 @app.command()
 @_reads_static
 def report(
+    ctx: typer.Context,
     log: Annotated[str, _argument("LOG", "A file, or a log of the catalogue.")],
     out: Annotated[str, _out("Folder for the report.")],
+    part: Annotated[
+        Text, _option("NAME", "Part of data/sensors.toml to hold the log against.", "--part")
+    ] = None,
     **reading,
 ):
     """Characterise a static log: noise model and report.
@@ -244,6 +248,7 @@ def report(
     python -m analysis report my.csv --out mine --time t_us --columns gx --unit rad/s --from 60
     python -m analysis report my.csv --out mine --unit gyro=deg/s,accel=g --time-unit us
     python -m analysis report raw.csv --out mine --unit gyro=deg/s --scale gyro=1/131
+    python -m analysis report my.csv --out mine --part adis16470     against its data sheet
 
     Times, counters, norms and status words among the columns are left out. Gyros and
     accelerometers are told apart by name and by size (a length of one g). What was guessed stands
@@ -255,20 +260,27 @@ def report(
     walk needs about an hour. A correlation time needs a log at least ten times as long: hours
     rather than minutes.
 
+    The page begins with a verdict: is the sensor within its data sheet (--part, else the part that
+    the log's name tells, else the nearest), did it lie still, is the log long enough.
+
     Writes model.json (every parameter with its 95 % interval), report.html (one page to pass on),
     figures/ and exports/.
     """
     from analysis import report as page
 
+    command = _command(ctx.obj, log)
     log = _read(log, **reading)
     with writing(out):
-        result = page.write(log, out)
+        result, answers = page.write(log, out, part=part, command=command)
     for repair in result.source["repairs"]:
-        print(f"note: {repair}")
+        print(f"note: {without_exponents(repair)}")
+    for answer in answers:
+        said = "cannot say" if answer.answer == "open" else answer.answer
+        print(f"{answer.question} {said}: {without_exponents(answer.why)}")
     for channel in result.channels:
         print(f"\n{channel.name} ({channel.unit})")
         for disturbance in channel.fit["disturbances"]:
-            print(f"  note: {disturbance['note']}")
+            print(f"  note: {without_exponents(disturbance['note'])}")
         for key, estimate in channel.parameters.items():
             value = estimate.value_text or "not resolved"
             print(f"  {page.NAMES[key]:<48}{value:>18}   {estimate.interval_text}")
@@ -276,6 +288,16 @@ def report(
             f"  how long to record: {page.hours_to_record(channel, 1 / result.source['rate_hz'])}"
         )
     print(f"\n{out}/report.html, model.json, figures/ and exports/ are written")
+
+
+def _command(typed, log):
+    """Write the command as it was typed, without the folders of this machine."""
+    words, previous = ["python -m analysis"], ""
+    for word in map(str, typed):
+        shown = Path(log).name if word == log else "DIR" if previous == "--out" else word
+        words.append(shlex.quote("--out=DIR" if word.startswith("--out=") else shown))
+        previous = word
+    return " ".join(words)
 
 
 @app.command()

@@ -25,6 +25,7 @@ from analysis.terrain.monte_carlo import quantiles
 __all__ = [
     "against_price",
     "allan",
+    "atlas",
     "curves",
     "four_panels",
     "histogram",
@@ -34,6 +35,12 @@ __all__ = [
 ]
 
 APART = 0.17  # decades between the numbers of two sensors
+MOST_IN_PANEL = 10  # the colours that a reader tells apart
+MARKS = {"s": "N", "o": "B", "^": "K"}
+ATLAS_UNITS = {  # factor and unit of N and of B; the atlas holds deg/s and g
+    "rate": (60.0, 3600.0, "°/√h", "°/h"),
+    "accel": (1e6, 1e6, "µg/√Hz", "µg"),
+}
 AXIS = {"N": "angle random walk N (°/√s)", "B": "bias instability B (°/s)"}
 
 
@@ -108,7 +115,7 @@ def four_panels(noise: ChannelNoise, title: str) -> Figure:
 
     15 s of data, Allan deviation as recorded and without the straight line with the fitted model
     over it, the whole log with its straight line, and the autocovariance at several averaging
-    windows with the 1/e level.
+    windows with the 1/e level. Where it was logged, the temperature stands under the channel.
 
     Parameters
     ----------
@@ -119,8 +126,10 @@ def four_panels(noise: ChannelNoise, title: str) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    fig = plt.figure(figsize=(DOUBLE, 4.6))
-    (short, adev), (whole, acov) = fig.subplots(2, 2)
+    warm = noise.temperature is not None
+    fig = plt.figure(figsize=(DOUBLE, 6.0 if warm else 4.6))
+    left, right = fig.subplots(3 if warm else 2, 2, height_ratios=[2, 2, 1][: 2 + warm]).T
+    (short, whole), (adev, acov) = left[:2], right[:2]
     unit = pretty(noise.unit)
     fig.suptitle(plain(title), fontsize=9)
     short.plot(*noise.short, color="C0", lw=0.5, label="_readings")
@@ -146,10 +155,16 @@ def four_panels(noise: ChannelNoise, title: str) -> Figure:
     acov.axhline(peak / np.e, color="0.4", ls="--", lw=0.7, label=level)
     acov.set(title="autocovariance", xlabel="lag (s)", ylabel=f"autocovariance ({unit})²")
     acov.legend()
+    if warm:
+        whole.sharex(left[2])
+        left[2].plot(t / 3600, noise.temperature, "C1", lw=0.8, label="temperature")
+        left[2].set(xlabel="time (h)", ylabel="temperature (°C)")
+        right[2].plot(noise.temperature, y, ".", color="C1", ms=1.5, label="reading against it")
+        right[2].set(xlabel="temperature (°C)", ylabel=f"{plain(noise.name)} ({unit})")
     return fig
 
 
-def fitted_model(ax: Axes, noise: ChannelNoise) -> None:
+def fitted_model(ax: Axes, noise: ChannelNoise, *, color: str = "k", legend: bool = True) -> None:
     """Draw the fitted model over the curve as recorded, straight line included; mark N, B, K.
 
     N is marked at tau = 1 s, B at the floor of the model (at 0.664 B), K where its line ends, each
@@ -159,6 +174,9 @@ def fitted_model(ax: Axes, noise: ChannelNoise) -> None:
     ----------
     ax : matplotlib.axes.Axes
     noise : ChannelNoise
+    color : str
+    legend : bool
+        Name model and marks in the legend.
     """
     chosen = next((m for m in noise.models if m["chosen"]), None)
     if chosen is None:
@@ -169,8 +187,9 @@ def fitted_model(ax: Axes, noise: ChannelNoise) -> None:
     terms, duration = noise.fit["terms"], float(noise.whole[0][-1] + noise.whole[0][0])
     signal = adev_of_signal(terms, noise.line[1], tau, duration)
     named = " and ".join(dict.fromkeys(["the line", *(t["kind"].replace("_", "-") for t in terms)]))
-    label = f"{chosen['model']}, fitted, with {named}"
-    ax.plot(tau, np.hypot(model, signal), "k--", lw=0.8, label=label)
+    hidden = "" if legend else f"_{plain(noise.name)}, "
+    label = f"{hidden}{chosen['model']}, fitted, with {named}"
+    ax.plot(tau, np.hypot(model, signal), "--", color=color, lw=0.8, label=label)
     end = float(tau[-1])
     marks = (
         ("N", ("arw", "vrw"), 1.0, 1.0, "s"),
@@ -181,31 +200,100 @@ def fitted_model(ax: Axes, noise: ChannelNoise) -> None:
         for estimate in (noise.parameters[key] for key in keys if key in noise.parameters):
             if estimate.resolved:
                 low, y, high = factor * np.array([estimate.low, estimate.value, estimate.high])
-                ax.plot([at, at], [low, high], "k", lw=0.8, label=f"_{symbol}, 95 % interval")
-                label = f"{symbol} = {estimate.value_text}"
-                ax.plot(at, y, marker, color="k", mfc="w", ms=4, label=label)
+                bar = f"_{plain(noise.name)}, {symbol}, 95 % interval"
+                ax.plot([at, at], [low, high], color=color, lw=0.8, label=bar)
+                label = f"{hidden}{symbol} = {estimate.value_text}"
+                ax.plot(at, y, marker, color=color, mfc="w", ms=4, label=label)
 
 
 def allan_panels(channels: Sequence[ChannelNoise], title: str) -> Figure:
-    """Draw the Allan deviations of all channels as recorded, one panel for each unit.
+    """Draw the Allan deviations of all channels as recorded with the fitted models and N, B, K.
 
     Parameters
     ----------
     channels : sequence of ChannelNoise
+        A panel for each unit; of one unit, at most ten in a panel.
     title : str
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    units = list(dict.fromkeys(c.unit for c in channels))
-    fig = plt.figure(figsize=(DOUBLE, 3.2))
+    panels = []
+    for unit in dict.fromkeys(c.unit for c in channels):
+        of = [c for c in channels if c.unit == unit]
+        panels += [of[i : i + MOST_IN_PANEL] for i in range(0, len(of), MOST_IN_PANEL)]
+    rows = -(-len(panels) // 2)
+    fig = plt.figure(figsize=(DOUBLE if len(panels) > 1 else DOUBLE * 0.7, 0.5 + 3.0 * rows))
     fig.suptitle(plain(title), fontsize=9)
-    for ax, unit in zip(fig.subplots(1, len(units), squeeze=False)[0], units, strict=True):
-        for i, c in enumerate(c for c in channels if c.unit == unit):
-            allan(ax, c.allan, unit, label=plain(c.name), color=f"C{i}")
-        ax.legend()
+    axes = fig.subplots(rows, min(len(panels), 2), squeeze=False).ravel()
+    for ax, of in zip(axes, panels, strict=False):
+        for i, c in enumerate(of):
+            allan(ax, c.allan, c.unit, label=plain(c.name), color=f"C{i}")
+            fitted_model(ax, c, color=f"C{i}", legend=False)
+        for marker, symbol in MARKS.items():
+            ax.plot([], [], marker, color="k", mfc="w", ms=4, label=symbol)
+        ax.plot([], [], "k--", lw=0.8, label="fitted model")
+        ax.legend(fontsize=6, ncols=1 + (len(of) > 6))
+    for ax in axes[len(panels) :]:
+        ax.set_axis_off()
     return fig
+
+
+def atlas(fig: Figure, table: pd.DataFrame) -> None:
+    """Draw N against B of the sensors of the atlas, gyros beside accelerometers, with intervals.
+
+    Parameters
+    ----------
+    fig : matplotlib.figure.Figure
+    table : DataFrame
+        Of data/derived/atlas. Data sheets are numbered; a measured sensor has a mark for each axis,
+        which points down where B is only bounded. Rows whose basis is "this log" are drawn as
+        stars; only kinds that have such rows are shown, if there are any.
+    """
+    own = table[table["basis"] == "this log"]
+    kinds = [k for k in ATLAS_UNITS if k in set((table if own.empty else own)["kind"])]
+    for ax, kind in zip(fig.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
+        rows = table[table["kind"] == kind].copy()
+        *scales, n_unit, b_unit = ATLAS_UNITS[kind]
+        for symbol, scale in zip("nb", scales, strict=True):
+            ends = [f"{symbol}_low", f"{symbol}_high"]
+            rows[[symbol, *ends]] *= scale
+            rows[f"{symbol}_at"] = rows[symbol].fillna(rows[ends[1]])
+        rows = rows.dropna(subset=["n_at", "b_at"])
+        sheets = rows[rows["basis"] == "datasheet"]
+        places = _apart(sheets["n"], sheets["b"], APART)
+        for i, (sheet, at) in enumerate(zip(sheets.itertuples(), places, strict=True), 1):
+            ax.plot([sheet.n, at[0]], [sheet.b, at[1]], "0.5", lw=0.5, label=f"_{sheet.name}, line")
+            circle = {"ms": 8, "mfc": "w", "mec": "0.4", "mew": 0.6, "ls": "none"}
+            ax.plot(*at, "o", label=f"{i}  {sheet.name}", **circle)
+            ax.text(*at, i, fontsize=5.5, ha="center", va="center_baseline", color="0.2")
+        colors = cycle(("C0", "C2", "C1", "C4"))
+        for (basis, name), of in rows.drop(sheets.index).groupby(["basis", "name"], sort=False):
+            mine = basis == "this log"
+            color, mark = ("r", "*") if mine else (next(colors), "D")
+            _axes_of_a_sensor(ax, plain(name), of, color, mark)
+        ax.set(xscale="log", yscale="log", xlabel=f"N ({n_unit})", ylabel=f"B ({b_unit})")
+        for axis, values in ((ax.xaxis, rows["n_at"]), (ax.yaxis, rows["b_at"])):
+            low, high = min(values) / 2, max(values) * 2
+            wider = max(np.sqrt(10 * low / high), 1.0)  # a decade at least
+            axis.set_view_interval(low / wider, high * wider, ignore=True)
+        ax.set_title({"rate": "gyros", "accel": "accelerometers"}[kind])
+        ax.legend(fontsize=5.5, loc="upper left", bbox_to_anchor=(0, -0.16), ncols=2)
+
+
+def _axes_of_a_sensor(ax, name, of, color, mark):
+    """Mark the axes of one measured sensor on the atlas, with what is known of their N and B."""
+    style = {"color": color, "lw": 1.0, "zorder": 5 if mark == "*" else 4}
+    ax.hlines(of["b_at"], of["n_low"], of["n_high"], label=f"_{name}, N, 95 %", **style)
+    ax.vlines(of["n_at"], of["b_low"], of["b_high"], label=f"_{name}, B, 95 %", **style)
+    style |= {"ls": "none", "mfc": "w", "ms": 8 if mark == "*" else 4}
+    for only, marker, words in ((of["b"].notna(), mark, ""), (of["b"].isna(), "v", ", B at most")):
+        if only.any():
+            ax.plot(of["n_at"][only], of["b_at"][only], marker, label=name + words, **style)
+    for axis in of.itertuples():
+        at = {"xytext": (4, 3), "textcoords": "offset points", "fontsize": 6, "color": color}
+        ax.annotate(plain(axis.axis), (axis.n_at, axis.b_at), **at)
 
 
 def curves(

@@ -38,6 +38,7 @@ from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.centre_line import CentreLine
 from analysis.terrain.real_laps import Lap, lay_on_line
 from analysis.terrain.terrain_map import Profile
+from analysis.terrain.trends import ErrorPlane
 from analysis.units.frame import Track
 
 __all__ = [
@@ -46,6 +47,7 @@ __all__ = [
     "characterise_log",
     "coverage",
     "ensemble",
+    "error_plane",
     "highway",
     "lap_and_map",
     "lap_curves",
@@ -249,6 +251,22 @@ def before_and_after(name: str | Path) -> pd.DataFrame:
     after = tables["summary"] if "summary" in tables else pd.concat(tables.values())
     keys = [c for c in ("model", "hours", "sensor", "kind", "pieces", "parameter") if c in after]
     return before.merge(after, "left", keys, suffixes=("_before", ""))
+
+
+def error_plane(tracker: str) -> ErrorPlane:
+    """Read the tracking error over N and B, from data/derived/atlas.
+
+    Parameters
+    ----------
+    tracker : str
+        ``paper`` or ``bias states``, which lets the filter estimate the bias of the gyro too.
+    """
+    stored = read("atlas")
+    table = stored.tables["plane"].query("tracker == @tracker")
+    arw, sigma_b = (np.unique(table[name]) for name in ("arw_deg_sqrt_s", "sigma_b_deg_s"))
+    shape = len(sigma_b), len(arw)
+    error, lost = (table[name].to_numpy().reshape(shape) for name in ("error_m", "laps_lost"))
+    return ErrorPlane(stored.source["readings"][tracker], arw, sigma_b, error, lost)
 
 
 def published(name: str, dtype: type | None = None) -> pd.DataFrame:

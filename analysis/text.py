@@ -5,6 +5,8 @@ from typing import Any
 
 import pandas as pd
 
+from analysis import engineering
+
 __all__ = ["Shown", "duration", "table"]
 
 
@@ -61,4 +63,4 @@ def duration(hours: float | None) -> str:
         return "more than eleven years"
     if hours < 1 / 60:
         return "less than a minute"
-    return f"{hours:.2g} h" if hours >= 1 else f"{60 * hours:.2g} min"
+    return f"{engineering(hours, 2)} h" if hours >= 1 else f"{engineering(60 * hours, 2)} min"

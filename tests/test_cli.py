@@ -25,6 +25,7 @@ COMMANDS = [
     "reproduce", "report", "replay", "pool", "export", "plan", "coverage", "claims", "data",
     "benchmark",
 ]  # fmt: skip
+DAY = 1_600_000_000  # 13 September 2020, when the log was "last changed"
 HEADER = "t_s,gyro_x_deg_s"
 READINGS = np.random.default_rng(5).normal(0.1, 0.01, 600)
 ROWS = [f"{i / 100:.2f},{y:.6f}" for i, y in enumerate(READINGS)]
@@ -71,7 +72,9 @@ def nothing_but_the_repository(tmp_path, monkeypatch):
 def good(tmp_path_factory):
     """Report once on a small log with a time column: folder, stdout, stderr."""
     folder = tmp_path_factory.mktemp("good")
-    status, out, err = run("report", write(folder), "--out", folder / "mine")
+    path = write(folder)
+    os.utime(path, (DAY, DAY))
+    status, out, err = run("report", path, "--out", folder / "mine")
     assert status == 0
     return SimpleNamespace(folder=folder / "mine", out=out, err=err)
 
@@ -115,7 +118,8 @@ def test_help_lists_every_command_and_explains_every_option():
 def test_report_writes_the_contract(good):
     """Property: model.json, report.html and figures; where they are is said, and nothing else."""
     names = {str(path) for path in files(good.folder)}
-    pictures = {f"figures/{n}.{k}" for n in ("gyro_x", "all.allan") for k in ("pdf", "png", "csv")}
+    drawn = ("gyro_x", "all.allan", "all.atlas")
+    pictures = {f"figures/{n}.{k}" for n in drawn for k in ("pdf", "png", "csv")}
     exported = {f"exports/{name}" for name in (*exports.TITLES, "README.md")}
     assert names == {"model.json", "report.html"} | pictures | exported
     assert good.err == ""
@@ -153,15 +157,15 @@ def test_no_figure_of_an_earlier_log_stays(tmp_path, no_pictures):
     (tmp_path / "mine" / "figures" / "own.png").write_text("mine")
     assert run("report", both, "--columns", "gyro_y", "--out", tmp_path / "mine")[0] == 0
     names = {p.stem for p in (tmp_path / "mine" / "figures").iterdir()}
-    assert names == {"all.allan", "gyro_y", "own"}
+    assert names == {"all.allan", "all.atlas", "gyro_y", "own"}
 
 
 def test_page_stands_alone(good):
     """Property: nothing is fetched: pictures inside, no script, no link, no path of the machine."""
     page = (good.folder / "report.html").read_text(encoding="utf-8")
     sources = re.findall(r'<img[^>]* src="([^"]*)"', page)
-    assert len(sources) == 2
-    for source, name in zip(sources, ("all.allan", "gyro_x"), strict=True):
+    assert len(sources) == 3
+    for source, name in zip(sources, ("all.allan", "all.atlas", "gyro_x"), strict=True):
         kind, data = source.split(",")
         assert kind == "data:image/png;base64"
         assert base64.b64decode(data) == (good.folder / f"figures/{name}.png").read_bytes()
@@ -324,7 +328,7 @@ def test_a_refusal_leaves_an_earlier_report_alone(tmp_path, good):
 def test_failing_halfway_leaves_nothing(tmp_path, monkeypatch, no_pictures):
     """Property: whatever goes wrong after the pictures are drawn, nothing half-written stays."""
 
-    def stop(result, folder):
+    def stop(result, folder, told):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(report, "_page", stop)
@@ -487,7 +491,7 @@ def test_reproduce_ends_with_the_table(monkeypatch):
 
 def test_a_second_report_from_another_folder_on_a_terminal_without_greek(tmp_path, good):
     """Property: as a program of its own, anywhere, in ASCII: the same bytes; other files stay."""
-    write(tmp_path)
+    os.utime(write(tmp_path), (DAY, DAY))
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "model.json").write_text("old")
     (tmp_path / "mine" / "notes.txt").write_text("mine")

@@ -62,6 +62,8 @@ class ChannelNoise:
     fit : dict
         As in model.json: model, rivals, terms, goodness, stationarity, disturbances; empty
         without an estimate.
+    temperature : ndarray or None
+        degC, in the averages of `whole`; None where it was not logged.
     """
 
     name: str
@@ -77,6 +79,7 @@ class ChannelNoise:
     fitted_from: float
     models: list[dict]
     fit: dict = field(default_factory=dict)
+    temperature: np.ndarray | None = None
 
 
 def characterise(
@@ -153,6 +156,7 @@ def characterise(
         fitted_from=fitted_from,
         models=models,
         fit=fit,
+        temperature=None if temperature is None else block_means(temperature, m),
     )
 
 

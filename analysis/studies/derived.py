@@ -14,6 +14,7 @@ from analysis.studies import rides, several_units, surveys
 MAKERS = {
     store.TRACK: surveys.test_track,
     store.HIGHWAY: surveys.highway,
+    "atlas": surveys.atlas,
     "tracker-parked": rides.parked,
     "tracker-cold-phone": rides.cold_phone,
     "tracker-racebox": partial(rides.turned, "racebox"),

@@ -1,13 +1,15 @@
-"""Makes psu-test-track (maps, laps) and psu-highway (I-99) of data/derived from the raw surveys."""
+"""Makes the roads and the sensors of data/derived: psu-test-track, psu-highway (I-99), atlas."""
 
+import tomllib
 from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
 
+from analysis import DATA, STANDARD_GRAVITY, store
 from analysis.logs import datasets, road_logs
 from analysis.store import HIGHWAY, TRACK, rounded, rounded_number
-from analysis.terrain import antennas, centre_line, terrain_map
+from analysis.terrain import Sensor, Setup, antennas, centre_line, simulate_laps, terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.real_laps import lay_on_line
 
@@ -30,6 +32,11 @@ WIDTH = 1.0  # m, of the smoothing: less hardly improves a held-out lap; shown i
 FINE = 8  # digits of a distance along the track: a curvature is computed from it
 SPACING = 0.5  # m between the rows that are used: at a stop the height drifts, the road does not
 HIGHWAY_STEP = 5.0  # m
+SYMBOLS = {"arw": "n", "vrw": "n", "bias_instability": "b", "rrw": "k", "corr_time": "t_c"}
+MEASURED = ("adis16405", "mpu6050-gyro", "mpu6050-accel")  # static logs of gyros, accelerometers
+DIRECTION = "ccw"  # its map is the mean of four drives (notebook 20)
+RUNS, SEED = 100, 2013  # of the laps, which are the same for every sensor; as notebook 23
+PLANE_N, PLANE_B = np.geomspace(1e-4, 0.1, 13), np.geomspace(1e-5, 0.1, 17)  # deg/sqrt(s), deg/s
 HIGHWAY_WIDTH = 5.0  # m, standard deviation of the Gaussian that smooths the highway
 
 
@@ -166,3 +173,95 @@ def highway():
         "drives": about,
     }
     return source, tables
+
+
+def atlas():
+    """Lay out every sensor of the datasheets and of the committed logs, and the tracking error.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``atlas`` and ``plane``, see `sensors` and `analysis.store.error_plane`.
+    """
+    profile = store.profile(DIRECTION)
+    exact = {"paper": Setup.paper(profile.length_m)}
+    map_variance = float((profile.pitch_se_deg**2).mean())
+    exact["bias states"] = Setup.paper(profile.length_m, bias_states=True, R=map_variance)
+    cells = {(n, b): Sensor(n, b) for b in PLANE_B for n in PLANE_N}
+    rows = []
+    for tracker, setup in exact.items():
+        laps = simulate_laps(
+            profile.attitude_map(), cells, setup, runs=RUNS, seed=SEED, store_every=1.0
+        )
+        reach, lost = laps.reach(), laps.lost().mean()
+        rows += [(tracker, *at, reach[at], lost[at]) for at in cells]
+    columns = ["tracker", "arw_deg_sqrt_s", "sigma_b_deg_s", "error_m", "laps_lost"]
+    source = {
+        "title": "Sensors by datasheet and by their logs; tracking error over N and B",
+        "seed": SEED,
+        "runs": RUNS,
+        "readings": {tracker: _in_words(setup) for tracker, setup in exact.items()},
+        "setups": {tracker: setup.stated() for tracker, setup in exact.items()},
+    }
+    return source, {
+        "atlas": sensors(),
+        "plane": rounded(pd.DataFrame(rows, columns=columns), 4),
+    }
+
+
+def _in_words(setup):
+    """Name the choices that a tracking error holds for."""
+    bias = "with a state for the bias of the gyro" if setup.bias_states else "without bias states"
+    return (
+        f"the terrain paper's unscented filter, {bias}, on the pitch of the Penn State test track"
+        f" ({DIRECTION}, {setup.length:.0f} m at {setup.speed:g} m/s, exact map); B is taken as the"
+        f" standard deviation of a Gauss–Markov bias with T_c = {setup.corr_time:g} s that starts"
+        f" at {setup.start}; R = {setup.R:.2g} deg²"
+    )
+
+
+def sensors():
+    """Lay out the atlas: a row for each sensor and axis.
+
+    Returns
+    -------
+    DataFrame
+        ``sensor, name, axis, kind, unit`` (deg/s or g), ``n`` (unit sqrt(s)), ``b`` (unit), ``k``
+        (unit/sqrt(s)) and ``t_c`` (s), each with ``_low`` and ``_high``, empty where it is not
+        known; ``basis`` (datasheet or measured), ``low_usd`` and ``high_usd``, ``source``.
+    """
+    listed = tomllib.loads((DATA / "sensors.toml").read_text(encoding="utf-8"))
+    rows = []
+    for key, entry in listed.items():
+        low, high = entry.get("price_usd", (None, None))
+        about = {"sensor": key, "name": entry["name"], "axis": "", "basis": "datasheet"}
+        about |= {"low_usd": low, "high_usd": high, "source": entry["source"]}
+        n, b = entry.get("density_deg_s"), entry["bias_deg_h"] / 3600
+        n = entry["arw_deg_sqrt_h"] / 60 if n is None else n
+        rows.append(about | {"kind": "rate", "unit": "deg/s", "n": n, "b": b})
+        n, b = entry.get("density_ug", 0.0) / 1e6, entry.get("accel_bias_mg")
+        n = n or entry.get("vrw_m_s_sqrt_h", 0.0) / 60 / STANDARD_GRAVITY
+        if n:
+            b = None if b is None else b / 1000
+            rows.append(about | {"kind": "accel", "unit": "g", "n": n, "b": b})
+    for log in MEASURED:
+        result = store.static_log(log)
+        for c in result.channels:
+            numbers = {
+                f"{symbol}{end}": getattr(c.parameters[key], attribute)
+                for key, symbol in SYMBOLS.items()
+                if key in c.parameters
+                for attribute, end in (("value", ""), ("low", "_low"), ("high", "_high"))
+            }
+            rows.append(
+                {"sensor": log, "name": result.source["title"].split(",")[0], "axis": c.name[-1]}
+                | {"kind": c.kind, "unit": c.unit, **numbers, "basis": "measured"}
+                | {"source": result.source["source"]}
+            )
+    columns = ["sensor", "name", "axis", "kind", "unit"]
+    symbols = dict.fromkeys(SYMBOLS.values())
+    columns += [f"{symbol}{end}" for symbol in symbols for end in ("", "_low", "_high")]
+    columns += ["basis", "low_usd", "high_usd", "source"]
+    return rounded(pd.DataFrame(rows, columns=columns))

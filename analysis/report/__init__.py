@@ -5,7 +5,10 @@ One command, one folder; all its files are written or none.
 
 import base64
 import json
+import os
 from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -13,22 +16,34 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 from tqdm import tqdm
 
-from analysis import CannotAnswer, WrongUsage, figures, plots, replacing, store, text
+from analysis import (
+    CannotAnswer,
+    WrongUsage,
+    figures,
+    plots,
+    replacing,
+    store,
+    text,
+    without_exponents,
+)
+from analysis.logs.catalogue import find
 from analysis.logs.columns import tidy
 from analysis.noise import exports
 from analysis.noise.channel import refuse_without_noise
 from analysis.noise.inference import infer
 from analysis.noise.planner import SYMBOLS, Plan
 from analysis.noise.pool import alike, pool, repeatability
+from analysis.report import verdict
 
-TEMPLATES = Path(__file__).parent / "templates"
+TEMPLATES = Path(__file__).parents[1] / "templates"
 EXPORTS = Environment(
     loader=FileSystemLoader(TEMPLATES / "exports"),
     trim_blocks=True,
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
-ALL_CHANNELS = "all.allan"  # name of a figure; no channel has a dot in its name
+ALL_CHANNELS, ATLAS = "all.allan", "all.atlas"  # of figures; no channel has a dot in its name
+WITHIN = 0.2  # wanted half width of a 95 % interval, relative, of the log to record
 SAME_RATE = 0.01  # relative difference of two sampling rates
 NAMES = {
     "arw": "angle random walk N",
@@ -42,7 +57,7 @@ NAMES = {
 }
 
 
-def write(log, out):
+def write(log, out, *, part=None, command=""):
     """Characterise a log and write the report, all of it or nothing.
 
     Parameters
@@ -50,11 +65,19 @@ def write(log, out):
     log : analysis.logs.Log
     out : path-like
         Folder; made if need be. An earlier report there is replaced, other files stay.
+    part : str, optional
+        Of data/sensors.toml, whose data sheet the log is held against; chosen if left out.
+    command : str, optional
+        As typed, for the page.
 
     Returns
     -------
-    StaticResult
+    result : StaticResult
+    answers : list of verdict.Answer
     """
+    atlas = store.read("atlas").tables["atlas"]
+    if part is not None:
+        verdict.known_part(atlas, part)
     try:
         result = store.characterise_log(log)
     except store.Moving:
@@ -63,19 +86,52 @@ def write(log, out):
         raise CannotAnswer(f"{log.file}, {error}; --columns can leave a channel out") from error
     earlier = {Path("exports", name) for name in exports.TITLES} | _figures_of(Path(out))
     model = store.model(result)
+    told = _told(result, model, atlas, part) | {"command": command, "dated": _dated(log)}
     with replacing(out) as draft:
         draft.mkdir()
         (draft / "model.json").write_text(store.as_json(model), encoding="utf-8")
-        _draw(result, draft / "figures")
+        _draw(result, draft / "figures", told["atlas"])
         _write_texts(exports.files(model, EXPORTS), draft / "exports")
-        (draft / "report.html").write_text(_page(result, draft / "figures"), encoding="utf-8")
+        page = _page(result, draft / "figures", told)
+        (draft / "report.html").write_text(page, encoding="utf-8")
         written = {path.relative_to(draft) for path in draft.rglob("*")}
     for path in earlier - written:
         Path(out, path).unlink(missing_ok=True)
-    return result
+    return result, told["answers"]
 
 
-def hours_to_record(channel, dt, within=0.2):
+def _told(result, model, atlas, part):
+    """Gather what the page says besides the parameters of each channel."""
+    needed = {c.name: _hours(c, 1 / result.source["rate_hz"])[0] for c in result.channels}
+    enough = verdict.long_enough(result, needed)
+    key, why = verdict.choose_part(result, atlas, part)
+    sheet = atlas[(atlas["sensor"] == key) & (atlas["basis"] == "datasheet")]
+    within = verdict.within_datasheet(result, sheet, why)
+    return {
+        "answers": [within, verdict.at_rest(result), enough],
+        "headline": verdict.headline(within, enough),
+        "groups": verdict.summary(result),
+        "reasons": verdict.reasons(result),
+        "road": verdict.road(model, atlas),
+        "temperature": {c.name: verdict.temperature_part(c) for c in result.channels},
+        "atlas": verdict.placed(result, atlas),
+    }
+
+
+def _dated(log):
+    """Day of SOURCE_DATE_EPOCH, else that on which the log's file was last changed, UTC; or none.
+
+    Not of the clock, so that the same inputs give the same bytes.
+    """
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    try:
+        seconds = int(epoch) if epoch else find(log.given)[2].stat().st_mtime
+    except (ValueError, OSError, WrongUsage, CannotAnswer):
+        return None
+    return datetime.fromtimestamp(seconds, UTC).date().isoformat()
+
+
+def hours_to_record(channel, dt, within=WITHIN):
     """Write how many hours of log each parameter of a channel needs.
 
     Parameters
@@ -90,29 +146,42 @@ def hours_to_record(channel, dt, within=0.2):
     -------
     str
     """
+    hours, ends, at_least = _hours(channel, dt, within)
+    if not hours:
+        return at_least
+    parts = []
+    for name, needed in hours.items():
+        part = text.duration(needed)
+        if name in (SYMBOLS["sigma_b"], SYMBOLS["corr_time"]):
+            part = f"at least {part}" if at_least else part
+            spans = sorted((h[name] for h in (hours, *ends)), key=lambda h: (h is None, h))
+            part += f" ({text.duration(spans[0])} to {text.duration(spans[-1])})" if ends else ""
+        parts.append(f"{name} {part}")
+    return f"{'; '.join(parts)} (each then known to ±{within:.0%}, 95 % interval)"
+
+
+def _hours(channel, dt, within=WITHIN):
+    """Give the hours by symbol, those at the ends of T_c, and whether they are lower bounds.
+
+    Without a plan: none, none, and why.
+    """
     plan, at_least = Plan.from_estimates(channel.parameters)
     if plan is None:
-        return "no plan: the log does not resolve the white noise"
+        return {}, [], "no plan: the log does not resolve the white noise"
     # The hours grow with the correlation time, which has an interval of its own.
     time = channel.parameters["corr_time"]
     times = (time.low, time.high) if time.resolved else ()
     try:
-        hours = plan.hours_needed(dt, within)
-        ends = [replace(plan, corr_time=t).hours_needed(dt, within) for t in times]
+        plans = [plan, *(replace(plan, corr_time=t) for t in times)]
+        hours, *ends = (
+            {SYMBOLS[name]: h for name, h in p.hours_needed(dt, within).items()} for p in plans
+        )
     except WrongUsage as error:
-        return str(error)
-    parts = []
-    for name, needed in hours.items():
-        part = text.duration(needed)
-        if name in ("sigma_b", "corr_time"):
-            part = f"at least {part}" if at_least else part
-            spans = sorted((h[name] for h in (hours, *ends)), key=lambda h: (h is None, h))
-            part += f" ({text.duration(spans[0])} to {text.duration(spans[-1])})" if ends else ""
-        parts.append(f"{SYMBOLS[name]} {part}")
-    return f"{'; '.join(parts)} (each then known to ±{within:.0%}, 95 % interval)"
+        return {}, [], str(error)
+    return hours, ends, at_least
 
 
-def _draw(result, folder):
+def _draw(result, folder, atlas):
     figures.use_style()
     origin = {"data": {result.source["file"]: result.source["sha256"]}}
     origin |= {"seed": result.source["seed"], "to": folder}
@@ -125,24 +194,38 @@ def _draw(result, folder):
         figures.save(fig, channel.name, caption, **origin)
         plt.close(fig)
     fig = plots.allan_panels(result.channels, result.source["title"])
-    caption = "Allan deviation of every channel as recorded, with its 95 % band."
+    caption = (
+        "Allan deviation of every channel as recorded with its 95 % band; fitted models, N, B, K."
+    )
     figures.save(fig, ALL_CHANNELS, caption, **origin)
     plt.close(fig)
+    if atlas is not None:
+        fig = plt.figure(figsize=(figures.DOUBLE, 4.6))
+        plots.atlas(fig, atlas)
+        caption = (
+            "N against B: data sheets, measured sensors, and this log with its 95 % intervals."
+        )
+        figures.save(fig, ATLAS, caption, **origin)
+        plt.close(fig)
 
 
-def _page(result, folder):
+def _page(result, folder, told):
     templates = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=select_autoescape(default=True)
     )
+    templates.filters["plainly"] = without_exponents
     dt = 1 / result.source["rate_hz"]
     return templates.get_template("report.html").render(
+        told,
         source=result.source,
         channels=result.channels,
         names=NAMES,
+        trackers=verdict.TRACKERS,
+        version=version("inertial-compendium"),
         hours={c.name: hours_to_record(c, dt) for c in result.channels},
         pictures={
-            name: base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
-            for name in (ALL_CHANNELS, *(c.name for c in result.channels))
+            path.stem: base64.b64encode(path.read_bytes()).decode()
+            for path in sorted(folder.glob("*.png"))
         },
     )
 
@@ -156,8 +239,8 @@ def _figures_of(out):
         return set()
     return {
         Path("figures", f"{name}.{suffix}")
-        for name in names
-        if name == tidy(name)  # and so no path out of the folder
+        for name in (*names, ATLAS)
+        if name in (ATLAS, tidy(name))  # and so no path out of the folder
         for suffix in ("pdf", "png", "csv")
     }
 

@@ -1,0 +1,198 @@
+"""The page that is passed on: its verdict, its numbers, and what the log may hold."""
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis import Estimate, WrongUsage, logs, plots, report, store
+from analysis.report import verdict
+from analysis.studies import surveys
+from analysis.terrain import Sensor
+
+ATLAS = store.read("atlas").tables["atlas"]
+DT, N = 0.05, 1600
+PART = "mpu6050"  # 0.005 deg/s/sqrt(Hz), 4.6 deg/h
+SHEET = ATLAS[(ATLAS["sensor"] == PART) & (ATLAS["basis"] == "datasheet")]
+EXPONENT = re.compile(r"\de[+-]\d")
+
+
+def logged(folder, columns, name="my.csv", n=N):
+    """Write a CSV of columns and report it: the result, the answers and the page without images."""
+    table = pd.DataFrame({"t_s": DT * np.arange(n)} | columns)
+    table.to_csv(folder / name, index=False, float_format="%.7g")
+    result, answers = report.write(logs.read(folder / name), folder / "mine")
+    page = (folder / "mine" / "report.html").read_text(encoding="utf-8")
+    return result, answers, re.sub(r'src="data:[^"]*"', "", page)
+
+
+@pytest.fixture
+def page_of(tmp_path, monkeypatch, no_pictures):
+    """Report a result that is characterised already: the page without images."""
+
+    def write(result):
+        monkeypatch.setattr(store, "characterise_log", lambda log: result)
+        report.write(SimpleNamespace(file="my.csv", given="my.csv"), tmp_path)
+        page = (tmp_path / "report.html").read_text(encoding="utf-8")
+        return re.sub(r'src="data:[^"]*"', "", page)
+
+    return write
+
+
+def noise(size, seed=3, n=N):
+    """White noise of a density `size`, U sqrt(s)."""
+    return size / DT**0.5 * np.random.default_rng(seed).standard_normal(n)
+
+
+def measured(n, b):
+    """Put N (deg/sqrt(s)) and B (deg/s), each to ±10 %, into the gyros of a committed result."""
+    result = store.static_log("adis16405")
+    channels = []
+    for c in result.channels:
+        if c.kind == "rate":
+            arw = Estimate(n, 0.9 * n, 1.1 * n, "deg/sqrt(s)")
+            bias = Estimate(b, 0.9 * b, 1.1 * b, "deg/s")
+            known = c.parameters | {"arw": arw, "bias_instability": bias}
+            channels.append(replace(c, parameters=known))
+    return replace(result, channels=tuple(channels))
+
+
+@pytest.mark.parametrize(
+    ("n", "b", "answer", "words"),
+    [
+        (0.004, 0.001, "yes", "within on every axis"),
+        (0.01, 0.001, "no", "above it (2 times) on every axis"),
+        (0.005, 0.001, "open", "not decided on every axis"),
+        (0.004, 0.01, "no", "above it (7.8 times) on every axis"),
+    ],
+    ids=["better", "noisier", "undecided", "a worse bias"],
+)
+def test_held_against_a_data_sheet(n, b, answer, words):
+    """Analytic: intervals of ±10 % below, above and across the stated N and B."""
+    found = verdict.within_datasheet(measured(n, b), SHEET, "named")
+    assert found.answer == answer
+    assert words in found.why
+    assert "MPU-6050" in verdict.headline(found, found)
+
+
+def test_the_part_is_named_or_the_nearest():
+    """Property: --part wins, however spelled; else the log's name; else N and B; else none."""
+    result = measured(0.004, 0.001)
+    assert verdict.choose_part(result, ATLAS, "MPU-6050")[0] == PART
+    assert verdict.choose_part(result, ATLAS)[0] == "adis16405"
+    source = result.source | {"title": "my.csv", "file": "my.csv"}
+    for part in ("stim300", "landmark10", "kvh1750"):
+        sheet = ATLAS[ATLAS["sensor"] == part].iloc[0]
+        near = replace(measured(sheet["n"], sheet["b"]), source=source)
+        assert verdict.choose_part(near, ATLAS) == (
+            part,
+            f"{verdict.NEAREST} by the gyros' N and B",
+        )
+    without = replace(near, channels=store.static_log("phone-parked").channels)
+    key, why = verdict.choose_part(without, ATLAS)
+    assert key is None and "--part" in why
+    with pytest.raises(WrongUsage, match=r"no such part; .*kvh1750"):
+        verdict.choose_part(result, ATLAS, "kvh9999")
+
+
+def test_the_atlas_is_in_step():
+    """Property: the committed atlas is what data/sensors.toml and the committed logs give."""
+    made = surveys.sensors().replace("", np.nan)
+    pd.testing.assert_frame_equal(made, ATLAS, check_dtype=False, rtol=1e-5)
+
+
+def test_one_function_tells_the_tracking_error():
+    """Property: the grid's own numbers, rising with B; a log's interval holds its value."""
+    plane = store.error_plane("paper")
+    i, j = 9, 7
+    assert plane.of(Sensor(plane.arw[j], plane.sigma_b[i])) == pytest.approx(
+        (plane.error[i, j], plane.lost[i, j])
+    )
+    errors = [plane.of(Sensor(0.005, b))[0] for b in np.geomspace(1e-6, 0.1, 30)]
+    assert errors[0] == errors[1] and max(errors) == errors[-1]
+    assert plane.of(Sensor(1.0, 0.001))[0] == np.inf
+    model = store.read_model("adis16405")
+    found = plane.of_log(model, "gyro_y")
+    assert found.low < found.value < found.high
+    bounded = plane.of_log(store.read_model("mpu6050-gyro"), "gyro_y")
+    assert bounded.value is None and bounded.high > 0
+
+
+def test_a_short_log(tmp_path, no_pictures):
+    """Property: seconds are enough for N and for nothing slow; nothing is promised beyond."""
+    _, answers, page = logged(tmp_path, {"gyro_x_deg_s": noise(0.004, n=150)}, n=150)
+    within, rest, enough = answers
+    assert (rest.answer, enough.answer) == ("yes", "partly")
+    assert "7.5 s: enough for N" in enough.why and "not for B" in enough.why
+    assert within.answer in ("open", "no") and enough.why in page
+
+
+def test_a_log_that_moved_and_one_that_shook(page_of):
+    """Property: the stretch used stands on the first line; what disturbs is named with its axes."""
+    result = measured(0.004, 0.001)
+    used = result.source | {"used": {"from_s": 33.0, "to_s": 1200.0}}
+    page = page_of(replace(result, source=used))
+    first, rest = page.index("Only the static stretch"), page.index("Only from 33 s to 1200 s")
+    assert first < page.index("Did the sensor lie still?") < rest
+    shaken = verdict.at_rest(store.static_log("adis16405"))
+    assert shaken.answer == "partly"
+    assert "misfit of the model disturbs accel_x, accel_y and accel_z" in shaken.why
+    nothing = verdict.at_rest(store.static_log("phone-parked-gnss"))
+    assert nothing.answer == "open"
+
+
+def test_temperature_is_separated_from_the_drift(tmp_path, no_pictures):
+    """Analytic: 0.01 deg/s/K over 8 K: the coefficient, its share of the drift, and its panel."""
+    degrees = 25 + 8 * np.linspace(0, 1, N) ** 2
+    gyro = 0.1 + noise(0.001) + 0.01 * (degrees - 25)
+    result, _, page = logged(tmp_path, {"gyro_x_deg_s": gyro, "temperature_degC": degrees})
+    said = verdict.temperature_part(result.channels[0])
+    assert said in page
+    ends = re.search(r"Coefficient [\d.]+ \(([\d.]+) to ([\d.]+)\) °/h/K", said).groups()
+    assert float(ends[0]) < 36 < float(ends[1])
+    share = re.search(r"(\d+)% \((\d+)% to (\d+)%\)", said).groups()
+    assert int(share[1]) <= 100 <= int(share[2])
+    labels = [ax.get_ylabel() for ax in plots.four_panels(result.channels[0], "").axes]
+    assert "temperature (°C)" in labels
+
+
+def twelve(result):
+    """Give the gyros of a result four times, by other names."""
+    gyros = [c for c in result.channels if c.kind == "rate"]
+    named = [replace(c, name=f"imu{i}_{c.name}") for i in range(4) for c in gyros]
+    return replace(result, channels=tuple(named))
+
+
+@pytest.mark.parametrize(
+    ("result", "pictures"),
+    [
+        (store.static_log("phone-parked-gnss"), 4),
+        (store.static_log("phone-parked"), 4),
+        (store.static_log("mpu6050-accel"), 5),
+        (store.static_log("adis16405"), 8),
+        (twelve(store.static_log("adis16405")), 14),
+    ],
+    ids=["positions", "angles", "accelerometers alone", "six channels", "twelve channels"],
+)
+def test_pages_of_other_logs(page_of, result, pictures):
+    """Property: a verdict, an alt text on each picture, and no number with an exponent."""
+    page = page_of(result)
+    assert page.count("<dt ") == 3
+    images = re.findall(r"<img[^>]*>", page)
+    assert len(images) == pictures
+    assert all(re.search(r'alt="[^"]{20,}"', image) for image in images)
+    assert all(f"<b>{c.name}</b>" in page for c in result.channels)
+    assert not EXPONENT.search(re.sub(r"<code>[0-9a-f]{64}</code>", "", page))
+    in_print = page.split("@media print")[1]
+    assert "::details-content" in in_print and "break-inside: avoid" in in_print
+
+
+def test_what_a_log_holds_is_no_markup(tmp_path, no_pictures):
+    """Property: a file or column whose name is a script is shown, not run."""
+    name, column = "<script>alert(1)<|script>.csv", "gyro_<b>x</b>_deg_s"
+    _, _, page = logged(tmp_path, {column: noise(0.004)}, name)
+    assert "&lt;script&gt;alert(1)" in page
+    assert not re.search(r"<script|<b>x|alert\(1\)<", page)
