@@ -72,7 +72,7 @@ DRIFT_GRID = (15, 30)  # points along the last two parameters
 GRID_FALL = 28.0  # fall of 2 ln L at the ends of the grid
 GRID_RANGE = np.log(1e4)  # greatest ln(high / low) of a size on the grid
 BOOTSTRAP_LOGS = 500
-ROWS = 5  # of noise parameters that are evaluated on all of them at once
+ROWS = 20  # of noise parameters that are evaluated on all of them at once
 
 
 @dataclass(frozen=True)
@@ -629,12 +629,15 @@ def linear_drift(likelihood, fits, chosen, rng=None):
     """
     fit = fits[DRIFT_MODEL.get(chosen.plain, chosen.plain) + chosen.end]
     grid = _grid(likelihood, fit), fit.names
-    value, drift, sd = _lines(likelihood.stretches, *grid)
-    threshold = THRESHOLD
+    stretches, threshold = likelihood.stretches, THRESHOLD
     if rng is not None:
         noise = likelihood.terms(chosen if chosen.plain == "N+K" else fit)
-        drawn = [simulate(stretch, noise, BOOTSTRAP_LOGS, rng) for stretch in likelihood.stretches]
-        threshold = np.quantile(_fall_at_no_drift(drawn, *grid), LEVEL)
+        drawn = [simulate(stretch, noise, BOOTSTRAP_LOGS, rng) for stretch in stretches]
+        stretches = [_first(*pair) for pair in zip(stretches, drawn, strict=True)]
+    value, drift, sd = _lines(stretches, *grid)
+    if rng is not None:
+        fall = _fall_at_no_drift(value[1:], drift[1:], sd)
+        value, drift, threshold = value[0], drift[0], np.quantile(fall, LEVEL)
     room = threshold - 2 * (value.max() - value)  # left for the drift, under each row of noise
     half = sd * np.sqrt(np.maximum(room, 0.0))
     ends = (drift - half)[room >= 0].min(), (drift + half)[room >= 0].max()
@@ -658,10 +661,17 @@ def _lines(stretches, points, names):
     return value, drift, sd
 
 
-def _fall_at_no_drift(stretches, points, names):
-    """Fall of 2 ln L at zero drift, for each of many logs."""
-    value, drift, sd = _lines(stretches, points, names)
+def _fall_at_no_drift(value, drift, sd):
+    """Fall of 2 ln L at zero drift, for each of many logs (see `_lines`)."""
     return 2 * (value.max(axis=1) - (value - 0.5 * (drift / sd) ** 2).max(axis=1))
+
+
+def _first(stretch, drawn):
+    """Put a log in front of many drawn ones."""
+    sums = {
+        name: [getattr(stretch, name)[None], getattr(drawn, name)] for name in ("yy", "xy", "uy")
+    }
+    return replace(drawn, **{name: np.concatenate(both) for name, both in sums.items()})
 
 
 def _grid(likelihood, fit):

@@ -10,6 +10,7 @@ the correlation across gaps included.
 """
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -61,23 +62,41 @@ class Likelihood:
         The restricted quadratic form y' V^-1 y; about `count` under the true parameters.
     count : int
         Degrees of freedom of the log.
-    drift : ndarray, shape (rows,), U/s
-    drift_sd : ndarray, shape (rows,), U/s
-        The same for every log.
-    added : ndarray, shape (rows, p - 1)
-        Coefficients of the added regressors by generalised least squares; of many logs,
-        shape (logs, rows, p - 1).
-    added_cov : ndarray, shape (rows, p - 1, p - 1)
-        Their covariance.
+    xx, xy : ndarray, shape (rows, p, p) and (rows, p)
+        x' V^-1 x and x' V^-1 y of the regressors; of many logs, xy has shape (logs, rows, p).
+    detrend : bool
+        Whether the first regressor, the line, is taken out.
     """
 
     value: np.ndarray
     quadratic: np.ndarray
     count: int
-    drift: np.ndarray
-    drift_sd: np.ndarray
-    added: np.ndarray
-    added_cov: np.ndarray
+    xx: np.ndarray
+    xy: np.ndarray
+    detrend: bool
+
+    @property
+    def drift(self):
+        """Linear drift by generalised least squares, shape (rows,), U/s."""
+        return (np.linalg.inv(self.xx)[:, 0] * self.xy).sum(axis=-1)
+
+    @property
+    def drift_sd(self):
+        """Its standard error, shape (rows,), U/s; the same for every log."""
+        return np.sqrt(np.linalg.inv(self.xx)[:, 0, 0])
+
+    @property
+    def added(self):
+        """Coefficients of the added regressors, shape (rows, p - 1)."""
+        used = slice(0 if self.detrend else 1, None)
+        best = np.linalg.solve(self.xx[:, used, used], self.xy[..., used, None])[..., 0]
+        return best[..., 1 if self.detrend else 0 :]
+
+    @property
+    def added_cov(self):
+        """Their covariance, shape (rows, p - 1, p - 1)."""
+        first = 0 if self.detrend else 1
+        return np.linalg.inv(self.xx[:, first:, first:])[:, 1 - first :, 1 - first :]
 
 
 def evaluate(stretches, terms, *, detrend=True):
@@ -95,25 +114,18 @@ def evaluate(stretches, terms, *, detrend=True):
     Likelihood
     """
     parts = [_of_log(stretch, terms) for stretch in stretches]
-    logdet, yy, xy, xx = (sum(part) for part in zip(*parts, strict=True))
-    cov = np.linalg.inv(xx)
-    best = (cov @ xy[..., None])[..., 0]
-    used = slice(0 if detrend else 1, None)
-    left = xx[:, used, used]
-    logdet = logdet + np.linalg.slogdet(left)[1]
-    solved = best if detrend else np.linalg.solve(left, xy[..., used, None])[..., 0]
-    yy = yy - (xy[..., used] * solved).sum(axis=-1)
+    logdet, yy, xz = (sum(part) for part in zip(*parts, strict=True))
+    p, first = xz.shape[1], 0 if detrend else 1
+    more, left, solved = _eliminated(xz[:, first:, first:].copy())
+    yy = yy - (left * solved).sum(axis=1)
     count = sum(int(stretch.count.sum()) for stretch in stretches) - left.shape[1]
     count -= sum(stretch.has_gaps for stretch in stretches)  # their means
-    return Likelihood(
-        -0.5 * (logdet + yy),
-        yy,
-        count,
-        best[..., 0],
-        np.sqrt(cov[:, 0, 0]),
-        solved[..., 1 if detrend else 0 :],
-        cov[:, 1:, 1:] if detrend else np.linalg.inv(left),
-    )
+    value, xy = -0.5 * ((logdet + more)[:, None] + yy), xz[..., p:]
+    if stretches[0].yy.ndim == 2:
+        value, yy, xy = value[:, 0], yy[:, 0], xy[..., 0]
+    else:
+        value, yy, xy = value.T, yy.T, xy.transpose(2, 0, 1)
+    return Likelihood(value, yy, count, xz[..., :p], xy, detrend)
 
 
 def bin_variance(stretch, terms):
@@ -216,13 +228,13 @@ def _orthogonal(stretch):
 
 
 def _of_log(stretch, terms):
-    """Log-determinant and the products y'V^-1y, x'V^-1y, x'V^-1x of a log, its mean taken out.
+    """Log-determinant and the products y'V^-1y, x'V^-1x, x'V^-1y of a log, its mean taken out.
 
     All that a stretch shares with those before it are the values of the Gauss-Markov processes at
     its first sample. A and B are the covariances of the readings of a stretch with these values and
     with those at its last sample, C the covariance of the two, E the decay over the gap that
-    follows; processes are divided by their standard deviations. With z the readings and the
-    regressors, s what is expected of the first values for each, I + D their covariance ::
+    follows; processes are divided by their standard deviations. With z the regressors and the
+    readings, s what is expected of the first values for each, I + D their covariance ::
 
         H = D (I + A'V^-1A D)^-1                   D = 0 and s = 0 before the first stretch
         f = s + H (A'V^-1z - A'V^-1A s)            expected with the stretch known
@@ -235,18 +247,18 @@ def _of_log(stretch, terms):
     Returns
     -------
     logdet : ndarray, shape (rows,)
-    yy, xy, xx : ndarray, shape (rows,), (rows, p), (rows, p, p)
-        With many logs in the stretches, the products with y have the logs in front.
+    yy, xz : ndarray, shape (rows, logs), (rows, p, p + logs)
+        One log, or many.
     """
-    logdet, yy, xy, xx, square, onto = _products(stretch, terms)
+    logdet, yy, xz, square, onto = _products(stretch, terms)
     if not stretch.has_gaps:
-        return logdet, yy, xy, xx
+        return logdet, yy, xz
     factor, corr_time = _ends(stretch, terms)
-    used = factor.shape[-1]
+    used, factor = factor.shape[-1], factor.swapaxes(0, 1)
     onto = factor[..., None] * onto[:, :, :used]  # quantisation is of no use across a gap
     square = factor[..., None] * square[:, :, :used, :used] * factor[:, :, None]
     even_onto, odd_onto, even_square, odd_square = (
-        a[:, parity::2].swapaxes(0, 1) for a in (onto, square) for parity in (0, 1)
+        a[parity::2] for a in (onto, square) for parity in (0, 1)
     )
     # At the last sample odd coefficients have the other sign.
     first, last = even_onto + odd_onto, even_onto - odd_onto
@@ -266,15 +278,12 @@ def _of_log(stretch, terms):
         more = onward[k] @ gain @ onward[k] - within[k]
         more = decay[k][..., None] * more * decay[k][:, None]
     left, right = (np.concatenate(a, axis=1) for a in ([*expected[:-1], *new], [*first, *known]))
-    yy, xy, xx = _less(yy, xy, xx, left, right)
-    # The constant is the last regressor.
-    level, share = xx[:, -1:, -1], xx[:, :-1, -1]
-    return (
-        logdet + np.log(level[:, 0] / stretch.n),
-        yy - xy[..., -1] ** 2 / level[:, 0],
-        xy[..., :-1] - xy[..., -1:] * share / level,
-        xx[:, :-1, :-1] - share[:, :, None] * share[:, None] / level[..., None],
-    )
+    yy, xz = _less(yy, xz, left, right)
+    constant = xz.shape[1] - 1  # the last regressor
+    order = np.r_[constant, :constant, constant + 1 : xz.shape[2]]
+    more, left, solved = _eliminated(xz[:, order[:1]][:, :, order])
+    yy, xz = _less(yy, xz[:, :constant, order[1:]], left, solved)
+    return logdet + more - np.log(stretch.n), yy, xz
 
 
 def _steps(stretch):
@@ -288,49 +297,82 @@ def _steps(stretch):
     return np.array([stretch.length - 1, np.append(stretch.start[1:], stretch.whole) - last])
 
 
-def _less(yy, xy, xx, left, right):
-    """Subtract left'right from the products; its last columns are the regressors'."""
-    p = xx.shape[-1]
-    (y, x), (other_y, other_x) = ((v[..., :-p], v[..., -p:]) for v in (left, right))
-    yy = yy - np.einsum("rtk,rtk->kr", y, other_y).reshape(yy.shape)
-    xy = xy - np.einsum("rtk,rtq->krq", y, other_x).reshape(xy.shape)
-    return yy, xy, xx - np.einsum("rtq,rtw->rqw", x, other_x)
-
-
 def _products(stretch, terms):
     """Log-determinant and products as if each stretch were a log by itself.
 
     Returns
     -------
-    logdet, yy, xy, xx
+    logdet, yy, xz
         As of `_of_log`.
-    square : ndarray, shape (rows, h, products, products)
-        (g u)'V^-1(g u), for a log with gaps.
-    onto : ndarray, shape (rows, h, products, logs + p)
-        (g u)'V^-1 on every y and on the regressors.
+    square : ndarray, shape (h, rows, products, products)
+        (g u)'V^-1(g u); of a log without gaps there are none.
+    onto : ndarray, shape (h, rows, products, p + logs)
+        (g u)'V^-1 on the regressors and on every y.
     """
-    diagonal, g, signs = _covariance(stretch, terms)
-    rows, halves, _ = diagonal.shape
-    weight = 1 / diagonal
-    flat = weight.reshape(rows, -1).T
-    logdet = stretch.count.ravel() @ np.log(diagonal).reshape(rows, -1).T
-    yy, xy, xx = (s.reshape(*s.shape[:-2], -1) @ flat for s in (stretch.yy, stretch.xy, stretch.xx))
-    xy, xx = np.moveaxis(xy, -1, -2), np.moveaxis(xx, -1, 0)
+    diagonal, g, size, signs = _structure(stretch, terms)
+    rows, halves, bins = diagonal.shape
+    weight, signs = 1 / diagonal, np.diag(signs)
+    logdet = np.log(diagonal).reshape(rows, -1) @ stretch.count.ravel()
+    yy, xz = (weight.reshape(rows, -1) @ sums for sums in (stretch.yy_sums, stretch.xz_sums))
     # Woodbury's formula for V = diagonal + sum of sign * (g u)(g u)', parity by parity.
-    weighted = g * weight[:, :, None, :]
-    square = (weighted * stretch.uu[:, None, :]) @ g.swapaxes(2, 3)
-    both = np.concatenate([stretch.uy.reshape(-1, *stretch.uu.shape), stretch.ux])
-    stacked = weighted.swapaxes(0, 1).reshape(halves, rows * len(signs), g.shape[-1])
-    onto = stacked @ both.transpose(1, 2, 0)
-    onto = onto.reshape(halves, rows, len(signs), len(both)).swapaxes(0, 1)
-    inner = np.eye(len(signs)) + signs[:, None] * square
-    logdet = logdet + np.linalg.slogdet(inner)[1].sum(axis=1)
-    solved = np.linalg.solve(inner, signs[:, None] * onto)
-    together = (rows, halves * len(signs), len(both))
-    yy, xy, xx = _less(yy, xy, xx, onto.reshape(together), solved.reshape(together))
-    if stretch.has_gaps:
-        square = signs[:, None] * np.linalg.solve(inner, signs[:, None] * square)
-    return logdet, yy, xy, xx, square, signs[:, None] * solved
+    g, weight = g.swapaxes(0, 1), weight.swapaxes(0, 1)[:, :, None]
+    weighted = np.multiply(g, weight, order="C")
+    stacked = weighted.reshape(halves, rows * len(signs), bins)
+    with_u = g * stretch.uu[:, None, None]
+    if g.shape[1] == 1:
+        inner = stacked @ with_u[:, 0].swapaxes(1, 2)
+    else:
+        inner = weighted @ with_u.swapaxes(2, 3)
+    inner, onto = (
+        a.reshape(halves, rows, len(signs), a.shape[-1]) * size[..., None]
+        for a in (inner, stacked @ stretch.uz)
+    )
+    probe = np.broadcast_to(signs, inner.shape)[..., : len(signs) * stretch.has_gaps]
+    more, *both = _eliminated(np.concatenate([inner * size[:, None] + signs, probe, onto], axis=3))
+    probes, together = probe.shape[-1], (rows, halves * len(signs), onto.shape[-1])
+    left, solved = (a[..., probes:].swapaxes(0, 1).reshape(together) for a in both)
+    yy, xz = _less(yy, xz.reshape(rows, len(stretch.ux), -1), left, solved)
+    across = both[0][..., :probes].swapaxes(2, 3) @ both[1]
+    square = signs[:probes, :probes] - across[..., :probes]
+    return logdet + more.sum(axis=0), yy, xz, square, across[..., probes:]
+
+
+def _eliminated(systems):
+    """Solve symmetric systems (A | b) as far as the products b'A^-1 b need it, by elimination.
+
+    A is positive definite, or negative definite in its first unknowns and positive in the others:
+    neither needs pivoting.
+
+    Parameters
+    ----------
+    systems : ndarray, shape (..., k, k + c)
+        Overwritten.
+
+    Returns
+    -------
+    logdet : ndarray, shape (...)
+        ln |det A|.
+    left, solved : ndarray, shape (..., k, c)
+        left'solved is b'A^-1 b.
+    """
+    size = systems.shape[-2]
+    for i in range(size - 1):
+        row, below = systems[..., i, i + 1 :], systems[..., i + 1 :, i + 1 :]
+        below -= (row[..., : size - 1 - i] / systems[..., i, i, None])[..., None] * row[
+            ..., None, :
+        ]
+    pivots = np.diagonal(systems, axis1=-2, axis2=-1)
+    if not pivots.all():
+        raise np.linalg.LinAlgError("Singular matrix")
+    left = systems[..., size:]
+    return np.log(np.abs(pivots)).sum(axis=-1), left, left / pivots[..., None]
+
+
+def _less(yy, xz, left, right):
+    """Subtract left'right, whose columns are the regressors and every y."""
+    p = xz.shape[1]
+    yy = yy - (left[..., p:] * right[..., p:]).sum(axis=1)
+    return yy, xz - left[..., :p].swapaxes(1, 2) @ right
 
 
 def _ends(stretch, terms):
@@ -346,9 +388,10 @@ def _ends(stretch, terms):
     corr_time : ndarray, shape (rows, processes), s
     """
     rows = len(terms.sigma_v)
-    found = _processes(stretch, terms) if stretch.has_gaps else []
-    times = [corr_time + np.zeros((rows, 1)) for _, corr_time in found]
-    corr_time = np.concatenate([np.zeros((rows, 0)), *times], axis=1)
+    times = [corr_time for _, corr_time in terms.bias] if stretch.has_gaps else []
+    for _, process in _fixed(stretch, terms) if stretch.has_gaps else ():
+        times += list(process(stretch)[1].T)
+    corr_time = np.array([time + np.zeros(rows) for time in times]).reshape(-1, rows).T
     factor = np.sqrt(_reach(stretch, corr_time) / (2 * np.exp(-stretch.dt / corr_time[:, None])))
     return factor, corr_time
 
@@ -362,62 +405,86 @@ def _covariance(stretch, terms):
     g : ndarray, shape (rows, h, products, bins)
     signs : ndarray, shape (products,)
     """
+    diagonal, g, size, signs = _structure(stretch, terms)
+    return diagonal, g * size[:, None, :, None], signs
+
+
+def _structure(stretch, terms):
+    """Split the covariance as `_covariance` does, with the size of each outer product by itself.
+
+    Returns
+    -------
+    diagonal : ndarray, shape (rows, h, bins)
+    g : ndarray, shape (rows or 1, h, products, bins)
+        One row where no parameter changes the shapes.
+    size : ndarray, shape (rows, products)
+    signs : ndarray, shape (products,)
+    """
     m, dt, lam = stretch.m, stretch.dt, stretch.lam
-    rows = len(terms.sigma_v)
-    behind = np.repeat(stretch.behind, 2)[:, None]
-    diagonal = _over_bins(terms.sigma_v**2) / behind + np.zeros(lam.shape)
-    g, signs = [], []
-    for size, corr_time in _processes(stretch, terms):
-        part, outer = _gauss_markov(stretch, size, corr_time)
-        diagonal += part
-        g.append(outer)
-        signs += [-1] * outer.shape[2]
+    rows, parts = len(terms.sigma_v), []
+    diagonal = _over_bins(terms.sigma_v**2) / np.repeat(stretch.behind, 2)[:, None]
     if terms.rrw is not None and not stretch.has_gaps:
         q = _over_bins(terms.rrw**2 * m * dt)
         # Means of a random walk: neighbouring increments share a sixth of their variance. The mean
         # of the log has no eigenvalue, and does not count.
-        diagonal += q / np.where(stretch.count > 0, lam, 1.0) - q / 6 * (1 - 1 / m**2)
+        diagonal = diagonal + q / np.where(stretch.count > 0, lam, 1.0) - q / 6 * (1 - 1 / m**2)
+    if terms.bias:
+        of_bias = _gauss_markov(stretch, *np.array(terms.bias).transpose(1, 2, 0))
+        parts.append((np.ones(rows), *of_bias))
+    parts += [(size, *_unit(stretch, process)) for size, process in _fixed(stretch, terms)]
+    signs = [-1] * sum(g.shape[2] for *_, g in parts)
     if terms.quantisation is not None:
-        q = _over_bins((terms.quantisation / (m * dt)) ** 2)
-        diagonal += q * lam
-        g.append(np.sqrt(2 * q)[:, :, None] + np.zeros((len(lam), 1, lam.shape[1])))
+        ones = np.ones((1, len(lam), 1, lam.shape[1]))
+        parts.append((np.sqrt(2) / (m * dt) * terms.quantisation, lam / 2, ones))
         signs.append(1)
-    none = np.zeros((rows, len(lam), 0, lam.shape[1]))
-    return diagonal, np.concatenate([none, *g], axis=2), np.array(signs, dtype=int)
+    most, none = max([1, *(len(g) for *_, g in parts)]), np.zeros((1, len(lam), 0, lam.shape[1]))
+    shapes = [np.broadcast_to(g, (most, *g.shape[1:])) for g in (none, *(g for *_, g in parts))]
+    size = [np.zeros((rows, 0))]
+    for scale, part, g in parts:
+        diagonal = diagonal + _over_bins(scale**2) * part
+        size.append(np.repeat(scale[:, None], g.shape[2], axis=1))
+    return (
+        diagonal + np.zeros(lam.shape),
+        shapes[1] if len(parts) == 1 else np.concatenate(shapes, axis=2),
+        np.concatenate(size, axis=1),
+        np.array(signs, dtype=int),
+    )
+
+
+def _fixed(stretch, terms):
+    """List the Gauss-Markov processes whose correlation times no parameter changes, with sizes."""
+    found = [] if terms.flicker is None else [(terms.flicker, _ladder)]
+    return found + ([(terms.rrw, _far)] if terms.rrw is not None and stretch.has_gaps else [])
+
+
+@lru_cache(maxsize=16)
+def _unit(stretch, process):
+    """Diagonal and g of one of them of size 1."""
+    return _gauss_markov(stretch, *process(stretch))
 
 
 def _over_bins(values):
     return values[:, None, None]
 
 
-def _processes(stretch, terms):
-    """List sigma_b, shape (rows, terms), and corr_time, (rows or 1, terms), of Gauss-Markov terms.
+def _gauss_markov(stretch, size, corr_time):
+    """Diagonal, shape (rows, h, bins), and g, (rows, h, terms, bins), of Gauss-Markov processes.
 
-    Of a log with gaps they include the random walk.
+    Their sigma_b has the shape (rows, terms), corr_time (rows or 1, terms).
     """
-    found = []
-    if terms.bias:
-        found.append(tuple(np.array(terms.bias).transpose(1, 2, 0)))
-    if terms.flicker is not None:
-        size, corr_time = _ladder(stretch)
-        found.append((terms.flicker[:, None] * size, corr_time))
-    if terms.rrw is not None and stretch.has_gaps:
-        corr_time = np.full((1, 1), FAR * stretch.whole * stretch.dt)
-        found.append((terms.rrw[:, None] * np.sqrt(corr_time / 2), corr_time))
-    return found
-
-
-def _gauss_markov(stretch, sigma_b, corr_time):
-    """Diagonal, shape (rows, h, bins), and g, (rows, h, terms, bins), of `_processes`."""
-    m, lam = stretch.m, stretch.lam
-    parts = _averaged(corr_time, m, stretch.dt)
-    variance, next_one, phi, one_less = (a[:, None, :, None] for a in parts)
+    variance, next_one, phi, one_less = _averaged(corr_time, stretch.m, stretch.dt)
+    reach = _reach(stretch, corr_time)
+    power = size**2
     # Spectrum of an autocovariance that falls by phi a lag from the first lag on, not from 0.
-    below = phi * lam[:, None] + one_less**2
-    diagonal = variance + next_one * (2 * one_less - lam[:, None]) / below
-    g = one_less / below * np.sqrt(2 * next_one * _reach(stretch, corr_time)[..., None])
-    size = sigma_b[:, None, None]
-    return (size**2 @ diagonal)[:, :, 0], size.swapaxes(2, 3) * g
+    scale = 1 / (phi[:, None, :, None] * stretch.lam[:, None] + (one_less**2)[:, None, :, None])
+    g = (
+        scale
+        * (size[:, None] * (one_less * np.sqrt(2 * next_one))[:, None] * np.sqrt(reach))[..., None]
+    )
+    next_one = (power * next_one)[:, None, :, None]
+    diagonal = 2 * next_one * one_less[:, None, :, None] - next_one * stretch.lam[:, None]
+    diagonal *= scale
+    return diagonal.sum(axis=2) + _over_bins((power * variance).sum(axis=1)), g
 
 
 def _reach(stretch, corr_time):
@@ -444,6 +511,12 @@ def _averaged(corr_time, m, dt):
     closed = (m + 2 * (1 - step) * (m * step - one_less) / step**2) / m**2
     series = 1 - (m - 1 / m) * x / 3 + (m**2 - 1) * x**2 / 12  # where the closed form cancels
     return np.where(m * x < 1e-4, series, closed), next_one, 1 - one_less, one_less
+
+
+def _far(stretch):
+    """Give the same, shape (1, 1), of what stands for a random walk of K = 1 across gaps."""
+    corr_time = np.full((1, 1), FAR * stretch.whole * stretch.dt)
+    return np.sqrt(corr_time / 2), corr_time
 
 
 def _ladder(stretch):

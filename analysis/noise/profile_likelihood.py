@@ -7,6 +7,7 @@ side on which the likelihood never falls so far has no end: None.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.optimize import brentq
@@ -45,8 +46,8 @@ class Surface:
     low: np.ndarray
     high: np.ndarray
 
-    def maximum(self, start):
-        """Search from `start`, shape (d,), by Newton's method.
+    def maximum(self, *starts):
+        """Search from the best of some points, shape (d,), by Newton's method.
 
         In a direction of upward curvature the step is that of the same curvature downward. Of each
         step the best of some fractions is taken.
@@ -56,11 +57,16 @@ class Surface:
         point : ndarray, shape (d,)
         value : float
         """
-        point = np.clip(start, self.low, self.high)
+        around, pairs = _stencil(len(starts[0]))
+        points = np.clip(starts, self.low, self.high)
+        found = self.value((points[:, None] + around).reshape(-1, points.shape[1]))
+        found = found.reshape(len(points), len(around))
+        best = int(np.argmax(found[:, 0]))
+        point, values = points[best], found[best]
         if len(point) == 0:
-            return point, float(self.value(point[None])[0])
+            return point, float(values[0])
         for _ in range(MOST_STEPS):
-            value, gradient, curvature = self._parabola(point)
+            value, gradient, curvature = _parabola(values, len(point), pairs)
             blocked = np.where(gradient > 0, point >= self.high, point <= self.low)
             gradient, free = np.where(blocked, 0.0, gradient), ~blocked
             size, turn = np.linalg.eigh(curvature * np.outer(free, free))
@@ -68,16 +74,21 @@ class Surface:
             step = turn @ (gradient @ turn / size)
             if gradient @ step < CONVERGED:
                 point, onward = self._scan(point, value, np.abs(np.diag(curvature)) < INSENSITIVE)
-                if onward:
-                    continue
-                break
+                if not onward:
+                    break
+                values = self.value(point + around)
+                continue
             step /= max(np.abs(step).max() / LONGEST_STEP, 1.0)
             tried = np.clip(point + np.outer(FRACTIONS, step), self.low, self.high)
-            values = self.value(tried)
-            best = int(np.argmax(values))
-            if values[best] <= value:
+            # The whole step is the best one more often than not.
+            found = self.value(np.concatenate([tried[0] + around, tried[1:]]))
+            values, found = found[: len(around)], np.append(found[0], found[len(around) :])
+            best = int(np.argmax(found))
+            if found[best] <= value:
                 break
-            point, value = tried[best], values[best]
+            point, value = tried[best], found[best]
+            if best > 0:
+                values = self.value(point + around)
         return point, float(value)
 
     def _scan(self, point, value, insensitive):
@@ -101,20 +112,6 @@ class Surface:
             if values[0] > value - SCAN_GAIN:
                 point[i] = self.low[i]
         return point, False
-
-    def _parabola(self, point):
-        """Value, gradient and curvature from a stencil of points around."""
-        d = len(point)
-        ahead, pairs = STEP * np.eye(d), [(i, j) for i in range(d) for j in range(i)]
-        both = np.array([ahead[i] + ahead[j] for i, j in pairs]).reshape(-1, d)
-        values = self.value(point + np.concatenate([np.zeros((1, d)), ahead, -ahead, both, -both]))
-        centre, up, down, *cross = np.split(values, np.cumsum([1, d, d, len(pairs)]))
-        curvature = np.diag((up + down - 2 * centre) / STEP**2)
-        around = up + down - centre
-        for k, (i, j) in enumerate(pairs):
-            mixed = cross[0][k] + cross[1][k] - around[i] - around[j]
-            curvature[i, j] = curvature[j, i] = mixed / (2 * STEP**2)
-        return centre[0], (up - down) / (2 * STEP), curvature
 
     def maximum_where(self, along, at, starts):
         """Search among the points with ``along @ point = at``.
@@ -148,9 +145,26 @@ class Surface:
             return self.value(inside) - PENALTY * ((full - inside) ** 2).sum(axis=1)
 
         cut = Surface(value, self.low[rest], self.high[rest])
-        starts = np.array(starts)[:, rest]
-        others, reached = cut.maximum(starts[np.argmax(cut.value(starts))])
+        others, reached = cut.maximum(*np.array(starts)[:, rest])
         return lift(others[None])[0], reached
+
+
+@cache
+def _stencil(d):
+    """Offsets of the points whose values give a parabola, shape (points, d), and pairs of axes."""
+    ahead, pairs = STEP * np.eye(d), np.tril_indices(d, -1)
+    both = ahead[pairs[0]] + ahead[pairs[1]]
+    return np.concatenate([np.zeros((1, d)), ahead, -ahead, both, -both]), pairs
+
+
+def _parabola(values, d, pairs):
+    """Value, gradient and curvature from the values at a stencil."""
+    up, down, ahead, back = np.split(values[1:] - values[0], [d, 2 * d, 2 * d + len(pairs[0])])
+    both = up + down
+    curvature = np.diag(both)
+    mixed = (ahead + back - both[pairs[0]] - both[pairs[1]]) / 2
+    curvature[pairs] = curvature[pairs[::-1]] = mixed
+    return values[0], (up - down) / (2 * STEP), curvature / STEP**2
 
 
 def interval(surface, best, value, along, *, threshold=THRESHOLD):

@@ -17,6 +17,7 @@ few per cent wide.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.fft import dct
@@ -30,7 +31,7 @@ USED = 0.95  # share of the samples that is to be used
 ENOUGH = 0.5  # share of the usual number of samples that a mean needs
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spectrum:
     """Cosine transform, in bins, of each stretch of a log: of readings, or of means of `m`.
 
@@ -84,6 +85,29 @@ class Spectrum:
     def has_gaps(self):
         """Whether there is more than one stretch."""
         return len(self.start) > 1
+
+    @cached_property
+    def yy_sums(self):
+        """Give yy of a log or of many, shape (h * bins, logs)."""
+        return self.yy.reshape(-1, self.uu.size).T
+
+    @cached_property
+    def xz_sums(self):
+        """Products of the regressors with the regressors and with every y.
+
+        Returns
+        -------
+        ndarray, shape (h * bins, p (p + logs))
+        """
+        xy = self.xy.reshape(-1, *self.ux.shape)
+        sums = np.concatenate([self.xx, xy.swapaxes(0, 1)], axis=1)
+        return sums.reshape(-1, self.uu.size).T
+
+    @cached_property
+    def uz(self):
+        """Products of u with the regressors and with every y, shape (h, bins, p + logs)."""
+        uy = self.uy.reshape(-1, *self.uu.shape)
+        return np.concatenate([self.ux, uy]).transpose(1, 2, 0)
 
 
 def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
