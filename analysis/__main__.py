@@ -1,14 +1,34 @@
 """Entry of ``python -m analysis``."""
 
+import os
+import signal
 import sys
+
+
+def stop(*_):
+    """Answer Ctrl-C: say so at once, end worker processes and kernels, and clean up."""
+    print("\nstopping: nothing half-written stays", file=sys.stderr, flush=True)
+    import psutil  # here, not above: a run that is not stopped does without it
+
+    for child in psutil.Process().children(recursive=True):
+        child.terminate()
+    raise KeyboardInterrupt
+
 
 for stream in (sys.stdout, sys.stderr):  # a terminal without Greek letters ends no run
     stream.reconfigure(errors="replace")  # type: ignore[union-attr]
 try:
+    signal.signal(signal.SIGINT, stop)
     from analysis.cli import main
 
-    sys.exit(main())
+    status = main()
+except KeyboardInterrupt:  # while a library was loaded
+    status = 130
 except ModuleNotFoundError as error:
     install = "make install, then . .venv/bin/activate"
     print(f"{error.name} is not installed: {install}", file=sys.stderr)
-    sys.exit(2)
+    status = 2
+if status == 130:
+    sys.stdout.flush()
+    os._exit(status)  # threads that still compute are not waited for
+sys.exit(status)

@@ -6,7 +6,9 @@ A verb imports what it needs when it runs, so that the help appears at once.
 
 import ast
 import contextlib
+import functools
 import inspect
+import io
 import json
 import math
 import shlex
@@ -14,6 +16,7 @@ import sys
 import tempfile
 from dataclasses import asdict
 from enum import StrEnum
+from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any, Literal
@@ -79,6 +82,40 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _print_version(asked: bool):
+    if asked:
+        print(version("inertial-compendium"))
+        raise typer.Exit
+
+
+VERSION = typer.Option("--version", help="Print the version.", callback=_print_version)
+
+
+@app.callback()
+def _no_verb(version: Annotated[bool, VERSION] = False):
+    pass
+
+
+def _verb(function):
+    """Make a function a verb, with the option that all verbs have."""
+    about = typer.Option("--quiet", help="Print errors only.")
+
+    @functools.wraps(function)
+    def run(*args, quiet, **given):
+        with contextlib.ExitStack() as stack:
+            if quiet:
+                stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
+                stack.enter_context(contextlib.redirect_stderr(io.StringIO()))
+            function(*args, **given)
+
+    signature = inspect.signature(function)
+    option = inspect.Parameter(
+        "quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Annotated[bool, about]
+    )
+    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), option])
+    return app.command()(run)
 
 
 def _option(metavar, about, *names, **settings):
@@ -170,7 +207,7 @@ def _read(log, columns, **reading):
     return logs.read(log, columns=columns.split(",") if columns else None, **reading)
 
 
-@app.command()
+@_verb
 def reproduce(
     notebooks: Annotated[Texts, _argument("NOTEBOOK", "Names or numbers (default all).")] = None,
     at_once: Annotated[
@@ -228,7 +265,7 @@ def _parameter(text):
     return name, str(Path(value).resolve()) if Path(value).is_file() else value
 
 
-@app.command()
+@_verb
 @_reads_static
 def report(
     ctx: typer.Context,
@@ -287,7 +324,8 @@ def report(
         print(
             f"  how long to record: {page.hours_to_record(channel, 1 / result.source['rate_hz'])}"
         )
-    print(f"\n{out}/report.html, model.json, figures/ and exports/ are written")
+    print(f"\n{out}/report.html, model.json and figures/ are written")
+    print("\n".join(page.exported(out)))
 
 
 def _command(typed, log):
@@ -300,7 +338,7 @@ def _command(typed, log):
     return " ".join(words)
 
 
-@app.command()
+@_verb
 def replay(
     logs: Annotated[list[str], _argument("LOG", "NMEA or CSV; GNSS and IMU in one file or two.")],
     out: Annotated[str, _out("Folder for track.csv and summary.json.")],
@@ -498,7 +536,7 @@ def _print_summary(summary):
         )
 
 
-@app.command()
+@_verb
 @_reads_static
 def pool(
     logs: Annotated[list[str], _argument("LOG", "Files or logs of the catalogue; one a unit.")],
@@ -532,7 +570,7 @@ def pool(
     print(f"\n{out}/pooled.json is written")
 
 
-@app.command()
+@_verb
 def export(
     model: Annotated[str, _argument("MODEL.json", "As `report` writes it.")],
     out: Annotated[str, _out("Folder for the files.")],
@@ -555,7 +593,7 @@ def export(
         print(f"{out}/{name}")
 
 
-@app.command()
+@_verb
 def plan(
     rate: Annotated[float, _option("HZ", "Sampling rate.")],
     white: Annotated[float, _option("N", "White noise, U*sqrt(s).")],
@@ -592,7 +630,7 @@ def plan(
         print(f"{planner.SYMBOLS[name]:<10} to ±{within:g} % (95 %): {text.duration(hours)}")
 
 
-@app.command()
+@_verb
 def coverage(
     runs: Annotated[
         Count, _option("N", "Logs of each model and length (default 500).", min=1)
@@ -650,7 +688,7 @@ def coverage(
     print(f"{len(cells)} tables, {sum(n for _, _, n in cells)} logs in all, are in {folder.name}/")
 
 
-@app.command()
+@_verb
 def claims(
     paper: Annotated[
         Literal["terrain", "comparison", "tracker"] | None,
@@ -675,7 +713,7 @@ def claims(
         print(f"{count:>5}  {outcome}")
 
 
-@app.command()
+@_verb
 def data(
     names: Annotated[
         Texts, _argument("NAME", "Raw files or folders; with --rebuild results.")
@@ -737,7 +775,7 @@ def _rebuild(names, write):
         print(f"{left_out} of {len(names)} left out because raw files are missing")
 
 
-@app.command()
+@_verb
 def benchmark(
     out: Annotated[Text, _out("Folder for the numbers, as CSV.")] = None,
 ):

@@ -405,7 +405,8 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
             temperature=log.temperature,
         )
 
-    with ThreadPoolExecutor(AT_ONCE) as threads:
+    threads = ThreadPoolExecutor(AT_ONCE)
+    try:
         channels = tuple(
             tqdm(
                 threads.map(characterise_channel, log.channels, streams),
@@ -415,6 +416,8 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
                 disable=None if progress else True,
             )
         )
+    finally:  # after Ctrl-C nobody waits for the channels that are being computed
+        threads.shutdown(wait=False, cancel_futures=True)
     noticed = [sentence for c in log.channels for sentence in remarks(c.values, log.dt, c.name)]
     return StaticResult(log_source(log, noticed) | {"seed": seed}, channels)
 

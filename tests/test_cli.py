@@ -8,12 +8,15 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
+from importlib import metadata
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
+import psutil
 import pytest
 import typer
 
@@ -148,6 +151,31 @@ def test_no_export_of_an_earlier_log_stays(tmp_path, good, no_pictures):
     assert {p.name for p in (tmp_path / "mine" / "exports").iterdir()} == {"README.md"}
     text = (tmp_path / "mine" / "exports" / "README.md").read_text(encoding="utf-8")
     assert "roll is of kind angle" in text
+
+
+def test_the_terminal_says_what_was_exported_and_what_not(tmp_path, good, no_pictures):
+    """Property: the files that are there by name, or that there are none; and every reason."""
+    said = good.out.split("exported to ")[1].splitlines()
+    assert said[0] == f"{good.folder}/exports/: {', '.join(exports.TITLES)}"
+    assert said[1:] == ["no accelerometer in this log: its terms are off in the simulators"]
+    status, out, _ = run("report", write(tmp_path, header="t_s,roll_deg"), "--out", tmp_path / "m")
+    assert status == 0
+    assert out.splitlines()[-3:] == [
+        "nothing is exported",
+        "left out: roll is of kind angle; these tools take rate and accel",
+        "no file: none of the tools can take this log",
+    ]
+
+
+def test_an_empty_column_is_left_out_and_said(tmp_path, no_pictures):
+    """Property: a known column without any value costs the log nothing but itself."""
+    log = write(tmp_path, [f"{row}," for row in ROWS], f"{HEADER},gyro_y_deg_s")
+    status, out, _ = run("report", log, "--out", tmp_path / "mine")
+    assert status == 0
+    assert "note: without any value, and left out: 'gyro_y_deg_s'" in out
+    assert [c["name"] for c in model(tmp_path / "mine")["channels"]] == ["gyro_x"]
+    status, _, err = run("report", log, "--columns", "gyro_y", "--out", tmp_path / "none")
+    assert status == 1 and "line 2, column 'gyro_y_deg_s': no value here" in err
 
 
 def test_no_figure_of_an_earlier_log_stays(tmp_path, no_pictures):
@@ -347,6 +375,58 @@ def test_an_empty_out_is_refused(command, tmp_path, monkeypatch):
     assert (status, out) == (2, "")
     assert err == "wrong usage: --out is empty: name where to write\n"
     assert os.listdir(tmp_path) == ["my.csv"]
+
+
+def test_quiet_prints_errors_only(tmp_path, no_pictures):
+    """Property: nothing on a good run, the same sentence and status on a refusal."""
+    log = write(tmp_path)
+    assert run("report", log, "--out", tmp_path / "mine", "--quiet") == (0, "", "")
+    assert (tmp_path / "mine" / "report.html").exists()
+    refused = ("report", log, "--out", tmp_path / "none", "--columns", "gyro_z")
+    assert run(*refused, "--quiet") == run(*refused)
+
+
+def test_version_is_that_of_the_package():
+    """Property: one place says it, the metadata of the package."""
+    assert run("--version") == (0, f"{metadata.version('inertial-compendium')}\n", "")
+
+
+BUSY = """
+import multiprocessing, runpy, sys, threading, time
+from analysis import report, store
+def busy(*_, **__):
+    child = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
+    child.start()
+    print(child.pid, flush=True)
+    time.sleep(60)
+def compute(log):
+    threading.Thread(target=time.sleep, args=(60,)).start()
+    return characterise(log)
+if __name__ == "__main__":
+    characterise, report._page, store.characterise_log = store.characterise_log, busy, compute
+    report._draw = lambda result, folder, atlas: folder.mkdir()
+    sys.argv[0] = "analysis"
+    runpy.run_module("analysis", run_name="__main__")
+"""
+
+
+def test_ctrl_c_ends_all_at_once(tmp_path):
+    """Property: with a draft written, a process and a thread at work: said, gone, status 130."""
+    write(tmp_path)
+    (tmp_path / "busy.py").write_text(BUSY)
+    words = [sys.executable, "busy.py", "report", "my.csv", "--out", "mine"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    path = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(words, cwd=tmp_path, env=path, **pipes) as program:
+        child = int(program.stdout.readline())
+        assert any(p.name.startswith(".mine") for p in tmp_path.iterdir())
+        program.send_signal(signal.SIGINT)
+        out, err = program.communicate(timeout=50)  # the thread and the process sleep for 60 s
+    assert (program.returncode, out) == (130, "")
+    assert err == "\nstopping: nothing half-written stays\nstopped; nothing is written\n"
+    with contextlib.suppress(psutil.NoSuchProcess):  # ended, if perhaps not yet buried
+        assert psutil.Process(child).status() == psutil.STATUS_ZOMBIE
+    assert sorted(os.listdir(tmp_path)) == ["busy.py", "my.csv"]
 
 
 def test_a_library_that_is_missing_is_named():

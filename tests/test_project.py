@@ -60,9 +60,9 @@ def tracked():
 
 
 def project_requirements():
-    """Read what pyproject.toml asks for, tests included: name -> range."""
+    """Read what pyproject.toml asks for, extras included: name -> range."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = project["dependencies"] + project["optional-dependencies"]["test"]
+    wanted = sum(project["optional-dependencies"].values(), project["dependencies"])
     return {r.name: str(r.specifier) for r in map(Requirement, wanted)}
 
 

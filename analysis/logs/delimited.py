@@ -11,13 +11,17 @@ import csv
 import gzip
 import io
 import itertools
+import os
 import re
 import warnings
 import zlib
+from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import multimode
+from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
@@ -27,6 +31,7 @@ from analysis import CannotAnswer
 
 HEAD_BYTES = 1 << 16
 HEAD_LINES = 50
+BLOCK_BYTES, MOST_THREADS = 1 << 23, 4  # of text that are parsed at a time, and by how many
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "<na>", "#n/a"}
 CLOCK = re.compile(
     r"^\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ]+\d{1,2}:\d{2}.*)?$|^\d{1,2}:\d{2}(:\d{2}([.,]\d*)?)?$"
@@ -99,8 +104,8 @@ def sniff(path: Path) -> Layout:
     return Layout(delimiter, decimal, comment, encoding, header_lines, names, text)
 
 
-def data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
-    """Iterate over the data rows: (line number as an editor counts, fields)."""
+def data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
+    """Iterate over the data rows: (line number as an editor counts, text)."""
     with (
         open_bytes(path) as raw,
         io.TextIOWrapper(raw, encoding=layout.encoding, errors="replace") as handle,
@@ -110,7 +115,7 @@ def data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, list[str]]]:
                 continue
             line = line.split(layout.comment, 1)[0]
             if line.strip():
-                yield number, _split(line, layout.delimiter)
+                yield number, line
 
 
 @contextlib.contextmanager
@@ -303,30 +308,74 @@ def read_table(path: Path) -> Table:
         "desc": f"reading {path.name}",
         "leave": False,
     }
-    types = {name: (str if name in layout.text else np.float64) for name in layout.names}
     try:
         with (
             open_bytes(path) as raw,
             tqdm.wrapattr(raw, "read", **bar) as handle,
             warnings.catch_warnings(action="error", category=pd.errors.ParserWarning),
         ):  # the warning means that fields are dropped: find out which
-            frame = pd.read_csv(
-                handle,
-                sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
-                decimal=layout.decimal,
-                comment=layout.comment,
-                encoding=layout.encoding,
-                header=None,
-                names=list(layout.names),
-                index_col=False,
-                skiprows=layout.header_lines,
-                skipinitialspace=True,
-                dtype=types,
-            )
+            frame = _parsed(handle, layout)
         table = _without_short_end(Table(frame, path, layout=layout), layout)
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         table = _line_by_line(path, layout)
     return _without_empty_end(table, layout)
+
+
+def _parsed(handle: BinaryIO, layout: Layout) -> pd.DataFrame:
+    """Parse blocks of lines in several threads, and join them."""
+    types = {name: (str if name in layout.text else np.float64) for name in layout.names}
+
+    def parse(block, skip):
+        return pd.read_csv(
+            io.BytesIO(block),
+            sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+            decimal=layout.decimal,
+            comment=layout.comment,
+            encoding=layout.encoding,
+            header=None,
+            names=list(layout.names),
+            index_col=False,
+            skiprows=skip,
+            skipinitialspace=True,
+            dtype=types,
+            low_memory=False,
+        )
+
+    numbers = {name: np.empty(0) for name in layout.names if name not in layout.text}
+    texts: dict[str, list] = {name: [] for name in layout.text}
+
+    def keep(part):
+        for name, column in numbers.items():
+            size = len(column)
+            column.resize(size + len(part), refcheck=False)  # in place: nothing is held twice
+            column[size:] = part[name]
+        for name, pieces in texts.items():
+            pieces.append(part[name])
+
+    threads = min(os.cpu_count() or 1, MOST_THREADS)
+    skip, running = layout.header_lines, deque[Future]()
+    with ThreadPoolExecutor(threads) as pool:
+        for block in _blocks(handle, layout):
+            if len(running) > threads:  # so that only a few blocks of text are held
+                keep(running.popleft().result())
+            running.append(pool.submit(parse, block, skip))
+            skip = 0
+        while running:
+            keep(running.popleft().result())
+    joined = numbers | {n: pd.concat(pieces, ignore_index=True) for n, pieces in texts.items()}
+    return pd.DataFrame({name: joined[name] for name in layout.names}, copy=False)
+
+
+def _blocks(handle: BinaryIO, layout: Layout) -> Iterator[bytes]:
+    """Cut a file into blocks that end with a line; UTF-16 and a file without \\n stay whole."""
+    rest = handle.read(BLOCK_BYTES if layout.encoding != "utf-16" else -1)
+    while more := handle.read(BLOCK_BYTES):
+        end = more.rfind(b"\n") + 1
+        if end:
+            yield rest + more[:end]
+            rest = b""
+        rest += more[end:]
+    yield rest
 
 
 def _line_by_line(path: Path, layout: Layout) -> Table:
@@ -334,11 +383,11 @@ def _line_by_line(path: Path, layout: Layout) -> Table:
     rows: list[list] = []
     fault, line = "", ""
     repairs: tuple[str, ...] = ()
-    for number, fields in data_lines(path, layout):
+    for number, text in data_lines(path, layout):
         if fault:
             break
         try:
-            rows.append(_row(fields, layout))
+            rows.append(_row(_split(text, layout.delimiter), layout))
         except ValueError as error:
             fault, line = str(error), f"line {number}"
     else:  # a fault that nothing follows is a line cut off while it was written
@@ -397,15 +446,13 @@ def _without_short_end(table: Table, layout: Layout) -> Table:
 def _without_empty_end(table: Table, layout: Layout) -> Table:
     """Drop unnamed empty columns, and the empty rows that a spreadsheet leaves at the end."""
     frame = table.frame
-    filled = frame.notna().to_numpy()
-    empty = frame.columns[~filled.any(axis=0)]
-    nameless = [name for name in empty if re.fullmatch(r"c\d+", name)]
-    rows = np.flatnonzero(filled.any(axis=1))
-    if not rows.size:
+    ends = [frame[name].last_valid_index() for name in frame]
+    nameless = [n for n, e in zip(frame, ends, strict=True) if e is None and re.match(r"c\d+$", n)]
+    keep = 1 + max((end for end in ends if end is not None), default=-1)
+    if not keep:
         raise CannotAnswer(
             f"{table.file}: no data: every cell from line {layout.header_lines + 1} on is empty"
         )
-    keep = rows[-1] + 1
     repairs = table.repairs
     if keep < len(frame):
         repairs += (f"{len(frame) - keep} rows without any value at the end were dropped",)

@@ -158,7 +158,7 @@ def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:
             small = np.full((len(q), 3), np.nan)
             small[good] = (attitude.mean().inv() * attitude).as_rotvec(degrees=True)
             added |= {"roll_deg": small[:, 1], "pitch_deg": small[:, 0], "yaw_deg": -small[:, 2]}
-    return frame.assign(**added)
+    return frame.assign(**added) if added else frame
 
 
 def unwrap(values: np.ndarray, period: float) -> np.ndarray:

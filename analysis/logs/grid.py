@@ -16,6 +16,7 @@ REGULAR_SHARE = 0.90  # this share of the steps within +-50 % of the median step
 REPEATS_ALLOWED = 0.01  # share of repeated stamps above which the clock counts as coarse
 GAP = 1.5  # a step of more than this many nominal steps is a gap
 NO_STAMPS = "cut the file there, or, if the rows are evenly spaced, give --rate and no time column"
+ALL = slice(None)  # every row, or every sample of the grid
 LOOKAHEAD = 50  # samples after a long step in which late ones may catch up
 
 
@@ -29,9 +30,9 @@ class Grid:
         Samples per second of the grid.
     size : int
         Samples on the grid, missing ones included.
-    rows : ndarray of int, shape (k,)
+    rows : ndarray of int, shape (k,), or slice
         Rows of the log that are used, in order.
-    index : ndarray of int, shape (k,)
+    index : ndarray of int, shape (k,), or slice
         Grid sample of each used row.
     stamps : ndarray, shape (k,), or None
         Times (s) to interpolate between, in mode "stamps".
@@ -43,15 +44,20 @@ class Grid:
 
     rate_hz: float
     size: int
-    rows: np.ndarray
-    index: np.ndarray
+    rows: np.ndarray | slice
+    index: np.ndarray | slice
     stamps: np.ndarray | None = None
     gaps: int = 0
     repairs: tuple[str, ...] = ()
 
     def place(self, values: np.ndarray) -> np.ndarray:
-        """Put one column, shape (rows of the log,), on the grid, shape (size,), NaN if missing."""
+        """Put one column, shape (rows of the log,), on the grid, shape (size,), NaN if missing.
+
+        A column that fits as it is comes back itself, because a long log fills the memory.
+        """
         used = values[self.rows]
+        if self.index is ALL:
+            return used
         if self.stamps is not None:
             t = self.stamps[0] + np.arange(self.size) / self.rate_hz
             good = np.isfinite(used)
@@ -89,7 +95,7 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
     """
     if mode not in MODES:
         raise WrongUsage(f"timing '{mode}' is not one of {', '.join(MODES)}")
-    rows, repairs = np.arange(len(t_s)), []
+    rows, t, repairs = np.arange(len(t_s)), t_s, []
     stamped = np.isfinite(t_s)
     if not stamped.all():
         first = int(np.argmin(stamped))
@@ -99,27 +105,28 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
                 f"no time stamp here nor in {(~stamped).sum():,} of {len(t_s):,} rows; {NO_STAMPS}",
             )
         repairs.append(f"{_count((~stamped).sum(), 'row')} without a time stamp dropped")
-        rows = rows[stamped]
-    t = t_s[rows]
+        rows, t, repeated = rows[stamped], t[stamped], repeated[stamped]
     step = np.diff(t)
     if (step < 0).any():
         worst = int(np.argmax(step < 0))
         raise BadStamps(
             int(rows[worst + 1]), f"time runs backward by {-step[worst]:.6g} s; {NO_STAMPS}"
         )
-    rows, coarse = _without_repeats(t, rows, repeated[rows], repairs)
-    t = t_s[rows]
+    coarse = False
+    if (step == 0).any():
+        rows, coarse = _without_repeats(t, rows, repeated, repairs)
+        t = t_s[rows]
+        step = np.diff(t)
     if len(t) < 3:
         raise BadStamps(int(rows[-1]), f"the log ends after {len(t)} samples: give a longer one")
     if t[-1] == t[0]:
         raise BadStamps(0, f"the time stamps do not advance; {NO_STAMPS}")
     if coarse:
         return _coarse(t, rows, repairs)
-    step = np.diff(t)
     usual = float(np.median(step))
-    regular = np.mean(np.abs(step / usual - 1) <= GAP - 1) >= REGULAR_SHARE
-    if mode == "auto" and regular:
-        return _regular(t, rows, usual, repairs)
+    near = (step >= (2 - GAP) * usual) & (step <= GAP * usual)
+    if mode == "auto" and near.mean() >= REGULAR_SHARE:
+        return _regular(t, rows, step, float(step.mean(where=near)), repairs)
     return _uneven(t, rows, mode, repairs)
 
 
@@ -142,30 +149,29 @@ def _without_repeats(t, rows, repeated, repairs) -> tuple[np.ndarray, bool]:
     return rows[~same], False
 
 
-def _regular(t, rows, usual, repairs) -> Grid:
+def _regular(t, rows, step, dt, repairs) -> Grid:
     """Place regular stamps: one sample a step, except over gaps."""
-    step = np.diff(t)
-    dt = float(step[np.abs(step / usual - 1) <= GAP - 1].mean())
-    at, missing = _gaps(t, dt)
-    jitter = np.abs(step[step <= GAP * dt] / dt - 1)
-    if jitter.max() > 0.1:
+    long = step > GAP * dt
+    at, missing = _gaps(t, np.flatnonzero(long), dt)
+    longest = step.max(where=~long, initial=0.0)
+    jitter = max(longest / dt - 1, 1 - float(step.min()) / dt)
+    if jitter > 0.1:
         repairs.append(
-            f"time stamps wander by up to {jitter.max():.0%} of a step: "
+            f"time stamps wander by up to {jitter:.0%} of a step: "
             "samples taken as evenly spaced between gaps"
         )
-    late = (step > GAP * dt).sum() - len(at)
+    late = long.sum() - len(at)
     if late:
         repairs.append(f"{_count(late, 'sample')} stamped late but none lost: placed by count")
     return _with_gaps(rows, 1 / dt, at, missing, step, repairs)
 
 
-def _gaps(t, dt) -> tuple[np.ndarray, np.ndarray]:
-    """Find the steps over which samples are missing, and how many.
+def _gaps(t, at, dt) -> tuple[np.ndarray, np.ndarray]:
+    """Find the long steps over which samples are missing, and how many.
 
     A logger that stalls and then catches up loses no sample: a long step with short ones right
     after it is no gap if the whole stretch has as many rows as expected.
     """
-    at = np.flatnonzero(np.diff(t) > GAP * dt)
     if not at.size:
         return at, at
     lost = np.round((t[at + 1] - t[at]) / dt) - 1
@@ -192,6 +198,8 @@ def _with_gaps(rows, rate_hz, at, missing, step, repairs) -> Grid:
                 "stretch with --from and --to",
             )
         repairs.append(f"{gaps}; left as missing")
+    elif rows[-1] == len(rows) - 1:  # none left out before it: all of them, as far as they go
+        return Grid(rate_hz, size, slice(size), ALL, None, 0, tuple(repairs))
     index = _index(len(rows), at, missing)
     return Grid(rate_hz, size, rows, index, None, len(at), tuple(repairs))
 

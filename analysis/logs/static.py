@@ -27,6 +27,7 @@ from analysis.logs.grid import MISSING_ALLOWED, Grid
 
 SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
 LARGEST = 1e100  # beyond what any sensor reads, and its square is still a number
+PIECE = 1 << 20  # samples that are looked at together, to bound the memory
 HELD = 0.8  # share of samples equal to the one before beyond which an output counts as held
 
 
@@ -298,6 +299,11 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
     notes = [f"column '{warm}' kept as the temperature, in {unit}"] if warm else []
+    empty = [n for n in numeric if n not in (wanted or ()) and not _any(frame[n].to_numpy())]
+    if empty and len(empty) < len(numeric):
+        names = ", ".join(f"'{name}'" for name in empty)
+        notes.append(f"without any value, and left out: {names}")
+        numeric = [name for name in numeric if name not in empty]
     numeric = [name for name in numeric if name != warm or name in (wanted or ())]
     if table.layout is not None and not (wanted and given["unit"]):
         numeric, doubles = columns.without_doubles(numeric, table.layout.names, file, wanted)
@@ -306,12 +312,16 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
     return replace(found, notes=[*notes, *found.notes]), temperature
 
 
+def _any(cells: np.ndarray) -> bool:
+    """Tell whether there is a number, which is mostly among the first."""
+    return bool(np.isfinite(cells[:PIECE]).any() or np.isfinite(cells[PIECE:]).any())
+
+
 def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid:
     """Place the rows on a uniform grid, by their stamps or by a given rate."""
     rate, frame = option.get("rate_hz"), table.frame
     if t_s is None:
-        rows = np.arange(len(frame))
-        return Grid(float(option["rate_hz"]), len(rows), rows, rows)
+        return Grid(float(option["rate_hz"]), len(frame), grids.ALL, grids.ALL)
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(np.diff(t_s) == 0) + 1
     now = frame.iloc[same]
@@ -329,8 +339,10 @@ def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid
 
 def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Channel:
     """Put one column on the grid; note missing values, refuse too many."""
-    cells = choice.scale * table.frame[choice.column].to_numpy(dtype=float)
+    cells = table.frame[choice.column].to_numpy(dtype=float)
+    cells = cells if choice.scale == 1 else choice.scale * cells
     finite = np.isfinite(cells)
+    values = cells
     if not finite.all():
         first = table.place(int(np.argmin(finite)), choice.column)
         count = int((~finite).sum())
@@ -341,20 +353,21 @@ def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
                 "with --from and --to"
             )
         repairs.append(f"{first}: {count:,} of {len(cells):,} values are missing, the first here")
-        cells = np.where(finite, cells, np.nan)
-    large = np.flatnonzero(np.abs(cells) > LARGEST)
-    if large.size:
-        place = table.place(large[0], choice.column)
-        raise CannotAnswer(f"{place}: {cells[large[0]]:g} is no reading; correct or empty it")
+        values, cells = cells[finite], np.where(finite, cells, np.nan)
+    if max(values.max(), -values.min()) > LARGEST:
+        row = int(np.argmax(np.abs(cells) > LARGEST))
+        place = table.place(row, choice.column)
+        raise CannotAnswer(f"{place}: {cells[row]:g} is no reading; correct or empty it")
     if choice.kind == "angle" and choice.unit in columns.FULL_TURN:
         turned = formats.unwrap(cells, columns.FULL_TURN[choice.unit])
         jumps = int((np.diff((turned - cells)[finite]).round(6) != 0).sum())
         if jumps:
             repairs.append(f"'{choice.name}' unwrapped: {jumps:,} jumps by a full turn removed")
-            cells = turned
-    values = cells[finite]
+            cells, values = turned, turned[finite]
     spread = 1e-6 * float(np.std(values))  # rounding in metres from degrees is no change
-    held = float(np.mean(np.abs(np.diff(values)) <= spread)) if spread else 0.0
+    parts = (np.diff(values[k : k + PIECE + 1]) for k in range(0, len(values) - 1, PIECE))
+    same = sum(int((np.abs(part) <= spread).sum()) for part in parts)
+    held = same / max(len(values) - 1, 1) if spread else 0.0
     if held > HELD:
         repairs.append(
             f"'{choice.name}' repeats its last value in {held:.1%} of the samples: a held output, "

@@ -185,7 +185,7 @@ def _draw(result, folder, atlas):
     figures.use_style()
     origin = {"data": {result.source["file"]: result.source["sha256"]}}
     origin |= {"seed": result.source["seed"], "to": folder}
-    for channel in result.channels:
+    for channel in tqdm(result.channels, "drawing", unit="figure", disable=None):
         fig = plots.four_panels(channel, f"{result.source['title']}: {channel.name}")
         caption = (
             "15 s of data; Allan deviation as recorded with its 95 % band, without the straight"
@@ -268,13 +268,34 @@ def export(path, out):
     except WrongUsage as error:
         raise WrongUsage(f"{path}: {error}") from error
     if not texts.keys() & exports.TITLES.keys():
-        reasons = [line for line in texts["README.md"].splitlines() if "left out" in line]
-        raise CannotAnswer(f"{path}: nothing to export; " + "; ".join(r[2:] for r in reasons))
+        raise CannotAnswer(f"{path}: nothing to export; " + "; ".join(_absent(texts["README.md"])))
     with replacing(out) as draft:
         _write_texts(texts, draft)
     for name in exports.TITLES.keys() - texts.keys():
         Path(out, name).unlink(missing_ok=True)
     return list(texts)
+
+
+def exported(out):
+    """Say which files for other tools a report has, and what they lack and why.
+
+    Parameters
+    ----------
+    out : path-like
+        Folder of the report.
+
+    Returns
+    -------
+    list of str
+    """
+    folder = Path(out, "exports")
+    names = [name for name in exports.TITLES if (folder / name).exists()]
+    said = f"exported to {folder}/: {', '.join(names)}" if names else "nothing is exported"
+    return [said, *_absent((folder / "README.md").read_text(encoding="utf-8"))]
+
+
+def _absent(readme):
+    return [line[2:] for line in readme.splitlines() if line.startswith(("- left out", "- no "))]
 
 
 def _write_texts(texts, folder):
