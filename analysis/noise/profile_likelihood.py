@@ -59,7 +59,7 @@ class Surface:
         """
         around, pairs = _stencil(len(starts[0]))
         points = np.clip(starts, self.low, self.high)
-        found = self.value((points[:, None] + around).reshape(-1, points.shape[1]))
+        found = self.value((points[:, None] + around).reshape(len(points) * len(around), -1))
         found = found.reshape(len(points), len(around))
         best = int(np.argmax(found[:, 0]))
         point, values = points[best], found[best]
