@@ -185,6 +185,9 @@ READING = {  # options of the verbs that read a static log
         Literal["rate", "angle", "accel", "position"] | None,
         typer.Option(help="Kind of reading, if name and unit do not tell."),
     ],
+    "table": Annotated[
+        Text, _option("NAME", "Topic, message, sheet, variable or file in a zip, if several.")
+    ],
     "start": Annotated[Number, _option("S", "Leave out what is before, s.", "--from")],
     "stop": Annotated[Number, _option("S", "Leave out what is after, s.", "--to")],
 }
@@ -339,8 +342,31 @@ def _command(typed, log):
 
 
 @_verb
+def channels(log: Annotated[str, _argument("LOG", "A file, a folder, or a log of the catalogue.")]):
+    """List what a log holds: tables and columns, kind, unit, rate, span.
+
+    \b
+    python -m analysis channels flight.ulg    the messages of a PX4 log
+    python -m analysis channels phone.zip     the files of a phone's export
+
+    The last column says what each kind and unit were told by: the name, a unit in the header, the
+    message definition, or the numbers. `report` takes a table with --table, columns with --columns.
+    """
+    from analysis.logs.catalogue import find
+    from analysis.logs.formats import contents
+
+    _, stanza, path = find(log)
+    for title, columns in contents(path, stanza.get("format")):
+        print(title)
+        for name, kind, unit, told_by in columns:
+            print(f"  {name:<32} {kind:<24} {unit:<7} {told_by}".rstrip())
+
+
+@_verb
 def replay(
-    logs: Annotated[list[str], _argument("LOG", "NMEA or CSV; GNSS and IMU in one file or two.")],
+    logs: Annotated[
+        list[str], _argument("LOG", "NMEA, CSV, GPX, UBX ...; GNSS and IMU in one log or two.")
+    ],
     out: Annotated[str, _out("Folder for track.csv and summary.json.")],
     without: Annotated[
         list[Block] | None, _option("BLOCK", "Turn off this block; may be repeated.")
@@ -368,6 +394,9 @@ def replay(
     unit: Units = None,
     scale: Scales = None,
     time_unit: TimeUnit = None,
+    table: Annotated[
+        Texts, _option("NAME", "Which of several IMUs or receivers; may be repeated.")
+    ] = None,
     float32: Annotated[bool, _flag("--float32", "Run the filters in single precision.")] = False,
 ):
     """Run the tracker paper's six blocks on a GNSS (and IMU) log.
@@ -424,6 +453,7 @@ def replay(
         unit=unit,
         scale=scale,
         time_unit=time_unit,
+        tables=table or (),
     )
     for start, stop in outages:
         if start > log.duration_s:

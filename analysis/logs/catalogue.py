@@ -7,11 +7,11 @@ from pathlib import Path
 from analysis import DATA, WrongUsage
 from analysis.logs import datasets
 from analysis.logs.columns import closest, per_kind, unit_of
-from analysis.logs.formats import READERS
+from analysis.logs.formats import FORMATS
 
 CATALOGUE = DATA / "logs.toml"
 OWN = DATA / "own" / "logs.toml"
-_TEXT = "title note licence source file format variable timing unit kind scale time_unit"
+_TEXT = "title note licence source file format table timing unit kind scale time_unit"
 KEYS: dict[str, type | tuple[type, ...]] = {  # of a stanza, with the type of the value
     **dict.fromkeys(_TEXT.split(), str),
     **dict.fromkeys(("rate_hz", "from", "to"), (int, float)),
@@ -90,7 +90,7 @@ def check_unit(name: str, stanza: dict, unit: str | None) -> None:
 def _check_file(path: Path, missing: str) -> Path:
     """Refuse a path that is no file, or that may not be read."""
     if path.is_dir():
-        raise WrongUsage(f"{path.name or path} is a folder: name the log file in it")
+        return path
     if not path.is_file():
         raise WrongUsage(missing)
     if not os.access(path, os.R_OK):
@@ -116,9 +116,9 @@ def _read(path: Path, own: bool) -> dict[str, dict]:
                 )
             if not isinstance(value, KEYS[key]):
                 raise WrongUsage(f"{where}: [{name}] {key} = {value!r} is of the wrong type")
-        if stanza.get("format", "csv") not in READERS:
+        if stanza.get("format", "csv") not in FORMATS:
             raise WrongUsage(
-                f"{where}: [{name}] format '{stanza['format']}' is not one of {', '.join(READERS)}"
+                f"{where}: [{name}] format '{stanza['format']}' is not one of {', '.join(FORMATS)}"
             )
         for channel in stanza.get("channels", []):
             if not isinstance(channel, dict) or "column" not in channel:

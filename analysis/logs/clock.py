@@ -144,7 +144,7 @@ def stamp_errors_at(table: Table, column: str) -> Iterator[None]:
     except BadStamps as error:
         raise CannotAnswer(f"{table.place(error.row, column)}: {error.message}") from error
     except WrongUsage as error:
-        raise WrongUsage(f"{table.file}: {error}") from error
+        raise WrongUsage(f"{table.file}: {error}", *error.flags) from error
 
 
 def _from_text(name: str, column: np.ndarray) -> Stamps:
@@ -217,9 +217,11 @@ def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
             if 0.5 < mean / rate_hz < 2:
                 return unit, f", by --rate {rate_hz:g}"
     if step >= 5 or step < 1e-5:
+        likely = "ms" if step < 1000 else "us" if step < 1e6 else "ns"
         raise WrongUsage(
             f"time column '{name}' advances by {step:.6g}: seconds, milliseconds or microseconds? "
-            f"Say --time-unit ms (or s, us, ns), or rename it to '{name}_ms' in the header"
+            f"Say --time-unit ms (or s, us, ns), or rename it to '{name}_ms' in the header",
+            {"--time-unit": likely},
         )
     return "s", ""
 

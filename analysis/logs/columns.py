@@ -56,6 +56,7 @@ _WORDS = {  # of a column's name -> what it holds instead of a reading; with an 
     " light lat lon lng latitude longitude altitude height separation speed course bearing"
     " orientation quaternion qw qx qy qz gravity grav mx my mz pdop hdop vdop satellites",
 }
+_GNSS = {"lat", "lon", "lng", "latitude", "longitude", "altitude", "height", "speed", "course"}
 _SAID_BY = {word: what for what, words in _WORDS.items() for word in words.split()}
 _WITH_AXIS = {"a counter", "a status word", "a norm"}  # such words do not spoil imu_sample_gyro_x
 _ALWAYS = {"absolute", "abs", "norm", "magnitude", "resultant", "status", "valid"}
@@ -406,7 +407,8 @@ def choose(
     if no_unit and (wanted or not stated):
         raise WrongUsage(
             f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(fixed)} (in their own "
-            "units), or put it into the header, with names such as gyro_x_deg_s, accel_z_g"
+            "units), or put it into the header, with names such as gyro_x_deg_s, accel_z_g",
+            fixed,
         )
     if not any(units.get(None) in (None, c.unit) for c in chosen):
         options = [f"--{o} {v}" for o, v in (("unit", unit), ("kind", kind)) if v]
@@ -693,6 +695,43 @@ def _said(chosen, units) -> list[str]:
         names = ", ".join(c.column for c in mute)
         said.append(f"columns {names} read as {FLAG[kind]} in {mute[0].unit} ({why})")
     return said
+
+
+def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, str]]:
+    """Tell of each column its name, kind, unit, and what these were told by.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Some rows; see `sample`.
+    told_by : str
+        What the names are from, such as "its header".
+    """
+    numeric = list(frame.select_dtypes("number"))
+    by_content = contents(frame[numeric])
+    sizes = _accel_units(frame, {n: meaning(n)[0] or "" for n in numeric}, {})
+    found = []
+    for name in frame:
+        (named, other), (base, unit) = meaning(name), split(name)
+        warm = temperature(frame, [name]) if name in numeric else None
+        if clock.is_time(name):
+            found.append((name, "time", clock.unit_of(name) or "", "its name"))
+        elif name not in numeric:
+            found.append((name, "text", "", "its cells"))
+        elif warm:
+            found.append((name, "temperature", warm[1], told_by))
+        elif other or (name in by_content and not (named and unit)):
+            why = "its name" if other else "its numbers"
+            kind = "GNSS" if _GNSS & set(words(base)) else other or by_content[name].split(":")[0]
+            found.append((name, kind, unit or "", why))
+        elif unit:
+            found.append((name, KIND_OF_UNIT[unit], unit, told_by))
+        elif named:
+            length = ", its length one g" if name in sizes else ", no unit"
+            found.append((name, named, sizes.get(name, ""), f"its name{length}"))
+        else:
+            found.append((name, "not known", "", ""))
+    return found
 
 
 def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, str, np.ndarray] | None:

@@ -170,7 +170,10 @@ def fetch(name: str, progress: bool = True) -> Path:
 
 
 def sha256(file: Path) -> str:
-    """Compute the sha256 of a file as hexadecimal digits."""
+    """Compute the sha256 of a file, or of a folder's sorted files, as hexadecimal digits."""
+    if file.is_dir():
+        each = (sha256(inner) for inner in sorted(file.rglob("*")) if inner.is_file())
+        return hashlib.sha256("\n".join(each).encode()).hexdigest()
     stat = file.stat()
     return _sha256(str(file), stat.st_size, stat.st_mtime_ns)
 

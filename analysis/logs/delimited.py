@@ -61,7 +61,8 @@ def sniff(path: Path) -> Layout:
     lines, encoding = _head(path)
     comments = [i for i, line in enumerate(lines) if line.lstrip()[:1] in ("#", "%")]
     comment = lines[comments[0]].lstrip()[0] if comments else "#"
-    rows = [i for i, line in enumerate(lines) if line.strip() and i not in comments]
+    titles = [i for i, line in enumerate(lines) if line.startswith("//")]  # Xsens
+    rows = [i for i, line in enumerate(lines) if line.strip() and i not in (*comments, *titles)]
     if not rows:
         raise CannotAnswer(f"{path.name}: no data: line 1 to the end are empty or comments")
     delimiter = _delimiter([lines[i] for i in rows[-HEAD_LINES:]])

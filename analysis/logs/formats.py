@@ -6,20 +6,26 @@ cut out.
 """
 
 import contextlib
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+import importlib.util
+import io
+import re
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-import h5py
 import numpy as np
 import pandas as pd
 import pymap3d
-import rdata
+from defusedxml import ElementTree
 from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.logs import delimited, nmea
+from analysis.logs import archives, clock, columns, delimited, matrices, nmea, robot_logs
 from analysis.logs.delimited import Table
+from analysis.logs.grid import BadStamps
+from analysis.logs.tables import Part, choose, listed, of_arrays, paired, reading
 
 _PHONE = {  # the app's column -> ours; position and attitude are what the notebooks use
     "latitude": "lat_deg",
@@ -28,65 +34,22 @@ _PHONE = {  # the app's column -> ours; position and attitude are what the noteb
     "speed": "speed_m_s",
     "horizontalAccuracy": "horizontal_accuracy_m",
 }
-
-
-def rda(path: Path, stanza: dict) -> Table:
-    """Read a matrix with named columns from an R data file.
-
-    Parameters
-    ----------
-    path : Path
-    stanza : dict
-        ``variable``: the R object; may be left out when the file holds a single one.
-    """
-    # rdata warns where an R class has no Python equivalent (here "imu", a matrix with attributes)
-    # and then returns the plain matrix, which is wanted here: constructors avoid the warning.
-    constructors = {
-        **rdata.conversion.DEFAULT_CLASS_MAP,
-        "imu": lambda matrix, attributes: matrix,
-        "matrix": lambda matrix, attributes: matrix,
-    }
-    try:
-        objects = rdata.conversion.convert(rdata.parser.parse_file(path), constructors)
-    except (ValueError, NotImplementedError, EOFError, OSError) as error:
-        raise CannotAnswer(
-            f"{path.name}: not an R data file that can be read ({error}); save the matrix as CSV"
-        ) from error
-    array = _only(objects, stanza, path)
-    names = [str(name) for name in array.coords[array.dims[1]].values]
-    return Table(pd.DataFrame(np.asarray(array.values, dtype=float), columns=names), path)
-
-
-@contextlib.contextmanager
-def open_mat73(path: Path) -> Iterator[h5py.File]:
-    """Open a MATLAB v7.3 (HDF5) file; an error becomes `CannotAnswer`."""
-    try:
-        with h5py.File(path) as file:
-            yield file
-    except OSError as error:
-        raise CannotAnswer(
-            f"{path.name}: not a MATLAB v7.3 file, or cut off ({error}); save it with -v7.3"
-        ) from error
-
-
-def mat73(path: Path, stanza: dict) -> Table:
-    """Read one matrix from a MATLAB v7.3 (HDF5) file; its longer side is taken as the samples.
-
-    Parameters
-    ----------
-    path : Path
-    stanza : dict
-        ``variable``: the MATLAB variable; may be left out when the file holds a single one.
-        ``names``: of the columns, in the order of the matrix; ``c1``, ``c2`` ... if left out.
-    """
-    with open_mat73(path) as file:
-        matrices = {k: v[()] for k, v in file.items() if isinstance(v, h5py.Dataset)}
-    matrix = np.atleast_2d(_only(matrices, stanza, path))
-    matrix = matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
-    names = stanza.get("names") or [f"c{j}" for j in range(1, matrix.shape[1] + 1)]
-    if len(names) != matrix.shape[1]:
-        raise WrongUsage(f"{path.name}: {len(names)} names for {matrix.shape[1]} columns")
-    return Table(pd.DataFrame(np.asarray(matrix, dtype=float), columns=names), path)
+_GPX = {  # element of a track point -> our column
+    "time": "time",
+    "ele": "height_m",
+    "speed": "speed_m_s",
+    "course": "course_deg",
+    "pdop": "pdop",
+}
+_PAIR = re.compile(  # gx: 0.1, or gyro x (dps) = 1e-3
+    r"([A-Za-z][\w.]*(?:\s*[\[(][^\])]*[\])])?)\s*[:=]\s*"
+    r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+)
+_XSENS = {
+    **{f"Gyr_{axis.upper()}": f"gyro_{axis}_rad_s" for axis in "xyz"},
+    **{f"Acc_{axis.upper()}": f"accel_{axis}_m_s2" for axis in "xyz"},
+    **{name: f"{name.lower()}_deg" for name in ("Roll", "Pitch", "Yaw")},
+}
 
 
 def phone(path: Path) -> Table:
@@ -110,25 +73,319 @@ def phone(path: Path) -> Table:
     return replace(table, frame=frame)
 
 
-READERS: dict[str, Callable[[Path, dict], Table]] = {
-    "csv": lambda path, stanza: delimited.read_table(path),
-    "rda": rda,
-    "mat73": mat73,
-    "nmea": lambda path, stanza: nmea.read_table(path),
-    "phone": lambda path, stanza: phone(path),
+def gpx(path: Path) -> list[Part]:
+    """List the tracks of a GPX file; one table, where they follow each other in time."""
+    tracks: list[list[dict[str, Any]]] = []
+    with reading(path, "a GPX file"), path.open("rb") as handle:
+        point: dict[str, Any] = {}
+        routes = 0
+        for event, element in ElementTree.iterparse(handle, ("start", "end"), forbid_dtd=True):
+            tag = element.tag.rpartition("}")[2].lower()
+            if event == "start":
+                if tag == "trk":
+                    tracks.append([])
+                elif tag == "trkpt" and tracks:
+                    point = {"lat_deg": element.get("lat"), "lon_deg": element.get("lon")}
+                    tracks[-1].append(point)
+            elif tag == "trkpt":
+                point = {}
+                element.clear()
+            elif tag in _GPX:
+                point[_GPX[tag]] = element.text
+            routes += event == "end" and tag == "rtept"
+    tracks = [track for track in tracks if track]
+    if not any("time" in each for track in tracks for each in track):
+        what = "a route or points" if routes or not tracks else "a track"
+        raise CannotAnswer(f"{path.name}: GPX with {what} without times: give a recorded track")
+    starts = [str(track[0].get("time")) for track in tracks]
+    if starts == sorted(starts):
+        tracks = [[each for track in tracks for each in track]]
+    parts = []
+    for number, track in enumerate(tracks, 1):
+        frame = pd.DataFrame(track)
+        columns = {"time": frame.pop("time").fillna("").to_numpy(dtype=object)}
+        for name in frame:
+            with reading(path, "a GPX file"):
+                columns[name] = frame[name].to_numpy(dtype=float)
+        parts.append(of_arrays(path, f"track {number}", columns, told_by="the GPX standard"))
+    return parts
+
+
+def serial(path: Path) -> list[Part]:
+    """Read lines such as ``gx: 0.1 gy: 0.2``, as programs of microcontrollers print them."""
+    names: list[str] = []
+    rows, lines, left_out = [], [], 0
+    with (
+        delimited.open_bytes(path) as raw,
+        io.TextIOWrapper(raw, encoding="utf-8", errors="replace") as handle,
+    ):
+        for number, line in enumerate(handle, 1):
+            pairs = _PAIR.findall(line)
+            if not names and pairs:
+                names = [name for name, _ in pairs]
+            if names and [name for name, _ in pairs] == names:
+                rows.append([float(value) for _, value in pairs])
+                lines.append(number)
+            elif line.strip():
+                left_out += 1
+    if len(set(names)) < len(names) or left_out > 0.01 * len(rows) + 3:
+        raise CannotAnswer(
+            f"{path.name}: {left_out:,} of {left_out + len(rows):,} lines do not have the names of "
+            f"the first ({', '.join(names)}): write one line for each sample, or CSV"
+        )
+    notes = [f"{left_out:,} lines with other names left out"] * bool(left_out)
+    frame = pd.DataFrame(np.array(rows), columns=names)
+    table = Table(frame, path, tuple(notes), lines=np.array(lines))
+    return [Part("lines", tuple(names), lambda _: table, len(lines))]
+
+
+def xsens(path: Path) -> list[Part]:
+    """Read the text that Xsens MT Manager exports: rad/s and m/s^2, ticks of 0.1 ms."""
+    layout = delimited.sniff(path)
+    names = {name: _XSENS.get(name, name) for name in layout.names}
+    with delimited.open_bytes(path) as handle:
+        rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", handle.read(delimited.HEAD_BYTES))
+
+    def load(_) -> Table:
+        table = delimited.read_table(path)
+        frame = table.frame.rename(columns=names)
+        for counter, top, seconds in (
+            ("SampleTimeFine", 2.0**32, 1e-4),
+            ("PacketCounter", 2.0**16, 1 / float(rate[1]) if rate else 0.0),
+        ):
+            if counter in frame and seconds and frame[counter].notna().all():
+                ticks = frame[counter].to_numpy()
+                starts_again = np.r_[0, np.diff(ticks) < -top / 2].cumsum()
+                frame.insert(0, "t_s", (ticks + top * starts_again) * seconds)
+                break
+        return replace(table, frame=frame)
+
+    return [Part("export", tuple(names.values()), load, told_by="the maker's description")]
+
+
+def _csv(path: Path) -> list[Part]:
+    layout = delimited.sniff(path)
+    return [Part(path.name, layout.names, lambda _: delimited.read_table(path))]
+
+
+def _phone_csv(path: Path) -> list[Part]:
+    table = phone(path)
+    return [Part(path.name, tuple(table.frame), lambda _: table)]
+
+
+def _nmea(path: Path) -> list[Part]:
+    columns = ("t_s", "lat_deg", "lon_deg", "height_m", "hdop", "pdop", "quality", "satellites")
+    return [Part("NMEA", columns, lambda _: nmea.read_table(path), told_by="the NMEA standard")]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format: how it is told from its content, and what lists its tables.
+
+    Attributes
+    ----------
+    title : str
+    tells : callable
+        First bytes -> whether it is this format.
+    parts : callable
+        Path -> list of `Part`.
+    needs : str
+        Library of the extra ``logs``, or nothing.
+    """
+
+    title: str
+    tells: Callable[[bytes], bool]
+    parts: Callable[[Path], list[Part]]
+    needs: str = ""
+
+
+def _starts(*marks: bytes) -> Callable[[bytes], bool]:
+    return lambda head: head.startswith(marks)
+
+
+def _holds(pattern: bytes) -> Callable[[bytes], bool]:
+    compiled = re.compile(pattern)
+    return lambda head: bool(compiled.search(head))
+
+
+def _never(head: bytes) -> bool:
+    return False
+
+
+FORMATS: dict[str, Format] = {  # the first that tells
+    "parquet": Format("Parquet", _starts(b"PAR1"), matrices.parquet, "pyarrow"),
+    "mat5": Format("MATLAB v5 to v7", _starts(b"MATLAB 5.0"), matrices.mat5),
+    "mat73": Format(
+        "MATLAB v7.3 or HDF5",
+        lambda head: b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520], head[1024:1032]),
+        matrices.hdf5,
+    ),
+    "numpy": Format(
+        "NumPy",
+        _holds(rb"\A\x93NUMPY|\APK (\S+\.npy\n)+\Z"),
+        matrices.numpy_file,
+    ),
+    "spreadsheet": Format(
+        "a spreadsheet (xlsx, xls, ods)",
+        _holds(rb"\A\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1|\APK (.*\n)*(xl/workbook\.|content\.xml\n)"),
+        matrices.spreadsheet,
+        "python_calamine",
+    ),
+    "rda": Format("R data", _starts(b"RDX2\n", b"RDX3\n", b"BZh", b"\xfd7zXZ"), matrices.rda),
+    "bag": Format(
+        "a ROS bag",
+        _starts(b"#ROSBAG V", b"\x89MCAP", b"SQLite format 3"),
+        robot_logs.ros_bag,
+        "rosbags",
+    ),
+    "ulog": Format("a PX4 ULog", _starts(b"ULog\x01\x12\x35"), robot_logs.ulog, "pyulog"),
+    "dataflash": Format(
+        "an ArduPilot DataFlash log",
+        _holds(rb"\xa3\x95\x80\x80\x59FMT\x00"),
+        robot_logs.dataflash,
+        "pymavlink",
+    ),
+    "nmea": Format("NMEA", lambda head: bool(nmea.SENTENCE.search(head)), _nmea),
+    "ubx": Format("u-blox UBX", _holds(rb"\xb5\x62[\x01-\x29]"), robot_logs.ubx, "pyubx2"),
+    "gpx": Format("GPX", _holds(rb"<gpx[\s>]"), gpx),
+    "json": Format("JSON lines", _holds(rb"\A\s*(\[\s*)?\{\s*\""), matrices.json_lines),
+    "xsens": Format("Xsens text", _holds(rb"\A(//[^\n]*\n)+PacketCounter"), xsens),
+    "serial": Format("lines of names and numbers", lambda head: _is_serial(head), serial),
+    "phone": Format("a phone's CSV", _never, _phone_csv),
+    "csv": Format("CSV", lambda head: True, _csv),
 }
 
 
-def read_table(path: Path, stanza: dict) -> Table:
-    """Read a file in the format that its stanza names, or in the one that its bytes suggest."""
-    return READERS[stanza.get("format") or format_of(path)](path, stanza)
+def _is_serial(head: bytes) -> bool:
+    """Tell whether most lines are made of names, colons and numbers."""
+    lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
+    pairs = [_PAIR.findall(line) for line in lines[:50]]
+    same = [tuple(name for name, _ in found) for found in pairs if len(found) > 1]
+    return len(same) > 0.8 * len(pairs) > 0 and len(set(same)) <= 2
+
+
+def plain(path: Path) -> Path:
+    """Return the file itself, or what it holds if it is gzipped."""
+    with path.open("rb") as handle:
+        packed = handle.read(2) == b"\x1f\x8b"
+    stat = path.stat()
+    return archives.unpacked(path, (stat.st_size, stat.st_mtime_ns)) if packed else path
 
 
 def format_of(path: Path) -> str:
-    """Guess the format of a file that no catalogue describes, from its first bytes."""
+    """Tell the format of a file from its content; its suffix does not count."""
     with delimited.open_bytes(path) as handle:
         head = handle.read(1 << 14)
-    return "nmea" if nmea.SENTENCE.search(head) else "csv"
+    if head.startswith(b"PK\x03\x04") and zipfile.is_zipfile(path):
+        with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
+            head = b"PK " + "".join(f"{name}\n" for name in packed.namelist()).encode()
+    return next(name for name, one in FORMATS.items() if one.tells(head))
+
+
+def title_of(path: Path) -> str:
+    """Name the format of a log for a message."""
+    return "a folder" if path.is_dir() else FORMATS[format_of(path)].title
+
+
+def parts_of(path: Path, known: str | None = None) -> list[Part]:
+    """List the tables of a log: a file, packed or not, or a folder.
+
+    Raises
+    ------
+    WrongUsage
+        If the extra that reads this format is not installed: the message has the command.
+    CannotAnswer
+        If the file is empty, damaged or of another format than its first bytes say.
+    """
+    if path.is_dir():
+        if (path / "metadata.yaml").exists():
+            return _bag_folder(path)
+        return archives.folder(path, parts_of)
+    path = plain(path)
+    known = known or format_of(path)
+    if known == "csv" and zipfile.is_zipfile(path):
+        stat = path.stat()
+        return parts_of(archives.unzipped(path, (stat.st_size, stat.st_mtime_ns)))
+    found = FORMATS[known]
+    _check_extra(path, found)
+    return found.parts(path)
+
+
+def _bag_folder(path: Path) -> list[Part]:
+    _check_extra(path, FORMATS["bag"])
+    return robot_logs.ros_bag(path)
+
+
+def _check_extra(path: Path, found: Format) -> None:
+    """Refuse a format whose library is not installed."""
+    if found.needs and importlib.util.find_spec(found.needs) is None:
+        raise WrongUsage(
+            f"{path.name} is {found.title}, which needs the extra 'logs': in the project's folder "
+            "run: pip install '.[logs]'"
+        )
+
+
+def load(chosen: Sequence[Part], wanted: Sequence[str] | None = None) -> Table:
+    """Read one table, or two side by side."""
+    tables = [part.load(wanted) for part in chosen]
+    return tables[0] if len(tables) == 1 else paired(tables[0], tables[1], chosen)
+
+
+def _needed(chosen: Sequence[Part], wanted: Sequence[Any] | None, stanza: dict) -> list[str] | None:
+    """Name the columns to read: None for all, also where a number counts the columns."""
+    there = [name for part in chosen for name in part.columns]
+    if not wanted or not set(wanted) <= set(there):
+        return None
+    sides = [n for n in there if clock.is_time(n) or columns.meaning(n)[1] == "a temperature"]
+    return [*wanted, *sides, stanza.get("time")]
+
+
+def read_table(path: Path, stanza: dict, wanted: Sequence[Any] | None = None) -> Table:
+    """Read the table of a static log.
+
+    Parameters
+    ----------
+    path : Path
+    stanza : dict
+        ``format``: if its bytes do not tell it. ``table``: which one. ``names``: of its columns, in
+        their order.
+    wanted : sequence of str, optional
+        Columns to read, where the format allows to leave out others; time and temperature come too.
+    """
+    parts = parts_of(path, stanza.get("format"))
+    chosen = choose(parts, path, title_of(path), stanza.get("table"))
+    table = load(chosen, _needed(chosen, wanted, stanza))
+    if len(parts) > len(chosen):
+        others = [part for part in parts if part not in chosen]
+        note = f"table '{' and '.join(p.name for p in chosen)}' read; --table takes another: "
+        table = replace(table, repairs=(*table.repairs, note + listed(others)))
+    names = stanza.get("names")
+    if names and len(names) != table.frame.shape[1]:
+        raise WrongUsage(f"{path.name}: {len(names)} names for {table.frame.shape[1]} columns")
+    return replace(table, frame=table.frame.set_axis(names, axis=1)) if names else table
+
+
+def contents(
+    path: Path, known: str | None = None
+) -> list[tuple[str, list[tuple[str, str, str, str]]]]:
+    """List the tables of a log: a line on each, and its columns.
+
+    Returns
+    -------
+    list of (str, list of (name, kind, unit, what they were told by))
+    """
+    listing = []
+    for part in parts_of(path, known):
+        frame = clock.joined(part.load(None).frame)
+        told = columns.described(columns.sample(frame, list(frame)), part.told_by)
+        title, time = f"{part.name}: {len(frame):,} rows", clock.time_column(frame)
+        if time is not None and len(frame) > 1:
+            with contextlib.suppress(CannotAnswer, WrongUsage, BadStamps):
+                since = clock.stamps(time, frame[time].to_numpy()).since_s
+                span = float(np.nanmax(since) - np.nanmin(since))
+                title += f", {span:.6g} s, {(len(since) - 1) / span:.6g} Hz" if span > 0 else ""
+        listing.append((title, told))
+    return listing
 
 
 def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:
@@ -175,16 +432,3 @@ def unwrap(values: np.ndarray, period: float) -> np.ndarray:
     good = np.isfinite(out)
     out[good] = np.unwrap(out[good], period=period)
     return out
-
-
-def _only(objects: dict, stanza: dict, path: Path):
-    """Pick the named object, or the only one."""
-    variable = stanza.get("variable")
-    if variable is None and len(objects) == 1:
-        return next(iter(objects.values()))
-    if variable not in objects:
-        raise WrongUsage(
-            f"{path.name}: variable '{variable}' is not in the file; it has "
-            f"{', '.join(sorted(objects)) or 'none'}"
-        )
-    return objects[variable]

@@ -1,7 +1,8 @@
-"""Logs of a moving device: NMEA and CSV files in, one timeline of GNSS epochs and IMU samples out.
+"""Logs of a moving device: any format in, one timeline of GNSS epochs and IMU samples out.
 
 timeline = read_moving(["drive.nmea", "imu.csv"])   NMEA and an IMU's CSV (tracker paper, III-B)
 timeline = read_moving(["drive.csv"])               positions, and an IMU if there is one
+timeline = read_moving(["flight.ulg"])              the same from a ULog, a bag, UBX, GPX ...
 """
 
 import datetime
@@ -18,6 +19,7 @@ import pandas as pd
 from analysis import STANDARD_GRAVITY, CannotAnswer, WrongUsage
 from analysis.logs import clock, columns, datasets, delimited, formats, nmea
 from analysis.logs.catalogue import find
+from analysis.logs.tables import Part, ask, named
 from analysis.logs.timeline import Attitude, Gnss, Imu, Timeline
 
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
@@ -65,13 +67,14 @@ def read_moving(
     unit: str | None = None,
     scale: str | None = None,
     time_unit: str | None = None,
+    tables: Sequence[str] = (),
 ) -> Timeline:
     """Read one timeline from one or several logs.
 
     Parameters
     ----------
     logs : sequence of path-like
-        NMEA, or CSV with positions, an IMU, or both; or names of the catalogue.
+        NMEA, or any other format with positions, an IMU, or both; or names of the catalogue.
     columns : dict, optional
         Our names (``speed_km_h``, ``gyro_x_deg_s``, ``t_s``) -> the file's columns, for a CSV whose
         names are not known; a minus before the column changes its sign.
@@ -82,6 +85,8 @@ def read_moving(
         Of IMU columns whose name has no unit: ``gyro=deg/s,accel=g``, ``gyro=1/131``.
     time_unit : str, optional
         Of the time columns of the CSVs.
+    tables : sequence of str, optional
+        Which of several IMUs or receivers in a log; see `analysis.logs.read`.
 
     Returns
     -------
@@ -100,11 +105,11 @@ def read_moving(
     given = _given(unit, scale) | {"time_unit": time_unit}
     for path in paths:
         sources[path.name] = datasets.sha256(path)
-        if formats.format_of(path) == "nmea":
-            epochs, which, began, more = nmea.read_gnss(path)
+        if not path.is_dir() and formats.format_of(formats.plain(path)) == "nmea":
+            epochs, which, began, more = nmea.read_gnss(formats.plain(path))
             new, start = {"GNSS": epochs}, began or start
         else:
-            new, which, more = _read_csv(path, wanted[path], given)
+            new, which, more = _read_parts(path, wanted[path], given, tables)
         notes += more
         for kind in new:
             if kind in parts and kind != "attitude":
@@ -155,21 +160,27 @@ def _given(unit: str | None, scale: str | None) -> dict[str, Any]:
 
 
 def _columns_of_each(wanted: dict[str, str], paths: list[Path]) -> dict[Path, dict[str, str]]:
-    """Give each CSV those of the wanted columns that it has; a single CSV has to have all."""
-    tables = [path for path in paths if formats.format_of(path) == "csv"]
-    if wanted and not tables:
-        raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
+    """Give each log those of the wanted columns that it has; a single one has to have all."""
     each: dict[Path, dict[str, str]] = {path: {} for path in paths}
+    if not wanted:
+        return each
+    found = {path: formats.parts_of(path) for path in paths}
+    names = {
+        path: [name for part in parts for name in part.columns]
+        for path, parts in found.items()
+        if [part.told_by for part in parts] != ["the NMEA standard"]
+    }
+    if not names:
+        raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
     for ours, theirs in wanted.items():
         errors = []
-        for path in tables:
+        for path, there in names.items():
             try:
-                names = delimited.sniff(path).names
-                columns.resolve(theirs.removeprefix("-"), names, path.name)
+                columns.resolve(theirs.removeprefix("-"), list(dict.fromkeys(there)), path.name)
                 each[path][ours] = theirs
             except WrongUsage as error:
                 errors.append(str(error))
-        if len(errors) == len(tables):
+        if len(errors) == len(names):
             raise WrongUsage("; ".join(errors))
     return each
 
@@ -214,19 +225,67 @@ def _dates_apart(gnss, imu, start) -> Iterator[str]:
     )
 
 
-def _read_csv(
-    path: Path, wanted: dict[str, str], given: dict
+def _read_parts(
+    path: Path, wanted: dict[str, str], given: dict, tables: Sequence[str]
 ) -> tuple[dict[str, Any], str, list[str]]:
-    """Read a CSV: its GNSS epochs and IMU samples, the clock of its stamps, notes."""
-    table = delimited.read_table(path)
-    table = replace(table, frame=_rename(table.frame, wanted, path.name))
+    """Read the tables of a log with positions and with an IMU: parts, the clock, notes."""
+    parts = formats.parts_of(path)
+    wished = {named(parts, name, path.name).name for name in tables if len(parts) > 1}
+    known = {part.name: set(_meanings([*part.columns, *wanted])) for part in parts}
+    chosen: list[tuple[Part, ...]] = []
+    for kind in NEEDED:
+        needed = {columns.split(name)[0] for name in NEEDED[kind]}
+        found = _with(needed, parts, known, wished, path)
+        if kind == "IMU" and not found:  # a phone has one file for each sensor
+            for its in ("gyro", "accel"):
+                half = {name for name in needed if name.startswith(its)}
+                found += _with(half, parts, known, wished, path)
+            found = found if len(found) == 2 else ()
+        if found and found not in chosen:
+            chosen.append(found)
+    attitudes = [p for p in parts if p.primary and {"roll", "pitch"} <= known[p.name]]
+    if len(attitudes) == 1 and (attitudes[0],) not in chosen:
+        chosen.append((attitudes[0],))
+    read: dict[str, Any] = {}
+    notes: list[str] = []
+    for some in chosen or [tuple(parts[:1])]:
+        table = formats.load(some)
+        mine = wanted
+        if len(parts) > 1:
+            mine = {k: v for k, v in wanted.items() if v.removeprefix("-") in table.frame}
+        new, which, more = _read_table(table, mine, given)
+        read |= new
+        notes += more
+    return read, which, notes
+
+
+def _with(needed, parts, known, wished, path) -> tuple[Part, ...]:
+    """Find the one table that has the columns needed: a tuple of one, or an empty one."""
+    found = [part for part in parts if needed <= known[part.name]]
+    found = [p for p in found if p.name in wished] or [p for p in found if p.primary] or found
+    if len(found) > 1:
+        raise ask(found, path)
+    return tuple(found)
+
+
+def _meanings(names: Sequence[str]) -> list[str]:
+    """Tell what columns mean, times left out."""
+    return [meaning for name in names if (meaning := _meaning(name)[0]) not in (None, "time")]
+
+
+def _read_table(
+    table: delimited.Table, wanted: dict[str, str], given: dict
+) -> tuple[dict[str, Any], str, list[str]]:
+    """Read a table: its GNSS epochs and IMU samples, the clock of its stamps, notes."""
+    file = table.file
+    table = replace(table, frame=_rename(table.frame, wanted, file))
     time = clock.time_column(table.frame)
-    header, there = f"{path.name}, line 1", f"there are: {', '.join(table.frame)}"
+    header, there = f"{file}, line 1", f"there are: {', '.join(table.frame)}"
     if time is None:
         raise WrongUsage(f"{header}: no column is named as time; say --columns t_s=COLUMN; {there}")
     with clock.stamp_errors_at(table, time):
         stamps = clock.stamps(time, table.frame[time].to_numpy(), unit=given["time_unit"])
-    notes = [f"{path.name}: {note}" for note in (*table.repairs, *stamps.notes)]
+    notes = [f"{file}: {note}" for note in (*table.repairs, *stamps.notes)]
     known = _measurements(table.frame.drop(columns=time))
     args = table, time, stamps.since_s + stamps.zero_s, known, notes
     parts: dict[str, Any] = {}
@@ -246,7 +305,7 @@ def _read_csv(
             "nor an attitude (roll_deg, pitch_deg, yaw_deg)"
         ]
         raise WrongUsage(f"{header}: {'; '.join(lacks)}; say --columns OURS=THEIRS; {there}")
-    notes += [f"{path.name}: {lack}: not used" for lack in lacks]
+    notes += [f"{file}: {lack}: not used" for lack in lacks]
     return parts, stamps.clock, notes
 
 

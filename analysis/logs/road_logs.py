@@ -10,7 +10,7 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from analysis import CannotAnswer
-from analysis.logs.formats import open_mat73
+from analysis.logs.matrices import open_mat73
 
 ANTENNAS = ("Front", "LeftRear", "RightRear")
 RTK_FIXED = 6  # this receiver's DGPS_mode with carrier ambiguities fixed; in NMEA it is 4

@@ -132,6 +132,7 @@ def read(
     kind: str | None = None,
     scale: str | None = None,
     time_unit: str | None = None,
+    table: str | None = None,
     start: float | None = None,
     stop: float | None = None,
 ) -> Log:
@@ -140,7 +141,7 @@ def read(
     Parameters
     ----------
     log : str or Path
-        A name of the catalogue, or a file.
+        A name of the catalogue, a file, or a folder with one file a sensor.
     rate : float, optional
         Samples per second; then the rows are taken as evenly spaced and stamps are not used,
         unless ``time`` is given too.
@@ -152,6 +153,8 @@ def read(
         For columns whose name has no unit; see `analysis.logs.columns.choose`.
     time_unit : str, optional
         Of the time column: s, ms, us or ns; found by its name and numbers if left out.
+    table : str, optional
+        Topic, message, sheet, variable or file in a zip, where a log has several.
     start, stop : float, optional
         Seconds from the first row.
 
@@ -169,19 +172,19 @@ def read(
     name, stanza, path = find(log)
     check_unit(name, stanza, unit)
     given = {"rate_hz": rate, "time": time, "time_unit": time_unit, "from": start, "to": stop}
-    given |= {"unit": unit, "kind": kind, "scale": scale}
+    given |= {"unit": unit, "kind": kind, "scale": scale, "table": table}
     option = stanza | {key: value for key, value in given.items() if value is not None}
-    table = formats.read_table(path, stanza)
-    table, time_column, t_s, notes = _stretch(table, option)
-    grid = _grid(table, time_column, t_s, option)
-    chosen, temperature = _choices(table, time_column, stanza, columns, option)
+    rows = formats.read_table(path, option, columns)
+    rows, time_column, t_s, notes = _stretch(rows, option)
+    grid = _grid(rows, time_column, t_s, option)
+    chosen, temperature = _choices(rows, time_column, stanza, columns, option)
     repairs = [*chosen.guessed, *([stanza["note"]] if "note" in stanza else [])]
-    repairs += [*table.repairs, *notes, *chosen.notes]
+    repairs += [*rows.repairs, *notes, *chosen.notes]
     repairs += grid.repairs
-    channels = tuple(_channel(table, grid, choice, repairs) for choice in chosen.channels)
+    channels = tuple(_channel(rows, grid, choice, repairs) for choice in chosen.channels)
     _check_gravity(path.name, channels, option.get("unit"))
     if grid.size < SAMPLES_NEEDED:
-        last = table.place(-1, chosen.channels[0].column)
+        last = rows.place(-1, chosen.channels[0].column)
         raise CannotAnswer(
             f"{last}: the log ends after {grid.size} samples; a noise analysis needs at least "
             f"{SAMPLES_NEEDED}: give a longer log or stretch"
@@ -193,14 +196,14 @@ def read(
         sha256=datasets.sha256(path),
         rate_hz=grid.rate_hz,
         channels=channels,
-        samples=len(table.frame),
+        samples=len(rows.frame),
         gaps=grid.gaps,
         repairs=tuple(repairs),
         licence=stanza.get("licence", "not stated"),
         source=stanza.get("source", "the reader's own log"),
         given=str(log),
         temperature=None if temperature is None else _filled(grid.place(temperature)),
-        start_s=float(table.rows[0] / grid.rate_hz if t_s is None else np.nanmin(t_s)),
+        start_s=float(rows.rows[0] / grid.rate_hz if t_s is None else np.nanmin(t_s)),
     )
 
 

@@ -1,0 +1,413 @@
+"""Files of numbers: Parquet, spreadsheets, MATLAB, HDF5, NumPy, R and JSON lines.
+
+Arrays of equal length in one group (a MATLAB struct, an HDF5 group, an npz file) are the columns of
+one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with three columns.
+"""
+
+import contextlib
+import json
+import math
+import zipfile
+from array import array
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import rdata
+import scipy.io
+
+from analysis import CannotAnswer
+from analysis.logs.delimited import Table, open_bytes
+from analysis.logs.tables import AXES, Part, of_arrays, reading, with_axis
+
+LARGEST = 3 << 30  # bytes of numbers read at once
+
+
+def parquet(path: Path) -> list[Part]:
+    """List the one table of a Parquet file; only the columns wanted are read."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    with reading(path, "a Parquet file"):
+        file = pq.ParquetFile(path)
+        schema, rows = file.schema_arrow, file.metadata.num_rows
+    units = {  # pandas and others keep the unit with the field
+        f.name: (f.metadata or {}).get(b"unit", b"").decode(errors="replace") for f in schema
+    }
+    names = {f.name: f"{f.name} ({units[f.name]})" if units[f.name] else f.name for f in schema}
+
+    def load(wanted: Sequence[str] | None) -> Table:
+        taken = [f for f in schema if wanted is None or names[f.name] in wanted]
+        _check_size(path, rows, len(taken))
+        columns: dict[str, np.ndarray] = {}
+        with reading(path, "a Parquet file"):
+            for one in taken:  # one by one: the packed column goes before the next one comes
+                if pa.types.is_nested(one.type) or pa.types.is_dictionary(one.type):
+                    continue
+                column = file.read(columns=[one.name], use_threads=True).column(0)
+                if pa.types.is_timestamp(one.type):
+                    column = column.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())
+                elif pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type):
+                    column = column.cast(pa.float64() if one.type.bit_width > 1 else pa.int8())
+                elif not (pa.types.is_floating(one.type) or pa.types.is_integer(one.type)):
+                    columns[names[one.name]] = np.asarray(column.to_pylist(), dtype=object)
+                    continue
+                values = np.empty(len(column))
+                at = 0
+                for chunk in column.chunks:
+                    piece = chunk.to_numpy(zero_copy_only=False)
+                    values[at : at + len(piece)] = piece
+                    at += len(piece)
+                columns[names[one.name]] = values
+        return Table(pd.DataFrame(columns, copy=False), path)
+
+    return [Part("table", tuple(names.values()), load, rows)]
+
+
+def spreadsheet(path: Path) -> list[Part]:
+    """List the sheets of a workbook (xlsx, xls, xlsb, ods)."""
+    from python_calamine import CalamineWorkbook
+
+    if zipfile.is_zipfile(path):
+        check_zip(path)
+    with reading(path, "a spreadsheet", "save it again, or as CSV"):
+        book = CalamineWorkbook.from_path(str(path))
+        sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+    return [_sheet(path, name, rows) for name, rows in sheets.items() if rows] or [
+        Part("sheet", (), lambda _: _empty(path))
+    ]
+
+
+def _sheet(path: Path, name: str, rows: list[list]) -> Part:
+    """Take the first row with more words than numbers as the header, and what is below it."""
+
+    def is_word(cell):
+        return isinstance(cell, str) and cell.strip() != ""
+
+    widest = max(sum(cell != "" for cell in row) for row in rows)
+    start = next(k for k, row in enumerate(rows) if 2 * sum(c != "" for c in row) > widest)
+    header, head = rows[start], start
+    if 2 * sum(map(is_word, header)) > sum(cell != "" for cell in header):
+        below = rows[start + 1] if len(rows) > start + 1 else []
+        start += 1
+        if below and all(is_word(c) for c in below if c != "") and any(map(is_word, below)):
+            header = [f"{n} ({u})" if u else n for n, u in zip(header, below, strict=True)]
+            start += 1
+    else:
+        header = [""] * len(header)
+    names = [str(cell).strip() or f"c{j}" for j, cell in enumerate(header, 1)]
+    columns: dict[str, np.ndarray] = {}
+    for j, column in enumerate(names):
+        cells = [row[j] for row in rows[start:]]
+        filled = [cell for cell in cells if cell != ""]
+        if not filled:
+            continue
+        if all(isinstance(c, int | float | bool) for c in filled):
+            values = np.array([math.nan if c == "" else float(c) for c in cells])
+        elif sum(isinstance(c, int | float) for c in filled) > len(filled) / 2:
+            row = next(k for k, c in enumerate(cells) if is_word(c) or not _number(c))
+            raise CannotAnswer(
+                f"{path.name}, sheet '{name}', row {start + row + 1}, column '{column}': "
+                f"'{cells[row]}' is not a number; correct or empty it"
+            )
+        else:
+            values = np.array([str(c) for c in cells], dtype=object)
+        columns[column if column not in columns else f"{column}.{j + 1}"] = values
+    if not columns or len(rows) <= start:
+        return Part(name, (), lambda _: _empty(path), 0)
+    part = of_arrays(path, name, columns)
+    lines = np.arange(start + 1, len(rows) + 1)
+    del head
+    return Part(
+        name, part.columns, lambda w: Table(part.load(w).frame, path, lines=lines), part.rows
+    )
+
+
+def _number(cell) -> bool:
+    return isinstance(cell, int | float) or cell == ""
+
+
+def _empty(path: Path) -> Table:
+    raise CannotAnswer(f"{path.name}: no data: it has no row with values")
+
+
+def mat5(path: Path) -> list[Part]:
+    """List the tables of a MATLAB file up to v7: matrices, vectors, structs."""
+    with reading(path, "a MATLAB file", "save it again, or as CSV"):
+        content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
+    groups: dict[str, dict[str, np.ndarray]] = {}
+    opaque: list[str] = []
+    labels = {
+        name.removesuffix("_label"): [str(each).strip() for each in np.atleast_1d(value)]
+        for name, value in content.items()
+        if name.endswith("_label") and isinstance(value, np.ndarray)
+    }
+
+    def visit(name: str, value: Any, group: str):
+        if hasattr(value, "_fieldnames"):
+            for key in value._fieldnames:
+                visit(key, getattr(value, key), f"{group}/{name}" if group else name)
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+            if value.ndim == 2 and len(labels.get(name, ())) == value.shape[1]:  # Mission Planner
+                groups[name] = {each: value[:, j] for j, each in enumerate(labels[name])}
+            else:
+                groups.setdefault(group, {})[name] = value
+        elif "MatlabOpaque" in type(value).__name__:
+            opaque.append(name)
+
+    for name, value in content.items():
+        if not name.startswith("__"):
+            visit(name, value, "")
+    return _grouped(path, groups, opaque)
+
+
+@contextlib.contextmanager
+def open_mat73(path: Path) -> Iterator[h5py.File]:
+    """Open a MATLAB v7.3 (HDF5) file; an error becomes `CannotAnswer`."""
+    with reading(path, "a MATLAB v7.3 or HDF5 file"), h5py.File(path) as file:
+        yield file
+
+
+def hdf5(path: Path) -> list[Part]:
+    """List the tables of an HDF5 or MATLAB v7.3 file; only the table chosen is read."""
+    groups: dict[str, dict[str, Any]] = {}
+    units: dict[str, str] = {}
+
+    def visit(name: str, node: Any):
+        group, _, leaf = name.rpartition("/")
+        if not isinstance(node, h5py.Dataset) or name.startswith("#"):
+            return
+        if node.dtype.names:  # a table of h5py or PyTables: its fields are the columns
+            for key in node.dtype.names:
+                if node.dtype[key].kind in "fiub":
+                    groups.setdefault(name, {})[key] = _lazy(path, name, node, key)
+        elif node.dtype.kind in "fiub" and node.attrs.get("MATLAB_class", b"") != b"char":
+            groups.setdefault(group, {})[leaf] = _lazy(path, name, node)
+            unit = node.attrs.get("units", node.attrs.get("unit", ""))
+            units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
+
+    with open_mat73(path) as file:
+        file.visititems(visit)
+    return _grouped(path, groups, [], units)
+
+
+class _lazy:
+    """Shape of a data set, and how to read it."""
+
+    def __init__(self, path: Path, name: str, node: h5py.Dataset, key: str | None = None):
+        self.path, self.name, self.key, self.shape = path, name, key, node.shape
+
+    def __array__(self, dtype=None, copy=None):
+        with open_mat73(self.path) as file:
+            node = file[self.name]
+            values = node[()] if self.key is None else node.fields(self.key)[()]
+        return np.asarray(values, dtype=dtype)
+
+
+def numpy_file(path: Path) -> list[Part]:
+    """List the tables of an npy or npz file."""
+    with reading(path, "a NumPy file"):
+        if zipfile.is_zipfile(path):
+            check_zip(path)
+            with np.load(path, allow_pickle=False) as file:
+                members = {name: file[name] for name in file.files}
+        else:
+            members = {path.stem: np.load(path, allow_pickle=False, mmap_mode="r")}
+    groups: dict[str, dict[str, np.ndarray]] = {}
+    for name, value in members.items():
+        if value.dtype.names:
+            groups[name] = {k: value[k] for k in value.dtype.names if value.dtype[k].kind in "fiub"}
+        elif value.dtype.kind in "fiub" and name == path.stem and value.ndim == 2:  # no names
+            wide = _columns(value, min(value.shape))
+            groups[""] = {f"c{j + 1}": wide[:, j] for j in range(wide.shape[1])}
+        elif value.dtype.kind in "fiub":
+            groups.setdefault("", {})[name] = value
+    return _grouped(path, groups, [])
+
+
+def rda(path: Path) -> list[Part]:
+    """List the matrices with named columns of an R data file."""
+    # rdata warns where an R class has no Python equivalent (here "imu", a matrix with attributes)
+    # and then returns the plain matrix, which is wanted here: constructors avoid the warning.
+    constructors = {
+        **rdata.conversion.DEFAULT_CLASS_MAP,
+        "imu": lambda matrix, attributes: matrix,
+        "matrix": lambda matrix, attributes: matrix,
+    }
+    with reading(path, "an R data file", "save the matrix as CSV"):
+        objects = rdata.conversion.convert(rdata.parser.parse_file(path), constructors)
+        parts = []
+        for name, value in objects.items():
+            if isinstance(value, pd.DataFrame):
+                columns = {str(key): value[key].to_numpy() for key in value}
+            else:
+                names = [str(each) for each in value.coords[value.dims[1]].values]
+                matrix = np.asarray(value.values, dtype=float)
+                columns = {each: matrix[:, j] for j, each in enumerate(names)}
+            parts.append(of_arrays(path, name, columns))
+    return parts
+
+
+def json_lines(path: Path) -> list[Part]:
+    """Read JSON lines, or one list of objects: nested names are joined by a dot."""
+    columns: dict[str, array] = {}
+    lines: list[int] = []
+    words: set[str] = set()
+    with open_bytes(path) as handle:
+        for number, item in _objects(path, handle):
+            for name, value in _leaves(item):
+                if isinstance(value, str):
+                    try:
+                        value = float(value)
+                    except ValueError:
+                        words.add(name)
+                        continue
+                if name not in columns:
+                    columns[name] = array("d", [math.nan]) * len(lines)
+                columns[name].append(math.nan if value is None else value)
+            lines.append(number)
+            for values in columns.values():
+                if len(values) < len(lines):
+                    values.append(math.nan)
+    found = {k: np.frombuffer(v) for k, v in columns.items() if np.isfinite(v).any()}
+    if not found:
+        raise CannotAnswer(f"{path.name}: no data: JSON without any number")
+    frame = pd.DataFrame(found, copy=False)
+    notes = [f"'{name}' left out: text" for name in sorted(words)]
+    table = Table(frame, path, tuple(notes), lines=np.array(lines))
+    return [Part("lines", tuple(found), lambda _: table, len(lines))]
+
+
+def _objects(path: Path, handle) -> Iterator[tuple[int, dict]]:
+    """Iterate over the objects: line, object; a last line cut off is left out."""
+    head = handle.read(1)
+    while head.isspace():
+        head = handle.read(1)
+    handle.seek(0)
+    if head == b"[":
+        with reading(path, "a JSON file"):
+            items = json.loads(handle.read(LARGEST))
+        yield from ((k, item) for k, item in enumerate(items, 1) if isinstance(item, dict))
+        return
+    fault = ""
+    for number, line in enumerate(handle, 1):
+        if fault:
+            raise CannotAnswer(f"{fault}; correct it, or cut the file before that line")
+        if not line.strip():
+            continue
+        try:
+            item = json.loads(line)
+            if not isinstance(item, dict):
+                raise ValueError("no object with names")
+        except (ValueError, RecursionError) as error:
+            why = str(error).split(":")[0]
+            fault = f"{path.name}, line {number}: no JSON object ({why})"
+            continue
+        yield number, item
+    if fault and number < 3:
+        raise CannotAnswer(fault)
+
+
+def _leaves(item: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Walk through an object: name, number, text or None."""
+    if isinstance(item, dict):
+        for key, value in item.items():
+            yield from _leaves(value, f"{above}.{key}" if above else str(key))
+    elif isinstance(item, list):
+        for name, value in zip(_axes(len(item)), item, strict=True):
+            yield from _leaves(value, with_axis(above, name))
+    elif isinstance(item, bool | int | float | str) or item is None:
+        yield above, item
+
+
+def _axes(count: int) -> Sequence[str]:
+    """Name the columns of a matrix: x, y, z for three, numbers from 1 otherwise."""
+    return AXES if count == 3 else [str(j) for j in range(1, count + 1)]
+
+
+def _grouped(
+    path: Path,
+    groups: dict[str, dict[str, Any]],
+    opaque: list[str],
+    units: dict[str, str] | None = None,
+) -> list[Part]:
+    """Make one table of the arrays of equal length in each group; scalars are no columns."""
+    parts = []
+    for group, arrays in groups.items():
+        lengths: dict[int, dict[str, Any]] = {}
+        for name, value in arrays.items():
+            if len(value.shape) in (1, 2) and max(value.shape, default=0) > 1:
+                lengths.setdefault(max(value.shape), {})[name] = value
+        for rows, mine in lengths.items():
+            first = next(iter(mine))
+            label = group if group and len(lengths) == 1 else f"{group}/{first}".strip("/")
+            parts.append(_matrix_part(path, label, group, mine, rows, units or {}))
+    if parts:
+        return parts
+    why = ""
+    if opaque:
+        why = f"{', '.join(opaque[:3])}: a MATLAB table or object, which only MATLAB reads; "
+    raise CannotAnswer(f"{path.name}: no matrix of numbers in it; {why}save plain vectors, or CSV")
+
+
+def _matrix_part(path, label, group, arrays, rows, units) -> Part:
+    """Name the columns of one table; the longer side of a matrix is taken as the samples."""
+    names: list[str] = []
+    sources: list[tuple[str, int, int]] = []  # array, its columns, which of them
+    for name, value in arrays.items():
+        width = 1 if len(value.shape) == 1 or min(value.shape) == 1 else min(value.shape)
+        unit = units.get(f"{group}/{name}".strip("/"), "")
+        bracket = f" ({unit})" if unit else ""
+        single = len(arrays) == 1 and width > 3
+        for j, axis in enumerate(_axes(width) if width > 1 else [""]):
+            own = f"c{axis}" if single else with_axis(name, axis) if axis else name
+            names.append(own + bracket)
+            sources.append((name, width, j))
+
+    def load(wanted: Sequence[str] | None) -> Table:
+        taken = [k for k, name in enumerate(names) if wanted is None or name in wanted]
+        _check_size(path, rows, len(taken))
+        columns, last, matrix = {}, None, np.empty(0)
+        with reading(path, "a file of matrices"):
+            for k in taken:
+                name, width, j = sources[k]
+                if name != last:
+                    last, matrix = name, np.asarray(arrays[name], dtype=float)
+                columns[names[k]] = np.ascontiguousarray(_columns(matrix, width)[:, j])
+        return Table(pd.DataFrame(columns, copy=False), path)
+
+    return Part(label, tuple(names), load, rows)
+
+
+def _columns(matrix: np.ndarray, width: int) -> np.ndarray:
+    """Lay a matrix out as samples by columns."""
+    if width == 1:
+        return matrix.reshape(-1, 1)
+    return matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
+
+
+def _check_size(path: Path, rows: int, columns: int) -> None:
+    """Refuse more numbers than fit into the memory."""
+    if 8 * rows * columns > LARGEST:
+        raise CannotAnswer(
+            f"{path.name}: {rows:,} rows and {columns} columns are {8 * rows * columns / 1e9:.0f} "
+            f"GB of numbers, more than {LARGEST / 1e9:.0f} GB: take fewer with --columns and --time"
+        )
+
+
+def check_zip(path: Path, limit: int = LARGEST) -> list[zipfile.ZipInfo]:
+    """List the files of a zip; refuse what unpacks to more than a limit."""
+    with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
+        members = [m for m in packed.infolist() if not m.is_dir()]
+    size = sum(member.file_size for member in members)
+    if size > limit:
+        raise CannotAnswer(
+            f"{path.name}: unpacks to {size / 1e9:.1f} GB, more than {limit / 1e9:.0f} GB: unpack "
+            "what you need by hand"
+        )
+    if any(member.flag_bits & 1 for member in members):
+        raise CannotAnswer(f"{path.name}: the zip has a password: unpack it by hand")
+    return members

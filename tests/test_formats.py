@@ -1,0 +1,712 @@
+"""Formats of logs: each read from a file of its own library, or laid out byte by byte.
+
+`FORMATS` is the table of README: a format, how a sample is written, and what reading it takes.
+"""
+
+import gzip
+import json
+import re
+import shutil
+import struct
+import zipfile
+
+import h5py
+import numpy as np
+import openpyxl
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import scipy.io
+from pyubx2 import GET, UBXMessage
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from analysis import ROOT, STANDARD_GRAVITY, CannotAnswer, WrongUsage
+from analysis.cli import main
+from analysis.logs import archives, datasets, formats, matrices, read, read_moving
+
+RATE, ROWS, UNIX = 100.0, 400, 1.7e9
+ALONE, FLAG = "nothing but the file name", "one flag that the message gives"
+NAMES = [f"{kind}_{axis}" for kind in ("gyro", "accel") for axis in "xyz"]
+T = np.arange(ROWS) / RATE
+GYRO = 0.01 * np.random.default_rng(1).standard_normal((ROWS, 3))  # rad/s
+ACCEL = [0, 0, 9.80665] + 0.05 * np.random.default_rng(2).standard_normal((ROWS, 3))  # m/s^2
+WITH_UNITS = [f"{name}_rad_s" for name in NAMES[:3]] + [f"{name}_m_s2" for name in NAMES[3:]]
+
+
+def frame(names=WITH_UNITS, time="t_s"):
+    """Return the samples as a table."""
+    return pd.DataFrame({time: T, **dict(zip(names, np.hstack([GYRO, ACCEL]).T, strict=True))})
+
+
+def write_parquet(path):
+    """Write a sample."""
+    pq.write_table(pa.Table.from_pandas(frame()), path)
+
+
+def write_xlsx(path):
+    """Write a sample."""
+    frame().to_excel(path, index=False, engine="openpyxl")
+
+
+def write_mat5(path):
+    """Write a sample."""
+    scipy.io.savemat(path, {"imu": {"t": T, "gyro_rad_s": GYRO, "acc": ACCEL}, "fs": RATE})
+
+
+def write_mat5_vectors(path):
+    """Write a sample."""
+    vectors = {"t": T, **dict(zip(("gx", "gy", "gz"), np.degrees(GYRO).T, strict=True))}
+    scipy.io.savemat(path, vectors | {"cal": np.eye(3)})
+
+
+def write_mat73(path):
+    """Write a sample."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in {"t": T[None], "gyro_rad_s": GYRO.T, "acc": ACCEL.T}.items():
+            file.create_dataset(name, data=values)
+    with open(path, "r+b") as handle:
+        handle.write(b"MATLAB 7.3 MAT-file".ljust(512))
+
+
+def write_hdf5(path):
+    """Write a sample."""
+    with h5py.File(path, "w") as file:
+        for name, values, unit in (("t", T, "s"), ("gyro", GYRO, "rad/s"), ("acc", ACCEL, "m/s^2")):
+            file.create_dataset(f"imu0/{name}", data=values).attrs["units"] = unit
+
+
+def write_npz(path):
+    """Write a sample."""
+    with open(path, "wb") as handle:
+        np.savez(handle, t=T, gyro_rad_s=GYRO, accel_m_s2=ACCEL)
+
+
+def write_npy(path):
+    """Write a sample."""
+    with open(path, "wb") as handle:
+        np.save(handle, frame().to_records(index=False))
+
+
+def write_npy_matrix(path):
+    """Write a sample."""
+    with open(path, "wb") as handle:
+        np.save(handle, frame()[WITH_UNITS[3:]].to_numpy())
+
+
+def write_json_lines(path):
+    """Write a sample."""
+    rows = zip(T, GYRO, ACCEL, strict=True)
+    text = [
+        {"t_s": t, "gyro_rad_s": list(g), "accel": {"x": a[0], "y": a[1], "z": a[2]}}
+        for t, g, a in rows
+    ]
+    path.write_text("\n".join(map(json.dumps, text)) + "\n")
+
+
+def _ros(writer, store, extra=(), topics=("/imu/data",)):
+    kind = {
+        name: store.types[f"{name}"]
+        for name in (
+            "sensor_msgs/msg/Imu",
+            "std_msgs/msg/Header",
+            "builtin_interfaces/msg/Time",
+            "geometry_msgs/msg/Vector3",
+            "geometry_msgs/msg/Quaternion",
+            "std_msgs/msg/String",
+        )
+    }
+    imu, header, time, vector, turn, string = kind.values()
+    ros1 = "seq" in header.__dataclass_fields__
+    pack = store.serialize_ros1 if ros1 else store.serialize_cdr
+    chat = writer.add_connection("/chatter", string.__msgtype__, typestore=store)
+    lines = [writer.add_connection(topic, imu.__msgtype__, typestore=store) for topic in topics]
+    for k, (g, a) in enumerate(zip(GYRO, ACCEL, strict=True)):
+        ns = int(UNIX) * 10**9 + k * 10**7
+        stamp = time(sec=ns // 10**9, nanosec=ns % 10**9)
+        head = header(*([k] if ros1 else []), stamp=stamp, frame_id="imu")
+        none = np.zeros(9)
+        message = imu(head, turn(0.0, 0.0, 0.0, 1.0), none, vector(*g), none, vector(*a), none)
+        for line in lines:
+            writer.write(line, ns, pack(message, imu.__msgtype__))
+        if k % 50 == 0:
+            writer.write(chat, ns, pack(string("hello"), string.__msgtype__))
+
+
+def write_bag1(path, **more):
+    """Write a sample."""
+    with Writer1(path) as writer:
+        _ros(writer, get_typestore(Stores.ROS1_NOETIC), **more)
+
+
+def _bag2(path, plugin, **more):
+    with Writer2(path, version=9, storage_plugin=plugin) as writer:
+        _ros(writer, get_typestore(Stores.ROS2_HUMBLE), **more)
+
+
+def write_bag2_folder(path):
+    """Write a sample."""
+    _bag2(path, StoragePlugin.SQLITE3)
+
+
+def write_db3(path, **more):
+    """Write a sample."""
+    folder = path.with_name("bag")
+    _bag2(folder, StoragePlugin.SQLITE3, **more)
+    shutil.move(next(folder.glob("*.db3")), path)
+
+
+def write_mcap(path, **more):
+    """Write a sample."""
+    folder = path.with_name("bag")
+    _bag2(folder, StoragePlugin.MCAP, **more)
+    shutil.move(next(folder.glob("*.mcap")), path)
+
+
+def _ulog_message(kind, body):
+    return struct.pack("<HB", len(body), ord(kind)) + body
+
+
+def write_ulog(path, imus=1, combined=True):
+    """Lay out a ULog by PX4's description of the format."""
+    fields = (
+        "uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;"
+        "int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;"
+    )
+    vector = "uint64_t timestamp;float x;float y;float z;float temperature;"
+    out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)]
+    out += [
+        _ulog_message("F", f"{n}:{f}".encode())
+        for n, f in (("sensor_combined", fields), ("sensor_gyro", vector))
+    ]
+    if combined:
+        out.append(_ulog_message("A", struct.pack("<BH", 0, 0) + b"sensor_combined"))
+    for k in range(imus if imus > 1 or not combined else 0):
+        out.append(_ulog_message("A", struct.pack("<BH", k, 1 + k) + b"sensor_gyro"))
+    for t, g, a in zip(T, GYRO, ACCEL, strict=True):
+        us = int(1e6 * (10 + t))
+        if combined:
+            out.append(_ulog_message("D", struct.pack("<HQ3fIi3f", 0, us, *g, 10000, 0, *a)))
+        for k in range(imus if imus > 1 or not combined else 0):
+            out.append(_ulog_message("D", struct.pack("<HQ4f", 1 + k, us, *g, 25.0)))
+    path.write_bytes(b"".join(out))
+
+
+def write_dataflash(path, imus=1):
+    """Lay out a DataFlash log by ArduPilot's description: FMT messages first."""
+
+    def form(kind, length, name, code, columns):
+        return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", kind, length, name, code, columns)
+
+    names = b"TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T"
+    out = [
+        form(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns"),
+        form(129, 3 + 8 + 1 + 28, b"IMU", b"QBfffffff", names),
+    ]
+    for t, g, a in zip(T, GYRO, ACCEL, strict=True):
+        for k in range(imus):
+            out.append(b"\xa3\x95\x81" + struct.pack("<QB7f", int(1e6 * t) + 5, k, *g, *a, 25.0))
+    path.write_bytes(b"".join(out))
+
+
+def write_ubx(path):
+    """Write a sample."""
+    out = []
+    for t, g, a in zip(T, np.degrees(GYRO) * 2**12, ACCEL * 2**10, strict=True):
+        counts = [*zip((14, 13, 5), g, strict=True), *zip((16, 17, 18), a, strict=True)]
+        words = b"".join(struct.pack("<I", (k << 24) | (int(v) & 0xFFFFFF)) for k, v in counts)
+        body = struct.pack("<IHH", int(1000 * t), 6 << 11, 0) + words
+        out.append(UBXMessage(b"\x10", b"\x02", GET, payload=body).serialize())
+    path.write_bytes(b"".join(out))
+
+
+def write_ubx_pvt(path):
+    """Write a sample."""
+    out = []
+    for k in range(200):
+        out.append(
+            UBXMessage(
+                "NAV",
+                "NAV-PVT",
+                GET,
+                iTOW=1000 * k,
+                year=2024,
+                month=5,
+                day=1,
+                hour=10,
+                min=k // 60,
+                second=k % 60,
+                validDate=1,
+                validTime=1,
+                fixType=3,
+                gnssFixOk=1,
+                lat=45 + 1e-7 * (k % 7),
+                lon=7 + 1e-7 * (k % 5),
+                hMSL=100000 + k % 3,
+                pDOP=1.2,
+            ).serialize()
+        )
+    path.write_bytes(b"".join(out))
+
+
+def write_gpx(path):
+    """Write a track by the GPX 1.1 schema."""
+    points = "".join(
+        f'<trkpt lat="{45 + 1e-6 * (k % 7)}" lon="{7 + 1e-6 * (k % 5)}"><ele>{100 + k % 3}</ele>'
+        f"<time>2024-05-01T10:{k // 60:02}:{k % 60:02}Z</time></trkpt>"
+        for k in range(200)
+    )
+    path.write_text(
+        '<?xml version="1.0"?>\n<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">'
+        f"<trk><name>a</name><trkseg>{points}</trkseg></trk></gpx>"
+    )
+
+
+def _sensor_logger():
+    stamps = {"time": (UNIX + T) * 1e9, "seconds_elapsed": T}
+    later = {"time": (UNIX + T) * 1e9 + 2e6, "seconds_elapsed": T + 0.002}
+    xyz = ["z", "y", "x"]
+    return {
+        "Gyroscope.csv": pd.DataFrame({**stamps, **dict(zip(xyz, GYRO.T[::-1], strict=True))}),
+        "TotalAcceleration.csv": pd.DataFrame(
+            {**later, **dict(zip(xyz, ACCEL.T[::-1], strict=True))}
+        ),
+        "Accelerometer.csv": pd.DataFrame({**later, **dict(zip(xyz, ACCEL.T[::-1], strict=True))}),
+        "Metadata.csv": pd.DataFrame({"version": [3], "device name": ["phone"]}),
+    }
+
+
+def write_sensor_logger_zip(path):
+    """Write a sample."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, table in _sensor_logger().items():
+            packed.writestr(name, table.to_csv(index=False))
+
+
+def write_sensor_logger_folder(path):
+    """Write a sample."""
+    path.mkdir()
+    for name, table in _sensor_logger().items():
+        table.to_csv(path / name, index=False)
+
+
+def write_phyphox(path):
+    """Write a sample."""
+    names = ["Time (s)", *(f"Gyroscope {a} (rad/s)" for a in "xyz"), "Absolute (rad/s)"]
+    table = np.column_stack([T, GYRO, np.linalg.norm(GYRO, axis=1)])
+    with zipfile.ZipFile(path, "w") as packed:
+        packed.writestr("Raw Data.csv", pd.DataFrame(table, columns=names).to_csv(index=False))
+        packed.writestr("meta/device.csv", '"property","value"\n"version","1.1.9"\n')
+        packed.writestr("meta/time.csv", '"event","experiment time"\n"START",0\n"PAUSE",4\n')
+
+
+def write_phyphox_xls(path):
+    """Write a sample."""
+    book = openpyxl.Workbook()
+    book.active.title = "Raw Data"
+    book.active.append(["Time (s)", *(f"Gyroscope {a} (rad/s)" for a in "xyz")])
+    for t, g in zip(T, GYRO, strict=True):
+        book.active.append([float(t), *map(float, g)])
+    meta = book.create_sheet("Metadata Device")
+    meta.append(["property", "value"])
+    meta.append(["version", "1.1.9"])
+    book.save(path)
+
+
+def write_androsensor(path):
+    """Write a sample."""
+    names = [
+        *(f"ACCELEROMETER {a} (m/s²)" for a in "XYZ"),
+        *(f"GYROSCOPE {a} (rad/s)" for a in "XYZ"),
+        "LOCATION Latitude : ",
+        "Time since start in ms ",
+        "YYYY-MO-DD HH-MI-SS_SSS",
+    ]
+    rows = [
+        ";".join(
+            [*(f"{v:.5f}" for v in (*a, *g)), "45.0", f"{1000 * t:.0f}", "2024-05-01 10:00:00:000"]
+        )
+        for t, g, a in zip(T, GYRO, ACCEL, strict=True)
+    ]
+    path.write_text("\n".join([";".join(names), *rows]) + "\n", encoding="utf-8")
+
+
+def write_xsens(path):
+    """Write a sample."""
+    head = [
+        "// Start Time: Unknown",
+        "// Update Rate: 100.0Hz",
+        "// Filter Profile: human (46.1)",
+        "// Option Flags: AHS Disabled ICC Disabled ",
+        "// Firmware Version: 4.0.2",
+    ]
+    names = [
+        "PacketCounter",
+        "SampleTimeFine",
+        "Acc_X",
+        "Acc_Y",
+        "Acc_Z",
+        "Gyr_X",
+        "Gyr_Y",
+        "Gyr_Z",
+    ]
+    rows = [
+        "\t".join([f"{(k + 65500) % 65536:05}", "", *(f"{v:.6f}" for v in (*a, *g))])
+        for k, (g, a) in enumerate(zip(GYRO, ACCEL, strict=True))
+    ]
+    path.write_text("\n".join([*head, "\t".join(names), *rows]) + "\n")
+
+
+def write_serial(path):
+    """Write a sample."""
+    lines = [
+        f"t_ms: {1000 * t:.0f} gx: {g[0]:.6f} gy: {g[1]:.6f} gz: {g[2]:.6f}"
+        for t, g in zip(T, np.degrees(GYRO), strict=True)
+    ]
+    path.write_text("ready\n" + "\n".join(lines) + "\n")
+
+
+def write_csv(path):
+    """Write a sample."""
+    frame().to_csv(path, index=False)
+
+
+def write_csv_gz(path):
+    """Write a sample."""
+    path.write_bytes(gzip.compress(frame().to_csv(index=False).encode()))
+
+
+def write_csv_zip(path):
+    """Write a sample."""
+    with zipfile.ZipFile(path, "w") as packed:
+        packed.writestr("data/log.csv", frame().to_csv(index=False))
+
+
+BOTH, GYROS, ACCELS, HERE = NAMES, NAMES[:3], NAMES[3:], ["north", "east", "down"]
+FORMATS = [  # row of the README's table, how its sample is written, channels, what reading takes
+    ("CSV and other delimited text", write_csv, BOTH, ALONE),
+    ("gzip", write_csv_gz, BOTH, ALONE),
+    ("zip", write_csv_zip, BOTH, ALONE),
+    ("Parquet", write_parquet, BOTH, ALONE),
+    ("xlsx, xls, ods", write_xlsx, BOTH, ALONE),
+    ("MATLAB v5 to v7, a struct", write_mat5, BOTH, ALONE),
+    ("MATLAB v5 to v7, vectors", write_mat5_vectors, GYROS, FLAG),
+    ("MATLAB v7.3", write_mat73, BOTH, ALONE),
+    ("HDF5", write_hdf5, BOTH, ALONE),
+    ("NumPy npz", write_npz, BOTH, ALONE),
+    ("NumPy npy with field names", write_npy, BOTH, ALONE),
+    ("NumPy npy, a matrix", write_npy_matrix, ACCELS, FLAG),
+    ("JSON lines", write_json_lines, BOTH, ALONE),
+    ("ROS 1 bag", write_bag1, BOTH, ALONE),
+    ("ROS 2 folder", write_bag2_folder, BOTH, ALONE),
+    ("ROS 2 db3", write_db3, BOTH, ALONE),
+    ("ROS 2 MCAP", write_mcap, BOTH, ALONE),
+    ("PX4 ULog", write_ulog, BOTH, ALONE),
+    ("PX4 ULog, two IMUs", lambda path: write_ulog(path, imus=2), BOTH, FLAG),
+    ("ArduPilot DataFlash", write_dataflash, BOTH, ALONE),
+    ("ArduPilot DataFlash, two IMUs", lambda path: write_dataflash(path, imus=2), BOTH, FLAG),
+    ("u-blox UBX, NAV-PVT", write_ubx_pvt, HERE, ALONE),
+    ("u-blox UBX, ESF-MEAS", write_ubx, BOTH, FLAG),
+    ("GPX", write_gpx, HERE, ALONE),
+    ("Sensor Logger zip", write_sensor_logger_zip, BOTH, ALONE),
+    ("Sensor Logger folder", write_sensor_logger_folder, BOTH, ALONE),
+    ("phyphox zip", write_phyphox, GYROS, ALONE),
+    ("phyphox workbook", write_phyphox_xls, GYROS, ALONE),
+    ("AndroSensor", write_androsensor, BOTH, ALONE),
+    ("Xsens MT Manager text", write_xsens, BOTH, ALONE),
+    ("serial lines `gx: … gy: …`", write_serial, GYROS, FLAG),
+]
+BY_NAME = {row[0]: row for row in FORMATS}
+
+
+def write(name, folder):
+    """Write the sample of a format under a suffix that says nothing."""
+    path = folder / "log.dat"
+    BY_NAME[name][1](path)
+    return path
+
+
+def flags_of(error):
+    """Turn the flags of the next command into arguments of `read`; a rate no message can know."""
+    names = {"--table": "table", "--unit": "unit", "--time-unit": "time_unit"}
+    if not error.flags:
+        assert "--rate HZ" in str(error)
+        return {"rate": RATE}
+    return {names[flag]: value for flag, value in error.flags[0].items() if value}
+
+
+def key(channel):
+    """Name a channel by its kind and axis, whatever it is called in the file."""
+    kind = {"rate": "gyro", "accel": "accel", "position": "position"}[channel.kind]
+    axis = channel.name[-1].lower().translate(str.maketrans("123", "xyz"))
+    return f"{kind}_{axis}" if kind != "position" else channel.name
+
+
+@pytest.mark.parametrize(("name", "_", "channels", "takes"), FORMATS, ids=[r[0] for r in FORMATS])
+def test_each_format_is_read(name, _, channels, takes, tmp_path):
+    """Cross-check: what the format's own library wrote comes back, told by content alone."""
+    path, more = write(name, tmp_path), {}
+    if takes == FLAG:
+        with pytest.raises(WrongUsage) as refused:
+            read(path)
+        more = flags_of(refused.value)
+    log = read(path, **more)
+    assert sorted(map(key, log.channels)) == sorted(channels)
+    assert log.rate_hz == pytest.approx(1.0 if channels == HERE else RATE, rel=1e-4)
+    if channels != HERE:
+        known = dict(zip(NAMES, np.hstack([GYRO, ACCEL]).T, strict=True))
+        for channel in log.channels:
+            scale = np.pi / 180 if channel.unit == "deg/s" else 1.0
+            # The coarsest file counts 2^-10 m/s^2 (UBX); text has five decimals or more.
+            np.testing.assert_allclose(channel.values * scale, known[key(channel)], atol=1e-3)
+
+
+def table_of_formats():
+    """Write the table of README from the rows tested above."""
+    lines = ["| format | reading it takes |", "|---|---|"]
+    return [*lines, *(f"| {name} | {takes} |" for name, _, _, takes in FORMATS)]
+
+
+@pytest.mark.parametrize("page", ["README.md", "data/own/README.md"])
+def test_the_tables_of_the_readmes_are_what_is_tested(page):
+    """Property: README promises of each format what the test above found."""
+    listed = [line for line in (ROOT / page).read_text("utf-8").splitlines() if line[:2] == "| "]
+    start = listed.index(table_of_formats()[0])
+    rows = [line for line in table_of_formats() if line[:2] == "| "]
+    assert listed[start : start + len(rows)] == rows
+
+
+NEEDS = [
+    name
+    for name in BY_NAME
+    if not re.search("GPX|CSV|gzip|zip|MATLAB|HDF5|NumPy|JSON|Sensor|Andro|Xsens|serial", name)
+]
+
+
+@pytest.mark.parametrize("name", NEEDS)
+def test_without_the_extra_a_sentence_has_the_command(name, tmp_path, monkeypatch):
+    """Property: a format whose library is not there is named, with the command that installs it."""
+    path = write(name, tmp_path)
+    monkeypatch.setattr(formats.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(WrongUsage, match=r"^log.dat is .*pip install '\.\[logs\]'$"):
+        read(path)
+
+
+SINGLE = [name for name in BY_NAME if "folder" not in name]
+
+
+@pytest.mark.parametrize("name", SINGLE)
+def test_damaged_files_are_refused_in_a_sentence(name, tmp_path):
+    """Property: cut or with wrong bytes, a file is read or refused in one sentence, never worse."""
+    raw = write(name, tmp_path).read_bytes()
+    random = np.random.default_rng(7)
+    damaged = [b"", raw[:7], raw[: len(raw) // 2], raw[:-3]]
+    for top in (400, len(raw)):
+        wrong = bytearray(raw)
+        for at in random.integers(0, min(top, len(raw)), 5):
+            wrong[at] = random.integers(256)
+        damaged.append(bytes(wrong))
+    for number, content in enumerate(damaged):
+        path = tmp_path / f"damaged{number}.dat"
+        path.write_bytes(content)
+        try:
+            read(path)
+        except (CannotAnswer, WrongUsage) as error:
+            text = str(error)
+            assert text.startswith(path.name) and "\n" not in text and len(text) < 900
+            assert str(tmp_path) not in text
+        else:
+            assert number > 1, "nothing can be read from an empty file"
+
+
+@pytest.mark.parametrize(
+    "suffix",
+    [
+        "parquet",
+        "xlsx",
+        "mat",
+        "h5",
+        "npz",
+        "bag",
+        "db3",
+        "mcap",
+        "ulg",
+        "bin",
+        "ubx",
+        "gpx",
+        "zip",
+        "gz",
+    ],
+)
+def test_a_wrong_format_with_a_right_suffix(suffix, tmp_path, capsys):
+    """Property: the suffix decides nothing; a page of text is refused, and nothing is written."""
+    path = tmp_path / f"log.{suffix}"
+    path.write_text("Dear colleague,\nhere is the log.\n")
+    assert main(["report", str(path), "--out", str(tmp_path / "out")]) in (1, 2)
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_bag_without_an_imu(tmp_path):
+    """Property: what the bag has instead is listed."""
+    write_mcap(tmp_path / "log.mcap", topics=())
+    with pytest.raises(CannotAnswer, match=r"without gyros.* it has /chatter \(8 rows\)"):
+        read(tmp_path / "log.mcap")
+
+
+def test_a_bag_with_two_imus_asks(tmp_path, capsys):
+    """Property: the next command stands in the message, and it works."""
+    write_bag1(tmp_path / "log.bag", topics=("/left", "/right"))
+    out = str(tmp_path / "out")
+    assert main(["report", str(tmp_path / "log.bag"), "--out", out]) == 2
+    assert f"--out {out} --table /left" in capsys.readouterr().err
+    assert read(tmp_path / "log.bag", table="/right").rate_hz == pytest.approx(RATE)
+    with pytest.raises(WrongUsage, match=r"no table '/lift' \(closest: '/left'\); it has /chatter"):
+        read(tmp_path / "log.bag", table="/lift")
+
+
+def test_a_message_without_stamps_takes_the_times_of_recording(tmp_path):
+    """Property: a bag whose header stamps are all zero is read, and that is said."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer2(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        kind = "geometry_msgs/msg/Vector3"
+        line = writer.add_connection("/gyro", kind, typestore=store)
+        for k, g in enumerate(GYRO):
+            message = store.types[kind](*g)
+            writer.write(line, 10**9 + k * 10**7, store.serialize_cdr(message, kind))
+    log = read(tmp_path / "bag", table="/gyro", columns=["x", "y", "z"], unit="rad/s")
+    assert log.rate_hz == pytest.approx(RATE)
+    assert any("times of recording" in repair for repair in log.repairs)
+
+
+def test_gyro_and_accelerometer_of_a_ulog_are_put_side_by_side(tmp_path):
+    """Analytic: rows of two sensors are paired in their order; each sample is used once."""
+    tables = {}
+    for kind, values, delay in (("gyro", GYRO, 0.0), ("accel", ACCEL, 0.003)):
+        names = [name for name in WITH_UNITS if name.startswith(kind)]
+        tables[f"{kind}.csv"] = pd.DataFrame(values, columns=names).assign(t_s=T + delay)
+    folder = tmp_path / "log"
+    folder.mkdir()
+    for name, table in tables.items():
+        table.to_csv(folder / name, index=False)
+    log = read(folder)
+    np.testing.assert_allclose(log.channels[5].values, ACCEL[:, 2])
+    assert any("differ by at most 3 ms" in repair for repair in log.repairs)
+    tables["accel.csv"].iloc[::2].to_csv(folder / "accel.csv", index=False)
+    with pytest.raises(WrongUsage, match="say which one with --table") as asked:
+        read(folder)
+    assert asked.value.flags == ({"--table": "gyro.csv"}, {"--table": "accel.csv"})
+
+
+def test_packed_logs_are_bounded(tmp_path, monkeypatch):
+    """Property: a bomb is refused by its stated or its true size, before it fills the disk."""
+    zeros = b"0,0\n" * 500_000
+    (tmp_path / "bomb.csv.gz").write_bytes(gzip.compress(zeros))
+    with zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr("log.csv", zeros)
+    monkeypatch.setattr(archives, "LIMIT", 1 << 20)
+    for name in ("bomb.csv.gz", "bomb.zip"):
+        with pytest.raises(CannotAnswer, match=r"unpacks to .*more than 0 GB.* by hand"):
+            read(tmp_path / name)
+
+
+def test_a_zip_of_several_logs_asks_which(tmp_path):
+    """Property: its files are listed, and --table names one."""
+    with zipfile.ZipFile(tmp_path / "two.zip", "w") as packed:
+        for name in ("a.csv", "b.csv"):
+            packed.writestr(f"logs/{name}", frame().to_csv(index=False))
+        packed.writestr("../../outside.csv", "a,b\n1,2\n")
+    with pytest.raises(WrongUsage, match="a.csv, b.csv: say"):
+        read(tmp_path / "two.zip")
+    assert not (tmp_path.parent.parent / "outside.csv").exists()
+    assert len(read(tmp_path / "two.zip", table="a.csv").channels) == 6
+
+
+def test_a_table_larger_than_the_memory_is_read_by_columns(tmp_path, monkeypatch):
+    """Property: what is too large is refused with the way out, and the way out works."""
+    path = write("Parquet", tmp_path)
+    monkeypatch.setattr(matrices, "LARGEST", 8 * ROWS * 3)
+    with pytest.raises(CannotAnswer, match=r"400 rows and 7 columns .*--columns"):
+        read(path)
+    assert len(read(path, columns=["gyro_x_rad_s"]).channels) == 1
+
+
+def test_mixed_units_and_words_among_numbers(tmp_path):
+    """Property: each column keeps its own unit; a word in a sheet is refused with its place."""
+    mixed = frame().rename(columns={"gyro_y_rad_s": "gyro_y_deg_s", "accel_z_m_s2": "accel_z_g"})
+    mixed["accel_z_g"] /= STANDARD_GRAVITY
+    mixed.to_excel(tmp_path / "log.xlsx", index=False)
+    units = {channel.name: channel.unit for channel in read(tmp_path / "log.xlsx").channels}
+    assert (units["gyro_x"], units["gyro_y"], units["accel_z"]) == ("rad/s", "deg/s", "g")
+    mixed = mixed.astype(object)
+    mixed.iloc[5, 2] = "broken"
+    mixed.to_excel(tmp_path / "log.xlsx", index=False)
+    with pytest.raises(
+        CannotAnswer, match="row 7, column 'gyro_y_deg_s': 'broken' is not a number"
+    ):
+        read(tmp_path / "log.xlsx")
+
+
+def test_moving_logs_of_every_kind(tmp_path):
+    """Cross-check: GPX, NAV-PVT and a phone's zip give the epochs that were written."""
+    write_gpx(tmp_path / "ride.gpx")
+    write_ubx_pvt(tmp_path / "ride.ubx")
+    track, receiver = (read_moving([tmp_path / name]) for name in ("ride.gpx", "ride.ubx"))
+    for log in (track, receiver):
+        np.testing.assert_array_equal(log.gnss.t_s, np.arange(200.0))
+        assert log.gnss.has_fix.all()
+    assert receiver.gnss.pdop[0] == pytest.approx(1.2)
+    write_sensor_logger_folder(tmp_path / "phone")
+    seconds = np.arange(5)
+    location = {
+        "time": (UNIX + seconds) * 1e9,
+        "latitude": 45 + 1e-5 * seconds,
+        "longitude": 7.0,
+        "speed": 1.1,
+    }
+    pd.DataFrame(location).to_csv(tmp_path / "phone" / "Location.csv", index=False)
+    ride = read_moving([tmp_path / "phone"])
+    assert len(ride.gnss.t_s) == 5
+    np.testing.assert_allclose(ride.imu.accel_b, ACCEL, atol=1e-9)
+    write_dataflash(tmp_path / "two.bin", imus=2)
+    with pytest.raises(WrongUsage, match="IMU/0") as asked:
+        read_moving([tmp_path / "two.bin"])
+    table = asked.value.flags[1]["--table"]
+    assert len(read_moving([tmp_path / "two.bin"], tables=[table]).imu.t_s) == ROWS
+
+
+def test_channels_lists_what_is_in_a_log(tmp_path, capsys):
+    """Property: tables, rates, kinds, units and what they were told by."""
+    write_dataflash(tmp_path / "log.bin", imus=2)
+    assert main(["channels", str(tmp_path / "log.bin")]) == 0
+    printed = capsys.readouterr().out
+    assert re.search(r"^IMU/1: 400 rows, 3.99 s, 100 Hz$", printed, re.M)
+    assert re.search(r"gyro_x_rad_s +rate +rad/s +its message definition", printed)
+    assert re.search(r"temperature .*deg C", printed)
+    write_npy_matrix(tmp_path / "log.npy")
+    assert main(["channels", str(tmp_path / "log.npy")]) == 0
+    assert "c1" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("file", "table", "rows"),
+    [
+        ("px4_sample_log_small.ulg", None, 1298),
+        ("px4_sample_appended_multiple.ulg", None, 2373),
+        ("ardupilot_test.BIN", "IMU", 45),
+        ("ardupilot_test.BIN", "IMU2", 45),
+        ("ublox_mixed_nmea_ubx_rtcm.log", None, 39),
+    ],
+)
+def test_real_samples(file, table, rows):
+    """Cross-check: real files give the rows that the data's README counts."""
+    if not datasets.available(f"format-samples/{file}"):
+        pytest.skip("the samples are not on this machine")
+    chosen = formats.read_table(datasets.path(f"format-samples/{file}"), {"table": table})
+    assert len(chosen.frame) == rows
+    if "accel_z_m_s2" in chosen.frame:
+        lengths = np.linalg.norm(chosen.frame[[f"accel_{a}_m_s2" for a in "xyz"]], axis=1)
+        assert 8 < np.median(lengths) < 12, "on the ground or in calm flight, about one g"
