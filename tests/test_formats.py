@@ -619,7 +619,7 @@ def test_a_zip_of_several_logs_asks_which(tmp_path):
         for name in ("a.csv", "b.csv"):
             packed.writestr(f"logs/{name}", frame().to_csv(index=False))
         packed.writestr("../../outside.csv", "a,b\n1,2\n")
-    with pytest.raises(WrongUsage, match="a.csv, b.csv: say"):
+    with pytest.raises(WrongUsage, match=r"a\.csv, b\.csv: say"):
         read(tmp_path / "two.zip")
     assert not (tmp_path.parent.parent / "outside.csv").exists()
     assert len(read(tmp_path / "two.zip", table="a.csv").channels) == 6
