@@ -822,12 +822,12 @@ def benchmark(
     from analysis.studies import benchmark as benchmarks
 
     rows: list[tuple] = []
-    for name, one in benchmarks.run():
-        if not rows or name != rows[-1][0]:
-            print(f"\n{name}" if rows else name)
-        value = "" if math.isnan(one.value) else f"{one.value:.3g} {one.unit}"
-        print(f"  {one.what:<44}{value:>16}   {one.bar}".rstrip())
-        rows.append((name, one))
+    for name, benchmark in benchmarks.BENCHMARKS.items():
+        print(f"\n{name}" if rows else name)
+        for one in benchmark():
+            value = "" if math.isnan(one.value) else f"{one.value:.3g} {one.unit}"
+            print(f"  {one.what:<44}{value:>16}   {one.bar}".rstrip())
+            rows.append((name, one))
     if out:
         with writing(out):
             benchmarks.write(rows, out)

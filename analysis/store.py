@@ -542,6 +542,7 @@ def static_log(name: str | Path) -> StaticResult:
         If it is not committed.
     """
     stored = read(name)
+    stored.tables["models"] = stored.tables["models"].astype({"chosen": bool})
     tables = [stored.tables[k] for k in ("parameters", *CURVES, "models", "autocorrelation")]
     channels = []
     for about in stored.tables["channels"].itertuples():
@@ -557,14 +558,9 @@ def static_log(name: str | Path) -> StaticResult:
                 allan=_curve(recorded),
                 allan_line_removed=_curve(line_removed),
                 models=[
-                    {
-                        "model": name,
-                        "terms": {t: list(g["value"]) for t, g in m.groupby("term", sort=False)},
-                        "parameters": int(m["parameters"].iloc[0]),
-                        "aic_above_least": float(m["aic_above_least"].iloc[0]),
-                        "chosen": bool(m["chosen"].iloc[0]),
-                    }
-                    for name, m in models.groupby("model", sort=False)
+                    m.drop(columns=["term", "value"]).to_dict("records")[0]
+                    | {"terms": {t: list(g["value"]) for t, g in m.groupby("term", sort=False)}}
+                    for _, m in models.groupby("model", sort=False)
                 ],
                 line=(about.mean, about.slope_per_s),
                 fitted_from=about.fitted_from_s,

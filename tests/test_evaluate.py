@@ -61,7 +61,8 @@ def test_a_stationary_period_is_judged_by_hand():
     out[0, 1::2] = out[0, ::2]
     layer = np.repeat([0, 1, 2, 3], 25)
     found = evaluate.stationary_period(t, raw, out, layer)
-    for name in ("spread", "north", "largest"):
+    names = "standard deviation", "mean north error", "largest error once layer 1 is full"
+    for name in names:
         assert found[name] == pytest.approx(0.5, abs=0.01)  # the held half second
     assert found["circle"] == pytest.approx(9.5, abs=0.01)
     assert (found["leaves"], found["raw_exits"], found["out_exits"]) == (0.0, 1, 0)

@@ -9,6 +9,5 @@ from analysis.logs.datasets import entry as dataset_entry
 from analysis.logs.datasets import path as dataset_path
 from analysis.logs.moving import read_moving
 from analysis.logs.nmea import imu_csv_lines, nmea_lines
-from analysis.logs.saved_position import load_position, save_position
 from analysis.logs.static import Channel, Log, read
 from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages

@@ -229,16 +229,3 @@ BENCHMARKS = {
     "sweeps of N and B": figures_8_to_11,
     "tracker replay": tracker,
 }
-
-
-def run():
-    """Run every benchmark.
-
-    Yields
-    ------
-    name : str
-    measured : Measured
-    """
-    for name, benchmark in BENCHMARKS.items():
-        for measured in benchmark():
-            yield name, measured

@@ -13,15 +13,11 @@ from analysis.terrain import Sensor, Setup, antennas, centre_line, simulate_laps
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.real_laps import lay_on_line
 
-DIRECTION_OF = {
-    "14-45-26": "ccw",
-    "15-12-43": "ccw",
-    "15-53-44": "ccw",
-    "16-06-28": "ccw",
-    "17-39-12": "cw",
-    "17-51-18": "cw",
+LAPS = {
+    "ccw": ("14-45-26", "15-12-43", "15-53-44", "16-06-28"),
+    "cw": ("17-39-12", "17-51-18"),
 }
-LAPS = {d: [n for n, way in DIRECTION_OF.items() if way == d] for d in ("ccw", "cw")}
+DIRECTION_OF = {name: direction for direction, names in LAPS.items() for name in names}
 GATE = (40.86217, -77.83619)  # lat, lon, deg: s = 0, in the stretch where the laps begin
 DT = 1.0 / road_logs.RATE_HZ
 DRIVES = {

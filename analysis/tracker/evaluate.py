@@ -97,10 +97,10 @@ def stationary_period(
     Returns
     -------
     dict of float
-        Ratios, filtered over raw: ``spread`` (standard deviation), ``east`` and ``north`` (mean
-        magnitudes), ``rms``, ``rms_late`` (once the second layer is full), ``largest`` (once the
-        first layer is full, if it ever is), ``last`` (last filtered error over the rms of the raw
-        ones).
+        First the ratios, filtered over raw, as the notebooks print them: ``standard deviation``;
+        ``rms error``, also ``once layer 2 is full``; ``mean east error`` and ``mean north error``
+        (magnitudes); ``largest error once layer 1 is full``, if it ever is; ``last error over rms
+        of GPS`` (of the raw positions).
         ``circle``: the radius about the true position that holds 95 % of the raw ones, m;
         ``leaves``: 1 if an output lies outside once the second layer is full, ``leaves_ever`` from
         the start on; ``outside``, ``raw_outside``: share of those epochs at which output and raw
@@ -118,13 +118,13 @@ def stationary_period(
 
     spread = [np.sqrt(np.var(x[0]) + np.var(x[1])) for x in (out, raw)]
     return {
-        "spread": float(spread[0] / spread[1]),
-        "north": float(np.abs(out[0]).mean() / np.abs(raw[0]).mean()),
-        "east": float(np.abs(out[1]).mean() / np.abs(raw[1]).mean()),
-        "rms": rms_ratio(slice(None)),
-        "rms_late": rms_ratio(late) if late.any() else np.nan,
-        "largest": float(off[averaged].max() / far[averaged].max()),
-        "last": float(off[-1] / np.sqrt((far**2).mean())),
+        "standard deviation": float(spread[0] / spread[1]),
+        "rms error": rms_ratio(slice(None)),
+        "rms error once layer 2 is full": rms_ratio(late) if late.any() else np.nan,
+        "mean east error": float(np.abs(out[1]).mean() / np.abs(raw[1]).mean()),
+        "mean north error": float(np.abs(out[0]).mean() / np.abs(raw[0]).mean()),
+        "largest error once layer 1 is full": float(off[averaged].max() / far[averaged].max()),
+        "last error over rms of GPS": float(off[-1] / np.sqrt((far**2).mean())),
         "circle": circle,
         "leaves": float((off[late] > circle).any()),
         "leaves_ever": float((off > circle).any()),
