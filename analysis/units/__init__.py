@@ -12,21 +12,3 @@ from analysis.units.frame import Unit, local_tracks
 from analysis.units.journeys import ASSUMED, simulate_drive, simulate_flight
 from analysis.units.spread import ratio_of_spreads, share, spread
 from analysis.units.variances import unit_variances
-
-__all__ = [
-    "ASSUMED",
-    "Unit",
-    "clock_offset",
-    "conventions",
-    "differences",
-    "find_events",
-    "local_tracks",
-    "ratio_of_spreads",
-    "share",
-    "side_by_side",
-    "simulate_drive",
-    "simulate_flight",
-    "spread",
-    "trajectory_metrics",
-    "unit_variances",
-]
