@@ -601,6 +601,69 @@ def pool(
 
 
 @_verb
+def compare(
+    logs: Annotated[
+        list[str],
+        _argument("LOG", "One a unit; two files of one unit with a comma: gps.csv,att.csv"),
+    ],
+    out: Annotated[str, _out("Folder for compare.json, the page and the figures.")],
+    columns: Annotated[
+        Text, _option("OURS=THEIRS,...", "Meaning and unit of a CSV's columns.")
+    ] = None,
+    unit: Units = None,
+    scale: Scales = None,
+    time_unit: TimeUnit = None,
+):
+    """Compare units that travelled together: clocks, positions, attitudes, events.
+
+    \b
+    python -m analysis compare phone.nmea rover.nmea --out both       two receivers on one ride
+    python -m analysis compare a.csv b.csv c.nmea --out three         noise of each, without a truth
+    python -m analysis compare efis_gps.csv,efis_att.csv other.csv --out flight
+    python -m analysis compare a.csv b.csv --out both --columns lat_deg=Y,lon_deg=X
+
+    Each LOG is a log of one unit: positions, an attitude (roll_deg, pitch_deg, yaw_deg), or both,
+    in any format that `replay` reads. The clocks need not agree: offset and drift are estimated
+    from the motion, and known offsets (time zones, leap seconds) are named. Signs and zeros of the
+    attitude are checked and put right; a constant difference of height is said to be a datum.
+
+    With three units or more, the noise of each is estimated from the differences alone, as far as
+    an assumption about correlation allows. With two, only the sum of their variances is known.
+
+    Writes compare.json (every number with its 95 % interval), compare.html and figures/.
+    """
+    from analysis.report import comparison as page
+
+    units = _read_units(logs, columns, unit=unit, scale=scale, time_unit=time_unit)
+    with writing(out):
+        content = page.write(units, out)
+    for note in content["notes"]:
+        print(f"note: {note}")
+    for row in page.lines(content):
+        print(row)
+    print(f"\n{out}/compare.html, compare.json and figures/ are written")
+
+
+def _read_units(logs, columns, **reading):
+    """Read the log of each unit: its name -> its timeline."""
+    from analysis.logs.moving import read_moving
+
+    pairs = columns.split(",") if columns else []
+    if not all("=" in pair for pair in pairs):
+        raise WrongUsage(f"--columns {columns}: write OURS=THEIRS, such as lat_deg=Lat")
+    wanted = dict(pair.split("=", 1) for pair in pairs)
+    if len(logs) < 2:
+        raise WrongUsage("one log cannot be compared: give the logs of two units or more")
+    units: dict[str, Any] = {}
+    for log in logs:
+        files = [log] if Path(log).is_file() else log.split(",")
+        name = Path(files[0]).name.split(".")[0] or files[0]
+        name = next(n for n in (name, *(f"{name}-{k}" for k in range(2, 99))) if n not in units)
+        units[name] = read_moving(files, columns=wanted, **reading)
+    return units
+
+
+@_verb
 def export(
     model: Annotated[str, _argument("MODEL.json", "As `report` writes it.")],
     out: Annotated[str, _out("Folder for the files.")],

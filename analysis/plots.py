@@ -1,4 +1,4 @@
-"""Drawing that two notebooks share: panels of a sensor, an Allan plot, sweeps, the N-B plane."""
+"""Drawing that two share: panels of a sensor, an Allan plot, sweeps, the N-B plane, units."""
 
 from collections.abc import Sequence
 from itertools import cycle
@@ -21,6 +21,7 @@ from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
 from analysis.noise.models import FLICKER, adev_of_terms
 from analysis.terrain.monte_carlo import quantiles
+from analysis.units.comparison import Comparison, Pair
 
 __all__ = [
     "against_price",
@@ -34,6 +35,7 @@ __all__ = [
     "sensors",
 ]
 
+TURNING = 3.0  # deg/s from which a unit turns
 APART = 0.17  # decades between the numbers of two sensors
 MOST_IN_PANEL = 10  # the colours that a reader tells apart
 MARKS = {"s": "N", "o": "B", "^": "K"}
@@ -481,3 +483,92 @@ def against_price(
     axes[1].plot(line, printed[0] * line ** -printed[1], color="0.5", ls="--", label="as printed")
     for ax in axes:
         ax.legend(fontsize=6, loc="lower left")
+
+
+def units_tracks(found: Comparison) -> Figure:
+    """Draw the tracks of units side by side from above and their heights in time, with the events.
+
+    Parameters
+    ----------
+    found : analysis.units.comparison.Comparison
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    fig = plt.figure(figsize=(DOUBLE, 3.4), layout="constrained")
+    zero, heights = zero_time(found), any(np.isfinite(t.enu[:, 2]).any() for t in found.tracks)
+    plan, *height = fig.subplots(1, 2 if heights else 1, squeeze=False)[0]
+    for k, track in enumerate(t for t in found.tracks if t.fixed.any()):
+        style = {"color": f"C{k}", "lw": 0.9, "label": track.name}
+        east, north, up = track.enu.T
+        plan.plot(east, north, **style)
+        for ax in height:
+            ax.plot(track.t_s - zero, up, **style)
+        mine = [e for e in found.events if e.unit == track.name and "attitude" not in e.kind]
+        if mine:
+            at = [
+                float(np.interp(e.from_s, track.t_s[track.fixed], x[track.fixed]))
+                for e in mine
+                for x in (east, north)
+            ]
+            plan.plot(at[::2], at[1::2], "x", ms=4, color=f"C{k}", label=f"events of {track.name}")
+    plan.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", adjustable="datalim")
+    for ax in height:
+        ax.set(xlabel="time (s)", ylabel="height (m)")
+    plan.legend(fontsize=7)
+    return fig
+
+
+def units_differences(pair: Pair, zero: float) -> Figure:
+    """Draw the differences between two units in time and as histograms, straight and turning.
+
+    Parameters
+    ----------
+    pair : analysis.units.comparison.Pair
+    zero : float
+        Time that counts as zero, s.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    d = pair.differences
+    rows = [
+        (f"{n} (m)", d.t_s, x, d.turn_deg_s)
+        for n, x in (
+            ("along track", d.along_m),
+            ("cross track", d.cross_m),
+            ("height", d.enu[:, 2]),
+        )
+    ]
+    rows += [
+        (f"{n} (°)", d.attitude_t_s, x, d.attitude_turn_deg_s)
+        for n, x in zip(("roll", "pitch", "yaw"), d.attitude.T, strict=True)
+    ]
+    rows = [row for row in rows if np.isfinite(row[2]).sum() > 10]
+    fig = plt.figure(figsize=(DOUBLE, 0.5 + 1.15 * len(rows)), layout="constrained")
+    axes = fig.subplots(len(rows), 2, squeeze=False, width_ratios=(3, 1))
+    for (label, t, x, turn), (ax, side) in zip(rows, axes, strict=True):
+        ax.plot(t - zero, x, lw=0.6, color="C0", label=label)
+        ax.set(xlabel="time (s)", ylabel=label)
+        turning = np.abs(turn) > TURNING
+        edges = np.histogram_bin_edges(x[np.isfinite(x)], 40)
+        parts = [("straight", x[~turning]), (f"turning over {TURNING:g} °/s", x[turning])]
+        for k, (name, part) in enumerate(parts):
+            part = part[np.isfinite(part)]
+            if len(part) > 10:
+                style = {"bins": edges, "density": True, "histtype": "step", "color": f"C{k}"}
+                side.hist(part, **style, label=name)
+        side.set(yticks=[], xlabel=label)
+    for ax in axes[:-1, 0]:
+        ax.tick_params(labelbottom=False)
+        ax.xaxis.label.set_visible(False)
+    axes[0, 1].legend(fontsize=6)
+    return fig
+
+
+def zero_time(found: Comparison) -> float:
+    """Give the first time of the first unit, from which a comparison counts, s."""
+    first = found.tracks[0]
+    return float(min(t[0] for t in (first.t_s, first.attitude_t_s) if len(t)))

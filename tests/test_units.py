@@ -1,11 +1,14 @@
 """Units side by side: clocks, differences, events, conventions and variances."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pymap3d
 import pytest
 from scipy.interpolate import CubicSpline
 
-from analysis import CannotAnswer
+from analysis import CannotAnswer, cli
 from analysis.noise.models import gauss_markov
 from analysis.units import (
     Unit,
@@ -265,3 +268,69 @@ def test_two_units_give_a_sum():
     x = np.random.default_rng(10).standard_normal((1, 500))
     with pytest.raises(CannotAnswer, match="the same readings"):
         unit_variances(np.vstack([x, x]))
+
+
+def log_of(path, units, *, header="t_s,lat_deg,lon_deg,height_m", shift=0.0, attitude=False):
+    """Write the log of a unit as CSV."""
+    columns = [units.t_s + shift, units.lat_deg, units.lon_deg, units.height_m]
+    if attitude:
+        header += ",roll_deg,pitch_deg,yaw_deg"
+        columns += [units.roll_deg, units.pitch_deg, units.yaw_deg]
+    np.savetxt(path, np.column_stack(columns), "%.9f", ",", header=header, comments="")
+    return str(path)
+
+
+def test_compare_writes_the_contract(tmp_path, capsys):
+    """property: two logs with clocks an hour apart; all keys of the contract; nothing else."""
+    a, b = pair(np.random.default_rng(12), seconds=300, offset=-3600.0, sigma=0.5, corr_time=5.0)
+    logs = [log_of(tmp_path / f"{u.name}.csv", u) for u in (a, b)]
+    assert cli.main(["compare", *logs, "--out", str(tmp_path / "out")]) in (0, None)
+    found = json.loads((tmp_path / "out" / "compare.json").read_text())
+    assert {"units", "clock", "position", "attitude", "events"} <= set(found)
+    assert found["clock"]["low"] <= -3600.0 <= found["clock"]["high"]
+    for name in ("p50_m", "p95_m", "max_m", "cep_m", "drms2_m"):
+        assert {"value", "low", "high"} <= set(found["position"][name])
+    assert "1 h (a time zone)" in capsys.readouterr().out
+    assert "<img" in (tmp_path / "out" / "compare.html").read_text()
+
+
+BAD = {  # what is done to the second log -> exit status, what is said
+    "twice": (2, "the same log twice"),
+    "empty": (1, "b.csv: the file is empty"),
+    "frozen": (1, "b is frozen"),
+    "elsewhere": (1, "did not travel together"),
+    "longitude": (1, "sign of its longitude"),
+    "another day": (1, "not on one journey"),
+    "no fix": (1, "0 epochs with a position"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_pairs_are_one_sentence(tmp_path, capsys, case):
+    """property: exit status, one sentence, nothing written."""
+    rng = np.random.default_rng(13)
+    a, b = pair(rng, seconds=300, sigma=0.5)
+    if case == "twice":
+        b = a
+    changed = {
+        "frozen": {
+            "lat_deg": 0 * b.lat_deg + b.lat_deg[0],
+            "lon_deg": 0 * b.lon_deg + b.lon_deg[0],
+        },
+        "elsewhere": {"lat_deg": b.lat_deg + 2},
+        "longitude": {"lon_deg": -b.lon_deg},
+        "another day": {
+            "lat_deg": a.lat_deg[::-5][: len(b.t_s)],
+            "lon_deg": a.lon_deg[::-5][: len(b.t_s)],
+        },
+        "no fix": {"lat_deg": np.nan * b.lat_deg},
+    }
+    b = replace(b, **changed.get(case, {}))
+    logs = [log_of(tmp_path / f"{name}.csv", u) for name, u in (("a", a), ("b", b))]
+    if case == "empty":
+        (tmp_path / "b.csv").write_text("")
+    status, said = BAD[case]
+    assert cli.main(["compare", *logs, "--out", str(tmp_path / "out")]) == status
+    error = capsys.readouterr().err.strip()
+    assert said in error and len(error.splitlines()) == 1
+    assert not (tmp_path / "out").exists()

@@ -35,7 +35,7 @@ _SPEED_NAME = r"(gps_?|location_?)?(speed|sog|ground_?speed|speed_over_ground)"
 _MEANINGS = (  # meaning of a name without its unit
     ("lat", r"(gps_?|location_?)?lat(itude)?"),
     ("lon", r"(gps_?|location_?)?(lon|lng|long)(itude)?"),
-    ("height", r"(gps_?|location_?)?(height|alt|altitude)"),
+    ("height", r"(gps_?|location_?)?(height|alt|altitude)([ _]*[\[(]?(ft|feet)[\])]?)?"),
     ("pdop", r"(gps_?)?pdop"),
     ("speed", _SPEED_NAME),
     ("course", r"(gps_?|location_?)?(course|cog|bearing|track|heading)"),
@@ -352,7 +352,9 @@ def _gnss(table, time, t, known, notes) -> Gnss:
         speed = np.where(speed >= 0, speed, np.nan) * SPEED[unit]
     if known.get("course", ("", None))[1] == "rad":
         course = np.degrees(course)
-    blank = {"lat_deg": lat, "lon_deg": lon, "height_m": column("height")}
+    feet = "height" in known and re.search(r"(ft|feet)\W*$", known["height"][0].lower())
+    height = column("height") * (0.3048 if feet else 1.0)
+    blank = {"lat_deg": lat, "lon_deg": lon, "height_m": height}
     blank |= {"speed_m_s": speed, "course_deg": course}
     blank = {name: np.where(fix, array, np.nan) for name, array in blank.items()}
     return Gnss(t_s=t[at], pdop=column("pdop"), has_fix=fix, **blank)

@@ -203,9 +203,25 @@ def local_tracks(units: Sequence[Unit]) -> list[Track]:
         if apart > APART_M:
             raise CannotAnswer(
                 f"{one} and {name} are never closer than {apart / 1000:.0f} km: they did not "
-                "travel together"
+                f"travel together{_mirrored(units, one, name)}"
             )
     return tracks
+
+
+def _mirrored(units, one, other):
+    """Say with which usual mistake two units would have been in one place."""
+    at = {u.name: np.array([np.nanmedian(u.lat_deg), np.nanmedian(u.lon_deg)])
+          for u in units if u.name in (one, other)}  # fmt: skip
+    (lat, lon), here = at[other], at[one]
+    mistakes = {
+        "changing the sign of its longitude": (lat, -lon),
+        "changing the sign of its latitude": (-lat, lon),
+        "exchanging its latitude and longitude": (lon, lat),
+    }
+    for what, (y, x) in mistakes.items():
+        if np.hypot(*(here - [y, x])) < 0.5:
+            return f"; {what} would bring {other} there"
+    return ""
 
 
 def _track(unit: Unit, origin) -> Track:

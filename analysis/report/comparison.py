@@ -1,0 +1,281 @@
+"""The page of units side by side: what `compare` writes."""
+
+import base64
+
+import matplotlib.pyplot as plt
+from jinja2 import Environment, FileSystemLoader, select_autoescape
+
+from analysis import Estimate, figures, plots, replacing, store
+from analysis.logs.columns import tidy
+from analysis.report import TEMPLATES
+from analysis.units.comparison import side_by_side
+from analysis.units.frame import Unit
+
+EVENTS = 30  # on a page; compare.json lists all
+OF_COMPARISON = {  # a row of the page: what it is
+    "p50_m": ("horizontal distance, half are within", "p50"),
+    "p95_m": ("horizontal distance, 95 % are within", "p95"),
+    "max_m": ("largest horizontal distance", ""),
+    "cep_m": ("CEP", "median distance from the mean difference"),
+    "r95_m": ("R95", "95 % of the distances from the mean difference"),
+    "drms2_m": ("2DRMS", "about the mean difference"),
+    "along_rms_m": ("along track, RMS", ""),
+    "cross_rms_m": ("cross track, RMS", ""),
+    "height_mean_m": ("height, mean", "a datum, if it is constant"),
+    "height_sd_m": ("height, standard deviation", "about the mean"),
+    **{
+        f"{angle}_{what}_deg": (f"{angle}, {words}", note)
+        for angle in ("roll", "pitch", "yaw")
+        for what, words, note in (
+            ("rms", "RMS", ""),
+            ("mean", "mean", "mounting, or magnetic north"),
+            ("sd", "standard deviation", "about the mean"),
+        )
+    },
+    "forward_m": ("lever arm, forward", "from the first unit to the second"),
+    "right_m": ("lever arm, to the right", ""),
+}
+
+
+def write(units, out):
+    """Compare units that travelled together and write compare.json, page and figures.
+
+    Parameters
+    ----------
+    units : dict of str to analysis.logs.Timeline
+        Name -> log, at least two; the first one's clock is the common one.
+    out : path-like
+        Folder; made if need be. An earlier comparison there is replaced, other files stay.
+
+    Returns
+    -------
+    dict
+        What compare.json holds.
+    """
+    found = side_by_side([Unit.of(name, log) for name, log in units.items()])
+    content = model(found, units)
+    with replacing(out) as draft:
+        pictures = _draw_comparison(found, units, draft / "figures")
+        (draft / "compare.json").write_text(store.as_json(content), encoding="utf-8")
+        templates = Environment(
+            loader=FileSystemLoader(TEMPLATES), autoescape=select_autoescape(default=True)
+        )
+        page = templates.get_template("compare.html").render(
+            content=content, pictures=pictures, **_rows_of_comparison(found, content)
+        )
+        (draft / "compare.html").write_text(page, encoding="utf-8")
+    return content
+
+
+def _draw_comparison(found, units, folder):
+    """Save the figures; return name -> (PNG as text, caption)."""
+    folder.mkdir(parents=True)
+    figures.use_style()
+    origin = {file: sha for log in units.values() for file, sha in log.sources.items()}
+    drawn = {}
+    if any(t.fixed.any() for t in found.tracks):
+        caption = "Tracks from above and heights in time; crosses mark events."
+        drawn["tracks"] = (plots.units_tracks(found), caption)
+    for pair in found.pairs:
+        caption = f"{pair.b} minus {pair.a}: in time, and as histograms, straight and turning."
+        figure = plots.units_differences(pair, plots.zero_time(found))
+        drawn[_picture_of(pair)] = (figure, caption)
+    pictures = {}
+    for name, (fig, caption) in drawn.items():
+        figures.save(fig, name, caption, data=origin, to=folder)
+        plt.close(fig)
+        pictures[name] = (base64.b64encode((folder / f"{name}.png").read_bytes()).decode(), caption)
+    return pictures
+
+
+def _picture_of(pair):
+    return f"{tidy(pair.a)}.{tidy(pair.b)}"  # no unit has a dot in its tidy name
+
+
+def _rows_of_comparison(found, content):
+    """Lay out what the page shows."""
+    tracks, events = found.tracks, content["events"]
+    both = " and ".join(t.name for t in tracks)
+    first = found.pairs[0]
+    headline = f"{len(tracks)} units"
+    if "p50_m" in first.metrics:
+        headline = (
+            f"{first.b} is within {first.metrics['p50_m'].value:.2g} m of {first.a} half of the "
+            f"time, and within {first.metrics['p95_m'].value:.2g} m for 95 % of it"
+        )
+    elif first.metrics:
+        name, e = next(iter(first.metrics.items()))
+        headline = f"{first.b} differs from {first.a} by {e:.2g}: {OF_COMPARISON[name][0]}"
+    largest = sorted(events, key=lambda e: -e["size"])[:EVENTS]
+    return {
+        "title": f"{both}, side by side",
+        "headline": f"{headline}; {len(events)} jumps, holds and losses.",
+        "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
+        "clocks": [
+            {
+                "unit": track.name,
+                "offset": f"{c.offset_s:.3f}" if c.offset_s.resolved else "not found",
+                "drift": f"{c.drift.scaled(1e6, 'ppm'):.1f}" if c.drift.resolved else "–",
+                "named": c.named or c.offset_s.note,
+            }
+            for track, c in zip(tracks[1:], found.clocks, strict=True)
+        ],
+        "pairs": [
+            {
+                "a": pair.a,
+                "b": pair.b,
+                "picture": _picture_of(pair),
+                "rows": [
+                    (OF_COMPARISON[k][0], e, OF_COMPARISON[k][1] or e.note)
+                    for k, e in (pair.metrics | pair.lever).items()
+                ],
+            }
+            for pair in found.pairs
+        ],
+        "events": sorted(largest, key=lambda e: e["from"]),
+        "hats": {name: _hat_rows(v, tracks) for name, v in found.variances.items()},
+    }
+
+
+def _hat_rows(variances, tracks):
+    """Lay out the noise of each unit in one component."""
+    unit = variances.sigma[0].unit
+    ranges = variances.allowed[min(variances.allowed)]
+    rows = [
+        {
+            "unit": track.name,
+            "resolved": one.resolved,
+            "estimate": str(alone) if len(tracks) > 2 else str(one),
+            "range": f"{low:.2g} to {high:.2g} {unit}" if low == low else "impossible",
+        }
+        for track, one, alone, (low, high) in zip(
+            tracks, variances.sigma, variances.independent, ranges, strict=True
+        )
+    ]
+    reasons = dict.fromkeys(e.note for e in variances.sigma if not e.resolved)
+    return {"rows": rows, "note": "; ".join(dict.fromkeys([variances.note, *reasons]))}
+
+
+def model(found, units):
+    """Give the content of compare.json, plain numbers and words.
+
+    Parameters
+    ----------
+    found : analysis.units.comparison.Comparison
+    units : dict of str to analysis.logs.Timeline
+
+    Returns
+    -------
+    dict
+        With two units ``clock``, ``position``, ``attitude``, ``lever_arm`` are as DESIGN.md has
+        them; with more they are lists: ``clock`` of each unit against the first, the others of
+        each pair.
+    """
+    zero = plots.zero_time(found)
+    tracks = found.tracks
+    clocks = [
+        {
+            "unit": track.name,
+            "against": tracks[0].name,
+            "offset_s": _exact(clock.offset_s.value),
+            "low": _exact(clock.offset_s.low),
+            "high": _exact(clock.offset_s.high),
+            "drift": store.plain(clock.drift),
+            "named": clock.named,
+            "note": clock.offset_s.note,
+        }
+        for track, clock in zip(tracks[1:], found.clocks, strict=True)
+    ]
+    pairs = [
+        {
+            part: {"units": [pair.a, pair.b]}
+            | {k: store.plain(e) for k, e in entries.items() if k.endswith(unit)}
+            for part, entries, unit in (
+                ("position", pair.metrics, "_m"),
+                ("attitude", pair.metrics, "_deg"),
+                ("lever_arm", pair.lever, "_m"),
+            )
+        }
+        for pair in found.pairs
+    ]
+    per_pair = {part: [pair[part] for pair in pairs] for part in pairs[0]}
+    if len(tracks) == 2:
+        clocks, per_pair = clocks[0], {k: v[0] for k, v in per_pair.items()}
+    return {
+        "units": [
+            {
+                "name": track.name,
+                "files": log.sources,
+                "clock": track.clock,
+                "epochs": len(track.t_s),
+                "epochs_with_fix": int(track.fixed.sum()),
+                "attitudes": len(track.attitude_t_s),
+                "notes": list(log.notes),
+            }
+            for track, log in zip(tracks, units.values(), strict=True)
+        ],
+        "time_zero_s": _exact(zero),
+        "clock": clocks,
+        **per_pair,
+        "events": [
+            {"unit": e.unit, "kind": e.kind, "from": round(e.from_s - zero, 3),
+             "to": round(e.to_s - zero, 3), "size": store.rounded_number(e.size), "note": e.note}
+            for e in found.events
+        ],
+        "without_truth": {
+            name: {
+                "sigma": {t.name: store.plain(e) for t, e in zip(tracks, v.sigma, strict=True)},
+                "if_independent": {
+                    t.name: store.plain(e) for t, e in zip(tracks, v.independent, strict=True)
+                },
+                "hat_variance": [store.rounded_number(x) for x in v.hat],
+                "p_independent": store.rounded_number(v.p_independent),
+                "least_correlation": store.rounded_number(v.least_correlation),
+                "range_if_correlation_at_most": {
+                    f"{rho:g}": [[store.rounded_number(x) for x in row] for row in ends]
+                    for rho, ends in v.allowed.items()
+                },
+                "note": v.note,
+            }
+            for name, v in found.variances.items()
+        },
+        "notes": list(found.notes),
+    }  # fmt: skip
+
+
+def _exact(seconds):
+    """Round a time to 0.1 ms: six digits would lose the seconds of a date."""
+    return None if seconds is None else round(float(seconds), 4)
+
+
+def lines(content):
+    """Write the main numbers of a comparison for the terminal.
+
+    Yields
+    ------
+    str
+    """
+    clocks, positions, attitudes = (
+        entry if isinstance(entry, list) else [entry]
+        for entry in (content["clock"], content["position"], content["attitude"])
+    )
+    for clock in clocks:
+        if clock["offset_s"] is not None:
+            yield (
+                f"clock of {clock['unit']}: {clock['offset_s']:.3f} s "
+                f"({clock['low']:.3f} to {clock['high']:.3f})"
+            )
+    for position, attitude in zip(positions, attitudes, strict=True):
+        a, b = position["units"]
+        yield f"\n{b} minus {a}"
+        for key, entry in (position | attitude).items():
+            if key in OF_COMPARISON:
+                yield f"  {OF_COMPARISON[key][0]:<40}{Estimate(**entry)}"
+    for event in content["events"][:EVENTS]:
+        yield (
+            f"  {event['unit']}: {event['kind']} from {event['from']:.1f} to {event['to']:.1f} s: "
+            f"{event['note']}"
+        )
+    for name, entry in content["without_truth"].items():
+        for unit, one in entry["sigma"].items():
+            yield f"  noise of {unit} {name}: {Estimate(**one)}"
