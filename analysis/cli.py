@@ -656,7 +656,7 @@ def _read_units(logs, columns, **reading):
         raise WrongUsage("one log cannot be compared: give the logs of two units or more")
     units: dict[str, Any] = {}
     for log in logs:
-        files = [log] if Path(log).is_file() else log.split(",")
+        files = [log] if Path(log).exists() else log.split(",")
         name = Path(files[0]).name.split(".")[0] or files[0]
         name = next(n for n in (name, *(f"{name}-{k}" for k in range(2, 99))) if n not in units)
         units[name] = read_moving(files, columns=wanted, **reading)
