@@ -306,7 +306,7 @@ class Estimate:
         """Choose unit and decimals for value and interval together.
 
         The unit is the finest of the datasheets' in which the number stays below 1000. Of its last
-        digit the interval spans 4 to 40, and so does each number, so that the near end of an
+        digit the interval spans 5 to 50, and so does each number, so that the near end of an
         interval over decades is not rounded away.
 
         Returns
@@ -328,7 +328,7 @@ class Estimate:
             x *= factor
             if not width or not 1e-5 <= size < 1e6:
                 return engineering(x)
-            least = min(width, around_zero or abs(x)) / 4
+            least = min(width, around_zero or abs(x)) / 5
             place = max(_order(least), _order(max(least, abs(x))) - 5)
             return f"{Decimal(round(x, -place) + 0.0):.{max(-place, 0)}f}"
 

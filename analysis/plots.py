@@ -281,7 +281,9 @@ def atlas(fig: Figure, table: pd.DataFrame) -> None:
             wider = max(np.sqrt(10 * low / high), 1.0)  # a decade at least
             axis.set_view_interval(low / wider, high * wider, ignore=True)
         ax.set_title({"rate": "gyros", "accel": "accelerometers"}[kind])
-        ax.legend(fontsize=5.5, loc="upper left", bbox_to_anchor=(0, -0.16), ncols=2)
+        ax.xaxis.set_minor_formatter(NullFormatter())
+        columns = 2 if kind == "rate" else 1
+        ax.legend(fontsize=5.5, loc="upper left", bbox_to_anchor=(0, -0.16), ncols=columns)
 
 
 def _axes_of_a_sensor(ax, name, of, color, mark):

@@ -322,7 +322,7 @@ def test_guides_that_are_no_data_are_left_out():
         (Estimate(187.0, 112.0, 803.0, "s"), "190 (110 to 800) s"),
         (Estimate(1.7e7, 0.52, 5.6e14), "1.7×10⁷ (0.52 to 5.6×10¹⁴)"),
         (Estimate(1.0, 0.5, 2.0, "deg/h/sqrt(s)"), "60 (30 to 120) °/h/√h"),
-        (Estimate(127.04, 126.81, 127.27, "deg/h"), "127.0 (126.8 to 127.3) °/h"),
+        (Estimate(127.04, 126.81, 127.27, "deg/h"), "127.04 (126.81 to 127.27) °/h"),
         (Estimate(5.0, 5.0, 5.0, "s"), "5 (5 to 5) s"),
         (Estimate.refused("s", "", low=12.0), "unresolved (at least 12 s)"),
         (Estimate.refused("g", "", high=3e-6), "unresolved (at most 3 µg)"),
@@ -335,9 +335,9 @@ def test_estimates_are_written_in_the_units_of_the_trade(estimate, words):
 
 
 def test_value_and_interval_are_rounded_together():
-    """Property: no exponent at any magnitude; nothing moves by over 1/8 of itself or the interval.
+    """Property: no exponent at any magnitude; nothing moves by over 1/10 of itself or the interval.
 
-    Half a last digit is at most 1/8 of what spans four of them.
+    Half a last digit is at most 1/10 of what spans five of them.
     """
     rng = np.random.default_rng(14)
     for unit, units in CUSTOMARY.items():
@@ -349,7 +349,7 @@ def test_value_and_interval_are_rounded_together():
             ).groups()
             factor = next(factor for factor, known in units if known == name)
             for written, exact in zip(map(float, numbers), (value, low, high), strict=True):
-                slack = max(min(exact, high - low) / 8 * factor, exact * factor * 1e-5)
+                slack = max(min(exact, high - low) / 10 * factor, exact * factor * 1e-5)
                 assert abs(written - factor * exact) < 1.001 * slack, (words, value, low, high)
 
 

@@ -117,6 +117,8 @@ def test_one_function_tells_the_tracking_error():
     model = store.read_model("adis16405")
     found = plane.of_log(model, "gyro_y")
     assert found.low < found.value < found.high
+    model["channels"][1]["parameters"]["arw"]["high"] = 10.0
+    assert plane.of_log(model, "gyro_y").high is None
     bounded = plane.of_log(store.read_model("mpu6050-gyro"), "gyro_y")
     assert bounded.value is None and bounded.high > 0
 

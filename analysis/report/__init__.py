@@ -110,6 +110,7 @@ def _told(result, model, atlas, part):
     return {
         "answers": [within, verdict.at_rest(result), enough],
         "headline": verdict.headline(within, enough),
+        "judged": verdict.NEAREST not in why,
         "groups": verdict.summary(result),
         "reasons": verdict.reasons(result),
         "road": verdict.road(model, atlas),

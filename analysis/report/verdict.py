@@ -307,14 +307,13 @@ def headline(within, enough):
             "partly": "Not held against a data sheet; the leading numbers are resolved in part.",
             "no": "This log resolves no noise parameter.",
         }[enough.answer]
-    verdict = {
+    if NEAREST in within.why.lower():
+        return f"No part was named; the noise is nearest to {part}."
+    return {
         "yes": f"Within {part}, with 95 % confidence for each number.",
         "no": f"Not within {part}: with 95 % confidence at least one number is above it.",
         "open": f"Neither shown to be within {part} nor to be above it.",
     }[within.answer]
-    if NEAREST not in within.why.lower():
-        return verdict
-    return f"No part was named. Beside the nearest: {verdict[0].lower()}{verdict[1:]}"
 
 
 # One table of all axes
@@ -464,10 +463,12 @@ def road(model, atlas):
     axes, ends = {}, {}
     for name in names:
         try:
-            axes[name] = {tracker: plane.of_log(model, name) for tracker, plane in planes.items()}
-            ends[name] = axes[name]["paper"].high or np.inf
+            errors = {tracker: plane.of_log(model, name) for tracker, plane in planes.items()}
         except CannotAnswer as error:
             axes[name] = str(error)
+            continue
+        axes[name] = {tracker: in_words(e) for tracker, e in errors.items()}
+        ends[name] = errors["paper"].value or errors["paper"].high or np.inf
     rows = []
     for part in atlas.query("basis == 'datasheet' and kind == 'rate'").to_dict("records"):
         sensor = Sensor(part["n"], part["b"])
@@ -479,14 +480,16 @@ def road(model, atlas):
     if ends:
         worst = max(ends, key=ends.get)
         own = {"name": f"this log, {worst}", "price": "", "own": True}
-        at = axes[worst]["paper"].value or ends[worst]
-        rows.append((at, own | {t: in_words(e) for t, e in axes[worst].items()}))
+        rows.append((ends[worst], own | axes[worst]))
     rows = [row for _, row in sorted(rows, key=lambda row: row[0])]
     return {"axes": axes, "parts": rows, "readings": {t: p.reading for t, p in planes.items()}}
 
 
-def in_words(estimate):
-    """Write an estimate for the page: value and interval, or the bound of what is not resolved."""
-    if estimate.value is None:
-        return f"not resolved: {estimate.interval_text}"
-    return str(estimate)
+def in_words(error):
+    """Write an error as finely as a hundred laps tell it, or its bound.
+
+    Returns
+    -------
+    str
+    """
+    return f"{error:.2g}".removeprefix("unresolved ").strip("()")

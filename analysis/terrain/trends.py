@@ -255,7 +255,7 @@ def largest_allowed(coefficient: np.ndarray, reach: np.ndarray, wanted: float) -
 
 @dataclass(frozen=True)
 class ErrorPlane:
-    """Tracking error of any gyro under one reading, log-log between the points of a grid.
+    """Tracking error of any gyro under one reading, monotone cubics between the points of a grid.
 
     Attributes
     ----------
@@ -285,7 +285,8 @@ class ErrorPlane:
             return np.inf, np.nan
         axes = np.log(self.sigma_b), np.log(self.arw)
         at = np.log(np.maximum(point, [self.sigma_b[0], self.arw[0]]))
-        error, lost = (interpn(axes, of, at)[0] for of in (np.log(self.error), self.lost))
+        numbers = np.log(self.error), self.lost
+        error, lost = (interpn(axes, of, at, method="pchip")[0] for of in numbers)
         return float(np.exp(error)), float(lost)
 
     def of_log(self, model: dict, channel: str) -> Estimate:
@@ -311,9 +312,10 @@ class ErrorPlane:
         numbers = next(c["parameters"] for c in model["channels"] if c["name"] == channel)
         n, b = numbers["arw"], numbers["bias_instability"]
         scale = sensor.arw / n["value"]
-        low, high = (
-            self.of(Sensor(scale * n[end], scale * (b[end] or 0.0)))[0] for end in ("low", "high")
-        )
-        if bound:
-            return Estimate.refused("m", "this log only bounds B", high=high)
-        return Estimate(self.of(sensor)[0], low, high if np.isfinite(high) else None, "m")
+        value = None if bound else self.of(sensor)[0]
+        ends = (self.of(Sensor(scale * n[e], scale * (b[e] or 0.0)))[0] for e in ("low", "high"))
+        value, low, high = (v if v and np.isfinite(v) else None for v in (value, *ends))
+        if bound or value is None:
+            why = "this log only bounds B" if bound else "N or B is beyond what was simulated"
+            return Estimate.refused("m", why, low=None if bound else low, high=high)
+        return Estimate(value, low, high, "m")
