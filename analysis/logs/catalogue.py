@@ -42,7 +42,7 @@ def load_catalogue() -> dict[str, dict]:
 
 
 def find(log: str | Path) -> tuple[str, dict, Path]:
-    """Find a log by its catalogue name, or as a file.
+    """Find a log by its catalogue name, or as a file, also one in ``data/own/``.
 
     Returns
     -------
@@ -66,6 +66,8 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
             f"there is no file {path.name}, and no log of that name in the catalogue"
             f"{closest(name, stanzas)}; it has {', '.join(stanzas)}"
         )
+        if not path.exists() and (OWN.parent / path).is_file():
+            path = OWN.parent / path
         return path.stem, {}, _check_file(path, missing)
     stanza = stanzas[name]
     if not stanza["own"]:
