@@ -243,12 +243,14 @@ def increments(means, width):
     -------
     Increments or None
     """
-    there = np.flatnonzero(np.isfinite(means))
+    finite = np.isfinite(means)
+    there = np.arange(len(means)) if finite.all() else np.flatnonzero(finite)
     k = len(there) // (2 * PARTS**2)
     if k < LEAST:
         return None
     used = there[: 2 * PARTS**2 * k]
-    h = np.diff(means[used].reshape(PARTS, PARTS, k, 2))[..., 0]
+    pairs = means[used].reshape(PARTS, PARTS, k, 2)
+    h = pairs[..., 1] - pairs[..., 0]
     energy = np.mean(h**2, axis=(1, 2), keepdims=True)
     level = np.mean(np.abs(h), axis=2)
     if level.min() == 0.0 or np.ptp(level, axis=1).max() <= EXACT * level.max():

@@ -72,7 +72,7 @@ DRIFT_GRID = (15, 30)  # points along the last two parameters
 GRID_FALL = 28.0  # fall of 2 ln L at the ends of the grid
 GRID_RANGE = np.log(1e4)  # greatest ln(high / low) of a size on the grid
 BOOTSTRAP_LOGS = 500
-ROWS = 20  # of noise parameters that are evaluated on all of them at once
+ROWS = 20, 5  # of noise parameters evaluated on all of them at once; on logs with gaps
 
 
 @dataclass(frozen=True)
@@ -654,7 +654,8 @@ def _lines(stretches, points, names):
     sd : ndarray, shape (rows,), U/s
     """
     parts = []
-    for some in np.array_split(points, len(points) // ROWS):
+    at_once = ROWS[any(stretch.has_gaps for stretch in stretches)]
+    for some in np.array_split(points, len(points) // at_once):
         result = evaluate(stretches, rows(some, names))
         parts.append((result.value - np.log(result.drift_sd), result.drift, result.drift_sd))
     value, drift, sd = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))

@@ -116,9 +116,10 @@ def evaluate(stretches, terms, *, detrend=True):
     parts = [_of_log(stretch, terms) for stretch in stretches]
     logdet, yy, xz = (sum(part) for part in zip(*parts, strict=True))
     p, first = xz.shape[1], 0 if detrend else 1
-    more, left, solved = _eliminated(xz[:, first:, first:].copy())
-    yy = yy - (left * solved).sum(axis=1)
-    count = sum(int(stretch.count.sum()) for stretch in stretches) - left.shape[1]
+    more, inverse = _inverse(xz[:, first:, first:p])
+    xy = xz[:, first:, p:]
+    yy = yy - (xy * (inverse @ xy)).sum(axis=1)
+    count = sum(int(stretch.count.sum()) for stretch in stretches) - p + first
     count -= sum(stretch.has_gaps for stretch in stretches)  # their means
     value, xy = -0.5 * ((logdet + more)[:, None] + yy), xz[..., p:]
     if stretches[0].yy.ndim == 2:
@@ -279,11 +280,12 @@ def _of_log(stretch, terms):
         more = decay[k][..., None] * more * decay[k][:, None]
     left, right = (np.concatenate(a, axis=1) for a in ([*expected[:-1], *new], [*first, *known]))
     yy, xz = _less(yy, xz, left, right)
-    constant = xz.shape[1] - 1  # the last regressor
-    order = np.r_[constant, :constant, constant + 1 : xz.shape[2]]
-    more, left, solved = _eliminated(xz[:, order[:1]][:, :, order])
-    yy, xz = _less(yy, xz[:, :constant, order[1:]], left, solved)
-    return logdet + more - np.log(stretch.n), yy, xz
+    share = xz[:, -1:]  # the constant is the last regressor
+    p = xz.shape[1]
+    level = share[..., p - 1]
+    yy, xz = _less(yy, xz, share, share / level[..., None])
+    keep = np.delete(np.arange(xz.shape[2]), p - 1)
+    return logdet + np.log(level[:, 0] / stretch.n), yy, xz[:, :-1, keep]
 
 
 def _steps(stretch):
@@ -327,45 +329,41 @@ def _products(stretch, terms):
         a.reshape(halves, rows, len(signs), a.shape[-1]) * size[..., None]
         for a in (inner, stacked @ stretch.uz)
     )
-    probe = np.broadcast_to(signs, inner.shape)[..., : len(signs) * stretch.has_gaps]
-    more, *both = _eliminated(np.concatenate([inner * size[:, None] + signs, probe, onto], axis=3))
-    probes, together = probe.shape[-1], (rows, halves * len(signs), onto.shape[-1])
-    left, solved = (a[..., probes:].swapaxes(0, 1).reshape(together) for a in both)
-    yy, xz = _less(yy, xz.reshape(rows, len(stretch.ux), -1), left, solved)
-    across = both[0][..., :probes].swapaxes(2, 3) @ both[1]
-    square = signs[:probes, :probes] - across[..., :probes]
-    return logdet + more.sum(axis=0), yy, xz, square, across[..., probes:]
+    more, inverse = _inverse(signs + inner * size[:, None])
+    solved = inverse @ onto
+    both = (a.swapaxes(0, 1).reshape(rows, -1, onto.shape[-1]) for a in (onto, solved))
+    yy, xz = _less(yy, xz.reshape(rows, len(stretch.ux), -1), *both)
+    if stretch.has_gaps:
+        inverse, solved = signs - signs @ inverse @ signs, signs @ solved
+    return logdet + more.sum(axis=0), yy, xz, inverse, solved
 
 
-def _eliminated(systems):
-    """Solve symmetric systems (A | b) as far as the products b'A^-1 b need it, by elimination.
+def _inverse(symmetric):
+    """Invert symmetric matrices, shape (..., k, k), all at once, by elimination.
 
-    A is positive definite, or negative definite in its first unknowns and positive in the others:
-    neither needs pivoting.
-
-    Parameters
-    ----------
-    systems : ndarray, shape (..., k, k + c)
-        Overwritten.
+    They are positive definite, or negative definite in the first unknowns and positive in the
+    others: neither needs pivoting.
 
     Returns
     -------
     logdet : ndarray, shape (...)
-        ln |det A|.
-    left, solved : ndarray, shape (..., k, c)
-        left'solved is b'A^-1 b.
+        ln |det|.
+    inverse : ndarray, shape (..., k, k)
     """
-    size = systems.shape[-2]
+    size = symmetric.shape[-1]
+    lower = np.moveaxis(symmetric, (-2, -1), (0, 1)).copy()
     for i in range(size - 1):
-        row, below = systems[..., i, i + 1 :], systems[..., i + 1 :, i + 1 :]
-        below -= (row[..., : size - 1 - i] / systems[..., i, i, None])[..., None] * row[
-            ..., None, :
-        ]
-    pivots = np.diagonal(systems, axis1=-2, axis2=-1)
+        share = lower[i + 1 :, i] / lower[i, i]
+        lower[i + 1 :] -= share[:, None] * lower[i]
+        lower[i + 1 :, i] = -share
+    pivots = np.einsum("ii...->i...", lower).copy()
     if not pivots.all():
         raise np.linalg.LinAlgError("Singular matrix")
-    left = systems[..., size:]
-    return np.log(np.abs(pivots)).sum(axis=-1), left, left / pivots[..., None]
+    rows, columns = np.triu_indices(size)
+    lower[rows, columns] = 0.0
+    np.einsum("ii...->i...", lower)[...] = 1.0
+    left, right = (np.moveaxis(a, (0, 1), (-1, -2)) for a in (lower, lower / pivots[:, None]))
+    return np.log(np.abs(pivots)).sum(axis=0), left @ right.swapaxes(-2, -1)
 
 
 def _less(yy, xz, left, right):

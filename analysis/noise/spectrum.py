@@ -28,6 +28,7 @@ OF_MANY = 10, 7  # the same in each stretch of a log with gaps
 STRETCHES = 30  # longest pieces of a log with gaps that are used
 FEWEST = 8  # means below which a piece is left out
 USED = 0.95  # share of the samples that is to be used
+BLOCK = 2**15  # coefficients at a time
 ENOUGH = 0.5  # share of the usual number of samples that a mean needs
 
 
@@ -135,37 +136,40 @@ def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
     n = len(y)
     whole = n * m if whole is None else whole
     alone = whole == n * m  # then the mean is not used
-    c = dct(y - y.mean() if alone else y, type=2, norm="ortho")
-    half_angle = np.pi * np.arange(n) / (2 * n)
-    u = np.sqrt(2 / n) * np.cos(half_angle)
-    u[0] = np.sqrt(1 / n)
-    x = np.zeros(n)  # the ramp in seconds, centred: odd coefficients only
-    x[1::2] = -(m * dt) * u[1::2] / (2 * np.sin(half_angle[1::2]) ** 2)
-    del half_angle  # as long as the log: ten million samples are to fit into a small memory
+    series = [y - y.mean() if alone else y, *added]
+    series = [dct(values, type=2, norm="ortho") for values in series]
     lam, count, starts = _bins(n, *((SINGLE, BINS) if alone else OF_MANY))
-
-    def gathered(values):
-        sums = np.zeros(lam.shape)
-        for parity, first in enumerate(starts):
-            sums[parity, : len(first)] = np.add.reduceat(values[parity::2], first)
-        return sums
-
-    columns = [x, *(dct(column, type=2, norm="ortho") for column in added)]
-    if alone:
-        for column in (c, u, *columns):
-            column[0] = 0.0
-    else:
+    if not alone:
         count[0, 0] = 1.0
-        x[0] = np.sqrt(n) * dt * (start + (n * m - whole) / 2)
-        columns.append(np.sqrt(n) * (np.arange(n) == 0))
-    xx = np.zeros((len(columns), len(columns), *lam.shape))
-    for i, a in enumerate(columns):
-        for j, b in enumerate(columns[: i + 1]):
-            xx[i, j] = xx[j, i] = gathered(a * b)
-    xy, ux = (np.array([gathered(a * column) for column in columns]) for a in (c, u))
-    sums = [gathered(a * b) for a, b in ((c, c), (u, u), (u, c))]
+        series.append(np.sqrt(n) * (np.arange(n) == 0))
+    sums = np.zeros((len(series) + 2, len(series) + 2, *lam.shape))  # of y, u, x and what is added
+    turn = np.pi / n * np.arange(BLOCK // 2)
+    cos, sin = np.cos(turn), np.sin(turn)
+    for first in sorted({*range(0, n, BLOCK), *range(1, n, BLOCK)}):
+        parity = first % 2
+        c, *more = (values[first : first + BLOCK : 2] for values in series)
+        at = np.pi * first / (2 * n)
+        u = np.sqrt(2 / n) * (np.cos(at) * cos - np.sin(at) * sin)[: len(c)]
+        x = np.zeros(len(c))  # the ramp in seconds, centred: odd coefficients only
+        if parity:
+            x = -(m * dt) * u / (2 * (np.sin(at) * cos + np.cos(at) * sin)[: len(c)] ** 2)
+        if first == 0:
+            u[0] = np.sqrt(1 / n)
+            x[0] = np.sqrt(n) * dt * (start + (n * m - whole) / 2)
+        block = [c, u, x, *more]
+        if first == 0 and alone:
+            for values in block:
+                values[0] = 0.0
+        edge = starts[parity]
+        bins = slice(*np.searchsorted(edge, [first // 2 + 1, first // 2 + len(c)]) - [1, 0])
+        inside = np.maximum(edge[bins] - first // 2, 0)
+        for i, j in zip(*np.tril_indices(len(block)), strict=True):
+            sums[i, j, parity, bins] += np.add.reduceat(block[i] * block[j], inside)
+    i, j = np.triu_indices(len(sums), 1)
+    sums[i, j] = sums[j, i]
+    base, of_x = (sums[0, 0], sums[1, 1], sums[1, 0]), (sums[2:, 2:], sums[0, 2:], sums[1, 2:])
     place = (np.array([v]) for v in (start, n * m, float(m) if behind is None else behind))
-    return Spectrum(n, m, dt, whole, *place, lam, count, *sums, xx, xy, ux)
+    return Spectrum(n, m, dt, whole, *place, lam, count, *base, *of_x)
 
 
 def joined(stretches):
@@ -269,7 +273,7 @@ def spectra(y, dt, m, added=()):
     first, last = runs[0, 0], runs[-1, 1]
     pieces = []
     for a, b in runs:
-        middle = dt * (m * np.arange(a, b) + (m - 1) / 2)
+        middle = dt * (m * np.arange(a, b if added else a) + (m - 1) / 2)
         columns = [column(middle) for column in added]
         behind = float(1 / np.mean(1 / have[a:b]))
         place = {"start": int(m * (a - first)), "whole": int(m * (last - first))}
@@ -315,6 +319,8 @@ def _runs(valid, m):
     have : ndarray of int, shape (means,)
         Samples behind each mean.
     """
+    if valid.all():
+        return np.array([[0, len(valid) // m]]), np.full(len(valid) // m, m, dtype=np.int32)
     have = valid[: len(valid) // m * m].reshape(-1, m).sum(axis=1, dtype=np.int32)
     enough = have >= ENOUGH * np.median(have[have > 0]) if have.any() else have > 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], enough, [False]])))
@@ -327,6 +333,6 @@ def _means(y, m, have):
     """Mean of the samples that are there, of each m; NaN where there is none."""
     blocks = y[: len(have) * m].reshape(-1, m)
     if m == 1 or have.min() == m:
-        return y if m == 1 else blocks.mean(axis=1)
+        return y if m == 1 else blocks @ np.ones(m) / m
     sums = np.where(np.isfinite(blocks), blocks, 0.0).sum(axis=1)
     return np.divide(sums, have, out=np.full(len(have), np.nan), where=have > 0)
