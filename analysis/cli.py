@@ -738,6 +738,12 @@ def coverage(
     real: Annotated[
         bool, _flag("--real", "Real logs in halves, quarters, eighths: do the numbers repeat?")
     ] = False,
+    beside: Annotated[
+        bool, _flag("--beside", "The same logs through allantools, allan-variance, IEEE 952.")
+    ] = False,
+    power: Annotated[
+        bool, _flag("--power", "How often each test of the fit finds what it looks for.")
+    ] = False,
 ):
     """Count on simulated logs how often intervals hold the truth.
 
@@ -745,6 +751,8 @@ def coverage(
     python -m analysis coverage                            what data/derived/coverage holds
     python -m analysis coverage --broken                   what data/derived/robustness holds
     python -m analysis coverage --real                     what data/derived/repeatability holds
+    python -m analysis coverage --beside                   what data/derived/beside-others holds
+    python -m analysis coverage --power                    what data/derived/power holds
     python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
@@ -754,15 +762,22 @@ def coverage(
     """
     from analysis.studies import coverage as study
 
-    if real:
-        if broken or any((runs, hours, models)):
-            raise WrongUsage("--real has no other options than --workers and --out")
-        from analysis.studies import repeatability
+    whole = {"--real": real, "--beside": beside, "--power": power}
+    if any(whole.values()):
+        flag = next(name for name, given in whole.items() if given)
+        if broken or sum(whole.values()) > 1 or any((runs, hours, models)):
+            raise WrongUsage(f"{flag} has no other options than --workers and --out")
+        from analysis.studies import beside_others, repeatability
 
-        folder = Path(out) if out else repeatability.FOLDER
+        run, usual = {
+            "--real": (repeatability.study, repeatability.FOLDER),
+            "--beside": (beside_others.study, beside_others.FOLDER),
+            "--power": (study.power, study.POWER),
+        }[flag]
+        folder = Path(out) if out else usual
         with writing(folder):
-            repeatability.study(workers, folder)
-        print(f"the parts of {len(repeatability.LOGS)} real logs are in {folder.name}/")
+            run(workers, folder)
+        print(f"the tables are in {folder.name}/")
         return
     try:
         lengths = [float(h) for h in (hours or ("2" if broken else "2,6")).split(",")]

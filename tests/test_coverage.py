@@ -159,7 +159,7 @@ def test_what_breaks_a_log_is_what_is_said():
     # Student t3 at the sensor's standard deviation; its square has no variance, hence 10 %.
     tails = coverage.tails(still, t, np.random.default_rng(1), level=0.06)
     assert tails.std() == pytest.approx(0.06, rel=0.1)
-    halves = coverage.doubled(still, t, np.random.default_rng(1), level=0.06)
+    halves = coverage.louder(still, t, np.random.default_rng(1), level=0.06)
     assert not halves[: n // 2].any() and halves[n // 2 + 1 :].std() == pytest.approx(
         np.sqrt(3) * 0.06, rel=0.02
     )

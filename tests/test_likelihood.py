@@ -368,6 +368,15 @@ def test_short_log_bounds_a_long_correlation_time():
     assert sigma.value is None and sigma.low < 1.0
 
 
+def test_few_correlation_times_are_said_to_be_a_selection():
+    """property: a value from few correlation times says so, one from many does not."""
+    for seed, corr_time in ((0, 300.0), (7, 60.0)):
+        y = UnifiedModel(0.1, corr_time, 1.0).simulate(7200, 1.0, np.random.default_rng(seed))
+        found = infer(y, 1.0, "deg", "angle", np.random.default_rng(7)).parameters
+        for e in (found["corr_time"], found["sigma_b"]):
+            assert e.resolved and ("not every such log" in e.note) == (corr_time == 300.0)
+
+
 def test_drift_needs_more_than_a_slow_bias():
     """analytic: a steep drift comes back inside its interval, none is not invented."""
     found = []

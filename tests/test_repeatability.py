@@ -7,6 +7,7 @@ import pytest
 from analysis import store
 from analysis.cli import main
 from analysis.logs import datasets
+from analysis.noise import infer
 from analysis.studies import repeatability
 
 
@@ -94,6 +95,48 @@ def test_stored_summary_is_that_of_the_parts():
     now = repeatability.summary(parts, repeatability.pairs(parts))
     for column in ("resolved", "pairs", "within", "low", "high"):
         np.testing.assert_allclose(now[column], tables["summary"][column], rtol=store.TOLERANCE)
+
+
+def test_overdispersion_is_that_of_the_intervals():
+    """analytic: intervals half as wide as they should be lack a factor of 2, on other units too.
+
+    900 pairs of 150 channels a log: the root mean square of z is good to a few percent.
+    """
+    values = 50 + 0.3 * np.random.default_rng(5).standard_normal((300, 4))
+    table = parts_of(values, 0.98 * 0.3, parameter="bias_instability")
+    own = table["channel"].str[1:].astype(int) < 150
+    compared = repeatability.pairs(table.assign(log=np.where(own, "adis16405-1", "other")))
+    (row,) = repeatability.overdispersion(compared).to_dict("records")
+    assert row["fitted_pairs"] == row["pairs"] == 900
+    assert row["factor"] == pytest.approx(2.0, rel=0.08)
+    assert row["factor_low"] < 2.0 < row["factor_high"]
+    assert row["within"] == pytest.approx(0.673, abs=0.06)
+    assert row["widened_low"] < 0.95 < row["widened_high"]
+
+
+def test_a_pooled_gyro_again():
+    """cross-check: one of the nine pooled gyros, fitted now, gives the stored model and rivals."""
+    stored = store.read("adis16405-units").tables["channels"].set_index(["log", "channel"])
+    name, k = "adis16405-3", 1
+    try:
+        log = repeatability.read(name)
+    except datasets.NotHere as error:
+        pytest.skip(str(error))
+    channel, rng = log.channels[k], np.random.default_rng([repeatability.SEED, k, 2])
+    now = repeatability.fitted(infer(channel.values, log.dt, channel.unit, channel.kind, rng))
+    was = stored.loc[(name, channel.name)]
+    assert (was["model"], was["rivals"]) == (now["model"], now["rivals"])
+    for parameter in repeatability.SLOW:
+        value = np.nan if now[parameter] is None else now[parameter]
+        np.testing.assert_allclose(value, was[parameter], rtol=store.TOLERANCE)
+
+
+def test_real_units_that_may_be_one():
+    """property: the three logs' biases are so alike that `pool` says they may be of one unit."""
+    source, tables = store.read("adis16405-units")
+    assert [pair[:2] for pair in source["may_be_one_unit"]] == [[1, 2], [1, 3], [2, 3]]
+    means = tables["pooled"].query("parameter == 'mean'")
+    assert (means["value"] < 0.03).all() and (means["high"] < 0.2).all()  # deg/s
 
 
 @pytest.mark.parametrize("arguments", ["--runs 3", "--broken", "--models terrain"])

@@ -11,7 +11,8 @@ from analysis import CannotAnswer, logs, replacing, store
 from analysis.noise.models import UnifiedModel
 from analysis.studies import derived
 
-OWN_COMMANDS = {"coverage", "ensembles", "robustness", "repeatability", "benchmark"}
+SIMULATED = {"coverage", "ensembles", "robustness", "power", "benchmark"}
+OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}
 READ_OFF = {"bias_instability", "rrw"}
@@ -375,7 +376,7 @@ def test_every_folder_can_be_made_again_and_states_its_source():
     for name in folders:
         source = store.read(name).source
         assert source["title"] and source["made_by"].startswith("python -m analysis")
-        if name not in {"coverage", "ensembles", "robustness", "benchmark"}:
+        if name not in SIMULATED:
             sums = source.get("files") or {source["file"]: source["sha256"]}
             assert all(len(sha256) == 64 for sha256 in sums.values())
             assert source["licence"] and source["source"]

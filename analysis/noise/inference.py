@@ -60,10 +60,15 @@ AGREE = 0.03  # relative
 MARGIN = 2  # doublings beyond the first band without a visible filter
 BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 USED = 0.95  # a note says if less than this share of the samples is used
+SELECTED = 30  # correlation times; the values of logs that hold fewer are a selection
 FEW = 4.0  # AIC within which a model without a term speaks against the term
 SAME = 0.02  # relative; two terms so close to each other are one
 EXACT = 1e-9  # relative; means that vary less than that hold no noise
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
+SELECTION = (
+    "so few that not every such log gives a value, and those that do tend to give one that is too"
+    " low"
+)
 SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
 # The model whose biases are tried with a drift: a bias below the white noise is taken for the
 # slowest, a random walk; a visible random walk may be a slow bias.
@@ -303,7 +308,8 @@ class Inference:
                 high = None if ends["corr_time"][1] is None else high
                 estimates[what] = Estimate.refused(unit, why, low=low, high=high)
             else:
-                estimates[what] = Estimate(fit.terms[what][-1], low, high, unit, note=note)
+                said = f"{note}, {SELECTION}" if times < SELECTED else note
+                estimates[what] = Estimate(fit.terms[what][-1], low, high, unit, note=said)
         return estimates
 
     def _random_walk(self):

@@ -48,6 +48,7 @@ TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005, title="terrain Table 1")
 PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 OF_A_RATE = ("arw", *PARAMETERS[1:])
 BROKEN_HOURS, BROKEN_LOGS = 2.0, 12
+POWER, POWER_LOGS, POWER_DT = store.FOLDER / "power", 40, 0.1  # s
 BEFORE = "table 'before': the same logs, by the code of commit e05b09e, which had no tests of fit"
 WARM_UP, CYCLE, SWING = 900.0, 1200.0, 600.0  # s, time constant and periods
 LINE_HZ = 28.5  # of an engine, as in the log car-roof-imu
@@ -168,12 +169,86 @@ def broken():
                 cells[f"{name}+{what}"] = Broken(says, sensor, disturb), dt, kind
         quiet = partial(tails, level=level), replace(sensor, sigma_v=0.0)
         cells[f"{name}+student-t3"] = Broken("white noise Student t3", sensor, *quiet), dt, kind
-    louder = replace(TERRAIN, sigma_v=TERRAIN.sigma_v * np.sqrt(2.5))  # root mean square
-    halves = partial(doubled, level=TERRAIN.sigma_v), TERRAIN
-    halves = Broken("noise doubled in the second half", louder, *halves)
+    mean = replace(TERRAIN, sigma_v=TERRAIN.sigma_v * np.sqrt(2.5))  # root mean square
+    halves = partial(louder, level=TERRAIN.sigma_v), TERRAIN
+    halves = Broken("noise doubled in the second half", mean, *halves)
     sensor, dt, kind = models()["two-biases"]
     both = Broken("a random walk, K 6.5e-4 deg/s/sqrt(s)", replace(sensor, rrw=6.5e-4), nothing)
     return cells | {"terrain+doubled": (halves, 0.01, "rate"), "two-biases+walk": (both, dt, kind)}
+
+
+def power_cells():
+    """Give what each test of the fit is to find, at three sizes: (test, size) -> logs.
+
+    Returns
+    -------
+    dict of (str, str), Broken
+        Of the terrain paper's gyro, read every `POWER_DT` seconds.
+    """
+    level, size = TERRAIN.sigma_v * np.sqrt(0.01 / POWER_DT), TERRAIN.sigma_b
+    sensor, cells = replace(TERRAIN, sigma_v=level), {}
+
+    def add(test, says, disturb, truth=sensor, simulated=None):
+        cells[test, says] = Broken(says, truth, disturb, simulated)
+
+    add("nothing", "0", nothing)
+    for test, disturb in (("warm_up", warm_up), ("step", step), ("sinusoid", cycle)):
+        for times in (0.3, 1, 3) if test == "sinusoid" else (1, 3, 10):
+            add(test, f"{times:g} σ_b", partial(disturb, size=times * size))
+    for times in (1.02, 1.1, 1.5):
+        mean = replace(sensor, sigma_v=level * np.sqrt((1 + times**2) / 2))  # root mean square
+        add(
+            "noise_level",
+            f"{times:g} times",
+            partial(louder, level=level, times=times),
+            mean,
+            sensor,
+        )
+    for times in (6, 12, 30):
+        add("spikes", f"{times} σ_v", partial(spikes, level=level, sizes=(times, times)))
+    quiet = replace(sensor, sigma_v=0.0)
+    for freedom in (30, 10, 3):
+        tailed = partial(tails, level=level, freedom=freedom)
+        add("heavy_tails", f"Student t{freedom}", tailed, sensor, quiet)
+    return cells
+
+
+def power(workers=None, folder=POWER):
+    """Count how often each test of the fit finds what is in the log, and write ``power``.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Processes; by default one a core.
+    folder : Path
+        Gets a table: test, size, runs; found (logs in which it is reported), reported (logs in
+        which anything is), wrong (logs without any report in which the worst parameter has a wrong
+        value).
+    """
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
+    cells, table = power_cells(), []
+    with ProcessPoolExecutor(workers) as pool:
+        for (test, says), cell in tqdm(cells.items(), unit="cell", disable=None):
+            one = partial(characterised, model=cell, dt=POWER_DT, kind="rate", hours=BROKEN_HOURS)
+            logs = pool.map(one, range(POWER_LOGS), streams("terrain", POWER_LOGS), chunksize=4)
+            rows = pd.DataFrame([row for of_log in logs for row in of_log])
+            said = rows.drop_duplicates("run")["reported"].str.split().tolist()
+            row = {"test": test, "size": says, "runs": POWER_LOGS}
+            row |= {"found": sum(test in kinds for kinds in said), "reported": sum(map(bool, said))}
+            unsaid = broken_summary(rows)["unsaid"].max() * POWER_LOGS
+            table.append(row | {"wrong": round(unsaid)})
+    store.write(folder, power_source(), {"power": pd.DataFrame(table)})
+
+
+def power_source():
+    """State what the cells of `power_cells` are."""
+    return {
+        "title": "Power of the tests of fit, each at three sizes",
+        "made_by": "python -m analysis coverage --power",
+        "seed": SEED,
+        "interval_s": POWER_DT,
+        "hours": BROKEN_HOURS,
+    }
 
 
 def disturbances(size, level):
@@ -241,22 +316,23 @@ def gaps(y, t, rng, *, share=0.0):
     return loss(y, t, rng, share=share)
 
 
-def tails(y, t, rng, *, level):
-    """Add white noise of a Student distribution of 3 degrees of freedom, of standard deviation."""
-    return y + level / np.sqrt(3) * rng.standard_t(3, len(y))
+def tails(y, t, rng, *, level, freedom=3):
+    """Add white noise of a Student distribution, of standard deviation `level`."""
+    return y + level * np.sqrt(1 - 2 / freedom) * rng.standard_t(freedom, len(y))
 
 
-def spikes(y, t, rng, *, level):
+def spikes(y, t, rng, *, level, sizes=(5, 100)):
     """Add single samples that are off by 5 to 100 standard deviations."""
     at = rng.choice(len(y), round(SPIKES * len(y)), replace=False)
     y = y.copy()
-    y[at] += level * rng.choice([-1, 1], len(at)) * np.exp(rng.uniform(*np.log([5, 100]), len(at)))
+    y[at] += level * rng.choice([-1, 1], len(at)) * np.exp(rng.uniform(*np.log(sizes), len(at)))
     return y
 
 
-def doubled(y, t, rng, *, level):
-    """Double the white noise in the second half."""
-    return y + np.sqrt(3) * level * rng.standard_normal(len(y)) * (t > t[-1] / 2)
+def louder(y, t, rng, *, level, times=2):
+    """Double the white noise in the second half, or raise it so many times."""
+    extra = np.sqrt(times**2 - 1) * level
+    return y + extra * rng.standard_normal(len(y)) * (t > t[-1] / 2)
 
 
 def low_pass(y, t, rng, *, cutoff):

@@ -9,12 +9,13 @@ from functools import partial
 from pathlib import Path
 
 from analysis import logs, replacing, store
-from analysis.studies import rides, several_units, surveys
+from analysis.studies import repeatability, rides, several_units, surveys
 
 MAKERS = {
     store.TRACK: surveys.test_track,
     store.HIGHWAY: surveys.highway,
     "atlas": surveys.atlas,
+    "adis16405-units": repeatability.units,
     "tracker-parked": rides.parked,
     "tracker-cold-phone": rides.cold_phone,
     "tracker-racebox": partial(rides.turned, "racebox"),

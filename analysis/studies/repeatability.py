@@ -23,6 +23,8 @@ from tqdm import tqdm
 
 from analysis import CannotAnswer, logs, replacing, store
 from analysis.logs import datasets, formats
+from analysis.noise import infer
+from analysis.noise import pool as pooling
 
 FOLDER = store.FOLDER / "repeatability"
 BEFORE = "table 'before': the same parts, by the code of commit e05b09e"
@@ -38,6 +40,8 @@ LOGS = dict.fromkeys(ADIS, "ADIS16405") | {  # name -> sensor
 }
 DRAWS = 2000  # of channels, for the interval of a share
 WITHIN = 1.96
+SLOW = ("corr_time", "bias_instability", "rrw", "drift")
+OVERDISPERSED = ("bias_instability", "rrw")
 PAIR = ["sensor", "kind", "pieces", "parameter"]
 
 
@@ -157,15 +161,121 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
         row = dict(zip(PAIR, key, strict=True)) | about | {"pairs": 0}
         if key in groups:
             z = groups[key]["z"].abs()
-            count = (z < WITHIN).groupby([groups[key]["log"], groups[key]["channel"]])
-            within, all_ = count.sum().to_numpy(), count.size().to_numpy()
-            drawn = rng.integers(len(all_), size=(draws, len(all_)))
-            share = within[drawn].sum(axis=1) / all_[drawn].sum(axis=1)
-            low, high = np.quantile(share, [0.025, 0.975])
-            row |= {"pairs": len(z), "within": (z < WITHIN).mean(), "low": low, "high": high}
+            row |= {"pairs": len(z)} | share_within(groups[key], rng, draws)
             row["named"] = (groups[key].loc[z >= WITHIN, "named"] != "").mean()
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def share_within(pairs, rng, draws=DRAWS, factor=1.0):
+    """Share of pairs with |z| < 1.96 times a factor, and its 95 % interval, channels drawn."""
+    within = (pairs["z"].abs() < WITHIN * factor).groupby([pairs["log"], pairs["channel"]])
+    low, high = _interval(np.stack([within.sum(), within.size()]), rng, draws)
+    return {"within": within.sum().sum() / len(pairs), "low": low, "high": high}
+
+
+def _interval(of_channels, rng, draws):
+    """95 % interval of a sum over a count, from the sum and the count of each channel."""
+    drawn = rng.integers(of_channels.shape[1], size=(draws, of_channels.shape[1]))
+    return np.quantile(np.divide(*of_channels[:, drawn].sum(axis=2)), [0.025, 0.975])
+
+
+def overdispersion(pairs, *, fitted="adis16405-1", draws=DRAWS, seed=SEED):
+    """Fit the factor that intervals lack on one unit, and judge it on the other logs.
+
+    The factor is the root mean square of z (the Birge ratio): 1 where the intervals are right.
+
+    Parameters
+    ----------
+    pairs : DataFrame
+        As `pairs` gives them.
+    fitted : str
+        The log whose pairs give the factor.
+    draws, seed : int
+
+    Returns
+    -------
+    DataFrame
+        kind, parameter; fitted_pairs, factor, factor_low, factor_high (channels drawn); sensor,
+        pairs, within, low, high, and the same with intervals wider by the factor: widened,
+        widened_low, widened_high.
+    """
+    rng, rows = np.random.default_rng(seed), []
+    own = pairs["log"] == fitted
+    for (kind, parameter), of_fit in pairs[own].groupby(["kind", "parameter"], sort=False):
+        if parameter not in OVERDISPERSED:
+            continue
+        squares = of_fit["z"].pow(2).groupby(of_fit["channel"])
+        interval = np.sqrt(_interval(np.stack([squares.sum(), squares.size()]), rng, draws))
+        about = {"kind": kind, "parameter": parameter, "fitted_pairs": len(of_fit)}
+        about |= dict(zip(("factor_low", "factor_high"), interval, strict=True))
+        about["factor"] = factor = np.sqrt(squares.sum().sum() / len(of_fit))
+        others = pairs[~own & (pairs["kind"] == kind) & (pairs["parameter"] == parameter)]
+        for sensor, group in others.groupby("sensor", sort=False):
+            row = about | {"sensor": sensor, "pairs": len(group)} | share_within(group, rng, draws)
+            wider = share_within(group, rng, draws, factor).items()
+            names = {"within": "widened", "low": "widened_low", "high": "widened_high"}
+            rows.append(row | {names[k]: v for k, v in wider})
+    return pd.DataFrame(rows)
+
+
+def units():
+    """Pool the gyros of the three ADIS16405, axis by axis, and list what was fitted to each.
+
+    Returns
+    -------
+    source : dict
+        With ``may_be_one_unit``: pairs of units whose mean biases are suspiciously alike, and the
+        largest difference of their axes (deg/s).
+    tables : dict of DataFrame
+        ``pooled``: channel, model, parameter, value, low, high, unit, resolved, note, and the
+        spread between units (%). ``channels``: log, channel, model, rivals (those
+        within 4 AIC, with it), and T_c, B, K and drift where they are given.
+    """
+    read_logs, pooled, rows, biases = {name: read(name) for name in ADIS}, [], [], []
+    for k, channel in enumerate(next(iter(read_logs.values())).channels):
+        if channel.kind != "rate":
+            continue
+        inferences, means = [], []
+        for name, log in read_logs.items():
+            y, seed = log.channels[k].values, [SEED, k, len(means)]
+            result = infer(y, log.dt, channel.unit, "rate", np.random.default_rng(seed))
+            inferences.append(result)
+            means.append(float(y.mean()))
+            rows.append({"log": name, "channel": channel.name} | fitted(result))
+        common, biases = pooling.pool(inferences, log.dt, channel.unit, "rate"), [*biases, means]
+        repeats = pooling.repeatability(means, channel.unit, "rate")
+        for parameter, e in (common.parameters | {"mean": repeats}).items():
+            spread = store.plain(common.spread[parameter]) if parameter in common.spread else {}
+            row = {"channel": channel.name, "model": common.model, "parameter": parameter}
+            ends = {f"spread_{key}": spread.get(key) for key in ("value", "low", "high")}
+            pooled.append(row | store.plain(e) | ends)
+    alike = [(i + 1, j + 1, most) for i, j, most in pooling.alike(np.transpose(biases))]
+    tables = {"pooled": pd.DataFrame(pooled), "channels": pd.DataFrame(rows)}
+    return (
+        {"title": "Three units of ADIS16405: their gyros pooled, axis by axis", "seed": SEED}
+        | {"may_be_one_unit": [[i, j, store.rounded_number(most)] for i, j, most in alike]}
+        | sources(read_logs.values()),
+        {name: store.rounded(table, DIGITS) for name, table in tables.items()},
+    )
+
+
+def fitted(result):
+    """Give the model of one channel, its rivals, and the slow parameters that are given."""
+    about = result.summary()
+    rivals = [f"{rival['model']} {rival['aic_above_least']:.1f}" for rival in about["rivals"]]
+    given = {p: getattr(result.parameters.get(p), "value", None) for p in SLOW}
+    return {"model": about["model"], "rivals": ", ".join(rivals)} | given
+
+
+def sources(logs_read):
+    """State files, licences and sources of the logs of a study."""
+    logs_read = {log.file: log for log in logs_read}
+    return {
+        "files": {file: log.sha256 for file, log in logs_read.items()},
+        "licence": {file: log.licence for file, log in logs_read.items()},
+        "source": {file: log.source for file, log in logs_read.items()},
+    }
 
 
 def study(workers=None, folder=FOLDER):
@@ -178,17 +288,14 @@ def study(workers=None, folder=FOLDER):
     workers : int, optional
         Processes; by default one a core.
     folder : Path
-        Gets a table of the parts of each log, summary, and exceptions (the pairs with
-        \|z\| >= 1.96).
+        Gets a table of the parts of each log, summary, exceptions (the pairs with \|z\| >= 1.96),
+        and overdispersion.
     """
     logs_read = {name: read(name) for name in LOGS}
-    sources = {log.file: log for log in logs_read.values()}
     stated = {
         "title": "Repeatability: real static logs in halves, quarters, eighths",
         "made_by": "python -m analysis coverage --real",
-        "files": {file: log.sha256 for file, log in sources.items()},
-        "licence": {file: log.licence for file, log in sources.items()},
-        "source": {file: log.source for file, log in sources.items()},
+        **sources(logs_read.values()),
         "before": BEFORE,
         "seed": SEED,
     }
@@ -202,6 +309,7 @@ def study(workers=None, folder=FOLDER):
     compared = pairs(table)
     exceptions = compared[compared["z"].abs() >= WITHIN]
     tables = {"summary": summary(table, compared), "exceptions": exceptions}
+    tables["overdispersion"] = overdispersion(compared)
     store.write(folder, stated, {k: store.rounded(t, DIGITS) for k, t in tables.items()})
 
 
