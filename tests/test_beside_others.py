@@ -79,8 +79,8 @@ def test_one_log_of_each_method_again(stored):
 def test_the_study_is_the_one_that_the_command_makes(stored):
     """property: every sensor with its number of logs, the real logs, and the peers' versions."""
     assert set(stored.tables) == {*beside_others.SENSORS, "real"}
-    for name in beside_others.SENSORS:
-        assert (stored.tables[name]["runs"] == beside_others.LOGS).all()
+    for name, runs in beside_others.SENSORS.items():
+        assert (stored.tables[name]["runs"] == runs).all()
         assert set(stored.tables[name]["method"]) == {*beside_others.OTHERS, beside_others.OURS}
     assert set(stored.source["versions"]) == set(beside_others.PEERS)
 

@@ -36,7 +36,7 @@ def test_the_study_is_the_one_that_the_command_makes(study):
 
 
 def test_intervals_hold_the_truth(papers):
-    """coverage: every parameter of all eight models in 93 to 97 % of 2000 logs, each."""
+    """coverage: every parameter of all eight models in 93 to 97 % of the logs, each."""
     told = papers[papers["parameter"].isin(FITTED) & np.isfinite(papers["truth"])]
     told = told[told["covered"].notna()]
     assert told["parameter"].value_counts().to_dict() == {
@@ -83,7 +83,7 @@ def test_the_usual_recipes_are_biased(study):
 
 
 def test_some_logs_of_the_study_again(study):
-    """cross-check: 20 of the 2000 logs of 2 h, simulated and estimated now, fit the committed row.
+    """cross-check: 20 logs of 2 h of the study, simulated and estimated now, fit the committed row.
 
     Shares are compared with the binomial 99.9 % interval; sigma_v of a log lies within the
     width of the committed quantiles (four standard deviations) from the truth.
@@ -91,7 +91,7 @@ def test_some_logs_of_the_study_again(study):
     name, runs, hours = "tokimec-yaw", 20, 2.0
     model, dt, kind = coverage.models()[name]
     rows = []
-    for k, stream in enumerate(coverage.streams(name, 2000)[1 : runs + 1], start=1):
+    for k, stream in enumerate(coverage.streams(name, runs + 1)[1:], start=1):
         rows += coverage.estimate(k, stream, model=model, dt=dt, kind=kind, hours=hours)
     now = coverage.summary(pd.DataFrame(rows), model).set_index(["estimator", "parameter"])
     was = study[(study["model"] == name) & (study["hours"] == hours)]

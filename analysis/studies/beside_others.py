@@ -29,8 +29,8 @@ from analysis.noise.models import FLICKER
 from analysis.studies import coverage, repeatability
 
 FOLDER = store.FOLDER / "beside-others"
-HOURS, LOGS = 2.0, 60
-SENSORS = ("terrain", "midg-roll", "kvh-yaw", "flicker", "walk")
+HOURS = 2.0
+SENSORS = {"terrain": 60, "midg-roll": 60, "kvh-yaw": 30, "flicker": 30, "walk": 30}  # logs
 PIECES = 4  # parts of a real log
 REAL = [name for name, sensor in repeatability.LOGS.items() if sensor in ("ADIS16405", "MPU-6050")]
 OURS = "this package"
@@ -278,13 +278,13 @@ def study(workers=None, folder=FOLDER):
     store.write(folder, source(read.values()) | {"versions": versions}, {})
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
     with ProcessPoolExecutor(workers) as pool:
-        for name in SENSORS:
+        for name, runs in SENSORS.items():
             path = folder / f"{name}.csv"
-            if path.exists() and (pd.read_csv(path)["runs"] == LOGS).any():
+            if path.exists() and (pd.read_csv(path)["runs"] == runs).any():
                 continue
             one = partial(simulated, name=name)
-            logs = pool.map(one, range(LOGS), coverage.streams(name, LOGS))
-            bar = tqdm(logs, name, LOGS, unit="log", disable=None)
+            logs = pool.map(one, range(runs), coverage.streams(name, runs))
+            bar = tqdm(logs, name, runs, unit="log", disable=None)
             table = summary(pd.DataFrame([row for of_log in bar for row in of_log]))
             table.insert(0, "sensor", name)
             with replacing(path) as draft:

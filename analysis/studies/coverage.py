@@ -48,7 +48,7 @@ TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005, title="terrain Table 1")
 PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 OF_A_RATE = ("arw", *PARAMETERS[1:])
 BROKEN_HOURS, BROKEN_LOGS = 2.0, 12
-POWER, POWER_LOGS, POWER_DT = store.FOLDER / "power", 40, 0.1  # s
+POWER, POWER_LOGS, POWER_DT = store.FOLDER / "power", 20, 0.1  # s
 BEFORE = "table 'before': the same logs, by the code of commit e05b09e, which had no tests of fit"
 WARM_UP, CYCLE, SWING = 900.0, 1200.0, 600.0  # s, time constant and periods
 LINE_HZ = 28.5  # of an engine, as in the log car-roof-imu
