@@ -251,3 +251,30 @@ def test_command_makes_broken_cells(tmp_path):
     assert tables[0] == tables[1]
     assert "5 % of the samples lost" in (tmp_path / "1" / "source.json").read_text()
     assert main(["coverage", "--broken", "--models", "walk", "--out", str(tmp_path / "x")]) == 2
+
+
+# --- what the tests of the fit find --------------------------------------------------------------
+
+
+def test_power_is_of_the_cells_that_the_command_makes():
+    """property: every cell with its logs; counts are of logs; a larger size is found as often."""
+    table = store.read("power").tables["power"]
+    assert list(zip(table["test"], table["size"], strict=True)) == list(coverage.power_cells())
+    assert (table["runs"] == coverage.POWER_LOGS).all()
+    for column in ("found", "reported", "wrong"):
+        assert table[column].between(0, table["runs"]).all()
+    assert (table["found"] <= table["reported"]).all()
+    sized = table.groupby("test", sort=False)["found"]
+    # Three standard errors of the difference of two shares of twenty logs are 9 logs at most.
+    assert (sized.last() >= sized.first() - 9).all()
+
+
+@pytest.mark.parametrize(("test", "size"), [("step", "10 σ_b"), ("heavy_tails", "Student t3")])
+def test_a_large_disturbance_is_found(test, size):
+    """cross-check: log 0 of a cell whose every log is reported in the stored table."""
+    stored = store.read("power").tables["power"].set_index(["test", "size"])
+    assert stored.loc[(test, size), "found"] == stored.loc[(test, size), "runs"]
+    (stream,) = coverage.streams("terrain", 1)
+    cell = {"model": coverage.power_cells()[test, size], "dt": coverage.POWER_DT}
+    rows = coverage.characterised(0, stream, **cell, kind="rate", hours=coverage.BROKEN_HOURS)
+    assert test in rows[0]["reported"].split()

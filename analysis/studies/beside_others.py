@@ -241,6 +241,7 @@ def real_summary(rows):
         in the same part); first, the value of the first part.
     """
     keys, table = ["log", "channel", "part", "parameter"], []
+    rows = rows[rows["parameter"] != "drift"]  # of either sign
     rows = rows.assign(value=rows["value"].where(rows["value"].abs() > 0), pieces=PIECES, named="")
     ours = rows[rows["method"] == OURS].set_index(keys)["value"]
     for key, group in rows.groupby(["sensor", "kind", "method", "parameter"], sort=False):
