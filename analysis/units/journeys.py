@@ -18,9 +18,11 @@ from analysis.units.frame import Track
 DT = 0.25  # s between rows: every fifth of the paper's 20 Hz
 CORR_TIME, VERTICAL = 120.0, 1.5  # s, of errors of position; ratio of vertical to horizontal
 GRIP_S = 3.0  # s over which speed, turn and bank change
+STEERING = 0.7  # deg/s, standard deviation by which a driver's rate of turn wanders
 # A drive: duration (s), speed (m/s), heading change (deg). Airport, freeway, coast road, town.
 FREEWAY = [(60, 29, 35), (120, 31, -50), (150, 31, 20), (120, 30, -40), (90, 29, 25)]
-COAST = [(14, 13, a) for a in (70, -85, 60, -70, 95, -60, 75, -90)] + [(40, 16, 10)] * 3
+COAST = [(12, 13, 60), (17, 14, -85), (10, 12, 45), (15, 13, -70), (14, 12, 110), (11, 13, -50),
+         (18, 12, 75), (13, 13, -90), (40, 16, 10), (40, 16, 5), (40, 16, 15)]  # fmt: skip
 TOWN = [(18, 9, 0), (8, 5, 90), (20, 9, 0), (8, 5, -90), (25, 9, 0), (8, 5, -90), (15, 8, 0)]
 DRIVE = [(60, 0, 0), *TOWN, *FREEWAY, *COAST, *TOWN, (20, 7, -60), (150, 0, 0)]
 START_COURSE = 25.0  # deg
@@ -70,13 +72,13 @@ class UnitErrors:
 
 ASSUMED = {
     "Trimble": UnitErrors(0.35, "none", 8.0),
-    "MIDG": UnitErrors(3.7, "tight", 0.4, lag_s=1.1, skew_deg=2.5),
-    "Tokimec": UnitErrors(9.3, "loose", 0.25, lag_s=0.65, skew_deg=4.0, moving_deg=1.5),
+    "MIDG": UnitErrors(3.7, "tight", 0.4, lag_s=1.0, skew_deg=2.5),
+    "Tokimec": UnitErrors(9.3, "loose", 0.25, lag_s=0.6, skew_deg=4.0, moving_deg=1.5),
 }
 BUILDING_M = 12.0  # error of every unit at the last place of `BLOCKED`, over 10 s
-LOST_M_S, LOST_S = 12.0, (15.0, 45.0)  # velocity error of a unit that lost track; for how long
+LOST_M_S, LOST_S = 8.0, (15.0, 45.0)  # velocity error of a unit that lost track; for how long
 LOST_YAW_DEG = 15.0
-ALTITUDE_M, ALTITUDE_S = (90.0, -40.0, -180.0), 420.0  # east, north, up error of the lost receiver
+ASTRAY_M, ASTRAY_S = (250.0, 500.0, -180.0), 420.0  # east, north, up error of the lost receiver
 
 
 @dataclass(frozen=True)
@@ -122,8 +124,9 @@ def simulate_drive(models: Mapping[str, UnifiedModel], rng: np.random.Generator)
     speed = _eased(seconds, speed)
     rate = _eased(seconds, turn / seconds)
     moving = speed > 0.2
+    n = len(rate)
+    rate += gauss_markov(n, DT, STEERING, GRIP_S, rng)
     course = START_COURSE + np.cumsum(rate * moving) * DT
-    n = len(course)
     slope = gauss_markov(n, DT, 1.5, 12.0, rng, runs=2) * np.minimum(speed / 5, 1)
     banked = 2.0 * speed * np.radians(rate) / STANDARD_GRAVITY  # deg: a car leans out of a bend
     attitude = np.column_stack([slope[0] - banked, slope[1], course])
@@ -173,9 +176,9 @@ def simulate_flight(models: Mapping[str, UnifiedModel], rng: np.random.Generator
         error = _static_error(len(rate), errors, rng)
         angles = _angles(name, errors, models, truth, np.full(len(rate), True), rng)
         if errors.coupling == "none":
-            since = (truth.t_s - events["turn-round"][0][1]) / ALTITUDE_S
+            since = (truth.t_s - events["turn-round"][0][1]) / ASTRAY_S
             shape = np.where((since > 0) & (since < 1), np.sin(np.pi * np.clip(since, 0, 1)), 0.0)
-            error += np.outer(shape, ALTITUDE_M)
+            error += np.outer(shape, ASTRAY_M)
         else:
             for start, stop in events["pushover"]:
                 lost = stop - start + rng.uniform(*LOST_S)

@@ -1,13 +1,11 @@
 """How widely two units differ, straight and turning, with intervals for correlated samples."""
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.stats import binomtest
 
 from analysis import Estimate
 
-DRAWS = 1000
+DRAWS, FEWEST_BLOCKS = 1000, 10
 
 
 def spread(
@@ -29,15 +27,19 @@ def spread(
     Returns
     -------
     dict of str, Estimate
-        ``mean``, ``sd`` in the unit; ``excess_kurtosis``, 0 for a Gaussian, and refused where the
+        ``mean``, ``sd`` in the unit; ``excess_kurtosis``, 0 for a Gaussian. No interval where the
         series holds fewer than 10 blocks.
     """
-    found = {
-        "mean": _interval(np.mean, [x], block, rng, unit),
-        "sd": _interval(np.std, [x], block, rng, unit),
-        "excess_kurtosis": _interval(_excess_kurtosis, [x], block, rng, ""),
-    }
-    if len(x) < 10 * block:
+    mean, sd, kurtosis = _statistics(_draws(x, block, rng))
+    values = _statistics(_moments(x, len(x))[:, :1])
+    found = {}
+    for name, value, drawn, own in zip(
+        ("mean", "sd", "excess_kurtosis"), values, (mean, sd, kurtosis), (unit, unit, ""),
+        strict=True,
+    ):  # fmt: skip
+        low, high = np.quantile(drawn, [0.025, 0.975])
+        found[name] = Estimate(float(value[0]), float(low), float(high), own)
+    if len(x) < FEWEST_BLOCKS * block:
         note = f"{len(x) / block:.1f} blocks: too few for an interval"
         return {k: Estimate(e.value, None, None, e.unit, True, note) for k, e in found.items()}
     return found
@@ -47,7 +49,10 @@ def ratio_of_spreads(
     x: np.ndarray, y: np.ndarray, block: int, rng: np.random.Generator
 ) -> Estimate:
     """Give the standard deviation of one series over that of another, by the same bootstrap."""
-    return _interval(lambda a, b: np.std(a) / np.std(b), [x, y], block, rng, "")
+    low, high = np.quantile(
+        np.divide(*(_statistics(_draws(v, block, rng))[1] for v in (x, y))), [0.025, 0.975]
+    )
+    return Estimate(float(np.std(x) / np.std(y)), float(low), float(high))
 
 
 def share(count: int, of: int) -> Estimate:
@@ -66,21 +71,22 @@ def share(count: int, of: int) -> Estimate:
     return Estimate(count / of, low, high)
 
 
-def _excess_kurtosis(x):
-    x = x - x.mean()
-    return np.mean(x**4) / np.mean(x**2) ** 2 - 3
+def _draws(x, block, rng):
+    """Draw series by blocks; give the first four moments about 0 of each, shape (4, DRAWS)."""
+    starts = rng.integers(0, len(x), (DRAWS, -(-len(x) // block)))
+    return _moments(x, block)[:, starts].mean(axis=2)
 
 
-def _interval(
-    statistic: Callable, series: list[np.ndarray], block: int, rng: np.random.Generator, unit: str
-) -> Estimate:
-    draws = []
-    for _ in range(DRAWS):
-        parts = []
-        for x in series:
-            starts = rng.integers(0, len(x), -(-len(x) // block))
-            at = (starts[:, None] + np.arange(block)).ravel()[: len(x)] % len(x)
-            parts.append(x[at])
-        draws.append(statistic(*parts))
-    low, high = np.quantile(draws, [0.025, 0.975])
-    return Estimate(float(statistic(*series)), float(low), float(high), unit)
+def _moments(x, block):
+    """Mean of x, x^2, x^3 and x^4 in the block that begins at each sample, shape (4, n)."""
+    powers = np.asarray(x, dtype=float) ** np.arange(1, 5)[:, None]
+    sums = np.cumsum(np.hstack([np.zeros((4, 1)), powers, powers[:, :block]]), axis=1)
+    return (sums[:, block : block + len(x)] - sums[:, : len(x)]) / block
+
+
+def _statistics(moments):
+    """Turn moments about 0 into mean, standard deviation and excess kurtosis."""
+    m1, m2, m3, m4 = moments
+    variance = np.maximum(m2 - m1**2, 1e-100)  # of a constant series
+    fourth = m4 - 4 * m3 * m1 + 6 * m2 * m1**2 - 3 * m1**4
+    return m1, np.sqrt(variance), fourth / variance**2 - 3

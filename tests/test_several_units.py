@@ -1,0 +1,72 @@
+"""Stored journeys of several units: the facts that are published beside the raw logs."""
+
+import numpy as np
+import pytest
+
+from analysis import store, wrap
+from analysis.units import differences, trajectory_metrics
+
+
+def test_parkway_baselines():
+    """Published: 4559 common epochs, 77 % fixed, 1.48, 2.63, 2.79 m; 16 wrong but fixed."""
+    van = {k: t.set_index("tick") for k, t in store.read("parkway").tables.items()}
+    common = sorted(set.intersection(*(set(t.index) for t in van.values())))
+    at = [van[k].loc[common, ["east_m", "north_m", "up_m"]].to_numpy() for k in van]
+    fixed = np.all([van[k].loc[common, "mode"] == 6 for k in van], axis=0)
+    length = np.array([np.linalg.norm(at[a] - at[b], axis=1) for a, b in ((1, 2), (0, 1), (0, 2))])
+    usual = np.median(length[:, fixed], axis=1)
+    assert len(common) == 4559 and fixed.mean() == pytest.approx(0.77, abs=0.005)
+    np.testing.assert_allclose(usual, [1.48, 2.63, 2.79], atol=0.01)  # positions to a centimetre
+    wrong = np.abs(length - usual[:, None]).max(axis=0) > 0.5
+    assert (wrong & fixed).sum() == 16 and wrong.sum() == pytest.approx(751, abs=3)
+
+
+def test_aircraft_integrity_and_positions():
+    """Published: NIC below 9 in 20 of 66 epochs above 35 deg of roll, else 0 of 93; p50 10.5 m."""
+    efis, echo = (store.read("light-aircraft").tables[f"{k}-2"] for k in ("efis", "echo"))
+    t = echo["t_s"] - 17999.0
+    inside = t.between(efis["t_s"].iloc[0], efis["t_s"].iloc[-1])
+    steep = np.interp(t, efis["t_s"], efis["roll_deg"].abs()) > 35
+    low = echo["nic"] < 9
+    counted = [(low & k & inside).sum() for k in (steep, ~steep)]
+    assert counted == [20, 0]
+    assert [(k & inside).sum() for k in (steep, ~steep)] == [66, 93]
+    tracks = store.tracks("light-aircraft")
+    d = differences(tracks["efis-2"], tracks["echo-2"].shifted(lambda x: x - 17999.0))
+    assert trajectory_metrics(d)["p50_m"].value == pytest.approx(10.5, abs=1.5)  # not one rule
+
+
+def test_turin_positions_and_course():
+    """Published: GNSS less reference p50 1.1, p95 2.9 m; course less yaw 1.2 deg (SD)."""
+    tracks = store.tracks("turin")
+    found = trajectory_metrics(differences(tracks["reference"], tracks["gnss"]))
+    assert found["p50_m"].value == pytest.approx(1.1, abs=0.1)
+    assert found["p95_m"].value == pytest.approx(2.9, abs=0.4)  # stops count once here
+    gnss, reference = tracks["gnss"], tracks["reference"]
+    whole = np.unwrap(reference.attitude[:, 2], period=360)
+    yaw = np.interp(gnss.t_s, reference.attitude_t_s, whole)
+    apart = wrap(np.degrees(np.arctan2(*gnss.velocity.T)) - yaw)[gnss.speed > 3]
+    assert np.percentile(np.abs(apart - np.median(apart)), 68) < 1.5  # velocity by differences
+
+
+def test_aerobatics():
+    """Published: roll to +-180 deg, pitch -73 to 75 deg, and never without satellites."""
+    flight = store.read("aerobatic").tables["flight"]
+    assert flight["roll_deg"].abs().max() > 179
+    assert (flight["pitch_deg"].min(), flight["pitch_deg"].max()) == pytest.approx((-73, 75), abs=2)
+    assert flight["satellites"].min() == 6
+
+
+def test_the_phone_yaw_counts_anticlockwise():
+    """Cross-check: turned by its sign, the reported yaw follows the gyro in the first bends."""
+    angles = store.read("car-attitude").tables["angles"]
+    early = angles[angles["t_s"] < 28]
+    yaw = np.unwrap(early["yaw_deg"], period=360)
+    assert np.ptp(early["gyro_z_deg"]) > 25
+    assert np.corrcoef(-yaw, early["gyro_z_deg"])[0, 1] > 0.8  # steel about it pulls at the magnet
+
+
+def test_tracks_need_units_on_the_ground():
+    """Property: a journey of which no table has positions gives no tracks."""
+    assert store.tracks("car-attitude") == {}
+    assert set(store.tracks("comma2k19")) == {"pose", "ublox"}
