@@ -280,8 +280,11 @@ def atlas(fig: Figure, table: pd.DataFrame) -> None:
             low, high = min(values) / 2, max(values) * 2
             wider = max(np.sqrt(10 * low / high), 1.0)  # a decade at least
             axis.set_view_interval(low / wider, high * wider, ignore=True)
+            axis.set_minor_formatter(NullFormatter())
+            if high * wider**2 < 100 * low:  # a label in each decade would be too few
+                axis.set_major_formatter("{x:g}")
+                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.set_title({"rate": "gyros", "accel": "accelerometers"}[kind])
-        ax.xaxis.set_minor_formatter(NullFormatter())
         columns = 2 if kind == "rate" else 1
         ax.legend(fontsize=5.5, loc="upper left", bbox_to_anchor=(0, -0.16), ncols=columns)
 
