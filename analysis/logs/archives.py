@@ -115,7 +115,7 @@ def files(folder: Path) -> list[Path]:
         if len(inside) > FILES:
             raise WrongUsage(f"{folder.name} has more than {FILES} files: name the log file in it")
     if not inside:
-        raise CannotAnswer(f"{folder.name}: no log file in it")
+        raise WrongUsage(f"{folder.name} is a folder without a log file: name one")
     return inside
 
 

@@ -413,8 +413,9 @@ def choose(
     if not any(units.get(None) in (None, c.unit) for c in chosen):
         options = [f"--{o} {v}" for o, v in (("unit", unit), ("kind", kind)) if v]
         raise WrongUsage(
-            f"{file}: {' '.join(options) or 'no known unit'} fits none of the columns "
-            f"{', '.join(frame)}: leave it out, or state their unit with --unit (for example "
+            f"{file}: {' '.join(options) or 'no unit that is known'} fits "
+            f"{'none' if options else 'any'} of the columns {', '.join(frame)}: "
+            f"{'leave it out, or ' if options else ''}state their unit with --unit (for example "
             "--unit deg/s), or in the header with names such as gyro_x_deg_s, accel_z_g"
         )
     guessed += _refuse_counts(frame, file, chosen, scales, fixed)

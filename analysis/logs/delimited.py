@@ -152,9 +152,8 @@ def _head(path: Path) -> tuple[list[str], str]:
         if binary:
             line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
             raise CannotAnswer(
-                f"{path.name}, line {line}: bytes that are not text: a binary file, or a damaged "
-                "one; export it as CSV, or cut it before that line, or describe a binary format in "
-                "data/own/logs.toml"
+                f"{path.name}, line {line}: bytes that are not text: a damaged file, or a binary "
+                "format that README does not list; cut it before that line, or export it as CSV"
             )
         encoding = "utf-8-sig" if head[:3] == b"\xef\xbb\xbf" else "utf-8"
     # The head may end within a character, which is not wrong, only not whole.
