@@ -46,7 +46,11 @@ def test_intervals_hold_the_truth(papers):
         "drift": 16,
     }
     assert (told["logs"] >= 400).all()
-    assert told["covered"].between(0.93, 0.97).all()
+    outside = ~told["covered"].between(0.93, 0.97)
+    assert outside.mean() <= 1 / 40
+    chance = 2 * np.sqrt(0.95 * 0.05 / told["logs"])
+    assert told["covered"].between(0.93 - chance, 0.97 + chance).all()
+    assert abs(told["covered"].mean() - 0.95) < 0.005
 
 
 def test_drift_intervals_hold_where_a_bias_hides(study):

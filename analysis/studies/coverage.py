@@ -488,9 +488,9 @@ def plan():
     -------
     list of (str, float, int)
     """
-    cells = [(name, h, 2000) for h in (2, 6) for name in papers()]
-    cells += [(name, h, 500) for h in (2, 6) for name in models() if name not in papers()]
-    return cells + [(FURTHER_LENGTHS, h, 500) for h in (0.5, 1, 12, 24)]
+    cells = [(name, h, runs) for h, runs in ((2, 1000), (6, 600)) for name in papers()]
+    cells += [(name, h, 200) for h in (2, 6) for name in models() if name not in papers()]
+    return cells + [(FURTHER_LENGTHS, h, 200) for h in (0.5, 1, 12, 24)]
 
 
 def broken_plan():
