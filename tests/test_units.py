@@ -13,9 +13,11 @@ from analysis.noise.models import gauss_markov
 from analysis.units import (
     Unit,
     clock_offset,
+    conventions,
     differences,
     find_events,
     local_tracks,
+    side_by_side,
     trajectory_metrics,
     unit_variances,
 )
@@ -334,3 +336,62 @@ def test_bad_pairs_are_one_sentence(tmp_path, capsys, case):
     error = capsys.readouterr().err.strip()
     assert said in error and len(error.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_conventions_are_found_and_put_right():
+    """analytic: a yaw from east and counter-clockwise, a roll turned round, radians for degrees."""
+    rng = np.random.default_rng(14)
+    t = np.arange(0, 300, 0.2)
+    path = drive(300, rng)
+    v = path(t, 1)
+    yaw = np.degrees(np.arctan2(v[:, 0], v[:, 1]))
+    roll, pitch = 5 * np.sin(t / 7), 3 * np.cos(t / 9)
+    enu = path(t)
+    a = unit("a", t, enu, attitude=(t, roll, pitch, yaw))
+    moved = enu + 0.1 * rng.standard_normal(enu.shape)
+    for angles, said in (
+        (
+            (-roll, pitch, (90 - yaw) % 360),
+            ("yaw is turned round and from east", "roll is turned round"),
+        ),
+        ((roll, pitch, np.radians(yaw)), ("yaw is in radians",)),
+        ((roll, -pitch, yaw + 180), ("pitch is turned round", "180 deg off")),
+        ((roll, pitch, yaw + 4.0), ()),  # magnetic north is a difference, not a convention
+    ):
+        b = unit("b", t, moved, attitude=(t, *angles))
+        one, other = local_tracks([a, b])
+        right, sentences = conventions(other, one)
+        assert len(sentences) == len(said) and all(
+            any(words in sentence for sentence in sentences) for words in said
+        ), sentences
+        off = (right.attitude - one.attitude + 180) % 360 - 180
+        expected = 4.0 if not said else 0.0
+        # Parked, the direction of the noise-free path is undefined and both have the same.
+        np.testing.assert_allclose(np.median(off, axis=0), [0, 0, expected], atol=1e-6)
+
+
+def test_heights_of_two_datums_are_said():
+    """analytic: 47 m between the ellipsoid and mean sea level is said, and not hidden."""
+    rng = np.random.default_rng(15)
+    a, b = pair(rng, seconds=300, sigma=0.3, corr_time=5.0)
+    b = replace(b, height_m=b.height_m + 47.0 + 0.5 * rng.standard_normal(len(b.t_s)))
+    found = side_by_side([a, b])
+    assert any("47" in n and "mean sea level" in n for n in found.notes)
+    metrics = found.pairs[0].metrics
+    assert metrics["height_mean_m"].value == pytest.approx(47.0, abs=0.2)
+    assert metrics["height_sd_m"].value == pytest.approx(0.5, abs=0.1)
+
+
+def test_attitudes_alone(tmp_path):
+    """property: two attitude logs at rest, on one clock; the offset is refused and said."""
+    t, rng = np.arange(0.0, 600.0), np.random.default_rng(16)
+    units = [
+        Unit(name, *[NONE] * 6, t, *rng.standard_normal((3, len(t))) * 0.1, clock="unix")
+        for name in "abc"
+    ]
+    found = side_by_side(units)
+    assert not found.clocks[0].offset_s.resolved
+    assert any("stamps are taken" in note for note in found.notes)
+    noise = found.variances["roll"]
+    assert all(e.low <= 0.1 <= e.high for e in noise.independent)
+    assert found.pairs[0].metrics["yaw_sd_deg"].value == pytest.approx(0.1414, rel=0.1)

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -36,6 +37,7 @@ from analysis.noise.models import (
     gauss_markov,
     models_of_table_one,
 )
+from analysis.units import unit_variances
 
 SEED = 4711
 FOLDER, BROKEN = store.FOLDER / "coverage", store.FOLDER / "robustness"
@@ -617,3 +619,45 @@ def summary(rows, model):
         )
     table = pd.DataFrame(cells)
     return table.assign(runs=table["runs"].max(), logs=table["runs"])
+
+
+HATS = {  # cell: sigma of each unit, correlation time of each (s, 0 white), epochs, correlation
+    "white-1-1-1": ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), 300, 0.0),
+    "white-1-2-4": ((1.0, 2.0, 4.0), (0.0, 0.0, 0.0), 300, 0.0),
+    "white-03-1-1": ((0.3, 1.0, 1.0), (0.0, 0.0, 0.0), 300, 0.0),
+    "slow-1-2-4": ((1.0, 2.0, 4.0), (30.0, 30.0, 30.0), 3600, 0.0),
+    "mixed-1-1-1": ((1.0, 1.0, 1.0), (60.0, 5.0, 1.0), 3600, 0.0),
+    "correlated-03": ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), 300, 0.3),
+    "correlated-08": ((1.0, 1.0, 0.4), (0.0, 0.0, 0.0), 300, 0.8),
+}
+HAT_FOLDER = store.FOLDER / "hat-coverage"
+
+
+def hat_study(runs: int = 400, folder: Path = HAT_FOLDER) -> None:
+    """Count how often the intervals of the three-cornered hat hold the truth, cell by cell.
+
+    Each cell of `HATS` is simulated `runs` times at 1 s: Gauss-Markov or white noise of three
+    units, the first two sharing the correlation of the cell.
+    """
+    rows = []
+    for cell, (sigma, times, n, rho) in tqdm(HATS.items(), desc="hat", unit="cell", disable=None):
+        streams = np.random.SeedSequence(SEED).spawn(runs)
+        for run, rng in enumerate(map(np.random.default_rng, streams)):
+            x = np.array(
+                [gauss_markov(n, 1.0, 1.0, t, rng) if t else rng.standard_normal(n) for t in times]
+            ).reshape(3, n)
+            x[1] = rho * x[0] + np.sqrt(1 - rho**2) * x[1]
+            row = {"cell": cell, "run": run, "refused": 0, "p_independent": np.nan}
+            try:
+                found = unit_variances(np.array(sigma)[:, None] * x, correlations=())
+            except CannotAnswer:
+                rows.append(row | {"refused": 1})
+                continue
+            row["p_independent"] = found.p_independent
+            for k, (one, true) in enumerate(zip(found.independent, sigma, strict=True), 1):
+                held = None if one.high is None else int(one.low <= true <= one.high)
+                row |= {f"sigma_{k}": one.value / true, f"held_{k}": held}
+            rows.append(row)
+    table = store.rounded(pd.DataFrame(rows), 4)
+    source = {"seed": SEED, "runs": runs, "made_by": "analysis.studies.coverage.hat_study()"}
+    store.write(folder, source, {"hats": table})

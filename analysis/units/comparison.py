@@ -26,7 +26,7 @@ from analysis.units.variances import Variances, unit_variances
 WINDOW_S = 10.0  # over which changes of angle are compared
 TURNED_DEG, TILTED_DEG = 5.0, 0.5  # root mean square of the changes that can tell
 AGREE = 0.5  # of the variance of one that the other explains
-RADIAN = np.degrees(1.0)
+RADIAN, RADIANS = float(np.degrees(1.0)), 6.4  # deg; no yaw in radians is larger
 FACTORS = {
     1.0: "",
     -1.0: "turned round",
@@ -262,19 +262,23 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
     course = _course(t, reference)
     yaw = course if against is None else against[:, 2]
     name = f"the course of {reference.name}" if against is None else f"the yaw of {reference.name}"
-    factor = _factor(t, unwrapped(angles)[:, 2], unwrapped(yaw[:, None])[:, 0], TURNED_DEG)
+    small = np.nanmax(np.abs(angles[:, 2]), initial=0.0) < RADIANS  # they may be in radians
+    mine = unwrapped(angles[:, 2:] * (RADIAN if small else 1.0))[:, 0]
+    factor = _factor(t, mine, unwrapped(yaw[:, None])[:, 0], TURNED_DEG)
+    if factor is not None and small and abs(factor) == 1:
+        factor /= RADIAN
     if factor is not None:
-        if FACTORS[factor]:
-            said.append(f"{b.name}: yaw is {FACTORS[factor]} against {name}; put right")
+        found = [FACTORS[factor]] if FACTORS[factor] else []
         angles[:, 2] = wrap(angles[:, 2] * (RADIAN if abs(factor) < 1 else 1) * np.sign(factor))
-        off = np.exp(1j * np.radians(angles[:, 2] - yaw))
-        mean = np.nanmean(off)
+        mean = np.nanmean(np.exp(1j * np.radians(angles[:, 2] - yaw)))
         zero = float(np.degrees(np.angle(mean)))
         quarter = 90.0 * round(zero / 90)
         if quarter and abs(zero - quarter) < ZERO_DEG and abs(mean) > 0.7:
             angles[:, 2] = wrap(angles[:, 2] - quarter)
-            from_east = "counts from east (ENU)" if factor < 0 else f"is {quarter:+.0f} deg off"
-            said.append(f"{b.name}: yaw {from_east} against {name}; put right")
+            east = factor < 0 and quarter == -90
+            found.append("from east (ENU)" if east else f"{quarter:+.0f} deg off")
+        if found:
+            said.append(f"{b.name}: yaw is {' and '.join(found)} against {name}; put right")
     if against is not None:
         for k, which in enumerate(("roll", "pitch")):
             mine, theirs = (unwrapped(x)[:, k] for x in (angles, against))

@@ -70,7 +70,9 @@ class Variances:
     note: str
 
 
-def unit_variances(x: np.ndarray, unit: str = "m") -> Variances:
+def unit_variances(
+    x: np.ndarray, unit: str = "m", correlations: tuple[float, ...] = CORRELATIONS
+) -> Variances:
     """Estimate the noise of each unit from the differences between them.
 
     Parameters
@@ -79,6 +81,9 @@ def unit_variances(x: np.ndarray, unit: str = "m") -> Variances:
         Readings of N units at n common times, N >= 2, all of the same quantity; constant shifts
         between units are taken out. Times with a NaN are left out.
     unit : str
+    correlations : tuple of float
+        Bounds on |correlation| for which the possible ranges are wanted; without 0.2 no estimate
+        is refused for a wide range.
 
     Returns
     -------
@@ -109,12 +114,12 @@ def unit_variances(x: np.ndarray, unit: str = "m") -> Variances:
             f"about {independent_samples:.0f} independent differences: too few for variances"
         )
     if count == 2:
-        return _two(x, s, unit)
+        return _two(x, s, unit, correlations)
     hat, freedom = _hat(x, s)
     best = _joint(s, np.full((1, count), s.max() / 2), range(count))[0]
     independent = tuple(_interval(s, best, i, f, unit) for i, f in enumerate(freedom))
     p = _independence(s, float(_deviance(best, s)), float(freedom.min()), hat)
-    allowed = {rho: np.sqrt(_range(s, rho)) for rho in CORRELATIONS}
+    allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
     correlated = p < LEVEL
     note = f"{n} common times, about {freedom.min():.0f} of them independent"
     least_rho = _least_correlation(s) if (hat < 0).any() or count > 3 else 0.0
@@ -122,9 +127,8 @@ def unit_variances(x: np.ndarray, unit: str = "m") -> Variances:
         note += f"; the units are correlated (p = {p:.1g}), by at least {least_rho:.2f}"
     sigma = []
     for i, one in enumerate(independent):
-        low, high = allowed[ASSUMED][i]
+        low, high = allowed[ASSUMED][i] if ASSUMED in allowed else (1.0, 1.0)
         if correlated:
-            low, high = (np.nan, np.nan) if np.isnan(low) else (low, high)
             why = "the units are correlated: the hat does not hold"
         elif not high < WIDE * low:
             why = f"correlations of ±{ASSUMED} allow this whole range"
@@ -137,7 +141,7 @@ def unit_variances(x: np.ndarray, unit: str = "m") -> Variances:
     return Variances(tuple(sigma), independent, hat, p, least_rho, allowed, tavella, note)
 
 
-def _two(x, s, unit) -> Variances:
+def _two(x, s, unit, correlations) -> Variances:
     """Say what two units tell: the sum of their variances."""
     total = root_mean_square(x[0] - x[1], unit)
     note = (
@@ -147,7 +151,7 @@ def _two(x, s, unit) -> Variances:
     bound = Estimate.refused(unit, note, low=0.0, high=total.high)
     both = (bound, bound)
     nan = np.full(2, np.nan)
-    allowed = {rho: np.sqrt(_range(s, rho)) for rho in CORRELATIONS}
+    allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
     return Variances(both, both, nan, float("nan"), 0.0, allowed, nan, note)
 
 
