@@ -408,7 +408,9 @@ def test_files_that_are_no_laps_are_refused(tmp_path):
     for content in (b"hello\n", b"", whole[: len(whole) // 2]):
         path = tmp_path / "bad.mat"
         path.write_bytes(content)
-        with pytest.raises(CannotAnswer, match=r"bad\.mat: not a MATLAB v7\.3 file, or cut off"):
+        with pytest.raises(
+            CannotAnswer, match=r"bad\.mat: a MATLAB v7\.3 or HDF5 file that is cut off"
+        ):
             store.lap_and_map(path, "ccw")
         with pytest.raises(CannotAnswer, match=r"bad\.mat: not a"):
             road_logs.highway(path)

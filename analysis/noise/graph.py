@@ -103,7 +103,9 @@ def bias_instability(
         between `shortest` and a tenth of the log.
     """
     scale = float(1 / FLICKER)
-    inside = np.flatnonzero((curve.tau >= shortest) & (curve.tau <= TENTH * curve.tau[-1]))
+    inside = np.flatnonzero(
+        (curve.tau >= shortest) & (curve.tau <= TENTH * curve.tau.max(initial=0.0))
+    )
     if not len(inside):
         return Estimate.refused(unit, "the log is too short for a floor of the Allan curve")
     at, turns = floor_of(model[inside])
