@@ -744,6 +744,9 @@ def coverage(
     power: Annotated[
         bool, _flag("--power", "How often each test of the fit finds what it looks for.")
     ] = False,
+    hats: Annotated[
+        bool, _flag("--hats", "The noise of three units by the three-cornered hat.")
+    ] = False,
 ):
     """Count on simulated logs how often intervals hold the truth.
 
@@ -753,6 +756,7 @@ def coverage(
     python -m analysis coverage --real                     what data/derived/repeatability holds
     python -m analysis coverage --beside                   what data/derived/beside-others holds
     python -m analysis coverage --power                    what data/derived/power holds
+    python -m analysis coverage --hats                     what data/derived/hat-coverage holds
     python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
@@ -762,7 +766,7 @@ def coverage(
     """
     from analysis.studies import coverage as study
 
-    whole = {"--real": real, "--beside": beside, "--power": power}
+    whole = {"--real": real, "--beside": beside, "--power": power, "--hats": hats}
     if any(whole.values()):
         flag = next(name for name, given in whole.items() if given)
         if broken or sum(whole.values()) > 1 or any((runs, hours, models)):
@@ -773,6 +777,7 @@ def coverage(
             "--real": (repeatability.study, repeatability.FOLDER),
             "--beside": (beside_others.study, beside_others.FOLDER),
             "--power": (study.power, study.POWER),
+            "--hats": (study.hat_study, study.HAT_FOLDER),
         }[flag]
         folder = Path(out) if out else usual
         with writing(folder):

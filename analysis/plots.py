@@ -36,6 +36,7 @@ __all__ = [
 ]
 
 TURNING = 3.0  # deg/s from which a unit turns
+SHOWN = 1000  # parts of a line that a picture can show
 APART = 0.17  # decades between the numbers of two sensors
 MOST_IN_PANEL = 10  # the colours that a reader tells apart
 MARKS = {"s": "N", "o": "B", "^": "K"}
@@ -506,14 +507,15 @@ def units_tracks(found: Comparison) -> Figure:
     plan, *height = fig.subplots(1, 2 if heights else 1, squeeze=False)[0]
     for k, track in enumerate(t for t in found.tracks if t.fixed.any()):
         style = {"color": f"C{k}", "lw": 0.9, "label": track.name}
-        east, north, up = track.enu.T
+        shown = track.every(np.ptp(track.t_s) / SHOWN)
+        east, north, up = shown.enu.T
         plan.plot(east, north, **style)
         for ax in height:
-            ax.plot(track.t_s - zero, up, **style)
+            ax.plot(shown.t_s - zero, up, **style)
         mine = [e for e in found.events if e.unit == track.name and "attitude" not in e.kind]
         if mine:
             at = [
-                float(np.interp(e.from_s, track.t_s[track.fixed], x[track.fixed]))
+                float(np.interp(e.from_s, shown.t_s[shown.fixed], x[shown.fixed]))
                 for e in mine
                 for x in (east, north)
             ]
@@ -555,7 +557,8 @@ def units_differences(pair: Pair, zero: float) -> Figure:
     fig = plt.figure(figsize=(DOUBLE, 0.5 + 1.15 * len(rows)), layout="constrained")
     axes = fig.subplots(len(rows), 2, squeeze=False, width_ratios=(3, 1))
     for (label, t, x, turn), (ax, side) in zip(rows, axes, strict=True):
-        ax.plot(t - zero, x, lw=0.6, color="C0", label=label)
+        at = _extremes(x)
+        ax.plot(t[at] - zero, x[at], lw=0.6, color="C0", label=label)
         ax.set(xlabel="time (s)", ylabel=label)
         turning = np.abs(turn) > TURNING
         edges = np.histogram_bin_edges(x[np.isfinite(x)], 40)
@@ -571,6 +574,17 @@ def units_differences(pair: Pair, zero: float) -> Figure:
         ax.xaxis.label.set_visible(False)
     axes[0, 1].legend(fontsize=6)
     return fig
+
+
+def _extremes(x):
+    """Choose the points of a long line that its picture shows: lowest and highest of each part."""
+    if len(x) <= 2 * SHOWN:
+        return np.arange(len(x))
+    parts = np.array_split(np.nan_to_num(x), SHOWN)
+    starts = np.cumsum([0, *map(len, parts[:-1])])
+    ends = [start + f(part) for start, part in zip(starts, parts, strict=True)
+            for f in (np.argmin, np.argmax)]  # fmt: skip
+    return np.unique(ends)
 
 
 def zero_time(found: Comparison) -> float:

@@ -11,7 +11,7 @@ from analysis import CannotAnswer, logs, replacing, store
 from analysis.noise.models import UnifiedModel
 from analysis.studies import derived
 
-SIMULATED = {"coverage", "ensembles", "robustness", "power", "benchmark"}
+SIMULATED = {"coverage", "hat-coverage", "ensembles", "robustness", "power", "benchmark"}
 OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}

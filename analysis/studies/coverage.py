@@ -15,7 +15,6 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -631,13 +630,20 @@ HATS = {  # cell: sigma of each unit, correlation time of each (s, 0 white), epo
     "correlated-08": ((1.0, 1.0, 0.4), (0.0, 0.0, 0.0), 300, 0.8),
 }
 HAT_FOLDER = store.FOLDER / "hat-coverage"
+HAT_TITLE = "Intervals of the three-cornered hat on simulated units"
 
 
-def hat_study(runs: int = 400, folder: Path = HAT_FOLDER) -> None:
+def hat_study(workers=None, folder=HAT_FOLDER, runs=400):
     """Count how often the intervals of the three-cornered hat hold the truth, cell by cell.
 
-    Each cell of `HATS` is simulated `runs` times at 1 s: Gauss-Markov or white noise of three
-    units, the first two sharing the correlation of the cell.
+    Parameters
+    ----------
+    workers : int, optional
+        Not used: it takes a minute or two.
+    folder : Path
+    runs : int
+        Of each cell of `HATS`: Gauss-Markov or white noise of three units at 1 s, the first two
+        sharing the correlation of the cell.
     """
     rows = []
     for cell, (sigma, times, n, rho) in tqdm(HATS.items(), desc="hat", unit="cell", disable=None):
@@ -659,5 +665,6 @@ def hat_study(runs: int = 400, folder: Path = HAT_FOLDER) -> None:
                 row |= {f"sigma_{k}": one.value / true, f"held_{k}": held}
             rows.append(row)
     table = store.rounded(pd.DataFrame(rows), 4)
-    source = {"seed": SEED, "runs": runs, "made_by": "analysis.studies.coverage.hat_study()"}
+    made_by = "python -m analysis coverage --hats"
+    source = {"title": HAT_TITLE, "seed": SEED, "runs": runs, "made_by": made_by}
     store.write(folder, source, {"hats": table})
