@@ -572,7 +572,7 @@ def units_differences(pair: Pair, zero: float) -> Figure:
     for ax in axes[:-1, 0]:
         ax.tick_params(labelbottom=False)
         ax.xaxis.label.set_visible(False)
-    axes[0, 1].legend(fontsize=6)
+    fig.legend(*axes[0, 1].get_legend_handles_labels(), loc="outside lower right", ncols=2)
     return fig
 
 
