@@ -36,7 +36,7 @@ def test_the_study_is_the_one_that_the_command_makes(study):
 
 
 def test_intervals_hold_the_truth(papers):
-    """coverage: every parameter of all eight models in 93 to 97 % of the logs, each."""
+    """coverage: every parameter of all eight models in 93 to 97 % of 600 or 1000 logs, each."""
     told = papers[papers["parameter"].isin(FITTED) & np.isfinite(papers["truth"])]
     told = told[told["covered"].notna()]
     assert told["parameter"].value_counts().to_dict() == {
@@ -46,11 +46,7 @@ def test_intervals_hold_the_truth(papers):
         "drift": 16,
     }
     assert (told["logs"] >= 400).all()
-    outside = ~told["covered"].between(0.93, 0.97)
-    assert outside.mean() <= 1 / 40
-    chance = 2 * np.sqrt(0.95 * 0.05 / told["logs"])
-    assert told["covered"].between(0.93 - chance, 0.97 + chance).all()
-    assert abs(told["covered"].mean() - 0.95) < 0.005
+    assert told["covered"].between(0.93, 0.97).all()
 
 
 def test_drift_intervals_hold_where_a_bias_hides(study):

@@ -165,7 +165,7 @@ def test_metrics_hold_the_truth():
 
 def bare(t, enu):
     """Make differences of positions alone."""
-    from analysis.units.differences import Differences
+    from analysis.units.metrics import Differences
 
     nan = np.full(len(t), np.nan)
     return Differences(t, enu, nan, nan, nan, nan, NONE, np.empty((0, 3)), NONE)

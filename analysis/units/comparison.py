@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis import CannotAnswer, Estimate, WrongUsage, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
-from analysis.units.differences import (
+from analysis.units.metrics import (
     Differences,
     differences,
     interpolated_angles,

@@ -25,7 +25,7 @@ from scipy.stats import chi2
 
 from analysis import CannotAnswer, Estimate
 from analysis.noise.position import effective_samples
-from analysis.units.differences import normal_factor, root_mean_square
+from analysis.units.metrics import normal_factor, root_mean_square
 
 SMALLEST = 1e-8  # of the largest difference's variance: stands for zero
 ROUNDS, PROFILE = 200, 60  # rounds of the fit; variances tried for an interval
