@@ -13,14 +13,14 @@ import numpy as np
 
 from analysis import CannotAnswer, Estimate, WrongUsage, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
+from analysis.units.events import Event, find_events
+from analysis.units.frame import Track, Unit, interpolated, local_tracks, rate, unwrapped
 from analysis.units.metrics import (
     Differences,
     differences,
     interpolated_angles,
     trajectory_metrics,
 )
-from analysis.units.events import Event, find_events
-from analysis.units.frame import Track, Unit, interpolated, local_tracks, rate, unwrapped
 from analysis.units.variances import Variances, unit_variances
 
 WINDOW_S = 10.0  # over which changes of angle are compared
