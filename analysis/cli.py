@@ -761,7 +761,7 @@ def coverage(
 
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
     two-biases, weak-bias, weak-walk), fits each, and counts how often an interval holds the true
-    value: an hour and a half on two cores. A table that exists with as many logs is kept, so a
+    value: about an hour on two cores. A table that exists with as many logs is kept, so a
     study that was stopped resumes.
     """
     from analysis.studies import coverage as study
