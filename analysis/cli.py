@@ -24,7 +24,7 @@ from typing import Annotated, Any, Literal
 import typer
 from typer.core import TyperGroup
 
-from analysis import CannotAnswer, Estimate, WrongUsage, replacing, without_exponents
+from analysis import ROOT, CannotAnswer, Estimate, WrongUsage, replacing, without_exponents
 
 DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
     "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
@@ -241,6 +241,9 @@ def reproduce(
 
     if parameters and not scratch:
         raise WrongUsage("-p goes with --scratch DIR: figures/ holds what the notebooks state")
+    kept = [ROOT / name for name in ("analysis", "data", "figures", "notebooks", "tests")]
+    if scratch and any(Path(scratch).resolve().is_relative_to(folder) for folder in kept):
+        raise WrongUsage(f"--scratch {scratch}: the project keeps its files there; name another")
     values = dict(map(_parameter, parameters or ()))
     start = perf_counter()
     with writing(scratch or "figures", "--scratch"):

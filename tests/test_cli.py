@@ -587,3 +587,11 @@ def test_a_second_report_from_another_folder_on_a_terminal_without_greek(tmp_pat
     found = files(tmp_path / "mine")
     assert found.pop(next(p for p in found if p.name == "notes.txt")) == b"mine"
     assert found == files(good.folder)
+
+
+@pytest.mark.parametrize("folder", ["notebooks", "figures/mine"])
+def test_a_what_if_run_stays_out_of_the_project(folder):
+    """Property: --scratch refuses the folders of the project before anything runs."""
+    status, out, err = run("reproduce", "14", "--scratch", ROOT / folder)
+    assert (status, out) == (2, "") and "--scratch" in err
+    assert not (ROOT / "figures" / "mine").exists()

@@ -710,3 +710,13 @@ def test_real_samples(file, table, rows):
     if "accel_z_m_s2" in chosen.frame:
         lengths = np.linalg.norm(chosen.frame[[f"accel_{a}_m_s2" for a in "xyz"]], axis=1)
         assert 8 < np.median(lengths) < 12, "on the ground or in calm flight, about one g"
+
+
+def test_a_cut_zip_is_named(tmp_path):
+    """property: an archive without its end is called damaged, not text."""
+    path = tmp_path / "log.zip"
+    with zipfile.ZipFile(path, "w") as packed:
+        packed.writestr("log.csv", "t_s,gyro_x_deg_s\n" + "0.01,1\n" * 500)
+    path.write_bytes(path.read_bytes()[:60])
+    with pytest.raises(CannotAnswer, match=r"log\.zip: .*zip.* cut off or damaged"):
+        formats.parts_of(path)

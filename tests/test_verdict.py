@@ -66,7 +66,7 @@ def measured(n, b):
         (0.004, 0.001, "yes", "within on every axis"),
         (0.01, 0.001, "no", "above it (2 times) on every axis"),
         (0.005, 0.001, "open", "not decided on every axis"),
-        (0.004, 0.01, "no", "above it (7.8 times) on every axis"),
+        (0.004, 0.01, "no", "above it (7.83 times) on every axis"),
     ],
     ids=["better", "noisier", "undecided", "a worse bias"],
 )

@@ -276,7 +276,7 @@ def format_of(path: Path) -> str:
     """Tell the format of a file from its content; its suffix does not count."""
     with delimited.open_bytes(path) as handle:
         head = handle.read(1 << 14)
-    if head.startswith(b"PK\x03\x04") and zipfile.is_zipfile(path):
+    if head.startswith(b"PK\x03\x04"):
         with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
             head = b"PK " + "".join(f"{name}\n" for name in packed.namelist()).encode()
     return next(name for name, one in FORMATS.items() if one.tells(head))

@@ -262,7 +262,8 @@ def lines(content):
     for clock in clocks:
         if clock["offset_s"] is not None:
             yield (
-                f"clock of {clock['unit']}: {clock['offset_s']:.3f} s "
+                f"to have the first unit's time, add to that of {clock['unit']}: "
+                f"{clock['offset_s']:.3f} s "
                 f"({clock['low']:.3f} to {clock['high']:.3f})"
             )
     for position, attitude in zip(positions, attitudes, strict=True):

@@ -2,6 +2,7 @@
 sheet, and what would it do on the road; in sentences, every number from the log's own intervals.
 """
 
+import math
 import re
 from typing import NamedTuple
 
@@ -107,7 +108,7 @@ def long_enough(result, needed):
     said = []
     for symbol, found in known.items():
         widths = [(e.high - e.low) / 2 / abs(e.value) for _, e in found if e.low and e.high]
-        good = f" (to ±{max(widths):.0%} or better)" if widths else ""
+        good = f" (to ±{math.ceil(100 * max(widths))}% or better)" if widths else ""
         said.append(f"enough for {symbol} of {_axes((n for n, _ in found), every)}{good}")
     said += [f"not for {symbol} of {_axes(names, every)}" for symbol, names in short.items()]
     if disturbed:
@@ -285,7 +286,7 @@ def _in_groups(found):
         if not of:
             continue
         ratios = [ratio for ratio in of.values() if ratio]
-        ends = sorted({engineering(r, 2) for r in (min(ratios), max(ratios))}) if ratios else []
+        ends = sorted({engineering(r, 3) for r in (min(ratios), max(ratios))}) if ratios else []
         by = f" ({' to '.join(ends)} times)" if ends else ""
         names = "every axis" if len(of) == len(found) > 1 else listed(of)
         groups.append(f"{word}{by} on {names}")

@@ -179,7 +179,7 @@ def _clock(a: Track, b: Track, notes) -> Clock:
         notes.append(note)
         return Clock(Estimate.refused("s", note), Estimate.refused("s/s", note))
     if clock.named:
-        notes.append(f"the clock of {b.name} against that of {a.name}: {clock.named}")
+        notes.append(f"times by {a.name} are those by {b.name} plus {clock.named}")
     return clock
 
 
