@@ -35,6 +35,7 @@ OVER = [(1, 46, 0, pitch) for pitch in (26, 14, 2, -10)]  # 12 deg/s: what weigh
 PUSHOVER = [(4, 50, 0, 20), (5, 48, 0, 38), *OVER, (4, 48, 0, -20), (5, 50, 0, -8), (40, 50, 0, 0)]
 FLIGHT = [(20, 35, 0, 0), CLIMB, (640, 55, 0, 0), (49, 55, 20, 0), BACK, (60, 57, 0, 0), *TURNS,
           *PUSHOVER, *PUSHOVER, *PUSHOVER, DOWN, (60, 35, 0, 0)]  # fmt: skip
+# s, from the begin of the turns to the end of the pushovers
 MANOEUVRES = float(sum(leg[0] for leg in FLIGHT[:6])), float(sum(leg[0] for leg in FLIGHT[:-2]))
 COAST_COURSE = -67.6  # deg, from KWVI to Ano Nuevo
 WEIGHTLESS = 0.3  # g, below which a unit with an inertial part loses its position
