@@ -237,11 +237,55 @@ def test_epochs_without_a_time(tmp_path):
     assert sum("9 epochs without a time of day" in note for note in log.notes) == 1
 
 
-def test_time_backward_is_refused(tmp_path):
-    """property: a log joined from two runs in the wrong order is refused, naming file and line."""
-    lines = flat(epoch(k) for k in range(100, 110)) + flat(epoch(k) for k in range(5))
-    with pytest.raises(CannotAnswer, match=r"drive.nmea, line 31: time goes backward by 109 s"):
-        read_moving([nmea(tmp_path, lines)])
+def test_a_clock_that_jumps_is_split_into_starts(tmp_path):
+    """property: hours back or forth after the first fix start anew; no gap becomes a day."""
+    back = flat(epoch(k) for k in range(50300, 50310)) + flat(epoch(k) for k in range(20))
+    log = read_moving([nmea(tmp_path, back)])  # from 23:58 to 10:00, not of the next day
+    np.testing.assert_allclose(log.gnss.t_s, np.arange(30.0))
+    assert log.restarts_s == (10.0,)
+    assert any("line 31: the receiver starts again" in note for note in log.notes)
+    forth = flat(epoch(k) for k in range(10)) + flat(epoch(k) for k in range(7200, 7210))
+    log = read_moving([nmea(tmp_path, forth)])
+    assert log.restarts_s == (7200.0,)
+    slow = read_moving([nmea(tmp_path, flat(epoch(30 * k) for k in range(5)))])
+    assert slow.restarts_s == ()
+
+
+def test_a_receiver_that_announces_itself_starts_again(tmp_path):
+    """property: the banner of a receiver is a start, also where its clock hardly stopped."""
+    banner = sentence("GPTXT,01,01,02,u-blox ag - www.u-blox.com")
+    lines = [banner, *flat(epoch(k) for k in range(5)), banner, *flat(epoch(k) for k in (9, 10))]
+    log = read_moving([nmea(tmp_path, lines)])
+    np.testing.assert_allclose(log.gnss.t_s, [0, 1, 2, 3, 4, 9, 10])
+    assert log.restarts_s == (9.0,)
+
+
+def test_nowhere_on_earth_is_no_fix(tmp_path):
+    """property: impossible positions and heights are said, counted and left out."""
+    lines = []
+    for k in range(20):
+        lines += [line.replace("50", "91", 1) if k == 4 else line for line in epoch(k)]
+    for k, one in enumerate(lines):  # with checksums that agree
+        body = one[1:].split("*")[0]
+        body = body.replace("00420.82", "18120.82") if 18 <= k < 21 else body
+        body = body.replace(",100.0,", ",1e308,") if k == 25 else body
+        lines[k] = sentence(body.replace("5050.", "9150.") if 12 <= k < 15 else body)
+    gnss = (log := read_moving([nmea(tmp_path, lines)])).gnss
+    assert np.flatnonzero(~gnss.has_fix).tolist() == [4, 6]
+    assert np.nanmax(np.abs(gnss.lat_deg)) < 51 and np.nanmax(gnss.lon_deg) < 5
+    assert np.nanmax(gnss.height_m) == 100.0 and np.isnan(gnss.height_m[8])
+    said = " ".join(log.notes)
+    assert "line 13: positions beyond 90 deg" in said and ": 2 left out" in said
+    assert "line 25: heights beyond 100 km" in said
+
+
+def test_mode_and_satellites(tmp_path):
+    """analytic: two-dimensional fixes and the number of satellites as GSA and GGA state them."""
+    lines = flat(epoch(k) for k in range(6))
+    lines[5] = sentence("GNGSA,A,2,01,02,03,,,,,,,,,,2.0,1.7,1.0")
+    gnss = read_moving([nmea(tmp_path, lines)]).gnss
+    np.testing.assert_array_equal(gnss.mode, [3, 2, 3, 3, 3, 3])
+    np.testing.assert_array_equal(gnss.satellites, np.full(6, 8))
 
 
 def test_what_was_written_twice_is_left_out(tmp_path):
@@ -306,12 +350,11 @@ def stamp(seconds, form):
 
 
 @pytest.mark.parametrize("form", ["unix", "iso", "ms"])
-@pytest.mark.parametrize("own_line", [True, False])
-def test_host_stamps(tmp_path, form, own_line):
+@pytest.mark.parametrize("sep", ["\r\n", " ", " -->> ", " => ", " | ", ";"])
+def test_host_stamps(tmp_path, form, sep):
     """published: sentences interspersed with the host's time stamps, and an IMU on that clock."""
     lines = []
     for k in range(20):
-        sep = "\r\n" if own_line else " "
         lines += [stamp(k + 0.25, form) + sep, *epoch(k)]
     path = nmea(tmp_path, lines)
     t = np.arange(0, 20, 0.25)
@@ -478,6 +521,34 @@ def test_speed_without_a_unit(tmp_path, unit):
     np.testing.assert_allclose(log.gnss.speed_m_s, 12.0, rtol=1e-4)
     with pytest.raises(WrongUsage, match="speed_m_s=Speed"):
         read_moving([csv(tmp_path, header, rows[:5])])
+
+
+@pytest.mark.parametrize("unit", ["m_s", "km_h", "knots", "mph"])
+def test_a_speed_of_another_unit_is_left_out(tmp_path, unit):
+    """property: 15 m/s declared in each unit: dropped and said but for the right one."""
+    rows = [(k, LAT + 15 * k / 111_195, LON, 100, 2, 15, 0) for k in range(60)]
+    log = read_moving([csv(tmp_path, GNSS.replace("speed_m_s", f"speed_{unit}"), rows)])
+    assert np.isfinite(log.gnss.speed_m_s).all() == (unit == "m_s")
+    assert any("its unit is another one" in note for note in log.notes) == (unit != "m_s")
+
+
+def test_a_csv_of_several_starts(tmp_path):
+    """property: a clock since power-on that starts again runs on; the rows of each start stay."""
+    t = [*np.arange(0, 100, 1.0), *np.arange(0.5, 80, 1.0)]
+    rows = [(*g, *i[1:]) for g, i in zip(gnss_rows(t), imu_rows(t), strict=True)]
+    log = read_moving([csv(tmp_path, GNSS + IMU[3:], rows)])
+    np.testing.assert_allclose(log.gnss.t_s, np.arange(180.0))
+    np.testing.assert_allclose(log.imu.t_s, np.arange(180.0))
+    assert log.restarts_s == (100.0,)
+
+
+def test_a_negative_pdop_is_none(tmp_path):
+    """property: a PDOP below zero is said and taken as unknown, and so is one of zero."""
+    rows = [list(r) for r in gnss_rows(range(10))]
+    rows[3][4], rows[5][4] = -1.0, 0.0
+    log = read_moving([csv(tmp_path, GNSS, rows)])
+    assert np.flatnonzero(np.isnan(log.gnss.pdop)).tolist() == [3, 5]
+    assert any("line 5, column 'lat_deg': PDOP below zero" in note for note in log.notes)
 
 
 def test_missing_values_and_no_fix(tmp_path):

@@ -32,6 +32,8 @@ _STAMP = re.compile(r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)([._ ]n?
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
 _COUNTER = 2.0**32  # millis() and micros() of a microcontroller start again here
 SECONDS_PER_DAY = 86400.0
+RESTART_S = 60.0  # a clock that falls back by more has started again
+RESTARTS = 0.01  # share of rows that may do so; more is a file that is not sorted
 UNIX = "unix"  # seconds since 1970
 DAY = "day"  # seconds since some midnight, UTC as far as the log states
 DEVICE = "device"  # seconds since an event of the device's own, such as power-on
@@ -229,6 +231,31 @@ def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
 def _whole(t: np.ndarray) -> bool:
     """Tell whether the stamps are whole numbers."""
     return bool((t[:1000] == np.round(t[:1000])).all())
+
+
+def continued(t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Let a clock that starts again run on: all before it is moved to end an interval earlier.
+
+    Parameters
+    ----------
+    t_s : ndarray, shape (n,)
+        In the order of the file; NaN where there is none.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    ndarray of int
+        The rows at which the clock starts again; none if it does so too often to be a clock.
+    """
+    good = np.flatnonzero(np.isfinite(t_s))
+    steps = np.diff(t_s[good])
+    back = np.flatnonzero(steps < -RESTART_S)
+    if not 0 < len(back) <= max(1, RESTARTS * len(good)):
+        return t_s, np.array([], dtype=int)
+    out, interval = t_s.copy(), float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
+    for k in back:
+        out[: good[k + 1]] += steps[k] - interval
+    return out, good[back + 1]
 
 
 def rising(

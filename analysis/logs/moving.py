@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis import STANDARD_GRAVITY, CannotAnswer, WrongUsage
+from analysis import STANDARD_GRAVITY, CannotAnswer, WrongUsage, wrap
 from analysis.logs import clock, columns, datasets, delimited, formats, nmea
 from analysis.logs.catalogue import find
 from analysis.logs.tables import Part, ask, named
-from analysis.logs.timeline import Attitude, Gnss, Imu, Timeline
+from analysis.logs.timeline import FACTORS, Attitude, Gnss, Imu, Timeline, plausible, silent_gaps
 
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
 IMU_GAPS = 0.01  # share of IMU rows whose time may step back
@@ -40,6 +40,8 @@ _MEANINGS = (  # meaning of a name without its unit
     ("speed", _SPEED_NAME),
     ("course", r"(gps_?|location_?)?(course|cog|bearing|track|heading)"),
     ("fix", r"has_?fix|fix|fix_?type|quality"),
+    ("mode", r"(gps_?|gnss_?)?(fix|nav|gsa)_?mode"),
+    ("satellites", r"(gps_?|gnss_?)?(satellites|sats|num_?sv|num_?sats?)"),
     ("accel_{}", r"(a|acc|accel|accelerometer|acceleration|g_?force)[ _.]?{}"),
     ("gyro_x", r"rollrate"),
     ("gyro_y", r"pitchrate"),
@@ -99,6 +101,7 @@ def read_moving(
     """
     parts: dict[str, Any] = {}
     clocks: dict[str, str] = {}
+    restarts: list[float] = []
     notes, sources, start = [], {}, None
     paths = [find(log)[2] for log in logs]
     wanted = _columns_of_each(columns or {}, paths)
@@ -106,10 +109,16 @@ def read_moving(
     for path in paths:
         sources[path.name] = datasets.sha256(path)
         if not path.is_dir() and formats.format_of(formats.plain(path)) == "nmea":
-            epochs, which, began, more = nmea.read_gnss(formats.plain(path))
+            epochs, which, began, again, more = nmea.read_gnss(formats.plain(path))
             new, start = {"GNSS": epochs}, began or start
         else:
-            new, which, more = _read_parts(path, wanted[path], given, tables)
+            new, which, again, more = _read_parts(path, wanted[path], given, tables)
+        if again and which == clock.DEVICE and len(paths) > 1:
+            raise CannotAnswer(
+                f"{path.name}: its clock starts again {len(again)} times, so that no other log can "
+                "be matched to it; cut the logs there and give the parts of one start"
+            )
+        restarts += again
         notes += more
         for kind in new:
             if kind in parts and kind != "attitude":
@@ -141,7 +150,18 @@ def read_moving(
         for part in (gnss, parts.get("IMU"), attitude)
     )
     which = clocks.get("GNSS") or next(iter(clocks.values()))
-    return Timeline(gnss, imu, start, tuple(notes), sources, attitude, zero, which)
+    again = [round(t - zero, 6) for t in restarts]
+    if gnss is not None:
+        again = sorted({*again, *silent_gaps(gnss, imu)})
+        factor = gnss.speed_factor()
+        if not FACTORS[0] < factor < FACTORS[1] and factor == factor:
+            gnss = replace(gnss, speed_m_s=np.full(len(gnss.t_s), np.nan))
+            notes.append(
+                f"the positions move {factor:.2f} times as fast as the speed says: its unit is "
+                "another one; the speed is left out. Say the unit with --columns speed_km_h=COLUMN "
+                "(or speed_m_s, speed_knots, speed_mph)"
+            )
+    return Timeline(gnss, imu, start, tuple(notes), sources, attitude, zero, which, tuple(again))
 
 
 def _given(unit: str | None, scale: str | None) -> dict[str, Any]:
@@ -227,8 +247,8 @@ def _dates_apart(gnss, imu, start) -> Iterator[str]:
 
 def _read_parts(
     path: Path, wanted: dict[str, str], given: dict, tables: Sequence[str]
-) -> tuple[dict[str, Any], str, list[str]]:
-    """Read the tables of a log with positions and with an IMU: parts, the clock, notes."""
+) -> tuple[dict[str, Any], str, list[float], list[str]]:
+    """Read the tables of a log with positions and with an IMU: parts, clock, restarts, notes."""
     parts = formats.parts_of(path)
     wished = {named(parts, name, path.name).name for name in tables if len(parts) > 1}
     known = {part.name: set(_meanings([*part.columns, *wanted])) for part in parts}
@@ -247,16 +267,18 @@ def _read_parts(
     if len(attitudes) == 1 and (attitudes[0],) not in chosen:
         chosen.append((attitudes[0],))
     read: dict[str, Any] = {}
+    restarts: list[float] = []
     notes: list[str] = []
     for some in chosen or [tuple(parts[:1])]:
         table = formats.load(some)
         mine = wanted
         if len(parts) > 1:
             mine = {k: v for k, v in wanted.items() if v.removeprefix("-") in table.frame}
-        new, which, more = _read_table(table, mine, given)
+        new, which, again, more = _read_table(table, mine, given)
         read |= new
+        restarts += again
         notes += more
-    return read, which, notes
+    return read, which, restarts, notes
 
 
 def _with(needed, parts, known, wished, path) -> tuple[Part, ...]:
@@ -275,8 +297,8 @@ def _meanings(names: Sequence[str]) -> list[str]:
 
 def _read_table(
     table: delimited.Table, wanted: dict[str, str], given: dict
-) -> tuple[dict[str, Any], str, list[str]]:
-    """Read a table: its GNSS epochs and IMU samples, the clock of its stamps, notes."""
+) -> tuple[dict[str, Any], str, list[float], list[str]]:
+    """Read a table: its GNSS epochs and IMU samples, the clock of its stamps, restarts, notes."""
     file = table.file
     table = replace(table, frame=_rename(table.frame, wanted, file))
     time = clock.time_column(table.frame)
@@ -287,7 +309,11 @@ def _read_table(
         stamps = clock.stamps(time, table.frame[time].to_numpy(), unit=given["time_unit"])
     notes = [f"{file}: {note}" for note in (*table.repairs, *stamps.notes)]
     known = _measurements(table.frame.drop(columns=time))
-    args = table, time, stamps.since_s + stamps.zero_s, known, notes
+    t, again = clock.continued(stamps.since_s + stamps.zero_s)
+    if len(again):
+        place = table.place(again[0], time)
+        notes.append(f"{place}: the clock starts again, here first: {len(again) + 1} starts")
+    args = table, time, t, known, notes
     parts: dict[str, Any] = {}
     lacks = []
     imu = functools.partial(_imu, given=given)
@@ -306,7 +332,7 @@ def _read_table(
         ]
         raise WrongUsage(f"{header}: {'; '.join(lacks)}; say --columns OURS=THEIRS; {there}")
     notes += [f"{file}: {lack}: not used" for lack in lacks]
-    return parts, stamps.clock, notes
+    return parts, stamps.clock, t[again].tolist(), notes
 
 
 def _gnss(table, time, t, known, notes) -> Gnss:
@@ -337,11 +363,15 @@ def _gnss(table, time, t, known, notes) -> Gnss:
     fix = np.isfinite(lat) & np.isfinite(lon) & ~((lat == 0) & (lon == 0))
     if "fix" in data:
         fix &= column("fix") > 0
-    beyond = np.flatnonzero(fix & ~((np.abs(lat) <= 90) & (np.abs(lon) <= 360)))
-    if beyond.size:
+    lon = np.where(np.abs(lon) > 180, np.where(np.abs(lon) <= 360, wrap(lon), lon), lon)
+    beyond = np.flatnonzero(fix & ~((np.abs(lat) <= 90) & (np.abs(lon) <= 180)))
+    if beyond.size and 2 * beyond.size >= fix.sum():
         k = beyond[0]
         place = table.place(at[k], known["lat"][0])
-        raise CannotAnswer(f"{place}: {lat[k]:g}, {lon[k]:g} is nowhere on Earth")
+        raise CannotAnswer(
+            f"{place}: {lat[k]:g}, {lon[k]:g} is nowhere on Earth, as are {beyond.size:,} of "
+            f"{fix.sum():,} positions; give degrees, latitude and longitude not exchanged"
+        )
     if "speed" in data:
         name, unit = known["speed"]
         if unit is None:
@@ -357,7 +387,10 @@ def _gnss(table, time, t, known, notes) -> Gnss:
     blank = {"lat_deg": lat, "lon_deg": lon, "height_m": height}
     blank |= {"speed_m_s": speed, "course_deg": course}
     blank = {name: np.where(fix, array, np.nan) for name, array in blank.items()}
-    return Gnss(t_s=t[at], pdop=column("pdop"), has_fix=fix, **blank)
+    pdop = column("pdop")
+    blank |= {"pdop": np.where(pdop == 0, np.nan, pdop), "mode": column("mode")}
+    gnss = Gnss(t_s=t[at], has_fix=fix, satellites=column("satellites"), **blank)
+    return plausible(gnss, lambda k: table.place(at[k], known["lat"][0]), notes)
 
 
 def _imu(table, time, t, known, notes, given) -> Imu:

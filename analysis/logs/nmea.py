@@ -25,11 +25,12 @@ from analysis import CannotAnswer
 from analysis.logs import clock
 from analysis.logs.delimited import Table, content
 from analysis.logs.grid import BadStamps
-from analysis.logs.timeline import Gnss, Imu
+from analysis.logs.timeline import Gnss, Imu, plausible
 
 PDOP_HOLD_S = 10.0  # receivers that save on sentences give a GSA every few seconds only
 STEP_BACK_S = 5.0  # a receiver that sets its clock back by less is taken to set it right
 LEAP_S = 60.0  # a leap forward at the first fix, of a clock that was not yet set
+_BANNER = re.compile(rb"\$PSRFTXT,Version|\$G[A-Z]TXT,[^$*\r\n]{0,20}u-blox|\$PMTK01[01],")
 HOST_SHARE = 0.5  # epochs with a host's stamp beyond which the stamps are taken as time
 TALKER = rb"\$(?:G[A-Z]|BD|QZ)"
 _BODY = rb"[ -#%-)+-~]*"  # printable, no dollar, no star
@@ -41,10 +42,11 @@ _BAD = (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, AttributeEr
 _CLOCK = rb"\d\d:\d\d:\d\d(?:[.,]\d+)?"
 _STAMP = rb"\d{4}-\d\d-\d\d[T ]" + _CLOCK + rb"(?:Z|[+-]\d\d:?\d\d)?|" + _CLOCK
 _STAMP += rb"|\d{1,19}(?:\.\d+)?"
-_HOST = re.compile(rb"(?m)^[\[(< ]*(" + _STAMP + rb")[\])> ,;:\t|]*(?=\$|\r?$)")
+_APART = rb"[^0-9A-Za-z$\r\n]{0,8}"  # a separator, of whatever signs
+_HOST = re.compile(rb"(?m)^" + _APART + rb"(" + _STAMP + rb")" + _APART + rb"(?=\$|\r?$)")
 _BREAK = re.compile(rb"[\r\n]+")
 _STAMPED_BREAK = re.compile(
-    rb"[\r\n]+(?:[\[(< ]*(?:" + _STAMP + rb")[\])> ,;:\t|]*(?:[\r\n]+|(?=,)))?"
+    rb"[\r\n]+(?:" + _APART + rb"(?:" + _STAMP + rb")" + _APART + rb"(?:[\r\n]+|(?=,)))?"
 )
 Sentence = tuple[int, NMEAMessage]
 _POSITION = {"lat_deg": "lat", "lon_deg": "lon"}
@@ -67,7 +69,7 @@ _FIELDS: dict[str, dict[str, str]] = {  # of an epoch's sentences the first with
     },
     "GLL": {**_POSITION, "status": "status"},
     "VTG": {"speed_km_h": "sogk", "course_deg": "cogt"},
-    "GSA": {"pdop": "PDOP"},
+    "GSA": {"pdop": "PDOP", "mode": "navMode"},
 }
 _NO_FIX = {0, 6}  # none, and estimated (the receiver's own dead reckoning)
 
@@ -201,8 +203,11 @@ def read_table(path: Path) -> Table:
     return Table(frame, path, tuple(repairs), lines=_lines(raw, rows))
 
 
-def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[str]]:
+def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[float], list[str]]:
     """Read the GNSS epochs of a moving log, on a clock that only runs forward.
+
+    A receiver that is switched on again, and one whose clock jumps after its first fix, start anew:
+    what is before is moved to end one interval earlier where its clock was ahead.
 
     Returns
     -------
@@ -212,6 +217,8 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[str]]:
         The clock: that of the receiver (`clock.DAY`), or that of a host's stamps.
     str or None
         Date and time of the first epoch, if the receiver states it.
+    list of float
+        ``t_s`` of the first epoch of each later start.
     list of str
         What was repaired.
 
@@ -246,10 +253,23 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[str]]:
 
     t, which = _host_time(raw, found, notes, path.name)
     if t is None:
-        t, which = _receiver_time(found, place, notes), clock.DAY
+        t, again = _receiver_time(found, place, notes)
+        which = clock.DAY
+    else:
+        t, again = clock.continued(t)
+    banners = [match.start() for match in _BANNER.finditer(raw)]
+    again = np.union1d(again, np.searchsorted(found["offset"], banners)).astype(int)
     keep = clock.rising(t, place, notes)
-    t, found = t[keep], found.iloc[keep]
-    return _gnss(t, found), which, _start(found, t, notes), notes
+    starts = np.searchsorted(keep, again[(again > 0) & (again < len(t))])
+    t, found, lines = t[keep], found.iloc[keep], lines[keep]
+    starts = np.unique(starts[(starts > 0) & (starts < len(t))])
+    if len(starts):
+        notes.append(
+            f"{place(starts[0])}: the receiver starts again, or its clock jumps, here first: "
+            f"{len(starts) + 1} starts"
+        )
+    gnss = plausible(_gnss(t, found), place, notes)
+    return gnss, which, _start(found, t, notes), t[starts].tolist(), notes
 
 
 def _host_time(raw: bytes, found, notes, name) -> tuple[np.ndarray | None, str]:
@@ -288,25 +308,38 @@ def _host_unit(column: np.ndarray, day: np.ndarray) -> str:
     return min(("_s", "_ms", "_us"), key=lambda u: abs(np.log(ratio * clock.SCALES[u[1:]])))
 
 
-def _receiver_time(found, place, notes) -> np.ndarray:
+def _receiver_time(found, place, notes) -> tuple[np.ndarray, list[int]]:
     """Return seconds by the receiver's time of day, continuous over midnight.
 
     Where the clock is set (it steps back by a moment, or leaps when the first fix comes), the
-    epochs before it are moved to end one interval before. Epochs without a time of day are
-    extrapolated, or interpolated between those that have one.
+    epochs before it are moved to end one interval before; so are those before a jump backward after
+    the first fix, which starts anew. Epochs without a time of day are extrapolated, or interpolated
+    between those that have one.
+
+    Returns
+    -------
+    ndarray
+    list of int
+        Epochs at which the clock starts anew.
     """
     day = found["time"].to_numpy()
     known = np.flatnonzero(np.isfinite(day))
     if not known.size:
         notes.append(f"{place(0)}: no time of day in the whole log: one epoch a second assumed")
-        return np.arange(len(day), dtype=float)
-    t = clock.unwrap_clock(day)
-    steps = np.diff(t[known])
+        return np.arange(len(day), dtype=float), []
+    steps = np.diff(day[known])
+    over_midnight = (steps < 0) & (steps + clock.SECONDS_PER_DAY < LEAP_S)
+    steps[over_midnight] += clock.SECONDS_PER_DAY
+    t, again = day.copy(), []
+    t[known[1:]] = day[known[0]] + np.cumsum(steps)
     interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     fixed = found["fix"].to_numpy()
     for k, step in zip(known[1:], steps, strict=True):
         before_any_fix = not fixed[:k].any()
-        if -STEP_BACK_S < step < 0 or (before_any_fix and (step < 0 or step > LEAP_S)):
+        if step <= -STEP_BACK_S and not before_any_fix:
+            again.append(int(k))
+            t[:k] += step - interval
+        elif -STEP_BACK_S < step < 0 or (before_any_fix and (step < 0 or step > LEAP_S)):
             at_fix = " before the first fix" if before_any_fix else ""
             notes.append(
                 f"{place(k)}: the receiver sets its clock{at_fix} ({step:+.3f} s); the epochs "
@@ -322,17 +355,20 @@ def _receiver_time(found, place, notes) -> np.ndarray:
             f"{place(lacking[0])}: {lacking.size:,} epochs without a time of day, the first "
             f"here: taken as {interval:g} s apart, or even between those that have one"
         )
-    return t
+    return t, again
 
 
 def _gnss(t: np.ndarray, found: pd.DataFrame) -> Gnss:
-    """Turn epochs into arrays; the last PDOP holds for some seconds."""
+    """Turn epochs into arrays; the last PDOP and mode hold for some seconds."""
     fix = found["fix"] & found[[*_POSITION]].notna().all(axis=1)
     names = (*_POSITION, "height_m", "speed_m_s", "course_deg")
     columns = {name: found[name].where(fix).to_numpy() for name in names}
     age = t - pd.Series(t, found.index).where(found["pdop"].notna()).ffill()
     pdop = found["pdop"].ffill().where(age <= PDOP_HOLD_S)
-    return Gnss(t_s=t, pdop=pdop.to_numpy(), has_fix=fix.to_numpy(), **columns)
+    mode = found["mode"].ffill().where(age <= PDOP_HOLD_S)
+    columns |= {"pdop": pdop.to_numpy(), "mode": mode.where(mode > 1).to_numpy()}  # 1: no fix
+    columns["satellites"] = found["satellites"].to_numpy()
+    return Gnss(t_s=t, has_fix=fix.to_numpy(), **columns)
 
 
 def _start(found: pd.DataFrame, t: np.ndarray, notes: list[str]) -> str | None:

@@ -3,13 +3,19 @@
 Plain arrays, already read and cleaned: `analysis.logs.moving.read_moving` makes them from files.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from analysis import wrap
+
 METRES_PER_DEGREE = 1.11e5  # of latitude, to half a percent
+HIGHEST_M = 100_000.0  # of a height that a receiver can have
+WINDOW_S, WINDOW_M, FEWEST = 5.0, 20.0, 20  # speed against positions: by windows, and how many
+FACTORS = (0.8, 1.25)  # between the positions' speed and the stated one: noise and bends
+SILENT_S = 60.0  # without an epoch and a sample: the device was off
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,10 @@ class Gnss:
     speed_m_s, course_deg : ndarray
         Over ground; course clockwise from north.
     has_fix : ndarray of bool
+    mode : ndarray, optional
+        2 or 3 dimensions of the fix, as GSA states it.
+    satellites : ndarray, optional
+        In the solution.
     """
 
     t_s: np.ndarray
@@ -37,6 +47,14 @@ class Gnss:
     speed_m_s: np.ndarray
     course_deg: np.ndarray
     has_fix: np.ndarray
+    mode: np.ndarray = None  # type: ignore[assignment]  # made NaN
+    satellites: np.ndarray = None  # type: ignore[assignment]
+
+    def __post_init__(self):
+        """Fill what the receiver never gives."""
+        for name in ("mode", "satellites"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.full(len(self.t_s), np.nan))
 
     def largest_differences(self, other: "Gnss") -> dict[str, float]:
         """Return by how much two logs differ at most, at the epochs that both have.
@@ -54,11 +72,33 @@ class Gnss:
         """
         here = np.isin(np.round(other.t_s, 3), np.round(self.t_s, 3))
         pairs = {k: (v, vars(other)[k][here]) for k, v in vars(self).items()}
-        off = {k: np.abs(a - b) for k, (a, b) in pairs.items() if k not in ("t_s", "has_fix")}
+        values = ("lat_deg", "lon_deg", "speed_m_s", "course_deg", "pdop")
+        off = {k: np.abs(pairs[k][0] - pairs[k][1]) for k in values}
         metres = METRES_PER_DEGREE * np.array([off.pop("lat_deg"), off.pop("lon_deg")])
         metres[1] *= np.cos(np.radians(self.lat_deg))
         off = {"position_m": np.hypot(*metres), **off}
-        return {k: float(np.nanmax(v)) for k, v in off.items() if k != "height_m"}
+        return {k: float(np.nanmax(v)) for k, v in off.items()}
+
+    def speed_factor(self) -> float:
+        """Return how much faster the positions move than the speed says; NaN if too few move.
+
+        The median over `WINDOW_S` in which the speed makes at least `WINDOW_M`. A course that bends
+        lowers it a little, wild fixes hardly.
+        """
+        use = self.has_fix & np.isfinite(self.speed_m_s)
+        t, v, lat, lon = (a[use] for a in (self.t_s, self.speed_m_s, self.lat_deg, self.lon_deg))
+        if len(t) < FEWEST:
+            return np.nan
+        end = np.searchsorted(t, t + WINDOW_S - 1e-6)
+        start = np.flatnonzero(end < len(t))
+        end = end[start]
+        path = np.concatenate([[0.0], np.cumsum(np.diff(t) * (v[1:] + v[:-1]) / 2)])
+        path = path[end] - path[start]
+        east = wrap(lon[end] - lon[start]) * np.cos(np.radians(lat[start]))
+        moved = METRES_PER_DEGREE * np.hypot(lat[end] - lat[start], east)
+        fair = (t[end] - t[start] < 2 * WINDOW_S) & ((path > WINDOW_M) | (moved > WINDOW_M))
+        fair &= path > 1.0
+        return float(np.median(moved[fair] / path[fair])) if fair.sum() >= FEWEST else np.nan
 
 
 @dataclass(frozen=True)
@@ -118,6 +158,9 @@ class Timeline:
         What the log's clock reads at t_s = 0.
     clock : str
         That clock: "unix", "day" (time of day) or "device".
+    restarts_s : tuple of float
+        When the device was switched on again, or its receiver's clock jumped: the first epoch after
+        each. The time before and after one may be of different clocks.
     """
 
     gnss: Gnss | None
@@ -128,6 +171,7 @@ class Timeline:
     attitude: Attitude | None = None
     zero_s: float = 0.0
     clock: str = "device"
+    restarts_s: tuple[float, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -135,6 +179,59 @@ class Timeline:
         parts = (self.gnss, self.imu) if self.gnss or self.imu else (self.attitude,)
         ends = [t.t_s[[0, -1]] for t in parts if t is not None]
         return float(max(e[1] for e in ends) - min(e[0] for e in ends))
+
+
+def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss:
+    """Take out what cannot be: positions off the Earth, heights in space, a PDOP below zero.
+
+    Parameters
+    ----------
+    gnss : Gnss
+    place : callable
+        Names the place in the file of an epoch.
+    notes : list of str
+        Gets a sentence for each kind.
+
+    Returns
+    -------
+    Gnss
+    """
+    with np.errstate(invalid="ignore"):
+        off = gnss.has_fix & ~((np.abs(gnss.lat_deg) <= 90) & (np.abs(gnss.lon_deg) <= 180))
+        high = np.abs(gnss.height_m) > HIGHEST_M
+        negative = gnss.pdop < 0
+    kinds = {
+        "positions beyond 90 deg of latitude or 180 deg of longitude": off,
+        f"heights beyond {HIGHEST_M / 1000:.0f} km": high,
+        "PDOP below zero": negative,
+    }
+    for kind, where in kinds.items():
+        if where.any():
+            notes.append(
+                f"{place(int(np.argmax(where)))}: {kind}, here first: {where.sum():,} left out"
+            )
+    fix = gnss.has_fix & ~off
+    blank = {
+        name: np.where(off, np.nan, getattr(gnss, name))
+        for name in ("lat_deg", "lon_deg", "speed_m_s", "course_deg")
+    }
+    height = np.where(high | off, np.nan, gnss.height_m)
+    pdop = np.where(negative, np.nan, gnss.pdop)
+    return replace(gnss, has_fix=fix, height_m=height, pdop=pdop, **blank)
+
+
+def silent_gaps(gnss: Gnss, imu: Imu | None) -> list[float]:
+    """Return the first epoch after each time in which neither receiver nor IMU gave anything, s."""
+    ends = np.flatnonzero(np.diff(gnss.t_s) > SILENT_S) + 1
+    if imu is None or not len(imu.t_s):
+        return gnss.t_s[ends].tolist()
+    gaps = []
+    for k in ends:
+        inside = imu.t_s[(imu.t_s > gnss.t_s[k - 1]) & (imu.t_s < gnss.t_s[k])]
+        quiet = np.diff(np.concatenate([[gnss.t_s[k - 1]], inside, [gnss.t_s[k]]])).max()
+        if quiet > SILENT_S:
+            gaps.append(float(gnss.t_s[k]))
+    return gaps
 
 
 def inject_outages(timeline: Timeline, outages: Sequence[tuple[float, float]]) -> Timeline:
