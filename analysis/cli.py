@@ -466,7 +466,7 @@ def replay(
     position, warning = load_position(last_position) if last_position else (None, None)
     stored = Stored(**position) if position else None
     off: dict[str, Any] = {block.replace("-", "_"): False for block in without or ()}
-    options = Options(dtype=np.float32 if float32 else np.float64, **off)
+    options = Options(number=np.float32 if float32 else float, **off)
     track = replay_log(inject_outages(log, outages), options, stored, progress=True)
     with writing(out):
         write_track(track, out)

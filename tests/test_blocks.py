@@ -16,11 +16,11 @@ from analysis.tracker.mounting import MountingYaw
 
 CLASSES = {  # of each block, and the modules of the same folder that its module needs
     "last_position": (LastPosition, set()),
-    "attitude": (Attitude, {"kalman"}),
+    "attitude": (Attitude, set()),
     "static": (StaticTest, set()),
     "low_pass": (LowPass, set()),
     "mounting": (MountingYaw, {"at_rest"}),
-    "fusion": (Fusion, {"kalman"}),
+    "fusion": (Fusion, set()),
 }
 
 
@@ -41,7 +41,7 @@ def test_the_example_on_the_page_runs(block):
 
 @pytest.mark.parametrize("block", BLOCKS)
 def test_a_block_can_be_lifted(block):
-    """property: it imports the standard library, numpy, the root and the named neighbours only."""
+    """property: it imports the standard library, the root and the named neighbours only."""
     kind, along = CLASSES[block]
     own, other, todo = set(), set(), [kind.__module__.split(".")[-1]]
     while todo:
@@ -63,5 +63,5 @@ def test_a_block_can_be_lifted(block):
                     todo.append(name.split(".")[2])
     assert own == along
     # The root of the package, which has g and the angle wrap, is standard library only.
-    outside = {"analysis", "numpy", "math", "collections", "dataclasses", "typing"}
+    outside = {"analysis", "math", "collections", "dataclasses", "typing"}
     assert other <= outside

@@ -407,7 +407,7 @@ def test_a_turn_in_an_outage_is_no_bias_of_the_gyro(laps, monkeypatch):
     class Watched(Device):
         def gnss(self, epoch):
             row = super().gnss(epoch)
-            bias.append(self.attitude.bias.x)
+            bias.append(np.array(self.attitude.bias.x))
             return row
 
     monkeypatch.setattr(log_replay, "Device", Watched)
@@ -434,7 +434,7 @@ def test_an_imu_with_z_up(laps):
 def test_single_precision(laps):
     """property: in float32 the track is the same to 10 cm and a degree of mounting angle."""
     scenario, double = laps
-    single = replay(scenario.log, Options(dtype=np.float32))
+    single = replay(scenario.log, Options(number=np.float32))
     assert single.summary["number_type"] == "float32"
     apart = np.hypot(*(a - b for a, b in zip(metres(single), metres(double), strict=True)))
     assert apart.max() < 0.1

@@ -179,7 +179,7 @@ def tracker(laps=5, hours=24.0):
     start = time.process_time()
     replay(ride)
     rate = ride.duration_s / (time.process_time() - start)
-    yield Measured("replay with a 40 Hz IMU, one core", rate, "x real time", ">= 500")
+    yield Measured("replay with a 40 Hz IMU, one core", rate, "x real time", ">= 1000")
     rng = np.random.default_rng(TRACKER_SEED)
     day = scenario("A", rng, minutes=60 * hours, imu_rate=1.0).gnss
     with tempfile.TemporaryDirectory() as folder:

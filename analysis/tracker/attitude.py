@@ -3,17 +3,16 @@
 Tracker paper, Section III-A2 and Fig 2, after its reference [5], the magnetometer replaced by the
 GPS course. Each filter has three states: the tilt filter the direction of *down* in body axes,
 the yaw filter that of *north*, the bias filter the bias of the gyro. Any vector fixed in navigation
-axes turns by the same matrix in body axes, so the first two share their prediction.
+axes turns by the same matrix in body axes, so the first two predict alike. Their noise is the same
+in every direction, and so P stays a multiple of the unit matrix: one number holds it, and the gain
+is a number, too. tests/test_attitude.py holds this against the dense filters of `kalman`.
 
 `Upright` gives block 5 its level: the tilt of the upright vehicle, not that of the moment.
 """
 
 import math
 
-import numpy as np
-
 from analysis import STANDARD_GRAVITY
-from analysis.tracker import kalman
 
 SIGMA_ACCEL = 0.05  # m/s^2, one sample at rest
 EXTERNAL_TAU_S = 1.0  # s over which vibration is averaged out of the vehicle's acceleration
@@ -31,6 +30,7 @@ SIGMA_BIAS_START = 0.1  # rad/s, 6 deg/s: the worst offset of the real sensors h
 BIAS_WALK = 2e-5  # rad/s/sqrt(s)
 BIAS_ERROR_S = 10.0  # s, assumed correlation time of an error of the bias
 UPRIGHT_S = 120.0  # s of driving over which the mean force is taken
+AXES = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 REST_S = 20.0  # s of driving with the same weight as the tilt read at rest
 
 
@@ -39,7 +39,8 @@ class Attitude:
 
     Parameters
     ----------
-    dtype : dtype
+    number : type
+        Of every state: float, or np.float32 as a small device would. Samples have the same type.
 
     Attributes
     ----------
@@ -48,8 +49,6 @@ class Attitude:
     heading_known : bool
         Whether a course has come since; before that, yaw counts from the direction at the start.
         Set to False, the yaw starts anew from the next heading.
-    down : list of 3 floats
-        Direction of down in body axes, once ready.
 
     Examples
     --------
@@ -64,14 +63,18 @@ class Attitude:
     [0.1, -0.0, 1.0]
     """
 
-    def __init__(self, dtype=np.float64):
-        self.dtype = dtype
-        self.tilt, self.yaw, self.bias = Direction(dtype), Direction(dtype), GyroBiasFilter(dtype)
-        self.F = np.eye(3, dtype=dtype)
+    def __init__(self, number=float):
+        self.number = number
+        self.tilt, self.yaw = Direction(number), Direction(number)
+        self.bias = GyroBiasFilter(number)
         self.ready = self.heading_known = False
-        self._gathered, self._gathered_s = [], 0.0
         self._external, self._mean_external, self._vehicle = [0.0] * 3, [0.0] * 3, None
         self._clear_sums()
+
+    @property
+    def down(self):
+        """Direction of down in body axes."""
+        return self.tilt.x
 
     def imu(self, gyro_b, accel_b, dt, static=False):
         """Take in one sample.
@@ -89,29 +92,50 @@ class Attitude:
         """
         if dt > GAP_S:
             self.ready = self.heading_known = False
-        if not self.ready:
-            self._align(gyro_b, accel_b, dt)
-            return
-        b = kalman.scalars(self.bias.x)
-        turn(self.F, gyro_b[0] - b[0], gyro_b[1] - b[1], gyro_b[2] - b[2], dt)
-        self.tilt.predict(self.F, dt)
-        self.yaw.predict(self.F, dt)
-        before = kalman.scalars(self.tilt.x)
-        variance = self._accel_variance(dt, static)
-        scale = -1 / STANDARD_GRAVITY
-        self.tilt.update([f * scale for f in accel_b], variance * scale * scale)
-        after = self.down = kalman.scalars(self.tilt.x)
-        self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, after, strict=True)]
-        share = dt / EXTERNAL_TAU_S if dt < EXTERNAL_TAU_S else 1.0
-        self._mean_external = [
-            m + share * (e - m) for m, e in zip(self._mean_external, self._external, strict=True)
-        ]
-        # Sums over the epoch, for the bias: rotation that the tilt filter had to add, and the gyro.
-        add(self._turned, cross(before, after))
-        add(self._gyro, gyro_b)
-        add(self._gyro_square, [w * w for w in gyro_b])
+            self._clear_sums()
+            dt = 0.0
+        wx, wy, wz = gyro_b
+        fx, fy, fz = accel_b
+        total = self._gyro  # sums over the epoch, for the bias
+        total[0] += wx
+        total[1] += wy
+        total[2] += wz
+        total = self._gyro_square
+        total[0] += wx * wx
+        total[1] += wy * wy
+        total[2] += wz * wz
         self._samples += 1
         self._seconds += dt
+        if not self.ready:
+            self._align(accel_b)
+            return
+        bx, by, bz = self.bias.x
+        half = 0.5 * dt
+        a, b, c = half * (wx - bx), half * (wy - by), half * (wz - bz)
+        self.yaw.predict(a, b, c, dt)
+        before = self.tilt.predict(a, b, c, dt)
+        variance = SIGMA_ACCEL * SIGMA_ACCEL if static else self._accel_variance(dt)
+        scale = -1 / STANDARD_GRAVITY
+        z = fx * scale, fy * scale, fz * scale
+        after = self.tilt.update(z, variance * scale * scale)
+        x, y, z = after
+        ex, ey, ez = self._external = [
+            fx + STANDARD_GRAVITY * x,
+            fy + STANDARD_GRAVITY * y,
+            fz + STANDARD_GRAVITY * z,
+        ]
+        share = dt / EXTERNAL_TAU_S if dt < EXTERNAL_TAU_S else 1.0
+        mx, my, mz = self._mean_external
+        self._mean_external = [
+            mx + share * (ex - mx),
+            my + share * (ey - my),
+            mz + share * (ez - mz),
+        ]
+        bx, by, bz = before
+        total = self._turned  # rotation that the tilt filter had to add: before x after
+        total[0] += by * z - bz * y
+        total[1] += bz * x - bx * z
+        total[2] += bx * y - by * x
 
     def epoch(self, static=False, heading=None, sigma=0.1, vehicle=None):
         """Close an epoch: correct yaw by the heading, then the gyro's bias.
@@ -131,17 +155,16 @@ class Attitude:
         if not self.ready or not self._samples:
             return
         down = self.down
-        spin = 0.0
+        spin = None
         if heading is not None:
-            before = self._north(down)
             target = north(down, heading)
             if self.heading_known:
-                self.yaw.update(target, sigma * sigma)
-                spin = dot(cross(before, kalman.scalars(self.yaw.x)), down)
+                before = self._north(down)
+                spin = dot(cross(before, self.yaw.update(target, sigma * sigma)), down)
             else:
                 self.yaw.start(target, sigma)
-                self.heading_known, heading = True, None
-        self._correct_bias(static, down, spin, heading is not None)
+                self.heading_known = True
+        self._correct_bias(static, down, spin)
         self._set_rate_errors(down)
         self._clear_sums()
 
@@ -150,14 +173,14 @@ class Attitude:
         """Rotation from body to north, east, down: its rows are those axes in body axes."""
         down = self.down
         n = self._north(down)
-        return np.array([n, cross(down, n), down], dtype=self.dtype)
+        return [n, cross(down, n), down]
 
     @property
     def angles(self):
         """Roll, pitch, yaw, rad; yaw is NaN until a heading has come."""
         if not self.ready:
             return math.nan, math.nan, math.nan
-        n, e, d = (kalman.scalars(row) for row in self.C_nb)
+        n, e, d = self.C_nb
         yaw = math.atan2(e[0], n[0]) if self.heading_known else math.nan
         return math.atan2(d[1], d[2]), -math.asin(max(-1.0, min(1.0, d[0]))), yaw
 
@@ -175,100 +198,103 @@ class Attitude:
     @property
     def yaw_rate(self):
         """Mean rate about the vertical since the last epoch, rad/s."""
-        if not self._samples:
+        if not self.ready or not self._samples:
             return math.nan
-        turned = dot(self._gyro, self.down) / self._samples
-        return turned - dot(kalman.scalars(self.bias.x), self.down)
+        return dot(self._gyro, self.down) / self._samples - dot(self.bias.x, self.down)
 
     @property
     def accel_n(self):
         """Acceleration (m/s^2), gravity off, north, east, down."""
-        down = self.down
-        n, a = self._north(down), self._external
-        return np.array([dot(n, a), dot(cross(down, n), a), dot(down, a)], dtype=self.dtype)
+        down, a = self.down, self._external
+        n = self._north(down)
+        return dot(n, a), dot(cross(down, n), a), dot(down, a)
 
-    def _accel_variance(self, dt, static):
-        """Variance of the accelerometer as a measurement of the vertical, (m/s^2)^2.
+    def _accel_variance(self, dt):
+        """Variance of the accelerometer as a measurement of the vertical in motion, (m/s^2)^2.
 
         Vibration is white noise of the size of the last sample. An acceleration of the vehicle is
         correlated over T and does not average out: the equivalent white noise has 2 T / dt times
         its variance. It is taken from GNSS, for a wrong tilt looks like an acceleration and would
         confirm itself; without GNSS it is taken from the accelerometer, up to a bound.
         """
-        variance = SIGMA_ACCEL * SIGMA_ACCEL
-        if static:
-            return variance
-        shaken = [e - m for e, m in zip(self._external, self._mean_external, strict=True)]
+        mx, my, mz = self._mean_external
+        ex, ey, ez = self._external
         lasting = self._vehicle
         if lasting is None:
-            measured = dot(self._mean_external, self._mean_external)
-            lasting = min(measured, EXTERNAL_MOST * EXTERNAL_MOST)
+            lasting = min(mx * mx + my * my + mz * mz, EXTERNAL_MOST * EXTERNAL_MOST)
         lasting = max(lasting, EXTERNAL_LEAST * EXTERNAL_LEAST)
-        return variance + dot(shaken, shaken) + lasting * (2 * EXTERNAL_CORR_S / dt)
+        ex, ey, ez = ex - mx, ey - my, ez - mz
+        shaken = ex * ex + ey * ey + ez * ez
+        return SIGMA_ACCEL * SIGMA_ACCEL + shaken + lasting * (2 * EXTERNAL_CORR_S / dt)
 
     def _north(self, down):
         """North made square to down."""
-        n = kalman.scalars(self.yaw.x)
-        k = dot(n, down)
-        n = [a - k * b for a, b in zip(n, down, strict=True)]
-        scale = 1 / math.sqrt(dot(n, n))
-        return [a * scale for a in n]
+        n0, n1, n2 = self.yaw.x
+        d0, d1, d2 = down
+        k = n0 * d0 + n1 * d1 + n2 * d2
+        n0, n1, n2 = n0 - k * d0, n1 - k * d1, n2 - k * d2
+        scale = 1 / math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+        return [n0 * scale, n1 * scale, n2 * scale]
 
-    def _align(self, gyro_b, accel_b, dt):
+    def _align(self, accel_b):
         """Read the first attitude, and the gyro's bias if it lay still, from the first second."""
-        self._gathered_s = 0.0 if dt > GAP_S else self._gathered_s + dt
-        self._gathered = [] if dt > GAP_S else self._gathered
-        self._gathered.append([*gyro_b, *accel_b])
-        if self._gathered_s < ALIGN_S or len(self._gathered) < 3:
+        add(self._accel, accel_b)
+        if self._seconds < ALIGN_S or self._samples < 3:
             return
-        samples = np.array(self._gathered, dtype=self.dtype)
-        mean, scatter = samples.mean(axis=0), samples.std(axis=0)
-        force = math.sqrt(dot(mean[3:], mean[3:]))
-        unlike_gravity = abs(force - STANDARD_GRAVITY)
-        still = (scatter[:3] < STEADY).all() and unlike_gravity < 0.1 * STANDARD_GRAVITY
-        down = kalman.scalars(mean[3:] * (-1 / force))
-        self.down = down
+        number, scale = self.number, 1 / self._samples
+        gyro, square, force = (
+            [number(s * scale) for s in sums]
+            for sums in (self._gyro, self._gyro_square, self._accel)
+        )
+        length = math.sqrt(dot(force, force))
+        unlike_gravity = abs(length - STANDARD_GRAVITY)
+        still = steady(gyro, square) and unlike_gravity < 0.1 * STANDARD_GRAVITY
+        down = [f * (-1 / length) for f in force]
         self.tilt.start(down, SIGMA_ACCEL / STANDARD_GRAVITY if still else 0.1)
         self.yaw.start(north(down, 0.0), math.pi)
         if still:
-            self.bias.step(mean[:3], self.bias.F, SIGMA_BIAS_REST, 0.0)
+            self.bias.rest(gyro, 0.0)
             self.tilt.set_rate_error(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
             self.yaw.set_rate_error(SIGMA_BIAS_REST * SIGMA_BIAS_REST)
-        self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, down, strict=True)]
-        self._mean_external = self._external if not still else [0.0] * 3
-        self._gathered, self._gathered_s = [], 0.0
+        self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, down)]
+        self._mean_external = [0.0] * 3 if still else self._external
         self.ready = True
+        self._clear_sums()
 
-    def _correct_bias(self, static, down, spin, spun):
+    def _correct_bias(self, static, down, spin):
         """Update the bias filter with the gyro at rest, or with the corrections of this epoch."""
-        count, seconds = self._samples, self._seconds
-        mean = np.array([s / count for s in self._gyro], dtype=self.dtype)
-        square = np.array([s / count for s in self._gyro_square], dtype=self.dtype)
-        if static and (square - mean * mean < STEADY * STEADY).all():
-            self.bias.step(mean, self.bias.F, SIGMA_BIAS_REST, seconds)
+        seconds, scale = self._seconds, 1 / self._samples
+        mean = [s * scale for s in self._gyro]
+        if static and steady(mean, [s * scale for s in self._gyro_square]):
+            self.bias.rest(mean, seconds)
             return
         # A bias that is left turns the prediction away, and the measurement turns it back.
-        along = np.array([[a * b for b in down] for a in down], dtype=self.dtype)
-        across = self.bias.F - along
-        turned = np.array(self._turned, dtype=self.dtype) * (1 / seconds)
+        self.bias.predict(seconds)
         noise = SIGMA_BIAS_MOVING * (1 + (self._vehicle or 0.0))
-        self.bias.step(across @ (self.bias.x + turned), across, noise, seconds)
-        if spun:
-            turned = np.array([d * (spin / seconds) for d in down], dtype=self.dtype)
-            self.bias.step(along @ self.bias.x + turned, along, SIGMA_BIAS_MOVING, 0.0)
+        turned = [t / seconds for t in self._turned]
+        ahead = self._north(down)
+        turned = [b + t for b, t in zip(self.bias.x, turned)]
+        for axis in (ahead, cross(down, ahead)):
+            self.bias.update(axis, dot(axis, turned), noise * noise)
+        if spin is not None:
+            measured = dot(down, self.bias.x) + spin / seconds
+            self.bias.update(down, measured, SIGMA_BIAS_MOVING * SIGMA_BIAS_MOVING)
 
     def _set_rate_errors(self, down):
-        """Set the errors that bias and scale of the gyro leave across and along down."""
+        """Tell both filters what the gyro's error is, in their directions, after this epoch."""
         scale = GYRO_SCALE * GYRO_SCALE
-        along = dot([dot(row, down) for row in self.bias.P], down)
+        P = self.bias.P
+        along = dot([dot(row, down) for row in P], down)
         squares = [square / self._samples for square in self._gyro_square]
         turning = dot(squares, [d * d for d in down])
-        rest = max(sum(squares) - turning, 0.0)
-        self.tilt.set_rate_error((np.trace(self.bias.P) - along + scale * rest) / 2)
+        rest = max(squares[0] + squares[1] + squares[2] - turning, 0.0)
+        trace = P[0][0] + P[1][1] + P[2][2]
+        self.tilt.set_rate_error((trace - along + scale * rest) / 2)
         self.yaw.set_rate_error(along + scale * turning)
 
     def _clear_sums(self):
         self._turned, self._gyro, self._gyro_square = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        self._accel = [0.0] * 3
         self._samples, self._seconds = 0, 0.0
 
 
@@ -277,14 +303,14 @@ class Direction:
 
     Attributes
     ----------
-    x : ndarray, shape (3,)
-    P : ndarray, shape (3, 3)
+    x : tuple of 3 floats
+    p : float
+        The covariance is p times the unit matrix.
     """
 
-    def __init__(self, dtype=np.float64):
-        self.x = np.array([0.0, 0.0, 1.0], dtype=dtype)
-        self.P = np.eye(3, dtype=dtype)
-        self.H = np.eye(3, dtype=dtype)
+    def __init__(self, number=float):
+        self.x = number(0), number(0), number(1)
+        self.p = number(1)
         self.set_rate_error(SIGMA_BIAS_START * SIGMA_BIAS_START)
 
     def set_rate_error(self, variance):
@@ -294,40 +320,87 @@ class Direction:
         correlation time.
         """
         self.density = GYRO_ARW * GYRO_ARW + variance * BIAS_ERROR_S
-        self._dt = None
 
     def start(self, x, sigma):
         """Start at a direction (sequence of 3) known to ``sigma`` rad."""
-        self.x = np.array(x, dtype=self.x.dtype)
-        self.P = self.H * (sigma * sigma)
+        self.x, self.p = tuple(x), self.p * 0 + sigma * sigma
 
-    def predict(self, F, dt):
-        """Turn with the gyro: ``F`` is the matrix of `turn`."""
-        if dt != self._dt:
-            self._dt = dt
-            self.Q = self.H * (self.density * dt)
-        self.x, self.P = kalman.predict(self.x, self.P, F, self.Q)
+    def predict(self, a, b, c, dt):
+        """Turn with the gyro, and return the direction. ::
+
+            x' = x - 2 / (1 + |a|^2) (a x x - a x (a x x)),   a = w dt / 2
+
+        Cayley's form of the rotation by -w dt: exactly a rotation, without a sine.
+
+        Parameters
+        ----------
+        a, b, c : float
+            Half of the angle turned about each body axis, rad.
+        dt : float
+            s.
+        """
+        x, y, z = self.x
+        u, v, w = b * z - c * y, c * x - a * z, a * y - b * x
+        s = 2 / (1 + (a * a + b * b + c * c))
+        x -= s * (u - (b * w - c * v))
+        y -= s * (v - (c * u - a * w))
+        z -= s * (w - (a * v - b * u))
+        self.p += self.density * dt
+        self.x = x, y, z
+        return self.x
 
     def update(self, z, variance):
-        """Take in the direction measured (sequence of 3), and keep the length at one."""
-        z = np.array(z, dtype=self.x.dtype)
-        x, self.P = kalman.update(self.x, self.P, z, self.H, self.H * variance)
-        self.x = x * (1 / math.sqrt(x.dot(x)))
+        """Take in the direction measured (sequence of 3), keep the length at one, and return it."""
+        x0, x1, x2 = self.x
+        gain = self.p / (self.p + variance)
+        x0 += gain * (z[0] - x0)
+        x1 += gain * (z[1] - x1)
+        x2 += gain * (z[2] - x2)
+        self.p = gain * variance
+        scale = 1 / math.sqrt(x0 * x0 + x1 * x1 + x2 * x2)
+        self.x = x0 * scale, x1 * scale, x2 * scale
+        return self.x
 
 
 class GyroBiasFilter:
-    """The bias of the gyro, rad/s in body axes, as a slow random walk."""
+    """The bias of the gyro, rad/s in body axes, as a slow random walk.
 
-    def __init__(self, dtype=np.float64):
-        self.x = np.zeros(3, dtype)
-        self.F = np.eye(3, dtype=dtype)
-        self.P = self.F * (SIGMA_BIAS_START * SIGMA_BIAS_START)
+    Noise is the same along all axes, so that a measurement of several of them is taken in one axis
+    at a time, which inverts no matrix and gives the same.
 
-    def step(self, z, H, sigma, dt):
-        """Carry the bias over ``dt``, and take in a measurement of it: z = H b + noise."""
-        variance = BIAS_WALK * BIAS_WALK * dt
-        self.x, self.P = kalman.predict(self.x, self.P, self.F, self.F * variance)
-        self.x, self.P = kalman.update(self.x, self.P, z, H, self.F * (sigma * sigma))
+    Attributes
+    ----------
+    x : list of 3 floats
+    P : list of 3 lists of 3 floats
+    """
+
+    def __init__(self, number=float):
+        start = number(SIGMA_BIAS_START * SIGMA_BIAS_START)
+        self.x = [number(0)] * 3
+        self.P = [[start if i == j else number(0) for j in range(3)] for i in range(3)]
+
+    def predict(self, dt):
+        """Carry the bias over ``dt`` s."""
+        for i in range(3):
+            self.P[i][i] += BIAS_WALK * BIAS_WALK * dt
+
+    def update(self, axis, value, variance):
+        """Take in the bias measured along a direction (sequence of 3): value = axis . b + noise."""
+        x, P = self.x, self.P
+        Ph = [dot(row, axis) for row in P]
+        gain = 1 / (dot(Ph, axis) + variance)
+        step = gain * (value - dot(x, axis))
+        self.x = [x[i] + step * Ph[i] for i in range(3)]
+        for i in range(3):
+            for j in range(i, 3):
+                P[i][j] -= gain * (Ph[i] * Ph[j])
+                P[j][i] = P[i][j]
+
+    def rest(self, mean, dt):
+        """Carry the bias over ``dt`` s and take in the mean rate at rest (sequence of 3, rad/s)."""
+        self.predict(dt)
+        for axis, value in zip(AXES, mean):
+            self.update(axis, value, SIGMA_BIAS_REST * SIGMA_BIAS_REST)
 
 
 class Upright:
@@ -360,7 +433,7 @@ class Upright:
         """Take in the mean specific force (m/s^2) of ``dt`` seconds of driving."""
         self._worth = min(self._worth + dt, UPRIGHT_S)
         share = min(dt / self._worth, 1.0)
-        self._mean = [m + share * (f - m) for m, f in zip(self._mean, force, strict=True)]
+        self._mean = [m + share * (f - m) for m, f in zip(self._mean, force)]
 
     def level(self, force):
         """Split a specific force.
@@ -381,25 +454,9 @@ class Upright:
         return level(force, (-x / length, -y / length, -z / length))
 
 
-def turn(F, wx, wy, wz, dt):
-    """Fill F with the rotation of a navigation-fixed vector in the axes of a body turning at w.
-
-        x' = -w x x,  so  F = I - W dt + W W dt^2 / 2
-
-    Parameters
-    ----------
-    F : ndarray, shape (3, 3)
-        Written.
-    wx, wy, wz : float
-        rad/s.
-    dt : float
-    """
-    a, b, c = wx * dt, wy * dt, wz * dt
-    ab, bc, ca = 0.5 * (a * b), 0.5 * (b * c), 0.5 * (c * a)
-    aa, bb, cc = 0.5 * (a * a), 0.5 * (b * b), 0.5 * (c * c)
-    F[0, 0], F[0, 1], F[0, 2] = 1 - bb - cc, ab + c, ca - b
-    F[1, 0], F[1, 1], F[1, 2] = ab - c, 1 - aa - cc, bc + a
-    F[2, 0], F[2, 1], F[2, 2] = ca + b, bc - a, 1 - aa - bb
+def steady(mean, square):
+    """Return whether the scatter of a gyro with these means and mean squares is one at rest."""
+    return all(s - m * m < STEADY * STEADY for m, s in zip(mean, square))
 
 
 def north(down, heading):

@@ -10,8 +10,6 @@ import math
 from collections import deque
 from dataclasses import dataclass, fields
 
-import numpy as np
-
 from analysis import STANDARD_GRAVITY, wrap
 from analysis.tracker.at_rest import LowPass, StaticTest, SteadyReadings
 from analysis.tracker.attitude import GAP_S, Attitude, Upright, dot
@@ -30,8 +28,8 @@ class Options:
     ----------
     last_position, attitude, static, low_pass, mounting, fusion : bool
         Blocks 1 to 6.
-    dtype : dtype
-        np.float64, or np.float32 as a small device would.
+    number : type
+        Of the states of blocks 2 and 6: float, or np.float32 as a small device would.
     metres_per_pdop : float
         Error of a position coordinate for a PDOP of one, m.
     sigma_no_pdop : float
@@ -57,7 +55,7 @@ class Options:
     low_pass: bool = True
     mounting: bool = True
     fusion: bool = True
-    dtype: type = np.float64
+    number: type = float
     pdop_gate: float = LastPosition.gate
     save_every_s: float = LastPosition.save_every_s
     moved_m: float = LastPosition.moved_m
@@ -124,7 +122,7 @@ class Device:
             stored, start_ned, needs_pdop = None, None, False
         gate = on.pdop_gate if on.last_position else math.inf
         self.last = LastPosition(stored, gate, on.save_every_s, on.moved_m, needs_pdop)
-        self.attitude = Attitude(on.dtype) if on.attitude and has_imu else None
+        self.attitude = Attitude(on.number) if on.attitude and has_imu else None
         self.static = StaticTest(
             on.theta_a, on.speed_threshold, on.wake_speed, on.speed_window, on.accel_tau_s
         )
@@ -134,14 +132,14 @@ class Device:
         self.mounting = MountingYaw(
             on.straight_length, on.theta_alpha, on.max_bend, on.min_speed, on.max_mount_sigma
         )
-        self.fusion = Fusion(on.dtype) if on.fusion and self.attitude else None
+        self.fusion = Fusion(on.number) if on.fusion and self.attitude else None
         self.ned = start_ned
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
         self._moved, self._slow = False, True
         self._has_speed, self._fixes = has_speed, deque()
         self._speed, self._squares = math.nan, (None, None)
-        self._sum = [0.0] * 7
+        self._sum = [0.0] * 7  # horizontal and whole acceleration, its square, samples
 
     def imu(self, t_s, gyro_b, accel_b):
         """Take in one IMU sample (s, rad/s, m/s^2; sequences of three scalars)."""
@@ -156,9 +154,15 @@ class Device:
             return
         ax, ay = block.horizontal
         self._moved |= self.static.accelerate(ax, ay, dt)
-        square = dot(accel_b, accel_b)
-        values = (ax, ay, *accel_b, square, 1.0)
-        self._sum = [total + value for total, value in zip(self._sum, values, strict=True)]
+        fx, fy, fz = accel_b
+        total = self._sum
+        total[0] += ax
+        total[1] += ay
+        total[2] += fx
+        total[3] += fy
+        total[4] += fz
+        total[5] += fx * fx + fy * fy + fz * fz
+        total[6] += 1.0
         if self.fusion and self.fusion.started:
             self._predict(t_s)
 
@@ -318,7 +322,7 @@ class Device:
         if sighted and dt <= GAP_S and not self._without_imu(t_s):
             self.fusion.predict(block.accel_n, dt, on.sigma_accel)
         else:
-            self.fusion.predict(np.zeros(3, on.dtype), dt, on.sigma_unaided)
+            self.fusion.predict((0.0, 0.0, 0.0), dt, on.sigma_unaided)
 
     def _without_imu(self, t_s):
         """Return whether the IMU has given no sample for too long."""

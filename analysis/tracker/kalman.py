@@ -1,8 +1,8 @@
-"""The Kalman filter step that blocks 2 and 6 share.
+"""The Kalman filter step with dense matrices, as the tracker paper's Table I counts it.
 
-Nothing but operators on arrays, so that the same code runs in float64, in float32, and on object
-arrays whose entries count what is done with them: `analysis.tracker.operations` counts these lines
-and no copy of them.
+The blocks leave out the products by zeros (`attitude`, `fusion`), so they do not run it. Tests hold
+them against it, and `analysis.tracker.operations` counts it: nothing but operators on arrays, so
+that entries may be numbers that count what is done with them.
 """
 
 import numpy as np
@@ -107,11 +107,3 @@ def inverse(S):
             entry = entry - A[k][j] * X[k][j]
         X[j][j] = entry
     return np.array(X, dtype=S.dtype)
-
-
-def scalars(array):
-    """Return the entries of a vector as scalars of its own number type.
-
-    In float64 Python's floats, which are the same and several times faster.
-    """
-    return array.tolist() if array.dtype == np.float64 else list(array)

@@ -91,7 +91,7 @@ def replay(
         start = tuple(float(v) for v in ned)
     device = Device(options, stored, start, imu is not None, has_pdop, has_speed)
     rows, unexplained = [], []
-    samples = _samples(imu, options.dtype)
+    samples = _samples(imu, options.number)
     sample = next(samples, None)
     for epoch in tqdm(epochs, desc="replay", unit="epoch", disable=None if progress else True):
         while sample is not None and sample[0] <= epoch.t_s:
@@ -109,14 +109,14 @@ def replay(
     return Track(columns, summary, device.last.snapshot, notes, straights.rename(columns=units))
 
 
-def _samples(imu, dtype):
+def _samples(imu, number):
     """Return time, rotation rate and specific force of each sample, scalars of the number type."""
     if imu is None:
         return iter(())
-    if dtype == np.float64:
+    if number is float:
         gyro, accel = imu.gyro_b.tolist(), imu.accel_b.tolist()
     else:
-        gyro, accel = (map(tuple, a.astype(dtype)) for a in (imu.gyro_b, imu.accel_b))
+        gyro, accel = (map(tuple, a.astype(number)) for a in (imu.gyro_b, imu.accel_b))
     return zip(imu.t_s.tolist(), gyro, accel, strict=True)
 
 
@@ -224,8 +224,8 @@ def _summary(timeline, options, columns, device, notes):
             "straights": len(mount.straights),
         },
         "seconds_without_fix_but_position": float(step[put_out & ~accepted].sum()),
-        "options": {k: v for k, v in asdict(options).items() if k not in (*BLOCKS, "dtype")},
-        "number_type": np.dtype(options.dtype).name,
+        "options": {k: v for k, v in asdict(options).items() if k not in (*BLOCKS, "number")},
+        "number_type": np.dtype(options.number).name,
         "notes": list(notes),
     }
 

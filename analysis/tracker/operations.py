@@ -268,7 +268,7 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
     steps |= {("5", "fix"): (entry, 1.0), ("5", "straight"): (straight, 1 / MountingYaw.length)}
     fix = (0.1, 0.0, 0.0), (1.0, 0.0), 3.0, 0.3
     steps["6", "fix"] = _count(_fusion(dt).update, *fix), 1.0
-    steps["6", "sample"] = _count(_fusion(dt).predict, np.array([0.1, 0.0, 0.0]), dt, 0.3), rate
+    steps["6", "sample"] = _count(_fusion(dt).predict, (0.1, 0.0, 0.0), dt, 0.3), rate
     index = pd.MultiIndex.from_tuples(steps, names=["block", "step"])
     tallies, times = zip(*steps.values(), strict=True)
     table = pd.DataFrame(tallies, index, KINDS).fillna(0).astype(int)
@@ -291,7 +291,6 @@ def alignment_costs(rate: float = 40.0) -> dict[str, int]:
     averaged, turning = Counter[str](), Counter[str]()
     mean([tuple(row) for row in counted(np.ones((MountingYaw.length, 2)), averaged)])
     block = instrument(under_way(1 / rate), turning)
-    block.dtype = object
     _ = block.C_nb
     return {"mean": averaged.total(), "rotation": turning.total()}
 
@@ -320,7 +319,7 @@ def under_way(dt):
 def _count(step, *values, read=None):
     """Count one step, a bound method of a block, and a property read after it."""
     tally, block = Counter(), step.__self__
-    instrument(block, tally).dtype = object
+    instrument(block, tally)
     step(*counted(values, tally))
     if read:
         getattr(block, read)
@@ -358,5 +357,5 @@ def _fusion(dt):
     """Make a fusion filter that has its model of a step."""
     block = Fusion()
     block.start((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 3.0, 1.0)
-    block.predict(np.array([0.1, 0.0, 0.0]), dt, 0.3)
+    block.predict((0.1, 0.0, 0.0), dt, 0.3)
     return block
