@@ -63,6 +63,7 @@ put wrongly (exit status 2). Both say in one sentence what to do.
 import math
 import os
 import re
+import sys
 import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -73,6 +74,10 @@ ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "data"
 FIGURES = ROOT / "figures"  # to be cited; only ``reproduce`` writes there
 STANDARD_GRAVITY = 9.80665  # m/s^2
+# The list of fonts that matplotlib keeps belongs to this environment: one in the user's folder may
+# be of another that is gone, and settings there would change the figures.
+if sys.prefix != sys.base_prefix:
+    os.environ.setdefault("MPLCONFIGDIR", str(Path(sys.prefix, "matplotlib")))
 ENGINEERING = 1000.0  # from here on a number is written in the next larger unit
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 

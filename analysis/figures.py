@@ -21,6 +21,7 @@ from matplotlib.collections import LineCollection, PathCollection, PolyCollectio
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
+from matplotlib.transforms import BboxTransformFrom
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
@@ -52,7 +53,10 @@ SCRATCH = ROOT / "scratch"  # for a notebook that is run by hand
 # Six digits are written; processors differ in the last of sixteen, which a long sum or an
 # interpolated crossing magnifies. A panel's own size says what is nothing in it.
 RELATIVE, OF_THE_PANEL = 1e-4, 1e-6
-DENSE = 300  # points of an artist: more are thinned to what the picture can show
+# An artist of more points is thinned to what the picture can show: a cloud, a line.
+DENSE, FEW = 300, 30
+OFF = 0.25  # dots that a line may lie off the points it leaves out
+NOTHING = ("None", "", " ", None)  # matplotlib's names for no line and for no marker
 VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools", "inertial-compendium")
 
 
@@ -108,6 +112,7 @@ def save(
         # Laid out once: PDF and notebook show the same, and sooner.
         fig.set_layout_engine("none")
         for ax in fig.axes:
+            _keep_place(ax.get_legend())
             thin(ax, STYLE["savefig.dpi"] / fig.dpi)
         table = plotted_numbers(fig)
         origin = provenance(name, caption, seed, dict(data or {}), parameters) | {
@@ -193,12 +198,20 @@ def _show(fig, caption):
         plt.close(fig)  # shown already
 
 
-def thin(ax, dots):
-    """Leave out points of dense artists that others cover, and rasterise dense clouds.
+def _keep_place(legend):
+    """Leave a legend where it is; the best place for it is sought among all the points."""
+    if legend and (anchor := legend.get_bbox_to_anchor()).width:
+        inside = BboxTransformFrom(anchor).transform(legend.get_window_extent().min)
+        legend.set_loc(tuple(inside))
 
-    Of a curve with rising x the lowest and the highest point in each width of its pen stay, so that
-    the picture is the same; of a path one point in each such width, of a cloud one in each third of
-    a marker. One typographic point is the least width.
+
+def thin(ax, dots):
+    """Leave out points of long artists that the picture cannot show, and rasterise dense clouds.
+
+    Of a curve with rising x the lowest and the highest point in each width of its pen stay; of a
+    path one point in each such width, of a cloud one in each third of a marker. One typographic
+    point is the least width. Of what is left, a line without markers keeps the points between which
+    straight lines pass all others within `OFF`.
 
     Parameters
     ----------
@@ -208,30 +221,40 @@ def thin(ax, dots):
         Dots of the saved picture for one of the figure.
     """
 
-    def at(x, y, points):
-        """Number the cells, each as wide as a pen of so many typographic points."""
-        cell = max(1.0, points) / 72 * ax.figure.dpi * dots
-        return np.floor(dots / cell * ax.transData.transform(np.column_stack([x, y])))
+    def outline(x, y, points, *, marked=False):
+        """Index what a pen so many typographic points wide needs to draw a curve or a path."""
+        at = dots * ax.transData.transform(np.column_stack([x, y]))
+        keep = np.arange(len(at))
+        if len(at) > DENSE:
+            cells = np.floor(at / width(points))
+            rising = (np.diff(x[np.isfinite(x)]) >= 0).all()
+            keep = _outline(cells, y) if rising else _one_a_cell(cells, joined=True)
+        return keep if marked else keep[_corners(at[keep])]
+
+    def width(points):
+        return max(1.0, points) / 72 * ax.figure.dpi * dots
 
     for line in ax.lines:
-        if line.get_transform() != ax.transData:
-            continue
         x, y = (np.asarray(v, dtype=float) for v in line.get_data(orig=False))
-        if x.size > DENSE:
-            cloud = line.get_linestyle() in ("None", "", " ")
-            rising = (np.diff(x[np.isfinite(x)]) >= 0).all()
-            cells = at(x, y, line.get_markersize() / 3 if cloud else line.get_linewidth())
-            keep = _outline(cells, y) if rising and not cloud else _one_a_cell(cells, not cloud)
-            line.set_data(x[keep], y[keep])
-            line.set_rasterized(cloud)
+        if line.get_transform() != ax.transData or x.size <= FEW:
+            continue
+        marked = line.get_marker() not in NOTHING or line.get_drawstyle() != "default"
+        if line.get_linestyle() not in NOTHING:
+            keep = outline(x, y, line.get_linewidth(), marked=marked)
+        elif x.size > DENSE:
+            at = dots * ax.transData.transform(np.column_stack([x, y]))
+            keep = _one_a_cell(np.floor(at / width(line.get_markersize() / 3)), joined=False)
+            line.set_rasterized(True)
+        else:
+            continue
+        line.set_data(x[keep], y[keep])
     for collection in ax.collections:
         if isinstance(collection, PolyCollection) and not isinstance(collection, Quiver):
             parts = [_edges(path) for path in collection.get_paths()]
-            if any(len(x) > DENSE for x, _, _ in parts):
+            if any(len(x) > FEW for x, _, _ in parts):
                 kept = []
                 for x, low, high in parts:
-                    ends = (_outline(at(x, edge, 0.5), edge) for edge in (low, high))
-                    keep = np.union1d(*ends)
+                    keep = np.union1d(outline(x, low, 0.5), outline(x, high, 0.5))
                     x, low, high = x[keep], low[keep], high[keep]
                     kept.append(np.column_stack([np.r_[x, x[::-1]], np.r_[low, high[::-1]]]))
                 collection.set_verts(kept)
@@ -250,6 +273,28 @@ def _one_a_cell(at, joined):
     place = pd.DataFrame(at)
     again = (place == place.shift()).all(axis=1) if joined else place.duplicated()
     return np.flatnonzero(~again)
+
+
+def _corners(at):
+    """Index the points between which straight lines pass all others within `OFF`, and the gaps.
+
+    Ramer (1972), Douglas and Peucker (1973).
+    """
+    gap = ~np.isfinite(at).all(axis=1)
+    keep = gap & ~np.r_[False, gap[:-1]]
+    runs = np.flatnonzero(np.diff(np.r_[True, gap, True])).reshape(-1, 2)
+    todo = [(first, end - 1) for first, end in runs]
+    while todo:
+        first, last = todo.pop()
+        keep[[first, last]] = True
+        chord, legs = at[last] - at[first], at[first:last] - at[first]
+        along = np.clip(legs @ chord / max(chord @ chord, 1e-12), 0, 1)
+        # Rounded, so that the last bit of a processor does not choose between equals.
+        off = np.hypot(*(legs - np.outer(along, chord)).T).round(6)
+        if off.any() and off.max() > OFF:
+            farthest = first + int(off.argmax())
+            todo += [(first, farthest), (farthest, last)]
+    return np.flatnonzero(keep)
 
 
 def provenance(name, caption, seed, data, parameters):

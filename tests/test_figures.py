@@ -2,12 +2,16 @@
 
 import io
 import json
+import os
 import re
+import subprocess
+import sys
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib import font_manager
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -167,6 +171,25 @@ def test_saving_leaves_the_settings_alone(tmp_path):
     assert dict(mpl.rcParams) == before
 
 
+def test_fonts_and_settings_are_those_of_the_environment(tmp_path):
+    """Property: an old list of fonts and settings in the user's folder change nothing."""
+    if sys.prefix == sys.base_prefix:
+        pytest.skip("not in a virtual environment, so the user's folder is taken")
+    home = tmp_path / "matplotlib"
+    home.mkdir()
+    fonts = font_manager.FontManager()
+    fonts.ttflist = []  # as built while the environment was deleted
+    font_manager.json_dump(fonts, home / f"fontlist-v{fonts.__version__}.json")
+    (home / "matplotlibrc").write_text("font.size: 30\n")
+    draw = "from analysis.figures import plt; fig = plt.figure(); fig.text(0, 0, 'N'); "
+    draw += "fig.draw_without_rendering(); print(plt.rcParams['font.size'])"
+    env = {k: v for k, v in os.environ.items() if k != "MPLCONFIGDIR"}
+    env |= {"XDG_CACHE_HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path)}
+    env |= {"PYTHONPATH": str(ROOT)}
+    ran = subprocess.run([sys.executable, "-c", draw], capture_output=True, text=True, env=env)
+    assert (ran.stdout, ran.stderr) == ("10.0\n", "")
+
+
 def test_a_picture_of_a_stated_size(saved):
     """Analytic: 3.5 in at 130 dots an inch are 455 dots, whatever the screen."""
     assert Image.open(io.BytesIO((saved[0] / f"{NAME}.png").read_bytes())).size == (455, 260)
@@ -210,12 +233,12 @@ def test_an_axis_without_a_label_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["curve", "path", "cloud", "band"])
-def test_what_lies_under_one_dot_is_left_out(kind, tmp_path):
+def test_what_lies_under_one_dot_is_left_out(kind, tmp_path, monkeypatch):
     """Property: far fewer points, all of them among the given ones, and the same picture."""
     rng = np.random.default_rng(3)
     x, y = np.arange(40_000.0), rng.standard_normal(40_000)
     pictures = []
-    for dense in (1e9, figures.DENSE):
+    for dense, few in ((1e9, 1e9), (figures.DENSE, figures.FEW)):
         fig = Figure(figsize=(3.5, 2), layout="constrained")
         ax = fig.subplots()
         ax.set(xlabel="time (s)", ylabel="rate (°/s)")
@@ -228,11 +251,10 @@ def test_what_lies_under_one_dot_is_left_out(kind, tmp_path):
         else:
             ax.fill_between(x, np.sin(x / 4000) - 3, np.sin(x / 4000) + 3, lw=0, label="rate")
         before = figures.plotted_numbers(fig)
-        old, figures.DENSE = figures.DENSE, dense
-        try:
+        with monkeypatch.context() as patch:
+            patch.setattr(figures, "DENSE", dense)
+            patch.setattr(figures, "FEW", few)
             figures.save(fig, NAME, CAPTION, to=tmp_path)
-        finally:
-            figures.DENSE = old
         pictures.append(np.asarray(Image.open(tmp_path / f"{NAME}.png").convert("L")) < 250)
     after = figures.plotted_numbers(fig)
     assert len(after) < len(before) / 3
@@ -240,6 +262,40 @@ def test_what_lies_under_one_dot_is_left_out(kind, tmp_path):
     assert len(both) >= len(after)
     ink = pictures[0].sum()  # edges are blended, and a pen may be thinner than a point
     assert (pictures[0] ^ pictures[1]).sum() < 0.1 * ink
+
+
+def test_a_line_keeps_its_corners():
+    """Analytic: of a polygon its corners, a turn on the way and a gap; markers keep every point."""
+    x = np.linspace(0.0, 300.0, 301)
+    y = np.minimum(x, 200.0)
+    np.testing.assert_array_equal(figures._corners(np.c_[x, y]), [0, 200, 300])
+    there_and_back = np.r_[x, x[:100:-1], x[100:200]]
+    there_and_back = np.c_[there_and_back, np.zeros_like(there_and_back)]
+    np.testing.assert_array_equal(figures._corners(there_and_back), [0, 300, 501, 600])
+    y[100:103] = np.nan
+    np.testing.assert_array_equal(figures._corners(np.c_[x, y]), [0, 99, 100, 103, 200, 300])
+    for marker, left in ((None, 2), ("o", 201)):
+        ax = axes()
+        (line,) = ax.plot(x[:201], x[:201], marker=marker, label="line")
+        figures.thin(ax, 1.3)
+        assert len(line.get_xdata()) == left
+
+
+def test_a_legend_stays_where_it_was(tmp_path):
+    """Property: the place that is best among all points, not among what thinning left of them."""
+    fig = Figure()
+    ax = fig.subplots()
+    ax.set(xlabel="time (s)", ylabel="rate (°/s)", ylim=(0, 3))
+    few = [v.ravel() for v in np.meshgrid(np.linspace(0, 4, 5), np.linspace(0.1, 2.9, 6))]
+    ax.plot(*few, "o", label="few points")
+    for level in (0.1, 0.6, 1.5, 2.3, 2.9):
+        (line,) = ax.plot(np.linspace(5, 10, 400), np.full(400, level), label="many points")
+    legend = ax.legend(handles=[line], fontsize=30)
+    fig.draw_without_rendering()
+    before = legend.get_window_extent().bounds
+    figures.save(fig, NAME, CAPTION, to=tmp_path)
+    assert len(line.get_xdata()) == 2
+    np.testing.assert_allclose(legend.get_window_extent().bounds, before)
 
 
 def test_numbers_on_log_axes_are_the_numbers():
