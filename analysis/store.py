@@ -36,7 +36,7 @@ from analysis.noise.disturbances import OFFSET, TURNING, static_stretches
 from analysis.terrain import terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.centre_line import CentreLine
-from analysis.terrain.real_laps import Lap, lay_on_line
+from analysis.terrain.real_laps import Lap, MapError, lay_on_line
 from analysis.terrain.terrain_map import Profile
 from analysis.terrain.trends import ErrorPlane
 from analysis.units.frame import Track
@@ -707,6 +707,29 @@ def map_without(name: str) -> Profile:
         errors = {q: getattr(other, q.replace("_", "_se_")) for q in curves}
         between = {q: float(np.mean(se**2 * other.laps)) for q, se in errors.items()}
     return terrain_map.combine({q: v[kept] for q, v in curves.items()}, line, between)
+
+
+def map_error(without: str | None = None) -> MapError:
+    """Estimate how laps differ from maps that were made without them, from the committed laps.
+
+    Parameters
+    ----------
+    without : str, optional
+        A lap that has no part in it, neither as lap nor in a map: the one that will be tracked.
+    """
+    residuals = []
+    for direction in _road(TRACK).source["length_m"]:
+        names, curves = list(laps(direction)), lap_curves(direction)["pitch_deg"]
+        grid = profile(direction)
+        for name in names:
+            others = [k for k, n in enumerate(names) if n not in (name, without)]
+            if name == without or not others:
+                continue
+            own, mean = lap(name), curves[others].mean(axis=0)
+            expected = np.interp(own.s_m, grid.s_m, mean, period=grid.length_m)
+            difference = np.where(own.fixed, own.pitch_deg - expected, np.nan)
+            residuals.append((own.s_m, difference / np.sqrt(1 + 1 / len(others))))
+    return MapError.estimate(residuals)
 
 
 def lap_and_map(source: str | Path, direction: str | None = None) -> tuple[Lap, Profile]:

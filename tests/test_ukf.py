@@ -23,29 +23,31 @@ def hills(channels=1, points=1200, step=1.0):
 
 
 @pytest.mark.parametrize("channels", [1, 2])
-@pytest.mark.parametrize("bias_states", [False, True])
-def test_equals_filterpy(channels, bias_states):
+@pytest.mark.parametrize("further", ["none", "bias states", "bias states and map error"])
+def test_equals_filterpy(channels, further):
     """cross-check: filterpy's filter on the same inputs, states and covariances, to rounding."""
     rng = np.random.default_rng(SEED)
     road, steps, moved, R = hills(channels), 1500, 0.3, 0.05
-    n = 1 + 2 * channels * bias_states
-    F, Q = None, None
-    if bias_states:
-        F, Q = bias_state_matrices(0.01, 0.01, 200.0, 0.01, channels)
-    Q = np.array([[1e-4]]) if Q is None else Q
+    gyro, of_map = (2 * channels * (further != "none"), channels * further.endswith("error"))
+    keep, n = np.exp(-moved / 20), 1 + gyro + of_map
+    F, Q = np.zeros((0, 0)), np.zeros((n, n))
+    if gyro:
+        F, Q[: 1 + gyro, : 1 + gyro] = bias_state_matrices(0.01, 0.01, 200.0, 0.01, channels)
     Q[0, 0] = 1e-4
-    first, P = np.zeros(n), np.diag([1.0] + [0.01, 1e-4] * ((n - 1) // 2))
-    first[0] = 21.0
+    first = np.append(21.0, np.zeros(n - 1))
+    P = np.diag([1.0] + [0.01, 1e-4] * (gyro // 2) + [0.04] * of_map)
 
     def move(x, dt, u):
-        return np.append(x[0] + u, F @ x[1:] if bias_states else [])
+        return np.concatenate([x[:1] + u, F @ x[1 : 1 + gyro], keep * x[1 + gyro :]])
 
     def look(x):
-        return road.at(x[0]) + (x[1::2] if bias_states else 0.0)
+        error = x[1 : 1 + gyro : 2] if gyro else 0.0
+        return road.at(x[0]) + error + (x[1 + gyro :] if of_map else 0.0)
 
     points = MerweScaledSigmaPoints(n, 1.0, 0.0, 3 - n)
     theirs = UnscentedKalmanFilter(n, channels, 0.01, look, move, points)
-    theirs.x, theirs.P, theirs.Q, theirs.R = first.copy(), P.copy(), Q, R * np.eye(channels)
+    theirs.x, theirs.P, theirs.R = first.copy(), P.copy(), R * np.eye(channels)
+    theirs.Q = Q + np.diag([0.0] * (1 + gyro) + [0.04 * (1 - keep**2)] * of_map)
     # The second of a batch of two; the first is another one, so that mixing them up shows.
     both = np.stack([first + 1.0, first], axis=-1), np.stack([2 * P, P], axis=-1)
     ours = Ukf(road, *both, F)
@@ -54,6 +56,7 @@ def test_equals_filterpy(channels, bias_states):
         theirs.predict(u=moved)
         theirs.update(z)
         ours.predict(moved, Q[..., None] if n > 1 else Q[0, 0])
+        ours.decay(keep, 0.04)
         ours.update(np.stack([z - 0.1, z], axis=-1), R)
         # Rounding, carried through a filter that is not linear for 1500 steps.
         np.testing.assert_allclose(ours.x[:, 1], theirs.x, rtol=1e-7, atol=1e-9)

@@ -288,6 +288,9 @@ def follow(
         step = moved[k - every + 1 : k + 1].sum(axis=0)
         ukf.predict(step, Q)
         ukf.P[0, 0] += setup.q * np.abs(step)
+        if setup.map_error:
+            sd, length = setup.map_error
+            ukf.decay(np.exp(-np.abs(step) / length), sd**2)
         if known[k]:
             z = arw * walk[k][:, None]
             z += sigma_b * bias[k][:, None]
@@ -313,14 +316,19 @@ def _assumed_R(sensor, setup):
 def _filter(attitude_map, setup, arw, sigma_b, first):
     """Make the filters of a block, and the covariance of their steps but for the odometry."""
     m, cells, runs = attitude_map.channels, len(arw), len(first)
-    n = 1 + 2 * m if setup.bias_states else 1
+    of_map = m if setup.map_error else 0
+    n = 1 + 2 * m + of_map if setup.bias_states else 1
     x, P = np.zeros((n, cells, runs)), np.zeros((n, n, cells, runs))
     x[0], P[0, 0] = first, setup.begin_sd**2
     if not setup.bias_states:
         return Ukf(attitude_map, x, P), 0.0
     dt = setup.every / setup.rate_hz
-    transition, Q = bias_state_matrices(arw, sigma_b, setup.corr_time, dt, m)
-    for a in range(1, n, 2):
+    transition, of_gyro = bias_state_matrices(arw, sigma_b, setup.corr_time, dt, m)
+    Q = np.zeros((n, n, *of_gyro.shape[2:]))
+    Q[: n - of_map, : n - of_map] = of_gyro
+    for i in range(n - of_map, n):
+        P[i, i] = setup.map_error[0] ** 2
+    for a in range(1, n - of_map, 2):
         P[a, a] = setup.begin_attitude_sd**2
         # A bias that starts at 0 is known then; a small variance keeps the root real.
         P[a + 1, a + 1] = sigma_b**2 if setup.start == "stationary" else 1e-12

@@ -254,6 +254,9 @@ class Setup:
         then the variance of what is left: the map's error.
     begin_attitude_sd : float
         With bias states: attitude error that the filter expects at the start, deg (one sigma).
+    map_error : tuple of float or None
+        With bias states: standard deviation (deg) and correlation length (m) of the map's error,
+        which the filter then estimates too. None: the map's error is white, and part of R.
     """
 
     length: float
@@ -270,6 +273,7 @@ class Setup:
     high_pass: float | None = None
     bias_states: bool = False
     begin_attitude_sd: float = 0.05
+    map_error: tuple[float, float] | None = None
 
     WORST = Sensor(0.01, 0.01)  # the worst sensor of the sweep
 

@@ -3,6 +3,9 @@
 Leave one lap out: the map is made of the other laps of its direction, attitude is measured by the
 three antennas of this lap, odometry by its wheel encoders (scaled by the other laps), and truth is
 its RTK position along the centre line. A simulated gyro's error is added to the real attitude.
+
+A lap differs from its map by an error that is not white (`MapError`). A filter that takes it for
+white counts the same error a hundred times a second, and is too sure of its position.
 """
 
 from __future__ import annotations
@@ -11,12 +14,134 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import curve_fit
+from scipy.stats import t as student
 
 from analysis import CannotAnswer
 from analysis.terrain import antennas
 from analysis.terrain.monte_carlo import Laps, attitude_errors, follow
 from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.terrain_map import Profile
+
+# m; the distances at which the semivariogram of the map's error is read.
+LAGS = np.unique(np.geomspace(1, 200, 25).round().astype(int))
+
+
+@dataclass(frozen=True)
+class MapError:
+    """How the attitude of a lap differs from that of the road: model of its semivariogram.
+
+    ::
+
+        gamma(d) = fast_sd^2 (1 - e^(-d / fast_length)) + slow_sd^2 (1 - e^(-d / slow_length))
+
+    and an offset that stays for the whole lap.
+
+    Attributes
+    ----------
+    offset_sd, slow_sd, fast_sd : float
+        Of one lap, deg. The mean of n laps differs from a further lap by sqrt(1 + 1/n) times that.
+    slow_length_m, fast_length_m : float
+        Correlation lengths, m.
+    laps : int
+        From which it was estimated.
+    """
+
+    offset_sd: float
+    slow_sd: float
+    slow_length_m: float
+    fast_sd: float
+    fast_length_m: float
+    laps: int
+
+    @classmethod
+    def estimate(cls, residuals: Sequence[tuple[np.ndarray, np.ndarray]]) -> MapError:
+        """Fit the model to the differences between laps and maps that were made without them.
+
+        Parameters
+        ----------
+        residuals : sequence of (s_m, difference)
+            One pair of arrays a lap: distance (m) and attitude minus map (deg), scaled to one lap,
+            that is divided by sqrt(1 + 1/n) for a map of n laps.
+
+        Returns
+        -------
+        MapError
+
+        Raises
+        ------
+        CannotAnswer
+            If there are fewer than two laps, or all are too short for the largest lag.
+        """
+        series = [_every_metre(s, difference) for s, difference in residuals]
+        series = [of for of in series if np.isfinite(of).sum() > 2 * LAGS[-1]]
+        if len(series) < 2:
+            raise CannotAnswer(
+                f"the error of a map needs two laps of {2 * LAGS[-1]} m or more that are not in "
+                f"it; there are {len(series)}"
+            )
+        gamma = np.mean(
+            [[np.nanmean((of[k:] - of[:-k]) ** 2) / 2 for k in LAGS] for of in series], axis=0
+        )
+        found, _ = curve_fit(
+            _semivariogram,
+            LAGS,
+            gamma,
+            p0=(0.5 * gamma[-1] ** 0.5, 2.0, 0.8 * gamma[-1] ** 0.5, 50.0),
+            sigma=gamma,
+            bounds=([0, 0.1, 0, 5], [np.inf, 5, np.inf, 500]),
+        )
+        fast_sd, fast_length, slow_sd, slow_length = map(float, found)
+        # The mean of a lap varies by the offset, and by what the slow part leaves in a mean.
+        x = np.mean([len(of) for of in series]) / slow_length
+        of_slow = 2 * slow_sd**2 * (x - 1 + np.exp(-x)) / x**2
+        of_mean = np.mean([np.nanmean(of) ** 2 for of in series])
+        offset = float(np.sqrt(max(of_mean - of_slow, 0.0)))
+        return cls(offset, slow_sd, slow_length, fast_sd, fast_length, len(series))
+
+    def setup(self, setup: Setup, laps: float) -> Setup:
+        """Tell a filter with bias states what to expect of a map of some laps.
+
+        The slow part is a state of its own. The fast part is white on the scale of the map, with
+        R = 2 fast_sd^2 fast_length / (metres between readings): the same spectral density. The
+        offset is widened by Student's t, for it comes from as many numbers as there were laps.
+
+        Parameters
+        ----------
+        setup : Setup
+        laps : float
+            In the mean that is the map.
+
+        Returns
+        -------
+        Setup
+        """
+        more = np.sqrt(1 + 1 / laps)
+        apart = setup.speed * setup.every / setup.rate_hz
+        offset = more * self.offset_sd * student.ppf(0.975, self.laps - 1) / 1.96
+        return replace(
+            setup,
+            bias_states=True,
+            R=(more * self.fast_sd) ** 2 * max(2 * self.fast_length_m / apart, 1.0),
+            map_error=(more * self.slow_sd, self.slow_length_m),
+            begin_attitude_sd=float(np.hypot(setup.begin_attitude_sd, offset)),
+        )
+
+
+def _semivariogram(d, fast_sd, fast_length, slow_sd, slow_length):
+    return fast_sd**2 * -np.expm1(-d / fast_length) + slow_sd**2 * -np.expm1(-d / slow_length)
+
+
+def _every_metre(s, values):
+    """Interpolate a series to every metre; NaN farther than 2 m from the next reading."""
+    known = np.isfinite(values) & np.isfinite(s)
+    s, values = s[known], values[known]
+    if len(s) < 2:
+        return np.empty(0)
+    grid = np.arange(np.ceil(s[0]), s[-1])
+    after = np.clip(np.searchsorted(s, grid), 1, len(s) - 1)
+    far = np.minimum(np.abs(grid - s[after]), np.abs(grid - s[after - 1])) > 2
+    return np.where(far, np.nan, np.interp(grid, s, values))
 
 
 @dataclass(frozen=True)

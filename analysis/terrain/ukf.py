@@ -11,6 +11,9 @@ linear, so of the 2n + 1 sigma points of Merwe's scaled set (alpha = 1, beta = 0
 only three differ in distance, and the others are summed in closed form: the filter equals one that
 evaluates all points, to rounding.
 
+A map is a mean of few laps, and its error is not white: it is correlated over tens of metres. One
+more state for each channel may hold it, a Gauss-Markov process of distance driven (`Ukf.decay`).
+
 Every state is an array over a batch (cells, runs, ...): one filter each, all stepped together.
 """
 
@@ -31,12 +34,12 @@ class Ukf:
     attitude_map : AttitudeMap
         Its m channels are what is measured.
     x : ndarray, shape (n, ...)
-        Mean: distance (m), then attitude error (deg) and rate bias (deg/s) of each channel; n is 1
-        or 1 + 2 m.
+        Mean: distance (m), then attitude error (deg) and rate bias (deg/s) of each channel, then
+        the map's error (deg) of each channel; n is 1, 1 + 2 m or 1 + 3 m.
     P : ndarray, shape (n, n, ...)
         Covariance.
-    transition : ndarray, shape (n - 1, n - 1, ...), optional
-        Of the further states in a step.
+    transition : ndarray, shape (2 m, 2 m, ...), optional
+        Of attitude errors and rate biases in a step.
 
     Raises
     ------
@@ -49,12 +52,19 @@ class Ukf:
         self.x, self.P = np.array(x, dtype=float), np.array(P, dtype=float)
         self.n, self.m = len(self.x), attitude_map.channels
         self.transition = np.eye(0) if transition is None else np.asarray(transition)
-        further = (self.n - 1,) * 2
-        if self.m > 2 or self.n not in (1, 1 + 2 * self.m) or self.transition.shape[:2] != further:
+        moving = len(self.transition)
+        if (
+            self.m > 2
+            or self.n - 1 not in (0, 2 * self.m, 3 * self.m)
+            or moving != (min(self.n - 1, 2 * self.m))
+        ):
             raise WrongUsage(
                 f"{self.m} channels, {self.n} states and a transition {self.transition.shape} do "
-                "not fit: the filter has one or two channels, and one state or two more a channel"
+                "not fit: the filter has one or two channels, and one, three or four states for one"
             )
+        # The states that add to the reading of each channel.
+        last = 1 + 2 * self.m
+        self.added = [[i for i in (1 + 2 * c, last + c) if i < self.n] for c in range(self.m)]
 
     def predict(self, moved, Q):
         """Move every filter by its odometry.
@@ -69,11 +79,26 @@ class Ukf:
         if self.n == 1:
             self.P[0, 0] += Q
             return
-        F = self.transition
-        self.x[1:] = np.einsum("ij...,j...->i...", F, self.x[1:])
-        self.P[1:] = np.einsum("ij...,jk...->ik...", F, self.P[1:])
-        self.P[:, 1:] = np.einsum("ij...,kj...->ik...", self.P[:, 1:], F)
+        F, rate = self.transition, slice(1, 1 + len(self.transition))
+        self.x[rate] = np.einsum("ij...,j...->i...", F, self.x[rate])
+        self.P[rate] = np.einsum("ij...,jk...->ik...", F, self.P[rate])
+        self.P[:, rate] = np.einsum("ij...,kj...->ik...", self.P[:, rate], F)
         self.P += Q
+
+    def decay(self, keep, variance):
+        """Let the map's error change over a step, as a Gauss-Markov process of distance.
+
+        Parameters
+        ----------
+        keep : array_like, broadcast over the batch
+            Its correlation over the step, exp(-|step| / length).
+        variance : float, deg^2
+        """
+        for i in range(1 + 2 * self.m, self.n):
+            self.x[i] *= keep
+            self.P[i] *= keep
+            self.P[:, i] *= keep
+            self.P[i, i] += variance * (1 - np.square(keep))
 
     def update(self, z, R):
         """Compare a measured attitude with the map, and correct every filter.
@@ -95,12 +120,11 @@ class Ukf:
         reach = root[0][0] * np.sqrt(SPREAD)
         h = self.map.at(np.stack([x[0], x[0] + reach, x[0] - reach]))
         centre, plus, minus = h[:, 0], h[:, 1], h[:, 2]
-        # The attitude error of channel c is state 1 + 2 c.
-        error = [1 + 2 * c for c in range(m)] if n > 1 else []
-        extra_part = [root[i] for i in error] or [[0.0]] * m
-        for c, i in enumerate(error):
-            plus[c] += np.sqrt(SPREAD) * root[i][0]
-            minus[c] -= np.sqrt(SPREAD) * root[i][0]
+        extra_part = [[sum(root[i][j] for i in states) for j in range(n)] for states in self.added]
+        for c, states in enumerate(self.added):
+            if states:
+                plus[c] += np.sqrt(SPREAD) * extra_part[c][0]
+                minus[c] -= np.sqrt(SPREAD) * extra_part[c][0]
         expected = plus + minus
         expected *= W
         expected += (1.0 - 2.0 * W) * centre
@@ -116,8 +140,9 @@ class Ukf:
                     S[a, b] += extra_part[a][j] * extra_part[b][j]
             S[a, a] += R
         innovation = z - expected
-        for c, i in enumerate(error):
-            innovation[c] -= x[i]
+        for c, states in enumerate(self.added):
+            for i in states:
+                innovation[c] -= x[i]
         P_xz = [
             [
                 root[i][0] * cross[c] + sum(root[i][j] * extra_part[c][j] for j in range(1, i + 1))
