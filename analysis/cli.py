@@ -14,7 +14,6 @@ import math
 import shlex
 import sys
 import tempfile
-from dataclasses import asdict
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
@@ -471,7 +470,7 @@ def replay(
     with writing(out):
         write_track(track, out)
     if last_position and track.stored:
-        aside = save_position(last_position, asdict(track.stored))
+        aside = save_position(last_position, track.stored._asdict())
         warning = f"{warning}; it is kept as {aside}" if aside else warning
     if warning:
         print(warning, file=sys.stderr)

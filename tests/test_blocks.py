@@ -2,11 +2,13 @@
 
 import ast
 import doctest
+import math
 import sys
 
 import pytest
 
-from analysis import ROOT, cli
+from analysis import ROOT, STANDARD_GRAVITY, cli, wrap
+from analysis.tracker import vectors
 from analysis.tracker.at_rest import LowPass, StaticTest
 from analysis.tracker.attitude import Attitude
 from analysis.tracker.device import BLOCKS
@@ -15,11 +17,11 @@ from analysis.tracker.last_position import LastPosition
 from analysis.tracker.mounting import MountingYaw
 
 CLASSES = {  # of each block, and the modules of the same folder that its module needs
-    "last_position": (LastPosition, set()),
-    "attitude": (Attitude, set()),
+    "last_position": (LastPosition, {"vectors"}),
+    "attitude": (Attitude, {"vectors"}),
     "static": (StaticTest, set()),
     "low_pass": (LowPass, set()),
-    "mounting": (MountingYaw, {"at_rest"}),
+    "mounting": (MountingYaw, {"at_rest", "vectors"}),
     "fusion": (Fusion, set()),
 }
 
@@ -39,11 +41,9 @@ def test_the_example_on_the_page_runs(block):
     assert runner.failures == 0
 
 
-@pytest.mark.parametrize("block", BLOCKS)
-def test_a_block_can_be_lifted(block):
-    """property: it imports the standard library, the root and the named neighbours only."""
-    kind, along = CLASSES[block]
-    own, other, todo = set(), set(), [kind.__module__.split(".")[-1]]
+def imports(module):
+    """Gather what a module of the tracker needs: modules beside it, and others."""
+    own, other, todo = set(), set(), [module]
     while todo:
         path = ROOT / "analysis" / "tracker" / f"{todo.pop()}.py"
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -61,7 +61,41 @@ def test_a_block_can_be_lifted(block):
                 elif name.split(".")[2] not in own:
                     own.add(name.split(".")[2])
                     todo.append(name.split(".")[2])
+    return own, other
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+def test_a_block_can_be_lifted(block):
+    """property: it imports `math`, `collections` and the named neighbours only."""
+    kind, along = CLASSES[block]
+    own, other = imports(kind.__module__.split(".")[-1])
     assert own == along
-    # The root of the package, which has g and the angle wrap, is standard library only.
-    outside = {"analysis", "math", "collections", "dataclasses", "typing"}
-    assert other <= outside
+    assert other <= {"math", "collections"}
+
+
+@pytest.mark.parametrize("module", sorted({"device"} | imports("device")[0]))
+def test_the_device_keeps_to_what_micropython_knows(module):
+    """property: no syntax and no keyword that MicroPython lacks; `make test-device` runs it there.
+
+    It has no star in a list or tuple, no positional-only argument, no match; `zip` and `deque`
+    take no keyword; there is no `math.hypot`.
+    """
+    text = (ROOT / "analysis" / "tracker" / f"{module}.py").read_text(encoding="utf-8")
+    for node in ast.walk(ast.parse(text)):
+        assert not isinstance(node, ast.Match)
+        if isinstance(node, ast.List | ast.Tuple) and isinstance(node.ctx, ast.Load):
+            assert not any(isinstance(e, ast.Starred) for e in node.elts), ast.unparse(node)
+        if isinstance(node, ast.arguments):
+            assert not node.posonlyargs
+        if isinstance(node, ast.Call):
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            assert not (node.keywords and name in {"zip", "deque"}), ast.unparse(node)
+            assert name not in {"hypot", "dist", "remainder", "fsum", "prod"}, ast.unparse(node)
+
+
+def test_what_a_device_has_of_the_root_is_the_same():
+    """property: gravity and the angle wrap, which stand in both, agree."""
+    assert vectors.STANDARD_GRAVITY == STANDARD_GRAVITY
+    for angle in (-10.0, -math.pi, -0.1, 0.0, math.pi, 3.2, 400.0):
+        assert vectors.wrap(angle) == wrap(angle, 2 * math.pi)
+        assert vectors.wrap(angle, 360.0) == wrap(angle)

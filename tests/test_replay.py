@@ -4,7 +4,7 @@ import csv
 import json
 import math
 import os
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -638,7 +638,7 @@ def test_real_cold_starts(tmp_path):
 def test_memory_after_a_crash_is_the_last_one_written(tmp_path, cold):
     """property: a run that is refused leaves the stored position of the run before."""
     memory = tmp_path / "last.json"
-    save_position(memory, asdict(Stored(1.0, 2.0, 3.0, 4.0, 5.0)))
+    save_position(memory, Stored(1.0, 2.0, 3.0, 4.0, 5.0)._asdict())
     before = memory.read_bytes()
     (tmp_path / "bad.csv").write_text("t_s,lat_deg,lon_deg\n0,abc,1\n1,2,3\n")
     status, _, _ = run(

@@ -15,14 +15,12 @@ once.
 """
 
 from collections import deque
-from dataclasses import dataclass
 
 STEADY_EPOCHS = 5  # epochs over which the readings must not change
 GYRO_RANGE = 0.05  # rad/s, largest minus smallest reading; the noise of a cheap gyro is half
 ACCEL_RANGE = 0.3  # m/s^2, likewise; an engine or a hand gives more
 
 
-@dataclass
 class StaticTest:
     """Judge motion from the horizontal acceleration and the speed over ground.
 
@@ -53,16 +51,24 @@ class StaticTest:
     True
     """
 
-    theta_a: float = 0.125  # Section III-A3
-    speed_threshold: float = 0.5  # not printed. Above what a receiver at rest reports, below a walk
-    wake_speed: float = 1.0  # not printed. Above it, no average is waited for
-    speed_window: int = 5  # the paper suggests a moving average, and does not print its length
-    accel_tau_s: float = 0.25  # at 4 Hz each sample by itself, as printed; at 40 Hz an average
+    theta_a = 0.125  # Section III-A3
+    speed_threshold = 0.5  # not printed. Above what a receiver at rest reports, below a walk
+    wake_speed = 1.0  # not printed. Above it, no average is waited for
+    speed_window = 5  # the paper suggests a moving average, and does not print its length
+    accel_tau_s = 0.25  # at 4 Hz each sample by itself, as printed; at 40 Hz an average
 
-    def __post_init__(self):
-        """Begin as moving: no input has come."""
-        self.moving = True
-        self._speeds = deque(maxlen=self.speed_window)
+    def __init__(
+        self,
+        theta_a=theta_a,
+        speed_threshold=speed_threshold,
+        wake_speed=wake_speed,
+        speed_window=speed_window,
+        accel_tau_s=accel_tau_s,
+    ):
+        self.theta_a, self.accel_tau_s = theta_a, accel_tau_s
+        self.speed_threshold, self.wake_speed = speed_threshold, wake_speed
+        self.moving = True  # no input has come
+        self._speeds = deque((), speed_window)
         self._fast = self._accelerated = None
         self._ax = self._ay = 0.0
 
@@ -123,12 +129,12 @@ class SteadyReadings:
 
     def __init__(self):
         self.steady = False
-        self._past = deque(maxlen=STEADY_EPOCHS)
+        self._past = deque((), STEADY_EPOCHS)
         self._low = self._high = None
 
     def sample(self, gyro_b, accel_b):
         """Take in one IMU sample (rad/s, m/s^2); one outside the range ends the rest at once."""
-        values = (*gyro_b, *accel_b)
+        values = tuple(gyro_b) + tuple(accel_b)
         if self._low is None:
             self._low, self._high = values, values
         else:
@@ -147,19 +153,18 @@ class SteadyReadings:
         if self._low is not None:
             self._past.append((self._low, self._high))
         self._low = self._high = None
-        if not slow or len(self._past) < self._past.maxlen:
+        if not slow or len(self._past) < STEADY_EPOCHS:
             self.steady = False
             return
-        lows, highs = zip(*self._past, strict=True)
+        lows, highs = zip(*self._past)
         self.steady = _narrow(map(min, *lows), map(max, *highs))
 
 
 def _narrow(low, high):
     limits = (GYRO_RANGE,) * 3 + (ACCEL_RANGE,) * 3
-    return all(b - a < limit for a, b, limit in zip(low, high, limits, strict=True))
+    return all(b - a < limit for a, b, limit in zip(low, high, limits))
 
 
-@dataclass
 class LowPass:
     """Filter one position an epoch.
 
@@ -192,10 +197,10 @@ class LowPass:
 
     # Not printed. At 1 Hz the layers change every 30 s, 15 min and 45 min. A second layer much
     # shorter follows a drift out of the circle that holds 95 % of the fixes (notebook 32).
-    lengths: tuple[int, ...] = (30, 30, 3)
+    lengths = (30, 30, 3)
 
-    def __post_init__(self):
-        """Begin with empty buffers."""
+    def __init__(self, lengths=lengths):
+        self.lengths = lengths
         self.reset()
 
     def reset(self):
@@ -219,7 +224,8 @@ class LowPass:
         position : list of float
         """
         entry = list(position)
-        for level, (buffer, length) in enumerate(zip(self._buffers, self.lengths, strict=True), 1):
+        for level, length in enumerate(self.lengths, 1):
+            buffer = self._buffers[level - 1]
             buffer.append(entry)
             if len(buffer) < length:
                 break
@@ -234,5 +240,5 @@ def mean(buffer):
     """Average a buffer of positions, coordinate by coordinate."""
     total = buffer[0]
     for entry in buffer[1:]:
-        total = [a + b for a, b in zip(total, entry, strict=True)]
+        total = [a + b for a, b in zip(total, entry)]
     return [a / len(buffer) for a in total]

@@ -12,7 +12,7 @@ is a number, too. tests/test_attitude.py holds this against the dense filters of
 
 import math
 
-from analysis import STANDARD_GRAVITY
+from analysis.tracker.vectors import STANDARD_GRAVITY, add, cross, dot
 
 SIGMA_ACCEL = 0.05  # m/s^2, one sample at rest
 EXTERNAL_TAU_S = 1.0  # s over which vibration is averaged out of the vehicle's acceleration
@@ -476,20 +476,3 @@ def level(vector, down):
     scale = 1 / math.sqrt(max(1 - down[0] * down[0], 1e-12))
     ahead = (vector[0] - down[0] * dot(vector, down)) * scale
     return ahead, (down[2] * vector[1] - down[1] * vector[2]) * scale
-
-
-def cross(a, b):
-    """Return the cross product of two sequences of three."""
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-
-
-def dot(a, b):
-    """Return the dot product of two sequences of three."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def add(total, values):
-    """Add three values to three sums."""
-    total[0] += values[0]
-    total[1] += values[1]
-    total[2] += values[2]

@@ -7,20 +7,19 @@ during an outage.
 """
 
 import math
-from collections import deque
-from dataclasses import dataclass, fields
+from collections import namedtuple
 
-from analysis import STANDARD_GRAVITY, wrap
 from analysis.tracker.at_rest import LowPass, StaticTest, SteadyReadings
-from analysis.tracker.attitude import GAP_S, Attitude, Upright, dot
+from analysis.tracker.attitude import GAP_S, Attitude, Upright
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.mounting import ENTRY_S, MountingYaw
+from analysis.tracker.vectors import STANDARD_GRAVITY, dot, wrap
 
 FIXES_S = 5.0  # s over which fixes give a speed, where a receiver reports none
+BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
 
 
-@dataclass(frozen=True)
 class Options:
     """Which blocks run, in which number type, and with which thresholds (defaults: each block's).
 
@@ -49,35 +48,36 @@ class Options:
     (``theta_alpha`` rad^2).
     """
 
-    last_position: bool = True
-    attitude: bool = True
-    static: bool = True
-    low_pass: bool = True
-    mounting: bool = True
-    fusion: bool = True
-    number: type = float
-    pdop_gate: float = LastPosition.gate
-    save_every_s: float = LastPosition.save_every_s
-    moved_m: float = LastPosition.moved_m
-    theta_a: float = StaticTest.theta_a
-    speed_threshold: float = StaticTest.speed_threshold
-    wake_speed: float = StaticTest.wake_speed
-    speed_window: int = StaticTest.speed_window
-    accel_tau_s: float = StaticTest.accel_tau_s
-    lengths: tuple[int, ...] = LowPass.lengths
-    straight_length: int = MountingYaw.length
-    theta_alpha: float = MountingYaw.theta_alpha
-    max_bend: float = MountingYaw.max_bend
-    min_speed: float = MountingYaw.min_speed
-    max_mount_sigma: float = MountingYaw.max_sigma
-    metres_per_pdop: float = 1.5
-    sigma_no_pdop: float = 4.0
-    sigma_speed: float = 0.3
-    sigma_rest_m: float = 1.0
-    sigma_rest_m_s: float = 0.05
-    sigma_accel: float = 0.3
-    sigma_unaided: float = 1.0
-    bridge_s: float = 60.0
+    last_position = attitude = static = low_pass = mounting = fusion = True
+    number = float
+    pdop_gate = LastPosition.gate
+    save_every_s = LastPosition.save_every_s
+    moved_m = LastPosition.moved_m
+    theta_a = StaticTest.theta_a
+    speed_threshold = StaticTest.speed_threshold
+    wake_speed = StaticTest.wake_speed
+    speed_window = StaticTest.speed_window
+    accel_tau_s = StaticTest.accel_tau_s
+    lengths = LowPass.lengths
+    straight_length = MountingYaw.length
+    theta_alpha = MountingYaw.theta_alpha
+    max_bend = MountingYaw.max_bend
+    min_speed = MountingYaw.min_speed
+    max_mount_sigma = MountingYaw.max_sigma
+    metres_per_pdop = 1.5
+    sigma_no_pdop = 4.0
+    sigma_speed = 0.3
+    sigma_rest_m = 1.0
+    sigma_rest_m_s = 0.05
+    sigma_accel = 0.3
+    sigma_unaided = 1.0
+    bridge_s = 60.0
+
+    def __init__(self, **changed):
+        for name in changed:
+            if not hasattr(Options, name):
+                raise TypeError(f"no such option: {name}")
+            setattr(self, name, changed[name])
 
     @property
     def straight_s(self):
@@ -85,19 +85,9 @@ class Options:
         return self.straight_length * ENTRY_S
 
 
-BLOCKS = tuple(option.name for option in fields(Options) if option.type is bool)
-
-
-@dataclass(frozen=True)
-class Epoch:
-    """One GNSS epoch: s, degrees, m, m/s; ``fix`` and ``ned`` are None without a fix."""
-
-    t_s: float
-    fix: tuple[float, float, float] | None
-    ned: tuple[float, float, float] | None
-    pdop: float
-    speed: float
-    course: float
+# One GNSS epoch: s; (lat_deg, lon_deg, height_m) and (north, east, down) in m, both None without a
+# fix; m/s; rad. NaN where there is no PDOP, speed or course.
+Epoch = namedtuple("Epoch", ("t_s", "fix", "ned", "pdop", "speed", "course"))
 
 
 class Device:
@@ -137,7 +127,7 @@ class Device:
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
         self._moved, self._slow = False, True
-        self._has_speed, self._fixes = has_speed, deque()
+        self._has_speed, self._fixes = has_speed, []
         self._speed, self._squares = math.nan, (None, None)
         self._sum = [0.0] * 7  # horizontal and whole acceleration, its square, samples
 
@@ -196,15 +186,20 @@ class Device:
             self.low_pass.step(epoch.ned)
         layer = self.low_pass.layer
         self._fuse(epoch, accepted, moving, layer)
-        angles = self.attitude.angles if self.attitude and not no_imu else (math.nan,) * 3
-        mount = math.nan if self.mounting.mount is None else self.mounting.mount
+        roll, pitch, yaw = (math.nan,) * 3
+        if self.attitude and not no_imu:
+            roll, pitch, yaw = self.attitude.angles
         return {
             "accepted": accepted,
             "moving": moving,
             "layer": layer,
             "ned": self.ned,
             "stored": not self.last.accepted and self.ned is not None,
-        } | dict(zip(("roll", "pitch", "yaw", "mount"), (*angles, mount), strict=True))
+            "roll": roll,
+            "pitch": pitch,
+            "yaw": yaw,
+            "mount": math.nan if self.mounting.mount is None else self.mounting.mount,
+        }
 
     def _judge(self, speed):
         """Ask block 3; a motion at any sample since the last epoch counts."""
@@ -220,38 +215,41 @@ class Device:
         if accepted:
             self._fixes.append((epoch.t_s, epoch.ned))
         while self._fixes and epoch.t_s - self._fixes[0][0] > FIXES_S:
-            self._fixes.popleft()
+            self._fixes.pop(0)
         if not self._fixes:
             return math.nan
         (since, was), (until, now) = self._fixes[0], self._fixes[-1]
         if until - since < FIXES_S / 2:
             return math.nan
-        return math.hypot(now[0] - was[0], now[1] - was[1]) / (until - since)
+        north, east = now[0] - was[0], now[1] - was[1]
+        return math.sqrt(north * north + east * east) / (until - since)
 
     def _orient(self, t_s, moving, course, speed, dt):
         """Run blocks 5 and 2: the mounting angle, then the heading it allows."""
         block = self.attitude
         if block is None:
             return
-        *sums, count = self._sum
+        sums, count = self._sum[:6], self._sum[6]
         self._sum = [0.0] * 7
         driving = moving and speed >= self.options.min_speed and course == course
         if self.options.mounting:
             if not moving:
                 self.mounting.interrupt()
             elif count:
-                ax, ay, *force, square = (total / count for total in sums)
+                ax, ay, x, y, z, square = (total / count for total in sums)
+                force = (x, y, z)
                 variance = max(square - dot(force, force), 0.0) / (3 * count)
                 if not self.upright.known:
                     self.upright.start([-STANDARD_GRAVITY * d for d in block.down])
                 if driving:
                     self.upright.step(force, dt)
-                measured = (course, speed, block.yaw_rate, *self.upright.level(force), variance)
-                if self.mounting.step(t_s, dt, *measured, (ax, ay)):
+                x, y = self.upright.level(force)
+                rate = block.yaw_rate
+                if self.mounting.step(t_s, dt, course, speed, rate, x, y, variance, (ax, ay)):
                     block.heading_known = False  # the next heading starts the yaw anew
         heading = sigma = None
         if driving:
-            heading = wrap(course + (self.mounting.mount or 0.0), 2 * math.pi)
+            heading = wrap(course + (self.mounting.mount or 0.0))
             sigma = max(self.options.sigma_speed / speed, math.radians(1.0))
         self.steady.epoch(self._slow)
         still = not moving or self.steady.steady
@@ -282,7 +280,7 @@ class Device:
             return
         sigma_p, sigma_v, velocity = self._quality(epoch, accepted, moving)
         if not block.started:
-            block.start(epoch.ned, [*(velocity or (0.0, 0.0)), 0.0], sigma_p, 1.0)
+            block.start(epoch.ned, (velocity or (0.0, 0.0)) + (0.0,), sigma_p, 1.0)
             self._t_fusion = epoch.t_s
         else:
             self._predict(epoch.t_s)

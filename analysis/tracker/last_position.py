@@ -5,25 +5,16 @@ position stands in; a fix is acceptable when its PDOP is at most the gate.
 """
 
 import math
-from dataclasses import dataclass
+from collections import namedtuple
 
-from analysis import wrap
+from analysis.tracker.vectors import wrap
 
 EARTH_RADIUS_M = 6_371_000.0
 
-
-@dataclass(frozen=True)
-class Stored:
-    """A position to keep: where, its PDOP, and when (s, of the log that gave it)."""
-
-    lat_deg: float
-    lon_deg: float
-    height_m: float
-    t_s: float
-    pdop: float
+# A position to keep: where, its PDOP, and when (s, of the log that gave it).
+Stored = namedtuple("Stored", ("lat_deg", "lon_deg", "height_m", "t_s", "pdop"))
 
 
-@dataclass
 class LastPosition:
     """Gate the fixes and hold the last position, one epoch at a time.
 
@@ -59,15 +50,21 @@ class LastPosition:
     (True, 45.00001)
     """
 
-    stored: Stored | None = None
-    gate: float = 10.0  # Section IV-C: above refused, below accepted; here 10 itself is
-    save_every_s: float = 60.0  # "periodically", Section III-A1: 10 000 writes last a week
-    moved_m: float = 50.0  # between the error of a poor first fix and a real move
-    needs_pdop: bool = True
+    gate = 10.0  # Section IV-C: above refused, below accepted; here 10 itself is
+    save_every_s = 60.0  # "periodically", Section III-A1: 10 000 writes last a week
+    moved_m = 50.0  # between the error of a poor first fix and a real move
 
-    def __post_init__(self):
-        """Begin with what an earlier run left."""
-        self.position = self.snapshot = self.stored
+    def __init__(
+        self,
+        stored=None,
+        gate=gate,
+        save_every_s=save_every_s,
+        moved_m=moved_m,
+        needs_pdop=True,
+    ):
+        self.gate, self.save_every_s, self.moved_m = gate, save_every_s, moved_m
+        self.needs_pdop = needs_pdop
+        self.position = self.snapshot = stored
         self.accepted = 0
         self.moved_while_off = None
         self._saved_at = -math.inf
@@ -91,7 +88,8 @@ class LastPosition:
         acceptable = pdop <= self.gate or (pdop != pdop and not self.needs_pdop)
         if fix is None or not acceptable:
             return False
-        fresh = Stored(*fix, t_s, pdop)
+        lat_deg, lon_deg, height_m = fix
+        fresh = Stored(lat_deg, lon_deg, height_m, t_s, pdop)
         if not self.accepted and self.position is not None:
             moved = distance(self.position, fresh)
             self.moved_while_off = moved if moved > self.moved_m else None
@@ -105,5 +103,6 @@ class LastPosition:
 def distance(a, b):
     """Return the metres between two positions near each other, on a sphere."""
     north = math.radians(b.lat_deg - a.lat_deg)
-    east = math.radians(wrap(b.lon_deg - a.lon_deg))
-    return EARTH_RADIUS_M * math.hypot(north, east * math.cos(math.radians(a.lat_deg)))
+    east = math.radians(wrap(b.lon_deg - a.lon_deg, 360.0))
+    east *= math.cos(math.radians(a.lat_deg))
+    return EARTH_RADIUS_M * math.sqrt(north * north + east * east)

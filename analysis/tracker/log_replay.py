@@ -1,7 +1,7 @@
 """A whole log through the device: the track, one row for each GNSS epoch, its summary and notes."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -91,6 +91,7 @@ def replay(
         start = tuple(float(v) for v in ned)
     device = Device(options, stored, start, imu is not None, has_pdop, has_speed)
     rows, unexplained = [], []
+    straights: list[Straight] = []
     samples = _samples(imu, options.number)
     sample = next(samples, None)
     for epoch in tqdm(epochs, desc="replay", unit="epoch", disable=None if progress else True):
@@ -98,15 +99,17 @@ def replay(
             device.imu(*sample)
             sample = next(samples, None)
         rows.append(device.gnss(epoch))
+        if len(straights) < device.mounting.straights:
+            straights.append(device.mounting.straight)
         unexplained.append(device.attitude.unexplained if device.attitude else 0.0)
     columns = _columns(epochs, gnss, rows, origin, stored)
     notes = tuple(_notes(timeline, options, has_pdop, columns, device, unexplained))
-    straights = pd.DataFrame(device.mounting.straights, columns=Straight._fields)
+    table = pd.DataFrame(straights, columns=Straight._fields)
     angles = ["printed", "alone", "sigma", "mount"]
-    straights[angles] = np.degrees(straights[angles].astype(float))
+    table[angles] = np.degrees(table[angles].astype(float))
     units = {k: f"{k}_deg" for k in angles} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
     summary = _summary(timeline, options, columns, device, notes)
-    return Track(columns, summary, device.last.snapshot, notes, straights.rename(columns=units))
+    return Track(columns, summary, device.last.snapshot, notes, table.rename(columns=units))
 
 
 def _samples(imu, number):
@@ -221,10 +224,14 @@ def _summary(timeline, options, columns, device, notes):
             "deg": degrees(mount.mount),
             "sigma_deg": degrees(mount.sigma),
             "printed_rule_deg": degrees(mount.printed),
-            "straights": len(mount.straights),
+            "straights": mount.straights,
         },
         "seconds_without_fix_but_position": float(step[put_out & ~accepted].sum()),
-        "options": {k: v for k, v in asdict(options).items() if k not in (*BLOCKS, "number")},
+        "options": {
+            name: getattr(options, name)
+            for name, default in vars(Options).items()
+            if isinstance(default, float | int | tuple) and name not in BLOCKS
+        },
         "number_type": np.dtype(options.number).name,
         "notes": list(notes),
     }

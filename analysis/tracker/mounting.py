@@ -22,13 +22,11 @@ would give that variance.
 """
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections import namedtuple
 
-from analysis import wrap
 from analysis.tracker.at_rest import mean
+from analysis.tracker.vectors import wrap
 
-TURN = 2 * math.pi
 ENTRY_S = 1.0  # s that an entry covers, so that the buffer is as long at 1 Hz as at 25 Hz
 SIGMA_LEVEL = 0.2  # m/s^2, 2 %: the slope along or across a straight
 SIGMA_ENTRY = 0.2  # m/s^2 of road, rider and GNSS speed in a mean over an entry, to begin with
@@ -38,24 +36,13 @@ KEEP = 0.9  # least weight of earlier straights at a new one: ten show a turned 
 ENOUGH = 1 / math.radians(2.0) ** 2  # 1/rad^2; below, no earlier straight loses weight
 
 
-class Straight(NamedTuple):
-    """Result of one straight stretch: mounting angles in rad (NaN where there is none).
-
-    ``printed`` is eqs (2) and (3) on this stretch, ``alone`` the weighted angle of this stretch by
-    itself with its ``sigma``, ``mount`` the angle in force after it; ``ax, ay`` the mean horizontal
-    acceleration, m/s^2.
-    """
-
-    t_s: float
-    printed: float
-    alone: float
-    sigma: float
-    mount: float
-    ax: float
-    ay: float
+# Result of one straight stretch: mounting angles in rad (NaN where there is none). ``printed`` is
+# eqs (2) and (3) on this stretch, ``alone`` the weighted angle of this stretch by itself with its
+# ``sigma``, ``mount`` the angle in force after it; ``ax, ay`` the mean horizontal acceleration,
+# m/s^2.
+Straight = namedtuple("Straight", ("t_s", "printed", "alone", "sigma", "mount", "ax", "ay"))
 
 
-@dataclass
 class MountingYaw:
     """Find straights and the angle they give, one GNSS epoch at a time.
 
@@ -84,7 +71,10 @@ class MountingYaw:
         Its standard deviation, rad.
     printed : float or None
         The angle by eqs (2) and (3) of the last straight, in (-90 deg, 90 deg].
-    straights : list of Straight
+    straight : Straight or None
+        The last one.
+    straights : int
+        How many there have been.
 
     Examples
     --------
@@ -99,18 +89,27 @@ class MountingYaw:
     90.0
     """
 
-    length: int = 6  # not printed
-    theta_alpha: float = math.radians(3.0) ** 2  # not printed
-    max_bend: float = SIGMA_LEVEL
-    min_speed: float = 0.5
-    max_sigma: float = math.radians(6.0)
-    slope: tuple[float, float] = (0.4, 2.5)
+    length = 6  # not printed
+    theta_alpha = math.radians(3.0) ** 2  # not printed
+    max_bend = SIGMA_LEVEL
+    min_speed = 0.5
+    max_sigma = math.radians(6.0)
+    slope = (0.4, 2.5)
 
-    def __post_init__(self):
-        """Begin without an angle."""
+    def __init__(
+        self,
+        length=length,
+        theta_alpha=theta_alpha,
+        max_bend=max_bend,
+        min_speed=min_speed,
+        max_sigma=max_sigma,
+        slope=slope,
+    ):
+        self.length, self.theta_alpha, self.max_bend = length, theta_alpha, max_bend
+        self.min_speed, self.max_sigma, self.slope = min_speed, max_sigma, slope
         self.entry_s, self.sigma_level, self.keep = ENTRY_S, SIGMA_LEVEL, KEEP
-        self.mount = self.sigma = self.printed = None
-        self.straights = []
+        self.mount = self.sigma = self.printed = self.straight = None
+        self.straights = 0
         self._known = [0.0] * 11  # sums over all straights: see `fit`
         self.interrupt()
 
@@ -152,16 +151,16 @@ class MountingYaw:
         if self._since is None:  # the first epoch only gives the speed to start from
             self._since, self._sum = speed, [0.0] * 7
             return False
-        means = (ax, ay, speed * yaw_rate, variance, 1.0, *(levelled or (ax, ay)))
-        self._sum = [total + value * dt for total, value in zip(self._sum, means, strict=True)]
+        means = (ax, ay, speed * yaw_rate, variance, 1.0) + (levelled or (ax, ay))
+        self._sum = [total + value * dt for total, value in zip(self._sum, means)]
         seconds = self._sum[4]
         if seconds + 0.5 * dt < self.entry_s:  # to the nearest epoch, for theirs jitter
             return False
-        ax, ay, lateral, variance, _, *levelled = (total / seconds for total in self._sum)
+        ax, ay, lateral, variance, _, level_x, level_y = (total / seconds for total in self._sum)
         forward = (speed - self._since) / seconds
         bend = SIGMA_LATERAL * lateral
         weight = 1 / (SIGMA_ENTRY * SIGMA_ENTRY + variance + bend * bend)
-        entry = (course, speed * speed, forward, lateral, ax, ay, weight, *levelled)
+        entry = (course, speed * speed, forward, lateral, ax, ay, weight, level_x, level_y)
         self._buffer.append(entry)
         self._since, self._sum = speed, [0.0] * 7
         if len(self._buffer) < self.length:
@@ -183,13 +182,14 @@ class MountingYaw:
         # Forgetting follows a device put on otherwise; it costs what is not yet known well.
         known, new = self._known[0], sums[0]
         keep = max(self.keep, min(1.0, (ENOUGH - new) / known)) if known > 0 else 1.0
-        self._known = [keep * k + s for k, s in zip(self._known, sums, strict=True)]
+        self._known = [keep * k + s for k, s in zip(self._known, sums)]
         angle, known_sigma, slope = weighted_angle(self._known)
         good = known_sigma <= self.max_sigma and self.slope[0] <= slope <= self.slope[1]
         if good:
-            self.mount, self.sigma = wrap(-angle, TURN), known_sigma
+            self.mount, self.sigma = wrap(-angle), known_sigma
         kept = math.nan if self.mount is None else self.mount
-        self.straights.append(Straight(t_s, self.printed, wrap(-alone, TURN), sigma, kept, ax, ay))
+        self.straight = Straight(t_s, self.printed, wrap(-alone), sigma, kept, ax, ay)
+        self.straights += 1
         return good
 
 
@@ -223,13 +223,14 @@ def fit(entries, sigma_level=SIGMA_LEVEL):
     means = [0.0] * 4
     products = [0.0] * 10
     total = 1 / (sigma_level * sigma_level)
-    for *values, weight in entries:
+    for entry in entries:
+        values, weight = entry[:4], entry[4]
         total = total + weight
-        means = [m + weight * v for m, v in zip(means, values, strict=True)]
-        products = [p + weight * q for p, q in zip(products, _products(values), strict=True)]
+        means = [m + weight * v for m, v in zip(means, values)]
+        products = [p + weight * q for p, q in zip(products, _products(values))]
     shrink = 1 / total
-    products = [p - shrink * q for p, q in zip(products, _products(means), strict=True)]
-    return [*products, len(entries) - 1.0]
+    products = [p - shrink * q for p, q in zip(products, _products(means))]
+    return products + [len(entries) - 1.0]
 
 
 def weighted_angle(sums):
@@ -274,11 +275,11 @@ def _products(values):
 def course_variance(buffer):
     """Return the weighted variance of the courses (rad^2) of entries (course, weight, ...)."""
     first = buffer[0][0]
-    turned = [wrap(entry[0] - first, TURN) for entry in buffer]
+    turned = [wrap(entry[0] - first) for entry in buffer]
     weights = [entry[1] for entry in buffer]
     total = sum(weights)
-    centre = sum(w * a for w, a in zip(weights, turned, strict=True)) / total
-    return sum(w * (a - centre) ** 2 for w, a in zip(weights, turned, strict=True)) / total
+    centre = sum(w * a for w, a in zip(weights, turned)) / total
+    return sum(w * (a - centre) ** 2 for w, a in zip(weights, turned)) / total
 
 
 def bend_variance(buffer, seconds, lateral):

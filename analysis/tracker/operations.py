@@ -13,13 +13,13 @@ from collections import Counter, deque
 import numpy as np
 import pandas as pd
 
-from analysis import STANDARD_GRAVITY
 from analysis.tracker import kalman
 from analysis.tracker.at_rest import LowPass, StaticTest, mean
 from analysis.tracker.attitude import Attitude, Upright
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.mounting import MountingYaw
+from analysis.tracker.vectors import STANDARD_GRAVITY
 
 KINDS = ("sums", "products", "divisions", "functions")
 
@@ -147,6 +147,10 @@ class Counted:
     def __neg__(self):
         """Change the sign, which costs nothing."""
         return Counted(-self.value, self.tally)
+
+    def __abs__(self):
+        """Take off the sign, likewise."""
+        return Counted(abs(self.value), self.tally)
 
     def __float__(self):
         """Return a plain float: operations on it are not counted."""
