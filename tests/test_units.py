@@ -8,7 +8,7 @@ import pymap3d
 import pytest
 from scipy.interpolate import CubicSpline
 
-from analysis import CannotAnswer, cli, store
+from analysis import CannotAnswer, cli, store, wrap
 from analysis.noise.models import gauss_markov
 from analysis.studies import coverage
 from analysis.units import (
@@ -22,6 +22,8 @@ from analysis.units import (
     trajectory_metrics,
     unit_variances,
 )
+from analysis.units.comparison import apart
+from analysis.units.events import disagreements
 
 HOME = (46.2, 6.1, 400.0)
 NONE = np.empty(0)
@@ -87,6 +89,28 @@ def test_clock_interval_holds_the_truth():
             )
         )
     assert (np.mean(held, axis=0) >= 0.9).all(), np.mean(held, axis=0)
+
+
+def test_bad_spells_do_not_move_the_clock():
+    """property: centimetres with spells of half a metre give the offset to 3 ms, in its interval.
+
+    Least squares with outliers beyond 6 sigma left out is wrong by up to 16 ms here.
+    """
+    off = []
+    for rng in map(np.random.default_rng, np.random.SeedSequence(5).spawn(6)):
+        units = pair(rng, offset=3.21, sigma=0.01, corr_time=20.0, rates=(5, 5))
+        for k, good in enumerate(units):
+            bad = np.zeros(len(good.t_s))
+            for start in rng.integers(0, len(bad), 8):
+                bad[start : start + rng.integers(10, 150)] = 1e-5  # deg to a metre
+            wrong = bad * gauss_markov(len(bad), 0.2, 0.5, 15.0, rng, runs=2)
+            lat, lon = good.lat_deg + wrong[0], good.lon_deg + wrong[1]
+            units[k] = replace(good, lat_deg=lat, lon_deg=lon)
+        found = clock_offset(*local_tracks(units))
+        off.append([getattr(found.offset_s, k) - 3.21 for k in ("low", "value", "high")])
+    low, value, high = np.array(off).T
+    assert np.abs(value).max() < 3e-3, value
+    assert (low < 0).sum() >= 5 and (high > 0).sum() >= 5  # one of six may miss
 
 
 def test_two_journeys_are_told_apart():
@@ -193,6 +217,37 @@ def test_events_are_found_where_they_were_put():
     assert (hold.from_s, hold.to_s) == pytest.approx((300.0, 307.8), abs=0.21)
     (loss,) = [e for e in found if e.kind == "loss"]
     assert (loss.from_s, loss.to_s) == pytest.approx((400.0, 412.0), abs=0.21)
+
+
+def test_disagreements_are_listed_with_the_unit_that_is_off():
+    """analytic: b glides 15 m aside and back, without a jump; its yaw is off by 20 deg for 30 s.
+
+    Three units name it, two do not; none in 6 drives of units with slow errors of 1 m.
+    """
+    for rng in map(np.random.default_rng, np.random.SeedSequence(17).spawn(6)):
+        a, b = local_tracks(pair(rng, seconds=300, rates=(2, 1)))
+        assert disagreements(apart(a, b, differences(a, b))) == []
+    rng = np.random.default_rng(18)
+    path, t = drive(600, rng), np.arange(2.0, 598, 0.5)
+    yaw = np.degrees(np.arctan2(*path(t, 1).T))
+    aside = 15 * np.exp(-(((t - 300) / 20) ** 2))  # half as far and more for 33 s
+    units = []
+    for name in "abc":
+        enu = path(t) + 0.5 * gauss_markov(len(t), 0.5, 1.0, 20.0, rng, runs=2).T
+        angle = yaw + rng.standard_normal(len(t))
+        if name == "b":
+            enu[:, 0] += aside
+            angle = angle + 20.0 * ((t > 450) & (t < 480))
+        units.append(unit(name, t, enu, attitude=(t, 0 * t, 0 * t, wrap(angle))))
+    for given, who in ((units, "b"), (units[:2], "a and b")):
+        found = [e for e in side_by_side(given).events if "disagreement" in e.kind]
+        assert [(e.kind, e.unit) for e in found] == [
+            ("disagreement", who), ("attitude disagreement", who)]  # fmt: skip
+        middle = [0.5 * (e.from_s + e.to_s) for e in found]
+        assert middle == pytest.approx([300, 465], abs=3)
+        assert found[0].size == pytest.approx(15, abs=2)  # and the errors of both
+        assert found[1].to_s - found[1].from_s == pytest.approx(30, abs=1)
+    assert not [e for e in find_events(local_tracks(units)[1]) if e.kind == "jump"]
 
 
 def test_a_frozen_unit_is_frozen():

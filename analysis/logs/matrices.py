@@ -16,7 +16,6 @@ from typing import Any
 import h5py
 import numpy as np
 import pandas as pd
-import rdata
 import scipy.io
 
 from analysis import CannotAnswer
@@ -230,6 +229,8 @@ def numpy_file(path: Path) -> list[Part]:
 
 def rda(path: Path) -> list[Part]:
     """List the matrices with named columns of an R data file."""
+    import rdata  # with xarray it takes half a second, which every other log would pay
+
     # rdata warns where an R class has no Python equivalent (here "imu", a matrix with attributes)
     # and then returns the plain matrix, which is wanted here: constructors avoid the warning.
     constructors = {

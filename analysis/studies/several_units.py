@@ -39,8 +39,8 @@ def parkway():
     -------
     dict
     dict of pandas.DataFrame
-        One table a receiver: ``tick`` (0.1 s of GPS time), mode (6 fixed, 5 float, 1 and 2 code),
-        HDOP, and the largest standard deviation it reports (empty for the front one).
+        One table a receiver: ``t_s`` (to 0.1 s of GPS time), mode (6 fixed, 5 float, 1 and 2
+        code), HDOP, and the largest standard deviation it reports (empty for the front one).
     """
     file = "parkway-three-receivers/mapping_van_2024-07-11-12-26-03_merged.mat"
     raw = _mat(file)["rawDataMerged"]
@@ -54,7 +54,7 @@ def parkway():
         sigma = np.full(len(fixes.GPS_Time), np.nan)
         if reported is not None:
             sigma = np.max([reported.StdLat, reported.StdLon, reported.StdAlt], axis=0)
-        table = {"tick": np.round(10 * (fixes.GPS_Time - start)).astype(int)}
+        table = {"t_s": np.round(fixes.GPS_Time - start, 1)}
         table |= _enu(fixes.Latitude, fixes.Longitude, fixes.Altitude, origin, 2)
         table |= {"mode": fixes.DGPS_mode, "hdop": fixes.HDOP}
         tables[name] = pd.DataFrame(table | {"sigma_m": sigma})

@@ -14,10 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft
+from scipy.stats import chi2
 
 from analysis import CannotAnswer, Estimate
 from analysis.noise.position import effective_samples
 from analysis.units.frame import Track, interpolated, rate, unwrapped
+from analysis.units.metrics import normal_factor
 
 STEP_S = 0.5  # of the grid on which lags are tried; coarser where both logs are slower
 LEAST_S = 30.0  # of common time
@@ -26,10 +28,10 @@ LEAST_DEG_S = 1.0  # of the rates of turn, where there are only attitudes
 SHARE = 0.25  # of the shorter log's motion, at least, in the common time
 LEVER_M, DATUM_M = 3.0, 300.0  # what a lever arm and a shift of datum may be (1 sigma, assumed)
 DRIFT = 1e-4  # s/s: what a clock may drift (1 sigma, assumed); crystals keep 1e-5 to 1e-4
-OFF_TRACK = 6.0  # robust standard deviations at which an epoch is left out
+TAILS, ROUNDS = 4.0, 50  # degrees of freedom of the residuals' tails; rounds of the fit
 SAME_JOURNEY = 5.0  # ratio of along- to cross-track scatter beyond which it is another journey
 ALONG_M = 25.0  # along-track scatter that is always allowed
-SAME_M = 100.0  # median difference, constant shift taken out, beyond any receiver's error
+SAME_M = 50.0  # median difference, constant shift taken out, beyond any receiver's error
 FEWEST_SAMPLES = 20  # of common attitudes
 THIN_S = 1.0  # between epochs when lags are compared
 ENOUGH_S = 1e-4  # step at which the refinement ends
@@ -190,7 +192,7 @@ def _best_lags(one, other, least) -> Iterator[float]:
 
 
 def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
-    """Refine a lag by least squares, with the epochs off the track left out."""
+    """Refine a lag, robust against epochs off the track."""
     p, q = a.enu[:, :2], b.enu[:, :2]
     velocity = rate(a.t_s, p, 1.0)
     slower = a.fixed.sum() <= b.fixed.sum()
@@ -212,14 +214,14 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
         x = np.stack(columns, axis=-1)  # (n, 2, 6)
         prior = np.array([np.inf, DRIFT, LEVER_M, LEVER_M, DATUM_M, DATUM_M])
         # b late by delta shows b where a was: p_b = p_a - v delta at the same stamp.
-        beta, residual, covariance, use = least_squares(x, d, prior)
+        beta, half, residual = least_squares(x, d, prior)
         lag += float(beta[0])
         if abs(beta[0]) < ENOUGH_S:
             break
-    half, slope = 1.96 * np.sqrt(np.diag(covariance)[:2]), float(beta[1])
+    slope = float(beta[1])
     offset = Estimate(lag, float(lag - half[0]), float(lag + half[0]), "s")
     drift = Estimate(slope, float(slope - half[1]), float(slope + half[1]), "s/s")
-    moving = use & (speed > 1.0)
+    moving = speed > 1.0
     parts = [np.abs((residual * e).sum(axis=1)[moving]) for e in (along, cross)]
     if not moving.any():
         return None
@@ -229,30 +231,62 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
 
 
 def least_squares(x: np.ndarray, d: np.ndarray, prior: np.ndarray) -> tuple:
-    """Solve d = x beta with Gaussian priors about zero, robustly; correlated residuals counted.
+    """Solve d = x beta with Gaussian priors about zero, for correlated residuals with heavy tails.
 
-    Returns beta, residuals, covariance and the epochs that were used. The covariance takes as many
-    independent samples as the residuals have (`noise.position.effective_samples`).
+    Maximum likelihood for Student's t with 4 degrees of freedom (Lange, Little and Taylor, 1989): a
+    receiver has spells in which its errors are a hundred times as large as usual, and least squares
+    would follow them. The variance is that of the influence of each epoch (Huber's sandwich), for
+    as many independent epochs as influences and weighted residuals have
+    (`noise.position.effective_samples`), and that of the priors.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, w, k)
+    d : ndarray, shape (n, w)
+    prior : ndarray, shape (k,)
+        Standard deviations.
+
+    Returns
+    -------
+    beta, half : ndarray, shape (k,)
+        Estimate, and half the width of its 95 % interval.
+    residual : ndarray, shape (n, w)
     """
-    use, spread = np.ones(len(d), dtype=bool), 1.0
-    beta = np.zeros(x.shape[-1])
-    covariance = np.eye(x.shape[-1])
-    for _ in range(4):
-        rows, right = x[use].reshape(-1, x.shape[-1]), d[use].ravel()
-        weight = spread**2
-        normal = rows.T @ rows / weight + np.diag(1 / prior**2)
-        scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        covariance = np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True)
-        covariance *= np.outer(scale, scale)
-        beta = covariance @ (rows.T @ right / weight)
-        residual = d - x @ beta
-        size = np.hypot(*residual.T) if residual.shape[1] == 2 else np.abs(residual).max(axis=1)
-        robust = 1.4826 * float(np.median(size))
-        use = size <= OFF_TRACK * max(robust, 1e-6)
-        kept = residual[use]
-        inflation = max(len(kept) / effective_samples(column) for column in kept.T)
-        spread = max(float(np.sqrt(np.mean(kept**2) * inflation)), 1e-9)
-    return beta, residual, covariance, use
+    n, width, count = x.shape
+    rows, trust, middle = x.reshape(-1, count), 1 / prior**2, chi2.ppf(0.5, width)
+    beta, inverse, weight, inflation = np.zeros(count), np.eye(count), np.ones(n), 1.0
+    residual, spread = d, max(float(np.sqrt(np.mean(d**2))), 1e-6)
+    for _ in range(2):  # the second time with the correlation that the first one left
+        for _ in range(ROUNDS):
+            before = beta
+            each = np.repeat(weight, width) / (spread**2 * inflation)
+            normal = (rows * each[:, None]).T @ rows + np.diag(trust)
+            scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+            scale = np.outer(scale, scale)
+            inverse = np.linalg.pinv(normal * scale, hermitian=True) * scale
+            beta = inverse @ (rows.T @ (each * d.ravel()))
+            residual = d - x @ beta
+            square = (residual**2).sum(axis=1)
+            spread = max(float(np.sqrt(np.median(square) / middle)), 1e-6)
+            ratio = square / spread**2
+            weight = (TAILS + width) / (TAILS + ratio)
+            if np.abs(x @ (beta - before)).max() < 1e-3 * spread:
+                break
+        weighted = residual * np.sqrt(weight)[:, None]
+        independent = min(effective_samples(column) for column in weighted.T)
+        inflation = n / independent
+    curvature = np.mean(weight * (1 - 2 / width * ratio / (TAILS + ratio))) / np.mean(weight)
+    score = np.einsum("nwk,nw->nk", x, residual * weight[:, None]) / (spread**2 * inflation)
+    influence = score @ inverse.T / curvature
+    half = np.empty(count)
+    for k, own in enumerate(influence.T):
+        samples = min(independent, effective_samples(own))
+        half[k] = normal_factor(samples) * n * np.sqrt(np.mean(own**2) / samples)
+    return (
+        beta,
+        np.hypot(half, 1.96 * np.sqrt(np.diag(inverse @ np.diag(trust) @ inverse))),
+        residual,
+    )
 
 
 def _by_attitude(a: Track, b: Track, lag: float) -> Clock:
@@ -272,12 +306,11 @@ def _by_attitude(a: Track, b: Track, lag: float) -> Clock:
         x[:, range(count), range(1, count + 1)] = 1.0
         prior = np.array([np.inf, *[360.0] * count])
         d = signs * moved[good] - mine[good]
-        beta, _, covariance, _ = least_squares(x, d, prior)
+        beta, half, _ = least_squares(x, d, prior)
         lag += float(beta[0])
         if abs(beta[0]) < ENOUGH_S:
             break
-    half = 1.96 * float(np.sqrt(covariance[0, 0]))
-    offset = Estimate(lag, lag - half, lag + half, "s")
+    offset = Estimate(lag, lag - float(half[0]), lag + float(half[0]), "s")
     return Clock(offset, drift, float(np.median(t)) - lag, named_offset(offset, a, b))
 
 

@@ -13,9 +13,10 @@ import numpy as np
 
 from analysis import CannotAnswer, Estimate, WrongUsage, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
-from analysis.units.events import Event, find_events
+from analysis.units.events import Apart, Event, disagreements, find_events
 from analysis.units.frame import Track, Unit, interpolated, local_tracks, rate, unwrapped
 from analysis.units.metrics import (
+    ANGLES,
     Differences,
     differences,
     interpolated_angles,
@@ -41,7 +42,8 @@ LEVER_M = 0.5  # half width of its interval within which a lever arm counts as o
 SPREAD = 0.3  # root mean square of sin and cos of heading about their means: turns enough
 
 
-COMPONENTS = ("along", "cross", "height", "roll", "pitch", "yaw")
+FEWEST = 20  # common epochs, to tell what is usual
+COMPONENTS = ("along", "cross", "height", *ANGLES)
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def side_by_side(units: Sequence[Unit]) -> Comparison:
     events = []
     for k, track in enumerate(tracks):
         events += find_events(track, tracks[:k] + tracks[k + 1 :])
-    pairs = []
+    pairs, distances = [], []
     for a, b in combinations(tracks, 2):
         d = differences(a, b)
         notes += datums(a, b, d)
@@ -132,6 +134,8 @@ def side_by_side(units: Sequence[Unit]) -> Comparison:
         if why:
             notes.append(f"{a.name} and {b.name}: {why}")
         pairs.append(Pair(a.name, b.name, d, trajectory_metrics(d), lever))
+        distances += apart(a, b, d)
+    events += disagreements(distances)
     return Comparison(
         tracks,
         clocks,
@@ -367,6 +371,57 @@ def _middle(x):
     return middle, 1.4826 * float(np.median(np.abs(x - middle)))
 
 
+def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
+    """Tell how far two units are from their usual difference: lever arm and shift, or mean angle.
+
+    Parameters
+    ----------
+    a, b : Track
+    d : Differences
+        b minus a.
+
+    Returns
+    -------
+    list of Apart
+        Of position, roll, pitch and yaw: as far as both have it.
+    """
+    found = []
+    if len(d.t_s) >= FEWEST:
+        yaw = unwrapped(_heading(a, d)[0][:, None])[:, 0]
+        known = np.isfinite(yaw)
+        yaw = np.interp(d.t_s, d.t_s[known], yaw[known]) if known.any() else 0 * d.t_s
+        residual = least_squares(_in_axes(yaw), d.enu[:, :2], np.full(4, 1e3))[2]
+        off = np.hypot(*residual.T)
+        # The median of two axes' distance is 1.177 standard deviations of one (Rayleigh).
+        found.append(Apart(a.name, b.name, "position", d.t_s, off, float(np.median(off)) / 1.177))
+    for what, x in zip(ANGLES, d.attitude.T, strict=True):
+        good = np.isfinite(x)
+        if good.sum() >= FEWEST:
+            mean = np.degrees(np.angle(np.mean(np.exp(1j * np.radians(x[good])))))
+            about = wrap(x[good] - mean)
+            middle, scatter = _middle(about)
+            t = d.attitude_t_s[good]
+            found.append(Apart(a.name, b.name, what, t, np.abs(wrap(about - middle)), scatter))
+    return found
+
+
+def _heading(a, d):
+    """Heading of a at the positions of d, deg: its yaw, or else its course; and a note."""
+    yaw = interpolated_angles(d.t_s, a)[:, 2] if len(a.attitude_t_s) else np.empty(0)
+    if np.isfinite(yaw).any():
+        return yaw, ""
+    course = np.where(d.speed_m_s > 2.0, _course(d.t_s, a), np.nan)
+    return course, "no yaw in the log: the course is taken as heading"
+
+
+def _in_axes(yaw):
+    """Columns of a lever arm forward and right, and of a shift east and north, (n, 2, 4)."""
+    heading = np.radians(yaw)
+    forward = np.column_stack([np.sin(heading), np.cos(heading)])
+    columns = [forward, forward[:, ::-1] * [1, -1]]
+    return np.stack([*columns, *(np.broadcast_to(e, forward.shape) for e in np.eye(2))], axis=-1)
+
+
 def lever_arm(a: Track, d: Differences) -> tuple[dict[str, Estimate], str]:
     """Estimate the horizontal lever arm from unit a to unit b, in the axes of the vehicle. ::
 
@@ -386,25 +441,14 @@ def lever_arm(a: Track, d: Differences) -> tuple[dict[str, Estimate], str]:
     str
         Why it is refused, or which heading was used; empty for the yaw.
     """
-    yaw = (
-        interpolated_angles(d.t_s, a)[:, 2] if len(a.attitude_t_s) else np.full(len(d.t_s), np.nan)
-    )
-    note = ""
-    if not np.isfinite(yaw).any():
-        yaw = np.where(d.speed_m_s > 2.0, _course(d.t_s, a), np.nan)
-        note = "no yaw in the log: the course is taken as heading"
+    yaw, note = _heading(a, d)
     good = np.isfinite(yaw)
-    heading = np.radians(yaw[good])
-    forward = np.column_stack([np.sin(heading), np.cos(heading)])
-    if good.sum() < 20 or np.sqrt(forward.var(axis=0).min()) < SPREAD:
+    x = _in_axes(yaw[good])
+    if good.sum() < 20 or np.sqrt(x[:, :, 0].var(axis=0).min()) < SPREAD:
         why = "lever arm not observable: too few turns" + (" and " + note if note else "")
         refused = Estimate.refused("m", why)
         return {"forward_m": refused, "right_m": refused}, why
-    columns = [forward, forward[:, ::-1] * [1, -1]]
-    columns += [np.broadcast_to(e, forward.shape) for e in np.eye(2)]
-    x = np.stack(columns, axis=-1)
-    beta, _, covariance, _ = least_squares(x, d.enu[good][:, :2], np.full(4, 1e3))
-    half = 1.96 * np.sqrt(np.diag(covariance))
+    beta, half, _ = least_squares(x, d.enu[good][:, :2], np.full(4, 1e3))
     found = {}
     for k, name in enumerate(("forward_m", "right_m")):
         ends = float(beta[k] - half[k]), float(beta[k] + half[k])

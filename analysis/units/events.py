@@ -1,12 +1,13 @@
-"""Jumps, holds and losses in the track of one unit, and a unit that is frozen.
+"""Jumps, holds and losses in the track of one unit, a unit that is frozen, and disagreements.
 
 A jump is a step that neither the speed before and after it nor any acceleration explains. A hold is
 a position, or an attitude, that repeats exactly while the unit moves by its own speed or by the
-other units. A loss is a time without fixes.
+other units. A loss is a time without fixes. A disagreement is a spell in which two units differ by
+far more than they usually do, whatever each of them says of itself.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +20,8 @@ LOST_S, LOST_INTERVALS = 1.5, 3.5  # a gap is longer than both (s, median interv
 HELD_S, HELD_M = 1.5, 3.0  # a hold lasts longer, and the unit moves farther meanwhile
 TURNED_DEG = 3.0  # by which another unit turns while an attitude is held
 FROZEN = 0.9  # share of the time held from which a unit is frozen
+APART_SIGMAS, APART_S, JOINED_S = 6.0, 1.5, 5.0  # a disagreement; spells this close are one
+APART_M, APART_DEG = 1.0, 5.0  # below it a difference is no disagreement
 
 
 @dataclass(frozen=True)
@@ -30,11 +33,12 @@ class Event:
     unit : str
     kind : str
         "jump", "time step" (a jump along the track where the stamps are irregular), "hold",
-        "attitude hold", "loss" or "frozen".
+        "attitude hold", "loss", "frozen", "disagreement" or "attitude disagreement"; these two of
+        "a and b", or of the one unit with which no other one agrees.
     from_s, to_s : float
         On the track's clock.
     size : float
-        m of a jump; m (or deg) travelled in a hold; s of a loss.
+        m of a jump; m (or deg) travelled in a hold; s of a loss; most m (or deg) of a disagreement.
     note : str
     """
 
@@ -179,3 +183,97 @@ def _jumps(track) -> Iterator[Event]:
         note += f"along the track, as {span:.2f} s of travel" if late else "that no motion explains"
         kind = "time step" if late else "jump"
         yield Event(track.name, kind, float(t[k]), float(t[k + 1]), float(size[k]), note)
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How far two units are from what they usually differ by.
+
+    Attributes
+    ----------
+    a, b : str
+    what : {"position", "roll", "pitch", "yaw"}
+    t_s, size : ndarray, shape (n,)
+        s; m or deg, 0 or larger.
+    usual : float
+        Robust standard deviation (of one axis, for positions), m or deg.
+    """
+
+    a: str
+    b: str
+    what: str
+    t_s: np.ndarray
+    size: np.ndarray
+    usual: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of the sizes."""
+        return "m" if self.what == "position" else "°"
+
+    @property
+    def far(self) -> np.ndarray:
+        """Times at which they are too far apart, (n,) of bool."""
+        least = APART_M if self.what == "position" else APART_DEG
+        return self.size > max(APART_SIGMAS * self.usual, least)
+
+    def share(self, start: float, stop: float) -> float:
+        """Share of the epochs from start to stop at which they are too far apart."""
+        inside = (self.t_s >= start) & (self.t_s <= stop)
+        return float(self.far[inside].mean()) if inside.any() else 0.0
+
+
+def disagreements(pairs: Sequence[Apart]) -> list[Event]:
+    """List the spells in which units differ by far more than they usually do.
+
+    Parameters
+    ----------
+    pairs : sequence of Apart
+
+    Returns
+    -------
+    list of Event
+        One a spell: of the unit with which no other one agrees, where the others agree with each
+        other; else of all that differ, "a and b".
+    """
+    found: list[Event] = []
+    for pair in pairs:
+        rest = [p for p in pairs if p.what == pair.what and len({p.a, p.b, pair.a, pair.b}) == 3]
+        t = pair.t_s[pair.far]
+        for spell in np.split(t, np.flatnonzero(np.diff(t) > JOINED_S) + 1):
+            if not len(spell) or np.ptp(spell) < APART_S:
+                continue
+            start, stop = float(spell[0]), float(spell[-1])
+            size = float(pair.size[(pair.t_s >= start) & (pair.t_s <= stop)].max())
+            note = f"{pair.what} of {pair.a} and {pair.b} differs by up to {size:.3g} {pair.unit} "
+            note += f"within {stop - start:.1f} s, usually by {pair.usual:.2g} {pair.unit}"
+            unit = f"{pair.a} and {pair.b}"
+            far = {name: [p.share(start, stop) > 0.5 for p in rest if name in (p.a, p.b)]
+                   for name in (pair.a, pair.b)}  # fmt: skip
+            for one, other in ((pair.a, pair.b), (pair.b, pair.a)):
+                if far[one] and all(far[one]) and not any(far[other]):
+                    unit, note = one, f"{note}; the others agree with {other}"
+            kind = "disagreement" if pair.what == "position" else "attitude disagreement"
+            found.append(Event(unit, kind, start, stop, size, note))
+    return _one_a_spell(found)
+
+
+def _one_a_spell(found) -> list[Event]:
+    """Keep one of the events that overlap: of one unit, or of pairs with a unit in common."""
+    kept: list[Event] = []
+    for event in sorted(found, key=lambda e: -e.size):
+        for k, other in enumerate(kept):
+            names, more = (e.unit.split(" and ") for e in (other, event))
+            same = names == more or (len(names) > 1 < len(more) and set(names) & set(more))
+            if same and other.kind == event.kind and _overlap(other, event):
+                start, stop = min(other.from_s, event.from_s), max(other.to_s, event.to_s)
+                unit = " and ".join(sorted({*names, *more}))
+                kept[k] = replace(other, unit=unit, from_s=start, to_s=stop)
+                break
+        else:
+            kept.append(event)
+    return sorted(kept, key=lambda e: e.from_s)
+
+
+def _overlap(one, other):
+    return one.from_s <= other.to_s and other.from_s <= one.to_s
