@@ -138,8 +138,12 @@ def _check_folder(param: typer.CallbackParam, out: str | None):
     option = param.opts[0]
     if out == "":  # a shell variable that is not set
         raise WrongUsage(f"{option} is empty: name where to write")
-    if out and Path(out).exists() and not Path(out).is_dir():
-        raise WrongUsage(f"{option} {Path(out).name}: there is a file of that name; name a folder")
+    if out:
+        here = next(p for p in (Path(out), *Path(out).absolute().parents) if p.exists())
+        if not here.is_dir():
+            raise WrongUsage(f"{option} {out}: {here.name} is a file, and no folder; name another")
+        with writing(out, option):
+            tempfile.TemporaryFile(dir=here).close()
     return out
 
 
@@ -464,6 +468,11 @@ def replay(
             )
     position, warning = load_position(last_position) if last_position else (None, None)
     stored = Stored(**position) if position else None
+    if not (log.imu or stored or log.gnss is None or log.gnss.has_fix.any()):
+        raise CannotAnswer(
+            f"{', '.join(log.sources)}: no fix: none of the {len(log.gnss.t_s):,} epochs has a "
+            "position, so there is nothing to replay"
+        )
     off: dict[str, Any] = {block.replace("-", "_"): False for block in without or ()}
     options = Options(number=np.float32 if float32 else float, **off)
     track = replay_log(inject_outages(log, outages), options, stored, progress=True)

@@ -16,6 +16,7 @@ import functools
 import json
 import math
 import re
+import shlex
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
@@ -32,7 +33,12 @@ from analysis.logs.columns import IN_M_S2
 from analysis.logs.static import Log
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise, characterise, remarks
-from analysis.noise.disturbances import OFFSET, TURNING, static_stretches
+from analysis.noise.disturbances import (
+    OFFSET,
+    TURNING,
+    standing_stretches,
+    static_stretches,
+)
 from analysis.terrain import terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.centre_line import CentreLine
@@ -73,6 +79,7 @@ SIZES = {  # unit of a gyro in deg/s, of an accelerometer in m/s^2
     **{"deg/s": 1.0, "rad/s": 180 / math.pi, "deg/h": 1 / 3600},
     **IN_M_S2,
 }
+VERTICAL = ("down", "up", "height", "altitude", "z")
 SHORTEST, LEAST_SAMPLES, MOST = 10.0, 64, 3  # s and samples of a stretch that is named, how many
 CURVES = ("allan", "allan_line_removed")  # of a channel: as recorded, without the straight line
 ALLAN = ("tau_s", "deviation", "low", "high", "edf")  # names of an `AllanCurve`'s series
@@ -312,11 +319,13 @@ class Moving(CannotAnswer):
 def static_part(log: Log) -> Log:
     """Take the stretch of a log in which its gyros and accelerometers lie still.
 
+    Of a log without any, its positions tell.
+
     Returns
     -------
     Log
-        The log itself, if it is static as a whole or has no gyro and no accelerometer; else the
-        one static stretch that covers at least half of it.
+        The log itself, if it is static as a whole or has none of the three; else the one static
+        stretch that covers at least half of it.
 
     Raises
     ------
@@ -328,9 +337,15 @@ def static_part(log: Log) -> Log:
         if c.unit in SIZES and log.used is None:
             values = c.values if SIZES[c.unit] == 1 else SIZES[c.unit] * c.values
             axes[c.kind].append(values)
-    if not any(axes.values()):
+    horizontal = [
+        c.values for c in log.channels if c.kind == "position" and c.name.lower() not in VERTICAL
+    ]
+    if any(axes.values()):
+        stretches = static_stretches(axes["rate"], axes["accel"], log.dt)
+    elif horizontal and log.used is None:
+        stretches = standing_stretches(horizontal, log.dt)
+    else:
         return log
-    stretches = static_stretches(axes["rate"], axes["accel"], log.dt)
     offset = float(np.linalg.norm([np.nanmedian(y) for y in axes["rate"]]))
     longest = max(stretches, key=lambda s: s[1] - s[0], default=(0.0, 0.0))
     if longest[1] - longest[0] < log.duration_s / 2:
@@ -352,19 +367,27 @@ def static_part(log: Log) -> Log:
 
 
 def _moving(log, stretches, offset) -> Moving:
-    """State that no static stretch covers half of a log, with the flags that take a shorter one."""
+    """State that no static stretch covers half of a log, with the flags that take a shorter one.
+
+    A log with positions, or with a whole IMU, has a use in motion, which is named.
+    """
+    hint, kinds = "", [c.kind for c in log.channels]
+    if "position" in kinds or min(kinds.count("rate"), kinds.count("accel")) > 2:
+        hint = f"; in motion it is for python -m analysis replay {shlex.quote(log.given)} --out DIR"
     least = max(SHORTEST, LEAST_SAMPLES * log.dt)
     some = sorted((s for s in stretches if s[1] - s[0] >= least), key=lambda s: s[0] - s[1])[:MOST]
     if not some:
         why = "its gyros and accelerometers change as in motion"
+        if not {"rate", "accel"} & set(kinds):
+            why = "its positions move"
         if offset > TURNING:
             why = f"its gyros read {offset:.3g} deg/s, more than any offset at rest: it turns"
-        return Moving(f"{log.file}: no static stretch: {why}; record the sensor lying still")
+        return Moving(f"{log.file}: no static stretch: {why}; record it lying still{hint}")
     spans = [_tenths(log, s) for s in sorted(some)]
     listed = ", ".join(f"{start:g} s to {stop:g} s" for start, stop in spans)
     return Moving(
         f"{log.file}: the sensor moves; it lies still for less than half of the "
-        f"{log.duration_s:.6g} s, at most from {listed}",
+        f"{log.duration_s:.6g} s, at most from {listed}{hint}",
         *({"--from": f"{start:g}", "--to": f"{stop:g}"} for start, stop in spans),
     )
 

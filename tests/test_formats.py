@@ -3,8 +3,10 @@
 `FORMATS` is the table of README: a format, how a sample is written, and what reading it takes.
 """
 
+import functools
 import gzip
 import json
+import operator
 import re
 import shutil
 import struct
@@ -26,7 +28,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from analysis import ROOT, STANDARD_GRAVITY, CannotAnswer, WrongUsage
 from analysis.cli import main
-from analysis.logs import archives, datasets, formats, matrices, read, read_moving
+from analysis.logs import archives, columns, datasets, formats, matrices, read, read_moving
 
 RATE, ROWS, UNIX = 100.0, 400, 1.7e9
 ALONE, FLAG = "nothing but the file name", "one flag that the message gives"
@@ -670,7 +672,8 @@ def test_moving_logs_of_every_kind(tmp_path):
     pd.DataFrame(location).to_csv(tmp_path / "phone" / "Location.csv", index=False)
     ride = read_moving([tmp_path / "phone"])
     assert len(ride.gnss.t_s) == 5
-    np.testing.assert_allclose(ride.imu.accel_b, ACCEL, atol=1e-9)
+    flat = ACCEL[:, [1, 0, 2]] * [1, 1, -1]  # z up, so the phone is turned to z down
+    np.testing.assert_allclose(ride.imu.accel_b, flat, atol=1e-9)
     write_dataflash(tmp_path / "two.bin", imus=2)
     with pytest.raises(WrongUsage, match="IMU/0") as asked:
         read_moving([tmp_path / "two.bin"])
@@ -720,3 +723,99 @@ def test_a_cut_zip_is_named(tmp_path):
     path.write_bytes(path.read_bytes()[:60])
     with pytest.raises(CannotAnswer, match=r"log\.zip: .*zip.* cut off or damaged"):
         formats.parts_of(path)
+
+
+def test_a_phone_in_motion(tmp_path):
+    """Analytic: sensors of unequal rates are joined along straight lines; gravity is put back."""
+    at, to = np.arange(0, 4, 0.0101), [0.0, 0.0, 9.8]
+    tables = {
+        "Gyroscope.csv": (T, np.zeros((ROWS, 3))),
+        "Accelerometer.csv": (at, np.outer(at, [1.0, 2.0, 0.0])),
+        "Gravity.csv": (at, to + np.zeros((len(at), 3))),
+    }
+    with zipfile.ZipFile(tmp_path / "phone.zip", "w") as packed:
+        for name, (t, values) in tables.items():
+            table = pd.DataFrame(values, columns=["x", "y", "z"]).assign(time=(UNIX + t) * 1e9)
+            packed.writestr(name, table.to_csv(index=False))
+    ride = read_moving([tmp_path / "phone.zip"])
+    t = ride.imu.t_s
+    np.testing.assert_allclose(
+        ride.imu.accel_b, np.column_stack([2 * t, t, 0 * t - 9.8]), atol=2e-4
+    )
+    assert any("gravity is added again from Gravity.csv" in note for note in ride.notes)
+    assert any("interpolated to the stamps of Gyroscope.csv" in note for note in ride.notes)
+
+
+def sentences(rows, fix=True):
+    """Write GGA sentences of a receiver at rest."""
+    lines = []
+    for k in range(rows):
+        place = "4500.0000,N,00700.0000,E,1,08,1.0,100.0,M,47.0,M,," if fix else ",,,,0,00,,,M,,M,,"
+        body = f"GPGGA,10{k // 60:02}{k % 60:02}.00,{place}"
+        lines.append(f"${body}*{functools.reduce(operator.xor, body.encode()):02X}\r\n")
+    return "".join(lines).encode()
+
+
+def test_sentences_before_binary_messages_hide_nothing(tmp_path):
+    """Property: the binary messages are read, the sentences can be named; clocks are kept apart."""
+    write_ubx_pvt(tmp_path / "pvt.ubx")
+    write_ubx(tmp_path / "esf.ubx")
+    for name in ("pvt.ubx", "esf.ubx"):
+        binary = (tmp_path / name).read_bytes()
+        (tmp_path / f"mixed-{name}").write_bytes(sentences(100) + binary)
+    mixed = tmp_path / "mixed-pvt.ubx"
+    assert len(read_moving([mixed]).gnss.t_s) == 200
+    assert any("another: NMEA" in note for note in read(mixed).repairs)
+    assert len(formats.read_table(mixed, {"table": "NMEA"}).frame) == 100
+    mixed = tmp_path / "mixed-esf.ubx"
+    assert sorted(map(key, read(mixed, time_unit="ms").channels)) == sorted(BOTH)
+    with pytest.raises(WrongUsage, match="different clocks; say --imu-offset"):
+        read_moving([mixed], time_unit="ms")
+    ride = read_moving([mixed], time_unit="ms", imu_offset=2.0)
+    assert (ride.imu.t_s[0] - ride.gnss.t_s[0], ride.gnss.t_s[-1]) == pytest.approx((2, 99))
+    cut = tmp_path / "cut.ubx"  # what only looks like a message is none
+    cut.write_bytes(sentences(100) + b"\xb5\x62\x01\x07\x5c\x00" + bytes(92) + b"\x00\x01")
+    assert formats.format_of(cut) == "nmea"
+
+
+def test_a_receiver_without_a_fix(tmp_path, capsys):
+    """Property: NMEA and UBX without any fix end with 1 and the reason, and nothing is written."""
+    (tmp_path / "log.nmea").write_bytes(sentences(100, fix=False))
+    (tmp_path / "log.ubx").write_bytes(
+        b"".join(
+            UBXMessage("NAV", "NAV-PVT", GET, iTOW=1000 * k, fixType=0, lat=45.0).serialize()
+            for k in range(100)
+        )
+    )
+    for name in ("log.nmea", "log.ubx"):
+        for verb in ("report", "replay"):
+            assert main([verb, str(tmp_path / name), "--out", str(tmp_path / "out")]) == 1
+            assert re.search(f"cannot answer: {name}: no fix", capsys.readouterr().err)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("size", [16, 60, 300])
+def test_a_cut_ulog_is_called_so(size, tmp_path):
+    """Property: a ULog that ends in its header is cut off; one without an IMU lists what it has."""
+    write_ulog(tmp_path / "whole.ulg")
+    (tmp_path / "cut.ulg").write_bytes((tmp_path / "whole.ulg").read_bytes()[:size])
+    with pytest.raises(CannotAnswer, match=r"cut\.ulg: .*cut off.* copy it again"):
+        read(tmp_path / "cut.ulg")
+
+
+def test_a_ulog_without_an_imu(tmp_path):
+    """Property: what the log has instead is listed."""
+    fields = _ulog_message("F", b"battery_status:uint64_t timestamp;float voltage;")
+    added = _ulog_message("A", struct.pack("<BH", 0, 0) + b"battery_status")
+    rows = [_ulog_message("D", struct.pack("<HQf", 0, 1000 * k, 12.0)) for k in range(100)]
+    head = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)
+    (tmp_path / "log.ulg").write_bytes(b"".join([head, fields, added, *rows]))
+    with pytest.raises(CannotAnswer, match="which has battery_status: if it is whole, log one"):
+        read(tmp_path / "log.ulg")
+
+
+def test_accuracies_are_no_accelerations():
+    """Property: hAcc of a receiver is an accuracy; acc_x and a lone acc stay accelerations."""
+    assert columns.meaning("HAcc") == (None, "an accuracy")
+    assert columns.meaning("speed_acc")[1]
+    assert columns.meaning("acc_x") == columns.meaning("acc") == ("accel", None)

@@ -237,3 +237,25 @@ def test_the_sentence_names_no_column_to_leave_out(tmp_path):
     with pytest.raises(CannotAnswer) as caught:
         report.write(logs.read(write(tmp_path, np.ones(6000, dtype=bool))), tmp_path / "mine")
     assert "--columns" not in str(caught.value)
+
+
+def receiver(velocity, seconds=900, seed=5):
+    """Make the log of a receiver at 1 Hz: noise, a wander of a few metres, one jump, a motion."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(seconds)
+    wander = 3 * np.sin(2 * np.pi * t / 700) + 15 * (t == 400) + 8 * (t > 600)
+    east = wander + 0.3 * rng.standard_normal(seconds) + np.cumsum(velocity * np.ones(seconds))
+    axes = {"north": 0.3 * rng.standard_normal(seconds), "east": east, "down": 0.0 * t}
+    channels = tuple(Channel(name, "m", "position", y) for name, y in axes.items())
+    return Log("a", "a", "a.csv", "", 1.0, channels, seconds, 0, (), "", "", "my logs/a.csv")
+
+
+def test_a_receiver_in_motion_is_no_static_log():
+    """Property: a wander and a jump are rest; a walk and a slow boat are not, `replay` is named."""
+    rest = receiver(0.0)
+    assert store.static_part(rest) is rest
+    for speed in (0.5, 1.2, 20.0):
+        with pytest.raises(store.Moving, match=r"positions move; .*replay 'my logs/a\.csv' --out"):
+            store.static_part(receiver(speed))
+    parked = store.static_part(receiver(10.0 * (np.arange(900) < 200)))
+    assert parked.used == pytest.approx((200, 900), abs=100)  # a block of 100 s

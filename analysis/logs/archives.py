@@ -7,7 +7,7 @@ import functools
 import gzip
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from analysis.logs.delimited import Table
 from analysis.logs.matrices import check_zip
 from analysis.logs.tables import AXES, Part, reading
 
+EXPORT = "the export's file name"
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
 FILES = 500  # in a folder or zip
 _SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
@@ -141,7 +142,7 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
 
 def _phone(parts: list[Part]) -> Iterator[Part]:
     """Name the columns of a phone's files, whose names are those of the sensors."""
-    stems = {Path(part.name).stem.lower() for part in parts}
+    stems = {Path(part.name).stem.lower(): part for part in parts}
     for part in parts:
         stem = Path(part.name).stem.lower()
         names = dict(_NAMES) if stem == "location" else {}
@@ -151,14 +152,12 @@ def _phone(parts: list[Part]) -> Iterator[Part]:
             yield replace(part, primary=part.primary and not _is_about(part))
             continue
         primary = stem not in _WITHOUT_GRAVITY or "totalacceleration" not in stems
-        notes = [f"{part.name}: the phone has taken gravity off these accelerations"]
-        if stem not in _WITHOUT_GRAVITY or "gravity" not in stems:
-            notes = []
+        gravity = stems.get("gravity") if stem in _WITHOUT_GRAVITY else None
         yield replace(
             part,
             columns=tuple(names.get(c, c) for c in part.columns),
-            load=functools.partial(_renamed, part, names, notes),
-            told_by="the export's file name",
+            load=functools.partial(_renamed, part, names, gravity),
+            told_by=EXPORT,
             primary=primary,
         )
 
@@ -169,8 +168,17 @@ def _is_about(part: Part) -> bool:
     return "meta" in name or "uncalibrated" in name
 
 
-def _renamed(part: Part, names: dict[str, str], notes: Sequence[str], _) -> Table:
-    table = part.load(None)
+def _renamed(part: Part, names: dict[str, str], gravity: Part | None, _) -> Table:
+    """Read a phone's table; put back the gravity that the phone has taken off."""
+    table, notes = part.load(None), []
+    if gravity is not None:
+        off = gravity.load(None).frame
+        what = "taken off these accelerations, and is not put back: its file has other rows"
+        if set(AXES) <= set(off) and len(off) == len(table.frame):
+            summed = {axis: table.frame[axis] + off[axis] for axis in AXES}
+            table = replace(table, frame=table.frame.assign(**summed))
+            what = f"added again from {gravity.name}"
+        notes = [f"{part.name}: gravity is {what}"]
     order = [column for column in table.frame if column not in AXES]
     order += [axis for axis in AXES if axis in names]  # Sensor Logger writes z, y, x
     frame = table.frame[order].rename(columns=names)

@@ -56,7 +56,8 @@ _WORDS = {  # of a column's name -> what it holds instead of a reading; with an 
     " light lat lon lng latitude longitude altitude height separation speed course bearing"
     " orientation quaternion qw qx qy qz gravity grav mx my mz pdop hdop vdop satellites",
 }
-_GNSS = {"lat", "lon", "lng", "latitude", "longitude", "altitude", "height", "speed", "course"}
+_GNSS = {"lat", "lon", "lng", "latitude", "longitude", "altitude", "height", "separation"}
+_GNSS |= {"speed", "course", "pdop", "hdop", "satellites"}
 _SAID_BY = {word: what for what, words in _WORDS.items() for word in words.split()}
 _WITH_AXIS = {"a counter", "a status word", "a norm"}  # such words do not spoil imu_sample_gyro_x
 _ALWAYS = {"absolute", "abs", "norm", "magnitude", "resultant", "status", "valid"}
@@ -72,6 +73,7 @@ _PAIRS = {  # two words in a row
     **dict.fromkeys((("roll", "rate"), ("pitch", "rate"), ("yaw", "rate")), "rate"),
     **dict.fromkeys((("g", "force"), ("specific", "force")), "accel"),
 }
+_ESTIMATED = {"h", "v", "s", "t", "hor", "ver", "pos", "vel", "head", "heading", "speed", "time"}
 _TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 LOOKED_AT = 5000  # rows in which a counter, a clock or a norm shows
 _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
@@ -234,6 +236,8 @@ def meaning(name: str) -> tuple[str | None, str | None]:
         spoilt = said not in _WITH_AXIS or part in _ALWAYS or not (kind and axis)
         if said and spoilt and not (part == "mag" and kind == "accel" and axis):
             return kind, said
+    if parts[-1:] == ["acc"] and set(parts[:-1]) & _ESTIMATED:
+        return None, "an accuracy"
     if clock.is_time(name):
         return None, "a time"
     if axis and "heading" in parts:  # the magnetometer of a phone

@@ -173,11 +173,6 @@ def _phone_csv(path: Path) -> list[Part]:
     return [Part(path.name, tuple(table.frame), lambda _: table)]
 
 
-def _nmea(path: Path) -> list[Part]:
-    columns = ("t_s", "lat_deg", "lon_deg", "height_m", "hdop", "pdop", "quality", "satellites")
-    return [Part("NMEA", columns, lambda _: nmea.read_table(path), told_by="the NMEA standard")]
-
-
 @dataclass(frozen=True)
 class Format:
     """A file format: how it is told from its content, and what lists its tables.
@@ -245,7 +240,7 @@ FORMATS: dict[str, Format] = {  # the first that tells
         robot_logs.dataflash,
         "pymavlink",
     ),
-    "nmea": Format("NMEA", lambda head: bool(nmea.SENTENCE.search(head)), _nmea),
+    "nmea": Format("NMEA", lambda head: bool(nmea.SENTENCE.search(head)), nmea.parts),
     "ubx": Format("u-blox UBX", _holds(rb"\xb5\x62[\x01-\x29]"), robot_logs.ubx, "pyubx2"),
     "gpx": Format("GPX", _holds(rb"<gpx[\s>]"), gpx),
     "json": Format("JSON lines", _holds(rb"\A\s*(\[\s*)?\{\s*\""), matrices.json_lines),
@@ -279,7 +274,10 @@ def format_of(path: Path) -> str:
     if head.startswith(b"PK\x03\x04"):
         with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
             head = b"PK " + "".join(f"{name}\n" for name in packed.namelist()).encode()
-    return next(name for name, one in FORMATS.items() if one.tells(head))
+    name = next(name for name, one in FORMATS.items() if one.tells(head))
+    if name == "nmea" and _is_here(FORMATS["ubx"]):  # with binary messages, which say more
+        return "ubx" if robot_logs.holds_ubx(delimited.content(path)) else name
+    return name
 
 
 def title_of(path: Path) -> str:
@@ -316,19 +314,26 @@ def _bag_folder(path: Path) -> list[Part]:
     return robot_logs.ros_bag(path)
 
 
+def _is_here(found: Format) -> bool:
+    """Tell whether the library of a format is installed."""
+    return not found.needs or importlib.util.find_spec(found.needs) is not None
+
+
 def _check_extra(path: Path, found: Format) -> None:
     """Refuse a format whose library is not installed."""
-    if found.needs and importlib.util.find_spec(found.needs) is None:
+    if not _is_here(found):
         raise WrongUsage(
             f"{path.name} is {found.title}, which needs the extra 'logs': in the project's folder "
             "run: pip install '.[logs]'"
         )
 
 
-def load(chosen: Sequence[Part], wanted: Sequence[str] | None = None) -> Table:
-    """Read one table, or two side by side."""
+def load(
+    chosen: Sequence[Part], wanted: Sequence[str] | None = None, join: Callable = paired
+) -> Table:
+    """Read one table, or two that `join` makes one."""
     tables = [part.load(wanted) for part in chosen]
-    return tables[0] if len(tables) == 1 else paired(tables[0], tables[1], chosen)
+    return tables[0] if len(tables) == 1 else join(*tables, chosen)
 
 
 def _needed(chosen: Sequence[Part], wanted: Sequence[Any] | None, stanza: dict) -> list[str] | None:
@@ -399,7 +404,8 @@ def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:
     """
     added: dict[str, np.ndarray] = {}
     if {"lat_deg", "lon_deg"} <= set(frame):
-        lat, lon = frame["lat_deg"].to_numpy(), frame["lon_deg"].to_numpy()
+        none = frame["fix"] <= 0 if "fix" in frame else np.zeros(len(frame), dtype=bool)
+        lat, lon = (frame[name].mask(none).to_numpy() for name in ("lat_deg", "lon_deg"))
         has_height = "height_m" in frame
         height = frame["height_m"].to_numpy() if has_height else np.zeros(len(frame))
         if np.isfinite(lat * lon * height).any():

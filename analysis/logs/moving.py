@@ -18,8 +18,9 @@ import pandas as pd
 
 from analysis import STANDARD_GRAVITY, CannotAnswer, WrongUsage, wrap
 from analysis.logs import clock, columns, datasets, delimited, formats, nmea
+from analysis.logs.archives import EXPORT
 from analysis.logs.catalogue import find
-from analysis.logs.tables import Part, ask, named
+from analysis.logs.tables import Part, ask, interpolated, named
 from analysis.logs.timeline import FACTORS, Attitude, Gnss, Imu, Timeline, plausible, silent_gaps
 
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
@@ -57,6 +58,7 @@ _SPEED_WITH_UNIT = re.compile(
     r"|(?P<knots>knots?|kn|kt)|(?P<mph>mph))[\])]?"
 )
 _RAD_S = {"deg/s": np.pi / 180, "rad/s": 1.0, "deg/h": np.pi / 180 / 3600}
+Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
 HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch
 
@@ -111,9 +113,10 @@ def read_moving(
         if not path.is_dir() and formats.format_of(formats.plain(path)) == "nmea":
             epochs, which, began, again, more = nmea.read_gnss(formats.plain(path))
             new, start = {"GNSS": epochs}, began or start
+            theirs = {"GNSS": which}
         else:
-            new, which, again, more = _read_parts(path, wanted[path], given, tables)
-        if again and which == clock.DEVICE and len(paths) > 1:
+            new, theirs, again, more = _read_parts(path, wanted[path], given, tables)
+        if again and clock.DEVICE in theirs.values() and len(paths) > 1:
             raise CannotAnswer(
                 f"{path.name}: its clock starts again {len(again)} times, so that no other log can "
                 "be matched to it; cut the logs there and give the parts of one start"
@@ -124,14 +127,14 @@ def read_moving(
             if kind in parts and kind != "attitude":
                 raise WrongUsage(f"{path.name}: a second {kind} log; give one of each")
         parts = new | parts
-        clocks = dict.fromkeys(new, which) | clocks
+        clocks = theirs | clocks
     gnss, imu, attitude = (parts.get(kind) for kind in ("GNSS", "IMU", "attitude"))
     if gnss is not None and not len(gnss.t_s):
         raise CannotAnswer(f"{', '.join(sources)}: no row has a position; nothing to replay")
     if imu_offset is not None and (gnss is None or imu is None):
         raise WrongUsage("--imu-offset goes with an IMU log and a GNSS log; one is missing")
     if gnss is not None and imu is not None:
-        one_clock = len(sources) == 1 and imu_offset is None
+        one_clock = len(sources) == 1 and imu_offset is None and clocks["GNSS"] == clocks["IMU"]
         shift = 0.0 if one_clock else _shift(gnss, imu, clocks, imu_offset, notes, start)
         parts["IMU"] = imu = replace(imu, t_s=imu.t_s + shift)
         apart = max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])
@@ -188,7 +191,7 @@ def _columns_of_each(wanted: dict[str, str], paths: list[Path]) -> dict[Path, di
     names = {
         path: [name for part in parts for name in part.columns]
         for path, parts in found.items()
-        if [part.told_by for part in parts] != ["the NMEA standard"]
+        if [part.told_by for part in parts] != [nmea.STANDARD]
     }
     if not names:
         raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
@@ -247,8 +250,8 @@ def _dates_apart(gnss, imu, start) -> Iterator[str]:
 
 def _read_parts(
     path: Path, wanted: dict[str, str], given: dict, tables: Sequence[str]
-) -> tuple[dict[str, Any], str, list[float], list[str]]:
-    """Read the tables of a log with positions and with an IMU: parts, clock, restarts, notes."""
+) -> tuple[dict[str, Any], dict[str, str], list[float], list[str]]:
+    """Read the tables of a log with positions and with an IMU: parts, clocks, restarts, notes."""
     parts = formats.parts_of(path)
     wished = {named(parts, name, path.name).name for name in tables if len(parts) > 1}
     known = {part.name: set(_meanings([*part.columns, *wanted])) for part in parts}
@@ -268,17 +271,48 @@ def _read_parts(
         chosen.append((attitudes[0],))
     read: dict[str, Any] = {}
     restarts: list[float] = []
+    clocks: dict[str, str] = {}
     notes: list[str] = []
     for some in chosen or [tuple(parts[:1])]:
-        table = formats.load(some)
-        mine = wanted
+        table = _loaded(some)
+        mine, said = wanted, given
         if len(parts) > 1:
             mine = {k: v for k, v in wanted.items() if v.removeprefix("-") in table.frame}
-        new, which, again, more = _read_table(table, mine, given)
+            time = clock.time_column(table.frame)
+            if time and clock.unit_of(time):  # the flag is for another table
+                said = given | {"time_unit": None}
+        new, which, again, more = _read_table(table, mine, said)
+        if some[0].told_by == nmea.STANDARD:
+            which = clock.DAY
+        if "IMU" in new and some[0].told_by == EXPORT:
+            new["IMU"] = _level(new["IMU"], more)
         read |= new
         restarts += again
-        notes += more
-    return read, which, restarts, notes
+        clocks |= dict.fromkeys(new, which)
+        notes += [note for note in more if note not in notes]
+    return read, clocks, restarts, notes
+
+
+def _level(imu: Imu, notes: list[str]) -> Imu:
+    """Turn the axes of a phone that lies with its screen up: x ahead, y right, z down."""
+    if np.median(imu.accel_b[:, 2]) < Z_UP:
+        return imu
+    notes.append(
+        "the phone lies with its screen up: its axes (x right, y to the top edge, z up) are turned "
+        "to x to the top edge, y right, z down"
+    )
+    gyro, accel = (axes[:, [1, 0, 2]] * [1.0, 1.0, -1.0] for axes in (imu.gyro_b, imu.accel_b))
+    return replace(imu, gyro_b=gyro, accel_b=accel)
+
+
+def _loaded(some: tuple[Part, ...]) -> delimited.Table:
+    """Read a table; gyros and accelerometers of different rates are brought to one."""
+    try:
+        return formats.load(some)
+    except WrongUsage:
+        if len(some) == 1:
+            raise
+        return formats.load(some, join=interpolated)
 
 
 def _with(needed, parts, known, wished, path) -> tuple[Part, ...]:

@@ -25,8 +25,10 @@ from analysis import CannotAnswer
 from analysis.logs import clock
 from analysis.logs.delimited import Table, content
 from analysis.logs.grid import BadStamps
+from analysis.logs.tables import Part
 from analysis.logs.timeline import Gnss, Imu, plausible
 
+STANDARD = "the NMEA standard"
 PDOP_HOLD_S = 10.0  # receivers that save on sentences give a GSA every few seconds only
 STEP_BACK_S = 5.0  # a receiver that sets its clock back by less is taken to set it right
 LEAP_S = 60.0  # a leap forward at the first fix, of a clock that was not yet set
@@ -201,6 +203,12 @@ def read_table(path: Path) -> Table:
         repairs.append(f"{timeless} GGA sentences without a time of day left out")
     frame = frame.reset_index(drop=True)
     return Table(frame, path, tuple(repairs), lines=_lines(raw, rows))
+
+
+def parts(path: Path) -> list[Part]:
+    """List the one table of a log: its sentences."""
+    columns = ("t_s", "lat_deg", "lon_deg", "height_m", "hdop", "pdop", "quality", "satellites")
+    return [Part("NMEA", columns, lambda _: read_table(path), told_by=STANDARD)]
 
 
 def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[float], list[str]]:

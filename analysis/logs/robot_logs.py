@@ -12,7 +12,7 @@ import tempfile
 from array import array
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,9 @@ import pandas as pd
 from tqdm import tqdm
 
 from analysis import CannotAnswer
+from analysis.logs import nmea
 from analysis.logs.delimited import Table
-from analysis.logs.tables import AXES, Part, of_arrays, reading
+from analysis.logs.tables import AXES, LISTED, Part, of_arrays, reading
 
 DEFINED = "its message definition"
 _ROS = {  # message type -> field -> our column
@@ -252,9 +253,17 @@ def ulog(path: Path) -> list[Part]:
         primary = data.name in _ULOG
         parts.append(of_arrays(path, label, columns, notes, told_by=DEFINED, primary=primary))
     if not parts:
+        with reading(path, "a PX4 ULog"), _silent():
+            others = sorted({data.name for data in ULog(str(path)).data_list})
+        if not others:
+            raise CannotAnswer(
+                f"{path.name}: a PX4 ULog without any data, cut off behind its header: copy it "
+                "again, or record anew"
+            )
         raise CannotAnswer(
-            f"{path.name}: a ULog without sensor_combined, sensor_gyro, sensor_accel or a GPS: log "
-            "one of them (SDLOG_PROFILE of PX4)"
+            f"{path.name}: a PX4 ULog without sensor_combined, sensor_gyro, sensor_accel or a GPS, "
+            f"which has {', '.join(others[:LISTED])}: if it is whole, log one of them "
+            "(SDLOG_PROFILE of PX4)"
         )
     return parts
 
@@ -329,12 +338,30 @@ def _dataflash_parts(
     return parts
 
 
+def holds_ubx(raw: bytes) -> bool:
+    """Tell whether there is a whole message that `ubx` reads, whatever lies around it."""
+    return any(_checksum_agrees(raw, match.start()) for match in _UBX.finditer(raw))
+
+
+def _checksum_agrees(raw: bytes, at: int) -> bool:
+    """Tell whether a UBX message begins here: its checksum is that of Fletcher, over 8 bits."""
+    size = int.from_bytes(raw[at + 4 : at + 6], "little")
+    body, ends = raw[at + 2 : at + 6 + size], raw[at + 6 + size : at + 8 + size]
+    if size > _UBX_SIZE or len(ends) < 2:
+        return False
+    one = np.cumsum(np.frombuffer(body, dtype=np.uint8), dtype=np.uint64)
+    return ends == bytes([int(one[-1]) & 255, int(one.sum()) & 255])
+
+
 def ubx(path: Path) -> list[Part]:
-    """List NAV-PVT, ESF-MEAS and ESF-RAW of a u-blox log, whatever lies between them."""
+    """List NAV-PVT, ESF-MEAS and ESF-RAW of a u-blox log, whatever lies between them.
+
+    The positions of NMEA sentences in between are a table of their own, read where it is named or
+    where the log has no NAV-PVT.
+    """
     from pyubx2 import UBXReader
 
-    with path.open("rb") as handle:
-        raw = handle.read()
+    raw = path.read_bytes()
     rows: dict[str, list[dict]] = {"NAV-PVT": [], "ESF-MEAS": [], "ESF-RAW": []}
     wrong = 0
     places = [match.start() for match in _UBX.finditer(raw)]
@@ -358,6 +385,8 @@ def ubx(path: Path) -> list[Part]:
                 frame = frame.groupby(frame.columns[0], sort=False).first().reset_index()
             columns = {key: frame[key].to_numpy() for key in frame}
             parts.append(of_arrays(path, name, columns, notes, told_by=DEFINED))
+    if nmea.SENTENCE.search(raw):
+        parts += [replace(part, primary=not rows["NAV-PVT"]) for part in nmea.parts(path)]
     if not parts:
         raise CannotAnswer(
             f"{path.name}: u-blox UBX without a whole NAV-PVT, ESF-MEAS or ESF-RAW: log one of them"

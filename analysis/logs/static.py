@@ -301,6 +301,12 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
                 )
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
+    lost = {"lat_deg", "lon_deg"} <= set(frame) and "north_m" not in frame and not wanted
+    if lost and not any(columns.meaning(name)[0] for name in numeric):
+        raise CannotAnswer(
+            f"{file}: no fix: none of the {len(frame):,} epochs has a position; give a log in "
+            "which the receiver has found its satellites"
+        )
     notes = [f"column '{warm}' kept as the temperature, in {unit}"] if warm else []
     empty = [n for n in numeric if n not in (wanted or ()) and not _any(frame[n].to_numpy())]
     if empty and len(empty) < len(numeric):

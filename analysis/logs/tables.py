@@ -168,6 +168,35 @@ def listed(parts: Sequence[Part]) -> str:
     return ", ".join(texts) + more
 
 
+def _seconds(table: Table, parts: Sequence[Part]) -> np.ndarray:
+    """Read the time column of one of several tables."""
+    name = clock.time_column(table.frame)
+    if name is None:
+        raise ask(parts, table.path)
+    with clock.stamp_errors_at(table, name):
+        stamps = clock.stamps(name, table.frame[name].to_numpy())
+    return stamps.since_s + stamps.zero_s
+
+
+def interpolated(one: Table, other: Table, parts: Sequence[Part]) -> Table:
+    """Bring the numbers of a second sensor to the stamps of the first, along straight lines.
+
+    For logs in motion. Of a noise analysis the interpolation would change the spectrum; see
+    `paired`.
+    """
+    at, t = (_seconds(table, parts) for table in (one, other))
+    order = np.argsort(t, kind="stable")
+    inside = (at >= np.nanmin(t)) & (at <= np.nanmax(t))
+    right = {
+        name: np.interp(at[inside], t[order], other.frame[name].to_numpy()[order])
+        for name in other.frame.select_dtypes("number")
+        if name not in one.frame
+    }
+    note = f"{parts[1].name} interpolated to the stamps of {parts[0].name}"
+    frame = one.frame[inside].reset_index(drop=True).assign(**right)
+    return replace(one, frame=frame, repairs=(*one.repairs, *other.repairs, note))
+
+
 def paired(one: Table, other: Table, parts: Sequence[Part]) -> Table:
     """Put the tables of two sensors side by side, row by row, without any interpolation.
 
@@ -178,14 +207,7 @@ def paired(one: Table, other: Table, parts: Sequence[Part]) -> Table:
     WrongUsage
         If a pair's stamps lie a sample apart or more: the tables have to be read one by one.
     """
-    times = []
-    for table in (one, other):
-        name = clock.time_column(table.frame)
-        if name is None:
-            raise ask(parts, one.path)
-        with clock.stamp_errors_at(table, name):
-            stamps = clock.stamps(name, table.frame[name].to_numpy())
-        times.append(stamps.since_s + stamps.zero_s)
+    times = [_seconds(table, parts) for table in (one, other)]
     first = max(times[0][0], times[1][0])
     starts = [int(np.argmin(np.abs(t - first))) for t in times]
     rows = min(len(t) - k for t, k in zip(times, starts, strict=True))

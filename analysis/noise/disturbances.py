@@ -39,6 +39,7 @@ AT_ONCE = 500  # windows; more do not fit a processor's cache
 FEWEST = 8  # samples in a window
 TURNING = 20.0  # deg/s; the largest offset at rest in a datasheet here (MPU-6050: +-20 deg/s)
 OFFSET = 5.0  # deg/s; beyond the offsets of the real static logs (MPU-6050: 4.5)
+WALKS = (10.0, 10.0), (100.0, 30.0)  # s, m; real receivers at rest: 5 m in either time
 LINE = 5.0  # times the spectrum around it; none of 9000 spectra of noise alone reached 4
 RESOLVED = 4096  # samples a piece of the spectrum, at most
 PERIODOGRAMS = 32, 256  # whose median is the spectrum, at least and at most
@@ -512,6 +513,39 @@ def static_stretches(
             runs.append([start, end])
     still = [run for run in runs if not _turns(seen, slice(*run))]
     return [(start * m * dt, n * dt if end == count else end * m * dt) for start, end in still]
+
+
+def standing_stretches(position_m: Sequence[np.ndarray], dt: float) -> list[tuple[float, float]]:
+    """Find the stretches of a receiver's log in which it stands, from its positions alone.
+
+    It moves where the means of three blocks in a row lie further apart than `WALKS` says; a
+    single jump, as of another choice of satellites, is none.
+
+    Parameters
+    ----------
+    position_m : sequence of ndarray, shape (n,)
+        Horizontal axes, m; NaN where there is no fix.
+    dt : float, s
+
+    Returns
+    -------
+    list of (float, float)
+        Start and end, s from the first sample, in order.
+    """
+    moving = np.zeros(len(position_m[0]), dtype=bool)
+    for seconds, far in WALKS:
+        m = max(round(seconds / dt), 1)
+        count = len(moving) // m
+        if count < 3:
+            continue
+        blocks = [_windows(y[: count * m].reshape(count, m))[0] for y in position_m]
+        steps = np.linalg.norm(np.diff(blocks, axis=1), axis=0) > far
+        both = steps[1:] & steps[:-1]
+        walks = np.convolve(both, np.ones(3)) > 0  # all three blocks
+        moving[: count * m] |= np.repeat(walks, m)
+        moving[count * m :] |= walks[-1]
+    edges = np.flatnonzero(np.diff(np.r_[True, moving, True]))
+    return [(start * dt, end * dt) for start, end in edges.reshape(-1, 2).tolist()]
 
 
 def _windows(y):
