@@ -17,7 +17,7 @@ from analysis.tracker.last_position import LastPosition
 from analysis.tracker.mounting import MountingYaw
 
 CLASSES = {  # of each block, and the modules of the same folder that its module needs
-    "last_position": (LastPosition, {"vectors"}),
+    "last_position": (LastPosition, set()),
     "attitude": (Attitude, {"vectors"}),
     "static": (StaticTest, set()),
     "low_pass": (LowPass, set()),

@@ -9,7 +9,7 @@ from analysis.logs import datasets, moving
 from analysis.tracker import evaluate, scenarios
 from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import Options
-from analysis.tracker.last_position import Stored
+from analysis.tracker.last_position import GATE_ALONE, Stored
 from analysis.tracker.log_replay import replay
 
 
@@ -17,7 +17,7 @@ def test_block_one_alone_gates_and_holds_the_last_accepted_fix():
     """property: until the first fix under the gate the stored position is put out, then fixes."""
     gnss = scenarios.scenario("C", np.random.default_rng(1)).gnss
     stored = Stored(44.4949, 11.3426, 0.0, 0.0, 2.0)
-    track = evaluate.gated(gnss, stored).columns
+    track = evaluate.gated(gnss, stored, **GATE_ALONE).columns
     accepted = gnss.has_fix & (gnss.pdop <= 10.0)
     np.testing.assert_array_equal(track["accepted"] == 1, accepted)
     last = np.maximum.accumulate(np.where(accepted, np.arange(len(accepted)), -1))
@@ -30,7 +30,7 @@ def test_block_one_alone_gates_and_holds_the_last_accepted_fix():
 def test_block_four_alone_is_the_replay_at_rest():
     """cross-check: judged the same as the device at rest from the start: layers, errors, times."""
     a = scenarios.scenario("A", np.random.default_rng(2), minutes=25)
-    track = replay(a.log, Options(fusion=False)).columns
+    track = replay(a.log, Options(fusion=False, **GATE_ALONE)).columns
     still = np.flatnonzero(track["moving"] == 0)
     assert (np.diff(still) == 1).all()
     t, raw, out = a.gnss.t_s[still], a.fix_error()[:, still], a.output_error(track)[:, still]

@@ -2,28 +2,41 @@
 
 import math
 
+import pymap3d
 import pytest
 
-from analysis.tracker.last_position import LastPosition, Stored, distance
+from analysis.tracker.last_position import GATE_ALONE, Frame, LastPosition, Stored, distance
 
 HOME = Stored(44.5, 11.3, 60.0, 12.0, 2.0)
 FIX = (44.501, 11.3, 61.0)
+METRE = 1 / 111_120.0  # deg of latitude at 44.5 deg, to 0.1 %
+
+
+def feed(block, fixes, since=0, **given):
+    """Hand over one fix a second, metres north of HOME (None: no fix); when each was accepted."""
+    given = {"pdop": 2.0, "mode": 3, "satellites": 8, "speed": 0.0, "course": math.nan} | given
+    taken = []
+    for t, north in enumerate(fixes, since):
+        fix = None if north is None else (44.5 + north * METRE, 11.3, 60.0)
+        taken.append(block.step(float(t), fix, **given))
+    return taken
 
 
 @pytest.mark.parametrize(
-    ("pdop", "accepted"), [(1.0, True), (10.0, True), (10.01, False), (99.99, False), (math.nan, 0)]
+    ("pdop", "accepted"), [(1.0, True), (10.0, True), (10.01, False), (99.99, False)]
 )
-def test_gate(pdop, accepted):
+@pytest.mark.parametrize("criteria", [{}, GATE_ALONE])
+def test_gate(pdop, accepted, criteria):
     """published: above a PDOP of 10 refused, below accepted (exactly 10, by our reading, too)."""
-    block = LastPosition()
-    assert block.step(0.0, FIX, pdop) == accepted
+    block = LastPosition(**criteria)
+    assert feed(block, [0.0] * 9, pdop=pdop)[-1] == accepted
     assert (block.position is not None) == accepted
 
 
 def test_nothing_before_the_first_acceptable_fix_unless_stored():
     """property: no position from no fix or a poor one; the stored one if there is one."""
     for stored in (None, HOME):
-        block = LastPosition(stored)
+        block = LastPosition(stored, **GATE_ALONE)
         for t, (fix, pdop) in enumerate([(None, math.nan), (FIX, 30.0), (FIX, math.nan)]):
             assert not block.step(t, fix, pdop)
             assert block.position == stored
@@ -31,35 +44,104 @@ def test_nothing_before_the_first_acceptable_fix_unless_stored():
         assert block.position == Stored(*FIX, 3.0, 5.0)
 
 
+def test_motion_ends_the_hold():
+    """published: the stored position is put out as long as the IMU sees no motion."""
+    block = LastPosition(HOME)
+    block.motion()
+    assert block.position is None and block.snapshot == HOME
+    assert feed(block, [5000.0] * 6) == [False] * 5 + [True]
+    block.motion()
+    assert block.position is not None and block.moved_while_off is None
+
+
 def test_a_receiver_without_pdop_is_taken_as_it_is():
-    """property: needs_pdop=False lets an unknown PDOP pass, never a known poor one."""
-    block = LastPosition(needs_pdop=False)
-    assert not block.step(0.0, FIX, 11.0)
-    assert block.step(1.0, FIX, math.nan)
+    """property: no PDOP for ten seconds is none ever; one that comes late is waited for."""
+    assert feed(LastPosition(**GATE_ALONE), [0.0] * 12, pdop=math.nan) == [False] * 10 + [True] * 2
+    block = LastPosition(**GATE_ALONE)
+    assert not any(feed(block, [0.0] * 5, pdop=math.nan))
+    assert not any(feed(block, [0.0], 5, pdop=30.0))
+    assert not any(feed(block, [0.0] * 20, 6, pdop=math.nan))
+
+
+def test_two_dimensions_are_doubted():
+    """property: a fix in two dimensions waits for doubt_s of agreement, or for six satellites."""
+    flat = {"mode": 2, "pdop": 1.5}
+    assert feed(LastPosition(), [0.0] * 32, satellites=3, **flat) == [False] * 30 + [True] * 2
+    assert feed(LastPosition(), [0.0] * 7, satellites=8, **flat) == [False] * 5 + [True] * 2
+    assert feed(LastPosition(three_d=False), [0.0] * 7, satellites=5, **flat)[5]
+    assert not any(feed(LastPosition(), [0.0] * 29, satellites=3))
+
+
+def test_fixes_have_to_move_as_they_say():
+    """property: a start that settles at 5 m/s without speed waits, steady driving does not."""
+    settling = [100 * math.exp(-t / 20) for t in range(60)]
+    first = feed(LastPosition(), settling).index(True)
+    assert settling[first] < 33.0 < 75.0 < settling[5]
+    assert feed(LastPosition(), [20.0 * t for t in range(7)], speed=20.0, course=0.0)[5:]
+    frozen = feed(LastPosition(), [0.0] * 40, speed=20.0, course=0.0)
+    assert not any(frozen)
+
+
+@pytest.mark.parametrize("course", [0.0, math.nan])
+def test_a_jump_is_refused_until_it_lasts(course):
+    """property: one wild fix in a drive is dropped, and the next good ones count again."""
+    block = LastPosition()
+    north = [20.0 * t for t in range(40)]
+    north[20] += 300.0
+    taken = feed(block, north, speed=20.0, course=course)
+    assert all(taken[6:20]) and not taken[20] and all(taken[27:])
+
+
+def test_a_fix_at_the_memory_does_not_wait():
+    """property: agreement with the memory stands for agreement over time."""
+    assert feed(LastPosition(HOME), [8.0])[0]
+    assert not feed(LastPosition(), [8.0])[0]
 
 
 def test_memory_is_written_now_and_then():
-    """property: at most one write per save_every_s, and the first fix is kept at once."""
+    """property: at most one write per save_every_s, one where a drive ends, the first at once."""
     block = LastPosition(save_every_s=60.0)
     written = set()
     for t in range(200):
         block.step(float(t), FIX, 2.0)
-        written.add(block.snapshot.t_s)
-    assert sorted(written) == [0.0, 60.0, 120.0, 180.0]
+        written.add(block.snapshot.t_s if block.snapshot else None)
+    assert sorted(written - {None}) == [5.0, 65.0, 125.0, 185.0]
+    feed(block, [111.12 + 20.0 * t for t in range(20)], 200, speed=20.0, course=0.0)
+    assert block.snapshot.t_s == 185.0
+    feed(block, [511.0] * 10, 220)
+    assert distance(block.position, block.snapshot) < 1.0
 
 
+@pytest.mark.parametrize("criteria", [{}, GATE_ALONE])
 @pytest.mark.parametrize(("metres", "moved"), [(0.0, False), (30.0, False), (100.0, True)])
-def test_moved_while_off(metres, moved):
+def test_moved_while_off(metres, moved, criteria):
     """published: a vehicle moved while the device was off shows at the first accepted fix."""
-    block = LastPosition(HOME)
-    lat = HOME.lat_deg + math.degrees(metres / 6_371_000.0)
-    block.step(0.0, (lat, HOME.lon_deg, 60.0), 3.0)
+    block = LastPosition(HOME, **criteria)
+    taken = feed(block, [metres] * 32, pdop=3.0)
     assert (block.moved_while_off is not None) == moved
     if moved:
-        assert block.moved_while_off == pytest.approx(metres, abs=0.01)
+        assert block.moved_while_off == pytest.approx(metres, rel=1e-3)  # of METRE
+        assert taken.index(True) == (0 if criteria else 30)
+
+
+def test_a_poor_fix_is_no_move():
+    """property: 70 m at a PDOP of 9 is within the uncertainty; the gate alone calls it a move."""
+    for criteria in ({}, GATE_ALONE):
+        block = LastPosition(HOME, **criteria)
+        feed(block, [70.0] * 40, pdop=9.0)
+        assert (block.moved_while_off is not None) == bool(criteria)
 
 
 def test_distance_over_the_date_line():
-    """analytic: 0.002 deg on the equator is 222.4 m, also where the longitude jumps."""
+    """analytic: 0.002 deg on the equator of WGS 84 is 222.64 m, also where the longitude jumps."""
     a, b = (Stored(0.0, lon, 0.0, 0.0, 1.0) for lon in (179.999, -179.999))
-    assert distance(a, b) == pytest.approx(math.radians(0.002) * 6_371_000.0)
+    assert distance(a, b) == pytest.approx(math.radians(0.002) * 6_378_137.0)
+
+
+@pytest.mark.parametrize("lat", [-60.0, 0.0, 44.5])
+def test_the_frame_is_that_of_pymap3d(lat):
+    """cross-check: north and east to 0.1 % at 2 km, and back to the last digit."""
+    frame, fix = Frame((lat, 179.999, 100.0)), (lat + 0.012, -179.985, 130.0)
+    north, east, _ = pymap3d.geodetic2ned(*fix, lat, 179.999, 100.0)
+    assert frame.ned(fix) == pytest.approx((north, east, -30.0), rel=1e-3)
+    assert frame.degrees(frame.ned(fix)) == pytest.approx(fix[:2], abs=1e-12)

@@ -198,8 +198,10 @@ def test_the_low_pass_filter_costs_its_means(steps):
     first, second, third = (buffer_mean(n, axes=2) for n in at_rest.LowPass.lengths)
     assert kinds(steps, "4", "fix that fills layer 1") == first
     assert kinds(steps, "4", "fix that fills layer 3") == first + second + third
+    jump = Counter(sums=4, products=3)  # the distance of the fix from the output, squared
+    assert kinds(steps, "4", "fix") == jump
     each = sum(m.total() / e for m, e in zip((first, second, third), (30, 900, 2700), strict=True))
-    assert per_second(steps)["4"] == pytest.approx(each)
+    assert per_second(steps)["4"] == pytest.approx(each + jump.total())
 
 
 def test_counting_does_not_change_what_a_block_says():

@@ -17,7 +17,7 @@ from analysis.logs.saved_position import load_position, save_position
 from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
 from analysis.tracker import log_replay, scenarios
 from analysis.tracker.device import BLOCKS, Device, Options
-from analysis.tracker.last_position import Stored
+from analysis.tracker.last_position import GATE_ALONE, Stored
 from analysis.tracker.log_replay import replay
 
 
@@ -153,7 +153,7 @@ def test_an_outage_is_bridged(laps):
     assert not log.gnss.has_fix[gone].any()
     error = {}
     for fusion in (True, False):
-        track = replay(log, Options(fusion=fusion))
+        track = replay(log, Options(fusion=fusion, coast_s=0.0))
         out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
         error[fusion] = np.hypot(*out)[gone].max()
     assert error[False] > 20
@@ -165,7 +165,7 @@ def test_never_a_position_before_the_first_acceptable_fix(cold):
     accepted = np.argmax(cold.log.gnss.pdop <= 10)
     home = Stored(44.4949, 11.3426, 0.0, 0.0, 2.0)
     for stored in (None, home):
-        track = replay(cold.log, stored=stored)
+        track = replay(cold.log, Options(**GATE_ALONE), stored)
         assert track.columns["accepted"][:accepted].sum() == 0
         assert track.columns["accepted"][accepted] == 1
         before = slice(0, accepted)
@@ -237,7 +237,8 @@ def test_each_block_can_be_left_out(laps, block):
     scenario, _ = laps
     track = replay(scenario.log, Options(**{block: False}))
     assert track.summary["blocks"][block] == "off"
-    assert np.isfinite(track.columns["out_lat_deg"]).all()
+    waits = 0 if block == "last_position" else 5  # s until the fixes have agreed for some seconds
+    assert np.isfinite(track.columns["out_lat_deg"][waits:]).all()
     if block in ("attitude", "mounting"):
         assert np.isnan(track.columns["mount_deg"]).all()
     if block == "attitude":
@@ -258,6 +259,7 @@ def test_gnss_without_imu(laps):
     assert track.columns["layer"].max() >= 1  # the 20 s before setting off
     moving = track.columns["moving"].astype(bool)
     assert (moving[30:-12]).all()
+    moving[:5] = False  # no fix is accepted yet
     np.testing.assert_allclose(
         track.columns["out_lat_deg"][moving], scenario.log.gnss.lat_deg[moving], atol=1e-9
     )
@@ -274,7 +276,9 @@ def test_imu_without_gnss(laps):
         assert np.isnan(track.columns[name]).all()
     assert track.summary["blocks"]["low_pass"] == "needs GNSS"
     still = replay(replace(scenario.log, gnss=None), stored=Stored(44.5, 11.3, 0.0, 0.0, 1.0))
-    assert (still.columns["out_lat_deg"] == 44.5).all()
+    setting_off = still.columns["t_s"] > 21.0  # then the IMU has seen motion, and it is given up
+    assert (still.columns["out_lat_deg"][still.columns["t_s"] < 20.0] == 44.5).all()
+    assert np.isnan(still.columns["out_lat_deg"][setting_off]).all()
 
 
 def test_no_fix_at_all(cold):
@@ -322,7 +326,7 @@ def test_a_gap_in_the_imu(laps):
     log = replace(scenario.log, imu=Imu(imu.t_s[keep], imu.gyro_b[keep], imu.accel_b[keep]))
     track = replay(log)
     inside = (track.columns["t_s"] > 62) & (track.columns["t_s"] < 120)
-    assert np.isfinite(track.columns["out_lat_deg"]).all()
+    assert np.isfinite(track.columns["out_lat_deg"][5:]).all()
     out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
     raw = scenario.error(scenario.log.gnss.lat_deg, scenario.log.gnss.lon_deg)
     assert np.hypot(*out)[inside].max() < 2 * np.hypot(*raw).max() + 2
@@ -437,7 +441,7 @@ def test_single_precision(laps):
     single = replay(scenario.log, Options(number=np.float32))
     assert single.summary["number_type"] == "float32"
     apart = np.hypot(*(a - b for a, b in zip(metres(single), metres(double), strict=True)))
-    assert apart.max() < 0.1
+    assert apart[5:].max() < 0.1
     assert np.nanmax(np.abs(single.columns["mount_deg"] - double.columns["mount_deg"])) < 1.0
 
 
@@ -450,7 +454,69 @@ def test_over_the_date_line():
         np.arange(n) * 1.0, -17 * same, lon, 0 * same, 2 * same, 1.06 * same, 90 * same, same > 0
     )
     track = replay(Timeline(gnss, None))
-    np.testing.assert_allclose(track.columns["out_lon_deg"], lon, atol=1e-9)
+    off = (track.columns["out_lon_deg"] - lon + 180) % 360 - 180  # 180 and -180 are one
+    np.testing.assert_allclose(off[5:], 0.0, atol=1e-9)
+
+
+def ride(n, lat0=45.0, speed=20.0, start=0):
+    """Make the epochs of a receiver that drives north, then stands."""
+    t = np.arange(n) * 1.0
+    v = np.where(np.arange(n) < start, 0.0, speed)
+    lat = lat0 + np.concatenate([[0.0], np.cumsum(v[:-1])]) / 111_132.0
+    same = np.ones(n)
+    return Gnss(t, lat, 9 * same, 100 * same, 2 * same, v, 0 * same, same > 0)
+
+
+def test_each_start_has_its_summary(tmp_path):
+    """property: two starts an hour apart: two summaries, and the gap is no standing time."""
+    gnss = ride(200, start=300)
+    far = np.where(np.arange(200) < 100, 0.0, 3600.0)
+    gnss = replace(gnss, t_s=gnss.t_s + far, lat_deg=gnss.lat_deg + far * 1e-6)
+    whole = replay(Timeline(gnss, None, restarts_s=(3700.0,)))
+    one, two = whole.summary["starts"]
+    assert (one["from_s"], one["to_s"], two["from_s"], two["to_s"]) == (0.0, 99.0, 3700.0, 3799.0)
+    assert [s["fixes"]["first_accepted_s"] for s in (one, two)] == [5.0, 30.0]
+    assert one["moved_while_off_m"] is None
+    assert two["moved_while_off_m"] == pytest.approx(400.0, rel=2e-3)
+    assert whole.summary["static"]["seconds"] <= 199.0
+    assert any("moved while switched off" in note for note in whole.notes)
+    gap = replay(Timeline(gnss, None))  # the same without a restart: block 4 does not mix them
+    assert gap.summary["static"]["seconds"] <= 199.0
+
+
+def test_the_low_pass_starts_anew_after_a_gap_and_a_jump():
+    """property: an hour later and 333 m away, or 333 m away at once, the old mean is gone."""
+    for gap, wait in ((3600.0, 0), (0.0, 12)):
+        gnss = ride(200, start=300)
+        later = np.arange(200) >= 100
+        lat = gnss.lat_deg + np.where(later, 3e-3, 0.0)
+        gnss = replace(gnss, t_s=gnss.t_s + gap * later, lat_deg=lat)
+        out = replay(Timeline(gnss, None)).columns["out_lat_deg"]
+        assert np.abs(out - lat)[100 + wait :].max() * 111_132 < 1.0
+
+
+def test_a_receiver_alone_coasts_and_then_holds():
+    """property: ten seconds at constant velocity, then the position is held, and it is said."""
+    gnss = ride(120)
+    log = inject_outages(Timeline(gnss, None), [(50.0, 80.0)])
+    track = replay(log)
+    error = np.abs(track.columns["out_lat_deg"] - gnss.lat_deg) * 111_132
+    assert error[5:60].max() < 0.1
+    assert error[70] == pytest.approx(20.0 * 11, abs=0.1)
+    assert any("20 epochs in motion are over 10 s after" in note for note in track.notes)
+
+
+def test_a_replay_knows_no_more_than_a_device(laps):
+    """property: what came out by a time does not depend on what comes after it."""
+    scenario, track = laps
+    gnss, imu = scenario.log.gnss, scenario.log.imu
+    early = gnss.t_s <= 60.0
+    first = Gnss(**{name: value[early] for name, value in vars(gnss).items()})
+    samples = imu.t_s <= 60.0
+    part = Imu(imu.t_s[samples], imu.gyro_b[samples], imu.accel_b[samples])
+    cut = replay(Timeline(first, part)).columns
+    for name, values in cut.items():
+        np.testing.assert_array_equal(values, track.columns[name][early], err_msg=name)
 
 
 # --- the command ---------------------------------------------------------------------------------
@@ -626,7 +692,8 @@ def test_real_cold_starts(tmp_path):
     """property: gpsd's logs: nothing out before the gate opens, and the gate's verdicts."""
     expected = {"rx210": (40, 36), "haicom-305N": (68, 37), "telit-he910": (187, 187)}
     for name, (fixes, accepted) in expected.items():
-        track = replay(tracks.read_moving([datasets.path(f"gpsd-logs/{name}.log")]))
+        log = tracks.read_moving([datasets.path(f"gpsd-logs/{name}.log")])
+        track = replay(log, Options(**GATE_ALONE))
         assert (track.summary["fixes"]["with_fix"], track.summary["fixes"]["accepted"]) == (
             fixes, accepted,
         ), name  # fmt: skip

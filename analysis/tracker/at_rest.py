@@ -14,10 +14,12 @@ full is the position, so it changes ever more rarely, the longer the rest. Any m
 once.
 """
 
+import math
 from collections import deque
 
 STEADY_EPOCHS = 5  # epochs over which the readings must not change
 GYRO_RANGE = 0.05  # rad/s, largest minus smallest reading; the noise of a cheap gyro is half
+JUMP_FIXES = 5  # in a row: a jump, and not a wild fix
 ACCEL_RANGE = 0.3  # m/s^2, likewise; an engine or a hand gives more
 
 
@@ -172,6 +174,11 @@ class LowPass:
     ----------
     lengths : tuple of int
         Sizes of the three buffers.
+    gap_s : float
+        Without a fix, and without an IMU that sees no motion: longer, and the rest may be another.
+    jump_m : float
+        From the output: fixes that lie farther, `JUMP_FIXES` in a row, are of another place.
+        Infinite: never.
 
     Attributes
     ----------
@@ -198,15 +205,18 @@ class LowPass:
     # Not printed. At 1 Hz the layers change every 30 s, 15 min and 45 min. A second layer much
     # shorter follows a drift out of the circle that holds 95 % of the fixes (notebook 32).
     lengths = (30, 30, 3)
+    gap_s = 60.0
+    jump_m = 50.0
 
-    def __init__(self, lengths=lengths):
-        self.lengths = lengths
+    def __init__(self, lengths=lengths, gap_s=gap_s, jump_m=jump_m):
+        self.lengths, self.gap_s, self.jump_m = lengths, gap_s, jump_m
         self.reset()
 
     def reset(self):
         """Empty all buffers: the vehicle moves."""
         self.layer = 0
         self._buffers = [[] for _ in self.lengths]
+        self._far = 0
         self.position = None
 
     def step(self, position):
@@ -223,6 +233,8 @@ class LowPass:
         layer : int
         position : list of float
         """
+        if self.position is not None and self.jump_m < math.inf and self.jumped(position):
+            self.reset()
         entry = list(position)
         for level, length in enumerate(self.lengths, 1):
             buffer = self._buffers[level - 1]
@@ -234,6 +246,15 @@ class LowPass:
             if level >= self.layer:
                 self.layer, self.position = level, entry
         return self.layer, list(position) if self.position is None else self.position
+
+    def jumped(self, position):
+        """Take in a fix; return whether it and some before it lie far from the output."""
+        square = 0.0
+        for k in range(len(position)):
+            off = position[k] - self.position[k]
+            square = square + off * off
+        self._far = self._far + 1 if square > self.jump_m * self.jump_m else 0
+        return self._far >= JUMP_FIXES
 
 
 def mean(buffer):

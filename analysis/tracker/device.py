@@ -12,7 +12,7 @@ from collections import namedtuple
 from analysis.tracker.at_rest import LowPass, StaticTest, SteadyReadings
 from analysis.tracker.attitude import GAP_S, Attitude, Upright
 from analysis.tracker.fusion import Fusion
-from analysis.tracker.last_position import LastPosition
+from analysis.tracker.last_position import GATE_ALONE, Frame, LastPosition
 from analysis.tracker.mounting import ENTRY_S, MountingYaw
 from analysis.tracker.vectors import STANDARD_GRAVITY, dot, wrap
 
@@ -43,6 +43,8 @@ class Options:
         Of an acceleration that is not known at all, while the heading is not.
     bridge_s : float
         Longest outage that the fusion filter carries the position through; then it holds.
+    coast_s : float
+        The same without the fusion filter, at constant velocity.
 
     The others are the parameters of the blocks, SI too: m, s, m/s, m/s^2, rad
     (``theta_alpha`` rad^2).
@@ -53,6 +55,10 @@ class Options:
     pdop_gate = LastPosition.gate
     save_every_s = LastPosition.save_every_s
     moved_m = LastPosition.moved_m
+    three_d = LastPosition.three_d
+    satellites = LastPosition.satellites
+    settle_s = LastPosition.settle_s
+    doubt_s = LastPosition.doubt_s
     theta_a = StaticTest.theta_a
     speed_threshold = StaticTest.speed_threshold
     wake_speed = StaticTest.wake_speed
@@ -72,6 +78,7 @@ class Options:
     sigma_accel = 0.3
     sigma_unaided = 1.0
     bridge_s = 60.0
+    coast_s = 10.0
 
     def __init__(self, **changed):
         for name in changed:
@@ -85,9 +92,9 @@ class Options:
         return self.straight_length * ENTRY_S
 
 
-# One GNSS epoch: s; (lat_deg, lon_deg, height_m) and (north, east, down) in m, both None without a
-# fix; m/s; rad. NaN where there is no PDOP, speed or course.
-Epoch = namedtuple("Epoch", ("t_s", "fix", "ned", "pdop", "speed", "course"))
+# One GNSS epoch: s; (lat_deg, lon_deg, height_m), None without a fix; m/s; rad; 2 or 3 dimensions;
+# number of satellites. NaN for a number that is not known.
+Epoch = namedtuple("Epoch", ("t_s", "fix", "pdop", "speed", "course", "mode", "satellites"))
 
 
 class Device:
@@ -98,20 +105,26 @@ class Device:
     options : Options
     stored : Stored or None
         Position that an earlier run left, used if block 1 is on.
-    start_ned : (north, east, down) or None
-        The same in the local frame.
     has_imu : bool
-    needs_pdop : bool
-    has_speed : bool
-        Whether the receiver reports its speed; else block 3 computes it from the fixes.
+
+    Attributes
+    ----------
+    ned : sequence of 3 floats or None
+        What is put out: north, east and down in ``frame``, whose origin is the stored position, or
+        else the first accepted fix.
+    gives_speed : bool
+        Whether the receiver has reported a speed; until then block 3 computes it from the fixes.
     """
 
-    def __init__(self, options, stored, start_ned, has_imu, needs_pdop, has_speed):
+    def __init__(self, options, stored, has_imu):
         self.options = on = options
-        if not on.last_position:
-            stored, start_ned, needs_pdop = None, None, False
-        gate = on.pdop_gate if on.last_position else math.inf
-        self.last = LastPosition(stored, gate, on.save_every_s, on.moved_m, needs_pdop)
+        if on.last_position:
+            criteria = (on.three_d, on.satellites, on.settle_s, on.doubt_s)
+            self.last = LastPosition(stored, on.pdop_gate, on.save_every_s, on.moved_m, *criteria)
+        else:
+            stored = None
+            self.last = LastPosition(gate=math.inf, **GATE_ALONE)
+        self.frame = Frame(stored[:3]) if stored else None
         self.attitude = Attitude(on.number) if on.attitude and has_imu else None
         self.static = StaticTest(
             on.theta_a, on.speed_threshold, on.wake_speed, on.speed_window, on.accel_tau_s
@@ -123,11 +136,12 @@ class Device:
             on.straight_length, on.theta_alpha, on.max_bend, on.min_speed, on.max_mount_sigma
         )
         self.fusion = Fusion(on.number) if on.fusion and self.attitude else None
-        self.ned = start_ned
+        self.ned = (0.0, 0.0, 0.0) if stored else None
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
         self._moved, self._slow = False, True
-        self._has_speed, self._fixes = has_speed, []
+        self.gives_speed, self._fixes = False, []
+        self._rested, self._left = False, None
         self._speed, self._squares = math.nan, (None, None)
         self._sum = [0.0] * 7  # horizontal and whole acceleration, its square, samples
 
@@ -143,7 +157,13 @@ class Device:
         if not block.ready:
             return
         ax, ay = block.horizontal
-        self._moved |= self.static.accelerate(ax, ay, dt)
+        moved = self.static.accelerate(ax, ay, dt)
+        self._moved |= moved
+        if not self.last.accepted:
+            self._rested |= not moved
+            if moved and self._rested and self.last.position is not None:
+                self.last.motion()
+                self.ned = None
         fx, fy, fz = accel_b
         total = self._sum
         total[0] += ax
@@ -166,35 +186,43 @@ class Device:
         Returns
         -------
         dict
-            accepted, moving, layer, ned (north, east, down put out, or None), stored (whether that
-            is the position an earlier run left), roll, pitch, yaw, mount (rad; NaN without value).
+            accepted, moving, layer, lat_deg and lon_deg put out, roll, pitch, yaw, mount (rad);
+            NaN without value.
         """
         dt = 0.0 if self._t_epoch is None else epoch.t_s - self._t_epoch
         self._t_epoch = epoch.t_s
-        accepted = self.last.step(epoch.t_s, epoch.fix, epoch.pdop)
+        measured = epoch.mode, epoch.satellites, epoch.speed, epoch.course
+        accepted = self.last.step(epoch.t_s, epoch.fix, epoch.pdop, *measured)
+        if accepted and not self.frame:
+            self.frame = Frame(epoch.fix)
+        fix = self.frame.ned(epoch.fix) if accepted else None
         speed, course = (epoch.speed, epoch.course) if accepted else (math.nan, math.nan)
+        self.gives_speed = self.gives_speed or epoch.speed == epoch.speed
         no_imu = self._without_imu(epoch.t_s)
         if no_imu:
             self.static.no_imu()
-        moving = self._judge(speed if self._has_speed else self._by_fixes(epoch, accepted))
+        moving = self._judge(speed if self.gives_speed else self._by_fixes(epoch.t_s, fix))
         self._orient(epoch.t_s, moving, course, speed, dt)
+        silent = dt if self.attitude else epoch.t_s - self._t_fix
+        if moving or not self.options.low_pass or silent > self.low_pass.gap_s:
+            self.low_pass.reset()
         if accepted:
             self._t_fix = epoch.t_s
-        if moving or not self.options.low_pass:
-            self.low_pass.reset()
-        elif accepted:
-            self.low_pass.step(epoch.ned)
+            self._left = (fix, speed, course)
+            if not moving and self.options.low_pass:
+                self.low_pass.step(fix)
         layer = self.low_pass.layer
-        self._fuse(epoch, accepted, moving, layer)
+        self._fuse(epoch, fix, moving, layer)
         roll, pitch, yaw = (math.nan,) * 3
         if self.attitude and not no_imu:
             roll, pitch, yaw = self.attitude.angles
+        lat, lon = self.frame.degrees(self.ned) if self.ned else (math.nan, math.nan)
         return {
             "accepted": accepted,
             "moving": moving,
             "layer": layer,
-            "ned": self.ned,
-            "stored": not self.last.accepted and self.ned is not None,
+            "lat_deg": lat,
+            "lon_deg": lon,
             "roll": roll,
             "pitch": pitch,
             "yaw": yaw,
@@ -210,11 +238,11 @@ class Device:
         self._moved = False
         return moving
 
-    def _by_fixes(self, epoch, accepted):
+    def _by_fixes(self, t_s, fix):
         """Return the speed over the last seconds by their first and last accepted fix, m/s."""
-        if accepted:
-            self._fixes.append((epoch.t_s, epoch.ned))
-        while self._fixes and epoch.t_s - self._fixes[0][0] > FIXES_S:
+        if fix:
+            self._fixes.append((t_s, fix))
+        while self._fixes and t_s - self._fixes[0][0] > FIXES_S:
             self._fixes.pop(0)
         if not self._fixes:
             return math.nan
@@ -268,30 +296,41 @@ class Device:
             self._squares = (self._squares[1], forward * forward + lateral * lateral)
         return None if None in self._squares else max(self._squares)
 
-    def _fuse(self, epoch, accepted, moving, layer):
+    def _fuse(self, epoch, fix, moving, layer):
         """Run block 6, and choose what is put out."""
         rest = self.low_pass.position
         block = self.fusion
-        if block is None or not (block.started or accepted):
+        if block is None or not (block.started or fix):
             if layer:
                 self.ned = rest
-            elif accepted:
-                self.ned = epoch.ned
+            elif fix:
+                self.ned = fix
+            elif moving:
+                self._coast(epoch.t_s - self._t_fix)
             return
-        sigma_p, sigma_v, velocity = self._quality(epoch, accepted, moving)
+        sigma_p, sigma_v, velocity = self._quality(epoch, fix is not None, moving)
         if not block.started:
-            block.start(epoch.ned, (velocity or (0.0, 0.0)) + (0.0,), sigma_p, 1.0)
+            block.start(fix, (velocity or (0.0, 0.0)) + (0.0,), sigma_p, 1.0)
             self._t_fusion = epoch.t_s
         else:
             self._predict(epoch.t_s)
             if layer:
                 block.update(rest, (0.0, 0.0), self.options.sigma_rest_m, sigma_v)
-            elif accepted or velocity:
-                block.update(epoch.ned if accepted else None, velocity, sigma_p, sigma_v)
+            elif fix or velocity:
+                block.update(fix, velocity, sigma_p, sigma_v)
         if layer:
             self.ned = rest
         elif not self.last.accepted or epoch.t_s - self._t_fix <= self.options.bridge_s:
             self.ned = tuple(float(p) for p in block.position)
+
+    def _coast(self, seconds):
+        """Go on from the last fix at its speed and course for some seconds, then hold."""
+        if seconds > self.options.coast_s or self._left is None:
+            return
+        (north, east, down), speed, course = self._left
+        if speed == speed and course == course:
+            metres = speed * seconds
+            self.ned = north + metres * math.cos(course), east + metres * math.sin(course), down
 
     def _quality(self, epoch, accepted, moving):
         """Return the standard deviations of this epoch, and its velocity where there is one."""

@@ -11,7 +11,7 @@ from analysis import Estimate, wrap
 from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import BLOCKS, Options
-from analysis.tracker.last_position import LastPosition, Stored
+from analysis.tracker.last_position import GATE_ALONE, LastPosition, Stored
 from analysis.tracker.log_replay import Track, replay
 from analysis.tracker.scenarios import Scenario, scenario
 
@@ -19,7 +19,9 @@ SLOWEST = 2.0  # m/s, speed under which the regression leaves an epoch out
 BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
 
 
-def gated(gnss: Gnss, stored: Stored | None = None, gate: float = LastPosition.gate) -> Track:
+def gated(
+    gnss: Gnss, stored: Stored | None = None, gate: float = LastPosition.gate, **criteria: Any
+) -> Track:
     """Replay a log with block 1 alone.
 
     Parameters
@@ -28,12 +30,14 @@ def gated(gnss: Gnss, stored: Stored | None = None, gate: float = LastPosition.g
     stored : Stored, optional
     gate : float
         Largest PDOP accepted.
+    **criteria
+        ``three_d``, ``satellites``, ``settle_s``, ``doubt_s`` of `Options`; by default all on.
 
     Returns
     -------
     Track
     """
-    off: dict[str, Any] = dict.fromkeys(BLOCKS[1:], False)
+    off: dict[str, Any] = dict.fromkeys(BLOCKS[1:], False) | criteria
     return replay(Timeline(gnss, None), Options(pdop_gate=gate, **off), stored)
 
 
@@ -43,7 +47,7 @@ def cold_start(
     gate: float = LastPosition.gate,
     at_rest_s: float = 120.0,
 ) -> dict[str, float]:
-    """Judge block 1 alone on a simulated start.
+    """Judge the paper's block 1, memory and gate, alone on a simulated start.
 
     Parameters
     ----------
@@ -63,7 +67,7 @@ def cold_start(
     """
     at_rest = simulated.gnss.t_s < at_rest_s
     gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.gnss).items()})
-    track = gated(gnss, stored, gate).columns
+    track = gated(gnss, stored, gate, **GATE_ALONE).columns
     accepted = track["accepted"] == 1
     device = np.hypot(*simulated.error(track["out_lat_deg"], track["out_lon_deg"], at_rest))
     gps = np.hypot(*simulated.fix_error()[:, at_rest])
@@ -180,7 +184,7 @@ def stationary_periods(
         A row a device, as `stationary_period`; ``leaves_model``: 1 if an output lies outside
         `circle_m` once the second layer is full.
     """
-    block = LowPass(lengths)
+    block = LowPass(lengths, jump_m=np.inf)
     layers, out = zip(*map(block.step, np.moveaxis(raw, 1, 0)), strict=True)
     layer, rows = np.array(layers), []
     for before, after in zip(np.moveaxis(raw, 2, 0), np.transpose(out, (2, 1, 0)), strict=True):

@@ -1,36 +1,59 @@
-"""Block 1: the last known position, and the quality that a fix needs to replace it.
+"""Block 1: the last known position, and which fixes may replace it.
 
-Tracker paper, Sections III-A1 and IV-C. From power-on until the first acceptable fix the stored
-position stands in; a fix is acceptable when its PDOP is at most the gate.
+Tracker paper, Sections III-A1 and IV-C: from power-on until the first acceptable fix the stored
+position is put out, as long as the IMU sees no motion; a fix is acceptable when its PDOP is at most
+the gate.
+
+Real receivers lie at a small PDOP too: a fix in two dimensions prints a vertical part of one, and a
+filtered start looks as good as any. So four more criteria stand beside the gate, each of which can
+be turned off: three dimensions, satellites, fixes that move for some seconds as their own speed
+says, and the distance to the memory in units of its uncertainty.
+
+Plain arithmetic, so that it runs on a small device as it is.
 """
 
 import math
 from collections import namedtuple
 
-from analysis.tracker.vectors import wrap
-
-EARTH_RADIUS_M = 6_371_000.0
+ENOUGH = 6  # a receiver that prints two dimensions from so many has solved for three
+PDOP_WAIT_S = 10.0  # receivers that save on sentences give a PDOP every few seconds only
+LOST_S = 10.0  # without a fix; then no motion can be foretold
+SLOW = 1.0  # m/s, as good as at rest
+METRES_PER_PDOP, SIGMA_NO_PDOP = 2.0, 6.0  # m per axis: real fixes, median 5.3 m at a PDOP of 2-3
+NEAR, FAR = 3.0, 5.0  # standard deviations: agrees with the memory, contradicts it
+MISS_M, MISS_SHARE, SLACK = 10.0, 0.2, 1.0  # m, of the path, m/s^2: noise, lag, unseen turns
+FASTEST = 70.0  # m/s, of a vehicle whose speed is not known
+GATE_ALONE = {"three_d": False, "satellites": 0, "settle_s": 0.0, "doubt_s": 0.0}  # the paper's
+RADIUS_M, FLATTENING = 6_378_137.0, 1 / 298.257223563  # WGS 84
 
 # A position to keep: where, its PDOP, and when (s, of the log that gave it).
 Stored = namedtuple("Stored", ("lat_deg", "lon_deg", "height_m", "t_s", "pdop"))
 
 
 class LastPosition:
-    """Gate the fixes and hold the last position, one epoch at a time.
+    """Choose the fixes and hold the last position, one epoch at a time.
 
     Parameters
     ----------
     stored : Stored, optional
         Position that an earlier run left.
     gate : float
-        Largest PDOP of an acceptable fix.
+        Largest PDOP of an acceptable fix; infinite, every fix is accepted.
     save_every_s : float
-        Shortest time between two writes to memory.
+        Shortest time between two writes to memory, but for one at the end of a drive.
     moved_m : float
         Distance from the stored position to the first accepted fix beyond which the device was
-        moved while it was off.
-    needs_pdop : bool
-        Whether a fix of unknown PDOP is refused. False only for receivers that never report one.
+        moved while it was off, if it is beyond their uncertainty too.
+    three_d : bool
+        Doubt a fix in two dimensions.
+    satellites : int
+        Fewest of a fix that is not doubted, where they are known.
+    settle_s : float
+        How long fixes must move as their speed says. One within the uncertainty of the last
+        position does not wait. 0 turns this criterion off.
+    doubt_s : float
+        The same for a doubted fix, and for one that contradicts the memory. 0 turns the memory's
+        criterion off, and refuses doubted fixes for good.
 
     Attributes
     ----------
@@ -39,20 +62,26 @@ class LastPosition:
     snapshot : Stored or None
         Content of the memory.
     moved_while_off : float or None
-        Metres, if more than ``moved_m``.
+        Metres, if it was moved.
 
     Examples
     --------
     >>> block = LastPosition(Stored(45.0, 9.0, 100.0, t_s=0.0, pdop=2.0))
-    >>> block.step(1.0, (45.01, 9.0, 100.0), pdop=30.0), block.position.lat_deg
+    >>> block.step(1.0, (45.01, 9.0, 100.0), 30.0), block.position.lat_deg
     (False, 45.0)
-    >>> block.step(2.0, (45.00001, 9.0, 100.0), pdop=3.0), block.position.lat_deg
-    (True, 45.00001)
+    >>> block.step(2.0, (45.00001, 9.0, 100.0), 3.0, mode=3, satellites=7)
+    True
+    >>> block.position.lat_deg
+    45.00001
     """
 
     gate = 10.0  # Section IV-C: above refused, below accepted; here 10 itself is
     save_every_s = 60.0  # "periodically", Section III-A1: 10 000 writes last a week
     moved_m = 50.0  # between the error of a poor first fix and a real move
+    three_d = True
+    satellites = 4  # for three dimensions and the clock
+    settle_s = 5.0  # of fixes that move as they say, before the first is believed
+    doubt_s = 30.0  # the same for one in two dimensions, or one that contradicts the memory
 
     def __init__(
         self,
@@ -60,17 +89,33 @@ class LastPosition:
         gate=gate,
         save_every_s=save_every_s,
         moved_m=moved_m,
-        needs_pdop=True,
+        three_d=three_d,
+        satellites=satellites,
+        settle_s=settle_s,
+        doubt_s=doubt_s,
     ):
         self.gate, self.save_every_s, self.moved_m = gate, save_every_s, moved_m
-        self.needs_pdop = needs_pdop
+        self.three_d, self.satellites = three_d, satellites
+        self.settle_s, self.doubt_s = settle_s, doubt_s
         self.position = self.snapshot = stored
         self.accepted = 0
         self.moved_while_off = None
+        self.gives_pdop = False
+        self._first_s = None
         self._saved_at = -math.inf
+        self._before = None
+        self._since = self._anchor_s = self._path = self._north = self._east = self._slack = 0.0
+        self._anchor = None
 
-    def step(self, t_s, fix, pdop):
-        """Judge one epoch.
+    def motion(self):
+        """Give the stored position up: the IMU has seen motion before the first accepted fix."""
+        if not self.accepted:
+            self.position = None
+
+    def step(
+        self, t_s, fix, pdop, mode=math.nan, satellites=math.nan, speed=math.nan, course=math.nan
+    ):
+        """Judge one epoch; every number but the time is NaN where it is not known.
 
         Parameters
         ----------
@@ -78,31 +123,189 @@ class LastPosition:
         fix : (lat_deg, lon_deg, height_m) or None
             None where the receiver has no fix.
         pdop : float
-            NaN where it is not known.
+        mode : float
+            2 or 3 dimensions.
+        satellites : float
+            In the solution.
+        speed, course : float
+            Over ground, m/s and rad.
 
         Returns
         -------
         bool
             Whether the fix was accepted.
         """
-        acceptable = pdop <= self.gate or (pdop != pdop and not self.needs_pdop)
-        if fix is None or not acceptable:
+        if fix is None:
             return False
-        lat_deg, lon_deg, height_m = fix
-        fresh = Stored(lat_deg, lon_deg, height_m, t_s, pdop)
-        if not self.accepted and self.position is not None:
-            moved = distance(self.position, fresh)
-            self.moved_while_off = moved if moved > self.moved_m else None
+        if self._first_s is None:
+            self._first_s = t_s
+        self.gives_pdop = self.gives_pdop or pdop == pdop
+        agreed_s = self._agreed(t_s, fix, speed, course) if self.settle_s or self.doubt_s else 0.0
+        if not self._passes(t_s, pdop):
+            return False
+        here = Stored(fix[0], fix[1], fix[2], t_s, pdop)
+        moved = apart = 0.0
+        if self.position is not None:
+            moved = distance(self.position, here)
+            apart = _norm(_sigma(pdop), _sigma(self.position.pdop))
+        doubted = self._doubted(mode, satellites)
+        wait_s = self.settle_s
+        if doubted and not self.doubt_s:
+            return False
+        if doubted or (self._remembers() and moved > FAR * apart):
+            wait_s = self.doubt_s
+        elif moved < NEAR * apart:
+            wait_s = 0.0
+        if agreed_s < wait_s:
+            return False
+        if self._remembers():
+            limit = max(self.moved_m, FAR * apart) if self.doubt_s else self.moved_m
+            self.moved_while_off = moved if moved > limit else None
         self.accepted += 1
-        self.position = fresh
-        if t_s - self._saved_at >= self.save_every_s:
-            self.snapshot, self._saved_at = fresh, t_s
+        self.position = here
+        self._save(here, speed)
         return True
+
+    def _passes(self, t_s, pdop):
+        """Apply the gate. A receiver that gives no PDOP shows it within some seconds."""
+        if pdop == pdop or self.gate == math.inf:
+            return not pdop > self.gate
+        return not self.gives_pdop and t_s - self._first_s >= PDOP_WAIT_S
+
+    def _doubted(self, mode, satellites):
+        """Return whether a fix is of too few dimensions or satellites."""
+        return satellites < self.satellites or (
+            self.three_d and mode < 3 and not satellites >= ENOUGH
+        )
+
+    def _remembers(self):
+        """Return whether the position is still that of an earlier run."""
+        return self.position is not None and not self.accepted
+
+    def _save(self, here, speed):
+        """Write to memory now and then, and at once where a drive ends."""
+        since = here.t_s - self._saved_at
+        stopped = speed < SLOW and distance(self.snapshot or here, here) > self.moved_m
+        if since >= self.save_every_s or (stopped and since >= LOST_S):
+            self.snapshot, self._saved_at = here, here.t_s
+
+    def _agreed(self, t_s, fix, speed, course):
+        """Return for how long the fixes have moved as their speed and course say, s.
+
+        Each fix is compared with where an earlier one, at most two waits old, would be by now.
+        """
+        north = east = math.nan
+        if speed < SLOW:
+            north = east = 0.0
+        if course == course and speed == speed:
+            north, east = speed * math.cos(course), speed * math.sin(course)
+        before = self._before
+        self._before = (t_s, speed, north, east)
+        dt = t_s - before[0] if before else math.inf
+        if not 0 < dt <= LOST_S:
+            agreed_s = self._anew(t_s, fix)
+            if self.accepted:  # a first fix some metres off is better than none after an outage
+                self._since, agreed_s = t_s - self.settle_s, self.settle_s
+            return agreed_s
+        mean = (speed + before[1]) / 2
+        self._path += dt * (mean if mean == mean else FASTEST)
+        self._north += dt * (north + before[2]) / 2
+        self._east += dt * (east + before[3]) / 2
+        if dt > 1.0:
+            self._slack += SLACK * (dt - 1.0) * (dt - 1.0)
+        to_north, to_east = metres_per_degree(fix[0], fix[2])
+        moved_n = (fix[0] - self._anchor[0]) * to_north
+        moved_e = _turned(fix[1] - self._anchor[1]) * to_east
+        if self._north == self._north:
+            miss = _norm(moved_n - self._north, moved_e - self._east)
+        else:
+            miss = _norm(moved_n, moved_e) - self._path
+        if miss > MISS_M + MISS_SHARE * self._path + self._slack:
+            return self._anew(t_s, fix)
+        if t_s - self._anchor_s >= 2 * self.settle_s:
+            self._drop_anchor(t_s, fix)
+        return t_s - self._since
+
+    def _anew(self, t_s, fix):
+        self._since = t_s
+        self._drop_anchor(t_s, fix)
+        return 0.0
+
+    def _drop_anchor(self, t_s, fix):
+        self._anchor, self._anchor_s = fix, t_s
+        self._path = self._north = self._east = self._slack = 0.0
+
+
+def _sigma(pdop):
+    """Return the standard deviation of a coordinate of a fix, m."""
+    return max(METRES_PER_PDOP, METRES_PER_PDOP * pdop) if pdop == pdop else SIGMA_NO_PDOP
+
+
+def _norm(a, b):
+    return math.sqrt(a * a + b * b)
+
+
+def _turned(degrees):
+    """Bring a difference of longitudes into (-180, 180]."""
+    return degrees - 360.0 * round(degrees / 360.0)
+
+
+def metres_per_degree(lat_deg, height_m=0.0):
+    """Return the metres of a degree of latitude and of one of longitude, on the WGS 84 ellipsoid.
+
+    Parameters
+    ----------
+    lat_deg, height_m : float
+        A height that is not known (NaN) is taken as 0.
+
+    Returns
+    -------
+    north, east : float
+    """
+    height = height_m if height_m == height_m else 0.0
+    squared = FLATTENING * (2 - FLATTENING)
+    sine = math.sin(math.radians(lat_deg))
+    across = RADIUS_M / math.sqrt(1 - squared * sine * sine)  # radius of curvature, east
+    along = across * (1 - squared) / (1 - squared * sine * sine)
+    degree = math.pi / 180
+    return degree * (along + height), degree * (across + height) * math.cos(math.radians(lat_deg))
 
 
 def distance(a, b):
-    """Return the metres between two positions near each other, on a sphere."""
-    north = math.radians(b.lat_deg - a.lat_deg)
-    east = math.radians(wrap(b.lon_deg - a.lon_deg, 360.0))
-    east *= math.cos(math.radians(a.lat_deg))
-    return EARTH_RADIUS_M * math.sqrt(north * north + east * east)
+    """Return the metres between two positions near each other."""
+    north, east = metres_per_degree((a.lat_deg + b.lat_deg) / 2)
+    return _norm((b.lat_deg - a.lat_deg) * north, _turned(b.lon_deg - a.lon_deg) * east)
+
+
+class Frame:
+    """A local frame north, east, down about an origin, good for some tens of kilometres.
+
+    Parameters
+    ----------
+    origin : (lat_deg, lon_deg, height_m)
+        A height that is not known (NaN) is taken as 0.
+
+    Examples
+    --------
+    >>> frame = Frame((45.0, 9.0, 100.0))
+    >>> [round(metres) for metres in frame.ned((45.01, 9.01, 90.0))]
+    [1111, 788, 10]
+    >>> frame.degrees((1111.3, 788.5))
+    (45.01, 9.01)
+    """
+
+    def __init__(self, origin):
+        self.origin = origin
+        self.height = origin[2] if origin[2] == origin[2] else 0.0
+        self.north, self.east = metres_per_degree(origin[0], self.height)
+
+    def ned(self, fix):
+        """Return north, east and down of (lat_deg, lon_deg, height_m), m."""
+        height = fix[2] if fix[2] == fix[2] else self.height
+        north = (fix[0] - self.origin[0]) * self.north
+        return north, _turned(fix[1] - self.origin[1]) * self.east, self.height - height
+
+    def degrees(self, ned):
+        """Return latitude and longitude, deg, of north and east, m."""
+        lat = self.origin[0] + ned[0] / self.north
+        return lat, _turned(self.origin[1] + ned[1] / self.east)

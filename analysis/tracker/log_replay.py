@@ -2,10 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-import pymap3d
 from scipy.integrate import cumulative_trapezoid
 from tqdm import tqdm
 
@@ -13,7 +13,7 @@ from analysis import STANDARD_GRAVITY, WrongUsage, wrap
 from analysis.logs.timeline import Timeline
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
-from analysis.tracker.last_position import Stored
+from analysis.tracker.last_position import PDOP_WAIT_S, Stored
 from analysis.tracker.mounting import Straight
 
 ROW_S = 1.0  # without GNSS: one row a second, so that the blocks that need none can be seen
@@ -22,6 +22,7 @@ CONTRADICTION = 3.0  # m/s^2 over a second: emergency braking, or axes mixed up
 CONTRADICTION_SHARE = 0.2  # of the epochs
 TURNS = 5.0  # ratio of the turns by course and by gyro that lag and noise explain
 FAST, TURNED, ALIKE = 3.0, 0.1, 0.7  # m/s, rad^2 in all, correlation: enough to compare them by
+GAP_STEPS = 5.0  # usual steps: a longer one, and longer than that of an IMU, is a gap
 FRAME_M = 50_000.0  # from the origin, where the tangent plane is tilted by half a degree
 
 
@@ -81,34 +82,30 @@ def replay(
     gnss, imu = timeline.gnss, timeline.imu
     if gnss is None and imu is None:
         raise WrongUsage("nothing to replay: the log has neither positions nor an IMU")
-    epochs, origin = _epochs(gnss, imu, stored)
-    has_pdop = gnss is not None and bool(np.isfinite(gnss.pdop).any())
-    has_speed = gnss is not None and bool(np.isfinite(gnss.speed_m_s).any())
-    start = None
-    if stored is not None:
-        height = stored.height_m if math.isfinite(stored.height_m) else origin[2]
-        ned = pymap3d.geodetic2ned(stored.lat_deg, stored.lon_deg, height, *origin)
-        start = tuple(float(v) for v in ned)
-    device = Device(options, stored, start, imu is not None, has_pdop, has_speed)
-    rows, unexplained = [], []
+    epochs = _epochs(gnss, imu)
+    device = Device(options, stored, imu is not None)
+    devices, rows, unexplained = [device], [], []
     straights: list[Straight] = []
     samples = _samples(imu, options.number)
-    sample = next(samples, None)
+    sample, starts = next(samples, None), [*timeline.restarts_s, math.inf]
     for epoch in tqdm(epochs, desc="replay", unit="epoch", disable=None if progress else True):
+        if epoch.t_s >= starts[len(devices) - 1]:
+            device = Device(options, device.last.snapshot, imu is not None)
+            devices.append(device)
         while sample is not None and sample[0] <= epoch.t_s:
             device.imu(*sample)
             sample = next(samples, None)
         rows.append(device.gnss(epoch))
-        if len(straights) < device.mounting.straights:
+        if len(straights) < sum(each.mounting.straights for each in devices):
             straights.append(device.mounting.straight)
         unexplained.append(device.attitude.unexplained if device.attitude else 0.0)
-    columns = _columns(epochs, gnss, rows, origin, stored)
-    notes = tuple(_notes(timeline, options, has_pdop, columns, device, unexplained))
+    columns = _columns(epochs, gnss, rows)
+    notes = tuple(_notes(timeline, options, columns, devices, unexplained))
     table = pd.DataFrame(straights, columns=Straight._fields)
     angles = ["printed", "alone", "sigma", "mount"]
     table[angles] = np.degrees(table[angles].astype(float))
     units = {k: f"{k}_deg" for k in angles} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
-    summary = _summary(timeline, options, columns, device, notes)
+    summary = _summary(timeline, options, columns, devices, len(straights), notes)
     return Track(columns, summary, device.last.snapshot, notes, table.rename(columns=units))
 
 
@@ -123,43 +120,28 @@ def _samples(imu, number):
     return zip(imu.t_s.tolist(), gyro, accel, strict=True)
 
 
-def _epochs(gnss, imu, stored):
-    """Turn the arrays into epochs, with positions in a local frame; return its origin, too."""
-    origin = None if stored is None else (stored.lat_deg, stored.lon_deg, 0.0)
+def _epochs(gnss, imu):
+    """Turn the arrays into epochs; without GNSS, into empty ones, one a second."""
     if gnss is None:
         times = np.arange(imu.t_s[0] + ROW_S, imu.t_s[-1] + 1e-9, ROW_S).tolist()
-        return [Epoch(t, None, None, math.nan, math.nan, math.nan) for t in times], origin
-    height = np.where(np.isfinite(gnss.height_m), gnss.height_m, 0.0)
+        return [Epoch(t, None, *[math.nan] * 5) for t in times]
     has = gnss.has_fix & np.isfinite(gnss.lat_deg) & np.isfinite(gnss.lon_deg)
-    places = np.column_stack([gnss.lat_deg, gnss.lon_deg, height])
-    ned = np.full((len(has), 3), np.nan)
-    if has.any():
-        # The best fix, so that a wild first one does not set the frame.
-        best = np.flatnonzero(has)[np.argmin(np.nan_to_num(gnss.pdop[has], nan=np.inf))]
-        origin = tuple(places[best].tolist())
-        ned[has] = np.column_stack(pymap3d.geodetic2ned(*places[has].T, *origin))
+    places = np.column_stack([gnss.lat_deg, gnss.lon_deg, gnss.height_m])
     readings = [gnss.t_s, gnss.pdop, gnss.speed_m_s, np.radians(gnss.course_deg)]
-    epochs = [
-        Epoch(t, tuple(place) if fixed else None, tuple(local) if fixed else None, *others)
-        for fixed, place, local, (t, *others) in zip(
-            has, places.tolist(), ned.tolist(), np.transpose(readings).tolist(), strict=True
-        )
+    readings = np.transpose([*readings, gnss.mode, gnss.satellites])
+    return [
+        Epoch(t, tuple(place) if fixed else None, *others)
+        for fixed, place, (t, *others) in zip(has, places.tolist(), readings.tolist(), strict=True)
     ]
-    return epochs, origin
 
 
-def _columns(epochs, gnss, rows, origin, stored):
+def _columns(epochs, gnss, rows):
     """Return the columns of track.csv, in order."""
 
     def taken(name, dtype):
         return np.array([row[name] for row in rows], dtype=dtype)
 
     blank = np.full(len(epochs), np.nan)
-    ned = np.reshape([row["ned"] or (np.nan,) * 3 for row in rows], (-1, 3))
-    lat, lon, _ = pymap3d.ned2geodetic(*ned.T, *(origin or (0.0, 0.0, 0.0)))
-    if stored:
-        held = taken("stored", bool)
-        lat[held], lon[held] = stored.lat_deg, stored.lon_deg  # to the last digit
     return {
         "t_s": np.array([e.t_s for e in epochs]),
         "lat_deg": blank if gnss is None else gnss.lat_deg,
@@ -167,8 +149,8 @@ def _columns(epochs, gnss, rows, origin, stored):
         "pdop": blank if gnss is None else gnss.pdop,
         "has_fix": np.array([e.fix is not None for e in epochs], dtype=int),
         **{name: taken(name, int) for name in ("accepted", "moving", "layer")},
-        "out_lat_deg": lat,
-        "out_lon_deg": lon,
+        "out_lat_deg": taken("lat_deg", float),
+        "out_lon_deg": taken("lon_deg", float),
         **{
             f"{name}_deg": np.degrees(taken(name, float))
             for name in ("roll", "pitch", "yaw", "mount")
@@ -176,16 +158,50 @@ def _columns(epochs, gnss, rows, origin, stored):
     }
 
 
-def _summary(timeline, options, columns, device, notes):
-    """Return the content of summary.json."""
-    t, layer = columns["t_s"], columns["layer"]
+def _step(t):
+    """Return the seconds that each epoch stands for; a gap counts for none."""
     step = np.diff(t, append=t[-1:]) if len(t) else t
-    accepted, has_fix = columns["accepted"] == 1, columns["has_fix"] == 1
-    put_out = np.isfinite(columns["out_lat_deg"])
-    mount, imu, gnss = device.mounting, timeline.imu, timeline.gnss
+    usual = np.median(step[step > 0]) if (step > 0).any() else 0.0
+    return np.where(step > max(GAP_STEPS * usual, GAP_S), 0.0, step)
+
+
+def _start(columns, step, device):
+    """Sum up one start: from one switching on to the next."""
+    t, accepted, has_fix = columns["t_s"], columns["accepted"] == 1, columns["has_fix"] == 1
 
     def first(mask):
-        return float(t[np.argmax(mask)]) if mask.any() else None
+        return float(t[np.argmax(mask)] - t[0]) if mask.any() else None
+
+    return {
+        "from_s": float(t[0]),
+        "to_s": float(t[-1]),
+        "fixes": {
+            "with_fix": int(has_fix.sum()),
+            "accepted": int(accepted.sum()),
+            "refused": int((has_fix & ~accepted).sum()),
+            "first_fix_s": first(has_fix),
+            "first_accepted_s": first(accepted),
+            "first_output_s": first(np.isfinite(columns["out_lat_deg"])),
+        },
+        "moved_while_off_m": device.last.moved_while_off,
+        "static_seconds": float(step[columns["moving"] == 0].sum()),
+    }
+
+
+def _summary(timeline, options, columns, devices, straights, notes):
+    """Return the content of summary.json."""
+    t, layer, step = columns["t_s"], columns["layer"], _step(columns["t_s"])
+    accepted, device = columns["accepted"] == 1, devices[-1]
+    put_out = np.isfinite(columns["out_lat_deg"])
+    mount, imu, gnss = device.mounting, timeline.imu, timeline.gnss
+    ends = np.searchsorted(t, [-np.inf, *timeline.restarts_s, np.inf])
+    parts = [slice(a, b) for a, b in pairwise(ends) if b > a]
+    starts = [
+        _start({k: v[part] for k, v in columns.items()}, step[part], each)
+        for part, each in zip(parts, devices, strict=True)
+    ]
+    counts = ("with_fix", "accepted", "refused")
+    fixes = {k: sum(each["fixes"][k] for each in starts) for k in counts}
 
     def degrees(angle):
         return None if angle is None else math.degrees(angle)
@@ -206,15 +222,9 @@ def _summary(timeline, options, columns, device, notes):
         "blocks": {
             name: lacks.get(name, "on") if getattr(options, name) else "off" for name in BLOCKS
         },
-        "fixes": {
-            "with_fix": int(has_fix.sum()),
-            "accepted": int(accepted.sum()),
-            "refused": int((has_fix & ~accepted).sum()),
-            "first_fix_s": first(has_fix),
-            "first_accepted_s": first(accepted),
-            "first_output_s": first(put_out),
-        },
-        "moved_while_off_m": device.last.moved_while_off,
+        "fixes": starts[0]["fixes"] | fixes,
+        "moved_while_off_m": starts[0]["moved_while_off_m"],
+        "starts": starts,
         "static": {
             "seconds": float(step[columns["moving"] == 0].sum()),
             "seconds_in_layer": [float(step[layer == k].sum()) for k in (1, 2, 3)],
@@ -224,7 +234,7 @@ def _summary(timeline, options, columns, device, notes):
             "deg": degrees(mount.mount),
             "sigma_deg": degrees(mount.sigma),
             "printed_rule_deg": degrees(mount.printed),
-            "straights": mount.straights,
+            "straights": straights,
         },
         "seconds_without_fix_but_position": float(step[put_out & ~accepted].sum()),
         "options": {
@@ -237,7 +247,7 @@ def _summary(timeline, options, columns, device, notes):
     }
 
 
-def _notes(timeline, options, has_pdop, columns, device, unexplained):
+def _notes(timeline, options, columns, devices, unexplained):
     """Yield a sentence for each block that could not run in full, and for what looks wrong."""
     yield from timeline.notes
     imu, gnss, t = timeline.imu, timeline.gnss, columns["t_s"]
@@ -280,17 +290,26 @@ def _notes(timeline, options, has_pdop, columns, device, unexplained):
     else:
         if not columns["accepted"].any():
             yield f"no fix has a PDOP of {options.pdop_gate:g} or less: none is accepted"
-        if not has_pdop and options.last_position:
-            yield "the receiver reports no PDOP: block 1 accepts every fix"
+        if not np.isfinite(gnss.pdop).any() and options.last_position:
+            yield (
+                f"the receiver reports no PDOP: block 1 waits {PDOP_WAIT_S:g} s for one, and then "
+                "judges without"
+            )
         if not np.isfinite(gnss.speed_m_s).any():
             yield "no speed in the log: block 3 computes it from the fixes, block 5 does not run"
-    if held := _held(columns, options):
+    bridged = options.bridge_s if devices[-1].fusion else options.coast_s
+    if held := _held(columns, bridged):
         yield (
-            f"{held:,} epochs in motion are over {options.bridge_s:g} s after the last accepted "
-            "fix: the output position is held there"
+            f"{held:,} epochs in motion are over {bridged:g} s after the last accepted fix: the "
+            "output position is held there"
         )
-    if moved := device.last.moved_while_off:
-        yield f"moved while switched off: first accepted fix {moved:.0f} m from the stored position"
+    for device in devices:
+        if moved := device.last.moved_while_off:
+            yield (
+                f"moved while switched off: first accepted fix {moved:.0f} m from the stored "
+                "position"
+            )
+    device = devices[-1]
     distance = math.hypot(*device.ned[:2]) if device.ned else 0.0
     if distance > FRAME_M:
         yield f"the track ends {distance / 1000:.0f} km from its origin, where north and down tilt"
@@ -315,11 +334,11 @@ def _turns(timeline):
     return math.copysign(math.sqrt(sizes[1] / sizes[0]), alike) if abs(alike) > ALIKE else 1.0
 
 
-def _held(columns, options):
+def _held(columns, bridged):
     """Count the epochs in motion at which an outage has lasted for too long to be bridged."""
     t, accepted = columns["t_s"], columns["accepted"].astype(bool)
     since = t - np.maximum.accumulate(np.where(accepted, t, -np.inf))
-    late = np.isfinite(since) & (since > options.bridge_s) & (columns["moving"] == 1)
+    late = np.isfinite(since) & (since > bridged) & (columns["moving"] == 1)
     return int(late.sum())
 
 

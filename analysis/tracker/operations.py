@@ -176,7 +176,8 @@ def counted(value, tally):
     if isinstance(value, float | np.floating):
         return Counted(value, tally)
     if isinstance(value, list | tuple | deque):
-        return type(value)(counted(v, tally) for v in value)
+        make = getattr(type(value), "_make", type(value))
+        return make(counted(v, tally) for v in value)
     return value
 
 
@@ -263,6 +264,7 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
         ("1", "fix"): (_count(LastPosition().step, 1.0, (44.0, 11.0, 0.0), 2.0), 1.0),
         ("2", "fix"): (_count(under_way(dt).epoch, False, 0.31, 0.05), 1.0),
         ("2", "sample"): (_count(under_way(dt).imu, *motion, read="horizontal"), rate),
+        ("4", "fix"): (_jump(), 1.0),
         ("3", "fix"): (_count(started.drive, 3.0), 1.0),
         ("3", "sample"): (_count(StaticTest().accelerate, 0.3, 0.1, dt), rate),
     } | {
@@ -332,10 +334,17 @@ def _count(step, *values, read=None):
 
 def _low_pass(epochs):
     """Count the last of so many fixes, and with it the means of the layers it fills."""
-    block = LowPass()
+    block = LowPass(jump_m=np.inf)
     for _ in range(epochs - 1):
         block.step((1.0, 2.0))
     return _count(block.step, (1.0, 2.0))
+
+
+def _jump():
+    """Count the test for a jump, of each fix once there is an output."""
+    block = LowPass((1,))
+    block.step((1.0, 2.0))
+    return _count(block.jumped, (1.0, 2.0))
 
 
 def _mounting():
