@@ -3,10 +3,11 @@
 Tracker paper, Section III-A3: filtered speed over ground under a threshold, then the norm of the
 horizontal acceleration under theta_A.
 
-That acceleration needs a good tilt, and tilt and gyro bias are best read at rest. After a rough
-ride, or with few samples a second, the tilt may be so far off that the test never says static, and
-then nothing corrects it. `SteadyReadings` finds rest from the readings themselves: an acceleration
-does not last unchanged for seconds.
+That acceleration needs a good tilt, and tilt and gyro bias are best read at rest. Where an engine
+shakes every sample past theta_A, or a ride leaves the tilt wrong by some degrees, the printed test
+never says static, and nothing corrects the tilt. `RestDetector` needs no tilt: it finds rest where
+the means over short blocks do not change, which vibration does not hinder. Then gravity gives the
+tilt again, and theta_A ends the rest. Without a quiet window it does not begin.
 
 Section III-A4: while the device is at rest, fixes fill a first buffer; its mean is put out and goes
 into a second buffer, whose mean goes into a third. The mean of the highest buffer that has been
@@ -17,16 +18,20 @@ once.
 import math
 from collections import deque
 
-STEADY_EPOCHS = 5  # epochs over which the readings must not change
-GYRO_RANGE = 0.05  # rad/s, largest minus smallest reading; the noise of a cheap gyro is half
 JUMP_FIXES = 5  # in a row: a jump, and not a wild fix
-ACCEL_RANGE = 0.3  # m/s^2, likewise; an engine or a hand gives more
+BLOCK_S = 0.25  # s of a short mean: an engine line of 20 Hz and more averages out
+BLOCKS = 8  # short means in a window: 2 s, or eight samples of a slow IMU
+SIGMA_FORCE = 0.12  # m/s^2, scatter of the short means at rest at most; a moving car: 0.16 and more
+SIGMA_RATE = 0.0087  # rad/s, likewise: 0.5 deg/s; a moving car: 0.5 and more
+GAP_S = 1.5  # s without a sample after which the window starts anew
 
 
 class StaticTest:
     """Judge motion from the horizontal acceleration and the speed over ground.
 
     Until both kinds of input have come, the one there is decides; with neither, it is moving.
+    With `quiet` left at None this is the paper's rule. Where a `RestDetector` sets it, a rest
+    begins in a quiet window only; theta_A and the speed end it.
 
     Parameters
     ----------
@@ -43,6 +48,10 @@ class StaticTest:
     Attributes
     ----------
     moving : bool
+    quiet : bool or None
+        What a `RestDetector` says; None without one.
+    norm : float
+        Horizontal acceleration that was last held against theta_A, m/s^2.
 
     Examples
     --------
@@ -69,10 +78,10 @@ class StaticTest:
     ):
         self.theta_a, self.accel_tau_s = theta_a, accel_tau_s
         self.speed_threshold, self.wake_speed = speed_threshold, wake_speed
-        self.moving = True  # no input has come
+        self.moving, self.quiet = True, None  # no input has come
         self._speeds = deque((), speed_window)
         self._fast = self._accelerated = None
-        self._ax = self._ay = 0.0
+        self._ax = self._ay = self.norm = 0.0
 
     def accelerate(self, ax, ay, dt):
         """Take in one IMU sample.
@@ -92,13 +101,13 @@ class StaticTest:
         share = dt / self.accel_tau_s if dt < self.accel_tau_s else 1.0
         self._ax = self._ax + share * (ax - self._ax)
         self._ay = self._ay + share * (ay - self._ay)
-        square = self._ax * self._ax + self._ay * self._ay
-        self._accelerated = square > self.theta_a * self.theta_a
+        self.norm = math.sqrt(self._ax * self._ax + self._ay * self._ay)
+        self._accelerated = self.norm > self.theta_a
         return self._judge()
 
     def no_imu(self):
         """Forget the acceleration, for the IMU gives no samples: the speed decides alone."""
-        self._accelerated, self._ax, self._ay = None, 0.0, 0.0
+        self._accelerated, self.quiet, self._ax, self._ay = None, None, 0.0, 0.0
 
     def drive(self, speed):
         """Take in the speed of one GNSS epoch (m/s; NaN where there is none).
@@ -116,55 +125,91 @@ class StaticTest:
 
     def _judge(self):
         unknown = self._fast is None and self._accelerated is None
-        self.moving = bool(unknown or self._fast or self._accelerated)
+        loud = self.moving and self.quiet is False
+        self.moving = bool(unknown or self._fast or self._accelerated or loud)
         return self.moving
 
 
-class SteadyReadings:
-    """Find rest from the range of the readings, one sample and one GNSS epoch at a time.
+class RestDetector:
+    """Find rest by a generalised likelihood-ratio test on short means, one sample at a time. ::
+
+        T = mean over the window of  |f - mean f|^2 / sigma_f^2 + |w - mean w|^2 / sigma_w^2
+
+    At rest specific force and rotation rate do not change, whatever the tilt, the gyro's bias and
+    the vibration; T < 1 says so. After the detectors of Skog et al. (IEEE Trans. Biomed. Eng. 57,
+    2010), with means of a quarter of a second for samples, and with gravity's direction and the
+    bias unknown. Steady motion on a smooth road looks the same: the speed has to forbid it.
+
+    Parameters
+    ----------
+    blocks : int
+        Short means in a window.
 
     Attributes
     ----------
     steady : bool
-        The readings have not changed for `STEADY_EPOCHS`.
+        Whether the last window is one of rest.
+    statistic : float
+        T, infinite until a window is full.
+    force, rate : list of 3 floats
+        Means over the window, m/s^2 and rad/s: up, and the gyro's bias, if it is one of rest.
     """
 
-    def __init__(self):
-        self.steady = False
-        self._past = deque((), STEADY_EPOCHS)
-        self._low = self._high = None
+    def __init__(self, blocks=BLOCKS):
+        self.blocks = blocks
+        self.reset()
 
-    def sample(self, gyro_b, accel_b):
-        """Take in one IMU sample (rad/s, m/s^2); one outside the range ends the rest at once."""
-        values = tuple(gyro_b) + tuple(accel_b)
-        if self._low is None:
-            self._low, self._high = values, values
-        else:
-            self._low = tuple(map(min, self._low, values))
-            self._high = tuple(map(max, self._high, values))
-        self.steady = self.steady and _narrow(self._low, self._high)
+    def reset(self):
+        """Begin with an empty window."""
+        self.steady, self.statistic, self.force, self.rate = False, math.inf, None, None
+        self._means = deque((), self.blocks)
+        self._clear()
 
-    def epoch(self, slow):
-        """Close an epoch.
+    def _clear(self):
+        self._sum, self._count, self._seconds = [0.0] * 6, 0, 0.0
 
-        Parameters
-        ----------
-        slow : bool
-            Whether the last GNSS speed was low.
+    def sample(self, gyro_b, accel_b, dt):
+        """Take in one IMU sample (rad/s, m/s^2; s since the one before).
+
+        Returns
+        -------
+        bool
+            Whether it ends a window of rest.
         """
-        if self._low is not None:
-            self._past.append((self._low, self._high))
-        self._low = self._high = None
-        if not slow or len(self._past) < STEADY_EPOCHS:
-            self.steady = False
-            return
-        lows, highs = zip(*self._past)
-        self.steady = _narrow(map(min, *lows), map(max, *highs))
+        if dt > GAP_S:
+            self.reset()
+        total = self._sum
+        total[0] += gyro_b[0]
+        total[1] += gyro_b[1]
+        total[2] += gyro_b[2]
+        total[3] += accel_b[0]
+        total[4] += accel_b[1]
+        total[5] += accel_b[2]
+        self._count += 1
+        self._seconds += dt
+        if self._seconds + 0.5 * dt < BLOCK_S:
+            return False
+        scale = 1 / self._count
+        self._means.append([value * scale for value in total])
+        self._clear()
+        if len(self._means) < self.blocks:
+            return False
+        self.steady = self._test()
+        return self.steady
 
-
-def _narrow(low, high):
-    limits = (GYRO_RANGE,) * 3 + (ACCEL_RANGE,) * 3
-    return all(b - a < limit for a, b, limit in zip(low, high, limits))
+    def _test(self):
+        """Compute T of the window, and return whether it is one of rest."""
+        means = mean(list(self._means))
+        squares = [0.0] * 6
+        for block in self._means:
+            for k in range(6):
+                off = block[k] - means[k]
+                squares[k] += off * off
+        rate = (squares[0] + squares[1] + squares[2]) / (SIGMA_RATE * SIGMA_RATE)
+        force = (squares[3] + squares[4] + squares[5]) / (SIGMA_FORCE * SIGMA_FORCE)
+        self.rate, self.force = means[:3], means[3:]
+        self.statistic = (rate + force) / self.blocks
+        return self.statistic < 1
 
 
 class LowPass:

@@ -137,6 +137,13 @@ class Attitude:
         total[1] += bz * x - bx * z
         total[2] += bx * y - by * x
 
+    def restart(self, force, rate):
+        """Read tilt and bias again from means at rest (sequences of 3, m/s^2 and rad/s)."""
+        self.bias.start(rate, SIGMA_BIAS_REST)
+        scale = -1 / math.sqrt(dot(force, force))
+        self.tilt.start([f * scale for f in force], SIGMA_ACCEL / STANDARD_GRAVITY)
+        self._mean_external = [0.0] * 3
+
     def epoch(self, static=False, heading=None, sigma=0.1, vehicle=None):
         """Close an epoch: correct yaw by the heading, then the gyro's bias.
 
@@ -265,8 +272,9 @@ class Attitude:
         """Update the bias filter with the gyro at rest, or with the corrections of this epoch."""
         seconds, scale = self._seconds, 1 / self._samples
         mean = [s * scale for s in self._gyro]
-        if static and steady(mean, [s * scale for s in self._gyro_square]):
-            self.bias.rest(mean, seconds)
+        if static:
+            square = [s * scale for s in self._gyro_square]
+            self.bias.rest(mean, seconds, [(s - m * m) * scale for m, s in zip(mean, square)])
             return
         # A bias that is left turns the prediction away, and the measurement turns it back.
         self.bias.predict(seconds)
@@ -375,9 +383,14 @@ class GyroBiasFilter:
     """
 
     def __init__(self, number=float):
-        start = number(SIGMA_BIAS_START * SIGMA_BIAS_START)
-        self.x = [number(0)] * 3
-        self.P = [[start if i == j else number(0) for j in range(3)] for i in range(3)]
+        self.number = number
+        self.start((0.0, 0.0, 0.0), SIGMA_BIAS_START)
+
+    def start(self, x, sigma):
+        """Start at a bias (sequence of 3) known to ``sigma`` rad/s."""
+        number, variance = self.number, self.number(sigma * sigma)
+        self.x = [number(value) for value in x]
+        self.P = [[variance if i == j else number(0) for j in range(3)] for i in range(3)]
 
     def predict(self, dt):
         """Carry the bias over ``dt`` s."""
@@ -396,11 +409,14 @@ class GyroBiasFilter:
                 P[i][j] -= gain * (Ph[i] * Ph[j])
                 P[j][i] = P[i][j]
 
-    def rest(self, mean, dt):
-        """Carry the bias over ``dt`` s and take in the mean rate at rest (sequence of 3, rad/s)."""
+    def rest(self, mean, dt, variance=(0.0, 0.0, 0.0)):
+        """Carry the bias over ``dt`` s and take in the mean rate at rest (sequence of 3, rad/s).
+
+        ``variance`` is what vibration leaves in each mean, (rad/s)^2.
+        """
         self.predict(dt)
-        for axis, value in zip(AXES, mean):
-            self.update(axis, value, SIGMA_BIAS_REST * SIGMA_BIAS_REST)
+        for axis, value, more in zip(AXES, mean, variance):
+            self.update(axis, value, SIGMA_BIAS_REST * SIGMA_BIAS_REST + max(more, 0.0))
 
 
 class Upright:

@@ -9,7 +9,8 @@ during an outage.
 import math
 from collections import namedtuple
 
-from analysis.tracker.at_rest import LowPass, StaticTest, SteadyReadings
+from analysis.tracker.at_rest import BLOCKS as WINDOW
+from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
 from analysis.tracker.attitude import GAP_S, Attitude, Upright
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import GATE_ALONE, Frame, LastPosition
@@ -41,6 +42,8 @@ class Options:
         Of the acceleration in navigation axes as white noise, m/s^2 sqrt(s).
     sigma_unaided : float
         Of an acceleration that is not known at all, while the heading is not.
+    rest_blocks : int
+        Short means in a window of the detector of rest; 0 leaves it out: the paper's rule alone.
     bridge_s : float
         Longest outage that the fusion filter carries the position through; then it holds.
     coast_s : float
@@ -64,6 +67,7 @@ class Options:
     wake_speed = StaticTest.wake_speed
     speed_window = StaticTest.speed_window
     accel_tau_s = StaticTest.accel_tau_s
+    rest_blocks = WINDOW
     lengths = LowPass.lengths
     straight_length = MountingYaw.length
     theta_alpha = MountingYaw.theta_alpha
@@ -129,7 +133,7 @@ class Device:
         self.static = StaticTest(
             on.theta_a, on.speed_threshold, on.wake_speed, on.speed_window, on.accel_tau_s
         )
-        self.steady = SteadyReadings()
+        self.rest = RestDetector(on.rest_blocks) if on.rest_blocks else None
         self.low_pass = LowPass(on.lengths)
         self.upright = Upright()
         self.mounting = MountingYaw(
@@ -152,8 +156,13 @@ class Device:
         block = self.attitude
         if block is None:
             return
-        self.steady.sample(gyro_b, accel_b)
-        block.imu(gyro_b, accel_b, dt, not self.static.moving or self.steady.steady)
+        rest = self.rest
+        if rest:
+            quiet = rest.sample(gyro_b, accel_b, dt)
+            if quiet and self._slow and self.static.moving and block.ready:
+                block.restart(rest.force, rest.rate)
+            self.static.quiet = rest.steady
+        block.imu(gyro_b, accel_b, dt, not self.static.moving)
         if not block.ready:
             return
         ax, ay = block.horizontal
@@ -279,9 +288,7 @@ class Device:
         if driving:
             heading = wrap(course + (self.mounting.mount or 0.0))
             sigma = max(self.options.sigma_speed / speed, math.radians(1.0))
-        self.steady.epoch(self._slow)
-        still = not moving or self.steady.steady
-        block.epoch(still, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
+        block.epoch(not moving, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
 
     def _vehicle(self, speed, yaw_rate, dt):
         """Square of the horizontal acceleration by GNSS speed and yaw rate; the larger of two.

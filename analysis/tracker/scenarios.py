@@ -1,9 +1,10 @@
-"""The tracker paper's three scenarios, simulated from its description, with their truth.
+"""The tracker paper's three scenarios, simulated from its description, and a car in town.
 
 Its logs were never published. A: 90 min in one place, the position drifting as under multipath,
 IMU at 4 Hz. B: laps round a rugby field on an electric scooter at 17.6 km/h, long U-turns, the
 sensor's X axis 90 deg clockwise of the heading, IMU at 40 Hz. C: a cold boot with high PDOP, then
-a walk round a car park, IMU at 4 Hz. What the paper leaves open is an assumption of `GnssErrors`,
+a walk round a car park, IMU at 4 Hz. D is not the paper's: a car that waits at lights with its
+engine running, IMU at 40 Hz. What the paper leaves open is an assumption of `GnssErrors`,
 `ImuErrors` or of the scenario's arguments, and is written there.
 
 Sensor readings are the specific force and rotation rate of a rigid body on a smooth path. The
@@ -11,7 +12,8 @@ horizontal position errors are, per axis, ::
 
     PDOP [ sum_i GaussMarkov(sigma_i, T_c,i) + white ] + settling offset * exp(-t / settle_time)
 
-An IMU sample has white noise, a constant bias, and a vibration that grows with speed.
+An IMU sample has white noise, a constant bias, a vibration that grows with speed, and the lines of
+an engine.
 """
 
 import math
@@ -23,6 +25,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 import pymap3d
+from scipy.signal import lsim, lti
 from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY
@@ -101,6 +104,14 @@ class ImuErrors:
         Standard deviation of the constant bias drawn for each axis, m/s^2 and rad/s.
     vibration : float
         Standard deviation of the vibration in each accelerometer axis per speed, m/s^2 per m/s.
+    engine : float
+        Amplitude of the engine's line in each accelerometer axis at idle, m/s^2; each axis has its
+        own phase, and twice the frequency a third of the amplitude.
+    engine_hz : float
+        Its frequency at idle; it wanders by 2 %. In motion the engine turns faster, past the
+        bandwidth of the sensor: the line is 1/e at 2 m/s.
+    engine_gyro : float
+        Amplitude of the same line in each gyro axis, rad/s.
     zero_mean_displacement : bool
         Vibration is the difference of neighbouring white values, so that it moves the sensor
         nowhere: the mean of n samples holds 1/n of it. Otherwise it is white, as that of a motor
@@ -112,6 +123,9 @@ class ImuErrors:
     accel_bias: float = 0.1
     gyro_bias: float = np.radians(0.5)
     vibration: float = 0.0
+    engine: float = 0.0
+    engine_hz: float = 28.5
+    engine_gyro: float = 0.0
     zero_mean_displacement: bool = True
 
     @classmethod
@@ -124,6 +138,9 @@ ASSUMED = {  # scenario -> errors of receiver and IMU, and the PDOP that it come
     "A": (GnssErrors.courtyard(), ImuErrors(), 2.5),
     "B": (GnssErrors(), ImuErrors(vibration=0.2), 1.8),
     "C": (GnssErrors(), ImuErrors(vibration=0.8), 2.5),
+    # 28.5 Hz and 2 deg/s are those of a real car's roof (`car-roof-imu`); the acceleration is that
+    # of cars at idle under a 40 Hz IMU, whose horizontal norm ranges over 0.46 to 0.70 m/s^2.
+    "D": (GnssErrors(), ImuErrors(vibration=0.05, engine=0.42, engine_gyro=0.04), 1.8),
 }
 
 
@@ -151,6 +168,7 @@ def assumed_errors() -> pd.DataFrame:
             "accelerometer, white, one sample (mm/s²)": f"{1e3 * imu.accel_white:.1f}",
             "- constant bias, σ of each axis (m/s²)": f"{imu.accel_bias:g}",
             "- vibration per speed (m/s² per m/s)": f"{imu.vibration:g}",
+            "- engine's line at idle, amplitude of each axis (m/s²)": f"{imu.engine:g}",
             "gyro, white, one sample (°/s)": f"{math.degrees(imu.gyro_white):.3f}",
             "- constant bias, σ of each axis (°/s)": f"{math.degrees(imu.gyro_bias):g}",
         }
@@ -272,10 +290,14 @@ def scenario(
     round a rectangle of 120 m by 70 m at 1.3 m/s with the device swinging in a bag, and is back at
     the start to 3 m.
 
+    D: not one of the paper. A car in town drives from stop to stop, a bend between any two; it
+    accelerates and brakes by 1.5 m/s^2, its body dives by 0.6 deg per m/s^2 and rocks at 1.3 Hz,
+    and its engine runs while it waits for 15 to 40 s.
+
     Parameters
     ----------
     name : str
-        "A", "B" or "C".
+        "A", "B", "C" or "D".
     rng : numpy.random.Generator
     gnss : GnssErrors, optional
     imu : ImuErrors, optional
@@ -286,6 +308,7 @@ def scenario(
         along and across, each a Gauss-Markov process over the distance, and the metres over which
         it is correlated. The paper's field is flat.
         C: ``wait`` until the walk begins, ``first_fix``, both s.
+        D: ``stops``; ``mount_deg``.
 
     Returns
     -------
@@ -295,7 +318,12 @@ def scenario(
         starts = list(GnssErrors.STARTS.values())
         gnss = GnssErrors.courtyard(starts[rng.integers(len(starts))])
     assumed = ASSUMED[name]
-    makers: dict[str, Callable[..., Scenario]] = {"A": _courtyard, "B": _laps, "C": _walk}
+    makers: dict[str, Callable[..., Scenario]] = {
+        "A": _courtyard,
+        "B": _laps,
+        "C": _walk,
+        "D": _town,
+    }
     return makers[name](rng, gnss or assumed[0], imu or assumed[1], **settings)
 
 
@@ -338,10 +366,33 @@ def _walk(rng, gnss, imu, *, imu_rate=4.0, wait=120.0, first_fix=40.0):
     return _measure(path, imu_rate, pdop, gnss, imu, rng, swing_deg=6.0, **mounted)
 
 
-def _ride(lap, length, straight, bend, rate, *, wait, course):
+def _town(rng, gnss, imu, *, imu_rate=40.0, stops=6, mount_deg=15.0):
+    legs, course = [], np.radians(20.0)
+    for _ in range(stops + 1):
+        first, second = rng.uniform(60.0, 200.0, 2)
+        bend = 14.0 * np.pi / 2, rng.choice([-1.0, 1.0]) * np.pi / 2
+        lap, wait = [(first, 0.0), bend, (second, 0.0)], rng.uniform(5.0, 30.0)
+        length = first + bend[0] + second
+        speeds = rng.uniform(9.0, 14.0), 5.0
+        leg = _ride(lap, length, *speeds, imu_rate, wait=wait, course=course, accel=1.5)
+        legs.append(leg)
+        course = leg[1][-1]
+    path = np.hstack(legs)
+    pdop = np.full(len(path[0][:: round(imu_rate)]), ASSUMED["D"][2])
+    ground = _ground(path[0] / imu_rate, np.radians(1.5), 50.0, rng)
+    # The body on its springs: pitch'' + 2 zeta w pitch' + w^2 pitch = w^2 k a
+    w, zeta, k = 2 * np.pi * 1.3, 0.2, np.radians(0.6)
+    t = np.arange(len(path[0])) / imu_rate
+    body = lti([w * w * k], [1.0, 2 * zeta * w, w * w])
+    rock = lsim(body, np.gradient(path[0], 1 / imu_rate), t)[1]
+    mounted = {"tilt": (2.0, -6.0), "mount_deg": mount_deg, "rock": rock}
+    return _measure(path, imu_rate, pdop, gnss, imu, rng, ground=ground, **mounted)
+
+
+def _ride(lap, length, straight, bend, rate, *, wait, course, accel=0.6):
     """Ride a closed path of straights and bends from rest to rest: speed and course at `rate`.
 
-    Speed follows its target with at most 0.6 m/s^2; bends begin and end over 5 m.
+    Speed follows its target with at most ``accel`` m/s^2; bends begin and end over 5 m.
     """
     ends = np.cumsum([part[0] for part in lap])
     starts = ends - [part[0] for part in lap]
@@ -355,8 +406,8 @@ def _ride(lap, length, straight, bend, rate, *, wait, course):
     while s < length - 0.05:
         here = s % ends[-1]
         target = np.interp((here + 1.5 * v) % ends[-1], at, speeds, period=ends[-1])
-        target = min(target, np.sqrt(2 * 0.6 * (length - s)))  # to be at rest at the end
-        v += np.clip(target - v, -0.6 * dt, 0.6 * dt) if v or s == 0 else 0.01
+        target = min(target, np.sqrt(2 * accel * (length - s)))  # to be at rest at the end
+        v += np.clip(target - v, -accel * dt, accel * dt) if v or s == 0 else 0.01
         v = max(v, 0.02)
         s += v * dt
         k += np.interp(here, at, bends, period=ends[-1]) * v * dt
@@ -377,8 +428,9 @@ def _ground(moved, slope, slope_m, rng):
 
 
 def _measure(
-    path, rate, pdop, gnss, imu, rng, *, tilt, mount_deg=0.0, lean=False, swing_deg=0.0, ground=None
-):
+    path, rate, pdop, gnss, imu, rng, *,
+    tilt, mount_deg=0.0, lean=False, swing_deg=0.0, ground=None, rock=0.0,
+):  # fmt: skip
     """Make the readings of receiver and IMU along a path of speed (m/s) and course (rad)."""
     v, course = path
     n, dt, every = len(v), 1 / rate, round(rate)
@@ -389,10 +441,13 @@ def _measure(
     roll = np.arctan(v * np.gradient(course, dt) / STANDARD_GRAVITY) if lean else np.zeros(n)
     step = np.radians(swing_deg) * np.minimum(v, 1.0) * np.sin(2 * np.pi * 0.9 * t)
     along, across = np.zeros((2, n)) if ground is None else ground
-    angles = np.column_stack([course, step + along, roll + step + across])
+    angles = np.column_stack([course, step + along + rock, roll + step + across])
     vehicle = Rotation.from_euler("ZYX", angles)
     mounted = Rotation.from_euler("ZYX", [mount_deg, tilt[1], tilt[0]], degrees=True)
     attitude = vehicle * mounted
+    if np.ndim(rock):  # the roof, 1 m above the axis about which the body rocks
+        back = np.gradient(np.gradient(rock, dt), dt)
+        a_n -= back[:, None] * np.column_stack([np.cos(course), np.sin(course), 0.0 * course])
     accel = attitude.inv().apply(a_n - [0.0, 0.0, STANDARD_GRAVITY])
     gyro = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / dt
     gyro = np.vstack([gyro, gyro[-1:]])
@@ -403,6 +458,12 @@ def _measure(
     shaking = np.diff(shaking, axis=0) / np.sqrt(2) if imu.zero_mean_displacement else shaking[1:]
     accel += imu.vibration * v[:, None] * shaking
     gyro += imu.gyro_white * rng.standard_normal((n, 3))
+    if imu.engine:
+        turns = np.cumsum(imu.engine_hz * (1 + gauss_markov(n, dt, 0.02, 5.0, rng))) * dt
+        phase = 2 * np.pi * (turns[:, None] + rng.uniform(size=6))
+        line = (np.sin(phase) + np.sin(2 * phase) / 3) * np.exp(-v / 2.0)[:, None]
+        accel += imu.engine * line[:, :3]
+        gyro += imu.engine_gyro * line[:, 3:]
 
     at = np.arange(0, n, every)
     m = len(at)
