@@ -435,6 +435,20 @@ def test_an_imu_with_z_up(laps):
     assert not any("z points up" in note for note in laps[1].notes)
 
 
+ON_END = [(9.80665, 0, 0), (-9.80665, 0, 0), (0, 9.80665, 0), (0, 0, 9.80665), (0, 0, 0)]
+
+
+@pytest.mark.parametrize("force", ON_END)
+def test_an_imu_on_end_is_no_crash(laps, force):
+    """property: an X axis straight up or down, or no gravity at all, is no division by zero."""
+    log = laps[0].log
+    n = np.searchsorted(log.imu.t_s, 60.0)
+    imu = Imu(log.imu.t_s[:n], np.zeros((n, 3)), np.tile(np.array(force, float), (n, 1)))
+    track = replay(replace(log, imu=imu))
+    assert np.isfinite(track.columns["out_lat_deg"][5:]).all()
+    assert np.isfinite(track.columns["roll_deg"][10:60]).all() == any(force)
+
+
 def test_single_precision(laps):
     """property: in float32 the track is the same to 10 cm and a degree of mounting angle."""
     scenario, double = laps

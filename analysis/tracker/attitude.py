@@ -23,6 +23,8 @@ SIGMA_BIAS_REST = 1e-3  # rad/s, mean of a second at rest: half a step of the co
 SIGMA_BIAS_MOVING = 0.05  # rad/s, of what the other two filters correct in a second
 GYRO_SCALE = 0.01  # of a rate: error of scale and axes
 STEADY = 0.02  # rad/s, scatter of a gyro that is not turned
+ON_END = 1e-9  # square of the sine between an axis and the vertical: it has no level
+WEIGHTLESS = 0.1  # m/s^2: no direction of down can be read
 ALIGN_S = 1.0  # s of samples that the first attitude is read from
 GAP_S = 1.0  # s without a sample after which the attitude starts again
 GYRO_ARW = 3e-4  # rad/sqrt(s), 1 deg/sqrt(h): a MEMS gyro's 0.3 with room for scale and vibration
@@ -240,7 +242,10 @@ class Attitude:
         d0, d1, d2 = down
         k = n0 * d0 + n1 * d1 + n2 * d2
         n0, n1, n2 = n0 - k * d0, n1 - k * d1, n2 - k * d2
-        scale = 1 / math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+        square = n0 * n0 + n1 * n1 + n2 * n2
+        if square < ON_END:  # the sensor has been put on end
+            return north(down, 0.0)
+        scale = 1 / math.sqrt(square)
         return [n0 * scale, n1 * scale, n2 * scale]
 
     def _align(self, accel_b):
@@ -254,6 +259,9 @@ class Attitude:
             for sums in (self._gyro, self._gyro_square, self._accel)
         )
         length = math.sqrt(dot(force, force))
+        if length < WEIGHTLESS:
+            self._clear_sums()
+            return
         unlike_gravity = abs(length - STANDARD_GRAVITY)
         still = steady(gyro, square) and unlike_gravity < 0.1 * STANDARD_GRAVITY
         down = [f * (-1 / length) for f in force]
@@ -462,11 +470,10 @@ class Upright:
         Returns
         -------
         ax, ay : float
-            Along the X axis levelled in the upright vehicle, and to its right. Undefined
-            for an X axis that points straight up or down.
+            Along the X axis levelled in the upright vehicle, and to its right.
         """
         x, y, z = self._mean
-        length = math.sqrt(x * x + y * y + z * z)
+        length = max(math.sqrt(x * x + y * y + z * z), WEIGHTLESS)
         return level(force, (-x / length, -y / length, -z / length))
 
 
@@ -478,10 +485,12 @@ def steady(mean, square):
 def north(down, heading):
     """Return north in body axes, for a sensor whose levelled X axis points to ``heading``.
 
-    Undefined for an X axis that points straight up or down.
+    An X axis that points straight up or down has no level: the Z axis takes its place.
     """
     d0, d1, d2 = down
-    scale = 1 / math.sqrt(max(1 - d0 * d0, 1e-12))
+    if 1 - d0 * d0 < ON_END:
+        return [0.0 * d0, -math.sin(heading), -d0 * math.cos(heading)]
+    scale = 1 / math.sqrt(1 - d0 * d0)
     c, s = math.cos(heading) * scale, math.sin(heading) * scale
     # forward = x - d0 down, right = down x forward = (0, d2, -d1), both over the scale
     return [c * (1 - d0 * d0), -c * d0 * d1 - s * d2, -c * d0 * d2 + s * d1]
@@ -489,6 +498,8 @@ def north(down, heading):
 
 def level(vector, down):
     """Return the parts of a vector along the levelled X axis of the sensor, and to its right."""
-    scale = 1 / math.sqrt(max(1 - down[0] * down[0], 1e-12))
+    if 1 - down[0] * down[0] < ON_END:
+        return -down[0] * vector[2], vector[1]
+    scale = 1 / math.sqrt(1 - down[0] * down[0])
     ahead = (vector[0] - down[0] * dot(vector, down)) * scale
     return ahead, (down[2] * vector[1] - down[1] * vector[2]) * scale
