@@ -20,7 +20,7 @@ from analysis.tracker.device import Options
 from analysis.tracker.evaluate import mounting_regression
 from analysis.tracker.log_replay import replay
 
-KMH = 1 / 3.6
+KMH, MPH = 1 / 3.6, 0.44704
 METRES_PER_PDOP = 5.0  # of a reported 68 % accuracy, where a phone gives no PDOP
 POSITION = {"lat_deg": "latitude", "lon_deg": "longitude", "height_m": "altitude"}
 Z_UP_TO_DOWN = np.array([1.0, -1.0, -1.0])
@@ -59,23 +59,28 @@ def read(name):
     if name not in RIDES:
         raise CannotAnswer(f"no ride '{name}'; there are: {', '.join(RIDES)}")
     path = datasets.path(RIDES[name].file)
-    gnss, imu, notes = RIDES[name].reader(pd.read_csv(path, low_memory=False))
+    gnss, imu, notes = RIDES[name].reader(path)
     return Timeline(gnss, imu, None, notes, {path.name: datasets.sha256(path)})
 
 
-def _racebox(raw):
+def _racebox(path):
+    raw = pd.read_csv(path)
     t = raw["Time"].to_numpy(float)
     columns = {"lat_deg": "Latitude", "lon_deg": "Longitude", "height_m": "Altitude"}
-    raw["speed"] = raw["Speed"] * KMH
+    raw["speed"] = raw["Speed"] * MPH
     raw["course"] = _course(t, *(raw[c].to_numpy(float) for c in ("Latitude", "Longitude")), 0.24)
     gnss = _gnss(t, raw, _once_a_second(t), columns)
     accel = raw[["GForceX", "GForceY", "GForceZ"]].to_numpy(float) * STANDARD_GRAVITY
     gyro = np.radians(raw[["GyroX", "GyroY", "GyroZ"]].to_numpy(float))
-    notes = ("course from positions 0.24 s before and after; axes turned to z down",)
+    notes = (
+        "course from positions 0.24 s before and after; axes turned to z down",
+        "the speed is in mph: the positions move 1.6 times as fast as km/h would say",
+    )
     return gnss, Imu(t, gyro * Z_UP_TO_DOWN, accel * Z_UP_TO_DOWN), notes
 
 
-def _balzer(raw):
+def _balzer(path):
+    raw = pd.read_csv(path, low_memory=False)
     t = (raw["millis"].to_numpy(float) - raw["millis"].iloc[0]) / 1000
     new = np.flatnonzero(np.r_[True, np.diff(raw["time"].to_numpy()) != 0])  # others repeat a fix
     raw["speed"] *= KMH
@@ -89,7 +94,8 @@ def _balzer(raw):
     return gnss, Imu(t + lag, gyro, accel), ("axes turned to z down, specific force", note)
 
 
-def _phone(raw):
+def _phone(path):
+    raw = pd.read_csv(path, low_memory=False)
     stamp = pd.to_datetime(raw["time"], format="ISO8601")
     t = (stamp - stamp.iloc[0]).dt.total_seconds().to_numpy()
     keep = np.r_[True, np.diff(t) > 0]
@@ -102,6 +108,29 @@ def _phone(raw):
     ok = np.isfinite(accel).all(1) & np.isfinite(gyro).all(1)
     note = f"no PDOP in the log: the reported accuracy over {METRES_PER_PDOP:g} m stands in for it"
     return gnss, Imu(t[ok], gyro[ok], accel[ok]), (note, "axes turned to z down")
+
+
+def _genivi(path):
+    """Read a log of the GENIVI logger: `$GVGNSPOS`, `$GVSNSACC` and `$GVSNSGYR`, ms and degrees."""
+    kinds: dict[str, list[list[float]]] = {"GNSPOS": [], "SNSACC": [], "SNSGYR": []}
+    for line in path.read_text(encoding="ascii").splitlines():
+        kind, *fields = line.partition("$GV")[2].split(",")
+        if kind in kinds:
+            kinds[kind].append([float(f) for f in fields if not f.startswith("0X")])
+    fixes, accel, gyro = (pd.DataFrame(rows).to_numpy() for rows in kinds.values())
+    fixes, accel, gyro = (a[np.diff(a[:, 0], prepend=-1.0) > 0] for a in (fixes, accel, gyro))
+    t, zero = fixes[:, 0] / 1000, accel[0, 0] / 1000
+    fix = fixes[:, 19] >= 2
+    gnss = Gnss(
+        t - zero, *(np.where(fix, fixes[:, k], np.nan) for k in (1, 2, 3)), fixes[:, 8],
+        np.where(fix, fixes[:, 5], np.nan), np.where(fix, fixes[:, 7], np.nan), fix,
+        np.where(fix, fixes[:, 19], np.nan), fixes[:, 11],
+    )  # fmt: skip
+    at = accel[:, 0] / 1000
+    yaw, pitch, roll = (np.interp(at, gyro[:, 0] / 1000, gyro[:, k]) for k in (1, 2, 3))
+    rates = np.radians(np.column_stack([roll, pitch, yaw])) * Z_UP_TO_DOWN
+    imu = Imu(at - zero, rates, accel[:, 1:4] * Z_UP_TO_DOWN)
+    return gnss, imu, ("axes turned to z down",)
 
 
 RIDES = {
@@ -117,6 +146,11 @@ RIDES = {
         "phone in a car, 5209 s at 1 Hz, 1265 s of them parked",
         "phone-drives/2023-08-09_12-47-42.csv",
         _phone,
+    ),
+    "genivi-car": Ride(
+        "car in and about a town, IMU at 10 Hz",
+        "car-genivi/20160209_RPi_GENIVI_Regensburg.log",
+        _genivi,
     ),
     "phone-walk": Ride(
         "phone that loses GNSS underway: accuracies up to 1100 m",
