@@ -1,14 +1,16 @@
 # Two commands: `make reproduce` and `make test`. Both need only python3 (3.11 or newer) and make.
+# `make test-device` runs the tracker on MicroPython and needs node and npm as well.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help install reproduce test lint format lock clean
+.PHONY: help install reproduce test test-device lint format lock clean
 
 help:
 	@echo "make reproduce  run every notebook in order and redraw figures/"
 	@echo "make test       lint, check types, run the tests, re-execute every notebook and compare"
+	@echo "make test-device  run the tracker on MicroPython and compare (needs node and npm)"
 	@echo "make install    make .venv and install into it; the two do so by themselves"
 	@echo "make format     format the code and the notebooks"
 	@echo "make lock       pin requirements.lock anew from pyproject.toml (needs uv)"
@@ -37,6 +39,13 @@ reproduce: $(READY)
 # Two workers; each takes whole files, so that a notebook's cells stay in order.
 test: lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# MicroPython's WebAssembly port, 2 MB, pinned with its hash; everything else is here.
+test-device: $(READY)
+	@command -v node >/dev/null 2>&1 && command -v npm >/dev/null 2>&1 || \
+		{ echo "node 18 or newer and npm are needed, for example: apt-get install nodejs npm"; exit 1; }
+	npm ci --prefix tests/device --no-audit --no-fund --loglevel=error
+	$(BIN)/python -m pytest tests/device
 
 lint: $(READY)
 	$(BIN)/ruff check

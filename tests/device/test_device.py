@@ -1,0 +1,65 @@
+"""The tracker's own files on MicroPython, against the replay of the same log here."""
+
+import board
+import numpy as np
+import pytest
+
+from analysis import ROOT, CannotAnswer, store
+from analysis.logs.moving import read_moving
+from analysis.studies import rides
+from analysis.tracker import Stored, scenario
+
+# MicroPython's float is a double here, as on a PC. Its libm, its `round` and its decimals differ in
+# the last digit, and a filter carries that on: 1e-9 rad, m and so on after thousands of steps.
+ROUNDING = {"rtol": 1e-9, "atol": 1e-9}
+UNTIL_S = 150.0  # of a real drive
+COLD = Stored(44.5, 11.3, 60.0, 0.0, 2.0)
+
+
+def simulated(kind, **settings):
+    """Simulate a scenario of the paper."""
+    return scenario(kind, np.random.default_rng(3), **settings)
+
+
+def real(name):
+    """Read a drive with an IMU, where the raw logs are."""
+    try:
+        return rides.read(name)
+    except CannotAnswer as reason:
+        pytest.skip(str(reason))
+
+
+LOGS = {
+    "A, at rest, all layers": lambda: simulated("A", imu_rate=1.0).log,
+    "B, laps with an outage": lambda: simulated("B", laps=3).with_outages([(90.0, 110.0)]).log,
+    "C, a cold start and a walk": lambda: simulated("C").log,
+    "real, a receiver alone": lambda: read_moving([ROOT / "data/raw/gpsd/telit-he910.log"]),
+    "real, a motorbike": lambda: real("racebox"),
+    "real, a car": lambda: real("car"),
+}
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_the_board_does_what_the_replay_does(tmp_path, name):
+    """cross-check: every output of every epoch, to rounding, and every decision."""
+    seen = board.record(LOGS[name](), COLD if name.startswith("C") else None)
+    events = [e for e in seen.events if not name.startswith("real") or e[0] <= UNTIL_S]
+    rows, heap, _ = board.feed(tmp_path, seen.given, events, list(seen.rows[0]))
+    assert len(rows) >= 100
+    for ours, theirs in zip(seen.rows, rows, strict=False):
+        for key, value in ours.items():
+            assert (value is None) == (theirs[key] is None)
+            if value is not None:
+                np.testing.assert_allclose(theirs[key], value, **ROUNDING, err_msg=key)
+    late = heap[len(heap) // 2 :]
+    assert late.max() - late.min() < 6000  # bytes: the buffers fill and empty, and nothing grows
+    assert heap.max() < 80_000
+
+
+def test_memory_is_what_notebook_34_shows(tmp_path):
+    """cross-check: bytes of code and state as stored, to a few blocks of 16 bytes."""
+    stored = store.read("device").tables
+    for name, now in zip(("code", "state"), board.memory(tmp_path), strict=True):
+        assert list(now.iloc[:, 0].astype(str)) == list(stored[name].iloc[:, 0].astype(str))
+        off = (now["bytes"] - stored[name]["bytes"]).abs().max()
+        assert off <= 160, "write it anew with: python tests/device/board.py"
