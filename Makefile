@@ -58,7 +58,7 @@ format: $(READY)
 
 lock:
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
-		--no-emit-index-url --no-emit-find-links --extra logs --extra test pyproject.toml -o requirements.lock
+		--no-emit-index-url --no-emit-find-links --all-extras pyproject.toml -o requirements.lock
 
 clean:
 	rm -rf $(VENV) *.egg-info

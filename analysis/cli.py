@@ -30,7 +30,12 @@ DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetr
     "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
 }  # fmt: skip
 UNITS = "deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
-RESUMABLE = ("reproduce", "coverage", "data")  # verbs that keep each piece that is finished
+RESUMABLE = (
+    "reproduce",
+    "coverage",
+    "readings",
+    "data",
+)  # verbs that keep each piece that is finished
 Block = StrEnum(  # the tracker's, as --without names them
     "Block", ["last-position", "attitude", "static", "low-pass", "mounting", "fusion"]
 )
@@ -734,6 +739,13 @@ def plan(
         print(f"{planner.SYMBOLS[name]:<10} to ±{within:g} % (95 %): {text.duration(hours)}")
 
 
+SCHEDULER = _option(
+    "ADDRESS",
+    "dask scheduler whose workers compute (tcp://host:8786), or 'local' for one started here.",
+    "--scheduler",
+)
+
+
 @_verb
 def coverage(
     runs: Annotated[
@@ -742,6 +754,7 @@ def coverage(
     hours: Annotated[Text, _option("A,B", "Lengths of the logs, h (default 2,6).")] = None,
     models: Annotated[Text, _option("A,B", "Names of sensors (default all).")] = None,
     workers: Annotated[Count, _option("N", "Processes (default one a core).", min=1)] = None,
+    scheduler: Annotated[Text, SCHEDULER] = None,
     out: Annotated[Text, _out("Folder (default that of the committed study).")] = None,
     broken: Annotated[
         bool, _flag("--broken", "Logs that break the models: warm-up, step, loss, motion ...")
@@ -780,7 +793,7 @@ def coverage(
     whole = {"--real": real, "--beside": beside, "--power": power, "--hats": hats}
     if any(whole.values()):
         flag = next(name for name, given in whole.items() if given)
-        if broken or sum(whole.values()) > 1 or any((runs, hours, models)):
+        if broken or sum(whole.values()) > 1 or any((runs, hours, models, scheduler)):
             raise WrongUsage(f"{flag} has no other options than --workers and --out")
         from analysis.studies import beside_others, repeatability
 
@@ -808,8 +821,57 @@ def coverage(
         cells = plan()
     folder = Path(out) if out else study.BROKEN if broken else study.FOLDER
     with writing(folder):
-        study.study(cells, workers, folder, breaks=broken)
+        study.study(cells, workers, folder, breaks=broken, scheduler=scheduler)
     print(f"{len(cells)} tables, {sum(n for _, _, n in cells)} logs in all, are in {folder.name}/")
+
+
+@_verb
+def readings(
+    out: Annotated[Text, _out("Folder (default that of the committed study).")] = None,
+    count: Annotated[
+        Count, _option("N", "Readings in the sample (default 2048).", "--readings", min=1)
+    ] = None,
+    laps: Annotated[Count, _option("N", "Laps of each sensor (default 300).", min=2)] = None,
+    best: Annotated[
+        Count, _option("N", "Best readings run again on 4200 laps (default 12).", min=0)
+    ] = None,
+    hold: Annotated[
+        Texts, _option("FACTOR=LEVEL", "Hold a factor at a level; repeatable.", "--hold")
+    ] = None,
+    workers: Annotated[Count, _option("N", "Processes (default one a core).", min=1)] = None,
+    scheduler: Annotated[Text, SCHEDULER] = None,
+    compiled: Annotated[
+        bool, _flag("--compiled", "Step the filters in compiled code (numba).")
+    ] = False,
+):
+    """Judge the terrain paper's claims in thousands of readings of what it leaves open.
+
+    \b
+    python -m analysis readings --compiled                what data/derived/readings holds
+    python -m analysis readings --out mine --readings 64 --laps 100 --best 0
+    python -m analysis readings --out mine --hold noise=integrated --hold road=track
+    python -m analysis readings --out mine --scheduler tcp://10.0.0.1:8786    workers elsewhere
+    python -m analysis readings --out mine --scheduler local --workers 4
+
+    A reading fixes one level of every factor (noise, channel, R, start of the bias, speed ...), and
+    its 25 sensors drive the same simulated laps. The results do not depend on the number of
+    workers. Each reading is kept in cells.sqlite once it is finished: a run that was stopped, even
+    by kill -9, resumes with the same command.
+    """
+    from analysis.studies import readings as study
+
+    given = {"readings": count, "laps": laps, "best": best}
+    folder = Path(out) if out else study.FOLDER
+    with writing(folder):
+        table = study.study(
+            folder,
+            held=hold or (),
+            workers=workers,
+            scheduler=scheduler,
+            compiled=compiled,
+            **{name: value for name, value in given.items() if value is not None},
+        )
+    print(f"{len(table)} readings are in {folder.name}/")
 
 
 @_verb

@@ -26,7 +26,7 @@ from analysis.noise import exports
 
 COMMANDS = [
     "reproduce", "report", "replay", "pool", "export", "plan", "coverage", "claims", "data",
-    "benchmark", "compare",
+    "benchmark", "compare", "readings",
 ]  # fmt: skip
 DAY = 1_600_000_000  # 13 September 2020, when the log was "last changed"
 HEADER = "t_s,gyro_x_deg_s"

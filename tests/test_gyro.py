@@ -71,5 +71,5 @@ def test_high_pass_removes_a_constant_and_keeps_what_is_fast():
 
 def test_an_unknown_start_is_refused():
     """property: a start that does not exist is named, with those that do."""
-    with pytest.raises(WrongUsage, match="zero, stationary, not 'warm'"):
+    with pytest.raises(WrongUsage, match="zero, stationary, turn-on, not 'warm'"):
         readings.unit_paths(3, 0.01, 200.0, streams(1), start="warm")

@@ -12,7 +12,6 @@ as many logs is not computed again, so delete it to see a new estimator.
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -36,6 +35,7 @@ from analysis.noise.models import (
     gauss_markov,
     models_of_table_one,
 )
+from analysis.studies.cells import compute
 from analysis.units import unit_variances
 
 SEED = 4711
@@ -228,11 +228,10 @@ def power(workers=None, folder=POWER):
     """
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
     cells, table = power_cells(), []
-    with ProcessPoolExecutor(workers) as pool:
-        for (test, says), cell in tqdm(cells.items(), unit="cell", disable=None):
+    with tqdm(total=POWER_LOGS * len(cells), unit="log", disable=None) as bar:
+        for (test, says), cell in cells.items():
             one = partial(characterised, model=cell, dt=POWER_DT, kind="rate", hours=BROKEN_HOURS)
-            logs = pool.map(one, range(POWER_LOGS), streams("terrain", POWER_LOGS), chunksize=4)
-            rows = pd.DataFrame([row for of_log in logs for row in of_log])
+            rows = _of_logs(one, "terrain", POWER_LOGS, bar, workers=workers)
             said = rows.drop_duplicates("run")["reported"].str.split().tolist()
             row = {"test": test, "size": says, "runs": POWER_LOGS}
             row |= {"found": sum(test in kinds for kinds in said), "reported": sum(map(bool, said))}
@@ -504,7 +503,7 @@ def broken_plan():
     return [(name, BROKEN_HOURS, BROKEN_LOGS) for name in broken()]
 
 
-def study(cells, workers=None, folder=FOLDER, *, breaks=False):
+def study(cells, workers=None, folder=FOLDER, *, breaks=False, scheduler=None):
     """Run the estimators on simulated logs, and write a table a cell.
 
     A cell that is there already with as many logs is kept: a killed study goes on where it stopped.
@@ -518,6 +517,8 @@ def study(cells, workers=None, folder=FOLDER, *, breaks=False):
     folder : Path
     breaks : bool
         The models are those of `broken`.
+    scheduler : str, optional
+        As for `analysis.studies.cells.compute`.
     """
     known = broken() if breaks else models()
     unknown = [name for name, _, _ in cells if name not in known]
@@ -525,10 +526,7 @@ def study(cells, workers=None, folder=FOLDER, *, breaks=False):
         raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(known)}")
     store.write(folder, broken_source() if breaks else papers_source(), {})
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
-    with (
-        ProcessPoolExecutor(workers) as pool,
-        tqdm(total=sum(runs for _, _, runs in cells), unit="log", disable=None) as bar,
-    ):
+    with tqdm(total=sum(runs for _, _, runs in cells), unit="log", disable=None) as bar:
         for name, hours, runs in cells:
             path = folder / f"{name}-{hours:g}h.csv"
             bar.set_description(path.stem)
@@ -538,16 +536,25 @@ def study(cells, workers=None, folder=FOLDER, *, breaks=False):
             model, dt, kind = known[name]
             run = characterised if breaks else estimate
             one = partial(run, model=model, dt=dt, kind=kind, hours=hours)
-            rows = []
-            for of_log in pool.map(one, range(runs), streams(name, runs), chunksize=4):
-                rows += of_log
-                bar.update()
-            table = pd.DataFrame(rows)
+            table = _of_logs(one, name, runs, bar, workers=workers, scheduler=scheduler)
             table = broken_summary(table) if breaks else summary(table, model)
             table.insert(0, "hours", float(hours))
             table.insert(0, "model", name)
             with replacing(path) as draft:
                 store.write_table(draft, store.rounded(table, DIGITS))
+
+
+def _of_logs(run, name, count, bar, **where):
+    """Run the estimators on all logs of a model; a table in the order of the logs."""
+    found = {}
+    for k, rows in compute(partial(_of_log, run), enumerate(streams(name, count)), **where):
+        found[k] = rows
+        bar.update()
+    return pd.DataFrame([row for k in sorted(found) for row in found[k]])
+
+
+def _of_log(run, log):
+    return run(*log)
 
 
 def papers_source():

@@ -22,11 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from scipy.signal import lfilter
 from scipy.stats import binomtest, chi2
 from tqdm import tqdm
 
-from analysis import Estimate
-from analysis.terrain.readings import Sensor, Setup, high_pass, unit_paths
+from analysis import Estimate, WrongUsage
+from analysis.terrain.compiled import run_compiled
+from analysis.terrain.readings import Sensor, Setup, unit_paths
 from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
 
@@ -45,7 +47,7 @@ class Laps:
         Of the sensors, in the order of the arrays.
     t : ndarray, shape (times,), s
     distance : ndarray, shape (times,), m
-        True distance.
+        True distance; of the first lap, where laps begin at different places.
     error : ndarray, shape (sensors, runs, times), m
         Estimated minus true distance.
     variance : ndarray, shape (sensors, runs, times), m^2
@@ -92,10 +94,11 @@ class Laps:
         Returns
         -------
         dict of pandas.DataFrame
-            ``mean`` (m) and ``standard deviation`` (m), ``variance`` (m^2, pooled), ``variance over
-            laps at one moment`` (ensemble) and ``variance over a lap`` (per run); a column for each
-            sensor, the sample itself in the first row and a resample in each further row. See
-            `interval`.
+            ``mean`` (of the absolute error, m), ``signed mean`` and ``root mean square`` (m);
+            ``standard deviation`` (m), ``variance`` (m^2, pooled), ``variance over laps at one
+            moment`` (ensemble) and ``variance over a lap`` (per run); ``lost``, the share of the
+            laps (1). A column for each sensor, the sample itself in the first row and a resample in
+            each further row. See `interval`.
         """
         error = self.error if runs is None else self.error[:, runs]
         weights = resample(error.shape[1], draws, rng)
@@ -108,10 +111,13 @@ class Laps:
         pooled = square - over_runs(mean) ** 2
         found = {
             "mean": over_runs(np.abs(error).mean(axis=2)),
+            "signed mean": over_runs(mean),
+            "root mean square": np.sqrt(square),
             "standard deviation": np.sqrt(pooled),
             "variance": pooled,
             "variance over laps at one moment": square - at_a_moment,
             "variance over a lap": square - over_runs(mean**2),
+            "lost": over_runs(np.abs(error).max(axis=2) > LOST_M),
         }
         return {name: self._by_sensor(values) for name, values in found.items()}
 
@@ -141,6 +147,7 @@ def simulate_laps(
     seed: int,
     store_every: float = 0.5,
     map_error: float = 0.0,
+    compiled: bool = False,
 ) -> Laps:
     """Simulate and track laps of many sensors.
 
@@ -158,6 +165,8 @@ def simulate_laps(
     map_error : float
         Standard deviation of white noise that is added to every reading, deg. It is drawn for all
         runs at once, so that it depends on their number.
+    compiled : bool
+        Step the filters in compiled code (numba, of the extra ``fast``): the same to rounding.
 
     Returns
     -------
@@ -167,8 +176,11 @@ def simulate_laps(
     ------
     CannotAnswer
         If the lap leaves the map.
+    WrongUsage
+        If numba is asked for and not installed, or the filter has bias states.
     """
-    attitude_map.require([setup.begin, setup.begin + setup.length])
+    attitude_map.require([setup.begin, setup.begin + (setup.span or setup.length)])
+    attitude_map = setup.filtered(attitude_map)
     truth = setup.truth
     attitude = attitude_map.at(truth)
     if map_error:
@@ -182,9 +194,19 @@ def simulate_laps(
         part = slice(i, i + block)
         first, moved = odometry(setup, streams[part])
         paths = attitude_errors(setup, attitude_map.channels, streams[part], len(truth))
-        seen = attitude[..., part] if map_error else attitude
+        at, seen = truth, attitude[..., part] if map_error else attitude
+        if setup.span is not None:
+            further = setup.begins(i, len(first)) - setup.begin
+            first, at = first + further, truth[:, None] + further
+            seen = attitude_map.at(at)
+        if setup.drawn_map_error:
+            shape = seen.shape[:2]
+            seen = seen.reshape(*shape, -1) + map_errors(setup, shape, streams[part])
         parts.append(
-            follow(attitude_map, truth, seen, first, moved, paths, sensors, setup, store_every)
+            follow(
+                *(attitude_map, at, seen, first, moved, paths, sensors, setup, store_every),
+                compiled=compiled,
+            )
         )
     joined = (
         np.concatenate([getattr(part, name) for part in parts], axis=1)
@@ -242,31 +264,64 @@ def attitude_errors(setup, channels, streams, samples):
             setup.corr_time,
             [_child(stream, 1 + c) for stream in streams],
             start=setup.start,
+            noise=setup.noise,
         )
         for c in range(channels)
     ]
     walk, bias = (np.stack(paths, axis=1) for paths in zip(*drawn, strict=True))
-    if setup.high_pass:
-        walk, bias = (high_pass(p, 1 / setup.rate_hz, setup.high_pass) for p in (walk, bias))
-    return walk, bias
+    return setup.measured(walk), setup.measured(bias)
+
+
+def map_errors(setup, shape, streams):
+    """Draw the error of the map along each of some runs: exponentially correlated.
+
+    Parameters
+    ----------
+    setup : Setup
+    shape : (int, int)
+        Channels and samples.
+    streams : sequence of numpy.random.SeedSequence
+
+    Returns
+    -------
+    ndarray, shape (channels, samples, runs), deg
+    """
+    sd, length = setup.drawn_map_error
+    keep = np.exp(-setup.speed / setup.rate_hz / length)
+    found = np.empty((*shape, len(streams)))
+    for k, stream in enumerate(streams):
+        e = np.random.default_rng(_child(stream, 3)).standard_normal(shape)
+        e[:, 1:] *= np.sqrt(1 - keep**2)
+        found[..., k] = sd * lfilter([1.0], [1.0, -keep], e)
+    return setup.measured(found.transpose(1, 0, 2)).transpose(1, 0, 2)
 
 
 def follow(
-    attitude_map, truth, attitude, first, moved, paths, sensors, setup, store_every=0.5
+    attitude_map,
+    truth,
+    attitude,
+    first,
+    moved,
+    paths,
+    sensors,
+    setup,
+    store_every=0.5,
+    *,
+    compiled=False,
 ) -> Laps:
     """Track one drive, simulated or real, through all runs and sensors.
 
     Parameters
     ----------
     attitude_map : AttitudeMap
-    truth : ndarray, shape (samples,), m
+    truth : ndarray, shape (samples,) or (samples, runs), m
     attitude : ndarray, shape (channels, samples) or (channels, samples, runs), deg
         Reading of a perfect gyro; NaN where there is none, and the filter then only predicts.
     first : ndarray, shape (runs,), m
     moved : ndarray, shape (samples,) or (samples, runs), m
     paths : tuple of ndarray, shape (samples, channels, runs)
         Of `attitude_errors`.
-    sensors, setup, store_every
+    sensors, setup, store_every, compiled
         As for `simulate_laps`.
 
     Returns
@@ -277,13 +332,24 @@ def follow(
     arw, sigma_b, R = np.array(assumed).T[..., None]
     n, m, dt, every = len(truth), attitude_map.channels, 1 / setup.rate_hz, setup.every
     walk, bias = paths
-    ukf, Q = _filter(attitude_map, setup, arw, sigma_b, first)
     stride = every * max(round(store_every / dt) // every, 1)
     stored = np.arange(stride, n, stride)
     error, variance = np.empty((2, len(arw), len(first), len(stored)))
     nis, readings = np.zeros((len(arw), len(first))), 0
     attitude = attitude.reshape(m, n, 1, -1)
     known = np.isfinite(attitude).all(axis=(0, 2, 3))
+    distance = truth.reshape(n, -1)[stored, 0]
+    if compiled:
+        if setup.bias_states:
+            raise WrongUsage("the compiled filter has no bias states: leave `compiled` out")
+        run_compiled(
+            *(attitude_map, setup, first, moved.reshape(n, -1), attitude[:, :, 0], known),
+            *(walk, bias, arw[:, 0], sigma_b[:, 0], R[:, 0], truth.reshape(n, -1), stride),
+            *(error, variance, nis),
+        )
+        nis /= max(np.count_nonzero(known[stored]), 1)
+        return Laps(tuple(sensors), stored * dt, distance, error, variance, nis)
+    ukf, Q = _filter(attitude_map, setup, arw, sigma_b, first)
     for k in range(every, n, every):
         step = moved[k - every + 1 : k + 1].sum(axis=0)
         ukf.predict(step, Q)
@@ -304,7 +370,7 @@ def follow(
                 nis += normalised_square(innovation, S) / m
                 readings += 1
     nis /= max(readings, 1)
-    return Laps(tuple(sensors), stored * dt, truth[stored], error, variance, nis)
+    return Laps(tuple(sensors), stored * dt, distance, error, variance, nis)
 
 
 def _assumed_R(sensor, setup):

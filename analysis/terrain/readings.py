@@ -15,16 +15,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
+from scipy.stats import qmc
 
 from analysis import CannotAnswer, WrongUsage
+from analysis.terrain.terrain_map import AttitudeMap
 
-STARTS = ("zero", "stationary")
+STARTS = ("zero", "stationary", "turn-on")
+NOISES = ("integrated", "on attitude", "on attitude, per sample")
+TURN_ON = 3.0  # constant bias of a turn-on, one sigma, over B (chosen; datasheets have more)
+PAPER_HZ = 100.0  # sampling rate of the paper's simulated sensors
 
 
 class Sensor(NamedTuple):
@@ -105,7 +111,13 @@ def sensor_table(entries: dict[str, dict]) -> pd.DataFrame:
 
 
 def unit_paths(
-    n: int, dt: float, corr_time: float, streams: Sequence, *, start: str = "zero"
+    n: int,
+    dt: float,
+    corr_time: float,
+    streams: Sequence,
+    *,
+    start: str = "zero",
+    noise: str = "integrated",
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw the attitude error of a sensor with N = 1 and of one with B = 1, run by run.
 
@@ -122,20 +134,25 @@ def unit_paths(
         Sampling interval and correlation time of the bias, s; ``corr_time = inf`` is a constant.
     streams : sequence of numpy.random.SeedSequence
         One for each run.
-    start : {"zero", "stationary"}
-        Whether the bias starts at 0, as an integrator of a simulation does, or is drawn.
+    start : {"zero", "stationary", "turn-on"}
+        Whether the bias starts at 0, as an integrator of a simulation does, is drawn, or starts at
+        0 beside a constant of `TURN_ON` times B (one sigma).
+    noise : {"integrated", "on attitude", "on attitude, per sample"}
+        Whether the rate error is integrated, as in a car, or put on the attitude as it is. Its
+        white part then has the power N^2, or the variance N^2 in each sample at `PAPER_HZ`.
 
     Returns
     -------
     walk, bias : ndarray, shape (n, runs)
-        sqrt(s) and s: times N in deg/sqrt(s) and B in deg/s, attitude errors in deg.
+        sqrt(s) and s: times N in deg/sqrt(s) and B in deg/s, attitude errors in deg. Where the
+        noise is put on the attitude, N and B are taken as numbers in deg sqrt(s), or deg, and deg.
 
     Raises
     ------
     WrongUsage
-        If `start` is neither.
+        If there is no such start or noise.
     """
-    _known(start)
+    _known(start, noise)
     x = dt / corr_time
     keep, left = np.exp(-x), -np.expm1(-x)
     reach = dt if np.isinf(corr_time) else corr_time * left
@@ -148,11 +165,17 @@ def unit_paths(
         rng = np.random.default_rng(stream)
         first = rng.standard_normal()
         steps = rng.standard_normal((3, n - 1))
-        walk[1:, k] = np.sqrt(dt) * np.cumsum(steps[0])
         b = np.empty(n)
         b[0] = first if start == "stationary" else 0.0
         b[1:], _ = lfilter([1.0], [1.0, -keep], sd_u * steps[1], zi=[keep * b[0]])
-        bias[1:, k] = np.cumsum(reach * b[:-1] + gain * steps[1] + sd_w * steps[2])
+        turn_on = TURN_ON * first if start == "turn-on" else 0.0
+        if noise == "integrated":
+            walk[1:, k] = np.sqrt(dt) * np.cumsum(steps[0])
+            bias[1:, k] = np.cumsum(reach * b[:-1] + gain * steps[1] + sd_w * steps[2])
+            bias[:, k] += turn_on * dt * np.arange(n)
+        else:
+            walk[1:, k] = steps[0] * _white(noise) / np.sqrt(dt)
+            bias[:, k] = b + turn_on
     return walk, bias
 
 
@@ -163,6 +186,7 @@ def attitude_variance(
 
         zero:        N^2 t + B^2 T_c^2 (2x - 3 + 4 e^-x - e^-2x),   x = t / T_c
         stationary:  N^2 t + 2 B^2 T_c^2 (x - 1 + e^-x)
+        turn-on:     that of zero + (3 B t)^2
 
     Parameters
     ----------
@@ -170,7 +194,7 @@ def attitude_variance(
     arw, sigma_b : array_like
         deg/sqrt(s), deg/s.
     corr_time : float, s
-    start : {"zero", "stationary"}
+    start : {"zero", "stationary", "turn-on"}
 
     Returns
     -------
@@ -183,6 +207,8 @@ def attitude_variance(
         x = t / corr_time
         # What the start adds: the integral of b_0 e^(-t/T_c).
         of_bias = of_bias + (t if np.isinf(corr_time) else corr_time * -np.expm1(-x)) ** 2
+    if start == "turn-on":
+        of_bias = of_bias + (TURN_ON * t) ** 2
     return np.square(arw) * t + np.square(sigma_b) * of_bias
 
 
@@ -215,9 +241,16 @@ def _integral_variance(t, corr_time):
     return 0.0 * x if np.isinf(corr_time) else corr_time**2 * np.where(small, series, closed)
 
 
-def _known(start):
+def _known(start, noise="integrated"):
     if start not in STARTS:
         raise WrongUsage(f"the bias starts at one of {', '.join(STARTS)}, not '{start}'")
+    if noise not in NOISES:
+        raise WrongUsage(f"the noise is one of {'; '.join(NOISES)}, not '{noise}'")
+
+
+def _white(noise):
+    """Root of the power that N = 1 has, where it is put on the attitude."""
+    return 1.0 if noise == "on attitude" else PAPER_HZ**-0.5
 
 
 @dataclass(frozen=True)
@@ -234,8 +267,10 @@ class Setup:
         m/s; the paper has none. 11 m/s is how the van of the real laps drives.
     corr_time : float
         T_c of the bias, s (paper, Table 1: 200 s).
-    start : {"zero", "stationary"}
+    start : {"zero", "stationary", "turn-on"}
         Start of the bias; an integrator in a simulation starts at 0 by default.
+    noise : {"integrated", "on attitude", "on attitude, per sample"}
+        What becomes of the rate error, see `unit_paths`; a gyro in a car is integrated.
     R : float or None
         Variance of a measured attitude that the filter assumes, deg^2, for every sensor that has
         none of its own (the paper speaks of one given algorithm). None: for each sensor the
@@ -248,7 +283,15 @@ class Setup:
     every : int
         The filter uses one sample in `every`.
     high_pass : float or None
-        Time constant of a high-pass on the attitude error, s; None, as in the paper: no filter.
+        Time constant of a high-pass on measured attitude and map, s; None, as in the paper: none.
+    difference : float or None
+        Measured is by how much the attitude has changed over so many metres; None: the attitude.
+    span : float or None
+        Laps begin at places spread evenly over this length of road less their own, m; None: all
+        at `begin`.
+    drawn_map_error : tuple of float or None
+        Standard deviation (deg) and correlation length (m) of the error of the map in simulated
+        laps, drawn for each; None: the map is exact, but for white noise (`simulate_laps`).
     bias_states : bool
         Let the filter estimate attitude error and rate bias too, which the paper rules out. R is
         then the variance of what is left: the map's error.
@@ -265,12 +308,16 @@ class Setup:
     speed: float = 11.0
     corr_time: float = 200.0
     start: str = "zero"
+    noise: str = "integrated"
     R: float | None = None
     odometry_walk: float = 0.013
     odometry_scale: float = 3.4e-4
     begin_sd: float = 0.5
     every: int = 1
     high_pass: float | None = None
+    difference: float | None = None
+    span: float | None = None
+    drawn_map_error: tuple[float, float] | None = None
     bias_states: bool = False
     begin_attitude_sd: float = 0.05
     map_error: tuple[float, float] | None = None
@@ -335,9 +382,70 @@ class Setup:
         return self.odometry_walk**2 + self.odometry_scale**2 * self.length
 
     def own_R(self, sensor: Sensor) -> float:
-        """Variance of a sensor's attitude error averaged over the lap, deg^2."""
-        t = np.linspace(0, self.length / self.speed, 201)
-        return float(attitude_variance(t, *sensor[:2], self.corr_time, start=self.start).mean())
+        """Variance of a sensor's measured attitude averaged over the lap, deg^2."""
+        if self.noise == "integrated" and not (self.high_pass or self.difference):
+            t = np.linspace(0, self.length / self.speed, 201)
+            return float(attitude_variance(t, *sensor[:2], self.corr_time, start=self.start).mean())
+        walk, bias = self._unit_variances
+        return float(sensor.arw**2 * walk + sensor.sigma_b**2 * bias)
+
+    @cached_property
+    def _unit_variances(self):
+        """Variance of what is measured with N = 1 and with B = 1, averaged over the lap.
+
+        The error is linear in its driving noise: its variance is the sum of the squares of the
+        response to one impulse of it, and the square of what the start of the bias leaves.
+        """
+        dt, n = 1 / self.rate_hz, self.samples
+        t = dt * np.arange(n)
+        decay, white = np.exp(-t / self.corr_time), np.append(1.0, np.zeros(n - 1))
+        driven = np.sqrt(-np.expm1(-2 * dt / self.corr_time)) * decay
+        constant = TURN_ON * np.ones(n) if self.start == "turn-on" else 0.0 * t
+        begun = decay if self.start == "stationary" else constant
+        if self.noise == "integrated":
+            white, driven = np.sqrt(dt) * np.ones(n), dt * np.cumsum(driven)
+            begun = dt * np.cumsum(begun) - dt * begun
+        else:
+            white *= _white(self.noise) / np.sqrt(dt)
+        responses = (np.append(0.0, h)[:, None] for h in (white, driven))
+        walk, bias = (np.cumsum(self.measured(h)[1:] ** 2).mean() for h in responses)
+        return walk, bias + (self.measured(begun[:, None]) ** 2).mean()
+
+    def measured(self, values: np.ndarray) -> np.ndarray:
+        """Make of an attitude what is compared with the map: its high-pass or its difference.
+
+        Parameters
+        ----------
+        values : ndarray, shape (samples, ...)
+            In time, at the rate of the setup, along the first axis.
+
+        Returns
+        -------
+        ndarray, shape (samples, ...)
+            `values` itself, where the attitude is compared as it is.
+        """
+        return self._measured(values, self.speed / self.rate_hz)
+
+    def filtered(self, attitude_map: AttitudeMap) -> AttitudeMap:
+        """Make of a map of the attitude that of its high-pass or difference, for this speed."""
+        if not (self.high_pass or self.difference):
+            return attitude_map
+        m = attitude_map
+        return AttitudeMap(m.start, m.step, self._measured(m.attitude.T, m.step).T)
+
+    def _measured(self, values, step):
+        if self.high_pass:
+            values = high_pass(values, step / self.speed, self.high_pass)
+        if self.difference:
+            before = np.arange(len(values)) - max(round(self.difference / step), 1)
+            values = values - values[np.maximum(before, 0)]
+        return values
+
+    def begins(self, first: int, count: int) -> np.ndarray:
+        """Place on the map where the laps from number `first` on begin, m, shape (count,)."""
+        free = 0.0 if self.span is None else self.span - self.length
+        even = qmc.Halton(1, scramble=False).random(first + count)[first:, 0]
+        return self.begin + free * even
 
     def stated(self) -> dict:
         """Give the attributes as plain numbers and words, for the provenance of a figure."""

@@ -1,0 +1,447 @@
+"""Readings of the terrain paper as points in a space of factors, and its claims in each of them.
+
+The paper leaves open what `FACTORS` lists. A `Reading` fixes one level of each; its sensors then
+drive simulated laps, and every claim that a reading can change is a number of their tracking
+errors, with a bootstrap over laps. A claim holds in a reading if its number lies in the range of
+``data/published/claims.csv`` in at least 95 % of the resamples, fails if in at most 5 %, and is
+open in between.
+
+Readings share their random numbers: lap k of every reading and sensor draws from the k-th stream
+of one seed. A lap is sampled every `STEP_M`, which is finer than the map, and R is scaled with the
+rate, so that a second holds the information that it holds at 100 Hz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.stats import qmc, rankdata
+
+from analysis import WrongUsage
+from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
+from analysis.terrain.readings import PAPER_HZ, Sensor, Setup
+from analysis.terrain.terrain_map import AttitudeMap
+from analysis.terrain.trends import PowerLaw, draw_prices
+
+STEP_M = 0.55  # between two readings: the grid of the map is 0.5 m
+MOMENTS = 100  # of a lap at which its error is kept
+LEAST_R = 1e-4  # deg^2 at 100 Hz: a filter that takes its sensor for perfect divides by 0
+HOLDS, FAILS = 0.95, 0.05  # shares of the resamples
+LAP_M = 1557.3  # of the test track
+FACTORS: dict[str, tuple] = {
+    "noise": ("integrated", "on attitude", "on attitude, per sample"),
+    "channel": ("pitch", "roll", "both"),
+    "form": (
+        *("absolute", "high-pass 0.5 s", "high-pass 5 s", "high-pass 30 s"),
+        *("difference 10 m", "difference 50 m"),
+    ),
+    "R_rule": ("worst sensor", "own"),
+    "R_times": (0.3, 1.0, 3.0, 10.0, 30.0),
+    "start": ("zero", "stationary", "turn-on"),
+    "b_times": (0.1, 0.3, 1.0, 3.0),
+    "corr_time_s": (20.0, 60.0, 200.0, 600.0),
+    "leg_m": (100.0, 190.0, 400.0, 800.0, LAP_M),
+    "speed_m_s": (5.0, 11.0, 20.0, 30.0),
+    "odometry_times": (0.3, 1.0, 3.0, 10.0, 30.0),
+    "begin_sd_m": (0.05, 0.5, 2.0, 5.0),
+    "map_error_deg": (0.0, 0.05, 0.1, 0.3),
+    "road": ("track", "I-99", "ISO A", "ISO C"),
+    "mean": ("absolute", "signed", "root mean square"),
+    "variance": ("pooled", "over laps at one moment", "over a lap"),
+}
+"""Factor and its levels. ``R_times``: R over that of `R_rule`; ``b_times``: sigma_b over B."""
+
+N_GRID = np.linspace(0.001, 0.01, 4)  # deg/sqrt(s), Figs 8 and 9 of the paper, coarser
+B_GRID = np.linspace(0.0001, 0.01, 4)  # deg/s, Figs 10 and 11
+TACTICAL, MEMS = (N_GRID[0], B_GRID[0]), (N_GRID[-1], B_GRID[-1])  # Fig 7
+CORNERS = [(n, b) for n in N_GRID[[0, -1]] for b in B_GRID[[0, -1]]]
+TWICE_R = "R twice"
+MAP_ERROR_M = 10.0  # correlation length of the error of the map along the road
+MATCHED = 100  # laps on which measured and true attitude are correlated
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One level of every factor; the defaults are the reading of notebooks 21 to 23.
+
+    Raises
+    ------
+    WrongUsage
+        If a level is none of `FACTORS`.
+    """
+
+    noise: str = "integrated"
+    channel: str = "pitch"
+    form: str = "absolute"
+    R_rule: str = "worst sensor"
+    R_times: float = 1.0
+    start: str = "zero"
+    b_times: float = 1.0
+    corr_time_s: float = 200.0
+    leg_m: float = LAP_M
+    speed_m_s: float = 11.0
+    odometry_times: float = 1.0
+    begin_sd_m: float = 0.5
+    map_error_deg: float = 0.0
+    road: str = "track"
+    mean: str = "absolute"
+    variance: str = "pooled"
+
+    def __post_init__(self):
+        """Check every level."""
+        for name, level in asdict(self).items():
+            if level not in FACTORS[name]:
+                known = ", ".join(map(str, FACTORS[name]))
+                raise WrongUsage(f"factor '{name}' has no level '{level}'; it has: {known}")
+
+    @classmethod
+    def of(cls, levels: Mapping) -> Reading:
+        """Make a reading of some levels, the others being those of the reference reading.
+
+        Raises
+        ------
+        WrongUsage
+            If there is no such factor or level.
+        """
+        unknown = sorted(set(levels) - set(FACTORS))
+        if unknown:
+            raise WrongUsage(f"no factor '{unknown[0]}'; there are: {', '.join(FACTORS)}")
+        return cls(**levels)
+
+    def setup(self) -> Setup:
+        """Give the setup of its laps, at a rate of one sample every `STEP_M`."""
+        kind, _, size = self.form.partition(" ")
+        number = float(size.split()[0]) if size else None
+        usual = Setup(LAP_M)
+        return Setup(
+            self.leg_m,
+            begin=0.0 if self.road == "track" else 500.0,
+            rate_hz=self.speed_m_s / STEP_M,
+            speed=self.speed_m_s,
+            corr_time=self.corr_time_s,
+            start=self.start,
+            noise=self.noise,
+            odometry_walk=self.odometry_times * usual.odometry_walk,
+            odometry_scale=self.odometry_times * usual.odometry_scale,
+            begin_sd=self.begin_sd_m,
+            span=LAP_M,
+            drawn_map_error=(self.map_error_deg, MAP_ERROR_M) if self.map_error_deg else None,
+            high_pass=number if kind == "high-pass" else None,
+            difference=number if kind == "difference" else None,
+        )
+
+    def sensors(self, table_3: Mapping[str, Sequence[float]]) -> dict[object, Sensor]:
+        """Lay out the sensors of the claims, each with the R that its filter assumes.
+
+        Parameters
+        ----------
+        table_3 : mapping of name to (N, B)
+            The paper's sensors with a price, the cheapest first.
+
+        Returns
+        -------
+        dict of label to Sensor
+            ``(N, B)`` of the sweeps, the names of `table_3`, ``"no error"``; and
+            ``("R twice", N, B)``, at half the sampling rate with the R of the full one.
+        """
+        at_100 = replace(self.setup(), rate_hz=PAPER_HZ)
+        scale = self.setup().rate_hz / PAPER_HZ
+
+        def of(n, b, times=1.0):
+            sensor = Sensor(float(n), float(b) * self.b_times)
+            worst = Setup.WORST._replace(sigma_b=Setup.WORST.sigma_b * self.b_times)
+            R = at_100.own_R(worst if self.R_rule == "worst sensor" else sensor) * self.R_times
+            return sensor._replace(R=times * scale * max(R + self.map_error_deg**2, LEAST_R))
+
+        found: dict[object, Sensor] = {(n, b): of(n, b) for n in N_GRID for b in B_GRID}
+        found |= {name: of(*at) for name, at in table_3.items()} | {"no error": of(0, 0)}
+        return found | {(TWICE_R, *at): of(*at, 2.0) for at in CORNERS}
+
+
+class Roads(NamedTuple):
+    """What readings are simulated with, beside their factors.
+
+    Attributes
+    ----------
+    maps : dict of str to AttitudeMap
+        Pitch and roll of each level of ``road``.
+    table_3 : dict of str to (N, B)
+        The paper's sensors, the cheapest first.
+    prices : ndarray, shape (sensors, 2), USD
+        Range of the price of each.
+    claims : DataFrame
+        ``low`` and ``high`` of every claim that is judged (NaN: no bound), indexed by id.
+    """
+
+    maps: dict[str, AttitudeMap]
+    table_3: dict[str, tuple[float, float]]
+    prices: np.ndarray
+    claims: pd.DataFrame
+
+    def drive(
+        self, reading: Reading, *, laps: int, seed: int, compiled: bool = False
+    ) -> tuple[Laps, AttitudeMap]:
+        """Simulate the laps of a reading, and give the map that its filter reads."""
+        rows = {"pitch": [0], "roll": [1], "both": [0, 1]}[reading.channel]
+        road, setup = self.maps[reading.road], reading.setup()
+        road = AttitudeMap(road.start, road.step, road.attitude[rows])
+        found = simulate_laps(
+            *(road, reading.sensors(self.table_3), setup),
+            runs=laps,
+            seed=seed,
+            store_every=setup.seconds / MOMENTS,
+            compiled=compiled,
+        )
+        return found, road
+
+    def evaluate(
+        self,
+        reading: Reading,
+        *,
+        laps: int,
+        seed: int,
+        resamples: int = 200,
+        compiled: bool = False,
+    ) -> pd.DataFrame:
+        """Judge every claim in one reading.
+
+        Parameters
+        ----------
+        reading : Reading
+        laps : int
+            Of each sensor.
+        seed : int
+        resamples : int
+            Bootstrap samples of the laps.
+        compiled : bool
+
+        Returns
+        -------
+        DataFrame, indexed by claim
+            ``value`` of the claim's number, and the share of the resamples ``inside`` its range.
+        """
+        driven, road = self.drive(reading, laps=laps, seed=seed, compiled=compiled)
+        rng = np.random.default_rng([seed, 1])
+        numbers = claim_numbers(driven, reading, [*self.table_3], self.prices, resamples, rng)
+        numbers |= attitude_numbers(road, reading, min(laps, MATCHED), seed, resamples, rng)
+        low, high = self.claims["low"].fillna(-np.inf), self.claims["high"].fillna(np.inf)
+        rows = {}
+        for claim, values in numbers.items():
+            with np.errstate(invalid="ignore"):
+                inside = (values[1:] >= low[claim]) & (values[1:] <= high[claim])
+            rows[claim] = {"value": values[0], "inside": inside.mean()}
+        return pd.DataFrame(rows).T
+
+
+def claim_numbers(
+    laps: Laps, reading: Reading, paid: list[str], prices, resamples: int, rng: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """Compute the number of each claim from laps, in the sample itself and in each resample.
+
+    Parameters
+    ----------
+    laps : Laps
+        With the sensors of `Reading.sensors`.
+    reading : Reading
+        Says which mean and which variance.
+    paid : list of str
+        Labels of the sensors with a price, the cheapest first.
+    prices : array_like, shape (sensors, 2), USD
+    resamples : int
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    dict of str to ndarray, shape (1 + resamples,)
+    """
+    found = laps.measures(resamples, rng)
+    means = {"absolute": "mean", "signed": "signed mean", "root mean square": reading.mean}
+    mean = found[means[reading.mean]].abs()
+    variance = found["variance" if reading.variance == "pooled" else f"variance {reading.variance}"]
+    kept = 1.0 - found["lost"]
+    grid = (1 + resamples, len(N_GRID), len(B_GRID))
+    labels = [(n, b) for n in N_GRID for b in B_GRID]
+    m, v = (_columns(of, labels).reshape(grid) for of in (mean, variance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        numbers = _of_sweeps(m, v) | _of_pair(mean, variance, kept)
+        numbers |= _of_prices(mean[paid].to_numpy(), variance[paid].to_numpy(), prices, rng)
+        twice = [(TWICE_R, *at) for at in CORNERS]
+        ratio = _columns(variance, twice).mean(axis=1) / _columns(variance, CORNERS).mean(axis=1)
+        low, high = np.nanquantile(ratio[1:], [0.025, 0.975])
+        numbers["sampling-rate-matters"] = np.full(len(ratio), float(not low <= 1 <= high))
+    numbers["conclusion-low-cost-tracks"] = kept[paid[0]].to_numpy()
+    return {f"terrain-{claim}": values for claim, values in numbers.items()}
+
+
+def attitude_numbers(
+    road: AttitudeMap,
+    reading: Reading,
+    laps: int,
+    seed: int,
+    resamples: int,
+    rng: np.random.Generator,
+) -> dict[str, np.ndarray]:
+    """Correlate measured and true attitude of the sensors of Figs 3 and 4 over each lap.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (1 + resamples,)
+        What nine laps in ten exceed, in the channel that is matched worse.
+    """
+    setup = reading.setup()
+    streams = np.random.SeedSequence(seed).spawn(laps)
+    places = setup.truth[:, None] + setup.begins(0, laps) - setup.begin
+    true = setup.filtered(road).at(places)
+    walk, bias = attitude_errors(setup, road.channels, streams, setup.samples)
+    drawn = np.vstack([np.arange(laps), rng.integers(laps, size=(resamples, laps))])
+    found = {}
+    for claim, (n, b) in {"fig3": TACTICAL, "fig4": MEMS}.items():
+        measured = true + (n * walk + b * reading.b_times * bias).transpose(1, 0, 2)
+        x, y = (v - v.mean(axis=1, keepdims=True) for v in (true, measured))
+        with np.errstate(invalid="ignore"):
+            r = (x * y).sum(axis=1) / np.sqrt((x**2).sum(axis=1) * (y**2).sum(axis=1))
+        least = np.quantile(r.min(axis=0)[drawn], 0.1, axis=1)
+        found[f"terrain-{claim}-matches-truth"] = least
+    return found
+
+
+def _columns(table, labels):
+    """Columns of a table whose labels are tuples of different lengths, as an array."""
+    at = {label: k for k, label in enumerate(table.columns)}
+    return table.to_numpy()[:, [at[label] for label in labels]]
+
+
+def _of_pair(mean, variance, kept):
+    """Give the numbers of the claims on the two sensors of Fig 7."""
+    (slow, fast), tracked = _columns(mean, [TACTICAL, MEMS]).T, _columns(kept, [MEMS])[:, 0]
+    return {
+        "low-cost-tracks": tracked,
+        "fig7-mems-keeps-track": tracked,
+        "fig7-mems-slightly-worse": fast / slow,
+    }
+
+
+def _of_sweeps(m, v):
+    """Give the numbers of the claims on Figs 8 to 11; shape (resamples, N, B)."""
+    by = {("mean", "N"): m.mean(axis=2), ("mean", "B"): m.mean(axis=1)}
+    by |= {("variance", "N"): v.mean(axis=2), ("variance", "B"): v.mean(axis=1)}
+    over = {key: y[:, -1] / y[:, 0] for key, y in by.items()}
+    square = {key: _share_of_square(y) for key, y in by.items()}
+    more = {
+        q: np.where(over[q, "N"] > 1, (over[q, "B"] - 1) / (over[q, "N"] - 1), np.inf)
+        for q in ("mean", "variance")
+    }
+    n, b = (rankdata(g.ravel()) for g in np.meshgrid(N_GRID, B_GRID, indexing="ij"))
+    ranks = rankdata(v.reshape(len(v), -1), axis=1)
+    of_n, of_b = (_correlation(ranks, x) for x in (n, b))
+    both = np.minimum(over["mean", "N"], over["mean", "B"]) > 1
+    deviation = np.sqrt(by["variance", "B"])
+    numbers = {
+        "fig8-mean-rises": over["mean", "N"] - 1,
+        "fig8-mean-rises-each-b": (m[:, -1] > m[:, 0]).mean(axis=1),
+        "fig8-mean-quadratic": square["mean", "N"],
+        "fig9-variance-changes": over["variance", "N"] - 1,
+        "fig9-variance-rise-150": 100 * (over["variance", "N"] - 1),
+        "fig10-mean-rises": over["mean", "B"] - 1,
+        "fig10-moderate": more["mean"],
+        "fig10-mean-linear": square["mean", "B"],
+        "fig10-tactical-slightly-better": over["mean", "B"],
+        "b-less-apparent": np.abs(of_b / of_n),
+        "fig11-variance-rises": over["variance", "B"] - 1,
+        "fig11-moderate": more["variance"],
+        "fig11-tactical-marginally-better": deviation[:, -1] / deviation[:, 0],
+        "conclusion-mean-rises": both.astype(float),
+    }
+    for k, claims in {
+        "N": (
+            "fig9-variance-linear",
+            "precision-linear-n-abstract",
+            "conclusion-variance-linear-n",
+        ),
+        "B": ("precision-linear-b-abstract", "conclusion-variance-linear-b"),
+    }.items():
+        numbers |= dict.fromkeys(claims, square["variance", k])
+    return numbers | {"conclusion-variance-quadratic-n": square["variance", "N"]}
+
+
+def _share_of_square(y):
+    """Share of the rise of evenly spaced points that the quadratic term carries, row by row."""
+    powers = np.vander(np.linspace(0, 1, y.shape[1]), 3, increasing=True)
+    _, c1, c2 = (y @ np.linalg.pinv(powers).T).T
+    return c2 / (c1 + c2)
+
+
+def _correlation(rows, x):
+    """Correlation of each row with x."""
+    rows, x = rows - rows.mean(axis=1, keepdims=True), x - x.mean()
+    return rows @ x / np.sqrt((rows**2).sum(axis=1) * (x @ x))
+
+
+def _of_prices(mean, variance, prices, rng):
+    """Give the numbers of the claims on Figs 12 and 13 and eq. (7); the cheapest sensor first."""
+    drawn = draw_prices(prices, len(variance) - 1, rng)
+    p = np.vstack([np.exp(np.log(drawn).mean(axis=0)), drawn])
+    law = PowerLaw.fit_draws(p, variance)
+    gain = (-np.diff(variance, axis=1) / np.diff(p, axis=1)).T
+    cheap, *_, dear = variance.T
+    rest = (variance[:, 1] - dear) / (p[:, -1] - p[:, 1])
+    high_end = mean[:, 1:]
+
+    def dearer(k):  # price of a gain on the last step over that on step k
+        return np.where(gain[k] > 0, np.where(gain[2] > 0, gain[k] / gain[2], np.inf), np.nan)
+
+    first = np.where(cheap > dear, (cheap - variance[:, 1]) / (cheap - dear), np.nan)
+    return {
+        "variance-vanishes-with-cost": law["b"],
+        "precision-costs-ever-more": dearer(0),
+        "fig12-low-cost-error": mean[:, 0],
+        "fig12-high-end-error": high_end.max(axis=1),
+        "fig12-high-end-flat": high_end.max(axis=1) / high_end.min(axis=1),
+        "fig12-step-at-2000": mean[:, 0] / high_end.max(axis=1),
+        "fig13-first-step-large": cheap / variance[:, 1],
+        "fig13-diminishing-returns": np.where(gain[0] > 0, rest / gain[0], np.nan),
+        "fig13-correlation": law["correlation"] * np.sign(law["b"]),
+        "eq7-a": law["A"],
+        "eq7-exponent": law["b"],
+        "conclusion-tactical-more-precise": cheap / dear,
+        "conclusion-marginal-gain": first,
+        "conclusion-same-gain-dearer": dearer(1),
+    }
+
+
+def design(readings: int, seed: int) -> pd.DataFrame:
+    """Lay out readings: a scrambled Sobol' sample, and one factor at a time about two readings.
+
+    Parameters
+    ----------
+    readings : int
+        Of the sample; even powers of two fill the levels most evenly.
+    seed : int
+
+    Returns
+    -------
+    DataFrame
+        A column for each factor, and ``why``: ``sample``, ``about the reference``, or ``about noise
+        on attitude``.
+    """
+    sobol = qmc.Sobol(len(FACTORS), rng=np.random.default_rng(seed))
+    u = sobol.random_base2(int(np.ceil(np.log2(readings))))[:readings]
+    rows = [
+        {name: of[int(x * len(of))] for x, (name, of) in zip(one, FACTORS.items(), strict=True)}
+        for one in u
+    ]
+    table = [pd.DataFrame(rows).assign(why="sample")]
+    for why, about in {
+        "about the reference": Reading(),
+        "about noise on attitude": Reading(noise="on attitude"),
+    }.items():
+        near = [about]
+        for f in fields(Reading):
+            levels = [level for level in FACTORS[f.name] if level != getattr(about, f.name)]
+            near += [replace(about, **{f.name: level}) for level in levels]
+        table.append(pd.DataFrame([asdict(one) for one in near]).assign(why=why))
+    return pd.concat(table, ignore_index=True)

@@ -1,0 +1,183 @@
+"""Readings of the terrain paper: their sensors, their laps, and the claims' numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis import DATA, WrongUsage
+from analysis.terrain import which_reading
+from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
+from analysis.terrain.readings import NOISES, STARTS, Sensor, Setup
+from analysis.terrain.terrain_map import AttitudeMap
+from analysis.terrain.which_reading import B_GRID, FACTORS, N_GRID, Reading, claim_numbers, design
+
+SEED = 20240
+PAID = ["cheap", "second", "third", "dear"]
+PRICES = np.array([[500, 600], [2000, 2400], [5000, 6000], [20000, 24000]])
+TABLE_3 = dict(
+    zip(PAID, [(0.03, 0.01), (0.01, 0.007), (0.01, 0.003), (0.002, 0.0003)], strict=True)
+)
+
+
+def road(channels=1):
+    """Make 700 m of hills; a second channel is not a multiple of the first."""
+    s = np.arange(-100.0, 600.0)
+    rows = [np.sin(s / 9) + 0.5 * np.sin(s / 23), np.sin(s / 14 + 1)]
+    return AttitudeMap(-100.0, 1.0, rows[:channels])
+
+
+@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize("noise", NOISES)
+@pytest.mark.parametrize("form", [{}, {"high_pass": 2.0}, {"difference": 20.0}])
+def test_own_R_is_the_variance_of_what_is_measured(start, noise, form):
+    """cross-check: the sum of squared responses against the drawn paths."""
+    setup = Setup(200.0, rate_hz=20.0, corr_time=15.0, start=start, noise=noise, **form)
+    streams = np.random.SeedSequence(SEED).spawn(800)
+    walk, bias = attitude_errors(setup, 1, streams, setup.samples)
+    for sensor, path in ((Sensor(1.0, 0.0), walk), (Sensor(0.0, 1.0), bias)):
+        # Mean square of 800 correlated Gaussians: known to at most 5 %; four of those.
+        assert setup.own_R(sensor) == pytest.approx((path**2).mean(), rel=0.2)
+
+
+def test_noise_on_the_attitude_is_white_at_every_rate():
+    """analytic: its power is N^2, or N^2 / 100 where N is that of a sample at 100 Hz."""
+    for noise, power in (("on attitude", 1.0), ("on attitude, per sample", 0.01)):
+        for rate in (10.0, 100.0):
+            setup = Setup(100.0, rate_hz=rate, noise=noise)
+            assert setup.own_R(Sensor(1.0, 0.0)) == pytest.approx(power * rate, rel=1e-9)
+
+
+@pytest.mark.parametrize("channels", [1, 2])
+@pytest.mark.parametrize(
+    "changes", [{}, {"every": 3}, {"span": 500.0, "drawn_map_error": (0.1, 9)}]
+)
+def test_compiled_filter_equals_numpy(channels, changes):
+    """cross-check: the same laps; one channel to the bit, two to the rounding of a sum."""
+    pytest.importorskip("numba")
+    setup = Setup.paper(200.0, rate_hz=50.0, **changes)
+    sensors = {n: Sensor(n, n) for n in (0.0, 0.002, 0.01)}
+    first, second = (
+        simulate_laps(road(channels), sensors, setup, runs=5, seed=SEED, compiled=compiled)
+        for compiled in (False, True)
+    )
+    for name in ("error", "variance", "nis"):
+        one, two = getattr(first, name), getattr(second, name)
+        np.testing.assert_allclose(two, one, rtol=1e-9, atol=1e-9 * np.abs(one).max())
+
+
+def test_compiled_filter_leaves_out_bias_states():
+    """property: what it cannot do is refused in a sentence."""
+    setup = Setup.paper(50.0, bias_states=True)
+    with pytest.raises(WrongUsage, match="no bias states"):
+        simulate_laps(road(), {0: Sensor(0, 0)}, setup, runs=1, seed=SEED, compiled=True)
+
+
+def test_a_high_pass_or_difference_is_one_of_map_and_reading():
+    """analytic: without gyro error the filter sees no innovation, whatever is compared."""
+    exact = {"odometry_walk": 0.0, "odometry_scale": 0.0, "begin_sd": 1e-9, "R": 0.01}
+    for form in ({"high_pass": 3.0}, {"difference": 30.0}):
+        laps = simulate_laps(
+            *(road(), {0: Sensor(0, 0)}, Setup(300.0, **exact, **form)), runs=2, seed=SEED
+        )
+        assert np.abs(laps.error).max() < 1e-6 and laps.nis.max() < 1e-9
+
+
+def test_laps_begin_all_along_the_road():
+    """property: within the span, spread evenly, and lap k where it is for any number of laps."""
+    setup = Setup(100.0, begin=50.0, span=400.0)
+    begins = setup.begins(0, 64)
+    assert begins[0] == 50.0 and begins.max() < 350.0
+    assert np.ptp(np.diff(np.sort(begins))) < 1e-9
+    np.testing.assert_array_equal(setup.begins(10, 5), begins[10:15])
+
+
+def test_a_coarser_rate_with_its_R_gives_the_same_errors():
+    """property: R scaled with the rate keeps the information of a second, so 0.55 m a step do."""
+    reading = Reading(leg_m=190.0)
+    setup = replace(reading.setup(), span=None)
+    sensor = Sensor(0.01, 0.01)
+    fine = replace(setup, rate_hz=100.0, R=replace(setup, rate_hz=100.0).own_R(sensor))
+    coarse = replace(setup, R=fine.R * setup.rate_hz / 100.0)
+    rms = [
+        simulate_laps(road(), {0: sensor}, s, runs=300, seed=SEED).rms()[0] for s in (fine, coarse)
+    ]
+    assert rms[0] == pytest.approx(rms[1], rel=0.15)  # rms of 300 laps each: 4 to 5 %; three
+
+
+def made(error_of):
+    """Make laps whose errors are +-1 times what `error_of` says of a sensor, and alike for all."""
+    labels = [(n, b) for n in N_GRID for b in B_GRID] + [*PAID, "no error"]
+    labels += [("R twice", *at) for at in which_reading.CORNERS]
+    sign = np.where(np.random.default_rng(SEED).random((40, 30)) < 0.5, -1.0, 1.0)
+    error = np.array([error_of(label) * sign for label in labels])
+    t = np.arange(30.0)
+    return Laps(tuple(labels), t, 11 * t, error, np.ones_like(error), np.ones(error.shape[:2]))
+
+
+def of_noise(label):
+    """Give the error sqrt(1 + (100 N)^2): a variance that is an exact square of N."""
+    if label == "no error":
+        return 1.0
+    if isinstance(label, str):
+        return float(8 - 2 * PAID.index(label))
+    n, b = label[-2:]
+    return np.sqrt(1 + (100 * n) ** 2 + 0 * b) * (1.5 if label[0] == "R twice" else 1.0)
+
+
+def test_numbers_of_made_laps():
+    """analytic: laps whose variance is 1 + (100 N)^2, and four prices."""
+    rng = np.random.default_rng(SEED)
+    found = claim_numbers(made(of_noise), Reading(variance="over a lap"), PAID, PRICES, 50, rng)
+    value = {claim.removeprefix("terrain-"): float(of[0]) for claim, of in found.items()}
+    rise = 2 / 1.01
+    # The sample's mean is not 0: a standard error of 1 / 30 in its square.
+    assert value["fig9-variance-changes"] == pytest.approx(rise - 1, rel=0.01)
+    assert value["fig9-variance-rise-150"] == pytest.approx(100 * (rise - 1), rel=0.01)
+    x = N_GRID[0] / np.ptp(N_GRID)  # a square from N > 0 on has a linear part
+    assert value["conclusion-variance-quadratic-n"] == pytest.approx(1 / (1 + 2 * x), rel=1e-6)
+    assert value["fig11-variance-rises"] == pytest.approx(0.0, abs=1e-12)
+    assert value["fig11-moderate"] == pytest.approx(0.0, abs=1e-9)
+    assert value["fig12-low-cost-error"] == pytest.approx(8.0)
+    assert value["fig12-high-end-error"] == pytest.approx(6.0)
+    assert value["fig12-high-end-flat"] == pytest.approx(3.0)
+    assert value["conclusion-tactical-more-precise"] == pytest.approx(16.0)
+    assert value["conclusion-marginal-gain"] == pytest.approx((64 - 36) / (64 - 4))
+    assert value["low-cost-tracks"] == 1.0 and value["sampling-rate-matters"] == 1.0
+    assert all(of.shape == (51,) for of in found.values())
+
+
+def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
+    """property: notebooks 21 to 23 judge no claim on laps that the readings leave out."""
+    published = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
+    mine = published[published["notebook"].isin(["21-terrain-ukf", "22-sensor-sweeps", "23-cost"])]
+    judged = mine[~mine["why"].str.startswith(("by construction", "not testable"))].index
+    found = claim_numbers(made(of_noise), Reading(), PAID, PRICES, 20, np.random.default_rng(SEED))
+    others = {
+        "terrain-bias-state-unstable",  # another filter, on real laps
+        "terrain-sensor-range-decades",  # of data sheets
+        "terrain-tables-2-3-agree",  # print against print
+        "terrain-sweep-spans-sensors",
+    }
+    assert set(judged) - set(found) == others
+
+
+def test_the_design_has_every_level_about_equally_often():
+    """property: a Sobol' sample over the levels, and each level once about either reading."""
+    plan = design(256, SEED)
+    sample = plan[plan["why"] == "sample"]
+    for name, levels in FACTORS.items():
+        counts = sample[name].value_counts().reindex(list(levels), fill_value=0)
+        assert counts.min() >= 0.75 * 256 / len(levels)
+    near = plan[plan["why"] == "about the reference"]
+    changed = (near[[*FACTORS]] != pd.Series(vars(Reading()))).sum(axis=1)
+    assert len(near) == 1 + sum(len(of) - 1 for of in FACTORS.values()) and changed.max() == 1
+
+
+def test_unknown_levels_are_refused():
+    """property: factor and level are named, with those that there are."""
+    with pytest.raises(WrongUsage, match="no factor 'gyro'; there are: noise"):
+        Reading.of({"gyro": 1})
+    with pytest.raises(WrongUsage, match=r"'leg_m' has no level '7'; it has: 100\.0"):
+        Reading(leg_m=7)
