@@ -53,7 +53,7 @@ class Verbs(TyperGroup):
         except WrongUsage as error:
             sentence, status = f"wrong usage: {error}{_commands(error, ctx)}", 2
         except KeyboardInterrupt:
-            kept = ctx.invoked_subcommand in RESUMABLE
+            kept = ctx.invoked_subcommand in RESUMABLE and "--scratch" not in " ".join(ctx.obj)
             sentence = f"stopped; {'what was finished is kept' if kept else 'nothing is written'}"
             status = 130
         except BrokenPipeError:  # the reader of our output, such as `head`, has closed it

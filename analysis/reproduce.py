@@ -21,7 +21,7 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
 from tqdm import tqdm
 
-from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, figures, figures_folder
+from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, figures, figures_folder, replacing
 
 NOTEBOOKS = ROOT / "notebooks"
 OWN = ("LOG", "OWN", "OWN_LAPS")  # parameters that name logs of the reader
@@ -79,7 +79,8 @@ def reproduce(names=(), *, at_once=None, scratch=None, parameters=None):
         logs in memory.
     scratch : path-like, optional
         Folder for the notebooks, and below it ``figures/`` with figures and verdicts: nothing else
-        is written. Verdicts of notebooks that have not run there are the committed ones.
+        is written, and that when all have run. Verdicts of notebooks that have not run there are
+        the committed ones.
     parameters : dict, optional
         Name -> value that replaces the one in the parameters cell of each notebook that has it.
 
@@ -95,15 +96,30 @@ def reproduce(names=(), *, at_once=None, scratch=None, parameters=None):
         If no notebook has such a parameter, or one that is set to a log of the reader would write
         into ``figures/``.
     """
-    at_once = at_once or min(os.cpu_count() or 1, 4)
-    to = Path(scratch, "figures") if scratch else figures_folder() or FIGURES
-    tasks = _prepared(select(names), parameters or {}, own=to != FIGURES)
+    at_once, parameters = at_once or min(os.cpu_count() or 1, 4), parameters or {}
+    to = figures_folder() or FIGURES
+    tasks = _prepared(select(names), parameters, own=bool(scratch) or to != FIGURES)
+    if not scratch:
+        return _run(tasks, at_once, to)
+    with replacing(scratch) as draft:
+        (draft / "figures").mkdir(parents=True)
+        ledger = Path(scratch, "figures", "claims.csv")  # of an earlier run there
+        shutil.copy(ledger if ledger.exists() else FIGURES / ledger.name, draft / "figures")
+        try:
+            return _run(tasks, at_once, draft / "figures", draft)
+        except CannotAnswer as error:  # an answer that the data refuse stays one
+            if not parameters or getattr(error.__cause__, "ename", "") == CannotAnswer.__name__:
+                raise
+            given = " ".join(f"-p {name}={value}" for name, value in parameters.items())
+            raise WrongUsage(f"{given}: {error}") from error
+
+
+def _run(tasks, at_once, to, scratch=None):
+    """Execute notebooks and compare their figures and verdicts with those that were there."""
     to.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as kept:
         for table in FIGURES.glob("*.csv"):
             shutil.copy(table, kept)
-        if scratch and not (to / "claims.csv").exists():
-            shutil.copy(FIGURES / "claims.csv", to)
         runs = []
         for _, group in groupby(tasks, key=lambda task: task[0].stem.startswith("00-")):
             with ThreadPoolExecutor(at_once) as pool:
@@ -126,6 +142,8 @@ def _prepared(paths, parameters, own):
         at, values = parameters_of(notebook)
         known |= values
         taken = {name: value for name, value in parameters.items() if name in values}
+        for name, value in taken.items():
+            _check_kind(name, value, values[name])
         if taken:
             source = "\n".join(f"{name} = {value!r}" for name, value in taken.items())
             notebook.cells.insert(at + 1, nbformat.v4.new_code_cell(source))
@@ -142,6 +160,17 @@ def _prepared(paths, parameters, own):
             f"no parameter '{unknown[0]}' in these notebooks; there are: {', '.join(sorted(known))}"
         )
     return tasks
+
+
+def _check_kind(name, value, now):
+    """Refuse a word for a number, and one number for several; `now` is what the notebook has."""
+    try:
+        usual = ast.literal_eval(now)
+    except ValueError:  # computed
+        return
+    for kinds, what in (((bool, int, float), "a number"), ((tuple, list), "several, with commas")):
+        if isinstance(usual, kinds) and not isinstance(value, kinds):
+            raise WrongUsage(f"-p {name}={value}: {name} is {what}, such as {ast.unparse(now)}")
 
 
 def parameters_of(notebook):

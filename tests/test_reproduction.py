@@ -1,9 +1,17 @@
 """What this session's notebooks made is what is committed: figures, numbers, verdicts, data."""
 
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+
 import nbformat
+import psutil
 import pytest
 
-from analysis import FIGURES, CannotAnswer, WrongUsage, reproduce
+from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, reproduce
 from analysis.logs import datasets
 from analysis.studies import derived
 
@@ -64,6 +72,12 @@ def small_notebook(folder, draw=DRAW, own="None"):
     return folder / "99-small.ipynb"
 
 
+def fail(path, _, to, *more):
+    """Fail as a notebook does that has drawn its first figure."""
+    (to / "99-first.csv").write_text("half")
+    raise CannotAnswer(f"{path.name}: a cell failed: ValueError: negative")
+
+
 def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypatch):
     """property: other parameters: own folder, injected cell, differences named; figures/ as was."""
     citable = tmp_path / "figures"
@@ -81,6 +95,16 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     assert {p.name: p.read_bytes() for p in (path, *citable.iterdir())} == before
     cells = nbformat.read(tmp_path / "other" / "99-small.ipynb", 4).cells
     assert [c.source for c in cells[:2]] == ["SIZE = 1.0\nOWN = None", "SIZE = 2.0"]
+    other = {p: p.read_bytes() for p in (tmp_path / "other").rglob("*.*")}
+    for value, words in {"two": "SIZE is a number, such as 1.0", (1, 2): "a number"}.items():
+        with pytest.raises(WrongUsage, match=words):
+            reproduce.reproduce(scratch=tmp_path / "none", parameters={"SIZE": value})
+    with monkeypatch.context() as patch:
+        patch.setattr(reproduce, "execute", fail)
+        with pytest.raises(WrongUsage, match=r"-p SIZE=-1: 99-small\.ipynb: a cell failed"):
+            reproduce.reproduce(scratch=tmp_path / "other", parameters={"SIZE": -1})
+    assert not (tmp_path / "none").exists()
+    assert {p: p.read_bytes() for p in (tmp_path / "other").rglob("*.*")} == other
     with pytest.raises(WrongUsage, match=r"no parameter 'WIDTH' .* there are: OWN, SIZE"):
         reproduce.reproduce(scratch=tmp_path / "none", parameters={"WIDTH": 2.0})
     small_notebook(tmp_path, own="'my.csv'")
@@ -89,3 +113,32 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     assert {p.name: p.read_bytes() for p in citable.iterdir()} == {
         name: content for name, content in before.items() if name != path.name
     }
+
+
+UNENDING = """
+import pathlib, runpy, sys
+from analysis import reproduce
+if __name__ == "__main__":
+    reproduce.NOTEBOOKS = pathlib.Path.cwd()
+    sys.argv[0] = "analysis"
+    runpy.run_module("analysis", run_name="__main__")
+"""
+
+
+def test_ctrl_c_ends_a_what_if_run(tmp_path):
+    """property: while a cell computes: said, its kernel ended, status 130, nothing written."""
+    small_notebook(tmp_path, "open('began', 'w')\nimport time\ntime.sleep(60)")
+    (tmp_path / "slow.py").write_text(UNENDING)
+    words = [sys.executable, "slow.py", "reproduce", "99", "--scratch", "other"]
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(words, cwd=tmp_path, env=env, stderr=subprocess.PIPE, text=True) as run:
+        while not (tmp_path / "began").exists():
+            time.sleep(0.1)
+        (kernel,) = psutil.Process(run.pid).children()
+        run.send_signal(signal.SIGINT)
+        err = run.communicate(timeout=50)[1]
+    assert run.returncode == 130
+    assert err.endswith("\nstopping: nothing half-written stays\nstopped; nothing is written\n")
+    with contextlib.suppress(psutil.NoSuchProcess):  # ended, if perhaps not yet buried
+        assert kernel.status() == psutil.STATUS_ZOMBIE
+    assert sorted(os.listdir(tmp_path)) == ["99-small.ipynb", "began", "slow.py"]
