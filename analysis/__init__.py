@@ -307,8 +307,8 @@ class Estimate:
     def _ends(self):
         return [v for v in (self.low, self.high) if v is not None]
 
-    def _customary(self):
-        """Choose unit and decimals for value and interval together.
+    def _customary(self, wanted=None):
+        """Choose unit and decimals for value and interval together; `wanted` names the unit.
 
         The unit is the finest of the datasheets' in which the number stays below 1000. Of its last
         digit the interval spans 5 to 50, and so does each number, so that the near end of an
@@ -324,20 +324,57 @@ class Estimate:
         known = [v for v in (self.value, *self._ends()) if v is not None]
         size = abs(self.value) if self.value else max(map(abs, known), default=0.0)
         units = CUSTOMARY.get(self.unit, ((1.0, pretty(self.unit)),))
-        factor, name = next((u for u in units if u[0] * size < ENGINEERING), units[-1])
+        fitting = [u for u in units if u[1] == wanted] or [
+            u for u in units if u[0] * size < ENGINEERING
+        ]
+        factor, name = next(iter(fitting), units[-1])
         size, ends = factor * size, [factor * v for v in known] or [0.0]
         width = max(ends) - min(ends)
         around_zero = max(map(abs, ends)) if min(ends) <= 0 <= max(ends) else 0.0
 
         def number(x):
             x *= factor
-            if not width or not 1e-5 <= size < 1e6:
+            if not width or not 1e-5 <= max(size, *map(abs, ends)) < 1e6:
                 return engineering(x)
             least = min(width, around_zero or abs(x)) / 5
             place = max(_order(least), _order(max(least, abs(x))) - 5)
             return f"{Decimal(round(x, -place) + 0.0):.{max(-place, 0)}f}"
 
         return number, f" {name}" if name else ""
+
+
+def in_one_unit(estimates):
+    """Write the estimates of a column in one customary unit, that of the largest value.
+
+    Parameters
+    ----------
+    estimates : sequence of Estimate or None
+        Of one quantity; None where there is none.
+
+    Returns
+    -------
+    unit : str
+        For the head of the column; empty for a pure number.
+    cells : list of (str or None, str) or None
+        Value and interval of each, without the unit; None for the value that is not resolved.
+    """
+    there = [e for e in estimates if e is not None]
+    of = [e for e in there if e.value is not None] or [e for e in there if e._ends()] or there
+    units = [e._customary()[1] for e in of]
+    known = [name for _, name in CUSTOMARY.get(of[0].unit, ())] if of else []
+    unit = max(units, key=lambda u: known.index(u[1:]) if u[1:] in known else -1, default="")
+    cells = []
+    for e in estimates:
+        number, own = e._customary(unit[1:]) if e is not None else (None, "")
+        after = "" if own == unit else own  # of a quantity that has no such unit
+        cells.append(
+            e
+            and (
+                None if e.value is None else f"{number(e.value)}{after}",
+                e.between(number) + (after if e._ends() else ""),
+            )
+        )
+    return unit.strip(), cells
 
 
 def _order(x):

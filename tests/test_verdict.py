@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import Estimate, WrongUsage, logs, plots, report, store
+from analysis import Estimate, WrongUsage, in_one_unit, logs, plots, report, store
 from analysis.report import verdict
 from analysis.studies import surveys
 from analysis.terrain import Sensor
@@ -87,12 +87,14 @@ def test_the_part_is_named_or_the_nearest():
     for part in ("stim300", "landmark10", "kvh1750"):
         sheet = ATLAS[ATLAS["sensor"] == part].iloc[0]
         near = replace(measured(sheet["n"], sheet["b"]), source=source)
-        assert verdict.choose_part(near, ATLAS) == (
-            part,
-            f"{verdict.NEAREST} by the gyros' N and B",
-        )
+        key, why, certain = verdict.choose_part(near, ATLAS)
+        assert (key, certain) == (part, False) and why.endswith(f"N and B is the {sheet['name']}")
+        found = verdict.within_datasheet(near, SHEET, why, certain)
+        assert (found.question, found.answer) == ("Is it within a data sheet?", "open")
+        assert found.why.startswith("Not known which part (--part NAME says it); nearest by")
+        assert sheet["name"] in verdict.headline(found, found, sheet["name"])
     without = replace(near, channels=store.static_log("phone-parked").channels)
-    key, why = verdict.choose_part(without, ATLAS)
+    key, why, _ = verdict.choose_part(without, ATLAS)
     assert key is None and "--part" in why
     with pytest.raises(WrongUsage, match=r"no such part; .*kvh1750"):
         verdict.choose_part(result, ATLAS, "kvh9999")
@@ -128,7 +130,8 @@ def test_a_short_log(tmp_path, no_pictures):
     _, answers, page = logged(tmp_path, {"gyro_x_deg_s": noise(0.004, n=150)}, n=150)
     within, rest, enough = answers
     assert (rest.answer, enough.answer) == ("yes", "partly")
-    assert "7.5 s: enough for N" in enough.why and "not for B" in enough.why
+    assert "7.5 s: long enough for N of gyro_x, known to ±" in enough.why
+    assert "B of gyro_x not resolved; B takes an hour or more" in enough.why
     assert within.answer in ("open", "no") and enough.why in page
 
 
@@ -190,6 +193,54 @@ def test_pages_of_other_logs(page_of, result, pictures):
     assert not EXPONENT.search(re.sub(r"<code>[0-9a-f]{64}</code>", "", page))
     in_print = page.split("@media print")[1]
     assert "::details-content" in in_print and "break-inside: avoid" in in_print
+
+
+def test_every_column_has_one_unit(page_of):
+    """Property: the head of a column has its unit, its cells are numbers; no internal names."""
+    page = page_of(store.static_log("adis16405"))
+    heads = re.findall(r'<th>([^<]*) <span class="unit">(.*?)</span>', page)
+    assert ("bias instability B", "(°/h)") in heads and ("white noise N", "(µg/√Hz)") in heads
+    cells = re.findall(r"<td data-of=[^>]*>\s*(.*?)<small>(.*?)</small></td>", page)[:24]
+    words = {"", "not resolved", "to", "at most", "at least", "no bound"}
+    assert {
+        w.strip() for c in cells for part in c for w in re.split(r"-?[\d.]+", part)
+    } == words - {"at least"}
+    text = re.sub(r"<style>.*?</style>|<[^>]*>", " ", page, flags=re.S)
+    assert not {name for name in verdict.SYMBOLS if "_" in name} & set(re.findall(r"\w+", text))
+
+
+def test_one_unit_for_numbers_of_all_sizes():
+    """Analytic: 0.2 and 40 deg/h, rad/s beside deg/s; bounds, gaps and pure numbers."""
+    hour = 1 / 3600
+    made = [
+        Estimate(0.2 * hour, 0.1 * hour, 0.3 * hour, "deg/s"),
+        Estimate(np.radians(40 * hour), np.radians(39 * hour), np.radians(41 * hour), "rad/s"),
+        None,
+        Estimate(None, None, 2000 * hour, "deg/s", resolved=False),
+    ]
+    unit, cells = in_one_unit(made)
+    assert unit == "°/h"
+    assert cells == [
+        ("0.20", "0.10 to 0.30"),
+        ("40.0", "39.0 to 41.0"),
+        None,
+        (None, "at most 2000"),
+    ]
+    assert in_one_unit([None, None]) == ("", [None, None])
+    assert in_one_unit([Estimate(1.5, None, None)]) == ("", [("1.5", "no bound")])
+
+
+@pytest.mark.parametrize("gyros", [True, False])
+def test_the_log_is_among_the_known_sensors(gyros):
+    """Property: its axes are marked on the plot, gyros and accelerometers, under its own name."""
+    result = store.static_log("adis16405" if gyros else "mpu6050-accel")
+    fig = plots.plt.figure()
+    plots.atlas(fig, verdict.placed(result, ATLAS))
+    words = {label for ax in fig.axes for label in ax.get_legend_handles_labels()[1]}
+    assert {label.split(",")[0] for label in words} >= {"this log"}
+    for ax in fig.axes:
+        assert any("this log" in label for label in ax.get_legend_handles_labels()[1])
+    plots.plt.close(fig)
 
 
 def test_what_a_log_holds_is_no_markup(tmp_path, no_pictures):

@@ -104,13 +104,13 @@ def _told(result, model, atlas, part):
     """Gather what the page says besides the parameters of each channel."""
     needed = {c.name: _hours(c, 1 / result.source["rate_hz"])[0] for c in result.channels}
     enough = verdict.long_enough(result, needed)
-    key, why = verdict.choose_part(result, atlas, part)
+    key, why, certain = verdict.choose_part(result, atlas, part)
     sheet = atlas[(atlas["sensor"] == key) & (atlas["basis"] == "datasheet")]
-    within = verdict.within_datasheet(result, sheet, why)
+    within = verdict.within_datasheet(result, sheet, why, certain)
+    nearest = None if certain or sheet.empty else sheet["name"].iloc[0]
     return {
         "answers": [within, verdict.at_rest(result), enough],
-        "headline": verdict.headline(within, enough),
-        "judged": verdict.NEAREST not in why,
+        "headline": verdict.headline(within, enough, nearest),
         "groups": verdict.summary(result),
         "reasons": verdict.reasons(result),
         "road": verdict.road(model, atlas),
@@ -215,6 +215,7 @@ def _page(result, folder, told):
         loader=FileSystemLoader(TEMPLATES), autoescape=select_autoescape(default=True)
     )
     templates.filters["plainly"] = without_exponents
+    templates.filters["symbol"] = lambda name: verdict.SYMBOLS.get(name, name)
     dt = 1 / result.source["rate_hz"]
     return templates.get_template("report.html").render(
         told,

@@ -15,6 +15,7 @@ from analysis import (
     Estimate,
     WrongUsage,
     engineering,
+    in_one_unit,
     store,
     text,
 )
@@ -39,11 +40,11 @@ SYMBOLS = {
     "arw": "N", "vrw": "N", "bias_instability": "B", "rrw": "K", "sigma_v": "σ_v", "sigma_b": "σ_b",
     "corr_time": "T_c", "drift": "drift",
 }  # fmt: skip
+KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
 GYRO_OR_ACCEL = tuple(LEADING)
 IN_ATLAS = {"deg/s": 1.0, "rad/s": np.degrees(1.0), "deg/h": 1 / 3600}  # to deg/s
 IN_ATLAS |= {"g": 1.0, "mg": 1e-3, "m/s^2": 1 / STANDARD_GRAVITY}  # to g
 WITHIN, WITHIN_NONE = "Is it within ", "a data sheet"
-NEAREST = "no part was named; this is the nearest of the list"
 TRACKERS = {"paper": "the paper's tracker", "bias states": "tracker with bias states"}
 
 
@@ -84,45 +85,52 @@ def long_enough(result, needed):
     ----------
     result : analysis.store.StaticResult
     needed : dict of dict
-        Channel to parameter's symbol to hours, for ±20 %; empty where there is no plan.
+        Channel to parameter's symbol to hours, for ±20 % (`KNOWN`); empty where there is no plan.
 
     Returns
     -------
     Answer
     """
-    known, short, disturbed = {}, {}, []
+    known, wide, short, disturbed = {}, {}, {}, {}
     for c in result.channels:
         hurt = {name for d in c.fit["disturbances"] for name in d["affects"]}
         for key in LEADING.get(c.kind, SLOW):
-            estimate = c.parameters.get(key)
-            if estimate is None:
+            e = c.parameters.get(key)
+            if e is None:
                 continue
-            if estimate.resolved:
-                known.setdefault(SYMBOLS[key], []).append((c.name, estimate))
-            elif key in hurt:
-                disturbed.append(c.name)
-            else:
-                short.setdefault(SYMBOLS[key], []).append(c.name)
+            found, half = disturbed if key in hurt else short, 0.0
+            if e.resolved:
+                half = (e.high - e.low) / 2 / abs(e.value) if e.low and e.high else 0.0
+                found = wide if half > KNOWN else known
+            found.setdefault(SYMBOLS[key], []).append((c.name, half))
     seconds, every = result.source["duration_s"], [c.name for c in result.channels]
-    length = text.duration(seconds / 3600) if seconds >= 60 else f"{engineering(seconds, 2)} s"
     said = []
-    for symbol, found in known.items():
-        widths = [(e.high - e.low) / 2 / abs(e.value) for _, e in found if e.low and e.high]
-        good = f" (to ±{math.ceil(100 * max(widths))}% or better)" if widths else ""
-        said.append(f"enough for {symbol} of {_axes((n for n, _ in found), every)}{good}")
-    said += [f"not for {symbol} of {_axes(names, every)}" for symbol, names in short.items()]
-    if disturbed:
-        said.append(f"{_axes(disturbed, every)} disturbed, where a longer log does not help")
+    for found, before, after in (
+        (known, "long enough for ", ""),
+        (wide, "enough for a first value of ", ""),
+        (short, "", " not resolved"),
+        (disturbed, "", " not resolved for a disturbance, whatever the length"),
+    ):
+        for symbol, pairs in found.items():
+            names, halves = zip(*pairs, strict=True)
+            better = " or better" if len(names) > 1 else ""
+            half = f", known to ±{math.ceil(100 * max(halves))}%{better}" if max(halves) else ""
+            said.append(f"{before}{symbol} of {_axes(names, every)}{half}{after}")
     longest = max(
         ((h, s, name) for name, plan in needed.items() for s, h in plan.items() if h),
         default=(0.0, "", ""),
     )
+    slow = [symbol for symbol in short if symbol in ("B", "σ_b")]
     if longest[0] > max(seconds / 3600, 1 / 60):
         hours, symbol, name = longest
-        said.append(f"for {symbol} of {name} to ±20 % record {text.duration(hours)}")
-    elif short:
-        said.append("how much longer, this log cannot tell: B and K need an hour or more")
-    answer = "no" if not known else "partly" if short or disturbed else "yes"
+        said.append(f"for {symbol} of {name} to ±{KNOWN:.0%} record {text.duration(hours)}")
+    elif slow:
+        usual = "an hour or more" if "B" in slow else "ten times its correlation time"
+        said.append(f"{listed(slow)} takes {usual} as a rule; this log cannot tell how long")
+    answer = "partly" if wide or short or disturbed else "yes"
+    if not known and not wide:
+        answer = "no" if short else "open"
+    length = text.duration(seconds / 3600) if seconds >= 60 else f"{engineering(seconds, 2)} s"
     return Answer("Is the log long enough?", answer, f"{length}: {'; '.join(said)}.")
 
 
@@ -191,25 +199,30 @@ def choose_part(result, atlas, wanted=None):
         None if there is nothing to compare.
     why : str
         Why this part.
+    certain : bool
+        False where it is only the nearest, or none.
     """
     sheets = atlas[atlas["basis"] == "datasheet"]
     keys = list(dict.fromkeys(sheets["sensor"]))
     if wanted is not None:
-        return known_part(atlas, wanted), "the part was named with --part"
+        return known_part(atlas, wanted), "the part was named with --part", True
     words = {name: _plain(result.source[name]) for name in ("title", "file")}
     for key in sorted(keys, key=len, reverse=True):
         where = next((name for name, word in words.items() if key in word), None)
         if where:
-            return key, f"its name is in the {where} of the log"
+            return key, f"its name is in the {where} of the log", True
     gyros = [c for c in result.channels if c.kind == "rate" and c.parameters["arw"].resolved]
     if not gyros:
-        return None, "no part was named (--part NAME), and no gyro of this log tells which is near"
+        why = "no part was named (--part NAME), and no gyro of this log tells which is near"
+        return None, why, False
     n = _typical(gyros, "arw")
     b = _typical(gyros, "bias_instability")
     rates = sheets[sheets["kind"] == "rate"]
     far = np.log10(n / rates["n"]) ** 2 + (np.log10(b / rates["b"]) ** 2 if b else 0.0)
     nearest = rates.loc[far.idxmin()]
-    return nearest["sensor"], f"{NEAREST} by the gyros' N{' and B' if b else ''}"
+    by = f"by the gyros' N{' and B' if b else ''}"
+    why = f"not known which part (--part NAME says it); nearest {by} is the {nearest['name']}"
+    return nearest["sensor"], why, False
 
 
 def _plain(name):
@@ -224,7 +237,7 @@ def _typical(channels, key):
     return float(np.exp(np.mean(np.log(found)))) if found else None
 
 
-def within_datasheet(result, sheet, why):
+def within_datasheet(result, sheet, why, certain=True):
     """Compare N and B of every gyro and accelerometer with a data sheet, interval by interval.
 
     Parameters
@@ -234,6 +247,8 @@ def within_datasheet(result, sheet, why):
         The rows of the part; empty if there is none.
     why : str
         Why this part.
+    certain : bool
+        Whether the sensor is that part, or only near it: then nothing is decided.
 
     Returns
     -------
@@ -259,6 +274,10 @@ def within_datasheet(result, sheet, why):
     answer = "open"
     if outcomes:
         answer = "no" if "above" in outcomes else "yes" if set(outcomes) == {"within"} else "open"
+    if not certain:
+        return Answer(
+            f"{WITHIN}{WITHIN_NONE}?", "open", f"{_sentence(why)} {_sentence('; '.join(said))}"
+        )
     question = f"{WITHIN}the data sheet of the {sheet['name'].iloc[0]}?"
     return Answer(question, answer, f"{_sentence('; '.join(said))} {_sentence(why)}")
 
@@ -293,23 +312,24 @@ def _in_groups(found):
     return ", ".join(groups)
 
 
-def headline(within, enough):
+def headline(within, enough, nearest=None):
     """Write the verdict in one sentence.
 
     Parameters
     ----------
     within, enough : Answer
         Of `within_datasheet` and `long_enough`.
+    nearest : str, optional
+        The nearest part, where it is not known which part the sensor is.
     """
     part = within.question.removeprefix(WITHIN).removesuffix("?")
+    if nearest:
+        return f"It is not known which part this is; the noise is nearest to the {nearest}."
     if part == WITHIN_NONE:
         return {
             "yes": "Not held against a data sheet; every leading number is resolved.",
             "partly": "Not held against a data sheet; the leading numbers are resolved in part.",
-            "no": "This log resolves no noise parameter.",
-        }[enough.answer]
-    if NEAREST in within.why.lower():
-        return f"No part was named; the noise is nearest to {part}."
+        }.get(enough.answer, "This log resolves no noise parameter.")
     return {
         "yes": f"Within {part}, with 95 % confidence for each number.",
         "no": f"Not within {part}: with 95 % confidence at least one number is above it.",
@@ -346,7 +366,8 @@ def summary(result):
     Returns
     -------
     list of dict
-        ``title``, ``columns`` (words) and ``rows``: name and cells, each an Estimate or None.
+        ``title``, ``columns`` (words and unit) and ``rows``: name and cells, each None or value
+        (None where it is not resolved) and interval.
     """
     groups = []
     for kind, title in KINDS.items():
@@ -355,13 +376,18 @@ def summary(result):
             continue
         keys = [k for k in COLUMNS if any(k in c.parameters for c in channels)]
         keys = [k for k in keys if kind not in LEADING or k in IN_SUMMARY]
+        columns = [(COLUMNS[k], [c.parameters.get(k) for c in channels]) for k in keys]
+        columns.append(("mean of the log", [mean_reading(c) for c in channels]))
+        written = [in_one_unit(estimates) for _, estimates in columns]
         groups.append(
             {
                 "title": title,
-                "columns": [*(COLUMNS[k] for k in keys), "mean of the log"],
+                "columns": [
+                    (words, f"({unit})" if unit else "")
+                    for (words, _), (unit, _) in zip(columns, written, strict=True)
+                ],
                 "rows": [
-                    (c.name, [*(c.parameters.get(k) for k in keys), mean_reading(c)])
-                    for c in channels
+                    (c.name, [cells[k] for _, cells in written]) for k, c in enumerate(channels)
                 ],
             }
         )
@@ -405,7 +431,8 @@ def placed(result, atlas):
             rows.append(row | {"basis": "this log"})
     if not rows:
         return None
-    return pd.concat([atlas, pd.DataFrame(rows).astype(dict.fromkeys(("n", "b"), float))])
+    own = pd.DataFrame(rows).astype(dict.fromkeys(("n", "b"), float))
+    return pd.concat([atlas, own], ignore_index=True)
 
 
 def temperature_part(channel):
