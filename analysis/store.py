@@ -9,6 +9,7 @@ coverage and benchmark have commands of their own.
 read("psu-highway")           any folder: its source and its tables
 static_log("adis16405")       a characterised static log
 profile("ccw"), laps("ccw"), highway("to-altoona")    the surveyed roads
+readings()                    the terrain paper's claims in readings of it
 published("terrain-table-2")  a table copied from one of the papers
 """
 
@@ -17,6 +18,7 @@ import json
 import math
 import re
 import shlex
+import tomllib
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
@@ -39,12 +41,13 @@ from analysis.noise.disturbances import (
     standing_stretches,
     static_stretches,
 )
-from analysis.terrain import terrain_map
+from analysis.terrain import AttitudeMap, IsoRoad, terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.centre_line import CentreLine
 from analysis.terrain.real_laps import Lap, MapError, lay_on_line
 from analysis.terrain.terrain_map import Profile
 from analysis.terrain.trends import ErrorPlane
+from analysis.terrain.which_reading import JudgedReadings, ReadingStudy, Roads
 from analysis.units.frame import Track
 
 __all__ = [
@@ -63,6 +66,7 @@ __all__ = [
     "published",
     "read",
     "read_model",
+    "readings",
     "static_log",
     "tracks",
 ]
@@ -75,6 +79,7 @@ SOURCE = (  # of a static log, in the order of model.json
     *("title", "file", "sha256", "rate_hz", "duration_s", "samples", "gaps", "repairs"),
     *("licence", "source"),
 )
+ROAD_SEED, HILLS_DEG = 99, 1.0  # of the synthetic roads; rms grade of the hills of ISO roads
 SIZES = {  # unit of a gyro in deg/s, of an accelerometer in m/s^2
     **{"deg/s": 1.0, "rad/s": 180 / math.pi, "deg/h": 1 / 3600},
     **IN_M_S2,
@@ -287,6 +292,51 @@ def published(name: str, dtype: type | None = None) -> pd.DataFrame:
         ``str`` keeps the digits as printed.
     """
     return pd.read_csv(DATA / "published" / f"{name}.csv", comment="#", dtype=dtype)
+
+
+# Readings of the terrain paper
+
+
+@functools.cache
+def roads() -> Roads:
+    """Read the roads, the paper's sensors with their prices, and the ranges of the claims.
+
+    The roll of I-99 was not measured; it is that of an ISO road of class A without hills.
+    """
+    rng = np.random.default_rng(ROAD_SEED)
+
+    def iso(letter, hills):
+        road = IsoRoad.of_class(letter).simulate(3000.0, 0.5, rng, hill_grade_deg=hills)
+        return road[["pitch_deg", "roll_deg"]].to_numpy().T
+
+    drive = highway("to-altoona")
+    at = drive.s_m[len(drive.s_m) // 2] + np.arange(0.0, 3000.0, 0.5)
+    of_i99 = np.array([np.interp(at, drive.s_m, drive.grade_deg), iso("A", 0.0)[1]])
+    maps = {"track": profile("ccw").attitude_map(("pitch", "roll"))}
+    maps |= {"I-99": AttitudeMap(0.0, 0.5, of_i99)}
+    maps |= {f"ISO {c}": AttitudeMap(0.0, 0.5, iso(c, HILLS_DEG)) for c in "AC"}
+    listed = tomllib.loads((DATA / "sensors.toml").read_text(encoding="utf-8"))
+    priced = {key: entry for key, entry in listed.items() if "table_3" in entry}
+    order = sorted(priced, key=lambda key: np.prod(priced[key]["price_usd"]))
+    table = published("terrain-table-3").set_index("sensor")
+    sensors = {key: tuple(table.loc[priced[key]["table_3"]]) for key in order}
+    prices = np.array([priced[key]["price_usd"] for key in order], dtype=float)
+    claims = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")[["low", "high"]]
+    return Roads(maps, sensors, prices, claims)
+
+
+def readings(name: str | Path = "readings") -> ReadingStudy:
+    """Read the claims of the terrain paper in readings of it, from data/derived/readings.
+
+    Parameters
+    ----------
+    name : str or Path
+        Of another folder that ``python -m analysis readings --out`` has written.
+    """
+    source, tables = read(name)
+    every = JudgedReadings.of(tables["readings"], source["laps"], source["seed"])
+    best = JudgedReadings.of(tables["best"], source["best_laps"], source["best_seed"])
+    return ReadingStudy(every, best, roads())
 
 
 # Static logs

@@ -11,7 +11,15 @@ from analysis.terrain import which_reading
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
 from analysis.terrain.readings import NOISES, STARTS, Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
-from analysis.terrain.which_reading import B_GRID, FACTORS, N_GRID, Reading, claim_numbers, design
+from analysis.terrain.which_reading import (
+    B_GRID,
+    FACTORS,
+    N_GRID,
+    JudgedReadings,
+    Reading,
+    claim_numbers,
+    design,
+)
 
 SEED = 20240
 PAID = ["cheap", "second", "third", "dear"]
@@ -181,3 +189,39 @@ def test_unknown_levels_are_refused():
         Reading.of({"gyro": 1})
     with pytest.raises(WrongUsage, match=r"'leg_m' has no level '7'; it has: 100\.0"):
         Reading(leg_m=7)
+
+
+def judged(count=600, seed=SEED):
+    """Make judged readings: one claim that noise decides, one that nothing decides."""
+    plan = design(count, seed)
+    rng = np.random.default_rng(seed)
+    integrated = plan["noise"] == "integrated"
+    table = plan.assign(p_a=np.where(integrated, 100, 0), v_a=1.0)
+    table = table.assign(p_b=100 * (rng.random(len(plan)) < 0.5), v_b=2.0, p_c=50, v_c=3.0)
+    return JudgedReadings.of(table, 10, seed)
+
+
+def test_deciding_factors_are_found_and_others_have_no_share():
+    """analytic: all of the variance of a claim that one factor decides; none of a coin's."""
+    of = judged()
+    rng = np.random.default_rng(SEED)
+    a = of.deciding("terrain-a", 50, rng)
+    assert a.index[0] == "noise" and a["share"].iloc[0] == pytest.approx(1.0, abs=1e-9)
+    assert a["share"].iloc[1:].abs().max() < 0.05
+    coin = of.deciding("terrain-b", 50, rng)
+    # A share of nothing scatters by about sqrt(2 (levels - 1)) / readings.
+    assert coin["share"].abs().max() < 0.03 and (coin["low"] <= coin["high"]).all()
+
+
+def test_joint_ranking_and_shares_count_what_holds():
+    """property: shares add up; the best readings hold most claims; some claim never holds."""
+    of = judged()
+    shares = of.shares()
+    assert np.allclose(shares.sum(axis=1), 1.0)
+    assert shares.loc["terrain-c", "open"] == 1.0 and of.never() == ["terrain-c"]
+    best = of.joint().iloc[0]
+    assert (best["holds"], best["fails"], best["open"]) == (2, 0, 1)
+    assert best["noise"] == "integrated"
+    levels = of.by_level("terrain-a")
+    assert levels.groupby("factor")["readings"].sum().eq(len(of.levels)).all()
+    assert of.reading(of.levels.index[0]) == Reading.of(of.levels.iloc[0].to_dict())

@@ -14,7 +14,7 @@ rate, so that a second holds the information that it holds at 100 Hz.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -46,9 +46,9 @@ FACTORS: dict[str, tuple] = {
     "corr_time_s": (20.0, 60.0, 200.0, 600.0),
     "leg_m": (100.0, 190.0, 400.0, 800.0, LAP_M),
     "speed_m_s": (5.0, 11.0, 20.0, 30.0),
-    "odometry_times": (0.3, 1.0, 3.0, 10.0, 30.0),
-    "begin_sd_m": (0.05, 0.5, 2.0, 5.0),
-    "map_error_deg": (0.0, 0.05, 0.1, 0.3),
+    "odometry_times": (0.3, 1.0, 3.0, 10.0),
+    "begin_sd_m": (0.05, 0.2, 0.5, 2.0),
+    "map_error_deg": (0.0, 0.03, 0.1, 0.2),
     "road": ("track", "I-99", "ISO A", "ISO C"),
     "mean": ("absolute", "signed", "root mean square"),
     "variance": ("pooled", "over laps at one moment", "over a lap"),
@@ -435,13 +435,209 @@ def design(readings: int, seed: int) -> pd.DataFrame:
         for one in u
     ]
     table = [pd.DataFrame(rows).assign(why="sample")]
-    for why, about in {
-        "about the reference": Reading(),
-        "about noise on attitude": Reading(noise="on attitude"),
-    }.items():
-        near = [about]
-        for f in fields(Reading):
-            levels = [level for level in FACTORS[f.name] if level != getattr(about, f.name)]
-            near += [replace(about, **{f.name: level}) for level in levels]
-        table.append(pd.DataFrame([asdict(one) for one in near]).assign(why=why))
+    table += [around(Reading()).assign(why="about the reference")]
+    table += [around(Reading(noise="on attitude")).assign(why="about noise on attitude")]
     return pd.concat(table, ignore_index=True)
+
+
+def around(reading: Reading) -> pd.DataFrame:
+    """Lay out a reading and all that differ from it in one level; a column for each factor."""
+    near = [reading]
+    for name, levels in FACTORS.items():
+        others = [level for level in levels if level != getattr(reading, name)]
+        near += [replace(reading, **{name: level}) for level in others]
+    return pd.DataFrame([asdict(one) for one in near])
+
+
+@dataclass(frozen=True)
+class JudgedReadings:
+    """Claims judged in many readings.
+
+    Attributes
+    ----------
+    levels : DataFrame, shape (readings, factors)
+    why : Series, shape (readings,)
+        ``sample``, ``about ...``, ``beside the best``, ``best`` or the name of a reading.
+    value, inside : DataFrame, shape (readings, claims)
+        Number of each claim; share of the resamples inside its range.
+    laps, seed : int
+    """
+
+    levels: pd.DataFrame
+    why: pd.Series
+    value: pd.DataFrame
+    inside: pd.DataFrame
+    laps: int
+    seed: int
+
+    @classmethod
+    def of(cls, table: pd.DataFrame, laps: int, seed: int) -> JudgedReadings:
+        """Take a table of data/derived/readings apart."""
+        numbers = {k: table.filter(regex=f"^{k}_") for k in "vp"}
+        value, inside = (n.rename(columns=lambda c: f"terrain-{c[2:]}") for n in numbers.values())
+        return cls(table[[*FACTORS]], table["why"], value, inside / 100, laps, seed)
+
+    def where(self, rows: pd.Series) -> JudgedReadings:
+        """Keep some of the readings, such as ``of.where(of.levels["noise"] == "integrated")``."""
+        kept = {name: getattr(self, name)[rows] for name in ("levels", "why", "value", "inside")}
+        return replace(self, **kept)
+
+    def reading(self, row: int) -> Reading:
+        """Give the reading of a row, by its label."""
+        return Reading.of(self.levels.loc[row].to_dict())
+
+    def verdicts(self) -> pd.DataFrame:
+        """Judge: 1 where a claim holds, 0 where it fails, NaN where the laps leave it open.
+
+        Returns
+        -------
+        DataFrame, shape (readings, claims)
+        """
+        return (
+            (self.inside >= HOLDS).astype(float).mask((self.inside > FAILS) & (self.inside < HOLDS))
+        )
+
+    def shares(self) -> pd.DataFrame:
+        """Count the readings in which each claim holds, fails and is open.
+
+        Returns
+        -------
+        DataFrame, indexed by claim
+            ``holds``, ``fails``, ``open``: shares of the readings.
+        """
+        said = self.verdicts()
+        found = {"holds": said == 1, "fails": said == 0, "open": said.isna()}
+        return pd.DataFrame({name: of.mean() for name, of in found.items()})
+
+    def by_level(self, claim: str) -> pd.DataFrame:
+        """Share of the readings in which a claim holds, by the level of every factor.
+
+        Returns
+        -------
+        DataFrame
+            ``factor``, ``level``, ``readings``, ``holds``.
+        """
+        held = self.inside[claim] >= HOLDS
+        rows = []
+        for factor, levels in FACTORS.items():
+            for level in levels:
+                of_level = held[self.levels[factor] == level]
+                rows.append((factor, level, len(of_level), of_level.mean()))
+        return pd.DataFrame(rows, columns=["factor", "level", "readings", "holds"])
+
+    def joint(self) -> pd.DataFrame:
+        """Rank the readings by how many claims hold at once.
+
+        Returns
+        -------
+        DataFrame, shape (readings, ...)
+            ``holds``, ``fails``, ``open``: numbers of claims, and the levels; the most first, then
+            the fewest failures, then the fewest levels that differ from the reference reading.
+        """
+        said = self.verdicts()
+        count = {"holds": said == 1, "fails": said == 0, "open": said.isna()}
+        table = pd.DataFrame({name: of.sum(axis=1) for name, of in count.items()})
+        away = (self.levels != pd.Series(asdict(Reading()))).sum(axis=1)
+        order = table.assign(away=away).sort_values(
+            ["holds", "fails", "away"], ascending=[False, True, True], kind="stable"
+        )
+        return table.join(self.levels).loc[order.index]
+
+    def never(self) -> list[str]:
+        """Name the claims that hold in none of the readings."""
+        return [claim for claim, held in (self.inside >= HOLDS).any().items() if not held]
+
+    def deciding(self, claim: str, resamples: int, rng: np.random.Generator) -> pd.DataFrame:
+        """Say which factors decide a claim: their shares of the variance of ``inside``.
+
+        The share of a factor is that of the variance between its levels (first-order Sobol' index),
+        corrected for the number of levels (epsilon squared); a factor without influence has 0 on
+        average, and may come out below. Levels are drawn evenly, so factors are all but
+        uncorrelated.
+
+        Parameters
+        ----------
+        claim : str
+        resamples : int
+            Bootstrap samples of the readings, for the intervals.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        DataFrame, indexed by factor
+            ``share`` with ``low`` and ``high`` (95 %), the largest first; ``with_factor`` and
+            ``pair``, the other factor with which it explains most beyond both alone, and how much.
+        """
+        codes = self._codes()
+        drawn = np.vstack(
+            [np.arange(len(codes)), rng.integers(len(codes), size=(resamples, len(codes)))]
+        )
+        y = self.inside[claim].to_numpy()
+        names = [*FACTORS]
+        found = np.array([[_between(y[d], codes[d, k]) for k in range(len(names))] for d in drawn])
+        low, high = np.quantile(found[1:], [0.025, 0.975], axis=0)
+        table = pd.DataFrame({"share": found[0], "low": low, "high": high}, index=names)
+        pairs = pd.DataFrame(0.0, names, names)
+        for i, one in enumerate(names):
+            for j in range(i):
+                both = _between(y, codes[:, i] * 100 + codes[:, j])
+                more = both - max(found[0, i], 0.0) - max(found[0, j], 0.0)
+                pairs.loc[one, names[j]] = pairs.loc[names[j], one] = more
+        table = table.assign(with_factor=pairs.idxmax(axis=1), pair=pairs.max(axis=1))
+        return table.sort_values("share", ascending=False)
+
+    def _codes(self):
+        """Number of the level of each factor, shape (readings, factors)."""
+        columns = [
+            self.levels[name].map({level: k for k, level in enumerate(levels)})
+            for name, levels in FACTORS.items()
+        ]
+        return np.column_stack(columns).astype(int)
+
+
+def _between(y, codes):
+    """Share of the variance of y that lies between groups, corrected for their number."""
+    _, group = np.unique(codes, return_inverse=True)
+    count = np.bincount(group)
+    means = np.bincount(group, y) / count
+    total = ((y - y.mean()) ** 2).sum()
+    between = (count * (means - y.mean()) ** 2).sum()
+    within = (total - between) / max(len(y) - len(count), 1)
+    return (between - (len(count) - 1) * within) / total if total > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class ReadingStudy:
+    """What data/derived/readings holds.
+
+    Attributes
+    ----------
+    all : JudgedReadings
+        The sample (``why`` is ``sample``) and one factor at a time about two readings.
+    best : JudgedReadings
+        The readings in which most claims hold, and two named ones, with fresh laps.
+    roads : Roads
+        What they were simulated with.
+    """
+
+    all: JudgedReadings
+    best: JudgedReadings
+    roads: Roads
+
+    @property
+    def sample(self) -> JudgedReadings:
+        """The Sobol' sample alone: every level about equally often."""
+        return self.all.where(self.all.why == "sample")
+
+    def again(self, row: int) -> pd.DataFrame:
+        """Simulate a stored reading here and now.
+
+        Returns
+        -------
+        DataFrame, indexed by claim
+            As `Roads.evaluate`; ``stored`` and ``stored_inside`` beside it, which have three digits
+            and whole per cents.
+        """
+        of = self.all
+        found = self.roads.evaluate(of.reading(row), laps=of.laps, seed=of.seed)
+        return found.assign(stored=of.value.loc[row], stored_inside=of.inside.loc[row])
