@@ -367,10 +367,13 @@ def channels(log: Annotated[str, _argument("LOG", "A file, a folder, or a log of
     from analysis.logs.formats import contents
 
     _, stanza, path = find(log)
-    for title, columns in contents(path, stanza.get("format")):
+    listing, errors = contents(path, stanza.get("format"))
+    for title, columns in listing:
         print(title)
         for name, kind, unit, told_by in columns:
             print(f"  {name:<32} {kind:<24} {unit:<7} {told_by}".rstrip())
+    if len(errors) == len(listing):
+        raise errors[0]
 
 
 @_verb

@@ -694,6 +694,24 @@ def test_channels_lists_what_is_in_a_log(tmp_path, capsys):
     assert "c1" in capsys.readouterr().out
 
 
+def test_channels_lists_what_can_be_read(tmp_path, capsys):
+    """Property: a bad cell hides neither its own columns nor the other files of a folder."""
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    write_csv(folder / "good.csv")
+    write_csv(folder / "bad.csv")
+    rows = (folder / "bad.csv").read_text().splitlines()
+    (folder / "bad.csv").write_text("\n".join([*rows[:5], "0.05,broken,0,0,0,0,0", *rows[6:]]))
+    says = "line 6, column 'gyro_x_rad_s': 'broken' is not a number"
+    assert main(["channels", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    assert "good.csv: 400 rows, 3.99 s, 100 Hz" in printed
+    assert f"bad.csv: cannot be read: bad.csv, {says}" in printed
+    assert main(["channels", str(folder / "bad.csv")]) == 1
+    printed, error = capsys.readouterr()
+    assert re.search(r"gyro_x_rad_s +rate +rad/s", printed) and says in error
+
+
 @pytest.mark.parametrize(
     ("file", "table", "rows"),
     [

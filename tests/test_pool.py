@@ -185,7 +185,7 @@ def test_pool_writes_what_it_prints(tmp_path, axes):
 @pytest.mark.parametrize(
     ("header", "dt", "options", "says"),
     [
-        ("t_s,gyro_x_rad_s,gyro_y_rad_s", DT, [], "unit and kind"),
+        ("t_s,gyro_x_deg_s,gyro_y_deg", DT, [], "pool logs of one kind"),
         ("t_s,gyro_x_deg_s,gyro_z_deg_s", DT, [], "no channel gyro_y"),
         ("t_s,gyro_x_deg_s,gyro_y_deg_s", 0.1, [], "20 Hz"),
         (None, DT, [], "nothing to pool"),
@@ -250,6 +250,28 @@ def test_one_log_does_not_count_as_two_units(tmp_path):
         assert (status, out) == (2, "") and err.count("\n") == 1
         assert f"{logs[0]} and {logs[-1]} hold the same readings of gyro_x" in err
         assert not (tmp_path / "model").exists()
+
+
+def test_units_of_a_kind_are_converted(tmp_path):
+    """property: rad/s and deg/s pool as deg/s alone do; one recording in both is noticed."""
+    one, other = (write(tmp_path / name, seed) for name, seed in (("a.csv", 0), ("b.csv", 1)))
+    rows = np.loadtxt(other, delimiter=",", skiprows=1)
+    head = "t_s,gyro_x_rad_s,gyro_y_rad_s"
+    rows[:, 1:] = np.radians(rows[:, 1:])
+    np.savetxt(tmp_path / "c.csv", rows, "%.9g", ",", header=head, comments="")
+    found = []
+    for log in (other, tmp_path / "c.csv"):
+        status, out, _ = run("pool", one, log, "--out", tmp_path / "model")
+        assert status == 0
+        found.append(json.loads((tmp_path / "model" / "pooled.json").read_text()))
+    assert "note: c.csv: rad/s converted to deg/s" in out
+    for before, after in zip(*(f["channels"] for f in found), strict=True):
+        assert after["unit"] == "deg/s"
+        known, same = before["parameters"]["arw"], after["parameters"]["arw"]
+        assert same["value"] == pytest.approx(known["value"], rel=1e-4)  # nine digits in the CSV
+    np.savetxt(tmp_path / "c.csv", rows, "%.4f", ",", header=head, comments="")
+    status, _, err = run("pool", other, tmp_path / "c.csv", "--out", tmp_path / "none")
+    assert status == 2 and "hold the same readings of gyro_x" in err
 
 
 @pytest.mark.parametrize("dead", [("b.csv",), ("a.csv", "b.csv")])

@@ -372,16 +372,24 @@ def read_table(path: Path, stanza: dict, wanted: Sequence[Any] | None = None) ->
 
 def contents(
     path: Path, known: str | None = None
-) -> list[tuple[str, list[tuple[str, str, str, str]]]]:
-    """List the tables of a log: a line on each, and its columns.
+) -> tuple[list[tuple[str, list[tuple[str, str, str, str]]]], list[CannotAnswer | WrongUsage]]:
+    """List the tables of a log: a line on each, and its columns; and what could not be read.
 
     Returns
     -------
     list of (str, list of (name, kind, unit, what they were told by))
+    list of CannotAnswer or WrongUsage
+        One for each table whose numbers cannot be read.
     """
-    listing = []
+    listing, errors = [], []
     for part in parts_of(path, known):
-        frame = clock.joined(part.load(None).frame)
+        try:
+            frame = clock.joined(part.load(None).frame)
+        except (CannotAnswer, WrongUsage) as error:  # the names are known all the same
+            errors.append(error)
+            told = columns.described(pd.DataFrame(columns=[*part.columns], dtype=float), "its name")
+            listing.append((f"{part.name}: cannot be read: {error}", told))
+            continue
         told = columns.described(columns.sample(frame, list(frame)), part.told_by)
         title, time = f"{part.name}: {len(frame):,} rows", clock.time_column(frame)
         if time is not None and len(frame) > 1:
@@ -390,7 +398,7 @@ def contents(
                 span = float(np.nanmax(since) - np.nanmin(since))
                 title += f", {span:.6g} s, {(len(since) - 1) / span:.6g} Hz" if span > 0 else ""
         listing.append((title, told))
-    return listing
+    return listing, errors
 
 
 def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:

@@ -27,7 +27,7 @@ from analysis import (
     without_exponents,
 )
 from analysis.logs.catalogue import find
-from analysis.logs.columns import tidy
+from analysis.logs.columns import FULL_TURN, tidy
 from analysis.noise import exports
 from analysis.noise.channel import refuse_without_noise
 from analysis.noise.inference import infer
@@ -44,6 +44,7 @@ EXPORTS = Environment(
 )
 ALL_CHANNELS, ATLAS = "all.allan", "all.atlas"  # of figures; no channel has a dot in its name
 WITHIN = 0.2  # wanted half width of a 95 % interval, relative, of the log to record
+COMPARED, SAME_STEPS = 20_000, 0.9  # samples, and the correlation of their steps
 SAME_RATE = 0.01  # relative difference of two sampling rates
 NAMES = {
     "arw": "angle random walk N",
@@ -326,12 +327,12 @@ def write_pooled(logs, out, *, axes=False):
     Raises
     ------
     WrongUsage
-        If a channel is missing in a log, or has another unit, kind or sampling rate there, or if
-        two logs hold the same readings.
+        If a channel is missing in a log, or has another kind or sampling rate there, or if two
+        logs hold the same readings.
     CannotAnswer
         If a sensor moves, or a channel has no noise to measure.
     """
-    logs = [store.static_part(log) for log in logs]
+    logs, converted = _in_one_unit([store.static_part(log) for log in logs])
     groups = _group_channels(logs, axes)
     total = sum(map(len, groups.values()))
     streams = iter(np.random.SeedSequence(store.SEED).spawn(total))
@@ -369,12 +370,34 @@ def write_pooled(logs, out, *, axes=False):
     content = {
         "sources": [store.log_source(log) for log in logs],
         "seed": store.SEED,
-        "notes": perhaps_one_unit(logs),
+        "notes": [*converted, *perhaps_one_unit(logs)],
         "channels": channels,
     }
     with replacing(Path(out, "pooled.json")) as draft:
         draft.write_text(store.as_json(content), encoding="utf-8")
     return content
+
+
+def _in_one_unit(logs):
+    """Bring the channels of a kind to the unit that the first of them has; say what was converted.
+
+    Returns
+    -------
+    logs, notes : list
+    """
+    sizes = store.SIZES | {unit: 360 / turn for unit, turn in FULL_TURN.items()}
+    wanted, read, notes = {}, [], []
+    for log in logs:
+        channels, before = [], {}
+        for c in log.channels:
+            unit = wanted.setdefault(c.kind, c.unit)
+            if unit != c.unit:
+                before[c.unit] = unit
+                c = replace(c, unit=unit, values=c.values * (sizes[c.unit] / sizes[unit]))
+            channels.append(c)
+        read.append(replace(log, channels=tuple(channels)))
+        notes += [f"{log.file}: {old} converted to {new}" for old, new in before.items()]
+    return read, notes
 
 
 def _group_channels(logs, axes):
@@ -393,10 +416,10 @@ def _group_channels(logs, axes):
                     f"{log.given} has no channel {wanted.name} as {first.given} has; it has"
                     f" {', '.join(channels)}: name the same --columns"
                 )
-            if (c.unit, c.kind) != (wanted.unit, wanted.kind):
+            if c.kind != wanted.kind:
                 raise WrongUsage(
-                    f"channel {c.name} is {wanted.kind} in {wanted.unit} in {first.given}, and"
-                    f" {c.kind} in {c.unit} in {log.given}; pool logs of one unit and kind"
+                    f"channel {c.name} is {wanted.kind} in {first.given}, and {c.kind} in"
+                    f" {log.given}; pool logs of one kind"
                 )
     _refuse_same_readings(logs)
     groups = {}
@@ -404,8 +427,6 @@ def _group_channels(logs, axes):
         members = [(log, channels[c.name]) for log, channels in zip(logs, by_name, strict=True)]
         groups.setdefault(f"{c.kind} axes" if axes else c.name, []).extend(members)
     for name, members in groups.items():
-        if len({(c.unit, c.kind) for _, c in members}) > 1:
-            raise WrongUsage(f"{name}: channels in several units; say --unit or fewer --columns")
         if len(members) < 2:
             raise WrongUsage(
                 f"{name}: one log and one channel are nothing to pool; give the logs of several"
@@ -440,15 +461,26 @@ def perhaps_one_unit(logs):
 
 
 def _refuse_same_readings(logs):
-    """Refuse two logs of the same readings, also under different names: they are one unit."""
+    """Refuse two logs of the same readings: they are one unit.
+
+    Also under different names, and where another format or unit has rounded them: the steps from
+    sample to sample of two units do not correlate, their slow drifts may.
+    """
     seen = {}
     for log in logs:
         for c in log.channels:
-            if np.nanmin(c.values) == np.nanmax(c.values):
+            steps = np.nan_to_num(np.diff(c.values[:COMPARED]))
+            size = np.linalg.norm(steps)
+            if not size:
                 continue  # a constant channel is refused later, as such
-            before = seen.setdefault((c.name, hash(c.values.tobytes())), log)
-            if before is not log:
-                raise WrongUsage(
-                    f"{before.given} and {log.given} hold the same readings of {c.name}; give the"
-                    " log of each unit once"
-                )
+            for before, others in seen.setdefault(c.name, []):
+                n = min(len(steps), len(others))
+                pair = steps[:n], others[:n]
+                if pair[0] @ pair[1] > SAME_STEPS * np.linalg.norm(pair[0]) * np.linalg.norm(
+                    pair[1]
+                ):
+                    raise WrongUsage(
+                        f"{before.given} and {log.given} hold the same readings of {c.name}; give"
+                        " the log of each unit once"
+                    )
+            seen[c.name].append((log, steps))
