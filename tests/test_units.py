@@ -342,6 +342,12 @@ def test_compare_writes_the_contract(tmp_path, capsys):
     """property: two logs with clocks an hour apart; all keys of the contract; nothing else."""
     a, b = pair(np.random.default_rng(12), seconds=300, offset=-3600.0, sigma=0.5, corr_time=5.0)
     logs = [log_of(tmp_path / f"{u.name}.csv", u) for u in (a, b)]
+    kept = tmp_path / "out" / "figures" / "mine.png"
+    kept.parent.mkdir(parents=True)
+    for file in (kept, kept.with_name("john.jane.png")):  # the second of an earlier comparison
+        file.touch()
+    earlier = {"units": [{"name": "jane"}, {"name": "john"}]}
+    (tmp_path / "out" / "compare.json").write_text(json.dumps(earlier))
     assert cli.main(["compare", *logs, "--out", str(tmp_path / "out")]) in (0, None)
     found = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert {"units", "clock", "position", "attitude", "events"} <= set(found)
@@ -350,6 +356,7 @@ def test_compare_writes_the_contract(tmp_path, capsys):
         assert {"value", "low", "high"} <= set(found["position"][name])
     assert "1 h (a time zone)" in capsys.readouterr().out
     assert "<img" in (tmp_path / "out" / "compare.html").read_text()
+    assert [p.name for p in kept.parent.glob("[jm]*")] == [kept.name]
 
 
 BAD = {  # what is done to the second log -> exit status, what is said

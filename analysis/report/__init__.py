@@ -85,7 +85,10 @@ def write(log, out, *, part=None, command=""):
         raise
     except CannotAnswer as error:
         raise CannotAnswer(f"{log.file}, {error}; --columns can leave a channel out") from error
-    earlier = {Path("exports", name) for name in exports.TITLES} | _figures_of(Path(out))
+    earlier = {Path("exports", name) for name in exports.TITLES}
+    earlier |= figures_of(
+        out, "model.json", lambda stored: [ATLAS, *(c["name"] for c in stored["channels"])]
+    )
     model = store.model(result)
     told = _told(result, model, atlas, part) | {"command": command, "dated": _dated(log)}
     with replacing(out) as draft:
@@ -233,17 +236,30 @@ def _page(result, folder, told):
     )
 
 
-def _figures_of(out):
-    """Name the figures of the report that is in a folder, by its model.json."""
+def figures_of(out, file, names):
+    """Name the figures of an earlier run that is in a folder.
+
+    Parameters
+    ----------
+    out : path-like
+    file : str
+        The JSON file that the run wrote.
+    names : callable
+        Its content -> the names of the figures.
+
+    Returns
+    -------
+    set of Path
+        Relative to `out`; empty if there is no such run.
+    """
     try:
-        stored = json.loads((out / "model.json").read_bytes())
-        names = {str(c["name"]) for c in stored["channels"]}
-    except (OSError, ValueError, KeyError, TypeError):  # there is none, or `write` did not make it
+        found = {str(name) for name in names(json.loads(Path(out, file).read_bytes()))}
+    except (OSError, ValueError, KeyError, TypeError):  # there is none, or another program's
         return set()
     return {
         Path("figures", f"{name}.{suffix}")
-        for name in (*names, ATLAS)
-        if name in (ATLAS, tidy(name))  # and so no path out of the folder
+        for name in found
+        if all(part == tidy(part) for part in name.split("."))  # and so no path out of the folder
         for suffix in ("pdf", "png", "csv")
     }
 

@@ -1,13 +1,15 @@
 """The page of units side by side: what `compare` writes."""
 
 import base64
+from itertools import permutations
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 from jinja2 import Environment, FileSystemLoader, select_autoescape
 
 from analysis import Estimate, figures, plots, replacing, store
 from analysis.logs.columns import tidy
-from analysis.report import TEMPLATES
+from analysis.report import TEMPLATES, figures_of
 from analysis.units.comparison import side_by_side
 from analysis.units.frame import Unit
 
@@ -54,6 +56,14 @@ def write(units, out):
     """
     found = side_by_side([Unit.of(name, log) for name, log in units.items()])
     content = model(found, units)
+    earlier = figures_of(
+        out,
+        "compare.json",
+        lambda stored: [
+            "tracks",
+            *(_picture(a["name"], b["name"]) for a, b in permutations(stored["units"], 2)),
+        ],
+    )
     with replacing(out) as draft:
         pictures = _draw_comparison(found, units, draft / "figures")
         (draft / "compare.json").write_text(store.as_json(content), encoding="utf-8")
@@ -64,6 +74,9 @@ def write(units, out):
             content=content, pictures=pictures, **_rows_of_comparison(found, content)
         )
         (draft / "compare.html").write_text(page, encoding="utf-8")
+        written = {path.relative_to(draft) for path in draft.rglob("*")}
+    for path in earlier - written:
+        Path(out, path).unlink(missing_ok=True)
     return content
 
 
@@ -79,7 +92,7 @@ def _draw_comparison(found, units, folder):
     for pair in found.pairs:
         caption = f"{pair.b} minus {pair.a}: in time, and as histograms, straight and turning."
         figure = plots.units_differences(pair, plots.zero_time(found))
-        drawn[_picture_of(pair)] = (figure, caption)
+        drawn[_picture(pair.a, pair.b)] = (figure, caption)
     pictures = {}
     for name, (fig, caption) in drawn.items():
         figures.save(fig, name, caption, data=origin, to=folder)
@@ -88,8 +101,8 @@ def _draw_comparison(found, units, folder):
     return pictures
 
 
-def _picture_of(pair):
-    return f"{tidy(pair.a)}.{tidy(pair.b)}"  # no unit has a dot in its tidy name
+def _picture(a, b):
+    return f"{tidy(a)}.{tidy(b)}"  # no unit has a dot in its tidy name
 
 
 def _rows_of_comparison(found, content):
@@ -124,7 +137,7 @@ def _rows_of_comparison(found, content):
             {
                 "a": pair.a,
                 "b": pair.b,
-                "picture": _picture_of(pair),
+                "picture": _picture(pair.a, pair.b),
                 "rows": [
                     (OF_COMPARISON[k][0], e, OF_COMPARISON[k][1] or e.note)
                     for k, e in (pair.metrics | pair.lever).items()
