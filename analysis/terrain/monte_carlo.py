@@ -349,19 +349,15 @@ def follow(
         )
         nis /= max(np.count_nonzero(known[stored]), 1)
         return Laps(tuple(sensors), stored * dt, distance, error, variance, nis)
-    ukf, Q = _filter(attitude_map, setup, arw, sigma_b, first)
+    ukf, Q = filters_of(attitude_map, setup, arw, sigma_b, first)
     for k in range(every, n, every):
         step = moved[k - every + 1 : k + 1].sum(axis=0)
-        ukf.predict(step, Q)
-        ukf.P[0, 0] += setup.q * np.abs(step)
-        if setup.map_error:
-            sd, length = setup.map_error
-            ukf.decay(np.exp(-np.abs(step) / length), sd**2)
+        z = None
         if known[k]:
             z = arw * walk[k][:, None]
             z += sigma_b * bias[k][:, None]
             z += attitude[:, k]
-            innovation, S = ukf.update(z, R)
+        innovation, S = advance(ukf, setup, step, Q, z, R)
         if k % stride == 0:
             j = k // stride - 1
             error[:, :, j] = ukf.x[0] - truth[k]
@@ -373,13 +369,29 @@ def follow(
     return Laps(tuple(sensors), stored * dt, distance, error, variance, nis)
 
 
+def advance(ukf, setup, step, Q, z, R):
+    """Move filters by a step of the odometry, and update them where there is a reading.
+
+    Returns
+    -------
+    innovation, S : ndarray or None
+        As `Ukf.update` gives them; None without a reading.
+    """
+    ukf.predict(step, Q)
+    ukf.P[0, 0] += setup.q * np.abs(step)
+    if setup.map_error:
+        sd, length = setup.map_error
+        ukf.decay(np.exp(-np.abs(step) / length), sd**2)
+    return (None, None) if z is None else ukf.update(z, R)
+
+
 def _assumed_R(sensor, setup):
     """Measurement variance that the filter of a sensor assumes, deg^2."""
     R = setup.R if sensor.R is None else sensor.R
     return setup.own_R(sensor) if R is None else R
 
 
-def _filter(attitude_map, setup, arw, sigma_b, first):
+def filters_of(attitude_map, setup, arw, sigma_b, first):
     """Make the filters of a block, and the covariance of their steps but for the odometry."""
     m, cells, runs = attitude_map.channels, len(arw), len(first)
     of_map = m if setup.map_error else 0

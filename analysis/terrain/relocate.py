@@ -1,0 +1,279 @@
+"""Notice that a filter has lost its place on the map, and find the place again.
+
+The variance that a filter computes says how well its model would do, not whether it is on the right
+stretch of road. So every `WAIT` metres the last `WINDOW` metres of readings are compared with all
+places on the map. Where hardly any likelihood is near the position of the filter, the alarm is
+raised: the position is then that of the odometry. It ends when one place holds nearly all the
+likelihood, twice in a row; the filter starts again from there.
+
+The readings are averaged over stretches of `STRETCH` metres. With y the means that were read and
+h(p) those of the map if the last stretch ends at the place p, the likelihood of p is ::
+
+    exp(-(y - h(p))' C^-1 (y - h(p)) / 2)
+
+C is the covariance of what the gyro has drifted and of the error of the map. Over a window the
+odometry is exact by comparison. Where no place on the map explains the readings, something else is
+wrong with them, and neither alarm nor place can be trusted: nothing is done.
+"""
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from scipy.linalg import cho_factor, cho_solve
+from scipy.stats import chi2
+
+from analysis.terrain.monte_carlo import advance, attitude_errors, filters_of
+from analysis.terrain.readings import Sensor, Setup, attitude_variance
+from analysis.terrain.real_laps import Lap, MapError, resample_lap
+from analysis.terrain.terrain_map import AttitudeMap, Profile
+
+STRETCH = 10.0  # m; some correlation lengths of the fast part of a map's error
+WINDOW = 300.0  # m of road that are compared with each place
+WAIT = 50.0  # m from one comparison to the next
+APART = 1.0  # m between the places that are tried
+SAME = 10.0  # m; places that are near enough to be one
+SURE = 0.999  # weight near the most likely place from which on it is taken
+EXPLAINED = 1e-3  # probability of readings as bad as these at the most likely place
+DOUBT = 1e-4  # weight near the filter's position below which the alarm is raised
+
+
+@dataclass(frozen=True)
+class Watched:
+    """One drive with an alarm.
+
+    Attributes
+    ----------
+    position : ndarray, shape (samples,), m
+    lost : ndarray of bool, shape (samples,)
+        From an alarm until the place was found again.
+    alarms, found : list of int
+        Samples at which the alarm was raised, and at which the place was found again.
+    """
+
+    position: np.ndarray
+    lost: np.ndarray
+    alarms: list[int]
+    found: list[int]
+
+
+def watch(
+    attitude_map: AttitudeMap,
+    readings: np.ndarray,
+    moved: np.ndarray,
+    first: float,
+    sensor: Sensor,
+    setup: Setup,
+    places: tuple[float, float] | None = None,
+) -> Watched:
+    """Track one drive; raise an alarm where the readings disagree, and find the place again.
+
+    Parameters
+    ----------
+    attitude_map : AttitudeMap
+    readings : ndarray, shape (channels, samples), deg
+        At ``setup.rate_hz``; NaN where there is none.
+    moved : ndarray, shape (samples,), m
+        By odometry since the sample before.
+    first : float
+        Where the drive begins, m; known to ``setup.begin_sd``.
+    sensor : Sensor
+    setup : Setup
+        With bias states, and the error of the map (`MapError.setup`): a filter that is too sure
+        of itself raises false alarms.
+    places : tuple of float, optional
+        Between which positions to search, m; the whole map by default. A closed map has every
+        place twice, so it needs them.
+
+    Returns
+    -------
+    Watched
+    """
+    every = setup.every
+    at = np.arange(every, len(moved), every)
+    steps = np.diff(np.cumsum(moved)[np.append(0, at)])
+    readings = np.reshape(readings, (attitude_map.channels, -1))
+    z = readings[:, at]
+    places = places or (attitude_map.start, attitude_map.end)
+    arw, sigma_b = (np.array([[value]]) for value in (sensor.arw, sensor.sigma_b))
+    R = setup.R if sensor.R is None else sensor.R
+    found_again = replace(setup, begin_sd=APART, start="stationary")
+    ukf, Q = filters_of(attitude_map, setup, arw, sigma_b, np.array([first]))
+    position, lost = np.full(len(moved), float(first)), np.zeros(len(moved), dtype=bool)
+    driven = np.cumsum(moved)
+    alarms: list[int] = []
+    found: list[int] = []
+    is_lost, waited, begun = False, WAIT - WINDOW, np.inf
+    for k, step in enumerate(steps):
+        read = z[:, k, None, None] if np.isfinite(z[:, k]).all() else None
+        advance(ukf, setup, step, Q, read, R)
+        here = position[at[k] - every] + step if is_lost else ukf.x[0].item()
+        waited += abs(step)
+        if waited >= WAIT:
+            waited, now = 0.0, slice(0, at[k] + 1)
+            place, weight, explained = likelihood(
+                attitude_map, readings[:, now], driven[now], sensor, setup, places
+            )
+            likely = place[weight.argmax()]
+            near, best = (weight[np.abs(place - of) < SAME].sum() for of in (here, likely))
+            if not is_lost and near < DOUBT and explained > EXPLAINED:
+                is_lost = True
+                alarms.append(int(at[k]))
+            # Where the drive would have begun: the same place twice in a row.
+            before, begun = begun, likely - driven[at[k]]
+            sure = best > SURE and explained > EXPLAINED and abs(begun - before) < SAME
+            if is_lost and sure:
+                is_lost, here = False, likely
+                drift = attitude_variance(at[k] / setup.rate_hz, *sensor[:2], setup.corr_time)
+                known = float(np.sqrt(setup.begin_attitude_sd**2 + drift))
+                again = replace(found_again, begin_attitude_sd=known)
+                ukf, Q = filters_of(attitude_map, again, arw, sigma_b, np.array([here]))
+                found.append(int(at[k]))
+        position[at[k]], lost[at[k]] = here, is_lost
+    last = np.arange(len(moved)) // every * every
+    return Watched(position[last] + driven - driven[last], lost[last], alarms, found)
+
+
+def likelihood(attitude_map, readings, driven, sensor, setup, places):
+    """Compare the last readings with every place.
+
+    Parameters
+    ----------
+    attitude_map, sensor, setup, places
+        As for `watch`.
+    readings : ndarray, shape (channels, samples), deg
+    driven : ndarray, shape (samples,), m
+        By odometry, since the first sample.
+
+    Returns
+    -------
+    place : ndarray, shape (places,), m
+        Of the last sample.
+    weight : ndarray, shape (places,)
+        Likelihood of each, adding up to 1.
+    explained : float
+        Probability that readings from the most likely place agree no better with it (chi-square).
+    """
+    begin = int(np.searchsorted(driven, driven[-1] - WINDOW))
+    back, z = driven[begin:] - driven[-1], readings[:, begin:]
+    number = ((driven[begin:] - driven[begin]) // STRETCH).astype(int)
+    usable = np.isfinite(z).all(axis=0)
+    count = np.bincount(number[usable], minlength=number[-1] + 1)
+    kept = np.flatnonzero(count)
+
+    def means(values):
+        sums = np.bincount(number[usable], values[usable], minlength=number[-1] + 1)
+        return sums[kept] / count[kept]
+
+    t, s = means(np.arange(len(back)) / setup.rate_hz), means(back)
+    before = attitude_variance(begin / setup.rate_hz, *sensor[:2], setup.corr_time)
+    sd, length = setup.map_error or (0.0, 1.0)
+    C = (
+        setup.begin_attitude_sd**2
+        + before
+        + sensor.arw**2 * np.minimum.outer(t, t)
+        + sensor.sigma_b**2 * np.outer(t, t)
+        + sd**2 * np.exp(-np.abs(np.subtract.outer(s, s)) / length)
+        + np.diag((setup.R if sensor.R is None else sensor.R) * setup.every / count[kept])
+    )
+    root = cho_factor(C, lower=True)
+    place = np.arange(*places, APART)
+    # The map's mean over a stretch, from its values at every metre of it.
+    inside = np.arange(-STRETCH / 2 + 0.5, STRETCH / 2)
+    of_map = attitude_map.at(place[:, None, None] + s[:, None] + inside).mean(axis=-1)
+    square = np.zeros(len(place))
+    for channel, read in zip(of_map, z, strict=True):
+        off = means(read) - channel
+        square += (off * cho_solve(root, off.T).T).sum(axis=1)
+    weight = np.exp(-0.5 * (square - square.min()))
+    return place, weight / weight.sum(), chi2.sf(square.min(), len(z) * len(kept))
+
+
+def _off(degrees, begin, end):
+    """Let the attitude be off over a stretch of road."""
+
+    def change(truth, moved, attitude, first):
+        return moved, attitude + degrees * ((begin < truth) & (truth < end)), first
+
+    return change
+
+
+def _wheels_miss(metres, at):
+    """Let the odometry miss some metres within two seconds."""
+
+    def change(truth, moved, attitude, first):
+        part = np.flatnonzero(truth > at)[:200]
+        moved = moved.copy()
+        moved[part] -= metres / len(part)
+        return moved, attitude, first
+
+    return change
+
+
+def _begin_wrong(metres):
+    """Let the first position be wrong."""
+
+    def change(truth, moved, attitude, first):
+        return moved, attitude, first + metres
+
+    return change
+
+
+DISTURBANCES = {
+    "none": _off(0.0, 0.0, 0.0),
+    "pitch 0.5° off for 300 m": _off(-0.5, 500.0, 800.0),
+    "pitch 1° off for 100 m": _off(1.0, 700.0, 800.0),
+    "wheels miss 30 m": _wheels_miss(30.0, 700.0),
+    "first position 60 m wrong": _begin_wrong(60.0),
+}
+
+
+def watch_real_laps(
+    laps: Mapping[Hashable, tuple[Lap, Profile]],
+    errors: Mapping[Hashable, MapError],
+    sensor: Sensor,
+    setup: Setup,
+    *,
+    seed: int,
+) -> pd.DataFrame:
+    """Watch each real lap, as it was and with each of `DISTURBANCES`.
+
+    Parameters
+    ----------
+    laps : mapping of label to (Lap, Profile)
+        Each lap with the map to track it on.
+    errors : mapping of label to MapError
+        What the filter expects of that map: from other laps.
+    sensor : Sensor
+    setup : Setup
+    seed : int
+        Of the gyro's error, the same for every lap.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each disturbance and lap: ``alarms``, ``found`` (times that a place was taken),
+        ``lost_m`` (largest error, m), ``end_m`` (error at the end, m).
+    """
+    stream = np.random.SeedSequence(seed)
+    rows = {}
+    for label, (lap, profile) in laps.items():
+        truth, moved, attitude = resample_lap(lap, ("pitch",), setup.rate_hz)
+        walk, bias = attitude_errors(setup, 1, [stream], len(truth))
+        gyro = (sensor.arw * walk + sensor.sigma_b * bias)[..., 0].T
+        own = errors[label].setup(setup, profile.laps.mean())
+        places = truth.min() - SAME, truth.max() + SAME
+        for name, change in DISTURBANCES.items():
+            driven, seen, first = change(truth, moved, attitude, truth[0])
+            found = watch(
+                profile.attitude_map(), seen + gyro, driven, first, sensor, own, places
+            )
+            off = np.abs(found.position - truth)
+            rows[name, label] = {
+                "alarms": len(found.alarms),
+                "found": len(found.found),
+                "lost_m": off.max(),
+                "end_m": off[-1],
+            }
+    return pd.DataFrame(rows).T
