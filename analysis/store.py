@@ -51,6 +51,7 @@ from analysis.terrain.which_reading import JudgedReadings, ReadingStudy, Roads
 from analysis.units.frame import Track
 
 __all__ = [
+    "antenna_mounting",
     "before_and_after",
     "centre_line",
     "characterise_log",
@@ -61,6 +62,7 @@ __all__ = [
     "lap_and_map",
     "lap_curves",
     "laps",
+    "map_error",
     "names",
     "profile",
     "published",
@@ -752,6 +754,11 @@ def centre_line(direction: str) -> CentreLine:
     return CentreLine(known.s_m, known.east_m, known.north_m, known.length_m)
 
 
+def antenna_mounting() -> AntennaMounting:
+    """Give the attitude of the antennas on the van, as calibrated on the laps."""
+    return AntennaMounting(**_road(TRACK).source["mounting_deg"])
+
+
 def lap_curves(direction: str) -> dict[str, np.ndarray]:
     """Smooth the laps of one direction onto the map's grid.
 
@@ -830,9 +837,8 @@ def lap_and_map(source: str | Path, direction: str | None = None) -> tuple[Lap, 
         return lap(str(source)), map_without(str(source))
     path, line, known = Path(source), centre_line(direction), _road(TRACK).source
     raw = road_logs.lap(path, known["gate_lat_lon_deg"])
-    mounting = AntennaMounting(**known["mounting_deg"])
     try:
-        own = lay_on_line(path.stem, direction, raw, line, mounting)
+        own = lay_on_line(path.stem, direction, raw, line, antenna_mounting())
     except CannotAnswer as error:
         raise CannotAnswer(f"{path.name}: {error}") from error
     scale = np.mean([about["metres_per_count"] for about in known["laps"].values()])

@@ -266,9 +266,7 @@ def watch_real_laps(
         places = truth.min() - SAME, truth.max() + SAME
         for name, change in DISTURBANCES.items():
             driven, seen, first = change(truth, moved, attitude, truth[0])
-            found = watch(
-                profile.attitude_map(), seen + gyro, driven, first, sensor, own, places
-            )
+            found = watch(profile.attitude_map(), seen + gyro, driven, first, sensor, own, places)
             off = np.abs(found.position - truth)
             rows[name, label] = {
                 "alarms": len(found.alarms),

@@ -1,0 +1,59 @@
+"""A filter that lost its place on the map: the alarm, and the way back."""
+
+import numpy as np
+import pytest
+
+from analysis import store
+from analysis.terrain.readings import Sensor, Setup
+from analysis.terrain.relocate import likelihood, watch, watch_real_laps
+from analysis.terrain.terrain_map import AttitudeMap
+
+LAP = "14-45-26"
+MEMS = Sensor(0.01, 0.01)
+
+
+def test_no_alarm_without_need_and_the_way_back_after_a_slip():
+    """property: on a real lap none without cause; after a slip or a wrong start the place again."""
+    setup = Setup.paper(1557.0, every=10)
+    laps = {LAP: store.lap_and_map(LAP)}
+    found = watch_real_laps(laps, {LAP: store.map_error(LAP)}, MEMS, setup, seed=4)
+    found = found.droplevel(1)
+    for kind in ("none", "pitch 0.5° off for 300 m"):
+        assert found.loc[kind, "alarms"] == 0 and found.loc[kind, "lost_m"] < 2
+    for kind, metres in (("wheels miss 30 m", 30), ("first position 60 m wrong", 60)):
+        assert found.loc[kind, "found"] == found.loc[kind, "alarms"] == 1
+        assert found.loc[kind, "lost_m"] > 0.9 * metres and found.loc[kind, "end_m"] < 2
+
+
+@pytest.fixture
+def drive():
+    """Make 600 m of hills, and readings of them at 10 Hz and 10 m/s without any error."""
+    rng = np.random.default_rng(3)
+    s = np.arange(1500.0)
+    waves = rng.uniform(0.01, 0.2, (12, 1)), rng.uniform(0, 7, (12, 1))
+    road = AttitudeMap(0.0, 1.0, 0.3 * np.sin(waves[0] * s + waves[1]).sum(axis=0))
+    setup = Setup(600.0, speed=10.0, rate_hz=10.0, bias_states=True, R=0.3**2, map_error=(0.1, 50))
+    truth = 400.0 + np.arange(601.0)
+    return road, setup, truth, np.append(0.0, np.ones(600))
+
+
+def test_the_likelihood_finds_the_place(drive):
+    """analytic: perfect readings put the weight on the true place, and explain themselves."""
+    road, setup, truth, moved = drive
+    place, weight, explained = likelihood(
+        road, road.at(truth), np.cumsum(moved), MEMS, setup, (600.0, 1400.0)
+    )
+    assert place[weight.argmax()] == pytest.approx(truth[-1], abs=1)
+    assert weight[np.abs(place - truth[-1]) < 10].sum() > 0.999 and explained > 0.99
+
+
+def test_readings_of_no_place_move_nothing(drive):
+    """property: where no place on the map explains the readings, the position stays as it was."""
+    road, setup, truth, moved = drive
+    rng = np.random.default_rng(5)
+    nonsense = road.at(truth) + np.repeat(3 * rng.standard_normal(21), 30)[:601]
+    found = watch(road, nonsense, moved, truth[0], MEMS, setup)
+    assert not found.alarms and not found.lost.any()
+    gone = watch(road, np.full((1, 601), np.nan), moved, truth[0], MEMS, setup)
+    np.testing.assert_allclose(gone.position, truth, atol=1e-9)
+    assert not gone.alarms
