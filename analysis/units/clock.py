@@ -28,10 +28,11 @@ LEAST_DEG_S = 1.0  # of the rates of turn, where there are only attitudes
 SHARE = 0.25  # of the shorter log's motion, at least, in the common time
 LEVER_M, DATUM_M = 3.0, 300.0  # what a lever arm and a shift of datum may be (1 sigma, assumed)
 DRIFT = 1e-4  # s/s: what a clock may drift (1 sigma, assumed); crystals keep 1e-5 to 1e-4
+COUNTER = 1e-2  # s/s: what stamps may drift that count samples of a nominal rate (1 sigma)
 TAILS, ROUNDS = 4.0, 50  # degrees of freedom of the residuals' tails; rounds of the fit
 SAME_JOURNEY = 5.0  # ratio of along- to cross-track scatter beyond which it is another journey
 ALONG_M = 25.0  # along-track scatter that is always allowed
-SAME_M = 50.0  # median difference, constant shift taken out, beyond any receiver's error
+SAME_M = 25.0  # median difference, constant shift taken out, beyond any receiver's error
 FEWEST_SAMPLES = 20  # of common attitudes
 THIN_S = 1.0  # between epochs when lags are compared
 ENOUGH_S = 1e-4  # step at which the refinement ends
@@ -85,7 +86,8 @@ def clock_offset(a: Track, b: Track) -> Clock:
     by_position = all(t.fixed.sum() >= 3 for t in (a, b))
     if not by_position and not all(len(t.attitude_t_s) for t in (a, b)):
         raise CannotAnswer(f"{both} share neither positions nor an attitude: nothing to compare")
-    signals = [_signal(t, by_position) for t in (a, b)]
+    use = np.isfinite(a.attitude).any(axis=0) & np.isfinite(b.attitude).any(axis=0)
+    signals = [_signal(t, by_position, use) for t in (a, b)]
     least = LEAST_M if by_position else LEAST_DEG_S
     for track, (_, x) in zip((a, b), signals, strict=True):
         if not _size(x) > least:
@@ -97,11 +99,12 @@ def clock_offset(a: Track, b: Track) -> Clock:
     if not lags:
         raise CannotAnswer(
             f"{both} have no {LEAST_S:.0f} s of common motion at any clock offset: they did not "
-            "travel together, or one of them hardly moves"
+            f"travel together, or one of them hardly moves{_stamps(a, b)}"
         )
     if not by_position:
         return _by_attitude(a, b, lags[0])
     thin = [t.every(THIN_S) for t in (a, b)]
+    lags += [0.0]  # as the stamps have it, even for less than the common time asked for
     fits = [fit for lag in lags if (fit := _refined(thin[0], thin[1], lag)) is not None]
     if not fits:
         raise CannotAnswer(f"{both} have no common epochs while they move")
@@ -111,16 +114,16 @@ def clock_offset(a: Track, b: Track) -> Clock:
         raise CannotAnswer(
             f"{both} were not on one journey at one time: at the best clock offset "
             f"({best.lag:.0f} s) they still differ by {best.along:.0f} m along the track and "
-            f"{best.cross:.0f} m across"
+            f"{best.cross:.0f} m across{_stamps(a, b)}"
         )
     return Clock(best.offset, best.drift, best.middle, named_offset(best.offset, a, b))
 
 
-def _signal(track, by_position):
+def _signal(track, by_position, use=True):
     """What is compared: positions, or absolute rates of the angles, whose signs may not agree."""
     if by_position:
         return track.t_s, track.enu[:, :2]
-    angles = track.attitude[:, np.isfinite(track.attitude).any(axis=0)]
+    angles = track.attitude[:, use & np.isfinite(track.attitude).any(axis=0)]
     return track.attitude_t_s, np.abs(rate(track.attitude_t_s, unwrapped(angles), 1.0))
 
 
@@ -133,6 +136,15 @@ def stands_still(track: Track) -> bool:
     """Tell whether a unit does not move by its own log, so that its clock cannot be found."""
     by_position = bool(track.fixed.sum() >= 3)
     return not _size(_signal(track, by_position)[1]) > (LEAST_M if by_position else LEAST_DEG_S)
+
+
+def _stamps(a, b):
+    """Say by how much the stamps of two units miss each other, where they do."""
+    (start, stop), (begin, end) = (
+        (t.min(), t.max()) for t in (np.concatenate([u.t_s, u.attitude_t_s]) for u in (a, b))
+    )
+    gap = max(begin - stop, start - end)
+    return f"; by their stamps {gap:.0f} s lie between them" if gap > 0 else ""
 
 
 @dataclass(frozen=True)
@@ -215,6 +227,11 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
         prior = np.array([np.inf, DRIFT, LEVER_M, LEVER_M, DATUM_M, DATUM_M])
         # b late by delta shows b where a was: p_b = p_a - v delta at the same stamp.
         beta, half, residual = least_squares(x, d, prior)
+        if abs(beta[1]) > DRIFT:  # is it a counter?
+            prior[1] = COUNTER
+            free = least_squares(x, d, prior)
+            if abs(free[0][1]) - free[1][1] > 3 * DRIFT:
+                beta, half, residual = free
         lag += float(beta[0])
         if abs(beta[0]) < ENOUGH_S:
             break

@@ -116,8 +116,15 @@ def side_by_side(units: Sequence[Unit]) -> Comparison:
     if len(units) < 2:
         raise WrongUsage("one unit cannot be compared: give the logs of two or more")
     _refuse_same(units)
-    first, *others = local_tracks(units)
     notes: list[str] = []
+    tracks = local_tracks(units)
+    for unit, track in zip(units, tracks, strict=True):
+        if 2 * len(track.t_s) < len(unit.t_s):
+            notes.append(
+                f"{unit.name}: {len(unit.t_s) - len(track.t_s)} of {len(unit.t_s)} epochs repeat "
+                "the position before them; the first of each counts"
+            )
+    first, *others = _with_course(tracks, notes)
     clocks = []
     for other in others:
         clocks.append(_clock(first, other, notes))
@@ -136,13 +143,14 @@ def side_by_side(units: Sequence[Unit]) -> Comparison:
         pairs.append(Pair(a.name, b.name, d, trajectory_metrics(d), lever))
         distances += apart(a, b, d)
     events += disagreements(distances)
+    noise, missing = noise_of_each([pair.differences for pair in pairs[: len(tracks) - 1]])
     return Comparison(
         tracks,
         clocks,
         pairs,
         sorted(events, key=lambda e: e.from_s),
-        _variances(tracks, pairs[: len(tracks) - 1], notes),
-        tuple(dict.fromkeys(notes)),
+        noise,
+        tuple(dict.fromkeys([*notes, *missing])),
     )
 
 
@@ -156,6 +164,23 @@ def _refuse_same(units):
                     f"{a.name} and {b.name} hold the same readings: the same log twice? Give the "
                     "log of each unit once"
                 )
+
+
+def _with_course(tracks, notes) -> list[Track]:
+    """Take the course for the yaw of units without attitude, where others have nothing else."""
+    if all(t.fixed.any() for t in tracks):
+        return tracks
+    out = []
+    for track in tracks:
+        if not len(track.attitude_t_s) and track.fixed.any():
+            course = _course(track.t_s, track)
+            angles = np.column_stack([np.full((len(course), 2), np.nan), course])
+            known = np.isfinite(course)
+            t, angles = track.t_s[known], angles[known]
+            track = replace(track, attitude_t_s=t, attitude=angles)
+            notes.append(f"{track.name} has no attitude: its course is compared with the yaw")
+        out.append(track)
+    return out
 
 
 def _clock(a: Track, b: Track, notes) -> Clock:
@@ -210,24 +235,37 @@ def _agreed(tracks, notes):
     return out
 
 
-def _variances(tracks, pairs, notes) -> dict[str, Variances]:
-    """Estimate each unit's noise, component by component, at the epochs that all units have."""
-    found = {}
+def noise_of_each(between: Sequence[Differences]) -> tuple[dict[str, Variances], list[str]]:
+    """Estimate each unit's noise, component by component, at the epochs that all units have.
+
+    Parameters
+    ----------
+    between : sequence of Differences
+        Each other unit minus the first one.
+
+    Returns
+    -------
+    dict of str to Variances
+        ``along``, ``cross``, ``height``, ``roll``, ``pitch``, ``yaw``: as far as all units have it;
+        the first unit first.
+    list of str
+        Why others are missing.
+    """
+    found, notes = {}, []
     for k, name in enumerate(COMPONENTS):
         try:
-            x = _component(tracks, pairs, k)
+            x = _component(between, k)
             if x is not None:
                 found[name] = unit_variances(x, "m" if k < 3 else "deg")
         except CannotAnswer as error:
             notes.append(f"noise of each unit in {name}: {error}")
-    return found
+    return found, notes
 
 
-def _component(tracks, pairs, k):
+def _component(between, k):
     """One component of all units against the first, (N, n); None where one does not have it."""
     series = []
-    for pair in pairs:
-        d = pair.differences
+    for d in between:
         t = d.t_s if k < 3 else d.attitude_t_s
         x = (d.along_m, d.cross_m, d.enu[:, 2])[k] if k < 3 else d.attitude[:, k - 3]
         if np.isfinite(x).sum() < 2:
@@ -313,12 +351,15 @@ def _course(t, track):
 
 
 def _factor(t, mine, theirs, least):
-    """Find by which of the known factors one angle follows the changes of another; None if none."""
+    """Find by which of the known factors one angle follows the changes of another; None if none.
+
+    Changes of more than half a turn are taken for jumps of an angle that wraps.
+    """
     step = float(np.median(np.diff(t))) if len(t) > 2 else 0.0
     lag = max(1, round(WINDOW_S / step)) if step else 0
     if not lag or len(t) < 10 * lag // 2:
         return None
-    x, y = theirs[lag:] - theirs[:-lag], mine[lag:] - mine[:-lag]
+    x, y = wrap(theirs[lag:] - theirs[:-lag]), wrap(mine[lag:] - mine[:-lag])
     good = np.isfinite(x + y)
     if good.sum() < 20 or np.sqrt(np.mean(x[good] ** 2)) < least:
         return None

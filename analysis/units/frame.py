@@ -14,7 +14,7 @@ import pymap3d
 from analysis import CannotAnswer
 from analysis.logs.timeline import Timeline
 
-RENEWED_S = 1.5  # a position that repeats for less is a slow output, not a standstill
+RENEWED_S = 1.5  # a position that repeats for less is a slow receiver, not a standstill
 SMOOTH_S = 1.0  # width of the difference that gives velocity and rates of turn
 FEWEST = 10  # epochs with a position, or with an attitude
 APART_M = 50e3  # farther from each other at all times, two units made no common journey
@@ -170,7 +170,7 @@ def local_tracks(units: Sequence[Unit]) -> list[Track]:
     """Bring units into one local frame: east, north, up on WGS 84 (pymap3d).
 
     The origin is the median position of the first unit that has one. A position that is repeated
-    for less than 1.5 s counts once: the output is faster than the receiver. Heights are taken as
+    for less than 1.5 s, or as long as most do, counts once: the output is faster than the receiver. Heights are taken as
     they are (`conventions` compares datums).
 
     Parameters
@@ -248,13 +248,20 @@ def _track(unit: Unit, origin) -> Track:
 
 
 def _repeated(t, xy):
-    """Mark epochs that repeat the position of the epoch before, in runs shorter than 1.5 s."""
+    """Mark epochs that repeat the position of the epoch before, in runs shorter than 1.5 s.
+
+    Where most epochs are in runs, that is how often the receiver gives a position: so the runs may
+    be half as long again as they usually are.
+    """
     same = np.r_[False, (np.diff(xy, axis=0) == 0).all(axis=1)]
     start = np.flatnonzero(np.diff(np.r_[False, same].astype(int)) == 1) - 1
     stop = np.flatnonzero(np.diff(np.r_[same, False].astype(int)) == -1)
     drop = np.zeros(len(t), dtype=bool)
+    longest = RENEWED_S
+    if len(start) > FEWEST and same.mean() > 0.5:
+        longest = max(longest, 1.5 * float(np.median(t[stop] - t[start])))
     for i, j in zip(start, stop, strict=True):
-        drop[i + 1 : j + 1] = t[j] - t[i] < RENEWED_S
+        drop[i + 1 : j + 1] = t[j] - t[i] < longest
     return drop
 
 

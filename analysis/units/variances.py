@@ -28,6 +28,7 @@ from analysis.noise.position import effective_samples
 from analysis.units.metrics import normal_factor, root_mean_square
 
 SMALLEST = 1e-8  # of the largest difference's variance: stands for zero
+NEARLY_ZERO = 1e-3  # of the other end of a range: shown as zero
 ROUNDS, PROFILE = 200, 60  # rounds of the fit; variances tried for an interval
 CORRELATIONS = (0.2, 0.5)  # between two units, assumed for the ranges
 ASSUMED, WIDE = 0.2, 2.0  # a range of a standard deviation over this ratio is wide
@@ -135,6 +136,8 @@ def unit_variances(
         else:
             sigma.append(one if one.resolved else Estimate.refused(unit, one.note))
             continue
+        if low < NEARLY_ZERO * high:
+            low = 0.0
         ends = [None if np.isnan(v) else float(v) for v in (low, high)]
         sigma.append(Estimate.refused(unit, why, low=ends[0], high=ends[1]))
     tavella = np.sqrt(_premoli_tavella(s))
