@@ -1,6 +1,8 @@
 """The page of units side by side: what `compare` writes."""
 
 import base64
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from itertools import permutations
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from analysis.units.comparison import side_by_side
 from analysis.units.frame import Unit
 
 EVENTS = 30  # on a page; compare.json lists all
+FIRST = ("frozen", "disagreement", "attitude disagreement", "jump", "hold", "attitude hold")
 OF_COMPARISON = {  # a row of the page: what it is
     "p50_m": ("horizontal distance, half are within", "p50"),
     "p95_m": ("horizontal distance, 95 % are within", "p95"),
@@ -101,6 +104,57 @@ def _draw_comparison(found, units, folder):
     return pictures
 
 
+def _zero_utc(found):
+    """Time zero in UTC, by the first unit whose clock is UTC; None where no unit's clock is."""
+    for track, clock in zip(found.tracks, [None, *found.clocks], strict=True):
+        if track.clock == "unix":
+            offset = clock.offset_s.value or 0.0 if clock else 0.0
+            return datetime.fromtimestamp(plots.zero_time(found) - offset, UTC)
+    return None
+
+
+def _from_to(event, zero):
+    """Say from when to when an event lasts: UTC where it is known, else seconds from time zero."""
+    if zero is None:
+        return f"{event['from']:.1f} to {event['to']:.1f} s"
+    ends = (zero + timedelta(seconds=event[k] + 0.05) for k in ("from", "to"))
+    return " to ".join(f"{t:%H:%M:%S}.{t.microsecond // 100_000}" for t in ends)
+
+
+def _dated(pair, found):
+    """The metrics of a pair, with the time of the largest distance."""
+    if "max_m" not in pair.metrics:
+        return pair.metrics
+    d, zero = pair.differences, _zero_utc(found)
+    at = float(d.t_s[d.horizontal_m.argmax()]) - plots.zero_time(found)
+    note = f"at {zero + timedelta(seconds=at):%H:%M:%S} UTC" if zero else f"at {at:.1f} s"
+    return pair.metrics | {"max_m": replace(pair.metrics["max_m"], note=note)}
+
+
+def _shown(events):
+    """Choose what a page has room for, in order of time: the largest, losses last."""
+    rank = {kind: k for k, kind in enumerate(FIRST)}
+    first = sorted(events, key=lambda e: (rank.get(e["kind"], len(rank)), -e["size"]))[:EVENTS]
+    return sorted(first, key=lambda e: e["from"])
+
+
+def _counts(events):
+    """Count the events of each unit by kind, a sentence each."""
+    units = dict.fromkeys(e["unit"] for e in events)
+    found = []
+    for unit in units:
+        sizes: dict[str, list[float]] = {}
+        for e in events:
+            if e["unit"] == unit:
+                sizes.setdefault(e["kind"], []).append(e["size"])
+        parts = [
+            f"{kind} {len(own)}" + (f" ({sum(own):.0f} s in all)" if kind == "loss" else "")
+            for kind, own in sizes.items()
+        ]
+        found.append(f"{unit}: {', '.join(parts)}")
+    return found
+
+
 def _picture(a, b):
     return f"{tidy(a)}.{tidy(b)}"  # no unit has a dot in its tidy name
 
@@ -119,10 +173,11 @@ def _rows_of_comparison(found, content):
     elif first.metrics:
         name, e = next(iter(first.metrics.items()))
         headline = f"{first.b} differs from {first.a} by {e:.2g}: {OF_COMPARISON[name][0]}"
-    largest = sorted(events, key=lambda e: -e["size"])[:EVENTS]
+    zero = _zero_utc(found)
     return {
+        "zero": f"{zero:%Y-%m-%d %H:%M:%S} UTC" if zero else "",
         "title": f"{both}, side by side",
-        "headline": f"{headline}; {len(events)} jumps, holds and losses.",
+        "headline": f"{headline}; {len(events)} jumps, holds, losses and disagreements.",
         "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
         "clocks": [
             {
@@ -140,12 +195,13 @@ def _rows_of_comparison(found, content):
                 "picture": _picture(pair.a, pair.b),
                 "rows": [
                     (OF_COMPARISON[k][0], e, OF_COMPARISON[k][1] or e.note)
-                    for k, e in (pair.metrics | pair.lever).items()
+                    for k, e in (_dated(pair, found) | pair.lever).items()
                 ],
             }
             for pair in found.pairs
         ],
-        "events": sorted(largest, key=lambda e: e["from"]),
+        "events": [e | {"when": _from_to(e, zero)} for e in _shown(events)],
+        "counts": _counts(events),
         "hats": {name: _hat_rows(v, tracks) for name, v in found.variances.items()},
     }
 
@@ -184,7 +240,7 @@ def model(found, units):
         them; with more they are lists: ``clock`` of each unit against the first, the others of
         each pair.
     """
-    zero = plots.zero_time(found)
+    zero, start = plots.zero_time(found), _zero_utc(found)
     tracks = found.tracks
     clocks = [
         {
@@ -204,7 +260,7 @@ def model(found, units):
             part: {"units": [pair.a, pair.b]}
             | {k: store.plain(e) for k, e in entries.items() if k.endswith(unit)}
             for part, entries, unit in (
-                ("position", pair.metrics, "_m"),
+                ("position", _dated(pair, found), "_m"),
                 ("attitude", pair.metrics, "_deg"),
                 ("lever_arm", pair.lever, "_m"),
             )
@@ -228,6 +284,7 @@ def model(found, units):
             for track, log in zip(tracks, units.values(), strict=True)
         ],
         "time_zero_s": _exact(zero),
+        "time_zero_utc": start.isoformat() if start else None,
         "clock": clocks,
         **per_pair,
         "events": [
@@ -285,11 +342,12 @@ def lines(content):
         for key, entry in (position | attitude).items():
             if key in OF_COMPARISON:
                 yield f"  {OF_COMPARISON[key][0]:<40}{Estimate(**entry)}"
-    for event in content["events"][:EVENTS]:
-        yield (
-            f"  {event['unit']}: {event['kind']} from {event['from']:.1f} to {event['to']:.1f} s: "
-            f"{event['note']}"
-        )
+    zero = content["time_zero_utc"] and datetime.fromisoformat(content["time_zero_utc"])
+    yield from (f"  {line}" for line in _counts(content["events"]))
+    for event in _shown(content["events"]):
+        yield f"  {event['unit']}: {event['kind']} from {_from_to(event, zero)}: {event['note']}"
+    if len(content["events"]) > EVENTS:
+        yield f"  and {len(content['events']) - EVENTS} more, in compare.json"
     for name, entry in content["without_truth"].items():
         for unit, one in entry["sigma"].items():
             yield f"  noise of {unit} {name}: {Estimate(**one)}"

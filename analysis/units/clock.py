@@ -96,18 +96,17 @@ def clock_offset(a: Track, b: Track) -> Clock:
                 f"{'m' if by_position else 'deg/s'}), so its clock cannot be found by motion"
             )
     lags = list(_best_lags(signals[0], signals[1], least))
-    if not lags:
+    thin = [t.every(THIN_S) for t in (a, b)]
+    if by_position:
+        lags.append(0.0)  # as the stamps have it, even for less than the common time asked for
+        fits = [fit for lag in lags if (fit := _refined(thin[0], thin[1], lag)) is not None]
+    if not (fits if by_position else lags):
         raise CannotAnswer(
             f"{both} have no {LEAST_S:.0f} s of common motion at any clock offset: they did not "
             f"travel together, or one of them hardly moves{_stamps(a, b)}"
         )
     if not by_position:
         return _by_attitude(a, b, lags[0])
-    thin = [t.every(THIN_S) for t in (a, b)]
-    lags += [0.0]  # as the stamps have it, even for less than the common time asked for
-    fits = [fit for lag in lags if (fit := _refined(thin[0], thin[1], lag)) is not None]
-    if not fits:
-        raise CannotAnswer(f"{both} have no common epochs while they move")
     best = min(fits, key=lambda fit: fit.scatter)
     best = _refined(a, b, best.lag) or best
     if best.along > max(ALONG_M, SAME_JOURNEY * best.cross) or best.scatter > SAME_M:
@@ -124,7 +123,9 @@ def _signal(track, by_position, use=True):
     if by_position:
         return track.t_s, track.enu[:, :2]
     angles = track.attitude[:, use & np.isfinite(track.attitude).any(axis=0)]
-    return track.attitude_t_s, np.abs(rate(track.attitude_t_s, unwrapped(angles), 1.0))
+    rates = np.abs(rate(track.attitude_t_s, unwrapped(angles), 1.0))
+    # A yaw that jumps at a standstill is no turn of hundreds of degrees a second.
+    return track.attitude_t_s, np.minimum(rates, 2 * np.nanquantile(rates, 0.95, axis=0))
 
 
 def _size(x):
@@ -194,12 +195,12 @@ def _best_lags(one, other, least) -> Iterator[float]:
     enough &= np.minimum(*motion) * n > SHARE**2 * mean_motion * shorter
     shifts = np.arange(size)
     shifts[shifts > len(masks[0])] -= size
-    score = np.where(
-        enough, np.maximum(variance, 0) / np.maximum(np.minimum(*motion), 1e-12), np.inf
-    )
-    lowest = (score <= np.roll(score, 1)) & (score <= np.roll(score, -1)) & np.isfinite(score)
-    order = np.flatnonzero(lowest)[np.argsort(score[lowest])][:8]
-    for k in order:
+    # Lin's concordance (1989): a correlation that knows of scale; then the gain of log likelihood,
+    # for which a longer common time counts for more.
+    alike = np.clip(1 - variance / np.maximum(motion[0] + motion[1], 1e-12), 0.0, 1 - 1e-12)
+    gain = np.where(enough, -n * np.log(1 - alike**2), 0.0)
+    highest = (gain >= np.roll(gain, 1)) & (gain >= np.roll(gain, -1)) & (gain > 0)
+    for k in np.flatnonzero(highest)[np.argsort(-gain[highest])][:8]:
         yield one[0][0] - other[0][0] + step * float(shifts[k])
 
 

@@ -245,8 +245,8 @@ def disagreements(pairs: Sequence[Apart]) -> list[Event]:
                 continue
             start, stop = float(spell[0]), float(spell[-1])
             size = float(pair.size[(pair.t_s >= start) & (pair.t_s <= stop)].max())
-            note = f"{pair.what} of {pair.a} and {pair.b} differs by up to {size:.3g} {pair.unit} "
-            note += f"within {stop - start:.1f} s, usually by {pair.usual:.2g} {pair.unit}"
+            note = f"{pair.what} of {pair.a} and {pair.b} differs by up to {size:.3g} {pair.unit}, "
+            note += f"usually by {pair.usual:.2g} {pair.unit}"
             unit = f"{pair.a} and {pair.b}"
             far = {name: [p.share(start, stop) > 0.5 for p in rest if name in (p.a, p.b)]
                    for name in (pair.a, pair.b)}  # fmt: skip

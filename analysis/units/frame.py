@@ -170,8 +170,8 @@ def local_tracks(units: Sequence[Unit]) -> list[Track]:
     """Bring units into one local frame: east, north, up on WGS 84 (pymap3d).
 
     The origin is the median position of the first unit that has one. A position that is repeated
-    for less than 1.5 s, or as long as most do, counts once: the output is faster than the receiver. Heights are taken as
-    they are (`conventions` compares datums).
+    for less than 1.5 s, or as long as most do, counts once: the output is faster than the receiver.
+    Heights are taken as they are (`conventions` compares datums).
 
     Parameters
     ----------

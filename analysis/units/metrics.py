@@ -162,7 +162,7 @@ def trajectory_metrics(d: Differences) -> dict[str, Estimate]:
         spread = np.hypot(*about.T)
         out |= {"p50_m": quantile(r, 0.5, "m"), "p95_m": quantile(r, 0.95, "m")}
         most = float(r.max())
-        out["max_m"] = Estimate(most, most, None, "m", note=f"at {d.t_s[r.argmax()]:.1f} s")
+        out["max_m"] = Estimate(most, most, None, "m")
         out |= {"cep_m": quantile(spread, 0.5, "m"), "r95_m": quantile(spread, 0.95, "m")}
         out["drms2_m"] = root_mean_square(spread, "m").scaled(2.0, "m")
         for name, x in (("along", d.along_m), ("cross", d.cross_m)):
