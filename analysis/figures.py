@@ -49,6 +49,7 @@ STYLE = {
     "savefig.dpi": 130,
     "pdf.fonttype": 42,
 }
+NO_LAYOUT = {"figure.constrained_layout.use": False, "figure.autolayout": False}
 SCRATCH = ROOT / "scratch"  # for a notebook that is run by hand
 # Six digits are written; processors differ in the last of sixteen, which a long sum or an
 # interpolated crossing magnifies. A panel's own size says what is nothing in it.
@@ -107,10 +108,12 @@ def save(
     by_hand = to is None and figures_folder() is None
     to = Path(to or figures_folder() or SCRATCH)
     to.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context({k: STYLE[k] for k in ("savefig.dpi", "pdf.fonttype")}):
+    settings = {k: STYLE[k] for k in ("savefig.dpi", "pdf.fonttype")} | NO_LAYOUT
+    with mpl.rc_context(settings):
         fig.draw_without_rendering()  # lays it out: from here on a point has a place in dots
-        # Laid out once: PDF and notebook show the same, and sooner.
-        fig.set_layout_engine("none")
+        # Laid out once: PDF and notebook show the same. With the engine "none" each would be drawn
+        # twice, once to lay it out; None takes what the settings say, which is no engine.
+        fig.set_layout_engine(None)
         for ax in fig.axes:
             _keep_place(ax.get_legend())
             thin(ax, STYLE["savefig.dpi"] / fig.dpi)

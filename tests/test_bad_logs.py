@@ -14,6 +14,7 @@ DT = 0.01
 RNG = np.random.default_rng(9)
 WHITE = RNG.standard_normal(6000)
 STEPS = np.where(np.arange(6000) % 40 < 20, 0.0, 1.0)
+FEW = np.arange(1500)  # each gap costs time
 
 ANSWERED = {
     "three seconds": 0.1 * WHITE[:300],
@@ -34,12 +35,10 @@ ANSWERED = {
     "a sine": np.sin(np.arange(6000) / 50),
     "a spike": np.where(np.arange(6000) == 99, 1e6, WHITE),
     "a long hole": np.where(np.abs(np.arange(6000) - 3000) < 200, np.nan, WHITE),
-    "stretches of 100 samples": np.where(np.arange(6000) % 200 < 100, np.cumsum(WHITE), np.nan),
-    "every other sample, with long holes": np.where(
-        np.arange(6000) % 200 < 100, np.arange(6000) % 2 * 1.0, np.nan
-    ),
+    "stretches of 100 samples": np.where(FEW % 200 < 100, np.cumsum(WHITE[:1500]), np.nan),
+    "every other sample, with long holes": np.where(FEW % 200 < 100, FEW % 2 * 1.0, np.nan),
     "holes everywhere": np.where(np.arange(6000) % 13 == 0, np.nan, WHITE),
-    "bursts of 20 samples": np.where(np.arange(6000) % 60 < 20, WHITE, np.nan),
+    "bursts of 20 samples": np.where(FEW % 60 < 20, WHITE[:1500], np.nan),
 }
 REFUSED = {
     "one sample": (np.ones(1), "1 samples"),

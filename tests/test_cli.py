@@ -2,6 +2,7 @@
 
 import base64
 import contextlib
+import functools
 import io
 import json
 import os
@@ -23,6 +24,7 @@ import typer
 from analysis import ROOT, claims, cli, report, reproduce, store
 from analysis.logs import datasets
 from analysis.noise import exports
+from analysis.studies import derived
 
 COMMANDS = [
     "reproduce", "report", "replay", "pool", "export", "plan", "coverage", "claims", "data",
@@ -521,6 +523,7 @@ def test_data_lists_and_verifies():
 
 def test_data_rebuilds_compares_and_replaces(tmp_path, monkeypatch):
     """Property: equal as committed; a changed number is found and named; --write puts it right."""
+    monkeypatch.setattr(derived, "make", functools.cache(derived.make))  # once is enough
     committed = store.FOLDER
     before = files(committed)
     assert run("data", "--rebuild", "f9p-static") == (0, "equal     f9p-static\n", "")

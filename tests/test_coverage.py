@@ -83,12 +83,12 @@ def test_the_usual_recipes_are_biased(study):
 
 
 def test_some_logs_of_the_study_again(study):
-    """cross-check: 20 logs of 2 h of the study, simulated and estimated now, fit the committed row.
+    """cross-check: 10 logs of 2 h of the study, simulated and estimated now, fit the committed row.
 
     Shares are compared with the binomial 99.9 % interval; sigma_v of a log lies within the
     width of the committed quantiles (four standard deviations) from the truth.
     """
-    name, runs, hours = "tokimec-yaw", 20, 2.0
+    name, runs, hours = "tokimec-yaw", 10, 2.0
     model, dt, kind = coverage.models()[name]
     rows = []
     for k, stream in enumerate(coverage.streams(name, runs + 1)[1:], start=1):
