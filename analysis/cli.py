@@ -9,7 +9,6 @@ import contextlib
 import functools
 import inspect
 import io
-import json
 import math
 import shlex
 import sys
@@ -23,12 +22,8 @@ from typing import Annotated, Any, Literal
 import typer
 from typer.core import TyperGroup
 
-from analysis import ROOT, CannotAnswer, Estimate, WrongUsage, replacing, without_exponents
+from analysis import ROOT, CannotAnswer, Estimate, WrongUsage, without_exponents
 
-DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
-    "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
-    "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
-}  # fmt: skip
 UNITS = "deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
 RESUMABLE = (
     "reproduce",
@@ -381,7 +376,7 @@ def replay(
     logs: Annotated[
         list[str], _argument("LOG", "NMEA, CSV, GPX, UBX ...; GNSS and IMU in one log or two.")
     ],
-    out: Annotated[str, _out("Folder for track.csv and summary.json.")],
+    out: Annotated[str, _out("Folder for track.html, track.csv and others.")],
     without: Annotated[
         list[Block] | None, _option("BLOCK", "Turn off this block; may be repeated.")
     ] = None,
@@ -434,16 +429,19 @@ def replay(
     read specific force, (0, 0, -9.81) m/s^2 level and at rest. A minus sign turns an axis round:
     --columns accel_z_g=-AccZ.
 
-    Writes track.csv (one row for each GNSS epoch) and summary.json. yaw_deg is the heading of the
-    sensor's X axis, mount_deg its angle clockwise from the vehicle's heading. The thresholds that
-    summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad (theta_alpha in rad^2);
-    lengths are counts.
+    Writes track.csv (one row for each GNSS epoch), summary.json, track.html (a page to look at: the
+    track, and in time what each block did), track.gpx and track.geojson. yaw_deg is the heading of
+    the sensor's X axis, mount_deg its angle clockwise from the vehicle's heading; the sigmas and
+    the correlation are those of the position put out, as far as block 6 states them. The thresholds
+    that summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad (theta_alpha in
+    rad^2); lengths are counts.
     """
     import numpy as np
 
     from analysis.logs.moving import read_moving
     from analysis.logs.saved_position import load_position, save_position
     from analysis.logs.timeline import inject_outages
+    from analysis.report.track import write
     from analysis.tracker.last_position import Stored
     from analysis.tracker.log_replay import Options
     from analysis.tracker.log_replay import replay as replay_log
@@ -485,14 +483,14 @@ def replay(
     options = Options(number=np.float32 if float32 else float, **off)
     track = replay_log(inject_outages(log, outages), options, stored, progress=True)
     with writing(out):
-        write_track(track, out)
+        write(track, out)
     if last_position and track.stored:
         aside = save_position(last_position, track.stored._asdict())
         warning = f"{warning}; it is kept as {aside}" if aside else warning
     if warning:
         print(warning, file=sys.stderr)
     _print_summary(track.summary)
-    print(f"\n{out}/track.csv and summary.json are written")
+    print(f"\n{out}/track.html, .csv, .gpx, .geojson and summary.json are written")
 
 
 def _interval(text):
@@ -509,9 +507,10 @@ def _interval(text):
 def _check_last_position(path, logs, out):
     """Refuse a --last-position that is another file of this run, or cannot be written."""
     from analysis.logs.catalogue import find
+    from analysis.report.track import FILES
 
     option = f"--last-position {path.name}"
-    taken = [*(find(log)[2] for log in logs), out, out / "track.csv", out / "summary.json"]
+    taken = [*(find(log)[2] for log in logs), out, *(out / name for name in FILES)]
     if path.resolve() in [other.resolve() for other in taken]:
         raise WrongUsage(f"{option}: that is a log, or what --out writes; name another file")
     try:
@@ -521,43 +520,6 @@ def _check_last_position(path, logs, out):
             tempfile.TemporaryFile(dir=path.parent).close()  # otherwise it is made with --out
     except OSError as error:
         raise CannotAnswer(f"{option}: cannot keep a position there ({error.strerror})") from error
-
-
-def write_track(track, out):
-    """Write track.csv and summary.json, both or neither.
-
-    Parameters
-    ----------
-    track : analysis.tracker.log_replay.Track
-    out : path-like
-        Folder; made if need be. Files of an earlier replay there are replaced, others stay.
-    """
-    import pandas as pd
-
-    with replacing(out) as draft:
-        draft.mkdir()
-        table = pd.DataFrame({name: _cells(name, c) for name, c in track.columns.items()})
-        table.to_csv(draft / "track.csv", index=False, lineterminator="\n")
-        content = json.dumps(_rounded(track.summary), indent=1, ensure_ascii=False)
-        (draft / "summary.json").write_text(content + "\n", encoding="utf-8")
-
-
-def _cells(name, column):
-    """Write a column: whole numbers as such, others rounded, nothing where there is no value."""
-    if column.dtype.kind in "iub":
-        return [str(int(v)) for v in column]
-    return ["" if v != v else f"{v:.{DECIMALS[name]}f}" for v in column.tolist()]
-
-
-def _rounded(value):
-    """Round every number to six digits, and write NaN and infinities as null."""
-    if isinstance(value, dict):
-        return {k: _rounded(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(v) for v in value]
-    if isinstance(value, float):
-        return float(f"{value:.6g}") if math.isfinite(value) else None
-    return value
 
 
 def _print_summary(summary):

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from test_cli import run
 
-from analysis import cli
 from analysis.logs import datasets
 from analysis.logs import moving as tracks
 from analysis.logs.saved_position import load_position, save_position
 from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
+from analysis.report import track as page
+from analysis.report.track import FILES, write
 from analysis.tracker import log_replay, scenarios
 from analysis.tracker.device import BLOCKS, Device, Options
 from analysis.tracker.last_position import GATE_ALONE, Stored
@@ -80,7 +81,7 @@ def test_columns(laps):
     scenario, track = laps
     wanted = (
         "t_s, lat_deg, lon_deg, pdop, has_fix, accepted, moving, layer, out_lat_deg, out_lon_deg, "
-        "roll_deg, pitch_deg, yaw_deg, mount_deg"
+        "roll_deg, pitch_deg, yaw_deg, mount_deg, sigma_north_m, sigma_east_m, correlation"
     )
     assert list(track.columns) == wanted.split(", ")
     assert {len(c) for c in track.columns.values()} == {len(scenario.log.gnss.t_s)}
@@ -89,8 +90,8 @@ def test_columns(laps):
 def test_files(tmp_path, laps):
     """property: track.csv holds the columns, empty where there is no value; JSON has no NaN."""
     _, track = laps
-    cli.write_track(track, tmp_path / "out")
-    assert sorted(os.listdir(tmp_path / "out")) == ["summary.json", "track.csv"]
+    write(track, tmp_path / "out")
+    assert tuple(sorted(os.listdir(tmp_path / "out"))) == FILES
     with (tmp_path / "out" / "track.csv").open() as handle:
         rows = list(csv.DictReader(handle))
     assert len(rows) == len(track.columns["t_s"])
@@ -547,8 +548,8 @@ def test_command(tmp_path, cold):
     memory = tmp_path / "last.json"
     status, out, err = run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
     assert (status, err) == (0, "")
-    assert files(tmp_path / "out") == ["summary.json", "track.csv"]
-    assert "fixes: " in out and "track.csv and summary.json are written" in out
+    assert files(tmp_path / "out") == list(FILES)
+    assert "fixes: " in out and ".geojson and summary.json are written" in out
     stored, note = load_position(memory)
     assert note is None
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -674,9 +675,9 @@ def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, cold):
     def stop(summary):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_rounded", stop)
+    monkeypatch.setattr(page, "_rounded", stop)
     assert run("replay", *paths, "--out", tmp_path / "out")[0] == 130
-    assert files(tmp_path / "out") == ["summary.json", "track.csv"]
+    assert files(tmp_path / "out") == list(FILES)
     assert (tmp_path / "out" / "track.csv").read_bytes() == old
 
 

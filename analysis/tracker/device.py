@@ -195,8 +195,8 @@ class Device:
         Returns
         -------
         dict
-            accepted, moving, layer, lat_deg and lon_deg put out, roll, pitch, yaw, mount (rad);
-            NaN without value.
+            accepted, moving, layer, lat_deg and lon_deg put out, roll, pitch, yaw, mount (rad),
+            ellipse; NaN without value.
         """
         dt = 0.0 if self._t_epoch is None else epoch.t_s - self._t_epoch
         self._t_epoch = epoch.t_s
@@ -236,6 +236,7 @@ class Device:
             "pitch": pitch,
             "yaw": yaw,
             "mount": math.nan if self.mounting.mount is None else self.mounting.mount,
+            "ellipse": self._ellipse(),
         }
 
     def _judge(self, speed):
@@ -329,6 +330,14 @@ class Device:
             self.ned = rest
         elif not self.last.accepted or epoch.t_s - self._t_fix <= self.options.bridge_s:
             self.ned = tuple(float(p) for p in block.position)
+
+    def _ellipse(self):
+        """Covariance of the position: north north, north east, east east, m^2; NaN without one."""
+        block = self.fusion
+        if block is None or not block.started:
+            return (math.nan,) * 3
+        square = block.sigma_p * block.sigma_p
+        return square, 0.0, square
 
     def _coast(self, seconds):
         """Go on from the last fix at its speed and course for some seconds, then hold."""

@@ -142,6 +142,8 @@ def _columns(epochs, gnss, rows):
         return np.array([row[name] for row in rows], dtype=dtype)
 
     blank = np.full(len(epochs), np.nan)
+    nn, ne, ee = taken("ellipse", float).reshape(-1, 3).T
+    north, east = np.sqrt(nn), np.sqrt(ee)
     return {
         "t_s": np.array([e.t_s for e in epochs]),
         "lat_deg": blank if gnss is None else gnss.lat_deg,
@@ -155,6 +157,9 @@ def _columns(epochs, gnss, rows):
             f"{name}_deg": np.degrees(taken(name, float))
             for name in ("roll", "pitch", "yaw", "mount")
         },
+        "sigma_north_m": north,
+        "sigma_east_m": east,
+        "correlation": ne / (north * east),
     }
 
 

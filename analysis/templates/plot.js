@@ -1,0 +1,337 @@
+// Plots that can be zoomed and moved, on a canvas: no library, nothing from the net.
+//
+//   new Plot(element, {series, equal, height, title, x, y, seconds, group, hover})
+//
+// A series is {x, y, colour, kind}: kind "line" (null breaks it, and so does half a `turn`), "steps",
+// "dots", "crosses", or "bars" with {from, to, row, colours, rows}. Plots of one `group` (an array)
+// share their x axis. `hover(i)` is told which of `points` lies nearest to the pointer; `mark(i)`
+// shows it in another plot.
+"use strict";
+
+class Plot {
+  constructor(element, options) {
+    Object.assign(this, { equal: false, height: 220, group: [], hover: () => {}, over: () => {} }, options);
+    this.canvas = document.createElement("canvas");
+    this.canvas.tabIndex = 0;
+    this.canvas.setAttribute("role", "img");
+    this.canvas.setAttribute("aria-label", this.title + "; arrow keys move, plus and minus zoom, 0 shows the whole");
+    this.canvas.style.cssText = `display:block;width:100%;height:${this.height}px;touch-action:${this.equal ? "none" : "pan-y"}`;
+    element.append(this.canvas);
+    this.pointers = new Map();
+    this.group.push(this);
+    this.reset();
+    const on = (name, what) => this.canvas.addEventListener(name, what.bind(this), { passive: false });
+    on("wheel", this.wheel);
+    on("pointerdown", this.down);
+    on("pointermove", this.move);
+    for (const name of ["pointerup", "pointercancel"]) on(name, this.up);
+    on("pointerleave", (event) => event.pointerType === "mouse" && this.hover(null));
+    on("dblclick", this.whole);
+    on("keydown", this.key);
+    new ResizeObserver(() => requestAnimationFrame(() => this.draw())).observe(element);
+  }
+
+  // The part of the plane that is shown ------------------------------------------------------
+
+  reset() {
+    let [x0, x1, y0, y1] = [Infinity, -Infinity, Infinity, -Infinity];
+    for (const s of this.series) {
+      if (s.kind === "bars") {
+        for (const x of [...s.from, ...s.to]) [x0, x1] = [Math.min(x0, x), Math.max(x1, x)];
+        [y0, y1] = [0, s.rows.length];
+        continue;
+      }
+      for (let i = 0; i < s.x.length; i++) {
+        if (s.x[i] === null || s.y[i] === null) continue;
+        [x0, x1] = [Math.min(x0, s.x[i]), Math.max(x1, s.x[i])];
+        [y0, y1] = [Math.min(y0, s.y[i]), Math.max(y1, s.y[i])];
+      }
+    }
+    if (this.span) [x0, x1] = this.span;
+    if (!(x1 >= x0)) [x0, x1] = [0, 1];
+    if (!(y1 >= y0)) [y0, y1] = [0, 1];
+    const bars = this.series.some((s) => s.kind === "bars");
+    const least = this.equal ? 5 : 1e-6;
+    const wide = Math.max(x1 - x0, least), high = Math.max(y1 - y0, this.equal ? 5 : this.least || 1e-6);
+    const [cx, cy] = [(x0 + x1) / 2, (y0 + y1) / 2], edge = this.equal ? 0.55 : 0.5;
+    this.view = { x0: cx - wide * edge, x1: cx + wide * edge };
+    Object.assign(this.view, bars ? { y0, y1 } : { y0: cy - high * 0.56, y1: cy + high * 0.56 });
+  }
+
+  whole() {
+    for (const plot of this.group) plot.reset();
+    this.changed();
+  }
+
+  changed() {
+    for (const plot of this.group) {
+      if (plot !== this) Object.assign(plot.view, { x0: this.view.x0, x1: this.view.x1 });
+      plot.draw();
+    }
+    this.over();
+  }
+
+  zoom(factor, px, py) {
+    const v = this.view, x = this.toX(px), y = this.toY(py);
+    if ((v.x1 - v.x0) * factor < (this.equal ? 0.2 : 0.1)) return;
+    [v.x0, v.x1] = [x + (v.x0 - x) * factor, x + (v.x1 - x) * factor];
+    if (this.equal) [v.y0, v.y1] = [y + (v.y0 - y) * factor, y + (v.y1 - y) * factor];
+    this.changed();
+  }
+
+  pan(dx, dy) {
+    const v = this.view, x = dx / this.scaleX(), y = this.equal ? dy / this.scaleY() : 0;
+    [v.x0, v.x1, v.y0, v.y1] = [v.x0 - x, v.x1 - x, v.y0 + y, v.y1 + y];
+    this.changed();
+  }
+
+  // Pixels and numbers -----------------------------------------------------------------------
+
+  frame() {
+    const width = this.canvas.clientWidth, left = this.left || (this.equal ? 0 : 46), top = 4;
+    return { left, top, width: Math.max(width - left - 4, 20), height: this.height - (this.equal ? 4 : 24) - top };
+  }
+
+  scaleX() {
+    const f = this.frame(), v = this.view, s = f.width / (v.x1 - v.x0);
+    return this.equal ? Math.min(s, f.height / (v.y1 - v.y0)) : s;
+  }
+
+  scaleY() {
+    return this.equal ? this.scaleX() : this.frame().height / (this.view.y1 - this.view.y0);
+  }
+
+  px(x) {
+    const f = this.frame(), v = this.view;
+    return f.left + f.width / 2 + (x - (v.x0 + v.x1) / 2) * this.scaleX();
+  }
+
+  py(y) {
+    const f = this.frame(), v = this.view;
+    return f.top + f.height / 2 - (y - (v.y0 + v.y1) / 2) * this.scaleY();
+  }
+
+  toX(px) {
+    return (this.view.x0 + this.view.x1) / 2 + (px - this.frame().left - this.frame().width / 2) / this.scaleX();
+  }
+
+  toY(py) {
+    return (this.view.y0 + this.view.y1) / 2 - (py - this.frame().top - this.frame().height / 2) / this.scaleY();
+  }
+
+  // Pointer and keys -------------------------------------------------------------------------
+
+  wheel(event) {
+    if (!event.ctrlKey && !event.metaKey && !this.equal && document.activeElement !== this.canvas) return;
+    event.preventDefault();
+    this.zoom(Math.exp(Math.sign(event.deltaY) * 0.2), event.offsetX, event.offsetY);
+  }
+
+  down(event) {
+    this.canvas.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, { x: event.offsetX, y: event.offsetY });
+    this.point(event);
+  }
+
+  move(event) {
+    const was = this.pointers.get(event.pointerId), now = { x: event.offsetX, y: event.offsetY };
+    if (!was) return this.point(event);
+    const others = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, p]) => p);
+    this.pointers.set(event.pointerId, now);
+    if (!others.length) return this.pan(now.x - was.x, now.y - was.y);
+    const apart = (a, b) => Math.max(Math.hypot(a.x - b.x, a.y - b.y), 20), other = others[0];
+    this.zoom(apart(was, other) / apart(now, other), (now.x + other.x) / 2, (now.y + other.y) / 2);
+  }
+
+  up(event) {
+    this.pointers.delete(event.pointerId);
+  }
+
+  key(event) {
+    const [w, h] = [this.canvas.clientWidth / 2, this.height / 2], step = 40;
+    const moves = { ArrowLeft: [step, 0], ArrowRight: [-step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
+    if (moves[event.key]) this.pan(...moves[event.key]);
+    else if ("+=".includes(event.key)) this.zoom(1 / 1.4, w, h);
+    else if (event.key === "-") this.zoom(1.4, w, h);
+    else if (event.key === "0") this.whole();
+    else return;
+    event.preventDefault();
+  }
+
+  point(event) {
+    const [x, y] = [event.offsetX, event.offsetY];
+    let best = null, least = this.equal ? 900 : Infinity;
+    const s = this.points;
+    if (!s) return;
+    for (let i = 0; i < s.x.length; i++) {
+      if (s.x[i] === null || (this.equal && s.y[i] === null) || s.only?.(i) === false) continue;
+      const dx = this.px(s.x[i]) - x, dy = this.equal ? this.py(s.y[i]) - y : 0, far = dx * dx + dy * dy;
+      if (far < least) [best, least] = [i, far];
+    }
+    this.hover(best);
+  }
+
+  // Drawing ----------------------------------------------------------------------------------
+
+  draw() {
+    const c = this.canvas, ratio = window.devicePixelRatio || 1;
+    const [w, h] = [Math.round(c.clientWidth * ratio), Math.round(this.height * ratio)];
+    if (!w) return;
+    if (c.width !== w || c.height !== h) [c.width, c.height] = [w, h];
+    const g = (this.pen = c.getContext("2d")), f = this.frame();
+    g.setTransform(ratio, 0, 0, ratio, 0, 0);
+    g.clearRect(0, 0, c.clientWidth, this.height);
+    g.font = "12px system-ui, sans-serif";
+    g.lineJoin = "round";
+    if (!this.equal) this.axes(g, f);
+    g.save();
+    g.beginPath();
+    g.rect(f.left, f.top, f.width, f.height);
+    g.clip();
+    for (const s of this.series) this[s.kind](g, s);
+    if (this.also) this.also(g);
+    if (this.marked !== null && this.marked !== undefined) this.cursor(g, f);
+    g.restore();
+    g.strokeStyle = "#888";
+    g.strokeRect(f.left + 0.5, f.top + 0.5, f.width - 1, f.height - 1);
+    if (this.equal) this.bar(g, f);
+  }
+
+  mark(i) {
+    this.marked = i;
+    this.draw();
+  }
+
+  cursor(g, f) {
+    const s = this.points, i = this.marked;
+    if (!s || s.x[i] === null) return;
+    g.strokeStyle = g.fillStyle = "#000";
+    if (!this.equal) {
+      g.fillRect(this.px(s.x[i]) - 0.5, f.top, 1, f.height);
+    } else if (s.y[i] !== null) {
+      g.lineWidth = 2;
+      g.beginPath();
+      g.arc(this.px(s.x[i]), this.py(s.y[i]), 6, 0, 7);
+      g.stroke();
+      g.lineWidth = 1;
+    }
+  }
+
+  axes(g, f) {
+    const v = this.view, bars = this.series.find((s) => s.kind === "bars");
+    g.textBaseline = "middle";
+    g.fillStyle = "#333";
+    g.strokeStyle = "#e2e2e2";
+    g.textAlign = "right";
+    if (bars) {
+      bars.rows.forEach((name, row) => g.fillText(name, f.left - 5, this.py(bars.rows.length - row - 0.5)));
+    } else {
+      for (const y of ticks(v.y0, v.y1, f.height / 38)) {
+        g.strokeRect(f.left, this.py(y), f.width, 0);
+        g.fillText(short(y), f.left - 5, this.py(y));
+      }
+    }
+    g.textAlign = "center";
+    for (const x of ticks(v.x0, v.x1, f.width / 85, this.seconds)) {
+      if (!bars) g.strokeRect(this.px(x), f.top, 0, f.height);
+      const text = this.seconds ? clock(x) : short(x), half = g.measureText(text).width / 2;
+      const at = Math.min(Math.max(this.px(x), f.left + half), f.left + f.width - half);
+      g.fillText(text, at, f.top + f.height + 12);
+    }
+  }
+
+  bar(g, f) {
+    const most = (f.width * 0.3) / this.scaleX(), ten = 10 ** Math.floor(Math.log10(most));
+    const metres = [5, 2, 1].map((k) => k * ten).find((m) => m <= most), wide = metres * this.scaleX();
+    const [x, y] = [f.left + 12, f.top + f.height - 12];
+    g.fillStyle = "#fffc";
+    g.fillRect(x - 6, y - 22, wide + 12, 28);
+    g.fillStyle = "#222";
+    g.fillRect(x, y - 2, wide, 3);
+    g.textAlign = "left";
+    g.textBaseline = "bottom";
+    g.fillText(metres >= 1000 ? short(metres / 1000) + " km" : short(metres) + " m", x, y - 4);
+    g.fillText("N ↑", f.left + f.width - 30, f.top + 20);
+  }
+
+  line(g, s, steps = false) {
+    g.strokeStyle = s.colour;
+    g.lineWidth = s.width || 1.6;
+    g.beginPath();
+    let pen = false, last = 0;
+    for (let i = 0; i < s.x.length; i++) {
+      if (s.x[i] === null || s.y[i] === null || s.only?.(i) === false) {
+        pen = false;
+        continue;
+      }
+      const [x, y] = [this.px(s.x[i]), this.py(s.y[i])];
+      if (s.turn && pen && Math.abs(y - last) > (s.turn / 2) * this.scaleY()) pen = false;
+      if (steps && pen) g.lineTo(x, last);
+      if (pen) g.lineTo(x, y);
+      else g.moveTo(x, y);
+      [pen, last] = [true, y];
+    }
+    g.stroke();
+    g.lineWidth = 1;
+  }
+
+  steps(g, s) {
+    this.line(g, s, true);
+  }
+
+  dots(g, s) {
+    g.fillStyle = s.colour;
+    const size = s.size || 2;
+    for (let i = 0; i < s.x.length; i++) {
+      if (s.x[i] === null || s.y[i] === null || s.only?.(i) === false) continue;
+      g.fillRect(this.px(s.x[i]) - size / 2, this.py(s.y[i]) - size / 2, size, size);
+    }
+  }
+
+  crosses(g, s) {
+    g.strokeStyle = s.colour;
+    g.beginPath();
+    for (let i = 0; i < s.x.length; i++) {
+      if (s.x[i] === null || s.y[i] === null || s.only?.(i) === false) continue;
+      const [x, y] = [this.px(s.x[i]), this.py(s.y[i])];
+      g.moveTo(x - 3, y - 3);
+      g.lineTo(x + 3, y + 3);
+      g.moveTo(x - 3, y + 3);
+      g.lineTo(x + 3, y - 3);
+    }
+    g.stroke();
+  }
+
+  bars(g, s) {
+    for (let i = 0; i < s.from.length; i++) {
+      const [x, end] = [this.px(s.from[i]), this.px(s.to[i])], top = this.py(s.rows.length - s.row[i] - 0.12);
+      g.fillStyle = s.colours[i];
+      g.fillRect(x, top, Math.max(end - x, 1), 0.76 * this.scaleY());
+    }
+  }
+}
+
+// Round numbers between two ends, about so many; of time in steps of a clock.
+function ticks(low, high, count, seconds = false) {
+  const rough = (high - low) / Math.max(count, 1), ten = 10 ** Math.floor(Math.log10(rough));
+  let step = [1, 2, 5, 10].map((k) => k * ten).find((s) => s >= rough);
+  if (seconds && rough > 20) {
+    const even = [30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400];
+    step = even.find((s) => s >= rough) || 86400 * Math.ceil(rough / 86400);
+  }
+  const found = [];
+  for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(k * step);
+  return found;
+}
+
+function short(x) {
+  return String(Number(x.toPrecision(6))).replace("-", "−");
+}
+
+// Seconds as 12.5 s, 3:20 min or 1:05 h.
+function clock(t) {
+  const s = Math.abs(t), sign = t < 0 ? "−" : "", two = (x) => String(Math.floor(x)).padStart(2, "0");
+  if (s < 60) return sign + short(s) + " s";
+  if (s < 3600) return sign + Math.floor(s / 60) + ":" + two(s % 60) + (s % 1 ? (s % 1).toFixed(1).slice(1) : "") + " min";
+  return sign + Math.floor(s / 3600) + ":" + two((s % 3600) / 60) + (s % 60 ? ":" + two(s % 60) : "") + " h";
+}

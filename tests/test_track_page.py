@@ -1,0 +1,132 @@
+"""What `replay` writes to look at and to take along: the page, GPX and GeoJSON."""
+
+import json
+import re
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from analysis import ROOT
+from analysis.logs.moving import read_moving
+from analysis.report import track as pages
+from analysis.tracker import Stored, replay, scenario
+
+SPACE = {"g": pages.GPX}
+TELIT = ROOT / "data" / "raw" / "gpsd" / "telit-he910.log"
+
+
+@pytest.fixture(scope="module")
+def walk():
+    """Replay a cold start and a walk, with a file of a nasty name."""
+    log = scenario("C", np.random.default_rng(3)).with_outages([(200.0, 230.0)]).log
+    log = replace(log, sources={"</script><b>&.nmea": 64 * "0"}, notes=("a <note> & more",))
+    return replay(log, stored=Stored(44.5, 11.3, 60.0, 0.0, 2.0))
+
+
+def drawn(text):
+    """Read what the page's script gets."""
+    found = re.search(r"^const track = (.*);$", text, re.M)[1]
+    return json.loads(found, parse_constant=pytest.fail)
+
+
+def test_the_page_needs_nothing_else_and_is_the_same_again(walk):
+    """property: no address, no foreign file, everything escaped, the same bytes."""
+    text = pages.page(walk)
+    assert not re.search(r"https?:|src=|href=|@import|url\(", text)
+    assert "<b>&.nmea" not in text and "&lt;/script&gt;&lt;b&gt;&amp;.nmea" in text
+    assert "a &lt;note&gt; &amp; more" in text
+    assert text.count("</script>") == text.count("<script") == 2
+    assert pages.page(walk) == text
+
+
+def test_the_page_holds_the_track(walk):
+    """cross-check: positions to a centimetre, decisions, and None where nothing was put out."""
+    found, c = drawn(pages.page(walk)), walk.columns
+    for axis, name in enumerate(("out_lat", "out_lon")):
+        known = np.isfinite(c[f"{name}_deg"])
+        assert [v is not None for v in found[name]] == known.tolist()
+        degrees = found["origin"][axis] + 1e-7 * np.array(found[name], dtype=float)
+        np.testing.assert_allclose(degrees[known], c[f"{name}_deg"][known], atol=1.1e-7)
+    for name in ("accepted", "moving", "layer"):
+        assert found[name] == c[name].tolist()
+    bars = set(zip(found["bars"]["row"], found["bars"]["colours"], strict=True))
+    assert bars >= {(0, colour) for colour in (pages.STATIC, pages.REFUSED, pages.NONE)}
+    assert bars >= {(1, pages.MOVING), (1, pages.STATIC)}
+
+
+def test_a_long_log_is_thinned(monkeypatch, walk):
+    """property: at most so many epochs are drawn, and the page says how many."""
+    monkeypatch.setattr(pages, "DRAWN", 100)
+    text = pages.page(walk)
+    assert 80 < len(drawn(text)["t"]) <= 100
+    assert "One epoch in 5 is drawn" in text
+
+
+def test_without_gnss_there_is_a_page(walk):
+    """property: an IMU alone gives a page that says so, an empty GPX and no feature."""
+    track = replay(replace(scenario("C", np.random.default_rng(3)).log, gnss=None))
+    assert "without GNSS: nothing to draw" in pages.page(track)
+    assert pages.geojson(track)["features"] == []
+    assert not ElementTree.fromstring(pages.gpx(track)).findall(".//g:trkpt", SPACE)
+
+
+@pytest.mark.parametrize(("correlation", "direction"), [(0.0, 0.0), (0.9, 45.0), (-0.9, -45.0)])
+def test_ellipse(correlation, direction):
+    """analytic: equal sigmas with a correlation of one lie on a diagonal; 2.45 sigma hold 95 %."""
+    one = {"sigma_north_m": 2.0, "sigma_east_m": 2.0, "correlation": correlation}
+    ((a, b, angle),) = pages._ellipses({k: np.array([v]) for k, v in one.items()})
+    assert a * b == pytest.approx(4 * 5.991 * np.sqrt(1 - correlation**2), rel=0.01)
+    assert np.degrees(angle) == pytest.approx(direction, abs=0.5)
+
+
+def test_gpx_is_read_back_by_our_own_reader(tmp_path):
+    """cross-check: positions to the eighth decimal, times to the millisecond."""
+    track = replay(read_moving([TELIT]))
+    pages.write(track, tmp_path)
+    log, c = read_moving([tmp_path / "track.gpx"]), track.columns
+    known = np.isfinite(c["out_lat_deg"])
+    np.testing.assert_allclose(log.gnss.lat_deg, c["out_lat_deg"][known], atol=6e-9)
+    np.testing.assert_allclose(log.gnss.lon_deg, c["out_lon_deg"][known], atol=6e-9)
+    np.testing.assert_allclose(
+        log.gnss.t_s - log.gnss.t_s[0], c["t_s"][known] - c["t_s"][known][0], atol=2e-3
+    )
+
+
+def test_gpx_keeps_to_the_schema():
+    """published: GPX 1.1: elements in the schema's order, degrees in range, times in UTC."""
+    root = ElementTree.fromstring(pages.gpx(replay(read_moving([TELIT]))))
+    assert (root.tag, root.get("version")) == (f"{{{pages.GPX}}}gpx", "1.1") and root.get("creator")
+    (trk,) = root
+    name, *segments = trk
+    assert name.tag.endswith("}name") and segments
+    for segment in segments:
+        assert segment.tag.endswith("}trkseg") and len(segment)
+        for point in segment:
+            assert -90 <= float(point.get("lat")) <= 90 and -180 <= float(point.get("lon")) < 180
+            parts = [part.tag.rpartition("}")[2] for part in point]
+            assert parts in (["time"], ["time", "pdop"])
+            assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", point[0].text)
+
+
+def test_geojson_says_what_the_blocks_did(walk):
+    """property: a line for each drive, a point for each rest, and the fixes that were refused."""
+    features, c = pages.geojson(walk)["features"], walk.columns
+    states = [f["properties"]["state"] for f in features]
+    known = np.isfinite(c["out_lat_deg"])
+    still = known & (c["moving"] == 0)
+    assert states.count("static") == np.count_nonzero(np.diff(still, prepend=False) & still)
+    assert states.count("fix refused") == 1 and "moving" in states
+    refused = next(f for f in features if f["properties"]["state"] == "fix refused")
+    assert len(refused["geometry"]["coordinates"]) == walk.summary["fixes"]["refused"]
+    for feature in features:
+        numbers = re.findall(r"-?[\d.]+", json.dumps(feature["geometry"]["coordinates"]))
+        assert numbers and set(feature) == {"type", "properties", "geometry"}
+
+
+def test_a_line_over_the_date_line_is_cut():
+    """published: RFC 7946, section 3.1.9: two parts that end and begin at 180 degrees."""
+    first, second = pages._cut([[179.9, -17.0], [-179.9, -17.2]])
+    assert first == [[179.9, -17.0], [180.0, -17.1]]
+    assert second == [[-180.0, -17.1], [-179.9, -17.2]]
