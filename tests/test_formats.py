@@ -837,3 +837,16 @@ def test_accuracies_are_no_accelerations():
     assert columns.meaning("HAcc") == (None, "an accuracy")
     assert columns.meaning("speed_acc")[1]
     assert columns.meaning("acc_x") == columns.meaning("acc") == ("accel", None)
+
+
+@pytest.mark.parametrize("top", [864_000_000, 2**32])
+def test_ticks_of_an_xsens_start_again(top, tmp_path):
+    """Published: SampleTimeFine counts 0.1 ms, and wraps after a day or 2^32 ticks."""
+    write_xsens(tmp_path / "log.txt")
+    lines = (tmp_path / "log.txt").read_text().splitlines()
+    for k, line in enumerate(lines[6:]):
+        cells = line.split("\t")
+        lines[6 + k] = "\t".join([cells[0], str((top - 20_050 + 100 * k) % top), *cells[2:]])
+    (tmp_path / "log.txt").write_text("\n".join(lines) + "\n")
+    log = read(tmp_path / "log.txt")
+    assert (log.rate_hz, log.samples, log.gaps) == (pytest.approx(RATE), ROWS, 0)

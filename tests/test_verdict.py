@@ -100,6 +100,13 @@ def test_the_part_is_named_or_the_nearest():
         verdict.choose_part(result, ATLAS, "kvh9999")
 
 
+def test_a_sheet_without_a_random_walk_of_the_accelerometer():
+    """Property: what a data sheet does not state is said to lack, what it states is compared."""
+    sheet = ATLAS[(ATLAS["sensor"] == "adis16470") & (ATLAS["basis"] == "datasheet")]
+    found = verdict.within_datasheet(store.static_log("adis16405"), sheet, "named")
+    assert "accelerometer N: not in the list; accelerometer B, stated 13 µg" in found.why
+
+
 def test_the_atlas_is_in_step():
     """Property: the committed atlas is what data/sensors.toml and the committed logs give."""
     made = surveys.sensors().replace("", np.nan)

@@ -140,7 +140,12 @@ def serial(path: Path) -> list[Part]:
 
 
 def xsens(path: Path) -> list[Part]:
-    """Read the text that Xsens MT Manager exports: rad/s and m/s^2, ticks of 0.1 ms."""
+    """Read the text that Xsens MT Manager exports: rad/s, m/s^2, degrees, ticks of 0.1 ms.
+
+    By the maker's MTw user manual, table of the exported data, and the MTi low-level
+    documentation: PacketCounter wraps at 65535; SampleTimeFine counts at 10 kHz and wraps after
+    2^32 ticks, of the MTi 10- and 100-series after a day.
+    """
     layout = delimited.sniff(path)
     names = {name: _XSENS.get(name, name) for name in layout.names}
     with delimited.open_bytes(path) as handle:
@@ -149,14 +154,15 @@ def xsens(path: Path) -> list[Part]:
     def load(_) -> Table:
         table = delimited.read_table(path)
         frame = table.frame.rename(columns=names)
-        for counter, top, seconds in (
-            ("SampleTimeFine", 2.0**32, 1e-4),
-            ("PacketCounter", 2.0**16, 1 / float(rate[1]) if rate else 0.0),
+        for counter, tops, seconds in (
+            ("SampleTimeFine", (864_000_000, 2**32), 1e-4),
+            ("PacketCounter", (2**16,), 1 / float(rate[1]) if rate else 0.0),
         ):
             if counter in frame and seconds and frame[counter].notna().all():
                 ticks = frame[counter].to_numpy()
+                top = next((t for t in tops if ticks.max() < t), tops[-1])
                 starts_again = np.r_[0, np.diff(ticks) < -top / 2].cumsum()
-                frame.insert(0, "t_s", (ticks + top * starts_again) * seconds)
+                frame.insert(0, "t_s", (ticks + float(top) * starts_again) * seconds)
                 break
         return replace(table, frame=frame)
 

@@ -239,9 +239,9 @@ def sensors():
         rows.append(about | {"kind": "rate", "unit": "deg/s", "n": n, "b": b})
         n, b = entry.get("density_ug", 0.0) / 1e6, entry.get("accel_bias_mg")
         n = n or entry.get("vrw_m_s_sqrt_h", 0.0) / 60 / STANDARD_GRAVITY
-        if n:
+        if n or b:
             b = None if b is None else b / 1000
-            rows.append(about | {"kind": "accel", "unit": "g", "n": n, "b": b})
+            rows.append(about | {"kind": "accel", "unit": "g", "n": n or None, "b": b})
     for log in MEASURED:
         result = store.static_log(log)
         for c in result.channels:
