@@ -6,10 +6,13 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
+from types import SimpleNamespace
 
 import nbformat
 import psutil
 import pytest
+import traitlets
 
 from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, reproduce
 
@@ -130,3 +133,24 @@ def test_ctrl_c_ends_a_what_if_run(tmp_path):
     with contextlib.suppress(psutil.NoSuchProcess):  # ended, if perhaps not yet buried
         assert kernel.status() == psutil.STATUS_ZOMBIE
     assert sorted(os.listdir(tmp_path)) == ["99-small.ipynb", "began", "slow.py"]
+
+
+class FileUpload(traitlets.HasTraits):
+    """Stand in for the widget of ipywidgets 8: a tuple of files, set by the browser."""
+
+    value = traitlets.Tuple()
+
+
+def test_the_upload_button_keeps_what_is_chosen(tmp_path, monkeypatch):
+    """property: the file goes to data/own under its bare name, as `logs.read` finds it."""
+    monkeypatch.setitem(sys.modules, "ipywidgets", SimpleNamespace(FileUpload=FileUpload))
+    cells = nbformat.read(reproduce.NOTEBOOKS / "90-your-own-log.ipynb", 4).cells
+    (cell,) = (c.source for c in cells if "FileUpload" in c.source)
+    (tmp_path / "own").mkdir()
+    shown = []
+    space = {"UPLOAD": True, "DATA": tmp_path, "Path": Path, "display": shown.append}
+    exec(cell, space)
+    file = traitlets.Bunch(name="../my.csv", content=memoryview(b"t_s,gyro_x_deg_s"))
+    shown[0].value = (file,)
+    assert (tmp_path / "own" / "my.csv").read_bytes() == b"t_s,gyro_x_deg_s"
+    assert len(list(tmp_path.rglob("*"))) == 2
