@@ -40,19 +40,6 @@ def test_block_four_alone_is_the_replay_at_rest():
         assert alone[name] == pytest.approx(value, abs=2e-3, nan_ok=True), name
 
 
-def test_cold_start_is_judged_by_the_truth():
-    """analytic: an exact memory leaves no error before a fix; without a gate the first is taken."""
-    c = scenarios.scenario("C", np.random.default_rng(4))
-    memory = c.stored(0.0, 0.0)
-    strict, none = (evaluate.cold_start(c, memory, gate) for gate in (10.0, 99.0))
-    assert strict["device_awaiting"] == pytest.approx(0.0, abs=1e-6)
-    # 50 and 2.5 + 47.5 exp(-t / 15) = 10 at t = 27.7 s
-    assert (none["wait_s"], strict["wait_s"]) == (40.0, 68.0)
-    assert np.isnan(none["device_awaiting"]) and np.isnan(none["refused"])
-    assert none["device_mean"] == pytest.approx(none["gps_mean"])
-    assert strict["refused"] > strict["accepted"]
-
-
 def test_a_stationary_period_is_judged_by_hand():
     """analytic: a filter that halves every position, and holds it every other second."""
     t = np.arange(100.0)

@@ -17,6 +17,7 @@ MAKERS = {
     "atlas": surveys.atlas,
     "adis16405-units": repeatability.units,
     "tracker-parked": rides.parked,
+    "tracker-starts": rides.starts,
     "tracker-cold-phone": rides.cold_phone,
     "tracker-racebox": partial(rides.turned, "racebox"),
     "tracker-car": partial(rides.turned, "car"),

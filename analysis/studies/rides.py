@@ -14,13 +14,19 @@ import pandas as pd
 import pymap3d
 
 from analysis import STANDARD_GRAVITY, CannotAnswer, store, wrap
-from analysis.logs import datasets
+from analysis.logs import datasets, read_moving
 from analysis.logs.timeline import Gnss, Imu, Timeline, turn_imu
 from analysis.tracker.device import Options
 from analysis.tracker.evaluate import mounting_regression
 from analysis.tracker.log_replay import replay
+from analysis.tracker.starts import errors_by_later_fixes, starts_of_a_drive
 
 KMH, MPH = 1 / 3.6, 0.44704
+NMEA_DRIVES = {
+    "Munich": "car-genivi/munich-gps.nmea.gz",
+    "Switzerland": "car-genivi/20100403_Z205_Switzerland.txt.gz",
+}
+START_EVERY_S = {"Munich": 10.0, "Switzerland": 60.0}
 METRES_PER_PDOP = 5.0  # of a reported 68 % accuracy, where a phone gives no PDOP
 POSITION = {"lat_deg": "latitude", "lon_deg": "longitude", "height_m": "altitude"}
 Z_UP_TO_DOWN = np.array([1.0, -1.0, -1.0])
@@ -259,6 +265,48 @@ def cold_phone():
     table |= _metres("out", *out[:, fix], *zero)
     table |= {"accepted": columns["accepted"][fix], "moving": columns["moving"][fix]}
     return _source("phone-walk", log), {"fixes": store.rounded(pd.DataFrame(table), DIGITS)}
+
+
+def starts():
+    """Switch block 1 on at many moments of two drives whose receivers state PDOP and mode.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of pandas.DataFrame
+        ``starts``, as `starts_of_a_drive`, with the ``log``; ``fixes``: for each log and kind of
+        fix their number and the median and 95 % of their errors by later fixes, m.
+    """
+    tables, fixes, notes = [], [], []
+    for name, file in NMEA_DRIVES.items():
+        log = read_moving([datasets.path(file)])
+        gnss, off = log.gnss, errors_by_later_fixes(log.gnss)
+        tables.append(starts_of_a_drive(gnss, START_EVERY_S[name]).assign(log=name))
+        flat, known = gnss.mode < 3, np.isfinite(off)
+        kinds = {
+            "two dimensions, PDOP to 10": flat & (gnss.pdop <= 10),
+            "three, PDOP to 5": ~flat & (gnss.pdop <= 5),
+            "three, PDOP 5 to 10": ~flat & (gnss.pdop > 5) & (gnss.pdop <= 10),
+            "PDOP over 10": gnss.pdop > 10,
+        }
+        for kind, which in kinds.items():
+            error = off[which & known]
+            row = {"log": name, "kind": kind, "fixes": int((which & gnss.has_fix).sum())}
+            row |= {"judged": len(error), "satellites": np.nanmedian(gnss.satellites[which])}
+            row |= dict(zip(("median_m", "p95_m"), np.quantile(error, [0.5, 0.95]), strict=True))
+            fixes.append(row)
+        notes += log.notes
+    entries = [datasets.entry(file) for file in NMEA_DRIVES.values()]
+    source = {
+        "title": "two receivers in cars, NMEA with GSA, 31 min and 2 h 57 min",
+        "files": {entry.file.split("/")[1]: entry.sha256 for entry in entries},
+        "licence": entries[0].licence,
+        "source": f"https://github.com/{entries[0].repository}",
+        "notes": notes,
+    }
+    tables = {"starts": pd.concat(tables), "fixes": pd.DataFrame(fixes)}
+    return source, {key: store.rounded(table, 4) for key, table in tables.items()}
 
 
 def turned(name):

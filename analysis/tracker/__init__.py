@@ -7,7 +7,6 @@ Blocks 1 to 6 are in `last_position`, `attitude`, `at_rest` (3 and 4), `mounting
 
 from analysis.tracker.device import Options
 from analysis.tracker.evaluate import (
-    cold_start,
     courtyard_errors,
     gated,
     mounting_rides,
@@ -22,3 +21,4 @@ from analysis.tracker.log_replay import replay
 from analysis.tracker.mounting import printed_angle
 from analysis.tracker.operations import alignment_costs, block_costs, filter_costs
 from analysis.tracker.scenarios import GnssErrors, ImuErrors, assumed_errors, scenario
+from analysis.tracker.starts import simulated_starts

@@ -11,7 +11,7 @@ from analysis import Estimate, wrap
 from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import BLOCKS, Options
-from analysis.tracker.last_position import GATE_ALONE, LastPosition, Stored
+from analysis.tracker.last_position import LastPosition, Stored
 from analysis.tracker.log_replay import Track, replay
 from analysis.tracker.scenarios import Scenario, scenario
 
@@ -39,51 +39,6 @@ def gated(
     """
     off: dict[str, Any] = dict.fromkeys(BLOCKS[1:], False) | criteria
     return replay(Timeline(gnss, None), Options(pdop_gate=gate, **off), stored)
-
-
-def cold_start(
-    simulated: Scenario,
-    stored: Stored,
-    gate: float = LastPosition.gate,
-    at_rest_s: float = 120.0,
-) -> dict[str, float]:
-    """Judge the paper's block 1, memory and gate, alone on a simulated start.
-
-    Parameters
-    ----------
-    simulated : Scenario
-    stored : Stored
-    gate : float
-        Largest PDOP accepted.
-    at_rest_s : float
-        How long the device is at rest; errors are over the epochs of that time that have a fix.
-
-    Returns
-    -------
-    dict of float
-        ``wait_s`` until a fix is accepted; mean and largest error of ``device`` and ``gps`` (m);
-        their means ``awaiting`` the first accepted fix (NaN if the first fix is accepted); the
-        median error of the ``refused`` and of the ``accepted`` fixes.
-    """
-    at_rest = simulated.gnss.t_s < at_rest_s
-    gnss = Gnss(**{k: v[at_rest] for k, v in vars(simulated.gnss).items()})
-    track = gated(gnss, stored, gate, **GATE_ALONE).columns
-    accepted = track["accepted"] == 1
-    device = np.hypot(*simulated.error(track["out_lat_deg"], track["out_lon_deg"], at_rest))
-    gps = np.hypot(*simulated.fix_error()[:, at_rest])
-    fix = gnss.has_fix
-    waits = fix & (np.cumsum(accepted) == 0)
-
-    def over(statistic, error, where):
-        return float(statistic(error[where])) if where.any() else np.nan
-
-    row = {"wait_s": float(gnss.t_s[np.argmax(accepted)] - gnss.t_s[0])}
-    for name, error in (("device", device), ("gps", gps)):
-        row[f"{name}_mean"] = over(np.mean, error, fix)
-        row[f"{name}_largest"] = over(np.max, error, fix)
-        row[f"{name}_awaiting"] = over(np.mean, error, waits)
-    row["refused"] = over(np.median, gps, fix & ~accepted)
-    return row | {"accepted": over(np.median, gps, fix & accepted)}
 
 
 def stationary_period(
