@@ -142,7 +142,7 @@ class Attitude:
     def restart(self, force, rate):
         """Read tilt and bias again from means at rest (sequences of 3, m/s^2 and rad/s)."""
         self.bias.start(rate, SIGMA_BIAS_REST)
-        scale = -1 / math.sqrt(dot(force, force))
+        scale = -1 / max(math.sqrt(dot(force, force)), WEIGHTLESS)
         self.tilt.start([f * scale for f in force], SIGMA_ACCEL / STANDARD_GRAVITY)
         self._mean_external = [0.0] * 3
 
@@ -472,9 +472,13 @@ class Upright:
         ax, ay : float
             Along the X axis levelled in the upright vehicle, and to its right.
         """
-        x, y, z = self._mean
-        length = max(math.sqrt(x * x + y * y + z * z), WEIGHTLESS)
-        return level(force, (-x / length, -y / length, -z / length))
+        return level(force, self.down)
+
+    @property
+    def down(self):
+        """Direction of down in the upright vehicle, in sensor axes."""
+        scale = -1 / max(math.sqrt(dot(self._mean, self._mean)), WEIGHTLESS)
+        return [f * scale for f in self._mean]
 
 
 def steady(mean, square):

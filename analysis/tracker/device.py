@@ -12,11 +12,13 @@ from collections import namedtuple
 from analysis.tracker.at_rest import BLOCKS as WINDOW
 from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
 from analysis.tracker.attitude import GAP_S, Attitude, Upright
+from analysis.tracker.constrained import Constrained
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import GATE_ALONE, Frame, LastPosition
 from analysis.tracker.mounting import ENTRY_S, MountingYaw
 from analysis.tracker.vectors import STANDARD_GRAVITY, dot, wrap
 
+FAST = 3.0  # m/s, from which the filter for cars starts: a course is good to some degrees
 FIXES_S = 5.0  # s over which fixes give a speed, where a receiver reports none
 BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
 
@@ -54,6 +56,7 @@ class Options:
     """
 
     last_position = attitude = static = low_pass = mounting = fusion = True
+    constrained = False
     number = float
     pdop_gate = LastPosition.gate
     save_every_s = LastPosition.save_every_s
@@ -140,6 +143,7 @@ class Device:
             on.straight_length, on.theta_alpha, on.max_bend, on.min_speed, on.max_mount_sigma
         )
         self.fusion = Fusion(on.number) if on.fusion and self.attitude else None
+        self.constrained = Constrained(on.number) if on.constrained and self.fusion else None
         self.ned = (0.0, 0.0, 0.0) if stored else None
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
@@ -184,6 +188,12 @@ class Device:
         total[6] += 1.0
         if self.fusion and self.fusion.started:
             self._predict(t_s)
+        car = self.constrained
+        if car and car.started:
+            car.started = dt <= GAP_S
+            lost = t_s - self._t_fix > GAP_S  # block 3 keeps the last speed, the car has its own
+            still = lost and bool(rest and rest.steady) and car.may_rest
+            car.sample(gyro_b, accel_b, dt, still or not self.static.moving)
 
     def gnss(self, epoch):
         """Take in one GNSS epoch.
@@ -326,18 +336,41 @@ class Device:
                 block.update(rest, (0.0, 0.0), self.options.sigma_rest_m, sigma_v)
             elif fix or velocity:
                 block.update(fix, velocity, sigma_p, sigma_v)
+        car = self._constrain(fix, velocity, sigma_p, sigma_v)
         if layer:
             self.ned = rest
+        elif car and (fix or epoch.t_s - self._t_fix <= self.options.bridge_s):
+            self.ned = car.position[0], car.position[1], block.position[2]
         elif not self.last.accepted or epoch.t_s - self._t_fix <= self.options.bridge_s:
             self.ned = tuple(float(p) for p in block.position)
 
     def _ellipse(self):
         """Covariance of the position: north north, north east, east east, m^2; NaN without one."""
-        block = self.fusion
+        car, block = self.constrained, self.fusion
+        if car and car.started:
+            return car.ellipse
         if block is None or not block.started:
             return (math.nan,) * 3
         square = block.sigma_p * block.sigma_p
         return square, 0.0, square
+
+    def _constrain(self, fix, velocity, sigma_p, sigma_v):
+        """Run the filter for cars; return it once it has started."""
+        car, block = self.constrained, self.attitude
+        if not car or not block.ready:
+            return None
+        if car.started:
+            car.update(fix, velocity, sigma_p, sigma_v)
+        elif self._sighted() and fix and velocity and self._speed > FAST:
+            attitude = block.C_nb, block.bias.x, self.upright.down
+            car.start(fix, velocity, attitude, self.mounting.mount or 0.0, sigma_p, sigma_v)
+        return car if car.started else None
+
+    def _sighted(self):
+        """Return whether the direction of the acceleration is known."""
+        block = self.attitude
+        mounted = self.mounting.mount is not None or not self.options.mounting
+        return block.ready and block.heading_known and mounted
 
     def _coast(self, seconds):
         """Go on from the last fix at its speed and course for some seconds, then hold."""
@@ -370,9 +403,7 @@ class Device:
             return
         self._t_fusion = t_s
         on, block = self.options, self.attitude
-        sighted = block.ready and block.heading_known
-        sighted = sighted and (self.mounting.mount is not None or not on.mounting)
-        if sighted and dt <= GAP_S and not self._without_imu(t_s):
+        if self._sighted() and dt <= GAP_S and not self._without_imu(t_s):
             self.fusion.predict(block.accel_n, dt, on.sigma_accel)
         else:
             self.fusion.predict((0.0, 0.0, 0.0), dt, on.sigma_unaided)

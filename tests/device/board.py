@@ -15,7 +15,8 @@ from analysis.tracker.device import Device
 
 HERE = Path(__file__).parent
 TRACKER = ROOT / "analysis" / "tracker"
-MODULES = ("vectors", "last_position", "at_rest", "attitude", "mounting", "fusion", "device")
+BLOCKS = ("last_position", "at_rest", "attitude", "mounting", "fusion", "constrained")
+MODULES = ("vectors", *BLOCKS, "device")
 PORT = "@micropython/micropython-webassembly-pyscript"
 PLACE = "/lib/analysis/tracker"
 ON_PATH = "import sys\nif '/lib' not in sys.path: sys.path.append('/lib')\nagain = False"

@@ -1,0 +1,275 @@
+"""Beside block 6: a fusion filter that knows that a car moves neither sideways nor off the road.
+
+The paper's filter takes the attitude from block 2 as it is. This one carries it along: a strapdown
+INS whose errors (position, velocity, attitude, biases of gyro and accelerometer, and how the sensor
+sits in the car) are the states of a Kalman filter. Fixes and, with or without them, the
+non-holonomic constraint correct it: in the car's axes the velocity to the right and that downward
+are zero (Dissanayake et al., IEEE Trans. Robotics and Automation 17, 2001; the paper's [26]). In an
+outage the constraint keeps speed and tilt from drifting apart.
+
+The readings move the state at every sample; the covariance, which takes most of the operations, a
+few times a second. Numbers are taken in one at a time, so no matrix is inverted.
+"""
+
+import math
+
+from analysis.tracker.attitude import north
+from analysis.tracker.vectors import STANDARD_GRAVITY, cross, dot
+
+# Errors, in this order: position north, east (m); velocity, attitude (rad) and biases of gyro and
+# accelerometer, each in three axes; pitch and yaw of the sensor in the car (rad).
+PLACE, SPEED, TILT, GYRO, ACCEL, MOUNT, STATES = 0, 2, 5, 8, 11, 14, 16
+STEP_S = 0.2  # s between steps of the covariance, each with the constraint
+SIGMA_SIDE = 1.5  # m/s, of the velocity across the car at such a step: its errors last for seconds
+SIDE_ARM = 1.5  # m, from the axle that does not steer to the sensor: turning moves it sideways
+SIGMA_CLIMB = 1.0  # m/s, of the vertical velocity
+SIGMA_REST = 0.1  # m/s, of the velocity of a car judged static
+CREEP = 2.0  # m/s, below which quiet readings are a rest although no fix says so
+SIGMA_FORCE = 0.3  # m/s^2 sqrt(s): vibration, and stamps that are late
+RATE_WHITE = 2e-3  # rad/sqrt(s)
+RATE_SHARE = 0.03  # of a rate: error of scale and axes that lasts for RATE_S
+RATE_S = 10.0  # s
+GYRO_WALK = 2e-4  # rad/s/sqrt(s)
+ACCEL_WALK = 5e-3  # m/s^2/sqrt(s)
+MOUNT_WALK = 1e-4  # rad/sqrt(s)
+# Of tilt and yaw (rad), biases of gyro (rad/s) and accelerometer (m/s^2), pitch and yaw in the car
+START = 0.035, 0.17, 0.005, 0.2, 0.05, 0.17
+
+
+class Constrained:
+    """Strapdown INS with 16 error states, corrected by fixes and by the wheels.
+
+    Parameters
+    ----------
+    number : type
+        Of every state: float, or np.float32 as a small device would.
+
+    Attributes
+    ----------
+    started : bool
+    position, velocity : list of floats
+        North, east (and down for the velocity), m and m/s.
+    C_nb : list of 3 lists of 3 floats
+        North, east and down in body axes.
+    C_vb : list of 3 lists of 3 floats
+        The car's axes forward, right and down in body axes.
+    """
+
+    def __init__(self, number=float):
+        self.number = number
+        self.started = False
+
+    def start(self, position, velocity, attitude, mount, sigma_p, sigma_v):
+        """Start in motion.
+
+        Parameters
+        ----------
+        position, velocity : sequence of float
+            North and east, m and m/s.
+        attitude : tuple
+            C_nb by block 2, its bias of the gyro (rad/s), and down of the upright car in body axes.
+        mount : float
+            Mounting angle by block 5, rad.
+        sigma_p, sigma_v : float
+            m, m/s.
+        """
+        number = self.number
+        self.position = [number(p) for p in position]
+        self.velocity = [number(velocity[0]), number(velocity[1]), number(0)]
+        C_nb, bias, down = attitude
+        self.C_nb = [[number(c) for c in row] for row in C_nb]
+        ahead = north(down, mount)
+        self.C_vb = [[number(c) for c in row] for row in (ahead, cross(down, ahead), down)]
+        self.gyro_bias = [number(b) for b in bias]
+        self.accel_bias = [number(0)] * 3
+        tilt, yaw, gyro, accel, pitch, mounting = START
+        sigmas = [sigma_p] * 2 + [sigma_v] * 2 + [1.0, tilt, tilt, yaw] + [gyro] * 3 + [accel] * 3
+        self.P = [[number(0)] * STATES for _ in range(STATES)]
+        sigmas += [pitch, mounting]
+        for i, sigma in enumerate(sigmas):
+            self.P[i][i] = number(sigma * sigma)
+        self._error = [number(0)] * STATES
+        self._wait()
+        self.started = True
+
+    def _wait(self):
+        self._seconds, self._force, self._turned = 0.0, [0.0] * 3, [0.0] * 3
+
+    def sample(self, gyro_b, accel_b, dt, static=False):
+        """Carry the state over one IMU sample.
+
+        Parameters
+        ----------
+        gyro_b, accel_b : sequence of 3 floats
+            rad/s, m/s^2.
+        dt : float
+        static : bool
+            Block 3 judges the vehicle static.
+        """
+        half = 0.5 * dt
+        bias = self.gyro_bias
+        a, b, c = (
+            half * (gyro_b[0] - bias[0]),
+            half * (gyro_b[1] - bias[1]),
+            half * (gyro_b[2] - bias[2]),
+        )
+        scale = 2 / (1 + (a * a + b * b + c * c))
+        bias = self.accel_bias
+        fx, fy, fz = accel_b[0] - bias[0], accel_b[1] - bias[1], accel_b[2] - bias[2]
+        velocity, total = self.velocity, self._force
+        before = velocity[0], velocity[1]
+        for i in (0, 1, 2):
+            row = self.C_nb[i]
+            x, y, z = row  # fixed in navigation axes: turned by Cayley's form, as in `Direction`
+            u, v, w = b * z - c * y, c * x - a * z, a * y - b * x
+            x -= scale * (u - (b * w - c * v))
+            y -= scale * (v - (c * u - a * w))
+            z -= scale * (w - (a * v - b * u))
+            row[0], row[1], row[2] = x, y, z
+            step = dt * (x * fx + y * fy + z * fz)
+            total[i] += step
+            velocity[i] += step
+        velocity[2] += STANDARD_GRAVITY * dt
+        self.position[0] += half * (before[0] + velocity[0])
+        self.position[1] += half * (before[1] + velocity[1])
+        total = self._turned
+        total[0] += a
+        total[1] += b
+        total[2] += c
+        self._seconds += dt
+        if self._seconds + 0.5 * dt >= STEP_S:
+            self._carry()
+            self._constrain(static)
+
+    def update(self, position, velocity, sigma_p, sigma_v):
+        """Take in a fix: position and velocity (sequences, north and east), each may be None."""
+        self._carry()
+        if position is not None:
+            self._take(((PLACE, 1.0),), position[0] - self.position[0], sigma_p * sigma_p)
+            self._take(((PLACE + 1, 1.0),), position[1] - self.position[1], sigma_p * sigma_p)
+        if velocity is not None:
+            self._take(((SPEED, 1.0),), velocity[0] - self.velocity[0], sigma_v * sigma_v)
+            self._take(((SPEED + 1, 1.0),), velocity[1] - self.velocity[1], sigma_v * sigma_v)
+        self._apply()
+
+    @property
+    def ellipse(self):
+        """Covariance of the position: north north, north east, east east, m^2."""
+        return self.P[0][0], self.P[0][1], self.P[1][1]
+
+    @property
+    def may_rest(self):
+        """Whether the speed is so low that quiet readings are those of a rest."""
+        v = self.velocity
+        return v[0] * v[0] + v[1] * v[1] < CREEP * CREEP
+
+    def _carry(self):
+        """Carry the covariance over the samples since the last step."""
+        T = self._seconds
+        if T <= 0:
+            return
+        P, C, (sn, se, sd) = self.P, self.C_nb, self._force
+        rows = [(PLACE, ((SPEED, T),)), (PLACE + 1, ((SPEED + 1, T),))]
+        levers = (
+            ((TILT + 1, sd), (TILT + 2, -se)),
+            ((TILT, -sd), (TILT + 2, sn)),
+            ((TILT, se), (TILT + 1, -sn)),
+        )
+        for i in (0, 1, 2):
+            rows.append(
+                (SPEED + i, levers[i] + tuple((ACCEL + k, -T * C[i][k]) for k in (0, 1, 2)))
+            )
+        for i in (0, 1, 2):
+            rows.append((TILT + i, tuple((GYRO + k, -T * C[i][k]) for k in (0, 1, 2))))
+        for i, terms in rows:  # F P: a row only needs rows that come later
+            row = P[i]
+            for j, c in terms:
+                other = P[j]
+                for k in range(STATES):
+                    row[k] += c * other[k]
+        for row in P:  # (F P) F'
+            for i, terms in rows:
+                for j, c in terms:
+                    row[i] += c * row[j]
+        rate = 2 * math.sqrt(dot(self._turned, self._turned)) / T
+        self._slide = SIGMA_SIDE + SIDE_ARM * rate
+        rate *= RATE_SHARE
+        noise = (
+            (SPEED, SIGMA_FORCE * SIGMA_FORCE * T),
+            (TILT, (RATE_WHITE * RATE_WHITE + rate * rate * RATE_S) * T),
+            (GYRO, GYRO_WALK * GYRO_WALK * T),
+            (ACCEL, ACCEL_WALK * ACCEL_WALK * T),
+        )
+        for first, variance in noise:
+            for i in (0, 1, 2):
+                P[first + i][first + i] += variance
+        for i in (MOUNT, MOUNT + 1):
+            P[i][i] += MOUNT_WALK * MOUNT_WALK * T
+        self._wait()
+
+    def _constrain(self, static):
+        """Take in that the car moves along its own axis only; at rest, not at all."""
+        if static:
+            for i in (0, 1, 2):
+                self._take(((SPEED + i, 1.0),), -self.velocity[i], SIGMA_REST * SIGMA_REST)
+            self._apply()
+            return
+        v, C = self.velocity, self.C_nb
+        ahead = [dot(row, self.C_vb[0]) for row in C]
+        along = dot(ahead, v)
+        for axis, state, lever in ((1, MOUNT + 1, along), (2, MOUNT, -along)):
+            across = [dot(row, self.C_vb[axis]) for row in C]
+            tilt = cross(across, v)
+            terms = tuple((SPEED + i, across[i]) for i in (0, 1, 2))
+            terms += tuple((TILT + i, tilt[i]) for i in (0, 1, 2))
+            terms += ((state, lever),)
+            self._take(terms, -dot(across, v), self._slide * self._slide)
+        self._take(((SPEED + 2, 1.0),), -v[2], SIGMA_CLIMB * SIGMA_CLIMB)
+        self._apply()
+
+    def _take(self, terms, residual, variance):
+        """Take in one number: its row of H as (state, coefficient), its excess, its variance."""
+        P, error = self.P, self._error
+        Ph = []
+        for row in P:
+            total = 0.0
+            for j, c in terms:
+                total += c * row[j]
+            Ph.append(total)
+        for j, c in terms:
+            variance += c * Ph[j]
+            residual -= c * error[j]
+        gain = 1 / variance
+        for i in range(STATES):
+            row, g = P[i], gain * Ph[i]
+            error[i] += g * residual
+            for j in range(i, STATES):
+                row[j] -= g * Ph[j]
+                P[j][i] = row[j]
+
+    def _apply(self):
+        """Move the errors found into the state."""
+        e = self._error
+        for i in (0, 1):
+            self.position[i] += e[PLACE + i]
+        for i in (0, 1, 2):
+            self.velocity[i] += e[SPEED + i]
+            self.gyro_bias[i] += e[GYRO + i]
+            self.accel_bias[i] += e[ACCEL + i]
+        self.C_nb = turned(self.C_nb, e[TILT], e[TILT + 1], e[TILT + 2])
+        self.C_vb = turned(self.C_vb, 0.0, e[MOUNT], e[MOUNT + 1])
+        self._error = [self.number(0)] * STATES
+
+
+def turned(C, a, b, c):
+    """Return (I + [angle x]) C with its rows made unit and square: small angles, rad."""
+    x, y, z = C
+    x = [x[k] - c * y[k] + b * z[k] for k in (0, 1, 2)]
+    z = [z[k] - b * C[0][k] + a * y[k] for k in (0, 1, 2)]
+    scale = 1 / math.sqrt(dot(z, z))
+    z = [value * scale for value in z]
+    along = dot(x, z)
+    x = [x[k] - along * z[k] for k in (0, 1, 2)]
+    scale = 1 / math.sqrt(dot(x, x))
+    x = [value * scale for value in x]
+    return [x, cross(z, x), z]

@@ -1,0 +1,199 @@
+"""The filter for cars: strapdown INS with the non-holonomic constraint, on known motions."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.logs.timeline import inject_outages
+from analysis.tracker.constrained import (
+    ACCEL,
+    GYRO,
+    MOUNT,
+    PLACE,
+    SPEED,
+    STATES,
+    TILT,
+    Constrained,
+    turned,
+)
+from analysis.tracker.device import Options
+from analysis.tracker.log_replay import replay
+from analysis.tracker.scenarios import ImuErrors, scenario
+
+EYE = np.eye(3).tolist()
+
+
+def under_way(seed=0):
+    """Start at a random attitude and velocity, with a random way of sitting in the car."""
+    rng, block = np.random.default_rng(seed), Constrained()
+    down = np.array([0.1, -0.05, 1.0]) / np.linalg.norm([0.1, -0.05, 1.0])
+    C = turned(EYE, *rng.normal(0, 0.3, 3))
+    C = turned(C, 0.0, 0.0, 0.5)
+    bias = rng.normal(0, 0.01, 3).tolist()
+    block.start((3.0, -4.0), (8.0, 5.0), (C, bias, down.tolist()), 0.4, 3.0, 0.3)
+    block.accel_bias = rng.normal(0, 0.1, 3).tolist()
+    return block
+
+
+def nominal(block):
+    """Copy the state of a block: place, velocity, attitude, biases, how it sits in the car."""
+    copy = Constrained()
+    for name in ("position", "velocity", "gyro_bias", "accel_bias"):
+        setattr(copy, name, list(getattr(block, name)))
+    copy.C_nb, copy.C_vb = ([list(row) for row in C] for C in (block.C_nb, block.C_vb))
+    copy.P = [list(row) for row in block.P]
+    copy._error = [0.0] * STATES
+    copy._wait()
+    return copy
+
+
+def moved(block, error):
+    """Return a copy whose state is off by an error vector."""
+    copy = nominal(block)
+    copy._error = list(error)
+    copy._apply()
+    return copy
+
+
+def difference(a, b):
+    """Return by which error vector state b is off from state a, for small errors."""
+    found = np.zeros(STATES)
+    found[PLACE:SPEED] = np.subtract(b.position, a.position)
+    found[SPEED:TILT] = np.subtract(b.velocity, a.velocity)
+    found[GYRO:ACCEL] = np.subtract(b.gyro_bias, a.gyro_bias)
+    found[ACCEL:MOUNT] = np.subtract(b.accel_bias, a.accel_bias)
+    for first, which, axes in ((TILT, "C_nb", (0, 1, 2)), (MOUNT, "C_vb", (1, 2))):
+        W = np.array(getattr(b, which)) @ np.array(getattr(a, which)).T
+        angles = 0.5 * np.array([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])
+        found[first : first + len(axes)] = angles[list(axes)]
+    return found
+
+
+def fed(block, gyro, accel, count=4, dt=0.02):
+    """Feed the same sample a few times, less than a step of the covariance."""
+    for _ in range(count):
+        block.sample(gyro, accel, dt)
+    return block
+
+
+def test_the_transition_is_the_derivative_of_the_motion():
+    """cross-check: F P F' + Q of a step against F by differences of the mechanisation, to 2 %.
+
+    F is of first order in the step: the products that it leaves out are w T and T/2 of its terms.
+    """
+    gyro, accel = (0.05, -0.04, 0.2), (0.5, 1.0, -9.7)
+    start = under_way()
+    end, size = fed(nominal(start), gyro, accel), 1e-6
+    F = np.empty((STATES, STATES))
+    for k in range(STATES):
+        off = fed(moved(start, size * np.eye(STATES)[k]), gyro, accel)
+        F[:, k] = difference(end, off) / size
+    rng = np.random.default_rng(1)
+    A = rng.standard_normal((STATES, STATES))
+    P = np.diag(np.sqrt(np.diag(start.P))) @ (A @ A.T / STATES) @ np.diag(np.sqrt(np.diag(start.P)))
+    carried = fed(nominal(start), gyro, accel)
+    carried.P = P.tolist()
+    carried._carry()
+    exact = F @ P @ F.T
+    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    noise = np.array(carried.P) - exact
+    off_diagonal = ~np.eye(STATES, dtype=bool)
+    assert np.abs(noise / scale)[off_diagonal].max() < 0.02
+    assert (np.diag(noise) > -0.02 * np.diag(scale)).all()
+
+
+@pytest.mark.parametrize("axis", [1, 2])
+def test_the_constraint_is_the_derivative_of_the_sideways_velocity(axis):
+    """cross-check: rows of H against differences of the car's velocity to the right and down."""
+    block, size, taken = under_way(), 1e-6, []
+
+    def across(of):
+        return np.array(of.C_vb[axis]) @ np.array(of.C_nb).T @ of.velocity
+
+    block._slide = 1.0
+    block._take = lambda *number: taken.append(number)
+    block._constrain(static=False)
+    terms, residual, _ = taken[axis - 1]
+    h = np.zeros(STATES)
+    for k, coefficient in terms:
+        h[k] = coefficient
+    by_difference = [
+        (across(moved(block, size * unit)) - across(block)) / size for unit in np.eye(STATES)
+    ]
+    np.testing.assert_allclose(h, by_difference, atol=1e-5)
+    assert residual == pytest.approx(-across(block))
+
+
+def test_updates_are_those_of_filterpy():
+    """cross-check: a fix of four numbers, one at a time, is filterpy's update of all, to 1e-9."""
+    kalman = pytest.importorskip("filterpy.kalman")
+    block = under_way()
+    A = np.random.default_rng(3).standard_normal((STATES, STATES))
+    block.P = (A @ A.T + np.eye(STATES)).tolist()
+    other = kalman.KalmanFilter(dim_x=STATES, dim_z=4)
+    other.P, other.H = np.array(block.P), np.eye(STATES)[:4]
+    other.R = np.diag([4.0, 4.0, 0.25, 0.25])
+    z = np.array([1.0, -2.0, 0.5, 0.3])
+    other.update(z)
+    place, speed = np.add(block.position, z[:2]), np.add(block.velocity[:2], z[2:])
+    found = []
+    block._apply = lambda: found.extend(block._error)
+    block.update(place.tolist(), speed.tolist(), 2.0, 0.5)
+    np.testing.assert_allclose(found, other.x.ravel(), atol=1e-9)
+    np.testing.assert_allclose(block.P, other.P, atol=1e-9)
+
+
+def test_small_turns_keep_the_axes_square():
+    """property: rows stay unit and square; the turn is that of the vector product to 1e-6."""
+    C, angle = turned(EYE, 0.1, 0.2, -0.3), np.array([1e-3, -2e-3, 1.5e-3])
+    off = np.array(turned(C, *angle))
+    np.testing.assert_allclose(off @ off.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(off, C + np.cross(angle, np.array(C), axisb=0).T, atol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def town():
+    """Simulate a car in town whose sensor has no noise but its constant biases."""
+    return scenario("D", np.random.default_rng(7), imu=ImuErrors(), stops=4)
+
+
+def test_outages_with_wheels_and_without(town):
+    """property: a minute without fixes, twice: the mean error is under a third of block 6's."""
+    t, errors = town.log.gnss.t_s, []
+    fast = t[town.speed_m_s > 8.0]
+    for start in fast[[len(fast) * k // 10 for k in (5, 8)]]:
+        log = inject_outages(town.log, [(start, start + 60.0)])
+        last = np.searchsorted(t, start + 60.0) - 1
+        tracks = (replay(log, Options(low_pass=False, constrained=on)) for on in (False, True))
+        errors.append([np.hypot(*town.output_error(track.columns))[last] for track in tracks])
+    without, with_wheels = np.mean(errors, axis=0)
+    assert with_wheels < without / 3
+
+
+def test_single_precision_stays_single_and_agrees(town):
+    """property: in float32 the positions are the same to half a metre, the states float32."""
+    imu = town.log.imu
+    early = replace(town.log, imu=replace(imu, **{k: v[:5600] for k, v in vars(imu).items()}))
+    log = inject_outages(early, [(100.0, 130.0)])
+    wide, narrow = (
+        replay(log, Options(constrained=True, number=kind)).columns for kind in (float, np.float32)
+    )
+    apart = np.array(town.output_error(wide)) - town.output_error(narrow)
+    assert np.nanmax(np.abs(apart)) < 0.5
+    block = Constrained(np.float32)
+    numbers = [np.float32(x) for x in (0.1, 0.2, 0.3)]
+    block.start((1.0, 2.0), (8.0, 5.0), (EYE, numbers, [0.0, 0.0, 1.0]), 0.0, 3.0, 0.3)
+    for _ in range(30):
+        block.sample(numbers, numbers, 0.02)
+    assert {type(p) for row in block.P for p in row} == {np.float32}
+
+
+def test_it_does_not_start_before_it_knows_where_the_car_points():
+    """property: without a mounting angle the paper's block goes on alone."""
+    ride = scenario("D", np.random.default_rng(3), stops=0)
+    log = inject_outages(ride.log, [(40.0, 60.0)])
+    never = Options(low_pass=False, max_mount_sigma=math.radians(0.001))
+    columns = [replay(log, o).columns for o in (never, Options(**vars(never), constrained=True))]
+    np.testing.assert_array_equal(columns[0]["out_lat_deg"], columns[1]["out_lat_deg"])
