@@ -95,16 +95,14 @@ def judge(value, low, high, agree_low, agree_high):
     -------
     str
     """
-    floor = -math.inf if math.isnan(agree_low) else agree_low
-    ceiling = math.inf if math.isnan(agree_high) else agree_high
     if value is not None and low is None and high is None:  # known exactly
         low = high = value
     bottom, top = (-math.inf if low is None else low), (math.inf if high is None else high)
-    if top < floor or bottom > ceiling:
+    if top < agree_low or bottom > agree_high:  # false of a bound that is NaN, as everywhere here
         return NOT_REPRODUCED
     if value is None:
         return f"{NOT_TESTABLE}: the log leaves {_span(low, high)} open"
-    if floor <= bottom and top <= ceiling:
+    if not (bottom < agree_low or top > agree_high):
         return REPRODUCED
     return (
         f"{NOT_TESTABLE}: the 95 % interval {_span(low, high)} is partly outside the claim's range"
@@ -135,10 +133,8 @@ def judge_logs(found, agree_low, agree_high):
     each = np.column_stack([found] * 3) if found.ndim == 1 else found
     missing = np.isnan(each[:, 0])
     low, high = np.nan_to_num(each[:, 1], nan=-np.inf), np.nan_to_num(each[:, 2], nan=np.inf)
-    floor = -math.inf if math.isnan(agree_low) else agree_low
-    ceiling = math.inf if math.isnan(agree_high) else agree_high
-    share = np.mean((low >= floor) & (high <= ceiling) & ~missing)
-    against = np.mean((high < floor) | (low > ceiling))
+    share = np.mean(~((low < agree_low) | (high > agree_high) | missing))
+    against = np.mean((high < agree_low) | (low > agree_high))
     if share >= MOST:
         verdict = REPRODUCED
     elif against >= MOST:

@@ -54,7 +54,7 @@ SCRATCH = ROOT / "scratch"  # for a notebook that is run by hand
 # Six digits are written; processors differ in the last of sixteen, which a long sum or an
 # interpolated crossing magnifies. A panel's own size says what is nothing in it.
 RELATIVE, OF_THE_PANEL = 1e-4, 1e-6
-# An artist of more points is thinned to what the picture can show: a cloud, a line.
+# An artist of more points is thinned to what the picture can show: one with markers, another.
 DENSE, FEW = 300, 30
 OFF = 0.25  # dots that a line may lie off the points it leaves out
 NOTHING = ("None", "", " ", None)  # matplotlib's names for no line and for no marker
@@ -211,10 +211,9 @@ def _keep_place(legend):
 def thin(ax, dots):
     """Leave out points of long artists that the picture cannot show, and rasterise dense clouds.
 
-    Of a curve with rising x the lowest and the highest point in each width of its pen stay; of a
-    path one point in each such width, of a cloud one in each third of a marker. One typographic
-    point is the least width. Of what is left, a line without markers keeps the points between which
-    straight lines pass all others within `OFF`.
+    Of a cloud one point in each third of a marker stays; of a curve with rising x the lowest and
+    the highest in each width of its pen. One typographic point is the least width. Of what is left
+    a line keeps the points between which straight lines pass all others within `OFF`.
 
     Parameters
     ----------
@@ -224,43 +223,40 @@ def thin(ax, dots):
         Dots of the saved picture for one of the figure.
     """
 
-    def outline(x, y, points, *, marked=False):
-        """Index what a pen so many typographic points wide needs to draw a curve or a path."""
-        at = dots * ax.transData.transform(np.column_stack([x, y]))
-        keep = np.arange(len(at))
-        if len(at) > DENSE:
-            cells = np.floor(at / width(points))
-            rising = (np.diff(x[np.isfinite(x)]) >= 0).all()
-            keep = _outline(cells, y) if rising else _one_a_cell(cells, joined=True)
-        return keep if marked else keep[_corners(at[keep])]
+    def at(x, y):
+        return dots * ax.transData.transform(np.column_stack([x, y]))
 
-    def width(points):
-        return max(1.0, points) / 72 * ax.figure.dpi * dots
+    def cells(x, y, points):
+        return np.floor(at(x, y) / (max(1.0, points) / 72 * ax.figure.dpi * dots))
+
+    def needed(x, y, pen):
+        keep = np.arange(len(x))
+        if len(x) > DENSE and (np.diff(x[np.isfinite(x)]) >= 0).all():
+            keep = _outline(cells(x, y, pen), y)
+        return keep[_corners(at(x[keep], y[keep]))]
 
     for line in ax.lines:
         x, y = (np.asarray(v, dtype=float) for v in line.get_data(orig=False))
-        if line.get_transform() != ax.transData or x.size <= FEW:
-            continue
         marked = line.get_marker() not in NOTHING or line.get_drawstyle() != "default"
-        if line.get_linestyle() not in NOTHING:
-            keep = outline(x, y, line.get_linewidth(), marked=marked)
-        elif x.size > DENSE:
-            at = dots * ax.transData.transform(np.column_stack([x, y]))
-            keep = _one_a_cell(np.floor(at / width(line.get_markersize() / 3)), joined=False)
+        if line.get_transform() != ax.transData or x.size <= (DENSE if marked else FEW):
+            continue
+        if line.get_linestyle() in NOTHING:
+            covered = pd.DataFrame(cells(x, y, line.get_markersize() / 3)).duplicated()
+            keep = np.flatnonzero(~covered)
             line.set_rasterized(True)
         else:
-            continue
+            keep = needed(x, y, line.get_linewidth())
         line.set_data(x[keep], y[keep])
     for collection in ax.collections:
         if isinstance(collection, PolyCollection) and not isinstance(collection, Quiver):
-            parts = [_edges(path) for path in collection.get_paths()]
-            if any(len(x) > FEW for x, _, _ in parts):
-                kept = []
-                for x, low, high in parts:
-                    keep = np.union1d(outline(x, low, 0.5), outline(x, high, 0.5))
-                    x, low, high = x[keep], low[keep], high[keep]
-                    kept.append(np.column_stack([np.r_[x, x[::-1]], np.r_[low, high[::-1]]]))
-                collection.set_verts(kept)
+            kept, parts = [], [_edges(path) for path in collection.get_paths()]
+            if max((len(x) for x, _, _ in parts), default=0) <= FEW:
+                continue
+            for x, low, high in parts:
+                keep = np.union1d(needed(x, low, 0.5), needed(x, high, 0.5))
+                x, low, high = x[keep], low[keep], high[keep]
+                kept.append(np.column_stack([np.r_[x, x[::-1]], np.r_[low, high[::-1]]]))
+            collection.set_verts(kept)
 
 
 def _outline(at, y):
@@ -269,13 +265,6 @@ def _outline(at, y):
     groups = pd.Series(np.where(gap, np.nan, y)).groupby(np.where(gap, np.nan, at[:, 0]))
     first_gaps = np.flatnonzero(gap & ~np.r_[False, gap[:-1]])
     return np.unique(np.r_[0, groups.idxmin(), groups.idxmax(), first_gaps, len(y) - 1].astype(int))
-
-
-def _one_a_cell(at, joined):
-    """Index the first point in each cell, or where `joined` at each step into another cell."""
-    place = pd.DataFrame(at)
-    again = (place == place.shift()).all(axis=1) if joined else place.duplicated()
-    return np.flatnonzero(~again)
 
 
 def _corners(at):

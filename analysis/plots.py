@@ -557,8 +557,7 @@ def units_differences(pair: Pair, zero: float) -> Figure:
     fig = plt.figure(figsize=(DOUBLE, 0.5 + 1.15 * len(rows)), layout="constrained")
     axes = fig.subplots(len(rows), 2, squeeze=False, width_ratios=(3, 1))
     for (label, t, x, turn), (ax, side) in zip(rows, axes, strict=True):
-        at = _extremes(x)
-        ax.plot(t[at] - zero, x[at], lw=0.6, color="C0", label=label)
+        ax.plot(t - zero, x, lw=0.6, color="C0", label=label)
         ax.set(xlabel="time (s)", ylabel=label)
         turning = np.abs(turn) > TURNING
         edges = np.histogram_bin_edges(x[np.isfinite(x)], 40)
@@ -574,17 +573,6 @@ def units_differences(pair: Pair, zero: float) -> Figure:
         ax.xaxis.label.set_visible(False)
     fig.legend(*axes[0, 1].get_legend_handles_labels(), loc="outside lower right", ncols=2)
     return fig
-
-
-def _extremes(x):
-    """Choose the points of a long line that its picture shows: lowest and highest of each part."""
-    if len(x) <= 2 * SHOWN:
-        return np.arange(len(x))
-    parts = np.array_split(np.nan_to_num(x), SHOWN)
-    starts = np.cumsum([0, *map(len, parts[:-1])])
-    ends = [start + f(part) for start, part in zip(starts, parts, strict=True)
-            for f in (np.argmin, np.argmax)]  # fmt: skip
-    return np.unique(ends)
 
 
 def zero_time(found: Comparison) -> float:

@@ -166,16 +166,14 @@ RIDES = {
 }
 
 
-def course_lag(gnss, imu_t, yaw_rate, *, longest=2.0):
-    """Find by how much the course lags the yaw rate, from where their correlation peaks.
+def course_lag(gnss, imu_t, yaw_rate):
+    """Find by how much the course lags the yaw rate, up to 2 s, from where their correlation peaks.
 
     Parameters
     ----------
     gnss : Gnss
     imu_t, yaw_rate : ndarray, shape (k,)
         s, rad/s.
-    longest : float
-        Largest lag tried, s.
 
     Returns
     -------
@@ -185,7 +183,7 @@ def course_lag(gnss, imu_t, yaw_rate, *, longest=2.0):
     t = gnss.t_s[moving]
     turned = np.diff(np.unwrap(np.radians(gnss.course_deg[moving])))
     angle = np.concatenate([[0.0], np.cumsum(yaw_rate[1:] * np.diff(imu_t))])
-    lags = np.arange(-longest, longest + 0.01, 0.05)
+    lags = np.arange(-2.0, 2.01, 0.05)
     near = np.diff(t) < 1.5
     correlation = [
         np.corrcoef(np.diff(np.interp(t - lag, imu_t, angle))[near], turned[near])[0, 1]
@@ -338,7 +336,8 @@ def turned(name):
         "reference_low_deg": whole.low,
         "reference_high_deg": whole.high,
     }
-    path = {"t_s": gnss.t_s} | _metres("raw", gnss.lat_deg, gnss.lon_deg)
+    lat, lon = gnss.lat_deg, gnss.lon_deg
+    path = {"t_s": gnss.t_s} | _metres("raw", lat, lon, np.nanmean(lat), np.nanmean(lon))
     path |= {"speed_m_s": gnss.speed_m_s, "course_deg": gnss.course_deg}
     path |= {column: tracks[0].columns[column] for column in ("moving", "mount_deg")}
     rows = [_mounting_row(gnss.t_s, track, angle, whole.value) for angle, track in tracks.items()]
@@ -370,10 +369,8 @@ def _mounting_row(t_s, track, angle, reference):
     }
 
 
-def _metres(prefix, lat, lon, lat0=None, lon0=None):
-    """Turn positions into metres north and east of a point, by default of their own mean."""
-    lat0 = np.nanmean(lat) if lat0 is None else lat0
-    lon0 = np.nanmean(lon) if lon0 is None else lon0
+def _metres(prefix, lat, lon, lat0, lon0):
+    """Turn positions into metres north and east of a point."""
     north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, lat0, lon0, 0.0)
     return {f"{prefix}_north_m": np.round(north, 2), f"{prefix}_east_m": np.round(east, 2)}
 
