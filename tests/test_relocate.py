@@ -5,7 +5,7 @@ import pytest
 
 from analysis import store
 from analysis.terrain.readings import Sensor, Setup
-from analysis.terrain.relocate import likelihood, watch, watch_real_laps
+from analysis.terrain.relocate import averaged_map, likelihood, watch, watch_real_laps
 from analysis.terrain.terrain_map import AttitudeMap
 
 LAP = "14-45-26"
@@ -41,7 +41,7 @@ def test_the_likelihood_finds_the_place(drive):
     """analytic: perfect readings put the weight on the true place, and explain themselves."""
     road, setup, truth, moved = drive
     place, weight, explained = likelihood(
-        road, road.at(truth), np.cumsum(moved), MEMS, setup, (600.0, 1400.0)
+        averaged_map(road), road.at(truth), np.cumsum(moved), MEMS, setup, (600.0, 1400.0)
     )
     assert place[weight.argmax()] == pytest.approx(truth[-1], abs=1)
     assert weight[np.abs(place - truth[-1]) < 10].sum() > 0.999 and explained > 0.99

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from scipy.linalg import cho_factor, cho_solve
+from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2
 
 from analysis.terrain.monte_carlo import advance, attitude_errors, filters_of
@@ -100,6 +101,7 @@ def watch(
     R = setup.R if sensor.R is None else sensor.R
     found_again = replace(setup, begin_sd=APART, start="stationary")
     ukf, Q = filters_of(attitude_map, setup, arw, sigma_b, np.array([first]))
+    averaged = averaged_map(attitude_map)
     position, lost = np.full(len(moved), float(first)), np.zeros(len(moved), dtype=bool)
     driven = np.cumsum(moved)
     alarms: list[int] = []
@@ -113,7 +115,7 @@ def watch(
         if waited >= WAIT:
             waited, now = 0.0, slice(0, at[k] + 1)
             place, weight, explained = likelihood(
-                attitude_map, readings[:, now], driven[now], sensor, setup, places
+                averaged, readings[:, now], driven[now], sensor, setup, places
             )
             likely = place[weight.argmax()]
             near, best = (weight[np.abs(place - of) < SAME].sum() for of in (here, likely))
@@ -135,12 +137,21 @@ def watch(
     return Watched(position[last] + driven - driven[last], lost[last], alarms, found)
 
 
-def likelihood(attitude_map, readings, driven, sensor, setup, places):
+def averaged_map(attitude_map: AttitudeMap) -> AttitudeMap:
+    """Average a map over `STRETCH` metres around each of its points."""
+    points = max(round(STRETCH / attitude_map.step), 1)
+    means = uniform_filter1d(attitude_map.attitude, points, mode="nearest")
+    return AttitudeMap(attitude_map.start, attitude_map.step, means)
+
+
+def likelihood(averaged, readings, driven, sensor, setup, places):
     """Compare the last readings with every place.
 
     Parameters
     ----------
-    attitude_map, sensor, setup, places
+    averaged : AttitudeMap
+        The map's running means over `STRETCH`: see `averaged_map`.
+    sensor, setup, places
         As for `watch`.
     readings : ndarray, shape (channels, samples), deg
     driven : ndarray, shape (samples,), m
@@ -179,9 +190,7 @@ def likelihood(attitude_map, readings, driven, sensor, setup, places):
     )
     root = cho_factor(C, lower=True)
     place = np.arange(*places, APART)
-    # The map's mean over a stretch, from its values at every metre of it.
-    inside = np.arange(-STRETCH / 2 + 0.5, STRETCH / 2)
-    of_map = attitude_map.at(place[:, None, None] + s[:, None] + inside).mean(axis=-1)
+    of_map = averaged.at(place[:, None] + s)
     square = np.zeros(len(place))
     for channel, read in zip(of_map, z, strict=True):
         off = means(read) - channel
