@@ -5,10 +5,12 @@ import doctest
 import math
 import sys
 
+import numpy as np
 import pytest
+from broken_events import BROKEN, clock_set_back, clock_set_forward, no_times, play, record
 
 from analysis import ROOT, STANDARD_GRAVITY, cli, wrap
-from analysis.tracker import vectors
+from analysis.tracker import scenario, vectors
 from analysis.tracker.at_rest import LowPass, StaticTest
 from analysis.tracker.attitude import Attitude
 from analysis.tracker.device import BLOCKS
@@ -99,3 +101,37 @@ def test_what_a_device_has_of_the_root_is_the_same():
     for angle in (-10.0, -math.pi, -0.1, 0.0, math.pi, 3.2, 400.0):
         assert vectors.wrap(angle) == wrap(angle, 2 * math.pi)
         assert vectors.wrap(angle, 360.0) == wrap(angle)
+
+
+@pytest.fixture(scope="module")
+def laps():
+    """Replay two laps, and keep what the device was given."""
+    return record(scenario("B", np.random.default_rng(3), laps=2).log)
+
+
+@pytest.mark.parametrize("broken", BROKEN)
+def test_a_device_survives_broken_inputs(laps, broken):
+    """property: no error and no infinite number; afterwards place and tilt are what they would be.
+
+    A metre: the fixes of the last minute count, whatever was lost before. A degree: tilt at rest.
+    """
+    *_, last = rows = list(play(laps.given, broken(laps.events)))
+    assert not any(np.isinf(np.hstack(list(row.values()))).any() for row in rows)
+    whole = laps.rows[-1]
+    off = [(last[k] - whole[k]) * 111_000 for k in ("lat_deg", "lon_deg")]
+    assert math.hypot(*off) < 1.0
+    for angle in ("roll", "pitch"):
+        assert last[angle] == pytest.approx(whole[angle], abs=math.radians(1.0))
+    assert last["moving"] == whole["moving"]
+
+
+@pytest.mark.parametrize("broken", [clock_set_back, clock_set_forward, no_times])
+def test_a_clock_that_jumps_moves_nothing(laps, broken):
+    """property: within 15 m of the undisturbed track at every epoch, while driving at 5 m/s.
+
+    A clock set back is taken for a gap of two seconds: 10 m of driving unseen.
+    """
+    rows = list(play(laps.given, broken(laps.events)))
+    for row, whole in zip(rows, laps.rows, strict=True):
+        off = [(row[k] - whole[k]) * 111_000 for k in ("lat_deg", "lon_deg")]
+        assert not math.hypot(*off) > 15.0

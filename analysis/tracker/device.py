@@ -19,6 +19,8 @@ from analysis.tracker.mounting import ENTRY_S, MountingYaw
 from analysis.tracker.vectors import STANDARD_GRAVITY, dot, wrap
 
 FAST = 3.0  # m/s, from which the filter for cars starts: a course is good to some degrees
+RATE, FORCE = 200.0, 2000.0  # rad/s, m/s^2: more than a sensor can mean
+SPEED, HEIGHT = 2000.0, 1e5  # m/s, m: likewise
 FIXES_S = 5.0  # s over which fixes give a speed, where a receiver reports none
 BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
 
@@ -147,6 +149,7 @@ class Device:
         self.ned = (0.0, 0.0, 0.0) if stored else None
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
+        self._shift = 0.0
         self._moved, self._slow = False, True
         self.gives_speed, self._fixes = False, []
         self._rested, self._left = False, None
@@ -154,8 +157,15 @@ class Device:
         self._sum = [0.0] * 7  # horizontal and whole acceleration, its square, samples
 
     def imu(self, t_s, gyro_b, accel_b):
-        """Take in one IMU sample (s, rad/s, m/s^2; sequences of three scalars)."""
-        dt = 0.0 if self._t_imu is None else round(t_s - self._t_imu, 9)
+        """Take in one IMU sample (s, rad/s, m/s^2; sequences of three scalars).
+
+        One that no sensor can give, or that is not later than the last one, is left out.
+        """
+        before, t_s = self._t_imu, self._now(t_s, self._t_imu)
+        dt = 0.0 if before is None else round(t_s - before, 9)
+        late = t_s != t_s if before is None else not dt > 0.0
+        if late or not (_possible(gyro_b, RATE) and _possible(accel_b, FORCE)):
+            return
         self._t_imu = t_s
         block = self.attitude
         if block is None:
@@ -208,6 +218,7 @@ class Device:
             accepted, moving, layer, lat_deg and lon_deg put out, roll, pitch, yaw, mount (rad),
             ellipse; NaN without value.
         """
+        epoch = self._known(epoch)
         dt = 0.0 if self._t_epoch is None else epoch.t_s - self._t_epoch
         self._t_epoch = epoch.t_s
         measured = epoch.mode, epoch.satellites, epoch.speed, epoch.course
@@ -248,6 +259,30 @@ class Device:
             "mount": math.nan if self.mounting.mount is None else self.mounting.mount,
             "ellipse": self._ellipse(),
         }
+
+    def _now(self, t_s, before):
+        """Return the time on a clock that is never set back: where this one is, lies a gap."""
+        if not -math.inf < t_s < math.inf:
+            return math.nan
+        if before is not None and t_s + self._shift < before - GAP_S:
+            known = [t for t in (self._t_imu, self._t_epoch) if t is not None]
+            self._shift = max(known) + 2 * GAP_S - t_s
+        return t_s + self._shift
+
+    def _known(self, epoch):
+        """Return an epoch with NaN for what no receiver can mean, and never before the last one."""
+        t_s, fix, pdop, speed, course, mode, satellites = epoch
+        t_s, before = self._now(t_s, self._t_epoch), self._t_epoch
+        if before is None:
+            before = t_s if t_s == t_s else self._t_imu or 0.0
+        if fix is not None:
+            lat, lon, height = fix
+            height = height if abs(height) < HEIGHT else math.nan
+            fix = (lat, lon, height) if abs(lat) <= 90.0 and abs(lon) <= 360.0 else None
+        pdop = pdop if 0.0 <= pdop < math.inf else math.nan
+        speed = speed if 0.0 <= speed < SPEED else math.nan
+        course = course if abs(course) < math.inf else math.nan
+        return Epoch(max(before, t_s), fix, pdop, speed, course, mode, satellites)
 
     def _judge(self, speed):
         """Ask block 3; a motion at any sample since the last epoch counts."""
@@ -411,3 +446,9 @@ class Device:
     def _without_imu(self, t_s):
         """Return whether the IMU has given no sample for too long."""
         return self._t_imu is not None and t_s - self._t_imu > GAP_S
+
+
+def _possible(vector, most):
+    """Return whether all three numbers are known and below a bound."""
+    x, y, z = vector
+    return -most < x < most and -most < y < most and -most < z < most

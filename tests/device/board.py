@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from broken_events import Recorder, record
 
 from analysis import ROOT, replacing, store
-from analysis.tracker import Options, log_replay, scenario
-from analysis.tracker.device import Device
+from analysis.tracker import scenario
 
 HERE = Path(__file__).parent
 TRACKER = ROOT / "analysis" / "tracker"
@@ -47,38 +47,6 @@ def run(folder, files, steps):
     if done.returncode:
         raise RuntimeError(text or done.stderr.decode()[-2000:])
     return text
-
-
-class Recorder(Device):
-    """A device that notes what the replay gives it and what it gives back."""
-
-    last = None
-
-    def __init__(self, options, *others):
-        super().__init__(options, *others)
-        self.given, self.events, self.rows = others, [], []
-        Recorder.last = self
-
-    def imu(self, *event):
-        """Note a sample."""
-        self.events.append(event)
-        return super().imu(*event)
-
-    def gnss(self, epoch):
-        """Note an epoch and its row."""
-        self.events.append(tuple(epoch))
-        self.rows.append(super().gnss(epoch))
-        return self.rows[-1]
-
-
-def record(log, stored=None):
-    """Replay a log; return the device, which has noted what it was given and what it gave."""
-    log_replay.Device, kept = Recorder, log_replay.Device
-    try:
-        log_replay.replay(log, Options(), stored)
-    finally:
-        log_replay.Device = kept
-    return Recorder.last
 
 
 def feed(folder, given, events, names=(), then=()):

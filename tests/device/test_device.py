@@ -3,6 +3,7 @@
 import board
 import numpy as np
 import pytest
+from broken_events import BROKEN, play, record
 
 from analysis import ROOT, CannotAnswer, store
 from analysis.logs.moving import read_moving
@@ -39,21 +40,35 @@ LOGS = {
 }
 
 
+def compare(here, there):
+    """Hold rows of the replay against those of the board."""
+    for ours, theirs in zip(here, there, strict=False):
+        for key, value in ours.items():
+            np.testing.assert_allclose(theirs[key], value, **ROUNDING, err_msg=key)
+
+
 @pytest.mark.parametrize("name", LOGS)
 def test_the_board_does_what_the_replay_does(tmp_path, name):
     """cross-check: every output of every epoch, to rounding, and every decision."""
-    seen = board.record(LOGS[name](), COLD if name.startswith("C") else None)
+    seen = record(LOGS[name](), COLD if name.startswith("C") else None)
     events = [e for e in seen.events if not name.startswith("real") or e[0] <= UNTIL_S]
     rows, heap, _ = board.feed(tmp_path, seen.given, events, list(seen.rows[0]))
     assert len(rows) >= 100
-    for ours, theirs in zip(seen.rows, rows, strict=False):
-        for key, value in ours.items():
-            assert (value is None) == (theirs[key] is None)
-            if value is not None:
-                np.testing.assert_allclose(theirs[key], value, **ROUNDING, err_msg=key)
+    compare(seen.rows, rows)
     late = heap[len(heap) // 2 :]
     assert late.max() - late.min() < 6000  # bytes: the buffers fill and empty, and nothing grows
     assert heap.max() < 80_000
+
+
+@pytest.mark.parametrize("broken", BROKEN)
+def test_the_board_does_the_same_with_broken_inputs(tmp_path, broken):
+    """cross-check: missing and impossible numbers, gaps, clocks set back, late and doubled ones."""
+    seen = record(simulated("B", laps=1).log)
+    events = list(broken(seen.events))
+    rows = board.feed(tmp_path, seen.given, events, list(seen.rows[0]))[0]
+    here = list(play(seen.given, events))
+    assert len(rows) == len(here) >= 80
+    compare(here, rows)
 
 
 def test_memory_is_what_notebook_34_shows(tmp_path):
