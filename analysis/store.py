@@ -267,20 +267,34 @@ def before_and_after(name: str | Path) -> pd.DataFrame:
     return before.merge(after, "left", keys, suffixes=("_before", ""))
 
 
-def error_plane(tracker: str) -> ErrorPlane:
-    """Read the tracking error over N and B, from data/derived/atlas.
+def error_plane(tracker: str, corr_time: float | None = None) -> ErrorPlane:
+    """Read the tracking error over N and B, from data/derived/atlas or error-surface.
 
     Parameters
     ----------
     tracker : str
-        ``paper`` or ``bias states``, which lets the filter estimate the bias of the gyro too.
+        ``paper`` or ``bias states``, which lets the filter estimate the bias of the gyro too. With
+        a `corr_time`: what becomes of the noise, ``integrated`` or ``on attitude``.
+    corr_time : float, optional
+        20, 60, 200, 600 or 2000 s, of the bias.
     """
-    stored = read("atlas")
-    table = stored.tables["plane"].query("tracker == @tracker")
+    if corr_time is None:
+        stored = read("atlas")
+        table = stored.tables["plane"].query("tracker == @tracker")
+        return _plane(table, stored.source["readings"][tracker])
+    table = read("error-surface").tables["surface"]
+    for column, level in (("noise", tracker), ("corr_time_s", corr_time)):
+        _check(level, list(table[column].unique()), column)
+    words = f"noise {tracker}, T_c = {corr_time:g} s, one R, without bias states, on the test track"
+    return _plane(table.query("noise == @tracker and corr_time_s == @corr_time"), words)
+
+
+def _plane(table, reading):
+    """Lay a table of a tracking error out over N and B."""
     arw, sigma_b = (np.unique(table[name]) for name in ("arw_deg_sqrt_s", "sigma_b_deg_s"))
     shape = len(sigma_b), len(arw)
     error, lost = (table[name].to_numpy().reshape(shape) for name in ("error_m", "laps_lost"))
-    return ErrorPlane(stored.source["readings"][tracker], arw, sigma_b, error, lost)
+    return ErrorPlane(reading, arw, sigma_b, error, lost)
 
 
 def published(name: str, dtype: type | None = None) -> pd.DataFrame:
@@ -847,4 +861,4 @@ def lap_and_map(source: str | Path, direction: str | None = None) -> tuple[Lap, 
 
 def _check(name, known, what):
     if name not in known:
-        raise WrongUsage(f"no {what} '{name}'; there are: {', '.join(known)}")
+        raise WrongUsage(f"no {what} '{name}'; there are: {', '.join(map(str, known))}")

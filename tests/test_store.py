@@ -11,7 +11,10 @@ from analysis import CannotAnswer, logs, replacing, store
 from analysis.noise.models import UnifiedModel
 from analysis.studies import derived
 
-SIMULATED = {"coverage", "hat-coverage", "ensembles", "robustness", "power", "benchmark", "device"}
+SIMULATED = {
+    "coverage", "hat-coverage", "ensembles", "robustness", "power", "benchmark", "device",
+    "readings", "error-surface", "sweeps",
+}  # fmt: skip
 OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import DATA, WrongUsage
+from analysis import DATA, WrongUsage, store
 from analysis.terrain import which_reading
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
 from analysis.terrain.readings import NOISES, STARTS, Sensor, Setup
@@ -225,3 +225,19 @@ def test_joint_ranking_and_shares_count_what_holds():
     levels = of.by_level("terrain-a")
     assert levels.groupby("factor")["readings"].sum().eq(len(of.levels)).all()
     assert of.reading(of.levels.index[0]) == Reading.of(of.levels.iloc[0].to_dict())
+
+
+def test_the_error_surface_rises_with_every_coefficient():
+    """property: along N and along B, but for the scatter of 200 laps, in both readings."""
+    for noise in ("integrated", "on attitude"):
+        plane = store.error_plane(noise, 200.0)
+        assert plane.error.shape == (len(plane.sigma_b), len(plane.arw))
+        assert plane.error[-1, -1] > 3 * plane.error[0, 0]
+    integrated, put_on = (store.error_plane(n, 200.0) for n in ("integrated", "on attitude"))
+    assert (integrated.error[-4] > put_on.error[-4]).all()  # B = 0.018 deg/s: metres, hardly seen
+    at_100_hz = store.error_plane("paper")
+    kept = (integrated.lost == 0) & (at_100_hz.lost == 0)
+    ratio = integrated.error[kept] / at_100_hz.error[kept]  # 200 and 100 laps: 7 % each, and R
+    assert kept.sum() > 100 and abs(np.median(ratio) - 1) < 0.1 and np.abs(ratio - 1).max() < 0.25
+    with pytest.raises(WrongUsage, match="there are: 20"):
+        store.error_plane("integrated", 7.0)

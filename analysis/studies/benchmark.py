@@ -5,12 +5,17 @@ Logs are simulated for the purpose. Peers come with the extra ``test``; an entry
 installed states that and goes on.
 """
 
+import ctypes
 import datetime
+import importlib.util
 import os
 import platform
+import shutil
+import subprocess
 import tempfile
 import time
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
@@ -19,15 +24,18 @@ import allantools
 import numpy as np
 import pandas as pd
 
-from analysis import replacing, store
+from analysis import WrongUsage, replacing, store
 from analysis.logs.moving import read_moving
 from analysis.logs.nmea import nmea_lines
 from analysis.logs.static import Channel, Log
 from analysis.noise.allan import allan_deviation
 from analysis.noise.inference import infer
 from analysis.noise.models import UnifiedModel
-from analysis.terrain.monte_carlo import simulate_laps
-from analysis.terrain.readings import Setup
+from analysis.studies.cells import compute
+from analysis.studies.readings import judge
+from analysis.terrain import which_reading
+from analysis.terrain.monte_carlo import follow, simulate_laps
+from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.ukf import Ukf
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import scenario
@@ -105,6 +113,119 @@ def ukf_against_filterpy():
     yield Measured("ours over filterpy", rate / peer, "times", ">= 1000")
     difference = max(abs(theirs.x[0] - ours.x[0, 0]), abs(theirs.P[0, 0] - ours.P[0, 0, 0]))
     yield Measured("largest difference after all steps", difference, "m", "<= 1e-8")
+
+
+LOOP = """
+#include <math.h>
+#define AT(u) (i = (long)(u), i = i < 0 ? 0 : i > last ? last : i, slope[i] * (u) + intercept[i])
+void laps(const double *slope, const double *intercept, long last, double scale, double shift,
+          double step, double q, const double *z, const double *noise, const double *size, double R,
+          long n, long runs, long cells, double *x, double *P) {
+  for (long r = 0; r < runs; r++) for (long k = 1; k < n; k++) for (long c = 0; c < cells; c++) {
+    long i; double *at = x + r * cells + c, *var = P + r * cells + c;
+    double s = *at + step, p = *var + q, root = sqrt(p), reach = 1.7320508075688772 * root;
+    double h = AT(s * scale + shift);
+    double up = AT((s + reach) * scale + shift), down = AT((s - reach) * scale + shift);
+    double e = (up + down) / 6 + h * 2 / 3, cross = root * (up - down) * 1.7320508075688772 / 6;
+    h -= e; up -= e; down -= e;
+    double S = h * h * 2 / 3 + (up * up + down * down) / 6 + R, K = cross / S;
+    *at = s + K * (z[k] + noise[k * runs + r] * size[c] - e);
+    *var = p - K * cross;
+  }
+}
+"""
+
+
+def compiled_filter(samples=4000, runs=20, cells=25):
+    """Time the filter in NumPy, compiled, and as a plain loop in C, on the same laps.
+
+    Yields
+    ------
+    Measured
+        From processor time. What needs numba or a C compiler is left out where there is none.
+    """
+    attitude_map, _ = road()
+    setup = Setup(11 * (samples - 1) / 100, R=0.1, begin=0.5)
+    sensors = {k: Sensor(0.01 * (k + 1) / cells, 0.0) for k in range(cells)}
+    truth = setup.truth
+    walk = np.cumsum(np.random.default_rng(SEED).standard_normal((len(truth), 1, runs)), axis=0)
+    work = (attitude_map, truth, attitude_map.at(truth), np.full(runs, truth[0]))
+    work += (np.append(0.0, np.diff(truth)), (walk / 10, 0 * walk), sensors, setup, 0.01)
+    per_step = 1e9 / ((len(truth) - 1) * runs * cells)
+    whole, seconds = _best_of(follow, *work)
+    yield Measured("a step in NumPy", per_step * seconds, "ns")
+    try:
+        follow(*work, compiled=True)  # compiles
+    except WrongUsage:
+        yield Measured("numba is not installed: pip install '.[fast]'", float("nan"), "")
+        return
+    laps, ours = _best_of(follow, *work, compiled=True)
+    yield Measured("a step in compiled code (numba)", per_step * ours, "ns")
+    difference = float(np.abs(laps.error - whole.error).max())
+    yield Measured("largest difference of the two", difference, "m", "<= 1e-9")
+    compiler = shutil.which("cc")
+    if compiler is None:
+        yield Measured("no C compiler (cc) here", float("nan"), "")
+        return
+    x, P = np.full((runs, cells), truth[0]), np.full((runs, cells), setup.begin_sd**2)
+    slope, intercept = (
+        np.ascontiguousarray(of[0]) for of in (attitude_map._slope, attitude_map._intercept)
+    )
+    noise, size = np.ascontiguousarray(walk[:, 0] / 10), np.array([s.arw for s in sensors.values()])
+    step = truth[1] - truth[0]
+    numbers = (len(slope) - 1, attitude_map._scale, attitude_map._shift)
+    counts = (len(truth), runs, cells)
+    given = (slope, intercept, *numbers, step, setup.q * step, work[2][0], noise, size, setup.R)
+    with tempfile.TemporaryDirectory() as folder:
+        source, library = Path(folder, "loop.c"), Path(folder, "loop.so")
+        source.write_text(LOOP, encoding="utf-8")
+        flags = ["-O3", "-march=native", "-shared", "-fPIC", "-o", library, source, "-lm"]
+        subprocess.run([compiler, *flags], check=True)
+        loop = ctypes.CDLL(str(library)).laps
+        start = time.process_time()
+        loop(*map(_for_c, (*given, *counts, x, P)))
+        plain = time.process_time() - start
+    yield Measured("a step of a plain loop in C", per_step * plain, "ns")
+    difference = float(np.abs(x.T - truth[-1] - laps.error[..., -1]).max())
+    yield Measured("largest difference of the loop in C", difference, "m", "<= 1e-9")
+    yield Measured("compiled over plain loop", ours / plain, "times", "<= 3")
+
+
+def _for_c(given):
+    """Give a number or an array the type that C takes."""
+    if isinstance(given, np.ndarray):
+        return given.ctypes.data_as(ctypes.c_void_p)
+    return ctypes.c_long(given) if isinstance(given, int) else ctypes.c_double(given)
+
+
+def cells_of_readings(readings=24, laps=300):
+    """Time the study of readings of the terrain paper, with one process and with two.
+
+    Yields
+    ------
+    Measured
+        By the clock. A cell is one sensor in one reading.
+    """
+    numba = importlib.util.find_spec("numba") is not None
+    plan = which_reading.design(readings, SEED)[[*which_reading.FACTORS]][:readings]
+    work, rows = partial(judge, laps=laps, seed=SEED, compiled=numba), plan.to_dict("records")
+    for workers in (1, 2):
+        list(compute(work, rows[:workers], workers=workers))  # starts processes, compiles
+        start = time.perf_counter()
+        list(compute(work, rows, workers=workers))
+        rate = 3600 * 25 * readings / (time.perf_counter() - start)
+        yield Measured(f"cells of {laps} laps an hour, workers: {workers}", rate, "1/h")
+    yield Measured("10^6 such cells on eight such cores", 1e6 / (4 * rate), "h")
+
+
+def _best_of(work, *arguments, **options):
+    """Call a function three times; its result, and the least processor time that it took."""
+    spent = []
+    for _ in range(3):
+        start = time.process_time()
+        result = work(*arguments, **options)
+        spent.append(time.process_time() - start)
+    return result, min(spent)
 
 
 def figures_8_to_11():

@@ -15,6 +15,7 @@ MAKERS = {
     store.TRACK: surveys.test_track,
     store.HIGHWAY: surveys.highway,
     "atlas": surveys.atlas,
+    "error-surface": surveys.surface,
     "adis16405-units": repeatability.units,
     "tracker-parked": rides.parked,
     "tracker-starts": rides.starts,
