@@ -482,6 +482,27 @@ def ride(n, lat0=45.0, speed=20.0, start=0):
     return Gnss(t, lat, 9 * same, 100 * same, 2 * same, v, 0 * same, same > 0)
 
 
+def test_the_lag_between_gnss_and_imu():
+    """coverage: on 10 rides the interval covers the known lag in 8 or more, and is narrow."""
+    inside = 0
+    for seed in range(10):
+        log = scenarios.scenario("B", np.random.default_rng(seed), laps=2).log
+        late = (-0.4, 0.0, 0.75, 1.0)[seed % 4]
+        lag = log_replay.time_lag(log.gnss, replace(log.imu, t_s=log.imu.t_s - late))
+        inside += lag.low <= late <= lag.high
+        assert lag.high - lag.low < 0.8 and lag.value == pytest.approx(late, abs=0.25)
+    assert inside >= 8  # of 10 at 95 %: fewer in one of 90 cases
+
+
+def test_a_lag_is_said_or_refused(laps, at_rest):
+    """property: a lag of 0.75 s is noted with its interval; a device at rest has none to tell."""
+    log = laps[0].log
+    late = replay(replace(log, imu=replace(log.imu, t_s=log.imu.t_s - 0.75))).notes
+    assert any(note.startswith("GNSS lags the IMU by 0.7") for note in late)
+    assert not any("lags" in note for note in laps[1].notes)
+    assert log_replay.time_lag(at_rest.log.gnss, at_rest.log.imu).value is None
+
+
 def test_each_start_has_its_summary(tmp_path):
     """property: two starts an hour apart: two summaries, and the gap is no standing time."""
     gnss = ride(200, start=300)

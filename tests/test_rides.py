@@ -5,7 +5,6 @@ import pytest
 
 from analysis import CannotAnswer
 from analysis.logs import datasets
-from analysis.logs.timeline import Gnss
 from analysis.studies import rides
 from analysis.tracker.evaluate import mounting_regression
 
@@ -27,19 +26,6 @@ def test_axes_of_the_real_logs(name, mount, by):
     assert down == pytest.approx(9.81, rel=0.1)
     seconds = np.diff(log.gnss.t_s)
     assert np.median(seconds) == pytest.approx(1.0, abs=0.05)
-
-
-def test_course_lag_is_found():
-    """analytic: a course made from the gyro's own angle 0.7 s ago lags by 0.7 s."""
-    t = np.arange(0.0, 300.0, 0.02)
-    rate = 0.3 * np.sin(0.11 * t) * np.cos(0.031 * t)
-    angle = np.cumsum(rate) * 0.02
-    at = np.arange(5.0, 295.0)
-    blank = np.full(len(at), np.nan)
-    course = np.degrees(np.interp(at - 0.7, t, angle)) % 360
-    fixes = Gnss(at, blank, blank, blank, blank, blank + np.inf, course, blank > 0)
-    fixes.speed_m_s[:] = 10.0
-    assert rides.course_lag(fixes, t, rate) == pytest.approx(0.7, abs=0.051)
 
 
 def test_unknown_ride():

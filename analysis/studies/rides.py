@@ -7,6 +7,7 @@ table holds a raw log.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from analysis.logs import datasets, read_moving
 from analysis.logs.timeline import Gnss, Imu, Timeline, turn_imu
 from analysis.tracker.device import Options
 from analysis.tracker.evaluate import mounting_regression
-from analysis.tracker.log_replay import replay
+from analysis.tracker.log_replay import replay, time_lag
 from analysis.tracker.starts import errors_by_later_fixes, starts_of_a_drive
 
 KMH, MPH = 1 / 3.6, 0.44704
@@ -95,9 +96,10 @@ def _balzer(path):
     # force; x forward, y left, z up turn to x, right, down.
     accel = raw[["ax", "ay", "az"]].to_numpy(float) * [-1.0, 1.0, 1.0]
     gyro = np.radians(raw[["rollrate", "pitchrate", "yawrate"]].to_numpy(float)) * Z_UP_TO_DOWN
-    lag = course_lag(gnss, t, gyro[:, 2])
-    note = f"the course lags the gyro by {lag:.2f} s; the IMU's clock was set back by that"
-    return gnss, Imu(t + lag, gyro, accel), ("axes turned to z down, specific force", note)
+    imu = Imu(t, gyro, accel)
+    lag = time_lag(gnss, imu)
+    note = f"GNSS lags the IMU by {lag}; the IMU's clock was set back by that"
+    return gnss, replace(imu, t_s=t + lag.value), ("axes turned to z down, specific force", note)
 
 
 def _phone(path):
@@ -164,32 +166,6 @@ RIDES = {
         _phone,
     ),
 }
-
-
-def course_lag(gnss, imu_t, yaw_rate):
-    """Find by how much the course lags the yaw rate, up to 2 s, from where their correlation peaks.
-
-    Parameters
-    ----------
-    gnss : Gnss
-    imu_t, yaw_rate : ndarray, shape (k,)
-        s, rad/s.
-
-    Returns
-    -------
-    float, s
-    """
-    moving = gnss.speed_m_s > 2.0
-    t = gnss.t_s[moving]
-    turned = np.diff(np.unwrap(np.radians(gnss.course_deg[moving])))
-    angle = np.concatenate([[0.0], np.cumsum(yaw_rate[1:] * np.diff(imu_t))])
-    lags = np.arange(-2.0, 2.01, 0.05)
-    near = np.diff(t) < 1.5
-    correlation = [
-        np.corrcoef(np.diff(np.interp(t - lag, imu_t, angle))[near], turned[near])[0, 1]
-        for lag in lags
-    ]
-    return float(lags[int(np.argmax(correlation))])
 
 
 def _gnss(t, raw, rows, columns):

@@ -7,10 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 from scipy.integrate import cumulative_trapezoid
+from scipy.stats import t as student_t
 from tqdm import tqdm
 
-from analysis import STANDARD_GRAVITY, WrongUsage, wrap
-from analysis.logs.timeline import Timeline
+from analysis import STANDARD_GRAVITY, Estimate, WrongUsage, wrap
+from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
 from analysis.tracker.last_position import PDOP_WAIT_S, Stored
@@ -21,6 +22,12 @@ Z_UP = 0.9 * STANDARD_GRAVITY  # along z on average: within 25 deg of upside dow
 CONTRADICTION = 3.0  # m/s^2 over a second: emergency braking, or axes mixed up
 CONTRADICTION_SHARE = 0.2  # of the epochs
 TURNS = 5.0  # ratio of the turns by course and by gyro that lag and noise explain
+LAGS = np.linspace(-3.0, 3.0, 61)  # s, of GNSS behind IMU
+LAG_FEWEST, LAG_BLOCK, LAG_DRAWS = 60, 20, 200  # epochs, epochs, draws of the bootstrap
+LAG_NEAR = 1.5  # usual steps: epochs farther apart are not compared
+LAG_LEFT = 0.75  # of the variance that the fit may leave: else nothing much has changed
+LAG_WIDEST = 1.0  # s, interval of a lag that is worth a number
+LAG_SAID = 0.2  # s: a lag of less is not worth a note
 FAST, TURNED, ALIKE = 3.0, 0.1, 0.7  # m/s, rad^2 in all, correlation: enough to compare them by
 GAP_STEPS = 5.0  # usual steps: a longer one, and longer than that of an IMU, is a gap
 FRAME_M = 50_000.0  # from the origin, where the tangent plane is tilted by half a degree
@@ -283,6 +290,14 @@ def _notes(timeline, options, columns, devices, unexplained):
             "and block 3 uses the IMU alone; one row a second"
         )
         return
+    if imu is not None:
+        lag = time_lag(gnss, imu)
+        if lag.value is not None and abs(lag.value) > LAG_SAID:
+            yield (
+                f"GNSS lags the IMU by {lag.value:.2f} s ({lag.low:.2f} to {lag.high:.2f} s): "
+                "positions and headings are as late; where the two clocks are to blame, give "
+                f"--imu-offset so that the IMU starts {lag.value:.2f} s later"
+            )
     factor = _turns(timeline)
     if abs(math.log(abs(factor))) > math.log(TURNS) or factor < 0:
         yield (
@@ -337,6 +352,68 @@ def _turns(timeline):
         return 1.0
     alike = float(by_gyro @ by_course) / math.sqrt(sizes[0] * sizes[1])
     return math.copysign(math.sqrt(sizes[1] / sizes[0]), alike) if abs(alike) > ALIKE else 1.0
+
+
+def time_lag(gnss: Gnss, imu: Imu) -> Estimate:
+    """Estimate by how much the GNSS lags the IMU: smoothed speeds, late stamps, another clock.
+
+    The change of speed between two epochs is fitted by the mean specific force over the same time,
+    the change of course by the mean rate, for each lag tried; the residuals of both say which lag
+    fits best. Nothing has to be known of the IMU's axes, signs or units.
+
+    Parameters
+    ----------
+    gnss : Gnss
+    imu : Imu
+
+    Returns
+    -------
+    Estimate
+        s, positive where GNSS is late, with an interval by bootstrap of blocks of epochs (it covers
+        54 of 60 simulated rides of four minutes);
+        unresolved where speed and course change too little, or lag more than `LAGS` covers.
+    """
+    t, v = gnss.t_s, gnss.speed_m_s
+    refused = Estimate.refused("s", "speed and course change too little")
+    if len(t) < LAG_FEWEST or len(imu.t_s) < LAG_FEWEST:
+        return refused
+    dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
+    course = np.radians(wrap(np.diff(gnss.course_deg)))
+    near = dt < LAG_NEAR * np.median(dt)
+    fits = []
+    for change, readings, slowest in ((np.diff(v), imu.accel_b, 0.0), (course, imu.gyro_b, FAST)):
+        use = near & np.isfinite(change) & (mean_v > slowest)
+        use &= (t[:-1] > imu.t_s[0] + LAGS[-1]) & (t[1:] < imu.t_s[-1] + LAGS[0])
+        if use.sum() < LAG_FEWEST:
+            continue
+        summed = cumulative_trapezoid(readings, imu.t_s, axis=0, initial=0.0)
+        squares = np.zeros((len(LAGS), len(dt)))
+        y = change[use] / dt[use]
+        for row, lag in zip(squares, LAGS, strict=True):
+            ends = [np.interp(t - lag, imu.t_s, total) for total in summed.T]
+            design = np.column_stack([*np.diff(ends)[:, use] / dt[use], np.ones(use.sum())])
+            row[use] = (y - design @ np.linalg.lstsq(design, y, rcond=None)[0]) ** 2
+        if squares.sum(axis=1).min() < LAG_LEFT * y.var() * use.sum():
+            most = np.quantile(squares[:, use].min(axis=0), 0.95)  # a wild epoch has no more say
+            fits.append((np.minimum(squares, 4 * most), use))
+    if not fits:
+        return refused
+    rng, parts = np.random.default_rng(0), np.arange(0, len(dt), LAG_BLOCK)
+    drawn = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), LAG_DRAWS)
+    misfit = np.zeros((len(drawn), len(LAGS)))
+    for squares, use in fits:
+        left, count = (drawn @ np.add.reduceat(x, parts, axis=-1).T for x in (squares, 1.0 * use))
+        misfit += 0.5 * count[:, None] * np.log(left / np.maximum(count, 1.0)[:, None])
+    at, step = np.clip(np.argmin(misfit, axis=1), 1, len(LAGS) - 2), LAGS[1] - LAGS[0]
+    before, here, after = (np.take_along_axis(misfit, at[:, None] + k, 1)[:, 0] for k in (-1, 0, 1))
+    curved = np.maximum(before - 2 * here + after, 1e-12)
+    best = LAGS[at] + step * np.clip((before - after) / (2 * curved), -1.0, 1.0)
+    low, value, high = np.quantile(best, [0.025, 0.5, 0.975]).tolist()
+    wider = student_t.ppf(0.975, len(parts) - 1) / 1.96  # few blocks scatter too little
+    low, high = value - wider * (value - low), value + wider * (high - value)
+    if high - low > LAG_WIDEST or not LAGS[1] < low <= high < LAGS[-2]:
+        return Estimate.refused("s", "the lag is open", low=low, high=high)
+    return Estimate(value, low, high, "s")
 
 
 def _held(columns, bridged):
