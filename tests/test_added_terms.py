@@ -5,10 +5,11 @@ import pytest
 
 from analysis import Estimate
 from analysis.noise import added_terms, goodness, likelihood
-from analysis.noise.inference import either, infer
+from analysis.noise.inference import INSTEAD, either, infer
 from analysis.noise.likelihood import Terms
 from analysis.noise.models import UnifiedModel
 from analysis.noise.spectrum import transform
+from analysis.studies import coverage
 
 MODEL, DT, N = UnifiedModel(0.04, 200.0, 0.005), 0.1, 72_000  # two hours of a gyro, deg/s
 T = DT * np.arange(N)
@@ -112,6 +113,52 @@ def test_what_may_be_there_widens():
     assert (both.value, both.low, both.high) == (2.0, 1.0, 4.0)
     refused = either(a, Estimate.refused("s", "none", high=9.0), "step")
     assert not refused.resolved and refused.low is None and refused.high == 9.0
+    opposite = either(a, Estimate(-2.0, -3.0, -1.0, "s"), "warm_up")
+    assert not opposite.resolved and (opposite.low, opposite.high) == (-3.0, 3.0)
+    assert "opposite sign" in opposite.note
+
+
+def test_a_drift_beside_an_uncertain_warm_up_is_given():
+    """coverage: a log of KVH yaw of the study, whose drift of 9 deg/h no warm-up explains."""
+    model, dt, kind = coverage.models()["kvh-yaw"]
+    stream = coverage.streams("kvh-yaw", 36)[21]
+    y = model.simulate(round(7200 / dt), dt, np.random.default_rng(stream))
+    found = infer(y, dt, "deg", kind, np.random.default_rng(stream))
+    drift = found.parameters["drift"]
+    assert not found.terms and "with and without a warm-up" in drift.note
+    assert drift.resolved and drift.low < model.drift < drift.high
+
+
+def test_an_established_warm_up_leaves_no_drift():
+    """property: 30 sigma_b exp(-t / 900 s) is a term, and the drift beside it is refused."""
+    drift = inferred(log(5) + 0.15 * np.exp(-T / 900)).parameters["drift"]
+    assert not drift.resolved and "a warm-up does not explain" in drift.note
+
+
+def test_a_warm_up_instead_of_a_line():
+    """analytic: under white noise, better for an exponential, worse for a line, by half its z^2."""
+    noise, rng = Terms(np.array([1.0])), np.random.default_rng(3)
+    t, white = np.arange(2000.0), rng.standard_normal(2000)
+    warm, line = np.exp(-t / 250), (t - t.mean()) / 500
+    x, y = (v - v.mean() for v in (warm, line))
+    for signal, own, other in ((3 * warm, x, y), (line, y, x)):
+        coarse = added_terms.Coarse.of(white + signal, 1.0, 1)
+        rise = coarse.instead_of_line([], 250.0, noise)
+        left = (signal @ own) ** 2 / (own @ own) - (signal @ other) ** 2 / (other @ other)
+        # The noise adds to the root of the gain with a standard deviation below one.
+        assert np.sign(rise) * np.sqrt(abs(rise)) == pytest.approx(
+            (-1 if own is x else 1) * np.sqrt(left), abs=3
+        )
+
+
+def test_a_drift_that_may_be_a_warm_up_says_so():
+    """property: the note is there for the end of a warm-up, and not for a steep line."""
+    warm, line = (
+        inferred(log(5) + signal).parameters["drift"]
+        for signal in (0.02 * np.exp(-T / 1500), 0.02 * T / 3600)
+    )
+    assert (warm.resolved, INSTEAD in warm.note) == (True, True)
+    assert (line.resolved, INSTEAD in line.note) == (True, False)
 
 
 def test_signals_have_the_allan_deviation_of_textbooks():

@@ -17,6 +17,12 @@ def test_a_quiet_log_gets_no_remark():
     assert remarks(y, 0.01, "x") == []
 
 
+def test_values_are_counted_in_the_whole_log():
+    """property: a log that begins with one value gets no remark on its resolution."""
+    y = np.concatenate([np.zeros(2000), np.random.default_rng(0).standard_normal(8000)])
+    assert remarks(y, 0.01, "gyro") == []
+
+
 @pytest.mark.parametrize(
     ("y", "word"), [(np.round(QUIET / 2), "different values"), (QUIET[:300], "short")]
 )

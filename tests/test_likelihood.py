@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.stats import chi2, multivariate_normal
 
 from analysis.noise import fit, likelihood, spectrum
@@ -9,6 +10,7 @@ from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer
 from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov
 from analysis.noise.profile_likelihood import Surface, interval
+from analysis.studies import coverage
 
 DT, BLOCKS = 0.5, 70
 MODELS = {
@@ -309,6 +311,30 @@ def test_a_filter_is_not_taken_for_noise():
     arw = found.parameters["arw"]
     assert found.averaged >= 4 and "correlated" in arw.note
     assert arw.low < 0.1 < arw.high
+
+
+def test_white_noise_behind_a_first_order_low_pass_is_its_plateau():
+    """analytic: sigma_v of the unfiltered noise, where the filtered one is a Gauss-Markov bias."""
+    n, dt, keep = 60_000, 0.1, np.exp(-0.1 / 0.8)
+    white = 0.06 * np.random.default_rng(3).standard_normal(n)
+    found = infer(
+        lfilter([1 - keep], [1, -keep], white), dt, "deg/s", "rate", np.random.default_rng(4)
+    )
+    e, bias = found.parameters["sigma_v"], found.parameters["sigma_b"]
+    assert e.resolved and e.low < 0.06 < e.high < 1.2 * e.low
+    assert not bias.resolved
+
+
+def test_a_walk_beside_a_bias_may_be_a_second_bias():
+    """property: K is widened by what two biases leave of it, and refused if they leave none."""
+    model, dt, kind = coverage.broken()["two-biases+walk"]
+    for stream, given in zip(coverage.streams("two-biases", 2), (True, False), strict=True):
+        y = model.simulate(72_000, dt, np.random.default_rng(stream))
+        found = infer(y, dt, "deg/s", kind, np.random.default_rng(stream))
+        walk, alone = found.parameters["rrw"], found.likelihood.interval(found.chosen, "rrw")
+        assert found.chosen.model == "N+GM+K" and walk.resolved == given
+        assert (walk.low or 0.0) <= 6.5e-4 <= walk.high
+        assert (walk.low or 0.0) < 0.95 * alone[0] and walk.high >= alone[1]
 
 
 def test_pieces_that_are_left_out_are_named():

@@ -236,6 +236,26 @@ class Coarse:
             return np.full(len(noise.sigma_v), np.inf)
         return np.linalg.slogdet(fit.added_cov)[1] - 2 * fit.value
 
+    def instead_of_line(self, terms, time_constant, noise):
+        """Rise of -2 ln L when a warm-up takes the place of the straight line.
+
+        Parameters
+        ----------
+        terms : sequence of AddedTerm
+            Further terms of the log.
+        time_constant : float, s
+        noise : Terms
+            One row.
+        """
+        others = self.columns(terms)
+        first = [np.exp(-self.time / time_constant), self.time - self.time.mean()]
+        fits = [
+            evaluate([transform(self.y, self.dt, self.m, [c, *others])], noise, detrend=False)
+            for c in first
+        ]
+        warm, line = (float((np.linalg.slogdet(f.added_cov)[1] - 2 * f.value)[0]) for f in fits)
+        return warm - line
+
     def columns(self, terms):
         """Evaluate the regressors of terms, a list of arrays of shape (n,)."""
         return [column(self.time) for term in terms for column in term.columns]

@@ -19,6 +19,7 @@ wrong.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import nnls
@@ -184,8 +185,8 @@ def _with_holes(y, valid, m):
     """Allan variances of a log with missing samples, and the share of the pairs that is there."""
     level = y[valid].mean() if valid.any() else 0.0
     known = np.where(valid, y - level, 0.0)
-    sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (known, known**2, valid)]
-    return np.array([_differences_of_partial_means(*sums, k) for k in m]).T
+    sums = np.array([np.concatenate([[0.0], np.cumsum(v)]) for v in (known, known**2, valid)])
+    return np.array([_differences_of_partial_means(sums, k) for k in m]).T
 
 
 def _second_differences(phase, m):
@@ -204,23 +205,37 @@ def _second_differences(phase, m):
     return total / (2 * terms * float(m) ** 2)
 
 
-def _differences_of_partial_means(phase, squares, count, m):
+def _differences_of_partial_means(sums, m):
     """Do the same where samples are missing, with means of at least half of their samples.
 
     The mean of k samples taken at random from m differs from the mean of all by (1/k - 1/m) s^2 in
     the mean square, with s^2 the variance of the m samples (finite population): that is subtracted.
     """
-    have, total, energy = (v[m:] - v[:-m] for v in (count, phase, squares))
+    terms = sums.shape[1] - 2 * m
+    total, excess, pairs = 0.0, 0.0, 0
+    for i in range(0, terms, BLOCK):
+        stop = min(i + BLOCK, terms)
+        edges = [sums[:, i + k * m : stop + k * m] for k in range(3)]
+        if edges[2][2, -1] - edges[0][2, 0] == stop - 1 + 2 * m - i:  # none is missing here
+            d = (edges[2][0] - 2 * edges[1][0] + edges[0][0]) / m
+        else:
+            parts = [_partial_means(b - a, m) for a, b in pairwise(edges)]
+            pair = parts[0][2] & parts[1][2]
+            (first, spread, _), (second, more, _) = parts
+            d = (second - first)[pair]
+            excess += (spread + more)[pair].sum()
+        total, pairs = total + np.einsum("i,i->", d, d), pairs + len(d)
+    return ((total - excess) / (2 * pairs), pairs / terms) if pairs else (np.nan, 0.0)
+
+
+def _partial_means(sums, m):
+    """Mean, its excess variance, and whether enough of the m samples are there."""
+    total, energy, have = sums
     full = (have == m) | ((have >= FULL * m) & (have > 1))
-    pair = full[m:] & full[:-m]
-    if not pair.any():
-        return np.nan, 0.0
     have = np.where(full, have, 1)
     mean = total / have
     spread = (energy - total * mean) / np.maximum(have - 1, 1) * (1 / have - 1 / m)
-    d = (mean[m:] - mean[:-m])[pair]
-    excess = np.mean((spread[m:] + spread[:-m])[pair])
-    return (np.einsum("i,i->", d, d) / len(d) - excess) / 2, pair.mean()
+    return mean, spread, full
 
 
 def generalised_covariances(longest):
@@ -312,9 +327,14 @@ def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:
     residual : ndarray, shape (n,), U
     line : Line
     """
-    valid = np.isfinite(y)
-    count = max(valid.sum(), 1)
-    known, t = np.where(valid, y, 0.0), np.where(valid, dt * np.arange(len(y)), 0.0)
-    t = np.where(valid, t - t.sum() / count, 0.0)
+    valid, known, t = np.isfinite(y), y, dt * np.arange(len(y))
+    count, some = max(valid.sum(), 1), not valid.all()
+    if some:
+        known, t = np.where(valid, y, 0.0), np.where(valid, t, 0.0)
+    t -= t.sum() / count
+    if some:
+        t = np.where(valid, t, 0.0)
     mean, slope = known.sum() / count, (t * known).sum() / max((t * t).sum(), 1e-300)
-    return y - mean - slope * t, Line(float(mean), float(slope))
+    residual = y - mean
+    residual -= slope * t
+    return residual, Line(float(mean), float(slope))

@@ -30,6 +30,7 @@ FEWEST = 64  # samples below which there is nothing to average
 SHORT = 15.0  # s, the paper's short stretch
 ROUNDING = 1e-12  # relative; less than that is arithmetic, not noise
 LEVELS = 12  # distinct values below which resolution, not noise, may rule
+FIRST = 1000  # samples in which they are looked for before the whole log is
 BRIEF = 60.0  # s; a shorter log is remarked on
 ORDER = ("arw", "vrw", "sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 
@@ -249,7 +250,9 @@ def remarks(y, dt, name):
     notes, z = [], y[np.isfinite(y)]
     if len(z) * dt < BRIEF:
         notes.append(f"{name}: {len(z) * dt:.3g} s are too short for anything but the white noise")
-    distinct = len(np.unique(z))
+    # Most logs show enough values at once; only the others are sorted.
+    some = z if len(np.unique(z[:FIRST])) < LEVELS else z[:FIRST]
+    distinct = len(np.unique(some))
     if distinct < LEVELS:
         notes.append(
             f"{name}: only {distinct} different values; the resolution, not the noise, may be what"

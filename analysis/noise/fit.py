@@ -23,6 +23,8 @@ MODELS = {
     "N+GM+K": ("sigma_v", "walk", "corr_time", "rrw"),
     "N+2GM": ("sigma_v", "walk", "corr_time", "walk", "corr_time"),
 }
+# Not chosen: it only shows how little of a random walk beside a bias may be a walk.
+THREE_SLOW = "N+2GM+K"
 UNIFIED = "N+GM"
 # The model with a random walk that white or flicker noise may mask.
 WITH_WALK = {"N": "N+K", "N+B": "N+B+K"}
@@ -143,7 +145,7 @@ class NoiseLikelihood:
         Parameters
         ----------
         model : str
-            A key of `MODELS`; by default white noise and one Gauss-Markov bias.
+            A key of `MODELS`, by default white noise and one Gauss-Markov bias; or `THREE_SLOW`.
         simpler : sequence of Fit
             Models to start from; by default the search starts anew.
         quantised : bool
@@ -153,7 +155,8 @@ class NoiseLikelihood:
         -------
         Fit
         """
-        names = MODELS[model] + (("quantisation",) if quantised else ())
+        names = MODELS["N+2GM"] + ("rrw",) if model == THREE_SLOW else MODELS[model]
+        names += ("quantisation",) if quantised else ()
         surface = self.surface(names)
         tops = []
         for start in simpler or (None,):

@@ -40,6 +40,7 @@ from analysis.noise.fit import (
     MODELS,
     QUANTISED,
     STRONG,
+    THREE_SLOW,
     UNIFIED,
     WITH_WALK,
     Fit,
@@ -64,7 +65,11 @@ SELECTED = 30  # correlation times; the values of logs that hold fewer are a sel
 FEW = 4.0  # AIC within which a model without a term speaks against the term
 SAME = 0.02  # relative; two terms so close to each other are one
 EXACT = 1e-9  # relative; means that vary less than that hold no noise
+ENDS = np.geomspace(4, 40, 12)  # time constants of a warm-up that ends in a log, in log lengths
+INSTEAD = "a warm-up without a drift describes the log as well"  # how its note says so
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
+MASKED = 0.3  # white noise of a mean, of the bias that hides it
+QUICK = 5e-4  # of the log; a gyro's slow noise has longer correlation times than so
 SELECTION = (
     "so few that not every such log gives a value, and those that do tend to give one that is too"
     " low"
@@ -233,11 +238,25 @@ class Inference:
             if rival:
                 return Estimate.refused(unit, rival, high=walk.high)
             if walk.resolved:
-                return walk
+                return self._beside_two_biases(walk)
         wider = self.similar(WITH_WALK.get(self.chosen.plain, "N+GM+K"))
         high = self.likelihood.interval(wider, "rrw")[1]
         why = f"{self.chosen.model} fits the log equally well without a rate random walk"
         return Estimate.refused(unit, why, high=high)
+
+    def _beside_two_biases(self, walk):
+        """Widen a random walk beside one bias by what it may be beside two."""
+        if self.chosen.plain != "N+GM+K":
+            return walk
+        near = [self.chosen, self.similar("N+2GM")]
+        wider = self.likelihood.fit(THREE_SLOW, near, quantised=bool(self.chosen.end))
+        low, high = self.likelihood.interval(wider, "rrw")
+        high = None if None in (high, walk.high) else max(high, walk.high)
+        if low is None:
+            why = "a second bias, slower than the first, may explain all of it"
+            return Estimate.refused(walk.unit, f"{walk.note}; {why}", high=high)
+        note = f"{walk.note}; with and without a second bias"
+        return replace(walk, low=min(low, walk.low), high=high, note=note)
 
     def bias_instability(self):
         """Bias instability B of fitted flicker noise, U."""
@@ -323,16 +342,33 @@ class Inference:
         open_time = f"not bounded because corr_time is not: {why}"
         return self._no_bias(why, open_time, time_low=low, low=sigma_low)
 
-    def drift(self, rng):
-        """Linear drift, U/s; `rng` draws the logs of the bootstrap."""
+    def drift(self, rng, settled):
+        """Linear drift, U/s; refused beside a warm-up that the log shows.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Draws the logs of the bootstrap.
+        settled : sequence of AddedTerm
+            The terms without those of which the log does not say whether they are there.
+        """
         value, low, high = linear_drift(self.likelihood, self.fits, self.chosen, rng)
-        warm_up = any(term.kind == "warm_up" for term in self.terms)
+        warm_up = any(term.kind == "warm_up" for term in settled)
         if warm_up or low <= 0 <= high:
             why = f"no linear drift that a {'warm-up' if warm_up else 'slow bias'} does not explain"
             return Estimate.refused(f"{self.unit}/s", why, low=low, high=high)
         note = "profile likelihood over the biases that the log allows; threshold calibrated by"
-        note += " parametric bootstrap"
+        note += f" parametric bootstrap{self._end_of_warm_up()}"
         return Estimate(value, low, high, f"{self.unit}/s", note=note)
+
+    def _end_of_warm_up(self):
+        """Say whether a warm-up that ends within the log describes it as well as a line does."""
+        noise, times = self.likelihood.terms(self.chosen), self.coarse.duration / ENDS
+        found = [(self.coarse.instead_of_line(self.terms, x, noise), x) for x in times]
+        fall, time = min(found)
+        return (
+            f"; {INSTEAD}, time constant {time:.3g} s (2 ln L {-fall:+.1f})" if fall < FEW else ""
+        )
 
 
 def infer(
@@ -387,6 +423,7 @@ def infer(
         chosen = choose(fits.values())
         misfit, beyond = disagreement(likelihood, chosen)
         clean = not beyond and min(chosen.terms.get("corr_time", [np.inf])) >= FILTER * m * dt
+        clean &= not (rate and low_passed(likelihood, chosen))
         clean_bands = clean_bands + 1 if clean else 0
         unfiltered = m == 1 or (m == fewest and as_noisy(y, chosen))
         if (clean and (unfiltered or clean_bands > MARGIN)) or len(y) < 2 * m * FEWEST_MEANS:
@@ -407,9 +444,12 @@ def infer(
         / np.isfinite(y).sum()
     )
     band, streams = _band(result, dt, clean, used), rng.spawn(2)
-    parameters = _parameters(result, kind, dt, band, streams[0])
+    parameters = _parameters(result, kind, dt, band, streams[0], result.terms)
     if rival:
-        others = _parameters(rival, kind, dt, band, streams[1])
+        gain = result.criterion() - rival.criterion()
+        doubtful = gain <= UNSURE[rival.terms[-1].kind] + FEW
+        settled = result.terms if doubtful else rival.terms
+        others = _parameters(rival, kind, dt, band, streams[1], settled)
         for name, own in parameters.items():
             parameters[name] = either(own, others.get(name), rival.terms[-1].kind)
     white = result.level_fit.terms["sigma_v"][0]
@@ -417,7 +457,7 @@ def infer(
     return _judged(result, parameters, disturbances)
 
 
-def _parameters(result, kind, dt, band, rng):
+def _parameters(result, kind, dt, band, rng, settled):
     """Estimate every parameter of a channel, by its name in model.json."""
     parameters = {"sigma_v": result.white_noise(band)}
     if kind in ("rate", "accel"):
@@ -426,7 +466,7 @@ def _parameters(result, kind, dt, band, rng):
         parameters["rrw"] = result.rate_random_walk()
         if "flicker" in result.chosen.terms:
             parameters["bias_instability"] = result.bias_instability()
-    return parameters | result.bias() | {"drift": result.drift(rng)}
+    return parameters | result.bias() | {"drift": result.drift(rng, settled)}
 
 
 def add_terms(result, rate, temperature, transformed):
@@ -496,8 +536,11 @@ def either(own, other, kind):
     )
     named = kind.replace("_", "-")
     if own.resolved and other.resolved:
-        return replace(own, low=low, high=high, note=f"{own.note}; with and without a {named}")
-    why = own.note if not own.resolved else other.note
+        if not low <= 0 <= high:
+            return replace(own, low=low, high=high, note=f"{own.note}; with and without a {named}")
+        why = f"of opposite sign with a {named} and without"
+    else:
+        why = own.note if not own.resolved else other.note
     why += f"; the log does not say whether it holds a {named}"
     return Estimate.refused(own.unit, why, low=low, high=high)
 
@@ -577,6 +620,18 @@ def disagreement(likelihood, fit):
     error = np.sqrt(2 / np.maximum(count, 1))
     off, error = off[count > 0], error[count > 0]
     return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
+
+
+def low_passed(likelihood, fit):
+    """Whether the fastest bias is white noise behind a first-order low-pass, which looks alike.
+
+    It hides the white noise of a mean, and is forgotten many times in the log.
+    """
+    if min(fit.terms.get("corr_time", [np.inf])) > QUICK * likelihood.duration:
+        return False
+    white = fit.terms["sigma_v"][0] / np.sqrt(likelihood.per_sample)
+    hidden = white < MASKED * fit.terms["sigma_b"][0]
+    return hidden and likelihood.interval(fit, "sigma_v")[0] is None
 
 
 def as_noisy(y, fit):

@@ -22,6 +22,7 @@ FASTEST = 0.55
 # Correlation time, in log lengths, of the Gauss-Markov process that stands for a random walk across
 # gaps: its increments over the whole log are short by 1/2000.
 FAR = 1000.0
+FORGOTTEN = 1e-17  # of a process after a gap: less changes no digit of what follows
 
 
 @dataclass(frozen=True)
@@ -255,29 +256,32 @@ def _of_log(stretch, terms):
     if not stretch.has_gaps:
         return logdet, yy, xz
     factor, corr_time = _ends(stretch, terms)
-    used, factor = factor.shape[-1], factor.swapaxes(0, 1)
-    onto = factor[..., None] * onto[:, :, :used]  # quantisation is of no use across a gap
-    square = factor[..., None] * square[:, :, :used, :used] * factor[:, :, None]
+    steps = _steps(stretch)[..., None, None] * stretch.dt
+    stay, decay = np.exp(-steps / corr_time)
+    # Quantisation is of no use across a gap, nor is a process that every gap erases.
+    kept = np.flatnonzero(decay[:-1].max(axis=(0, 1)) > FORGOTTEN)
+    used, factor = len(kept), factor[..., kept].swapaxes(0, 1)
+    stay, decay = stay[..., kept], decay[..., kept]
+    onto = factor[..., None] * onto[:, :, kept]
+    square = factor[..., None] * square[:, :, kept[:, None], kept] * factor[:, :, None]
     even_onto, odd_onto, even_square, odd_square = (
         a[parity::2] for a in (onto, square) for parity in (0, 1)
     )
     # At the last sample odd coefficients have the other sign.
     first, last = even_onto + odd_onto, even_onto - odd_onto
     within, across = even_square + odd_square, even_square - odd_square
-    steps = _steps(stretch)[..., None, None] * stretch.dt
-    stay, decay = np.exp(-steps / corr_time)
     onward = stay[..., None] * np.eye(used) - across
     expected, more = [np.zeros_like(first[0])], np.zeros_like(within[0])
-    new, known = [], []
+    new, known, inner = [], [], []
     for k in range(len(first)):
-        inner = np.eye(used) + within[k] @ more
-        logdet = logdet + np.linalg.slogdet(inner)[1]
-        gain = more @ np.linalg.inv(inner)
+        inner.append(np.eye(used) + within[k] @ more)
+        gain = more @ np.linalg.inv(inner[k])
         new.append(first[k] - within[k] @ expected[k])
         known.append(expected[k] + gain @ new[k])
         expected.append(decay[k][..., None] * (onward[k] @ known[k] + last[k]))
         more = onward[k] @ gain @ onward[k] - within[k]
         more = decay[k][..., None] * more * decay[k][:, None]
+    logdet = logdet + np.linalg.slogdet(np.array(inner))[1].sum(axis=0)
     left, right = (np.concatenate(a, axis=1) for a in ([*expected[:-1], *new], [*first, *known]))
     yy, xz = _less(yy, xz, left, right)
     share = xz[:, -1:]  # the constant is the last regressor
@@ -313,7 +317,7 @@ def _products(stretch, terms):
     """
     diagonal, g, size, signs = _structure(stretch, terms)
     rows, halves, bins = diagonal.shape
-    weight, signs = 1 / diagonal, np.diag(signs)
+    weight = 1 / diagonal
     logdet = np.log(diagonal).reshape(rows, -1) @ stretch.count.ravel()
     yy, xz = (weight.reshape(rows, -1) @ sums for sums in (stretch.yy_sums, stretch.xz_sums))
     # Woodbury's formula for V = diagonal + sum of sign * (g u)(g u)', parity by parity.
@@ -329,12 +333,13 @@ def _products(stretch, terms):
         a.reshape(halves, rows, len(signs), a.shape[-1]) * size[..., None]
         for a in (inner, stacked @ stretch.uz)
     )
-    more, inverse = _inverse(signs + inner * size[:, None])
+    more, inverse = _inverse(np.diag(signs) + inner * size[:, None])
     solved = inverse @ onto
     both = (a.swapaxes(0, 1).reshape(rows, -1, onto.shape[-1]) for a in (onto, solved))
     yy, xz = _less(yy, xz.reshape(rows, len(stretch.ux), -1), *both)
     if stretch.has_gaps:
-        inverse, solved = signs - signs @ inverse @ signs, signs @ solved
+        inverse = np.diag(signs) - np.outer(signs, signs) * inverse
+        solved = signs[:, None] * solved
     return logdet + more.sum(axis=0), yy, xz, inverse, solved
 
 

@@ -26,7 +26,7 @@ from analysis.logs import Channel, Log
 from analysis.noise import graph, recipes
 from analysis.noise.allan import allan_deviation, fit_line
 from analysis.noise.fit import UNIFIED
-from analysis.noise.inference import infer, linear_drift
+from analysis.noise.inference import INSTEAD, infer, linear_drift
 from analysis.noise.models import (
     FLICKER,
     UnifiedModel,
@@ -394,7 +394,8 @@ def characterised(run, stream, *, model, dt, kind, hours):
     -------
     list of dict
         run, parameter, truth, value, low, high (NaN where there is none), reported (the kinds of
-        disturbance that are reported for the log, with spaces).
+        disturbance that are reported for the log, with spaces; beside a drift that a warm-up may
+        be, as its note says, warm_up too).
     """
     rng = np.random.default_rng(stream)
     y = model.simulate(round(3600 * hours / dt), dt, rng)
@@ -407,10 +408,11 @@ def characterised(run, stream, *, model, dt, kind, hours):
     except CannotAnswer:
         return [blank | {"parameter": p, "reported": "refused"} for p in OF_A_RATE]
     kinds = {found["kind"] for found in result["gyro"].fit["disturbances"]}
-    reported, truth = " ".join(sorted(kinds)), truths(model.truth, dt)
+    truth = truths(model.truth, dt)
     return [
         {"run": run, "parameter": p, "truth": truth[p], "value": e.value, "low": e.low}
-        | {"high": e.high, "reported": reported}
+        | {"high": e.high}
+        | {"reported": " ".join(sorted(kinds | ({"warm_up"} if INSTEAD in e.note else set())))}
         for p, e in result["gyro"].parameters.items()
         if p in OF_A_RATE
     ]

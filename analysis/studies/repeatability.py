@@ -230,7 +230,8 @@ def units():
     tables : dict of DataFrame
         ``pooled``: channel, model, parameter, value, low, high, unit, resolved, note, and the
         spread between units (%). ``channels``: log, channel, model, rivals (those
-        within 4 AIC, with it), and T_c, B, K and drift where they are given.
+        within 4 AIC, with it), p_stationary (of the test on the whole log), and T_c, B, K and drift
+        where they are given.
     """
     read_logs, pooled, rows, biases = {name: read(name) for name in ADIS}, [], [], []
     for k, channel in enumerate(next(iter(read_logs.values())).channels):
@@ -261,11 +262,12 @@ def units():
 
 
 def fitted(result):
-    """Give the model of one channel, its rivals, and the slow parameters that are given."""
+    """Give the model of one channel, its rivals, the test of stationarity, and slow parameters."""
     about = result.summary()
     rivals = [f"{rival['model']} {rival['aic_above_least']:.1f}" for rival in about["rivals"]]
     given = {p: getattr(result.parameters.get(p), "value", None) for p in SLOW}
-    return {"model": about["model"], "rivals": ", ".join(rivals)} | given
+    about = {"model": about["model"], "rivals": ", ".join(rivals)}
+    return about | {"p_stationary": result.stationarity.p} | given
 
 
 def sources(logs_read):
