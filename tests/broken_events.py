@@ -102,11 +102,11 @@ class Recorder(Device):
         return self.rows[-1]
 
 
-def record(log, stored=None):
+def record(log, stored=None, **changed):
     """Replay a log; return the device, with what it was given and what it gave."""
     log_replay.Device, kept = Recorder, log_replay.Device
     try:
-        log_replay.replay(log, Options(), stored)
+        log_replay.replay(log, Options(**changed), stored)
     finally:
         log_replay.Device = kept
     return Recorder.last

@@ -49,7 +49,7 @@ def run(folder, files, steps):
     return text
 
 
-def feed(folder, given, events, names=(), then=()):
+def feed(folder, given, events, names=(), then=(), **changed):
     """Feed a board with the same events.
 
     Parameters
@@ -63,6 +63,8 @@ def feed(folder, given, events, names=(), then=()):
         Of the values of a row that are wanted.
     then : sequence of str
         Code that is run afterwards, with the device in ``feed.device``.
+    **changed
+        Options that are not the default.
 
     Returns
     -------
@@ -71,7 +73,7 @@ def feed(folder, given, events, names=(), then=()):
         Bytes in use on the board, now and then.
     printed : str
     """
-    (folder / "log.json").write_text(json.dumps(list(names)))
+    (folder / "log.json").write_text(json.dumps([list(names), changed]))
     rows = [flat(given), *map(flat, events)]
     np.concatenate([np.concatenate([[len(r)], r]) for r in rows]).tofile(folder / "log.bin")
     files = {f"/in/log.{kind}": folder / f"log.{kind}" for kind in ("json", "bin")}
@@ -112,6 +114,8 @@ def fields(values):
     return found
 
 
+BEFORE, AFTER = "before = gc.mem_alloc()", "print('{}', gc.mem_alloc() - before)"
+FOR_CARS = "6, for cars"
 # Attributes of a device that hold what a block keeps from one event to the next.
 STATE = {
     "1": ("last", "frame"),
@@ -120,10 +124,11 @@ STATE = {
     "4": ("low_pass",),
     "5": ("mounting", "upright"),
     "6": ("fusion",),
+    FOR_CARS: ("constrained",),
 }
 
 
-def fullest(log, size):
+def fullest(log, size, **changed):
     """Record a log up to the epoch after which a device holds most."""
     sizes, whole = [], Recorder.gnss
 
@@ -134,7 +139,7 @@ def fullest(log, size):
 
     Recorder.gnss = watch
     try:
-        seen = record(log)
+        seen = record(log, **changed)
     finally:
         Recorder.gnss = whole
     return seen.given, seen.events[: max(sizes)[1]]
@@ -143,8 +148,8 @@ def fullest(log, size):
 def memory(folder):
     """Measure what code and state of the blocks take on the board.
 
-    Of two logs, a drive until the buffer of block 5 is full and a rest until the buffers of block 4
-    are, the larger.
+    Of a drive until the buffer of block 5 is full, and a rest until the buffers of block 4 are, the
+    larger; and of a drive with the filter for cars.
 
     Parameters
     ----------
@@ -157,43 +162,41 @@ def memory(folder):
     """
     steps = []
     for name in MODULES:
-        steps += [
-            "before = gc.mem_alloc()",
-            f"import analysis.tracker.{name}",
-            f"print('{name}', gc.mem_alloc() - before)",
-        ]
-    printed = run(folder, {}, ["import gc\nbefore = 0", *steps]).split()
-    code = dict(zip(printed[::2], map(int, printed[1::2]), strict=True))
+        steps += [BEFORE, f"import analysis.tracker.{name}", AFTER.format(name)]
+    code = _measured(run(folder, {}, ["import gc\nbefore = 0", *steps]))
     rng = np.random.default_rng(3)
-    logs = (
-        (scenario("B", rng, laps=2).log, lambda device: len(device.mounting._buffer)),
-        (
-            scenario("A", rng, minutes=20, imu_rate=1.0).log,
-            lambda device: len(str(vars(device.low_pass))),
-        ),
-    )
-    state = dict.fromkeys([*STATE, "all"], 0)
-    for log, size in logs:
-        then = []
-        for block, names in STATE.items():
-            then += ["before = gc.mem_alloc()"]
-            then += [f"if hasattr(feed.device, '{n}'): feed.device.{n} = None" for n in names]
-            then += [f"print('{block}', before - gc.mem_alloc())"]
-        then += [
-            "before = gc.mem_alloc()",
-            "feed.device = None",
-            "print('all', before - gc.mem_alloc())",
-        ]
-        printed = feed(folder, *fullest(log, size), then=["import gc\nbefore = 0", *then])[
-            2
-        ].split()
-        found = dict(zip(printed[::2], map(int, printed[1::2]), strict=True))
-        found["all"] += sum(found[block] for block in STATE)
-        state = {name: max(state[name], value) for name, value in found.items()}
+    ride = scenario("B", rng, laps=2).log
+    rest = scenario("A", rng, minutes=20, imu_rate=1.0).log
+    drive = fullest(ride, lambda device: len(device.mounting._buffer))
+    stand = fullest(rest, lambda device: sum(map(len, device.low_pass._buffers)))
+    with_car = fullest(ride, lambda device: device.constrained.started, constrained=True)
+    plain = [_state(folder, *log) for log in (drive, stand)]
+    state = {name: max(one[name] for one in plain) for name in plain[0]}
+    state[FOR_CARS] = _state(folder, *with_car, constrained=True)[FOR_CARS]
     tables = pd.Series(code, name="bytes"), pd.Series(state, name="bytes")
     return [
-        t.rename_axis(n).reset_index() for t, n in zip(tables, ("module", "block"), strict=True)
+        table.rename_axis(name).reset_index()
+        for table, name in zip(tables, ("module", "block"), strict=True)
     ]
+
+
+def _state(folder, given, events, **changed):
+    """Feed a board, and take the blocks off its device one by one; return the bytes of each."""
+    steps = []
+    for block, names in STATE.items():
+        gone = [f"if hasattr(feed.device, '{name}'): feed.device.{name} = None" for name in names]
+        steps += [BEFORE, *gone, AFTER.format(block)]
+    steps += [BEFORE, "feed.device = None", AFTER.format("what joins them")]
+    then = ["import gc\nbefore = 0", *steps]
+    return {
+        k: -v for k, v in _measured(feed(folder, given, events, (), then, **changed)[2]).items()
+    }
+
+
+def _measured(printed):
+    """Read lines of a name and a number."""
+    lines = (line.rpartition(" ") for line in printed.strip().splitlines())
+    return {name: int(number) for name, _, number in lines}
 
 
 def write():

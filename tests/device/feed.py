@@ -50,12 +50,12 @@ class Feed:
 
     def __init__(self):
         with open("/in/log.json") as file:
-            self.names = json.load(file)
+            self.names, changed = json.load(file)
         self.events = open("/in/log.bin", "rb")  # noqa: SIM115
         self.rows, self.heap = open("/out/rows", "wb"), open("/out/heap", "wb")  # noqa: SIM115
         stored, *others = self.take()
         stored = None if stored is None else Stored(*stored)
-        self.device = Device(Options(), stored, *others)
+        self.device = Device(Options(**changed), stored, *others)
 
     def take(self):
         """Read one row; None at the end of the file."""
