@@ -39,6 +39,18 @@ def test_the_same_allan_deviation_as_allantools(committed):
     assert {m.what: m.value for m in rows}["largest relative difference"] < 1e-9
 
 
+def test_the_compiled_filter_and_the_cells_are_timed(committed):
+    """cross-check: NumPy, numba and C step the same laps; both parts run, on less work."""
+    pytest.importorskip("numba")
+    rows = list(benchmark.compiled_filter(samples=301, runs=2, cells=3))
+    names = rows_of(committed, "compiled filter")
+    assert [(m.what, m.unit, m.bar) for m in rows] == names[: len(rows)]
+    assert all(m.value < 1e-9 for m in rows if m.unit == "m")  # rounding, over 300 steps
+    rows = list(benchmark.cells_of_readings(readings=2, laps=4))
+    said = [(m.what.replace("4 laps", "300 laps"), m.unit, m.bar) for m in rows]
+    assert said == rows_of(committed, "readings of the terrain paper")
+
+
 def test_the_tracker_is_timed(committed):
     """property: each part of the tracker's benchmark runs, on shorter logs."""
     rows = list(benchmark.tracker(laps=1, hours=0.2))
@@ -51,7 +63,7 @@ def test_the_committed_numbers_keep_their_bars(committed):
     table = committed
     assert set(table["part"]) == set(benchmark.BENCHMARKS)
     held = table[table["bar"].str.match("[<>]=", na=False)]
-    assert len(held) == 9
+    assert len(held) == 12
     for row in held.itertuples():
         sign, bar = row.bar.split()
         assert row.value <= float(bar) if sign == "<=" else row.value >= float(bar), row.what

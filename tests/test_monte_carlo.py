@@ -200,3 +200,21 @@ def test_lost_and_its_share():
     for label, expected in (("good", (0, 0, 0.0362)), ("bad", (0.05, 0.0164, 0.1128))):
         found = monte_carlo.share(lost[label])
         assert (found.value, found.low, found.high) == pytest.approx(expected, abs=1e-4)
+
+
+def test_an_interval_of_a_skewed_number_has_its_mirror_image():
+    """analytic: ends 0.5 and 3 about 1: their mirror images are 2 and 1 / 3."""
+    rows = np.append(1.0, np.exp(np.linspace(np.log(0.5), np.log(3.0), 41)))
+    plain, hull = (monte_carlo.interval(rows, skewed=skewed) for skewed in (False, True))
+    assert (hull.low, hull.high) == pytest.approx((1 / plain.high, plain.high))
+    crossing = monte_carlo.interval(rows - 2.0, skewed=True)
+    assert crossing == monte_carlo.interval(rows - 2.0)  # no logarithm: as it is
+
+
+def test_a_coarser_setup_is_the_same_reading():
+    """property: step, and R times rate, are those asked for; no R stays none."""
+    fine = Setup.paper(1500.0)
+    coarse = fine.coarser(0.55)
+    assert coarse.speed / coarse.rate_hz == pytest.approx(0.55)
+    assert coarse.R / coarse.rate_hz == pytest.approx(fine.R / fine.rate_hz)
+    assert Setup(1500.0).coarser(0.55).R is None

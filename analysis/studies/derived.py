@@ -16,6 +16,7 @@ MAKERS = {
     store.HIGHWAY: surveys.highway,
     "atlas": surveys.atlas,
     "error-surface": surveys.surface,
+    "sweeps": surveys.sweeps,
     "adis16405-units": repeatability.units,
     "tracker-parked": rides.parked,
     "tracker-starts": rides.starts,

@@ -13,10 +13,9 @@ from analysis.store import HIGHWAY, TRACK, rounded, rounded_number
 from analysis.studies.cells import compute
 from analysis.terrain import Sensor, Setup, antennas, centre_line, simulate_laps, terrain_map
 from analysis.terrain.antennas import AntennaMounting
-from analysis.terrain.monte_carlo import LOST_M, quantiles, resample
-from analysis.terrain.readings import PAPER_HZ
+from analysis.terrain.monte_carlo import LOST_M, interval, resample
 from analysis.terrain.real_laps import lay_on_line
-from analysis.terrain.which_reading import Reading
+from analysis.terrain.which_reading import LAP_M, STEP_M
 
 LAPS = {
     "ccw": ("14-45-26", "15-12-43", "15-53-44", "16-06-28"),
@@ -40,7 +39,8 @@ RUNS, SEED = 100, 2013  # of the laps, which are the same for every sensor; as n
 PLANE_N, PLANE_B = np.geomspace(1e-4, 0.1, 13), np.geomspace(1e-5, 0.1, 17)  # deg/sqrt(s), deg/s
 SURFACE_T_C = (20.0, 60.0, 200.0, 600.0, 2000.0)  # s, correlation times of the bias
 SURFACE_NOISES, SURFACE_RUNS = ("integrated", "on attitude"), 200
-SWEEP_LAPS, SWEEP_BLOCK, SWEEP_RESAMPLES, COVERAGE_DRAWS = 12_000, 500, 200, 400
+SWEEP_LAPS, SWEEP_BLOCK, SWEEP_RESAMPLES = 12_000, 500, 200
+ENSEMBLES, COVERAGE_DRAWS, COVERAGE_RESAMPLES = (300, 1200, 4200), 400, 500
 R_TIMES = (0.5, 1.0, 2.0, 4.0, 10.0, 30.0)  # R over the R of notebooks 21 to 23
 HIGHWAY_WIDTH = 5.0  # m, standard deviation of the Gaussian that smooths the highway
 
@@ -229,11 +229,10 @@ def surface():
     sensors, rows = [(n, b) for b in PLANE_B for n in PLANE_N], []
     for noise in SURFACE_NOISES:
         for corr_time in SURFACE_T_C:
-            setup = replace(Reading(noise=noise).setup(), corr_time=corr_time, span=None)
-            R = replace(setup, rate_hz=PAPER_HZ).own_R(Setup.WORST) * setup.rate_hz / PAPER_HZ
+            setup = Setup.paper(LAP_M, noise=noise, corr_time=corr_time).coarser(STEP_M)
             laps = simulate_laps(
                 store.profile(DIRECTION).attitude_map(),
-                {at: Sensor(*at, R) for at in sensors},
+                {at: Sensor(*at) for at in sensors},
                 setup,
                 runs=SURFACE_RUNS,
                 seed=SEED,
@@ -257,8 +256,8 @@ def sweeps():
     """Track the paper's sweeps and sensors on so many laps that lost laps do not decide by chance.
 
     The pooled variance is nearly all of lost laps: on 300 laps it is 2.2 to 6.3 m^2 for the MEMS
-    sensor, by the seed. ``coverage`` counts how often the percentile bootstrap of ensembles of
-    other sizes, drawn from these laps, holds the value that all of them have.
+    sensor, by the seed. ``coverage`` counts how often intervals from ensembles of other sizes,
+    drawn from these laps, hold the value that all of them have.
 
     Returns
     -------
@@ -285,7 +284,7 @@ def sweeps():
     cells = pd.DataFrame(rows).assign(laps_lost=(most > LOST_M).mean(axis=1))
     cells["reached_m"] = np.quantile(most, 0.95, axis=1)
     worst = [*labels].index("MEMS R x 1")
-    covered = [_covered(signed[worst], square[worst], n, rng) for n in (300, 1200, 4200)]
+    covered = [_covered(signed[worst], square[worst], n, rng) for n in ENSEMBLES]
     source = {
         "title": "The sweeps of Figs 8 to 11 and the sensors of Fig 12 on many laps",
         "seed": SEED,
@@ -314,10 +313,8 @@ def sweep_cells():
 
 
 def _sweep_setup():
-    """Give the reading of notebooks 21 to 23, at a reading each 0.55 m, R with it."""
-    setup = replace(Reading().setup(), span=None, length=store.profile(DIRECTION).length_m)
-    R = replace(setup, rate_hz=PAPER_HZ).own_R(Setup.WORST) * setup.rate_hz / PAPER_HZ
-    return replace(setup, R=R)
+    """Give the reading of notebooks 21 to 23, sampled as finely as the map."""
+    return Setup.paper(store.profile(DIRECTION).length_m).coarser(STEP_M)
 
 
 def _sweep_block(block):
@@ -339,17 +336,19 @@ def _sweep_block(block):
 def _covered(signed, square, laps, rng):
     """Count how often the interval of the variance from so many laps holds that of all laps."""
     true = square.mean() - signed.mean() ** 2
-    held, values = [], []
+    held, values = {False: 0, True: 0}, []
     for _ in range(COVERAGE_DRAWS):
         one = rng.integers(len(square), size=laps)
-        weights = resample(laps, SWEEP_RESAMPLES, rng)
+        weights = resample(laps, COVERAGE_RESAMPLES, rng)
         found = weights @ square[one] - (weights @ signed[one]) ** 2
-        value, low, high = quantiles(found)
-        held.append(low <= true <= high)
-        values.append(value)
+        values.append(found[0])
+        for skewed in held:
+            e = interval(found, skewed=skewed)
+            held[skewed] += e.low <= true <= e.high
     low, high = np.quantile(values, [0.025, 0.975])
-    row = {"laps": laps, "variance": true, "low": low, "high": high}
-    return row | {"draws": COVERAGE_DRAWS, "covered": np.mean(held)}
+    row = {"laps": laps, "variance": true, "low": low, "high": high, "draws": COVERAGE_DRAWS}
+    shares = {True: "covered", False: "covered_by_percentiles"}
+    return row | {name: held[skewed] / COVERAGE_DRAWS for skewed, name in shares.items()}
 
 
 def _in_words(setup):

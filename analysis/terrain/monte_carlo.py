@@ -447,20 +447,28 @@ def quantiles(resampled):
     return resampled[0], low, high
 
 
-def interval(resampled: ArrayLike) -> Estimate:
+def interval(resampled: ArrayLike, *, skewed: bool = False) -> Estimate:
     """Value and 95 % interval of a number computed from every row of `Laps.measures`.
 
     Parameters
     ----------
     resampled : array_like, shape (resamples,)
         The first row is the sample's own.
+    skewed : bool
+        For a number above zero that a few lost laps decide, such as a variance: the hull of the
+        percentile interval and of its mirror image about the value, in logarithms. Of ensembles of
+        300 to 4200 laps it holds the variance in 94 to 96 %, the percentile interval alone in 90 to
+        95 % (``data/derived/sweeps``).
 
     Returns
     -------
     Estimate
         An end is None where the number is infinite there.
     """
-    value, low, high = (float(v) if np.isfinite(v) else None for v in quantiles(resampled))
+    value, low, high = quantiles(resampled)
+    if skewed and low > 0:
+        low, high = min(low, value**2 / high), max(high, value**2 / low)
+    value, low, high = (float(v) if np.isfinite(v) else None for v in (value, low, high))
     return Estimate(value, low, high)
 
 

@@ -342,6 +342,17 @@ class Setup:
         setup = cls(length, **changes)
         return setup if "R" in changes else replace(setup, R=setup.own_R(cls.WORST))
 
+    def coarser(self, step: float) -> Setup:
+        """Give the same reading with one sample every `step` m, and R scaled with the rate.
+
+        A second then holds the information that it holds now. The drift does not depend on the
+        rate; a step about as fine as the map leaves the errors as they are.
+        """
+        rate = self.speed / step
+        return replace(
+            self, rate_hz=rate, R=None if self.R is None else self.R * rate / self.rate_hz
+        )
+
     @staticmethod
     def sweeps() -> tuple[dict, dict]:
         """Give the sensors of Figs 8 and 9, labelled (B, N), and of Figs 10 and 11, (N, B).

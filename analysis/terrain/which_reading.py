@@ -547,6 +547,18 @@ class JudgedReadings:
         """Name the claims that hold in none of the readings."""
         return [claim for claim, held in (self.inside >= HOLDS).any().items() if not held]
 
+    def together(self) -> pd.DataFrame:
+        """Count the readings in which two claims hold at once.
+
+        Returns
+        -------
+        DataFrame of int, shape (claims, claims)
+            On the diagonal the readings in which a claim holds at all. A pair with 0, each of which
+            holds somewhere, contradict each other in all of these readings.
+        """
+        held = (self.inside >= HOLDS).astype(int)
+        return held.T @ held
+
     def deciding(self, claim: str, resamples: int, rng: np.random.Generator) -> pd.DataFrame:
         """Say which factors decide a claim: their shares of the variance of ``inside``.
 
