@@ -170,12 +170,19 @@ def overlapped_variance(y, m):
 
 
 def _running_sum(y):
-    return np.concatenate([[0.0], np.cumsum(y - np.mean(y))]) if len(y) else np.zeros(1)
+    return _sums(y - np.mean(y)) if len(y) else np.zeros(1)
+
+
+def _sums(y):
+    """Sum of none, one, two ... values, in place: a long log fills the memory."""
+    sums = np.zeros(len(y) + 1)
+    np.cumsum(y, out=sums[1:])
+    return sums
 
 
 def _mean_second_differences(phase, m):
     """Mean second difference of a running sum, from the sums of its three stretches."""
-    total = np.concatenate([[0.0], np.cumsum(phase)])
+    total = _sums(phase)
     terms = len(phase) - 2 * m
     first, middle, last = (total[k * m + terms] - total[k * m] for k in range(3))
     return (first - 2 * middle + last) / terms
@@ -185,7 +192,7 @@ def _with_holes(y, valid, m):
     """Allan variances of a log with missing samples, and the share of the pairs that is there."""
     level = y[valid].mean() if valid.any() else 0.0
     known = np.where(valid, y - level, 0.0)
-    sums = np.array([np.concatenate([[0.0], np.cumsum(v)]) for v in (known, known**2, valid)])
+    sums = np.array([_sums(v) for v in (known, known**2, valid)])
     return np.array([_differences_of_partial_means(sums, k) for k in m]).T
 
 

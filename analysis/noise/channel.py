@@ -126,6 +126,9 @@ def characterise(
     residual, line = refuse_without_noise(y, dt, name, unit)
     recorded, line_removed = with_and_without_line(residual, line, dt)
     residual = residual if detrend else y - line.null_shift
+    duration = len(y) * dt
+    correlation = {w: _autocorrelation(residual, dt, w) for w in windows(duration, dt)}
+    del residual  # a long log fills the memory
     m = max(1, len(y) // WHOLE)
     n, means = min(len(y), max(2, round(SHORT / dt))), block_means(y, m)
     parameters, models, fit, fitted_from = {}, [], {}, np.nan
@@ -153,7 +156,7 @@ def characterise(
         line=(line.null_shift, line.drift),
         short=(dt * np.arange(n), y[:n]),
         whole=(m * dt * (np.arange(len(means)) + 0.5), means),
-        autocorrelation={w: _autocorrelation(residual, dt, w) for w in windows(len(y) * dt, dt)},
+        autocorrelation=correlation,
         fitted_from=fitted_from,
         models=models,
         fit=fit,

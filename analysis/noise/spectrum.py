@@ -121,8 +121,8 @@ def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
     dt : float
         Sampling interval of the single readings, s.
     m : int
-    added : sequence of ndarray, shape (n,)
-        Regressors besides the ramp.
+    added : iterable of ndarray, shape (n,)
+        Regressors besides the ramp; one that a generator makes is held no longer than needed.
     behind : float, optional
         As in `Spectrum`; by default `m`.
     start, whole : int
@@ -136,8 +136,10 @@ def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
     n = len(y)
     whole = n * m if whole is None else whole
     alone = whole == n * m  # then the mean is not used
-    series = [y - y.mean() if alone else y, *added]
-    series = [dct(values, type=2, norm="ortho") for values in series]
+    series = [dct(y - y.mean(), norm="ortho", overwrite_x=True) if alone else dct(y, norm="ortho")]
+    for values in added:
+        series.append(dct(values, norm="ortho"))
+        del values
     lam, count, starts = _bins(n, *((SINGLE, BINS) if alone else OF_MANY))
     if not alone:
         count[0, 0] = 1.0
@@ -274,7 +276,7 @@ def spectra(y, dt, m, added=()):
     pieces = []
     for a, b in runs:
         middle = dt * (m * np.arange(a, b if added else a) + (m - 1) / 2)
-        columns = [column(middle) for column in added]
+        columns = (column(middle) for column in added)
         behind = float(1 / np.mean(1 / have[a:b]))
         place = {"start": int(m * (a - first)), "whole": int(m * (last - first))}
         pieces.append(transform(means[a:b], dt, m, columns, behind=behind, **place))
