@@ -240,7 +240,8 @@ def bridging():
     dict
     dict of pandas.DataFrame
         ``outages``, one a row: how far the output jumps when fixes return, beyond what the vehicle
-        itself moved, for a receiver that holds its last position and for the tracker.
+        itself moved, for a receiver that holds its last position, for one that runs on at its last
+        velocity, and for the tracker.
     """
     rows, files, notes = [], [], []
     for name in ("car", "phone-drive"):
@@ -252,13 +253,17 @@ def bridging():
         place = gnss.lat_deg[0], gnss.lon_deg[0], 0.0
         true = np.array(pymap3d.geodetic2enu(gnss.lat_deg, gnss.lon_deg, 0.0, *place)[:2])
         latest = np.maximum.accumulate(np.where(cut.gnss.has_fix, np.arange(len(gnss.t_s)), 0))
+        course, since = np.radians(gnss.course_deg), gnss.t_s - gnss.t_s[latest]
+        velocity = gnss.speed_m_s * np.array([np.sin(course), np.cos(course)])
+        on = true[:, latest] + np.nan_to_num(velocity[:, latest]) * since
         with_imu = pymap3d.geodetic2enu(out["out_lat_deg"], out["out_lon_deg"], 0.0, *place)[:2]
         for start in starts:
             k = int(np.searchsorted(gnss.t_s, start + OUTAGE_S))
             if not gnss.speed_m_s[k - 1] > FASTER:
                 continue
             row = {"ride": name, "t_s": start, "speed_m_s": round(float(gnss.speed_m_s[k - 1]), 1)}
-            for unit, at in {"alone": true[:, latest], "blended": np.array(with_imu)}.items():
+            outputs = {"alone": true[:, latest], "on": on, "blended": np.array(with_imu)}
+            for unit, at in outputs.items():
                 step = (at[:, k] - at[:, k - 1]) - (true[:, k] - true[:, k - 1])
                 row[f"jump_{unit}_m"] = round(float(np.hypot(*step)), 1)
             rows.append(row)

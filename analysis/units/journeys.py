@@ -61,6 +61,8 @@ class UnitErrors:
         Of the yaw axis against the car.
     moving_deg : float, optional
         Standard deviation of the yaw bias on the move, where that differs from Table I.
+    building_m : float
+        Standard deviation of the error at the last place of `BLOCKED`, over 10 s.
     """
 
     cep_m: float
@@ -69,6 +71,7 @@ class UnitErrors:
     lag_s: float = 0.0
     skew_deg: float = 0.0
     moving_deg: float | None = None
+    building_m: float = 12.0
 
 
 ASSUMED = {
@@ -76,7 +79,6 @@ ASSUMED = {
     "MIDG": UnitErrors(3.7, "tight", 0.4, lag_s=1.0, skew_deg=2.5),
     "Tokimec": UnitErrors(9.3, "loose", 0.25, lag_s=0.6, skew_deg=4.0, moving_deg=1.5),
 }
-BUILDING_M = 12.0  # error of every unit at the last place of `BLOCKED`, over 10 s
 LOST_M_S, LOST_S = 8.0, (15.0, 45.0)  # velocity error of a unit that lost track; for how long
 LOST_YAW_DEG = 15.0
 ASTRAY_M, ASTRAY_S = (250.0, 500.0, -180.0), 420.0  # east, north, up error of the lost receiver
@@ -141,7 +143,9 @@ def simulate_drive(models: Mapping[str, UnifiedModel], rng: np.random.Generator)
             error[:, :2] += _hidden(truth.t_s, window, errors, rng)
         for a, b in events["building"]:
             here = (truth.t_s >= a) & (truth.t_s < b)
-            error[here, :2] += gauss_markov(int(here.sum()), DT, BUILDING_M, 10.0, rng, runs=2).T
+            error[here, :2] += gauss_markov(
+                int(here.sum()), DT, errors.building_m, 10.0, rng, runs=2
+            ).T
         angles = _angles(name, errors, models, truth, moving, rng)
         units[name] = _unit(name, truth, error, angles)
     gyro, load, turn = _felt(truth, models, rng)
