@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal
 import typer
 from typer.core import TyperGroup
 
-from analysis import ROOT, CannotAnswer, Estimate, WrongUsage, without_exponents
+from analysis import ROOT, CannotAnswer, WrongUsage
 
 UNITS = "deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
 RESUMABLE = (
@@ -156,34 +156,39 @@ def writing(out, option="--out"):
         raise CannotAnswer(f"{option} {out}: cannot write there ({error.strerror})") from error
 
 
+def _print(rows):
+    print(*rows, sep="\n")
+
+
 Number = float | None
 Count = int | None
 Text = str | None
 Texts = list[str] | None
-Units = Annotated[
-    Text,
-    _option(
-        "UNITS",
-        "Unit of columns whose name has none: gyro=deg/s,accel=g for each kind, or deg/s alone for "
-        f"channels of one kind. Units: {UNITS}.",
-        "--unit",
-    ),
-]
-Scales = Annotated[
-    Text,
-    _option("SCALES", "What turns raw counts into the unit: gyro=1/131,accel=1/16384.", "--scale"),
-]
-TimeUnit = Annotated[
-    Literal["s", "ms", "us", "ns"] | None,
-    typer.Option(help="Unit of the time column, if its name and numbers do not tell."),
-]
-READING = {  # options of the verbs that read a static log
+SAID_OF_COLUMNS = {  # options of every verb that reads a log
+    "unit": Annotated[
+        Text,
+        _option(
+            "UNITS",
+            "Unit of columns whose name has none: gyro=deg/s,accel=g for each kind, or deg/s alone "
+            f"for channels of one kind. Units: {UNITS}.",
+            "--unit",
+        ),
+    ],
+    "scale": Annotated[
+        Text,
+        _option(
+            "SCALES", "What turns raw counts into the unit: gyro=1/131,accel=1/16384.", "--scale"
+        ),
+    ],
+    "time_unit": Annotated[
+        Literal["s", "ms", "us", "ns"] | None,
+        typer.Option(help="Unit of the time column, if its name and numbers do not tell."),
+    ],
+}
+STATIC = SAID_OF_COLUMNS | {  # and of those that read a static log
     "rate": Annotated[Number, _option("HZ", "Sampling rate; the time column is not used.")],
     "time": Annotated[Text, _option("COLUMN", "Time column; if left out, found by its name.")],
-    "time_unit": TimeUnit,
     "columns": Annotated[Text, _option("A,B", "Channels, by name or by number from 1.")],
-    "unit": Units,
-    "scale": Scales,
     "kind": Annotated[
         Literal["rate", "angle", "accel", "position"] | None,
         typer.Option(help="Kind of reading, if name and unit do not tell."),
@@ -196,21 +201,39 @@ READING = {  # options of the verbs that read a static log
 }
 
 
-def _reads_static(verb):
-    """Give a verb the options that read a static log; it takes them as ``**reading``."""
-    *own, rest = inspect.signature(verb).parameters.values()
-    shared = [
-        rest.replace(name=n, kind=rest.KEYWORD_ONLY, default=None, annotation=a)
-        for n, a in READING.items()
-    ]
-    verb.__signature__ = inspect.Signature([*own, *shared])
-    return verb
+MOVING = SAID_OF_COLUMNS | {  # and a log in motion
+    "columns": Annotated[Text, _option("OURS=THEIRS,...", "Meaning and unit of a CSV's columns.")],
+}
+
+
+def _reads(options):
+    """Give a verb the options that read a log; it takes them as ``**reading``."""
+
+    def wrap(verb):
+        *own, rest = inspect.signature(verb).parameters.values()
+        shared = [
+            rest.replace(name=n, kind=rest.KEYWORD_ONLY, default=None, annotation=a)
+            for n, a in options.items()
+        ]
+        verb.__signature__ = inspect.Signature([*own, *shared])
+        return verb
+
+    return wrap
 
 
 def _read(log, columns, **reading):
     from analysis import logs
 
     return logs.read(log, columns=columns.split(",") if columns else None, **reading)
+
+
+def _read_moving(logs, columns, **reading):
+    from analysis.logs.moving import read_moving
+
+    pairs = columns.split(",") if columns else []
+    if not all("=" in pair for pair in pairs):
+        raise WrongUsage(f"--columns {columns}: write OURS=THEIRS, such as lat_deg=Lat")
+    return read_moving(logs, columns=dict(pair.split("=", 1) for pair in pairs), **reading)
 
 
 @_verb
@@ -275,7 +298,7 @@ def _parameter(text):
 
 
 @_verb
-@_reads_static
+@_reads(STATIC)
 def report(
     ctx: typer.Context,
     log: Annotated[str, _argument("LOG", "A file, or a log of the catalogue.")],
@@ -318,23 +341,9 @@ def report(
     log = _read(log, **reading)
     with writing(out):
         result, answers = page.write(log, out, part=part, command=command)
-    for repair in result.source["repairs"]:
-        print(f"note: {without_exponents(repair)}")
-    for answer in answers:
-        said = "cannot say" if answer.answer == "open" else answer.answer
-        print(f"{answer.question} {said}: {without_exponents(answer.why)}")
-    for channel in result.channels:
-        print(f"\n{channel.name} ({channel.unit})")
-        for disturbance in channel.fit["disturbances"]:
-            print(f"  note: {without_exponents(disturbance['note'])}")
-        for key, estimate in channel.parameters.items():
-            value = estimate.value_text or "not resolved"
-            print(f"  {page.NAMES[key]:<48}{value:>18}   {estimate.interval_text}")
-        print(
-            f"  how long to record: {page.hours_to_record(channel, 1 / result.source['rate_hz'])}"
-        )
+    _print(page.lines(result, answers))
     print(f"\n{out}/report.html, model.json and figures/ are written")
-    print("\n".join(page.exported(out)))
+    _print(page.exported(out))
 
 
 def _command(typed, log):
@@ -372,6 +381,7 @@ def channels(log: Annotated[str, _argument("LOG", "A file, a folder, or a log of
 
 
 @_verb
+@_reads(MOVING)
 def replay(
     logs: Annotated[
         list[str], _argument("LOG", "NMEA, CSV, GPX, UBX ...; GNSS and IMU in one log or two.")
@@ -387,9 +397,6 @@ def replay(
             "Delete the fixes of this part of the log, s; may be repeated.",
         ),
     ] = None,
-    columns: Annotated[
-        Text, _option("OURS=THEIRS,...", "Meaning and unit of a CSV's columns.")
-    ] = None,
     imu_offset: Annotated[
         Number,
         _option(
@@ -400,13 +407,11 @@ def replay(
     last_position: Annotated[
         Text, _option("FILE", "File that keeps the position between runs.")
     ] = None,
-    unit: Units = None,
-    scale: Scales = None,
-    time_unit: TimeUnit = None,
     table: Annotated[
         Texts, _option("NAME", "Which of several IMUs or receivers; may be repeated.")
     ] = None,
     float32: Annotated[bool, _flag("--float32", "Run the filters in single precision.")] = False,
+    **reading,
 ):
     """Run the tracker paper's six blocks on a GNSS (and IMU) log.
 
@@ -438,17 +443,13 @@ def replay(
     """
     import numpy as np
 
-    from analysis.logs.moving import read_moving
     from analysis.logs.saved_position import load_position, save_position
     from analysis.logs.timeline import inject_outages
-    from analysis.report.track import write
+    from analysis.report import track as page
     from analysis.tracker.last_position import Stored
     from analysis.tracker.log_replay import Options
     from analysis.tracker.log_replay import replay as replay_log
 
-    pairs = columns.split(",") if columns else []
-    if not all("=" in pair for pair in pairs):
-        raise WrongUsage(f"--columns {columns}: write OURS=THEIRS, such as lat_deg=Lat")
     outages = [_interval(text) for text in outage or ()]
     if imu_offset is not None and not math.isfinite(imu_offset):
         raise WrongUsage(f"--imu-offset {imu_offset:g}: give a number of seconds")
@@ -458,15 +459,7 @@ def replay(
                 "--last-position belongs to block 1, which --without last-position turns off"
             )
         _check_last_position(Path(last_position), logs, Path(out))
-    log = read_moving(
-        logs,
-        columns=dict(pair.split("=", 1) for pair in pairs),
-        imu_offset=imu_offset,
-        unit=unit,
-        scale=scale,
-        time_unit=time_unit,
-        tables=table or (),
-    )
+    log = _read_moving(logs, imu_offset=imu_offset, tables=table or (), **reading)
     for start, stop in outages:
         if start > log.duration_s:
             raise WrongUsage(
@@ -483,13 +476,13 @@ def replay(
     options = Options(number=np.float32 if float32 else float, **off)
     track = replay_log(inject_outages(log, outages), options, stored, progress=True)
     with writing(out):
-        write(track, out)
+        page.write(track, out)
     if last_position and track.stored:
         aside = save_position(last_position, track.stored._asdict())
         warning = f"{warning}; it is kept as {aside}" if aside else warning
     if warning:
         print(warning, file=sys.stderr)
-    _print_summary(track.summary)
+    _print(page.lines(track.summary))
     print(f"\n{out}/track.html, .csv, .gpx, .geojson and summary.json are written")
 
 
@@ -522,33 +515,8 @@ def _check_last_position(path, logs, out):
         raise CannotAnswer(f"{option}: cannot keep a position there ({error.strerror})") from error
 
 
-def _print_summary(summary):
-    for note in summary["notes"]:
-        print(f"note: {note}")
-    fixes, static, mount = summary["fixes"], summary["static"], summary["mounting"]
-    print(
-        f"fixes: {fixes['with_fix']:,} in {summary['source']['epochs']:,} epochs, "
-        f"{fixes['accepted']:,} accepted, {fixes['refused']:,} refused"
-    )
-    if fixes["first_output_s"] is not None:
-        print(f"first position put out after {fixes['first_output_s']:.1f} s")
-    layers = ", ".join(f"{s:.0f}" for s in static["seconds_in_layer"])
-    print(f"stationary for {static['seconds']:.0f} s, of which in layers 1, 2, 3: {layers} s")
-    if mount["deg"] is not None:
-        print(
-            f"mounting angle {mount['deg']:.1f}° ± {1.96 * mount['sigma_deg']:.1f}° (95 %) from "
-            f"{mount['straights']} straight stretches; by eq (3) as printed "
-            f"{mount['printed_rule_deg']:.1f}°"
-        )
-    elif mount["straights"]:
-        print(
-            f"no mounting angle: {mount['straights']} straight stretches, with too little "
-            "acceleration"
-        )
-
-
 @_verb
-@_reads_static
+@_reads(STATIC)
 def pool(
     logs: Annotated[list[str], _argument("LOG", "Files or logs of the catalogue; one a unit.")],
     out: Annotated[str, _out("Folder for pooled.json.")],
@@ -569,31 +537,19 @@ def pool(
     read = [_read(log, **reading) for log in logs]
     with writing(out):
         pooled = page.write_pooled(read, out, axes=axes)
-    for channel in pooled["channels"]:
-        print(f"\n{channel['name']} ({channel['unit']}): {len(channel['members'])} units")
-        for key, estimate in channel["parameters"].items():
-            spread = Estimate(**channel["spread"][key])
-            print(f"  {page.NAMES[key]:<48}  {Estimate(**estimate)}; between units {spread}")
-        repeats = Estimate(**channel["bias_repeatability"])
-        print(f"  {'repeatability of the mean bias, 1 sigma':<48}  {repeats}")
-    for note in pooled["notes"]:
-        print(f"note: {note}")
+    _print(page.pooled_lines(pooled))
     print(f"\n{out}/pooled.json is written")
 
 
 @_verb
+@_reads(MOVING)
 def compare(
     logs: Annotated[
         list[str],
         _argument("LOG", "One a unit; two files of one unit with a comma: gps.csv,att.csv"),
     ],
     out: Annotated[str, _out("Folder for compare.json, the page and the figures.")],
-    columns: Annotated[
-        Text, _option("OURS=THEIRS,...", "Meaning and unit of a CSV's columns.")
-    ] = None,
-    unit: Units = None,
-    scale: Scales = None,
-    time_unit: TimeUnit = None,
+    **reading,
 ):
     """Compare units that travelled together: clocks, positions, attitudes, events.
 
@@ -615,24 +571,15 @@ def compare(
     """
     from analysis.report import comparison as page
 
-    units = _read_units(logs, columns, unit=unit, scale=scale, time_unit=time_unit)
+    units = _read_units(logs, **reading)
     with writing(out):
         content = page.write(units, out)
-    for note in content["notes"]:
-        print(f"note: {note}")
-    for row in page.lines(content):
-        print(row)
+    _print([*(f"note: {note}" for note in content["notes"]), *page.lines(content)])
     print(f"\n{out}/compare.html, compare.json and figures/ are written")
 
 
-def _read_units(logs, columns, **reading):
+def _read_units(logs, **reading):
     """Read the log of each unit: its name -> its timeline."""
-    from analysis.logs.moving import read_moving
-
-    pairs = columns.split(",") if columns else []
-    if not all("=" in pair for pair in pairs):
-        raise WrongUsage(f"--columns {columns}: write OURS=THEIRS, such as lat_deg=Lat")
-    wanted = dict(pair.split("=", 1) for pair in pairs)
     if len(logs) < 2:
         raise WrongUsage("one log cannot be compared: give the logs of two units or more")
     units: dict[str, Any] = {}
@@ -640,7 +587,7 @@ def _read_units(logs, columns, **reading):
         files = [log] if Path(log).exists() else log.split(",")
         name = Path(files[0]).name.split(".")[0] or files[0]
         name = next(n for n in (name, *(f"{name}-{k}" for k in range(2, 99))) if n not in units)
-        units[name] = read_moving(files, columns=wanted, **reading)
+        units[name] = _read_moving(files, **reading)
     return units
 
 

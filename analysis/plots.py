@@ -287,7 +287,7 @@ def atlas(fig: Figure, table: pd.DataFrame) -> None:
                 axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.set_title({"rate": "gyros", "accel": "accelerometers"}[kind])
         columns = 2 if kind == "rate" else 1
-        ax.legend(fontsize=5.5, loc="upper left", bbox_to_anchor=(0, -0.16), ncols=columns)
+        ax.legend(fontsize=5.5, loc="upper left", bbox_to_anchor=(0, -0.2), ncols=columns)
 
 
 def _axes_of_a_sensor(ax, name, of, color, mark):

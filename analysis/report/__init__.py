@@ -18,6 +18,7 @@ from tqdm import tqdm
 
 from analysis import (
     CannotAnswer,
+    Estimate,
     WrongUsage,
     figures,
     plots,
@@ -121,6 +122,32 @@ def _told(result, model, atlas, part):
         "temperature": {c.name: verdict.temperature_part(c) for c in result.channels},
         "atlas": verdict.placed(result, atlas),
     }
+
+
+def lines(result, answers):
+    """Write what a terminal shows of a report: what was repaired, the verdict, every parameter.
+
+    Parameters
+    ----------
+    result : StaticResult
+    answers : list of verdict.Answer
+
+    Returns
+    -------
+    list of str
+    """
+    said = [f"note: {repair}" for repair in result.source["repairs"]]
+    for a in answers:
+        said.append(f"{a.question} {'cannot say' if a.answer == 'open' else a.answer}: {a.why}")
+    for channel in result.channels:
+        said.append(f"\n{channel.name} ({channel.unit})")
+        said += [f"  note: {d['note']}" for d in channel.fit["disturbances"]]
+        for key, e in channel.parameters.items():
+            value = e.value_text or "not resolved"
+            said.append(f"  {NAMES[key]:<48}{value:>18}   {e.interval_text}")
+        hours = hours_to_record(channel, 1 / result.source["rate_hz"])
+        said.append(f"  how long to record: {hours}")
+    return [without_exponents(line) for line in said]
 
 
 def _dated(log):
@@ -392,6 +419,29 @@ def write_pooled(logs, out, *, axes=False):
     with replacing(Path(out, "pooled.json")) as draft:
         draft.write_text(store.as_json(content), encoding="utf-8")
     return content
+
+
+def pooled_lines(pooled):
+    """Write what a terminal shows of a pool.
+
+    Parameters
+    ----------
+    pooled : dict
+        As `write_pooled` gives it.
+
+    Returns
+    -------
+    list of str
+    """
+    said = []
+    for channel in pooled["channels"]:
+        said.append(f"\n{channel['name']} ({channel['unit']}): {len(channel['members'])} units")
+        for key, estimate in channel["parameters"].items():
+            spread = Estimate(**channel["spread"][key])
+            said.append(f"  {NAMES[key]:<48}  {Estimate(**estimate)}; between units {spread}")
+        repeats = Estimate(**channel["bias_repeatability"])
+        said.append(f"  {'repeatability of the mean bias, 1 sigma':<48}  {repeats}")
+    return said + [f"note: {note}" for note in pooled["notes"]]
 
 
 def _in_one_unit(logs):

@@ -58,6 +58,42 @@ def write(track, out):
             (draft / name).write_text(text, encoding="utf-8")
 
 
+def lines(summary):
+    """Write what a terminal shows of a replay.
+
+    Parameters
+    ----------
+    summary : dict
+        Of a Track.
+
+    Returns
+    -------
+    list of str
+    """
+    fixes, static, mount = summary["fixes"], summary["static"], summary["mounting"]
+    said = [f"note: {note}" for note in summary["notes"]]
+    said.append(
+        f"fixes: {fixes['with_fix']:,} in {summary['source']['epochs']:,} epochs, "
+        f"{fixes['accepted']:,} accepted, {fixes['refused']:,} refused"
+    )
+    if fixes["first_output_s"] is not None:
+        said.append(f"first position put out after {fixes['first_output_s']:.1f} s")
+    layers = ", ".join(f"{s:.0f}" for s in static["seconds_in_layer"])
+    said.append(f"stationary for {static['seconds']:.0f} s, of which in layers 1, 2, 3: {layers} s")
+    if mount["deg"] is not None:
+        said.append(
+            f"mounting angle {mount['deg']:.1f}° ± {1.96 * mount['sigma_deg']:.1f}° (95 %) from "
+            f"{mount['straights']} straight stretches; by eq (3) as printed "
+            f"{mount['printed_rule_deg']:.1f}°"
+        )
+    elif mount["straights"]:
+        said.append(
+            f"no mounting angle: {mount['straights']} straight stretches, with too little "
+            "acceleration"
+        )
+    return said
+
+
 def _cells(name, column):
     """Write a column: whole numbers as such, others rounded, nothing where there is no value."""
     if column.dtype.kind in "iub":

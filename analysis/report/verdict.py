@@ -410,6 +410,11 @@ def reasons(result):
     return {note: listed(names) for note, names in found.items()}
 
 
+def _axis(name):
+    """Shorten gyro_x to x."""
+    return name[-1] if name[-1:].lower() in ("x", "y", "z") else name
+
+
 def placed(result, atlas):
     """Add the gyros and accelerometers of a log to the atlas.
 
@@ -422,7 +427,7 @@ def placed(result, atlas):
     for c in result.channels:
         if c.kind not in LEADING:
             continue
-        scale, row = IN_ATLAS[c.unit], {"name": "this log", "axis": c.name, "kind": c.kind}
+        scale, row = IN_ATLAS[c.unit], {"name": "this log", "axis": _axis(c.name), "kind": c.kind}
         for symbol, key in zip("nb", LEADING[c.kind], strict=True):
             e = c.parameters[key]
             ends = {"": e.value, "_low": e.low, "_high": e.high}
