@@ -245,12 +245,13 @@ def increments(means, width):
     Increments or None
     """
     finite = np.isfinite(means)
-    there = np.arange(len(means)) if finite.all() else np.flatnonzero(finite)
+    whole = finite.all()
+    there, means = (range(len(means)), means) if whole else (np.flatnonzero(finite), means[finite])
     k = len(there) // (2 * PARTS**2)
     if k < LEAST:
         return None
     used = there[: 2 * PARTS**2 * k]
-    pairs = means[used].reshape(PARTS, PARTS, k, 2)
+    pairs = means[: len(used)].reshape(PARTS, PARTS, k, 2)
     h = pairs[..., 1] - pairs[..., 0]
     energy = np.mean(h**2, axis=(1, 2), keepdims=True)
     level = np.mean(np.abs(h), axis=2)

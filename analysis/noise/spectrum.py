@@ -275,8 +275,7 @@ def spectra(y, dt, m, added=()):
     first, last = runs[0, 0], runs[-1, 1]
     pieces = []
     for a, b in runs:
-        middle = dt * (m * np.arange(a, b if added else a) + (m - 1) / 2)
-        columns = (column(middle) for column in added)
+        columns = (column(dt * (m * np.arange(a, b) + (m - 1) / 2)) for column in added)
         behind = float(1 / np.mean(1 / have[a:b]))
         place = {"start": int(m * (a - first)), "whole": int(m * (last - first))}
         pieces.append(transform(means[a:b], dt, m, columns, behind=behind, **place))
