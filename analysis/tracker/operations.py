@@ -7,6 +7,7 @@ products, divisions and functions (square roots). Comparisons and sign changes a
 paper's table.
 """
 
+import copy
 import operator
 from collections import Counter, deque
 
@@ -14,13 +15,15 @@ import numpy as np
 import pandas as pd
 
 from analysis.tracker import kalman
-from analysis.tracker.at_rest import LowPass, StaticTest, mean
+from analysis.tracker.at_rest import BLOCK_S, LowPass, RestDetector, StaticTest, mean
 from analysis.tracker.attitude import Attitude, Upright
+from analysis.tracker.constrained import STEP_S, Constrained
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.mounting import MountingYaw
 from analysis.tracker.vectors import STANDARD_GRAVITY
 
+FOR_CARS = "6, for cars"  # the filter that may run in the place of block 6
 KINDS = ("sums", "products", "divisions", "functions")
 
 
@@ -152,6 +155,10 @@ class Counted:
         """Take off the sign, likewise."""
         return Counted(abs(self.value), self.tally)
 
+    def __round__(self):
+        """Round, which costs nothing either."""
+        return Counted(round(self.value), self.tally)
+
     def __float__(self):
         """Return a plain float: operations on it are not counted."""
         return self.value
@@ -261,12 +268,14 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
     fills = 1 / every - np.append(1 / every[1:], 0.0)
     straight, entry = _mounting()
     steps = {
-        ("1", "fix"): (_count(LastPosition().step, 1.0, (44.0, 11.0, 0.0), 2.0), 1.0),
+        ("1", "fix"): (_fix(), 1.0),
         ("2", "fix"): (_count(under_way(dt).epoch, False, 0.31, 0.05), 1.0),
         ("2", "sample"): (_count(under_way(dt).imu, *motion, read="horizontal"), rate),
         ("4", "fix"): (_jump(), 1.0),
         ("3", "fix"): (_count(started.drive, 3.0), 1.0),
         ("3", "sample"): (_count(StaticTest().accelerate, 0.3, 0.1, dt), rate),
+        ("3", "sample for a short mean"): (_count(RestDetector().sample, *motion), rate),
+        ("3", "window of short means"): (_window(motion), 1 / BLOCK_S),
     } | {
         ("4", f"fix that fills layer {k + 1}"): (_low_pass(epochs), times)
         for k, (epochs, times) in enumerate(zip(every, fills, strict=True))
@@ -275,6 +284,7 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
     fix = (0.1, 0.0, 0.0), (1.0, 0.0), 3.0, 0.3
     steps["6", "fix"] = _count(_fusion(dt).update, *fix), 1.0
     steps["6", "sample"] = _count(_fusion(dt).predict, (0.1, 0.0, 0.0), dt, 0.3), rate
+    steps |= {(FOR_CARS, step): cost for step, cost in _car(motion, rate).items()}
     index = pd.MultiIndex.from_tuples(steps, names=["block", "step"])
     tallies, times = zip(*steps.values(), strict=True)
     table = pd.DataFrame(tallies, index, KINDS).fillna(0).astype(int)
@@ -330,6 +340,36 @@ def _count(step, *values, read=None):
     if read:
         getattr(block, read)
     return tally
+
+
+def _fix():
+    """Count a fix of a vehicle under way, after one that was accepted."""
+    block, told = LastPosition(), (2.0, 3, 8, 5.0, 0.3)
+    for k in range(20):
+        block.step(float(k), (44.0 + 4.5e-5 * k, 11.0, 0.0), *told)
+    return _count(block.step, 20.0, (44.0009, 11.0, 0.0), *told)
+
+
+def _window(motion):
+    """Count the sample that ends a window of short means, without the sums of any sample."""
+    block = RestDetector()
+    while True:
+        tally = _count(copy.deepcopy(block).sample, *motion)
+        if block.sample(*motion) or len(block._means) == block.blocks:
+            return tally - _count(RestDetector().sample, *motion)
+
+
+def _car(motion, rate):
+    """Count the filter for cars: a sample, a step of its covariance, a fix."""
+    dt, under = motion[2], under_way(motion[2])
+    block = Constrained()
+    block.start((0.1, 0.2), (5.0, 0.1), (under.C_nb, under.bias.x, under.down), 0.1, 3.0, 0.3)
+    sample = _count(copy.deepcopy(block).sample, *motion)
+    for _ in range(round(STEP_S / dt) - 1):
+        block.sample(*motion)
+    step = _count(copy.deepcopy(block).sample, *motion) - sample
+    fix = _count(block.update, (0.3, 0.1, 0.0), (5.0, 0.1), 3.0, 0.3)
+    return {"sample": (sample, rate), "step of P": (step, 1 / STEP_S), "fix": (fix, 1.0)}
 
 
 def _low_pass(epochs):
