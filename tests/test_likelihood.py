@@ -430,7 +430,7 @@ def test_intervals_beside_flicker_cover():
 
     The choice among models costs B and the drift some of their 95 %; notebook 13 counts how much.
     """
-    n, dt, runs = 20_000, 0.5, 40
+    n, dt, runs = 20_000, 0.5, 20
     held = dict.fromkeys(("sigma_v", "bias_instability", "rrw", "drift"), 0)
     truth = {"sigma_v": 0.06, "bias_instability": 0.0095, "rrw": 6.5e-4, "drift": 0.0}
     for stream in np.random.SeedSequence(5).spawn(runs):
@@ -443,6 +443,7 @@ def test_intervals_beside_flicker_cover():
             low, high = (None, None) if e is None else (e.low, e.high)
             low, high = -np.inf if low is None else low, np.inf if high is None else high
             held[name] += low <= truth[name] <= high
-    # 40 trials: three standard errors below 95 % and, where the choice among models enters, 90 %.
+    # Three standard errors of 40 trials (20 are run) below 95 % and, where the choice among models
+    # enters, 90 %.
     assert min(held["sigma_v"], held["rrw"]) / runs >= 0.845, held
     assert min(held["bias_instability"], held["drift"]) / runs >= 0.75, held

@@ -14,6 +14,8 @@ error, which is an accuracy. Its variance can mean three things, and all three a
 
 Sensors share their runs, so the bootstrap draws whole runs, the same ones for every sensor; an
 interval of a difference or ratio of two sensors then takes their correlation into account.
+
+`ErrorPlane` interpolates what laps gave on a grid of N and B, for any gyro.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -22,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from scipy.interpolate import interpn
 from scipy.signal import lfilter
 from scipy.stats import binomtest, chi2
 from tqdm import tqdm
@@ -498,3 +501,71 @@ def nees_bounds(runs):
     """
     low, high = chi2.ppf([0.025, 0.975], runs) / runs
     return float(low), float(high)
+
+
+@dataclass(frozen=True)
+class ErrorPlane:
+    """Tracking error of any gyro under one reading, monotone cubics between the points of a grid.
+
+    Attributes
+    ----------
+    reading : str
+        The choices that the numbers hold for, in words.
+    arw, sigma_b : ndarray, shape (n,), (m,)
+        N, deg/sqrt(s), and B, deg/s; rising.
+    error : ndarray, shape (m, n), m
+        Not exceeded in 95 % of all moments of all laps.
+    lost : ndarray, shape (m, n), 1
+        Share of laps in which it exceeds `LOST_M`.
+    """
+
+    reading: str
+    arw: np.ndarray
+    sigma_b: np.ndarray
+    error: np.ndarray
+    lost: np.ndarray
+
+    def of(self, sensor: Sensor) -> tuple[float, float]:
+        """Error (m) and share of laps lost of a gyro; infinite and NaN beyond the grid.
+
+        A better gyro than the grid's best has that one's error, which the odometry decides.
+        """
+        point = np.array([sensor.sigma_b, sensor.arw], dtype=float)
+        if (point > [self.sigma_b[-1], self.arw[-1]]).any():
+            return np.inf, np.nan
+        axes = np.log(self.sigma_b), np.log(self.arw)
+        at = np.log(np.maximum(point, [self.sigma_b[0], self.arw[0]]))
+        numbers = np.log(self.error), self.lost
+        error, lost = (interpn(axes, of, at, method="pchip")[0] for of in numbers)
+        return float(np.exp(error)), float(lost)
+
+    def of_log(self, model: dict, channel: str) -> Estimate:
+        """Error of a measured gyro, m, over the 95 % intervals of its N and B.
+
+        Parameters
+        ----------
+        model : dict
+            As ``python -m analysis report`` writes it.
+        channel : str
+
+        Returns
+        -------
+        Estimate
+            A refusal with an upper bound where the log only bounds B.
+
+        Raises
+        ------
+        CannotAnswer
+            If the log gives no N, or no bound of B.
+        """
+        sensor, bound = Sensor.from_model(model, channel)
+        numbers = next(c["parameters"] for c in model["channels"] if c["name"] == channel)
+        n, b = numbers["arw"], numbers["bias_instability"]
+        scale = sensor.arw / n["value"]
+        value = None if bound else self.of(sensor)[0]
+        ends = (self.of(Sensor(scale * n[e], scale * (b[e] or 0.0)))[0] for e in ("low", "high"))
+        value, low, high = (v if v and np.isfinite(v) else None for v in (value, *ends))
+        if bound or value is None:
+            why = "this log only bounds B" if bound else "N or B is beyond what was simulated"
+            return Estimate.refused("m", why, low=None if bound else low, high=high)
+        return Estimate(value, low, high, "m")
