@@ -175,18 +175,25 @@ def test_share_of_square_knows_lines_and_squares():
         assert found.rise.value == pytest.approx(noisy[0, -1] / noisy[0, 0] - 1)
 
 
-def test_a_claimed_shape_is_judged_by_both_coefficients():
-    """analytic: one clear term decides; two exclude a square; without any there is no verdict."""
+def test_a_claimed_shape_is_judged_by_its_share_if_there_is_a_rise():
+    """analytic: one clear term is enough; without any there is no verdict."""
     clear, none = Estimate(1.0, 0.9, 1.1), Estimate(0.1, -0.2, 0.3)
     share = Estimate(0.5, 0.4, 0.6)
 
-    def judge(c1, c2, shape):
-        return Trend(clear, c1, c2, share, 0.1, 0.1, 0.5).judge(shape)
+    def judge(c1, c2):
+        return Trend(clear, c1, c2, share, 0.1, 0.1, 0.5).judge()
 
-    for c1, c2, shape in ((clear, none, "line"), (none, clear, "square"), (clear, clear, "line")):
-        assert judge(c1, c2, shape) == (share, None)
-    assert judge(clear, clear, "square") == (Estimate(0.0, None, None), None)
-    assert judge(none, none, "line")[1].startswith("the 95 % interval of c2, -0.2 to 0.3, incl")
+    for c1, c2 in ((clear, none), (none, clear), (clear, clear)):
+        assert judge(c1, c2) == (share, None)
+    assert judge(none, none)[1].startswith("the 95 % interval of c2, -0.2 to 0.3, incl")
+
+
+def test_an_exact_square_of_the_coefficient_is_none_of_the_scaled_one():
+    """analytic: N^2 from N = 0.001 to 0.01 has the share 1 / (1 + 2 / 9), and is judged by it."""
+    n = np.linspace(0.001, 0.01, 10)
+    rows = np.random.default_rng(SEED).normal(1.0, 0.01, (100, 1))
+    share, why = fit_trend(n, 3.0 + rows * n**2).judge()
+    assert why is None and share.value == pytest.approx(1 / (1 + 2 / 9))
 
 
 def test_line_test_keeps_its_level():

@@ -261,7 +261,7 @@ def test_the_stored_sweeps_hold_the_claims_cells_and_their_coverage():
     tables = store.read("sweeps").tables
     cells = tables["cells"]["cell"]
     over_n, over_b = Setup.sweeps()
-    assert len(cells) == len(over_n) + len(over_b) + 6 * 7
+    assert len(cells) == len(over_n) + len(over_b) + 6 * (24 + 7)
     for table in (tables["mean"], tables["variance"]):
         assert list(table.columns) == list(cells)
         low, high = np.quantile(table.iloc[1:], [0.025, 0.975], axis=0)

@@ -301,15 +301,24 @@ def sweeps():
 def sweep_cells():
     """Give the cells of `sweeps`: label -> N, B, R over that of the worst sensor of the sweep.
 
-    ``N b=0.002 n=0.001`` is a point of Figs 8 and 9, ``B n=0.001 b=0.002`` one of Figs 10 and 11.
+    ``N b=0.002 n=0.001`` is a point of Figs 8 and 9, ``B n=0.001 b=0.002`` one of Figs 10 and 11,
+    ``R4 N b=0.002 n=0.001`` one of the ends of a curve with four times R.
     """
     over_n, over_b = Setup.sweeps()
     cells = {f"N b={b:.4g} n={n:.4g}": (n, b, 1.0) for b, n in over_n}
     cells |= {f"B n={n:.4g} b={b:.4g}": (n, b, 1.0) for n, b in over_b}
+    ends = [label for label, (n, b, _) in cells.items() if _at_an_end(label[0], n, b)]
+    for t in R_TIMES:
+        cells |= {f"R{t:g} {label}": (*cells[label][:2], t) for label in ends}
     pair = {"tactical": (0.001, 0.0001), "MEMS": (0.01, 0.01)}
     for name, at in {**store.roads().table_3, **pair, "no error": (0.0, 0.0)}.items():
         cells |= {f"{name} R x {t:g}": (*at, t) for t in R_TIMES}
     return cells
+
+
+def _at_an_end(swept, n, b):
+    """Tell whether a point is the first or the last of its curve."""
+    return {"N": n, "B": b}[swept] in {"N": (0.001, 0.01), "B": (0.0001, 0.01)}[swept]
 
 
 def _sweep_setup():

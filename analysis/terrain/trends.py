@@ -54,27 +54,16 @@ class Trend:
     square_rms: float
     p_line: float
 
-    def judge(self, shape: str) -> tuple[Estimate, str | None]:
-        """Give the share of the square by which a claimed shape is judged.
-
-        A line is excluded where the interval of c2 excludes 0; a square holds where, besides, the
-        interval of c1 includes 0.
-
-        Parameters
-        ----------
-        shape : {"line", "square"}
+    def judge(self) -> tuple[Estimate, str | None]:
+        """Give the share of the square, by which a claimed shape is judged.
 
         Returns
         -------
         share : Estimate
-            0 without an interval where a square is claimed and both intervals exclude 0.
         why : str or None
-            Why no shape can be judged: both intervals include 0.
+            Why no shape can be judged: the intervals of c1 and of c2 include 0.
         """
-        linear, quadratic = _excludes_zero(self.c1), _excludes_zero(self.c2)
-        if linear and quadratic and shape == "square":
-            return Estimate(0.0, None, None), None
-        if linear or quadratic:
+        if _excludes_zero(self.c1) or _excludes_zero(self.c2):
             return self.share, None
         c2 = f"{self.c2.low:.2g} to {self.c2.high:.2g}"
         return self.share, f"the 95 % interval of c2, {c2}, includes 0, and so does that of c1"
