@@ -9,7 +9,7 @@ Two kinds of claim are not judged: those that no data here can decide, and those
 come out otherwise (an input handed back, an identity, print against print). The register says so,
 where ``why`` begins with ``not testable:`` or ``by construction:``. The checks refuse these claims,
 so that none of them can be called reproduced; the `Ledger` of a notebook writes down those that the
-register lists under it, with the first check.
+register lists under it, with the first check or with its table.
 """
 
 import math
@@ -280,6 +280,8 @@ class Ledger:
         -------
         pandas.DataFrame
         """
+        if not self._mine:
+            self._write()
         rows, written = [], verdicts()["verdict"]
         for mine in self._entries():
             theirs, cited = self._published.loc[mine["id"]], written[mine["id"]]

@@ -21,7 +21,16 @@ from analysis.logs import clock, columns, datasets, delimited, formats, nmea
 from analysis.logs.archives import EXPORT
 from analysis.logs.catalogue import find
 from analysis.logs.tables import Part, ask, interpolated, named
-from analysis.logs.timeline import FACTORS, Attitude, Gnss, Imu, Timeline, plausible, silent_gaps
+from analysis.logs.timeline import (
+    FACTORS,
+    SILENT_S,
+    Attitude,
+    Gnss,
+    Imu,
+    Timeline,
+    plausible,
+    silent_gaps,
+)
 
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
 IMU_GAPS = 0.01  # share of IMU rows whose time may step back
@@ -155,7 +164,12 @@ def read_moving(
     which = clocks.get("GNSS") or next(iter(clocks.values()))
     again = [round(t - zero, 6) for t in restarts]
     if gnss is not None:
-        again = sorted({*again, *silent_gaps(gnss, imu)})
+        if gaps := silent_gaps(gnss, imu):
+            notes.append(
+                f"nothing is recorded for over {SILENT_S:g} s before t = {gaps[0]:.0f} s: switched "
+                f"on again there, {len(gaps)} times in all"
+            )
+        again = sorted({*again, *gaps})
         factor = gnss.speed_factor()
         if not FACTORS[0] < factor < FACTORS[1] and factor == factor:
             gnss = replace(gnss, speed_m_s=np.full(len(gnss.t_s), np.nan))

@@ -337,7 +337,8 @@ def _receiver_time(found, place, notes) -> tuple[np.ndarray, list[int]]:
         return np.arange(len(day), dtype=float), []
     steps = np.diff(day[known])
     over_midnight = (steps < 0) & (steps + clock.SECONDS_PER_DAY < LEAP_S)
-    steps[over_midnight] += clock.SECONDS_PER_DAY
+    steps += clock.SECONDS_PER_DAY * over_midnight
+    steps -= clock.SECONDS_PER_DAY * (steps > clock.SECONDS_PER_DAY / 2)  # rather hours back
     t, again = day.copy(), []
     t[known[1:]] = day[known[0]] + np.cumsum(steps)
     interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0

@@ -78,6 +78,14 @@ def lines(summary):
     )
     if fixes["first_output_s"] is not None:
         said.append(f"first position put out after {fixes['first_output_s']:.1f} s")
+    for number, each in enumerate(summary["starts"] if len(summary["starts"]) > 1 else (), 1):
+        first, moved = each["fixes"]["first_accepted_s"], each["moved_while_off_m"]
+        said.append(
+            f"start {number} at {each['from_s']:.0f} s: "
+            + ("no fix accepted" if first is None else f"first fix accepted after {first:.0f} s")
+            + f", stationary for {each['static_seconds']:.0f} s"
+            + (f", moved by {moved:.0f} m while switched off" if moved else "")
+        )
     layers = ", ".join(f"{s:.0f}" for s in static["seconds_in_layer"])
     said.append(f"stationary for {static['seconds']:.0f} s, of which in layers 1, 2, 3: {layers} s")
     if mount["deg"] is not None:

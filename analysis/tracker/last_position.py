@@ -185,7 +185,9 @@ class LastPosition:
     def _save(self, here, speed):
         """Write to memory now and then, and at once where a drive ends."""
         since = here.t_s - self._saved_at
-        stopped = speed < SLOW and distance(self.snapshot or here, here) > self.moved_m
+        stopped = False
+        if self.snapshot is not None and speed < SLOW:
+            stopped = distance(self.snapshot, here) > NEAR * _sigma(self.snapshot.pdop)
         if since >= self.save_every_s or (stopped and since >= LOST_S):
             self.snapshot, self._saved_at = here, here.t_s
 
