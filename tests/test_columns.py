@@ -347,7 +347,7 @@ def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
         ("total acceleration x", "accel", None),
         ("roll", "angle", None),
         ("Gyroscope", "rate", None),
-        ("locationHeadingX", None, "another sensor's"),
+        ("locationHeadingX", None, "another quantity"),
         ("a", None, None),
         ("g", None, None),
         ("gyroTimestamp_sinceReboot", "rate", "a time"),
@@ -357,7 +357,7 @@ def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
         ("gyro_x_status", "rate", "a status word"),
         ("angular_velocity_covariance[0]", "rate", "an accuracy"),
         ("gyro_temp", "rate", "a temperature"),
-        ("mag_x", None, "another sensor's"),
+        ("mag_x", None, "another quantity"),
         ("Unnamed: 0", None, "a counter"),
     ],
 )

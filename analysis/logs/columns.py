@@ -52,7 +52,7 @@ _WORDS = {  # of a column's name -> what it holds instead of a reading; with an 
     " error errors checksum crc",
     "an accuracy": "accuracy covariance cov variance std sigma confidence",
     "a temperature": "temp temperature tmp thermometer",
-    "another sensor's": "mag magn magnetic magnetometer compass pressure baro barometer humidity"
+    "another quantity": "mag magn magnetic magnetometer compass pressure baro barometer humidity"
     " light lat lon lng latitude longitude altitude height separation speed course bearing"
     " orientation quaternion qw qx qy qz gravity grav mx my mz pdop hdop vdop satellites",
 }
@@ -241,7 +241,7 @@ def meaning(name: str) -> tuple[str | None, str | None]:
     if clock.is_time(name):
         return None, "a time"
     if axis and "heading" in parts:  # the magnetometer of a phone
-        return None, "another sensor's"
+        return None, "another quantity"
     if parts == ["t"]:  # T(°)
         return None, "a temperature"
     if re.search(r"\|.+\|", name):
