@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, wrap
 from analysis.tracker import kalman
-from analysis.tracker.attitude import Attitude, Direction, GyroBiasFilter, Upright, north
+from analysis.tracker.attitude import BIAS_WALK, Attitude, Direction, GyroBiasFilter, Upright, north
 
 RATE = 40
 
@@ -81,7 +81,7 @@ def test_one_axis_at_a_time_is_the_whole_update():
     for k in range(200):
         down, turned = rng.standard_normal(3), 0.01 * rng.standard_normal(3)
         down /= np.linalg.norm(down)
-        x, P = kalman.predict(x, P, unit, unit * (4e-10 * 1.0))
+        x, P = kalman.predict(x, P, unit, unit * BIAS_WALK**2)
         if k % 3 == 0:
             block.rest(turned, 1.0)
             x, P = kalman.update(x, P, turned, unit, unit * 1e-6)

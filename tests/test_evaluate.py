@@ -178,3 +178,41 @@ def test_rides_are_summed_up_by_hand(rides):
         "with an angle": "0 of 2",
         "by the first U-turn": "0 of 2",
     }
+
+
+def test_receiver_operating_curve():
+    """analytic: values 0..9 at rest, 5..14 in motion: at a threshold of 7 they are 80 and 30 %."""
+    values = np.r_[np.arange(10.0), np.arange(5.0, 15.0), np.nan]
+    stopped = np.r_[np.ones(10, bool), np.zeros(11, bool)]
+    moving = np.r_[np.zeros(10, bool), np.ones(11, bool)]
+    curve = evaluate.receiver_operating(values, stopped, moving, points=10).set_index("threshold")
+    assert curve["stopped"][7.0] == 0.8
+    assert curve["moving"][7.0] == pytest.approx(3 / 11)  # one without a value counts as motion
+    assert (np.diff(curve, axis=0) >= 0).all()
+
+
+def test_the_statistic_of_short_means_tells_rest_from_motion():
+    """property: on a simulated car T < 1 finds most of the rest; theta_A as printed hardly any."""
+    ride = scenarios.scenario("D", np.random.default_rng(5), stops=2)
+    found = evaluate.rest_statistics(ride.log)
+    stopped, moving = ~ride.moving, ride.speed_m_s > 1.0
+    assert (found["short means"][stopped] < 1).mean() > 0.7
+    assert (found["short means"][moving] < 1).mean() < 0.05
+    assert (found["as printed"][stopped] < 0.125).mean() < 0.1
+
+
+def test_outages_end_where_the_paths_say():
+    """analytic: holding errs by the way driven, constant velocity by its change, to 0.2 m."""
+    ride = scenarios.scenario("D", np.random.default_rng(5), stops=2)
+    table = evaluate.bridged(ride.log, lengths=(10.0,), every_s=30.0)
+    assert len(table) >= 2
+    gnss = ride.log.gnss
+    north, east, _ = pymap3d.geodetic2ned(gnss.lat_deg, gnss.lon_deg, 0.0, *ride.origin)
+    first = table.iloc[0]
+    a, b = np.searchsorted(gnss.t_s, [first["t_s"], first["t_s"] + 10.0])
+    moved = np.hypot(north[b] - north[a], east[b] - east[a])
+    assert first["holding"] == pytest.approx(moved, abs=0.2)
+    course = np.radians(gnss.course_deg[a])
+    ahead = 10.0 * gnss.speed_m_s[a] * np.array([np.cos(course), np.sin(course)])
+    error = np.hypot(north[b] - north[a] - ahead[0], east[b] - east[a] - ahead[1])
+    assert first["constant velocity"] == pytest.approx(error, abs=0.2)

@@ -21,6 +21,8 @@ MAKERS = {
     "tracker-parked": rides.parked,
     "tracker-starts": rides.starts,
     "tracker-cold-phone": rides.cold_phone,
+    "tracker-stops": rides.stops,
+    "tracker-outages": rides.outages,
     "tracker-racebox": partial(rides.turned, "racebox"),
     "tracker-car": partial(rides.turned, "car"),
     "tracker-drive": partial(rides.turned, "phone-drive"),

@@ -6,6 +6,7 @@ The tables are small enough to commit: positions are metres from a mean, not coo
 table holds a raw log.
 """
 
+import struct
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -18,8 +19,14 @@ from analysis import STANDARD_GRAVITY, CannotAnswer, store, wrap
 from analysis.logs import datasets, read_moving
 from analysis.logs.timeline import Gnss, Imu, Timeline, turn_imu
 from analysis.tracker.device import Options
-from analysis.tracker.evaluate import mounting_regression
+from analysis.tracker.evaluate import (
+    bridged,
+    mounting_regression,
+    receiver_operating,
+    rest_statistics,
+)
 from analysis.tracker.log_replay import replay, time_lag
+from analysis.tracker.scenarios import scenario
 from analysis.tracker.starts import errors_by_later_fixes, starts_of_a_drive
 
 KMH, MPH = 1 / 3.6, 0.44704
@@ -35,6 +42,15 @@ PARKED = (3744.0, 5009.0)  # s: the longest stationary period of the drive, 1265
 STEP_DEG = 30.0  # between the known angles by which an IMU is turned
 SEED = 33  # of the reference's bootstrap
 EVERY = 4  # of the path, one point in so many is kept
+ROOF = [f"car-roof-imu/{f}" for f in ("imu_1934.csv", "imu_1934.csv.tag", "gnss_1934_sf.pos")]
+STANDING = {"car-roof": 0.1, "genivi-car": 0.3, "phone-drive": 0.1}  # m/s, by RTK and by receivers
+RESTS = {
+    "as printed": Options(fusion=False, rest_blocks=0, accel_tau_s=0.0),
+    "mean of 0.25 s": Options(fusion=False, rest_blocks=0),
+    "with the detector": Options(fusion=False),
+}
+SIMULATION, SIMULATED = "simulated", 12  # drives of scenario D
+WHEELS = "car-roof", "genivi-car", "car", "phone-drive"
 DIGITS = 7  # of the numbers in the tables
 
 
@@ -141,6 +157,36 @@ def _genivi(path):
     return gnss, imu, ("axes turned to z down",)
 
 
+def _roof(path):
+    """Read an IMU whose bytes were time-tagged, and RTK fixes, once a second."""
+    tag, fixes = (datasets.path(file) for file in ROOF[1:])
+    raw = pd.read_csv(path, header=None).to_numpy()
+    start, part, arrived = _time_tag(tag.read_bytes())
+    # The file was written with two bytes at each line's end, and has one now.
+    ends = np.cumsum([len(line) + 1 for line in path.read_bytes().splitlines(keepends=True)])
+    row = np.minimum(np.searchsorted(ends, arrived[:, 1]), len(raw) - 1)
+    t = np.polyval(np.polyfit(raw[row, 6], arrived[:, 0], 1), raw[:, 6]) / 1000
+    new = np.diff(t, prepend=t[0] - 1) > 0
+    # x rear, y right, z up turn to x forward, y right, z down
+    accel, gyro = (raw[new, k : k + 3] * [-1.0, 1.0, -1.0] for k in (0, 3))
+    table = pd.read_csv(fixes, sep=r"\s+", comment="%", header=None).iloc[::4]
+    stamp = pd.to_datetime(table[0] + " " + table[1], format="%Y/%m/%d %H:%M:%S.%f")
+    north, east = table[15].to_numpy(), table[16].to_numpy()
+    gnss = Gnss(
+        (stamp - pd.Timestamp(start, unit="s")).dt.total_seconds().to_numpy() - part,
+        *table[[2, 3, 4]].to_numpy().T, np.full(len(table), np.nan), np.hypot(north, east),
+        np.degrees(np.arctan2(east, north)) % 360, np.full(len(table), True),
+    )  # fmt: skip
+    notes = ("axes turned to z down", "times of the samples from those at which their bytes came")
+    return gnss, Imu(t[new], np.radians(gyro), accel * STANDARD_GRAVITY), notes
+
+
+def _time_tag(content):
+    """Read a time tag of RTKLIB: start (s, GPS time), its fraction, then arrivals (ms, bytes)."""
+    start, part = struct.unpack("<Id", content[64:76])
+    return start, part, np.frombuffer(content, "<u4", offset=76).reshape(-1, 2).astype(float)
+
+
 RIDES = {
     "racebox": Ride(
         "motorbike on a race track, 8 laps",
@@ -160,6 +206,7 @@ RIDES = {
         "car-genivi/20160209_RPi_GENIVI_Regensburg.log",
         _genivi,
     ),
+    "car-roof": Ride("car with an IMU on its roof at 100 Hz, and RTK", ROOF[0], _roof),
     "phone-walk": Ride(
         "phone that loses GNSS underway: accuracies up to 1100 m",
         "phone-drives/2025-06-14_21-17-02.csv",
@@ -218,6 +265,85 @@ def parked():
         "driving_judged_standing": float(1 - np.nanmean(moving[speed > 2])),
     }
     return source, {"stand": store.rounded(pd.DataFrame(table), DIGITS)}
+
+
+def stops():
+    """Judge detectors of rest on simulated drives and on real ones.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``verdicts``: for each ride and test, epochs stopped (speed under `STANDING` now and at the
+        epoch before) and above 1 m/s, and how many of each are called static, by speed and IMU;
+        ``roc``: shares of both under each threshold of a statistic of the IMU alone;
+        ``bias``: mean rate of each gyro axis in the first and the last stop (deg/s).
+    """
+    drives = np.random.default_rng(SEED).spawn(SIMULATED)
+    simulated = [scenario("D", rng) for rng in drives]
+    cases = {SIMULATION: [(ride.log, ride.speed_m_s) for ride in simulated]}
+    cases |= {name: [(log := read(name), log.gnss.speed_m_s)] for name in STANDING}
+    verdicts, curves, biases = [], [], []
+    for name, rides_of in cases.items():
+        floor, rows, scores = STANDING.get(name, 0.01), {}, []
+        for log, speed in rides_of:
+            stopped = (speed < floor) & (np.r_[np.inf, speed[:-1]] < floor)
+            moving = (speed > 1.0) & (np.r_[0.0, speed[:-1]] > 1.0)
+            scores.append(rest_statistics(log).assign(stopped=stopped, moving=moving))
+            for test, options in RESTS.items():
+                static = replay(log, options).columns["moving"] == 0
+                counts = stopped, moving, static & stopped, static & moving
+                rows[test] = rows.get(test, 0) + np.array([each.sum() for each in counts])
+        columns = ["stopped", "moving", "stopped_static", "moving_static"]
+        table = pd.DataFrame.from_dict(rows, "index", columns=columns).rename_axis("test")
+        verdicts.append(table.reset_index().assign(ride=name))
+        every = pd.concat(scores)
+        truth = every["stopped"].to_numpy(), every["moving"].to_numpy()
+        for rule in every.columns.drop(["speed_m_s", "stopped", "moving"]):
+            curve = receiver_operating(every[rule].to_numpy(), *truth)
+            curves.append(curve.assign(ride=name, rule=rule))
+        if name in STANDING:
+            biases.append(_bias_change(log, stopped).assign(ride=name))
+    found = {"verdicts": verdicts, "roc": curves, "bias": biases}
+    tables = {k: store.rounded(pd.concat(v, ignore_index=True), 4) for k, v in found.items()}
+    return _sources(STANDING, "Rest of three cars, by the tests of block 3"), tables
+
+
+def _bias_change(log, stopped):
+    """Compare the gyro's mean readings of the first and the last stop of over five epochs."""
+    edges = np.flatnonzero(np.diff(np.r_[0, stopped.astype(int), 0])).reshape(-1, 2)
+    long = [(log.gnss.t_s[a], log.gnss.t_s[b - 1]) for a, b in edges if b - a > 5]
+    rows = {"axis": list("xyz")}
+    for which, (since, until) in {"first": long[0], "last": long[-1]}.items():
+        there = (log.imu.t_s >= since) & (log.imu.t_s <= until)
+        rows[f"{which}_deg_s"] = np.degrees(log.imu.gyro_b[there].mean(axis=0))
+        rows[f"{which}_s"] = [(since + until) / 2] * 3
+    return pd.DataFrame(rows)
+
+
+def outages():
+    """Take the fixes of four cars away for 10, 30 and 60 s, again and again.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``ends``: as `bridged`, with the ride.
+    """
+    ends = [bridged(read(name)).assign(ride=name) for name in WHEELS]
+    table = store.rounded(pd.concat(ends, ignore_index=True), 4)
+    return _sources(WHEELS, "Outages of 10, 30 and 60 s on the rides of four cars"), {"ends": table}
+
+
+def _sources(names, title):
+    """State where several rides are from."""
+    entries = [datasets.entry(RIDES[name].file) for name in names]
+    return {
+        "title": title,
+        "files": {e.file: e.sha256 for e in entries},
+        "licence": "; ".join(dict.fromkeys(e.licence for e in entries)),
+        "source": "; ".join(dict.fromkeys(f"https://github.com/{e.repository}" for e in entries)),
+    }
 
 
 def cold_phone():

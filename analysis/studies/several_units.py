@@ -5,7 +5,6 @@ north and up of a point of the log, angles degrees. Nothing is compared here, wi
 the attitude and the positions of this project's tracker, which take too long for a notebook.
 """
 
-import struct
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -195,41 +194,18 @@ def car_roof():
         ``ride``, once a second: speed and course by RTK, own angles, the sum of the rate about
         the vertical.
     """
-    files = [f"car-roof-imu/{f}" for f in ("imu_1934.csv", "imu_1934.csv.tag", "gnss_1934_sf.pos")]
-    lines, tag, fixes = (datasets.path(file) for file in files)
-    raw = pd.read_csv(lines, header=None).to_numpy()
-    start, part, arrived = _time_tag(tag.read_bytes())
-    # The file was written with two bytes at each line's end, and has one now.
-    ends = np.cumsum([len(line) + 1 for line in lines.read_bytes().splitlines(keepends=True)])
-    row = np.minimum(np.searchsorted(ends, arrived[:, 1]), len(raw) - 1)
-    t = np.polyval(np.polyfit(raw[row, 6], arrived[:, 0], 1), raw[:, 6]) / 1000
-    new = np.diff(t, prepend=t[0] - 1) > 0
-    # x rear, y right, z up turn to x forward, y right, z down
-    accel, gyro = (raw[new, k : k + 3] * [-1.0, 1.0, -1.0] for k in (0, 3))
-    imu = Imu(t[new], np.radians(gyro), accel * STANDARD_GRAVITY)
-    table = pd.read_csv(fixes, sep=r"\s+", comment="%", header=None).iloc[::4]
-    stamp = pd.to_datetime(table[0] + " " + table[1], format="%Y/%m/%d %H:%M:%S.%f")
-    north, east = table[15].to_numpy(), table[16].to_numpy()
-    gnss = Gnss(
-        (stamp - pd.Timestamp(start, unit="s")).dt.total_seconds().to_numpy() - part,
-        *table[[2, 3, 4]].to_numpy().T, np.full(len(table), np.nan), np.hypot(north, east),
-        np.degrees(np.arctan2(east, north)) % 360, np.full(len(table), True),
-    )  # fmt: skip
+    log = rides.read("car-roof")
+    gnss, imu = log.gnss, log.imu
     out = replay(Timeline(gnss, imu), ONLY_ATTITUDE).columns
-    angle = np.concatenate([[0.0], np.cumsum(gyro[1:, 2] * np.diff(imu.t_s))])
+    turned = np.cumsum(np.degrees(imu.gyro_b[1:, 2]) * np.diff(imu.t_s))
+    angle = np.concatenate([[0.0], turned])
     ride = {"t_s": gnss.t_s.round(2), "speed_m_s": gnss.speed_m_s.round(2)}
     ride |= {"course_deg": gnss.course_deg.round(2)}
     ride |= {f"own_{k}": out[k].round(2) for k in ("roll_deg", "pitch_deg", "yaw_deg")}
     ride |= {"gyro_z_deg": np.interp(gnss.t_s, imu.t_s, angle).round(2)}
-    return _source("car with an IMU on its roof and RTK, 549 s", *files), {
+    return _source("car with an IMU on its roof and RTK, 549 s", *rides.ROOF), {
         "ride": pd.DataFrame(ride)
     }
-
-
-def _time_tag(content):
-    """Read a time tag of RTKLIB: start (s, GPS time), its fraction, then arrivals (ms, bytes)."""
-    start, part = struct.unpack("<Id", content[64:76])
-    return start, part, np.frombuffer(content, "<u4", offset=76).reshape(-1, 2).astype(float)
 
 
 def bridging():

@@ -1,5 +1,6 @@
 """One block alone over a whole log, and the numbers that judge it; `log_replay` runs all blocks."""
 
+import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -7,15 +8,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from analysis import Estimate, wrap
+from analysis import STANDARD_GRAVITY, Estimate, wrap
 from analysis.logs.timeline import Gnss, Imu, Timeline
-from analysis.tracker.at_rest import LowPass
+from analysis.tracker.at_rest import SIGMA_FORCE, SIGMA_RATE, LowPass, StaticTest
 from analysis.tracker.device import BLOCKS, Options
 from analysis.tracker.last_position import LastPosition, Stored
-from analysis.tracker.log_replay import Track, replay
+from analysis.tracker.log_replay import Track, replay, stepped
 from analysis.tracker.scenarios import Scenario, scenario
 
 SLOWEST = 2.0  # m/s, speed under which the regression leaves an epoch out
+WINDOW_S = 2.0  # s that the statistics of rest look back
 BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
 
 
@@ -243,6 +245,166 @@ def ratio_interval(
         at[:, where] = where[rng.integers(0, len(where), (runs, len(where)))]
     ratios = above[at].mean(axis=1) / below[at].mean(axis=1)
     return Estimate(float(above.mean() / below.mean()), *np.quantile(ratios, [0.025, 0.975]))
+
+
+def rest_statistics(timeline: Timeline) -> pd.DataFrame:
+    """Compute what detectors of rest hold against their thresholds, by the IMU alone.
+
+    Parameters
+    ----------
+    timeline : Timeline
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each GNSS epoch: ``speed_m_s`` of the receiver, then, each smaller at rest,
+        ``as printed``: largest horizontal acceleration of a sample since the last epoch, m/s^2
+        (eq (1)); ``mean of 0.25 s``: the same of its running mean, with the tilt read again at
+        rest; over the last two seconds ``variance``: standard deviation of the specific force,
+        m/s^2; ``SHOE``: root of its statistic (Skog et al.), with gravity's size and the bias by
+        block 2 known; ``short means``: root of the statistic of `RestDetector`.
+    """
+    rows = [
+        {"speed_m_s": epoch.speed, "mean of 0.25 s": peak} | found
+        for epoch, peak, found in _watched(timeline, Options(fusion=False))
+    ]
+    printed = Options(fusion=False, rest_blocks=0, accel_tau_s=0.0)
+    peaks = [peak for _, peak, _ in _watched(timeline, printed)]
+    return pd.DataFrame(rows).assign(**{"as printed": peaks})
+
+
+def _watched(timeline, options):
+    """Yield for each epoch the largest norm of block 3, and the statistics of the last window."""
+    peak = [0.0]
+
+    class Watched(StaticTest):
+        def accelerate(self, ax, ay, dt):
+            moving = super().accelerate(ax, ay, dt)
+            peak[0] = max(peak[0], self.norm)
+            return moving
+
+    window: list = []
+    for epoch, _, device, given in stepped(timeline, options):
+        if type(device.static) is StaticTest:
+            device.static.__class__ = Watched
+        window = [s for s in window + given if s[0] > epoch.t_s - WINDOW_S]
+        found = dict.fromkeys(("variance", "SHOE", "short means"), np.nan)
+        if len(window) > 1 and device.attitude.ready and device.rest:
+            force = np.array([s[2] for s in window])
+            rate = np.array([s[1] for s in window]) - device.attitude.bias.x
+            mean = force.mean(axis=0)
+            up = STANDARD_GRAVITY * mean / np.linalg.norm(mean)
+            turning = np.sum(rate**2, axis=1) / SIGMA_RATE**2
+            found["variance"] = np.sqrt(force.var(axis=0).sum())
+            moved = np.sum((force - up) ** 2, axis=1) / SIGMA_FORCE**2
+            found["SHOE"] = np.sqrt((moved + turning).mean())
+            found["short means"] = np.sqrt(device.rest.statistic)
+        yield epoch, peak[0] if given else np.nan, found
+        peak[0] = 0.0
+
+
+def receiver_operating(
+    values: np.ndarray, stopped: np.ndarray, moving: np.ndarray, points: int = 40
+) -> pd.DataFrame:
+    """Compute how many stopped and moving epochs lie under each threshold.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Statistic of each epoch, smaller at rest; NaN counts as large.
+    stopped, moving : ndarray of bool, shape (n,)
+    points : int
+        Thresholds: quantiles of the values of both.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``threshold``, shares ``stopped`` and ``moving`` that lie under it.
+    """
+    values = np.where(np.isfinite(values), values, np.inf)
+    both = [values[at][np.isfinite(values[at])] for at in (stopped, moving)]
+    shares = np.linspace(0, 1, points)
+    at = np.unique(np.concatenate([np.quantile(v, shares) for v in both if len(v)]))
+    under = [[float((values[which] <= x).mean()) for x in at] for which in (stopped, moving)]
+    return pd.DataFrame({"threshold": at, "stopped": under[0], "moving": under[1]})
+
+
+def bridged(
+    timeline: Timeline,
+    *,
+    lengths: Sequence[float] = (10.0, 30.0, 60.0),
+    every_s: float = 15.0,
+    fastest_stop: float = 3.0,
+) -> pd.DataFrame:
+    """Take the fixes away again and again, and see where each way of bridging ends.
+
+    The whole device runs with its block 6, and with the filter for cars; at each start a copy of it
+    goes on without fixes. Block 4 is off, for it holds.
+
+    Parameters
+    ----------
+    timeline : Timeline
+        With GNSS and IMU; its fixes are the truth.
+    lengths : sequence of float
+        Of the outages, s.
+    every_s : float
+        Between two starts, s.
+    fastest_stop : float
+        Outages begin above this speed, m/s, once the mounting angle is known.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row an outage and length: ``t_s``, ``seconds``, ``speed_m_s`` at its start; at its end
+        the errors of ``holding``, ``constant velocity``, ``block 6`` and ``with wheels`` (m), and
+        the squared error over the variances of filter and fix, ``block 6 nees``, ``with wheels
+        nees``.
+    """
+    found: dict[tuple[float, float], dict[str, float]] = {}
+    for name, wheels in (("block 6", False), ("with wheels", True)):
+        options = Options(low_pass=False, constrained=wheels, bridge_s=2 * max(lengths))
+        steps: list[tuple] = []
+        last = -np.inf
+        for epoch, row, device, given in stepped(timeline, options):
+            for since in steps:
+                _without_fixes(since, epoch, given, lengths, name, found)
+            steps = [s for s in steps if epoch.t_s - s[1].t_s < max(lengths)]
+            known = device.mounting.mount is not None and device.fusion.started
+            fast = row["accepted"] and epoch.speed > fastest_stop
+            if known and fast and epoch.t_s - last >= every_s:
+                last = epoch.t_s
+                steps.append((copy.deepcopy(device), epoch))
+    table = pd.DataFrame(
+        [{"t_s": t, "seconds": seconds} | errors for (t, seconds), errors in found.items()]
+    )
+    return table.dropna().reset_index(drop=True)
+
+
+def _without_fixes(since, epoch, given, lengths, name, found):
+    """Carry a device through an epoch without its fix; note its error where an outage ends."""
+    device, start = since
+    for sample in given:
+        device.imu(*sample)
+    blank = epoch._replace(fix=None, pdop=np.nan, speed=np.nan, course=np.nan)
+    nn, ne, ee = device.gnss(blank)["ellipse"]
+    for seconds in lengths:
+        if (
+            epoch.fix is None
+            or epoch.pdop > device.options.pdop_gate
+            or abs(epoch.t_s - start.t_s - seconds) >= 0.5
+        ):
+            continue
+        true = np.array(device.frame.ned(epoch.fix)[:2])
+        from_there = np.array(device.frame.ned(start.fix)[:2])
+        ahead = start.speed * np.array([np.cos(start.course), np.sin(start.course)])
+        off = np.array(device.ned[:2]) - true
+        sigma = 0.0 if np.isnan(epoch.pdop) else device.options.metres_per_pdop * epoch.pdop
+        S = np.array([[nn + sigma**2, ne], [ne, ee + sigma**2]])
+        row = found.setdefault((start.t_s, seconds), {"speed_m_s": start.speed})
+        row["holding"] = np.hypot(*(from_there - true))
+        row["constant velocity"] = np.hypot(*(from_there + ahead * (epoch.t_s - start.t_s) - true))
+        row[name] = np.hypot(*off)
+        row[f"{name} nees"] = off @ np.linalg.solve(S, off)
 
 
 def mounting_ride(ride: Scenario) -> dict:

@@ -116,6 +116,37 @@ def replay(
     return Track(columns, summary, device.last.snapshot, notes, table.rename(columns=units))
 
 
+def stepped(timeline, options):
+    """Run a log epoch by epoch, for what needs to look inside the device.
+
+    Parameters
+    ----------
+    timeline : analysis.logs.timeline.Timeline
+        With GNSS and IMU.
+    options : Options
+
+    Yields
+    ------
+    epoch : Epoch
+    row : dict
+        What the device put out.
+    device : Device
+        Its state after the epoch.
+    samples : list
+        The IMU samples since the epoch before, as `Device.imu` takes them.
+    """
+    device, given = Device(options, None, True), []
+    samples = _samples(timeline.imu, options.number)
+    sample = next(samples, None)
+    for epoch in _epochs(timeline.gnss, timeline.imu):
+        given = []
+        while sample is not None and sample[0] <= epoch.t_s:
+            given.append(sample)
+            device.imu(*sample)
+            sample = next(samples, None)
+        yield epoch, device.gnss(epoch), device, given
+
+
 def _samples(imu, number):
     """Return time, rotation rate and specific force of each sample, scalars of the number type."""
     if imu is None:
