@@ -1,5 +1,6 @@
 """Cells of a study: the same on one core, on two, and on a cluster, and kept whatever happens."""
 
+import logging
 import os
 import signal
 import sqlite3
@@ -12,7 +13,7 @@ import pytest
 
 from analysis import WrongUsage
 from analysis.cli import main
-from analysis.studies import readings
+from analysis.studies import coverage, readings
 from analysis.studies.cells import Cells, compute
 from analysis.terrain.which_reading import FACTORS
 
@@ -44,13 +45,23 @@ def test_workers_do_not_change_a_bit(tmp_path):
 
 
 def test_a_cluster_goes_on_without_a_killed_worker(tmp_path):
-    """property: real scheduler, two worker processes, one killed in its work: as in one process."""
-    pytest.importorskip("distributed")
+    """property: scheduler and two worker processes, one killed in its work: as in one process.
+
+    The study of coverage takes the same switch, and writes the same table.
+    """
+    distributed = pytest.importorskip("distributed")
     items = [*range(40), str(tmp_path / "killed")]
-    options = {"workers": 2, "scheduler": "local"}
-    found = dict(compute(halve, iter(items), **options))
-    assert (tmp_path / "killed").exists()
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**options, silence_logs=logging.ERROR) as cluster:
+        address = cluster.scheduler_address
+        found = dict(compute(halve, iter(items), scheduler=address))
+        cell = [("midg-yaw", 0.05, 2)]
+        coverage.study(cell, 1, tmp_path / "many", scheduler=address)
+    assert address.startswith("tcp://") and (tmp_path / "killed").exists()
     assert found == {k: 0.0 if isinstance(x, str) else x / 2 for k, x in enumerate(items)}
+    coverage.study(cell, 1, tmp_path / "one")
+    one, many = ((tmp_path / k / "midg-yaw-0.05h.csv").read_bytes() for k in ("one", "many"))
+    assert one == many
 
 
 def test_a_killed_run_loses_nothing(tmp_path):

@@ -167,6 +167,8 @@ class Cells:
 
     def _sentence(self, error):
         """Say what is wrong with the file."""
+        if "unable to open" in str(error):
+            return f"{self._path.name} cannot be opened: may you write into its folder?"
         if "locked" in str(error):
             return f"{self._path.name} is being written by another run: wait for it, or stop it"
         return (
@@ -197,4 +199,10 @@ class Cells:
 
     def put(self, key: str, found: Any) -> None:
         """Keep a finished cell, at once: a killed process does not lose it."""
-        self._file.execute("INSERT OR REPLACE INTO cells VALUES (?, ?)", (key, json.dumps(found)))
+        row = (key, json.dumps(found))
+        try:
+            self._file.execute("INSERT OR REPLACE INTO cells VALUES (?, ?)", row)
+        except sqlite3.DatabaseError as error:
+            raise CannotAnswer(
+                f"{self._path.name} takes no further cell ({error}); those before are kept"
+            ) from error
