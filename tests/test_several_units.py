@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from analysis import store, wrap
+from analysis import CannotAnswer, store, wrap
 from analysis.units import clock_offset, differences, trajectory_metrics
 from analysis.units.comparison import apart
 from analysis.units.events import disagreements
@@ -72,6 +72,19 @@ def test_turin_positions_and_course():
     yaw = np.interp(gnss.t_s, reference.attitude_t_s, whole)
     apart = wrap(np.degrees(np.arctan2(*gnss.velocity.T)) - yaw)[gnss.speed > 3]
     assert np.percentile(np.abs(apart - np.median(apart)), 68) < 1.5  # velocity by differences
+
+
+def test_minutes_of_turin_keep_the_clock():
+    """Published: one clock. A minute of road fits elsewhere too: one of 20 by 34 s."""
+    tracks = store.tracks("turin")
+    found = []
+    for start in np.arange(0.0, 1200, 60):
+        try:
+            pair = (tracks[k].between(start, start + 60) for k in ("reference", "gnss"))
+            found.append(clock_offset(*pair).offset_s.value)
+        except CannotAnswer:  # it stands
+            continue
+    assert len(found) > 10 and np.abs(found).max() < 0.5  # s; the GNSS errs by metres
 
 
 def test_aerobatics():

@@ -32,6 +32,7 @@ COUNTER = 1e-2  # s/s: what stamps may drift that count samples of a nominal rat
 TAILS, ROUNDS = 4.0, 50  # degrees of freedom of the residuals' tails; rounds of the fit
 SAME_JOURNEY = 5.0  # ratio of along- to cross-track scatter beyond which it is another journey
 ALONG_M = 25.0  # along-track scatter that is always allowed
+ALIKE = 2.0  # ratio of scatter within which two fits are alike
 SAME_M = 25.0  # median difference, constant shift taken out, beyond any receiver's error
 FEWEST_SAMPLES = 20  # of common attitudes
 THIN_S = 1.0  # between epochs when lags are compared
@@ -107,7 +108,9 @@ def clock_offset(a: Track, b: Track) -> Clock:
         )
     if not by_position:
         return _by_attitude(a, b, lags[0])
-    best = min(fits, key=lambda fit: fit.scatter)
+    # A short stretch of road fits in many places: of fits about as good, that of most common time.
+    least = min(fit.scatter for fit in fits)
+    best = max((f for f in fits if f.scatter <= ALIKE * least), key=lambda fit: fit.common_s)
     best = _refined(a, b, best.lag) or best
     if best.along > max(ALONG_M, SAME_JOURNEY * best.cross) or best.scatter > SAME_M:
         raise CannotAnswer(
@@ -157,6 +160,7 @@ class _Fit:
     scatter: float  # m, of the position difference
     along: float
     cross: float
+    common_s: float
 
 
 def _best_lags(one, other, least) -> Iterator[float]:
@@ -245,7 +249,7 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
         return None
     along_m, cross_m = (1.4826 * float(np.median(p)) for p in parts)
     scatter = float(np.median(np.hypot(*residual.T)))
-    return _Fit(lag, offset, drift, middle - lag, scatter, along_m, cross_m)
+    return _Fit(lag, offset, drift, middle - lag, scatter, along_m, cross_m, float(np.ptp(t)))
 
 
 def least_squares(x: np.ndarray, d: np.ndarray, prior: np.ndarray) -> tuple:
