@@ -62,7 +62,7 @@ def test_noise_on_the_attitude_is_white_at_every_rate():
     "changes", [{}, {"every": 3}, {"span": 500.0, "drawn_map_error": (0.1, 9)}]
 )
 def test_compiled_filter_equals_numpy(channels, changes):
-    """cross-check: the same laps; one channel to the bit, two to the rounding of a sum."""
+    """cross-check: the same laps to the bit, since a lap that is lost magnifies any rounding."""
     pytest.importorskip("numba")
     setup = Setup.paper(200.0, rate_hz=50.0, **changes)
     sensors = {n: Sensor(n, n) for n in (0.0, 0.002, 0.01)}
@@ -70,9 +70,9 @@ def test_compiled_filter_equals_numpy(channels, changes):
         simulate_laps(road(channels), sensors, setup, runs=5, seed=SEED, compiled=compiled)
         for compiled in (False, True)
     )
-    for name in ("error", "variance", "nis"):
-        one, two = getattr(first, name), getattr(second, name)
-        np.testing.assert_allclose(two, one, rtol=1e-9, atol=1e-9 * np.abs(one).max())
+    for name in ("error", "variance"):
+        np.testing.assert_array_equal(getattr(second, name), getattr(first, name))
+    np.testing.assert_allclose(second.nis, first.nis, rtol=1e-9)  # summed in another order
 
 
 def test_compiled_filter_leaves_out_bias_states():
@@ -249,8 +249,9 @@ def test_the_committed_study_is_simulated_again_the_same():
     """property: two stored readings, laps and all, from this code; as far as they were rounded."""
     study = store.readings()
     assert len(study.sample.levels) >= 2000
-    quick = study.all.levels.query("leg_m == 100 and speed_m_s == 30 and channel != 'both'").index
-    for row in quick[:2]:
+    quick = study.all.levels.query("leg_m == 100 and speed_m_s == 30")
+    for channel in ("pitch", "both"):
+        row = quick.index[quick["channel"] == channel][0]
         found = study.again(row)
         np.testing.assert_allclose(found["value"], found["stored"], rtol=6e-3, equal_nan=True)
         assert (found["inside"] - found["stored_inside"]).abs().max() < 0.0051

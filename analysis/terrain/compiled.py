@@ -1,8 +1,9 @@
 """The filter with one state in compiled code: the steps of `ukf.Ukf`, filter by filter.
 
 numba compiles the loop when it is first used, and keeps it beside this file. It is an extra:
-without it NumPy steps all filters at once (`monte_carlo.follow`), the same to rounding. The filters
-of a run are the innermost loop: none waits for another, so a processor steps several.
+without it NumPy steps all filters at once (`monte_carlo.follow`). The order of every sum is that of
+`ukf.Ukf`, because a lap that is lost magnifies a rounding to metres. The filters of a run are the
+innermost loop: none waits for another, so a processor steps several.
 """
 
 from functools import cache
@@ -159,7 +160,7 @@ def _two_channels(
                 k0 = (cross[0] * s11 - cross[1] * s01) / det
                 k1 = (cross[1] * s00 - cross[0] * s01) / det
                 x[c] = s + k0 * nu[0] + k1 * nu[1]
-                P[c] = p - k0 * cross[0] - k1 * cross[1]
+                P[c] = p - (k0 * cross[0] + k1 * cross[1])
                 square[c] = (
                     nu[0] * nu[0] * s11 - 2 * nu[0] * nu[1] * s01 + nu[1] * nu[1] * s00
                 ) / det
