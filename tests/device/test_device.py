@@ -32,7 +32,7 @@ def real(name):
 
 
 LOGS = {
-    "A, at rest, all layers": lambda: simulated("A", imu_rate=1.0).log,
+    "A, at rest, all layers": lambda: simulated("A", minutes=50, imu_rate=1.0).log,
     "B, laps with an outage": lambda: simulated("B", laps=3).with_outages([(90.0, 110.0)]).log,
     "C, a cold start and a walk": lambda: simulated("C").log,
     "real, a receiver alone": lambda: read_moving([ROOT / "data/raw/gpsd/telit-he910.log"]),
