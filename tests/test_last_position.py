@@ -145,3 +145,10 @@ def test_the_frame_is_that_of_pymap3d(lat):
     north, east, _ = pymap3d.geodetic2ned(*fix, lat, 179.999, 100.0)
     assert frame.ned(fix) == pytest.approx((north, east, -30.0), rel=1e-3)
     assert frame.degrees(frame.ned(fix)) == pytest.approx(fix[:2], abs=1e-12)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e300])
+def test_a_longitude_that_is_no_number_is_no_crash(wrong):
+    """property: block 1 by itself takes it without an error, and not as a position near the last."""
+    block = LastPosition(HOME)
+    assert not block.step(0.0, (44.5, wrong, 60.0), 2.0)

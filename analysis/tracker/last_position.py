@@ -249,6 +249,8 @@ def _norm(a, b):
 
 def _turned(degrees):
     """Bring a difference of longitudes into (-180, 180]."""
+    if -180.0 < degrees <= 180.0 or not -720.0 <= degrees <= 720.0:  # not a number either
+        return degrees
     return degrees - 360.0 * round(degrees / 360.0)
 
 
