@@ -149,6 +149,6 @@ def test_the_frame_is_that_of_pymap3d(lat):
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e300])
 def test_a_longitude_that_is_no_number_is_no_crash(wrong):
-    """property: block 1 by itself takes it without an error, and not as a position near the last."""
+    """property: block 1 by itself takes it without an error, not as one near the last."""
     block = LastPosition(HOME)
     assert not block.step(0.0, (44.5, wrong, 60.0), 2.0)

@@ -140,8 +140,10 @@ class LastPosition:
         if self._first_s is None:
             self._first_s = t_s
         self.gives_pdop = self.gives_pdop or pdop == pdop
+        if pdop > self.gate:
+            return False
         agreed_s = self._agreed(t_s, fix, speed, course) if self.settle_s or self.doubt_s else 0.0
-        if not self._passes(t_s, pdop):
+        if not self._passes(pdop, t_s):
             return False
         here = Stored(fix[0], fix[1], fix[2], t_s, pdop)
         moved = apart = 0.0
@@ -166,10 +168,10 @@ class LastPosition:
         self._save(here, speed)
         return True
 
-    def _passes(self, t_s, pdop):
-        """Apply the gate. A receiver that gives no PDOP shows it within some seconds."""
+    def _passes(self, pdop, t_s):
+        """Return whether the PDOP is known, or the receiver has had some seconds to give one."""
         if pdop == pdop or self.gate == math.inf:
-            return not pdop > self.gate
+            return True
         return not self.gives_pdop and t_s - self._first_s >= PDOP_WAIT_S
 
     def _doubted(self, mode, satellites):
