@@ -410,6 +410,9 @@ def replay(
     table: Annotated[
         Texts, _option("NAME", "Which of several IMUs or receivers; may be repeated.")
     ] = None,
+    car: Annotated[
+        bool, _flag("--car", "A car: bridge outages with its wheels' constraint, not by block 6.")
+    ] = False,
     float32: Annotated[bool, _flag("--float32", "Run the filters in single precision.")] = False,
     **reading,
 ):
@@ -473,7 +476,8 @@ def replay(
             "position, so there is nothing to replay"
         )
     off: dict[str, Any] = {block.replace("-", "_"): False for block in without or ()}
-    options = Options(number=np.float32 if float32 else float, **off)
+    number = np.float32 if float32 else float
+    options = Options(number=number, constrained=car, **off)
     track = replay_log(inject_outages(log, outages), options, stored, progress=True)
     with writing(out):
         page.write(track, out)

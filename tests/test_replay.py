@@ -595,7 +595,7 @@ def test_command_switches(tmp_path, cold):
     paths = as_csv(cold.log, tmp_path)
     status, _, err = run(
         "replay", *paths, "--out", tmp_path / "out", "--without", "low-pass", "--without",
-        "mounting", "--outage", "200:220", "--float32",
+        "mounting", "--outage", "200:220", "--float32", "--car",
     )  # fmt: skip
     assert (status, err) == (0, "")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
