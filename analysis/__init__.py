@@ -334,7 +334,7 @@ class Estimate:
 
         def number(x):
             x *= factor
-            if not width or not 1e-5 <= max(size, *map(abs, ends)) < 1e6:
+            if not width or not 1e-5 <= size < 1e6:
                 return engineering(x)
             least = min(width, around_zero or abs(x)) / 5
             place = max(_order(least), _order(max(least, abs(x))) - 5)
