@@ -382,7 +382,7 @@ def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, words):
 
 
 def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
-    """Property: a lap off the map, and one against its direction, have a sentence each."""
+    """Property: a lap off the map, one against its direction, a missing file: a sentence each."""
     away = van_on("ccw", slice(0, 300))
     away[:, 200:] += [40.0, 60.0, 0.0]
     path = write_log(tmp_path / "mine.mat", away)
@@ -398,6 +398,8 @@ def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
         store.lap_and_map(other, "ccw")
     with pytest.raises(WrongUsage, match="no direction 'north'; there are: ccw, cw"):
         store.lap_and_map(path, "north")
+    with pytest.raises(CannotAnswer, match=r"^missing\.mat: no such file$"):
+        store.lap_and_map(tmp_path / "missing.mat", "ccw")
     with pytest.raises(WrongUsage, match="no lap 'x'"):
         store.lap("x")
 

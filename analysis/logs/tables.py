@@ -69,6 +69,8 @@ def reading(path: Path, title: str, instead: str = "copy it again") -> Iterator[
         yield
     except (CannotAnswer, WrongUsage):
         raise
+    except FileNotFoundError as error:
+        raise CannotAnswer(f"{path.name}: no such file") from error
     except MemoryError as error:
         raise CannotAnswer(f"{path.name}: too large for the memory of this machine") from error
     except Exception as error:  # libraries raise what they like on damaged bytes
