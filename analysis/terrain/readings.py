@@ -462,7 +462,8 @@ class Setup:
         """Give the attributes as plain numbers and words, for the provenance of a figure."""
         return asdict(self) | {"R": self.R and round(self.R, 6)}
 
-    def drift_sd(self, sensor: Sensor) -> float:
-        """Standard deviation of a sensor's attitude error at the end of the lap, deg."""
-        end = attitude_variance(self.seconds, *sensor[:2], self.corr_time, start=self.start)
+    def drift_sd(self, sensor: Sensor, seconds: float | None = None) -> float:
+        """Standard deviation of a sensor's attitude error after a time or at the lap's end, deg."""
+        t = self.seconds if seconds is None else seconds
+        end = attitude_variance(t, *sensor[:2], self.corr_time, start=self.start)
         return float(np.sqrt(end))

@@ -26,7 +26,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2
 
 from analysis.terrain.monte_carlo import advance, attitude_errors, filters_of
-from analysis.terrain.readings import Sensor, Setup, attitude_variance
+from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.real_laps import Lap, MapError, resample_lap
 from analysis.terrain.terrain_map import AttitudeMap, Profile
 
@@ -127,8 +127,8 @@ def watch(
             sure = best > SURE and explained > EXPLAINED and abs(begun - before) < SAME
             if is_lost and sure:
                 is_lost, here = False, likely
-                drift = attitude_variance(at[k] / setup.rate_hz, *sensor[:2], setup.corr_time)
-                known = float(np.sqrt(setup.begin_attitude_sd**2 + drift))
+                drift = setup.drift_sd(sensor, at[k] / setup.rate_hz)
+                known = float(np.hypot(setup.begin_attitude_sd, drift))
                 again = replace(found_again, begin_attitude_sd=known)
                 ukf, Q = filters_of(attitude_map, again, arw, sigma_b, np.array([here]))
                 found.append(int(at[k]))
@@ -178,7 +178,7 @@ def likelihood(averaged, readings, driven, sensor, setup, places):
         return sums[kept] / count[kept]
 
     t, s = means(np.arange(len(back)) / setup.rate_hz), means(back)
-    before = attitude_variance(begin / setup.rate_hz, *sensor[:2], setup.corr_time)
+    before = setup.drift_sd(sensor, begin / setup.rate_hz) ** 2
     sd, length = setup.map_error or (0.0, 1.0)
     C = (
         setup.begin_attitude_sd**2
