@@ -21,7 +21,7 @@ from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
 from analysis.noise.models import FLICKER, adev_of_terms
 from analysis.terrain.monte_carlo import quantiles
-from analysis.units.comparison import Comparison, Pair
+from analysis.units.side_by_side import Comparison, Pair
 
 __all__ = [
     "against_price",
@@ -496,7 +496,7 @@ def units_tracks(found: Comparison) -> Figure:
 
     Parameters
     ----------
-    found : analysis.units.comparison.Comparison
+    found : analysis.units.side_by_side.Comparison
 
     Returns
     -------
@@ -532,7 +532,7 @@ def units_differences(pair: Pair, zero: float) -> Figure:
 
     Parameters
     ----------
-    pair : analysis.units.comparison.Pair
+    pair : analysis.units.side_by_side.Pair
     zero : float
         Time that counts as zero, s.
 

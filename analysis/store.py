@@ -45,9 +45,9 @@ from analysis.terrain import AttitudeMap, IsoRoad, terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.centre_line import CentreLine
 from analysis.terrain.monte_carlo import ErrorPlane
+from analysis.terrain.open_choices import JudgedReadings, ReadingStudy, Roads
 from analysis.terrain.real_laps import Lap, MapError, lay_on_line
 from analysis.terrain.terrain_map import Profile
-from analysis.terrain.which_reading import JudgedReadings, ReadingStudy, Roads
 from analysis.units.frame import Track
 
 __all__ = [

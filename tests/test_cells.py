@@ -15,7 +15,7 @@ from analysis import WrongUsage
 from analysis.cli import main
 from analysis.studies import coverage, readings
 from analysis.studies.cells import Cells, compute
-from analysis.terrain.which_reading import FACTORS
+from analysis.terrain.open_choices import FACTORS
 
 VARIED = ("noise", "channel", "mean")
 FEW = [f"{name}={of[0]}" for name, of in FACTORS.items() if name not in VARIED]

@@ -5,7 +5,7 @@ import pytest
 
 from analysis import WrongUsage
 from analysis.noise import models
-from analysis.terrain import readings
+from analysis.terrain import assumptions
 
 SEED = 20110
 
@@ -15,18 +15,18 @@ def streams(runs):
     return np.random.SeedSequence(SEED).spawn(runs)
 
 
-@pytest.mark.parametrize("start", readings.STARTS)
+@pytest.mark.parametrize("start", assumptions.STARTS)
 @pytest.mark.parametrize("corr_time", [0.5, 20.0, 200.0, np.inf])
 def test_attitude_error_has_its_closed_form_variance(start, corr_time):
     """analytic: N^2 t + B^2 g(t), whatever the sampling interval, from both starts."""
     runs, n = 3000, 41
     for dt in (0.05, 1.0):
-        walk, bias = readings.unit_paths(n, dt, corr_time, streams(runs), start=start)
+        walk, bias = assumptions.unit_paths(n, dt, corr_time, streams(runs), start=start)
         for k in (1, 7, 40):
             t = k * dt
             # The variance of 3000 Gaussians is known to 2.6 %; four of those.
             assert walk[k].var() == pytest.approx(t, rel=0.11)
-            expected = readings.attitude_variance(t, 0.0, 1.0, corr_time, start=start)
+            expected = assumptions.attitude_variance(t, 0.0, 1.0, corr_time, start=start)
             assert (bias[k] ** 2).mean() == pytest.approx(float(expected), rel=0.11, abs=1e-12)
             together = (walk[k] * bias[k]).mean()  # independent: four sigma of 3000
             assert abs(together) <= 0.08 * np.sqrt(t * expected)
@@ -37,7 +37,7 @@ def test_integrated_bias_is_the_sum_of_a_bias_sampled_finely():
     dt, n, runs, corr_time = 0.01, 3000, 400, 5.0
     b = models.gauss_markov(n, dt, 1.0, corr_time, np.random.default_rng(SEED), runs=runs)
     summed = b.sum(axis=1) * dt
-    _, ours = readings.unit_paths(n + 1, dt, corr_time, streams(runs), start="stationary")
+    _, ours = assumptions.unit_paths(n + 1, dt, corr_time, streams(runs), start="stationary")
     # Two standard deviations of 400 runs: 3.5 % each, four sigma of the ratio.
     assert ours[-1].std() / summed.std() == pytest.approx(1.0, rel=0.2)
 
@@ -45,16 +45,16 @@ def test_integrated_bias_is_the_sum_of_a_bias_sampled_finely():
 def test_variance_of_short_times_keeps_its_digits():
     """analytic: for t << T_c the zero-started bias gives (2 / T_c) t^3 / 3."""
     t = np.array([1e-4, 1e-2, 0.5])
-    found = readings.attitude_variance(t, 0.0, 1.0, 200.0)
+    found = assumptions.attitude_variance(t, 0.0, 1.0, 200.0)
     assert found == pytest.approx(2 / 200 * t**3 / 3, rel=3e-3)
-    beside = readings.attitude_variance(np.array([1.999, 2.001]), 0.0, 1.0, 200.0)  # series, closed
+    beside = assumptions.attitude_variance(np.array([1.999, 2.001]), 0.0, 1.0, 200.0)  # series
     assert beside[1] / beside[0] == pytest.approx((2.001 / 1.999) ** 3, rel=1e-4)
 
 
 def test_runs_do_not_depend_on_each_other():
     """property: run k is the same in any company, and its first half in a longer run is too."""
-    one = readings.unit_paths(50, 0.01, 200.0, streams(7)[3:4])
-    all_ = readings.unit_paths(50, 0.01, 200.0, streams(7))
+    one = assumptions.unit_paths(50, 0.01, 200.0, streams(7)[3:4])
+    all_ = assumptions.unit_paths(50, 0.01, 200.0, streams(7))
     for alone, together in zip(one, all_, strict=True):
         assert np.array_equal(alone[:, 0], together[:, 3])
         assert np.all(together[0] == 0)
@@ -64,12 +64,12 @@ def test_high_pass_removes_a_constant_and_keeps_what_is_fast():
     """analytic: a constant goes to 0; an oscillation far above the corner passes whole."""
     t = np.arange(0, 20, 0.01)
     fast = np.sin(2 * np.pi * 10 * t)
-    left = readings.high_pass(3.0 + fast, 0.01, 1.0)
-    assert np.abs(readings.high_pass(np.full((100, 2), 3.0), 0.01, 1.0)).max() < 1e-12
+    left = assumptions.high_pass(3.0 + fast, 0.01, 1.0)
+    assert np.abs(assumptions.high_pass(np.full((100, 2), 3.0), 0.01, 1.0)).max() < 1e-12
     assert left[1000:].std() == pytest.approx(fast[1000:].std(), rel=0.02)  # |1 / (1 + 1/j63)|
 
 
 def test_an_unknown_start_is_refused():
     """property: a start that does not exist is named, with those that do."""
     with pytest.raises(WrongUsage, match="zero, stationary, turn-on, not 'warm'"):
-        readings.unit_paths(3, 0.01, 200.0, streams(1), start="warm")
+        assumptions.unit_paths(3, 0.01, 200.0, streams(1), start="warm")

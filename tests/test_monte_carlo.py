@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from analysis import CannotAnswer
 from analysis.terrain import monte_carlo
-from analysis.terrain.readings import Sensor, Setup
+from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
 
 SEED = 20112

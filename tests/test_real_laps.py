@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from analysis import CannotAnswer, store
+from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.point_mass import compare_filters
-from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.real_laps import MapError, resample_lap, track_real_laps
 
 LAP = "17-39-12"  # the one with the longest dropout

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis import store
-from analysis.terrain.readings import Sensor, Setup
+from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.relocate import averaged_map, likelihood, watch, watch_real_laps
 from analysis.terrain.terrain_map import AttitudeMap
 

@@ -7,8 +7,8 @@ import pytest
 
 from analysis import CannotAnswer, store, wrap
 from analysis.units import clock_offset, differences, trajectory_metrics
-from analysis.units.comparison import apart
 from analysis.units.events import disagreements
+from analysis.units.side_by_side import apart
 
 
 def test_parkway_baselines():

@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import linregress
 
 from analysis import DATA, CannotAnswer, Estimate, store
+from analysis.terrain.assumptions import Sensor, sensor_table
 from analysis.terrain.monte_carlo import resample
-from analysis.terrain.readings import Sensor, sensor_table
 from analysis.terrain.trends import (
     PowerLaw,
     Trend,

@@ -6,8 +6,8 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.terrain import point_mass
+from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import nees_bounds
-from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap, Profile
 from analysis.terrain.ukf import Ukf, bias_state_matrices
 

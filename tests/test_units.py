@@ -26,8 +26,8 @@ from analysis.units import (
     trajectory_metrics,
     unit_variances,
 )
-from analysis.units.comparison import apart
 from analysis.units.events import disagreements
+from analysis.units.side_by_side import apart
 
 HOME = (46.2, 6.1, 400.0)
 NONE = np.empty(0)

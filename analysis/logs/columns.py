@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import STANDARD_GRAVITY, WrongUsage
-from analysis.logs import clock
+from analysis.logs import times
 
 _UNITS_OF_KIND = {
     "rate": ("deg/s", "rad/s", "deg/h"),
@@ -238,7 +238,7 @@ def meaning(name: str) -> tuple[str | None, str | None]:
             return kind, said
     if parts[-1:] == ["acc"] and set(parts[:-1]) & _ESTIMATED:
         return None, "an accuracy"
-    if clock.is_time(name):
+    if times.is_time(name):
         return None, "a time"
     if axis and "heading" in parts:  # the magnetometer of a phone
         return None, "another quantity"
@@ -719,8 +719,8 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
     for name in frame:
         (named, other), (base, unit) = meaning(name), split(name)
         warm = temperature(frame, [name]) if name in numeric else None
-        if clock.is_time(name):
-            found.append((name, "time", clock.unit_of(name) or "", "its name"))
+        if times.is_time(name):
+            found.append((name, "time", times.unit_of(name) or "", "its name"))
         elif name not in numeric:
             found.append((name, "text", "", "its cells"))
         elif warm:

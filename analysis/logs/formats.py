@@ -22,7 +22,7 @@ from defusedxml import ElementTree
 from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.logs import archives, clock, columns, delimited, matrices, nmea, robot_logs
+from analysis.logs import archives, columns, delimited, matrices, nmea, robot_logs, times
 from analysis.logs.delimited import Table
 from analysis.logs.grid import BadStamps
 from analysis.logs.tables import Part, choose, listed, of_arrays, paired, reading
@@ -347,7 +347,7 @@ def _needed(chosen: Sequence[Part], wanted: Sequence[Any] | None, stanza: dict) 
     there = [name for part in chosen for name in part.columns]
     if not wanted or not set(wanted) <= set(there):
         return None
-    sides = [n for n in there if clock.is_time(n) or columns.meaning(n)[1] == "a temperature"]
+    sides = [n for n in there if times.is_time(n) or columns.meaning(n)[1] == "a temperature"]
     return [*wanted, *sides, stanza.get("time")]
 
 
@@ -390,17 +390,17 @@ def contents(
     listing, errors = [], []
     for part in parts_of(path, known):
         try:
-            frame = clock.joined(part.load(None).frame)
+            frame = times.joined(part.load(None).frame)
         except (CannotAnswer, WrongUsage) as error:  # the names are known all the same
             errors.append(error)
             told = columns.described(pd.DataFrame(columns=[*part.columns], dtype=float), "its name")
             listing.append((f"{part.name}: cannot be read: {error}", told))
             continue
         told = columns.described(columns.sample(frame, list(frame)), part.told_by)
-        title, time = f"{part.name}: {len(frame):,} rows", clock.time_column(frame)
+        title, time = f"{part.name}: {len(frame):,} rows", times.time_column(frame)
         if time is not None and len(frame) > 1:
             with contextlib.suppress(CannotAnswer, WrongUsage, BadStamps):
-                since = clock.stamps(time, frame[time].to_numpy()).since_s
+                since = times.stamps(time, frame[time].to_numpy()).since_s
                 span = float(np.nanmax(since) - np.nanmin(since))
                 title += f", {span:.6g} s, {(len(since) - 1) / span:.6g} Hz" if span > 0 else ""
         listing.append((title, told))

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import STANDARD_GRAVITY, CannotAnswer, WrongUsage, wrap
-from analysis.logs import clock, columns, datasets, delimited, formats, nmea
+from analysis.logs import columns, datasets, delimited, formats, nmea, times
 from analysis.logs.archives import EXPORT
 from analysis.logs.catalogue import find
 from analysis.logs.tables import Part, ask, interpolated, named
@@ -125,7 +125,7 @@ def read_moving(
             theirs = {"GNSS": which}
         else:
             new, theirs, again, more = _read_parts(path, wanted[path], given, tables)
-        if again and clock.DEVICE in theirs.values() and len(paths) > 1:
+        if again and times.DEVICE in theirs.values() and len(paths) > 1:
             raise CannotAnswer(
                 f"{path.name}: its clock starts again {len(again)} times, so that no other log can "
                 "be matched to it; cut the logs there and give the parts of one start"
@@ -228,21 +228,21 @@ def _shift(gnss, imu, clocks, offset, notes, start) -> float:
         notes.append(f"the IMU log starts {offset:g} s after the first GNSS epoch, by --imu-offset")
         return float(gnss.t_s[0] - imu.t_s[0]) + offset
     both = clocks["GNSS"], clocks["IMU"]
-    if both == (clock.DEVICE, clock.DEVICE):
+    if both == (times.DEVICE, times.DEVICE):
         notes.append("GNSS and IMU stamps taken as of one clock, that of the device")
-    if both in ((clock.DEVICE, clock.DEVICE), (clock.UNIX, clock.UNIX)):
+    if both in ((times.DEVICE, times.DEVICE), (times.UNIX, times.UNIX)):
         return 0.0
-    if clock.DEVICE in both:
+    if times.DEVICE in both:
         raise WrongUsage(
             "the stamps of the IMU and of the GNSS log are of different clocks; say --imu-offset "
             "S, the seconds from the first GNSS epoch to the first IMU sample"
         )
-    if start and both == (clock.DAY, clock.UNIX):
+    if start and both == (times.DAY, times.UNIX):
         notes += _dates_apart(gnss, imu, start)
     notes.append("GNSS and IMU matched by the time of day, UTC")
     # With a time of day, whole days are unknown; a rolled-over date does no harm either.
-    days = np.round((np.nanmedian(gnss.t_s) - np.nanmedian(imu.t_s)) / clock.SECONDS_PER_DAY)
-    return float(days * clock.SECONDS_PER_DAY)
+    days = np.round((np.nanmedian(gnss.t_s) - np.nanmedian(imu.t_s)) / times.SECONDS_PER_DAY)
+    return float(days * times.SECONDS_PER_DAY)
 
 
 def _dates_apart(gnss, imu, start) -> Iterator[str]:
@@ -292,12 +292,12 @@ def _read_parts(
         mine, said = wanted, given
         if len(parts) > 1:
             mine = {k: v for k, v in wanted.items() if v.removeprefix("-") in table.frame}
-            time = clock.time_column(table.frame)
-            if time and clock.unit_of(time):  # the flag is for another table
+            time = times.time_column(table.frame)
+            if time and times.unit_of(time):  # the flag is for another table
                 said = given | {"time_unit": None}
         new, which, again, more = _read_table(table, mine, said)
         if some[0].told_by == nmea.STANDARD:
-            which = clock.DAY
+            which = times.DAY
         if "IMU" in new and some[0].told_by == EXPORT:
             new["IMU"] = _level(new["IMU"], more)
         read |= new
@@ -349,15 +349,15 @@ def _read_table(
     """Read a table: its GNSS epochs and IMU samples, the clock of its stamps, restarts, notes."""
     file = table.file
     table = replace(table, frame=_rename(table.frame, wanted, file))
-    time = clock.time_column(table.frame)
+    time = times.time_column(table.frame)
     header, there = f"{file}, line 1", f"there are: {', '.join(table.frame)}"
     if time is None:
         raise WrongUsage(f"{header}: no column is named as time; say --columns t_s=COLUMN; {there}")
-    with clock.stamp_errors_at(table, time):
-        stamps = clock.stamps(time, table.frame[time].to_numpy(), unit=given["time_unit"])
+    with times.stamp_errors_at(table, time):
+        stamps = times.stamps(time, table.frame[time].to_numpy(), unit=given["time_unit"])
     notes = [f"{file}: {note}" for note in (*table.repairs, *stamps.notes)]
     known = _measurements(table.frame.drop(columns=time))
-    t, again = clock.continued(stamps.since_s + stamps.zero_s)
+    t, again = times.continued(stamps.since_s + stamps.zero_s)
     if len(again):
         place = table.place(again[0], time)
         notes.append(f"{place}: the clock starts again, here first: {len(again) + 1} starts")
@@ -402,7 +402,7 @@ def _gnss(table, time, t, known, notes) -> Gnss:
                 last = t[row]
         notes.append(f"{file}: a position is held over rows: {len(keep):,} epochs where it changes")
         rows = rows[keep]
-    at = rows[clock.rising(t[rows], lambda k: table.place(rows[k], time), notes)]
+    at = rows[times.rising(t[rows], lambda k: table.place(rows[k], time), notes)]
 
     def column(meaning):
         return data[meaning][at] if meaning in data else np.full(len(at), np.nan)
@@ -451,7 +451,7 @@ def _imu(table, time, t, known, notes, given) -> Imu:
     if len(rows) < len(readings) and "lat" not in known:
         share = 1 - len(rows) / len(readings)
         notes.append(f"{table.file}: {share:.1%} of the IMU rows lack a reading, left out")
-    rows = rows[clock.rising(t[rows], lambda k: table.place(rows[k], time), notes, IMU_GAPS)]
+    rows = rows[times.rising(t[rows], lambda k: table.place(rows[k], time), notes, IMU_GAPS)]
     if len(rows) < 2:
         raise CannotAnswer(f"{table.file}: a single IMU sample")
     gyro, accel = readings[rows, :3], readings[rows, 3:]
@@ -472,7 +472,7 @@ def _attitude(table, time, t, known, notes, given) -> Attitude:
             unit = column[1] or given["unit"].get("angle", "deg")
             angle[:] = table.frame[column[0]] * (np.degrees(1.0) if unit == "rad" else 1.0)
     rows = np.flatnonzero(np.isfinite(angles).any(axis=0) & np.isfinite(t))
-    rows = rows[clock.rising(t[rows], lambda k: table.place(rows[k], time), [], IMU_GAPS)]
+    rows = rows[times.rising(t[rows], lambda k: table.place(rows[k], time), [], IMU_GAPS)]
     return Attitude(t[rows], *angles[:, rows])
 
 
@@ -508,7 +508,7 @@ def _rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFr
 
 def _meaning(name: str) -> tuple[str | None, str | None]:
     """Return meaning and unit of a column's name (None, None if unknown)."""
-    if clock.is_time(name):
+    if times.is_time(name):
         return "time", None
     base, unit = columns.split(name)
     base = base.strip().lower()

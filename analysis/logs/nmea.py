@@ -22,7 +22,7 @@ from pynmeagps import (
 )
 
 from analysis import CannotAnswer
-from analysis.logs import clock
+from analysis.logs import times
 from analysis.logs.delimited import Table, content
 from analysis.logs.grid import BadStamps
 from analysis.logs.tables import Part
@@ -194,7 +194,7 @@ def read_table(path: Path) -> Table:
         )
     frame = rows[[*_FIELDS["GGA"], "pdop"]].fillna({"quality": 0.0, "satellites": 0.0})
     frame.loc[frame["quality"] == 0, [*_POSITION, "height_m", "separation_m"]] = np.nan
-    frame.insert(0, "t_s", clock.unwrap_clock(rows["time"].to_numpy()))
+    frame.insert(0, "t_s", times.unwrap_clock(rows["time"].to_numpy()))
     repairs = []
     if wrong:
         repairs.append(f"{wrong} GGA or GSA sentences with a wrong checksum or content left out")
@@ -222,7 +222,7 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[float], list[str]
     Gnss
         ``t_s`` on the clock.
     str
-        The clock: that of the receiver (`clock.DAY`), or that of a host's stamps.
+        The clock: that of the receiver (`times.DAY`), or that of a host's stamps.
     str or None
         Date and time of the first epoch, if the receiver states it.
     list of float
@@ -262,12 +262,12 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[float], list[str]
     t, which = _host_time(raw, found, notes, path.name)
     if t is None:
         t, again = _receiver_time(found, place, notes)
-        which = clock.DAY
+        which = times.DAY
     else:
-        t, again = clock.continued(t)
+        t, again = times.continued(t)
     banners = [match.start() for match in _BANNER.finditer(raw)]
     again = np.union1d(again, np.searchsorted(found["offset"], banners)).astype(int)
-    keep = clock.rising(t, place, notes)
+    keep = times.rising(t, place, notes)
     starts = np.searchsorted(keep, again[(again > 0) & (again < len(t))])
     t, found, lines = t[keep], found.iloc[keep], lines[keep]
     starts = np.unique(starts[(starts > 0) & (starts < len(t))])
@@ -292,7 +292,7 @@ def _host_time(raw: bytes, found, notes, name) -> tuple[np.ndarray | None, str]:
         column = pd.to_numeric(column).astype(float)
         unit = _host_unit(column, found["time"].to_numpy())
     try:
-        stamps = clock.stamps(f"host time stamp{unit}", column)
+        stamps = times.stamps(f"host time stamp{unit}", column)
     except BadStamps:
         return None, ""
     t = stamps.since_s + stamps.zero_s
@@ -313,7 +313,7 @@ def _host_unit(column: np.ndarray, day: np.ndarray) -> str:
     if not len(steps):
         return ""
     ratio = np.median(steps)
-    return min(("_s", "_ms", "_us"), key=lambda u: abs(np.log(ratio * clock.SCALES[u[1:]])))
+    return min(("_s", "_ms", "_us"), key=lambda u: abs(np.log(ratio * times.SCALES[u[1:]])))
 
 
 def _receiver_time(found, place, notes) -> tuple[np.ndarray, list[int]]:
@@ -336,9 +336,9 @@ def _receiver_time(found, place, notes) -> tuple[np.ndarray, list[int]]:
         notes.append(f"{place(0)}: no time of day in the whole log: one epoch a second assumed")
         return np.arange(len(day), dtype=float), []
     steps = np.diff(day[known])
-    over_midnight = (steps < 0) & (steps + clock.SECONDS_PER_DAY < LEAP_S)
-    steps += clock.SECONDS_PER_DAY * over_midnight
-    steps -= clock.SECONDS_PER_DAY * (steps > clock.SECONDS_PER_DAY / 2)  # rather hours back
+    over_midnight = (steps < 0) & (steps + times.SECONDS_PER_DAY < LEAP_S)
+    steps += times.SECONDS_PER_DAY * over_midnight
+    steps -= times.SECONDS_PER_DAY * (steps > times.SECONDS_PER_DAY / 2)  # rather hours back
     t, again = day.copy(), []
     t[known[1:]] = day[known[0]] + np.cumsum(steps)
     interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.logs import clock, columns, datasets, formats
+from analysis.logs import columns, datasets, formats, times
 from analysis.logs import grid as grids
 from analysis.logs.catalogue import check_unit, find
 from analysis.logs.columns import Choice
@@ -227,8 +227,8 @@ def _stretch(table: Table, option: dict):
         Seconds since the first row of the file; None if the stamps are not used.
     notes : list of str
     """
-    file, frame, rate, notes = table.file, clock.joined(table.frame), option.get("rate_hz"), []
-    time = clock.time_column(frame)
+    file, frame, rate, notes = table.file, times.joined(table.frame), option.get("rate_hz"), []
+    time = times.time_column(frame)
     if "time" in option:
         time = columns.resolve(option["time"], list(frame), file)
     if rate is not None and not (np.isfinite(rate) and rate > 0):
@@ -239,8 +239,8 @@ def _stretch(table: Table, option: dict):
     if time and rate is not None and "time" not in option:
         notes.append(f"time column '{time}' not used, since the rate is given")
     elif time:
-        with clock.stamp_errors_at(table, time):
-            stamps = clock.stamps(time, frame[time].to_numpy(), rate, option.get("time_unit"))
+        with times.stamp_errors_at(table, time):
+            stamps = times.stamps(time, frame[time].to_numpy(), rate, option.get("time_unit"))
         t_s = stamps.since_s
         notes += stamps.notes
     start, stop = option.get("from", 0.0), option.get("to")
@@ -336,7 +336,7 @@ def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
     repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
-    with clock.stamp_errors_at(table, time):
+    with times.stamp_errors_at(table, time):
         grid = grids.by_stamps(t_s, repeated, option.get("timing", "auto"))
     if rate is not None and abs(grid.rate_hz / rate - 1) > 0.05:
         raise WrongUsage(

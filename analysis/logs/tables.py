@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.logs import clock, columns
+from analysis.logs import columns, times
 from analysis.logs.delimited import Table, printable
 
 LISTED = 12  # tables named in a message
@@ -172,11 +172,11 @@ def listed(parts: Sequence[Part]) -> str:
 
 def _seconds(table: Table, parts: Sequence[Part]) -> np.ndarray:
     """Read the time column of one of several tables."""
-    name = clock.time_column(table.frame)
+    name = times.time_column(table.frame)
     if name is None:
         raise ask(parts, table.path)
-    with clock.stamp_errors_at(table, name):
-        stamps = clock.stamps(name, table.frame[name].to_numpy())
+    with times.stamp_errors_at(table, name):
+        stamps = times.stamps(name, table.frame[name].to_numpy())
     return stamps.since_s + stamps.zero_s
 
 
@@ -209,11 +209,11 @@ def paired(one: Table, other: Table, parts: Sequence[Part]) -> Table:
     WrongUsage
         If a pair's stamps lie a sample apart or more: the tables have to be read one by one.
     """
-    times = [_seconds(table, parts) for table in (one, other)]
-    first = max(times[0][0], times[1][0])
-    starts = [int(np.argmin(np.abs(t - first))) for t in times]
-    rows = min(len(t) - k for t, k in zip(times, starts, strict=True))
-    a, b = (t[k : k + rows] for t, k in zip(times, starts, strict=True))
+    seconds = [_seconds(table, parts) for table in (one, other)]
+    first = max(seconds[0][0], seconds[1][0])
+    starts = [int(np.argmin(np.abs(t - first))) for t in seconds]
+    rows = min(len(t) - k for t, k in zip(seconds, starts, strict=True))
+    a, b = (t[k : k + rows] for t, k in zip(seconds, starts, strict=True))
     if rows < 3 or not np.max(np.abs(a - b)) < 1.5 * np.median(np.abs(np.diff(a))):
         raise ask(parts, one.path)
     right = other.frame.iloc[starts[1] : starts[1] + rows].reset_index(drop=True)

@@ -12,8 +12,8 @@ from jinja2 import Environment, FileSystemLoader, select_autoescape
 from analysis import Estimate, figures, plots, replacing, store
 from analysis.logs.columns import tidy
 from analysis.report import TEMPLATES, figures_of
-from analysis.units.comparison import side_by_side
 from analysis.units.frame import Unit
+from analysis.units.side_by_side import side_by_side
 
 EVENTS = 30  # on a page; compare.json lists all
 FIRST = ("frozen", "disagreement", "attitude disagreement", "jump", "hold", "attitude hold")
@@ -230,7 +230,7 @@ def model(found, units):
 
     Parameters
     ----------
-    found : analysis.units.comparison.Comparison
+    found : analysis.units.side_by_side.Comparison
     units : dict of str to analysis.logs.Timeline
 
     Returns

@@ -33,9 +33,9 @@ from analysis.noise.inference import infer
 from analysis.noise.models import UnifiedModel
 from analysis.studies.cells import compute
 from analysis.studies.readings import judge
-from analysis.terrain import which_reading
+from analysis.terrain import open_choices
+from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import follow, simulate_laps
-from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.ukf import Ukf
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import scenario
@@ -207,7 +207,7 @@ def cells_of_readings(readings=24, laps=300):
         By the clock. A cell is one sensor in one reading.
     """
     numba = importlib.util.find_spec("numba") is not None
-    plan = which_reading.design(readings, SEED)[[*which_reading.FACTORS]][:readings]
+    plan = open_choices.design(readings, SEED)[[*open_choices.FACTORS]][:readings]
     work, rows = partial(judge, laps=laps, seed=SEED, compiled=numba), plan.to_dict("records")
     for workers in (1, 2):
         list(compute(work, rows[: 4 * workers], workers=workers))  # starts processes, compiles
@@ -245,7 +245,7 @@ def figures_8_to_11():
     yield Measured("filter steps per second in the sweep", steps / seconds, "1/s")
     if importlib.util.find_spec("numba") is not None:
         options = {"runs": 300, "seed": SEED, "store_every": 1.0, "compiled": True}
-        coarse = reading.coarser(which_reading.STEP_M)
+        coarse = reading.coarser(open_choices.STEP_M)
         _, seconds = _best_of(simulate_laps, attitude_map, sensors, coarse, **options)
         said = "300 laps a cell, compiled, a reading each 0.55 m"
         yield Measured(said, seconds, "s", "<= 5")

@@ -1,6 +1,6 @@
 """Which reading of the terrain paper its claims hold in: ``python -m analysis readings``.
 
-A cell is one reading (`analysis.terrain.which_reading.Reading`) with all its sensors; it is kept in
+A cell is one reading (`analysis.terrain.open_choices.Reading`) with all its sensors; it is kept in
 ``cells.sqlite`` of the folder once it is finished. The tables are written when all are there:
 
 readings   a row a reading: its level of every factor, ``why`` it is in the design, and for each
@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from analysis import WrongUsage, store
 from analysis.studies.cells import Cells, compute
-from analysis.terrain.which_reading import FACTORS, LAP_M, JudgedReadings, Reading, around, design
+from analysis.terrain.open_choices import FACTORS, LAP_M, JudgedReadings, Reading, around, design
 
 FOLDER = store.FOLDER / "readings"
 READINGS, LAPS, SEED = 2048, 300, 2024

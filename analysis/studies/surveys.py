@@ -14,8 +14,8 @@ from analysis.studies.cells import compute
 from analysis.terrain import Sensor, Setup, antennas, centre_line, simulate_laps, terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.monte_carlo import LOST_M, interval, resample
+from analysis.terrain.open_choices import LAP_M, STEP_M
 from analysis.terrain.real_laps import lay_on_line
-from analysis.terrain.which_reading import LAP_M, STEP_M
 
 LAPS = {
     "ccw": ("14-45-26", "15-12-43", "15-53-44", "16-06-28"),

@@ -4,9 +4,9 @@ A vehicle measures its pitch or roll and compares it with a map of the road. The
 is the names below.
 """
 
+from analysis.terrain.assumptions import Sensor, Setup, attitude_variance, sensor_table, unit_paths
 from analysis.terrain.monte_carlo import interval, share, simulate_laps
 from analysis.terrain.point_mass import compare_filters, cramer_rao_bound
-from analysis.terrain.readings import Sensor, Setup, attitude_variance, sensor_table, unit_paths
 from analysis.terrain.real_laps import track_real_laps
 from analysis.terrain.relocate import watch_real_laps
 from analysis.terrain.roughness import IsoRoad, shared_spectrum

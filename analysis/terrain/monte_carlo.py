@@ -1,12 +1,12 @@
 """Laps of many simulated sensors at once: the runs behind Figs 7-13 of the terrain paper.
 
-A run is one lap: one odometry, one pair of unit paths of the gyro (`readings.unit_paths`). Every
+A run is one lap: one odometry, one pair of unit paths of the gyro (`assumptions.unit_paths`). Every
 sensor drives the same runs; its attitude error is N W + B G. All filters of a block of runs are
 stepped together, on one core. The result of a run does not depend on the block it is in.
 
-The choices that the paper leaves open are in `analysis.terrain.readings`, each with its reason. Its
-"tracking error" is true minus estimated distance; its mean is read as the mean of the absolute
-error, which is an accuracy. Its variance can mean three things, and all three are here:
+What is assumed where the paper leaves something open is in `analysis.terrain.assumptions`, with
+its reason. Its "tracking error" is true minus estimated distance; its mean is read as the mean of
+the absolute error, which is an accuracy. Its variance can mean three things, and all are here:
 
 - pooled: of every error of every lap about their common mean,
 - ensemble: over the laps at one moment, averaged over moments,
@@ -30,8 +30,8 @@ from scipy.stats import binomtest, chi2
 from tqdm import tqdm
 
 from analysis import Estimate, WrongUsage
+from analysis.terrain.assumptions import Sensor, Setup, unit_paths
 from analysis.terrain.compiled import run_compiled
-from analysis.terrain.readings import Sensor, Setup, unit_paths
 from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
 

@@ -17,8 +17,8 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import convolve1d
 
+from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import nees_bounds, odometry
-from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
 

@@ -19,8 +19,8 @@ from scipy.stats import t as student
 
 from analysis import CannotAnswer
 from analysis.terrain import antennas
+from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, follow
-from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.terrain_map import Profile
 
 # m; the distances at which the semivariogram of the map's error is read.

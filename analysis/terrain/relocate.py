@@ -25,8 +25,8 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2
 
+from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import advance, attitude_errors, filters_of
-from analysis.terrain.readings import Sensor, Setup
 from analysis.terrain.real_laps import Lap, MapError, resample_lap
 from analysis.terrain.terrain_map import AttitudeMap, Profile
 

@@ -22,8 +22,8 @@ import pandas as pd
 from scipy.stats import qmc, rankdata
 
 from analysis import WrongUsage
+from analysis.terrain.assumptions import PAPER_HZ, Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
-from analysis.terrain.readings import PAPER_HZ, Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.trends import PowerLaw, draw_prices
 

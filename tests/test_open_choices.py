@@ -7,11 +7,10 @@ import pandas as pd
 import pytest
 
 from analysis import DATA, WrongUsage, store
-from analysis.terrain import which_reading
+from analysis.terrain import open_choices
+from analysis.terrain.assumptions import NOISES, STARTS, Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
-from analysis.terrain.readings import NOISES, STARTS, Sensor, Setup
-from analysis.terrain.terrain_map import AttitudeMap
-from analysis.terrain.which_reading import (
+from analysis.terrain.open_choices import (
     B_GRID,
     FACTORS,
     N_GRID,
@@ -20,6 +19,7 @@ from analysis.terrain.which_reading import (
     claim_numbers,
     design,
 )
+from analysis.terrain.terrain_map import AttitudeMap
 
 SEED = 20240
 PAID = ["cheap", "second", "third", "dear"]
@@ -117,7 +117,7 @@ def test_a_coarser_rate_with_its_R_gives_the_same_errors():
 def made(error_of):
     """Make laps whose errors are +-1 times what `error_of` says of a sensor, and alike for all."""
     labels = [(n, b) for n in N_GRID for b in B_GRID] + [*PAID, "no error"]
-    labels += [("R twice", *at) for at in which_reading.CORNERS]
+    labels += [("R twice", *at) for at in open_choices.CORNERS]
     sign = np.where(np.random.default_rng(SEED).random((40, 30)) < 0.5, -1.0, 1.0)
     error = np.array([error_of(label) * sign for label in labels])
     t = np.arange(30.0)

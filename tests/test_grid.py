@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from analysis import WrongUsage
-from analysis.logs import clock
 from analysis.logs import grid as timing
+from analysis.logs import times
 
 
 def grid(t, repeated=None, mode="auto"):
@@ -184,7 +184,7 @@ def test_random_stamps_never_break_the_grid():
 )
 def test_time_columns_and_their_units_are_told_from_the_name(name, unit, time):
     """Property: the vocabulary of time columns."""
-    assert (clock.unit_of(name), clock.is_time(name)) == (unit, time)
+    assert (times.unit_of(name), times.is_time(name)) == (unit, time)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def test_time_columns_and_their_units_are_told_from_the_name(name, unit, time):
 )
 def test_units_of_time(name, column, said):
     """Analytic: a hundred samples at 100 Hz in every way to write time."""
-    stamps = clock.stamps(name, column)
+    stamps = times.stamps(name, column)
     t, notes = stamps.since_s, stamps.notes
     # 5e-7: a double holds Unix nanoseconds to 256 ns
     np.testing.assert_allclose(t, 0.01 * np.arange(100), atol=5e-7)
@@ -221,7 +221,7 @@ def test_dates_and_clock_times_run_over_midnight(form, said):
     """Analytic: a hundred samples at 100 Hz across midnight."""
     start = datetime.datetime(2023, 12, 31, 23, 59, 59, 500_000, tzinfo=datetime.UTC)
     texts = [(start + datetime.timedelta(milliseconds=10 * i)).strftime(form) for i in range(100)]
-    stamps = clock.stamps("time", np.array(texts, dtype=object))
+    stamps = times.stamps("time", np.array(texts, dtype=object))
     np.testing.assert_allclose(stamps.since_s, 0.01 * np.arange(100), atol=1e-9)  # µs are printed
     assert stamps.notes == (f"time column 'time' read as {said}",)
 
@@ -230,7 +230,7 @@ def test_an_ambiguous_unit_is_asked_for_and_settled_by_the_rate():
     """Property: steps of 10 without a unit are refused, unless the rate says which."""
     column = 10.0 * np.arange(100)
     with pytest.raises(WrongUsage, match="--time-unit ms"):
-        clock.stamps("t", column)
-    stamps = clock.stamps("t", column, rate_hz=100)
+        times.stamps("t", column)
+    stamps = times.stamps("t", column, rate_hz=100)
     np.testing.assert_allclose(stamps.since_s, 0.01 * np.arange(100), rtol=1e-12)
     assert "milliseconds" in stamps.notes[0]
