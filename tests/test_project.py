@@ -144,6 +144,10 @@ def test_notebook_form(path):
     folded = ["figure" in c.metadata.get("tags", []) for c in code]
     assert max([n for n, tag in zip(lengths, folded, strict=True) if not tag]) <= 15
     assert statistics.median(lengths) <= 6 or path.stem not in READ_AS_PAPERS
+    # What tells JupyterLab to fold a cell; the tag alone tells this project and its pages.
+    assert [c.metadata.get("jupyter", {}) for c in code] == [
+        {"source_hidden": True} if tag else {} for tag in folded
+    ]
     outputs = [o for c in code for o in c.outputs]
     assert outputs
     assert not [o for o in outputs if o.output_type == "error" or o.get("name") == "stderr"]
