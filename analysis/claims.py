@@ -3,7 +3,8 @@
 ``data/published/claims.csv`` holds each claim with the range of values that would count as
 agreement, set before any notebook ran (its README tells which were set knowing a closed form). A
 notebook hands its value and 95 % interval to `Ledger.check`, or what many simulated logs gave to
-`Ledger.check_logs`; ``figures/claims.csv`` holds the verdicts.
+`Ledger.check_logs`; ``figures/claims.csv`` holds the verdicts. What a notebook found, in one
+sentence that an engineer can use, goes by `finding` to ``figures/findings.csv``.
 
 Two kinds of claim are not judged: those that no data here can decide, and those that could not have
 come out otherwise (an input handed back, an identity, print against print). The register says so,
@@ -31,10 +32,13 @@ from analysis import (
     pretty,
     replacing,
 )
+from analysis.text import Shown
 
-__all__ = ["OUTCOMES", "Ledger", "published", "verdicts"]
+__all__ = ["OUTCOMES", "Ledger", "finding", "findings", "published", "verdicts"]
 
 COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
+FOUND = ["notebook", "sentence", "condition", "figure"]
+MOST_WORDS = 30  # of the sentence of a finding
 NOT_YET = "not yet run"
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
 BY_CONSTRUCTION = "by construction"
@@ -57,6 +61,67 @@ def published() -> pd.DataFrame:
     return pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
 
 
+def finding(notebook: str, sentence: str, *, when: str, figure: str) -> Shown:
+    """Record what a notebook found, for the index, README and the site; the last call counts.
+
+    In a notebook that is run by hand nothing is written.
+
+    Parameters
+    ----------
+    notebook : str
+        Its file name without the suffix.
+    sentence : str
+        What an engineer can use: at most 30 words, its numbers computed and with units.
+    when : str
+        The condition under which it was found: data, simulation, setting.
+    figure : str
+        Name of the figure that shows it, as in `figures.save`.
+
+    Returns
+    -------
+    Shown
+        The sentence with its condition.
+    """
+    sentence, when = " ".join(sentence.split()), " ".join(when.split())
+    if (words := len(sentence.split())) > MOST_WORDS:
+        raise WrongUsage(f"the finding of {notebook} has {words} words: at most {MOST_WORDS}")
+    row = dict(zip(FOUND, (notebook, sentence, when, figure), strict=True))
+    _write_down("findings", notebook, [row], FOUND, lambda table: table.sort_values("notebook"))
+    return Shown(f"**Finding.** {sentence} *{when}*")
+
+
+def findings() -> pd.DataFrame:
+    """Read what the notebooks found, in reading order.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns notebook, sentence, condition, figure.
+    """
+    return pd.read_csv(_register("findings"))
+
+
+def _register(name):
+    return (figures_folder() or FIGURES) / f"{name}.csv"
+
+
+def _write_down(name, notebook, rows, columns, in_order):
+    """Put the rows of one notebook in place of its earlier ones in a table that all share."""
+    if figures_folder() is None:  # run by hand
+        return
+    path = _register(name)
+    path.parent.mkdir(parents=True, exist_ok=True)  # for the lock
+    parts = [pd.DataFrame(rows, columns=columns)]
+    with FileLock(path.with_suffix(".lock")):  # other notebooks may be writing theirs
+        if path.exists():
+            known = pd.read_csv(path, dtype={"unit": str})
+            parts.insert(0, known[known["notebook"] != notebook])
+        parts = [part for part in parts if len(part)] or parts
+        table = pd.concat(parts, ignore_index=True)
+        with replacing(path) as draft:
+            draft.write_text(in_order(table).to_csv(index=False, lineterminator="\n"), "utf-8")
+
+
 def verdicts() -> pd.DataFrame:
     """Read the verdict on every claim, in the order of the papers; those to come are not yet run.
 
@@ -66,7 +131,7 @@ def verdicts() -> pd.DataFrame:
         paper, where, claim; verdict, and its ``outcome`` without condition or reason; value, low,
         high, unit, and these four in words as ``reproduced``; notebook.
     """
-    path = (figures_folder() or FIGURES) / "claims.csv"
+    path = _register("claims")
     known = (
         pd.read_csv(path, dtype={"unit": str}).set_index("id")
         if path.exists()
@@ -337,20 +402,11 @@ class Ledger:
         return [*self._mine.values(), *self._not_judged]
 
     def _write(self):
-        folder = figures_folder()
-        if folder is None:
-            return
-        path = folder / "claims.csv"
-        path.parent.mkdir(parents=True, exist_ok=True)  # for the lock
-        mine = pd.DataFrame(self._entries(), columns=COLUMNS)
-        with FileLock(path.with_suffix(".lock")):  # other notebooks may be writing theirs
-            rows = verdicts().reset_index()
-            others = rows[(rows["verdict"] != NOT_YET) & (rows["notebook"] != self.notebook)]
-            parts = [part[COLUMNS] for part in (others, mine) if len(part)]
-            table = pd.concat(parts, ignore_index=True).set_index("id")
-            table = table.reindex([i for i in self._published.index if i in table.index])
-            with replacing(path) as draft:
-                draft.write_text(table.to_csv(lineterminator="\n"), encoding="utf-8")
+        def as_published(table):
+            there = self._published.index.intersection(table["id"])
+            return table.set_index("id").reindex(there).reset_index()
+
+        _write_down("claims", self.notebook, self._entries(), COLUMNS, as_published)
 
 
 def _verdict(row, found):

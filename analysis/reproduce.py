@@ -25,6 +25,7 @@ from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, figures, figures_f
 
 NOTEBOOKS = ROOT / "notebooks"
 OWN = ("LOG", "OWN", "OWN_LAPS")  # parameters that name logs of the reader
+REGISTERS = ("claims", "findings")  # tables beside the figures that all notebooks share
 THREE_DIGITS = 6e-3  # relative, of numbers in claims.csv: half a step of the last digit
 
 
@@ -103,8 +104,9 @@ def reproduce(names=(), *, at_once=None, scratch=None, parameters=None):
         return _run(tasks, at_once, to)
     with replacing(scratch) as draft:
         (draft / "figures").mkdir(parents=True)
-        ledger = Path(scratch, "figures", "claims.csv")  # of an earlier run there
-        shutil.copy(ledger if ledger.exists() else FIGURES / ledger.name, draft / "figures")
+        for name in REGISTERS:
+            earlier = Path(scratch, "figures", f"{name}.csv")  # of an earlier run there
+            shutil.copy(earlier if earlier.exists() else FIGURES / earlier.name, draft / "figures")
         try:
             return _run(tasks, at_once, draft / "figures", draft)
         except CannotAnswer as error:  # an answer that the data refuse stays one
@@ -209,7 +211,7 @@ def differences(old, new, numbers):
     names = {p.stem for p in new.glob("*.csv")}
     names |= {p.stem for p in old.glob("*.csv") if p.stem.split("-")[0] in numbers}
     found = []
-    for name in sorted(names - {"claims"}):
+    for name in sorted(names - set(REGISTERS)):
         keys = figures.differences(old / f"{name}.csv", new / f"{name}.csv")
         found += [f"figure {name} ({', '.join(keys)})"] if keys else []
     was, now = (pd.read_csv(f / "claims.csv").set_index("id") for f in (old, new))
@@ -221,7 +223,14 @@ def differences(old, new, numbers):
         pair = [table.loc[claim, ["value", "low", "high"]].astype(float) for table in (was, now)]
         if not np.allclose(*pair, rtol=THREE_DIGITS, equal_nan=True):
             found.append(f"claim {claim} (numbers)")
-    return found
+    was, now = (_lines(f / "findings.csv") for f in (old, new))
+    return found + [f"finding of {n}" for n in {**was, **now} if was.get(n) != now.get(n)]
+
+
+def _lines(path):
+    """Read the findings: notebook -> the rest of its row."""
+    table = pd.read_csv(path, keep_default_na=False) if path.exists() else pd.DataFrame()
+    return {notebook: rest for notebook, *rest in table.itertuples(index=False)}
 
 
 def execute(path, notebook, to, scratch=None):

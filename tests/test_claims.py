@@ -305,6 +305,25 @@ def test_a_verdict_that_hangs_on_a_setting(reproduced_at, verdict):
     assert claims.Ledger("90-test").check_from(FIRST, found, 1, "R is {:g}") == verdict
 
 
+def test_findings_are_one_for_each_notebook(elsewhere):
+    """Property: in reading order, the last call counts; the verdicts beside them stay."""
+    found, shown = elsewhere.with_name("findings.csv"), []
+    claims.Ledger("90-test").check(FIRST, 1.0)
+    before = elsewhere.read_bytes()
+    for name, text_ in (("90-test", "Old."), ("10-other", 'A,\n"b".'), ("90-test", "New.")):
+        shown.append(claims.finding(name, text_, when="Here.", figure="10-a"))
+    assert list(claims.findings().itertuples(index=False, name=None)) == [
+        ("10-other", 'A, "b".', "Here.", "10-a"),
+        ("90-test", "New.", "Here.", "10-a"),
+    ]
+    assert shown[-1] == "**Finding.** New. *Here.*"
+    assert elsewhere.read_bytes() == before
+    with pytest.raises(WrongUsage, match="the finding of 90-test has 31 words: at most 30"):
+        claims.finding("90-test", "word " * 31, when="Here.", figure="10-a")
+    assert claims.findings()["sentence"].iloc[-1] == "New."
+    assert found.read_bytes().startswith(b"notebook,sentence,condition,figure\n10-other,")
+
+
 def test_errata_are_those_of_the_notebook():
     """Property: every erratum is listed by the notebook that its row names, and by no other."""
     register = pd.read_csv(claims.DATA / "published" / "errata.csv")

@@ -14,7 +14,7 @@ import psutil
 import pytest
 import traitlets
 
-from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, reproduce
+from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, claims, reproduce
 
 NAMES = {p.stem for p in FIGURES.glob("*.pdf")}
 
@@ -23,7 +23,7 @@ def test_same_figures(fresh):
     """property: the session drew exactly the committed figures, in three forms each."""
     for folder in (FIGURES, fresh):
         for suffix, magic in ((".pdf", b"%PDF"), (".png", b"\x89PNG"), (".csv", b"# figure")):
-            names = {p.stem for p in folder.glob(f"*{suffix}")} - {"claims"}
+            names = {p.stem for p in folder.glob(f"*{suffix}")} - set(reproduce.REGISTERS)
             assert names == NAMES, suffix
             for name in names:
                 assert (folder / f"{name}{suffix}").read_bytes().startswith(magic), name
@@ -50,6 +50,7 @@ ax.plot([0, 1], [0, SIZE], label="line")
 ax.set(xlabel="x (m)", ylabel="y (m)")
 figures.save(fig, "99-small", "A line.", size=SIZE)
 claims.Ledger("99-small").check("terrain-eq7-a", SIZE * 1e6)
+claims.finding("99-small", f"It is {SIZE} m.", when="Here.", figure="99-small")
 """
 
 
@@ -73,7 +74,8 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     """property: other parameters: own folder, injected cell, differences named; figures/ as was."""
     citable = tmp_path / "figures"
     citable.mkdir()
-    (citable / "claims.csv").write_text("id,verdict,value,low,high,unit,notebook\n")
+    for name, columns in (("claims", claims.COLUMNS), ("findings", claims.FOUND)):
+        (citable / f"{name}.csv").write_text(",".join(columns) + "\n")
     path = small_notebook(tmp_path)
     for name, value in (("NOTEBOOKS", tmp_path), ("FIGURES", citable)):
         monkeypatch.setattr(reproduce, name, value)
@@ -82,7 +84,10 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     before = {p.name: p.read_bytes() for p in (path, *citable.iterdir())}
     runs, found = reproduce.reproduce(scratch=tmp_path / "other", parameters={"SIZE": 2.0})
     assert [(run.notebook, run.figures, run.claims) for run in runs] == [("99-small", 1, 1)]
-    assert found == ["figure 99-small (parameters, numbers)", "claim terrain-eq7-a (numbers)"]
+    assert found == [
+        "figure 99-small (parameters, numbers)", "claim terrain-eq7-a (numbers)",
+        "finding of 99-small",
+    ]  # fmt: skip
     assert {p.name: p.read_bytes() for p in (path, *citable.iterdir())} == before
     cells = nbformat.read(tmp_path / "other" / "99-small.ipynb", 4).cells
     assert [c.source for c in cells[:2]] == ["SIZE = 1.0\nOWN = None", "SIZE = 2.0"]
