@@ -34,6 +34,7 @@ RESUMABLE = (
 Block = StrEnum(  # the tracker's, as --without names them
     "Block", ["last-position", "attitude", "static", "low-pass", "mounting", "fusion"]
 )
+Study = StrEnum("Study", ["intervals", "broken", "power", "real", "beside", "hats", "ensembles"])
 
 
 class Verbs(TyperGroup):
@@ -655,6 +656,7 @@ def plan(
         print(f"{planner.SYMBOLS[name]:<10} to ±{within:g} % (95 %): {text.duration(hours)}")
 
 
+WORKERS = _option("N", "Processes (default one a core).", "--workers", min=1)
 SCHEDULER = _option(
     "ADDRESS",
     "dask scheduler whose workers compute (tcp://host:8786), or 'local' for one started here.",
@@ -664,81 +666,68 @@ SCHEDULER = _option(
 
 @_verb
 def coverage(
+    study: Annotated[Study, _argument("STUDY", "Which of these.")] = (Study.intervals),
     runs: Annotated[
         Count, _option("N", "Logs of each model and length (default 500).", min=1)
     ] = None,
     hours: Annotated[Text, _option("A,B", "Lengths of the logs, h (default 2,6).")] = None,
     models: Annotated[Text, _option("A,B", "Names of sensors (default all).")] = None,
-    workers: Annotated[Count, _option("N", "Processes (default one a core).", min=1)] = None,
+    workers: Annotated[Count, WORKERS] = None,
     scheduler: Annotated[Text, SCHEDULER] = None,
     out: Annotated[Text, _out("Folder (default that of the committed study).")] = None,
-    broken: Annotated[
-        bool, _flag("--broken", "Logs that break the models: warm-up, step, loss, motion ...")
-    ] = False,
-    real: Annotated[
-        bool, _flag("--real", "Real logs in halves, quarters, eighths: do the numbers repeat?")
-    ] = False,
-    beside: Annotated[
-        bool, _flag("--beside", "The same logs through allantools, allan-variance, IEEE 952.")
-    ] = False,
-    power: Annotated[
-        bool, _flag("--power", "How often each test of the fit finds what it looks for.")
-    ] = False,
-    hats: Annotated[
-        bool, _flag("--hats", "The noise of three units by the three-cornered hat.")
-    ] = False,
 ):
-    """Count on simulated logs how often intervals hold the truth.
+    """Count how often intervals hold the truth, on simulated logs and on real ones.
 
     \b
-    python -m analysis coverage                            what data/derived/coverage holds
-    python -m analysis coverage --broken                   what data/derived/robustness holds
-    python -m analysis coverage --real                     what data/derived/repeatability holds
-    python -m analysis coverage --beside                   what data/derived/beside-others holds
-    python -m analysis coverage --power                    what data/derived/power holds
-    python -m analysis coverage --hats                     what data/derived/hat-coverage holds
+    python -m analysis coverage              known sensors              data/derived/coverage
+    python -m analysis coverage broken       warm-up, step, motion ...  data/derived/robustness
+    python -m analysis coverage power        tests of the fit           data/derived/power
+    python -m analysis coverage real         parts of real logs         data/derived/repeatability
+    python -m analysis coverage beside       other tools                data/derived/beside-others
+    python -m analysis coverage hats         three units side by side   data/derived/hat-coverage
+    python -m analysis coverage ensembles    of the papers' logs        data/derived/ensembles
     python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
     two-biases, weak-bias, weak-walk), fits each, and counts how often an interval holds the true
-    value: about an hour on two cores. A table that exists with as many logs is kept, so a
-    study that was stopped resumes.
+    value: about an hour on two cores. --runs, --hours and --models go with this study and with
+    broken. A table that exists with as many logs is kept, so a study that was stopped resumes.
     """
-    from analysis.studies import coverage as study
+    from analysis.studies import beside_others, ensembles, repeatability
+    from analysis.studies import coverage as simulated
 
-    whole = {"--real": real, "--beside": beside, "--power": power, "--hats": hats}
-    if any(whole.values()):
-        flag = next(name for name, given in whole.items() if given)
-        if broken or sum(whole.values()) > 1 or any((runs, hours, models, scheduler)):
-            raise WrongUsage(f"{flag} has no other options than --workers and --out")
-        from analysis.studies import beside_others, repeatability
-
-        run, usual = {
-            "--real": (repeatability.study, repeatability.FOLDER),
-            "--beside": (beside_others.study, beside_others.FOLDER),
-            "--power": (study.power, study.POWER),
-            "--hats": (study.hat_study, study.HAT_FOLDER),
-        }[flag]
-        folder = Path(out) if out else usual
-        with writing(folder):
-            run(workers, folder)
-        print(f"the tables are in {folder.name}/")
-        return
-    try:
-        lengths = [float(h) for h in (hours or ("2" if broken else "2,6")).split(",")]
-    except ValueError as error:
-        raise WrongUsage(f"--hours {hours}: write numbers with commas, such as 2,6") from error
-    if not all(h > 0 for h in lengths):
-        raise WrongUsage("--hours are above zero")
-    known, plan = (study.broken, study.broken_plan) if broken else (study.models, study.plan)
-    names = models.split(",") if models else known()
-    cells = [(name, h, runs or 500) for h in lengths for name in names]
-    if not any((runs, hours, models)):
-        cells = plan()
-    folder = Path(out) if out else study.BROKEN if broken else study.FOLDER
+    run, usual = {
+        "intervals": (simulated.study, simulated.FOLDER),
+        "broken": (functools.partial(simulated.study, breaks=True), simulated.BROKEN),
+        "power": (simulated.power, simulated.POWER),
+        "real": (repeatability.study, repeatability.FOLDER),
+        "beside": (beside_others.study, beside_others.FOLDER),
+        "hats": (simulated.hat_study, simulated.HAT_FOLDER),
+        "ensembles": (ensembles.study, ensembles.FOLDER),
+    }[study]
+    given = {
+        "runs": runs,
+        "hours": hours and _numbers(hours),
+        "names": models and models.split(","),
+    }
+    given = {name: value for name, value in given.items() if value}
+    if given and study not in ("intervals", "broken"):
+        raise WrongUsage(
+            f"coverage {study} has no other options than --workers, --scheduler, --out"
+        )
+    folder = Path(out) if out else usual
     with writing(folder):
-        study.study(cells, workers, folder, breaks=broken, scheduler=scheduler)
-    print(f"{len(cells)} tables, {sum(n for _, _, n in cells)} logs in all, are in {folder.name}/")
+        run(folder, workers=workers, scheduler=scheduler, **given)
+    print(f"the tables are in {folder.name}/")
+
+
+def _numbers(hours):
+    """Read lengths in hours."""
+    with contextlib.suppress(ValueError):
+        lengths = [float(h) for h in hours.split(",")]
+        if all(h > 0 for h in lengths):
+            return lengths
+    raise WrongUsage(f"--hours {hours}: write numbers above zero with commas, such as 2,6")
 
 
 @_verb
@@ -754,7 +743,7 @@ def readings(
     hold: Annotated[
         Texts, _option("FACTOR=LEVEL", "Hold a factor at a level; repeatable.", "--hold")
     ] = None,
-    workers: Annotated[Count, _option("N", "Processes (default one a core).", min=1)] = None,
+    workers: Annotated[Count, WORKERS] = None,
     scheduler: Annotated[Text, SCHEDULER] = None,
     compiled: Annotated[
         bool, _flag("--compiled", "Step the filters in compiled code (numba).")

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from analysis import CannotAnswer, store
-from analysis.cli import main
 from analysis.studies import beside_others, coverage
 
 DT = 0.1
@@ -45,10 +44,10 @@ def test_summary_counts():
     rows = pd.DataFrame({"run": range(4), "method": "m", "parameter": "rrw", "truth": 1.0})
     rows["value"], rows["seconds"] = [0.0, 2.0, 1.1, 0.9], [1.0, 2.0, 3.0, 6.0]
     rows["low"], rows["high"] = rows["value"] - 0.2, rows["value"] + 0.2
-    (row,) = beside_others.summary(rows).to_dict("records")
+    (row,) = beside_others.summary(rows, "s").to_dict("records")
     assert (row["runs"], row["given"], row["held"]) == (4, 0.75, pytest.approx(2 / 3))
     assert (row["median"], row["seconds"], row["first"]) == (1.1, 2.5, 0.0)
-    nothing = beside_others.summary(rows.assign(value=0.0, truth=0.0)).iloc[0]
+    nothing = beside_others.summary(rows.assign(value=0.0, truth=0.0), "s").iloc[0]
     assert nothing["given"] == 0 and np.isnan(nothing["median"])
 
 
@@ -70,7 +69,7 @@ def test_one_log_of_each_method_again(stored):
     """cross-check: log 0 of a sensor, read now, gives the stored values."""
     pytest.importorskip("allan_variance")
     (stream,) = coverage.streams("walk", 1)
-    now = pd.DataFrame(beside_others.simulated(0, stream, name="walk"))
+    now = pd.DataFrame(beside_others.simulated((0, stream), name="walk"))
     was = stored.tables["walk"]
     assert list(now["method"] + now["parameter"]) == list(was["method"] + was["parameter"])
     np.testing.assert_allclose(now["value"], was["first"], rtol=store.TOLERANCE)
@@ -89,13 +88,5 @@ def test_a_peer_that_is_not_installed_is_named(monkeypatch, tmp_path):
     """property: one sentence with the command, and nothing is written."""
     monkeypatch.setattr(beside_others, "PEERS", ("allantools", "no-such-package"))
     with pytest.raises(CannotAnswer, match="no-such-package is not installed"):
-        beside_others.study(1, tmp_path / "x")
-    assert not (tmp_path / "x").exists()
-
-
-@pytest.mark.parametrize("flags", ["--beside --real", "--power --runs 3", "--beside --broken"])
-def test_wrong_usage(flags, tmp_path, capsys):
-    """property: one study at a time, and only with the options that it has."""
-    assert main(["coverage", *flags.split(), "--out", str(tmp_path / "x")]) == 2
-    assert "no other options" in capsys.readouterr().err
+        beside_others.study(tmp_path / "x")
     assert not (tmp_path / "x").exists()

@@ -55,11 +55,11 @@ def test_a_cluster_goes_on_without_a_killed_worker(tmp_path):
     with distributed.LocalCluster(**options, silence_logs=logging.ERROR) as cluster:
         address = cluster.scheduler_address
         found = dict(compute(halve, iter(items), scheduler=address))
-        cell = [("midg-yaw", 0.05, 2)]
-        coverage.study(cell, 1, tmp_path / "many", scheduler=address)
+        cell = {"names": ["midg-yaw"], "hours": [0.05], "runs": 2}
+        coverage.study(tmp_path / "many", **cell, scheduler=address)
     assert address.startswith("tcp://") and (tmp_path / "killed").exists()
     assert found == {k: 0.0 if isinstance(x, str) else x / 2 for k, x in enumerate(items)}
-    coverage.study(cell, 1, tmp_path / "one")
+    coverage.study(tmp_path / "one", **cell, workers=1)
     one, many = ((tmp_path / k / "midg-yaw-0.05h.csv").read_bytes() for k in ("one", "many"))
     assert one == many
 

@@ -120,17 +120,19 @@ def test_command_makes_it_and_goes_on(tmp_path):
     path = tmp_path / "1" / "midg-yaw-0.1h.csv"
     kept = pd.read_csv(path).assign(truth=7.0)
     kept.to_csv(path, index=False)
-    coverage.study([("midg-yaw", 0.1, 3)], 1, tmp_path / "1")
+    coverage.study(tmp_path / "1", names=["midg-yaw"], hours=[0.1], runs=3, workers=1)
     assert (store.coverage(tmp_path / "1")["truth"] == 7.0).all()
 
 
 @pytest.mark.parametrize(
-    "arguments", ["--hours two", "--runs 0", "--hours -1", "--models x", "--workers 0"]
-)
+    "arguments",
+    ["--hours two", "--runs 0", "--hours -1", "--models x", "--workers 0", "real --runs 3", "flat",
+     "beside --models terrain", "power real"],
+)  # fmt: skip
 def test_wrong_usage(arguments, tmp_path, capsys):
-    """property: numbers that make no study are refused in a sentence, and nothing is written."""
+    """property: what makes no study, or two, is refused in a sentence, and nothing is written."""
     assert main(["coverage", *arguments.split(), "--out", str(tmp_path / "x")]) == 2
-    assert re.search("wrong usage|Invalid value", capsys.readouterr().err)
+    assert re.search("wrong usage|Invalid value|unexpected", capsys.readouterr().err)
     assert not (tmp_path / "x").exists()
 
 
@@ -245,12 +247,12 @@ def test_command_makes_broken_cells(tmp_path):
     tables = []
     for workers in (1, 2):
         folder = tmp_path / str(workers)
-        arguments = ["--broken", "--runs", "3", "--hours", "0.1", "--models", "walk+loss-5"]
+        arguments = ["broken", "--runs", "3", "--hours", "0.1", "--models", "walk+loss-5"]
         assert main(["coverage", *arguments, "--workers", str(workers), "--out", str(folder)]) == 0
         tables.append((folder / "walk+loss-5-0.1h.csv").read_text())
     assert tables[0] == tables[1]
     assert "5 % of the samples lost" in (tmp_path / "1" / "source.json").read_text()
-    assert main(["coverage", "--broken", "--models", "walk", "--out", str(tmp_path / "x")]) == 2
+    assert main(["coverage", "broken", "--models", "walk", "--out", str(tmp_path / "x")]) == 2
 
 
 # --- what the tests of the fit find --------------------------------------------------------------

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 
 from analysis import store
-from analysis.cli import main
 from analysis.logs import datasets
 from analysis.noise import infer
 from analysis.studies import repeatability
@@ -137,10 +136,3 @@ def test_real_units_that_may_be_one():
     assert [pair[:2] for pair in source["may_be_one_unit"]] == [[1, 2], [1, 3], [2, 3]]
     means = tables["pooled"].query("parameter == 'mean'")
     assert (means["value"] < 0.03).all() and (means["high"] < 0.2).all()  # deg/s
-
-
-@pytest.mark.parametrize("arguments", ["--runs 3", "--broken", "--models terrain"])
-def test_wrong_usage(arguments, tmp_path):
-    """property: options of the simulated study are refused."""
-    assert main(["coverage", "--real", *arguments.split(), "--out", str(tmp_path / "x")]) == 2
-    assert not (tmp_path / "x").exists()

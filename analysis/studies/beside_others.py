@@ -9,10 +9,8 @@ Log k of a sensor is that of `coverage`.
 """
 
 import importlib.metadata
-import os
 import time
 import warnings
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
 import allantools
@@ -20,13 +18,13 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import OptimizeWarning, curve_fit
 from scipy.stats import norm
-from tqdm import tqdm
 
-from analysis import CannotAnswer, replacing, store
+from analysis import CannotAnswer, store
 from analysis.noise import characterise, recipes
 from analysis.noise.allan import allan_deviation
 from analysis.noise.models import FLICKER
 from analysis.studies import coverage, repeatability
+from analysis.studies.cells import Cell, tabulate
 
 FOLDER = store.FOLDER / "beside-others"
 HOURS = 2.0
@@ -117,7 +115,7 @@ OTHERS = {
 }
 
 
-def simulated(run, stream, *, name):
+def simulated(log, *, name):
     """Simulate one log of a sensor, and read it by every method.
 
     Returns
@@ -126,6 +124,7 @@ def simulated(run, stream, *, name):
         run, method, parameter, truth, value (0 or NaN: none), low, high, seconds (of the method for
         the log, processor time).
     """
+    run, stream = log
     sensor, dt, _ = coverage.models()[name]
     truth, rng = coverage.truths(sensor, dt), np.random.default_rng(stream)
     y = sensor.simulate(round(3600 * HOURS / dt), dt, rng)
@@ -190,14 +189,14 @@ def parts(name):
     return rows
 
 
-def summary(rows):
+def summary(rows, sensor):
     """Compare the methods on the simulated logs of one sensor.
 
     Returns
     -------
     DataFrame
-        method, parameter, truth, runs; given (share of the logs with a value), held (share of the
-        given intervals that hold the truth; empty without intervals); median, q025, q975 of
+        sensor, method, parameter, truth, runs; given (share of the logs with a value), held (share
+        of the given intervals that hold the truth; empty without intervals); median, q025, q975 of
         value / truth; seconds (median, of a log); first, the value of log 0.
     """
     table, runs = [], rows["run"].nunique()
@@ -208,6 +207,7 @@ def summary(rows):
         ratio = (given["value"] / truth) if truth > 0 else pd.Series([np.nan])
         table.append(
             {
+                "sensor": sensor,
                 "method": method,
                 "parameter": parameter,
                 "truth": truth,
@@ -260,39 +260,42 @@ def real_summary(rows):
     return pd.DataFrame(table)
 
 
-def study(workers=None, folder=FOLDER):
+def study(folder=FOLDER, **where):
     """Read simulated and real logs by every method, and write a table a sensor, and ``real``.
 
     A table that is there with as many logs is kept: a killed study goes on where it stopped.
 
     Parameters
     ----------
-    workers : int, optional
-        Processes; by default one a core.
     folder : Path
+    **where
+        As for `analysis.studies.cells.compute`.
     """
     try:
         versions = {peer: importlib.metadata.version(peer) for peer in PEERS}
     except importlib.metadata.PackageNotFoundError as error:
         raise CannotAnswer(f"{error.name} is not installed; `make install` installs it") from error
-    read = {name: repeatability.read(name) for name in REAL}
-    store.write(folder, source(read.values()) | {"versions": versions}, {})
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
-    with ProcessPoolExecutor(workers) as pool:
-        for name, runs in SENSORS.items():
-            path = folder / f"{name}.csv"
-            if path.exists() and (pd.read_csv(path)["runs"] == runs).any():
-                continue
-            one = partial(simulated, name=name)
-            logs = pool.map(one, range(runs), coverage.streams(name, runs))
-            bar = tqdm(logs, name, runs, unit="log", disable=None)
-            table = summary(pd.DataFrame([row for of_log in bar for row in of_log]))
-            table.insert(0, "sensor", name)
-            with replacing(path) as draft:
-                store.write_table(draft, store.rounded(table, coverage.DIGITS))
-        rows = [row for of_log in pool.map(parts, REAL) for row in of_log]
-    table = real_summary(pd.concat([pd.DataFrame(rows), stored_parts()], ignore_index=True))
-    store.write_table(folder / "real.csv", store.rounded(table, coverage.DIGITS))
+    tables = {
+        name: Cell(
+            partial(simulated, name=name),
+            list(enumerate(coverage.streams(name, runs))),
+            partial(summary, sensor=name),
+        )
+        for name, runs in SENSORS.items()
+    }
+    source = {
+        "title": "This package beside other ways to read a static log",
+        "made_by": "python -m analysis coverage beside",
+        "seed": coverage.SEED,
+        "hours": HOURS,
+        **repeatability.sources(map(repeatability.read, REAL)),
+        "versions": versions,
+    }
+    tabulate(folder, source, tables | {"real": Cell(parts, REAL, _beside_ours)}, **where)
+
+
+def _beside_ours(rows):
+    return real_summary(pd.concat([rows, stored_parts()], ignore_index=True))
 
 
 def stored_parts():
@@ -301,14 +304,3 @@ def stored_parts():
     rows = pd.concat([tables[name] for name in REAL]).query("pieces == @PIECES")
     rows = rows.assign(method=OURS, parameter=rows["parameter"].replace(VRW))
     return rows[rows["parameter"].isin(COMPARED)].drop(columns=["pieces", "named"])
-
-
-def source(logs):
-    """State what is compared, and on which logs."""
-    return {
-        "title": "This package beside other ways to read a static log",
-        "made_by": "python -m analysis coverage --beside",
-        "seed": coverage.SEED,
-        "hours": HOURS,
-        **repeatability.sources(logs),
-    }

@@ -1,24 +1,30 @@
 """Cells of a study: computed by the cores of one machine or of many, each kept once finished.
 
 `compute` hands work to joblib, or to a scheduler of dask.distributed; results come as they finish,
-and no more than a few for each core are under way. `Cells` keeps them in one SQLite file: what was
-committed survives the end of any process, and only one run at a time may write.
+and no more than a few for each core are under way. `tabulate` makes a CSV of each cell. `Cells`
+keeps smaller ones in one SQLite file: what was committed survives the end of any process, and only
+one run at a time may write.
 """
 
 import json
 import logging
+import os
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import joblib
+import numpy as np
+import pandas as pd
 from joblib.externals.loky.process_executor import TerminatedWorkerError
+from tqdm import tqdm
 
-from analysis import CannotAnswer, WrongUsage
+from analysis import CannotAnswer, WrongUsage, replacing, store
 
+DIGITS = 5  # of the numbers in a table
 LOCAL = "local"  # a scheduler of our own, on this machine
 AHEAD = 3  # pieces of work handed out for each core
 PATIENCE = "10s"  # until a scheduler counts as absent
@@ -121,6 +127,59 @@ def _client(workers, scheduler):
         ) from error
     with client:
         yield client
+
+
+class Cell(NamedTuple):
+    """One table of a study.
+
+    Attributes
+    ----------
+    work : callable
+        Of a module: one item -> its rows, a list of dict.
+    items : sequence
+    finish : callable
+        DataFrame of all rows, in the order of the items -> the table.
+    runs : int, optional
+        What a column ``runs`` holds in a table that is finished; by default the number of items.
+    """
+
+    work: Callable
+    items: Sequence
+    finish: Callable = pd.DataFrame
+    runs: int | None = None
+
+
+def tabulate(
+    folder: Path, source: dict, cells: dict[str, Cell], *, digits: int = DIGITS, **where: Any
+) -> None:
+    """Compute the tables of a study; one that is there is kept, so that a killed run goes on.
+
+    Parameters
+    ----------
+    folder : Path
+    source : dict
+    cells : dict of str, Cell
+    digits : int
+        Of the numbers.
+    **where
+        ``workers``, ``scheduler`` of `compute`.
+    """
+    store.write(folder, source, {})
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
+    with tqdm(total=sum(len(c.items) for c in cells.values()), unit="log", disable=None) as bar:
+        for name, cell in cells.items():
+            path, found = folder / f"{name}.csv", {}
+            bar.set_description(name)
+            runs = cell.runs or len(cell.items)
+            if path.exists() and np.any(pd.read_csv(path).get("runs", runs) == runs):
+                bar.update(len(cell.items))
+                continue
+            for k, rows in compute(cell.work, cell.items, **where):
+                found[k] = rows
+                bar.update()
+            table = cell.finish(pd.DataFrame([row for k in sorted(found) for row in found[k]]))
+            with replacing(path) as draft:
+                store.write_table(draft, store.rounded(table, digits))
 
 
 class Cells:

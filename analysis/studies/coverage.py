@@ -10,7 +10,6 @@ under every disturbance. One CSV for each cell (sensor and hours) is kept; a cel
 as many logs is not computed again, so delete it to see a new estimator.
 """
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,9 +18,8 @@ import numpy as np
 import pandas as pd
 from scipy.signal import butter, lfilter, lfilter_zi
 from scipy.stats import norm
-from tqdm import tqdm
 
-from analysis import CannotAnswer, WrongUsage, replacing, store
+from analysis import CannotAnswer, WrongUsage, store
 from analysis.logs import Channel, Log
 from analysis.noise import graph, recipes
 from analysis.noise.allan import allan_deviation, fit_line
@@ -35,14 +33,13 @@ from analysis.noise.models import (
     gauss_markov,
     models_of_table_one,
 )
-from analysis.studies.cells import compute
+from analysis.studies.cells import Cell, tabulate
 from analysis.units import unit_variances
 
 SEED = 4711
 FOLDER, BROKEN = store.FOLDER / "coverage", store.FOLDER / "robustness"
 FURTHER_LENGTHS = "midg-roll"  # the model that is simulated at further lengths
 EVERY = 10  # logs: one in so many is given to the slower recipes too
-DIGITS = 5  # of the numbers in the tables
 RATE_HZ = 20.0  # of Table I, comparison paper section IV
 # At 100 Hz: N = 0.004 deg/sqrt(s).
 TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005, title="terrain Table 1")
@@ -216,41 +213,48 @@ def power_cells():
     return cells
 
 
-def power(workers=None, folder=POWER):
+def power(folder=POWER, **where):
     """Count how often each test of the fit finds what is in the log, and write ``power``.
 
     Parameters
     ----------
-    workers : int, optional
-        Processes; by default one a core.
     folder : Path
         Gets a table: test, size, runs; found (logs in which it is reported), reported (logs in
         which anything is), wrong (logs without any report in which the worst parameter has a wrong
         value).
+    **where
+        As for `analysis.studies.cells.compute`.
     """
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
-    cells, table = power_cells(), []
-    with tqdm(total=POWER_LOGS * len(cells), unit="log", disable=None) as bar:
-        for (test, says), cell in cells.items():
-            one = partial(characterised, model=cell, dt=POWER_DT, kind="rate", hours=BROKEN_HOURS)
-            rows = _of_logs(one, "terrain", POWER_LOGS, bar, workers=workers)
-            said = rows.drop_duplicates("run")["reported"].str.split().tolist()
-            row = {"test": test, "size": says, "runs": POWER_LOGS}
-            row |= {"found": sum(test in kinds for kinds in said), "reported": sum(map(bool, said))}
-            unsaid = broken_summary(rows)["unsaid"].max() * POWER_LOGS
-            table.append(row | {"wrong": round(unsaid)})
-    store.write(folder, power_source(), {"power": pd.DataFrame(table)})
-
-
-def power_source():
-    """State what the cells of `power_cells` are."""
-    return {
+    source = {
         "title": "Power of the tests of fit, each at three sizes",
-        "made_by": "python -m analysis coverage --power",
+        "made_by": "python -m analysis coverage power",
         "seed": SEED,
         "interval_s": POWER_DT,
         "hours": BROKEN_HOURS,
     }
+    logs = [
+        (cell, log) for cell in power_cells() for log in enumerate(streams("terrain", POWER_LOGS))
+    ]
+    tabulate(folder, source, {"power": Cell(_power_log, logs, _found, POWER_LOGS)}, **where)
+
+
+def _power_log(one):
+    """Characterise one log of a cell of `power_cells`."""
+    (test, size), log = one
+    told = {"dt": POWER_DT, "kind": "rate", "hours": BROKEN_HOURS}
+    rows = characterised(*log, model=power_cells()[test, size], **told)
+    return [{"test": test, "size": size} | row for row in rows]
+
+
+def _found(logs):
+    """Count the logs of each cell in which something is reported."""
+    table = []
+    for (test, size), rows in logs.groupby(["test", "size"], sort=False):
+        said = rows.drop_duplicates("run")["reported"].str.split().tolist()
+        row = {"test": test, "size": size, "runs": len(said)}
+        row |= {"found": sum(test in kinds for kinds in said), "reported": sum(map(bool, said))}
+        table.append(row | {"wrong": round(broken_summary(rows)["unsaid"].max() * len(said))})
+    return pd.DataFrame(table)
 
 
 def disturbances(size, level):
@@ -508,58 +512,55 @@ def broken_plan():
     return [(name, BROKEN_HOURS, runs) for name, runs in logs.items()]
 
 
-def study(cells, workers=None, folder=FOLDER, *, breaks=False, scheduler=None):
-    """Run the estimators on simulated logs, and write a table a cell.
-
-    A cell that is there already with as many logs is kept: a killed study goes on where it stopped.
+def study(folder=None, *, runs=None, hours=None, names=None, breaks=False, **where):
+    """Run the estimators on simulated logs, and write a table a sensor and length.
 
     Parameters
     ----------
-    cells : sequence of (str, float, int)
-        Model, hours, logs.
-    workers : int, optional
-        Processes; by default one a core.
-    folder : Path
+    folder : Path, optional
+        By default that of the committed study.
+    runs : int, optional
+        Logs of each model and length; with all three left out, the cells are those of `plan` or
+        `broken_plan`.
+    hours : sequence of float, optional
+        Lengths of the logs.
+    names : sequence of str, optional
+        Of models.
     breaks : bool
         The models are those of `broken`.
-    scheduler : str, optional
+    **where
         As for `analysis.studies.cells.compute`.
     """
     known = broken() if breaks else models()
-    unknown = [name for name, _, _ in cells if name not in known]
+    unknown = [name for name in names or () if name not in known]
     if unknown:
         raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(known)}")
-    store.write(folder, broken_source() if breaks else papers_source(), {})
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
-    with tqdm(total=sum(runs for _, _, runs in cells), unit="log", disable=None) as bar:
-        for name, hours, runs in cells:
-            path = folder / f"{name}-{hours:g}h.csv"
-            bar.set_description(path.stem)
-            if path.exists() and (pd.read_csv(path)["runs"] == runs).any():
-                bar.update(runs)
-                continue
-            model, dt, kind = known[name]
-            run = characterised if breaks else estimate
-            one = partial(run, model=model, dt=dt, kind=kind, hours=hours)
-            table = _of_logs(one, name, runs, bar, workers=workers, scheduler=scheduler)
-            table = broken_summary(table) if breaks else summary(table, model)
-            table.insert(0, "hours", float(hours))
-            table.insert(0, "model", name)
-            with replacing(path) as draft:
-                store.write_table(draft, store.rounded(table, DIGITS))
+    cells = broken_plan() if breaks else plan()
+    if runs or hours or names:
+        lengths = hours or ((2.0,) if breaks else (2.0, 6.0))
+        cells = [(name, h, runs or 500) for h in lengths for name in names or known]
+    source = broken_source() if breaks else papers_source()
+    tables = {f"{name}-{h:g}h": _cell(name, h, n, known[name], breaks) for name, h, n in cells}
+    tabulate(folder or (BROKEN if breaks else FOLDER), source, tables, **where)
 
 
-def _of_logs(run, name, count, bar, **where):
-    """Run the estimators on all logs of a model; a table in the order of the logs."""
-    found = {}
-    for k, rows in compute(partial(_of_log, run), enumerate(streams(name, count)), **where):
-        found[k] = rows
-        bar.update()
-    return pd.DataFrame([row for k in sorted(found) for row in found[k]])
+def _cell(name, hours, runs, sensor, breaks):
+    """Lay out one table: the estimators on so many logs of a sensor."""
+    model, dt, kind = sensor
+    run = partial(characterised if breaks else estimate, model=model, dt=dt, kind=kind, hours=hours)
+    finish = partial(_summed, name=name, hours=hours, model=None if breaks else model)
+    return Cell(partial(_of_log, run), list(enumerate(streams(name, runs))), finish)
 
 
 def _of_log(run, log):
     return run(*log)
+
+
+def _summed(rows, *, name, hours, model):
+    table = broken_summary(rows) if model is None else summary(rows, model)
+    table.insert(0, "hours", float(hours))
+    table.insert(0, "model", name)
+    return table
 
 
 def papers_source():
@@ -577,7 +578,7 @@ def broken_source():
     """State what the cells of `broken` are."""
     return {
         "title": "Logs that break the noise models: what is resolved, held, wrong, reported",
-        "made_by": "python -m analysis coverage --broken",
+        "made_by": "python -m analysis coverage broken",
         "seed": SEED,
         "before": BEFORE,
         "disturbances": {name: cell.says for name, (cell, _, _) in broken().items()},
@@ -645,38 +646,41 @@ HAT_FOLDER = store.FOLDER / "hat-coverage"
 HAT_TITLE = "Intervals of the three-cornered hat on simulated units"
 
 
-def hat_study(workers=None, folder=HAT_FOLDER, runs=400):
+def hat_study(folder=HAT_FOLDER, *, runs=400, **where):
     """Count how often the intervals of the three-cornered hat hold the truth, cell by cell.
 
     Parameters
     ----------
-    workers : int, optional
-        Not used: it takes a minute or two.
     folder : Path
     runs : int
         Of each cell of `HATS`: Gauss-Markov or white noise of three units at 1 s, the first two
         sharing the correlation of the cell.
+    **where
+        As for `analysis.studies.cells.compute`.
     """
-    rows = []
-    for cell, (sigma, times, n, rho) in tqdm(HATS.items(), desc="hat", unit="cell", disable=None):
-        streams = np.random.SeedSequence(SEED).spawn(runs)
-        for run, rng in enumerate(map(np.random.default_rng, streams)):
-            x = np.array(
-                [gauss_markov(n, 1.0, 1.0, t, rng) if t else rng.standard_normal(n) for t in times]
-            ).reshape(3, n)
-            x[1] = rho * x[0] + np.sqrt(1 - rho**2) * x[1]
-            row = {"cell": cell, "run": run, "refused": 0, "p_independent": np.nan}
-            try:
-                found = unit_variances(np.array(sigma)[:, None] * x, correlations=())
-            except CannotAnswer:
-                rows.append(row | {"refused": 1})
-                continue
-            row["p_independent"] = found.p_independent
-            for k, (one, true) in enumerate(zip(found.independent, sigma, strict=True), 1):
-                held = None if one.high is None else int(one.low <= true <= one.high)
-                row |= {f"sigma_{k}": one.value / true, f"held_{k}": held}
-            rows.append(row)
-    table = store.rounded(pd.DataFrame(rows), 4)
-    made_by = "python -m analysis coverage --hats"
+    made_by = "python -m analysis coverage hats"
     source = {"title": HAT_TITLE, "seed": SEED, "runs": runs, "made_by": made_by}
-    store.write(folder, source, {"hats": table})
+    drawn = list(enumerate(np.random.SeedSequence(SEED).spawn(runs)))
+    units = [(cell, *one) for cell in HATS for one in drawn]
+    tabulate(folder, source, {"hats": Cell(_hat, units)}, digits=4, **where)
+
+
+def _hat(units):
+    """Draw the noise of three units, and estimate each by the hat: a row."""
+    cell, run, stream = units
+    sigma, times, n, rho = HATS[cell]
+    rng = np.random.default_rng(stream)
+    x = np.array(
+        [gauss_markov(n, 1.0, 1.0, t, rng) if t else rng.standard_normal(n) for t in times]
+    ).reshape(3, n)
+    x[1] = rho * x[0] + np.sqrt(1 - rho**2) * x[1]
+    row = {"cell": cell, "run": run, "refused": 0, "p_independent": np.nan}
+    try:
+        found = unit_variances(np.array(sigma)[:, None] * x, correlations=())
+    except CannotAnswer:
+        return [row | {"refused": 1}]
+    row["p_independent"] = found.p_independent
+    for k, (one, true) in enumerate(zip(found.independent, sigma, strict=True), 1):
+        held = None if one.high is None else int(one.low <= true <= one.high)
+        row |= {f"sigma_{k}": one.value / true, f"held_{k}": held}
+    return [row]

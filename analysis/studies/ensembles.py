@@ -4,18 +4,14 @@ What the papers say of one log is judged by what many such logs say. One CSV for
 channel of Table I, a receiver, the terrain paper's sensor) is kept in ``data/derived/ensembles``,
 with a row for each quantity and log. Log k of a subject comes from the k-th stream spawned from the
 subject's seed, so that neither the number of logs nor that of workers changes a number. Make them
-again with ``python -m analysis.studies.ensembles`` (two minutes).
+again with ``python -m analysis coverage ensembles --out DIR`` (two minutes).
 """
 
-import os
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
 import numpy as np
-import pandas as pd
-from tqdm import tqdm
 
-from analysis import replacing, store
+from analysis import store
 from analysis.noise import (
     NoiseLikelihood,
     TerrainRecipe,
@@ -29,6 +25,7 @@ from analysis.noise import (
 )
 from analysis.noise.allan import cluster_sizes, overlapped_variance
 from analysis.noise.models import gauss_markov
+from analysis.studies.cells import Cell, tabulate
 from analysis.studies.coverage import RATE_HZ, TERRAIN
 from analysis.units.journeys import DT, MANOEUVRES
 
@@ -195,40 +192,49 @@ def streams(name, logs):
     return np.random.SeedSequence(seed or [SEED, list(subjects()).index(name)]).spawn(logs)
 
 
-def table(name, logs=None, each=map):
-    """Read the logs of one subject.
+def quantities(log, *, name):
+    """Read one log of a subject: a row a quantity.
 
     Parameters
     ----------
+    log : (int, SeedSequence)
+        Its number and stream.
     name : str
         A key of `subjects`.
-    logs : int, optional
-        The first so many; by default all.
-    each : function
-        As `map`, such as that of a pool of processes.
 
     Returns
     -------
-    DataFrame
-        quantity, log, value, low, high; low and high are empty where there is no interval.
+    list of dict
+        quantity, log, value, low, high; low and high are NaN where there is no interval.
     """
-    one, all_logs = subjects()[name]
+    k, stream = log
     rows = []
-    for k, found in enumerate(each(one, streams(name, logs or all_logs))):
-        for quantity, value in found.items():
-            ends = value if isinstance(value, tuple) else (value, None, None)
-            rows.append((quantity, k, *(np.nan if v is None else float(v) for v in ends)))
-    rows.sort()
-    columns = ["quantity", "log", "value", "low", "high"]
-    return store.rounded(pd.DataFrame(rows, columns=columns))
+    for quantity, value in subjects()[name][0](stream).items():
+        ends = value if isinstance(value, tuple) else (value, None, None)
+        numbers = [np.nan if v is None else float(v) for v in ends]
+        rows.append(
+            {"quantity": quantity, "log": k}
+            | dict(zip(("value", "low", "high"), numbers, strict=True))
+        )
+    return rows
 
 
-def study(folder=FOLDER, workers=2):
-    """Read every log of every subject, and write a table a subject."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
+def _sorted(rows):
+    return rows.sort_values(["quantity", "log"], ignore_index=True)
+
+
+def study(folder=FOLDER, **where):
+    """Read every log of every subject, and write a table a subject.
+
+    Parameters
+    ----------
+    folder : Path
+    **where
+        As for `analysis.studies.cells.compute`.
+    """
     source = {
         "title": "Ensembles of simulated logs behind the verdicts of notebooks 10 to 14 and 41",
-        "made_by": "python -m analysis.studies.ensembles",
+        "made_by": "python -m analysis coverage ensembles",
         "seeds": {"papers": SEED, "terrain-recipe, terrain-fitted": TERRAIN_SEED},
         "logs": {name: logs for name, (_, logs) in subjects().items()},
         "duration_s": DURATION_S,
@@ -237,13 +243,8 @@ def study(folder=FOLDER, workers=2):
         "terrain_hours": TERRAIN_HOURS,
         "terrain_window_s": TERRAIN_WINDOW_S,
     }
-    tables = {}
-    with ProcessPoolExecutor(workers) as pool:
-        for name in tqdm(subjects(), unit="subject", disable=None):
-            tables[name] = table(name, each=pool.map)
-    with replacing(folder) as draft:
-        store.write(draft, source, tables)
-
-
-if __name__ == "__main__":
-    study()
+    tables = {
+        name: Cell(partial(quantities, name=name), list(enumerate(streams(name, logs))), _sorted)
+        for name, (_, logs) in subjects().items()
+    }
+    tabulate(folder, source, tables, digits=store.DIGITS, **where)

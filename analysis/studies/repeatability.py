@@ -11,24 +11,20 @@ pairs have |z| < 1.96. The interval of a share comes from drawing channels, not 
 channels, and pairs of one channel share parts.
 """
 
-import os
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from functools import partial
 from itertools import combinations, pairwise
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
-from analysis import CannotAnswer, logs, replacing, store
+from analysis import CannotAnswer, logs, store
 from analysis.logs import datasets, formats
 from analysis.noise import infer
 from analysis.noise import pool as pooling
+from analysis.studies.cells import DIGITS, Cell, tabulate
 
 FOLDER = store.FOLDER / "repeatability"
 BEFORE = "table 'before': the same parts, by the code of commit e05b09e"
-DIGITS = 5  # of the numbers in the tables
 SEED = 20240513
 PIECES = (1, 2, 4, 8)  # parts of a log; the whole only names what disturbs it
 ADIS = {f"adis16405-{k}": f"adis16405-static/adis_16405_imu{k}.rda" for k in (1, 2, 3)}
@@ -280,44 +276,36 @@ def sources(logs_read):
     }
 
 
-def study(workers=None, folder=FOLDER):
+def study(folder=FOLDER, **where):
     r"""Characterise every part of every log, compare, and write the tables.
 
     A log whose table is there is not computed again: a killed study goes on where it stopped.
 
     Parameters
     ----------
-    workers : int, optional
-        Processes; by default one a core.
     folder : Path
         Gets a table of the parts of each log, summary, exceptions (the pairs with \|z\| >= 1.96),
         and overdispersion.
+    **where
+        As for `analysis.studies.cells.compute`.
     """
-    logs_read = {name: read(name) for name in LOGS}
-    stated = {
+    source = {
         "title": "Repeatability: real static logs in halves, quarters, eighths",
-        "made_by": "python -m analysis coverage --real",
-        **sources(logs_read.values()),
+        "made_by": "python -m analysis coverage real",
+        **sources(map(read, LOGS)),
         "before": BEFORE,
         "seed": SEED,
     }
-    store.write(folder, stated, {})
-    missing = [name for name in LOGS if not (folder / f"{name}.csv").exists()]
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
-    with ProcessPoolExecutor(workers) as pool:
-        one = partial(write_parts, folder=folder)
-        list(tqdm(pool.map(one, missing), total=len(missing), unit="log", disable=None))
+    tabulate(folder, source, {name: Cell(parts_of, [name]) for name in LOGS}, **where)
     table = pd.concat([pd.read_csv(folder / f"{name}.csv") for name in LOGS])
     compared = pairs(table)
     exceptions = compared[compared["z"].abs() >= WITHIN]
     tables = {"summary": summary(table, compared), "exceptions": exceptions}
     tables["overdispersion"] = overdispersion(compared)
-    store.write(folder, stated, {k: store.rounded(t, DIGITS) for k, t in tables.items()})
+    store.write(folder, source, {k: store.rounded(t, DIGITS) for k, t in tables.items()})
 
 
-def write_parts(name, folder):
-    """Characterise the parts of one log, and write their table."""
+def parts_of(name):
+    """Characterise the parts of one log of the study."""
     rows = parts(read(name), number=list(LOGS).index(name))
-    table = pd.DataFrame([{"sensor": LOGS[name], "log": name} | row for row in rows])
-    with replacing(folder / f"{name}.csv") as draft:
-        store.write_table(draft, store.rounded(table, DIGITS))
+    return [{"sensor": LOGS[name], "log": name} | row for row in rows]
