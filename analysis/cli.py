@@ -13,6 +13,7 @@ import math
 import shlex
 import sys
 import tempfile
+from collections.abc import Callable
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
@@ -696,7 +697,7 @@ def coverage(
     from analysis.studies import beside_others, ensembles, repeatability
     from analysis.studies import coverage as simulated
 
-    run, usual = {
+    studies: dict[str, tuple[Callable, Path]] = {
         "intervals": (simulated.study, simulated.FOLDER),
         "broken": (functools.partial(simulated.study, breaks=True), simulated.BROKEN),
         "power": (simulated.power, simulated.POWER),
@@ -704,7 +705,8 @@ def coverage(
         "beside": (beside_others.study, beside_others.FOLDER),
         "hats": (simulated.hat_study, simulated.HAT_FOLDER),
         "ensembles": (ensembles.study, ensembles.FOLDER),
-    }[study]
+    }
+    run, usual = studies[study]
     given = {
         "runs": runs,
         "hours": hours and _numbers(hours),
