@@ -24,7 +24,7 @@ def road():
 
 def reading(**changes):
     """Read the paper on 300 m of that road."""
-    return Setup.paper(300.0, begin=50.0, **changes)
+    return Setup.reference(300.0, begin=50.0, **changes)
 
 
 def laps(choices, runs=8, attitude_map=None, sensors=SENSORS, **options):
@@ -213,7 +213,7 @@ def test_an_interval_of_a_skewed_number_has_its_mirror_image():
 
 def test_a_coarser_setup_is_the_same_reading():
     """property: step, and R times rate, are those asked for; no R stays none."""
-    fine = Setup.paper(1500.0)
+    fine = Setup.reference(1500.0)
     coarse = fine.coarser(0.55)
     assert coarse.speed / coarse.rate_hz == pytest.approx(0.55)
     assert coarse.R / coarse.rate_hz == pytest.approx(fine.R / fine.rate_hz)

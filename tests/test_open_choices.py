@@ -64,7 +64,7 @@ def test_noise_on_the_attitude_is_white_at_every_rate():
 def test_compiled_filter_equals_numpy(channels, changes):
     """cross-check: the same laps to the bit, since a lap that is lost magnifies any rounding."""
     pytest.importorskip("numba")
-    setup = Setup.paper(200.0, rate_hz=50.0, **changes)
+    setup = Setup.reference(200.0, rate_hz=50.0, **changes)
     sensors = {n: Sensor(n, n) for n in (0.0, 0.002, 0.01)}
     first, second = (
         simulate_laps(road(channels), sensors, setup, runs=5, seed=SEED, compiled=compiled)
@@ -77,7 +77,7 @@ def test_compiled_filter_equals_numpy(channels, changes):
 
 def test_compiled_filter_leaves_out_bias_states():
     """property: what it cannot do is refused in a sentence."""
-    setup = Setup.paper(50.0, bias_states=True)
+    setup = Setup.reference(50.0, bias_states=True)
     with pytest.raises(WrongUsage, match="no bias states"):
         simulate_laps(road(), {0: Sensor(0, 0)}, setup, runs=1, seed=SEED, compiled=True)
 

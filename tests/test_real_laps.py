@@ -19,7 +19,7 @@ def test_a_held_out_lap_is_tracked_well_under_a_metre():
     """property: with a perfect gyro the map of the other laps holds this one, gaps and all."""
     lap, others = store.lap_and_map(LAP)
     options = {"runs": 3, "seed": 1}
-    laps = track_real_laps({LAP: (lap, others)}, PERFECT, Setup.paper(1557.0), **options)[LAP]
+    laps = track_real_laps({LAP: (lap, others)}, PERFECT, Setup.reference(1557.0), **options)[LAP]
     assert np.sqrt((laps.error**2).mean()) < 0.6
     assert len(laps.odometry) == len(laps.distance) and np.isfinite(laps.error).all()
     truth, moved, attitude = resample_lap(lap, ("pitch", "roll"), 100.0)
@@ -29,7 +29,7 @@ def test_a_held_out_lap_is_tracked_well_under_a_metre():
 
 def test_laps_tracked_together_are_as_alone():
     """property: no other lap, nor its length, map, dropouts or R, moves a number of a lap."""
-    some, both = Setup.paper(1557.0, every=10), ("pitch", "roll")
+    some, both = Setup.reference(1557.0, every=10), ("pitch", "roll")
     for setup in (some, replace(some, bias_states=True, R=0.04)):
         options = {"runs": 2, "seed": 1, "channels": both}
         names = (LAP, "14-45-26")
@@ -52,7 +52,7 @@ def test_laps_tracked_together_are_as_alone():
 
 def test_an_exact_map_is_better():
     """property: what the measured attitude adds to the error is the map's, on a lap with gaps."""
-    args = ({LAP: store.lap_and_map(LAP)}, PERFECT, Setup.paper(1557.0))
+    args = ({LAP: store.lap_and_map(LAP)}, PERFECT, Setup.reference(1557.0))
     measured, exact = (
         track_real_laps(*args, runs=3, seed=1, exact_map=e)[LAP] for e in (False, True)
     )
@@ -73,19 +73,19 @@ def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
     options = {"runs": 1, "seed": 1}
     blind = replace(lap, pitch_deg=np.full_like(lap.pitch_deg, np.nan))
     with pytest.raises(CannotAnswer, match=f"lap {LAP} has no pitch: an antenna was missing"):
-        track_real_laps({0: (blind, others)}, PERFECT, Setup.paper(1557.0), **options)
+        track_real_laps({0: (blind, others)}, PERFECT, Setup.reference(1557.0), **options)
     away = replace(lap, s_m=lap.s_m + 2000.0)
     with pytest.raises(CannotAnswer, match="leaves the map"):
-        track_real_laps({0: (away, others)}, PERFECT, Setup.paper(1557.0), **options)
+        track_real_laps({0: (away, others)}, PERFECT, Setup.reference(1557.0), **options)
     torn = replace(others, pitch_deg=np.where(others.s_m < 7, np.nan, others.pitch_deg))
     with pytest.raises(CannotAnswer, match=r"no attitude at .* a filter needs a map without gaps"):
-        track_real_laps({0: (lap, torn)}, PERFECT, Setup.paper(1557.0), **options)
+        track_real_laps({0: (lap, torn)}, PERFECT, Setup.reference(1557.0), **options)
 
 
 def test_filter_grid_and_bound_on_the_real_map():
     """cross-check: on the real track, where the model is true, UKF and grid differ by percents."""
     profile = store.profile("ccw")
-    setup = Setup.paper(600.0, R=0.05, odometry_scale=0.0)
+    setup = Setup.reference(600.0, R=0.05, odometry_scale=0.0)
     found, _ = compare_filters(profile.attitude_map(), setup, runs=40, seed=3)
     part = found.loc[found["informative"], ["UKF", "grid filter", "Cramér–Rao bound"]]
     ukf, grid, bound = np.sqrt((part**2).mean())
@@ -120,7 +120,7 @@ def test_the_error_of_a_map_is_recovered():
 
 def test_few_laps_make_the_filter_less_sure():
     """property: fewer laps, in the estimate or in the map, let the filter expect a larger error."""
-    error, setup = MapError(0.06, 0.15, 50.0, 0.08, 2.5, laps=6), Setup.paper(1557.0)
+    error, setup = MapError(0.06, 0.15, 50.0, 0.08, 2.5, laps=6), Setup.reference(1557.0)
     many = error.setup(setup, 4)
     for few in (replace(error, laps=2).setup(setup, 4), error.setup(setup, 1)):
         assert few.begin_attitude_sd > 1.2 * many.begin_attitude_sd
@@ -145,7 +145,7 @@ def test_a_lap_off_its_map_is_held():
     off = -0.17 - 0.33 * ((lap.s_m > 500) & (lap.s_m < 800))
     bent = {LAP: (replace(lap, pitch_deg=lap.pitch_deg + off), others)}
     gyros = {"MEMS": Sensor(0.01, 0.01)}
-    setup = Setup.paper(1557.0, every=10)
+    setup = Setup.reference(1557.0, every=10)
     white = replace(setup, bias_states=True, R=0.2**2 / 10)  # as strong as 0.2 deg at 100 Hz
     expected = store.map_error(LAP).setup(setup, others.laps.mean())
     found = {}

@@ -14,7 +14,7 @@ MEMS = Sensor(0.01, 0.01)
 
 def test_no_alarm_without_need_and_the_way_back_after_a_slip():
     """property: on a real lap none without cause; after a slip or a wrong start the place again."""
-    setup = Setup.paper(1557.0, every=10)
+    setup = Setup.reference(1557.0, every=10)
     laps = {LAP: store.lap_and_map(LAP)}
     found = watch_real_laps(laps, {LAP: store.map_error(LAP)}, MEMS, setup, seed=4)
     found = found.droplevel(1)

@@ -238,7 +238,7 @@ def figures_8_to_11():
     attitude_map, length = road()
     sweeps = zip("NB", Setup.sweeps(), strict=True)
     sensors = {(swept, *at): s for swept, over in sweeps for at, s in over.items()}
-    reading = Setup.paper(length)
+    reading = Setup.reference(length)
     laps, seconds = timed(simulate_laps, attitude_map, sensors, reading, runs=100, seed=SEED)
     yield Measured("Figs 8-11 in full, one core", seconds, "s", "<= 30")
     steps = laps.error[..., 0].size * (reading.samples - 1)

@@ -191,9 +191,9 @@ def atlas():
         ``atlas`` and ``plane``, see `sensors` and `analysis.store.error_plane`.
     """
     profile = store.profile(DIRECTION)
-    exact = {"paper": Setup.paper(profile.length_m)}
+    exact = {"paper": Setup.reference(profile.length_m)}
     map_variance = float((profile.pitch_se_deg**2).mean())
-    exact["bias states"] = Setup.paper(profile.length_m, bias_states=True, R=map_variance)
+    exact["bias states"] = Setup.reference(profile.length_m, bias_states=True, R=map_variance)
     cells = {(n, b): Sensor(n, b) for b in PLANE_B for n in PLANE_N}
     rows = []
     for tracker, setup in exact.items():
@@ -229,7 +229,7 @@ def surface():
     sensors, rows = [(n, b) for b in PLANE_B for n in PLANE_N], []
     for noise in SURFACE_NOISES:
         for corr_time in SURFACE_T_C:
-            setup = Setup.paper(LAP_M, noise=noise, corr_time=corr_time).coarser(STEP_M)
+            setup = Setup.reference(LAP_M, noise=noise, corr_time=corr_time).coarser(STEP_M)
             laps = simulate_laps(
                 store.profile(DIRECTION).attitude_map(),
                 {at: Sensor(*at) for at in sensors},
@@ -323,7 +323,7 @@ def _at_an_end(swept, n, b):
 
 def _sweep_setup():
     """Give the reading of notebooks 21 to 23, sampled as finely as the map."""
-    return Setup.paper(store.profile(DIRECTION).length_m).coarser(STEP_M)
+    return Setup.reference(store.profile(DIRECTION).length_m).coarser(STEP_M)
 
 
 def _sweep_block(block):

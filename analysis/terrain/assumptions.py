@@ -323,10 +323,14 @@ class Setup:
     map_error: tuple[float, float] | None = None
 
     WORST = Sensor(0.01, 0.01)  # the worst sensor of the sweep
+    REFERENCE = "our reference reading is used"  # the one condition of the verdicts on the paper
+    TABLE_1_HOURS, TABLE_1_WINDOW_S = 4, 10.0  # of the static log that Table 1 is read from
 
     @classmethod
-    def paper(cls, length: float, **changes) -> Setup:
-        """Read the paper as notebooks 21 to 23 do: one R, that of the worst sensor of the sweep.
+    def reference(cls, length: float, **changes) -> Setup:
+        """Read the paper as notebooks 12 and 20 to 23 do: our reference reading, see `in_words`.
+
+        Its R is ours, for the paper gives none: that of the worst sensor of the sweep, for all.
 
         Parameters
         ----------
@@ -461,6 +465,54 @@ class Setup:
     def stated(self) -> dict:
         """Give the attributes as plain numbers and words, for the provenance of a figure."""
         return asdict(self) | {"R": self.R and round(self.R, 6)}
+
+    def in_words(self) -> dict[str, dict[str, str]]:
+        """State the reference reading: what the paper leaves open, what is chosen here, and why.
+
+        Returns
+        -------
+        dict of str to dict
+            ``chosen here`` and ``reason`` of each choice, for `analysis.text.table`.
+        """
+        R = self.R * PAPER_HZ / self.rate_hz  # of a reading at 100 Hz
+        rows = {
+            "noise of the gyro": ("integrated into the attitude", "a gyro measures a rate"),
+            "attitude that is compared": (
+                "pitch, as it is",
+                "Figs 3 and 4 show one attitude; earlier trackers of the group used pitch",
+            ),
+            "bias of the gyro": (
+                f"Gauss–Markov, σ_b = B (ω₀ = β), T_c = {self.corr_time:g} s, from {self.start}",
+                "Table 1; an integrator in a simulation starts at zero if nothing else is set",
+            ),
+            "R₀, the variance that the filter assumes": (
+                f"({R**0.5:.2f} °)² of each reading, at any rate, for every sensor",
+                "ours: the variance of the drift of the worst sensor of the sweeps"
+                f" (N {self.WORST.arw:g} °/√s, B {self.WORST.sigma_b:g} °/s), over the lap",
+            ),
+            "lap": (
+                f"{self.length:.0f} m of the test track at {self.speed:g} m/s, the map exact",
+                "the paper's track; the speed of its group's van",
+            ),
+            "error of the odometry, one sigma": (
+                f"{1000 * self.odometry_walk:g} mm/√m and {100 * self.odometry_scale:.2g} %",
+                "measured on the van's wheels, against RTK",
+            ),
+            "error of the first position, one sigma": (
+                f"{self.begin_sd:g} m",
+                '"an estimate of the current location is usually known"',
+            ),
+            "mean, variance": (
+                "of the absolute error; of all errors of all laps, none left out",
+                "a mean with sign is near 0 for every sensor; Fig 12 has one number a sensor",
+            ),
+            "static log of Table 1": (
+                f"{self.TABLE_1_HOURS} h; T_c at 1/e of averages of {self.TABLE_1_WINDOW_S:g} s,"
+                " B as a quotient",
+                "the shortest that was tried which gives N, B and T_c back in nine logs of ten",
+            ),
+        }
+        return {k: {"chosen here": level, "reason": why} for k, (level, why) in rows.items()}
 
     def drift_sd(self, sensor: Sensor, seconds: float | None = None) -> float:
         """Standard deviation of a sensor's attitude error after a time or at the lap's end, deg."""
