@@ -91,6 +91,16 @@ def entry(name: str) -> Entry:
     return registry()[name]
 
 
+def origin(*names: str) -> dict:
+    """State where registered files are from: ``files`` with sha256, ``licence``, ``source``."""
+    entries = [entry(name) for name in names]
+    return {
+        "files": {e.file: e.sha256 for e in entries},
+        "licence": "; ".join(dict.fromkeys(e.licence for e in entries)),
+        "source": "; ".join(dict.fromkeys(f"https://github.com/{e.repository}" for e in entries)),
+    }
+
+
 def path(name: str) -> Path:
     """Find a registered file on this machine and check its sha256.
 

@@ -306,7 +306,8 @@ def stops():
             biases.append(_bias_change(log, stopped).assign(ride=name))
     found = {"verdicts": verdicts, "roc": curves, "bias": biases}
     tables = {k: store.rounded(pd.concat(v, ignore_index=True), 4) for k, v in found.items()}
-    return _sources(STANDING, "Rest of three cars, by the tests of block 3"), tables
+    title = "Rest of three cars, by the tests of block 3"
+    return {"title": title} | datasets.origin(*(RIDES[name].file for name in STANDING)), tables
 
 
 def _bias_change(log, stopped):
@@ -332,18 +333,9 @@ def outages():
     """
     ends = [bridged(read(name)).assign(ride=name) for name in WHEELS]
     table = store.rounded(pd.concat(ends, ignore_index=True), 4)
-    return _sources(WHEELS, "Outages of 10, 30 and 60 s on the rides of four cars"), {"ends": table}
-
-
-def _sources(names, title):
-    """State where several rides are from."""
-    entries = [datasets.entry(RIDES[name].file) for name in names]
-    return {
-        "title": title,
-        "files": {e.file: e.sha256 for e in entries},
-        "licence": "; ".join(dict.fromkeys(e.licence for e in entries)),
-        "source": "; ".join(dict.fromkeys(f"https://github.com/{e.repository}" for e in entries)),
-    }
+    title = "Outages of 10, 30 and 60 s on the rides of four cars"
+    source = {"title": title} | datasets.origin(*(RIDES[name].file for name in WHEELS))
+    return source, {"ends": table}
 
 
 def cold_phone():
@@ -408,12 +400,9 @@ def starts():
         lag = time_lag(ride.gnss, ride.imu)
         row = {"ride": name, "lag_s": lag.value, "low_s": lag.low, "high_s": lag.high}
         lags.append(row | {"speed_factor": ride.gnss.speed_factor()})
-    entries = [datasets.entry(file) for file in NMEA_DRIVES.values()]
     source = {
         "title": "two receivers in cars, NMEA with GSA, 31 min and 2 h 57 min",
-        "files": {entry.file.split("/")[1]: entry.sha256 for entry in entries},
-        "licence": entries[0].licence,
-        "source": f"https://github.com/{entries[0].repository}",
+        **datasets.origin(*NMEA_DRIVES.values()),
         "notes": notes,
     }
     tables = {"starts": pd.concat(tables), "fixes": pd.DataFrame(fixes)}
@@ -491,12 +480,12 @@ def _metres(prefix, lat, lon, lat0, lon0):
 
 def _source(name, log):
     """State where a ride is from and what was done to it."""
-    entry = datasets.entry(RIDES[name].file)
+    from_file = datasets.origin(RIDES[name].file)
+    ((file, sha256),) = from_file.pop("files").items()
     return {
         "title": RIDES[name].title,
-        "file": entry.file.split("/")[1],
-        "sha256": entry.sha256,
-        "licence": entry.licence,
-        "source": f"https://github.com/{entry.repository}",
+        "file": file.split("/")[1],
+        "sha256": sha256,
+        **from_file,
         "notes": list(log.notes),
     }

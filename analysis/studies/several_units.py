@@ -354,12 +354,4 @@ def _gpx(file):
 
 
 def _source(title, *files, notes=()):
-    """State where a folder is from: each raw file with its sha256, licence and repository."""
-    entries = [datasets.entry(file) for file in files]
-    return {
-        "title": title,
-        "files": {e.file: e.sha256 for e in entries},
-        "licence": "; ".join(dict.fromkeys(e.licence for e in entries)),
-        "source": "; ".join(dict.fromkeys(f"https://github.com/{e.repository}" for e in entries)),
-        "notes": list(notes),
-    }
+    return {"title": title} | datasets.origin(*files) | {"notes": list(notes)}

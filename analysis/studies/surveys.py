@@ -81,7 +81,7 @@ def test_track():
         tables[f"profile-{d}"] = rounded(profile, s_m=FINE, east_m=FINE, north_m=FINE)
     source = {
         "title": "Larson Institute test track, six laps of a van with three RTK antennas",
-        **_origin(files.values()),
+        **datasets.origin(*files.values()),
         "gate_lat_lon_deg": list(GATE),
         "length_m": {d: rounded_number(line.length_m, 9) for d, line in lines.items()},
         "smoothing_width_m": WIDTH,
@@ -112,18 +112,6 @@ def _about(raw, lap, first_round, mounting, scale):
         "metres_per_count": rounded_number(scale),
         "antenna_yaw_pitch_roll_deg": [rounded_number(v) for v in alone],
         "left_yaw_pitch_roll_deg": [rounded_number(v) for v in left],
-    }
-
-
-def _origin(files):
-    """Give source, licence and sha256 of raw files."""
-    entries = [datasets.entry(file) for file in files]
-    first = entries[0]
-    return {
-        "licence": first.licence,
-        "source": f"https://github.com/{first.repository}",
-        "commit": first.commit,
-        "files": {entry.file.split("/")[1]: entry.sha256 for entry in entries},
     }
 
 
@@ -172,7 +160,7 @@ def highway():
         }
     source = {
         "title": "Interstate 99 between Altoona and State College, both ways, one GNSS receiver",
-        **_origin(files.values()),
+        **datasets.origin(*files.values()),
         "step_m": HIGHWAY_STEP,
         "smoothing_width_m": HIGHWAY_WIDTH,
         "drives": about,
