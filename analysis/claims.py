@@ -48,6 +48,9 @@ OUTCOMES = (
 )  # fmt: skip
 NOT_JUDGED = (f"{NOT_TESTABLE}: ", f"{BY_CONSTRUCTION}: ")  # beginning of such a row's reason
 FEWEST_LOGS = 200  # simulated logs that a verdict on something random needs
+YES_OR_NO = "yes or no"  # unit of a claim that is one or the other
+# How numbers without a unit of their own are written: before, factor, after.
+WRITTEN = {"times": ("× ", 1, ""), "share": ("", 100, " %"), "count": ("", 1, "")}
 MOST = 0.9  # share of the logs in which a claim has to come out, or to fail, for a verdict
 
 
@@ -129,7 +132,7 @@ def verdicts() -> pd.DataFrame:
     -------
     pandas.DataFrame, indexed by id
         paper, where, claim; verdict, and its ``outcome`` without condition or reason; value, low,
-        high, unit, and these four in words as ``reproduced``; notebook.
+        high, unit, and these four in words as ``reproduced``; ``published`` in words; notebook.
     """
     path = _register("claims")
     known = (
@@ -137,13 +140,15 @@ def verdicts() -> pd.DataFrame:
         if path.exists()
         else pd.DataFrame(columns=COLUMNS[1:])
     )
-    table = published()[["paper", "where", "claim", "quantity"]].join(known)
+    register = published()
+    table = register[["paper", "where", "claim", "unit"]].join(known.drop(columns="unit"))
     table["verdict"] = table["verdict"].astype(object).fillna(NOT_YET)
     table["outcome"] = table["verdict"].str.extract(
         f"^({'|'.join(sorted(OUTCOMES, reverse=True))})"
     )[0]
+    table["published"] = [_published(row) for _, row in register.iterrows()]
     table["reproduced"] = [_in_words(row) for _, row in table.iterrows()]
-    return table.drop(columns="quantity")
+    return table
 
 
 def judge(value, low, high, agree_low, agree_high):
@@ -355,10 +360,10 @@ class Ledger:
                 {
                     "where": theirs["where"],
                     "claim": theirs["claim"],
-                    "published": _number(theirs["value"], theirs),
-                    "agrees within": "yes" if _asks(theirs) else _interval(theirs),
-                    "reproduced": _number(mine["value"], theirs) or "–",
-                    "95 % interval": _interval(mine),
+                    "published": _published(theirs),
+                    "counts as agreement": _agreement(theirs),
+                    "reproduced": _number(mine["value"], theirs["unit"]) or "–",
+                    "95 % interval": _range(mine["low"], mine["high"], theirs["unit"]),
                     "verdict": mine["verdict"] + other,
                 }
             )
@@ -394,7 +399,10 @@ class Ledger:
 
     def _entry(self, row, verdict, ends):
         # Three digits: what an interval of this kind means, and what another machine prints too.
-        numbers = (None if x is None else float(f"{x:.3g}") for x in ends)
+        # A count is exact.
+        exact = ends[1] is None and ends[2] is None and row["unit"] == "count"
+        digits = 9 if exact else 3
+        numbers = (None if x is None else float(f"{x:.{digits}g}") for x in ends)
         entry = (row.name, verdict, *numbers, row["unit"], self.notebook)
         return dict(zip(COLUMNS, entry, strict=True))
 
@@ -423,32 +431,53 @@ def _in_words(row):
     """Write value and interval of a verdict with its unit."""
     if row["verdict"] == NOT_YET:
         return "–"
-    words = [_number(row["value"], row)]
-    if _interval(row) != "–":
-        words.append(f"({_interval(row)} {pretty(row['unit'])}".strip() + ")")
-    return " ".join(words).strip() or "–"
+    value, around = _number(row["value"], row["unit"]), _range(row["low"], row["high"], row["unit"])
+    if not value or around in ("–", value):
+        return value or around
+    return f"{value} ({around.removeprefix('between ').replace(' and ', ' to ')})"
 
 
-def _number(value, row):
-    """Write a value in the unit of its row, or yes or no where the claim asks for that."""
+def _agreement(row):
+    """Write the range of values that count as agreement; sizes and ratios begin at 0 anyway."""
+    low = math.nan if row["low"] == 0 and row["high"] > 0 else row["low"]
+    return _range(low, row["high"], row["unit"])
+
+
+def _published(row):
+    """Write the published number; that of an inequality is its bound."""
+    value, agrees = _number(row["value"], row["unit"]), _agreement(row)
+    return agrees if agrees in (f"at least {value}", f"at most {value}") else value
+
+
+def _number(value, unit):
+    """Write a value in its unit, or yes or no where the claim asks for that."""
     if value is None or value != value:
         return ""
-    if _asks(row):
+    if unit == YES_OR_NO:
         return {0: "no", 1: "yes"}.get(value, f"in {100 * value:.3g} % of logs")
-    return f"{value:g} {pretty(row['unit'])}".strip()
+    if math.isinf(value):
+        return "infinite"
+    before, times, after = WRITTEN.get(unit, ("", 1, f" {pretty(unit)}"))
+    return f"{before}{engineering(times * value, 5)}{after}".rstrip()
+
+
+def _range(low, high, unit):
+    """Write an interval, or the range of a claim, in words."""
+    low, high = _number(low, unit), _number(high, unit)
+    if not (low and high):
+        return f"at least {low}" if low else f"at most {high}" if high else "–"
+    if low == high:
+        return low
+    before, _, after = WRITTEN.get(unit, ("", 1, f" {pretty(unit)}"))
+    return f"between {low.removesuffix(after)} and {high.removeprefix(before)}"
 
 
 def _asks(row):
-    return row["quantity"].startswith("1 if")
+    return row["unit"] == YES_OR_NO
 
 
-def _interval(row):
-    span = _span(row["low"], row["high"], digits=6)  # as published, or rounded before
-    return "–" if span == _span(None, None) else span
-
-
-def _span(low, high, digits=3):
+def _span(low, high):
     def end(x):
-        return "…" if x is None or x != x else engineering(x, digits)
+        return "…" if x is None or x != x else engineering(x)
 
     return f"{end(low)} to {end(high)}"

@@ -1,6 +1,7 @@
 """The ledger of claims: how a verdict is reached, and what is kept from notebook to notebook."""
 
 import math
+import re
 import subprocess
 import sys
 
@@ -242,10 +243,10 @@ def test_table_lays_published_beside_reproduced():
     ledger = claims.Ledger("90-test")
     verdict = ledger.check(FIRST, 12.3456, 12.0, None)
     (row,) = ledger.table().to_dict("records")
-    assert (row["reproduced"], row["95 % interval"]) == ("12.3 °", "12 to …")
+    assert (row["reproduced"], row["95 % interval"]) == ("12.3 °", "at least 12 °")
     assert (row["published"], PUBLISHED["unit"]) == (f"{PUBLISHED['value']:g} °", "deg")
     assert row["verdict"] == verdict
-    assert claims.verdicts().loc[FIRST, "reproduced"] == "12.3 ° (12 to … °)"
+    assert claims.verdicts().loc[FIRST, "reproduced"] == "12.3 ° (at least 12 °)"
 
 
 def test_a_notebook_run_by_hand_writes_no_verdict(monkeypatch):
@@ -266,7 +267,47 @@ def test_a_yes_or_no_is_written_as_one(value, words):
     ledger = claims.Ledger("90-test")
     ledger.check(YES_OR_NO, value)
     (row,) = ledger.table().to_dict("records")
-    assert (row["published"], row["agrees within"], row["reproduced"]) == ("yes", "yes", words)
+    assert (row["published"], row["counts as agreement"]) == ("yes", "yes")
+    assert row["reproduced"] == words
+
+
+def claim_of(unit, **of):
+    """Id of the first judged claim in such a unit, with such columns."""
+    rows = JUDGED[(JUDGED["unit"] == unit) & (JUDGED[list(of)] == pd.Series(of)).all(axis=1)]
+    return rows.index[0]
+
+
+@pytest.mark.parametrize(
+    ("claim", "found", "published", "agrees", "reproduced"),
+    [
+        (claim_of("times", low=1.0, high=2.0), (1.5, 1.25, 1.75), "× 1", "between × 1 and 2",
+         "× 1.5 (× 1.25 to 1.75)"),
+        (claim_of("times", low=0.0, high=1.0), (0.5,), "at most × 1", "at most × 1", "× 0.5"),
+        (claim_of("share", value=1.0, low=0.95), (0.983, 0.962, 0.995), "100 %",
+         "between 95 and 100 %", "98.3 % (96.2 to 99.5 %)"),
+        (claim_of("share", low=0.0, high=0.1), (0.5, 0.5, 0.5), "6 %", "at most 10 %", "50 %"),
+        (claim_of("count", value=2493.0), (2319.0,), "2493", "2493", "2319"),
+        (claim_of("s", value=803.0), (None, 287.0, None), "803 s", "between 401.5 and 1204.5 s",
+         "at least 287 s"),
+    ],
+)  # fmt: skip
+def test_numbers_are_written_in_words(claim, found, published, agrees, reproduced):
+    """Property: one way to write each unit; an interval without width, or open, is not two ends."""
+    ledger = claims.Ledger("90-test")
+    ledger.check(claim, *found)
+    (row,) = ledger.table().to_dict("records")
+    assert (row["published"], row["counts as agreement"]) == (published, agrees)
+    assert claims.verdicts().loc[claim, "reproduced"] == reproduced
+
+
+def test_no_number_of_the_verdicts_is_left_raw():
+    """Property: over all committed verdicts, no exponent and no interval of two equal ends."""
+    path = FIGURES / "claims.csv"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COMPENDIUM_FIGURES", str(path.parent))
+        said = claims.verdicts()[["published", "reproduced"]].to_numpy().ravel()
+    for words in said:
+        assert not re.search(r"\de[+-]\d|nan|inf\b|\(([-\d.]+) to \1\b", words), words
 
 
 def test_markdown_escapes_what_would_break_a_table():

@@ -28,6 +28,8 @@ UNITS = {
         "km/h",
     ),
     *("W", "m^2*USD^0.586"),
+    # Of numbers without one: a ratio, a fraction of one (shown in %), a count, a sentence.
+    *("times", "share", "count", "yes or no"),
 }
 # Every figure and table of the papers, counted by hand.
 ITEMS = {
@@ -93,8 +95,9 @@ def test_claim(row):
     assert low <= value <= high
     untestable = row["why"].startswith("not testable: ")
     assert untestable or math.isfinite(low) or math.isfinite(high), "any number would agree"
-    if row["quantity"].startswith("1 if "):
-        assert (row["value"], row["low"], row["high"], row["unit"]) == ("1", "1", "1", "1")
+    assert row["quantity"].startswith("1 if ") == (row["unit"] == "yes or no")
+    if row["unit"] == "yes or no":
+        assert (row["value"], row["low"], row["high"]) == ("1", "1", "1")
     needs = r"needs the paper's own logs|the maker's data sheet is not at hand|no real log here has"
     assert bool(re.search(needs, row["why"])) == untestable
 
