@@ -1,14 +1,18 @@
 """The way out for figures: one style, and one function that saves with numbers and provenance.
 
 `save` writes PDF, PNG and a CSV of the plotted numbers, taken from the axes themselves, so that the
-table cannot differ from the picture. Each carries its provenance: notebook, seed, parameters, data
-by sha256, versions; never a path and never a date, so the same inputs give the same bytes.
+table cannot differ from the picture. Each carries its provenance: notebook, the version of the
+compendium, the paper it redraws, licence, seed, parameters, data by sha256, versions; never a path,
+a commit or a date, so the same inputs give the same bytes.
 """
 
+import functools
 import io
+import itertools
 import json
 import re
 import sys
+from collections import Counter
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -17,17 +21,20 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
+import yaml
+from matplotlib.category import StrCategoryLocator
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
+from matplotlib.ticker import FixedLocator
 from matplotlib.transforms import BboxTransformFrom
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from analysis import FIGURES, ROOT, WrongUsage, figures_folder
+from analysis import DATA, FIGURES, ROOT, WrongUsage, figures_folder
 
-__all__ = ["DOUBLE", "SINGLE", "plt", "save", "use_style"]
+__all__ = ["DOUBLE", "SINGLE", "plt", "read", "save", "use_style"]
 
 SINGLE, DOUBLE = 3.5, 7.2  # widths, in
 STYLE = {
@@ -44,7 +51,7 @@ STYLE = {
     "grid.alpha": 0.5,
     "lines.linewidth": 0.9,
     "lines.markersize": 3,
-    "figure.dpi": 90,  # inside a notebook; files have their own
+    "figure.dpi": 90,  # inside a notebook, which gets SHARP times as many dots; files: savefig.dpi
     "figure.constrained_layout.use": True,
     "savefig.dpi": 130,
     "pdf.fonttype": 42,
@@ -56,9 +63,14 @@ SCRATCH = ROOT / "scratch"  # for a notebook that is run by hand
 RELATIVE, OF_THE_PANEL = 1e-4, 1e-6
 # An artist of more points is thinned to what the picture can show: one with markers, another.
 DENSE, FEW = 300, 30
+MOST_CELLS = 2000  # of an image, that a table lists
+SHARP = 2  # dots of a notebook's picture for one of the page, for screens that show both
 OFF = 0.25  # dots that a line may lie off the points it leaves out
 NOTHING = ("None", "", " ", None)  # matplotlib's names for no line and for no marker
-VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools", "inertial-compendium")
+PACKAGE = "inertial-compendium"
+VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools")
+LETTER = re.compile(r"^\([a-z]\) ?")  # of a panel
+TEX = {r"\sqrt": "√", r"\ell": "ℓ", r"\,": " ", "{": "", "}": "", "$": ""}
 
 
 def use_style() -> None:
@@ -78,8 +90,9 @@ def save(
 ) -> None:
     """Save a figure as PDF, PNG and CSV with caption and provenance inside; show it in a notebook.
 
-    Points that lie under one dot of the picture are left out first, so that the table holds what
-    the picture shows; dense clouds become dots in the PDF too.
+    Of several panels each gets its letter. Points that lie under one dot of the picture are left
+    out first, so that the table holds what the picture shows; dense clouds become dots in the PDF
+    too.
 
     Parameters
     ----------
@@ -110,6 +123,7 @@ def save(
     to.mkdir(parents=True, exist_ok=True)
     settings = {k: STYLE[k] for k in ("savefig.dpi", "pdf.fonttype")} | NO_LAYOUT
     with mpl.rc_context(settings):
+        _set_letters(fig)
         fig.draw_without_rendering()  # lays it out: from here on a point has a place in dots
         # Laid out once: PDF and notebook show the same. With the engine "none" each would be drawn
         # twice, once to lay it out; None takes what the settings say, which is no engine.
@@ -155,17 +169,29 @@ def differences(was: Path, now: Path) -> list[str]:
         return [] if was.exists() == now.exists() else ["gone" if was.exists() else "new"]
     if was.read_bytes() == now.read_bytes():
         return []
-    heads, tables = zip(*map(_read, (was, now)), strict=True)
+    heads, tables = zip(*map(read, (was, now)), strict=True)
     keys = dict.fromkeys([*heads[0], *heads[1]])
-    found = [k for k in keys if k != "versions" and heads[0].get(k) != heads[1].get(k)]
+    of_the_day = ("versions", "compendium")
+    found = [k for k in keys if k not in of_the_day and heads[0].get(k) != heads[1].get(k)]
     return found if _close(*tables) else [*found, "numbers"]
 
 
-def _read(path):
-    """Read provenance and numbers of a figure."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    head = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
-    return head, pd.read_csv(path, comment="#")
+def read(path: Path) -> tuple[dict, pd.DataFrame]:
+    """Read where a figure is from, and its numbers, from its CSV.
+
+    Returns
+    -------
+    head : dict
+        As `provenance` gives it, and ``axes``.
+    table : pandas.DataFrame
+        As `plotted_numbers` gives it.
+    """
+    with path.open(encoding="utf-8") as lines:
+        head = dict(
+            line[2:].split(": ", 1) for line in itertools.takewhile(lambda r: r[0] == "#", lines)
+        )
+    table = pd.read_csv(path, skiprows=len(head), dtype={"panel": str, "series": str})
+    return {key: json.loads(value) for key, value in head.items()}, table
 
 
 def _close(old, new):
@@ -195,8 +221,8 @@ def _show(fig, caption):
         from IPython.display import Markdown, display
 
         png = io.BytesIO()
-        _picture(fig, STYLE["figure.dpi"]).save(png, "PNG", optimize=True)
-        display(Shown(png.getvalue()))
+        _picture(fig, SHARP * STYLE["figure.dpi"]).save(png, "PNG", optimize=True)
+        display(Shown(png.getvalue(), retina=True, alt=caption))
         display(Markdown(f"*{caption}*"))
         plt.close(fig)  # shown already
 
@@ -290,7 +316,7 @@ def _corners(at):
 
 
 def provenance(name, caption, seed, data, parameters):
-    """Collect where a figure is from.
+    """Collect where a figure is from, which paper it redraws, and under which licence it is.
 
     Returns
     -------
@@ -302,11 +328,75 @@ def provenance(name, caption, seed, data, parameters):
         "figure": name,
         "caption": caption,
         "notebook": notebooks[0].stem if notebooks else None,
+        "compendium": f"{PACKAGE} {version(PACKAGE)}",
+        "paper": redrawn(name),
+        "licence": licence(data),
         "seed": seed,
         "parameters": parameters,
         "data": data,
         "versions": {package: version(package) for package in VERSIONS},
     }
+
+
+def redrawn(name):
+    """Name the figures and tables of the papers that a figure redraws.
+
+    Returns
+    -------
+    list of str
+        "terrain paper (Jerath and Brennan, 2011), Fig 9"
+    """
+    found, papers = [], {}
+    for row in _published("coverage.csv").itertuples():
+        if name in str(row.figures).split(";"):
+            papers = papers or {paper["abbreviation"]: paper for paper in references()}
+            paper = papers[f"{row.paper} paper"]
+            names = [author.get("family-names") for author in paper["authors"]]
+            by = f" ({words(names)}, {paper['year']})" if all(names) else ""
+            found.append(f"{row.paper} paper{by}, {row.item}")
+    return found
+
+
+def references():
+    """Read the papers that CITATION.cff refers to.
+
+    Returns
+    -------
+    list of dict
+    """
+    return yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["references"]
+
+
+def words(names):
+    """Write names as a sentence does: A, B and C."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+
+
+def licence(data):
+    """Name the licence of a figure: that of the logs which it shows, or the compendium's own.
+
+    Parameters
+    ----------
+    data : dict of str
+        Name of each log -> sha256 or address.
+
+    Returns
+    -------
+    str
+    """
+    files = _published("../registry.csv")
+    found = []
+    for name, where in data.items():
+        known = files["sha256"].eq(where) | ("https://github.com/" + files["repository"]).eq(where)
+        of = files[known].drop_duplicates("repository")
+        found += [f"{row.licence} ({row.repository})" for row in of.itertuples()]
+        found += [f"that of {name}"] if of.empty else []
+    return "; ".join(dict.fromkeys(found)) or "MIT"
+
+
+@functools.cache
+def _published(name):
+    return pd.read_csv(DATA / "published" / name, keep_default_na=False)
 
 
 def plotted_numbers(fig):
@@ -319,8 +409,8 @@ def plotted_numbers(fig):
     Returns
     -------
     pandas.DataFrame
-        Columns panel (its number, see `axes_of`), series, x, y, y2: a point (x, y), or a band or
-        bar from y to y2.
+        Columns panel (its title, see `axes_of`), series, x, y, y2: a point (x, y), a band or bar
+        from y to y2, or a cell of an image at (x, y) whose value is y2.
 
     Raises
     ------
@@ -329,49 +419,101 @@ def plotted_numbers(fig):
     """
     columns = ["panel", "series", "x", "y", "y2"]
     rows = []
-    for panel, (title, ax) in _panels(fig).items():
+    for panel, ax in _panels(fig).items():
         for kind, label, *numbers in _shown(ax):
             if not label:
-                raise WrongUsage(f"no name for {kind} in panel {panel} ({title}): label it")
-            rows.append(pd.DataFrame(dict(zip(columns, (panel, label, *numbers), strict=True))))
+                raise WrongUsage(f"no name for {kind} in panel '{panel}': label it")
+            named = (panel, _without_tex(label), *numbers)
+            rows.append(pd.DataFrame(dict(zip(columns, named, strict=True))))
     return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame(columns=columns)
 
 
 def axes_of(fig):
-    """Give title, x label and y label of each panel, by its number.
+    """Describe the axes of each panel, by its title.
 
     Returns
     -------
-    dict of int, list of str
+    dict of str, dict
+        ``letter``, where there are several; ``x`` and ``y``, the labels; where an axis has words
+        for numbers, ``x ticks`` and ``y ticks``, number -> word.
 
     Raises
     ------
     WrongUsage
         If an axis has no label.
     """
-    found = {}
-    for panel, (title, ax) in _panels(fig).items():
-        labels = [title]
+    found: dict[str, dict] = {}
+    panels = _panels(fig)
+    for k, (panel, ax) in enumerate(panels.items()):
+        found[panel] = {"letter": chr(ord("a") + k)} if len(panels) > 1 else {}
         for which in "xy":
             alike = [ax, *getattr(ax, f"get_shared_{which}_axes")().get_siblings(ax)]
-            words = (" ".join(getattr(a, f"get_{which}label")().split()) for a in alike)
             outer = getattr(fig, f"get_sup{which}label")()
-            label = next((w for w in words if w), outer)
+            label = next(filter(None, [*(_axis_label(a, which) for a in alike), outer]), None)
             if not label:
-                raise WrongUsage(f"panel {panel} ({title}): the {which} axis has no label")
-            labels.append(label)
-        found[panel] = labels
+                raise WrongUsage(f"panel '{panel}': the {which} axis has no label")
+            found[panel][which] = _without_tex(label)
+            axis = getattr(ax, f"{which}axis")
+            if isinstance(axis.get_major_locator(), FixedLocator | StrCategoryLocator):
+                at = axis.get_majorticklocs()
+                named = zip(at, axis.get_major_formatter().format_ticks(at), strict=True)
+                ticks = {f"{x:g}": _without_tex(text) for x, text in named}
+                if any(not re.fullmatch(r"[-−\d.]*", text) for text in ticks.values()):
+                    found[panel][f"{which} ticks"] = ticks
     return found
 
 
+def _axis_label(ax, which):
+    return " ".join(getattr(ax, f"get_{which}label")().split())
+
+
 def _panels(fig):
-    """Give title and axes of each panel that shows data, by its number."""
+    """Give the axes of each panel that shows data, by its title.
+
+    One without a title is named after its y axis, or after its x axis where it shares that of
+    another panel; panels of one title after both.
+    """
     shown = [ax for ax in fig.axes if ax.get_visible() and next(_shown(ax), None) is not None]
-    titles = (ax.get_title() or ax.get_title("left") or ax.get_ylabel() for ax in shown)
-    return {
-        n: (" ".join(t.split()), ax)
-        for n, (t, ax) in enumerate(zip(titles, shown, strict=True), start=1)
-    }
+    titles = []
+    for ax in shown:
+        title = LETTER.sub("", " ".join((ax.get_title() or ax.get_title("left")).split()))
+        titles.append(title or _quantity(ax, "y") or _quantity(ax, "x"))
+    for which in "yx":
+        many = Counter(titles)
+        for k, ax in enumerate(shown):
+            more = _quantity(ax, which)
+            if many[titles[k]] > 1 and more and more != titles[k]:
+                titles[k] += f", {more}"
+    many = Counter(titles)
+    named = [f"{t}, {k}" if many[t] > 1 else t for k, t in enumerate(titles, start=1)]
+    return dict(zip(map(_without_tex, named), shown, strict=True))
+
+
+def _quantity(ax, which):
+    """Name what an axis shows, without its unit."""
+    return re.sub(r" \([^()]*\)$", "", _axis_label(ax, which))
+
+
+def _set_letters(fig):
+    """Put (a), (b) ... before the titles of the panels, where there are several."""
+    panels = list(_panels(fig).values())
+    for k, ax in enumerate(panels if panels[1:] else []):
+        letter, title = f"({chr(ord('a') + k)})", ax.title.get_text()
+        if title:
+            ax.title.set_text(f"{letter} {LETTER.sub('', title)}")
+        else:
+            left = LETTER.sub("", ax.get_title("left"))
+            ax.set_title(f"{letter} {left}".strip(), loc="left")
+
+
+def _without_tex(text):
+    """Write a label as plain text: $σ_b$ as σ_b."""
+    text = " ".join(text.split())
+    if "$" in text:
+        text = re.sub(r"([_^])\{([^{}]{2,})\}", r"\1(\2)", text)
+        for tex, plain in TEX.items():
+            text = text.replace(tex, plain)
+    return text
 
 
 def _shown(ax):
@@ -405,6 +547,13 @@ def _shown(ax):
             if segments:
                 ends = np.array([[s[0, 0], s[0, 1], s[-1, 1]] for s in segments])
                 yield "bars", name(collection), *ends.T
+    for image in ax.images:
+        values = np.ma.filled(np.ma.masked_invalid(image.get_array()), np.nan)
+        rows, columns = np.indices(values.shape).reshape(2, -1)
+        listed = slice(values.size if values.size <= MOST_CELLS else 0)
+        bar = image.colorbar and _quantity(image.colorbar.ax, "y")
+        label = bar or ax.get_title() or ax.get_title("left")
+        yield "image", label, columns[listed], rows[listed], values.ravel()[listed]
     for container in ax.containers:
         if hasattr(container, "patches"):
             boxes = [patch.get_bbox() for patch in container.patches]

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.metadata import version
 
 import matplotlib as mpl
 import numpy as np
@@ -29,6 +30,7 @@ from analysis import (
 
 NAME = "90-test"
 CAPTION = "Deviation of a sensor at rest (95 % bands)."
+TRACK = "ivsg-psu/FieldDataCollection_DataCollectionProcedures_TimeClean"
 ORIGIN = {"seed": 7, "data": {"my.csv": "ab" * 32}, "rate_hz": 20.0, "note": "σ of ten runs"}
 
 
@@ -95,17 +97,42 @@ def test_provenance_is_in_all_three(saved):
     assert found["png"] == found["pdf"] == found["csv"]
     origin = found["csv"]
     assert list(origin) == [
-        "figure", "caption", "notebook", "seed", "parameters", "data", "versions", "axes"
+        "figure", "caption", "notebook", "compendium", "paper", "licence", "seed", "parameters",
+        "data", "versions", "axes",
     ]  # fmt: skip
     assert (origin["figure"], origin["notebook"], origin["seed"]) == (NAME, "90-your-own-log", 7)
     assert origin["parameters"] == {"rate_hz": 20.0, "note": "σ of ten runs"}
     assert origin["data"] == ORIGIN["data"]
     assert origin["caption"] == CAPTION
+    x, y = "averaging time τ (s)", "deviation (°/s)"
     assert origin["axes"] == {
-        "1": ["Allan deviation", "averaging time τ (s)", "deviation (°/s)"],
-        "2": ["north (m)", "east (m)", "north (m)"],
+        "Allan deviation": {"letter": "a", "x": x, "y": y},
+        "north": {"letter": "b", "x": "east (m)", "y": "north (m)"},
     }
     assert origin["versions"]["matplotlib"] == mpl.__version__
+    assert origin["compendium"] == f"inertial-compendium {version('inertial-compendium')}"
+    assert (origin["paper"], origin["licence"]) == ([], "that of my.csv")
+
+
+def test_paper_and_licence_come_from_the_registers():
+    """Published: Fig 9 is redrawn by one figure, Table I by another; a log keeps its licence."""
+    assert figures.redrawn("22-fig9-variance-vs-n") == [
+        "terrain paper (Jerath and Brennan, 2011), Fig 9"
+    ]
+    assert figures.redrawn("11-unified-table") == [
+        "comparison paper (Elkaim, Lizarraga and Pedersen, 2008), Table I"
+    ]
+    assert figures.redrawn("32-error") == ["tracker paper, Fig 4"]
+    assert figures.redrawn("13-hours") == []
+    adis = "1eb09074beabd7cfc15b402cb8043b5302f6e4edfd9e4ebfbf8117436f8b9fa9"
+    rows = {"adis16405": adis, "track": f"https://github.com/{TRACK}", "own": "00"}
+    found = figures.licence(rows).split("; ")
+    assert found == [
+        "CC BY-NC-SA 4.0 (SMAC-Group/imudata)",
+        f"MIT ({TRACK})",
+        "that of own",
+    ]
+    assert figures.licence({}) == "MIT"
 
 
 def test_no_path_and_no_date_inside(saved):
@@ -153,7 +180,7 @@ def test_what_differs_between_two_figures_is_named(tmp_path):
     for old, new, found in (
         ("points,2", "points,2.00001", []),
         ("points,2", "points,2.001", ["numbers"]),
-        ("1,curve,", "1,line,", ["numbers"]),
+        ("deviation,curve,", "deviation,line,", ["numbers"]),
         ("at rest", "in motion", ["caption"]),
         ('"numpy": "', '"numpy": "9', []),
     ):
@@ -199,20 +226,60 @@ def test_a_picture_of_a_stated_size(saved):
 
 
 def test_panels_and_series_are_named():
-    """Property: panels are numbered and named; a series by its label, which may be hidden."""
+    """Property: a panel by its title or what it shows; a series by its label, hidden or not."""
     fig = example()
     fig.axes[1].plot([0, 1], [5, 6], label="_truth")
     table = figures.plotted_numbers(fig)
-    assert list(dict.fromkeys(table["panel"])) == [1, 2]
+    assert list(dict.fromkeys(table["panel"])) == ["Allan deviation", "north"]
     assert list(dict.fromkeys(table["series"])) == ["curve", "truth", "points"]
     assert list(table.columns) == ["panel", "series", "x", "y", "y2"]
+
+
+def test_no_two_panels_have_one_name_and_none_has_tex():
+    """Property: panels of one title are told apart by what they show, or else by a number."""
+    fig = Figure()
+    for ax, y in zip(fig.subplots(2, 2).flat, ("a (m)", "b (m)") * 2, strict=True):
+        ax.plot([1, 2], [3, 4], label=r"$e^{-t/T_c}$, $N\sqrt{τ}$")
+        ax.set(title="$T_c$", xlabel="t (s)", ylabel=y)
+    fig.axes[3].set_xlabel("$σ_b$ (s)")
+    names = ["T_c, a, t, 1", "T_c, b, t", "T_c, a, t, 3", "T_c, b, σ_b"]
+    assert list(figures.axes_of(fig)) == names
+    assert set(figures.plotted_numbers(fig)["series"]) == {"e^(-t/T_c), N√τ"}
+
+
+def test_several_panels_have_letters_and_one_has_none(tmp_path):
+    """Property: (a), (b) ... before title, or alone; saving twice changes nothing."""
+    fig = example()
+    for _ in range(2):
+        figures.save(fig, NAME, CAPTION, to=tmp_path)
+        titles = [(ax.get_title(), ax.get_title("left")) for ax in fig.axes]
+        assert titles == [("(a) Allan\ndeviation", ""), ("", "(b)")]
+    assert list(figures.axes_of(fig)) == ["Allan deviation", "north"]
+    ax = axes()
+    ax.plot([1, 2], [3, 4], label="line")
+    ax.set(xlabel="x (m)", ylabel="y (m)", title="one")
+    figures.save(ax.figure, NAME, CAPTION, to=tmp_path)
+    assert ax.get_title() == "one"
+
+
+def test_words_on_an_axis_and_cells_of_an_image():
+    """Analytic: a cell is (column, row, value); of its axes the words are listed."""
+    ax = axes()
+    drawn = ax.imshow([[0.1, np.nan], [0.3, 0.4]])
+    ax.set(xlabel="factor", ylabel="claim")
+    ax.set_yticks([0, 1], ["first", "$T_c$"])
+    ax.figure.colorbar(drawn, label="share (1)")
+    expected = [[0, 0, 0.1], [1, 0, np.nan], [0, 1, 0.3], [1, 1, 0.4]]
+    np.testing.assert_array_equal(series(ax.figure)["share"], expected)
+    said = {"x": "factor", "y": "claim", "y ticks": {"0": "first", "1": "T_c"}}
+    assert figures.axes_of(ax.figure) == {"claim": said}
 
 
 def test_a_series_without_a_name_is_refused():
     """Property: the sentence names the artist; a label that the legend hides is a name."""
     fig = example()
     (line,) = fig.axes[1].plot([0, 1], [5, 6])
-    with pytest.raises(WrongUsage, match=r"no name for line in panel 2 \(north \(m\)\)"):
+    with pytest.raises(WrongUsage, match=r"no name for line in panel 'north'"):
         figures.plotted_numbers(fig)
     line.set_label("_truth")
     assert "truth" in set(figures.plotted_numbers(fig)["series"])
@@ -222,14 +289,15 @@ def test_an_axis_without_a_label_is_refused(tmp_path):
     """Property: each axis with data says what it shows, by itself or through one it shares."""
     fig = Figure()
     top, bottom = fig.subplots(2, 1, sharex=True)
-    for ax in (top, bottom):
-        ax.plot([1, 2], [3, 4], label="height")
-        ax.set_ylabel("height (m)")
-    with pytest.raises(WrongUsage, match=r"panel 1 \(height \(m\)\): the x axis has no label"):
+    for ax, name in ((top, "height"), (bottom, "grade")):
+        ax.plot([1, 2], [3, 4], label=name)
+        ax.set_ylabel(f"{name} (m)")
+    with pytest.raises(WrongUsage, match=r"panel 'height': the x axis has no label"):
         figures.save(fig, NAME, CAPTION, to=tmp_path)
     assert list(tmp_path.iterdir()) == []
     bottom.set_xlabel("distance (m)")
-    assert figures.axes_of(fig)[1] == ["height (m)", "distance (m)", "height (m)"]
+    said = {"letter": "a", "x": "distance (m)", "y": "height (m)"}
+    assert figures.axes_of(fig)["height"] == said
 
 
 @pytest.mark.parametrize("kind", ["curve", "path", "cloud", "band"])

@@ -2,10 +2,12 @@
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,7 +16,7 @@ import psutil
 import pytest
 import traitlets
 
-from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, claims, reproduce
+from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, claims, figures, reproduce
 
 NAMES = {p.stem for p in FIGURES.glob("*.pdf")}
 
@@ -32,6 +34,26 @@ def test_same_figures(fresh):
 def test_same_numbers_and_verdicts(fresh):
     """property: every plotted number, its seed and data, and every verdict are the committed."""
     assert reproduce.differences(FIGURES, fresh, {name.split("-")[0] for name in NAMES}) == []
+
+
+NO_NAME = re.compile(r"(panel|line|curve|data|series|points|child)?[ _]*\d*", re.IGNORECASE)
+NO_UNIT = re.compile(r"\(.+\)$|/|\b(share|PDOP|autocorrelation|coherence|claim|factor)\b")
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_every_figure_says_what_it_holds(name):
+    """property: caption, version, licence; a name of each panel and series; a unit of each axis."""
+    head, table = figures.read(FIGURES / f"{name}.csv")
+    assert (head["figure"], head["caption"][-1]) == (name, ".")
+    assert head["compendium"] == f"inertial-compendium {version('inertial-compendium')}"
+    assert head["licence"] and head["notebook"]
+    assert set(table["panel"]) <= set(head["axes"]) and head["axes"]
+    for panel, axes in head["axes"].items():
+        for which in "xy":
+            named = f"{which} ticks" in axes or NO_UNIT.search(axes[which])
+            assert named, f"{panel}: unit of {axes[which]}"
+    for words in [*head["axes"], *table["series"].unique()]:
+        assert not NO_NAME.fullmatch(words) and not re.search(r"\$|\\|\bnan\b", words), words
 
 
 def test_a_failing_notebook_is_named_and_left_as_it_was(tmp_path):
