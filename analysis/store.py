@@ -274,7 +274,7 @@ def error_plane(tracker: str, corr_time: float | None = None) -> ErrorPlane:
     ----------
     tracker : str
         ``paper`` or ``bias states``, which lets the filter estimate the bias of the gyro too. With
-        a `corr_time`: what becomes of the noise, ``integrated`` or ``on attitude``.
+        a `corr_time` ``integrated``, ``on attitude`` or ``bias states``: what becomes of the noise.
     corr_time : float, optional
         20, 60, 200, 600 or 2000 s, of the bias.
     """
@@ -283,18 +283,18 @@ def error_plane(tracker: str, corr_time: float | None = None) -> ErrorPlane:
         table = stored.tables["plane"].query("tracker == @tracker")
         return _plane(table, stored.source["readings"][tracker])
     table = read("error-surface").tables["surface"]
-    for column, level in (("noise", tracker), ("corr_time_s", corr_time)):
+    for column, level in (("tracker", tracker), ("corr_time_s", corr_time)):
         _check(level, list(table[column].unique()), column)
-    words = f"noise {tracker}, T_c = {corr_time:g} s, one R, without bias states, on the test track"
-    return _plane(table.query("noise == @tracker and corr_time_s == @corr_time"), words)
+    words = f"noise {tracker}, T_c = {corr_time:g} s, one R, on the test track"
+    return _plane(table.query("tracker == @tracker and corr_time_s == @corr_time"), words)
 
 
 def _plane(table, reading):
     """Lay a table of a tracking error out over N and B."""
     arw, sigma_b = (np.unique(table[name]) for name in ("arw_deg_sqrt_s", "sigma_b_deg_s"))
     shape = len(sigma_b), len(arw)
-    error, lost = (table[name].to_numpy().reshape(shape) for name in ("error_m", "laps_lost"))
-    return ErrorPlane(reading, arw, sigma_b, error, lost)
+    names = [n for n in ("error_m", "laps_lost", "error_low_m", "error_high_m") if n in table]
+    return ErrorPlane(reading, arw, sigma_b, *(table[n].to_numpy().reshape(shape) for n in names))
 
 
 def published(name: str, dtype: type | None = None) -> pd.DataFrame:

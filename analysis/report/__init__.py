@@ -14,6 +14,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, select_autoescape
+from markupsafe import Markup
 from tqdm import tqdm
 
 from analysis import (
@@ -37,6 +38,13 @@ from analysis.noise.pool import alike, pool, repeatability
 from analysis.report import verdict
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
+PAGES = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=select_autoescape(default=True))
+PAGES.filters["plainly"] = without_exponents
+PAGES.filters["symbol"] = lambda name: verdict.SYMBOLS.get(name, name)
+PAGES.globals["version"] = version("inertial-compendium")
+PAGES.globals["script"] = lambda *names: Markup("\n").join(
+    Markup((TEMPLATES / f"{name}.js").read_text(encoding="utf-8")) for name in names
+)
 EXPORTS = Environment(
     loader=FileSystemLoader(TEMPLATES / "exports"),
     trim_blocks=True,
@@ -242,19 +250,13 @@ def _draw(result, folder, atlas):
 
 
 def _page(result, folder, told):
-    templates = Environment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=select_autoescape(default=True)
-    )
-    templates.filters["plainly"] = without_exponents
-    templates.filters["symbol"] = lambda name: verdict.SYMBOLS.get(name, name)
     dt = 1 / result.source["rate_hz"]
-    return templates.get_template("report.html").render(
+    return PAGES.get_template("report.html").render(
         told,
         source=result.source,
         channels=result.channels,
         names=NAMES,
         trackers=verdict.TRACKERS,
-        version=version("inertial-compendium"),
         hours={c.name: hours_to_record(c, dt) for c in result.channels},
         pictures={
             path.stem: base64.b64encode(path.read_bytes()).decode()

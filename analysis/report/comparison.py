@@ -7,11 +7,10 @@ from itertools import permutations
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-from jinja2 import Environment, FileSystemLoader, select_autoescape
 
 from analysis import Estimate, figures, plots, replacing, store
 from analysis.logs.columns import tidy
-from analysis.report import TEMPLATES, figures_of
+from analysis.report import PAGES, figures_of
 from analysis.units.frame import Unit
 from analysis.units.side_by_side import side_by_side
 
@@ -70,10 +69,7 @@ def write(units, out):
     with replacing(out) as draft:
         pictures = _draw_comparison(found, units, draft / "figures")
         (draft / "compare.json").write_text(store.as_json(content), encoding="utf-8")
-        templates = Environment(
-            loader=FileSystemLoader(TEMPLATES), autoescape=select_autoescape(default=True)
-        )
-        page = templates.get_template("compare.html").render(
+        page = PAGES.get_template("compare.html").render(
             content=content, pictures=pictures, **_rows_of_comparison(found, content)
         )
         (draft / "compare.html").write_text(page, encoding="utf-8")

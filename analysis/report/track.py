@@ -7,18 +7,15 @@ a map, and below it in time what each block did.
 import json
 import math
 from datetime import datetime, timedelta
-from importlib.metadata import version
 from itertools import pairwise
-from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 import pandas as pd
-from jinja2 import Environment, FileSystemLoader, select_autoescape
 
 from analysis import replacing, wrap
+from analysis.report import PAGES
 
-TEMPLATES = Path(__file__).parents[1] / "templates"
 FILES = ("summary.json", "track.csv", "track.geojson", "track.gpx", "track.html")
 DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
     "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
@@ -243,9 +240,6 @@ def page(track):
     """
     c, summary = track.columns, track.summary
     every = max(1, -(-len(c["t_s"]) // DRAWN))
-    templates = Environment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=select_autoescape(default=True)
-    )
     thin = {name: column[::every] for name, column in c.items()}
     angles = [
         {"name": _name(name), "y": _numbers(thin[f"{name}_deg"], 2), "colour": colour, "kind": kind}
@@ -264,7 +258,7 @@ def page(track):
     shown = [("output, moving", MOVING), ("output, static", STATIC), ("fix", FIX)]
     states = [("moving", MOVING), ("static, or fix accepted", STATIC), ("fix refused", REFUSED)]
     states += [(f"layer {k}", colour) for k, colour in enumerate(LAYERS, 1)]
-    return templates.get_template("track.html").render(
+    return PAGES.get_template("track.html").render(
         title=_title(track),
         headline=_headline(summary),
         key=[*shown, ("fix refused", REFUSED)],
@@ -273,9 +267,7 @@ def page(track):
         notes=track.notes,
         facts=_facts(summary),
         files=summary["source"]["files"],
-        version=version("inertial-compendium"),
         every=every,
-        code=(TEMPLATES / "plot.js").read_text(encoding="utf-8"),
         track=_drawn(thin, _bars(c), angles),
     )
 

@@ -38,7 +38,7 @@ DIRECTION = "ccw"  # its map is the mean of four drives (notebook 20)
 RUNS, SEED = 100, 2013  # of the laps, which are the same for every sensor; as notebook 23
 PLANE_N, PLANE_B = np.geomspace(1e-4, 0.1, 13), np.geomspace(1e-5, 0.1, 17)  # deg/sqrt(s), deg/s
 SURFACE_T_C = (20.0, 60.0, 200.0, 600.0, 2000.0)  # s, correlation times of the bias
-SURFACE_NOISES, SURFACE_RUNS = ("integrated", "on attitude"), 200
+SURFACE_RUNS, SURFACE_RESAMPLES = 200, 400
 SWEEP_LAPS, SWEEP_BLOCK, SWEEP_RESAMPLES = 12_000, 500, 200
 ENSEMBLES, COVERAGE_DRAWS, COVERAGE_RESAMPLES = (300, 1200, 4200), 400, 500
 R_TIMES = (0.5, 1.0, 2.0, 4.0, 10.0, 30.0)  # R over the R of notebooks 21 to 23
@@ -205,7 +205,7 @@ def atlas():
 
 
 def surface():
-    """Lay out the tracking error over N, B and T_c, with the noise integrated and put on attitude.
+    """Lay out the tracking error over N, B and T_c for three trackers.
 
     Returns
     -------
@@ -215,27 +215,34 @@ def surface():
         ``surface``, see `analysis.store.error_plane`.
     """
     sensors, rows = [(n, b) for b in PLANE_B for n in PLANE_N], []
-    for noise in SURFACE_NOISES:
+    profile, compiled = store.profile(DIRECTION), importlib.util.find_spec("numba") is not None
+    trackers = {"integrated": {}, "on attitude": {"noise": "on attitude"}}
+    own = {"bias_states": True, "R": float((profile.pitch_se_deg**2).mean())}
+    for tracker, changes in (trackers | {"bias states": own}).items():
         for corr_time in SURFACE_T_C:
-            setup = Setup.reference(LAP_M, noise=noise, corr_time=corr_time).coarser(STEP_M)
+            setup = Setup.reference(LAP_M, corr_time=corr_time, **changes).coarser(STEP_M)
             laps = simulate_laps(
-                store.profile(DIRECTION).attitude_map(),
+                profile.attitude_map(),
                 {at: Sensor(*at) for at in sensors},
                 setup,
                 runs=SURFACE_RUNS,
                 seed=SEED,
                 store_every=setup.seconds / 100,
-                compiled=importlib.util.find_spec("numba") is not None,
+                compiled=compiled and not setup.bias_states,
             )
             reach, lost, rms = laps.reach(), laps.lost().mean(), laps.rms()
-            rows += [(noise, corr_time, *at, reach[at], rms[at], lost[at]) for at in sensors]
-    columns = ["noise", "corr_time_s", "arw_deg_sqrt_s", "sigma_b_deg_s"]
-    columns += ["error_m", "rms_m", "laps_lost"]
+            ends = laps.reach_interval(SURFACE_RESAMPLES, np.random.default_rng(SEED))
+            rows += [
+                (tracker, corr_time, *at, reach[at], *ends[at], rms[at], lost[at]) for at in sensors
+            ]
+    columns = ["tracker", "corr_time_s", "arw_deg_sqrt_s", "sigma_b_deg_s"]
+    columns += ["error_m", "error_low_m", "error_high_m", "rms_m", "laps_lost"]
     source = {
-        "title": "Tracking error over N, B and T_c, noise integrated and put on the attitude",
+        "title": "Tracking error over N, B and T_c: noise integrated, put on the attitude, and"
+        " integrated with a state for the bias",
         "seed": SEED,
         "runs": SURFACE_RUNS,
-        "setup": setup.stated(),
+        "setup": Setup.reference(LAP_M).coarser(STEP_M).stated(),
     }
     return source, {"surface": rounded(pd.DataFrame(rows, columns=columns), 3)}
 

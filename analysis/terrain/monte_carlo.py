@@ -29,7 +29,7 @@ from scipy.signal import lfilter
 from scipy.stats import binomtest, chi2
 from tqdm import tqdm
 
-from analysis import Estimate, WrongUsage
+from analysis import CannotAnswer, Estimate, WrongUsage
 from analysis.terrain.assumptions import Sensor, Setup, unit_paths
 from analysis.terrain.compiled import run_compiled
 from analysis.terrain.terrain_map import AttitudeMap
@@ -136,6 +136,34 @@ class Laps:
         """Absolute error that 95 % of all moments of all laps stay below, m, by sensor."""
         absolute = np.abs(self.error).reshape(len(self.error), -1)
         return self._by_sensor(np.quantile(absolute, 0.95, axis=1)[None]).loc[0]
+
+    def reach_interval(self, draws: int, rng: np.random.Generator) -> pd.DataFrame:
+        """Give the 95 % interval of `reach` by a bootstrap over laps.
+
+        The hull of the percentile interval and of its mirror image, as in `interval`. Of twelve
+        cells with 200 laps each it held what 6000 laps reach in 91 to 98 % of 300 draws.
+
+        Parameters
+        ----------
+        draws : int
+            Resamples.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        pandas.DataFrame
+            Two rows, the lower and the upper end, m; a column for each sensor.
+        """
+        _, runs, times = self.error.shape
+        weights = resample(runs, draws, rng)
+        ends = np.empty((2, len(self.error)))
+        for k, error in enumerate(np.abs(self.error)):
+            largest = np.argsort(error, axis=None)[: -(runs * times // 4) : -1]
+            above = np.cumsum(weights[:, largest // times], axis=1) / times
+            reached = error.ravel()[largest][(above > 0.05).argmax(axis=1)]
+            low, high = quantiles(reached)[1:]
+            ends[:, k] = min(low, reached[0] ** 2 / high), max(high, reached[0] ** 2 / low)
+        return self._by_sensor(ends)
 
     def _by_sensor(self, values):
         return pd.DataFrame(values, columns=pd.Index(list(self.labels)))
@@ -517,6 +545,8 @@ class ErrorPlane:
         Not exceeded in 95 % of all moments of all laps.
     lost : ndarray, shape (m, n), 1
         Share of laps in which it exceeds `LOST_M`.
+    low, high : ndarray, shape (m, n), m, optional
+        95 % interval of the error, from the number of laps.
     """
 
     reading: str
@@ -524,20 +554,41 @@ class ErrorPlane:
     sigma_b: np.ndarray
     error: np.ndarray
     lost: np.ndarray
+    low: np.ndarray | None = None
+    high: np.ndarray | None = None
 
     def of(self, sensor: Sensor) -> tuple[float, float]:
         """Error (m) and share of laps lost of a gyro; infinite and NaN beyond the grid.
 
         A better gyro than the grid's best has that one's error, which the odometry decides.
         """
-        point = np.array([sensor.sigma_b, sensor.arw], dtype=float)
-        if (point > [self.sigma_b[-1], self.arw[-1]]).any():
+        if not self._reaches(sensor):
             return np.inf, np.nan
-        axes = np.log(self.sigma_b), np.log(self.arw)
-        at = np.log(np.maximum(point, [self.sigma_b[0], self.arw[0]]))
-        numbers = np.log(self.error), self.lost
-        error, lost = (interpn(axes, of, at, method="pchip")[0] for of in numbers)
+        error, lost = self._at(sensor, np.log(self.error), self.lost)
         return float(np.exp(error)), float(lost)
+
+    def estimate(self, sensor: Sensor) -> Estimate:
+        """Error of a gyro with the interval that the number of simulated laps leaves, m.
+
+        Raises
+        ------
+        CannotAnswer
+            Beyond the grid.
+        """
+        if not self._reaches(sensor):
+            raise CannotAnswer("N or B is beyond what was simulated")
+        value, low, high = np.exp(self._at(sensor, *np.log([self.error, self.low, self.high])))
+        return Estimate(float(value), float(low), float(high), "m")
+
+    def _reaches(self, sensor):
+        return sensor.sigma_b <= self.sigma_b[-1] and sensor.arw <= self.arw[-1]
+
+    def _at(self, sensor, *tables):
+        """Interpolate tables over ln B and ln N."""
+        grid = self.sigma_b, self.arw
+        at = [max(v, g[0]) for v, g in zip((sensor.sigma_b, sensor.arw), grid, strict=True)]
+        axes = tuple(map(np.log, grid))
+        return [float(interpn(axes, of, np.log(at), method="pchip")[0]) for of in tables]
 
     def of_log(self, model: dict, channel: str) -> Estimate:
         """Error of a measured gyro, m, over the 95 % intervals of its N and B.

@@ -1,0 +1,129 @@
+"""Two pages that compute in the browser: which gyro for which tracking error, and Allan curves.
+
+Each page is one file with its code and its numbers inside: it opens from a folder, asks for nothing
+and sends nothing. What it computes equals `terrain.ErrorPlane`, `noise.adev_model` and
+`noise.Plan`; tests/site holds it against them.
+"""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chi2
+
+from analysis import DATA, store
+from analysis.report import PAGES
+from analysis.terrain.monte_carlo import LOST_M
+
+TRACKERS = {  # of data/derived/error-surface
+    "integrated": "integrated into the attitude, as in a car",
+    "on attitude": "put straight on the attitude, as the terrain paper words it",
+    "bias states": "integrated, and the filter estimates the gyro's bias as well",
+}
+NUMBERS = ("n", "n_low", "n_high", "b", "b_low", "b_high", "low_usd", "high_usd")
+FREEDOM = np.geomspace(1.0, 1000.0, 61)  # degrees of freedom whose chi-square ends are listed
+
+
+def write(folder: Path, home: str | None = None) -> list[str]:
+    """Write explorer.html and allan.html.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if need be.
+    home : str, optional
+        Address of the page that the two link back to.
+
+    Returns
+    -------
+    list of str
+        Names of the files.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    pages = {"explorer": _surface(), "allan": _allan()}
+    for name, told in pages.items():
+        page = PAGES.get_template(f"{name}.html").render(told, home=home)
+        (folder / f"{name}.html").write_text(page, encoding="utf-8")
+    return [f"{name}.html" for name in pages]
+
+
+def _surface():
+    """Gather what the page of the tracking error needs."""
+    source, tables = store.read("error-surface")
+    times = sorted(tables["surface"]["corr_time_s"].unique().tolist())
+    planes = {key: [store.error_plane(key, t) for t in times] for key in TRACKERS}
+    one, setup = planes["integrated"][0], source["setup"]
+    data = {
+        "corr_times": times,
+        "arw": one.arw.tolist(),
+        "sigma_b": one.sigma_b.tolist(),
+        "runs": source["runs"],
+        "planes": {
+            key: {
+                f"{t:g}": {
+                    name: getattr(plane, name).tolist() for name in ("error", "low", "high", "lost")
+                }
+                for t, plane in zip(times, of, strict=True)
+            }
+            for key, of in planes.items()
+        },
+        "parts": _parts(),
+    }
+    about = (
+        f"Simulated laps of the Penn State test track, {setup['length']:.0f} m at"
+        f" {setup['speed']:g} m/s, pitch on an exact map, the unscented filter with one R for all"
+        " gyros."
+    )
+    return {"data": data, "trackers": TRACKERS, "about": about, "lost": f"{LOST_M:g}"}
+
+
+def _parts():
+    """List gyros, measured and by data sheet, with what they cost and where each number is from."""
+    listed = tomllib.loads((DATA / "sensors.toml").read_text(encoding="utf-8"))
+    rows = store.read("atlas").tables["atlas"].query("kind == 'rate'").fillna({"axis": ""})
+    parts = []
+    for row in rows.to_dict("records"):
+        # A measured log is named after its part, "mpu6050-gyro"; the part has the price.
+        sheet = listed.get(row["sensor"].split("-")[0], {})
+        row["low_usd"], row["high_usd"] = sheet.get("price_usd", (None, None))
+        parts.append(
+            {k: row[k] for k in ("sensor", "name", "axis", "basis", "source")}
+            | {k: store.rounded_number(row[k]) for k in NUMBERS}
+            | {k: sheet.get(k) for k in ("price_year", "price_source")}
+        )
+    return parts
+
+
+def _allan():
+    """Gather what the page of Allan curves needs."""
+    ends = [chi2.ppf(p, FREEDOM) / FREEDOM for p in (0.025, 0.975)]
+    data = {
+        "freedom": [store.rounded_number(v, 9) for v in FREEDOM],
+        "ends": [[store.rounded_number(v, 9) for v in end] for end in ends],
+        "study": _study(),
+    }
+    return {"data": data}
+
+
+def _study():
+    """List how often simulated logs resolved the correlation time of a Gauss-Markov bias."""
+    sensors, rows = store.read("coverage").source["papers"], []
+    study = store.coverage().query("estimator == 'likelihood' and model in @sensors")
+    for (model, hours), cell in study.groupby(["model", "hours"]):
+        cell = cell.set_index("parameter")
+        truth, dt = cell["truth"], sensors[model]["interval_s"]
+        if not np.isfinite(truth["corr_time"]):
+            continue
+        white = truth["sigma_v"] * np.sqrt(dt)
+        above = np.sqrt(2 * truth["corr_time"]) * truth["sigma_b"] / white
+        rows.append(
+            {
+                "title": sensors[model]["title"],
+                "hours": float(hours),
+                "times": store.rounded_number(3600 * hours / truth["corr_time"]),
+                "above": store.rounded_number(above),
+                "resolved": float(cell.loc["corr_time", "resolved"]),
+                "logs": int(cell.loc["corr_time", "runs"]),
+            }
+        )
+    return rows

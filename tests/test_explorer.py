@@ -1,0 +1,69 @@
+"""The pages that compute in the browser: what they hold; tests/site has what they compute."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from analysis import CannotAnswer, store
+from analysis.report import explorer
+from analysis.terrain import Sensor
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """Write both pages."""
+    folder = tmp_path_factory.mktemp("pages")
+    return {name: (folder / name).read_text("utf-8") for name in explorer.write(folder)}
+
+
+def held(page, raw=False):
+    """Read the numbers that a page's script gets."""
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1]
+    return found if raw else json.loads(found, parse_constant=pytest.fail)
+
+
+def test_pages_need_nothing_else_and_are_the_same_again(pages, tmp_path):
+    """property: no address, no foreign file, the same bytes, and less than 250 kB each."""
+    again = explorer.write(tmp_path)
+    assert again == ["explorer.html", "allan.html"]
+    for name, text in pages.items():
+        code = text.replace(held(text, raw=True), "")
+        assert not re.search(r"https?:|src=|href=|@import|url\(|fetch\(|XMLHttp|WebSocket", code)
+        assert "default-src 'none'" in text and len(text.encode()) < 250_000
+        assert (tmp_path / name).read_text("utf-8") == text
+
+
+def test_the_page_holds_the_committed_surface(pages):
+    """property: every point of the grid, its interval around it, and every part of the list."""
+    data = held(pages["explorer.html"])
+    for tracker, planes in data["planes"].items():
+        for corr_time, numbers in planes.items():
+            plane = store.error_plane(tracker, float(corr_time))
+            low, error, high = (np.array(numbers[k]) for k in ("low", "error", "high"))
+            assert np.array_equal(error, plane.error)
+            assert (low <= error).all() and (error <= high).all()
+    assert {p["basis"] for p in data["parts"]} == {"measured", "datasheet"}
+    priced = {p["sensor"]: p["low_usd"] for p in data["parts"]}
+    assert priced["mpu6050-gyro"] == priced["mpu6050"] == 2
+    assert all(p["source"] and p["n"] > 0 and (p["b"] or p["b_high"]) for p in data["parts"])
+
+
+def test_the_interval_of_a_prediction():
+    """property: around the value, as in the grid at its points, and none beyond it."""
+    plane = store.error_plane("integrated", 200.0)
+    at = plane.estimate(Sensor(plane.arw[5], plane.sigma_b[9]))
+    ends = [table[9, 5] for table in (plane.error, plane.low, plane.high)]
+    assert [at.value, at.low, at.high] == pytest.approx(ends)
+    with pytest.raises(CannotAnswer, match="beyond"):
+        plane.estimate(Sensor(1.0, 0.001))
+
+
+def test_the_study_beside_the_planner(pages):
+    """cross-check: more correlation times in the log, more logs that resolve them."""
+    rows = held(pages["allan.html"])["study"]
+    midg = sorted((r for r in rows if r["title"] == "MIDG roll"), key=lambda r: r["hours"])
+    assert len(midg) >= 5 and len(rows) >= 10
+    assert midg[0]["resolved"] < 0.3 and midg[-1]["resolved"] > 0.9
+    assert midg[0]["times"] == pytest.approx(3600 * 0.5 / 164, rel=1e-5)
