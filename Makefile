@@ -1,16 +1,20 @@
 # Two commands: `make reproduce` and `make test`. Both need only python3 (3.11 or newer) and make.
-# `make test-device` runs the tracker on MicroPython and needs node and npm as well.
+# `make test-device` runs the tracker on MicroPython and needs node and npm as well;
+# `make test-site` looks at the pages in a browser and needs Chromium.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+PIP := $(if $(shell command -v uv 2>/dev/null),uv pip install --python $(BIN)/python,$(BIN)/python -m pip install)
 
-.PHONY: help install reproduce test test-device lint format lock clean
+.PHONY: help install reproduce site test test-device test-site lint format lock clean
 
 help:
 	@echo "make reproduce  run every notebook in order and redraw figures/"
 	@echo "make test       lint, check types, run the tests, re-execute every notebook and compare"
 	@echo "make test-device  run the tracker on MicroPython and compare (needs node and npm)"
+	@echo "make site       build the notebooks, figures and claims as pages into site/"
+	@echo "make test-site  build the site and check it in a browser (needs Chromium)"
 	@echo "make install    make .venv and install into it; the two do so by themselves"
 	@echo "make format     format the code and the notebooks"
 	@echo "make lock       pin requirements.lock anew from pyproject.toml (needs uv)"
@@ -21,14 +25,12 @@ $(READY): requirements.lock pyproject.toml
 		{ echo "Python 3.11 or newer is needed; name one with: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	rm -rf $(VENV)
 	if command -v uv >/dev/null 2>&1; then \
-		uv venv --quiet --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" $(VENV) && \
-		uv pip install --quiet --python $(BIN)/python --require-hashes -r requirements.lock && \
-		uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e . ; \
+		uv venv --quiet --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" $(VENV); \
 	else \
-		$(PYTHON) -m venv $(VENV) && \
-		$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock && \
-		$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e . ; \
+		$(PYTHON) -m venv $(VENV); \
 	fi
+	$(PIP) --quiet --require-hashes -r requirements.lock
+	$(PIP) --quiet --no-deps --no-build-isolation -e .
 	touch $@
 
 install: $(READY)
@@ -47,6 +49,21 @@ test-device: $(READY)
 	npm ci --prefix tests/device --no-audit --no-fund --loglevel=error
 	$(BIN)/python -m pytest tests/device
 
+# From the executed notebooks and figures/; no cell runs and nothing is fetched.
+site: $(READY)
+	$(BIN)/python docs/pages.py build/pages
+	rm -rf build/html site
+	$(BIN)/python -m sphinx -q -E -j 2 -c docs -d build/doctrees build/pages build/html
+	mv build/html site
+
+# A driver of browsers, with its own node, is 165 MB: only this target installs it.
+test-site: site
+	@command -v chromium >/dev/null 2>&1 || command -v chromium-browser >/dev/null 2>&1 || \
+		command -v google-chrome >/dev/null 2>&1 || \
+		{ echo "Chromium is needed, for example: apt-get install chromium"; exit 1; }
+	$(PIP) --quiet --require-hashes -r tests/site/requirements.lock
+	$(BIN)/python -m pytest tests/site
+
 lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -59,6 +76,8 @@ format: $(READY)
 lock:
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 		--no-emit-index-url --no-emit-find-links --all-extras pyproject.toml -o requirements.lock
+	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
+		--no-emit-index-url --no-emit-find-links tests/site/requirements.in -o tests/site/requirements.lock
 
 clean:
 	rm -rf $(VENV) *.egg-info

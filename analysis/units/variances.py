@@ -83,8 +83,8 @@ def unit_variances(
         between units are taken out. Times with a NaN are left out.
     unit : str
     correlations : tuple of float
-        Bounds on |correlation| for which the possible ranges are wanted; without 0.2 no estimate
-        is refused for a wide range.
+        Bounds on the size of the correlation for which the possible ranges are wanted; without 0.2
+        no estimate is refused for a wide range.
 
     Returns
     -------

@@ -1,0 +1,250 @@
+"""Write the sources of the site: every notebook, and a page for each table of the compendium.
+
+``make site`` runs this, then Sphinx with the conf.py beside it. Nothing is executed and nothing is
+fetched: notebooks keep the outputs that ``make reproduce`` left in them, pictures and numbers come
+from ``figures/``, tables from ``data/published``. The pages in ``docs/pages`` are Jinja templates.
+"""
+
+import ast
+import html
+import importlib
+import inspect
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import jinja2
+import nbformat
+import pandas as pd
+from PIL import Image
+
+from analysis import FIGURES, ROOT, claims, store
+
+NOTEBOOKS, TEMPLATES = ROOT / "notebooks", Path(__file__).parent / "pages"
+PAPERS = {"comparison": "comparison paper", "terrain": "terrain paper", "tracker": "tracker paper"}
+FACES = {
+    "logs": "reads logs",
+    "noise": "models and estimates the noise of a static log",
+    "terrain": "tracks a car on a terrain map",
+    "tracker": "the six blocks of the tracker paper",
+    "units": "compares units side by side",
+    "store": "reads what was computed once",
+    "text": "writes numbers and tables in words",
+    "plots": "draws what notebooks share",
+    "figures": "saves figures",
+    "claims": "judges claims",
+}
+DOTS_PER_INCH = 110  # of the page; a figure of two columns fills it
+JUDGED = "## Against the paper"  # heading under which a notebook lists its verdicts
+
+
+class Figure(NamedTuple):
+    """A figure of a notebook, as its page and the gallery show it."""
+
+    name: str
+    number: str
+    caption: str
+    alt: str
+    page: str
+    width: int
+    height: int
+
+    def card(self, root: str) -> str:
+        """Write the figure as HTML, with caption, number and downloads.
+
+        Parameters
+        ----------
+        root : str
+            Way from the page to the root of the site: ``"../"``.
+        """
+        file = f"{root}figures/{self.name}"
+        links = " · ".join(
+            f'<a href="{file}.{kind}" download>{kind.upper()}</a>' for kind in ("pdf", "png", "csv")
+        )
+        return (
+            f'<figure id="{self.name}" class="numbered"><img src="{file}.png" '
+            f'alt="{html.escape(self.alt)}" width="{self.width}" height="{self.height}">'
+            f"<figcaption><b>Figure {self.number}.</b> {html.escape(self.caption)} "
+            f'<span class="downloads">{links}</span></figcaption></figure>'
+        )
+
+
+def sidecar(path: Path) -> dict:
+    """Read what a figure's CSV says of it, and the names of its series by panel."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    head = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
+    table = pd.read_csv(path, comment="#", usecols=["panel", "series"])
+    series = {str(n): rows.unique().tolist() for n, rows in table.groupby("panel")["series"]}
+    return {k: json.loads(v) for k, v in head.items()} | {"series": series}
+
+
+def alternative(about: dict) -> str:
+    """Describe a figure to one who does not see it: axes and series of each panel."""
+    panels = [] if about["axes"] else [about["caption"]]
+    for n, (title, x, y) in about["axes"].items():
+        shown = about["series"].get(n, [])
+        few = ", ".join(shown[:6]) + (f" and {len(shown) - 6} more" if len(shown) > 6 else "")
+        named = f"{title}: " if title not in (x, y) else ""
+        panels.append(f"{named}{y} against {x}; {few}")
+    counted = f"{len(panels)} panels. " if len(panels) > 1 else ""
+    return "Plot. " + counted + ". ".join(panels) + "."
+
+
+class Page:
+    """One notebook as a page: code folded, figures numbered, each verdict's cell with an anchor."""
+
+    def __init__(self, path: Path, known: dict[str, dict]):
+        self.stem = path.stem
+        self.notebook = nbformat.read(path, as_version=4)
+        self.title = self.notebook.cells[0].source.splitlines()[0].removeprefix("# ")
+        self.figures: list[Figure] = []
+        self._known = {k: v for k, v in known.items() if v["notebook"] == self.stem}
+        cells = []
+        for cell in self.notebook.cells:
+            if cell.cell_type == "code":
+                cell.outputs = list(self._shown(cell.outputs))
+                cell.metadata.tags = [*cell.metadata.get("tags", []), "hide-input"]
+                before = cells[-1] if cells else cell
+                if before.cell_type == "code" and not before.outputs:
+                    cell.source = f"{before.source}\n\n{cell.source}"  # one fold, not two
+                    cells.pop()
+            cells.append(cell)
+        self.notebook.cells = cells
+
+    def _shown(self, outputs):
+        """Put a numbered figure in place of a picture and the caption that follows it."""
+        outputs = iter(outputs)
+        for output in outputs:
+            if "image/png" not in output.get("data", {}):
+                yield output
+                continue
+            legend = next(outputs)
+            caption = legend["data"]["text/markdown"].strip("*")
+            names = [k for k, v in self._known.items() if v["caption"] == caption]
+            if not names:
+                print(f"{self.stem}: not in figures/, run `make reproduce`: {caption}")
+                yield from (output, legend)
+                continue
+            about = self._known.pop(names[0])
+            with Image.open(FIGURES / f"{names[0]}.png") as picture:
+                inches = [n / dpi for n, dpi in zip(picture.size, picture.info["dpi"], strict=True)]
+            number = f"{self.stem.split('-')[0]}.{len(self.figures) + 1}"
+            size = (round(DOTS_PER_INCH * x) for x in inches)
+            figure = Figure(
+                names[0], number, caption, alternative(about), f"notebooks/{self.stem}.html", *size
+            )
+            self.figures.append(figure)
+            yield nbformat.v4.new_output("display_data", {"text/html": figure.card("../")})
+
+    def anchors(self, ids: list[str]) -> dict[str, str]:
+        """Find the cell that judges each claim, and mark it.
+
+        The cell is the first whose code names the claim, or a pattern such as ``f"terrain-{k}"``
+        with the most letters in common; else the heading over the notebook's table of verdicts.
+        """
+        cells, found, marks = self.notebook.cells, {}, {}
+        patterns = [
+            (i, pattern)
+            for i, cell in enumerate(cells)
+            if cell.cell_type == "code"
+            for pattern in _patterns(cell.source)
+        ]
+        table = next(
+            (i for i, c in enumerate(cells) if c.source.startswith(JUDGED)), len(cells) - 1
+        )
+        for claim in ids:
+            short = claim.split("-", 1)[1]
+            fits = [
+                (len(pattern.pattern), -i)
+                for i, pattern in patterns
+                if pattern.fullmatch(claim) or pattern.fullmatch(short)
+            ]
+            cell = -max(fits)[1] if fits else table
+            marks[cell] = found[claim] = f"judged-{cell}"
+        for i in sorted(marks, reverse=True):
+            mark = nbformat.v4.new_markdown_cell(f'<div id="{marks[i]}" class="judged"></div>')
+            mark.id = marks[i]
+            cells.insert(i, mark)
+        return found
+
+
+def _patterns(source):
+    """List the words and f-strings of some code that could be the id of a claim."""
+    inside = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.JoinedStr):
+            inside |= set(map(id, node.values))
+            fixed = [v.value if isinstance(v, ast.Constant) else None for v in node.values]
+            words = "".join(".+" if part is None else re.escape(part) for part in fixed)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            words = "" if id(node) in inside else re.escape(node.value)
+        else:
+            continue
+        if re.search(r"\w{2}\\?-\S*$", words) and " " not in words:
+            yield re.compile(words)
+
+
+def exported(face: str) -> dict[str, str]:
+    """List the classes and functions of a face."""
+    module = importlib.import_module(f"analysis.{face}")
+    names = getattr(module, "__all__", vars(module))
+    things = {name: getattr(module, name) for name in names if name[0] != "_"}
+    return {
+        name: "class" if inspect.isclass(thing) else "function"
+        for name, thing in sorted(things.items())
+        if inspect.isclass(thing) or inspect.isroutine(thing)
+    }
+
+
+def write(folder: Path) -> None:
+    """Write the sources of all pages into an empty folder."""
+    shutil.rmtree(folder, ignore_errors=True)
+    known = {path.stem: sidecar(path.with_suffix(".csv")) for path in FIGURES.glob("*.png")}
+    stems = sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb"))
+    pages = [Page(NOTEBOOKS / f"{stem}.ipynb", known) for stem in stems]
+    verdicts = claims.verdicts()
+    links = {}
+    for page in pages:
+        own = verdicts.index[verdicts["notebook"] == page.stem]
+        anchors = page.anchors(list(own))
+        links |= {c: f"notebooks/{page.stem}.html#{a}" for c, a in anchors.items()}
+        target = folder / "notebooks" / f"{page.stem}.ipynb"
+        target.parent.mkdir(parents=True, exist_ok=True)
+        nbformat.write(page.notebook, target)
+    errata = store.published("errata").fillna("")
+    errata[["kind", "correct"]] = errata["should_be"].str.split(": ", n=1, expand=True)
+    findings = FIGURES / "findings.csv"
+    content = {
+        "pages": pages,
+        "figures": {f.name: f for page in pages for f in page.figures},
+        "judging": sorted(verdicts["notebook"].dropna().unique()),
+        "papers": PAPERS,
+        "faces": FACES,
+        "exported": {face: exported(face) for face in FACES},
+        "outcomes": [o for o in claims.OUTCOMES if (verdicts["outcome"] == o).any()],
+        "claims": verdicts.assign(link=verdicts.index.map(links)).reset_index().to_dict("records"),
+        "counts": pd.crosstab(verdicts["paper"], verdicts["outcome"]).to_dict("index"),
+        "errata": errata.to_dict("records"),
+        "coverage": store.published("coverage").fillna("").to_dict("records"),
+        "findings": pd.read_csv(findings).to_dict("records") if findings.exists() else [],
+    }
+    jinja = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    (folder / "api").mkdir()
+    for face in FACES:
+        text = jinja.get_template("api/face.rst").render(content, face=face)
+        (folder / "api" / f"{face}.rst").write_text(text, "utf-8")
+    for template in jinja.list_templates(filter_func=lambda name: name != "api/face.rst"):
+        (folder / template).write_text(jinja.get_template(template).render(content), "utf-8")
+
+
+if __name__ == "__main__":
+    write(Path(sys.argv[1]))

@@ -1,0 +1,25 @@
+"use strict";
+// Excerpts of the pages found are fetched, which a browser forbids in a folder that it opens itself.
+if (location.protocol === "file:") DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = false;
+
+document.addEventListener("DOMContentLoaded", () => {
+  for (const form of document.querySelectorAll(".filters")) filterClaims(form);
+});
+
+function filterClaims(form) {
+  const rows = [...document.querySelectorAll(".claims tbody tr")];
+  const show = () => {
+    const asked = [...form.querySelectorAll("[data-column]")].filter((field) => field.value);
+    let left = 0;
+    for (const row of rows) {
+      row.hidden = !asked.every(({ dataset, value }) =>
+        dataset.column ? row.dataset[dataset.column] === value
+          : row.textContent.toLowerCase().includes(value.toLowerCase()));
+      left += !row.hidden;
+    }
+    form.querySelector("output").value = `${left} of ${rows.length} claims`;
+  };
+  form.addEventListener("input", show);
+  form.addEventListener("submit", (event) => event.preventDefault());
+  show(); // the browser keeps the fields when it comes back to the page
+}

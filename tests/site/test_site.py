@@ -1,0 +1,282 @@
+"""The built site in a real browser, and its files: `make test-site` builds it and runs this."""
+
+import html.parser
+import re
+import urllib.parse
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+from analysis import DATA, FIGURES
+from conftest import DESKTOP, PHONE, SITE, measured
+
+PAGES = sorted(str(p.relative_to(SITE)) for p in SITE.rglob("*.html") if "_static" not in p.parts)
+OUTCOMES = (
+    "reproduced if", "reproduced", "not reproduced if", "not reproduced", "not testable",
+    "by construction",
+)  # fmt: skip
+
+
+class Read(html.parser.HTMLParser):
+    """Ids, links and files of one page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.ids, self.links, self.loaded = set(), [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        """Note what a tag names and what it points to."""
+        given = dict(attrs)
+        self.ids |= {given["id"]} if "id" in given else set()
+        if tag == "a" and given.get("href"):
+            self.links.append(given["href"])
+        elif tag == "link" or "src" in given:
+            self.loaded.append(given.get("src") or given.get("href"))
+
+
+@pytest.fixture(scope="session")
+def read():
+    """Every page of the site, parsed: path -> Read."""
+    assert len(PAGES) > 20
+    return {path: Read((SITE / path).read_text(encoding="utf-8")) for path in PAGES}
+
+
+@pytest.fixture(scope="module", params=PAGES)
+def opened(request, visit):
+    """Each page in turn, opened once for all checks."""
+    page = visit(request.param)
+    measured["pages opened"] = measured.get("pages opened", 0) + 1
+    yield page
+    page.context.close()
+
+
+def test_page_opens_without_error(opened):
+    """property: no message of an error, no request that fails or leaves the site; a title."""
+    assert opened.troubles == []
+    assert opened.locator("h1").count() == 1 and opened.title()
+
+
+def test_page_is_accessible(opened):
+    """cross-check: axe-core finds no serious or critical violation."""
+    assert barriers(opened) == []
+
+
+def test_page_fits_a_phone(opened):
+    """property: at 390 px the page itself does not scroll sideways."""
+    opened.set_viewport_size(PHONE)
+    try:
+        assert opened.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    finally:
+        opened.set_viewport_size(DESKTOP)
+
+
+def test_page_prints(opened):
+    """property: on paper the text is there, and neither bars nor buttons for folded code."""
+    opened.emulate_media(media="print")
+    try:
+        assert len(opened.locator("main").inner_text()) > 40 or "search" in opened.url
+        for part in (".bd-header", ".bd-sidebar-primary", "details.hide > summary"):
+            assert not any(found.is_visible() for found in opened.locator(part).all()), part
+    finally:
+        opened.emulate_media(media="screen")
+
+
+def barriers(page):
+    """List the serious and critical violations that axe-core finds."""
+    found = Axe().run(page).response["violations"]
+    return [
+        (v["id"], v["nodes"][0]["html"][:200], len(v["nodes"]))
+        for v in found
+        if v["impact"] in ("serious", "critical")
+    ]
+
+
+@pytest.mark.parametrize("path", ["index.html", "claims.html", "notebooks/22-sensor-sweeps.html"])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_dark_pages_are_accessible(visit, path, size):
+    """cross-check: no barrier either where the reader's system is set to dark, or on a phone."""
+    page = visit(path, size, color_scheme="dark")
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    assert barriers(page) == []
+    page.context.close()
+
+
+def test_every_link_leads_somewhere(read):
+    """property: each link inside the site has its file, and its place in that page."""
+    missing = []
+    for path, page in read.items():
+        for link in page.links:
+            url = urllib.parse.urlsplit(link)
+            if url.scheme or url.netloc:
+                continue
+            target = (
+                (SITE / path).parent / urllib.parse.unquote(url.path) if url.path else SITE / path
+            )
+            name = target.resolve().relative_to(SITE.resolve()).as_posix()
+            place = urllib.parse.unquote(url.fragment)
+            if not target.is_file() or (place and name in read and place not in read[name].ids):
+                missing.append(f"{path}: {link}")
+    assert missing == []
+
+
+def test_nothing_is_loaded_from_elsewhere(read):
+    """property: no script, style, font or picture of another host."""
+    away = re.compile(r"(https?:)?//")
+    assert [(p, f) for p, page in read.items() for f in page.loaded if f and away.match(f)] == []
+    styles = list(SITE.rglob("*.css"))
+    assert styles
+    found = [
+        (s.name, m[0])
+        for s in styles
+        for m in re.finditer(
+            r"(url\(|@import\s*)[\"']?(https?:)?//[^)\"' ]*", s.read_text(encoding="utf-8")
+        )
+    ]
+    assert found == []
+    size = sum(p.stat().st_size for p in SITE.rglob("*") if p.is_file())
+    measured["size of the site"] = f"{size / 1e6:.1f} MB in {len(read)} pages"
+
+
+def test_every_figure_has_number_caption_alt_and_downloads(read):
+    """property: each of figures/ is on a page once, with a number of its own and three files."""
+    names = {p.stem for p in FIGURES.glob("*.png")}
+    cards = {}
+    for path in read:
+        if path.startswith("notebooks/"):
+            text = (SITE / path).read_text(encoding="utf-8")
+            for card in re.findall(r"<figure id=.*?</figure>", text, re.S):
+                name = re.search(r'id="([^"]+)"', card)[1]
+                assert name not in cards, name
+                cards[name] = re.search(r"<b>Figure ([\d.]+)\.</b> \S", card)[1]
+                assert len(re.search(r'alt="([^"]*)"', card)[1]) > 20, name
+                assert card.count(" download>") == 3, name
+    assert cards.keys() == names
+    assert len(set(cards.values())) == len(names)
+    for name in names:
+        for kind in ("pdf", "png", "csv"):
+            copy, own = (folder / f"{name}.{kind}" for folder in (SITE / "figures", FIGURES))
+            assert copy.read_bytes() == own.read_bytes(), name
+
+
+def test_a_download_is_the_file(visit):
+    """property: a click on PDF, PNG or CSV below a figure hands over that file."""
+    page = visit("notebooks/22-sensor-sweeps.html")
+    figure = page.locator("figure.numbered").first
+    for kind in ("PDF", "PNG", "CSV"):
+        with page.expect_download() as started:
+            figure.get_by_role("link", name=kind).click()
+        got = started.value
+        assert Path(got.path()).read_bytes() == (FIGURES / got.suggested_filename).read_bytes()
+    page.context.close()
+
+
+def claims():
+    """Paper, outcome and notebook of each claim, from the two registers."""
+    verdicts = pd.read_csv(FIGURES / "claims.csv").set_index("id")
+    register = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
+    table = register[["paper"]].join(verdicts[["verdict", "notebook"]])
+    table["outcome"] = [
+        next(o for o in OUTCOMES if verdict.startswith(o)) for verdict in table["verdict"]
+    ]
+    return table
+
+
+def test_filters_of_the_claims(visit):
+    """cross-check: for each paper, verdict and notebook as many rows as figures/claims.csv has."""
+    page, table = visit("claims.html"), claims()
+    rows, told = page.locator(".claims tbody tr:visible"), page.locator(".filters output")
+    assert rows.count() == len(table)
+    for column in ("paper", "outcome", "notebook"):
+        field = page.locator(f"select[data-column={column}]")
+        values = field.locator("option").evaluate_all("all => all.map((o) => o.value)")
+        assert set(values) == {"", *table[column]}
+        for value in values[1:]:
+            field.select_option(value)
+            expected = (table[column] == value).sum()
+            assert rows.count() == expected
+            assert told.inner_text() == f"{expected} of {len(table)} claims"
+        field.select_option("")
+    both = table[(table["paper"] == "terrain") & (table["outcome"] == "not reproduced")]
+    page.get_by_label("Paper").select_option("terrain")
+    page.get_by_label("Verdict").select_option("not reproduced")
+    assert rows.evaluate_all("all => all.map((row) => row.id)") == list(both.index)
+    page.get_by_role("searchbox", name="Text").fill("no claim has these words")
+    assert rows.count() == 0
+    assert page.troubles == []
+    page.context.close()
+
+
+def test_a_claim_leads_to_the_cell_that_judges_it(visit):
+    """property: the link of a claim opens its notebook at a cell whose code names it."""
+    page = visit("claims.html")
+    page.locator("#terrain-fig8-mean-rises a").click()
+    page.wait_for_url("**/notebooks/22-sensor-sweeps.html#judged-*")
+    place = page.url.split("#")[1]
+    cell = page.locator(f"#{place} ~ .cell").first
+    assert "terrain-fig8-mean-rises" in cell.text_content()
+    assert page.locator(f"#{place}").bounding_box()["y"] < DESKTOP["height"]
+    page.context.close()
+
+
+@pytest.mark.parametrize("where", ["server", "folder"])
+def test_search_finds_a_known_word(visit, address, where):
+    """property: "Allan" typed into the search finds notebook 12, served or as a folder of files."""
+    root = address if where == "server" else SITE.resolve().as_uri() + "/"
+    page = visit("index.html", root=root)
+    page.keyboard.press("Control+k")
+    page.keyboard.type("Allan")
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/search.html?q=Allan*")
+    found = page.locator("#search-results li a")
+    found.first.wait_for()
+    page.wait_for_function("document.querySelector('#search-results .search-summary')")
+    links = found.evaluate_all("all => all.map((a) => a.href)")
+    assert any("12-sensor-simulation" in link for link in links)
+    assert page.troubles == []
+    page.context.close()
+
+
+def test_keyboard_reaches_everything(visit):
+    """property: the first stop skips to the text; filters and folded code take keys."""
+    page = visit("claims.html")
+    page.keyboard.press("Tab")
+    assert "main-content" in page.evaluate("document.activeElement.outerHTML")
+    page.keyboard.press("Enter")
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.dataset.column") == "paper":
+            break
+    page.keyboard.type("terrain")
+    assert (
+        page.locator(".claims tbody tr:visible").count() == (claims()["paper"] == "terrain").sum()
+    )
+    page.context.close()
+
+    page = visit("notebooks/22-sensor-sweeps.html")
+    fold = page.locator("details.hide").first
+    assert fold.get_attribute("open") is None
+    fold.locator("summary").focus()
+    page.keyboard.press("Enter")
+    assert fold.get_attribute("open") is not None and fold.locator("pre").is_visible()
+    page.context.close()
+
+
+def test_paper_has_pages(visit):
+    """property: a notebook prints as PDF with its pictures: over 200 kB, which text is not."""
+    page = visit("notebooks/22-sensor-sweeps.html")
+    page.locator("figure img").last.scroll_into_view_if_needed()
+    assert len(page.pdf()) > 200_000
+    page.context.close()
+
+
+def test_first_paint(visit):
+    """property: the index is there within 2.5 s, the limit that browsers call good."""
+    page = visit("index.html")
+    page.wait_for_function("performance.getEntriesByName('first-contentful-paint').length")
+    paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
+    measured["first paint of the index"] = f"{paint:.0f} ms"
+    assert paint < 2500
+    page.context.close()
