@@ -807,6 +807,40 @@ def claims(
 
 
 @_verb
+def cite(
+    figure: Annotated[
+        Text, _argument("FIGURE", "Its name, or one of its files (default: the compendium).")
+    ] = None,
+    crate: Annotated[
+        Text,
+        _option(
+            "DIR", "Write RO-Crate metadata of this copy there.", "--crate", callback=_check_folder
+        ),
+    ] = None,
+):
+    """Print how to cite a figure, as text and as BibTeX.
+
+    \b
+    python -m analysis cite 22-fig9-variance-vs-n     the figure, and the paper that it redraws
+    python -m analysis cite figures/13-hours.pdf      the same by a file
+    python -m analysis cite                           the compendium and its three papers
+    python -m analysis cite --crate dist              dist/ro-crate-metadata.json, for an archive
+
+    Version and commit are those of this copy; the licence is that of the logs which the figure
+    shows, or the compendium's own.
+    """
+    from analysis.report import citation
+
+    if crate:
+        if figure:
+            raise WrongUsage("--crate describes the whole copy: leave the figure out")
+        with writing(crate, "--crate"):
+            print(citation.crate(crate))
+    else:
+        print(citation.cite(figure))
+
+
+@_verb
 def data(
     names: Annotated[
         Texts, _argument("NAME", "Raw files or folders; with --rebuild results.")

@@ -349,7 +349,7 @@ def redrawn(name):
     found, papers = [], {}
     for row in _published("coverage.csv").itertuples():
         if name in str(row.figures).split(";"):
-            papers = papers or {paper["abbreviation"]: paper for paper in references()}
+            papers = papers or {p["abbreviation"]: p for p in citation_file()["references"]}
             paper = papers[f"{row.paper} paper"]
             names = [author.get("family-names") for author in paper["authors"]]
             by = f" ({words(names)}, {paper['year']})" if all(names) else ""
@@ -357,14 +357,14 @@ def redrawn(name):
     return found
 
 
-def references():
-    """Read the papers that CITATION.cff refers to.
+def citation_file():
+    """Read CITATION.cff: what this compendium is, and the papers that it refers to.
 
     Returns
     -------
-    list of dict
+    dict
     """
-    return yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["references"]
+    return yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
 
 
 def words(names):

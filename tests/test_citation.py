@@ -1,0 +1,163 @@
+"""Citing: text and BibTeX of a figure, CITATION.cff, RO-Crate metadata, one version everywhere."""
+
+import json
+import re
+import subprocess
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+import bibtexparser
+import jsonschema
+import pytest
+import yaml
+from matplotlib.figure import Figure
+from rocrate.rocrate import ROCrate
+
+from analysis import ROOT, figures
+from analysis.cli import main
+from analysis.report import citation
+
+FIG9, OWN = "22-fig9-variance-vs-n", "10-adis16405-gyro-x"
+CAPTION = "Variance of the error (95 % bands), B & N in °/√s, R_0 as printed."
+ADIS = {"adis16405": "1eb09074beabd7cfc15b402cb8043b5302f6e4edfd9e4ebfbf8117436f8b9fa9"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Save two figures: one redraws the terrain paper, one shows a log under a licence."""
+    folder = tmp_path_factory.mktemp("tree") / "figures"
+    ax = Figure().subplots()
+    ax.plot([1, 2], [3, 4], label="curve")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+    for name, data in ((FIG9, {}), (OWN, ADIS)):
+        figures.save(ax.figure, name, CAPTION, data=data, to=folder)
+    return folder
+
+
+@pytest.fixture
+def drawn(folder, monkeypatch):
+    """Take these two for all the figures."""
+    monkeypatch.setattr(citation, "FIGURES", folder)
+
+
+def entries(text):
+    """Parse the BibTeX of a citation: key -> type and fields."""
+    library = bibtexparser.parse_string(text[text.index("\n@") :])
+    assert not library.failed_blocks and library.entries
+    return {e.key: (e.entry_type, {f.key: f.value for f in e.fields}) for e in library.entries}
+
+
+@pytest.mark.usefixtures("drawn")
+def test_a_figure_that_redraws_a_paper(capsys):
+    """Published: name, version, commit, caption, the paper with what is known of it, licence."""
+    assert main(["cite", FIG9]) == 0
+    text = capsys.readouterr().out
+    for words in (FIG9, CAPTION, version("inertial-compendium"), "Fig 9", "Licence: MIT", "(2026)"):
+        assert words in text, words
+    found = entries(text)
+    assert list(found) == [f"inertial-compendium-{FIG9}", "terrain-paper"]
+    kind, fields = found[f"inertial-compendium-{FIG9}"]
+    assert kind == "misc" and fields["year"] == "2026"
+    assert r"95 \%" in fields["note"] and r"R\_0" in fields["note"] and r"B \& N" in fields["note"]
+    kind, fields = found["terrain-paper"]
+    assert (kind, fields["author"], fields["year"]) == ("misc", "Jerath and Brennan", "2011")
+
+
+@pytest.mark.usefixtures("drawn")
+def test_the_licence_is_that_of_the_log():
+    """Published: the licence in the registry of raw logs, and no paper where none is redrawn."""
+    text = citation.cite(f"figures/{OWN}.pdf")
+    assert "Licence: CC BY-NC-SA 4.0 (SMAC-Group/imudata)." in text
+    assert "redraws" not in text and list(entries(text)) == [f"inertial-compendium-{OWN}"]
+
+
+def test_the_compendium_with_its_three_papers():
+    """Published: author, proceedings and year of the comparison paper; of the others less."""
+    found = entries(citation.cite())
+    kind, fields = found.pop("comparison-paper")
+    assert (kind, fields["booktitle"], fields["year"]) == ("inproceedings", "PLANS 2008", "2008")
+    assert fields["author"] == "Elkaim, G. H. and Lizarraga, M. and Pedersen, L."
+    assert "author" not in found["tracker-paper"][1] and "year" not in found["tracker-paper"][1]
+    assert len(found) == 3
+
+
+@pytest.mark.usefixtures("drawn")
+@pytest.mark.parametrize(
+    ("typed", "near"), [("22-fig9", FIG9), ("10-adis16045-gyro-x.png", OWN), ("", "figures/")]
+)
+def test_an_unknown_figure(typed, near, capsys):
+    """Property: status 2, and the nearest names."""
+    assert main(["cite", typed]) == 2
+    assert near in capsys.readouterr().err
+
+
+def test_the_commit_is_named_in_a_git_tree_only(tmp_path, monkeypatch):
+    """Cross-check: what git says of a tree; of a folder without git, and of one inside, nothing."""
+
+    def git(*words):
+        who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+        run = subprocess.run(["git", *who, *words], cwd=tmp_path, capture_output=True, text=True)
+        return run.stdout.strip()
+
+    monkeypatch.setattr(citation, "ROOT", tmp_path)
+    assert citation._commit(None) == ""
+    git("init")
+    git("commit", "--allow-empty", "-m", "first")
+    commit = git("rev-parse", "--short", "HEAD")
+    assert citation._commit(None) == f", commit {commit}"
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "new").touch()
+    assert citation._commit(None) == f", commit {commit} with later changes"
+    monkeypatch.setattr(citation, "ROOT", tmp_path / "figures")
+    assert citation._commit(None) == ""
+
+
+def test_citation_file_is_valid():
+    """Published: the schema of the Citation File Format 1.2.0 (its authors, CC BY 4.0)."""
+    schema = json.loads(Path(__file__).with_name("cff-1.2.0.json").read_text(encoding="utf-8"))
+    known = yaml.load((ROOT / "CITATION.cff").read_text(encoding="utf-8"), yaml.BaseLoader)
+    for entry in (known, *known["references"]):
+        entry |= {"year": int(entry["year"])} if "year" in entry else {}
+    jsonschema.validate(known, schema)
+    assert [paper["abbreviation"].split()[0] for paper in known["references"]] == [
+        "comparison", "terrain", "tracker",
+    ]  # fmt: skip
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(known | {"year": 2026}, schema)
+
+
+def test_one_version_everywhere():
+    """Property: package, its metadata, CITATION.cff and the first heading of the changelog."""
+    wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert version("inertial-compendium") == wanted, "run `make install`"
+    assert figures.citation_file()["version"] == wanted
+    log = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.search(r"^## (\S+)", log, re.M)[1] == wanted
+
+
+@pytest.mark.usefixtures("drawn")
+def test_crate_is_read_back_by_another_tool(tmp_path, folder, monkeypatch, capsys):
+    """Cross-check: rocrate reads each part, and every reference leads to an entity."""
+    (tmp_path / "figures").symlink_to(folder)
+    monkeypatch.setattr(citation, "FIGURES", tmp_path / "figures")
+    monkeypatch.setattr(citation, "ROOT", tmp_path)
+    for name in ("notebooks", *citation.FOLDERS):
+        (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
+        (tmp_path / name).symlink_to(ROOT / name)
+    assert main(["cite", "--crate", str(tmp_path)]) == 0
+    first = (tmp_path / citation.CRATE).read_bytes()
+    assert citation.crate(tmp_path).read_bytes() == first
+    graph = json.loads(first)["@graph"]
+    crate = ROCrate(tmp_path)
+    assert {e.id for e in crate.get_entities()} == {e["@id"] for e in graph}
+    assert crate.root_dataset["license"].id.endswith("/MIT")
+    assert len(crate.root_dataset["citation"]) == 3
+    png = crate.dereference(f"figures/{FIG9}.png")
+    assert (png["description"], png["isBasedOn"][0].id) == (CAPTION, "#terrain-paper")
+    assert crate.dereference(f"figures/{OWN}.csv")["license"].startswith("CC BY-NC-SA")
+    for entity in graph:
+        if "File" in entity["@type"] or entity["@type"] == "Dataset":
+            assert (tmp_path / entity["@id"]).exists(), entity["@id"]
+    assert main(["cite", FIG9, "--crate", str(tmp_path)]) == 2
+    assert "leave the figure out" in capsys.readouterr().err
