@@ -7,7 +7,11 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PIP := $(if $(shell command -v uv 2>/dev/null),uv pip install --python $(BIN)/python,$(BIN)/python -m pip install)
 
-.PHONY: help install reproduce site test test-device test-site lint format lock clean
+NEWEST := .venv-newest
+VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+RELEASE = inertial-compendium-$(VERSION)
+
+.PHONY: help install reproduce site test test-device test-site lint format lock newest release clean
 
 help:
 	@echo "make reproduce  run every notebook in order and redraw figures/"
@@ -18,6 +22,8 @@ help:
 	@echo "make install    make .venv and install into it; the two do so by themselves"
 	@echo "make format     format the code and the notebooks"
 	@echo "make lock       pin requirements.lock anew from pyproject.toml (needs uv)"
+	@echo "make newest     run every notebook with the newest packages; list the numbers that move"
+	@echo "make release    dist/: the archive of this commit, with metadata (see RELEASING.md)"
 
 # uv installs in seconds where a machine has it; venv and pip do the same elsewhere.
 $(READY): requirements.lock pyproject.toml
@@ -79,5 +85,21 @@ lock:
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 		--no-emit-index-url --no-emit-find-links tests/site/requirements.in -o tests/site/requirements.lock
 
+# An environment of its own; figures/ and the notebooks stay as they are.
+newest:
+	rm -rf $(NEWEST)
+	$(PYTHON) -m venv $(NEWEST)
+	$(NEWEST)/bin/python -m pip install --quiet --upgrade --editable '.[cluster,fast,logs,test]'
+	$(NEWEST)/bin/python -m analysis reproduce --scratch scratch/newest
+
+# What git holds at HEAD, and what describes it.
+release: $(READY)
+	@test -z "$$(git status --porcelain)" || { echo "commit first: the archive is of HEAD"; exit 1; }
+	rm -rf dist
+	$(BIN)/python -m analysis cite --crate dist
+	git archive --prefix=$(RELEASE)/ --add-file=dist/ro-crate-metadata.json \
+		-o dist/$(RELEASE).zip HEAD
+	cd dist && sha256sum $(RELEASE).zip | tee $(RELEASE).zip.sha256
+
 clean:
-	rm -rf $(VENV) *.egg-info
+	rm -rf $(VENV) $(NEWEST) dist *.egg-info

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import bibtexparser
+import changes
 import jsonschema
 import pytest
 import yaml
@@ -134,6 +135,33 @@ def test_one_version_everywhere():
     assert figures.citation_file()["version"] == wanted
     log = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert re.search(r"^## (\S+)", log, re.M)[1] == wanted
+
+
+def test_changelog_tells_the_verdicts_of_now():
+    """Cross-check: what the newest version calls a claim's verdict is what the ledger says."""
+    log = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    now = changes.ledger()["verdict"]
+    rows = re.findall(r"^\| .+? \| (.+?) \| (`[a-z].+`) \|$", log, re.M)
+    assert len(rows) > 5
+    for verdict, named in rows:
+        for claim in re.findall(r"`(.+?)`", named):
+            assert now[claim].startswith(verdict), f"{claim}: python tests/changes.py 073ead1"
+
+
+def test_changes_are_found(tmp_path, monkeypatch):
+    """Analytic: one verdict and one number moved, one claim is new and one is gone."""
+    head = "id,verdict,value,low,high,unit,notebook\n"
+    rows = ["a,reproduced,1,0.9,1.1,m,10", "b,reproduced,1,0.9,1.1,m,10", "c,reproduced,1,,,m,10"]
+    new = ["a,not reproduced if x,1,,,m,10", "b,reproduced,2,1.9,2.1,m,10", "d,reproduced,1,,,m,10"]
+    (tmp_path / "claims.csv").write_text(head + "\n".join(new))
+    monkeypatch.setattr(changes, "FIGURES", tmp_path)
+    old = subprocess.CompletedProcess((), 0, head + "\n".join(rows))
+    monkeypatch.setattr(changes.subprocess, "run", lambda *_, **__: old)
+    said = list(changes.tables("v0"))
+    assert said[0].startswith("Of 2 claims in both, 1 have")
+    assert said[2] == "| reproduced | not reproduced if x | `a` |"
+    assert said[4:] == ["| `b` | 1 (0.9 to 1.1) m | 2 (1.9 to 2.1) m |", *said[5:]]
+    assert said[5:] == ["\nNew (1): `d`.", "\nGone (1): `c`."]
 
 
 @pytest.mark.usefixtures("drawn")

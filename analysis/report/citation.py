@@ -61,11 +61,13 @@ def cite(figure: str | None = None) -> str:
         about = [f"Figure {head['figure']}: {head['caption']}", redraws]
     authors, year = known["authors"][0]["name"], known["date-released"].year
     about.append(f"Licence: {licence}.")
-    sentences = [f"{authors} ({year}). {known['title']}, {which}.", *about]
+    doi = f"https://doi.org/{known['doi']}" if "doi" in known else ""
+    sentences = [f"{authors} ({year}). {known['title']}, {which}.", *about, doi]
     entry = {
         "author": "{" + _tex(authors) + "}",
         "title": "{" + _tex(known["title"]) + "}",
         "year": year,
+        "doi": known.get("doi"),
         "note": _tex(" ".join(filter(None, [f"{which.capitalize()}.", *about]))),
     }
     key = f"inertial-compendium-{head['figure'] if figure else known['version']}"
