@@ -9,7 +9,6 @@ import ast
 import html
 import importlib
 import inspect
-import json
 import re
 import shutil
 import sys
@@ -21,7 +20,7 @@ import nbformat
 import pandas as pd
 from PIL import Image
 
-from analysis import FIGURES, ROOT, claims, store
+from analysis import FIGURES, ROOT, claims, figures, store
 
 NOTEBOOKS, TEMPLATES = ROOT / "notebooks", Path(__file__).parent / "pages"
 PAPERS = {"comparison": "comparison paper", "terrain": "terrain paper", "tracker": "tracker paper"}
@@ -74,20 +73,20 @@ class Figure(NamedTuple):
 
 def sidecar(path: Path) -> dict:
     """Read what a figure's CSV says of it, and the names of its series by panel."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    head = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
-    table = pd.read_csv(path, comment="#", usecols=["panel", "series"])
-    series = {str(n): rows.unique().tolist() for n, rows in table.groupby("panel")["series"]}
-    return {k: json.loads(v) for k, v in head.items()} | {"series": series}
+    head, table = figures.read(path)
+    return head | {"series": table.groupby("panel")["series"].unique().to_dict()}
 
 
 def alternative(about: dict) -> str:
     """Describe a figure to one who does not see it: axes and series of each panel."""
     panels = [] if about["axes"] else [about["caption"]]
-    for n, (title, x, y) in about["axes"].items():
-        shown = about["series"].get(n, [])
+    for title, axes in about["axes"].items():
+        if isinstance(axes, list):  # a figure that was drawn before version 0.2.0
+            panels.append(f"{axes[2]} against {axes[1]}; {', '.join(about['series'][title][:6])}")
+            continue
+        x, y, shown = axes["x"], axes["y"], list(about["series"].get(title, []))
         few = ", ".join(shown[:6]) + (f" and {len(shown) - 6} more" if len(shown) > 6 else "")
-        named = f"{title}: " if title not in (x, y) else ""
+        named = "" if y.startswith(title) else f"{title}: "
         panels.append(f"{named}{y} against {x}; {few}")
     counted = f"{len(panels)} panels. " if len(panels) > 1 else ""
     return "Plot. " + counted + ". ".join(panels) + "."
