@@ -84,7 +84,7 @@ takeModels(byId("own"), (model, file) => {
 function sensorOf(channel) {
   const scale = IN_BASE[channel.unit], { arw = {}, bias_instability: b = {} } = channel.parameters;
   if (!scale || !arw.value || !(b.value || b.high)) return { name: channel.name };
-  const found = { name: channel.name, basis: "own" };
+  const found = { name: channel.name, basis: "own", corr_time: channel.parameters.corr_time?.value };
   for (const [symbol, from] of [["n", arw], ["b", b]]) {
     for (const [key, end] of [["value", ""], ["low", "_low"], ["high", "_high"]]) {
       const at = from[key];
@@ -101,10 +101,10 @@ function ofSensor(s) {
   return { value, low: s.b ? at(s.n_low ?? s.n, s.b_low ?? 0) : null, high: s.b_high ? at(s.n_high ?? s.n, s.b_high) : null };
 }
 
-const metres = (x) => `${digits(x, 2)} m`;
+const metres = (x) => `${rounded(x)} m`;
 function errorWords({ value, low, high }) {
   if (value === null || value === undefined) return high ? `at most ${metres(high)}` : "beyond the computed range";
-  if (low && high) return `${digits(value, 2)} (${digits(low, 2)} to ${digits(high, 2)}) m`;
+  if (low && high) return `${rounded(value)} (${rounded(low)} to ${rounded(high)}) m`;
   return metres(value);
 }
 
@@ -199,12 +199,12 @@ function update() {
   if (found) {
     Object.assign(answer.dataset, found);
     const lost = found.lost < 0.0005 ? "no lap is lost" : `${digits(100 * found.lost, 2)} % of the laps are lost`;
-    said.textContent = `${metres(found.error)} (${digits(found.low, 2)} to ${digits(found.high, 2)})`;
+    said.textContent = errorWords({ ...found, value: found.error });
     rest.push(`not exceeded along the road in 95 % of all moments; ${lost}. N ${N.words()}, B ${B.words()}, T_c ${data.corr_times[time.slider.value]} s.`);
   }
   if (own) {
     const e = ofSensor(own);
-    rest.push(made("span", { id: "own-error", textContent: ` Your ${own.name}, with the intervals of its N and B: ${errorWords(e)}.` }));
+    rest.push(made("span", { id: "own-error", textContent: ` Your ${own.name}, with the intervals of its N and B: ${errorWords(e)}.${own.corr_time ? ` Its log gives T_c = ${digits(own.corr_time)} s.` : ""}` }));
     Object.assign(answer.dataset, { ownLow: e.low, ownValue: e.value, ownHigh: e.high });
     if (own.n < data.arw[0] || (own.b ?? own.b_high) < data.sigma_b[0]) rest.push(" It is better than what was computed, and has the error at the edge.");
   }

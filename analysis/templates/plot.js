@@ -400,7 +400,21 @@ class Plot {
   }
 
   // A table z[j][i] over xs and ys, evenly spaced on the plot: filled between levels, lines at them.
+  // It is painted once for each table and size.
   field(g, s) {
+    const f = this.frame(), [w, h] = [f.width, f.height].map((x) => Math.round((x * this.canvas.width) / this.canvas.clientWidth));
+    if (this.painted?.z !== s.z || this.painted.width !== w || this.painted.height !== h) {
+      const canvas = Object.assign(document.createElement("canvas"), { width: w, height: h }), pen = canvas.getContext("2d");
+      pen.scale(w / f.width, h / f.height);
+      pen.translate(-f.left, -f.top);
+      pen.font = g.font;
+      this.contours(pen, s);
+      this.painted = { z: s.z, width: w, height: h, canvas };
+    }
+    g.drawImage(this.painted.canvas, f.left, f.top, f.width, f.height);
+  }
+
+  contours(g, s) {
     const [nx, ny] = [s.xs.length, s.ys.length], left = this.px(s.xs[0]), low = this.py(s.ys[0]);
     const wide = (this.px(s.xs[nx - 1]) - left) / (nx - 1), high = (this.py(s.ys[ny - 1]) - low) / (ny - 1);
     const block = 2;

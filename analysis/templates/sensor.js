@@ -41,6 +41,11 @@ function digits(x, count = 3) {
   return `${mantissa}×10${raised(power)}`;
 }
 
+// With the zeros that belong to it: 0.30, 12, 120.
+function rounded(x, count = 2) {
+  return x >= 10 ** (count - 1) && isFinite(x) ? digits(x, count) : isFinite(x) ? Number(x).toPrecision(count) : "–";
+}
+
 // One quantity: label, slider (in logarithms), number and unit. `least` and `most` bound the slider,
 // `refuse(value)` says in a sentence why a number outside is not taken, or null.
 class Quantity {

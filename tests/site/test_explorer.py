@@ -1,0 +1,350 @@
+"""The pages that compute in the browser, opened as files: against Python, by mouse, by keys."""
+
+import re
+
+import numpy as np
+import pytest
+from test_site import barriers
+
+from analysis import store
+from analysis.noise import UnifiedModel, adev_model
+from analysis.noise.allan import cluster_sizes, degrees_of_freedom, overlapped_variance
+from analysis.noise.planner import Plan
+from analysis.report import explorer
+from analysis.terrain import Sensor
+from conftest import PHONE, measured
+
+SENSORS = [  # N, deg/sqrt(s), and B, deg/s: on the grid, between its points, at its edges
+    (0.001, 0.001), (0.005, 0.002), (0.0234, 0.0071), (0.0001, 0.00001), (0.1, 0.1), (0.0004, 0.05),
+]  # fmt: skip
+NOISES = [  # of the Allan page: N, σ_b, T_c, B, K, drift and the sampling interval
+    {"N": 0.004, "S": 0.002, "T": 200.0, "B": 0, "K": 0, "D": 0, "dt": 0.01},
+    {"N": 0.004, "S": 0, "T": 200.0, "B": 0.001, "K": 1e-5, "D": 0, "dt": 0.01},
+    {"N": 0.01, "S": 0.05, "T": 5.0, "B": 0, "K": 1e-3, "D": 0, "dt": 0.05},
+    {"N": 0.004, "S": 0.002, "T": 3000.0, "B": 0.0005, "K": 1e-6, "D": 0, "dt": 0.02},
+]
+PLANNED = {"N": "sigma_v", "S": "sigma_b", "T": "corr_time", "B": "flicker", "K": "rrw"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Write the pages, and two model.json, into a folder."""
+    made = tmp_path_factory.mktemp("explorer")
+    explorer.write(made)
+    for name in ("adis16405", "mpu6050-gyro"):
+        (made / f"{name}.json").write_text(store.as_json(store.read_model(name)), "utf-8")
+    measured["sizes of the explorers"] = ", ".join(
+        f"{p.name} {p.stat().st_size / 1000:.0f} kB" for p in made.glob("*.html")
+    )
+    return made
+
+
+@pytest.fixture
+def gyro(visit, folder):
+    """Open the page of the tracking error."""
+    page = visit("explorer.html", root=folder.as_uri() + "/")
+    yield page
+    assert page.troubles == []
+    page.context.close()
+
+
+@pytest.fixture
+def curve(visit, folder):
+    """Open the page of Allan curves."""
+    page = visit("allan.html", root=folder.as_uri() + "/")
+    yield page
+    assert page.troubles == []
+    page.context.close()
+
+
+def told(page):
+    """Read the numbers behind the answer of the page."""
+    return {
+        k: None if v == "null" else float(v)
+        for k, v in page.locator("#answer").evaluate("e => ({...e.dataset})").items()
+    }
+
+
+def type_in(page, name, value):
+    """Type a number into a field."""
+    page.fill(f"#{name}", f"{value:.12g}")
+    page.keyboard.press("Tab")
+
+
+def in_base_units(page):
+    """Choose °/√s and °/s."""
+    page.select_option("[aria-label='unit of N']", "°/√s")
+    page.select_option("[aria-label='unit of B']", "°/s")
+
+
+@pytest.mark.parametrize("tracker", explorer.TRACKERS)
+@pytest.mark.parametrize("corr_time", [20.0, 200.0, 2000.0])
+def test_the_number_is_that_of_python(gyro, tracker, corr_time):
+    """cross-check: error, its interval and the share of lost laps, in each reading."""
+    plane = store.error_plane(tracker, corr_time)
+    in_base_units(gyro)
+    gyro.check(f"input[value='{tracker}']")
+    gyro.select_option("select#t", label=f"{corr_time:g} s")
+    for n, b in SENSORS:
+        type_in(gyro, "n", n)
+        type_in(gyro, "b", b)
+        found, expected = told(gyro), plane.estimate(Sensor(n, b))
+        numbers = [found[k] for k in ("error", "low", "high", "lost")]
+        wanted = [expected.value, expected.low, expected.high, plane.of(Sensor(n, b))[1]]
+        assert numbers == pytest.approx(wanted, rel=1e-9, abs=1e-12)  # rounding of two languages
+        assert gyro.inner_text("#error").startswith(f"{float(f'{expected.value:.2g}'):g}")
+        measured["predictions compared"] = measured.get("predictions compared", 0) + 1
+
+
+def test_slider_unit_plot_and_keys_move_the_point(gyro):
+    """property: a slider's key changes the number, a unit does not, and the plot takes arrows."""
+    before = told(gyro)["error"]
+    gyro.focus("[aria-label='B, slider']")
+    for _ in range(40):
+        gyro.keyboard.press("ArrowRight")
+    larger = told(gyro)["error"]
+    assert larger > 1.1 * before
+    assert gyro.get_attribute("[aria-label='B, slider']", "aria-valuetext").endswith("°/h")
+    in_base_units(gyro)
+    assert told(gyro)["error"] == larger
+    n = float(gyro.input_value("#n"))
+    gyro.focus("#plane canvas")
+    gyro.keyboard.press("ArrowRight")
+    assert float(gyro.input_value("#n")) > n
+    box = gyro.locator("#plane canvas").bounding_box()
+    gyro.mouse.click(box["x"] + box["width"] - 20, box["y"] + 30)
+    assert told(gyro)["error"] > 100 and float(gyro.input_value("#n")) > 0.05
+
+
+def test_a_link_keeps_the_state(gyro, visit, folder):
+    """property: the address holds the numbers, and opens the page with them."""
+    type_in(gyro, "n", 1.5)
+    gyro.check("input[value='on attitude']")
+    gyro.select_option("select#t", label="600 s")
+    address = gyro.url
+    gyro.goto("about:blank")
+    gyro.goto(address)
+    assert gyro.input_value("#n") == "1.5" and gyro.is_checked("input[value='on attitude']")
+    expected = store.error_plane("on attitude", 600.0).of(Sensor(1.5 / 60, 0.002))[0]
+    assert told(gyro)["error"] == pytest.approx(expected, rel=1e-4)  # five digits in the address
+
+
+@pytest.mark.parametrize(
+    ("field", "typed", "says"),
+    [
+        ("n", "50", "outside the computed range: N 0.006 °/√h to 6 °/√h"),
+        ("b", "0.001", "outside the computed range: B 0.036 °/h to 360 °/h"),
+        ("n", "two", "'two' is no number above zero"),
+        ("usd", "-5", "'-5' is no number above zero"),
+        ("b", "", "is no number above zero"),
+    ],
+)
+def test_what_is_outside_is_refused(gyro, field, typed, says):
+    """error: a sentence in place of the number, at the field too, and gone with a good value."""
+    gyro.fill(f"#{field}", typed)
+    gyro.keyboard.press("Tab")
+    assert says in gyro.inner_text("#error") and says in gyro.inner_text(f"#{field}-wrong")
+    assert told(gyro) == {} and gyro.locator("#parts tr").count() == 0
+    assert gyro.get_attribute(f"#{field}", "aria-invalid") == "true"
+    type_in(gyro, field, 3)
+    assert told(gyro)["error"] > 0 and gyro.inner_text(f"#{field}-wrong") == ""
+
+
+def test_parts_that_qualify(gyro):
+    """cross-check: those that Python finds as good, within the price; measured ones first."""
+    type_in(gyro, "b", 30)
+    type_in(gyro, "usd", 1000)
+    plane, atlas = store.error_plane("integrated", 200.0), store.read("atlas").tables["atlas"]
+    limit = float(f"{plane.of(Sensor(0.005, 30 / 3600))[0]:.2g}")
+    rows = atlas.query("kind == 'rate' and basis == 'datasheet'")
+    good = {
+        r["name"]
+        for r in rows.to_dict("records")
+        if float(f"{plane.of(Sensor(r['n'], r['b']))[0]:.2g}") <= limit and not r["low_usd"] > 1000
+    }
+    shown = gyro.locator("#parts tbody tr").all()
+    names = [row.locator("b").inner_text() for row in shown]
+    basis = [row.locator("summary").inner_text() for row in shown]
+    assert len(good) > 3 and {n for n, k in zip(names, basis, strict=True) if "sheet" in k} == good
+    assert basis == sorted(basis, key=lambda k: "sheet" in k) and "measured" in basis[0]
+    assert all(row.locator("small").text_content() for row in shown)
+    assert len(shown) + gyro.locator("#rest tbody tr").count() == 17
+
+
+@pytest.mark.parametrize("name", ["adis16405", "mpu6050-gyro"])
+def test_a_model_is_read_in_the_browser(gyro, folder, name):
+    """cross-check: the error of a log with the intervals of its N and B is that of Python."""
+    gyro.set_input_files("#model-file", folder / f"{name}.json")
+    gyro.wait_for_selector("#own-error")
+    model = store.read_model(name)
+    channels = [c["name"] for c in model["channels"] if c["kind"] == "rate"]
+    for tracker in explorer.TRACKERS:
+        gyro.check(f"input[value='{tracker}']")
+        for channel in channels:
+            gyro.select_option("#axis", label=channel)
+            expected = store.error_plane(tracker, 200.0).of_log(model, channel)
+            found = told(gyro)
+            numbers = [found[k] for k in ("ownValue", "ownLow", "ownHigh")]
+            wanted = [expected.value, expected.low, expected.high]
+            np.testing.assert_allclose(*np.array([numbers, wanted], dtype=float), rtol=1e-9)
+            measured["predictions compared"] += 1
+
+
+def test_a_model_is_dropped_on_the_page(gyro, folder):
+    """property: a dropped file is taken as a chosen one is."""
+    content = (folder / "adis16405.json").read_text("utf-8")
+    drop = """text => {
+        const data = new DataTransfer();
+        data.items.add(new File([text], "mine.json"));
+        window.dispatchEvent(new DragEvent("drop", {dataTransfer: data, cancelable: true}));
+    }"""
+    gyro.evaluate(drop, content)
+    gyro.wait_for_selector("#own-error")
+    assert "mine.json: 3 gyro axes" in gyro.inner_text("#model-said")
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("", "it is no JSON"),
+        ("t_s,gyro_x\n0,1", "it is no JSON"),
+        ("[1, 2]", "it has no channels with parameters, as `python -m analysis report"),
+        ("null", "it has no channels with parameters"),
+        (
+            '{"channels": [{"name": "a", "kind": "accel", "unit": "g", "parameters": {}}]}',
+            "no gyro",
+        ),
+        (
+            '{"channels": [{"name": "x", "kind": "rate", "unit": "deg/s", "parameters": '
+            '{"arw": {"value": "5"}, "bias_instability": {"value": 1}}}]}',
+            "gives no N, or no bound of B",
+        ),
+    ],
+)
+def test_a_bad_model_gets_a_sentence(gyro, tmp_path, content, says):
+    """error: the file's name and what is wrong with it; the page stays as it was."""
+    before = told(gyro)
+    (tmp_path / "bad.json").write_text(content)
+    gyro.set_input_files("#model-file", tmp_path / "bad.json")
+    gyro.wait_for_selector("#model-said.wrong")
+    said = gyro.inner_text("#model-said")
+    assert said.startswith("bad.json is not taken: ") and says in said and said.endswith(".")
+    assert told(gyro) == before
+
+
+def test_nothing_leaves_the_page(gyro, folder):
+    """property: no request at all, even if a script of the page tried one."""
+    asked = []
+    gyro.on("request", lambda r: asked.append(r.url))
+    gyro.set_input_files("#model-file", folder / "adis16405.json")
+    gyro.wait_for_selector("#own-error")
+    type_in(gyro, "n", 1)
+    assert asked == []
+    refused = gyro.evaluate("fetch('https://example.org/').then(() => 'sent', () => 'refused')")
+    assert refused == "refused" and gyro.troubles  # the browser's own message on it
+    gyro.troubles.clear()
+
+
+@pytest.mark.parametrize("noise", NOISES, ids=["GM", "B and K", "short T_c", "all"])
+def test_the_allan_curve_is_that_of_python(curve, noise):
+    """cross-check: curve, degrees of freedom of its points, and what a log tells."""
+    dt, n = noise["dt"], round(7200 / noise["dt"])
+    m = cluster_sizes(n, 25)
+    expected = adev_model(
+        m * dt, arw=noise["N"], sigma_b=noise["S"], corr_time=noise["T"],
+        bias_instability=noise["B"], rrw=noise["K"], dt=dt,
+    )  # fmt: skip
+    found = curve.evaluate(
+        "([t, sizes]) => sizes.map(m => deviation(t, m * t.dt))", [noise, m.tolist()]
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    edf = curve.evaluate(
+        "([t, sizes, n]) => sizes.map(m => spread(t, m, n).edf)", [noise, m.tolist(), n]
+    )
+    # Python fits a mixture to the curve, with correlation times half a decade apart.
+    np.testing.assert_allclose(np.maximum(edf, 1), degrees_of_freedom(expected**2, m, n), rtol=0.05)
+    given = {name: noise[k] or None for k, name in PLANNED.items()}
+    given |= {"sigma_v": noise["N"] / dt**0.5, "corr_time": noise["T"] if noise["S"] else None}
+    plan = Plan(**given)
+    for hours in (0.5, 20.0):
+        found = curve.evaluate("([t, hours]) => relativeError(t, hours)", [noise, hours])
+        expected = plan.relative_error(dt, hours)
+        assert {PLANNED[k]: v for k, v in found.items()} == pytest.approx(expected, rel=1e-6)
+    needed = plan.hours_needed(dt, 0.2)
+    for key, name in PLANNED.items():
+        if name in needed:
+            hours = curve.evaluate("([t, name]) => hoursNeeded(t, name)", [noise, key])
+            assert hours == pytest.approx(needed[name], rel=2e-3)  # both search to 1e-3 of ln h
+    measured["Allan curves compared"] = measured.get("Allan curves compared", 0) + 1
+
+
+@pytest.mark.parametrize("drift", [0.0, 2e-6])
+def test_the_band_holds_95_of_100_curves(curve, drift):
+    """coverage: of 400 simulated logs, at each averaging time, a line in the log or not."""
+    noise = NOISES[0] | {"dt": 0.2, "D": drift}
+    n = 20_000
+    m = np.unique(np.geomspace(1, n // 4, 12).astype(int))
+    band = curve.evaluate(
+        "([t, sizes, n]) => sizes.map(m => spread(t, m, n))", [noise, m.tolist(), n]
+    )
+    model = UnifiedModel(noise["N"] / noise["dt"] ** 0.5, noise["T"], noise["S"], drift=drift)
+    logs = model.simulate(n, noise["dt"], np.random.default_rng(1), runs=400)
+    found = np.array([overlapped_variance(y, m) for y in logs])
+    inside = [
+        ((v >= b["low"]) & (v <= b["high"])).mean() for v, b in zip(found.T, band, strict=True)
+    ]
+    # 400 logs scatter by 1.1 %; the chi-square of two or three degrees of freedom by as much again.
+    assert min(inside) > 0.91 and np.mean(inside) == pytest.approx(0.95, abs=0.015)
+
+
+def test_the_page_of_allan_curves_follows_its_fields(curve, folder):
+    """property: length and rate change what is told; a model.json fills the fields."""
+    told = curve.locator("#told")
+    before = told.inner_text()
+    type_in(curve, "len", 20)
+    assert told.inner_text() != before and "20 h" in told.inner_text()
+    type_in(curve, "len", 0.2)  # 3.6 correlation times
+    assert "ten are needed" in told.inner_text()
+    curve.set_input_files("#model-file", folder / "adis16405.json")
+    curve.wait_for_selector("#axis")
+    model = store.read_model("adis16405")["channels"][0]
+    shown = float(curve.input_value("#n")) / 60
+    assert shown == pytest.approx(model["parameters"]["arw"]["value"], rel=1e-4)
+    curve.select_option("#axis", label="accel_x")
+    assert curve.is_checked("input[value=accel]")
+    assert "µg" in curve.inner_text("#answer")
+    curve.fill("#t", "x")
+    curve.keyboard.press("Tab")
+    assert "T_c: 'x' is no number above zero." in curve.inner_text("#answer")
+
+
+@pytest.mark.parametrize("path", ["explorer.html", "allan.html"])
+def test_explorers_on_a_phone_and_for_everyone(visit, folder, path):
+    """cross-check: no barrier by axe-core, 390 px wide; every field reached by Tab; paper."""
+    page = visit(path, PHONE, root=folder.as_uri() + "/")
+    page.set_input_files("#model-file", folder / "adis16405.json")
+    page.wait_for_selector("#axis")
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    assert barriers(page) == []
+    page.evaluate("document.activeElement.blur()")
+    reached = set()
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.id || document.activeElement.tagName"))
+    fields = page.locator("#inputs input[id], #inputs select[id]").evaluate_all(
+        "l => l.map(e => e.id)"
+    )
+    assert set(fields) <= reached and "CANVAS" in reached
+    assert page.locator("canvas").get_attribute("aria-label").startswith(("Tracking", "Allan"))
+    page.emulate_media(media="print")
+    assert page.locator("#answer").is_visible() and not page.locator("#model-file").is_visible()
+    assert page.troubles == []
+    page.context.close()
+    measured["checks of the explorers"] = measured.get("checks of the explorers", 0) + 1
+
+
+def test_no_number_is_hidden_without_script(folder):
+    """property: without JavaScript a sentence says where the numbers are."""
+    for path in ("explorer.html", "allan.html"):
+        text = (folder / path).read_text("utf-8")
+        assert re.search(r"<noscript>.*JavaScript.*</noscript>", text, re.S)
