@@ -17,23 +17,10 @@ A reading keeps its own unit U (deg, deg/s, g, m ...), written with each number.
 Table columns carry their unit in their name: ``gyro_x_deg_s``, ``accel_z_g``, ``roll_deg``,
 ``north_m``.
 
-======================  ===========================================================  ===========
-name                    meaning                                                      unit
-======================  ===========================================================  ===========
-``tau``, ``dt``         averaging time of an Allan deviation, sampling interval      s
-``adev``                overlapped Allan deviation (never "Allan variance")          U
-``sigma_v``             wide-band noise: standard deviation of a single sample       U
-``arw`` / ``vrw``       angle / velocity random walk N = sigma_v sqrt(dt), read on   U sqrt(s)
-                        a rate / an acceleration
-``sigma_b``             stationary standard deviation of the Gauss-Markov bias       U
-``corr_time``           correlation time of the Gauss-Markov bias                    s
-``bias_instability``    B of IEEE 952: of the fitted flicker noise; where none is    U
-                        fitted, floor of the Allan deviation / 0.664
-``rrw``                 rate random walk K: adev = K sqrt(tau / 3)                   U/sqrt(s)
-``drift``               slope of the straight line through the whole log             U/s
-======================  ===========================================================  ===========
+Symbols, their names in code and their units: ``data/published/symbols.csv``, which the index
+(notebook 00) shows.
 
-Three different things are called "bias instability" in practice (the IEEE 952 coefficient above,
+Three different things are called "bias instability" in practice (the coefficient of IEEE 952,
 the floor of the curve itself, the standard deviation of a Gauss-Markov bias). Here the words mean
 the first; the third is ``sigma_b``.
 

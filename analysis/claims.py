@@ -31,10 +31,13 @@ from analysis import (
     figures_folder,
     pretty,
     replacing,
+    text,
 )
-from analysis.text import Shown
 
-__all__ = ["OUTCOMES", "Ledger", "finding", "findings", "published", "verdicts"]
+__all__ = [
+    "OUTCOMES", "Ledger", "counted", "finding", "findings", "learned", "of_paper", "published",
+    "verdicts",
+]  # fmt: skip
 
 COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
 FOUND = ["notebook", "sentence", "condition", "figure"]
@@ -64,7 +67,7 @@ def published() -> pd.DataFrame:
     return pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
 
 
-def finding(notebook: str, sentence: str, *, when: str, figure: str) -> Shown:
+def finding(notebook: str, sentence: str, *, when: str, figure: str) -> text.Shown:
     """Record what a notebook found, for the index, README and the site; the last call counts.
 
     In a notebook that is run by hand nothing is written.
@@ -82,7 +85,7 @@ def finding(notebook: str, sentence: str, *, when: str, figure: str) -> Shown:
 
     Returns
     -------
-    Shown
+    text.Shown
         The sentence with its condition.
     """
     sentence, when = " ".join(sentence.split()), " ".join(when.split())
@@ -90,7 +93,7 @@ def finding(notebook: str, sentence: str, *, when: str, figure: str) -> Shown:
         raise WrongUsage(f"the finding of {notebook} has {words} words: at most {MOST_WORDS}")
     row = dict(zip(FOUND, (notebook, sentence, when, figure), strict=True))
     _write_down("findings", notebook, [row], FOUND, lambda table: table.sort_values("notebook"))
-    return Shown(f"**Finding.** {sentence} *{when}*")
+    return text.Shown(f"**Finding.** {sentence} *{when}*")
 
 
 def findings() -> pd.DataFrame:
@@ -102,6 +105,60 @@ def findings() -> pd.DataFrame:
         Columns notebook, sentence, condition, figure.
     """
     return pd.read_csv(_register("findings"))
+
+
+def learned() -> text.Shown:
+    """Lay out the findings for the index: small picture, sentence, condition, link.
+
+    Returns
+    -------
+    text.Shown
+    """
+    rows = []
+    for number, row in enumerate(findings().itertuples(), start=1):
+        path = f"../figures/{row.figure}.png"
+        picture = f'<a href="{path}"><img src="{path}" width="210" alt="{row.figure}"></a>'
+        link = f"[{row.notebook}]({row.notebook}.ipynb)"
+        rows.append([picture, f"**{number}. {row.sentence}**<br>{row.condition} {link}"])
+    wide = "&nbsp;" * 50  # so that no browser squeezes the pictures
+    return text.table(pd.DataFrame(rows, columns=[wide, "what was found, and when"]))
+
+
+def counted() -> text.Shown:
+    """Count the verdicts in a sentence."""
+    n = verdicts()["outcome"].value_counts().reindex(OUTCOMES, fill_value=0)
+    agree, differ = (n[kind] + n[f"{kind} if"] for kind in (REPRODUCED, NOT_REPRODUCED))
+    waiting = f", and {n[NOT_YET]} wait for a notebook" * bool(n[NOT_YET])
+    return text.Shown(
+        f"{n.sum()} claims of the papers {agree} are reproduced, {n[f'{REPRODUCED} if']} of them"
+        f" under a stated condition, and {differ} are not; {n[NOT_TESTABLE]} cannot be decided"
+        f" by the logs at hand; {n[BY_CONSTRUCTION]} could not have come out otherwise and are no"
+        f" evidence{waiting}."
+    )
+
+
+def of_paper(paper: str) -> text.Shown:
+    """List the claims of a paper by section: those judged and, folded apart, those that are not.
+
+    Parameters
+    ----------
+    paper : str
+
+    Returns
+    -------
+    text.Shown
+    """
+    rows = verdicts()[lambda rows: rows["paper"] == paper]
+    apart = published()["why"].reindex(rows.index).str.startswith(NOT_JUDGED)
+    rows = rows.assign(
+        where=rows["where"].mask(rows["where"] == rows.groupby(apart)["where"].shift(), ""),
+        notebook=[f"[{n.split('-')[0]}]({n}.ipynb)" for n in rows["notebook"].fillna("-")],
+    ).rename(columns={"reproduced": "came out as"})
+    judged = rows.loc[~apart, ["where", "claim", "published", "came out as", "verdict", "notebook"]]
+    others = rows.loc[apart, ["where", "claim", "published", "verdict", "notebook"]]
+    parts = [(f"{len(judged)} claims that were judged", judged)]
+    parts.append((f"{len(others)} that hold by construction or cannot be tested here", others))
+    return text.Shown("\n\n".join(text.folded(title, text.table(part)) for title, part in parts))
 
 
 def _register(name):

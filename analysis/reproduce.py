@@ -21,9 +21,20 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
 from tqdm import tqdm
 
-from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, figures, figures_folder, replacing
+from analysis import (
+    FIGURES,
+    ROOT,
+    CannotAnswer,
+    WrongUsage,
+    claims,
+    figures,
+    figures_folder,
+    replacing,
+    text,
+)
 
 NOTEBOOKS = ROOT / "notebooks"
+README = ROOT / "README.md"
 OWN = ("LOG", "OWN", "OWN_LAPS")  # parameters that name logs of the reader
 REGISTERS = ("claims", "findings")  # tables beside the figures that all notebooks share
 THREE_DIGITS = 6e-3  # relative, of numbers in claims.csv: half a step of the last digit
@@ -101,7 +112,10 @@ def reproduce(names=(), *, at_once=None, scratch=None, parameters=None):
     to = figures_folder() or FIGURES
     tasks = _prepared(select(names), parameters, own=bool(scratch) or to != FIGURES)
     if not scratch:
-        return _run(tasks, at_once, to)
+        done = _run(tasks, at_once, to)
+        if to == FIGURES:
+            README.write_text(readme(README.read_text("utf-8")), "utf-8")
+        return done
     with replacing(scratch) as draft:
         (draft / "figures").mkdir(parents=True)
         for name in REGISTERS:
@@ -231,6 +245,43 @@ def _lines(path):
     """Read the findings: notebook -> the rest of its row."""
     table = pd.read_csv(path, keep_default_na=False) if path.exists() else pd.DataFrame()
     return {notebook: rest for notebook, *rest in table.itertuples(index=False)}
+
+
+def readme(page):
+    """Write the findings, and the list of notebooks with their titles, into README.
+
+    Parameters
+    ----------
+    page : str
+        README as it is; each block stands between two comments that name it.
+
+    Returns
+    -------
+    str
+    """
+    titles = {path.stem: _title(path) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
+    links = {f"[{stem}](notebooks/{stem}.ipynb)": title for stem, title in titles.items()}
+    learned = "\n".join(
+        f"{number}. **{row.sentence}** {row.condition} ([figure](figures/{row.figure}.png),"
+        f" [notebook](notebooks/{row.notebook}.ipynb))"
+        for number, row in enumerate(claims.findings().itertuples(), start=1)
+    )
+    blocks = {
+        "findings": f"{learned}\n\n**How sure?** Of {claims.counted()}",
+        "notebooks": text.table(links, "notebook").replace("| value |", "| what it says |", 1),
+    }
+    for name, block in blocks.items():
+        start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+        if not page.count(start) == page.count(end) == 1:
+            raise WrongUsage(f"README.md needs one line {start} and one {end}")
+        before, after = page.split(start)[0], page.split(end)[1]
+        page = f"{before}{start}\n\n{block}\n\n{end}{after}"
+    return page
+
+
+def _title(path):
+    """Read the title of a notebook."""
+    return nbformat.read(path, as_version=4).cells[0].source.splitlines()[0].removeprefix("# ")
 
 
 def execute(path, notebook, to, scratch=None):

@@ -7,7 +7,7 @@ import pandas as pd
 
 from analysis import engineering
 
-__all__ = ["Shown", "duration", "table"]
+__all__ = ["Shown", "duration", "folded", "table"]
 
 
 class Shown(str):
@@ -51,6 +51,11 @@ def table(rows: pd.DataFrame | Mapping[str, Any], key: str | None = None) -> Sho
 
     head = [line(frame.columns), "|" + "---|" * len(frame.columns)]
     return Shown("\n".join(head + [line(row) for row in frame.itertuples(index=False)]))
+
+
+def folded(title: str, table: Shown) -> Shown:
+    """Put a long table behind its title, to be opened with a click."""
+    return Shown(f"<details><summary>{title}</summary>\n\n{table}\n\n</details>")
 
 
 def _missing(cell):

@@ -34,7 +34,7 @@ ALLOWED = {
     "store": {"logs", *PURE},
     "plots": {"figures", *PURE},
     "claims": {"text"},
-    "reproduce": {"figures"},
+    "reproduce": {"claims", "figures", "text"},
     "report": {"logs", *PURE, "store", "text", "plots", "figures"},
     "studies": {"logs", *PURE, "store", "text"},
     "cli": {"logs", *PURE, "store", "text", "claims", "report", "reproduce", "studies"},

@@ -166,6 +166,16 @@ def test_errata_say_their_kind():
         assert re.fullmatch(r"\d\d(-[a-z]+)+", row["notebook"]), row["id"]
 
 
+def test_symbols_are_names_of_the_package():
+    """Property: each symbol has one row, and its name stands in the code as the table has it."""
+    symbols = text_table("symbols.csv")
+    assert list(symbols.columns) == ["symbol", "name", "meaning", "unit"]
+    assert symbols["symbol"].is_unique and symbols["name"].is_unique
+    code = " ".join(p.read_text("utf-8") for p in (ROOT / "analysis").rglob("*.py"))
+    names = set(re.findall(r"\w+", code))
+    assert [n for n in ", ".join(symbols["name"]).split(", ") if n not in names] == []
+
+
 def test_unified_models_are_claims():
     """Published: Table I of the comparison paper holds the numbers of its 21 claims."""
     table = number_table("comparison-table-1.csv")

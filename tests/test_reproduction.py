@@ -56,6 +56,29 @@ def test_every_figure_says_what_it_holds(name):
         assert not NO_NAME.fullmatch(words) and not re.search(r"\$|\\|\bnan\b", words), words
 
 
+def test_readme_is_in_step():
+    """property: its findings, counts and titles are those of figures/ and of the notebooks."""
+    page = reproduce.README.read_text("utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COMPENDIUM_FIGURES", str(FIGURES))
+        assert reproduce.readme(page) == page, "run `python -m analysis reproduce`"
+        with pytest.raises(WrongUsage, match=r"README\.md needs one line <!-- findings -->"):
+            reproduce.readme(page.replace("<!-- findings -->", ""))
+
+
+def test_ten_findings():
+    """property: ten notebooks each say one; its figure is there, its numbers have a condition."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COMPENDIUM_FIGURES", str(FIGURES))
+        found = claims.findings()
+    assert len(found) == 10 and found["notebook"].is_unique
+    assert set(found["figure"]) <= NAMES
+    for row in found.itertuples():
+        assert (reproduce.NOTEBOOKS / f"{row.notebook}.ipynb").exists()
+        assert row.condition and len(row.sentence.split()) <= claims.MOST_WORDS
+        assert any(letter.isdigit() for letter in row.sentence), row.sentence
+
+
 def test_a_failing_notebook_is_named_and_left_as_it_was(tmp_path):
     """property: the sentence names notebook and error, and no half-executed notebook is written."""
     path = small_notebook(tmp_path, "1 / 0")
