@@ -74,7 +74,12 @@ def _with_files(app, failure):
     """Lay pictures, numbers and registers beside the pages, for download."""
     if failure:
         return
-    for source, target in ((ROOT / "figures", "figures"), (ROOT / "data/published", "published")):
+    sharp, registers = Path(app.srcdir) / "sharp", ROOT / "data/published"
+    for source, target in (
+        (ROOT / "figures", "figures"),
+        (sharp, "sharp"),
+        (registers, "published"),
+    ):
         shutil.copytree(
             source,
             Path(app.outdir) / target,

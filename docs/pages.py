@@ -6,6 +6,7 @@ from ``figures/``, tables from ``data/published``. The pages in ``docs/pages`` a
 """
 
 import ast
+import base64
 import html
 import importlib
 import inspect
@@ -65,6 +66,7 @@ class Figure(NamedTuple):
         )
         return (
             f'<figure id="{self.name}" class="numbered"><img src="{file}.png" '
+            f'srcset="{root}sharp/{self.name}.png 2x" '
             f'alt="{html.escape(self.alt)}" width="{self.width}" height="{self.height}">'
             f"<figcaption><b>Figure {self.number}.</b> {html.escape(self.caption)} "
             f'<span class="downloads">{links}</span></figcaption></figure>'
@@ -100,6 +102,7 @@ class Page:
         self.notebook = nbformat.read(path, as_version=4)
         self.title = self.notebook.cells[0].source.splitlines()[0].removeprefix("# ")
         self.figures: list[Figure] = []
+        self.sharp: dict[str, bytes] = {}  # as the notebook shows them: twice the dots
         self._known = {k: v for k, v in known.items() if v["notebook"] == self.stem}
         cells = []
         for cell in self.notebook.cells:
@@ -136,6 +139,7 @@ class Page:
                 names[0], number, caption, alternative(about), f"notebooks/{self.stem}.html", *size
             )
             self.figures.append(figure)
+            self.sharp[names[0]] = base64.b64decode(output["data"]["image/png"])
             yield nbformat.v4.new_output("display_data", {"text/html": figure.card("../")})
 
     def anchors(self, ids: list[str]) -> dict[str, str]:
@@ -213,6 +217,9 @@ def write(folder: Path) -> None:
         target = folder / "notebooks" / f"{page.stem}.ipynb"
         target.parent.mkdir(parents=True, exist_ok=True)
         nbformat.write(page.notebook, target)
+        for name, picture in page.sharp.items():
+            (folder / "sharp").mkdir(exist_ok=True)
+            (folder / "sharp" / f"{name}.png").write_bytes(picture)
     errata = store.published("errata").fillna("")
     errata[["kind", "correct"]] = errata["should_be"].str.split(": ", n=1, expand=True)
     findings = FIGURES / "findings.csv"
