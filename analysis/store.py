@@ -331,7 +331,7 @@ def roads() -> Roads:
     maps = {"track": profile("ccw").attitude_map(("pitch", "roll"))}
     maps |= {"I-99": AttitudeMap(0.0, 0.5, of_i99)}
     maps |= {f"ISO {c}": AttitudeMap(0.0, 0.5, iso(c, HILLS_DEG)) for c in "AC"}
-    listed = tomllib.loads((DATA / "sensors.toml").read_text(encoding="utf-8"))
+    listed = data_sheets()
     priced = {key: entry for key, entry in listed.items() if "table_3" in entry}
     order = sorted(priced, key=lambda key: np.prod(priced[key]["price_usd"]))
     table = published("terrain-table-3").set_index("sensor")
@@ -339,6 +339,25 @@ def roads() -> Roads:
     prices = np.array([priced[key]["price_usd"] for key in order], dtype=float)
     claims = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")[["low", "high"]]
     return Roads(maps, sensors, prices, claims)
+
+
+def data_sheets(path: Path = DATA / "sensors.toml") -> dict[str, dict]:
+    """Read the data sheets of ``data/sensors.toml``: key of each sensor -> its entry.
+
+    Raises
+    ------
+    WrongUsage
+        If a stanza lacks what every use of it needs.
+    """
+    listed = tomllib.loads(path.read_text(encoding="utf-8"))
+    for key, entry in listed.items():
+        for names in (["name"], ["source"], ["bias_deg_h"], ["arw_deg_sqrt_h", "density_deg_s"]):
+            if len(entry.keys() & set(names)) != 1:
+                raise WrongUsage(f"{path.name}: [{key}] needs one line {' or '.join(names)} = ...")
+        low, high = entry.get("price_usd", (1, 1))
+        if not 0 < low <= high:
+            raise WrongUsage(f"{path.name}: [{key}] price_usd = [low, high], not [{low}, {high}]")
+    return listed
 
 
 def readings(name: str | Path = "readings") -> ReadingStudy:

@@ -129,29 +129,47 @@ def test_nothing_large_is_committed():
     assert large == []
 
 
+def form_faults(path):
+    """List, in a sentence each, what a notebook lacks of the form that all have."""
+    notebook = nbformat.read(path, as_version=4)
+    first = notebook.cells[0].source
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    folded = ["figure" in c.metadata.get("tags", []) for c in code]
+    tagged = sum("parameters" in c.metadata.get("tags", []) for c in code)
+    lengths = [len(c.source.splitlines()) for c in code]
+    outputs = [o for c in code for o in c.outputs]
+    positions = [first.find(f"**{word}**") for word in HEADER]
+    # What tells JupyterLab to fold a cell; the tag alone tells this project and its pages.
+    hidden = [c.metadata.get("jupyter", {}) == {"source_hidden": True} for c in code]
+    rules = {
+        'the first cell begins with a title, "# ..."': first.startswith("# "),
+        f"under the title stand {', '.join(HEADER)}, in bold and in this order": (
+            -1 not in positions and positions == sorted(positions)
+        ),
+        "one cell has the tag parameters (in the index none)": (
+            tagged == (0 if path.stem.startswith("00") else 1)
+        ),
+        "it is committed as executed, from the first cell to the last": (
+            [c.execution_count for c in code] == list(range(1, len(code) + 1)) and bool(outputs)
+        ),
+        "a code cell has at most 15 lines, unless it draws and has the tag figure": (
+            max([n for n, tag in zip(lengths, folded, strict=True) if not tag], default=0) <= 15
+        ),
+        "half of its code cells have at most six lines": (
+            path.stem not in READ_AS_PAPERS or statistics.median(lengths) <= 6
+        ),
+        "a cell with the tag figure, and no other, has jupyter.source_hidden": hidden == folded,
+        "no cell fails or writes to stderr": not any(
+            o.output_type == "error" or o.get("name") == "stderr" for o in outputs
+        ),
+    }
+    return [rule for rule, kept in rules.items() if not kept]
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_notebook_form(path):
     """property: title, six lines, parameters, executed cells of a readable length, no error."""
-    notebook = nbformat.read(path, as_version=4)
-    first = notebook.cells[0].source
-    assert first.startswith("# ")
-    positions = [first.find(f"**{word}**") for word in HEADER]
-    assert -1 not in positions and positions == sorted(positions)
-    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-    tagged = [c for c in code if "parameters" in c.metadata.get("tags", [])]
-    assert len(tagged) == (0 if path.stem.startswith("00") else 1)
-    assert [c.execution_count for c in code] == list(range(1, len(code) + 1))
-    lengths = [len(c.source.splitlines()) for c in code]
-    folded = ["figure" in c.metadata.get("tags", []) for c in code]
-    assert max([n for n, tag in zip(lengths, folded, strict=True) if not tag]) <= 15
-    assert statistics.median(lengths) <= 6 or path.stem not in READ_AS_PAPERS
-    # What tells JupyterLab to fold a cell; the tag alone tells this project and its pages.
-    assert [c.metadata.get("jupyter", {}) for c in code] == [
-        {"source_hidden": True} if tag else {} for tag in folded
-    ]
-    outputs = [o for c in code for o in c.outputs]
-    assert outputs
-    assert not [o for o in outputs if o.output_type == "error" or o.get("name") == "stderr"]
+    assert form_faults(path) == []
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT / "analysis")))

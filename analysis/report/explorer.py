@@ -5,13 +5,12 @@ and sends nothing. What it computes equals `terrain.ErrorPlane`, `noise.adev_mod
 `noise.Plan`; tests/site holds it against them.
 """
 
-import tomllib
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2
 
-from analysis import DATA, store
+from analysis import store
 from analysis.report import PAGES
 from analysis.terrain.monte_carlo import LOST_M
 
@@ -79,7 +78,7 @@ def _surface():
 
 def _parts():
     """List gyros, measured and by data sheet, with what they cost and where each number is from."""
-    listed = tomllib.loads((DATA / "sensors.toml").read_text(encoding="utf-8"))
+    listed = store.data_sheets()
     rows = store.read("atlas").tables["atlas"].query("kind == 'rate'").fillna({"axis": ""})
     parts = []
     for row in rows.to_dict("records"):

@@ -1,13 +1,12 @@
 """Makes the roads and the sensors of data/derived: psu-test-track, psu-highway (I-99), atlas."""
 
 import importlib.util
-import tomllib
 from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
 
-from analysis import DATA, STANDARD_GRAVITY, store
+from analysis import STANDARD_GRAVITY, store
 from analysis.logs import datasets, road_logs
 from analysis.store import HIGHWAY, TRACK, rounded, rounded_number
 from analysis.studies.cells import compute
@@ -376,9 +375,8 @@ def sensors():
         (unit/sqrt(s)) and ``t_c`` (s), each with ``_low`` and ``_high``, empty where it is not
         known; ``basis`` (datasheet or measured), ``low_usd`` and ``high_usd``, ``source``.
     """
-    listed = tomllib.loads((DATA / "sensors.toml").read_text(encoding="utf-8"))
     rows = []
-    for key, entry in listed.items():
+    for key, entry in store.data_sheets().items():
         low, high = entry.get("price_usd", (None, None))
         about = {"sensor": key, "name": entry["name"], "axis": "", "basis": "datasheet"}
         about |= {"low_usd": low, "high_usd": high, "source": entry["source"]}

@@ -1,0 +1,136 @@
+"""What CONTRIBUTING.md tells: each thing added in a temporary copy, rightly and wrongly."""
+
+import re
+import tomllib
+
+import nbformat
+import numpy as np
+import pytest
+from test_project import HEADER, form_faults
+from test_published import CLAIMS, claim_faults
+
+from analysis import DATA, ROOT, WrongUsage, claims, cli, figures, logs, store
+from analysis.logs import catalogue
+
+PAGE = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+SENSOR, LOG = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+
+
+def test_what_the_page_names_is_there():
+    """property: every file, module, make target and command of the page exists."""
+    named = set(re.findall(r"`((?:analysis|tests|data|notebooks|figures)/[\w./-]*)`", PAGE))
+    named = {n for n in named if not re.search("35-my|data/own/|lib/", n)}
+    assert len(named) > 15
+    assert [n for n in sorted(named) if not (ROOT / n).exists()] == []
+    modules = re.findall(r"`(\w+)\.(\w+)`", PAGE)
+    assert {"operations", "derived"} <= {m for m, _ in modules}
+    targets = set(re.findall(r"`make ([a-z-]+)`", PAGE))
+    rules = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+    assert targets <= rules
+    verbs = set(re.findall(r"python -m analysis ([a-z]+)", PAGE))
+    assert verbs <= {command.callback.__name__ for command in cli.app.registered_commands}
+
+
+def test_a_sensor(tmp_path):
+    """property: the page's stanza joins the sheets; without a line the line is named."""
+    path = tmp_path / "sensors.toml"
+    before = (DATA / "sensors.toml").read_text("utf-8")
+    path.write_text(before + SENSOR, "utf-8")
+    assert store.data_sheets(path)["my-gyro"] == tomllib.loads(SENSOR)["my-gyro"]
+    for line, words in (("bias_deg_h", "bias_deg_h"), ("density_deg_s", "arw_deg_sqrt_h or")):
+        path.write_text(before + re.sub(f"{line}.*", "", SENSOR), "utf-8")
+        with pytest.raises(WrongUsage, match=rf"sensors\.toml: \[my-gyro\] needs one line {words}"):
+            store.data_sheets(path)
+    path.write_text(before + SENSOR.replace("[5, 20]", "[20, 5]"), "utf-8")
+    with pytest.raises(WrongUsage, match=r"\[low, high\], not \[20, 5\]"):
+        store.data_sheets(path)
+
+
+def test_a_log(tmp_path, monkeypatch):
+    """property: the page's stanza is read by its name; a key that is none is named."""
+    own = tmp_path / "logs.toml"
+    monkeypatch.setattr(catalogue, "OWN", own)
+    own.write_text(LOG, "utf-8")
+    rows = "\n".join(f"{t},{t % 3 / 7:.4f}" for t in range(900))
+    (tmp_path / "my.csv").write_text(f"t_s,gx\n{rows}\n")
+    log = logs.read("my-log")
+    assert (log.channels[0].name, log.channels[0].unit, log.samples) == ("gyro_x", "deg/s", 300)
+    own.write_text(LOG.replace("from =", "begin ="), "utf-8")
+    with pytest.raises(WrongUsage, match="begin"):
+        logs.read("my-log")
+
+
+ROW = CLAIMS.iloc[0].to_dict() | {
+    "id": "terrain-my-claim", "paper": "terrain", "where": "Fig 99", "claim": "Twice the noise.",
+    "quantity": "error at 2 N over that at N", "value": "2", "unit": "times", "low": "1.5",
+    "high": "2.5", "why": "'twice' read as within a quarter; fails if the noise is not the cause",
+    "notebook": "22-sensor-sweeps",
+}  # fmt: skip
+
+
+def test_a_claim(tmp_path, monkeypatch):
+    """property: a new row has its verdict, in words; what a wrong one lacks is said."""
+    assert claim_faults(ROW) == []
+    for change, words in {
+        ("high", "1.9"): "the published value lies between low and high",
+        ("unit", "fold"): "the unit is one of",
+        ("why", ""): "where, claim, quantity, value, unit and why are filled in",
+        ("quantity", "1 if it is twice"): "a quantity '1 if ...' has",
+    }.items():
+        (fault,) = claim_faults(ROW | dict([change]))
+        assert fault.startswith(words)
+    (tmp_path / "published").mkdir()
+    register = CLAIMS.reset_index(drop=True)
+    register.loc[len(register)] = ROW
+    register.to_csv(tmp_path / "published" / "claims.csv", index=False)
+    monkeypatch.setattr(claims, "DATA", tmp_path)
+    monkeypatch.setenv("COMPENDIUM_FIGURES", str(tmp_path))
+    ledger = claims.Ledger("99-test")
+    assert ledger.check(ROW["id"], 1.8, 1.6, 2.0) == "reproduced"
+    assert claims.verdicts().loc[ROW["id"], "reproduced"] == "× 1.8 (× 1.6 to 2)"
+    with pytest.raises(WrongUsage, match=r"no claim 'terrain-my-clam' in data/published/claims"):
+        ledger.check("terrain-my-clam", 1.8)
+
+
+def test_a_notebook(tmp_path):
+    """property: one in the form of the page passes; each departure is said in a sentence."""
+    new = nbformat.v4
+    lines = "\n".join(f"- **{word}** something" for word in HEADER)
+    cells = [new.new_markdown_cell(f"# One claim\n\n{lines}"), new.new_code_cell("A = 1")]
+    cells[1].metadata["tags"] = ["parameters"]
+    cells.append(new.new_code_cell("A + 1"))
+    for count, cell in enumerate(cells[1:], start=1):
+        cell.execution_count = count
+    cells[2].outputs = [new.new_output("stream", name="stdout", text="2\n")]
+    path = tmp_path / "35-my-subject.ipynb"
+
+    def faults(**changes):
+        book = new.new_notebook(cells=[nbformat.from_dict(dict(cell)) for cell in cells])
+        for at, source in changes.items():
+            book.cells[int(at[1:])]["source"] = source
+        nbformat.write(book, path)
+        return form_faults(path)
+
+    assert faults() == []
+    assert faults(_0=f"One claim\n\n{lines}") == ['the first cell begins with a title, "# ..."']
+    (said,) = faults(_0="# One claim")
+    assert said.startswith("under the title stand Reproduces, Question, Needs")
+    (said,) = faults(_2="A\n" * 16)
+    assert said.startswith("a code cell has at most 15 lines")
+    cells[2].execution_count = 7
+    assert faults() == ["it is committed as executed, from the first cell to the last"]
+
+
+def test_a_figure(tmp_path):
+    """property: labelled it is saved in three forms; without, the call says what is missing."""
+    fig, ax = figures.plt.subplots(figsize=(2, 1))
+    (line,) = ax.plot(np.arange(3), label="measured")
+    with pytest.raises(WrongUsage, match="the x axis has no label"):
+        figures.save(fig, "35-my-figure", "A line.", to=tmp_path)
+    ax.set(xlabel="x (m)", ylabel="y (m)", title="line")
+    line.set_label("_nolegend_")
+    with pytest.raises(WrongUsage, match="no name for line"):
+        figures.save(fig, "35-my-figure", "A line.", to=tmp_path)
+    line.set_label("measured")
+    figures.save(fig, "35-my-figure", "A line.", to=tmp_path)
+    assert {p.suffix for p in tmp_path.iterdir()} == {".pdf", ".png", ".csv"}
