@@ -192,15 +192,24 @@ class FileUpload(traitlets.HasTraits):
 
 
 def test_the_upload_button_keeps_what_is_chosen(tmp_path, monkeypatch):
-    """property: the file goes to data/own under its bare name, as `logs.read` finds it."""
-    monkeypatch.setitem(sys.modules, "ipywidgets", SimpleNamespace(FileUpload=FileUpload))
+    """property: under its bare name in data/own, and never over a file that is there."""
+    fake = SimpleNamespace(FileUpload=FileUpload, Label=lambda text: SimpleNamespace(value=text))
     cells = nbformat.read(reproduce.NOTEBOOKS / "90-your-own-log.ipynb", 4).cells
-    (cell,) = (c.source for c in cells if "FileUpload" in c.source)
+    code = "\n".join(c.source for c in cells if "FileUpload" in c.source)
     (tmp_path / "own").mkdir()
     shown = []
-    space = {"UPLOAD": True, "DATA": tmp_path, "Path": Path, "display": shown.append}
-    exec(cell, space)
-    file = traitlets.Bunch(name="../my.csv", content=memoryview(b"t_s,gyro_x_deg_s"))
-    shown[0].value = (file,)
+    space = {"UPLOAD": True, "DATA": tmp_path, "Path": Path, "WrongUsage": WrongUsage}
+    space |= {"display": lambda *widgets: shown.extend(widgets)}
+    monkeypatch.setitem(sys.modules, "ipywidgets", None)
+    with pytest.raises(WrongUsage, match="pip install ipywidgets"):
+        exec(code, space)
+    monkeypatch.setitem(sys.modules, "ipywidgets", fake)
+    exec(code, space)
+    button, said = shown
+    button.value = (traitlets.Bunch(name="../my.csv", content=memoryview(b"t_s,gyro_x_deg_s")),)
+    assert (tmp_path / "own" / "my.csv").read_bytes() == b"t_s,gyro_x_deg_s"
+    assert "my.csv is in data/own: write it into LOG" in said.value
+    button.value = (traitlets.Bunch(name="my.csv", content=memoryview(b"another")),)
+    assert "has a my.csv already" in said.value
     assert (tmp_path / "own" / "my.csv").read_bytes() == b"t_s,gyro_x_deg_s"
     assert len(list(tmp_path.rglob("*"))) == 2

@@ -193,19 +193,22 @@ function setKind() {
 
 const plot = new Plot(byId("curve"), {
   title: "Allan deviation against averaging time", height: 400, log: "xy", left: 50, series: [], x: "averaging time τ (s)", y: "",
-  tip: (i) => plot.points.words[i], drag: () => {},
+  tip: (i) => plot.points.words[i], fixed: true,
 });
 
 takeModels(byId("own"), (model, file) => {
-  const channels = model.channels.filter((c) => IN_BASE[c.unit] && c.allan && Array.isArray(c.allan.tau_s) && c.allan.tau_s.length);
-  if (!channels.length) throw new Error("it has no gyro or accelerometer with an Allan curve (`allan` in the channel)");
+  const drawn = model.channels.filter((c) => IN_BASE[c.unit] && c.allan && Array.isArray(c.allan.tau_s) && c.allan.tau_s.length);
+  if (!drawn.length) throw new Error("it has no gyro or accelerometer with an Allan curve (`allan` in the channel)");
+  const channels = drawn.filter((c) => (c.parameters.arw || c.parameters.vrw)?.value > 0), without = drawn.filter((c) => !channels.includes(c));
+  if (!channels.length) throw new Error("its log resolves the white noise N of no channel");
   byId("axis")?.parentNode.remove();
   const choice = made("select", { id: "axis" }, ...channels.map((c, i) => made("option", { value: i, textContent: c.name })));
   const take = () => takeChannel(channels[choice.value], model.source || {});
   choice.addEventListener("change", take);
   byId("own").append(made("p", {}, made("label", { for: "axis", textContent: "channel " }), choice));
   take();
-  return `${file}: ${channels.length} channels. What its log does not resolve is left out of the model.`;
+  const left = without.length ? ` Left out for want of an N: ${without.map((c) => c.name).join(", ")}.` : "";
+  return `${file}: ${channels.map((c) => c.name).join(", ")}. What its log does not resolve is left out of the model.${left}`;
 });
 
 function takeChannel(channel, source) {

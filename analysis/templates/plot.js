@@ -8,7 +8,8 @@
 // colours, rows}. `x` and `y` label the axes; `log` is "x", "y" or "xy". Plots of one `group` (an
 // array) share their x axis. `hover(i)` is told which of `points` lies nearest to the pointer;
 // `mark(i)` shows it in another plot; `tip(i)` says in words what lies there. A plot with `drag(x, y)`
-// does not move: a press, a drag and the arrow keys choose a place in it.
+// does not move: a press, a drag and the arrow keys choose a place in it; nor does one that is `fixed`,
+// where the arrow keys go from point to point.
 "use strict";
 
 class Plot {
@@ -36,7 +37,7 @@ class Plot {
     on("pointermove", this.move);
     for (const name of ["pointerup", "pointercancel"]) on(name, this.up);
     on("pointerleave", (event) => event.pointerType === "mouse" && this.at(null));
-    on("dblclick", this.whole);
+    on("dblclick", () => this.drag || this.fixed || this.whole());
     on("keydown", this.key);
     new ResizeObserver(() => requestAnimationFrame(() => this.draw())).observe(element);
     addEventListener("beforeprint", () => this.draw(3));
@@ -45,7 +46,7 @@ class Plot {
 
   // What a reader who does not see the plot is told of it.
   say(words) {
-    const keys = this.drag ? "arrow keys move the point" : "arrow keys move, plus and minus zoom, 0 shows the whole";
+    const keys = this.drag ? "arrow keys move the point" : this.fixed ? "arrow keys read its points" : "arrow keys move, plus and minus zoom, 0 shows the whole";
     this.canvas.setAttribute("aria-label", `${words}; ${keys}`);
   }
 
@@ -158,7 +159,7 @@ class Plot {
   // Pointer and keys -------------------------------------------------------------------------
 
   wheel(event) {
-    if (this.drag) return;
+    if (this.drag || this.fixed) return;
     if (!event.ctrlKey && !event.metaKey && !this.equal && document.activeElement !== this.canvas) return;
     event.preventDefault();
     this.zoom(Math.exp(Math.sign(event.deltaY) * 0.2), event.offsetX, event.offsetY);
@@ -177,6 +178,7 @@ class Plot {
     const others = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, p]) => p);
     this.pointers.set(event.pointerId, now);
     if (this.drag) return this.drag(this.toX(now.x), this.toY(now.y));
+    if (this.fixed) return this.point(event);
     if (!others.length) return this.pan(now.x - was.x, now.y - was.y);
     const apart = (a, b) => Math.max(Math.hypot(a.x - b.x, a.y - b.y), 20), other = others[0];
     this.zoom(apart(was, other) / apart(now, other), (now.x + other.x) / 2, (now.y + other.y) / 2);
@@ -193,6 +195,10 @@ class Plot {
       if (!moves[event.key] || !this.place) return;
       const [x, y] = this.place, [dx, dy] = moves[event.key];
       this.drag(this.toX(this.px(x) - dx / 10), this.toY(this.py(y) - dy / 10));
+    } else if (this.fixed) {
+      const last = (this.points?.x.length ?? 0) - 1, by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      if (!by || last < 0) return;
+      this.at(Math.min(Math.max((this.marked ?? -1) + by, 0), last));
     } else if (moves[event.key]) this.pan(...moves[event.key]);
     else if ("+=".includes(event.key)) this.zoom(1 / 1.4, w, h);
     else if (event.key === "-") this.zoom(1.4, w, h);
@@ -216,6 +222,7 @@ class Plot {
 
   at(i) {
     this.hover(i);
+    if (this.fixed) this.mark(i);
     if (!this.note) return;
     this.note.hidden = i === null;
     if (i === null) return;

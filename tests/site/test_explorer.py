@@ -307,12 +307,17 @@ def test_the_page_of_allan_curves_follows_its_fields(curve, folder):
     assert "ten are needed" in told.inner_text()
     curve.set_input_files("#model-file", folder / "adis16405.json")
     curve.wait_for_selector("#axis")
+    assert "Left out for want of an N: accel_x, accel_y." in curve.inner_text("#model-said")
     model = store.read_model("adis16405")["channels"][0]
     shown = float(curve.input_value("#n")) / 60
     assert shown == pytest.approx(model["parameters"]["arw"]["value"], rel=1e-4)
-    curve.select_option("#axis", label="accel_x")
+    curve.select_option("#axis", label="accel_z")
     assert curve.is_checked("input[value=accel]")
     assert "µg" in curve.inner_text("#answer")
+    curve.focus("#curve canvas")
+    curve.keyboard.press("ArrowRight")
+    curve.keyboard.press("ArrowRight")
+    assert re.fullmatch(r"τ 0.02 s: [\d.]+ µg; of a log [\d.]+ to [\d.]+", curve.inner_text(".tip"))
     curve.fill("#t", "x")
     curve.keyboard.press("Tab")
     assert "T_c: 'x' is no number above zero." in curve.inner_text("#answer")
