@@ -12,7 +12,8 @@ from pathlib import Path
 from docutils.nodes import SkipNode
 from docutils.utils.math import latex2mathml
 
-ROOT = Path(__file__).resolve().parents[1]
+from analysis import ROOT
+from analysis.report import explorer
 
 project = "Inertial compendium"
 version = release = installed("inertial-compendium")
@@ -28,6 +29,7 @@ myst_heading_anchors = 3
 myst_dmath_allow_space = myst_dmath_allow_digits = False  # "$4000 or $6000" is no formula
 
 autodoc_member_order = "bysource"
+toc_object_entries_show_parents = "hide"
 autodoc_typehints = "none"  # types stand in the docstrings, with shape and unit
 napoleon_use_rtype = False
 napoleon_use_ivar = True
@@ -41,12 +43,13 @@ html_js_files = ["site.js"]
 html_math_renderer = "mathml"
 html_show_sourcelink = False
 html_copy_source = False
+html_domain_indices = False
 html_theme_options = {
     "navbar_align": "left",
     "header_links_before_dropdown": 7,
     "navbar_end": ["theme-switcher"],
     "navbar_persistent": ["search-button-field"],
-    "show_prev_next": True,
+    "article_header_start": [],
     "show_toc_level": 1,
     "navigation_with_keys": False,
     "footer_start": ["copyright"],
@@ -55,7 +58,7 @@ html_theme_options = {
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
-ALONE = ("index", "claims", "gallery", "errata", "coverage", "search", "genindex", "py-modindex")
+ALONE = ("index", "claims", "gallery", "explore", "errata", "coverage", "search", "genindex")
 html_sidebars = {page: [] for page in ALONE}  # pages that take the width of the list beside them
 html_context = {"default_mode": "auto"}
 
@@ -71,14 +74,14 @@ def _mathml(self, node):
 
 
 def _with_files(app, failure):
-    """Lay pictures, numbers and registers beside the pages, for download."""
+    """Lay beside the pages what they lead to: the explorer, pictures, numbers, registers."""
     if failure:
         return
-    sharp, registers = Path(app.srcdir) / "sharp", ROOT / "data/published"
+    explorer.write(Path(app.outdir), home="index.html")
     for source, target in (
         (ROOT / "figures", "figures"),
-        (sharp, "sharp"),
-        (registers, "published"),
+        (Path(app.srcdir) / "sharp", "sharp"),
+        (ROOT / "data/published", "published"),
     ):
         shutil.copytree(
             source,

@@ -22,6 +22,7 @@ import pandas as pd
 from PIL import Image
 
 from analysis import FIGURES, ROOT, claims, figures, store
+from analysis.report import citation
 
 NOTEBOOKS, TEMPLATES = ROOT / "notebooks", Path(__file__).parent / "pages"
 PAPERS = {"comparison": "comparison paper", "terrain": "terrain paper", "tracker": "tracker paper"}
@@ -69,41 +70,36 @@ class Figure(NamedTuple):
             f'srcset="{root}sharp/{self.name}.png 2x" '
             f'alt="{html.escape(self.alt)}" width="{self.width}" height="{self.height}">'
             f"<figcaption><b>Figure {self.number}.</b> {html.escape(self.caption)} "
-            f'<span class="downloads">{links}</span></figcaption></figure>'
+            f'<span class="downloads">{links}</span><details class="cite"><summary>Cite</summary>'
+            f"<pre>{html.escape(citation.cite(self.name))}</pre></details></figcaption></figure>"
         )
 
 
-def sidecar(path: Path) -> dict:
-    """Read what a figure's CSV says of it, and the names of its series by panel."""
-    head, table = figures.read(path)
-    return head | {"series": table.groupby("panel")["series"].unique().to_dict()}
-
-
-def alternative(about: dict) -> str:
+def alternative(head: dict, table: pd.DataFrame) -> str:
     """Describe a figure to one who does not see it: axes and series of each panel."""
-    panels = [] if about["axes"] else [about["caption"]]
-    for title, axes in about["axes"].items():
+    panels = []
+    for title, axes in head["axes"].items():
         if isinstance(axes, list):  # a figure that was drawn before version 0.2.0
-            panels.append(f"{axes[2]} against {axes[1]}; {', '.join(about['series'][title][:6])}")
+            panels.append(f"{axes[2]} against {axes[1]}")
             continue
-        x, y, shown = axes["x"], axes["y"], list(about["series"].get(title, []))
-        few = ", ".join(shown[:6]) + (f" and {len(shown) - 6} more" if len(shown) > 6 else "")
-        named = "" if y.startswith(title) else f"{title}: "
-        panels.append(f"{named}{y} against {x}; {few}")
+        series = table.loc[table["panel"] == title, "series"].unique()
+        more = f" and {len(series) - 6} more" if len(series) > 6 else ""
+        named = "" if axes["y"].startswith(title) else f"{title}: "
+        panels.append(f"{named}{axes['y']} against {axes['x']}; {', '.join(series[:6])}{more}")
     counted = f"{len(panels)} panels. " if len(panels) > 1 else ""
-    return "Plot. " + counted + ". ".join(panels) + "."
+    return f"Plot. {counted}{'. '.join(panels or [head['caption']])}."
 
 
 class Page:
     """One notebook as a page: code folded, figures numbered, each verdict's cell with an anchor."""
 
-    def __init__(self, path: Path, known: dict[str, dict]):
+    def __init__(self, path: Path, known: dict[str, tuple]):
         self.stem = path.stem
         self.notebook = nbformat.read(path, as_version=4)
         self.title = self.notebook.cells[0].source.splitlines()[0].removeprefix("# ")
         self.figures: list[Figure] = []
         self.sharp: dict[str, bytes] = {}  # as the notebook shows them: twice the dots
-        self._known = {k: v for k, v in known.items() if v["notebook"] == self.stem}
+        self._known = {k: v for k, v in known.items() if v[0]["notebook"] == self.stem}
         cells = []
         for cell in self.notebook.cells:
             if cell.cell_type == "code":
@@ -125,19 +121,17 @@ class Page:
                 continue
             legend = next(outputs)
             caption = legend["data"]["text/markdown"].strip("*")
-            names = [k for k, v in self._known.items() if v["caption"] == caption]
+            names = [k for k, v in self._known.items() if v[0]["caption"] == caption]
             if not names:
                 print(f"{self.stem}: not in figures/, run `make reproduce`: {caption}")
                 yield from (output, legend)
                 continue
-            about = self._known.pop(names[0])
+            alt = alternative(*self._known.pop(names[0]))
             with Image.open(FIGURES / f"{names[0]}.png") as picture:
                 inches = [n / dpi for n, dpi in zip(picture.size, picture.info["dpi"], strict=True)]
             number = f"{self.stem.split('-')[0]}.{len(self.figures) + 1}"
             size = (round(DOTS_PER_INCH * x) for x in inches)
-            figure = Figure(
-                names[0], number, caption, alternative(about), f"notebooks/{self.stem}.html", *size
-            )
+            figure = Figure(names[0], number, caption, alt, f"notebooks/{self.stem}.html", *size)
             self.figures.append(figure)
             self.sharp[names[0]] = base64.b64decode(output["data"]["image/png"])
             yield nbformat.v4.new_output("display_data", {"text/html": figure.card("../")})
@@ -205,7 +199,7 @@ def exported(face: str) -> dict[str, str]:
 def write(folder: Path) -> None:
     """Write the sources of all pages into an empty folder."""
     shutil.rmtree(folder, ignore_errors=True)
-    known = {path.stem: sidecar(path.with_suffix(".csv")) for path in FIGURES.glob("*.png")}
+    known = {path.stem: figures.read(path.with_suffix(".csv")) for path in FIGURES.glob("*.png")}
     stems = sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb"))
     pages = [Page(NOTEBOOKS / f"{stem}.ipynb", known) for stem in stems]
     verdicts = claims.verdicts()
