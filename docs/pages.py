@@ -79,9 +79,6 @@ def alternative(head: dict, table: pd.DataFrame) -> str:
     """Describe a figure to one who does not see it: axes and series of each panel."""
     panels = []
     for title, axes in head["axes"].items():
-        if isinstance(axes, list):  # a figure that was drawn before version 0.2.0
-            panels.append(f"{axes[2]} against {axes[1]}")
-            continue
         series = table.loc[table["panel"] == title, "series"].unique()
         more = f" and {len(series) - 6} more" if len(series) > 6 else ""
         named = "" if axes["y"].startswith(title) else f"{title}: "
@@ -200,6 +197,7 @@ def write(folder: Path) -> None:
     """Write the sources of all pages into an empty folder."""
     shutil.rmtree(folder, ignore_errors=True)
     known = {path.stem: figures.read(path.with_suffix(".csv")) for path in FIGURES.glob("*.png")}
+    known = {name: said for name, said in known.items() if "paper" in said[0]}  # since 0.2.0
     stems = sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb"))
     pages = [Page(NOTEBOOKS / f"{stem}.ipynb", known) for stem in stems]
     verdicts = claims.verdicts()
