@@ -46,7 +46,7 @@ html_copy_source = False
 html_domain_indices = False
 html_theme_options = {
     "navbar_align": "left",
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 8,
     "navbar_end": ["theme-switcher"],
     "navbar_persistent": ["search-button-field"],
     "article_header_start": [],
@@ -58,7 +58,17 @@ html_theme_options = {
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
-ALONE = ("index", "claims", "gallery", "explore", "errata", "coverage", "search", "genindex")
+ALONE = (
+    "index",
+    "claims",
+    "gallery",
+    "explore",
+    "errata",
+    "coverage",
+    "symbols",
+    "search",
+    "genindex",
+)
 html_sidebars = {page: [] for page in ALONE}  # pages that take the width of the list beside them
 html_context = {"default_mode": "auto"}
 

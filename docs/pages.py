@@ -201,16 +201,15 @@ def write(folder: Path) -> None:
     stems = sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb"))
     pages = [Page(NOTEBOOKS / f"{stem}.ipynb", known) for stem in stems]
     verdicts = claims.verdicts()
+    for made in ("api", "notebooks", "sharp"):
+        (folder / made).mkdir(parents=True)
     links = {}
     for page in pages:
         own = verdicts.index[verdicts["notebook"] == page.stem]
         anchors = page.anchors(list(own))
         links |= {c: f"notebooks/{page.stem}.html#{a}" for c, a in anchors.items()}
-        target = folder / "notebooks" / f"{page.stem}.ipynb"
-        target.parent.mkdir(parents=True, exist_ok=True)
-        nbformat.write(page.notebook, target)
+        nbformat.write(page.notebook, folder / "notebooks" / f"{page.stem}.ipynb")
         for name, picture in page.sharp.items():
-            (folder / "sharp").mkdir(exist_ok=True)
             (folder / "sharp" / f"{name}.png").write_bytes(picture)
     errata = store.published("errata").fillna("")
     errata[["kind", "correct"]] = errata["should_be"].str.split(": ", n=1, expand=True)
@@ -226,6 +225,7 @@ def write(folder: Path) -> None:
         "claims": verdicts.assign(link=verdicts.index.map(links)).reset_index().to_dict("records"),
         "counts": pd.crosstab(verdicts["paper"], verdicts["outcome"]).to_dict("index"),
         "errata": errata.to_dict("records"),
+        "symbols": store.published("symbols").fillna("").to_dict("records"),
         "coverage": store.published("coverage").fillna("").to_dict("records"),
         "findings": pd.read_csv(findings).to_dict("records") if findings.exists() else [],
     }
@@ -236,7 +236,6 @@ def write(folder: Path) -> None:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    (folder / "api").mkdir()
     for face in FACES:
         text = jinja.get_template("api/face.rst").render(content, face=face)
         (folder / "api" / f"{face}.rst").write_text(text, "utf-8")
