@@ -251,6 +251,15 @@ def test_each_block_can_be_left_out(laps, block):
         assert not track.columns["layer"].any()
 
 
+def test_block_2_reads_its_bias_at_rest_without_block_3(laps):
+    """property: the same attitude, for what is put out at rest is not what block 2 learns there."""
+    scenario, _ = laps
+    both = ({"static": static, "mounting": False, "fusion": False} for static in (True, False))
+    with_3, without = (replay(scenario.log, Options(**one)).columns for one in both)
+    assert (with_3["moving"] == 0).any() and without["moving"].all()
+    np.testing.assert_array_equal(with_3["roll_deg"], without["roll_deg"])
+
+
 def test_gnss_without_imu(laps):
     """property: what needs an IMU says so; the gate, the static test and the low-pass run."""
     scenario, _ = laps

@@ -74,17 +74,23 @@ def test_turin_positions_and_course():
     assert np.percentile(np.abs(apart - np.median(apart)), 68) < 1.5  # velocity by differences
 
 
-def test_minutes_of_turin_keep_the_clock():
-    """Published: one clock. A minute of road fits elsewhere too: one of 20 by 34 s."""
-    tracks = store.tracks("turin")
+def test_minutes_keep_the_clock():
+    """Published: one clock. A minute of road fits elsewhere too, in Turin one of 20 by 34 s.
+
+    Receivers that err by metres for most of a minute move the offset by up to 1.1 s. Of 24
+    right 95 % intervals, at least 20 hold the truth in 99 % of the cases.
+    """
     found = []
-    for start in np.arange(0.0, 1200, 60):
-        try:
-            pair = (tracks[k].between(start, start + 60) for k in ("reference", "gnss"))
-            found.append(clock_offset(*pair).offset_s.value)
-        except CannotAnswer:  # it stands
-            continue
-    assert len(found) > 10 and np.abs(found).max() < 0.5  # s; the GNSS errs by metres
+    for journey, a, b in (("turin", "reference", "gnss"), ("parkway", "front", "left-rear")):
+        tracks = store.tracks(journey)
+        for start in np.arange(0.0, 1200 if journey == "turin" else 570, 60):
+            try:
+                pair = (tracks[k].between(start, start + 60) for k in (a, b))
+                found.append(clock_offset(*pair).offset_s)
+            except CannotAnswer:  # it stands
+                continue
+    assert len(found) == 24 and max(abs(e.value) for e in found) < 1.2
+    assert np.mean([e.low <= 0 <= e.high for e in found]) >= 20 / 24
 
 
 def test_aerobatics():

@@ -1,7 +1,8 @@
 """The six blocks joined as in the paper's Fig 1: what a device does with each sample and epoch.
 
 Any block can be left out; the simplest rule then replaces it. Without block 1 every fix is taken
-and nothing is kept over a restart, without 3 the vehicle always moves, without 4 a device at rest
+and nothing is kept over a restart, without 3 the vehicle always moves (but block 2 still reads
+gravity and the gyro's bias at rest), without 4 a device at rest
 reports every fix, without 5 the X axis is taken to point ahead, without 6 the last position is held
 during an outage.
 """
@@ -231,8 +232,9 @@ class Device:
         no_imu = self._without_imu(epoch.t_s)
         if no_imu:
             self.static.no_imu()
-        moving = self._judge(speed if self.gives_speed else self._by_fixes(epoch.t_s, fix))
-        self._orient(epoch.t_s, moving, course, speed, dt)
+        rests = self._rests(speed if self.gives_speed else self._by_fixes(epoch.t_s, fix))
+        moving = not (rests and self.options.static)
+        self._orient(epoch.t_s, moving, rests, course, speed, dt)
         silent = dt if self.attitude else epoch.t_s - self._t_fix
         if moving or not self.options.low_pass or silent > self.low_pass.gap_s:
             self.low_pass.reset()
@@ -284,14 +286,13 @@ class Device:
         course = course if abs(course) < math.inf else math.nan
         return Epoch(max(before, t_s), fix, pdop, speed, course, mode, satellites)
 
-    def _judge(self, speed):
+    def _rests(self, speed):
         """Ask block 3; a motion at any sample since the last epoch counts."""
         if speed == speed:  # without one, it is as fast as it was: an outage is no rest
             self._slow = not speed >= self.options.speed_threshold
         now = self.static.drive(speed)
-        moving = now or self._moved or not self.options.static
-        self._moved = False
-        return moving
+        moved, self._moved = now or self._moved, False
+        return not moved
 
     def _by_fixes(self, t_s, fix):
         """Return the speed over the last seconds by their first and last accepted fix, m/s."""
@@ -307,7 +308,7 @@ class Device:
         north, east = now[0] - was[0], now[1] - was[1]
         return math.sqrt(north * north + east * east) / (until - since)
 
-    def _orient(self, t_s, moving, course, speed, dt):
+    def _orient(self, t_s, moving, rests, course, speed, dt):
         """Run blocks 5 and 2: the mounting angle, then the heading it allows."""
         block = self.attitude
         if block is None:
@@ -334,7 +335,7 @@ class Device:
         if driving:
             heading = wrap(course + (self.mounting.mount or 0.0))
             sigma = max(self.options.sigma_speed / speed, math.radians(1.0))
-        block.epoch(not moving, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
+        block.epoch(rests, heading, sigma, self._vehicle(speed, block.yaw_rate, dt))
 
     def _vehicle(self, speed, yaw_rate, dt):
         """Square of the horizontal acceleration by GNSS speed and yaw rate; the larger of two.

@@ -29,6 +29,7 @@ SHARE = 0.25  # of the shorter log's motion, at least, in the common time
 LEVER_M, DATUM_M = 3.0, 300.0  # what a lever arm and a shift of datum may be (1 sigma, assumed)
 DRIFT = 1e-4  # s/s: what a clock may drift (1 sigma, assumed); crystals keep 1e-5 to 1e-4
 COUNTER = 1e-2  # s/s: what stamps may drift that count samples of a nominal rate (1 sigma)
+LASTING_S = 10.0  # s that errors of a receiver last, also where a short log does not show it
 TAILS, ROUNDS = 4.0, 50  # degrees of freedom of the residuals' tails; rounds of the fit
 SAME_JOURNEY = 5.0  # ratio of along- to cross-track scatter beyond which it is another journey
 ALONG_M = 25.0  # along-track scatter that is always allowed
@@ -230,11 +231,12 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
         columns += [np.broadcast_to(e, v.shape) for e in np.eye(2)]
         x = np.stack(columns, axis=-1)  # (n, 2, 6)
         prior = np.array([np.inf, DRIFT, LEVER_M, LEVER_M, DATUM_M, DATUM_M])
+        most = float(np.ptp(t)) / LASTING_S
         # b late by delta shows b where a was: p_b = p_a - v delta at the same stamp.
-        beta, half, residual = least_squares(x, d, prior)
+        beta, half, residual = least_squares(x, d, prior, most)
         if abs(beta[1]) > DRIFT:  # is it a counter?
             prior[1] = COUNTER
-            free = least_squares(x, d, prior)
+            free = least_squares(x, d, prior, most)
             if abs(free[0][1]) - free[1][1] > 3 * DRIFT:
                 beta, half, residual = free
         lag += float(beta[0])
@@ -252,7 +254,7 @@ def _refined(a: Track, b: Track, lag: float) -> _Fit | None:
     return _Fit(lag, offset, drift, middle - lag, scatter, along_m, cross_m, float(np.ptp(t)))
 
 
-def least_squares(x: np.ndarray, d: np.ndarray, prior: np.ndarray) -> tuple:
+def least_squares(x: np.ndarray, d: np.ndarray, prior: np.ndarray, most: float = np.inf) -> tuple:
     """Solve d = x beta with Gaussian priors about zero, for correlated residuals with heavy tails.
 
     Maximum likelihood for Student's t with 4 degrees of freedom (Lange, Little and Taylor, 1989): a
@@ -267,6 +269,8 @@ def least_squares(x: np.ndarray, d: np.ndarray, prior: np.ndarray) -> tuple:
     d : ndarray, shape (n, w)
     prior : ndarray, shape (k,)
         Standard deviations.
+    most : float
+        Independent epochs at most.
 
     Returns
     -------
@@ -295,7 +299,7 @@ def least_squares(x: np.ndarray, d: np.ndarray, prior: np.ndarray) -> tuple:
             if np.abs(x @ (beta - before)).max() < 1e-3 * spread:
                 break
         weighted = residual * np.sqrt(weight)[:, None]
-        independent = min(effective_samples(column) for column in weighted.T)
+        independent = min(most, *(effective_samples(column) for column in weighted.T))
         inflation = n / independent
     curvature = np.mean(weight * (1 - 2 / width * ratio / (TAILS + ratio))) / np.mean(weight)
     score = np.einsum("nwk,nw->nk", x, residual * weight[:, None]) / (spread**2 * inflation)
