@@ -27,6 +27,7 @@ from analysis import (
     CannotAnswer,
     WrongUsage,
     claims,
+    engineering,
     figures,
     figures_folder,
     replacing,
@@ -236,7 +237,9 @@ def differences(old, new, numbers):
             continue
         pair = [table.loc[claim, ["value", "low", "high"]].astype(float) for table in (was, now)]
         if not np.allclose(*pair, rtol=THREE_DIGITS, equal_nan=True):
-            found.append(f"claim {claim} (numbers)")
+            values = [engineering(row["value"], 4) for row in pair]
+            same = values[0] == values[1]
+            found.append(f"claim {claim} ({'interval' if same else ' -> '.join(values)})")
     was, now = (_lines(f / "findings.csv") for f in (old, new))
     return found + [f"finding of {n}" for n in {**was, **now} if was.get(n) != now.get(n)]
 

@@ -130,7 +130,7 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     runs, found = reproduce.reproduce(scratch=tmp_path / "other", parameters={"SIZE": 2.0})
     assert [(run.notebook, run.figures, run.claims) for run in runs] == [("99-small", 1, 1)]
     assert found == [
-        "figure 99-small (parameters, numbers)", "claim terrain-eq7-a (numbers)",
+        "figure 99-small (parameters, numbers)", "claim terrain-eq7-a (1×10⁶ -> 2×10⁶)",
         "finding of 99-small",
     ]  # fmt: skip
     assert {p.name: p.read_bytes() for p in (path, *citable.iterdir())} == before
