@@ -199,7 +199,7 @@ const plot = new Plot(byId("curve"), {
 takeModels(byId("own"), (model, file) => {
   const drawn = model.channels.filter((c) => IN_BASE[c.unit] && c.allan && Array.isArray(c.allan.tau_s) && c.allan.tau_s.length);
   if (!drawn.length) throw new Error("it has no gyro or accelerometer with an Allan curve (`allan` in the channel)");
-  const channels = drawn.filter((c) => (c.parameters.arw || c.parameters.vrw)?.value > 0), without = drawn.filter((c) => !channels.includes(c));
+  const channels = drawn.filter((c) => sound((c.parameters.arw || c.parameters.vrw)?.value)), without = drawn.filter((c) => !channels.includes(c));
   if (!channels.length) throw new Error("its log resolves the white noise N of no channel");
   byId("axis")?.parentNode.remove();
   const choice = made("select", { id: "axis" }, ...channels.map((c, i) => made("option", { value: i, textContent: c.name })));
@@ -212,12 +212,12 @@ takeModels(byId("own"), (model, file) => {
 });
 
 function takeChannel(channel, source) {
-  const scale = IN_BASE[channel.unit], p = channel.parameters, sound = (v) => (typeof v === "number" && isFinite(v) && v > 0 ? v : null);
+  const scale = IN_BASE[channel.unit], p = channel.parameters;
   const value = (key) => (p[key] && sound(p[key].value) ? scale * p[key].value : 0);
   document.querySelector(`input[name=kind][value=${channel.kind === "accel" || ["g", "mg", "m/s^2"].includes(channel.unit) ? "accel" : "rate"}]`).checked = true;
   setKind();
-  own = { name: channel.name, tau: channel.allan.tau_s };
-  for (const key of ["deviation", "low", "high"]) own[key] = (channel.allan[key] || []).map((v) => (sound(v) ? scale * v : null));
+  own = { name: channel.name, tau: channel.allan.tau_s.map(sound) };
+  for (const key of ["deviation", "low", "high"]) own[key] = own.tau.map((_, i) => (sound(channel.allan[key]?.[i]) ? scale * channel.allan[key][i] : null));
   // A floor read off the curve is no flicker noise, as `Plan.from_estimates` has it.
   const floor = p.bias_instability && String(p.bias_instability.note || "").startsWith("floor");
   const bias = p.corr_time && sound(p.corr_time.value);
@@ -243,12 +243,6 @@ function known(e) {
   if (!(e < Math.log(100))) return "not at all";
   const up = 100 * Math.expm1(e);
   return up < 100 ? `−${digits(-100 * Math.expm1(-e), 2)} % to +${digits(up, 2)} %` : `to a factor of ${digits(Math.exp(e), 2)}`;
-}
-
-function table(id, head, rows) {
-  const top = made("tr", {}, ...head.map((text) => made("th", { scope: "col", textContent: text })));
-  const body = rows.map((row) => made("tr", {}, ...row.map((text, i) => made("td", { "data-of": head[i], textContent: text }))));
-  byId(id).replaceChildren(made("thead", {}, top), made("tbody", {}, ...body));
 }
 
 function update() {
@@ -277,7 +271,7 @@ function update() {
   series.push({ kind: "line", x: tau, y: adev.map((a) => factor * a), colour: BLUE, width: 2.2 });
   if (own) {
     const scaled = (key) => own[key].map((v) => (v === null ? null : v * factor));
-    if (own.low.length && own.high.length) series.push({ kind: "band", x: own.tau, low: scaled("low"), high: scaled("high"), colour: "#b2182b33" });
+    series.push({ kind: "band", x: own.tau, low: scaled("low"), high: scaled("high"), colour: "#b2182b33" });
     series.push({ kind: "line", x: own.tau, y: scaled("deviation"), colour: OWN, width: 1.6 });
   }
   plot.points = { x: tau, y: adev.map((a) => factor * a), words: tau.map((s, i) => `τ ${digits(s)} s: ${digits(factor * adev[i])} ${unit}; of a log ${digits(root("low")[i])} to ${digits(root("high")[i])}`) };
@@ -299,7 +293,8 @@ function update() {
   Object.assign(byId("told").dataset, { error: JSON.stringify(error) });
   answer.dataset.band = JSON.stringify(sizes.map((m, i) => [m, adev[i], band[i].edf, Math.sqrt(band[i].low), Math.sqrt(band[i].high)]));
   study(t, hours);
-  keepInAddress(all, { kind: kind() });
+  keepInAddress(all, { kind: kind() }, { n: t.N, b: t.S || t.B || 1e-5, t: t.T });
+  byId("other").hidden = kind() !== "rate";
 }
 
 // The simulated sensors that are most like this one, and how often their logs resolved T_c.

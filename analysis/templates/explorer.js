@@ -83,12 +83,11 @@ takeModels(byId("own"), (model, file) => {
 // N and B as terrain.Sensor.from_model takes them: without a floor the upper bound of B.
 function sensorOf(channel) {
   const scale = IN_BASE[channel.unit], { arw = {}, bias_instability: b = {} } = channel.parameters;
-  if (!scale || !arw.value || !(b.value || b.high)) return { name: channel.name };
-  const found = { name: channel.name, basis: "own", corr_time: channel.parameters.corr_time?.value };
+  if (!scale || !sound(arw.value) || !(sound(b.value) || sound(b.high))) return { name: channel.name };
+  const found = { name: channel.name, basis: "own", corr_time: sound(channel.parameters.corr_time?.value) };
   for (const [symbol, from] of [["n", arw], ["b", b]]) {
     for (const [key, end] of [["value", ""], ["low", "_low"], ["high", "_high"]]) {
-      const at = from[key];
-      found[symbol + end] = typeof at === "number" && isFinite(at) ? scale * at : null;
+      found[symbol + end] = sound(from[key]) && scale * from[key];
     }
   }
   return found;
@@ -174,19 +173,15 @@ function draw(parts) {
   plot.draw();
 }
 
-function rows(table, parts, more) {
-  const head = ["part", "error along the road", "N", "B", "price", more.head];
-  const cells = (part) => [errorWords(part.e), N.words(part.n, 3), `${part.b ? "" : "at most "}${B.words(part.b ?? part.b_high, 3)}`, priceWords(part), more.say(part)];
-  const body = parts.map((part) => {
-    const name = made("td", {}, made("b", { textContent: part.name }));
-    if (part.axis) name.append(` ${part.axis}`);
+function tell(id, parts, last, say) {
+  const rows = parts.map((part) => {
     const basis = part.basis === "measured" ? "measured in this compendium" : "data sheet";
     const source = [part.source, part.price_source && `Price (${part.price_year}): ${part.price_source}`].filter(Boolean).join(". ");
-    name.append(made("details", {}, made("summary", { textContent: basis }), made("small", { textContent: source })));
-    return made("tr", {}, name, ...cells(part).map((text, i) => made("td", { "data-of": head[i + 1], className: i < 3 ? "number" : "", textContent: text })));
+    const from = made("details", {}, made("summary", { textContent: basis }), made("small", { textContent: source }));
+    const name = made("div", {}, made("b", { textContent: part.name }), part.axis && ` ${part.axis}`, from);
+    return [name, errorWords(part.e), N.words(part.n, 3), `${part.b ? "" : "at most "}${B.words(part.b ?? part.b_high, 3)}`, priceWords(part), say(part)];
   });
-  const top = made("tr", {}, ...head.map((text) => made("th", { scope: "col", textContent: text })));
-  table.replaceChildren(made("thead", {}, top), made("tbody", {}, ...body));
+  table(id, ["part", "error along the road", "N", "B", "price", last], rows);
 }
 
 function update() {
@@ -220,14 +215,11 @@ function update() {
   const fits = (part) => as(part) && (part.low_usd === null || part.low_usd <= price.value);
   const good = parts.filter(fits), others = parts.filter((part) => !fits(part));
   byId("rule").textContent = `${good.length} of ${parts.length}: error at most ${metres(limit)}, price not above ${price.words()}. Measured parts come first, then data sheets, by error.`;
-  rows(byId("parts"), good, {
-    head: "within the price", say: (p) => (p.low_usd === null ? "not known" : p.high_usd <= price.value ? "yes" : "at the lower end of its range"),
-  });
+  tell("parts", good, "within the price", (p) => (p.low_usd === null ? "not known" : p.high_usd <= price.value ? "yes" : "at the lower end of its range"));
   byId("rest-said").textContent = `${others.length} parts that do not`;
-  rows(byId("rest"), others, {
-    head: "why not", say: (p) => [as(p) ? "" : "error", p.low_usd !== null && p.low_usd > price.value ? "price" : ""].filter(Boolean).join(", "),
-  });
-  keepInAddress([N, B, price], { t: data.corr_times[time.slider.value], tracker: tracker() });
+  tell("rest", others, "why not", (p) => [as(p) ? "" : "error", p.low_usd !== null && p.low_usd > price.value ? "price" : ""].filter(Boolean).join(", "));
+  const t = data.corr_times[time.slider.value];
+  keepInAddress([N, B, price], { t, tracker: tracker() }, { n: N.value, s: B.value, t });
 }
 
 byId("key").append(

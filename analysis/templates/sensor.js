@@ -22,6 +22,7 @@ const TIME = { s: 1, min: 1 / 60, h: 1 / 3600 };
 // Units of a channel in a model.json, in base units.
 const IN_BASE = { "deg/s": 1, "rad/s": DEGREE, "deg/h": 1 / 3600, g: 1, mg: 1e-3, "m/s^2": 1 / G };
 
+const sound = (v) => (typeof v === "number" && isFinite(v) && v > 0 ? v : null);
 const byId = (id) => document.getElementById(id);
 
 function made(name, settings = {}, ...children) {
@@ -31,6 +32,14 @@ function made(name, settings = {}, ...children) {
   for (const [key, value] of Object.entries(others)) node.setAttribute(key, value);
   node.append(...children);
   return node;
+}
+
+// A table of rows; a cell is a text, or a node.
+function table(id, head, rows) {
+  const cell = (content, i) => made("td", { "data-of": i ? head[i] : "" }, content);
+  const top = made("tr", {}, ...head.map((text) => made("th", { scope: "col", textContent: text })));
+  const body = rows.map((row) => made("tr", {}, ...row.map(cell)));
+  byId(id).replaceChildren(made("thead", {}, top), made("tbody", {}, ...body));
 }
 
 // A number in so many digits, without an exponent: 0.00012, 1.2×10⁷.
@@ -136,8 +145,9 @@ function takeModels(place, take) {
       } catch (error) {
         throw new Error(`it is no JSON (${error.message})`);
       }
-      const channels = model && model.channels;
-      if (!Array.isArray(channels) || !channels.length || !channels.every((c) => c && c.name && c.parameters)) {
+      const channels = model && model.channels, isObject = (v) => v !== null && typeof v === "object" && !Array.isArray(v);
+      const sound = (c) => isObject(c) && typeof c.name === "string" && isObject(c.parameters) && Object.values(c.parameters).every(isObject);
+      if (!Array.isArray(channels) || !channels.length || !channels.every(sound)) {
         throw new Error("it has no channels with parameters, as `python -m analysis report LOG --out DIR` writes them to DIR/model.json");
       }
       said.textContent = take(model, file.name);
@@ -157,11 +167,13 @@ function takeModels(place, take) {
   });
 }
 
-// The numbers of the page in its address, so that a state can be kept as a link.
-function keepInAddress(quantities, others = {}) {
-  const parts = quantities.map((q) => `${q.id}=${Number(q.value.toPrecision(5))}`);
-  for (const [name, value] of Object.entries(others)) parts.push(`${name}=${encodeURIComponent(value)}`);
-  history.replaceState(null, "", `#${parts.join("&")}`);
+// The numbers of the page in its address, so that a state can be kept as a link, and in the link to
+// the other page, which may call them otherwise.
+function keepInAddress(quantities, others, there) {
+  const written = (numbers) => Object.entries(numbers).map(([name, x]) => `${name}=${typeof x === "number" ? Number(x.toPrecision(5)) : encodeURIComponent(x)}`).join("&");
+  history.replaceState(null, "", `#${written({ ...Object.fromEntries(quantities.map((q) => [q.id, q.value])), ...others })}`);
+  const link = byId("other");
+  link.href = `${link.href.split("#")[0]}#${written(there)}`;
 }
 
 function fromAddress(quantities) {

@@ -1,5 +1,7 @@
 """The pages that compute in the browser, opened as files: against Python, by mouse, by keys."""
 
+import copy
+import json
 import re
 
 import numpy as np
@@ -230,6 +232,48 @@ def test_a_bad_model_gets_a_sentence(gyro, tmp_path, content, says):
     said = gyro.inner_text("#model-said")
     assert said.startswith("bad.json is not taken: ") and says in said and said.endswith(".")
     assert told(gyro) == before
+
+
+def broken_models(whole):
+    """Put a value of every wrong kind in every place of a model that the pages read."""
+    places = [("name",), ("kind",), ("unit",), ("allan",), ("allan", "low"), ("parameters",)]
+    for key in ("arw", "vrw", "bias_instability", "corr_time"):
+        places += [("parameters", key), ("parameters", key, "value"), ("parameters", key, "high")]
+    for *path, last in places:
+        for value in (None, "x", -1.0, 1e300, [], {}):
+            model = copy.deepcopy(whole)
+            for channel in model["channels"]:
+                at = channel
+                for key in path:
+                    at = at.get(key, {})
+                at[last] = value
+            yield model
+    model = copy.deepcopy(whole)
+    model["channels"][0]["name"] = "<img src=x onerror=alert(1)>"
+    yield model
+
+
+@pytest.mark.parametrize("path", ["explorer.html", "allan.html"])
+def test_broken_models_never_break_the_page(visit, folder, tmp_path, path):
+    """error: a result, or a sentence of ours."""
+    page = visit(path, root=folder.as_uri() + "/")
+    for model in broken_models(store.read_model("adis16405")):
+        check(page, tmp_path / "mine.json", model)
+        measured["broken models"] = measured.get("broken models", 0) + 1
+    assert page.locator("img").count() == 0
+    assert page.troubles == []
+    page.context.close()
+
+
+def check(page, file, model):
+    """Give a model to the page, and read what it says."""
+    file.write_text(json.dumps(model))
+    page.evaluate("document.getElementById('model-said').textContent = ''")
+    page.set_input_files("#model-file", file)
+    page.wait_for_selector("#model-said:not(:empty)")
+    said = page.inner_text("#model-said")
+    assert not re.search(r"undefined|Cannot|is not a|null|object|NaN", said), said
+    assert not re.search(r"undefined|NaN|Infinity", page.inner_text("#answer")), said
 
 
 def test_nothing_leaves_the_page(gyro, folder):
