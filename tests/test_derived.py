@@ -34,3 +34,17 @@ def test_some_sensors_of_the_atlas_again(monkeypatch, tmp_path):
     now, was = (table["plane"].set_index(keys) for table in (tables, stored.tables))
     assert len(now) == 2 * 4 * 5
     pd.testing.assert_frame_equal(now, was.loc[now.index], **tight)
+
+
+def test_some_sensors_of_the_surface_again(monkeypatch):
+    """cross-check: errors of three trackers with their intervals, without compiled code."""
+    monkeypatch.setattr(surveys.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(surveys, "SURFACE_T_C", (200,))
+    for name in ("PLANE_N", "PLANE_B"):  # no laps are lost there, which would magnify a rounding
+        monkeypatch.setattr(surveys, name, getattr(surveys, name)[:9:8])
+    (_, made), stored = derived.make("error-surface"), store.read("error-surface").tables
+    keys = ["tracker", "corr_time_s", "arw_deg_sqrt_s", "sigma_b_deg_s"]
+    now, was = (store.rounded(t["surface"], 3).set_index(keys) for t in (made, stored))
+    assert len(now) == 3 * 2 * 2 and not now["laps_lost"].any()
+    # Three digits are stored, and the last may fall either way.
+    pd.testing.assert_frame_equal(now, was.loc[now.index], rtol=6e-3)
