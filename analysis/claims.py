@@ -117,10 +117,10 @@ def learned() -> text.Shown:
     rows = []
     for number, row in enumerate(findings().itertuples(), start=1):
         path = f"../figures/{row.figure}.png"
-        picture = f'<a href="{path}"><img src="{path}" width="210" alt="{row.figure}"></a>'
+        picture = f'<a href="{path}"><img src="{path}" width="180" alt="{row.figure}"></a>'
         link = f"[{row.notebook}]({row.notebook}.ipynb)"
         rows.append([picture, f"**{number}. {row.sentence}**<br>{row.condition} {link}"])
-    wide = "&nbsp;" * 50  # so that no browser squeezes the pictures
+    wide = "&nbsp;" * 32  # so that no browser squeezes the pictures
     return text.table(pd.DataFrame(rows, columns=[wide, "what was found, and when"]))
 
 

@@ -38,6 +38,11 @@ FACES = {
     "figures": "saves figures",
     "claims": "judges claims",
 }
+WORDS = {  # pages of this project that the site shows too, without their links to files
+    "your-logs": "data/own/README.md",
+    "conventions": "analysis/noise/README.md",
+    "contributing": "CONTRIBUTING.md",
+}
 DOTS_PER_INCH = 110  # of the page; a figure of two columns fills it
 JUDGED = "## Against the paper"  # heading under which a notebook lists its verdicts
 
@@ -229,6 +234,9 @@ def write(folder: Path) -> None:
         "coverage": store.published("coverage").fillna("").to_dict("records"),
         "findings": pd.read_csv(findings).to_dict("records") if findings.exists() else [],
     }
+    for name, path in WORDS.items():
+        words = re.sub(r"\[([^]]+)\]\((?!http)[^)]+\)", r"\1", (ROOT / path).read_text("utf-8"))
+        (folder / f"{name}.md").write_text(words, "utf-8")
     jinja = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         undefined=jinja2.StrictUndefined,
