@@ -227,7 +227,11 @@ def write(folder: Path) -> None:
         "faces": FACES,
         "exported": {face: exported(face) for face in FACES},
         "outcomes": [o for o in claims.OUTCOMES if (verdicts["outcome"] == o).any()],
-        "claims": verdicts.assign(link=verdicts.index.map(links)).reset_index().to_dict("records"),
+        # What could not have come out otherwise is counted apart, and comes last.
+        "claims": verdicts.assign(link=verdicts.index.map(links))
+        .sort_values("outcome", key=lambda of: of == claims.BY_CONSTRUCTION, kind="stable")
+        .reset_index()
+        .to_dict("records"),
         "counts": pd.crosstab(verdicts["paper"], verdicts["outcome"]).to_dict("index"),
         "errata": errata.to_dict("records"),
         "symbols": store.published("symbols").fillna("").to_dict("records"),

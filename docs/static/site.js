@@ -4,6 +4,9 @@ if (location.protocol === "file:") DOCUMENTATION_OPTIONS.SHOW_SEARCH_SUMMARY = f
 
 document.addEventListener("DOMContentLoaded", () => {
   for (const form of document.querySelectorAll(".filters")) filterClaims(form);
+  for (const box of document.querySelectorAll("div.math")) {
+    if (box.scrollWidth > box.clientWidth) box.tabIndex = 0; // a formula wider than a telephone
+  }
 });
 
 function filterClaims(form) {
