@@ -13,6 +13,7 @@ import inspect
 import re
 import shutil
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -232,7 +233,7 @@ def write(folder: Path) -> None:
         .sort_values("outcome", key=lambda of: of == claims.BY_CONSTRUCTION, kind="stable")
         .reset_index()
         .to_dict("records"),
-        "counts": pd.crosstab(verdicts["paper"], verdicts["outcome"]).to_dict("index"),
+        "total": Counter(verdicts["outcome"]),
         "errata": errata.to_dict("records"),
         "symbols": store.published("symbols").fillna("").to_dict("records"),
         "coverage": store.published("coverage").fillna("").to_dict("records"),
