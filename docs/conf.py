@@ -17,7 +17,7 @@ from analysis.report import explorer
 
 project = "Inertial compendium"
 version = release = installed("inertial-compendium")
-copyright = "the contributors; MIT licence"  # the name that Sphinx asks for
+copyright = f"the contributors, MIT licence; version {version}"  # the name that Sphinx asks for
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 
 nb_execution_mode = "off"
