@@ -26,6 +26,7 @@ MAKERS = {
     "tracker-racebox": partial(rides.turned, "racebox"),
     "tracker-car": partial(rides.turned, "car"),
     "tracker-drive": partial(rides.turned, "phone-drive"),
+    "tracker-roof": partial(rides.turned, "car-roof"),
     "parkway": several_units.parkway,
     "five-receivers": several_units.five_receivers,
     "turin": several_units.turin,
