@@ -62,7 +62,7 @@ def allan(ax: Axes, curve: AllanCurve, unit: str, *, label: str, color: str = "C
     curve : AllanCurve
     unit, label, color : str
     """
-    ax.loglog(curve.tau, curve.adev, color=color, label=label)
+    ax.loglog(curve.tau, curve.adev, color=color, lw=1.4, label=label)
     shade = {"color": color, "alpha": 0.2, "lw": 0, "label": f"_{label}, 95 % interval"}
     ax.fill_between(curve.tau, curve.low, curve.high, **shade)
     ax.set_aspect("equal", adjustable="datalim")
@@ -113,7 +113,9 @@ def interval_bar(ax: Axes, y: float, estimate: Estimate, label: str, *, scale: f
         ax.plot(estimate.value / scale, y, "C0o", ms=3, label=f"_{label}")
 
 
-def four_panels(noise: ChannelNoise, title: str) -> Figure:
+def four_panels(
+    noise: ChannelNoise, title: str, printed: tuple[np.ndarray, np.ndarray] | None = None
+) -> Figure:
     """Draw one channel as the comparison paper does (Figs 7-16).
 
     15 s of data, Allan deviation as recorded and without the straight line with the fitted model
@@ -124,13 +126,15 @@ def four_panels(noise: ChannelNoise, title: str) -> Figure:
     ----------
     noise : ChannelNoise
     title : str
+    printed : pair of ndarray, optional
+        Averaging times, s, and Allan deviation of the model that a simulated log was made from.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
     warm = noise.temperature is not None
-    fig = plt.figure(figsize=(DOUBLE, 6.0 if warm else 4.6))
+    fig = plt.figure(figsize=(DOUBLE, 6.8 if warm else 5.4))
     left, right = fig.subplots(3 if warm else 2, 2, height_ratios=[2, 2, 1][: 2 + warm]).T
     (short, whole), (adev, acov) = left[:2], right[:2]
     unit = pretty(noise.unit)
@@ -141,23 +145,19 @@ def four_panels(noise: ChannelNoise, title: str) -> Figure:
     if noise.allan_line_removed:
         removed = noise.allan_line_removed
         adev.plot(removed.tau, removed.adev, "C1", lw=0.8, label="straight line removed")
+    if printed:
+        adev.plot(*printed, "k--", lw=0.8, label="printed model")
     fitted_model(adev, noise)
     adev.set_title("Allan deviation")
-    adev.legend(fontsize=6)
     t, y = noise.whole
     mean, slope = noise.line
     ends = t[[0, -1]]
     whole.plot(t / 3600, y, lw=0.5, color="C0", label="log, averaged")
     whole.plot(ends / 3600, mean + slope * (ends - t.mean()), color="C3", label="straight line")
     whole.set(title="whole log", xlabel="time (h)", ylabel=f"{plain(noise.name)} ({unit})")
-    whole.legend()
-    for window, (lag, cov) in noise.autocorrelation.items():
-        acov.plot(lag, cov, lw=0.9, label=f"{window:g} s averages")
-    peak = list(noise.autocorrelation.values())[-1][1][0]
-    level = "peak / e (longest averages)"
-    acov.axhline(peak / np.e, color="0.4", ls="--", lw=0.7, label=level)
-    acov.set(title="autocovariance", xlabel="lag (s)", ylabel=f"autocovariance ({unit})²")
-    acov.legend()
+    autocovariances(acov, noise, unit)
+    for ax in (adev, whole, acov):  # below: no corner of these panels is free of data
+        ax.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.25), ncols=3)
     if warm:
         whole.sharex(left[2])
         left[2].plot(t / 3600, noise.temperature, "C1", lw=0.8, label="temperature")
@@ -165,6 +165,32 @@ def four_panels(noise: ChannelNoise, title: str) -> Figure:
         right[2].plot(noise.temperature, y, ".", color="C1", ms=1.5, label="reading against it")
         right[2].set(xlabel="temperature (°C)", ylabel=f"{plain(noise.name)} ({unit})")
     return fig
+
+
+def autocovariances(ax: Axes, noise: ChannelNoise, unit: str) -> None:
+    """Draw the autocovariance at several averaging windows, with the 1/e level of the longest.
+
+    Lags are logarithmic but for the first, so that the windows differ where they do; the longer the
+    window, the broader its line, so that curves that agree stay visible.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    noise : ChannelNoise
+    unit : str
+        As a plot writes it.
+    """
+    windows = list(noise.autocorrelation.items())
+    for k, (window, (lag, cov)) in reversed(list(enumerate(windows))):
+        style = {"color": f"C{k}", "lw": 0.7 + 0.8 * k, "alpha": 1 - 0.15 * k}
+        ax.plot(lag, cov, label=f"{window:g} s averages", **style)
+    peak, least = windows[-1][1][1][0], np.floor(np.log10(windows[0][1][0][1]))
+    ax.axhline(peak / np.e, color="0.4", ls="--", lw=0.7)
+    at = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+    ax.annotate("peak / e", (1, peak / np.e), (-2, 2), ha="right", fontsize=6, color="0.4", **at)
+    ax.set(title="autocovariance", xlabel="lag (s)", ylabel=f"autocovariance ({unit})²")
+    ax.set_xscale("symlog", linthresh=10**least, linscale=0.4)
+    ax.set_xlim(0, max(lag[-1] for _, (lag, _) in windows))
 
 
 def fitted_model(ax: Axes, noise: ChannelNoise, *, color: str = "k", legend: bool = True) -> None:

@@ -404,6 +404,17 @@ def test_error_bars():
     np.testing.assert_array_equal(bars, [[1, 9, 13], [2, 18, 24]])
 
 
+def test_bars_along_x():
+    """Analytic: a bar that lies has two ends in x, where an upright one has two in y."""
+    ax = axes()
+    ax.hlines([3.0, 4.0], [1.0, 2.0], [5.0, 6.0], label="range")
+    ax.vlines([7.0], [0.0], [1.0], label="upright")
+    found = series(ax.figure)
+    ends = [[1, 3, np.nan], [5, 3, np.nan], [2, 4, np.nan], [6, 4, np.nan]]
+    np.testing.assert_array_equal(found["range"], ends)
+    np.testing.assert_array_equal(found["upright"], [[7, 0, 1]])
+
+
 def test_contour_lines():
     """Analytic: on z = x the contour of a level is the line x = level; a filled one has none."""
     ax = axes()

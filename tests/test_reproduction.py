@@ -1,6 +1,8 @@
 """What this session's notebooks made is what is committed: figures, numbers, verdicts."""
 
+import base64
 import contextlib
+import io
 import os
 import re
 import signal
@@ -15,6 +17,7 @@ import nbformat
 import psutil
 import pytest
 import traitlets
+from PIL import Image
 
 from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, claims, figures, reproduce
 
@@ -37,7 +40,7 @@ def test_same_numbers_and_verdicts(fresh):
 
 
 NO_NAME = re.compile(r"(panel|line|curve|data|series|points|child)?[ _]*\d*", re.IGNORECASE)
-NO_UNIT = re.compile(r"\(.+\)$|/|\b(share|PDOP|autocorrelation|coherence|claim|factor)\b")
+NO_UNIT = re.compile(r"\(.+\)\S?$|/|\b(share|PDOP|autocorrelation|coherence|claim|factor)\b")
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
@@ -77,6 +80,21 @@ def test_ten_findings():
         assert (reproduce.NOTEBOOKS / f"{row.notebook}.ipynb").exists()
         assert row.condition and len(row.sentence.split()) <= claims.MOST_WORDS
         assert any(letter.isdigit() for letter in row.sentence), row.sentence
+
+
+def test_pictures_in_notebooks_are_sharp_and_small():
+    """property: two dots for one of the page, an alternative text; all notebooks below 8 MB."""
+    paths = sorted(reproduce.NOTEBOOKS.glob("*.ipynb"))
+    assert sum(path.stat().st_size for path in paths) < 8_000_000
+    shown = 0
+    for path in paths:
+        cells = [c for c in nbformat.read(path, 4).cells if "figure" in c.metadata.get("tags", [])]
+        for output in (o for c in cells for o in c.outputs if "image/png" in o.get("data", {})):
+            about = output["metadata"]["image/png"]
+            with Image.open(io.BytesIO(base64.b64decode(output["data"]["image/png"]))) as picture:
+                assert picture.width // 2 == about["width"] and about["alt"], path.stem
+            shown += 1
+    assert shown == len(NAMES)
 
 
 def test_a_failing_notebook_is_named_and_left_as_it_was(tmp_path):
