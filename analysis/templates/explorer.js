@@ -195,7 +195,8 @@ function update() {
     Object.assign(answer.dataset, found);
     const lost = found.lost < 0.0005 ? "no lap is lost" : `${digits(100 * found.lost, 2)} % of the laps are lost`;
     said.textContent = errorWords({ ...found, value: found.error });
-    rest.push(`not exceeded along the road in 95 % of all moments; ${lost}. N ${N.words()}, B ${B.words()}, T_c ${data.corr_times[time.slider.value]} s.`);
+    const at = [`N ${N.words()},`, `B ${B.words()},`, `T_c ${data.corr_times[time.slider.value]} s.`].flatMap((words) => [" ", made("span", { className: "unit", textContent: words })]);
+    rest.push(`not exceeded along the road in 95 % of all moments; ${lost}.`, ...at);
   }
   if (own) {
     const e = ofSensor(own);

@@ -437,7 +437,7 @@ class Plot {
     g.strokeStyle = "#333";
     const named = [];
     s.levels.forEach((level, k) => {
-      let name = null;
+      let [name, best] = [null, Infinity];
       g.beginPath();
       for (let j = 0; j < ny - 1; j++) {
         for (let i = 0; i < nx - 1; i++) {
@@ -451,12 +451,15 @@ class Plot {
           for (let n = 0; n + 1 < ends.length; n += 2) {
             g.moveTo(...ends[n]);
             g.lineTo(...ends[n + 1]);
-            if (!name || (i > nx * 0.12 && i < nx * 0.2)) name = ends[n];
+            // Its label goes where a line runs across on the left or up near the bottom, off the edges.
+            const [a, b] = [i / nx, j / ny], edge = Math.min(a, 1 - a, b, 1 - b) < 0.06;
+            const far = Math.min(Math.abs(a - 0.16), Math.abs(b - 0.12)) + edge;
+            if (far < best) [name, best] = [ends[n], far];
           }
         }
       }
       g.stroke();
-      if (!name || named.some(([x, y]) => Math.abs(x - name[0]) < 60 && Math.abs(y - name[1]) < 15)) return;
+      if (!name || named.some(([x, y]) => Math.abs(x - name[0]) < 44 && Math.abs(y - name[1]) < 15)) return;
       named.push(name);
       const text = s.names[k], half = g.measureText(text).width / 2 + 2;
       const at = Math.max(name[0], left + half + 2);
