@@ -102,4 +102,4 @@ release: $(READY)
 	cd dist && sha256sum $(RELEASE).zip | tee $(RELEASE).zip.sha256
 
 clean:
-	rm -rf $(VENV) $(NEWEST) dist *.egg-info
+	rm -rf $(VENV) $(NEWEST) build dist site *.egg-info

@@ -202,7 +202,9 @@ def exported(face: str) -> dict[str, str]:
 def write(folder: Path) -> None:
     """Write the sources of all pages into an empty folder."""
     shutil.rmtree(folder, ignore_errors=True)
-    known = {path.stem: figures.read(path.with_suffix(".csv")) for path in FIGURES.glob("*.png")}
+    known = {
+        path.stem: figures.read(path.with_suffix(".csv")) for path in sorted(FIGURES.glob("*.png"))
+    }
     known = {name: said for name, said in known.items() if "paper" in said[0]}  # since 0.2.0
     stems = sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb"))
     pages = [Page(NOTEBOOKS / f"{stem}.ipynb", known) for stem in stems]
