@@ -57,7 +57,7 @@ def cite(figure: str | None = None) -> str:
         head, _ = figures.read(FIGURES / f"{_name(figure)}.csv")
         papers = {k: p for k, p in papers.items() if any(k in of for of in head["paper"])}
         licence = head["licence"]
-        redraws = f"It redraws {figures.words(head['paper'])}." if papers else ""
+        redraws = f"It redraws the {' and the '.join(head['paper'])}." if papers else ""
         about = [f"Figure {head['figure']}: {head['caption']}", redraws]
     authors, year = known["authors"][0]["name"], known["date-released"].year
     about.append(f"Licence: {licence}.")
