@@ -453,7 +453,7 @@ class Plot {
             g.lineTo(...ends[n + 1]);
             // Its label goes where a line runs across on the left or up near the bottom, off the edges.
             const [a, b] = [i / nx, j / ny], edge = Math.min(a, 1 - a, b, 1 - b) < 0.06;
-            const far = Math.min(Math.abs(a - 0.16), Math.abs(b - 0.12)) + edge;
+            const far = Math.min(Math.abs(a - 0.16), Math.abs(b - 0.12) + 0.05) + edge;
             if (far < best) [name, best] = [ends[n], far];
           }
         }

@@ -41,22 +41,20 @@ def folder(tmp_path_factory):
     return made
 
 
-@pytest.fixture
-def gyro(visit, folder):
-    """Open the page of the tracking error."""
-    page = visit("explorer.html", root=folder.as_uri() + "/")
-    yield page
-    assert page.troubles == []
-    page.context.close()
+def of(name):
+    """Make the fixture that opens a page as a file, and sees that nothing went wrong."""
+
+    @pytest.fixture
+    def opened(visit, folder):
+        page = visit(name, root=folder.as_uri() + "/")
+        yield page
+        assert page.troubles == []
+        page.context.close()
+
+    return opened
 
 
-@pytest.fixture
-def curve(visit, folder):
-    """Open the page of Allan curves."""
-    page = visit("allan.html", root=folder.as_uri() + "/")
-    yield page
-    assert page.troubles == []
-    page.context.close()
+gyro, curve = of("explorer.html"), of("allan.html")
 
 
 def told(page):
