@@ -365,6 +365,20 @@ def test_findings_are_one_for_each_notebook(elsewhere):
     assert found.read_bytes().startswith(b"notebook,sentence,condition,figure\n10-other,")
 
 
+def test_the_index_lists_each_claim_once(monkeypatch):
+    """Property: judged claims and the others apart, each once; the sentence adds up to all."""
+    monkeypatch.setenv("COMPENDIUM_FIGURES", str(FIGURES))
+    rows = claims.verdicts()
+    for paper, own in rows.groupby("paper"):
+        parts = claims.of_paper(paper).split("<details>")[1:]
+        lines = [[line for line in part.splitlines() if line[:2] == "| "][1:] for part in parts]
+        listed = [[line.split(" | ")[1] for line in of_part] for of_part in lines]
+        apart = claims.published()["why"][own.index].str.startswith(claims.NOT_JUDGED)
+        assert listed == [list(own["claim"][~apart]), list(own["claim"][apart])]
+    total, agree, of_them, differ, *others = map(int, re.findall(r"\d+", claims.counted()))
+    assert total == len(rows) == agree + differ + sum(others) and of_them < agree
+
+
 def test_errata_are_those_of_the_notebook():
     """Property: every erratum is listed by the notebook that its row names, and by no other."""
     register = pd.read_csv(claims.DATA / "published" / "errata.csv")
