@@ -167,7 +167,8 @@ def read_moving(
         if gaps := silent_gaps(gnss, imu):
             notes.append(
                 f"nothing is recorded for over {SILENT_S:g} s before t = {gaps[0]:.0f} s: switched "
-                f"on again there, {len(gaps)} times in all"
+                "on again there, or its clock jumped ahead, which the stamps do not tell; "
+                f"{len(gaps)} times in all"
             )
         again = sorted({*again, *gaps})
         factor = gnss.speed_factor()
