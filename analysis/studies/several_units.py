@@ -26,7 +26,7 @@ RECEIVERS = {
     "etrex": "Garmin-Etrex-30x", "lezyne": "Lezyne", "phone": "MotoG3", "adafruit": "adafruit",
     "openlog": "openlog",
 }  # fmt: skip
-CAR_S, POSE_S, UAV_S = 0.2, 0.1, 0.2  # s between rows
+CAR_S, POSE_S = 0.2, 0.1  # s between rows
 OUTAGE_S, EVERY_S, FASTER = 10.0, 30.0, 3.0  # s, s, m/s: outages of rides on the move
 ONLY_ATTITUDE = Options(static=False, low_pass=False, mounting=False, fusion=False)
 

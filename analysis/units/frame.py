@@ -10,6 +10,7 @@ from datetime import datetime
 
 import numpy as np
 import pymap3d
+from scipy.interpolate import CubicHermiteSpline
 
 from analysis import CannotAnswer
 from analysis.logs.timeline import Timeline
@@ -316,16 +317,12 @@ def interpolated(t: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
     if len(at) < 2:
         return out
     slope = np.gradient(x, at, axis=0) if len(at) > 2 else np.diff(x, axis=0) / np.diff(at)[:, None]
-    slope = np.broadcast_to(slope, x.shape)
+    cubic = CubicHermiteSpline(at, x, np.broadcast_to(slope, x.shape))
     k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 2)
     step = at[k + 1] - at[k]
-    u = ((t - at[k]) / step)[:, None]
     inside = (t >= at[0]) & (t <= at[-1])
-    inside &= (step <= max(2.5 * float(np.median(np.diff(at))), 1.0)) | (u[:, 0] == 0)
-    h = step[:, None]
-    value = (1 + 2 * u) * (1 - u) ** 2 * x[k] + u * (1 - u) ** 2 * h * slope[k]
-    value += u**2 * (3 - 2 * u) * x[k + 1] - u**2 * (1 - u) * h * slope[k + 1]
-    out[inside] = value[inside]
+    inside &= (step <= max(2.5 * float(np.median(np.diff(at))), 1.0)) | (t == at[k])
+    out[inside] = cubic(t[inside])
     return out
 
 
