@@ -70,7 +70,8 @@ NOTHING = ("None", "", " ", None)  # matplotlib's names for no line and for no m
 PACKAGE = "inertial-compendium"
 VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools")
 LETTER = re.compile(r"^\([a-z]\) ?")  # of a panel
-TEX = {r"\sqrt": "√", r"\ell": "ℓ", r"\,": " ", "{": "", "}": "", "$": ""}
+MATHS = re.compile(r"(?<!\\)\$")  # begin or end of a formula
+TEX = {r"\sqrt": "√", r"\ell": "ℓ", r"\,": " ", "{": "", "}": ""}
 
 
 def use_style() -> None:
@@ -510,11 +511,11 @@ def _set_letters(fig):
 def _without_tex(text):
     """Write a label as plain text: $σ_b$ as σ_b."""
     text = " ".join(text.split())
-    if "$" in text:
-        text = re.sub(r"([_^])\{([^{}]{2,})\}", r"\1(\2)", text)
+    if MATHS.search(text):
+        text = re.sub(r"([_^])\{([^{}]{2,})\}", r"\1(\2)", MATHS.sub("", text))
         for tex, plain in TEX.items():
             text = text.replace(tex, plain)
-    return text
+    return text.replace(r"\$", "$")
 
 
 def _shown(ax):

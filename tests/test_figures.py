@@ -242,9 +242,10 @@ def test_no_two_panels_have_one_name_and_none_has_tex():
         ax.plot([1, 2], [3, 4], label=r"$e^{-t/T_c}$, $N\sqrt{τ}$")
         ax.set(title="$T_c$", xlabel="t (s)", ylabel=y)
     fig.axes[3].set_xlabel("$σ_b$ (s)")
+    fig.axes[1].lines[0].set_label(plots.plain("a$b {c}"))
     names = ["T_c, a, t, 1", "T_c, b, t", "T_c, a, t, 3", "T_c, b, σ_b"]
     assert list(figures.axes_of(fig)) == names
-    assert set(figures.plotted_numbers(fig)["series"]) == {"e^(-t/T_c), N√τ"}
+    assert set(figures.plotted_numbers(fig)["series"]) == {"e^(-t/T_c), N√τ", "a$b {c}"}
 
 
 def test_several_panels_have_letters_and_one_has_none(tmp_path):

@@ -82,6 +82,11 @@ def test_ten_findings():
         assert any(letter.isdigit() for letter in row.sentence), row.sentence
 
 
+def test_figures_take_little_room():
+    """property: all figures together stay below 12 MB."""
+    assert sum(path.stat().st_size for path in FIGURES.iterdir()) < 12_000_000
+
+
 def test_pictures_in_notebooks_are_sharp_and_small():
     """property: two dots for one of the page, an alternative text; all notebooks below 8 MB."""
     paths = sorted(reproduce.NOTEBOOKS.glob("*.ipynb"))
