@@ -474,7 +474,7 @@ class Setup:
         dict of str to dict
             ``chosen here`` and ``reason`` of each choice, for `analysis.text.table`.
         """
-        R = self.R * PAPER_HZ / self.rate_hz  # of a reading at 100 Hz
+        R = (self.R or self.own_R(self.WORST)) * PAPER_HZ / self.rate_hz  # of a reading at 100 Hz
         rows = {
             "noise of the gyro": ("integrated into the attitude", "a gyro measures a rate"),
             "attitude that is compared": (
