@@ -68,6 +68,9 @@ ALONE = (
     "symbols",
     "search",
     "genindex",
+    "your-logs",
+    "conventions",
+    "contributing",
 )
 html_sidebars = {page: [] for page in ALONE}  # pages that take the width of the list beside them
 html_context = {"default_mode": "auto"}
