@@ -459,7 +459,7 @@ def axes_of(fig):
             if isinstance(axis.get_major_locator(), FixedLocator | StrCategoryLocator):
                 at = axis.get_majorticklocs()
                 named = zip(at, axis.get_major_formatter().format_ticks(at), strict=True)
-                ticks = {f"{x:g}": _without_tex(text) for x, text in named}
+                ticks = {f"{x:g}": _without_tex(str(text)) for x, text in named}
                 if any(not re.fullmatch(r"[-−\d.]*", text) for text in ticks.values()):
                     found[panel][f"{which} ticks"] = ticks
     return found

@@ -269,6 +269,7 @@ def test_words_on_an_axis_and_cells_of_an_image():
     drawn = ax.imshow([[0.1, np.nan], [0.3, 0.4]])
     ax.set(xlabel="factor", ylabel="claim")
     ax.set_yticks([0, 1], ["first", "$T_c$"])
+    ax.set_xticks([0, 1], [2, 6])  # numbers say what they are
     ax.figure.colorbar(drawn, label="share (1)")
     expected = [[0, 0, 0.1], [1, 0, np.nan], [0, 1, 0.3], [1, 1, 0.4]]
     np.testing.assert_array_equal(series(ax.figure)["share"], expected)
