@@ -297,17 +297,15 @@ def _plane(table, reading):
     return ErrorPlane(reading, arw, sigma_b, *(table[n].to_numpy().reshape(shape) for n in names))
 
 
-def published(name: str, dtype: type | None = None) -> pd.DataFrame:
+def published(name: str) -> pd.DataFrame:
     """Read a table copied from one of the papers.
 
     Parameters
     ----------
     name : str
         A CSV of data/published, without its suffix.
-    dtype : type, optional
-        ``str`` keeps the digits as printed.
     """
-    return pd.read_csv(DATA / "published" / f"{name}.csv", comment="#", dtype=dtype)
+    return pd.read_csv(DATA / "published" / f"{name}.csv", comment="#")
 
 
 # Readings of the terrain paper

@@ -21,7 +21,6 @@ WHITE = np.random.default_rng(2).standard_normal((N, 6))
 GYRO = [4.5, 0.1, -1.0] + 0.1 * WHITE[:, :3]  # deg/s; offset and noise of the MPU-6050
 ACCEL = [0.3, -0.2, STANDARD_GRAVITY] + 0.05 * WHITE[:, 3:]  # m/s^2
 HALF = T > 300
-OFFSETS = np.ones(3)
 
 
 def stretches(gyro=GYRO, accel=ACCEL):

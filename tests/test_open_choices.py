@@ -24,9 +24,6 @@ from analysis.terrain.terrain_map import AttitudeMap
 SEED = 20240
 PAID = ["cheap", "second", "third", "dear"]
 PRICES = np.array([[500, 600], [2000, 2400], [5000, 6000], [20000, 24000]])
-TABLE_3 = dict(
-    zip(PAID, [(0.03, 0.01), (0.01, 0.007), (0.01, 0.003), (0.002, 0.0003)], strict=True)
-)
 
 
 def road(channels=1):

@@ -37,6 +37,7 @@ LOGS = dict.fromkeys(ADIS, "ADIS16405") | {  # name -> sensor
 DRAWS = 2000  # of channels, for the interval of a share
 WITHIN = 1.96
 SLOW = ("corr_time", "bias_instability", "rrw", "drift")
+FITTED = "adis16405-1"  # the log whose pairs give the factor
 OVERDISPERSED = ("bias_instability", "rrw")
 PAIR = ["sensor", "kind", "pieces", "parameter"]
 
@@ -176,7 +177,7 @@ def _interval(of_channels, rng, draws):
     return np.quantile(np.divide(*of_channels[:, drawn].sum(axis=2)), [0.025, 0.975])
 
 
-def overdispersion(pairs, *, fitted="adis16405-1", draws=DRAWS, seed=SEED):
+def overdispersion(pairs, *, draws=DRAWS, seed=SEED):
     """Fit the factor that intervals lack on one unit, and judge it on the other logs.
 
     The factor is the root mean square of z (the Birge ratio): 1 where the intervals are right.
@@ -185,8 +186,6 @@ def overdispersion(pairs, *, fitted="adis16405-1", draws=DRAWS, seed=SEED):
     ----------
     pairs : DataFrame
         As `pairs` gives them.
-    fitted : str
-        The log whose pairs give the factor.
     draws, seed : int
 
     Returns
@@ -197,7 +196,7 @@ def overdispersion(pairs, *, fitted="adis16405-1", draws=DRAWS, seed=SEED):
         widened_low, widened_high.
     """
     rng, rows = np.random.default_rng(seed), []
-    own = pairs["log"] == fitted
+    own = pairs["log"] == FITTED
     for (kind, parameter), of_fit in pairs[own].groupby(["kind", "parameter"], sort=False):
         if parameter not in OVERDISPERSED:
             continue

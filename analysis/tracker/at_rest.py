@@ -219,8 +219,6 @@ class LowPass:
     ----------
     lengths : tuple of int
         Sizes of the three buffers.
-    gap_s : float
-        Without a fix, and without an IMU that sees no motion: longer, and the rest may be another.
     jump_m : float
         From the output: fixes that lie farther, `JUMP_FIXES` in a row, are of another place.
         Infinite: never.
@@ -250,11 +248,12 @@ class LowPass:
     # Not printed. At 1 Hz the layers change every 30 s, 15 min and 45 min. A second layer much
     # shorter follows a drift out of the circle that holds 95 % of the fixes (notebook 32).
     lengths = (30, 30, 3)
-    gap_s = 60.0
     jump_m = 50.0
+    # Without a fix, and without an IMU that sees no motion: after longer the rest may be another.
+    gap_s = 60.0  # s
 
-    def __init__(self, lengths=lengths, gap_s=gap_s, jump_m=jump_m):
-        self.lengths, self.gap_s, self.jump_m = lengths, gap_s, jump_m
+    def __init__(self, lengths=lengths, jump_m=jump_m):
+        self.lengths, self.jump_m = lengths, jump_m
         self.reset()
 
     def reset(self):

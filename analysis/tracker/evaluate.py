@@ -18,6 +18,7 @@ from analysis.tracker.scenarios import Scenario, scenario
 
 SLOWEST = 2.0  # m/s, speed under which the regression leaves an epoch out
 WINDOW_S = 2.0  # s that the statistics of rest look back
+FASTEST_STOP = 3.0  # m/s, above which an outage begins, once the mounting angle is known
 BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
 
 
@@ -334,7 +335,6 @@ def bridged(
     *,
     lengths: Sequence[float] = (10.0, 30.0, 60.0),
     every_s: float = 15.0,
-    fastest_stop: float = 3.0,
 ) -> pd.DataFrame:
     """Take the fixes away again and again, and see where each way of bridging ends.
 
@@ -349,8 +349,6 @@ def bridged(
         Of the outages, s.
     every_s : float
         Between two starts, s.
-    fastest_stop : float
-        Outages begin above this speed, m/s, once the mounting angle is known.
 
     Returns
     -------
@@ -370,7 +368,7 @@ def bridged(
                 _without_fixes(since, epoch, given, lengths, name, found)
             steps = [s for s in steps if epoch.t_s - s[1].t_s < max(lengths)]
             known = device.mounting.mount is not None and device.fusion.started
-            fast = row["accepted"] and epoch.speed > fastest_stop
+            fast = row["accepted"] and epoch.speed > FASTEST_STOP
             if known and fast and epoch.t_s - last >= every_s:
                 last = epoch.t_s
                 steps.append((copy.deepcopy(device), epoch))
