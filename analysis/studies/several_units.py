@@ -173,9 +173,7 @@ def car_attitude():
     for angle in ("roll", "pitch", "yaw"):
         whole = np.unwrap(raw[angle].to_numpy(float), period=360)
         angles[f"{angle}_deg"] = wrap(np.interp(angles["t_s"], t, whole)).round(2)
-    rate = np.degrees(log.imu.gyro_b[:, 2])
-    angle = np.concatenate([[0.0], np.cumsum(rate[1:] * np.diff(t))])
-    angles["gyro_z_deg"] = np.interp(angles["t_s"], t, angle).round(2)
+    angles["gyro_z_deg"] = np.interp(angles["t_s"], t, _turned(log.imu)).round(2)
     out = replay(log, ONLY_ATTITUDE).columns
     gnss = {"t_s": log.gnss.t_s.round(2), "speed_m_s": log.gnss.speed_m_s.round(2)}
     gnss |= {"course_deg": log.gnss.course_deg.round(2)}
@@ -197,12 +195,10 @@ def car_roof():
     log = rides.read("car-roof")
     gnss, imu = log.gnss, log.imu
     out = replay(Timeline(gnss, imu), ONLY_ATTITUDE).columns
-    turned = np.cumsum(np.degrees(imu.gyro_b[1:, 2]) * np.diff(imu.t_s))
-    angle = np.concatenate([[0.0], turned])
     ride = {"t_s": gnss.t_s.round(2), "speed_m_s": gnss.speed_m_s.round(2)}
     ride |= {"course_deg": gnss.course_deg.round(2)}
     ride |= {f"own_{k}": out[k].round(2) for k in ("roll_deg", "pitch_deg", "yaw_deg")}
-    ride |= {"gyro_z_deg": np.interp(gnss.t_s, imu.t_s, angle).round(2)}
+    ride |= {"gyro_z_deg": np.interp(gnss.t_s, imu.t_s, _turned(imu)).round(2)}
     return _source("car with an IMU on its roof and RTK, 549 s", *rides.ROOF), {
         "ride": pd.DataFrame(ride)
     }
@@ -323,13 +319,18 @@ def aerobatic():
         there = np.interp(epochs, parts["ATT"]["TimeMS"] / 1000, whole)
         table[f"{angle}_deg"] = wrap(there).round(1)
         table[f"own_{angle}_deg"] = out[f"{angle}_deg"].round(1)
-    turned = np.concatenate([[0.0], np.cumsum(np.degrees(gyro[1:, 2]) * np.diff(t))])
-    table["gyro_z_deg"] = np.interp(epochs, t, turned).round(1)
+    table["gyro_z_deg"] = np.interp(epochs, t, _turned(Imu(t, gyro, accel))).round(1)
     table["load_g"] = np.interp(epochs, t, -accel[:, 2] / STANDARD_GRAVITY).round(2)
     low = np.abs(accel[:, 2]) < 0.3 * STANDARD_GRAVITY
     source = _source("fixed-wing UAV, 613 s of aerobatics", file)
     source["near_zero_g_s"] = round(float(np.sum(low[1:] * np.diff(t))), 1)
     return source, {"flight": pd.DataFrame(table)}
+
+
+def _turned(imu):
+    """Sum the rate about the sensor's z axis: deg, one a sample."""
+    steps = np.degrees(imu.gyro_b[1:, 2]) * np.diff(imu.t_s)
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _mat(file):
