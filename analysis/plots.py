@@ -20,7 +20,7 @@ from analysis.noise.added_terms import adev_of_signal
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
 from analysis.noise.models import FLICKER, adev_of_terms
-from analysis.terrain.monte_carlo import quantiles
+from analysis.terrain.monte_carlo import ErrorPlane, quantiles
 from analysis.units.side_by_side import Comparison, Pair
 
 __all__ = [
@@ -374,21 +374,14 @@ def curves(
 
 
 def plane(
-    ax: Axes,
-    arw: np.ndarray,
-    sigma_b: np.ndarray,
-    error: np.ndarray,
-    levels: Sequence[float],
-    span: tuple[float, float],
+    ax: Axes, of: ErrorPlane, levels: Sequence[float], span: tuple[float, float]
 ) -> QuadContourSet:
     """Draw an error over the N-B plane, with a contour line for each level inside it.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
-    arw, sigma_b : ndarray, shape (points,)
-        The grid of the plane, evenly spaced in logarithm, deg/sqrt(s) and deg/s.
-    error : ndarray, shape (len(sigma_b), len(arw)), m
+    of : ErrorPlane
     levels : sequence of float, m
     span : pair of float, m
         Smallest and largest error of the colours, the same for panels that are to be compared.
@@ -398,65 +391,65 @@ def plane(
     matplotlib.contour.QuadContourSet
         For a colour bar.
     """
-    shown, steps = np.log10(error), np.linspace(*np.log10(span), 13)
+    of = of.finer()
+    shown, steps = np.log10(of.error), np.linspace(*np.log10(span), 13)
     ax.set(xscale="log", yscale="log", xlabel=AXIS["N"], ylabel=AXIS["B"])
     ax.label_outer()
     colors = {"cmap": "viridis_r", "alpha": 0.6, "extend": "both"}
-    filled = ax.contourf(arw, sigma_b, shown, levels=steps, **colors)
+    filled = ax.contourf(of.arw, of.sigma_b, shown, levels=steps, **colors)
     for level in levels:
-        if error.min() < level < error.max():
+        if of.error.min() < level < of.error.max():
             at = np.log10(level)
-            line = ax.contour(arw, sigma_b, shown, [at], colors="k", linewidths=1, linestyles="-")
+            drawn = {"colors": "k", "linewidths": 1, "linestyles": "-"}
+            line = ax.contour(of.arw, of.sigma_b, shown, [at], **drawn)
             line.set_label(f"_level {level:g} m")
-            place = _crossing(arw, sigma_b, shown, at)
+            place = _crossing(of.arw, of.sigma_b, shown, at)
             ax.clabel(line, fmt={at: f"{level:g} m"}, fontsize=7, manual=[place])
     return filled
 
 
 def _crossing(arw, sigma_b, shown, level):
-    """Find where a level crosses the second column of the plane, or else its second row.
+    """Find where a level crosses a column near the left edge of the plane, or else a low row.
 
-    There, at the left or lower edge, no sensor lies under the label.
+    There no sensor lies under the label.
     """
-    column, row = shown[:, 1], shown[1]
+    i, j = len(arw) // 12, len(sigma_b) // 16
+    column, row = shown[:, i], shown[j]
     if column[-1] > level:
         at = np.interp(level, np.maximum.accumulate(column), np.log10(sigma_b))
-        return arw[1], 10**at
-    return 10 ** np.interp(level, np.maximum.accumulate(row), np.log10(arw)), sigma_b[1]
+        return arw[i], 10**at
+    return 10 ** np.interp(level, np.maximum.accumulate(row), np.log10(arw)), sigma_b[j]
 
 
-def sensors(ax: Axes, table: pd.DataFrame, own: Sequence[tuple[str, float, float]]) -> None:
-    """Mark numbered sensors on the N-B plane, filled where a price is known, and measured ones.
+def sensors(ax: Axes, table: pd.DataFrame) -> None:
+    """Mark sensors on the N-B plane: stars were measured, numbered discs are data sheets.
 
-    Numbers that would cover each other are moved apart, a line leading to the place.
+    A line leads from a data sheet to what was measured of the same part. Numbers that would cover
+    each other are moved apart.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
     table : pandas.DataFrame
-        Of `analysis.terrain.sensor_table`.
-    own : sequence of (label, arw, sigma_b)
-        Sensors with a ``model.json``, drawn as stars.
+        Of `analysis.store.sensors`; its ``name`` twice where a part was measured.
     """
-    measured = pd.DataFrame(own, columns=["name", "arw", "bias"])
-    every = pd.concat([table[["name", "arw", "bias"]], measured], ignore_index=True)
-    priced, colors = table["price"].notna().to_numpy(), cycle("rmb")
-    at = _apart(every["arw"], every["bias"], APART)
-    for i, (name, n, b) in enumerate(every.itertuples(index=False)):
-        listed = i < len(table)
-        color = "k" if listed else next(colors)
-        line = {"color": color, "lw": 0.5, "zorder": 3, "label": f"_{name}, line to its mark"}
-        ax.plot([n, at[i, 0]], [b, at[i, 1]], **line)
-        if listed:
-            face, ink = ("k", "w") if priced[i] else ("w", "k")
-            mark = {"ms": 8, "mfc": face, "mec": "k", "mew": 0.6, "ls": "none", "zorder": 3}
-            ax.plot(n, b, "k.", ms=2.5, zorder=3, label=f"_{name}")
-            ax.plot(*at[i], "o", label=f"{i + 1}  {name}", **mark)
-            middle = {"ha": "center", "va": "center_baseline"}
-            ax.text(*at[i], i + 1, color=ink, fontsize=5.5, zorder=4, **middle)
-        else:
-            mark = {"ms": 10, "mfc": "w", "mec": color, "mew": 1.2, "ls": "none", "zorder": 5}
-            ax.plot(*at[i], "*", label=name, **mark)
+    sheets = table[table["basis"] == "data sheet"]
+    at = _apart(sheets["arw"], sheets["bias"], APART)
+    by_name = {of["name"]: of for of in sheets.to_dict("records")}
+    for i, (of, place) in enumerate(zip(sheets.to_dict("records"), at, strict=True), start=1):
+        color = "C0" if of["price"] > 0 else "0.45"
+        ax.plot(of["arw"], of["bias"], ".", color=color, ms=2.5, label=f"_{of['name']}")
+        mark = {"ms": 8, "mfc": "w", "mec": color, "mew": 1.0, "ls": "none", "zorder": 3}
+        ax.plot(*place, "o", label=f"{i}  {of['name']}", **mark)
+        middle = {"ha": "center", "va": "center_baseline", "fontsize": 5.5, "zorder": 4}
+        ax.text(*place, i, color=color, **middle)
+    stars = table[table["basis"] != "data sheet"].to_dict("records")
+    for of, color in zip(stars, cycle(("C3", "C4", "C1"))):
+        if sheet := by_name.get(of["name"]):
+            ends = [sheet["arw"], of["arw"]], [sheet["bias"], of["bias"]]
+            ax.plot(*ends, color=color, lw=1, label=f"_{of['name']}, from its data sheet")
+        mark = {"ms": 10, "mfc": color, "mec": "k", "mew": 0.5, "ls": "none", "zorder": 5}
+        ax.plot(of["arw"], of["bias"], "*", label=f"{of['name']}, measured", **mark)
 
 
 def _apart(x, y, least):
@@ -508,6 +501,7 @@ def against_price(
     for label, x, y in zip(sensors["label"], middle, mean.iloc[0], strict=True):
         axes[0].annotate(label, (x, y), (5, 6), textcoords="offset points", fontsize=6)
     axes[0].axhline(1, color="0.5", ls="--", lw=0.7, label="1 m")
+    axes[0].margins(y=0.12)
     line = np.geomspace(low.min() / 1.5, 1.2 * high.max(), 50)
     band = np.quantile(draws["A"][:, None] * line ** -draws["b"][:, None], [0.025, 0.975], axis=0)
     axes[1].fill_between(line, *band, color="C1", alpha=0.2, lw=0, label="eq (7), 95 % of draws")

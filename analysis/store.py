@@ -43,6 +43,7 @@ from analysis.noise.disturbances import (
 )
 from analysis.terrain import AttitudeMap, IsoRoad, terrain_map
 from analysis.terrain.antennas import AntennaMounting
+from analysis.terrain.assumptions import Sensor
 from analysis.terrain.centre_line import CentreLine
 from analysis.terrain.monte_carlo import ErrorPlane
 from analysis.terrain.open_choices import JudgedReadings, ReadingStudy, Roads
@@ -67,8 +68,8 @@ __all__ = [
     "profile",
     "published",
     "read",
-    "read_model",
     "readings",
+    "sensors",
     "static_log",
     "tracks",
 ]
@@ -88,6 +89,8 @@ SIZES = {  # unit of a gyro in deg/s, of an accelerometer in m/s^2
 }
 VERTICAL = ("down", "up", "height", "altitude", "z")
 SHORTEST, LEAST_SAMPLES, MOST = 10.0, 64, 3  # s and samples of a stretch that is named, how many
+MEASURED = {"adis16405": "adis16405", "mpu6050": "mpu6050-gyro"}  # part -> its static log
+PITCH_GYRO = "gyro_y"
 CURVES = ("allan", "allan_line_removed")  # of a channel: as recorded, without the straight line
 ALLAN = ("tau_s", "deviation", "low", "high", "edf")  # names of an `AllanCurve`'s series
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen
@@ -267,26 +270,45 @@ def before_and_after(name: str | Path) -> pd.DataFrame:
     return before.merge(after, "left", keys, suffixes=("_before", ""))
 
 
-def error_plane(tracker: str, corr_time: float | None = None) -> ErrorPlane:
-    """Read the tracking error over N and B, from data/derived/atlas or error-surface.
+def error_plane(
+    tracker: str,
+    corr_time: float | None = None,
+    *,
+    start: str | None = None,
+    on: str = "exact map",
+) -> ErrorPlane:
+    """Read the tracking error over N and B, from data/derived.
 
     Parameters
     ----------
     tracker : str
         ``paper`` or ``bias states``, which lets the filter estimate the bias of the gyro too. With
         a `corr_time` ``integrated``, ``on attitude`` or ``bias states``: what becomes of the noise.
+        With a `start` ``R tuned``, the paper's filter with its best R, or ``bias states``.
     corr_time : float, optional
-        20, 60, 200, 600 or 2000 s, of the bias.
+        20, 60, 200, 600 or 2000 s, of the bias (error-surface).
+    start : {"stationary", "turn-on"}, optional
+        Of the bias (inverse-design).
+    on : {"exact map", "measured map error"}
+        With a `start`.
     """
-    if corr_time is None:
-        stored = read("atlas")
-        table = stored.tables["plane"].query("tracker == @tracker")
-        return _plane(table, stored.source["readings"][tracker])
-    table = read("error-surface").tables["surface"]
-    for column, level in (("tracker", tracker), ("corr_time_s", corr_time)):
+    levels: dict[str, object]
+    if start is not None:
+        levels = {"tracker": tracker, "start": start, "map": on}
+        table = read("inverse-design").tables["plane"]
+        words = f"{tracker}, {start} bias, {on}, T_c = 200 s"
+    elif corr_time is not None:
+        levels = {"tracker": tracker, "corr_time_s": corr_time}
+        table = read("error-surface").tables["surface"]
+        words = f"noise {tracker}, T_c = {corr_time:g} s, one R, on the test track"
+    else:
+        stored, levels = read("atlas"), {"tracker": tracker}
+        table = stored.tables["plane"]
+        words = stored.source["readings"].get(tracker, "")
+    for column, level in levels.items():
         _check(level, list(table[column].unique()), column)
-    words = f"noise {tracker}, T_c = {corr_time:g} s, one R, on the test track"
-    return _plane(table.query("tracker == @tracker and corr_time_s == @corr_time"), words)
+        table = table[table[column] == level]
+    return _plane(table, words)
 
 
 def _plane(table, reading):
@@ -306,6 +328,33 @@ def published(name: str) -> pd.DataFrame:
         A CSV of data/published, without its suffix.
     """
     return pd.read_csv(DATA / "published" / f"{name}.csv", comment="#")
+
+
+def sensors() -> pd.DataFrame:
+    """Lay out ``data/sensors.toml`` in the paper's units; a part that was measured comes first.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each sensor: the entry, ``arw`` (deg/sqrt(s)), ``bias`` (deg/s), ``low`` and
+        ``high`` of the price and ``price``, its geometric middle (USD; NaN where not traced);
+        ``basis``, *data sheet* or *measured*: pitch gyros of `MEASURED`, by their logs, have the
+        price of their part, and ``bound`` where the log only bounds B. A measured part's label
+        ends in " measured".
+    """
+    table = pd.DataFrame(data_sheets()).T.assign(basis="data sheet", bound=False)
+    density = table["arw_deg_sqrt_h"] / 60
+    table["arw"] = density.where(density.notna(), table["density_deg_s"]).astype(float)
+    table["bias"] = table["bias_deg_h"].astype(float) / 3600
+    prices = [p if isinstance(p, list) else [np.nan, np.nan] for p in table["price_usd"]]
+    table["low"], table["high"] = np.array(prices, dtype=float).T
+    table["price"] = np.sqrt(table["low"] * table["high"])
+    measured = table.loc[[*MEASURED]].assign(basis="measured", table_3=np.nan)
+    for key, log in MEASURED.items():
+        sensor, bound = Sensor.from_model(read_model(log), PITCH_GYRO)
+        measured.loc[key, ["arw", "bias", "bound"]] = sensor.arw, sensor.sigma_b, bound
+    measured["source"] = [f"data/derived/{log}" for log in MEASURED.values()]
+    return pd.concat([measured.rename(index="{} measured".format), table])
 
 
 # Readings of the terrain paper
@@ -329,14 +378,12 @@ def roads() -> Roads:
     maps = {"track": profile("ccw").attitude_map(("pitch", "roll"))}
     maps |= {"I-99": AttitudeMap(0.0, 0.5, of_i99)}
     maps |= {f"ISO {c}": AttitudeMap(0.0, 0.5, iso(c, HILLS_DEG)) for c in "AC"}
-    listed = data_sheets()
-    priced = {key: entry for key, entry in listed.items() if "table_3" in entry}
-    order = sorted(priced, key=lambda key: np.prod(priced[key]["price_usd"]))
+    priced = sensors().query("table_3.notna()").sort_values("price")
     table = published("terrain-table-3").set_index("sensor")
-    sensors = {key: tuple(table.loc[priced[key]["table_3"]]) for key in order}
-    prices = np.array([priced[key]["price_usd"] for key in order], dtype=float)
+    of_paper = {key: tuple(table.loc[name]) for key, name in priced["table_3"].items()}
+    prices = priced[["low", "high"]].to_numpy()
     claims = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")[["low", "high"]]
-    return Roads(maps, sensors, prices, claims)
+    return Roads(maps, of_paper, prices, claims)
 
 
 def data_sheets(path: Path = DATA / "sensors.toml") -> dict[str, dict]:

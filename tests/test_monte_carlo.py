@@ -143,6 +143,71 @@ def test_reach():
     assert reach.tolist() == pytest.approx([95.05, 9.505])
 
 
+def test_resampled_reach():
+    """property: the sample first; no spread among equal laps; a lap more often moves it."""
+    error = np.random.default_rng(3).standard_normal((1, 40, 50))
+    error[0, -1] *= 30
+    found = monte_carlo.Laps(("a",), None, None, error, None, None)
+    drawn = found.reaches(200, np.random.default_rng(4))["a"]
+    assert drawn[0] == pytest.approx(found.reach()["a"], rel=0.01)  # without interpolation
+    assert drawn.max() > 2 * drawn.min()
+    same = monte_carlo.Laps(("a",), None, None, np.repeat(error[:, :1], 9, axis=1), None, None)
+    assert np.ptp(same.reaches(20, np.random.default_rng(4))["a"]) == 0
+
+
+def test_parts_of_the_map_error():
+    """analytic: variances add up, an endless part stays, a first part is the same alone."""
+    setup = replace(reading(), drawn_map_error=((0.3, 8.0), (0.4, np.inf)))
+    streams = np.random.SeedSequence(SEED).spawn(300)
+    both = monte_carlo.map_errors(setup, (1, 200), streams)[0]
+    first = replace(setup, drawn_map_error=setup.drawn_map_error[:1])
+    alone = monte_carlo.map_errors(first, (1, 200), streams)[0]
+    np.testing.assert_allclose(both - alone, (both - alone)[:1].repeat(200, axis=0), atol=1e-12)
+    assert both.std() == pytest.approx(0.5, rel=0.15)  # 300 draws of the larger part: 4 %
+    assert both[-1].var() / both[0].var() == pytest.approx(1.0, abs=0.5)
+
+
+def test_the_filter_with_bias_states_expects_the_turn_on():
+    """coverage: its NEES is near 1 with the constant that it is told of, and far off without."""
+    setup = reading(bias_states=True, R=0.01, start="turn-on")
+    sensors = {"gyro": Sensor(0.001, 0.05)}
+    found = laps(setup, runs=40, sensors=sensors, map_error=0.1)
+    assert found.nees()["gyro"] < 1.5 and found.rms()["gyro"] < 0.5
+    streams = np.random.SeedSequence(SEED).spawn(40)
+    first, moved = monte_carlo.odometry(setup, streams)
+    paths = monte_carlo.attitude_errors(setup, 1, streams, setup.samples)
+    true = road().at(setup.truth)
+    told_zero = replace(setup, start="zero")
+    wrong = monte_carlo.follow(road(), setup.truth, true, first, moved, paths, sensors, told_zero)
+    assert wrong.nees()["gyro"] > 5
+
+
+def plane(error):
+    """Lay an error out over a grid of N and B."""
+    axes = np.geomspace(0.01, 1, 7), np.geomspace(0.001, 1, 9)
+    n, b = np.meshgrid(*axes)
+    return monte_carlo.ErrorPlane("", *axes, error(n, b), 0 * n, error(n, b) / 2, 2 * error(n, b))
+
+
+def test_what_a_precision_allows():
+    """analytic: error = 3 N + B; half and twice of it at the ends; beyond the grid inf, else 0."""
+    of = plane(lambda n, b: 3 * n + 0 * b)
+    found = of.allowed("N", 0.6)
+    assert (found.value, found.low, found.high) == pytest.approx((0.2, 0.1, 0.4))
+    assert of.allowed("N", 9.0).value == np.inf and of.allowed("N", 0.02).value == 0
+    assert of.allowed("B", 0.6).value == np.inf
+    fine = of.finer(4)
+    assert fine.error == pytest.approx(np.tile(3 * fine.arw, (33, 1)))
+
+
+def test_a_gyro_beyond_the_plane():
+    """property: worse than the grid: no number; better: the best of the grid."""
+    of = plane(lambda n, b: 3 * n + b)
+    for sensor in (Sensor(1.1, 0.1), Sensor(0.1, 1.1)):
+        assert of.of(sensor)[0] == np.inf and np.isnan(of.of(sensor)[1])
+    assert of.of(Sensor(0.0, 0.0))[0] == pytest.approx(of.error[0, 0])
+
+
 def test_white_noise_of_the_map_is_added():
     """property: a map error of no size changes nothing, another is a noise on every reading."""
     exact = laps(reading(R=0.01), sensors=PERFECT)

@@ -56,7 +56,7 @@ def test_noise_on_the_attitude_is_white_at_every_rate():
 
 @pytest.mark.parametrize("channels", [1, 2])
 @pytest.mark.parametrize(
-    "changes", [{}, {"every": 3}, {"span": 500.0, "drawn_map_error": (0.1, 9)}]
+    "changes", [{}, {"every": 3}, {"span": 500.0, "drawn_map_error": ((0.1, 9),)}]
 )
 def test_compiled_filter_equals_numpy(channels, changes):
     """cross-check: the same laps to the bit, since a lap that is lost magnifies any rounding."""

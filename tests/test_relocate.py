@@ -1,11 +1,20 @@
 """A filter that lost its place on the map: the alarm, and the way back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis import store
+from analysis.studies import surveys
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.relocate import averaged_map, likelihood, watch, watch_real_laps
+from analysis.terrain.relocate import (
+    averaged_map,
+    likelihood,
+    watch,
+    watch_long_drives,
+    watch_real_laps,
+)
 from analysis.terrain.terrain_map import AttitudeMap
 
 LAP = "14-45-26"
@@ -55,5 +64,44 @@ def test_readings_of_no_place_move_nothing(drive):
     found = watch(road, nonsense, moved, truth[0], MEMS, setup)
     assert not found.alarms and not found.lost.any()
     gone = watch(road, np.full((1, 601), np.nan), moved, truth[0], MEMS, setup)
-    np.testing.assert_allclose(gone.position, truth, atol=1e-9)
+    np.testing.assert_allclose(gone.position[:, 0], truth, atol=1e-9)
     assert not gone.alarms
+
+
+def test_drives_together_are_as_alone(drive):
+    """cross-check: two drives, one of which loses its place, against each by itself."""
+    road, setup, truth, moved = drive
+    slipped = moved.copy()
+    slipped[100:160] = 0.0
+    readings = np.repeat(road.at(truth)[:, :, None], 2, axis=2)
+    both = watch(road, readings, np.array([moved, slipped]).T, truth[[0, 0]], MEMS, setup)
+    for d, own in enumerate((moved, slipped)):
+        alone = watch(road, road.at(truth), own, truth[0], MEMS, setup)
+        np.testing.assert_allclose(both.position[:, d], alone.position[:, 0], atol=1e-9)
+        assert [k for e, k in both.alarms if e == d] == [k for _, k in alone.alarms]
+    assert {d for d, _ in both.alarms} == {1} and not both.lost[-1].any()
+
+
+def test_a_vehicle_that_reverses_keeps_its_place(drive):
+    """property: 40 m back, then on: no alarm, and the end is known."""
+    road, setup, _, moved = drive
+    moved[300:340] = -1.0
+    truth = 400.0 + np.cumsum(moved)
+    found = watch(road, road.at(truth), moved, truth[0], MEMS, setup)
+    assert not found.alarms and abs(found.position[-1, 0] - truth[-1]) < 1
+
+
+def test_a_long_drive_on_a_good_map_and_on_none():
+    """property: a slip is found on I-99; a map error above the terrain is as good as no map."""
+    road, surveyed, setup = surveys.long_drive((0, 0))
+    setup = replace(setup, length=12_000.0)
+    options = {"drives": 2, "seed": 7, "slips": [(3000.0, 100.0)], "within": 300.0}
+    table, alarms, watched = watch_long_drives(road, surveyed, setup, MEMS, **options)
+    assert (table["found"] >= 1).all() and (table["end_m"] < 15).all()
+    assert (alarms["away_s"] > 0).all() and (alarms.groupby("drive")["off_m"].max() > 90).all()
+    assert table["lost"].to_numpy() == pytest.approx(watched.lost.mean(axis=0))
+    none = replace(setup, drawn_map_error=((20.0, 50.0),), map_error=(20.0, 50.0))
+    table, alarms, watched = watch_long_drives(road, surveyed, none, MEMS, **options)
+    assert len(alarms) == 0
+    assert np.abs(watched.position - watched.odometry).max() < 15
+    assert table["p95_m"].to_numpy() == pytest.approx(table["p95_wheels_m"].to_numpy(), rel=0.1)

@@ -13,7 +13,7 @@ from analysis.studies import derived
 
 SIMULATED = {
     "coverage", "hat-coverage", "ensembles", "robustness", "power", "benchmark", "device",
-    "readings", "error-surface", "sweeps",
+    "readings", "error-surface", "sweeps", "inverse-design", "long-run",
 }  # fmt: skip
 OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}

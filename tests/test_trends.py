@@ -8,16 +8,16 @@ import pandas as pd
 import pytest
 from scipy.stats import linregress
 
-from analysis import DATA, CannotAnswer, Estimate, store
-from analysis.terrain.assumptions import Sensor, sensor_table
+from analysis import DATA, CannotAnswer, Estimate, WrongUsage, store
+from analysis.terrain.assumptions import Sensor
 from analysis.terrain.monte_carlo import resample
 from analysis.terrain.trends import (
     PowerLaw,
     Trend,
     _share_of_square,
+    cheapest,
     draw_prices,
     fit_trend,
-    largest_allowed,
 )
 
 SEED = 20112
@@ -106,15 +106,32 @@ def test_sensor_list_is_whole():
 
 def test_units_of_the_sensor_list():
     """published: 2.0 deg/sqrt(h) and 46.8 deg/h are 0.033 deg/sqrt(s) and 0.013 deg/s (Table 2)."""
-    table = sensor_table(SENSORS)
+    table = store.sensors()
     adis = table.loc["adis16367", ["arw", "bias"]].tolist()
     assert adis == pytest.approx((0.0333, 0.013), abs=5e-5)
     assert table.loc["mpu6050", "arw"] == 0.005
-    traced = table["low"].notna()
-    assert set(table.index[traced]) == {k for k, s in SENSORS.items() if "price_usd" in s}
-    assert (table["price"] ** 2)[traced].tolist() == pytest.approx(
-        (table["low"] * table["high"])[traced].tolist()
+    sheets = table[table["basis"] == "data sheet"]
+    assert [*sheets.index] == [*SENSORS]
+    traced = sheets["low"].notna()
+    assert set(sheets.index[traced]) == {k for k, s in SENSORS.items() if "price_usd" in s}
+    assert (sheets["price"] ** 2)[traced].tolist() == pytest.approx(
+        (sheets["low"] * sheets["high"])[traced].tolist()
     )
+
+
+def test_measured_parts_come_first_with_the_price_of_their_part():
+    """property: N and B of the log, price and name of the part; the stored errors are of these."""
+    table = store.sensors()
+    measured = table[table["basis"] == "measured"]
+    assert [*table.index[: len(measured)]] == [*measured.index]
+    sensor, _ = Sensor.from_model(store.read_model("mpu6050-gyro"), "gyro_y")
+    own, sheet = table.loc["mpu6050 measured"], table.loc["mpu6050"]
+    assert (own["arw"], own["bias"]) == sensor[:2]
+    assert own[["name", "price"]].tolist() == sheet[["name", "price"]].tolist()
+    stored = store.read("inverse-design").tables["parts"]
+    for _, of in stored.groupby(["tracker", "start", "map"]):
+        assert of["part"].tolist() == [*table.index]
+        assert of["arw_deg_sqrt_s"].to_numpy() == pytest.approx(table["arw"].to_numpy(), rel=1e-3)
 
 
 def test_own_sensor_from_its_model():
@@ -134,12 +151,18 @@ def test_own_sensor_from_its_model():
         Sensor.from_model(model, "gyro_y")
 
 
-def test_allowed_coefficient():
-    """analytic: on reach = 3 B the largest B for 0.6 m is 0.2; beyond the grid inf; None below."""
-    grid = np.geomspace(0.01, 1, 7)
-    assert largest_allowed(grid, 3 * grid, 0.6) == pytest.approx(0.2)
-    assert largest_allowed(grid, 3 * grid, 9.0) == np.inf
-    assert largest_allowed(grid, 3 * grid, 0.02) is None
+def test_the_cheapest_part_that_is_good_enough():
+    """analytic: a price from 5 to 50 is below one from 1 to 10 in half of the draws in 5 to 10."""
+    rng, ranges = np.random.default_rng(9), [[1, 10], [5, 50]]
+    shares = cheapest(np.tile([0.1, 0.1], (20_000, 1)), ranges, 0.2, rng)
+    assert shares[1] == pytest.approx(np.log10(2) ** 2 / 2, abs=0.006)  # four standard errors
+    reach = np.array([[0.3, 0.1], [0.1, 0.1], [0.3, 0.3], [0.3, np.inf]])
+    assert cheapest(reach, [[1, 2], [3, 4]], 0.2, rng).tolist() == [0.25, 0.25, 0.5]
+    for bad in ([[0, 10]], [[20, 10]]):
+        with pytest.raises(WrongUsage, match="above zero"):
+            cheapest(np.ones((3, 1)), bad, 2.0, rng)
+        with pytest.raises(WrongUsage, match="above zero"):
+            draw_prices(bad, 10, rng)
 
 
 def test_the_share_of_a_square_and_its_open_side():

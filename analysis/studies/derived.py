@@ -16,6 +16,8 @@ MAKERS = {
     store.HIGHWAY: surveys.highway,
     "atlas": surveys.atlas,
     "error-surface": surveys.surface,
+    "inverse-design": surveys.inverse_design,
+    "long-run": surveys.long_run,
     "sweeps": surveys.sweeps,
     "adis16405-units": repeatability.units,
     "tracker-parked": rides.parked,

@@ -1,20 +1,30 @@
-"""Makes the roads and the sensors of data/derived: psu-test-track, psu-highway (I-99), atlas."""
+"""Makes the roads and the sensors of data/derived, and what tracking on these roads gives."""
 
 import importlib.util
 from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
+from scipy.spatial import cKDTree
 
 from analysis import STANDARD_GRAVITY, store
 from analysis.logs import datasets, road_logs
 from analysis.store import HIGHWAY, TRACK, rounded, rounded_number
 from analysis.studies.cells import compute
-from analysis.terrain import Sensor, Setup, antennas, centre_line, simulate_laps, terrain_map
+from analysis.terrain import (
+    AttitudeMap,
+    Sensor,
+    Setup,
+    antennas,
+    centre_line,
+    simulate_laps,
+    terrain_map,
+)
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.monte_carlo import LOST_M, interval, resample
-from analysis.terrain.open_choices import LAP_M, STEP_M
-from analysis.terrain.real_laps import lay_on_line
+from analysis.terrain.open_choices import LAP_M, LEAST_R, STEP_M
+from analysis.terrain.real_laps import MapError, lay_on_line
+from analysis.terrain.relocate import watch_long_drives
 
 LAPS = {
     "ccw": ("14-45-26", "15-12-43", "15-53-44", "16-06-28"),
@@ -42,6 +52,21 @@ SWEEP_LAPS, SWEEP_BLOCK, SWEEP_RESAMPLES = 12_000, 500, 200
 ENSEMBLES, COVERAGE_DRAWS, COVERAGE_RESAMPLES = (300, 1200, 4200), 400, 500
 R_TIMES = (0.5, 1.0, 2.0, 4.0, 10.0, 30.0)  # R over the R of notebooks 21 to 23
 HIGHWAY_WIDTH = 5.0  # m, standard deviation of the Gaussian that smooths the highway
+TRACKERS, STARTS = ("R tuned", "bias states"), ("stationary", "turn-on")
+ON_MAPS = ("exact map", "measured map error")
+R_TRIED, R_LAPS = np.geomspace(0.01, 100, 9), 100  # over the variance of a reading; to choose R on
+INVERSE_LAPS, INVERSE_RESAMPLES = 200, 200
+LONG_GYROS = {"MEMS": Sensor(0.01, 0.01), "tactical": Sensor(0.001, 0.0001)}  # of Fig 7
+LONG_SPEED, LONG_STEP, LANES_M = 28.0, 10.0, 60.0  # m/s, m, and m between lanes of one road
+LONG_DRIVES, WITHIN = 12, 500.0  # drives; m from its position in which a place is searched
+SLIPS = tuple((km * 1000.0, 100.0) for km in (10, 25, 40, 55))  # wheels stop counting for 100 m
+LONG_MAPS = {  # years that the map is old, and years that the filter expects
+    "new": (0, 0),
+    "10 years old": (10, 0),
+    "30 years old": (30, 0),
+    "30 years old, as expected": (30, 30),
+    "of the other lanes": None,
+}
 
 
 def test_track():
@@ -230,9 +255,11 @@ def surface():
                 compiled=compiled and not setup.bias_states,
             )
             reach, lost, rms = laps.reach(), laps.lost().mean(), laps.rms()
-            ends = laps.reach_interval(SURFACE_RESAMPLES, np.random.default_rng(SEED))
+            drawn = laps.reaches(SURFACE_RESAMPLES, np.random.default_rng(SEED))
+            ends = {at: interval(drawn[at], skewed=True) for at in sensors}
             rows += [
-                (tracker, corr_time, *at, reach[at], *ends[at], rms[at], lost[at]) for at in sensors
+                (tracker, corr_time, *at, reach[at], ends[at].low, ends[at].high, rms[at], lost[at])
+                for at in sensors
             ]
     columns = ["tracker", "corr_time_s", "arw_deg_sqrt_s", "sigma_b_deg_s"]
     columns += ["error_m", "error_low_m", "error_high_m", "rms_m", "laps_lost"]
@@ -363,6 +390,177 @@ def _in_words(setup):
         f" standard deviation of a Gauss–Markov bias with T_c = {setup.corr_time:g} s that starts"
         f" at {setup.start}; R = {setup.R:.2g} deg²"
     )
+
+
+def inverse_design():
+    """Lay out the error over N and B, and of each part, with R tuned or with bias states.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``plane``, see `analysis.store.error_plane`; ``parts``, the same for each of
+        `analysis.store.sensors`; ``resamples``, the error (m) of each part in the
+        sample and in each resample of the laps.
+    """
+    items = [(tracker, start, on) for tracker in TRACKERS for start in STARTS for on in ON_MAPS]
+    found = dict(compute(_inverse, items))
+    names = "plane", "parts", "resamples"
+    tables = dict(zip(names, zip(*(found[k] for k in range(len(items))), strict=True), strict=True))
+    source = {
+        "title": "Tracking error over N and B, and of each part, for the inverse design",
+        "seed": SEED,
+        "laps": INVERSE_LAPS,
+        "laps_to_choose_R": R_LAPS,
+        "R_tried": R_TRIED.tolist(),
+        "map_error": asdict(store.map_error()),
+        "setup": inverse_setup(*items[0]).stated(),
+    }
+    return source, {name: rounded(pd.concat(of), 4) for name, of in tables.items()}
+
+
+def inverse_setup(tracker: str, start: str, on: str) -> Setup:
+    """Give the setup of one reading of the inverse design, see `inverse_design`.
+
+    The measured map error is that between laps and maps of the test track
+    (`analysis.store.map_error`); it is drawn for each lap. The filter with bias states expects it.
+    """
+    track, error = store.profile(DIRECTION), store.map_error()
+    bias_states = tracker == "bias states"
+    laps = float(track.laps.mean())
+    R = float((track.pitch_se_deg**2).mean()) if bias_states else None
+    setup = Setup(track.length_m, start=start, R=R, bias_states=bias_states).coarser(STEP_M)
+    if on == "exact map":
+        return setup
+    setup = replace(setup, drawn_map_error=error.parts(laps))
+    return error.setup(setup, laps) if bias_states else setup
+
+
+def _inverse(item):
+    """Track every gyro of the plane, and every part, in one reading of the inverse design."""
+    tracker, start, on = item
+    setup, rng = inverse_setup(*item), np.random.default_rng(SEED)
+    parts = store.sensors()[["arw", "bias"]]
+    sensors = {(n, b): Sensor(n, b) for b in PLANE_B[::2] for n in PLANE_N[::2]}
+    sensors |= {key: Sensor(*of) for key, of in parts.iterrows()}
+    options = {"store_every": setup.seconds / 100}
+    road = store.profile(DIRECTION).attitude_map()
+    if tracker == "R tuned":
+        options["compiled"] = importlib.util.find_spec("numba") is not None
+        tried = {
+            (label, t): s._replace(R=t * _variance(s, setup))
+            for label, s in sensors.items()
+            for t in R_TRIED
+        }
+        laps = simulate_laps(road, tried, setup, runs=R_LAPS, seed=SEED + 1, **options)
+        reach = laps.reach().to_numpy().reshape(len(sensors), -1)
+        best = R_TRIED[reach.argmin(axis=1)]
+        sensors = {k: tried[k, t] for k, t in zip(sensors, best, strict=True)}
+    laps = simulate_laps(road, sensors, setup, runs=INVERSE_LAPS, seed=SEED, **options)
+    reach = laps.reaches(INVERSE_RESAMPLES, rng)
+    ends = [interval(reach[label], skewed=True) for label in sensors]
+    reading = {"tracker": tracker, "start": start, "map": on}
+    table = pd.DataFrame(
+        {
+            "R_deg2": [setup.R if s.R is None else s.R for s in sensors.values()],
+            "error_m": [e.value for e in ends],
+            "error_low_m": [e.low for e in ends],
+            "error_high_m": [e.high for e in ends],
+            "laps_lost": laps.lost().mean().to_numpy(),
+        }
+    ).assign(**reading)
+    on_grid = len(sensors) - len(parts)
+    table["part"] = [""] * on_grid + [*parts.index]
+    table[["arw_deg_sqrt_s", "sigma_b_deg_s"]] = [s[:2] for s in sensors.values()]
+    resamples = reach[[*parts.index]].assign(**reading)
+    return table[:on_grid].drop(columns="part"), table[on_grid:], resamples
+
+
+def _variance(sensor, setup):
+    """Variance of a reading, averaged over the lap: that of the gyro and that of the map."""
+    of_map = sum(sd**2 for sd, _ in setup.drawn_map_error or ())
+    return max(setup.own_R(sensor) + of_map, LEAST_R)
+
+
+def long_run():
+    """Drive the 69 km of I-99 without GNSS, on a new map, an old one, and one of the other lanes.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``drives`` and ``alarms`` of `analysis.terrain.relocate.watch_long_drives`.
+    """
+    items = [(name, gyro) for name in LONG_MAPS for gyro in LONG_GYROS]
+    found = dict(compute(_long_run, items))
+    tables = {
+        name: rounded(pd.concat([found[k][j] for k in range(len(items))]), 4)
+        for j, name in enumerate(("drives", "alarms"))
+    }
+    source = {
+        "title": "Interstate 99 driven without GNSS: places lost and found again",
+        "seed": SEED,
+        "drives": LONG_DRIVES,
+        "slips_m": [list(slip) for slip in SLIPS],
+        "within_m": WITHIN,
+        "gyros": {name: list(gyro[:2]) for name, gyro in LONG_GYROS.items()},
+        "setups": {n: long_drive(ages)[2].stated() for n, ages in LONG_MAPS.items()},
+    }
+    return source, tables
+
+
+def long_drive(ages: tuple[float, float] | None) -> tuple[AttitudeMap, AttitudeMap, Setup]:
+    """Give what `watch_long_drives` needs of I-99: to State College, 28 m/s.
+
+    The vehicle differs from the road as the van from its maps (`analysis.store.map_error`).
+
+    Parameters
+    ----------
+    ages : (float, float) or None
+        Years that the map of the road is old, and years that the filter expects. None: the map is
+        that of the lanes in the other direction, and the filter expects what these differ by where
+        the height of neither survey was levelled.
+
+    Returns
+    -------
+    road, surveyed : AttitudeMap
+    setup : Setup
+        The bias starts stationary. A reading every 10 m, twice the step of the survey.
+    """
+    drive, of_van = store.highway("to-state-college"), store.map_error()
+    step, end = drive.s_m[1], drive.s_m[-1]
+    road = AttitudeMap(0.0, step, drive.grade_deg[None])
+    setup = Setup(end - 2 * step, begin=step, speed=LONG_SPEED, rate_hz=LONG_SPEED / LONG_STEP)
+    parts = of_van.aged(ages[0] if ages else 0.0).parts(1)
+    setup = replace(setup, start="stationary", drawn_map_error=parts)
+    if ages:
+        return road, road, of_van.aged(ages[1]).setup(setup, 1)
+    back = store.highway("to-altoona")
+    here, there = (np.column_stack([d.east_m, d.north_m]) for d in (drive, back))
+    apart, near = cKDTree(there).query(here)
+    beside = apart < LANES_M
+    grade = np.interp(drive.s_m, drive.s_m[beside], -back.grade_deg[near[beside]])
+    good = beside & ~drive.levelled & ~back.levelled[near]
+    differ = np.where(good, drive.grade_deg - grade, np.nan)
+    quarters = (np.array_split(v, 4) for v in (drive.s_m, differ))
+    lanes = MapError.estimate([*zip(*quarters, strict=True)])
+    (offset, _), (slow, _), (fast, length) = parts
+    offset, slow = np.hypot(offset, lanes.offset_sd), np.hypot(slow, lanes.slow_sd)
+    both = MapError(float(offset), float(slow), lanes.slow_length_m, fast, length, lanes.laps)
+    return road, AttitudeMap(0.0, step, grade[None]), both.setup(setup, np.inf)
+
+
+def _long_run(item):
+    """Watch the drives of one gyro on one map."""
+    name, gyro = item
+    drive, options = long_drive(LONG_MAPS[name]), {"slips": SLIPS, "within": WITHIN}
+    drives, alarms, _ = watch_long_drives(
+        *drive, LONG_GYROS[gyro], drives=LONG_DRIVES, seed=SEED, **options
+    )
+    drives = drives.rename_axis("drive").reset_index()
+    return [t.assign(map=name, gyro=gyro) for t in (drives, alarms)]
 
 
 def sensors():

@@ -4,11 +4,11 @@ A vehicle measures its pitch or roll and compares it with a map of the road. The
 is the names below.
 """
 
-from analysis.terrain.assumptions import Sensor, Setup, attitude_variance, sensor_table, unit_paths
+from analysis.terrain.assumptions import Sensor, Setup, attitude_variance, unit_paths
 from analysis.terrain.monte_carlo import interval, share, simulate_laps
 from analysis.terrain.point_mass import compare_filters, cramer_rao_bound
 from analysis.terrain.real_laps import track_real_laps
-from analysis.terrain.relocate import watch_real_laps
+from analysis.terrain.relocate import watch_long_drives, watch_real_laps
 from analysis.terrain.roughness import IsoRoad, shared_spectrum
 from analysis.terrain.terrain_map import AttitudeMap, held_out
-from analysis.terrain.trends import PowerLaw, draw_prices, fit_trend, largest_allowed
+from analysis.terrain.trends import PowerLaw, cheapest, draw_prices, fit_trend

@@ -19,7 +19,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 from scipy.stats import qmc
@@ -84,30 +83,6 @@ class Sensor(NamedTuple):
         if scale is None or not arw.get("value") or not b:
             raise CannotAnswer(f"'{channel}' in {unit}: this log gives no N, or no bound of B")
         return cls(scale * arw["value"], scale * b), not bias.get("value")
-
-
-def sensor_table(entries: dict[str, dict]) -> pd.DataFrame:
-    """Lay out the entries of ``data/sensors.toml`` with N and B in the paper's units.
-
-    Parameters
-    ----------
-    entries : dict
-        Name to entry, as read from the file.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each sensor: the entry, ``arw`` (deg/sqrt(s)), ``bias`` (deg/s), ``low`` and
-        ``high`` of the price and ``price``, its geometric middle (USD; NaN where not traced).
-    """
-    table = pd.DataFrame(entries).T
-    density = table["arw_deg_sqrt_h"] / 60
-    table["arw"] = density.where(density.notna(), table["density_deg_s"]).astype(float)
-    table["bias"] = table["bias_deg_h"].astype(float) / 3600
-    prices = [p if isinstance(p, list) else [np.nan, np.nan] for p in table["price_usd"]]
-    table["low"], table["high"] = np.array(prices).T
-    table["price"] = np.sqrt(table["low"] * table["high"])
-    return table
 
 
 def unit_paths(
@@ -289,9 +264,10 @@ class Setup:
     span : float or None
         Laps begin at places spread evenly over this length of road less their own, m; None: all
         at `begin`.
-    drawn_map_error : tuple of float or None
-        Standard deviation (deg) and correlation length (m) of the error of the map in simulated
-        laps, drawn for each; None: the map is exact, but for white noise (`simulate_laps`).
+    drawn_map_error : tuple of (float, float), or None
+        Standard deviation (deg) and correlation length (m; ``inf`` stays for the lap) of each part
+        of the error of the map in simulated laps, drawn for each; None: the map is exact, but for
+        white noise (`simulate_laps`).
     bias_states : bool
         Let the filter estimate attitude error and rate bias too, which the paper rules out. R is
         then the variance of what is left: the map's error.
@@ -317,7 +293,7 @@ class Setup:
     high_pass: float | None = None
     difference: float | None = None
     span: float | None = None
-    drawn_map_error: tuple[float, float] | None = None
+    drawn_map_error: tuple[tuple[float, float], ...] | None = None
     bias_states: bool = False
     begin_attitude_sd: float = 0.05
     map_error: tuple[float, float] | None = None
@@ -464,7 +440,8 @@ class Setup:
 
     def stated(self) -> dict:
         """Give the attributes as plain numbers and words, for the provenance of a figure."""
-        return asdict(self) | {"R": self.R and round(self.R, 6)}
+        drawn = [(sd, x if np.isfinite(x) else "stays") for sd, x in self.drawn_map_error or ()]
+        return asdict(self) | {"R": self.R and round(self.R, 6), "drawn_map_error": drawn or None}
 
     def in_words(self) -> dict[str, dict[str, str]]:
         """State the reference reading: what the paper leaves open, what is chosen here, and why.

@@ -129,7 +129,7 @@ class Reading:
             odometry_scale=self.odometry_times * usual.odometry_scale,
             begin_sd=self.begin_sd_m,
             span=LAP_M,
-            drawn_map_error=(self.map_error_deg, MAP_ERROR_M) if self.map_error_deg else None,
+            drawn_map_error=((self.map_error_deg, MAP_ERROR_M),) if self.map_error_deg else None,
             high_pass=number if kind == "high-pass" else None,
             difference=number if kind == "difference" else None,
         )

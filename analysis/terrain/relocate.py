@@ -16,17 +16,24 @@ odometry is exact by comparison. Where no place on the map explains the readings
 wrong with them, and neither alarm nor place can be trusted: nothing is done.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import cho_factor, cho_solve
+from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2
 
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.monte_carlo import advance, attitude_errors, filters_of
+from analysis.terrain.monte_carlo import (
+    LOST_M,
+    advance,
+    attitude_errors,
+    filters_of,
+    map_errors,
+    odometry,
+)
 from analysis.terrain.real_laps import Lap, MapError, resample_lap
 from analysis.terrain.terrain_map import AttitudeMap, Profile
 
@@ -42,43 +49,46 @@ DOUBT = 1e-4  # weight near the filter's position below which the alarm is raise
 
 @dataclass(frozen=True)
 class Watched:
-    """One drive with an alarm.
+    """Drives with an alarm.
 
     Attributes
     ----------
-    position : ndarray, shape (samples,), m
-    lost : ndarray of bool, shape (samples,)
+    position, odometry : ndarray, shape (samples, drives), m
+        By the filter and its searches, and by the odometry alone.
+    lost : ndarray of bool, shape (samples, drives)
         From an alarm until the place was found again.
-    alarms, found : list of int
-        Samples at which the alarm was raised, and at which the place was found again.
+    alarms, found : list of (int, int)
+        Drive and sample at which the alarm was raised, and at which the place was found again.
     """
 
     position: np.ndarray
+    odometry: np.ndarray
     lost: np.ndarray
-    alarms: list[int]
-    found: list[int]
+    alarms: list[tuple[int, int]]
+    found: list[tuple[int, int]]
 
 
 def watch(
     attitude_map: AttitudeMap,
     readings: np.ndarray,
     moved: np.ndarray,
-    first: float,
+    first: ArrayLike,
     sensor: Sensor,
     setup: Setup,
     places: tuple[float, float] | None = None,
+    within: float = np.inf,
 ) -> Watched:
-    """Track one drive; raise an alarm where the readings disagree, and find the place again.
+    """Track drives; raise an alarm where the readings disagree, and find the place again.
 
     Parameters
     ----------
     attitude_map : AttitudeMap
-    readings : ndarray, shape (channels, samples), deg
+    readings : ndarray, shape (channels, samples) or (channels, samples, drives), deg
         At ``setup.rate_hz``; NaN where there is none.
-    moved : ndarray, shape (samples,), m
+    moved : ndarray, shape (samples,) or (samples, drives), m
         By odometry since the sample before.
-    first : float
-        Where the drive begins, m; known to ``setup.begin_sd``.
+    first : float or ndarray, shape (drives,)
+        Where a drive begins, m; known to ``setup.begin_sd``.
     sensor : Sensor
     setup : Setup
         With bias states, and the error of the map (`MapError.setup`): a filter that is too sure
@@ -86,55 +96,62 @@ def watch(
     places : tuple of float, optional
         Between which positions to search, m; the whole map by default. A closed map has every
         place twice, so it needs them.
+    within : float, optional
+        How far from the present position to search, m.
 
     Returns
     -------
     Watched
     """
-    every = setup.every
-    at = np.arange(every, len(moved), every)
-    steps = np.diff(np.cumsum(moved)[np.append(0, at)])
-    readings = np.reshape(readings, (attitude_map.channels, -1))
+    every, first = setup.every, np.atleast_1d(np.asarray(first, dtype=float))
+    drives = len(first)
+    driven = np.cumsum(moved.reshape(len(moved), -1) + np.zeros(drives), axis=0)
+    at = np.arange(every, len(driven), every)
+    steps = np.diff(driven[np.append(0, at)], axis=0)
+    readings = np.reshape(readings, (attitude_map.channels, len(driven), -1))
     z = readings[:, at]
     places = places or (attitude_map.start, attitude_map.end)
     arw, sigma_b = (np.array([[value]]) for value in (sensor.arw, sensor.sigma_b))
     R = setup.R if sensor.R is None else sensor.R
     found_again = replace(setup, begin_sd=APART, start="stationary")
-    ukf, Q = filters_of(attitude_map, setup, arw, sigma_b, np.array([first]))
+    ukf, Q = filters_of(attitude_map, setup, arw, sigma_b, first)
     averaged = averaged_map(attitude_map)
-    position, lost = np.full(len(moved), float(first)), np.zeros(len(moved), dtype=bool)
-    driven = np.cumsum(moved)
-    alarms: list[int] = []
-    found: list[int] = []
-    is_lost, waited, begun = False, WAIT - WINDOW, np.inf
+    position, lost = np.tile(first, (len(driven), 1)), np.zeros(driven.shape, dtype=bool)
+    is_lost, begun = np.zeros(drives, dtype=bool), np.full(drives, np.inf)
+    waited = np.full(drives, WAIT - WINDOW)
+    alarms: list[tuple[int, int]] = []
+    found: list[tuple[int, int]] = []
     for k, step in enumerate(steps):
-        read = z[:, k, None, None] if np.isfinite(z[:, k]).all() else None
+        read = z[:, k, None] if np.isfinite(z[:, k]).all() else None
         advance(ukf, setup, step, Q, read, R)
-        here = position[at[k] - every] + step if is_lost else ukf.x[0].item()
-        waited += abs(step)
-        if waited >= WAIT:
-            waited, now = 0.0, slice(0, at[k] + 1)
+        here = np.where(is_lost, position[at[k] - every] + step, ukf.x[0, 0])
+        waited += np.abs(step)
+        for d in np.flatnonzero(waited >= WAIT):
+            waited[d], now = 0.0, slice(0, at[k] + 1)
+            around = max(places[0], here[d] - within), min(places[1], here[d] + within)
             place, weight, explained = likelihood(
-                averaged, readings[:, now], driven[now], sensor, setup, places
+                averaged, readings[:, now, d], driven[now, d], sensor, setup, around
             )
             likely = place[weight.argmax()]
-            near, best = (weight[np.abs(place - of) < SAME].sum() for of in (here, likely))
-            if not is_lost and near < DOUBT and explained > EXPLAINED:
-                is_lost = True
-                alarms.append(int(at[k]))
+            near, best = (weight[np.abs(place - of) < SAME].sum() for of in (here[d], likely))
+            if not is_lost[d] and near < DOUBT and explained > EXPLAINED:
+                is_lost[d] = True
+                alarms.append((int(d), int(at[k])))
             # Where the drive would have begun: the same place twice in a row.
-            before, begun = begun, likely - driven[at[k]]
-            sure = best > SURE and explained > EXPLAINED and abs(begun - before) < SAME
-            if is_lost and sure:
-                is_lost, here = False, likely
+            before, begun[d] = begun[d], likely - driven[at[k], d]
+            sure = best > SURE and explained > EXPLAINED and abs(begun[d] - before) < SAME
+            if is_lost[d] and sure:
+                is_lost[d], here[d] = False, likely
                 drift = setup.drift_sd(sensor, at[k] / setup.rate_hz)
                 known = float(np.hypot(setup.begin_attitude_sd, drift))
                 again = replace(found_again, begin_attitude_sd=known)
-                ukf, Q = filters_of(attitude_map, again, arw, sigma_b, np.array([here]))
-                found.append(int(at[k]))
+                fresh, _ = filters_of(attitude_map, again, arw, sigma_b, here[d : d + 1])
+                ukf.x[..., d], ukf.P[..., d] = fresh.x[..., 0], fresh.P[..., 0]
+                found.append((int(d), int(at[k])))
         position[at[k]], lost[at[k]] = here, is_lost
-    last = np.arange(len(moved)) // every * every
-    return Watched(position[last] + driven - driven[last], lost[last], alarms, found)
+    last = np.arange(len(driven)) // every * every
+    position = position[last] + driven - driven[last]
+    return Watched(position, first + driven, lost[last], alarms, found)
 
 
 def averaged_map(attitude_map: AttitudeMap) -> AttitudeMap:
@@ -168,14 +185,13 @@ def likelihood(averaged, readings, driven, sensor, setup, places):
     """
     begin = int(np.searchsorted(driven, driven[-1] - WINDOW))
     back, z = driven[begin:] - driven[-1], readings[:, begin:]
-    number = ((driven[begin:] - driven[begin]) // STRETCH).astype(int)
+    number = ((driven[begin:] - driven[begin:].min()) // STRETCH).astype(int)  # it may reverse
     usable = np.isfinite(z).all(axis=0)
-    count = np.bincount(number[usable], minlength=number[-1] + 1)
+    count = np.bincount(number[usable])
     kept = np.flatnonzero(count)
 
     def means(values):
-        sums = np.bincount(number[usable], values[usable], minlength=number[-1] + 1)
-        return sums[kept] / count[kept]
+        return np.bincount(number[usable], values[usable])[kept] / count[kept]
 
     t, s = means(np.arange(len(back)) / setup.rate_hz), means(back)
     before = setup.drift_sd(sensor, begin / setup.rate_hz) ** 2
@@ -188,13 +204,13 @@ def likelihood(averaged, readings, driven, sensor, setup, places):
         + sd**2 * np.exp(-np.abs(np.subtract.outer(s, s)) / length)
         + np.diag((setup.R if sensor.R is None else sensor.R) * setup.every / count[kept])
     )
-    root = cho_factor(C, lower=True)
+    inverse = np.linalg.inv(C)
     place = np.arange(*places, APART)
     of_map = averaged.at(place[:, None] + s)
     square = np.zeros(len(place))
     for channel, read in zip(of_map, z, strict=True):
         off = means(read) - channel
-        square += (off * cho_solve(root, off.T).T).sum(axis=1)
+        square += ((off @ inverse) * off).sum(axis=1)
     weight = np.exp(-0.5 * (square - square.min()))
     return place, weight / weight.sum(), chi2.sf(square.min(), len(z) * len(kept))
 
@@ -276,7 +292,7 @@ def watch_real_laps(
         for name, change in DISTURBANCES.items():
             driven, seen, first = change(truth, moved, attitude, truth[0])
             found = watch(profile.attitude_map(), seen + gyro, driven, first, sensor, own, places)
-            off = np.abs(found.position - truth)
+            off = np.abs(found.position[:, 0] - truth)
             rows[name, label] = {
                 "alarms": len(found.alarms),
                 "found": len(found.found),
@@ -284,3 +300,83 @@ def watch_real_laps(
                 "end_m": off[-1],
             }
     return pd.DataFrame(rows).T
+
+
+def watch_long_drives(
+    road: AttitudeMap,
+    surveyed: AttitudeMap,
+    setup: Setup,
+    sensor: Sensor,
+    *,
+    drives: int,
+    seed: int,
+    slips: Sequence[tuple[float, float]] = (),
+    within: float = np.inf,
+) -> tuple[pd.DataFrame, pd.DataFrame, Watched]:
+    """Simulate drives along a road without GNSS, and watch them.
+
+    Parameters
+    ----------
+    road, surveyed : AttitudeMap
+        The road as it is, and its map.
+    setup : Setup
+        ``drawn_map_error`` is by how much the attitude of the vehicle differs from that of the
+        road, ``map_error`` what the filter expects.
+    sensor : Sensor
+    drives : int
+    seed : int
+        Drive k draws from the k-th stream spawned from it.
+    slips : sequence of (float, float)
+        Where wheels stop counting, and for how many metres.
+    within : float, optional
+        As for `watch`.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+        A row for each drive: ``alarms``; ``false``, those with an error of less than `LOST_M`;
+        ``found``; ``lost``, share of the road between alarm and place; ``unnoticed``, share of the
+        road that is more than `LOST_M` off without an alarm; ``p50_m``, ``p95_m`` and ``end_m`` of
+        the error, ``p95_wheels_m`` of the odometry alone, and ``p95_tracked_m`` where no alarm is.
+    alarms : pandas.DataFrame
+        A row for each: ``drive``, ``at_m``, ``off_m`` (error then), ``away_s`` and ``away_m`` until
+        the place was found (NaN: never), ``after_m`` (error then).
+    watched : Watched
+    """
+    streams = np.random.SeedSequence(seed).spawn(drives)
+    first, moved = odometry(setup, streams)
+    truth = setup.truth
+    for at, metres in slips:
+        begin = np.searchsorted(truth, at)
+        moved[begin : np.searchsorted(truth, at + metres)] = 0.0
+    walk, bias = attitude_errors(setup, road.channels, streams, len(truth))
+    seen = (sensor.arw * walk + sensor.sigma_b * bias).transpose(1, 0, 2)
+    seen += road.at(truth)[..., None]
+    if setup.drawn_map_error:
+        seen += map_errors(setup, seen.shape[:2], streams)
+    watched = watch(surveyed, seen, moved, first, sensor, setup, within=within)
+    off = np.abs(watched.position - truth[:, None])
+    rows = []
+    for d, k in watched.alarms:
+        again = next((j for e, j in watched.found if e == d and j > k), None)
+        rows.append({"drive": d, "at_m": truth[k], "off_m": off[k, d]})
+        if again is not None:
+            rows[-1] |= {"away_s": (again - k) / setup.rate_hz, "away_m": truth[again] - truth[k]}
+            rows[-1]["after_m"] = off[again, d]
+    columns = ["drive", "at_m", "off_m", "away_s", "away_m", "after_m"]
+    alarms = pd.DataFrame(rows, columns=columns)
+    in_all, lost = alarms.groupby("drive"), watched.lost
+    alone = np.abs(watched.odometry - truth[:, None])
+    table = pd.DataFrame(
+        {
+            "alarms": in_all.size(),
+            "false": alarms[alarms["off_m"] < LOST_M].groupby("drive").size(),
+            "found": in_all["away_s"].count(),
+        },
+        index=range(drives),
+    ).fillna(0)
+    table["lost"], table["unnoticed"] = lost.mean(axis=0), ((off > LOST_M) & ~lost).mean(axis=0)
+    table["p50_m"], table["p95_m"] = np.quantile(off, [0.5, 0.95], axis=0)
+    table["p95_tracked_m"] = np.nanquantile(np.where(lost, np.nan, off), 0.95, axis=0)
+    table["p95_wheels_m"], table["end_m"] = np.quantile(alone, 0.95, axis=0), off[-1]
+    return table, alarms, watched

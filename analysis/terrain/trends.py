@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import chi2, linregress
 from scipy.stats import t as student
 
-from analysis import CannotAnswer, Estimate
+from analysis import CannotAnswer, Estimate, WrongUsage
 from analysis.terrain.monte_carlo import interval
 
 ATTEMPTS = 1000  # to draw rising prices before giving up
@@ -203,38 +203,55 @@ def draw_prices(ranges: ArrayLike, draws: int, rng: np.random.Generator) -> np.n
     ------
     CannotAnswer
         If the ranges hardly allow this order.
+    WrongUsage
+        If a price is not above zero, or a range is upside down.
     """
-    low, high = np.log(np.asarray(ranges, dtype=float)).T
-    kept = []
+    logarithms, kept = _logarithms(ranges), []
     for _ in range(ATTEMPTS):
-        prices = np.exp(rng.uniform(low, high, size=(draws, len(low))))
+        prices = _draw(logarithms, draws, rng)
         kept.append(prices[(np.diff(prices, axis=1) > 0).all(axis=1)])
         if sum(map(len, kept)) >= draws:
             return np.concatenate(kept)[:draws]
     raise CannotAnswer("the price ranges hardly ever give the sensors rising prices")
 
 
-def largest_allowed(coefficient: np.ndarray, reach: np.ndarray, wanted: float) -> float | None:
-    """Find the largest coefficient that keeps a precision, log-log between the points of a grid.
+def cheapest(
+    reach: ArrayLike, ranges: ArrayLike, wanted: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Count how often each part is the cheapest that keeps a precision.
 
     Parameters
     ----------
-    coefficient : ndarray, shape (n,)
-        Rising.
-    reach : ndarray, shape (n,), m
-        Error at each of them.
+    reach : array_like, shape (draws, parts), m
+        Error of each part, in resamples of the laps.
+    ranges : array_like, shape (parts, 2), USD
+        From which each draw takes a price, log-uniformly.
     wanted : float, m
+    rng : numpy.random.Generator
 
     Returns
     -------
-    float or None
-        Where `reach` first exceeds `wanted`; infinite if it never does; None if it does from the
-        start.
+    ndarray, shape (parts + 1,)
+        Share of the draws for each part, and last that in which none is good enough.
+
+    Raises
+    ------
+    WrongUsage
+        If a price is not above zero, or a range is upside down.
     """
-    over = np.flatnonzero(np.asarray(reach) > wanted)
-    if not len(over):
-        return np.inf
-    if over[0] == 0:
-        return None
-    near = slice(over[0] - 1, over[0] + 1)
-    return float(np.exp(np.interp(np.log(wanted), np.log(reach[near]), np.log(coefficient[near]))))
+    good = np.asarray(reach) <= wanted
+    prices = np.where(good, _draw(_logarithms(ranges), len(good), rng), np.inf)
+    best = np.where(good.any(axis=1), prices.argmin(axis=1), good.shape[1])
+    return np.bincount(best, minlength=good.shape[1] + 1) / len(good)
+
+
+def _logarithms(ranges):
+    """Take the logarithms of price ranges, shape (2, parts)."""
+    low, high = np.asarray(ranges, dtype=float).T
+    if not ((low > 0) & (high >= low)).all():
+        raise WrongUsage("a price is a range [low, high] in USD, above zero and rising")
+    return np.log([low, high])
+
+
+def _draw(logarithms, draws, rng):
+    return np.exp(rng.uniform(*logarithms, size=(draws, logarithms.shape[1])))
