@@ -561,9 +561,12 @@ def _shown(ax):
         yield "image", label, columns[listed], rows[listed], values.ravel()[listed]
     for container in ax.containers:
         if hasattr(container, "patches"):
-            boxes = [patch.get_bbox() for patch in container.patches]
-            x = np.array([(box.x0 + box.x1) / 2 for box in boxes])
-            yield "bars", name(container), x, *np.array([[box.y0, box.y1] for box in boxes]).T
+            x0, y0, x1, y1 = np.array([patch.get_bbox().extents for patch in container.patches]).T
+            if container.orientation == "horizontal":
+                ends = np.array([x0, x1]).T.ravel()
+                yield "bars", name(container), ends, np.repeat((y0 + y1) / 2, 2), np.nan
+            else:
+                yield "bars", name(container), (x0 + x1) / 2, y0, y1
 
 
 def _edges(path):

@@ -411,10 +411,13 @@ def test_bars_along_x():
     ax = axes()
     ax.hlines([3.0, 4.0], [1.0, 2.0], [5.0, 6.0], label="range")
     ax.vlines([7.0], [0.0], [1.0], label="upright")
+    ax.barh([0.0, 1.0], [2.0, 5.0], left=1.0, label="count")
     found = series(ax.figure)
     ends = [[1, 3, np.nan], [5, 3, np.nan], [2, 4, np.nan], [6, 4, np.nan]]
     np.testing.assert_array_equal(found["range"], ends)
     np.testing.assert_array_equal(found["upright"], [[7, 0, 1]])
+    ends = [[1, 0, np.nan], [3, 0, np.nan], [1, 1, np.nan], [6, 1, np.nan]]
+    np.testing.assert_array_equal(found["count"], ends)
 
 
 def test_contour_lines():
