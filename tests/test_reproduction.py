@@ -40,7 +40,9 @@ def test_same_numbers_and_verdicts(fresh):
 
 
 NO_NAME = re.compile(r"(panel|line|curve|data|series|points|child)?[ _]*\d*", re.IGNORECASE)
-NO_UNIT = re.compile(r"\(.+\)\S?$|/|\b(share|PDOP|autocorrelation|coherence|claims?|factor|cutoff)\b")
+NO_UNIT = re.compile(
+    r"\(.+\)\S?$|/|\b(share|PDOP|autocorrelation|coherence|claims?|factor|cutoff)\b"
+)
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
