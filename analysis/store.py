@@ -95,6 +95,7 @@ CURVES = ("allan", "allan_line_removed")  # of a channel: as recorded, without t
 ALLAN = ("tau_s", "deviation", "low", "high", "edf")  # names of an `AllanCurve`'s series
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen
 SEED = 20080505
+MANY = 10**6  # readings that give a gyro's offset
 AT_ONCE = 2  # channels; each has random numbers of its own, so their order does not matter
 
 
@@ -462,21 +463,23 @@ def static_part(log: Log) -> Log:
     Moving
         If there is no such stretch; with the flags ``--from`` and ``--to`` of shorter ones.
     """
-    axes: dict[str, list[np.ndarray]] = {"rate": [], "accel": []}
-    for c in log.channels:
-        if c.unit in SIZES and log.used is None:
-            values = c.values if SIZES[c.unit] == 1 else SIZES[c.unit] * c.values
-            axes[c.kind].append(values)
+
+    def axes(kind):
+        """Axes of one kind in deg/s or m/s^2, one after the other: a long log fills the memory."""
+        for c in log.channels:
+            if c.unit in SIZES and c.kind == kind and log.used is None:
+                yield c.values if SIZES[c.unit] == 1 else SIZES[c.unit] * c.values
+
     horizontal = [
         c.values for c in log.channels if c.kind == "position" and c.name.lower() not in VERTICAL
     ]
-    if any(axes.values()):
-        stretches = static_stretches(axes["rate"], axes["accel"], log.dt)
+    if log.used is None and any(c.unit in SIZES for c in log.channels):
+        stretches = static_stretches(axes("rate"), axes("accel"), log.dt)
     elif horizontal and log.used is None:
         stretches = standing_stretches(horizontal, log.dt)
     else:
         return log
-    offset = float(np.linalg.norm([np.nanmedian(y) for y in axes["rate"]]))
+    offset = float(np.linalg.norm([np.nanmedian(y[:: 1 + len(y) // MANY]) for y in axes("rate")]))
     longest = max(stretches, key=lambda s: s[1] - s[0], default=(0.0, 0.0))
     if longest[1] - longest[0] < log.duration_s / 2:
         raise _moving(log, stretches, offset)

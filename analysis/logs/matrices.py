@@ -23,6 +23,7 @@ from analysis.logs.delimited import Table, open_bytes
 from analysis.logs.tables import AXES, Part, of_arrays, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
+AT_ONCE = 1 << 16  # rows of a Parquet file
 
 
 def parquet(path: Path) -> list[Part]:
@@ -43,22 +44,22 @@ def parquet(path: Path) -> list[Part]:
         _check_size(path, rows, len(taken))
         columns: dict[str, np.ndarray] = {}
         with reading(path, "a Parquet file"):
-            for one in taken:  # one by one: the packed column goes before the next one comes
+            for one in taken:  # one by one, in pieces: hardly anything is held twice
                 if pa.types.is_nested(one.type) or pa.types.is_dictionary(one.type):
                     continue
-                column = file.read(columns=[one.name], use_threads=True).column(0)
-                if pa.types.is_timestamp(one.type):
-                    column = column.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())
-                elif pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type):
-                    column = column.cast(pa.float64() if one.type.bit_width > 1 else pa.int8())
-                elif not (pa.types.is_floating(one.type) or pa.types.is_integer(one.type)):
-                    columns[names[one.name]] = np.asarray(column.to_pylist(), dtype=object)
-                    continue
-                values = np.empty(len(column))
-                at = 0
-                for chunk in column.chunks:
-                    piece = chunk.to_numpy(zero_copy_only=False)
-                    values[at : at + len(piece)] = piece
+                number = pa.types.is_floating(one.type) or pa.types.is_integer(one.type)
+                number |= pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type)
+                number |= pa.types.is_timestamp(one.type)
+                values, at = np.empty(rows, dtype=float if number else object), 0
+                for batch in file.iter_batches(AT_ONCE, columns=[one.name]):
+                    piece = batch.column(0)
+                    if pa.types.is_timestamp(one.type):
+                        piece = piece.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())
+                    elif pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type):
+                        piece = piece.cast(pa.float64() if one.type.bit_width > 1 else pa.int8())
+                    values[at : at + len(piece)] = (
+                        piece.to_numpy(zero_copy_only=False) if number else piece.to_pylist()
+                    )
                     at += len(piece)
                 columns[names[one.name]] = values
         return Table(pd.DataFrame(columns, copy=False), path)

@@ -189,6 +189,7 @@ def read(
             f"{last}: the log ends after {grid.size} samples; a noise analysis needs at least "
             f"{SAMPLES_NEEDED}: give a longer log or stretch"
         )
+    first = 0 if rows.rows is None else rows.rows[0]
     return Log(
         name=name,
         title=stanza.get("title", path.name),
@@ -203,7 +204,7 @@ def read(
         source=stanza.get("source", "the reader's own log"),
         given=str(log),
         temperature=None if temperature is None else _filled(grid.place(temperature)),
-        start_s=float(rows.rows[0] / grid.rate_hz if t_s is None else np.nanmin(t_s)),
+        start_s=float(first / grid.rate_hz if t_s is None else np.nanmin(t_s)),
     )
 
 
@@ -246,8 +247,9 @@ def _stretch(table: Table, option: dict):
     start, stop = option.get("from", 0.0), option.get("to")
     if not (start >= 0 and (stop is None or stop > start)):
         raise WrongUsage(f"{file}: --from {start:g} --to {stop} is no stretch of time")
-    rows = np.arange(len(frame))
+    rows = None
     if option.keys() & {"from", "to"}:
+        rows = np.arange(len(frame))
         at = rows / rate if t_s is None else t_s
         inside = ~(at < start) & ~(at >= (np.inf if stop is None else stop))
         if not inside.any():

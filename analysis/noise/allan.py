@@ -25,7 +25,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
-BLOCK = 1 << 14  # samples handled at once: three such arrays stay inside a core's cache
+BLOCK = 1 << 15  # samples handled at once: a few such arrays stay inside a core's cache
 FULL = 0.5  # least share of its samples that a mean needs
 TAIL = 0.025  # probability beyond each end of a 95 % interval
 STRIDE = 16  # lags evaluated per half-length of a second difference
@@ -127,7 +127,7 @@ def with_and_without_line(
     share = np.ones(len(m))
     if valid.all():
         phase = _running_sum(residual)
-        removed = np.array([_second_differences(phase, k) for k in m])
+        removed = _second_differences(phase, m)
         recorded = removed + bend * _mean_second_differences(phase, m) + (bend * m) ** 2 / 2
     else:
         removed, share = _with_holes(residual, valid, m)
@@ -165,26 +165,28 @@ def overlapped_variance(y, m):
     ndarray, shape (k,), U^2
         NaN where the log is shorter than two means.
     """
-    phase = _running_sum(y)
-    return np.array([_second_differences(phase, k) for k in m])
+    return _second_differences(_running_sum(y), np.asarray(m))
 
 
 def _running_sum(y):
-    return _sums(y - np.mean(y)) if len(y) else np.zeros(1)
+    return _sums(y, np.mean(y)) if len(y) else np.zeros(1)
 
 
-def _sums(y):
-    """Sum of none, one, two ... values, in place: a long log fills the memory."""
+def _sums(y, level=0.0):
+    """Sum of none, one, two ... values less a level, in place: a long log fills the memory."""
     sums = np.zeros(len(y) + 1)
-    np.cumsum(y, out=sums[1:])
-    return sums
+    np.subtract(y, level, out=sums[1:])
+    return np.cumsum(sums, out=sums)
 
 
 def _mean_second_differences(phase, m):
     """Mean second difference of a running sum, from the sums of its three stretches."""
-    total = _sums(phase)
     terms = len(phase) - 2 * m
-    first, middle, last = (total[k * m + terms] - total[k * m] for k in range(3))
+    ends = np.stack([np.arange(3)[:, None] * m, np.arange(3)[:, None] * m + terms])
+    edges, place = np.unique(ends, return_inverse=True)
+    parts = np.add.reduceat(phase, edges[:-1])
+    before, after = np.append(0.0, np.cumsum(parts))[place.reshape(ends.shape)]
+    first, middle, last = after - before
     return (first - 2 * middle + last) / terms
 
 
@@ -197,19 +199,21 @@ def _with_holes(y, valid, m):
 
 
 def _second_differences(phase, m):
-    """Allan variance from all overlapping second differences of the running sum."""
+    """Allan variances from all overlapping second differences of the running sum.
+
+    Block by block of their starts, so that short differences stay inside a core's cache.
+    """
     terms = len(phase) - 2 * m
-    if terms < 1:
-        return np.nan
-    total, room = 0.0, np.empty(min(BLOCK, terms))
-    for i in range(0, terms, BLOCK):
-        stop = min(i + BLOCK, terms)
-        middle, d = phase[i + m : stop + m], room[: stop - i]
-        np.subtract(phase[i + 2 * m : stop + 2 * m], middle, out=d)
-        d -= middle
-        d += phase[i:stop]
-        total += np.einsum("i,i->", d, d)  # not a BLAS product: on short blocks its threads spin
-    return total / (2 * terms * float(m) ** 2)
+    total, room = np.zeros(len(m)), np.empty(BLOCK)
+    for i in range(0, terms.max(initial=0), BLOCK):
+        for j in np.flatnonzero(terms > i):
+            k, stop = m[j], min(i + BLOCK, terms[j])
+            middle, d = phase[i + k : stop + k], room[: stop - i]
+            np.subtract(phase[i + 2 * k : stop + 2 * k], middle, out=d)
+            d -= middle
+            d += phase[i:stop]
+            total[j] += np.einsum("i,i->", d, d)  # not a BLAS product, whose threads spin
+    return np.where(terms > 0, total, np.nan) / (2.0 * np.maximum(terms, 1) * m**2.0)
 
 
 def _differences_of_partial_means(sums, m):
@@ -341,7 +345,13 @@ def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:
     t -= t.sum() / count
     if some:
         t = np.where(valid, t, 0.0)
-    mean, slope = known.sum() / count, (t * known).sum() / max((t * t).sum(), 1e-300)
+    mean, slope = known.sum() / count, _product(t, known) / max(_product(t, t), 1e-300)
     residual = y - mean
-    residual -= slope * t
+    t *= slope  # in place: a long log fills the memory
+    residual -= t
     return residual, Line(float(mean), float(slope))
+
+
+def _product(a, b):
+    """Scalar product, block by block."""
+    return sum(np.einsum("i,i->", a[k : k + BLOCK], b[k : k + BLOCK]) for k in range(0, len(a), BLOCK))

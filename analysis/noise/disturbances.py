@@ -5,8 +5,9 @@ practical size is refused, unless the disturbance is modelled as a term of its o
 interval by a stated amount (`adjusted`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -169,8 +170,9 @@ def spikes(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     marked = np.zeros(len(y), dtype=bool)
     there = np.flatnonzero(np.isfinite(y)) if np.isnan(y).any() else None
     step = np.diff(y if there is None else y[there])
-    size = np.median(np.abs(step)) / norm.ppf(0.75) if len(step) else 0.0
-    large = np.flatnonzero(np.abs(step) > FAR * size) if size > 0 else np.zeros(0, int)
+    size = np.median(np.abs(step), overwrite_input=True) / norm.ppf(0.75) if len(step) else 0.0
+    far = (step > FAR * size) | (step < -FAR * size)
+    large = np.flatnonzero(far) if size > 0 else np.zeros(0, int)
     runs = np.split(large, np.flatnonzero(np.diff(large) > BURST) + 1)
     # A spike returns; a shift does not.
     runs = [r for r in runs if len(r) and np.ptp(np.sign(step[r]))]
@@ -253,12 +255,13 @@ def increments(means, width):
     used = there[: 2 * PARTS**2 * k]
     pairs = means[: len(used)].reshape(PARTS, PARTS, k, 2)
     h = pairs[..., 1] - pairs[..., 0]
-    energy = np.mean(h**2, axis=(1, 2), keepdims=True)
+    energy = np.einsum("ijk,ijk->i", h, h)[:, None, None] / h[0].size
     level = np.mean(np.abs(h), axis=2)
     if level.min() == 0.0 or np.ptp(level, axis=1).max() <= EXACT * level.max():
         return None  # an output that is held, or a pattern
     edges = width * np.append(used[:: 2 * k], used[-1] + 1)
-    return Increments(h / np.sqrt(energy), float(energy.mean()), level, edges)
+    h /= np.sqrt(energy)
+    return Increments(h, float(energy.mean()), level, edges)
 
 
 def heavy_tails(part: Increments, affects: tuple[str, ...]) -> list[Disturbance]:
@@ -444,7 +447,8 @@ def oscillation(y: np.ndarray, dt: float) -> list[Disturbance]:
     list of Disturbance
         Empty, or one; none if the log is too short or too coarse.
     """
-    step = np.diff(y[np.isfinite(y)])
+    there = np.isfinite(y)
+    step = np.diff(y if there.all() else y[there])
     length = min(RESOLVED, len(step) // PERIODOGRAMS[0])
     held = np.count_nonzero(step) < HELD * len(step)
     if held or length < 8 * NEIGHBOURS:
@@ -464,7 +468,7 @@ def oscillation(y: np.ndarray, dt: float) -> list[Disturbance]:
 
 
 def static_stretches(
-    gyro_deg_s: Sequence[np.ndarray], accel_m_s2: Sequence[np.ndarray], dt: float
+    gyro_deg_s: Iterable[np.ndarray], accel_m_s2: Iterable[np.ndarray], dt: float
 ) -> list[tuple[float, float]]:
     """Find the stretches of a log in which the sensor lies still.
 
@@ -477,8 +481,8 @@ def static_stretches(
 
     Parameters
     ----------
-    gyro_deg_s, accel_m_s2 : sequence of ndarray, shape (n,)
-        One array an axis, NaN where a sample is missing; either sequence may be empty.
+    gyro_deg_s, accel_m_s2 : iterable of ndarray, shape (n,)
+        One array an axis, NaN where a sample is missing; either may be empty.
     dt : float, s
 
     Returns
@@ -486,21 +490,20 @@ def static_stretches(
     list of (float, float)
         Start and end, s from the first sample, in order.
     """
-    axes = [(y, GYRO) for y in gyro_deg_s] + [(y, ACCEL) for y in accel_m_s2]
-    n = len(axes[0][0])
-    m = max(FEWEST, round(1 / dt))
-    count = n // m
-    if not count:
-        return [(0.0, n * dt)]
-    sudden, slow, seen = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool), []
+    m, seen = max(FEWEST, round(1 / dt)), []
+    sudden = slow = np.zeros(1, dtype=bool)
+    axes = chain(((y, GYRO) for y in gyro_deg_s), ((y, ACCEL) for y in accel_m_s2))
     for y, limits in axes:
+        n, count = len(y), len(y) // m
+        if not count:
+            return [(0.0, n * dt)]
         mean, scatter = _windows(y[: count * m].reshape(count, m))
         noise = scatter / np.sqrt(m)
         departs = np.abs(mean - median_filter(mean, 9, mode="nearest"))
         medians = np.median(sliding_window_view(np.pad(mean, 5, mode="edge"), 5), axis=1)
         changes = np.abs(medians[6:] - medians[:count])  # of five windows before and after
-        sudden |= departs > np.maximum(limits.departs, NOISY * noise)
-        slow |= changes > np.maximum(limits.changes, NOISY * noise)
+        sudden = sudden | (departs > np.maximum(limits.departs, NOISY * noise))
+        slow = slow | (changes > np.maximum(limits.changes, NOISY * noise))
         sudden |= scatter > np.maximum(limits.shakes, LOUDER * np.percentile(scatter, 10))
         seen.append((limits, mean, noise, departs))
     moving = np.convolve(np.pad(sudden | slow, 2), np.ones(5), "valid") >= 2  # not one alone
