@@ -68,12 +68,11 @@ EXACT = 1e-9  # relative; means that vary less than that hold no noise
 ENDS = np.geomspace(4, 40, 12)  # time constants of a warm-up that ends in a log, in log lengths
 INSTEAD = "a warm-up without a drift describes the log as well"  # how its note says so
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
+SHARE = 0.8  # of the variance of a coefficient; where white noise has more, it rules
 MASKED = 0.3  # white noise of a mean, of the bias that hides it
 QUICK = 5e-4  # of the log; a gyro's slow noise has longer correlation times than so
-SELECTION = (
-    "so few that not every such log gives a value, and those that do tend to give one that is too"
-    " low"
-)
+SELECTION = "that not every such log gives a value, and those that do tend to give one that is too"
+NEAR = 0.3  # of a drift: from an end of its interval to zero, where 4 logs of 5 give a value
 SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
 # The model whose biases are tried with a drift: a bias below the white noise is taken for the
 # slowest, a random walk; a visible random walk may be a slow bias.
@@ -105,6 +104,8 @@ class Inference:
         The same at least, so that single missing samples leave no gap.
     misfit : float
         Largest relative disagreement of spectrum and model in the octaves at the top of the band.
+    lack : float
+        Of white noise in the means, relative: see `lost_in_means`.
     terms : tuple of AddedTerm
         Warm-up, step, sinusoid or temperature in the log, fitted with the noise.
     parameters : dict of Estimate
@@ -120,6 +121,7 @@ class Inference:
     averaged: int = 1
     fewest: int = 1
     misfit: float = 0.0
+    lack: float = 0.0
     terms: tuple[AddedTerm, ...] = ()
     parameters: dict[str, Estimate] = field(default_factory=dict)
     goodness: Test | None = None
@@ -225,9 +227,12 @@ class Inference:
         white = self.estimate(self.level_fit, "sigma_v", self.unit, note, f"{note}; {hidden}")
         if self.averaged == self.fewest or white.low is None or white.high is None:
             return white
+        raised = 1 + self.lack * (self.lack > AGREE / 2)
         ends = {"low": white.low * (1 - AGREE / 2), "high": white.high * (1 + AGREE / 2)}
         note = f"{white.note}; widened by {AGREE / 2:.1%} for what is left of the filter"
-        return replace(white, **ends, note=note)
+        if raised > 1:
+            note += f"; raised by {self.lack:.1%}: a filter takes noise out of neighbouring means"
+        return replace(white, **ends, note=note).scaled(raised, white.unit)
 
     def rate_random_walk(self):
         """Rate random walk K, U/sqrt(s)."""
@@ -327,7 +332,7 @@ class Inference:
                 high = None if ends["corr_time"][1] is None else high
                 estimates[what] = Estimate.refused(unit, why, low=low, high=high)
             else:
-                said = f"{note}, {SELECTION}" if times < SELECTED else note
+                said = f"{note}, so few {SELECTION} low" if times < SELECTED else note
                 estimates[what] = Estimate(fit.terms[what][-1], low, high, unit, note=said)
         return estimates
 
@@ -357,8 +362,10 @@ class Inference:
         if warm_up or low <= 0 <= high:
             why = f"no linear drift that a {'warm-up' if warm_up else 'slow bias'} does not explain"
             return Estimate.refused(f"{self.unit}/s", why, low=low, high=high)
+        near = min(abs(low), abs(high)) < NEAR * abs(value)
         note = "profile likelihood over the biases that the log allows; threshold calibrated by"
         note += f" parametric bootstrap{self._end_of_warm_up()}"
+        note += f"; so near to zero {SELECTION} large" * near
         return Estimate(value, low, high, f"{self.unit}/s", note=note)
 
     def _end_of_warm_up(self):
@@ -414,7 +421,7 @@ def infer(
     fewest = fewest_to_average(y, len(y) / (2 * FEWEST_MEANS))
     m, rate, clean_bands = fewest, kind in ("rate", "accel"), 0
     fits: dict[str, Fit] = {}
-    pieces = spectra(y, dt, m)
+    pieces = finest = spectra(y, dt, m)
     if not pieces:
         raise CannotAnswer("long gaps leave no stretch of samples to fit a noise model to")
     likelihood = NoiseLikelihood(pieces, detrend=detrend)
@@ -433,7 +440,9 @@ def infer(
         if wider is None or wider.scale < EXACT * likelihood.scale:
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
-    result = Inference(likelihood, fits, chosen, unit, Coarse.of(y, dt, m), m, fewest, misfit)
+    lack = lost_in_means(finest[0], likelihood, chosen)
+    coarse = Coarse.of(y, dt, m)
+    result = Inference(likelihood, fits, chosen, unit, coarse, m, fewest, misfit, lack)
     warmth = None
     if temperature is not None and np.ptp(temperature) > 0:
         times, warmer = dt * np.arange(len(y)), temperature - temperature.mean()
@@ -620,6 +629,38 @@ def disagreement(likelihood, fit):
     error = np.sqrt(2 / np.maximum(count, 1))
     off, error = off[count > 0], error[count > 0]
     return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
+
+
+def lost_in_means(finest, likelihood, fit):
+    """White noise that means lack behind a low-pass, relative to the noise of the samples.
+
+    The noise of means is white because that of shorter periods is folded into it. A filter takes it
+    out, the more the nearer its corner is to the band. The cosine transform of the samples, up to
+    the same frequency, lacks nothing.
+
+    Parameters
+    ----------
+    finest : analysis.noise.spectrum.Spectrum
+        Of the samples.
+    likelihood : NoiseLikelihood
+        Of the means.
+    fit : Fit
+    """
+    (means,), terms = likelihood.stretches, likelihood.terms(fit)
+    white = terms.sigma_v[0] ** 2 / means.m
+    first = (white < SHARE * bin_variance(means, terms)[0]).sum(axis=1)
+    power = np.zeros((2, 2))  # of means and samples: measured, modelled
+    for k, of_samples in enumerate((False, True)):
+        stretch = finest if of_samples else means
+        model = stretch.count * bin_variance(stretch, terms)[0]
+        for row, start in enumerate(first):
+            ends = means.count[row, :start].sum(), means.count[row].sum()
+            at = np.cumsum(np.append(0.0, stretch.count[row]))
+            for i, values in enumerate((stretch.yy, model)):
+                power[k, i] += np.ptp(np.interp(ends, at, np.cumsum(np.append(0.0, values[row]))))
+    if not power.all():
+        return 0.0
+    return float(np.sqrt(power[1, 0] / power[1, 1] / (power[0, 0] / power[0, 1]))) - 1
 
 
 def low_passed(likelihood, fit):

@@ -16,8 +16,8 @@ coefficients. The coefficients of short periods, where the model is smooth, are 
 few per cent wide.
 """
 
-from dataclasses import dataclass, replace
 from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Lock
 
@@ -277,7 +277,9 @@ def spectra(y, dt, m, added=()):
     means = _means(y, m, have)
     if len(runs) > 1:
         means = means - np.nanmean(means)
-    runs[:, 1] = runs[:, 0] + [k if k < LONG else prev_fast_len(int(k)) for k in np.diff(runs)[:, 0]]
+    runs[:, 1] = runs[:, 0] + [
+        k if k < LONG else prev_fast_len(int(k)) for k in np.diff(runs)[:, 0]
+    ]
     first, last = runs[0, 0], runs[-1, 1]
     pieces = []
     for a, b in runs:
