@@ -354,6 +354,5 @@ def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:
 
 def _product(a, b):
     """Scalar product, block by block."""
-    return sum(
-        np.einsum("i,i->", a[k : k + BLOCK], b[k : k + BLOCK]) for k in range(0, len(a), BLOCK)
-    )
+    parts = (slice(k, k + BLOCK) for k in range(0, len(a), BLOCK))
+    return sum(np.einsum("i,i->", a[part], b[part]) for part in parts)

@@ -4,7 +4,8 @@ First the band is chosen. A filter inside a sensor correlates neighbouring sampl
 here describes. So samples are averaged, 1, 2, 4 ... at a time, until no fitted
 correlation time is as short as a few means and the model agrees with the spectrum within 3 % in the
 highest octaves; then two steps more, as a margin of safety. sigma_v is the noise level within the
-fitted band. Where single samples are missing, averaging starts with as many as leave no gap.
+fitted band; behind a low-pass, means lack noise, which is added (`lost_in_means`). Where single
+samples are missing, averaging starts with as many as leave no gap.
 
 The linear drift has a profile likelihood over a grid of the biases that the log allows. A slow bias
 can look like a drift, the more so the longer its correlation time, and generalised least squares
@@ -636,7 +637,7 @@ def lost_in_means(finest, likelihood, fit):
 
     The noise of means is white because that of shorter periods is folded into it. A filter takes it
     out, the more the nearer its corner is to the band. The cosine transform of the samples, up to
-    the same frequency, lacks nothing.
+    the same frequency, lacks nothing. Of other stretches of a log with gaps nothing is known: 0.
 
     Parameters
     ----------
@@ -647,6 +648,8 @@ def lost_in_means(finest, likelihood, fit):
     fit : Fit
     """
     (means,), terms = likelihood.stretches, likelihood.terms(fit)
+    if len(means.start) != len(finest.start):
+        return 0.0
     white = terms.sigma_v[0] ** 2 / means.m
     first = (white < SHARE * bin_variance(means, terms)[0]).sum(axis=1)
     power = np.zeros((2, 2))  # of means and samples: measured, modelled
