@@ -338,7 +338,7 @@ def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:
     residual : ndarray, shape (n,), U
     line : Line
     """
-    valid, known, t = np.isfinite(y), y, dt * np.arange(len(y))
+    valid, known, t = np.isfinite(y), y, dt * np.arange(float(len(y)))
     count, some = max(valid.sum(), 1), not valid.all()
     if some:
         known, t = np.where(valid, y, 0.0), np.where(valid, t, 0.0)

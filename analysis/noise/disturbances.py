@@ -285,7 +285,8 @@ def heavy_tails(part: Increments, affects: tuple[str, ...]) -> list[Disturbance]
     z, ends = np.abs(part.z.ravel()), (part.edges[0], part.edges[-1])
     excess, error = float(np.mean(z**4)) - 3, np.sqrt(24 / len(z))
     least = max(BEYOND * error, NOTICED - 1)
-    tail = np.sort(np.partition(z, -(len(z) // TAIL + 5))[-(len(z) // TAIL + 5) :])
+    z.partition(-(len(z) // TAIL + 5))  # in place: a long log fills the memory
+    tail = np.sort(z[-(len(z) // TAIL + 5) :])
     if excess < least or excess - np.sum(tail[-2:] ** 4) / len(z) < least:
         return []
     index = 1 / np.mean(np.log(tail[1:] / tail[0]))  # Hill's
