@@ -205,7 +205,6 @@ def write(folder: Path) -> None:
     known = {
         path.stem: figures.read(path.with_suffix(".csv")) for path in sorted(FIGURES.glob("*.png"))
     }
-    known = {name: said for name, said in known.items() if "paper" in said[0]}  # since 0.2.0
     stems = sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb"))
     pages = [Page(NOTEBOOKS / f"{stem}.ipynb", known) for stem in stems]
     verdicts = claims.verdicts()
