@@ -14,7 +14,6 @@ register lists under it, with the first check or with its table.
 """
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -361,44 +360,6 @@ class Ledger:
         """
         row = self._judged(claim)
         return self._enter(row, _verdict(row, np.asarray(found)), when)
-
-    def check_from(
-        self,
-        claim: str,
-        by_setting: Mapping[
-            float, Estimate | np.ndarray | tuple[float | None, float | None, float | None]
-        ],
-        default: float,
-        when: str,
-    ) -> str:
-        """Judge a claim whose verdict may hang on one setting that the paper leaves open.
-
-        It is reproduced outright if it is at every setting, under a condition if from some setting
-        on it always is, and else judged at the default.
-
-        Parameters
-        ----------
-        claim : str
-        by_setting : dict of float to Estimate, to (value, low, high), or to ndarray
-            What came out at each setting; an array holds what many logs gave, as in `check_logs`.
-        default : float
-            The setting that the notebook runs with, one of those.
-        when : str
-            The condition, with a place for the least setting: ``"R is at least {:g} times ..."``.
-
-        Returns
-        -------
-        str
-            The verdict.
-        """
-        row = self._judged(claim)
-        settings = sorted(by_setting)
-        holds = [_verdict(row, by_setting[x])[0] == REPRODUCED for x in settings]
-        start = len(holds) - holds[::-1].index(False) if False in holds else 0
-        if start in (0, len(holds)):
-            return self._enter(row, _verdict(row, by_setting[default]))
-        least = settings[start]
-        return self._enter(row, _verdict(row, by_setting[least]), when.format(least))
 
     def table(self) -> pd.DataFrame:
         """Lay published and reproduced side by side, for the notebook's last section.

@@ -740,7 +740,7 @@ def readings(
     ] = None,
     laps: Annotated[Count, _option("N", "Laps of each sensor (default 300).", min=2)] = None,
     best: Annotated[
-        Count, _option("N", "Best readings run again on 4200 laps (default 10).", min=0)
+        Count, _option("N", "Best readings run again on 4200 laps (default 5).", min=0)
     ] = None,
     hold: Annotated[
         Texts, _option("FACTOR=LEVEL", "Hold a factor at a level; repeatable.", "--hold")

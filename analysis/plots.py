@@ -21,6 +21,7 @@ from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
 from analysis.noise.models import FLICKER, adev_of_terms
 from analysis.terrain.monte_carlo import ErrorPlane, quantiles
+from analysis.terrain.trends import line_and_square
 from analysis.units.side_by_side import Comparison, Pair
 
 __all__ = [
@@ -337,8 +338,9 @@ def curves(
 
     Parameters
     ----------
-    axes : pair of matplotlib.axes.Axes
-        For the measure, and for the share of laps lost.
+    axes : three of matplotlib.axes.Axes
+        For the curves on a logarithmic axis; for their average on a linear one, with the line and
+        the square of the swept coefficient that fit it best; for the share of laps lost.
     measured : pandas.DataFrame
         A row for each resample, the sample first; columns labelled by the fixed and the swept
         coefficient.
@@ -353,24 +355,34 @@ def curves(
     for value, color in zip(fixed, plt.cm.viridis(np.linspace(0, 0.9, len(fixed))), strict=True):
         style = {"color": color, "lw": 0.8, "label": name.format(value)}
         axes[0].plot(x, measured[value].iloc[0], **style)
-        axes[1].plot(x, 100 * lost[value], **style)
+        axes[2].plot(x, 100 * lost[value], **style)
     middle, low, high = quantiles(measured.T.groupby(level=1).mean().T)
-    axes[0].plot(x, middle, color="k", lw=2, label="average of the curves")
     band = {"color": "k", "alpha": 0.15, "lw": 0, "label": "95 % interval of the average"}
-    axes[0].fill_between(x, low, high, **band)
-    axes[0].set(ylabel=y_label, yscale="log")
+    for ax in axes[:2]:
+        ax.plot(x, middle, color="k", lw=2, label="average of the curves")
+        ax.fill_between(x, low, high, **band)
+        ax.set_ylabel(y_label)
+    one, line, square = line_and_square(x).T
+    for shape, color, word in ((line, "C3", "line"), (square, "C1", "square")):
+        basis = np.stack([one, shape], axis=1)
+        fit = {"color": color, "ls": "--", "label": f"{word} of {swept} that fits best"}
+        axes[1].plot(x, basis @ np.linalg.pinv(basis) @ middle, **fit)
+    axes[0].set(yscale="log", title="each curve, logarithmic")
+    axes[1].set(title="their average, linear")
     bottom, top = axes[0].get_ylim()
     ticks = (1.0, 2.0, 3.0, 4.0, 6.0) if top < 10**1.5 * bottom else (1.0,)
     axes[0].yaxis.set_major_locator(LogLocator(subs=ticks))
     axes[0].yaxis.set_major_formatter("{x:g}")
     axes[0].yaxis.set_minor_formatter(NullFormatter())
-    axes[1].set(ylabel="laps lost (%)", ylim=(-0.2, max(1.0, 105 * lost.max())))
+    most = max(1.0, 105 * lost.max())
+    axes[2].set(ylabel="laps lost (%)", ylim=(-0.2, most), title="laps lost, linear")
     for ax in axes:
         ax.set_xlabel(AXIS[swept])
         ax.locator_params(axis="x", nbins=4)
         ax.xaxis.set_major_formatter("{x:g}")
-    handles = axes[0].get_legend_handles_labels()
-    axes[0].figure.legend(*handles, loc="outside lower center", ncols=4)
+    handles = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
+    handles |= dict(zip(*reversed(axes[1].get_legend_handles_labels()), strict=True))
+    axes[0].figure.legend(handles.values(), handles, loc="outside lower center", ncols=4)
 
 
 def plane(

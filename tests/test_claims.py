@@ -220,7 +220,6 @@ def test_what_is_not_judged_stands_in_the_register(elsewhere):
     checks = (
         lambda: ledger.check(apart.index[0], 1.0),
         lambda: ledger.check_logs(apart.index[0], np.ones(200)),
-        lambda: ledger.check_from(apart.index[0], {1: (1.0, None, None)}, 1, "R is {:g}"),
     )
     for check in checks:
         with pytest.raises(WrongUsage, match="is not judged"):
@@ -320,30 +319,6 @@ def test_a_table_of_single_values_has_one_column_for_them():
     """Property: a dict of name and value is a table of two columns, a missing value a dash."""
     lines = text.table({"N": 2, "B": None}, "parameter").splitlines()
     assert lines == ["| parameter | value |", "|---|---|", "| N | 2 |", "| B | – |"]
-
-
-@pytest.mark.parametrize(
-    ("reproduced_at", "verdict"),
-    [
-        ((1, 2, 4), REPRODUCED),
-        ((2, 4), "reproduced if R is 2"),
-        ((4,), "reproduced if R is 4"),
-        ((1, 2), REPRODUCED),
-        ((2,), NOT_REPRODUCED),
-        ((), NOT_REPRODUCED),
-    ],
-)
-def test_a_verdict_that_hangs_on_a_setting(reproduced_at, verdict):
-    """Property: a condition only where the claim holds from there to the end, else the default."""
-    found = {
-        x: (
-            PUBLISHED["value" if x in reproduced_at else "high"]
-            * (1 + 99 * (x not in reproduced_at)),
-        )
-        * 3
-        for x in (4, 1, 2)
-    }
-    assert claims.Ledger("90-test").check_from(FIRST, found, 1, "R is {:g}") == verdict
 
 
 def test_findings_are_one_for_each_notebook(elsewhere):

@@ -1,12 +1,14 @@
 """Readings of the terrain paper: their sensors, their laps, and the claims' numbers."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
+from functools import cache
 
+import nbformat
 import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import DATA, WrongUsage, store
+from analysis import DATA, ROOT, WrongUsage, claims, store
 from analysis.terrain import open_choices
 from analysis.terrain.assumptions import NOISES, STARTS, Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
@@ -140,8 +142,8 @@ def test_numbers_of_made_laps():
     # The sample's mean is not 0: a standard error of 1 / 30 in its square.
     assert value["fig9-variance-changes"] == pytest.approx(rise - 1, rel=0.01)
     assert value["fig9-variance-rise-150"] == pytest.approx(100 * (rise - 1), rel=0.01)
-    x = N_GRID[0] / np.ptp(N_GRID)  # a square from N > 0 on has a linear part
-    assert value["conclusion-variance-quadratic-n"] == pytest.approx(1 / (1 + 2 * x), rel=1e-6)
+    assert value["conclusion-variance-quadratic-n"] == pytest.approx(1.0, rel=1e-6)
+    assert value["variance-vanishes-with-cost"] == pytest.approx(1 / 4)  # no error over the dearest
     assert value["fig11-variance-rises"] == pytest.approx(0.0, abs=1e-12)
     assert value["fig11-moderate"] == pytest.approx(0.0, abs=1e-9)
     assert value["fig12-low-cost-error"] == pytest.approx(8.0)
@@ -162,8 +164,6 @@ def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
     others = {
         "terrain-bias-state-unstable",  # another filter, on real laps
         "terrain-sensor-range-decades",  # of data sheets
-        "terrain-tables-2-3-agree",  # print against print
-        "terrain-sweep-spans-sensors",
     }
     assert set(judged) - set(found) == others
 
@@ -269,3 +269,50 @@ def test_the_stored_sweeps_hold_the_claims_cells_and_their_coverage():
     assert covered.loc[300, "covered_by_percentiles"] < 0.93
     spread = covered["high"] / covered["low"]
     assert spread[4200] < 1.6 < spread[300]
+
+
+@cache
+def recorded():
+    """Read the verdicts in the last table of the executed notebooks on the terrain paper: by id."""
+    ids = {row.claim: claim for claim, row in claims.published().iterrows()}
+    found = {}
+    for path in (ROOT / "notebooks").glob("[12][0-9]-*.ipynb"):
+        outputs = [o for c in nbformat.read(path, 4).cells for o in c.get("outputs", ())]
+        for text in (o.get("data", {}).get("text/markdown", "") for o in outputs):
+            if text.startswith("| where | claim |") and text.split("\n")[0].endswith("verdict |"):
+                rows = [line.strip("| ").split(" | ") for line in text.splitlines()[2:]]
+                found |= {ids[row[1]]: (path.stem, row[-1]) for row in rows}
+    return {k: of for k, of in found.items() if k.startswith("terrain-")}
+
+
+def test_verdicts_on_the_terrain_paper_have_one_condition():
+    """property: our reference reading, but for data sheets; a notebook that invents one fails."""
+    conditions = {
+        claim: verdict.partition(" if ")[2]
+        for claim, (_, verdict) in recorded().items()
+        if verdict.startswith(("reproduced", "not reproduced"))
+    }
+    assert len(conditions) > 40 and "24-which-reading" not in {n for n, _ in recorded().values()}
+    assert {k for k, of in conditions.items() if not of} == {"terrain-sensor-range-decades"}
+    assert set(conditions.values()) == {"", Setup.REFERENCE}
+
+
+def test_the_matrix_at_the_reference_reading_agrees_with_the_notebooks():
+    """cross-check: notebook 24 (other laps, coarser sweeps) against what 12 and 21 to 23 say."""
+    named = store.readings().best
+    said = named.verdicts().loc[named.why.index[named.why == "reference"][0]]
+    words = said.map({1.0: "reproduced", 0.0: "not reproduced"}).fillna("not testable")
+    theirs = {claim: recorded()[claim][1] for claim in said.index}
+    theirs = {k: verdict.partition(" if ")[0].partition(":")[0] for k, verdict in theirs.items()}
+    assert {k: (of, words[k]) for k, of in theirs.items() if of != words[k]} == {}
+
+
+def test_the_reference_reading_is_the_default_of_every_factor():
+    """cross-check: the one of the readings against the one of the notebooks, R of a sensor too."""
+    mine, theirs = Reading(), Setup.reference(open_choices.LAP_M).coarser(open_choices.STEP_M)
+    assert replace(mine.setup(), span=None, R=theirs.R) == theirs
+    assert pytest.approx(theirs.R) == mine.sensors({})[open_choices.MEMS].R
+    words = " ".join(row["chosen here"] for row in theirs.in_words().values())
+    for level in ("integrated", "pitch", "zero", "200 s", "1557 m", "11 m/s", "0.5 m", "exact"):
+        assert level in words
+    assert asdict(mine)["map_error_deg"] == 0.0 and mine.mean == "absolute"

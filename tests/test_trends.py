@@ -9,7 +9,8 @@ import pytest
 from scipy.stats import linregress
 
 from analysis import DATA, CannotAnswer, Estimate, WrongUsage, store
-from analysis.terrain.assumptions import Sensor
+from analysis.claims import NOT_REPRODUCED, REPRODUCED, judge, published
+from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import resample
 from analysis.terrain.trends import (
     PowerLaw,
@@ -185,9 +186,9 @@ def test_the_share_of_a_square_and_its_open_side():
 
 
 def test_share_of_square_knows_lines_and_squares():
-    """analytic: 0 for a line, 1 for c x^2 from 0, 0.82 for the pure square of the swept N."""
+    """analytic: 0 for a line, 1 for a square, though the sweep of N does not begin at 0."""
     x, rng = np.linspace(0.001, 0.01, 10), np.random.default_rng(SEED)
-    for curve, share in ((2 + 3 * x, 0.0), (x**2, 0.9 / 1.1)):
+    for curve, share in ((2 + 3 * x, 0.0), (2 + x**2, 1.0), (x + 100 * x**2, 99 / 189)):
         around = curve * (1 + 1e-12 * rng.standard_normal((50, 1)))
         assert fit_trend(x, around).share.value == pytest.approx(share, abs=1e-9)
     for power in (1, 2):
@@ -204,19 +205,41 @@ def test_a_claimed_shape_is_judged_by_its_share_if_there_is_a_rise():
     share = Estimate(0.5, 0.4, 0.6)
 
     def judge(c1, c2):
-        return Trend(clear, c1, c2, share, 0.1, 0.1, 0.5).judge()
+        return Trend(clear, c1, c2, share, np.zeros(2), 0.1, 0.1, 0.5).judge()
 
     for c1, c2 in ((clear, none), (none, clear), (clear, clear)):
         assert judge(c1, c2) == (share, None)
     assert judge(none, none)[1].startswith("the 95 % interval of c2, -0.2 to 0.3, incl")
 
 
-def test_an_exact_square_of_the_coefficient_is_none_of_the_scaled_one():
-    """analytic: N^2 from N = 0.001 to 0.01 has the share 1 / (1 + 2 / 9), and is judged by it."""
-    n = np.linspace(0.001, 0.01, 10)
+@pytest.mark.parametrize(
+    ("power", "line", "square"), [(1, REPRODUCED, NOT_REPRODUCED), (2, NOT_REPRODUCED, REPRODUCED)]
+)
+def test_an_exact_line_and_an_exact_square_are_judged_as_such(power, line, square):
+    """analytic: N and N^2 from N = 0.001 to 0.01, against the ranges of the register."""
+    n, claims = np.linspace(0.001, 0.01, 10), published()
     rows = np.random.default_rng(SEED).normal(1.0, 0.01, (100, 1))
-    share, why = fit_trend(n, 3.0 + rows * n**2).judge()
-    assert why is None and share.value == pytest.approx(1 / (1 + 2 / 9))
+    share, why = fit_trend(n, 3.0 + rows * n**power).judge()
+    assert why is None
+    for claim, verdict in (
+        ("fig9-variance-linear", line),
+        ("conclusion-variance-quadratic-n", square),
+    ):
+        row = claims.loc[f"terrain-{claim}"]
+        ends = (round(x, 9) for x in (share.value, share.low, share.high))
+        assert judge(*ends, row["low"], row["high"]) == verdict
+
+
+def test_the_shape_of_fig_8_does_not_hang_on_the_seed():
+    """property: the stored laps, resampled: what another seed might give is judged alike."""
+    over_n, _ = Setup.sweeps()
+    mean = store.read("sweeps").tables["mean"].filter(regex="^N ")
+    swept = np.array([n for _, n in over_n])
+    y = np.stack([mean.loc[:, swept == n].mean(axis=1) for n in np.unique(swept)], axis=1)
+    found, row = fit_trend(np.unique(swept), y), published().loc["terrain-fig8-mean-quadratic"]
+    ends = found.share.value, found.share.low, found.share.high
+    assert judge(*ends, row["low"], row["high"]) == REPRODUCED
+    assert np.mean(found.shares >= row["low"]) >= 0.99
 
 
 def test_line_test_keeps_its_level():

@@ -479,13 +479,13 @@ class Setup:
                 f"{self.begin_sd:g} m",
                 '"an estimate of the current location is usually known"',
             ),
-            "mean, variance": (
-                "of the absolute error; of all errors of all laps, none left out",
+            "mean and variance of the error": (
+                "mean of its absolute value; variance over all moments of all laps, lost ones too",
                 "a mean with sign is near 0 for every sensor; Fig 12 has one number a sensor",
             ),
             "static log of Table 1": (
-                f"{self.TABLE_1_HOURS} h; T_c at 1/e of averages of {self.TABLE_1_WINDOW_S:g} s,"
-                " B as a quotient",
+                f"{self.TABLE_1_HOURS} h, averaged over {self.TABLE_1_WINDOW_S:g} s; T_c where the"
+                " autocorrelation falls to 1/e; B as a quotient",
                 "the shortest that was tried which gives N, B and T_c back in nine logs of ten",
             ),
         }

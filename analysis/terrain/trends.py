@@ -1,7 +1,8 @@
 """How an error grows with a noise coefficient and falls with price, and the inverse of both.
 
-Against a swept coefficient (Figs 8-11 of the terrain paper) a line and a square are fitted. Against
-price, eq. (7) is a power law; its exponent is called b here, as B is the bias instability::
+Against a swept coefficient x (Figs 8-11 of the terrain paper) a line and a square are fitted; the
+square is that of x itself, not of its distance from where the sweep begins. Against price, eq. (7)
+is a power law; its exponent is called b here, as B is the bias instability::
 
     sigma^2 = A cost^-b        ln sigma^2 = ln A - b ln cost
 
@@ -28,20 +29,24 @@ ATTEMPTS = 1000  # to draw rising prices before giving up
 
 @dataclass(frozen=True)
 class Trend:
-    """A curve against a swept coefficient: c0 + c1 u + c2 u^2, u being x scaled to 0..1.
+    """A curve against a swept coefficient x: c0 + c1 u(x) + c2 u(x^2).
+
+    u is scaled to 0..1 over the sweep, so that c1 + c2 is the rise: c1 its linear part, c2 its
+    quadratic one. An exact square of x has c1 = 0, wherever the sweep begins.
 
     Attributes
     ----------
     rise : Estimate
         Last point over first, less 1.
     c1, c2 : Estimate
-        Linear and quadratic coefficient.
     share : Estimate
-        Share of the rise that the quadratic term carries, c2 / (c1 + c2): 0 for a line. Where the
-        rise may be 0 the share has a pole; the interval then comes from its inverse and is open
-        upwards, or open on both sides if c2 may be 0 too.
+        Share of the rise that the quadratic term carries, c2 / (c1 + c2): 0 for a line, 1 for a
+        square. Where the rise may be 0 the share has a pole; the interval then comes from its
+        inverse and is open upwards, or open on both sides if c2 may be 0 too.
+    shares : ndarray, shape (resamples,)
+        The same in each resample.
     line_rms, square_rms : float
-        Residual of the sample about c0 + c1 u and about c0 + c2 u^2, over the rise.
+        Residual of the sample about c0 + c1 u(x) and about c0 + c2 u(x^2), over the rise.
     p_line : float
         Probability of a quadratic term as large as this one if the truth were a line (Wald).
     """
@@ -50,6 +55,7 @@ class Trend:
     c1: Estimate
     c2: Estimate
     share: Estimate
+    shares: np.ndarray
     line_rms: float
     square_rms: float
     p_line: float
@@ -84,22 +90,30 @@ def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
     -------
     Trend
     """
-    x, y = np.asarray(x, dtype=float), np.asarray(y)
-    powers = np.vander((x - x[0]) / (x[-1] - x[0]), 3, increasing=True)
+    powers, y = line_and_square(x), np.asarray(y)
     _, c1, c2 = (y @ np.linalg.pinv(powers).T).T
     rms = []
     for columns in (powers[:, [0, 1]], powers[:, [0, 2]]):
         rest = y[0] - columns @ np.linalg.pinv(columns) @ y[0]
         rms.append(float(np.sqrt((rest**2).mean()) / abs(y[0, -1] - y[0, 0])))
-    rise, p_line = y[:, -1] / y[:, 0] - 1, chi2.sf((c2[0] / c2[1:].std()) ** 2, 1)
-    share = _share_of_square(c1, c2)
-    return Trend(interval(rise), interval(c1), interval(c2), share, rms[0], rms[1], float(p_line))
+    over = interval(y[:, -1] / y[:, 0], skewed=True)
+    rise = Estimate(*(end - 1 for end in (over.value, over.low, over.high)))
+    p_line = float(chi2.sf((c2[0] / c2[1:].std()) ** 2, 1))
+    share, shares = _share_of_square(c1, c2), (c2 / (c1 + c2))[1:]
+    return Trend(rise, interval(c1), interval(c2), share, shares, *rms, p_line)
+
+
+def line_and_square(x):
+    """Columns 1, x and x^2 of a fit, the last two scaled to 0..1 over the range of x."""
+    x = np.asarray(x, dtype=float)
+    rises = [(v - v[0]) / (v[-1] - v[0]) for v in (x, x**2)]
+    return np.stack([np.ones_like(x), *rises], axis=1)
 
 
 def _share_of_square(c1, c2):
     """Share of the rise that the quadratic term carries, from resampled coefficients."""
     rise = c1 + c2
-    share = interval(c2 / rise)
+    share = interval(c2 / rise, skewed=True)
     if _excludes_zero(interval(rise)):
         return share
     most = interval(rise / c2).high if _excludes_zero(interval(c2)) else 0.0
