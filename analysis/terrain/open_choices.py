@@ -296,7 +296,7 @@ def attitude_numbers(
     """
     setup, sensors = reading.setup(), {"fig3": TACTICAL, "fig4": MEMS}
     streams = np.random.SeedSequence(seed).spawn(laps)
-    matched = {claim: [] for claim in sensors}
+    matched: dict[str, list] = {claim: [] for claim in sensors}
     for first in range(0, laps, MATCHED):
         block = streams[first : first + MATCHED]
         places = setup.truth[:, None] + setup.begins(first, len(block)) - setup.begin

@@ -97,10 +97,11 @@ def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
         rest = y[0] - columns @ np.linalg.pinv(columns) @ y[0]
         rms.append(float(np.sqrt((rest**2).mean()) / abs(y[0, -1] - y[0, 0])))
     over = interval(y[:, -1] / y[:, 0], skewed=True)
-    rise = Estimate(*(end - 1 for end in (over.value, over.low, over.high)))
+    value, low, high = (None if x is None else x - 1 for x in (over.value, over.low, over.high))
+    rise = Estimate(value, low, high)
     p_line = float(chi2.sf((c2[0] / c2[1:].std()) ** 2, 1))
     share, shares = _share_of_square(c1, c2), (c2 / (c1 + c2))[1:]
-    return Trend(rise, interval(c1), interval(c2), share, shares, *rms, p_line)
+    return Trend(rise, interval(c1), interval(c2), share, shares, rms[0], rms[1], p_line)
 
 
 def line_and_square(x):
