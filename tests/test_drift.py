@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.noise.fit import NoiseLikelihood
-from analysis.noise.inference import linear_drift
+from analysis.noise.inference import infer, linear_drift
 from analysis.noise.models import gauss_markov
 from analysis.noise.spectrum import spectra, transform
 
@@ -77,3 +77,13 @@ def test_a_log_in_pieces():
         ratios.append((high - low) / (most - least))
     assert held >= 4  # of 5: fewer are one case in 50 under 95 %
     assert 0.5 < np.median(ratios) < 2.0
+
+
+def test_a_clear_drift_is_given_beside_a_warm_up():
+    """analytic: a drift of 1, 3000 s long, beside a warm-up of 50 whose time constant is 300 s."""
+    rng, t = np.random.default_rng(5), np.arange(3000.0)
+    y = t + 50 * np.exp(-t / 300) + rng.standard_normal(3000)
+    found = infer(y, 1.0, "deg", "angle", rng)
+    assert [term.kind for term in found.terms] == ["warm_up"]
+    drift = found.parameters["drift"]
+    assert drift.resolved and drift.low < 1 < drift.high < 1.01 * drift.low

@@ -349,7 +349,7 @@ class Inference:
         return self._no_bias(why, open_time, time_low=low, low=sigma_low)
 
     def drift(self, rng, settled):
-        """Linear drift, U/s; refused beside a warm-up that the log shows.
+        """Linear drift, U/s; refused beside a warm-up that the log shows, unless it is clear.
 
         Parameters
         ----------
@@ -360,13 +360,13 @@ class Inference:
         """
         value, low, high = linear_drift(self.likelihood, self.fits, self.chosen, rng)
         warm_up = any(term.kind == "warm_up" for term in settled)
-        if warm_up or low <= 0 <= high:
+        near = min(abs(low), abs(high)) / abs(value)
+        if low <= 0 <= high or (warm_up and near < 1 - NEAR):
             why = f"no linear drift that a {'warm-up' if warm_up else 'slow bias'} does not explain"
             return Estimate.refused(f"{self.unit}/s", why, low=low, high=high)
-        near = min(abs(low), abs(high)) < NEAR * abs(value)
         note = "profile likelihood over the biases that the log allows; threshold calibrated by"
         note += f" parametric bootstrap{self._end_of_warm_up()}"
-        note += f"; so near to zero {SELECTION} large" * near
+        note += f"; so near to zero {SELECTION} large" * (near < NEAR)
         return Estimate(value, low, high, f"{self.unit}/s", note=note)
 
     def _end_of_warm_up(self):
