@@ -4,9 +4,10 @@ import json
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from analysis import CannotAnswer, store
+from analysis import FIGURES, CannotAnswer, store
 from analysis.report import explorer
 from analysis.terrain import Sensor
 
@@ -48,6 +49,7 @@ def test_the_page_holds_the_committed_surface(pages):
             assert (low <= error).all() and (error <= high).all()
     assert {p["basis"] for p in data["parts"]} == {"measured", "datasheet"}
     priced = {p["sensor"]: p["low_usd"] for p in data["parts"]}
+    assert len({p["part"] for p in data["parts"]}) == len(store.data_sheets())
     assert priced["mpu6050-gyro"] == priced["mpu6050"] == 2
     assert all(p["source"] and p["n"] > 0 and (p["b"] or p["b_high"]) for p in data["parts"])
 
@@ -58,8 +60,20 @@ def test_the_interval_of_a_prediction():
     at = plane.estimate(Sensor(plane.arw[5], plane.sigma_b[9]))
     ends = [table[9, 5] for table in (plane.error, plane.low, plane.high)]
     assert [at.value, at.low, at.high] == pytest.approx(ends)
+    best = plane.estimate(Sensor(plane.arw[0], plane.sigma_b[0]))
+    assert plane.estimate(Sensor(1e-9, 1e-9)) == best  # at most the error at the edge
     with pytest.raises(CannotAnswer, match="beyond"):
         plane.estimate(Sensor(1.0, 0.001))
+
+
+def test_numbers_in_sentences_are_those_of_notebooks(pages):
+    """cross-check: notebook 13's correlation times, notebook 11's noise over the sheet."""
+    findings = pd.read_csv(FIGURES / "findings.csv").set_index("notebook")["sentence"]
+    least, most, sensors = explorer._correlation_times()
+    assert f"{least} to {most} " in findings["13-how-long-to-record"]
+    assert f"takes {least} to {most} correlation times for the {sensors} " in pages["allan.html"]
+    over = [p["over_sheet"] for p in held(pages["explorer.html"])["parts"] if p["over_sheet"]]
+    assert f"{min(over):.1f} to {max(over):.1f} times" in findings["11-unified-table"]
 
 
 def test_the_study_beside_the_planner(pages):

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from analysis import store
+from analysis.noise.planner import Plan
 from analysis.report import PAGES
 from analysis.terrain.monte_carlo import LOST_M
 
@@ -19,6 +20,7 @@ TRACKERS = {  # of data/derived/error-surface
     "on attitude": "put straight on the attitude, as the terrain paper words it",
     "bias states": "integrated, and the filter estimates the gyro's bias as well",
 }
+WITHIN = 0.2  # a parameter counts as known when its 95 % interval is within ±20 %
 NUMBERS = ("n", "n_low", "n_high", "b", "b_low", "b_high", "low_usd", "high_usd")
 FREEDOM = np.geomspace(1.0, 1000.0, 61)  # degrees of freedom whose chi-square ends are listed
 
@@ -73,20 +75,43 @@ def _surface():
         f" {setup['speed']:g} m/s, pitch on an exact map, the unscented filter with one R for all"
         " gyros."
     )
-    return {"data": data, "trackers": TRACKERS, "about": about, "lost": f"{LOST_M:g}"}
+    return {
+        "data": data,
+        "trackers": TRACKERS,
+        "about": about,
+        "lost": f"{LOST_M:g}",
+        "on_real_map": _on_real_map(),
+    }
+
+
+def _on_real_map():
+    """Give what the parts reach on a map with the measured error, by filter: least and most, m."""
+    parts = store.read("inverse-design").tables["parts"]
+    chosen = parts.query("map == 'measured map error' and start == 'stationary'")
+    reach = chosen.groupby("tracker")["error_m"].agg(["min", "max"])
+    return {
+        tracker: sorted({f"{m:.2g}" for m in ends}, key=float) for tracker, ends in reach.T.items()
+    }
 
 
 def _parts():
-    """List gyros, measured and by data sheet, with what they cost and where each number is from."""
+    """List gyros, measured and by data sheet, with what they cost and where each number is from.
+
+    A measured gyro has ``over_sheet``, its N over that of the data sheet of its part.
+    """
     listed = store.data_sheets()
     rows = store.read("atlas").tables["atlas"].query("kind == 'rate'").fillna({"axis": ""})
+    stated = rows.query("basis == 'datasheet'").set_index("sensor")["n"]
     parts = []
     for row in rows.to_dict("records"):
         # A measured log is named after its part, "mpu6050-gyro"; the part has the price.
-        sheet = listed.get(row["sensor"].split("-")[0], {})
+        row["part"] = row["sensor"].split("-")[0]
+        sheet = listed.get(row["part"], {})
+        over = row["n"] / stated.get(row["part"], np.nan) if row["basis"] == "measured" else None
         row["low_usd"], row["high_usd"] = sheet.get("price_usd", (None, None))
         parts.append(
-            {k: row[k] for k in ("sensor", "name", "axis", "basis", "source")}
+            {k: row[k] for k in ("part", "sensor", "name", "axis", "basis", "source")}
+            | {"over_sheet": store.rounded_number(over)}
             | {k: store.rounded_number(row[k]) for k in NUMBERS}
             | {k: sheet.get(k) for k in ("price_year", "price_source")}
         )
@@ -101,7 +126,19 @@ def _allan():
         "ends": [[store.rounded_number(v, 9) for v in end] for end in ends],
         "study": _study(),
     }
-    return {"data": data}
+    return {"data": data, "enough": _correlation_times(), "within": f"{WITHIN:.0%}"[:-1]}
+
+
+def _correlation_times():
+    """Say how many correlation times give T_c to ±20 %: least, most and how many sensors."""
+    sensors, times = store.read("coverage").source["papers"], []
+    study = store.coverage().drop_duplicates(["model", "parameter"])
+    truths = study.pivot(index="model", columns="parameter", values="truth").loc[[*sensors]]
+    for model, truth in truths[np.isfinite(truths["corr_time"])].iterrows():
+        plan = Plan(truth["sigma_v"], truth["sigma_b"], truth["corr_time"])
+        hours = plan.hours_needed(sensors[model]["interval_s"], WITHIN)["corr_time"]
+        times.append(3600 * hours / truth["corr_time"])
+    return [f"{min(times):.0f}", f"{max(times):.0f}", len(times)]
 
 
 def _study():

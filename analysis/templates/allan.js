@@ -239,6 +239,9 @@ function hoursWords(h) {
   return h < 48 ? `${digits(h, 2)} h` : `${digits(h / 24, 2)} days`;
 }
 
+// A length of the log, of the bias also in correlation times.
+const lengthWords = (h, t, name) => `${hoursWords(h)}${h && (name === "S" || name === "T") ? ` (${digits((3600 * h) / t.T)} T_c)` : ""}`;
+
 function known(e) {
   if (!(e < Math.log(100))) return "not at all";
   const up = 100 * Math.expm1(e);
@@ -254,7 +257,7 @@ function update() {
   if (wrong.length) {
     answer.replaceChildren(made("p", { textContent: wrong.join(" ") }));
     for (const id of ["told", "study"]) byId(id).replaceChildren();
-    byId("times").textContent = "";
+    byId("times").textContent = byId("here").textContent = "";
     plot.points = null;
     return plot.show([]);
   }
@@ -282,14 +285,14 @@ function update() {
   const valley = adev.findIndex((a, i) => a < adev[i + 1]), ends = valley < 1, least = ends ? adev.length - 1 : valley;
   const floor = ends ? `The curve has no floor within a quarter of the log; it ends at τ = ${digits(tau[least])} s` : `Its floor lies at τ = ${digits(tau[least])} s`;
   const words = `${floor}, at ${digits(factor * adev[least])} ${unit} (curves of logs: ${digits(root("low")[least])} to ${digits(root("high")[least])} ${unit}).`;
-  const flat = ends ? "" : ` Over 0.664 that is a bias instability of ${digits((factor * adev[least]) / FLICKER)} ${unit}.`;
+  const flat = ends ? "" : ` Over 0.664 that is a bias instability (IEEE 952) of ${digits((factor * adev[least]) / FLICKER)} ${unit}${t.S ? "; σ_b is another number" : ""}.`;
   answer.replaceChildren(made("span", { textContent: words + flat }));
   plot.say(`Allan deviation of this sensor from τ ${digits(tau[0])} to ${digits(tau.at(-1))} s. ${words}`);
   // What the log tells.
   const error = relativeError(t, hours), names = { N: "N (and σ_v)", S: "σ_b", T: "T_c", B: "B", K: "K" }, few = hours * 3600 < 10 * t.T;
-  const said = (name) => (few && (name === "S" || name === "T") ? `not resolved: ${digits((3600 * hours) / t.T, 2)} correlation times, ten are needed` : known(error[name]));
+  const said = (name) => (few && (name === "S" || name === "T") ? `not resolved: ${digits((3600 * hours) / t.T, 2)} correlation times, below ten no number is given` : known(error[name]));
   table("told", ["term", "value", `known after ${hoursWords(hours)} (95 %)`, "length of the log for ±20 %"],
-    Object.keys(error).map((name) => [names[name], q[name].words(), said(name), hoursWords(hoursNeeded(t, name))]));
+    Object.keys(error).map((name) => [names[name], q[name].words(), said(name), lengthWords(hoursNeeded(t, name), t, name)]));
   Object.assign(byId("told").dataset, { error: JSON.stringify(error) });
   answer.dataset.band = JSON.stringify(sizes.map((m, i) => [m, adev[i], band[i].edf, Math.sqrt(band[i].low), Math.sqrt(band[i].high)]));
   study(t, hours);
@@ -300,6 +303,8 @@ function update() {
 // The simulated sensors that are most like this one, and how often their logs resolved T_c.
 function study(t, hours) {
   byId("study").hidden = !t.S;
+  const needed = t.S ? hoursNeeded(t, "T") : null;
+  byId("here").textContent = needed ? ` With the numbers above it takes ${digits((3600 * needed) / t.T)}.` : "";
   byId("times").textContent = "";
   if (!t.S) return;
   const times = (3600 * hours) / t.T, above = Math.sqrt((2 * t.S ** 2 * t.T) / t.N ** 2);

@@ -17,16 +17,19 @@ function interpolate(rows, n, b, of = Math.log) {
   return pchip(logs.sigma_b, rows.map((row) => pchip(logs.arw, row.map(of), x)), y);
 }
 
-// Error, ends of its interval (m) and share of laps lost; null beyond the computed range.
+// Error, ends of its interval (m) and share of laps lost; null beyond the computed range. A gyro
+// better than the range has the error at its edge at most, as terrain.ErrorPlane.of has it.
 function predict(n, b) {
   if (n > data.arw.at(-1) * (1 + 1e-9) || b > data.sigma_b.at(-1) * (1 + 1e-9)) return null;
   const at = plane(), [error, low, high] = [at.error, at.low, at.high].map((rows) => Math.exp(interpolate(rows, n, b)));
   return { error, low, high, lost: Math.min(Math.max(interpolate(at.lost, n, b, (x) => x), 0), 1) };
 }
 
+const better = (n, b) => n < data.arw[0] * (1 - 1e-9) || b < data.sigma_b[0] * (1 - 1e-9);
+
 function within(range, symbol, quantity) {
   const [least, most] = [range[0], range.at(-1)];
-  if (quantity.value >= least * (1 - 1e-9) && quantity.value <= most * (1 + 1e-9)) return null;
+  if (quantity.value <= most * (1 + 1e-9)) return null;
   return `outside the computed range: ${symbol} ${quantity.words(least, 3)} to ${quantity.words(most, 3)}`;
 }
 
@@ -36,7 +39,7 @@ const N = new Quantity(inputs, {
   refuse: () => within(data.arw, "N", N), changed,
 });
 const B = new Quantity(inputs, {
-  id: "b", symbol: "B", name: "Bias instability B", units: GYRO.B, value: 0.002, least: data.sigma_b[0], most: data.sigma_b.at(-1),
+  id: "b", symbol: "B", name: "Bias B (its standard deviation σ_b, as in the terrain paper)", units: GYRO.B, value: 0.002, least: data.sigma_b[0], most: data.sigma_b.at(-1),
   refuse: () => within(data.sigma_b, "B", B), changed,
 });
 
@@ -96,26 +99,36 @@ function sensorOf(channel) {
 // The error of a sensor with the interval that its N and B leave; null at an end beyond the range.
 function ofSensor(s) {
   const at = (n, b) => predict(n, b)?.error ?? null, value = s.b ? at(s.n, s.b) : null;
-  if (!s.n_low && !s.n_high) return { value };
-  return { value, low: s.b ? at(s.n_low ?? s.n, s.b_low ?? 0) : null, high: s.b_high ? at(s.n_high ?? s.n, s.b_high) : null };
+  if (!s.n_low && !s.n_high) return { value, most: better(s.n, s.b) };
+  return { value, low: s.b ? at(s.n_low ?? s.n, s.b_low ?? 0) : null, high: s.b_high ? at(s.n_high ?? s.n, s.b_high) : null, most: better(s.n, s.b ?? s.b_high) };
 }
 
 const metres = (x) => `${rounded(x)} m`;
-function errorWords({ value, low, high }) {
+function errorWords({ value, low, high, most }) {
   if (value === null || value === undefined) return high ? `at most ${metres(high)}` : "beyond the computed range";
+  if (most) return `at most ${metres(value)}`;
   if (low && high) return `${rounded(value)} (${rounded(low)} to ${rounded(high)}) m`;
   return metres(value);
 }
 
-// The worst axis speaks for a measured part, as on a report.
+// Every part once, measured ones first: by its worst axis, as on a report, with the sheet under it.
 function listed() {
   const found = new Map();
-  for (const part of data.parts) {
-    const e = ofSensor(part), size = e.value ?? e.high ?? Infinity, before = found.get(part.sensor);
-    if (!before || size > before.size) found.set(part.sensor, { ...part, e, size });
+  for (const one of data.parts) {
+    const e = ofSensor(one), entry = { ...one, e, size: e.value ?? e.high ?? Infinity }, { measured, sheet } = found.get(one.part) ?? {};
+    if (one.basis === "datasheet") found.set(one.part, { measured, sheet: entry });
+    else found.set(one.part, { measured: measured && measured.size >= entry.size ? measured : entry, sheet });
   }
+  const parts = [...found.values()].map(({ measured, sheet }) => (measured ? { ...measured, name: sheet?.name ?? measured.name, sheet } : sheet));
   const order = (part) => (part.basis === "measured" ? 0 : 1);
-  return [...found.values()].sort((a, b) => order(a) - order(b) || a.size - b.size);
+  return parts.sort((a, b) => order(a) - order(b) || a.size - b.size);
+}
+
+// N of all axes of a part over that of its data sheet.
+function overSheet(part) {
+  const over = data.parts.filter((p) => p.part === part && p.over_sheet).map((p) => p.over_sheet);
+  const ends = [Math.min(...over), Math.max(...over)].map((x) => rounded(x));
+  return over.length ? `N of its ${over.length} axes: ${ends.join(" to ")} times that of the data sheet` : "";
 }
 
 function priceWords(part) {
@@ -147,7 +160,8 @@ function field() {
   return fields.get(key);
 }
 
-function draw(parts) {
+function draw(listed) {
+  const parts = listed.flatMap((p) => (p.sheet ? [p, p.sheet] : [p]));
   const [fx, fy] = [N.units[N.unit], B.units[B.unit]], { xs, ys, z } = field();
   const scaled = (list, name, factor) => list.map((s) => (s[name] ? s[name] * factor : null));
   const marks = (list, more) => ({
@@ -160,13 +174,13 @@ function draw(parts) {
     marks(parts.filter((p) => p.basis === "measured"), { colour: MEASURED, shape: "disc", size: 5 }),
   ];
   if (own) series.push(marks([own], { colour: OWN, shape: "square", size: 5 }));
-  series.push({ kind: "marks", x: [N.value * fx], y: [B.value * fy], colour: OWN, shape: "target", size: 6 });
+  series.push({ kind: "marks", x: [Math.max(N.value, xs[0]) * fx], y: [Math.max(B.value, ys[0]) * fy], colour: OWN, shape: "target", size: 6 });
   const shown = own ? [...parts, { ...own, e: ofSensor(own), name: `your ${own.name}` }] : parts;
   plot.points = {
     x: scaled(shown, "n", fx), y: shown.map((s) => (s.b ?? s.b_high) * fy),
-    words: shown.map((s) => `${s.name}: N ${N.words(s.n, 3)}, B ${s.b ? "" : "at most "}${B.words(s.b ?? s.b_high, 3)}; ${errorWords(s.e)}`),
+    words: shown.map((s) => `${s.name}${s.basis === "measured" ? `, ${s.axis}, measured` : s.basis === "datasheet" ? ", data sheet" : ""}: N ${N.words(s.n, 3)}, B ${s.b ? "" : "at most "}${B.words(s.b ?? s.b_high, 3)}; ${errorWords(s.e)}`),
   };
-  [plot.x, plot.y, plot.place] = [`angle random walk N (${N.unit})`, `bias instability B (${B.unit})`, [N.value * fx, B.value * fy]];
+  [plot.x, plot.y, plot.place] = [`angle random walk N (${N.unit})`, `standard deviation of the bias, B = σ_b (${B.unit})`, [N.value * fx, B.value * fy]];
   plot.series = series;
   plot.reset();
   plot.view = { x0: Math.log10(xs[0] * fx), x1: Math.log10(xs.at(-1) * fx), y0: Math.log10(ys[0] * fy), y1: Math.log10(ys.at(-1) * fy) };
@@ -174,14 +188,19 @@ function draw(parts) {
 }
 
 function tell(id, parts, last, say) {
+  const details = (of, more) => {
+    const source = [of.source, more, of.price_source && `Price (${of.price_year}): ${of.price_source}`].filter(Boolean).join(". ");
+    const words = of.basis === "measured" ? `measured in this compendium, worst axis: ${of.axis}` : "data sheet";
+    return made("details", {}, made("summary", { textContent: words }), made("small", { textContent: source }));
+  };
+  // The sheet's number stands under the measured one.
+  const both = (part, words) => (part.sheet ? made("div", {}, words(part), made("div", { className: "sheet", textContent: `data sheet: ${words(part.sheet)}` })) : words(part));
   const rows = parts.map((part) => {
-    const basis = part.basis === "measured" ? "measured in this compendium" : "data sheet";
-    const source = [part.source, part.price_source && `Price (${part.price_year}): ${part.price_source}`].filter(Boolean).join(". ");
-    const from = made("details", {}, made("summary", { textContent: basis }), made("small", { textContent: source }));
-    const name = made("div", {}, made("b", { textContent: part.name }), part.axis && ` ${part.axis}`, from);
-    return [name, errorWords(part.e), N.words(part.n, 3), `${part.b ? "" : "at most "}${B.words(part.b ?? part.b_high, 3)}`, priceWords(part), say(part)];
+    const name = made("div", {}, made("b", { textContent: part.name }), details(part, part.sheet && overSheet(part.part)), ...(part.sheet ? [details(part.sheet)] : []));
+    const bias = (p) => `${p.b ? "" : "at most "}${B.words(p.b ?? p.b_high, 3)}`;
+    return [name, both(part, (p) => errorWords(p.e)), both(part, (p) => N.words(p.n, 3)), both(part, bias), priceWords(part), say(part)];
   });
-  table(id, ["part", "error along the road", "N", "B", "price", last], rows);
+  table(id, ["part", "error along the road", "N", "B taken as σ_b", "price", last], rows);
 }
 
 function update() {
@@ -194,15 +213,16 @@ function update() {
   if (found) {
     Object.assign(answer.dataset, found);
     const lost = found.lost < 0.0005 ? "no lap is lost" : `${digits(100 * found.lost, 2)} % of the laps are lost`;
-    said.textContent = errorWords({ ...found, value: found.error });
+    said.textContent = errorWords({ ...found, value: found.error, most: better(N.value, B.value) });
     const at = [`N ${N.words()},`, `B ${B.words()},`, `T_c ${data.corr_times[time.slider.value]} s.`].flatMap((words) => [" ", made("span", { className: "unit", textContent: words })]);
-    rest.push(`not exceeded along the road in 95 % of all moments; ${lost}.`, ...at);
+    rest.push(`In 95 % of all moments the error along the road is below this; ${lost}.`, ...at);
+    if (better(N.value, B.value)) rest.push(" The gyro is better than what was computed: this is the error at the edge.");
   }
   if (own) {
     const e = ofSensor(own);
     rest.push(made("span", { id: "own-error", textContent: ` Your ${own.name}, with the intervals of its N and B: ${errorWords(e)}.${own.corr_time ? ` Its log gives T_c = ${digits(own.corr_time)} s.` : ""}` }));
     Object.assign(answer.dataset, { ownLow: e.low, ownValue: e.value, ownHigh: e.high });
-    if (own.n < data.arw[0] || (own.b ?? own.b_high) < data.sigma_b[0]) rest.push(" It is better than what was computed, and has the error at the edge.");
+    if (better(own.n, own.b ?? own.b_high)) rest.push(" It is better than what was computed: this is the error at the edge.");
   }
   answer.replaceChildren(said, ...rest);
   if (!found) {
@@ -215,9 +235,10 @@ function update() {
   const limit = Number(found.error.toPrecision(2)), as = (part) => Number((part.e.value ?? part.e.high ?? Infinity).toPrecision(2)) <= limit;
   const fits = (part) => as(part) && (part.low_usd === null || part.low_usd <= price.value);
   const good = parts.filter(fits), others = parts.filter((part) => !fits(part));
-  byId("rule").textContent = `${good.length} of ${parts.length}: error at most ${metres(limit)}, price not above ${price.words()}. Measured parts come first, then data sheets, by error.`;
+  const measured = parts.filter((part) => part.basis === "measured").length;
+  byId("rule").textContent = `${good.length} of ${parts.length} parts: error at most ${metres(limit)}, price not above ${price.words()}. ${parts.length - measured} are judged by their data sheets; ${measured}, which come first, by what was measured here, with the data sheet under it.`;
   tell("parts", good, "within the price", (p) => (p.low_usd === null ? "not known" : p.high_usd <= price.value ? "yes" : "at the lower end of its range"));
-  byId("rest-said").textContent = `${others.length} parts that do not`;
+  byId("rest-said").textContent = `The other ${others.length} parts: above that error or price, or their log leaves it open`;
   tell("rest", others, "why not", (p) => [as(p) ? "" : "error", p.low_usd !== null && p.low_usd > price.value ? "price" : ""].filter(Boolean).join(", "));
   const t = data.corr_times[time.slider.value];
   keepInAddress([N, B, price], { t, tracker: tracker() }, { n: N.value, s: B.value, t });

@@ -590,7 +590,8 @@ class ErrorPlane:
     def of(self, sensor: Sensor) -> tuple[float, float]:
         """Error (m) and share of laps lost of a gyro; infinite and NaN beyond the grid.
 
-        A better gyro than the grid's best has that one's error, which the odometry decides.
+        A better gyro than the grid's best has at most the error at the edge, which is given: there
+        the odometry decides.
         """
         if not self._reaches(sensor):
             return np.inf, np.nan
@@ -599,6 +600,8 @@ class ErrorPlane:
 
     def estimate(self, sensor: Sensor) -> Estimate:
         """Error of a gyro with the interval that the number of simulated laps leaves, m.
+
+        Below the grid that of the edge, as `of`.
 
         Raises
         ------
