@@ -130,9 +130,9 @@ def counted() -> text.Shown:
     waiting = f", and {n[NOT_YET]} wait for a notebook" * bool(n[NOT_YET])
     return text.Shown(
         f"{n.sum()} claims of the papers {agree} are reproduced, {n[f'{REPRODUCED} if']} of them"
-        f" under a stated condition, and {differ} are not; {n[NOT_TESTABLE]} cannot be decided"
-        f" by the logs at hand; {n[BY_CONSTRUCTION]} could not have come out otherwise and are no"
-        f" evidence{waiting}."
+        f" under a stated condition, and {differ} are not, {n[f'{NOT_REPRODUCED} if']} of them"
+        f" under a stated condition; {n[NOT_TESTABLE]} cannot be decided by the logs at hand;"
+        f" {n[BY_CONSTRUCTION]} could not have come out otherwise and are no evidence{waiting}."
     )
 
 
