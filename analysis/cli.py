@@ -360,7 +360,7 @@ def _command(typed, log):
 
 @_verb
 def channels(log: Annotated[str, _argument("LOG", "A file, a folder, or a log of the catalogue.")]):
-    """List what a log holds: tables and columns, kind, unit, rate, span.
+    """List what a log holds: columns with kind, unit, rate and span.
 
     \b
     python -m analysis channels flight.ulg    the messages of a PX4 log
@@ -557,7 +557,7 @@ def compare(
     out: Annotated[str, _out("Folder for compare.json, the page and the figures.")],
     **reading,
 ):
-    """Compare units that travelled together: clocks, positions, attitudes, events.
+    """Compare units that travelled together: positions and attitudes.
 
     \b
     python -m analysis compare phone.nmea rover.nmea --out both       two receivers on one ride
@@ -677,7 +677,7 @@ def coverage(
     scheduler: Annotated[Text, SCHEDULER] = None,
     out: Annotated[Text, _out("Folder (default that of the committed study).")] = None,
 ):
-    """Count how often intervals hold the truth, on simulated logs and on real ones.
+    """Count how often the 95 % intervals hold the truth.
 
     \b
     python -m analysis coverage              known sensors              data/derived/coverage
@@ -751,7 +751,7 @@ def readings(
         bool, _flag("--compiled", "Step the filters in compiled code (numba).")
     ] = False,
 ):
-    """Judge the terrain paper's claims in thousands of readings of what it leaves open.
+    """Judge the terrain paper's claims under each reading of it.
 
     \b
     python -m analysis readings --compiled                what data/derived/readings holds

@@ -106,7 +106,7 @@ class Page:
         cells = []
         for cell in self.notebook.cells:
             if cell.cell_type == "code":
-                cell.outputs = list(self._shown(cell.outputs))
+                cell.outputs = list(self._shown(cell.outputs, cell.source))
                 cell.metadata.tags = [*cell.metadata.get("tags", []), "hide-input"]
                 before = cells[-1] if cells else cell
                 if before.cell_type == "code" and not before.outputs:
@@ -115,28 +115,39 @@ class Page:
             cells.append(cell)
         self.notebook.cells = cells
 
-    def _shown(self, outputs):
-        """Put a numbered figure in place of a picture and the caption that follows it."""
-        outputs = iter(outputs)
+    def _saved(self, source):
+        """List the figures of this notebook that the code of a cell names."""
+        patterns = list(_patterns(source))
+        return [k for k in self._known if any(p.fullmatch(k) for p in patterns)]
+
+    def _shown(self, outputs, source):
+        """Put a numbered figure in place of a picture and the caption that follows it.
+
+        Several figures of one cell are told by their captions; a single one by its name.
+        """
+        outputs, names = iter(outputs), self._saved(source)
         for output in outputs:
             if "image/png" not in output.get("data", {}):
                 yield output
                 continue
             legend = next(outputs)
             caption = legend["data"]["text/markdown"].strip("*")
-            names = [k for k, v in self._known.items() if v[0]["caption"] == caption]
-            if not names:
+            left = [k for k in names if k in self._known]
+            alike = [k for k in left or self._known if self._known[k][0]["caption"] == caption]
+            name = (alike or (left if len(left) == 1 else [None]))[0]
+            if name is None:
                 print(f"{self.stem}: not in figures/, run `make reproduce`: {caption}")
                 yield from (output, legend)
                 continue
-            alt = alternative(*self._known.pop(names[0]))
-            with Image.open(FIGURES / f"{names[0]}.png") as picture:
+            head, table = self._known.pop(name)
+            alt, caption = alternative(head, table), head["caption"]
+            with Image.open(FIGURES / f"{name}.png") as picture:
                 inches = [n / dpi for n, dpi in zip(picture.size, picture.info["dpi"], strict=True)]
             number = f"{self.stem.split('-')[0]}.{len(self.figures) + 1}"
             size = (round(DOTS_PER_INCH * x) for x in inches)
-            figure = Figure(names[0], number, caption, alt, f"notebooks/{self.stem}.html", *size)
+            figure = Figure(name, number, caption, alt, f"notebooks/{self.stem}.html", *size)
             self.figures.append(figure)
-            self.sharp[names[0]] = base64.b64decode(output["data"]["image/png"])
+            self.sharp[name] = base64.b64decode(output["data"]["image/png"])
             yield nbformat.v4.new_output("display_data", {"text/html": figure.card("../")})
 
     def anchors(self, ids: list[str]) -> dict[str, str]:
@@ -187,6 +198,12 @@ def _patterns(source):
             yield re.compile(words)
 
 
+def _rules(index):
+    """Take from the index what each verdict means."""
+    told = next(cell.source for cell in index.cells if cell.source.startswith("- **reproduced**"))
+    return told.partition("\n#")[0].strip()
+
+
 def exported(face: str) -> dict[str, str]:
     """List the classes and functions of a face."""
     module = importlib.import_module(f"analysis.{face}")
@@ -207,6 +224,9 @@ def write(folder: Path) -> None:
     }
     stems = sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb"))
     pages = [Page(NOTEBOOKS / f"{stem}.ipynb", known) for stem in stems]
+    missing = sorted(known.keys() - {f.name for page in pages for f in page.figures})
+    if missing:
+        raise SystemExit(f"on no page, run `make reproduce`: {', '.join(missing)}")
     verdicts = claims.verdicts()
     for made in ("api", "notebooks", "sharp"):
         (folder / made).mkdir(parents=True)
@@ -224,6 +244,7 @@ def write(folder: Path) -> None:
     content = {
         "pages": pages,
         "figures": {f.name: f for page in pages for f in page.figures},
+        "rules": _rules(pages[0].notebook),
         "judging": sorted(verdicts["notebook"].dropna().unique()),
         "papers": PAPERS,
         "faces": FACES,

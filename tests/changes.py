@@ -26,7 +26,15 @@ def ledger(revision=None):
         text = (FIGURES / "claims.csv").read_text(encoding="utf-8")
     else:
         words = ["git", "-C", ROOT, "show", f"{revision}:figures/claims.csv"]
-        text = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+        run = subprocess.run(words, capture_output=True, text=True, check=False)
+        if run.returncode:
+            lacks = "invalid object" not in run.stderr
+            raise SystemExit(
+                f"revision {revision} has no figures/claims.csv"
+                if lacks
+                else f"there is no revision {revision}"
+            )
+        text = run.stdout
     table = pd.read_csv(io.StringIO(text)).set_index("id")
     return table.assign(outcome=[OUTCOME.match(v)[0] for v in table["verdict"]])
 
@@ -73,6 +81,8 @@ def tables(revision):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        raise SystemExit("say since which revision: python tests/changes.py 073ead1")
     log = ROOT / "CHANGELOG.md"
     before, _, rest = log.read_text(encoding="utf-8").partition(START)
     _, _, after = rest.partition(END)

@@ -85,12 +85,44 @@ def test_the_compendium_with_its_three_papers():
 
 @pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize(
-    ("typed", "near"), [("22-fig9", FIG9), ("10-adis16045-gyro-x.png", OWN), ("", "figures/")]
+    ("typed", "near"),
+    [
+        ("22-fig9", FIG9),
+        ("10-adis16045-gyro-x.png", OWN),
+        ("", "figures/"),
+        ("foo", "no figure 'foo'; the names are in figures/"),
+    ],
 )
 def test_an_unknown_figure(typed, near, capsys):
     """Property: status 2, and the nearest names."""
     assert main(["cite", typed]) == 2
     assert near in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("drawn")
+def test_a_figure_of_an_older_version(folder, capsys):
+    """Property: one sentence with the command that redraws it, and status 1."""
+    text = (folder / f"{FIG9}.csv").read_text("utf-8")
+    old = folder / "22-old.csv"
+    old.write_text(re.sub("^# paper: .*\n", "", text, flags=re.M), "utf-8")
+    try:
+        assert main(["cite", old.stem]) == 1
+    finally:
+        old.unlink()
+    said = capsys.readouterr().err
+    assert "made by an older version; run `python -m analysis reproduce 22`" in said
+    assert len(said.splitlines()) == 1
+
+
+def test_every_figure_can_be_cited(monkeypatch):
+    """Property: each name in figures/ has a citation with its name and its licence."""
+    monkeypatch.setattr(citation, "_commit", lambda _: "")  # three calls of git each
+    names = sorted(path.stem for path in figures.FIGURES.glob("[0-9]*.csv"))
+    assert len(names) > 50
+    for name in names:
+        text = citation.cite(name)
+        assert f"Figure {name}: " in text and "Licence: " in text
+        assert f"inertial-compendium-{name}" in entries(text)
 
 
 def test_the_commit_is_named_in_a_git_tree_only(tmp_path, monkeypatch):
@@ -146,6 +178,12 @@ def test_changelog_tells_the_verdicts_of_now():
     for verdict, named in rows:
         for claim in re.findall(r"`(.+?)`", named):
             assert now[claim].startswith(verdict), f"{claim}: python tests/changes.py 073ead1"
+
+
+def test_changes_since_a_revision_that_is_not_there():
+    """Property: one sentence instead of a traceback."""
+    with pytest.raises(SystemExit, match=r"^there is no revision nothing$"):
+        changes.ledger("nothing")
 
 
 def test_changes_are_found(tmp_path, monkeypatch):

@@ -387,6 +387,12 @@ def write_csv_zip(path):
         packed.writestr("data/log.csv", frame().to_csv(index=False))
 
 
+def write_nmea(path):
+    """Write a sample: sentences of a receiver at rest, messages without a position in between."""
+    between = UBXMessage("NAV", "NAV-CLOCK", GET, iTOW=0).serialize()
+    path.write_bytes(between.join(sentences(200).splitlines(keepends=True)))
+
+
 BOTH, GYROS, ACCELS, HERE = NAMES, NAMES[:3], NAMES[3:], ["north", "east", "down"]
 FORMATS = [  # row of the page's table, how its sample is written, channels, what reading takes
     ("CSV and other delimited text", write_csv, BOTH, ALONE),
@@ -402,6 +408,7 @@ FORMATS = [  # row of the page's table, how its sample is written, channels, wha
     ("NumPy npy with field names", write_npy, BOTH, ALONE),
     ("NumPy npy, a matrix", write_npy_matrix, ACCELS, FLAG),
     ("JSON lines", write_json_lines, BOTH, ALONE),
+    ("NMEA 0183, also with binary messages between", write_nmea, HERE, ALONE),
     ("ROS 1 bag", write_bag1, BOTH, ALONE),
     ("ROS 2 folder", write_bag2_folder, BOTH, ALONE),
     ("ROS 2 db3", write_db3, BOTH, ALONE),
@@ -485,7 +492,7 @@ def test_the_table_of_formats_is_what_is_tested():
 NEEDS = [
     name
     for name in BY_NAME
-    if not re.search("GPX|CSV|gzip|zip|MATLAB|HDF5|NumPy|JSON|Sensor|Andro|Xsens|serial", name)
+    if not re.search("GPX|NMEA|CSV|gzip|zip|MATLAB|HDF5|NumPy|JSON|Sensor|Andro|Xsens|serial", name)
 ]
 
 

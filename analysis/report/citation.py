@@ -11,7 +11,7 @@ from pathlib import Path
 
 import nbformat
 
-from analysis import FIGURES, ROOT, WrongUsage, figures, replacing
+from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, figures, replacing
 
 TYPES = {"conference-paper": "inproceedings"}  # of CITATION.cff -> of BibTeX, where not misc
 MEDIA = {
@@ -46,7 +46,9 @@ def cite(figure: str | None = None) -> str:
     Raises
     ------
     WrongUsage
-        If there is no such figure; the message names the nearest.
+        If there is no such figure; the message names those with a similar name.
+    CannotAnswer
+        If an older version made the figure, which did not say what it redraws.
     """
     known = figures.citation_file()
     papers = {paper["abbreviation"]: paper for paper in known["references"]}
@@ -54,7 +56,7 @@ def cite(figure: str | None = None) -> str:
     if figure is None:
         about, licence = [], known["license"]
     else:
-        head, _ = figures.read(FIGURES / f"{_name(figure)}.csv")
+        head = _head(FIGURES / f"{_name(figure)}.csv")
         papers = {k: p for k, p in papers.items() if any(k in of for of in head["paper"])}
         licence = head["licence"]
         redraws = f"It redraws the {' and the '.join(head['paper'])}." if papers else ""
@@ -73,6 +75,8 @@ def cite(figure: str | None = None) -> str:
     key = f"inertial-compendium-{head['figure'] if figure else known['version']}"
     lines = [" ".join(filter(None, sentences))]
     lines += [_sentence(paper) for paper in papers.values()]
+    if not known.keys() & {"doi", "url", "repository-code"}:
+        lines.append("This copy has no public address yet.")
     entries = [_bibtex("misc", key, entry)]
     entries += [_of_paper(name, paper) for name, paper in papers.items()]
     return "\n\n".join([*lines, *entries])
@@ -83,12 +87,20 @@ def _name(figure):
     name = re.sub(r"\.(csv|pdf|png)$", "", figure.rsplit("/", 1)[-1])
     names = sorted(path.stem for path in FIGURES.glob("[0-9]*.csv"))
     if name not in names:
-        near = [n for n in names if name and name in n] or difflib.get_close_matches(
-            name, names, n=5, cutoff=0.3
-        )
-        nearest = f"the nearest: {', '.join(near[:5])}" if near else "see figures/"
+        near = [n for n in names if name and name in n]
+        near = near or difflib.get_close_matches(name, names, n=5)
+        nearest = f"the nearest: {', '.join(near[:5])}" if near else "the names are in figures/"
         raise WrongUsage(f"no figure '{name}'; {nearest}")
     return name
+
+
+def _head(path):
+    """Read what a figure says of itself; those of older versions said less."""
+    head, _ = figures.read(path)
+    if "paper" not in head:
+        again = f"python -m analysis reproduce {path.stem.split('-')[0]}"
+        raise CannotAnswer(f"figure '{path.stem}' was made by an older version; run `{again}`")
+    return head
 
 
 def _commit(figure):
@@ -173,7 +185,7 @@ def crate(folder: str | Path) -> Path:
         runs[path.stem] = _entity("CreateAction", f"#{path.stem}", name=name, result=[])
         runs[path.stem]["instrument"] = _ids(parts[-1:])[0]
     for path in sorted(FIGURES.glob("[0-9]*.csv")):
-        head, _ = figures.read(path)
+        head = _head(path)
         based = _ids(
             paper for name, paper in papers.items() if any(name in k for k in head["paper"])
         )
