@@ -184,7 +184,7 @@ def read(
     channels = tuple(_channel(rows, grid, choice, repairs) for choice in chosen.channels)
     _check_gravity(path.name, channels, option.get("unit"))
     if grid.size < SAMPLES_NEEDED:
-        last = rows.place(-1, chosen.channels[0].column)
+        last = rows.place(len(rows.frame) - 1, chosen.channels[0].column)
         raise CannotAnswer(
             f"{last}: the log ends after {grid.size} samples; a noise analysis needs at least "
             f"{SAMPLES_NEEDED}: give a longer log or stretch"

@@ -282,7 +282,7 @@ def noise_models(samples=10_000_000, channels=6, fit_hours=2.0):
     named = tuple(Channel(f"gyro_{k}", "deg/s", "rate", y) for k, y in enumerate(readings))
     log = Log("made", "made", "made", "", 1 / DT, named, samples, 0, (), "", "")
     _, seconds = timed(store.characterise_log, log, progress=False)
-    yield Measured("10^7 samples x 6 channels, all of report's numbers", seconds, "s", "<= 30")
+    yield Measured("10^7 samples x 6 channels, all of report's numbers", seconds, "s", "<= 20")
     gigabytes = getrusage(RUSAGE_SELF).ru_maxrss / 1e6
     yield Measured("most memory held", gigabytes, "GB", "<= 2")
 
