@@ -265,10 +265,12 @@ def readme(page):
     titles = {path.stem: _title(path) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
     links = {f"[{stem}](notebooks/{stem}.ipynb)": title for stem, title in titles.items()}
     learned = "\n".join(
-        f"{number}. **{row.sentence}** {row.condition} ([figure](figures/{row.figure}.png),"
-        f" [notebook](notebooks/{row.notebook}.ipynb))"
+        f'| [<img src="figures/{row.figure}.png" width="220" alt="Figure {row.figure}">](figures/'
+        f"{row.figure}.png) | {number}. **{row.sentence}** {row.condition} "
+        f"([notebook](notebooks/{row.notebook}.ipynb)) |"
         for number, row in enumerate(claims.findings().itertuples(), start=1)
     )
+    learned = f"| figure | finding, and when it holds |\n|---|---|\n{learned}"
     blocks = {
         "findings": f"{learned}\n\n**How sure?** Of {claims.counted()}",
         "notebooks": text.table(links, "notebook").replace("| value |", "| what it says |", 1),
