@@ -34,7 +34,7 @@ from analysis.logs import road_logs
 from analysis.logs.columns import IN_M_S2
 from analysis.logs.static import Log
 from analysis.noise.allan import AllanCurve
-from analysis.noise.channel import ChannelNoise, characterise, remarks
+from analysis.noise.channel import ChannelNoise, characterise, joined, remarks
 from analysis.noise.disturbances import (
     OFFSET,
     TURNING,
@@ -575,6 +575,7 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
     finally:  # after Ctrl-C nobody waits for the channels that are being computed
         threads.shutdown(wait=False, cancel_futures=True)
     noticed = [sentence for c in log.channels for sentence in remarks(c.values, log.dt, c.name)]
+    channels = joined(channels, len(log.channels[0].values) * log.dt)
     return StaticResult(log_source(log, noticed) | {"seed": seed}, channels)
 
 

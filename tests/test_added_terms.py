@@ -39,7 +39,10 @@ def inferred(y, **more):
 
 @pytest.mark.parametrize("kind", SHAPES)
 def test_a_term_is_found_and_the_noise_is_as_without(kind):
-    """coverage: size and place within twice their intervals, and sigma_b within the clean log's."""
+    """coverage: size and place within twice their intervals, and sigma_b within the clean log's.
+
+    Beside the line in temperature flicker noise fits nearly as well (AIC +2.4): sigma_b is refused.
+    """
     clean, shape = log(3), SHAPES[kind]
     warmth = {"temperature": 20 + 100 * shape} if kind == "temperature" else {}
     found, whole = inferred(clean + shape, **warmth), inferred(clean)
@@ -53,7 +56,8 @@ def test_a_term_is_found_and_the_noise_is_as_without(kind):
         e = term[name]
         assert abs(e.value - at) < e.high - e.low
     a, b = found.parameters["sigma_b"], whole.parameters["sigma_b"]
-    assert a.resolved and b.low < a.value < b.high
+    assert b.low < a.value < b.high if a.resolved else "N+B+K fits" in a.note
+    assert a.resolved or kind == "temperature"
     assert not found.parameters["rrw"].resolved
     assert kind in [d.kind for d in found.disturbances]
 
@@ -104,6 +108,22 @@ def test_noise_that_is_not_stationary_is_refused():
     found = inferred(0.04 * rng.standard_normal(N) + np.cumsum(steps))
     assert found.stationarity.p < goodness.ALPHA or found.terms
     assert found.parameters["arw"].resolved
+
+
+def test_slow_noise_that_settles_shows_in_all_axes_together():
+    """coverage: 1.9 times the power in the first quarter of three axes; none of noise alone.
+
+    So much have the gyros of three ADIS16405. Of 1000 logs of noise alone, 9 are found at most by
+    chance (binomial, 99.9 %).
+    """
+    power = np.random.default_rng(4).chisquare(40, (1000, 3, 4)) / 40
+    for times, least, most in ((1.0, 0, 9), (1.9, 800, 1000)):
+        power[:, :, 0] *= times
+        found = [goodness.together([[(p, 40.0) for p in c] for c in log], 8000.0) for log in power]
+        assert least <= sum(map(bool, found)) <= most
+    (one,) = next(filter(None, found))
+    assert one.affects == goodness.SIZES and (one.start_s, one.end_s) == (0.0, 2000.0)
+    assert all(0 < half < 0.5 for half in one.widens)
 
 
 def test_what_may_be_there_widens():

@@ -344,12 +344,12 @@ def test_means_lack_the_noise_that_a_low_pass_takes_out():
     keep = np.exp(-1 / (x * per_mean))
     y = lfilter([1 - keep], [1, -keep], np.random.default_rng(2).standard_normal(n))
     means = NoiseLikelihood(spectrum.spectra(y, DT, per_mean))
-    lack = lost_in_means(spectrum.transform(y, DT), means, means.fit("N"))
+    lack, _ = lost_in_means(spectrum.transform(y, DT), means, means.fit("N"))
     band = np.arctan(np.pi * x) / (np.pi * x)
     expected = np.sqrt(band / (1 - x * (1 - np.exp(-1 / x)))) - 1
     assert lack == pytest.approx(expected, abs=0.02)
     white = spectrum.transform(np.random.default_rng(3).standard_normal(n), DT)
-    assert abs(lost_in_means(white, NoiseLikelihood([white]), means.fit("N"))) < 1e-12
+    assert abs(lost_in_means(white, NoiseLikelihood([white]), means.fit("N"))[0]) < 1e-12
 
 
 def test_white_noise_behind_a_first_order_low_pass_is_its_plateau():
@@ -374,6 +374,17 @@ def test_a_walk_beside_a_bias_may_be_a_second_bias():
         assert found.chosen.model == "N+GM+K" and walk.resolved == given
         assert (walk.low or 0.0) <= 6.5e-4 <= walk.high
         assert (walk.low or 0.0) < 0.95 * alone[0] and walk.high >= alone[1]
+
+
+def test_a_bias_that_a_second_may_be_beside_has_no_correlation_time():
+    """property: one log of two biases, T_c 20 and 600 s, where N+GM gave 34.4 s (27.7 to 44.5)."""
+    model, dt, kind = coverage.models()["two-biases"]
+    stream = coverage.streams("two-biases", 13)[12]
+    y = model.simulate(72_000, dt, np.random.default_rng(stream))
+    found = infer(y, dt, "deg/s", kind, np.random.default_rng(stream))
+    time, size = found.parameters["corr_time"], found.parameters["sigma_b"]
+    assert found.chosen.model == "N+GM" and not time.resolved and not size.resolved
+    assert time.low < 600 and time.high is None and "second slow process" in time.note
 
 
 def test_pieces_that_are_left_out_are_named():

@@ -6,7 +6,7 @@ come the four panels that the comparison paper draws for each sensor: 15 s of da
 whole log, autocorrelation.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from analysis.noise.allan import (
 )
 from analysis.noise.autocorrelation import autocovariance, block_means
 from analysis.noise.disturbances import adjusted
+from analysis.noise.goodness import together
 from analysis.noise.inference import infer
 from analysis.noise.models import adev_of_terms
 
@@ -162,6 +163,38 @@ def characterise(
         fit=fit,
         temperature=None if temperature is None else block_means(temperature, m),
     )
+
+
+def joined(channels, duration):
+    """Widen what slow noise that changes along the log, in gyros or accelerometers, affects.
+
+    Parameters
+    ----------
+    channels : sequence of ChannelNoise
+        All of one log.
+    duration : float, s
+
+    Returns
+    -------
+    tuple of ChannelNoise
+    """
+    tests = [c.fit.get("stationarity") or {} for c in channels]
+    for kind in ("rate", "accel"):
+        same = [k for k, c in enumerate(channels) if c.kind == kind and tests[k].get("quarters")]
+        found = together([tests[k]["quarters"] for k in same], duration) if len(same) > 1 else []
+        if found:
+            channels = [
+                replace(
+                    c,
+                    parameters={n: adjusted(e, n, found) for n, e in c.parameters.items()},
+                    fit=c.fit
+                    | {"disturbances": [*c.fit["disturbances"], *(d.summary() for d in found)]},
+                )
+                if c.kind == kind and c.fit
+                else c
+                for c in channels
+            ]
+    return tuple(channels)
 
 
 def floor(result, curve, dt):

@@ -114,6 +114,12 @@ class Disturbance:
     widens: tuple[float, float] | None = None
     bounds: tuple[float | None, float | None] = (None, None)
 
+    def summary(self) -> dict:
+        """Give what model.json says of it."""
+        ends = {"from": round(float(self.start_s), 3), "to": round(float(self.end_s), 3)}
+        affects = list(self.affects) if self.decides else []
+        return {"kind": self.kind, **ends, "affects": affects, "note": self.note}
+
 
 def adjusted(estimate: Estimate, name: str, disturbances: list[Disturbance]) -> Estimate:
     """Widen or refuse an estimate as the disturbances of its log demand.

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import idct
-from scipy.stats import chi2, norm
+from scipy.stats import chi2, f, norm
 
 from analysis.noise.added_terms import Coarse, _coefficients, _interleaved
 from analysis.noise.disturbances import Disturbance
@@ -22,6 +22,7 @@ PRACTICAL = 0.2  # of the power: a smaller misfit is shown, and decides nothing
 FEWEST_SLOW = 12  # coefficients of slow noise that can be tested
 LEVEL = ("sigma_v", "arw", "vrw")  # parameters of the white noise
 SLOW = ("sigma_b", "corr_time", "bias_instability", "rrw", "drift")
+SIZES = ("sigma_b", "bias_instability", "rrw")  # of slow noise
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,15 @@ class Test:
         Probability of so much by chance, corrected for the number of places looked at; None where
         the log is too short to test.
     verdict : str
+    quarters : tuple of (float, float)
+        Power of the slow noise in each quarter of the log over the model's, and its degrees of
+        freedom; empty where it was not tested.
     """
 
     statistic: float
     p: float | None
     verdict: str
+    quarters: tuple[tuple[float, float], ...] = ()
 
 
 def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
@@ -152,9 +157,48 @@ def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbanc
         note = f"slow noise reaches {abs(off):.1f} standard deviations"
     step = coarse.m * coarse.dt
     start, end = float(part[0] * step), float((part[-1] + 1) * step)
-    test = Test(float(off), least, _verdict(least, off))
+    ratios = np.round(power / freedom, 4), np.round(freedom, 2)
+    quarters = tuple(zip(*(values[2:].tolist() for values in ratios), strict=True))
+    test = Test(float(off), least, _verdict(least, off), quarters)
     note += f" from {start:.4g} to {end:.4g} s: it is not stationary"
     return test, [Disturbance("misfit", start, end, SLOW, note)] if least < ALPHA else []
+
+
+def together(channels: list, duration: float) -> list[Disturbance]:
+    """Compare the power of the slow noise in quarters of a log, all channels of a kind together.
+
+    What changes the noise of one axis, as settling after power-on does, mostly changes the others
+    too: their sum shows changes that are too small for one channel (F test of each quarter against
+    the rest). The intervals of the sizes of slow noise widen to what the quarters have.
+
+    Parameters
+    ----------
+    channels : list of sequence of (float, float)
+        `Test.quarters` of each.
+    duration : float, s
+
+    Returns
+    -------
+    list of Disturbance
+        Empty, or one.
+    """
+    ratio, freedom = np.moveaxis(np.array(channels), -1, 0)
+    power, freedom = (ratio * freedom).sum(axis=0), freedom.sum(axis=0)
+    others = power.sum() - power, freedom.sum() - freedom
+    off = power / freedom / (others[0] / others[1])
+    p = 2 * len(off) * np.minimum(*(tail(off, freedom, others[1]) for tail in (f.cdf, f.sf)))
+    k = int(np.argmin(p))
+    if p[k] >= ALPHA:
+        return []
+    level = np.log(power / freedom / (power.sum() / freedom.sum())) / 2
+    note = (
+        f"slow noise of {len(channels)} channels together {100 * (off[k] - 1):+.0f} % off the rest"
+        f" of the log in power (p {p[k]:.1g}); intervals widened to what quarters have:"
+        f" {np.exp(level.min()):.2f} to {np.exp(level.max()):.2f} of the value"
+    )
+    widens = float(-level.min()), float(level.max())
+    ends = k * duration / len(off), (k + 1) * duration / len(off)
+    return [Disturbance("noise_level", *ends, SIZES, note, widens=widens)]
 
 
 def _two_sided(power, freedom):

@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 
 import numpy as np
+from scipy.stats import norm
 
 from analysis import CannotAnswer, Estimate
 from analysis.noise.added_terms import (
@@ -64,6 +65,9 @@ BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 USED = 0.95  # a note says if less than this share of the samples is used
 SELECTED = 30  # correlation times; the values of logs that hold fewer are a selection
 FEW = 4.0  # AIC within which a model without a term speaks against the term
+BETTER = 2.0  # AIC by which a second slow process counts: by chance in one log of forty
+FOLDED = 0.23  # of the white noise of means comes from shorter periods: 1 - mean of sinc^2
+USELESS = 10.0  # high / low of a correlation time over several models; beyond it is refused
 SAME = 0.02  # relative; two terms so close to each other are one
 EXACT = 1e-9  # relative; means that vary less than that hold no noise
 ENDS = np.geomspace(4, 40, 12)  # time constants of a warm-up that ends in a log, in log lengths
@@ -105,8 +109,8 @@ class Inference:
         The same at least, so that single missing samples leave no gap.
     misfit : float
         Largest relative disagreement of spectrum and model in the octaves at the top of the band.
-    lack : float
-        Of white noise in the means, relative: see `lost_in_means`.
+    lack : (float, float)
+        Of white noise in the means, relative, and half of its interval: see `lost_in_means`.
     terms : tuple of AddedTerm
         Warm-up, step, sinusoid or temperature in the log, fitted with the noise.
     parameters : dict of Estimate
@@ -122,7 +126,7 @@ class Inference:
     averaged: int = 1
     fewest: int = 1
     misfit: float = 0.0
-    lack: float = 0.0
+    lack: tuple[float, float] = (0.0, 0.0)
     terms: tuple[AddedTerm, ...] = ()
     parameters: dict[str, Estimate] = field(default_factory=dict)
     goodness: Test | None = None
@@ -158,11 +162,7 @@ class Inference:
                 for t in self.terms
             ],
             **{name: test and _short(test) for name, test in tests.items()},
-            "disturbances": [
-                {"kind": d.kind, "from": round(float(d.start_s), 3), "to": round(float(d.end_s), 3)}
-                | {"affects": list(d.affects) if d.decides else [], "note": d.note}
-                for d in self.disturbances
-            ],
+            "disturbances": [d.summary() for d in self.disturbances],
         }
 
     @property
@@ -226,14 +226,22 @@ class Inference:
             " masks it"
         )
         white = self.estimate(self.level_fit, "sigma_v", self.unit, note, f"{note}; {hidden}")
+        rounded = self.fits.get(self.chosen.model + QUANTISED)
+        if white.resolved and rounded and rounded.aic < self.chosen.aic:
+            low, high = self.likelihood.interval(rounded, "sigma_v")
+            white = either(white, replace(white, low=low, high=high), "term of quantisation")
         if self.averaged == self.fewest or white.low is None or white.high is None:
             return white
-        raised = 1 + self.lack * (self.lack > AGREE / 2)
-        ends = {"low": white.low * (1 - AGREE / 2), "high": white.high * (1 + AGREE / 2)}
+        ends = white.low * (1 - AGREE / 2), white.high * (1 + AGREE / 2)
         note = f"{white.note}; widened by {AGREE / 2:.1%} for what is left of the filter"
-        if raised > 1:
-            note += f"; raised by {self.lack:.1%}: a filter takes noise out of neighbouring means"
-        return replace(white, **ends, note=note).scaled(raised, white.unit)
+        white, (lack, error) = replace(white, low=ends[0], high=ends[1], note=note), self.lack
+        if lack <= AGREE / 2:
+            return white
+        note = (
+            f"raised by {lack:.1%} (± {error:.1%}): a filter takes noise out of neighbouring means"
+        )
+        raised = Disturbance("", 0.0, 0.0, ("sigma_v",), note, widens=(error, error))
+        return adjusted(white, "sigma_v", [raised]).scaled(1 + lack, white.unit)
 
     def rate_random_walk(self):
         """Rate random walk K, U/sqrt(s)."""
@@ -270,12 +278,13 @@ class Inference:
         otherwise = f"{note}; a rate random walk alone may explain it"
         return self.estimate(self.level_fit, "flicker", self.unit, note, otherwise)
 
-    def rival(self, without):
-        """Name a model without any of these terms that fits the log nearly as well, or nothing."""
+    def rival(self, without=(), having=None):
+        """Name a model with one term, without others, that fits nearly as well, or nothing."""
         rivals = [
             fit
             for fit in self.fits.values()
             if fit.end == self.chosen.end and not set(without) & fit.terms.keys()
+            if having is None or having in fit.terms
         ]
         best = min(rivals, key=lambda fit: fit.aic)
         if best.aic > self.chosen.aic + FEW:
@@ -315,27 +324,42 @@ class Inference:
         }
 
     def _gauss_markov(self):
-        fit, estimates = self.chosen, {}
-        if "rrw" in fit.terms and self.similar("N+2GM").aic < fit.aic + FEW:
-            low = self.likelihood.interval(fit, "corr_time")[0]
-            why = (
-                f"of two slow processes the log does not say whether the slower is a bias or a"
-                f" random walk; the faster has T_c {fit.terms['corr_time'][0]:.3g} s and sigma_b"
-                f" {fit.terms['sigma_b'][0]:.3g} {self.unit}"
+        fit, flicker = self.chosen, self.rival(having="flicker")
+        if flicker:
+            return self._no_bias(f"{flicker}, and has no correlation time", flicker)
+        two, said = self.similar("N+2GM"), ""
+        if self.second_process():
+            fit, fast = two, [f"{two.terms[w][0]:.3g}" for w in ("corr_time", "sigma_b")]
+            said = (
+                "; the log does not say whether it holds a second slow process, a bias or a random"
+                f" walk: N+2GM includes all; its faster bias has T_c {fast[0]} s and sigma_b"
+                f" {fast[1]} {self.unit}"
             )
-            return self._no_bias(why, why, time_low=low)
-        ends = {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
+        estimates, ends = (
+            {},
+            {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")},
+        )
         times = self.likelihood.duration / fit.terms["corr_time"][-1]
-        note = f"likelihood of {fit.model}; the log covers {_count(times)} correlation times"
+        note = f"likelihood of {fit.model}; the log covers {_count(times)} correlation times{said}"
+        estimates, (low, high) = {}, ends["corr_time"]
+        useless = bool(said and low and high and high > USELESS * low)
         for (what, (low, high)), unit in zip(ends.items(), ("s", self.unit), strict=True):
-            if None in (*ends["corr_time"], low, high):
-                why = f"{note}, too few to bound it on both sides"
+            if useless or None in (*ends["corr_time"], low, high):
+                why = f"{note}, too few to bound it on both sides" if not said else note
                 high = None if ends["corr_time"][1] is None else high
                 estimates[what] = Estimate.refused(unit, why, low=low, high=high)
             else:
-                said = f"{note}, so few {SELECTION} low" if times < SELECTED else note
-                estimates[what] = Estimate(fit.terms[what][-1], low, high, unit, note=said)
+                few = f", so few {SELECTION} low" if times < SELECTED else ""
+                estimates[what] = Estimate(fit.terms[what][-1], low, high, unit, note=note + few)
         return estimates
+
+    def second_process(self):
+        """Whether the log does not say if a bias or a random walk is beside the slowest bias."""
+        two, least = self.similar("N+2GM").aic, self.chosen.aic
+        if "rrw" in self.chosen.terms:
+            return two < least + FEW
+        richer = min(two, self.similar("N+GM+K").aic)
+        return self.chosen.plain == UNIFIED and richer < least - BETTER
 
     def _random_walk(self):
         """Bound a bias whose correlation time has no upper end."""
@@ -646,24 +670,32 @@ def lost_in_means(finest, likelihood, fit):
     likelihood : NoiseLikelihood
         Of the means.
     fit : Fit
+
+    Returns
+    -------
+    lack, half : float
+        Half of the 95 % interval: what is folded into the means is other noise than that of the
+        samples up to the same frequency.
     """
     (means,), terms = likelihood.stretches, likelihood.terms(fit)
     if len(means.start) != len(finest.start):
-        return 0.0
+        return 0.0, 0.0
     white = terms.sigma_v[0] ** 2 / means.m
     first = (white < SHARE * bin_variance(means, terms)[0]).sum(axis=1)
-    power = np.zeros((2, 2))  # of means and samples: measured, modelled
+    power, count = np.zeros((2, 2)), 0.0  # of means and samples: measured, modelled
     for k, of_samples in enumerate((False, True)):
         stretch = finest if of_samples else means
         model = stretch.count * bin_variance(stretch, terms)[0]
         for row, start in enumerate(first):
             ends = means.count[row, :start].sum(), means.count[row].sum()
+            count += ends[1] - ends[0]
             at = np.cumsum(np.append(0.0, stretch.count[row]))
             for i, values in enumerate((stretch.yy, model)):
                 power[k, i] += np.ptp(np.interp(ends, at, np.cumsum(np.append(0.0, values[row]))))
     if not power.all():
-        return 0.0
-    return float(np.sqrt(power[1, 0] / power[1, 1] / (power[0, 0] / power[0, 1]))) - 1
+        return 0.0, 0.0
+    lack = np.sqrt(power[1, 0] / power[1, 1] / (power[0, 0] / power[0, 1])) - 1
+    return float(lack), float(norm.ppf(0.975) * np.sqrt(FOLDED / (count / 2)))
 
 
 def low_passed(likelihood, fit):
@@ -706,7 +738,10 @@ def _band(result, dt, clean, used):
 def _short(record):
     """Give an `Estimate` or a `Test` as a dict, its numbers to four digits."""
     entries = asdict(record).items()
-    return {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in entries}
+    short = {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in entries}
+    if "quarters" in short:
+        short["quarters"] = [list(pair) for pair in short["quarters"]]
+    return short
 
 
 def _count(times):

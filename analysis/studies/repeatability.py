@@ -21,6 +21,7 @@ from analysis import CannotAnswer, logs, store
 from analysis.logs import datasets, formats
 from analysis.noise import infer
 from analysis.noise import pool as pooling
+from analysis.noise.inference import INSTEAD
 from analysis.studies.cells import DIGITS, Cell, tabulate
 
 FOLDER = store.FOLDER / "repeatability"
@@ -96,6 +97,7 @@ def parts(log, *, number=0, pieces=PIECES):
                         continue  # N, in other units
                     found = c.fit["disturbances"]
                     kinds = {d["kind"] for d in found if p in d["affects"] or not d["affects"]}
+                    kinds |= {"warm_up"} if INSTEAD in e.note else set()
                     row = {"parameter": p, "value": e.value, "low": e.low, "high": e.high}
                     rows.append(about | row | {"named": ";".join(sorted(kinds))})
     return rows
