@@ -455,38 +455,39 @@ class Setup:
         rows = {
             "noise of the gyro": ("integrated into the attitude", "a gyro measures a rate"),
             "attitude that is compared": (
-                "pitch, as it is",
-                "Figs 3 and 4 show one attitude; earlier trackers of the group used pitch",
+                "pitch, not filtered",
+                "Figs 3 and 4 show one angle; earlier trackers of the group used pitch",
             ),
             "bias of the gyro": (
-                f"Gauss–Markov, σ_b = B (ω₀ = β), T_c = {self.corr_time:g} s, from {self.start}",
-                "Table 1; an integrator in a simulation starts at zero if nothing else is set",
+                f"Gauss–Markov, σ_b = B (ω₀ = β), T_c = {self.corr_time:g} s, start: {self.start}",
+                "Table 1; an integrator in a simulation starts at zero by default",
             ),
             "R₀, the variance that the filter assumes": (
-                f"({R**0.5:.2f} °)² of each reading, at any rate, for every sensor",
-                "ours: the variance of the drift of the worst sensor of the sweeps"
-                f" (N {self.WORST.arw:g} °/√s, B {self.WORST.sigma_b:g} °/s), over the lap",
+                f"({R**0.5:.2f} °)² for each sample, the same for every sensor and sampling rate",
+                "variance of the drift, averaged over the lap, of the worst sensor of the sweeps"
+                f" (N {self.WORST.arw:g} °/√s, B {self.WORST.sigma_b:g} °/s)",
             ),
             "lap": (
                 f"{self.length:.0f} m of the test track at {self.speed:g} m/s, the map exact",
-                "the paper's track; the speed of its group's van",
+                "the paper's track; the speed of the authors' van",
             ),
             "error of the odometry, one sigma": (
-                f"{1000 * self.odometry_walk:g} mm/√m and {100 * self.odometry_scale:.2g} %",
+                f"random walk {1000 * self.odometry_walk:g} mm/√m,"
+                f" scale {100 * self.odometry_scale:.2g} %",
                 "measured on the van's wheels, against RTK",
             ),
             "error of the first position, one sigma": (
                 f"{self.begin_sd:g} m",
-                '"an estimate of the current location is usually known"',
+                'paper: "an estimate of the current location is usually known"',
             ),
             "mean and variance of the error": (
-                "mean of its absolute value; variance over all moments of all laps, lost ones too",
-                "a mean with sign is near 0 for every sensor; Fig 12 has one number a sensor",
+                "mean absolute error; variance over all moments of all laps, lost laps included",
+                "the mean of the signed error is near 0 for every sensor; Fig 12 has one mean each",
             ),
             "static log of Table 1": (
                 f"{self.TABLE_1_HOURS} h, averaged over {self.TABLE_1_WINDOW_S:g} s; T_c where the"
                 " autocorrelation falls to 1/e; B as a quotient",
-                "the shortest that was tried which gives N, B and T_c back in nine logs of ten",
+                "the shortest tried that gives N, B and T_c back in nine logs of ten",
             ),
         }
         return {k: {"chosen here": level, "reason": why} for k, (level, why) in rows.items()}
