@@ -126,6 +126,14 @@ def test_slow_noise_that_settles_shows_in_all_axes_together():
     assert all(0 < half < 0.5 for half in one.widens)
 
 
+def test_two_warm_ups_are_no_random_walk():
+    """property: white noise and two exponentials; K was 5.3 to 12.6e-5 deg/s/sqrt(s)."""
+    exponentials = 0.03 * np.exp(-T / 120) + 0.05 * np.exp(-T / 1500)
+    found = inferred(0.02 * np.random.default_rng(0).standard_normal(N) + exponentials)
+    assert not found.parameters["rrw"].resolved and found.terms[0].kind == "warm_up"
+    assert found.chosen.model == "N" or "two warm-ups" in found.parameters["rrw"].note
+
+
 def test_what_may_be_there_widens():
     """property: the union of two intervals; refused where one is refused."""
     a, b = Estimate(2.0, 1.0, 3.0, "s"), Estimate(2.5, 1.5, 4.0, "s")

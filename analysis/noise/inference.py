@@ -16,6 +16,7 @@ zero. So the threshold is calibrated by parametric bootstrap.
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 from scipy.stats import norm
@@ -27,6 +28,7 @@ from analysis.noise.added_terms import (
     UNSURE,
     AddedTerm,
     Coarse,
+    added_term,
     candidates,
     weaker_noise,
 )
@@ -70,6 +72,7 @@ FOLDED = 0.23  # of the white noise of means comes from shorter periods: 1 - mea
 USELESS = 10.0  # high / low of a correlation time over several models; beyond it is refused
 SAME = 0.02  # relative; two terms so close to each other are one
 EXACT = 1e-9  # relative; means that vary less than that hold no noise
+TWICE = np.geomspace(0.005, 1, 14)  # time constants of two warm-ups, in log lengths
 ENDS = np.geomspace(4, 40, 12)  # time constants of a warm-up that ends in a log, in log lengths
 INSTEAD = "a warm-up without a drift describes the log as well"  # how its note says so
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
@@ -249,14 +252,33 @@ class Inference:
         if "rrw" in self.chosen.terms:
             rival = self.rival(without=("rrw", "corr_time"))
             walk = self.estimate(self.chosen, "rrw", unit, note, "")
+            rival = rival or self.two_warm_ups()
             if rival:
                 return Estimate.refused(unit, rival, high=walk.high)
             if walk.resolved:
+                if self.chosen.plain == "N+K":
+                    note = f"{note}; a slow bias looks alike, of which it is sigma_b sqrt(2 / T_c)"
+                    walk = replace(walk, note=note)
                 return self._beside_two_biases(walk)
         wider = self.similar(WITH_WALK.get(self.chosen.plain, "N+GM+K"))
         high = self.likelihood.interval(wider, "rrw")[1]
         why = f"{self.chosen.model} fits the log equally well without a rate random walk"
         return Estimate.refused(unit, why, high=high)
+
+    def two_warm_ups(self):
+        """Say whether a second warm-up, instead of the random walk, describes the log as well."""
+        others = [term for term in self.terms if term.kind != "warm_up"]
+        if len(others) == len(self.terms):
+            return ""
+        noise = self.likelihood.terms(self.chosen)
+        still, times = replace(noise, rrw=None), self.coarse.duration * TWICE
+        least = min(
+            self.coarse.deviance([*others, *(added_term("warm_up", x) for x in pair)], still)[0]
+            for pair in combinations(times, 2)
+        )
+        if least > self.coarse.deviance(self.terms, noise)[0] + FEW:
+            return ""
+        return "two warm-ups without a random walk describe the log as well"
 
     def _beside_two_biases(self, walk):
         """Widen a random walk beside one bias by what it may be beside two."""
