@@ -232,7 +232,9 @@ class Inference:
         rounded = self.fits.get(self.chosen.model + QUANTISED)
         if white.resolved and rounded and rounded.aic < self.chosen.aic:
             low, high = self.likelihood.interval(rounded, "sigma_v")
-            white = either(white, replace(white, low=low, high=high), "term of quantisation")
+            if None not in (low, high):
+                other = replace(white, low=low, high=high)
+                white = either(white, other, "term of quantisation")
         if self.averaged == self.fewest or white.low is None or white.high is None:
             return white
         ends = white.low * (1 - AGREE / 2), white.high * (1 + AGREE / 2)
