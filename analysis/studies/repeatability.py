@@ -227,7 +227,8 @@ def units():
     tables : dict of DataFrame
         ``pooled``: channel, model, parameter, value, low, high, unit, resolved, note, and the
         spread between units (%). ``channels``: log, channel, model, rivals (those
-        within 4 AIC, with it), p_stationary (of the test on the whole log), and T_c, B, K and drift
+        within 4 AIC, with it), quarters (power of slow noise over the model's, in each quarter),
+        p_stationary (of the test on the whole log), and T_c, B, K and drift
         where they are given.
     """
     read_logs, pooled, rows, biases = {name: read(name) for name in ADIS}, [], [], []
@@ -263,7 +264,8 @@ def fitted(result):
     about = result.summary()
     rivals = [f"{rival['model']} {rival['aic_above_least']:.1f}" for rival in about["rivals"]]
     given = {p: getattr(result.parameters.get(p), "value", None) for p in SLOW}
-    about = {"model": about["model"], "rivals": ", ".join(rivals)}
+    quarters = " ".join(f"{ratio:.2f}" for ratio, _ in result.stationarity.quarters)
+    about = {"model": about["model"], "rivals": ", ".join(rivals), "quarters": quarters}
     return about | {"p_stationary": result.stationarity.p} | given
 
 
