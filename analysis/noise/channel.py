@@ -178,23 +178,21 @@ def joined(channels, duration):
     -------
     tuple of ChannelNoise
     """
-    tests = [c.fit.get("stationarity") or {} for c in channels]
+    found = {}
     for kind in ("rate", "accel"):
-        same = [k for k, c in enumerate(channels) if c.kind == kind and tests[k].get("quarters")]
-        found = together([tests[k]["quarters"] for k in same], duration) if len(same) > 1 else []
-        if found:
-            channels = [
-                replace(
-                    c,
-                    parameters={n: adjusted(e, n, found) for n, e in c.parameters.items()},
-                    fit=c.fit
-                    | {"disturbances": [*c.fit["disturbances"], *(d.summary() for d in found)]},
-                )
-                if c.kind == kind and c.fit
-                else c
-                for c in channels
-            ]
-    return tuple(channels)
+        tests = [c.fit.get("stationarity") or {} for c in channels if c.kind == kind]
+        quarters = [test["quarters"] for test in tests if "quarters" in test]
+        found[kind] = together(quarters, duration) if len(quarters) > 1 else []
+    return tuple(
+        replace(
+            c,
+            parameters={name: adjusted(e, name, some) for name, e in c.parameters.items()},
+            fit=c.fit | {"disturbances": c.fit["disturbances"] + [d.summary() for d in some]},
+        )
+        if c.fit and (some := found.get(c.kind))
+        else c
+        for c in channels
+    )
 
 
 def floor(result, curve, dt):

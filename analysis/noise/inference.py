@@ -761,10 +761,9 @@ def _band(result, dt, clean, used):
 
 def _short(record):
     """Give an `Estimate` or a `Test` as a dict, its numbers to four digits."""
-    entries = asdict(record).items()
-    short = {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in entries}
-    if "quarters" in short:
-        short["quarters"] = [list(pair) for pair in short["quarters"]]
+    short = {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in asdict(record).items()}
+    if quarters := short.pop("quarters", ()):
+        short["quarters"] = [list(pair) for pair in quarters]
     return short
 
 
