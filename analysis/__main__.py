@@ -15,6 +15,7 @@ def stop(*_):
     raise KeyboardInterrupt
 
 
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # channels and cells are the threads
 for stream in (sys.stdout, sys.stderr):  # a terminal without Greek letters ends no run
     stream.reconfigure(errors="replace")  # type: ignore[union-attr]
 try:

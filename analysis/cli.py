@@ -910,8 +910,7 @@ def benchmark(
 
     \b
     python -m analysis benchmark              two minutes; other packages as far as installed
-    OMP_NUM_THREADS=1 python -m analysis benchmark     the same on one thread
-    python -m analysis benchmark --out speed           keep the numbers, with the machine's name
+    python -m analysis benchmark --out speed  keep the numbers, with the machine's name
 
     Each number is printed with the limit it has to meet, if there is one. Numbers of one machine
     with two cores are in data/derived/benchmark/.

@@ -107,13 +107,14 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
         repairs.append(f"{_count((~stamped).sum(), 'row')} without a time stamp dropped")
         rows, t, repeated = rows[stamped], t[stamped], repeated[stamped]
     step = np.diff(t)
-    if (step < 0).any():
+    least = step.min(initial=np.inf)
+    if least < 0:
         worst = int(np.argmax(step < 0))
         raise BadStamps(
             int(rows[worst + 1]), f"time runs backward by {-step[worst]:.6g} s; {NO_STAMPS}"
         )
     coarse = False
-    if (step == 0).any():
+    if least == 0:
         rows, coarse = _without_repeats(t, rows, repeated, repairs)
         t = t_s[rows]
         step = np.diff(t)

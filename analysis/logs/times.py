@@ -122,7 +122,7 @@ def stamps(
     if column.dtype.kind != "f":
         return _from_text(name, column)
     t, notes = _continuous(np.asarray(column, dtype=float))
-    good = t[np.isfinite(t)]
+    good = _known(t)
     if not good.size:
         raise BadStamps(
             0, "no time stamp in the whole column; name another with --time, or give --rate"
@@ -135,7 +135,15 @@ def stamps(
         notes += (f"time column '{name}' read as {WORDS[unit]}{guess} (--time-unit overrules)",)
     zero = float(good[0]) * SCALES[unit]
     since_1970 = _UNIX["s"][0] <= zero < _UNIX["s"][1]
-    return Stamps((t - good[0]) * SCALES[unit], zero, UNIX if since_1970 else DEVICE, notes)
+    since_s = t - good[0]
+    since_s *= SCALES[unit]  # in place: a long log fills the memory
+    return Stamps(since_s, zero, UNIX if since_1970 else DEVICE, notes)
+
+
+def _known(t: np.ndarray) -> np.ndarray:
+    """Leave out what is missing; a series without gaps comes back itself."""
+    finite = np.isfinite(t)
+    return t if finite.all() else t[finite]
 
 
 @contextlib.contextmanager
@@ -194,13 +202,12 @@ def unwrap_clock(seconds_of_day: np.ndarray) -> np.ndarray:
 
 def _continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Undo the overflow of a 32-bit counter."""
-    good = np.isfinite(t)
-    step = np.diff(t[good])
+    step = np.diff(_known(t))
     wraps = (step < -0.98 * _COUNTER) & (step > -_COUNTER)
     if not wraps.any() or np.nanmax(t) >= _COUNTER:
         return t, ()
     out = t.copy()
-    out[good] += _COUNTER * np.cumsum(np.r_[0, wraps])
+    out[np.isfinite(t)] += _COUNTER * np.cumsum(np.r_[0, wraps])
     return out, (f"the time counter overflowed (2^32) {int(wraps.sum())} times: made continuous",)
 
 

@@ -338,21 +338,22 @@ def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:
     residual : ndarray, shape (n,), U
     line : Line
     """
-    valid, known, t = np.isfinite(y), y, dt * np.arange(float(len(y)))
-    count, some = max(valid.sum(), 1), not valid.all()
-    if some:
-        known, t = np.where(valid, y, 0.0), np.where(valid, t, 0.0)
-    t -= t.sum() / count
-    if some:
-        t = np.where(valid, t, 0.0)
-    mean, slope = known.sum() / count, _product(t, known) / max(_product(t, t), 1e-300)
-    residual = y - mean
-    t *= slope  # in place: a long log fills the memory
-    residual -= t
+    valid = np.isfinite(y)
+    count, whole = max(valid.sum(), 1), valid.all()
+    known = y if whole else np.where(valid, y, 0.0)
+    middle = dt * (len(y) - 1) / 2 if whole else dt * np.flatnonzero(valid).sum() / count
+
+    def blocks():  # of the log and their times: a long log fills the memory
+        for k in range(0, len(y), BLOCK):
+            part = slice(k, min(k + BLOCK, len(y)))
+            yield part, dt * np.arange(k, part.stop) - middle
+
+    mean, cross, square = known.sum() / count, 0.0, 1e-300
+    for part, t in blocks():
+        t *= valid[part]
+        cross += np.einsum("i,i->", t, known[part])
+        square += np.einsum("i,i->", t, t)
+    residual, slope = y - mean, cross / square
+    for part, t in blocks():
+        residual[part] -= slope * t
     return residual, Line(float(mean), float(slope))
-
-
-def _product(a, b):
-    """Scalar product, block by block."""
-    parts = (slice(k, k + BLOCK) for k in range(0, len(a), BLOCK))
-    return sum(np.einsum("i,i->", a[part], b[part]) for part in parts)

@@ -245,15 +245,15 @@ def refuse_without_noise(y, dt, name, unit):
             f" {FEWEST}, and for a correlation time some hours"
         )
     residual, line = fit_line(y, dt)
-    span = np.nanmax(y) - np.nanmin(y)
-    if span > 0 and np.nanstd(residual) < ROUNDING * np.nanmax(np.abs(y)):
+    low, high = np.nanmin(y), np.nanmax(y)
+    if high > low and np.nanmax(np.abs(residual)) < ROUNDING * max(high, -low):
         raise CannotAnswer(
             f"channel {name}: a straight line of {line.drift:.3g} {unit}/s to the last digit: no"
             " noise to measure"
         )
-    if span == 0:
+    if high == low:
         raise CannotAnswer(
-            f"channel {name}: all {count} samples are {np.nanmax(y):g}; a constant has no noise to"
+            f"channel {name}: all {count} samples are {high:g}; a constant has no noise to"
             " measure (is the sensor connected, or its resolution too coarse?)"
         )
     return residual, line

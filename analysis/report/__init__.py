@@ -6,8 +6,11 @@ One command, one folder; all its files are written or none.
 import base64
 import json
 import os
+import signal
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -222,31 +225,39 @@ def _hours(channel, dt, within=WITHIN):
 
 
 def _draw(result, folder, atlas):
-    figures.use_style()
-    origin = {"data": {result.source["file"]: result.source["sha256"]}}
-    origin |= {"seed": result.source["seed"], "to": folder}
-    for channel in tqdm(result.channels, "drawing", unit="figure", disable=None):
-        fig = plots.four_panels(channel, f"{result.source['title']}: {channel.name}")
-        caption = (
-            "15 s of data; Allan deviation as recorded with its 95 % band, without the straight"
-            " line, and the fitted model with N, B and K; whole log; autocorrelation."
-        )
-        figures.save(fig, channel.name, caption, **origin)
-        plt.close(fig)
-    fig = plots.allan_panels(result.channels, result.source["title"])
-    caption = (
+    """Draw all figures, in processes, since drawing is slow and no thread draws beside another."""
+    title, known = result.source["title"], {result.source["file"]: result.source["sha256"]}
+    four = (
+        "15 s of data; Allan deviation as recorded with its 95 % band, without the straight"
+        " line, and the fitted model with N, B and K; whole log; autocorrelation."
+    )
+    every = (
         "Allan deviation of every channel as recorded with its 95 % band; fitted models, N, B, K."
     )
-    figures.save(fig, ALL_CHANNELS, caption, **origin)
+    placed = "N against B: data sheets, measured sensors, and this log with its 95 % intervals."
+    jobs = [(c.name, four, plots.four_panels, c, f"{title}: {c.name}") for c in result.channels]
+    jobs.append((ALL_CHANNELS, every, plots.allan_panels, result.channels, title))
+    jobs += [] if atlas is None else [(ATLAS, placed, _atlas, atlas)]
+    save = partial(_save, data=known, seed=result.source["seed"], to=folder)
+    # Ctrl-C is the parent's, which ends them.
+    ignored = {"initializer": signal.signal, "initargs": (signal.SIGINT, signal.SIG_IGN)}
+    with ProcessPoolExecutor(store.AT_ONCE, **ignored) as processes:
+        drawn = processes.map(save, jobs)
+        list(tqdm(drawn, "drawing", len(jobs), unit="figure", disable=None))
+
+
+def _save(job, **origin):
+    name, caption, draw, *shown = job
+    figures.use_style()
+    fig = draw(*shown)
+    figures.save(fig, name, caption, **origin)
     plt.close(fig)
-    if atlas is not None:
-        fig = plt.figure(figsize=(figures.DOUBLE, 4.6))
-        plots.atlas(fig, atlas)
-        caption = (
-            "N against B: data sheets, measured sensors, and this log with its 95 % intervals."
-        )
-        figures.save(fig, ATLAS, caption, **origin)
-        plt.close(fig)
+
+
+def _atlas(atlas):
+    fig = plt.figure(figsize=(figures.DOUBLE, 4.6))
+    plots.atlas(fig, atlas)
+    return fig
 
 
 def _page(result, folder, told):

@@ -8,7 +8,6 @@ one run at a time may write.
 
 import json
 import logging
-import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -165,7 +164,6 @@ def tabulate(
         ``workers``, ``scheduler`` of `compute`.
     """
     store.write(folder, source, {})
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # the workers are the threads
     with tqdm(total=sum(len(c.items) for c in cells.values()), unit="log", disable=None) as bar:
         for name, cell in cells.items():
             path, found = folder / f"{name}.csv", {}
