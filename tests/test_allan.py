@@ -68,7 +68,7 @@ def test_with_and_without_line(slope):
     """cross-check: as recorded it is allantools' curve to 1e-9, without line that of the rest."""
     y = 20.0 + np.random.default_rng(7).standard_normal(20_000) + slope * np.arange(20_000)
     residual, line = fit_line(y, DT)
-    recorded, removed = with_and_without_line(residual, line, DT)
+    recorded, removed = with_and_without_line(y, line, DT)
     for curve, log in ((recorded, y), (removed, residual)):
         theirs = oadev(log, rate=1 / DT, data_type="freq", taus=DT * cluster_sizes(len(y)))[1]
         np.testing.assert_allclose(curve.adev, theirs, rtol=1e-9)
@@ -84,7 +84,7 @@ def test_with_and_without_line_where_samples_are_missing():
     y = np.random.default_rng(8).standard_normal(5000) + 1e-3 * np.arange(5000)
     y[1000:1040] = np.nan
     residual, line = fit_line(y, DT)
-    recorded, removed = with_and_without_line(residual, line, DT)
+    recorded, removed = with_and_without_line(y, line, DT)
     for curve, log in ((recorded, y), (removed, residual)):  # 1e-9: rounding of sums
         np.testing.assert_allclose(curve.adev, allan_deviation(log, DT).adev, rtol=1e-9)
     assert recorded.adev[-1] > 3 * removed.adev[-1]

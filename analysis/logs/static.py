@@ -9,9 +9,12 @@ A file that cannot be read is refused in one sentence with file, line, column an
 repair is one sentence in `Log.repairs`.
 """
 
+import itertools
 import shlex
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +31,7 @@ from analysis.logs.grid import MISSING_ALLOWED, Grid
 SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
 LARGEST = 1e100  # beyond what any sensor reads, and its square is still a number
 PIECE = 1 << 20  # samples that are looked at together, to bound the memory
+THREADS = 2  # channels that are looked at together
 HELD = 0.8  # share of samples equal to the one before beyond which an output counts as held
 
 
@@ -181,7 +185,11 @@ def read(
     repairs = [*chosen.guessed, *([stanza["note"]] if "note" in stanza else [])]
     repairs += [*rows.repairs, *notes, *chosen.notes]
     repairs += grid.repairs
-    channels = tuple(_channel(rows, grid, choice, repairs) for choice in chosen.channels)
+    said: list[list[str]] = [[] for _ in chosen.channels]
+    with ThreadPoolExecutor(THREADS) as threads:
+        digest = threads.submit(datasets.sha256, path)
+        channels = tuple(threads.map(partial(_channel, rows, grid), chosen.channels, said))
+    repairs += itertools.chain(*said)
     _check_gravity(path.name, channels, option.get("unit"))
     if grid.size < SAMPLES_NEEDED:
         last = rows.place(len(rows.frame) - 1, chosen.channels[0].column)
@@ -194,7 +202,7 @@ def read(
         name=name,
         title=stanza.get("title", path.name),
         file=path.name,
-        sha256=datasets.sha256(path),
+        sha256=digest.result(),
         rate_hz=grid.rate_hz,
         channels=channels,
         samples=len(rows.frame),

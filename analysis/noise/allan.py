@@ -101,9 +101,7 @@ def allan_deviation(
     return _curve(avar, m, dt, len(y), np.minimum(share, valid.mean()))
 
 
-def with_and_without_line(
-    residual: np.ndarray, line: Line, dt: float
-) -> tuple[AllanCurve, AllanCurve]:
+def with_and_without_line(y: np.ndarray, line: Line, dt: float) -> tuple[AllanCurve, AllanCurve]:
     """Overlapped Allan deviation of a log as recorded, and without its straight line.
 
     A line of slope D adds the constant D dt m^2 to every second difference d of the running sum, so
@@ -113,9 +111,10 @@ def with_and_without_line(
 
     Parameters
     ----------
-    residual : ndarray, shape (n,), U
-        The log without its line, as `fit_line` gives it; NaN where a sample is missing.
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
     line : Line
+        As `fit_line` gives it.
     dt : float, s
 
     Returns
@@ -123,15 +122,17 @@ def with_and_without_line(
     recorded, line_removed : AllanCurve
         The first is that of `allan_deviation` of the log.
     """
-    m, valid, bend = cluster_sizes(len(residual)), np.isfinite(residual), line.drift * dt
+    m, valid, bend = cluster_sizes(len(y)), np.isfinite(y), line.drift * dt
     share = np.ones(len(m))
     if valid.all():
-        phase = _running_sum(residual)
+        phase = np.zeros(len(y) + 1)  # the running sum, made in place
+        _without(line, y, dt, phase[1:])
+        np.cumsum(phase, out=phase)
         removed = _second_differences(phase, m)
         recorded = removed + bend * _mean_second_differences(phase, m) + (bend * m) ** 2 / 2
     else:
-        removed, share = _with_holes(residual, valid, m)
-        recorded, _ = _with_holes(residual + bend * np.arange(len(residual)), valid, m)
+        removed, share = _with_holes(_without(line, y, dt, np.empty(len(y))), valid, m)
+        recorded, _ = _with_holes(y, valid, m)
         share = np.minimum(share, valid.mean())
     recorded, removed = (_curve(v, m, dt, len(valid), share) for v in (recorded, removed))
     return recorded, removed
@@ -339,21 +340,29 @@ def fit_line(y: np.ndarray, dt: float) -> tuple[np.ndarray, Line]:
     line : Line
     """
     valid = np.isfinite(y)
-    count, whole = max(valid.sum(), 1), valid.all()
-    known = y if whole else np.where(valid, y, 0.0)
-    middle = dt * (len(y) - 1) / 2 if whole else dt * np.flatnonzero(valid).sum() / count
-
-    def blocks():  # of the log and their times: a long log fills the memory
-        for k in range(0, len(y), BLOCK):
-            part = slice(k, min(k + BLOCK, len(y)))
-            yield part, dt * np.arange(k, part.stop) - middle
-
-    mean, cross, square = known.sum() / count, 0.0, 1e-300
-    for part, t in blocks():
+    known = y if valid.all() else np.where(valid, y, 0.0)
+    cross, square = 0.0, 1e-300
+    for part, t in _times(y, dt):
         t *= valid[part]
         cross += np.einsum("i,i->", t, known[part])
         square += np.einsum("i,i->", t, t)
-    residual, slope = y - mean, cross / square
-    for part, t in blocks():
-        residual[part] -= slope * t
-    return residual, Line(float(mean), float(slope))
+    line = Line(float(known.sum() / max(valid.sum(), 1)), float(cross / square))
+    return _without(line, y, dt, np.empty(len(y))), line
+
+
+def _times(y, dt):
+    """Yield the blocks of a log and their times, s, from the mean time of what is there."""
+    valid = np.isfinite(y)
+    middle = (len(y) - 1) / 2
+    if not valid.all():
+        middle = np.flatnonzero(valid).sum() / max(valid.sum(), 1)
+    for k in range(0, len(y), BLOCK):
+        part = slice(k, min(k + BLOCK, len(y)))
+        yield part, dt * (np.arange(k, part.stop) - middle)
+
+
+def _without(line, y, dt, out):
+    """Subtract a line, block by block: a long log fills the memory."""
+    for part, t in _times(y, dt):
+        np.subtract(y[part], line.null_shift + line.drift * t, out=out[part])
+    return out

@@ -125,11 +125,11 @@ def characterise(
     """
     y = np.asarray(y, dtype=float)
     residual, line = refuse_without_noise(y, dt, name, unit)
-    recorded, line_removed = with_and_without_line(residual, line, dt)
     residual = residual if detrend else y - line.null_shift
     duration = len(y) * dt
     correlation = {w: _autocorrelation(residual, dt, w) for w in windows(duration, dt)}
     del residual  # a long log fills the memory
+    recorded, line_removed = with_and_without_line(y, line, dt)
     m = max(1, len(y) // WHOLE)
     n, means = min(len(y), max(2, round(SHORT / dt))), block_means(y, m)
     parameters, models, fit, fitted_from = {}, [], {}, np.nan
@@ -246,7 +246,8 @@ def refuse_without_noise(y, dt, name, unit):
         )
     residual, line = fit_line(y, dt)
     low, high = np.nanmin(y), np.nanmax(y)
-    if high > low and np.nanmax(np.abs(residual)) < ROUNDING * max(high, -low):
+    most = max(np.nanmax(residual), -np.nanmin(residual))
+    if high > low and most < ROUNDING * max(high, -low):
         raise CannotAnswer(
             f"channel {name}: a straight line of {line.drift:.3g} {unit}/s to the last digit: no"
             " noise to measure"
