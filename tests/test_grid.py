@@ -45,6 +45,16 @@ def test_gaps_become_missing_samples_at_the_right_place():
     assert found.repairs[0].startswith("3 gaps: 34 of 5,000 samples missing, the longest 0.31 s")
 
 
+def test_a_fifth_lost_at_random_keeps_the_rate():
+    """Analytic: whole steps of 0.04 s, a fifth left out: 25 Hz, missing where they were."""
+    rng = np.random.default_rng(7)
+    keep = np.r_[True, rng.random(4998) > 0.2, True]
+    found = grid((np.arange(5000) / 25)[keep])
+    placed = found.place(np.ones(keep.sum()))
+    assert found.rate_hz == pytest.approx(25, rel=1e-9)  # rounding of t
+    np.testing.assert_array_equal(np.isnan(placed), ~keep)
+
+
 def test_jitter_within_half_a_step_loses_and_invents_nothing():
     """Property: for late stamps of up to half a step the grid is the count."""
     for seed in range(20):

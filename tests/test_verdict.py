@@ -148,12 +148,26 @@ def test_a_log_that_moved_and_one_that_shook(page_of):
     used = result.source | {"used": {"from_s": 33.0, "to_s": 1200.0}}
     page = page_of(replace(result, source=used))
     first, rest = page.index("Only the static stretch"), page.index("Only from 33 s to 1200 s")
-    assert first < page.index("Did the sensor lie still?") < rest
+    assert first < page.index("Did the sensor lie still, undisturbed?") < rest
     shaken = verdict.at_rest(store.static_log("adis16405"))
     assert shaken.answer == "partly"
     assert "misfit of the model disturbs accel_x, accel_y and accel_z" in shaken.why
+    assert re.search(r"a warm-up of [\d.]+ mg in accel_x \(fitted, not counted", shaken.why)
     nothing = verdict.at_rest(store.static_log("phone-parked-gnss"))
     assert nothing.answer == "open"
+    assert re.search(r"a step of up to [\d.]+ m in north and east", nothing.why)
+
+
+def test_the_mean_of_a_log_with_a_step():
+    """Analytic: a step of 1 at a quarter of the log is 0.75 below its mean before, 0.25 above."""
+    channel = store.static_log("mpu6050-gyro").channels[0]
+    still = verdict.mean_reading(channel)
+    known = {"amplitude": {"value": 1.0}, "moment": {"value": np.ptp(channel.whole[0]) / 4}}
+    fit = channel.fit | {"terms": [{"kind": "step", "parameters": known}]}
+    moved = verdict.mean_reading(replace(channel, fit=fit))
+    one = 1.01 / len(channel.whole[0])  # of the averages that draw the log
+    assert moved.value == still.value
+    assert (still.low - moved.low, moved.high - still.high) == pytest.approx((0.75, 0.25), abs=one)
 
 
 def test_temperature_is_separated_from_the_drift(tmp_path, no_pictures):

@@ -11,8 +11,9 @@ import numpy as np
 from analysis import WrongUsage
 
 MODES = ("auto", "count", "stamps")
-MISSING_ALLOWED = 0.10  # largest share of missing samples in a channel
+MISSING_ALLOWED = 0.25  # largest share of missing samples in a channel
 REGULAR_SHARE = 0.90  # this share of the steps within +-50 % of the median step: regular stamps
+ON_TICKS = 0.98, 0.2  # or so many within so much of a step from whole multiples: samples are lost
 REPEATS_ALLOWED = 0.01  # share of repeated stamps above which the clock counts as coarse
 GAP = 1.5  # a step of more than this many nominal steps is a gap
 NO_STAMPS = "cut the file there, or, if the rows are evenly spaced, give --rate and no time column"
@@ -126,7 +127,9 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
         return _coarse(t, rows, repairs)
     usual = float(np.median(step))
     near = (step >= (2 - GAP) * usual) & (step <= GAP * usual)
-    if mode == "auto" and near.mean() >= REGULAR_SHARE:
+    ticks = step / usual
+    ticks = (np.abs(ticks - np.round(ticks)) <= ON_TICKS[1]) & (ticks > GAP - 1)
+    if mode == "auto" and (near.mean() >= REGULAR_SHARE or ticks.mean() >= ON_TICKS[0]):
         return _regular(t, rows, step, float(step.mean(where=near)), repairs)
     return _uneven(t, rows, mode, repairs)
 

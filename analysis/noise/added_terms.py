@@ -131,6 +131,16 @@ def added_term(kind: str, at: float, temperature: Callable | None = None) -> Add
     return AddedTerm(kind, at, columns)
 
 
+def signal_of(terms: list[dict], t: np.ndarray) -> np.ndarray:
+    """Evaluate added terms, as model.json has them, at times t, s; a line in temperature is 0."""
+    y = np.zeros(len(t))
+    for term in terms:
+        size, *place = (e["value"] for e in term["parameters"].values())
+        if place:
+            y += size * added_term(term["kind"], place[0]).columns[0](t)
+    return y
+
+
 def adev_of_signal(terms: list[dict], slope: float, tau: np.ndarray, duration: float) -> np.ndarray:
     """Allan deviation of what is no noise in a log: its straight line and its added terms.
 
@@ -148,11 +158,7 @@ def adev_of_signal(terms: list[dict], slope: float, tau: np.ndarray, duration: f
     ndarray, shape (k,), U
     """
     t = np.linspace(0, duration, COARSE)
-    y = np.zeros(COARSE)
-    for term in terms:
-        size, *place = (e["value"] for e in term["parameters"].values())
-        if place:
-            y += size * added_term(term["kind"], place[0]).columns[0](t)
+    y = signal_of(terms, t)
     y += slope * t - np.polyval(np.polyfit(t, y, 1), t)
     m = np.maximum(np.round(tau / t[1]), 1).astype(int)
     # Within a step of this grid the signal is a line.

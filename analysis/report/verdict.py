@@ -19,6 +19,7 @@ from analysis import (
     store,
     text,
 )
+from analysis.noise.added_terms import signal_of
 from analysis.noise.models import adev_of_terms
 from analysis.terrain import Sensor
 
@@ -44,6 +45,19 @@ KNOWN = 0.2  # half width of an interval, relative, with which a number is known
 GYRO_OR_ACCEL = tuple(LEADING)
 IN_ATLAS = {"deg/s": 1.0, "rad/s": np.degrees(1.0), "deg/h": 1 / 3600}  # to deg/s
 IN_ATLAS |= {"g": 1.0, "mg": 1e-3, "m/s^2": 1 / STANDARD_GRAVITY}  # to g
+WORDS = {  # what a log holds besides noise
+    "warm_up": "a warm-up",
+    "step": "a step",
+    "sinusoid": "a periodic term",
+    "temperature": "a line in temperature",
+    "noise_level": "a noise level that changes",
+    "heavy_tails": "heavy-tailed noise",
+    "spikes": "short shocks or spikes",
+    "oscillation": "an oscillation",
+    "missing": "loss of samples",
+    "misfit": "a misfit of the model",
+}
+DOES = {"spikes": "left out in", "oscillation": "in"}  # and nothing is refused for it
 WITHIN, WITHIN_NONE = "Is it within ", "a data sheet"
 TRACKERS = {"paper": "the paper's tracker", "bias states": "tracker with bias states"}
 
@@ -123,7 +137,7 @@ def long_enough(result, needed):
     slow = [symbol for symbol in short if symbol in ("B", "σ_b")]
     if longest[0] > max(seconds / 3600, 1 / 60):
         hours, symbol, name = longest
-        said.append(f"for {symbol} of {name} to ±{KNOWN:.0%} record {text.duration(hours)}")
+        said.append(f"{symbol} of {name} to ±{KNOWN:.0%} takes {text.duration(hours)}")
     elif slow:
         usual = "an hour or more" if "B" in slow else "ten times its correlation time"
         said.append(f"{listed(slow)} takes {usual} as a rule; this log cannot tell how long")
@@ -141,24 +155,42 @@ def at_rest(result):
     -------
     Answer
     """
-    question, used = "Did the sensor lie still?", result.source.get("used")
-    if not any(c.kind in GYRO_OR_ACCEL for c in result.channels):
-        why = "The log has neither gyro nor accelerometer that would show a motion."
-        return Answer(question, "open", why)
-    found = {}
-    for c in result.channels:
-        for d in c.fit["disturbances"]:
-            if d["affects"]:
-                kind = d["kind"].replace("_", " ").replace("misfit", "misfit of the model")
-                found.setdefault(kind, []).append(c.name)
+    question, used = "Did the sensor lie still, undisturbed?", result.source.get("used")
     doubt = [r for r in result.source["repairs"] if r.startswith("the gyros read")]
+    shows = any(c.kind in GYRO_OR_ACCEL for c in result.channels)
     said = ["no motion in gyros and accelerometers"]
+    if not shows:
+        said = ["the log has neither gyro nor accelerometer that would show a motion"]
     if used:
         said = [f"only from {used['from_s']:.6g} s to {used['to_s']:.6g} s, and that part is used"]
-    every = [c.name for c in result.channels]
-    said += [f"{kind} disturbs {_axes(names, every)}" for kind, names in found.items()]
-    why = _sentence("; ".join([*said, *doubt]))
-    return Answer(question, "partly" if used or found or doubt else "yes", why)
+    fitted, others = _found(result)
+    why = _sentence("; ".join([*said, *fitted, *others, *doubt]))
+    answer = "partly" if used or fitted or others or doubt else "yes"
+    return Answer(question, answer if shows else "open", why)
+
+
+def _found(result):
+    """Say what besides noise is in the log: what was fitted, with its size, and the rest."""
+    every, fitted, others = [c.name for c in result.channels], {}, {}
+    for c in result.channels:
+        for term in c.fit["terms"]:
+            size = Estimate(**term["parameters"]["amplitude"])
+            fitted.setdefault((term["kind"], size.unit), []).append((abs(size.value), c.name))
+        for d in c.fit["disturbances"]:
+            does = "disturbs" if d["affects"] else DOES.get(d["kind"])
+            if does:
+                others.setdefault((d["kind"], does), []).append(c.name)
+    said = []
+    for (kind, unit), found in fitted.items():
+        size = Estimate(max(found)[0], None, None, unit).value_text
+        upto = "up to " if len(found) > 1 else ""
+        names = _axes([name for _, name in found], every)
+        said.append(f"{WORDS[kind]} of {upto}{size} in {names} (fitted, not counted as noise)")
+    rest = [
+        f"{WORDS.get(kind, kind)} {does} {_axes(names, every)}"
+        for (kind, does), names in others.items()
+    ]
+    return said, rest
 
 
 # Against a data sheet
@@ -344,7 +376,8 @@ def mean_reading(channel):
     """Mean of the log; its interval is 1.96 Allan deviations of the fitted model at its length.
 
     That is the standard error of the mean of white noise, and of a bias that is short beside the
-    log; of flicker noise and random walks it is how far such a mean wanders.
+    log; of flicker noise and random walks it is how far such a mean wanders. What steps, warm-up
+    and periodic terms move the reading by, from the mean, is added.
 
     Returns
     -------
@@ -357,7 +390,10 @@ def mean_reading(channel):
     duration = np.array([t[-1] + t[0]])
     dt = float(channel.short[0][1] - channel.short[0][0])
     half = 1.96 * float(adev_of_terms(chosen["terms"], duration, dt)[0])
-    return Estimate(mean, mean - half, mean + half, channel.unit)
+    moved = signal_of(channel.fit["terms"], t)
+    moved -= moved.mean()
+    ends = float(mean + moved.min() - half), float(mean + moved.max() + half)
+    return Estimate(mean, *ends, channel.unit)
 
 
 def summary(result):
