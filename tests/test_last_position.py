@@ -82,6 +82,30 @@ def test_fixes_have_to_move_as_they_say():
     assert not any(frozen)
 
 
+def test_a_position_that_stays_while_the_speed_does_not_is_old():
+    """property: refused within two metres, taken when it moves again; at rest it is good."""
+    held = [10.0 * t for t in range(10)] + [90.0] * 30 + [10.0 * t for t in range(40, 45)]
+    there = {"speed": 10.0, "course": 0.0}
+    taken = feed(LastPosition(settle_s=1.0), held, **there)
+    assert taken[2:10] == [True] * 8 and not any(taken[10:40]) and all(taken[40:])
+    assert all(feed(LastPosition(**GATE_ALONE), held, **there))
+    assert all(feed(LastPosition(HOME), [0.0] * 40))
+
+
+def test_rare_fixes_are_not_refused_for_ever():
+    """property: a receiver that gives one in twenty seconds has its second one accepted."""
+    block = LastPosition()
+    assert [feed(block, [0.0], 20 * k)[0] for k in range(4)] == [False, True, True, True]
+
+
+@pytest.mark.parametrize(("faster", "slip"), [(0.0, 0.0), (1.0, 5.0)])
+def test_speeds_are_judged_by_the_positions(faster, slip):
+    """analytic: 1 m/s too slow for 10 s: 10 m off, as ten white errors of 5 (m/s)^2 an axis."""
+    block = LastPosition()
+    feed(block, [(10.0 + faster) * t for t in range(2000)], speed=10.0, course=0.0)
+    assert block.slip == pytest.approx(slip, rel=0.01, abs=0.01)  # degrees, and the memory of 12
+
+
 @pytest.mark.parametrize("course", [0.0, math.nan])
 def test_a_jump_is_refused_until_it_lasts(course):
     """property: one wild fix in a drive is dropped, and the next good ones count again."""

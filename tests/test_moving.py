@@ -523,13 +523,16 @@ def test_speed_without_a_unit(tmp_path, unit):
         read_moving([csv(tmp_path, header, rows[:5])])
 
 
-@pytest.mark.parametrize("unit", ["m_s", "km_h", "knots", "mph"])
-def test_a_speed_of_another_unit_is_left_out(tmp_path, unit):
-    """property: 15 m/s declared in each unit: dropped and said but for the right one."""
-    rows = [(k, LAT + 15 * k / 111_195, LON, 100, 2, 15, 0) for k in range(60)]
+@pytest.mark.parametrize(
+    ("unit", "speed"), [("m_s", 15), ("km_h", 15), ("knots", 15), ("mph", 15), ("m_s", 0)]
+)
+def test_a_speed_of_another_unit_is_left_out(tmp_path, unit, speed):
+    """property: 15 m/s declared in each unit, and as 0: dropped and said but for the right one."""
+    rows = [(k, LAT + 15 * k / 111_195, LON, 100, 2, speed, 0) for k in range(60)]
     log = read_moving([csv(tmp_path, GNSS.replace("speed_m_s", f"speed_{unit}"), rows)])
-    assert np.isfinite(log.gnss.speed_m_s).all() == (unit == "m_s")
-    assert any("its unit is another one" in note for note in log.notes) == (unit != "m_s")
+    right = (unit, speed) == ("m_s", 15)
+    assert np.isfinite(log.gnss.speed_m_s).all() == right
+    assert any("its unit is another one" in note for note in log.notes) == (not right)
 
 
 def test_a_csv_of_several_starts(tmp_path):

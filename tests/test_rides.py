@@ -11,7 +11,12 @@ from analysis.tracker.evaluate import mounting_regression
 
 @pytest.mark.parametrize(
     ("name", "mount", "by"),
-    [("phone-drive", 90.0, 10.0), ("car", 0.0, 12.0), ("racebox", 180.0, 10.0)],
+    [
+        ("phone-drive", 90.0, 10.0),
+        ("car", 0.0, 12.0),
+        ("racebox", 180.0, 10.0),
+        ("genivi-car", 0.0, 10.0),
+    ],
 )
 def test_axes_of_the_real_logs(name, mount, by):
     """property: gravity points down, and the phone in its holder has its x axis to the right."""

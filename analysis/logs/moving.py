@@ -409,7 +409,7 @@ def _gnss(table, time, t, known, notes) -> Gnss:
         return data[meaning][at] if meaning in data else np.full(len(at), np.nan)
 
     lat, lon, speed, course = (column(name) for name in ("lat", "lon", "speed", "course"))
-    fix = np.isfinite(lat) & np.isfinite(lon) & ~((lat == 0) & (lon == 0))
+    fix = np.isfinite(lat) & np.isfinite(lon)
     if "fix" in data:
         fix &= column("fix") > 0
     lon = np.where(np.abs(lon) > 180, np.where(np.abs(lon) <= 360, wrap(lon), lon), lon)

@@ -97,8 +97,9 @@ class Gnss:
         east = wrap(lon[end] - lon[start]) * np.cos(np.radians(lat[start]))
         moved = METRES_PER_DEGREE * np.hypot(lat[end] - lat[start], east)
         fair = (t[end] - t[start] < 2 * WINDOW_S) & ((path > WINDOW_M) | (moved > WINDOW_M))
-        fair &= path > 1.0
-        return float(np.median(moved[fair] / path[fair])) if fair.sum() >= FEWEST else np.nan
+        if fair.sum() < FEWEST:
+            return np.nan
+        return float(np.median(moved[fair] / np.maximum(path[fair], 1.0)))
 
 
 @dataclass(frozen=True)
@@ -198,10 +199,12 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
     """
     with np.errstate(invalid="ignore"):
         off = gnss.has_fix & ~((np.abs(gnss.lat_deg) <= 90) & (np.abs(gnss.lon_deg) <= 180))
+        zero = gnss.has_fix & (gnss.lat_deg == 0) & (gnss.lon_deg == 0)
         high = np.abs(gnss.height_m) > HIGHEST_M
         negative = gnss.pdop < 0
     kinds = {
         "positions beyond 90 deg of latitude or 180 deg of longitude": off,
+        "positions of 0, 0, which stand for none": zero,
         f"heights beyond {HIGHEST_M / 1000:.0f} km": high,
         "PDOP below zero": negative,
     }
@@ -210,6 +213,7 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
             notes.append(
                 f"{place(int(np.argmax(where)))}: {kind}, here first: {where.sum():,} left out"
             )
+    off |= zero
     fix = gnss.has_fix & ~off
     blank = {
         name: np.where(off, np.nan, getattr(gnss, name))

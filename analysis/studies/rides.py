@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pymap3d
 
-from analysis import STANDARD_GRAVITY, CannotAnswer, store, wrap
+from analysis import STANDARD_GRAVITY, CannotAnswer, replacing, store, wrap
 from analysis.logs import datasets, read_moving
 from analysis.logs.timeline import Gnss, Imu, Timeline, turn_imu
 from analysis.tracker.device import Options
@@ -48,6 +48,10 @@ RESTS = {
     "as printed": Options(fusion=False, rest_blocks=0, accel_tau_s=0.0),
     "mean of 0.25 s": Options(fusion=False, rest_blocks=0),
     "with the detector": Options(fusion=False),
+}
+GENIVI = {  # the CSVs of such a log: name -> columns
+    "gnss": "t_ms lat_deg lon_deg height_m speed_m_s course_deg pdop satellites fix fix_mode",
+    "imu": "t_ms gyro_x_deg_s gyro_y_deg_s gyro_z_deg_s accel_x_m_s2 accel_y_m_s2 accel_z_m_s2",
 }
 SIMULATION, SIMULATED = "simulated", 12  # drives of scenario D
 WHEELS = "car-roof", "genivi-car", "car", "phone-drive"
@@ -135,26 +139,24 @@ def _phone(path):
 
 
 def _genivi(path):
-    """Read a log of the GENIVI logger: `$GVGNSPOS`, `$GVSNSACC` and `$GVSNSGYR`, ms and degrees."""
+    """Split a log of the GENIVI logger into two CSVs, fixes and samples, and read them.
+
+    They stay in data/downloaded/, where `python -m analysis replay` reads them as any log.
+    """
     kinds: dict[str, list[list[float]]] = {"GNSPOS": [], "SNSACC": [], "SNSGYR": []}
     for line in path.read_text(encoding="ascii").splitlines():
         kind, *fields = line.partition("$GV")[2].split(",")
         if kind in kinds:
             kinds[kind].append([float(f) for f in fields if not f.startswith("0X")])
-    fixes, accel, gyro = (pd.DataFrame(rows).to_numpy() for rows in kinds.values())
-    fixes, accel, gyro = (a[np.diff(a[:, 0], prepend=-1.0) > 0] for a in (fixes, accel, gyro))
-    t, zero = fixes[:, 0] / 1000, accel[0, 0] / 1000
-    fix = fixes[:, 19] >= 2
-    gnss = Gnss(
-        t - zero, *(np.where(fix, fixes[:, k], np.nan) for k in (1, 2, 3)), fixes[:, 8],
-        np.where(fix, fixes[:, 5], np.nan), np.where(fix, fixes[:, 7], np.nan), fix,
-        np.where(fix, fixes[:, 19], np.nan), fixes[:, 11],
-    )  # fmt: skip
-    at = accel[:, 0] / 1000
-    yaw, pitch, roll = (np.interp(at, gyro[:, 0] / 1000, gyro[:, k]) for k in (1, 2, 3))
-    rates = np.radians(np.column_stack([roll, pitch, yaw])) * Z_UP_TO_DOWN
-    imu = Imu(at - zero, rates, accel[:, 1:4] * Z_UP_TO_DOWN)
-    return gnss, imu, ("axes turned to z down",)
+    fixes, accel, gyro = (np.array(rows) for rows in kinds.values())  # ms; yaw, pitch, roll
+    samples = np.c_[accel[:, 0], gyro[:, 3:0:-1] * Z_UP_TO_DOWN, accel[:, 1:4] * Z_UP_TO_DOWN]
+    files = [datasets.DOWNLOADED / "car-genivi" / f"{path.stem}.{part}.csv" for part in GENIVI]
+    rows = fixes[:, [0, 1, 2, 3, 5, 7, 8, 11, 19, 19]], samples
+    for file, names, table in zip(files, GENIVI.values(), rows, strict=True):
+        with replacing(file) as draft:
+            pd.DataFrame(table, columns=names.split()).to_csv(draft, index=False)
+    log = read_moving(files)
+    return log.gnss, log.imu, ("split into two CSVs, axes turned to z down", *log.notes)
 
 
 def _roof(path):

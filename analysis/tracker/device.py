@@ -40,7 +40,7 @@ class Options:
     sigma_no_pdop : float
         The same where no PDOP is known, m.
     sigma_speed : float
-        Error of a GNSS velocity component, m/s.
+        Error of a GNSS velocity component, m/s; for the filter for cars at least.
     sigma_rest_m, sigma_rest_m_s : float
         Of a low-passed position, and of the velocity of a vehicle judged static.
     sigma_accel : float
@@ -150,7 +150,7 @@ class Device:
         self.ned = (0.0, 0.0, 0.0) if stored else None
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
-        self._shift = 0.0
+        self._shift = self._lasting = 0.0
         self._moved, self._slow = False, True
         self.gives_speed, self._fixes = False, []
         self._rested, self._left = False, None
@@ -372,6 +372,10 @@ class Device:
                 block.update(rest, (0.0, 0.0), self.options.sigma_rest_m, sigma_v)
             elif fix or velocity:
                 block.update(fix, velocity, sigma_p, sigma_v)
+        if fix:
+            self._lasting = sigma_p * sigma_p
+        if moving:
+            sigma_v = max(sigma_v, math.sqrt(self.last.slip))
         car = self._constrain(fix, velocity, sigma_p, sigma_v)
         if layer:
             self.ned = rest
@@ -381,14 +385,17 @@ class Device:
             self.ned = tuple(float(p) for p in block.position)
 
     def _ellipse(self):
-        """Covariance of the position: north north, north east, east east, m^2; NaN without one."""
+        """Covariance of the position: north north, north east, east east, m^2; NaN without one.
+
+        The filters take the errors of fixes as white. Those of real ones last for minutes: what the
+        last one may be off is added.
+        """
         car, block = self.constrained, self.fusion
-        if car and car.started:
-            return car.ellipse
         if block is None or not block.started:
             return (math.nan,) * 3
         square = block.sigma_p * block.sigma_p
-        return square, 0.0, square
+        nn, ne, ee = car.ellipse if car and car.started else (square, 0.0, square)
+        return nn + self._lasting, ne, ee + self._lasting
 
     def _constrain(self, fix, velocity, sigma_p, sigma_v):
         """Run the filter for cars; return it once it has started."""

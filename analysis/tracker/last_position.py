@@ -7,7 +7,8 @@ the gate.
 Real receivers lie at a small PDOP too: a fix in two dimensions prints a vertical part of one, and a
 filtered start looks as good as any. So four more criteria stand beside the gate, each of which can
 be turned off: three dimensions, satellites, fixes that move for some seconds as their own speed
-says, and the distance to the memory in units of its uncertainty.
+says (one that stays while the speed does not is refused), and the distance to the memory in units
+of its uncertainty.
 
 Plain arithmetic, so that it runs on a small device as it is.
 """
@@ -22,6 +23,8 @@ SLOW = 1.0  # m/s, as good as at rest
 METRES_PER_PDOP, SIGMA_NO_PDOP = 2.0, 6.0  # m per axis: real fixes, median 5.3 m at a PDOP of 2-3
 NEAR, FAR = 3.0, 5.0  # standard deviations: agrees with the memory, contradicts it
 MISS_M, MISS_SHARE, SLACK = 10.0, 0.2, 1.0  # m, of the path, m/s^2: noise, lag, unseen turns
+STALE_M = 2.0  # m, way by the speed after which a position that does not change is an old one
+LEGS = 12  # stretches of ten seconds in motion that the speeds are judged by
 FASTEST = 70.0  # m/s, of a vehicle whose speed is not known
 GATE_ALONE = {"three_d": False, "satellites": 0, "settle_s": 0.0, "doubt_s": 0.0}  # the paper's
 RADIUS_M, FLATTENING = 6_378_137.0, 1 / 298.257223563  # WGS 84
@@ -63,6 +66,9 @@ class LastPosition:
         Content of the memory.
     moved_while_off : float or None
         Metres, if it was moved.
+    slip : float
+        Variance (m/s)^2 of a velocity component, by what the positions say: white noise of so much
+        in each would miss the position as far in ten seconds. Smoothed speeds err for seconds.
 
     Examples
     --------
@@ -105,7 +111,8 @@ class LastPosition:
         self._saved_at = -math.inf
         self._before = None
         self._since = self._anchor_s = self._path = self._north = self._east = self._slack = 0.0
-        self._anchor = None
+        self._anchor, self._epochs, self._same = None, 0, (math.nan, math.nan, 0.0)
+        self.slip, self._legs = 0.0, 1
 
     def motion(self):
         """Give the stored position up: the IMU has seen motion before the first accepted fix."""
@@ -142,7 +149,11 @@ class LastPosition:
         self.gives_pdop = self.gives_pdop or pdop == pdop
         if pdop > self.gate:
             return False
-        agreed_s = self._agreed(t_s, fix, speed, course) if self.settle_s or self.doubt_s else 0.0
+        agreed_s = 0.0
+        if self.settle_s or self.doubt_s:
+            if self._repeated(t_s, fix, speed):
+                return False
+            agreed_s = self._agreed(t_s, fix, speed, course)
         if not self._passes(pdop, t_s):
             return False
         here = Stored(fix[0], fix[1], fix[2], t_s, pdop)
@@ -167,6 +178,12 @@ class LastPosition:
         self.position = here
         self._save(here, speed)
         return True
+
+    def _repeated(self, t_s, fix, speed):
+        """Return whether the receiver still gives an old position although it moves."""
+        if fix[0] != self._same[0] or fix[1] != self._same[1]:
+            self._same = fix[0], fix[1], t_s
+        return speed * (t_s - self._same[2]) > STALE_M
 
     def _passes(self, pdop, t_s):
         """Return whether the PDOP is known, or the receiver has had some seconds to give one."""
@@ -207,14 +224,16 @@ class LastPosition:
         self._before = (t_s, speed, north, east)
         dt = t_s - before[0] if before else math.inf
         if not 0 < dt <= LOST_S:
+            rare = LOST_S < dt < math.inf and self._since == before[0]  # so was the one before
             agreed_s = self._anew(t_s, fix)
-            if self.accepted:  # a first fix some metres off is better than none after an outage
+            if self.accepted or rare:  # a fix some metres off is better than none after an outage
                 self._since, agreed_s = t_s - self.settle_s, self.settle_s
             return agreed_s
         mean = (speed + before[1]) / 2
         self._path += dt * (mean if mean == mean else FASTEST)
         self._north += dt * (north + before[2]) / 2
         self._east += dt * (east + before[3]) / 2
+        self._epochs += 1
         if dt > 1.0:
             self._slack += SLACK * (dt - 1.0) * (dt - 1.0)
         to_north, to_east = metres_per_degree(fix[0], fix[2])
@@ -226,7 +245,12 @@ class LastPosition:
             miss = _norm(moved_n, moved_e) - self._path
         if miss > MISS_M + MISS_SHARE * self._path + self._slack:
             return self._anew(t_s, fix)
-        if t_s - self._anchor_s >= 2 * self.settle_s:
+        seconds = t_s - self._anchor_s
+        if seconds >= 2 * self.settle_s:
+            if self._north == self._north and self._path > SLOW * seconds:
+                self._legs = min(self._legs + 1, LEGS)
+                square = miss * miss * self._epochs / (2 * seconds * seconds)
+                self.slip += (square - self.slip) / self._legs
             self._drop_anchor(t_s, fix)
         return t_s - self._since
 
@@ -236,7 +260,7 @@ class LastPosition:
         return 0.0
 
     def _drop_anchor(self, t_s, fix):
-        self._anchor, self._anchor_s = fix, t_s
+        self._anchor, self._anchor_s, self._epochs = fix, t_s, 0
         self._path = self._north = self._east = self._slack = 0.0
 
 

@@ -105,7 +105,8 @@ def replay(
         rows.append(device.gnss(epoch))
         if len(straights) < sum(each.mounting.straights for each in devices):
             straights.append(device.mounting.straight)
-        unexplained.append(device.attitude.unexplained if device.attitude else 0.0)
+        known = rows[-1]["roll"] == rows[-1]["roll"]
+        unexplained.append(device.attitude.unexplained if known else 0.0)
     columns = _columns(epochs, gnss, rows)
     notes = tuple(_notes(timeline, options, columns, devices, unexplained))
     table = pd.DataFrame(straights, columns=Straight._fields)
@@ -340,14 +341,19 @@ def _notes(timeline, options, columns, devices, unexplained):
         yield f"no fix in the whole log: nothing to accept{nothing}"
     else:
         if not columns["accepted"].any():
-            yield f"no fix has a PDOP of {options.pdop_gate:g} or less: none is accepted"
+            poor = (gnss.pdop > options.pdop_gate)[gnss.has_fix].all()
+            good = f"has a PDOP of {options.pdop_gate:g} or less" if poor else "agrees with others"
+            yield f"no fix {good}: none is accepted"
         if not np.isfinite(gnss.pdop).any() and options.last_position:
             yield (
                 f"the receiver reports no PDOP: block 1 waits {PDOP_WAIT_S:g} s for one, and then "
                 "judges without"
             )
         if not np.isfinite(gnss.speed_m_s).any():
-            yield "no speed in the log: block 3 computes it from the fixes, block 5 does not run"
+            yield (
+                "no speed in the log: block 3 computes it from the fixes of the last seconds, and "
+                "sees a start as late; block 5 does not run"
+            )
     bridged = options.bridge_s if devices[-1].fusion else options.coast_s
     if held := _held(columns, bridged):
         yield (
