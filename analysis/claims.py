@@ -34,8 +34,7 @@ from analysis import (
 )
 
 __all__ = [
-    "OUTCOMES", "Ledger", "counted", "finding", "findings", "learned", "of_paper", "published",
-    "verdicts",
+    "OUTCOMES", "Ledger", "counted", "finding", "learned", "of_paper", "published", "verdicts",
 ]  # fmt: skip
 
 COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]

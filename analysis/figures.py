@@ -34,7 +34,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from analysis import DATA, FIGURES, ROOT, WrongUsage, figures_folder
 
-__all__ = ["DOUBLE", "SINGLE", "plt", "read", "save", "use_style"]
+__all__ = ["DOUBLE", "SINGLE", "plt", "save", "use_style"]
 
 SINGLE, DOUBLE = 3.5, 7.2  # widths, in
 STYLE = {

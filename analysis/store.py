@@ -44,7 +44,6 @@ from analysis.noise.disturbances import (
 from analysis.terrain import AttitudeMap, IsoRoad, terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.assumptions import Sensor
-from analysis.terrain.centre_line import CentreLine
 from analysis.terrain.monte_carlo import ErrorPlane
 from analysis.terrain.open_choices import JudgedReadings, ReadingStudy, Roads
 from analysis.terrain.real_laps import Lap, MapError, lay_on_line
@@ -54,7 +53,6 @@ from analysis.units.frame import Track
 __all__ = [
     "antenna_mounting",
     "before_and_after",
-    "centre_line",
     "characterise_log",
     "coverage",
     "ensemble",
@@ -830,12 +828,6 @@ def highway(name: str) -> np.recarray:
     ).to_records(index=False)
 
 
-def centre_line(direction: str) -> CentreLine:
-    """Give the centre line of the map in one direction."""
-    known = profile(direction)
-    return CentreLine(known.s_m, known.east_m, known.north_m, known.length_m)
-
-
 def antenna_mounting() -> AntennaMounting:
     """Give the attitude of the antennas on the van, as calibrated on the laps."""
     return AntennaMounting(**_road(TRACK).source["mounting_deg"])
@@ -850,7 +842,7 @@ def lap_curves(direction: str) -> dict[str, np.ndarray]:
         pitch_deg, roll_deg, height_m; in the order of `laps`.
     """
     width, own = _road(TRACK).source["smoothing_width_m"], list(laps(direction).values())
-    return terrain_map.lap_curves(own, centre_line(direction), width)
+    return terrain_map.lap_curves(own, profile(direction).line, width)
 
 
 def map_without(name: str) -> Profile:
@@ -861,7 +853,7 @@ def map_without(name: str) -> Profile:
     the lap was measured, not what the terrain is.
     """
     left_out = lap(name)
-    line, curves = centre_line(left_out.direction), lap_curves(left_out.direction)
+    line, curves = profile(left_out.direction).line, lap_curves(left_out.direction)
     kept = [k for k, n in enumerate(laps(left_out.direction)) if n != name]
     between = None
     if len(kept) == 1:
@@ -917,7 +909,7 @@ def lap_and_map(source: str | Path, direction: str | None = None) -> tuple[Lap, 
     """
     if direction is None:
         return lap(str(source)), map_without(str(source))
-    path, line, known = Path(source), centre_line(direction), _road(TRACK).source
+    path, line, known = Path(source), profile(direction).line, _road(TRACK).source
     raw = road_logs.lap(path, known["gate_lat_lon_deg"])
     try:
         own = lay_on_line(path.stem, direction, raw, line, antenna_mounting())

@@ -7,7 +7,7 @@ import pandas as pd
 
 from analysis import engineering
 
-__all__ = ["Shown", "duration", "folded", "table"]
+__all__ = ["duration", "folded", "table"]
 
 
 class Shown(str):

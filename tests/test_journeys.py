@@ -6,7 +6,8 @@ from scipy.ndimage import uniform_filter1d
 
 from analysis import STANDARD_GRAVITY, store, wrap
 from analysis.noise import models_of_table_one
-from analysis.units import ASSUMED, ratio_of_spreads, share, simulate_drive, simulate_flight, spread
+from analysis.terrain import share
+from analysis.units import ASSUMED, ratio_of_spreads, simulate_drive, simulate_flight, spread
 from analysis.units.journeys import FLIGHT
 
 
@@ -94,5 +95,5 @@ def test_spread_of_independent_and_of_repeated_samples():
 
 def test_share_with_nothing_found():
     """Analytic: 0 of n has the upper bound 1 - 0.025^(1/n); one of one cannot exclude 2.5 %."""
-    assert share(0, 93).high == pytest.approx(1 - 0.025 ** (1 / 93))
-    assert share(1, 1).low == pytest.approx(0.025)
+    assert share(np.zeros(93)).high == pytest.approx(1 - 0.025 ** (1 / 93))
+    assert share([True]).low == pytest.approx(0.025)

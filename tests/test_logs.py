@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis import DATA, CannotAnswer, WrongUsage, logs
-from analysis.logs import catalogue, datasets, delimited, formats, nmea
+from analysis.logs import catalogue, datasets, delimited, formats, nmea, static
 
 HEADER = "t_s,gyro_x_deg_s,gyro_y_deg_s"
 
@@ -534,7 +534,7 @@ def test_garbage_never_ends_in_a_traceback(tmp_path):
         else:
             assert np.isfinite(log.rate_hz)
             outcomes.add(type(log))
-    assert outcomes == {logs.Log, CannotAnswer, WrongUsage}
+    assert outcomes == {static.Log, CannotAnswer, WrongUsage}
 
 
 # --- formats -------------------------------------------------------------------------------------

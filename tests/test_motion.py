@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from analysis import STANDARD_GRAVITY, CannotAnswer, cli, logs, report, store
-from analysis.logs import Channel, Log, datasets
+from analysis.logs import datasets
+from analysis.logs.static import Channel, Log
 from analysis.noise.disturbances import static_stretches
 
 RATE = 50.0

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from analysis import CannotAnswer, logs, replacing, store
+from analysis.logs.static import Log
 from analysis.noise.models import UnifiedModel
 from analysis.studies import derived
 
@@ -207,7 +208,7 @@ def test_same_seed_same_bytes(log, result, tmp_path, capfd):
 
 def test_a_channel_does_not_depend_on_those_after_it(log, result):
     """Property: channel k draws from the k-th stream of the seed, whatever comes later."""
-    few = logs.Log(**{**vars(log), "channels": log.channels[:2]})
+    few = Log(**{**vars(log), "channels": log.channels[:2]})
     found = store.characterise_log(few, progress=False)
     assert [c.parameters for c in found.channels] == [c.parameters for c in result.channels[:2]]
 

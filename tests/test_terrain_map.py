@@ -269,7 +269,7 @@ def test_the_committed_highway():
 @pytest.mark.parametrize("direction", ("ccw", "cw"))
 def test_the_committed_map(direction):
     """Published: the facts that datasets/README gives of the laps hold on the committed ones."""
-    line = store.centre_line(direction)
+    line = store.profile(direction).line
     laps = list(store.laps(direction).values())
     curves = terrain_map.lap_curves(laps, line, surveys.WIDTH)
     bins = {q: line.bin_means(values, 5.0) for q, values in curves.items()}
@@ -284,7 +284,7 @@ def test_the_committed_map(direction):
 def test_the_committed_map_is_what_its_laps_make():
     """Cross-check: map from the committed laps equals the committed map, to its six digits."""
     for direction in ("ccw", "cw"):
-        line, stored = store.centre_line(direction), store.profile(direction)
+        line, stored = store.profile(direction).line, store.profile(direction)
         laps = list(store.laps(direction).values())
         made = terrain_map.combine(terrain_map.lap_curves(laps, line, surveys.WIDTH), line)
         for key in ("pitch_deg", "roll_deg", "height_m", "pitch_se_deg", "roll_se_deg"):
@@ -345,7 +345,7 @@ def van_on(direction, part=slice(None), aside=0.0, backward=False):
     """Antenna positions of the synthetic van on the committed map."""
     known = store.profile(direction)
     s = np.arange(0.0, known.length_m - 1.0, 1.0)[part]
-    curve = store.centre_line(direction).curves()
+    curve = store.profile(direction).line.curves()
     (e1, n1) = curve(s, 1).T
     at = np.column_stack([curve(s) + aside * np.column_stack([n1, -e1]), np.full(len(s), 300.0)])
     yaw = np.degrees(np.arctan2(e1, n1))

@@ -16,18 +16,15 @@ from analysis.logs.moving import read_moving
 from analysis.noise.models import gauss_markov
 from analysis.studies import coverage
 from analysis.units import (
-    Unit,
     clock_offset,
-    conventions,
     differences,
     find_events,
-    local_tracks,
-    side_by_side,
     trajectory_metrics,
     unit_variances,
 )
 from analysis.units.events import disagreements
-from analysis.units.side_by_side import apart
+from analysis.units.frame import Unit, local_tracks
+from analysis.units.side_by_side import apart, conventions, side_by_side
 
 HOME = (46.2, 6.1, 400.0)
 NONE = np.empty(0)

@@ -42,6 +42,11 @@ class Entry:
     path_in_repository: str
 
     @property
+    def path(self) -> Path:
+        """The file on this machine, its sha256 checked; raises what `path` does."""
+        return path(self.file)
+
+    @property
     def url(self) -> str:
         """Address of exactly these bytes."""
         if not self.commit:  # a source package, not a repository

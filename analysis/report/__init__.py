@@ -75,7 +75,7 @@ def write(log, out, *, part=None, command=""):
 
     Parameters
     ----------
-    log : analysis.logs.Log
+    log : analysis.logs.static.Log
     out : path-like
         Folder; made if need be. An earlier report there is replaced, other files stay.
     part : str, optional
@@ -368,7 +368,7 @@ def write_pooled(logs, out, *, axes=False):
 
     Parameters
     ----------
-    logs : sequence of analysis.logs.Log
+    logs : sequence of analysis.logs.static.Log
         One for each unit.
     out : path-like
         Folder; made if need be.
@@ -519,7 +519,7 @@ def perhaps_one_unit(logs):
 
     Parameters
     ----------
-    logs : sequence of analysis.logs.Log
+    logs : sequence of analysis.logs.static.Log
         With the same channels.
 
     Returns

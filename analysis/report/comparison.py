@@ -46,7 +46,7 @@ def write(units, out):
 
     Parameters
     ----------
-    units : dict of str to analysis.logs.Timeline
+    units : dict of str to analysis.logs.timeline.Timeline
         Name -> log, at least two; the first one's clock is the common one.
     out : path-like
         Folder; made if need be. An earlier comparison there is replaced, other files stay.
@@ -227,7 +227,7 @@ def model(found, units):
     Parameters
     ----------
     found : analysis.units.side_by_side.Comparison
-    units : dict of str to analysis.logs.Timeline
+    units : dict of str to analysis.logs.timeline.Timeline
 
     Returns
     -------

@@ -20,7 +20,7 @@ from scipy.signal import butter, lfilter, lfilter_zi
 from scipy.stats import norm
 
 from analysis import CannotAnswer, WrongUsage, store
-from analysis.logs import Channel, Log
+from analysis.logs.static import Channel, Log
 from analysis.noise import graph, recipes
 from analysis.noise.allan import allan_deviation, fit_line
 from analysis.noise.fit import UNIFIED

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from analysis import logs, replacing, store
+from analysis.logs.catalogue import load_catalogue
 from analysis.studies import repeatability, rides, several_units, surveys
 
 MAKERS = {
@@ -43,7 +44,7 @@ MAKERS = {
 
 def names():
     """List everything that can be rebuilt: the static logs of the catalogue, roads and rides."""
-    return [*(n for n, entry in logs.load_catalogue().items() if not entry["own"]), *MAKERS]
+    return [*(n for n, entry in load_catalogue().items() if not entry["own"]), *MAKERS]
 
 
 def make(name, *, progress=True):

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import CannotAnswer, logs, store
-from analysis.logs import datasets, formats
+from analysis.logs import catalogue, datasets, formats
 from analysis.noise import infer
 from analysis.noise import pool as pooling
 from analysis.noise.inference import INSTEAD
@@ -52,9 +52,9 @@ def read(name):
     """
     if name not in ADIS:
         return logs.read(name)
-    first, path = logs.read("adis16405"), logs.dataset_path(ADIS[name])
+    first, path = logs.read("adis16405"), datasets.path(ADIS[name])
     frame = formats.read_table(path, {"format": "rda"}).frame
-    known = logs.load_catalogue()["adis16405"]["channels"]
+    known = catalogue.load_catalogue()["adis16405"]["channels"]
     channels = tuple(
         replace(channel, values=frame[about["column"]].to_numpy(dtype=float))
         for channel, about in zip(first.channels, known, strict=True)

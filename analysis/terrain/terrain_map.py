@@ -160,6 +160,11 @@ class Profile:
     laps: np.ndarray
     length_m: float
 
+    @property
+    def line(self) -> CentreLine:
+        """The centre line that the map lies on."""
+        return CentreLine(self.s_m, self.east_m, self.north_m, self.length_m)
+
     def attitude_map(self, channels=("pitch",)) -> AttitudeMap:
         """Make the map that a filter reads.
 

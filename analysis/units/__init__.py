@@ -4,11 +4,10 @@ Pure: a `Unit` is arrays that somebody has read. To read in order: frame, clock,
 variances, comparison.
 """
 
-from analysis.units.block_bootstrap import ratio_of_spreads, share, spread
+from analysis.units.block_bootstrap import ratio_of_spreads, spread
 from analysis.units.clock import clock_offset
 from analysis.units.events import find_events
-from analysis.units.frame import Unit, local_tracks
 from analysis.units.journeys import ASSUMED, simulate_drive, simulate_flight
 from analysis.units.metrics import differences, trajectory_metrics
-from analysis.units.side_by_side import conventions, noise_of_each, side_by_side
+from analysis.units.side_by_side import noise_of_each
 from analysis.units.variances import unit_variances

@@ -1,7 +1,6 @@
 """How widely two units differ, straight and turning, with intervals for correlated samples."""
 
 import numpy as np
-from scipy.stats import binomtest
 
 from analysis import Estimate
 
@@ -54,22 +53,6 @@ def ratio_of_spreads(
         np.divide(*(_statistics(_draws(v, block, rng))[1] for v in (x, y))), [0.025, 0.975]
     )
     return Estimate(float(np.std(x) / np.std(y)), float(low), float(high))
-
-
-def share(count: int, of: int) -> Estimate:
-    """Give a share with its exact binomial interval (Clopper and Pearson).
-
-    Parameters
-    ----------
-    count, of : int
-        Independent cases: manoeuvres or incidents, not epochs.
-
-    Returns
-    -------
-    Estimate
-    """
-    low, high = binomtest(count, of).proportion_ci()
-    return Estimate(count / of, low, high)
 
 
 def _draws(x, block, rng):

@@ -57,7 +57,7 @@ class Unit:
         Parameters
         ----------
         name : str
-        timeline : analysis.logs.Timeline
+        timeline : analysis.logs.timeline.Timeline
 
         Returns
         -------
