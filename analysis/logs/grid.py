@@ -127,11 +127,15 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
         return _coarse(t, rows, repairs)
     usual = float(np.median(step))
     near = (step >= (2 - GAP) * usual) & (step <= GAP * usual)
-    ticks = step / usual
-    ticks = (np.abs(ticks - np.round(ticks)) <= ON_TICKS[1]) & (ticks > GAP - 1)
-    if mode == "auto" and (near.mean() >= REGULAR_SHARE or ticks.mean() >= ON_TICKS[0]):
+    if mode == "auto" and (near.mean() >= REGULAR_SHARE or _on_ticks(step / usual)):
         return _regular(t, rows, step, float(step.mean(where=near)), repairs)
     return _uneven(t, rows, mode, repairs)
+
+
+def _on_ticks(ticks) -> bool:
+    """Tell whether steps are whole multiples of the usual one, given in it."""
+    on = (np.abs(ticks - np.round(ticks)) <= ON_TICKS[1]) & (ticks > GAP - 1)
+    return on.mean() >= ON_TICKS[0]
 
 
 def _without_repeats(t, rows, repeated, repairs) -> tuple[np.ndarray, bool]:

@@ -342,7 +342,7 @@ def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid
     if t_s is None:
         return Grid(float(option["rate_hz"]), len(frame), grids.ALL, grids.ALL)
     repeated = np.zeros(len(frame), dtype=bool)
-    same = np.flatnonzero(np.diff(t_s) == 0) + 1
+    same = np.flatnonzero(t_s[1:] == t_s[:-1]) + 1
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
     repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
@@ -403,7 +403,8 @@ def _check_gravity(file: str, channels: tuple[Channel, ...], given: str | None) 
         group = [accels[name] for name in (names if len(names) >= 3 else vertical)]
         if not group or len({c.unit for c in group}) > 1:
             continue
-        norm = float(np.sqrt(sum(np.nanmean(c.values) ** 2 for c in group)))
+        some = slice(None, None, 1 + len(group[0].values) // PIECE)
+        norm = float(np.sqrt(sum(np.nanmean(c.values[some]) ** 2 for c in group)))
         own, unit = group[0].unit, columns.gravity_unit(norm)
         if unit not in (None, own):
             units = columns.given_units(given) if "=" in (given or "") else {}

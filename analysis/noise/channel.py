@@ -282,12 +282,12 @@ def remarks(y, dt, name):
     -------
     list of str
     """
-    notes, z = [], y[np.isfinite(y)]
-    if len(z) * dt < BRIEF:
-        notes.append(f"{name}: {len(z) * dt:.3g} s are too short for anything but the white noise")
+    notes, there = [], np.isfinite(y)
+    if (duration := there.sum() * dt) < BRIEF:
+        notes.append(f"{name}: {duration:.3g} s are too short for anything but the white noise")
     # Most logs show enough values at once; only the others are sorted.
-    some = z if len(np.unique(z[:FIRST])) < LEVELS else z[:FIRST]
-    distinct = len(np.unique(some))
+    distinct = len(np.unique(y[:FIRST][there[:FIRST]]))
+    distinct = distinct if distinct >= LEVELS else len(np.unique(y[there]))
     if distinct < LEVELS:
         notes.append(
             f"{name}: only {distinct} different values; the resolution, not the noise, may be what"
