@@ -43,7 +43,7 @@ def write(folder: Path, home: str | None = None) -> list[str]:
     folder.mkdir(parents=True, exist_ok=True)
     pages = {"explorer": _surface(), "allan": _allan()}
     for name, told in pages.items():
-        page = PAGES.get_template(f"{name}.html").render(told, home=home)
+        page = PAGES.get_template(f"{name}.html").render(told, name=name, home=home)
         (folder / f"{name}.html").write_text(page, encoding="utf-8")
     return [f"{name}.html" for name in pages]
 
