@@ -158,7 +158,7 @@ def four_panels(
     whole.set(title="whole log", xlabel="time (h)", ylabel=f"{plain(noise.name)} ({unit})")
     autocovariances(acov, noise, unit)
     for ax in (adev, whole, acov):  # below: no corner of these panels is free of data
-        ax.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.25), ncols=3)
+        ax.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.25), ncols=2)
     if warm:
         whole.sharex(left[2])
         left[2].plot(t / 3600, noise.temperature, "C1", lw=0.8, label="temperature")
@@ -186,9 +186,8 @@ def autocovariances(ax: Axes, noise: ChannelNoise, unit: str) -> None:
         style = {"color": f"C{k}", "lw": 0.7 + 0.8 * k, "alpha": 1 - 0.15 * k}
         ax.plot(lag, cov, label=f"{window:g} s averages", **style)
     peak, least = windows[-1][1][1][0], np.floor(np.log10(windows[0][1][0][1]))
-    ax.axhline(peak / np.e, color="0.4", ls="--", lw=0.7)
-    at = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-    ax.annotate("peak / e", (1, peak / np.e), (-2, 2), ha="right", fontsize=6, color="0.4", **at)
+    level = f"peak of {windows[-1][0]:g} s / e"
+    ax.axhline(peak / np.e, color="0.4", ls="--", lw=0.7, label=level)
     ax.set(title="autocovariance", xlabel="lag (s)", ylabel=f"autocovariance ({unit})²")
     ax.set_xscale("symlog", linthresh=10**least, linscale=0.4)
     ax.set_xlim(0, max(lag[-1] for _, (lag, _) in windows))
@@ -216,9 +215,9 @@ def fitted_model(ax: Axes, noise: ChannelNoise, *, color: str = "k", legend: boo
     model = adev_of_terms(chosen["terms"], tau, dt)
     terms, duration = noise.fit["terms"], float(noise.whole[0][-1] + noise.whole[0][0])
     signal = adev_of_signal(terms, noise.line[1], tau, duration)
-    named = " and ".join(dict.fromkeys(["the line", *(t["kind"].replace("_", "-") for t in terms)]))
+    named = ", ".join(dict.fromkeys(["line", *(t["kind"].replace("_", "-") for t in terms)]))
     hidden = "" if legend else f"_{plain(noise.name)}, "
-    label = f"{hidden}{chosen['model']}, fitted, with {named}"
+    label = f"{hidden}fitted {chosen['model']}, {named}"
     ax.plot(tau, np.hypot(model, signal), "--", color=color, lw=0.8, label=label)
     end = float(tau[-1])
     marks = (
@@ -292,14 +291,15 @@ def atlas(fig: Figure, table: pd.DataFrame) -> None:
             rows[f"{symbol}_at"] = rows[symbol].fillna(rows[ends[1]])
         rows = rows.dropna(subset=["n_at", "b_at"])
         sheets = rows[rows["basis"] == "datasheet"]
-        places = _apart(sheets["n"], sheets["b"], APART)
+        marks = rows.drop(sheets.index)
+        places = _apart(sheets["n"], sheets["b"], APART, [marks["n_at"], marks["b_at"]])
         for i, (sheet, at) in enumerate(zip(sheets.itertuples(), places, strict=True), 1):
             ax.plot([sheet.n, at[0]], [sheet.b, at[1]], "0.5", lw=0.5, label=f"_{sheet.name}, line")
             circle = {"ms": 8, "mfc": "w", "mec": "0.4", "mew": 0.6, "ls": "none"}
             ax.plot(*at, "o", label=f"{i}  {sheet.name}", **circle)
             ax.text(*at, i, fontsize=5.5, ha="center", va="center_baseline", color="0.2")
         colors = cycle(("C0", "C2", "C1", "C4"))
-        for (basis, name), of in rows.drop(sheets.index).groupby(["basis", "name"], sort=False):
+        for (basis, name), of in marks.groupby(["basis", "name"], sort=False):
             mine = basis == "this log"
             color, mark = ("r", "*") if mine else (next(colors), "D")
             _axes_of_a_sensor(ax, plain(name), of, color, mark)
@@ -314,7 +314,8 @@ def atlas(fig: Figure, table: pd.DataFrame) -> None:
                 axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.set_title({"rate": "gyros", "accel": "accelerometers"}[kind])
         columns = 2 if kind == "rate" else 1
-        ax.legend(fontsize=5.5, loc="upper left", bbox_to_anchor=(0, -0.2), ncols=columns)
+        below = {"loc": "upper left", "bbox_to_anchor": (0, -0.2), "ncols": columns}
+        ax.legend(fontsize=6, markerscale=0.7, **below)
 
 
 def _axes_of_a_sensor(ax, name, of, color, mark):
@@ -425,7 +426,7 @@ def _crossing(arw, sigma_b, shown, level):
 
     There no sensor lies under the label.
     """
-    i, j = len(arw) // 12, len(sigma_b) // 16
+    i, j = len(arw) // 12, len(sigma_b) // 8
     column, row = shown[:, i], shown[j]
     if column[-1] > level:
         at = np.interp(level, np.maximum.accumulate(column), np.log10(sigma_b))
@@ -446,7 +447,8 @@ def sensors(ax: Axes, table: pd.DataFrame) -> None:
         Of `analysis.store.sensors`; its ``name`` twice where a part was measured.
     """
     sheets = table[table["basis"] == "data sheet"]
-    at = _apart(sheets["arw"], sheets["bias"], APART)
+    measured = table[table["basis"] != "data sheet"]
+    at = _apart(sheets["arw"], sheets["bias"], APART, [measured["arw"], measured["bias"]])
     by_name = {of["name"]: of for of in sheets.to_dict("records")}
     for i, (of, place) in enumerate(zip(sheets.to_dict("records"), at, strict=True), start=1):
         color = "C0" if of["price"] > 0 else "0.45"
@@ -455,8 +457,7 @@ def sensors(ax: Axes, table: pd.DataFrame) -> None:
         ax.plot(*place, "o", label=f"{i}  {of['name']}", **mark)
         middle = {"ha": "center", "va": "center_baseline", "fontsize": 5.5, "zorder": 4}
         ax.text(*place, i, color=color, **middle)
-    stars = table[table["basis"] != "data sheet"].to_dict("records")
-    for of, color in zip(stars, cycle(("C3", "C4", "C1"))):
+    for of, color in zip(measured.to_dict("records"), cycle(("C3", "C4", "C1"))):
         if sheet := by_name.get(of["name"]):
             ends = [sheet["arw"], of["arw"]], [sheet["bias"], of["bias"]]
             ax.plot(*ends, color=color, lw=1, label=f"_{of['name']}, from its data sheet")
@@ -464,12 +465,13 @@ def sensors(ax: Axes, table: pd.DataFrame) -> None:
         ax.plot(of["arw"], of["bias"], "*", label=f"{of['name']}, measured", **mark)
 
 
-def _apart(x, y, least):
-    """Push points of a log-log plane apart until any two are `least` decades from each other."""
-    at = np.log10(np.array([x, y], dtype=float).T)
+def _apart(x, y, least, stay):
+    """Push points of a log-log plane `least` decades apart, and off those that stay."""
+    at, stay = (np.log10(np.array(of, dtype=float)).T for of in ([x, y], stay))
     for _ in range(200):
-        gap = at[:, None] - at[None]
-        far = np.hypot(*np.moveaxis(gap, 2, 0)) + np.eye(len(at)) * 1e9
+        gap = at[:, None] - np.concatenate([at, stay])[None]
+        far = np.hypot(*np.moveaxis(gap, 2, 0)) + np.eye(*gap.shape[:2]) * 1e9
+        far = np.maximum(far, 1e-9)  # two in one place
         near = far < least
         if not near.any():
             break

@@ -81,7 +81,7 @@ def test_both_allan_curves_and_the_model_over_them():
     assert found.allan_line_removed.adev[-1] < 0.5 * found.allan.adev[-1]
     table = figures.plotted_numbers(plots.four_panels(found, "x"))
     drawn = {name: g[["x", "y"]].to_numpy() for name, g in table.groupby("series")}
-    model = next(xy for name, xy in drawn.items() if "fitted, with the line" in name)
+    model = next(xy for name, xy in drawn.items() if name.startswith("fitted "))
     assert {"as recorded", "straight line removed"} <= drawn.keys()
     # The trend rules at the end; noise adds 5 % there at most, the fit of the line less.
     assert model[-1, 1] == pytest.approx(found.allan.adev[-1], rel=0.1)

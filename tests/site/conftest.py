@@ -50,7 +50,7 @@ def visit(browser, address):
 
     def opened(path="index.html", size=DESKTOP, root=address, **options):
         window = browser.new_context(viewport=size, accept_downloads=True, **options)
-        window.set_default_timeout(20_000)
+        window.set_default_timeout(120_000)  # for a machine that does more than this
         page, page_troubles = window.new_page(), []
         page.route(
             lambda url: not url.startswith((root, "data:", "blob:")),
