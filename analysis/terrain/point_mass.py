@@ -140,9 +140,7 @@ def compare_filters(
     by_distance : pandas.DataFrame
         A row for each stored distance (m): rms error of the ``UKF`` and of the ``grid filter``, the
         ``Cramér–Rao bound``, the standard deviation of ``odometry alone``, the ``largest`` error of
-        the UKF (m); its ``NEES`` and ``NIS``, means over the runs, which are 1 if it is consistent;
-        ``informative``, whether the bound is below 0.6 of the odometry: there the terrain more than
-        halves the variance that the odometry leaves.
+        the UKF (m); its ``NEES`` and ``NIS``, means over the runs, which are 1 if it is consistent.
     bounds : tuple of float
         95 % bounds of these means, were the filter consistent.
     """
@@ -175,6 +173,4 @@ def compare_filters(
         "NEES": (of_ukf**2 / variance).mean(axis=1),
         "NIS": nis.mean(axis=1),
     }
-    table = pd.DataFrame(by_distance, index=at)
-    informative = table["Cramér–Rao bound"] < 0.6 * table["odometry alone"]
-    return table.assign(informative=informative), nees_bounds(runs)
+    return pd.DataFrame(by_distance, index=at), nees_bounds(runs)
