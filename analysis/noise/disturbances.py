@@ -175,8 +175,11 @@ def spikes(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     """
     marked = np.zeros(len(y), dtype=bool)
     there = np.flatnonzero(np.isfinite(y)) if np.isnan(y).any() else None
-    step = np.diff(y if there is None else y[there])
-    size = np.median(np.abs(step), overwrite_input=True) / norm.ppf(0.75) if len(step) else 0.0
+    known = y if there is None else y[there]
+    step = np.diff(known)
+    np.abs(step, out=step)
+    size = np.median(step, overwrite_input=True) / norm.ppf(0.75) if len(step) else 0.0
+    np.subtract(known[1:], known[:-1], out=step)  # again: a long log leaves no room for a copy
     far = (step > FAR * size) | (step < -FAR * size)
     large = np.flatnonzero(far) if size > 0 else np.zeros(0, int)
     runs = np.split(large, np.flatnonzero(np.diff(large) > BURST) + 1)
