@@ -6,7 +6,7 @@ interval by a stated amount (`adjusted`).
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -223,7 +223,13 @@ class Increments:
     Attributes
     ----------
     z : ndarray, shape (8, 8, k)
-        Over the root mean square of their eighth.
+        Over the root mean square of their eighth; empty where only what follows is of use.
+    size : int
+        Of `z`.
+    energy : ndarray, shape (8, 8)
+        Mean square of `z`.
+    fourth : float
+        Mean fourth power of `z`.
     variance : float
         Mean square before that, U^2.
     level : ndarray, shape (8, 8)
@@ -233,6 +239,9 @@ class Increments:
     """
 
     z: np.ndarray
+    size: int
+    energy: np.ndarray
+    fourth: float
     variance: float
     level: np.ndarray
     edges: np.ndarray
@@ -270,7 +279,10 @@ def increments(means, width):
         return None  # an output that is held, or a pattern
     edges = width * np.append(used[:: 2 * k], used[-1] + 1)
     h /= np.sqrt(energy)
-    return Increments(h, float(energy.mean()), level, edges)
+    # Without arrays of powers: a long log fills the memory.
+    squares = np.einsum("ijk,ijk->ij", h, h) / k
+    fourth = float(np.einsum("ijk,ijk,ijk,ijk->", h, h, h, h)) / h.size
+    return Increments(h, h.size, squares, fourth, float(energy.mean()), level, edges)
 
 
 def heavy_tails(part: Increments, affects: tuple[str, ...]) -> list[Disturbance]:
@@ -292,8 +304,7 @@ def heavy_tails(part: Increments, affects: tuple[str, ...]) -> list[Disturbance]
         Empty, or one.
     """
     z, ends = np.abs(part.z.ravel()), (part.edges[0], part.edges[-1])
-    # Without arrays of powers: a long log fills the memory.
-    excess, error = float(np.einsum("i,i,i,i->", z, z, z, z)) / len(z) - 3, np.sqrt(24 / len(z))
+    excess, error = part.fourth - 3, np.sqrt(24 / len(z))
     least = max(BEYOND * error, NOTICED - 1)
     z.partition(-(len(z) // TAIL + 5))
     tail = np.sort(z[-(len(z) // TAIL + 5) :])
@@ -340,17 +351,14 @@ def level_changes(
     eighths, inside = logs.mean(axis=1), logs.var(axis=1, ddof=1).mean()
     between = max(eighths.var(ddof=1) - inside / PARTS, 0.0)
     changes = f.sf(PARTS * eighths.var(ddof=1) / inside, PARTS - 1, PARTS * (PARTS - 1)) < chance
-    squares = part.z**2
-    energy = np.mean(squares, axis=2)
-    fourth = np.einsum("ijk,ijk->", squares, squares) / squares.size
-    tails = max(1 + (fourth - 3) / 2, 1.0)
-    ratio = energy.var(axis=1, ddof=1).mean() * squares.shape[2] / 2
+    tails = max(1 + (part.fourth - 3) / 2, 1.0)
+    ratio = part.energy.var(axis=1, ddof=1).mean() * part.size / PARTS**2 / 2
     freedom = PARTS * (PARTS - 1)
     bursts = ratio / tails > chi2.isf(chance, freedom) / freedom and ratio > 1 + (NOTICED - 1) / 2
     if not (changes or bursts):
         return []
     error = changes * t.ppf(0.975, PARTS - 1) * np.sqrt(between / PARTS)
-    within = bursts * norm.ppf(0.975) * np.sqrt(max(ratio - tails, 0.0) / (2 * squares.size))
+    within = bursts * norm.ppf(0.975) * np.sqrt(max(ratio - tails, 0.0) / (2 * part.size))
     half = float(np.hypot(error, within))
     level = np.exp(logs.ravel() if bursts else eighths)
     level /= np.sqrt(np.mean(level**2))
@@ -389,9 +397,11 @@ def uneven(
     -------
     list of Disturbance
     """
-    means, scales = block_means(y, m), []
+    means, tails = block_means(y, m), list[Disturbance]()
+    scales: list[tuple[bool, Increments]] = []
     while (part := increments(means, m * dt)) is not None:
-        scales.append((white**2 / m > SHARE * part.variance / 2, part))
+        tails = tails if scales else heavy_tails(part, names)
+        scales.append((white**2 / m > SHARE * part.variance / 2, replace(part, z=np.empty(0))))
         means, m = block_means(means, 2), 2 * m
     if not scales:
         return []
@@ -400,7 +410,7 @@ def uneven(
         parts = [part for of_white, part in scales if of_white is is_white]
         tests = [d for part in parts for d in level_changes(part, affects, chance)]
         found += sorted(tests, key=lambda d: d.widens or (np.inf,))[-1:]
-    return found + heavy_tails(scales[0][1], names)
+    return found + tails
 
 
 def missing(y: np.ndarray, dt: float) -> list[Disturbance]:
