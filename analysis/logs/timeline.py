@@ -97,6 +97,8 @@ class Gnss:
         east = wrap(lon[end] - lon[start]) * np.cos(np.radians(lat[start]))
         moved = METRES_PER_DEGREE * np.hypot(lat[end] - lat[start], east)
         fair = (t[end] - t[start] < 2 * WINDOW_S) & ((path > WINDOW_M) | (moved > WINDOW_M))
+        known = fair & (path > 1.0)
+        fair = known if known.sum() >= FEWEST else fair  # or the speed is zero all along
         if fair.sum() < FEWEST:
             return np.nan
         return float(np.median(moved[fair] / np.maximum(path[fair], 1.0)))

@@ -23,7 +23,6 @@ SLOW = 1.0  # m/s, as good as at rest
 METRES_PER_PDOP, SIGMA_NO_PDOP = 2.0, 6.0  # m per axis: real fixes, median 5.3 m at a PDOP of 2-3
 NEAR, FAR = 3.0, 5.0  # standard deviations: agrees with the memory, contradicts it
 MISS_M, MISS_SHARE, SLACK = 10.0, 0.2, 1.0  # m, of the path, m/s^2: noise, lag, unseen turns
-STALE_M = 2.0  # m, way by the speed after which a position that does not change is an old one
 LEGS = 12  # stretches of ten seconds in motion that the speeds are judged by
 FASTEST = 70.0  # m/s, of a vehicle whose speed is not known
 GATE_ALONE = {"three_d": False, "satellites": 0, "settle_s": 0.0, "doubt_s": 0.0}  # the paper's
@@ -111,7 +110,7 @@ class LastPosition:
         self._saved_at = -math.inf
         self._before = None
         self._since = self._anchor_s = self._path = self._north = self._east = self._slack = 0.0
-        self._anchor, self._epochs, self._same = None, 0, (math.nan, math.nan, 0.0)
+        self._anchor, self._epochs, self._same = None, 0, (math.nan, math.nan, 0.0, 0.0)
         self.slip, self._legs = 0.0, 1
 
     def motion(self):
@@ -181,9 +180,12 @@ class LastPosition:
 
     def _repeated(self, t_s, fix, speed):
         """Return whether the receiver still gives an old position although it moves."""
-        if fix[0] != self._same[0] or fix[1] != self._same[1]:
-            self._same = fix[0], fix[1], t_s
-        return speed * (t_s - self._same[2]) > STALE_M
+        lat, lon, before, path = self._same
+        moves = speed > SLOW  # at rest many receivers hold their position, for good
+        same = fix[0] == lat and fix[1] == lon
+        path = path + speed * (t_s - before) if same and moves else 0.0
+        self._same = fix[0], fix[1], t_s, path
+        return path > MISS_M
 
     def _passes(self, pdop, t_s):
         """Return whether the PDOP is known, or the receiver has had some seconds to give one."""
