@@ -183,7 +183,7 @@ SAID_OF_COLUMNS = {  # options of every verb that reads a log
         ),
     ],
     "time_unit": Annotated[
-        Literal["s", "ms", "us", "ns"] | None,
+        Literal["s", "ms", "us", "ns", "min", "h", "d"] | None,
         typer.Option(help="Unit of the time column, if its name and numbers do not tell."),
     ],
 }

@@ -268,7 +268,7 @@ def test_faulty_units_and_scales_are_wrong_usage(tmp_path, options, words):
 def test_the_unit_of_time_can_be_given(tmp_path):
     """Analytic: 100 Hz in microseconds without a name that says so."""
     path = write(tmp_path, "t,gyro_x_deg_s", 1e6 * T, GYRO[:, 0])
-    with pytest.raises(WrongUsage, match="--time-unit ms"):
+    with pytest.raises(WrongUsage, match="--time-unit us"):
         logs.read(path)
     assert logs.read(path, time_unit="us").rate_hz == pytest.approx(100)
     path = write(tmp_path, "t,gyro_x_deg_s", T, GYRO[:, 0])
@@ -364,6 +364,52 @@ def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
 def test_meaning_of_names(name, kind, said):
     """Property: the vocabulary of readings, and of what is none."""
     assert columns.meaning(name) == (kind, said)
+
+
+@pytest.mark.parametrize(
+    ("spelled", "unit"),
+    [
+        ("º/s degree/second deg.s-1 Degrees_per_second grad/s deg·s⁻¹ degs", "deg/s"),
+        ("rad·s⁻¹ rad.s-1 rads/s radians/sec rad_per_s", "rad/s"),
+        ("m·s⁻² m.s-2 ms-2 m/s**2 meters/s^2 m/sec² m_s_2", "m/s^2"),
+        ("deg/hr °/h deg_per_hour", "deg/h"),
+        ("°C s Hz ms mdps m/s rad2 dBm %", None),
+    ],
+)
+def test_spellings_of_units(spelled, unit):
+    """Property: one unit, however it is written; what is none of these is not guessed."""
+    assert {columns.unit_of(each) for each in spelled.split()} == {unit}
+
+
+@pytest.mark.parametrize(
+    ("ends", "factors"),
+    [
+        (("_mdps", "_ug"), (1e3, 1e6)),
+        ((" (mrad/s)", " (cm/s²)"), (1e3 * np.pi / 180, 980.665)),
+        ((" [rpm]", " [ft/s^2]"), (1 / 6, 9.80665 / 0.3048)),
+    ],
+)
+def test_multiples_of_units(tmp_path, ends, factors):
+    """Analytic: thousandths of a unit are turned into it, and said to be."""
+    names = [f"{k}_{a}{end}" for k, end in zip(("gyro", "acc"), ends, strict=True) for a in "xyz"]
+    read = T, factors[0] * GYRO, factors[1] * ACCEL
+    log = logs.read(write(tmp_path, ",".join(["t_s", *names]), *read))
+    known = {"deg/s": 1.0, "rad/s": 180 / np.pi, "g": 1.0, "m/s^2": 1 / 9.80665}
+    for channel, truth in zip(log.channels, np.hstack([GYRO, ACCEL]).T, strict=True):
+        np.testing.assert_allclose(channel.values * known[channel.unit], truth, atol=1e-8)
+    assert sum("turned into" in repair for repair in log.repairs) == 6
+
+
+def test_axes_by_number_and_accelerations_without_gravity(tmp_path):
+    """Property: gravity tells the unit of acc[0..2]; what has it taken off is no second sensor."""
+    header = "t_s,gyro[0],gyro[1],gyro[2],acc[0],acc[1],acc[2]" + 3 * ",linear acc {}"
+    free = ACCEL - [0.02, 0.01, 1.0]
+    path = write(tmp_path, header.format(*"xyz"), T, GYRO, 9.80665 * ACCEL, free)
+    with pytest.raises(WrongUsage, match="--unit gyro=deg/s,accel=m/s\\^2"):
+        logs.read(path)
+    log = logs.read(path, unit="gyro=deg/s")
+    assert [c.unit for c in log.channels] == ["deg/s"] * 3 + ["m/s^2"] * 3
+    assert "accel with gravity taken off" in left_out(log)
 
 
 def test_a_drifting_gyro_is_no_clock():

@@ -655,7 +655,7 @@ def test_mixed_units_and_words_among_numbers(tmp_path):
     mixed.iloc[5, 2] = "broken"
     mixed.to_excel(tmp_path / "log.xlsx", index=False)
     with pytest.raises(
-        CannotAnswer, match="row 7, column 'gyro_y_deg_s': 'broken' is not a number"
+        CannotAnswer, match="line 7, column 'gyro_y_deg_s': 'broken' is not a number"
     ):
         read(tmp_path / "log.xlsx")
 
@@ -761,7 +761,8 @@ def test_a_phone_in_motion(tmp_path):
     }
     with zipfile.ZipFile(tmp_path / "phone.zip", "w") as packed:
         for name, (t, values) in tables.items():
-            table = pd.DataFrame(values, columns=["x", "y", "z"]).assign(time=(UNIX + t) * 1e9)
+            stamps = {"time": (UNIX + t) * 1e9, "seconds_elapsed": t}
+            table = pd.DataFrame(values, columns=["x", "y", "z"]).assign(**stamps)
             packed.writestr(name, table.to_csv(index=False))
     ride = read_moving([tmp_path / "phone.zip"])
     t = ride.imu.t_s
@@ -770,6 +771,41 @@ def test_a_phone_in_motion(tmp_path):
     )
     assert any("gravity is added again from Gravity.csv" in note for note in ride.notes)
     assert any("interpolated to the stamps of Gyroscope.csv" in note for note in ride.notes)
+
+
+def _phone_tables(sign, stamps=T):
+    """Lay out what Sensor Logger writes, by its maker's UNITS.md: gravity apart from the rest."""
+    off = 0 * ACCEL + [0, 0, 9.8]
+    rows = {"Accelerometer": sign * (ACCEL - off), "Gravity": sign * off}
+    return {
+        name: pd.DataFrame({"time": (UNIX + stamps) * 1e9, "seconds_elapsed": stamps}).join(
+            pd.DataFrame(values[:, ::-1], columns=["z", "y", "x"])
+        )
+        for name, values in (rows | {"Gyroscope": GYRO, "GyroscopeUncalibrated": GYRO + 1}).items()
+    }
+
+
+@pytest.mark.parametrize("layout", ["android", "ios", "json", "one file"])
+def test_layouts_of_sensor_logger(layout, tmp_path):
+    """Published: the maker's signs, units and tables; an iPhone's accelerations point down."""
+    tables, path = _phone_tables(-1 if layout == "ios" else 1), tmp_path / "log"
+    about = {"version": [3], "platform": [layout], "standardisation": ["false"]}
+    if layout == "json":
+        texts = pd.concat(tables, names=["sensor"]).astype(str).reset_index("sensor")
+        path.write_text(texts.to_json(orient="records", indent=1))
+    elif layout == "one file":
+        path = tmp_path / "Gyroscope.csv"
+        tables["Gyroscope"].to_csv(path, index=False)
+    else:
+        path.mkdir()
+        for name, table in (tables | {"Metadata": pd.DataFrame(about)}).items():
+            table.iloc[int(name == "Gravity") :].to_csv(path / f"{name}.csv", index=False)
+    log = read(path)
+    known = dict(zip(NAMES, np.hstack([GYRO, ACCEL]).T, strict=True))
+    assert [key(c) for c in log.channels] == (GYROS if layout == "one file" else BOTH)
+    for channel in log.channels:
+        np.testing.assert_allclose(channel.values, known[key(channel)], atol=1e-9)
+    assert any("signs turned" in repair for repair in log.repairs) == (layout == "ios")
 
 
 def sentences(rows, fix=True):

@@ -208,14 +208,18 @@ def test_time_columns_and_their_units_are_told_from_the_name(name, unit, time):
         ("t", 1.7e15 + 1e4 * np.arange(100), "microseconds since 1970"),
         ("t", 1.7e18 + 1e7 * np.arange(100), "nanoseconds since 1970"),
         ("micros", (4294.9e6 + 1e4 * np.arange(100)) % 2**32, "overflowed"),
+        ("t_ms", (65000 + 10.0 * np.arange(100)) % 2**16, "overflowed"),
+        ("GPS TOW (s)", (604799.5 + 0.01 * np.arange(100)) % 604800, "overflowed"),
+        ("Zeit [ms]", 10.0 * np.arange(100), None),
+        ("time_d", 45413.4166 + 0.01 / 86400 * np.arange(100), None),  # of a spreadsheet
     ],
 )
 def test_units_of_time(name, column, said):
     """Analytic: a hundred samples at 100 Hz in every way to write time."""
     stamps = times.stamps(name, column)
     t, notes = stamps.since_s, stamps.notes
-    # 5e-7: a double holds Unix nanoseconds to 256 ns
-    np.testing.assert_allclose(t, 0.01 * np.arange(100), atol=5e-7)
+    # 5e-7: a double holds Unix nanoseconds to 256 ns, and days since 1900 to 630 ns
+    np.testing.assert_allclose(t, 0.01 * np.arange(100), atol=7e-7)
     assert (said is None and notes == ()) or said in notes[0]
 
 
@@ -224,12 +228,14 @@ def test_units_of_time(name, column, said):
     [
         ("%Y-%m-%dT%H:%M:%S.%f", "date and time"),
         ("%Y-%m-%d %H:%M:%S.%f+00:00", "date and time"),
+        ("%d/%m/%Y %H:%M:%S.%f", "date and time"),
+        ("%m/%d/%Y %H:%M:%S.%f", "date and time"),
         ("%H:%M:%S.%f", "clock time"),
     ],
 )
 def test_dates_and_clock_times_run_over_midnight(form, said):
     """Analytic: a hundred samples at 100 Hz across midnight."""
-    start = datetime.datetime(2023, 12, 31, 23, 59, 59, 500_000, tzinfo=datetime.UTC)
+    start = datetime.datetime(2024, 5, 1, 23, 59, 59, 500_000, tzinfo=datetime.UTC)
     texts = [(start + datetime.timedelta(milliseconds=10 * i)).strftime(form) for i in range(100)]
     stamps = times.stamps("time", np.array(texts, dtype=object))
     np.testing.assert_allclose(stamps.since_s, 0.01 * np.arange(100), atol=1e-9)  # µs are printed

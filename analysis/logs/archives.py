@@ -1,19 +1,22 @@
-"""Packed logs and folders: gzip, zip, and what phone apps export (one file a sensor).
+"""Packed logs, workbooks and folders: gzip, zip, and what phone apps export (one file a sensor).
 
 What is packed is unpacked into a temporary folder, up to a stated size, and read there.
 """
 
 import functools
 import gzip
+import re
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from tqdm import tqdm
 
 from analysis import CannotAnswer, WrongUsage
+from analysis.logs import delimited
 from analysis.logs.delimited import Table
 from analysis.logs.matrices import check_zip
 from analysis.logs.tables import AXES, Part, reading
@@ -22,13 +25,15 @@ EXPORT = "the export's file name"
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
 FILES = 500  # in a folder or zip
 _SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
-_SENSORS = {  # file of Sensor Logger and others, where the columns are only x, y, z
+_SENSORS = {  # file of Sensor Logger, by its maker's UNITS.md, where the columns are only x, y, z
     "gyroscope": "gyro_{}_rad_s",
+    "gyroscopeuncalibrated": "gyro_{}_rad_s",
     "totalacceleration": "accel_{}_m_s2",  # gravity included
-    "accelerometer": "accel_{}_m_s2",
-    "linearacceleration": "accel_{}_m_s2",
+    "accelerometer": "accel_{}_m_s2",  # gravity taken off
+    "accelerometeruncalibrated": "accel_{}_m_s2",  # in g on iOS, which its length tells
 }
-_WITHOUT_GRAVITY = ("accelerometer", "linearacceleration")
+_CLOCK = "seconds_elapsed"
+_SIDE_BY_SIDE = re.compile("meta|uncalibrated|wrist|watch|headphone|linear ?accel")
 _NAMES = {  # of a phone's position
     "latitude": "lat_deg",
     "longitude": "lon_deg",
@@ -79,6 +84,32 @@ def unzipped(path: Path, stamp: tuple[int, int]) -> Path:
                 left -= _copy(source, inner, path, left)
     inside = list(target.iterdir())
     return inside[0] if len(inside) == 1 and inside[0].is_dir() else target
+
+
+def spreadsheet(path: Path) -> list[Part]:
+    """List the sheets of a workbook (xlsx, xls, xlsb, ods); each is read as text."""
+    from python_calamine import CalamineWorkbook
+
+    if zipfile.is_zipfile(path):
+        check_zip(path)
+    target, parts, empty = Path(tempfile.mkdtemp(dir=_folder().name)), [], []
+    with reading(path, "a spreadsheet", "save it again, or as CSV"):
+        book = CalamineWorkbook.from_path(str(path))
+        for name in book.sheet_names:
+            file = target / f"{path.name}, sheet '{name.replace('/', '_')}'"
+            with file.open("w", encoding="utf-8") as handle:
+                for row in book.get_sheet_by_name(name).to_python(skip_empty_area=False):
+                    handle.write("\t".join(" ".join(str(c).split()) for c in row) + "\n")
+            try:
+                layout = delimited.sniff(file)
+            except CannotAnswer as error:
+                empty.append(error)
+                continue
+            load = functools.partial(lambda file, _: delimited.read_table(file), file)
+            parts.append(Part(name, layout.names, load))
+    if not parts:
+        raise empty[0]
+    return parts
 
 
 def _copy(source, target: Path, path: Path, limit: int) -> int:
@@ -137,48 +168,51 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
             parts.append(replace(part, name=name))
     if not parts:
         raise errors[0]
-    return list(_phone(parts))
+    return parts
 
 
-def _phone(parts: list[Part]) -> Iterator[Part]:
-    """Name the columns of a phone's files, whose names are those of the sensors."""
+def phone(parts: list[Part]) -> Iterator[Part]:
+    """Name the columns of a phone's tables, whose names are those of the sensors."""
     stems = {Path(part.name).stem.lower(): part for part in parts}
+    about = stems["metadata"].load(None).frame if "metadata" in stems else {}
+    said = {str(v).lower() for key in ("platform", "standardisation") for v in about.get(key, ())}
+    ios = "ios" in said and "true" not in said
     for part in parts:
         stem = Path(part.name).stem.lower()
         names = dict(_NAMES) if stem == "location" else {}
-        if stem in _SENSORS and set(AXES) <= set(part.columns):
+        if stem in _SENSORS and {*AXES, _CLOCK} <= set(part.columns):
             names |= {axis: _SENSORS[stem].format(axis) for axis in AXES}
+        primary = part.primary and not _SIDE_BY_SIDE.search(part.name.lower())
         if not names:
-            yield replace(part, primary=part.primary and not _is_about(part))
+            yield replace(part, primary=primary)
             continue
-        primary = stem not in _WITHOUT_GRAVITY or "totalacceleration" not in stems
-        gravity = stems.get("gravity") if stem in _WITHOUT_GRAVITY else None
+        primary &= stem != "accelerometer" or "totalacceleration" not in stems
+        gravity = stems.get("gravity") if stem == "accelerometer" else None
+        turned = ios and stem.startswith("accel")
         yield replace(
             part,
             columns=tuple(names.get(c, c) for c in part.columns),
-            load=functools.partial(_renamed, part, names, gravity),
+            load=functools.partial(_renamed, part, names, gravity, turned),
             told_by=EXPORT,
             primary=primary,
         )
 
 
-def _is_about(part: Part) -> bool:
-    """Tell a table about the phone rather than of a sensor, and a sensor before calibration."""
-    name = part.name.lower()
-    return "meta" in name or "uncalibrated" in name
-
-
-def _renamed(part: Part, names: dict[str, str], gravity: Part | None, _) -> Table:
-    """Read a phone's table; put back the gravity that the phone has taken off."""
+def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bool, _) -> Table:
+    """Read a phone's table; put back the gravity that it took off, and the signs of Android."""
     table, notes = part.load(None), []
-    if gravity is not None:
-        off = gravity.load(None).frame
-        what = "taken off these accelerations, and is not put back: its file has other rows"
-        if set(AXES) <= set(off) and len(off) == len(table.frame):
-            summed = {axis: table.frame[axis] + off[axis] for axis in AXES}
+    if Path(part.name).stem.lower() == "accelerometer":
+        what = "taken off by the phone, and is not put back: no file has it"
+        off = gravity.load(None).frame if gravity else table.frame[:0]
+        if gravity and len(off) and {*AXES, _CLOCK} <= set(off):
+            at = table.frame[_CLOCK], off[_CLOCK]
+            summed = {a: table.frame[a] + np.interp(*at, off[a]) for a in AXES}
             table = replace(table, frame=table.frame.assign(**summed))
             what = f"added again from {gravity.name}"
         notes = [f"{part.name}: gravity is {what}"]
+    if turned:
+        table = replace(table, frame=table.frame.assign(**{a: -table.frame[a] for a in AXES}))
+        notes.append(f"{part.name}: signs turned: an iPhone at rest, screen up, writes -1 g")
     order = [column for column in table.frame if column not in AXES]
     order += [axis for axis in AXES if axis in names]  # Sensor Logger writes z, y, x
     frame = table.frame[order].rename(columns=names)

@@ -6,6 +6,7 @@ flag that overrules it.
 """
 
 import difflib
+import functools
 import itertools
 import re
 from collections.abc import Iterable, Sequence
@@ -27,19 +28,21 @@ KIND_OF_UNIT = {unit: kind for kind, units in _UNITS_OF_KIND.items() for unit in
 FULL_TURN = {"deg": 360.0, "rad": 6.283185307179586}
 IN_M_S2 = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000}
 
-_SPELLINGS = {
-    "deg/s": ("deg_s", "deg/sec", "deg_per_s", "degps", "dps", "°/s", "deg s^-1", "deg*s^-1"),
-    "rad/s": ("rad_s", "rad/sec", "rad_per_s", "radps", "rps", "rad s^-1", "rad*s^-1", "rads"),
-    "deg/h": ("deg_h", "deg/hr", "deg_hr", "deg_per_h", "°/h", "deg h^-1"),
-    "deg": ("degree", "degrees", "°"),
-    "rad": ("radian", "radians"),
-    "m/s^2": ("m_s2", "m/s2", "m/s/s", "mps2", "m_s^2", "m/s²", "m s^-2", "m*s^-2", "ms-2"),
-    "g": ("gee", "g0"),
-    "mg": ("milli_g",),
-    "m": ("meter", "meters", "metre", "metres"),
+_S = r"s(ec(ond)?s?)?(-1)?"
+_SPELLINGS = {  # as `_plain` leaves it: no blank, dot, underscore or caret -> unit
+    "deg/s": rf"deg(rees?)?(/|per|p){_S}|deg{_S}|grad/s|dps",
+    "rad/s": rf"rad(ian)?s?(/|per|p){_S}|rad{_S}|rps",
+    "deg/h": r"deg(rees?)?(/|per|p)?h(r|our)?(-1)?",
+    "deg": r"deg(rees?)?",
+    "rad": r"rad(ians?)?",
+    "m/s^2": r"m(et(er|re)s?)?((/|p)?s(ec)?-?2|/s/s)",
+    "g": r"g(ee|0|n)?",
+    "mg": r"m(illi-?)?g",
+    "m": r"m(et(er|re)s?)?",
 }
-UNITS = {spelling: unit for unit, more in _SPELLINGS.items() for spelling in (unit, *more)}
-_SUFFIXES = sorted(UNITS, key=len, reverse=True)  # deg_s before deg, m_s2 before m
+_PREFIXES = {"m": 1e-3, "u": 1e-6, "c": 1e-2}  # mdps, ug, cm/s^2
+_OTHERS = {"rpm": ("deg/s", 6.0), "gal": ("m/s^2", 1e-2), "ft/s2": ("m/s^2", 0.3048)}
+_PLAIN = str.maketrans("²¹⁻−µμ", "21--uu") | {ord("°"): "deg", ord("º"): "deg"}
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
 FLAG = {"rate": "gyro", "accel": "accel", "angle": "angle", "position": "position"}
 _KINDS = {**{flag: kind for kind, flag in FLAG.items()}, "rate": "rate", "acceleration": "accel"}
@@ -82,9 +85,15 @@ _LARGEST = {"rate": 20.0, "accel": 30.0}  # beyond what a sensor at rest reads, 
 _LSB = (16384, 8192, 4096, 2048, 1024, 256)  # counts per g of common accelerometers
 
 
+@functools.cache
 def unit_of(text: str) -> str | None:
     """Return the unit meant by a spelling (``"dps"`` -> ``"deg/s"``), or None if not known."""
-    return UNITS.get(text.strip().lower())
+    plain = _plain(text)
+    return next((unit for unit, each in _SPELLINGS.items() if re.fullmatch(each, plain)), None)
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[\s_.·*^]", "", text.strip().lower().translate(_PLAIN))
 
 
 def split(name: str) -> tuple[str, str | None]:
@@ -93,14 +102,36 @@ def split(name: str) -> tuple[str, str | None]:
     The unit may also stand in brackets, as in ``"w_x [rad s^-1]"``. A name without a known unit
     comes back whole, with None.
     """
+    for base, end in _ends(name):
+        if unit_of(end) or name.endswith(("]", ")")):
+            return base, unit_of(end)
+    return name, None
+
+
+def _ends(name: str) -> list[tuple[str, str]]:
+    """Cut off what stands in brackets, or each of the last words: deg_s before s."""
     bracketed = _BRACKETS.match(name)
     if bracketed and bracketed["base"]:
-        return bracketed["base"], unit_of(bracketed["unit"])
-    lower = name.lower()
-    for suffix in _SUFFIXES:
-        if lower.endswith("_" + suffix) and len(lower) > len(suffix) + 1:
-            return name[: -len(suffix) - 1], UNITS[suffix]
-    return name, None
+        return [(bracketed["base"], bracketed["unit"])]
+    parts = name.split("_")
+    cuts = [k for k in range(max(1, len(parts) - 3), len(parts)) if any(parts[:k])]
+    return [("_".join(parts[:k]), "_".join(parts[k:])) for k in cuts]
+
+
+def in_known_units(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Turn rates and accelerations in mdps, ug ... into a unit of the table; say which."""
+    notes = []
+    for name in frame.select_dtypes("number"):
+        for base, text in [] if split(name)[1] else _ends(name):
+            plain = _plain(text)
+            usual = unit_of(plain[1:]), _PREFIXES.get(plain[:1])
+            unit, factor = _OTHERS.get(plain, usual)
+            if factor and KIND_OF_UNIT.get(unit or "") in ("rate", "accel"):
+                frame = frame.assign(**{name: factor * frame[name]})
+                frame = frame.rename(columns={name: f"{base} ({unit})"})
+                notes.append(f"column '{name}' turned into {unit}")
+                break
+    return frame, notes
 
 
 def tidy(name: str) -> str:
@@ -305,8 +336,10 @@ def vectors(names: Iterable[str]) -> dict[str, list[str]]:
     """Group columns that differ by their axis only: what they share -> names."""
     groups: dict[str, list[str]] = {}
     for name in names:
-        parts = words(split(name)[0])
-        groups.setdefault(" ".join(p for p in parts if p not in ("x", "y", "z")), []).append(name)
+        full = " ".join(words(split(name)[0]))
+        shared = re.sub(r" ?\b[xyz]\b", "", full)  # gyro_x, or else gyro[0]
+        shared = re.sub(r" [0-3]$", "", full) if shared == full else shared
+        groups.setdefault(shared, []).append(name)
     return groups
 
 
@@ -533,6 +566,9 @@ def _kinds(frame, file, wanted, kind) -> tuple[dict[str, str], dict[str, str]]:
             left_out[name] = f"of kind {of_kind}"
         else:
             kinds[name] = of_kind
+    free = [n for n, its in kinds.items() if its == "accel" and {"linear", "user"} & {*words(n)}]
+    if not wanted and len(free) < list(kinds.values()).count("accel"):
+        left_out |= {name: f"{kinds.pop(name)} with gravity taken off" for name in free}
     return kinds, left_out
 
 

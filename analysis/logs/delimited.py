@@ -39,15 +39,16 @@ CLOCK = re.compile(
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _NEWLINE = re.compile(r"\r\n|\n|\r")
 _LINE_ENDS = (b"\n", b"\r", b"\x00")
-_CUT_OFF = "the last line is cut off and was dropped"
+CUT_OFF = "the last line is cut off and was dropped"
 TAIL_BYTES = 1 << 13
+SHORT_ROWS = 0.01  # share of rows with fewer fields up to which these count as damaged
 
 
 @dataclass(frozen=True)
 class Layout:
     """How a delimited file is written: found from its first lines."""
 
-    delimiter: str  # "," ";" "\t", or " " for any run of blanks
+    delimiter: str  # "," ";" "\t" "|", or " " for any run of blanks
     decimal: str
     comment: str
     encoding: str
@@ -67,16 +68,17 @@ def sniff(path: Path) -> Layout:
         raise CannotAnswer(f"{path.name}: no data: line 1 to the end are empty or comments")
     delimiter = _delimiter([lines[i] for i in rows[-HEAD_LINES:]])
     fields = {i: _split(lines[i], delimiter) for i in rows}
-    decimal = _decimal(fields.values(), delimiter)
+    decimal = _decimal(fields.values())
     rows = rows[_titles([fields[i] for i in rows], decimal) :]
     first = rows[0]
     head_row = None
     if _is_header(fields[first], decimal):
         head_row, header_lines = fields[first], first + 1
         rows = rows[1:]
-        if rows and all(_is_word(f, decimal) for f in fields[rows[0]]):  # a row of units
-            units = fields[rows[0]]
-            head_row = [f"{n} ({u.strip()})" for n, u in zip(head_row, units, strict=False)]
+        cells = [f for f in fields[rows[0]] if f.strip()] if rows else []
+        if 2 * len(cells) > len(head_row) and all(_is_word(f, decimal) for f in cells):  # units
+            units = [u.strip().strip("[]()") for u in fields[rows[0]]]
+            head_row = [f"{n} ({u})" if u else n for n, u in zip(head_row, units, strict=False)]
             header_lines, rows = rows[0] + 1, rows[1:]
         if not rows:
             raise CannotAnswer(
@@ -176,7 +178,7 @@ def _split(line: str, delimiter: str) -> list[str]:
 def _delimiter(lines: list[str]) -> str:
     """Choose the delimiter that splits most lines into the same number of fields, more than one."""
     best, score = ",", (0.0, 0)
-    for rank, candidate in enumerate((";", "\t", ",", " ")):
+    for rank, candidate in enumerate((";", "\t", ",", "|", " ")):
         widths = [len(_split(line, candidate)) for line in lines]
         usual = min(multimode(widths))
         if usual > 1 and (widths.count(usual) / len(widths), -rank) > score:
@@ -184,10 +186,8 @@ def _delimiter(lines: list[str]) -> str:
     return best
 
 
-def _decimal(rows, delimiter: str) -> str:
+def _decimal(rows) -> str:
     """Tell whether numbers are written with a decimal comma."""
-    if delimiter == ",":
-        return "."
     fields = [field.strip() for row in rows for field in row]
     commas = sum(bool(re.fullmatch(r"[-+]?\d+,\d+([eE][-+]?\d+)?", field)) for field in fields)
     points = sum(bool(re.fullmatch(r"[-+]?\d*\.\d+([eE][-+]?\d+)?", field)) for field in fields)
@@ -216,11 +216,11 @@ def _is_header(fields: list[str], decimal: str) -> bool:
 
 
 def _titles(rows: list[list[str]], decimal: str) -> int:
-    """Count the lines of one text each above the header: titles, or Excel's ``sep=;``."""
+    """Count the short lines above the header: titles, settings, or Excel's ``sep=;``."""
     filled = [sum(bool(field.strip()) for field in row) for row in rows]
-    first = next((k for k, count in enumerate(filled) if count > 1), 0)
-    texts = all(_is_header(row, decimal) for row in rows[: first + 1])
-    return first if texts else 0
+    least = max(2, min(multimode(filled)) // 2 + 1)
+    first = next((k for k, count in enumerate(filled) if count >= least), 0)
+    return first if _is_header(rows[first], decimal) else 0
 
 
 def _is_text(rows: list[list[str]], column: int, decimal: str) -> bool:
@@ -316,6 +316,7 @@ def read_table(path: Path) -> Table:
         ):  # the warning means that fields are dropped: find out which
             frame = _parsed(handle, layout)
         table = _without_short_end(Table(frame, path, layout=layout), layout)
+        table = _without_short_rows(table, layout)
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         table = _line_by_line(path, layout)
     return _without_empty_end(table, layout)
@@ -392,7 +393,7 @@ def _line_by_line(path: Path, layout: Layout) -> Table:
             fault, line = str(error), f"line {number}"
     else:  # a fault that nothing follows is a line cut off while it was written
         if fault and rows and not _tail(path).endswith(_LINE_ENDS):
-            fault, repairs = "", (f"{line}: {_CUT_OFF}",)
+            fault, repairs = "", (f"{line}: {CUT_OFF}",)
     if fault:
         raise CannotAnswer(
             f"{path.name}, {line}, {fault}; correct or empty it, or cut the file before that line"
@@ -440,7 +441,23 @@ def _without_short_end(table: Table, layout: Layout) -> Table:
     if not cut:
         return table
     line = table.place(len(table.frame) - 1).split(", ")[-1]
-    return replace(table, frame=table.frame.iloc[:-1], repairs=(f"{line}: {_CUT_OFF}",))
+    return replace(table, frame=table.frame.iloc[:-1], repairs=(f"{line}: {CUT_OFF}",))
+
+
+def _without_short_rows(table: Table, layout: Layout) -> Table:
+    """Leave out the values of few rows with fewer fields: which one is lost, they do not tell."""
+    last = table.frame[layout.names[-1]].isna().to_numpy()
+    if layout.names[-1] in layout.text or not 0 < last.sum() <= SHORT_ROWS * len(last):
+        return table
+    lines = zip(last, data_lines(table.path, layout), strict=False)
+    places = [place for empty, place in lines if empty]
+    short = [len(_split(line, layout.delimiter)) < len(layout.names) for _, line in places]
+    if not any(short):
+        return table
+    frame, number = table.frame, places[short.index(True)][0]
+    frame.loc[np.flatnonzero(last)[short], frame.select_dtypes("number").columns] = np.nan
+    said = f"line {number}: {sum(short):,} rows with fewer fields than names, here first, left out"
+    return replace(table, frame=frame, repairs=(*table.repairs, said))
 
 
 def _without_empty_end(table: Table, layout: Layout) -> Table:

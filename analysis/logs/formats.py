@@ -134,6 +134,9 @@ def serial(path: Path) -> list[Part]:
             f"the first ({', '.join(names)}): write one line for each sample, or CSV"
         )
     notes = [f"{left_out:,} lines with other names left out"] * bool(left_out)
+    if not line.endswith("\n") and lines[-1:] == [number]:  # a number may have lost digits
+        notes.append(f"line {lines.pop()}: {delimited.CUT_OFF}")
+        rows.pop()
     frame = pd.DataFrame(np.array(rows), columns=names)
     table = Table(frame, path, tuple(notes), lines=np.array(lines))
     return [Part("lines", tuple(names), lambda _: table, len(lines))]
@@ -229,7 +232,7 @@ FORMATS: dict[str, Format] = {  # the first that tells
     "spreadsheet": Format(
         "a spreadsheet (xlsx, xls, ods)",
         _holds(rb"\A\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1|\APK (.*\n)*(xl/workbook\.|content\.xml\n)"),
-        matrices.spreadsheet,
+        archives.spreadsheet,
         "python_calamine",
     ),
     "rda": Format("R data", _starts(b"RDX2\n", b"RDX3\n", b"BZh", b"\xfd7zXZ"), matrices.rda),
@@ -292,7 +295,12 @@ def title_of(path: Path) -> str:
 
 
 def parts_of(path: Path, known: str | None = None) -> list[Part]:
-    """List the tables of a log: a file, packed or not, or a folder.
+    """List the tables of a log: a file, packed or not, or a folder; see `_parts`."""
+    return list(archives.phone(_parts(path, known)))
+
+
+def _parts(path: Path, known: str | None = None) -> list[Part]:
+    """List the tables as they are named in the file.
 
     Raises
     ------
@@ -304,12 +312,12 @@ def parts_of(path: Path, known: str | None = None) -> list[Part]:
     if path.is_dir():
         if (path / "metadata.yaml").exists():
             return _bag_folder(path)
-        return archives.folder(path, parts_of)
+        return archives.folder(path, _parts)
     path = plain(path)
     known = known or format_of(path)
     if known == "csv" and zipfile.is_zipfile(path):
         stat = path.stat()
-        return parts_of(archives.unzipped(path, (stat.st_size, stat.st_mtime_ns)))
+        return _parts(archives.unzipped(path, (stat.st_size, stat.st_mtime_ns)))
     found = FORMATS[known]
     _check_extra(path, found)
     return found.parts(path)
@@ -339,7 +347,9 @@ def load(
 ) -> Table:
     """Read one table, or two that `join` makes one."""
     tables = [part.load(wanted) for part in chosen]
-    return tables[0] if len(tables) == 1 else join(*tables, chosen)
+    table = tables[0] if len(tables) == 1 else join(*tables, chosen)
+    frame, notes = columns.in_known_units(table.frame)
+    return replace(table, frame=frame, repairs=(*table.repairs, *notes))
 
 
 def _needed(chosen: Sequence[Part], wanted: Sequence[Any] | None, stanza: dict) -> list[str] | None:
@@ -390,7 +400,7 @@ def contents(
     listing, errors = [], []
     for part in parts_of(path, known):
         try:
-            frame = times.joined(part.load(None).frame)
+            frame = times.joined(load([part]).frame)
         except (CannotAnswer, WrongUsage) as error:  # the names are known all the same
             errors.append(error)
             told = columns.described(pd.DataFrame(columns=[*part.columns], dtype=float), "its name")

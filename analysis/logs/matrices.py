@@ -1,10 +1,11 @@
-"""Files of numbers: Parquet, spreadsheets, MATLAB, HDF5, NumPy, R and JSON lines.
+"""Files of numbers: Parquet, MATLAB, HDF5, NumPy, R and JSON lines.
 
 Arrays of equal length in one group (a MATLAB struct, an HDF5 group, an npz file) are the columns of
 one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with three columns.
 """
 
 import contextlib
+import functools
 import json
 import math
 import zipfile
@@ -73,73 +74,6 @@ def parquet(path: Path) -> list[Part]:
         return Table(pd.DataFrame(columns, copy=False), path)
 
     return [Part("table", tuple(names.values()), load, rows)]
-
-
-def spreadsheet(path: Path) -> list[Part]:
-    """List the sheets of a workbook (xlsx, xls, xlsb, ods)."""
-    from python_calamine import CalamineWorkbook
-
-    if zipfile.is_zipfile(path):
-        check_zip(path)
-    with reading(path, "a spreadsheet", "save it again, or as CSV"):
-        book = CalamineWorkbook.from_path(str(path))
-        sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
-    return [_sheet(path, name, rows) for name, rows in sheets.items() if rows] or [
-        Part("sheet", (), lambda _: _empty(path))
-    ]
-
-
-def _sheet(path: Path, name: str, rows: list[list]) -> Part:
-    """Take the first row with more words than numbers as the header, and what is below it."""
-
-    def is_word(cell):
-        return isinstance(cell, str) and cell.strip() != ""
-
-    widest = max(sum(cell != "" for cell in row) for row in rows)
-    start = next(k for k, row in enumerate(rows) if 2 * sum(c != "" for c in row) > widest)
-    header, head = rows[start], start
-    if 2 * sum(map(is_word, header)) > sum(cell != "" for cell in header):
-        below = rows[start + 1] if len(rows) > start + 1 else []
-        start += 1
-        if below and all(is_word(c) for c in below if c != "") and any(map(is_word, below)):
-            header = [f"{n} ({u})" if u else n for n, u in zip(header, below, strict=True)]
-            start += 1
-    else:
-        header = [""] * len(header)
-    names = [str(cell).strip() or f"c{j}" for j, cell in enumerate(header, 1)]
-    columns: dict[str, np.ndarray] = {}
-    for j, column in enumerate(names):
-        cells = [row[j] for row in rows[start:]]
-        filled = [cell for cell in cells if cell != ""]
-        if not filled:
-            continue
-        if all(isinstance(c, int | float | bool) for c in filled):
-            values = np.array([math.nan if c == "" else float(c) for c in cells])
-        elif sum(isinstance(c, int | float) for c in filled) > len(filled) / 2:
-            row = next(k for k, c in enumerate(cells) if is_word(c) or not _number(c))
-            raise CannotAnswer(
-                f"{path.name}, sheet '{name}', row {start + row + 1}, column '{column}': "
-                f"'{cells[row]}' is not a number; correct or empty it"
-            )
-        else:
-            values = np.array([str(c) for c in cells], dtype=object)
-        columns[column if column not in columns else f"{column}.{j + 1}"] = values
-    if not columns or len(rows) <= start:
-        return Part(name, (), lambda _: _empty(path), 0)
-    part = of_arrays(path, name, columns)
-    lines = np.arange(start + 1, len(rows) + 1)
-    del head
-    return Part(
-        name, part.columns, lambda w: Table(part.load(w).frame, path, lines=lines), part.rows
-    )
-
-
-def _number(cell) -> bool:
-    return isinstance(cell, int | float) or cell == ""
-
-
-def _empty(path: Path) -> Table:
-    raise CannotAnswer(f"{path.name}: no data: it has no row with values")
 
 
 def mat5(path: Path) -> list[Part]:
@@ -262,12 +196,16 @@ def rda(path: Path) -> list[Part]:
 
 
 def json_lines(path: Path) -> list[Part]:
-    """Read JSON lines, or one list of objects: nested names are joined by a dot."""
-    columns: dict[str, array] = {}
-    lines: list[int] = []
-    words: set[str] = set()
+    """Read JSON lines, or one list of objects: nested names are joined by a dot.
+
+    Where each object names its ``sensor``, as Sensor Logger writes them, each sensor is a table.
+    """
+    tables: dict[str, tuple[dict[str, array], list[int], set[str]]] = {}
+    notes: list[str] = []
     with open_bytes(path) as handle:
-        for number, item in _objects(path, handle):
+        for number, item in _objects(path, handle, notes):
+            sensor = item.pop("sensor", None) if isinstance(item.get("sensor"), str) else None
+            columns, lines, words = tables.setdefault(sensor or "lines", ({}, [], set()))
             for name, value in _leaves(item):
                 if isinstance(value, str):
                     try:
@@ -282,17 +220,21 @@ def json_lines(path: Path) -> list[Part]:
             for values in columns.values():
                 if len(values) < len(lines):
                     values.append(math.nan)
-    found = {k: np.frombuffer(v) for k, v in columns.items() if np.isfinite(v).any()}
-    if not found:
+    parts = []
+    for sensor, (columns, lines, words) in tables.items():
+        found = {k: np.frombuffer(v) for k, v in columns.items() if np.isfinite(v).any()}
+        said = (*notes, *(f"'{name}' left out: text" for name in sorted(words)))
+        table = Table(pd.DataFrame(found, copy=False), path, said, lines=np.array(lines))
+        if found:
+            load = functools.partial(lambda table, _: table, table)
+            parts.append(Part(sensor, tuple(found), load, len(lines)))
+    if not parts:
         raise CannotAnswer(f"{path.name}: no data: JSON without any number")
-    frame = pd.DataFrame(found, copy=False)
-    notes = [f"'{name}' left out: text" for name in sorted(words)]
-    table = Table(frame, path, tuple(notes), lines=np.array(lines))
-    return [Part("lines", tuple(found), lambda _: table, len(lines))]
+    return parts
 
 
-def _objects(path: Path, handle) -> Iterator[tuple[int, dict]]:
-    """Iterate over the objects: line, object; a last line cut off is left out."""
+def _objects(path: Path, handle, notes: list[str]) -> Iterator[tuple[int, dict]]:
+    """Iterate over the objects: line, object; a last line cut off is left out, and noted."""
     head = handle.read(1)
     while head.isspace():
         head = handle.read(1)
@@ -319,6 +261,8 @@ def _objects(path: Path, handle) -> Iterator[tuple[int, dict]]:
         yield number, item
     if fault and number < 3:
         raise CannotAnswer(fault)
+    if fault:
+        notes.append(f"{fault}: the last line, left out")
 
 
 def _leaves(item: Any, above: str = "") -> Iterator[tuple[str, Any]]:

@@ -114,7 +114,8 @@ def _opened(path: Path) -> Iterator[Any]:
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    with tempfile.TemporaryDirectory() as folder, reading(path, "a ROS bag"):
+    repair = "copy it again, or repair it: rosbag reindex, mcap recover, or sqlite3 FILE .recover"
+    with tempfile.TemporaryDirectory() as folder, reading(path, "a ROS bag", repair):
         named = path
         if path.is_file():
             with path.open("rb") as handle:
@@ -181,6 +182,8 @@ def _ros_table(path: Path, topic: str) -> Table:
     widths = {len(values) for values in found.values()} | {len(stamps)}
     if not stamps or len(widths) > 1:
         raise CannotAnswer(f"{path.name}: topic {topic} has no rows of equal length")
+    if len(stamps) < rows:
+        notes.append(f"{rows - len(stamps):,} of {rows:,} messages are damaged, left out")
     t = np.frombuffer(stamps)
     if not t.any():
         t = np.frombuffer(received)

@@ -29,7 +29,7 @@ from analysis.logs.delimited import Table, printable
 from analysis.logs.grid import MISSING_ALLOWED, Grid
 
 SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
-LARGEST = 1e100  # beyond what any sensor reads, and its square is still a number
+LARGEST = 1e9  # beyond what any sensor reads, in any unit
 PIECE = 1 << 20  # samples that are looked at together, to bound the memory
 THREADS = 2  # channels that are looked at together
 HELD = 0.8  # share of samples equal to the one before beyond which an output counts as held
@@ -181,7 +181,8 @@ def read(
     rows = formats.read_table(path, option, columns)
     rows, time_column, t_s, notes = _stretch(rows, option)
     grid = _grid(rows, time_column, t_s, option)
-    chosen, temperature = _choices(rows, time_column, stanza, columns, option)
+    with np.errstate(over="ignore", invalid="ignore"):  # garbage is refused below, with its place
+        chosen, temperature = _choices(rows, time_column, stanza, columns, option)
     repairs = [*chosen.guessed, *([stanza["note"]] if "note" in stanza else [])]
     repairs += [*rows.repairs, *notes, *chosen.notes]
     repairs += grid.repairs
@@ -309,6 +310,14 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
                 raise CannotAnswer(
                     f"{table.place(0, name)}: '{cell}' is not a number; choose other --columns"
                 )
+    for name in () if wanted else frame.columns.difference([time, *frame.select_dtypes("number")]):
+        if columns.meaning(name)[0] and not columns.meaning(name)[1]:
+            wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
+            row = int(np.argmax(wrong))
+            raise CannotAnswer(
+                f"{table.place(row, name)}: '{printable(str(frame[name].iloc[row]))}' is not a "
+                "number; correct the column, or choose others with --columns"
+            )
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
     lost = {"lat_deg", "lon_deg"} <= set(frame) and "north_m" not in frame and not wanted
@@ -360,7 +369,7 @@ def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
     """Put one column on the grid; note missing values, refuse too many."""
     cells = table.frame[choice.column].to_numpy(dtype=float)
     cells = cells if choice.scale == 1 else choice.scale * cells
-    finite = np.isfinite(cells)
+    finite = np.abs(cells) <= LARGEST
     values = cells
     if not finite.all():
         first = table.place(int(np.argmin(finite)), choice.column)
@@ -371,19 +380,19 @@ def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
                 f"{MISSING_ALLOWED:.0%} missing is too much: choose other --columns, or a stretch "
                 "with --from and --to"
             )
-        repairs.append(f"{first}: {count:,} of {len(cells):,} values are missing, the first here")
+        beyond = "" if np.isnan(cells[~finite]).all() else " or beyond 1e9"
+        repairs.append(
+            f"{first}: {count:,} of {len(cells):,} values are missing{beyond}, the first here"
+        )
         values, cells = cells[finite], np.where(finite, cells, np.nan)
-    if max(values.max(), -values.min()) > LARGEST:
-        row = int(np.argmax(np.abs(cells) > LARGEST))
-        place = table.place(row, choice.column)
-        raise CannotAnswer(f"{place}: {cells[row]:g} is no reading; correct or empty it")
     if choice.kind == "angle" and choice.unit in columns.FULL_TURN:
         turned = formats.unwrap(cells, columns.FULL_TURN[choice.unit])
         jumps = int((np.diff((turned - cells)[finite]).round(6) != 0).sum())
         if jumps:
             repairs.append(f"'{choice.name}' unwrapped: {jumps:,} jumps by a full turn removed")
             cells, values = turned, turned[finite]
-    spread = 1e-6 * float(np.std(values))  # rounding in metres from degrees is no change
+    few = np.percentile(values[:: 1 + len(values) // columns.LOOKED_AT], [5, 95])
+    spread = 1e-6 * float(np.ptp(few))  # rounding in metres from degrees is no change
     parts = (np.diff(values[k : k + PIECE + 1]) for k in range(0, len(values) - 1, PIECE))
     same = sum(int((np.abs(part) <= spread).sum()) for part in parts)
     held = same / max(len(values) - 1, 1) if spread else 0.0

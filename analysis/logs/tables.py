@@ -5,6 +5,7 @@ A format's reader lists a `Part` for each table (topic, message, sheet, variable
 """
 
 import contextlib
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -74,7 +75,8 @@ def reading(path: Path, title: str, instead: str = "copy it again") -> Iterator[
     except MemoryError as error:
         raise CannotAnswer(f"{path.name}: too large for the memory of this machine") from error
     except Exception as error:  # libraries raise what they like on damaged bytes
-        why = printable(str(error).strip().split("\n")[0]) or type(error).__name__
+        said = re.sub(r"(?<!\S)/\S*/", "", str(error).strip().split("\n")[0])  # our own folders
+        why = printable(said) or type(error).__name__
         raise CannotAnswer(
             f"{path.name}: {title} that is cut off or damaged, or not one ({why}); {instead}"
         ) from error
@@ -151,11 +153,11 @@ def choose(parts: Sequence[Part], path: Path, title: str, name: str | None = Non
     )
 
 
-def ask(found: Sequence[Part], path: Path) -> WrongUsage:
+def ask(found: Sequence[Part], path: Path, why: str = "") -> WrongUsage:
     """Ask which of several tables is meant."""
     return WrongUsage(
-        f"{path.name} has {len(found)} tables to choose from, {listed(found)}: say which one with "
-        "--table",
+        f"{path.name} has {len(found)} tables to choose from, {listed(found)}{why}: say which one "
+        "with --table",
         *({"--table": part.name} for part in found[:LISTED]),
     )
 
@@ -215,7 +217,8 @@ def paired(one: Table, other: Table, parts: Sequence[Part]) -> Table:
     rows = min(len(t) - k for t, k in zip(seconds, starts, strict=True))
     a, b = (t[k : k + rows] for t, k in zip(seconds, starts, strict=True))
     if rows < 3 or not np.max(np.abs(a - b)) < 1.5 * np.median(np.abs(np.diff(a))):
-        raise ask(parts, one.path)
+        where = one.path if one.path == other.path else one.path.parent
+        raise ask(parts, where, ", with stamps that do not pair")
     right = other.frame.iloc[starts[1] : starts[1] + rows].reset_index(drop=True)
     left = one.frame.iloc[starts[0] : starts[0] + rows].reset_index(drop=True)
     right = right.drop(columns=[name for name in right if name in left])

@@ -13,7 +13,7 @@ from analysis import CannotAnswer, WrongUsage
 from analysis.logs.delimited import CLOCK, Table, printable
 from analysis.logs.grid import BadStamps
 
-SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
 WORDS = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
 _SPELLINGS = {
     "s": ("s", "sec", "secs", "second", "seconds"),
@@ -22,15 +22,18 @@ _SPELLINGS = {
     "ns": ("ns", "nsec", "nanos", "nanoseconds"),
     "min": ("min", "minutes"),
     "h": ("h", "hours"),
+    "d": ("d", "days"),
 }
+_SHORT = ("d", "h", "min")  # alone, such a name is none of a time
 _UNITS = {spelling: unit for unit, more in _SPELLINGS.items() for spelling in more}
 _NAMES = re.compile(
     r"^(t|time|timestamps?|time_?stamps?|stamp|elapsed|elapsed_?time|epoch|unix|unix_?time|utc|"
-    r"date_?time|gps_?time|tow|uptime|sample_?time|time[ _-].*|timestamp[ _-].*)$"
+    r"date_?time|gps_?time|(gps[ _]?)?i?tow|uptime|sample_?time|time[ _-].*|timestamp[ _-].*|"
+    r"zeit(stempel)?|temps|tiempo|tempo)$"
 )
 _STAMP = re.compile(r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)([._ ]n?secs?)?$")
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
-_COUNTER = 2.0**32  # millis() and micros() of a microcontroller start again here
+_COUNTERS = (2.0**16, 2.0**24, 604800.0, 604800e3, 2.0**31, 2.0**32)  # they start again here
 SECONDS_PER_DAY = 86400.0
 RESTART_S = 60.0  # a clock that falls back by more has started again
 RESTARTS = 0.01  # share of rows that may do so; more is a file that is not sorted
@@ -64,7 +67,7 @@ class Stamps:
 def unit_of(name: str) -> str | None:
     """Return the unit of time a column's name carries (``t_ms``, ``time (us)``), or None."""
     words = re.split(r"[\s_\[\](){},;:]+", name.strip().lower().strip("])}"))
-    return _UNITS.get(words[-1]) if words[-1] not in ("h", "min") or len(words) > 1 else None
+    return _UNITS.get(words[-1]) if words[-1] not in _SHORT or len(words) > 1 else None
 
 
 def is_time(name: str) -> bool:
@@ -74,7 +77,7 @@ def is_time(name: str) -> bool:
         return False  # T(°) is a temperature
     bare = re.sub(r"[\s_]*[\[(].*$", "", lower)
     stem = re.sub(r"_([a-zµμ]+)$", lambda m: "" if m[1] in _UNITS else m[0], bare)
-    return bool(_NAMES.match(stem)) or (lower in _UNITS and lower not in ("h", "min", "s"))
+    return bool(_NAMES.match(stem)) or (lower in _UNITS and lower not in (*_SHORT, "s"))
 
 
 def time_column(frame: pd.DataFrame) -> str | None:
@@ -90,9 +93,11 @@ def time_column(frame: pd.DataFrame) -> str | None:
 def joined(frame: pd.DataFrame) -> pd.DataFrame:
     """Add a column of nanoseconds to the one of seconds beside it: ROS writes a stamp as two."""
     for name in frame.select_dtypes("number"):
-        beside = re.sub(r"sec(s?)$", r"nsec\1", name)
-        if beside != name and beside in frame and frame[beside].dtype.kind == "f":
-            frame = frame.assign(**{name: frame[name] + 1e-9 * frame[beside]}).drop(columns=beside)
+        for end in (r"nsec\1", r"nanosec\1"):
+            beside = re.sub(r"sec(s?)$", end, name)
+            if beside != name and beside in frame and frame[beside].dtype.kind == "f":
+                whole = frame[name] + 1e-9 * frame[beside]
+                frame = frame.assign(**{name: whole}).drop(columns=beside)
     return frame
 
 
@@ -173,8 +178,11 @@ def _from_text(name: str, column: np.ndarray) -> Stamps:
         with warnings.catch_warnings():  # pandas warns when it cannot guess one common format
             warnings.simplefilter("ignore", UserWarning)
             dates = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
-            if dates.isna().mean() > 0.5:
-                dates = pd.to_datetime(texts, errors="coerce", utc=True)
+            if dates.isna().mean() > 0.5:  # the day or the month first: what takes less time
+                both = [
+                    pd.to_datetime(texts, errors="coerce", utc=True, dayfirst=d) for d in (0, 1)
+                ]
+                dates = min(both, key=lambda d: (d.isna().sum(), d.max() - d.min()))
         first = dates.dropna().min()
         t = (dates - first).dt.total_seconds().to_numpy(dtype=float, copy=True)
         start = first.timestamp() if first == first else 0.0
@@ -201,14 +209,15 @@ def unwrap_clock(seconds_of_day: np.ndarray) -> np.ndarray:
 
 
 def _continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Undo the overflow of a 32-bit counter."""
+    """Undo the overflow of a counter, or of the time of a GPS week."""
     step = np.diff(_known(t))
-    wraps = (step < -0.98 * _COUNTER) & (step > -_COUNTER)
-    if not wraps.any() or np.nanmax(t) >= _COUNTER:
-        return t, ()
-    out = t.copy()
-    out[np.isfinite(t)] += _COUNTER * np.cumsum(np.r_[0, wraps])
-    return out, (f"the time counter overflowed (2^32) {int(wraps.sum())} times: made continuous",)
+    for top in _COUNTERS if (step < 0).any() else ():
+        wraps = (step < 0) & (step + top > 0) & (step + top < 10 * np.median(step))
+        if wraps.any() and np.nanmax(t) <= top:
+            out, count = t.copy(), int(wraps.sum())
+            out[np.isfinite(t)] += top * np.cumsum(np.r_[0, wraps])
+            return out, (f"the time counter overflowed at {top:.0f}, {count} times: continued",)
+    return t, ()
 
 
 def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
@@ -227,9 +236,11 @@ def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
                 return unit, f", by --rate {rate_hz:g}"
     if step >= 5 or step < 1e-5:
         likely = "ms" if step < 1000 else "us" if step < 1e6 else "ns"
+        if step < 1:  # dates of MATLAB and of spreadsheets
+            likely = "d" if t[0] > 1e4 else "h"
         raise WrongUsage(
-            f"time column '{name}' advances by {step:.6g}: seconds, milliseconds or microseconds? "
-            f"Say --time-unit ms (or s, us, ns), or rename it to '{name}_ms' in the header",
+            f"time column '{name}' advances by {step:.6g}: in which unit? Say --time-unit {likely} "
+            f"(or {', '.join(SCALES)}), or rename it to '{name}_{likely}' in the header",
             {"--time-unit": likely},
         )
     return "s", ""
