@@ -785,6 +785,33 @@ def _phone_tables(sign, stamps=T):
     }
 
 
+@pytest.mark.parametrize("layout", ["ISO dates", "arrays", "struct of axes", "zip in gzip"])
+def test_other_layouts(layout, tmp_path):
+    """Cross-check: dates in JSON lines, one object of arrays, a struct of x, y, z, a packed zip."""
+    path = tmp_path / "log"
+    table = {"t": T, "gyro_rad_s": GYRO, "acc": ACCEL}
+    if layout == "ISO dates":
+        rows = zip(
+            (f"2024-05-01T10:00:{t:09.6f}Z" for t in T), GYRO.tolist(), ACCEL.tolist(), strict=True
+        )
+        path.write_text("\n".join(json.dumps(dict(zip(table, row, strict=True))) for row in rows))
+    elif layout == "arrays":
+        path.write_text(json.dumps({name: values.tolist() for name, values in table.items()}))
+    elif layout == "struct of axes":
+        with path.open("wb") as handle:
+            imu = {"time": T, "acc": dict(zip("xyz", ACCEL.T, strict=True))}
+            scipy.io.savemat(handle, {"data": {"imu": imu}})
+    else:
+        write_csv_zip(path)
+        path.write_bytes(gzip.compress(path.read_bytes()))
+    log = read(path)
+    known = dict(zip(NAMES, np.hstack([GYRO, ACCEL]).T, strict=True))
+    assert [key(c) for c in log.channels] == (ACCELS if layout == "struct of axes" else BOTH)
+    assert log.rate_hz == pytest.approx(RATE, rel=1e-4)  # seconds since 1970 are held to 0.2 us
+    for channel in log.channels:
+        np.testing.assert_allclose(channel.values, known[key(channel)], atol=1e-9)
+
+
 @pytest.mark.parametrize("layout", ["android", "ios", "json", "one file"])
 def test_layouts_of_sensor_logger(layout, tmp_path):
     """Published: the maker's signs, units and tables; an iPhone's accelerations point down."""

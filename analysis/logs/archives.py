@@ -71,7 +71,7 @@ def unzipped(path: Path, stamp: tuple[int, int]) -> Path:
     members = check_zip(path, LIMIT)
     if len(members) > FILES:
         raise CannotAnswer(f"{path.name}: {len(members):,} files in a zip: unpack what you need")
-    target, left = Path(tempfile.mkdtemp(dir=_folder().name)) / path.stem, LIMIT
+    target, left = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, LIMIT
     target.mkdir()
     with reading(path, "a packed file"), zipfile.ZipFile(path) as packed:
         for member in members:
@@ -92,7 +92,8 @@ def spreadsheet(path: Path) -> list[Part]:
 
     if zipfile.is_zipfile(path):
         check_zip(path)
-    target, parts, empty = Path(tempfile.mkdtemp(dir=_folder().name)), [], []
+    target, parts, empty = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, [], []
+    target.mkdir()
     with reading(path, "a spreadsheet", "save it again, or as CSV"):
         book = CalamineWorkbook.from_path(str(path))
         for name in book.sheet_names:
@@ -147,7 +148,7 @@ def files(folder: Path) -> list[Path]:
         if len(inside) > FILES:
             raise WrongUsage(f"{folder.name} has more than {FILES} files: name the log file in it")
     if not inside:
-        raise WrongUsage(f"{folder.name} is a folder without a log file: name one")
+        raise WrongUsage(f"{folder.name}: no log file in it: name one")
     return inside
 
 

@@ -440,7 +440,8 @@ def choose(
             notes.append(f"column '{name}' taken in {taken}, though its name has {own}")
         factor = scales.get(its, scales.get(None, 1.0))
         chosen.append(Choice(name, tidy(base), taken, its, factor))
-    stated = bool(units) or any(split(c.column)[1] for c in chosen)
+    of_imu = (c.column for c in chosen if c.kind in ("rate", "accel"))
+    stated = bool(units) or any(split(column)[1] for column in of_imu)
     if no_unit and (wanted or not stated):
         raise WrongUsage(
             f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(fixed)} (in their own "

@@ -291,7 +291,7 @@ def format_of(path: Path) -> str:
 
 def title_of(path: Path) -> str:
     """Name the format of a log for a message."""
-    return "a folder" if path.is_dir() else FORMATS[format_of(path)].title
+    return "a folder" if path.is_dir() else FORMATS[format_of(plain(path))].title
 
 
 def parts_of(path: Path, known: str | None = None) -> list[Part]:

@@ -12,6 +12,7 @@ import zipfile
 from array import array
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from analysis.logs.tables import AXES, Part, of_arrays, reading, with_axis
 LARGEST = 3 << 30  # bytes of numbers read at once
 AT_ONCE = 1 << 18  # rows of a Parquet file
 THREADS = 2  # that read its columns
+LONG = 64  # numbers in a list of a JSON object beyond which it is a column
 
 
 def parquet(path: Path) -> list[Part]:
@@ -90,8 +92,10 @@ def mat5(path: Path) -> list[Part]:
 
     def visit(name: str, value: Any, group: str):
         if hasattr(value, "_fieldnames"):
+            vector = {key.lower() for key in value._fieldnames} <= {*AXES}
+            inside = group if vector else f"{group}/{name}" if group else name
             for key in value._fieldnames:
-                visit(key, getattr(value, key), f"{group}/{name}" if group else name)
+                visit(f"{name}_{key}" if vector else key, getattr(value, key), inside)
         elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
             if value.ndim == 2 and len(labels.get(name, ())) == value.shape[1]:  # Mission Planner
                 groups[name] = {each: value[:, j] for j, each in enumerate(labels[name])}
@@ -206,11 +210,15 @@ def json_lines(path: Path) -> list[Part]:
         for number, item in _objects(path, handle, notes):
             sensor = item.pop("sensor", None) if isinstance(item.get("sensor"), str) else None
             columns, lines, words = tables.setdefault(sensor or "lines", ({}, [], set()))
+            arrays = {k: v for k, v in item.items() if isinstance(v, list) and len(v) > LONG}
+            if arrays:
+                with reading(path, "a JSON file"):
+                    found = {name: np.array(values, float) for name, values in arrays.items()}
+                return _grouped(path, {"": found}, [])
             for name, value in _leaves(item):
                 if isinstance(value, str):
-                    try:
-                        value = float(value)
-                    except ValueError:
+                    value = _number(value)
+                    if value is None:
                         words.add(name)
                         continue
                 if name not in columns:
@@ -231,6 +239,16 @@ def json_lines(path: Path) -> list[Part]:
     if not parts:
         raise CannotAnswer(f"{path.name}: no data: JSON without any number")
     return parts
+
+
+def _number(text: str) -> float | None:
+    """Read a number, or a date as seconds since 1970, UTC where it names no zone."""
+    with contextlib.suppress(ValueError):
+        return float(text)
+    with contextlib.suppress(ValueError):
+        stamp = datetime.fromisoformat(text)
+        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+    return None
 
 
 def _objects(path: Path, handle, notes: list[str]) -> Iterator[tuple[int, dict]]:

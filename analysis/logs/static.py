@@ -311,7 +311,7 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
                     f"{table.place(0, name)}: '{cell}' is not a number; choose other --columns"
                 )
     for name in () if wanted else frame.columns.difference([time, *frame.select_dtypes("number")]):
-        if columns.meaning(name)[0] and not columns.meaning(name)[1]:
+        if columns.meaning(name)[0] in ("rate", "accel") and not columns.meaning(name)[1]:
             wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
             row = int(np.argmax(wrong))
             raise CannotAnswer(
