@@ -10,7 +10,9 @@ from analysis.noise.disturbances import (
     adjusted,
     missing,
     oscillation,
+    resolution,
     spikes,
+    stuck,
     uneven,
 )
 from analysis.noise.models import UnifiedModel, flicker_noise
@@ -140,6 +142,33 @@ def test_intervals_widen_in_quadrature():
     found = [Disturbance("noise_level", 0, 1, ("arw",), "a", widens=w) for w in ((3, 4), (4, 3))]
     e = adjusted(Estimate(1.0, np.exp(-12), np.exp(12), "deg/s"), "arw", found)
     np.testing.assert_allclose(np.log([e.low, e.high]), [-13, 13])
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.05])
+def test_a_stuck_reading_is_left_out(lost):
+    """analytic: 300 s of one value are marked, and nothing else, also where samples are missing."""
+    y = rng().standard_normal(N)
+    y[9000:12_000] = y[9000]
+    y[rng(2).random(N) < lost] = np.nan
+    marked, (found,) = stuck(y, DT)
+    there = np.isfinite(y)
+    np.testing.assert_array_equal(np.flatnonzero(marked), 9000 + np.flatnonzero(there[9000:12_000]))
+    assert found.kind == "stuck" and not found.affects
+
+
+@pytest.mark.parametrize("step", [0.3, 1.0, 1.5, 3.0, 10.0])
+def test_coarse_or_held_readings_are_not_stuck(step):
+    """property: rounding to up to ten deviations, and an output held, leave nothing marked."""
+    y = np.round((rng().standard_normal(N) + 0.3) / step) * step
+    assert not stuck(y, DT)[0].any()
+    assert not stuck(np.repeat(y, 2), DT)[0].any()
+
+
+@pytest.mark.parametrize(("step", "coarse"), [(1.0, False), (1.8, False), (3.0, True), (8.0, True)])
+def test_a_step_of_twice_the_scatter_is_coarse(step, coarse):
+    """analytic: rounded noise has the variance 1 + step^2 / 12, beside which the step is judged."""
+    y = np.round((rng().standard_normal(N) + 0.1 * step) / step) * step
+    assert bool(resolution(y, DT, NAMES)) is coarse
 
 
 def test_what_is_missing_is_said_with_its_place():

@@ -22,6 +22,10 @@ FAR = 5.5  # robust deviations of a step: 0.04 of a million steps of Gaussian no
 HEAVIEST = 3.0  # tail index of the heaviest noise that is kept: Student's t of 3 degrees
 APART = 0.01  # chance that such noise has a gap as wide as the one below the spikes
 FEW = 2e-3, 1e-2  # spikes, and samples in them, as shares of all; more belongs to the noise
+COARSE = 0.35  # share of readings that repeat; more is resolution, or a held output
+LOOKED_AT = 100_000  # readings whose levels are counted
+FEW_LEVELS = 12  # with as many, readings move over many steps
+DITHER = 0.5  # scatter in steps, rounding included: that of noise of 0.4 steps
 BURST = 10  # samples; large steps no further apart are one spike
 PARTS = 8  # of a log, and of each part, whose noise levels are compared
 LEAST = 8  # increments in a part of a part
@@ -88,8 +92,8 @@ class Disturbance:
     Attributes
     ----------
     kind : str
-        warm_up, step, sinusoid, temperature, noise_level, heavy_tails, spikes, oscillation,
-        missing, motion or misfit.
+        warm_up, step, sinusoid, temperature, noise_level, heavy_tails, spikes, stuck,
+        resolution, oscillation, missing, motion or misfit.
     start_s, end_s : float
         Where in the log, s from its first sample.
     affects : tuple of str
@@ -214,6 +218,75 @@ def spikes(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     )
     note += " robust deviations of a step"
     return marked, [Disturbance("spikes", at[0], at[-1], (), note, decides=False)]
+
+
+def stuck(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
+    """Mark readings that stay equal for too long.
+
+    Runs of equal readings have geometric lengths, ended by each reading with one probability. A run
+    of twice the length that one in 100 logs exceeds is no noise. A coarse reading, most of whose
+    runs are longer than one sample, is left as it is.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+    dt : float, s
+
+    Returns
+    -------
+    marked : ndarray of bool, shape (n,)
+    list of Disturbance
+        Empty, or one.
+    """
+    marked = np.zeros(len(y), dtype=bool)
+    there = np.flatnonzero(np.isfinite(y)) if np.isnan(y).any() else None
+    z = y if there is None else y[there]
+    edges = np.flatnonzero(np.diff(z, prepend=np.nan, append=np.nan))
+    length = np.diff(edges)
+    equal = np.mean(length > 1) if len(length) else 1.0
+    if not 0 < equal <= COARSE:
+        return marked, []
+    limit = 2 * np.log(len(z) / APART) / -np.log(equal)
+    runs = np.flatnonzero(length > max(limit, BURST))
+    if not len(runs):
+        return marked, []
+    for start, end in zip(edges[runs], edges[runs + 1], strict=True):
+        marked[slice(start, end) if there is None else there[start:end]] = True
+    at = np.flatnonzero(marked)
+    note = f"readings stay the same for {marked.sum() * dt:.4g} s in all, from {at[0] * dt:.4g} s"
+    note += " on: left out"
+    return marked, [Disturbance("stuck", at[0] * dt, at[-1] * dt, (), note, decides=False)]
+
+
+def resolution(y: np.ndarray, dt: float, affects: tuple[str, ...]) -> list[Disturbance]:
+    """Tell whether one step of the reading is more than twice its scatter.
+
+    Noise of less than 0.4 steps is no dither: a slow bias passes with a gain that depends on where
+    in a step it lies, 8 % more or less. The white noise of the reading holds that of the rounding.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+    dt : float, s
+    affects : tuple of str
+
+    Returns
+    -------
+    list of Disturbance
+        Empty, or one.
+    """
+    some = y[np.isfinite(y)]
+    some = some[:: 1 + len(some) // LOOKED_AT]
+    levels = np.unique(some)
+    if not 1 < len(levels) < FEW_LEVELS:
+        return []
+    ratio = np.diff(levels).min() / np.std(some)
+    if ratio < 1 / DITHER:
+        return []
+    note = f"one step of the reading is {ratio:.2g} times its scatter, and distorts slow noise"
+    return [Disturbance("resolution", 0.0, len(y) * dt, affects, note)]
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,9 @@ from analysis.noise.disturbances import (
     adjusted,
     missing,
     oscillation,
+    resolution,
     spikes,
+    stuck,
     uneven,
 )
 from analysis.noise.fit import (
@@ -53,7 +55,7 @@ from analysis.noise.fit import (
     direction,
     rows,
 )
-from analysis.noise.goodness import Test, goodness_of_fit, stationarity_of
+from analysis.noise.goodness import SLOW, Test, goodness_of_fit, stationarity_of
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.models import random_walk_unit
 from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
@@ -439,7 +441,7 @@ def infer(
 ) -> Inference:
     """Fit every model to a channel, choose one, and estimate its parameters.
 
-    Isolated spikes are left out. A warm-up, a step or a sinusoid that the log shows is fitted with
+    Isolated spikes and stuck readings are left out. A warm-up, a step or a sinusoid is fitted with
     the noise. Whatever else disturbs the log widens the parameters that it affects, or they are
     refused.
 
@@ -463,10 +465,11 @@ def infer(
     Inference
         `CannotAnswer` if no stretch of 32 samples is left between long gaps.
     """
-    disturbances = missing(y, dt)
-    out, noticed = spikes(y, dt)
-    disturbances += noticed
-    y = np.where(out, np.nan, y) if out.any() else y
+    disturbances = missing(y, dt) + resolution(y, dt, SLOW)
+    for find in (stuck, spikes):
+        out, noticed = find(y, dt)
+        disturbances += noticed
+        y = np.where(out, np.nan, y) if out.any() else y
     fewest = fewest_to_average(y, len(y) / (2 * FEWEST_MEANS))
     m, rate, clean_bands = fewest, kind in ("rate", "accel"), 0
     fits: dict[str, Fit] = {}

@@ -53,11 +53,13 @@ WORDS = {  # what a log holds besides noise
     "noise_level": "a noise level that changes",
     "heavy_tails": "heavy-tailed noise",
     "spikes": "short shocks or spikes",
+    "stuck": "a stuck reading",
+    "resolution": "a coarse resolution",
     "oscillation": "an oscillation",
     "missing": "loss of samples",
     "misfit": "a misfit of the model",
 }
-DOES = {"spikes": "left out in", "oscillation": "in"}  # and nothing is refused for it
+DOES = {"spikes": "left out in", "stuck": "left out in", "oscillation": "in"}  # refuses nothing
 WITHIN, WITHIN_NONE = "Is it within ", "a data sheet"
 TRACKERS = {"paper": "the paper's tracker", "bias states": "tracker with bias states"}
 
