@@ -1,10 +1,10 @@
 """What was computed once from raw logs, in ``data/derived``: read, written, compared.
 
 ``data/derived/<name>/`` holds ``source.json`` (the raw files with sha256, licence and source, the
-command that made the folder, results that are single numbers) and one CSV for each table. Missing
-values are empty, truth values 0 or 1, numbers have at most nine digits; whoever makes a table
-rounds it to what it means. The functions that make them are listed in `analysis.studies.derived`;
-coverage and benchmark have commands of their own.
+command that made the folder, single numbers; of a static log the channels of model.json) and one
+CSV for each table. Missing values are empty, truth values 0 or 1, numbers have at most nine digits;
+whoever makes a table rounds it to what it means. The functions that make them are listed in
+`analysis.studies.derived`; coverage and benchmark have commands of their own.
 
 read("psu-highway")           any folder: its source and its tables
 static_log("adis16405")       a characterised static log
@@ -114,7 +114,7 @@ class Stored(NamedTuple):
 def names(holding: str = "") -> list[str]:
     """List the committed folders, or those that hold a table of that name.
 
-    ``names("parameters")`` are the characterised static logs.
+    ``names("autocorrelation")`` are the characterised static logs.
     """
     folders = sorted(path.parent for path in FOLDER.glob("*/source.json"))
     return [f.name for f in folders if not holding or (f / f"{holding}.csv").exists()]
@@ -203,16 +203,26 @@ def compare(old: Path, new: Path) -> list[str]:
 def _values(path):
     """Flatten a file: key -> number, array of numbers, or words."""
     if path.suffix == ".json":
-        source = json.loads(path.read_text(encoding="utf-8"))
-        return pd.json_normalize(source, sep="/").iloc[0].to_dict()
+        return dict(_flat(json.loads(path.read_text(encoding="utf-8"))))
     table = pd.read_csv(path)
-    keys = [c for c in table.select_dtypes(exclude="number") if c not in ("unit", "note", "fit")]
+    keys = [c for c in table.select_dtypes(exclude="number") if c not in ("unit", "note")]
     groups = table.groupby(keys, sort=False, dropna=False) if keys else [((), table)]
     return {
         " ".join(["column", column, *map(str, group)]): rows[column]
         for group, rows in groups
         for column in table.columns.drop(keys)
     }
+
+
+def _flat(content, *keys):
+    """Give the leaves of JSON, numbers, words or lists of them, with the keys that lead there."""
+    if isinstance(content, list) and any(isinstance(v, dict) for v in content):
+        content = {v.get("name", k): v for k, v in enumerate(content)}
+    if not isinstance(content, dict):
+        yield "/".join(map(str, keys)), content
+        return
+    for key, value in content.items():
+        yield from _flat(value, *keys, key)
 
 
 def _same(a, b):
@@ -635,43 +645,15 @@ def plain(estimate: Estimate) -> dict:
     return {k: rounded_number(v) if isinstance(v, float) else v for k, v in entries}
 
 
-def static_tables(result: StaticResult) -> dict[str, pd.DataFrame]:
-    """Lay a characterised log out as tables: the numbers of model.json, and the series plotted.
+def as_stored(result: StaticResult) -> Stored:
+    """Lay a characterised log out for data/derived: model.json as its source, series as tables.
 
     Returns
     -------
-    dict of DataFrame
-        channels, parameters, allan, allan_line_removed, models (a row a term), short, whole,
-        autocorrelation.
+    Stored
+        ``channels`` of the source are those of model.json; tables: short, whole, autocorrelation.
     """
-    channels = model(result)["channels"]
-    about = [
-        {k: c[k] for k in ("name", "unit", "kind", "fitted_from_s")}
-        | c["line"]
-        | {"fit": json.dumps(c["fit"], ensure_ascii=False)}
-        for c in channels
-    ]
-    parameters = [
-        {"channel": c["name"], "parameter": name, **e}
-        for c in channels
-        for name, e in c["parameters"].items()
-    ]
-    terms = [
-        {"channel": c["name"], **m, "term": term, "value": value}
-        for c in channels
-        for m in c["models"]
-        for term, values in m["terms"].items()
-        for value in values
-    ]
-    tables = {
-        "channels": pd.DataFrame(about),
-        "parameters": pd.DataFrame(parameters),
-        **{
-            key: pd.concat([pd.DataFrame({"channel": c["name"]} | c[key]) for c in channels])
-            for key in CURVES
-        },
-        "models": pd.DataFrame(terms).drop(columns="terms"),
-    }
+    tables = {}
     for panel in ("short", "whole"):
         series = {c.name: getattr(c, panel)[1] for c in result.channels}
         tables[panel] = pd.DataFrame({"t_s": getattr(result.channels[0], panel)[0]} | series)
@@ -680,7 +662,8 @@ def static_tables(result: StaticResult) -> dict[str, pd.DataFrame]:
         for c in result.channels
         for w, (lag, cov) in c.autocorrelation.items()
     )
-    return {name: rounded(table) for name, table in tables.items()}
+    source = result.source | {"channels": model(result)["channels"]}
+    return Stored(source, {name: rounded(table) for name, table in tables.items()})
 
 
 def static_log(name: str | Path) -> StaticResult:
@@ -696,52 +679,31 @@ def static_log(name: str | Path) -> StaticResult:
     CannotAnswer
         If it is not committed.
     """
-    stored = read(name)
-    stored.tables["models"] = stored.tables["models"].astype({"chosen": bool})
-    tables = [stored.tables[k] for k in ("parameters", *CURVES, "models", "autocorrelation")]
-    channels = []
-    for about in stored.tables["channels"].itertuples():
-        parameters, recorded, line_removed, models, covariances = (
-            table[table["channel"] == about.name].drop(columns="channel") for table in tables
-        )
-        channels.append(
-            ChannelNoise(
-                name=about.name,
-                unit=about.unit,
-                kind=about.kind,
-                parameters={p.parameter: _estimate(p) for p in parameters.itertuples()},
-                allan=_curve(recorded),
-                allan_line_removed=_curve(line_removed),
-                models=[
-                    m.drop(columns=["term", "value"]).to_dict("records")[0]
-                    | {"terms": {t: list(g["value"]) for t, g in m.groupby("term", sort=False)}}
-                    for _, m in models.groupby("model", sort=False)
-                ],
-                line=(about.mean, about.slope_per_s),
-                fitted_from=about.fitted_from_s,
-                fit=json.loads(about.fit),
-                **{p: _columns(stored.tables[p], "t_s", about.name) for p in ("short", "whole")},
-                autocorrelation={
-                    window: _columns(g, "lag_s", "autocovariance")
-                    for window, g in covariances.groupby("window_s")
-                },
-            )
-        )
-    return StaticResult(stored.source, tuple(channels))
+    source, tables = read(name)
+    covariances = dict(iter(tables["autocorrelation"].groupby("channel")))
 
+    def channel(name, fitted_from_s, parameters, line, **same):
+        for key in CURVES:
+            same[key] = AllanCurve(*(np.array(v, dtype=float) for v in same[key].values()))
+        return ChannelNoise(
+            name=name,
+            fitted_from=fitted_from_s,
+            parameters={key: Estimate(**e) for key, e in parameters.items()},
+            line=(line["mean"], line["slope_per_s"]),
+            **{p: _columns(tables[p], "t_s", name) for p in ("short", "whole")},
+            autocorrelation={
+                window: _columns(g, "lag_s", "autocovariance")
+                for window, g in covariances[name].groupby("window_s")
+            },
+            **same,
+        )
 
-def _curve(table):
-    return AllanCurve(*table.to_numpy(dtype=float).T)
+    channels = tuple(channel(**about) for about in source.pop("channels"))
+    return StaticResult(source, channels)
 
 
 def _columns(table, x, y):
     return table[x].to_numpy(), table[y].to_numpy()
-
-
-def _estimate(row):
-    ends = (None if np.isnan(v) else float(v) for v in (row.value, row.low, row.high))
-    note = row.note if isinstance(row.note, str) else ""
-    return Estimate(*ends, row.unit, bool(row.resolved), note)
 
 
 # Units side by side

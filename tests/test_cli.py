@@ -16,7 +16,6 @@ from importlib import metadata
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import psutil
 import pytest
 import typer
@@ -531,14 +530,15 @@ def test_data_rebuilds_compares_and_replaces(tmp_path, monkeypatch):
     monkeypatch.setattr(store, "FOLDER", tmp_path)
     shutil.copytree(committed / "f9p-static", tmp_path / "f9p-static")
     expected = files(tmp_path)
-    path = tmp_path / "f9p-static" / "parameters.csv"
-    table = pd.read_csv(path)
-    table.loc[(table["channel"] == "east") & (table["parameter"] == "sigma_v"), "value"] = 7.0
-    table.to_csv(path, index=False)
+    path = tmp_path / "f9p-static" / "source.json"
+    changed = json.loads(path.read_text("utf-8"))
+    east = next(c for c in changed["channels"] if c["name"] == "east")
+    east["parameters"]["sigma_v"]["value"] = 7
+    path.write_text(json.dumps(changed), "utf-8")
     assert run("data", "--rebuild", "f9p-static") == (
         1,
         "differs   f9p-static\n",
-        "cannot answer: f9p-static, parameters.csv: column value east sigma_v differs\n",
+        "cannot answer: f9p-static, source.json: channels/east/parameters/sigma_v/value differs\n",
     )
     status, out, _ = run("data", "--rebuild", "--write", "f9p-static")
     assert (status, out) == (0, "written   f9p-static\n")

@@ -36,7 +36,7 @@ def test_interpolating_by_uneven_stamps_inflates_white_noise():
 
 def test_every_derived_result_says_where_it_is_from():
     """property: source, licence, sha256 and the command that made it stand with each result."""
-    for name in store.names("parameters"):
+    for name in store.names("autocorrelation"):
         source = store.static_log(name).source
         assert len(source["sha256"]) == 64
         assert all(source[key] for key in ("licence", "source", "made_by", "file"))
@@ -44,7 +44,7 @@ def test_every_derived_result_says_where_it_is_from():
 
 def test_no_number_without_support():
     """property: what is not resolved has no value, and what is lies inside its interval."""
-    for name in store.names("parameters"):
+    for name in store.names("autocorrelation"):
         for channel in store.static_log(name).channels:
             for e in channel.parameters.values():
                 assert e.note

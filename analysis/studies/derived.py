@@ -58,7 +58,7 @@ def make(name, *, progress=True):
         source, tables = MAKERS[name]()
     else:
         result = store.characterise_log(logs.read(name), progress=progress)
-        source, tables = result.source, store.static_tables(result)
+        source, tables = store.as_stored(result)
     return store.Stored(source | {"made_by": f"{store.COMMAND} {name}"}, tables)
 
 
