@@ -330,18 +330,18 @@ BAD = {
         ("line 102", "'t_s'", "backward", "--rate"),
     ),
     "a long gap": (
-        [*lines()[:50], *lines()[100:]],
+        [*lines()[:50], *lines()[120:]],
         HEADER,
         {},
         CannotAnswer,
-        ("line 52", "'t_s'", "50 of 200", "--from"),
+        ("line 52", "'t_s'", "70 of 200", "--from"),
     ),
     "too many missing": (
-        [row if i % 5 else row.split(",")[0] + ",nan,1" for i, row in enumerate(lines())],
+        [row if i % 3 else row.split(",")[0] + ",nan,1" for i, row in enumerate(lines())],
         HEADER,
         {},
         CannotAnswer,
-        ("line 2", "'gyro_x_deg_s'", "40 of 200", "--columns"),
+        ("line 2", "'gyro_x_deg_s'", "67 of 200", "--columns"),
     ),
     "too short": (lines(40), HEADER, {}, CannotAnswer, ("line 41", "'gyro_x_deg_s'", "64")),
     "header only": ([], HEADER, {}, CannotAnswer, ("line 1", "no data")),
@@ -499,7 +499,7 @@ def test_what_is_no_log_is_refused(tmp_path, content, words):
 
 def test_what_is_no_file_is_wrong_usage(tmp_path):
     """Property: a folder and a misspelt name are wrong usage, the closest name with it."""
-    with pytest.raises(WrongUsage, match="is a folder"):
+    with pytest.raises(WrongUsage, match="no log file in it"):
         logs.read(tmp_path)
     with pytest.raises(WrongUsage, match=r"no file nothing\.csv.*adis16405"):
         logs.read(tmp_path / "nothing.csv")
