@@ -69,7 +69,8 @@ BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 USED = 0.95  # a note says if less than this share of the samples is used
 SELECTED = 30  # correlation times; the values of logs that hold fewer are a selection
 FEW = 4.0  # AIC within which a model without a term speaks against the term
-BETTER = 2.0  # AIC by which a second slow process counts: by chance in one log of forty
+BETTER = 2.0  # AIC by which a second slow process counts, by chance in one log of forty, and
+# within which flicker noise does: at 4 it would take T_c from 5 logs of 100 of KVH yaw at 2 h
 FOLDED = 0.23  # of the white noise of means comes from shorter periods: 1 - mean of sinc^2
 USELESS = 10.0  # high / low of a correlation time over several models; beyond it is refused
 SAME = 0.02  # relative; two terms so close to each other are one
@@ -304,8 +305,8 @@ class Inference:
         otherwise = f"{note}; a rate random walk alone may explain it"
         return self.estimate(self.level_fit, "flicker", self.unit, note, otherwise)
 
-    def rival(self, without=(), having=None):
-        """Name a model with one term, without others, that fits nearly as well, or nothing."""
+    def rival(self, without=(), having=None, few=FEW):
+        """Name a model with one term, without others, within a few AIC, or nothing."""
         rivals = [
             fit
             for fit in self.fits.values()
@@ -313,7 +314,7 @@ class Inference:
             if having is None or having in fit.terms
         ]
         best = min(rivals, key=lambda fit: fit.aic)
-        if best.aic > self.chosen.aic + FEW:
+        if best.aic > self.chosen.aic + few:
             return ""
         return (
             f"{best.model} fits the log nearly as well as {self.chosen.model} (AIC"
@@ -350,7 +351,7 @@ class Inference:
         }
 
     def _gauss_markov(self):
-        fit, flicker = self.chosen, self.rival(having="flicker")
+        fit, flicker = self.chosen, self.rival(having="flicker", few=BETTER)
         if flicker:
             return self._no_bias(f"{flicker}, and has no correlation time", flicker)
         two, said = self.similar("N+2GM"), ""
