@@ -116,6 +116,39 @@ def test_a_jump_is_refused_until_it_lasts(course):
     assert all(taken[6:20]) and not taken[20] and all(taken[27:])
 
 
+def test_an_old_place_is_not_put_out_while_fixes_contradict_it():
+    """property: driving, at once, and five seconds of agreement; at rest, agreed fixes end it."""
+    block, old = LastPosition(HOME), []
+    for t in range(7):
+        old.append(feed(block, [5000.0 + 15.0 * t], t, speed=15.0, course=0.0)[0])
+        assert block.position != HOME
+    assert old == [False] * 5 + [True] * 2 and block.moved_while_off == pytest.approx(
+        5075, rel=0.01
+    )
+    block, put_out = LastPosition(HOME), []
+    for t in range(31):
+        taken = feed(block, [333.0], t)[0]
+        put_out.append(block.position)
+    assert put_out[:5] == [HOME] * 5 and put_out[5:30] == [None] * 25 and taken
+    block = LastPosition(HOME)
+    feed(block, [333.0] * 9)
+    assert feed(block, [3.0], 9)[0] and block.moved_while_off is None
+
+
+def test_a_good_fix_ends_what_doubted_ones_said():
+    """property: 2-D, 120 m off: for want of better from bridged_s on; the first in 3-D ends it."""
+    block, there = LastPosition(), {"speed": 12.0, "course": 0.0}
+    feed(block, [12.0 * t for t in range(20)], **there)
+    flat = [12.0 * t + 120.0 for t in range(20, 60)]
+    taken = feed(block, flat, 20, mode=2, satellites=3, **there)
+    assert not any(taken[:10]) and all(taken[10:]) and block.doubted
+    assert feed(block, [720.0], 60, **there)[0] and not block.doubted
+    block = LastPosition()
+    block.bridged_s = 60.0  # an IMU carries it on
+    feed(block, [12.0 * t for t in range(20)], **there)
+    assert feed(block, flat, 20, mode=2, satellites=3, **there).index(True) == 30
+
+
 def test_a_fix_at_the_memory_does_not_wait():
     """property: agreement with the memory stands for agreement over time."""
     assert feed(LastPosition(HOME), [8.0])[0]

@@ -547,6 +547,38 @@ def test_the_low_pass_starts_anew_after_a_gap_and_a_jump():
         assert np.abs(out - lat)[100 + wait :].max() * 111_132 < 1.0
 
 
+def test_an_hour_of_driving_in_a_gap_leaves_no_old_place():
+    """property: driving on after an hour: empty for five seconds, then the fixes, never behind."""
+    gnss = ride(200)
+    far = np.where(np.arange(200) < 100, 0.0, 3600.0)
+    lat = gnss.lat_deg + far * 15 / 111_132
+    gnss = replace(gnss, t_s=gnss.t_s + far, lat_deg=lat)
+    track = replay(Timeline(gnss, None, restarts_s=(3700.0,)))
+    out = track.columns["out_lat_deg"]
+    assert np.isnan(out[100:105]).all()
+    assert np.abs(out - lat)[105:].max() * 111_132 < 1.0
+    assert not any("held there" in note for note in track.notes)
+
+
+def test_the_filters_start_anew_where_good_fixes_contradict_them(laps):
+    """property: fixes frozen at no speed for 40 s: said, and mended five seconds after the thaw."""
+    log = laps[0].log
+    gnss = replace(log.gnss, **{name: value.copy() for name, value in vars(log.gnss).items()})
+    fast = np.convolve(gnss.speed_m_s > 5.0, np.ones(50), "valid") == 50
+    start = int(np.argmax(fast[60:])) + 60
+    for name in ("lat_deg", "lon_deg", "course_deg"):
+        getattr(gnss, name)[start : start + 40] = getattr(gnss, name)[start]
+    gnss.speed_m_s[start + 1 : start + 40] = 0.0
+    for constrained in (False, True):
+        track = replay(replace(log, gnss=gnss), Options(constrained=constrained))
+        north = (track.columns["out_lat_deg"] - gnss.lat_deg) * 111_132
+        east = (track.columns["out_lon_deg"] - gnss.lon_deg) * 79_000
+        off = np.hypot(north, east)[start + 40 :]
+        assert off[0] > 50.0 and off[6:].max() < 20.0
+        assert any("while the IMU moved" in note for note in track.notes)
+    assert not any("while the IMU moved" in note for note in laps[1].notes)
+
+
 def test_a_receiver_alone_coasts_and_then_holds():
     """property: ten seconds at constant velocity, then the position is held, and it is said."""
     gnss = ride(120)

@@ -15,7 +15,7 @@ from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
 from analysis.tracker.attitude import GAP_S, Attitude, Upright
 from analysis.tracker.constrained import Constrained
 from analysis.tracker.fusion import Fusion
-from analysis.tracker.last_position import GATE_ALONE, Frame, LastPosition
+from analysis.tracker.last_position import FAR, GATE_ALONE, SIGMA_DOUBTED, Frame, LastPosition
 from analysis.tracker.mounting import ENTRY_S, MountingYaw
 from analysis.tracker.vectors import STANDARD_GRAVITY, dot, wrap
 
@@ -146,6 +146,7 @@ class Device:
             on.straight_length, on.theta_alpha, on.max_bend, on.min_speed, on.max_mount_sigma
         )
         self.fusion = Fusion(on.number) if on.fusion and self.attitude else None
+        self.last.bridged_s = on.bridge_s if self.fusion else on.coast_s
         self.constrained = Constrained(on.number) if on.constrained and self.fusion else None
         self.ned = (0.0, 0.0, 0.0) if stored else None
         self._t_imu = self._t_fusion = self._t_epoch = None
@@ -226,6 +227,8 @@ class Device:
         accepted = self.last.step(epoch.t_s, epoch.fix, epoch.pdop, *measured)
         if accepted and not self.frame:
             self.frame = Frame(epoch.fix)
+        if self.last.position is None:  # contradicted
+            self.ned = None
         fix = self.frame.ned(epoch.fix) if accepted else None
         speed, course = (epoch.speed, epoch.course) if accepted else (math.nan, math.nan)
         self.gives_speed = self.gives_speed or epoch.speed == epoch.speed
@@ -363,6 +366,10 @@ class Device:
                 self._coast(epoch.t_s - self._t_fix)
             return
         sigma_p, sigma_v, velocity = self._quality(epoch, fix is not None, moving)
+        if fix and block.started and self._contradicted(fix, sigma_p):
+            block.started = False
+            if self.constrained:
+                self.constrained.started = False
         if not block.started:
             block.start(fix, (velocity or (0.0, 0.0)) + (0.0,), sigma_p, 1.0)
             self._t_fusion = epoch.t_s
@@ -383,6 +390,14 @@ class Device:
             self.ned = car.position[0], car.position[1], block.position[2]
         elif not self.last.accepted or epoch.t_s - self._t_fix <= self.options.bridge_s:
             self.ned = tuple(float(p) for p in block.position)
+
+    def _contradicted(self, fix, sigma):
+        """Return whether an accepted fix lies far from the output, and outside what it claims."""
+        nn, _, ee = self._ellipse()
+        north, east = fix[0] - self.ned[0], fix[1] - self.ned[1]
+        square = north * north + east * east
+        jump, wide = self.low_pass.jump_m, max(nn, ee) + sigma * sigma
+        return square > max(jump * jump, FAR * FAR * wide)
 
     def _ellipse(self):
         """Covariance of the position: north north, north east, east east, m^2; NaN without one.
@@ -429,6 +444,8 @@ class Device:
         on = self.options
         known = accepted and epoch.pdop == epoch.pdop
         sigma_p = max(1.0, on.metres_per_pdop * epoch.pdop) if known else on.sigma_no_pdop
+        if accepted and self.last.doubted:
+            sigma_p = SIGMA_DOUBTED
         if not moving:
             return sigma_p, on.sigma_rest_m_s, (0.0, 0.0)
         if not accepted or epoch.speed != epoch.speed:

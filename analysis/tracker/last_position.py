@@ -21,6 +21,7 @@ PDOP_WAIT_S = 10.0  # receivers that save on sentences give a PDOP every few sec
 LOST_S = 10.0  # without a fix; then no motion can be foretold
 SLOW = 1.0  # m/s, as good as at rest
 METRES_PER_PDOP, SIGMA_NO_PDOP = 2.0, 6.0  # m per axis: real fixes, median 5.3 m at a PDOP of 2-3
+SIGMA_DOUBTED = 60.0  # m per axis: 200 real fixes in two dimensions, median 74 m
 NEAR, FAR = 3.0, 5.0  # standard deviations: agrees with the memory, contradicts it
 MISS_M, MISS_SHARE, SLACK = 10.0, 0.2, 1.0  # m, of the path, m/s^2: noise, lag, unseen turns
 LEGS = 12  # stretches of ten seconds in motion that the speeds are judged by
@@ -60,11 +61,17 @@ class LastPosition:
     Attributes
     ----------
     position : Stored or None
-        Output: the stored position at first, then the last accepted fix.
+        Output: the stored position at first, then the last accepted fix. None where fixes that
+        agree, or a vehicle that drives, contradict the stored one, and are not yet accepted.
     snapshot : Stored or None
         Content of the memory.
     moved_while_off : float or None
         Metres, if it was moved.
+    doubted : bool
+        Whether the last accepted fix is one in two dimensions, or from too few satellites.
+    bridged_s : float
+        For how long a position in motion is carried on without a fix. After that a doubted fix is
+        better: it waits for settle_s only.
     slip : float
         Variance (m/s)^2 of a velocity component, by what the positions say: white noise of so much
         in each would miss the position as far in ten seconds. Smoothed speeds err for seconds.
@@ -102,9 +109,10 @@ class LastPosition:
         self.gate, self.save_every_s, self.moved_m = gate, save_every_s, moved_m
         self.three_d, self.satellites = three_d, satellites
         self.settle_s, self.doubt_s = settle_s, doubt_s
-        self.position = self.snapshot = stored
+        self.position = self.snapshot = self._memory = stored
+        self._sigma = stored and _sigma(stored.pdop)
         self.accepted = 0
-        self.moved_while_off = None
+        self.moved_while_off, self.bridged_s, self.doubted = None, LOST_S, False
         self.gives_pdop = False
         self._first_s = None
         self._saved_at = -math.inf
@@ -116,7 +124,7 @@ class LastPosition:
     def motion(self):
         """Give the stored position up: the IMU has seen motion before the first accepted fix."""
         if not self.accepted:
-            self.position = None
+            self.position = self._memory = None
 
     def step(
         self, t_s, fix, pdop, mode=math.nan, satellites=math.nan, speed=math.nan, course=math.nan
@@ -156,25 +164,34 @@ class LastPosition:
         if not self._passes(pdop, t_s):
             return False
         here = Stored(fix[0], fix[1], fix[2], t_s, pdop)
-        moved = apart = 0.0
-        if self.position is not None:
-            moved = distance(self.position, here)
-            apart = _norm(_sigma(pdop), _sigma(self.position.pdop))
         doubted = self._doubted(mode, satellites)
-        wait_s = self.settle_s
         if doubted and not self.doubt_s:
             return False
-        if doubted or (self._remembers() and moved > FAR * apart):
-            wait_s = self.doubt_s
-        elif moved < NEAR * apart:
+        sigma = SIGMA_DOUBTED if doubted else _sigma(pdop)
+        moved = apart = 0.0
+        before = self.position if self.accepted else self._memory
+        if before is not None:
+            moved, apart = distance(before, here), _norm(sigma, self._sigma)
+        wait_s = self.doubt_s if doubted else self.settle_s
+        if self._memory is not None and moved > FAR * apart:
+            drives = self._path + speed > MISS_M  # within a second: no old place is the present one
+            if not drives:
+                wait_s = self.doubt_s
+            if drives or agreed_s >= self.settle_s:
+                self.position = None
+        elif not doubted and moved < NEAR * apart:
             wait_s = 0.0
+        elif self.accepted:
+            lost = speed > SLOW and t_s - before.t_s > self.bridged_s
+            wait_s = self.settle_s if lost or self.doubted else wait_s
         if agreed_s < wait_s:
             return False
-        if self._remembers():
+        if self._memory is not None:
             limit = max(self.moved_m, FAR * apart) if self.doubt_s else self.moved_m
             self.moved_while_off = moved if moved > limit else None
         self.accepted += 1
-        self.position = here
+        self.position, self._sigma, self._memory = here, sigma, None
+        self.doubted = doubted
         self._save(here, speed)
         return True
 
@@ -198,10 +215,6 @@ class LastPosition:
         return satellites < self.satellites or (
             self.three_d and mode < 3 and not satellites >= ENOUGH
         )
-
-    def _remembers(self):
-        """Return whether the position is still that of an earlier run."""
-        return self.position is not None and not self.accepted
 
     def _save(self, here, speed):
         """Write to memory now and then, and at once where a drive ends."""

@@ -14,7 +14,7 @@ from analysis import STANDARD_GRAVITY, Estimate, WrongUsage, wrap
 from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
-from analysis.tracker.last_position import PDOP_WAIT_S, Stored
+from analysis.tracker.last_position import LOST_S, PDOP_WAIT_S, SLOW, Stored
 from analysis.tracker.mounting import Straight
 
 ROW_S = 1.0  # without GNSS: one row a second, so that the blocks that need none can be seen
@@ -360,6 +360,12 @@ def _notes(timeline, options, columns, devices, unexplained):
             f"{held:,} epochs in motion are over {bridged:g} s after the last accepted fix: the "
             "output position is held there"
         )
+    from_s, stood_s = _stood(columns, gnss.speed_m_s)
+    if imu is not None and stood_s > LOST_S:
+        yield (
+            f"the receiver gave one position at no speed for {stood_s:.0f} s from t = "
+            f"{from_s:.0f} s, while the IMU moved: old fixes, or a device moved on the spot"
+        )
     for device in devices:
         if moved := device.last.moved_while_off:
             yield (
@@ -458,7 +464,18 @@ def _held(columns, bridged):
     t, accepted = columns["t_s"], columns["accepted"].astype(bool)
     since = t - np.maximum.accumulate(np.where(accepted, t, -np.inf))
     late = np.isfinite(since) & (since > bridged) & (columns["moving"] == 1)
-    return int(late.sum())
+    return int((late & np.isfinite(columns["out_lat_deg"])).sum())
+
+
+def _stood(columns, speed):
+    """Return when the receiver first stood for long while the IMU moved, and for how long, s."""
+    t, lat, lon = (columns[name] for name in ("t_s", "lat_deg", "lon_deg"))
+    same = (np.diff(lat) == 0) & (np.diff(lon) == 0) & (speed[1:] < SLOW)
+    same &= columns["moving"][1:] == 1
+    since = np.maximum.accumulate(np.where(same, -np.inf, t[1:]))
+    lasts = np.where(same & np.isfinite(since), t[1:] - since, 0.0)
+    most = int(np.argmax(lasts)) if len(lasts) else 0
+    return (float(since[most]), float(lasts[most])) if len(lasts) else (0.0, 0.0)
 
 
 def _without_imu(imu, t_s):
