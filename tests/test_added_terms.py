@@ -85,6 +85,18 @@ def test_screening_is_the_likelihood():
     assert screen.of_steps(np.arange(600, 800))[100] == pytest.approx(columns[1], rel=0.02)
 
 
+def test_one_huge_sample_is_no_term():
+    """analytic: it moves its own mean to the limit, other means not at all; a step stays whole."""
+    y = np.random.default_rng(3).standard_normal(200_000)
+    y[100_000:] += 2.0
+    plain = added_terms.Coarse.of(y, 0.1, 1).y
+    y[50_000] += 1e4
+    limited = added_terms.Coarse.of(y, 0.1, 1).y
+    [moved] = np.flatnonzero(limited != plain)
+    assert moved == 50_000 // 98 and limited[moved] < 8 / np.sqrt(98)  # 6 deviations, 2 of them its
+    assert plain[1500] - plain[500] == pytest.approx(2.0, abs=0.6)  # four standard errors
+
+
 def test_terms_that_coincide_are_no_traceback():
     """property: two equal steps have no likelihood; the profile of one past another goes on."""
     coarse = added_terms.Coarse.of(log(6), DT, 36)

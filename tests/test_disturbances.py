@@ -144,6 +144,15 @@ def test_intervals_widen_in_quadrature():
     np.testing.assert_allclose(np.log([e.low, e.high]), [-13, 13])
 
 
+def test_a_noisy_minute_is_not_the_noise():
+    """analytic: a hundredth of a log at six times the noise raises N by 16 %: 1 stays a value."""
+    y = rng().standard_normal(N)
+    y[9000 : 9000 + N // 100] *= 6
+    e = Estimate(y.std(), 0.99 * y.std(), 1.01 * y.std(), "deg/s")
+    e = adjusted(e, "sigma_v", uneven(y, DT, 1, float(y.std()), NAMES))
+    assert y.std() == pytest.approx(np.sqrt(1.35), rel=0.05) and e.low < 1 < e.high
+
+
 @pytest.mark.parametrize("lost", [0.0, 0.05])
 def test_a_stuck_reading_is_left_out(lost):
     """analytic: 300 s of one value are marked, and nothing else, also where samples are missing."""

@@ -170,6 +170,18 @@ def test_the_mean_of_a_log_with_a_step():
     assert (still.low - moved.low, moved.high - still.high) == pytest.approx((0.75, 0.25), abs=one)
 
 
+def test_the_mean_of_a_coarse_reading():
+    """Analytic: within one step a reading says nothing; half a step more is the interval."""
+    channel = store.static_log("mpu6050-gyro").channels[0]
+    still = verdict.mean_reading(channel)
+    fit = channel.fit | {"disturbances": [{"kind": "resolution"}]}
+    for levels, more in (((0.0, 3.0), 1.5), ((3.0, 3.0), None)):
+        short = channel.short[0], np.resize(levels, len(channel.short[0]))
+        found = verdict.mean_reading(replace(channel, fit=fit, short=short))
+        wider = None if found.low is None else found.high - still.high
+        assert wider == (more and pytest.approx(more))
+
+
 def test_temperature_is_separated_from_the_drift(tmp_path, no_pictures):
     """Analytic: 0.01 deg/s/K over 8 K: the coefficient, its share of the drift, and its panel."""
     degrees = 25 + 8 * np.linspace(0, 1, N) ** 2

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.fft import dct, idct
+from scipy.ndimage import median_filter
 from scipy.optimize import minimize_scalar
 from scipy.stats import norm
 
@@ -32,6 +33,7 @@ COARSE = 2048  # means of the log on which terms are searched for
 WARM_UPS = 20  # time constants tried
 STEPS = 160  # positions at which the variance of a step's size is computed
 CYCLES = np.arange(3, 400) / 2  # in the log; slower ones are drift, faster ones vibration
+FAR, NEIGHBOURS = 6.0, 9  # robust deviations of a mean, from the median of so many
 EDGE = 4  # means at either end of the log before and after which no step is looked for
 PROFILE = 12  # values on each side of a term's parameter
 WEAKER = (1.0, 0.5, 0.2)  # of the walk of the slow noise under which terms are looked for
@@ -190,11 +192,18 @@ class Coarse:
 
     @classmethod
     def of(cls, y, dt, averaged):
-        """Average a log to at most `COARSE` means, of no fewer than `averaged` samples."""
+        """Average a log to at most `COARSE` means, of no fewer than `averaged` samples.
+
+        A single mean that one huge sample moves is no term of the log: it is limited to `FAR`
+        robust deviations from the median of its neighbours.
+        """
         m = max(averaged, -(-len(y) // COARSE))
         means = block_means(y, m)
         have = np.isfinite(means)
         k = np.arange(len(means))
+        near = median_filter(means[have], NEIGHBOURS, mode="nearest")
+        limit = FAR * np.median(np.abs(means[have] - near)) / norm.ppf(0.75)
+        means[have] = np.clip(means[have], near - limit, near + limit)
         return cls(np.interp(k, k[have], means[have]), have, dt, m, y)
 
     @property

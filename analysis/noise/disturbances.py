@@ -263,7 +263,8 @@ def resolution(y: np.ndarray, dt: float, affects: tuple[str, ...]) -> list[Distu
     """Tell whether one step of the reading is more than twice its scatter.
 
     Noise of less than 0.4 steps is no dither: a slow bias passes with a gain that depends on where
-    in a step it lies, 8 % more or less. The white noise of the reading holds that of the rounding.
+    in a step it lies, 8 % more or less, and so does the white noise, to which the rounding adds a
+    fifth or more. Two levels alone never have more scatter.
 
     Parameters
     ----------
@@ -285,7 +286,8 @@ def resolution(y: np.ndarray, dt: float, affects: tuple[str, ...]) -> list[Distu
     ratio = np.diff(levels).min() / np.std(some)
     if ratio < 1 / DITHER:
         return []
-    note = f"one step of the reading is {ratio:.2g} times its scatter, and distorts slow noise"
+    note = f"one step of the reading is {ratio:.2g} times its scatter: what is measured"
+    note += " is the rounding"
     return [Disturbance("resolution", 0.0, len(y) * dt, affects, note)]
 
 
@@ -406,7 +408,7 @@ def level_changes(
     within them (F test): correlated samples and heavy tails scatter both alike. Bursts within an
     eighth show as a scatter of the energies of its pieces beyond that of their kurtosis. The
     interval widens by the error of a mean over the eighths (Student's t of 7 degrees) and of the
-    mean energy under such bursts; beyond 15 % the parameter is refused.
+    mean energy under such bursts, and holds the median level; beyond 15 % the parameter is refused.
 
     Parameters
     ----------
@@ -435,6 +437,8 @@ def level_changes(
     half = float(np.hypot(error, within))
     level = np.exp(logs.ravel() if bursts else eighths)
     level /= np.sqrt(np.mean(level**2))
+    usual = abs(float(np.log(np.median(level))))  # a short burst moves the mean, not the median
+    half = float(np.hypot(half, usual)) if usual > half else half
     low, high = float(level.min()), float(level.max())
     off = np.flatnonzero(np.abs(level - np.median(level)) > (high - low) / 4)
     edges = part.edges[:: PARTS**2 // len(level)]

@@ -20,7 +20,8 @@ OCTAVES = 24
 ALPHA = 0.003  # probability at which a test fails
 PRACTICAL = 0.2  # of the power: a smaller misfit is shown, and decides nothing
 FEWEST_SLOW = 12  # coefficients of slow noise that can be tested
-LEVEL = ("sigma_v", "arw", "vrw")  # parameters of the white noise
+SMALL = 0.05  # of the power where white noise rules: from here on its interval is widened
+WHITE = ("sigma_v", "arw", "vrw")  # parameters of the white noise
 SLOW = ("sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 SIZES = ("sigma_b", "bias_instability", "rrw")  # of slow noise
 
@@ -63,7 +64,8 @@ def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
     -------
     Test
     list of Disturbance
-        An octave off by more than 20 % in power, and not by chance.
+        Octaves that are off, and not by chance: by more than 20 % in power their parameters are
+        refused; by more than 5 %, white noise is widened.
     """
     terms = likelihood.terms(fit)
     best = likelihood.evaluate(fit.point[None], fit.names)
@@ -97,15 +99,22 @@ def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
     misfits = []
     dt = likelihood.stretches[0].dt
     for i in np.flatnonzero(chance < ALPHA):
-        affects = (*(LEVEL if white[i] > 0.5 * count[i] else ()),)
-        affects += SLOW if white[i] < 0.8 * count[i] else ()
         period = dt / top[i]
         note = (
             f"spectrum {100 * off[i]:+.0f} % off the fitted model in power at periods of"
             f" {period:.3g} to {2 * period:.3g} s"
         )
-        decides = abs(off[i]) > PRACTICAL
-        misfits.append(Disturbance("misfit", 0.0, likelihood.duration, affects, note, decides))
+        affects = WHITE if white[i] > 0.5 * count[i] else ()
+        half = abs(np.log1p(off[i])) / 2  # of a size
+        if affects and SMALL < abs(off[i]) <= PRACTICAL:
+            said = f"{note}: white noise widened by {100 * half:.2g} %"
+            misfits.append(
+                Disturbance("misfit", 0.0, likelihood.duration, affects, said, widens=(half, half))
+            )
+        else:
+            affects += SLOW if white[i] < 0.8 * count[i] else ()
+            decides = abs(off[i]) > PRACTICAL
+            misfits.append(Disturbance("misfit", 0.0, likelihood.duration, affects, note, decides))
     return test, misfits
 
 

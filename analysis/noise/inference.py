@@ -55,7 +55,7 @@ from analysis.noise.fit import (
     direction,
     rows,
 )
-from analysis.noise.goodness import SLOW, Test, goodness_of_fit, stationarity_of
+from analysis.noise.goodness import SLOW, WHITE, Test, goodness_of_fit, stationarity_of
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.models import random_walk_unit
 from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
@@ -466,7 +466,7 @@ def infer(
     Inference
         `CannotAnswer` if no stretch of 32 samples is left between long gaps.
     """
-    disturbances = missing(y, dt) + resolution(y, dt, SLOW)
+    disturbances = missing(y, dt) + resolution(y, dt, (*WHITE, *SLOW))
     for find in (stuck, spikes):
         out, noticed = find(y, dt)
         disturbances += noticed
@@ -515,7 +515,7 @@ def infer(
         for name, own in parameters.items():
             parameters[name] = either(own, others.get(name), rival.terms[-1].kind)
     white = result.level_fit.terms["sigma_v"][0]
-    disturbances += uneven(y, dt, m, white, ("arw", "vrw", "sigma_v")) + oscillation(y, dt)
+    disturbances += uneven(y, dt, m, white, WHITE) + oscillation(y, dt)
     return _judged(result, parameters, disturbances)
 
 
@@ -617,6 +617,14 @@ def _judged(result, parameters, disturbances):
     terms = tuple(result.fitted_terms())
     disturbances = [*disturbances, *(t.disturbance(result.coarse) for t in terms)]
     disturbances += misfits + changes
+    steps = [t.at for t in terms if t.kind == "step"]
+    for d in disturbances:
+        if d.kind == "noise_level" and any(d.start_s <= at <= d.end_s for at in steps):
+            why = "a step is fitted where the noise level changes, and may be noise"
+            disturbances.append(
+                replace(d, affects=SLOW, note=why, widens=None, bounds=(None, None))
+            )
+            break
     return replace(
         result,
         terms=terms,

@@ -379,7 +379,8 @@ def mean_reading(channel):
 
     That is the standard error of the mean of white noise, and of a bias that is short beside the
     log; of flicker noise and random walks it is how far such a mean wanders. What steps, warm-up
-    and periodic terms move the reading by, from the mean, is added.
+    and periodic terms move the reading by, from the mean, is added; so is half a step of a reading
+    so coarse that its mean is that of the rounding.
 
     Returns
     -------
@@ -392,6 +393,11 @@ def mean_reading(channel):
     duration = np.array([t[-1] + t[0]])
     dt = float(channel.short[0][1] - channel.short[0][0])
     half = 1.96 * float(adev_of_terms(chosen["terms"], duration, dt)[0])
+    if any(d["kind"] == "resolution" for d in channel.fit["disturbances"]):
+        steps = np.diff(np.unique(channel.short[1]))
+        if not len(steps):  # all of it is within one step, whose size is not seen
+            return Estimate(mean, None, None, channel.unit)
+        half += steps[0] / 2
     moved = signal_of(channel.fit["terms"], t)
     moved -= moved.mean()
     ends = float(mean + moved.min() - half), float(mean + moved.max() + half)
@@ -563,4 +569,4 @@ def in_words(error):
     -------
     str
     """
-    return f"{error:.2g}".removeprefix("unresolved ").strip("()")
+    return str(error).removeprefix("unresolved ").strip("()")
