@@ -194,16 +194,20 @@ class Coarse:
     def of(cls, y, dt, averaged):
         """Average a log to at most `COARSE` means, of no fewer than `averaged` samples.
 
-        A single mean that one huge sample moves is no term of the log: it is limited to `FAR`
-        robust deviations from the median of its neighbours.
+        A mean that one huge sample moves by more than `FAR` robust deviations from the median of
+        its neighbours is no term of the log: it is taken without that sample.
         """
         m = max(averaged, -(-len(y) // COARSE))
         means = block_means(y, m)
         have = np.isfinite(means)
         k = np.arange(len(means))
-        near = median_filter(means[have], NEIGHBOURS, mode="nearest")
-        limit = FAR * np.median(np.abs(means[have] - near)) / norm.ppf(0.75)
-        means[have] = np.clip(means[have], near - limit, near + limit)
+        near = np.interp(k, k[have], median_filter(means[have], NEIGHBOURS, mode="nearest"))
+        limit = FAR * np.median(np.abs(means - near)[have]) / norm.ppf(0.75)
+        for i in np.flatnonzero(np.abs(means - near) > limit):
+            some = y[i * m : (i + 1) * m]
+            rest = np.delete(some, np.nanargmax(np.abs(some - near[i])))
+            if np.isfinite(rest).any() and abs(np.nanmean(rest) - near[i]) <= limit:
+                means[i] = np.nanmean(rest)
         return cls(np.interp(k, k[have], means[have]), have, dt, m, y)
 
     @property

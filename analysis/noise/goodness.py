@@ -104,17 +104,16 @@ def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
             f"spectrum {100 * off[i]:+.0f} % off the fitted model in power at periods of"
             f" {period:.3g} to {2 * period:.3g} s"
         )
-        affects = WHITE if white[i] > 0.5 * count[i] else ()
-        half = abs(np.log1p(off[i])) / 2  # of a size
+        affects: tuple[str, ...] = WHITE if white[i] > 0.5 * count[i] else ()
+        decides, widens = abs(off[i]) > PRACTICAL, None
         if affects and SMALL < abs(off[i]) <= PRACTICAL:
-            said = f"{note}: white noise widened by {100 * half:.2g} %"
-            misfits.append(
-                Disturbance("misfit", 0.0, likelihood.duration, affects, said, widens=(half, half))
-            )
-        else:
-            affects += SLOW if white[i] < 0.8 * count[i] else ()
-            decides = abs(off[i]) > PRACTICAL
-            misfits.append(Disturbance("misfit", 0.0, likelihood.duration, affects, note, decides))
+            half = float(abs(np.log1p(off[i]))) / 2  # of a size
+            decides, widens = True, (half, half)
+            note += f": white noise widened by {100 * half:.2g} %"
+        elif white[i] < 0.8 * count[i]:
+            affects += SLOW
+        part = "misfit", 0.0, likelihood.duration
+        misfits.append(Disturbance(*part, affects, note, decides, widens))
     return test, misfits
 
 
