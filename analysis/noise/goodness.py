@@ -21,7 +21,7 @@ ALPHA = 0.003  # probability at which a test fails
 PRACTICAL = 0.2  # of the power: a smaller misfit is shown, and decides nothing
 FEWEST_SLOW = 12  # coefficients of slow noise that can be tested
 SMALL = 0.05  # of the power where white noise rules: from here on its interval is widened
-WHITE = ("sigma_v", "arw", "vrw")  # parameters of the white noise
+WHITE = ("arw", "vrw", "sigma_v")  # parameters of the white noise
 SLOW = ("sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 SIZES = ("sigma_b", "bias_instability", "rrw")  # of slow noise
 
