@@ -195,6 +195,24 @@ def test_missing_cells_are_stated_and_stay_missing(tmp_path):
     )
 
 
+@pytest.mark.parametrize("mark", ["-9999", "999.0", "-32768"])
+def test_a_value_that_returns_far_from_all_others_is_missing(tmp_path, mark):
+    """Property: a logger's mark for no reading is missing, but a knock or a coarse step is not."""
+    rows = lines()
+    for row in (10, 50, 51):
+        rows = replaced(rows, row, 1, mark)
+    log = logs.read(write(tmp_path, rows))
+    assert np.flatnonzero(np.isnan(log.channels[0].values)).tolist() == [10, 50, 51]
+    assert np.isfinite(log.channels[1].values).all()
+    assert (
+        f"3 of 200 values are missing or a mark for it ({mark.removesuffix('.0')}" in log.repairs[0]
+    )
+    knock = replaced(replaced(rows, 50, 1, "-900"), 51, 1, "-800")
+    assert np.isfinite(values(logs.read(write(tmp_path, knock)))).all()
+    coarse = [f"{k / 100:.2f},{0 if k % 9 else 500},{k % 2}" for k in range(200)]
+    assert np.isfinite(values(logs.read(write(tmp_path, coarse)))).all()
+
+
 def test_a_row_that_lost_a_field_is_left_out(tmp_path):
     """Property: its numbers may stand under the wrong names, so none of them is taken."""
     log = logs.read(write(tmp_path, [*lines()[:50], "0.5,0.7", *lines()[51:]]))

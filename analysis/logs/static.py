@@ -32,6 +32,8 @@ SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
 LARGEST = 1e9  # beyond what any sensor reads, in any unit
 PIECE = 1 << 20  # samples that are looked at together, to bound the memory
 THREADS = 2  # channels that are looked at together
+AWAY = 20  # times the range of all other values; a value that returns beyond it is no reading
+RETURNS = 3  # times that one value has to stand there
 HELD = 0.8  # share of samples equal to the one before beyond which an output counts as held
 
 
@@ -370,7 +372,12 @@ def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
     cells = table.frame[choice.column].to_numpy(dtype=float)
     cells = cells if choice.scale == 1 else choice.scale * cells
     finite = np.abs(cells) <= LARGEST
-    values = cells
+    values, note = cells, ""
+    marks = [] if choice.kind == "position" else _placeholders(cells[finite])  # jumps are errors
+    if marks:
+        finite &= ~np.isin(cells, marks)
+        said = " and ".join(f"{mark:.6g} {choice.unit}" for mark in marks)
+        note = f" or a mark for it ({said}, far from all others)"
     if not finite.all():
         first = table.place(int(np.argmin(finite)), choice.column)
         count = int((~finite).sum())
@@ -380,9 +387,9 @@ def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
                 f"{MISSING_ALLOWED:.0%} missing is too much: choose other --columns, or a stretch "
                 "with --from and --to"
             )
-        beyond = "" if np.isnan(cells[~finite]).all() else " or beyond 1e9"
+        beyond = " or beyond 1e9" if (np.abs(cells) > LARGEST).any() else ""
         repairs.append(
-            f"{first}: {count:,} of {len(cells):,} values are missing{beyond}, the first here"
+            f"{first}: {count:,} of {len(cells):,} values are missing{beyond}{note}, the first here"
         )
         values, cells = cells[finite], np.where(finite, cells, np.nan)
     if choice.kind == "angle" and choice.unit in columns.FULL_TURN:
@@ -402,6 +409,21 @@ def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
             "so it holds far fewer independent values than samples"
         )
     return Channel(choice.name, choice.unit, choice.kind, grid.place(cells))
+
+
+def _placeholders(values: np.ndarray) -> list[float]:
+    """Find what stands for a missing reading: -9999 and the like, the same each time."""
+    marks: list[float] = []
+    for end in (values.min(), values.max()) if len(values) else ():
+        at = values == end
+        if not RETURNS <= at.sum() <= MISSING_ALLOWED * len(values):
+            continue
+        rest = values[~at]
+        low, high = rest.min(), rest.max()
+        apart = max(low - end, end - high)
+        if apart > AWAY * (high - low) and ((rest > low) & (rest < high)).any():
+            marks, values = [*marks, float(end)], rest
+    return marks
 
 
 def _check_gravity(file: str, channels: tuple[Channel, ...], given: str | None) -> None:
