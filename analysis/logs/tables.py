@@ -149,7 +149,8 @@ def choose(parts: Sequence[Part], path: Path, title: str, name: str | None = Non
                 raise ask(found, path)
     raise CannotAnswer(
         f"{path.name}: {title} without gyros, accelerometers, angles or positions that are named "
-        f"as such; it has {listed(parts) or 'no table'}"
+        f"as such; it has {listed(parts) or 'no table'}: give a log with one of these, or take "
+        "columns of a table with --table, --columns and --unit"
     )
 
 
