@@ -366,7 +366,7 @@ class Device:
                 self._coast(epoch.t_s - self._t_fix)
             return
         sigma_p, sigma_v, velocity = self._quality(epoch, fix is not None, moving)
-        if fix and block.started and self._contradicted(fix, sigma_p):
+        if fix and self.last.jumped and block.started and self._contradicted(fix, sigma_p):
             block.started = False
             if self.constrained:
                 self.constrained.started = False

@@ -69,6 +69,8 @@ class LastPosition:
         Metres, if it was moved.
     doubted : bool
         Whether the last accepted fix is one in two dimensions, or from too few satellites.
+    jumped : bool
+        Whether the last accepted fix is the first of another place, agreed upon over seconds.
     bridged_s : float
         For how long a position in motion is carried on without a fix. After that a doubted fix is
         better: it waits for settle_s only.
@@ -113,6 +115,7 @@ class LastPosition:
         self._sigma = stored and _sigma(stored.pdop)
         self.accepted = 0
         self.moved_while_off, self.bridged_s, self.doubted = None, LOST_S, False
+        self.jumped = self._missed = False
         self.gives_pdop = False
         self._first_s = None
         self._saved_at = -math.inf
@@ -167,17 +170,16 @@ class LastPosition:
         doubted = self._doubted(mode, satellites)
         if doubted and not self.doubt_s:
             return False
-        sigma = SIGMA_DOUBTED if doubted else _sigma(pdop)
         moved = apart = 0.0
         before = self.position if self.accepted else self._memory
         if before is not None:
-            moved, apart = distance(before, here), _norm(sigma, self._sigma)
+            moved, apart = distance(before, here), _norm(_sigma(pdop), self._sigma)
         wait_s = self.doubt_s if doubted else self.settle_s
         if self._memory is not None and moved > FAR * apart:
             drives = self._path + speed > MISS_M  # within a second: no old place is the present one
             if not drives:
                 wait_s = self.doubt_s
-            if drives or agreed_s >= self.settle_s:
+            if drives or (agreed_s >= self.settle_s and not doubted):
                 self.position = None
         elif not doubted and moved < NEAR * apart:
             wait_s = 0.0
@@ -190,8 +192,9 @@ class LastPosition:
             limit = max(self.moved_m, FAR * apart) if self.doubt_s else self.moved_m
             self.moved_while_off = moved if moved > limit else None
         self.accepted += 1
-        self.position, self._sigma, self._memory = here, sigma, None
-        self.doubted = doubted
+        self.position, self._memory, self.doubted = here, None, doubted
+        self._sigma = SIGMA_DOUBTED if doubted else _sigma(pdop)
+        self.jumped, self._missed = self._missed, False
         self._save(here, speed)
         return True
 
@@ -241,6 +244,7 @@ class LastPosition:
         if not 0 < dt <= LOST_S:
             rare = LOST_S < dt < math.inf and self._since == before[0]  # so was the one before
             agreed_s = self._anew(t_s, fix)
+            self._missed = False
             if self.accepted or rare:  # a fix some metres off is better than none after an outage
                 self._since, agreed_s = t_s - self.settle_s, self.settle_s
             return agreed_s
@@ -259,6 +263,7 @@ class LastPosition:
         else:
             miss = _norm(moved_n, moved_e) - self._path
         if miss > MISS_M + MISS_SHARE * self._path + self._slack:
+            self._missed = True
             return self._anew(t_s, fix)
         seconds = t_s - self._anchor_s
         if seconds >= 2 * self.settle_s:
