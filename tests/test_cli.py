@@ -307,10 +307,10 @@ REFUSED = {
     "backward time": (BACKWARD, HEADER, [], 1, ("line 102", "'t_s'", "backward", "--rate")),
     "time that stands still": ([f"1,{i % 7}" for i in range(200)], HEADER, [], 1, ("'t_s'",)),
     "NaN by the dozen": (
-        [row if i % 5 else f"{i / 100},nan" for i, row in enumerate(ROWS)], HEADER, [], 1,
-        ("line 2", "'gyro_x_deg_s'", "120 of 600", "--from"),
+        [row if i % 3 else f"{i / 100},nan" for i, row in enumerate(ROWS)], HEADER, [], 1,
+        ("line 2", "'gyro_x_deg_s'", "200 of 600", "--from"),
     ),
-    "a long gap": ([*ROWS[:50], *ROWS[200:]], HEADER, [], 1, ("line 52", "'t_s'", "150 of 600")),
+    "a long gap": ([*ROWS[:50], *ROWS[250:]], HEADER, [], 1, ("line 52", "'t_s'", "200 of 600")),
     "nothing": ([], "", [], 1, ("line 1", "empty")),
     "a header only": ([], HEADER, [], 1, ("line 1", "no data")),
     "half a second": (ROWS[:50], HEADER, [], 1, ("line 51", "'gyro_x_deg_s'", "50 samples")),

@@ -476,7 +476,7 @@ def infer(
     fits: dict[str, Fit] = {}
     pieces = finest = spectra(y, dt, m)
     if not pieces:
-        raise CannotAnswer("long gaps leave no stretch of samples to fit a noise model to")
+        raise CannotAnswer("missing samples leave no 32 in a row to fit a noise model to")
     likelihood = NoiseLikelihood(pieces, detrend=detrend)
     while True:
         fits = fit_all(likelihood, rate=rate, near=fits)
