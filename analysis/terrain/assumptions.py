@@ -482,7 +482,7 @@ class Setup:
             ),
             "mean and variance of the error": (
                 "mean absolute error; variance over all moments of all laps, lost laps included",
-                "the mean signed error is near 0 for every sensor; Fig 12 has one mean per sensor",
+                "the mean signed error is near 0 for every sensor and cannot compare them",
             ),
             "static log of Table 1": (
                 f"{self.TABLE_1_HOURS} h, averaged over {self.TABLE_1_WINDOW_S:g} s; T_c where the"
