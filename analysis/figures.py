@@ -64,7 +64,7 @@ RELATIVE, OF_THE_PANEL = 1e-4, 1e-6
 # An artist of more points is thinned to what the picture can show: one with markers, another.
 DENSE, FEW = 300, 30
 MOST_CELLS = 2000  # of an image, that a table lists
-COLOURS, ALIKE = 64, 10  # of a picture; of 255, what the eye does not tell in an edge
+COLOURS, ALIKE, LARGE = 64, 32, 0.001  # of a picture; of 255, among edges; share of the dots
 SHARP = 2  # dots of a notebook's picture for one of the page, for screens that show both
 OFF = 0.25  # dots that a line may lie off the points it leaves out
 NOTHING = ("None", "", " ", None)  # matplotlib's names for no line and for no marker
@@ -209,12 +209,16 @@ def _close(old, new):
 
 
 def _picture(fig, dpi):
-    """Draw a figure in the 64 colours that cover most of it and differ: pale tints stay apart."""
+    """Draw a figure in 64 colours: those of large areas, pale tints too, then edges that differ."""
     drawn = io.BytesIO()
     fig.savefig(drawn, format="png", dpi=dpi)
     picture = Image.open(drawn).convert("RGB")
     counted = sorted(picture.getcolors(picture.width * picture.height), reverse=True)
-    left, kept = np.array([color for _, color in counted]), []
+    dots = picture.width * picture.height
+    kept = [np.array(color) for count, color in counted if count > LARGE * dots][:COLOURS]
+    left = np.array([color for _, color in counted])
+    for color in kept:
+        left = left[np.abs(left - color).max(axis=1) > ALIKE]
     while len(left) and len(kept) < COLOURS:
         kept.append(left[0])
         left = left[np.abs(left - left[0]).max(axis=1) > ALIKE]
