@@ -26,12 +26,7 @@ from typer.core import TyperGroup
 from analysis import ROOT, CannotAnswer, WrongUsage
 
 UNITS = "deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
-RESUMABLE = (
-    "reproduce",
-    "coverage",
-    "readings",
-    "data",
-)  # verbs that keep each piece that is finished
+RESUMABLE = ("reproduce", "coverage", "readings", "data")  # they keep each piece that is finished
 Block = StrEnum(  # the tracker's, as --without names them
     "Block", ["last-position", "attitude", "static", "low-pass", "mounting", "fusion"]
 )
@@ -204,7 +199,7 @@ STATIC = SAID_OF_COLUMNS | {  # and of those that read a static log
 
 
 MOVING = SAID_OF_COLUMNS | {  # and a log in motion
-    "columns": Annotated[Text, _option("OURS=THEIRS,...", "Meaning and unit of a CSV's columns.")],
+    "columns": Annotated[Text, _option("OURS=THEIRS,...", "Meaning and unit of a CSV's columns.")]
 }
 
 
@@ -393,17 +388,12 @@ def replay(
         list[Block] | None, _option("BLOCK", "Turn off this block; may be repeated.")
     ] = None,
     outage: Annotated[
-        Texts,
-        _option(
-            "FROM:TO",
-            "Delete the fixes of this part of the log, s; may be repeated.",
-        ),
+        Texts, _option("FROM:TO", "Delete the fixes of this part of the log, s; may be repeated.")
     ] = None,
     imu_offset: Annotated[
         Number,
         _option(
-            "S",
-            "Time from first GNSS epoch to first IMU sample, if the stamps do not tell, s.",
+            "S", "Time from first GNSS epoch to first IMU sample, if the stamps do not tell, s."
         ),
     ] = None,
     last_position: Annotated[
@@ -903,9 +893,7 @@ def _rebuild(names, write):
 
 
 @_verb
-def benchmark(
-    out: Annotated[Text, _out("Folder for the numbers, as CSV.")] = None,
-):
+def benchmark(out: Annotated[Text, _out("Folder for the numbers, as CSV.")] = None):
     """Measure speed here, next to other packages in the same run.
 
     \b

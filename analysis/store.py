@@ -35,12 +35,7 @@ from analysis.logs.columns import IN_M_S2
 from analysis.logs.static import Log
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise, characterise, joined, remarks
-from analysis.noise.disturbances import (
-    OFFSET,
-    TURNING,
-    standing_stretches,
-    static_stretches,
-)
+from analysis.noise.disturbances import OFFSET, TURNING, standing_stretches, static_stretches
 from analysis.terrain import AttitudeMap, IsoRoad, terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.assumptions import Sensor
@@ -280,11 +275,7 @@ def before_and_after(name: str | Path) -> pd.DataFrame:
 
 
 def error_plane(
-    tracker: str,
-    corr_time: float | None = None,
-    *,
-    start: str | None = None,
-    on: str = "exact map",
+    tracker: str, corr_time: float | None = None, *, start: str | None = None, on: str = "exact map"
 ) -> ErrorPlane:
     """Read the tracking error over N and B, from data/derived.
 

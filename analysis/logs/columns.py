@@ -596,7 +596,7 @@ def _unnamed(frame, file, kinds, left_out, wanted, kind, units, scales) -> list[
         raise WrongUsage(
             f"{file}: --unit {units[None]}, but columns {', '.join(heavy)} have a length of "
             f"{_norm(frame, heavy[:3]):.3g}, as accelerometers at one g: say --unit "
-            f"{gravity_unit(_norm(frame, heavy[:3])) or 'g'}, or add --kind {usual}",
+            f"{gravity_unit(_norm(frame, heavy[:3])) or 'g'}, or add --kind {usual}"
         )
     others = [its for its in units if its not in (None, "accel")]
     if heavy and (rest or not usual):

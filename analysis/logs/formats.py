@@ -224,11 +224,7 @@ FORMATS: dict[str, Format] = {  # the first that tells
         lambda head: b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520], head[1024:1032]),
         matrices.hdf5,
     ),
-    "numpy": Format(
-        "NumPy",
-        _holds(rb"\A\x93NUMPY|\APK (\S+\.npy\n)+\Z"),
-        matrices.numpy_file,
-    ),
+    "numpy": Format("NumPy", _holds(rb"\A\x93NUMPY|\APK (\S+\.npy\n)+\Z"), matrices.numpy_file),
     "spreadsheet": Format(
         "a spreadsheet (xlsx, xls, ods)",
         _holds(rb"\A\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1|\APK (.*\n)*(xl/workbook\.|content\.xml\n)"),

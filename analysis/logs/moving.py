@@ -36,10 +36,7 @@ ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
 IMU_GAPS = 0.01  # share of IMU rows whose time may step back
 NEEDED = {
     "GNSS": ("lat_deg", "lon_deg"),
-    "IMU": (
-        *(f"gyro_{axis}_deg_s" for axis in "xyz"),
-        *(f"accel_{axis}_m_s2" for axis in "xyz"),
-    ),
+    "IMU": (*(f"gyro_{axis}_deg_s" for axis in "xyz"), *(f"accel_{axis}_m_s2" for axis in "xyz")),
 }
 _SPEED_NAME = r"(gps_?|location_?)?(speed|sog|ground_?speed|speed_over_ground)"
 _MEANINGS = (  # meaning of a name without its unit

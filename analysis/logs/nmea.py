@@ -12,14 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from pynmeagps import (
-    GET,
-    NMEAMessage,
-    NMEAMessageError,
-    NMEAParseError,
-    NMEAReader,
-    NMEATypeError,
-)
+from pynmeagps import GET, NMEAMessage, NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
 
 from analysis import CannotAnswer
 from analysis.logs import times

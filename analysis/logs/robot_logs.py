@@ -278,10 +278,7 @@ def dataflash(path: Path) -> list[Part]:
     """
     from pymavlink import DFReader
 
-    with (
-        reading(path, "an ArduPilot DataFlash log"),
-        _silent(),
-    ):
+    with reading(path, "an ArduPilot DataFlash log"), _silent():
         log = DFReader.DFReader_binary(str(path))
         raw = np.frombuffer(log.data_map, dtype=np.uint8)
         parts: list[Part] = []

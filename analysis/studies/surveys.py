@@ -26,10 +26,7 @@ from analysis.terrain.open_choices import LAP_M, LEAST_R, STEP_M
 from analysis.terrain.real_laps import MapError, lay_on_line
 from analysis.terrain.relocate import watch_long_drives
 
-LAPS = {
-    "ccw": ("14-45-26", "15-12-43", "15-53-44", "16-06-28"),
-    "cw": ("17-39-12", "17-51-18"),
-}
+LAPS = {"ccw": ("14-45-26", "15-12-43", "15-53-44", "16-06-28"), "cw": ("17-39-12", "17-51-18")}
 DIRECTION_OF = {name: direction for direction, names in LAPS.items() for name in names}
 GATE = (40.86217, -77.83619)  # lat, lon, deg: s = 0, in the stretch where the laps begin
 DT = 1.0 / road_logs.RATE_HZ
@@ -222,10 +219,7 @@ def atlas():
         "readings": {tracker: _in_words(setup) for tracker, setup in exact.items()},
         "setups": {tracker: setup.stated() for tracker, setup in exact.items()},
     }
-    return source, {
-        "atlas": sensors(),
-        "plane": rounded(pd.DataFrame(rows, columns=columns), 4),
-    }
+    return source, {"atlas": sensors(), "plane": rounded(pd.DataFrame(rows, columns=columns), 4)}
 
 
 def surface():

@@ -331,10 +331,7 @@ def receiver_operating(
 
 
 def bridged(
-    timeline: Timeline,
-    *,
-    lengths: Sequence[float] = (10.0, 30.0, 60.0),
-    every_s: float = 15.0,
+    timeline: Timeline, *, lengths: Sequence[float] = (10.0, 30.0, 60.0), every_s: float = 15.0
 ) -> pd.DataFrame:
     """Take the fixes away again and again, and see where each way of bridging ends.
 
