@@ -69,9 +69,8 @@ def write(units, out):
     with replacing(out) as draft:
         pictures = _draw_comparison(found, units, draft / "figures")
         (draft / "compare.json").write_text(store.as_json(content), encoding="utf-8")
-        page = PAGES.get_template("compare.html").render(
-            content=content, pictures=pictures, **_rows_of_comparison(found, content)
-        )
+        told = _rows_of_comparison(found, content) | {"content": content, "found": found}
+        page = PAGES.get_template("compare.html").render(told, pictures=pictures)
         (draft / "compare.html").write_text(page, encoding="utf-8")
         written = {path.relative_to(draft) for path in draft.rglob("*")}
     for path in earlier - written:
@@ -175,50 +174,12 @@ def _rows_of_comparison(found, content):
         "title": f"{both}, side by side",
         "headline": f"{headline}; {len(events)} jumps, holds, losses and disagreements.",
         "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
-        "clocks": [
-            {
-                "unit": track.name,
-                "offset": f"{c.offset_s:.3f}" if c.offset_s.resolved else "not found",
-                "drift": f"{c.drift.scaled(1e6, 'ppm'):.1f}" if c.drift.resolved else "–",
-                "named": c.named or c.offset_s.note,
-            }
-            for track, c in zip(tracks[1:], found.clocks, strict=True)
-        ],
-        "pairs": [
-            {
-                "a": pair.a,
-                "b": pair.b,
-                "picture": _picture(pair.a, pair.b),
-                "rows": [
-                    (OF_COMPARISON[k][0], e, OF_COMPARISON[k][1] or e.note)
-                    for k, e in (_dated(pair, found) | pair.lever).items()
-                ],
-            }
-            for pair in found.pairs
-        ],
         "events": [e | {"when": _from_to(e, zero)} for e in _shown(events)],
         "counts": _counts(events),
-        "hats": {name: _hat_rows(v, tracks) for name, v in found.variances.items()},
+        "rows": lambda pair: (_dated(pair, found) | pair.lever).items(),
+        "words": OF_COMPARISON,
+        "picture_of": _picture,
     }
-
-
-def _hat_rows(variances, tracks):
-    """Lay out the noise of each unit in one component."""
-    unit = variances.sigma[0].unit
-    ranges = variances.allowed[min(variances.allowed)]
-    rows = [
-        {
-            "unit": track.name,
-            "resolved": one.resolved,
-            "estimate": str(alone) if len(tracks) > 2 else str(one),
-            "range": f"{low:.2g} to {high:.2g} {unit}" if low == low else "impossible",
-        }
-        for track, one, alone, (low, high) in zip(
-            tracks, variances.sigma, variances.independent, ranges, strict=True
-        )
-    ]
-    reasons = dict.fromkeys(e.note for e in variances.sigma if not e.resolved)
-    return {"rows": rows, "note": "; ".join(dict.fromkeys([variances.note, *reasons]))}
 
 
 def model(found, units):

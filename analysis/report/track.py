@@ -8,7 +8,6 @@ import json
 import math
 from datetime import datetime, timedelta
 from itertools import pairwise
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 import pandas as pd
@@ -28,7 +27,6 @@ MOVING, STATIC, FIX, REFUSED = "#0072b2", "#009e73", "#999999", "#d55e00"
 NONE, LAYERS = "#e8e8e8", ("#b7e0d2", "#5cbf9f", "#007a5a")
 ANGLES = {"mount": "#cc79a7", "yaw": "#0072b2", "roll": "#e69f00", "pitch": "#009e73"}
 GPX = "http://www.topografix.com/GPX/1/1"
-SCHEMA = "http://www.w3.org/2001/XMLSchema-instance"
 
 
 def write(track, out):
@@ -139,28 +137,21 @@ def gpx(track):
     str
     """
     c, start = track.columns, track.summary["source"]["start_utc"]
-    began = None if start is None else datetime.fromisoformat(start)
-    root = Element("gpx", {"version": "1.1", "creator": "inertial compendium", "xmlns": GPX})
-    root.set("xmlns:xsi", SCHEMA)
-    root.set("xsi:schemaLocation", f"{GPX} {GPX}/gpx.xsd")
-    trk = SubElement(root, "trk")
-    SubElement(trk, "name").text = _title(track)
-    known = np.isfinite(c["out_lat_deg"])
-    for first, last in _runs(known):
-        if not known[first]:
-            continue
-        segment = SubElement(trk, "trkseg")
-        for i in range(first, last):
-            place = {"lat": f"{c['out_lat_deg'][i]:.8f}", "lon": f"{_lon(c['out_lon_deg'][i]):.8f}"}
-            point = SubElement(segment, "trkpt", place)
-            if began is not None:
-                when = began + timedelta(seconds=round(float(c["t_s"][i]), 3))
-                text = f"{when:%Y-%m-%dT%H:%M:%S.%f}"
-                SubElement(point, "time").text = f"{text[:-3]}Z"
-            if c["accepted"][i] and 0 <= c["pdop"][i] < math.inf:
-                SubElement(point, "pdop").text = f"{c['pdop'][i]:.2f}"
-    indent(root, " ")
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
+    known, pdop = np.isfinite(c["out_lat_deg"]), c["pdop"]
+
+    def time(i):
+        when = datetime.fromisoformat(start) + timedelta(seconds=round(float(c["t_s"][i]), 3))
+        return f"{when:%Y-%m-%dT%H:%M:%S.%f}"[:-3] + "Z"
+
+    text = PAGES.get_template("track.gpx").render(
+        schema=GPX,
+        title=_title(track),
+        segments=[range(*run) for run in _runs(known) if known[run[0]]],
+        place=lambda i: (f"{c['out_lat_deg'][i]:.8f}", f"{_lon(c['out_lon_deg'][i]):.8f}"),
+        time=time if start else None,
+        pdop=np.where((c["accepted"] == 1) & (pdop >= 0) & (pdop < np.inf), pdop, np.nan),
+    )
+    return f"{text}\n"
 
 
 def _lon(degrees):
@@ -247,26 +238,15 @@ def page(track):
         for kind in ["steps" if name == "mount" else "line"]
         if np.isfinite(thin[f"{name}_deg"]).any()
     ]
-    panels = []
-    if angles:
-        key = [(a["name"], a["colour"]) for a in angles]
-        panels.append({"id": "angles", "title": "Mounting angle and attitude, degrees", "key": key})
-    if np.isfinite(c["sigma_north_m"]).any():
-        panels.append({"id": "sigma", "title": "Semi-axes of the 95 % ellipse, m"})
-    if np.isfinite(c["pdop"]).any():
-        panels.append({"id": "pdop", "title": "PDOP"})
-    shown = [("output, moving", MOVING), ("output, static", STATIC), ("fix", FIX)]
-    states = [("moving", MOVING), ("static, or fix accepted", STATIC), ("fix refused", REFUSED)]
-    states += [(f"layer {k}", colour) for k, colour in enumerate(LAYERS, 1)]
     return PAGES.get_template("track.html").render(
         title=_title(track),
-        headline=_headline(summary),
-        key=[*shown, ("fix refused", REFUSED)],
-        states=states,
-        panels=panels,
+        summary=summary,
+        span=_span,
+        colours={"moving": MOVING, "static": STATIC, "fix": FIX, "refused": REFUSED},
+        layers=LAYERS,
+        angles=[(angle["name"], angle["colour"]) for angle in angles],
+        measured=[name for name in ("sigma_north_m", "pdop") if np.isfinite(c[name]).any()],
         notes=track.notes,
-        facts=_facts(summary),
-        files=summary["source"]["files"],
         every=every,
         track=_drawn(thin, _bars(c), angles),
     )
@@ -328,35 +308,6 @@ def _bars(c):
             bars["row"].append(row)
             bars["colours"].append(colours[int(column[first])])
     return bars
-
-
-def _headline(summary):
-    source, fixes = summary["source"], summary["fixes"]
-    if not source["epochs"]:
-        return f"{_span(source['duration_s'])} without GNSS: nothing to draw on a map."
-    static = summary["static"]["seconds"]
-    return (
-        f"{_span(source['duration_s'])}, {source['epochs']:,} epochs: {fixes['accepted']:,} of "
-        f"{fixes['with_fix']:,} fixes accepted, {_span(static)} at rest."
-    )
-
-
-def _facts(summary):
-    """Yield what the page's table says: name and value."""
-    source, fixes, mount = summary["source"], summary["fixes"], summary["mounting"]
-    yield "begins (UTC)", source["start_utc"] or "not stated"
-    if source["imu_rate_hz"]:
-        yield "IMU", f"{source['imu_samples']:,} samples at {source['imu_rate_hz']:.4g} Hz"
-    for name, key in (("first fix", "first_fix_s"), ("first position put out", "first_output_s")):
-        yield name, "none" if fixes[key] is None else f"after {fixes[key]:.1f} s"
-    if summary["moved_while_off_m"]:
-        yield "moved while switched off", f"{summary['moved_while_off_m']:.0f} m"
-    if mount["deg"] is not None:
-        interval = f"{mount['deg']:.1f}° ± {1.96 * mount['sigma_deg']:.1f}° (95 %)"
-        yield "mounting angle", f"{interval} from {mount['straights']} straights"
-    yield "position without an accepted fix", _span(summary["seconds_without_fix_but_position"])
-    off = [name.replace("_", " ") for name, state in summary["blocks"].items() if state != "on"]
-    yield "blocks that do not run", ", ".join(off) or "none"
 
 
 def _span(seconds):
