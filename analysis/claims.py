@@ -379,7 +379,7 @@ class Ledger:
                     "claim": theirs["claim"],
                     "published": _published(theirs),
                     "counts as agreement": _agreement(theirs),
-                    "reproduced": _number(mine["value"], theirs["unit"]) or "–",
+                    "our value": _number(mine["value"], theirs["unit"]) or "–",
                     "95 % interval": _range(mine["low"], mine["high"], theirs["unit"]),
                     "verdict": mine["verdict"] + other,
                 }

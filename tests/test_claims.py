@@ -137,7 +137,7 @@ def test_logs_of_true_and_false_give_their_share(elsewhere):
     """Property: with two outcomes the share of true logs is the value, and the words say so."""
     ledger, logs = claims.Ledger("90-test"), np.arange(400) < 100
     assert ledger.check_logs(YES_OR_NO, ~logs).endswith("in 75 % of logs")
-    assert ledger.table()["reproduced"].item() == "in 75 % of logs"
+    assert ledger.table()["our value"].item() == "in 75 % of logs"
     assert pd.read_csv(elsewhere)["value"].item() == 0.75
 
 
@@ -242,7 +242,7 @@ def test_table_lays_published_beside_reproduced():
     ledger = claims.Ledger("90-test")
     verdict = ledger.check(FIRST, 12.3456, 12.0, None)
     (row,) = ledger.table().to_dict("records")
-    assert (row["reproduced"], row["95 % interval"]) == ("12.3 °", "at least 12 °")
+    assert (row["our value"], row["95 % interval"]) == ("12.3 °", "at least 12 °")
     assert (row["published"], PUBLISHED["unit"]) == (f"{PUBLISHED['value']:g} °", "deg")
     assert row["verdict"] == verdict
     assert claims.verdicts().loc[FIRST, "reproduced"] == "12.3 ° (at least 12 °)"
@@ -267,7 +267,7 @@ def test_a_yes_or_no_is_written_as_one(value, words):
     ledger.check(YES_OR_NO, value)
     (row,) = ledger.table().to_dict("records")
     assert (row["published"], row["counts as agreement"]) == ("yes", "yes")
-    assert row["reproduced"] == words
+    assert row["our value"] == words
 
 
 def claim_of(unit, **of):

@@ -481,8 +481,8 @@ class Setup:
                 'paper: "an estimate of the current location is usually known"',
             ),
             "mean and variance of the error": (
-                "mean absolute error; variance over all moments of all laps, lost laps included",
-                "the mean signed error is near 0 for every sensor and cannot compare them",
+                "mean absolute error; variance over all time steps of all laps, lost laps included",
+                "the mean signed error is near 0 for every sensor, so it cannot distinguish them",
             ),
             "static log of Table 1": (
                 f"{self.TABLE_1_HOURS} h, averaged over {self.TABLE_1_WINDOW_S:g} s; T_c where the"
