@@ -81,7 +81,9 @@ def measure(root):
         "untagged code cells over 15 lines": sum(
             len(source.splitlines()) > 15 and not tags for source, tags in every
         ),
-        "median lines of a code cell": statistics.median(len(s.splitlines()) for s, _ in every),
+        "median lines of an untagged code cell": statistics.median(
+            len(s.splitlines()) for s, tags in every if "figure" not in tags
+        ),
         "imports past a face": sum(past_a_face(s, package) for s in sources.values()),
         "figures/ (MB)": round(mb["figures"], 1),
         "notebooks/ (MB)": round(mb["notebooks"], 1),
