@@ -69,8 +69,8 @@ BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 USED = 0.95  # a note says if less than this share of the samples is used
 SELECTED = 30  # correlation times; the values of logs that hold fewer are a selection
 FEW = 4.0  # AIC within which a model without a term speaks against the term
-BETTER = 2.0  # AIC by which a second slow process counts, by chance in one log of forty, and
-# within which flicker noise does: at 4 it would take T_c from 5 logs of 100 of KVH yaw at 2 h
+BETTER = 2.75  # AIC by which a second slow process counts, by chance in one log of sixty
+NEARLY = 2.0  # AIC within which flicker noise refuses T_c; at 4 in 5 more logs of 100, KVH yaw, 2 h
 FOLDED = 0.23  # of the white noise of means comes from shorter periods: 1 - mean of sinc^2
 USELESS = 10.0  # high / low of a correlation time over several models; beyond it is refused
 SAME = 0.02  # relative; two terms so close to each other are one
@@ -351,21 +351,22 @@ class Inference:
         }
 
     def _gauss_markov(self):
-        fit, flicker = self.chosen, self.rival(having="flicker", few=BETTER)
+        fit, flicker = self.chosen, self.rival(having="flicker", few=NEARLY)
         if flicker:
             return self._no_bias(f"{flicker}, and has no correlation time", flicker)
-        two, said = self.similar("N+2GM"), ""
+        said, own = "", {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
+        ends = own
         if self.second_process():
-            fit, fast = two, [f"{two.terms[w][0]:.3g}" for w in ("corr_time", "sigma_b")]
+            fit = self.similar("N+2GM")
+            ends = {w: self.likelihood.interval(fit, w) for w in own}
+            if "rrw" not in self.chosen.terms:
+                ends = {w: _widest(own[w], ends[w]) for w in own}
+            fast = [f"{fit.terms[w][0]:.3g}" for w in own]
             said = (
                 "; the log does not say whether it holds a second slow process, a bias or a random"
                 f" walk: N+2GM includes all; its faster bias has T_c {fast[0]} s and sigma_b"
                 f" {fast[1]} {self.unit}"
             )
-        estimates, ends = (
-            {},
-            {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")},
-        )
         times = self.likelihood.duration / fit.terms["corr_time"][-1]
         note = f"likelihood of {fit.model}; the log covers {_count(times)} correlation times{said}"
         estimates, (low, high) = {}, ends["corr_time"]
@@ -588,14 +589,17 @@ def add_terms(result, rate, temperature, transformed):
     return result, None
 
 
+def _widest(own, other):
+    """Give the ends of two intervals together; None where one of them is open."""
+    pairs = zip((min, max), own, other, strict=True)
+    return tuple(None if None in ends else pick(ends) for pick, *ends in pairs)
+
+
 def either(own, other, kind):
     """Widen an estimate to what holds with a further term and without; refuse it where one does."""
     if other is None:
         return own
-    low, high = (
-        None if None in ends else pick(ends)
-        for pick, ends in ((min, (own.low, other.low)), (max, (own.high, other.high)))
-    )
+    low, high = _widest((own.low, own.high), (other.low, other.high))
     named = kind.replace("_", "-")
     if own.resolved and other.resolved:
         if not low <= 0 <= high:

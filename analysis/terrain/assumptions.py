@@ -481,7 +481,7 @@ class Setup:
                 'paper: "an estimate of the current location is usually known"',
             ),
             "mean and variance of the error": (
-                "mean absolute error; variance over all sampled times of all laps, lost laps included",
+                "mean absolute error; variance over all sampled times of all laps, lost ones too",
                 "the mean signed error is near 0 for every sensor, so it cannot distinguish them",
             ),
             "static log of Table 1": (
