@@ -58,16 +58,7 @@ ALL_CHANNELS, ATLAS = "all.allan", "all.atlas"  # of figures; no channel has a d
 WITHIN = 0.2  # wanted half width of a 95 % interval, relative, of the log to record
 COMPARED, SAME_STEPS = 20_000, 0.9  # samples, and the correlation of their steps
 SAME_RATE = 0.01  # relative difference of two sampling rates
-NAMES = {
-    "arw": "angle random walk N",
-    "vrw": "velocity random walk N",
-    "sigma_v": "wide-band noise σ_v of one sample",
-    "sigma_b": "standard deviation σ_b of the Gauss–Markov bias",
-    "corr_time": "correlation time T_c of the Gauss–Markov bias",
-    "bias_instability": "bias instability B (IEEE 952)",
-    "rrw": "rate random walk K",
-    "drift": "linear drift",
-}
+NAMES = {key: name for key, (_, name, _) in verdict.PARAMETERS.items()}
 
 
 def write(log, out, *, part=None, command=""):
@@ -554,10 +545,8 @@ def _refuse_same_readings(logs):
                 continue  # a constant channel is refused later, as such
             for before, others in seen.setdefault(c.name, []):
                 n = min(len(steps), len(others))
-                pair = steps[:n], others[:n]
-                if pair[0] @ pair[1] > SAME_STEPS * np.linalg.norm(pair[0]) * np.linalg.norm(
-                    pair[1]
-                ):
+                one, other = steps[:n], others[:n]
+                if one @ other > SAME_STEPS * np.linalg.norm(one) * np.linalg.norm(other):
                     raise WrongUsage(
                         f"{before.given} and {log.given} hold the same readings of {c.name}; give"
                         " the log of each unit once"

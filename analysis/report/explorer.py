@@ -53,7 +53,7 @@ def _surface():
     source, tables = store.read("error-surface")
     times = sorted(tables["surface"]["corr_time_s"].unique().tolist())
     planes = {key: [store.error_plane(key, t) for t in times] for key in TRACKERS}
-    one, setup = planes["integrated"][0], source["setup"]
+    one = planes["integrated"][0]
     data = {
         "corr_times": times,
         "arw": one.arw.tolist(),
@@ -70,18 +70,8 @@ def _surface():
         },
         "parts": _parts(),
     }
-    about = (
-        f"Simulated laps of the Penn State test track, {setup['length']:.0f} m at"
-        f" {setup['speed']:g} m/s, pitch on an exact map, the unscented filter with one R for all"
-        " gyros."
-    )
-    return {
-        "data": data,
-        "trackers": TRACKERS,
-        "about": about,
-        "lost": f"{LOST_M:g}",
-        "on_real_map": _on_real_map(),
-    }
+    told = {"data": data, "trackers": TRACKERS, "setup": source["setup"], "lost": f"{LOST_M:g}"}
+    return told | {"on_real_map": _on_real_map()}
 
 
 def _on_real_map():

@@ -76,16 +76,18 @@ def _losses(track) -> Iterator[Event]:
     step = np.diff(t)
     least = max(LOST_S, LOST_INTERVALS * float(np.median(step)))
     for k in np.flatnonzero(step > least):
-        size = float(step[k])
-        yield Event(
-            track.name, "loss", float(t[k]), float(t[k + 1]), size, f"no position for {size:.1f} s"
-        )
+        size, note = float(step[k]), f"no position for {step[k]:.1f} s"
+        yield Event(track.name, "loss", float(t[k]), float(t[k + 1]), size, note)
 
 
-def _runs(same):
-    """Return first and last index of runs in which each value repeats the one before."""
+def _repeats(t, values):
+    """Yield first and last index of repeats that last, their seconds, and if they are nearly all."""
+    same = (np.diff(values, axis=0) == 0).all(axis=1)
     edges = np.diff(np.r_[False, same, False].astype(int))
-    return zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True)
+    for i, j in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        lasts = t[j] - t[i]
+        if lasts >= HELD_S:
+            yield i, j, lasts, lasts > FROZEN * (t[-1] - t[0])
 
 
 def _holds(track, others) -> Iterator[Event]:
@@ -94,27 +96,17 @@ def _holds(track, others) -> Iterator[Event]:
     t, xy, v = track.t_s[fixed], track.enu[fixed][:, :2], track.velocity[fixed]
     if len(t) < 3:
         return
-    span = t[-1] - t[0]
-    for i, j in _runs((np.diff(xy, axis=0) == 0).all(axis=1)):
-        if t[j] - t[i] < HELD_S:
-            continue
+    for i, j, lasts, frozen in _repeats(t, xy):
         speed = np.hypot(*v[i + 1 : j + 1].T)  # the unit's own, if it reports one
         travelled = [float(np.nansum(speed * np.diff(t[i : j + 1])))]
         for other in others:
             ends = interpolated(t[[i, j]], other.t_s, other.enu[:, :2])
             travelled.append(float(np.hypot(*(ends[1] - ends[0]))))
         moved = max((m for m in travelled if np.isfinite(m)), default=0.0)
-        if moved < HELD_M:
-            continue
-        frozen = t[j] - t[i] > FROZEN * span
-        yield Event(
-            track.name,
-            "frozen" if frozen else "hold",
-            float(t[i]),
-            float(t[j]),
-            moved,
-            f"the position stays the same for {t[j] - t[i]:.1f} s and {moved:.0f} m of travel",
-        )
+        if moved >= HELD_M:
+            kind = "frozen" if frozen else "hold"
+            note = f"the position stays the same for {lasts:.1f} s and {moved:.0f} m of travel"
+            yield Event(track.name, kind, float(t[i]), float(t[j]), moved, note)
 
 
 def _attitude_holds(track, others) -> Iterator[Event]:
@@ -123,10 +115,7 @@ def _attitude_holds(track, others) -> Iterator[Event]:
     others = [o for o in others if len(o.attitude_t_s) > 1]
     if len(t) < 3 or not others:
         return
-    span = t[-1] - t[0]
-    for i, j in _runs((np.diff(angles, axis=0) == 0).all(axis=1)):
-        if t[j] - t[i] < HELD_S:
-            continue
+    for i, j, lasts, frozen in _repeats(t, angles):
         turned = 0.0
         for other in others:
             inside = (other.attitude_t_s >= t[i]) & (other.attitude_t_s <= t[j])
@@ -134,15 +123,9 @@ def _attitude_holds(track, others) -> Iterator[Event]:
                 part = np.unwrap(np.nan_to_num(other.attitude[inside]), axis=0, period=360)
                 turned = max(turned, float(np.ptp(part, axis=0).max()))
         if turned >= TURNED_DEG:
-            yield Event(
-                track.name,
-                "frozen" if t[j] - t[i] > FROZEN * span else "attitude hold",
-                float(t[i]),
-                float(t[j]),
-                turned,
-                f"the attitude stays the same for {t[j] - t[i]:.1f} s while another unit turns by "
-                f"{turned:.0f} deg",
-            )
+            kind, note = "frozen" if frozen else "attitude hold", "the attitude stays the same for "
+            note += f"{lasts:.1f} s while another unit turns by {turned:.0f} deg"
+            yield Event(track.name, kind, float(t[i]), float(t[j]), turned, note)
 
 
 def _jumps(track) -> Iterator[Event]:
@@ -265,7 +248,8 @@ def _one_a_spell(found) -> list[Event]:
         for k, other in enumerate(kept):
             names, more = (e.unit.split(" and ") for e in (other, event))
             same = names == more or (len(names) > 1 < len(more) and set(names) & set(more))
-            if same and other.kind == event.kind and _overlap(other, event):
+            overlap = other.from_s <= event.to_s and event.from_s <= other.to_s
+            if same and other.kind == event.kind and overlap:
                 start, stop = min(other.from_s, event.from_s), max(other.to_s, event.to_s)
                 unit = " and ".join(sorted({*names, *more}))
                 kept[k] = replace(other, unit=unit, from_s=start, to_s=stop)
@@ -273,7 +257,3 @@ def _one_a_spell(found) -> list[Event]:
         else:
             kept.append(event)
     return sorted(kept, key=lambda e: e.from_s)
-
-
-def _overlap(one, other):
-    return one.from_s <= other.to_s and other.from_s <= one.to_s

@@ -144,27 +144,19 @@ class Track:
             max(1, int(step / np.median(np.diff(t)) + 0.01)) if len(t) > 1 else 1
             for t in (self.t_s, self.attitude_t_s)
         )
-        return replace(
-            self,
-            t_s=self.t_s[::n],
-            enu=self.enu[::n],
-            velocity=self.velocity[::n],
-            attitude_t_s=self.attitude_t_s[::m],
-            attitude=self.attitude[::m],
-        )
+        return self._at(slice(None, None, n), slice(None, None, m))
 
     def between(self, start: float, stop: float) -> "Track":
         """The part of the track with start <= t < stop, s."""
         at = (self.t_s >= start) & (self.t_s < stop)
         angle = (self.attitude_t_s >= start) & (self.attitude_t_s < stop)
-        return replace(
-            self,
-            t_s=self.t_s[at],
-            enu=self.enu[at],
-            velocity=self.velocity[at],
-            attitude_t_s=self.attitude_t_s[angle],
-            attitude=self.attitude[angle],
-        )
+        return self._at(at, angle)
+
+    def _at(self, rows, of_attitude):
+        """Take some epochs, and some of the attitude's."""
+        kept = {k: getattr(self, k)[rows] for k in ("t_s", "enu", "velocity")}
+        kept |= {k: getattr(self, k)[of_attitude] for k in ("attitude_t_s", "attitude")}
+        return replace(self, **kept)
 
 
 def local_tracks(units: Sequence[Unit]) -> list[Track]:

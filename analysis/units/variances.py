@@ -299,15 +299,22 @@ def _inside(s, rho):
     """Variances deep inside the set that |correlations| <= rho allow, and how deep; s of size 1."""
     start = np.r_[_premoli_tavella(s) + 0.05, 0.0]
     start[-1] = _slacks(start[:-1], s, rho).min()
-    found = minimize(
-        lambda x: -x[-1],
+    v = _least(
+        lambda x: -x[-1], start, lambda x: _slacks(x[:-1], s, rho) - x[-1], more=[(-3.0, 1.0)]
+    )[:-1]
+    return v, float(_slacks(v, s, rho).min())
+
+
+def _least(cost, start, slacks, rounds=60, within=1e-8, more=()):
+    """Minimise a cost of variances >= 0 (and ``more`` with bounds) while no slack is negative."""
+    return minimize(
+        cost,
         start,
         method="SLSQP",
-        bounds=[(0.0, None)] * len(s) + [(-3.0, 1.0)],
-        constraints=[{"type": "ineq", "fun": lambda x: _slacks(x[:-1], s, rho) - x[-1]}],
-        options={"maxiter": 60, "ftol": 1e-8},
-    )
-    return found.x[:-1], float(_slacks(found.x[:-1], s, rho).min())
+        bounds=[(0.0, None)] * (len(start) - len(more)) + [*more],
+        constraints=[{"type": "ineq", "fun": slacks}],
+        options={"maxiter": rounds, "ftol": within},
+    ).x
 
 
 def _range(s, rho):
@@ -317,20 +324,16 @@ def _range(s, rho):
     if count == 2 or count > 3 or not (start > 1e-3).all():  # else the hat itself is inside
         start = _inside(s / scale, rho)[0]
     out = np.full((count, 2), np.nan)
-    if _slacks(start, s / scale, rho).min() < -1e-6:
+
+    def slacks(v):
+        return _slacks(v, s / scale, rho)
+
+    if slacks(start).min() < -1e-6:
         return out
     for i in range(len(s)):
         for k, sign in enumerate((1.0, -1.0)):
-            found = minimize(
-                lambda v, i=i, sign=sign: sign * v[i],
-                start,
-                method="SLSQP",
-                bounds=[(0.0, None)] * len(s),
-                constraints=[{"type": "ineq", "fun": lambda v: _slacks(v, s / scale, rho)}],
-                options={"maxiter": 60, "ftol": 1e-8},
-            )
-            good = _slacks(found.x, s / scale, rho).min() > -1e-5
-            out[i, k] = scale * max((found.x if good else start)[i], 0.0)
+            v = _least(lambda v, i=i, sign=sign: sign * v[i], start, slacks)
+            out[i, k] = scale * max((v if slacks(v).min() > -1e-5 else start)[i], 0.0)
     return out
 
 
@@ -343,15 +346,9 @@ def _premoli_tavella(s):
     def cost(v):
         return float((_covariances(v, unit)[upper] ** 2).sum())
 
-    found = minimize(
-        cost,
-        np.full(len(s), 0.6),  # every v_i >= s_ij / 2 is a covariance matrix
-        method="SLSQP",
-        bounds=[(0.0, None)] * len(s),
-        constraints=[{"type": "ineq", "fun": lambda v: np.linalg.eigvalsh(_covariances(v, unit))}],
-        options={"maxiter": 200, "ftol": 1e-12},
-    )
-    return np.maximum(found.x, 0.0) * scale
+    start = np.full(len(s), 0.6)  # every v_i >= s_ij / 2 is a covariance matrix
+    v = _least(cost, start, lambda v: np.linalg.eigvalsh(_covariances(v, unit)), 200, 1e-12)
+    return np.maximum(v, 0.0) * scale
 
 
 def _least_correlation(s):
