@@ -37,25 +37,7 @@ from analysis import DATA, FIGURES, ROOT, WrongUsage, figures_folder
 __all__ = ["DOUBLE", "SINGLE", "plt", "save", "use_style"]
 
 SINGLE, DOUBLE = 3.5, 7.2  # widths, in
-STYLE = {
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "axes.labelsize": 8,
-    "legend.fontsize": 7,
-    "legend.frameon": False,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "axes.linewidth": 0.6,
-    "axes.grid": True,
-    "grid.linewidth": 0.3,
-    "grid.alpha": 0.5,
-    "lines.linewidth": 0.9,
-    "lines.markersize": 3,
-    "figure.dpi": 90,  # inside a notebook, which gets SHARP times as many dots; files: savefig.dpi
-    "figure.constrained_layout.use": True,
-    "savefig.dpi": 130,
-    "pdf.fonttype": 42,
-}
+STYLE = mpl.rc_params_from_file(Path(__file__).with_suffix(".mplstyle"), use_default_template=False)
 NO_LAYOUT = {"figure.constrained_layout.use": False, "figure.autolayout": False}
 SCRATCH = ROOT / "scratch"  # for a notebook that is run by hand
 # Six digits are written; processors differ in the last of sixteen, which a long sum or an

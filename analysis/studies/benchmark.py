@@ -115,27 +115,6 @@ def ukf_against_filterpy():
     yield Measured("largest difference after all steps", difference, "m", "<= 1e-8")
 
 
-LOOP = """
-#include <math.h>
-#define AT(u) (i = (long)(u), i = i < 0 ? 0 : i > last ? last : i, slope[i] * (u) + intercept[i])
-void laps(const double *slope, const double *intercept, long last, double scale, double shift,
-          double step, double q, const double *z, const double *noise, const double *size, double R,
-          long n, long runs, long cells, double *x, double *P) {
-  for (long r = 0; r < runs; r++) for (long k = 1; k < n; k++) for (long c = 0; c < cells; c++) {
-    long i; double *at = x + r * cells + c, *var = P + r * cells + c;
-    double s = *at + step, p = *var + q, root = sqrt(p), reach = 1.7320508075688772 * root;
-    double h = AT(s * scale + shift);
-    double up = AT((s + reach) * scale + shift), down = AT((s - reach) * scale + shift);
-    double e = (up + down) / 6 + h * 2 / 3, cross = root * (up - down) * 1.7320508075688772 / 6;
-    h -= e; up -= e; down -= e;
-    double S = h * h * 2 / 3 + (up * up + down * down) / 6 + R, K = cross / S;
-    *at = s + K * (z[k] + noise[k * runs + r] * size[c] - e);
-    *var = p - K * cross;
-  }
-}
-"""
-
-
 def compiled_filter(samples=4001, runs=20, cells=25):
     """Time the filter in NumPy, compiled, and as a plain loop in C, on the same laps.
 
@@ -177,8 +156,7 @@ def compiled_filter(samples=4001, runs=20, cells=25):
     counts = (len(truth), runs, cells)
     given = (slope, intercept, *numbers, step, setup.q * step, work[2][0], noise, size, setup.R)
     with tempfile.TemporaryDirectory() as folder:
-        source, library = Path(folder, "loop.c"), Path(folder, "loop.so")
-        source.write_text(LOOP, encoding="utf-8")
+        source, library = Path(__file__).with_name("laps.c"), Path(folder, "laps.so")
         flags = ["-O3", "-march=native", "-shared", "-fPIC", "-o", library, source, "-lm"]
         subprocess.run([compiler, *flags], check=True)
         loop = ctypes.CDLL(str(library)).laps

@@ -81,7 +81,7 @@ def _losses(track) -> Iterator[Event]:
 
 
 def _repeats(t, values):
-    """Yield first and last index of repeats that last, their seconds, and if they are nearly all."""
+    """Yield first and last index of repeats that last, seconds, and whether that is nearly all."""
     same = (np.diff(values, axis=0) == 0).all(axis=1)
     edges = np.diff(np.r_[False, same, False].astype(int))
     for i, j in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
