@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.logs import delimited
+from analysis.logs.columns import NAMES
 from analysis.logs.delimited import Table
 from analysis.logs.matrices import check_zip
 from analysis.logs.tables import AXES, Part, reading
@@ -25,22 +26,9 @@ EXPORT = "the export's file name"
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
 FILES = 500  # in a folder or zip
 _SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
-_SENSORS = {  # file of Sensor Logger, by its maker's UNITS.md, where the columns are only x, y, z
-    "gyroscope": "gyro_{}_rad_s",
-    "gyroscopeuncalibrated": "gyro_{}_rad_s",
-    "totalacceleration": "accel_{}_m_s2",  # gravity included
-    "accelerometer": "accel_{}_m_s2",  # gravity taken off
-    "accelerometeruncalibrated": "accel_{}_m_s2",  # in g on iOS, which its length tells
-}
+_SENSORS = NAMES["sensor_logger"]
 _CLOCK = "seconds_elapsed"
 _SIDE_BY_SIDE = re.compile("meta|uncalibrated|wrist|watch|headphone|linear ?accel")
-_NAMES = {  # of a phone's position
-    "latitude": "lat_deg",
-    "longitude": "lon_deg",
-    "altitude": "height_m",
-    "speed": "speed_m_s",
-    "bearing": "course_deg",
-}
 
 
 @functools.cache
@@ -180,7 +168,7 @@ def phone(parts: list[Part]) -> Iterator[Part]:
     ios = "ios" in said and "true" not in said
     for part in parts:
         stem = Path(part.name).stem.lower()
-        names = dict(_NAMES) if stem == "location" else {}
+        names = dict(NAMES["location"]) if stem == "location" else {}
         if stem in _SENSORS and {*AXES, _CLOCK} <= set(part.columns):
             names |= {axis: _SENSORS[stem].format(axis) for axis in AXES}
         primary = part.primary and not _SIDE_BY_SIDE.search(part.name.lower())

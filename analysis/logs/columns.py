@@ -9,8 +9,11 @@ import difflib
 import functools
 import itertools
 import re
+import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +21,7 @@ import pandas as pd
 from analysis import STANDARD_GRAVITY, WrongUsage
 from analysis.logs import times
 
+NAMES: dict[str, Any] = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))
 _UNITS_OF_KIND = {
     "rate": ("deg/s", "rad/s", "deg/h"),
     "angle": ("deg", "rad"),
@@ -46,36 +50,13 @@ _PLAIN = str.maketrans("²¹⁻−µμ", "21--uu") | {ord("°"): "deg", ord("º"
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
 FLAG = {"rate": "gyro", "accel": "accel", "angle": "angle", "position": "position"}
 _KINDS = {**{flag: kind for kind, flag in FLAG.items()}, "rate": "rate", "acceleration": "accel"}
-_WORDS = {  # of a column's name -> what it holds instead of a reading; with an axis it may be one
-    "a time": "time stamp timestamp elapsed millis micros nanos secs nsecs epoch utc date clock",
-    "a norm": "absolute abs norm magnitude resultant total",
-    "a counter": "seq sequence index idx count counter cnt id sample row frame packet record lap"
-    " number unnamed tick ticks loop",
-    "a status word": "status flag flags valid state mode quality fix label activity battery voltage"
-    " error errors checksum crc",
-    "an accuracy": "accuracy covariance cov variance std sigma confidence",
-    "a temperature": "temp temperature tmp thermometer",
-    "another quantity": "mag magn magnetic magnetometer compass pressure baro barometer humidity"
-    " light lat lon lng latitude longitude altitude height separation speed course bearing"
-    " orientation quaternion qw qx qy qz gravity grav mx my mz pdop hdop vdop satellites",
-}
 _GNSS = {"lat", "lon", "lng", "latitude", "longitude", "altitude", "height", "separation"}
 _GNSS |= {"speed", "course", "pdop", "hdop", "satellites"}
-_SAID_BY = {word: what for what, words in _WORDS.items() for word in words.split()}
+_SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
 _WITH_AXIS = {"a counter", "a status word", "a norm"}  # such words do not spoil imu_sample_gyro_x
 _ALWAYS = {"absolute", "abs", "norm", "magnitude", "resultant", "status", "valid"}
-_READS = {
-    "rate": "gyr gyro gyros gyroscope omega angvel w rollrate pitchrate yawrate rotationrate",
-    "accel": "a acc accel accl acceleration accelerometer gforce linacc specificforce",
-    "angle": "roll pitch yaw heading attitude",
-    "position": "north east down up pos position",
-}
-_KIND_OF_WORD = {word: kind for kind, words in _READS.items() for word in words.split()}
-_PAIRS = {  # two words in a row
-    **dict.fromkeys((("angular", "velocity"), ("angular", "rate"), ("rotation", "rate")), "rate"),
-    **dict.fromkeys((("roll", "rate"), ("pitch", "rate"), ("yaw", "rate")), "rate"),
-    **dict.fromkeys((("g", "force"), ("specific", "force")), "accel"),
-}
+_KIND_OF_WORD = {word: kind for kind, words in NAMES["kinds"].items() for word in words.split()}
+_PAIRS = {tuple(two.split()): kind for kind, pairs in NAMES["pairs"].items() for two in pairs}
 _ESTIMATED = {"h", "v", "s", "t", "hor", "ver", "pos", "vel", "head", "heading", "speed", "time"}
 _TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 LOOKED_AT = 5000  # rows in which a counter, a clock or a norm shows

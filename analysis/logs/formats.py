@@ -27,29 +27,10 @@ from analysis.logs.delimited import Table
 from analysis.logs.grid import BadStamps
 from analysis.logs.tables import Part, choose, listed, of_arrays, paired, reading
 
-_PHONE = {  # the app's column -> ours; position and attitude are what the notebooks use
-    "latitude": "lat_deg",
-    "longitude": "lon_deg",
-    "altitude": "height_m",
-    "speed": "speed_m_s",
-    "horizontalAccuracy": "horizontal_accuracy_m",
-}
-_GPX = {  # element of a track point -> our column
-    "time": "time",
-    "ele": "height_m",
-    "speed": "speed_m_s",
-    "course": "course_deg",
-    "pdop": "pdop",
-}
 _PAIR = re.compile(  # gx: 0.1, or gyro x (dps) = 1e-3
     r"([A-Za-z][\w.]*(?:\s*[\[(][^\])]*[\])])?)\s*[:=]\s*"
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 )
-_XSENS = {
-    **{f"Gyr_{axis.upper()}": f"gyro_{axis}_rad_s" for axis in "xyz"},
-    **{f"Acc_{axis.upper()}": f"accel_{axis}_m_s2" for axis in "xyz"},
-    **{name: f"{name.lower()}_deg" for name in ("Roll", "Pitch", "Yaw")},
-}
 
 
 def phone(path: Path) -> Table:
@@ -61,7 +42,7 @@ def phone(path: Path) -> Table:
     from the quaternion.
     """
     table = delimited.read_table(path)
-    frame = table.frame.rename(columns=_PHONE)
+    frame = table.frame.rename(columns=columns.NAMES["phone_app"])
     lacking = {"time", "qw", "qx", "qy", "qz", "lat_deg", "lon_deg", "height_m"} - set(frame)
     if lacking:
         raise CannotAnswer(
@@ -76,6 +57,7 @@ def phone(path: Path) -> Table:
 def gpx(path: Path) -> list[Part]:
     """List the tracks of a GPX file; one table, where they follow each other in time."""
     tracks: list[list[dict[str, Any]]] = []
+    known = columns.NAMES["gpx"]
     with reading(path, "a GPX file"), path.open("rb") as handle:
         point: dict[str, Any] = {}
         routes = 0
@@ -90,8 +72,8 @@ def gpx(path: Path) -> list[Part]:
             elif tag == "trkpt":
                 point = {}
                 element.clear()
-            elif tag in _GPX:
-                point[_GPX[tag]] = element.text
+            elif tag in known:
+                point[known[tag]] = element.text
             routes += event == "end" and tag == "rtept"
     tracks = [track for track in tracks if track]
     if not any("time" in each for track in tracks for each in track):
@@ -103,11 +85,11 @@ def gpx(path: Path) -> list[Part]:
     parts = []
     for number, track in enumerate(tracks, 1):
         frame = pd.DataFrame(track)
-        columns = {"time": frame.pop("time").fillna("").to_numpy(dtype=object)}
+        arrays = {"time": frame.pop("time").fillna("").to_numpy(dtype=object)}
         for name in frame:
             with reading(path, "a GPX file"):
-                columns[name] = frame[name].to_numpy(dtype=float)
-        parts.append(of_arrays(path, f"track {number}", columns, told_by="the GPX standard"))
+                arrays[name] = frame[name].to_numpy(dtype=float)
+        parts.append(of_arrays(path, f"track {number}", arrays, told_by="the GPX standard"))
     return parts
 
 
@@ -150,7 +132,7 @@ def xsens(path: Path) -> list[Part]:
     2^32 ticks, of the MTi 10- and 100-series after a day.
     """
     layout = delimited.sniff(path)
-    names = {name: _XSENS.get(name, name) for name in layout.names}
+    names = {name: columns.NAMES["xsens"].get(name, name) for name in layout.names}
     with delimited.open_bytes(path) as handle:
         rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", handle.read(delimited.HEAD_BYTES))
 

@@ -38,29 +38,10 @@ NEEDED = {
     "GNSS": ("lat_deg", "lon_deg"),
     "IMU": (*(f"gyro_{axis}_deg_s" for axis in "xyz"), *(f"accel_{axis}_m_s2" for axis in "xyz")),
 }
-_SPEED_NAME = r"(gps_?|location_?)?(speed|sog|ground_?speed|speed_over_ground)"
-_MEANINGS = (  # meaning of a name without its unit
-    ("lat", r"(gps_?|location_?)?lat(itude)?"),
-    ("lon", r"(gps_?|location_?)?(lon|lng|long)(itude)?"),
-    ("height", r"(gps_?|location_?)?(height|alt|altitude)([ _]*[\[(]?(ft|feet)[\])]?)?"),
-    ("pdop", r"(gps_?)?pdop"),
-    ("speed", _SPEED_NAME),
-    ("course", r"(gps_?|location_?)?(course|cog|bearing|track|heading)"),
-    ("fix", r"has_?fix|fix|fix_?type|quality"),
-    ("mode", r"(gps_?|gnss_?)?(fix|nav|gsa)_?mode"),
-    ("satellites", r"(gps_?|gnss_?)?(satellites|sats|num_?sv|num_?sats?)"),
-    ("accel_{}", r"(a|acc|accel|accelerometer|acceleration|g_?force)[ _.]?{}"),
-    ("gyro_x", r"rollrate"),
-    ("gyro_y", r"pitchrate"),
-    ("gyro_z", r"yawrate"),
-    ("roll", r"roll|roll_?angle"),
-    ("pitch", r"pitch|pitch_?angle"),
-    ("yaw", r"yaw|yaw_?angle|azimuth"),
-    ("gyro_{}", r"(w|g|gyr|gyro|gyroscope|omega|rate|angular_?rate)[ _.]?{}"),
-)
 SPEED = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
 _SPEED_WITH_UNIT = re.compile(
-    _SPEED_NAME + r"[ _]*[\[(]?((?P<m_s>m_s|m/s|mps|ms)|(?P<km_h>km_h|km/h|kmh|kph)"
+    columns.NAMES["moving"]["speed"]
+    + r"[ _]*[\[(]?((?P<m_s>m_s|m/s|mps|ms)|(?P<km_h>km_h|km/h|kmh|kph)"
     r"|(?P<knots>knots?|kn|kt)|(?P<mph>mph))[\])]?"
 )
 _RAD_S = {"deg/s": np.pi / 180, "rad/s": 1.0, "deg/h": np.pi / 180 / 3600}
@@ -513,7 +494,7 @@ def _meaning(name: str) -> tuple[str | None, str | None]:
     speed = _SPEED_WITH_UNIT.fullmatch(name.strip().lower())
     if speed:
         return "speed", next(unit for unit in SPEED if speed[unit])
-    for meaning, pattern in _MEANINGS:
+    for meaning, pattern in columns.NAMES["moving"].items():
         for axis in "xyz" if "{}" in meaning else [""]:
             if re.fullmatch(pattern.replace("{}", axis), base):
                 return meaning.format(axis), unit

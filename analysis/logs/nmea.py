@@ -16,6 +16,7 @@ from pynmeagps import GET, NMEAMessage, NMEAMessageError, NMEAParseError, NMEARe
 
 from analysis import CannotAnswer
 from analysis.logs import times
+from analysis.logs.columns import NAMES
 from analysis.logs.delimited import Table, content
 from analysis.logs.grid import BadStamps
 from analysis.logs.tables import Part
@@ -44,28 +45,8 @@ _STAMPED_BREAK = re.compile(
     rb"[\r\n]+(?:" + _APART + rb"(?:" + _STAMP + rb")" + _APART + rb"(?:[\r\n]+|(?=,)))?"
 )
 Sentence = tuple[int, NMEAMessage]
-_POSITION = {"lat_deg": "lat", "lon_deg": "lon"}
-_FIELDS: dict[str, dict[str, str]] = {  # of an epoch's sentences the first with a value counts
-    "GGA": {
-        **_POSITION,
-        "height_m": "alt",
-        "separation_m": "sep",
-        "hdop": "HDOP",
-        "quality": "quality",
-        "satellites": "numSV",
-    },
-    "GNS": {**_POSITION, "height_m": "alt", "modes": "posMode"},
-    "RMC": {
-        **_POSITION,
-        "speed_knots": "spd",
-        "course_deg": "cog",
-        "date": "date",
-        "status": "status",
-    },
-    "GLL": {**_POSITION, "status": "status"},
-    "VTG": {"speed_km_h": "sogk", "course_deg": "cogt"},
-    "GSA": {"pdop": "PDOP", "mode": "navMode"},
-}
+_POSITION = ("lat_deg", "lon_deg")
+_FIELDS = NAMES["nmea"]
 _NO_FIX = {0, 6}  # none, and estimated (the receiver's own dead reckoning)
 
 

@@ -23,71 +23,18 @@ from tqdm import tqdm
 
 from analysis import CannotAnswer
 from analysis.logs import nmea
+from analysis.logs.columns import NAMES
 from analysis.logs.delimited import Table
 from analysis.logs.tables import AXES, LISTED, Part, of_arrays, reading
 
 DEFINED = "its message definition"
-_ROS = {  # message type -> field -> our column
-    "sensor_msgs/msg/Imu": {
-        **{f"angular_velocity.{axis}": f"gyro_{axis}_rad_s" for axis in AXES},
-        **{f"linear_acceleration.{axis}": f"accel_{axis}_m_s2" for axis in AXES},
-    },
-    "sensor_msgs/msg/NavSatFix": {
-        "latitude": "lat_deg",
-        "longitude": "lon_deg",
-        "altitude": "height_m",
-        "status.status": "fix",
-    },
-    "sensor_msgs/msg/Temperature": {"temperature": "temperature (degC)"},
-    "geometry_msgs/msg/Vector3Stamped": {f"vector.{axis}": axis for axis in AXES},
-}
-_PX4_GPS = {
-    "lat": ("lat_deg", 1e-7),
-    "lon": ("lon_deg", 1e-7),
-    "alt": ("height_m", 1e-3),
-    "latitude_deg": ("lat_deg", 1.0),
-    "longitude_deg": ("lon_deg", 1.0),
-    "altitude_msl_m": ("height_m", 1.0),
-    "vel_m_s": ("speed_m_s", 1.0),
-    "cog_rad": ("course_deg", 180 / np.pi),
-}
-_ULOG = {  # message -> field -> our column, and the factor
-    "sensor_combined": {
-        **{f"gyro_rad[{k}]": (f"gyro_{axis}_rad_s", 1.0) for k, axis in enumerate(AXES)},
-        **{f"accelerometer_m_s2[{k}]": (f"accel_{axis}_m_s2", 1.0) for k, axis in enumerate(AXES)},
-    },
-    "sensor_gyro": {axis: (f"gyro_{axis}_rad_s", 1.0) for axis in AXES},
-    "sensor_accel": {axis: (f"accel_{axis}_m_s2", 1.0) for axis in AXES},
-    "vehicle_gps_position": _PX4_GPS,
-    "sensor_gps": _PX4_GPS,
-}
+_ROS = NAMES["ros"]
+_ULOG = NAMES["ulog"] | dict.fromkeys(("vehicle_gps_position", "sensor_gps"), NAMES["ulog_gps"])
 _ULOG_SIDE = re.compile("timestamp|device_id|integral_dt|clip|count|magnetometer|baro")
-_DATAFLASH = {  # a field means the same in every message that has it
-    "TimeUS": "t_us",
-    **{f"Gyr{axis.upper()}": f"gyro_{axis}_rad_s" for axis in AXES},
-    **{f"Acc{axis.upper()}": f"accel_{axis}_m_s2" for axis in AXES},
-    "Lat": "lat_deg",
-    "Lng": "lon_deg",
-    "Alt": "height_m",
-    "Spd": "speed_m_s",
-    "GCrs": "course_deg",
-    "Roll": "roll_deg",
-    "Pitch": "pitch_deg",
-    "Yaw": "yaw_deg",
-}
 _PAGE = 528  # bytes without messages that the end of a DataFlash log may have
 _PRIMARY = re.compile(r"(IMU|GYR|ACC|GPS)\d?|ATT")
 _UBX = re.compile(rb"\xb5\x62(?:\x01\x07|\x10[\x02\x03])")  # NAV-PVT, ESF-MEAS, ESF-RAW
 _UBX_SIZE = 8192  # bytes of the longest message that is looked at
-_ESF = {  # data type -> our column, its unit for each count
-    14: ("gyro_x_deg_s", 2.0**-12),
-    13: ("gyro_y_deg_s", 2.0**-12),
-    5: ("gyro_z_deg_s", 2.0**-12),
-    16: ("accel_x_m_s2", 2.0**-10),
-    17: ("accel_y_m_s2", 2.0**-10),
-    18: ("accel_z_m_s2", 2.0**-10),
-    12: ("temperature (degC)", 1e-2),
-}
 
 
 def ros_bag(path: Path) -> list[Part]:
@@ -319,7 +266,7 @@ def _dataflash_parts(
         columns = {}
         for name, (_, factor, _) in zip(form.columns, codes, strict=True):
             if mine[name].dtype.kind in "fiu" and name != instance:
-                ours = _DATAFLASH.get(name, name)
+                ours = NAMES["dataflash"].get(name, name)
                 if name in ("T", "Temp"):
                     ours = "temperature (degC)"
                 columns[ours] = mine[name] * (factor or 1.0)
@@ -426,7 +373,7 @@ def _ubx_rows(message: Any) -> Iterator[dict[str, float]]:
         if raw:
             tag = int.from_bytes(payload[at + 4 : at + 8], "little")
         value = (word & 0xFFFFFF) - ((word & 0x800000) << 1)
-        name, unit = _ESF.get(word >> 24 & 0x3F, ("", 0.0))
+        name, unit = NAMES["esf"].get(str(word >> 24 & 0x3F), ("", 0.0))
         if name:
             found.setdefault(tag, {})[name] = unit * value
     name = "time tag" if not raw else "sensor time tag"
