@@ -10,12 +10,17 @@ import matplotlib.pyplot as plt
 
 from analysis import Estimate, figures, plots, replacing, store
 from analysis.logs.columns import tidy
-from analysis.report import PAGES, figures_of
+from analysis.report import PAGES, figures_of, verdict
 from analysis.units.frame import Unit
 from analysis.units.side_by_side import side_by_side
 
 EVENTS = 30  # on a page; compare.json lists all
 FIRST = ("frozen", "disagreement", "attitude disagreement", "jump", "hold", "attitude hold")
+KINDS = {  # one, several
+    "frozen": ("frozen output", "frozen outputs"),
+    "loss": ("loss", "losses"),
+    **{k: (k, f"{k}s") for k in (*FIRST[1:], "time step")},
+}
 OF_COMPARISON = {  # a row of the page: what it is
     "p50_m": ("horizontal distance, half are within", "p50"),
     "p95_m": ("horizontal distance, 95 % are within", "p95"),
@@ -134,20 +139,22 @@ def _shown(events):
 
 
 def _counts(events):
-    """Count the events of each unit by kind, a sentence each."""
+    """Count events by kind: ``2 jumps and 1 loss (21 s in all)``; ``no jumps, ...`` without any."""
+    sizes: dict[str, list[float]] = {}
+    for e in events:
+        sizes.setdefault(e["kind"], []).append(e["size"])
+    parts = [
+        f"{len(own)} {KINDS[kind][len(own) > 1]}"
+        + (f" ({sum(own):.0f} s in all)" if kind == "loss" else "")
+        for kind, own in sizes.items()
+    ]
+    return verdict.listed(parts) if parts else "no jumps, holds, losses or disagreements"
+
+
+def _counts_of_units(events):
+    """Count the events of each unit, a line each."""
     units = dict.fromkeys(e["unit"] for e in events)
-    found = []
-    for unit in units:
-        sizes: dict[str, list[float]] = {}
-        for e in events:
-            if e["unit"] == unit:
-                sizes.setdefault(e["kind"], []).append(e["size"])
-        parts = [
-            f"{kind} {len(own)}" + (f" ({sum(own):.0f} s in all)" if kind == "loss" else "")
-            for kind, own in sizes.items()
-        ]
-        found.append(f"{unit}: {', '.join(parts)}")
-    return found
+    return [f"{unit}: {_counts([e for e in events if e['unit'] == unit])}" for unit in units]
 
 
 def _picture(a, b):
@@ -172,10 +179,10 @@ def _rows_of_comparison(found, content):
     return {
         "zero": f"{zero:%Y-%m-%d %H:%M:%S} UTC" if zero else "",
         "title": f"{both}, side by side",
-        "headline": f"{headline}; {len(events)} jumps, holds, losses and disagreements.",
+        "headline": f"{headline}; {_counts(events)}.",
         "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
         "events": [e | {"when": _from_to(e, zero)} for e in _shown(events)],
-        "counts": _counts(events),
+        "counts": _counts_of_units(events),
         "rows": lambda pair: (_dated(pair, found) | pair.lever).items(),
         "words": OF_COMPARISON,
         "picture_of": _picture,
@@ -300,7 +307,7 @@ def lines(content):
             if key in OF_COMPARISON:
                 yield f"  {OF_COMPARISON[key][0]:<40}{Estimate(**entry)}"
     zero = content["time_zero_utc"] and datetime.fromisoformat(content["time_zero_utc"])
-    yield from (f"  {line}" for line in _counts(content["events"]))
+    yield from (f"  {line}" for line in _counts_of_units(content["events"]))
     for event in _shown(content["events"]):
         yield f"  {event['unit']}: {event['kind']} from {_from_to(event, zero)}: {event['note']}"
     if len(content["events"]) > EVENTS:
