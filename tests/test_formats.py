@@ -3,6 +3,7 @@
 `FORMATS` is the table of data/own/README.md: a format, how a sample is written, what reading takes.
 """
 
+import datetime
 import functools
 import gzip
 import json
@@ -106,6 +107,20 @@ def write_json_lines(path):
         {"t_s": t, "gyro_rad_s": list(g), "accel": {"x": a[0], "y": a[1], "z": a[2]}}
         for t, g, a in rows
     ]
+    path.write_text("\n".join(map(json.dumps, text)) + "\n")
+
+
+def write_gpsd(path):
+    """Lay out gpsd's reports by its manual: two without a fix, then one a second."""
+    device = {"device": "/dev/ttyACM0"}
+    text = [{"class": "VERSION", "release": "3.25", "proto_major": 3}]
+    for k in range(200):
+        stamp = datetime.datetime.fromtimestamp(UNIX + k, datetime.UTC)
+        fix = {"mode": 3, "lat": 45 + 1e-6 * (k % 7), "lon": 7 + 1e-6 * (k % 5), "alt": 9.0}
+        fix |= {"altMSL": 100.0 + k % 3, "speed": 0.5, "eph": 4.0}
+        tpv = {"class": "TPV", "time": f"{stamp:%FT%T}.000Z", **(fix if k > 1 else {"mode": 1})}
+        sky = {"class": "SKY", "pdop": 1.5, "uSat": 9, "satellites": [{"PRN": 3, "used": True}]}
+        text += [tpv | device, sky | device]
     path.write_text("\n".join(map(json.dumps, text)) + "\n")
 
 
@@ -408,6 +423,7 @@ FORMATS = [  # row of the page's table, how its sample is written, channels, wha
     ("NumPy npy with field names", write_npy, BOTH, ALONE),
     ("NumPy npy, a matrix", write_npy_matrix, ACCELS, FLAG),
     ("JSON lines", write_json_lines, BOTH, ALONE),
+    ("gpsd's JSON (TPV, SKY)", write_gpsd, HERE, ALONE),
     ("NMEA 0183, also with binary messages between", write_nmea, HERE, ALONE),
     ("ROS 1 bag", write_bag1, BOTH, ALONE),
     ("ROS 2 folder", write_bag2_folder, BOTH, ALONE),
@@ -890,6 +906,29 @@ def test_a_cut_ulog_is_called_so(size, tmp_path):
     (tmp_path / "cut.ulg").write_bytes((tmp_path / "whole.ulg").read_bytes()[:size])
     with pytest.raises(CannotAnswer, match=r"cut\.ulg: .*cut off.* copy it again"):
         read(tmp_path / "cut.ulg")
+
+
+@pytest.mark.parametrize("damage", ["cut", "hole"])
+def test_a_ulog_that_is_cut_off_or_damaged_says_where(damage, tmp_path):
+    """Property: the byte and the time up to which the log goes; a whole one has no such note."""
+    path = tmp_path / "log.ulg"
+    write_ulog(path)
+    raw, at = path.read_bytes(), path.read_bytes().index(b"sensor_combined", 200)
+    at += 15 + 100 * (3 + 2 + 8 + 12 + 8 + 12)  # 100 rows behind the subscription
+    path.write_bytes(raw[: at + 20] if damage == "cut" else raw[:at] + bytes(90) + raw[at + 90 :])
+    said = next(note for note in read(path).repairs if "cut off" in note)
+    assert f"at byte {at:,} of {path.stat().st_size:,}; what could be read ends 1" in said
+    write_ulog(path)
+    assert not any("cut off" in note for note in read(path).repairs)
+
+
+def test_gpsd_gives_epochs_speed_and_dop(tmp_path):
+    """Property: epochs without a fix stay; SI units; PDOP and satellites of the report before."""
+    write_gpsd(tmp_path / "drive.json")
+    gnss = read_moving([tmp_path / "drive.json"]).gnss
+    assert (len(gnss.t_s), gnss.has_fix.sum()) == (200, 198)
+    assert (gnss.speed_m_s[6], gnss.height_m[6]) == (0.5, 100)
+    assert (gnss.pdop[6], gnss.satellites[6]) == (1.5, 9)
 
 
 def test_a_ulog_without_an_imu(tmp_path):

@@ -10,7 +10,7 @@ import json
 import math
 import zipfile
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
@@ -30,6 +30,21 @@ LARGEST = 3 << 30  # bytes of numbers read at once
 AT_ONCE = 1 << 18  # rows of a Parquet file
 THREADS = 2  # that read its columns
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
+_GPSD = {  # report of gpsd -> its member -> ours; by its manual gpsd_json(5): SI units, UTC
+    "TPV": {
+        "time": "time",
+        "mode": "fix_mode",
+        "lat": "lat_deg",
+        "lon": "lon_deg",
+        "alt": "height_m",
+    }
+    | {"altMSL": "height_m", "speed": "speed_m_s", "track": "course_deg"},
+    "SKY": {"pdop": "pdop", "uSat": "satellites"},
+    **{
+        other: {}
+        for other in ("VERSION", "DEVICES", "DEVICE", "WATCH", "PPS", "TOFF", "ATT", "GST")
+    },
+}
 
 
 def parquet(path: Path) -> list[Part]:
@@ -202,12 +217,13 @@ def rda(path: Path) -> list[Part]:
 def json_lines(path: Path) -> list[Part]:
     """Read JSON lines, or one list of objects: nested names are joined by a dot.
 
-    Where each object names its ``sensor``, as Sensor Logger writes them, each sensor is a table.
+    Where each object names its ``sensor``, as Sensor Logger writes them, each sensor is a table; of
+    gpsd's reports each receiver is.
     """
     tables: dict[str, tuple[dict[str, array], list[int], set[str]]] = {}
     notes: list[str] = []
     with open_bytes(path) as handle:
-        for number, item in _objects(path, handle, notes):
+        for number, item in _positions(_objects(path, handle, notes)):
             sensor = item.pop("sensor", None) if isinstance(item.get("sensor"), str) else None
             columns, lines, words = tables.setdefault(sensor or "lines", ({}, [], set()))
             arrays = {k: v for k, v in item.items() if isinstance(v, list) and len(v) > LONG}
@@ -239,6 +255,21 @@ def json_lines(path: Path) -> list[Part]:
     if not parts:
         raise CannotAnswer(f"{path.name}: no data: JSON without any number")
     return parts
+
+
+def _positions(objects: Iterable[tuple[int, dict]]) -> Iterator[tuple[int, dict]]:
+    """Take gpsd's positions, each with the PDOP known by then; other objects stay as they are."""
+    sky: dict[str, dict] = {}
+    for number, item in objects:
+        kind, device = str(item.get("class")), str(item.get("device", "TPV"))
+        if kind not in _GPSD:
+            yield number, item
+            continue
+        ours = {name: item[theirs] for theirs, name in _GPSD[kind].items() if theirs in item}
+        if kind == "SKY":
+            sky[device] = ours
+        elif ours:
+            yield number, {"sensor": device} | sky.get(device, {}) | ours
 
 
 def _number(text: str) -> float | None:

@@ -334,7 +334,8 @@ def _read_table(
         raise WrongUsage(f"{header}: no column is named as time; say --columns t_s=COLUMN; {there}")
     with times.stamp_errors_at(table, time):
         stamps = times.stamps(time, table.frame[time].to_numpy(), unit=given["time_unit"])
-    notes = [f"{file}: {note}" for note in (*table.repairs, *stamps.notes)]
+    said = (*table.repairs, *stamps.notes)
+    notes = [note if note.startswith(file) else f"{file}: {note}" for note in said]
     known = _measurements(table.frame.drop(columns=time))
     t, again = times.continued(stamps.since_s + stamps.zero_s)
     if len(again):

@@ -176,10 +176,17 @@ def ulog(path: Path) -> list[Part]:
         _silent(),
     ):
         log = ULog(handle, [*_ULOG, "vehicle_imu", "vehicle_attitude"])
-    notes = ["parts of the file are damaged, left out"] * log.file_corruption
+    notes, raw = [], path.read_bytes()
+    whole = _whole_ulog(raw)
+    if log.file_corruption or whole < len(raw):
+        until_s = (log.last_timestamp - log.start_timestamp) / 1e6
+        notes.append(
+            f"cut off or damaged at byte {whole:,} of {len(raw):,}; what could be read ends "
+            f"{until_s:.4g} s after the log's start"
+        )
     if log.dropouts:
         lost_s = sum(each.duration for each in log.dropouts) / 1000
-        notes.append(f"{len(log.dropouts):,} dropouts of the logger, {lost_s:.3g} s in all")
+        notes.append(f"dropouts of the logger: {len(log.dropouts):,}, {lost_s:.3g} s in all")
     names = [d.name for d in log.data_list]
     parts = []
     for data in log.data_list:
@@ -216,6 +223,20 @@ def ulog(path: Path) -> list[Part]:
             "(SDLOG_PROFILE of PX4)"
         )
     return parts
+
+
+def _whole_ulog(raw: bytes) -> int:
+    """Find the byte up to which a ULog is whole: size and type, a capital letter, lead to the next.
+
+    By PX4's description of the format; the library says nothing of an end that is cut off.
+    """
+    at = 16
+    while raw[at + 2 : at + 3].isupper():
+        end = at + 3 + int.from_bytes(raw[at : at + 2], "little")
+        if end > len(raw):
+            break
+        at = end
+    return at
 
 
 def dataflash(path: Path) -> list[Part]:
