@@ -573,7 +573,11 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
         )
     finally:  # after Ctrl-C nobody waits for the channels that are being computed
         threads.shutdown(wait=False, cancel_futures=True)
-    noticed = [sentence for c in log.channels for sentence in remarks(c.values, log.dt, c.name)]
+    said: dict[str, list[str]] = {}
+    for c in log.channels:
+        for sentence in remarks(c.values, log.dt):
+            said.setdefault(sentence, []).append(c.name)
+    noticed = [f"{', '.join(names)}: {sentence}" for sentence, names in said.items()]
     channels = joined(channels, len(log.channels[0].values) * log.dt)
     return StaticResult(log_source(log, noticed) | {"seed": seed}, channels)
 

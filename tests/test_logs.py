@@ -190,8 +190,7 @@ def test_missing_cells_are_stated_and_stay_missing(tmp_path):
     assert np.flatnonzero(np.isnan(log.channels[0].values)).tolist() == [10, 11, 12]
     assert np.isfinite(log.channels[1].values).all()
     assert log.repairs == (
-        "my.csv, line 12, column 'gyro_x_deg_s': 3 of 200 values are missing or beyond 1e9, the "
-        "first here",
+        "my.csv: values are missing or beyond 1e9: 3 of 200 in gyro_x_deg_s, first in line 12",
     )
 
 
@@ -204,13 +203,42 @@ def test_a_value_that_returns_far_from_all_others_is_missing(tmp_path, mark):
     log = logs.read(write(tmp_path, rows))
     assert np.flatnonzero(np.isnan(log.channels[0].values)).tolist() == [10, 50, 51]
     assert np.isfinite(log.channels[1].values).all()
-    assert (
-        f"3 of 200 values are missing or a mark for it ({mark.removesuffix('.0')}" in log.repairs[0]
-    )
+    assert f"values are missing or a mark for it ({mark.removesuffix('.0')}, " in log.repairs[0]
     knock = replaced(replaced(rows, 50, 1, "-900"), 51, 1, "-800")
     assert np.isfinite(values(logs.read(write(tmp_path, knock)))).all()
     coarse = [f"{k / 100:.2f},{0 if k % 9 else 500},{k % 2}" for k in range(200)]
     assert np.isfinite(values(logs.read(write(tmp_path, coarse)))).all()
+
+
+def test_missing_values_of_many_columns_are_one_sentence(tmp_path):
+    """Property: columns that lack the same rows stand together, others beside them."""
+    rows = replaced(replaced(replaced(lines(), 10, 1, ""), 20, 1, ""), 20, 2, "")
+    (said,) = logs.read(write(tmp_path, rows)).repairs
+    parts = "2 of 200 in gyro_x_deg_s, first in line 12; 1 of 200 in gyro_y_deg_s, first in line 22"
+    assert said == f"my.csv: values are missing: {parts}"
+    (said,) = logs.read(write(tmp_path, replaced(rows, 10, 2, ""))).repairs
+    assert said.endswith("2 of 200 in each of gyro_x_deg_s, gyro_y_deg_s, first in line 12")
+
+
+@pytest.mark.parametrize(
+    ("scatter", "lsb", "missing"),
+    [(0.02, 1e-6, 15), (0.02, 0.005, 15), (1.0, 1e-6, 9), (1.0, 1.0, 0)],
+)
+def test_zeros_in_all_axes_at_once_are_missing(tmp_path, scatter, lsb, missing):
+    """Property: where one axis is far from 0 or all are fine; coarse gyros, often at 0, stay."""
+    rng = np.random.default_rng(5)
+    cells = np.c_[rng.normal(0, scatter, (500, 3)), rng.normal([0.1, -0.1, 9.8], 0.02, (500, 3))]
+    cells[:, :3] = np.round(cells[:, :3] / lsb) * lsb
+    cells[100:109, :3] = 0
+    if missing == 15:
+        cells[[300, 310, 320, 400, 401, 402]] = 0
+    if scatter < 1:
+        cells[100:109, 3:] = 0
+    rows = [f"{k / 100:.2f}," + ",".join(f"{v:.6f}" for v in row) for k, row in enumerate(cells)]
+    names = [f"gyro_{a}_rad_s" for a in "xyz"] + [f"accel_{a}_m_s2" for a in "xyz"]
+    log = logs.read(write(tmp_path, rows, f"t_s,{','.join(names)}"))
+    assert [int(np.isnan(c.values).sum()) for c in log.channels[:3]] == 3 * [missing]
+    assert np.isnan(log.channels[5].values).sum() == (missing if scatter < 1 else 0)
 
 
 def test_a_row_that_lost_a_field_is_left_out(tmp_path):
@@ -361,7 +389,7 @@ BAD = {
         CannotAnswer,
         ("line 2", "'gyro_x_deg_s'", "67 of 200", "--columns"),
     ),
-    "too short": (lines(40), HEADER, {}, CannotAnswer, ("line 41", "'gyro_x_deg_s'", "64")),
+    "too short": (lines(40), HEADER, {}, CannotAnswer, ("line 41", "after 40", "64")),
     "header only": ([], HEADER, {}, CannotAnswer, ("line 1", "no data")),
     "words in a channel": (
         [row + ",yes" for row in lines()],

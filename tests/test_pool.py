@@ -256,7 +256,7 @@ def test_units_of_a_kind_are_converted(tmp_path):
     """property: rad/s and deg/s pool as deg/s alone do; one recording in both is noticed."""
     one, other = (write(tmp_path / name, seed) for name, seed in (("a.csv", 0), ("b.csv", 1)))
     rows = np.loadtxt(other, delimiter=",", skiprows=1)
-    head = "t_s,gyro_x_rad_s,gyro_y_rad_s"
+    head = "t_s,Gyroscope x (rad/s),Gyroscope y (rad/s)"  # as phyphox names them
     rows[:, 1:] = np.radians(rows[:, 1:])
     np.savetxt(tmp_path / "c.csv", rows, "%.9g", ",", header=head, comments="")
     found = []
@@ -265,6 +265,7 @@ def test_units_of_a_kind_are_converted(tmp_path):
         assert status == 0
         found.append(json.loads((tmp_path / "model" / "pooled.json").read_text()))
     assert "note: c.csv: rad/s converted to deg/s" in out
+    assert "note: c.csv: Gyroscope_x taken as gyro_x" in out
     for before, after in zip(*(f["channels"] for f in found), strict=True):
         assert after["unit"] == "deg/s"
         known, same = before["parameters"]["arw"], after["parameters"]["arw"]

@@ -95,7 +95,7 @@ def test_source_says_which_log(model, log):
     assert source["sha256"] == log.sha256
     assert (source["rate_hz"], source["duration_s"]) == (10.0, 1200.0)
     assert (source["samples"], source["gaps"]) == (12_000, 0)
-    assert any("5 of 12,000 values are missing" in repair for repair in source["repairs"])
+    assert any("5 of 12,000 in " in repair for repair in source["repairs"])
     assert source["seed"] == store.SEED
 
 

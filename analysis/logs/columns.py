@@ -425,8 +425,9 @@ def choose(
     stated = bool(units) or any(split(column)[1] for column in of_imu)
     if no_unit and (wanted or not stated):
         raise WrongUsage(
-            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(fixed)} (in their own "
-            "units), or put it into the header, with names such as gyro_x_deg_s, accel_z_g",
+            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(fixed)}, if "
+            f"that is right{' (gyros may be in rad/s)' * ('rate' in no_unit.values())}, or put the "
+            "units into the header, with names such as gyro_x_deg_s, accel_z_g",
             fixed,
         )
     if not any(units.get(None) in (None, c.unit) for c in chosen):
@@ -441,7 +442,8 @@ def choose(
     guessed += _said(chosen, units)
     left_out |= {n: f"no unit: --unit {FLAG[k]}={_USUAL[k]} ?" for n, k in no_unit.items()}
     if left_out:
-        listed = ", ".join(f"{name} ({why})" for name, why in left_out.items())
+        reasons = {w: [n for n, its in left_out.items() if its == w] for w in left_out.values()}
+        listed = ", ".join(f"{', '.join(names)} ({why})" for why, names in reasons.items())
         notes.append(f"columns left out: {listed}; --columns takes such a column all the same")
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]

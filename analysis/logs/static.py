@@ -11,7 +11,7 @@ repair is one sentence in `Log.repairs`.
 
 import itertools
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -34,6 +34,8 @@ PIECE = 1 << 20  # samples that are looked at together, to bound the memory
 THREADS = 2  # channels that are looked at together
 AWAY = 20  # times the range of all other values; a value that returns beyond it is no reading
 RETURNS = 3  # times that one value has to stand there
+FAR = 5  # times its scatter (5 to 95 %) that a reading is from 0, which it then never is
+RARELY = 0.01, 1e-3  # share of zeros in one axis, and all axes at once by chance, of fine readings
 HELD = 0.8  # share of samples equal to the one before beyond which an output counts as held
 
 
@@ -189,16 +191,17 @@ def read(
     repairs += [*rows.repairs, *notes, *chosen.notes]
     repairs += grid.repairs
     said: list[list[str]] = [[] for _ in chosen.channels]
+    lost: list[list[tuple]] = [[] for _ in chosen.channels]
+    put = partial(_channel, rows, grid, _zeros(rows.frame, chosen.channels))
     with ThreadPoolExecutor(THREADS) as threads:
         digest = threads.submit(datasets.sha256, path)
-        channels = tuple(threads.map(partial(_channel, rows, grid), chosen.channels, said))
-    repairs += itertools.chain(*said)
+        channels = tuple(threads.map(put, chosen.channels, said, lost))
+    repairs += [*_missing(rows, itertools.chain(*lost)), *itertools.chain(*said)]
     _check_gravity(path.name, channels, option.get("unit"))
     if grid.size < SAMPLES_NEEDED:
-        last = rows.place(len(rows.frame) - 1, chosen.channels[0].column)
         raise CannotAnswer(
-            f"{last}: the log ends after {grid.size} samples; a noise analysis needs at least "
-            f"{SAMPLES_NEEDED}: give a longer log or stretch"
+            f"{rows.place(len(rows.frame) - 1)}: the log ends after {len(rows.frame)} samples; a "
+            f"noise analysis needs at least {SAMPLES_NEEDED}: give a longer log or stretch"
         )
     first = 0 if rows.rows is None else rows.rows[0]
     return Log(
@@ -367,30 +370,31 @@ def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid
     return grid
 
 
-def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Channel:
+def _channel(
+    table: Table, grid: Grid, zeros: dict, choice: Choice, repairs: list[str], lost: list[tuple]
+) -> Channel:
     """Put one column on the grid; note missing values, refuse too many."""
     cells = table.frame[choice.column].to_numpy(dtype=float)
     cells = cells if choice.scale == 1 else choice.scale * cells
     finite = np.abs(cells) <= LARGEST
-    values, note = cells, ""
+    values, why = cells, " or beyond 1e9" if (np.abs(cells) > LARGEST).any() else ""
+    if choice.column in zeros:
+        finite &= ~zeros[choice.column]
+        why += " or a mark for it (0 in all axes at once, which these readings never are)"
     marks = [] if choice.kind == "position" else _placeholders(cells[finite])  # jumps are errors
     if marks:
         finite &= ~np.isin(cells, marks)
-        said = " and ".join(f"{mark:.6g} {choice.unit}" for mark in marks)
-        note = f" or a mark for it ({said}, far from all others)"
+        said = " and ".join(f"{mark / choice.scale:.6g}" for mark in marks)
+        why += f" or a mark for it ({said}, far from all others)"
     if not finite.all():
-        first = table.place(int(np.argmin(finite)), choice.column)
-        count = int((~finite).sum())
+        row, count = int(np.argmin(finite)), int((~finite).sum())
         if count > MISSING_ALLOWED * len(cells):
             raise CannotAnswer(
-                f"{first}: no value here, nor in {count:,} of {len(cells):,} rows; more than "
-                f"{MISSING_ALLOWED:.0%} missing is too much: choose other --columns, or a stretch "
-                "with --from and --to"
+                f"{table.place(row, choice.column)}: no value here, nor in {count:,} of "
+                f"{len(cells):,} rows; more than {MISSING_ALLOWED:.0%} missing is too much: choose "
+                "other --columns, or a stretch with --from and --to"
             )
-        beyond = " or beyond 1e9" if (np.abs(cells) > LARGEST).any() else ""
-        repairs.append(
-            f"{first}: {count:,} of {len(cells):,} values are missing{beyond}{note}, the first here"
-        )
+        lost.append((why, count, row, choice.column))
         values, cells = cells[finite], np.where(finite, cells, np.nan)
     if choice.kind == "angle" and choice.unit in columns.FULL_TURN:
         turned = formats.unwrap(cells, columns.FULL_TURN[choice.unit])
@@ -409,6 +413,44 @@ def _channel(table: Table, grid: Grid, choice: Choice, repairs: list[str]) -> Ch
             "so it holds far fewer independent values than samples"
         )
     return Channel(choice.name, choice.unit, choice.kind, grid.place(cells))
+
+
+def _missing(table: Table, lost: Iterable[tuple]) -> Iterator[str]:
+    """Say what is missing, in one sentence for each reason, whatever the number of columns."""
+    total, reasons = len(table.frame), {}
+    for why, count, row, column in lost:
+        reasons.setdefault(why, {}).setdefault((count, row), []).append(column)
+    for why, found in reasons.items():
+        parts = [
+            f"{count:,} of {total:,} in {'each of ' if names[1:] else ''}{', '.join(names)}, first "
+            f"in {table.place(row).removeprefix(f'{table.file}, ')}"
+            for (count, row), names in found.items()
+        ]
+        yield f"{table.file}: values are missing{why}: {'; '.join(parts)}"
+
+
+def _zeros(frame: pd.DataFrame, choices: Sequence[Choice]) -> dict[str, np.ndarray]:
+    """Find the rows that stand for no reading because all axes are exactly 0: column -> rows.
+
+    Either one axis is far from 0 for its scatter, or all are so fine that they are hardly ever 0.
+    A coarse sensor, which often reads 0, is left as it is.
+    """
+    found: dict[str, np.ndarray] = {}
+    for kinds in ({"rate"}, {"accel"}, {"rate", "accel"}):
+        names = [c.column for c in choices if c.kind in kinds]
+        at = np.logical_and.reduce([frame[name].to_numpy() == 0 for name in names])
+        if len(names) < 3 or not RETURNS <= at.sum() <= MISSING_ALLOWED * len(frame):
+            continue
+        rest = frame.loc[~at, names]
+        low, middle, high = (
+            rest[:: 1 + len(rest) // columns.LOOKED_AT].quantile([0.05, 0.5, 0.95]).to_numpy()
+        )
+        share = (rest == 0).mean().to_numpy()
+        chance = len(frame) * share.prod()
+        far = (np.abs(middle) > FAR * (high - low)) & (high > low)
+        if far.any() or (share.max() < RARELY[0] and chance < RARELY[1]):
+            found |= dict.fromkeys(names, at)
+    return found
 
 
 def _placeholders(values: np.ndarray) -> list[float]:

@@ -267,7 +267,7 @@ def _autocorrelation(residual, dt, window):
     return m * dt * thin, acov[thin]
 
 
-def remarks(y, dt, name):
+def remarks(y, dt):
     """Look for coarse steps and a short record.
 
     Parameters
@@ -275,8 +275,6 @@ def remarks(y, dt, name):
     y : ndarray, shape (n,), U
         NaN where a sample is missing.
     dt : float, s
-    name : str
-        Of the channel, for the sentences.
 
     Returns
     -------
@@ -284,13 +282,13 @@ def remarks(y, dt, name):
     """
     notes, there = [], np.isfinite(y)
     if (duration := there.sum() * dt) < BRIEF:
-        notes.append(f"{name}: {duration:.3g} s are too short for anything but the white noise")
+        notes.append(f"{duration:.3g} s of samples are too short for anything but the white noise")
     # Most logs show enough values at once; only the others are sorted.
     distinct = len(np.unique(y[:FIRST][there[:FIRST]]))
     distinct = distinct if distinct >= LEVELS else len(np.unique(y[there]))
     if distinct < LEVELS:
         notes.append(
-            f"{name}: only {distinct} different values; the resolution, not the noise, may be what"
+            f"only {distinct} different values; the resolution, not the noise, may be what"
             " is measured"
         )
     return notes

@@ -32,7 +32,7 @@ from analysis import (
     without_exponents,
 )
 from analysis.logs.catalogue import find
-from analysis.logs.columns import FULL_TURN, tidy
+from analysis.logs.columns import FULL_TURN, tidy, words
 from analysis.noise import exports
 from analysis.noise.channel import refuse_without_noise
 from analysis.noise.inference import infer
@@ -143,7 +143,8 @@ def lines(result, answers):
         said.append(f"{a.question} {'cannot say' if a.answer == 'open' else a.answer}: {a.why}")
     for channel in result.channels:
         said.append(f"\n{channel.name} ({channel.unit})")
-        said += [f"  note: {d['note']}" for d in channel.fit["disturbances"]]
+        own = [d for d in channel.fit["disturbances"] if d["kind"] != "missing"]  # a repair says it
+        said += [f"  note: {d['note']}" for d in own]
         for key, e in channel.parameters.items():
             value = e.value_text or "not resolved"
             said.append(f"  {NAMES[key]:<48}{value:>18}   {e.interval_text}")
@@ -379,7 +380,7 @@ def write_pooled(logs, out, *, axes=False):
     CannotAnswer
         If a sensor moves, or a channel has no noise to measure.
     """
-    logs, converted = _in_one_unit([store.static_part(log) for log in logs])
+    logs, converted = _alike([store.static_part(log) for log in logs])
     groups = _group_channels(logs, axes)
     total = sum(map(len, groups.values()))
     streams = iter(np.random.SeedSequence(store.SEED).spawn(total))
@@ -448,8 +449,10 @@ def pooled_lines(pooled):
     return said + [f"note: {note}" for note in pooled["notes"]]
 
 
-def _in_one_unit(logs):
-    """Bring the channels of a kind to the unit that the first of them has; say what was converted.
+def _alike(logs):
+    """Bring channels to the unit of the first of their kind, and to its name for their axis.
+
+    What was changed is said.
 
     Returns
     -------
@@ -457,16 +460,24 @@ def _in_one_unit(logs):
     """
     sizes = store.SIZES | {unit: 360 / turn for unit, turn in FULL_TURN.items()}
     wanted, read, notes = {}, [], []
+
+    def axes(log):  # of each channel: its kind and axis, if no other has the same
+        of_each = [(c.kind, words(c.name)[-1]) for c in log.channels]
+        return [axis if of_each.count(axis) == 1 else None for axis in of_each]
+
+    names = {axis: c.name for axis, c in zip(axes(logs[0]), logs[0].channels, strict=True) if axis}
     for log in logs:
         channels, before = [], {}
-        for c in log.channels:
-            unit = wanted.setdefault(c.kind, c.unit)
+        for axis, c in zip(axes(log), log.channels, strict=True):
+            name, unit = names.get(axis, c.name), wanted.setdefault(c.kind, c.unit)
+            if name != c.name:
+                before[c.name] = f"taken as {name}"
             if unit != c.unit:
-                before[c.unit] = unit
+                before[c.unit] = f"converted to {unit}"
                 c = replace(c, unit=unit, values=c.values * (sizes[c.unit] / sizes[unit]))
-            channels.append(c)
+            channels.append(replace(c, name=name))
         read.append(replace(log, channels=tuple(channels)))
-        notes += [f"{log.file}: {old} converted to {new}" for old, new in before.items()]
+        notes += [f"{log.file}: {old} {new}" for old, new in before.items()]
     return read, notes
 
 
