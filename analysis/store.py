@@ -16,12 +16,16 @@ published("terrain-table-2")  a table copied from one of the papers
 import functools
 import json
 import math
+import multiprocessing
 import re
 import shlex
+import signal
+import sys
 import tomllib
-from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -33,6 +37,7 @@ from analysis import DATA, CannotAnswer, Estimate, WrongUsage
 from analysis.logs import road_logs
 from analysis.logs.columns import IN_M_S2
 from analysis.logs.static import Log
+from analysis.noise import spectrum
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise, characterise, joined, remarks
 from analysis.noise.disturbances import OFFSET, TURNING, standing_stretches, static_stretches
@@ -89,7 +94,8 @@ ALLAN = ("tau_s", "deviation", "low", "high", "edf")  # names of an `AllanCurve`
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen
 SEED = 20080505
 MANY = 10**6  # readings that give a gyro's offset
-AT_ONCE = 2  # channels; each has random numbers of its own, so their order does not matter
+AT_ONCE = 2  # channels, or figures
+_work: list[Callable] = []  # of a process that `in_processes` has made
 
 
 class Stored(NamedTuple):
@@ -549,30 +555,14 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
     log = static_part(log)
     streams = np.random.SeedSequence(seed).spawn(len(log.channels))
 
-    def characterise_channel(channel, stream):
-        return characterise(
-            channel.values,
-            log.dt,
-            name=channel.name,
-            unit=channel.unit,
-            kind=channel.kind,
-            rng=np.random.default_rng(stream),
-            temperature=log.temperature,
-        )
-
-    threads = ThreadPoolExecutor(AT_ONCE)
-    try:
-        channels = tuple(
-            tqdm(
-                threads.map(characterise_channel, log.channels, streams),
-                total=len(streams),
-                desc=f"characterising {log.name}",
-                unit="channel",
-                disable=None if progress else True,
-            )
-        )
-    finally:  # after Ctrl-C nobody waits for the channels that are being computed
-        threads.shutdown(wait=False, cancel_futures=True)
+    spectrum.prepare(len(log.channels[0].values))
+    channels = in_processes(
+        partial(_characterised, log),
+        list(enumerate(streams)),
+        desc=f"characterising {log.name}",
+        unit="channel",
+        disable=None if progress else True,
+    )
     said: dict[str, list[str]] = {}
     for c in log.channels:
         for sentence in remarks(c.values, log.dt):
@@ -580,6 +570,51 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
     noticed = [f"{', '.join(names)}: {sentence}" for sentence, names in said.items()]
     channels = joined(channels, len(log.channels[0].values) * log.dt)
     return StaticResult(log_source(log, noticed) | {"seed": seed}, channels)
+
+
+def _characterised(log, job):
+    """Characterise channel k with its own random numbers, so that the order does not matter."""
+    k, stream = job
+    channel, rng = log.channels[k], np.random.default_rng(stream)
+    named = {"name": channel.name, "unit": channel.unit, "kind": channel.kind}
+    return characterise(channel.values, log.dt, **named, rng=rng, temperature=log.temperature)
+
+
+def in_processes(work: Callable, jobs: Sequence, **bar) -> list:
+    """Do some jobs in processes, two at a time, with a progress bar.
+
+    Parameters
+    ----------
+    work : callable
+        A job to its result. Under Linux the processes have what it refers to without a copy.
+    jobs : sequence
+    **bar
+        For tqdm.
+
+    Returns
+    -------
+    list
+        The results, in the order of the jobs.
+    """
+    bar["total"] = len(jobs)
+    if min(AT_ONCE, len(jobs)) == 1 or multiprocessing.current_process().daemon:
+        return list(tqdm(map(work, jobs), **bar))
+    how = multiprocessing.get_context("fork" if sys.platform == "linux" else None)
+    processes = ProcessPoolExecutor(AT_ONCE, how, _begin, (work,))
+    try:
+        return list(tqdm(processes.map(_do, jobs), **bar))
+    finally:  # after Ctrl-C nobody waits for what is being computed
+        processes.shutdown(wait=False, cancel_futures=True)
+
+
+def _begin(work):
+    """Prepare a process for its jobs; Ctrl-C is the parent's, which ends it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _work[:] = [work]
+
+
+def _do(job):
+    return _work[0](job)
 
 
 def log_source(log: Log, noticed: Iterable[str] = ()) -> dict:

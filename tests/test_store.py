@@ -69,7 +69,7 @@ def test_two_channels_at_a_time_change_nothing(log, result, tmp_path, monkeypatc
     """property: one channel after another gives the same bytes as two at a time."""
     monkeypatch.setattr(store, "AT_ONCE", 1)
     serial = store.characterise_log(log, progress=False)
-    assert written(serial, tmp_path / "serial") == written(result, tmp_path / "threads")
+    assert written(serial, tmp_path / "serial") == written(result, tmp_path / "processes")
 
 
 def strictly(text):

@@ -65,7 +65,8 @@ def parquet(path: Path) -> list[Part]:
         number |= pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type)
         number |= pa.types.is_timestamp(one.type)
         values, at = np.empty(rows, dtype=float if number else object), 0
-        for batch in pq.ParquetFile(path).iter_batches(AT_ONCE, columns=[one.name]):
+        own = {"columns": [one.name], "use_threads": False}  # the columns are the threads
+        for batch in pq.ParquetFile(path).iter_batches(AT_ONCE, **own):
             piece = batch.column(0)
             if pa.types.is_timestamp(one.type):
                 piece = piece.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())

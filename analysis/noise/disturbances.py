@@ -155,6 +155,12 @@ def adjusted(estimate: Estimate, name: str, disturbances: list[Disturbance]) -> 
     return Estimate(value, *ends, estimate.unit, note=note)
 
 
+def _known(y):
+    """Index the readings that are there, and give them; no index and no copy if all are."""
+    there = np.isfinite(y)
+    return (None, y) if there.all() else (np.flatnonzero(there), y[there])
+
+
 def spikes(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     """Mark isolated spikes: few, and apart from the rest of the noise.
 
@@ -177,9 +183,7 @@ def spikes(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     list of Disturbance
         Empty, or one.
     """
-    marked = np.zeros(len(y), dtype=bool)
-    there = np.flatnonzero(np.isfinite(y)) if np.isnan(y).any() else None
-    known = y if there is None else y[there]
+    marked, (there, known) = np.zeros(len(y), dtype=bool), _known(y)
     step = np.diff(known)
     np.abs(step, out=step)
     size = np.median(step, overwrite_input=True) / norm.ppf(0.75) if len(step) else 0.0
@@ -239,20 +243,19 @@ def stuck(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     list of Disturbance
         Empty, or one.
     """
-    marked = np.zeros(len(y), dtype=bool)
-    there = np.flatnonzero(np.isfinite(y)) if np.isnan(y).any() else None
-    z = y if there is None else y[there]
-    edges = np.flatnonzero(np.diff(z, prepend=np.nan, append=np.nan))
-    length = np.diff(edges)
-    equal = np.mean(length > 1) if len(length) else 1.0
+    marked, (there, z) = np.zeros(len(y), dtype=bool), _known(y)
+    same = z[1:] == z[:-1]
+    runs = np.flatnonzero(np.diff(same, prepend=False, append=False)).reshape(-1, 2)
+    count = len(z) - same.sum()  # of all runs, those of one sample too
+    equal = len(runs) / count if count else 1.0
     if not 0 < equal <= COARSE:
         return marked, []
     limit = 2 * np.log(len(z) / APART) / -np.log(equal)
-    runs = np.flatnonzero(length > max(limit, BURST))
+    runs = runs[1 + np.diff(runs)[:, 0] > max(limit, BURST)]
     if not len(runs):
         return marked, []
-    for start, end in zip(edges[runs], edges[runs + 1], strict=True):
-        marked[slice(start, end) if there is None else there[start:end]] = True
+    for start, last in runs:
+        marked[slice(start, last + 1) if there is None else there[start : last + 1]] = True
     at = np.flatnonzero(marked)
     note = f"readings stay the same for {marked.sum() * dt:.4g} s in all, from {at[0] * dt:.4g} s"
     note += " on: left out"
@@ -278,7 +281,7 @@ def resolution(y: np.ndarray, dt: float, affects: tuple[str, ...]) -> list[Distu
     list of Disturbance
         Empty, or one.
     """
-    some = y[np.isfinite(y)]
+    some = _known(y)[1]
     some = some[:: 1 + len(some) // LOOKED_AT]
     levels = np.unique(some)
     if not 1 < len(levels) < FEW_LEVELS:
@@ -349,7 +352,7 @@ def increments(means, width):
     pairs = means[: len(used)].reshape(PARTS, PARTS, k, 2)
     h = pairs[..., 1] - pairs[..., 0]
     energy = np.einsum("ijk,ijk->i", h, h)[:, None, None] / h[0].size
-    level = np.mean(np.abs(h), axis=2)
+    level = np.array([np.abs(part).mean(axis=1) for part in h])
     if level.min() == 0.0 or np.ptp(level, axis=1).max() <= EXACT * level.max():
         return None  # an output that is held, or a pattern
     edges = width * np.append(used[:: 2 * k], used[-1] + 1)
@@ -478,7 +481,8 @@ def uneven(
     scales: list[tuple[bool, Increments]] = []
     while (part := increments(means, m * dt)) is not None:
         tails = tails if scales else heavy_tails(part, names)
-        scales.append((white**2 / m > SHARE * part.variance / 2, replace(part, z=np.empty(0))))
+        part = replace(part, z=np.empty(0))  # a long log fills the memory
+        scales.append((white**2 / m > SHARE * part.variance / 2, part))
         means, m = block_means(means, 2), 2 * m
     if not scales:
         return []
@@ -546,14 +550,14 @@ def oscillation(y: np.ndarray, dt: float) -> list[Disturbance]:
     list of Disturbance
         Empty, or one; none if the log is too short or too coarse.
     """
-    there = np.isfinite(y)
-    step = np.diff(y if there.all() else y[there])
-    length = min(RESOLVED, len(step) // PERIODOGRAMS[0])
-    held = np.count_nonzero(step) < HELD * len(step)
+    known = _known(y)[1]
+    steps = len(known) - 1
+    length = min(RESOLVED, steps // PERIODOGRAMS[0])
+    held = (known[1:] != known[:-1]).sum() < HELD * steps
     if held or length < 8 * NEIGHBOURS:
         return []
-    pieces = step[: len(step) // length * length].reshape(-1, length)
-    taken = pieces[:: -(-len(pieces) // PERIODOGRAMS[1])]
+    first = np.arange(0, steps - length + 1, length * -(-(steps // length) // PERIODOGRAMS[1]))
+    taken = np.diff(known[first[:, None] + np.arange(length + 1)])
     at, power = periodogram(taken, 1 / dt, window="hann")
     at, power = at[2:-1], np.median(power, axis=0)[2:-1]  # robust against shocks
     around = median_filter(power, size=NEIGHBOURS, mode="nearest")

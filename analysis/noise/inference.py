@@ -752,7 +752,8 @@ def low_passed(likelihood, fit):
 
 def as_noisy(y, fit):
     """Whether neighbouring samples differ as white noise of the fitted size has it."""
-    level = np.nanmean(np.diff(y) ** 2) / 2
+    step = np.diff(y)
+    level = np.mean(np.square(step, out=step), where=np.isfinite(step)) / 2
     return abs(level / fit.terms["sigma_v"][0] ** 2 - 1) < AGREE
 
 

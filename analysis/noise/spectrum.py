@@ -19,7 +19,7 @@ few per cent wide.
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
-from threading import Lock
+from multiprocessing import Lock
 
 import numpy as np
 from scipy.fft import dct, prev_fast_len
@@ -34,7 +34,7 @@ BLOCK = 2**15  # coefficients at a time
 # Coefficients of a regressor: those of shorter periods hold 1e-6 of the power of a step.
 OF_ADDED = 2**20
 LONG = 2**21  # means; a longer stretch ends at a length that the transform takes fast
-WORKSPACE = Lock()  # of a long stretch: four times its size
+WORKSPACE = Lock()  # of a long stretch: four times its size, half of which is kept as the plan
 ENOUGH = 0.5  # share of the usual number of samples that a mean needs
 
 
@@ -115,6 +115,12 @@ class Spectrum:
         """Products of u with the regressors and with every y, shape (h, bins, p + logs)."""
         uy = self.uy.reshape(-1, *self.uu.shape)
         return np.concatenate([self.ux, uy]).transpose(1, 2, 0)
+
+
+def prepare(n):
+    """Plan the transform of a long log: processes that are forked from here on share the plan."""
+    if n > LONG:
+        dct(np.zeros(prev_fast_len(n)), overwrite_x=True)
 
 
 def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):

@@ -6,8 +6,6 @@ One command, one folder; all its files are written or none.
 import base64
 import json
 import os
-import signal
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -231,11 +229,7 @@ def _draw(result, folder, atlas):
     jobs.append((ALL_CHANNELS, every, plots.allan_panels, result.channels, title))
     jobs += [] if atlas is None else [(ATLAS, placed, _atlas, atlas)]
     save = partial(_save, data=known, seed=result.source["seed"], to=folder)
-    # Ctrl-C is the parent's, which ends them.
-    ignored = {"initializer": signal.signal, "initargs": (signal.SIGINT, signal.SIG_IGN)}
-    with ProcessPoolExecutor(store.AT_ONCE, **ignored) as processes:
-        drawn = processes.map(save, jobs)
-        list(tqdm(drawn, "drawing", len(jobs), unit="figure", disable=None))
+    store.in_processes(save, jobs, desc="drawing", unit="figure", disable=None)
 
 
 def _save(job, **origin):
