@@ -14,6 +14,7 @@ published("terrain-table-2")  a table copied from one of the papers
 """
 
 import functools
+import gc
 import json
 import math
 import multiprocessing
@@ -610,6 +611,7 @@ def in_processes(work: Callable, jobs: Sequence, **bar) -> list:
 def _begin(work):
     """Prepare a process for its jobs; Ctrl-C is the parent's, which ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.freeze()  # a collection would copy all objects that are the parent's
     _work[:] = [work]
 
 
