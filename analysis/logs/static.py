@@ -441,11 +441,11 @@ def _zeros(frame: pd.DataFrame, choices: Sequence[Choice]) -> dict[str, np.ndarr
         at = np.logical_and.reduce([frame[name].to_numpy() == 0 for name in names])
         if len(names) < 3 or not RETURNS <= at.sum() <= MISSING_ALLOWED * len(frame):
             continue
-        rest = frame.loc[~at, names]
-        low, middle, high = (
-            rest[:: 1 + len(rest) // columns.LOOKED_AT].quantile([0.05, 0.5, 0.95]).to_numpy()
-        )
-        share = (rest == 0).mean().to_numpy()
+        rest = np.flatnonzero(~at)
+        few = frame.iloc[rest[:: 1 + len(rest) // columns.LOOKED_AT]][names]
+        low, middle, high = few.quantile([0.05, 0.5, 0.95]).to_numpy()
+        zeros = np.array([np.count_nonzero(frame[name].to_numpy() == 0) for name in names])
+        share = (zeros - at.sum()) / len(rest)
         chance = len(frame) * share.prod()
         far = (np.abs(middle) > FAR * (high - low)) & (high > low)
         if far.any() or (share.max() < RARELY[0] and chance < RARELY[1]):
