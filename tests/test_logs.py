@@ -245,7 +245,7 @@ def test_a_row_that_lost_a_field_is_left_out(tmp_path):
     """Property: its numbers may stand under the wrong names, so none of them is taken."""
     log = logs.read(write(tmp_path, [*lines()[:50], "0.5,0.7", *lines()[51:]]))
     assert np.isnan(values(log)[:, 50]).all() and np.isfinite(values(log)).sum() == 2 * 199
-    assert "line 52: 1 rows with fewer fields than names" in log.repairs[0]
+    assert "line 52: 1 row with fewer fields than names" in log.repairs[0]
 
 
 @pytest.mark.usefixtures("blocks")

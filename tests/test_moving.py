@@ -142,7 +142,7 @@ def test_broken_lines_are_joined(tmp_path):
     log = read_moving([nmea(tmp_path, lines)])
     np.testing.assert_array_equal(log.gnss.lat_deg, whole.lat_deg)
     np.testing.assert_array_equal(log.gnss.height_m, whole.height_m)
-    assert log.notes == ("drive.nmea: 1 sentences broken over two lines, joined",)
+    assert log.notes == ("drive.nmea: 1 sentence broken over two lines, joined",)
 
 
 def test_binary_between_the_lines(tmp_path):
@@ -607,7 +607,7 @@ def test_a_few_late_rows_are_dropped(tmp_path):
     t[200] = t[198]
     log = read_moving([csv(tmp_path, IMU, imu_rows(t))])
     assert len(log.imu.t_s) == 399
-    assert any("1 rows not later than the row before" in note for note in log.notes)
+    assert any("1 row not later than the row before" in note for note in log.notes)
 
 
 def test_unknown_columns_are_wrong_usage(tmp_path):

@@ -28,6 +28,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from analysis import CannotAnswer
+from analysis.logs.grid import counted
 
 HEAD_BYTES = 1 << 16
 HEAD_LINES = 50
@@ -456,7 +457,8 @@ def _without_short_rows(table: Table, layout: Layout) -> Table:
         return table
     frame, number = table.frame, places[short.index(True)][0]
     frame.loc[np.flatnonzero(last)[short], frame.select_dtypes("number").columns] = np.nan
-    said = f"line {number}: {sum(short):,} rows with fewer fields than names, here first, left out"
+    rows = counted(sum(short), "row")
+    said = f"line {number}: {rows} with fewer fields than names, here first, left out"
     return replace(table, frame=frame, repairs=(*table.repairs, said))
 
 
@@ -472,7 +474,7 @@ def _without_empty_end(table: Table, layout: Layout) -> Table:
         )
     repairs = table.repairs
     if keep < len(frame):
-        repairs += (f"{len(frame) - keep} rows without any value at the end were dropped",)
+        repairs += (f"{counted(len(frame) - keep, 'row')} without any value at the end dropped",)
     return replace(table, frame=frame.iloc[:keep].drop(columns=nameless), repairs=repairs)
 
 

@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from analysis import CannotAnswer, WrongUsage
 from analysis.logs import archives, columns, delimited, matrices, nmea, robot_logs, times
 from analysis.logs.delimited import Table
-from analysis.logs.grid import BadStamps
+from analysis.logs.grid import BadStamps, counted
 from analysis.logs.tables import Part, choose, listed, of_arrays, paired, reading
 
 _PAIR = re.compile(  # gx: 0.1, or gyro x (dps) = 1e-3
@@ -115,7 +115,7 @@ def serial(path: Path) -> list[Part]:
             f"{path.name}: {left_out:,} of {left_out + len(rows):,} lines do not have the names of "
             f"the first ({', '.join(names)}): write one line for each sample, or CSV"
         )
-    notes = [f"{left_out:,} lines with other names left out"] * bool(left_out)
+    notes = [f"{counted(left_out, 'line')} with other names left out"] * bool(left_out)
     if not line.endswith("\n") and lines[-1:] == [number]:  # a number may have lost digits
         notes.append(f"line {lines.pop()}: {delimited.CUT_OFF}")
         rows.pop()
@@ -385,7 +385,7 @@ def contents(
             listing.append((f"{part.name}: cannot be read: {error}", told))
             continue
         told = columns.described(columns.sample(frame, list(frame)), part.told_by)
-        title, time = f"{part.name}: {len(frame):,} rows", times.time_column(frame)
+        title, time = f"{part.name}: {counted(len(frame), 'row')}", times.time_column(frame)
         if time is not None and len(frame) > 1:
             with contextlib.suppress(CannotAnswer, WrongUsage, BadStamps):
                 since = times.stamps(time, frame[time].to_numpy()).since_s

@@ -105,7 +105,7 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
                 first,
                 f"no time stamp here nor in {(~stamped).sum():,} of {len(t_s):,} rows; {NO_STAMPS}",
             )
-        repairs.append(f"{_count((~stamped).sum(), 'row')} without a time stamp dropped")
+        repairs.append(f"{counted((~stamped).sum(), 'row')} without a time stamp dropped")
         rows, t, repeated = rows[stamped], t[stamped], repeated[stamped]
     step = np.diff(t)
     least = step.min(initial=np.inf)
@@ -147,11 +147,11 @@ def _without_repeats(t, rows, repeated, repairs) -> tuple[np.ndarray, bool]:
         return rows, True
     if twice.any():
         repairs.append(
-            f"{_count(twice.sum(), 'row')} written twice (same stamp, same values): one dropped"
+            f"{counted(twice.sum(), 'row')} written twice (same stamp, same values): one dropped"
         )
     if other.any():
         repairs.append(
-            f"{_count(other.sum(), 'row')} with the stamp of the row before but other values: "
+            f"{counted(other.sum(), 'row')} with the stamp of the row before but other values: "
             "the first kept"
         )
     return rows[~same], False
@@ -170,7 +170,7 @@ def _regular(t, rows, step, dt, repairs) -> Grid:
         )
     late = long.sum() - len(at)
     if late:
-        repairs.append(f"{_count(late, 'sample')} stamped late but none lost: placed by count")
+        repairs.append(f"{counted(late, 'sample')} stamped late but none lost: placed by count")
     return _with_gaps(rows, 1 / dt, at, missing, step, repairs)
 
 
@@ -196,8 +196,8 @@ def _with_gaps(rows, rate_hz, at, missing, step, repairs) -> Grid:
     if at.size:
         before = at[np.argmax(missing)]
         gaps = (
-            f"{_count(len(at), 'gap')}: {missing.sum():,} of {size:,} samples missing, the longest "
-            f"{step[before]:.4g} s"
+            f"{counted(len(at), 'gap')}: {missing.sum():,} of {size:,} samples missing, the "
+            f"longest {step[before]:.4g} s"
         )
         if missing.sum() > MISSING_ALLOWED * size:
             raise BadStamps(
@@ -268,7 +268,7 @@ def _uneven(t, rows, mode, repairs) -> Grid:
     return _with_gaps(rows, rate, at, missing, step, repairs)
 
 
-def _count(number: int, noun: str) -> str:
+def counted(number: int, noun: str) -> str:
     """Write a number with its noun: ``1 gap``, ``3 gaps``."""
     return f"{number:,} {noun}{'' if number == 1 else 's'}"
 

@@ -18,7 +18,7 @@ from analysis import CannotAnswer
 from analysis.logs import times
 from analysis.logs.columns import NAMES
 from analysis.logs.delimited import Table, content
-from analysis.logs.grid import BadStamps
+from analysis.logs.grid import BadStamps, counted
 from analysis.logs.tables import Part
 from analysis.logs.timeline import Gnss, Imu, plausible
 
@@ -227,7 +227,7 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[float], list[str]
             "wrong checksum, left out"
         )
     if joined:
-        notes.append(f"{path.name}: {joined:,} sentences broken over two lines, joined")
+        notes.append(f"{path.name}: {counted(joined, 'sentence')} broken over two lines, joined")
     lines = _lines(raw, found)
 
     def place(k):
@@ -335,8 +335,8 @@ def _receiver_time(found, place, notes) -> tuple[np.ndarray, list[int]]:
         outside = np.minimum(index - known[0], 0) + np.maximum(index - known[-1], 0)
         t = np.interp(index, known, t[known]) + interval * outside
         notes.append(
-            f"{place(lacking[0])}: {lacking.size:,} epochs without a time of day, the first "
-            f"here: taken as {interval:g} s apart, or even between those that have one"
+            f"{place(lacking[0])}: {counted(lacking.size, 'epoch')} without a time of day, the "
+            f"first here: taken as {interval:g} s apart, or even between those that have one"
         )
     return t, again
 

@@ -25,6 +25,7 @@ from analysis import CannotAnswer
 from analysis.logs import nmea
 from analysis.logs.columns import NAMES
 from analysis.logs.delimited import Table
+from analysis.logs.grid import counted
 from analysis.logs.tables import AXES, LISTED, Part, of_arrays, reading
 
 DEFINED = "its message definition"
@@ -342,7 +343,9 @@ def ubx(path: Path) -> list[Part]:
             rows[message.identity] += list(_ubx_rows(message))
         except Exception:  # a wrong checksum, or bytes that only look like a message
             wrong += 1
-    notes = [f"{wrong:,} UBX messages cut off or with a wrong checksum, left out"] * bool(wrong)
+    notes = [f"{counted(wrong, 'UBX message')} cut off or with a wrong checksum, left out"] * bool(
+        wrong
+    )
     parts = []
     for name, mine in rows.items():
         if mine:

@@ -400,7 +400,9 @@ def _channel(
         turned = formats.unwrap(cells, columns.FULL_TURN[choice.unit])
         jumps = int((np.diff((turned - cells)[finite]).round(6) != 0).sum())
         if jumps:
-            repairs.append(f"'{choice.name}' unwrapped: {jumps:,} jumps by a full turn removed")
+            repairs.append(
+                f"'{choice.name}' unwrapped: {grids.counted(jumps, 'jump')} by a full turn removed"
+            )
             cells, values = turned, turned[finite]
     few = np.percentile(values[:: 1 + len(values) // columns.LOOKED_AT], [5, 95])
     spread = 1e-6 * float(np.ptp(few))  # rounding in metres from degrees is no change

@@ -16,6 +16,7 @@ import pandas as pd
 from analysis import CannotAnswer, WrongUsage
 from analysis.logs import columns, times
 from analysis.logs.delimited import Table, printable
+from analysis.logs.grid import counted
 
 LISTED = 12  # tables named in a message
 SLOW = 0.1  # share of the longest table's rows below which a table is no rival of it
@@ -166,7 +167,7 @@ def ask(found: Sequence[Part], path: Path, why: str = "") -> WrongUsage:
 def listed(parts: Sequence[Part]) -> str:
     """Name tables and their rows."""
     texts = [
-        printable(p.name) + ("" if p.rows is None else f" ({p.rows:,} rows)")
+        printable(p.name) + ("" if p.rows is None else f" ({counted(p.rows, 'row')})")
         for p in parts[:LISTED]
     ]
     more = f" and {len(parts) - LISTED} more" if len(parts) > LISTED else ""

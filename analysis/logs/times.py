@@ -11,7 +11,7 @@ import pandas as pd
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.logs.delimited import CLOCK, Table, printable
-from analysis.logs.grid import BadStamps
+from analysis.logs.grid import BadStamps, counted
 
 SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
 WORDS = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
@@ -307,6 +307,6 @@ def rising(
         )
     if late.size:
         notes.append(
-            f"{place(late[0])}: {late.size:,} rows not later than the row before, left out"
+            f"{place(late[0])}: {counted(late.size, 'row')} not later than the row before, left out"
         )
     return np.flatnonzero(behind < 0)
