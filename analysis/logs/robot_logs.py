@@ -177,12 +177,12 @@ def ulog(path: Path) -> list[Part]:
         _silent(),
     ):
         log = ULog(handle, [*_ULOG, "vehicle_imu", "vehicle_attitude"])
-    notes, raw = [], path.read_bytes()
-    whole = _whole_ulog(raw)
-    if log.file_corruption or whole < len(raw):
+    notes: list[str] = []
+    size, whole = path.stat().st_size, _whole_ulog(path.read_bytes())
+    if log.file_corruption or whole < size:
         until_s = (log.last_timestamp - log.start_timestamp) / 1e6
         notes.append(
-            f"cut off or damaged at byte {whole:,} of {len(raw):,}; what could be read ends "
+            f"cut off or damaged at byte {whole:,} of {size:,}; what could be read ends "
             f"{until_s:.4g} s after the log's start"
         )
     if log.dropouts:
@@ -343,9 +343,8 @@ def ubx(path: Path) -> list[Part]:
             rows[message.identity] += list(_ubx_rows(message))
         except Exception:  # a wrong checksum, or bytes that only look like a message
             wrong += 1
-    notes = [f"{counted(wrong, 'UBX message')} cut off or with a wrong checksum, left out"] * bool(
-        wrong
-    )
+    damaged = f"{counted(wrong, 'UBX message')} cut off or with a wrong checksum, left out"
+    notes = [damaged] * bool(wrong)
     parts = []
     for name, mine in rows.items():
         if mine:

@@ -419,7 +419,8 @@ def _channel(
 
 def _missing(table: Table, lost: Iterable[tuple]) -> Iterator[str]:
     """Say what is missing, in one sentence for each reason, whatever the number of columns."""
-    total, reasons = len(table.frame), {}
+    total = len(table.frame)
+    reasons: dict[str, dict[tuple, list[str]]] = {}
     for why, count, row, column in lost:
         reasons.setdefault(why, {}).setdefault((count, row), []).append(column)
     for why, found in reasons.items():
