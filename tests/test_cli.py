@@ -261,7 +261,7 @@ def test_what_is_repaired_is_said_on_the_page(tmp_path, no_pictures):
     assert (source["gaps"], len(source["repairs"])) == (1, 5)
     for words in (
         "are too short for",
-        "line 52, column",
+        "first in line 52",
         "written twice",
         "1 gap: 20 of",
         "is cut off and was dropped",
@@ -313,7 +313,7 @@ REFUSED = {
     "a long gap": ([*ROWS[:50], *ROWS[250:]], HEADER, [], 1, ("line 52", "'t_s'", "200 of 600")),
     "nothing": ([], "", [], 1, ("line 1", "empty")),
     "a header only": ([], HEADER, [], 1, ("line 1", "no data")),
-    "half a second": (ROWS[:50], HEADER, [], 1, ("line 51", "'gyro_x_deg_s'", "50 samples")),
+    "half a second": (ROWS[:50], HEADER, [], 1, ("line 51", "50 samples")),
     "a constant": (
         [f"{i / 100},1.5" for i in range(200)], HEADER, [], 1, ("gyro_x", "1.5", "--columns"),
     ),
