@@ -170,13 +170,10 @@ def overlapped_variance(y, m):
 
 
 def _running_sum(y):
-    return _sums(y, np.mean(y)) if len(y) else np.zeros(1)
-
-
-def _sums(y, level=0.0):
-    """Sum of none, one, two ... values less a level, in place: a long log fills the memory."""
+    """Sum of none, one, two ... values less their mean, in place: a long log fills the memory."""
     sums = np.zeros(len(y) + 1)
-    np.subtract(y, level, out=sums[1:])
+    if len(y):
+        np.subtract(y, np.mean(y), out=sums[1:])
     return np.cumsum(sums, out=sums)
 
 
@@ -194,8 +191,12 @@ def _mean_second_differences(phase, m):
 def _with_holes(y, valid, m):
     """Allan variances of a log with missing samples, and the share of the pairs that is there."""
     level = y[valid].mean() if valid.any() else 0.0
-    known = np.where(valid, y - level, 0.0)
-    sums = np.array([_sums(v) for v in (known, known**2, valid)])
+    sums = np.zeros((3, len(y) + 1))  # of values less their mean, of squares, of what is there
+    np.subtract(y, level, out=sums[0, 1:], where=valid)
+    np.square(sums[0, 1:], out=sums[1, 1:])
+    sums[2, 1:] = valid
+    for row in sums:
+        np.cumsum(row, out=row)
     return np.array([_differences_of_partial_means(sums, k) for k in m]).T
 
 
