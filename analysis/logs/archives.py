@@ -104,8 +104,8 @@ def spreadsheet(path: Path) -> list[Part]:
 def _copy(source, target: Path, path: Path, limit: int) -> int:
     """Copy what is unpacked, up to a limit; return its size."""
     size = 0
-    bar = {"unit": "B", "unit_scale": True, "delay": 1.0, "disable": None, "leave": False}
-    with target.open("wb") as handle, tqdm(desc=f"unpacking {path.name}", **bar) as shown:
+    bar = {"unit": "B", "unit_scale": True, **delimited.progress(path, "unpacking")}
+    with target.open("wb") as handle, tqdm(**bar) as shown:
         while block := source.read(1 << 20):
             size += len(block)
             if size > limit:

@@ -21,7 +21,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import multimode
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import pandas as pd
@@ -288,6 +288,11 @@ class Table:
         return f"{self.file}, {where}" + (f", column '{column}'" if column else "")
 
 
+def progress(path: Path, what: str = "reading") -> dict[str, Any]:
+    """Settings of a progress bar: after a second, and only on a terminal."""
+    return {"desc": f"{what} {path.name}", "delay": 1.0, "disable": None, "leave": False}
+
+
 def read_table(path: Path) -> Table:
     """Read a delimited text file, gzipped or not.
 
@@ -302,13 +307,7 @@ def read_table(path: Path) -> Table:
         If the file is empty, binary, or holds text where a number should be: file, line, column.
     """
     layout = sniff(path)
-    bar = {  # after a second, and only on a terminal; a packed file has more to read than its size
-        "total": path.stat().st_size,
-        "delay": 1.0,
-        "disable": None,
-        "desc": f"reading {path.name}",
-        "leave": False,
-    }
+    bar = {"total": path.stat().st_size, **progress(path)}  # a packed file has more to read
     try:
         with (
             open_bytes(path) as raw,

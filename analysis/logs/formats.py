@@ -194,10 +194,6 @@ def _holds(pattern: bytes) -> Callable[[bytes], bool]:
     return lambda head: bool(compiled.search(head))
 
 
-def _never(head: bytes) -> bool:
-    return False
-
-
 FORMATS: dict[str, Format] = {  # the first that tells
     "parquet": Format("Parquet", _starts(b"PAR1"), matrices.parquet, "pyarrow"),
     "mat5": Format("MATLAB v5 to v7", _starts(b"MATLAB 5.0"), matrices.mat5),
@@ -233,7 +229,7 @@ FORMATS: dict[str, Format] = {  # the first that tells
     "json": Format("JSON lines", _holds(rb"\A\s*(\[\s*)?\{\s*\""), matrices.json_lines),
     "xsens": Format("Xsens text", _holds(rb"\A(//[^\n]*\n)+PacketCounter"), xsens),
     "serial": Format("lines of names and numbers", lambda head: _is_serial(head), serial),
-    "phone": Format("a phone's CSV", _never, _phone_csv),
+    "phone": Format("a phone's CSV", lambda head: False, _phone_csv),
     "csv": Format("CSV", lambda head: True, _csv),
 }
 

@@ -23,7 +23,7 @@ import scipy.io
 from tqdm import tqdm
 
 from analysis import CannotAnswer
-from analysis.logs.delimited import Table, open_bytes
+from analysis.logs.delimited import Table, open_bytes, progress
 from analysis.logs.tables import AXES, Part, of_arrays, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
@@ -85,8 +85,8 @@ def parquet(path: Path) -> list[Part]:
             f for f in taken if not (pa.types.is_nested(f.type) or pa.types.is_dictionary(f.type))
         ]
         with reading(path, "a Parquet file"), ThreadPoolExecutor(THREADS) as threads:
-            bar = {"total": len(flat), "desc": f"reading {path.name}", "unit": "column"}
-            values = tqdm(threads.map(column, flat), **bar, delay=1.0, disable=None, leave=False)
+            bar = {"total": len(flat), "unit": "column", **progress(path)}
+            values = tqdm(threads.map(column, flat), **bar)
             columns = {names[one.name]: v for one, v in zip(flat, values, strict=True)}
         pa.default_memory_pool().release_unused()
         return Table(pd.DataFrame(columns, copy=False), path)

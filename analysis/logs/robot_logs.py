@@ -24,7 +24,7 @@ from tqdm import tqdm
 from analysis import CannotAnswer
 from analysis.logs import nmea
 from analysis.logs.columns import NAMES
-from analysis.logs.delimited import Table
+from analysis.logs.delimited import Table, progress
 from analysis.logs.grid import counted
 from analysis.logs.tables import AXES, LISTED, Part, of_arrays, reading
 
@@ -116,7 +116,7 @@ def _ros_table(path: Path, topic: str) -> Table:
         known = _ROS.get(connections[0].msgtype, {})
         columns: dict[str, array] = defaultdict(lambda: array("d"))
         stamps, received = array("d"), array("d")
-        bar = tqdm(bag.messages(connections), total=rows, **_bar(path))
+        bar = tqdm(bag.messages(connections), total=rows, **progress(path))
         for connection, written_ns, raw in bar:
             message = bag.deserialize(raw, connection.msgtype)
             header = getattr(message, "header", None)
@@ -139,11 +139,6 @@ def _ros_table(path: Path, topic: str) -> Table:
     if "fix" in found:
         found["fix"] = found["fix"] + 1  # -1 no fix, 0 a fix
     return Table(pd.DataFrame({"t_s": t, **found}, copy=False), path, tuple(notes))
-
-
-def _bar(path: Path) -> dict[str, Any]:
-    """Settings of a progress bar: after a second, and only on a terminal."""
-    return {"desc": f"reading {path.name}", "delay": 1.0, "disable": None, "leave": False}
 
 
 @contextlib.contextmanager
@@ -169,7 +164,7 @@ def ulog(path: Path) -> list[Part]:
     """List the messages of a PX4 ULog, an instance each."""
     from pyulog import ULog
 
-    bar = {"total": path.stat().st_size, **_bar(path)}
+    bar = {"total": path.stat().st_size, **progress(path)}
     with (
         reading(path, "a PX4 ULog"),
         path.open("rb") as raw,
@@ -294,16 +289,8 @@ def _dataflash_parts(
                 columns[ours] = mine[name] * (factor or 1.0)
         if form.name.startswith("GPS") and "Status" in columns:
             columns["fix"] = np.maximum(columns.pop("Status") - 1, 0)  # 2 and more: a fix
-        parts.append(
-            of_arrays(
-                path,
-                label,
-                columns,
-                notes,
-                told_by=DEFINED,
-                primary=bool(_PRIMARY.fullmatch(form.name)),
-            )
-        )
+        primary = bool(_PRIMARY.fullmatch(form.name))
+        parts.append(of_arrays(path, label, columns, notes, told_by=DEFINED, primary=primary))
     return parts
 
 
@@ -334,7 +321,7 @@ def ubx(path: Path) -> list[Part]:
     rows: dict[str, list[dict]] = {"NAV-PVT": [], "ESF-MEAS": [], "ESF-RAW": []}
     wrong = 0
     places = [match.start() for match in _UBX.finditer(raw)]
-    for at in tqdm(places, **_bar(path)):
+    for at in tqdm(places, **progress(path)):
         size = int.from_bytes(raw[at + 4 : at + 6], "little") + 8
         try:
             if size > _UBX_SIZE or at + size > len(raw):
