@@ -216,8 +216,6 @@ def test_joint_ranking_and_shares_count_what_holds():
     shares = of.shares()
     assert np.allclose(shares.sum(axis=1), 1.0)
     assert shares.loc["terrain-c", "open"] == 1.0 and of.never() == ["terrain-c"]
-    both = of.together()
-    assert (np.diag(both) == shares["holds"] * len(of.levels)).all()
     best = of.joint().iloc[0]
     assert (best["holds"], best["fails"], best["open"]) == (2, 0, 1)
     assert best["noise"] == "integrated"

@@ -232,12 +232,8 @@ def simulate_laps(
         if setup.drawn_map_error:
             shape = seen.shape[:2]
             seen = seen.reshape(*shape, -1) + map_errors(setup, shape, streams[part])
-        parts.append(
-            follow(
-                *(attitude_map, at, seen, first, moved, paths, sensors, setup, store_every),
-                compiled=compiled,
-            )
-        )
+        given = attitude_map, at, seen, first, moved, paths, sensors, setup, store_every
+        parts.append(follow(*given, compiled=compiled))
     joined = (
         np.concatenate([getattr(part, name) for part in parts], axis=1)
         for name in ("error", "variance", "nis")
@@ -287,17 +283,9 @@ def attitude_errors(setup, channels, streams, samples):
     walk, bias : ndarray, shape (samples, channels, runs)
         sqrt(s), s: to be multiplied with N and B.
     """
-    drawn = [
-        unit_paths(
-            samples,
-            1 / setup.rate_hz,
-            setup.corr_time,
-            [_child(stream, 1 + c) for stream in streams],
-            start=setup.start,
-            noise=setup.noise,
-        )
-        for c in range(channels)
-    ]
+    step, assumed = 1 / setup.rate_hz, {"start": setup.start, "noise": setup.noise}
+    own = [[_child(stream, 1 + c) for stream in streams] for c in range(channels)]
+    drawn = [unit_paths(samples, step, setup.corr_time, of, **assumed) for of in own]
     walk, bias = (np.stack(paths, axis=1) for paths in zip(*drawn, strict=True))
     return setup.measured(walk), setup.measured(bias)
 

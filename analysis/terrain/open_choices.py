@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -189,14 +189,9 @@ class Roads(NamedTuple):
         rows = {"pitch": [0], "roll": [1], "both": [0, 1]}[reading.channel]
         road, setup = self.maps[reading.road], reading.setup()
         road = AttitudeMap(road.start, road.step, road.attitude[rows])
-        found = simulate_laps(
-            *(road, reading.sensors(self.table_3), setup),
-            runs=laps,
-            seed=seed,
-            store_every=setup.seconds / MOMENTS,
-            compiled=compiled,
-        )
-        return found, road
+        options: dict[str, Any] = {"store_every": setup.seconds / MOMENTS, "compiled": compiled}
+        sensors = reading.sensors(self.table_3)
+        return simulate_laps(road, sensors, setup, runs=laps, seed=seed, **options), road
 
     def evaluate(
         self,
@@ -550,18 +545,6 @@ class JudgedReadings:
     def never(self) -> list[str]:
         """Name the claims that hold in none of the readings."""
         return [claim for claim, held in (self.inside >= HOLDS).any().items() if not held]
-
-    def together(self) -> pd.DataFrame:
-        """Count the readings in which two claims hold at once.
-
-        Returns
-        -------
-        DataFrame of int, shape (claims, claims)
-            On the diagonal the readings in which a claim holds at all. A pair with 0, each of which
-            holds somewhere, contradict each other in all of these readings.
-        """
-        held = (self.inside >= HOLDS).astype(int)
-        return held.T @ held
 
     def deciding(self, claim: str, resamples: int, rng: np.random.Generator) -> pd.DataFrame:
         """Say which factors decide a claim: their shares of the variance of ``inside``.

@@ -85,14 +85,9 @@ class MapError:
         gamma = np.mean(
             [[np.nanmean((of[k:] - of[:-k]) ** 2) / 2 for k in LAGS] for of in series], axis=0
         )
-        found, _ = curve_fit(
-            _semivariogram,
-            LAGS,
-            gamma,
-            p0=(0.5 * gamma[-1] ** 0.5, 2.0, 0.8 * gamma[-1] ** 0.5, 50.0),
-            sigma=gamma,
-            bounds=([0, 0.1, 0, 5], [np.inf, 5, np.inf, 500]),
-        )
+        start = 0.5 * gamma[-1] ** 0.5, 2.0, 0.8 * gamma[-1] ** 0.5, 50.0
+        bounds = [0, 0.1, 0, 5], [np.inf, 5, np.inf, 500]
+        found, _ = curve_fit(_semivariogram, LAGS, gamma, start, sigma=gamma, bounds=bounds)
         fast_sd, fast_length, slow_sd, slow_length = map(float, found)
         # The mean of a lap varies by the offset, and by what the slow part leaves in a mean.
         x = np.mean([len(of) for of in series]) / slow_length
@@ -227,18 +222,9 @@ def lay_on_line(name, direction, raw, line, mounting) -> Lap:
     good = np.isfinite(s)
     scale = np.polyfit(counts[good], s[good], 1)[0]
     s = np.interp(t, t[good], (s - scale * counts)[good]) + scale * counts
-    return Lap(
-        name=name,
-        direction=direction,
-        t_s=t - t[0],
-        s_m=s,
-        offset_m=offset[part],
-        pitch_deg=pitch[part],
-        roll_deg=roll[part],
-        height_m=middle[part, 2],
-        wheel_m=counts,
-        fixed=np.isfinite(raw.antennas).all(axis=(0, 2))[part],
-    )
+    fixed = np.isfinite(raw.antennas).all(axis=(0, 2))
+    kept = offset[part], pitch[part], roll[part], middle[part, 2], counts, fixed[part]
+    return Lap(name, direction, t - t[0], s, *kept)
 
 
 def resample_lap(lap, channels, rate_hz):

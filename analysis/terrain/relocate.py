@@ -18,6 +18,7 @@ wrong with them, and neither alarm nor place can be trusted: nothing is done.
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -215,42 +216,29 @@ def likelihood(averaged, readings, driven, sensor, setup, places):
     return place, weight / weight.sum(), chi2.sf(square.min(), len(z) * len(kept))
 
 
-def _off(degrees, begin, end):
+def _pitch_off(degrees, begin, end, truth, moved, attitude, first):
     """Let the attitude be off over a stretch of road."""
-
-    def change(truth, moved, attitude, first):
-        return moved, attitude + degrees * ((begin < truth) & (truth < end)), first
-
-    return change
+    return moved, attitude + degrees * ((begin < truth) & (truth < end)), first
 
 
-def _wheels_miss(metres, at):
+def _wheels_miss(metres, at, truth, moved, attitude, first):
     """Let the odometry miss some metres within two seconds."""
-
-    def change(truth, moved, attitude, first):
-        part = np.flatnonzero(truth > at)[:200]
-        moved = moved.copy()
-        moved[part] -= metres / len(part)
-        return moved, attitude, first
-
-    return change
+    part, moved = np.flatnonzero(truth > at)[:200], moved.copy()
+    moved[part] -= metres / len(part)
+    return moved, attitude, first
 
 
-def _begin_wrong(metres):
+def _begin_wrong(metres, truth, moved, attitude, first):
     """Let the first position be wrong."""
-
-    def change(truth, moved, attitude, first):
-        return moved, attitude, first + metres
-
-    return change
+    return moved, attitude, first + metres
 
 
 DISTURBANCES = {
-    "none": _off(0.0, 0.0, 0.0),
-    "pitch 0.5° off for 300 m": _off(-0.5, 500.0, 800.0),
-    "pitch 1° off for 100 m": _off(1.0, 700.0, 800.0),
-    "wheels miss 30 m": _wheels_miss(30.0, 700.0),
-    "first position 60 m wrong": _begin_wrong(60.0),
+    "none": partial(_begin_wrong, 0.0),
+    "pitch 0.5° off for 300 m": partial(_pitch_off, -0.5, 500.0, 800.0),
+    "pitch 1° off for 100 m": partial(_pitch_off, 1.0, 700.0, 800.0),
+    "wheels miss 30 m": partial(_wheels_miss, 30.0, 700.0),
+    "first position 60 m wrong": partial(_begin_wrong, 60.0),
 }
 
 
@@ -293,12 +281,8 @@ def watch_real_laps(
             driven, seen, first = change(truth, moved, attitude, truth[0])
             found = watch(profile.attitude_map(), seen + gyro, driven, first, sensor, own, places)
             off = np.abs(found.position[:, 0] - truth)
-            rows[name, label] = {
-                "alarms": len(found.alarms),
-                "found": len(found.found),
-                "lost_m": off.max(),
-                "end_m": off[-1],
-            }
+            row = {"alarms": len(found.alarms), "found": len(found.found)}
+            rows[name, label] = row | {"lost_m": off.max(), "end_m": off[-1]}
     return pd.DataFrame(rows).T
 
 
@@ -367,14 +351,9 @@ def watch_long_drives(
     alarms = pd.DataFrame(rows, columns=columns)
     in_all, lost = alarms.groupby("drive"), watched.lost
     alone = np.abs(watched.odometry - truth[:, None])
-    table = pd.DataFrame(
-        {
-            "alarms": in_all.size(),
-            "false": alarms[alarms["off_m"] < LOST_M].groupby("drive").size(),
-            "found": in_all["away_s"].count(),
-        },
-        index=range(drives),
-    ).fillna(0)
+    false = alarms[alarms["off_m"] < LOST_M].groupby("drive").size()
+    counts = {"alarms": in_all.size(), "false": false, "found": in_all["away_s"].count()}
+    table = pd.DataFrame(counts, index=range(drives)).fillna(0)
     table["lost"], table["unnoticed"] = lost.mean(axis=0), ((off > LOST_M) & ~lost).mean(axis=0)
     table["p50_m"], table["p95_m"] = np.quantile(off, [0.5, 0.95], axis=0)
     table["p95_tracked_m"] = np.nanquantile(np.where(lost, np.nan, off), 0.95, axis=0)

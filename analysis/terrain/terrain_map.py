@@ -273,15 +273,7 @@ def combine(curves, line, between=None):
         else:
             variance = between[q]
         columns |= {q: mean, q.replace("_", "_se_"): np.sqrt(variance / n)}
-    return Profile(
-        s_m=line.s_m,
-        **columns,
-        east_m=line.east_m,
-        north_m=line.north_m,
-        curvature_1_m=line.curvature(),
-        laps=count,
-        length_m=line.length_m,
-    )
+    return Profile(**vars(line), **columns, curvature_1_m=line.curvature(), laps=count)
 
 
 def held_out(laps: Sequence[Any], line: CentreLine, width: float) -> dict[str, list[np.ndarray]]:

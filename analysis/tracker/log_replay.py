@@ -185,9 +185,7 @@ def _columns(epochs, gnss, rows):
     north, east = np.sqrt(nn), np.sqrt(ee)
     return {
         "t_s": np.array([e.t_s for e in epochs]),
-        "lat_deg": blank if gnss is None else gnss.lat_deg,
-        "lon_deg": blank if gnss is None else gnss.lon_deg,
-        "pdop": blank if gnss is None else gnss.pdop,
+        **{k: getattr(gnss, k, blank) for k in ("lat_deg", "lon_deg", "pdop")},
         "has_fix": np.array([e.fix is not None for e in epochs], dtype=int),
         **{name: taken(name, int) for name in ("accepted", "moving", "layer")},
         "out_lat_deg": taken("lat_deg", float),

@@ -17,7 +17,6 @@ an engine.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -318,12 +317,7 @@ def scenario(
         starts = list(GnssErrors.STARTS.values())
         gnss = GnssErrors.courtyard(starts[rng.integers(len(starts))])
     assumed = ASSUMED[name]
-    makers: dict[str, Callable[..., Scenario]] = {
-        "A": _courtyard,
-        "B": _laps,
-        "C": _walk,
-        "D": _town,
-    }
+    makers: dict[str, Any] = {"A": _courtyard, "B": _laps, "C": _walk, "D": _town}
     return makers[name](rng, gnss or assumed[0], imu or assumed[1], **settings)
 
 

@@ -93,7 +93,7 @@ class PowerOns:
             2.5 * np.exp(0.3 * rng.standard_normal() + 0.05 * rng.standard_normal(n)), 1.2, 9
         )
         mode, satellites = np.full(n, 3.0), np.full(n, float(rng.integers(5, 11)))
-        away = self._away(rng)
+        away = self.flat_m / TO_MEDIAN * rng.standard_normal(2)
         kind = rng.random()
         if kind < self.flat_share:
             flat = t < rng.exponential(self.flat_s)
@@ -132,10 +132,6 @@ class PowerOns:
         angle = rng.uniform(0, 2 * math.pi)
         lat, lon = degrees(north + moved_m * math.cos(angle), east + moved_m * math.sin(angle))
         return Stored(float(lat), float(lon), 0.0, 0.0, 2.5)
-
-    def _away(self, rng):
-        """Draw a position error as in two dimensions."""
-        return self.flat_m / TO_MEDIAN * rng.standard_normal(2)
 
 
 def degrees(north_m, east_m):
@@ -237,12 +233,8 @@ def errors_by_later_fixes(gnss: Gnss) -> np.ndarray:
     if not len(at):
         return off
     frame = Frame((float(gnss.lat_deg[at[0]]), float(gnss.lon_deg[at[0]]), 0.0))
-    place = np.array(
-        [
-            frame.ned((a, b, 0.0))[:2]
-            for a, b in zip(gnss.lat_deg[at], gnss.lon_deg[at], strict=True)
-        ]
-    )
+    places = zip(gnss.lat_deg[at], gnss.lon_deg[at], strict=True)
+    place = np.array([frame.ned((*one, 0.0))[:2] for one in places])
     t, speed = gnss.t_s[at], np.nan_to_num(gnss.speed_m_s[at])
     course = np.radians(np.nan_to_num(gnss.course_deg[at]))
     velocity = speed[:, None] * np.column_stack([np.cos(course), np.sin(course)])

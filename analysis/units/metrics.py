@@ -74,7 +74,7 @@ def differences(a: Track, b: Track) -> Differences:
     CannotAnswer
         If they have no common epochs.
     """
-    start, stop = (f(_ends(a)[k], _ends(b)[k]) for k, f in ((0, max), (1, min)))
+    start, stop = (f(span(a)[k], span(b)[k]) for k, f in ((0, max), (1, min)))
     t = _common(a.t_s[a.fixed], b.t_s[b.fixed], start, stop)
     here, there = (interpolated(t, u.t_s, u.enu) for u in (a, b))
     flat = [interpolated(t, u.t_s, u.enu[:, :2]) for u in (a, b)]  # where only heights are missing
@@ -94,24 +94,17 @@ def differences(a: Track, b: Track) -> Differences:
     if not len(t) and not np.any(known):
         raise CannotAnswer(
             f"{a.name} and {b.name} have no epoch in common: {a.name} runs from "
-            f"{_ends(a)[0]:.0f} s to {_ends(a)[1]:.0f} s, {b.name} from {_ends(b)[0]:.0f} s to "
-            f"{_ends(b)[1]:.0f} s on the same clock"
+            f"{span(a)[0]:.0f} s to {span(a)[1]:.0f} s, {b.name} from {span(b)[0]:.0f} s to "
+            f"{span(b)[1]:.0f} s on the same clock"
         )
     turning = rate(angle_t, angles[0][:, 2:], TURN_S)[:, 0]
-    return Differences(
-        t,
-        enu,
-        enu[:, 0] * sin + enu[:, 1] * cos,
-        enu[:, 0] * cos - enu[:, 1] * sin,
-        speed,
-        rate(t, unwrapped(course[:, None]), TURN_S)[:, 0],
-        angle_t[known],
-        wrap(angles[1] - angles[0])[known],
-        turning[known],
-    )
+    along, cross = enu[:, 0] * sin + enu[:, 1] * cos, enu[:, 0] * cos - enu[:, 1] * sin
+    turn = rate(t, unwrapped(course[:, None]), TURN_S)[:, 0]
+    of_attitude = angle_t[known], wrap(angles[1] - angles[0])[known], turning[known]
+    return Differences(t, enu, along, cross, speed, turn, *of_attitude)
 
 
-def _ends(track):
+def span(track):
     """First and last time with a position or an attitude."""
     t = np.concatenate([track.t_s[track.fixed], track.attitude_t_s])
     return (float(t.min()), float(t.max())) if len(t) else (np.inf, -np.inf)

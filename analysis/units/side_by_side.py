@@ -20,6 +20,7 @@ from analysis.units.metrics import (
     Differences,
     differences,
     interpolated_angles,
+    span,
     trajectory_metrics,
 )
 from analysis.units.variances import Variances, unit_variances
@@ -28,12 +29,8 @@ WINDOW_S = 10.0  # over which changes of angle are compared
 TURNED_DEG, TILTED_DEG = 5.0, 0.5  # root mean square of the changes that can tell
 AGREE = 0.5  # of the variance of one that the other explains
 RADIAN, RADIANS = float(np.degrees(1.0)), 6.4  # deg; no yaw in radians is larger
-FACTORS = {
-    1.0: "",
-    -1.0: "turned round",
-    1 / RADIAN: "in radians",
-    -1 / RADIAN: "in radians and turned round",
-}
+FACTORS = {1.0: "", -1.0: "turned round", 1 / RADIAN: "in radians"}
+FACTORS[-1 / RADIAN] = "in radians and turned round"
 ZERO_DEG = 20.0  # from a multiple of 90 deg, within which a zero is another convention
 DATUM_M, DATUM_RATIO = 8.0, 4.0  # constant difference of height: least, and over its scatter
 GEOID_M = 110.0  # heights of the geoid above the ellipsoid lie within -107 to 86 m
@@ -144,14 +141,9 @@ def side_by_side(units: Sequence[Unit]) -> Comparison:
         distances += apart(a, b, d)
     events += disagreements(distances)
     noise, missing = noise_of_each([pair.differences for pair in pairs[: len(tracks) - 1]])
-    return Comparison(
-        tracks,
-        clocks,
-        pairs,
-        sorted(events, key=lambda e: e.from_s),
-        noise,
-        tuple(dict.fromkeys([*notes, *missing])),
-    )
+    events.sort(key=lambda e: e.from_s)
+    notes = [*dict.fromkeys([*notes, *missing])]
+    return Comparison(tracks, clocks, pairs, events, noise, tuple(notes))
 
 
 def _refuse_same(units):
@@ -196,7 +188,7 @@ def _clock(a: Track, b: Track, notes) -> Clock:
     try:
         clock = clock_offset(a, b)
     except CannotAnswer as error:
-        start, stop = (f(_span(a)[k], _span(b)[k]) for k, f in ((0, max), (1, min)))
+        start, stop = (f(span(a)[k], span(b)[k]) for k, f in ((0, max), (1, min)))
         if not (stands_still(a) and stands_still(b)):
             raise
         if stop <= start or a.clock != b.clock:
@@ -210,11 +202,6 @@ def _clock(a: Track, b: Track, notes) -> Clock:
     if clock.named:
         notes.append(f"times by {a.name} are those by {b.name} plus {clock.named}")
     return clock
-
-
-def _span(track):
-    t = np.concatenate([track.t_s[track.fixed], track.attitude_t_s])
-    return float(t.min()), float(t.max())
 
 
 def _agreed(tracks, notes):
