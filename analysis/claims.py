@@ -437,7 +437,7 @@ class Ledger:
 def _verdict(row, found):
     """Judge an Estimate, a (value, low, high) or the logs of an array; also give its numbers."""
     if isinstance(found, np.ndarray):
-        logs = found.astype(bool if _asks(row) else float)
+        logs = found.astype(bool if row["unit"] == YES_OR_NO else float)
         return judge_logs(logs, row["low"], row["high"])
     ends = (found.value, found.low, found.high) if isinstance(found, Estimate) else found
     ends = [None if x is None or x != x else float(x) for x in ends]
@@ -487,10 +487,6 @@ def _range(low, high, unit):
         return low
     before, _, after = WRITTEN.get(unit, ("", 1, f" {pretty(unit)}"))
     return f"between {low.removesuffix(after)} and {high.removeprefix(before)}"
-
-
-def _asks(row):
-    return row["unit"] == YES_OR_NO
 
 
 def _span(low, high):

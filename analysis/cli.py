@@ -697,11 +697,8 @@ def coverage(
         "ensembles": (ensembles.study, ensembles.FOLDER),
     }
     run, usual = studies[study]
-    given = {
-        "runs": runs,
-        "hours": hours and _numbers(hours),
-        "names": models and models.split(","),
-    }
+    lengths, names = hours and _numbers(hours), models and models.split(",")
+    given: dict[str, Any] = {"runs": runs, "hours": lengths, "names": names}
     given = {name: value for name, value in given.items() if value}
     if given and study not in ("intervals", "broken"):
         raise WrongUsage(
@@ -757,17 +754,11 @@ def readings(
     """
     from analysis.studies import readings as study
 
-    given = {"readings": count, "laps": laps, "best": best}
+    given: dict[str, Any] = {"readings": count, "laps": laps, "best": best, "held": hold}
+    given |= {"workers": workers, "scheduler": scheduler, "compiled": compiled}
     folder = Path(out) if out else study.FOLDER
     with writing(folder):
-        table = study.study(
-            folder,
-            held=hold or (),
-            workers=workers,
-            scheduler=scheduler,
-            compiled=compiled,
-            **{name: value for name, value in given.items() if value is not None},
-        )
+        table = study.study(folder, **{k: v for k, v in given.items() if v is not None})
     print(f"{len(table)} readings are in {folder.name}/")
 
 

@@ -25,16 +25,9 @@ from analysis.terrain.trends import line_and_square
 from analysis.units.side_by_side import Comparison, Pair
 
 __all__ = [
-    "against_price",
-    "allan",
-    "atlas",
-    "curves",
-    "four_panels",
-    "histogram",
-    "interval_bar",
-    "plane",
-    "sensors",
-]
+    "against_price", "allan", "atlas", "curves", "four_panels", "histogram", "interval_bar",
+    "plane", "sensors",
+]  # fmt: skip
 
 TURNING = 3.0  # deg/s from which a unit turns
 SHOWN = 1000  # parts of a line that a picture can show
@@ -575,14 +568,8 @@ def units_differences(pair: Pair, zero: float) -> Figure:
     matplotlib.figure.Figure
     """
     d = pair.differences
-    rows = [
-        (f"{n} (m)", d.t_s, x, d.turn_deg_s)
-        for n, x in (
-            ("along track", d.along_m),
-            ("cross track", d.cross_m),
-            ("height", d.enu[:, 2]),
-        )
-    ]
+    lengths = {"along track": d.along_m, "cross track": d.cross_m, "height": d.enu[:, 2]}
+    rows = [(f"{n} (m)", d.t_s, x, d.turn_deg_s) for n, x in lengths.items()]
     rows += [
         (f"{n} (°)", d.attitude_t_s, x, d.attitude_turn_deg_s)
         for n, x in zip(("roll", "pitch", "yaw"), d.attitude.T, strict=True)

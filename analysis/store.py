@@ -52,26 +52,10 @@ from analysis.terrain.terrain_map import Profile
 from analysis.units.frame import Track
 
 __all__ = [
-    "antenna_mounting",
-    "before_and_after",
-    "characterise_log",
-    "coverage",
-    "ensemble",
-    "error_plane",
-    "highway",
-    "lap_and_map",
-    "lap_curves",
-    "laps",
-    "map_error",
-    "names",
-    "profile",
-    "published",
-    "read",
-    "readings",
-    "sensors",
-    "static_log",
-    "tracks",
-]
+    "antenna_mounting", "before_and_after", "characterise_log", "coverage", "ensemble",
+    "error_plane", "highway", "lap_and_map", "lap_curves", "laps", "map_error", "names", "profile",
+    "published", "read", "readings", "sensors", "static_log", "tracks",
+]  # fmt: skip
 
 FOLDER = DATA / "derived"
 COMMAND = "python -m analysis data --rebuild --write"
@@ -622,15 +606,9 @@ def _do(job):
 def log_source(log: Log, noticed: Iterable[str] = ()) -> dict:
     """State where a static log comes from and what was repaired in it."""
     used = dict(zip(("from_s", "to_s"), log.used, strict=True)) if log.used else None
-    return (
-        {key: getattr(log, key) for key in SOURCE}
-        | ({"used": used} if used else {})
-        | {
-            "rate_hz": rounded_number(log.rate_hz),
-            "duration_s": rounded_number(log.duration_s),
-            "repairs": [*log.repairs, *noticed],
-        }
-    )
+    about = {key: getattr(log, key) for key in SOURCE} | ({"used": used} if used else {})
+    about |= {key: rounded_number(about[key]) for key in ("rate_hz", "duration_s")}
+    return about | {"repairs": [*log.repairs, *noticed]}
 
 
 def model(result: StaticResult) -> dict:

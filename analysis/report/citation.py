@@ -211,15 +211,8 @@ def crate(folder: str | Path) -> Path:
         mentions=_ids(runs.values()),
     )
     about = {"conformsTo": {"@id": PROFILE}, "about": {"@id": "./"}}
-    graph = [
-        _entity("CreativeWork", CRATE, **about),
-        whole,
-        licence | {"@type": "CreativeWork"},
-        author | {"@type": "Organization"},
-        *papers.values(),
-        *parts,
-        *runs.values(),
-    ]
+    graph = [_entity("CreativeWork", CRATE, **about), whole, licence | {"@type": "CreativeWork"}]
+    graph += [author | {"@type": "Organization"}, *papers.values(), *parts, *runs.values()]
     with replacing(Path(folder, CRATE)) as draft:
         text = json.dumps({"@context": f"{PROFILE}/context", "@graph": graph}, indent=1)
         draft.write_text(f"{text}\n", encoding="utf-8")

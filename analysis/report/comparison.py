@@ -63,14 +63,7 @@ def write(units, out):
     """
     found = side_by_side([Unit.of(name, log) for name, log in units.items()])
     content = model(found, units)
-    earlier = figures_of(
-        out,
-        "compare.json",
-        lambda stored: [
-            "tracks",
-            *(_picture(a["name"], b["name"]) for a, b in permutations(stored["units"], 2)),
-        ],
-    )
+    earlier = figures_of(out, "compare.json", _pictures)
     with replacing(out) as draft:
         pictures = _draw_comparison(found, units, draft / "figures")
         (draft / "compare.json").write_text(store.as_json(content), encoding="utf-8")
@@ -155,6 +148,12 @@ def _counts_of_units(events):
     """Count the events of each unit, a line each."""
     units = dict.fromkeys(e["unit"] for e in events)
     return [f"{unit}: {_counts([e for e in events if e['unit'] == unit])}" for unit in units]
+
+
+def _pictures(content):
+    """Name the figures of a comparison."""
+    names = [unit["name"] for unit in content["units"]]
+    return ["tracks", *(_picture(*pair) for pair in permutations(names, 2))]
 
 
 def _picture(a, b):

@@ -54,22 +54,13 @@ def _surface():
     times = sorted(tables["surface"]["corr_time_s"].unique().tolist())
     planes = {key: [store.error_plane(key, t) for t in times] for key in TRACKERS}
     one = planes["integrated"][0]
-    data = {
-        "corr_times": times,
-        "arw": one.arw.tolist(),
-        "sigma_b": one.sigma_b.tolist(),
-        "runs": source["runs"],
-        "planes": {
-            key: {
-                f"{t:g}": {
-                    name: getattr(plane, name).tolist() for name in ("error", "low", "high", "lost")
-                }
-                for t, plane in zip(times, of, strict=True)
-            }
-            for key, of in planes.items()
-        },
-        "parts": _parts(),
-    }
+    data = {"corr_times": times, "arw": one.arw.tolist(), "sigma_b": one.sigma_b.tolist()}
+    data |= {"runs": source["runs"], "planes": {}, "parts": _parts()}
+    for key, of in planes.items():
+        numbers = [
+            {k: getattr(p, k).tolist() for k in ("error", "low", "high", "lost")} for p in of
+        ]
+        data["planes"][key] = dict(zip((f"{t:g}" for t in times), numbers, strict=True))
     told = {"data": data, "trackers": TRACKERS, "setup": source["setup"], "lost": f"{LOST_M:g}"}
     return told | {"on_real_map": _on_real_map()}
 

@@ -424,18 +424,10 @@ def summary(result):
         columns = [(PARAMETERS[k][2], [c.parameters.get(k) for c in channels]) for k in keys]
         columns.append(("mean of the log", [mean_reading(c) for c in channels]))
         written = [in_one_unit(estimates) for _, estimates in columns]
-        groups.append(
-            {
-                "title": title,
-                "columns": [
-                    (words, f"({unit})" if unit else "")
-                    for (words, _), (unit, _) in zip(columns, written, strict=True)
-                ],
-                "rows": [
-                    (c.name, [cells[k] for _, cells in written]) for k, c in enumerate(channels)
-                ],
-            }
-        )
+        units = [f"({unit})" if unit else "" for unit, _ in written]
+        heads = list(zip((words for words, _ in columns), units, strict=True))
+        rows = [(c.name, [cells[k] for _, cells in written]) for k, c in enumerate(channels)]
+        groups.append({"title": title, "columns": heads, "rows": rows})
     return groups
 
 

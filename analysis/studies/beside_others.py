@@ -108,11 +108,8 @@ def _made_up(coefficients, shapes):
     return (terms >= LEAST * terms.sum(axis=0)).any(axis=1)
 
 
-OTHERS = {
-    ALLANTOOLS: with_allantools,
-    ALLAN_VARIANCE: with_allan_variance,
-    FIVE: with_five_coefficients,
-}
+OTHERS = {ALLANTOOLS: with_allantools, ALLAN_VARIANCE: with_allan_variance}
+OTHERS[FIVE] = with_five_coefficients
 
 
 def simulated(log, *, name):
@@ -275,14 +272,10 @@ def study(folder=FOLDER, **where):
         versions = {peer: importlib.metadata.version(peer) for peer in PEERS}
     except importlib.metadata.PackageNotFoundError as error:
         raise CannotAnswer(f"{error.name} is not installed; `make install` installs it") from error
-    tables = {
-        name: Cell(
-            partial(simulated, name=name),
-            list(enumerate(coverage.streams(name, runs))),
-            partial(summary, sensor=name),
-        )
-        for name, runs in SENSORS.items()
-    }
+    tables = {}
+    for name, runs in SENSORS.items():
+        logs, finish = list(enumerate(coverage.streams(name, runs))), partial(summary, sensor=name)
+        tables[name] = Cell(partial(simulated, name=name), logs, finish)
     source = {
         "title": "This package beside other ways to read a static log",
         "made_by": "python -m analysis coverage beside",

@@ -62,12 +62,8 @@ def compute(
     if scheduler is not None:
         yield from _on_cluster(work, numbered, workers, scheduler)
         return
-    parallel = joblib.Parallel(
-        n_jobs=workers or -1,
-        return_as="generator_unordered",
-        pre_dispatch=f"{AHEAD} * n_jobs",
-        batch_size=1,
-    )
+    few: dict[str, Any] = {"pre_dispatch": f"{AHEAD} * n_jobs", "batch_size": 1}
+    parallel = joblib.Parallel(workers or -1, return_as="generator_unordered", **few)
     try:
         yield from parallel(joblib.delayed(_numbered)(work, k, item) for k, item in numbered)
     except TerminatedWorkerError as error:

@@ -197,13 +197,8 @@ def power_cells():
             add(test, f"{times:g} σ_b", partial(disturb, size=times * size))
     for times in (1.02, 1.1, 1.5):
         mean = replace(sensor, sigma_v=level * np.sqrt((1 + times**2) / 2))  # root mean square
-        add(
-            "noise_level",
-            f"{times:g} times",
-            partial(louder, level=level, times=times),
-            mean,
-            sensor,
-        )
+        second_half = partial(louder, level=level, times=times)
+        add("noise_level", f"{times:g} times", second_half, mean, sensor)
     for times in (6, 12, 30):
         add("spikes", f"{times} σ_v", partial(spikes, level=level, sizes=(times, times)))
     quiet = replace(sensor, sigma_v=0.0)
@@ -375,12 +370,8 @@ def estimate(run, stream, *, model, dt, kind, hours):
     ends = line.drift[0] + norm.ppf([0.5, 0.025, 0.975]) * line.drift_sd[0]
     add("chosen model", "drift", *ends, model=chosen)
     if run % EVERY == 0:
-        add(
-            "chi-squared",
-            "drift",
-            *linear_drift(inference.likelihood, inference.fits, inference.chosen),
-            model=chosen,
-        )
+        drift = linear_drift(inference.likelihood, inference.fits, inference.chosen)
+        add("chi-squared", "drift", *drift, model=chosen)
         residual, per_sample = fit_line(y, dt)[0], 1 / np.sqrt(dt)
         curve = allan_deviation(residual, dt)
         white = graph.white_noise(curve, "deg").scaled(per_sample, "deg")

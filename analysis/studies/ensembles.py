@@ -10,6 +10,7 @@ again with ``python -m analysis coverage ensembles --out DIR`` (two minutes).
 from functools import partial
 
 import numpy as np
+import pandas as pd
 
 from analysis import store
 from analysis.noise import (
@@ -219,10 +220,6 @@ def quantities(log, *, name):
     return rows
 
 
-def _sorted(rows):
-    return rows.sort_values(["quantity", "log"], ignore_index=True)
-
-
 def study(folder=FOLDER, **where):
     """Read every log of every subject, and write a table a subject.
 
@@ -243,8 +240,9 @@ def study(folder=FOLDER, **where):
         "terrain_hours": TERRAIN_HOURS,
         "terrain_window_s": TERRAIN_WINDOW_S,
     }
+    in_order = partial(pd.DataFrame.sort_values, by=["quantity", "log"], ignore_index=True)
     tables = {
-        name: Cell(partial(quantities, name=name), list(enumerate(streams(name, logs))), _sorted)
+        name: Cell(partial(quantities, name=name), list(enumerate(streams(name, logs))), in_order)
         for name, (_, logs) in subjects().items()
     }
     tabulate(folder, source, tables, digits=store.DIGITS, **where)
