@@ -7,7 +7,6 @@ installed states that and goes on.
 
 import ctypes
 import datetime
-import importlib.util
 import os
 import platform
 import shutil
@@ -35,6 +34,7 @@ from analysis.studies.cells import compute
 from analysis.studies.readings import judge
 from analysis.terrain import open_choices
 from analysis.terrain.assumptions import Sensor, Setup
+from analysis.terrain.compiled import HAS_NUMBA
 from analysis.terrain.monte_carlo import follow, simulate_laps
 from analysis.terrain.ukf import Ukf
 from analysis.tracker.log_replay import replay
@@ -184,9 +184,8 @@ def cells_of_readings(readings=24, laps=300):
     Measured
         By the clock. A cell is one sensor in one reading.
     """
-    numba = importlib.util.find_spec("numba") is not None
     plan = open_choices.design(readings, SEED)[[*open_choices.FACTORS]][:readings]
-    work, rows = partial(judge, laps=laps, seed=SEED, compiled=numba), plan.to_dict("records")
+    work, rows = partial(judge, laps=laps, seed=SEED, compiled=HAS_NUMBA), plan.to_dict("records")
     for workers in (1, 2):
         list(compute(work, rows[: 4 * workers], workers=workers))  # starts processes, compiles
         start = time.perf_counter()
@@ -221,7 +220,7 @@ def figures_8_to_11():
     yield Measured("Figs 8-11 in full, one core", seconds, "s", "<= 30")
     steps = laps.error[..., 0].size * (reading.samples - 1)
     yield Measured("filter steps per second in the sweep", steps / seconds, "1/s")
-    if importlib.util.find_spec("numba") is not None:
+    if HAS_NUMBA:
         options = {"runs": 300, "seed": SEED, "store_every": 1.0, "compiled": True}
         coarse = reading.coarser(open_choices.STEP_M)
         _, seconds = _best_of(simulate_laps, attitude_map, sensors, coarse, **options)

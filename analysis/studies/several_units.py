@@ -171,14 +171,9 @@ def car_attitude():
     t = log.imu.t_s
     angles = {"t_s": np.arange(np.ceil(t[0]), t[-1], CAR_S).round(3)}
     for angle in ("roll", "pitch", "yaw"):
-        whole = np.unwrap(raw[angle].to_numpy(float), period=360)
-        angles[f"{angle}_deg"] = wrap(np.interp(angles["t_s"], t, whole)).round(2)
+        angles[f"{angle}_deg"] = _angle(angles["t_s"], t, raw[angle]).round(2)
     angles["gyro_z_deg"] = np.interp(angles["t_s"], t, _turned(log.imu)).round(2)
-    out = replay(log, ONLY_ATTITUDE).columns
-    gnss = {"t_s": log.gnss.t_s.round(2), "speed_m_s": log.gnss.speed_m_s.round(2)}
-    gnss |= {"course_deg": log.gnss.course_deg.round(2)}
-    gnss |= {f"own_{k}": out[k].round(2) for k in ("roll_deg", "pitch_deg", "yaw_deg")}
-    tables = {"angles": pd.DataFrame(angles), "gnss": pd.DataFrame(gnss)}
+    tables = {"angles": pd.DataFrame(angles), "gnss": pd.DataFrame(_own_attitude(log))}
     return _source("attitude that a phone reports in a car, 216 s", name, notes=log.notes), tables
 
 
@@ -193,15 +188,10 @@ def car_roof():
         the vertical.
     """
     log = rides.read("car-roof")
-    gnss, imu = log.gnss, log.imu
-    out = replay(Timeline(gnss, imu), ONLY_ATTITUDE).columns
-    ride = {"t_s": gnss.t_s.round(2), "speed_m_s": gnss.speed_m_s.round(2)}
-    ride |= {"course_deg": gnss.course_deg.round(2)}
-    ride |= {f"own_{k}": out[k].round(2) for k in ("roll_deg", "pitch_deg", "yaw_deg")}
-    ride |= {"gyro_z_deg": np.interp(gnss.t_s, imu.t_s, _turned(imu)).round(2)}
-    return _source("car with an IMU on its roof and RTK, 549 s", *rides.ROOF), {
-        "ride": pd.DataFrame(ride)
-    }
+    ride = _own_attitude(log)
+    ride["gyro_z_deg"] = np.interp(log.gnss.t_s, log.imu.t_s, _turned(log.imu)).round(2)
+    source = _source("car with an IMU on its roof and RTK, 549 s", *rides.ROOF)
+    return source, {"ride": pd.DataFrame(ride)}
 
 
 def bridging():
@@ -271,8 +261,7 @@ def light_aircraft():
         table |= {"satellites": here["sats"]}
         table["pressure_m"] = np.interp(t, air["t"], air["palt_ft"] * FEET).round(1)
         for angle in ("roll", "pitch", "heading"):
-            whole = np.unwrap(att[angle].to_numpy(float), period=360)
-            table[f"{angle}_deg"] = wrap(np.interp(t, att["t"], whole)).round(1)
+            table[f"{angle}_deg"] = _angle(t, att["t"], att[angle]).round(1)
         table["load_g"] = np.interp(t, att["t"], att["g"]).round(2)
         tables[f"efis-{flight}"] = pd.DataFrame({k: np.asarray(v) for k, v in table.items()})
         table = {"t_s": echo["utc"]} | _enu(echo["lat"], echo["lon"], 0.0 * echo["lat"], origin, 1)
@@ -303,7 +292,7 @@ def aerobatic():
     imu = parts["IMU"][np.diff(parts["IMU"]["TimeMS"], prepend=-1) > 0]
     t = imu["TimeMS"].to_numpy() / 1000
     gyro, accel = (imu[[f"{k}{a}" for a in "XYZ"]].to_numpy() for k in ("Gyr", "Acc"))
-    gps = parts["GPS"]
+    gps, att = parts["GPS"], parts["ATT"]
     epochs = gps["T"].to_numpy() / 1000
     gnss = Gnss(
         epochs, *gps[["Lat", "Lng", "Alt"]].to_numpy().T, np.full(len(gps), np.nan),
@@ -315,9 +304,8 @@ def aerobatic():
     table |= {"speed_m_s": gnss.speed_m_s.round(1), "course_deg": gnss.course_deg.round(1)}
     table |= {"satellites": gps["NSats"].astype(int)}
     for angle in ("roll", "pitch", "yaw"):
-        whole = np.unwrap(parts["ATT"][angle.capitalize()].to_numpy(), period=360)
-        there = np.interp(epochs, parts["ATT"]["TimeMS"] / 1000, whole)
-        table[f"{angle}_deg"] = wrap(there).round(1)
+        there = _angle(epochs, att["TimeMS"] / 1000, att[angle.capitalize()])
+        table[f"{angle}_deg"] = there.round(1)
         table[f"own_{angle}_deg"] = out[f"{angle}_deg"].round(1)
     table["gyro_z_deg"] = np.interp(epochs, t, _turned(Imu(t, gyro, accel))).round(1)
     table["load_g"] = np.interp(epochs, t, -accel[:, 2] / STANDARD_GRAVITY).round(2)
@@ -325,6 +313,19 @@ def aerobatic():
     source = _source("fixed-wing UAV, 613 s of aerobatics", file)
     source["near_zero_g_s"] = round(float(np.sum(low[1:] * np.diff(t))), 1)
     return source, {"flight": pd.DataFrame(table)}
+
+
+def _own_attitude(log):
+    """Speed and course of a log, and the attitude of this project's filter (``own_``)."""
+    out, gnss = replay(log, ONLY_ATTITUDE).columns, log.gnss
+    table = {"t_s": gnss.t_s, "speed_m_s": gnss.speed_m_s, "course_deg": gnss.course_deg}
+    table |= {f"own_{k}": out[k] for k in ("roll_deg", "pitch_deg", "yaw_deg")}
+    return {name: values.round(2) for name, values in table.items()}
+
+
+def _angle(at, t, angle):
+    """Interpolate an angle (deg) over its jumps by a turn."""
+    return wrap(np.interp(at, t, np.unwrap(angle.to_numpy(float), period=360)))
 
 
 def _turned(imu):

@@ -1,6 +1,5 @@
 """Makes the roads and the sensors of data/derived, and what tracking on these roads gives."""
 
-import importlib.util
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -21,6 +20,7 @@ from analysis.terrain import (
     terrain_map,
 )
 from analysis.terrain.antennas import AntennaMounting
+from analysis.terrain.compiled import HAS_NUMBA
 from analysis.terrain.monte_carlo import LOST_M, interval, resample
 from analysis.terrain.open_choices import LAP_M, LEAST_R, STEP_M
 from analysis.terrain.real_laps import MapError, lay_on_line
@@ -233,7 +233,7 @@ def surface():
         ``surface``, see `analysis.store.error_plane`.
     """
     sensors, rows = [(n, b) for b in PLANE_B for n in PLANE_N], []
-    profile, compiled = store.profile(DIRECTION), importlib.util.find_spec("numba") is not None
+    profile = store.profile(DIRECTION)
     trackers = {"integrated": {}, "on attitude": {"noise": "on attitude"}}
     own = {"bias_states": True, "R": float((profile.pitch_se_deg**2).mean())}
     for tracker, changes in (trackers | {"bias states": own}).items():
@@ -246,7 +246,7 @@ def surface():
                 runs=SURFACE_RUNS,
                 seed=SEED,
                 store_every=setup.seconds / 100,
-                compiled=compiled and not setup.bias_states,
+                compiled=HAS_NUMBA and not setup.bias_states,
             )
             reach, lost, rms = laps.reach(), laps.lost().mean(), laps.rms()
             drawn = laps.reaches(SURFACE_RESAMPLES, np.random.default_rng(SEED))
@@ -351,7 +351,7 @@ def _sweep_block(block):
         runs=SWEEP_BLOCK,
         seed=1000 * SEED + block,
         store_every=setup.seconds / 100,
-        compiled=importlib.util.find_spec("numba") is not None,
+        compiled=HAS_NUMBA,
     )
     e = laps.error
     return np.stack([np.abs(e).mean(-1), e.mean(-1), (e**2).mean(-1), np.abs(e).max(-1)])
@@ -441,7 +441,7 @@ def _inverse(item):
     options = {"store_every": setup.seconds / 100}
     road = store.profile(DIRECTION).attitude_map()
     if tracker == "R tuned":
-        options["compiled"] = importlib.util.find_spec("numba") is not None
+        options["compiled"] = HAS_NUMBA
         tried = {
             (label, t): s._replace(R=t * _variance(s, setup))
             for label, s in sensors.items()

@@ -7,12 +7,14 @@ innermost loop: none waits for another, so a processor steps several.
 """
 
 from functools import cache
+from importlib.util import find_spec
 
 import numpy as np
 
 from analysis import WrongUsage
 from analysis.terrain.ukf import SPREAD, W_CENTRE, W
 
+HAS_NUMBA = find_spec("numba") is not None
 ROOT = float(np.sqrt(SPREAD))
 
 
