@@ -58,11 +58,11 @@ class Measured:
     bar: str = ""
 
 
-def timed(work, *arguments, **options):
-    """Call a function; return its result and the seconds it took."""
-    start = time.perf_counter()
+def timed(work, *arguments, clock=time.perf_counter, **options):
+    """Call a function; return its result and the seconds it took by a clock."""
+    start = clock()
     result = work(*arguments, **options)
-    return result, time.perf_counter() - start
+    return result, clock() - start
 
 
 def road():
@@ -160,9 +160,8 @@ def compiled_filter(samples=4001, runs=20, cells=25):
         flags = ["-O3", "-march=native", "-shared", "-fPIC", "-o", library, source, "-lm"]
         subprocess.run([compiler, *flags], check=True)
         loop = ctypes.CDLL(str(library)).laps
-        start = time.process_time()
-        loop(*map(_for_c, (*given, *counts, x, P)))
-        plain = time.process_time() - start
+        for_c = map(_for_c, (*given, *counts, x, P))
+        _, plain = timed(loop, *for_c, clock=time.process_time)
     yield Measured("a step of a plain loop in C", per_step * plain, "ns")
     difference = float(np.abs(x.T - truth[-1] - laps.error[..., -1]).max())
     yield Measured("largest difference of the loop in C", difference, "m", "<= 1e-9")
@@ -188,21 +187,16 @@ def cells_of_readings(readings=24, laps=300):
     work, rows = partial(judge, laps=laps, seed=SEED, compiled=HAS_NUMBA), plan.to_dict("records")
     for workers in (1, 2):
         list(compute(work, rows[: 4 * workers], workers=workers))  # starts processes, compiles
-        start = time.perf_counter()
-        list(compute(work, rows, workers=workers))
-        rate = 3600 * 25 * readings / (time.perf_counter() - start)
+        _, spent = timed(lambda n: list(compute(work, rows, workers=n)), workers)
+        rate = 3600 * 25 * readings / spent
         yield Measured(f"cells of {laps} laps an hour, workers: {workers}", rate, "1/h")
     yield Measured("10^6 such cells on eight such cores", 1e6 / (4 * rate), "h")
 
 
 def _best_of(work, *arguments, **options):
     """Call a function three times; its result, and the least processor time that it took."""
-    spent = []
-    for _ in range(3):
-        start = time.process_time()
-        result = work(*arguments, **options)
-        spent.append(time.process_time() - start)
-    return result, min(spent)
+    calls = [timed(work, *arguments, clock=time.process_time, **options) for _ in range(3)]
+    return calls[0][0], min(seconds for _, seconds in calls)
 
 
 def figures_8_to_11():
@@ -280,18 +274,15 @@ def tracker(laps=5, hours=24.0):
         From processor time.
     """
     ride = scenario("B", np.random.default_rng(TRACKER_SEED), laps=laps).log
-    start = time.process_time()
-    replay(ride)
-    rate = ride.duration_s / (time.process_time() - start)
+    _, spent = timed(replay, ride, clock=time.process_time)
+    rate = ride.duration_s / spent
     yield Measured("replay with a 40 Hz IMU, one core", rate, "x real time", ">= 1000")
     rng = np.random.default_rng(TRACKER_SEED)
     day = scenario("A", rng, minutes=60 * hours, imu_rate=1.0).gnss
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "day.nmea")
         path.write_text("\r\n".join(nmea_lines(day, NMEA_START)) + "\r\n")
-        start = time.process_time()
-        replay(read_moving([path]))
-        spent = time.process_time() - start
+        _, spent = timed(lambda: replay(read_moving([path])), clock=time.process_time)
     yield Measured("24 h of 1 Hz NMEA, read and replayed", spent, "s", "<= 60")
 
 

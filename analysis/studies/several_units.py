@@ -97,10 +97,8 @@ def turin():
     reference, gnss = _mat(files[0])["ref"], _mat(files[1])["ekinox_gnss"]
     origin = np.degrees(reference.lat[0]), np.degrees(reference.lon[0]), reference.h[0]
     tables = {}
-    for name, unit, rows in (
-        ("reference", reference, slice(None)),
-        ("gnss", gnss, slice(0, None, 5)),
-    ):
+    for name, unit, every in (("reference", reference, 1), ("gnss", gnss, 5)):
+        rows = slice(None, None, every)
         table = {"t_s": np.round(unit.t[rows] - reference.t[0], 3)}
         lat, lon = np.degrees(unit.lat[rows]), np.degrees(unit.lon[rows])
         table |= _enu(lat, lon, unit.h[rows], origin, 2)

@@ -204,11 +204,9 @@ def atlas():
     map_variance = float((profile.pitch_se_deg**2).mean())
     exact["bias states"] = Setup.reference(profile.length_m, bias_states=True, R=map_variance)
     cells = {(n, b): Sensor(n, b) for b in PLANE_B for n in PLANE_N}
-    rows = []
+    rows, road = [], profile.attitude_map()
     for tracker, setup in exact.items():
-        laps = simulate_laps(
-            profile.attitude_map(), cells, setup, runs=RUNS, seed=SEED, store_every=1.0
-        )
+        laps = simulate_laps(road, cells, setup, runs=RUNS, seed=SEED, store_every=1.0)
         reach, lost = laps.reach(), laps.lost().mean()
         rows += [(tracker, *at, reach[at], lost[at]) for at in cells]
     columns = ["tracker", "arw_deg_sqrt_s", "sigma_b_deg_s", "error_m", "laps_lost"]
@@ -306,11 +304,8 @@ def sweeps():
         "laps": SWEEP_LAPS,
         "setup": _sweep_setup().stated(),
     }
-    return source, {
-        **named,
-        "cells": rounded(cells, 4),
-        "coverage": rounded(pd.DataFrame(covered), 3),
-    }
+    named |= {"cells": rounded(cells, 4), "coverage": rounded(pd.DataFrame(covered), 3)}
+    return source, named
 
 
 def sweep_cells():
