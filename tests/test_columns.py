@@ -89,7 +89,7 @@ ROS = "header.seq,header.stamp.secs,header.stamp.nsecs,angular_velocity.x,angula
             (T, GYRO, GYRO),
             {"unit": "deg/s"},
             [("gyro_x", "deg/s")],
-            "battery (a status word), state (a status word)",
+            "battery, state, acc_valid, quality (a status word), mag_x (another quantity)",
         ),
         (
             "",
