@@ -70,7 +70,6 @@ USED = 0.95  # a note says if less than this share of the samples is used
 SELECTED = 30  # correlation times; the values of logs that hold fewer are a selection
 FEW = 4.0  # AIC within which a model without a term speaks against the term
 BETTER = 2.75  # AIC by which a second slow process counts, by chance in one log of sixty
-NEARLY = 2.0  # AIC within which flicker noise refuses T_c; at 4 in 5 more logs of 100, KVH yaw, 2 h
 FOLDED = 0.23  # of the white noise of means comes from shorter periods: 1 - mean of sinc^2
 USELESS = 10.0  # high / low of a correlation time over several models; beyond it is refused
 SAME = 0.02  # relative; two terms so close to each other are one
@@ -316,10 +315,9 @@ class Inference:
         best = min(rivals, key=lambda fit: fit.aic)
         if best.aic > self.chosen.aic + few:
             return ""
-        return (
-            f"{best.model} fits the log nearly as well as {self.chosen.model} (AIC"
-            f" {best.aic - self.chosen.aic:+.1f})"
-        )
+        more = best.aic - self.chosen.aic
+        nearly = "nearly " * (more > 0)
+        return f"{best.model} fits the log {nearly}as well as {self.chosen.model} (AIC {more:+.1f})"
 
     def possible_flicker(self):
         """95 % interval of flicker noise, U, if a model with it is not clearly worse, else None."""
@@ -351,7 +349,7 @@ class Inference:
         }
 
     def _gauss_markov(self):
-        fit, flicker = self.chosen, self.rival(having="flicker", few=NEARLY)
+        fit, flicker = self.chosen, self.rival(having="flicker", few=0.0)
         if flicker:
             return self._no_bias(f"{flicker}, and has no correlation time", flicker)
         said, own = "", {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
