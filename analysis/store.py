@@ -550,7 +550,7 @@ def characterise_log(log: Log, *, seed: int = SEED, progress: bool = True) -> St
     )
     said: dict[str, list[str]] = {}
     for c in log.channels:
-        for sentence in remarks(c.values, log.dt):
+        for sentence in remarks(c.values, log.dt, c.kind):
             said.setdefault(sentence, []).append(c.name)
     noticed = [f"{', '.join(names)}: {sentence}" for sentence, names in said.items()]
     channels = joined(channels, len(log.channels[0].values) * log.dt)

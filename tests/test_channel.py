@@ -14,21 +14,21 @@ def test_a_quiet_log_gets_no_remark():
     """property: Gaussian noise, even with a slow walk and holes, is nothing to remark on."""
     y = QUIET + 0.05 * np.cumsum(np.random.default_rng(2).standard_normal(len(QUIET)))
     y[500:600] = np.nan
-    assert remarks(y, 0.01) == []
+    assert remarks(y, 0.1, "rate") == []
 
 
 def test_values_are_counted_in_the_whole_log():
     """property: a log that begins with one value gets no remark on its resolution."""
     y = np.concatenate([np.zeros(2000), np.random.default_rng(0).standard_normal(8000)])
-    assert remarks(y, 0.01) == []
+    assert remarks(y, 0.1, "rate") == []
 
 
 @pytest.mark.parametrize(
-    ("y", "word"), [(np.round(QUIET / 2), "different values"), (QUIET[:300], "short")]
+    ("y", "word"), [(np.round(QUIET / 2), "different values"), (QUIET[:3000], "K and drift")]
 )
 def test_signs_are_named(y, word):
-    """property: coarse steps and three seconds each get their sentence."""
-    (sentence,) = remarks(y, 0.01)
+    """property: coarse steps, and five minutes that a bias may outlast, are named."""
+    (sentence,) = remarks(y, 0.1, "rate")
     assert word in sentence
 
 

@@ -5,7 +5,8 @@ with a slow Gauss-Markov bias has steps, and one with a random walk has sinusoid
 searches for the strongest of each kind on means of the log. `inference` fits all noise models again
 with the best one, and keeps it if 2 ln L rises by more than `GAIN`, which few simulated logs of the
 papers' models, of flicker noise and of a random walk exceed. Between `UNSURE` and that, the
-parameters are given as they are with the term and without.
+parameters are given as they are with the term and without; not with a step that takes time, which
+a slow bias makes too.
 """
 
 from collections.abc import Callable
@@ -28,10 +29,12 @@ from analysis.noise.spectrum import outline, transform
 GAIN = {"warm_up": 14.0, "step": 25.0, "sinusoid": 25.0, "temperature": 12.0}  # of 2 ln L
 # From here on a term may be there or not. A warm-up looks much like a drift.
 UNSURE = {"warm_up": 4.0, "step": 19.0, "sinusoid": 19.0, "temperature": 6.0}
-MOST_TERMS = 3
+TAKES_TIME = 30.0  # of 2 ln L, from which on a step takes time; nothing is unsure
+MOST_TERMS, MOST_OTHERS = 6, 3  # after the third term only steps: a strong sinusoid has side lobes
 COARSE = 2048  # means of the log on which terms are searched for
 WARM_UPS = 20  # time constants tried
-STEPS = 160  # positions at which the variance of a step's size is computed
+STEPS = 160  # positions at which the variance of a step's size is computed; a quarter if it is slow
+DURATIONS = 8, 16, 32  # of a step, means, tried
 CYCLES = np.arange(3, 400) / 2  # in the log; slower ones are drift, faster ones vibration
 FAR, NEIGHBOURS = 6.0, 9  # robust deviations of a mean, from the median of so many
 EDGE = 4  # means at either end of the log before and after which no step is looked for
@@ -47,20 +50,33 @@ class AddedTerm:
     Attributes
     ----------
     kind : str
-        warm_up: A exp(-t / x); step: A for t >= x; sinusoid: A cos(2 pi t / x - phase);
-        temperature: A times the temperature less its mean.
+        warm_up: A exp(-t / x); step: A for t >= x, or a line from 0 to A with its middle at x;
+        sinusoid: A cos(2 pi t / x - phase); temperature: A times the temperature less its mean.
     at : float
         The x above, s; 0 for a temperature.
+    width : float
+        Duration of a step, s; 0 where it comes at once.
     columns : tuple of callable
         Time from the first sample, s, to the values of each regressor.
     parameters : dict of Estimate
-        Amplitude and x, once they are fitted.
+        Amplitude, x and duration, once they are fitted.
     """
 
     kind: str
     at: float
+    width: float
     columns: tuple[Callable[[np.ndarray], np.ndarray], ...]
     parameters: dict[str, Estimate] = field(default_factory=dict)
+
+    @property
+    def gain(self):
+        """Rise of 2 ln L from which on the term is kept."""
+        return TAKES_TIME if self.width else GAIN[self.kind]
+
+    @property
+    def unsure(self):
+        """Rise of 2 ln L from which on the term may be there."""
+        return TAKES_TIME if self.width else UNSURE[self.kind]
 
     def fitted(self, coarse, others, noise, size, error, unit):
         """Give the term with amplitude, and with time constant, moment or period.
@@ -85,44 +101,52 @@ class AddedTerm:
         parameters = {"amplitude": Estimate(amplitude, low, amplitude + half, unit)}
         if self.kind != "temperature":
             name = {"warm_up": "time_constant", "step": "moment", "sinusoid": "period"}[self.kind]
-            parameters[name] = self._placed(coarse, others, noise)
+            parameters[name] = self._placed(coarse, others, noise, "at")
+        if self.width:
+            parameters["duration"] = self._placed(coarse, others, noise, "width")
         return replace(self, parameters=parameters)
 
-    def _placed(self, coarse, others, noise):
-        """Profile-likelihood interval of the term's x, s, the noise as it is."""
-        reach = {
-            "warm_up": 0.9 * self.at,
-            "step": min(self.at, coarse.duration - self.at) - EDGE * coarse.m * coarse.dt,
-            "sinusoid": self.at * min(0.5, self.at / coarse.duration),
-        }[self.kind]
+    def _placed(self, coarse, others, noise, what):
+        """Profile-likelihood interval of the term's x or width, s, the noise as it is."""
+        value, reach = getattr(self, what), 0.9 * getattr(self, what)
+        if self.kind == "sinusoid":
+            reach = self.at * min(0.5, self.at / coarse.duration)
+        elif what == "at" and self.kind != "warm_up":
+            reach = min(self.at, coarse.duration - self.at) - EDGE * coarse.m * coarse.dt
 
-        def fall(at):
-            return coarse.deviance([*others, added_term(self.kind, at)], noise)[0]
+        def fall(x):
+            places = {"at": self.at, "width": self.width, what: x}
+            return coarse.deviance([*others, added_term(self.kind, **places)], noise)[0]
 
-        least, offsets = fall(self.at), np.append(0.0, np.geomspace(1e-3, 1, PROFILE) * reach)
+        least, offsets = fall(value), np.append(0.0, np.geomspace(1e-3, 1, PROFILE) * reach)
         ends = []
         for sign in (-1, 1):
-            distance = [np.sqrt(max(fall(self.at + sign * x) - least, 0.0)) for x in offsets]
+            distance = [np.sqrt(max(fall(value + sign * x) - least, 0.0)) for x in offsets]
             out = int(np.argmax(np.array(distance) > np.sqrt(THRESHOLD)))
             across = slice(out - 1, out + 1)
             end = np.interp(np.sqrt(THRESHOLD), distance[across], offsets[across]) if out else None
-            ends.append(None if end is None else float(self.at + sign * end))
-        return Estimate(self.at, *ends, "s", None not in ends)
+            ends.append(None if end is None else float(value + sign * end))
+        return Estimate(value, *ends, "s", None not in ends)
 
     def disturbance(self, coarse):
         """Report the fitted term; the parameters hold with it, so it decides nothing."""
         size, *place = self.parameters.items()
         words = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in (size, *place))
+        words = words.replace("duration", "over")
         note = f"{self.kind.replace('_', '-')} fitted with the noise: {words}"
-        start = self.at if self.kind == "step" else 0.0
+        start = self.at - self.width / 2 if self.kind == "step" else 0.0
         return Disturbance(self.kind, start, coarse.duration, (), note, decides=False)
 
 
-def added_term(kind: str, at: float, temperature: Callable | None = None) -> AddedTerm:
-    """Make a term of a kind with its time constant, moment or period (s)."""
+def added_term(
+    kind: str, at: float, width: float = 0.0, temperature: Callable | None = None
+) -> AddedTerm:
+    """Make a term of a kind with its time constant, moment or period, and duration (s)."""
     columns: tuple[Callable[[np.ndarray], np.ndarray], ...]
     if kind == "warm_up":
         columns = (lambda t: np.exp(-t / at),)
+    elif width:
+        columns = (lambda t: np.clip((t - at) / width + 0.5, 0.0, 1.0),)
     elif kind == "step":
         columns = (lambda t: (t >= at).astype(float),)
     elif kind == "sinusoid":
@@ -130,7 +154,7 @@ def added_term(kind: str, at: float, temperature: Callable | None = None) -> Add
     else:
         assert temperature is not None
         columns = (temperature,)
-    return AddedTerm(kind, at, columns)
+    return AddedTerm(kind, at, width, columns)
 
 
 def signal_of(terms: list[dict], t: np.ndarray) -> np.ndarray:
@@ -139,7 +163,7 @@ def signal_of(terms: list[dict], t: np.ndarray) -> np.ndarray:
     for term in terms:
         size, *place = (e["value"] for e in term["parameters"].values())
         if place:
-            y += size * added_term(term["kind"], place[0]).columns[0](t)
+            y += size * added_term(term["kind"], *place).columns[0](t)
     return y
 
 
@@ -321,7 +345,14 @@ def candidates(
                 options={"xatol": 1e-3 * at},
             )
             at = float(search.x)
-        found.append((float(rise[best]), added_term(kind, at, temperature)))
+        found.append((float(rise[best]), added_term(kind, at, temperature=temperature)))
+    for width in (w for w in DURATIONS if 2 * w < len(steps)):
+        middle = steps[width : len(steps) - width]
+        rise = screen.of_steps(middle, width)
+        best = int(np.argmax(rise))
+        if rise[best] > TAKES_TIME:
+            slow = added_term("step", float(middle[best] - 0.5) * step, width * step)
+            found.append((float(rise[best]), slow))
     return found
 
 
@@ -409,13 +440,15 @@ class _Screen:
         onto_y = self.left.reshape(len(self.value), -1) @ c.reshape(len(c), -1).T
         return self._best(onto_y**2 / self._squares(c))
 
-    def of_steps(self, at):
-        """Rise of 2 ln L with a step after so many means, shape (steps,)."""
+    def of_steps(self, at, width=1):
+        """Rise of 2 ln L with a step after so many means, or over `width` around it."""
         n = self.samples
         left = idct(_interleaved(self.left)[:, :n], type=2, norm="ortho", axis=1)
-        onto_y = np.cumsum(left[:, ::-1], axis=1)[:, ::-1][:, at]
-        some = np.unique(np.linspace(at[0], at[-1], STEPS).round())
-        squares = self._squares(_coefficients((np.arange(n) >= some[:, None]).astype(float)))
+        sums = np.cumsum(left[:, ::-1], axis=1)[:, ::-1]
+        onto_y = sum(sums[:, at - width // 2 + k] for k in range(width)) / width
+        some = np.unique(np.linspace(at[0], at[-1], STEPS // min(width, 4)).round())
+        risen = np.clip((np.arange(n) - some[:, None] + width // 2 + 1) / width, 0.0, 1.0)
+        squares = self._squares(_coefficients(risen))
         squares = np.array([np.interp(at, some, of_row) for of_row in squares])  # they are smooth
         return self._best(onto_y**2 / squares)
 

@@ -32,7 +32,7 @@ SHORT = 15.0  # s, the paper's short stretch
 ROUNDING = 1e-12  # relative; less than that is arithmetic, not noise
 LEVELS = 12  # distinct values below which resolution, not noise, may rule
 FIRST = 1000  # samples in which they are looked for before the whole log is
-BRIEF = 60.0  # s; a shorter log is remarked on
+BRIEF = 600.0  # s; a shorter log is remarked on
 ORDER = ("arw", "vrw", "sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 
 
@@ -267,7 +267,7 @@ def _autocorrelation(residual, dt, window):
     return m * dt * thin, acov[thin]
 
 
-def remarks(y, dt):
+def remarks(y, dt, kind):
     """Look for coarse steps and a short record.
 
     Parameters
@@ -275,14 +275,19 @@ def remarks(y, dt):
     y : ndarray, shape (n,), U
         NaN where a sample is missing.
     dt : float, s
+    kind : str
+        A position has neither a bias nor K.
 
     Returns
     -------
     list of str
     """
     notes, there = [], np.isfinite(y)
-    if (duration := there.sum() * dt) < BRIEF:
-        notes.append(f"{duration:.3g} s of samples are too short for anything but the white noise")
+    if (duration := there.sum() * dt) < BRIEF and kind != "position":
+        notes.append(
+            f"{duration:.3g} s of samples are too short to tell a slow bias from the mean or from a"
+            " random walk; mean, K and drift hold for this log alone"
+        )
     # Most logs show enough values at once; only the others are sorted.
     distinct = len(np.unique(y[:FIRST][there[:FIRST]]))
     distinct = distinct if distinct >= LEVELS else len(np.unique(y[there]))

@@ -82,7 +82,7 @@ class Axis:
         Every parameter by its symbol.
     terms : list of (str, dict of Estimate)
         What was fitted beside the noise: warm_up, step, sinusoid or temperature, with its amplitude
-        (U; U/K) and time (s).
+        (U; U/K) and times (s).
     """
 
     channel: str

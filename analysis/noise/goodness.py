@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import idct
-from scipy.stats import chi2, f, norm
+from scipy.stats import chi2, f, kurtosis, norm
 
 from analysis.noise.added_terms import Coarse, _coefficients, _interleaved
 from analysis.noise.disturbances import Disturbance
@@ -117,7 +117,9 @@ def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
     return test, misfits
 
 
-def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbance]]:
+def stationarity_of(
+    coarse: Coarse, noise: Terms, stepped: bool = False
+) -> tuple[Test, list[Disturbance]]:
     """Compare the power of the slow noise in halves and quarters of a log, and its largest value.
 
     The log is divided by the square root of the model's spectrum where slow noise is more than
@@ -129,6 +131,8 @@ def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbanc
         Without terms.
     noise : Terms
         One row.
+    stepped : bool
+        Steps were taken out: whether what is left steps too, by its kurtosis.
 
     Returns
     -------
@@ -155,10 +159,17 @@ def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbanc
     p = np.append(
         _two_sided(power, freedom) * len(parts), 4 * band * norm.sf(np.abs(series[there]).max())
     )
+    excess = float(kurtosis(series[there]))
+    steps = norm.sf(excess / np.sqrt(24 / band))
+    if stepped and steps < ALPHA <= p.min():
+        p = np.append(p, steps)
     worst, least = int(np.argmin(p)), min(float(p.min()), 1.0)
     if worst < len(parts):
         part, off = parts[worst], power[worst] / freedom[worst] - 1
         note = f"slow noise {100 * off:+.0f} % off its mean power"
+    elif worst > len(parts):
+        part, off = there, excess
+        note = f"slow noise steps more often than is fitted (excess kurtosis {excess:.2g})"
     else:
         top = int(there[np.argmax(np.abs(series[there]))])
         part, off = np.array([max(top - n // band, 0), min(top + n // band, n - 1)]), series[top]

@@ -23,9 +23,8 @@ from scipy.stats import norm
 
 from analysis import CannotAnswer, Estimate
 from analysis.noise.added_terms import (
-    GAIN,
+    MOST_OTHERS,
     MOST_TERMS,
-    UNSURE,
     AddedTerm,
     Coarse,
     added_term,
@@ -500,6 +499,9 @@ def infer(
         times, warmer = dt * np.arange(len(y)), temperature - temperature.mean()
         warmth = partial(np.interp, xp=times, fp=warmer)
     result, rival = add_terms(result, rate, warmth, lambda columns: spectra(y, dt, m, columns))
+    if len(result.terms) == MOST_TERMS:
+        note = f"{MOST_TERMS} terms are fitted, and there may be more: what is left is no bias"
+        disturbances.append(Disturbance("misfit", 0.0, coarse.duration, SLOW, note))
     used = (
         sum(piece.length @ piece.behind / m for piece in likelihood.stretches)
         / np.isfinite(y).sum()
@@ -508,7 +510,7 @@ def infer(
     parameters = _parameters(result, kind, dt, band, streams[0], result.terms)
     if rival:
         gain = result.criterion() - rival.criterion()
-        doubtful = gain <= UNSURE[rival.terms[-1].kind] + FEW
+        doubtful = gain <= rival.terms[-1].unsure + FEW
         settled = result.terms if doubtful else rival.terms
         others = _parameters(rival, kind, dt, band, streams[1], settled)
         for name, own in parameters.items():
@@ -554,13 +556,14 @@ def add_terms(result, rate, temperature, transformed):
         coarse = result.coarse.without(result.terms, result.sizes()[0])
         rows = weaker_noise(fits, coarse.duration)
         rise, term = max(
-            candidates(coarse, rows, temperature), key=lambda pair: pair[0] - GAIN[pair[1].kind]
+            candidates(coarse, rows, temperature), key=lambda pair: pair[0] - pair[1].gain
         )
-        if rise < UNSURE[term.kind]:
+        if rise < term.unsure or (term.kind != "step" and len(result.terms) >= MOST_OTHERS):
             break
-        if term.kind == "step":
+        if term.kind == "step" and not term.width:
             term = coarse.placed(term)
-        if any(term.kind == t.kind and abs(term.at - t.at) <= SAME * t.at for t in result.terms):
+        alike = [t.at for t in result.terms if (t.kind, t.width) == (term.kind, term.width)]
+        if any(abs(term.at - at) <= SAME * at for at in alike):
             break
         terms = (*result.terms, term)
         wider = NoiseLikelihood(
@@ -581,8 +584,8 @@ def add_terms(result, rate, temperature, transformed):
             disturbances=[],
         )
         rise = result.criterion() - other.criterion()
-        if rise < GAIN[term.kind]:
-            return result, other if rise > UNSURE[term.kind] else None
+        if rise < term.gain:
+            return result, other if rise > term.unsure else None
         result = other
     return result, None
 
@@ -614,7 +617,9 @@ def _judged(result, parameters, disturbances):
     goodness, misfits = goodness_of_fit(result.likelihood, result.chosen)
     sizes, _ = result.sizes()
     stationarity, changes = stationarity_of(
-        result.coarse.without(result.terms, sizes), result.likelihood.terms(result.chosen)
+        result.coarse.without(result.terms, sizes),
+        result.likelihood.terms(result.chosen),
+        stepped=any(t.kind == "step" for t in result.terms),
     )
     terms = tuple(result.fitted_terms())
     disturbances = [*disturbances, *(t.disturbance(result.coarse) for t in terms)]
