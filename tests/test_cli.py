@@ -260,7 +260,7 @@ def test_what_is_repaired_is_said_on_the_page(tmp_path, no_pictures):
     source = model(tmp_path / "mine")["source"]
     assert (source["gaps"], len(source["repairs"])) == (1, 5)
     for words in (
-        "are too short for",
+        "are too short to",
         "first in line 52",
         "written twice",
         "1 gap: 20 of",
