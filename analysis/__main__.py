@@ -1,8 +1,12 @@
 """Entry of ``python -m analysis``."""
 
+import contextlib
+import ctypes
 import os
 import signal
 import sys
+
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 
 
 def stop(*_):
@@ -16,6 +20,10 @@ def stop(*_):
 
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # channels and cells are the threads
+with contextlib.suppress(AttributeError, TypeError, OSError):  # other systems have no mallopt
+    # A long log fills the memory: freed arrays of 4 MB or more go back to the system at once.
+    ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, 4 << 20)
+    ctypes.CDLL(None).mallopt(M_TRIM_THRESHOLD, 16 << 20)
 for stream in (sys.stdout, sys.stderr):  # a terminal without Greek letters ends no run
     stream.reconfigure(errors="replace")  # type: ignore[union-attr]
 try:

@@ -122,19 +122,19 @@ def with_and_without_line(y: np.ndarray, line: Line, dt: float) -> tuple[AllanCu
     recorded, line_removed : AllanCurve
         The first is that of `allan_deviation` of the log.
     """
-    m, valid, bend = cluster_sizes(len(y)), np.isfinite(y), line.drift * dt
-    share = np.ones(len(m))
-    if valid.all():
+    m, bend, share = cluster_sizes(len(y)), line.drift * dt, 1.0
+    if np.isfinite(y).all():
         phase = np.zeros(len(y) + 1)  # the running sum, made in place
         _without(line, y, dt, phase[1:])
         np.cumsum(phase, out=phase)
         removed = _second_differences(phase, m)
         recorded = removed + bend * _mean_second_differences(phase, m) + (bend * m) ** 2 / 2
     else:
+        valid = np.isfinite(y)
         removed, share = _with_holes(_without(line, y, dt, np.empty(len(y))), valid, m)
         recorded, _ = _with_holes(y, valid, m)
         share = np.minimum(share, valid.mean())
-    recorded, removed = (_curve(v, m, dt, len(valid), share) for v in (recorded, removed))
+    recorded, removed = (_curve(v, m, dt, len(y), share) for v in (recorded, removed))
     return recorded, removed
 
 

@@ -118,9 +118,9 @@ class Spectrum:
 
 
 def prepare(n):
-    """Plan the transform of a long log: processes that are forked from here on share the plan."""
-    if n > LONG:
-        dct(np.zeros(prev_fast_len(n)), overwrite_x=True)
+    """Plan the transforms of a long log: processes that are forked from here on share the plans."""
+    for size in (OF_ADDED, prev_fast_len(n)) if n > LONG else ():
+        dct(np.zeros(size), overwrite_x=True)
 
 
 def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
