@@ -7,10 +7,13 @@ import signal
 import sys
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of mallopt(3)
+STARTED = os.getpid()
 
 
 def stop(*_):
-    """Answer Ctrl-C: say so at once, end worker processes and kernels, and clean up."""
+    """Answer Ctrl-C or kill: say so at once, end worker processes and kernels, and clean up."""
+    if os.getpid() != STARTED:
+        os._exit(130)  # a forked worker
     print("\nstopping: nothing half-written stays", file=sys.stderr, flush=True)
     import psutil  # here, not above: a run that is not stopped does without it
 
@@ -27,7 +30,8 @@ with contextlib.suppress(AttributeError, TypeError, OSError):  # other systems h
 for stream in (sys.stdout, sys.stderr):  # a terminal without Greek letters ends no run
     stream.reconfigure(errors="replace")  # type: ignore[union-attr]
 try:
-    signal.signal(signal.SIGINT, stop)
+    for ending in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(ending, stop)
     from analysis.cli import main
 
     status = main()

@@ -411,7 +411,8 @@ if __name__ == "__main__":
 """
 
 
-def test_ctrl_c_ends_all_at_once(tmp_path):
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_and_kill_end_all_at_once(ending, tmp_path):
     """Property: with a draft written, a process and a thread at work: said, gone, status 130."""
     write(tmp_path)
     (tmp_path / "busy.py").write_text(BUSY)
@@ -421,7 +422,7 @@ def test_ctrl_c_ends_all_at_once(tmp_path):
     with subprocess.Popen(words, cwd=tmp_path, env=path, **pipes) as program:
         child = int(program.stdout.readline())
         assert any(p.name.startswith(".mine") for p in tmp_path.iterdir())
-        program.send_signal(signal.SIGINT)
+        program.send_signal(ending)
         out, err = program.communicate(timeout=50)  # the thread and the process sleep for 60 s
     assert (program.returncode, out) == (130, "")
     assert err == "\nstopping: nothing half-written stays\nstopped; nothing is written\n"
