@@ -68,6 +68,7 @@ BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
 USED = 0.95  # a note says if less than this share of the samples is used
 SELECTED = 30  # correlation times; the values of logs that hold fewer are a selection
 FEW = 4.0  # AIC within which a model without a term speaks against the term
+FLICKER_BETTER = 0.5  # AIC by which flicker noise has to be better to refuse T_c
 BETTER = 2.75  # AIC by which a second slow process counts, by chance in one log of sixty
 FOLDED = 0.23  # of the white noise of means comes from shorter periods: 1 - mean of sinc^2
 USELESS = 10.0  # high / low of a correlation time over several models; beyond it is refused
@@ -348,7 +349,7 @@ class Inference:
         }
 
     def _gauss_markov(self):
-        fit, flicker = self.chosen, self.rival(having="flicker", few=0.0)
+        fit, flicker = self.chosen, self.rival(having="flicker", few=-FLICKER_BETTER)
         if flicker:
             return self._no_bias(f"{flicker}, and has no correlation time", flicker)
         said, own = "", {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
