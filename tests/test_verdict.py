@@ -155,7 +155,7 @@ def test_a_log_that_moved_and_one_that_shook(page_of):
     assert re.search(r"a warm-up of [\d.]+ mg in accel_x \(fitted, not counted", shaken.why)
     nothing = verdict.at_rest(store.static_log("phone-parked-gnss"))
     assert nothing.answer == "open"
-    assert re.search(r"a step of up to [\d.]+ m in north and east", nothing.why)
+    assert re.search(r"a step of up to [\d.]+ m in every channel", nothing.why)
 
 
 def test_the_mean_of_a_log_with_a_step():
