@@ -456,7 +456,7 @@ class Setup:
             "noise of the gyro": ("integrated into the attitude", "a gyro measures a rate"),
             "attitude that is compared": (
                 "pitch, not filtered",
-                "Figs 3 and 4 show one angle; earlier trackers of the group used pitch",
+                "Figs 3 and 4 show one angle; earlier trackers of the authors used pitch",
             ),
             "bias of the gyro": (
                 f"Gauss–Markov, σ_b = B (ω₀ = β), T_c = {self.corr_time:g} s, start: {self.start}",
@@ -481,7 +481,8 @@ class Setup:
                 'paper: "an estimate of the current location is usually known"',
             ),
             "mean and variance of the error": (
-                "mean absolute error; variance over all sampled times of all laps, lost ones too",
+                "mean absolute error; variance of the signed error over all times and all laps,"
+                " lost ones too",
                 "the mean signed error is near 0 for every sensor, so it cannot distinguish them",
             ),
             "static log of Table 1": (
