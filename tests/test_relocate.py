@@ -29,7 +29,7 @@ def test_no_alarm_without_need_and_the_way_back_after_a_slip():
     found = found.droplevel(1)
     for kind in ("none", "pitch 0.5° off for 300 m"):
         assert found.loc[kind, "alarms"] == 0 and found.loc[kind, "lost_m"] < 2
-    for kind, metres in (("wheels miss 30 m", 30), ("first position 60 m wrong", 60)):
+    for kind, metres in (("odometry misses 30 m", 30), ("first position 60 m wrong", 60)):
         assert found.loc[kind, "found"] == found.loc[kind, "alarms"] == 1
         assert found.loc[kind, "lost_m"] > 0.9 * metres and found.loc[kind, "end_m"] < 2
 

@@ -55,6 +55,8 @@ LINE_HZ = 28.5  # of an engine, as in the log car-roof-imu
 GAPS, GAP = 12, 30.0  # how many, s
 SPIKES = 1e-4  # share of the samples
 ON_EVERY_SENSOR = ("nothing", "warm-up-10", "step-10", "cycle", "loss-5", "gaps", "low-pass-1")
+GYROS = {"terrain": "one bias", "walk": "random walk", "flicker": "flicker noise"}  # of `broken`
+GYROS |= {"two-biases": "two biases and a random walk"}
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,7 @@ def broken():
     halves = partial(louder, level=TERRAIN.sigma_v), TERRAIN
     halves = Broken("noise doubled in the second half", mean, *halves)
     sensor, dt, kind = models()["two-biases"]
-    both = Broken("a random walk, K 6.5e-4 deg/s/sqrt(s)", replace(sensor, rrw=6.5e-4), nothing)
+    both = Broken("nothing", replace(sensor, rrw=6.5e-4), nothing)
     return cells | {"terrain+doubled": (halves, 0.01, "rate"), "two-biases+walk": (both, dt, kind)}
 
 
@@ -265,9 +267,9 @@ def disturbances(size, level):
     dict of str, (str, callable)
     """
     return {
-        "nothing": ("nothing: the control", nothing),
-        "warm-up-3": ("3 exp(-t / 900 s)", partial(warm_up, size=3 * size)),
-        "warm-up-10": ("10 exp(-t / 900 s)", partial(warm_up, size=10 * size)),
+        "nothing": ("nothing (control)", nothing),
+        "warm-up-3": ("a warm-up, 3 exp(-t / 900 s)", partial(warm_up, size=3 * size)),
+        "warm-up-10": ("a warm-up, 10 exp(-t / 900 s)", partial(warm_up, size=10 * size)),
         "step-3": ("a step of 3 at a random time", partial(step, size=3 * size)),
         "step-10": ("a step of 10 at a random time", partial(step, size=10 * size)),
         "cycle": ("a sinusoid of 20 min, amplitude 3", partial(cycle, size=3 * size)),
@@ -275,13 +277,19 @@ def disturbances(size, level):
         "loss-5": ("5 % of the samples lost", partial(loss, share=0.05)),
         "gaps": ("12 gaps of 30 s", gaps),
         "gaps-loss-5": ("12 gaps of 30 s, and 5 % lost", partial(gaps, share=0.05)),
-        "spikes": ("72 spikes of 5 to 100 sigma_v", partial(spikes, level=level)),
-        "vibration": ("0.1 deg/s at 28.5 Hz", partial(cycle, size=0.1, period=1 / LINE_HZ)),
+        "spikes": ("72 spikes of 5 to 100 σ_v", partial(spikes, level=level)),
+        "vibration": (
+            "a vibration, 0.1 °/s at 28.5 Hz",
+            partial(cycle, size=0.1, period=1 / LINE_HZ),
+        ),
         "low-pass-1": ("a low-pass of 1 Hz", partial(low_pass, cutoff=1.0)),
         "low-pass-5": ("a low-pass of 5 Hz", partial(low_pass, cutoff=5.0)),
         "low-pass-20": ("a low-pass of 20 Hz", partial(low_pass, cutoff=20.0)),
-        "rotation": ("turns at 30 deg/s", partial(warm_up, size=30.0, time=np.inf)),
-        "swing": ("swings at up to 30 deg/s, 10 min", partial(cycle, size=30.0, period=SWING)),
+        "rotation": ("turns at 30 °/s", partial(warm_up, size=30.0, time=np.inf)),
+        "swing": (
+            "swings at up to 30 °/s, period 10 min",
+            partial(cycle, size=30.0, period=SWING),
+        ),
     }
 
 
@@ -572,7 +580,12 @@ def broken_source():
         "made_by": "python -m analysis coverage broken",
         "seed": SEED,
         "before": BEFORE,
-        "disturbances": {name: cell.says for name, (cell, _, _) in broken().items()},
+        "disturbances": {
+            name: f"{gyro}: {cell.says}"
+            for sensor, gyro in GYROS.items()
+            for name, (cell, _, _) in broken().items()
+            if name.startswith(f"{sensor}+")
+        },
     }
 
 

@@ -455,12 +455,12 @@ class Setup:
         rows = {
             "noise of the gyro": ("integrated into the attitude", "a gyro measures a rate"),
             "attitude that is compared": (
-                "pitch, not filtered",
+                "pitch",
                 "Figs 3 and 4 show one angle; earlier trackers of the authors used pitch",
             ),
             "bias of the gyro": (
-                f"Gauss–Markov, σ_b = B (ω₀ = β), T_c = {self.corr_time:g} s, start: {self.start}",
-                "Table 1; an integrator in a simulation starts at zero by default",
+                f"standard deviation B, T_c = {self.corr_time:g} s, start: {self.start}",
+                "Table 1, with ω₀ = β; an integrator in a simulation starts at zero by default",
             ),
             "R₀, the variance that the filter assumes": (
                 f"({R**0.5:.2f} °)² for each sample, the same for every sensor and sampling rate",
@@ -481,8 +481,7 @@ class Setup:
                 'paper: "an estimate of the current location is usually known"',
             ),
             "mean and variance of the error": (
-                "mean absolute error; variance of the signed error over all times and all laps,"
-                " lost ones too",
+                "mean absolute error; variance of the signed error; both over all times and laps",
                 "the mean signed error is near 0 for every sensor, so it cannot distinguish them",
             ),
             "static log of Table 1": (

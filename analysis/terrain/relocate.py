@@ -237,7 +237,7 @@ DISTURBANCES = {
     "none": partial(_begin_wrong, 0.0),
     "pitch 0.5° off for 300 m": partial(_pitch_off, -0.5, 500.0, 800.0),
     "pitch 1° off for 100 m": partial(_pitch_off, 1.0, 700.0, 800.0),
-    "wheels miss 30 m": partial(_wheels_miss, 30.0, 700.0),
+    "odometry misses 30 m": partial(_wheels_miss, 30.0, 700.0),
     "first position 60 m wrong": partial(_begin_wrong, 60.0),
 }
 
