@@ -455,7 +455,7 @@ class Setup:
         rows = {
             "noise of the gyro": ("integrated into the attitude", "a gyro measures a rate"),
             "attitude that is compared": (
-                "pitch",
+                "pitch, without a high-pass filter",
                 "Figs 3 and 4 show one angle; earlier trackers of the authors used pitch",
             ),
             "bias of the gyro": (
