@@ -146,10 +146,10 @@ def test_a_lap_off_its_map_is_held():
     gyros = {"MEMS": Sensor(0.01, 0.01)}
     setup = Setup.reference(1557.0, every=10)
     white = replace(setup, bias_states=True, R=0.2**2 / 10)  # as strong as 0.2 deg at 100 Hz
-    expected = store.map_error(LAP).setup(setup, others.laps.mean())
+    errors = {LAP: store.map_error(LAP)}
     found = {}
-    for name, of in {"white": white, "expected": expected}.items():
-        laps = track_real_laps(bent, gyros, of, runs=5, seed=1)[LAP]
+    for name, (of, expected) in {"white": (white, None), "expected": (setup, errors)}.items():
+        laps = track_real_laps(bent, gyros, of, runs=5, seed=1, map_errors=expected)[LAP]
         found[name] = laps.rms()["MEMS"], laps.nees()["MEMS"]
     assert found["expected"][0] < 0.3
     assert found["expected"][1] < 1.5 < 2 * 1.5 < found["white"][1]

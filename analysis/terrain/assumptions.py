@@ -304,7 +304,7 @@ class Setup:
 
     @classmethod
     def reference(cls, length: float, **changes) -> Setup:
-        """Read the paper as notebooks 12 and 20 to 23 do: our reference reading, see `in_words`.
+        """Read the paper as notebooks 12, 20 to 23 and 25 do: our reference reading (`in_words`).
 
         Its R is ours, for the paper gives none: that of the worst sensor of the sweep, for all.
 
@@ -453,17 +453,22 @@ class Setup:
         """
         R = (self.R or self.own_R(self.WORST)) * PAPER_HZ / self.rate_hz  # of a reading at 100 Hz
         rows = {
-            "noise of the gyro": ("integrated into the attitude", "a gyro measures a rate"),
-            "attitude that is compared": (
-                "pitch, without a high-pass filter",
+            "noise of the gyro": ("integrated into the angle", "a gyro measures a rate"),
+            "angle that is compared": (
+                "pitch",
                 "Figs 3 and 4 show one angle; earlier trackers of the authors used pitch",
             ),
-            "bias of the gyro": (
-                f"standard deviation B, T_c = {self.corr_time:g} s, start: {self.start}",
-                "Table 1, with ω₀ = β; an integrator in a simulation starts at zero by default",
+            "high-pass filter of the angle": ("none", "the paper names none"),
+            "meaning of B": (
+                f"standard deviation of a Gauss–Markov bias with T_c = {self.corr_time:g} s",
+                "Table 1, with ω₀ = β",
             ),
-            "R₀, the variance that the filter assumes": (
-                f"({R**0.5:.2f} °)² for each sample, the same for every sensor and sampling rate",
+            "start of the bias": (
+                self.start,
+                "an integrator in a simulation starts at zero by default",
+            ),
+            "R, the variance that the filter assumes": (
+                f"R₀ = ({R**0.5:.2f} °)², the same for every sensor",
                 "variance of the drift, averaged over the lap, of the worst sensor of the sweeps"
                 f" (N {self.WORST.arw:g} °/√s, B {self.WORST.sigma_b:g} °/s)",
             ),
@@ -480,7 +485,7 @@ class Setup:
                 f"{self.begin_sd:g} m",
                 'paper: "an estimate of the current location is usually known"',
             ),
-            "mean and variance of the error": (
+            "error in Figs 8 to 13": (
                 "mean absolute error; variance of the signed error; both over all times and laps",
                 "the mean signed error is near 0 for every sensor, so it cannot distinguish them",
             ),

@@ -272,6 +272,7 @@ def track_real_laps(
     seed: int,
     channels: Sequence[str] = ("pitch",),
     exact_map: bool = False,
+    map_errors: Mapping[Hashable, MapError] | None = None,
 ) -> dict[Hashable, Laps]:
     """Track real laps with simulated gyros, each on its own map.
 
@@ -289,6 +290,8 @@ def track_real_laps(
     channels : sequence of {"pitch", "roll"}
     exact_map : bool
         Replace the measured attitude by the map's: the same lap, if the map had no error.
+    map_errors : mapping of label to MapError, optional
+        What a filter with bias and map-error states expects of each map; it decides R, too.
 
     Returns
     -------
@@ -309,12 +312,13 @@ def track_real_laps(
         attitude_map.require(truth)
         if exact_map:
             attitude = attitude_map.at(truth)
+        expected = map_errors[label].setup(setup, profile.laps.mean()) if map_errors else setup
         own = {
             name: Sensor(arw, sigma_b, R[k] if isinstance(R, np.ndarray) else R)
             for name, (arw, sigma_b, R) in sensors.items()
         }
-        paths = attitude_errors(setup, len(channels), streams, len(truth))
-        found = follow(attitude_map, truth, attitude, truth[0] + off, moved, paths, own, setup)
+        paths = attitude_errors(expected, len(channels), streams, len(truth))
+        found = follow(attitude_map, truth, attitude, truth[0] + off, moved, paths, own, expected)
         odometry = truth[0] + np.cumsum(moved)
         at = np.round(found.t * setup.rate_hz).astype(int)
         tracked[label] = replace(found, odometry=(odometry - truth)[at])
