@@ -268,11 +268,12 @@ def test_profile_of_a_parabola():
     def value(points):
         return -0.5 * np.einsum("ri,ij,rj->r", points, precision, points)
 
-    surface = Surface(value, np.full(2, -50.0), np.full(2, 50.0))
+    plain = value, lambda point: precision, np.zeros(2, dtype=bool), np.full(2, -50.0)
+    surface = Surface(*plain, np.full(2, 50.0))
     half = np.sqrt(chi2.ppf(0.95, 1) * np.linalg.inv(precision)[0, 0])
     low, high = interval(surface, np.zeros(2), 0.0, np.array([1.0, 0.0]))
     assert (low, high) == pytest.approx((-half, half), rel=1e-3)
-    tight = Surface(value, np.full(2, -50.0), np.array([0.5 * half, 50.0]))
+    tight = Surface(*plain, np.array([0.5 * half, 50.0]))
     assert interval(tight, np.zeros(2), 0.0, np.array([1.0, 0.0]))[1] is None
 
 

@@ -375,9 +375,9 @@ def weaker_noise(fits: dict, duration: float) -> Terms:
     """
     rows = [fit.terms for name, fit in fits.items() if "flicker" not in fit.terms]
     walks = [(fits["N+K"].terms, fits["N+K"].terms["rrw"][0])]
-    gauss_markov = fits["N+GM"].terms
-    sigma_b, corr_time = gauss_markov["sigma_b"][0], gauss_markov["corr_time"][0]
-    walks.append((gauss_markov, sigma_b * np.sqrt(2 / corr_time)))
+    bias = fits["N+GM"].terms
+    for sigma_b, corr_time in zip(bias["sigma_b"], bias["corr_time"], strict=True):
+        walks.append((bias, sigma_b * np.sqrt(2 / corr_time)))
     for terms, walk in walks:
         for scale in WEAKER:
             for share in SHORTER:

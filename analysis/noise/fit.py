@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.noise.likelihood import Likelihood, Terms, evaluate
-from analysis.noise.profile_likelihood import THRESHOLD, Surface, interval
+from analysis.noise.likelihood import Likelihood, Terms, bin_variance, evaluate
+from analysis.noise.profile_likelihood import IMAGINARY, THRESHOLD, Surface, interval
 from analysis.noise.spectrum import Spectrum, transform
 
 MODELS = {
@@ -33,9 +33,13 @@ EQUAL = 2.0  # AIC differences up to this count as equal
 STRONG = 6.0  # AIC by which a richer model than the unified one has to be better
 LONGEST = 100.0  # longest correlation time tried, in log lengths
 SHORTEST = 4.0  # shortest, in samples or means: what is shorter counts as white
-SMALLEST = 1e-7  # smallest deviation tried, in standard deviations of the log
+# Smallest deviation tried, in standard deviations of the log: the squares of smaller ones are below
+# the rounding of its sums.
+SMALLEST = 1e-7
 TIMES = 14
 RATIOS = 9
+AIC_STEP = 2.0**-10  # rules compare AIC, which models with absent terms share but for rounding
+SAME_TOP = 6  # digits of a log-likelihood to which two maxima are one
 
 
 @dataclass(frozen=True)
@@ -135,10 +139,30 @@ class NoiseLikelihood:
             "quantisation": (SMALLEST * size * self.step, 30 * size * self.step),
         }
         low, high = np.log(np.array([box[name] for name in names])).T
-        return Surface(lambda points: self.evaluate(points, names).value, low, high)
+        return Surface(
+            lambda points: self.evaluate(points, names).value,
+            lambda point: self._information(point, names),
+            np.array([name != "corr_time" for name in names]),
+            *(low, high),
+        )
+
+    def _information(self, point, names):
+        """Expected information of the logarithms, each coefficient by itself (Whittle)."""
+        steps = rows(point + 1j * IMAGINARY * np.eye(len(point)), names)
+        total = np.zeros((len(point), len(point)))
+        for stretch in self.stretches:
+            variance = bin_variance(stretch, steps)
+            share = variance.imag / IMAGINARY / variance.real * np.sqrt(stretch.count / 2)
+            share = share.reshape(len(point), -1)
+            total += share @ share.T
+        return total
 
     def fit(
-        self, model: str = UNIFIED, simpler: Sequence[Fit] = (), quantised: bool = False
+        self,
+        model: str = UNIFIED,
+        simpler: Sequence[Fit] = (),
+        near: Sequence[Fit] = (),
+        quantised: bool = False,
     ) -> Fit:
         """Maximise the likelihood of a model.
 
@@ -147,7 +171,9 @@ class NoiseLikelihood:
         model : str
             A key of `MODELS`, by default white noise and one Gauss-Markov bias; or `THREE_SLOW`.
         simpler : sequence of Fit
-            Models to start from; by default the search starts anew.
+            Models to add terms to; by default the search starts from white noise.
+        near : sequence of Fit
+            Fits of this model to a similar log, to search from as well.
         quantised : bool
             With a quantisation term.
 
@@ -158,16 +184,16 @@ class NoiseLikelihood:
         names = MODELS["N+2GM"] + ("rrw",) if model == THREE_SLOW else MODELS[model]
         names += ("quantisation",) if quantised else ()
         surface = self.surface(names)
-        tops = []
-        for start in simpler or (None,):
-            points = self._starts(names, start)
-            searches = 2 if start is None else 1
-            best = points[np.argsort(-surface.value(points), kind="stable")[:searches]]
-            tops += [surface.maximum(p) for p in best]
-        point, value = max(tops, key=lambda pair: pair[1])
+        starts = [fit.point for fit in near]
+        for known in simpler or (None,):
+            starts += _peaks(surface, self._starts(names, known))
+        tops = [surface.maximum(start) for start in starts]
+        point, _ = max(tops, key=lambda pair: round(pair[1], SAME_TOP))
+        point = surface.polished(point)
+        value = float(surface.value(point[None])[0])
         title = model + QUANTISED if quantised else model
-        aic = 2 * len(names) - 2 * value
-        return Fit(title, _named(point, names), value, aic, point, names)
+        aic = AIC_STEP * np.round((2 * len(names) - 2 * value) / AIC_STEP)
+        return Fit(title, _named(point, names, surface.low), value, float(aic), point, names)
 
     def interval(self, fit: Fit, what: str) -> tuple[float | None, float | None]:
         """95 % profile-likelihood interval of ``sigma_v``, ``sigma_b``, ``corr_time``, ``rrw``...
@@ -233,7 +259,7 @@ class NoiseLikelihood:
         return evaluate(self.stretches, rows(points, names), detrend=self.detrend)
 
     def _starts(self, names, simpler):
-        """Coarse grid, shape (rows, d): white noise, or a simpler fit, and what is new."""
+        """Coarse grid, shape (times, ratios, d): white noise, or a simpler fit, and what is new."""
         kept = {"sigma_v": [0.0]} if simpler is None else simpler.by_name()
         more = [n for i, n in enumerate(names) if names[:i].count(n) >= len(kept.get(n, ()))]
         times = np.geomspace(SHORTEST * self.step, 3 * self.duration, TIMES)
@@ -247,8 +273,9 @@ class NoiseLikelihood:
         if simpler is None:  # the best common scale of all sizes has a closed form
             likelihood = self.evaluate(points, names)
             sizes = np.array([name != "corr_time" for name in names])
-            points = points + 0.5 * np.log(likelihood.quadratic / likelihood.count)[:, None] * sizes
-        return points
+            power = np.maximum(likelihood.quadratic / likelihood.count, (SMALLEST * self.scale) ** 2)
+            points = points + 0.5 * np.log(power)[:, None] * sizes
+        return points.reshape(-1, RATIOS if more else 1, len(names))
 
     def _new(self, ratio, time, white):
         """Start of each slow term, `ratio` times the size that white noise would just mask."""
@@ -259,6 +286,15 @@ class NoiseLikelihood:
             "flicker": 0.1 * ratio * white,
             "quantisation": 0.1 * ratio * white * self.step,
         }
+
+
+def _peaks(surface, grid):
+    """Pick from a grid, shape (times, ratios, d), the best point of each time that is a peak."""
+    values = surface.value(grid.reshape(-1, grid.shape[-1])).reshape(grid.shape[:2])
+    best, top = values.argmax(axis=1), values.max(axis=1)
+    around = np.concatenate([[-np.inf], top, [-np.inf]])
+    peaks = np.flatnonzero((top > around[:-2]) & (top >= around[2:]))
+    return list(grid[peaks, best[peaks]])
 
 
 def direction(fit, what):
@@ -316,15 +352,21 @@ def rows(points, names):
     )
 
 
-def _named(point, names):
-    """Convert the logarithms of one fit's parameters to its `Fit.terms`."""
+def _named(point, names, low):
+    """Convert the logarithms of one fit's parameters to its `Fit.terms`.
+
+    A term at the low end of its size is absent: 0, or, of a Gauss-Markov bias, not listed. White
+    noise keeps the size there, since without any some covariances are singular.
+    """
     row = rows(point[None], names)
-    terms = {}
+    there, terms = (point > low) | (np.array(names) == "sigma_v"), {}
     for name in dict.fromkeys(names):
+        here = there[[n == name for n in names]]
         if name == "walk":
-            slowest_last = sorted(row.bias, key=lambda pair: pair[1][0])
-            pairs = np.array(slowest_last)[:, :, 0]
+            pairs = [pair for pair, is_there in zip(row.bias, here, strict=True) if is_there]
+            slowest_last = sorted(pairs, key=lambda pair: pair[1][0])
+            pairs = np.array(slowest_last).reshape(-1, 2)
             terms["sigma_b"], terms["corr_time"] = pairs.T.tolist()
         elif name != "corr_time":
-            terms[name] = getattr(row, name).tolist()
+            terms[name] = (getattr(row, name) * here).tolist()
     return terms

@@ -328,7 +328,7 @@ class Inference:
 
     def bias(self):
         """Give corr_time (s) and sigma_b (U) of the Gauss-Markov bias."""
-        if "corr_time" in self.chosen.terms:
+        if self.chosen.terms.get("corr_time"):
             return self._gauss_markov()
         if self.chosen.model.startswith("N+K"):
             return self._random_walk()
@@ -382,6 +382,8 @@ class Inference:
     def second_process(self):
         """Whether the log does not say if a bias or a random walk is beside the slowest bias."""
         two, least = self.similar("N+2GM").aic, self.chosen.aic
+        if len(self.similar("N+2GM").terms["corr_time"]) < 2:
+            return False
         if "rrw" in self.chosen.terms:
             return two < least + FEW
         richer = min(two, self.similar("N+GM+K").aic)
@@ -410,13 +412,13 @@ class Inference:
         """
         value, low, high = linear_drift(self.likelihood, self.fits, self.chosen, rng)
         warm_up = any(term.kind == "warm_up" for term in settled)
-        near = min(abs(low), abs(high)) / abs(value)
-        if low <= 0 <= high or (warm_up and near < 1 - NEAR):
+        near = min(abs(low), abs(high))  # the end nearer to zero
+        if low <= 0 <= high or (warm_up and near < (1 - NEAR) * abs(value)):
             why = f"no linear drift that a {'warm-up' if warm_up else 'slow bias'} does not explain"
             return Estimate.refused(f"{self.unit}/s", why, low=low, high=high)
         note = "profile likelihood over the biases that the log allows; threshold calibrated by"
         note += f" parametric bootstrap{self._end_of_warm_up()}"
-        note += f"; so near to zero {SELECTION} large" * (near < NEAR)
+        note += f"; so near to zero {SELECTION} large" * (near < NEAR * abs(value))
         return Estimate(value, low, high, f"{self.unit}/s", note=note)
 
     def _end_of_warm_up(self):
@@ -481,7 +483,7 @@ def infer(
         fits = fit_all(likelihood, rate=rate, near=fits)
         chosen = choose(fits.values())
         misfit, beyond = disagreement(likelihood, chosen)
-        clean = not beyond and min(chosen.terms.get("corr_time", [np.inf])) >= FILTER * m * dt
+        clean = not beyond and min(chosen.terms.get("corr_time", ()), default=np.inf) >= FILTER * m * dt
         clean &= not (rate and low_passed(likelihood, chosen))
         clean_bands = clean_bands + 1 if clean else 0
         unfiltered = m == 1 or (m == fewest and as_noisy(y, chosen))
@@ -662,7 +664,7 @@ def fit_all(likelihood, *, rate, near):
     def fit(model, simpler, quantised):
         name = model + (QUANTISED if quantised else "")
         known = [near[name]] if name in near else []
-        fits[name] = likelihood.fit(model, known + simpler, quantised=quantised)
+        fits[name] = likelihood.fit(model, simpler, known, quantised)
 
     for model in MODELS:
         fit(model, [fits[name] for name in SIMPLER.get(model, ())], False)
@@ -747,7 +749,7 @@ def low_passed(likelihood, fit):
 
     It hides the white noise of a mean, and is forgotten many times in the log.
     """
-    if min(fit.terms.get("corr_time", [np.inf])) > QUICK * likelihood.duration:
+    if min(fit.terms.get("corr_time", ()), default=np.inf) > QUICK * likelihood.duration:
         return False
     white = fit.terms["sigma_v"][0] / np.sqrt(likelihood.per_sample)
     hidden = white < MASKED * fit.terms["sigma_b"][0]
@@ -758,7 +760,8 @@ def as_noisy(y, fit):
     """Whether neighbouring samples differ as white noise of the fitted size has it."""
     step = np.diff(y)
     level = np.mean(np.square(step, out=step), where=np.isfinite(step)) / 2
-    return abs(level / fit.terms["sigma_v"][0] ** 2 - 1) < AGREE
+    white = fit.terms["sigma_v"][0] ** 2
+    return abs(level - white) < AGREE * white
 
 
 def _band(result, dt, clean, used):
@@ -825,7 +828,9 @@ def linear_drift(likelihood, fits, chosen, rng=None):
     room = threshold - 2 * (value.max() - value)  # left for the drift, under each row of noise
     half = sd * np.sqrt(np.maximum(room, 0.0))
     ends = (drift - half)[room >= 0].min(), (drift + half)[room >= 0].max()
-    return float(drift[np.argmax(value)]), *map(float, ends)
+    # Averaged over the biases: of two that describe the log alike none is picked.
+    weight = np.exp(value - value.max())
+    return float(weight @ drift / weight.sum()), *map(float, ends)
 
 
 def _lines(stretches, points, names):

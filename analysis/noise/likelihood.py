@@ -3,7 +3,8 @@
 Mean and linear drift are removed by restricted maximum likelihood (REML): only the part of the log
 that does not depend on mean and drift is compared with the model, so that fitting them biases no
 noise parameter. An array of parameter sets, one per row, gives one likelihood per row, because a
-search or a profile needs many at once.
+search or a profile needs many at once. Every step is analytic, so complex parameters give exact
+derivatives (see `profile_likelihood`).
 
 Nothing is put in place of missing samples: the likelihood is that of the samples that are there,
 the correlation across gaps included.
@@ -259,7 +260,7 @@ def _of_log(stretch, terms):
     steps = _steps(stretch)[..., None, None] * stretch.dt
     stay, decay = np.exp(-steps / corr_time)
     # Quantisation is of no use across a gap, nor is a process that every gap erases.
-    kept = np.flatnonzero(decay[:-1].max(axis=(0, 1)) > FORGOTTEN)
+    kept = np.flatnonzero(decay[:-1].real.max(axis=(0, 1)) > FORGOTTEN)
     used, factor = len(kept), factor[..., kept].swapaxes(0, 1)
     stay, decay = stay[..., kept], decay[..., kept]
     onto = factor[..., None] * onto[:, :, kept]
@@ -281,7 +282,8 @@ def _of_log(stretch, terms):
         expected.append(decay[k][..., None] * (onward[k] @ known[k] + last[k]))
         more = onward[k] @ gain @ onward[k] - within[k]
         more = decay[k][..., None] * more * decay[k][:, None]
-    logdet = logdet + np.linalg.slogdet(np.array(inner))[1].sum(axis=0)
+    sign, size = np.linalg.slogdet(np.array(inner))
+    logdet = logdet + (size + np.log(sign)).sum(axis=0)
     left, right = (np.concatenate(a, axis=1) for a in ([*expected[:-1], *new], [*first, *known]))
     yy, xz = _less(yy, xz, left, right)
     share = xz[:, -1:]  # the constant is the last regressor
@@ -368,7 +370,8 @@ def _inverse(symmetric):
     lower[rows, columns] = 0.0
     np.einsum("ii...->i...", lower)[...] = 1.0
     left, right = (np.moveaxis(a, (0, 1), (-1, -2)) for a in (lower, lower / pivots[:, None]))
-    return np.log(np.abs(pivots)).sum(axis=0), left @ right.swapaxes(-2, -1)
+    # |pivot| by its sign: the absolute value would lose what a complex step carries.
+    return np.log(pivots * np.sign(pivots.real)).sum(axis=0), left @ right.swapaxes(-2, -1)
 
 
 def _less(yy, xz, left, right):
@@ -513,7 +516,7 @@ def _averaged(corr_time, m, dt):
     next_one = (1 - step) * (one_less / (m * step)) ** 2
     closed = (m + 2 * (1 - step) * (m * step - one_less) / step**2) / m**2
     series = 1 - (m - 1 / m) * x / 3 + (m**2 - 1) * x**2 / 12  # where the closed form cancels
-    return np.where(m * x < 1e-4, series, closed), next_one, 1 - one_less, one_less
+    return np.where((m * x).real < 1e-4, series, closed), next_one, 1 - one_less, one_less
 
 
 def _far(stretch):

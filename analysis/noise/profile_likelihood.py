@@ -1,5 +1,10 @@
 """Maximise a likelihood over the logarithms of its parameters, and profile it for intervals.
 
+The search is scipy's L-BFGS-B with exact gradients by complex steps: the imaginary part of
+ln L(x + i h), over h, is its derivative, without a difference of nearly equal numbers. Sizes are
+searched as variances: in a logarithm a term that is absent is a plateau, of a variance it is an end
+where the slope does not vanish. The expected information scales the search and says when it ends.
+
 The 95 % interval of a parameter holds every value at which the maximum over the other parameters is
 within chi2(0.95, 1) / 2 = 1.92 of the maximum. It needs no curvature at the maximum. A
 side on which the likelihood never falls so far has no end: None.
@@ -7,27 +12,24 @@ side on which the likelihood never falls so far has no end: None.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
 from scipy.stats import chi2
 
 LEVEL = 0.95
 THRESHOLD = chi2.ppf(LEVEL, 1)  # fall of 2 ln L at the ends of an interval
-STEP = 1e-3  # of a logarithm, for gradient and curvature
-MOST_STEPS = 100  # steps of a search at most
-CONVERGED = 1e-9  # of the log-likelihood: a smaller expected gain ends the search
-FLAT = 1e-6  # least curvature that is divided by
-LONGEST_STEP = 2.0  # longest step of a logarithm
-INSENSITIVE = 1e-3  # curvature below which a parameter has no effect where the search is
-SCAN_POINTS = 30  # at which its range is evaluated
-SCAN_GAIN = 1e-6  # of the log-likelihood: least gain for which the search goes on from there
-FRACTIONS = (1.0, 0.5, 0.2, 0.05, 0.01)  # of a step that are tried
-PENALTY = 1e4  # of the log-likelihood, times the squared distance outside the box
-FIRST = 0.05  # first step outward of a profile, in a logarithm
+IMAGINARY = 1e-20  # step of a derivative; its square is below the last digit
+SLOPE = 1e-4  # of the log-likelihood for a standard error: with less a run of L-BFGS-B ends
+CONVERGED = 1e-8  # of the log-likelihood: with less to gain a search ends
+RUNS = 10  # of L-BFGS-B at most, each with the standard errors of where the last one ended
+ABSENT = 1e-4  # standard errors; a smaller variance is none
+DIFFERENCE = 1e-4  # standard errors between gradients that give a curvature
+CURVED = 1e-6  # least curvature for a standard error that a Newton step divides by
+LONGEST = 1.0  # longest first step of a profile, in a logarithm
+EXACT = 1e-7  # of half an interval: to which its end is sought
 SIDE_POINTS = (0.25, 0.5, 0.75, 1.0, 1.4, 1.9, 2.6)  # of a curve, in half-widths of the interval
-OPEN_SIDE_POINTS = 14
+OPEN_SIDE_POINTS, OPEN_FIRST = 14, 0.05  # on a side without an end; the first of them
 
 
 @dataclass(frozen=True)
@@ -37,90 +39,120 @@ class Surface:
     Attributes
     ----------
     value : callable
-        Points, shape (rows, d), to log-likelihoods, shape (rows,).
+        Points, shape (rows, d), real or complex, to log-likelihoods, shape (rows,).
+    information : callable
+        A point, shape (d,), to the expected information, shape (d, d).
+    sizes : ndarray of bool, shape (d,)
+        Which are logarithms of standard deviations.
     low, high : ndarray, shape (d,)
         The box.
     """
 
     value: Callable[[np.ndarray], np.ndarray]
+    information: Callable[[np.ndarray], np.ndarray]
+    sizes: np.ndarray
     low: np.ndarray
     high: np.ndarray
 
-    def maximum(self, *starts):
-        """Search from the best of some points, shape (d,), by Newton's method.
+    def slope(self, points):
+        """Give values, shape (rows,), and exact gradients, (rows, d), at points, (rows, d)."""
+        rows, d = points.shape
+        steps = points[:, None] + 1j * IMAGINARY * np.eye(d)
+        found = self.value(steps.reshape(-1, d)).reshape(rows, d)
+        return found[:, 0].real, found.imag / IMAGINARY
 
-        In a direction of upward curvature the step is that of the same curvature downward. Of each
-        step the best of some fractions is taken.
+    def maximum(self, *starts):
+        """Search from the best of some points, shape (d,).
 
         Returns
         -------
         point : ndarray, shape (d,)
+            A variance of next to no standard errors is at the low end.
         value : float
         """
-        around, pairs = _stencil(len(starts[0]))
         points = np.clip(starts, self.low, self.high)
-        found = self.value((points[:, None] + around).reshape(len(points) * len(around), -1))
-        found = found.reshape(len(points), len(around))
-        best = int(np.argmax(found[:, 0]))
-        point, values = points[best], found[best]
-        if len(point) == 0:
-            return point, float(values[0])
-        for _ in range(MOST_STEPS):
-            value, gradient, curvature = _parabola(values, len(point), pairs)
-            blocked = np.where(gradient > 0, point >= self.high, point <= self.low)
-            gradient, free = np.where(blocked, 0.0, gradient), ~blocked
-            size, turn = np.linalg.eigh(curvature * np.outer(free, free))
-            size = np.maximum(np.abs(size), FLAT)
-            step = turn @ (gradient @ turn / size)
-            if gradient @ step < CONVERGED:
-                point, onward = self._scan(point, value, np.abs(np.diag(curvature)) < INSENSITIVE)
-                if not onward:
-                    break
-                values = self.value(point + around)
-                continue
-            step /= max(np.abs(step).max() / LONGEST_STEP, 1.0)
-            tried = np.clip(point + np.outer(FRACTIONS, step), self.low, self.high)
-            # The whole step is the best one more often than not.
-            found = self.value(np.concatenate([tried[0] + around, tried[1:]]))
-            values, found = found[: len(around)], np.append(found[0], found[len(around) :])
-            best = int(np.argmax(found))
-            if found[best] <= value:
+        found = self.value(points)
+        point, value = points[np.argmax(found)], float(np.max(found))
+        for _ in range(RUNS if len(point) else 0):
+            last, (point, value, gradient) = value, self._run(point)
+            if min(self._newton(point, gradient)[1], value - last) < CONVERGED:
                 break
-            point, value = tried[best], found[best]
-            if best > 0:
-                values = self.value(point + around)
-        return point, float(value)
+        return point, value
 
-    def _scan(self, point, value, insensitive):
-        """Scan parameters without effect here, such as the size of a term that is too small.
+    def polished(self, point):
+        """Take the step of Newton's method to where the gradient vanishes, whatever the value.
+
+        Rounding hides from a search what differs by less than the last digits of the likelihood;
+        the gradient has all its digits.
 
         Returns
         -------
         point : ndarray, shape (d,)
-            A parameter without effect from its low end to here is set to the low end.
-        onward : bool
-            Whether the likelihood is higher there, so that the search goes on.
         """
-        point = point.copy()
-        for i in np.flatnonzero(insensitive):
-            along = np.tile(point, (SCAN_POINTS, 1))
-            along[:, i] = np.linspace(self.low[i], self.high[i], SCAN_POINTS)
-            values = self.value(along)
-            best = int(np.argmax(values))
-            if values[best] > value + SCAN_GAIN:
-                return along[best], True
-            if values[0] > value - SCAN_GAIN:
-                point[i] = self.low[i]
-        return point, False
+        unit = self._unit(point)
+        steps = np.concatenate([np.zeros((1, len(point))), DIFFERENCE * np.diag(unit)])
+        _, (gradient, *moved) = self.slope(point + steps)
+        curvature = -(np.array(moved) - gradient) / DIFFERENCE * unit
+        step, _ = self._newton(point, gradient, (curvature + curvature.T) / 2)
+        return np.clip(point + step, self.low, self.high)
+
+    def _unit(self, point):
+        """Standard error of each logarithm, at most one, the others known."""
+        return 1 / np.sqrt(np.maximum(np.diag(self.information(point)), 1.0))
+
+    def _newton(self, point, gradient, curvature=None):
+        """Newton's step and what it would gain, inside the box; by default Fisher's scoring."""
+        unit = self._unit(point)
+        if curvature is None:
+            curvature = unit * self.information(point) * unit[:, None]
+        free = np.where(gradient > 0, point < self.high, point > self.low)
+        size, turn = np.linalg.eigh(curvature * np.outer(free, free))
+        along = (gradient * unit * free) @ turn
+        along = np.where(size > CURVED, along / np.maximum(size, CURVED), 0.0)
+        step = unit * (turn @ along)
+        return step, gradient @ step / 2
+
+    def _run(self, start):
+        """Run L-BFGS-B once; a variance counts in its standard error, a logarithm in its own."""
+        sizes, information = self.sizes, np.diag(self.information(start))
+        unit = 1 / np.sqrt(np.maximum(information, np.where(sizes, 0.0, 1.0)))
+        unit[sizes] *= 2 * np.exp(2 * start[sizes])  # d(variance) = 2 variance d(logarithm)
+
+        def inward(point):
+            return np.where(sizes, np.exp(2 * np.where(sizes, point, 0.0)), point) / unit
+
+        def outward(x):
+            return np.where(sizes, 0.5 * np.log(np.where(sizes, x * unit, 1.0)), x * unit)
+
+        def down(x):
+            point = outward(x)
+            (value,), (gradient,) = self.slope(point[None])
+            return -value, -gradient * np.where(sizes, 0.5 / np.where(sizes, x, 1.0), unit)
+
+        ends = inward(self.low), inward(self.high)
+        options = {"gtol": SLOPE, "ftol": 0.0, "maxcor": 20, "maxiter": 200}
+        found = minimize(
+            *(down, inward(start)),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=np.transpose(ends),
+            options=options,
+        )
+        x = np.where(sizes & (found.x < ends[0] + ABSENT), ends[0], found.x)
+        point = np.clip(outward(x), self.low, self.high)
+        point = np.where(x <= ends[0], self.low, point)
+        (value,), (gradient,) = self.slope(point[None])
+        return point, float(value), gradient
 
     def maximum_where(self, along, at, starts):
         """Search among the points with ``along @ point = at``.
 
-        The coordinate of the last non-zero entry of `along` follows from the others.
+        The coordinate of the first non-zero entry of `along` follows from the others.
 
         Parameters
         ----------
         along : ndarray, shape (d,)
+            Of one entry or two, both positive.
         at : float
         starts : sequence of ndarray, shape (d,)
             Points; the search begins at the best of them, moved to the cut.
@@ -130,41 +162,22 @@ class Surface:
         point : ndarray, shape (d,)
         value : float
         """
-        pivot = int(np.flatnonzero(along)[-1])
+        pivot, *others = np.flatnonzero(along)
         rest = np.delete(np.arange(len(along)), pivot)
-
-        def lift(points):
-            full = np.empty((len(points), len(along)))
-            full[:, rest] = points
-            full[:, pivot] = (at - points @ along[rest]) / along[pivot]
-            return full
-
-        def value(points):
-            full = lift(points)
-            inside = np.clip(full, self.low, self.high)
-            return self.value(inside) - PENALTY * ((full - inside) ** 2).sum(axis=1)
-
-        cut = Surface(value, self.low[rest], self.high[rest])
+        low, high = self.low.copy(), self.high.copy()
+        for k in others:  # so far that the pivot stays inside
+            ends = (at - along[pivot] * np.array([high[pivot], low[pivot]])) / along[k]
+            low[k], high[k] = np.clip(ends, low[k], high[k])
+        turn = np.eye(len(along))[rest]
+        turn[:, pivot] = -along[rest] / along[pivot]
+        origin = np.eye(len(along))[pivot] * at / along[pivot]
+        cut = Surface(
+            lambda points: self.value(points @ turn + origin),
+            lambda point: turn @ self.information(point @ turn + origin) @ turn.T,
+            *(a[rest] for a in (self.sizes, low, high)),
+        )
         others, reached = cut.maximum(*np.array(starts)[:, rest])
-        return lift(others[None])[0], reached
-
-
-@cache
-def _stencil(d):
-    """Offsets of the points whose values give a parabola, shape (points, d), and pairs of axes."""
-    ahead, pairs = STEP * np.eye(d), np.tril_indices(d, -1)
-    both = ahead[pairs[0]] + ahead[pairs[1]]
-    return np.concatenate([np.zeros((1, d)), ahead, -ahead, both, -both]), pairs
-
-
-def _parabola(values, d, pairs):
-    """Value, gradient and curvature from the values at a stencil."""
-    up, down, ahead, back = np.split(values[1:] - values[0], [d, 2 * d, 2 * d + len(pairs[0])])
-    both = up + down
-    curvature = np.diag(both)
-    mixed = (ahead + back - both[pairs[0]] - both[pairs[1]]) / 2
-    curvature[pairs] = curvature[pairs[::-1]] = mixed
-    return values[0], (up - down) / (2 * STEP), curvature / STEP**2
+        return others @ turn + origin, reached
 
 
 def interval(surface, best, value, along, *, threshold=THRESHOLD):
@@ -216,7 +229,7 @@ def profile_curve(surface, best, value, along, highest):
         if closed[-1]:
             steps = [s for s in abs(end - centre) * np.array(SIDE_POINTS) if s <= room]
         else:
-            first = min(FIRST, room / OPEN_SIDE_POINTS)
+            first = min(OPEN_FIRST, room / OPEN_SIDE_POINTS)
             steps = np.geomspace(first, room, OPEN_SIDE_POINTS) if room > 0 else ()
         last = best
         for step in steps:
@@ -239,14 +252,15 @@ def _end(surface, best, value, along, centre, sign, limit, threshold):
             known[p] = np.sqrt(max(2 * (value - reached), 0.0)) - np.sqrt(threshold)
         return known[p]
 
-    inside, step = centre, FIRST
+    error = np.sqrt(along @ np.linalg.pinv(surface.information(best), hermitian=True) @ along)
+    inside, step = centre, min(np.sqrt(threshold) * error, LONGEST) or LONGEST
     while True:
         outside = inside + sign * step
         if sign * (limit - outside) <= 0:
             outside = limit
         over = excess(outside)
         if over > 0:
-            return float(brentq(excess, inside, outside, xtol=1e-4 * abs(outside - centre)))
+            return float(brentq(excess, inside, outside, xtol=EXACT * abs(outside - centre)))
         if outside == limit:
             return None
         inside, step = outside, 1.6 * step

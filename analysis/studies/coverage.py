@@ -373,7 +373,8 @@ def estimate(run, stream, *, model, dt, kind, hours):
             e = inference.parameters[p]
             add("likelihood", p, e.value, e.low, e.high, model=chosen)
     for p in PARAMETERS[:3]:
-        add("N+GM, unselected", p, inference.fits[UNIFIED].terms[p][0], interval=False)
+        value = next(iter(inference.fits[UNIFIED].terms[p]), None)
+        add("N+GM, unselected", p, value, interval=False)
     line = inference.likelihood.evaluate(inference.chosen.point[None], inference.chosen.names)
     ends = line.drift[0] + norm.ppf([0.5, 0.025, 0.975]) * line.drift_sd[0]
     add("chosen model", "drift", *ends, model=chosen)
