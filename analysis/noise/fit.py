@@ -23,6 +23,7 @@ MODELS = {
     "N+GM+K": ("sigma_v", "walk", "corr_time", "rrw"),
     "N+2GM": ("sigma_v", "walk", "corr_time", "walk", "corr_time"),
 }
+SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}  # to which a term is added
 # Not chosen: it only shows how little of a random walk beside a bias may be a walk.
 THREE_SLOW = "N+2GM+K"
 UNIFIED = "N+GM"
@@ -171,7 +172,8 @@ class NoiseLikelihood:
         model : str
             A key of `MODELS`, by default white noise and one Gauss-Markov bias; or `THREE_SLOW`.
         simpler : sequence of Fit
-            Models to add terms to; by default the search starts from white noise.
+            Models to add terms to; by default they are fitted first, where `SIMPLER` names some,
+            else the search starts from white noise.
         near : sequence of Fit
             Fits of this model to a similar log, to search from as well.
         quantised : bool
@@ -185,6 +187,7 @@ class NoiseLikelihood:
         names += ("quantisation",) if quantised else ()
         surface = self.surface(names)
         starts = [fit.point for fit in near]
+        simpler = simpler or [self.fit(name, (), (), quantised) for name in SIMPLER.get(model, ())]
         for known in simpler or (None,):
             starts += _peaks(surface, self._starts(names, known))
         tops = [surface.maximum(start) for start in starts]

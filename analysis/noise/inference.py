@@ -44,6 +44,7 @@ from analysis.noise.disturbances import (
 from analysis.noise.fit import (
     MODELS,
     QUANTISED,
+    SIMPLER,
     STRONG,
     THREE_SLOW,
     UNIFIED,
@@ -83,7 +84,6 @@ MASKED = 0.3  # white noise of a mean, of the bias that hides it
 QUICK = 5e-4  # of the log; a gyro's slow noise has longer correlation times than so
 SELECTION = "that not every such log gives a value, and those that do tend to give one that is too"
 NEAR = 0.3  # of a drift: from an end of its interval to zero, where 4 logs of 5 give a value
-SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
 # The model whose biases are tried with a drift: a bias below the white noise is taken for the
 # slowest, a random walk; a visible random walk may be a slow bias.
 DRIFT_MODEL = WITH_WALK | {"N+K": UNIFIED}

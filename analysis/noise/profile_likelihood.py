@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq, minimize
+from scipy.optimize import minimize
 from scipy.stats import chi2
 
 LEVEL = 0.95
@@ -27,7 +27,8 @@ ABSENT = 1e-4  # standard errors; a smaller variance is none
 DIFFERENCE = 1e-4  # standard errors between gradients that give a curvature
 CURVED = 1e-6  # least curvature for a standard error that a Newton step divides by
 LONGEST = 1.0  # longest first step of a profile, in a logarithm
-EXACT = 1e-7  # of half an interval: to which its end is sought
+FARTHER = 3.0  # at most, in steps, to the next one outward
+EXACT = 1e-6  # of half an interval: a smaller step ends the search of its end
 SIDE_POINTS = (0.25, 0.5, 0.75, 1.0, 1.4, 1.9, 2.6)  # of a curve, in half-widths of the interval
 OPEN_SIDE_POINTS, OPEN_FIRST = 14, 0.05  # on a side without an end; the first of them
 
@@ -71,8 +72,10 @@ class Surface:
         value : float
         """
         points = np.clip(starts, self.low, self.high)
-        found = self.value(points)
-        point, value = points[np.argmax(found)], float(np.max(found))
+        point, value = points[0], -np.inf
+        if len(points) > 1 or not len(point):
+            found = self.value(points)
+            point, value = points[np.argmax(found)], float(np.max(found))
         for _ in range(RUNS if len(point) else 0):
             last, (point, value, gradient) = value, self._run(point)
             if min(self._newton(point, gradient)[1], value - last) < CONVERGED:
@@ -124,25 +127,27 @@ class Surface:
         def outward(x):
             return np.where(sizes, 0.5 * np.log(np.where(sizes, x * unit, 1.0)), x * unit)
 
-        def down(x):
-            point = outward(x)
-            (value,), (gradient,) = self.slope(point[None])
-            return -value, -gradient * np.where(sizes, 0.5 / np.where(sizes, x, 1.0), unit)
+        def turn(x):  # d(logarithm) / dx
+            return np.where(sizes, 0.5 / np.where(sizes, x, 1.0), unit)
 
-        ends = inward(self.low), inward(self.high)
-        options = {"gtol": SLOPE, "ftol": 0.0, "maxcor": 20, "maxiter": 200}
+        def down(x):
+            (value,), (gradient,) = self.slope(outward(x)[None])
+            return -value, -gradient * turn(x)
+
+        low, high = inward(self.low), inward(self.high)
         found = minimize(
             *(down, inward(start)),
             jac=True,
             method="L-BFGS-B",
-            bounds=np.transpose(ends),
-            options=options,
+            bounds=np.transpose([low, high]),
+            options={"gtol": SLOPE, "ftol": 0.0, "maxcor": 20, "maxiter": 200},
         )
-        x = np.where(sizes & (found.x < ends[0] + ABSENT), ends[0], found.x)
-        point = np.clip(outward(x), self.low, self.high)
-        point = np.where(x <= ends[0], self.low, point)
-        (value,), (gradient,) = self.slope(point[None])
-        return point, float(value), gradient
+        absent = sizes & (found.x < low + ABSENT)
+        point = np.where(absent, self.low, np.clip(outward(found.x), self.low, self.high))
+        if np.any(absent & (found.x > low)):
+            (value,), (gradient,) = self.slope(point[None])
+            return point, float(value), gradient
+        return point, -float(found.fun), -found.jac / turn(found.x)
 
     def maximum_where(self, along, at, starts):
         """Search among the points with ``along @ point = at``.
@@ -241,26 +246,24 @@ def profile_curve(surface, best, value, along, highest):
 
 
 def _end(surface, best, value, along, centre, sign, limit, threshold):
-    # In standard errors, in which the profile is nearly a straight line.
-    known = {centre: -np.sqrt(threshold)}  # each point is maximised once only
-    last = best
-
-    def excess(p):
-        nonlocal last
-        if p not in known:
-            last, reached = surface.maximum_where(along, p, [best, last])
-            known[p] = np.sqrt(max(2 * (value - reached), 0.0)) - np.sqrt(threshold)
-        return known[p]
-
+    """Newton's method on the root of the fall, which is nearly a straight line, between bounds."""
+    pivot = np.flatnonzero(along)[0]
     error = np.sqrt(along @ np.linalg.pinv(surface.information(best), hermitian=True) @ along)
-    inside, step = centre, min(np.sqrt(threshold) * error, LONGEST) or LONGEST
+    step = min(np.sqrt(threshold) * error, LONGEST) or LONGEST
+    inside, outside, last, room = 0.0, np.inf, best, sign * (limit - centre)
     while True:
-        outside = inside + sign * step
-        if sign * (limit - outside) <= 0:
-            outside = limit
-        over = excess(outside)
-        if over > 0:
-            return float(brentq(excess, inside, outside, xtol=EXACT * abs(outside - centre)))
-        if outside == limit:
+        step = min(step, room)
+        last, reached = surface.maximum_where(along, centre + sign * step, [best, last])
+        root = np.sqrt(max(2 * (value - reached), 0.0))
+        over = root - np.sqrt(threshold)
+        if over <= 0 and step == room:
             return None
-        inside, step = outside, 1.6 * step
+        inside, outside = (inside, step) if over > 0 else (step, outside)
+        _, (gradient,) = surface.slope(last[None])
+        # The other coordinates are at their best, so only the pivot's slope is left.
+        rise = -sign * gradient[pivot] / along[pivot]
+        onward = step - over * root / rise if rise > 0 else np.inf
+        onward = min(onward, inside + FARTHER * step)
+        if abs(onward - step) <= EXACT * step:
+            return float(centre + sign * onward)
+        step = onward if inside < onward < outside else (inside + outside) / 2

@@ -68,7 +68,8 @@ def with_allantools(y, dt):
         with warnings.catch_warnings(action="ignore", category=OptimizeWarning):
             logs, covariance = curve_fit(logarithm, tau, np.log(adev), np.log(found[there, 0]))
         half = norm.ppf(0.975) * np.sqrt(np.diagonal(covariance))
-        found[there] = np.exp([logs, logs - half, logs + half]).T
+        with np.errstate(over="ignore"):  # an end that is infinite is open
+            found[there] = np.exp([logs, logs - half, logs + half]).T
         kept = _made_up(found[there, 0], shapes[there])
         if kept.all():
             break
