@@ -249,7 +249,7 @@ def _end(surface, best, value, along, centre, sign, limit, threshold):
     """Newton's method on the root of the fall, which is nearly a straight line, between bounds."""
     pivot = np.flatnonzero(along)[0]
     error = np.sqrt(along @ np.linalg.pinv(surface.information(best), hermitian=True) @ along)
-    step = min(np.sqrt(threshold) * error, LONGEST) or LONGEST
+    first = step = min(np.sqrt(threshold) * error, LONGEST) or LONGEST
     inside, outside, last, room = 0.0, np.inf, best, sign * (limit - centre)
     while True:
         step = min(step, room)
@@ -264,6 +264,7 @@ def _end(surface, best, value, along, centre, sign, limit, threshold):
         rise = -sign * gradient[pivot] / along[pivot]
         onward = step - over * root / rise if rise > 0 else np.inf
         onward = min(onward, inside + FARTHER * step)
-        if abs(onward - step) <= EXACT * step:
+        onward = onward if inside < onward < outside else (inside + outside) / 2
+        if abs(onward - step) <= EXACT * max(step, first):
             return float(centre + sign * onward)
-        step = onward if inside < onward < outside else (inside + outside) / 2
+        step = onward
