@@ -71,7 +71,7 @@ def of_arrays(
 
 @contextlib.contextmanager
 def reading(path: Path, title: str, instead: str = "copy it again") -> Iterator[None]:
-    """Turn whatever a library says of a file into one sentence: damaged, or not for this library."""
+    """Turn whatever a library says of a file into one sentence: damage, or its own failure."""
     try:
         yield
     except (CannotAnswer, WrongUsage):
