@@ -13,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
+import machines
 import nbformat
 import psutil
 import pytest
@@ -268,3 +269,13 @@ def test_the_upload_button_keeps_what_is_chosen(tmp_path, monkeypatch):
     assert "has a my.csv already" in said.value
     assert (tmp_path / "own" / "my.csv").read_bytes() == b"t_s,gyro_x_deg_s"
     assert len(list(tmp_path.rglob("*"))) == 2
+
+
+def test_a_setting_that_does_not_take_is_refused(monkeypatch):
+    """property: a name that a library does not know never passes for another processor."""
+    here = machines.asked(sys.executable, os.environ)
+    monkeypatch.setitem(machines.SETTINGS, "zen", {"kernel": "Abacus"})
+    with pytest.raises(SystemExit, match="setting zen: it did not take in OpenBLAS"):
+        machines.environment("zen", here)
+    env, said = machines.environment("here", here)
+    assert "OPENBLAS_CORETYPE" not in env and said.startswith("OpenBLAS ")
