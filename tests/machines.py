@@ -110,7 +110,7 @@ def environment(name, here):
     env |= {key: value for key, value in variables.items() if value}
     now = asked(sys.executable, env)
     wrong = {
-        "OpenBLAS": kernel and not set(now["kernel"]) <= SAME.get(kernel, {kernel}),
+        "OpenBLAS": kernel and set(now["kernel"] or ["none"]) - SAME.get(kernel, {kernel}),
         "numpy": set(off) & set(now["numpy"]),
         "glibc": setting.get("glibc") and here["fma"] and now["glibc"] == here["glibc"],
         "numba": setting.get("numba") and now.get("numba") != setting["numba"],
@@ -118,10 +118,11 @@ def environment(name, here):
     failed = [library for library, is_wrong in wrong.items() if is_wrong]
     if failed:
         raise SystemExit(f"setting {name}: it did not take in {', '.join(failed)}: {now}")
-    same = setting and now == here and "packages" not in setting
+    if "packages" in setting:
+        return env, f"packages of --resolution {setting['packages']}"
     words = f"OpenBLAS {'/'.join(now['kernel'])}; numpy {' '.join(now['numpy']) or 'baseline'}"
     words += f"; glibc {now['glibc'][:4]}; numba {now.get('numba', 'none')}"
-    return env, words + ("; as it is already" if same else "")
+    return env, words + ("; as it is already" if setting and now == here else "")
 
 
 def python_of(name):
