@@ -7,22 +7,22 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PIP := $(if $(shell command -v uv 2>/dev/null),uv pip install --python $(BIN)/python,$(BIN)/python -m pip install)
 
-NEWEST := .venv-newest
 VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 RELEASE = inertial-compendium-$(VERSION)
 
-.PHONY: help install reproduce site test test-device test-site lint format lock newest release clean
+.PHONY: help install reproduce site test test-device test-machines test-site lint format lock release clean
 
 help:
 	@echo "make reproduce  run every notebook in order and redraw figures/"
 	@echo "make test       lint, check types, run the tests, re-execute every notebook and compare"
 	@echo "make test-device  run the tracker on MicroPython and compare (needs node and npm)"
+	@echo "make test-machines  the same numbers as if on other processors, and with the oldest and newest"
+	@echo "                    packages: all, or SETTING=zen; of it ONLY=tests/test_allan.py or ONLY=22"
 	@echo "make site       build the notebooks, figures and claims as pages into site/"
 	@echo "make test-site  build the site and check it in a browser (needs Chromium)"
 	@echo "make install    make .venv and install into it; the two do so by themselves"
 	@echo "make format     format the code and the notebooks"
 	@echo "make lock       pin requirements.lock anew from pyproject.toml (needs uv)"
-	@echo "make newest     run every notebook with the newest packages; list the numbers that move"
 	@echo "make release    dist/: the archive of this commit, with metadata (see RELEASING.md)"
 
 # uv installs in seconds where a machine has it; venv and pip do the same elsewhere.
@@ -55,6 +55,10 @@ test-device: $(READY)
 	npm ci --prefix tests/device --no-audit --no-fund --loglevel=error
 	$(BIN)/python -m pytest tests/device
 
+# Nothing is written but scratch/ and, for the packages, an environment for each; see the script.
+test-machines: $(READY)
+	$(BIN)/python tests/machines.py $(if $(SETTING),--setting $(SETTING)) $(if $(ONLY),--only $(ONLY))
+
 # From the executed notebooks and figures/; no cell runs and nothing is fetched.
 site: $(READY)
 	$(BIN)/python docs/pages.py build/pages
@@ -85,13 +89,6 @@ lock:
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 		--no-emit-index-url --no-emit-find-links tests/site/requirements.in -o tests/site/requirements.lock
 
-# An environment of its own; figures/ and the notebooks stay as they are.
-newest:
-	rm -rf $(NEWEST)
-	$(PYTHON) -m venv $(NEWEST)
-	$(NEWEST)/bin/python -m pip install --quiet --upgrade --editable '.[cluster,fast,logs,test]'
-	$(NEWEST)/bin/python -m analysis reproduce --scratch scratch/newest
-
 # What git holds at HEAD, and what describes it.
 release: $(READY)
 	@test -z "$$(git status --porcelain)" || { echo "commit first: the archive is of HEAD"; exit 1; }
@@ -102,4 +99,4 @@ release: $(READY)
 	cd dist && sha256sum $(RELEASE).zip | tee $(RELEASE).zip.sha256
 
 clean:
-	rm -rf $(VENV) $(NEWEST) build dist site *.egg-info
+	rm -rf $(VENV) .venv-oldest .venv-newest build dist site *.egg-info

@@ -258,7 +258,8 @@ def reproduce(
     Rewrites figures/ (PDF, PNG, CSV and claims.csv) and the outputs in the notebooks; with
     --scratch it leaves them as they are and writes notebooks, figures and claims into that folder.
     Ends with each figure and claim that differs from the committed: a verdict, or a number by more
-    than 1e-4 (in claims.csv, which has three digits, 6e-3).
+    than 1e-4 (in claims.csv, which has three digits, 6e-3); then, in a work tree of git, with the
+    files that git sees changed, and which of them show what the committed ones show.
     """
     from analysis import reproduce as runner
 
@@ -279,9 +280,24 @@ def reproduce(
         print(f"{run.notebook:<28}{run.seconds:>8.1f}{run.figures:>9}{run.claims:>16}")
     figures, claims = (sum(getattr(run, name) for run in runs) for name in ("figures", "claims"))
     print(f"{'all, elapsed time':<28}{seconds:>8.1f}{figures:>9}{claims:>16}")
-    print("\nnothing differs from the committed" if not found else "\ndiffers from the committed:")
+    print("\ndiffers from the committed:" if found else "\nno number differs from the committed")
     for sentence in found:
         print(f"  {sentence}")
+    changed, alike = (None, []) if scratch else runner.since_commit()
+    if changed is None:
+        return
+    print(
+        f"git: {len(changed)} files changed since the last commit:"
+        if changed
+        else "git: nothing changed"
+    )
+    for file in changed:
+        print(f"  {file}")
+    if alike:
+        print(
+            f"{len(alike)} of them show the committed dots and numbers and need no commit; take "
+            f"them back:\n  git checkout -- {' '.join(alike)}"
+        )
 
 
 def _parameter(text):

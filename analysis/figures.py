@@ -16,12 +16,14 @@ from collections import Counter
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
+from unittest import mock
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import yaml
+from matplotlib.backends import backend_pdf
 from matplotlib.category import StrCategoryLocator
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.contour import ContourSet
@@ -53,6 +55,7 @@ NOTHING = ("None", "", " ", None)  # matplotlib's names for no line and for no m
 PACKAGE = "inertial-compendium"
 VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools")
 LETTER = re.compile(r"^\([a-z]\) ?")  # of a panel
+DECIMALS = re.compile(rb"-?\d+\.\d+")
 MATHS = re.compile(r"(?<!\\)\$")  # begin or end of a formula
 TEX = {r"\sqrt": "√", r"\ell": "ℓ", r"\,": " ", "{": "", "}": ""}
 
@@ -121,7 +124,8 @@ def save(
         }
         text = json.dumps(origin, ensure_ascii=False)
         picture = _picture(fig, STYLE["savefig.dpi"])
-        fig.savefig(to / f"{name}.pdf", metadata={"CreationDate": None, "Subject": text})
+        with mock.patch.object(backend_pdf, "PdfFile", _RoundedPdf):
+            fig.savefig(to / f"{name}.pdf", metadata={"CreationDate": None, "Subject": text})
     inside = PngInfo()
     inside.add_itxt("Description", text)
     picture.save(to / f"{name}.png", optimize=True, pnginfo=inside, dpi=(STYLE["savefig.dpi"],) * 2)
@@ -207,6 +211,28 @@ def _picture(fig, dpi):
     palette = Image.new("P", (1, 1))
     palette.putpalette(np.ravel(kept).tolist())
     return picture.quantize(palette=palette, dither=Image.Dither.NONE)
+
+
+class _RoundedPdf(backend_pdf.PdfFile):
+    """A PDF whose curves lie to 1/100 of a point, and whose other numbers have three decimals.
+
+    matplotlib writes six and ten, of which the last hang on the processor: a sum that differs in
+    its twelfth digit would change the file, and nothing that can be seen.
+    """
+
+    def output(self, *data):
+        """Write operators and their numbers; curves come as text, all else as what it is."""
+        super().output(*map(self._rounded, data))
+
+    @staticmethod
+    def _rounded(item):
+        if isinstance(item, backend_pdf.Verbatim):
+            return backend_pdf.Verbatim(DECIMALS.sub(_to_hundredths, item.pdfRepr()))
+        return round(item, 3) + 0.0 if isinstance(item, float) else item  # no -0
+
+
+def _to_hundredths(number):
+    return f"{round(float(number[0]), 2) + 0.0}".encode()
 
 
 def _show(fig, caption):

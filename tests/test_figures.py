@@ -91,6 +91,20 @@ def test_same_inputs_same_bytes(saved):
     ]
 
 
+def test_the_last_digits_of_a_processor_are_not_in_the_pdf(tmp_path, saved):
+    """property: a relative change of 1e-9 of everything drawn leaves the bytes as they are."""
+    fig = example()
+    for ax in fig.axes:
+        for line in ax.lines:
+            line.set_ydata(np.array(line.get_ydata()) * (1 + 1e-9))
+        for points in ax.collections:
+            points.set_offsets(points.get_offsets() * (1 + 1e-9))
+    figures.save(fig, NAME, CAPTION, to=tmp_path, **ORIGIN)
+    for kind in ("pdf", "png", "csv"):
+        name = f"{NAME}.{kind}"
+        assert (tmp_path / name).read_bytes() == (saved[0] / name).read_bytes(), kind
+
+
 def test_provenance_is_in_all_three(saved):
     """Property: notebook, seed, parameters, data and versions stand in PDF, PNG and CSV alike."""
     found = provenance(saved[0])

@@ -21,6 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import scipy.io
+from pymavlink import DFReader
 from pyubx2 import GET, UBXMessage
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
@@ -549,6 +550,25 @@ def test_damaged_files_are_refused_in_a_sentence(name, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("error", "says"),
+    [
+        (KeyError("UNIT"), r"pymavlink [\d.]+ cannot read it \(KeyError: 'UNIT'\); a newer"),
+        (EOFError("at 9"), r"an ArduPilot DataFlash log that is cut off or damaged.*\(at 9\)"),
+    ],
+)
+def test_a_library_that_fails_is_named(error, says, tmp_path, monkeypatch):
+    """property: what a library does not know is not taken for damage of the file."""
+
+    def fail(log):
+        raise error
+
+    path = write("ArduPilot DataFlash", tmp_path)
+    monkeypatch.setattr(DFReader.DFReader_binary, "init_clock", fail)
+    with pytest.raises(CannotAnswer, match=f"^log.dat: {says}"):
+        read(path)
+
+
+@pytest.mark.parametrize(
     "suffix",
     [
         "parquet",
@@ -920,6 +940,15 @@ def test_a_ulog_that_is_cut_off_or_damaged_says_where(damage, tmp_path):
     assert f"at byte {at:,} of {path.stat().st_size:,}; what could be read ends 1" in said
     write_ulog(path)
     assert not any("cut off" in note for note in read(path).repairs)
+
+
+def test_a_ulog_whose_definition_is_damaged(tmp_path):
+    """Property: a message without its stamp, which each has, is no table; the others are read."""
+    write_ulog(tmp_path / "log.ulg", imus=2)
+    raw = (tmp_path / "log.ulg").read_bytes()
+    wrong = raw.replace(b"sensor_gyro:uint64_t timestamp", b"sensor_gyro:uint64_t timestomp")
+    (tmp_path / "log.ulg").write_bytes(wrong)
+    assert [part.name for part in formats.parts_of(tmp_path / "log.ulg")] == ["sensor_combined"]
 
 
 def test_gpsd_gives_epochs_speed_and_dop(tmp_path):

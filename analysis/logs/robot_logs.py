@@ -188,6 +188,8 @@ def ulog(path: Path) -> list[Part]:
     for data in log.data_list:
         fields_ = dict(data.data)
         known = _ULOG.get(data.name, {})
+        if "timestamp" not in fields_:  # each message has one: its definition is damaged
+            continue
         time = fields_.pop("timestamp")
         time = fields_.pop("timestamp_sample", time)
         columns = {"t_us": time}

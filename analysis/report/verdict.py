@@ -473,7 +473,7 @@ def placed(result, atlas):
             rows.append(row | {"basis": "this log"})
     if not rows:
         return None
-    own = pd.DataFrame(rows).astype(dict.fromkeys(("n", "b"), float))
+    own = pd.DataFrame(rows).dropna(axis=1, how="all")  # pandas 2 warns of a column without numbers
     return pd.concat([atlas, own], ignore_index=True)
 
 
