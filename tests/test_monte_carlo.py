@@ -1,5 +1,8 @@
 """Laps of many sensors: simulation, measures with intervals, trends."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -42,6 +45,47 @@ def test_a_lap_does_not_depend_on_its_company(monkeypatch):
     np.testing.assert_allclose(alone.errors("x"), whole.errors((0.001, 0.005)), atol=1e-9)
     monkeypatch.setattr(monte_carlo, "TOGETHER", 12)
     np.testing.assert_array_equal(laps(reading()).error, whole.error)
+
+
+LAPS_OF_EVERY_KIND = """
+from dataclasses import replace
+from hashlib import sha256
+import numpy as np
+from analysis import store, terrain
+from analysis.terrain.open_choices import Reading
+sensors = {n: terrain.Sensor(n, n) for n in (0.001, 0.01)}
+road, found = store.roads(), []
+kinds = ("difference 50 m", "ISO A", "stationary"), ("high-pass 5 s", "I-99", "zero")
+for form, name, start in kinds:
+    setup = Reading(form=form, start=start, map_error_deg=0.1, begin_sd_m=2.0, leg_m=190.0).setup()
+    found.append(terrain.simulate_laps(road.maps[name], sensors, setup, runs=20, seed=2))
+laps = {name: store.lap_and_map(name) for name in store.laps("cw")}
+own = {"map_errors": {name: store.map_error(name) for name in laps}, "runs": 2, "seed": 2}
+setup = terrain.Setup.reference(1500.0, every=10)
+found += terrain.track_real_laps(laps, sensors, setup, **own).values()
+for of in found:
+    print(of.lost().to_numpy().mean(), sha256(of.error.tobytes()).hexdigest())
+"""
+OTHER_PROCESSOR = {"OPENBLAS_CORETYPE": "Zen", "OMP_NUM_THREADS": "1"}
+AVX_512 = "X86_V4", "AVX512_ICL", "AVX512_SPR"
+
+
+def test_laps_are_the_same_on_another_processor():
+    """property: to the bit, since a lap that is lost magnifies any rounding; some are lost here."""
+    known = np._core._multiarray_umath.__cpu_dispatch__  # it warns of the name of any other
+    less = " ".join(name for name in AVX_512 if name in known)
+    printed = [
+        subprocess.run(
+            [sys.executable, "-c", LAPS_OF_EVERY_KIND],
+            env=os.environ | other,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for other in ({}, OTHER_PROCESSOR | {"NPY_DISABLE_CPU_FEATURES": less})
+    ]
+    assert printed[0] == printed[1]
+    assert float(printed[0].split()[0]) > 0
 
 
 def test_sensors_share_their_runs():

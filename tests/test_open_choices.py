@@ -191,6 +191,7 @@ def judged(count=600, seed=SEED):
     integrated = plan["noise"] == "integrated"
     table = plan.assign(p_a=np.where(integrated, 100, 0), v_a=1.0)
     table = table.assign(p_b=100 * (rng.random(len(plan)) < 0.5), v_b=2.0, p_c=50, v_c=3.0)
+    table = table.assign(e_a=0.1, e_b=0.1, e_c=0.1)
     return JudgedReadings.of(table, 10, seed)
 
 

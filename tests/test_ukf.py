@@ -8,7 +8,7 @@ from analysis import CannotAnswer, WrongUsage
 from analysis.terrain import point_mass
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import nees_bounds
-from analysis.terrain.terrain_map import AttitudeMap, Profile
+from analysis.terrain.terrain_map import GRAIN, AttitudeMap, Profile
 from analysis.terrain.ukf import Ukf, bias_state_matrices
 
 SEED = 20111
@@ -192,7 +192,7 @@ def test_a_flat_road_tells_nothing():
 
 def test_map_reads_straight_lines_and_stays_level_outside():
     """analytic: numpy's interpolation inside, the end's attitude outside, slope 0 there."""
-    attitude = np.random.default_rng(SEED).standard_normal((2, 30))
+    attitude = np.random.default_rng(SEED).standard_normal((2, 30)).round(GRAIN)
     road = AttitudeMap(-3.0, 0.5, attitude)
     s = np.linspace(-10, 20, 301)
     for row, found in zip(attitude, road.at(s), strict=True):

@@ -4,8 +4,8 @@ A cell is one reading (`analysis.terrain.open_choices.Reading`) with all its sen
 ``cells.sqlite`` of the folder once it is finished. The tables are written when all are there:
 
 readings   a row a reading: its level of every factor, ``why`` it is in the design, and for each
-           claim its number (``v_...``, three digits) and the per cent of the bootstrap resamples
-           inside the claim's range (``p_...``)
+           claim its number (``v_...``, three digits), its Monte Carlo error (``e_...``, two) and
+           the per cent of the bootstrap resamples inside the claim's range (``p_...``)
 best       the readings in which the most claims hold, of all and of those that integrate, with
            fresh laps, likewise; and the readings of `NAMED`
 
@@ -41,9 +41,9 @@ NAMED = {  # readings that are rerun beside the best
 
 
 def judge(reading, *, laps, seed, compiled):
-    """Compute one cell: claim -> (its number, share of the resamples inside its range)."""
+    """Compute one cell: claim -> its number, its error, share of the resamples in its range."""
     found = store.roads().evaluate(Reading.of(reading), laps=laps, seed=seed, compiled=compiled)
-    return {claim: (row["value"], row["inside"]) for claim, row in found.iterrows()}
+    return {claim: tuple(row) for claim, row in found.iterrows()}
 
 
 def levels(held):
@@ -168,8 +168,9 @@ def _finish(cells, plan, work, name, **options):
     numbers = []
     for key in keys:
         row = {}
-        for claim, (value, inside) in cells[key].items():
+        for claim, (value, error, inside) in cells[key].items():
             short = claim.removeprefix("terrain-")
-            row |= {f"v_{short}": float(f"{value:.3g}"), f"p_{short}": round(100 * inside)}
+            row |= {f"v_{short}": float(f"{value:.3g}"), f"e_{short}": float(f"{error:.2g}")}
+            row[f"p_{short}"] = round(100 * inside)
         numbers.append(row)
     return pd.concat([plan, pd.DataFrame(numbers)], axis=1)

@@ -29,6 +29,7 @@ from analysis.terrain.terrain_map import AttitudeMap
 STARTS = ("zero", "stationary", "turn-on")
 NOISES = ("integrated", "on attitude", "on attitude, per sample")
 TURN_ON = 3.0  # constant bias of a turn-on, one sigma, over B (chosen; datasheets have more)
+LN_2 = 0.6931471805599453
 PAPER_HZ = 100.0  # sampling rate of the paper's simulated sensors
 
 
@@ -85,6 +86,29 @@ class Sensor(NamedTuple):
         return cls(scale * arw["value"], scale * b), not bias.get("value")
 
 
+def exp(x: ArrayLike) -> np.ndarray:
+    """Compute e^x from sums and products alone, which every processor rounds alike.
+
+    The last digit of NumPy's own depends on the processor, and a lost lap magnifies it to metres::
+
+        x = n ln 2 + r,    e^x = 2^n (1 + r + r^2 / 2! + ...)
+
+    Parameters
+    ----------
+    x : array_like, finite
+
+    Returns
+    -------
+    ndarray, the same shape
+    """
+    x = np.asarray(x, dtype=float)
+    n = np.rint(x / LN_2)
+    r, power = x - n * LN_2, 1.0
+    for k in range(14, 0, -1):  # |r| < 0.35: the next term is below 1e-18
+        power = 1.0 + power * r / k
+    return np.ldexp(power, n.astype(int))
+
+
 def unit_paths(
     n: int,
     dt: float,
@@ -129,9 +153,10 @@ def unit_paths(
     """
     _known(start, noise)
     x = dt / corr_time
-    keep, left = np.exp(-x), -np.expm1(-x)
+    keep = exp(-x)
+    left = 1 - keep
     reach = dt if np.isinf(corr_time) else corr_time * left
-    sd_u = np.sqrt(-np.expm1(-2 * x))
+    sd_u = np.sqrt(1 - exp(-2 * x))
     cov = 0.0 if np.isinf(corr_time) else corr_time * left**2
     gain = cov / sd_u if sd_u > 0 else 0.0
     sd_w = np.sqrt(max(_integral_variance(dt, corr_time) - gain**2, 0.0))
@@ -181,7 +206,7 @@ def attitude_variance(
     if start == "stationary":
         x = t / corr_time
         # What the start adds: the integral of b_0 e^(-t/T_c).
-        of_bias = of_bias + (t if np.isinf(corr_time) else corr_time * -np.expm1(-x)) ** 2
+        of_bias = of_bias + (t if np.isinf(corr_time) else corr_time * (1 - exp(-x))) ** 2
     if start == "turn-on":
         of_bias = of_bias + (TURN_ON * t) ** 2
     return np.square(arw) * t + np.square(sigma_b) * of_bias
@@ -201,7 +226,7 @@ def high_pass(values, dt, corner):
     -------
     ndarray, shape (n, ...)
     """
-    pole = np.exp(-dt / corner)
+    pole = exp(-dt / corner)
     slow, _ = lfilter([1 - pole], [1.0, -pole], values, axis=0, zi=pole * values[:1])
     return values - slow
 
@@ -210,9 +235,9 @@ def _integral_variance(t, corr_time):
     """Variance of the integral over `t` of a bias with B = 1 that starts at 0, s^2."""
     x = np.asarray(t, dtype=float) / corr_time
     small = x < 1e-2  # the closed form loses digits to cancellation; its series does not
-    series = x**3 * (2 / 3 - x / 2 + 7 * x**2 / 30 - x**3 / 12)
+    series = x * x * x * (2 / 3 - x * (1 / 2 - x * (7 / 30 - x / 12)))
     far = np.where(small, 1.0, x)
-    closed = 2 * far - 3 + 4 * np.exp(-far) - np.exp(-2 * far)
+    closed = 2 * far - 3 + 4 * exp(-far) - exp(-2 * far)
     return 0.0 * x if np.isinf(corr_time) else corr_time**2 * np.where(small, series, closed)
 
 
@@ -389,8 +414,8 @@ class Setup:
         """
         dt, n = 1 / self.rate_hz, self.samples
         t = dt * np.arange(n)
-        decay, white = np.exp(-t / self.corr_time), np.append(1.0, np.zeros(n - 1))
-        driven = np.sqrt(-np.expm1(-2 * dt / self.corr_time)) * decay
+        decay, white = exp(-t / self.corr_time), np.append(1.0, np.zeros(n - 1))
+        driven = np.sqrt(1 - exp(-2 * dt / self.corr_time)) * decay
         constant = TURN_ON * np.ones(n) if self.start == "turn-on" else 0.0 * t
         begun = decay if self.start == "stationary" else constant
         if self.noise == "integrated":

@@ -32,7 +32,7 @@ from scipy.stats import binomtest, chi2
 from tqdm import tqdm
 
 from analysis import CannotAnswer, Estimate, WrongUsage
-from analysis.terrain.assumptions import TURN_ON, Sensor, Setup, unit_paths
+from analysis.terrain.assumptions import TURN_ON, Sensor, Setup, exp, unit_paths
 from analysis.terrain.compiled import run_compiled
 from analysis.terrain.terrain_map import AttitudeMap
 from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
@@ -308,7 +308,7 @@ def map_errors(setup, shape, streams):
     for k, stream in enumerate(streams):
         rng = np.random.default_rng(_child(stream, 3))
         for sd, length in setup.drawn_map_error:
-            keep = np.exp(-setup.speed / setup.rate_hz / length)
+            keep = exp(-setup.speed / setup.rate_hz / length)
             e = rng.standard_normal(shape)
             e[:, 1:] *= np.sqrt(1 - keep**2)
             found[..., k] += sd * lfilter([1.0], [1.0, -keep], e)
@@ -400,7 +400,7 @@ def advance(ukf, setup, step, Q, z, R):
     ukf.P[0, 0] += setup.q * np.abs(step)
     if setup.map_error:
         sd, length = setup.map_error
-        ukf.decay(np.exp(-np.abs(step) / length), sd**2)
+        ukf.decay(exp(-np.abs(step) / length), sd**2)
     return (None, None) if z is None else ukf.update(z, R)
 
 

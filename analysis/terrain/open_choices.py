@@ -217,7 +217,9 @@ class Roads(NamedTuple):
         Returns
         -------
         DataFrame, indexed by claim
-            ``value`` of the claim's number, and the share of the resamples ``inside`` its range.
+            ``value`` of the claim's number; its Monte Carlo ``error``, half of the 95 % interval of
+            the resamples, which a few lost laps can make larger than the number; and the share of
+            the resamples ``inside`` the claim's range.
         """
         driven, road = self.drive(reading, laps=laps, seed=seed, compiled=compiled)
         rng = np.random.default_rng([seed, 1])
@@ -228,7 +230,8 @@ class Roads(NamedTuple):
         for claim, values in numbers.items():
             with np.errstate(invalid="ignore"):
                 inside = (values[1:] >= low[claim]) & (values[1:] <= high[claim])
-            rows[claim] = {"value": values[0], "inside": inside.mean()}
+                error = np.diff(np.quantile(values[1:], [0.025, 0.975]))[0] / 2
+            rows[claim] = {"value": values[0], "error": error, "inside": inside.mean()}
         return pd.DataFrame(rows).T
 
 
@@ -457,14 +460,15 @@ class JudgedReadings:
     levels : DataFrame, shape (readings, factors)
     why : Series, shape (readings,)
         ``sample``, ``about ...``, ``beside the best``, ``best`` or the name of a reading.
-    value, inside : DataFrame, shape (readings, claims)
-        Number of each claim; share of the resamples inside its range.
+    value, error, inside : DataFrame, shape (readings, claims)
+        As `Roads.evaluate` gives them.
     laps, seed : int
     """
 
     levels: pd.DataFrame
     why: pd.Series
     value: pd.DataFrame
+    error: pd.DataFrame
     inside: pd.DataFrame
     laps: int
     seed: int
@@ -472,13 +476,14 @@ class JudgedReadings:
     @classmethod
     def of(cls, table: pd.DataFrame, laps: int, seed: int) -> JudgedReadings:
         """Take a table of data/derived/readings apart."""
-        numbers = {k: table.filter(regex=f"^{k}_") for k in "vp"}
-        value, inside = (n.rename(columns=lambda c: f"terrain-{c[2:]}") for n in numbers.values())
-        return cls(table[[*FACTORS]], table["why"], value, inside / 100, laps, seed)
+        numbers = (table.filter(regex=f"^{k}_") for k in "vep")
+        value, error, inside = (n.rename(columns=lambda c: f"terrain-{c[2:]}") for n in numbers)
+        return cls(table[[*FACTORS]], table["why"], value, error, inside / 100, laps, seed)
 
     def where(self, rows: pd.Series) -> JudgedReadings:
         """Keep some of the readings, such as ``of.where(of.levels["noise"] == "integrated")``."""
-        kept = {name: getattr(self, name)[rows] for name in ("levels", "why", "value", "inside")}
+        names = "levels", "why", "value", "error", "inside"
+        kept = {name: getattr(self, name)[rows] for name in names}
         return replace(self, **kept)
 
     def reading(self, row: int) -> Reading:

@@ -88,12 +88,13 @@ class MapError:
         start = 0.5 * gamma[-1] ** 0.5, 2.0, 0.8 * gamma[-1] ** 0.5, 50.0
         bounds = [0, 0.1, 0, 5], [np.inf, 5, np.inf, 500]
         found, _ = curve_fit(_semivariogram, LAGS, gamma, start, sigma=gamma, bounds=bounds)
-        fast_sd, fast_length, slow_sd, slow_length = map(float, found)
+        # Four digits, for the fit stops where eight are good: every processor then has the same.
+        fast_sd, fast_length, slow_sd, slow_length = (float(f"{x:.4g}") for x in found)
         # The mean of a lap varies by the offset, and by what the slow part leaves in a mean.
         x = np.mean([len(of) for of in series]) / slow_length
         of_slow = 2 * slow_sd**2 * (x - 1 + np.exp(-x)) / x**2
         of_mean = np.mean([np.nanmean(of) ** 2 for of in series])
-        offset = float(np.sqrt(max(of_mean - of_slow, 0.0)))
+        offset = float(f"{np.sqrt(max(of_mean - of_slow, 0.0)):.4g}")
         return cls(offset, slow_sd, slow_length, fast_sd, fast_length, len(series))
 
     def aged(self, years: float) -> MapError:

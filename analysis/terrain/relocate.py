@@ -277,12 +277,15 @@ def watch_real_laps(
         gyro = (sensor.arw * walk + sensor.sigma_b * bias)[..., 0].T
         own = errors[label].setup(setup, profile.laps.mean())
         places = truth.min() - SAME, truth.max() + SAME
-        for name, change in DISTURBANCES.items():
-            driven, seen, first = change(truth, moved, attitude, truth[0])
-            found = watch(profile.attitude_map(), seen + gyro, driven, first, sensor, own, places)
-            off = np.abs(found.position[:, 0] - truth)
-            row = {"alarms": len(found.alarms), "found": len(found.found)}
-            rows[name, label] = row | {"lost_m": off.max(), "end_m": off[-1]}
+        changed = [change(truth, moved, attitude, truth[0]) for change in DISTURBANCES.values()]
+        driven, seen, first = (np.stack(of, axis=-1) for of in zip(*changed, strict=True))
+        given = seen + gyro[..., None], driven, first, sensor, own, places
+        found = watch(profile.attitude_map(), *given)
+        off = np.abs(found.position - truth[:, None])
+        alarms, again = ([d for d, _ in of] for of in (found.alarms, found.found))
+        for d, name in enumerate(DISTURBANCES):
+            row = {"alarms": alarms.count(d), "found": again.count(d)}
+            rows[name, label] = row | {"lost_m": off[:, d].max(), "end_m": off[-1, d]}
     return pd.DataFrame(rows).T
 
 

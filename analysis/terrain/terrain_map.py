@@ -22,6 +22,7 @@ from analysis.terrain.centre_line import CentreLine
 
 QUANTITIES = ("pitch_deg", "roll_deg", "height_m")
 POOLED = 50.0  # m, standard deviation of the stretch over which variances are pooled
+GRAIN = 6  # decimals of an attitude (deg): so every processor reads the same map, to the bit
 MARGIN = 400.0  # m of the map before and after a lap: laps run up to 1.15 times round
 
 
@@ -57,8 +58,9 @@ class AttitudeMap:
                 f"the map has no attitude at {len(gaps)} of {points} points, the first at "
                 f"{start + step * gaps[0]:.1f} m: a filter needs a map without gaps"
             )
-        self.start, self.step, self.attitude = float(start), float(step), attitude
+        self.start, self.step, self.attitude = float(start), float(step), attitude.round(GRAIN)
         # Straight line i is intercept + slope u in u = distance / step; a level one at either end.
+        attitude = self.attitude
         slope = np.diff(attitude, axis=1)
         intercept = attitude[:, :-1] - slope * np.arange(1, points)
         level = np.zeros((len(attitude), 1))

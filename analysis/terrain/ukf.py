@@ -20,6 +20,7 @@ Every state is an array over a batch (cells, runs, ...): one filter each, all st
 import numpy as np
 
 from analysis import WrongUsage
+from analysis.terrain.assumptions import exp
 
 SPREAD = 3.0  # square of the sigma points' distance in sigmas: matches a Gaussian's fourth moment
 W = 0.5 / SPREAD  # weight of every point but the centre
@@ -183,11 +184,11 @@ def bias_state_matrices(arw, sigma_b, corr_time, dt, channels=1) -> tuple[np.nda
         Without the odometry, whose variance goes into Q[0, 0].
     """
     arw, sigma_b = np.broadcast_arrays(np.asarray(arw, float), np.asarray(sigma_b, float))
-    keep = np.exp(-dt / corr_time)
-    reach = dt if np.isinf(corr_time) else corr_time * -np.expm1(-dt / corr_time)
+    keep = exp(-dt / corr_time)
+    reach = dt if np.isinf(corr_time) else corr_time * (1 - keep)
     transition = np.kron(np.eye(channels), np.array([[1.0, reach], [0.0, keep]]))
     Q = np.zeros((2 * channels + 1, 2 * channels + 1, *arw.shape))
-    drive = sigma_b**2 * -np.expm1(-2 * dt / corr_time)
+    drive = sigma_b**2 * (1 - exp(-2 * dt / corr_time))
     for a in range(1, 2 * channels, 2):
         Q[a, a] = arw**2 * dt + drive * dt**2 / 3
         Q[a, a + 1] = Q[a + 1, a] = drive * dt / 2
