@@ -23,7 +23,11 @@ MODELS = {
     "N+GM+K": ("sigma_v", "walk", "corr_time", "rrw"),
     "N+2GM": ("sigma_v", "walk", "corr_time", "walk", "corr_time"),
 }
-SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}  # to which a term is added
+SIMPLER = {
+    "N+B+K": ["N+B"],
+    "N+GM+K": ["N+GM", "N+K"],
+    "N+2GM": ["N+GM"],
+}  # to which a term is added
 # Not chosen: it only shows how little of a random walk beside a bias may be a walk.
 THREE_SLOW = "N+2GM+K"
 UNIFIED = "N+GM"
@@ -276,7 +280,9 @@ class NoiseLikelihood:
         if simpler is None:  # the best common scale of all sizes has a closed form
             likelihood = self.evaluate(points, names)
             sizes = np.array([name != "corr_time" for name in names])
-            power = np.maximum(likelihood.quadratic / likelihood.count, (SMALLEST * self.scale) ** 2)
+            power = np.maximum(
+                likelihood.quadratic / likelihood.count, (SMALLEST * self.scale) ** 2
+            )
             points = points + 0.5 * np.log(power)[:, None] * sizes
         return points.reshape(-1, RATIOS if more else 1, len(names))
 

@@ -483,7 +483,9 @@ def infer(
         fits = fit_all(likelihood, rate=rate, near=fits)
         chosen = choose(fits.values())
         misfit, beyond = disagreement(likelihood, chosen)
-        clean = not beyond and min(chosen.terms.get("corr_time", ()), default=np.inf) >= FILTER * m * dt
+        clean = (
+            not beyond and min(chosen.terms.get("corr_time", ()), default=np.inf) >= FILTER * m * dt
+        )
         clean &= not (rate and low_passed(likelihood, chosen))
         clean_bands = clean_bands + 1 if clean else 0
         unfiltered = m == 1 or (m == fewest and as_noisy(y, chosen))
