@@ -1,11 +1,14 @@
 """The likelihood of a static log: exact against dense matrices; its intervals hold the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2, multivariate_normal
 
-from analysis.noise import fit, likelihood, spectrum
+from analysis import logs
+from analysis.noise import added_terms, fit, inference, likelihood, spectrum
 from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer, lost_in_means
 from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov
@@ -259,6 +262,48 @@ def test_a_search_finds_terms_that_are_too_small_to_matter(small):
     tiny = np.where(np.array(names) == small, surface.low, near)
     tops = [surface.maximum(start)[1] for start in (near, tiny)]
     assert tops[0] == pytest.approx(tops[1], abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("log", "channel"), [("f9p-static", 1), ("mpu6050-gyro", 0), ("adis16405", 3)]
+)
+def test_the_last_digits_of_the_likelihood_decide_nothing(log, channel, monkeypatch):
+    """property: relative noise of 1e-13 and 1e-12 in it moves no number of a real channel by 1 %.
+
+    Of its interval, or of itself where an end is open. The searches agree to 1e-6 of it.
+    """
+    try:
+        read = logs.read(log)
+    except logs.datasets.NotHere as error:
+        pytest.skip(str(error))
+    one, exact = read.channels[channel], likelihood.evaluate
+    y = np.asarray(one.values, dtype=float)[:60_000]
+
+    def estimates():
+        found = infer(y, read.dt, one.unit, one.kind, np.random.default_rng(0))
+        return {
+            (name, end): getattr(e, end)
+            for name, e in found.parameters.items()
+            for end in ("value", "low", "high")
+        }
+
+    was = estimates()
+    for relative in (1e-13, 1e-12):
+        rng = np.random.default_rng(1)
+
+        def noisy(*given, relative=relative, rng=rng, **more):
+            found = exact(*given, **more)
+            noise = relative * rng.standard_normal(found.value.shape)
+            return replace(found, value=found.value * (1 + noise))
+
+        for module in (fit, inference, added_terms):
+            monkeypatch.setattr(module, "evaluate", noisy)
+        for (name, end), now in estimates().items():
+            before, low, high = (was[name, k] for k in (end, "low", "high"))
+            assert (now is None) == (before is None), (name, end)
+            if now is not None:
+                width = abs(before) if None in (low, high) else high - low
+                assert abs(now - before) < 0.01 * width, (name, end)
 
 
 def test_profile_of_a_parabola():
