@@ -61,6 +61,7 @@ FOLDER = DATA / "derived"
 COMMAND = "python -m analysis data --rebuild --write"
 TRACK, HIGHWAY = "psu-test-track", "psu-highway"
 DIGITS = 6  # of a number in model.json and in most tables
+ENDS = ("value", "low", "high")
 SOURCE = (  # of a static log, in the order of model.json
     *("title", "file", "sha256", "rate_hz", "duration_s", "samples", "gaps", "repairs"),
     *("licence", "source"),
@@ -369,7 +370,7 @@ def roads() -> Roads:
     maps = {"track": profile("ccw").attitude_map(("pitch", "roll"))}
     maps |= {"I-99": AttitudeMap(0.0, 0.5, of_i99)}
     maps |= {f"ISO {c}": AttitudeMap(0.0, 0.5, iso(c, HILLS_DEG)) for c in "AC"}
-    priced = sensors().query("table_3.notna()").sort_values("price")
+    priced = sensors().query("table_3.notna()").sort_values("price", kind="stable")
     table = published("terrain-table-3").set_index("sensor")
     of_paper = {key: tuple(table.loc[name]) for key, name in priced["table_3"].items()}
     prices = priced[["low", "high"]].to_numpy()
@@ -626,13 +627,7 @@ def model(result: StaticResult) -> dict:
                 for key in CURVES
                 if (curve := getattr(c, key))
             },
-            # The minimum of a criterion is good to a hundredth, and no reader needs more.
-            "models": [
-                m
-                | {"terms": {term: numbers(v) for term, v in m["terms"].items()}}
-                | {"aic_above_least": round(m["aic_above_least"], 1)}
-                for m in c.models
-            ],
+            "models": [_tried(m) for m in c.models],
             "fit": c.fit,
             "line": dict(zip(("mean", "slope_per_s"), numbers(c.line), strict=True)),
             "fitted_from_s": rounded_number(c.fitted_from),
@@ -640,6 +635,15 @@ def model(result: StaticResult) -> dict:
         for c in result.channels
     ]
     return {"source": result.source, "channels": channels}
+
+
+def _tried(fitted):
+    """Give a model as tried; a rival may hold terms that no sample decides, so only their count."""
+    about = fitted | {"aic_above_least": round(fitted["aic_above_least"], 1)}
+    terms = about.pop("terms", {})  # there is none in what was stored
+    if fitted["chosen"]:
+        about["terms"] = {term: [rounded_number(v, 4) for v in of] for term, of in terms.items()}
+    return about
 
 
 def read_model(source: str | Path) -> dict:
@@ -650,9 +654,18 @@ def read_model(source: str | Path) -> dict:
 
 
 def plain(estimate: Estimate) -> dict:
-    """Give an estimate as a dict of plain numbers and words."""
-    entries = asdict(estimate).items()
-    return {k: rounded_number(v) if isinstance(v, float) else v for k, v in entries}
+    """Give an estimate as plain numbers and words, thousandths of the interval rounded away."""
+    about = asdict(estimate)
+    ends = [v for k in ENDS if (v := about[k]) is not None and np.isfinite(v)]
+    width = np.ptp(ends) if ends else 0.0
+
+    def number(v):
+        if v is None or not np.isfinite(v):
+            return None
+        # Of an interval over decades the near end keeps its own digits.
+        return v and round(float(v), 3 - math.floor(math.log10(min(width or abs(v), abs(v)))))
+
+    return about | {k: number(about[k]) for k in ENDS}
 
 
 def as_stored(result: StaticResult) -> Stored:

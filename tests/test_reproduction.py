@@ -273,6 +273,8 @@ def test_the_upload_button_keeps_what_is_chosen(tmp_path, monkeypatch):
 
 def test_a_setting_that_does_not_take_is_refused(monkeypatch):
     """property: a name that a library does not know never passes for another processor."""
+    for name in ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES"):
+        monkeypatch.delenv(name, raising=False)
     here = machines.asked(sys.executable, os.environ)
     monkeypatch.setitem(machines.SETTINGS, "zen", {"kernel": "Abacus"})
     with pytest.raises(SystemExit, match="setting zen: it did not take in OpenBLAS"):

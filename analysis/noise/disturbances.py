@@ -196,7 +196,7 @@ def spikes(y: np.ndarray, dt: float) -> tuple[np.ndarray, list[Disturbance]]:
     if not runs:
         return marked, []
     x = np.array([min(step[r].max(), -step[r].min()) / size for r in runs])
-    order = np.argsort(-x)
+    order = np.argsort(-x, kind="stable")
     x = np.append(x[order], FAR)
     lengths = np.array([r[-1] - r[0] for r in runs])[order]
     lengths *= np.where(lengths > 1, 2, 1)  # what rings dies out

@@ -238,7 +238,7 @@ class NoiseLikelihood:
         surface, fall = self.surface(fit.names), []
         for at in np.log(values) - offset:
             reached = surface.maximum_where(along, at, [fit.point])[1]
-            fall.append(2 * (fit.log_likelihood - reached))
+            fall.append(round(2 * (fit.log_likelihood - reached), SAME_TOP) + 0.0)
         return np.array(fall)
 
     def hidden_bias(self, fit: Fit, longest: float) -> float:

@@ -588,7 +588,7 @@ class JudgedReadings:
                 more = both - max(found[0, i], 0.0) - max(found[0, j], 0.0)
                 pairs.loc[one, names[j]] = pairs.loc[names[j], one] = more
         table = table.assign(with_factor=pairs.idxmax(axis=1), pair=pairs.max(axis=1))
-        return table.sort_values("share", ascending=False)
+        return table.sort_values("share", ascending=False, kind="stable")
 
     def _codes(self):
         """Number of the level of each factor, shape (readings, factors)."""

@@ -205,7 +205,7 @@ def _best_lags(one, other, least) -> Iterator[float]:
     alike = np.clip(1 - variance / np.maximum(motion[0] + motion[1], 1e-12), 0.0, 1 - 1e-12)
     gain = np.where(enough, -n * np.log(1 - alike**2), 0.0)
     highest = (gain >= np.roll(gain, 1)) & (gain >= np.roll(gain, -1)) & (gain > 0)
-    for k in np.flatnonzero(highest)[np.argsort(-gain[highest])][:8]:
+    for k in np.flatnonzero(highest)[np.argsort(-gain[highest], kind="stable")][:8]:
         yield one[0][0] - other[0][0] + step * float(shifts[k])
 
 
