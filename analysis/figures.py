@@ -30,7 +30,7 @@ from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 from matplotlib.ticker import FixedLocator
-from matplotlib.transforms import Bbox, BboxTransformFrom
+from matplotlib.transforms import Bbox, BboxBase, BboxTransformFrom
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
@@ -228,7 +228,7 @@ class _RoundedPdf(backend_pdf.PdfFile):
     def _rounded(item):
         if isinstance(item, backend_pdf.Verbatim):
             return backend_pdf.Verbatim(DECIMALS.sub(_to_hundredths, item.pdfRepr()))
-        if isinstance(item, Bbox):
+        if isinstance(item, BboxBase):
             return Bbox.from_bounds(*np.round(item.bounds, 3))
         return round(item, 3) + 0.0 if isinstance(item, float) else item  # no -0
 
