@@ -543,3 +543,16 @@ def test_intervals_beside_flicker_cover():
     # enters, 90 %.
     assert min(held["sigma_v"], held["rrw"]) / runs >= 0.845, held
     assert min(held["bias_instability"], held["drift"]) / runs >= 0.75, held
+
+
+@pytest.mark.parametrize("seed", [0, 3, 7])
+def test_a_richer_model_is_never_worse(seed):
+    """property: a bias too short to be one ends no search below the model without the added term.
+
+    A Newton step once left such a maximum, on the edge of the box, by 1660 in ln L.
+    """
+    log = UnifiedModel(1.0, 0.005, 1.0).simulate(4000, 0.01, np.random.default_rng(seed))
+    likelihood = NoiseLikelihood.of_log(log, 0.01)
+    simpler = [likelihood.fit(name) for name in ("N+GM", "N+K")]
+    richer = likelihood.fit("N+GM+K", simpler)
+    assert richer.log_likelihood > max(s.log_likelihood for s in simpler) - 1e-3

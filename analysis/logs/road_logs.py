@@ -164,7 +164,7 @@ def highway(path: Path) -> pd.DataFrame:
     }
     try:
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
-    except (MatReadError, ValueError, OSError, NotImplementedError) as error:
+    except (MatReadError, ValueError, IndexError, OSError, NotImplementedError) as error:
         raise CannotAnswer(f"{path.name}: not a MATLAB v5 file, or cut off ({error})") from error
     structs = [v for k, v in content.items() if hasattr(v, "_fieldnames")]
     if len(structs) != 1 or set(names) - set(structs[0]._fieldnames):

@@ -26,6 +26,7 @@ RUNS = 10  # of L-BFGS-B at most, each with the standard errors of where the las
 ABSENT = 1e-4  # standard errors; a smaller variance is none
 DIFFERENCE = 1e-4  # standard errors between gradients that give a curvature
 CURVED = 1e-6  # least curvature for a standard error that a Newton step divides by
+LOST = 1e-3  # of the log-likelihood: more than its rounding, less than any rule asks
 LONGEST = 1.0  # longest first step of a profile, in a logarithm
 FARTHER = 3.0  # at most, in steps, to the next one outward
 EXACT = 1e-6  # of half an interval: a smaller step ends the search of its end
@@ -83,10 +84,11 @@ class Surface:
         return point, value
 
     def polished(self, point):
-        """Take the step of Newton's method to where the gradient vanishes, whatever the value.
+        """Take the step of Newton's method to where the gradient vanishes.
 
         Rounding hides from a search what differs by less than the last digits of the likelihood;
-        the gradient has all its digits.
+        the gradient has all its digits. Where the likelihood is no parabola the step can mislead;
+        one that loses more than rounding can is not taken.
 
         Returns
         -------
@@ -97,7 +99,9 @@ class Surface:
         _, (gradient, *moved) = self.slope(point + steps)
         curvature = -(np.array(moved) - gradient) / DIFFERENCE * unit
         step, _ = self._newton(point, gradient, (curvature + curvature.T) / 2)
-        return np.clip(point + step, self.low, self.high)
+        there = np.clip(point + step, self.low, self.high)
+        before, after = self.value(np.array([point, there]))
+        return there if after > before - LOST else point
 
     def _unit(self, point):
         """Standard error of each logarithm, at most one, the others known."""
