@@ -1,4 +1,4 @@
-"""How large the house is: ``python tests/size.py [CHECKOUT]`` prints its numbers.
+"""How large the house is: ``python tests/size.py [CHECKOUT]`` prints its numbers and its rooms.
 
 Code lines leave out docstrings, comments and blank lines. An import goes past a face where a
 notebook takes a name from a module behind it, ``analysis.noise.fit`` or ``noise.fit.choose``.
@@ -32,6 +32,15 @@ def code_lines(source):
     return len(lines)
 
 
+def rooms(root):
+    """Count the code lines of each room of the package, the largest first."""
+    counts = {}
+    for path in sorted((root / "analysis").rglob("*.py")):
+        room = path.relative_to(root / "analysis").parts[0].removesuffix(".py")
+        counts[room] = counts.get(room, 0) + code_lines(path.read_text(encoding="utf-8"))
+    return dict(sorted(counts.items(), key=lambda pair: -pair[1]))
+
+
 def cells(path):
     """List source and tags of a notebook's code cells."""
     notebook = json.loads(path.read_text(encoding="utf-8"))
@@ -62,17 +71,18 @@ def measure(root):
     """Give every number of the house by its name."""
     package = root / "analysis"
     modules = sorted(package.rglob("*.py"))
+    by_room = rooms(root)
     listed = {p.stem: cells(p) for p in sorted((root / "notebooks").glob("*.ipynb"))}
     sources = {name: "\n".join(s for s, _ in found) for name, found in listed.items()}
     every = [cell for found in listed.values() for cell in found]
-    code = sum(code_lines(m.read_text(encoding="utf-8")) for m in modules)
+    code = sum(by_room.values())
     in_notebooks = sum(code_lines(source) for source in sources.values())
     mb = {
         folder: sum(p.stat().st_size for p in (root / folder).rglob("*") if p.is_file()) / 1e6
         for folder in ("figures", "notebooks")
     }
     return {
-        "rooms at the top of analysis/": len({m.relative_to(package).parts[0] for m in modules}),
+        "rooms at the top of analysis/": len(by_room),
         "modules": len(modules),
         "code lines of the package": code,
         "code lines of the notebooks": in_notebooks,
@@ -94,3 +104,5 @@ if __name__ == "__main__":
     root = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parents[1]
     for name, number in measure(root).items():
         print(f"{number:>9}  {name}")
+    for room, number in rooms(root).items():
+        print(f"{number:>9}  code lines of {room}")

@@ -11,6 +11,7 @@ import tomllib
 import nbformat
 import pandas as pd
 import pytest
+import size
 import yaml
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
@@ -202,18 +203,17 @@ def test_arrows_go_one_way(path):
                 assert any(f"{own}.".startswith(f"{a}.") for a in allowed), name
 
 
-def test_the_house_is_small():
-    """property: at most 16 rooms; modules as stated; faces of at most 20 names, 120 in all.
+def test_each_room_keeps_its_budget():
+    """property: no room has more code lines than ``tests/budgets.toml`` gives it."""
+    budgets = tomllib.loads((ROOT / "tests" / "budgets.toml").read_text("utf-8"))
+    lines = size.rooms(ROOT)
+    assert lines.keys() == budgets.keys()
+    over = [f"{room}: {n} of {budgets[room]}" for room, n in lines.items() if n > budgets[room]]
+    assert over == []
 
-    75 modules, and what was added since: the study beside other packages (1), readers of binary
-    formats, the report's verdict and its page of two units (6), units side by side and their study
-    (10), what a device has of the root, the page of a track, power-ons and the filter for cars (4),
-    readings of the terrain paper and their study (4), the alarm of a lost filter (1),
-    the pages that compute in a browser (1), citing (1).
-    """
-    rooms = {p.relative_to(ROOT / "analysis").parts[0] for p in MODULES}
-    assert len(rooms) <= 16
-    assert len(MODULES) <= 75 + 1 + 6 + 10 + 4 + 4 + 1 + 1 + 1
+
+def test_faces_are_small():
+    """property: faces of at most 20 names, 120 in all."""
     sizes = {face: len(exported(face)) for face in FACES}
     assert max(sizes.values()) <= 20, sizes
     assert sum(sizes.values()) <= 120, sizes
