@@ -259,7 +259,7 @@ def since_commit(root=ROOT):
     changed : list of str or None
         Files; None where `root` is no work tree of git, or there is no git.
     alike : list of str
-        Those of them whose figure shows the committed dots and numbers. They need no commit: a
+        Pictures among them that show the committed dots and numbers. They need no commit: a
         picture takes as much room in the history each time, whatever has changed in it. What a
         figure *shows* decides, not its bytes; a new colour is other dots with the same numbers.
     """
@@ -281,7 +281,8 @@ def since_commit(root=ROOT):
                 pairs.append((Path(kept, file), root / "figures" / file))
                 pairs[-1][0].write_bytes(git("show", f"HEAD:figures/{file}") or b"")
             if all(now.exists() and was.stat().st_size for was, now in pairs) and _alike(*pairs):
-                alike += [path.as_posix() for path in drawn if path.stem == name]
+                same = [p for p in drawn if p.stem == name and p.suffix != ".csv"]
+                alike += [path.as_posix() for path in same]
     return sorted(path.as_posix() for path in states), sorted(alike)
 
 
