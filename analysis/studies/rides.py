@@ -329,7 +329,7 @@ def outages():
         ``ends``: as `bridged`, with the ride.
     """
     ends = [evaluate.bridged(read(name)).assign(ride=name) for name in WHEELS]
-    table = store.rounded(pd.concat(ends, ignore_index=True), 4)
+    table = store.rounded(pd.concat(ends, ignore_index=True), 6)
     title = "Outages of 10, 30 and 60 s on the rides of four cars"
     source = {"title": title} | datasets.origin(*(RIDES[name].file for name in WHEELS))
     return source, {"ends": table}
