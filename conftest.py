@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis import report
-from analysis.reproduce import order
+from workbench import report
+from workbench.reproduce import order
 
 WORKER = "workerinput"  # an attribute that pytest-xdist gives the configuration of its workers
 PATIENCE_S = 1800

@@ -1,7 +1,7 @@
 """Conventions of this package: units, frames, signs, symbols, and how errors are reported.
 
 The notebooks in ``notebooks/`` tell the story; this package holds what two of them share or what
-needs a test. Each room (``analysis.logs``, ``.noise``, ``.terrain``, ``.tracker``, ``.units``)
+needs a test. Each room (``sensorlogs``, ``.noise``, ``.terrain``, ``.tracker``, ``.units``)
 shows a face: the names that its ``__init__`` exports; notebooks import nothing else. Data flow one
 way only::
 
@@ -58,9 +58,11 @@ from decimal import Decimal
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "packages"))  # without `make install` too, so that it can be asked for
+from sensorlogs import STANDARD_GRAVITY, CannotAnswer, Refusal, WrongUsage, wrap  # noqa: E402
+
 DATA = ROOT / "data"
 FIGURES = ROOT / "figures"  # to be cited; only ``reproduce`` writes there
-STANDARD_GRAVITY = 9.80665  # m/s^2
 # The list of fonts that matplotlib keeps belongs to this environment: one in the user's folder may
 # be of another that is gone, and settings there would change the figures.
 if sys.prefix != sys.base_prefix:
@@ -114,47 +116,6 @@ def figures_folder() -> Path | None:
     """
     named = os.environ.get("COMPENDIUM_FIGURES")
     return Path(named) if named else None
-
-
-class Refusal(Exception):
-    """One sentence instead of a result, in a notebook too.
-
-    Attributes
-    ----------
-    flags : tuple of dict
-        Flags (``--unit`` -> value) with which the same command can be answered, if there are any.
-    """
-
-    def __init__(self, message, *flags):
-        super().__init__(message)
-        self.flags = flags
-
-    def _render_traceback_(self):  # IPython prints these lines in place of a traceback
-        return [f"{type(self).__name__}: {self}"]
-
-
-class CannotAnswer(Refusal):
-    """The data cannot support an answer; the message says why (exit status 1)."""
-
-
-class WrongUsage(Refusal):
-    """The question was put wrongly; the message says how to put it (exit status 2)."""
-
-
-def wrap(angle, turn=360.0):
-    """Bring an angle, or an array of them, into (-turn/2, turn/2].
-
-    Parameters
-    ----------
-    angle : float or ndarray
-    turn : float
-        A full turn in the unit of the angle: 360 for degrees, 2 pi for radians.
-
-    Returns
-    -------
-    float or ndarray
-    """
-    return turn / 2 - (turn / 2 - angle) % turn
 
 
 @contextmanager

@@ -32,7 +32,7 @@ for stream in (sys.stdout, sys.stderr):  # a terminal without Greek letters ends
 try:
     for ending in (signal.SIGINT, signal.SIGTERM):
         signal.signal(ending, stop)
-    from analysis.cli import main
+    from workbench.cli import main
 
     status = main()
 except KeyboardInterrupt:  # while a library was loaded

@@ -4,7 +4,7 @@
 command that made the folder, single numbers; of a static log the channels of model.json) and one
 CSV for each table. Missing values are empty, truth values 0 or 1, numbers have at most nine digits;
 whoever makes a table rounds it to what it means. The functions that make them are listed in
-`analysis.studies.derived`; coverage and benchmark have commands of their own.
+`studies.derived`; coverage and benchmark have commands of their own.
 
 read("psu-highway")           any folder: its source and its tables
 static_log("adis16405")       a characterised static log
@@ -35,9 +35,6 @@ import pandas as pd
 from tqdm import tqdm
 
 from analysis import DATA, CannotAnswer, Estimate, WrongUsage
-from analysis.logs import road_logs
-from analysis.logs.columns import IN_M_S2
-from analysis.logs.static import Log
 from analysis.noise import spectrum
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise, characterise, joined, remarks
@@ -50,6 +47,9 @@ from analysis.terrain.open_choices import JudgedReadings, ReadingStudy, Roads
 from analysis.terrain.real_laps import Lap, MapError, lay_on_line
 from analysis.terrain.terrain_map import Profile
 from analysis.units.frame import Track
+from sensorlogs import road_logs
+from sensorlogs.columns import IN_M_S2
+from sensorlogs.static import Log
 
 __all__ = [
     "antenna_mounting", "before_and_after", "characterise_log", "coverage", "ensemble",
@@ -233,7 +233,7 @@ def ensemble(subject: str, quantity: str) -> np.ndarray:
     Parameters
     ----------
     subject, quantity : str
-        Described in `analysis.studies.ensembles`.
+        Described in `studies.ensembles`.
 
     Returns
     -------
@@ -878,7 +878,7 @@ def lap_and_map(source: str | Path, direction: str | None = None) -> tuple[Lap, 
     ----------
     source : str or Path
         A name of `laps`, with the map of the other laps of its direction; or a raw file of the
-        van (`analysis.logs.road_logs.lap`), with the map of all committed laps.
+        van (`sensorlogs.road_logs.lap`), with the map of all committed laps.
     direction : {"ccw", "cw"}, optional
         Of a raw file: the direction in which it was driven.
 

@@ -13,7 +13,7 @@ from docutils.nodes import SkipNode
 from docutils.utils.math import latex2mathml
 
 from analysis import ROOT
-from analysis.report import explorer
+from workbench import explorer
 
 project = "Inertial compendium"
 version = release = installed("inertial-compendium")

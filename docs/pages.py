@@ -23,21 +23,21 @@ import pandas as pd
 from PIL import Image
 
 from analysis import FIGURES, ROOT, claims, figures, store
-from analysis.report import citation
+from workbench import citation
 
 NOTEBOOKS, TEMPLATES = ROOT / "notebooks", Path(__file__).parent / "pages"
 PAPERS = {"comparison": "comparison paper", "terrain": "terrain paper", "tracker": "tracker paper"}
 FACES = {
-    "logs": "reads logs",
-    "noise": "models and estimates the noise of a static log",
-    "terrain": "tracks a car on a terrain map",
-    "tracker": "the six blocks of the tracker paper",
-    "units": "compares units side by side",
-    "store": "reads what was computed once",
-    "text": "writes numbers and tables in words",
-    "plots": "draws what notebooks share",
-    "figures": "saves figures",
-    "claims": "judges claims",
+    "sensorlogs": "reads logs",
+    "analysis.noise": "models and estimates the noise of a static log",
+    "analysis.terrain": "tracks a car on a terrain map",
+    "analysis.tracker": "the six blocks of the tracker paper",
+    "analysis.units": "compares units side by side",
+    "analysis.store": "reads what was computed once",
+    "analysis.text": "writes numbers and tables in words",
+    "analysis.plots": "draws what notebooks share",
+    "analysis.figures": "saves figures",
+    "analysis.claims": "judges claims",
 }
 WORDS = {  # pages of this project that the site shows too, without their links to files
     "your-logs": "data/own/README.md",
@@ -206,7 +206,7 @@ def _rules(index):
 
 def exported(face: str) -> dict[str, str]:
     """List the classes and functions of a face."""
-    module = importlib.import_module(f"analysis.{face}")
+    module = importlib.import_module(face)
     names = getattr(module, "__all__", vars(module))
     things = {name: getattr(module, name) for name in names if name[0] != "_"}
     return {

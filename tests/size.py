@@ -1,7 +1,6 @@
 """How large the house is: ``python tests/size.py [CHECKOUT]`` prints its numbers and its rooms.
 
-Code lines leave out docstrings, comments and blank lines. An import goes past a face where a
-notebook takes a name from a module behind it, ``analysis.noise.fit`` or ``noise.fit.choose``.
+Code lines leave out docstrings, comments and blank lines.
 """
 
 import ast
@@ -10,8 +9,10 @@ import json
 import statistics
 import sys
 import tokenize
+from collections import Counter
 from pathlib import Path
 
+PACKAGES = ("analysis", "packages/sensorlogs", "packages/workbench", "studies")
 PASSED_OVER = {
     tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
     tokenize.ENDMARKER,
@@ -32,13 +33,22 @@ def code_lines(source):
     return len(lines)
 
 
+def modules(root):
+    """Give the room of each module: a package, or in ``analysis/`` a folder or a module."""
+    found = {}
+    for package in PACKAGES:
+        for path in sorted((root / package).rglob("*.py")):
+            inside = path.relative_to(root / package).parts[0].removesuffix(".py")
+            found[path] = inside if package == "analysis" else Path(package).name
+    return found
+
+
 def rooms(root):
-    """Count the code lines of each room of the package, the largest first."""
-    counts = {}
-    for path in sorted((root / "analysis").rglob("*.py")):
-        room = path.relative_to(root / "analysis").parts[0].removesuffix(".py")
-        counts[room] = counts.get(room, 0) + code_lines(path.read_text(encoding="utf-8"))
-    return dict(sorted(counts.items(), key=lambda pair: -pair[1]))
+    """Count the code lines of each room, the largest first."""
+    counts = Counter()
+    for path, room in modules(root).items():
+        counts[room] += code_lines(path.read_text(encoding="utf-8"))
+    return dict(counts.most_common())
 
 
 def cells(path):
@@ -51,26 +61,8 @@ def cells(path):
     ]
 
 
-def past_a_face(source, rooms):
-    """Count the names a notebook imports from behind a face."""
-    tree, count, known = ast.parse(source), 0, {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("analysis"):
-            parts = node.module.split(".")
-            for alias in node.names:
-                inside = rooms / "/".join(parts[1:]) / f"{alias.name}.py"
-                count += len(parts) > 2 or (len(parts) > 1 and inside.exists())
-                known[alias.asname or alias.name] = rooms / "/".join(parts[1:]) / alias.name
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute) and getattr(node.value, "id", None) in known:
-            count += (known[node.value.id] / f"{node.attr}.py").exists()
-    return count
-
-
 def measure(root):
     """Give every number of the house by its name."""
-    package = root / "analysis"
-    modules = sorted(package.rglob("*.py"))
     by_room = rooms(root)
     listed = {p.stem: cells(p) for p in sorted((root / "notebooks").glob("*.ipynb"))}
     sources = {name: "\n".join(s for s, _ in found) for name, found in listed.items()}
@@ -82,9 +74,9 @@ def measure(root):
         for folder in ("figures", "notebooks")
     }
     return {
-        "rooms at the top of analysis/": len(by_room),
-        "modules": len(modules),
-        "code lines of the package": code,
+        "rooms": len(by_room),
+        "modules": len(modules(root)),
+        "code lines of the packages": code,
         "code lines of the notebooks": in_notebooks,
         "code lines together": code + in_notebooks,
         "code cells": len(every),
@@ -94,7 +86,6 @@ def measure(root):
         "median lines of an untagged code cell": statistics.median(
             len(s.splitlines()) for s, tags in every if "figure" not in tags
         ),
-        "imports past a face": sum(past_a_face(s, package) for s in sources.values()),
         "figures/ (MB)": round(mb["figures"], 1),
         "notebooks/ (MB)": round(mb["notebooks"], 1),
     }

@@ -11,7 +11,7 @@ from analysis.noise.inference import INSTEAD, either, infer
 from analysis.noise.likelihood import Terms
 from analysis.noise.models import UnifiedModel
 from analysis.noise.spectrum import transform
-from analysis.studies import coverage
+from studies import coverage
 
 MODEL, DT, N = UnifiedModel(0.04, 200.0, 0.005), 0.1, 72_000  # two hours of a gyro, deg/s
 T = DT * np.arange(N)

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.tracker import at_rest
 from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest, mean
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import Scenario, scenario
+from sensorlogs.timeline import Gnss, Imu, Timeline
 
 
 def test_threshold_is_the_papers():

@@ -7,8 +7,9 @@ import warnings
 import numpy as np
 import pytest
 
-from analysis import CannotAnswer, cli
+from analysis import CannotAnswer
 from analysis.noise.channel import characterise
+from workbench import cli
 
 DT = 0.01
 RNG = np.random.default_rng(9)

@@ -3,8 +3,8 @@
 import pytest
 
 from analysis import store
-from analysis.cli import main
-from analysis.studies import benchmark
+from studies import benchmark
+from workbench.cli import main
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from analysis import CannotAnswer, store
-from analysis.studies import beside_others, coverage
+from studies import beside_others, coverage
 
 DT = 0.1
 

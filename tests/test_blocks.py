@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from broken_events import BROKEN, clock_set_back, clock_set_forward, no_times, play, record
 
-from analysis import ROOT, STANDARD_GRAVITY, cli, wrap
+from analysis import ROOT, STANDARD_GRAVITY, wrap
 from analysis.tracker import scenario, vectors
 from analysis.tracker.at_rest import LowPass, StaticTest
 from analysis.tracker.attitude import Attitude
@@ -17,6 +17,7 @@ from analysis.tracker.device import BLOCKS
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.mounting import MountingYaw
+from workbench import cli
 
 CLASSES = {  # of each block, and the modules of the same folder that its module needs
     "last_position": (LastPosition, set()),

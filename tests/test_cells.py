@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from analysis import WrongUsage
-from analysis.cli import main
-from analysis.studies import coverage, readings
-from analysis.studies.cells import Cells, compute
 from analysis.terrain.open_choices import FACTORS
+from studies import coverage, readings
+from studies.cells import Cells, compute
+from workbench.cli import main
 
 VARIED = ("noise", "channel", "mean")
 FEW = [f"{name}={of[0]}" for name, of in FACTORS.items() if name not in VARIED]

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from rocrate.rocrate import ROCrate
 
 from analysis import ROOT, figures
-from analysis.cli import main
-from analysis.report import citation
+from workbench import citation
+from workbench.cli import main
 
 FIG9, OWN = "22-fig9-variance-vs-n", "10-adis16405-gyro-x"
 CAPTION = "Variance of the error (95 % bands), B & N in °/√s, R_0 as printed."

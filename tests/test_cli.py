@@ -20,10 +20,10 @@ import psutil
 import pytest
 import typer
 
-from analysis import ROOT, claims, cli, report, reproduce, store
-from analysis.logs import datasets
-from analysis.noise import exports
-from analysis.studies import derived
+from analysis import ROOT, claims, store
+from sensorlogs import datasets
+from studies import derived
+from workbench import cli, exports, report, reproduce
 
 COMMANDS = [
     "reproduce", "report", "replay", "pool", "export", "plan", "coverage", "claims", "data",
@@ -394,7 +394,8 @@ def test_version_is_that_of_the_package():
 
 BUSY = """
 import multiprocessing, runpy, sys, threading, time
-from analysis import report, store
+from analysis import store
+from workbench import report
 def busy(*_, **__):
     child = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
     child.start()
@@ -451,7 +452,7 @@ def test_a_library_that_is_missing_is_named():
 )
 def test_what_draws_nothing_starts_without_matplotlib(arguments):
     """Property: help, plan and claims do not load matplotlib."""
-    code = "import sys; from analysis.cli import main; status = main(sys.argv[1:]); "
+    code = "import sys; from workbench.cli import main; status = main(sys.argv[1:]); "
     code += "sys.exit(status or 'matplotlib' in sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code, *arguments], capture_output=True, check=False

@@ -8,8 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import WrongUsage, cli, logs
-from analysis.logs import columns
+import sensorlogs as logs
+from analysis import WrongUsage
+from sensorlogs import columns
+from workbench import cli
 
 N = 400
 T = np.arange(N) / 100

@@ -8,7 +8,6 @@ import pandas as pd
 import pymap3d
 import pytest
 
-from analysis.logs.timeline import inject_outages
 from analysis.tracker import constrained
 from analysis.tracker.constrained import (
     ACCEL,
@@ -24,6 +23,7 @@ from analysis.tracker.constrained import (
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import ImuErrors, scenario
+from sensorlogs.timeline import inject_outages
 
 EYE = np.eye(3).tolist()
 

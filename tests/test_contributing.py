@@ -9,8 +9,10 @@ import pytest
 from test_project import HEADER, form_faults
 from test_published import CLAIMS, claim_faults
 
-from analysis import DATA, ROOT, WrongUsage, claims, cli, figures, logs, store
-from analysis.logs import catalogue
+import sensorlogs as logs
+from analysis import DATA, ROOT, WrongUsage, claims, figures, store
+from sensorlogs import catalogue
+from workbench import cli
 
 PAGE = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
 SENSOR, LOG = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from analysis import ROOT, report
-from analysis.logs.columns import IN_M_S2
+from analysis import ROOT
 from analysis.noise import conventions as c
 from analysis.noise.models import UnifiedModel, adev_gauss_markov, gauss_markov
+from sensorlogs.columns import IN_M_S2
+from workbench import report
 
 PAGE = ROOT / "analysis" / "noise" / "README.md"
 

@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import binom
 
 from analysis import store
-from analysis.cli import main
-from analysis.studies import coverage
+from studies import coverage
+from workbench.cli import main
 
 FITTED = ("sigma_v", "sigma_b", "corr_time", "drift")
 

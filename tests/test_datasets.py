@@ -7,7 +7,7 @@ import types
 import pytest
 
 from analysis import DATA, CannotAnswer, WrongUsage
-from analysis.logs import datasets
+from sensorlogs import datasets
 
 NAME = "gpsd-logs/rx210.log"
 AWAY = "phone-drives/LICENSE"
@@ -65,7 +65,7 @@ def test_names_and_unknown_names():
     """Property: a folder, a pattern or a file; what is not registered is wrong usage."""
     assert datasets.names("mpu6050-static") == datasets.names("mpu6050-static/*")
     assert datasets.names(NAME) == [NAME]
-    for call in (datasets.names, datasets.entry):
+    for call in (datasets.names, datasets.dataset):
         with pytest.raises(WrongUsage, match=r"nothing\.log"):
             call("nothing.log")
 

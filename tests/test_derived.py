@@ -4,8 +4,8 @@ import pandas as pd
 import pytest
 
 from analysis import store
-from analysis.logs import datasets
-from analysis.studies import derived, surveys
+from sensorlogs import datasets
+from studies import derived, surveys
 
 # Nine gyros, of which test_repeatability takes one; 442 sensors on 100 laps, of which some below.
 SLOW = {"adis16405-units", "atlas", "error-surface", "sweeps", "inverse-design", "long-run"}

@@ -7,7 +7,7 @@ import pytest
 from analysis import WrongUsage, store
 from analysis.claims import FEWEST_LOGS
 from analysis.noise import cep, simulate_fixes
-from analysis.studies import ensembles
+from studies import ensembles
 
 LIVE = {"midg-roll": 1, "kvh-yaw": 1, "cep-midg": 5, "terrain-bias": 2, "terrain-recipe": 2}
 

@@ -5,12 +5,12 @@ import pymap3d
 import pytest
 
 from analysis import store
-from analysis.logs import datasets, moving
 from analysis.tracker import evaluate, scenarios
 from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import Options
 from analysis.tracker.last_position import GATE_ALONE, Stored
 from analysis.tracker.log_replay import replay
+from sensorlogs import datasets, moving
 
 
 def test_block_one_alone_gates_and_holds_the_last_accepted_fix():

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from analysis import FIGURES, CannotAnswer, store
-from analysis.report import explorer
 from analysis.terrain import Sensor
+from workbench import explorer
 
 
 @pytest.fixture(scope="module")

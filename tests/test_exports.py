@@ -11,10 +11,11 @@ import yaml
 from pyins.inertial_sensor import EstimationModel, Parameters
 from scipy.signal import lfilter
 
-from analysis import CannotAnswer, WrongUsage, report
-from analysis.noise import conventions, exports
+from analysis import CannotAnswer, WrongUsage
+from analysis.noise import conventions
 from analysis.noise.inference import infer
 from analysis.noise.models import random_walk_unit
+from workbench import exports, report
 
 RATE, HOURS = 10.0, 6.0
 DT = 1 / RATE

@@ -29,8 +29,8 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from analysis import ROOT, STANDARD_GRAVITY, CannotAnswer, WrongUsage
-from analysis.cli import main
-from analysis.logs import archives, columns, datasets, formats, matrices, read, read_moving
+from sensorlogs import archives, columns, datasets, formats, matrices, read, read_moving
+from workbench.cli import main
 
 RATE, ROWS, UNIX = 100.0, 400, 1.7e9
 ALONE, FLAG = "nothing but the file name", "one flag that the message gives"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from analysis import WrongUsage
-from analysis.logs import grid as timing
-from analysis.logs import times
+from sensorlogs import grid as timing
+from sensorlogs import times
 
 
 def grid(t, repeated=None, mode="auto"):

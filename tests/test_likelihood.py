@@ -7,13 +7,13 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2, multivariate_normal
 
-from analysis import logs
+import sensorlogs as logs
 from analysis.noise import added_terms, fit, inference, likelihood, spectrum
 from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer, lost_in_means
 from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov
 from analysis.noise.profile_likelihood import Surface, interval
-from analysis.studies import coverage
+from studies import coverage
 
 DT, BLOCKS = 0.5, 70
 MODELS = {

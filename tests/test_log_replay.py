@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from test_cli import run
 
-from analysis.logs import datasets
-from analysis.logs import moving as tracks
-from analysis.logs.saved_position import load_position, save_position
-from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
-from analysis.report import track as page
-from analysis.report.track import FILES, write
 from analysis.tracker import log_replay, scenarios
 from analysis.tracker.device import BLOCKS, Device, Options
 from analysis.tracker.last_position import GATE_ALONE, Stored
 from analysis.tracker.log_replay import replay
+from sensorlogs import datasets
+from sensorlogs import moving as tracks
+from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
+from workbench import track as page
+from workbench.saved_position import load_position, save_position
+from workbench.track import FILES, write
 
 
 @pytest.fixture(scope="module")

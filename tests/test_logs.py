@@ -10,8 +10,9 @@ import warnings
 import numpy as np
 import pytest
 
-from analysis import DATA, CannotAnswer, WrongUsage, logs
-from analysis.logs import catalogue, datasets, delimited, formats, nmea, static
+import sensorlogs as logs
+from analysis import DATA, CannotAnswer, WrongUsage
+from sensorlogs import catalogue, datasets, delimited, formats, nmea, static
 
 HEADER = "t_s,gyro_x_deg_s,gyro_y_deg_s"
 
@@ -691,7 +692,7 @@ def test_every_stanza_names_registered_data_and_its_licence():
     for name, stanza in catalogue.load_catalogue().items():
         if stanza["own"]:
             continue
-        entry = datasets.entry(stanza["file"])
+        entry = datasets.dataset(stanza["file"])
         assert stanza["licence"] == entry.licence, name
         assert entry.repository in stanza["source"], name
         assert stanza["title"]

@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import STANDARD_GRAVITY, CannotAnswer, cli, logs, report, store
-from analysis.logs import datasets
-from analysis.logs.static import Channel, Log
+import sensorlogs as logs
+from analysis import STANDARD_GRAVITY, CannotAnswer, store
 from analysis.noise.disturbances import static_stretches
+from sensorlogs import datasets
+from sensorlogs.static import Channel, Log
+from workbench import cli, report
 
 RATE = 50.0
 N = 30_000  # ten minutes

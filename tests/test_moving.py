@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.logs import datasets, imu_csv_lines, nmea_lines, read_moving, timeline
 from analysis.tracker import replay, scenarios
+from sensorlogs import datasets, imu_csv_lines, nmea_lines, read_moving, timeline
 
 LAT, LON = 50.84, 4.347
 

@@ -6,12 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis import Estimate, cli, report, text
+from analysis import Estimate, text
 from analysis.noise.fit import NoiseLikelihood
 from analysis.noise.graph import FLOOR
 from analysis.noise.models import UnifiedModel
 from analysis.noise.planner import Plan
 from analysis.noise.spectrum import transform
+from workbench import cli, report
 
 
 def test_white_noise_is_known_as_chi_square_says():

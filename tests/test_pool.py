@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis import cli
 from analysis.noise import pool
 from analysis.noise.fit import NoiseLikelihood
 from analysis.noise.models import UnifiedModel
 from analysis.noise.pool import NO_SPREAD, Profile, population, profile_of_unit
 from analysis.noise.spectrum import transform
+from workbench import cli
 
 DT = 0.05
 

@@ -7,6 +7,7 @@ import re
 import statistics
 import subprocess
 import tomllib
+from pathlib import Path
 
 import nbformat
 import pandas as pd
@@ -18,31 +19,31 @@ from packaging.specifiers import SpecifierSet
 
 import analysis
 from analysis import ROOT
-from analysis.reproduce import REGISTERS
+from workbench.reproduce import REGISTERS
 
 FIGURES = ROOT / "figures"
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-MODULES = sorted((ROOT / "analysis").rglob("*.py"))
+MODULES = size.modules(ROOT)  # path -> its room
 # Which rooms a room may import, besides itself and the conventions in analysis/__init__.py.
 PURE = ("noise", "terrain", "tracker", "units")
+FACES = (*PURE, "store", "text", "plots", "figures", "claims", "sensorlogs")
 ALLOWED = {
-    "logs": set(),
+    "sensorlogs": set(),
+    "__init__": {"sensorlogs"},
     "noise": set(),
     "terrain": {"noise"},
-    "tracker": {"noise", "logs.timeline"},
-    "units": {"noise", "logs.timeline"},
+    "tracker": {"noise", "sensorlogs.timeline"},
+    "units": {"noise", "sensorlogs.timeline"},
     "text": set(),
     "figures": set(),
-    "store": {"logs", *PURE},
+    "store": {"sensorlogs", *PURE},
     "plots": {"figures", *PURE},
     "claims": {"text"},
-    "reproduce": {"claims", "figures", "text"},
-    "report": {"logs", *PURE, "store", "text", "plots", "figures"},
-    "studies": {"logs", *PURE, "store", "text"},
-    "cli": {"logs", *PURE, "store", "text", "claims", "report", "reproduce", "studies"},
-    "__main__": {"cli"},
+    "studies": {"sensorlogs", *PURE, "store", "text"},
+    "workbench": {*FACES, "studies"},
+    "__main__": {"workbench"},
 }
-FACES = ("logs", *PURE, "store", "text", "plots", "figures", "claims")
+OURS = {Path(package).name for package in size.PACKAGES}
 OPENS = re.compile(
     r"open|loadtxt|genfromtxt|fromfile|read_\w+|read_text|read_bytes|savetxt|savefig"
 )
@@ -175,14 +176,11 @@ def test_notebook_form(path):
     assert form_faults(path) == []
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT / "analysis")))
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_arrows_go_one_way(path):
     """property: a room imports only rooms below it; pure ones open no file and draw no plot."""
-    room = path.relative_to(ROOT / "analysis").parts[0].removesuffix(".py")
-    if room == "__init__":
-        room, allowed = "", set()
-    else:
-        allowed = ALLOWED[room] | {room}
+    room = MODULES[path]
+    known, allowed = {*MODULES.values(), "analysis"}, {*ALLOWED[room], room}
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom):
@@ -195,12 +193,12 @@ def test_arrows_go_one_way(path):
             assert not OPENS.fullmatch(called), called
         for name in names:
             own = name.removeprefix("analysis.")
-            if own == name:
-                assert room not in PURE or name.split(".")[0] not in FILES_AND_PLOTS, name
-            elif (ROOT / "analysis" / own.split(".")[0]).with_suffix(".py").exists() or (
-                ROOT / "analysis" / own.split(".")[0]
-            ).is_dir():
+            if own != name and own.split(".")[0] not in known:  # a convention
+                assert room != "sensorlogs", name
+            elif own.split(".")[0] in known:
                 assert any(f"{own}.".startswith(f"{a}.") for a in allowed), name
+            else:
+                assert room not in PURE or name.split(".")[0] not in FILES_AND_PLOTS, name
 
 
 def test_each_room_keeps_its_budget():
@@ -219,9 +217,14 @@ def test_faces_are_small():
     assert sum(sizes.values()) <= 120, sizes
 
 
+def face_of(name):
+    """Import a room by its name alone."""
+    return importlib.import_module(name if name == "sensorlogs" else f"analysis.{name}")
+
+
 def exported(face):
     """List the names of a face: ``__all__`` of a module, all that a room's ``__init__`` imports."""
-    module = importlib.import_module(f"analysis.{face}")
+    module = face_of(face)
     if hasattr(module, "__all__"):
         return module.__all__
     imports = [
@@ -233,7 +236,7 @@ def exported(face):
 @pytest.mark.parametrize("face", FACES)
 def test_faces_have_hints_and_docstrings(face):
     """property: whatever a face exports says what it takes and gives, in types and in words."""
-    module = importlib.import_module(f"analysis.{face}")
+    module = face_of(face)
     for name in exported(face):
         thing = getattr(module, name)
         if not callable(thing):
@@ -257,8 +260,10 @@ def test_notebooks_import_only_faces(path):
     tree, rooms = ast.parse(code), {}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            assert not [a.name for a in node.names if a.name.startswith("analysis")]
-        if not isinstance(node, ast.ImportFrom) or not node.module.startswith("analysis"):
+            for alias in (a for a in node.names if a.name.split(".")[0] in OURS):
+                assert alias.name == "sensorlogs", alias.name
+                rooms[alias.asname or alias.name] = alias.name
+        if not isinstance(node, ast.ImportFrom) or node.module.split(".")[0] not in OURS:
             continue
         face = node.module.removeprefix("analysis").removeprefix(".")
         for alias in node.names:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from analysis import store
-from analysis.studies import surveys
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.relocate import (
     averaged_map,
@@ -16,6 +15,7 @@ from analysis.terrain.relocate import (
     watch_real_laps,
 )
 from analysis.terrain.terrain_map import AttitudeMap
+from studies import surveys
 
 LAP = "14-45-26"
 MEMS = Sensor(0.01, 0.01)

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from analysis import store
-from analysis.logs import datasets
 from analysis.noise import infer
-from analysis.studies import repeatability
+from sensorlogs import datasets
+from studies import repeatability
 
 
 def parts_of(values, half, *, parameter="drift", named=""):

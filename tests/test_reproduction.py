@@ -20,7 +20,8 @@ import pytest
 import traitlets
 from PIL import Image
 
-from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, claims, figures, reproduce
+from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, claims, figures
+from workbench import reproduce
 
 NAMES = {p.stem for p in FIGURES.glob("*.pdf")}
 
@@ -214,7 +215,7 @@ def test_git_is_asked_what_changed(tmp_path):
 
 UNENDING = """
 import pathlib, runpy, sys
-from analysis import reproduce
+from workbench import reproduce
 if __name__ == "__main__":
     reproduce.NOTEBOOKS = pathlib.Path.cwd()
     sys.argv[0] = "analysis"
@@ -229,7 +230,7 @@ def test_ctrl_c_ends_a_what_if_run(tmp_path):
     words = [sys.executable, "slow.py", "reproduce", "99", "--scratch", "other"]
     env = os.environ | {"PYTHONPATH": str(ROOT)}
     with subprocess.Popen(words, cwd=tmp_path, env=env, stderr=subprocess.PIPE, text=True) as run:
-        while not (tmp_path / "began").exists():
+        while run.poll() is None and not (tmp_path / "began").exists():
             time.sleep(0.1)
         (kernel,) = psutil.Process(run.pid).children()
         run.send_signal(signal.SIGINT)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from analysis import CannotAnswer
-from analysis.logs import datasets
-from analysis.studies import rides
 from analysis.tracker.evaluate import mounting_regression
+from sensorlogs import datasets
+from studies import rides
 
 
 @pytest.mark.parametrize(

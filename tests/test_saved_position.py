@@ -7,7 +7,7 @@ import os
 import pytest
 
 from analysis import CannotAnswer
-from analysis.logs.saved_position import FIELDS, load_position, save_position
+from workbench.saved_position import FIELDS, load_position, save_position
 
 
 def position(*numbers):

@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, wrap
-from analysis.logs import datasets, moving
 from analysis.tracker import evaluate
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import DRIFT_M, GnssErrors, ImuErrors, assumed_errors, scenario
+from sensorlogs import datasets, moving
 
 QUIET = ImuErrors(0.0, 0.0, 0.0, 0.0, 0.0)
 NO_ERROR = {"gnss": GnssErrors(drift=(), white_m=0.0, speed_m_s=0.0), "imu": QUIET}

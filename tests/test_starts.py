@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.logs.timeline import Gnss
 from analysis.tracker import starts
+from sensorlogs.timeline import Gnss
 
 
 def test_the_counts_of_65_power_ons():

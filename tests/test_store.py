@@ -7,10 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import CannotAnswer, logs, replacing, store
-from analysis.logs.static import Log
+import sensorlogs as logs
+from analysis import CannotAnswer, replacing, store
 from analysis.noise.models import UnifiedModel
-from analysis.studies import derived
+from sensorlogs.static import Log
+from studies import derived
 
 SIMULATED = {
     "coverage", "hat-coverage", "ensembles", "robustness", "power", "benchmark", "device",

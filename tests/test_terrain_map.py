@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from analysis import CannotAnswer, WrongUsage, store
-from analysis.logs import datasets, road_logs
-from analysis.studies import surveys
 from analysis.terrain import antennas, centre_line, terrain_map
 from analysis.terrain.antennas import AntennaMounting, remove_jumps, smooth_onto
 from analysis.terrain.terrain_map import Profile
+from sensorlogs import datasets, road_logs
+from studies import surveys
 
 # A van whose front antenna sits 0.33 m to the left and 0.07 m low, whose right one is 9 mm higher.
 FRONT, LEFT, RIGHT = (2.58, -0.33, 0.07), (0.0, -0.74, 0.0), (0.0, 0.74, -0.009)

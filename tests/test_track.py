@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from analysis import ROOT
-from analysis.logs.moving import read_moving
-from analysis.report import track as pages
 from analysis.tracker import Stored, replay, scenario
+from sensorlogs.moving import read_moving
+from workbench import track as pages
 
 SPACE = {"g": pages.GPX}
 TELIT = ROOT / "data" / "raw" / "gpsd" / "telit-he910.log"

@@ -10,11 +10,8 @@ import pytest
 from pyubx2 import GET, UBXMessage
 from scipy.interpolate import CubicSpline
 
-from analysis import CannotAnswer, cli, store, wrap
-from analysis.logs import catalogue
-from analysis.logs.moving import read_moving
+from analysis import CannotAnswer, store, wrap
 from analysis.noise.models import gauss_markov
-from analysis.studies import coverage
 from analysis.units import (
     clock_offset,
     differences,
@@ -25,6 +22,10 @@ from analysis.units import (
 from analysis.units.events import disagreements
 from analysis.units.frame import Unit, local_tracks
 from analysis.units.side_by_side import apart, conventions, side_by_side
+from sensorlogs import catalogue
+from sensorlogs.moving import read_moving
+from studies import coverage
+from workbench import cli
 
 HOME = (46.2, 6.1, 400.0)
 NONE = np.empty(0)

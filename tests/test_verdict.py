@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import Estimate, WrongUsage, in_one_unit, logs, plots, report, store
-from analysis.report import verdict
-from analysis.studies import surveys
+import sensorlogs as logs
+from analysis import Estimate, WrongUsage, in_one_unit, plots, store
 from analysis.terrain import Sensor
+from studies import surveys
+from workbench import report, verdict
 
 ATLAS = store.read("atlas").tables["atlas"]
 DT, N = 0.05, 1600

@@ -83,8 +83,8 @@ def side_by_side(arw, sigma_b, corr_time, dt, unit="°/s"):
     Returns
     -------
     dict of str, float or None
-        One value for each row of analysis/templates/exports/conventions.md.j2; None where it is
-        not known.
+        One value for each row of the template exports/conventions.md.j2; None where it is not
+        known.
     """
     known = np.isfinite([arw, sigma_b, corr_time]).all()
     at, low = floor(arw, sigma_b, corr_time, dt) if known else (np.nan, np.nan)
@@ -119,7 +119,7 @@ def table(sensors, dt, unit, templates):
     unit : str
         As for `side_by_side`.
     templates : jinja2.Environment
-        Of analysis/templates/exports.
+        Of packages/workbench/templates/exports.
 
     Returns
     -------

@@ -9,12 +9,12 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from analysis import STANDARD_GRAVITY, Estimate, wrap
-from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.tracker.at_rest import SIGMA_FORCE, SIGMA_RATE, LowPass, StaticTest
 from analysis.tracker.device import BLOCKS, Options
 from analysis.tracker.last_position import LastPosition, Stored
 from analysis.tracker.log_replay import Track, replay, stepped
 from analysis.tracker.scenarios import Scenario, scenario
+from sensorlogs.timeline import Gnss, Imu, Timeline
 
 SLOWEST = 2.0  # m/s, speed under which the regression leaves an epoch out
 WINDOW_S = 2.0  # s that the statistics of rest look back

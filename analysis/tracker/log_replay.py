@@ -11,11 +11,11 @@ from scipy.stats import t as student_t
 from tqdm import tqdm
 
 from analysis import STANDARD_GRAVITY, Estimate, WrongUsage, wrap
-from analysis.logs.timeline import Gnss, Imu, Timeline
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
 from analysis.tracker.last_position import LOST_S, PDOP_WAIT_S, SLOW, Stored
 from analysis.tracker.mounting import Straight
+from sensorlogs.timeline import Gnss, Imu, Timeline
 
 ROW_S = 1.0  # without GNSS: one row a second, so that the blocks that need none can be seen
 Z_UP = 0.9 * STANDARD_GRAVITY  # along z on average: within 25 deg of upside down
@@ -69,7 +69,7 @@ def replay(
 
     Parameters
     ----------
-    timeline : analysis.logs.timeline.Timeline
+    timeline : sensorlogs.timeline.Timeline
     options : Options, optional
     stored : Stored, optional
         Position that an earlier run left.
@@ -122,7 +122,7 @@ def stepped(timeline, options):
 
     Parameters
     ----------
-    timeline : analysis.logs.timeline.Timeline
+    timeline : sensorlogs.timeline.Timeline
         With GNSS and IMU.
     options : Options
 

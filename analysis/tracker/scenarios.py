@@ -28,9 +28,9 @@ from scipy.signal import lsim, lti
 from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY
-from analysis.logs.timeline import Gnss, Imu, Timeline, inject_outages
 from analysis.noise.models import gauss_markov
 from analysis.tracker.last_position import Stored
+from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages
 
 KMH = 1 / 3.6
 # Drift of a GPS position from a textbook (Beard and McLain, Small Unmanned Aircraft, 2012, Table

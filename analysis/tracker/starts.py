@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.logs.timeline import Gnss
 from analysis.noise.models import gauss_markov
 from analysis.tracker.last_position import GATE_ALONE, Frame, LastPosition, Stored
 from analysis.tracker.scenarios import Scenario
+from sensorlogs.timeline import Gnss
 
 CRITERIA: dict[str, dict[str, Any]] = {
     "the paper's gate alone": GATE_ALONE,

@@ -13,7 +13,7 @@ import pymap3d
 from scipy.interpolate import CubicHermiteSpline
 
 from analysis import CannotAnswer
-from analysis.logs.timeline import Timeline
+from sensorlogs.timeline import Timeline
 
 RENEWED_S = 1.5  # a position that repeats for less is a slow receiver, not a standstill
 SMOOTH_S = 1.0  # width of the difference that gives velocity and rates of turn
@@ -57,7 +57,7 @@ class Unit:
         Parameters
         ----------
         name : str
-        timeline : analysis.logs.timeline.Timeline
+        timeline : sensorlogs.timeline.Timeline
 
         Returns
         -------

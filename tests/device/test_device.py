@@ -6,9 +6,9 @@ import pytest
 from broken_events import BROKEN, play, record
 
 from analysis import ROOT, CannotAnswer, store
-from analysis.logs.moving import read_moving
-from analysis.studies import rides
 from analysis.tracker import Stored, scenario
+from sensorlogs.moving import read_moving
+from studies import rides
 
 # MicroPython's float is a double here, as on a PC. Its libm, its `round` and its decimals differ in
 # the last digit, and a filter carries that on: 1e-9 rad, m and so on after thousands of steps.

@@ -12,9 +12,9 @@ from analysis import store
 from analysis.noise import UnifiedModel, adev_model
 from analysis.noise.allan import cluster_sizes, degrees_of_freedom, overlapped_variance
 from analysis.noise.planner import Plan
-from analysis.report import explorer
 from analysis.terrain import Sensor
 from conftest import PHONE, measured
+from workbench import explorer
 
 SENSORS = [  # N, deg/sqrt(s), and B, deg/s: on the grid, between its points, at its edges
     (0.001, 0.001), (0.005, 0.002), (0.0234, 0.0071), (0.0001, 0.00001), (0.1, 0.1), (0.0004, 0.05),

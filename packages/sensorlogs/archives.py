@@ -1,0 +1,207 @@
+"""Packed logs, workbooks and folders: gzip, zip, and what phone apps export (one file a sensor).
+
+What is packed is unpacked into a temporary folder, up to a stated size, and read there.
+"""
+
+import functools
+import gzip
+import re
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from sensorlogs import CannotAnswer, WrongUsage, delimited
+from sensorlogs.columns import NAMES
+from sensorlogs.delimited import Table
+from sensorlogs.matrices import check_zip
+from sensorlogs.tables import AXES, Part, reading
+
+EXPORT = "the export's file name"
+LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
+FILES = 500  # in a folder or zip
+_SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
+_SENSORS = NAMES["sensor_logger"]
+_CLOCK = "seconds_elapsed"
+_SIDE_BY_SIDE = re.compile("meta|uncalibrated|wrist|watch|headphone|linear ?accel")
+
+
+@functools.cache
+def _folder() -> tempfile.TemporaryDirectory:
+    """Make the folder of everything that is unpacked; it goes with the process."""
+    return tempfile.TemporaryDirectory(prefix="logs-")
+
+
+@functools.cache
+def unpacked(path: Path, stamp: tuple[int, int]) -> Path:
+    """Unpack a gzip file into the temporary folder, under its own name.
+
+    Parameters
+    ----------
+    path : Path
+    stamp : tuple of int
+        Size and time of change: a file that has changed is unpacked again.
+    """
+    target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
+    with reading(path, "a packed file"), gzip.open(path, "rb") as packed:
+        _copy(packed, target, path, LIMIT)
+    return target
+
+
+@functools.cache
+def unzipped(path: Path, stamp: tuple[int, int]) -> Path:
+    """Unpack a zip file into a folder of its own in the temporary folder."""
+    members = check_zip(path, LIMIT)
+    if len(members) > FILES:
+        raise CannotAnswer(f"{path.name}: {len(members):,} files in a zip: unpack what you need")
+    target, left = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, LIMIT
+    target.mkdir()
+    with reading(path, "a packed file"), zipfile.ZipFile(path) as packed:
+        for member in members:
+            name = Path(member.filename.replace("\\", "/"))
+            if _is_side(name) and name.name != "metadata.yaml":
+                continue
+            inner = target.joinpath(*(part for part in name.parts if part not in ("..", "/")))
+            inner.parent.mkdir(parents=True, exist_ok=True)
+            with packed.open(member) as source:
+                left -= _copy(source, inner, path, left)
+    inside = list(target.iterdir())
+    return inside[0] if len(inside) == 1 and inside[0].is_dir() else target
+
+
+def spreadsheet(path: Path) -> list[Part]:
+    """List the sheets of a workbook (xlsx, xls, xlsb, ods); each is read as text."""
+    from python_calamine import CalamineWorkbook
+
+    if zipfile.is_zipfile(path):
+        check_zip(path)
+    target, parts, empty = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, [], []
+    target.mkdir()
+    with reading(path, "a spreadsheet", "save it again, or as CSV"):
+        book = CalamineWorkbook.from_path(str(path))
+        for name in book.sheet_names:
+            file = target / f"{path.name}, sheet '{name.replace('/', '_')}'"
+            with file.open("w", encoding="utf-8") as handle:
+                for row in book.get_sheet_by_name(name).to_python(skip_empty_area=False):
+                    handle.write("\t".join(" ".join(str(c).split()) for c in row) + "\n")
+            try:
+                layout = delimited.sniff(file)
+            except CannotAnswer as error:
+                empty.append(error)
+                continue
+            load = functools.partial(lambda file, _: delimited.read_table(file), file)
+            parts.append(Part(name, layout.names, load))
+    if not parts:
+        raise empty[0]
+    return parts
+
+
+def _copy(source, target: Path, path: Path, limit: int) -> int:
+    """Copy what is unpacked, up to a limit; return its size."""
+    size = 0
+    bar = {"unit": "B", "unit_scale": True, **delimited.progress(path, "unpacking")}
+    with target.open("wb") as handle, tqdm(**bar) as shown:
+        while block := source.read(1 << 20):
+            size += len(block)
+            if size > limit:
+                handle.truncate(0)
+                raise CannotAnswer(
+                    f"{path.name}: unpacks to more than {LIMIT / 1e9:.0f} GB: unpack it by hand, "
+                    "and cut it"
+                )
+            handle.write(block)
+            shown.update(len(block))
+    return size
+
+
+def _is_side(path: Path) -> bool:
+    """Tell a file that comes beside a log: a picture, a page, what systems leave."""
+    hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
+    return (
+        hidden or path.suffix.lower() in _SIDE or path.name.upper().startswith(("LICEN", "README"))
+    )
+
+
+def files(folder: Path) -> list[Path]:
+    """List the files of a folder that may be logs."""
+    inside = []
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and not _is_side(path.relative_to(folder)):
+            inside.append(path)
+        if len(inside) > FILES:
+            raise WrongUsage(f"{folder.name} has more than {FILES} files: name the log file in it")
+    if not inside:
+        raise WrongUsage(f"{folder.name}: no log file in it: name one")
+    return inside
+
+
+def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
+    """List the tables of a folder; files that are no logs are left out."""
+    inside = files(path)
+    parts: list[Part] = []
+    errors: list[CannotAnswer | WrongUsage] = []
+    for file in inside:
+        try:
+            found = parts_of(file)
+        except (CannotAnswer, WrongUsage) as error:
+            errors.append(error)
+            continue
+        stem = file.relative_to(path).as_posix()
+        for part in found:
+            name = stem if len(found) == 1 else f"{stem}/{part.name}"
+            parts.append(replace(part, name=name))
+    if not parts:
+        raise errors[0]
+    return parts
+
+
+def phone(parts: list[Part]) -> Iterator[Part]:
+    """Name the columns of a phone's tables, whose names are those of the sensors."""
+    stems = {Path(part.name).stem.lower(): part for part in parts}
+    about = stems["metadata"].load(None).frame if "metadata" in stems else {}
+    said = {str(v).lower() for key in ("platform", "standardisation") for v in about.get(key, ())}
+    ios = "ios" in said and "true" not in said
+    for part in parts:
+        stem = Path(part.name).stem.lower()
+        names = dict(NAMES["location"]) if stem == "location" else {}
+        if stem in _SENSORS and {*AXES, _CLOCK} <= set(part.columns):
+            names |= {axis: _SENSORS[stem].format(axis) for axis in AXES}
+        primary = part.primary and not _SIDE_BY_SIDE.search(part.name.lower())
+        if not names:
+            yield replace(part, primary=primary)
+            continue
+        primary &= stem != "accelerometer" or "totalacceleration" not in stems
+        gravity = stems.get("gravity") if stem == "accelerometer" else None
+        turned = ios and stem.startswith("accel")
+        yield replace(
+            part,
+            columns=tuple(names.get(c, c) for c in part.columns),
+            load=functools.partial(_renamed, part, names, gravity, turned),
+            told_by=EXPORT,
+            primary=primary,
+        )
+
+
+def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bool, _) -> Table:
+    """Read a phone's table; put back the gravity that it took off, and the signs of Android."""
+    table, notes = part.load(None), []
+    if Path(part.name).stem.lower() == "accelerometer":
+        what = "taken off by the phone, and is not put back: no file has it"
+        off = gravity.load(None).frame if gravity else table.frame[:0]
+        if gravity and len(off) and {*AXES, _CLOCK} <= set(off):
+            at = table.frame[_CLOCK], off[_CLOCK]
+            summed = {a: table.frame[a] + np.interp(*at, off[a]) for a in AXES}
+            table = replace(table, frame=table.frame.assign(**summed))
+            what = f"added again from {gravity.name}"
+        notes = [f"{part.name}: gravity is {what}"]
+    if turned:
+        table = replace(table, frame=table.frame.assign(**{a: -table.frame[a] for a in AXES}))
+        notes.append(f"{part.name}: signs turned: an iPhone at rest, screen up, writes -1 g")
+    order = [column for column in table.frame if column not in AXES]
+    order += [axis for axis in AXES if axis in names]  # Sensor Logger writes z, y, x
+    frame = table.frame[order].rename(columns=names)
+    return replace(table, frame=frame, layout=None, repairs=(*table.repairs, *notes))

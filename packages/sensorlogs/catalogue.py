@@ -1,0 +1,129 @@
+"""The catalogue of logs: ``data/logs.toml``, and the reader's own ``data/own/logs.toml``."""
+
+import os
+import tomllib
+from pathlib import Path
+
+from sensorlogs import WrongUsage, datasets
+from sensorlogs.columns import closest, per_kind, unit_of
+from sensorlogs.datasets import DATA
+from sensorlogs.formats import FORMATS
+
+CATALOGUE = DATA / "logs.toml"
+OWN = DATA / "own" / "logs.toml"
+_TEXT = "title note licence source file format table timing unit kind scale time_unit"
+KEYS: dict[str, type | tuple[type, ...]] = {  # of a stanza, with the type of the value
+    **dict.fromkeys(_TEXT.split(), str),
+    **dict.fromkeys(("rate_hz", "from", "to"), (int, float)),
+    **dict.fromkeys(("names", "channels"), list),
+    "time": (str, int),
+}
+
+
+def load_catalogue() -> dict[str, dict]:
+    """Read both catalogues: log name -> stanza, with ``own`` telling whose it is.
+
+    Raises
+    ------
+    WrongUsage
+        If a stanza cannot be understood, or a name stands in both.
+    """
+    stanzas = _read(CATALOGUE, own=False) if CATALOGUE.is_file() else {}
+    if OWN.is_file():
+        mine = _read(OWN, own=True)
+        both = sorted(stanzas.keys() & mine.keys())
+        if both:
+            raise WrongUsage(
+                f"data/own/logs.toml: the name '{both[0]}' is taken in data/logs.toml; "
+                "choose another"
+            )
+        stanzas |= mine
+    return stanzas
+
+
+def find(log: str | Path) -> tuple[str, dict, Path]:
+    """Find a log by its catalogue name, or as a file, also one in ``data/own/``.
+
+    Returns
+    -------
+    str
+        Its name.
+    dict
+        Its stanza; empty for a file that no catalogue describes.
+    Path
+        The raw file.
+
+    Raises
+    ------
+    WrongUsage
+        If it is neither, or may not be read.
+    CannotAnswer
+        If it is catalogued but the raw file is not on this machine.
+    """
+    stanzas, name, path = load_catalogue(), str(log), Path(log)
+    if name not in stanzas:
+        missing = (
+            f"there is no file {path.name}, and no log of that name in the catalogue"
+            f"{closest(name, stanzas)}; it has {', '.join(stanzas)}"
+        )
+        if not path.exists() and (OWN.parent / path).is_file():
+            path = OWN.parent / path
+        return path.stem, {}, _check_file(path, missing)
+    stanza = stanzas[name]
+    if not stanza["own"]:
+        return name, stanza, datasets.path(stanza["file"])
+    path = OWN.parent / stanza["file"]
+    missing = f"data/own/logs.toml names {path.name}, which is not in data/own/"
+    return name, stanza, _check_file(path, missing)
+
+
+def check_unit(name: str, stanza: dict, unit: str | None) -> None:
+    """Refuse a unit other than the catalogue's."""
+    listed = [entry["unit"] for entry in (stanza, *stanza.get("channels", [])) if "unit" in entry]
+    for kind, mine in per_kind(unit, "unit").items():
+        theirs = [(k or kind, u) for text in listed for k, u in per_kind(text, "unit").items()]
+        if any((unit_of(u) or u) != (unit_of(mine) or mine) for k, u in theirs if k == kind):
+            raise WrongUsage(
+                f"--unit {unit} contradicts the catalogue, which has '{name}' in "
+                f"{', '.join(dict.fromkeys(listed))}; leave it out, or correct the catalogue"
+            )
+
+
+def _check_file(path: Path, missing: str) -> Path:
+    """Refuse a path that is no file, or that may not be read."""
+    if path.is_dir():
+        return path
+    if not path.is_file():
+        raise WrongUsage(missing)
+    if not os.access(path, os.R_OK):
+        raise WrongUsage(f"{path.name} may not be read by this user; change its mode")
+    return path
+
+
+def _read(path: Path, own: bool) -> dict[str, dict]:
+    """Read and check one catalogue file."""
+    where = path.relative_to(DATA.parent).as_posix() if DATA in path.parents else path.name
+    try:
+        stanzas = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise WrongUsage(f"{where}: not valid TOML: {error}") from error
+    for name, stanza in stanzas.items():
+        if not isinstance(stanza, dict) or not isinstance(stanza.get("file"), str):
+            raise WrongUsage(f'{where}: [{name}] needs a line such as file = "my.csv"')
+        for key, value in stanza.items():
+            if key not in KEYS:
+                raise WrongUsage(
+                    f"{where}: [{name}] has the unknown key '{key}'{closest(key, KEYS)}; known: "
+                    + ", ".join(KEYS)
+                )
+            if not isinstance(value, KEYS[key]):
+                raise WrongUsage(f"{where}: [{name}] {key} = {value!r} is of the wrong type")
+        if stanza.get("format", "csv") not in FORMATS:
+            raise WrongUsage(
+                f"{where}: [{name}] format '{stanza['format']}' is not one of {', '.join(FORMATS)}"
+            )
+        for channel in stanza.get("channels", []):
+            if not isinstance(channel, dict) or "column" not in channel:
+                raise WrongUsage(f'{where}: [{name}] each channel needs column = "..."')
+        stanza["own"] = own
+    return stanzas

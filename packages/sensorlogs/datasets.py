@@ -1,0 +1,211 @@
+"""The raw logs: where each file is searched, how it is checked and downloaded.
+
+``data/registry.csv`` names every file with its size, sha256, licence and the public commit it
+comes from. A file is searched in the folder that the environment variable ``COMPENDIUM_DATA``
+names, then in ``data/raw/`` (the few whose licence lets them in), then in ``data/downloaded/``
+(git-ignored). A file is checked against its sha256 before it is read.
+"""
+
+import contextlib
+import csv
+import functools
+import hashlib
+import logging
+import os
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path
+from urllib.parse import quote
+
+from sensorlogs import CannotAnswer, WrongUsage
+
+DATA = Path(__file__).resolve().parents[2] / "data"
+REGISTRY = DATA / "registry.csv"
+DOWNLOADED = DATA / "downloaded"
+COMMITTED = {"gpsd-logs": DATA / "raw" / "gpsd"}
+FOLDER_VARIABLE = "COMPENDIUM_DATA"
+
+
+class NotHere(CannotAnswer):
+    """A registered file is not on this machine."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One registered file: a row of ``data/registry.csv``."""
+
+    file: str
+    bytes: str
+    sha256: str
+    licence: str
+    repository: str
+    commit: str
+    path_in_repository: str
+
+    @property
+    def path(self) -> Path:
+        """The file on this machine, its sha256 checked; raises what `path` does."""
+        return path(self.file)
+
+    @property
+    def url(self) -> str:
+        """Address of exactly these bytes."""
+        if not self.commit:  # a source package, not a repository
+            return f"{self.repository}{self.path_in_repository}"
+        return (
+            f"https://github.com/{self.repository}/raw/{self.commit}/"
+            f"{quote(self.path_in_repository)}"
+        )
+
+
+@functools.cache
+def registry() -> dict[str, Entry]:
+    """Read the registry: file name -> `Entry`."""
+    if not REGISTRY.is_file():  # the readers are used alone
+        return {}
+    with REGISTRY.open(newline="", encoding="utf-8") as handle:
+        rows = [Entry(**row) for row in csv.DictReader(handle)]
+    return {row.file: row for row in rows}
+
+
+def names(pattern: str = "*") -> list[str]:
+    """List the registered files of a folder, or those that match a pattern (``"gpsd-logs/*"``).
+
+    Raises
+    ------
+    WrongUsage
+        If there are none.
+    """
+    folder = pattern.rstrip("/") + "/"
+    found = [n for n in registry() if fnmatch(n, pattern) or n.startswith(folder)]
+    if not found:
+        folders = sorted({n.split("/")[0] for n in registry()})
+        raise WrongUsage(f"no file '{pattern}' is registered; the folders are {', '.join(folders)}")
+    return found
+
+
+def dataset(name: str) -> Entry:
+    """Look up one registered file.
+
+    Raises
+    ------
+    WrongUsage
+        If no file of that name is registered.
+    """
+    if name not in registry():
+        raise WrongUsage(
+            f"'{name}' is not in data/registry.csv; `python -m analysis data` lists what is"
+        )
+    return registry()[name]
+
+
+def origin(*names: str) -> dict:
+    """State where registered files are from: ``files`` with sha256, ``licence``, ``source``."""
+    entries = [dataset(name) for name in names]
+    return {
+        "files": {e.file: e.sha256 for e in entries},
+        "licence": "; ".join(dict.fromkeys(e.licence for e in entries)),
+        "source": "; ".join(dict.fromkeys(f"https://github.com/{e.repository}" for e in entries)),
+    }
+
+
+def path(name: str) -> Path:
+    """Find a registered file on this machine and check its sha256.
+
+    Raises
+    ------
+    NotHere
+        If the file is not on this machine.
+    CannotAnswer
+        If its bytes are not the registered ones.
+    """
+    wanted = dataset(name)
+    folder, _, rest = name.partition("/")
+    places = (
+        Path(os.environ.get(FOLDER_VARIABLE) or DOWNLOADED, name),
+        COMMITTED.get(folder, DOWNLOADED / folder) / rest,
+        DOWNLOADED / name,
+    )
+    for place in places:
+        if place.is_file():
+            if sha256(place) != wanted.sha256:
+                raise CannotAnswer(
+                    f"{name} is there but is not the registered file (its sha256 or its size of "
+                    f"{wanted.bytes} bytes differs): delete that copy and run "
+                    f"`python -m analysis data {name}`"
+                )
+            return place
+    raise NotHere(
+        f"the log file {name} is not on this machine: {_by_hand(wanted)}, or run "
+        f"`python -m analysis data {name}` with internet"
+    )
+
+
+def available(name: str) -> bool:
+    """Tell whether the file is on this machine, with the right bytes."""
+    try:
+        path(name)
+    except CannotAnswer:
+        return False
+    return True
+
+
+def fetch(name: str, progress: bool = True) -> Path:
+    """Return a registered file, downloading it into ``data/downloaded/`` if need be.
+
+    Raises
+    ------
+    CannotAnswer
+        If there is no connection, or the download has another sha256; no partial file stays.
+    """
+    wanted = dataset(name)
+    with contextlib.suppress(NotHere):
+        return path(name)
+    import pooch  # here, not above: reading a log must not need the downloader
+
+    pooch.get_logger().setLevel(logging.WARNING)  # the progress bar is enough
+    target = DOWNLOADED / name
+    try:
+        # pooch writes to a temporary file and moves it only once the sha256 is right.
+        pooch.retrieve(
+            wanted.url,
+            known_hash=f"sha256:{wanted.sha256}",
+            fname=target.name,
+            path=target.parent,
+            downloader=pooch.HTTPDownloader(progressbar=progress, timeout=30),
+        )
+    except OSError as error:  # requests' errors are OSErrors
+        raise CannotAnswer(
+            f"could not download {name} ({type(error).__name__}): check the connection, or "
+            f"{_by_hand(wanted)}"
+        ) from error
+    except ValueError as error:  # pooch: hash mismatch
+        raise CannotAnswer(
+            f"what was downloaded for {name} does not have the registered sha256, and was deleted: "
+            f"{wanted.url} no longer serves the file this project was made with"
+        ) from error
+    return path(name)
+
+
+def sha256(file: Path) -> str:
+    """Compute the sha256 of a file, or of a folder's sorted files, as hexadecimal digits."""
+    if file.is_dir():
+        each = (sha256(inner) for inner in sorted(file.rglob("*")) if inner.is_file())
+        return hashlib.sha256("\n".join(each).encode()).hexdigest()
+    stat = file.stat()
+    return _sha256(str(file), stat.st_size, stat.st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=512)
+def _sha256(file: str, size: int, mtime_ns: int) -> str:
+    """Hash a file once per (path, size, time of change) in this process."""
+    with open(file, "rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def _by_hand(wanted: Entry) -> str:
+    """State how a file gets here without this program."""
+    return (
+        f"set {FOLDER_VARIABLE} to a folder that has it, or put the file from {wanted.url} into "
+        f"data/downloaded/{wanted.file}"
+    )

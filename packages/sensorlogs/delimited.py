@@ -1,0 +1,484 @@
+"""Delimited text (CSV and its relatives) -> numbers, and the exact place of a cell that is none.
+
+`sniff` finds how the file is written (delimiter, decimal mark, header, text columns) from its first
+lines. With that, pandas' C parser reads it. Only when the parser fails is the file read line by
+line, to name the line and the column.
+"""
+
+import codecs
+import contextlib
+import csv
+import gzip
+import io
+import itertools
+import os
+import re
+import warnings
+import zlib
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import multimode
+from typing import Any, BinaryIO
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from sensorlogs import CannotAnswer
+from sensorlogs.grid import counted
+
+HEAD_BYTES = 1 << 16
+HEAD_LINES = 50
+BLOCK_BYTES, MOST_THREADS = 1 << 23, 4  # of text that are parsed at a time, and by how many
+MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "<na>", "#n/a"}
+CLOCK = re.compile(
+    r"^\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ]+\d{1,2}:\d{2}.*)?$|^\d{1,2}:\d{2}(:\d{2}([.,]\d*)?)?$"
+)
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+_NEWLINE = re.compile(r"\r\n|\n|\r")
+_LINE_ENDS = (b"\n", b"\r", b"\x00")
+CUT_OFF = "the last line is cut off and was dropped"
+TAIL_BYTES = 1 << 13
+SHORT_ROWS = 0.01  # share of rows with fewer fields up to which these count as damaged
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a delimited file is written: found from its first lines."""
+
+    delimiter: str  # "," ";" "\t" "|", or " " for any run of blanks
+    decimal: str
+    comment: str
+    encoding: str
+    header_lines: int  # physical lines before the first data row
+    names: tuple[str, ...]
+    text: frozenset[str]  # columns of clock times or labels
+
+
+def sniff(path: Path) -> Layout:
+    """Find delimiter, decimal mark, encoding, header and text columns from the first lines."""
+    lines, encoding = _head(path)
+    comments = [i for i, line in enumerate(lines) if line.lstrip()[:1] in ("#", "%")]
+    comment = lines[comments[0]].lstrip()[0] if comments else "#"
+    titles = [i for i, line in enumerate(lines) if line.startswith("//")]  # Xsens
+    rows = [i for i, line in enumerate(lines) if line.strip() and i not in (*comments, *titles)]
+    if not rows:
+        raise CannotAnswer(f"{path.name}: no data: line 1 to the end are empty or comments")
+    delimiter = _delimiter([lines[i] for i in rows[-HEAD_LINES:]])
+    fields = {i: _split(lines[i], delimiter) for i in rows}
+    decimal = _decimal(fields.values())
+    rows = rows[_titles([fields[i] for i in rows], decimal) :]
+    first = rows[0]
+    head_row = None
+    if _is_header(fields[first], decimal):
+        head_row, header_lines = fields[first], first + 1
+        rows = rows[1:]
+        cells = [f for f in fields[rows[0]] if f.strip()] if rows else []
+        if 2 * len(cells) > len(head_row) and all(_is_word(f, decimal) for f in cells):  # units
+            units = [u.strip().strip("[]()") for u in fields[rows[0]]]
+            head_row = [f"{n} ({u})" if u else n for n, u in zip(head_row, units, strict=False)]
+            header_lines, rows = rows[0] + 1, rows[1:]
+        if not rows:
+            raise CannotAnswer(
+                f"{path.name}: no data: line {header_lines}, the header, is the last line"
+            )
+    else:
+        header_lines = first
+        above = [i for i in comments if i < first]
+        if above:  # numpy.savetxt and EuRoC put the names into a comment
+            named = _split(lines[above[-1]].lstrip()[1:].strip(), delimiter)
+            if len(named) == len(fields[first]) and _is_header(named, decimal):
+                head_row = named
+    width = min(multimode(len(fields[i]) for i in rows))
+    if head_row is not None and len(head_row) < width:
+        extra = [i for i in rows if any(field.strip() for field in fields[i][len(head_row) :])]
+        if extra:
+            raise CannotAnswer(
+                f"{path.name}, line {extra[0] + 1}: {width} fields, but the header ends at column "
+                f"'{head_row[-1].strip()}' ({len(head_row)}); name each column there"
+            )
+    named = head_row or []
+    names = _names([*named, *[""] * (width - len(named))])
+    text = frozenset(
+        name for j, name in enumerate(names) if _is_text([fields[i] for i in rows], j, decimal)
+    )
+    return Layout(delimiter, decimal, comment, encoding, header_lines, names, text)
+
+
+def data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
+    """Iterate over the data rows: (line number as an editor counts, text)."""
+    with (
+        open_bytes(path) as raw,
+        io.TextIOWrapper(raw, encoding=layout.encoding, errors="replace") as handle,
+    ):
+        for number, line in enumerate(handle, 1):
+            if number <= layout.header_lines:
+                continue
+            line = line.split(layout.comment, 1)[0]
+            if line.strip():
+                yield number, line
+
+
+@contextlib.contextmanager
+def open_bytes(path: Path):
+    """Open a file, gzipped or not, for reading bytes; an error becomes `CannotAnswer`."""
+    try:
+        with path.open("rb") as handle:
+            packed = handle.read(2) == b"\x1f\x8b"
+        with gzip.open(path, "rb") if packed else path.open("rb") as handle:
+            yield handle
+    except (OSError, EOFError, zlib.error) as error:
+        why = getattr(error, "strerror", None) or "it is cut off or damaged; copy it again"
+        raise CannotAnswer(f"{path.name}: cannot be read to its end: {why}") from error
+
+
+def content(path: Path) -> bytes:
+    """Read all the bytes of a file, gzipped or not."""
+    with open_bytes(path) as handle:
+        return handle.read()
+
+
+def _head(path: Path) -> tuple[list[str], str]:
+    """Return the first lines as text, and the encoding."""
+    with open_bytes(path) as handle:
+        head = handle.read(HEAD_BYTES)
+        more = bool(handle.read(1))
+    if not head.strip():
+        raise CannotAnswer(f"{path.name}: the file is empty: there is no line 1")
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        encoding = "utf-16"
+    else:
+        binary = _CONTROL.search(head)
+        if binary:
+            line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
+            raise CannotAnswer(
+                f"{path.name}, line {line}: bytes that are not text: a damaged file, or a binary "
+                "format that README does not list; cut it before that line, or export it as CSV"
+            )
+        encoding = "utf-8-sig" if head[:3] == b"\xef\xbb\xbf" else "utf-8"
+    # The head may end within a character, which is not wrong, only not whole.
+    text = codecs.getincrementaldecoder(encoding)("replace").decode(head, final=not more)
+    if "\ufffd" in text and encoding == "utf-8":
+        encoding, text = "cp1252", head.decode("cp1252", errors="replace")
+    lines = _NEWLINE.split(text)
+    return (lines[:-1] if more and len(lines) > 1 else lines), encoding
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    """Split a line at its delimiter, outside quotes."""
+    if delimiter == " ":
+        return line.replace('"', "").split()
+    if '"' not in line:
+        return line.rstrip("\r\n").split(delimiter)
+    return next(csv.reader([line.rstrip("\r\n")], delimiter=delimiter, skipinitialspace=True), [""])
+
+
+def _delimiter(lines: list[str]) -> str:
+    """Choose the delimiter that splits most lines into the same number of fields, more than one."""
+    best, score = ",", (0.0, 0)
+    for rank, candidate in enumerate((";", "\t", ",", "|", " ")):
+        widths = [len(_split(line, candidate)) for line in lines]
+        usual = min(multimode(widths))
+        if usual > 1 and (widths.count(usual) / len(widths), -rank) > score:
+            best, score = candidate, (widths.count(usual) / len(widths), -rank)
+    return best
+
+
+def _decimal(rows) -> str:
+    """Tell whether numbers are written with a decimal comma."""
+    fields = [field.strip() for row in rows for field in row]
+    commas = sum(bool(re.fullmatch(r"[-+]?\d+,\d+([eE][-+]?\d+)?", field)) for field in fields)
+    points = sum(bool(re.fullmatch(r"[-+]?\d*\.\d+([eE][-+]?\d+)?", field)) for field in fields)
+    return "," if commas > points else "."
+
+
+def _number(field: str, decimal: str) -> float:
+    """Read one field as a number; NaN if it means missing; ValueError otherwise."""
+    field = field.strip()
+    return np.nan if field.lower() in MISSING else float(field.replace(decimal, "."))
+
+
+def _is_word(field: str, decimal: str) -> bool:
+    """Tell whether a field is a word: no number, no clock time, not missing."""
+    try:
+        _number(field, decimal)
+    except ValueError:
+        return not CLOCK.match(field.strip())
+    return False
+
+
+def _is_header(fields: list[str], decimal: str) -> bool:
+    """Tell whether a line names the columns: more words than anything else."""
+    filled = [field for field in fields if field.strip()]
+    return 2 * sum(_is_word(field, decimal) for field in filled) > len(filled)
+
+
+def _titles(rows: list[list[str]], decimal: str) -> int:
+    """Count the short lines above the header: titles, settings, or Excel's ``sep=;``."""
+    filled = [sum(bool(field.strip()) for field in row) for row in rows]
+    least = max(2, min(multimode(filled)) // 2 + 1)
+    first = next((k for k, count in enumerate(filled) if count >= least), 0)
+    return first if _is_header(rows[first], decimal) else 0
+
+
+def _is_text(rows: list[list[str]], column: int, decimal: str) -> bool:
+    """Tell whether most cells of a column are words or clock times."""
+    cells = [row[column].strip() for row in rows if len(row) > column]
+    cells = [cell for cell in cells if cell.lower() not in MISSING]
+    texts = sum(bool(CLOCK.match(cell)) or _is_word(cell, decimal) for cell in cells)
+    return 2 * texts > len(cells)
+
+
+def printable(text: str) -> str:
+    """Make text from a file fit for one line of a message."""
+    return "".join(c if c.isprintable() else "?" for c in text)[:60]
+
+
+def _names(fields: list[str]) -> tuple[str, ...]:
+    """Return one name per column, none empty, none twice: ``c1``, ``c2`` where there is none."""
+    names: list[str] = []
+    for number, field in enumerate(fields, 1):
+        name = printable(field.strip().strip('"').strip()) or f"c{number}"
+        names.append(f"{name}.{number}" if name in names else name)
+    return tuple(names)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of a file: columns, repairs, and where each row stands in the file.
+
+    Attributes
+    ----------
+    frame : pandas.DataFrame
+    path : Path
+    repairs : tuple of str
+        One sentence for everything that was repaired.
+    layout : Layout or None
+        Of a delimited file.
+    lines : ndarray or None
+        Line of each row of the file, where the format knows it.
+    rows : ndarray or None
+        Row in the file of each row of ``frame``, if some were left out.
+    """
+
+    frame: pd.DataFrame
+    path: Path
+    repairs: tuple[str, ...] = ()
+    layout: Layout | None = None
+    lines: np.ndarray | None = None
+    rows: np.ndarray | None = None
+
+    @property
+    def file(self) -> str:
+        """Name of the file, for messages."""
+        return self.path.name
+
+    def place(self, row: int, column: str | None = None) -> str:
+        """Name file, line (or row, where there are no lines) and column of a cell of ``frame``."""
+        row = int(row if self.rows is None else self.rows[row])
+        where = f"row {row + 1}"
+        if self.lines is not None:
+            where = f"line {self.lines[row]}"
+        elif self.layout is not None:
+            numbers = (number for number, _ in data_lines(self.path, self.layout))
+            where = f"line {next(itertools.islice(numbers, row, None))}"
+        return f"{self.file}, {where}" + (f", column '{column}'" if column else "")
+
+
+def progress(path: Path, what: str = "reading") -> dict[str, Any]:
+    """Settings of a progress bar: after a second, and only on a terminal."""
+    return {"desc": f"{what} {path.name}", "delay": 1.0, "disable": None, "leave": False}
+
+
+def read_table(path: Path) -> Table:
+    """Read a delimited text file, gzipped or not.
+
+    Returns
+    -------
+    Table
+        Number columns as float64 (NaN where a cell is empty), clock times and labels as text.
+
+    Raises
+    ------
+    CannotAnswer
+        If the file is empty, binary, or holds text where a number should be: file, line, column.
+    """
+    layout = sniff(path)
+    bar = {"total": path.stat().st_size, **progress(path)}  # a packed file has more to read
+    try:
+        with (
+            open_bytes(path) as raw,
+            tqdm.wrapattr(raw, "read", **bar) as handle,
+            warnings.catch_warnings(action="error", category=pd.errors.ParserWarning),
+        ):  # the warning means that fields are dropped: find out which
+            frame = _parsed(handle, layout)
+        table = _without_short_end(Table(frame, path, layout=layout), layout)
+        table = _without_short_rows(table, layout)
+    except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
+        table = _line_by_line(path, layout)
+    return _without_empty_end(table, layout)
+
+
+def _parsed(handle: BinaryIO, layout: Layout) -> pd.DataFrame:
+    """Parse blocks of lines in several threads, and join them."""
+    types = {name: (str if name in layout.text else np.float64) for name in layout.names}
+
+    def parse(block, skip):
+        return pd.read_csv(
+            io.BytesIO(block),
+            sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+            decimal=layout.decimal,
+            comment=layout.comment,
+            encoding=layout.encoding,
+            header=None,
+            names=list(layout.names),
+            index_col=False,
+            skiprows=skip,
+            skipinitialspace=True,
+            dtype=types,
+            low_memory=False,
+        )
+
+    numbers = {name: np.empty(0) for name in layout.names if name not in layout.text}
+    texts: dict[str, list] = {name: [] for name in layout.text}
+
+    def keep(part):
+        for name, column in numbers.items():
+            size = len(column)
+            column.resize(size + len(part), refcheck=False)  # in place: nothing is held twice
+            column[size:] = part[name]
+        for name, pieces in texts.items():
+            pieces.append(part[name])
+
+    threads = min(os.cpu_count() or 1, MOST_THREADS)
+    skip, running = layout.header_lines, deque[Future]()
+    with ThreadPoolExecutor(threads) as pool:
+        for block in _blocks(handle, layout):
+            if len(running) > threads:  # so that only a few blocks of text are held
+                keep(running.popleft().result())
+            running.append(pool.submit(parse, block, skip))
+            skip = 0
+        while running:
+            keep(running.popleft().result())
+    joined = numbers | {n: pd.concat(pieces, ignore_index=True) for n, pieces in texts.items()}
+    return pd.DataFrame({name: joined[name] for name in layout.names}, copy=False)
+
+
+def _blocks(handle: BinaryIO, layout: Layout) -> Iterator[bytes]:
+    """Cut a file into blocks that end with a line; UTF-16 and a file without \\n stay whole."""
+    rest = handle.read(BLOCK_BYTES if layout.encoding != "utf-16" else -1)
+    while more := handle.read(BLOCK_BYTES):
+        end = more.rfind(b"\n") + 1
+        if end:
+            yield rest + more[:end]
+            rest = b""
+        rest += more[end:]
+    yield rest
+
+
+def _line_by_line(path: Path, layout: Layout) -> Table:
+    """Read slowly; refuse the first cell that is no number, naming its place."""
+    rows: list[list] = []
+    fault, line = "", ""
+    repairs: tuple[str, ...] = ()
+    for number, text in data_lines(path, layout):
+        if fault:
+            break
+        try:
+            rows.append(_row(_split(text, layout.delimiter), layout))
+        except ValueError as error:
+            fault, line = str(error), f"line {number}"
+    else:  # a fault that nothing follows is a line cut off while it was written
+        if fault and rows and not _tail(path).endswith(_LINE_ENDS):
+            fault, repairs = "", (f"{line}: {CUT_OFF}",)
+    if fault:
+        raise CannotAnswer(
+            f"{path.name}, {line}, {fault}; correct or empty it, or cut the file before that line"
+        )
+    if not rows:
+        raise CannotAnswer(f"{path.name}: no data after line {layout.header_lines}")
+    return Table(pd.DataFrame(rows, columns=list(layout.names)), path, repairs, layout)
+
+
+def _row(fields: list[str], layout: Layout) -> list:
+    """Turn one line's fields into values; ValueError names the column of a faulty field."""
+    while len(fields) > len(layout.names) and not fields[-1].strip():
+        fields = fields[:-1]
+    if len(fields) > len(layout.names):
+        raise ValueError(
+            f"column '{layout.names[-1]}' should be the last ({len(layout.names)}), "
+            f"but the line has {len(fields)} fields"
+        )
+    values: list = []
+    for j, name in enumerate(layout.names):
+        field = fields[j].strip() if j < len(fields) else ""
+        try:
+            values.append(field if name in layout.text else _number(field, layout.decimal))
+            if "_" in field and name not in layout.text:  # Python takes 1_000 for a number
+                raise ValueError
+        except ValueError:
+            raise ValueError(f"column '{name}': '{printable(field)}' is not a number") from None
+    return values
+
+
+def _without_short_end(table: Table, layout: Layout) -> Table:
+    """Drop a last line that was cut off while it was written."""
+    tail = _tail(table.path)
+    text = tail.decode(layout.encoding, errors="replace") if layout.encoding != "utf-16" else ""
+    lines = [line for line in _NEWLINE.split(text)[1:] if line.strip()]
+    lines = [line for line in lines if not line.lstrip().startswith(layout.comment)][-50:]
+    if len(lines) < 2 or len(table.frame) < 2:
+        return table
+    *before, last = [_split(line, layout.delimiter) for line in lines]
+    cut = len(last) < min(len(fields) for fields in before)
+    if not tail.endswith(_LINE_ENDS) and len(last) == len(before[-1]):
+        # All last fields have as many decimals, except the very last one: it is cut off.
+        decimals = [len(f[-1].strip().partition(layout.decimal)[2]) for f in (*before, last)]
+        cut = len(set(decimals[:-1])) == 1 and len(before) > 4 and decimals[-1] < decimals[0]
+    if not cut:
+        return table
+    line = table.place(len(table.frame) - 1).split(", ")[-1]
+    return replace(table, frame=table.frame.iloc[:-1], repairs=(f"{line}: {CUT_OFF}",))
+
+
+def _without_short_rows(table: Table, layout: Layout) -> Table:
+    """Leave out the values of few rows with fewer fields: which one is lost, they do not tell."""
+    last = table.frame[layout.names[-1]].isna().to_numpy()
+    if layout.names[-1] in layout.text or not 0 < last.sum() <= SHORT_ROWS * len(last):
+        return table
+    lines = zip(last, data_lines(table.path, layout), strict=False)
+    places = [place for empty, place in lines if empty]
+    short = [len(_split(line, layout.delimiter)) < len(layout.names) for _, line in places]
+    if not any(short):
+        return table
+    frame, number = table.frame, places[short.index(True)][0]
+    frame.loc[np.flatnonzero(last)[short], frame.select_dtypes("number").columns] = np.nan
+    rows = counted(sum(short), "row")
+    said = f"line {number}: {rows} with fewer fields than names, here first, left out"
+    return replace(table, frame=frame, repairs=(*table.repairs, said))
+
+
+def _without_empty_end(table: Table, layout: Layout) -> Table:
+    """Drop unnamed empty columns, and the empty rows that a spreadsheet leaves at the end."""
+    frame = table.frame
+    ends = [frame[name].last_valid_index() for name in frame]
+    nameless = [n for n, e in zip(frame, ends, strict=True) if e is None and re.match(r"c\d+$", n)]
+    keep = 1 + max((end for end in ends if end is not None), default=-1)
+    if not keep:
+        raise CannotAnswer(
+            f"{table.file}: no data: every cell from line {layout.header_lines + 1} on is empty"
+        )
+    repairs = table.repairs
+    if keep < len(frame):
+        repairs += (f"{counted(len(frame) - keep, 'row')} without any value at the end dropped",)
+    return replace(table, frame=frame.iloc[:keep].drop(columns=nameless), repairs=repairs)
+
+
+def _tail(path: Path) -> bytes:
+    """Return the last bytes of a file."""
+    with open_bytes(path) as handle:
+        handle.seek(max(0, handle.seek(0, 2) - TAIL_BYTES))
+        return handle.read()

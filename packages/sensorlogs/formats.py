@@ -1,0 +1,447 @@
+"""One function per file format; each returns a `Table` of columns that carry their unit.
+
+Columns that are measured from the mean of the analysed stretch (metres north of the mean position,
+small rotations from the mean attitude) are added by `about_the_mean`, after the stretch has been
+cut out.
+"""
+
+import contextlib
+import importlib.util
+import io
+import re
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pymap3d
+from defusedxml import ElementTree
+from scipy.spatial.transform import Rotation
+
+from sensorlogs import (
+    CannotAnswer,
+    WrongUsage,
+    archives,
+    columns,
+    delimited,
+    matrices,
+    nmea,
+    robot_logs,
+    times,
+)
+from sensorlogs.delimited import Table
+from sensorlogs.grid import BadStamps, counted
+from sensorlogs.tables import Part, choose, listed, of_arrays, paired, reading
+
+_PAIR = re.compile(  # gx: 0.1, or gyro x (dps) = 1e-3
+    r"([A-Za-z][\w.]*(?:\s*[\[(][^\])]*[\])])?)\s*[:=]\s*"
+    r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+)
+
+
+def phone(path: Path) -> Table:
+    """Read a phone log: position, attitude quaternion, recorded angles, at 1 Hz.
+
+    The recorded roll, pitch, yaw are radians, and with the phone upright pitch is near -90 deg,
+    where roll and yaw lose their meaning (gimbal lock). They are kept, unwrapped, as
+    ``recorded_roll_deg`` ...; what is analysed is the small rotation that `about_the_mean` makes
+    from the quaternion.
+    """
+    table = delimited.read_table(path)
+    frame = table.frame.rename(columns=columns.NAMES["phone_app"])
+    lacking = {"time", "qw", "qx", "qy", "qz", "lat_deg", "lon_deg", "height_m"} - set(frame)
+    if lacking:
+        raise CannotAnswer(
+            f"{path.name}, line 1: no column '{sorted(lacking)[0]}': not this phone format; "
+            "read it as CSV"
+        )
+    for angle in {"roll", "pitch", "yaw"} & set(frame):
+        frame[f"recorded_{angle}_deg"] = unwrap(np.degrees(frame.pop(angle).to_numpy()), 360.0)
+    return replace(table, frame=frame)
+
+
+def gpx(path: Path) -> list[Part]:
+    """List the tracks of a GPX file; one table, where they follow each other in time."""
+    tracks: list[list[dict[str, Any]]] = []
+    known = columns.NAMES["gpx"]
+    with reading(path, "a GPX file"), path.open("rb") as handle:
+        point: dict[str, Any] = {}
+        routes = 0
+        for event, element in ElementTree.iterparse(handle, ("start", "end"), forbid_dtd=True):
+            tag = element.tag.rpartition("}")[2].lower()
+            if event == "start":
+                if tag == "trk":
+                    tracks.append([])
+                elif tag == "trkpt" and tracks:
+                    point = {"lat_deg": element.get("lat"), "lon_deg": element.get("lon")}
+                    tracks[-1].append(point)
+            elif tag == "trkpt":
+                point = {}
+                element.clear()
+            elif tag in known:
+                point[known[tag]] = element.text
+            routes += event == "end" and tag == "rtept"
+    tracks = [track for track in tracks if track]
+    if not any("time" in each for track in tracks for each in track):
+        what = "a route or points" if routes or not tracks else "a track"
+        raise CannotAnswer(f"{path.name}: GPX with {what} without times: give a recorded track")
+    starts = [str(track[0].get("time")) for track in tracks]
+    if starts == sorted(starts):
+        tracks = [[each for track in tracks for each in track]]
+    parts = []
+    for number, track in enumerate(tracks, 1):
+        frame = pd.DataFrame(track)
+        arrays = {"time": frame.pop("time").fillna("").to_numpy(dtype=object)}
+        for name in frame:
+            with reading(path, "a GPX file"):
+                arrays[name] = frame[name].to_numpy(dtype=float)
+        parts.append(of_arrays(path, f"track {number}", arrays, told_by="the GPX standard"))
+    return parts
+
+
+def serial(path: Path) -> list[Part]:
+    """Read lines such as ``gx: 0.1 gy: 0.2``, as programs of microcontrollers print them."""
+    names: list[str] = []
+    rows, lines, left_out = [], [], 0
+    with (
+        delimited.open_bytes(path) as raw,
+        io.TextIOWrapper(raw, encoding="utf-8", errors="replace") as handle,
+    ):
+        for number, line in enumerate(handle, 1):
+            pairs = _PAIR.findall(line)
+            if not names and pairs:
+                names = [name for name, _ in pairs]
+            if names and [name for name, _ in pairs] == names:
+                rows.append([float(value) for _, value in pairs])
+                lines.append(number)
+            elif line.strip():
+                left_out += 1
+    if len(set(names)) < len(names) or left_out > 0.01 * len(rows) + 3:
+        raise CannotAnswer(
+            f"{path.name}: {left_out:,} of {left_out + len(rows):,} lines do not have the names of "
+            f"the first ({', '.join(names)}): write one line for each sample, or CSV"
+        )
+    notes = [f"{counted(left_out, 'line')} with other names left out"] * bool(left_out)
+    if not line.endswith("\n") and lines[-1:] == [number]:  # a number may have lost digits
+        notes.append(f"line {lines.pop()}: {delimited.CUT_OFF}")
+        rows.pop()
+    frame = pd.DataFrame(np.array(rows), columns=names)
+    table = Table(frame, path, tuple(notes), lines=np.array(lines))
+    return [Part("lines", tuple(names), lambda _: table, len(lines))]
+
+
+def xsens(path: Path) -> list[Part]:
+    """Read the text that Xsens MT Manager exports: rad/s, m/s^2, degrees, ticks of 0.1 ms.
+
+    By the maker's MTw user manual, table of the exported data, and the MTi low-level
+    documentation: PacketCounter wraps at 65535; SampleTimeFine counts at 10 kHz and wraps after
+    2^32 ticks, of the MTi 10- and 100-series after a day.
+    """
+    layout = delimited.sniff(path)
+    names = {name: columns.NAMES["xsens"].get(name, name) for name in layout.names}
+    with delimited.open_bytes(path) as handle:
+        rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", handle.read(delimited.HEAD_BYTES))
+
+    def load(_) -> Table:
+        table = delimited.read_table(path)
+        frame = table.frame.rename(columns=names)
+        for counter, tops, seconds in (
+            ("SampleTimeFine", (864_000_000, 2**32), 1e-4),
+            ("PacketCounter", (2**16,), 1 / float(rate[1]) if rate else 0.0),
+        ):
+            if counter in frame and seconds and frame[counter].notna().all():
+                ticks = frame[counter].to_numpy()
+                top = next((t for t in tops if ticks.max() < t), tops[-1])
+                starts_again = np.r_[0, np.diff(ticks) < -top / 2].cumsum()
+                frame.insert(0, "t_s", (ticks + float(top) * starts_again) * seconds)
+                break
+        return replace(table, frame=frame)
+
+    return [Part("export", tuple(names.values()), load, told_by="the maker's description")]
+
+
+def _csv(path: Path) -> list[Part]:
+    layout = delimited.sniff(path)
+    return [Part(path.name, layout.names, lambda _: delimited.read_table(path))]
+
+
+def _phone_csv(path: Path) -> list[Part]:
+    table = phone(path)
+    return [Part(path.name, tuple(table.frame), lambda _: table)]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format: how it is told from its content, and what lists its tables.
+
+    Attributes
+    ----------
+    title : str
+    tells : callable
+        First bytes -> whether it is this format.
+    parts : callable
+        Path -> list of `Part`.
+    needs : str
+        Library of the extra ``logs``, or nothing.
+    """
+
+    title: str
+    tells: Callable[[bytes], bool]
+    parts: Callable[[Path], list[Part]]
+    needs: str = ""
+
+
+def _starts(*marks: bytes) -> Callable[[bytes], bool]:
+    return lambda head: head.startswith(marks)
+
+
+def _holds(pattern: bytes) -> Callable[[bytes], bool]:
+    compiled = re.compile(pattern)
+    return lambda head: bool(compiled.search(head))
+
+
+FORMATS: dict[str, Format] = {  # the first that tells
+    "parquet": Format("Parquet", _starts(b"PAR1"), matrices.parquet, "pyarrow"),
+    "mat5": Format("MATLAB v5 to v7", _starts(b"MATLAB 5.0"), matrices.mat5),
+    "mat73": Format(
+        "MATLAB v7.3 or HDF5",
+        lambda head: b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520], head[1024:1032]),
+        matrices.hdf5,
+    ),
+    "numpy": Format("NumPy", _holds(rb"\A\x93NUMPY|\APK (\S+\.npy\n)+\Z"), matrices.numpy_file),
+    "spreadsheet": Format(
+        "a spreadsheet (xlsx, xls, ods)",
+        _holds(rb"\A\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1|\APK (.*\n)*(xl/workbook\.|content\.xml\n)"),
+        archives.spreadsheet,
+        "python_calamine",
+    ),
+    "rda": Format("R data", _starts(b"RDX2\n", b"RDX3\n", b"BZh", b"\xfd7zXZ"), matrices.rda),
+    "bag": Format(
+        "a ROS bag",
+        _starts(b"#ROSBAG V", b"\x89MCAP", b"SQLite format 3"),
+        robot_logs.ros_bag,
+        "rosbags",
+    ),
+    "ulog": Format("a PX4 ULog", _starts(b"ULog\x01\x12\x35"), robot_logs.ulog, "pyulog"),
+    "dataflash": Format(
+        "an ArduPilot DataFlash log",
+        _holds(rb"\xa3\x95\x80\x80\x59FMT\x00"),
+        robot_logs.dataflash,
+        "pymavlink",
+    ),
+    "nmea": Format("NMEA", lambda head: bool(nmea.SENTENCE.search(head)), nmea.parts),
+    "ubx": Format("u-blox UBX", _holds(rb"\xb5\x62[\x01-\x29]"), robot_logs.ubx, "pyubx2"),
+    "gpx": Format("GPX", _holds(rb"<gpx[\s>]"), gpx),
+    "json": Format("JSON lines", _holds(rb"\A\s*(\[\s*)?\{\s*\""), matrices.json_lines),
+    "xsens": Format("Xsens text", _holds(rb"\A(//[^\n]*\n)+PacketCounter"), xsens),
+    "serial": Format("lines of names and numbers", lambda head: _is_serial(head), serial),
+    "phone": Format("a phone's CSV", lambda head: False, _phone_csv),
+    "csv": Format("CSV", lambda head: True, _csv),
+}
+
+
+def _is_serial(head: bytes) -> bool:
+    """Tell whether most lines are made of names, colons and numbers."""
+    lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
+    pairs = [_PAIR.findall(line) for line in lines[:50]]
+    same = [tuple(name for name, _ in found) for found in pairs if len(found) > 1]
+    return len(same) > 0.8 * len(pairs) > 0 and len(set(same)) <= 2
+
+
+def plain(path: Path) -> Path:
+    """Return the file itself, or what it holds if it is gzipped."""
+    with path.open("rb") as handle:
+        packed = handle.read(2) == b"\x1f\x8b"
+    stat = path.stat()
+    return archives.unpacked(path, (stat.st_size, stat.st_mtime_ns)) if packed else path
+
+
+def format_of(path: Path) -> str:
+    """Tell the format of a file from its content; its suffix does not count."""
+    with delimited.open_bytes(path) as handle:
+        head = handle.read(1 << 14)
+    if head.startswith(b"PK\x03\x04"):
+        with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
+            head = b"PK " + "".join(f"{name}\n" for name in packed.namelist()).encode()
+    name = next(name for name, one in FORMATS.items() if one.tells(head))
+    if name == "nmea" and _is_here(FORMATS["ubx"]):  # with binary messages, which say more
+        return "ubx" if robot_logs.holds_ubx(delimited.content(path)) else name
+    return name
+
+
+def title_of(path: Path) -> str:
+    """Name the format of a log for a message."""
+    return "a folder" if path.is_dir() else FORMATS[format_of(plain(path))].title
+
+
+def parts_of(path: Path, known: str | None = None) -> list[Part]:
+    """List the tables of a log: a file, packed or not, or a folder; see `_parts`."""
+    return list(archives.phone(_parts(path, known)))
+
+
+def _parts(path: Path, known: str | None = None) -> list[Part]:
+    """List the tables as they are named in the file.
+
+    Raises
+    ------
+    WrongUsage
+        If the extra that reads this format is not installed: the message has the command.
+    CannotAnswer
+        If the file is empty, damaged or of another format than its first bytes say.
+    """
+    if path.is_dir():
+        if (path / "metadata.yaml").exists():
+            return _bag_folder(path)
+        return archives.folder(path, _parts)
+    path = plain(path)
+    known = known or format_of(path)
+    if known == "csv" and zipfile.is_zipfile(path):
+        stat = path.stat()
+        return _parts(archives.unzipped(path, (stat.st_size, stat.st_mtime_ns)))
+    found = FORMATS[known]
+    _check_extra(path, found)
+    return found.parts(path)
+
+
+def _bag_folder(path: Path) -> list[Part]:
+    _check_extra(path, FORMATS["bag"])
+    return robot_logs.ros_bag(path)
+
+
+def _is_here(found: Format) -> bool:
+    """Tell whether the library of a format is installed."""
+    return not found.needs or importlib.util.find_spec(found.needs) is not None
+
+
+def _check_extra(path: Path, found: Format) -> None:
+    """Refuse a format whose library is not installed."""
+    if not _is_here(found):
+        raise WrongUsage(
+            f"{path.name} is {found.title}, which needs the extra 'logs': in the project's folder "
+            "run: pip install '.[logs]'"
+        )
+
+
+def load(
+    chosen: Sequence[Part], wanted: Sequence[str] | None = None, join: Callable = paired
+) -> Table:
+    """Read one table, or two that `join` makes one."""
+    tables = [part.load(wanted) for part in chosen]
+    table = tables[0] if len(tables) == 1 else join(*tables, chosen)
+    frame, notes = columns.in_known_units(table.frame)
+    return replace(table, frame=frame, repairs=(*table.repairs, *notes))
+
+
+def _needed(chosen: Sequence[Part], wanted: Sequence[Any] | None, stanza: dict) -> list[str] | None:
+    """Name the columns to read: None for all, also where a number counts the columns."""
+    there = [name for part in chosen for name in part.columns]
+    if not wanted or not set(wanted) <= set(there):
+        return None
+    sides = [n for n in there if times.is_time(n) or columns.meaning(n)[1] == "a temperature"]
+    return [*wanted, *sides, stanza.get("time")]
+
+
+def read_table(path: Path, stanza: dict, wanted: Sequence[Any] | None = None) -> Table:
+    """Read the table of a static log.
+
+    Parameters
+    ----------
+    path : Path
+    stanza : dict
+        ``format``: if its bytes do not tell it. ``table``: which one. ``names``: of its columns, in
+        their order.
+    wanted : sequence of str, optional
+        Columns to read, where the format allows to leave out others; time and temperature come too.
+    """
+    parts = parts_of(path, stanza.get("format"))
+    chosen = choose(parts, path, title_of(path), stanza.get("table"))
+    table = load(chosen, _needed(chosen, wanted, stanza))
+    if len(parts) > len(chosen):
+        others = [part for part in parts if part not in chosen]
+        note = f"table '{' and '.join(p.name for p in chosen)}' read; --table takes another: "
+        table = replace(table, repairs=(*table.repairs, note + listed(others)))
+    names = stanza.get("names")
+    if names and len(names) != table.frame.shape[1]:
+        raise WrongUsage(f"{path.name}: {len(names)} names for {table.frame.shape[1]} columns")
+    return replace(table, frame=table.frame.set_axis(names, axis=1)) if names else table
+
+
+def contents(
+    path: Path, known: str | None = None
+) -> tuple[list[tuple[str, list[tuple[str, str, str, str]]]], list[CannotAnswer | WrongUsage]]:
+    """List the tables of a log: a line on each, and its columns; and what could not be read.
+
+    Returns
+    -------
+    list of (str, list of (name, kind, unit, what they were told by))
+    list of CannotAnswer or WrongUsage
+        One for each table whose numbers cannot be read.
+    """
+    listing, errors = [], []
+    for part in parts_of(path, known):
+        try:
+            frame = times.joined(load([part]).frame)
+        except (CannotAnswer, WrongUsage) as error:  # the names are known all the same
+            errors.append(error)
+            told = columns.described(pd.DataFrame(columns=[*part.columns], dtype=float), "its name")
+            listing.append((f"{part.name}: cannot be read: {error}", told))
+            continue
+        told = columns.described(columns.sample(frame, list(frame)), part.told_by)
+        title, time = f"{part.name}: {counted(len(frame), 'row')}", times.time_column(frame)
+        if time is not None and len(frame) > 1:
+            with contextlib.suppress(CannotAnswer, WrongUsage, BadStamps):
+                since = times.stamps(time, frame[time].to_numpy()).since_s
+                span = float(np.nanmax(since) - np.nanmin(since))
+                title += f", {span:.6g} s, {(len(since) - 1) / span:.6g} Hz" if span > 0 else ""
+        listing.append((title, told))
+    return listing, errors
+
+
+def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:
+    """Add what is measured from the mean of this stretch: metres of position, degrees of attitude.
+
+    ``lat_deg, lon_deg`` (and ``height_m``) give ``north_m, east_m`` (and ``down_m``) in the local
+    tangent plane at the mean position. The quaternion ``qw, qx, qy, qz`` (device to world, device
+    axes x right, y to the top edge, z out of the screen) gives ``roll_deg, pitch_deg, yaw_deg``:
+    the rotation vector from the mean attitude, about the device's forward (y), right (x) and down
+    (-z) axis.
+    """
+    added: dict[str, np.ndarray] = {}
+    if {"lat_deg", "lon_deg"} <= set(frame):
+        none = frame["fix"] <= 0 if "fix" in frame else np.zeros(len(frame), dtype=bool)
+        lat, lon = (frame[name].mask(none).to_numpy() for name in ("lat_deg", "lon_deg"))
+        has_height = "height_m" in frame
+        height = frame["height_m"].to_numpy() if has_height else np.zeros(len(frame))
+        if np.isfinite(lat * lon * height).any():
+            origin = (np.nanmean(lat), np.nanmean(lon), np.nanmean(height))
+            north, east, down = pymap3d.geodetic2ned(lat, lon, height, *origin)
+            added |= {"north_m": north, "east_m": east}
+            added |= {"down_m": down} if has_height else {}
+    if {"qw", "qx", "qy", "qz"} <= set(frame):
+        q = frame[["qx", "qy", "qz", "qw"]].to_numpy()
+        good = np.isfinite(q).all(axis=1) & (np.abs(q).max(axis=1) > 0)
+        if good.any():
+            attitude = Rotation.from_quat(q[good])
+            small = np.full((len(q), 3), np.nan)
+            small[good] = (attitude.mean().inv() * attitude).as_rotvec(degrees=True)
+            added |= {"roll_deg": small[:, 1], "pitch_deg": small[:, 0], "yaw_deg": -small[:, 2]}
+    return frame.assign(**added) if added else frame
+
+
+def unwrap(values: np.ndarray, period: float) -> np.ndarray:
+    """Remove the jumps of an angle by full turns, leaving missing samples missing.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Angle in the unit of ``period``.
+    period : float
+        A full turn: 360 or 2 pi.
+    """
+    out = np.array(values, dtype=float)
+    good = np.isfinite(out)
+    out[good] = np.unwrap(out[good], period=period)
+    return out

@@ -1,0 +1,417 @@
+"""Files of numbers: Parquet, MATLAB, HDF5, NumPy, R and JSON lines.
+
+Arrays of equal length in one group (a MATLAB struct, an HDF5 group, an npz file) are the columns of
+one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with three columns.
+"""
+
+import contextlib
+import functools
+import json
+import math
+import zipfile
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import scipy.io
+from tqdm import tqdm
+
+from sensorlogs import CannotAnswer
+from sensorlogs.delimited import Table, open_bytes, progress
+from sensorlogs.tables import AXES, Part, of_arrays, reading, with_axis
+
+LARGEST = 3 << 30  # bytes of numbers read at once
+AT_ONCE = 1 << 18  # rows of a Parquet file
+THREADS = 2  # that read its columns
+LONG = 64  # numbers in a list of a JSON object beyond which it is a column
+_GPSD = {  # report of gpsd -> its member -> ours; by its manual gpsd_json(5): SI units, UTC
+    "TPV": {
+        "time": "time",
+        "mode": "fix_mode",
+        "lat": "lat_deg",
+        "lon": "lon_deg",
+        "alt": "height_m",
+    }
+    | {"altMSL": "height_m", "speed": "speed_m_s", "track": "course_deg"},
+    "SKY": {"pdop": "pdop", "uSat": "satellites"},
+    **{
+        other: {}
+        for other in ("VERSION", "DEVICES", "DEVICE", "WATCH", "PPS", "TOFF", "ATT", "GST")
+    },
+}
+
+
+def parquet(path: Path) -> list[Part]:
+    """List the one table of a Parquet file; only the columns wanted are read."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    with reading(path, "a Parquet file"):
+        file = pq.ParquetFile(path)
+        schema, rows = file.schema_arrow, file.metadata.num_rows
+    units = {  # pandas and others keep the unit with the field
+        f.name: (f.metadata or {}).get(b"unit", b"").decode(errors="replace") for f in schema
+    }
+    names = {f.name: f"{f.name} ({units[f.name]})" if units[f.name] else f.name for f in schema}
+
+    def column(one):  # in pieces: hardly anything is held twice
+        number = pa.types.is_floating(one.type) or pa.types.is_integer(one.type)
+        number |= pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type)
+        number |= pa.types.is_timestamp(one.type)
+        values, at = np.empty(rows, dtype=float if number else object), 0
+        own = {"columns": [one.name], "use_threads": False}  # the columns are the threads
+        for batch in pq.ParquetFile(path).iter_batches(AT_ONCE, **own):
+            piece = batch.column(0)
+            if pa.types.is_timestamp(one.type):
+                piece = piece.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())
+            elif pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type):
+                piece = piece.cast(pa.float64() if one.type.bit_width > 1 else pa.int8())
+            values[at : at + len(piece)] = (
+                piece.to_numpy(zero_copy_only=False) if number else piece.to_pylist()
+            )
+            at += len(piece)
+        return values
+
+    def load(wanted: Sequence[str] | None) -> Table:
+        taken = [f for f in schema if wanted is None or names[f.name] in wanted]
+        _check_size(path, rows, len(taken))
+        flat = [
+            f for f in taken if not (pa.types.is_nested(f.type) or pa.types.is_dictionary(f.type))
+        ]
+        with reading(path, "a Parquet file"), ThreadPoolExecutor(THREADS) as threads:
+            bar = {"total": len(flat), "unit": "column", **progress(path)}
+            values = tqdm(threads.map(column, flat), **bar)
+            columns = {names[one.name]: v for one, v in zip(flat, values, strict=True)}
+        pa.default_memory_pool().release_unused()
+        return Table(pd.DataFrame(columns, copy=False), path)
+
+    return [Part("table", tuple(names.values()), load, rows)]
+
+
+def mat5(path: Path) -> list[Part]:
+    """List the tables of a MATLAB file up to v7: matrices, vectors, structs."""
+    with reading(path, "a MATLAB file", "save it again, or as CSV"):
+        content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
+    groups: dict[str, dict[str, np.ndarray]] = {}
+    opaque: list[str] = []
+    labels = {
+        name.removesuffix("_label"): [str(each).strip() for each in np.atleast_1d(value)]
+        for name, value in content.items()
+        if name.endswith("_label") and isinstance(value, np.ndarray)
+    }
+
+    def visit(name: str, value: Any, group: str):
+        if hasattr(value, "_fieldnames"):
+            vector = {key.lower() for key in value._fieldnames} <= {*AXES}
+            inside = group if vector else f"{group}/{name}" if group else name
+            for key in value._fieldnames:
+                visit(f"{name}_{key}" if vector else key, getattr(value, key), inside)
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+            if value.ndim == 2 and len(labels.get(name, ())) == value.shape[1]:  # Mission Planner
+                groups[name] = {each: value[:, j] for j, each in enumerate(labels[name])}
+            else:
+                groups.setdefault(group, {})[name] = value
+        elif "MatlabOpaque" in type(value).__name__:
+            opaque.append(name)
+
+    for name, value in content.items():
+        if not name.startswith("__"):
+            visit(name, value, "")
+    return _grouped(path, groups, opaque)
+
+
+@contextlib.contextmanager
+def open_mat73(path: Path) -> Iterator[h5py.File]:
+    """Open a MATLAB v7.3 (HDF5) file; an error becomes `CannotAnswer`."""
+    with reading(path, "a MATLAB v7.3 or HDF5 file"), h5py.File(path) as file:
+        yield file
+
+
+def hdf5(path: Path) -> list[Part]:
+    """List the tables of an HDF5 or MATLAB v7.3 file; only the table chosen is read."""
+    groups: dict[str, dict[str, Any]] = {}
+    units: dict[str, str] = {}
+
+    def visit(name: str, node: Any):
+        group, _, leaf = name.rpartition("/")
+        if not isinstance(node, h5py.Dataset) or name.startswith("#"):
+            return
+        if node.dtype.names:  # a table of h5py or PyTables: its fields are the columns
+            for key in node.dtype.names:
+                if node.dtype[key].kind in "fiub":
+                    groups.setdefault(name, {})[key] = _lazy(path, name, node, key)
+        elif node.dtype.kind in "fiub" and node.attrs.get("MATLAB_class", b"") != b"char":
+            groups.setdefault(group, {})[leaf] = _lazy(path, name, node)
+            unit = node.attrs.get("units", node.attrs.get("unit", ""))
+            units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
+
+    with open_mat73(path) as file:
+        file.visititems(visit)
+    return _grouped(path, groups, [], units)
+
+
+class _lazy:
+    """Shape of a data set, and how to read it."""
+
+    def __init__(self, path: Path, name: str, node: h5py.Dataset, key: str | None = None):
+        self.path, self.name, self.key, self.shape = path, name, key, node.shape
+
+    def __array__(self, dtype=None, copy=None):
+        with open_mat73(self.path) as file:
+            node = file[self.name]
+            values = node[()] if self.key is None else node.fields(self.key)[()]
+        return np.asarray(values, dtype=dtype)
+
+
+def numpy_file(path: Path) -> list[Part]:
+    """List the tables of an npy or npz file."""
+    with reading(path, "a NumPy file"):
+        if zipfile.is_zipfile(path):
+            check_zip(path)
+            with np.load(path, allow_pickle=False) as file:
+                members = {name: file[name] for name in file.files}
+        else:
+            members = {path.stem: np.load(path, allow_pickle=False, mmap_mode="r")}
+    groups: dict[str, dict[str, np.ndarray]] = {}
+    for name, value in members.items():
+        if value.dtype.names:
+            groups[name] = {k: value[k] for k in value.dtype.names if value.dtype[k].kind in "fiub"}
+        elif value.dtype.kind in "fiub" and name == path.stem and value.ndim == 2:  # no names
+            wide = _columns(value, min(value.shape))
+            groups[""] = {f"c{j + 1}": wide[:, j] for j in range(wide.shape[1])}
+        elif value.dtype.kind in "fiub":
+            groups.setdefault("", {})[name] = value
+    return _grouped(path, groups, [])
+
+
+def rda(path: Path) -> list[Part]:
+    """List the matrices with named columns of an R data file."""
+    import rdata  # with xarray it takes half a second, which every other log would pay
+
+    # rdata warns where an R class has no Python equivalent (here "imu", a matrix with attributes)
+    # and then returns the plain matrix, which is wanted here: constructors avoid the warning.
+    constructors = {
+        **rdata.conversion.DEFAULT_CLASS_MAP,
+        "imu": lambda matrix, attributes: matrix,
+        "matrix": lambda matrix, attributes: matrix,
+    }
+    with reading(path, "an R data file", "save the matrix as CSV"):
+        objects = rdata.conversion.convert(rdata.parser.parse_file(path), constructors)
+        parts = []
+        for name, value in objects.items():
+            if isinstance(value, pd.DataFrame):
+                columns = {str(key): value[key].to_numpy() for key in value}
+            else:
+                names = [str(each) for each in value.coords[value.dims[1]].values]
+                matrix = np.asarray(value.values, dtype=float)
+                columns = {each: matrix[:, j] for j, each in enumerate(names)}
+            parts.append(of_arrays(path, name, columns))
+    return parts
+
+
+def json_lines(path: Path) -> list[Part]:
+    """Read JSON lines, or one list of objects: nested names are joined by a dot.
+
+    Where each object names its ``sensor``, as Sensor Logger writes them, each sensor is a table; of
+    gpsd's reports each receiver is.
+    """
+    tables: dict[str, tuple[dict[str, array], list[int], set[str]]] = {}
+    notes: list[str] = []
+    with open_bytes(path) as handle:
+        for number, item in _positions(_objects(path, handle, notes)):
+            sensor = item.pop("sensor", None) if isinstance(item.get("sensor"), str) else None
+            columns, lines, words = tables.setdefault(sensor or "lines", ({}, [], set()))
+            arrays = {k: v for k, v in item.items() if isinstance(v, list) and len(v) > LONG}
+            if arrays:
+                with reading(path, "a JSON file"):
+                    found = {name: np.array(values, float) for name, values in arrays.items()}
+                return _grouped(path, {"": found}, [])
+            for name, value in _leaves(item):
+                if isinstance(value, str):
+                    value = _number(value)
+                    if value is None:
+                        words.add(name)
+                        continue
+                if name not in columns:
+                    columns[name] = array("d", [math.nan]) * len(lines)
+                columns[name].append(math.nan if value is None else value)
+            lines.append(number)
+            for values in columns.values():
+                if len(values) < len(lines):
+                    values.append(math.nan)
+    parts = []
+    for sensor, (columns, lines, words) in tables.items():
+        found = {k: np.frombuffer(v) for k, v in columns.items() if np.isfinite(v).any()}
+        said = (*notes, *(f"'{name}' left out: text" for name in sorted(words)))
+        table = Table(pd.DataFrame(found, copy=False), path, said, lines=np.array(lines))
+        if found:
+            load = functools.partial(lambda table, _: table, table)
+            parts.append(Part(sensor, tuple(found), load, len(lines)))
+    if not parts:
+        raise CannotAnswer(f"{path.name}: no data: JSON without any number")
+    return parts
+
+
+def _positions(objects: Iterable[tuple[int, dict]]) -> Iterator[tuple[int, dict]]:
+    """Take gpsd's positions, each with the PDOP known by then; other objects stay as they are."""
+    sky: dict[str, dict] = {}
+    for number, item in objects:
+        kind, device = str(item.get("class")), str(item.get("device", "TPV"))
+        if kind not in _GPSD:
+            yield number, item
+            continue
+        ours = {name: item[theirs] for theirs, name in _GPSD[kind].items() if theirs in item}
+        if kind == "SKY":
+            sky[device] = ours
+        elif ours:
+            yield number, {"sensor": device} | sky.get(device, {}) | ours
+
+
+def _number(text: str) -> float | None:
+    """Read a number, or a date as seconds since 1970, UTC where it names no zone."""
+    with contextlib.suppress(ValueError):
+        return float(text)
+    with contextlib.suppress(ValueError):
+        stamp = datetime.fromisoformat(text)
+        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+    return None
+
+
+def _objects(path: Path, handle, notes: list[str]) -> Iterator[tuple[int, dict]]:
+    """Iterate over the objects: line, object; a last line cut off is left out, and noted."""
+    head = handle.read(1)
+    while head.isspace():
+        head = handle.read(1)
+    handle.seek(0)
+    if head == b"[":
+        with reading(path, "a JSON file"):
+            items = json.loads(handle.read(LARGEST))
+        yield from ((k, item) for k, item in enumerate(items, 1) if isinstance(item, dict))
+        return
+    fault = ""
+    for number, line in enumerate(handle, 1):
+        if fault:
+            raise CannotAnswer(f"{fault}; correct it, or cut the file before that line")
+        if not line.strip():
+            continue
+        try:
+            item = json.loads(line)
+            if not isinstance(item, dict):
+                raise ValueError("no object with names")
+        except (ValueError, RecursionError) as error:
+            why = str(error).split(":")[0]
+            fault = f"{path.name}, line {number}: no JSON object ({why})"
+            continue
+        yield number, item
+    if fault and number < 3:
+        raise CannotAnswer(fault)
+    if fault:
+        notes.append(f"{fault}: the last line, left out")
+
+
+def _leaves(item: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Walk through an object: name, number, text or None."""
+    if isinstance(item, dict):
+        for key, value in item.items():
+            yield from _leaves(value, f"{above}.{key}" if above else str(key))
+    elif isinstance(item, list):
+        for name, value in zip(_axes(len(item)), item, strict=True):
+            yield from _leaves(value, with_axis(above, name))
+    elif isinstance(item, bool | int | float | str) or item is None:
+        yield above, item
+
+
+def _axes(count: int) -> Sequence[str]:
+    """Name the columns of a matrix: x, y, z for three, numbers from 1 otherwise."""
+    return AXES if count == 3 else [str(j) for j in range(1, count + 1)]
+
+
+def _grouped(
+    path: Path,
+    groups: dict[str, dict[str, Any]],
+    opaque: list[str],
+    units: dict[str, str] | None = None,
+) -> list[Part]:
+    """Make one table of the arrays of equal length in each group; scalars are no columns."""
+    parts = []
+    for group, arrays in groups.items():
+        lengths: dict[int, dict[str, Any]] = {}
+        for name, value in arrays.items():
+            if len(value.shape) in (1, 2) and max(value.shape, default=0) > 1:
+                lengths.setdefault(max(value.shape), {})[name] = value
+        for rows, mine in lengths.items():
+            first = next(iter(mine))
+            label = group if group and len(lengths) == 1 else f"{group}/{first}".strip("/")
+            parts.append(_matrix_part(path, label, group, mine, rows, units or {}))
+    if parts:
+        return parts
+    why = ""
+    if opaque:
+        why = f"{', '.join(opaque[:3])}: a MATLAB table or object, which only MATLAB reads; "
+    raise CannotAnswer(f"{path.name}: no matrix of numbers in it; {why}save plain vectors, or CSV")
+
+
+def _matrix_part(path, label, group, arrays, rows, units) -> Part:
+    """Name the columns of one table; the longer side of a matrix is taken as the samples."""
+    names: list[str] = []
+    sources: list[tuple[str, int, int]] = []  # array, its columns, which of them
+    for name, value in arrays.items():
+        width = 1 if len(value.shape) == 1 or min(value.shape) == 1 else min(value.shape)
+        unit = units.get(f"{group}/{name}".strip("/"), "")
+        bracket = f" ({unit})" if unit else ""
+        single = len(arrays) == 1 and width > 3
+        for j, axis in enumerate(_axes(width) if width > 1 else [""]):
+            own = f"c{axis}" if single else with_axis(name, axis) if axis else name
+            names.append(own + bracket)
+            sources.append((name, width, j))
+
+    def load(wanted: Sequence[str] | None) -> Table:
+        taken = [k for k, name in enumerate(names) if wanted is None or name in wanted]
+        _check_size(path, rows, len(taken))
+        columns, last, matrix = {}, None, np.empty(0)
+        with reading(path, "a file of matrices"):
+            for k in taken:
+                name, width, j = sources[k]
+                if name != last:
+                    last, matrix = name, np.asarray(arrays[name], dtype=float)
+                columns[names[k]] = np.ascontiguousarray(_columns(matrix, width)[:, j])
+        return Table(pd.DataFrame(columns, copy=False), path)
+
+    return Part(label, tuple(names), load, rows)
+
+
+def _columns(matrix: np.ndarray, width: int) -> np.ndarray:
+    """Lay a matrix out as samples by columns."""
+    if width == 1:
+        return matrix.reshape(-1, 1)
+    return matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
+
+
+def _check_size(path: Path, rows: int, columns: int) -> None:
+    """Refuse more numbers than fit into the memory."""
+    if 8 * rows * columns > LARGEST:
+        raise CannotAnswer(
+            f"{path.name}: {rows:,} rows and {columns} columns are {8 * rows * columns / 1e9:.0f} "
+            f"GB of numbers, more than {LARGEST / 1e9:.0f} GB: take fewer with --columns and --time"
+        )
+
+
+def check_zip(path: Path, limit: int = LARGEST) -> list[zipfile.ZipInfo]:
+    """List the files of a zip; refuse what unpacks to more than a limit."""
+    with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
+        members = [m for m in packed.infolist() if not m.is_dir()]
+    size = sum(member.file_size for member in members)
+    if size > limit:
+        raise CannotAnswer(
+            f"{path.name}: unpacks to {size / 1e9:.1f} GB, more than {limit / 1e9:.0f} GB: unpack "
+            "what you need by hand"
+        )
+    if any(member.flag_bits & 1 for member in members):
+        raise CannotAnswer(f"{path.name}: the zip has a password: unpack it by hand")
+    return members

@@ -1,0 +1,426 @@
+"""NMEA 0183: sentences -> epochs -> rows of a static log, or GNSS epochs of a moving one; and back.
+
+Every sentence is checked by pynmeagps, checksum first. Between sentences there may be binary
+messages, comments or the time stamps of a host (tracker paper, Section III-B); a sentence that such
+a stamp or a line break cuts in two is joined again, if the checksum then agrees.
+"""
+
+import datetime
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pynmeagps import GET, NMEAMessage, NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
+
+from sensorlogs import CannotAnswer, times
+from sensorlogs.columns import NAMES
+from sensorlogs.delimited import Table, content
+from sensorlogs.grid import BadStamps, counted
+from sensorlogs.tables import Part
+from sensorlogs.timeline import Gnss, Imu, plausible
+
+STANDARD = "the NMEA standard"
+PDOP_HOLD_S = 10.0  # receivers that save on sentences give a GSA every few seconds only
+STEP_BACK_S = 5.0  # a receiver that sets its clock back by less is taken to set it right
+LEAP_S = 60.0  # a leap forward at the first fix, of a clock that was not yet set
+_BANNER = re.compile(rb"\$PSRFTXT,Version|\$G[A-Z]TXT,[^$*\r\n]{0,20}u-blox|\$PMTK01[01],")
+HOST_SHARE = 0.5  # epochs with a host's stamp beyond which the stamps are taken as time
+TALKER = rb"\$(?:G[A-Z]|BD|QZ)"
+_BODY = rb"[ -#%-)+-~]*"  # printable, no dollar, no star
+_END = rb"(?:[\r\n]|\Z)"
+SENTENCE = re.compile(
+    TALKER + rb"(?:GGA|GSA|RMC|GNS|GLL)," + _BODY + rb"(?:\*|" + _END + rb")"
+)  # tells a file by its head
+_BAD = (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, AttributeError, TypeError)
+_CLOCK = rb"\d\d:\d\d:\d\d(?:[.,]\d+)?"
+_STAMP = rb"\d{4}-\d\d-\d\d[T ]" + _CLOCK + rb"(?:Z|[+-]\d\d:?\d\d)?|" + _CLOCK
+_STAMP += rb"|\d{1,19}(?:\.\d+)?"
+_APART = rb"[^0-9A-Za-z$\r\n]{0,8}"  # a separator, of whatever signs
+_HOST = re.compile(rb"(?m)^" + _APART + rb"(" + _STAMP + rb")" + _APART + rb"(?=\$|\r?$)")
+_BREAK = re.compile(rb"[\r\n]+")
+_STAMPED_BREAK = re.compile(
+    rb"[\r\n]+(?:" + _APART + rb"(?:" + _STAMP + rb")" + _APART + rb"(?:[\r\n]+|(?=,)))?"
+)
+Sentence = tuple[int, NMEAMessage]
+_POSITION = ("lat_deg", "lon_deg")
+_FIELDS = NAMES["nmea"]
+_NO_FIX = {0, 6}  # none, and estimated (the receiver's own dead reckoning)
+
+
+def sentences(content: bytes, kinds: tuple[str, ...]) -> tuple[list[Sentence], int, int]:
+    """Find and parse the sentences of some kinds, such as ``("GGA", "GSA")``.
+
+    Returns
+    -------
+    list of (int, NMEAMessage)
+        Offset of each in the file, and the parsed message.
+    int
+        Number of sentences cut off, without or with a wrong checksum, or with impossible content.
+    int
+        Number of sentences on two lines.
+    """
+    begin = TALKER + rb"(?:" + "|".join(kinds).encode() + rb"),"
+    messages, joined = [], 0
+    for match in re.finditer(begin + rb"[^$*]{0,160}\*[0-9A-Fa-f]{2}", content):
+        raw = match.group(0)
+        message = _parse(raw)
+        if message is None and _BREAK.search(raw):
+            message = _parse(_BREAK.sub(b"", raw)) or _parse(_STAMPED_BREAK.sub(b"", raw))
+            joined += message is not None
+        if message is not None:
+            messages.append((match.start(), message))
+    return messages, len(re.findall(begin, content)) - len(messages), joined
+
+
+def _parse(raw: bytes) -> NMEAMessage | None:
+    """Parse one sentence; None if its checksum or content is wrong."""
+    try:
+        return NMEAReader.parse(raw + b"\r\n")
+    except _BAD:
+        return None
+
+
+def _time(message) -> float | None:
+    """Return the time of day of a message in s, or None."""
+    at = getattr(message, "time", None)
+    if not at:
+        return None
+    return at.hour * 3600 + at.minute * 60 + at.second + at.microsecond / 1e6
+
+
+def epochs(messages: list[Sentence], each: str | None = None) -> pd.DataFrame:
+    """Combine the sentences of each epoch.
+
+    Sentences with one time of day are one epoch; those without belong to the one before, unless it
+    has such a sentence already. Of several talkers the combined solution (GN) counts.
+
+    Parameters
+    ----------
+    messages : list of (int, NMEAMessage)
+        GGA, RMC, GSA, GNS, GLL, VTG in the order of the file, as `sentences` returns them.
+    each : str, optional
+        Start an epoch at each sentence of this kind instead.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each epoch: offset, time (s of day), fix, speed_m_s, and the values of `_FIELDS`,
+        missing where no sentence gives them.
+    """
+    order = list(_FIELDS)
+    rows: list[dict] = []
+    epoch, last, kinds = 0, None, set[str]()
+    for offset, message in messages:
+        kind, time = message.msgID, _time(message)
+        timed = kind in ("GGA", "RMC", "GNS", "GLL")
+        fresh = timed and time is not None and time != last
+        if timed and time is None:  # a receiver that does not know the time yet
+            fresh = last is not None or kind in kinds
+        if not rows or kind == each or (fresh and each is None):
+            epoch, last, kinds = epoch + 1, time, set()
+        kinds.add(kind)
+        rank = order.index(kind) + 0.5 * (message.talker != "GN")
+        row = {"epoch": epoch, "rank": rank, "offset": offset, "time": time}
+        row |= {ours: getattr(message, theirs) for ours, theirs in _FIELDS[kind].items()}
+        rows.append(row)
+    values = dict.fromkeys(name for fields in _FIELDS.values() for name in fields)
+    frame = pd.DataFrame(rows, columns=["epoch", "rank", "offset", "time", *values])
+    frame = frame.replace("", np.nan).sort_values(["epoch", "rank"])
+    frame["pdop"] = frame["pdop"].where(frame["pdop"] > 0)
+    found = frame.groupby("epoch").first().assign(offset=frame.groupby("epoch")["offset"].min())
+    numbers = found.columns.difference(["modes", "date", "status"])
+    found[numbers] = found[numbers].astype(float)
+    quality, status, modes = found["quality"], found["status"], found["modes"]
+    fix = np.where(modes.notna(), modes.astype(str).str.strip("NE") != "", status == "A")
+    fix = np.where(quality.notna(), ~quality.isin(_NO_FIX), fix)
+    speed = (found["speed_knots"] * 1852 / 3600).fillna(found["speed_km_h"] / 3.6)
+    return found.assign(fix=fix & (status.isna() | (status == "A")), speed_m_s=speed)
+
+
+def _lines(raw: bytes, found: pd.DataFrame) -> np.ndarray:
+    """Return the line in the file at which each epoch starts."""
+    newlines = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == ord("\n"))
+    return np.searchsorted(newlines, found["offset"]) + 1
+
+
+def read_table(path: Path) -> Table:
+    """Read the GGA sentences of a static log, a row each.
+
+    Returns
+    -------
+    Table
+        ``t_s`` (s of day, unwrapped over midnight), ``lat_deg``, ``lon_deg``, ``height_m`` (above
+        mean sea level, as GGA gives it), ``separation_m`` (add it for the height above the
+        ellipsoid), ``hdop``, ``pdop`` (of the GSA that follows, where there is one), ``quality``
+        (GGA fix quality, 0 = no fix), ``satellites``. Sentences without a time of day are left
+        out, and counted; those without a fix have NaN positions.
+    """
+    raw = content(path)
+    messages, wrong, _ = sentences(raw, ("GGA", "GSA"))
+    rows = epochs(messages, each="GGA").dropna(subset="time")
+    if rows.empty:
+        raise CannotAnswer(
+            f"{path.name}: no GGA sentence with a time of day and a right checksum from line 1 to "
+            "the end; give a log in which the receiver writes GGA"
+        )
+    frame = rows[[*_FIELDS["GGA"], "pdop"]].fillna({"quality": 0.0, "satellites": 0.0})
+    frame.loc[frame["quality"] == 0, [*_POSITION, "height_m", "separation_m"]] = np.nan
+    frame.insert(0, "t_s", times.unwrap_clock(rows["time"].to_numpy()))
+    repairs = []
+    if wrong:
+        repairs.append(f"{wrong} GGA or GSA sentences with a wrong checksum or content left out")
+    timeless = sum(message.msgID == "GGA" for _, message in messages) - len(rows)
+    if timeless:
+        repairs.append(f"{timeless} GGA sentences without a time of day left out")
+    frame = frame.reset_index(drop=True)
+    return Table(frame, path, tuple(repairs), lines=_lines(raw, rows))
+
+
+def parts(path: Path) -> list[Part]:
+    """List the one table of a log: its sentences."""
+    columns = ("t_s", "lat_deg", "lon_deg", "height_m", "hdop", "pdop", "quality", "satellites")
+    return [Part("NMEA", columns, lambda _: read_table(path), told_by=STANDARD)]
+
+
+def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[float], list[str]]:
+    """Read the GNSS epochs of a moving log, on a clock that only runs forward.
+
+    A receiver that is switched on again, and one whose clock jumps after its first fix, start anew:
+    what is before is moved to end one interval earlier where its clock was ahead.
+
+    Returns
+    -------
+    Gnss
+        ``t_s`` on the clock.
+    str
+        The clock: that of the receiver (`times.DAY`), or that of a host's stamps.
+    str or None
+        Date and time of the first epoch, if the receiver states it.
+    list of float
+        ``t_s`` of the first epoch of each later start.
+    list of str
+        What was repaired.
+
+    Raises
+    ------
+    CannotAnswer
+        If there is no epoch, or time runs backward by more than a clock that is set.
+    """
+    raw = content(path)
+    messages, wrong, joined = sentences(raw, tuple(_FIELDS))
+    if not messages:
+        kinds = "|".join(_FIELDS).encode()
+        bare = len(re.findall(TALKER + rb"(?:" + kinds + rb")," + _BODY + _END, raw))
+        raise CannotAnswer(
+            f"{path.name}: no right checksum in {wrong:,} NMEA sentences, from line 1 on: {bare:,} "
+            f"have no checksum (*hh at the end), {wrong - bare:,} a wrong one or are cut off; log "
+            "GGA or RMC as the receiver sends them, or give the positions as CSV"
+        )
+    found = epochs(messages)
+    notes = []
+    if wrong:
+        notes.append(
+            f"{path.name}: {wrong:,} of {wrong + len(messages):,} sentences cut off or with a "
+            "wrong checksum, left out"
+        )
+    if joined:
+        notes.append(f"{path.name}: {counted(joined, 'sentence')} broken over two lines, joined")
+    lines = _lines(raw, found)
+
+    def place(k):
+        return f"{path.name}, line {lines[k]}"
+
+    t, which = _host_time(raw, found, notes, path.name)
+    if t is None:
+        t, again = _receiver_time(found, place, notes)
+        which = times.DAY
+    else:
+        t, again = times.continued(t)
+    banners = [match.start() for match in _BANNER.finditer(raw)]
+    again = np.union1d(again, np.searchsorted(found["offset"], banners)).astype(int)
+    keep = times.rising(t, place, notes)
+    starts = np.searchsorted(keep, again[(again > 0) & (again < len(t))])
+    t, found, lines = t[keep], found.iloc[keep], lines[keep]
+    starts = np.unique(starts[(starts > 0) & (starts < len(t))])
+    if len(starts):
+        notes.append(
+            f"{place(starts[0])}: the receiver starts again, or its clock jumps, here first: "
+            f"{len(starts) + 1} starts"
+        )
+    gnss = plausible(_gnss(t, found), place, notes)
+    return gnss, which, _start(found, t, notes), t[starts].tolist(), notes
+
+
+def _host_time(raw: bytes, found, notes, name) -> tuple[np.ndarray | None, str]:
+    """Take the host's stamp before each epoch, where most epochs have one of their own."""
+    texts = [(match.start(1), match.group(1).decode()) for match in _HOST.finditer(raw)]
+    before = np.searchsorted([at for at, _ in texts], found["offset"], side="right") - 1
+    if len(np.unique(before[before >= 0])) < max(HOST_SHARE * len(found), 1):
+        return None, ""
+    column = np.array([texts[k][1] if k >= 0 else "" for k in before], dtype=object)
+    unit = ""
+    if not any(":" in text for text in column):
+        column = pd.to_numeric(column).astype(float)
+        unit = _host_unit(column, found["time"].to_numpy())
+    try:
+        stamps = times.stamps(f"host time stamp{unit}", column)
+    except BadStamps:
+        return None, ""
+    t = stamps.since_s + stamps.zero_s
+    missing = np.flatnonzero(~np.isfinite(t))
+    if len(missing):  # before the first stamp: count back a second an epoch
+        first = int(np.argmax(np.isfinite(t)))
+        t[missing] = t[first] - (first - missing)
+    notes += [f"{name}: {note}" for note in stamps.notes]
+    notes.append(f"{name}: the time is that of the host's stamps between the sentences")
+    return t, stamps.clock
+
+
+def _host_unit(column: np.ndarray, day: np.ndarray) -> str:
+    """Choose the unit in which a host's stamps advance as fast as the receiver's clock."""
+    moved = np.diff(day) > 0
+    steps = np.diff(column)[moved] / np.diff(day)[moved]
+    steps = steps[np.isfinite(steps) & (steps > 0)]
+    if not len(steps):
+        return ""
+    ratio = np.median(steps)
+    return min(("_s", "_ms", "_us"), key=lambda u: abs(np.log(ratio * times.SCALES[u[1:]])))
+
+
+def _receiver_time(found, place, notes) -> tuple[np.ndarray, list[int]]:
+    """Return seconds by the receiver's time of day, continuous over midnight.
+
+    Where the clock is set (it steps back by a moment, or leaps when the first fix comes), the
+    epochs before it are moved to end one interval before; so are those before a jump backward after
+    the first fix, which starts anew. Epochs without a time of day are extrapolated, or interpolated
+    between those that have one.
+
+    Returns
+    -------
+    ndarray
+    list of int
+        Epochs at which the clock starts anew.
+    """
+    day = found["time"].to_numpy()
+    known = np.flatnonzero(np.isfinite(day))
+    if not known.size:
+        notes.append(f"{place(0)}: no time of day in the whole log: one epoch a second assumed")
+        return np.arange(len(day), dtype=float), []
+    steps = np.diff(day[known])
+    over_midnight = (steps < 0) & (steps + times.SECONDS_PER_DAY < LEAP_S)
+    steps += times.SECONDS_PER_DAY * over_midnight
+    steps -= times.SECONDS_PER_DAY * (steps > times.SECONDS_PER_DAY / 2)  # rather hours back
+    t, again = day.copy(), []
+    t[known[1:]] = day[known[0]] + np.cumsum(steps)
+    interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
+    fixed = found["fix"].to_numpy()
+    for k, step in zip(known[1:], steps, strict=True):
+        before_any_fix = not fixed[:k].any()
+        if step <= -STEP_BACK_S and not before_any_fix:
+            again.append(int(k))
+            t[:k] += step - interval
+        elif -STEP_BACK_S < step < 0 or (before_any_fix and (step < 0 or step > LEAP_S)):
+            at_fix = " before the first fix" if before_any_fix else ""
+            notes.append(
+                f"{place(k)}: the receiver sets its clock{at_fix} ({step:+.3f} s); the epochs "
+                f"before are moved to end {interval:g} s earlier"
+            )
+            t[:k] += step - interval
+    lacking = np.flatnonzero(~np.isfinite(t))
+    if lacking.size:
+        index = np.arange(len(t))
+        outside = np.minimum(index - known[0], 0) + np.maximum(index - known[-1], 0)
+        t = np.interp(index, known, t[known]) + interval * outside
+        notes.append(
+            f"{place(lacking[0])}: {counted(lacking.size, 'epoch')} without a time of day, the "
+            f"first here: taken as {interval:g} s apart, or even between those that have one"
+        )
+    return t, again
+
+
+def _gnss(t: np.ndarray, found: pd.DataFrame) -> Gnss:
+    """Turn epochs into arrays; the last PDOP and mode hold for some seconds."""
+    fix = found["fix"] & found[[*_POSITION]].notna().all(axis=1)
+    names = (*_POSITION, "height_m", "speed_m_s", "course_deg")
+    columns = {name: found[name].where(fix).to_numpy() for name in names}
+    age = t - pd.Series(t, found.index).where(found["pdop"].notna()).ffill()
+    pdop = found["pdop"].ffill().where(age <= PDOP_HOLD_S)
+    mode = found["mode"].ffill().where(age <= PDOP_HOLD_S)
+    columns |= {"pdop": pdop.to_numpy(), "mode": mode.where(mode > 1).to_numpy()}  # 1: no fix
+    columns["satellites"] = found["satellites"].to_numpy()
+    return Gnss(t_s=t, has_fix=fix.to_numpy(), **columns)
+
+
+def _start(found: pd.DataFrame, t: np.ndarray, notes: list[str]) -> str | None:
+    """Return date and time of the first epoch by the last date; a date never moves the timeline."""
+    dated = found.assign(since_s=t - t[0]).dropna(subset=["date", "time"])
+    if dated.empty:
+        return None
+    starts = pd.to_datetime(dated["date"], utc=True)
+    starts += pd.to_timedelta(dated["time"] - dated["since_s"], unit="s")
+    if starts.max() - starts.min() > pd.Timedelta(days=0.9):
+        dates = sorted(dated["date"])
+        notes.append(
+            f"dates from {dates[0]} to {dates[-1]} do not follow each other: bogus or rolled over; "
+            "only the time of day is used"
+        )
+    return starts.iloc[-1].round("ms").isoformat(timespec="milliseconds")
+
+
+def nmea_lines(gnss: Gnss, start: datetime.datetime) -> Iterator[str]:
+    """Write GNSS epochs as RMC, GGA and GSA sentences, each epoch after a line with its stamp.
+
+    Parameters
+    ----------
+    gnss : Gnss
+    start : datetime.datetime
+        UTC of ``t_s = 0``.
+
+    Yields
+    ------
+    str
+        A line, without its end.
+    """
+    for k, t in enumerate(gnss.t_s.tolist()):
+        at = start + datetime.timedelta(seconds=t)
+        yield f"{t:.3f}"
+        has = bool(gnss.has_fix[k])
+        when = {"time": at.time().replace(tzinfo=None), "lat": "", "NS": "", "lon": "", "EW": ""}
+        if has:
+            lat, lon = float(gnss.lat_deg[k]), float(gnss.lon_deg[k])
+            when |= {"lat": lat, "NS": "NS"[lat < 0], "lon": lon, "EW": "EW"[lon < 0]}
+        rmc = {"status": "AV"[not has], "date": at.date(), "posMode": "AN"[not has]}
+        if has:
+            knots = float(gnss.speed_m_s[k]) / 0.514444
+            rmc |= {"spd": round(knots, 3), "cog": round(float(gnss.course_deg[k]), 2)}
+        dop = round(float(gnss.pdop[k]), 2)
+        part = round(dop / 2**0.5, 2)  # the PDOP's square is the sum of theirs
+        gga = {"quality": int(has), "numSV": 8 * has, "HDOP": part, "altUnit": "M", "sepUnit": "M"}
+        gga |= {"diffAge": "", "diffStation": ""}
+        gga |= {"alt": round(float(gnss.height_m[k]), 1), "sep": 0.0} if has else {}
+        gsa = {"opMode": "A", "navMode": 3 if has else 1, "PDOP": dop, "HDOP": part, "VDOP": part}
+        gsa |= {f"svid_{i:02}": i if has and i <= 8 else "" for i in range(1, 13)}
+        for kind, fields in (("RMC", when | rmc), ("GGA", when | gga), ("GSA", gsa)):
+            message = NMEAMessage("GP", kind, GET, **fields)
+            yield message.serialize().decode().strip()
+
+
+def imu_csv_lines(imu: Imu) -> Iterator[str]:
+    """Write IMU samples as lines of a CSV: time, gyro (rad/s), acceleration (m/s^2).
+
+    Parameters
+    ----------
+    imu : Imu
+
+    Yields
+    ------
+    str
+        A line, without its end.
+    """
+    axes = "xyz"
+    names = [f"gyro_{a}_rad_s" for a in axes] + [f"accel_{a}_m_s2" for a in axes]
+    yield ",".join(["t_s", *names])
+    for t, row in zip(imu.t_s, np.hstack([imu.gyro_b, imu.accel_b]), strict=True):
+        yield ",".join([f"{t:.4f}", *(f"{v:.6f}" for v in row)])

@@ -1,0 +1,391 @@
+"""Logs of robots, autopilots and receivers: ROS bags, PX4 ULog, ArduPilot DataFlash, u-blox UBX.
+
+Their message definitions state the units, so that nothing has to be guessed. Only the messages of
+the table that is wanted are kept.
+"""
+
+import contextlib
+import os
+import re
+import sys
+import tempfile
+from array import array
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from sensorlogs import CannotAnswer, nmea
+from sensorlogs.columns import NAMES
+from sensorlogs.delimited import Table, progress
+from sensorlogs.grid import counted
+from sensorlogs.tables import AXES, LISTED, Part, of_arrays, reading
+
+DEFINED = "its message definition"
+_ROS = NAMES["ros"]
+_ULOG = NAMES["ulog"] | dict.fromkeys(("vehicle_gps_position", "sensor_gps"), NAMES["ulog_gps"])
+_ULOG_SIDE = re.compile("timestamp|device_id|integral_dt|clip|count|magnetometer|baro")
+_PAGE = 528  # bytes without messages that the end of a DataFlash log may have
+_PRIMARY = re.compile(r"(IMU|GYR|ACC|GPS)\d?|ATT")
+_UBX = re.compile(rb"\xb5\x62(?:\x01\x07|\x10[\x02\x03])")  # NAV-PVT, ESF-MEAS, ESF-RAW
+_UBX_SIZE = 8192  # bytes of the longest message that is looked at
+
+
+def ros_bag(path: Path) -> list[Part]:
+    """List the topics of a ROS 1 bag, or of a ROS 2 one: db3, MCAP, or its folder."""
+    with _opened(path) as bag:
+        parts = []
+        for topic, connections in _topics(bag).items():
+            first = connections[0]
+            with reading(path, "a ROS bag"):
+                names = _ros_names(bag, first)
+            rows = sum(c.msgcount for c in connections)
+
+            def load(_, topic=topic):
+                return _ros_table(path, topic)
+
+            known = DEFINED if first.msgtype in _ROS else "its message's field names"
+            parts.append(Part(topic, names, load, rows, known))
+    return parts
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a bag of any kind by its content; the library goes by the suffix."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    repair = "copy it again, or repair it: rosbag reindex, mcap recover, or sqlite3 FILE .recover"
+    with tempfile.TemporaryDirectory() as folder, reading(path, "a ROS bag", repair):
+        named = path
+        if path.is_file():
+            with path.open("rb") as handle:
+                head = handle.read(8)
+            suffix = {b"#ROSBAG ": ".bag", b"SQLite f": ".db3"}.get(head, ".mcap")
+            named = Path(folder) / f"log{suffix}"
+            named.symlink_to(path.resolve())
+        with AnyReader([named], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+            yield bag
+
+
+def _topics(bag: Any) -> dict[str, list]:
+    """Group the connections of a bag by topic."""
+    topics: dict[str, list] = defaultdict(list)
+    for connection in bag.connections:
+        topics[connection.topic].append(connection)
+    return topics
+
+
+def _ros_names(bag: Any, connection: Any) -> tuple[str, ...]:
+    """Name the columns of a topic by its first message."""
+    if connection.msgtype not in bag.typestore.fielddefs:
+        return ()
+    for _, _, raw in bag.messages([connection]):
+        names = [name for name, _ in _ros_leaves(bag.deserialize(raw, connection.msgtype))]
+        return ("t_s", *(_ROS.get(connection.msgtype, {}).get(n, n) for n in names))
+    return ()
+
+
+def _ros_leaves(message: Any, above: str = "") -> Iterator[tuple[str, float]]:
+    """Walk through the numbers of a message, its stamps left out."""
+    for name in (each.name for each in fields(message)):
+        value = getattr(message, name)
+        full = f"{above}.{name}" if above else name
+        if is_dataclass(value):
+            if "Time" not in type(value).__name__:
+                yield from _ros_leaves(value, full)
+        elif isinstance(value, bool | int | float | np.number) and name != "seq":
+            yield full, float(value)
+        elif isinstance(value, np.ndarray) and value.size == 3:
+            yield from ((f"{full}.{a}", float(v)) for a, v in zip(AXES, value, strict=True))
+
+
+def _ros_table(path: Path, topic: str) -> Table:
+    """Read the messages of one topic."""
+    notes = []
+    with _opened(path) as bag:
+        connections = _topics(bag)[topic]
+        rows = sum(c.msgcount for c in connections)
+        known = _ROS.get(connections[0].msgtype, {})
+        columns: dict[str, array] = defaultdict(lambda: array("d"))
+        stamps, received = array("d"), array("d")
+        bar = tqdm(bag.messages(connections), total=rows, **progress(path))
+        for connection, written_ns, raw in bar:
+            message = bag.deserialize(raw, connection.msgtype)
+            header = getattr(message, "header", None)
+            stamp = header.stamp.sec + 1e-9 * header.stamp.nanosec if header else 0.0
+            stamps.append(stamp)
+            received.append(1e-9 * written_ns)
+            for name, value in _ros_leaves(message):
+                if not name.startswith("header."):
+                    columns[known.get(name, name)].append(value)
+    found = {name: np.frombuffer(values) for name, values in columns.items()}
+    widths = {len(values) for values in found.values()} | {len(stamps)}
+    if not stamps or len(widths) > 1:
+        raise CannotAnswer(f"{path.name}: topic {topic} has no rows of equal length")
+    if len(stamps) < rows:
+        notes.append(f"{rows - len(stamps):,} of {rows:,} messages are damaged, left out")
+    t = np.frombuffer(stamps)
+    if not t.any():
+        t = np.frombuffer(received)
+        notes.append(f"{topic} has no stamps: the times of recording are used")
+    if "fix" in found:
+        found["fix"] = found["fix"] + 1  # -1 no fix, 0 a fix
+    return Table(pd.DataFrame({"t_s": t, **found}, copy=False), path, tuple(notes))
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Keep a library from printing what it skips; some print past Python."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [(number, os.dup(number)) for number in (1, 2)]
+    with open(os.devnull, "w") as nowhere:
+        for number, _ in kept:
+            os.dup2(nowhere.fileno(), number)
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        for number, copy in kept:
+            os.dup2(copy, number)
+            os.close(copy)
+
+
+def ulog(path: Path) -> list[Part]:
+    """List the messages of a PX4 ULog, an instance each."""
+    from pyulog import ULog
+
+    bar = {"total": path.stat().st_size, **progress(path)}
+    with (
+        reading(path, "a PX4 ULog"),
+        path.open("rb") as raw,
+        tqdm.wrapattr(raw, "read", **bar) as handle,
+        _silent(),
+    ):
+        log = ULog(handle, [*_ULOG, "vehicle_imu", "vehicle_attitude"])
+    notes: list[str] = []
+    size, whole = path.stat().st_size, _whole_ulog(path.read_bytes())
+    if log.file_corruption or whole < size:
+        until_s = (log.last_timestamp - log.start_timestamp) / 1e6
+        notes.append(
+            f"cut off or damaged at byte {whole:,} of {size:,}; what could be read ends "
+            f"{until_s:.4g} s after the log's start"
+        )
+    if log.dropouts:
+        lost_s = sum(each.duration for each in log.dropouts) / 1000
+        notes.append(f"dropouts of the logger: {len(log.dropouts):,}, {lost_s:.3g} s in all")
+    names = [d.name for d in log.data_list]
+    parts = []
+    for data in log.data_list:
+        fields_ = dict(data.data)
+        known = _ULOG.get(data.name, {})
+        if "timestamp" not in fields_:  # each message has one: its definition is damaged
+            continue
+        time = fields_.pop("timestamp")
+        time = fields_.pop("timestamp_sample", time)
+        columns = {"t_us": time}
+        for field, values in fields_.items():
+            name, factor = known.get(field, (field, None))
+            if _ULOG_SIDE.search(field) or name in columns:
+                continue
+            columns[name] = values if factor is None else values * factor
+        if "temperature" in columns:
+            columns["temperature (degC)"] = columns.pop("temperature")
+        if "hdop" in columns and "vdop" in columns:
+            columns["pdop"] = np.hypot(columns.pop("hdop"), columns.pop("vdop"))
+        if "fix_type" in columns:  # 2 and more: two- or three-dimensional
+            columns["fix"] = np.maximum(columns.pop("fix_type").astype(float) - 1, 0)
+        label = f"{data.name}/{data.multi_id}" if names.count(data.name) > 1 else data.name
+        primary = data.name in _ULOG
+        parts.append(of_arrays(path, label, columns, notes, told_by=DEFINED, primary=primary))
+    if not parts:
+        with reading(path, "a PX4 ULog"), _silent():
+            others = sorted({data.name for data in ULog(str(path)).data_list})
+        if not others:
+            raise CannotAnswer(
+                f"{path.name}: a PX4 ULog without any data, cut off behind its header: copy it "
+                "again, or record anew"
+            )
+        raise CannotAnswer(
+            f"{path.name}: a PX4 ULog without sensor_combined, sensor_gyro, sensor_accel or a GPS, "
+            f"which has {', '.join(others[:LISTED])}: if it is whole, log one of them "
+            "(SDLOG_PROFILE of PX4)"
+        )
+    return parts
+
+
+def _whole_ulog(raw: bytes) -> int:
+    """Find the byte up to which a ULog is whole: size and type, a capital letter, lead to the next.
+
+    By PX4's description of the format; the library says nothing of an end that is cut off.
+    """
+    at = 16
+    while raw[at + 2 : at + 3].isupper():
+        end = at + 3 + int.from_bytes(raw[at : at + 2], "little")
+        if end > len(raw):
+            break
+        at = end
+    return at
+
+
+def dataflash(path: Path) -> list[Part]:
+    """List the messages of an ArduPilot DataFlash log, an instance each.
+
+    The library finds the messages and their formats; the rows of one kind are then taken at once.
+    """
+    from pymavlink import DFReader
+
+    with reading(path, "an ArduPilot DataFlash log"), _silent():
+        log = DFReader.DFReader_binary(str(path))
+        raw = np.frombuffer(log.data_map, dtype=np.uint8)
+        parts: list[Part] = []
+        lost = len(raw) - sum(len(log.offsets[f.type]) * f.len for f in log.formats.values())
+        notes = []
+        if lost >= _PAGE:
+            notes.append(f"{lost:,} of {len(raw):,} bytes are no messages: damaged, left out")
+        for form in log.formats.values():
+            offsets = np.asarray(log.offsets[form.type], dtype=np.int64)
+            offsets = offsets[offsets + form.len <= len(raw)]
+            if not offsets.size or form.columns[:1] != ["TimeUS"]:
+                continue
+            parts += _dataflash_parts(path, form, offsets, raw, notes)
+        log.filehandle.close()
+    return parts
+
+
+def _dataflash_parts(
+    path: Path, form: Any, offsets: np.ndarray, raw: np.ndarray, notes: list[str]
+) -> list[Part]:
+    """Take the rows of one message apart by its instance."""
+    from pymavlink.DFReader import FORMAT_TO_STRUCT
+
+    codes = [FORMAT_TO_STRUCT[c] for c in form.format]
+    types = [f"S{code[:-1]}" if code.endswith("s") else f"<{code}" for code, _, _ in codes]
+    layout = np.dtype(list(zip(form.columns, types, strict=True)))
+    if layout.itemsize + 3 != form.len:
+        return []
+    rows = np.ascontiguousarray(raw[offsets[:, None] + np.arange(3, form.len)]).view(layout)[:, 0]
+    instance = next((n for n in form.columns if n in ("I", "Instance")), None)
+    groups = {form.name: rows}
+    if instance and rows[instance].dtype.kind in "iu":
+        each = np.unique(rows[instance])
+        if len(each) > 1:
+            groups = {f"{form.name}/{k}": rows[rows[instance] == k] for k in each}
+    parts = []
+    for label, mine in groups.items():
+        columns = {}
+        for name, (_, factor, _) in zip(form.columns, codes, strict=True):
+            if mine[name].dtype.kind in "fiu" and name != instance:
+                ours = NAMES["dataflash"].get(name, name)
+                if name in ("T", "Temp"):
+                    ours = "temperature (degC)"
+                columns[ours] = mine[name] * (factor or 1.0)
+        if form.name.startswith("GPS") and "Status" in columns:
+            columns["fix"] = np.maximum(columns.pop("Status") - 1, 0)  # 2 and more: a fix
+        primary = bool(_PRIMARY.fullmatch(form.name))
+        parts.append(of_arrays(path, label, columns, notes, told_by=DEFINED, primary=primary))
+    return parts
+
+
+def holds_ubx(raw: bytes) -> bool:
+    """Tell whether there is a whole message that `ubx` reads, whatever lies around it."""
+    return any(_checksum_agrees(raw, match.start()) for match in _UBX.finditer(raw))
+
+
+def _checksum_agrees(raw: bytes, at: int) -> bool:
+    """Tell whether a UBX message begins here: its checksum is that of Fletcher, over 8 bits."""
+    size = int.from_bytes(raw[at + 4 : at + 6], "little")
+    body, ends = raw[at + 2 : at + 6 + size], raw[at + 6 + size : at + 8 + size]
+    if size > _UBX_SIZE or len(ends) < 2:
+        return False
+    one = np.cumsum(np.frombuffer(body, dtype=np.uint8), dtype=np.uint64)
+    return ends == bytes([int(one[-1]) & 255, int(one.sum()) & 255])
+
+
+def ubx(path: Path) -> list[Part]:
+    """List NAV-PVT, ESF-MEAS and ESF-RAW of a u-blox log, whatever lies between them.
+
+    The positions of NMEA sentences in between are a table of their own, read where it is named or
+    where the log has no NAV-PVT.
+    """
+    from pyubx2 import UBXReader
+
+    raw = path.read_bytes()
+    rows: dict[str, list[dict]] = {"NAV-PVT": [], "ESF-MEAS": [], "ESF-RAW": []}
+    wrong = 0
+    places = [match.start() for match in _UBX.finditer(raw)]
+    for at in tqdm(places, **progress(path)):
+        size = int.from_bytes(raw[at + 4 : at + 6], "little") + 8
+        try:
+            if size > _UBX_SIZE or at + size > len(raw):
+                raise ValueError
+            message = UBXReader.parse(raw[at : at + size])
+            rows[message.identity] += list(_ubx_rows(message))
+        except Exception:  # a wrong checksum, or bytes that only look like a message
+            wrong += 1
+    damaged = f"{counted(wrong, 'UBX message')} cut off or with a wrong checksum, left out"
+    notes = [damaged] * bool(wrong)
+    parts = []
+    for name, mine in rows.items():
+        if mine:
+            frame = pd.DataFrame(mine)
+            if name == "NAV-PVT":  # the calendar, or the time of week where that is not known
+                frame = frame.drop(columns="t_s" if frame["t_s"].isna().any() else "t_ms")
+            else:  # gyros and accelerometers may come in messages of their own
+                frame = frame.groupby(frame.columns[0], sort=False).first().reset_index()
+            columns = {key: frame[key].to_numpy() for key in frame}
+            parts.append(of_arrays(path, name, columns, notes, told_by=DEFINED))
+    if nmea.SENTENCE.search(raw):
+        parts += [replace(part, primary=not rows["NAV-PVT"]) for part in nmea.parts(path)]
+    if not parts:
+        raise CannotAnswer(
+            f"{path.name}: u-blox UBX without a whole NAV-PVT, ESF-MEAS or ESF-RAW: log one of them"
+        )
+    return parts
+
+
+def _ubx_rows(message: Any) -> Iterator[dict[str, float]]:
+    """Make the rows of one message."""
+    if message.identity == "NAV-PVT":
+        day = (message.year, message.month, message.day)
+        clock = (message.hour, message.min, message.second)
+        known = message.validDate and message.validTime
+        yield {
+            "t_s": datetime(*day, *clock, tzinfo=UTC).timestamp() + 1e-9 * message.nano
+            if known
+            else np.nan,
+            "t_ms": message.iTOW,
+            "lat_deg": message.lat,
+            "lon_deg": message.lon,
+            "height_m": message.hMSL / 1000,
+            "speed_m_s": message.gSpeed / 1000,
+            "course_deg": message.headMot,
+            "pdop": message.pDOP,
+            "fix": float(message.fixType in (2, 3, 4) and message.gnssFixOk),
+        }
+        return
+    payload = message.payload
+    raw = message.identity == "ESF-RAW"
+    start, step = (4, 8) if raw else (8, 4)
+    count = (len(payload) - start) // step
+    tag = int.from_bytes(payload[0:4], "little")
+    found: dict[int, dict[str, float]] = {}
+    for k in range(count if raw else min(count, payload[5] >> 3)):
+        at = start + step * k
+        word = int.from_bytes(payload[at : at + 4], "little")
+        if raw:
+            tag = int.from_bytes(payload[at + 4 : at + 8], "little")
+        value = (word & 0xFFFFFF) - ((word & 0x800000) << 1)
+        name, unit = NAMES["esf"].get(str(word >> 24 & 0x3F), ("", 0.0))
+        if name:
+            found.setdefault(tag, {})[name] = unit * value
+    name = "time tag" if not raw else "sensor time tag"
+    yield from ({name: at, **values} for at, values in found.items())

@@ -1,0 +1,492 @@
+"""Static logs: a file or a catalogue name in, channels on a uniform time grid out.
+
+    read("adis16405")                              a stanza of data/logs.toml
+    read("my.csv")                                 time column and units found by name
+    read("my.csv", rate=100, columns=[2, 3, 4], unit="deg/s")
+    read("raw.csv", unit="gyro=deg/s,accel=g", scale="gyro=1/131,accel=1/16384", time_unit="us")
+
+A file that cannot be read is refused in one sentence with file, line, column and what to do; every
+repair is one sentence in `Log.repairs`.
+"""
+
+import itertools
+import shlex
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from sensorlogs import CannotAnswer, WrongUsage, columns, datasets, formats, times
+from sensorlogs import grid as grids
+from sensorlogs.catalogue import check_unit, find
+from sensorlogs.columns import Choice
+from sensorlogs.delimited import Table, printable
+from sensorlogs.grid import MISSING_ALLOWED, Grid
+
+SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
+LARGEST = 1e9  # beyond what any sensor reads, in any unit
+PIECE = 1 << 20  # samples that are looked at together, to bound the memory
+THREADS = 2  # channels that are looked at together
+AWAY = 20  # times the range of all other values; a value that returns beyond it is no reading
+RETURNS = 3  # times that one value has to stand there
+FAR = 5  # times its scatter (5 to 95 %) that a reading is from 0, which it then never is
+RARELY = 0.01, 1e-3  # share of zeros in one axis, and all axes at once by chance, of fine readings
+HELD = 0.8  # share of samples equal to the one before beyond which an output counts as held
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One reading on the uniform grid.
+
+    Attributes
+    ----------
+    name, unit : str
+    kind : str
+        rate, angle, accel or position.
+    values : ndarray, shape (n,)
+        In ``unit``; NaN where a sample is missing; angles unwrapped.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class Log:
+    """A log on a uniform time grid.
+
+    Attributes
+    ----------
+    name, title, given : str
+        ``given`` is the file or name as the user wrote it, for messages.
+    file : str
+        Base name of the raw file.
+    sha256 : str
+        Of the raw file.
+    rate_hz : float
+    channels : tuple of Channel
+    samples : int
+        Rows read, within ``start`` and ``stop``.
+    gaps : int
+        Places where samples are missing by the time stamps.
+    repairs : tuple of str
+        One sentence for everything that was guessed, assumed or repaired, guesses first.
+    licence, source : str
+    temperature : ndarray, shape (n,), or None
+        Of the sensor, deg C, on the grid of the channels; None where it is not logged.
+    start_s : float
+        Of the first sample, seconds from the first row of the file.
+    used : tuple of float, or None
+        Start and end of the stretch that `between` cut out, likewise.
+    """
+
+    name: str
+    title: str
+    file: str
+    sha256: str
+    rate_hz: float
+    channels: tuple[Channel, ...]
+    samples: int
+    gaps: int
+    repairs: tuple[str, ...]
+    licence: str
+    source: str
+    given: str = ""
+    temperature: np.ndarray | None = None
+    start_s: float = 0.0
+    used: tuple[float, float] | None = None
+
+    @property
+    def dt(self) -> float:
+        """Sampling interval, s."""
+        return 1.0 / self.rate_hz
+
+    @property
+    def duration_s(self) -> float:
+        """Time covered, s: samples on the grid times the sampling interval."""
+        return len(self.channels[0].values) / self.rate_hz
+
+    def between(self, start: float, stop: float, repair: str) -> "Log":
+        """Cut out a stretch, s from the first row of the file; `repair` is its first remark."""
+        first, last = (round((t - self.start_s) * self.rate_hz) for t in (start, stop))
+        channels = tuple(replace(c, values=c.values[first:last]) for c in self.channels)
+        missing = np.all([np.isnan(c.values) for c in channels], axis=0)
+        return replace(
+            self,
+            channels=channels,
+            samples=int((~missing).sum()),
+            gaps=int((np.diff(missing.astype(int)) > 0).sum()),
+            repairs=(repair, *self.repairs),
+            temperature=None if self.temperature is None else self.temperature[first:last],
+            start_s=start,
+            used=(start, stop),
+        )
+
+
+def read(
+    log: str | Path,
+    *,
+    rate: float | None = None,
+    time: str | int | None = None,
+    columns: Sequence[str | int] | None = None,
+    unit: str | None = None,
+    kind: str | None = None,
+    scale: str | None = None,
+    time_unit: str | None = None,
+    table: str | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+) -> Log:
+    """Read a static log.
+
+    Parameters
+    ----------
+    log : str or Path
+        A name of the catalogue, a file, or a folder with one file a sensor.
+    rate : float, optional
+        Samples per second; then the rows are taken as evenly spaced and stamps are not used,
+        unless ``time`` is given too.
+    time : str or int, optional
+        The time column, by name or number from 1; found by its name if left out.
+    columns : sequence of str or int, optional
+        The channels, likewise; all whose unit is known if left out.
+    unit, kind, scale : str, optional
+        For columns whose name has no unit; see `sensorlogs.columns.choose`.
+    time_unit : str, optional
+        Of the time column: s, ms, us or ns; found by its name and numbers if left out.
+    table : str, optional
+        Topic, message, sheet, variable or file in a zip, where a log has several.
+    start, stop : float, optional
+        Seconds from the first row.
+
+    Returns
+    -------
+    Log
+
+    Raises
+    ------
+    WrongUsage
+        If an argument has to be changed: unknown column, no rate, g given as m/s^2 ...
+    CannotAnswer
+        If the file cannot support an answer: text among numbers, time running backward ...
+    """
+    name, stanza, path = find(log)
+    check_unit(name, stanza, unit)
+    given = {"rate_hz": rate, "time": time, "time_unit": time_unit, "from": start, "to": stop}
+    given |= {"unit": unit, "kind": kind, "scale": scale, "table": table}
+    option = stanza | {key: value for key, value in given.items() if value is not None}
+    rows = formats.read_table(path, option, columns)
+    rows, time_column, t_s, notes = _stretch(rows, option)
+    grid = _grid(rows, time_column, t_s, option)
+    with np.errstate(over="ignore", invalid="ignore"):  # garbage is refused below, with its place
+        chosen, temperature = _choices(rows, time_column, stanza, columns, option)
+    repairs = [*chosen.guessed, *([stanza["note"]] if "note" in stanza else [])]
+    repairs += [*rows.repairs, *notes, *chosen.notes]
+    repairs += grid.repairs
+    said: list[list[str]] = [[] for _ in chosen.channels]
+    lost: list[list[tuple]] = [[] for _ in chosen.channels]
+    put = partial(_channel, rows, grid, _zeros(rows.frame, chosen.channels))
+    with ThreadPoolExecutor(THREADS) as threads:
+        digest = threads.submit(datasets.sha256, path)
+        channels = tuple(threads.map(put, chosen.channels, said, lost))
+    repairs += [*_missing(rows, itertools.chain(*lost)), *itertools.chain(*said)]
+    _check_gravity(path.name, channels, option.get("unit"))
+    if grid.size < SAMPLES_NEEDED:
+        raise CannotAnswer(
+            f"{rows.place(len(rows.frame) - 1)}: the log ends after {len(rows.frame)} samples; a "
+            f"noise analysis needs at least {SAMPLES_NEEDED}: give a longer log or stretch"
+        )
+    first = 0 if rows.rows is None else rows.rows[0]
+    return Log(
+        name=name,
+        title=stanza.get("title", path.name),
+        file=path.name,
+        sha256=digest.result(),
+        rate_hz=grid.rate_hz,
+        channels=channels,
+        samples=len(rows.frame),
+        gaps=grid.gaps,
+        repairs=tuple(repairs),
+        licence=stanza.get("licence", "not stated"),
+        source=stanza.get("source", "the reader's own log"),
+        given=str(log),
+        temperature=None if temperature is None else _filled(grid.place(temperature)),
+        start_s=float(first / grid.rate_hz if t_s is None else np.nanmin(t_s)),
+    )
+
+
+def _filled(values: np.ndarray) -> np.ndarray:
+    """Draw straight lines over what is missing in a slow series."""
+    good = np.isfinite(values)
+    at = np.arange(len(values))
+    return np.interp(at, at[good], values[good]) if good.any() else values
+
+
+def _stretch(table: Table, option: dict):
+    """Find the time column, and cut out the rows between start and stop.
+
+    Returns
+    -------
+    table : Table
+        Those rows.
+    time : str or None
+        The time column.
+    t_s : ndarray or None
+        Seconds since the first row of the file; None if the stamps are not used.
+    notes : list of str
+    """
+    file, frame, rate, notes = table.file, times.joined(table.frame), option.get("rate_hz"), []
+    time = times.time_column(frame)
+    if "time" in option:
+        time = columns.resolve(option["time"], list(frame), file)
+    if rate is not None and not (np.isfinite(rate) and rate > 0):
+        raise WrongUsage(f"{file}: the rate must be a positive number of samples a second")
+    if rate is None and time is None:
+        raise WrongUsage(_no_rate(file, frame))
+    t_s = None
+    if time and rate is not None and "time" not in option:
+        notes.append(f"time column '{time}' not used, since the rate is given")
+    elif time:
+        with times.stamp_errors_at(table, time):
+            stamps = times.stamps(time, frame[time].to_numpy(), rate, option.get("time_unit"))
+        t_s = stamps.since_s
+        notes += stamps.notes
+    start, stop = option.get("from", 0.0), option.get("to")
+    if not (start >= 0 and (stop is None or stop > start)):
+        raise WrongUsage(f"{file}: --from {start:g} --to {stop} is no stretch of time")
+    rows = None
+    if option.keys() & {"from", "to"}:
+        rows = np.arange(len(frame))
+        at = rows / rate if t_s is None else t_s
+        inside = ~(at < start) & ~(at >= (np.inf if stop is None else stop))
+        if not inside.any():
+            raise WrongUsage(
+                f"{file}: no row from {start:g} s"
+                + ("" if stop is None else f" to {stop:g} s")
+                + f"; the log lasts {np.nanmax(at):.6g} s"
+            )
+        rows, frame = rows[inside], frame.iloc[inside]
+        t_s = t_s if t_s is None else t_s[inside]
+    return replace(table, frame=formats.about_the_mean(frame), rows=rows), time, t_s, notes
+
+
+def _no_rate(file: str, frame: pd.DataFrame) -> str:
+    """State how to give a rate; suggest a column that looks like time."""
+    numbers = frame.select_dtypes("number")
+    rising = [name for name in numbers if len(frame) > 2 and (numbers[name].diff()[1:] > 0).all()]
+    hint = ""
+    if rising:
+        hint = f" (column '{rising[0]}' only ever rises: --time {shlex.quote(rising[0])}?)"
+    return (
+        f"{file}, line 1: no column is named as time and no rate is given: say --rate HZ if the "
+        f"rows are evenly spaced, or --time COLUMN{hint}; there are: {', '.join(frame.columns)}"
+    )
+
+
+def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.ndarray | None]:
+    """Choose the channels, the catalogue's or those of the file; and find the temperature."""
+    file, frame = table.file, table.frame
+    given = {key: option.get(key) for key in ("unit", "kind", "scale")}
+    numeric = [name for name in frame.select_dtypes("number") if name != time]
+    warm, unit, temperature = columns.temperature(frame, numeric) or ("", "", None)
+    if "channels" in stanza:
+        known, few = {}, columns.sample(frame, numeric)
+        for channel in stanza["channels"]:
+            own = given | {key: channel[key] for key in given if key in channel}
+            (named,) = columns.choose(few, file, [channel["column"]], **own).channels
+            name = columns.tidy(channel.get("name", named.name))
+            known[name] = replace(named, name=name)
+        chosen = [known[columns.resolve(c, list(known), file)] for c in wanted or known]
+        return columns.Chosen(chosen, [], []), temperature
+    if wanted:  # numbers count the columns of the file, the time among them
+        wanted = [columns.resolve(c, list(frame), file) for c in wanted]
+        for name in wanted:
+            if name == time:
+                raise WrongUsage(f"{file}: column '{name}' is the time; leave it out of --columns")
+            if frame[name].dtype.kind != "f":
+                cell = printable(str(frame[name].iloc[0]))
+                raise CannotAnswer(
+                    f"{table.place(0, name)}: '{cell}' is not a number; choose other --columns"
+                )
+    for name in () if wanted else frame.columns.difference([time, *frame.select_dtypes("number")]):
+        if columns.meaning(name)[0] in ("rate", "accel") and not columns.meaning(name)[1]:
+            wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
+            row = int(np.argmax(wrong))
+            raise CannotAnswer(
+                f"{table.place(row, name)}: '{printable(str(frame[name].iloc[row]))}' is not a "
+                "number; correct the column, or choose others with --columns"
+            )
+    if not numeric:
+        raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
+    lost = {"lat_deg", "lon_deg"} <= set(frame) and "north_m" not in frame and not wanted
+    if lost and not any(columns.meaning(name)[0] for name in numeric):
+        raise CannotAnswer(
+            f"{file}: no fix: none of the {len(frame):,} epochs has a position; give a log in "
+            "which the receiver has found its satellites"
+        )
+    notes = [f"column '{warm}' kept as the temperature, in {unit}"] if warm else []
+    empty = [n for n in numeric if n not in (wanted or ()) and not _any(frame[n].to_numpy())]
+    if empty and len(empty) < len(numeric):
+        names = ", ".join(f"'{name}'" for name in empty)
+        notes.append(f"without any value, and left out: {names}")
+        numeric = [name for name in numeric if name not in empty]
+    numeric = [name for name in numeric if name != warm or name in (wanted or ())]
+    if table.layout is not None and not (wanted and given["unit"]):
+        numeric, doubles = columns.without_doubles(numeric, table.layout.names, file, wanted)
+        notes += doubles
+    found = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
+    return replace(found, notes=[*notes, *found.notes]), temperature
+
+
+def _any(cells: np.ndarray) -> bool:
+    """Tell whether there is a number, which is mostly among the first."""
+    return bool(np.isfinite(cells[:PIECE]).any() or np.isfinite(cells[PIECE:]).any())
+
+
+def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid:
+    """Place the rows on a uniform grid, by their stamps or by a given rate."""
+    rate, frame = option.get("rate_hz"), table.frame
+    if t_s is None:
+        return Grid(float(option["rate_hz"]), len(frame), grids.ALL, grids.ALL)
+    repeated = np.zeros(len(frame), dtype=bool)
+    same = np.flatnonzero(t_s[1:] == t_s[:-1]) + 1
+    now = frame.iloc[same]
+    before = frame.iloc[same - 1].set_axis(now.index)
+    repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
+    with times.stamp_errors_at(table, time):
+        grid = grids.by_stamps(t_s, repeated, option.get("timing", "auto"))
+    if rate is not None and abs(grid.rate_hz / rate - 1) > 0.05:
+        raise WrongUsage(
+            f"{table.file}: --rate {rate:g} contradicts time column '{time}', which "
+            f"says {grid.rate_hz:.6g} Hz; leave one of them out"
+        )
+    return grid
+
+
+def _channel(
+    table: Table, grid: Grid, zeros: dict, choice: Choice, repairs: list[str], lost: list[tuple]
+) -> Channel:
+    """Put one column on the grid; note missing values, refuse too many."""
+    cells = table.frame[choice.column].to_numpy(dtype=float)
+    cells = cells if choice.scale == 1 else choice.scale * cells
+    finite = np.abs(cells) <= LARGEST
+    values, why = cells, " or beyond 1e9" if (np.abs(cells) > LARGEST).any() else ""
+    if choice.column in zeros:
+        finite &= ~zeros[choice.column]
+        why += " or a mark for it (0 in all axes at once, which these readings never are)"
+    marks = [] if choice.kind == "position" else _placeholders(cells[finite])  # jumps are errors
+    if marks:
+        finite &= ~np.isin(cells, marks)
+        said = " and ".join(f"{mark / choice.scale:.6g}" for mark in marks)
+        why += f" or a mark for it ({said}, far from all others)"
+    if not finite.all():
+        row, count = int(np.argmin(finite)), int((~finite).sum())
+        if count > MISSING_ALLOWED * len(cells):
+            raise CannotAnswer(
+                f"{table.place(row, choice.column)}: no value here, nor in {count:,} of "
+                f"{len(cells):,} rows; more than {MISSING_ALLOWED:.0%} missing is too much: choose "
+                "other --columns, or a stretch with --from and --to"
+            )
+        lost.append((why, count, row, choice.column))
+        values, cells = cells[finite], np.where(finite, cells, np.nan)
+    if choice.kind == "angle" and choice.unit in columns.FULL_TURN:
+        turned = formats.unwrap(cells, columns.FULL_TURN[choice.unit])
+        jumps = int((np.diff((turned - cells)[finite]).round(6) != 0).sum())
+        if jumps:
+            repairs.append(
+                f"'{choice.name}' unwrapped: {grids.counted(jumps, 'jump')} by a full turn removed"
+            )
+            cells, values = turned, turned[finite]
+    few = np.percentile(values[:: 1 + len(values) // columns.LOOKED_AT], [5, 95])
+    spread = 1e-6 * float(np.ptp(few))  # rounding in metres from degrees is no change
+    parts = (np.diff(values[k : k + PIECE + 1]) for k in range(0, len(values) - 1, PIECE))
+    same = sum(int((np.abs(part) <= spread).sum()) for part in parts)
+    held = same / max(len(values) - 1, 1) if spread else 0.0
+    if held > HELD:
+        repairs.append(
+            f"'{choice.name}' repeats its last value in {held:.1%} of the samples: a held output, "
+            "so it holds far fewer independent values than samples"
+        )
+    return Channel(choice.name, choice.unit, choice.kind, grid.place(cells))
+
+
+def _missing(table: Table, lost: Iterable[tuple]) -> Iterator[str]:
+    """Say what is missing, in one sentence for each reason, whatever the number of columns."""
+    total = len(table.frame)
+    reasons: dict[str, dict[tuple, list[str]]] = {}
+    for why, count, row, column in lost:
+        reasons.setdefault(why, {}).setdefault((count, row), []).append(column)
+    for why, found in reasons.items():
+        parts = [
+            f"{count:,} of {total:,} in {'each of ' if names[1:] else ''}{', '.join(names)}, first "
+            f"in {table.place(row).removeprefix(f'{table.file}, ')}"
+            for (count, row), names in found.items()
+        ]
+        yield f"{table.file}: values are missing{why}: {'; '.join(parts)}"
+
+
+def _zeros(frame: pd.DataFrame, choices: Sequence[Choice]) -> dict[str, np.ndarray]:
+    """Find the rows that stand for no reading because all axes are exactly 0: column -> rows.
+
+    Either one axis is far from 0 for its scatter, or all are so fine that they are hardly ever 0.
+    A coarse sensor, which often reads 0, is left as it is.
+    """
+    found: dict[str, np.ndarray] = {}
+    for kinds in ({"rate"}, {"accel"}, {"rate", "accel"}):
+        names = [c.column for c in choices if c.kind in kinds]
+        at = np.logical_and.reduce([frame[name].to_numpy() == 0 for name in names])
+        if len(names) < 3 or not RETURNS <= at.sum() <= MISSING_ALLOWED * len(frame):
+            continue
+        rest = np.flatnonzero(~at)
+        few = frame.iloc[rest[:: 1 + len(rest) // columns.LOOKED_AT]][names]
+        low, middle, high = few.quantile([0.05, 0.5, 0.95]).to_numpy()
+        zeros = np.array([np.count_nonzero(frame[name].to_numpy() == 0) for name in names])
+        share = (zeros - at.sum()) / len(rest)
+        chance = len(frame) * share.prod()
+        far = (np.abs(middle) > FAR * (high - low)) & (high > low)
+        if far.any() or (share.max() < RARELY[0] and chance < RARELY[1]):
+            found |= dict.fromkeys(names, at)
+    return found
+
+
+def _placeholders(values: np.ndarray) -> list[float]:
+    """Find what stands for a missing reading: -9999 and the like, the same each time."""
+    marks: list[float] = []
+    for end in (values.min(), values.max()) if len(values) else ():
+        at = values == end
+        if not RETURNS <= at.sum() <= MISSING_ALLOWED * len(values):
+            continue
+        rest = values[~at]
+        low, high = rest.min(), rest.max()
+        apart = max(low - end, end - high)
+        if apart > AWAY * (high - low) and ((rest > low) & (rest < high)).any():
+            marks, values = [*marks, float(end)], rest
+    return marks
+
+
+def _check_gravity(file: str, channels: tuple[Channel, ...], given: str | None) -> None:
+    """Refuse accelerometers whose mean is one g in another unit."""
+    accels = {c.name: c for c in channels if c.kind == "accel" and c.unit in columns.IN_M_S2}
+    vertical = [n for n in accels if n.lower().endswith(("z", "_down", "_up"))]
+    for names in columns.vectors(accels).values():
+        group = [accels[name] for name in (names if len(names) >= 3 else vertical)]
+        if not group or len({c.unit for c in group}) > 1:
+            continue
+        some = slice(None, None, 1 + len(group[0].values) // PIECE)
+        norm = float(np.sqrt(sum(np.nanmean(c.values[some]) ** 2 for c in group)))
+        own, unit = group[0].unit, columns.gravity_unit(norm)
+        if unit not in (None, own):
+            units = columns.given_units(given) if "=" in (given or "") else {}
+            said = {columns.FLAG[kind]: u for kind, u in units.items() if kind} | {"accel": unit}
+            several = len(accels) < len(channels)
+            flag = ",".join(f"{k}={u}" for k, u in said.items()) if several else unit
+            raise WrongUsage(
+                f"{file}, columns {', '.join(c.name for c in group)}: mean |accel| is {norm:.2f} "
+                f"{own}; at rest it is one g, so these look like {unit}: say --unit {flag}"
+            )

@@ -1,0 +1,255 @@
+"""The tables of one log: which there are, which one is read, and two sensors' tables as one.
+
+A format's reader lists a `Part` for each table (topic, message, sheet, variable, file in a zip).
+`choose` takes the one with gyros or accelerometers, and asks where there are several.
+"""
+
+import contextlib
+import re
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.metadata import packages_distributions, version
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from sensorlogs import CannotAnswer, WrongUsage, columns, times
+from sensorlogs.delimited import Table, printable
+from sensorlogs.grid import counted
+
+LISTED = 12  # tables named in a message
+SLOW = 0.1  # share of the longest table's rows below which a table is no rival of it
+AXES = ("x", "y", "z")
+# A library's own fault, such as a message that it does not know, or a name that another package no
+# longer has; damaged bytes can lead to the same.
+_UNABLE = (AttributeError, ImportError, KeyError, NameError, NotImplementedError, TypeError)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One table of a log: its columns are known, its numbers are read when they are asked for.
+
+    Attributes
+    ----------
+    name : str
+        As ``--table`` takes it.
+    columns : tuple of str
+    load : callable
+        Columns wanted (None: all) -> Table.
+    rows : int or None
+        If the file tells without reading them.
+    told_by : str
+        What the units are known from: "its header", "its message definition".
+    primary : bool
+        False: taken only when it is named, or when there is nothing else.
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    load: Callable[[Sequence[str] | None], Table] = field(repr=False)
+    rows: int | None = None
+    told_by: str = "its header"
+    primary: bool = True
+
+
+def of_arrays(
+    path: Path, name: str, arrays: dict[str, np.ndarray], repairs: Iterable[str] = (), **more
+) -> Part:
+    """Make a part of columns that are in memory; numbers become float64, rows of words go."""
+    found = {}
+    for column, values in arrays.items():
+        values = np.asarray(values)
+        numeric = values.dtype.kind in "fiub"
+        found[column] = np.ascontiguousarray(values, dtype=float) if numeric else values
+    frame = pd.DataFrame(found, copy=False)
+    rows = len(frame)
+    return Part(name, tuple(found), lambda _: Table(frame, path, tuple(repairs)), rows, **more)
+
+
+@contextlib.contextmanager
+def reading(path: Path, title: str, instead: str = "copy it again") -> Iterator[None]:
+    """Turn whatever a library says of a file into one sentence: damage, or its own failure."""
+    try:
+        yield
+    except (CannotAnswer, WrongUsage):
+        raise
+    except FileNotFoundError as error:
+        raise CannotAnswer(f"{path.name}: no such file") from error
+    except MemoryError as error:
+        raise CannotAnswer(f"{path.name}: too large for the memory of this machine") from error
+    except Exception as error:  # libraries raise what they like on damaged bytes
+        said = re.sub(r"(?<!\S)/\S*/", "", str(error).strip().split("\n")[0])  # our own folders
+        why = printable(said) or type(error).__name__
+        if isinstance(error, _UNABLE) and (library := _library(error)):
+            raise CannotAnswer(
+                f"{path.name}: {library} cannot read it ({type(error).__name__}: {why}); a newer "
+                f"one may, or the file is damaged: {instead}"
+            ) from error
+        raise CannotAnswer(
+            f"{path.name}: {title} that is cut off or damaged, or not one ({why}); {instead}"
+        ) from error
+
+
+def _library(error: BaseException) -> str:
+    """Name the package, and its version, that our code called and that raised; "" if none did."""
+    modules = [
+        str(frame.f_globals.get("__name__")).partition(".")[0]
+        for frame, _ in traceback.walk_tb(error.__traceback__)
+    ]
+    installed = packages_distributions()
+    for module in modules[len(modules) - modules[::-1].index("sensorlogs") :]:
+        if module in installed:
+            return f"{installed[module][0]} {version(installed[module][0])}"
+    return ""
+
+
+def with_axis(name: str, axis: str) -> str:
+    """Name one column of a matrix: ``gyro_rad_s``, ``x`` -> ``gyro_x (rad/s)``."""
+    base, unit = columns.split(name)
+    return f"{base}_{axis}" + (f" ({unit})" if unit else "")
+
+
+def kinds(part: Part) -> set[str]:
+    """Tell by the names which kinds of readings a table has."""
+    found, names = set(), {columns.split(name)[0].lower() for name in part.columns}
+    for name in part.columns:
+        named, other = columns.meaning(name)
+        kind = columns.KIND_OF_UNIT.get(columns.split(name)[1] or "", named)
+        if kind and not other:
+            found.add(kind)
+    if {"lat", "lon"} <= names or {"latitude", "longitude"} <= names:
+        found.add("position")
+    return found
+
+
+def named(parts: Sequence[Part], name: str, file: str) -> Part:
+    """Find a table by its name, or by the end of it."""
+    for same in (str.__eq__, lambda a, b: a.lower() == b.lower(), _ends):
+        hits = [part for part in parts if same(part.name, name)]
+        if len(hits) == 1:
+            return hits[0]
+    raise WrongUsage(
+        f"{file}: no table '{name}'{columns.closest(name, [p.name for p in parts])}; it has "
+        f"{listed(parts)}"
+    )
+
+
+def _ends(name: str, end: str) -> bool:
+    return name.lower().endswith("/" + end.lower().lstrip("/"))
+
+
+def choose(parts: Sequence[Part], path: Path, title: str, name: str | None = None) -> list[Part]:
+    """Choose the table of a static log; two, if one has the gyros and one the accelerometers.
+
+    Raises
+    ------
+    WrongUsage
+        If several tables qualify: the message lists them, with the next command.
+    CannotAnswer
+        If none does.
+    """
+    if name is not None:
+        return [named(parts, name, path.name)]
+    if len(parts) == 1 and parts[0].told_by == "its header":
+        return list(parts)
+    longest = max((part.rows or 0 for part in parts), default=0)
+    long = [p for p in parts if p.rows is None or p.rows >= SLOW * longest]
+    if len(long) == 1 and long[0].told_by == "its header":
+        return long
+    has = {part.name: kinds(part) for part in parts}
+    for wanted in ({"rate", "accel"}, {"angle", "position"}):
+        for primary in (True, False):
+            found = [p for p in parts if p.primary >= primary and has[p.name] & wanted]
+            longest = max((p.rows or 0 for p in found), default=0)
+            found = [p for p in found if p.rows is None or p.rows >= SLOW * longest]
+            if len(found) == 1:
+                return found
+            if sorted(map(sorted, (has[p.name] & wanted for p in found))) == [["accel"], ["rate"]]:
+                return sorted(found, key=lambda p: "accel" in has[p.name])
+            if found:
+                raise ask(found, path)
+    raise CannotAnswer(
+        f"{path.name}: {title} without gyros, accelerometers, angles or positions that are named "
+        f"as such; it has {listed(parts) or 'no table'}: give a log with one of these, or take "
+        "columns of a table with --table, --columns and --unit"
+    )
+
+
+def ask(found: Sequence[Part], path: Path, why: str = "") -> WrongUsage:
+    """Ask which of several tables is meant."""
+    return WrongUsage(
+        f"{path.name} has {len(found)} tables to choose from, {listed(found)}{why}: say which one "
+        "with --table",
+        *({"--table": part.name} for part in found[:LISTED]),
+    )
+
+
+def listed(parts: Sequence[Part]) -> str:
+    """Name tables and their rows."""
+    texts = [
+        printable(p.name) + ("" if p.rows is None else f" ({counted(p.rows, 'row')})")
+        for p in parts[:LISTED]
+    ]
+    more = f" and {len(parts) - LISTED} more" if len(parts) > LISTED else ""
+    return ", ".join(texts) + more
+
+
+def _seconds(table: Table, parts: Sequence[Part]) -> np.ndarray:
+    """Read the time column of one of several tables."""
+    name = times.time_column(table.frame)
+    if name is None:
+        raise ask(parts, table.path)
+    with times.stamp_errors_at(table, name):
+        stamps = times.stamps(name, table.frame[name].to_numpy())
+    return stamps.since_s + stamps.zero_s
+
+
+def interpolated(one: Table, other: Table, parts: Sequence[Part]) -> Table:
+    """Bring the numbers of a second sensor to the stamps of the first, along straight lines.
+
+    For logs in motion. Of a noise analysis the interpolation would change the spectrum; see
+    `paired`.
+    """
+    at, t = (_seconds(table, parts) for table in (one, other))
+    order = np.argsort(t, kind="stable")
+    inside = (at >= np.nanmin(t)) & (at <= np.nanmax(t))
+    right = {
+        name: np.interp(at[inside], t[order], other.frame[name].to_numpy()[order])
+        for name in other.frame.select_dtypes("number")
+        if name not in one.frame
+    }
+    note = f"{parts[1].name} interpolated to the stamps of {parts[0].name}"
+    frame = one.frame[inside].reset_index(drop=True).assign(**right)
+    return replace(one, frame=frame, repairs=(*one.repairs, *other.repairs, note))
+
+
+def paired(one: Table, other: Table, parts: Sequence[Part]) -> Table:
+    """Put the tables of two sensors side by side, row by row, without any interpolation.
+
+    Each sample is used once. Rows are paired in their order, which needs equal rates.
+
+    Raises
+    ------
+    WrongUsage
+        If a pair's stamps lie a sample apart or more: the tables have to be read one by one.
+    """
+    seconds = [_seconds(table, parts) for table in (one, other)]
+    first = max(seconds[0][0], seconds[1][0])
+    starts = [int(np.argmin(np.abs(t - first))) for t in seconds]
+    rows = min(len(t) - k for t, k in zip(seconds, starts, strict=True))
+    a, b = (t[k : k + rows] for t, k in zip(seconds, starts, strict=True))
+    if rows < 3 or not np.max(np.abs(a - b)) < 1.5 * np.median(np.abs(np.diff(a))):
+        where = one.path if one.path == other.path else one.path.parent
+        raise ask(parts, where, ", with stamps that do not pair")
+    right = other.frame.iloc[starts[1] : starts[1] + rows].reset_index(drop=True)
+    left = one.frame.iloc[starts[0] : starts[0] + rows].reset_index(drop=True)
+    right = right.drop(columns=[name for name in right if name in left])
+    note = (
+        f"{parts[0].name} and {parts[1].name} put side by side in the order of their rows; stamps "
+        f"of a pair differ by at most {1000 * np.max(np.abs(a - b)):.3g} ms"
+    )
+    return replace(
+        one, frame=pd.concat([left, right], axis=1), repairs=(*one.repairs, *other.repairs, note)
+    )

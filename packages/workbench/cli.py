@@ -1,0 +1,948 @@
+"""The command line, ``python -m analysis``: every verb, its options and its help.
+
+Exit status: 0 good; 1 the data cannot support an answer; 2 wrong usage; 130 stopped by Ctrl-C.
+A verb imports what it needs when it runs, so that the help appears at once.
+"""
+
+import ast
+import contextlib
+import functools
+import inspect
+import io
+import math
+import shlex
+import sys
+import tempfile
+from collections.abc import Callable
+from enum import StrEnum
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated, Any, Literal
+
+import typer
+from typer.core import TyperGroup
+
+from analysis import ROOT, CannotAnswer, WrongUsage
+
+UNITS = "deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
+RESUMABLE = ("reproduce", "coverage", "readings", "data")  # they keep each piece that is finished
+Block = StrEnum(  # the tracker's, as --without names them
+    "Block", ["last-position", "attitude", "static", "low-pass", "mounting", "fusion"]
+)
+Study = StrEnum("Study", ["intervals", "broken", "power", "real", "beside", "hats", "ensembles"])
+
+
+class Verbs(TyperGroup):
+    """The group of all verbs: turns an error into one sentence and an exit status."""
+
+    def invoke(self, ctx):
+        """Run the verb that was named."""
+        try:
+            return super().invoke(ctx)
+        except CannotAnswer as error:
+            sentence, status = f"cannot answer: {error}{_commands(error, ctx)}", 1
+        except WrongUsage as error:
+            sentence, status = f"wrong usage: {error}{_commands(error, ctx)}", 2
+        except KeyboardInterrupt:
+            kept = ctx.invoked_subcommand in RESUMABLE and "--scratch" not in " ".join(ctx.obj)
+            sentence = f"stopped; {'what was finished is kept' if kept else 'nothing is written'}"
+            status = 130
+        except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
+            sys.stdout = None
+            return None
+        print(sentence, file=sys.stderr)
+        raise typer.Exit(status)
+
+
+def _commands(error, ctx):
+    """Write the command as it was typed with the flags that put it right."""
+    commands = []
+    for flags in error.flags:
+        typed, skip = ["python", "-m", "analysis"], False
+        for word in map(str, ctx.obj):
+            if not skip and word.split("=", 1)[0] not in flags:
+                typed.append(word)
+            skip = word in flags
+        typed += [word for flag, value in flags.items() if value for word in (flag, value)]
+        commands.append(shlex.join(typed))
+    return "".join(f"{' or' if k else '; run'}: {one}" for k, one in enumerate(commands))
+
+
+app = typer.Typer(
+    cls=Verbs,
+    help="Rerun the compendium, characterise inertial sensors, replay a tracker on field logs.",
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(asked: bool):
+    if asked:
+        print(version("inertial-compendium"))
+        raise typer.Exit
+
+
+VERSION = typer.Option("--version", help="Print the version.", callback=_print_version)
+
+
+@app.callback()
+def _no_verb(version: Annotated[bool, VERSION] = False):
+    pass
+
+
+def _verb(function):
+    """Make a function a verb, with the option that all verbs have."""
+    about = typer.Option("--quiet", help="Print errors only.")
+
+    @functools.wraps(function)
+    def run(*args, quiet, **given):
+        with contextlib.ExitStack() as stack:
+            if quiet:
+                stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
+                stack.enter_context(contextlib.redirect_stderr(io.StringIO()))
+            function(*args, **given)
+
+    signature = inspect.signature(function)
+    option = inspect.Parameter(
+        "quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Annotated[bool, about]
+    )
+    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), option])
+    return app.command()(run)
+
+
+def _option(metavar, about, *names, **settings):
+    return typer.Option(*names, metavar=metavar, help=about, **settings)
+
+
+def _flag(name, about):
+    return typer.Option(name, help=about)
+
+
+def _argument(metavar, about):
+    return typer.Argument(metavar=metavar, help=about)
+
+
+def _out(about):
+    return _option("DIR", about, "--out", callback=_check_folder)
+
+
+def _check_folder(param: typer.CallbackParam, out: str | None):
+    """Refuse a folder to write that cannot be one, before any work is done."""
+    option = param.opts[0]
+    if out == "":  # a shell variable that is not set
+        raise WrongUsage(f"{option} is empty: name where to write")
+    if out:
+        here = next(p for p in (Path(out), *Path(out).absolute().parents) if p.exists())
+        if not here.is_dir():
+            raise WrongUsage(f"{option} {out}: {here.name} is a file, and no folder; name another")
+        with writing(out, option):
+            tempfile.TemporaryFile(dir=here).close()
+    return out
+
+
+@contextlib.contextmanager
+def writing(out, option="--out"):
+    """Turn an error of the disk into a sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise CannotAnswer(f"{option} {out}: cannot write there ({error.strerror})") from error
+
+
+def _print(rows):
+    print(*rows, sep="\n")
+
+
+Number = float | None
+Count = int | None
+Text = str | None
+Texts = list[str] | None
+SAID_OF_COLUMNS = {  # options of every verb that reads a log
+    "unit": Annotated[
+        Text,
+        _option(
+            "UNITS",
+            "Unit of columns whose name has none: gyro=deg/s,accel=g for each kind, or deg/s alone "
+            f"for channels of one kind. Units: {UNITS}.",
+            "--unit",
+        ),
+    ],
+    "scale": Annotated[
+        Text,
+        _option(
+            "SCALES", "What turns raw counts into the unit: gyro=1/131,accel=1/16384.", "--scale"
+        ),
+    ],
+    "time_unit": Annotated[
+        Literal["s", "ms", "us", "ns", "min", "h", "d"] | None,
+        typer.Option(help="Unit of the time column, if its name and numbers do not tell."),
+    ],
+}
+STATIC = SAID_OF_COLUMNS | {  # and of those that read a static log
+    "rate": Annotated[Number, _option("HZ", "Sampling rate; the time column is not used.")],
+    "time": Annotated[Text, _option("COLUMN", "Time column; if left out, found by its name.")],
+    "columns": Annotated[Text, _option("A,B", "Channels, by name or by number from 1.")],
+    "kind": Annotated[
+        Literal["rate", "angle", "accel", "position"] | None,
+        typer.Option(help="Kind of reading, if name and unit do not tell."),
+    ],
+    "table": Annotated[
+        Text, _option("NAME", "Topic, message, sheet, variable or file in a zip, if several.")
+    ],
+    "start": Annotated[Number, _option("S", "Leave out what is before, s.", "--from")],
+    "stop": Annotated[Number, _option("S", "Leave out what is after, s.", "--to")],
+}
+
+
+MOVING = SAID_OF_COLUMNS | {  # and a log in motion
+    "columns": Annotated[Text, _option("OURS=THEIRS,...", "Meaning and unit of a CSV's columns.")]
+}
+
+
+def _reads(options):
+    """Give a verb the options that read a log; it takes them as ``**reading``."""
+
+    def wrap(verb):
+        *own, rest = inspect.signature(verb).parameters.values()
+        shared = [
+            rest.replace(name=n, kind=rest.KEYWORD_ONLY, default=None, annotation=a)
+            for n, a in options.items()
+        ]
+        verb.__signature__ = inspect.Signature([*own, *shared])
+        return verb
+
+    return wrap
+
+
+def _read(log, columns, **reading):
+    import sensorlogs as logs
+
+    return logs.read(log, columns=columns.split(",") if columns else None, **reading)
+
+
+def _read_moving(logs, columns, **reading):
+    from sensorlogs.moving import read_moving
+
+    pairs = columns.split(",") if columns else []
+    if not all("=" in pair for pair in pairs):
+        raise WrongUsage(f"--columns {columns}: write OURS=THEIRS, such as lat_deg=Lat")
+    return read_moving(logs, columns=dict(pair.split("=", 1) for pair in pairs), **reading)
+
+
+@_verb
+def reproduce(
+    notebooks: Annotated[Texts, _argument("NOTEBOOK", "Names or numbers (default all).")] = None,
+    at_once: Annotated[
+        Count, _option("N", "Notebooks at a time (default one a core, up to 4).", min=1)
+    ] = None,
+    scratch: Annotated[
+        Text, _option("DIR", "Write all into this folder instead.", callback=_check_folder)
+    ] = None,
+    parameters: Annotated[
+        Texts,
+        _option("NAME=VALUE", "With --scratch: another value for a parameter; repeatable.", "-p"),
+    ] = None,
+):
+    """Execute the notebooks and redraw figures/.
+
+    \b
+    python -m analysis reproduce          all notebooks in order, the index last
+    python -m analysis reproduce 10 11    two of them, by number
+    python -m analysis reproduce --scratch try 22 -p RUNS=100 -p SEED=7     what if?
+    python -m analysis reproduce --scratch try 90 -p LOG=my.csv
+
+    Rewrites figures/ (PDF, PNG, CSV and claims.csv) and the outputs in the notebooks; with
+    --scratch it leaves them as they are and writes notebooks, figures and claims into that folder.
+    Ends with each figure and claim that differs from the committed: a verdict, or a number by more
+    than 1e-4 (in claims.csv, which has three digits, 6e-3); then, in a work tree of git, with the
+    files that git sees changed, and which of them show what the committed ones show.
+    """
+    from workbench import reproduce as runner
+
+    if parameters and not scratch:
+        raise WrongUsage("-p goes with --scratch DIR: figures/ holds what the notebooks state")
+    kept = [
+        ROOT / name
+        for name in ("analysis", "data", "figures", "notebooks", "packages", "studies", "tests")
+    ]
+    if scratch and any(Path(scratch).resolve().is_relative_to(folder) for folder in kept):
+        raise WrongUsage(f"--scratch {scratch}: the project keeps its files there; name another")
+    values = dict(map(_parameter, parameters or ()))
+    start = perf_counter()
+    with writing(scratch or "figures", "--scratch"):
+        runs, found = runner.reproduce(
+            notebooks or (), at_once=at_once, scratch=scratch, parameters=values
+        )
+    seconds = perf_counter() - start
+    print(f"{'notebook':<28}{'seconds':>8}{'figures':>9}{'claims checked':>16}")
+    for run in runs:
+        print(f"{run.notebook:<28}{run.seconds:>8.1f}{run.figures:>9}{run.claims:>16}")
+    figures, claims = (sum(getattr(run, name) for run in runs) for name in ("figures", "claims"))
+    print(f"{'all, elapsed time':<28}{seconds:>8.1f}{figures:>9}{claims:>16}")
+    print("\ndiffers from the committed:" if found else "\nno number differs from the committed")
+    for sentence in found:
+        print(f"  {sentence}")
+    changed, alike = (None, []) if scratch else runner.since_commit()
+    if changed is None:
+        return
+    print(
+        f"git: {len(changed)} files changed since the last commit:"
+        if changed
+        else "git: nothing changed"
+    )
+    for file in changed:
+        print(f"  {file}")
+    if alike:
+        print(
+            f"{len(alike)} of them show the committed dots and numbers and need no commit; take "
+            f"them back:\n  git checkout -- {' '.join(alike)}"
+        )
+
+
+def _parameter(text):
+    """Read NAME=VALUE: a Python literal, the absolute path of a file that is here, or text."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise WrongUsage(f"-p {text}: write NAME=VALUE, such as SEED=3")
+    with contextlib.suppress(ValueError, SyntaxError):
+        return name, ast.literal_eval(value)
+    return name, str(Path(value).resolve()) if Path(value).is_file() else value
+
+
+@_verb
+@_reads(STATIC)
+def report(
+    ctx: typer.Context,
+    log: Annotated[str, _argument("LOG", "A file, or a log of the catalogue.")],
+    out: Annotated[str, _out("Folder for the report.")],
+    part: Annotated[
+        Text, _option("NAME", "Part of data/sensors.toml to hold the log against.", "--part")
+    ] = None,
+    **reading,
+):
+    """Characterise a static log: noise model and report.
+
+    \b
+    python -m analysis report adis16405 --out adis            a log of the catalogue
+    python -m analysis report my.csv --out mine               a CSV with a time column
+    python -m analysis report my.csv --out mine --rate 100 --columns 2,3,4 --unit deg/s
+    python -m analysis report my.csv --out mine --time t_us --columns gx --unit rad/s --from 60
+    python -m analysis report my.csv --out mine --unit gyro=deg/s,accel=g --time-unit us
+    python -m analysis report raw.csv --out mine --unit gyro=deg/s --scale gyro=1/131
+    python -m analysis report my.csv --out mine --part adis16470     against its data sheet
+
+    Times, counters, norms and status words among the columns are left out. Gyros and
+    accelerometers are told apart by name and by size (a length of one g). What was guessed stands
+    first on the output, with the flag that overrules it.
+
+    The log must be static: the sensor lies still. If gyros or accelerometers move, the one static
+    stretch that covers at least half of the log is used; shorter ones are named with the --from and
+    --to that take them. Leave out the warm-up with --from. The random
+    walk needs about an hour. A correlation time needs a log at least ten times as long: hours
+    rather than minutes.
+
+    The page begins with a verdict: is the sensor within its data sheet (--part, else the part that
+    the log's name tells, else the nearest), did it lie still, is the log long enough.
+
+    Writes model.json (every parameter with its 95 % interval), report.html (one page to pass on),
+    figures/ and exports/.
+    """
+    from workbench import report as page
+
+    command = _command(ctx.obj, log)
+    log = _read(log, **reading)
+    with writing(out):
+        result, answers = page.write(log, out, part=part, command=command)
+    _print(page.lines(result, answers))
+    print(f"\n{out}/report.html, model.json and figures/ are written")
+    _print(page.exported(out))
+
+
+def _command(typed, log):
+    """Write the command as it was typed, without the folders of this machine."""
+    words, previous = ["python -m analysis"], ""
+    for word in map(str, typed):
+        shown = Path(log).name if word == log else "DIR" if previous == "--out" else word
+        words.append(shlex.quote("--out=DIR" if word.startswith("--out=") else shown))
+        previous = word
+    return " ".join(words)
+
+
+@_verb
+def channels(log: Annotated[str, _argument("LOG", "A file, a folder, or a log of the catalogue.")]):
+    """List what a log holds: columns with kind, unit, rate and span.
+
+    \b
+    python -m analysis channels flight.ulg    the messages of a PX4 log
+    python -m analysis channels phone.zip     the files of a phone's export
+
+    The last column says what each kind and unit were told by: the name, a unit in the header, the
+    message definition, or the numbers. `report` takes a table with --table, columns with --columns.
+    """
+    from sensorlogs.catalogue import find
+    from sensorlogs.formats import contents
+
+    _, stanza, path = find(log)
+    listing, errors = contents(path, stanza.get("format"))
+    for title, columns in listing:
+        print(title)
+        for name, kind, unit, told_by in columns:
+            print(f"  {name:<32} {kind:<24} {unit:<7} {told_by}".rstrip())
+    if len(errors) == len(listing):
+        raise errors[0]
+
+
+@_verb
+@_reads(MOVING)
+def replay(
+    logs: Annotated[
+        list[str], _argument("LOG", "NMEA, CSV, GPX, UBX ...; GNSS and IMU in one log or two.")
+    ],
+    out: Annotated[str, _out("Folder for track.html, track.csv and others.")],
+    without: Annotated[
+        list[Block] | None, _option("BLOCK", "Turn off this block; may be repeated.")
+    ] = None,
+    outage: Annotated[
+        Texts, _option("FROM:TO", "Delete the fixes of this part of the log, s; may be repeated.")
+    ] = None,
+    imu_offset: Annotated[
+        Number,
+        _option(
+            "S", "Time from first GNSS epoch to first IMU sample, if the stamps do not tell, s."
+        ),
+    ] = None,
+    last_position: Annotated[
+        Text, _option("FILE", "File that keeps the position between runs.")
+    ] = None,
+    table: Annotated[
+        Texts, _option("NAME", "Which of several IMUs or receivers; may be repeated.")
+    ] = None,
+    car: Annotated[
+        bool, _flag("--car", "A car: bridge outages with its wheels' constraint, not by block 6.")
+    ] = False,
+    float32: Annotated[bool, _flag("--float32", "Run the filters in single precision.")] = False,
+    **reading,
+):
+    """Run the tracker paper's six blocks on a GNSS (and IMU) log.
+
+    \b
+    python -m analysis replay drive.nmea --out drive              an NMEA log of a receiver alone
+    python -m analysis replay drive.nmea imu.csv --out drive      and the log of an IMU
+    python -m analysis replay drive.csv --out drive --columns speed_km_h=Speed,gyro_x_deg_s=GyroX
+    python -m analysis replay drive.csv --out drive --unit gyro=deg/s,accel=g
+    python -m analysis replay drive.csv --out plain --without low-pass --without fusion
+    python -m analysis replay drive.csv --out tunnel --outage 300:330 --outage 600:660
+    python -m analysis replay drive.nmea --out drive --last-position where.json
+
+    The blocks are those of the tracker paper: last-position (1), attitude (2), static (3),
+    low-pass (4), mounting (5), fusion (6). A block whose sensor is missing is reported; the others
+    run.
+
+    CSV columns are found by name and unit: t_s, lat_deg, lon_deg, height_m, pdop, speed_m_s,
+    course_deg, accel_x_m_s2 (or _g), gyro_x_deg_s (or _rad_s) and so on. An NMEA log may have the
+    time stamps of a host between its lines. IMU axes: x forward, y right, z down; accelerometers
+    read specific force, (0, 0, -9.81) m/s^2 level and at rest. A minus sign turns an axis round:
+    --columns accel_z_g=-AccZ.
+
+    Writes track.csv (one row for each GNSS epoch), summary.json, track.html (a page to look at: the
+    track, and in time what each block did), track.gpx and track.geojson. yaw_deg is the heading of
+    the sensor's X axis, mount_deg its angle clockwise from the vehicle's heading; the sigmas and
+    the correlation are those of the position put out, as far as block 6 states them. The thresholds
+    that summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad (theta_alpha in
+    rad^2); lengths are counts.
+    """
+    import numpy as np
+
+    from analysis.tracker.last_position import Stored
+    from analysis.tracker.log_replay import Options
+    from analysis.tracker.log_replay import replay as replay_log
+    from sensorlogs.timeline import inject_outages
+    from workbench import track as page
+    from workbench.saved_position import load_position, save_position
+
+    outages = [_interval(text) for text in outage or ()]
+    if imu_offset is not None and not math.isfinite(imu_offset):
+        raise WrongUsage(f"--imu-offset {imu_offset:g}: give a number of seconds")
+    if last_position is not None:
+        if "last-position" in (without or ()):
+            raise WrongUsage(
+                "--last-position belongs to block 1, which --without last-position turns off"
+            )
+        _check_last_position(Path(last_position), logs, Path(out))
+    log = _read_moving(logs, imu_offset=imu_offset, tables=table or (), **reading)
+    for start, stop in outages:
+        if start > log.duration_s:
+            raise WrongUsage(
+                f"--outage {start:g}:{stop:g} lies beyond the log, which lasts {log.duration_s:g} s"
+            )
+    position, warning = load_position(last_position) if last_position else (None, None)
+    stored = Stored(**position) if position else None
+    if not (log.imu or stored or log.gnss is None or log.gnss.has_fix.any()):
+        raise CannotAnswer(
+            f"{', '.join(log.sources)}: no fix: none of the {len(log.gnss.t_s):,} epochs has a "
+            "position, so there is nothing to replay"
+        )
+    off: dict[str, Any] = {block.replace("-", "_"): False for block in without or ()}
+    number = np.float32 if float32 else float
+    options = Options(number=number, constrained=car, **off)
+    track = replay_log(inject_outages(log, outages), options, stored, progress=True)
+    with writing(out):
+        page.write(track, out)
+    if last_position and track.stored:
+        aside = save_position(last_position, track.stored._asdict())
+        warning = f"{warning}; it is kept as {aside}" if aside else warning
+    if warning:
+        print(warning, file=sys.stderr)
+    _print(page.lines(track.summary))
+    print(f"\n{out}/track.html, .csv, .gpx, .geojson and summary.json are written")
+
+
+def _interval(text):
+    """Read FROM:TO in seconds."""
+    try:
+        start, stop = (float(part) for part in text.split(":"))
+    except ValueError:
+        start, stop = 0.0, -1.0
+    if not 0 <= start < stop:
+        raise WrongUsage(f"--outage {text}: write FROM:TO in seconds, such as 300:330")
+    return start, stop
+
+
+def _check_last_position(path, logs, out):
+    """Refuse a --last-position that is another file of this run, or cannot be written."""
+    from sensorlogs.catalogue import find
+    from workbench.track import FILES
+
+    option = f"--last-position {path.name}"
+    taken = [*(find(log)[2] for log in logs), out, *(out / name for name in FILES)]
+    if path.resolve() in [other.resolve() for other in taken]:
+        raise WrongUsage(f"{option}: that is a log, or what --out writes; name another file")
+    try:
+        if path.is_dir():  # "" too
+            raise WrongUsage(f"{option}: name a file, not a folder")
+        if path.parent.exists() or not out.resolve().is_relative_to(path.parent.resolve()):
+            tempfile.TemporaryFile(dir=path.parent).close()  # otherwise it is made with --out
+    except OSError as error:
+        raise CannotAnswer(f"{option}: cannot keep a position there ({error.strerror})") from error
+
+
+@_verb
+@_reads(STATIC)
+def pool(
+    logs: Annotated[list[str], _argument("LOG", "Files or logs of the catalogue; one a unit.")],
+    out: Annotated[str, _out("Folder for pooled.json.")],
+    axes: Annotated[bool, _flag("--axes", "Pool x, y and z too, as units of one model.")] = False,
+    **reading,
+):
+    """Estimate one noise model from the logs of several units.
+
+    \b
+    python -m analysis pool unit1.csv unit2.csv unit3.csv --out model   one log for each unit
+    python -m analysis pool adis16405 --axes --columns gyro_x,gyro_y,gyro_z --out model
+
+    Writes pooled.json: one estimate for the sensor model, and the spread between its units. A log
+    that does not resolve a parameter counts with its bound.
+    """
+    from workbench import report as page
+
+    read = [_read(log, **reading) for log in logs]
+    with writing(out):
+        pooled = page.write_pooled(read, out, axes=axes)
+    _print(page.pooled_lines(pooled))
+    print(f"\n{out}/pooled.json is written")
+
+
+@_verb
+@_reads(MOVING)
+def compare(
+    logs: Annotated[
+        list[str],
+        _argument("LOG", "One a unit; two files of one unit with a comma: gps.csv,att.csv"),
+    ],
+    out: Annotated[str, _out("Folder for compare.json, the page and the figures.")],
+    **reading,
+):
+    """Compare units that travelled together: positions and attitudes.
+
+    \b
+    python -m analysis compare phone.nmea rover.nmea --out both       two receivers on one ride
+    python -m analysis compare a.csv b.csv c.nmea --out three         noise of each, without a truth
+    python -m analysis compare efis_gps.csv,efis_att.csv other.csv --out flight
+    python -m analysis compare a.csv b.csv --out both --columns lat_deg=Y,lon_deg=X
+
+    Each LOG is a log of one unit: positions, an attitude (roll_deg, pitch_deg, yaw_deg), or both,
+    in any format that `replay` reads. The clocks need not agree: offset and drift are estimated
+    from the motion, and known offsets (time zones, leap seconds) are named. Signs and zeros of the
+    attitude are checked and put right; a constant difference of height is said to be a datum.
+
+    With three units or more, the noise of each is estimated from the differences alone, as far as
+    an assumption about correlation allows. With two, only the sum of their variances is known.
+
+    Writes compare.json (every number with its 95 % interval), compare.html and figures/.
+    """
+    from workbench import comparison as page
+
+    units = _read_units(logs, **reading)
+    with writing(out):
+        content = page.write(units, out)
+    _print([*(f"note: {note}" for note in content["notes"]), *page.lines(content)])
+    print(f"\n{out}/compare.html, compare.json and figures/ are written")
+
+
+def _read_units(logs, **reading):
+    """Read the log of each unit: its name -> its timeline."""
+    if len(logs) < 2:
+        raise WrongUsage("one log cannot be compared: give the logs of two units or more")
+    units: dict[str, Any] = {}
+    for log in logs:
+        files = [log] if Path(log).exists() else log.split(",")
+        name = Path(files[0]).name.split(".")[0] or files[0]
+        name = next(n for n in (name, *(f"{name}-{k}" for k in range(2, 99))) if n not in units)
+        units[name] = _read_moving(files, **reading)
+    return units
+
+
+@_verb
+def export(
+    model: Annotated[str, _argument("MODEL.json", "As `report` writes it.")],
+    out: Annotated[str, _out("Folder for the files.")],
+):
+    """Write a model.json for Kalibr, MATLAB, Gazebo and others.
+
+    \b
+    python -m analysis export mine/model.json --out mine/exports   of a report made before
+    python -m analysis export edited.json --out filter
+
+    Formats: Kalibr, gnss-ins-sim, pyins, MATLAB's imuSensor, Gazebo classic and Gazebo (PX4).
+    `report` writes the same files beside its model.json. A parameter that the log does not resolve
+    is switched off or left out, never invented; README.md in the folder lists them.
+    """
+    from workbench import report as page
+
+    with writing(out):
+        names = page.export(model, out)
+    for name in names:
+        print(f"{out}/{name}")
+
+
+@_verb
+def plan(
+    rate: Annotated[float, _option("HZ", "Sampling rate.")],
+    white: Annotated[float, _option("N", "White noise, U*sqrt(s).")],
+    sigma: Annotated[Number, _option("S", "Gauss-Markov bias, U (with --time).")] = None,
+    time: Annotated[Number, _option("S", "Its correlation time, s.")] = None,
+    flicker: Annotated[Number, _option("B", "Bias instability of IEEE 952, U.")] = None,
+    walk: Annotated[Number, _option("K", "Rate random walk, U/sqrt(s).")] = None,
+    within: Annotated[float, _option("PERCENT", "Half width of the 95 % interval.")] = 20.0,
+):
+    """Tell how many hours to record for each noise parameter.
+
+    \b
+    python -m analysis plan --rate 100 --white 0.004 --sigma 0.005 --time 200
+    python -m analysis plan --rate 100 --white 0.0033 --flicker 0.002 --within 10
+
+    Take the numbers from a datasheet or a first log, in the sensor's own unit U (deg/s, g ...);
+    white noise as its density N in U*sqrt(s). `report` prints the same for the log that it
+    characterises.
+    """
+    from analysis import text
+    from analysis.noise import planner
+
+    bias = (sigma, time)
+    if (sigma is None) != (time is None):
+        raise WrongUsage("--sigma and --time go together")
+    numbers = (rate, white, within, *bias, flicker, walk)
+    if any(v is not None and not 0 < v < math.inf for v in numbers):
+        raise WrongUsage("rate, noise, times and --within are numbers above zero")
+    dt = 1 / rate
+    if time is not None and time < dt:
+        raise WrongUsage(f"--time {time:g} is shorter than a sample, {dt:g} s at --rate")
+    sensor = planner.Plan(white / dt**0.5, *bias, flicker, walk)
+    for name, hours in sensor.hours_needed(dt, within / 100).items():
+        print(f"{planner.SYMBOLS[name]:<10} to ±{within:g} % (95 %): {text.duration(hours)}")
+
+
+WORKERS = _option("N", "Processes (default one a core).", "--workers", min=1)
+SCHEDULER = _option(
+    "ADDRESS",
+    "dask scheduler whose workers compute (tcp://host:8786), or 'local' for one started here.",
+    "--scheduler",
+)
+
+
+@_verb
+def coverage(
+    study: Annotated[Study, _argument("STUDY", "Which of these.")] = (Study.intervals),
+    runs: Annotated[
+        Count, _option("N", "Logs of each model and length (default 500).", min=1)
+    ] = None,
+    hours: Annotated[Text, _option("A,B", "Lengths of the logs, h (default 2,6).")] = None,
+    models: Annotated[Text, _option("A,B", "Names of sensors (default all).")] = None,
+    workers: Annotated[Count, WORKERS] = None,
+    scheduler: Annotated[Text, SCHEDULER] = None,
+    out: Annotated[Text, _out("Folder (default that of the committed study).")] = None,
+):
+    """Count how often the 95 % intervals hold the truth.
+
+    \b
+    python -m analysis coverage              known sensors              data/derived/coverage
+    python -m analysis coverage broken       warm-up, step, motion ...  data/derived/robustness
+    python -m analysis coverage power        tests of the fit           data/derived/power
+    python -m analysis coverage real         parts of real logs         data/derived/repeatability
+    python -m analysis coverage beside       other tools                data/derived/beside-others
+    python -m analysis coverage hats         three units side by side   data/derived/hat-coverage
+    python -m analysis coverage ensembles    of the papers' logs        data/derived/ensembles
+    python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
+
+    Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
+    two-biases, weak-bias, weak-walk), fits each, and counts how often an interval holds the true
+    value: about an hour on two cores. --runs, --hours and --models go with this study and with
+    broken. A table that exists with as many logs is kept, so a study that was stopped resumes.
+    """
+    from studies import beside_others, ensembles, repeatability
+    from studies import coverage as simulated
+
+    studies: dict[str, tuple[Callable, Path]] = {
+        "intervals": (simulated.study, simulated.FOLDER),
+        "broken": (functools.partial(simulated.study, breaks=True), simulated.BROKEN),
+        "power": (simulated.power, simulated.POWER),
+        "real": (repeatability.study, repeatability.FOLDER),
+        "beside": (beside_others.study, beside_others.FOLDER),
+        "hats": (simulated.hat_study, simulated.HAT_FOLDER),
+        "ensembles": (ensembles.study, ensembles.FOLDER),
+    }
+    run, usual = studies[study]
+    lengths, names = hours and _numbers(hours), models and models.split(",")
+    given: dict[str, Any] = {"runs": runs, "hours": lengths, "names": names}
+    given = {name: value for name, value in given.items() if value}
+    if given and study not in ("intervals", "broken"):
+        raise WrongUsage(
+            f"coverage {study} has no other options than --workers, --scheduler, --out"
+        )
+    folder = Path(out) if out else usual
+    with writing(folder):
+        run(folder, workers=workers, scheduler=scheduler, **given)
+    print(f"the tables are in {folder.name}/")
+
+
+def _numbers(hours):
+    """Read lengths in hours."""
+    with contextlib.suppress(ValueError):
+        lengths = [float(h) for h in hours.split(",")]
+        if all(h > 0 for h in lengths):
+            return lengths
+    raise WrongUsage(f"--hours {hours}: write numbers above zero with commas, such as 2,6")
+
+
+@_verb
+def readings(
+    out: Annotated[Text, _out("Folder (default that of the committed study).")] = None,
+    count: Annotated[
+        Count, _option("N", "Readings in the sample (default 2048).", "--readings", min=1)
+    ] = None,
+    laps: Annotated[Count, _option("N", "Laps of each sensor (default 300).", min=2)] = None,
+    best: Annotated[
+        Count, _option("N", "Best readings run again on 4200 laps (default 5).", min=0)
+    ] = None,
+    hold: Annotated[
+        Texts, _option("FACTOR=LEVEL", "Hold a factor at a level; repeatable.", "--hold")
+    ] = None,
+    workers: Annotated[Count, WORKERS] = None,
+    scheduler: Annotated[Text, SCHEDULER] = None,
+    compiled: Annotated[
+        bool, _flag("--compiled", "Step the filters in compiled code (numba).")
+    ] = False,
+):
+    """Judge the terrain paper's claims under each reading of it.
+
+    \b
+    python -m analysis readings --compiled                what data/derived/readings holds
+    python -m analysis readings --out mine --readings 64 --laps 100 --best 0
+    python -m analysis readings --out mine --hold noise=integrated --hold road=track
+    python -m analysis readings --out mine --scheduler tcp://10.0.0.1:8786    workers elsewhere
+    python -m analysis readings --out mine --scheduler local --workers 4
+
+    A reading fixes one level of every factor (noise, channel, R, start of the bias, speed ...), and
+    its 25 sensors drive the same simulated laps. The results do not depend on the number of
+    workers. Each reading is kept in cells.sqlite once it is finished: a run that was stopped, even
+    by kill -9, resumes with the same command.
+    """
+    from studies import readings as study
+
+    given: dict[str, Any] = {"readings": count, "laps": laps, "best": best, "held": hold}
+    given |= {"workers": workers, "scheduler": scheduler, "compiled": compiled}
+    folder = Path(out) if out else study.FOLDER
+    with writing(folder):
+        table = study.study(folder, **{k: v for k, v in given.items() if v is not None})
+    print(f"{len(table)} readings are in {folder.name}/")
+
+
+@_verb
+def claims(
+    paper: Annotated[
+        Literal["terrain", "comparison", "tracker"] | None,
+        _argument("PAPER", "Claims of one paper (default all)."),
+    ] = None,
+):
+    """Print the verdict on every claim of the three papers.
+
+    \b
+    python -m analysis claims                 every claim, and how many have each verdict
+    python -m analysis claims comparison      those of one paper
+    """
+    from analysis import claims as ledger
+
+    table = ledger.verdicts()
+    if paper:
+        table = table[table["paper"] == paper]
+    for claim, row in table.iterrows():
+        print(f"{claim:<48} {row['verdict']}")
+    print()
+    for outcome, count in table["outcome"].value_counts().items():
+        print(f"{count:>5}  {outcome}")
+
+
+@_verb
+def cite(
+    figure: Annotated[
+        Text, _argument("FIGURE", "Its name, or one of its files (default: the compendium).")
+    ] = None,
+    crate: Annotated[
+        Text,
+        _option(
+            "DIR", "Write RO-Crate metadata of this copy there.", "--crate", callback=_check_folder
+        ),
+    ] = None,
+):
+    """Print how to cite a figure, as text and as BibTeX.
+
+    \b
+    python -m analysis cite 22-fig9-variance-vs-n     the figure, and the paper that it redraws
+    python -m analysis cite figures/13-hours.pdf      the same by a file
+    python -m analysis cite                           the compendium and its three papers
+    python -m analysis cite --crate dist              dist/ro-crate-metadata.json, for an archive
+
+    Version and commit are those of this copy; the licence is that of the logs which the figure
+    shows, or the compendium's own.
+    """
+    from workbench import citation
+
+    if crate:
+        if figure:
+            raise WrongUsage("--crate describes the whole copy: leave the figure out")
+        with writing(crate, "--crate"):
+            print(citation.crate(crate))
+    else:
+        print(citation.cite(figure))
+
+
+@_verb
+def data(
+    names: Annotated[
+        Texts, _argument("NAME", "Raw files or folders; with --rebuild results.")
+    ] = None,
+    rebuild: Annotated[
+        bool, _flag("--rebuild", "Compute data/derived/ again and compare.")
+    ] = False,
+    write: Annotated[bool, _flag("--write", "With --rebuild: replace what differs.")] = False,
+):
+    """Fetch and verify raw logs, rebuild the derived results.
+
+    \b
+    python -m analysis data                   which raw logs are here, and which are not
+    python -m analysis data adis16405-static  fetch and verify (a folder or a file)
+    python -m analysis data --rebuild         compute data/derived/ again and compare
+    python -m analysis data --rebuild --write adis16405    replace one committed result
+    python -m analysis data --rebuild psu-test-track       the terrain map from the RTK laps
+
+    Raw logs are looked for in the folder that COMPENDIUM_DATA names, in data/raw/ and in
+    data/downloaded/. Every file is checked by sha256.
+    """
+    from sensorlogs import datasets
+
+    if write and not rebuild:
+        raise WrongUsage("--write goes with --rebuild")
+    if rebuild:
+        _rebuild(names, write)
+    elif not names:
+        for name in datasets.names():
+            print(f"{'here' if datasets.available(name) else 'not here':<9} {name}")
+    else:
+        for name in [name for pattern in names for name in datasets.names(pattern)]:
+            datasets.fetch(name)
+            print(f"verified  {name}")
+
+
+def _rebuild(names, write):
+    from sensorlogs import datasets
+    from studies import derived
+
+    known = derived.names()
+    unknown = sorted(set(names or ()) - set(known))
+    if unknown:
+        raise WrongUsage(f"no derived result '{unknown[0]}'; there are: {', '.join(known)}")
+    names = names or known
+    differences, left_out = [], 0
+    for name in names:
+        try:
+            found = derived.rebuild(name, write=write)
+        except datasets.NotHere as error:
+            left_out += 1
+            print(f"left out  {name}: {error}")
+            continue
+        print(f"{'equal' if not found else 'written' if write else 'differs':<9} {name}")
+        differences += found
+    if differences and not write:
+        raise CannotAnswer("; ".join(differences))
+    if left_out:
+        print(f"{left_out} of {len(names)} left out because raw files are missing")
+
+
+@_verb
+def benchmark(out: Annotated[Text, _out("Folder for the numbers, as CSV.")] = None):
+    """Measure speed here, next to other packages in the same run.
+
+    \b
+    python -m analysis benchmark              two minutes; other packages as far as installed
+    python -m analysis benchmark --out speed  keep the numbers, with the machine's name
+
+    Each number is printed with the limit it has to meet, if there is one. Numbers of one machine
+    with two cores are in data/derived/benchmark/.
+    """
+    from studies import benchmark as benchmarks
+
+    rows: list[tuple] = []
+    for name, benchmark in benchmarks.BENCHMARKS.items():
+        print(f"\n{name}" if rows else name)
+        for one in benchmark():
+            value = "" if math.isnan(one.value) else f"{one.value:.3g} {one.unit}"
+            print(f"  {one.what:<44}{value:>16}   {one.bar}".rstrip())
+            rows.append((name, one))
+    if out:
+        with writing(out):
+            benchmarks.write(rows, out)
+        print(f"\n{out}/source.json and benchmark.csv are written")
+
+
+def main(arguments=None):
+    """Run one verb.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        As typed; those of the process if left out.
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
+    try:
+        typed = sys.argv[1:] if arguments is None else arguments
+        app(arguments, prog_name="python -m analysis", obj=typed)
+    except SystemExit as stop:
+        return stop.code

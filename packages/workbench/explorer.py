@@ -1,0 +1,146 @@
+"""Two pages that compute in the browser: which gyro for which tracking error, and Allan curves.
+
+Each page is one file with its code and its numbers inside: it opens from a folder, asks for nothing
+and sends nothing. What it computes equals `terrain.ErrorPlane`, `noise.adev_model` and
+`noise.Plan`; tests/site holds it against them.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chi2
+
+from analysis import store
+from analysis.noise.planner import Plan
+from analysis.terrain.monte_carlo import LOST_M
+from workbench.report import PAGES
+
+TRACKERS = {  # of data/derived/error-surface
+    "integrated": "integrated into the attitude, as in a car",
+    "on attitude": "put straight on the attitude, as the terrain paper words it",
+    "bias states": "integrated, and the filter estimates the gyro's bias as well",
+}
+WITHIN = 0.2  # a parameter counts as known when its 95 % interval is within ±20 %
+NUMBERS = ("n", "n_low", "n_high", "b", "b_low", "b_high", "low_usd", "high_usd")
+FREEDOM = np.geomspace(1.0, 1000.0, 61)  # degrees of freedom whose chi-square ends are listed
+
+
+def write(folder: Path, home: str | None = None) -> list[str]:
+    """Write explorer.html and allan.html.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if need be.
+    home : str, optional
+        Address of the page that the two link back to.
+
+    Returns
+    -------
+    list of str
+        Names of the files.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    pages = {"explorer": _surface(), "allan": _allan()}
+    for name, told in pages.items():
+        page = PAGES.get_template(f"{name}.html").render(told, name=name, home=home)
+        (folder / f"{name}.html").write_text(page, encoding="utf-8")
+    return [f"{name}.html" for name in pages]
+
+
+def _surface():
+    """Gather what the page of the tracking error needs."""
+    source, tables = store.read("error-surface")
+    times = sorted(tables["surface"]["corr_time_s"].unique().tolist())
+    planes = {key: [store.error_plane(key, t) for t in times] for key in TRACKERS}
+    one = planes["integrated"][0]
+    data = {"corr_times": times, "arw": one.arw.tolist(), "sigma_b": one.sigma_b.tolist()}
+    data |= {"runs": source["runs"], "planes": {}, "parts": _parts()}
+    for key, of in planes.items():
+        numbers = [
+            {k: getattr(p, k).tolist() for k in ("error", "low", "high", "lost")} for p in of
+        ]
+        data["planes"][key] = dict(zip((f"{t:g}" for t in times), numbers, strict=True))
+    told = {"data": data, "trackers": TRACKERS, "setup": source["setup"], "lost": f"{LOST_M:g}"}
+    return told | {"on_real_map": _on_real_map()}
+
+
+def _on_real_map():
+    """Give what the parts reach on a map with the measured error, by filter: least and most, m."""
+    parts = store.read("inverse-design").tables["parts"]
+    chosen = parts.query("map == 'measured map error' and start == 'stationary'")
+    reach = chosen.groupby("tracker")["error_m"].agg(["min", "max"])
+    return {
+        tracker: sorted({f"{m:.2g}" for m in ends}, key=float) for tracker, ends in reach.T.items()
+    }
+
+
+def _parts():
+    """List gyros, measured and by data sheet, with what they cost and where each number is from.
+
+    A measured gyro has ``over_sheet``, its N over that of the data sheet of its part.
+    """
+    listed = store.data_sheets()
+    rows = store.read("atlas").tables["atlas"].query("kind == 'rate'").fillna({"axis": ""})
+    stated = rows.query("basis == 'datasheet'").set_index("sensor")["n"]
+    parts = []
+    for row in rows.to_dict("records"):
+        # A measured log is named after its part, "mpu6050-gyro"; the part has the price.
+        row["part"] = row["sensor"].split("-")[0]
+        sheet = listed.get(row["part"], {})
+        over = row["n"] / stated.get(row["part"], np.nan) if row["basis"] == "measured" else None
+        row["low_usd"], row["high_usd"] = sheet.get("price_usd", (None, None))
+        parts.append(
+            {k: row[k] for k in ("part", "sensor", "name", "axis", "basis", "source")}
+            | {"over_sheet": store.rounded_number(over)}
+            | {k: store.rounded_number(row[k]) for k in NUMBERS}
+            | {k: sheet.get(k) for k in ("price_year", "price_source")}
+        )
+    return parts
+
+
+def _allan():
+    """Gather what the page of Allan curves needs."""
+    ends = [chi2.ppf(p, FREEDOM) / FREEDOM for p in (0.025, 0.975)]
+    data = {
+        "freedom": [store.rounded_number(v, 9) for v in FREEDOM],
+        "ends": [[store.rounded_number(v, 9) for v in end] for end in ends],
+        "study": _study(),
+    }
+    return {"data": data, "enough": _correlation_times(), "within": f"{WITHIN:.0%}"[:-1]}
+
+
+def _correlation_times():
+    """Say how many correlation times give T_c to ±20 %: least, most and how many sensors."""
+    sensors, times = store.read("coverage").source["papers"], []
+    study = store.coverage().drop_duplicates(["model", "parameter"])
+    truths = study.pivot(index="model", columns="parameter", values="truth").loc[[*sensors]]
+    for model, truth in truths[np.isfinite(truths["corr_time"])].iterrows():
+        plan = Plan(truth["sigma_v"], truth["sigma_b"], truth["corr_time"])
+        hours = plan.hours_needed(sensors[model]["interval_s"], WITHIN)["corr_time"]
+        times.append(3600 * hours / truth["corr_time"])
+    return [f"{min(times):.0f}", f"{max(times):.0f}", len(times)]
+
+
+def _study():
+    """List how often simulated logs resolved the correlation time of a Gauss-Markov bias."""
+    sensors, rows = store.read("coverage").source["papers"], []
+    study = store.coverage().query("estimator == 'likelihood' and model in @sensors")
+    for (model, hours), cell in study.groupby(["model", "hours"]):
+        cell = cell.set_index("parameter")
+        truth, dt = cell["truth"], sensors[model]["interval_s"]
+        if not np.isfinite(truth["corr_time"]):
+            continue
+        white = truth["sigma_v"] * np.sqrt(dt)
+        above = np.sqrt(2 * truth["corr_time"]) * truth["sigma_b"] / white
+        rows.append(
+            {
+                "title": sensors[model]["title"],
+                "hours": float(hours),
+                "times": store.rounded_number(3600 * hours / truth["corr_time"]),
+                "above": store.rounded_number(above),
+                "resolved": float(cell.loc["corr_time", "resolved"]),
+                "logs": int(cell.loc["corr_time", "runs"]),
+            }
+        )
+    return rows

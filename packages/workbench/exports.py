@@ -1,0 +1,446 @@
+"""Noise parameters of a model.json in the conventions of the tools that use them.
+
+The channels of a model.json are sorted into a gyroscope and an accelerometer triad, in SI. The
+files are templates in packages/workbench/templates/exports; the caller passes the template loader.
+
+A term that the log does not resolve is never filled in: a simulator gets 0, which switches it off,
+a filter that cannot do without it gets no line. In both cases a comment gives the known bound.
+Each tool's own definition, and where it is written (tests/test_exports.py simulates them):
+
+Kalibr, ``imu.yaml``
+    Wiki page "IMU Noise Model"; ``ImuParameters`` in kalibr_common/ConfigReader.py, which needs all
+    four numbers positive. One number per triad. Bias: a random walk, here ``Triad.mean(walk)``.
+gnss-ins-sim
+    ``IMU`` in sim/imu_model.py (deg/h, deg/sqrt(h), m/s/sqrt(h)); ``bias_drift`` in
+    pathgen/pathgen.py: b_{k+1} = (1 - dt/T) b_k + sigma sqrt(1 - exp(-2 dt/T)) w, so b_stability is
+    sigma_b; an infinite T gives white noise of that sigma instead. Starts at b = 0. ``env`` of
+    ``Sim`` (README, step 4.1): a sinusoid of phase zero, one frequency for three axes, as text
+    without exponents; rad/s and m/s^2.
+pyins (``python-ins``)
+    ``inertial_sensor.Parameters`` and ``EstimationModel``: root densities, bias a random walk.
+MATLAB ``imuSensor``
+    ``gyroparams``, ``accelparams``; the step in IMUSensorSimulator.m has white noise
+    NoiseDensity sqrt(F), random walk steps RandomWalk / sqrt(F), F = SampleRate / 2 for the default
+    NoiseType 'double-sided' and SampleRate for 'single-sided': the latter is N and K, as MathWorks'
+    example "Inertial Sensor Noise Analysis Using Allan Variance" says. BiasInstability drives the
+    filter in BiasInstabilityCoefficients, by default 1 / (1 - z^-1 / 2), whose memory is two
+    samples; with sqrt(1 - phi^2) / (1 - phi z^-1) it is the Gauss-Markov process exactly.
+    TemperatureBias is multiplied by the temperature above 25 degrees.
+Gazebo classic (PX4 SITL)
+    ``GazeboImuPlugin::addNoise`` in gazebo_imu_plugin.cpp: densities; bias exactly discretised with
+    RandomWalk K and BiasCorrelationTime T_c, so sigma_b = K sqrt(T_c / 2). An element left out
+    takes another sensor's value. Starts at b = 0.
+Gazebo (gz-sim)
+    ``GaussianNoiseModel::ApplyImpl`` of gz-sensors: stddev is of one sample, not a density (models
+    that copied the classic densities simulate too little noise); dynamic_bias_stddev, its name
+    notwithstanding, is the random walk K; the bias starts at N(bias_mean, bias_stddev).
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis import Estimate, WrongUsage
+from analysis.noise import conventions
+from analysis.noise.conventions import MISSING
+from analysis.noise.models import random_walk_unit
+
+TITLES = {
+    "imu.yaml": "Kalibr: kalibr_calibrate_imu_camera --imu imu.yaml",
+    "gnss_ins_sim_imu.py": "gnss-ins-sim: imu_model.IMU(accuracy=IMU_ERR, axis=6)",
+    "pyins_imu.py": "pyins (python-ins): Parameters(**GYRO), EstimationModel(bias_sd=..., **GYRO)",
+    "matlab_imu.m": "MATLAB: run it, then [accel, gyro] = imu(acceleration, angularVelocity)",
+    "gazebo_classic_imu.sdf": "Gazebo classic, PX4 SITL: put this plugin into the model",
+    "gz_sim_imu.sdf": "Gazebo (gz-sim), PX4 gz: put this sensor into the link",
+}
+SENSORS = {"rate": "gyroscope", "accel": "accelerometer"}
+SI_UNITS = {"rate": "rad/s", "accel": "m/s^2"}
+FOREVER = 1e9  # s, 30 years: a Gauss-Markov process of this correlation time is a random walk
+_AXIS = re.compile(r"(?:^|[_\-])([xyz])(?:$|[_\-])|([xyz])$", re.IGNORECASE)
+_TURNS = {"roll": "x", "pitch": "y", "yaw": "z"}
+NUMBERS = ("low", "value", "high")
+HELD = {"sinusoid": "gnss_ins_sim_imu.py", "temperature": "matlab_imu.m"}  # terms that a file holds
+SAME = 0.1  # relative; periods that close are one vibration seen by several axes
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Noise of one axis, in SI.
+
+    Attributes
+    ----------
+    channel : str
+    N : float or None
+        White noise, U sqrt(s).
+    K : float or None
+        Rate random walk, U/sqrt(s).
+    gauss_markov : list of (float, float)
+        Gauss-Markov terms resolved in both parameters, the strongest first: sigma_b (U) and
+        corr_time (s) each.
+    estimates : list of (str, Estimate)
+        Every parameter by its symbol.
+    terms : list of (str, dict of Estimate)
+        What was fitted beside the noise: warm_up, step, sinusoid or temperature, with its amplitude
+        (U; U/K) and times (s).
+    """
+
+    channel: str
+    N: float | None
+    K: float | None
+    gauss_markov: list[tuple[float, float]]
+    estimates: list[tuple[str, Estimate]]
+    terms: list[tuple[str, dict[str, Estimate]]]
+
+    @property
+    def temperature(self):
+        """Change of the bias with temperature, U/K, or None."""
+        return next((t["amplitude"].value for kind, t in self.terms if kind == "temperature"), None)
+
+    def at_period(self, period):
+        """Amplitude of a sinusoid of about that period, U, or 0."""
+        found = [
+            t["amplitude"].value
+            for kind, t in self.terms
+            if kind == "sinusoid" and abs(t["period"].value / period - 1) < SAME
+        ]
+        return max(found, default=0.0)
+
+    @property
+    def strongest(self):
+        """Give sigma_b of the strongest Gauss-Markov term, U, or None."""
+        return self.gauss_markov[0][0] if self.gauss_markov else None
+
+    @property
+    def walk(self):
+        """Random walk of the bias for times much shorter than its correlation times, or None. ::
+
+        K_total^2 = K^2 + sum of 2 sigma_b^2 / T_c
+        """
+        parts = [conventions.diffusion(*term) for term in self.gauss_markov]
+        parts += [] if self.K is None else [self.K]
+        return float(np.linalg.norm(parts)) if parts else None
+
+    @property
+    def process(self):
+        """Give (sigma_b, T_c) for a tool with one Gauss-Markov term, or None.
+
+        The strongest Gauss-Markov term; without one the random walk K, as the same process with a
+        correlation time of 30 years.
+        """
+        if self.gauss_markov:
+            return self.gauss_markov[0]
+        return self.K and (conventions.stationary(self.K, FOREVER), FOREVER)
+
+    @property
+    def sigma_b(self):
+        """Give sigma_b of `process`, U, or None."""
+        return self.process and self.process[0]
+
+    @property
+    def corr_time(self):
+        """Correlation time of `process`, s, or None."""
+        return self.process and self.process[1]
+
+
+@dataclass(frozen=True)
+class Triad:
+    """Gyroscope or accelerometer.
+
+    Attributes
+    ----------
+    sensor : str
+        gyroscope or accelerometer.
+    unit : str
+        rad/s or m/s^2.
+    axes : dict
+        x, y, z -> Axis, as far as the log has them.
+    """
+
+    sensor: str
+    unit: str
+    axes: dict[str, Axis]
+
+    def each(self, name):
+        """Attribute of each axis x, y, z, or None where there is no such axis."""
+        return [getattr(self.axes[k], name) if k in self.axes else None for k in "xyz"]
+
+    def mean(self, name):
+        """Root mean square of an attribute over the axes that have it, or None."""
+        values = [v for v in self.each(name) if v is not None]
+        return float(np.sqrt(np.mean(np.square(values)))) if values else None
+
+    @property
+    def sinusoid(self):
+        """Frequency (Hz) of the strongest sinusoid, and its amplitude on x, y and z, U; or None."""
+        found = [
+            (t["amplitude"].value, t["period"].value)
+            for axis in self.axes.values()
+            for kind, t in axis.terms
+            if kind == "sinusoid"
+        ]
+        if not found:
+            return None
+        period = max(found)[1]
+        sizes = [self.axes[k].at_period(period) if k in self.axes else 0.0 for k in "xyz"]
+        return 1 / period, sizes
+
+    @property
+    def process(self):
+        """One (sigma_b, T_c) for three axes, or None.
+
+        Root mean squares of sigma_b and of its random walk, so that both keep their mean power:
+        T_c = 2 sigma_b^2 / K^2. Axes that only have a random walk count where no axis has more.
+        """
+        processes = [a.process for a in self.axes.values() if a.process]
+        processes = [p for p in processes if p[1] < FOREVER] or processes
+        if not processes:
+            return None
+        sigma, time = np.array(processes).T
+        power, walk = np.mean(sigma**2), np.mean(2 * sigma**2 / time)
+        return float(np.sqrt(power)), float(2 * power / walk)
+
+
+def files(model, templates):
+    """Write every export of a model.json.
+
+    Parameters
+    ----------
+    model : dict
+        As `analysis.store.model` gives it, or json.load of the file.
+    templates : jinja2.Environment
+        Of packages/workbench/templates/exports.
+
+    Returns
+    -------
+    dict
+        File name -> text. README.md is always there, and alone where the log has no rate and no
+        acceleration of one triad.
+
+    Raises
+    ------
+    WrongUsage
+        If it is not the content of a model.json.
+    """
+    triads, left_out = sort_triads(model)
+    source, rate, texts = model["source"], float(model["source"]["rate_hz"]), {}
+    empty = {s: Triad(s, SI_UNITS[kind], {}) for kind, s in SENSORS.items()}
+    context = empty | triads | {
+        "about": parameter_lines(source, triads),
+        "rate": rate,
+        "missing": MISSING,
+        "forever": FOREVER,
+        "inf": np.inf,
+        "degrees": np.degrees(1.0),
+        "python": _python,
+        "matlab": _matlab,
+        "fixed": lambda values: " ".join(f"{v:.12f}" for v in values),
+        "diffusion": conventions.diffusion,
+        "per_sample": conventions.per_sample,
+    }  # fmt: skip
+    for name, title in TITLES.items() if triads else ():
+        text = templates.get_template(f"{name}.j2").render(context, title=title)
+        texts[name] = text.encode("ascii", "replace").decode()
+    explained = parameter_lines(source, triads, why=True)
+    texts["README.md"] = templates.get_template("README.md.j2").render(
+        file=source["file"],
+        titles={name: TITLES[name] for name in texts},
+        left_out=left_out,
+        absent=[sensor for sensor in SENSORS.values() if sensor not in triads],
+        unresolved=[line for line in explained if MISSING in line],
+        terms=_terms_in_files(triads),
+        tables={t.sensor: _in_every_convention(t, 1 / rate, templates) for t in triads.values()},
+    )
+    return texts
+
+
+def _terms_in_files(triads):
+    """Say of each term fitted beside the noise which file holds it."""
+    sentences = []
+    for triad in triads.values():
+        frequency = triad.sinusoid and triad.sinusoid[0]
+        for axis in triad.axes.values():
+            for kind, estimates in axis.terms:
+                held = HELD.get(kind, "no file")
+                if kind == "sinusoid" and not axis.at_period(1 / frequency):
+                    held = "no file, which has one frequency for three axes"
+                sentences.append(f"{axis.channel}, {_term(kind, estimates)}: in {held}")
+    return sentences
+
+
+def _term(kind, estimates):
+    return f"{kind} " + ", ".join(f"{k} {_written(e, False)}" for k, e in estimates.items())
+
+
+def _python(values, scale=1.0, absent=0.0):
+    values = [absent if v is None else scale * v for v in values]
+    return ", ".join("np.inf" if np.isinf(v) else f"{v:.6e}" for v in values)
+
+
+def _matlab(values):
+    return " ".join(f"{v or 0.0:.6e}" for v in values)
+
+
+def _in_every_convention(triad, dt, templates):
+    gyro, sensors = triad.sensor == "gyroscope", {}
+    per, unit = (np.degrees(1.0), "°/s") if gyro else (1.0, "m/s²")
+    for axis in triad.axes.values():
+        sigma, time = axis.gauss_markov[0] if axis.gauss_markov else (np.nan, np.nan)
+        white = np.nan if axis.N is None else axis.N
+        values = conventions.side_by_side(per * white, per * sigma, time, dt, unit)
+        sensors[axis.channel] = values
+    return conventions.table(sensors, dt, unit, templates)
+
+
+def sort_triads(model):
+    """Sort the channels of a model.json into triads.
+
+    Parameters
+    ----------
+    model : dict
+        As `analysis.store.model` gives it, or json.load of the file.
+
+    Returns
+    -------
+    triads : dict
+        gyroscope, accelerometer -> Triad, as far as the log has them.
+    left_out : list of str
+        A sentence for each channel or sensor that no tool here can take.
+
+    Raises
+    ------
+    WrongUsage
+        If it is not the content of a model.json.
+    """
+    if isinstance(model, dict) and "sources" in model:
+        raise WrongUsage("this is a pooled.json; export takes a model.json of `report`")
+    try:
+        groups, left_out = {}, []
+        for channel in model["channels"]:
+            name, unit, kind = channel["name"], channel["unit"], channel["kind"]
+            if not isinstance(name, str):
+                raise ValueError(f"a channel is called {name!r}, which is no text")
+            if kind not in SENSORS:
+                left_out.append(f"{name} is of kind {kind}; these tools take rate and accel")
+            elif conventions.SI.get(unit, (None, None))[1] != SI_UNITS[kind]:
+                left_out.append(f"{name} is in {unit}, which is no known unit of a {kind}")
+            else:
+                groups.setdefault(kind, []).append(_axis(channel))
+        for key in ("rate_hz", "duration_s"):
+            _check(model["source"][key], key)
+        parameter_lines(model["source"], {})
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        why = f"no {error}" if isinstance(error, KeyError) else error
+        raise WrongUsage(f"this is no model.json as `report` writes it: {why}") from error
+    triads = {}
+    for kind, axes in groups.items():
+        names = [axis.channel for axis in axes]
+        letters = _letters(names)
+        if letters is None:
+            left_out.append(
+                f"{len(axes)} {kind} channels ({', '.join(names)}) are not one triad x, y, z;"
+                " report one sensor at a time with --columns"
+            )
+            continue
+        axes = dict(sorted(zip(letters, axes, strict=True), key=lambda pair: pair[0]))
+        triads[SENSORS[kind]] = Triad(SENSORS[kind], SI_UNITS[kind], axes)
+    return triads, left_out
+
+
+def parameter_lines(source, triads, *, why=False):
+    """List the source of the numbers: the log, and every parameter with its interval or bound.
+
+    Parameters
+    ----------
+    source : dict
+        Of the model.json.
+    triads : dict of Triad
+    why : bool
+        Give the reason where a parameter is not resolved.
+
+    Returns
+    -------
+    list of str
+        Lines without a comment mark; the first names the log.
+    """
+    hours, rate = float(source["duration_s"]) / 3600, float(source["rate_hz"])
+    lines = [f"From {source['file']}, {hours:.3g} h at {rate:g} Hz; in SI, 95 %."]
+    for triad in triads.values():
+        for letter, axis in triad.axes.items():
+            name = f"{axis.channel} ({letter})"
+            lines += [f"{name}: {symbol} {_written(e, why)}" for symbol, e in axis.estimates]
+            if len(axis.gauss_markov) > 1:
+                lines.append(f"{name}: tools with one such bias get the strongest")
+            lines += [f"{name}: {_term(*term)}" for term in axis.terms]
+    return [" ".join(line.split()) for line in lines]
+
+
+def _written(e, why):
+    bound = e.between("{:.4g}".format)
+    if e.resolved:
+        return f"{e.value:.4g} ({bound}) {e.unit}"
+    return f"{MISSING} ({bound}) {e.unit}" + (f": {e.note}" if why else "")
+
+
+def _axis(channel):
+    unit, parameters = channel["unit"], channel["parameters"]
+    white = "arw" if channel["kind"] == "rate" else "vrw"
+    factor, si = conventions.SI[unit]
+
+    def estimate(name, was, now, by):
+        e, what = Estimate(**parameters[name]), f"{name} of {channel['name']}"
+        if e.resolved == (e.value is None):
+            raise ValueError(f"{what} is resolved without a value, or not with one")
+        if e.unit != was:
+            raise ValueError(f"{what} is in {e.unit}, not in {was}")
+        given = {key: getattr(e, key) for key in NUMBERS if getattr(e, key) is not None}
+        for key, number in given.items():
+            _check(number, f"{key} of {what}", zero=key == "low")
+        if list(given.values()) != sorted(given.values()):
+            raise ValueError(f"{what} lies outside its own interval")
+        return e.scaled(by, now)
+
+    N = estimate(white, random_walk_unit(unit), random_walk_unit(si), factor)
+    K = estimate("rrw", f"{unit}/sqrt(s)", f"{si}/sqrt(s)", factor)
+    estimates, resolved = [("N", N), ("K", K)], []
+    for which in [k.removeprefix("sigma_b") for k in parameters if k.startswith("sigma_b")]:
+        sigma_b = estimate(f"sigma_b{which}", unit, si, factor)
+        corr_time = estimate(f"corr_time{which}", "s", "s", 1.0)
+        estimates += [("sigma_b", sigma_b), ("T_c", corr_time)]
+        if sigma_b.resolved and corr_time.resolved:
+            resolved.append((sigma_b.value, corr_time.value))
+    terms = [
+        (term["kind"], {k: _of_term(Estimate(**e), factor, unit, si) for k, e in sizes})
+        for term in channel.get("fit", {}).get("terms", ())
+        if (sizes := term["parameters"].items())
+    ]
+    resolved.sort(reverse=True)
+    return Axis(channel["name"], N.value, K.value, resolved, estimates, terms)
+
+
+def _of_term(estimate, factor, unit, si):
+    """Bring an amplitude (U or U/K) to SI; times stay."""
+    if not estimate.unit.startswith(unit):
+        return estimate
+    return estimate.scaled(factor, si + estimate.unit.removeprefix(unit))
+
+
+def _check(number, what, *, zero=False):
+    """Refuse what is no number above zero, or so far from one that its square is not."""
+    plain = isinstance(number, int | float) and not isinstance(number, bool)
+    if not (plain and (1e-100 < number < 1e100 or (zero and number == 0))):
+        raise ValueError(f"{what} is {number!r}, not a number above zero that a sensor can have")
+
+
+def _letters(names):
+    """Axis of each channel, by name or, for nameless ones, by order; None if they are no triad."""
+    letters = [_letter(name) for name in names]
+    if None in letters and len(names) <= 3:
+        return "xyz"[: len(names)]
+    return None if None in letters or len(set(letters)) < len(letters) else letters
+
+
+def _letter(name):
+    turn = next((axis for word, axis in _TURNS.items() if word in name.lower()), None)
+    match = _AXIS.search(name)
+    return turn or (match and (match[1] or match[2]).lower())

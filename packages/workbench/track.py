@@ -1,0 +1,317 @@
+"""What `replay` writes: track.csv, summary.json, a page to look at, GPX and GeoJSON.
+
+``track.html`` holds its own drawing code (templates/plot.js) and nothing from the net: a plot like
+a map, and below it in time what each block did.
+"""
+
+import json
+import math
+from datetime import datetime, timedelta
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+from analysis import replacing, wrap
+from workbench.report import PAGES
+
+FILES = ("summary.json", "track.csv", "track.geojson", "track.gpx", "track.html")
+DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
+    "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
+    "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
+    "sigma_north_m": 3, "sigma_east_m": 3, "correlation": 4,
+}  # fmt: skip
+DRAWN = 20_000  # epochs; more make a page that is slow on a phone
+QUANTILE = math.sqrt(-2 * math.log(0.05))  # semi-axis of the 95 % ellipse, in standard deviations
+MOVING, STATIC, FIX, REFUSED = "#0072b2", "#009e73", "#999999", "#d55e00"
+NONE, LAYERS = "#e8e8e8", ("#b7e0d2", "#5cbf9f", "#007a5a")
+ANGLES = {"mount": "#cc79a7", "yaw": "#0072b2", "roll": "#e69f00", "pitch": "#009e73"}
+GPX = "http://www.topografix.com/GPX/1/1"
+
+
+def write(track, out):
+    """Write the five files of a replay, all or none.
+
+    Parameters
+    ----------
+    track : analysis.tracker.log_replay.Track
+    out : path-like
+        Folder; made if need be. Files of an earlier replay there are replaced, others stay.
+    """
+    with replacing(out) as draft:
+        draft.mkdir()
+        table = pd.DataFrame({name: _cells(name, c) for name, c in track.columns.items()})
+        table.to_csv(draft / "track.csv", index=False, lineterminator="\n")
+        content = json.dumps(_rounded(track.summary), indent=1, ensure_ascii=False)
+        texts = {
+            "summary.json": content + "\n",
+            "track.geojson": json.dumps(geojson(track), ensure_ascii=False) + "\n",
+            "track.gpx": gpx(track),
+            "track.html": page(track),
+        }
+        for name, text in texts.items():
+            (draft / name).write_text(text, encoding="utf-8")
+
+
+def lines(summary):
+    """Write what a terminal shows of a replay.
+
+    Parameters
+    ----------
+    summary : dict
+        Of a Track.
+
+    Returns
+    -------
+    list of str
+    """
+    fixes, static, mount = summary["fixes"], summary["static"], summary["mounting"]
+    said = [f"note: {note}" for note in summary["notes"]]
+    said.append(
+        f"fixes: {fixes['with_fix']:,} in {summary['source']['epochs']:,} epochs, "
+        f"{fixes['accepted']:,} accepted, {fixes['refused']:,} refused"
+    )
+    if fixes["first_output_s"] is not None:
+        said.append(f"first position put out after {fixes['first_output_s']:.1f} s")
+    for number, each in enumerate(summary["starts"] if len(summary["starts"]) > 1 else (), 1):
+        first, moved = each["fixes"]["first_accepted_s"], each["moved_while_off_m"]
+        said.append(
+            f"start {number} at {each['from_s']:.0f} s: "
+            + ("no fix accepted" if first is None else f"first fix accepted after {first:.0f} s")
+            + f", stationary for {each['static_seconds']:.0f} s"
+            + (f", moved by {moved:.0f} m while switched off" if moved else "")
+        )
+    layers = ", ".join(f"{s:.0f}" for s in static["seconds_in_layer"])
+    said.append(f"stationary for {static['seconds']:.0f} s, of which in layers 1, 2, 3: {layers} s")
+    if mount["deg"] is not None:
+        said.append(
+            f"mounting angle {mount['deg']:.1f}° ± {1.96 * mount['sigma_deg']:.1f}° (95 %) from "
+            f"{mount['straights']} straight stretches; by eq (3) as printed "
+            f"{mount['printed_rule_deg']:.1f}°"
+        )
+    elif mount["straights"]:
+        said.append(
+            f"no mounting angle: {mount['straights']} straight stretches, with too little "
+            "acceleration"
+        )
+    return said
+
+
+def _cells(name, column):
+    """Write a column: whole numbers as such, others rounded, nothing where there is no value."""
+    if column.dtype.kind in "iub":
+        return [str(int(v)) for v in column]
+    return ["" if v != v else f"{v:.{DECIMALS[name]}f}" for v in column.tolist()]
+
+
+def _rounded(value):
+    """Round every number to six digits, and write NaN and infinities as null."""
+    if isinstance(value, dict):
+        return {k: _rounded(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(v) for v in value]
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value
+
+
+def _title(track):
+    names = ", ".join(track.summary["source"]["files"]) or "track"
+    return "".join(letter for letter in names if letter.isprintable())  # as XML wants it
+
+
+def _runs(*columns):
+    """List where none of some columns changes: pairs of first and last index, plus one."""
+    changed = np.any([np.diff(c) != 0 for c in columns], axis=0)
+    edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(columns[0])]
+    return [(a, b) for a, b in pairwise(edges) if b > a]
+
+
+def gpx(track):
+    """Write what was put out as GPX 1.1: a track, a segment for each piece without a hole.
+
+    Times need a log that states its date; without one the points have none.
+
+    Returns
+    -------
+    str
+    """
+    c, start = track.columns, track.summary["source"]["start_utc"]
+    known, pdop = np.isfinite(c["out_lat_deg"]), c["pdop"]
+
+    def time(i):
+        when = datetime.fromisoformat(start) + timedelta(seconds=round(float(c["t_s"][i]), 3))
+        return f"{when:%Y-%m-%dT%H:%M:%S.%f}"[:-3] + "Z"
+
+    text = PAGES.get_template("track.gpx").render(
+        schema=GPX,
+        title=_title(track),
+        segments=[range(*run) for run in _runs(known) if known[run[0]]],
+        place=lambda i: (f"{c['out_lat_deg'][i]:.8f}", f"{_lon(c['out_lon_deg'][i]):.8f}"),
+        time=time if start else None,
+        pdop=np.where((c["accepted"] == 1) & (pdop >= 0) & (pdop < np.inf), pdop, np.nan),
+    )
+    return f"{text}\n"
+
+
+def _lon(degrees):
+    """Bring a longitude into [-180, 180), as GPX wants it, to the eighth decimal."""
+    return (round(float(degrees), 8) + 180.0) % 360.0 - 180.0
+
+
+def geojson(track):
+    """Lay the track out as GeoJSON (RFC 7946), with what the blocks did as properties.
+
+    Returns
+    -------
+    dict
+        Lines where the vehicle moved, a point for each rest (its last position), and the fixes
+        that were refused.
+    """
+    c = track.columns
+    known = np.isfinite(c["out_lat_deg"])
+    features = []
+    for first, last in _runs(known, c["moving"]):
+        if not known[first]:
+            continue
+        places = _places(c["out_lat_deg"][first:last], c["out_lon_deg"][first:last])
+        about = {"from_s": _time(c, first), "to_s": _time(c, last - 1)}
+        if not c["moving"][first]:
+            about |= {"state": "static", "layer": int(c["layer"][last - 1])}
+            features.append(_feature("Point", places[-1], about))
+            continue
+        if last < len(known) and known[last]:  # up to where it stops, so that no piece is missing
+            places += _places(c["out_lat_deg"][[last]], c["out_lon_deg"][[last]])
+        if len(places) == 1:
+            features.append(_feature("Point", places[0], about | {"state": "moving"}))
+            continue
+        lines = _cut(places)
+        features.append(_feature("MultiLineString", lines, about | {"state": "moving"}))
+    refused = (c["has_fix"] == 1) & (c["accepted"] == 0)
+    if refused.any():
+        places = _places(c["lat_deg"][refused], c["lon_deg"][refused])
+        features.append(_feature("MultiPoint", places, {"state": "fix refused"}))
+    return {"type": "FeatureCollection", "features": features}
+
+
+def _feature(kind, coordinates, properties):
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def _places(lat, lon):
+    return [[round(_lon(x), 8), round(float(y), 8)] for x, y in zip(lon, lat, strict=True)]
+
+
+def _time(columns, i):
+    return round(float(columns["t_s"][i]), 3)
+
+
+def _cut(places):
+    """Cut a line where it crosses the date line, as RFC 7946 asks for."""
+    lines = [[places[0]]]
+    for before, place in pairwise(places):
+        far = place[0] - before[0]
+        if abs(far) > 180:
+            edge = math.copysign(180.0, before[0])
+            share = (edge - before[0]) / (far - math.copysign(360.0, far))
+            lat = round(before[1] + share * (place[1] - before[1]), 8)
+            lines[-1].append([edge, lat])
+            lines.append([[-edge, lat]])
+        lines[-1].append(place)
+    return lines
+
+
+def page(track):
+    """Draw a replay as a page that needs nothing else.
+
+    Returns
+    -------
+    str
+    """
+    c, summary = track.columns, track.summary
+    every = max(1, -(-len(c["t_s"]) // DRAWN))
+    thin = {name: column[::every] for name, column in c.items()}
+    angles = [
+        {"name": _name(name), "y": _numbers(thin[f"{name}_deg"], 2), "colour": colour, "kind": kind}
+        for name, colour in ANGLES.items()
+        for kind in ["steps" if name == "mount" else "line"]
+        if np.isfinite(thin[f"{name}_deg"]).any()
+    ]
+    return PAGES.get_template("track.html").render(
+        title=_title(track),
+        summary=summary,
+        span=_span,
+        colours={"moving": MOVING, "static": STATIC, "fix": FIX, "refused": REFUSED},
+        layers=LAYERS,
+        angles=[(angle["name"], angle["colour"]) for angle in angles],
+        measured=[name for name in ("sigma_north_m", "pdop") if np.isfinite(c[name]).any()],
+        notes=track.notes,
+        every=every,
+        track=_drawn(thin, _bars(c), angles),
+    )
+
+
+def _name(angle):
+    return "mounting angle" if angle == "mount" else angle
+
+
+def _numbers(column, digits):
+    """List a column in so many decimals, with None where there is no value."""
+    scaled = np.round(np.asarray(column, dtype=float), digits)
+    whole = digits == 0
+    return [None if not math.isfinite(v) else int(v) if whole else v for v in scaled.tolist()]
+
+
+def _drawn(columns, bars, angles):
+    """Lay out what the page's script reads; positions are 1e-7 deg from an origin."""
+    lat, lon = (np.r_[columns[f"out_{k}"], columns[k]] for k in ("lat_deg", "lon_deg"))
+    known = np.isfinite(lat) & np.isfinite(lon)
+    origin = [float(np.median(lat[known])), float(lon[known][0])] if known.any() else [0.0, 0.0]
+    data = {"origin": [round(x, 7) for x in origin], "t": _numbers(columns["t_s"], 3)}
+    for name in ("lat", "out_lat"):
+        data[name] = _numbers((columns[f"{name}_deg"] - data["origin"][0]) * 1e7, 0)
+    for name in ("lon", "out_lon"):
+        data[name] = _numbers(wrap(columns[f"{name}_deg"] - data["origin"][1]) * 1e7, 0)
+    for name in ("accepted", "moving", "layer"):
+        data[name] = columns[name].tolist()
+    data |= {"pdop": _numbers(columns["pdop"], 2), "ellipse": _ellipses(columns)}
+    return data | {"bars": bars, "angles": angles, "colours": [MOVING, STATIC, FIX, REFUSED]}
+
+
+def _ellipses(columns):
+    """Give semi-axes (m) and direction (rad, anticlockwise from east) of the 95 % ellipses."""
+    east, north = columns["sigma_east_m"], columns["sigma_north_m"]
+    cross = columns["correlation"] * east * north
+    mean, half = (east**2 + north**2) / 2, (east**2 - north**2) / 2
+    apart = np.hypot(half, cross)
+    axes = QUANTILE * np.sqrt([mean + apart, np.maximum(mean - apart, 0.0)])
+    angle = np.arctan2(cross, half) / 2
+    rows = zip(*(_numbers(row, 2) for row in (*axes, angle)), strict=True)
+    return [None if row[0] is None else list(row) for row in rows]
+
+
+def _bars(c):
+    """Make the bars in time: fixes, blocks 3 and 4."""
+    fix = np.where(c["has_fix"] == 0, 0, np.where(c["accepted"] == 1, 1, 2))
+    rows = {
+        "fix": (fix, (NONE, STATIC, REFUSED)),
+        "block 3": (c["moving"], (STATIC, MOVING)),
+        "block 4": (c["layer"], (NONE, *LAYERS)),
+    }
+    bars = {"rows": list(rows), "from": [], "to": [], "row": [], "colours": []}
+    t = c["t_s"]
+    for row, (column, colours) in enumerate(rows.values()):
+        for first, last in _runs(column):
+            bars["from"].append(round(float(t[first]), 3))
+            bars["to"].append(round(float(t[min(last, len(t) - 1)]), 3))
+            bars["row"].append(row)
+            bars["colours"].append(colours[int(column[first])])
+    return bars
+
+
+def _span(seconds):
+    """Write a time as a reader would say it."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

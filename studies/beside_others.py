@@ -1,0 +1,300 @@
+"""This package beside other ways to read a static log: the same logs through each.
+
+The others are what an engineer finds first: allantools with a least-squares fit, the package
+allan-variance, and the five coefficients of IEEE 952. All read the Allan curve of the log as
+recorded. python-ins has no estimator: it takes the numbers. A term counts as given where it makes
+up at least 1 % of the fitted Allan variance at some averaging time.
+
+Log k of a sensor is that of `coverage`.
+"""
+
+import importlib.metadata
+import time
+import warnings
+from functools import partial
+
+import allantools
+import numpy as np
+import pandas as pd
+from scipy.optimize import OptimizeWarning, curve_fit
+from scipy.stats import norm
+
+from analysis import CannotAnswer, store
+from analysis.noise import characterise, recipes
+from analysis.noise.allan import allan_deviation
+from analysis.noise.models import FLICKER
+from studies import coverage, repeatability
+from studies.cells import Cell, tabulate
+
+FOLDER = store.FOLDER / "beside-others"
+HOURS = 2.0
+SENSORS = {"terrain": 60, "midg-roll": 60, "kvh-yaw": 30, "flicker": 30, "walk": 30}  # logs
+PIECES = 4  # parts of a real log
+REAL = [name for name, sensor in repeatability.LOGS.items() if sensor in ("ADIS16405", "MPU-6050")]
+OURS = "this package"
+ALLANTOOLS, ALLAN_VARIANCE = "allantools, least squares", "allan-variance"
+FIVE = "IEEE 952, five coefficients"
+PEERS = ("allantools", "allan-variance", "python-ins", "numpy", "scipy")
+POINTS, LONGEST = 60, 10  # averaging times given to allantools, up to a tenth of the log
+LEAST = 0.01  # of the fitted Allan variance, somewhere
+VRW = {"vrw": "arw"}
+COMPARED = ("arw", "bias_instability", "rrw", "drift", "corr_time", "sigma_b")
+
+
+def with_allantools(y, dt):
+    """Fit N, B and K to the logarithm of an Allan deviation by least squares, as is usual.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+    dt : float, s
+
+    Returns
+    -------
+    dict of str, (float, float, float)
+        ``arw`` (U sqrt(s)), ``bias_instability`` (U), ``rrw`` (U/sqrt(s)): value, low, high; the
+        interval from the covariance that `scipy.optimize.curve_fit` gives. Zero is not found.
+    """
+    m = np.unique(np.geomspace(1, len(y) // LONGEST, POINTS).round())
+    tau, adev, _, _ = allantools.oadev(y, rate=1 / dt, data_type="freq", taus=m * dt)
+    shapes, there = _shapes(tau)[1:4], np.ones(3, dtype=bool)
+    found = np.full((3, 3), np.nan)
+    found[:, 0] = adev[0] * np.sqrt(tau[0]), adev.min() / FLICKER, adev[-1] * np.sqrt(3 / tau[-1])
+
+    def logarithm(_, *logs):
+        return np.log(np.exp(2 * np.array(logs)) @ shapes[there]) / 2
+
+    while True:  # a term that vanishes has no error, and leaves the fit
+        with warnings.catch_warnings(action="ignore", category=OptimizeWarning):
+            logs, covariance = curve_fit(logarithm, tau, np.log(adev), np.log(found[there, 0]))
+        half = norm.ppf(0.975) * np.sqrt(np.diagonal(covariance))
+        with np.errstate(over="ignore"):  # an end that is infinite is open
+            found[there] = np.exp([logs, logs - half, logs + half]).T
+        kept = _made_up(found[there, 0], shapes[there])
+        if kept.all():
+            break
+        found[there] = np.where(kept[:, None], found[there], (0.0, np.nan, np.nan))
+        there[there] = kept
+    return dict(zip(COMPARED, map(tuple, found.tolist()), strict=False))
+
+
+def with_allan_variance(y, dt):
+    """Fit five terms with the package allan-variance, its own settings; as `with_allantools`."""
+    import allan_variance
+
+    tau, variance = allan_variance.compute_avar(y, dt)
+    fitted, _ = allan_variance.estimate_parameters(tau, variance)
+    return _of_five(tau, fitted.to_numpy())
+
+
+def with_five_coefficients(y, dt):
+    """Fit the five coefficients of IEEE 952, weighted by standard error; as `with_allantools`."""
+    curve = allan_deviation(y, dt)
+    return _of_five(curve.tau, list(recipes.five_coefficients(curve).values()))
+
+
+def _of_five(tau, fitted):
+    found = np.where(_made_up(fitted, _shapes(tau)), fitted, 0.0)[1:]  # without quantisation
+    return {p: (float(v), np.nan, np.nan) for p, v in zip(COMPARED, found, strict=False)}
+
+
+def _shapes(tau):
+    """Allan variance of quantisation, N, B, K and ramp of size one, shape (5, k)."""
+    return np.stack([3 / tau**2, 1 / tau, np.full(len(tau), FLICKER**2), tau / 3, tau**2 / 2])
+
+
+def _made_up(coefficients, shapes):
+    """Whether each term makes up 1 % of the sum at some averaging time."""
+    terms = np.square(coefficients)[:, None] * shapes
+    return (terms >= LEAST * terms.sum(axis=0)).any(axis=1)
+
+
+OTHERS = {ALLANTOOLS: with_allantools, ALLAN_VARIANCE: with_allan_variance}
+OTHERS[FIVE] = with_five_coefficients
+
+
+def simulated(log, *, name):
+    """Simulate one log of a sensor, and read it by every method.
+
+    Returns
+    -------
+    list of dict
+        run, method, parameter, truth, value (0 or NaN: none), low, high, seconds (of the method for
+        the log, processor time).
+    """
+    run, stream = log
+    sensor, dt, _ = coverage.models()[name]
+    truth, rng = coverage.truths(sensor, dt), np.random.default_rng(stream)
+    y = sensor.simulate(round(3600 * HOURS / dt), dt, rng)
+    seed, rows = int(rng.integers(2**32)), []
+    for method, found, seconds in readings(y, dt, seed):
+        for p, (value, low, high) in found.items():
+            row = {"run": run, "method": method, "parameter": p, "truth": truth[p]}
+            rows.append(row | {"value": value, "low": low, "high": high, "seconds": seconds})
+    return rows
+
+
+def readings(y, dt, seed=None):
+    """Read a log by every method, this package last.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+    dt : float, s
+    seed : int, optional
+        For this package; without it only the others are run.
+
+    Yields
+    ------
+    method : str
+    found : dict of str, (float, float, float)
+        Parameter -> value, low, high.
+    seconds : float
+        Processor time.
+    """
+    ours = {OURS: partial(_ours, seed=seed)} if seed is not None else {}
+    for method, read in (OTHERS | ours).items():
+        begun = time.process_time()
+        found = read(y, dt)
+        yield method, found, time.process_time() - begun
+
+
+def _ours(y, dt, *, seed):
+    rng = np.random.default_rng(seed)
+    channel = characterise(y, dt, name="gyro", unit="deg/s", kind="rate", rng=rng)
+    known = {p: e for p, e in channel.parameters.items() if p in COMPARED}
+    numbers = {p: (e.value, e.low, e.high) for p, e in known.items()}
+    return {p: tuple(np.nan if v is None else v for v in n) for p, n in numbers.items()}
+
+
+def parts(name):
+    """Read the quarters of every channel of a real log by the other methods.
+
+    Returns
+    -------
+    list of dict
+        sensor, kind, log, channel, part, method, parameter, value, low, high.
+    """
+    log, rows = repeatability.read(name), []
+    for channel in log.channels:
+        for part, y in enumerate(np.array_split(channel.values, PIECES)):
+            about = {"sensor": repeatability.LOGS[name], "kind": channel.kind, "log": name}
+            about |= {"channel": channel.name, "part": part}
+            for method, found, _ in readings(y, log.dt):
+                for p, (value, low, high) in found.items():
+                    row = {"method": method, "parameter": p, "value": value}
+                    rows.append(about | row | {"low": low, "high": high})
+    return rows
+
+
+def summary(rows, sensor):
+    """Compare the methods on the simulated logs of one sensor.
+
+    Returns
+    -------
+    DataFrame
+        sensor, method, parameter, truth, runs; given (share of the logs with a value), held (share
+        of the given intervals that hold the truth; empty without intervals); median, q025, q975 of
+        value / truth; seconds (median, of a log); first, the value of log 0.
+    """
+    table, runs = [], rows["run"].nunique()
+    for (method, parameter), group in rows.groupby(["method", "parameter"], sort=False):
+        given = group[group["value"].abs() > 0]
+        truth = group["truth"].iloc[0]
+        held = (given["low"] <= given["truth"]) & (given["truth"] <= given["high"])
+        ratio = (given["value"] / truth) if truth > 0 else pd.Series([np.nan])
+        table.append(
+            {
+                "sensor": sensor,
+                "method": method,
+                "parameter": parameter,
+                "truth": truth,
+                "runs": runs,
+                "given": len(given) / runs,
+                "held": held.mean() if given["low"].notna().any() else np.nan,
+                "median": ratio.median(),
+                "q025": ratio.quantile(0.025),
+                "q975": ratio.quantile(0.975),
+                "seconds": group["seconds"].median(),
+                "first": group["value"].iloc[0],
+            }
+        )
+    return pd.DataFrame(table)
+
+
+def real_summary(rows):
+    """Compare the methods on quarters of real logs, where nobody knows the truth.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        As `parts` gives them, and those of this package.
+
+    Returns
+    -------
+    DataFrame
+        sensor, kind, method, parameter; channels, parts, given (share of the parts with a value);
+        scatter (standard deviation of the logarithm between the parts of a channel), pairs and
+        within (share of the pairs of parts whose intervals agree); ratio (median, to this package
+        in the same part); first, the value of the first part.
+    """
+    keys, table = ["log", "channel", "part", "parameter"], []
+    rows = rows[rows["parameter"] != "drift"]  # of either sign
+    rows = rows.assign(value=rows["value"].where(rows["value"].abs() > 0), pieces=PIECES, named="")
+    ours = rows[rows["method"] == OURS].set_index(keys)["value"]
+    for key, group in rows.groupby(["sensor", "kind", "method", "parameter"], sort=False):
+        given = group.dropna(subset="value")
+        row = dict(zip(("sensor", "kind", "method", "parameter"), key, strict=True))
+        row |= {"channels": len(group.groupby(["log", "channel"])), "parts": len(group)}
+        logs = np.log(given["value"]).groupby([given["log"], given["channel"]])
+        freedom = (logs.size() - 1).sum()
+        squares = ((logs.size() - 1) * logs.var()).sum()
+        z = repeatability.pairs(given.dropna(subset=["low", "high"]))["z"].abs()
+        row |= {"given": len(given) / len(group), "pairs": len(z)}
+        row["scatter"] = np.sqrt(squares / freedom) if freedom else np.nan
+        row["within"] = (z < repeatability.WITHIN).mean() if len(z) else np.nan
+        row["ratio"] = (given.set_index(keys)["value"] / ours).median()
+        table.append(row | {"first": group["value"].iloc[0]})
+    return pd.DataFrame(table)
+
+
+def study(folder=FOLDER, **where):
+    """Read simulated and real logs by every method, and write a table a sensor, and ``real``.
+
+    A table that is there with as many logs is kept: a killed study goes on where it stopped.
+
+    Parameters
+    ----------
+    folder : Path
+    **where
+        As for `studies.cells.compute`.
+    """
+    try:
+        versions = {peer: importlib.metadata.version(peer) for peer in PEERS}
+    except importlib.metadata.PackageNotFoundError as error:
+        raise CannotAnswer(f"{error.name} is not installed; `make install` installs it") from error
+    tables = {}
+    for name, runs in SENSORS.items():
+        logs, finish = list(enumerate(coverage.streams(name, runs))), partial(summary, sensor=name)
+        tables[name] = Cell(partial(simulated, name=name), logs, finish)
+    source = {
+        "title": "This package beside other ways to read a static log",
+        "made_by": "python -m analysis coverage beside",
+        "seed": coverage.SEED,
+        "hours": HOURS,
+        **repeatability.sources(map(repeatability.read, REAL)),
+        "versions": versions,
+    }
+    tabulate(folder, source, tables | {"real": Cell(parts, REAL, _beside_ours)}, **where)
+
+
+def _beside_ours(rows):
+    return real_summary(pd.concat([rows, stored_parts()], ignore_index=True))
+
+
+def stored_parts():
+    """Take what this package gives for the same quarters from the study of repeatability."""
+    tables = store.read(repeatability.FOLDER).tables
+    rows = pd.concat([tables[name] for name in REAL]).query("pieces == @PIECES")
+    rows = rows.assign(method=OURS, parameter=rows["parameter"].replace(VRW))
+    return rows[rows["parameter"].isin(COMPARED)].drop(columns=["pieces", "named"])

@@ -1,0 +1,691 @@
+"""Coverage of the 95 % intervals: every estimator on simulated logs of known sensors.
+
+Two sets of cells: the models of the papers and what they leave out (``data/derived/coverage``),
+and logs that break every model (``data/derived/robustness``): warm-up, step, cycle, lost samples,
+heavy tails, motion. The second set is measured with what `report` runs, `store.characterise_log`.
+
+Log k of a sensor comes from the k-th stream spawned from the sensor's seed, so that neither the
+number of workers nor an interruption changes a number, and log k of a sensor has the same noise
+under every disturbance. One CSV for each cell (sensor and hours) is kept; a cell that is there with
+as many logs is not computed again, so delete it to see a new estimator.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from scipy.signal import butter, lfilter, lfilter_zi
+from scipy.stats import norm
+
+from analysis import CannotAnswer, WrongUsage, store
+from analysis.noise import graph, recipes
+from analysis.noise.allan import allan_deviation, fit_line
+from analysis.noise.fit import UNIFIED
+from analysis.noise.inference import INSTEAD, infer, linear_drift
+from analysis.noise.models import (
+    FLICKER,
+    UnifiedModel,
+    adev_of_terms,
+    flicker_noise,
+    gauss_markov,
+    models_of_table_one,
+)
+from analysis.units import unit_variances
+from sensorlogs.static import Channel, Log
+from studies.cells import Cell, tabulate
+
+SEED = 4711
+FOLDER, BROKEN = store.FOLDER / "coverage", store.FOLDER / "robustness"
+FURTHER_LENGTHS = "midg-roll"  # the model that is simulated at further lengths
+EVERY = 10  # logs: one in so many is given to the slower recipes too
+RATE_HZ = 20.0  # of Table I, comparison paper section IV
+# At 100 Hz: N = 0.004 deg/sqrt(s).
+TERRAIN = UnifiedModel(0.004 * 10, 200.0, 0.005, title="terrain Table 1")
+PARAMETERS = ("sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
+OF_A_RATE = ("arw", *PARAMETERS[1:])
+BROKEN_HOURS, BROKEN_LOGS, LOGS_IN_DOUBT = 2.0, 12, 48
+# Rows that had a wrong value without a warning in a fifth of twelve logs or more, or changed since.
+IN_DOUBT = ("two-biases+walk", "terrain+warm-up-3", "flicker+warm-up-10", "walk+warm-up-10")
+POWER, POWER_LOGS, POWER_DT = store.FOLDER / "power", 20, 0.1  # s
+BEFORE = "table 'before': the same logs, by the code of commit e05b09e, which had no tests of fit"
+WARM_UP, CYCLE, SWING = 900.0, 1200.0, 600.0  # s, time constant and periods
+LINE_HZ = 28.5  # of an engine, as in the log car-roof-imu
+GAPS, GAP = 12, 30.0  # how many, s
+SPIKES = 1e-4  # share of the samples
+ON_EVERY_SENSOR = ("nothing", "warm-up-10", "step-10", "cycle", "loss-5", "gaps", "low-pass-1")
+GYROS = {"terrain": "one bias", "walk": "random walk", "flicker": "flicker noise"}  # of `broken`
+GYROS |= {"two-biases": "two biases and a random walk"}
+
+
+@dataclass(frozen=True)
+class Gyro:
+    """A rate sensor that is not white noise with one Gauss-Markov bias.
+
+    Attributes
+    ----------
+    sigma_v, bias_instability, rrw : float
+        White noise of a sample (U), flicker noise (U), rate random walk (U/sqrt(s)).
+    biases : tuple of (sigma_b, corr_time)
+        Gauss-Markov terms, U and s, the slowest last.
+    """
+
+    sigma_v: float
+    bias_instability: float = 0.0
+    rrw: float = 0.0
+    biases: tuple = ((0.0, np.nan),)
+    drift: float = 0.0
+
+    @property
+    def sigma_b(self):
+        """Of the slowest bias, U."""
+        return self.biases[-1][0]
+
+    @property
+    def corr_time(self):
+        """Of the slowest bias, s."""
+        return self.biases[-1][1]
+
+    def simulate(self, n, dt, rng):
+        """Simulate a static log, shape (n,), U."""
+        y = self.sigma_v * rng.standard_normal(n) + flicker_noise(n, dt, self.bias_instability, rng)
+        y += self.rrw * np.sqrt(dt) * np.cumsum(rng.standard_normal(n))
+        for sigma_b, corr_time in self.biases:
+            y += gauss_markov(n, dt, sigma_b, corr_time, rng) if sigma_b else 0.0
+        return y
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A sensor whose log is disturbed.
+
+    Attributes
+    ----------
+    says : str
+        The disturbance and its size.
+    truth : UnifiedModel or Gyro
+        What the intervals have to hold.
+    disturb : callable
+        Readings (U), time (s) and random numbers -> readings.
+    sensor : UnifiedModel or Gyro, optional
+        What is simulated, if it is not `truth`.
+    """
+
+    says: str
+    truth: UnifiedModel | Gyro
+    disturb: Callable
+    sensor: UnifiedModel | Gyro | None = None
+
+    def simulate(self, n, dt, rng):
+        """Simulate a static log and disturb it, shape (n,), U."""
+        y = (self.sensor or self.truth).simulate(n, dt, rng)
+        return self.disturb(y, dt * np.arange(n), rng)
+
+
+def papers():
+    """Give the models of both papers: name -> model, sampling interval (s), kind.
+
+    Returns
+    -------
+    dict of str, tuple
+    """
+    models = models_of_table_one(store.published("comparison-table-1"))
+    sensors = {name: (model, 1 / RATE_HZ, "angle") for name, model in models.items()}
+    return sensors | {"terrain": (TERRAIN, 0.01, "rate")}
+
+
+def models():
+    """Give the papers' models and, of the size of a real MEMS gyro (deg/s), what they leave out.
+
+    Returns
+    -------
+    dict of str, tuple
+    """
+    return papers() | {
+        "flicker": (Gyro(0.06, bias_instability=0.0095, rrw=6.5e-4), 0.1, "rate"),
+        "walk": (Gyro(0.06, rrw=6.5e-4), 0.1, "rate"),
+        "two-biases": (Gyro(0.06, biases=((0.02, 20.0), (0.02, 600.0))), 0.1, "rate"),
+        "weak-bias": (Gyro(0.06, biases=((0.001, 600.0),)), 0.1, "rate"),
+        "weak-walk": (Gyro(0.06, rrw=1.6e-5), 0.1, "rate"),
+    }
+
+
+def broken():
+    """Give logs that break the models, of a terrain-like gyro and of two others: name -> cell.
+
+    A size of 1 is 0.005 deg/s on ``terrain`` (its sigma_b), 0.01 on ``walk`` (its growth in four
+    minutes) and 0.0095 on ``flicker`` (its B).
+
+    Returns
+    -------
+    dict of str, tuple
+        As in `models`: `Broken`, sampling interval (s), kind; named ``sensor+disturbance``.
+    """
+    cells = {}
+    for name, size in (("terrain", 0.005), ("walk", 0.01), ("flicker", 0.0095)):
+        sensor, dt, kind = models()[name]
+        level = sensor.sigma_v
+        for what, (says, disturb) in disturbances(size, level).items():
+            if name == "terrain" or what in ON_EVERY_SENSOR:
+                cells[f"{name}+{what}"] = Broken(says, sensor, disturb), dt, kind
+        quiet = partial(tails, level=level), replace(sensor, sigma_v=0.0)
+        cells[f"{name}+student-t3"] = Broken("white noise Student t3", sensor, *quiet), dt, kind
+    mean = replace(TERRAIN, sigma_v=TERRAIN.sigma_v * np.sqrt(2.5))  # root mean square
+    halves = partial(louder, level=TERRAIN.sigma_v), TERRAIN
+    halves = Broken("noise doubled in the second half", mean, *halves)
+    sensor, dt, kind = models()["two-biases"]
+    both = Broken("nothing", replace(sensor, rrw=6.5e-4), nothing)
+    return cells | {"terrain+doubled": (halves, 0.01, "rate"), "two-biases+walk": (both, dt, kind)}
+
+
+def power_cells():
+    """Give what each test of the fit is to find, at three sizes: (test, size) -> logs.
+
+    Returns
+    -------
+    dict of (str, str), Broken
+        Of the terrain paper's gyro, read every `POWER_DT` seconds.
+    """
+    level, size = TERRAIN.sigma_v * np.sqrt(0.01 / POWER_DT), TERRAIN.sigma_b
+    sensor, cells = replace(TERRAIN, sigma_v=level), {}
+
+    def add(test, says, disturb, truth=sensor, simulated=None):
+        cells[test, says] = Broken(says, truth, disturb, simulated)
+
+    add("nothing", "0", nothing)
+    for test, disturb in (("warm_up", warm_up), ("step", step), ("sinusoid", cycle)):
+        for times in (0.3, 1, 3) if test == "sinusoid" else (1, 3, 10):
+            add(test, f"{times:g} σ_b", partial(disturb, size=times * size))
+    for times in (1.02, 1.1, 1.5):
+        mean = replace(sensor, sigma_v=level * np.sqrt((1 + times**2) / 2))  # root mean square
+        second_half = partial(louder, level=level, times=times)
+        add("noise_level", f"{times:g} times", second_half, mean, sensor)
+    for times in (6, 12, 30):
+        add("spikes", f"{times} σ_v", partial(spikes, level=level, sizes=(times, times)))
+    quiet = replace(sensor, sigma_v=0.0)
+    for freedom in (30, 10, 3):
+        tailed = partial(tails, level=level, freedom=freedom)
+        add("heavy_tails", f"Student t{freedom}", tailed, sensor, quiet)
+    return cells
+
+
+def power(folder=POWER, **where):
+    """Count how often each test of the fit finds what is in the log, and write ``power``.
+
+    Parameters
+    ----------
+    folder : Path
+        Gets a table: test, size, runs; found (logs in which it is reported), reported (logs in
+        which anything is), wrong (logs without any report in which the worst parameter has a wrong
+        value).
+    **where
+        As for `studies.cells.compute`.
+    """
+    source = {
+        "title": "Power of the tests of fit, each at three sizes",
+        "made_by": "python -m analysis coverage power",
+        "seed": SEED,
+        "interval_s": POWER_DT,
+        "hours": BROKEN_HOURS,
+    }
+    logs = [
+        (cell, log) for cell in power_cells() for log in enumerate(streams("terrain", POWER_LOGS))
+    ]
+    tabulate(folder, source, {"power": Cell(_power_log, logs, _found, POWER_LOGS)}, **where)
+
+
+def _power_log(one):
+    """Characterise one log of a cell of `power_cells`."""
+    (test, size), log = one
+    told = {"dt": POWER_DT, "kind": "rate", "hours": BROKEN_HOURS}
+    rows = characterised(*log, model=power_cells()[test, size], **told)
+    return [{"test": test, "size": size} | row for row in rows]
+
+
+def _found(logs):
+    """Count the logs of each cell in which something is reported."""
+    table = []
+    for (test, size), rows in logs.groupby(["test", "size"], sort=False):
+        said = rows.drop_duplicates("run")["reported"].str.split().tolist()
+        row = {"test": test, "size": size, "runs": len(said)}
+        row |= {"found": sum(test in kinds for kinds in said), "reported": sum(map(bool, said))}
+        table.append(row | {"wrong": round(broken_summary(rows)["unsaid"].max() * len(said))})
+    return pd.DataFrame(table)
+
+
+def disturbances(size, level):
+    """Give each disturbance in words, and as a function of readings, time and random numbers.
+
+    Parameters
+    ----------
+    size, level : float, U
+        A size of 1, and the white noise of a sample.
+
+    Returns
+    -------
+    dict of str, (str, callable)
+    """
+    return {
+        "nothing": ("nothing (control)", nothing),
+        "warm-up-3": ("a warm-up, 3 exp(-t / 900 s)", partial(warm_up, size=3 * size)),
+        "warm-up-10": ("a warm-up, 10 exp(-t / 900 s)", partial(warm_up, size=10 * size)),
+        "step-3": ("a step of 3 at a random time", partial(step, size=3 * size)),
+        "step-10": ("a step of 10 at a random time", partial(step, size=10 * size)),
+        "cycle": ("a sinusoid of 20 min, amplitude 3", partial(cycle, size=3 * size)),
+        "loss-1": ("1 % of the samples lost", partial(loss, share=0.01)),
+        "loss-5": ("5 % of the samples lost", partial(loss, share=0.05)),
+        "gaps": ("12 gaps of 30 s", gaps),
+        "gaps-loss-5": ("12 gaps of 30 s, and 5 % lost", partial(gaps, share=0.05)),
+        "spikes": ("72 spikes of 5 to 100 σ_v", partial(spikes, level=level)),
+        "vibration": (
+            "a vibration, 0.1 °/s at 28.5 Hz",
+            partial(cycle, size=0.1, period=1 / LINE_HZ),
+        ),
+        "low-pass-1": ("a low-pass of 1 Hz", partial(low_pass, cutoff=1.0)),
+        "low-pass-5": ("a low-pass of 5 Hz", partial(low_pass, cutoff=5.0)),
+        "low-pass-20": ("a low-pass of 20 Hz", partial(low_pass, cutoff=20.0)),
+        "rotation": ("turns at 30 °/s", partial(warm_up, size=30.0, time=np.inf)),
+        "swing": (
+            "swings at up to 30 °/s, period 10 min",
+            partial(cycle, size=30.0, period=SWING),
+        ),
+    }
+
+
+def nothing(y, t, rng):
+    """Disturb nothing."""
+    return y
+
+
+def warm_up(y, t, rng, *, size, time=WARM_UP):
+    """Add an exponential; with an infinite time, a constant."""
+    return y + size * np.exp(-t / time)
+
+
+def step(y, t, rng, *, size):
+    """Add a step, up or down, between a tenth and nine tenths of the log."""
+    return y + size * rng.choice([-1, 1]) * (t > rng.uniform(0.1, 0.9) * t[-1])
+
+
+def cycle(y, t, rng, *, size, period=CYCLE):
+    """Add a sinusoid of random phase."""
+    return y + size * np.sin(2 * np.pi * (t / period + rng.uniform()))
+
+
+def loss(y, t, rng, *, share):
+    """Lose samples at random."""
+    return np.where(rng.random(len(y)) < share, np.nan, y)
+
+
+def gaps(y, t, rng, *, share=0.0):
+    """Lose 12 stretches of 30 s, and a share of the other samples."""
+    for start in rng.uniform(0, t[-1] - GAP, GAPS):
+        y = np.where((t >= start) & (t < start + GAP), np.nan, y)
+    return loss(y, t, rng, share=share)
+
+
+def tails(y, t, rng, *, level, freedom=3):
+    """Add white noise of a Student distribution, of standard deviation `level`."""
+    return y + level * np.sqrt(1 - 2 / freedom) * rng.standard_t(freedom, len(y))
+
+
+def spikes(y, t, rng, *, level, sizes=(5, 100)):
+    """Add single samples that are off by 5 to 100 standard deviations."""
+    at = rng.choice(len(y), round(SPIKES * len(y)), replace=False)
+    y = y.copy()
+    y[at] += level * rng.choice([-1, 1], len(at)) * np.exp(rng.uniform(*np.log(sizes), len(at)))
+    return y
+
+
+def louder(y, t, rng, *, level, times=2):
+    """Double the white noise in the second half, or raise it so many times."""
+    extra = np.sqrt(times**2 - 1) * level
+    return y + extra * rng.standard_normal(len(y)) * (t > t[-1] / 2)
+
+
+def low_pass(y, t, rng, *, cutoff):
+    """Filter as a sensor does: Butterworth of second order, settled at the first sample."""
+    b, a = butter(2, cutoff, fs=1 / (t[1] - t[0]))
+    return lfilter(b, a, y, zi=lfilter_zi(b, a) * y[0])[0]
+
+
+def estimate(run, stream, *, model, dt, kind, hours):
+    """Simulate one log and run the estimators on it, the slower ones on every tenth log.
+
+    Returns
+    -------
+    list of dict
+        run, estimator, parameter, value, low, high (NaN where there is none), interval (whether
+        the estimator gives one), model.
+    """
+    y = model.simulate(round(3600 * hours / dt), dt, np.random.default_rng(stream))
+    inference = infer(y, dt, "deg", kind, np.random.default_rng(stream))
+    chosen, rows = inference.chosen.model, []
+
+    def add(estimator, parameter, value, low=None, high=None, *, interval=True, model=""):
+        row = {"run": run, "estimator": estimator, "parameter": parameter}
+        row |= {"value": value, "low": low, "high": high}
+        rows.append(row | {"interval": interval, "model": model})
+
+    for p in PARAMETERS:
+        if p in inference.parameters:
+            e = inference.parameters[p]
+            add("likelihood", p, e.value, e.low, e.high, model=chosen)
+    for p in PARAMETERS[:3]:
+        value = next(iter(inference.fits[UNIFIED].terms[p]), None)
+        add("N+GM, unselected", p, value, interval=False)
+    line = inference.likelihood.evaluate(inference.chosen.point[None], inference.chosen.names)
+    ends = line.drift[0] + norm.ppf([0.5, 0.025, 0.975]) * line.drift_sd[0]
+    add("chosen model", "drift", *ends, model=chosen)
+    if run % EVERY == 0:
+        drift = linear_drift(inference.likelihood, inference.fits, inference.chosen)
+        add("chi-squared", "drift", *drift, model=chosen)
+        residual, per_sample = fit_line(y, dt)[0], 1 / np.sqrt(dt)
+        curve = allan_deviation(residual, dt)
+        white = graph.white_noise(curve, "deg").scaled(per_sample, "deg")
+        add("graph", "sigma_v", white.value, white.low, white.high)
+        recipe = recipes.comparison_recipe(residual, dt)
+        for p in PARAMETERS[:3]:
+            add("1/e", p, recipe[p], interval=False)
+        fitted = recipes.five_coefficients(curve)["white"] * per_sample
+        add("five coefficients", "sigma_v", fitted, interval=False)
+    return rows
+
+
+def characterised(run, stream, *, model, dt, kind, hours):
+    """Simulate one broken log, and characterise it as `report` does.
+
+    Returns
+    -------
+    list of dict
+        run, parameter, truth, value, low, high (NaN where there is none), reported (the kinds of
+        disturbance that are reported for the log, with spaces; beside a drift that a warm-up may
+        be, as its note says, warm_up too).
+    """
+    rng = np.random.default_rng(stream)
+    y = model.simulate(round(3600 * hours / dt), dt, rng)
+    told = dict.fromkeys(("name", "title", "file", "sha256", "licence", "source"), "")
+    channels, samples = (Channel("gyro", "deg/s", kind, y),), int(np.isfinite(y).sum())
+    log = Log(**told, rate_hz=1 / dt, channels=channels, samples=samples, gaps=0, repairs=())
+    blank = {"run": run} | dict.fromkeys(("truth", "value", "low", "high"), np.nan)
+    try:
+        result = store.characterise_log(log, seed=int(rng.integers(2**32)), progress=False)
+    except CannotAnswer:
+        return [blank | {"parameter": p, "reported": "refused"} for p in OF_A_RATE]
+    kinds = {found["kind"] for found in result["gyro"].fit["disturbances"]}
+    truth = truths(model.truth, dt)
+    return [
+        {"run": run, "parameter": p, "truth": truth[p], "value": e.value, "low": e.low}
+        | {"high": e.high}
+        | {"reported": " ".join(sorted(kinds | ({"warm_up"} if INSTEAD in e.note else set())))}
+        for p, e in result["gyro"].parameters.items()
+        if p in OF_A_RATE
+    ]
+
+
+def truths(sensor, dt):
+    """Give what the intervals have to hold.
+
+    Bias instability is the coefficient of flicker noise where there is any; otherwise the lowest
+    Allan deviation of the sensor up to a tenth of the log, / 0.664 (`graph.bias_instability`).
+
+    Returns
+    -------
+    dict of str, float
+    """
+    biases = [pair for pair in getattr(sensor, "biases", ()) if pair[0]]
+    biases = biases or [(sensor.sigma_b, sensor.corr_time)] * (sensor.sigma_b > 0)
+    terms = {"sigma_v": [sensor.sigma_v], "rrw": [getattr(sensor, "rrw", 0.0)]}
+    terms |= {"sigma_b": [s for s, _ in biases], "corr_time": [t for _, t in biases]}
+    tau = np.geomspace(dt, 360 * BROKEN_HOURS, 2000)
+    floor = float(adev_of_terms(terms, tau, dt).min() / FLICKER)
+    return {p: getattr(sensor, p, 0.0) for p in PARAMETERS} | {
+        "arw": sensor.sigma_v * np.sqrt(dt),
+        "bias_instability": getattr(sensor, "bias_instability", 0.0) or floor,
+    }
+
+
+def broken_summary(rows):
+    """Count what happens to each parameter of logs that break the models.
+
+    Returns
+    -------
+    DataFrame
+        parameter, truth, runs; resolved (share of the logs with a value), held (share of those
+        whose interval holds the truth), wrong (share of the logs with a value whose interval does
+        not hold the truth), unsaid (share of the logs with such a value and nothing reported),
+        reported (share of the logs with something reported), kinds (of what is reported, with the
+        number of logs); median of value / truth; first, the value of log 0.
+    """
+    runs, said = rows["run"].nunique(), rows["reported"] != ""
+    logs = rows.drop_duplicates("run")["reported"].str.split().explode().value_counts()
+    kinds = ", ".join(f"{kind} {count}" for kind, count in sorted(logs.items()))
+    rows = rows.assign(
+        said=said,
+        resolved=rows["value"].notna(),
+        held=(rows["low"] <= rows["truth"]) & (rows["truth"] <= rows["high"]),
+    )
+    table = []
+    for parameter, group in rows.groupby("parameter", sort=False):
+        given = group[group["resolved"]]
+        wrong = given[~given["held"]]
+        ratio = given["value"] / given["truth"].where(given["truth"] > 0)
+        table.append(
+            {
+                "parameter": parameter,
+                "truth": group["truth"].median(),
+                "runs": runs,
+                "resolved": len(given) / runs,
+                "held": given["held"].mean(),
+                "wrong": len(wrong) / runs,
+                "unsaid": (~wrong["said"]).sum() / runs,
+                "reported": group["said"].sum() / runs,
+                "kinds": kinds,
+                "median": ratio.median(),
+                "first": group["value"].iloc[0],
+            }
+        )
+    return pd.DataFrame(table)
+
+
+def plan():
+    """Give the cells of the committed study: model, hours, logs.
+
+    Returns
+    -------
+    list of (str, float, int)
+    """
+    cells = [(name, h, runs) for h, runs in ((2, 1000), (6, 600)) for name in papers()]
+    cells += [(name, h, 200) for h in (2, 6) for name in models() if name not in papers()]
+    return cells + [(FURTHER_LENGTHS, h, 200) for h in (0.5, 1, 12, 24)]
+
+
+def broken_plan():
+    """Give the cells of the committed study of logs that break the models.
+
+    Returns
+    -------
+    list of (str, float, int)
+    """
+    logs = {name: LOGS_IN_DOUBT if name in IN_DOUBT else BROKEN_LOGS for name in broken()}
+    return [(name, BROKEN_HOURS, runs) for name, runs in logs.items()]
+
+
+def study(folder=None, *, runs=None, hours=None, names=None, breaks=False, **where):
+    """Run the estimators on simulated logs, and write a table a sensor and length.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        By default that of the committed study.
+    runs : int, optional
+        Logs of each model and length; with all three left out, the cells are those of `plan` or
+        `broken_plan`.
+    hours : sequence of float, optional
+        Lengths of the logs.
+    names : sequence of str, optional
+        Of models.
+    breaks : bool
+        The models are those of `broken`.
+    **where
+        As for `studies.cells.compute`.
+    """
+    known = broken() if breaks else models()
+    unknown = [name for name in names or () if name not in known]
+    if unknown:
+        raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(known)}")
+    cells = broken_plan() if breaks else plan()
+    if runs or hours or names:
+        lengths = hours or ((2.0,) if breaks else (2.0, 6.0))
+        cells = [(name, h, runs or 500) for h in lengths for name in names or known]
+    source = broken_source() if breaks else papers_source()
+    tables = {f"{name}-{h:g}h": _cell(name, h, n, known[name], breaks) for name, h, n in cells}
+    tabulate(folder or (BROKEN if breaks else FOLDER), source, tables, **where)
+
+
+def _cell(name, hours, runs, sensor, breaks):
+    """Lay out one table: the estimators on so many logs of a sensor."""
+    model, dt, kind = sensor
+    run = partial(characterised if breaks else estimate, model=model, dt=dt, kind=kind, hours=hours)
+    finish = partial(_summed, name=name, hours=hours, model=None if breaks else model)
+    return Cell(partial(_of_log, run), list(enumerate(streams(name, runs))), finish)
+
+
+def _of_log(run, log):
+    return run(*log)
+
+
+def _summed(rows, *, name, hours, model):
+    table = broken_summary(rows) if model is None else summary(rows, model)
+    table.insert(0, "hours", float(hours))
+    table.insert(0, "model", name)
+    return table
+
+
+def papers_source():
+    """State what the cells of `models` are."""
+    return {
+        "title": "Coverage of the 95 % intervals: estimators on simulated logs of known sensors",
+        "made_by": "python -m analysis coverage",
+        "seed": SEED,
+        "papers": {n: {"title": m.title, "interval_s": dt} for n, (m, dt, _) in papers().items()},
+        "further_lengths": FURTHER_LENGTHS,
+    }
+
+
+def broken_source():
+    """State what the cells of `broken` are."""
+    return {
+        "title": "Logs that break the noise models: what is resolved, held, wrong, reported",
+        "made_by": "python -m analysis coverage broken",
+        "seed": SEED,
+        "before": BEFORE,
+        "disturbances": {
+            name: f"{gyro}: {cell.says}"
+            for sensor, gyro in GYROS.items()
+            for name, (cell, _, _) in broken().items()
+            if name.startswith(f"{sensor}+")
+        },
+    }
+
+
+def streams(name, runs):
+    """Give the random streams of a model's logs, whatever disturbs them."""
+    sensor = name.split("+")[0]
+    return np.random.SeedSequence([SEED, list(models()).index(sensor)]).spawn(runs)
+
+
+def summary(rows, model):
+    """Count the intervals that hold the truth, and summarise the values relative to the truth.
+
+    Returns
+    -------
+    DataFrame
+        estimator, parameter, truth, runs (of the cell), logs; resolved, covered, interval_above,
+        interval_below (shares of the logs that have a value, whose interval holds the truth, lies
+        above it, lies below it); mean, median, q025, q975 of value / truth; unified, the share of
+        logs for which N+GM was chosen.
+    """
+    cells = []
+    for (estimator, parameter), group in rows.groupby(["estimator", "parameter"], sort=False):
+        truth, value = getattr(model, parameter, 0.0), group["value"].astype(float)
+        low = group["low"].astype(float).fillna(-np.inf)
+        high = group["high"].astype(float).fillna(np.inf)
+        # A random constant goes with the mean: no log of it alone bounds its standard deviation.
+        constant = parameter == "sigma_b" and np.isinf(model.corr_time)
+        has = group["interval"].any() and not constant and (truth > 0 or parameter == "drift")
+        ratio = (value / truth).replace([np.inf, -np.inf], np.nan).dropna()
+        scatter = ratio if len(ratio) and 0 < truth < np.inf else pd.Series([np.nan])
+        cells.append(
+            {
+                "estimator": estimator,
+                "parameter": parameter,
+                "truth": truth,
+                "runs": len(group),
+                "resolved": value.notna().mean(),
+                "covered": ((low <= truth) & (truth <= high)).mean() if has else np.nan,
+                "interval_above": (low > truth).mean() if has else np.nan,
+                "interval_below": (high < truth).mean() if has else np.nan,
+                "mean": scatter.mean(),
+                "median": scatter.median(),
+                "q025": scatter.quantile(0.025),
+                "q975": scatter.quantile(0.975),
+                "unified": (group["model"] == UNIFIED).mean(),
+            }
+        )
+    table = pd.DataFrame(cells)
+    return table.assign(runs=table["runs"].max(), logs=table["runs"])
+
+
+HATS = {  # cell: sigma of each unit, correlation time of each (s, 0 white), epochs, correlation
+    "white-1-1-1": ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), 300, 0.0),
+    "white-1-2-4": ((1.0, 2.0, 4.0), (0.0, 0.0, 0.0), 300, 0.0),
+    "white-03-1-1": ((0.3, 1.0, 1.0), (0.0, 0.0, 0.0), 300, 0.0),
+    "slow-1-2-4": ((1.0, 2.0, 4.0), (30.0, 30.0, 30.0), 3600, 0.0),
+    "mixed-1-1-1": ((1.0, 1.0, 1.0), (60.0, 5.0, 1.0), 3600, 0.0),
+    "correlated-03": ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), 300, 0.3),
+    "correlated-08": ((1.0, 1.0, 0.4), (0.0, 0.0, 0.0), 300, 0.8),
+}
+HAT_FOLDER = store.FOLDER / "hat-coverage"
+HAT_TITLE = "Intervals of the three-cornered hat on simulated units"
+
+
+def hat_study(folder=HAT_FOLDER, *, runs=400, **where):
+    """Count how often the intervals of the three-cornered hat hold the truth, cell by cell.
+
+    Parameters
+    ----------
+    folder : Path
+    runs : int
+        Of each cell of `HATS`: Gauss-Markov or white noise of three units at 1 s, the first two
+        sharing the correlation of the cell.
+    **where
+        As for `studies.cells.compute`.
+    """
+    made_by = "python -m analysis coverage hats"
+    source = {"title": HAT_TITLE, "seed": SEED, "runs": runs, "made_by": made_by}
+    drawn = list(enumerate(np.random.SeedSequence(SEED).spawn(runs)))
+    units = [(cell, *one) for cell in HATS for one in drawn]
+    tabulate(folder, source, {"hats": Cell(_hat, units)}, digits=4, **where)
+
+
+def _hat(units):
+    """Draw the noise of three units, and estimate each by the hat: a row."""
+    cell, run, stream = units
+    sigma, times, n, rho = HATS[cell]
+    rng = np.random.default_rng(stream)
+    x = np.array(
+        [gauss_markov(n, 1.0, 1.0, t, rng) if t else rng.standard_normal(n) for t in times]
+    ).reshape(3, n)
+    x[1] = rho * x[0] + np.sqrt(1 - rho**2) * x[1]
+    row = {"cell": cell, "run": run, "refused": 0, "p_independent": np.nan}
+    try:
+        found = unit_variances(np.array(sigma)[:, None] * x, correlations=())
+    except CannotAnswer:
+        return [row | {"refused": 1}]
+    row["p_independent"] = found.p_independent
+    for k, (one, true) in enumerate(zip(found.independent, sigma, strict=True), 1):
+        held = None if one.high is None else int(one.low <= true <= one.high)
+        row |= {f"sigma_{k}": one.value / true, f"held_{k}": held}
+    return [row]

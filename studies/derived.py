@@ -1,0 +1,93 @@
+"""The register of functions that compute folders of data/derived, and computing them again.
+
+A maker takes no argument and returns the source (dict) and the tables (dict of DataFrame) that
+`analysis.store.write` writes. It raises `sensorlogs.datasets.NotHere` without the raw files.
+"""
+
+import tempfile
+from functools import partial
+from pathlib import Path
+
+import sensorlogs as logs
+from analysis import replacing, store
+from sensorlogs.catalogue import load_catalogue
+from studies import repeatability, rides, several_units, surveys
+
+MAKERS = {
+    store.TRACK: surveys.test_track,
+    store.HIGHWAY: surveys.highway,
+    "atlas": surveys.atlas,
+    "error-surface": surveys.surface,
+    "inverse-design": surveys.inverse_design,
+    "long-run": surveys.long_run,
+    "sweeps": surveys.sweeps,
+    "adis16405-units": repeatability.units,
+    "tracker-parked": rides.parked,
+    "tracker-starts": rides.starts,
+    "tracker-cold-phone": rides.cold_phone,
+    "tracker-stops": rides.stops,
+    "tracker-outages": rides.outages,
+    "tracker-racebox": partial(rides.turned, "racebox"),
+    "tracker-car": partial(rides.turned, "car"),
+    "tracker-drive": partial(rides.turned, "phone-drive"),
+    "tracker-roof": partial(rides.turned, "car-roof"),
+    "parkway": several_units.parkway,
+    "five-receivers": several_units.five_receivers,
+    "turin": several_units.turin,
+    "comma2k19": several_units.comma,
+    "car-attitude": several_units.car_attitude,
+    "car-roof": several_units.car_roof,
+    "car-bridging": several_units.bridging,
+    "light-aircraft": several_units.light_aircraft,
+    "aerobatic": several_units.aerobatic,
+}
+
+
+def names():
+    """List everything that can be rebuilt: the static logs of the catalogue, roads and rides."""
+    return [*(n for n, entry in load_catalogue().items() if not entry["own"]), *MAKERS]
+
+
+def make(name, *, progress=True):
+    """Compute one folder of data/derived from its raw files.
+
+    Returns
+    -------
+    analysis.store.Stored
+    """
+    if name in MAKERS:
+        source, tables = MAKERS[name]()
+    else:
+        result = store.characterise_log(logs.read(name), progress=progress)
+        source, tables = store.as_stored(result)
+    return store.Stored(source | {"made_by": f"{store.COMMAND} {name}"}, tables)
+
+
+def rebuild(name, *, write=False, progress=True):
+    """Compute one folder again and compare it with the committed one.
+
+    Parameters
+    ----------
+    name : str
+        One of `names`.
+    write : bool
+        Replace the committed folder.
+    progress : bool
+
+    Returns
+    -------
+    list of str
+        The differences, one sentence each; empty if there are none.
+    """
+    made, committed = make(name, progress=progress), store.FOLDER / name
+    with tempfile.TemporaryDirectory() as folder:
+        store.write(Path(folder, name), *made)
+        there = committed.is_dir()
+        differences = store.compare(committed, Path(folder, name)) if there else ["not stored yet"]
+    if write:
+        with replacing(committed) as draft:
+            store.write(draft, *made)
+        for path in committed.iterdir():
+            if path.stem not in {"source", *made.tables}:
+                path.unlink()
+    return differences

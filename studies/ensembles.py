@@ -1,0 +1,248 @@
+"""Ensembles of simulated logs, behind every verdict on something random of notebooks 10 to 14, 41.
+
+What the papers say of one log is judged by what many such logs say. One CSV for each subject (a
+channel of Table I, a receiver, the terrain paper's sensor) is kept in ``data/derived/ensembles``,
+with a row for each quantity and log. Log k of a subject comes from the k-th stream spawned from the
+subject's seed, so that neither the number of logs nor that of workers changes a number. Make them
+again with ``python -m analysis coverage ensembles --out DIR`` (two minutes).
+"""
+
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from analysis import store
+from analysis.noise import (
+    NoiseLikelihood,
+    TerrainRecipe,
+    cep,
+    correlogram,
+    fit_line,
+    models_of_table_one,
+    nearer_to_gaussian,
+    outliers,
+    simulate_fixes,
+)
+from analysis.noise.allan import cluster_sizes, overlapped_variance
+from analysis.noise.models import gauss_markov
+from analysis.units.journeys import DT, MANOEUVRES
+from studies.cells import Cell, tabulate
+from studies.coverage import RATE_HZ, TERRAIN
+
+SEED = 2608
+LOGS = 200
+FOLDER = store.FOLDER / "ensembles"
+DURATION_S = 7400.0  # static logs of the comparison paper, "slightly over two hours"
+SHORT_S = 15.0  # its short stretch
+WINDOWS_S = (1, 5, 10, 30)  # averages of the autocorrelation (ours)
+TERRAIN_SEED, TERRAIN_DT = 2011, 0.01  # s
+TERRAIN_HOURS, FITTED_HOURS = (1, 2, 4, 8, 16, 32, 64), (2, 8, 32)
+FITTED = 100  # logs of the terrain paper's sensor that are fitted too; no verdict rests on them
+TERRAIN_WINDOW_S = 10.0  # averages whose autocorrelation is taken; the paper does not say
+LONGER_HOURS = (2, 8)
+POINTS = 40  # of the Allan curve of the bias alone
+
+
+def of_channel(model, stream):
+    """Read one static log of a channel of Table I.
+
+    Returns
+    -------
+    dict of str, float or (value, low, high)
+        ``short_std``: standard deviation of the first 15 s, line of the log removed (deg).
+        ``gaussian``, where there is a drift: 1 if the values, drift left in, are nearer to a
+        Gaussian than to a uniform distribution.
+        ``corr_time_by_window``, ``sigma_b_by_window``: largest over smallest reading in averages of
+        1, 5, 10 and 30 s; inf where one of them finds nothing.
+        ``corr_time`` (s), ``sigma_b`` (deg): by likelihood in averages of 1 s, the model given. The
+        last four are left out where T_c is infinite.
+    """
+    dt = 1 / RATE_HZ
+    y = model.simulate(round(DURATION_S / dt), dt, np.random.default_rng(stream))
+    residual = fit_line(y, dt)[0]
+    found = {"short_std": residual[: round(SHORT_S / dt)].std(ddof=1)}
+    if model.drift:
+        found["gaussian"] = nearer_to_gaussian(y)
+    if np.isinf(model.corr_time):
+        return found
+    read = [correlogram(residual, dt, window) for window in WINDOWS_S]
+    for name in ("corr_time", "sigma_b"):
+        values = np.array([getattr(one, name) for one in read])
+        found[f"{name}_by_window"] = np.nan_to_num(values.max() / values.min(), nan=np.inf)
+    fit = unified_fit(y.reshape(-1, round(1 / dt)).mean(axis=1), dt)
+    return found | {name: interval(*fit, name) for name in ("corr_time", "sigma_b")}
+
+
+def unified_fit(means, dt, *, detrend=True):
+    """Fit white noise and a Gauss-Markov bias to a log in means of 1 s.
+
+    Returns
+    -------
+    NoiseLikelihood, Fit
+    """
+    likelihood = NoiseLikelihood.of_log(means, dt, averaged=round(1 / dt), detrend=detrend)
+    return likelihood, likelihood.fit()
+
+
+def interval(likelihood, fit, name):
+    """Give value, low and high; the value is missing where a side is open."""
+    low, high = likelihood.interval(fit, name)
+    return (None if low is None or high is None else fit.terms[name][-1]), low, high
+
+
+def of_longer_log(model, stream):
+    """Fit the first hours of a log and all of it: ``corr_time_2h``, ``corr_time_8h``."""
+    dt, m = 1 / RATE_HZ, round(RATE_HZ)
+    y = model.simulate_means(3600 * max(LONGER_HOURS), m, dt, np.random.default_rng(stream))
+    fits = {h: unified_fit(y[: 3600 * h], dt) for h in LONGER_HOURS}
+    return {f"corr_time_{h}h": interval(*fit, "corr_time") for h, fit in fits.items()}
+
+
+def of_receiver(radius, stream):
+    """Give the ``cep`` of one static log of a receiver with that CEP, m, outliers left out."""
+    fixes = simulate_fixes(radius, round(DURATION_S), 1.0, np.random.default_rng(stream))
+    good = ~outliers(*fixes.values())
+    e = cep(fixes["north"][good], fixes["east"][good])
+    return {"cep": (e.value, e.low, e.high)}
+
+
+def of_flight(models, stream):
+    """Give the spread of yaw against the KVH's over a flight's manoeuvres, both by Table I alone.
+
+    Returns
+    -------
+    dict of str, float
+        ``midg``, ``tokimec``: standard deviation of the difference, deg.
+    """
+    rng = np.random.default_rng(stream)
+    n = round(MANOEUVRES[1] / DT)
+    yaw = {k: models[f"{k}-yaw"].simulate(n, DT, rng) for k in ("midg", "tokimec", "kvh")}
+    part = slice(round(MANOEUVRES[0] / DT), n)
+    return {k: float(np.std((yaw[k] - yaw["kvh"])[part])) for k in ("midg", "tokimec")}
+
+
+def of_bias(stream):
+    """Whether the Allan deviation of the terrain paper's bias alone rises to one top and falls.
+
+    Returns
+    -------
+    dict of str, bool
+        For each length, such as ``2h``: ``one_top_2h``.
+    """
+    rng, found = np.random.default_rng(stream), {}
+    b = gauss_markov(3600 * max(TERRAIN_HOURS), 1.0, TERRAIN.sigma_b, TERRAIN.corr_time, rng)
+    for hours in TERRAIN_HOURS:
+        log = b[: 3600 * hours]
+        falls = np.diff(overlapped_variance(log, cluster_sizes(len(log), POINTS))) < 0
+        found[f"one_top_{hours}h"] = not falls[0] and falls[-1] and np.sum(np.diff(falls)) == 1
+    return found
+
+
+def terrain_log(stream):
+    """Simulate the longest log of the sensor of the terrain paper's Table 1, in means of 1 s."""
+    m, hours = round(1 / TERRAIN_DT), max(TERRAIN_HOURS)
+    return TERRAIN.simulate_means(3600 * hours, m, TERRAIN_DT, np.random.default_rng(stream))
+
+
+def by_recipe(stream):
+    """Read one log of the terrain paper's sensor by its recipe, again and again as it grows.
+
+    Returns
+    -------
+    dict of str, float
+        For each length, such as ``2h``: ``arw_2h`` (deg/sqrt(s)), ``top_2h`` (deg/s) and
+        ``corr_time_2h`` (s).
+    """
+    y, found = terrain_log(stream), {}
+    for hours in TERRAIN_HOURS:
+        r = TerrainRecipe.of_log(y[: 3600 * hours], 1.0, TERRAIN_WINDOW_S)
+        found |= {f"{name}_{hours}h": getattr(r, name) for name in ("arw", "top", "corr_time")}
+    return found
+
+
+def by_likelihood(stream):
+    """Fit the same logs: ``sigma_v_2h``, ``sigma_b_2h`` (deg/s) and ``corr_time_2h`` (s)..."""
+    y, found = terrain_log(stream), {}
+    for hours in FITTED_HOURS:
+        fit = unified_fit(y[: 3600 * hours], TERRAIN_DT, detrend=False)[1]
+        found |= {f"{name}_{hours}h": values[-1] for name, values in fit.terms.items()}
+    return found
+
+
+def subjects():
+    """Give the function that reads one log of each subject, and the number of logs.
+
+    Returns
+    -------
+    dict of str, (function, int)
+    """
+    models = models_of_table_one(store.published("comparison-table-1"))
+    jobs = {name: (partial(of_channel, model), LOGS) for name, model in models.items()}
+    jobs["midg-roll-longer"] = (partial(of_longer_log, models["midg-roll"]), LOGS)
+    for row in store.published("comparison-cep").itertuples():
+        jobs[f"cep-{row.receiver.split()[0].lower()}"] = (partial(of_receiver, row.cep_m), LOGS)
+    jobs["terrain-bias"] = (of_bias, LOGS)
+    jobs["flight-yaw"] = (partial(of_flight, models), LOGS)
+    return jobs | {"terrain-recipe": (by_recipe, LOGS), "terrain-fitted": (by_likelihood, FITTED)}
+
+
+def streams(name, logs):
+    """Give the random streams of a subject's logs; recipe and fit read the same ones."""
+    seed = TERRAIN_SEED if name in ("terrain-recipe", "terrain-fitted") else None
+    return np.random.SeedSequence(seed or [SEED, list(subjects()).index(name)]).spawn(logs)
+
+
+def quantities(log, *, name):
+    """Read one log of a subject: a row a quantity.
+
+    Parameters
+    ----------
+    log : (int, SeedSequence)
+        Its number and stream.
+    name : str
+        A key of `subjects`.
+
+    Returns
+    -------
+    list of dict
+        quantity, log, value, low, high; low and high are NaN where there is no interval.
+    """
+    k, stream = log
+    rows = []
+    for quantity, value in subjects()[name][0](stream).items():
+        ends = value if isinstance(value, tuple) else (value, None, None)
+        numbers = [np.nan if v is None else float(v) for v in ends]
+        rows.append(
+            {"quantity": quantity, "log": k}
+            | dict(zip(("value", "low", "high"), numbers, strict=True))
+        )
+    return rows
+
+
+def study(folder=FOLDER, **where):
+    """Read every log of every subject, and write a table a subject.
+
+    Parameters
+    ----------
+    folder : Path
+    **where
+        As for `studies.cells.compute`.
+    """
+    source = {
+        "title": "Ensembles of simulated logs behind the verdicts of notebooks 10 to 14 and 41",
+        "made_by": "python -m analysis coverage ensembles",
+        "seeds": {"papers": SEED, "terrain-recipe, terrain-fitted": TERRAIN_SEED},
+        "logs": {name: logs for name, (_, logs) in subjects().items()},
+        "duration_s": DURATION_S,
+        "rate_hz": RATE_HZ,
+        "windows_s": WINDOWS_S,
+        "terrain_hours": TERRAIN_HOURS,
+        "terrain_window_s": TERRAIN_WINDOW_S,
+    }
+    in_order = partial(pd.DataFrame.sort_values, by=["quantity", "log"], ignore_index=True)
+    tables = {
+        name: Cell(partial(quantities, name=name), list(enumerate(streams(name, logs))), in_order)
+        for name, (_, logs) in subjects().items()
+    }
+    tabulate(folder, source, tables, digits=store.DIGITS, **where)

@@ -1,0 +1,176 @@
+"""Which reading of the terrain paper its claims hold in: ``python -m analysis readings``.
+
+A cell is one reading (`analysis.terrain.open_choices.Reading`) with all its sensors; it is kept in
+``cells.sqlite`` of the folder once it is finished. The tables are written when all are there:
+
+readings   a row a reading: its level of every factor, ``why`` it is in the design, and for each
+           claim its number (``v_...``, three digits), its Monte Carlo error (``e_...``, two) and
+           the per cent of the bootstrap resamples inside the claim's range (``p_...``)
+best       the readings in which the most claims hold, of all and of those that integrate, with
+           fresh laps, likewise; and the readings of `NAMED`
+
+The readings beside the best of the sample, one level away, are in ``readings`` too: a sample of so
+many factors hardly holds the best one.
+
+`analysis.store.readings` reads them. How many laps: with 300 the standard error of a mean is 4 to
+8 %, and of a ratio, whose two ends share their laps, about half of it; `best` has 4200, and the
+readings of `NAMED` 12 000.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from functools import partial
+
+import pandas as pd
+from tqdm import tqdm
+
+from analysis import WrongUsage, store
+from analysis.terrain.open_choices import FACTORS, LAP_M, JudgedReadings, Reading, around, design
+from studies.cells import Cells, compute
+
+FOLDER = store.FOLDER / "readings"
+READINGS, LAPS, SEED = 2048, 300, 2024
+BEST, BEST_LAPS, BEST_SEED = 5, 4200, 2025
+NAMED_LAPS = 12_000  # as many as data/derived/sweeps, which decides the same verdicts
+BESIDE = 4  # of the best readings of the sample, whose neighbours are tried
+NAMED = {  # readings that are rerun beside the best
+    "reference": Reading(),
+    "noise on attitude": Reading(noise="on attitude"),
+}
+
+
+def judge(reading, *, laps, seed, compiled):
+    """Compute one cell: claim -> its number, its error, share of the resamples in its range."""
+    found = store.roads().evaluate(Reading.of(reading), laps=laps, seed=seed, compiled=compiled)
+    return {claim: tuple(row) for claim, row in found.iterrows()}
+
+
+def levels(held):
+    """Read ``NAME=LEVEL`` of the command line into levels of factors.
+
+    Raises
+    ------
+    WrongUsage
+        If there is no such factor or level.
+    """
+    found = {}
+    for text in held:
+        name, _, level = text.partition("=")
+        if name not in FACTORS:
+            raise WrongUsage(f"no factor '{name}'; there are: {', '.join(FACTORS)}")
+        known = {str(of).removesuffix(".0"): of for of in FACTORS[name]}
+        if level.removesuffix(".0") not in known:
+            raise WrongUsage(f"factor '{name}' has no level '{level}'; it has: {', '.join(known)}")
+        found[name] = known[level.removesuffix(".0")]
+    return found
+
+
+def study(
+    folder=FOLDER,
+    *,
+    readings=READINGS,
+    laps=LAPS,
+    best=BEST,
+    held=(),
+    workers=None,
+    scheduler=None,
+    compiled=False,
+):
+    """Judge every claim in every reading, and the best ones again; write the tables.
+
+    Parameters
+    ----------
+    folder : Path
+        Cells that are finished there are not computed again.
+    readings, laps : int
+        Of the sample; of each sensor in each reading.
+    best : int
+        Readings that are simulated again, on `BEST_LAPS` laps; the named ones on `NAMED_LAPS`.
+    held : sequence of str
+        ``NAME=LEVEL`` of factors that all readings share.
+    workers, scheduler
+        As for `studies.cells.compute`.
+    compiled : bool
+        Step the filters in compiled code.
+
+    Returns
+    -------
+    DataFrame
+        The table ``readings``.
+    """
+    fixed = levels(held)
+    plan = design(readings, SEED).assign(**fixed)
+    plan = plan.drop_duplicates([*FACTORS], ignore_index=True)
+    about = {"seed": SEED, "laps": laps, "factors": {k: [*map(str, v)] for k, v in FACTORS.items()}}
+    options = {"workers": workers, "scheduler": scheduler}
+    with Cells(folder / "cells.sqlite", about) as cells:
+        first = partial(judge, laps=laps, seed=SEED, compiled=compiled)
+        table = _finish(cells, plan, first, f"{laps} laps", **options)
+        if best:
+            near = [_near(table.loc[row]) for row in _ranked(table, laps)[:BESIDE]]
+            plan = pd.concat([plan, *near]).drop_duplicates([*FACTORS], ignore_index=True)
+            table = _finish(cells, plan, first, f"{laps} laps", **options)
+            chosen = _chosen(table, laps, best)
+            parts = {NAMED_LAPS: chosen["why"].isin(NAMED)}
+            parts[BEST_LAPS] = ~parts[NAMED_LAPS]
+            rerun = []
+            for n, rows in parts.items():
+                again = partial(judge, laps=n, seed=BEST_SEED, compiled=compiled)
+                part = chosen[rows].reset_index(drop=True)
+                rerun.append(_finish(cells, part, again, f"{n} laps", **options))
+    source = {
+        "title": "Claims of the terrain paper in readings of what it leaves open",
+        "made_by": "python -m analysis readings --out FOLDER",
+        "seed": SEED,
+        "laps": laps,
+        "best_seed": BEST_SEED,
+        "best_laps": BEST_LAPS,
+        "named_laps": NAMED_LAPS,
+        "held": fixed,
+        "lap_m": LAP_M,
+        "levels": {name: list(of) for name, of in FACTORS.items()},
+    }
+    tables = {"readings": table} | ({"best": pd.concat(rerun, ignore_index=True)} if best else {})
+    store.write(folder, source, tables)
+    return table
+
+
+def _ranked(table, laps):
+    """Rows of a table of readings, that in which the most claims hold first."""
+    return JudgedReadings.of(table, laps, SEED).joint().index
+
+
+def _near(row):
+    """Lay out the readings beside one of a table."""
+    return around(Reading.of(row[[*FACTORS]].to_dict())).assign(why="beside the best")
+
+
+def _chosen(table, laps, best):
+    """Lay out the named readings, the best of all, and the best of those that integrate."""
+    named = pd.DataFrame([asdict(one) for one in NAMED.values()]).assign(why=[*NAMED])
+    ranked = table.loc[_ranked(table, laps), [*FACTORS]]
+    physical = ranked[ranked["noise"] == "integrated"][:best].assign(why="best, integrated")
+    chosen = pd.concat([named, ranked[:best].assign(why="best"), physical])
+    return chosen.drop_duplicates([*FACTORS], ignore_index=True)
+
+
+def _finish(cells, plan, work, name, **options):
+    """Compute the readings of a plan that are not in the store, and lay all of them out."""
+    rows = plan[[*FACTORS]].to_dict("records")
+    keys = [f"{name}: {' | '.join(map(str, row.values()))}" for row in rows]
+    there = cells.keys()
+    todo = [k for k, key in enumerate(keys) if key not in there]
+    with tqdm(total=len(rows), initial=len(rows) - len(todo), unit="reading", disable=None) as bar:
+        for k, found in compute(work, [rows[k] for k in todo], **options):
+            cells.put(keys[todo[k]], found)
+            bar.update()
+    numbers = []
+    for key in keys:
+        row = {}
+        for claim, (value, error, inside) in cells[key].items():
+            short = claim.removeprefix("terrain-")
+            row |= {f"v_{short}": float(f"{value:.3g}"), f"e_{short}": float(f"{error:.2g}")}
+            row[f"p_{short}"] = round(100 * inside)
+        numbers.append(row)
+    return pd.concat([plan, pd.DataFrame(numbers)], axis=1)

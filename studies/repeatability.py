@@ -1,0 +1,315 @@
+"""Do the numbers of a real static log repeat? Every channel cut into halves, quarters, eighths.
+
+Each part is characterised by itself, as `report` does. Two parts of one channel are independent
+measurements of the same sensor, so a pair of resolved values a, b of one parameter has ::
+
+    z = (b - a) / sqrt(s_a^2 + s_b^2)
+
+with s the distance from the value to the end of its 95 % interval that faces the other value, over
+1.96; on a logarithmic scale for all parameters but the drift. If the intervals are right, 95 % of
+pairs have |z| < 1.96. The interval of a share comes from drawing channels, not pairs: there are few
+channels, and pairs of one channel share parts.
+"""
+
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import numpy as np
+import pandas as pd
+
+import sensorlogs as logs
+from analysis import CannotAnswer, store
+from analysis.noise import infer
+from analysis.noise import pool as pooling
+from analysis.noise.inference import INSTEAD
+from sensorlogs import catalogue, datasets, formats
+from studies.cells import DIGITS, Cell, tabulate
+
+FOLDER = store.FOLDER / "repeatability"
+BEFORE = "table 'before': the same parts, by the code of commit e05b09e"
+SEED = 20240513
+PIECES = (1, 2, 4, 8)  # parts of a log; the whole only names what disturbs it
+ADIS = {f"adis16405-{k}": f"adis16405-static/adis_16405_imu{k}.rda" for k in (1, 2, 3)}
+LOGS = dict.fromkeys(ADIS, "ADIS16405") | {  # name -> sensor
+    "mpu6050-gyro": "MPU-6050",
+    "mpu6050-accel": "MPU-6050",
+    "phone-parked": "phone",
+    "f9p-static": "ZED-F9P",
+}
+DRAWS = 2000  # of channels, for the interval of a share
+WITHIN = 1.96
+SLOW = ("corr_time", "bias_instability", "rrw", "drift")
+FITTED = "adis16405-1"  # the log whose pairs give the factor
+OVERDISPERSED = ("bias_instability", "rrw")
+PAIR = ["sensor", "kind", "pieces", "parameter"]
+
+
+def read(name):
+    """Read a log of the study, with all its channels.
+
+    Returns
+    -------
+    Log
+    """
+    if name not in ADIS:
+        return logs.read(name)
+    first, path = logs.read("adis16405"), datasets.path(ADIS[name])
+    frame = formats.read_table(path, {"format": "rda"}).frame
+    known = catalogue.load_catalogue()["adis16405"]["channels"]
+    channels = tuple(
+        replace(channel, values=frame[about["column"]].to_numpy(dtype=float))
+        for channel, about in zip(first.channels, known, strict=True)
+    )
+    return replace(first, file=path.name, sha256=datasets.sha256(path), channels=channels)
+
+
+def parts(log, *, number=0, pieces=PIECES):
+    """Characterise every part of a log.
+
+    Parameters
+    ----------
+    log : Log
+    number : int
+        Of the log in the study: its random numbers.
+    pieces : sequence of int
+        Into how many parts it is cut, each in turn.
+
+    Returns
+    -------
+    list of dict
+        channel, kind, pieces, part (from 0), parameter, value, low, high (NaN where there is none),
+        named (what is reported for the channel).
+    """
+    rows = []
+    for count in pieces:
+        cuts = np.linspace(0, len(log.channels[0].values), count + 1).astype(int)
+        for part, (a, b) in enumerate(pairwise(cuts)):
+            channels = tuple(replace(c, values=c.values[a:b]) for c in log.channels)
+            seed = np.random.SeedSequence([SEED, number, count, part]).generate_state(1)[0]
+            one = replace(log, channels=channels, samples=int(b - a), repairs=())
+            try:
+                result = store.characterise_log(one, seed=int(seed), progress=False)
+            except CannotAnswer:
+                continue
+            for c in result.channels:
+                about = {"channel": c.name, "kind": c.kind, "pieces": count, "part": part}
+                for p, e in c.parameters.items():
+                    if p == "sigma_v" and c.kind in ("rate", "accel"):
+                        continue  # N, in other units
+                    found = c.fit["disturbances"]
+                    kinds = {d["kind"] for d in found if p in d["affects"] or not d["affects"]}
+                    kinds |= {"warm_up"} if INSTEAD in e.note else set()
+                    row = {"parameter": p, "value": e.value, "low": e.low, "high": e.high}
+                    rows.append(about | row | {"named": ";".join(sorted(kinds))})
+    return rows
+
+
+def pairs(table):
+    """Compare every two parts of a channel in which a parameter is resolved.
+
+    Parameters
+    ----------
+    table : DataFrame
+        sensor, log and the columns of `parts`.
+
+    Returns
+    -------
+    DataFrame
+        sensor, kind, pieces, parameter, log, channel, part_a, part_b, z, named (what is reported
+        for either part, or for the whole log).
+    """
+    found = []
+    table = table.assign(named=table["named"].fillna(""))
+    whole = table[table["pieces"] == 1].set_index(["log", "channel", "parameter"])["named"]
+    groups = table[(table["pieces"] > 1) & table["value"].notna()].groupby(
+        [*PAIR, "log", "channel"], sort=False
+    )
+    for key, group in groups:
+        about = dict(zip([*PAIR, "log", "channel"], key, strict=True))
+        of_whole = whole.get((about["log"], about["channel"], about["parameter"]), "")
+        for a, b in combinations(group.itertuples(), 2):
+            names = {n for text in (a.named, b.named, of_whole) for n in text.split(";") if n}
+            pair = {"part_a": a.part, "part_b": b.part, "z": z_score(a, b, about["parameter"])}
+            found.append(about | pair | {"named": ";".join(sorted(names))})
+    return pd.DataFrame(found, columns=[*PAIR, "log", "channel", "part_a", "part_b", "z", "named"])
+
+
+def z_score(a, b, parameter):
+    """Difference of two estimates in standard deviations of the difference."""
+    scale = np.array if parameter == "drift" else np.log
+    if a.value > b.value:
+        return -z_score(b, a, parameter)
+    (va, ha), (lb, vb) = scale([a.value, a.high]), scale([b.low, b.value])
+    return float((vb - va) * WITHIN / np.hypot(ha - va, vb - lb))
+
+
+def summary(table, pairs, *, draws=DRAWS, seed=SEED):
+    """Share of parts with a value, and of pairs within 1.96, for each sensor, length, parameter.
+
+    Returns
+    -------
+    DataFrame
+        sensor, kind, pieces, parameter; channels, resolved (share of the parts), pairs, within
+        (share of the pairs with |z| < 1.96), low, high (its 95 % interval, channels drawn), named
+        (share of the other pairs for which something is reported).
+    """
+    rng, rows = np.random.default_rng(seed), []
+    groups = dict(list(pairs.groupby(PAIR, sort=False)))
+    for key, of_parts in table[table["pieces"] > 1].groupby(PAIR, sort=False):
+        names = of_parts["log"] + of_parts["channel"]
+        about = {"channels": names.nunique(), "resolved": of_parts["value"].notna().mean()}
+        row = dict(zip(PAIR, key, strict=True)) | about | {"pairs": 0}
+        if key in groups:
+            z = groups[key]["z"].abs()
+            row |= {"pairs": len(z)} | share_within(groups[key], rng, draws)
+            row["named"] = (groups[key].loc[z >= WITHIN, "named"] != "").mean()
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def share_within(pairs, rng, draws=DRAWS, factor=1.0):
+    """Share of pairs with |z| < 1.96 times a factor, and its 95 % interval, channels drawn."""
+    within = (pairs["z"].abs() < WITHIN * factor).groupby([pairs["log"], pairs["channel"]])
+    low, high = _interval(np.stack([within.sum(), within.size()]), rng, draws)
+    return {"within": within.sum().sum() / len(pairs), "low": low, "high": high}
+
+
+def _interval(of_channels, rng, draws):
+    """95 % interval of a sum over a count, from the sum and the count of each channel."""
+    drawn = rng.integers(of_channels.shape[1], size=(draws, of_channels.shape[1]))
+    return np.quantile(np.divide(*of_channels[:, drawn].sum(axis=2)), [0.025, 0.975])
+
+
+def overdispersion(pairs, *, draws=DRAWS, seed=SEED):
+    """Fit the factor that intervals lack on one unit, and judge it on the other logs.
+
+    The factor is the root mean square of z (the Birge ratio): 1 where the intervals are right.
+
+    Parameters
+    ----------
+    pairs : DataFrame
+        As `pairs` gives them.
+    draws, seed : int
+
+    Returns
+    -------
+    DataFrame
+        kind, parameter; fitted_pairs, factor, factor_low, factor_high (channels drawn); sensor,
+        pairs, within, low, high, and the same with intervals wider by the factor: widened,
+        widened_low, widened_high.
+    """
+    rng, rows = np.random.default_rng(seed), []
+    own = pairs["log"] == FITTED
+    for (kind, parameter), of_fit in pairs[own].groupby(["kind", "parameter"], sort=False):
+        if parameter not in OVERDISPERSED:
+            continue
+        squares = of_fit["z"].pow(2).groupby(of_fit["channel"])
+        interval = np.sqrt(_interval(np.stack([squares.sum(), squares.size()]), rng, draws))
+        about = {"kind": kind, "parameter": parameter, "fitted_pairs": len(of_fit)}
+        about |= dict(zip(("factor_low", "factor_high"), interval, strict=True))
+        about["factor"] = factor = np.sqrt(squares.sum().sum() / len(of_fit))
+        others = pairs[~own & (pairs["kind"] == kind) & (pairs["parameter"] == parameter)]
+        for sensor, group in others.groupby("sensor", sort=False):
+            row = about | {"sensor": sensor, "pairs": len(group)} | share_within(group, rng, draws)
+            wider = share_within(group, rng, draws, factor).items()
+            names = {"within": "widened", "low": "widened_low", "high": "widened_high"}
+            rows.append(row | {names[k]: v for k, v in wider})
+    return pd.DataFrame(rows)
+
+
+def units():
+    """Pool the gyros of the three ADIS16405, axis by axis, and list what was fitted to each.
+
+    Returns
+    -------
+    source : dict
+        With ``may_be_one_unit``: pairs of units whose mean biases are suspiciously alike, and the
+        largest difference of their axes (deg/s).
+    tables : dict of DataFrame
+        ``pooled``: channel, model, parameter, value, low, high, unit, resolved, note, and the
+        spread between units (%). ``channels``: log, channel, model, rivals (those
+        within 4 AIC, with it), quarters (power of slow noise over the model's, in each quarter),
+        p_stationary (of the test on the whole log), and T_c, B, K and drift
+        where they are given.
+    """
+    read_logs, pooled, rows, biases = {name: read(name) for name in ADIS}, [], [], []
+    for k, channel in enumerate(next(iter(read_logs.values())).channels):
+        if channel.kind != "rate":
+            continue
+        inferences, means = [], []
+        for name, log in read_logs.items():
+            y, seed = log.channels[k].values, [SEED, k, len(means)]
+            result = infer(y, log.dt, channel.unit, "rate", np.random.default_rng(seed))
+            inferences.append(result)
+            means.append(float(y.mean()))
+            rows.append({"log": name, "channel": channel.name} | fitted(result))
+        common, biases = pooling.pool(inferences, log.dt, channel.unit, "rate"), [*biases, means]
+        repeats = pooling.repeatability(means, channel.unit, "rate")
+        for parameter, e in (common.parameters | {"mean": repeats}).items():
+            spread = store.plain(common.spread[parameter]) if parameter in common.spread else {}
+            row = {"channel": channel.name, "model": common.model, "parameter": parameter}
+            ends = {f"spread_{key}": spread.get(key) for key in ("value", "low", "high")}
+            pooled.append(row | store.plain(e) | ends)
+    alike = [(i + 1, j + 1, most) for i, j, most in pooling.alike(np.transpose(biases))]
+    tables = {"pooled": pd.DataFrame(pooled), "channels": pd.DataFrame(rows)}
+    return (
+        {"title": "Three units of ADIS16405: their gyros pooled, axis by axis", "seed": SEED}
+        | {"may_be_one_unit": [[i, j, store.rounded_number(most)] for i, j, most in alike]}
+        | sources(read_logs.values()),
+        {name: store.rounded(table, DIGITS) for name, table in tables.items()},
+    )
+
+
+def fitted(result):
+    """Give the model of one channel, its rivals, the test of stationarity, and slow parameters."""
+    about = result.summary()
+    rivals = [f"{rival['model']} {rival['aic_above_least']:.1f}" for rival in about["rivals"]]
+    given = {p: getattr(result.parameters.get(p), "value", None) for p in SLOW}
+    quarters = " ".join(f"{ratio:.2f}" for ratio, _ in result.stationarity.quarters)
+    about = {"model": about["model"], "rivals": ", ".join(rivals), "quarters": quarters}
+    return about | {"p_stationary": result.stationarity.p} | given
+
+
+def sources(logs_read):
+    """State files, licences and sources of the logs of a study."""
+    logs_read = {log.file: log for log in logs_read}
+    return {
+        "files": {file: log.sha256 for file, log in logs_read.items()},
+        "licence": {file: log.licence for file, log in logs_read.items()},
+        "source": {file: log.source for file, log in logs_read.items()},
+    }
+
+
+def study(folder=FOLDER, **where):
+    r"""Characterise every part of every log, compare, and write the tables.
+
+    A log whose table is there is not computed again: a killed study goes on where it stopped.
+
+    Parameters
+    ----------
+    folder : Path
+        Gets a table of the parts of each log, summary, exceptions (the pairs with \|z\| >= 1.96),
+        and overdispersion.
+    **where
+        As for `studies.cells.compute`.
+    """
+    source = {
+        "title": "Repeatability: real static logs in halves, quarters, eighths",
+        "made_by": "python -m analysis coverage real",
+        **sources(map(read, LOGS)),
+        "before": BEFORE,
+        "seed": SEED,
+    }
+    tabulate(folder, source, {name: Cell(parts_of, [name]) for name in LOGS}, **where)
+    table = pd.concat([pd.read_csv(folder / f"{name}.csv") for name in LOGS])
+    compared = pairs(table)
+    exceptions = compared[compared["z"].abs() >= WITHIN]
+    tables = {"summary": summary(table, compared), "exceptions": exceptions}
+    tables["overdispersion"] = overdispersion(compared)
+    store.write(folder, source, {k: store.rounded(t, DIGITS) for k, t in tables.items()})
+
+
+def parts_of(name):
+    """Characterise the parts of one log of the study."""
+    rows = parts(read(name), number=list(LOGS).index(name))
+    return [{"sensor": LOGS[name], "log": name} | row for row in rows]

@@ -1,0 +1,483 @@
+"""Real rides: raw files of the registry on one timeline each, and what the tracker makes of them.
+
+Every log gets the conventions of the package (z down, specific force, rad/s) and a fix once a
+second, as the tracker paper has them; the IMU keeps its rate. Its notes state what was done.
+The tables are small enough to commit: positions are metres from a mean, not coordinates, and no
+table holds a raw log.
+"""
+
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import pymap3d
+
+from analysis import STANDARD_GRAVITY, CannotAnswer, replacing, store, wrap
+from analysis.tracker import evaluate
+from analysis.tracker.device import Options
+from analysis.tracker.log_replay import replay, time_lag
+from analysis.tracker.scenarios import scenario
+from analysis.tracker.starts import errors_by_later_fixes, starts_of_a_drive
+from sensorlogs import datasets, read_moving
+from sensorlogs.timeline import Gnss, Imu, Timeline, turn_imu
+
+KMH, MPH = 1 / 3.6, 0.44704
+NMEA_DRIVES = {
+    "Munich": "car-genivi/munich-gps.nmea.gz",
+    "Switzerland": "car-genivi/20100403_Z205_Switzerland.txt.gz",
+}
+START_EVERY_S = {"Munich": 10.0, "Switzerland": 60.0}
+METRES_PER_PDOP = 5.0  # of a reported 68 % accuracy, where a phone gives no PDOP
+POSITION = {"lat_deg": "latitude", "lon_deg": "longitude", "height_m": "altitude"}
+Z_UP_TO_DOWN = np.array([1.0, -1.0, -1.0])
+PARKED = (3744.0, 5009.0)  # s: the longest stationary period of the drive, 1265 s at a speed of 0
+STEP_DEG = 30.0  # between the known angles by which an IMU is turned
+SEED = 33  # of the reference's bootstrap
+EVERY = 4  # of the path, one point in so many is kept
+ROOF = [f"car-roof-imu/{f}" for f in ("imu_1934.csv", "imu_1934.csv.tag", "gnss_1934_sf.pos")]
+STANDING = {"car-roof": 0.1, "genivi-car": 0.3, "phone-drive": 0.1}  # m/s, by RTK and by receivers
+RESTS = {
+    "as printed": Options(fusion=False, rest_blocks=0, accel_tau_s=0.0),
+    "mean of 0.25 s": Options(fusion=False, rest_blocks=0),
+    "with the detector": Options(fusion=False),
+}
+GENIVI = {  # the CSVs of such a log: name -> columns
+    "gnss": "t_ms lat_deg lon_deg height_m speed_m_s course_deg pdop satellites fix fix_mode",
+    "imu": "t_ms gyro_x_deg_s gyro_y_deg_s gyro_z_deg_s accel_x_m_s2 accel_y_m_s2 accel_z_m_s2",
+}
+SIMULATION, SIMULATED = "simulated", 12  # drives of scenario D
+WHEELS = "car-roof", "genivi-car", "car", "phone-drive"
+DIGITS = 7  # of the numbers in the tables
+
+
+class Ride(NamedTuple):
+    """One raw log: title, file in the registry, and the function that reads its table."""
+
+    title: str
+    file: str
+    reader: Callable
+
+
+def read(name):
+    """Read a real log onto one timeline.
+
+    Parameters
+    ----------
+    name : str
+        One of `RIDES`.
+
+    Returns
+    -------
+    Timeline
+
+    Raises
+    ------
+    CannotAnswer
+        If the raw file is not on this machine.
+    """
+    if name not in RIDES:
+        raise CannotAnswer(f"no ride '{name}'; there are: {', '.join(RIDES)}")
+    path = datasets.path(RIDES[name].file)
+    gnss, imu, notes = RIDES[name].reader(path)
+    return Timeline(gnss, imu, None, notes, {path.name: datasets.sha256(path)})
+
+
+def _racebox(path):
+    raw = pd.read_csv(path)
+    t = raw["Time"].to_numpy(float)
+    columns = {"lat_deg": "Latitude", "lon_deg": "Longitude", "height_m": "Altitude"}
+    raw["speed"] = raw["Speed"] * MPH
+    raw["course"] = _course(t, *(raw[c].to_numpy(float) for c in ("Latitude", "Longitude")), 0.24)
+    gnss = _gnss(t, raw, _once_a_second(t), columns)
+    accel = raw[["GForceX", "GForceY", "GForceZ"]].to_numpy(float) * STANDARD_GRAVITY
+    gyro = np.radians(raw[["GyroX", "GyroY", "GyroZ"]].to_numpy(float))
+    notes = (
+        "course from positions 0.24 s before and after; axes turned to z down",
+        "the speed is in mph: the positions move 1.6 times as fast as km/h would say",
+    )
+    return gnss, Imu(t, gyro * Z_UP_TO_DOWN, accel * Z_UP_TO_DOWN), notes
+
+
+def _balzer(path):
+    raw = pd.read_csv(path, low_memory=False)
+    t = (raw["millis"].to_numpy(float) - raw["millis"].iloc[0]) / 1000
+    new = np.flatnonzero(np.r_[True, np.diff(raw["time"].to_numpy()) != 0])  # others repeat a fix
+    raw["speed"] *= KMH
+    gnss = _gnss(t, raw, new[_once_a_second(t[new])], POSITION | {"pdop": "pdop"})
+    # The phone logs gravity plus acceleration's opposite (z reads -9.8 face up): minus the specific
+    # force; x forward, y left, z up turn to x, right, down.
+    accel = raw[["ax", "ay", "az"]].to_numpy(float) * [-1.0, 1.0, 1.0]
+    gyro = np.radians(raw[["rollrate", "pitchrate", "yawrate"]].to_numpy(float)) * Z_UP_TO_DOWN
+    imu = Imu(t, gyro, accel)
+    lag = time_lag(gnss, imu)
+    note = f"GNSS lags the IMU by {lag}; the IMU's clock was set back by that"
+    return gnss, replace(imu, t_s=t + lag.value), ("axes turned to z down, specific force", note)
+
+
+def _phone(path):
+    raw = pd.read_csv(path, low_memory=False)
+    stamp = pd.to_datetime(raw["time"], format="ISO8601")
+    t = (stamp - stamp.iloc[0]).dt.total_seconds().to_numpy()
+    keep = np.r_[True, np.diff(t) > 0]
+    raw, t = raw[keep].rename(columns={"bearing": "course"}), t[keep]
+    raw["pdop"] = raw["horizontalAccuracy"] / METRES_PER_PDOP
+    gnss = _gnss(t, raw, slice(None), POSITION | {"pdop": "pdop"})
+    # x right, y to the top, z out of the screen
+    accel = raw[["acc_x", "acc_y", "acc_z"]].to_numpy(float) * Z_UP_TO_DOWN
+    gyro = raw[["gyro_x", "gyro_y", "gyro_z"]].to_numpy(float) * Z_UP_TO_DOWN
+    ok = np.isfinite(accel).all(1) & np.isfinite(gyro).all(1)
+    note = f"no PDOP in the log: the reported accuracy over {METRES_PER_PDOP:g} m stands in for it"
+    return gnss, Imu(t[ok], gyro[ok], accel[ok]), (note, "axes turned to z down")
+
+
+def _genivi(path):
+    """Split a log of the GENIVI logger into two CSVs, fixes and samples, and read them.
+
+    They stay in data/downloaded/, where `python -m analysis replay` reads them as any log.
+    """
+    kinds: dict[str, list[list[float]]] = {"GNSPOS": [], "SNSACC": [], "SNSGYR": []}
+    for line in path.read_text(encoding="ascii").splitlines():
+        kind, *fields = line.partition("$GV")[2].split(",")
+        if kind in kinds:
+            kinds[kind].append([float(f) for f in fields if not f.startswith("0X")])
+    fixes, accel, gyro = (np.array(rows) for rows in kinds.values())  # ms; yaw, pitch, roll
+    samples = np.c_[accel[:, 0], gyro[:, 3:0:-1] * Z_UP_TO_DOWN, accel[:, 1:4] * Z_UP_TO_DOWN]
+    files = [datasets.DOWNLOADED / "car-genivi" / f"{path.stem}.{part}.csv" for part in GENIVI]
+    rows = fixes[:, [0, 1, 2, 3, 5, 7, 8, 11, 19, 19]], samples
+    for file, names, table in zip(files, GENIVI.values(), rows, strict=True):
+        with replacing(file) as draft:
+            pd.DataFrame(table, columns=names.split()).to_csv(draft, index=False)
+    log = read_moving(files)
+    return log.gnss, log.imu, ("split into two CSVs, axes turned to z down", *log.notes)
+
+
+def _roof(path):
+    """Read an IMU whose bytes were time-tagged, and RTK fixes, once a second."""
+    tag, fixes = (datasets.path(file) for file in ROOF[1:])
+    raw = pd.read_csv(path, header=None).to_numpy()
+    start, part, arrived = _time_tag(tag.read_bytes())
+    # The file was written with two bytes at each line's end, and has one now.
+    ends = np.cumsum([len(line) + 1 for line in path.read_bytes().splitlines(keepends=True)])
+    row = np.minimum(np.searchsorted(ends, arrived[:, 1]), len(raw) - 1)
+    t = np.polyval(np.polyfit(raw[row, 6], arrived[:, 0], 1), raw[:, 6]) / 1000
+    new = np.diff(t, prepend=t[0] - 1) > 0
+    # x rear, y right, z up turn to x forward, y right, z down
+    accel, gyro = (raw[new, k : k + 3] * [-1.0, 1.0, -1.0] for k in (0, 3))
+    table = pd.read_csv(fixes, sep=r"\s+", comment="%", header=None).iloc[::4]
+    stamp = pd.to_datetime(table[0] + " " + table[1], format="%Y/%m/%d %H:%M:%S.%f")
+    north, east = table[15].to_numpy(), table[16].to_numpy()
+    gnss = Gnss(
+        (stamp - pd.Timestamp(start, unit="s")).dt.total_seconds().to_numpy() - part,
+        *table[[2, 3, 4]].to_numpy().T, np.full(len(table), np.nan), np.hypot(north, east),
+        np.degrees(np.arctan2(east, north)) % 360, np.full(len(table), True),
+    )  # fmt: skip
+    notes = ("axes turned to z down", "times of the samples from those at which their bytes came")
+    return gnss, Imu(t[new], np.radians(gyro), accel * STANDARD_GRAVITY), notes
+
+
+def _time_tag(content):
+    """Read a time tag of RTKLIB: start (s, GPS time), its fraction, then arrivals (ms, bytes)."""
+    start, part = struct.unpack("<Id", content[64:76])
+    return start, part, np.frombuffer(content, "<u4", offset=76).reshape(-1, 2).astype(float)
+
+
+RIDES = {
+    "racebox": Ride(
+        "motorbike on a race track, 8 laps",
+        "racebox-laps/02_racebox-micro-on-bike-example.csv",
+        _racebox,
+    ),
+    "car": Ride(
+        "car in a town, phone at 50 Hz", "car-phone-balzer/2014-03-26-000-Data.csv", _balzer
+    ),
+    "phone-drive": Ride(
+        "phone in a car, 5209 s at 1 Hz, 1265 s of them parked",
+        "phone-drives/2023-08-09_12-47-42.csv",
+        _phone,
+    ),
+    "genivi-car": Ride(
+        "car in and about a town, IMU at 10 Hz",
+        "car-genivi/20160209_RPi_GENIVI_Regensburg.log",
+        _genivi,
+    ),
+    "car-roof": Ride("car with an IMU on its roof at 100 Hz, and RTK", ROOF[0], _roof),
+    "phone-walk": Ride(
+        "phone that loses GNSS underway: accuracies up to 1100 m",
+        "phone-drives/2025-06-14_21-17-02.csv",
+        _phone,
+    ),
+}
+
+
+def _gnss(t, raw, rows, columns):
+    """Make fixes of some rows of a table; ``columns`` names position and, where known, PDOP."""
+    fixes = {name: raw[column].to_numpy(float)[rows] for name, column in columns.items()}
+    return Gnss(
+        t_s=t[rows],
+        **{"pdop": np.full(len(t[rows]), np.nan)} | fixes,
+        speed_m_s=raw["speed"].to_numpy(float)[rows],
+        course_deg=raw["course"].to_numpy(float)[rows] % 360,
+        has_fix=np.isfinite(fixes["lat_deg"]) & np.isfinite(fixes["lon_deg"]),
+    )
+
+
+def _once_a_second(t):
+    """Pick the first row of each second."""
+    return np.flatnonzero(np.r_[True, np.diff(np.floor(t + 1e-6)) > 0])
+
+
+def _course(t, lat, lon, half):
+    """Course from where the vehicle was `half` seconds ago to where it will be then, deg."""
+    north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, lat[0], lon[0], 0.0)
+    ahead = [np.interp(t + half, t, x) - np.interp(t - half, t, x) for x in (north, east)]
+    return np.degrees(np.arctan2(ahead[1], ahead[0])) % 360
+
+
+def parked():
+    """Replay the phone's drive and keep its long stationary period.
+
+    Returns
+    -------
+    dict
+        Source, with the share of epochs that block 3 classified wrongly, standing and driving.
+    dict of pandas.DataFrame
+        ``stand``: an epoch a row, metres from the mean of the raw positions of the period.
+    """
+    log = read("phone-drive")
+    columns = replay(log, Options()).columns
+    t, speed, moving = log.gnss.t_s, log.gnss.speed_m_s, columns["moving"].astype(float)
+    stand = (t >= PARKED[0]) & (t < PARKED[1]) & log.gnss.has_fix
+    raw = np.array([log.gnss.lat_deg[stand], log.gnss.lon_deg[stand]])
+    table = {"t_s": t[stand] - PARKED[0]} | _metres("raw", *raw, *raw.mean(axis=1))
+    out = columns["out_lat_deg"][stand], columns["out_lon_deg"][stand]
+    table |= _metres("out", *out, *raw.mean(axis=1))
+    table |= {"moving": columns["moving"][stand], "layer": columns["layer"][stand]}
+    source = _source("phone-drive", log) | {
+        "epochs_standing": int((speed == 0).sum()),
+        "standing_judged_moving": float(np.nanmean(moving[speed == 0])),
+        "epochs_driving": int((speed > 2).sum()),
+        "driving_judged_standing": float(1 - np.nanmean(moving[speed > 2])),
+    }
+    return source, {"stand": store.rounded(pd.DataFrame(table), DIGITS)}
+
+
+def stops():
+    """Judge detectors of rest on simulated drives and on real ones.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``verdicts``: for each ride and test, epochs stopped (speed under `STANDING` now and at the
+        epoch before) and above 1 m/s, and how many of each are called static, by speed and IMU;
+        ``roc``: shares of both under each threshold of a statistic of the IMU alone;
+        ``bias``: mean rate of each gyro axis in the first and the last stop (deg/s).
+    """
+    drives = np.random.default_rng(SEED).spawn(SIMULATED)
+    simulated = [scenario("D", rng) for rng in drives]
+    cases = {SIMULATION: [(ride.log, ride.speed_m_s) for ride in simulated]}
+    cases |= {name: [(log := read(name), log.gnss.speed_m_s)] for name in STANDING}
+    verdicts, curves, biases = [], [], []
+    for name, rides_of in cases.items():
+        floor, rows, scores = STANDING.get(name, 0.01), {}, []
+        for log, speed in rides_of:
+            stopped = (speed < floor) & (np.r_[np.inf, speed[:-1]] < floor)
+            moving = (speed > 1.0) & (np.r_[0.0, speed[:-1]] > 1.0)
+            scores.append(evaluate.rest_statistics(log).assign(stopped=stopped, moving=moving))
+            for test, options in RESTS.items():
+                static = replay(log, options).columns["moving"] == 0
+                counts = stopped, moving, static & stopped, static & moving
+                rows[test] = rows.get(test, 0) + np.array([each.sum() for each in counts])
+        columns = ["stopped", "moving", "stopped_static", "moving_static"]
+        table = pd.DataFrame.from_dict(rows, "index", columns=columns).rename_axis("test")
+        verdicts.append(table.reset_index().assign(ride=name))
+        every = pd.concat(scores)
+        truth = every["stopped"].to_numpy(), every["moving"].to_numpy()
+        for rule in every.columns.drop(["speed_m_s", "stopped", "moving"]):
+            curve = evaluate.receiver_operating(every[rule].to_numpy(), *truth)
+            curves.append(curve.assign(ride=name, rule=rule))
+        if name in STANDING:
+            biases.append(_bias_change(log, stopped).assign(ride=name))
+    found = {"verdicts": verdicts, "roc": curves, "bias": biases}
+    tables = {k: store.rounded(pd.concat(v, ignore_index=True), 4) for k, v in found.items()}
+    title = "Rest of three cars, by the tests of block 3"
+    return {"title": title} | datasets.origin(*(RIDES[name].file for name in STANDING)), tables
+
+
+def _bias_change(log, stopped):
+    """Compare the gyro's mean readings of the first and the last stop of over five epochs."""
+    edges = np.flatnonzero(np.diff(np.r_[0, stopped.astype(int), 0])).reshape(-1, 2)
+    long = [(log.gnss.t_s[a], log.gnss.t_s[b - 1]) for a, b in edges if b - a > 5]
+    rows = {"axis": list("xyz")}
+    for which, (since, until) in {"first": long[0], "last": long[-1]}.items():
+        there = (log.imu.t_s >= since) & (log.imu.t_s <= until)
+        rows[f"{which}_deg_s"] = np.degrees(log.imu.gyro_b[there].mean(axis=0))
+        rows[f"{which}_s"] = [(since + until) / 2] * 3
+    return pd.DataFrame(rows)
+
+
+def outages():
+    """Take the fixes of four cars away for 10, 30 and 60 s, again and again.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``ends``: as `bridged`, with the ride.
+    """
+    ends = [evaluate.bridged(read(name)).assign(ride=name) for name in WHEELS]
+    table = store.rounded(pd.concat(ends, ignore_index=True), 6)
+    title = "Outages of 10, 30 and 60 s on the rides of four cars"
+    source = {"title": title} | datasets.origin(*(RIDES[name].file for name in WHEELS))
+    return source, {"ends": table}
+
+
+def cold_phone():
+    """Replay the phone that loses its fixes underway.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``fixes``: a fix a row, metres from the first output position.
+    """
+    log = read("phone-walk")
+    columns = replay(log, Options()).columns
+    fix = log.gnss.has_fix
+    out = np.array([columns["out_lat_deg"], columns["out_lon_deg"]])
+    zero = out[:, np.isfinite(out[0])][:, 0]
+    table = {"t_s": log.gnss.t_s[fix], "accuracy_m": log.gnss.pdop[fix] * METRES_PER_PDOP}
+    table |= _metres("raw", log.gnss.lat_deg[fix], log.gnss.lon_deg[fix], *zero)
+    table |= _metres("out", *out[:, fix], *zero)
+    table |= {"accepted": columns["accepted"][fix], "moving": columns["moving"][fix]}
+    return _source("phone-walk", log), {"fixes": store.rounded(pd.DataFrame(table), DIGITS)}
+
+
+def starts():
+    """Switch block 1 on at many moments of two drives whose receivers state PDOP and mode.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of pandas.DataFrame
+        ``starts``, as `starts_of_a_drive`, with the ``log``; ``fixes``: for each log and kind of
+        fix their number and the median and 95 % of their errors by later fixes, m; ``power_ons``:
+        for each log and start in it what `replay` sums up; ``lags``: of GNSS behind the IMU, of
+        the rides that have one, s.
+    """
+    tables, fixes, notes, power_ons = [], [], [], []
+    for name, file in NMEA_DRIVES.items():
+        log = read_moving([datasets.path(file)])
+        gnss, off = log.gnss, errors_by_later_fixes(log.gnss)
+        tables.append(starts_of_a_drive(gnss, START_EVERY_S[name]).assign(log=name))
+        flat, known = gnss.mode < 3, np.isfinite(off)
+        kinds = {
+            "two dimensions, PDOP to 10": flat & (gnss.pdop <= 10),
+            "three, PDOP to 5": ~flat & (gnss.pdop <= 5),
+            "three, PDOP 5 to 10": ~flat & (gnss.pdop > 5) & (gnss.pdop <= 10),
+            "PDOP over 10": gnss.pdop > 10,
+        }
+        for kind, which in kinds.items():
+            error = off[which & known]
+            row = {"log": name, "kind": kind, "fixes": int((which & gnss.has_fix).sum())}
+            row |= {"judged": len(error), "satellites": np.nanmedian(gnss.satellites[which])}
+            row |= dict(zip(("median_m", "p95_m"), np.quantile(error, [0.5, 0.95]), strict=True))
+            fixes.append(row)
+        notes += log.notes
+        for each in replay(log).summary["starts"]:
+            row = {"log": name} | each.pop("fixes") | each
+            power_ons.append(row | {"longest_gap_s": np.diff(gnss.t_s).max()})
+    lags = []
+    for name in RIDES:
+        ride = read(name)
+        lag = time_lag(ride.gnss, ride.imu)
+        row = {"ride": name, "lag_s": lag.value, "low_s": lag.low, "high_s": lag.high}
+        lags.append(row | {"speed_factor": ride.gnss.speed_factor()})
+    source = {
+        "title": "two receivers in cars, NMEA with GSA, 31 min and 2 h 57 min",
+        **datasets.origin(*NMEA_DRIVES.values()),
+        "notes": notes,
+    }
+    tables = {"starts": pd.concat(tables), "fixes": pd.DataFrame(fixes)}
+    tables |= {"power_ons": pd.DataFrame(power_ons), "lags": pd.DataFrame(lags)}
+    return source, {key: store.rounded(table, 4) for key, table in tables.items()}
+
+
+def turned(name):
+    """Replay a ride with its IMU turned about the vertical by 0 to 330 deg.
+
+    Returns
+    -------
+    dict
+        Source; the mounting angle fitted to the whole log with its 95 % interval (deg); straights
+        and the largest error (deg) if bends are limited by their angle alone.
+    dict of pandas.DataFrame
+        ``turned``: the mounting angles found for each turn, ``lowest`` and ``highest`` of them
+        counted from the reference and the turn; ``straights``: each straight of the log as it is;
+        ``path``: the ride, thinned.
+    """
+    log = read(name)
+    gnss = log.gnss
+    whole = evaluate.mounting_regression(gnss, log.imu, np.random.default_rng(SEED))
+    down = -np.median(log.imu.accel_b, axis=0)
+    tracks = {
+        angle: replay(turn_imu(log, np.radians(angle), down), Options())
+        for angle in np.arange(0.0, 360.0, STEP_DEG)
+    }
+    bends = replay(log, Options(max_bend=np.inf))
+    reference = {
+        "bends_farthest_deg": np.nanmax(np.abs(wrap(bends.columns["mount_deg"] - whole.value))),
+        "bends_straights": len(bends.straights),
+        "reference_deg": whole.value,
+        "reference_low_deg": whole.low,
+        "reference_high_deg": whole.high,
+    }
+    lat, lon = gnss.lat_deg, gnss.lon_deg
+    path = {"t_s": gnss.t_s} | _metres("raw", lat, lon, np.nanmean(lat), np.nanmean(lon))
+    path |= {"speed_m_s": gnss.speed_m_s, "course_deg": gnss.course_deg}
+    path |= {column: tracks[0].columns[column] for column in ("moving", "mount_deg")}
+    rows = [_mounting_row(gnss.t_s, track, angle, whole.value) for angle, track in tracks.items()]
+    tables = {
+        "turned": pd.DataFrame(rows),
+        "straights": tracks[0].straights,
+        "path": pd.DataFrame(path).iloc[::EVERY],
+    }
+    source = _source(name, log) | {k: round(float(v), 3) for k, v in reference.items()}
+    return source, {key: store.rounded(table, DIGITS) for key, table in tables.items()}
+
+
+def _mounting_row(t_s, track, angle, reference):
+    """Write the mounting angles of a ride whose IMU was turned by `angle` (deg) as a row."""
+    mount = track.columns["mount_deg"]
+    known = np.flatnonzero(np.isfinite(mount))
+    first, last = (mount[known[i]] if len(known) else np.nan for i in (0, -1))
+    off = wrap(mount[known] - reference - angle)
+    return {
+        "turned_deg": angle,
+        "straights": len(track.straights),
+        "first_s": t_s[known[0]] if len(known) else np.nan,
+        "first_deg": first,
+        "last_deg": last,
+        "answers": len(np.unique(mount[known])),
+        "lowest_off_deg": off.min(initial=np.inf),
+        "highest_off_deg": off.max(initial=-np.inf),
+        "last_printed_deg": track.straights["printed_deg"].iloc[-1],
+    }
+
+
+def _metres(prefix, lat, lon, lat0, lon0):
+    """Turn positions into metres north and east of a point."""
+    north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, lat0, lon0, 0.0)
+    return {f"{prefix}_north_m": np.round(north, 2), f"{prefix}_east_m": np.round(east, 2)}
+
+
+def _source(name, log):
+    """State where a ride is from and what was done to it."""
+    from_file = datasets.origin(RIDES[name].file)
+    ((file, sha256),) = from_file.pop("files").items()
+    about = {"title": RIDES[name].title, "file": file.split("/")[1], "sha256": sha256}
+    return about | from_file | {"notes": list(log.notes)}

@@ -1,0 +1,357 @@
+"""Real rides and flights with several units at once: raw files to tables of notebooks 40 and 41.
+
+Every table keeps each unit's own time and what the unit itself reported; positions are metres east,
+north and up of a point of the log, angles degrees. Nothing is compared here, with one exception:
+the attitude and the positions of this project's tracker, which take too long for a notebook.
+"""
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pandas as pd
+import pymap3d
+from scipy.io import loadmat
+from scipy.spatial.transform import Rotation
+
+from analysis import STANDARD_GRAVITY, wrap
+from analysis.tracker.device import Options
+from analysis.tracker.log_replay import replay
+from sensorlogs import datasets
+from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages
+from studies import rides
+
+FEET, KNOT, KMH = 0.3048, 1852 / 3600, 1 / 3.6
+ANTENNAS = {"front": "Front", "left-rear": "LeftRear", "right-rear": "RightRear"}
+RECEIVERS = {
+    "etrex": "Garmin-Etrex-30x", "lezyne": "Lezyne", "phone": "MotoG3", "adafruit": "adafruit",
+    "openlog": "openlog",
+}  # fmt: skip
+CAR_S, POSE_S = 0.2, 0.1  # s between rows
+OUTAGE_S, EVERY_S, FASTER = 10.0, 30.0, 3.0  # s, s, m/s: outages of rides on the move
+ONLY_ATTITUDE = Options(static=False, low_pass=False, mounting=False, fusion=False)
+
+
+def parkway():
+    """Keep position, mode and reported quality of three receivers on one rigid frame.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        One table a receiver: ``t_s`` (to 0.1 s of GPS time), mode (6 fixed, 5 float, 1 and 2
+        code), HDOP, and the largest standard deviation it reports (empty for the front one).
+    """
+    file = "parkway-three-receivers/mapping_van_2024-07-11-12-26-03_merged.mat"
+    raw = _mat(file)["rawDataMerged"]
+    first = raw.GPS_SparkFun_Front_GGA
+    origin = first.Latitude[0], first.Longitude[0], first.Altitude[0]
+    start = min(getattr(raw, f"GPS_SparkFun_{n}_GGA").GPS_Time[0] for n in ANTENNAS.values())
+    tables = {}
+    for name, of_file in ANTENNAS.items():
+        fixes = getattr(raw, f"GPS_SparkFun_{of_file}_GGA")
+        reported = getattr(raw, f"GPS_SparkFun_{of_file}_GST", None)
+        sigma = np.full(len(fixes.GPS_Time), np.nan)
+        if reported is not None:
+            sigma = np.max([reported.StdLat, reported.StdLon, reported.StdAlt], axis=0)
+        table = {"t_s": np.round(fixes.GPS_Time - start, 1)}
+        table |= _enu(fixes.Latitude, fixes.Longitude, fixes.Altitude, origin, 2)
+        table |= {"mode": fixes.DGPS_mode, "hdop": fixes.HDOP}
+        tables[name] = pd.DataFrame(table | {"sigma_m": sigma})
+    return _source("van on a parkway, three RTK receivers on one frame, 577 s", file), tables
+
+
+def five_receivers():
+    """Keep the planned route and the tracks of five receivers on one ride.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``route`` and one table a receiver, time in s from 11:53 UTC.
+    """
+    files = {k: f"five-receivers/gpx/tracks/routeA/{v}.gpx" for k, v in RECEIVERS.items()}
+    files = {"route": "five-receivers/gpx/routes/whitchurch-routeA.gpx"} | files
+    points = {name: _gpx(file) for name, file in files.items()}
+    origin = points["route"].iloc[0][["lat", "lon", "height"]]
+    midnight = pd.Timestamp("2019-11-29T11:53:00Z")
+    tables = {}
+    for name, p in points.items():
+        table = _enu(p["lat"], p["lon"], p["height"], origin, 1)
+        if name != "route":
+            table = {"t_s": (p["time"] - midnight).dt.total_seconds()} | table
+        tables[name] = pd.DataFrame(table)
+    return _source("five GPS receivers on one ride of 32 km", *files.values()), tables
+
+
+def turin():
+    """Keep a GNSS receiver and a reference with attitude in town, both once a second.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``reference`` and ``gnss``: t_s of the same clock, position, velocity; the reference's
+        angles.
+    """
+    files = "turin-ins/ref.mat", "turin-ins/ekinox_gnss.mat"
+    reference, gnss = _mat(files[0])["ref"], _mat(files[1])["ekinox_gnss"]
+    origin = np.degrees(reference.lat[0]), np.degrees(reference.lon[0]), reference.h[0]
+    tables = {}
+    for name, unit, every in (("reference", reference, 1), ("gnss", gnss, 5)):
+        rows = slice(None, None, every)
+        table = {"t_s": np.round(unit.t[rows] - reference.t[0], 3)}
+        lat, lon = np.degrees(unit.lat[rows]), np.degrees(unit.lon[rows])
+        table |= _enu(lat, lon, unit.h[rows], origin, 2)
+        velocity = unit.vel[rows]
+        table |= {"v_north_m_s": velocity[:, 0].round(3), "v_east_m_s": velocity[:, 1].round(3)}
+        if name == "reference":
+            for angle in ("roll", "pitch", "yaw"):
+                table[f"{angle}_deg"] = wrap(np.degrees(getattr(unit, angle))).round(2)
+        tables[name] = pd.DataFrame(table)
+    return _source("GNSS and a reference with attitude, Turin, 1259 s", *files), tables
+
+
+def comma():
+    """Keep a u-blox receiver, the pose that is the truth, and the receiver fused with the IMU.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``pose`` with angles, and ``ublox``: what it reports, and what the tracker makes of it
+        and of the IMU (``out_``, and its angles).
+    """
+    folder = "comma2k19/segment"
+    parts = {
+        "times": "global_pose/frame_times", "at": "global_pose/frame_positions",
+        "turned": "global_pose/frame_orientations", "fix_t": "processed_log/GNSS/live_gnss_ublox/t",
+        "fix": "processed_log/GNSS/live_gnss_ublox/value", "gyro_t": "processed_log/IMU/gyro/t",
+        "gyro": "processed_log/IMU/gyro/value", "accel": "processed_log/IMU/accelerometer/value",
+    }  # fmt: skip
+    files = [f"{folder}/{part}" for part in parts.values()]
+    raw = {k: np.load(datasets.path(f)) for k, f in zip(parts, files, strict=True)}
+    lat, lon, height = pymap3d.ecef2geodetic(*raw["at"].T)
+    origin, start = (lat[0], lon[0], height[0]), raw["times"][0]
+    pose = {"t_s": (raw["times"] - start).round(3)} | _enu(lat, lon, height, origin, 2)
+    from_ecef = Rotation.from_matrix(np.array(pymap3d.ecef2nedv(*np.eye(3), lat[0], lon[0])))
+    frame = from_ecef * Rotation.from_quat(raw["turned"], scalar_first=True)
+    yaw, pitch, roll = frame.as_euler("ZYX", degrees=True).T
+    pose |= {"roll_deg": roll.round(2), "pitch_deg": pitch.round(2), "yaw_deg": yaw.round(2)}
+    f = raw["fix"]
+    gnss = Gnss(
+        raw["fix_t"] - start, f[:, 0], f[:, 1], f[:, 4], np.full(len(f), np.nan), f[:, 2],
+        f[:, 5] % 360, np.isfinite(f[:, 0]),
+    )  # fmt: skip
+    imu = Imu(raw["gyro_t"] - start, raw["gyro"], raw["accel"])
+    out = replay(Timeline(gnss, imu), Options(low_pass=False)).columns
+    ublox = {"t_s": gnss.t_s.round(3)} | _enu(gnss.lat_deg, gnss.lon_deg, gnss.height_m, origin, 2)
+    ublox |= {"speed_m_s": gnss.speed_m_s.round(2), "course_deg": gnss.course_deg.round(2)}
+    fused = _enu(out["out_lat_deg"], out["out_lon_deg"], gnss.height_m, origin, 2)
+    ublox |= {f"out_{k}": fused[k] for k in ("east_m", "north_m")}
+    ublox |= {k: out[k].round(2) for k in ("roll_deg", "pitch_deg", "yaw_deg")}
+    every = round(POSE_S / 0.05)
+    tables = {"pose": pd.DataFrame(pose).iloc[::every], "ublox": pd.DataFrame(ublox)}
+    return _source("u-blox receiver and pose on a highway, one minute", *files), tables
+
+
+def car_attitude():
+    """Keep the attitude a phone reports in a car, and that of this project's filter.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``angles``: reported and own (``own_``, at its rate of once a second) angles, the rate
+        about the vertical, and the sum of it; ``gnss``: speed and course.
+    """
+    log, name = rides.read("car"), rides.RIDES["car"].file
+    raw = pd.read_csv(datasets.path(name), low_memory=False)
+    t = log.imu.t_s
+    angles = {"t_s": np.arange(np.ceil(t[0]), t[-1], CAR_S).round(3)}
+    for angle in ("roll", "pitch", "yaw"):
+        angles[f"{angle}_deg"] = _angle(angles["t_s"], t, raw[angle]).round(2)
+    angles["gyro_z_deg"] = np.interp(angles["t_s"], t, _turned(log.imu)).round(2)
+    tables = {"angles": pd.DataFrame(angles), "gnss": pd.DataFrame(_own_attitude(log))}
+    return _source("attitude that a phone reports in a car, 216 s", name, notes=log.notes), tables
+
+
+def car_roof():
+    """Keep the attitude that this project's filter finds on a car's roof, and the sum of its gyro.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``ride``, once a second: speed and course by RTK, own angles, the sum of the rate about
+        the vertical.
+    """
+    log = rides.read("car-roof")
+    ride = _own_attitude(log)
+    ride["gyro_z_deg"] = np.interp(log.gnss.t_s, log.imu.t_s, _turned(log.imu)).round(2)
+    source = _source("car with an IMU on its roof and RTK, 549 s", *rides.ROOF)
+    return source, {"ride": pd.DataFrame(ride)}
+
+
+def bridging():
+    """Take the fixes away for some seconds, again and again, with and without an IMU.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``outages``, one a row: how far the output jumps when fixes return, beyond what the vehicle
+        itself moved, for a receiver that holds its last position, for one that runs on at its last
+        velocity, and for the tracker.
+    """
+    rows, files, notes = [], [], []
+    for name in ("car", "phone-drive"):
+        log = rides.read(name)
+        gnss = log.gnss
+        starts = np.arange(2 * EVERY_S, gnss.t_s[-1] - EVERY_S, EVERY_S)
+        cut = inject_outages(log, [(s, s + OUTAGE_S) for s in starts])
+        out = replay(cut, Options()).columns
+        place = gnss.lat_deg[0], gnss.lon_deg[0], 0.0
+        true = np.array(pymap3d.geodetic2enu(gnss.lat_deg, gnss.lon_deg, 0.0, *place)[:2])
+        latest = np.maximum.accumulate(np.where(cut.gnss.has_fix, np.arange(len(gnss.t_s)), 0))
+        course, since = np.radians(gnss.course_deg), gnss.t_s - gnss.t_s[latest]
+        velocity = gnss.speed_m_s * np.array([np.sin(course), np.cos(course)])
+        on = true[:, latest] + np.nan_to_num(velocity[:, latest]) * since
+        with_imu = pymap3d.geodetic2enu(out["out_lat_deg"], out["out_lon_deg"], 0.0, *place)[:2]
+        for start in starts:
+            k = int(np.searchsorted(gnss.t_s, start + OUTAGE_S))
+            if not gnss.speed_m_s[k - 1] > FASTER:
+                continue
+            row = {"ride": name, "t_s": start, "speed_m_s": round(float(gnss.speed_m_s[k - 1]), 1)}
+            outputs = {"alone": true[:, latest], "on": on, "blended": np.array(with_imu)}
+            for unit, at in outputs.items():
+                step = (at[:, k] - at[:, k - 1]) - (true[:, k] - true[:, k - 1])
+                row[f"jump_{unit}_m"] = round(float(np.hypot(*step)), 1)
+            rows.append(row)
+        files.append(rides.RIDES[name].file)
+        notes.extend(log.notes)
+    title = f"two car rides with outages of {OUTAGE_S:g} s"
+    return _source(title, *files, notes=notes), {"outages": pd.DataFrame(rows)}
+
+
+def light_aircraft():
+    """Keep two independent units in one aircraft, manoeuvres (flight 2) and descent (flight 3).
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``efis-2``, ``efis-3``: first unit, t_s on its own clock; ``echo-2``, ``echo-3``: the
+        transponder, t_s of the UTC day.
+    """
+    tables, files, origin = {}, [], None
+    for flight in (2, 3):
+        parts = {}
+        for part in ("echo", "mgl_att", "mgl_gps", "mgl_air"):
+            files.append(f"light-aircraft/chase_rv6_{flight}_{part}.csv.gz")
+            parts[part] = pd.read_csv(datasets.path(files[-1]))
+        att, gps, air, echo = (parts[k] for k in ("mgl_att", "mgl_gps", "mgl_air", "echo"))
+        origin = origin or (gps["lat"][0], gps["lon"][0], 0.0)
+        here = gps[(gps[["lat", "lon"]].diff() != 0).any(axis=1)]  # it repeats each position
+        t = here["t"].to_numpy()
+        table = {"t_s": t} | _enu(here["lat"], here["lon"], 0.0 * here["lat"], origin, 1)
+        table["msl_m"] = (here["alt_ft"] * FEET).round(1)
+        table |= {"speed_m_s": (here["gs_kmh"] * KMH).round(1), "track_deg": here["track"]}
+        table |= {"satellites": here["sats"]}
+        table["pressure_m"] = np.interp(t, air["t"], air["palt_ft"] * FEET).round(1)
+        for angle in ("roll", "pitch", "heading"):
+            table[f"{angle}_deg"] = _angle(t, att["t"], att[angle]).round(1)
+        table["load_g"] = np.interp(t, att["t"], att["g"]).round(2)
+        tables[f"efis-{flight}"] = pd.DataFrame({k: np.asarray(v) for k, v in table.items()})
+        table = {"t_s": echo["utc"]} | _enu(echo["lat"], echo["lon"], 0.0 * echo["lat"], origin, 1)
+        table |= {"pressure_m": (echo["palt_ft"] * FEET).round(1), "nic": echo["nic"]}
+        table |= {"nacp": echo["nacp"], "speed_m_s": (echo["gs_kt"] * KNOT).round(1)}
+        tables[f"echo-{flight}"] = pd.DataFrame(table | {"track_deg": echo["track"].round(1)})
+        for unit in ("efis", "echo"):  # the plane through the origin leaves the ground far away
+            del tables[f"{unit}-{flight}"]["up_m"]
+    return _source("light aircraft with two units, two flights of 620 and 742 s", *files), tables
+
+
+def aerobatic():
+    """Keep the attitude that an aerobatic aircraft computes on board, and that of our own filter.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``flight``, at GNSS epochs: position, speed, course, satellites; on-board angles; our
+        filter's (``own_``); the sum of the gyro about the body's z; specific force along z.
+    """
+    file = "aerobatic-uav/TestLog2.mat"
+    raw = _mat(file)
+    parts = {
+        k: pd.DataFrame(raw[k], columns=[str(label) for label in raw[f"{k}_label"]])
+        for k in ("GPS", "IMU", "ATT")
+    }
+    imu = parts["IMU"][np.diff(parts["IMU"]["TimeMS"], prepend=-1) > 0]
+    t = imu["TimeMS"].to_numpy() / 1000
+    gyro, accel = (imu[[f"{k}{a}" for a in "XYZ"]].to_numpy() for k in ("Gyr", "Acc"))
+    gps, att = parts["GPS"], parts["ATT"]
+    epochs = gps["T"].to_numpy() / 1000
+    gnss = Gnss(
+        epochs, *gps[["Lat", "Lng", "Alt"]].to_numpy().T, np.full(len(gps), np.nan),
+        gps["Spd"].to_numpy(), gps["GCrs"].to_numpy() % 360, (gps["Status"] >= 3).to_numpy(),
+    )  # fmt: skip
+    out = replay(Timeline(gnss, Imu(t, gyro, accel)), ONLY_ATTITUDE).columns
+    origin = gnss.lat_deg[0], gnss.lon_deg[0], gnss.height_m[0]
+    table = {"t_s": epochs.round(2)} | _enu(gnss.lat_deg, gnss.lon_deg, gnss.height_m, origin, 1)
+    table |= {"speed_m_s": gnss.speed_m_s.round(1), "course_deg": gnss.course_deg.round(1)}
+    table |= {"satellites": gps["NSats"].astype(int)}
+    for angle in ("roll", "pitch", "yaw"):
+        there = _angle(epochs, att["TimeMS"] / 1000, att[angle.capitalize()])
+        table[f"{angle}_deg"] = there.round(1)
+        table[f"own_{angle}_deg"] = out[f"{angle}_deg"].round(1)
+    table["gyro_z_deg"] = np.interp(epochs, t, _turned(Imu(t, gyro, accel))).round(1)
+    table["load_g"] = np.interp(epochs, t, -accel[:, 2] / STANDARD_GRAVITY).round(2)
+    low = np.abs(accel[:, 2]) < 0.3 * STANDARD_GRAVITY
+    source = _source("fixed-wing UAV, 613 s of aerobatics", file)
+    source["near_zero_g_s"] = round(float(np.sum(low[1:] * np.diff(t))), 1)
+    return source, {"flight": pd.DataFrame(table)}
+
+
+def _own_attitude(log):
+    """Speed and course of a log, and the attitude of this project's filter (``own_``)."""
+    out, gnss = replay(log, ONLY_ATTITUDE).columns, log.gnss
+    table = {"t_s": gnss.t_s, "speed_m_s": gnss.speed_m_s, "course_deg": gnss.course_deg}
+    table |= {f"own_{k}": out[k] for k in ("roll_deg", "pitch_deg", "yaw_deg")}
+    return {name: values.round(2) for name, values in table.items()}
+
+
+def _angle(at, t, angle):
+    """Interpolate an angle (deg) over its jumps by a turn."""
+    return wrap(np.interp(at, t, np.unwrap(angle.to_numpy(float), period=360)))
+
+
+def _turned(imu):
+    """Sum the rate about the sensor's z axis: deg, one a sample."""
+    steps = np.degrees(imu.gyro_b[1:, 2]) * np.diff(imu.t_s)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _mat(file):
+    return loadmat(datasets.path(file), squeeze_me=True, struct_as_record=False)
+
+
+def _enu(lat, lon, height, origin, digits):
+    """Metres east, north and up of a point."""
+    at = pymap3d.geodetic2enu(*(np.asarray(x, float) for x in (lat, lon, height)), *origin)
+    return {f"{k}_m": np.round(v, digits) for k, v in zip(("east", "north", "up"), at, strict=True)}
+
+
+def _gpx(file):
+    """Read the points of a GPX file: lat, lon, height, and time where it states one."""
+    rows = []
+    for point in ET.parse(datasets.path(file)).getroot().findall(".//{*}trkpt"):
+        parts = [point.findtext(f"{{*}}{k}") for k in ("ele", "time")]
+        rows.append([point.get("lat"), point.get("lon"), *parts])
+    table = pd.DataFrame(rows, columns=["lat", "lon", "height", "time"])
+    table[["lat", "lon", "height"]] = table[["lat", "lon", "height"]].astype(float)
+    return table.assign(time=pd.to_datetime(table["time"]))
+
+
+def _source(title, *files, notes=()):
+    return {"title": title} | datasets.origin(*files) | {"notes": list(notes)}

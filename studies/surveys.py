@@ -1,0 +1,596 @@
+"""Makes the roads and the sensors of data/derived, and what tracking on these roads gives."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pandas as pd
+from scipy.spatial import cKDTree
+
+from analysis import STANDARD_GRAVITY, store
+from analysis.store import HIGHWAY, TRACK, rounded, rounded_number
+from analysis.terrain import (
+    AttitudeMap,
+    Sensor,
+    Setup,
+    antennas,
+    centre_line,
+    simulate_laps,
+    terrain_map,
+)
+from analysis.terrain.antennas import AntennaMounting
+from analysis.terrain.compiled import HAS_NUMBA
+from analysis.terrain.monte_carlo import LOST_M, interval, resample
+from analysis.terrain.open_choices import LAP_M, LEAST_R, STEP_M
+from analysis.terrain.real_laps import MapError, lay_on_line
+from analysis.terrain.relocate import watch_long_drives
+from sensorlogs import datasets, road_logs
+from studies.cells import compute
+
+LAPS = {"ccw": ("14-45-26", "15-12-43", "15-53-44", "16-06-28"), "cw": ("17-39-12", "17-51-18")}
+DIRECTION_OF = {name: direction for direction, names in LAPS.items() for name in names}
+GATE = (40.86217, -77.83619)  # lat, lon, deg: s = 0, in the stretch where the laps begin
+DT = 1.0 / road_logs.RATE_HZ
+DRIVES = {
+    "to-state-college": "I99_Altoona33_to_StateCollege73_20210123.mat",
+    "to-altoona": "I99_StateCollege73_to_Altoona33_20210123.mat",
+}
+WIDTH = 1.0  # m, of the smoothing: less hardly improves a held-out lap; shown in notebook 20
+FINE = 8  # digits of a distance along the track: a curvature is computed from it
+SPACING = 0.5  # m between the rows that are used: at a stop the height drifts, the road does not
+HIGHWAY_STEP = 5.0  # m
+SYMBOLS = {"arw": "n", "vrw": "n", "bias_instability": "b", "rrw": "k", "corr_time": "t_c"}
+MEASURED = ("adis16405", "mpu6050-gyro", "mpu6050-accel")  # static logs of gyros, accelerometers
+DIRECTION = "ccw"  # its map is the mean of four drives (notebook 20)
+RUNS, SEED = 100, 2013  # of the laps, which are the same for every sensor; as notebook 23
+PLANE_N, PLANE_B = np.geomspace(1e-4, 0.1, 13), np.geomspace(1e-5, 0.1, 17)  # deg/sqrt(s), deg/s
+SURFACE_T_C = (20.0, 60.0, 200.0, 600.0, 2000.0)  # s, correlation times of the bias
+SURFACE_RUNS, SURFACE_RESAMPLES = 200, 400
+SWEEP_LAPS, SWEEP_BLOCK, SWEEP_RESAMPLES = 12_000, 500, 200
+ENSEMBLES, COVERAGE_DRAWS, COVERAGE_RESAMPLES = (300, 1200, 4200), 400, 500
+R_TIMES = (0.5, 1.0, 2.0, 4.0, 10.0, 30.0)  # R over the R of notebooks 21 to 23
+HIGHWAY_WIDTH = 5.0  # m, standard deviation of the Gaussian that smooths the highway
+TRACKERS, STARTS = ("R tuned", "bias states"), ("stationary", "turn-on")
+ON_MAPS = ("exact map", "measured map error")
+R_TRIED, R_LAPS = np.geomspace(0.01, 100, 9), 100  # over the variance of a reading; to choose R on
+INVERSE_LAPS, INVERSE_RESAMPLES = 200, 200
+LONG_GYROS = {"MEMS": Sensor(0.01, 0.01), "tactical": Sensor(0.001, 0.0001)}  # of Fig 7
+LONG_SPEED, LONG_STEP, LANES_M = 28.0, 10.0, 60.0  # m/s, m, and m between lanes of one road
+LONG_DRIVES, WITHIN = 12, 500.0  # drives; m from its position in which a place is searched
+SLIPS = tuple((km * 1000.0, 100.0) for km in (10, 25, 40, 55))  # wheels stop counting for 100 m
+LONG_MAPS = {  # years that the map is old, and years that the filter expects
+    "new": (0, 0),
+    "10 years old": (10, 0),
+    "30 years old": (30, 0),
+    "30 years old, as expected": (30, 30),
+    "of the other lanes": None,
+}
+
+
+def test_track():
+    """Compute the test track's maps and laps from the raw logs.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``lap-<name>`` and ``profile-<direction>``.
+
+    Raises
+    ------
+    sensorlogs.datasets.NotHere
+        If a raw file is not on this machine.
+    """
+    files = {n: f"{TRACK}/mapping_van_2024-08-05-{n}_merged.mat" for n in DIRECTION_OF}
+    raw = {name: road_logs.lap(datasets.path(file), GATE) for name, file in files.items()}
+    whole = {n: np.stack([antennas.bridge(a) for a in lap.antennas]) for n, lap in raw.items()}
+    middles = {n: lap[1:].mean(axis=0)[:, :2].T for n, lap in whole.items()}  # east, north
+    rounds = {n: whole[n][:, centre_line.first_round(*middles[n])] for n in whole}
+    mounting = antennas.calibrate(*([rounds[n] for n in names] for names in LAPS.values()), DT)
+    paths = {d: [middles[n] for n in names] for d, names in LAPS.items()}
+    lines = {d: centre_line.centre_line(of, (0.0, 0.0)) for d, of in paths.items()}
+    laps = {n: lay_on_line(n, d, raw[n], lines[d], mounting) for n, d in DIRECTION_OF.items()}
+    scale = {n: _metres_per_count(lap) for n, lap in laps.items()}
+    tables = {}
+    for n, lap in laps.items():
+        others = np.mean([scale[other] for other in laps if other != n])
+        laps[n] = replace(lap, wheel_m=lap.wheel_m * others)
+        tables[f"lap-{n}"] = rounded(_table(laps[n]), s_m=FINE, wheel_m=FINE)
+    for d, line in lines.items():
+        curves = terrain_map.lap_curves([laps[n] for n in LAPS[d]], line, WIDTH)
+        profile = _table(terrain_map.combine(curves, line))
+        tables[f"profile-{d}"] = rounded(profile, s_m=FINE, east_m=FINE, north_m=FINE)
+    source = {
+        "title": "Larson Institute test track, six laps of a van with three RTK antennas",
+        **datasets.origin(*files.values()),
+        "gate_lat_lon_deg": list(GATE),
+        "length_m": {d: rounded_number(line.length_m, 9) for d, line in lines.items()},
+        "smoothing_width_m": WIDTH,
+        "mounting_deg": {k: rounded_number(v) for k, v in asdict(mounting).items()},
+        "laps": {n: _about(raw[n], laps[n], rounds[n], mounting, scale[n]) for n in laps},
+    }
+    return source, tables
+
+
+def _metres_per_count(lap):
+    """Metres along the centre line per encoder count, by least squares."""
+    return float(np.polyfit(lap.wheel_m[lap.fixed], lap.s_m[lap.fixed], 1)[0])
+
+
+def _about(raw, lap, first_round, mounting, scale):
+    """Give what is known of one lap, as plain numbers."""
+    alone = antennas.residuals(first_round, AntennaMounting(), DT)
+    left = antennas.residuals(first_round, mounting, DT)
+    return {
+        "direction": lap.direction,
+        "epochs": len(lap.t_s),
+        "all_three_fixed": int(lap.fixed.sum()),
+        "bridged": int((~lap.fixed & np.isfinite(lap.pitch_deg)).sum()),
+        "without_attitude": int(np.isnan(lap.pitch_deg).sum()),
+        "encoder_rows_dropped": raw.dropped,
+        "s_from_m": rounded_number(lap.s_m[0]),
+        "s_to_m": rounded_number(lap.s_m[-1]),
+        "metres_per_count": rounded_number(scale),
+        "antenna_yaw_pitch_roll_deg": [rounded_number(v) for v in alone],
+        "left_yaw_pitch_roll_deg": [rounded_number(v) for v in left],
+    }
+
+
+def _table(columns):
+    """Lay the arrays among the fields of a dataclass out as a table."""
+    return pd.DataFrame({k: v for k, v in vars(columns).items() if np.ndim(v) == 1})
+
+
+def highway():
+    """Clean both drives on I-99 of altitude jumps, and resample them every 5 m.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        A drive each.
+
+    Raises
+    ------
+    sensorlogs.datasets.NotHere
+        If a raw file is not on this machine.
+    """
+    files = {name: f"{HIGHWAY}/{file}" for name, file in DRIVES.items()}
+    about, tables = {}, {}
+    for name, file in files.items():
+        drive = road_logs.highway(datasets.path(file))
+        xyz = {c: drive[c].to_numpy() for c in ("east_m", "north_m", "height_m")}
+        moved = np.hypot(np.diff(xyz["east_m"]), np.diff(xyz["north_m"]))
+        s = np.concatenate([[0.0], np.cumsum(moved)])
+        _, rows = np.unique(s // SPACING, return_index=True)
+        s, xyz = s[rows], {c: values[rows] for c, values in xyz.items()}
+        xyz["height_m"], level, jumps = antennas.remove_jumps(s, xyz["height_m"])
+        at = np.arange(s[0], s[-1], HIGHWAY_STEP)
+        columns = {
+            c: antennas.smooth_onto(s, values, at, HIGHWAY_WIDTH) for c, values in xyz.items()
+        }
+        columns["levelled"] = np.interp(at, s, level) < 0.5
+        tables[name] = rounded(pd.DataFrame(columns))
+        about[name] = {
+            "samples": len(drive),
+            "length_m": rounded_number(s[-1]),
+            "jumps_over_1_m": int((np.abs(np.diff(drive["height_m"])) > 1.0).sum()),
+            "jumps_found": len(jumps),
+            "levelled_m": rounded_number(columns["levelled"].sum() * HIGHWAY_STEP),
+        }
+    source = {
+        "title": "Interstate 99 between Altoona and State College, both ways, one GNSS receiver",
+        **datasets.origin(*files.values()),
+        "step_m": HIGHWAY_STEP,
+        "smoothing_width_m": HIGHWAY_WIDTH,
+        "drives": about,
+    }
+    return source, tables
+
+
+def atlas():
+    """Lay out every sensor of the datasheets and of the committed logs, and the tracking error.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``atlas`` and ``plane``, see `sensors` and `analysis.store.error_plane`.
+    """
+    profile = store.profile(DIRECTION)
+    exact = {"paper": Setup.reference(profile.length_m)}
+    map_variance = float((profile.pitch_se_deg**2).mean())
+    exact["bias states"] = Setup.reference(profile.length_m, bias_states=True, R=map_variance)
+    cells = {(n, b): Sensor(n, b) for b in PLANE_B for n in PLANE_N}
+    rows, road = [], profile.attitude_map()
+    for tracker, setup in exact.items():
+        laps = simulate_laps(road, cells, setup, runs=RUNS, seed=SEED, store_every=1.0)
+        reach, lost = laps.reach(), laps.lost().mean()
+        rows += [(tracker, *at, reach[at], lost[at]) for at in cells]
+    columns = ["tracker", "arw_deg_sqrt_s", "sigma_b_deg_s", "error_m", "laps_lost"]
+    source = {
+        "title": "Sensors by datasheet and by their logs; tracking error over N and B",
+        "seed": SEED,
+        "runs": RUNS,
+        "readings": {tracker: _in_words(setup) for tracker, setup in exact.items()},
+        "setups": {tracker: setup.stated() for tracker, setup in exact.items()},
+    }
+    return source, {"atlas": sensors(), "plane": rounded(pd.DataFrame(rows, columns=columns), 4)}
+
+
+def surface():
+    """Lay out the tracking error over N, B and T_c for three trackers.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``surface``, see `analysis.store.error_plane`.
+    """
+    sensors, rows = [(n, b) for b in PLANE_B for n in PLANE_N], []
+    profile = store.profile(DIRECTION)
+    trackers = {"integrated": {}, "on attitude": {"noise": "on attitude"}}
+    own = {"bias_states": True, "R": float((profile.pitch_se_deg**2).mean())}
+    for tracker, changes in (trackers | {"bias states": own}).items():
+        for corr_time in SURFACE_T_C:
+            setup = Setup.reference(LAP_M, corr_time=corr_time, **changes).coarser(STEP_M)
+            laps = simulate_laps(
+                profile.attitude_map(),
+                {at: Sensor(*at) for at in sensors},
+                setup,
+                runs=SURFACE_RUNS,
+                seed=SEED,
+                store_every=setup.seconds / 100,
+                compiled=HAS_NUMBA and not setup.bias_states,
+            )
+            reach, lost, rms = laps.reach(), laps.lost().mean(), laps.rms()
+            drawn = laps.reaches(SURFACE_RESAMPLES, np.random.default_rng(SEED))
+            ends = {at: interval(drawn[at], skewed=True) for at in sensors}
+            rows += [
+                (tracker, corr_time, *at, reach[at], ends[at].low, ends[at].high, rms[at], lost[at])
+                for at in sensors
+            ]
+    columns = ["tracker", "corr_time_s", "arw_deg_sqrt_s", "sigma_b_deg_s"]
+    columns += ["error_m", "error_low_m", "error_high_m", "rms_m", "laps_lost"]
+    source = {
+        "title": "Tracking error over N, B and T_c: noise integrated, put on the attitude, and"
+        " integrated with a state for the bias",
+        "seed": SEED,
+        "runs": SURFACE_RUNS,
+        "setup": Setup.reference(LAP_M).coarser(STEP_M).stated(),
+    }
+    return source, {"surface": rounded(pd.DataFrame(rows, columns=columns), 3)}
+
+
+def sweeps():
+    """Track the paper's sweeps and sensors on so many laps that lost laps do not decide by chance.
+
+    The pooled variance is nearly all of lost laps: on 300 laps it is 2.2 to 6.3 m^2 for the MEMS
+    sensor, by the seed. ``coverage`` counts how often intervals from ensembles of other sizes,
+    drawn from these laps, hold the value that all of them have.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``cells`` (a row a sensor: its label, N, B, R over that of notebooks 21 to 23, laps lost,
+        largest error that 95 % of the laps stay below), ``mean`` and ``variance`` (a column a cell,
+        the sample in the first row and a bootstrap sample of the laps in each further row),
+        ``coverage``.
+    """
+    labels = sweep_cells()
+    parts = dict(compute(_sweep_block, range(SWEEP_LAPS // SWEEP_BLOCK)))
+    absolute, signed, square, most = np.concatenate([parts[k] for k in sorted(parts)], axis=2)
+    rng = np.random.default_rng(SEED)
+    weights = resample(SWEEP_LAPS, SWEEP_RESAMPLES, rng)
+    tables = {"mean": weights @ absolute.T}
+    tables["variance"] = weights @ square.T - (weights @ signed.T) ** 2
+    named = {k: rounded(pd.DataFrame(v, columns=[*labels]), 4) for k, v in tables.items()}
+    rows = [
+        {"cell": label, "arw_deg_sqrt_s": n, "sigma_b_deg_s": b, "R_times": times}
+        for label, (n, b, times) in labels.items()
+    ]
+    cells = pd.DataFrame(rows).assign(laps_lost=(most > LOST_M).mean(axis=1))
+    cells["reached_m"] = np.quantile(most, 0.95, axis=1)
+    worst = [*labels].index("MEMS R x 1")
+    covered = [_covered(signed[worst], square[worst], n, rng) for n in ENSEMBLES]
+    source = {
+        "title": "The sweeps of Figs 8 to 11 and the sensors of Fig 12 on many laps",
+        "seed": SEED,
+        "laps": SWEEP_LAPS,
+        "setup": _sweep_setup().stated(),
+    }
+    named |= {"cells": rounded(cells, 4), "coverage": rounded(pd.DataFrame(covered), 3)}
+    return source, named
+
+
+def sweep_cells():
+    """Give the cells of `sweeps`: label -> N, B, R over that of the worst sensor of the sweep.
+
+    ``N b=0.002 n=0.001`` is a point of Figs 8 and 9, ``B n=0.001 b=0.002`` one of Figs 10 and 11,
+    ``R4 N b=0.002 n=0.001`` one of the ends of a curve with four times R.
+    """
+    over_n, over_b = Setup.sweeps()
+    cells = {f"N b={b:.4g} n={n:.4g}": (n, b, 1.0) for b, n in over_n}
+    cells |= {f"B n={n:.4g} b={b:.4g}": (n, b, 1.0) for n, b in over_b}
+    ends = [label for label, (n, b, _) in cells.items() if _at_an_end(label[0], n, b)]
+    for t in R_TIMES:
+        cells |= {f"R{t:g} {label}": (*cells[label][:2], t) for label in ends}
+    pair = {"tactical": (0.001, 0.0001), "MEMS": (0.01, 0.01)}
+    for name, at in {**store.roads().table_3, **pair, "no error": (0.0, 0.0)}.items():
+        cells |= {f"{name} R x {t:g}": (*at, t) for t in R_TIMES}
+    return cells
+
+
+def _at_an_end(swept, n, b):
+    """Tell whether a point is the first or the last of its curve."""
+    return {"N": n, "B": b}[swept] in {"N": (0.001, 0.01), "B": (0.0001, 0.01)}[swept]
+
+
+def _sweep_setup():
+    """Give the reading of notebooks 21 to 23, sampled as finely as the map."""
+    return Setup.reference(store.profile(DIRECTION).length_m).coarser(STEP_M)
+
+
+def _sweep_block(block):
+    """Track a block of laps; mean absolute, mean, mean square and largest error of each."""
+    setup = _sweep_setup()
+    laps = simulate_laps(
+        store.profile(DIRECTION).attitude_map(),
+        {label: Sensor(n, b, times * setup.R) for label, (n, b, times) in sweep_cells().items()},
+        setup,
+        runs=SWEEP_BLOCK,
+        seed=1000 * SEED + block,
+        store_every=setup.seconds / 100,
+        compiled=HAS_NUMBA,
+    )
+    e = laps.error
+    return np.stack([np.abs(e).mean(-1), e.mean(-1), (e**2).mean(-1), np.abs(e).max(-1)])
+
+
+def _covered(signed, square, laps, rng):
+    """Count how often the interval of the variance from so many laps holds that of all laps."""
+    true = square.mean() - signed.mean() ** 2
+    held, values = {False: 0, True: 0}, []
+    for _ in range(COVERAGE_DRAWS):
+        one = rng.integers(len(square), size=laps)
+        weights = resample(laps, COVERAGE_RESAMPLES, rng)
+        found = weights @ square[one] - (weights @ signed[one]) ** 2
+        values.append(found[0])
+        for skewed in held:
+            e = interval(found, skewed=skewed)
+            held[skewed] += e.low <= true <= e.high
+    low, high = np.quantile(values, [0.025, 0.975])
+    row = {"laps": laps, "variance": true, "low": low, "high": high, "draws": COVERAGE_DRAWS}
+    shares = {True: "covered", False: "covered_by_percentiles"}
+    return row | {name: held[skewed] / COVERAGE_DRAWS for skewed, name in shares.items()}
+
+
+def _in_words(setup):
+    """Name the choices that a tracking error holds for."""
+    bias = "with a state for the bias of the gyro" if setup.bias_states else "without bias states"
+    return (
+        f"the terrain paper's unscented filter, {bias}, on the pitch of the Penn State test track"
+        f" ({DIRECTION}, {setup.length:.0f} m at {setup.speed:g} m/s, exact map); B is taken as the"
+        f" standard deviation of a Gauss–Markov bias with T_c = {setup.corr_time:g} s that starts"
+        f" at {setup.start}; R = {setup.R:.2g} deg²"
+    )
+
+
+def inverse_design():
+    """Lay out the error over N and B, and of each part, with R tuned or with bias states.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``plane``, see `analysis.store.error_plane`; ``parts``, the same for each of
+        `analysis.store.sensors`; ``resamples``, the error (m) of each part in the
+        sample and in each resample of the laps.
+    """
+    items = [(tracker, start, on) for tracker in TRACKERS for start in STARTS for on in ON_MAPS]
+    found = dict(compute(_inverse, items))
+    names = "plane", "parts", "resamples"
+    tables = dict(zip(names, zip(*(found[k] for k in range(len(items))), strict=True), strict=True))
+    source = {
+        "title": "Tracking error over N and B, and of each part, for the inverse design",
+        "seed": SEED,
+        "laps": INVERSE_LAPS,
+        "laps_to_choose_R": R_LAPS,
+        "R_tried": R_TRIED.tolist(),
+        "map_error": asdict(store.map_error()),
+        "setup": inverse_setup(*items[0]).stated(),
+    }
+    return source, {name: rounded(pd.concat(of), 4) for name, of in tables.items()}
+
+
+def inverse_setup(tracker: str, start: str, on: str) -> Setup:
+    """Give the setup of one reading of the inverse design, see `inverse_design`.
+
+    The measured map error is that between laps and maps of the test track
+    (`analysis.store.map_error`); it is drawn for each lap. The filter with bias states expects it.
+    """
+    track, error = store.profile(DIRECTION), store.map_error()
+    bias_states = tracker == "bias states"
+    laps = float(track.laps.mean())
+    R = float((track.pitch_se_deg**2).mean()) if bias_states else None
+    setup = Setup(track.length_m, start=start, R=R, bias_states=bias_states).coarser(STEP_M)
+    if on == "exact map":
+        return setup
+    setup = replace(setup, drawn_map_error=error.parts(laps))
+    return error.setup(setup, laps) if bias_states else setup
+
+
+def _inverse(item):
+    """Track every gyro of the plane, and every part, in one reading of the inverse design."""
+    tracker, start, on = item
+    setup, rng = inverse_setup(*item), np.random.default_rng(SEED)
+    parts = store.sensors()[["arw", "bias"]]
+    sensors = {(n, b): Sensor(n, b) for b in PLANE_B[::2] for n in PLANE_N[::2]}
+    sensors |= {key: Sensor(*of) for key, of in parts.iterrows()}
+    options = {"store_every": setup.seconds / 100}
+    road = store.profile(DIRECTION).attitude_map()
+    if tracker == "R tuned":
+        options["compiled"] = HAS_NUMBA
+        tried = {
+            (label, t): s._replace(R=t * _variance(s, setup))
+            for label, s in sensors.items()
+            for t in R_TRIED
+        }
+        laps = simulate_laps(road, tried, setup, runs=R_LAPS, seed=SEED + 1, **options)
+        reach = laps.reach().to_numpy().reshape(len(sensors), -1)
+        best = R_TRIED[reach.argmin(axis=1)]
+        sensors = {k: tried[k, t] for k, t in zip(sensors, best, strict=True)}
+    laps = simulate_laps(road, sensors, setup, runs=INVERSE_LAPS, seed=SEED, **options)
+    reach = laps.reaches(INVERSE_RESAMPLES, rng)
+    ends = [interval(reach[label], skewed=True) for label in sensors]
+    reading = {"tracker": tracker, "start": start, "map": on}
+    table = pd.DataFrame(
+        {
+            "R_deg2": [setup.R if s.R is None else s.R for s in sensors.values()],
+            "error_m": [e.value for e in ends],
+            "error_low_m": [e.low for e in ends],
+            "error_high_m": [e.high for e in ends],
+            "laps_lost": laps.lost().mean().to_numpy(),
+        }
+    ).assign(**reading)
+    on_grid = len(sensors) - len(parts)
+    table["part"] = [""] * on_grid + [*parts.index]
+    table[["arw_deg_sqrt_s", "sigma_b_deg_s"]] = [s[:2] for s in sensors.values()]
+    resamples = reach[[*parts.index]].assign(**reading)
+    return table[:on_grid].drop(columns="part"), table[on_grid:], resamples
+
+
+def _variance(sensor, setup):
+    """Variance of a reading, averaged over the lap: that of the gyro and that of the map."""
+    of_map = sum(sd**2 for sd, _ in setup.drawn_map_error or ())
+    return max(setup.own_R(sensor) + of_map, LEAST_R)
+
+
+def long_run():
+    """Drive the 69 km of I-99 without GNSS, on a new map, an old one, and one of the other lanes.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``drives`` and ``alarms`` of `analysis.terrain.relocate.watch_long_drives`.
+    """
+    items = [(name, gyro) for name in LONG_MAPS for gyro in LONG_GYROS]
+    found = dict(compute(_long_run, items))
+    tables = {
+        name: rounded(pd.concat([found[k][j] for k in range(len(items))]), 4)
+        for j, name in enumerate(("drives", "alarms"))
+    }
+    source = {
+        "title": "Interstate 99 driven without GNSS: places lost and found again",
+        "seed": SEED,
+        "drives": LONG_DRIVES,
+        "slips_m": [list(slip) for slip in SLIPS],
+        "within_m": WITHIN,
+        "gyros": {name: list(gyro[:2]) for name, gyro in LONG_GYROS.items()},
+        "setups": {n: long_drive(ages)[2].stated() for n, ages in LONG_MAPS.items()},
+    }
+    return source, tables
+
+
+def long_drive(ages: tuple[float, float] | None) -> tuple[AttitudeMap, AttitudeMap, Setup]:
+    """Give what `watch_long_drives` needs of I-99: to State College, 28 m/s.
+
+    The vehicle differs from the road as the van from its maps (`analysis.store.map_error`).
+
+    Parameters
+    ----------
+    ages : (float, float) or None
+        Years that the map of the road is old, and years that the filter expects. None: the map is
+        that of the lanes in the other direction, and the filter expects what these differ by where
+        the height of neither survey was levelled.
+
+    Returns
+    -------
+    road, surveyed : AttitudeMap
+    setup : Setup
+        The bias starts stationary. A reading every 10 m, twice the step of the survey.
+    """
+    drive, of_van = store.highway("to-state-college"), store.map_error()
+    step, end = drive.s_m[1], drive.s_m[-1]
+    road = AttitudeMap(0.0, step, drive.grade_deg[None])
+    setup = Setup(end - 2 * step, begin=step, speed=LONG_SPEED, rate_hz=LONG_SPEED / LONG_STEP)
+    parts = of_van.aged(ages[0] if ages else 0.0).parts(1)
+    setup = replace(setup, start="stationary", drawn_map_error=parts)
+    if ages:
+        return road, road, of_van.aged(ages[1]).setup(setup, 1)
+    back = store.highway("to-altoona")
+    here, there = (np.column_stack([d.east_m, d.north_m]) for d in (drive, back))
+    apart, near = cKDTree(there).query(here)
+    beside = apart < LANES_M
+    grade = np.interp(drive.s_m, drive.s_m[beside], -back.grade_deg[near[beside]])
+    good = beside & ~drive.levelled & ~back.levelled[near]
+    differ = np.where(good, drive.grade_deg - grade, np.nan)
+    quarters = (np.array_split(v, 4) for v in (drive.s_m, differ))
+    lanes = MapError.estimate([*zip(*quarters, strict=True)])
+    (offset, _), (slow, _), (fast, length) = parts
+    offset, slow = np.hypot(offset, lanes.offset_sd), np.hypot(slow, lanes.slow_sd)
+    both = MapError(float(offset), float(slow), lanes.slow_length_m, fast, length, lanes.laps)
+    return road, AttitudeMap(0.0, step, grade[None]), both.setup(setup, np.inf)
+
+
+def _long_run(item):
+    """Watch the drives of one gyro on one map."""
+    name, gyro = item
+    drive, options = long_drive(LONG_MAPS[name]), {"slips": SLIPS, "within": WITHIN}
+    drives, alarms, _ = watch_long_drives(
+        *drive, LONG_GYROS[gyro], drives=LONG_DRIVES, seed=SEED, **options
+    )
+    drives = drives.rename_axis("drive").reset_index()
+    return [t.assign(map=name, gyro=gyro) for t in (drives, alarms)]
+
+
+def sensors():
+    """Lay out the atlas: a row for each sensor and axis.
+
+    Returns
+    -------
+    DataFrame
+        ``sensor, name, axis, kind, unit`` (deg/s or g), ``n`` (unit sqrt(s)), ``b`` (unit), ``k``
+        (unit/sqrt(s)) and ``t_c`` (s), each with ``_low`` and ``_high``, empty where it is not
+        known; ``basis`` (datasheet or measured), ``low_usd`` and ``high_usd``, ``source``.
+    """
+    rows = []
+    for key, entry in store.data_sheets().items():
+        low, high = entry.get("price_usd", (None, None))
+        about = {"sensor": key, "name": entry["name"], "axis": "", "basis": "datasheet"}
+        about |= {"low_usd": low, "high_usd": high, "source": entry["source"]}
+        n, b = entry.get("density_deg_s"), entry["bias_deg_h"] / 3600
+        n = entry["arw_deg_sqrt_h"] / 60 if n is None else n
+        rows.append(about | {"kind": "rate", "unit": "deg/s", "n": n, "b": b})
+        n, b = entry.get("density_ug", 0.0) / 1e6, entry.get("accel_bias_mg")
+        n = n or entry.get("vrw_m_s_sqrt_h", 0.0) / 60 / STANDARD_GRAVITY
+        if n or b:
+            b = None if b is None else b / 1000
+            rows.append(about | {"kind": "accel", "unit": "g", "n": n or None, "b": b})
+    for log in MEASURED:
+        result = store.static_log(log)
+        for c in result.channels:
+            numbers = {
+                f"{symbol}{end}": getattr(c.parameters[key], attribute)
+                for key, symbol in SYMBOLS.items()
+                if key in c.parameters
+                for attribute, end in (("value", ""), ("low", "_low"), ("high", "_high"))
+            }
+            rows.append(
+                {"sensor": log, "name": result.source["title"].split(",")[0], "axis": c.name[-1]}
+                | {"kind": c.kind, "unit": c.unit, **numbers, "basis": "measured"}
+                | {"source": result.source["source"]}
+            )
+    columns = ["sensor", "name", "axis", "kind", "unit"]
+    symbols = dict.fromkeys(SYMBOLS.values())
+    columns += [f"{symbol}{end}" for symbol in symbols for end in ("", "_low", "_high")]
+    columns += ["basis", "low_usd", "high_usd", "source"]
+    return rounded(pd.DataFrame(rows, columns=columns))
