@@ -1,15 +1,10 @@
 """Conventions of this package: units, frames, signs, symbols, and how errors are reported.
 
 The notebooks in ``notebooks/`` tell the story; this package holds what two of them share or what
-needs a test. Each room (``sensorlogs``, ``.noise``, ``.terrain``, ``.tracker``, ``.units``)
-shows a face: the names that its ``__init__`` exports; notebooks import nothing else. Data flow one
-way only::
-
-    data/ -> logs -> noise, terrain, tracker, units (pure) -> store, text, plots
-          -> notebooks -> figures
-
-The pure rooms take and return arrays or small frozen dataclasses. They read no file and draw no
-plot.
+needs a test. Each room shows a face: the names that its ``__init__`` exports, or ``__all__``;
+notebooks import nothing else. The pure rooms (``noise``, ``terrain``, ``tracker``, ``units``) take
+and return arrays or small frozen dataclasses; they read no file and draw no plot. CONTRIBUTING.md
+draws the house.
 
 Units
 -----
@@ -59,7 +54,15 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "packages"))  # without `make install` too, so that it can be asked for
-from sensorlogs import STANDARD_GRAVITY, CannotAnswer, Refusal, WrongUsage, wrap  # noqa: E402
+from sensorlogs import (  # noqa: E402
+    IN_DEG_S,
+    IN_M_S2,
+    STANDARD_GRAVITY,
+    CannotAnswer,
+    Refusal,
+    WrongUsage,
+    wrap,
+)
 
 DATA = ROOT / "data"
 FIGURES = ROOT / "figures"  # to be cited; only ``reproduce`` writes there
@@ -71,8 +74,6 @@ ENGINEERING = 1000.0  # from here on a number is written in the next larger unit
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _DEGREE = math.degrees(1.0)
-_RATES = {"deg/s": 3600.0, "rad/s": 3600.0 * _DEGREE, "deg/h": 1.0}  # in deg/h
-_ACCELS = {"g": 1e6, "mg": 1e3, "m/s^2": 1e6 / STANDARD_GRAVITY}  # in µg
 _PER = (("", "", 1), ("/s", "/h", 3600), ("/K", "/K", 1))
 
 
@@ -90,11 +91,11 @@ def _customary_units():
         "m": ((1.0, "m"),),
         "m/s": ((3600.0, "m/h"),),
     }
-    for unit, f in _RATES.items():
+    for unit, f in ((unit, 3600 * of) for unit, of in IN_DEG_S.items()):  # in deg/h
         units[f"{unit}/sqrt(s)"] = ((60 * f, "°/h/√h"),)
         for per, name, times in _PER:
             units[unit + per] = ((times * f, f"°/h{name}"), (times * f / 3600, f"°/s{name}"))
-    for unit, f in _ACCELS.items():
+    for unit, f in ((unit, 1e6 * (of / STANDARD_GRAVITY)) for unit, of in IN_M_S2.items()):  # in µg
         for per, name, times in (*_PER, ("/sqrt(s)", "/√s", 1)):
             steps = ((1, "µ"), (1e-3, "m"), (1e-6, ""))
             units[unit + per] = tuple((times * f * k, f"{letter}g{name}") for k, letter in steps)

@@ -6,15 +6,12 @@ compendium, the paper it redraws, licence, seed, parameters, data by sha256, ver
 a commit or a date, so the same inputs give the same bytes.
 """
 
-import functools
 import io
-import itertools
 import json
 import re
 import sys
 from collections import Counter
 from collections.abc import Mapping
-from importlib.metadata import version
 from pathlib import Path
 from unittest import mock
 
@@ -22,7 +19,6 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-import yaml
 from matplotlib.backends import backend_pdf
 from matplotlib.category import StrCategoryLocator
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
@@ -34,7 +30,7 @@ from matplotlib.transforms import Bbox, BboxBase, BboxTransformFrom
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from analysis import DATA, FIGURES, ROOT, WrongUsage, figures_folder
+from analysis import FIGURES, ROOT, WrongUsage, figures_folder, provenance
 
 __all__ = ["DOUBLE", "SINGLE", "plt", "save", "use_style"]
 
@@ -52,8 +48,6 @@ COLOURS, ALIKE, LARGE = 64, 32, 0.001  # of a picture; of 255, among edges; shar
 SHARP = 2  # dots of a notebook's picture for one of the page, for screens that show both
 OFF = 0.25  # dots that a line may lie off the points it leaves out
 NOTHING = ("None", "", " ", None)  # matplotlib's names for no line and for no marker
-PACKAGE = "inertial-compendium"
-VERSIONS = ("numpy", "scipy", "pandas", "matplotlib", "allantools")
 LETTER = re.compile(r"^\([a-z]\) ?")  # of a panel
 DECIMALS = re.compile(rb"-?\d+\.\d+")
 MATHS = re.compile(r"(?<!\\)\$")  # begin or end of a formula
@@ -119,7 +113,7 @@ def save(
             _keep_place(ax.get_legend())
             thin(ax, STYLE["savefig.dpi"] / fig.dpi)
         table = plotted_numbers(fig)
-        origin = provenance(name, caption, seed, dict(data or {}), parameters) | {
+        origin = provenance.collect(name, caption, seed, dict(data or {}), parameters) | {
             "axes": axes_of(fig)
         }
         text = json.dumps(origin, ensure_ascii=False)
@@ -170,16 +164,12 @@ def read(path: Path) -> tuple[dict, pd.DataFrame]:
     Returns
     -------
     head : dict
-        As `provenance` gives it, and ``axes``.
+        As `provenance.collect` gives it, and ``axes``.
     table : pandas.DataFrame
         As `plotted_numbers` gives it.
     """
-    with path.open(encoding="utf-8") as lines:
-        head = dict(
-            line[2:].split(": ", 1) for line in itertools.takewhile(lambda r: r[0] == "#", lines)
-        )
-    table = pd.read_csv(path, skiprows=len(head), dtype={"panel": str, "series": str})
-    return {key: json.loads(value) for key, value in head.items()}, table
+    head = provenance.head(path)
+    return head, pd.read_csv(path, skiprows=len(head), dtype={"panel": str, "series": str})
 
 
 def _close(old, new):
@@ -337,90 +327,6 @@ def _corners(at):
             farthest = first + int(off.argmax())
             todo += [(first, farthest), (farthest, last)]
     return np.flatnonzero(keep)
-
-
-def provenance(name, caption, seed, data, parameters):
-    """Collect where a figure is from, which paper it redraws, and under which licence it is.
-
-    Returns
-    -------
-    dict
-    """
-    number = name.split("-", 1)[0]
-    notebooks = sorted((ROOT / "notebooks").glob(f"{number}-*.ipynb"))
-    return {
-        "figure": name,
-        "caption": caption,
-        "notebook": notebooks[0].stem if notebooks else None,
-        "compendium": f"{PACKAGE} {version(PACKAGE)}",
-        "paper": redrawn(name),
-        "licence": licence(data),
-        "seed": seed,
-        "parameters": parameters,
-        "data": data,
-        "versions": {package: version(package) for package in VERSIONS},
-    }
-
-
-def redrawn(name):
-    """Name the figures and tables of the papers that a figure redraws.
-
-    Returns
-    -------
-    list of str
-        "terrain paper (Jerath and Brennan, 2011), Fig 9"
-    """
-    found, papers = [], {}
-    for row in _published("coverage.csv").itertuples():
-        if name in str(row.figures).split(";"):
-            papers = papers or {p["abbreviation"]: p for p in citation_file()["references"]}
-            paper = papers[f"{row.paper} paper"]
-            names = [author.get("family-names") for author in paper["authors"]]
-            by = f" ({words(names)}, {paper['year']})" if all(names) else ""
-            found.append(f"{row.paper} paper{by}, {row.item}")
-    return found
-
-
-def citation_file():
-    """Read CITATION.cff: what this compendium is, and the papers that it refers to.
-
-    Returns
-    -------
-    dict
-    """
-    return yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-
-
-def words(names):
-    """Write names as a sentence does: A, B and C."""
-    return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-
-
-def licence(data):
-    """Name the licence of a figure: that of the logs which it shows, or the compendium's own.
-
-    Parameters
-    ----------
-    data : dict of str
-        Name of each log -> sha256 or address.
-
-    Returns
-    -------
-    str
-    """
-    files = _published("../registry.csv")
-    found = []
-    for name, where in data.items():
-        known = files["sha256"].eq(where) | ("https://github.com/" + files["repository"]).eq(where)
-        of = files[known].drop_duplicates("repository")
-        found += [f"{row.licence} ({row.repository})" for row in of.itertuples()]
-        found += [f"that of {name}"] if of.empty else []
-    return "; ".join(dict.fromkeys(found)) or "MIT"
-
-
-@functools.cache
-def _published(name):
-    return pd.read_csv(DATA / "published" / name, keep_default_na=False)
 
 
 def plotted_numbers(fig):

@@ -437,7 +437,7 @@ def sensors(ax: Axes, table: pd.DataFrame) -> None:
     ----------
     ax : matplotlib.axes.Axes
     table : pandas.DataFrame
-        Of `analysis.store.sensors`; its ``name`` twice where a part was measured.
+        Of `analysis.datasheets.gyros`; its ``name`` twice where a part was measured.
     """
     sheets = table[table["basis"] == "data sheet"]
     measured = table[table["basis"] != "data sheet"]

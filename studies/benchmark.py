@@ -23,7 +23,7 @@ import allantools
 import numpy as np
 import pandas as pd
 
-from analysis import WrongUsage, replacing, store
+from analysis import WrongUsage, replacing, static_logs, store, terrain_data
 from analysis.noise.allan import allan_deviation
 from analysis.noise.inference import infer
 from analysis.noise.models import UnifiedModel
@@ -67,7 +67,7 @@ def timed(work, *arguments, clock=time.perf_counter, **options):
 
 def road():
     """Make the map that the terrain benchmarks drive on: pitch of the real test track."""
-    profile = store.profile("ccw")
+    profile = terrain_data.profile("ccw")
     return profile.attitude_map(), profile.length_m
 
 
@@ -252,7 +252,7 @@ def noise_models(samples=10_000_000, channels=6, fit_hours=2.0):
     readings = [GYRO.simulate(samples, DT, rng) for rng in rngs]
     named = tuple(Channel(f"gyro_{k}", "deg/s", "rate", y) for k, y in enumerate(readings))
     log = Log("made", "made", "made", "", 1 / DT, named, samples, 0, (), "", "")
-    _, seconds = timed(store.characterise_log, log, progress=False)
+    _, seconds = timed(static_logs.characterise, log, progress=False)
     yield Measured("10^7 samples x 6 channels, all of report's numbers", seconds, "s", "<= 20")
     gigabytes = getrusage(RUSAGE_SELF).ru_maxrss / 1e6
     yield Measured("most memory held", gigabytes, "GB", "<= 2")

@@ -2,7 +2,7 @@
 
 Two sets of cells: the models of the papers and what they leave out (``data/derived/coverage``),
 and logs that break every model (``data/derived/robustness``): warm-up, step, cycle, lost samples,
-heavy tails, motion. The second set is measured with what `report` runs, `store.characterise_log`.
+heavy tails, motion. The second set is measured with what `report` runs, `static_logs.characterise`.
 
 Log k of a sensor comes from the k-th stream spawned from the sensor's seed, so that neither the
 number of workers nor an interruption changes a number, and log k of a sensor has the same noise
@@ -19,7 +19,7 @@ import pandas as pd
 from scipy.signal import butter, lfilter, lfilter_zi
 from scipy.stats import norm
 
-from analysis import CannotAnswer, WrongUsage, store
+from analysis import CannotAnswer, WrongUsage, static_logs, store
 from analysis.noise import graph, recipes
 from analysis.noise.allan import allan_deviation, fit_line
 from analysis.noise.fit import UNIFIED
@@ -410,7 +410,7 @@ def characterised(run, stream, *, model, dt, kind, hours):
     log = Log(**told, rate_hz=1 / dt, channels=channels, samples=samples, gaps=0, repairs=())
     blank = {"run": run} | dict.fromkeys(("truth", "value", "low", "high"), np.nan)
     try:
-        result = store.characterise_log(log, seed=int(rng.integers(2**32)), progress=False)
+        result = static_logs.characterise(log, seed=int(rng.integers(2**32)), progress=False)
     except CannotAnswer:
         return [blank | {"parameter": p, "reported": "refused"} for p in OF_A_RATE]
     kinds = {found["kind"] for found in result["gyro"].fit["disturbances"]}

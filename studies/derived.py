@@ -9,13 +9,13 @@ from functools import partial
 from pathlib import Path
 
 import sensorlogs as logs
-from analysis import replacing, store
+from analysis import replacing, static_logs, store, terrain_data
 from sensorlogs.catalogue import load_catalogue
 from studies import repeatability, rides, several_units, surveys
 
 MAKERS = {
-    store.TRACK: surveys.test_track,
-    store.HIGHWAY: surveys.highway,
+    terrain_data.TRACK: surveys.test_track,
+    terrain_data.HIGHWAY: surveys.highway,
     "atlas": surveys.atlas,
     "error-surface": surveys.surface,
     "inverse-design": surveys.inverse_design,
@@ -58,8 +58,8 @@ def make(name, *, progress=True):
     if name in MAKERS:
         source, tables = MAKERS[name]()
     else:
-        result = store.characterise_log(logs.read(name), progress=progress)
-        source, tables = store.as_stored(result)
+        result = static_logs.characterise(logs.read(name), progress=progress)
+        source, tables = static_logs.stored.as_stored(result)
     return store.Stored(source | {"made_by": f"{store.COMMAND} {name}"}, tables)
 
 

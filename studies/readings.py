@@ -12,7 +12,7 @@ best       the readings in which the most claims hold, of all and of those that 
 The readings beside the best of the sample, one level away, are in ``readings`` too: a sample of so
 many factors hardly holds the best one.
 
-`analysis.store.readings` reads them. How many laps: with 300 the standard error of a mean is 4 to
+`analysis.terrain_data.readings` reads them. Laps: with 300 the standard error of a mean is 4 to
 8 %, and of a ratio, whose two ends share their laps, about half of it; `best` has 4200, and the
 readings of `NAMED` 12 000.
 """
@@ -25,7 +25,7 @@ from functools import partial
 import pandas as pd
 from tqdm import tqdm
 
-from analysis import WrongUsage, store
+from analysis import WrongUsage, store, terrain_data
 from analysis.terrain.open_choices import FACTORS, LAP_M, JudgedReadings, Reading, around, design
 from studies.cells import Cells, compute
 
@@ -42,7 +42,9 @@ NAMED = {  # readings that are rerun beside the best
 
 def judge(reading, *, laps, seed, compiled):
     """Compute one cell: claim -> its number, its error, share of the resamples in its range."""
-    found = store.roads().evaluate(Reading.of(reading), laps=laps, seed=seed, compiled=compiled)
+    found = terrain_data.roads().evaluate(
+        Reading.of(reading), laps=laps, seed=seed, compiled=compiled
+    )
     return {claim: tuple(row) for claim, row in found.iterrows()}
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 import sensorlogs as logs
-from analysis import CannotAnswer, store
+from analysis import CannotAnswer, static_logs, store
 from analysis.noise import infer
 from analysis.noise import pool as pooling
 from analysis.noise.inference import INSTEAD
@@ -88,7 +88,7 @@ def parts(log, *, number=0, pieces=PIECES):
             seed = np.random.SeedSequence([SEED, number, count, part]).generate_state(1)[0]
             one = replace(log, channels=channels, samples=int(b - a), repairs=())
             try:
-                result = store.characterise_log(one, seed=int(seed), progress=False)
+                result = static_logs.characterise(one, seed=int(seed), progress=False)
             except CannotAnswer:
                 continue
             for c in result.channels:
@@ -246,10 +246,14 @@ def units():
         common, biases = pooling.pool(inferences, log.dt, channel.unit, "rate"), [*biases, means]
         repeats = pooling.repeatability(means, channel.unit, "rate")
         for parameter, e in (common.parameters | {"mean": repeats}).items():
-            spread = store.plain(common.spread[parameter]) if parameter in common.spread else {}
+            spread = (
+                static_logs.stored.plain(common.spread[parameter])
+                if parameter in common.spread
+                else {}
+            )
             row = {"channel": channel.name, "model": common.model, "parameter": parameter}
             ends = {f"spread_{key}": spread.get(key) for key in ("value", "low", "high")}
-            pooled.append(row | store.plain(e) | ends)
+            pooled.append(row | static_logs.stored.plain(e) | ends)
     alike = [(i + 1, j + 1, most) for i, j, most in pooling.alike(np.transpose(biases))]
     tables = {"pooled": pd.DataFrame(pooled), "channels": pd.DataFrame(rows)}
     return (

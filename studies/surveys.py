@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from analysis import STANDARD_GRAVITY, store
-from analysis.store import HIGHWAY, TRACK, rounded, rounded_number
+from analysis import STANDARD_GRAVITY, datasheets, static_logs, terrain_data
+from analysis.store import rounded, rounded_number
 from analysis.terrain import (
     AttitudeMap,
     Sensor,
@@ -23,6 +23,7 @@ from analysis.terrain.monte_carlo import LOST_M, interval, resample
 from analysis.terrain.open_choices import LAP_M, LEAST_R, STEP_M
 from analysis.terrain.real_laps import MapError, lay_on_line
 from analysis.terrain.relocate import watch_long_drives
+from analysis.terrain_data import HIGHWAY, TRACK
 from sensorlogs import datasets, road_logs
 from studies.cells import compute
 
@@ -197,9 +198,9 @@ def atlas():
     dict
         Source.
     dict of DataFrame
-        ``atlas`` and ``plane``, see `sensors` and `analysis.store.error_plane`.
+        ``atlas`` and ``plane``, see `sensors` and `analysis.terrain_data.error_plane`.
     """
-    profile = store.profile(DIRECTION)
+    profile = terrain_data.profile(DIRECTION)
     exact = {"paper": Setup.reference(profile.length_m)}
     map_variance = float((profile.pitch_se_deg**2).mean())
     exact["bias states"] = Setup.reference(profile.length_m, bias_states=True, R=map_variance)
@@ -228,10 +229,10 @@ def surface():
     dict
         Source.
     dict of DataFrame
-        ``surface``, see `analysis.store.error_plane`.
+        ``surface``, see `analysis.terrain_data.error_plane`.
     """
     sensors, rows = [(n, b) for b in PLANE_B for n in PLANE_N], []
-    profile = store.profile(DIRECTION)
+    profile = terrain_data.profile(DIRECTION)
     trackers = {"integrated": {}, "on attitude": {"noise": "on attitude"}}
     own = {"bias_states": True, "R": float((profile.pitch_se_deg**2).mean())}
     for tracker, changes in (trackers | {"bias states": own}).items():
@@ -321,7 +322,7 @@ def sweep_cells():
     for t in R_TIMES:
         cells |= {f"R{t:g} {label}": (*cells[label][:2], t) for label in ends}
     pair = {"tactical": (0.001, 0.0001), "MEMS": (0.01, 0.01)}
-    for name, at in {**store.roads().table_3, **pair, "no error": (0.0, 0.0)}.items():
+    for name, at in {**terrain_data.roads().table_3, **pair, "no error": (0.0, 0.0)}.items():
         cells |= {f"{name} R x {t:g}": (*at, t) for t in R_TIMES}
     return cells
 
@@ -333,14 +334,14 @@ def _at_an_end(swept, n, b):
 
 def _sweep_setup():
     """Give the reading of notebooks 21 to 23, sampled as finely as the map."""
-    return Setup.reference(store.profile(DIRECTION).length_m).coarser(STEP_M)
+    return Setup.reference(terrain_data.profile(DIRECTION).length_m).coarser(STEP_M)
 
 
 def _sweep_block(block):
     """Track a block of laps; mean absolute, mean, mean square and largest error of each."""
     setup = _sweep_setup()
     laps = simulate_laps(
-        store.profile(DIRECTION).attitude_map(),
+        terrain_data.profile(DIRECTION).attitude_map(),
         {label: Sensor(n, b, times * setup.R) for label, (n, b, times) in sweep_cells().items()},
         setup,
         runs=SWEEP_BLOCK,
@@ -389,8 +390,8 @@ def inverse_design():
     dict
         Source.
     dict of DataFrame
-        ``plane``, see `analysis.store.error_plane`; ``parts``, the same for each of
-        `analysis.store.sensors`; ``resamples``, the error (m) of each part in the
+        ``plane``, see `analysis.terrain_data.error_plane`; ``parts``, the same for each of
+        `analysis.datasheets.gyros`; ``resamples``, the error (m) of each part in the
         sample and in each resample of the laps.
     """
     items = [(tracker, start, on) for tracker in TRACKERS for start in STARTS for on in ON_MAPS]
@@ -403,7 +404,7 @@ def inverse_design():
         "laps": INVERSE_LAPS,
         "laps_to_choose_R": R_LAPS,
         "R_tried": R_TRIED.tolist(),
-        "map_error": asdict(store.map_error()),
+        "map_error": asdict(terrain_data.map_error()),
         "setup": inverse_setup(*items[0]).stated(),
     }
     return source, {name: rounded(pd.concat(of), 4) for name, of in tables.items()}
@@ -413,9 +414,9 @@ def inverse_setup(tracker: str, start: str, on: str) -> Setup:
     """Give the setup of one reading of the inverse design, see `inverse_design`.
 
     The measured map error is that between laps and maps of the test track
-    (`analysis.store.map_error`); it is drawn for each lap. The filter with bias states expects it.
+    (`terrain_data.map_error`); it is drawn for each lap. The filter with bias states expects it.
     """
-    track, error = store.profile(DIRECTION), store.map_error()
+    track, error = terrain_data.profile(DIRECTION), terrain_data.map_error()
     bias_states = tracker == "bias states"
     laps = float(track.laps.mean())
     R = float((track.pitch_se_deg**2).mean()) if bias_states else None
@@ -430,11 +431,11 @@ def _inverse(item):
     """Track every gyro of the plane, and every part, in one reading of the inverse design."""
     tracker, start, on = item
     setup, rng = inverse_setup(*item), np.random.default_rng(SEED)
-    parts = store.sensors()[["arw", "bias"]]
+    parts = datasheets.gyros()[["arw", "bias"]]
     sensors = {(n, b): Sensor(n, b) for b in PLANE_B[::2] for n in PLANE_N[::2]}
     sensors |= {key: Sensor(*of) for key, of in parts.iterrows()}
     options = {"store_every": setup.seconds / 100}
-    road = store.profile(DIRECTION).attitude_map()
+    road = terrain_data.profile(DIRECTION).attitude_map()
     if tracker == "R tuned":
         options["compiled"] = HAS_NUMBA
         tried = {
@@ -503,7 +504,7 @@ def long_run():
 def long_drive(ages: tuple[float, float] | None) -> tuple[AttitudeMap, AttitudeMap, Setup]:
     """Give what `watch_long_drives` needs of I-99: to State College, 28 m/s.
 
-    The vehicle differs from the road as the van from its maps (`analysis.store.map_error`).
+    The vehicle differs from the road as the van from its maps (`analysis.terrain_data.map_error`).
 
     Parameters
     ----------
@@ -518,7 +519,7 @@ def long_drive(ages: tuple[float, float] | None) -> tuple[AttitudeMap, AttitudeM
     setup : Setup
         The bias starts stationary. A reading every 10 m, twice the step of the survey.
     """
-    drive, of_van = store.highway("to-state-college"), store.map_error()
+    drive, of_van = terrain_data.highway("to-state-college"), terrain_data.map_error()
     step, end = drive.s_m[1], drive.s_m[-1]
     road = AttitudeMap(0.0, step, drive.grade_deg[None])
     setup = Setup(end - 2 * step, begin=step, speed=LONG_SPEED, rate_hz=LONG_SPEED / LONG_STEP)
@@ -526,7 +527,7 @@ def long_drive(ages: tuple[float, float] | None) -> tuple[AttitudeMap, AttitudeM
     setup = replace(setup, start="stationary", drawn_map_error=parts)
     if ages:
         return road, road, of_van.aged(ages[1]).setup(setup, 1)
-    back = store.highway("to-altoona")
+    back = terrain_data.highway("to-altoona")
     here, there = (np.column_stack([d.east_m, d.north_m]) for d in (drive, back))
     apart, near = cKDTree(there).query(here)
     beside = apart < LANES_M
@@ -563,7 +564,7 @@ def sensors():
         known; ``basis`` (datasheet or measured), ``low_usd`` and ``high_usd``, ``source``.
     """
     rows = []
-    for key, entry in store.data_sheets().items():
+    for key, entry in datasheets.read().items():
         low, high = entry.get("price_usd", (None, None))
         about = {"sensor": key, "name": entry["name"], "axis": "", "basis": "datasheet"}
         about |= {"low_usd": low, "high_usd": high, "source": entry["source"]}
@@ -576,7 +577,7 @@ def sensors():
             b = None if b is None else b / 1000
             rows.append(about | {"kind": "accel", "unit": "g", "n": n or None, "b": b})
     for log in MEASURED:
-        result = store.static_log(log)
+        result = static_logs.read(log)
         for c in result.channels:
             numbers = {
                 f"{symbol}{end}": getattr(c.parameters[key], attribute)

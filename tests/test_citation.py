@@ -15,7 +15,7 @@ import yaml
 from matplotlib.figure import Figure
 from rocrate.rocrate import ROCrate
 
-from analysis import ROOT, figures
+from analysis import ROOT, figures, provenance
 from workbench import citation
 from workbench.cli import main
 
@@ -164,7 +164,7 @@ def test_one_version_everywhere():
     """Property: package, its metadata, CITATION.cff and the first heading of the changelog."""
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     assert version("inertial-compendium") == wanted, "run `make install`"
-    assert figures.citation_file()["version"] == wanted
+    assert provenance.citation_file()["version"] == wanted
     log = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert re.search(r"^## (\S+)", log, re.M)[1] == wanted
 

@@ -394,7 +394,7 @@ def test_version_is_that_of_the_package():
 
 BUSY = """
 import multiprocessing, runpy, sys, threading, time
-from analysis import store
+from analysis import static_logs
 from workbench import report
 def busy(*_, **__):
     child = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
@@ -405,7 +405,7 @@ def compute(log):
     threading.Thread(target=time.sleep, args=(60,)).start()
     return characterise(log)
 if __name__ == "__main__":
-    characterise, report._page, store.characterise_log = store.characterise_log, busy, compute
+    characterise, report._page, static_logs.characterise = static_logs.characterise, busy, compute
     report._draw = lambda result, folder, atlas: folder.mkdir()
     sys.argv[0] = "analysis"
     runpy.run_module("analysis", run_name="__main__")

@@ -10,7 +10,7 @@ from test_project import HEADER, form_faults
 from test_published import CLAIMS, claim_faults
 
 import sensorlogs as logs
-from analysis import DATA, ROOT, WrongUsage, claims, figures, store
+from analysis import DATA, ROOT, WrongUsage, claims, datasheets, figures
 from sensorlogs import catalogue
 from workbench import cli
 
@@ -38,14 +38,14 @@ def test_a_sensor(tmp_path):
     path = tmp_path / "sensors.toml"
     before = (DATA / "sensors.toml").read_text("utf-8")
     path.write_text(before + SENSOR, "utf-8")
-    assert store.data_sheets(path)["my-gyro"] == tomllib.loads(SENSOR)["my-gyro"]
+    assert datasheets.read(path)["my-gyro"] == tomllib.loads(SENSOR)["my-gyro"]
     for line, words in (("bias_deg_h", "bias_deg_h"), ("density_deg_s", "arw_deg_sqrt_h or")):
         path.write_text(before + re.sub(f"{line}.*", "", SENSOR), "utf-8")
         with pytest.raises(WrongUsage, match=rf"sensors\.toml: \[my-gyro\] needs one line {words}"):
-            store.data_sheets(path)
+            datasheets.read(path)
     path.write_text(before + SENSOR.replace("[5, 20]", "[20, 5]"), "utf-8")
     with pytest.raises(WrongUsage, match=r"\[low, high\], not \[20, 5\]"):
-        store.data_sheets(path)
+        datasheets.read(path)
 
 
 def test_a_log(tmp_path, monkeypatch):

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.constants import degree, g
 from scipy.signal import welch
 
 from analysis import ROOT
 from analysis.noise import conventions as c
 from analysis.noise.models import UnifiedModel, adev_gauss_markov, gauss_markov
-from sensorlogs.columns import IN_M_S2
 from workbench import report
 
 PAGE = ROOT / "analysis" / "noise" / "README.md"
@@ -63,10 +63,10 @@ def test_the_page_has_the_numbers_of_the_functions():
     assert "analysis/noise/README.md" in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_one_gravity():
-    """Property: exports and the reading of logs mean the same g."""
-    assert IN_M_S2["g"] == c.STANDARD_GRAVITY == c.SI["g"][0]
-    assert IN_M_S2["mg"] == pytest.approx(c.SI["mg"][0])
+def test_units_are_those_of_scipy():
+    """Property: the one table of units, by which logs are read and exports written."""
+    for unit, of in (("deg/s", degree), ("deg/h", degree / 3600), ("g", g), ("mg", g / 1000)):
+        assert c.SI[unit][0] == pytest.approx(of, rel=1e-15)
 
 
 def test_unknown_stays_unknown():

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import FIGURES, CannotAnswer, store
+from analysis import FIGURES, CannotAnswer, datasheets, terrain_data
 from analysis.terrain import Sensor
 from workbench import explorer
 
@@ -43,20 +43,20 @@ def test_the_page_holds_the_committed_surface(pages):
     data = held(pages["explorer.html"])
     for tracker, planes in data["planes"].items():
         for corr_time, numbers in planes.items():
-            plane = store.error_plane(tracker, float(corr_time))
+            plane = terrain_data.error_plane(tracker, float(corr_time))
             low, error, high = (np.array(numbers[k]) for k in ("low", "error", "high"))
             assert np.array_equal(error, plane.error)
             assert (low <= error).all() and (error <= high).all()
     assert {p["basis"] for p in data["parts"]} == {"measured", "datasheet"}
     priced = {p["sensor"]: p["low_usd"] for p in data["parts"]}
-    assert len({p["part"] for p in data["parts"]}) == len(store.data_sheets())
+    assert len({p["part"] for p in data["parts"]}) == len(datasheets.read())
     assert priced["mpu6050-gyro"] == priced["mpu6050"] == 2
     assert all(p["source"] and p["n"] > 0 and (p["b"] or p["b_high"]) for p in data["parts"])
 
 
 def test_the_interval_of_a_prediction():
     """property: around the value, as in the grid at its points, and none beyond it."""
-    plane = store.error_plane("integrated", 200.0)
+    plane = terrain_data.error_plane("integrated", 200.0)
     at = plane.estimate(Sensor(plane.arw[5], plane.sigma_b[9]))
     ends = [table[9, 5] for table in (plane.error, plane.low, plane.high)]
     assert [at.value, at.low, at.high] == pytest.approx(ends)

@@ -25,6 +25,7 @@ from analysis import (
     figures,
     figures_folder,
     plots,
+    provenance,
     without_exponents,
 )
 
@@ -69,7 +70,7 @@ def saved(tmp_path_factory):
     return folders
 
 
-def provenance(folder):
+def embedded(folder):
     """Read the provenance back from each of the three files."""
     png = json.loads(Image.open(folder / f"{NAME}.png").text["Description"])
     # Beyond ASCII a PDF string is UTF-16 with a mark in front; parentheses are escaped.
@@ -107,7 +108,7 @@ def test_the_last_digits_of_a_processor_are_not_in_the_pdf(tmp_path, saved):
 
 def test_provenance_is_in_all_three(saved):
     """Property: notebook, seed, parameters, data and versions stand in PDF, PNG and CSV alike."""
-    found = provenance(saved[0])
+    found = embedded(saved[0])
     assert found["png"] == found["pdf"] == found["csv"]
     origin = found["csv"]
     assert list(origin) == [
@@ -130,23 +131,23 @@ def test_provenance_is_in_all_three(saved):
 
 def test_paper_and_licence_come_from_the_registers():
     """Published: Fig 9 is redrawn by one figure, Table I by another; a log keeps its licence."""
-    assert figures.redrawn("22-fig9-variance-vs-n") == [
+    assert provenance.redrawn("22-fig9-variance-vs-n") == [
         "terrain paper (Jerath and Brennan, 2011), Fig 9"
     ]
-    assert figures.redrawn("11-unified-table") == [
+    assert provenance.redrawn("11-unified-table") == [
         "comparison paper (Elkaim, Lizarraga and Pedersen, 2008), Table I"
     ]
-    assert figures.redrawn("32-error") == ["tracker paper, Fig 4"]
-    assert figures.redrawn("13-hours") == []
+    assert provenance.redrawn("32-error") == ["tracker paper, Fig 4"]
+    assert provenance.redrawn("13-hours") == []
     adis = "1eb09074beabd7cfc15b402cb8043b5302f6e4edfd9e4ebfbf8117436f8b9fa9"
     rows = {"adis16405": adis, "track": f"https://github.com/{TRACK}", "own": "00"}
-    found = figures.licence(rows).split("; ")
+    found = provenance.licence(rows).split("; ")
     assert found == [
         "CC BY-NC-SA 4.0 (SMAC-Group/imudata)",
         f"MIT ({TRACK})",
         "that of own",
     ]
-    assert figures.licence({}) == "MIT"
+    assert provenance.licence({}) == "MIT"
 
 
 def test_no_path_and_no_date_inside(saved):

@@ -51,16 +51,16 @@ LAPS_OF_EVERY_KIND = """
 from dataclasses import replace
 from hashlib import sha256
 import numpy as np
-from analysis import store, terrain
+from analysis import store, terrain_data, terrain
 from analysis.terrain.open_choices import Reading
 sensors = {n: terrain.Sensor(n, n) for n in (0.001, 0.01)}
-road, found = store.roads(), []
+road, found = terrain_data.roads(), []
 kinds = ("difference 50 m", "ISO A", "stationary"), ("high-pass 5 s", "I-99", "zero")
 for form, name, start in kinds:
     setup = Reading(form=form, start=start, map_error_deg=0.1, begin_sd_m=2.0, leg_m=190.0).setup()
     found.append(terrain.simulate_laps(road.maps[name], sensors, setup, runs=20, seed=2))
-laps = {name: store.lap_and_map(name) for name in store.laps("cw")}
-own = {"map_errors": {name: store.map_error(name) for name in laps}, "runs": 2, "seed": 2}
+laps = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps("cw")}
+own = {"map_errors": {name: terrain_data.map_error(name) for name in laps}, "runs": 2, "seed": 2}
 setup = terrain.Setup.reference(1500.0, every=10)
 found += terrain.track_real_laps(laps, sensors, setup, **own).values()
 for of in found:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sensorlogs as logs
-from analysis import STANDARD_GRAVITY, CannotAnswer, store
+from analysis import STANDARD_GRAVITY, CannotAnswer, static_logs
 from analysis.noise.disturbances import static_stretches
 from sensorlogs import datasets
 from sensorlogs.static import Channel, Log
@@ -110,9 +110,9 @@ def test_a_slow_turn_is_doubted():
         Channel(f"gyro_{a}", "deg/s", "rate", y) for a, y in zip("xyz", GYRO.T, strict=True)
     ]
     about = ("a", "a", "a.csv", "", RATE, tuple(channels), N, 0, (), "", "")
-    assert store.static_part(Log(*about)).repairs == ()
+    assert static_logs.standstill.static_part(Log(*about)).repairs == ()
     faster = (*channels[:2], Channel("gyro_2", "deg/s", "rate", GYRO[:, 2] + 12))
-    doubt = store.static_part(Log(*about[:5], faster, *about[6:])).repairs[0]
+    doubt = static_logs.standstill.static_part(Log(*about[:5], faster, *about[6:])).repairs[0]
     assert "a large offset at rest, or a steady turn, which this log cannot tell" in doubt
 
 
@@ -128,7 +128,7 @@ def test_real_static_logs_are_static(name):
         log = logs.read(name)
     except datasets.NotHere:
         pytest.skip("the raw log is not here")
-    assert store.static_part(log) is log
+    assert static_logs.standstill.static_part(log) is log
 
 
 RIDES = {
@@ -151,8 +151,8 @@ def test_real_rides_get_no_table(name):
     if not path.is_file():
         pytest.skip(f"{name} is not here")
     options, says = RIDES[name]
-    with pytest.raises(store.Moving, match=says):
-        store.static_part(logs.read(path, **options))
+    with pytest.raises(static_logs.standstill.Moving, match=says):
+        static_logs.standstill.static_part(logs.read(path, **options))
 
 
 # --- the contract of `report` --------------------------------------------------------------------
@@ -221,7 +221,7 @@ def test_a_cut_keeps_the_time_of_the_file(tmp_path):
     moves = (T < 30) | (T > 100)
     log = logs.read(write(tmp_path, moves[:6000]), start=25)
     assert log.start_s == 25
-    part = store.static_part(log)
+    part = static_logs.standstill.static_part(log)
     np.testing.assert_allclose(part.used, [30, 100], atol=5)
     again = logs.read(tmp_path / "my.csv", start=part.used[0], stop=part.used[1])
     np.testing.assert_array_equal(part.channels[0].values, again.channels[0].values)
@@ -231,7 +231,7 @@ def test_angles_and_positions_are_taken_as_static():
     """Property: without gyros and accelerometers nothing is cut."""
     roll = Channel("roll", "deg", "angle", 10 * np.sin(T / 50))
     log = Log("a", "a", "a.csv", "", RATE, (roll,), N, 0, (), "", "")
-    assert store.static_part(log) is log
+    assert static_logs.standstill.static_part(log) is log
 
 
 def test_the_sentence_names_no_column_to_leave_out(tmp_path):
@@ -255,9 +255,11 @@ def receiver(velocity, seconds=900, seed=5):
 def test_a_receiver_in_motion_is_no_static_log():
     """Property: a wander and a jump are rest; a walk and a slow boat are not, `replay` is named."""
     rest = receiver(0.0)
-    assert store.static_part(rest) is rest
+    assert static_logs.standstill.static_part(rest) is rest
     for speed in (0.5, 1.2, 20.0):
-        with pytest.raises(store.Moving, match=r"positions move; .*replay 'my logs/a\.csv' --out"):
-            store.static_part(receiver(speed))
-    parked = store.static_part(receiver(10.0 * (np.arange(900) < 200)))
+        with pytest.raises(
+            static_logs.standstill.Moving, match=r"positions move; .*replay 'my logs/a\.csv' --out"
+        ):
+            static_logs.standstill.static_part(receiver(speed))
+    parked = static_logs.standstill.static_part(receiver(10.0 * (np.arange(900) < 200)))
     assert parked.used == pytest.approx((200, 900), abs=100)  # a block of 100 s

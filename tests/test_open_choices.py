@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import DATA, ROOT, WrongUsage, claims, store
+from analysis import DATA, ROOT, WrongUsage, claims, store, terrain_data
 from analysis.terrain import open_choices
 from analysis.terrain.assumptions import NOISES, STARTS, Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
@@ -224,22 +224,22 @@ def test_joint_ranking_and_shares_count_what_holds():
 def test_the_error_surface_rises_with_every_coefficient():
     """property: along N and along B, but for the scatter of 200 laps, in both readings."""
     for noise in ("integrated", "on attitude"):
-        plane = store.error_plane(noise, 200.0)
+        plane = terrain_data.error_plane(noise, 200.0)
         assert plane.error.shape == (len(plane.sigma_b), len(plane.arw))
         assert plane.error[-1, -1] > 3 * plane.error[0, 0]
-    integrated, put_on = (store.error_plane(n, 200.0) for n in ("integrated", "on attitude"))
+    integrated, put_on = (terrain_data.error_plane(n, 200.0) for n in ("integrated", "on attitude"))
     assert (integrated.error[-4] > put_on.error[-4]).all()  # B = 0.018 deg/s: metres, hardly seen
-    at_100_hz = store.error_plane("paper")
+    at_100_hz = terrain_data.error_plane("paper")
     kept = (integrated.lost == 0) & (at_100_hz.lost == 0)
     ratio = integrated.error[kept] / at_100_hz.error[kept]  # 200 and 100 laps: 7 % each, and R
     assert kept.sum() > 100 and abs(np.median(ratio) - 1) < 0.1 and np.abs(ratio - 1).max() < 0.25
     with pytest.raises(WrongUsage, match="there are: 20"):
-        store.error_plane("integrated", 7.0)
+        terrain_data.error_plane("integrated", 7.0)
 
 
 def test_the_committed_study_is_simulated_again_the_same():
     """property: two stored readings, laps and all, from this code; as far as they were rounded."""
-    study = store.readings()
+    study = terrain_data.readings()
     assert len(study.sample.levels) >= 2000
     quick = study.all.levels.query("leg_m == 100 and speed_m_s == 30")
     for channel in ("pitch", "both"):
@@ -294,7 +294,7 @@ def test_verdicts_on_the_terrain_paper_have_one_condition():
 
 def test_the_matrix_at_the_reference_reading_agrees_with_the_notebooks():
     """cross-check: notebook 24 (other laps, coarser sweeps) against what 12 and 21 to 23 say."""
-    named = store.readings().best
+    named = terrain_data.readings().best
     said = named.verdicts().loc[named.why.index[named.why == "reference"][0]]
     words = said.map({1.0: "reproduced", 0.0: "not reproduced"}).fillna("not testable")
     theirs = {claim: recorded()[claim][1] for claim in said.index}

@@ -26,7 +26,10 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 MODULES = size.modules(ROOT)  # path -> its room
 # Which rooms a room may import, besides itself and the conventions in analysis/__init__.py.
 PURE = ("noise", "terrain", "tracker", "units")
-FACES = (*PURE, "store", "text", "plots", "figures", "claims", "sensorlogs")
+FACES = (
+    *(*PURE, "static_logs", "terrain_data", "datasheets"),
+    *("store", "text", "plots", "figures", "claims", "sensorlogs"),
+)
 ALLOWED = {
     "sensorlogs": set(),
     "__init__": {"sensorlogs"},
@@ -35,12 +38,16 @@ ALLOWED = {
     "tracker": {"noise", "sensorlogs.timeline"},
     "units": {"noise", "sensorlogs.timeline"},
     "text": set(),
-    "figures": set(),
-    "store": {"sensorlogs", *PURE},
+    "provenance": set(),
+    "figures": {"provenance"},
+    "store": set(),
+    "static_logs": {"sensorlogs", "noise", "store"},
+    "datasheets": {"static_logs", "terrain"},
+    "terrain_data": {"sensorlogs.road_logs", "terrain", "store", "datasheets"},
     "plots": {"figures", *PURE},
     "claims": {"text"},
-    "studies": {"sensorlogs", *PURE, "store", "text"},
-    "workbench": {*FACES, "studies"},
+    "studies": {"sensorlogs", *PURE, "static_logs", "terrain_data", "datasheets", "store", "text"},
+    "workbench": {*FACES, "provenance", "studies"},
     "__main__": {"workbench"},
 }
 OURS = {Path(package).name for package in size.PACKAGES}
@@ -211,10 +218,10 @@ def test_each_room_keeps_its_budget():
 
 
 def test_faces_are_small():
-    """property: faces of at most 20 names, 120 in all."""
+    """property: faces of at most 20 names, 125 in all."""
     sizes = {face: len(exported(face)) for face in FACES}
     assert max(sizes.values()) <= 20, sizes
-    assert sum(sizes.values()) <= 120, sizes
+    assert sum(sizes.values()) <= 125, sizes
 
 
 def face_of(name):

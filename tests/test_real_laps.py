@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from analysis import CannotAnswer, store
+from analysis import CannotAnswer, terrain_data
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.point_mass import compare_filters
 from analysis.terrain.real_laps import MapError, resample_lap, track_real_laps
@@ -17,7 +17,7 @@ PERFECT = {0: Sensor(0.0, 0.0)}
 
 def test_a_held_out_lap_is_tracked_well_under_a_metre():
     """property: with a perfect gyro the map of the other laps holds this one, gaps and all."""
-    lap, others = store.lap_and_map(LAP)
+    lap, others = terrain_data.lap_and_map(LAP)
     options = {"runs": 3, "seed": 1}
     laps = track_real_laps({LAP: (lap, others)}, PERFECT, Setup.reference(1557.0), **options)[LAP]
     assert np.sqrt((laps.error**2).mean()) < 0.6
@@ -38,7 +38,7 @@ def test_laps_tracked_together_are_as_alone():
             "one": Sensor(0.001, 0.0001, R["one"]),
             "four": Sensor(0.01, 0.01, R["four"]),
         }
-        laps = {name: store.lap_and_map(name) for name in names}
+        laps = {name: terrain_data.lap_and_map(name) for name in names}
         together = track_real_laps(laps, sensors, setup, **options)
         for k, name in enumerate(names):
             own = {label: s._replace(R=s.R[k]) for label, s in sensors.items()}
@@ -52,7 +52,7 @@ def test_laps_tracked_together_are_as_alone():
 
 def test_an_exact_map_is_better():
     """property: what the measured attitude adds to the error is the map's, on a lap with gaps."""
-    args = ({LAP: store.lap_and_map(LAP)}, PERFECT, Setup.reference(1557.0))
+    args = ({LAP: terrain_data.lap_and_map(LAP)}, PERFECT, Setup.reference(1557.0))
     measured, exact = (
         track_real_laps(*args, runs=3, seed=1, exact_map=e)[LAP] for e in (False, True)
     )
@@ -61,15 +61,18 @@ def test_an_exact_map_is_better():
 
 def test_the_map_does_not_know_the_lap():
     """property: leaving a lap out changes the map, and the map is of the lap's direction."""
-    whole, without = store.profile(store.lap(LAP).direction), store.map_without(LAP)
+    whole, without = (
+        terrain_data.profile(terrain_data.lap(LAP).direction),
+        terrain_data.map_without(LAP),
+    )
     assert without.laps.max() < whole.laps.max()
-    other = store.profile("cw" if store.lap(LAP).direction == "ccw" else "ccw")
+    other = terrain_data.profile("cw" if terrain_data.lap(LAP).direction == "ccw" else "ccw")
     assert abs(without.length_m - whole.length_m) < 5 < abs(other.length_m - whole.length_m)
 
 
 def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
     """property: one sentence each."""
-    lap, others = store.lap_and_map(LAP)
+    lap, others = terrain_data.lap_and_map(LAP)
     options = {"runs": 1, "seed": 1}
     blind = replace(lap, pitch_deg=np.full_like(lap.pitch_deg, np.nan))
     with pytest.raises(CannotAnswer, match=f"lap {LAP} has no pitch: an antenna was missing"):
@@ -84,7 +87,7 @@ def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
 
 def test_filter_grid_and_bound_on_the_real_map():
     """cross-check: on the real track, where the model is true, UKF and grid differ by percents."""
-    profile = store.profile("ccw")
+    profile = terrain_data.profile("ccw")
     setup = Setup.reference(600.0, R=0.05, odometry_scale=0.0)
     found, _ = compare_filters(profile.attitude_map(), setup, runs=40, seed=3)
     ukf, grid, bound = np.sqrt((found[["UKF", "grid filter", "Cramér–Rao bound"]] ** 2).mean())
@@ -140,13 +143,13 @@ def test_a_lap_off_its_map_is_held():
     The filter that takes the same error for white noise believes it: its error in units of its own
     standard deviation is more than twice as large.
     """
-    lap, others = store.lap_and_map(LAP)
+    lap, others = terrain_data.lap_and_map(LAP)
     off = -0.17 - 0.33 * ((lap.s_m > 500) & (lap.s_m < 800))
     bent = {LAP: (replace(lap, pitch_deg=lap.pitch_deg + off), others)}
     gyros = {"MEMS": Sensor(0.01, 0.01)}
     setup = Setup.reference(1557.0, every=10)
     white = replace(setup, bias_states=True, R=0.2**2 / 10)  # as strong as 0.2 deg at 100 Hz
-    errors = {LAP: store.map_error(LAP)}
+    errors = {LAP: terrain_data.map_error(LAP)}
     found = {}
     for name, (of, expected) in {"white": (white, None), "expected": (setup, errors)}.items():
         laps = track_real_laps(bent, gyros, of, runs=5, seed=1, map_errors=expected)[LAP]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis import store
+from analysis import static_logs, store
 
 HOUR = 3600.0
 
@@ -11,7 +11,7 @@ HOUR = 3600.0
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
 def test_adis16405_gyros(axis):
     """published: N of 2.3 to 2.8 deg/sqrt(h), a lowest Allan deviation of 18 to 34 deg/h."""
-    gyro = store.static_log("adis16405")[f"gyro_{axis}"]
+    gyro = static_logs.read("adis16405")[f"gyro_{axis}"]
     arw = gyro.parameters["arw"]
     assert 60 * arw.high >= 2.3 and 60 * arw.low <= 2.8
     # The likelihood's own interval, without the 1.5 % at each end for what the filter leaves.
@@ -21,7 +21,7 @@ def test_adis16405_gyros(axis):
 
 def test_mpu6050_gyros():
     """published: N of 0.55 to 0.76 deg/sqrt(h), an offset of 4.5 deg/s on x."""
-    log = store.static_log("mpu6050-gyro")
+    log = static_logs.read("mpu6050-gyro")
     arw = [60 * c.parameters["arw"].value for c in log.channels]
     np.testing.assert_allclose([min(arw), max(arw)], [0.55, 0.76], rtol=0.02)
     assert log["gyro_x"].line[0] == pytest.approx(4.5, abs=0.1)
@@ -29,7 +29,7 @@ def test_mpu6050_gyros():
 
 def test_interpolating_by_uneven_stamps_inflates_white_noise():
     """property: bursts of stamps weigh some samples more than others, and N rises on each axis."""
-    count, stamps = (store.static_log(n) for n in ("mpu6050-gyro", "mpu6050-gyro-by-stamps"))
+    count, stamps = (static_logs.read(n) for n in ("mpu6050-gyro", "mpu6050-gyro-by-stamps"))
     for c in count.channels:
         assert stamps[c.name].parameters["arw"].low > c.parameters["arw"].high
 
@@ -37,7 +37,7 @@ def test_interpolating_by_uneven_stamps_inflates_white_noise():
 def test_every_derived_result_says_where_it_is_from():
     """property: source, licence, sha256 and the command that made it stand with each result."""
     for name in store.names("autocorrelation"):
-        source = store.static_log(name).source
+        source = static_logs.read(name).source
         assert len(source["sha256"]) == 64
         assert all(source[key] for key in ("licence", "source", "made_by", "file"))
 
@@ -45,7 +45,7 @@ def test_every_derived_result_says_where_it_is_from():
 def test_no_number_without_support():
     """property: what is not resolved has no value, and what is lies inside its interval."""
     for name in store.names("autocorrelation"):
-        for channel in store.static_log(name).channels:
+        for channel in static_logs.read(name).channels:
             for e in channel.parameters.values():
                 assert e.note
                 assert e.resolved == (e.value is not None)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis import store
+from analysis import terrain_data
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.relocate import (
     averaged_map,
@@ -24,8 +24,8 @@ MEMS = Sensor(0.01, 0.01)
 def test_no_alarm_without_need_and_the_way_back_after_a_slip():
     """property: on a real lap none without cause; after a slip or a wrong start the place again."""
     setup = Setup.reference(1557.0, every=10)
-    laps = {LAP: store.lap_and_map(LAP)}
-    found = watch_real_laps(laps, {LAP: store.map_error(LAP)}, MEMS, setup, seed=4)
+    laps = {LAP: terrain_data.lap_and_map(LAP)}
+    found = watch_real_laps(laps, {LAP: terrain_data.map_error(LAP)}, MEMS, setup, seed=4)
     found = found.droplevel(1)
     for kind in ("none", "pitch 0.5° off for 300 m"):
         assert found.loc[kind, "alarms"] == 0 and found.loc[kind, "lost_m"] < 2

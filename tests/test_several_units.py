@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from analysis import CannotAnswer, store, wrap
+from analysis import CannotAnswer, store, units, wrap
 from analysis.units import clock_offset, differences, trajectory_metrics
 from analysis.units.events import disagreements
 from analysis.units.side_by_side import apart
@@ -31,7 +31,7 @@ def test_parkway_clocks_agree():
     A fifth of the epochs is wrong by decimetres to metres, in a few spells, which moved the offset
     by least squares to -8 ms.
     """
-    van = store.tracks("parkway")
+    van = units.tracks(store.read("parkway").tables)
     for a, b in (("front", "left-rear"), ("front", "right-rear"), ("left-rear", "right-rear")):
         clock = clock_offset(van[a], van[b])
         assert clock.offset_s.low <= 0 <= clock.offset_s.high
@@ -40,7 +40,7 @@ def test_parkway_clocks_agree():
 
 def test_parkway_disagreements_are_the_known_spells():
     """Published: bad spells of 31, 3.3, 40 and 5 s; that of 2.7 s stays below the metre asked."""
-    van = list(store.tracks("parkway").values())
+    van = list(units.tracks(store.read("parkway").tables).values())
     pairs = [x for a, b in combinations(van, 2) for x in apart(a, b, differences(a, b))]
     found = [e.to_s - e.from_s for e in disagreements(pairs)]
     assert found == pytest.approx([31, 3.3, 40, 5], abs=2)  # a length is wrong sooner than a place
@@ -56,14 +56,14 @@ def test_aircraft_integrity_and_positions():
     counted = [(low & k & inside).sum() for k in (steep, ~steep)]
     assert counted == [20, 0]
     assert [(k & inside).sum() for k in (steep, ~steep)] == [66, 93]
-    tracks = store.tracks("light-aircraft")
+    tracks = units.tracks(store.read("light-aircraft").tables)
     d = differences(tracks["efis-2"], tracks["echo-2"].shifted(lambda x: x - 17999.0))
     assert trajectory_metrics(d)["p50_m"].value == pytest.approx(10.5, abs=1.5)  # not one rule
 
 
 def test_turin_positions_and_course():
     """Published: GNSS less reference p50 1.1, p95 2.9 m; course less yaw 1.2 deg (SD)."""
-    tracks = store.tracks("turin")
+    tracks = units.tracks(store.read("turin").tables)
     found = trajectory_metrics(differences(tracks["reference"], tracks["gnss"]))
     assert found["p50_m"].value == pytest.approx(1.1, abs=0.1)
     assert found["p95_m"].value == pytest.approx(2.9, abs=0.4)  # stops count once here
@@ -82,7 +82,7 @@ def test_minutes_keep_the_clock():
     """
     found = []
     for journey, a, b in (("turin", "reference", "gnss"), ("parkway", "front", "left-rear")):
-        tracks = store.tracks(journey)
+        tracks = units.tracks(store.read(journey).tables)
         for start in np.arange(0.0, 1200 if journey == "turin" else 570, 60):
             try:
                 pair = (tracks[k].between(start, start + 60) for k in (a, b))
@@ -112,5 +112,5 @@ def test_the_phone_yaw_counts_anticlockwise():
 
 def test_tracks_need_units_on_the_ground():
     """Property: a journey of which no table has positions gives no tracks."""
-    assert store.tracks("car-attitude") == {}
-    assert set(store.tracks("comma2k19")) == {"pose", "ublox"}
+    assert units.tracks(store.read("car-attitude").tables) == {}
+    assert set(units.tracks(store.read("comma2k19").tables)) == {"pose", "ublox"}

@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 
 import sensorlogs as logs
-from analysis import CannotAnswer, replacing, store
+from analysis import CannotAnswer, replacing, static_logs, store, terrain_data
 from analysis.noise.models import UnifiedModel
+from analysis.static_logs import processes, stored
 from sensorlogs.static import Log
 from studies import derived
 
@@ -57,19 +58,19 @@ def log(tmp_path_factory):
 @pytest.fixture(scope="module")
 def result(log):
     """Characterise it once."""
-    return store.characterise_log(log, progress=False)
+    return static_logs.characterise(log, progress=False)
 
 
 def written(result, folder):
     """Write a result and return its files' bytes."""
-    store.write(folder, *store.as_stored(result))
+    store.write(folder, *static_logs.stored.as_stored(result))
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
 def test_two_channels_at_a_time_change_nothing(log, result, tmp_path, monkeypatch):
     """property: one channel after another gives the same bytes as two at a time."""
-    monkeypatch.setattr(store, "AT_ONCE", 1)
-    serial = store.characterise_log(log, progress=False)
+    monkeypatch.setattr(processes, "AT_ONCE", 1)
+    serial = static_logs.characterise(log, progress=False)
     assert written(serial, tmp_path / "serial") == written(result, tmp_path / "processes")
 
 
@@ -85,7 +86,7 @@ def strictly(text):
 @pytest.fixture(scope="module")
 def model(result):
     """Give model.json as another program reads it."""
-    return strictly(store.as_json(store.model(result)))
+    return strictly(store.as_json(static_logs.stored.model(result)))
 
 
 def test_source_says_which_log(model, log):
@@ -97,7 +98,7 @@ def test_source_says_which_log(model, log):
     assert (source["rate_hz"], source["duration_s"]) == (10.0, 1200.0)
     assert (source["samples"], source["gaps"]) == (12_000, 0)
     assert any("5 of 12,000 in " in repair for repair in source["repairs"])
-    assert source["seed"] == store.SEED
+    assert source["seed"] == static_logs.characterised.SEED
 
 
 def test_channels_have_the_keys_of_the_contract(model):
@@ -108,11 +109,11 @@ def test_channels_have_the_keys_of_the_contract(model):
     assert [c["kind"] for c in model["channels"]] == ["rate", "angle", "accel", "position"]
     for channel in model["channels"]:
         about = {"name", "unit", "kind", "parameters", "models", "fit", "line", "fitted_from_s"}
-        assert set(channel) == about | set(store.CURVES)
+        assert set(channel) == about | set(stored.CURVES)
         assert sum(m["chosen"] for m in channel["models"]) == 1
         assert min(m["aic_above_least"] for m in channel["models"]) == 0
         assert set(channel["parameters"]) == PARAMETERS[channel["kind"]]
-        for key in store.CURVES:
+        for key in stored.CURVES:
             assert set(channel[key]) == {"tau_s", "deviation", "low", "high", "edf"}
             assert len({len(series) for series in channel[key].values()}) == 1
         tau, low, deviation, high = (
@@ -169,8 +170,8 @@ def test_round_trip(result, tmp_path):
         "source.json",
         "whole.csv",
     ]
-    back = store.static_log(tmp_path / "first")
-    assert store.model(back) == store.model(result)
+    back = static_logs.read(tmp_path / "first")
+    assert static_logs.stored.model(back) == static_logs.stored.model(result)
     assert written(back, tmp_path / "second") == first
     assert back.source == result.source
     close = {"rtol": 1e-5, "atol": 1e-30}  # six digits, none of them near zero by rounding
@@ -179,7 +180,7 @@ def test_round_trip(result, tmp_path):
         for panel in ("short", "whole"):
             for a, b in zip(getattr(was, panel), getattr(now, panel), strict=True):
                 np.testing.assert_allclose(b, a, **close)
-        for key in store.CURVES:
+        for key in stored.CURVES:
             first_curve, second_curve = (vars(getattr(c, key)) for c in (was, now))
             for series, values in first_curve.items():
                 np.testing.assert_allclose(second_curve[series], values, **close)
@@ -195,17 +196,17 @@ def test_round_trip(result, tmp_path):
 def test_same_seed_same_bytes(log, result, tmp_path, capfd):
     """Property: the seed decides, the progress bar does not, and there is none off a terminal."""
     first = written(result, tmp_path / "first")
-    again = store.characterise_log(log, progress=True)
+    again = static_logs.characterise(log, progress=True)
     assert written(again, tmp_path / "again") == first
     assert capfd.readouterr() == ("", "")
-    other = store.characterise_log(log, seed=1, progress=False)
+    other = static_logs.characterise(log, seed=1, progress=False)
     assert written(other, tmp_path / "other")["source.json"] != first["source.json"]
 
 
 def test_a_channel_does_not_depend_on_those_after_it(log, result):
     """Property: channel k draws from the k-th stream of the seed, whatever comes later."""
     few = Log(**{**vars(log), "channels": log.channels[:2]})
-    found = store.characterise_log(few, progress=False)
+    found = static_logs.characterise(few, progress=False)
     assert [c.parameters for c in found.channels] == [c.parameters for c in result.channels[:2]]
 
 
@@ -216,7 +217,9 @@ def test_same_log_in_g_and_m_s2(tmp_path):
     found = []
     for unit, factor in (("g", 1.0), ("m_s2", G)):
         named = {f"accel_{a}_{unit}": factor * c for a, c in zip("xyz", channels, strict=True)}
-        found.append(store.characterise_log(read(tmp_path, f"{unit}.csv", **named), progress=False))
+        found.append(
+            static_logs.characterise(read(tmp_path, f"{unit}.csv", **named), progress=False)
+        )
     resolved = 0
     for in_g, in_m_s2 in zip(found[0].channels, found[1].channels, strict=True):
         # 1e-6: the CSVs have 15 digits, of which squaring a small difference costs some
@@ -282,9 +285,9 @@ def test_each_difference_is_named(tmp_path, change, words):
 @pytest.fixture
 def pair(tmp_path):
     """Two equal copies of the derived highway."""
-    folders = [tmp_path / "old" / store.HIGHWAY, tmp_path / "new" / store.HIGHWAY]
+    folders = [tmp_path / "old" / terrain_data.HIGHWAY, tmp_path / "new" / terrain_data.HIGHWAY]
     for folder in folders:
-        shutil.copytree(store.FOLDER / store.HIGHWAY, folder)
+        shutil.copytree(store.FOLDER / terrain_data.HIGHWAY, folder)
     return folders
 
 

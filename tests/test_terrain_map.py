@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from analysis import CannotAnswer, WrongUsage, store
+from analysis import CannotAnswer, WrongUsage, terrain_data
 from analysis.terrain import antennas, centre_line, terrain_map
 from analysis.terrain.antennas import AntennaMounting, remove_jumps, smooth_onto
 from analysis.terrain.terrain_map import Profile
@@ -250,7 +250,7 @@ def test_resampling_keeps_a_slope():
 
 def test_the_committed_highway():
     """Property: both ways climb the same hills: grades of the two carriageways agree, no jump."""
-    there, back = (store.highway(name) for name in ("to-state-college", "to-altoona"))
+    there, back = (terrain_data.highway(name) for name in ("to-state-college", "to-altoona"))
     for drive in (there, back):
         assert 68_000 < drive.s_m[-1] < 70_000
         assert np.abs(np.diff(drive.height_m)).max() < 1.0  # 55 and 16 steps of over 1 m before
@@ -269,8 +269,8 @@ def test_the_committed_highway():
 @pytest.mark.parametrize("direction", ("ccw", "cw"))
 def test_the_committed_map(direction):
     """Published: the facts that datasets/README gives of the laps hold on the committed ones."""
-    line = store.profile(direction).line
-    laps = list(store.laps(direction).values())
+    line = terrain_data.profile(direction).line
+    laps = list(terrain_data.laps(direction).values())
     curves = terrain_map.lap_curves(laps, line, surveys.WIDTH)
     bins = {q: line.bin_means(values, 5.0) for q, values in curves.items()}
     first = np.triu_indices(len(laps), 1)
@@ -284,8 +284,8 @@ def test_the_committed_map(direction):
 def test_the_committed_map_is_what_its_laps_make():
     """Cross-check: map from the committed laps equals the committed map, to its six digits."""
     for direction in ("ccw", "cw"):
-        line, stored = store.profile(direction).line, store.profile(direction)
-        laps = list(store.laps(direction).values())
+        line, stored = terrain_data.profile(direction).line, terrain_data.profile(direction)
+        laps = list(terrain_data.laps(direction).values())
         made = terrain_map.combine(terrain_map.lap_curves(laps, line, surveys.WIDTH), line)
         for key in ("pitch_deg", "roll_deg", "height_m", "pitch_se_deg", "roll_se_deg"):
             np.testing.assert_allclose(getattr(made, key), getattr(stored, key), atol=2e-3)
@@ -294,8 +294,8 @@ def test_the_committed_map_is_what_its_laps_make():
 
 def test_each_lap_keeps_its_promises():
     """Property: truth grows, wheels agree to 0.2 %, attitude is there where all are fixed."""
-    for name in store.laps():
-        lap = store.lap(name)
+    for name in terrain_data.laps():
+        lap = terrain_data.lap(name)
         assert (np.diff(lap.s_m) > 0).all() and np.allclose(np.diff(lap.t_s), DT)
         assert lap.s_m[-1] - lap.s_m[0] > 1500.0
         assert lap.wheel_m[-1] / (lap.s_m[-1] - lap.s_m[0]) == pytest.approx(1.0, abs=2e-3)
@@ -306,7 +306,10 @@ def test_each_lap_keeps_its_promises():
 def test_leaving_a_lap_out_leaves_it_out():
     """Property: the held-out map differs, has one lap less, and one lap alone borrows its error."""
     for name, left in (("14-45-26", 3), ("17-39-12", 1)):
-        held_out, whole = store.map_without(name), store.profile(store.lap(name).direction)
+        held_out, whole = (
+            terrain_data.map_without(name),
+            terrain_data.profile(terrain_data.lap(name).direction),
+        )
         assert held_out.laps.max() == left
         assert np.std(held_out.pitch_deg - whole.pitch_deg) > 0.01
         assert (held_out.pitch_se_deg > 0).all()
@@ -343,9 +346,9 @@ def write_log(path, lap, *, mode=6, without=(), counts=True, epochs=None):
 
 def van_on(direction, part=slice(None), aside=0.0, backward=False):
     """Antenna positions of the synthetic van on the committed map."""
-    known = store.profile(direction)
+    known = terrain_data.profile(direction)
     s = np.arange(0.0, known.length_m - 1.0, 1.0)[part]
-    curve = store.profile(direction).line.curves()
+    curve = terrain_data.profile(direction).line.curves()
     (e1, n1) = curve(s, 1).T
     at = np.column_stack([curve(s) + aside * np.column_stack([n1, -e1]), np.full(len(s), 300.0)])
     yaw = np.degrees(np.arctan2(e1, n1))
@@ -357,8 +360,8 @@ def van_on(direction, part=slice(None), aside=0.0, backward=False):
 def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
     """Analytic: a van driven along the committed centre line comes back at its place."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw"))
-    lap, known = store.lap_and_map(path, "ccw")
-    assert known.laps.max() == len(store.laps("ccw"))
+    lap, known = terrain_data.lap_and_map(path, "ccw")
+    assert known.laps.max() == len(terrain_data.laps("ccw"))
     np.testing.assert_allclose(lap.s_m, np.arange(len(lap.s_m)), atol=0.05)
     # The lever of the front antenna, 0.33 m aside, is the van's, not this lap's.
     assert np.abs(lap.offset_m).max() < 0.02 and lap.fixed.all()
@@ -378,7 +381,7 @@ def test_a_log_without_rtk_or_an_antenna_is_refused(tmp_path, made, words):
     """Property: one sentence that names the file and what it lacks."""
     path = write_log(tmp_path / "mine.mat", van_on("ccw", slice(0, 200)), **made)
     with pytest.raises(CannotAnswer, match=words):
-        store.lap_and_map(path, "ccw")
+        terrain_data.lap_and_map(path, "ccw")
 
 
 def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
@@ -389,19 +392,19 @@ def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
     with pytest.raises(
         CannotAnswer, match=r"mine\.mat: the lap leaves the map: it is \d+ m to the"
     ):
-        store.lap_and_map(path, "ccw")
+        terrain_data.lap_and_map(path, "ccw")
     path = write_log(tmp_path / "back.mat", van_on("ccw", backward=True))
     with pytest.raises(CannotAnswer, match=r"back\.mat: the lap runs against the map's direction"):
-        store.lap_and_map(path, "ccw")
+        terrain_data.lap_and_map(path, "ccw")
     other = write_log(tmp_path / "other.mat", van_on("cw"))
     with pytest.raises(CannotAnswer, match="against the map's direction"):
-        store.lap_and_map(other, "ccw")
+        terrain_data.lap_and_map(other, "ccw")
     with pytest.raises(WrongUsage, match="no direction 'north'; there are: ccw, cw"):
-        store.lap_and_map(path, "north")
+        terrain_data.lap_and_map(path, "north")
     with pytest.raises(CannotAnswer, match=r"^missing\.mat: no such file$"):
-        store.lap_and_map(tmp_path / "missing.mat", "ccw")
+        terrain_data.lap_and_map(tmp_path / "missing.mat", "ccw")
     with pytest.raises(WrongUsage, match="no lap 'x'"):
-        store.lap("x")
+        terrain_data.lap("x")
 
 
 def test_files_that_are_no_laps_are_refused(tmp_path):
@@ -413,7 +416,7 @@ def test_files_that_are_no_laps_are_refused(tmp_path):
         with pytest.raises(
             CannotAnswer, match=r"bad\.mat: a MATLAB v7\.3 or HDF5 file that is cut off"
         ):
-            store.lap_and_map(path, "ccw")
+            terrain_data.lap_and_map(path, "ccw")
         with pytest.raises(CannotAnswer, match=r"bad\.mat: not a"):
             road_logs.highway(path)
 
@@ -462,15 +465,15 @@ def test_a_lap_that_does_not_come_round_makes_no_line():
 def test_raw_laps_lie_on_their_own_map_only():
     """Property: the real files, brought in as a reader's own, are the committed laps again."""
     for name, direction in surveys.DIRECTION_OF.items():
-        file = f"{store.TRACK}/mapping_van_2024-08-05-{name}_merged.mat"
+        file = f"{terrain_data.TRACK}/mapping_van_2024-08-05-{name}_merged.mat"
         try:
             path = datasets.path(file)
         except datasets.NotHere as error:
             pytest.skip(str(error))
         other = next(d for d in ("ccw", "cw") if d != direction)
-        lap, known = store.lap_and_map(path, direction)[0], store.lap(name)
+        lap, known = terrain_data.lap_and_map(path, direction)[0], terrain_data.lap(name)
         np.testing.assert_allclose(lap.s_m, known.s_m, atol=1e-3)
         np.testing.assert_allclose(lap.pitch_deg, known.pitch_deg, atol=1e-3)
         np.testing.assert_allclose(lap.wheel_m, known.wheel_m, rtol=2e-3, atol=0.1)
         with pytest.raises(CannotAnswer, match="against the map's direction"):
-            store.lap_and_map(path, other)
+            terrain_data.lap_and_map(path, other)

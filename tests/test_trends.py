@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy.stats import linregress
 
-from analysis import DATA, CannotAnswer, Estimate, WrongUsage, store
+from analysis import DATA, CannotAnswer, Estimate, WrongUsage, datasheets, static_logs, store
 from analysis.claims import NOT_REPRODUCED, REPRODUCED, judge, published
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import resample
@@ -107,7 +107,7 @@ def test_sensor_list_is_whole():
 
 def test_units_of_the_sensor_list():
     """published: 2.0 deg/sqrt(h) and 46.8 deg/h are 0.033 deg/sqrt(s) and 0.013 deg/s (Table 2)."""
-    table = store.sensors()
+    table = datasheets.gyros()
     adis = table.loc["adis16367", ["arw", "bias"]].tolist()
     assert adis == pytest.approx((0.0333, 0.013), abs=5e-5)
     assert table.loc["mpu6050", "arw"] == 0.005
@@ -122,10 +122,10 @@ def test_units_of_the_sensor_list():
 
 def test_measured_parts_come_first_with_the_price_of_their_part():
     """property: N and B of the log, price and name of the part; the stored errors are of these."""
-    table = store.sensors()
+    table = datasheets.gyros()
     measured = table[table["basis"] == "measured"]
     assert [*table.index[: len(measured)]] == [*measured.index]
-    sensor, _ = Sensor.from_model(store.read_model("mpu6050-gyro"), "gyro_y")
+    sensor, _ = Sensor.from_model(static_logs.stored.read_model("mpu6050-gyro"), "gyro_y")
     own, sheet = table.loc["mpu6050 measured"], table.loc["mpu6050"]
     assert (own["arw"], own["bias"]) == sensor[:2]
     assert own[["name", "price"]].tolist() == sheet[["name", "price"]].tolist()
@@ -137,10 +137,10 @@ def test_measured_parts_come_first_with_the_price_of_their_part():
 
 def test_own_sensor_from_its_model():
     """property: value where the log resolves it, bound where not, rad/s as deg/s, else refused."""
-    model = store.read_model("adis16405")
+    model = static_logs.stored.read_model("adis16405")
     sensor, bound = Sensor.from_model(model, "gyro_y")
     assert sensor[:2] == pytest.approx((0.0425, 0.00945), rel=0.01) and bound is False
-    assert Sensor.from_model(store.read_model("mpu6050-gyro"), "gyro_x")[1] is True
+    assert Sensor.from_model(static_logs.stored.read_model("mpu6050-gyro"), "gyro_x")[1] is True
     in_rad = json.loads(json.dumps(model))
     for c in in_rad["channels"]:
         c["unit"] = "rad/s"

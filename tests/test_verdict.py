@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import sensorlogs as logs
-from analysis import Estimate, WrongUsage, in_one_unit, plots, store
+from analysis import Estimate, WrongUsage, in_one_unit, plots, static_logs, store, terrain_data
 from analysis.terrain import Sensor
 from studies import surveys
 from workbench import report, verdict
@@ -35,7 +35,7 @@ def page_of(tmp_path, monkeypatch, no_pictures):
     """Report a result that is characterised already: the page without images."""
 
     def write(result):
-        monkeypatch.setattr(store, "characterise_log", lambda log: result)
+        monkeypatch.setattr(static_logs, "characterise", lambda log: result)
         report.write(SimpleNamespace(file="my.csv", given="my.csv"), tmp_path)
         page = (tmp_path / "report.html").read_text(encoding="utf-8")
         return re.sub(r'src="data:[^"]*"', "", page)
@@ -50,7 +50,7 @@ def noise(size, seed=3, n=N):
 
 def measured(n, b):
     """Put N (deg/sqrt(s)) and B (deg/s), each to ±10 %, into the gyros of a committed result."""
-    result = store.static_log("adis16405")
+    result = static_logs.read("adis16405")
     channels = []
     for c in result.channels:
         if c.kind == "rate":
@@ -94,7 +94,7 @@ def test_the_part_is_named_or_the_nearest():
         assert (found.question, found.answer) == ("Is it within a data sheet?", "open")
         assert found.why.startswith("Not known which part (--part NAME says it); nearest by")
         assert sheet["name"] in verdict.headline(found, found, sheet["name"])
-    without = replace(near, channels=store.static_log("phone-parked").channels)
+    without = replace(near, channels=static_logs.read("phone-parked").channels)
     key, why, _ = verdict.choose_part(without, ATLAS)
     assert key is None and "--part" in why
     with pytest.raises(WrongUsage, match=r"no such part; .*kvh1750"):
@@ -104,7 +104,7 @@ def test_the_part_is_named_or_the_nearest():
 def test_a_sheet_without_a_random_walk_of_the_accelerometer():
     """Property: what a data sheet does not state is said to lack, what it states is compared."""
     sheet = ATLAS[(ATLAS["sensor"] == "adis16470") & (ATLAS["basis"] == "datasheet")]
-    found = verdict.within_datasheet(store.static_log("adis16405"), sheet, "named")
+    found = verdict.within_datasheet(static_logs.read("adis16405"), sheet, "named")
     assert "accelerometer N: not in the list; accelerometer B, stated 13 µg" in found.why
 
 
@@ -116,7 +116,7 @@ def test_the_atlas_is_in_step():
 
 def test_one_function_tells_the_tracking_error():
     """Property: the grid's own numbers, rising with B; a log's interval holds its value."""
-    plane = store.error_plane("paper")
+    plane = terrain_data.error_plane("paper")
     i, j = 9, 7
     assert plane.of(Sensor(plane.arw[j], plane.sigma_b[i])) == pytest.approx(
         (plane.error[i, j], plane.lost[i, j])
@@ -124,12 +124,12 @@ def test_one_function_tells_the_tracking_error():
     errors = [plane.of(Sensor(0.005, b))[0] for b in np.geomspace(1e-6, 0.1, 30)]
     assert errors[0] == errors[1] and max(errors) == errors[-1]
     assert plane.of(Sensor(1.0, 0.001))[0] == np.inf
-    model = store.read_model("adis16405")
+    model = static_logs.stored.read_model("adis16405")
     found = plane.of_log(model, "gyro_y")
     assert found.low < found.value < found.high
     model["channels"][1]["parameters"]["arw"]["high"] = 10.0
     assert plane.of_log(model, "gyro_y").high is None
-    bounded = plane.of_log(store.read_model("mpu6050-gyro"), "gyro_y")
+    bounded = plane.of_log(static_logs.stored.read_model("mpu6050-gyro"), "gyro_y")
     assert bounded.value is None and bounded.high > 0
 
 
@@ -150,18 +150,18 @@ def test_a_log_that_moved_and_one_that_shook(page_of):
     page = page_of(replace(result, source=used))
     first, rest = page.index("Only the static stretch"), page.index("Only from 33 s to 1200 s")
     assert first < page.index("Did the sensor lie still, undisturbed?") < rest
-    shaken = verdict.at_rest(store.static_log("adis16405"))
+    shaken = verdict.at_rest(static_logs.read("adis16405"))
     assert shaken.answer == "partly"
     assert "misfit of the model disturbs accel_x, accel_y and accel_z" in shaken.why
     assert re.search(r"a warm-up of [\d.]+ mg in accel_x \(fitted, not counted", shaken.why)
-    nothing = verdict.at_rest(store.static_log("phone-parked-gnss"))
+    nothing = verdict.at_rest(static_logs.read("phone-parked-gnss"))
     assert nothing.answer == "open"
     assert re.search(r"a step of up to [\d.]+ m in every channel", nothing.why)
 
 
 def test_the_mean_of_a_log_with_a_step():
     """Analytic: a step of 1 at a quarter of the log is 0.75 below its mean before, 0.25 above."""
-    channel = store.static_log("mpu6050-gyro").channels[0]
+    channel = static_logs.read("mpu6050-gyro").channels[0]
     still = verdict.mean_reading(channel)
     known = {"amplitude": {"value": 1.0}, "moment": {"value": np.ptp(channel.whole[0]) / 4}}
     fit = channel.fit | {"terms": [{"kind": "step", "parameters": known}]}
@@ -173,7 +173,7 @@ def test_the_mean_of_a_log_with_a_step():
 
 def test_the_mean_of_a_coarse_reading():
     """Analytic: within one step a reading says nothing; half a step more is the interval."""
-    channel = store.static_log("mpu6050-gyro").channels[0]
+    channel = static_logs.read("mpu6050-gyro").channels[0]
     still = verdict.mean_reading(channel)
     fit = channel.fit | {"disturbances": [{"kind": "resolution"}]}
     for levels, more in (((0.0, 3.0), 1.5), ((3.0, 3.0), None)):
@@ -208,11 +208,11 @@ def twelve(result):
 @pytest.mark.parametrize(
     ("result", "pictures"),
     [
-        (store.static_log("phone-parked-gnss"), 4),
-        (store.static_log("phone-parked"), 4),
-        (store.static_log("mpu6050-accel"), 5),
-        (store.static_log("adis16405"), 8),
-        (twelve(store.static_log("adis16405")), 14),
+        (static_logs.read("phone-parked-gnss"), 4),
+        (static_logs.read("phone-parked"), 4),
+        (static_logs.read("mpu6050-accel"), 5),
+        (static_logs.read("adis16405"), 8),
+        (twelve(static_logs.read("adis16405")), 14),
     ],
     ids=["positions", "angles", "accelerometers alone", "six channels", "twelve channels"],
 )
@@ -231,7 +231,7 @@ def test_pages_of_other_logs(page_of, result, pictures):
 
 def test_every_column_has_one_unit(page_of):
     """Property: the head of a column has its unit, its cells are numbers; no internal names."""
-    page = page_of(store.static_log("adis16405"))
+    page = page_of(static_logs.read("adis16405"))
     heads = re.findall(r'<th>([^<]*) <span class="unit">(.*?)</span>', page)
     assert ("bias instability B", "(°/h)") in heads and ("white noise N", "(µg/√Hz)") in heads
     cells = re.findall(r"<td data-of=[^>]*>\s*(.*?)<small>(.*?)</small></td>", page)[:24]
@@ -267,7 +267,7 @@ def test_one_unit_for_numbers_of_all_sizes():
 @pytest.mark.parametrize("gyros", [True, False])
 def test_the_log_is_among_the_known_sensors(gyros):
     """Property: its axes are marked on the plot, gyros and accelerometers, under its own name."""
-    result = store.static_log("adis16405" if gyros else "mpu6050-accel")
+    result = static_logs.read("adis16405" if gyros else "mpu6050-accel")
     fig = plots.plt.figure()
     plots.atlas(fig, verdict.placed(result, ATLAS))
     words = {label for ax in fig.axes for label in ax.get_legend_handles_labels()[1]}

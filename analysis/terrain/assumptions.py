@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 from scipy.stats import qmc
 
-from analysis import CannotAnswer, WrongUsage
+from analysis import IN_DEG_S, CannotAnswer, WrongUsage
 from analysis.terrain.terrain_map import AttitudeMap
 
 STARTS = ("zero", "stationary", "turn-on")
@@ -78,7 +78,7 @@ class Sensor(NamedTuple):
         if channel not in rates:
             raise CannotAnswer(f"'{channel}' is no rate channel of this log; it has: {list(rates)}")
         unit, numbers = rates[channel]["unit"], rates[channel]["parameters"]
-        scale = {"deg/s": 1.0, "rad/s": np.degrees(1.0), "deg/h": 1 / 3600}.get(unit)
+        scale = IN_DEG_S.get(unit)
         arw, bias = (numbers.get(k, {}) for k in ("arw", "bias_instability"))
         b = bias.get("value") or bias.get("high")
         if scale is None or not arw.get("value") or not b:

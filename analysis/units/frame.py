@@ -4,11 +4,12 @@ A `Unit` is what a log gives, on its own clock and in degrees. A `Track` is the 
 the tangent plane at the first unit's median position.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
 import numpy as np
+import pandas as pd
 import pymap3d
 from scipy.interpolate import CubicHermiteSpline
 
@@ -316,6 +317,31 @@ def interpolated(t: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
     inside &= (step <= max(2.5 * float(np.median(np.diff(at))), 1.0)) | (t == at[k])
     out[inside] = cubic(t[inside])
     return out
+
+
+def tracks(tables: Mapping[str, pd.DataFrame]) -> dict[str, Track]:
+    """Take the units of one journey, each on its own clock, from its stored tables.
+
+    Returns
+    -------
+    dict of str, Track
+        Of each table with ``t_s``, ``east_m`` and ``north_m``; velocity from the positions, heights
+        and angles where the table has them. A position that a slow receiver repeats counts once.
+    """
+    found = {}
+    for key, table in tables.items():
+        if not {"t_s", "east_m", "north_m"} <= set(table):
+            continue
+        new = table[(table[["east_m", "north_m"]].diff() != 0).any(axis=1)]
+        enu = new.reindex(columns=["east_m", "north_m", "up_m"]).to_numpy(dtype=float)
+        t = new["t_s"].to_numpy(dtype=float)
+        yaw = "heading_deg" if "heading_deg" in table else "yaw_deg"
+        angles = table.reindex(columns=["roll_deg", "pitch_deg", yaw]).to_numpy(dtype=float)
+        known = np.isfinite(angles).any(axis=1)
+        own = table["t_s"].to_numpy(dtype=float)[known]
+        velocity = np.gradient(enu[:, :2], t, axis=0)
+        found[key] = Track(key, t, enu, velocity, own, angles[known])
+    return found
 
 
 def unwrapped(angles: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sensorlogs import STANDARD_GRAVITY, WrongUsage, times
+from sensorlogs import IN_M_S2, STANDARD_GRAVITY, WrongUsage, times
 
 NAMES: dict[str, Any] = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))
 _UNITS_OF_KIND = {
@@ -29,7 +29,6 @@ _UNITS_OF_KIND = {
 }
 KIND_OF_UNIT = {unit: kind for kind, units in _UNITS_OF_KIND.items() for unit in units}
 FULL_TURN = {"deg": 360.0, "rad": 6.283185307179586}
-IN_M_S2 = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000}
 
 _S = r"s(ec(ond)?s?)?(-1)?"
 _SPELLINGS = {  # as `_plain` leaves it: no blank, dot, underscore or caret -> unit

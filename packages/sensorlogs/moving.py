@@ -17,6 +17,8 @@ import numpy as np
 import pandas as pd
 
 from sensorlogs import (
+    IN_DEG_S,
+    IN_M_S2,
     STANDARD_GRAVITY,
     CannotAnswer,
     WrongUsage,
@@ -54,7 +56,7 @@ _SPEED_WITH_UNIT = re.compile(
     + r"[ _]*[\[(]?((?P<m_s>m_s|m/s|mps|ms)|(?P<km_h>km_h|km/h|kmh|kph)"
     r"|(?P<knots>knots?|kn|kt)|(?P<mph>mph))[\])]?"
 )
-_RAD_S = {"deg/s": np.pi / 180, "rad/s": 1.0, "deg/h": np.pi / 180 / 3600}
+_RAD_S = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()}
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
 HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch
@@ -558,7 +560,7 @@ def _accel_scale(known: dict, accel: np.ndarray, file: str, notes: list[str], gi
         raise WrongUsage(f"{file}: the three accelerometers are in different units")
     factor = given["scale"].get("accel", 1.0)
     norm = abs(factor) * float(np.median(np.linalg.norm(accel, axis=1)))
-    sizes = {u: norm * one / STANDARD_GRAVITY for u, one in columns.IN_M_S2.items()}
+    sizes = {u: norm * one / STANDARD_GRAVITY for u, one in IN_M_S2.items()}
     likely = [u for u, size in sizes.items() if 0.8 < size < 1.25]
     unit = units[0] or given["unit"].get("accel")
     if unit is None and likely:
@@ -574,4 +576,4 @@ def _accel_scale(known: dict, accel: np.ndarray, file: str, notes: list[str], gi
             "(gravity included) as accel_x_m_s2 or accel_x_g; raw counts need --scale, such as "
             "--scale accel=1/16384"
         )
-    return factor * columns.IN_M_S2[unit]
+    return factor * IN_M_S2[unit]

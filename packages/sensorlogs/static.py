@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import CannotAnswer, WrongUsage, columns, datasets, formats, times
+from sensorlogs import IN_M_S2, CannotAnswer, WrongUsage, columns, datasets, formats, times
 from sensorlogs import grid as grids
 from sensorlogs.catalogue import check_unit, find
 from sensorlogs.columns import Choice
@@ -472,7 +472,7 @@ def _placeholders(values: np.ndarray) -> list[float]:
 
 def _check_gravity(file: str, channels: tuple[Channel, ...], given: str | None) -> None:
     """Refuse accelerometers whose mean is one g in another unit."""
-    accels = {c.name: c for c in channels if c.kind == "accel" and c.unit in columns.IN_M_S2}
+    accels = {c.name: c for c in channels if c.kind == "accel" and c.unit in IN_M_S2}
     vertical = [n for n in accels if n.lower().endswith(("z", "_down", "_up"))]
     for names in columns.vectors(accels).values():
         group = [accels[name] for name in (names if len(names) >= 3 else vertical)]

@@ -9,9 +9,7 @@ import re
 import subprocess
 from pathlib import Path
 
-import nbformat
-
-from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, figures, replacing
+from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, provenance, replacing
 
 TYPES = {"conference-paper": "inproceedings"}  # of CITATION.cff -> of BibTeX, where not misc
 MEDIA = {
@@ -50,7 +48,7 @@ def cite(figure: str | None = None) -> str:
     CannotAnswer
         If an older version made the figure, which did not say what it redraws.
     """
-    known = figures.citation_file()
+    known = provenance.citation_file()
     papers = {paper["abbreviation"]: paper for paper in known["references"]}
     which = f"version {known['version']}{_commit(figure)}"
     if figure is None:
@@ -96,7 +94,7 @@ def _name(figure):
 
 def _head(path):
     """Read what a figure says of itself; those of older versions said less."""
-    head, _ = figures.read(path)
+    head = provenance.head(path)
     if "paper" not in head:
         again = f"python -m analysis reproduce {path.stem.split('-')[0]}"
         raise CannotAnswer(f"figure '{path.stem}' was made by an older version; run `{again}`")
@@ -130,7 +128,7 @@ def _people(paper):
 
 
 def _sentence(paper):
-    by = figures.words(_people(paper)) or paper["authors"][0]["name"]
+    by = provenance.words(_people(paper)) or paper["authors"][0]["name"]
     year = f" ({paper['year']})" if "year" in paper else ""
     more = [paper.get("conference", {}).get("name"), paper.get("notes")]
     said = [f"{by}{year}", paper["title"], *filter(None, more)]
@@ -173,13 +171,14 @@ def crate(folder: str | Path) -> Path:
     -----
     RO-Crate 1.1, https://w3id.org/ro/crate/1.1
     """
-    known = figures.citation_file()
+    known = provenance.citation_file()
     licence = {"@id": f"https://spdx.org/licenses/{known['license']}", "name": known["license"]}
     author = {"@id": "#maintainers", "name": known["authors"][0]["name"]}
     papers = {paper["abbreviation"]: _article(paper) for paper in known["references"]}
     parts, runs = [], {}
     for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
-        title = nbformat.read(path, 4).cells[0].source.splitlines()[0].removeprefix("# ")
+        first = json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"][0]
+        title = first.strip().removeprefix("# ")
         parts.append(_file(path, "SoftwareSourceCode", name=title))
         name = f"python -m analysis reproduce {path.stem}"
         runs[path.stem] = _entity("CreateAction", f"#{path.stem}", name=name, result=[])
@@ -220,7 +219,7 @@ def crate(folder: str | Path) -> Path:
 
 
 def _article(paper):
-    by = figures.words(_people(paper)) or paper["authors"][0]["name"]
+    by = provenance.words(_people(paper)) or paper["authors"][0]["name"]
     year = {"datePublished": str(paper["year"])} if "year" in paper else {}
     at = f"#{paper['abbreviation'].replace(' ', '-')}"
     return _entity("ScholarlyArticle", at, name=paper["title"], author=by, **year)

@@ -9,6 +9,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 from analysis import Estimate, figures, plots, replacing, store
+from analysis.static_logs.stored import plain
 from analysis.units.frame import Unit
 from analysis.units.side_by_side import side_by_side
 from sensorlogs.columns import tidy
@@ -213,7 +214,7 @@ def model(found, units):
             "offset_s": _exact(clock.offset_s.value),
             "low": _exact(clock.offset_s.low),
             "high": _exact(clock.offset_s.high),
-            "drift": store.plain(clock.drift),
+            "drift": plain(clock.drift),
             "named": clock.named,
             "note": clock.offset_s.note,
         }
@@ -222,7 +223,7 @@ def model(found, units):
     pairs = [
         {
             part: {"units": [pair.a, pair.b]}
-            | {k: store.plain(e) for k, e in entries.items() if k.endswith(unit)}
+            | {k: plain(e) for k, e in entries.items() if k.endswith(unit)}
             for part, entries, unit in (
                 ("position", _dated(pair, found), "_m"),
                 ("attitude", pair.metrics, "_deg"),
@@ -258,9 +259,11 @@ def model(found, units):
         ],
         "without_truth": {
             name: {
-                "sigma": {t.name: store.plain(e) for t, e in zip(tracks, v.sigma, strict=True)},
+                "sigma": {
+                    t.name: plain(e) for t, e in zip(tracks, v.sigma, strict=True)
+                },
                 "if_independent": {
-                    t.name: store.plain(e) for t, e in zip(tracks, v.independent, strict=True)
+                    t.name: plain(e) for t, e in zip(tracks, v.independent, strict=True)
                 },
                 "hat_variance": [store.rounded_number(x) for x in v.hat],
                 "p_independent": store.rounded_number(v.p_independent),

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
-from analysis import store
+from analysis import datasheets, store, terrain_data
 from analysis.noise.planner import Plan
 from analysis.terrain.monte_carlo import LOST_M
 from workbench.report import PAGES
@@ -52,7 +52,7 @@ def _surface():
     """Gather what the page of the tracking error needs."""
     source, tables = store.read("error-surface")
     times = sorted(tables["surface"]["corr_time_s"].unique().tolist())
-    planes = {key: [store.error_plane(key, t) for t in times] for key in TRACKERS}
+    planes = {key: [terrain_data.error_plane(key, t) for t in times] for key in TRACKERS}
     one = planes["integrated"][0]
     data = {"corr_times": times, "arw": one.arw.tolist(), "sigma_b": one.sigma_b.tolist()}
     data |= {"runs": source["runs"], "planes": {}, "parts": _parts()}
@@ -80,7 +80,7 @@ def _parts():
 
     A measured gyro has ``over_sheet``, its N over that of the data sheet of its part.
     """
-    listed = store.data_sheets()
+    listed = datasheets.read()
     rows = store.read("atlas").tables["atlas"].query("kind == 'rate'").fillna({"axis": ""})
     stated = rows.query("basis == 'datasheet'").set_index("sensor")["n"]
     parts = []

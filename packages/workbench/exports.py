@@ -207,7 +207,7 @@ def files(model, templates):
     Parameters
     ----------
     model : dict
-        As `analysis.store.model` gives it, or json.load of the file.
+        As `analysis.static_logs.stored.model` gives it, or json.load of the file.
     templates : jinja2.Environment
         Of packages/workbench/templates/exports.
 
@@ -298,7 +298,7 @@ def sort_triads(model):
     Parameters
     ----------
     model : dict
-        As `analysis.store.model` gives it, or json.load of the file.
+        As `analysis.static_logs.stored.model` gives it, or json.load of the file.
 
     Returns
     -------

@@ -25,6 +25,7 @@ from analysis import (
     figures,
     plots,
     replacing,
+    static_logs,
     store,
     text,
     without_exponents,
@@ -33,6 +34,7 @@ from analysis.noise.channel import refuse_without_noise
 from analysis.noise.inference import infer
 from analysis.noise.planner import SYMBOLS, Plan
 from analysis.noise.pool import alike, pool, repeatability
+from analysis.static_logs.standstill import SIZES
 from sensorlogs.catalogue import find
 from sensorlogs.columns import FULL_TURN, tidy, words
 from workbench import exports, verdict
@@ -80,8 +82,8 @@ def write(log, out, *, part=None, command=""):
     if part is not None:
         verdict.known_part(atlas, part)
     try:
-        result = store.characterise_log(log)
-    except store.Moving:
+        result = static_logs.characterise(log)
+    except static_logs.standstill.Moving:
         raise
     except CannotAnswer as error:
         raise CannotAnswer(f"{log.file}, {error}; --columns can leave a channel out") from error
@@ -89,7 +91,7 @@ def write(log, out, *, part=None, command=""):
     earlier |= figures_of(
         out, "model.json", lambda stored: [ATLAS, *(c["name"] for c in stored["channels"])]
     )
-    model = store.model(result)
+    model = static_logs.stored.model(result)
     told = _told(result, model, atlas, part) | {"command": command, "dated": _dated(log)}
     with replacing(out) as draft:
         draft.mkdir()
@@ -228,7 +230,7 @@ def _draw(result, folder, atlas):
     jobs.append((ALL_CHANNELS, every, plots.allan_panels, result.channels, title))
     jobs += [] if atlas is None else [(ATLAS, placed, _atlas, atlas)]
     save = partial(_save, data=known, seed=result.source["seed"], to=folder)
-    store.in_processes(save, jobs, desc="drawing", unit="figure", disable=None)
+    static_logs.processes.in_processes(save, jobs, desc="drawing", unit="figure", disable=None)
 
 
 def _save(job, **origin):
@@ -373,10 +375,10 @@ def write_pooled(logs, out, *, axes=False):
     CannotAnswer
         If a sensor moves, or a channel has no noise to measure.
     """
-    logs, converted = _alike([store.static_part(log) for log in logs])
+    logs, converted = _alike([static_logs.standstill.static_part(log) for log in logs])
     groups = _group_channels(logs, axes)
     total = sum(map(len, groups.values()))
-    streams = iter(np.random.SeedSequence(store.SEED).spawn(total))
+    streams = iter(np.random.SeedSequence(static_logs.characterised.SEED).spawn(total))
     channels = []
     with tqdm(total=total, desc="pooling", unit="channel", disable=None) as bar:
         for name, members in groups.items():
@@ -403,14 +405,18 @@ def write_pooled(logs, out, *, axes=False):
                     ],
                     "model": pooled.model,
                     "models": pooled.models,
-                    "parameters": {k: store.plain(e) for k, e in pooled.parameters.items()},
-                    "spread": {k: store.plain(e) for k, e in pooled.spread.items()},
-                    "bias_repeatability": store.plain(repeatability(means, c.unit, c.kind)),
+                    "parameters": {
+                        k: static_logs.stored.plain(e) for k, e in pooled.parameters.items()
+                    },
+                    "spread": {k: static_logs.stored.plain(e) for k, e in pooled.spread.items()},
+                    "bias_repeatability": static_logs.stored.plain(
+                        repeatability(means, c.unit, c.kind)
+                    ),
                 }
             )
     content = {
-        "sources": [store.log_source(log) for log in logs],
-        "seed": store.SEED,
+        "sources": [static_logs.characterised.log_source(log) for log in logs],
+        "seed": static_logs.characterised.SEED,
         "notes": [*converted, *perhaps_one_unit(logs)],
         "channels": channels,
     }
@@ -451,7 +457,7 @@ def _alike(logs):
     -------
     logs, notes : list
     """
-    sizes = store.SIZES | {unit: 360 / turn for unit, turn in FULL_TURN.items()}
+    sizes = SIZES | {unit: 360 / turn for unit, turn in FULL_TURN.items()}
     wanted, read, notes = {}, [], []
 
     def axes(log):  # of each channel: its kind and axis, if no other has the same

@@ -32,6 +32,7 @@ from analysis import (
     engineering,
     figures,
     figures_folder,
+    provenance,
     replacing,
     text,
 )
@@ -288,7 +289,7 @@ def since_commit(root=ROOT):
 
 def _alike(tables, pictures):
     """Tell whether a figure shows the same, and comes from the same version of the compendium."""
-    was, now = (figures.read(path)[0]["compendium"] for path in tables)
+    was, now = (provenance.head(path)["compendium"] for path in tables)
     if was != now or figures.differences(*tables):
         return False
     with Image.open(pictures[0]) as a, Image.open(pictures[1]) as b:

@@ -10,13 +10,15 @@ import numpy as np
 import pandas as pd
 
 from analysis import (
+    IN_DEG_S,
+    IN_M_S2,
     STANDARD_GRAVITY,
     CannotAnswer,
     Estimate,
     WrongUsage,
     engineering,
     in_one_unit,
-    store,
+    terrain_data,
     text,
 )
 from analysis.noise.added_terms import signal_of
@@ -44,8 +46,7 @@ IN_SUMMARY = ("arw", "vrw", "bias_instability", "rrw")  # of gyros and accelerom
 SLOW = ("sigma_v", "sigma_b")  # of an angle or a position
 KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
 GYRO_OR_ACCEL = tuple(LEADING)
-IN_ATLAS = {"deg/s": 1.0, "rad/s": np.degrees(1.0), "deg/h": 1 / 3600}  # to deg/s
-IN_ATLAS |= {"g": 1.0, "mg": 1e-3, "m/s^2": 1 / STANDARD_GRAVITY}  # to g
+IN_ATLAS = IN_DEG_S | {unit: of / STANDARD_GRAVITY for unit, of in IN_M_S2.items()}  # deg/s, g
 WORDS = {  # what a log holds besides noise
     "warm_up": "a warm-up",
     "step": "a step",
@@ -100,7 +101,7 @@ def long_enough(result, needed):
 
     Parameters
     ----------
-    result : analysis.store.StaticResult
+    result : analysis.static_logs.StaticResult
     needed : dict of dict
         Channel to parameter's symbol to hours, for ±20 % (`KNOWN`); empty where there is no plan.
 
@@ -222,7 +223,7 @@ def choose_part(result, atlas, wanted=None):
 
     Parameters
     ----------
-    result : analysis.store.StaticResult
+    result : analysis.static_logs.StaticResult
     atlas : DataFrame
         Of data/derived/atlas.
     wanted : str, optional
@@ -277,7 +278,7 @@ def within_datasheet(result, sheet, why, certain=True):
 
     Parameters
     ----------
-    result : analysis.store.StaticResult
+    result : analysis.static_logs.StaticResult
     sheet : DataFrame
         The rows of the part; empty if there is none.
     why : str
@@ -529,7 +530,7 @@ def road(model, atlas):
     names = [c["name"] for c in model["channels"] if c["kind"] == "rate"]
     if not names:
         return {}
-    planes = {tracker: store.error_plane(tracker) for tracker in TRACKERS}
+    planes = {tracker: terrain_data.error_plane(tracker) for tracker in TRACKERS}
     axes, ends = {}, {}
     for name in names:
         try:

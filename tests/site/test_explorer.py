@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_site import barriers
 
-from analysis import store
+from analysis import static_logs, store, terrain_data
 from analysis.noise import UnifiedModel, adev_model
 from analysis.noise.allan import cluster_sizes, degrees_of_freedom, overlapped_variance
 from analysis.noise.planner import Plan
@@ -34,7 +34,9 @@ def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("explorer")
     explorer.write(made)
     for name in ("adis16405", "mpu6050-gyro"):
-        (made / f"{name}.json").write_text(store.as_json(store.read_model(name)), "utf-8")
+        (made / f"{name}.json").write_text(
+            store.as_json(static_logs.stored.read_model(name)), "utf-8"
+        )
     measured["sizes of the explorers"] = ", ".join(
         f"{p.name} {p.stat().st_size / 1000:.0f} kB" for p in made.glob("*.html")
     )
@@ -81,7 +83,7 @@ def in_base_units(page):
 @pytest.mark.parametrize("corr_time", [20.0, 200.0, 2000.0])
 def test_the_number_is_that_of_python(gyro, tracker, corr_time):
     """cross-check: error, its interval and the share of lost laps, in each reading."""
-    plane = store.error_plane(tracker, corr_time)
+    plane = terrain_data.error_plane(tracker, corr_time)
     in_base_units(gyro)
     gyro.check(f"input[value='{tracker}']")
     gyro.select_option("select#t", label=f"{corr_time:g} s")
@@ -125,7 +127,7 @@ def test_a_link_keeps_the_state(gyro, visit, folder):
     gyro.goto("about:blank")
     gyro.goto(address)
     assert gyro.input_value("#n") == "1.5" and gyro.is_checked("input[value='on attitude']")
-    expected = store.error_plane("on attitude", 600.0).of(Sensor(1.5 / 60, 0.002))[0]
+    expected = terrain_data.error_plane("on attitude", 600.0).of(Sensor(1.5 / 60, 0.002))[0]
     assert told(gyro)["error"] == pytest.approx(expected, rel=1e-4)  # five digits in the address
 
 
@@ -153,7 +155,7 @@ def test_what_is_outside_is_refused(gyro, field, typed, says):
 @pytest.mark.parametrize(("n", "b"), [(0.00002, 0.002), (0.005, 1e-6), (1e-6, 1e-7)])
 def test_a_better_gyro_has_the_error_at_the_edge_at_most(gyro, n, b):
     """cross-check: as `ErrorPlane.of` and `estimate`, and the page says so."""
-    plane = store.error_plane("integrated", 200.0)
+    plane = terrain_data.error_plane("integrated", 200.0)
     in_base_units(gyro)
     type_in(gyro, "n", n)
     type_in(gyro, "b", b)
@@ -169,7 +171,10 @@ def test_parts_that_qualify(gyro):
     """cross-check: those that Python finds as good, within the price; measured ones first."""
     type_in(gyro, "b", 30)
     type_in(gyro, "usd", 1000)
-    plane, atlas = store.error_plane("integrated", 200.0), store.read("atlas").tables["atlas"]
+    plane, atlas = (
+        terrain_data.error_plane("integrated", 200.0),
+        store.read("atlas").tables["atlas"],
+    )
     limit = float(f"{plane.of(Sensor(0.005, 30 / 3600))[0]:.2g}")
     rows = atlas.query("kind == 'rate'").assign(part=atlas["sensor"].str.split("-").str[0])
     rows["error"] = [
@@ -201,7 +206,7 @@ def test_a_measured_part_has_its_data_sheet_under_it(gyro):
     rows = gyro.locator("tr", has_text="InvenSense MPU-6050")
     atlas = store.read("atlas").tables["atlas"].query("kind == 'rate'").set_index("sensor")
     over = atlas.loc["mpu6050-gyro", "n"] / atlas.loc["mpu6050", "n"]
-    plane, sheet = store.error_plane("integrated", 200.0), atlas.loc["mpu6050"]
+    plane, sheet = terrain_data.error_plane("integrated", 200.0), atlas.loc["mpu6050"]
     stated = plane.of(Sensor(sheet["n"], sheet["b"]))[0]
     bound = max(plane.of(Sensor(r.n, r.b_high))[0] for r in atlas.loc["mpu6050-gyro"].itertuples())
     assert rows.count() == 1
@@ -215,13 +220,13 @@ def test_a_model_is_read_in_the_browser(gyro, folder, name):
     """cross-check: the error of a log with the intervals of its N and B is that of Python."""
     gyro.set_input_files("#model-file", folder / f"{name}.json")
     gyro.wait_for_selector("#own-error")
-    model = store.read_model(name)
+    model = static_logs.stored.read_model(name)
     channels = [c["name"] for c in model["channels"] if c["kind"] == "rate"]
     for tracker in explorer.TRACKERS:
         gyro.check(f"input[value='{tracker}']")
         for channel in channels:
             gyro.select_option("#axis", label=channel)
-            expected = store.error_plane(tracker, 200.0).of_log(model, channel)
+            expected = terrain_data.error_plane(tracker, 200.0).of_log(model, channel)
             found = told(gyro)
             numbers = [found[k] for k in ("ownValue", "ownLow", "ownHigh")]
             wanted = [expected.value, expected.low, expected.high]
@@ -294,7 +299,7 @@ def broken_models(whole):
 def test_broken_models_never_break_the_page(visit, folder, tmp_path, path):
     """error: a result, or a sentence of ours."""
     page = visit(path, root=folder.as_uri() + "/")
-    for model in broken_models(store.read_model("adis16405")):
+    for model in broken_models(static_logs.stored.read_model("adis16405")):
         check(page, tmp_path / "mine.json", model)
         measured["broken models"] = measured.get("broken models", 0) + 1
     assert page.locator("img").count() == 0
@@ -391,7 +396,7 @@ def test_the_page_of_allan_curves_follows_its_fields(curve, folder):
     curve.set_input_files("#model-file", folder / "adis16405.json")
     curve.wait_for_selector("#axis")
     assert "Left out for want of an N: accel_x, accel_y." in curve.inner_text("#model-said")
-    model = store.read_model("adis16405")["channels"][0]
+    model = static_logs.stored.read_model("adis16405")["channels"][0]
     shown = float(curve.input_value("#n")) / 60
     assert shown == pytest.approx(model["parameters"]["arw"]["value"], rel=1e-4)
     curve.select_option("#axis", label="accel_z")
