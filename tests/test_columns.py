@@ -10,7 +10,7 @@ import pytest
 
 import sensorlogs as logs
 from analysis import WrongUsage
-from sensorlogs import columns
+from sensorlogs import columns, moving
 from workbench import cli
 
 N = 400
@@ -366,6 +366,43 @@ def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
 def test_meaning_of_names(name, kind, said):
     """Property: the vocabulary of readings, and of what is none."""
     assert columns.meaning(name) == (kind, said)
+
+
+IMU_NAMES = """
+gyro_x gyro_x_rad_s gyroX Gyr_X gx g_x wx w_x_rad_s omega_x angular_velocity.x AngularVelocityX
+rotationRateX rotation_rate_x imu_gyro_x imu_gyro_x_rad_s gyroscope.x rate_x angular_rate_x
+gyroRotationX imu_sample_gyro_x ax accX accel_x acceleration_x accelerometerAccelerationX
+linear_acceleration.x linacc_x userAcceleration.x imu_acc_x_m_s2 specific_force_x g_force_x gFx
+gyro_x_status gyro_temp mag_x velocity_x position_x t_s
+"""
+
+
+@pytest.mark.parametrize("name", IMU_NAMES.split())
+def test_a_log_at_rest_and_one_in_motion_read_a_name_alike(name):
+    """Property: a rate or an acceleration of one axis is one for both, or for neither."""
+    kind, other = columns.meaning(name)
+    flag = {"rate": "gyro_x", "accel": "accel_x"}.get(kind) if not other else None
+    assert moving.quantity(name)[0] == flag or (flag is None and name in ("position_x", "t_s"))
+    turns = [f"{word}{end}" for word in ("roll_rate", "rollrate") for end in ("", "_deg_s")]
+    assert {moving.quantity(turn)[0] for turn in turns} == {"gyro_x"}
+
+
+def test_of_two_columns_of_a_meaning_the_plainer_one_counts(tmp_path):
+    """Property: total before linear acceleration, a reading before its bias; positions too."""
+    t = np.arange(300) / 100
+    rng = np.random.default_rng(3)
+    table = pd.DataFrame({"time_s": t})
+    for k, axis in enumerate("xyz"):
+        table[f"linear_acceleration_{axis}_m_s2"] = 0.0
+        table[f"imu_gyro_bias_{axis}_rad_s"] = 9.0
+        table[f"imu_gyro_{axis}_rad_s"] = 0.1 * k
+        table[f"imu_acc_{axis}_m_s2"] = rng.normal(-9.81 * (k == 2), 0.01, len(t))
+    table["LOCATION Latitude :"], table["LOCATION Longitude :"] = 45 + 1e-6 * t, 7.0
+    table.to_csv(tmp_path / "my.csv", index=False)
+    ride = logs.read_moving([tmp_path / "my.csv"])
+    np.testing.assert_allclose(ride.imu.gyro_b[0], [0.0, 0.1, 0.2])
+    assert np.median(ride.imu.accel_b[:, 2]) < -9
+    assert ride.gnss.lat_deg[0] == 45
 
 
 @pytest.mark.parametrize(

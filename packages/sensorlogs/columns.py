@@ -236,9 +236,9 @@ def meaning(name: str) -> tuple[str | None, str | None]:
     axis = bool({"x", "y", "z"} & set(parts[-2:]))
     kinds = [_PAIRS.get(pair) for pair in itertools.pairwise(parts)]
     kinds += [
-        "rate" if part == "g" else _KIND_OF_WORD.get(part)
+        "rate" if part in ("g", "rate") else _KIND_OF_WORD.get(part)
         for part in parts
-        if axis or part not in ("a", "w", "g", "up", "down")
+        if axis or part not in ("a", "w", "g", "rate", "up", "down")
     ]
     kind = next((k for k in kinds if k), None)
     for part in parts:

@@ -53,9 +53,10 @@ NEEDED = {
 SPEED = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
 _SPEED_WITH_UNIT = re.compile(
     columns.NAMES["moving"]["speed"]
-    + r"[ _]*[\[(]?((?P<m_s>m_s|m/s|mps|ms)|(?P<km_h>km_h|km/h|kmh|kph)"
-    r"|(?P<knots>knots?|kn|kt)|(?P<mph>mph))[\])]?"
+    + r"_*[\[(]?_*((?P<m_s>m_s|m/s|mps|ms)|(?P<km_h>km_h|km/h|kmh|kph)"
+    r"|(?P<knots>knots?|kn|kt)|(?P<mph>mph))_*[\])]?"
 )
+_SECOND = {"linear", "lin", "linacc", "user", "bias"}  # of two columns that hold one quantity
 _RAD_S = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()}
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
@@ -331,7 +332,7 @@ def _with(needed, parts, known, wished, path) -> tuple[Part, ...]:
 
 def _meanings(names: Sequence[str]) -> list[str]:
     """Tell what columns mean, times left out."""
-    return [meaning for name in names if (meaning := _meaning(name)[0]) not in (None, "time")]
+    return [meaning for name in names if (meaning := quantity(name)[0]) not in (None, "time")]
 
 
 def _read_table(
@@ -486,39 +487,45 @@ def _rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFr
         for ours, theirs in wanted.items()
     }
     for ours, theirs in picked.items():
-        if not _meaning(ours)[0]:
+        if not quantity(ours)[0]:
             raise WrongUsage(
                 f"--columns {ours}={theirs}: '{ours}' is none of t_s, lat_deg, lon_deg, height_m, "
                 "pdop, speed_m_s, course_deg, has_fix, accel_x_m_s2 ..., gyro_x_deg_s ..."
             )
-    taken = {_meaning(ours)[0] for ours in picked}
-    drop = [n for n in names if n not in picked.values() and _meaning(n)[0] in taken]
+    taken = {quantity(ours)[0] for ours in picked}
+    drop = [n for n in names if n not in picked.values() and quantity(n)[0] in taken]
     frame = frame.drop(columns=drop).rename(columns={v: k for k, v in picked.items()})
     negative = [ours for ours, theirs in wanted.items() if theirs.startswith("-")]
     return frame.assign(**{ours: -frame[ours] for ours in negative})
 
 
-def _meaning(name: str) -> tuple[str | None, str | None]:
+def quantity(name: str) -> tuple[str | None, str | None]:
     """Return meaning and unit of a column's name (None, None if unknown)."""
     if times.is_time(name):
         return "time", None
     base, unit = columns.split(name)
-    base = base.strip().lower()
-    speed = _SPEED_WITH_UNIT.fullmatch(name.strip().lower())
-    if speed:
+    said = columns.words(base)
+    if speed := _SPEED_WITH_UNIT.fullmatch(re.sub(r"[\s.]+", "_", name.strip(" :").lower())):
         return "speed", next(unit for unit in SPEED if speed[unit])
     for meaning, pattern in columns.NAMES["moving"].items():
-        for axis in "xyz" if "{}" in meaning else [""]:
-            if re.fullmatch(pattern.replace("{}", axis), base):
-                return meaning.format(axis), unit
+        if re.fullmatch(pattern, "_".join(said)):
+            return meaning, unit
+    kind, other = columns.meaning(name)
+    axis = next((word for word in said[:-3:-1] if word in ("x", "y", "z")), None)
+    if kind in ("rate", "accel") and axis and not other:
+        return f"{columns.FLAG[kind]}_{axis}", unit
     return None, None
 
 
 def _measurements(frame: pd.DataFrame) -> dict[str, tuple[str, str | None]]:
-    """Return meaning -> (column, unit) of the columns of numbers; the first of a meaning counts."""
+    """Return meaning -> (column, unit) of the columns of numbers.
+
+    The first of a meaning counts; acceleration without gravity, or a bias, if there is no other.
+    """
+    found = [(name, *quantity(name)) for name in frame.select_dtypes("number")]
+    found.sort(key=lambda of: not _SECOND.isdisjoint(columns.words(of[0])))
     known: dict[str, tuple[str, str | None]] = {}
-    for name in frame.select_dtypes("number"):
-        meaning, unit = _meaning(name)
+    for name, meaning, unit in found:
         if meaning not in (None, "time"):
             known.setdefault(meaning, (name, unit))
     return known
