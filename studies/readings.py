@@ -1,7 +1,8 @@
 """Which reading of the terrain paper its claims hold in: ``python -m analysis readings``.
 
-A cell is one reading (`analysis.terrain.open_choices.Reading`) with all its sensors; it is kept in
-``cells/`` of the folder once it is finished. The tables are written when all are there:
+A cell is one interpretation (`analysis.terrain.open_choices.Interpretation`) with all its sensors;
+it is kept in ``cells/`` of the folder once it is finished. The tables are written when all are
+there:
 
 readings   a row a reading: its level of every factor, ``why`` it is in the design, and for each
            claim its number (``v_...``, three digits), its Monte Carlo error (``e_...``, two) and
@@ -12,9 +13,9 @@ best       the readings in which the most claims hold, of all and of those that 
 The readings beside the best of the sample, one level away, are in ``readings`` too: a sample of so
 many factors hardly holds the best one.
 
-`analysis.terrain_data.readings` reads them. Laps: with 300 the standard error of a mean is 4 to
-8 %, and of a ratio, whose two ends share their laps, about half of it; `best` has 4200, and the
-readings of `NAMED` 12 000.
+`analysis.terrain_data.interpretations` reads them. Laps: with 300 the standard error of a mean is
+4 to 8 %, and of a ratio, whose two ends share their laps, about half of it; `best` has 4200, and
+the readings of `NAMED` 12 000.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from analysis import WrongUsage, store, terrain_data
-from analysis.terrain.open_choices import FACTORS, LAP_M, JudgedReadings, Reading, around, design
+from analysis.terrain.open_choices import FACTORS, LAP_M, Interpretation, Judged, around, design
 from studies.cells import kept
 
 FOLDER = store.FOLDER / "readings"
@@ -36,15 +37,15 @@ BEST, BEST_LAPS, BEST_SEED = 5, 4200, 2025
 NAMED_LAPS = 12_000  # as many as data/derived/sweeps, which decides the same verdicts
 BESIDE = 4  # of the best readings of the sample, whose neighbours are tried
 NAMED = {  # readings that are rerun beside the best
-    "reference": Reading(),
-    "noise on attitude": Reading(noise="on attitude"),
+    "reference": Interpretation(),
+    "noise on attitude": Interpretation(noise="on attitude"),
 }
 
 
 def judge(reading, *, laps, seed, compiled):
     """Compute one cell: claim -> its number, its error, share of the resamples in its range."""
     found = terrain_data.roads().evaluate(
-        Reading.of(reading), laps=laps, seed=seed, compiled=compiled
+        Interpretation.of(reading), laps=laps, seed=seed, compiled=compiled
     )
     return {claim: tuple(row) for claim, row in found.iterrows()}
 
@@ -129,12 +130,12 @@ def study(
 
 def _ranked(table, laps):
     """Rows of a table of readings, that in which the most claims hold first."""
-    return JudgedReadings.of(table, laps, SEED).joint().index
+    return Judged.of(table, laps, SEED).joint().index
 
 
 def _near(row):
     """Lay out the readings beside one of a table."""
-    return around(Reading.of(row[[*FACTORS]].to_dict())).assign(why="beside the best")
+    return around(Interpretation.of(row[[*FACTORS]].to_dict())).assign(why="beside the best")
 
 
 def _chosen(table, laps, best):
