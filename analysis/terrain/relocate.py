@@ -1,18 +1,18 @@
 """Notice that a filter has lost its place on the map, and find the place again.
 
 The variance that a filter computes says how well its model would do, not whether it is on the right
-stretch of road. So every `WAIT` metres the last `WINDOW` metres of readings are compared with all
+stretch of road. So every `WAIT` metres the last `WINDOW` metres of samples are compared with all
 places on the map. Where hardly any likelihood is near the position of the filter, the alarm is
 raised: the position is then that of the odometry. It ends when one place holds nearly all the
 likelihood, twice in a row; the filter starts again from there.
 
-The readings are averaged over stretches of `STRETCH` metres. With y the means that were read and
+The samples are averaged over stretches of `STRETCH` metres. With y these means and
 h(p) those of the map if the last stretch ends at the place p, the likelihood of p is ::
 
     exp(-(y - h(p))' C^-1 (y - h(p)) / 2)
 
 C is the covariance of what the gyro has drifted and of the error of the map. Over a window the
-odometry is exact by comparison. Where no place on the map explains the readings, something else is
+odometry is exact by comparison. Where no place on the map explains the samples, something else is
 wrong with them, and neither alarm nor place can be trusted: nothing is done.
 """
 
@@ -38,13 +38,13 @@ from analysis.terrain.monte_carlo import (
 from analysis.terrain.real_laps import Lap, MapError, resample_lap
 from analysis.terrain.terrain_map import AttitudeMap, Profile
 
-STRETCH = 10.0  # m; some correlation lengths of the fast part of a map's error
+STRETCH = 10.0  # m; some correlation lengths of the fast component of a map's error
 WINDOW = 300.0  # m of road that are compared with each place
 WAIT = 50.0  # m from one comparison to the next
 APART = 1.0  # m between the places that are tried
 SAME = 10.0  # m; places that are near enough to be one
 SURE = 0.999  # weight near the most likely place from which on it is taken
-EXPLAINED = 1e-3  # probability of readings as bad as these at the most likely place
+EXPLAINED = 1e-3  # probability of samples as bad as these at the most likely place
 DOUBT = 1e-4  # weight near the filter's position below which the alarm is raised
 
 
@@ -71,7 +71,7 @@ class Watched:
 
 def watch(
     attitude_map: AttitudeMap,
-    readings: np.ndarray,
+    samples: np.ndarray,
     moved: np.ndarray,
     first: ArrayLike,
     sensor: Sensor,
@@ -79,12 +79,12 @@ def watch(
     places: tuple[float, float] | None = None,
     within: float = np.inf,
 ) -> Watched:
-    """Track drives; raise an alarm where the readings disagree, and find the place again.
+    """Track drives; raise an alarm where the samples disagree, and find the place again.
 
     Parameters
     ----------
     attitude_map : AttitudeMap
-    readings : ndarray, shape (channels, samples) or (channels, samples, drives), deg
+    samples : ndarray, shape (channels, samples) or (channels, samples, drives), deg
         At ``setup.rate_hz``; NaN where there is none.
     moved : ndarray, shape (samples,) or (samples, drives), m
         By odometry since the sample before.
@@ -109,8 +109,8 @@ def watch(
     driven = np.cumsum(moved.reshape(len(moved), -1) + np.zeros(drives), axis=0)
     at = np.arange(every, len(driven), every)
     steps = np.diff(driven[np.append(0, at)], axis=0)
-    readings = np.reshape(readings, (attitude_map.channels, len(driven), -1))
-    z = readings[:, at]
+    samples = np.reshape(samples, (attitude_map.channels, len(driven), -1))
+    z = samples[:, at]
     places = places or (attitude_map.start, attitude_map.end)
     arw, sigma_b = (np.array([[value]]) for value in (sensor.arw, sensor.sigma_b))
     R = setup.R if sensor.R is None else sensor.R
@@ -131,7 +131,7 @@ def watch(
             waited[d], now = 0.0, slice(0, at[k] + 1)
             around = max(places[0], here[d] - within), min(places[1], here[d] + within)
             place, weight, explained = likelihood(
-                averaged, readings[:, now, d], driven[now, d], sensor, setup, around
+                averaged, samples[:, now, d], driven[now, d], sensor, setup, around
             )
             likely = place[weight.argmax()]
             near, best = (weight[np.abs(place - of) < SAME].sum() for of in (here[d], likely))
@@ -162,8 +162,8 @@ def averaged_map(attitude_map: AttitudeMap) -> AttitudeMap:
     return AttitudeMap(attitude_map.start, attitude_map.step, means)
 
 
-def likelihood(averaged, readings, driven, sensor, setup, places):
-    """Compare the last readings with every place.
+def likelihood(averaged, samples, driven, sensor, setup, places):
+    """Compare the last samples with every place.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def likelihood(averaged, readings, driven, sensor, setup, places):
         The map's running means over `STRETCH`: see `averaged_map`.
     sensor, setup, places
         As for `watch`.
-    readings : ndarray, shape (channels, samples), deg
+    samples : ndarray, shape (channels, samples), deg
     driven : ndarray, shape (samples,), m
         By odometry, since the first sample.
 
@@ -182,10 +182,10 @@ def likelihood(averaged, readings, driven, sensor, setup, places):
     weight : ndarray, shape (places,)
         Likelihood of each, adding up to 1.
     explained : float
-        Probability that readings from the most likely place agree no better with it (chi-square).
+        Probability that samples from the most likely place agree no better with it (chi-square).
     """
     begin = int(np.searchsorted(driven, driven[-1] - WINDOW))
-    back, z = driven[begin:] - driven[-1], readings[:, begin:]
+    back, z = driven[begin:] - driven[-1], samples[:, begin:]
     number = ((driven[begin:] - driven[begin:].min()) // STRETCH).astype(int)  # it may reverse
     usable = np.isfinite(z).all(axis=0)
     count = np.bincount(number[usable])
@@ -223,8 +223,8 @@ def _pitch_off(degrees, begin, end, truth, moved, attitude, first):
 
 def _wheels_miss(metres, at, truth, moved, attitude, first):
     """Let the odometry miss some metres within two seconds."""
-    part, moved = np.flatnonzero(truth > at)[:200], moved.copy()
-    moved[part] -= metres / len(part)
+    within, moved = np.flatnonzero(truth > at)[:200], moved.copy()
+    moved[within] -= metres / len(within)
     return moved, attitude, first
 
 

@@ -233,21 +233,21 @@ def draw_prices(ranges: ArrayLike, draws: int, rng: np.random.Generator) -> np.n
 def cheapest(
     reach: ArrayLike, ranges: ArrayLike, wanted: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Count how often each part is the cheapest that keeps a precision.
+    """Count how often each product is the cheapest that keeps a precision.
 
     Parameters
     ----------
-    reach : array_like, shape (draws, parts), m
-        Error of each part, in resamples of the laps.
-    ranges : array_like, shape (parts, 2), USD
+    reach : array_like, shape (draws, products), m
+        Error of each product, in resamples of the laps.
+    ranges : array_like, shape (products, 2), USD
         From which each draw takes a price, log-uniformly.
     wanted : float, m
     rng : numpy.random.Generator
 
     Returns
     -------
-    ndarray, shape (parts + 1,)
-        Share of the draws for each part, and last that in which none is good enough.
+    ndarray, shape (products + 1,)
+        Share of the draws for each product, and last that in which none is good enough.
 
     Raises
     ------
@@ -261,7 +261,7 @@ def cheapest(
 
 
 def _logarithms(ranges):
-    """Take the logarithms of price ranges, shape (2, parts)."""
+    """Take the logarithms of price ranges, shape (2, products)."""
     low, high = np.asarray(ranges, dtype=float).T
     if not ((low > 0) & (high >= low)).all():
         raise WrongUsage("a price is a range [low, high] in USD, above zero and rising")

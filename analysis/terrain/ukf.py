@@ -60,7 +60,7 @@ class Ukf:
                 f"{self.m} channels, {self.n} states and a transition {self.transition.shape} do "
                 "not fit: the filter has one or two channels, and one, three or four states for one"
             )
-        # The states that add to the reading of each channel.
+        # The states that add to what each channel measures.
         last = 1 + 2 * self.m
         self.added = [[i for i in (1 + 2 * c, last + c) if i < self.n] for c in range(self.m)]
 
