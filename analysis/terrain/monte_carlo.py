@@ -346,7 +346,7 @@ def follow(
     -------
     Laps
     """
-    assumed = [(s.arw, s.sigma_b, _assumed_R(s, setup)) for s in sensors.values()]
+    assumed = [(s.arw, s.sigma_b, assumed_R(s, setup)) for s in sensors.values()]
     arw, sigma_b, R = np.array(assumed).T[..., None]
     n, m, dt, every = len(truth), attitude_map.channels, 1 / setup.rate_hz, setup.every
     walk, bias = paths
@@ -403,7 +403,7 @@ def advance(ukf, setup, step, Q, z, R):
     return (None, None) if z is None else ukf.update(z, R)
 
 
-def _assumed_R(sensor, setup):
+def assumed_R(sensor, setup):
     """Measurement variance that the filter of a sensor assumes, deg^2."""
     R = setup.R if sensor.R is None else sensor.R
     return setup.own_R(sensor) if R is None else R

@@ -313,9 +313,8 @@ def track_real_laps(
         attitude_map.require(truth)
         if exact_map:
             attitude = attitude_map.at(truth)
-        expected = setup
-        if map_errors is not None:
-            expected = map_errors[label].setup(setup, profile.laps.mean())
+        error = None if map_errors is None else map_errors[label]
+        expected = setup if error is None else error.setup(setup, profile.laps.mean())
         own = {
             name: Sensor(arw, sigma_b, R[k] if isinstance(R, np.ndarray) else R)
             for name, (arw, sigma_b, R) in sensors.items()

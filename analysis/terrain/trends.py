@@ -91,7 +91,7 @@ def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
     Trend
     """
     powers, y = line_and_square(x), np.asarray(y)
-    _, c1, c2 = (y @ np.linalg.pinv(powers).T).T
+    c1, c2 = coefficients(x, y)
     rms = []
     for columns in (powers[:, [0, 1]], powers[:, [0, 2]]):
         rest = y[0] - columns @ np.linalg.pinv(columns) @ y[0]
@@ -109,6 +109,11 @@ def line_and_square(x):
     x = np.asarray(x, dtype=float)
     rises = [(v - v[0]) / (v[-1] - v[0]) for v in (x, x**2)]
     return np.stack([np.ones_like(x), *rises], axis=1)
+
+
+def coefficients(x, y):
+    """Give c1 and c2 of each row of y."""
+    return (y @ np.linalg.pinv(line_and_square(x)).T).T[1:]
 
 
 def _share_of_square(c1, c2):
