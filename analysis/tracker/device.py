@@ -93,7 +93,7 @@ class Options:
         configure(self, changed)
         self.changed = changed
 
-    def of(self, block):
+    def of(self, block: type) -> dict:
         """Return those changed that a block (a class) has."""
         return {name: self.changed[name] for name in self.changed if hasattr(block, name)}
 
