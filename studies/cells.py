@@ -178,7 +178,7 @@ def tabulate(
             if path.exists() and np.any(pd.read_csv(path).get("runs", runs) == runs):
                 bar.update(len(cell.items))
                 continue
-            items = {str(k): item for k, item in enumerate(cell.items)}
+            items = {f"{k}-{joblib.hash(item)}": item for k, item in enumerate(cell.items)}
             rows = kept(finished, cell.work, items, bar, **where)
             table = cell.finish(pd.DataFrame(chain.from_iterable(rows)))
             with replacing(path) as draft:

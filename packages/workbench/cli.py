@@ -497,7 +497,7 @@ def replay(
         warning = f"{warning}; it is kept as {aside}" if aside else warning
     if warning:
         print(warning, file=sys.stderr)
-    _print(page.lines(track.summary))
+    _print(page.lines(track))
     print(f"\n{out}/track.html, .csv, .gpx, .geojson and summary.json are written")
 
 

@@ -6,6 +6,7 @@ a map, and below it in time what each block did.
 
 import json
 import math
+import tomllib
 from datetime import datetime, timedelta
 from itertools import pairwise
 
@@ -13,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import replacing, wrap
-from workbench.report import PAGES
+from workbench.report import PAGES, TEMPLATES
 
 FILES = ("summary.json", "track.csv", "track.geojson", "track.gpx", "track.html")
 DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
@@ -26,6 +27,7 @@ QUANTILE = math.sqrt(-2 * math.log(0.05))  # semi-axis of the 95 % ellipse, in s
 MOVING, STATIC, FIX, REFUSED = "#0072b2", "#009e73", "#999999", "#d55e00"
 NONE, LAYERS = "#e8e8e8", ("#b7e0d2", "#5cbf9f", "#007a5a")
 ANGLES = {"mount": "#cc79a7", "yaw": "#0072b2", "roll": "#e69f00", "pitch": "#009e73"}
+SENTENCES = tomllib.loads((TEMPLATES / "replay.toml").read_text(encoding="utf-8"))
 GPX = "http://www.topografix.com/GPX/1/1"
 
 
@@ -42,7 +44,9 @@ def write(track, out):
         draft.mkdir()
         table = pd.DataFrame({name: _cells(name, c) for name, c in track.columns.items()})
         table.to_csv(draft / "track.csv", index=False, lineterminator="\n")
-        content = json.dumps(_rounded(track.summary), indent=1, ensure_ascii=False)
+        content = json.dumps(
+            _rounded(track.summary | {"notes": notes(track)}), indent=1, ensure_ascii=False
+        )
         texts = {
             "summary.json": content + "\n",
             "track.geojson": json.dumps(geojson(track), ensure_ascii=False) + "\n",
@@ -53,20 +57,26 @@ def write(track, out):
             (draft / name).write_text(text, encoding="utf-8")
 
 
-def lines(summary):
+def notes(track):
+    """List what the reader repaired, what a block could not do and why, and what looks wrong."""
+    said = [SENTENCES[code].format(**numbers) for code, numbers in track.remarks]
+    return [*track.summary["notes"], *said]
+
+
+def lines(track):
     """Write what a terminal shows of a replay.
 
     Parameters
     ----------
-    summary : dict
-        Of a Track.
+    track : analysis.tracker.log_replay.Track
 
     Returns
     -------
     list of str
     """
+    summary = track.summary
     fixes, static, mount = summary["fixes"], summary["static"], summary["mounting"]
-    said = [f"note: {note}" for note in summary["notes"]]
+    said = [f"note: {note}" for note in notes(track)]
     said.append(
         f"fixes: {fixes['with_fix']:,} in {summary['source']['epochs']:,} epochs, "
         f"{fixes['accepted']:,} accepted, {fixes['refused']:,} refused"
@@ -246,7 +256,7 @@ def page(track):
         layers=LAYERS,
         angles=[(angle["name"], angle["colour"]) for angle in angles],
         measured=[name for name in ("sigma_north_m", "pdop") if np.isfinite(c[name]).any()],
-        notes=track.notes,
+        notes=notes(track),
         every=every,
         track=_drawn(thin, _bars(c), angles),
     )

@@ -553,7 +553,7 @@ def road(model, atlas):
         own = {"name": f"this log, {worst}", "price": "", "own": True}
         rows.append((ends[worst], own | axes[worst]))
     rows = [row for _, row in sorted(rows, key=lambda row: row[0])]
-    return {"axes": axes, "parts": rows, "readings": {t: p.reading for t, p in planes.items()}}
+    return {"axes": axes, "parts": rows, "readings": {t: p.words for t, p in planes.items()}}
 
 
 def in_words(error):
