@@ -15,7 +15,7 @@ from analysis import CannotAnswer, WrongUsage
 from analysis.noise import conventions
 from analysis.noise.inference import infer
 from analysis.noise.models import random_walk_unit
-from workbench import exports, report
+from workbench import exports
 
 RATE, HOURS = 10.0, 6.0
 DT = 1 / RATE
@@ -35,7 +35,7 @@ KINDS = {"rad/s": "rate", "m/s^2": "accel"}
 
 def files(content):
     """Write the exports of the content of a model.json."""
-    return exports.files(content, report.EXPORTS)
+    return exports.files(content)
 
 
 # --- a model.json --------------------------------------------------------------------------------
@@ -555,7 +555,7 @@ def test_a_number_that_cannot_be_is_named(tmp_path, parameter, key, value):
     path = tmp_path / "edited.json"
     path.write_text(json.dumps(broken(["channels", 1, "parameters", parameter, key], value)))
     with pytest.raises(WrongUsage) as caught:
-        report.export(path, tmp_path / "out")
+        exports.export(path, tmp_path / "out")
     said = f"{key} of {parameter} of gyro_y is {value!r}, not a number above zero that"
     assert str(caught.value).startswith(f"{path}: ") and said in str(caught.value)
     assert not (tmp_path / "out").exists()
@@ -571,17 +571,17 @@ def test_export_of_a_file(tmp_path):
     """Property: every file is written, or none and what was there stays."""
     path, out = tmp_path / "model.json", tmp_path / "deep" / "exports"
     path.write_text(json.dumps(model()))
-    assert set(report.export(path, out)) == {*exports.TITLES, "README.md"}
+    assert set(exports.export(path, out)) == {*exports.TITLES, "README.md"}
     assert {p.name for p in out.iterdir()} == {*exports.TITLES, "README.md"}
     angle = channel("gyroscope", "x", 1e-4, None, None) | {"kind": "angle", "name": "roll"}
     path.write_text(json.dumps(model(angle)))
     before = {p.name: p.read_bytes() for p in out.iterdir()}
     with pytest.raises(CannotAnswer, match=r"nothing to export; .*roll is of kind angle"):
-        report.export(path, out)
+        exports.export(path, out)
     assert {p.name: p.read_bytes() for p in out.iterdir()} == before
     for text in ("not JSON", "[1, 2]", "\xff"):
         path.write_text(text, encoding="latin-1")
         with pytest.raises(WrongUsage, match="no model"):
-            report.export(path, out)
+            exports.export(path, out)
     with pytest.raises(WrongUsage, match="cannot be read"):
-        report.export(tmp_path / "none.json", out)
+        exports.export(tmp_path / "none.json", out)

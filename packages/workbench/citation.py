@@ -6,10 +6,12 @@ Everything is taken from CITATION.cff and from what the figures say of themselve
 import difflib
 import json
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
 from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, provenance, replacing
+from workbench import pages
 
 TYPES = {"conference-paper": "inproceedings"}  # of CITATION.cff -> of BibTeX, where not misc
 MEDIA = {
@@ -48,36 +50,14 @@ def cite(figure: str | None = None) -> str:
     CannotAnswer
         If an older version made the figure, which did not say what it redraws.
     """
-    known = provenance.citation_file()
-    papers = {paper["abbreviation"]: paper for paper in known["references"]}
-    which = f"version {known['version']}{_commit(figure)}"
-    if figure is None:
-        about, licence = [], known["license"]
-    else:
+    known, head = provenance.citation_file(), None
+    papers = {paper["abbreviation"]: _paper(paper) for paper in known["references"]}
+    if figure is not None:
         head = _head(FIGURES / f"{_name(figure)}.csv")
         papers = {k: p for k, p in papers.items() if any(k in of for of in head["paper"])}
-        licence = head["licence"]
-        redraws = f"It redraws the {' and the '.join(head['paper'])}." if papers else ""
-        about = [f"Figure {head['figure']}: {head['caption']}", redraws]
-    authors, year = known["authors"][0]["name"], known["date-released"].year
-    about.append(f"Licence: {licence}.")
-    doi = f"https://doi.org/{known['doi']}" if "doi" in known else ""
-    sentences = [f"{authors} ({year}). {known['title']}, {which}.", *about, doi]
-    entry = {
-        "author": "{" + _tex(authors) + "}",
-        "title": "{" + _tex(known["title"]) + "}",
-        "year": year,
-        "doi": known.get("doi"),
-        "note": _tex(" ".join(filter(None, [f"{which.capitalize()}.", *about]))),
-    }
-    key = f"inertial-compendium-{head['figure'] if figure else known['version']}"
-    lines = [" ".join(filter(None, sentences))]
-    lines += [_sentence(paper) for paper in papers.values()]
-    if not known.keys() & {"doi", "url", "repository-code"}:
-        lines.append("This copy has no public address yet.")
-    entries = [_bibtex("misc", key, entry)]
-    entries += [_of_paper(name, paper) for name, paper in papers.items()]
-    return "\n\n".join([*lines, *entries])
+    commit, changed = _commit(figure)
+    told = {"known": known, "head": head, "papers": papers.values(), "commit": commit}
+    return pages.page("cite.txt", told, changed=changed)
 
 
 def _name(figure):
@@ -102,7 +82,7 @@ def _head(path):
 
 
 def _commit(figure):
-    """Name the commit of this copy, and whether the figure was changed since; empty without git."""
+    """Name the commit of this copy, and tell whether the figure was changed since."""
 
     def git(*words):
         run = subprocess.run(
@@ -110,49 +90,23 @@ def _commit(figure):
         )
         return run.stdout.strip()
 
-    try:
-        commit = git("rev-parse", "--short", "HEAD")
-    except FileNotFoundError:  # no git on this machine
-        return ""
-    if not commit or Path(git("rev-parse", "--show-toplevel")).resolve() != ROOT:
-        return ""
+    if not shutil.which("git") or git("rev-parse", "--show-cdup"):
+        return "", False
     files = f"figures/{_name(figure)}.*" if figure else "."
-    changed = git("status", "--porcelain", "--", files)
-    return f", commit {commit}{' with later changes' if changed else ''}"
+    return git("rev-parse", "--short", "HEAD"), bool(git("status", "--porcelain", "--", files))
 
 
-def _people(paper):
-    """Names of the authors that are known, family name first."""
+def _paper(paper):
+    """Add how BibTeX calls a paper, and its authors: those that are known, family name first."""
     people = [p for p in paper["authors"] if "family-names" in p]
-    return [", ".join(filter(None, [p["family-names"], p.get("given-names")])) for p in people]
-
-
-def _sentence(paper):
-    by = provenance.words(_people(paper)) or paper["authors"][0]["name"]
-    year = f" ({paper['year']})" if "year" in paper else ""
-    more = [paper.get("conference", {}).get("name"), paper.get("notes")]
-    said = [f"{by}{year}", paper["title"], *filter(None, more)]
-    return " ".join(f"{part.rstrip('.')}." for part in said)
-
-
-def _of_paper(name, paper):
-    fields = {
-        "author": " and ".join(map(_tex, _people(paper))),
-        "title": "{" + _tex(paper["title"]) + "}",
-        "booktitle": _tex(paper.get("conference", {}).get("name", "")),
-        "year": paper.get("year"),
-        "note": _tex(paper.get("notes", "")),
+    named = [", ".join(filter(None, [p["family-names"], p.get("given-names")])) for p in people]
+    return paper | {
+        "conference": paper.get("conference", {}),
+        "people": named,
+        "by": provenance.words(named) or paper["authors"][0]["name"],
+        "kind": TYPES.get(paper["type"], "misc"),
+        "key": paper["abbreviation"].replace(" ", "-"),
     }
-    return _bibtex(TYPES.get(paper["type"], "misc"), name.replace(" ", "-"), fields)
-
-
-def _bibtex(kind, key, fields):
-    lines = [f"  {name} = {{{value}}}," for name, value in fields.items() if value]
-    return "\n".join([f"@{kind}{{{key},", *lines, "}"])
-
-
-def _tex(text):
-    return re.sub(r"([&%$#_{}])", r"\\\1", text)
 
 
 def crate(folder: str | Path) -> Path:
@@ -174,7 +128,7 @@ def crate(folder: str | Path) -> Path:
     known = provenance.citation_file()
     licence = {"@id": f"https://spdx.org/licenses/{known['license']}", "name": known["license"]}
     author = {"@id": "#maintainers", "name": known["authors"][0]["name"]}
-    papers = {paper["abbreviation"]: _article(paper) for paper in known["references"]}
+    papers = {paper["abbreviation"]: _article(_paper(paper)) for paper in known["references"]}
     parts, runs = [], {}
     for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
         first = json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"][0]
@@ -219,10 +173,9 @@ def crate(folder: str | Path) -> Path:
 
 
 def _article(paper):
-    by = provenance.words(_people(paper)) or paper["authors"][0]["name"]
     year = {"datePublished": str(paper["year"])} if "year" in paper else {}
-    at = f"#{paper['abbreviation'].replace(' ', '-')}"
-    return _entity("ScholarlyArticle", at, name=paper["title"], author=by, **year)
+    about = {"name": paper["title"], "author": paper["by"]} | year
+    return _entity("ScholarlyArticle", f"#{paper['key']}", **about)
 
 
 def _entity(kind, at, **said):
