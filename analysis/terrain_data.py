@@ -1,9 +1,9 @@
-"""The terrain paper's data: surveyed roads and laps, error planes, its claims in readings of it.
+"""The terrain paper's data: surveyed roads and laps, error planes, claims by interpretation.
 
 profile("ccw"), laps("ccw"), highway("to-altoona")    the surveyed roads
 lap_and_map("16-32-11")                               a real lap, and the map without it
 error_plane("paper")                                  the tracking error over N and B
-readings()                                            the claims in readings of the paper
+interpretations()                                     the claims in interpretations of the paper
 """
 
 import functools
@@ -17,14 +17,14 @@ from analysis import DATA, CannotAnswer, WrongUsage, datasheets, store
 from analysis.terrain import AttitudeMap, IsoRoad, terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.monte_carlo import ErrorPlane
-from analysis.terrain.open_choices import JudgedReadings, ReadingStudy, Roads
+from analysis.terrain.open_choices import InterpretationStudy, Judged, Roads
 from analysis.terrain.real_laps import Lap, MapError, lay_on_line
 from analysis.terrain.terrain_map import Profile
 from sensorlogs import road_logs
 
 __all__ = [
-    "antenna_mounting", "error_plane", "highway", "lap", "lap_and_map", "lap_curves", "laps",
-    "map_error", "profile", "readings", "roads",
+    "antenna_mounting", "error_plane", "highway", "interpretations", "lap", "lap_and_map",
+    "lap_curves", "laps", "map_error", "profile", "roads",
 ]  # fmt: skip
 
 TRACK, HIGHWAY = "psu-test-track", "psu-highway"
@@ -210,12 +210,12 @@ def error_plane(
     return _plane(table, words)
 
 
-def _plane(table, reading):
+def _plane(table, words):
     """Lay a table of a tracking error out over N and B."""
     arw, sigma_b = (np.unique(table[name]) for name in ("arw_deg_sqrt_s", "sigma_b_deg_s"))
     shape = len(sigma_b), len(arw)
     names = [n for n in ("error_m", "laps_lost", "error_low_m", "error_high_m") if n in table]
-    return ErrorPlane(reading, arw, sigma_b, *(table[n].to_numpy().reshape(shape) for n in names))
+    return ErrorPlane(words, arw, sigma_b, *(table[n].to_numpy().reshape(shape) for n in names))
 
 
 @functools.cache
@@ -244,8 +244,8 @@ def roads() -> Roads:
     return Roads(maps, of_paper, prices, claims)
 
 
-def readings(name: str | Path = "readings") -> ReadingStudy:
-    """Read the claims of the terrain paper in readings of it, from data/derived/readings.
+def interpretations(name: str | Path = "readings") -> InterpretationStudy:
+    """Read the claims of the terrain paper in interpretations of it, from data/derived/readings.
 
     Parameters
     ----------
@@ -253,9 +253,9 @@ def readings(name: str | Path = "readings") -> ReadingStudy:
         Of another folder that ``python -m analysis readings --out`` has written.
     """
     source, tables = store.read(name)
-    every = JudgedReadings.of(tables["readings"], source["laps"], source["seed"])
-    best = JudgedReadings.of(tables["best"], source["best_laps"], source["best_seed"])
-    return ReadingStudy(every, best, roads())
+    every = Judged.of(tables["readings"], source["laps"], source["seed"])
+    best = Judged.of(tables["best"], source["best_laps"], source["best_seed"])
+    return InterpretationStudy(every, best, roads())
 
 
 def _check(name, known, what):

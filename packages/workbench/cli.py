@@ -551,7 +551,7 @@ def readings(out=None, **given):
 
     A reading fixes one level of every factor (noise, channel, R, start of the bias, speed ...), and
     its 25 sensors drive the same simulated laps. The results do not depend on the number of
-    workers. Each reading is kept in cells.sqlite once it is finished: a run that was stopped, even
+    workers. Each reading is kept in cells/ once it is finished: a run that was stopped, even
     by kill -9, resumes with the same command.
     """
     from studies import readings as study
