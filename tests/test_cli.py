@@ -378,15 +378,6 @@ def test_an_empty_out_is_refused(command, tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["my.csv"]
 
 
-def test_quiet_prints_errors_only(tmp_path, no_pictures):
-    """Property: nothing on a good run, the same sentence and status on a refusal."""
-    log = write(tmp_path)
-    assert run("report", log, "--out", tmp_path / "mine", "--quiet") == (0, "", "")
-    assert (tmp_path / "mine" / "report.html").exists()
-    refused = ("report", log, "--out", tmp_path / "none", "--columns", "gyro_z")
-    assert run(*refused, "--quiet") == run(*refused)
-
-
 def test_version_is_that_of_the_package():
     """Property: one place says it, the metadata of the package."""
     assert run("--version") == (0, f"{metadata.version('inertial-compendium')}\n", "")

@@ -14,14 +14,7 @@ from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, provenance, replac
 from workbench import pages
 
 TYPES = {"conference-paper": "inproceedings"}  # of CITATION.cff -> of BibTeX, where not misc
-MEDIA = {
-    ".csv": "text/csv",
-    ".ipynb": "application/x-ipynb+json",
-    ".pdf": "application/pdf",
-    ".png": "image/png",
-}
 CRATE = "ro-crate-metadata.json"
-PROFILE = "https://w3id.org/ro/crate/1.1"
 FOLDERS = {
     "analysis/": "the package behind the notebooks",
     "data/derived/": "computed from the raw logs, each with source, licence and sha256",
@@ -125,67 +118,22 @@ def crate(folder: str | Path) -> Path:
     -----
     RO-Crate 1.1, https://w3id.org/ro/crate/1.1
     """
-    known = provenance.citation_file()
-    licence = {"@id": f"https://spdx.org/licenses/{known['license']}", "name": known["license"]}
-    author = {"@id": "#maintainers", "name": known["authors"][0]["name"]}
-    papers = {paper["abbreviation"]: _article(_paper(paper)) for paper in known["references"]}
-    parts, runs = [], {}
-    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
-        first = json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"][0]
-        title = first.strip().removeprefix("# ")
-        parts.append(_file(path, "SoftwareSourceCode", name=title))
-        name = f"python -m analysis reproduce {path.stem}"
-        runs[path.stem] = _entity("CreateAction", f"#{path.stem}", name=name, result=[])
-        runs[path.stem]["instrument"] = _ids(parts[-1:])[0]
+    known, figures = provenance.citation_file(), []
+    papers = [_paper(paper) for paper in known["references"]]
     for path in sorted(FIGURES.glob("[0-9]*.csv")):
         head = _head(path)
-        based = _ids(
-            paper for name, paper in papers.items() if any(name in k for k in head["paper"])
-        )
-        said = {"description": head["caption"], "license": head["licence"]}
-        said |= {"isBasedOn": based} if based else {}
-        files = [path.with_suffix(suffix) for suffix in (".pdf", ".png", ".csv")]
-        forms = [_file(file, name=file.name, **said) for file in files]
-        parts += forms
-        runs[head["notebook"]]["result"] += _ids(forms)
-    parts += [_entity("Dataset", name, name=name, description=of) for name, of in FOLDERS.items()]
-    whole = _entity(
-        "Dataset",
-        "./",
-        name=known["title"],
-        description=known["message"],
-        version=known["version"],
-        datePublished=known["date-released"].isoformat(),
-        license=_ids([licence])[0],
-        author=_ids([author])[0],
-        keywords=known["keywords"],
-        citation=_ids(papers.values()),
-        hasPart=_ids(parts),
-        mentions=_ids(runs.values()),
+        based = [p["key"] for p in papers if any(p["abbreviation"] in of for of in head["paper"])]
+        figures.append(head | {"name": path.stem, "papers": based})
+    told = {"known": known, "papers": papers, "figures": figures, "folders": FOLDERS}
+    paths = sorted((ROOT / "notebooks").glob("*.ipynb"))
+    text = pages.page(
+        "ro-crate.txt", told, crate=CRATE, notebooks={path.stem: _title(path) for path in paths}
     )
-    about = {"conformsTo": {"@id": PROFILE}, "about": {"@id": "./"}}
-    graph = [_entity("CreativeWork", CRATE, **about), whole, licence | {"@type": "CreativeWork"}]
-    graph += [author | {"@type": "Organization"}, *papers.values(), *parts, *runs.values()]
     with replacing(Path(folder, CRATE)) as draft:
-        text = json.dumps({"@context": f"{PROFILE}/context", "@graph": graph}, indent=1)
-        draft.write_text(f"{text}\n", encoding="utf-8")
+        draft.write_text(f"{json.dumps(json.loads(text), indent=1)}\n", encoding="utf-8")
     return Path(folder, CRATE)
 
 
-def _article(paper):
-    year = {"datePublished": str(paper["year"])} if "year" in paper else {}
-    about = {"name": paper["title"], "author": paper["by"]} | year
-    return _entity("ScholarlyArticle", f"#{paper['key']}", **about)
-
-
-def _entity(kind, at, **said):
-    return {"@id": at, "@type": kind} | said
-
-
-def _file(path, *kinds, **said):
-    at = path.relative_to(ROOT).as_posix()
-    return _entity(["File", *kinds], at, encodingFormat=MEDIA[path.suffix], **said)
-
-
-def _ids(entities):
-    return [{"@id": entity["@id"]} for entity in entities]
+def _title(path):
+    first = json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"][0]
+    return first.strip().removeprefix("# ")

@@ -8,7 +8,6 @@ import ast
 import contextlib
 import functools
 import inspect
-import io
 import math
 import shlex
 import sys
@@ -97,26 +96,18 @@ def _verb(function=None, *, reads=None):
     if function is None:
         return functools.partial(_verb, reads=reads)
 
-    @functools.wraps(function)
-    def run(*args, quiet, **given):
-        with contextlib.ExitStack() as stack:
-            if quiet:
-                stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
-                stack.enter_context(contextlib.redirect_stderr(io.StringIO()))
-            function(*args, **given)
-
     own = inspect.signature(function).parameters
     tables = [FLAGS["shared"], FLAGS.get(reads, {}), FLAGS[function.__name__]]
     parameters = []
-    for name in [*(["ctx"] if "ctx" in own else []), *tables[2], *tables[1], "quiet"]:
+    for name in [*(["ctx"] if "ctx" in own else []), *tables[2], *tables[1]]:
         about = functools.reduce(lambda known, table: known | table.get(name, {}), tables, {})
         default = own[name].default if name in own else None
         if default is None and about.get("type") == "switch":
             default = False
         kind = typer.Context if name == "ctx" else _declared(name, default, about)
         parameters.append(inspect.Parameter(name, KEYWORD, default=default, annotation=kind))
-    run.__signature__ = inspect.Signature(parameters)
-    return app.command()(run)
+    function.__signature__ = inspect.Signature(parameters)
+    return app.command()(function)
 
 
 def _declared(name, default, about):
