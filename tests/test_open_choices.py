@@ -285,7 +285,7 @@ def recorded():
 
 
 def test_verdicts_on_the_terrain_paper_have_one_condition():
-    """property: our reference reading, but for data sheets; a notebook that invents one fails."""
+    """property: our reference interpretation, but for data sheets; none is invented."""
     conditions = {
         claim: verdict.partition(" if ")[2]
         for claim, (_, verdict) in recorded().items()
