@@ -20,10 +20,10 @@ from analysis.tracker.mounting import MountingYaw
 from workbench import cli
 
 CLASSES = {  # of each block, and the modules of the same folder that its module needs
-    "last_position": (LastPosition, set()),
+    "last_position": (LastPosition, {"vectors"}),
     "attitude": (Attitude, {"vectors"}),
-    "static": (StaticTest, set()),
-    "low_pass": (LowPass, set()),
+    "static": (StaticTest, {"vectors"}),
+    "low_pass": (LowPass, {"vectors"}),
     "mounting": (MountingYaw, {"at_rest", "vectors"}),
     "fusion": (Fusion, set()),
 }

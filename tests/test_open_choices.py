@@ -285,7 +285,7 @@ def recorded():
 
 
 def test_verdicts_on_the_terrain_paper_have_one_condition():
-    """property: our reference reading, but for data sheets; a notebook that invents one fails."""
+    """property: our reference interpretation, but for data sheets; none is invented."""
     conditions = {
         claim: verdict.partition(" if ")[2]
         for claim, (_, verdict) in recorded().items()
@@ -314,7 +314,7 @@ def test_the_reference_reading_is_the_default_of_every_factor():
     )
     assert replace(mine.setup(), span=None, R=theirs.R) == theirs
     assert pytest.approx(theirs.R) == mine.sensors({})[open_choices.MEMS].R
-    words = " ".join(row["chosen here"] for row in theirs.in_words().values())
+    words = " ".join(row["chosen here"] for row in terrain_data.in_words(theirs).values())
     for level in ("integrated", "pitch", "zero", "200 s", "1557 m", "11 m/s", "0.5 m", "exact"):
         assert level in words
     assert asdict(mine)["map_error_deg"] == 0.0 and mine.mean == "absolute"

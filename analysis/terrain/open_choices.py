@@ -25,7 +25,7 @@ from analysis import WrongUsage
 from analysis.terrain.assumptions import NOISES, PAPER_HZ, STARTS, Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
 from analysis.terrain.terrain_map import AttitudeMap
-from analysis.terrain.trends import PowerLaw, draw_prices, line_and_square
+from analysis.terrain.trends import PowerLaw, coefficients, draw_prices
 
 STEP_M = 0.55  # between two samples: the grid of the map is 0.5 m
 MOMENTS = 100  # of a lap at which its error is kept
@@ -302,7 +302,8 @@ def _of_sweeps(mean, variance):
     by = {("mean", "N"): m.mean(axis=2), ("mean", "B"): m.mean(axis=1)}
     by |= {("variance", "N"): v.mean(axis=2), ("variance", "B"): v.mean(axis=1)}
     over = {key: y[:, -1] / y[:, 0] for key, y in by.items()}
-    square = {key: _share_of_square(y, {"N": N_GRID, "B": B_GRID}[key[1]]) for key, y in by.items()}
+    c = {key: coefficients({"N": N_GRID, "B": B_GRID}[key[1]], y) for key, y in by.items()}
+    square = {key: c2 / (c1 + c2) for key, (c1, c2) in c.items()}
     more = {
         q: np.where(over[q, "N"] > 1, (over[q, "B"] - 1) / (over[q, "N"] - 1), np.inf)
         for q in ("mean", "variance")
@@ -334,12 +335,6 @@ def _of_sweeps(mean, variance):
         "conclusion-variance-linear-b": square["variance", "B"],
         "conclusion-variance-quadratic-n": square["variance", "N"],
     }
-
-
-def _share_of_square(y, x):
-    """Share of the rise over x that the quadratic term carries, row by row."""
-    _, c1, c2 = (y @ np.linalg.pinv(line_and_square(x)).T).T
-    return c2 / (c1 + c2)
 
 
 def _correlation(rows, x):

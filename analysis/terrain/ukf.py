@@ -50,17 +50,14 @@ class Ukf:
         self.x, self.P = np.array(x, dtype=float), np.array(P, dtype=float)
         self.n, self.m = len(self.x), attitude_map.channels
         self.transition = np.eye(0) if transition is None else np.asarray(transition)
-        moving = len(self.transition)
-        if (
-            self.m > 2
-            or self.n - 1 not in (0, 2 * self.m, 3 * self.m)
-            or moving != (min(self.n - 1, 2 * self.m))
-        ):
+        further, moving = self.n - 1, len(self.transition)
+        fit = further in (0, 2 * self.m, 3 * self.m) and moving == min(further, 2 * self.m)
+        if self.m > 2 or not fit:
             raise WrongUsage(
                 f"{self.m} channels, {self.n} states and a transition {self.transition.shape} do "
                 "not fit: the filter has one or two channels, and one, three or four states for one"
             )
-        # The states that add to the reading of each channel.
+        # The states that add to what each channel measures.
         last = 1 + 2 * self.m
         self.added = [[i for i in (1 + 2 * c, last + c) if i < self.n] for c in range(self.m)]
 

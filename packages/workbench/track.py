@@ -6,6 +6,7 @@ a map, and below it in time what each block did.
 
 import json
 import math
+import tomllib
 from datetime import datetime, timedelta
 from itertools import pairwise
 
@@ -31,6 +32,7 @@ QUANTILE = math.sqrt(-2 * math.log(0.05))  # semi-axis of the 95 % ellipse, in s
 MOVING, STATIC, FIX, REFUSED = "#0072b2", "#009e73", "#999999", "#d55e00"
 NONE, LAYERS = "#e8e8e8", ("#b7e0d2", "#5cbf9f", "#007a5a")
 ANGLES = {"mount": "#cc79a7", "yaw": "#0072b2", "roll": "#e69f00", "pitch": "#009e73"}
+SENTENCES = tomllib.loads((pages.TEMPLATES / "replay.toml").read_text(encoding="utf-8"))
 GPX = "http://www.topografix.com/GPX/1/1"
 
 
@@ -73,7 +75,7 @@ def replay(log, out, *, outages=(), last_position=None, **options):
     if last_position and track.stored:
         aside = save_position(last_position, track.stored._asdict())
         warning = f"{warning}; it is kept as {aside}" if aside else warning
-    return track.summary, warning
+    return summary_of(track), warning
 
 
 def write(track, out):
@@ -88,7 +90,7 @@ def write(track, out):
     with pages.folder(out) as draft:
         table = pd.DataFrame({name: _cells(name, c) for name, c in track.columns.items()})
         table.to_csv(draft / "track.csv", index=False, lineterminator="\n")
-        content = json.dumps(_rounded(track.summary), indent=1, ensure_ascii=False)
+        content = json.dumps(_rounded(summary_of(track)), indent=1, ensure_ascii=False)
         texts = {
             "summary.json": content + "\n",
             "track.geojson": json.dumps(geojson(track), ensure_ascii=False) + "\n",
@@ -97,6 +99,17 @@ def write(track, out):
         }
         for name, text in texts.items():
             (draft / name).write_text(text, encoding="utf-8")
+
+
+def summary_of(track):
+    """Add to what a replay counted, in sentences, what looks wrong or could not be done."""
+    return track.summary | {"notes": notes(track)}
+
+
+def notes(track):
+    """List what the reader repaired, what a block could not do and why, and what looks wrong."""
+    said = [SENTENCES[code].format(**numbers) for code, numbers in track.remarks]
+    return [*track.summary["notes"], *said]
 
 
 def _cells(name, column):
@@ -250,7 +263,7 @@ def page(track):
         layers=LAYERS,
         angles=[(angle["name"], angle["colour"]) for angle in angles],
         measured=[name for name in ("sigma_north_m", "pdop") if np.isfinite(c[name]).any()],
-        notes=track.notes,
+        notes=notes(track),
         every=every,
         track=_drawn(thin, _bars(c), angles),
     )

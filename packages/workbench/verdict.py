@@ -499,4 +499,4 @@ def road(model, atlas):
         worst = max(ends, key=ends.get)
         rows.append((ends[worst], worst, None, axes[worst]))
     rows = [row[1:] for row in sorted(rows, key=lambda row: row[0])]
-    return {"axes": axes, "parts": rows, "readings": {t: p.reading for t, p in planes.items()}}
+    return {"axes": axes, "parts": rows, "readings": {t: p.words for t, p in planes.items()}}
