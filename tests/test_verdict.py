@@ -10,7 +10,16 @@ import pandas as pd
 import pytest
 
 import sensorlogs as logs
-from analysis import Estimate, WrongUsage, in_one_unit, plots, static_logs, store, terrain_data
+from analysis import (
+    ROOT,
+    Estimate,
+    WrongUsage,
+    in_one_unit,
+    plots,
+    static_logs,
+    store,
+    terrain_data,
+)
 from analysis.terrain import Sensor
 from studies import surveys
 from workbench import pages, report, verdict
@@ -66,7 +75,8 @@ def measured(n, b):
 
 def test_each_code_has_its_sentence():
     """Property: a macro for each code that a rule gives, and a rule for each macro."""
-    code = "".join(p.read_text("utf-8") for p in Path(report.__file__).parent.glob("*.py"))
+    rooms = (Path(report.__file__).parent, ROOT / "analysis" / "tracker")
+    code = "".join(p.read_text("utf-8") for room in rooms for p in room.glob("*.py"))
     words = (pages.TEMPLATES / "sentences.txt").read_text("utf-8")
     macros = set(re.findall(r"% macro ([a-z]\w*)", words))
     assert macros >= set(re.findall(r'Said\(\s*"(\w+)"', code))
