@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,10 +10,19 @@ import pandas as pd
 import pytest
 
 import sensorlogs as logs
-from analysis import Estimate, WrongUsage, in_one_unit, plots, static_logs, store, terrain_data
+from analysis import (
+    ROOT,
+    Estimate,
+    WrongUsage,
+    in_one_unit,
+    plots,
+    static_logs,
+    store,
+    terrain_data,
+)
 from analysis.terrain import Sensor
 from studies import surveys
-from workbench import report, verdict
+from workbench import pages, report, verdict
 from workbench.pages import Said, phrase, sentences
 
 ATLAS = store.read("atlas").tables["atlas"]
@@ -61,6 +71,16 @@ def measured(n, b):
             known = c.parameters | {"arw": arw, "bias_instability": bias}
             channels.append(replace(c, parameters=known))
     return replace(result, channels=tuple(channels))
+
+
+def test_each_code_has_its_sentence():
+    """Property: a macro for each code that a rule gives, and a rule for each macro."""
+    rooms = (Path(report.__file__).parent, ROOT / "analysis" / "tracker")
+    code = "".join(p.read_text("utf-8") for room in rooms for p in room.glob("*.py"))
+    words = (pages.TEMPLATES / "sentences.txt").read_text("utf-8")
+    macros = set(re.findall(r"% macro ([a-z]\w*)", words))
+    assert macros >= set(re.findall(r'Said\(\s*"(\w+)"', code))
+    assert macros <= set(re.findall(r'"(\w+)"', code))
 
 
 @pytest.mark.parametrize(

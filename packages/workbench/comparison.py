@@ -150,16 +150,9 @@ def model(found, units):
     zero, start = plots.zero_time(found), _zero_utc(found)
     tracks = found.tracks
     clocks = [
-        {
-            "unit": track.name,
-            "against": tracks[0].name,
-            "offset_s": _exact(clock.offset_s.value),
-            "low": _exact(clock.offset_s.low),
-            "high": _exact(clock.offset_s.high),
-            "drift": plain(clock.drift),
-            "named": clock.named,
-            "note": clock.offset_s.note,
-        }
+        {"unit": track.name, "against": tracks[0].name, "offset_s": _exact(clock.offset_s.value)}
+        | {end: _exact(getattr(clock.offset_s, end)) for end in ("low", "high")}
+        | {"drift": plain(clock.drift), "named": clock.named, "note": clock.offset_s.note}
         for track, clock in zip(tracks[1:], found.clocks, strict=True)
     ]
     pairs = [

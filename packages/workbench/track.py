@@ -6,7 +6,6 @@ a map, and below it in time what each block did.
 
 import json
 import math
-import tomllib
 from datetime import datetime, timedelta
 from itertools import pairwise
 
@@ -32,7 +31,6 @@ QUANTILE = math.sqrt(-2 * math.log(0.05))  # semi-axis of the 95 % ellipse, in s
 MOVING, STATIC, FIX, REFUSED = "#0072b2", "#009e73", "#999999", "#d55e00"
 NONE, LAYERS = "#e8e8e8", ("#b7e0d2", "#5cbf9f", "#007a5a")
 ANGLES = {"mount": "#cc79a7", "yaw": "#0072b2", "roll": "#e69f00", "pitch": "#009e73"}
-SENTENCES = tomllib.loads((pages.TEMPLATES / "replay.toml").read_text(encoding="utf-8"))
 GPX = "http://www.topografix.com/GPX/1/1"
 
 
@@ -108,7 +106,7 @@ def summary_of(track):
 
 def notes(track):
     """List what the reader repaired, what a block could not do and why, and what looks wrong."""
-    said = [SENTENCES[code].format(**numbers) for code, numbers in track.remarks]
+    said = [pages.phrase(pages.Said(*remark)) for remark in track.remarks]
     return [*track.summary["notes"], *said]
 
 
