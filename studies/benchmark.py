@@ -6,9 +6,12 @@ installed states that and goes on.
 """
 
 import contextlib
+import ctypes
 import datetime
 import os
 import platform
+import shutil
+import subprocess
 import tempfile
 import time
 from functools import partial
@@ -115,12 +118,12 @@ def ukf_against_filterpy():
 
 
 def compiled_filter(samples=4001, runs=20, cells=25):
-    """Time the filter in NumPy and compiled, on the same laps.
+    """Time the filter in NumPy, compiled, and as a plain loop in C, on the same laps.
 
     Yields
     ------
     Measured
-        From processor time. What needs numba is left out where there is none.
+        From processor time. What needs numba or a C compiler is left out where there is none.
     """
     attitude_map, _ = road()
     setup = Setup(0.11 * (samples - 0.5), R=0.1, begin=0.5)  # the last sample is stored
@@ -136,10 +139,41 @@ def compiled_filter(samples=4001, runs=20, cells=25):
         yield Measured("numba is not installed: pip install '.[fast]'")
         return
     follow(*work, compiled=True)  # compiles
-    laps, seconds = _best_of(follow, *work, compiled=True)
-    yield Measured("a step in compiled code (numba)", per_step * seconds, "ns")
+    laps, ours = _best_of(follow, *work, compiled=True)
+    yield Measured("a step in compiled code (numba)", per_step * ours, "ns")
     difference = float(np.abs(laps.error - whole.error).max())
     yield Measured("largest difference of the two", difference, "m", "<= 1e-9")
+    compiler = shutil.which("cc")
+    if compiler is None:
+        yield Measured("no C compiler (cc) here")
+        return
+    x, P = np.full((runs, cells), truth[0]), np.full((runs, cells), setup.begin_sd**2)
+    slope, intercept = (
+        np.ascontiguousarray(of[0]) for of in (attitude_map._slope, attitude_map._intercept)
+    )
+    noise, size = np.ascontiguousarray(walk[:, 0] / 10), np.array([s.arw for s in sensors.values()])
+    step = truth[1] - truth[0]
+    numbers = (len(slope) - 1, attitude_map._scale, attitude_map._shift)
+    counts = (len(truth), runs, cells)
+    given = (slope, intercept, *numbers, step, setup.q * step, work[2][0], noise, size, setup.R)
+    with tempfile.TemporaryDirectory() as folder:
+        source, library = Path(__file__).with_name("laps.c"), Path(folder, "laps.so")
+        flags = ["-O3", "-march=native", "-shared", "-fPIC", "-o", library, source, "-lm"]
+        subprocess.run([compiler, *flags], check=True)
+        loop = ctypes.CDLL(str(library)).laps
+        for_c = map(_for_c, (*given, *counts, x, P))
+        _, plain = timed(loop, *for_c, clock=time.process_time)
+    yield Measured("a step of a plain loop in C", per_step * plain, "ns")
+    difference = float(np.abs(x.T - truth[-1] - laps.error[..., -1]).max())
+    yield Measured("largest difference of the loop in C", difference, "m", "<= 1e-9")
+    yield Measured("compiled over plain loop", ours / plain, "times", "<= 3")
+
+
+def _for_c(given):
+    """Give a number or an array the type that C takes."""
+    if isinstance(given, np.ndarray):
+        return given.ctypes.data_as(ctypes.c_void_p)
+    return ctypes.c_long(given) if isinstance(given, int) else ctypes.c_double(given)
 
 
 def cells_of_readings(readings=24, laps=300):

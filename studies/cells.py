@@ -9,7 +9,7 @@ nothing, and two runs in one folder do the same work twice. `tabulate` makes a C
 import logging
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -184,4 +184,5 @@ def tabulate(
             with replacing(path) as draft:
                 store.write_table(draft, store.rounded(table, digits))
             shutil.rmtree(finished, ignore_errors=True)
-    shutil.rmtree(folder / "cells", ignore_errors=True)
+    with suppress(OSError):  # another run keeps its own there
+        (folder / "cells").rmdir()

@@ -40,10 +40,11 @@ def test_the_same_allan_deviation_as_allantools(committed):
 
 
 def test_the_compiled_filter_and_the_cells_are_timed(committed):
-    """cross-check: NumPy and numba step the same laps; both parts run, on less work."""
+    """cross-check: NumPy, numba and C step the same laps; both parts run, on less work."""
     pytest.importorskip("numba")
     rows = list(benchmark.compiled_filter(samples=301, runs=2, cells=3))
-    assert [(m.what, m.unit, m.bar) for m in rows] == rows_of(committed, "compiled filter")
+    names = rows_of(committed, "compiled filter")
+    assert [(m.what, m.unit, m.bar) for m in rows] == names[: len(rows)]
     assert all(m.value < 1e-9 for m in rows if m.unit == "m")  # rounding, over 300 steps
     rows = list(benchmark.cells_of_readings(readings=2, laps=4))
     said = [(m.what.replace("4 laps", "300 laps"), m.unit, m.bar) for m in rows]
@@ -62,7 +63,7 @@ def test_the_committed_numbers_keep_their_bars(committed):
     table = committed
     assert set(table["part"]) == set(benchmark.BENCHMARKS)
     held = table[table["bar"].str.match("[<>]=", na=False)]
-    assert len(held) == 11
+    assert len(held) == 13
     for row in held.itertuples():
         sign, bar = row.bar.split()
         assert row.value <= float(bar) if sign == "<=" else row.value >= float(bar), row.what

@@ -92,7 +92,7 @@ def test_some_logs_of_the_study_again(study):
     model, dt, kind = coverage.models()[name]
     rows = []
     for k, stream in enumerate(coverage.streams(name, runs + 1)[1:], start=1):
-        rows += coverage.estimate(k, stream, model=model, dt=dt, kind=kind, hours=hours)
+        rows += coverage.estimate((k, stream), model=model, dt=dt, kind=kind, hours=hours)
     now = coverage.summary(pd.DataFrame(rows), model).set_index(["estimator", "parameter"])
     was = study[(study["model"] == name) & (study["hours"] == hours)]
     was = was.set_index(["estimator", "parameter"])
@@ -237,7 +237,7 @@ def test_a_log_of_the_study_of_broken_logs_again(name):
     stored = store.read("robustness").tables[f"{name}-2h"].set_index("parameter")["first"]
     model, dt, kind = coverage.broken()[name]
     stream = coverage.streams(name, 1)[0]
-    rows = coverage.characterised(0, stream, model=model, dt=dt, kind=kind, hours=2.0)
+    rows = coverage.characterised((0, stream), model=model, dt=dt, kind=kind, hours=2.0)
     now = pd.DataFrame(rows).set_index("parameter")["value"].astype(float)
     np.testing.assert_allclose(now, stored[now.index], rtol=store.TOLERANCE)
 
@@ -276,5 +276,5 @@ def test_a_large_disturbance_is_found(test, size):
     assert stored.loc[(test, size), "found"] == stored.loc[(test, size), "runs"]
     (stream,) = coverage.streams("terrain", 1)
     cell = {"model": coverage.power_cells()[test, size], "dt": coverage.POWER_DT}
-    rows = coverage.characterised(0, stream, **cell, kind="rate", hours=coverage.BROKEN_HOURS)
+    rows = coverage.characterised((0, stream), **cell, kind="rate", hours=coverage.BROKEN_HOURS)
     assert test in rows[0]["reported"].split()
