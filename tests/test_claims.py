@@ -21,6 +21,7 @@ from analysis.claims import (
 OPEN = math.nan  # a side on which the claim is unbounded
 JUDGED = claims.published()[lambda rows: ~rows["why"].str.startswith(claims.NOT_JUDGED)]
 FIRST, SECOND, THIRD = JUDGED.index[JUDGED["unit"] == "deg"][:3]
+SAID = ((True, "yes"), (False, "no"), (None, "–"))
 YES_OR_NO = JUDGED.index[JUDGED["quantity"].str.startswith("1 if")][0]
 PUBLISHED = JUDGED.loc[FIRST]
 
@@ -87,17 +88,12 @@ def test_what_cannot_be_tested_says_why(found, words):
     assert words in judge(*found, 1, 2)
 
 
-@pytest.mark.parametrize("nothing", [None, math.nan])
-def test_a_missing_value_is_no_value(nothing, elsewhere):
-    """Property: NaN and None alike are unresolved: never reproduced, never a number on disk."""
-    assert claims.Ledger("90-test").check(FIRST, nothing).startswith(NOT_TESTABLE)
-    assert pd.read_csv(elsewhere).loc[0, ["value", "low", "high"]].isna().all()
-
-
-def test_a_missing_bound_is_no_bound(elsewhere):
-    """Property: NaN bounds are read as None, an infinite one as open."""
-    far = PUBLISHED["high"] * 100
-    ledger = claims.Ledger("90-test")
+def test_a_missing_value_or_bound_is_none(elsewhere):
+    """Property: NaN and None are unresolved, never a number on disk; an infinite bound is open."""
+    far, ledger = PUBLISHED["high"] * 100, claims.Ledger("90-test")
+    for nothing in (None, math.nan):
+        assert ledger.check(FIRST, nothing).startswith(NOT_TESTABLE)
+        assert pd.read_csv(elsewhere).loc[0, ["value", "low", "high"]].isna().all()
     assert ledger.check(FIRST, far, math.nan, math.nan) == NOT_REPRODUCED
     assert ledger.check(FIRST, far, -math.inf, far).startswith(NOT_TESTABLE)
 
@@ -150,13 +146,6 @@ def test_logs_without_a_value_rank_last(elsewhere):
     assert math.isnan(row["high"])
 
 
-def test_few_logs_are_no_verdict(elsewhere):
-    """Property: fewer than 200 logs are refused."""
-    with pytest.raises(WrongUsage, match="199 logs"):
-        claims.Ledger("90-test").check_logs(FIRST, np.ones(199))
-    assert not elsewhere.exists()
-
-
 def test_a_second_run_strikes_out_the_first_and_keeps_other_notebooks(elsewhere):
     """Property: a notebook's own rows go, those of others stay, in the order of the papers."""
     value = claims.published()["value"]
@@ -200,10 +189,12 @@ def test_the_same_checks_write_the_same_bytes(elsewhere):
     assert b"\r" not in written[0]
 
 
-def test_unknown_claims_are_wrong_usage(elsewhere):
-    """Property: a misspelt id is refused, and nothing is written."""
+def test_unknown_claims_and_few_logs_are_wrong_usage(elsewhere):
+    """Property: a misspelt id or fewer than 200 logs are refused, and nothing is written."""
     with pytest.raises(WrongUsage, match=r"no claim 'no-such"):
         claims.Ledger("90-test").check("no-such-claim", 1.0)
+    with pytest.raises(WrongUsage, match="199 logs"):
+        claims.Ledger("90-test").check_logs(FIRST, np.ones(199))
     assert not elsewhere.exists()
 
 
@@ -260,16 +251,6 @@ def test_a_notebook_run_by_hand_writes_no_verdict(monkeypatch):
     assert claims.verdicts()["verdict"].equals(cited)
 
 
-@pytest.mark.parametrize(("value", "words"), [(True, "yes"), (False, "no"), (None, "–")])
-def test_a_yes_or_no_is_written_as_one(value, words):
-    """Property: where the claim's quantity is 1 for yes and 0 for no, the table says which."""
-    ledger = claims.Ledger("90-test")
-    ledger.check(YES_OR_NO, value)
-    (row,) = ledger.table().to_dict("records")
-    assert (row["published"], row["counts as agreement"]) == ("yes", "yes")
-    assert row["our value"] == words
-
-
 def claim_of(unit, **of):
     """Id of the first judged claim in such a unit, with such columns."""
     rows = JUDGED[(JUDGED["unit"] == unit) & (JUDGED[list(of)] == pd.Series(of)).all(axis=1)]
@@ -285,6 +266,7 @@ def claim_of(unit, **of):
         (claim_of("share", value=1.0, low=0.95), (0.983, 0.962, 0.995), "100 %",
          "between 95 and 100 %", "98.3 % (96.2 to 99.5 %)"),
         (claim_of("share", low=0.0, high=0.1), (0.5, 0.5, 0.5), "6 %", "at most 10 %", "50 %"),
+        *((YES_OR_NO, (said,), "yes", "yes", words) for said, words in SAID),
         (claim_of("count", value=2493.0), (2319.0,), "2493", "2493", "2319"),
         (claim_of("s", value=803.0), (None, 287.0, None), "803 s", "between 401.5 and 1204.5 s",
          "at least 287 s"),
@@ -309,16 +291,16 @@ def test_no_number_of_the_verdicts_is_left_raw():
         assert not re.search(r"\de[+-]\d|nan|inf\b|\(([-\d.]+) to \1\b", words), words
 
 
-def test_markdown_escapes_what_would_break_a_table():
-    """Property: a cell with a bar stays one cell."""
-    lines = text.table(pd.DataFrame({"a": ["|x|", 2], "b": [3, 4]})).splitlines()
-    assert lines == ["| a | b |", "|---|---|", r"| \|x\| | 3 |", "| 2 | 4 |"]
-
-
-def test_a_table_of_single_values_has_one_column_for_them():
-    """Property: a dict of name and value is a table of two columns, a missing value a dash."""
-    lines = text.table({"N": 2, "B": None}, "parameter").splitlines()
-    assert lines == ["| parameter | value |", "|---|---|", "| N | 2 |", "| B | – |"]
+@pytest.mark.parametrize(
+    ("rows", "key", "lines"),
+    [
+        (pd.DataFrame({"a": ["|x|", 2]}), None, ["| a |", "|---|", r"| \|x\| |", "| 2 |"]),
+        ({"N": 2, "B": None}, "of", ["| of | value |", "|---|---|", "| N | 2 |", "| B | – |"]),
+    ],
+)
+def test_a_table_is_markdown(rows, key, lines):
+    """Property: a cell with a bar stays one cell; a missing value is a dash."""
+    assert text.table(rows, key).splitlines() == lines
 
 
 def test_findings_are_one_for_each_notebook(elsewhere):

@@ -1,6 +1,5 @@
 """The way out for figures: same bytes, provenance inside, and the numbers that are plotted."""
 
-import io
 import json
 import os
 import re
@@ -64,7 +63,9 @@ def axes():
 def saved(tmp_path_factory):
     """Save the example twice, under different settings, into two folders."""
     folders = [tmp_path_factory.mktemp("figures") / "deep" for _ in range(2)]
+    before = dict(mpl.rcParams)
     figures.save(example(), NAME, CAPTION, to=folders[0], **ORIGIN)
+    assert dict(mpl.rcParams) == before
     with mpl.rc_context({"savefig.dpi": 30, "pdf.fonttype": 3}):
         figures.save(example(), NAME, CAPTION, to=folders[1], **ORIGIN)
     return folders
@@ -83,7 +84,8 @@ def embedded(folder):
 
 
 def test_same_inputs_same_bytes(saved):
-    """Property: two calls write the same bytes, whatever the settings of the session."""
+    """Property: two calls write the same bytes, whatever the settings, and 3.5 in at 130 dots."""
+    assert Image.open(saved[0] / f"{NAME}.png").size == (455, 260)
     for kind in ("pdf", "png", "csv"):
         one, two = (folder / f"{NAME}.{kind}" for folder in saved)
         assert one.read_bytes() == two.read_bytes() != b"", kind
@@ -206,13 +208,6 @@ def test_what_differs_between_two_figures_is_named(tmp_path):
     assert figures.differences(was, now) == ["gone"]
 
 
-def test_saving_leaves_the_settings_alone(tmp_path):
-    """Property: a call changes no setting of matplotlib."""
-    before = dict(mpl.rcParams)
-    figures.save(example(), NAME, CAPTION, to=tmp_path)
-    assert dict(mpl.rcParams) == before
-
-
 def test_fonts_and_settings_are_those_of_the_environment(tmp_path):
     """Property: an old list of fonts and settings in the user's folder change nothing."""
     if sys.prefix == sys.base_prefix:
@@ -232,22 +227,7 @@ def test_fonts_and_settings_are_those_of_the_environment(tmp_path):
     assert (ran.stdout, ran.stderr) == ("10.0\n", "")
 
 
-def test_a_picture_of_a_stated_size(saved):
-    """Analytic: 3.5 in at 130 dots an inch are 455 dots, whatever the screen."""
-    assert Image.open(io.BytesIO((saved[0] / f"{NAME}.png").read_bytes())).size == (455, 260)
-
-
 # --- plotted_numbers -----------------------------------------------------------------------------
-
-
-def test_panels_and_series_are_named():
-    """Property: a panel by its title or what it shows; a series by its label, hidden or not."""
-    fig = example()
-    fig.axes[1].plot([0, 1], [5, 6], label="_truth")
-    table = figures.plotted_numbers(fig)
-    assert list(dict.fromkeys(table["panel"])) == ["Allan deviation", "north"]
-    assert list(dict.fromkeys(table["series"])) == ["curve", "truth", "points"]
-    assert list(table.columns) == ["panel", "series", "x", "y", "y2"]
 
 
 def test_no_two_panels_have_one_name_and_none_has_tex():
@@ -292,14 +272,17 @@ def test_words_on_an_axis_and_cells_of_an_image():
     assert figures.axes_of(ax.figure) == {"claim": said}
 
 
-def test_a_series_without_a_name_is_refused():
-    """Property: the sentence names the artist; a label that the legend hides is a name."""
+def test_panels_and_series_are_named_or_refused():
+    """Property: a panel by its title or what it shows; a series by its label, hidden or not."""
     fig = example()
     (line,) = fig.axes[1].plot([0, 1], [5, 6])
     with pytest.raises(WrongUsage, match=r"no name for line in panel 'north'"):
         figures.plotted_numbers(fig)
     line.set_label("_truth")
-    assert "truth" in set(figures.plotted_numbers(fig)["series"])
+    table = figures.plotted_numbers(fig)
+    assert list(dict.fromkeys(table["panel"])) == ["Allan deviation", "north"]
+    assert list(dict.fromkeys(table["series"])) == ["curve", "truth", "points"]
+    assert list(table.columns) == ["panel", "series", "x", "y", "y2"]
 
 
 def test_an_axis_without_a_label_is_refused(tmp_path):
@@ -383,56 +366,48 @@ def test_a_legend_stays_where_it_was(tmp_path):
     np.testing.assert_allclose(legend.get_window_extent().bounds, before)
 
 
-def test_numbers_on_log_axes_are_the_numbers():
-    """Analytic: an axis transforms the picture, not the numbers."""
-    found = series(example())["curve"]
-    np.testing.assert_array_equal(found[:, :2], [[0.01, 3.0], [1.0, 0.3], [100.0, 0.03]])
-    assert np.isnan(found[:, 2]).all()
+NAN = np.nan
+# What is drawn: its numbers (x, y, y2).
+DRAWN = {
+    "a curve on log axes": (
+        lambda ax: ax.loglog([0.01, 1.0], [3.0, 0.3], label="it"),
+        [[0.01, 3.0, NAN], [1.0, 0.3, NAN]],
+    ),
+    "points, one missing": (
+        lambda ax: ax.scatter([1, 2, 3], [3.0, NAN, 4.0], label="it"),
+        [[1, 3, NAN], [2, NAN, NAN], [3, 4, NAN]],
+    ),
+    "lower and upper edge of a band": (
+        lambda ax: ax.fill_between([0, 1, 2], [1, 2, 3], [2, 4, 6], label="it"),
+        [[0, 1, 2], [1, 2, 4], [2, 3, 6]],
+    ),
+    "middle, foot and head of a bar": (
+        lambda ax: ax.bar([0.0, 1.0], [2.0, 5.0], 1.0, 1.0, align="edge", label="it"),
+        [[0.5, 1, 3], [1.5, 1, 6]],
+    ),
+    "points and ends of error bars": (
+        lambda ax: ax.errorbar([1, 2], [10, 20], yerr=[[1, 2], [3, 4]], fmt="o", label="it"),
+        [[1, 10, NAN], [2, 20, NAN], [1, 9, 13], [2, 18, 24]],
+    ),
+    "an upright line": (lambda ax: ax.vlines([7.0], [0.0], [1.0], label="it"), [[7, 0, 1]]),
+    "both ends of a line along x": (
+        lambda ax: ax.hlines([3.0], [1.0], [5.0], label="it"),
+        [[1, 3, NAN], [5, 3, NAN]],
+    ),
+    "both ends of a bar along x": (
+        lambda ax: ax.barh([0.0], [2.0], left=1.0, label="it"),
+        [[1, 0, NAN], [3, 0, NAN]],
+    ),
+}
 
 
-def test_points():
-    """Analytic: a scatter yields its points, missing ones too."""
+@pytest.mark.parametrize("kind", DRAWN)
+def test_what_is_drawn_is_what_is_listed(kind):
+    """Analytic: each kind of artist yields the numbers that it was given."""
+    draw, expected = DRAWN[kind]
     ax = axes()
-    ax.scatter([1, 2, 3], [3.0, np.nan, 4.0], label="fixes")
-    np.testing.assert_array_equal(series(ax.figure)["fixes"][:, :2], [[1, 3], [2, np.nan], [3, 4]])
-
-
-def test_band():
-    """Analytic: a band yields lower and upper edge at each x."""
-    ax = axes()
-    x, low, high = np.arange(4.0), np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8])
-    ax.fill_between(x, low, high, label="95 %")
-    np.testing.assert_array_equal(series(ax.figure)["95 %"], np.c_[x, low, high])
-
-
-def test_bars():
-    """Analytic: a bar yields its middle, foot and head."""
-    ax = axes()
-    ax.bar([0.0, 1.0], [2.0, 5.0], width=1.0, align="edge", bottom=1.0, label="density")
-    np.testing.assert_array_equal(series(ax.figure)["density"], [[0.5, 1, 3], [1.5, 1, 6]])
-
-
-def test_error_bars():
-    """Analytic: error bars yield the points, and the ends of each bar."""
-    ax = axes()
-    ax.errorbar([1.0, 2.0], [10.0, 20.0], yerr=[[1, 2], [3, 4]], fmt="o", label="found")
-    points, bars = np.split(series(ax.figure)["found"], 2)
-    np.testing.assert_array_equal(points, [[1, 10, np.nan], [2, 20, np.nan]])
-    np.testing.assert_array_equal(bars, [[1, 9, 13], [2, 18, 24]])
-
-
-def test_bars_along_x():
-    """Analytic: a bar that lies has two ends in x, where an upright one has two in y."""
-    ax = axes()
-    ax.hlines([3.0, 4.0], [1.0, 2.0], [5.0, 6.0], label="range")
-    ax.vlines([7.0], [0.0], [1.0], label="upright")
-    ax.barh([0.0, 1.0], [2.0, 5.0], left=1.0, label="count")
-    found = series(ax.figure)
-    ends = [[1, 3, np.nan], [5, 3, np.nan], [2, 4, np.nan], [6, 4, np.nan]]
-    np.testing.assert_array_equal(found["range"], ends)
-    np.testing.assert_array_equal(found["upright"], [[7, 0, 1]])
-    ends = [[1, 0, np.nan], [3, 0, np.nan], [1, 1, np.nan], [6, 1, np.nan]]
-    np.testing.assert_array_equal(found["count"], ends)
+    draw(ax)
+    np.testing.assert_array_equal(series(ax.figure)["it"], expected)
 
 
 def test_contour_lines():

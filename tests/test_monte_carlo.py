@@ -25,8 +25,8 @@ def road():
     return AttitudeMap(0.0, 1.0, np.sin(s / 9) + 0.5 * np.sin(s / 23))
 
 
-def reading(**changes):
-    """Read the paper on 300 m of that road."""
+def setup_of(**changes):
+    """Give our interpretation of the paper on 300 m of that road."""
     return Setup.reference(300.0, begin=50.0, **changes)
 
 
@@ -38,13 +38,13 @@ def laps(choices, runs=8, attitude_map=None, sensors=SENSORS, **options):
 
 def test_a_lap_does_not_depend_on_its_company(monkeypatch):
     """property: the same run in another block, another number of runs, other cells."""
-    whole = laps(reading())
-    fewer = laps(reading(), runs=3)
+    whole = laps(setup_of())
+    fewer = laps(setup_of(), runs=3)
     np.testing.assert_array_equal(fewer.error, whole.error[:, :3])
-    alone = laps(reading(), sensors={"x": Sensor(0.001, 0.005)})
+    alone = laps(setup_of(), sensors={"x": Sensor(0.001, 0.005)})
     np.testing.assert_allclose(alone.errors("x"), whole.errors((0.001, 0.005)), atol=1e-9)
     monkeypatch.setattr(monte_carlo, "TOGETHER", 12)
-    np.testing.assert_array_equal(laps(reading()).error, whole.error)
+    np.testing.assert_array_equal(laps(setup_of()).error, whole.error)
 
 
 LAPS_OF_EVERY_KIND = """
@@ -89,24 +89,20 @@ def test_laps_are_the_same_on_another_processor():
     assert float(printed[0].split()[0]) > 0
 
 
-def test_sensors_share_their_runs():
-    """property: without attitude error all sensors are on the same lap."""
-    none = laps(reading(R=0.1), sensors=dict.fromkeys(range(3), Sensor(0.0, 0.0)))
-    assert np.array_equal(none.error[0], none.error[1])
-    assert np.array_equal(none.error[0], none.error[2])
-    assert none.error[0].std() > 0
-
-
-def test_a_sensor_without_error_and_a_perfect_odometry_never_err():
-    """analytic: nothing in, nothing out."""
-    exact = reading(R=0.1, odometry_walk=0.0, odometry_scale=0.0, begin_sd=1e-9)
-    assert np.abs(laps(exact, sensors=PERFECT).error).max() < 1e-6
+def test_without_any_error_there_is_none_and_sensors_share_what_there_is():
+    """analytic: nothing in, nothing out; without attitude error all sensors are on one lap."""
+    alike = dict.fromkeys(range(3), Sensor(0.0, 0.0))
+    exact = setup_of(R=0.1, odometry_walk=0.0, odometry_scale=0.0, begin_sd=1e-9)
+    assert np.abs(laps(exact, sensors=alike).error).max() < 1e-6
+    none = laps(setup_of(R=0.1), sensors=alike).error
+    assert np.array_equal(none[0], none[1]) and np.array_equal(none[0], none[2])
+    assert none[0].std() > 0
 
 
 def test_without_terrain_it_is_dead_reckoning():
     """analytic: on a level road the error is that of the odometry, whose variance adds up."""
     flat = AttitudeMap(0.0, 1.0, np.zeros(500))
-    found = laps(reading(odometry_scale=1e-3), runs=400, attitude_map=flat, store_every=5.0)
+    found = laps(setup_of(odometry_scale=1e-3), runs=400, attitude_map=flat, store_every=5.0)
     driven = found.distance - 50.0
     expected = 0.5**2 + 0.013**2 * driven + (1e-3 * driven) ** 2
     spread = found.error[0].var(axis=0)
@@ -116,7 +112,7 @@ def test_without_terrain_it_is_dead_reckoning():
 
 def test_worse_sensors_track_worse():
     """property: with common runs, more N or more B means a larger mean square error."""
-    square = (laps(reading(), runs=30).error ** 2).mean(axis=(1, 2))
+    square = (laps(setup_of(), runs=30).error ** 2).mean(axis=(1, 2))
     assert square[0] < square[1] < square[3] and square[0] < square[2] < square[3]
 
 
@@ -128,68 +124,60 @@ def test_two_channels_and_bias_states_run_and_help():
     def rms(*args, **kw):
         return np.sqrt((laps(*args, runs=30, **kw).error ** 2).mean(axis=(1, 2)))
 
-    assert rms(reading(), attitude_map=both)[0] < rms(reading())[0]
-    assert rms(reading(bias_states=True, R=0.0025))[3] < 0.5 * rms(reading())[3]
+    assert rms(setup_of(), attitude_map=both)[0] < rms(setup_of())[0]
+    assert rms(setup_of(bias_states=True, R=0.0025))[3] < 0.5 * rms(setup_of())[3]
 
 
 def test_half_the_samples_have_the_same_paths():
     """property: `every` thins the updates of the same laps; truth and moments stay."""
-    full, half = laps(reading()), laps(reading(every=2))
+    full, half = laps(setup_of()), laps(setup_of(every=2))
     np.testing.assert_allclose(half.distance, full.distance)
     assert 0 < np.abs(half.error - full.error).max() < 1.0
 
 
 def test_own_variance_is_averaged_over_the_lap():
     """analytic: with no bias, N^2 times half the lap's time."""
-    assert reading().own_R(Sensor(0.01, 0.0)) == pytest.approx(1e-4 * 300 / 11 / 2, rel=1e-3)
-    assert reading().own_R(Setup.WORST) == pytest.approx(reading().R)
+    assert setup_of().own_R(Sensor(0.01, 0.0)) == pytest.approx(1e-4 * 300 / 11 / 2, rel=1e-3)
+    assert setup_of().own_R(Setup.WORST) == pytest.approx(setup_of().R)
     sensor = Sensor(0.01, 0.005)
-    own = laps(replace(reading(), R=None), sensors={0: sensor})
-    same = laps(reading(), sensors={0: sensor._replace(R=reading().own_R(sensor))})
+    own = laps(replace(setup_of(), R=None), sensors={0: sensor})
+    same = laps(setup_of(), sensors={0: sensor._replace(R=setup_of().own_R(sensor))})
     np.testing.assert_array_equal(own.error, same.error)
 
 
 def test_the_grids_are_those_of_the_figures():
     """published: N 0.001 to 0.01 at six B, and the reverse, 120 cells."""
-    over_n, over_b = Setup.sweeps()
-    assert len(over_n) == len(over_b) == 60
-    assert all(label == (s.sigma_b, s.arw) for label, s in over_n.items())
-    assert all(label == (s.arw, s.sigma_b) for label, s in over_b.items())
-    (b, n), (fixed, swept) = (zip(*labels, strict=True) for labels in (over_n, over_b))
-    assert sorted(set(b)) == [0.0001, 0.002, 0.004, 0.006, 0.008, 0.01]
-    assert (min(n), max(n), min(swept), max(swept)) == (0.001, 0.01, 0.0001, 0.01)
-    assert len(set(n)) == len(set(swept)) == 10 and len(set(fixed)) == 6
+    fixed = [0.0001, 0.002, 0.004, 0.006, 0.008, 0.01], [0.001, 0.002, 0.004, 0.006, 0.008, 0.01]
+    ranges = (0.001, 0.01), (0.0001, 0.01)
+    names = ("sigma_b", "arw"), ("arw", "sigma_b")
+    for cells, at, ends, of in zip(Setup.sweeps(), fixed, ranges, names, strict=True):
+        assert all(label == tuple(getattr(s, k) for k in of) for label, s in cells.items())
+        assert list(cells) == [(x, y) for x in at for y in np.linspace(*ends, 10)]
 
 
 def test_laps_by_label():
     """property: tables carry the labels of the sensors, and agree with the arrays."""
-    found = laps(reading())
+    found = laps(setup_of())
     lost, rms = found.lost(0.5), found.rms()
     assert lost.shape == (8, 4) and list(lost.columns) == list(SENSORS)
     for k, label in enumerate(SENSORS):
         error = found.errors(label)
         assert np.array_equal(lost[label], np.abs(error).max(axis=1) > 0.5)
-        assert rms[label] == pytest.approx(
-            error.std() if error.mean() == 0 else np.sqrt((error**2).mean())
-        )
+        assert rms[label] == pytest.approx(np.sqrt((error**2).mean()))
         nees = (error**2 / found.variance[k]).mean()
         assert found.nees()[label] == pytest.approx(nees)
         assert found.reach()[label] == pytest.approx(np.quantile(np.abs(error), 0.95))
     chosen = np.arange(8) < 5
     some = found.measures(20, np.random.default_rng(1), runs=chosen)["variance"]
-    fewer = laps(reading(), runs=5).measures(20, np.random.default_rng(1))["variance"]
+    fewer = laps(setup_of(), runs=5).measures(20, np.random.default_rng(1))["variance"]
     np.testing.assert_allclose(some, fewer, rtol=1e-9)
-
-
-def test_reach():
-    """analytic: 95 % of 1..100 is 95.05, whatever the sign."""
-    error = np.arange(1, 101.0).reshape(1, 10, 10) * np.array([1, -0.1])[:, None, None]
-    reach = monte_carlo.Laps(("a", "b"), None, None, error, None, None).reach()
-    assert reach.tolist() == pytest.approx([95.05, 9.505])
 
 
 def test_resampled_reach():
     """property: the sample first; no spread among equal laps; a lap more often moves it."""
+    error = np.arange(1, 101.0).reshape(1, 10, 10) * np.array([1, -0.1])[:, None, None]
+    reach = monte_carlo.Laps(("a", "b"), None, None, error, None, None).reach()
+    assert reach.tolist() == pytest.approx([95.05, 9.505])  # 95 % of 1..100, whatever the sign
     error = np.random.default_rng(3).standard_normal((1, 40, 50))
     error[0, -1] *= 30
     found = monte_carlo.Laps(("a",), None, None, error, None, None)
@@ -200,21 +188,21 @@ def test_resampled_reach():
     assert np.ptp(same.reaches(20, np.random.default_rng(4))["a"]) == 0
 
 
-def test_parts_of_the_map_error():
-    """analytic: variances add up, an endless part stays, a first part is the same alone."""
-    setup = replace(reading(), drawn_map_error=((0.3, 8.0), (0.4, np.inf)))
+def test_components_of_the_map_error():
+    """analytic: variances add up, an endless component stays, a first one is the same alone."""
+    setup = replace(setup_of(), drawn_map_error=((0.3, 8.0), (0.4, np.inf)))
     streams = np.random.SeedSequence(SEED).spawn(300)
     both = monte_carlo.map_errors(setup, (1, 200), streams)[0]
     first = replace(setup, drawn_map_error=setup.drawn_map_error[:1])
     alone = monte_carlo.map_errors(first, (1, 200), streams)[0]
     np.testing.assert_allclose(both - alone, (both - alone)[:1].repeat(200, axis=0), atol=1e-12)
-    assert both.std() == pytest.approx(0.5, rel=0.15)  # 300 draws of the larger part: 4 %
+    assert both.std() == pytest.approx(0.5, rel=0.15)  # 300 draws of the larger one: 4 %
     assert both[-1].var() / both[0].var() == pytest.approx(1.0, abs=0.5)
 
 
 def test_the_filter_with_bias_states_expects_the_turn_on():
     """coverage: its NEES is near 1 with the constant that it is told of, and far off without."""
-    setup = reading(bias_states=True, R=0.01, start="turn-on")
+    setup = setup_of(bias_states=True, R=0.01, start="turn-on")
     sensors = {"gyro": Sensor(0.001, 0.05)}
     found = laps(setup, runs=40, sensors=sensors, map_error=0.1)
     assert found.nees()["gyro"] < 1.5 and found.rms()["gyro"] < 0.5
@@ -254,37 +242,31 @@ def test_a_gyro_beyond_the_plane():
 
 
 def test_white_noise_of_the_map_is_added():
-    """property: a map error of no size changes nothing, another is a noise on every reading."""
-    exact = laps(reading(R=0.01), sensors=PERFECT)
-    noisy = laps(reading(R=0.01), sensors=PERFECT, map_error=0.1)
+    """property: a map error of no size changes nothing, another is a noise on every sample."""
+    exact = laps(setup_of(R=0.01), sensors=PERFECT)
+    noisy = laps(setup_of(R=0.01), sensors=PERFECT, map_error=0.1)
     assert exact.nis.mean() < 0.2 and noisy.nis.mean() == pytest.approx(1.0, rel=0.25)
 
 
 def test_a_lap_off_the_map_is_refused():
     """property: a sentence with both ranges, and no simulation."""
     with pytest.raises(CannotAnswer, match=r"from 50\.0 to 650\.0 m and leaves the map"):
-        laps(replace(reading(), length=600.0))
-
-
-def synthetic_errors(cells=3, runs=50, times=40):
-    """Errors with a spread between runs (2), within runs (1) and a common offset (3)."""
-    rng = np.random.default_rng(SEED)
-    between = 2.0 * rng.standard_normal((cells, runs, 1))
-    return 3.0 + between + rng.standard_normal((cells, runs, times))
+        laps(replace(setup_of(), length=600.0))
 
 
 def test_the_three_variances_are_numpys():
     """analytic: pooled, ensemble and per-run variance as numpy computes them."""
-    error = synthetic_errors()
-    laps = monte_carlo.Laps((0, 1, 2), None, None, error, None, None)
-    found = laps.measures(1, np.random.default_rng(1))
-    found = {name: values.loc[0].to_numpy() for name, values in found.items()}
-    assert found["mean"] == pytest.approx(np.abs(error).mean(axis=(1, 2)))
-    assert found["variance"] == pytest.approx(error.var(axis=(1, 2)))
-    assert found["variance over laps at one moment"] == pytest.approx(
-        error.var(axis=1).mean(axis=1)
-    )
-    assert found["variance over a lap"] == pytest.approx(error.var(axis=2).mean(axis=1))
+    rng = np.random.default_rng(SEED)
+    error = 3.0 + 2.0 * rng.standard_normal((3, 50, 1)) + rng.standard_normal((3, 50, 40))
+    made = monte_carlo.Laps((0, 1, 2), None, None, error, None, None)
+    found = made.measures(1, np.random.default_rng(1))
+    for name, expected in {
+        "mean": np.abs(error).mean(axis=(1, 2)),
+        "variance": error.var(axis=(1, 2)),
+        "variance over laps at one moment": error.var(axis=1).mean(axis=1),
+        "variance over a lap": error.var(axis=2).mean(axis=1),
+    }.items():
+        assert found[name].loc[0].to_numpy() == pytest.approx(expected)
 
 
 def test_bootstrap_interval_covers():
@@ -321,7 +303,7 @@ def test_an_interval_of_a_skewed_number_has_its_mirror_image():
     assert crossing == monte_carlo.interval(rows - 2.0)  # no logarithm: as it is
 
 
-def test_a_coarser_setup_is_the_same_reading():
+def test_a_coarser_setup_is_the_same_interpretation():
     """property: step, and R times rate, are those asked for; no R stays none."""
     fine = Setup.reference(1500.0)
     coarse = fine.coarser(0.55)

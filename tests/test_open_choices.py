@@ -1,4 +1,4 @@
-"""Readings of the terrain paper: their sensors, their laps, and the claims' numbers."""
+"""Interpretations of the terrain paper: their sensors, their laps, and the claims' numbers."""
 
 from dataclasses import asdict, replace
 from functools import cache
@@ -81,7 +81,7 @@ def test_compiled_filter_leaves_out_bias_states():
         simulate_laps(road(), {0: Sensor(0, 0)}, setup, runs=1, seed=SEED, compiled=True)
 
 
-def test_a_high_pass_or_difference_is_one_of_map_and_reading():
+def test_a_high_pass_or_difference_is_one_of_map_and_samples():
     """analytic: without gyro error the filter sees no innovation, whatever is compared."""
     exact = {"odometry_walk": 0.0, "odometry_scale": 0.0, "begin_sd": 1e-9, "R": 0.01}
     for form in ({"high_pass": 3.0}, {"difference": 30.0}):
@@ -102,8 +102,8 @@ def test_laps_begin_all_along_the_road():
 
 def test_a_coarser_rate_with_its_R_gives_the_same_errors():
     """property: R scaled with the rate keeps the information of a second, so 0.55 m a step do."""
-    reading = Interpretation(leg_m=190.0)
-    setup = replace(reading.setup(), span=None)
+    chosen = Interpretation(leg_m=190.0)
+    setup = replace(chosen.setup(), span=None)
     sensor = Sensor(0.01, 0.01)
     fine = replace(setup, rate_hz=100.0, R=replace(setup, rate_hz=100.0).own_R(sensor))
     coarse = replace(setup, R=fine.R * setup.rate_hz / 100.0)
@@ -158,7 +158,7 @@ def test_numbers_of_made_laps():
 
 
 def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
-    """property: notebooks 21 to 23 judge no claim on laps that the readings leave out."""
+    """property: notebooks 21 to 23 judge no claim on laps that the interpretations leave out."""
     published = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
     mine = published[published["notebook"].isin(["21-terrain-ukf", "22-sensor-sweeps", "23-cost"])]
     judged = mine[~mine["why"].str.startswith(("by construction", "not testable"))].index
@@ -169,7 +169,7 @@ def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
 
 
 def test_the_design_has_every_level_about_equally_often():
-    """property: a Sobol' sample over the levels, and each level once about either reading."""
+    """property: a Sobol' sample over the levels, and each level once about either centre."""
     plan = design(256, SEED)
     sample = plan[plan["why"] == "sample"]
     for name, levels in FACTORS.items():
@@ -189,7 +189,7 @@ def test_unknown_levels_are_refused():
 
 
 def judged(count=600, seed=SEED):
-    """Make judged readings: one claim that noise decides, one that nothing decides."""
+    """Make judged interpretations: one claim that noise decides, one that nothing decides."""
     plan = design(count, seed)
     rng = np.random.default_rng(seed)
     integrated = plan["noise"] == "integrated"
@@ -207,12 +207,12 @@ def test_deciding_factors_are_found_and_others_have_no_share():
     assert a.index[0] == "noise" and a["share"].iloc[0] == pytest.approx(1.0, abs=1e-9)
     assert a["share"].iloc[1:].abs().max() < 0.05
     coin = of.deciding("terrain-b", 50, rng)
-    # A share of nothing scatters by about sqrt(2 (levels - 1)) / readings.
+    # A share of nothing scatters by about sqrt(2 (levels - 1)) / interpretations.
     assert coin["share"].abs().max() < 0.03 and (coin["low"] <= coin["high"]).all()
 
 
 def test_joint_ranking_and_shares_count_what_holds():
-    """property: shares add up; the best readings hold most claims; some claim never holds."""
+    """property: shares add up; the best hold most claims; some claim never holds."""
     of = judged()
     shares = of.shares()
     assert np.allclose(shares.sum(axis=1), 1.0)
@@ -226,7 +226,7 @@ def test_joint_ranking_and_shares_count_what_holds():
 
 
 def test_the_error_surface_rises_with_every_coefficient():
-    """property: along N and along B, but for the scatter of 200 laps, in both readings."""
+    """property: along N and along B, but for the scatter of 200 laps, in both interpretations."""
     for noise in ("integrated", "on attitude"):
         plane = terrain_data.error_plane(noise, 200.0)
         assert plane.error.shape == (len(plane.sigma_b), len(plane.arw))
@@ -242,7 +242,7 @@ def test_the_error_surface_rises_with_every_coefficient():
 
 
 def test_the_committed_study_is_simulated_again_the_same():
-    """property: two stored readings, laps and all, from this code; as far as they were rounded."""
+    """property: two that are stored, laps and all, from this code; as far as they were rounded."""
     study = terrain_data.interpretations()
     assert len(study.sample.levels) >= 2000
     quick = study.all.levels.query("leg_m == 100 and speed_m_s == 30")
@@ -296,7 +296,7 @@ def test_verdicts_on_the_terrain_paper_have_one_condition():
     assert set(conditions.values()) == {"", Setup.REFERENCE}
 
 
-def test_the_matrix_at_the_reference_reading_agrees_with_the_notebooks():
+def test_the_matrix_at_the_reference_interpretation_agrees_with_the_notebooks():
     """cross-check: notebook 24 (other laps, coarser sweeps) against what 12 and 21 to 23 say."""
     named = terrain_data.interpretations().best
     said = named.verdicts().loc[named.why.index[named.why == "reference"][0]]
@@ -306,8 +306,8 @@ def test_the_matrix_at_the_reference_reading_agrees_with_the_notebooks():
     assert {k: (of, words[k]) for k, of in theirs.items() if of != words[k]} == {}
 
 
-def test_the_reference_reading_is_the_default_of_every_factor():
-    """cross-check: the one of the readings against the one of the notebooks, R of a sensor too."""
+def test_the_reference_interpretation_is_the_default_of_every_factor():
+    """cross-check: that of the study against that of the notebooks, R of a sensor too."""
     mine, theirs = (
         Interpretation(),
         Setup.reference(open_choices.LAP_M).coarser(open_choices.STEP_M),

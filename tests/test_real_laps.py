@@ -8,7 +8,6 @@ from scipy.signal import lfilter
 
 from analysis import CannotAnswer, terrain_data
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.point_mass import compare_filters
 from analysis.terrain.real_laps import MapError, resample_lap, track_real_laps
 
 LAP = "17-39-12"  # the one with the longest dropout
@@ -59,17 +58,6 @@ def test_an_exact_map_is_better():
     assert (exact.error**2).mean() < (measured.error**2).mean()
 
 
-def test_the_map_does_not_know_the_lap():
-    """property: leaving a lap out changes the map, and the map is of the lap's direction."""
-    whole, without = (
-        terrain_data.profile(terrain_data.lap(LAP).direction),
-        terrain_data.map_without(LAP),
-    )
-    assert without.laps.max() < whole.laps.max()
-    other = terrain_data.profile("cw" if terrain_data.lap(LAP).direction == "ccw" else "ccw")
-    assert abs(without.length_m - whole.length_m) < 5 < abs(other.length_m - whole.length_m)
-
-
 def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
     """property: one sentence each."""
     lap, others = terrain_data.lap_and_map(LAP)
@@ -85,16 +73,6 @@ def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
         track_real_laps({0: (lap, torn)}, PERFECT, Setup.reference(1557.0), **options)
 
 
-def test_filter_grid_and_bound_on_the_real_map():
-    """cross-check: on the real track, where the model is true, UKF and grid differ by percents."""
-    profile = terrain_data.profile("ccw")
-    setup = Setup.reference(600.0, R=0.05, odometry_scale=0.0)
-    found, _ = compare_filters(profile.attitude_map(), setup, runs=40, seed=3)
-    ukf, grid, bound = np.sqrt((found[["UKF", "grid filter", "Cramér–Rao bound"]] ** 2).mean())
-    assert ukf == pytest.approx(grid, rel=0.05)
-    assert grid > 0.85 * bound  # 40 laps know it to some 8 %
-
-
 def gauss_markov(rng, sd, length, metres):
     """Make a Gauss-Markov process of distance at every metre."""
     keep = np.exp(-1 / length)
@@ -103,9 +81,9 @@ def gauss_markov(rng, sd, length, metres):
 
 
 def test_the_error_of_a_map_is_recovered():
-    """coverage: of 40 laps with known offset, slow and fast part, each is found within 15 %.
+    """coverage: of 40 laps with known offset, slow and fast component, each is found within 15 %.
 
-    Forty laps of 2 km hold 1600 slow lengths, but the two parts trade against each other.
+    Forty laps of 2 km hold 1600 slow lengths, but the two trade against each other.
     """
     rng, s = np.random.default_rng(8), np.arange(2000.0)
     laps = [
@@ -117,7 +95,7 @@ def test_the_error_of_a_map_is_recovered():
     assert error.slow_sd == pytest.approx(0.15, rel=0.15)
     assert error.slow_length_m == pytest.approx(50, rel=0.3)
     assert error.fast_sd == pytest.approx(0.08, rel=0.15)
-    assert error.offset_sd == pytest.approx(0.07, rel=0.35)  # 40 numbers, and the slow part's mean
+    assert error.offset_sd == pytest.approx(0.07, rel=0.35)  # 40 numbers, and the slow one's mean
 
 
 def test_few_laps_make_the_filter_less_sure():

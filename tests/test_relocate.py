@@ -36,7 +36,7 @@ def test_no_alarm_without_need_and_the_way_back_after_a_slip():
 
 @pytest.fixture
 def drive():
-    """Make 600 m of hills, and readings of them at 10 Hz and 10 m/s without any error."""
+    """Make 600 m of hills, and samples of them at 10 Hz and 10 m/s without any error."""
     rng = np.random.default_rng(3)
     s = np.arange(1500.0)
     waves = rng.uniform(0.01, 0.2, (12, 1)), rng.uniform(0, 7, (12, 1))
@@ -47,7 +47,7 @@ def drive():
 
 
 def test_the_likelihood_finds_the_place(drive):
-    """analytic: perfect readings put the weight on the true place, and explain themselves."""
+    """analytic: perfect samples put the weight on the true place, and explain themselves."""
     road, setup, truth, moved = drive
     place, weight, explained = likelihood(
         averaged_map(road), road.at(truth), np.cumsum(moved), MEMS, setup, (600.0, 1400.0)
@@ -56,8 +56,8 @@ def test_the_likelihood_finds_the_place(drive):
     assert weight[np.abs(place - truth[-1]) < 10].sum() > 0.999 and explained > 0.99
 
 
-def test_readings_of_no_place_move_nothing(drive):
-    """property: where no place on the map explains the readings, the position stays as it was."""
+def test_samples_of_no_place_move_nothing(drive):
+    """property: where no place on the map explains the samples, the position stays as it was."""
     road, setup, truth, moved = drive
     rng = np.random.default_rng(5)
     nonsense = road.at(truth) + np.repeat(3 * rng.standard_normal(21), 30)[:601]
@@ -73,8 +73,8 @@ def test_drives_together_are_as_alone(drive):
     road, setup, truth, moved = drive
     slipped = moved.copy()
     slipped[100:160] = 0.0
-    readings = np.repeat(road.at(truth)[:, :, None], 2, axis=2)
-    both = watch(road, readings, np.array([moved, slipped]).T, truth[[0, 0]], MEMS, setup)
+    samples = np.repeat(road.at(truth)[:, :, None], 2, axis=2)
+    both = watch(road, samples, np.array([moved, slipped]).T, truth[[0, 0]], MEMS, setup)
     for d, own in enumerate((moved, slipped)):
         alone = watch(road, road.at(truth), own, truth[0], MEMS, setup)
         np.testing.assert_allclose(both.position[:, d], alone.position[:, 0], atol=1e-9)

@@ -268,28 +268,23 @@ def test_the_committed_highway():
 
 @pytest.mark.parametrize("direction", ("ccw", "cw"))
 def test_the_committed_map(direction):
-    """Published: the facts that datasets/README gives of the laps hold on the committed ones."""
-    line = terrain_data.profile(direction).line
-    laps = list(terrain_data.laps(direction).values())
-    curves = terrain_map.lap_curves(laps, line, surveys.WIDTH)
-    bins = {q: line.bin_means(values, 5.0) for q, values in curves.items()}
+    """Published: the facts that datasets/README gives of the laps hold on the committed ones.
+
+    Cross-check: the map that these make is the committed one, to its six digits.
+    """
+    stored, laps = terrain_data.profile(direction), [*terrain_data.laps(direction).values()]
+    curves = terrain_map.lap_curves(laps, stored.line, surveys.WIDTH)
+    made = terrain_map.combine(curves, stored.line)
+    for key in ("pitch_deg", "roll_deg", "height_m", "pitch_se_deg", "roll_se_deg"):
+        np.testing.assert_allclose(getattr(made, key), getattr(stored, key), atol=2e-3)
+    assert (np.diff(stored.s_m) > 0).all() and np.isfinite(stored.pitch_deg).all()
+    bins = {q: stored.line.bin_means(values, 5.0) for q, values in curves.items()}
     first = np.triu_indices(len(laps), 1)
     roll, pitch = (np.corrcoef(bins[q])[first] for q in ("roll_deg", "pitch_deg"))
     assert roll.min() >= 0.99
     assert pitch.min() > 0.83 and pitch.max() < 0.97  # 0.88 to 0.95 there, by another alignment
     apart = [np.std(bins["height_m"][i] - bins["height_m"][j]) for i, j in zip(*first, strict=True)]
     assert max(apart) / np.sqrt(2) < 0.02  # 1 to 2 cm
-
-
-def test_the_committed_map_is_what_its_laps_make():
-    """Cross-check: map from the committed laps equals the committed map, to its six digits."""
-    for direction in ("ccw", "cw"):
-        line, stored = terrain_data.profile(direction).line, terrain_data.profile(direction)
-        laps = list(terrain_data.laps(direction).values())
-        made = terrain_map.combine(terrain_map.lap_curves(laps, line, surveys.WIDTH), line)
-        for key in ("pitch_deg", "roll_deg", "height_m", "pitch_se_deg", "roll_se_deg"):
-            np.testing.assert_allclose(getattr(made, key), getattr(stored, key), atol=2e-3)
-        assert (np.diff(stored.s_m) > 0).all() and np.isfinite(stored.pitch_deg).all()
 
 
 def test_each_lap_keeps_its_promises():
@@ -303,16 +298,16 @@ def test_each_lap_keeps_its_promises():
         assert lap.fixed.mean() > 0.5 and np.isfinite(lap.pitch_deg).mean() > 0.95
 
 
-def test_leaving_a_lap_out_leaves_it_out():
+@pytest.mark.parametrize(("name", "left"), [("14-45-26", 3), ("17-39-12", 1)])
+def test_leaving_a_lap_out_leaves_it_out(name, left):
     """Property: the held-out map differs, has one lap less, and one lap alone borrows its error."""
-    for name, left in (("14-45-26", 3), ("17-39-12", 1)):
-        held_out, whole = (
-            terrain_data.map_without(name),
-            terrain_data.profile(terrain_data.lap(name).direction),
-        )
-        assert held_out.laps.max() == left
-        assert np.std(held_out.pitch_deg - whole.pitch_deg) > 0.01
-        assert (held_out.pitch_se_deg > 0).all()
+    held_out, whole = (
+        terrain_data.map_without(name),
+        terrain_data.profile(surveys.DIRECTION_OF[name]),
+    )
+    assert held_out.laps.max() == left and held_out.length_m == whole.length_m
+    assert np.std(held_out.pitch_deg - whole.pitch_deg) > 0.01
+    assert (held_out.pitch_se_deg > 0).all()
 
 
 # ---------------------------------------------------------------- what is refused
@@ -388,21 +383,17 @@ def test_a_lap_that_is_not_on_the_map_is_refused(tmp_path):
     """Property: a lap off the map, one against its direction, a missing file: a sentence each."""
     away = van_on("ccw", slice(0, 300))
     away[:, 200:] += [40.0, 60.0, 0.0]
-    path = write_log(tmp_path / "mine.mat", away)
-    with pytest.raises(
-        CannotAnswer, match=r"mine\.mat: the lap leaves the map: it is \d+ m to the"
+    for lap, words in (
+        (away, r"mine\.mat: the lap leaves the map: it is \d+ m to the"),
+        (van_on("ccw", backward=True), r"mine\.mat: the lap runs against the map's direction"),
+        (van_on("cw"), "against the map's direction"),
     ):
-        terrain_data.lap_and_map(path, "ccw")
-    path = write_log(tmp_path / "back.mat", van_on("ccw", backward=True))
-    with pytest.raises(CannotAnswer, match=r"back\.mat: the lap runs against the map's direction"):
-        terrain_data.lap_and_map(path, "ccw")
-    other = write_log(tmp_path / "other.mat", van_on("cw"))
-    with pytest.raises(CannotAnswer, match="against the map's direction"):
-        terrain_data.lap_and_map(other, "ccw")
-    with pytest.raises(WrongUsage, match="no direction 'north'; there are: ccw, cw"):
-        terrain_data.lap_and_map(path, "north")
+        with pytest.raises(CannotAnswer, match=words):
+            terrain_data.lap_and_map(write_log(tmp_path / "mine.mat", lap), "ccw")
     with pytest.raises(CannotAnswer, match=r"^missing\.mat: no such file$"):
         terrain_data.lap_and_map(tmp_path / "missing.mat", "ccw")
+    with pytest.raises(WrongUsage, match="no direction 'north'; there are: ccw, cw"):
+        terrain_data.lap_and_map(tmp_path / "mine.mat", "north")
     with pytest.raises(WrongUsage, match="no lap 'x'"):
         terrain_data.lap("x")
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from analysis import CannotAnswer, WrongUsage
+from analysis import CannotAnswer, WrongUsage, terrain_data
 from analysis.terrain import point_mass
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.monte_carlo import nees_bounds
 from analysis.terrain.terrain_map import GRAIN, AttitudeMap, Profile
 from analysis.terrain.ukf import Ukf, bias_state_matrices
 
@@ -63,16 +62,22 @@ def test_equals_filterpy(channels, further):
         np.testing.assert_allclose(ours.P[..., 1], theirs.P, rtol=1e-7, atol=1e-9)
 
 
-def test_on_a_slope_it_is_the_kalman_filter():
-    """analytic: where the map is a straight line the covariance follows the Riccati recursion."""
-    slope, Q, R = 0.05, 1e-3, 0.04
+@pytest.mark.parametrize("slope", [0.05, 0.0])
+def test_on_a_slope_it_is_the_kalman_filter_and_the_bound(slope):
+    """analytic: 1 / P = 1 / (P + Q) + slope^2 / R for both; level ground says nothing."""
+    Q, R = 1e-3, 0.04
     road = AttitudeMap(0.0, 1.0, slope * np.arange(500.0))
+    setup = Setup(
+        100.5, begin=100.0, rate_hz=2.0, speed=1.0, R=R, begin_sd=2.0, odometry_walk=(2 * Q) ** 0.5
+    )
     ours, P = Ukf(road, np.array([[100.0]]), np.array([[[4.0]]])), 4.0
-    for _ in range(200):
+    for bound in point_mass.cramer_rao_bound(road, setup):
         ours.predict(0.5, Q)
         ours.update(np.array([[7.0]]), R)
         P = 1 / (1 / (P + Q) + slope**2 / R)
         assert ours.P[0, 0, 0] == pytest.approx(P, rel=1e-9)
+        assert bound == pytest.approx(np.sqrt(P), rel=1e-9)
+    assert (ours.x[0, 0] == pytest.approx(100.0 + 0.5 * 201)) == (slope == 0)
 
 
 def test_covariance_stays_symmetric_and_positive():
@@ -90,69 +95,20 @@ def test_covariance_stays_symmetric_and_positive():
     assert np.linalg.eigvalsh(np.moveaxis(ours.P, -1, 0)).min() > 0
 
 
-def white_noise_laps(runs, R, q=1e-4, moved=0.3, steps=2500):
-    """Track laps whose noise is what filter and grid assume; give both errors, P and bound."""
-    road, rng = hills(), np.random.default_rng(SEED)
-    slips = np.sqrt(q) * rng.standard_normal((steps, runs))
-    truth = 20.0 + np.cumsum(np.full((steps, runs), moved) + slips, axis=0)
-    first = 20.0 + 0.5 * rng.standard_normal(runs)
-    ours = Ukf(road, first[None], np.full((1, 1, runs), 0.25))
-    grid = point_mass.PointMass(road, first, 0.25, half_width=5.0)
-    errors, variance = np.empty((2, steps, runs)), np.empty((steps, runs))
-    for k in range(steps):
-        z = road.at(truth[k]) + np.sqrt(R) * rng.standard_normal(runs)
-        ours.predict(moved, q)
-        ours.update(z, R)
-        grid.predict(moved, q)
-        grid.update(z, R)
-        errors[:, k] = ours.x[0] - truth[k], grid.mean()[0] - truth[k]
-        variance[k] = ours.P[0, 0]
-    setup = Setup(
-        moved * (steps + 0.5),
-        begin=20.0,
-        rate_hz=1.0,
-        speed=moved,
-        R=R,
-        odometry_walk=np.sqrt(q / moved),
-        odometry_scale=0.0,
-    )
-    return errors, variance, point_mass.cramer_rao_bound(road, setup)
+@pytest.mark.parametrize("road", [hills(), terrain_data.profile("ccw").attitude_map()])
+def test_filter_grid_and_bound_where_the_model_is_true(road):
+    """cross-check: UKF and grid filter differ by percents, on made and on real terrain.
 
-
-def test_as_good_as_the_grid_filter_and_no_better_than_the_bound():
-    """cross-check: on informative terrain UKF and grid filter differ by a few percent."""
-    (ukf, grid), _, bound = white_noise_laps(runs=60, R=0.04)
-    settled = slice(500, None)
-    rms = [np.sqrt((e[settled] ** 2).mean()) for e in (ukf, grid)]
-    assert rms[0] == pytest.approx(rms[1], rel=0.05)
-    # 60 runs of some dozens of independent errors each: the rms is known to 3 %.
-    assert min(rms) > 0.94 * np.sqrt((bound[settled] ** 2).mean())
-    assert min(rms) < 1.15 * np.sqrt((bound[settled] ** 2).mean())
-
-
-def test_consistent_when_its_model_holds():
-    """coverage: the mean NEES of 200 runs lies between its 95 % chi-square bounds.
-
-    Moments follow each other, which leaves some twenty independent ones: 85 to 100 % is what a
-    consistent filter shows of the 95 %.
+    coverage: the mean NEES of the runs lies between its 95 % chi-square bounds. Moments follow each
+    other, which leaves some twenty independent ones: 85 to 100 % is what a consistent filter shows.
     """
-    (ukf, _), variance, _ = white_noise_laps(runs=200, R=0.09)
-    low, high = nees_bounds(200)
-    nees = (ukf**2 / variance).mean(axis=1)[300:]
-    assert 0.85 < ((low < nees) & (nees < high)).mean() <= 1.0
-
-
-def test_bound_of_a_slope_is_the_riccati_recursion():
-    """analytic: one state, one slope: 1 / P = 1 / (P + Q) + slope^2 / R."""
-    road = AttitudeMap(0.0, 1.0, 0.1 * np.arange(100.0))
-    setup = Setup(
-        50.5, begin=1.0, rate_hz=1.0, speed=1.0, R=0.04, begin_sd=1.0, odometry_walk=1e-3**0.5
-    )
-    found = point_mass.cramer_rao_bound(road, setup)
-    P = 1.0
-    for sd in found:
-        P = 1 / (1 / (P + 1e-3) + 0.1**2 / 0.04)
-        assert sd == pytest.approx(np.sqrt(P), rel=1e-9)
+    setup = Setup(600.0, begin=20.0, rate_hz=20.0, R=0.04, odometry_scale=0.0)
+    found, (low, high) = point_mass.compare_filters(road, setup, runs=60, seed=SEED)
+    ukf, grid, bound = np.sqrt((found[["UKF", "grid filter", "Cramér–Rao bound"]] ** 2).mean())
+    assert ukf == pytest.approx(grid, rel=0.05)
+    # 60 runs of some dozens of independent errors each: the rms is known to 3 %.
+    assert 0.94 * bound < min(ukf, grid) < 1.15 * bound
+    assert 0.85 < found["NEES"].iloc[15:].between(low, high).mean() <= 1.0
 
 
 @pytest.mark.parametrize("channels", [1, 2])
@@ -178,16 +134,6 @@ def test_grid_filter_diffuses_by_exactly_q():
     assert mean[0] == pytest.approx(60.0, abs=1e-9)
     assert variance[0] - before[0] == pytest.approx(0.1, rel=1e-6)
     assert grid.p.sum() == pytest.approx(1.0, abs=1e-12)
-
-
-def test_a_flat_road_tells_nothing():
-    """property: on a level road the position stays the odometry's, and P grows with it."""
-    ours = Ukf(AttitudeMap(0.0, 1.0, np.ones(100)), np.array([[10.0]]), np.array([[[1.0]]]))
-    for _ in range(50):
-        ours.predict(1.0, 0.01)
-        ours.update(np.array([[3.0]]), 0.04)
-    assert ours.x[0, 0] == pytest.approx(60.0)
-    assert ours.P[0, 0, 0] == pytest.approx(1.5)
 
 
 def test_map_reads_straight_lines_and_stays_level_outside():
