@@ -29,7 +29,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from analysis import ROOT, STANDARD_GRAVITY, CannotAnswer, WrongUsage
-from sensorlogs import archives, columns, datasets, formats, matrices, read, read_moving
+from sensorlogs import archives, datasets, formats, matrices, read, read_moving
 from workbench.cli import main
 
 RATE, ROWS, UNIX = 100.0, 400, 1.7e9
@@ -213,13 +213,13 @@ def write_ulog(path, imus=1, combined=True):
     path.write_bytes(b"".join(out))
 
 
-def write_dataflash(path, imus=1):
+def write_dataflash(path, imus=1, stamp=b"TimeUS"):
     """Lay out a DataFlash log by ArduPilot's description: FMT messages first."""
 
     def form(kind, length, name, code, columns):
         return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", kind, length, name, code, columns)
 
-    names = b"TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T"
+    names = stamp + b",I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,T"
     out = [
         form(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns"),
         form(129, 3 + 8 + 1 + 28, b"IMU", b"QBfffffff", names),
@@ -738,6 +738,18 @@ def test_channels_lists_what_is_in_a_log(tmp_path, capsys):
     assert "c1" in capsys.readouterr().out
 
 
+def test_an_old_dataflash_log(tmp_path, capsys):
+    """Property: stamps in ms are read; a log without a table is a sentence for every verb."""
+    write_dataflash(tmp_path / "old.bin", stamp=b"TimeMS")
+    assert read(tmp_path / "old.bin").rate_hz == pytest.approx(RATE / 1000)
+    assert len(read_moving([tmp_path / "old.bin"]).imu.t_s) == ROWS
+    write_dataflash(tmp_path / "none.bin", stamp=b"Ticks")
+    path, out = str(tmp_path / "none.bin"), ["--out", str(tmp_path / "out")]
+    for verb in (["channels", path], ["report", path, *out], ["replay", path, *out]):
+        assert main(verb) == 1
+        assert "an ArduPilot DataFlash log without any table" in capsys.readouterr().err
+
+
 def test_channels_lists_what_can_be_read(tmp_path, capsys):
     """Property: a bad cell hides neither its own columns nor the other files of a folder."""
     folder = tmp_path / "logs"
@@ -969,13 +981,6 @@ def test_a_ulog_without_an_imu(tmp_path):
     (tmp_path / "log.ulg").write_bytes(b"".join([head, fields, added, *rows]))
     with pytest.raises(CannotAnswer, match="which has battery_status: if it is whole, log one"):
         read(tmp_path / "log.ulg")
-
-
-def test_accuracies_are_no_accelerations():
-    """Property: hAcc of a receiver is an accuracy; acc_x and a lone acc stay accelerations."""
-    assert columns.meaning("HAcc") == (None, "an accuracy")
-    assert columns.meaning("speed_acc")[1]
-    assert columns.meaning("acc_x") == columns.meaning("acc") == ("accel", None)
 
 
 @pytest.mark.parametrize("top", [864_000_000, 2**32])

@@ -16,10 +16,10 @@ import numpy as np
 from tqdm import tqdm
 
 from sensorlogs import CannotAnswer, WrongUsage, delimited
-from sensorlogs.columns import NAMES
+from sensorlogs.columns import AXES, NAMES
 from sensorlogs.delimited import Table
 from sensorlogs.matrices import check_zip
-from sensorlogs.tables import AXES, Part, reading
+from sensorlogs.tables import Part, reading
 
 EXPORT = "the export's file name"
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked

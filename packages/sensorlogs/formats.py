@@ -279,7 +279,10 @@ def title_of(path: Path) -> str:
 
 def parts_of(path: Path, known: str | None = None) -> list[Part]:
     """List the tables of a log: a file, packed or not, or a folder; see `_parts`."""
-    return list(archives.phone(_parts(path, known)))
+    found = list(archives.phone(_parts(path, known)))
+    if not found:
+        raise CannotAnswer(f"{path.name}: {title_of(path)} without any table of numbers in it")
+    return found
 
 
 def _parts(path: Path, known: str | None = None) -> list[Part]:
@@ -340,7 +343,7 @@ def _needed(chosen: Sequence[Part], wanted: Sequence[Any] | None, stanza: dict) 
     there = [name for part in chosen for name in part.columns]
     if not wanted or not set(wanted) <= set(there):
         return None
-    sides = [n for n in there if times.is_time(n) or columns.meaning(n)[1] == "a temperature"]
+    sides = [n for n in there if times.is_time(n) or columns.recognise(n).other == "a temperature"]
     return [*wanted, *sides, stanza.get("time")]
 
 

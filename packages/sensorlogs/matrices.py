@@ -23,8 +23,9 @@ import scipy.io
 from tqdm import tqdm
 
 from sensorlogs import CannotAnswer
+from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, open_bytes, progress
-from sensorlogs.tables import AXES, Part, of_arrays, reading, with_axis
+from sensorlogs.tables import Part, of_arrays, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
 AT_ONCE = 1 << 18  # rows of a Parquet file

@@ -315,7 +315,7 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
                     f"{table.place(0, name)}: '{cell}' is not a number; choose other --columns"
                 )
     for name in () if wanted else frame.columns.difference([time, *frame.select_dtypes("number")]):
-        if columns.meaning(name)[0] in ("rate", "accel") and not columns.meaning(name)[1]:
+        if columns.recognise(name).kind in ("rate", "accel") and not columns.recognise(name).other:
             wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
             row = int(np.argmax(wrong))
             raise CannotAnswer(
@@ -325,7 +325,7 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
     lost = {"lat_deg", "lon_deg"} <= set(frame) and "north_m" not in frame and not wanted
-    if lost and not any(columns.meaning(name)[0] for name in numeric):
+    if lost and not any(columns.recognise(name).kind for name in numeric):
         raise CannotAnswer(
             f"{file}: no fix: none of the {len(frame):,} epochs has a position; give a log in "
             "which the receiver has found its satellites"
@@ -337,9 +337,6 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
         notes.append(f"without any value, and left out: {names}")
         numeric = [name for name in numeric if name not in empty]
     numeric = [name for name in numeric if name != warm or name in (wanted or ())]
-    if table.layout is not None and not (wanted and given["unit"]):
-        numeric, doubles = columns.without_doubles(numeric, table.layout.names, file, wanted)
-        notes += doubles
     found = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
     return replace(found, notes=[*notes, *found.notes]), temperature
 
