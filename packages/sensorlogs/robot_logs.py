@@ -21,10 +21,9 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from sensorlogs import CannotAnswer, nmea
+from sensorlogs import CannotAnswer, counted, nmea
 from sensorlogs.columns import AXES, NAMES
 from sensorlogs.delimited import Table, progress
-from sensorlogs.grid import counted
 from sensorlogs.tables import LISTED, Part, of_arrays, reading
 
 DEFINED = "its message definition"

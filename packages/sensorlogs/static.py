@@ -20,12 +20,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import IN_M_S2, CannotAnswer, WrongUsage, columns, datasets, formats, times
-from sensorlogs import grid as grids
+from sensorlogs import (
+    IN_M_S2,
+    CannotAnswer,
+    WrongUsage,
+    columns,
+    counted,
+    datasets,
+    formats,
+    times,
+)
 from sensorlogs.catalogue import check_unit, find
 from sensorlogs.columns import Choice
 from sensorlogs.delimited import Table, printable
-from sensorlogs.grid import MISSING_ALLOWED, Grid
+from sensorlogs.times import MISSING_ALLOWED, Grid
 
 SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
 LARGEST = 1e9  # beyond what any sensor reads, in any unit
@@ -350,14 +358,14 @@ def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid
     """Place the rows on a uniform grid, by their stamps or by a given rate."""
     rate, frame = option.get("rate_hz"), table.frame
     if t_s is None:
-        return Grid(float(option["rate_hz"]), len(frame), grids.ALL, grids.ALL)
+        return Grid(float(option["rate_hz"]), len(frame), times.ALL, times.ALL)
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(t_s[1:] == t_s[:-1]) + 1
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
     repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
     with times.stamp_errors_at(table, time):
-        grid = grids.by_stamps(t_s, repeated, option.get("timing", "auto"))
+        grid = times.by_stamps(t_s, repeated, option.get("timing", "auto"))
     if rate is not None and abs(grid.rate_hz / rate - 1) > 0.05:
         raise WrongUsage(
             f"{table.file}: --rate {rate:g} contradicts time column '{time}', which "
@@ -397,7 +405,7 @@ def _channel(
         jumps = int((np.diff((turned - cells)[finite]).round(6) != 0).sum())
         if jumps:
             repairs.append(
-                f"'{choice.name}' unwrapped: {grids.counted(jumps, 'jump')} by a full turn removed"
+                f"'{choice.name}' unwrapped: {counted(jumps, 'jump')} by a full turn removed"
             )
             cells, values = turned, turned[finite]
     few = np.percentile(values[:: 1 + len(values) // columns.LOOKED_AT], [5, 95])

@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import CannotAnswer, WrongUsage, columns, times
+from sensorlogs import CannotAnswer, WrongUsage, columns, counted, times
 from sensorlogs.delimited import Table, printable
-from sensorlogs.grid import counted
 
 LISTED = 12  # tables named in a message
 SLOW = 0.1  # share of the longest table's rows below which a table is no rival of it
