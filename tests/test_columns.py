@@ -10,7 +10,7 @@ import pytest
 
 import sensorlogs as logs
 from analysis import WrongUsage
-from sensorlogs import columns, moving
+from sensorlogs import columns
 from workbench import cli
 
 N = 400
@@ -127,34 +127,32 @@ SIX = {
     "t,linear_acceleration.x,linear_acceleration.y,linear_acceleration.z,omega_x,omega_y,omega_z": (
         "linear_acceleration_x"
     ),
-    "": "c1",
 }
 
 
 @pytest.mark.parametrize("header", SIX)
 @pytest.mark.parametrize(("unit", "one"), [("m/s^2", 9.80665), ("g", 1.0), ("mg", 1000.0)])
 def test_gyros_and_accelerometers_are_told_apart(tmp_path, header, unit, one):
-    """Property: by name, and without names by size; gravity gives the unit of accelerometers."""
+    """Property: by name; gravity gives the unit of accelerometers."""
     six = (one * ACCEL, GYRO) if "wx" not in header else (GYRO, one * ACCEL)
-    path = write(tmp_path, header, *((T,) if header else ()), *six)
-    log = logs.read(path, unit=f"gyro=deg/s,accel={unit}", rate=100)
+    path = write(tmp_path, header, T, *six)
+    log = logs.read(path, unit=f"gyro=deg/s,accel={unit}")
     kinds = {c.name: (c.kind, c.unit) for c in log.channels}
     assert sorted(kinds.values()) == [("accel", unit)] * 3 + [("rate", "deg/s")] * 3
     assert kinds[SIX[header]] == ("accel", unit)
-    if header:
-        guessed = logs.read(path, unit="gyro=deg/s")
-        assert {c.name: (c.kind, c.unit) for c in guessed.channels} == kinds
-        said = f"accel in {unit} (by their length, one g; --unit accel="
-        assert any(said in repair for repair in guessed.repairs[:2])
+    guessed = logs.read(path, unit="gyro=deg/s")
+    assert {c.name: (c.kind, c.unit) for c in guessed.channels} == kinds
+    said = f"accel in {unit} (by their length, one g; --unit accel="
+    assert any(said in repair for repair in guessed.repairs[:2])
 
 
 @pytest.mark.parametrize("header", SIX)
 def test_a_bare_unit_is_for_one_kind(tmp_path, header):
     """Property: refused beside two kinds, and the command that is printed works."""
     six = (9.80665 * ACCEL, GYRO) if "wx" not in header else (GYRO, 9.80665 * ACCEL)
-    path = write(tmp_path, header, *((T,) if header else ()), *six)
+    path = write(tmp_path, header, T, *six)
     typed = ["pool", str(path), "--axes", "--out", str(tmp_path / "mine"), "--unit", "deg/s"]
-    typed += ["--rate", "100", "--columns", ",".join(header.split(",")[1:] or "123456")]
+    typed += ["--rate", "100", "--columns", ",".join(header.split(",")[1:])]
     with contextlib.redirect_stderr(io.StringIO()) as err:
         assert cli.main(typed) == 2
     sentence, command = err.getvalue().strip().split("; run: ")
@@ -187,26 +185,13 @@ def test_a_single_kind_takes_a_bare_unit(tmp_path):
     assert {c.kind for c in logs.read(path, unit="deg/s").channels} == {"rate"}
 
 
-def test_an_accelerometer_without_names_is_no_gyro(tmp_path):
-    """Property: a length of one g contradicts a unit of rates, unless --kind says so."""
+def test_columns_without_names_are_what_the_flag_says(tmp_path):
+    """Property: --unit or --kind tells what x, y, z are; without, one g is an accelerometer."""
     path = write(tmp_path, "time,x,y,z", T, 9.80665 * ACCEL)
-    with pytest.raises(WrongUsage, match=r"9\.81, as accelerometers at one g: say --unit m/s\^2"):
-        logs.read(path, unit="deg/s")
-    assert {c.kind for c in logs.read(path, unit="deg/s", kind="rate").channels} == {"rate"}
+    assert {c.kind for c in logs.read(path, unit="deg/s").channels} == {"rate"}
     assert {c.unit for c in logs.read(path).channels} == {"m/s^2"}
-
-
-def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
-    """Property: gx, gy, gz may be gravity; --kind settles it."""
-    path = write(tmp_path, "t,gx,gy,gz", T, 9.80665 * ACCEL)
-    with pytest.raises(WrongUsage, match=r"length of one g in m/s\^2: say --columns gx,gy,gz"):
-        logs.read(path, unit="deg/s")
-    three = {"columns": ["gx", "gy", "gz"]}
-    as_accel = logs.read(path, **three, kind="accel", unit="m/s^2")
-    assert {c.kind for c in as_accel.channels} == {"accel"}
-    assert {c.kind for c in logs.read(path, **three, kind="rate", unit="deg/s").channels} == {
-        "rate"
-    }
+    with pytest.raises(WrongUsage, match="no unit is known; say --unit gyro=deg/s"):
+        logs.read(write(tmp_path, "time,x,y,z", T, GYRO))
 
 
 # --- raw counts ----------------------------------------------------------------------------------
@@ -332,59 +317,48 @@ def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
         logs.read_moving([path], **flags | {"unit": "deg/s"})
 
 
-@pytest.mark.parametrize(
-    ("name", "kind", "said"),
-    [
-        ("ax", "accel", None),
-        ("a_y", "accel", None),
-        ("accelerometerAccelerationX", "accel", None),
-        ("motionUserAccelerationZ", "accel", None),
-        ("gx", "rate", None),
-        ("wx(deg/s)", "rate", None),
-        ("w_RS_S_x [rad s^-1]", "rate", None),
-        ("gyroRotationX", "rate", None),
-        ("rollrate", "rate", None),
-        ("yaw rate", "rate", None),
-        ("imu_sample_gyro_x", "rate", None),
-        ("total acceleration x", "accel", None),
-        ("roll", "angle", None),
-        ("Gyroscope", "rate", None),
-        ("locationHeadingX", None, "another quantity"),
-        ("a", None, None),
-        ("g", None, None),
-        ("gyroTimestamp_sinceReboot", "rate", "a time"),
-        ("Absolute acceleration (m/s^2)", "accel", "a norm"),
-        ("|omega|", "rate", "a norm"),
-        ("acc_total", "accel", "a norm"),
-        ("gyro_x_status", "rate", "a status word"),
-        ("angular_velocity_covariance[0]", "rate", "an accuracy"),
-        ("gyro_temp", "rate", "a temperature"),
-        ("mag_x", None, "another quantity"),
-        ("Unnamed: 0", None, "a counter"),
-    ],
-)
-def test_meaning_of_names(name, kind, said):
-    """Property: the vocabulary of readings, and of what is none."""
-    assert columns.meaning(name) == (kind, said)
+NAMED = {  # what replay and compare take a name for | kind, what it is if no reading -> names
+    "gyro_x | rate": """\
+      gyro_x gyro_x_rad_s gyroX Gyr_X gx g_x wx wx(deg/s) w_x_rad_s omega_x angular_velocity.x
+      rate_x AngularVelocityX rotationRateX rotation_rate_x imu_gyro_x imu_gyro_x_rad_s gyroscope.x
+      angular_rate_x gyroRotationX imu_sample_gyro_x w_RS_S_x[rad/s]""",
+    "gyro_x | rate ": "roll_rate rollrate roll_rate_deg_s rollrate_deg_s",
+    "gyro_z | rate": "yaw_rate",
+    "accel_x | accel": """\
+      ax accX accel_x acceleration_x accelerometerAccelerationX linear_acceleration.x linacc_x
+      userAcceleration.x imu_acc_x_m_s2 specific_force_x g_force_x total_acceleration_x""",
+    "accel_y | accel": "a_y ay",
+    "accel_z | accel": "motionUserAccelerationZ",
+    "roll | angle": "roll roll_deg",
+    "lat |  | another quantity": "lat lat_deg latitude GPS_Lat LOCATION_Latitude_:",
+    "lon |  | another quantity": "lon_deg lng longitude LOCATION_Longitude_:",
+    "speed |  | another quantity": "speed speed_m_s Speed(Kmh) gps_speed_knots",
+    "time |  | a time": "t_s timestamp Time(ms)",
+    " | rate": "Gyroscope",
+    " | accel": "acc",
+    " | position": "position_x north_m",
+    " |  | another quantity": "locationHeadingX mag_x",
+    " | ": "a g velocity_x",
+    " | rate | a time": "gyroTimestamp_sinceReboot",
+    " | accel | a norm": "Absolute_acceleration_(m/s^2) acc_total",
+    " | rate | a norm": "|omega|",
+    " | rate | a status word": "gyro_x_status",
+    " | rate | an accuracy": "angular_velocity_covariance[0]",
+    " |  | an accuracy": "HAcc",
+    " | accel | another quantity": "speed_acc",
+    " | rate | a temperature": "gyro_temp",
+    " |  | a counter": "Unnamed:_0",
+}
 
 
-IMU_NAMES = """
-gyro_x gyro_x_rad_s gyroX Gyr_X gx g_x wx w_x_rad_s omega_x angular_velocity.x AngularVelocityX
-rotationRateX rotation_rate_x imu_gyro_x imu_gyro_x_rad_s gyroscope.x rate_x angular_rate_x
-gyroRotationX imu_sample_gyro_x ax accX accel_x acceleration_x accelerometerAccelerationX
-linear_acceleration.x linacc_x userAcceleration.x imu_acc_x_m_s2 specific_force_x g_force_x gFx
-gyro_x_status gyro_temp mag_x velocity_x position_x t_s
-"""
-
-
-@pytest.mark.parametrize("name", IMU_NAMES.split())
-def test_a_log_at_rest_and_one_in_motion_read_a_name_alike(name):
-    """Property: a rate or an acceleration of one axis is one for both, or for neither."""
-    kind, other = columns.meaning(name)
-    flag = {"rate": "gyro_x", "accel": "accel_x"}.get(kind) if not other else None
-    assert moving.quantity(name)[0] == flag or (flag is None and name in ("position_x", "t_s"))
-    turns = [f"{word}{end}" for word in ("roll_rate", "rollrate") for end in ("", "_deg_s")]
-    assert {moving.quantity(turn)[0] for turn in turns} == {"gyro_x"}
+@pytest.mark.parametrize("means", NAMED)
+def test_every_verb_reads_a_name_alike(means):
+    """Property: one recogniser tells quantity, kind and what is no reading."""
+    quantity, kind, *other = (each.strip() or None for each in means.split("|"))
+    for name in NAMED[means].split():
+        found = columns.recognise(name)
+        said = (found.quantity, found.kind, found.other)
+        assert said == (quantity, kind, *(other or [None])), name
 
 
 def test_of_two_columns_of_a_meaning_the_plainer_one_counts(tmp_path):

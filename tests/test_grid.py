@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from analysis import WrongUsage
-from sensorlogs import grid as timing
 from sensorlogs import times
 
 
 def grid(t, repeated=None, mode="auto"):
     """Make a grid from stamps; no row repeats another if not said."""
     t = np.asarray(t, dtype=float)
-    return timing.by_stamps(t, np.zeros(len(t), bool) if repeated is None else repeated, mode)
+    return times.by_stamps(t, np.zeros(len(t), bool) if repeated is None else repeated, mode)
 
 
 def test_regular_stamps_are_taken_at_their_word():
@@ -153,7 +152,7 @@ def test_repeats():
 )
 def test_stamps_that_cannot_be_used_name_their_row(t, row, words):
     """Property: the row of the fault, so that the caller can name the line."""
-    with pytest.raises(timing.BadStamps, match=words) as caught:
+    with pytest.raises(times.BadStamps, match=words) as caught:
         grid(t)
     assert caught.value.row == row
 
@@ -168,7 +167,7 @@ def test_random_stamps_never_break_the_grid():
         )
         try:
             found = grid(np.cumsum(step), rng.random(n) < 0.5)
-        except timing.BadStamps as refusal:
+        except times.BadStamps as refusal:
             assert 0 <= refusal.row < n
             continue
         placed = found.place(np.arange(n, dtype=float))

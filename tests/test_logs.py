@@ -292,13 +292,9 @@ def test_a_name_that_stands_twice_is_stated(tmp_path):
     path = write(tmp_path, lines(), "t_s,gyro_x_deg_s,gyro_x_deg_s")
     log = logs.read(path)
     assert [c.name for c in log.channels] == ["gyro_x"]
-    assert log.repairs == (
-        "columns 2 and 3 are both called 'gyro_x_deg_s': only the first is taken; name them apart "
-        "in the header",
-    )
-    assert logs.read(path, unit="deg/s").repairs == log.repairs
+    assert "columns left out: gyro_x_deg_s.3 (no unit" in log.repairs[0]
     both = logs.read(path, columns=[2, 3], unit="deg/s")
-    assert len(both.channels) == 2 and both.repairs == ()
+    assert [c.name for c in both.channels] == ["gyro_x", "gyro_x_deg_s_3"]
 
 
 @pytest.mark.parametrize("title", ["sep=;", "Sensor log v1.2", "Sensor log\n\nunit A"])
@@ -333,162 +329,117 @@ def test_held_values_are_stated(tmp_path):
 
 GRAVITY = [f"{i / 100},0.01,{0.02 + i % 2 / 100},{1 + i % 3 / 100}" for i in range(200)]
 NINE = [f"{i / 100},0.1,{0.2 + i % 2 / 100},{9.8 + i % 3 / 100}" for i in range(200)]
+
+
+def case(refusal, words, rows=None, header=HEADER, **given):
+    """Lay out a faulty log, how it is read, and what its refusal says."""
+    return lines() if rows is None else rows, header, given, refusal, words.split(" | ")
+
+
 BAD = {
-    "a minus that is none": (
-        [line.replace(",-", ",\u2212") for line in lines()],
-        HEADER,
-        {},
+    "a minus that is none": case(
         CannotAnswer,
-        ("line 4", "'gyro_x_deg_s'", "\u22120.5", "is not a number", "correct"),
+        "line 4 | 'gyro_x_deg_s' | \u22120.5 | is not a number | correct",
+        rows=[line.replace(",-", ",\u2212") for line in lines()],
     ),
-    "text in a number column": (
-        replaced(lines(), 50, 2, "abc"),
-        HEADER,
-        {},
+    "text in a number column": case(
         CannotAnswer,
-        ("line 52", "'gyro_y_deg_s'", "'abc'", "correct"),
+        "line 52 | 'gyro_y_deg_s' | 'abc' | correct",
+        rows=replaced(lines(), 50, 2, "abc"),
     ),
-    "text in the first row": (
-        replaced(lines(), 0, 1, "abc"),
-        HEADER,
-        {},
+    "text in the first row": case(
+        CannotAnswer, "line 2 | 'gyro_x_deg_s' | 'abc'", rows=replaced(lines(), 0, 1, "abc")
+    ),
+    "a field too many": case(
+        CannotAnswer, "line 62 | 'gyro_y_deg_s' | 4 fields", rows=replaced(lines(), 60, 2, "1,2")
+    ),
+    "text among the times": case(
+        CannotAnswer, "line 62 | 't_s' | 'noon'", rows=replaced(lines(), 60, 0, "noon")
+    ),
+    "backward time": case(
+        CannotAnswer, "line 102 | 't_s' | backward | --rate", rows=[*lines()[:100], *lines()[90:]]
+    ),
+    "a long gap": case(
+        CannotAnswer, "line 52 | 't_s' | 70 of 200 | --from", rows=[*lines()[:50], *lines()[120:]]
+    ),
+    "too many missing": case(
         CannotAnswer,
-        ("line 2", "'gyro_x_deg_s'", "'abc'"),
+        "line 2 | 'gyro_x_deg_s' | 67 of 200 | --columns",
+        rows=[row if i % 3 else row.split(",")[0] + ",nan,1" for i, row in enumerate(lines())],
     ),
-    "a field too many": (
-        replaced(lines(), 60, 2, "1,2"),
-        HEADER,
-        {},
+    "too short": case(CannotAnswer, "line 41 | after 40 | 64", rows=lines(40)),
+    "header only": case(CannotAnswer, "line 1 | no data", rows=[]),
+    "words in a channel": case(
         CannotAnswer,
-        ("line 62", "'gyro_y_deg_s'", "4 fields"),
+        "line 2 | 'ok' | 'yes' | --columns",
+        rows=[row + ",yes" for row in lines()],
+        header=HEADER + ",ok",
+        columns=["ok"],
+        unit="deg/s",
     ),
-    "text among the times": (
-        replaced(lines(), 60, 0, "noon"),
-        HEADER,
-        {},
-        CannotAnswer,
-        ("line 62", "'t_s'", "'noon'"),
-    ),
-    "backward time": (
-        [*lines()[:100], *lines()[90:]],
-        HEADER,
-        {},
-        CannotAnswer,
-        ("line 102", "'t_s'", "backward", "--rate"),
-    ),
-    "a long gap": (
-        [*lines()[:50], *lines()[120:]],
-        HEADER,
-        {},
-        CannotAnswer,
-        ("line 52", "'t_s'", "70 of 200", "--from"),
-    ),
-    "too many missing": (
-        [row if i % 3 else row.split(",")[0] + ",nan,1" for i, row in enumerate(lines())],
-        HEADER,
-        {},
-        CannotAnswer,
-        ("line 2", "'gyro_x_deg_s'", "67 of 200", "--columns"),
-    ),
-    "too short": (lines(40), HEADER, {}, CannotAnswer, ("line 41", "after 40", "64")),
-    "header only": ([], HEADER, {}, CannotAnswer, ("line 1", "no data")),
-    "words in a channel": (
-        [row + ",yes" for row in lines()],
-        HEADER + ",ok",
-        {"columns": ["ok"], "unit": "deg/s"},
-        CannotAnswer,
-        ("line 2", "'ok'", "'yes'", "--columns"),
-    ),
-    "unknown column": (
-        lines(),
-        HEADER,
-        {"columns": ["gyr_x"]},
+    "unknown column": case(
         WrongUsage,
-        ("no column 'gyr_x'", "closest: 'gyro_x_deg_s'", "3 gyro_y_deg_s"),
+        "no column 'gyr_x' | closest: 'gyro_x_deg_s' | 3 gyro_y_deg_s",
+        columns=["gyr_x"],
     ),
-    "column number": (lines(), HEADER, {"columns": [9]}, WrongUsage, ("'9'", "3 gyro_y_deg_s")),
-    "unknown time": (lines(), HEADER, {"time": "when"}, WrongUsage, ("'when'", "1 t_s")),
-    "time as channel": (lines(), HEADER, {"columns": [1]}, WrongUsage, ("'t_s'", "is the time")),
-    "no rate": (
-        [row.split(",", 1)[1] for row in lines()],
-        "gyro_x_deg_s,gyro_y_deg_s",
-        {},
+    "column number": case(WrongUsage, "'9' | 3 gyro_y_deg_s", columns=[9]),
+    "unknown time": case(WrongUsage, "'when' | 1 t_s", time="when"),
+    "time as channel": case(WrongUsage, "'t_s' | is the time", columns=[1]),
+    "no rate": case(
         WrongUsage,
-        ("line 1", "--rate", "--time", "gyro_x_deg_s"),
+        "line 1 | --rate | --time | gyro_x_deg_s",
+        rows=[row.split(",", 1)[1] for row in lines()],
+        header="gyro_x_deg_s,gyro_y_deg_s",
     ),
-    "no unit": (lines(), "t_s,a,b", {}, WrongUsage, ("a, b", "--unit", "gyro_x_deg_s")),
-    "unit of another kind": (
-        lines(),
-        "t_s,gyro_x,gyro_y",
-        {"columns": ["gyro_x"], "unit": "g"},
-        WrongUsage,
-        ("'gyro_x'", "--unit"),
+    "no unit": case(WrongUsage, "a, b | --unit | gyro_x_deg_s", header="t_s,a,b"),
+    "unit of another kind": case(
+        WrongUsage, "'gyro_x' | --unit", header="t_s,gyro_x,gyro_y", columns=["gyro_x"], unit="g"
     ),
-    "unit against the header": (
-        lines(),
-        HEADER,
-        {"columns": ["gyro_x"], "unit": "rad/s"},
+    "unit against the header": case(
         WrongUsage,
-        ("--unit rad/s", "'gyro_x_deg_s'", "whose unit is deg/s", "leave out"),
+        "--unit rad/s | 'gyro_x_deg_s' | whose unit is deg/s | leave out",
+        columns=["gyro_x"],
+        unit="rad/s",
     ),
-    "unit against one of the header's": (
-        lines(),
-        "t_s,gyro_x,gyro_y_deg_s",
-        {"unit": "rad/s"},
+    "unit against one of the header's": case(
         WrongUsage,
-        ("--unit rad/s", "'gyro_y_deg_s'", "whose unit is deg/s"),
+        "--unit rad/s | 'gyro_y_deg_s' | whose unit is deg/s",
+        header="t_s,gyro_x,gyro_y_deg_s",
+        unit="rad/s",
     ),
-    "unit that nothing is in": (
-        lines(),
-        HEADER,
-        {"unit": "g"},
+    "unit that nothing is in": case(
         WrongUsage,
-        ("--unit g", "none of the columns gyro_x_deg_s, gyro_y_deg_s", "leave it out"),
+        "--unit g | none of the columns gyro_x_deg_s, gyro_y_deg_s | leave it out",
+        unit="g",
     ),
-    "a name twice, the second chosen": (
-        lines(),
-        "t_s,gyro_x_deg_s,gyro_x_deg_s",
-        {"columns": [3]},
+    "rate against stamps": case(WrongUsage, "--rate 50 | 't_s' | 100 Hz", rate=50, time="t_s"),
+    "no rate at all": case(WrongUsage, "positive", rate=0),
+    "no such stretch": case(WrongUsage, "50 s | 1.99 s", start=50),
+    "no stretch": case(WrongUsage, "--from 2 --to 1", start=2, stop=1),
+    "milliseconds or seconds": case(
         WrongUsage,
-        ("columns 2 and 3 are both called 'gyro_x_deg_s'", "--unit"),
+        "'t' | 't_ms' | --time-unit ms",
+        rows=[f"{10 * i},{i % 7},{i % 5}" for i in range(200)],
+        header="t,gyro_x_deg_s,gyro_y_deg_s",
     ),
-    "rate against stamps": (
-        lines(),
-        HEADER,
-        {"rate": 50, "time": "t_s"},
+    "g as m/s^2": case(
         WrongUsage,
-        ("--rate 50", "'t_s'", "100 Hz"),
+        "accel_z | mean |accel| is 1.01 m/s^2 | --unit g",
+        rows=GRAVITY,
+        header="t_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2",
     ),
-    "no rate at all": (lines(), HEADER, {"rate": 0}, WrongUsage, ("positive",)),
-    "no such stretch": (lines(), HEADER, {"start": 50}, WrongUsage, ("50 s", "1.99 s")),
-    "no stretch": (lines(), HEADER, {"start": 2, "stop": 1}, WrongUsage, ("--from 2 --to 1",)),
-    "milliseconds or seconds": (
-        [f"{10 * i},{i % 7},{i % 5}" for i in range(200)],
-        "t,gyro_x_deg_s,gyro_y_deg_s",
-        {},
+    "m/s^2 as g": case(
         WrongUsage,
-        ("'t'", "'t_ms'", "--time-unit ms"),
+        "az | mean |accel| is 9.81 g | --unit m/s^2",
+        rows=NINE,
+        header="t_s,ax,ay,az",
+        unit="g",
     ),
-    "g as m/s^2": (
-        GRAVITY,
-        "t_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2",
-        {},
+    "g as m/s^2, vertical only": case(
         WrongUsage,
-        ("accel_z", "mean |accel| is 1.01 m/s^2", "--unit g"),
-    ),
-    "m/s^2 as g": (
-        NINE,
-        "t_s,ax,ay,az",
-        {"unit": "g"},
-        WrongUsage,
-        ("az", "mean |accel| is 9.81 g", "--unit m/s^2"),
-    ),
-    "g as m/s^2, vertical only": (
-        [",".join(row.split(",")[::3]) for row in GRAVITY],
-        "t_s,accel_z_m_s2",
-        {},
-        WrongUsage,
-        ("accel_z", "--unit g"),
+        "accel_z | --unit g",
+        rows=[",".join(row.split(",")[::3]) for row in GRAVITY],
+        header="t_s,accel_z_m_s2",
     ),
 }
 

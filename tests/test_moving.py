@@ -508,19 +508,13 @@ def test_negative_speeds_are_left_out_and_counted(tmp_path):
     assert "log.csv: column 'speed_m_s': 3 below zero, left out" in log.notes
 
 
-@pytest.mark.parametrize("unit", ["m_s", "km_h", "knots", "mph"])
-def test_speed_without_a_unit(tmp_path, unit):
-    """property: the unit comes from the positions if they go far enough, else it is asked for."""
-    one = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}[unit]
-    rows = [
-        (k, f"{LAT + 12.0 * k / 111_195:.8f}", LON, 100.0, 1.5, f"{12.0 / one:.4f}", 0.0)
-        for k in range(60)
-    ]
-    header = GNSS.replace("speed_m_s", "Speed")
-    log = read_moving([csv(tmp_path, header, rows)])
-    np.testing.assert_allclose(log.gnss.speed_m_s, 12.0, rtol=1e-4)
-    with pytest.raises(WrongUsage, match="speed_m_s=Speed"):
-        read_moving([csv(tmp_path, header, rows[:5])])
+def test_speed_without_a_unit(tmp_path):
+    """property: its unit is asked for; as --columns states it, it is read."""
+    path = csv(tmp_path, GNSS.replace("speed_m_s", "Speed"), gnss_rows(range(9)))
+    with pytest.raises(WrongUsage, match="say --columns speed_m_s=Speed, or speed_km_h"):
+        read_moving([path])
+    log = read_moving([path], columns={"speed_km_h": "Speed"})
+    np.testing.assert_allclose(log.gnss.speed_m_s, 1.1 / 3.6)
 
 
 @pytest.mark.parametrize(

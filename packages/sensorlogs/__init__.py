@@ -64,3 +64,8 @@ def wrap(angle, turn=360.0):
     float or ndarray
     """
     return turn / 2 - (turn / 2 - angle) % turn
+
+
+def counted(number: int, noun: str) -> str:
+    """Write a number with its noun: ``1 gap``, ``3 gaps``."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"

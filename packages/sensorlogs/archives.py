@@ -16,10 +16,9 @@ import numpy as np
 from tqdm import tqdm
 
 from sensorlogs import CannotAnswer, WrongUsage, delimited
-from sensorlogs.columns import NAMES
+from sensorlogs.columns import AXES, NAMES
 from sensorlogs.delimited import Table
-from sensorlogs.matrices import check_zip
-from sensorlogs.tables import AXES, Part, reading
+from sensorlogs.tables import Part, reading
 
 EXPORT = "the export's file name"
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
@@ -78,7 +77,7 @@ def spreadsheet(path: Path) -> list[Part]:
     from python_calamine import CalamineWorkbook
 
     if zipfile.is_zipfile(path):
-        check_zip(path)
+        check_zip(path, LIMIT)
     target, parts, empty = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, [], []
     target.mkdir()
     with reading(path, "a spreadsheet", "save it again, or as CSV"):
@@ -205,3 +204,18 @@ def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bo
     order += [axis for axis in AXES if axis in names]  # Sensor Logger writes z, y, x
     frame = table.frame[order].rename(columns=names)
     return replace(table, frame=frame, layout=None, repairs=(*table.repairs, *notes))
+
+
+def check_zip(path: Path, limit: int) -> list[zipfile.ZipInfo]:
+    """List the files of a zip; refuse what unpacks to more than a limit."""
+    with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
+        members = [m for m in packed.infolist() if not m.is_dir()]
+    size = sum(member.file_size for member in members)
+    if size > limit:
+        raise CannotAnswer(
+            f"{path.name}: unpacks to {size / 1e9:.1f} GB, more than {limit / 1e9:.0f} GB: unpack "
+            "what you need by hand"
+        )
+    if any(member.flag_bits & 1 for member in members):
+        raise CannotAnswer(f"{path.name}: the zip has a password: unpack it by hand")
+    return members

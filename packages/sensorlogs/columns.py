@@ -48,8 +48,11 @@ _PLAIN = str.maketrans("²¹⁻−µμ", "21--uu") | {ord("°"): "deg", ord("º"
 _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
 FLAG = {"rate": "gyro", "accel": "accel", "angle": "angle", "position": "position"}
 _KINDS = {**{flag: kind for kind, flag in FLAG.items()}, "rate": "rate", "acceleration": "accel"}
-_GNSS = {"lat", "lon", "lng", "latitude", "longitude", "altitude", "height", "separation"}
-_GNSS |= {"speed", "course", "pdop", "hdop", "satellites"}
+_GNSS = {"lat", "lon", "height", "separation", "speed", "course", "pdop", "hdop", "satellites"}
+_SPEEDS = {"ms": "m/s", "m/s": "m/s", "mps": "m/s", "kmh": "km/h", "km/h": "km/h", "kph": "km/h"}
+_SPEEDS |= {"knots": "knots", "knot": "knots", "kn": "knots", "kt": "knots", "mph": "mph"}
+_FREE = {"linear", "user"}  # an acceleration from which gravity is taken off
+AXES = ("x", "y", "z")
 _SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
 _WITH_AXIS = {"a counter", "a status word", "a norm"}  # such words do not spoil imu_sample_gyro_x
 _ALWAYS = {"absolute", "abs", "norm", "magnitude", "resultant", "status", "valid"}
@@ -146,32 +149,6 @@ def resolve(wanted: str | int, names: Sequence[str], file: str) -> str:
     )
 
 
-def without_doubles(names, header, file: str, wanted=None) -> tuple[list[str], list[str]]:
-    """Leave out columns whose name stands in the header twice; refuse one that is wanted.
-
-    `sensorlogs.delimited` tells them apart by their number: ``gyro_x_deg_s.3``.
-
-    Returns
-    -------
-    list of str
-        The other names.
-    list of str
-        What was left out.
-    """
-    doubles = {}
-    for j, name in enumerate(header, 1):
-        first = name.removesuffix(f".{j}")
-        if name in names and first != name and first in header:
-            doubles[name] = f"columns {header.index(first) + 1} and {j} are both called '{first}'"
-    for name in doubles.keys() & set(wanted or ()):
-        raise WrongUsage(f"{file}: {doubles[name]}: name them apart in the header, or say --unit")
-    notes = [
-        f"{both}: only the first is taken; name them apart in the header"
-        for both in (() if wanted else doubles.values())
-    ]
-    return [name for name in names if name not in doubles], notes
-
-
 def per_kind(text: str | None, flag: str) -> dict[str | None, str]:
     """Read ``gyro=deg/s,accel=g`` as kind -> value; a bare value has the kind None.
 
@@ -222,18 +199,61 @@ def words(name: str) -> list[str]:
     return found
 
 
-def meaning(name: str) -> tuple[str | None, str | None]:
-    """Tell by its name what a column holds.
+@dataclass(frozen=True)
+class Column:
+    """What the name of a column says.
 
-    Returns
-    -------
-    str or None
-        Kind of the reading; None if the name does not tell.
-    str or None
-        What it holds if it is no reading, such as ``a counter``.
+    Attributes
+    ----------
+    base : str
+        The name without its unit.
+    unit : str or None
+    words : tuple of str
+        Of the base.
+    kind : str or None
+        Of the reading: rate, accel, angle or position.
+    other : str or None
+        What it holds if it is no reading, such as "a counter".
+    quantity : str or None
+        What a log in motion takes it for: gyro_x, lat, speed, time ...
     """
-    parts = words(split(name)[0])
-    axis = bool({"x", "y", "z"} & set(parts[-2:]))
+
+    base: str
+    unit: str | None
+    words: tuple[str, ...]
+    kind: str | None
+    other: str | None
+    quantity: str | None
+
+    @property
+    def of_kind(self) -> str | None:
+        """Kind by the unit, or else by the name."""
+        return KIND_OF_UNIT.get(self.unit or "", self.kind)
+
+
+@functools.cache
+def recognise(name: str) -> Column:
+    """Tell by its name what a column holds; every reader and every verb asks here."""
+    base, unit = split(name)
+    said = words(base)
+    kind, other = _kind(name, said)
+    axis = next((word for word in said[:-3:-1] if word in AXES), None)
+    quantity = f"{FLAG[kind]}_{axis}" if kind in ("rate", "accel") and axis and not other else None
+    for what, pattern in NAMES["moving"].items():
+        if re.fullmatch(pattern, "_".join(said)):
+            quantity = what
+            break
+    for start, end in [] if unit else _ends(name):
+        speed = _SPEEDS.get(_plain(end))
+        if speed and re.fullmatch(NAMES["moving"]["speed"], "_".join(words(start))):
+            quantity, unit = "speed", speed
+    quantity = "time" if times.is_time(name) else quantity
+    return Column(base, unit, tuple(said), kind, other, quantity)
+
+
+def _kind(name: str, parts: list[str]) -> tuple[str | None, str | None]:
+    """Tell the kind of the reading, and what it is if it is none."""
+    axis = not {*AXES}.isdisjoint(parts[-2:])
     kinds = [_PAIRS.get(pair) for pair in itertools.pairwise(parts)]
     kinds += [
         "rate" if part in ("g", "rate") else _KIND_OF_WORD.get(part)
@@ -396,15 +416,12 @@ def choose(
     """
     if kind is not None and kind not in _UNITS_OF_KIND:
         raise WrongUsage(f"--kind {kind} is not one of {', '.join(_UNITS_OF_KIND)}")
-    units = given_units(unit, kind)
-    scales = given_scales(scale)
+    units, scales = given_units(unit, kind), given_scales(scale)
     wanted = [resolve(c, list(frame), file) for c in columns] if columns else None
     kinds, left_out = _kinds(frame, file, wanted, kind)
-    guessed = _unnamed(frame, file, kinds, left_out, wanted, kind, units, scales)
+    _settle_unnamed(frame, kinds, left_out, wanted, kind, units)
     if set(kinds.values()) == {"angle"} and KIND_OF_UNIT.get(units.get(None, "")) == "rate":
         kinds = dict.fromkeys(kinds, "rate")  # roll, pitch and yaw in deg/s
-    if not kind:
-        _refuse_heavy_gyros(frame, file, kinds)
     fixed = _fix(frame, kinds, units, scales, scale)
     _refuse_misfits(frame, file, kinds, {"unit": (unit, units), "scale": (scale, scales)}, fixed)
     sizes = _accel_units(frame, kinds, scales)
@@ -436,8 +453,7 @@ def choose(
             f"{'leave it out, or ' if options else ''}state their unit with --unit (for example "
             "--unit deg/s), or in the header with names such as gyro_x_deg_s, accel_z_g"
         )
-    guessed += _refuse_counts(frame, file, chosen, scales, fixed)
-    guessed += _said(chosen, units)
+    guessed = _refuse_counts(frame, file, chosen, scales, fixed) + _said(chosen, units)
     left_out |= {n: f"no unit: --unit {FLAG[k]}={_USUAL[k]} ?" for n, k in no_unit.items()}
     if left_out:
         reasons = {w: [n for n, its in left_out.items() if its == w] for w in left_out.values()}
@@ -448,30 +464,21 @@ def choose(
     return Chosen(chosen, guessed, notes)
 
 
-def _refuse_heavy_gyros(frame, file, kinds) -> None:
-    """Refuse gyros by name, without a unit, that have the length of gravity."""
-    mute = [n for n, its in kinds.items() if its == "rate" and not split(n)[1]]
-    for three in vectors(mute).values():
-        unit = gravity_unit(_norm(frame, three), 0.03) if len(three) == 3 else None
-        if unit in ("m/s^2", "mg"):
-            raise WrongUsage(
-                f"{file}: columns {', '.join(three)} are named as gyro, and have the length of one "
-                f"g in {unit}: say --columns {','.join(three)} with --kind accel --unit {unit}, or "
-                "with --kind rate if they are rates"
-            )
-
-
 def _refuse_misfits(frame, file, kinds, flags, fixed) -> None:
     """Refuse a bare unit or scale for several kinds, and one of a kind that is absent."""
-    there = set(kinds.values())
+    there = dict.fromkeys(kinds.values())
     for flag, (text, given) in flags.items():
         if None in given and len(there) > 1:
+            each = (
+                f"{FLAG[its]} ({', '.join(n for n, k in kinds.items() if k == its)})"
+                for its in there
+            )
             raise WrongUsage(
                 f"{file}: --{flag} {text} is for channels of one kind, and this log has "
-                f"{_listed(kinds)}: {_spelled(fixed)}",
+                f"{' and '.join(each)}: {_spelled(fixed)}",
                 fixed,
             )
-        for absent in given.keys() - {None} - there:
+        for absent in given.keys() - {None} - there.keys():
             raise WrongUsage(
                 f"{file}: --{flag} {FLAG[absent]}= fits none of the columns {', '.join(frame)}: "
                 "leave it out, or choose with --columns"
@@ -526,88 +533,54 @@ def _kinds(frame, file, wanted, kind) -> tuple[dict[str, str], dict[str, str]]:
     kinds, left_out = {}, {}
     by_content = {} if wanted else contents(frame)
     for name in wanted or frame:
-        own = KIND_OF_UNIT.get(split(name)[1] or "")
-        named, said = meaning(name)
-        if not wanted and (said or not (named and own)):
-            said = said or by_content.get(name)
-        if {own, named} == {"rate", "accel"}:
-            said = f"named as {named}, and its unit {split(name)[1]} is not of one"
+        column = recognise(name)
+        own = KIND_OF_UNIT.get(column.unit or "")
+        of_kind = own or (kind if wanted else "") or column.kind or ""
+        said = column.other
+        if not said and not (column.kind and own):
+            said = by_content.get(name)
+        if {own, column.kind} == {"rate", "accel"}:
+            said = f"named as {column.kind}, and its unit {column.unit} is not of one"
             if wanted:
                 raise WrongUsage(f"{file}: column '{name}' is {said}: correct the header")
-        of_kind = kind if wanted and not own and kind else own or named or ""
-        if wanted:
-            if kind and of_kind != kind:
-                raise WrongUsage(
-                    f"{file}: column '{name}' is in {split(name)[1]}, which is no {kind}: leave "
-                    "out --kind"
-                )
-            kinds[name] = of_kind
-        elif said:
-            left_out[name] = said
-        elif kind and of_kind not in ("", kind):
-            left_out[name] = f"of kind {of_kind}"
+        if wanted and kind not in (None, of_kind):
+            raise WrongUsage(
+                f"{file}: column '{name}' is in {column.unit}, which is no {kind}: leave out --kind"
+            )
+        if not wanted and (said or (kind and of_kind not in ("", kind))):
+            left_out[name] = said or f"of kind {of_kind}"
         else:
             kinds[name] = of_kind
-    free = [n for n, its in kinds.items() if its == "accel" and {"linear", "user"} & {*words(n)}]
+    free = [n for n, its in kinds.items() if its == "accel" and _FREE & {*recognise(n).words}]
     if not wanted and len(free) < list(kinds.values()).count("accel"):
         left_out |= {name: f"{kinds.pop(name)} with gravity taken off" for name in free}
     return kinds, left_out
 
 
-def _unnamed(frame, file, kinds, left_out, wanted, kind, units, scales) -> list[str]:
-    """Settle the columns whose name tells nothing, in `kinds` and `left_out`; say what was guessed.
+def _settle_unnamed(frame, kinds, left_out, wanted, kind, units) -> None:
+    """Settle the columns whose name tells nothing, in `kinds` and `left_out`.
 
-    Beside columns that are named as readings they are none. Where no column is named, gravity tells
-    accelerometers: three columns in a row whose length is one g.
+    Beside columns that are named as readings they are none. Where no column is named, they are what
+    --kind or --unit says; without these, three whose length is one g are accelerometers.
     """
     unknown = [name for name, its in kinds.items() if not its]
     if len(unknown) < len(kinds) and not wanted:
         left_out |= dict.fromkeys(unknown, "not named as a reading")
         unknown = [name for name in unknown if kinds.pop(name)]
-    if not unknown:
-        return []
-    few = [name for name in unknown if not wanted and _levels(frame[name]) <= 2]
-    if 0 < len(few) < len(unknown):
+    few = {name for name in unknown if not wanted and _levels(frame[name]) <= 2}
+    if len(few) < len(unknown):
         left_out |= dict.fromkeys(few, "a status word: at most two whole values")
         unknown = [name for name in unknown if name not in few or kinds.pop(name)]
-    heavy = [name for name in _heavy(frame, unknown, scales) if not kind]
-    rest = [name for name in unknown if name not in heavy]
-    usual = kind or KIND_OF_UNIT.get(units.get(None, ""), "")
-    if heavy and not rest and None in units and usual not in ("", "accel"):
-        raise WrongUsage(
-            f"{file}: --unit {units[None]}, but columns {', '.join(heavy)} have a length of "
-            f"{_norm(frame, heavy[:3]):.3g}, as accelerometers at one g: say --unit "
-            f"{gravity_unit(_norm(frame, heavy[:3])) or 'g'}, or add --kind {usual}"
-        )
-    others = [its for its in units if its not in (None, "accel")]
-    if heavy and (rest or not usual):
-        kinds |= dict.fromkeys(heavy, "accel") | dict.fromkeys(rest, (others or ["rate"])[0])
-    else:
-        kinds |= dict.fromkeys(unknown, usual or (others or [*units, "rate"])[0])
-    if not heavy or not rest:
-        return []
-    return [
-        f"columns {', '.join(heavy)} read as accel, {', '.join(rest)} as {FLAG[kinds[rest[0]]]}: "
-        "the length of the first is one g (--columns with --kind overrules)"
-    ]
+    usual = kind or KIND_OF_UNIT.get(units.get(None, "")) or next((u for u in units if u), None)
+    if not usual and len(unknown) == 3 and gravity_unit(_norm(frame, unknown), 0.1):
+        usual = "accel"
+    kinds |= dict.fromkeys(unknown, usual or "rate")
 
 
 def _levels(column: pd.Series) -> float:
     """Count the distinct values; infinitely many if one is no whole number."""
     levels = column.dropna().unique()
     return len(levels) if (levels == np.round(levels)).all() else np.inf
-
-
-def _heavy(frame, names, scales) -> list[str]:
-    """Find the columns, three in a row, whose length is one g."""
-    found: list[str] = []
-    for k in range(len(names) - 2):
-        three = names[k : k + 3]
-        norm = _norm(frame, three)
-        scaled = norm * abs(scales.get("accel", 1.0))
-        if not set(three) & set(found) and (gravity_unit(scaled, 0.1) or _lsb(norm)):
-            found += three
-    return found
 
 
 def _norm(frame, names) -> float:
@@ -623,15 +596,12 @@ def _lsb(norm: float) -> int | None:
 
 def _accel_units(frame, kinds, scales) -> dict[str, str]:
     """Tell the unit of the accelerometers whose name has none by gravity."""
-    found: dict[str, str] = {}
     mute = [n for n, its in kinds.items() if its == "accel" and not split(n)[1]]
     factor = abs(scales.get("accel", scales.get(None, 1.0)))
-    unnamed = [n for n in mute if meaning(n)[0] is None]
-    threes = [unnamed[k : k + 3] for k in range(0, len(unnamed), 3)]
-    for three in (*vectors(n for n in mute if n not in unnamed).values(), *threes):
-        unit = gravity_unit(factor * _norm(frame, three)) if len(three) == 3 else None
-        found |= dict.fromkeys(three, unit) if unit else {}
-    units = set(found.values())
+    unnamed = [n for n in mute if not recognise(n).kind]
+    threes = [*vectors(n for n in mute if n not in unnamed).values(), unnamed]
+    found = [gravity_unit(factor * _norm(frame, of)) for of in threes if len(of) == 3]
+    units = {unit for unit in found if unit}
     return dict.fromkeys(mute, units.pop()) if len(units) == 1 else {}
 
 
@@ -664,14 +634,6 @@ def _spelled(flags: dict[str, str | None]) -> str:
     without = [flag for flag, value in flags.items() if not value]
     said = [f"say {' '.join(typed)}"] * bool(typed) + [f"leave out {w}" for w in without]
     return ", ".join(said)
-
-
-def _listed(kinds) -> str:
-    """Write the columns of each kind: ``gyro (gx, gy, gz) and accel (ax, ay, az)``."""
-    there = dict.fromkeys(kinds.values())
-    return " and ".join(
-        f"{FLAG[its]} ({', '.join(n for n, k in kinds.items() if k == its)})" for its in there
-    )
 
 
 def _counts(frame, names, unit) -> bool:
@@ -732,28 +694,30 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
     """
     numeric = list(frame.select_dtypes("number"))
     by_content = contents(frame[numeric])
-    sizes = _accel_units(frame, {n: meaning(n)[0] or "" for n in numeric}, {})
+    sizes = _accel_units(frame, {n: recognise(n).kind or "" for n in numeric}, {})
     found = []
     for name in frame:
-        (named, other), (base, unit) = meaning(name), split(name)
+        column = recognise(name)
+        kind, unit = column.of_kind or "not known", column.unit or ""
         warm = temperature(frame, [name]) if name in numeric else None
-        if times.is_time(name):
-            found.append((name, "time", times.unit_of(name) or "", "its name"))
+        if column.quantity == "time":
+            kind, unit, why = "time", times.unit_of(name) or "", "its name"
         elif name not in numeric:
-            found.append((name, "text", "", "its cells"))
+            kind, unit, why = "text", "", "its cells"
         elif warm:
-            found.append((name, "temperature", warm[1], told_by))
-        elif other or (name in by_content and not (named and unit)):
-            why = "its name" if other else "its numbers"
-            kind = "GNSS" if _GNSS & set(words(base)) else other or by_content[name].split(":")[0]
-            found.append((name, kind, unit or "", why))
+            kind, unit, why = "temperature", warm[1], told_by
+        elif column.other or (name in by_content and not (column.kind and unit)):
+            why = "its name" if column.other else "its numbers"
+            kind = column.other or by_content[name].split(":")[0]
+            kind = "GNSS" if column.quantity in _GNSS else kind
         elif unit:
-            found.append((name, KIND_OF_UNIT[unit], unit, told_by))
-        elif named:
-            length = ", its length one g" if name in sizes else ", no unit"
-            found.append((name, named, sizes.get(name, ""), f"its name{length}"))
+            why = told_by
+        elif column.kind:
+            why = f"its name, {'its length one g' if name in sizes else 'no unit'}"
+            unit = sizes.get(name, "")
         else:
-            found.append((name, "not known", "", ""))
+            why = ""
+        found.append((name, kind, unit, why))
     return found
 
 
@@ -773,7 +737,7 @@ def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, str, np
         column or its unit cannot be told.
     """
     for name in names:
-        if meaning(name)[1] != "a temperature":
+        if recognise(name).other != "a temperature":
             continue
         values = frame[name].to_numpy(dtype=float)
         if not np.isfinite(values).any():

@@ -27,8 +27,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from sensorlogs import CannotAnswer
-from sensorlogs.grid import counted
+from sensorlogs import CannotAnswer, counted
 
 HEAD_BYTES = 1 << 16
 HEAD_LINES = 50

@@ -26,15 +26,14 @@ from sensorlogs import (
     WrongUsage,
     archives,
     columns,
+    counted,
     delimited,
-    matrices,
     nmea,
-    robot_logs,
     times,
 )
 from sensorlogs.delimited import Table
-from sensorlogs.grid import BadStamps, counted
 from sensorlogs.tables import Part, choose, listed, of_arrays, paired, reading
+from sensorlogs.times import BadStamps
 
 _PAIR = re.compile(  # gx: 0.1, or gyro x (dps) = 1e-3
     r"([A-Za-z][\w.]*(?:\s*[\[(][^\])]*[\])])?)\s*[:=]\s*"
@@ -163,12 +162,14 @@ def xsens(path: Path) -> list[Part]:
     return [Part("export", tuple(names.values()), load, told_by="the maker's description")]
 
 
-def _csv(path: Path) -> list[Part]:
+def csv(path: Path) -> list[Part]:
+    """List the one table of a delimited text file."""
     layout = delimited.sniff(path)
     return [Part(path.name, layout.names, lambda _: delimited.read_table(path))]
 
 
-def _phone_csv(path: Path) -> list[Part]:
+def phone_csv(path: Path) -> list[Part]:
+    """List the one table of a phone log; see `phone`."""
     table = phone(path)
     return [Part(path.name, tuple(table.frame), lambda _: table)]
 
@@ -182,16 +183,21 @@ class Format:
     title : str
     tells : callable
         First bytes -> whether it is this format.
-    parts : callable
-        Path -> list of `Part`.
+    reader : str
+        Module and function: path -> list of `Part`. It is loaded when it is needed.
     needs : str
         Library of the extra ``logs``, or nothing.
     """
 
     title: str
     tells: Callable[[bytes], bool]
-    parts: Callable[[Path], list[Part]]
+    reader: str
     needs: str = ""
+
+    def parts(self, path: Path) -> list[Part]:
+        """List the tables of a file."""
+        module, _, name = self.reader.partition(".")
+        return getattr(importlib.import_module(f"sensorlogs.{module}"), name)(path)
 
 
 def _starts(*marks: bytes) -> Callable[[bytes], bool]:
@@ -204,42 +210,42 @@ def _holds(pattern: bytes) -> Callable[[bytes], bool]:
 
 
 FORMATS: dict[str, Format] = {  # the first that tells
-    "parquet": Format("Parquet", _starts(b"PAR1"), matrices.parquet, "pyarrow"),
-    "mat5": Format("MATLAB v5 to v7", _starts(b"MATLAB 5.0"), matrices.mat5),
+    "parquet": Format("Parquet", _starts(b"PAR1"), "matrices.parquet", "pyarrow"),
+    "mat5": Format("MATLAB v5 to v7", _starts(b"MATLAB 5.0"), "matrices.mat5"),
     "mat73": Format(
         "MATLAB v7.3 or HDF5",
         lambda head: b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520], head[1024:1032]),
-        matrices.hdf5,
+        "matrices.hdf5",
     ),
-    "numpy": Format("NumPy", _holds(rb"\A\x93NUMPY|\APK (\S+\.npy\n)+\Z"), matrices.numpy_file),
+    "numpy": Format("NumPy", _holds(rb"\A\x93NUMPY|\APK (\S+\.npy\n)+\Z"), "matrices.numpy_file"),
     "spreadsheet": Format(
         "a spreadsheet (xlsx, xls, ods)",
         _holds(rb"\A\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1|\APK (.*\n)*(xl/workbook\.|content\.xml\n)"),
-        archives.spreadsheet,
+        "archives.spreadsheet",
         "python_calamine",
     ),
-    "rda": Format("R data", _starts(b"RDX2\n", b"RDX3\n", b"BZh", b"\xfd7zXZ"), matrices.rda),
+    "rda": Format("R data", _starts(b"RDX2\n", b"RDX3\n", b"BZh", b"\xfd7zXZ"), "matrices.rda"),
     "bag": Format(
         "a ROS bag",
         _starts(b"#ROSBAG V", b"\x89MCAP", b"SQLite format 3"),
-        robot_logs.ros_bag,
+        "robot_logs.ros_bag",
         "rosbags",
     ),
-    "ulog": Format("a PX4 ULog", _starts(b"ULog\x01\x12\x35"), robot_logs.ulog, "pyulog"),
+    "ulog": Format("a PX4 ULog", _starts(b"ULog\x01\x12\x35"), "robot_logs.ulog", "pyulog"),
     "dataflash": Format(
         "an ArduPilot DataFlash log",
         _holds(rb"\xa3\x95\x80\x80\x59FMT\x00"),
-        robot_logs.dataflash,
+        "robot_logs.dataflash",
         "pymavlink",
     ),
-    "nmea": Format("NMEA", lambda head: bool(nmea.SENTENCE.search(head)), nmea.parts),
-    "ubx": Format("u-blox UBX", _holds(rb"\xb5\x62[\x01-\x29]"), robot_logs.ubx, "pyubx2"),
-    "gpx": Format("GPX", _holds(rb"<gpx[\s>]"), gpx),
-    "json": Format("JSON lines", _holds(rb"\A\s*(\[\s*)?\{\s*\""), matrices.json_lines),
-    "xsens": Format("Xsens text", _holds(rb"\A(//[^\n]*\n)+PacketCounter"), xsens),
-    "serial": Format("lines of names and numbers", lambda head: _is_serial(head), serial),
-    "phone": Format("a phone's CSV", lambda head: False, _phone_csv),
-    "csv": Format("CSV", lambda head: True, _csv),
+    "nmea": Format("NMEA", lambda head: bool(nmea.SENTENCE.search(head)), "nmea.parts"),
+    "ubx": Format("u-blox UBX", _holds(rb"\xb5\x62[\x01-\x29]"), "robot_logs.ubx", "pyubx2"),
+    "gpx": Format("GPX", _holds(rb"<gpx[\s>]"), "formats.gpx"),
+    "json": Format("JSON lines", _holds(rb"\A\s*(\[\s*)?\{\s*\""), "matrices.json_lines"),
+    "xsens": Format("Xsens text", _holds(rb"\A(//[^\n]*\n)+PacketCounter"), "formats.xsens"),
+    "serial": Format("lines of names and numbers", lambda head: _is_serial(head), "formats.serial"),
+    "phone": Format("a phone's CSV", lambda head: False, "formats.phone_csv"),
+    "csv": Format("CSV", lambda head: True, "formats.csv"),
 }
 
 
@@ -268,6 +274,8 @@ def format_of(path: Path) -> str:
             head = b"PK " + "".join(f"{name}\n" for name in packed.namelist()).encode()
     name = next(name for name, one in FORMATS.items() if one.tells(head))
     if name == "nmea" and _is_here(FORMATS["ubx"]):  # with binary messages, which say more
+        from sensorlogs import robot_logs
+
         return "ubx" if robot_logs.holds_ubx(delimited.content(path)) else name
     return name
 
@@ -279,7 +287,10 @@ def title_of(path: Path) -> str:
 
 def parts_of(path: Path, known: str | None = None) -> list[Part]:
     """List the tables of a log: a file, packed or not, or a folder; see `_parts`."""
-    return list(archives.phone(_parts(path, known)))
+    found = list(archives.phone(_parts(path, known)))
+    if not found:
+        raise CannotAnswer(f"{path.name}: {title_of(path)} without any table of numbers in it")
+    return found
 
 
 def _parts(path: Path, known: str | None = None) -> list[Part]:
@@ -293,22 +304,18 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
         If the file is empty, damaged or of another format than its first bytes say.
     """
     if path.is_dir():
-        if (path / "metadata.yaml").exists():
-            return _bag_folder(path)
-        return archives.folder(path, _parts)
-    path = plain(path)
-    known = known or format_of(path)
+        if not (path / "metadata.yaml").exists():
+            return archives.folder(path, _parts)
+        known = "bag"
+    else:
+        path = plain(path)
+        known = known or format_of(path)
     if known == "csv" and zipfile.is_zipfile(path):
         stat = path.stat()
         return _parts(archives.unzipped(path, (stat.st_size, stat.st_mtime_ns)))
     found = FORMATS[known]
     _check_extra(path, found)
     return found.parts(path)
-
-
-def _bag_folder(path: Path) -> list[Part]:
-    _check_extra(path, FORMATS["bag"])
-    return robot_logs.ros_bag(path)
 
 
 def _is_here(found: Format) -> bool:
@@ -340,7 +347,7 @@ def _needed(chosen: Sequence[Part], wanted: Sequence[Any] | None, stanza: dict) 
     there = [name for part in chosen for name in part.columns]
     if not wanted or not set(wanted) <= set(there):
         return None
-    sides = [n for n in there if times.is_time(n) or columns.meaning(n)[1] == "a temperature"]
+    sides = [n for n in there if times.is_time(n) or columns.recognise(n).other == "a temperature"]
     return [*wanted, *sides, stanza.get("time")]
 
 

@@ -23,8 +23,10 @@ import scipy.io
 from tqdm import tqdm
 
 from sensorlogs import CannotAnswer
+from sensorlogs.archives import check_zip
+from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, open_bytes, progress
-from sensorlogs.tables import AXES, Part, of_arrays, reading, with_axis
+from sensorlogs.tables import Part, of_arrays, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
 AT_ONCE = 1 << 18  # rows of a Parquet file
@@ -173,7 +175,7 @@ def numpy_file(path: Path) -> list[Part]:
     """List the tables of an npy or npz file."""
     with reading(path, "a NumPy file"):
         if zipfile.is_zipfile(path):
-            check_zip(path)
+            check_zip(path, LARGEST)
             with np.load(path, allow_pickle=False) as file:
                 members = {name: file[name] for name in file.files}
         else:
@@ -400,18 +402,3 @@ def _check_size(path: Path, rows: int, columns: int) -> None:
             f"{path.name}: {rows:,} rows and {columns} columns are {8 * rows * columns / 1e9:.0f} "
             f"GB of numbers, more than {LARGEST / 1e9:.0f} GB: take fewer with --columns and --time"
         )
-
-
-def check_zip(path: Path, limit: int = LARGEST) -> list[zipfile.ZipInfo]:
-    """List the files of a zip; refuse what unpacks to more than a limit."""
-    with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
-        members = [m for m in packed.infolist() if not m.is_dir()]
-    size = sum(member.file_size for member in members)
-    if size > limit:
-        raise CannotAnswer(
-            f"{path.name}: unpacks to {size / 1e9:.1f} GB, more than {limit / 1e9:.0f} GB: unpack "
-            "what you need by hand"
-        )
-    if any(member.flag_bits & 1 for member in members):
-        raise CannotAnswer(f"{path.name}: the zip has a password: unpack it by hand")
-    return members

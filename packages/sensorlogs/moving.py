@@ -6,10 +6,9 @@ timeline = read_moving(["flight.ulg"])              the same from a ULog, a bag,
 """
 
 import datetime
-import functools
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,6 @@ from sensorlogs import (
     WrongUsage,
     columns,
     datasets,
-    delimited,
     formats,
     nmea,
     times,
@@ -32,6 +30,8 @@ from sensorlogs import (
 )
 from sensorlogs.archives import EXPORT
 from sensorlogs.catalogue import find
+from sensorlogs.columns import AXES, recognise
+from sensorlogs.delimited import Table
 from sensorlogs.tables import Part, ask, interpolated, named
 from sensorlogs.timeline import (
     FACTORS,
@@ -46,21 +46,26 @@ from sensorlogs.timeline import (
 
 ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
 IMU_GAPS = 0.01  # share of IMU rows whose time may step back
-NEEDED = {
-    "GNSS": ("lat_deg", "lon_deg"),
-    "IMU": (*(f"gyro_{axis}_deg_s" for axis in "xyz"), *(f"accel_{axis}_m_s2" for axis in "xyz")),
-}
-SPEED = {"m_s": 1.0, "km_h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
-_SPEED_WITH_UNIT = re.compile(
-    columns.NAMES["moving"]["speed"]
-    + r"_*[\[(]?_*((?P<m_s>m_s|m/s|mps|ms)|(?P<km_h>km_h|km/h|kmh|kph)"
-    r"|(?P<knots>knots?|kn|kt)|(?P<mph>mph))_*[\])]?"
-)
+GYROS, ACCELS = ([f"{what}_{axis}" for axis in AXES] for what in ("gyro", "accel"))
+NEEDED = {"GNSS": ["lat", "lon"], "IMU": GYROS + ACCELS, "attitude": ["roll", "pitch"]}
+NAMED = {"lat": "deg", "lon": "deg"} | dict.fromkeys(GYROS, "deg_s") | dict.fromkeys(ACCELS, "m_s2")
+SPEED = {"m/s": 1.0, "km/h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
 _SECOND = {"linear", "lin", "linacc", "user", "bias"}  # of two columns that hold one quantity
 _RAD_S = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()}
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
 HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch
+
+
+@dataclass
+class _Found:
+    """What was read so far: GNSS, IMU and attitude by name, the clock of each, and the rest."""
+
+    parts: dict[str, Any] = field(default_factory=dict)
+    clocks: dict[str, str] = field(default_factory=dict)
+    restarts: list[float] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    start: str | None = None
 
 
 def read_moving(
@@ -101,41 +106,44 @@ def read_moving(
     CannotAnswer, WrongUsage
         Naming file, line and column.
     """
-    parts: dict[str, Any] = {}
-    clocks: dict[str, str] = {}
-    restarts: list[float] = []
-    notes, sources, start = [], {}, None
+    found, sources = _Found(), {}
     paths = [find(log)[2] for log in logs]
-    wanted = _columns_of_each(columns or {}, paths)
+    tables_of = {path: formats.parts_of(path) for path in paths}
+    wanted = _columns_of_each(columns or {}, tables_of)
     given = _given(unit, scale) | {"time_unit": time_unit}
-    for path in paths:
+    for path, parts in tables_of.items():
         sources[path.name] = datasets.sha256(path)
-        if not path.is_dir() and formats.format_of(formats.plain(path)) == "nmea":
-            epochs, which, began, again, more = nmea.read_gnss(formats.plain(path))
-            new, start = {"GNSS": epochs}, began or start
-            theirs = {"GNSS": which}
+        if [part.told_by for part in parts] == [nmea.STANDARD]:
+            epochs, clock, start, again, notes = nmea.read_gnss(formats.plain(path))
+            new = _Found({"GNSS": epochs}, {"GNSS": clock}, again, notes, start)
         else:
-            new, theirs, again, more = _read_parts(path, wanted[path], given, tables)
-        if again and times.DEVICE in theirs.values() and len(paths) > 1:
+            new = _read_parts(path, parts, wanted[path], given, tables)
+        if new.restarts and times.DEVICE in new.clocks.values() and len(paths) > 1:
             raise CannotAnswer(
-                f"{path.name}: its clock starts again {len(again)} times, so that no other log can "
-                "be matched to it; cut the logs there and give the parts of one start"
+                f"{path.name}: its clock starts again {len(new.restarts)} times, so that no other "
+                "log can be matched to it; cut the logs there and give the parts of one start"
             )
-        restarts += again
-        notes += more
-        for kind in new:
-            if kind in parts and kind != "attitude":
+        for kind in new.parts:
+            if kind in found.parts and kind != "attitude":
                 raise WrongUsage(f"{path.name}: a second {kind} log; give one of each")
-        parts = new | parts
-        clocks = theirs | clocks
-    gnss, imu, attitude = (parts.get(kind) for kind in ("GNSS", "IMU", "attitude"))
+        found.parts, found.clocks = new.parts | found.parts, new.clocks | found.clocks
+        found.restarts += new.restarts
+        found.notes += new.notes
+        found.start = new.start or found.start
+    return _on_one_axis(found, sources, imu_offset)
+
+
+def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | None) -> Timeline:
+    """Bring what was read to one clock, that begins with the first event."""
+    parts, clocks, notes = found.parts, found.clocks, found.notes
+    gnss, imu = parts.get("GNSS"), parts.get("IMU")
     if gnss is not None and not len(gnss.t_s):
         raise CannotAnswer(f"{', '.join(sources)}: no row has a position; nothing to replay")
     if imu_offset is not None and (gnss is None or imu is None):
         raise WrongUsage("--imu-offset goes with an IMU log and a GNSS log; one is missing")
     if gnss is not None and imu is not None:
         one_clock = len(sources) == 1 and imu_offset is None and clocks["GNSS"] == clocks["IMU"]
-        shift = 0.0 if one_clock else _shift(gnss, imu, clocks, imu_offset, notes, start)
+        shift = 0.0 if one_clock else _shift(gnss, imu, clocks, imu_offset, notes, found.start)
         parts["IMU"] = imu = replace(imu, t_s=imu.t_s + shift)
         apart = max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])
         if apart > 0:
@@ -143,17 +151,15 @@ def read_moving(
                 f"the IMU log and the GNSS log do not overlap: {apart:.6g} s lie between them; "
                 "give logs of one ride, or say --imu-offset"
             )
-    if attitude is not None and clocks["attitude"] != clocks.get("GNSS", clocks["attitude"]):
+    clock = clocks.get("GNSS") or next(iter(clocks.values()))
+    if "attitude" in parts and clocks["attitude"] != clocks.get("GNSS", clocks["attitude"]):
         notes.append("attitude and GNSS stamps are of different clocks: the attitude is not used")
-        attitude = None
-    first = [part for part in (gnss, parts.get("IMU")) if part is not None] or [attitude]
+        del parts["attitude"]
+    first = [part for kind, part in parts.items() if kind != "attitude"] or [*parts.values()]
     zero = min(float(part.t_s[0]) for part in first)
-    gnss, imu, attitude = (
-        None if part is None else replace(part, t_s=np.round(part.t_s - zero, 6))
-        for part in (gnss, parts.get("IMU"), attitude)
-    )
-    which = clocks.get("GNSS") or next(iter(clocks.values()))
-    again = [round(t - zero, 6) for t in restarts]
+    parts = {kind: replace(p, t_s=np.round(p.t_s - zero, 6)) for kind, p in parts.items()}
+    gnss, imu, attitude = (parts.get(kind) for kind in NEEDED)
+    again = [round(t - zero, 6) for t in found.restarts]
     if gnss is not None:
         if gaps := silent_gaps(gnss, imu):
             notes.append(
@@ -170,7 +176,8 @@ def read_moving(
                 "another one; the speed is left out. Say the unit with --columns speed_km_h=COLUMN "
                 "(or speed_m_s, speed_knots, speed_mph)"
             )
-    return Timeline(gnss, imu, start, tuple(notes), sources, attitude, zero, which, tuple(again))
+    said = tuple(dict.fromkeys(notes))
+    return Timeline(gnss, imu, found.start, said, sources, attitude, zero, clock, tuple(again))
 
 
 def _given(unit: str | None, scale: str | None) -> dict[str, Any]:
@@ -188,24 +195,21 @@ def _given(unit: str | None, scale: str | None) -> dict[str, Any]:
     return given
 
 
-def _columns_of_each(wanted: dict[str, str], paths: list[Path]) -> dict[Path, dict[str, str]]:
+def _columns_of_each(wanted: dict, tables_of: dict[Path, list[Part]]) -> dict[Path, dict]:
     """Give each log those of the wanted columns that it has; a single one has to have all."""
-    each: dict[Path, dict[str, str]] = {path: {} for path in paths}
-    if not wanted:
-        return each
-    found = {path: formats.parts_of(path) for path in paths}
+    each: dict[Path, dict[str, str]] = {path: {} for path in tables_of}
     names = {
-        path: [name for part in parts for name in part.columns]
-        for path, parts in found.items()
+        path: dict.fromkeys(name for part in parts for name in part.columns)
+        for path, parts in tables_of.items()
         if [part.told_by for part in parts] != [nmea.STANDARD]
     }
-    if not names:
+    if wanted and not names:
         raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
     for ours, theirs in wanted.items():
         errors = []
         for path, there in names.items():
             try:
-                columns.resolve(theirs.removeprefix("-"), list(dict.fromkeys(there)), path.name)
+                columns.resolve(theirs.removeprefix("-"), list(there), path.name)
                 each[path][ours] = theirs
             except WrongUsage as error:
                 errors.append(str(error))
@@ -255,48 +259,53 @@ def _dates_apart(gnss, imu, start) -> Iterator[str]:
 
 
 def _read_parts(
-    path: Path, wanted: dict[str, str], given: dict, tables: Sequence[str]
-) -> tuple[dict[str, Any], dict[str, str], list[float], list[str]]:
-    """Read the tables of a log with positions and with an IMU: parts, clocks, restarts, notes."""
-    parts = formats.parts_of(path)
+    path: Path, parts: list[Part], wanted: dict, given: dict, tables: Sequence[str]
+) -> _Found:
+    """Read the tables of a log that have the positions, the IMU and the attitude."""
     wished = {named(parts, name, path.name).name for name in tables if len(parts) > 1}
-    known = {part.name: set(_meanings([*part.columns, *wanted])) for part in parts}
-    chosen: list[tuple[Part, ...]] = []
-    for kind in NEEDED:
-        needed = {columns.split(name)[0] for name in NEEDED[kind]}
-        found = _with(needed, parts, known, wished, path)
-        if kind == "IMU" and not found:  # a phone has one file for each sensor
-            for its in ("gyro", "accel"):
-                half = {name for name in needed if name.startswith(its)}
-                found += _with(half, parts, known, wished, path)
-            found = found if len(found) == 2 else ()
-        if found and found not in chosen:
-            chosen.append(found)
-    attitudes = [p for p in parts if p.primary and {"roll", "pitch"} <= known[p.name]]
+    known = {part.name: {recognise(n).quantity for n in (*part.columns, *wanted)} for part in parts}
+
+    def having(needed) -> tuple[Part, ...]:
+        """Find the one table that has all of these: a tuple of one, or an empty one."""
+        able = [part for part in parts if known[part.name].issuperset(needed)]
+        able = [p for p in able if p.name in wished] or [p for p in able if p.primary] or able
+        if len(able) > 1:
+            raise ask(able, path)
+        return tuple(able)
+
+    imu = having(NEEDED["IMU"])
+    if not imu and (gyros := having(GYROS)) and (accels := having(ACCELS)):
+        imu = gyros + accels  # a phone has one file for each sensor
+    chosen = [each for each in dict.fromkeys((having(NEEDED["GNSS"]), imu)) if each]
+    attitudes = [p for p in parts if p.primary and known[p.name].issuperset(NEEDED["attitude"])]
     if len(attitudes) == 1 and (attitudes[0],) not in chosen:
         chosen.append((attitudes[0],))
-    read: dict[str, Any] = {}
-    restarts: list[float] = []
-    clocks: dict[str, str] = {}
-    notes: list[str] = []
+    found = _Found()
     for some in chosen or [tuple(parts[:1])]:
-        table = _loaded(some)
+        try:
+            table = formats.load(some)
+        except WrongUsage:
+            if len(some) == 1:
+                raise
+            table = formats.load(some, join=interpolated)
         mine, said = wanted, given
         if len(parts) > 1:
             mine = {k: v for k, v in wanted.items() if v.removeprefix("-") in table.frame}
             time = times.time_column(table.frame)
             if time and times.unit_of(time):  # the flag is for another table
                 said = given | {"time_unit": None}
-        new, which, again, more = _read_table(table, mine, said)
-        if some[0].told_by == nmea.STANDARD:
-            which = times.DAY
+        table = replace(table, frame=_rename(table.frame, mine, table.file))
+        rows = _Rows(table, said)
+        new = rows.parts()
         if "IMU" in new and some[0].told_by == EXPORT:
-            new["IMU"] = _level(new["IMU"], more)
-        read |= new
-        restarts += again
-        clocks |= dict.fromkeys(new, which)
-        notes += [note for note in more if note not in notes]
-    return read, clocks, restarts, notes
+            new["IMU"] = _level(new["IMU"], rows.notes)
+        found.parts |= new
+        found.restarts += rows.restarts
+        found.clocks |= dict.fromkeys(
+            new, times.DAY if some[0].told_by == nmea.STANDARD else rows.clock
+        )
+        found.notes += rows.notes
+    return found
 
 
 def _level(imu: Imu, notes: list[str]) -> Imu:
@@ -309,164 +318,6 @@ def _level(imu: Imu, notes: list[str]) -> Imu:
     )
     gyro, accel = (axes[:, [1, 0, 2]] * [1.0, 1.0, -1.0] for axes in (imu.gyro_b, imu.accel_b))
     return replace(imu, gyro_b=gyro, accel_b=accel)
-
-
-def _loaded(some: tuple[Part, ...]) -> delimited.Table:
-    """Read a table; gyros and accelerometers of different rates are brought to one."""
-    try:
-        return formats.load(some)
-    except WrongUsage:
-        if len(some) == 1:
-            raise
-        return formats.load(some, join=interpolated)
-
-
-def _with(needed, parts, known, wished, path) -> tuple[Part, ...]:
-    """Find the one table that has the columns needed: a tuple of one, or an empty one."""
-    found = [part for part in parts if needed <= known[part.name]]
-    found = [p for p in found if p.name in wished] or [p for p in found if p.primary] or found
-    if len(found) > 1:
-        raise ask(found, path)
-    return tuple(found)
-
-
-def _meanings(names: Sequence[str]) -> list[str]:
-    """Tell what columns mean, times left out."""
-    return [meaning for name in names if (meaning := quantity(name)[0]) not in (None, "time")]
-
-
-def _read_table(
-    table: delimited.Table, wanted: dict[str, str], given: dict
-) -> tuple[dict[str, Any], str, list[float], list[str]]:
-    """Read a table: its GNSS epochs and IMU samples, the clock of its stamps, restarts, notes."""
-    file = table.file
-    table = replace(table, frame=_rename(table.frame, wanted, file))
-    time = times.time_column(table.frame)
-    header, there = f"{file}, line 1", f"there are: {', '.join(table.frame)}"
-    if time is None:
-        raise WrongUsage(f"{header}: no column is named as time; say --columns t_s=COLUMN; {there}")
-    with times.stamp_errors_at(table, time):
-        stamps = times.stamps(time, table.frame[time].to_numpy(), unit=given["time_unit"])
-    said = (*table.repairs, *stamps.notes)
-    notes = [note if note.startswith(file) else f"{file}: {note}" for note in said]
-    known = _measurements(table.frame.drop(columns=time))
-    t, again = times.continued(stamps.since_s + stamps.zero_s)
-    if len(again):
-        place = table.place(again[0], time)
-        notes.append(f"{place}: the clock starts again, here first: {len(again) + 1} starts")
-    args = table, time, t, known, notes
-    parts: dict[str, Any] = {}
-    lacks = []
-    imu = functools.partial(_imu, given=given)
-    for kind, build in (("GNSS", _gnss), ("IMU", imu)):
-        missing = [name for name in NEEDED[kind] if columns.split(name)[0] not in known]
-        if not missing:
-            parts[kind] = build(*args)
-        elif len(missing) < len(NEEDED[kind]):
-            lacks.append(f"the {kind} has no column {', '.join(missing)}")
-    if {"roll", "pitch"} <= known.keys():
-        parts["attitude"] = _attitude(*args, given)
-    if not parts:
-        lacks = lacks or [
-            "neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 ..., gyro_x_deg_s ...) "
-            "nor an attitude (roll_deg, pitch_deg, yaw_deg)"
-        ]
-        raise WrongUsage(f"{header}: {'; '.join(lacks)}; say --columns OURS=THEIRS; {there}")
-    notes += [f"{file}: {lack}: not used" for lack in lacks]
-    return parts, stamps.clock, t[again].tolist(), notes
-
-
-def _gnss(table, time, t, known, notes) -> Gnss:
-    """Make the epochs: the rows in which the receiver gives a value."""
-    file = table.file
-    data = {
-        meaning: table.frame[name].to_numpy()
-        for meaning, (name, _) in known.items()
-        if not meaning.startswith(("accel", "gyro"))
-    }
-    rows = np.flatnonzero(np.isfinite(t) & np.isfinite(list(data.values())).any(axis=0))
-    position = np.column_stack([data["lat"][rows], data["lon"][rows]])
-    changed = np.r_[True, (np.diff(position, axis=0) != 0).any(axis=1)]
-    if any(meaning.startswith("accel") for meaning in known) and np.mean(~changed) > HELD:
-        keep, last = [], -np.inf
-        for k, row in enumerate(rows):
-            if changed[k] or t[row] - last >= HELD_S:
-                keep.append(k)
-                last = t[row]
-        notes.append(f"{file}: a position is held over rows: {len(keep):,} epochs where it changes")
-        rows = rows[keep]
-    at = rows[times.rising(t[rows], lambda k: table.place(rows[k], time), notes)]
-
-    def column(meaning):
-        return data[meaning][at] if meaning in data else np.full(len(at), np.nan)
-
-    lat, lon, speed, course = (column(name) for name in ("lat", "lon", "speed", "course"))
-    fix = np.isfinite(lat) & np.isfinite(lon)
-    if "fix" in data:
-        fix &= column("fix") > 0
-    lon = np.where(np.abs(lon) > 180, np.where(np.abs(lon) <= 360, wrap(lon), lon), lon)
-    beyond = np.flatnonzero(fix & ~((np.abs(lat) <= 90) & (np.abs(lon) <= 180)))
-    if beyond.size and 2 * beyond.size >= fix.sum():
-        k = beyond[0]
-        place = table.place(at[k], known["lat"][0])
-        raise CannotAnswer(
-            f"{place}: {lat[k]:g}, {lon[k]:g} is nowhere on Earth, as are {beyond.size:,} of "
-            f"{fix.sum():,} positions; give degrees, latitude and longitude not exchanged"
-        )
-    if "speed" in data:
-        name, unit = known["speed"]
-        if unit is None:
-            unit = _speed_unit(t[at], lat, lon, speed, name, file)
-            notes.append(f"{file}: column '{name}' read as {unit.replace('_', '/')}")
-        if (speed < 0).any():
-            notes.append(f"{file}: column '{name}': {(speed < 0).sum():,} below zero, left out")
-        speed = np.where(speed >= 0, speed, np.nan) * SPEED[unit]
-    if known.get("course", ("", None))[1] == "rad":
-        course = np.degrees(course)
-    feet = "height" in known and re.search(r"(ft|feet)\W*$", known["height"][0].lower())
-    height = column("height") * (0.3048 if feet else 1.0)
-    blank = {"lat_deg": lat, "lon_deg": lon, "height_m": height}
-    blank |= {"speed_m_s": speed, "course_deg": course}
-    blank = {name: np.where(fix, array, np.nan) for name, array in blank.items()}
-    pdop = column("pdop")
-    blank |= {"pdop": np.where(pdop == 0, np.nan, pdop), "mode": column("mode")}
-    gnss = Gnss(t_s=t[at], has_fix=fix, satellites=column("satellites"), **blank)
-    return plausible(gnss, lambda k: table.place(at[k], known["lat"][0]), notes)
-
-
-def _imu(table, time, t, known, notes, given) -> Imu:
-    """Make the samples: rows with all six readings, in SI units."""
-    names = [known[columns.split(name)[0]][0] for name in NEEDED["IMU"]]
-    readings = table.frame[names].to_numpy(dtype=float)
-    rows = np.flatnonzero(np.isfinite(readings).all(axis=1) & np.isfinite(t))
-    if not rows.size:
-        raise CannotAnswer(f"{table.file}: no row has all six IMU readings and a time")
-    if len(rows) < len(readings) and "lat" not in known:
-        share = 1 - len(rows) / len(readings)
-        notes.append(f"{table.file}: {share:.1%} of the IMU rows lack a reading, left out")
-    rows = rows[times.rising(t[rows], lambda k: table.place(rows[k], time), notes, IMU_GAPS)]
-    if len(rows) < 2:
-        raise CannotAnswer(f"{table.file}: a single IMU sample")
-    gyro, accel = readings[rows, :3], readings[rows, 3:]
-    return Imu(
-        t[rows],
-        gyro * _gyro_scale(known, table.file, given),
-        accel * _accel_scale(known, accel, table.file, notes, given),
-    )
-
-
-def _attitude(table, time, t, known, notes, given) -> Attitude:
-    """Make the attitude of the rows that have one; a heading beside roll and pitch is the yaw."""
-    named = [known.get(n) for n in ("roll", "pitch", "yaw")]
-    named[2] = named[2] or known.get("course")
-    angles = np.full((3, len(t)), np.nan)
-    for angle, column in zip(angles, named, strict=True):
-        if column is not None:
-            unit = column[1] or given["unit"].get("angle", "deg")
-            angle[:] = table.frame[column[0]] * (np.degrees(1.0) if unit == "rad" else 1.0)
-    rows = np.flatnonzero(np.isfinite(angles).any(axis=0) & np.isfinite(t))
-    rows = rows[times.rising(t[rows], lambda k: table.place(rows[k], time), [], IMU_GAPS)]
-    return Attitude(t[rows], *angles[:, rows])
 
 
 def _rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFrame:
@@ -487,100 +338,210 @@ def _rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFr
         for ours, theirs in wanted.items()
     }
     for ours, theirs in picked.items():
-        if not quantity(ours)[0]:
+        if not recognise(ours).quantity:
             raise WrongUsage(
                 f"--columns {ours}={theirs}: '{ours}' is none of t_s, lat_deg, lon_deg, height_m, "
                 "pdop, speed_m_s, course_deg, has_fix, accel_x_m_s2 ..., gyro_x_deg_s ..."
             )
-    taken = {quantity(ours)[0] for ours in picked}
-    drop = [n for n in names if n not in picked.values() and quantity(n)[0] in taken]
+    taken = {recognise(ours).quantity for ours in picked}
+    drop = [n for n in names if n not in picked.values() and recognise(n).quantity in taken]
     frame = frame.drop(columns=drop).rename(columns={v: k for k, v in picked.items()})
     negative = [ours for ours, theirs in wanted.items() if theirs.startswith("-")]
     return frame.assign(**{ours: -frame[ours] for ours in negative})
 
 
-def quantity(name: str) -> tuple[str | None, str | None]:
-    """Return meaning and unit of a column's name (None, None if unknown)."""
-    if times.is_time(name):
-        return "time", None
-    base, unit = columns.split(name)
-    said = columns.words(base)
-    if speed := _SPEED_WITH_UNIT.fullmatch(re.sub(r"[\s.]+", "_", name.strip(" :").lower())):
-        return "speed", next(unit for unit in SPEED if speed[unit])
-    for meaning, pattern in columns.NAMES["moving"].items():
-        if re.fullmatch(pattern, "_".join(said)):
-            return meaning, unit
-    kind, other = columns.meaning(name)
-    axis = next((word for word in said[:-3:-1] if word in ("x", "y", "z")), None)
-    if kind in ("rate", "accel") and axis and not other:
-        return f"{columns.FLAG[kind]}_{axis}", unit
-    return None, None
+class _Rows:
+    """Rows of a table with their times: the epochs and samples that are made of them."""
 
+    def __init__(self, table: Table, given: dict):
+        self.table, self.given, self.file = table, given, table.file
+        self.time = times.time_column(table.frame)
+        if self.time is None:
+            raise WrongUsage(
+                f"{self.file}, line 1: no column is named as time; say --columns t_s=COLUMN; there "
+                f"are: {', '.join(table.frame)}"
+            )
+        with times.stamp_errors_at(table, self.time):
+            stamps = times.stamps(
+                self.time, table.frame[self.time].to_numpy(), unit=given["time_unit"]
+            )
+        said = (*table.repairs, *stamps.notes)
+        self.notes = [n if n.startswith(self.file) else f"{self.file}: {n}" for n in said]
+        self.clock = stamps.clock
+        self.t, again = times.continued(stamps.since_s + stamps.zero_s)
+        self.restarts = self.t[again].tolist()
+        if len(again):
+            place = table.place(again[0], self.time)
+            self.notes.append(
+                f"{place}: the clock starts again, here first: {len(again) + 1} starts"
+            )
+        # The first of a quantity counts; acceleration without gravity, or a bias, if no other is.
+        names = [n for n in table.frame.select_dtypes("number") if n != self.time]
+        names.sort(key=lambda name: not _SECOND.isdisjoint(recognise(name).words))
+        self.names: dict[str, str] = {}
+        for name in names:
+            self.names.setdefault(recognise(name).quantity or "", name)
 
-def _measurements(frame: pd.DataFrame) -> dict[str, tuple[str, str | None]]:
-    """Return meaning -> (column, unit) of the columns of numbers.
+    def parts(self) -> dict[str, Any]:
+        """Make what the columns suffice for."""
+        made: dict[str, Any] = {}
+        lacks = []
+        for kind, make in (("GNSS", self.gnss), ("IMU", self.imu), ("attitude", self.attitude)):
+            missing = [name for name in NEEDED[kind] if name not in self.names]
+            if not missing:
+                made[kind] = make()
+            elif len(missing) < len(NEEDED[kind]) and kind != "attitude":
+                named = ", ".join(f"{name}_{NAMED[name]}" for name in missing)
+                lacks.append(f"the {kind} has no column {named}")
+        if not made:
+            lacks = lacks or [
+                "neither positions (lat_deg, lon_deg) nor an IMU (accel_x_m_s2 ..., gyro_x_deg_s "
+                "...) nor an attitude (roll_deg, pitch_deg, yaw_deg)"
+            ]
+            raise WrongUsage(
+                f"{self.file}, line 1: {'; '.join(lacks)}; say --columns OURS=THEIRS; there are: "
+                + ", ".join(self.table.frame)
+            )
+        self.notes += [f"{self.file}: {lack}: not used" for lack in lacks]
+        return made
 
-    The first of a meaning counts; acceleration without gravity, or a bias, if there is no other.
-    """
-    found = [(name, *quantity(name)) for name in frame.select_dtypes("number")]
-    found.sort(key=lambda of: not _SECOND.isdisjoint(columns.words(of[0])))
-    known: dict[str, tuple[str, str | None]] = {}
-    for name, meaning, unit in found:
-        if meaning not in (None, "time"):
-            known.setdefault(meaning, (name, unit))
-    return known
+    def rising(self, rows, notes, late_allowed=0.0) -> np.ndarray:
+        """Keep the rows later than all before."""
+        return rows[
+            times.rising(
+                self.t[rows], lambda k: self.table.place(rows[k], self.time), notes, late_allowed
+            )
+        ]
 
+    def gnss(self) -> Gnss:
+        """Make the epochs: the rows in which the receiver gives a value."""
+        data = {
+            what: self.table.frame[name].to_numpy()
+            for what, name in self.names.items()
+            if what and what not in NEEDED["IMU"]
+        }
+        rows = np.flatnonzero(np.isfinite(self.t) & np.isfinite(list(data.values())).any(axis=0))
+        position = np.column_stack([data["lat"][rows], data["lon"][rows]])
+        changed = np.r_[True, (np.diff(position, axis=0) != 0).any(axis=1)]
+        if not self.names.keys().isdisjoint(ACCELS) and np.mean(~changed) > HELD:
+            keep, last = [], -np.inf
+            for k, row in enumerate(rows):
+                if changed[k] or self.t[row] - last >= HELD_S:
+                    keep.append(k)
+                    last = self.t[row]
+            self.notes.append(
+                f"{self.file}: a position is held over rows: {len(keep):,} epochs where it changes"
+            )
+            rows = rows[keep]
+        at = self.rising(rows, self.notes)
 
-def _speed_unit(t, lat, lon, speed, name: str, file: str) -> str:
-    """Find the unit of a speed from the distance between positions."""
-    metres = 111_195 * np.hypot(np.diff(lat), np.diff(lon) * np.cos(np.radians(lat[1:])))
-    moving = speed[1:] > 0
-    travelled, integrated = np.nansum(metres[moving]), np.nansum((speed[1:] * np.diff(t))[moving])
-    ratio = travelled / max(integrated, 1e-9)
-    unit = min(SPEED, key=lambda u: abs(np.log(max(ratio, 1e-9) / SPEED[u])))
-    if moving.sum() < 20 or abs(ratio / SPEED[unit] - 1) > 0.06 or travelled < 200:
-        raise WrongUsage(
-            f"{file}: column '{name}' has no unit, and its positions do not tell it; say "
-            f"--columns speed_m_s={name}, or speed_km_h, speed_knots, speed_mph"
-        )
-    return unit
+        def column(what):
+            return data[what][at] if what in data else np.full(len(at), np.nan)
 
+        def place(k):
+            return self.table.place(at[k], self.names["lat"])
 
-def _gyro_scale(known: dict, file: str, given: dict) -> float:
-    """Return rad/s per unit of the gyro; axes without a unit, or in several, are refused."""
-    names, units = zip(*(known[f"gyro_{axis}"] for axis in "xyz"), strict=True)
-    if set(units) == {None}:
-        units = (given["unit"].get("rate"),)
-    if len(set(units)) > 1 or units[0] not in _RAD_S:
-        raise WrongUsage(
-            f"{file}, columns {', '.join(names)}: they need one unit of a rate: say --unit "
-            f"gyro=deg/s, or --columns gyro_x_deg_s={names[0]} and so on for each axis",
-            {"--unit": "gyro=deg/s"},
-        )
-    return _RAD_S[units[0]] * given["scale"].get("rate", 1.0)
+        lat, lon = column("lat"), column("lon")
+        fix = np.isfinite(lat) & np.isfinite(lon)
+        if "fix" in data:
+            fix &= column("fix") > 0
+        lon = np.where((np.abs(lon) > 180) & (np.abs(lon) <= 360), wrap(lon), lon)
+        beyond = np.flatnonzero(fix & ~((np.abs(lat) <= 90) & (np.abs(lon) <= 180)))
+        if beyond.size and 2 * beyond.size >= fix.sum():
+            k = beyond[0]
+            raise CannotAnswer(
+                f"{place(k)}: {lat[k]:g}, {lon[k]:g} is nowhere on Earth, as are {beyond.size:,} "
+                f"of {fix.sum():,} positions; give degrees, latitude and longitude not exchanged"
+            )
+        pdop, blank = column("pdop"), {"lat_deg": lat, "lon_deg": lon}
+        feet = re.search(r"(ft|feet)\W*$", self.names.get("height", "").lower())
+        blank["height_m"] = column("height") * (0.3048 if feet else 1.0)
+        blank["speed_m_s"] = self.speed(column("speed"))
+        radians = "course" in data and recognise(self.names["course"]).unit == "rad"
+        blank["course_deg"] = np.degrees(column("course")) if radians else column("course")
+        blank = {name: np.where(fix, array, np.nan) for name, array in blank.items()}
+        blank |= {"pdop": np.where(pdop == 0, np.nan, pdop), "mode": column("mode")}
+        gnss = Gnss(t_s=self.t[at], has_fix=fix, satellites=column("satellites"), **blank)
+        return plausible(gnss, place, self.notes)
 
+    def speed(self, speed) -> np.ndarray:
+        """Turn a speed into m/s; one without a unit is asked about."""
+        if "speed" not in self.names:
+            return speed
+        name = self.names["speed"]
+        unit = recognise(name).unit
+        if unit is None:
+            raise WrongUsage(
+                f"{self.file}: column '{name}' has no unit: say --columns speed_m_s={name}, or "
+                "speed_km_h, speed_knots, speed_mph"
+            )
+        if (speed < 0).any():
+            self.notes.append(
+                f"{self.file}: column '{name}': {(speed < 0).sum():,} below zero, left out"
+            )
+        return np.where(speed >= 0, speed, np.nan) * SPEED[unit]
 
-def _accel_scale(known: dict, accel: np.ndarray, file: str, notes: list[str], given: dict) -> float:
-    """Return m/s^2 per unit of the accelerometer; without a unit, gravity decides."""
-    names, units = zip(*(known[f"accel_{axis}"] for axis in "xyz"), strict=True)
-    if len(set(units)) > 1:
-        raise WrongUsage(f"{file}: the three accelerometers are in different units")
-    factor = given["scale"].get("accel", 1.0)
-    norm = abs(factor) * float(np.median(np.linalg.norm(accel, axis=1)))
-    sizes = {u: norm * one / STANDARD_GRAVITY for u, one in IN_M_S2.items()}
-    likely = [u for u, size in sizes.items() if 0.8 < size < 1.25]
-    unit = units[0] or given["unit"].get("accel")
-    if unit is None and likely:
-        unit = likely[0]
-        notes.append(
-            f"{file}: accelerometer read as {unit}: its length is {norm:.3g} (--unit accel=... "
-            "overrules)"
-        )
-    if unit not in likely:
-        raise WrongUsage(
-            f"{file}, columns {', '.join(names)}: the median length is "
-            f"{norm:.3g}{' ' + unit if unit else ''}, which is no gravity; give specific force "
-            "(gravity included) as accel_x_m_s2 or accel_x_g; raw counts need --scale, such as "
-            "--scale accel=1/16384"
-        )
-    return factor * IN_M_S2[unit]
+    def imu(self) -> Imu:
+        """Make the samples: rows with all six readings, in SI units."""
+        names = [self.names[what] for what in NEEDED["IMU"]]
+        readings = self.table.frame[names].to_numpy(dtype=float)
+        rows = np.flatnonzero(np.isfinite(readings).all(axis=1) & np.isfinite(self.t))
+        if not rows.size:
+            raise CannotAnswer(f"{self.file}: no row has all six IMU readings and a time")
+        if len(rows) < len(readings) and "lat" not in self.names:
+            share = 1 - len(rows) / len(readings)
+            self.notes.append(f"{self.file}: {share:.1%} of the IMU rows lack a reading, left out")
+        rows = self.rising(rows, self.notes, IMU_GAPS)
+        if len(rows) < 2:
+            raise CannotAnswer(f"{self.file}: a single IMU sample")
+        gyro, accel = readings[rows, :3], readings[rows, 3:]
+        gyro = gyro * self.gyro_scale(names[:3])
+        return Imu(self.t[rows], gyro, accel * self.accel_scale(names[3:], accel))
+
+    def attitude(self) -> Attitude:
+        """Make the attitude of the rows that have one; a heading beside roll and pitch is yaw."""
+        yaw = self.names.get("yaw", self.names.get("course"))
+        angles = np.full((3, len(self.t)), np.nan)
+        for angle, name in zip(angles, (self.names["roll"], self.names["pitch"], yaw), strict=True):
+            if name is not None:
+                unit = recognise(name).unit or self.given["unit"].get("angle", "deg")
+                angle[:] = self.table.frame[name] * (np.degrees(1.0) if unit == "rad" else 1.0)
+        rows = np.flatnonzero(np.isfinite(angles).any(axis=0) & np.isfinite(self.t))
+        rows = self.rising(rows, [], IMU_GAPS)
+        return Attitude(self.t[rows], *angles[:, rows])
+
+    def gyro_scale(self, names: list[str]) -> float:
+        """Return rad/s per unit of the gyro; axes without a unit, or in several, are refused."""
+        units = {recognise(name).unit or self.given["unit"].get("rate") for name in names}
+        unit = units.pop()
+        if units or unit not in _RAD_S:
+            raise WrongUsage(
+                f"{self.file}, columns {', '.join(names)}: they need one unit of a rate: say "
+                f"--unit gyro=deg/s, or --columns gyro_x_deg_s={names[0]} and so on for each axis",
+                {"--unit": "gyro=deg/s"},
+            )
+        return _RAD_S[unit] * self.given["scale"].get("rate", 1.0)
+
+    def accel_scale(self, names: list[str], accel: np.ndarray) -> float:
+        """Return m/s^2 per unit of the accelerometer; without a unit, gravity decides."""
+        units = {recognise(name).unit or self.given["unit"].get("accel") for name in names}
+        unit = units.pop()
+        if units:
+            raise WrongUsage(f"{self.file}: the three accelerometers are in different units")
+        factor = self.given["scale"].get("accel", 1.0)
+        norm = abs(factor) * float(np.median(np.linalg.norm(accel, axis=1)))
+        likely = columns.gravity_unit(norm, 0.25)
+        if unit is None and likely:
+            unit = likely
+            self.notes.append(
+                f"{self.file}: accelerometer read as {unit}: its length is {norm:.3g} (--unit "
+                "accel=... overrules)"
+            )
+        if unit is None or unit != likely:
+            raise WrongUsage(
+                f"{self.file}, columns {', '.join(names)}: the median length is "
+                f"{norm:.3g}{' ' + unit if unit else ''}, which is no gravity; give specific force "
+                "(gravity included) as accel_x_m_s2 or accel_x_g; raw counts need --scale, such as "
+                "--scale accel=1/16384"
+            )
+        return factor * IN_M_S2[unit]

@@ -14,12 +14,12 @@ import numpy as np
 import pandas as pd
 from pynmeagps import GET, NMEAMessage, NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
 
-from sensorlogs import CannotAnswer, times
+from sensorlogs import CannotAnswer, counted, times
 from sensorlogs.columns import NAMES
 from sensorlogs.delimited import Table, content
-from sensorlogs.grid import BadStamps, counted
 from sensorlogs.tables import Part
 from sensorlogs.timeline import Gnss, Imu, plausible
+from sensorlogs.times import BadStamps
 
 STANDARD = "the NMEA standard"
 PDOP_HOLD_S = 10.0  # receivers that save on sentences give a GSA every few seconds only

@@ -21,11 +21,10 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from sensorlogs import CannotAnswer, nmea
-from sensorlogs.columns import NAMES
+from sensorlogs import CannotAnswer, counted, nmea
+from sensorlogs.columns import AXES, NAMES
 from sensorlogs.delimited import Table, progress
-from sensorlogs.grid import counted
-from sensorlogs.tables import AXES, LISTED, Part, of_arrays, reading
+from sensorlogs.tables import LISTED, Part, of_arrays, reading
 
 DEFINED = "its message definition"
 _ROS = NAMES["ros"]
@@ -254,7 +253,7 @@ def dataflash(path: Path) -> list[Part]:
         for form in log.formats.values():
             offsets = np.asarray(log.offsets[form.type], dtype=np.int64)
             offsets = offsets[offsets + form.len <= len(raw)]
-            if not offsets.size or form.columns[:1] != ["TimeUS"]:
+            if not offsets.size or form.columns[:1] not in (["TimeUS"], ["TimeMS"]):
                 continue
             parts += _dataflash_parts(path, form, offsets, raw, notes)
         log.filehandle.close()

@@ -20,12 +20,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import IN_M_S2, CannotAnswer, WrongUsage, columns, datasets, formats, times
-from sensorlogs import grid as grids
+from sensorlogs import (
+    IN_M_S2,
+    CannotAnswer,
+    WrongUsage,
+    columns,
+    counted,
+    datasets,
+    formats,
+    times,
+)
 from sensorlogs.catalogue import check_unit, find
 from sensorlogs.columns import Choice
 from sensorlogs.delimited import Table, printable
-from sensorlogs.grid import MISSING_ALLOWED, Grid
+from sensorlogs.times import MISSING_ALLOWED, Grid
 
 SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
 LARGEST = 1e9  # beyond what any sensor reads, in any unit
@@ -315,7 +323,7 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
                     f"{table.place(0, name)}: '{cell}' is not a number; choose other --columns"
                 )
     for name in () if wanted else frame.columns.difference([time, *frame.select_dtypes("number")]):
-        if columns.meaning(name)[0] in ("rate", "accel") and not columns.meaning(name)[1]:
+        if columns.recognise(name).kind in ("rate", "accel") and not columns.recognise(name).other:
             wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
             row = int(np.argmax(wrong))
             raise CannotAnswer(
@@ -325,7 +333,7 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
     lost = {"lat_deg", "lon_deg"} <= set(frame) and "north_m" not in frame and not wanted
-    if lost and not any(columns.meaning(name)[0] for name in numeric):
+    if lost and not any(columns.recognise(name).kind for name in numeric):
         raise CannotAnswer(
             f"{file}: no fix: none of the {len(frame):,} epochs has a position; give a log in "
             "which the receiver has found its satellites"
@@ -337,9 +345,6 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
         notes.append(f"without any value, and left out: {names}")
         numeric = [name for name in numeric if name not in empty]
     numeric = [name for name in numeric if name != warm or name in (wanted or ())]
-    if table.layout is not None and not (wanted and given["unit"]):
-        numeric, doubles = columns.without_doubles(numeric, table.layout.names, file, wanted)
-        notes += doubles
     found = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
     return replace(found, notes=[*notes, *found.notes]), temperature
 
@@ -353,14 +358,14 @@ def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid
     """Place the rows on a uniform grid, by their stamps or by a given rate."""
     rate, frame = option.get("rate_hz"), table.frame
     if t_s is None:
-        return Grid(float(option["rate_hz"]), len(frame), grids.ALL, grids.ALL)
+        return Grid(float(option["rate_hz"]), len(frame), times.ALL, times.ALL)
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(t_s[1:] == t_s[:-1]) + 1
     now = frame.iloc[same]
     before = frame.iloc[same - 1].set_axis(now.index)
     repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
     with times.stamp_errors_at(table, time):
-        grid = grids.by_stamps(t_s, repeated, option.get("timing", "auto"))
+        grid = times.by_stamps(t_s, repeated, option.get("timing", "auto"))
     if rate is not None and abs(grid.rate_hz / rate - 1) > 0.05:
         raise WrongUsage(
             f"{table.file}: --rate {rate:g} contradicts time column '{time}', which "
@@ -400,7 +405,7 @@ def _channel(
         jumps = int((np.diff((turned - cells)[finite]).round(6) != 0).sum())
         if jumps:
             repairs.append(
-                f"'{choice.name}' unwrapped: {grids.counted(jumps, 'jump')} by a full turn removed"
+                f"'{choice.name}' unwrapped: {counted(jumps, 'jump')} by a full turn removed"
             )
             cells, values = turned, turned[finite]
     few = np.percentile(values[:: 1 + len(values) // columns.LOOKED_AT], [5, 95])

@@ -15,13 +15,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import CannotAnswer, WrongUsage, columns, times
+from sensorlogs import CannotAnswer, WrongUsage, columns, counted, times
 from sensorlogs.delimited import Table, printable
-from sensorlogs.grid import counted
 
 LISTED = 12  # tables named in a message
 SLOW = 0.1  # share of the longest table's rows below which a table is no rival of it
-AXES = ("x", "y", "z")
 # A library's own fault, such as a message that it does not know, or a name that another package no
 # longer has; damaged bytes can lead to the same.
 _UNABLE = (AttributeError, ImportError, KeyError, NameError, NotImplementedError, TypeError)
@@ -113,15 +111,9 @@ def with_axis(name: str, axis: str) -> str:
 
 def kinds(part: Part) -> set[str]:
     """Tell by the names which kinds of readings a table has."""
-    found, names = set(), {columns.split(name)[0].lower() for name in part.columns}
-    for name in part.columns:
-        named, other = columns.meaning(name)
-        kind = columns.KIND_OF_UNIT.get(columns.split(name)[1] or "", named)
-        if kind and not other:
-            found.add(kind)
-    if {"lat", "lon"} <= names or {"latitude", "longitude"} <= names:
-        found.add("position")
-    return found
+    known = [columns.recognise(name) for name in part.columns]
+    found = {column.of_kind for column in known if column.of_kind and not column.other}
+    return found | ({"position"} if {"lat", "lon"} <= {c.quantity for c in known} else set())
 
 
 def named(parts: Sequence[Part], name: str, file: str) -> Part:
