@@ -173,19 +173,14 @@ class RestDetector:
         """
         if dt > GAP_S:
             self.reset()
-        total = self._sum
-        total[0] += gyro_b[0]
-        total[1] += gyro_b[1]
-        total[2] += gyro_b[2]
-        total[3] += accel_b[0]
-        total[4] += accel_b[1]
-        total[5] += accel_b[2]
+        values = tuple(gyro_b) + tuple(accel_b)
+        self._sum = [total + value for total, value in zip(self._sum, values)]
         self._count += 1
         self._seconds += dt
         if self._seconds + 0.5 * dt < BLOCK_S:
             return False
         scale = 1 / self._count
-        self._means.append([value * scale for value in total])
+        self._means.append([total * scale for total in self._sum])
         self._clear()
         if len(self._means) < self.rest_blocks:
             return False

@@ -12,7 +12,7 @@ is a number, too. tests/test_attitude.py holds this against the dense filters of
 
 import math
 
-from analysis.tracker.vectors import STANDARD_GRAVITY, add, cross, dot
+from analysis.tracker.vectors import STANDARD_GRAVITY, add, cross, dot, unit
 
 SIGMA_ACCEL = 0.05  # m/s^2, one sample at rest
 EXTERNAL_TAU_S = 1.0  # s over which vibration is averaged out of the vehicle's acceleration
@@ -98,14 +98,8 @@ class Attitude:
             dt = 0.0
         wx, wy, wz = gyro_b
         fx, fy, fz = accel_b
-        total = self._gyro  # sums over the epoch, for the bias
-        total[0] += wx
-        total[1] += wy
-        total[2] += wz
-        total = self._gyro_square
-        total[0] += wx * wx
-        total[1] += wy * wy
-        total[2] += wz * wz
+        add(self._gyro, gyro_b)  # over the epoch, for the bias
+        add(self._gyro_square, (wx * wx, wy * wy, wz * wz))
         self._samples += 1
         self._seconds += dt
         if not self.ready:
@@ -120,30 +114,16 @@ class Attitude:
         scale = -1 / STANDARD_GRAVITY
         z = fx * scale, fy * scale, fz * scale
         after = self.tilt.update(z, variance * scale * scale)
-        x, y, z = after
-        ex, ey, ez = self._external = [
-            fx + STANDARD_GRAVITY * x,
-            fy + STANDARD_GRAVITY * y,
-            fz + STANDARD_GRAVITY * z,
-        ]
+        self._external = [f + STANDARD_GRAVITY * d for f, d in zip(accel_b, after)]
         share = dt / EXTERNAL_TAU_S if dt < EXTERNAL_TAU_S else 1.0
-        mx, my, mz = self._mean_external
-        self._mean_external = [
-            mx + share * (ex - mx),
-            my + share * (ey - my),
-            mz + share * (ez - mz),
-        ]
-        bx, by, bz = before
-        total = self._turned  # rotation that the tilt filter had to add: before x after
-        total[0] += by * z - bz * y
-        total[1] += bz * x - bx * z
-        total[2] += bx * y - by * x
+        both = zip(self._mean_external, self._external)
+        self._mean_external = [m + share * (e - m) for m, e in both]
+        add(self._turned, cross(before, after))  # rotation that the tilt filter had to add
 
     def restart(self, force, rate):
         """Read tilt and bias again from means at rest (sequences of 3, m/s^2 and rad/s)."""
         self.bias.start(rate, SIGMA_BIAS_REST)
-        scale = -1 / max(math.sqrt(dot(force, force)), WEIGHTLESS)
-        self.tilt.start([f * scale for f in force], SIGMA_ACCEL / STANDARD_GRAVITY)
+        self.tilt.start(opposite(force), SIGMA_ACCEL / STANDARD_GRAVITY)
         self._mean_external = [0.0] * 3
 
     def epoch(self, static=False, heading=None, sigma=0.1, vehicle=None):
@@ -226,27 +206,24 @@ class Attitude:
         its variance. It is taken from GNSS, for a wrong tilt looks like an acceleration and would
         confirm itself; without GNSS it is taken from the accelerometer, up to a bound.
         """
-        mx, my, mz = self._mean_external
-        ex, ey, ez = self._external
-        lasting = self._vehicle
+        mean, lasting = self._mean_external, self._vehicle
         if lasting is None:
-            lasting = min(mx * mx + my * my + mz * mz, EXTERNAL_MOST * EXTERNAL_MOST)
+            lasting = min(dot(mean, mean), EXTERNAL_MOST * EXTERNAL_MOST)
         lasting = max(lasting, EXTERNAL_LEAST * EXTERNAL_LEAST)
-        ex, ey, ez = ex - mx, ey - my, ez - mz
-        shaken = ex * ex + ey * ey + ez * ez
-        return SIGMA_ACCEL * SIGMA_ACCEL + shaken + lasting * (2 * EXTERNAL_CORR_S / dt)
+        shaken = [e - m for e, m in zip(self._external, mean)]
+        return (
+            SIGMA_ACCEL * SIGMA_ACCEL + dot(shaken, shaken) + lasting * (2 * EXTERNAL_CORR_S / dt)
+        )
 
     def _north(self, down):
         """North made square to down."""
-        n0, n1, n2 = self.yaw.x
-        d0, d1, d2 = down
-        k = n0 * d0 + n1 * d1 + n2 * d2
-        n0, n1, n2 = n0 - k * d0, n1 - k * d1, n2 - k * d2
-        square = n0 * n0 + n1 * n1 + n2 * n2
+        k = dot(self.yaw.x, down)
+        level_north = [n - k * d for n, d in zip(self.yaw.x, down)]
+        square = dot(level_north, level_north)
         if square < ON_END:  # the sensor has been put on end
             return north(down, 0.0)
         scale = 1 / math.sqrt(square)
-        return [n0 * scale, n1 * scale, n2 * scale]
+        return [n * scale for n in level_north]
 
     def _align(self, accel_b):
         """Read the first attitude, and the gyro's bias if it lay still, from the first second."""
@@ -367,14 +344,9 @@ class Direction:
 
     def update(self, z, variance):
         """Take in the direction measured (sequence of 3), keep the length at one, and return it."""
-        x0, x1, x2 = self.x
         gain = self.p / (self.p + variance)
-        x0 += gain * (z[0] - x0)
-        x1 += gain * (z[1] - x1)
-        x2 += gain * (z[2] - x2)
         self.p = gain * variance
-        scale = 1 / math.sqrt(x0 * x0 + x1 * x1 + x2 * x2)
-        self.x = x0 * scale, x1 * scale, x2 * scale
+        self.x = tuple(unit([x + gain * (m - x) for x, m in zip(self.x, z)]))
         return self.x
 
 
@@ -477,8 +449,13 @@ class Upright:
     @property
     def down(self):
         """Direction of down in the upright vehicle, in sensor axes."""
-        scale = -1 / max(math.sqrt(dot(self._mean, self._mean)), WEIGHTLESS)
-        return [f * scale for f in self._mean]
+        return opposite(self._mean)
+
+
+def opposite(force):
+    """Return the direction of down that a specific force at rest (sequence of 3) tells."""
+    scale = -1 / max(math.sqrt(dot(force, force)), WEIGHTLESS)
+    return [f * scale for f in force]
 
 
 def steady(mean, square):

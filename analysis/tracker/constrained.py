@@ -14,7 +14,7 @@ few times a second. Numbers are taken in one at a time, so no matrix is inverted
 import math
 
 from analysis.tracker.attitude import north
-from analysis.tracker.vectors import STANDARD_GRAVITY, cross, dot
+from analysis.tracker.vectors import STANDARD_GRAVITY, add, cross, dot, unit
 
 # Errors, in this order: position north, east (m); velocity, attitude (rad) and biases of gyro and
 # accelerometer, each in three axes; pitch and yaw of the sensor in the car (rad).
@@ -107,15 +107,9 @@ class Constrained:
             Block 3 judges the vehicle static.
         """
         half = 0.5 * dt
-        bias = self.gyro_bias
-        a, b, c = (
-            half * (gyro_b[0] - bias[0]),
-            half * (gyro_b[1] - bias[1]),
-            half * (gyro_b[2] - bias[2]),
-        )
+        a, b, c = (half * (w - o) for w, o in zip(gyro_b, self.gyro_bias))
         scale = 2 / (1 + (a * a + b * b + c * c))
-        bias = self.accel_bias
-        fx, fy, fz = accel_b[0] - bias[0], accel_b[1] - bias[1], accel_b[2] - bias[2]
+        fx, fy, fz = (f - o for f, o in zip(accel_b, self.accel_bias))
         velocity, total = self.velocity, self._force
         before = velocity[0], velocity[1]
         for i in (0, 1, 2):
@@ -132,10 +126,7 @@ class Constrained:
         velocity[2] += STANDARD_GRAVITY * dt
         self.position[0] += half * (before[0] + velocity[0])
         self.position[1] += half * (before[1] + velocity[1])
-        total = self._turned
-        total[0] += a
-        total[1] += b
-        total[2] += c
+        add(self._turned, (a, b, c))
         self._seconds += dt
         if self._seconds + 0.5 * dt >= STEP_S:
             self._carry()
@@ -265,11 +256,7 @@ def turned(C, a, b, c):
     """Return (I + [angle x]) C with its rows made unit and square: small angles, rad."""
     x, y, z = C
     x = [x[k] - c * y[k] + b * z[k] for k in (0, 1, 2)]
-    z = [z[k] - b * C[0][k] + a * y[k] for k in (0, 1, 2)]
-    scale = 1 / math.sqrt(dot(z, z))
-    z = [value * scale for value in z]
+    z = unit([z[k] - b * C[0][k] + a * y[k] for k in (0, 1, 2)])
     along = dot(x, z)
-    x = [x[k] - along * z[k] for k in (0, 1, 2)]
-    scale = 1 / math.sqrt(dot(x, x))
-    x = [value * scale for value in x]
+    x = unit([x[k] - along * z[k] for k in (0, 1, 2)])
     return [x, cross(z, x), z]

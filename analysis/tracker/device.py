@@ -185,15 +185,8 @@ class Device:
             if moved and self._rested and self.last.position is not None:
                 self.last.motion()
                 self.ned = None
-        fx, fy, fz = accel_b
-        total = self._sum
-        total[0] += ax
-        total[1] += ay
-        total[2] += fx
-        total[3] += fy
-        total[4] += fz
-        total[5] += fx * fx + fy * fy + fz * fz
-        total[6] += 1.0
+        values = (ax, ay) + tuple(accel_b) + (dot(accel_b, accel_b), 1.0)
+        self._sum = [total + value for total, value in zip(self._sum, values)]
         if self.fusion and self.fusion.started:
             self._predict(t_s)
         car = self.constrained

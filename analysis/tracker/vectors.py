@@ -33,6 +33,12 @@ def cross(a, b):
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
+def unit(a):
+    """Return a sequence of three as a list of length one."""
+    scale = 1 / math.sqrt(dot(a, a))
+    return [a[0] * scale, a[1] * scale, a[2] * scale]
+
+
 def add(total, values):
     """Add three values to three sums."""
     total[0] += values[0]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from broken_events import record
+from feed import fields, flat
 
 from analysis import ROOT, replacing, store
 from analysis.tracker import scenario
@@ -74,8 +75,7 @@ def feed(folder, given, events, names=(), then=(), **changed):
     printed : str
     """
     (folder / "log.json").write_text(json.dumps([list(names), changed]))
-    rows = [flat(given), *map(flat, events)]
-    np.concatenate([np.concatenate([[len(r)], r]) for r in rows]).tofile(folder / "log.bin")
+    (folder / "log.bin").write_bytes(b"".join(map(flat, [given, *events])))
     files = {f"/in/log.{kind}": folder / f"log.{kind}" for kind in ("json", "bin")}
     files["/lib/feed.py"] = HERE / "feed.py"
     steps = ["from feed import Feed\nfeed = Feed()", "again = feed.step()", *then]
@@ -86,32 +86,6 @@ def feed(folder, given, events, names=(), then=(), **changed):
         found.append(dict(zip(names, fields(values[at + 1 : at + 1 + count]), strict=True)))
         at += 1 + count
     return found, np.fromfile(folder / "heap"), printed
-
-
-def flat(given):
-    """Put fields into a row of doubles: length and numbers of each, -1 for None, 0 for a number."""
-    values = []
-    for field in given:
-        if field is None:
-            values.append(-1.0)
-        elif isinstance(field, tuple | list):
-            values += [float(len(field)), *map(float, field)]
-        else:
-            values += [0.0, float(field)]
-    return np.array(values)
-
-
-def fields(values):
-    """Take a row of doubles apart."""
-    found, at = [], 0
-    while at < len(values):
-        size, at = int(values[at]), at + 1
-        if size < 0:
-            found.append(None)
-            continue
-        found.append(values[at : at + size] if size else values[at])
-        at += size or 1
-    return found
 
 
 BEFORE, AFTER = "before = gc.mem_alloc()", "print('{}', gc.mem_alloc() - before)"
