@@ -6,39 +6,23 @@ import numpy as np
 import pytest
 
 from analysis.tracker import at_rest
-from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
+from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest, mean
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import Scenario, scenario
 from sensorlogs.timeline import Gnss, Imu, Timeline
 
-NAN, F, T = math.nan, False, True
-# Name -> what block 3 is given, one after the other (a speed; an acceleration; what the detector of
-# rest says), and whether it is then moving.
-VERDICTS = {
-    "nothing known": [(NAN, T)],
-    "the IMU alone, before the first fix": [((0.0, 0.01), F), (NAN, F), ((0.5, 0.0), T)],
-    "one noisy speed, and a plain one": [(0.1, F)] * 5 + [(0.9, F), (1.5, T)],
-    "a tunnel at constant speed": [(15.0, T)] * 5 + [(NAN, T), ((0.0, 0.0), T)],
-    "a detector": [
-        (F, T), (0.1, T), ((0.0, 0.0), T), (T, T), ((0.0, 0.0), F), (F, F), ((0.0, 0.0), F),
-        ((0.3, 0.0), T),
-    ],
-}  # fmt: skip
+
+def test_threshold_is_the_papers():
+    """published: theta_A is 0.125 m/s^2."""
+    assert StaticTest.theta_a == 0.125
 
 
-@pytest.mark.parametrize("name", VERDICTS)
-def test_what_decides(name):
-    """published: speed or acceleration end a rest; with a detector it begins in a quiet window."""
-    block = StaticTest(accel_tau_s=0.0)
-    for given, moving in VERDICTS[name]:
-        if isinstance(given, bool):
-            block.quiet = given
-        elif isinstance(given, tuple):
-            block.accelerate(*given, 0.25)
-        else:
-            block.drive(given)
-        assert block.moving == moving
+def test_moving_until_something_is_known():
+    """property: without any reading a vehicle is not called static."""
+    block = StaticTest()
+    assert block.moving
+    assert block.drive(math.nan)
 
 
 @pytest.mark.parametrize(("norm", "moving"), [(0.12, False), (0.13, True)])
@@ -48,6 +32,32 @@ def test_the_norm_of_the_horizontal_acceleration_decides(norm, moving, angle):
     block = StaticTest(accel_tau_s=0.0)
     block.drive(0.1)
     assert block.accelerate(norm * math.cos(angle), norm * math.sin(angle), 0.25) == moving
+
+
+def test_speed_is_filtered_but_never_waited_for_long():
+    """property: one noisy speed does not wake a standing vehicle; a plain one does at once."""
+    block = StaticTest()
+    for _ in range(5):
+        block.drive(0.1)
+    assert not block.drive(0.9)
+    assert block.drive(1.5)
+
+
+def test_no_speed_leaves_the_imu_to_judge():
+    """published: before the first fix the IMU alone says whether the device moves."""
+    block = StaticTest(accel_tau_s=0.0)
+    assert not block.accelerate(0.0, 0.01, 0.25)
+    assert not block.drive(math.nan)
+    assert block.accelerate(0.5, 0.0, 0.25)
+
+
+def test_a_lost_fix_does_not_stop_a_moving_vehicle():
+    """property: in a tunnel at constant speed the last speed is kept."""
+    block = StaticTest()
+    for _ in range(5):
+        block.drive(15.0)
+    assert block.drive(math.nan)
+    assert block.accelerate(0.0, 0.0, 0.025)
 
 
 @pytest.mark.parametrize("rate", [4, 40, 100])
@@ -70,6 +80,11 @@ def test_white_noise_does_not_wake():
     assert not any(block.accelerate(x, y, 0.025) for x, y in noise.tolist())
 
 
+def test_mean():
+    """analytic: of a buffer, coordinate by coordinate."""
+    assert mean([[1.0, 2.0], [3.0, 6.0]]) == [2.0, 4.0]
+
+
 def test_layers_fill_one_after_the_other():
     """published: layer k changes every 4, 4 x 3, 4 x 3 x 2 epochs; before, the fix passes."""
     block = LowPass(lengths=(4, 3, 2), jump_m=math.inf)
@@ -80,9 +95,41 @@ def test_layers_fill_one_after_the_other():
         assert outputs[at][0] == pytest.approx(np.mean(np.arange(first, at + 1) ** 2))
     changes = [k for k in range(1, 60) if outputs[k] != outputs[k - 1]]
     assert changes == [1, 2, 3, 7, 11, 23, 47]
-    block.reset()  # published: motion ends the filtering at once, and the next rest starts anew
+
+
+def test_waking_forgets_everything():
+    """published: motion ends the filtering at once, and the next rest starts anew."""
+    block = LowPass(lengths=(2, 2, 2))
+    for _ in range(20):
+        block.step([100.0])
+    block.reset()
     assert (block.layer, block.position) == (0, None)
     assert block.step([1.0]) == (0, [1.0])
+    assert block.step([3.0]) == (1, [2.0])
+
+
+@pytest.mark.parametrize("corr_time", [2.0, 20.0])
+def test_averages_stay_within_the_95_percent_circle(corr_time):
+    """property: with errors correlated over less than a layer, no output leaves the circle.
+
+    100 periods of 2000 s; from layer 2 on each output averages 100 fixes. For errors of 20 s the
+    mean of 100 s scatters by sqrt(40 / 100) of a fix, so the circle is 3.9 of its sigmas away.
+    """
+    a = math.exp(-1 / corr_time)
+    outside = total = 0
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        block, error, out = LowPass(lengths=(10, 10, 10)), rng.standard_normal(2), []
+        noise = math.sqrt(1 - a * a) * rng.standard_normal((2000, 2))
+        for step in noise:
+            error = a * error + step
+            layer, position = block.step(error.tolist())
+            if layer >= 2:
+                out.append(position)
+        radius = np.hypot(*np.array(out).T)
+        outside += (radius > math.sqrt(-2 * math.log(0.05))).sum()
+        total += len(radius)
+    assert outside <= (0 if corr_time < 10 else 0.005 * total)
 
 
 LEVEL = np.array([0.0, 0.0, -9.81])
@@ -148,6 +195,19 @@ def test_a_gap_empties_the_window():
     assert block.steady
     block.sample((0.0, 0.0, 0.0), LEVEL.tolist(), 3.0)
     assert not block.steady
+
+
+def test_rest_begins_in_a_quiet_window_only():
+    """property: with a detector a small acceleration is not enough; theta_A still ends the rest."""
+    block = StaticTest()
+    block.quiet = False
+    assert block.drive(0.1)
+    assert block.accelerate(0.0, 0.0, 0.25)
+    block.quiet = True
+    assert not block.accelerate(0.0, 0.0, 0.25)
+    block.quiet = False
+    assert not block.accelerate(0.0, 0.0, 0.25)
+    assert block.accelerate(0.3, 0.0, 0.25)
 
 
 PRINTED = Options(fusion=False, rest_blocks=0, accel_tau_s=0.0)

@@ -59,6 +59,25 @@ def test_a_stationary_period_is_judged_by_hand():
     assert evaluate.stationary_period(t, raw, 2 * raw, layer)["leaves"] == 1.0
 
 
+def test_settling():
+    """analytic: 8 m that die away with 10 s, sampled each second: e-folded after ten of them."""
+    t = np.arange(200.0)
+    north = 8.0 * np.exp(-t / 10)
+    size, seconds = evaluate.settling(t, 0.6 * north, 0.8 * north)
+    assert size == pytest.approx(8.0, abs=1e-6)
+    assert seconds == pytest.approx(10.0, abs=1.0)
+
+
+def test_exits_and_holds():
+    """analytic: counted by hand."""
+    assert evaluate.exits([0, 2, 2, 0, 2, 0], 1.0) == 2
+    assert evaluate.exits([2, 2, 0], 1.0) == 1
+    t = np.arange(6.0)
+    x = np.array([0, 0, 1, 1, 1, 1.0])
+    assert evaluate.longest_hold(t, x, 0 * x) == 3.0
+    assert evaluate.longest_hold(t, 0 * x) == 5.0
+
+
 def test_ratio_interval_covers():
     """coverage: 95 % of the intervals of 300 simulated sets hold the true ratio of 0.5."""
     held = 0
@@ -106,10 +125,38 @@ def test_a_published_drift_stays_in_the_circle_if_the_second_layer_lasts(lengths
     assert mean["outside"] <= mean["raw_outside"] * most
 
 
+def test_times_between_changes_are_those_of_the_buffers():
+    """analytic: layer k changes every 4, 4 x 3, 4 x 3 x 2 epochs, whatever the fixes."""
+    raw = np.random.default_rng(5).standard_normal((2, 400, 2))
+    found = evaluate.stationary_periods(np.arange(400.0), raw, (4, 3, 2), circle_m=0.0)
+    assert found["change_1_s"].tolist() == [4.0, 4.0]
+    assert np.isnan(found["change_2_s"]).all()  # a single position, until layer 3 takes over
+    assert found["change_3_s"].tolist() == [24.0, 24.0]
+    assert (found["leaves_model"] == 1.0).all()
+
+
+def test_devices_draw_from_their_own_streams():
+    """property: a device's errors do not depend on how many there are; they are scenario A's."""
+    t, three = evaluate.courtyard_errors(6, 3, minutes=2)
+    np.testing.assert_array_equal(evaluate.courtyard_errors(6, 2, minutes=2)[1], three[:, :, :2])
+    stream = np.random.SeedSequence(6).spawn(1)[0]
+    a = scenarios.scenario("A", np.random.default_rng(stream), imu_rate=1.0, minutes=2)
+    np.testing.assert_array_equal(a.fix_error(), three[:, :, 0])
+    np.testing.assert_array_equal(a.log.gnss.t_s, t)
+
+
 @pytest.fixture(scope="module")
 def rides():
     """Ride two laps with the sensor at two angles."""
     return evaluate.mounting_rides(0, (90.0, 210.0), laps=2)
+
+
+def test_a_ride_draws_from_its_own_stream(rides):
+    """property: the second ride is scenario B with the second stream of the seed, at its angle."""
+    rng = np.random.default_rng(np.random.SeedSequence(0).spawn(2)[1])
+    ride = scenarios.scenario("B", rng, laps=2, mount_deg=210.0)
+    for name, value in evaluate.mounting_ride(ride).items():
+        np.testing.assert_array_equal(rides[name][1], value)
 
 
 def test_a_ride_is_judged_by_its_true_angle(rides):

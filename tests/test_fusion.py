@@ -47,6 +47,17 @@ def manoeuvre(seconds, rate=40):
     return np.column_stack([0.5 * np.sin(0.3 * t), 0.8 * np.cos(0.2 * t), 0 * t])
 
 
+def test_prediction_is_exact():
+    """analytic: constant acceleration: p = a t^2 / 2, v = a t, to rounding."""
+    block = Fusion()
+    block.start([0.0] * 3, [0.0] * 3, 1.0, 1.0)
+    a = np.array([1.0, -2.0, 0.5])
+    for _ in range(100):
+        block.predict(a, 0.1, 0.3)
+    np.testing.assert_allclose(block.position, 50 * a)
+    np.testing.assert_allclose(block.velocity, 10 * a)
+
+
 def test_noise_does_not_depend_on_the_step():
     """analytic: ten steps of 0.1 s add the same covariance as one of 1 s, to rounding."""
     one, ten = Fusion(), Fusion()
@@ -85,6 +96,12 @@ def test_the_structure_is_the_whole_filter():
     found = [*block.position, *block.velocity, *block.bias]
     np.testing.assert_allclose(found, x, atol=1e-5)
     np.testing.assert_allclose(dense(block._level, block._height), P, rtol=1e-4, atol=1e-7)
+
+
+def test_fused_positions_are_better_than_fixes():
+    """property: in white noise the filter's error is under half the fixes' after a minute."""
+    errors = drive(Fusion(), manoeuvre(200), np.random.default_rng(1))
+    assert np.sqrt((errors[60:, :2] ** 2).mean()) < 1.0
 
 
 def test_an_outage_is_bridged():
@@ -133,3 +150,16 @@ def test_covariance_stays_positive(number):
     assert {type(state) for state in states} == {number}
     whole = dense(block._level, block._height)
     assert np.linalg.eigvalsh(whole.astype(float)).min() > 0
+
+
+@pytest.mark.parametrize("with_position", [True, False])
+def test_half_a_measurement(with_position):
+    """property: a position alone or a velocity alone improves its own half."""
+    block = Fusion()
+    block.start([0.0] * 3, [0.0] * 3, 10.0, 10.0)
+    before = np.diag(dense(block._level, block._height))
+    position, velocity = ([1.0, 2.0, 3.0], None) if with_position else (None, (1.0, 2.0))
+    block.update(position, velocity, 1.0, 1.0)
+    after = np.diag(dense(block._level, block._height))
+    assert (after[:2] < before[:2]).all() == with_position
+    assert (after[3:5] < before[3:5]).all() == (not with_position)

@@ -18,6 +18,14 @@ def system(rng, n, m, dtype=np.float64):
     return [a.astype(dtype) for a in (*parts, positive(m), rng.normal(size=m))]
 
 
+@pytest.mark.parametrize("m", range(1, 7))
+def test_inverse(m):
+    """cross-check: numpy's inverse, to rounding (condition below 1e3)."""
+    A = np.random.default_rng(m).normal(size=(m, m))
+    S = A @ A.T + np.eye(m)
+    np.testing.assert_allclose(filters.inverse(S), np.linalg.inv(S), rtol=1e-11, atol=1e-13)
+
+
 def test_inverse_reads_the_lower_triangle_only():
     """property: what stands above the diagonal does not matter, as documented."""
     S = np.array([[4.0, 99.0], [1.0, 3.0]])
@@ -38,6 +46,25 @@ def test_against_the_textbook(n, m):
     left = np.eye(n) - K @ H
     np.testing.assert_allclose(x2, x1 + K @ (z - H @ x1), rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(P2, left @ P1 @ left.T + K @ R @ K.T, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize(("n", "m"), [(3, 3), (9, 5)])
+def test_against_filterpy(n, m):
+    """cross-check: filterpy's KalmanFilter over fifty steps, to 1e-8."""
+    kalman = pytest.importorskip("filterpy.kalman")
+    rng = np.random.default_rng(n)
+    x, P, F, Q, H, R, _ = system(rng, n, m)
+    F = F / np.abs(np.linalg.eigvals(F)).max()
+    other = kalman.KalmanFilter(dim_x=n, dim_z=m)
+    other.x, other.P, other.F, other.Q, other.H, other.R = x, P, F, Q, H, R
+    for _ in range(50):
+        z = rng.normal(size=m)
+        other.predict()
+        other.update(z)
+        x, P = filters.predict(x, P, F, Q)
+        x, P = filters.update(x, P, z, H, R)
+    np.testing.assert_allclose(x, other.x, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(P, other.P, rtol=1e-8, atol=1e-8)
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])

@@ -33,6 +33,17 @@ def test_gate(pdop, accepted, criteria):
     assert (block.position is not None) == accepted
 
 
+def test_nothing_before_the_first_acceptable_fix_unless_stored():
+    """property: no position from no fix or a poor one; the stored one if there is one."""
+    for stored in (None, HOME):
+        block = LastPosition(stored, **GATE_ALONE)
+        for t, (fix, pdop) in enumerate([(None, math.nan), (FIX, 30.0), (FIX, math.nan)]):
+            assert not block.step(t, fix, pdop)
+            assert block.position == stored
+        assert block.step(3.0, FIX, 5.0)
+        assert block.position == Stored(*FIX, 3.0, 5.0)
+
+
 def test_motion_ends_the_hold():
     """published: the stored position is put out as long as the IMU sees no motion."""
     block = LastPosition(HOME)
@@ -138,6 +149,12 @@ def test_a_good_fix_ends_what_doubted_ones_said():
     assert feed(block, flat, 20, mode=2, satellites=3, **there).index(True) == 30
 
 
+def test_a_fix_at_the_memory_does_not_wait():
+    """property: agreement with the memory stands for agreement over time."""
+    assert feed(LastPosition(HOME), [8.0])[0]
+    assert not feed(LastPosition(), [8.0])[0]
+
+
 def test_memory_is_written_now_and_then():
     """property: at most one write per save_every_s, one where a drive ends, the first at once."""
     block = LastPosition(save_every_s=60.0)
@@ -185,3 +202,10 @@ def test_the_frame_is_that_of_pymap3d(lat):
     north, east, _ = pymap3d.geodetic2ned(*fix, lat, 179.999, 100.0)
     assert frame.ned(fix) == pytest.approx((north, east, -30.0), rel=1e-3)
     assert frame.degrees(frame.ned(fix)) == pytest.approx(fix[:2], abs=1e-12)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e300])
+def test_a_longitude_that_is_no_number_is_no_crash(wrong):
+    """property: block 1 by itself takes it without an error, not as one near the last."""
+    block = LastPosition(HOME)
+    assert not block.step(0.0, (44.5, wrong, 60.0), 2.0)

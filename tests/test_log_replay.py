@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from test_cli import run
 
-from analysis.tracker import scenarios
-from analysis.tracker.device import BLOCKS, Options
-from analysis.tracker.last_position import Stored
-from analysis.tracker.log_replay import replay, stepped, time_lag
+from analysis.tracker import log_replay, scenarios
+from analysis.tracker.device import BLOCKS, Device, Options
+from analysis.tracker.last_position import GATE_ALONE, Stored
+from analysis.tracker.log_replay import replay
+from sensorlogs import datasets
+from sensorlogs import moving as tracks
 from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
 from workbench import track as page
 from workbench.saved_position import load_position, save_position
@@ -74,6 +76,17 @@ def metres(track, gnss=None):
 # --- the contract --------------------------------------------------------------------------------
 
 
+def test_columns(laps):
+    """published: the columns of DESIGN section 6, in order, a row a GNSS epoch."""
+    scenario, track = laps
+    wanted = (
+        "t_s, lat_deg, lon_deg, pdop, has_fix, accepted, moving, layer, out_lat_deg, out_lon_deg, "
+        "roll_deg, pitch_deg, yaw_deg, mount_deg, sigma_north_m, sigma_east_m, correlation"
+    )
+    assert list(track.columns) == wanted.split(", ")
+    assert {len(c) for c in track.columns.values()} == {len(scenario.log.gnss.t_s)}
+
+
 def test_files(tmp_path, laps):
     """property: track.csv holds the columns, empty where there is no value; JSON has no NaN."""
     _, track = laps
@@ -94,6 +107,14 @@ def test_files(tmp_path, laps):
     text = (tmp_path / "out" / "summary.json").read_text()
     summary = json.loads(text, parse_constant=refuse)
     assert summary["blocks"] == dict.fromkeys(BLOCKS, "on")
+
+
+def test_the_same_again(laps):
+    """property: a replay draws nothing at random."""
+    scenario, track = laps
+    again = replay(scenario.log)
+    for name in track.columns:
+        np.testing.assert_array_equal(again.columns[name], track.columns[name])
 
 
 # --- what comes out ------------------------------------------------------------------------------
@@ -129,6 +150,76 @@ def test_turning_the_imu_turns_the_mount(angle):
     plain = replay(log).summary["mounting"]["deg"]
     turned = replay(turn_imu(log, math.radians(angle))).summary["mounting"]["deg"]
     assert (turned - plain - angle + 180) % 360 - 180 == pytest.approx(0.0, abs=2.0)
+
+
+def test_an_outage_is_bridged(laps):
+    """property: 20 s without fixes: with block 6 the error is a third of that of holding."""
+    scenario, _ = laps
+    log = inject_outages(scenario.log, [(100.0, 120.0)])
+    gone = (log.gnss.t_s >= 100) & (log.gnss.t_s < 120)
+    assert not log.gnss.has_fix[gone].any()
+    error = {}
+    for fusion in (True, False):
+        track = replay(log, Options(fusion=fusion, coast_s=0.0))
+        out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
+        error[fusion] = np.hypot(*out)[gone].max()
+    assert error[False] > 20
+    assert error[True] < error[False] / 3
+
+
+def test_never_a_position_before_the_first_acceptable_fix(cold):
+    """published: with nothing stored nothing is put out; with a stored position, exactly that."""
+    accepted = np.argmax(cold.log.gnss.pdop <= 10)
+    home = Stored(44.4949, 11.3426, 0.0, 0.0, 2.0)
+    for stored in (None, home):
+        track = replay(cold.log, Options(**GATE_ALONE), stored)
+        assert track.columns["accepted"][:accepted].sum() == 0
+        assert track.columns["accepted"][accepted] == 1
+        before = slice(0, accepted)
+        if stored is None:
+            assert np.isnan(track.columns["out_lat_deg"][before]).all()
+        else:
+            assert (track.columns["out_lat_deg"][before] == home.lat_deg).all()
+            assert (track.columns["out_lon_deg"][before] == home.lon_deg).all()
+        assert np.isfinite(track.columns["out_lat_deg"][accepted:]).all()
+
+
+def test_the_gate_lowers_the_error(cold):
+    """property: without block 1 the first minutes are worse, with its gate better."""
+    error = {}
+    for gate in (True, False):
+        track = replay(cold.log, Options(last_position=gate))
+        out = cold.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
+        error[gate] = np.nanmax(np.hypot(*out)[:90])
+    assert error[True] < error[False]
+
+
+def test_at_rest(at_rest):
+    """property: 30 min of rest at 4 Hz: static throughout, layers fill, updates get rarer."""
+    track = replay(at_rest.log, Options(lengths=(10, 10, 10)))
+    assert track.columns["moving"][10:].sum() == 0
+    layer = track.columns["layer"]
+    assert (np.diff(layer) >= 0).all() and layer[-1] == 3
+    lat = track.columns["out_lat_deg"]
+    for k, every in ((1, 10), (2, 100)):
+        at = np.flatnonzero(layer == k)
+        changes = np.flatnonzero(np.diff(lat[at]) != 0)
+        assert np.median(np.diff(changes)) == every
+
+
+def test_no_output_leaves_the_95_percent_circle():
+    """property: at rest with simulated errors that last under a minute, from layer 2 on, none."""
+    from analysis.tracker.scenarios import GnssErrors
+
+    errors = GnssErrors(drift=((1.0, 20.0),), white_m=0.5)
+    for seed in range(5):
+        scenario = scenarios.scenario("A", np.random.default_rng(seed), minutes=30.0, gnss=errors)
+        track = replay(scenario.log, Options(lengths=(10, 10, 10)))
+        raw = np.hypot(*scenario.error(scenario.log.gnss.lat_deg, scenario.log.gnss.lon_deg))
+        out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
+        full = track.columns["layer"] >= 2
+        assert full.sum() > 1500
+        assert np.hypot(*out)[full].max() < np.percentile(raw, 95)
 
 
 @pytest.mark.parametrize("push", [0.15, 0.3, 1.0])
@@ -206,72 +297,58 @@ def test_imu_without_gnss(laps):
     assert np.isnan(still.columns["out_lat_deg"][setting_off]).all()
 
 
-def part(log, keep):
-    """Return a log with a part of its IMU samples."""
-    imu = log.imu
-    return replace(log, imu=Imu(imu.t_s[keep], imu.gyro_b[keep], imu.accel_b[keep]))
-
-
-def with_imu(**changes):
-    """Change the IMU of a log: each array by a function of it."""
-    return lambda log: replace(
-        log, imu=replace(log.imu, **{k: f(getattr(log.imu, k)) for k, f in changes.items()})
-    )
-
-
-def with_gnss(**changes):
-    """Set a value of every fix."""
-    return lambda log: replace(
-        log, gnss=replace(log.gnss, **{k: v + 0 * log.gnss.t_s for k, v in changes.items()})
-    )
-
-
-def no_fix(log):
-    """Lose all fixes."""
-    return inject_outages(log, [(0.0, 1e9)])
-
-
-REMARKS = {  # what is wrong with a log -> how, the code of the remark, and how its sentence begins
-    "no IMU": (lambda log: replace(log, imu=None), "no_imu", "no IMU: blocks 2, 5 and 6 need"),
-    "no GNSS": (lambda log: replace(log, gnss=None), "no_gnss", "no GNSS: blocks 1, 4, 5 and 6"),
-    "no fix": (no_fix, "no_fix", "no fix in the whole log: nothing to accept"),
-    "nothing": (lambda log: no_fix(replace(log, imu=None)), "no_fix_no_imu", "no fix in the whole"),
-    "poor fixes": (with_gnss(pdop=20.0), "poor", "no fix has a PDOP of 10 or less: none"),
-    "no PDOP": (with_gnss(pdop=np.nan), "no_pdop", "the receiver reports no PDOP"),
-    "no speed": (with_gnss(speed_m_s=np.nan), "no_speed", "no speed in the log: block 3 computes"),
-    "half an IMU": (lambda log: part(log, log.imu.t_s < 60), "imu_in_part", "the IMU covers 0 to"),
-    "swapped axes": (
-        with_imu(gyro_b=lambda w: w + np.sin(0.0125 * np.arange(len(w)))[:, None] * [0.0, 1.2, 0]),
-        "contradiction", "gyro and accelerometer contradict each other",
-    ),
-    "deg/s": (with_imu(gyro_b=lambda w: 57.3 * w), "turns", "the course turns 0.019 times"),
-    "rad/s": (with_imu(gyro_b=lambda w: w / 57.3), "turns", "the course turns 61 times"),
-    "mirrored": (with_imu(gyro_b=lambda w: -w), "turns", "the course turns -1.1 times"),
-    "z up": (lambda log: turn_imu(log, math.pi, axis=(1.0, 0.0, 0.0)), "z_up", "the accelerometer"),
-    "late": (with_imu(t_s=lambda t: t - 0.75), "lag", "GNSS lags the IMU by 0.7"),
-    "long outage": (
-        lambda log: inject_outages(log, [(60.0, 150.0)]), "held", "30 epochs in motion are over 60",
-    ),
-    "short outage": (lambda log: inject_outages(log, [(60.0, 120.0)]), None, ""),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", REMARKS)
-def test_what_is_wrong_is_said(laps, case):
-    """property: a log that lacks something has its remark, and the sentence; a whole one has none.
-
-    Without a fix that is accepted there is no position; without GNSS, a row a second.
-    """
-    change, code, begins = REMARKS[case]
-    log = change(laps[0].log)
+def test_no_fix_at_all(cold):
+    """property: a log without any fix gives rows without a position, and says so."""
+    log = inject_outages(cold.log, [(0.0, 1e9)])
     track = replay(log)
-    assert not laps[1].remarks
-    assert (code in dict(track.remarks)) == bool(code)
-    assert not code or any(note.startswith(begins) for note in page.notes(track))
-    found = code in ("no_gnss", "no_fix", "no_fix_no_imu", "poor")
-    assert np.isnan(track.columns["out_lat_deg"]).all() == found
-    assert (track.stored is None) == found
-    assert "computes it from the fixes" not in " ".join(page.notes(track)) or code == "no_speed"
+    assert not track.columns["has_fix"].any()
+    assert np.isnan(track.columns["out_lat_deg"]).all()
+    assert any("no fix in the whole log" in note for note in page.notes(track))
+    assert track.stored is None
+
+
+def test_neither_a_fix_nor_an_imu(cold):
+    """property: block 3 then has nothing to judge by, which is said."""
+    log = inject_outages(replace(cold.log, imu=None), [(0.0, 1e9)])
+    notes = " ".join(page.notes(replay(log)))
+    assert "block 3 has no input" in notes
+    assert "computes it from the fixes" not in notes
+
+
+def test_only_poor_fixes(cold):
+    """property: a log whose fixes are all above the gate accepts none, and says so."""
+    poor = replace(
+        cold.log, gnss=replace(cold.log.gnss, pdop=np.full(len(cold.log.gnss.t_s), 20.0))
+    )
+    track = replay(poor)
+    assert track.summary["fixes"]["accepted"] == 0
+    assert any("none is accepted" in note for note in page.notes(track))
+
+
+def test_mixed_up_axes_are_noticed(laps):
+    """property: a gyro whose roll and pitch are swapped and turned gives a warning, not silence."""
+    log = laps[0].log
+    fast = np.tile([[0.0, 0.3, 0.0]], (len(log.imu.t_s), 1)) * np.sin(0.5 * log.imu.t_s)[:, None]
+    wrong = replace(log, imu=replace(log.imu, gyro_b=log.imu.gyro_b + 4 * fast))
+    assert any("contradict each other" in note for note in page.notes(replay(wrong)))
+    assert not any("contradict" in note for note in page.notes(laps[1]))
+
+
+def test_a_gap_in_the_imu(laps):
+    """property: a minute without IMU samples is no crash and no wild position."""
+    scenario, _ = laps
+    imu = scenario.log.imu
+    keep = (imu.t_s < 60) | (imu.t_s > 120)
+    log = replace(scenario.log, imu=Imu(imu.t_s[keep], imu.gyro_b[keep], imu.accel_b[keep]))
+    track = replay(log)
+    inside = (track.columns["t_s"] > 62) & (track.columns["t_s"] < 120)
+    assert np.isfinite(track.columns["out_lat_deg"][5:]).all()
+    out = scenario.error(track.columns["out_lat_deg"], track.columns["out_lon_deg"])
+    raw = scenario.error(scenario.log.gnss.lat_deg, scenario.log.gnss.lon_deg)
+    assert np.hypot(*out)[inside].max() < 2 * np.hypot(*raw).max() + 2
+    blank = np.isnan(track.columns["pitch_deg"])
+    np.testing.assert_array_equal(blank[inside], True)
+    assert not blank[(track.columns["t_s"] > 5) & (track.columns["t_s"] <= 60)].any()
 
 
 @pytest.mark.parametrize("part", [(0.0, 60.0), (60.0, 1e9)])
@@ -296,17 +373,17 @@ def test_an_imu_that_falls_silent_decides_nothing(laps):
     """property: its last acceleration neither keeps a stop moving nor carries the position on."""
     log = laps[0].log
     t, ends = log.gnss.t_s, log.imu.t_s <= 30.0  # while the scooter sets off
-    imu = part(log, ends).imu
+    imu = Imu(log.imu.t_s[ends], log.imu.gyro_b[ends], log.imu.accel_b[ends])
     slow = replace(log.gnss, speed_m_s=np.where(t > 30.0, 0.0, log.gnss.speed_m_s))
     stopped = replay(replace(log, imu=imu, gnss=slow)).columns["moving"]
     assert stopped[(t > 25) & (t <= 30)].all() and not stopped[t > 40].any()
     ends = log.imu.t_s <= 10.0  # while it is at rest, and no speed is known
-    imu = part(log, ends).imu
+    imu = Imu(log.imu.t_s[ends], log.imu.gyro_b[ends], log.imu.accel_b[ends])
     mute = replace(log.gnss, speed_m_s=np.full(len(t), np.nan))
     moving = replay(replace(log, imu=imu, gnss=mute)).columns["moving"]
     assert not moving[5] and moving[(t > 25) & (t < t[-1] - 15)].all()
     ends = log.imu.t_s <= 69.0  # while it speeds up by 0.6 m/s^2
-    imu = part(log, ends).imu
+    imu = Imu(log.imu.t_s[ends], log.imu.gyro_b[ends], log.imu.accel_b[ends])
     north, east = metres(replay(inject_outages(replace(log, imu=imu), [(69.5, 79.0)])))
     speed = np.hypot(np.diff(north), np.diff(east))[(t[1:] > 71) & (t[1:] < 79)]
     assert np.abs(np.diff(speed)).max() < 0.1
@@ -332,15 +409,51 @@ def test_a_receiver_that_states_no_speed(laps, imu):
     assert any("computes it from the fixes" in note for note in page.notes(track))
 
 
-def test_a_turn_in_an_outage_is_no_bias_of_the_gyro(laps):
+def test_an_outage_that_is_not_bridged_is_said(laps):
+    """property: sixty seconds are, the rest of a longer one is counted in a note."""
+    log = laps[0].log
+    short, long = (
+        page.notes(replay(inject_outages(log, [(60.0, 60.0 + s)]))) for s in (60.0, 90.0)
+    )
+    assert not any("is held there" in note for note in short)
+    assert any(note.startswith("30 epochs in motion are over 60 s after") for note in long)
+
+
+def test_a_turn_in_an_outage_is_no_bias_of_the_gyro(laps, monkeypatch):
     """property: a smooth ride without fixes is not taken for rest, whatever it reads."""
     scenario = laps[0]
     imu = scenario.log.imu
     smooth = np.tile(imu.accel_b[:400].mean(axis=0), (len(imu.t_s), 1))
     log = replace(scenario.log, imu=replace(imu, accel_b=smooth))
-    steps = stepped(inject_outages(log, [(30.0, 150.0)]), Options())
-    bias = [np.array(device.attitude.bias.x) for _, _, device, _ in steps]
+    bias = []
+
+    class Watched(Device):
+        def gnss(self, epoch):
+            row = super().gnss(epoch)
+            bias.append(np.array(self.attitude.bias.x))
+            return row
+
+    monkeypatch.setattr(log_replay, "Device", Watched)
+    replay(inject_outages(log, [(30.0, 150.0)]))
     assert np.abs(bias[140] - bias[29]).max() < np.radians(0.1)
+
+
+@pytest.mark.parametrize(("factor", "says"), [(57.3, "0.019"), (1 / 57.3, "61"), (-1.0, "-1.1")])
+def test_a_gyro_of_another_unit_is_noticed(laps, factor, says):
+    """property: a turn by GNSS is one by the gyro, or its unit or sign is asked about."""
+    log = laps[0].log
+    other = replace(log, imu=replace(log.imu, gyro_b=factor * log.imu.gyro_b))
+    assert any(n.startswith(f"the course turns {says} times") for n in page.notes(replay(other)))
+    assert not any("the course turns" in note for note in page.notes(laps[1]))
+
+
+def test_an_imu_with_z_up(laps):
+    """property: one that reads +g along z is taken as it is, and said, with both ways out."""
+    log = turn_imu(laps[0].log, math.pi, axis=(1.0, 0.0, 0.0))
+    assert any(
+        "if z points up, change the signs of y and z" in note for note in page.notes(replay(log))
+    )
+    assert not any("z points up" in note for note in page.notes(laps[1]))
 
 
 ON_END = [(9.80665, 0, 0), (-9.80665, 0, 0), (0, 9.80665, 0), (0, 0, 9.80665), (0, 0, 0)]
@@ -355,6 +468,16 @@ def test_an_imu_on_end_is_no_crash(laps, force):
     track = replay(replace(log, imu=imu))
     assert np.isfinite(track.columns["out_lat_deg"][5:]).all()
     assert np.isfinite(track.columns["roll_deg"][10:60]).all() == any(force)
+
+
+def test_single_precision(laps):
+    """property: in float32 the track is the same to 10 cm and a degree of mounting angle."""
+    scenario, double = laps
+    single = replay(scenario.log, Options(number=np.float32))
+    assert single.summary["number_type"] == "float32"
+    apart = np.hypot(*(a - b for a, b in zip(metres(single), metres(double), strict=True)))
+    assert apart[5:].max() < 0.1
+    assert np.nanmax(np.abs(single.columns["mount_deg"] - double.columns["mount_deg"])) < 1.0
 
 
 def test_over_the_date_line():
@@ -385,12 +508,19 @@ def test_the_lag_between_gnss_and_imu():
     for seed in range(10):
         log = scenarios.scenario("B", np.random.default_rng(seed), laps=2).log
         late = (-0.4, 0.0, 0.75, 1.0)[seed % 4]
-        lag = time_lag(log.gnss, replace(log.imu, t_s=log.imu.t_s - late))
+        lag = log_replay.time_lag(log.gnss, replace(log.imu, t_s=log.imu.t_s - late))
         inside += lag.low <= late <= lag.high
         assert lag.high - lag.low < 0.8 and lag.value == pytest.approx(late, abs=0.25)
     assert inside >= 8  # of 10 at 95 %: fewer in one of 90 cases
-    still = scenarios.scenario("A", np.random.default_rng(2), minutes=30.0).log
-    assert time_lag(still.gnss, still.imu).value is None
+
+
+def test_a_lag_is_said_or_refused(laps, at_rest):
+    """property: a lag of 0.75 s is noted with its interval; a device at rest has none to tell."""
+    log = laps[0].log
+    late = page.notes(replay(replace(log, imu=replace(log.imu, t_s=log.imu.t_s - 0.75))))
+    assert any(note.startswith("GNSS lags the IMU by 0.7") for note in late)
+    assert not any("lags" in note for note in page.notes(laps[1]))
+    assert log_replay.time_lag(at_rest.log.gnss, at_rest.log.imu).value is None
 
 
 def test_each_start_has_its_summary(tmp_path):
@@ -503,6 +633,15 @@ def test_command(tmp_path, cold):
     assert float(first["out_lat_deg"]) == pytest.approx(stored["lat_deg"], abs=1e-8)
 
 
+def test_command_reads_what_it_is_given(tmp_path, cold):
+    """property: files give the same track as the timeline they were written from."""
+    paths = as_csv(cold.log, tmp_path)
+    log = tracks.read_moving(paths)
+    a, b = replay(log), replay(cold.log)
+    for name in b.columns:
+        np.testing.assert_allclose(a.columns[name], b.columns[name], atol=1e-6, equal_nan=True)
+
+
 def test_command_switches(tmp_path, cold):
     """property: blocks off, outages and single precision are in the summary and in the track."""
     paths = as_csv(cold.log, tmp_path)
@@ -545,6 +684,20 @@ def test_a_damaged_memory_is_a_warning(tmp_path, cold, content):
     assert sorted(kept) == sorted([content, b"another"] if content else [b"another"])
 
 
+@pytest.mark.parametrize("memory", ["gnss.csv", "folder", "out", "out/summary.json", ""])
+def test_a_memory_in_the_place_of_another_file(tmp_path, monkeypatch, cold, memory):
+    """property: a log, a result or a folder is refused before anything is done."""
+    as_csv(cold.log, tmp_path, imu=False)
+    (tmp_path / "folder").mkdir()
+    before, content = files(tmp_path), (tmp_path / "gnss.csv").read_bytes()
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run("replay", "gnss.csv", "--out", "out", "--last-position", memory)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "--last-position" in err
+    assert files(tmp_path) == before
+    assert (tmp_path / "gnss.csv").read_bytes() == content
+
+
 @pytest.mark.parametrize("out", ["out", "deep/out"])
 def test_a_memory_within_the_new_folder(tmp_path, cold, out):
     """property: the position may lie in a folder that --out makes."""
@@ -567,34 +720,23 @@ WRONG = {
     "two GNSS logs": (["gnss.csv", "gnss2.csv"], 2, "second GNSS"),
     "a binary file": (["noise.bin"], 1, "noise.bin"),
     "an empty file": (["empty.csv"], 1, "empty"),
-    "a word for a number": (["bad.csv"], 1, "bad.csv"),
-    "a log as memory": (["gnss.csv", "--last-position", "gnss.csv"], 2, "--last-position"),
-    "a folder as memory": (["gnss.csv", "--last-position", "folder"], 2, "--last-position"),
-    "no name of a memory": (["gnss.csv", "--last-position", ""], 2, "--last-position"),
-    "a result as memory": (["gnss.csv", "--last-position", "out/track.csv"], 2, "--last-position"),
-    "a memory nowhere": (["gnss.csv", "--last-position", "no/last.json"], 1, "--last-position"),
-    "a file as folder": (["gnss.csv", "--out", "gnss.csv"], 2, "--out"),
-    "a folder in a file": (["gnss.csv", "--out", "gnss.csv/deep"], 2, "--out"),
 }
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_refusals_leave_everything(tmp_path, monkeypatch, cold, case):
-    """property: the right status, one sentence, no result, and every file as it was."""
+def test_refusals_leave_nothing(tmp_path, monkeypatch, cold, case):
+    """property: the right status, one sentence, and neither a result nor a stored position."""
     arguments, expected, word = WRONG[case]
     as_csv(cold.log, tmp_path, imu=False)
-    (tmp_path / "folder").mkdir()
     (tmp_path / "gnss2.csv").write_bytes((tmp_path / "gnss.csv").read_bytes())
     (tmp_path / "noise.bin").write_bytes(np.random.default_rng(1).bytes(5000))
     (tmp_path / "empty.csv").write_bytes(b"")
-    (tmp_path / "bad.csv").write_text("t_s,lat_deg,lon_deg\n0,abc,1\n1,2,3\n")
-    save_position(tmp_path / "last.json", Stored(1.0, 2.0, 3.0, 4.0, 5.0)._asdict())
-    before = {p: p.is_file() and p.read_bytes() for p in tmp_path.rglob("*")}
+    before = files(tmp_path)
     monkeypatch.chdir(tmp_path)
-    status, out, err = run("replay", "--out", "out", "--last-position", "last.json", *arguments)
+    status, out, err = run("replay", *arguments, "--out", "out", "--last-position", "last.json")
     assert (status, out) == (expected, "")
     assert word in err and err.count("\n") == 1 and str(tmp_path) not in err
-    assert {p: p.is_file() and p.read_bytes() for p in tmp_path.rglob("*")} == before
+    assert files(tmp_path) == before
 
 
 def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, cold):
@@ -610,3 +752,52 @@ def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, cold):
     assert run("replay", *paths, "--out", tmp_path / "out")[0] == 130
     assert files(tmp_path / "out") == list(FILES)
     assert (tmp_path / "out" / "track.csv").read_bytes() == old
+
+
+@pytest.mark.parametrize("out", ["gnss.csv", "gnss.csv/deep"])
+def test_no_folder_where_a_file_is(tmp_path, cold, out):
+    """property: an --out that cannot be is refused before or after, and the file stays."""
+    paths = as_csv(cold.log, tmp_path, imu=False)
+    status, _, err = run("replay", *paths, "--out", tmp_path / out)
+    assert status in (1, 2)
+    assert "--out" in err
+    assert files(tmp_path) == ["gnss.csv"]
+
+
+def test_a_memory_that_cannot_be_written(tmp_path, cold):
+    """property: refused in a sentence, before anything is written."""
+    paths = as_csv(cold.log, tmp_path, imu=False)
+    before = files(tmp_path)
+    status, _, err = run(
+        "replay", *paths, "--out", tmp_path / "out", "--last-position", tmp_path / "no" / "l.json"
+    )
+    assert status == 1
+    assert "--last-position" in err
+    assert files(tmp_path) == before
+
+
+def test_real_cold_starts(tmp_path):
+    """property: gpsd's logs: nothing out before the gate opens, and the gate's verdicts."""
+    expected = {"rx210": (40, 36), "haicom-305N": (68, 37), "telit-he910": (187, 187)}
+    for name, (fixes, accepted) in expected.items():
+        log = tracks.read_moving([datasets.path(f"gpsd-logs/{name}.log")])
+        track = replay(log, Options(**GATE_ALONE))
+        assert (track.summary["fixes"]["with_fix"], track.summary["fixes"]["accepted"]) == (
+            fixes, accepted,
+        ), name  # fmt: skip
+        first = np.argmax(track.columns["accepted"])
+        assert np.isnan(track.columns["out_lat_deg"][:first]).all()
+        assert (track.columns["pdop"][track.columns["accepted"] == 1] <= 10).all()
+
+
+def test_memory_after_a_crash_is_the_last_one_written(tmp_path, cold):
+    """property: a run that is refused leaves the stored position of the run before."""
+    memory = tmp_path / "last.json"
+    save_position(memory, Stored(1.0, 2.0, 3.0, 4.0, 5.0)._asdict())
+    before = memory.read_bytes()
+    (tmp_path / "bad.csv").write_text("t_s,lat_deg,lon_deg\n0,abc,1\n1,2,3\n")
+    status, _, _ = run(
+        "replay", tmp_path / "bad.csv", "--out", tmp_path / "o", "--last-position", memory
+    )
+    assert status != 0
+    assert memory.read_bytes() == before

@@ -11,6 +11,7 @@ from analysis.tracker.mounting import (
     bend_variance,
     course_variance,
     fit,
+    mean,
     printed_angle,
     weighted_angle,
 )
@@ -23,7 +24,15 @@ def felt(mount, forward, lateral=0.0):
 
 
 def ride(
-    block, mount, speeds, courses=None, rates=None, rng=None, noise=0.0, level=(0, 0), variance=None
+    block,
+    mount,
+    speeds,
+    courses=None,
+    rates=None,
+    rng=None,
+    noise=0.0,
+    level=(0.0, 0.0),
+    variance=None,
 ):
     """Drive a block by speeds at 1 Hz; return how often it updated."""
     updates = 0
@@ -33,9 +42,16 @@ def ride(
         if rng is not None:
             ax, ay = ax + noise * rng.standard_normal(), ay + noise * rng.standard_normal()
         course = 1.0 if courses is None else courses[k]
-        white = noise**2 if variance is None else variance
-        felt_level = ax + level[0], ay + level[1]
-        updates += block.step(float(k), 1.0, course, speeds[k], rate, *felt_level, white)
+        updates += block.step(
+            float(k),
+            1.0,
+            course,
+            speeds[k],
+            rate,
+            ax + level[0],
+            ay + level[1],
+            noise**2 if variance is None else variance,
+        )
     return updates
 
 
@@ -46,17 +62,23 @@ def setting_off(n=20, a=0.6, top=6.0):
 
 @pytest.mark.parametrize("angle", range(0, 360, 15))
 @pytest.mark.parametrize("accelerating", [True, False])
-def test_weighted_rule_keeps_the_quadrant(angle, accelerating):
-    """analytic: without noise the angle is exact for any mounting, speeding up or braking.
+def test_printed_rule_loses_the_quadrant(angle, accelerating):
+    """published: eq (3) gives the angle modulo 180 deg, right only within 90 deg of ahead."""
+    mount = math.radians(angle)
+    ax, ay = felt(mount, 0.5 if accelerating else -0.5)
+    found = math.degrees(-printed_angle(ax, ay))
+    assert abs((found - angle + 90) % 180 - 90) < 1e-9
+    assert -90 <= found <= 90
 
-    published: eq (3) gives it modulo 180 deg, right only within 90 deg of ahead.
-    """
+
+@pytest.mark.parametrize("angle", range(0, 360, 15))
+@pytest.mark.parametrize("accelerating", [True, False])
+def test_weighted_rule_keeps_the_quadrant(angle, accelerating):
+    """analytic: without noise the angle is exact for any mounting, speeding up or braking."""
     mount, speeds = math.radians(angle), setting_off()
     block = MountingYaw()
     assert ride(block, mount, speeds if accelerating else speeds[::-1]) >= 1
     assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=1e-6)
-    printed = math.degrees(-printed_angle(*felt(mount, 0.5 if accelerating else -0.5)))
-    assert abs((printed - angle + 90) % 180 - 90) < 1e-9 and -90 <= printed <= 90
 
 
 def test_constant_speed_gives_no_angle():
@@ -130,6 +152,12 @@ def test_bend_variance():
     assert bend_variance([(0.0, v * v)], seconds, pull) == pytest.approx(found, rel=1e-3)
 
 
+def test_slow_courses_count_little():
+    """property: a wild course at a crawl does not hide a straight."""
+    entries = [(2.0, 0.01), *[(0.0, 25.0)] * 5]
+    assert course_variance(entries) < math.radians(3.0) ** 2
+
+
 @pytest.mark.parametrize("straights", [1, 8])
 @pytest.mark.parametrize("noise", [0.2, 0.4])
 def test_stated_sigma_covers(noise, straights):
@@ -167,6 +195,19 @@ def test_a_new_mount_is_learnt():
     assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=5.0)
 
 
+def test_constant_speed_erases_nothing():
+    """property: a hundred straights that say nothing leave angle and sigma as they were."""
+    block, rng = MountingYaw(), np.random.default_rng(3)
+    for _ in range(3):
+        ride(block, 2.0, up_and_down(8), rng=rng, noise=0.1)
+        block.interrupt()
+    before = block.mount, block.sigma
+    ride(block, 2.0, np.full(700, 8.0), rng=rng, noise=0.1)
+    assert block.straights > 100
+    assert math.degrees(wrap(block.mount - before[0], 2 * math.pi)) == pytest.approx(0.0, abs=0.1)
+    assert block.sigma < 1.1 * before[1]
+
+
 def test_an_acceleration_of_another_vehicle_is_refused():
     """property: felt at a third of what GPS says, it is not the vehicle's: no angle."""
     block = MountingYaw()
@@ -192,6 +233,15 @@ def test_any_rate_of_fixes(rate):
     assert found == pytest.approx(7.0, abs=1.1)
 
 
+def test_without_course_or_speed_the_buffer_starts_anew():
+    """property: a hole in course or speed never joins two stretches into one straight."""
+    block = MountingYaw()
+    for k in range(60):
+        course = math.nan if k % 5 == 4 else 0.0
+        assert not block.step(float(k), 1.0, course, 3.0 + 0.5 * k, 0.0, 0.5, 0.0, 0.0)
+    assert block.straights == 0
+
+
 def test_fit_adds_over_straights():
     """property: sums of two straights give the angle of both, between those of each."""
     one = fit([(f, 0.0, *felt(1.0, f), 100.0) for f in (0.5, 0.0, -0.5)], 0.2)
@@ -200,6 +250,14 @@ def test_fit_adds_over_straights():
     assert -angle == pytest.approx(1.1)
     assert slope == pytest.approx(math.cos(0.1))
     assert sigma > 0
+
+
+def test_mean_and_wrap():
+    """analytic: component by component; into (-pi, pi]."""
+    assert mean([(1.0, 5.0), (2.0, 7.0)]) == [1.5, 6.0]
+    assert wrap(3 * math.pi, 2 * math.pi) == pytest.approx(math.pi)
+    assert wrap(-math.pi, 2 * math.pi) == pytest.approx(math.pi)
+    assert wrap(-0.1, 2 * math.pi) == pytest.approx(-0.1)
 
 
 @pytest.mark.parametrize(("name", "within"), [("racebox", 5.0), ("car", 5.0), ("drive", 6.0)])

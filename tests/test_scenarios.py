@@ -168,6 +168,14 @@ def test_vibration_has_no_lasting_part():
     assert 0.3 < np.abs(white.mean(axis=0)).max() * np.sqrt(len(white)) < 4
 
 
+def test_same_generator_same_log():
+    """property: a seed decides everything."""
+    one, two, other = (scenario("C", rng(s)).log for s in (4, 4, 5))
+    np.testing.assert_array_equal(one.imu.accel_b, two.imu.accel_b)
+    np.testing.assert_array_equal(one.gnss.lat_deg, two.gnss.lat_deg)
+    assert not np.array_equal(one.gnss.lat_deg, other.gnss.lat_deg, equal_nan=True)
+
+
 @pytest.mark.parametrize("mount", [15.0, 90.0, 181.0, 355.0])
 def test_regression_finds_the_mounting_angle(mount):
     """analytic: without errors the whole-log fit gives the angle back, to the leaning's 1 deg."""
@@ -188,6 +196,24 @@ def test_the_table_of_assumed_errors_holds_what_the_scenarios_take():
     shaken = b.log.imu.accel_b[40 * 40 : 40 * 60].std(axis=0).min()
     vibration = float(table.loc["- vibration per speed (m/s² per m/s)", "B"])
     assert shaken > 0.8 * vibration * b.speed_m_s[40:60].mean()
+
+
+def test_the_circle_of_a_model_holds_95_percent():
+    """analytic: of 400 independent positions of a settled receiver, 95 % to 3 standard errors."""
+    model = GnssErrors(drift=((1.0, 2.0),), white_m=0.5)
+    c = scenario("A", rng(7), minutes=400 / 6, imu_rate=1.0, gnss=model)
+    radius = np.hypot(*c.fix_error())[::10] / c.log.gnss.pdop[::10]
+    assert (radius <= model.circle_m(1.0)).mean() == pytest.approx(0.95, abs=0.033)
+
+
+def test_outages_take_the_fixes_only():
+    """property: within an outage no fix, elsewhere all; the truth stays."""
+    b = scenario("B", rng(8), laps=1)
+    cut = b.with_outages([(30.0, 40.0)])
+    t = b.log.gnss.t_s
+    assert (cut.log.gnss.has_fix == ~((t >= 30) & (t < 40))).all()
+    np.testing.assert_array_equal(cut.north_m, b.north_m)
+    assert b.first_turn_s == pytest.approx(20 + 84.39 / 4.9, abs=6.0)  # a straight after the wait
 
 
 def test_levelling_errors_are_angles_to_the_true_vertical():
