@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from analysis import CannotAnswer, WrongUsage
 from analysis.noise import conventions
 from analysis.noise.inference import infer
-from analysis.noise.models import random_walk_unit
+from analysis.noise.parameters import random_walk_unit
 from workbench import exports, report
 
 RATE, HOURS = 10.0, 6.0

@@ -44,7 +44,7 @@ import numpy as np
 from analysis import Estimate, WrongUsage
 from analysis.noise import conventions
 from analysis.noise.conventions import MISSING
-from analysis.noise.models import random_walk_unit
+from analysis.noise.parameters import random_walk_unit
 
 TITLES = {
     "imu.yaml": "Kalibr: kalibr_calibrate_imu_camera --imu imu.yaml",

@@ -57,7 +57,7 @@ ALL_CHANNELS, ATLAS = "all.allan", "all.atlas"  # of figures; no channel has a d
 WITHIN = 0.2  # wanted half width of a 95 % interval, relative, of the log to record
 COMPARED, SAME_STEPS = 20_000, 0.9  # samples, and the correlation of their steps
 SAME_RATE = 0.01  # relative difference of two sampling rates
-NAMES = {key: name for key, (_, name, _) in verdict.PARAMETERS.items()}
+NAMES = {key: p["name"] for key, p in verdict.PARAMETERS.items()}
 
 
 def write(log, out, *, part=None, command=""):
