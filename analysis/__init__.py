@@ -8,7 +8,7 @@ draws the house.
 
 Units
 -----
-A reading keeps its own unit U (deg, deg/s, g, m ...), written with each number. Times are seconds.
+A sample keeps its own unit U (deg, deg/s, g, m ...), written with each number. Times are seconds.
 Table columns carry their unit in their name: ``gyro_x_deg_s``, ``accel_z_g``, ``roll_deg``,
 ``north_m``.
 

@@ -11,7 +11,7 @@ from analysis.terrain.assumptions import Sensor
 
 __all__ = ["gyros"]
 
-MEASURED = {"adis16405": "adis16405", "mpu6050": "mpu6050-gyro"}  # part -> its static log
+MEASURED = {"adis16405": "adis16405", "mpu6050": "mpu6050-gyro"}  # product -> its static log
 PITCH_GYRO = "gyro_y"
 
 
@@ -35,7 +35,7 @@ def read(path: Path = DATA / "sensors.toml") -> dict[str, dict]:
 
 
 def gyros() -> pd.DataFrame:
-    """Lay out ``data/sensors.toml`` in the paper's units; a part that was measured comes first.
+    """Lay out ``data/sensors.toml`` in the paper's units; a product that was measured comes first.
 
     Returns
     -------
@@ -43,8 +43,8 @@ def gyros() -> pd.DataFrame:
         A row for each sensor: the entry, ``arw`` (deg/sqrt(s)), ``bias`` (deg/s), ``low`` and
         ``high`` of the price and ``price``, its geometric middle (USD; NaN where not traced);
         ``basis``, *data sheet* or *measured*: pitch gyros of `MEASURED`, by their logs, have the
-        price of their part, and ``bound`` where the log only bounds B. A measured part's label
-        ends in " measured".
+        price of their product, and ``bound`` where the log only bounds B. The label of what was
+        measured ends in " measured".
     """
     table = pd.DataFrame(read()).T.assign(basis="data sheet", bound=False)
     density = table["arw_deg_sqrt_h"] / 60

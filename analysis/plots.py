@@ -30,7 +30,7 @@ __all__ = [
 ]  # fmt: skip
 
 TURNING = 3.0  # deg/s from which a unit turns
-SHOWN = 1000  # parts of a line that a picture can show
+SHOWN = 1000  # pieces of a line that a picture can show
 APART = 0.17  # decades between the numbers of two sensors
 MOST_IN_PANEL = 10  # the colours that a reader tells apart
 MARKS = {"s": "N", "o": "B", "^": "K"}
@@ -430,14 +430,14 @@ def _crossing(arw, sigma_b, shown, level):
 def sensors(ax: Axes, table: pd.DataFrame) -> None:
     """Mark sensors on the N-B plane: stars were measured, numbered discs are data sheets.
 
-    A line leads from a data sheet to what was measured of the same part. Numbers that would cover
-    each other are moved apart.
+    A line leads from a data sheet to what was measured of the same product. Numbers that would
+    cover each other are moved apart.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
     table : pandas.DataFrame
-        Of `analysis.datasheets.gyros`; its ``name`` twice where a part was measured.
+        Of `analysis.datasheets.gyros`; its ``name`` twice where a product was measured.
     """
     sheets = table[table["basis"] == "data sheet"]
     measured = table[table["basis"] != "data sheet"]

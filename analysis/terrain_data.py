@@ -1,9 +1,9 @@
-"""The terrain paper's data: surveyed roads and laps, error planes, its claims in readings of it.
+"""The terrain paper's data: surveyed roads and laps, error planes, claims by interpretation.
 
 profile("ccw"), laps("ccw"), highway("to-altoona")    the surveyed roads
 lap_and_map("16-32-11")                               a real lap, and the map without it
 error_plane("paper")                                  the tracking error over N and B
-readings()                                            the claims in readings of the paper
+interpretations()                                     the claims in interpretations of the paper
 """
 
 import functools
@@ -11,20 +11,20 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-from analysis import DATA, CannotAnswer, WrongUsage, datasheets, store
-from analysis.terrain import AttitudeMap, IsoRoad, terrain_map
+from analysis import CannotAnswer, WrongUsage, datasheets, store
+from analysis.terrain import AttitudeMap, IsoRoad, Setup, terrain_map
 from analysis.terrain.antennas import AntennaMounting
+from analysis.terrain.assumptions import PAPER_HZ
 from analysis.terrain.monte_carlo import ErrorPlane
-from analysis.terrain.open_choices import JudgedReadings, ReadingStudy, Roads
+from analysis.terrain.open_choices import InterpretationStudy, Judged, Roads
 from analysis.terrain.real_laps import Lap, MapError, lay_on_line
 from analysis.terrain.terrain_map import Profile
 from sensorlogs import road_logs
 
 __all__ = [
-    "antenna_mounting", "error_plane", "highway", "lap", "lap_and_map", "lap_curves", "laps",
-    "map_error", "profile", "readings", "roads",
+    "antenna_mounting", "error_plane", "highway", "in_words", "interpretations", "lap",
+    "lap_and_map", "lap_curves", "laps", "map_error", "profile", "roads",
 ]  # fmt: skip
 
 TRACK, HIGHWAY = "psu-test-track", "psu-highway"
@@ -37,9 +37,8 @@ def profile(direction: str) -> Profile:
     stored = _road(TRACK)
     _check(direction, stored.source["length_m"], "direction")
     table, length = stored.tables[f"profile-{direction}"], stored.source["length_m"][direction]
-    columns = {name: table[name].to_numpy() for name in table.columns}
-    columns["s_m"] = np.arange(len(table)) * length / len(table)  # exact, as it was
-    return Profile(**columns, length_m=length)
+    table = table.assign(s_m=np.arange(len(table)) * length / len(table))  # exact, as it was
+    return Profile(**{name: table[name].to_numpy() for name in table}, length_m=length)
 
 
 @functools.cache
@@ -47,9 +46,8 @@ def lap(name: str) -> Lap:
     """Read one lap of the test track, by the time of day of its recording."""
     stored = _road(TRACK)
     _check(name, stored.source["laps"], "lap")
-    table = stored.tables[f"lap-{name}"]
-    columns = {key: table[key].to_numpy(dtype=float) for key in table.columns}
-    columns["fixed"] = columns["fixed"] == 1
+    table = stored.tables[f"lap-{name}"].assign(fixed=lambda rows: rows["fixed"] == 1)
+    columns = {key: table[key].to_numpy() for key in table}
     return Lap(name, stored.source["laps"][name]["direction"], **columns)
 
 
@@ -58,8 +56,8 @@ def laps(direction: str | None = None) -> dict[str, Lap]:
     source = _road(TRACK).source
     if direction is not None:
         _check(direction, source["length_m"], "direction")
-    known = source["laps"].items()
-    return {name: lap(name) for name, of in known if direction in (None, of["direction"])}
+    wanted = [n for n, of in source["laps"].items() if direction in (None, of["direction"])]
+    return {name: lap(name) for name in wanted}
 
 
 def highway(name: str) -> np.recarray:
@@ -112,8 +110,8 @@ def map_without(name: str) -> Profile:
     between = None
     if len(kept) == 1:
         other = profile("cw" if left_out.direction == "ccw" else "ccw")
-        errors = {q: getattr(other, q.replace("_", "_se_")) for q in curves}
-        between = {q: float(np.mean(se**2 * other.laps)) for q, se in errors.items()}
+        errors = ((q, getattr(other, q.replace("_", "_se_"))) for q in curves)
+        between = {q: float(np.mean(se**2 * other.laps)) for q, se in errors}
     return terrain_map.combine({q: v[kept] for q, v in curves.items()}, line, between)
 
 
@@ -191,31 +189,25 @@ def error_plane(
     on : {"exact map", "measured map error"}
         With a `start`.
     """
-    levels: dict[str, object]
+    levels: dict[str, object] = {"tracker": tracker}
     if start is not None:
-        levels = {"tracker": tracker, "start": start, "map": on}
         table = store.read("inverse-design").tables["plane"]
+        levels |= {"start": start, "map": on}
         words = f"{tracker}, {start} bias, {on}, T_c = 200 s"
     elif corr_time is not None:
-        levels = {"tracker": tracker, "corr_time_s": corr_time}
         table = store.read("error-surface").tables["surface"]
+        levels |= {"corr_time_s": corr_time}
         words = f"noise {tracker}, T_c = {corr_time:g} s, one R, on the test track"
     else:
-        stored, levels = store.read("atlas"), {"tracker": tracker}
-        table = stored.tables["plane"]
-        words = stored.source["readings"].get(tracker, "")
+        source, tables = store.read("atlas")
+        table, words = tables["plane"], source["readings"].get(tracker, "")
     for column, level in levels.items():
         _check(level, list(table[column].unique()), column)
         table = table[table[column] == level]
-    return _plane(table, words)
-
-
-def _plane(table, reading):
-    """Lay a table of a tracking error out over N and B."""
     arw, sigma_b = (np.unique(table[name]) for name in ("arw_deg_sqrt_s", "sigma_b_deg_s"))
-    shape = len(sigma_b), len(arw)
-    names = [n for n in ("error_m", "laps_lost", "error_low_m", "error_high_m") if n in table]
-    return ErrorPlane(reading, arw, sigma_b, *(table[n].to_numpy().reshape(shape) for n in names))
+    columns = table.filter(["error_m", "laps_lost", "error_low_m", "error_high_m"])
+    planes = (columns[name].to_numpy().reshape(len(sigma_b), -1) for name in columns)
+    return ErrorPlane(words, arw, sigma_b, *planes)
 
 
 @functools.cache
@@ -233,19 +225,18 @@ def roads() -> Roads:
     drive = highway("to-altoona")
     at = drive.s_m[len(drive.s_m) // 2] + np.arange(0.0, 3000.0, 0.5)
     of_i99 = np.array([np.interp(at, drive.s_m, drive.grade_deg), iso("A", 0.0)[1]])
-    maps = {"track": profile("ccw").attitude_map(("pitch", "roll"))}
-    maps |= {"I-99": AttitudeMap(0.0, 0.5, of_i99)}
+    track = profile("ccw").attitude_map(("pitch", "roll"))
+    maps = {"track": track, "I-99": AttitudeMap(0.0, 0.5, of_i99)}
     maps |= {f"ISO {c}": AttitudeMap(0.0, 0.5, iso(c, HILLS_DEG)) for c in "AC"}
     priced = datasheets.gyros().query("table_3.notna()").sort_values("price", kind="stable")
     table = store.published("terrain-table-3").set_index("sensor")
     of_paper = {key: tuple(table.loc[name]) for key, name in priced["table_3"].items()}
-    prices = priced[["low", "high"]].to_numpy()
-    claims = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")[["low", "high"]]
-    return Roads(maps, of_paper, prices, claims)
+    claims = store.published("claims").set_index("id")[["low", "high"]]
+    return Roads(maps, of_paper, priced[["low", "high"]].to_numpy(), claims)
 
 
-def readings(name: str | Path = "readings") -> ReadingStudy:
-    """Read the claims of the terrain paper in readings of it, from data/derived/readings.
+def interpretations(name: str | Path = "readings") -> InterpretationStudy:
+    """Read the claims of the terrain paper in interpretations of it, from data/derived/readings.
 
     Parameters
     ----------
@@ -253,9 +244,18 @@ def readings(name: str | Path = "readings") -> ReadingStudy:
         Of another folder that ``python -m analysis readings --out`` has written.
     """
     source, tables = store.read(name)
-    every = JudgedReadings.of(tables["readings"], source["laps"], source["seed"])
-    best = JudgedReadings.of(tables["best"], source["best_laps"], source["best_seed"])
-    return ReadingStudy(every, best, roads())
+    best = Judged.of(tables["best"], source["best_laps"], source["best_seed"])
+    every = Judged.of(tables["readings"], source["laps"], source["seed"])
+    return InterpretationStudy(every, best, roads())
+
+
+def in_words(setup: Setup) -> dict[str, dict[str, str]]:
+    """State what the terrain paper leaves open, what a setup chooses, and why, for `text.table`."""
+    R = (setup.R or setup.own_R(setup.WORST)) * PAPER_HZ / setup.rate_hz  # of a sample at 100 Hz
+    numbers = {"R_sd": R**0.5, "walk_mm": 1000 * setup.odometry_walk, "setup": setup}
+    numbers["scale_percent"] = 100 * setup.odometry_scale
+    table = store.published("terrain-choices").set_index("open in the paper")
+    return table.map(lambda cell: cell.format(**numbers)).to_dict("index")
 
 
 def _check(name, known, what):

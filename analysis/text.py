@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-import pandas as pd
-
 from analysis import engineering
 
 __all__ = ["duration", "folded", "table"]
@@ -21,7 +19,7 @@ class Shown(str):
         return f"<Markdown of {len(self.splitlines())} lines; print it to read it>"
 
 
-def table(rows: pd.DataFrame | Mapping[str, Any], key: str | None = None) -> Shown:
+def table(rows: Any, key: str | None = None) -> Shown:
     """Lay rows out as a table in Markdown, which notebooks and their readers elsewhere render.
 
     Parameters
@@ -37,6 +35,8 @@ def table(rows: pd.DataFrame | Mapping[str, Any], key: str | None = None) -> Sho
     -------
     Shown
     """
+    import pandas as pd  # here, not above: what only writes a duration starts at once
+
     if isinstance(rows, pd.DataFrame):
         frame = rows if key is None else rows.rename_axis(key).reset_index()
     else:

@@ -5,6 +5,7 @@ Logs are simulated for the purpose. Peers come with the extra ``test``; an entry
 installed states that and goes on.
 """
 
+import contextlib
 import ctypes
 import datetime
 import os
@@ -13,17 +14,17 @@ import shutil
 import subprocess
 import tempfile
 import time
-from dataclasses import asdict, dataclass
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
+from typing import NamedTuple
 
 import allantools
 import numpy as np
 import pandas as pd
+import scipy
 
-from analysis import WrongUsage, replacing, static_logs, store, terrain_data
+from analysis import replacing, static_logs, store, terrain_data
 from analysis.noise.allan import allan_deviation
 from analysis.noise.inference import infer
 from analysis.noise.models import UnifiedModel
@@ -48,13 +49,12 @@ NMEA_START = datetime.datetime(2024, 6, 1, tzinfo=datetime.UTC)
 DIGITS = 3  # of a measured number
 
 
-@dataclass(frozen=True)
-class Measured:
+class Measured(NamedTuple):
     """One measured number: what, how much, its unit, and the bar set for it ("" for none)."""
 
     what: str
-    value: float
-    unit: str
+    value: float = np.nan
+    unit: str = ""
     bar: str = ""
 
 
@@ -81,7 +81,7 @@ def ukf_against_filterpy():
     try:
         from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
     except ImportError:
-        yield Measured("filterpy is not installed: pip install filterpy", float("nan"), "")
+        yield Measured("filterpy is not installed: pip install filterpy")
         return
     attitude_map, _ = road()
     rng = np.random.default_rng(SEED)
@@ -91,11 +91,11 @@ def ukf_against_filterpy():
     z = attitude_map.at(truth)[0][:, None] + noise
 
     ours = Ukf(attitude_map, np.full((1, batch), 10.3), np.full((1, 1, batch), 0.25))
-    start = time.perf_counter()
-    for k in range(steps):
-        ours.predict(moved, Q)
-        ours.update(z[k][None], R)
-    rate = steps * batch / (time.perf_counter() - start)
+
+    def step_ours():
+        for row in z:
+            ours.predict(moved, Q)
+            ours.update(row[None], R)
 
     points = MerweScaledSigmaPoints(1, alpha=1.0, beta=0.0, kappa=2.0)
     theirs = UnscentedKalmanFilter(
@@ -103,11 +103,13 @@ def ukf_against_filterpy():
     )
     theirs.x, theirs.P = np.array([10.3]), np.array([[0.25]])
     theirs.Q, theirs.R = np.array([[Q]]), np.array([[R]])
-    start = time.perf_counter()
-    for k in range(steps):
-        theirs.predict(u=moved)
-        theirs.update(z[k, :1])
-    peer = steps / (time.perf_counter() - start)
+
+    def step_theirs():
+        for row in z:
+            theirs.predict(u=moved)
+            theirs.update(row[:1])
+
+    rate, peer = steps * batch / timed(step_ours)[1], steps / timed(step_theirs)[1]
     yield Measured("UKF steps per second on one core", rate, "1/s")
     yield Measured("filterpy, the same steps", peer, "1/s")
     yield Measured("ours over filterpy", rate / peer, "times", ">= 1000")
@@ -133,18 +135,17 @@ def compiled_filter(samples=4001, runs=20, cells=25):
     per_step = 1e9 / ((len(truth) - 1) * runs * cells)
     whole, seconds = _best_of(follow, *work)
     yield Measured("a step in NumPy", per_step * seconds, "ns")
-    try:
-        follow(*work, compiled=True)  # compiles
-    except WrongUsage:
-        yield Measured("numba is not installed: pip install '.[fast]'", float("nan"), "")
+    if not HAS_NUMBA:
+        yield Measured("numba is not installed: pip install '.[fast]'")
         return
+    follow(*work, compiled=True)  # compiles
     laps, ours = _best_of(follow, *work, compiled=True)
     yield Measured("a step in compiled code (numba)", per_step * ours, "ns")
     difference = float(np.abs(laps.error - whole.error).max())
     yield Measured("largest difference of the two", difference, "m", "<= 1e-9")
     compiler = shutil.which("cc")
     if compiler is None:
-        yield Measured("no C compiler (cc) here", float("nan"), "")
+        yield Measured("no C compiler (cc) here")
         return
     x, P = np.full((runs, cells), truth[0]), np.full((runs, cells), setup.begin_sd**2)
     slope, intercept = (
@@ -294,28 +295,24 @@ def write(rows, folder):
     rows : sequence of (str, Measured)
     folder : path-like
     """
+    versions = {"python": platform.python_version(), "numpy": np.__version__}
     source = {
         "title": "Speed of this package and of its peers, in one run on one machine",
         "made_by": "python -m analysis benchmark --out FOLDER",
         "machine": f"{os.cpu_count()} cores ({processor()})",
-        "versions": {
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("numpy", "scipy")},
-        },
+        "versions": versions | {"scipy": scipy.__version__},
     }
-    table = pd.DataFrame([{"part": part, **asdict(measured)} for part, measured in rows])
+    table = pd.DataFrame([{"part": part, **measured._asdict()} for part, measured in rows])
     with replacing(folder) as draft:
         store.write(draft, source, {"benchmark": store.rounded(table, DIGITS)})
 
 
 def processor():
     """Name the processor, as far as the system states it."""
-    try:
+    with contextlib.suppress(OSError, StopIteration):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.machine()
-    named = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
-    return named[0] if named else platform.machine()
+        return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+    return platform.machine()
 
 
 BENCHMARKS = {

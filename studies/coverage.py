@@ -51,7 +51,7 @@ IN_DOUBT = ("two-biases+walk", "terrain+warm-up-3", "flicker+warm-up-10", "walk+
 POWER, POWER_LOGS, POWER_DT = store.FOLDER / "power", 20, 0.1  # s
 BEFORE = "table 'before': the same logs, by the code of commit e05b09e, which had no tests of fit"
 WARM_UP, CYCLE, SWING = 900.0, 1200.0, 600.0  # s, time constant and periods
-LINE_HZ = 28.5  # of an engine, as in the log car-roof-imu
+SHAKING = 1 / 28.5  # s, period of an engine, as in the log car-roof-imu
 GAPS, GAP = 12, 30.0  # how many, s
 SPIKES = 1e-4  # share of the samples
 ON_EVERY_SENSOR = ("nothing", "warm-up-10", "step-10", "cycle", "loss-5", "gaps", "low-pass-1")
@@ -239,7 +239,7 @@ def _power_log(one):
     """Characterise one log of a cell of `power_cells`."""
     (test, size), log = one
     told = {"dt": POWER_DT, "kind": "rate", "hours": BROKEN_HOURS}
-    rows = characterised(*log, model=power_cells()[test, size], **told)
+    rows = characterised(log, model=power_cells()[test, size], **told)
     return [{"test": test, "size": size} | row for row in rows]
 
 
@@ -278,18 +278,12 @@ def disturbances(size, level):
         "gaps": ("12 gaps of 30 s", gaps),
         "gaps-loss-5": ("12 gaps of 30 s, and 5 % lost", partial(gaps, share=0.05)),
         "spikes": ("72 spikes of 5 to 100 σ_v", partial(spikes, level=level)),
-        "vibration": (
-            "a vibration, 0.1 °/s at 28.5 Hz",
-            partial(cycle, size=0.1, period=1 / LINE_HZ),
-        ),
+        "vibration": ("a vibration, 0.1 °/s at 28.5 Hz", partial(cycle, size=0.1, period=SHAKING)),
         "low-pass-1": ("a low-pass of 1 Hz", partial(low_pass, cutoff=1.0)),
         "low-pass-5": ("a low-pass of 5 Hz", partial(low_pass, cutoff=5.0)),
         "low-pass-20": ("a low-pass of 20 Hz", partial(low_pass, cutoff=20.0)),
         "rotation": ("turns at 30 °/s", partial(warm_up, size=30.0, time=np.inf)),
-        "swing": (
-            "swings at up to 30 °/s, period 10 min",
-            partial(cycle, size=30.0, period=SWING),
-        ),
+        "swing": ("swings at up to 30 °/s, period 10 min", partial(cycle, size=30, period=SWING)),
     }
 
 
@@ -350,7 +344,7 @@ def low_pass(y, t, rng, *, cutoff):
     return lfilter(b, a, y, zi=lfilter_zi(b, a) * y[0])[0]
 
 
-def estimate(run, stream, *, model, dt, kind, hours):
+def estimate(log, *, model, dt, kind, hours):
     """Simulate one log and run the estimators on it, the slower ones on every tenth log.
 
     Returns
@@ -359,6 +353,7 @@ def estimate(run, stream, *, model, dt, kind, hours):
         run, estimator, parameter, value, low, high (NaN where there is none), interval (whether
         the estimator gives one), model.
     """
+    run, stream = log
     y = model.simulate(round(3600 * hours / dt), dt, np.random.default_rng(stream))
     inference = infer(y, dt, "deg", kind, np.random.default_rng(stream))
     chosen, rows = inference.chosen.model, []
@@ -393,7 +388,7 @@ def estimate(run, stream, *, model, dt, kind, hours):
     return rows
 
 
-def characterised(run, stream, *, model, dt, kind, hours):
+def characterised(one, *, model, dt, kind, hours):
     """Simulate one broken log, and characterise it as `report` does.
 
     Returns
@@ -403,7 +398,7 @@ def characterised(run, stream, *, model, dt, kind, hours):
         disturbance that are reported for the log, with spaces; beside a drift that a warm-up may
         be, as its note says, warm_up too).
     """
-    rng = np.random.default_rng(stream)
+    run, rng = one[0], np.random.default_rng(one[1])
     y = model.simulate(round(3600 * hours / dt), dt, rng)
     told = dict.fromkeys(("name", "title", "file", "sha256", "licence", "source"), "")
     channels, samples = (Channel("gyro", "deg/s", kind, y),), int(np.isfinite(y).sum())
@@ -458,35 +453,30 @@ def broken_summary(rows):
         reported (share of the logs with something reported), kinds (of what is reported, with the
         number of logs); median of value / truth; first, the value of log 0.
     """
-    runs, said = rows["run"].nunique(), rows["reported"] != ""
+    runs = rows["run"].nunique()
     logs = rows.drop_duplicates("run")["reported"].str.split().explode().value_counts()
     kinds = ", ".join(f"{kind} {count}" for kind, count in sorted(logs.items()))
-    rows = rows.assign(
-        said=said,
-        resolved=rows["value"].notna(),
-        held=(rows["low"] <= rows["truth"]) & (rows["truth"] <= rows["high"]),
+    said, given = rows["reported"] != "", rows["value"].notna()
+    held = (rows["low"] <= rows["truth"]) & (rows["truth"] <= rows["high"])
+    judged = rows.assign(
+        held=held.where(given).astype(float),
+        wrong=given & ~held,
+        unsaid=given & ~held & ~said,
+        ratio=rows["value"].astype(float) / rows["truth"].where(rows["truth"] > 0),
     )
-    table = []
-    for parameter, group in rows.groupby("parameter", sort=False):
-        given = group[group["resolved"]]
-        wrong = given[~given["held"]]
-        ratio = given["value"] / given["truth"].where(given["truth"] > 0)
-        table.append(
-            {
-                "parameter": parameter,
-                "truth": group["truth"].median(),
-                "runs": runs,
-                "resolved": len(given) / runs,
-                "held": given["held"].mean(),
-                "wrong": len(wrong) / runs,
-                "unsaid": (~wrong["said"]).sum() / runs,
-                "reported": group["said"].sum() / runs,
-                "kinds": kinds,
-                "median": ratio.median(),
-                "first": group["value"].iloc[0],
-            }
-        )
-    return pd.DataFrame(table)
+    table = judged.groupby("parameter", sort=False).agg(
+        truth=("truth", "median"),
+        runs=("run", lambda _: runs),
+        resolved=("value", lambda values: values.count() / runs),
+        held=("held", "mean"),
+        wrong=("wrong", lambda yes: yes.sum() / runs),
+        unsaid=("unsaid", lambda yes: yes.sum() / runs),
+        reported=("reported", lambda names: (names != "").sum() / runs),
+        kinds=("run", lambda _: kinds),
+        median=("ratio", "median"),
+        first=("value", lambda values: values.iloc[0]),
+    )
+    return table.reset_index()
 
 
 def plan():
@@ -531,36 +521,28 @@ def study(folder=None, *, runs=None, hours=None, names=None, breaks=False, **whe
     **where
         As for `studies.cells.compute`.
     """
-    known = broken() if breaks else models()
+    known, run = (broken(), characterised) if breaks else (models(), estimate)
     unknown = [name for name in names or () if name not in known]
     if unknown:
         raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(known)}")
-    cells = broken_plan() if breaks else plan()
+    planned = broken_plan() if breaks else plan()
     if runs or hours or names:
         lengths = hours or ((2.0,) if breaks else (2.0, 6.0))
-        cells = [(name, h, runs or 500) for h in lengths for name in names or known]
+        planned = [(name, h, runs or 500) for h in lengths for name in names or known]
+    cells = {}
+    for name, h, n in planned:
+        model, dt, kind = known[name]
+        work = partial(run, model=model, dt=dt, kind=kind, hours=h)
+        summed = broken_summary if breaks else partial(summary, model=model)
+        finish = partial(_headed, summed, {"model": name, "hours": float(h)})
+        cells[f"{name}-{h:g}h"] = Cell(work, list(enumerate(streams(name, n))), finish)
     source = broken_source() if breaks else papers_source()
-    tables = {f"{name}-{h:g}h": _cell(name, h, n, known[name], breaks) for name, h, n in cells}
-    tabulate(folder or (BROKEN if breaks else FOLDER), source, tables, **where)
+    tabulate(folder or (BROKEN if breaks else FOLDER), source, cells, **where)
 
 
-def _cell(name, hours, runs, sensor, breaks):
-    """Lay out one table: the estimators on so many logs of a sensor."""
-    model, dt, kind = sensor
-    run = partial(characterised if breaks else estimate, model=model, dt=dt, kind=kind, hours=hours)
-    finish = partial(_summed, name=name, hours=hours, model=None if breaks else model)
-    return Cell(partial(_of_log, run), list(enumerate(streams(name, runs))), finish)
-
-
-def _of_log(run, log):
-    return run(*log)
-
-
-def _summed(rows, *, name, hours, model):
-    table = broken_summary(rows) if model is None else summary(rows, model)
-    table.insert(0, "hours", float(hours))
-    table.insert(0, "model", name)
-    return table
+def _headed(summed, about, rows):
+    table = summed(rows)
+    return pd.DataFrame(about, table.index).join(table)
 
 
 def papers_source():

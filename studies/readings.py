@@ -1,7 +1,8 @@
 """Which reading of the terrain paper its claims hold in: ``python -m analysis readings``.
 
-A cell is one reading (`analysis.terrain.open_choices.Reading`) with all its sensors; it is kept in
-``cells.sqlite`` of the folder once it is finished. The tables are written when all are there:
+A cell is one interpretation (`analysis.terrain.open_choices.Interpretation`) with all its sensors;
+it is kept in ``cells/`` of the folder once it is finished. The tables are written when all are
+there:
 
 readings   a row a reading: its level of every factor, ``why`` it is in the design, and for each
            claim its number (``v_...``, three digits), its Monte Carlo error (``e_...``, two) and
@@ -12,9 +13,9 @@ best       the readings in which the most claims hold, of all and of those that 
 The readings beside the best of the sample, one level away, are in ``readings`` too: a sample of so
 many factors hardly holds the best one.
 
-`analysis.terrain_data.readings` reads them. Laps: with 300 the standard error of a mean is 4 to
-8 %, and of a ratio, whose two ends share their laps, about half of it; `best` has 4200, and the
-readings of `NAMED` 12 000.
+`analysis.terrain_data.interpretations` reads them. Laps: with 300 the standard error of a mean is
+4 to 8 %, and of a ratio, whose two ends share their laps, about half of it; `best` has 4200, and
+the readings of `NAMED` 12 000.
 """
 
 from __future__ import annotations
@@ -22,12 +23,13 @@ from __future__ import annotations
 from dataclasses import asdict
 from functools import partial
 
+import joblib
 import pandas as pd
 from tqdm import tqdm
 
 from analysis import WrongUsage, store, terrain_data
-from analysis.terrain.open_choices import FACTORS, LAP_M, JudgedReadings, Reading, around, design
-from studies.cells import Cells, compute
+from analysis.terrain.open_choices import FACTORS, LAP_M, Interpretation, Judged, around, design
+from studies.cells import kept
 
 FOLDER = store.FOLDER / "readings"
 READINGS, LAPS, SEED = 2048, 300, 2024
@@ -35,15 +37,15 @@ BEST, BEST_LAPS, BEST_SEED = 5, 4200, 2025
 NAMED_LAPS = 12_000  # as many as data/derived/sweeps, which decides the same verdicts
 BESIDE = 4  # of the best readings of the sample, whose neighbours are tried
 NAMED = {  # readings that are rerun beside the best
-    "reference": Reading(),
-    "noise on attitude": Reading(noise="on attitude"),
+    "reference": Interpretation(),
+    "noise on attitude": Interpretation(noise="on attitude"),
 }
 
 
 def judge(reading, *, laps, seed, compiled):
     """Compute one cell: claim -> its number, its error, share of the resamples in its range."""
     found = terrain_data.roads().evaluate(
-        Reading.of(reading), laps=laps, seed=seed, compiled=compiled
+        Interpretation.of(reading), laps=laps, seed=seed, compiled=compiled
     )
     return {claim: tuple(row) for claim, row in found.iterrows()}
 
@@ -69,15 +71,7 @@ def levels(held):
 
 
 def study(
-    folder=FOLDER,
-    *,
-    readings=READINGS,
-    laps=LAPS,
-    best=BEST,
-    held=(),
-    workers=None,
-    scheduler=None,
-    compiled=False,
+    folder=FOLDER, *, readings=READINGS, laps=LAPS, best=BEST, held=(), compiled=False, **where
 ):
     """Judge every claim in every reading, and the best ones again; write the tables.
 
@@ -91,10 +85,10 @@ def study(
         Readings that are simulated again, on `BEST_LAPS` laps; the named ones on `NAMED_LAPS`.
     held : sequence of str
         ``NAME=LEVEL`` of factors that all readings share.
-    workers, scheduler
-        As for `studies.cells.compute`.
     compiled : bool
         Step the filters in compiled code.
+    **where
+        ``workers``, ``scheduler`` of `studies.cells.compute`.
 
     Returns
     -------
@@ -102,25 +96,22 @@ def study(
         The table ``readings``.
     """
     fixed = levels(held)
+    judged = partial(_judged, folder=folder / "cells", compiled=compiled, **where)
     plan = design(readings, SEED).assign(**fixed)
     plan = plan.drop_duplicates([*FACTORS], ignore_index=True)
-    about = {"seed": SEED, "laps": laps, "factors": {k: [*map(str, v)] for k, v in FACTORS.items()}}
-    options = {"workers": workers, "scheduler": scheduler}
-    with Cells(folder / "cells.sqlite", about) as cells:
-        first = partial(judge, laps=laps, seed=SEED, compiled=compiled)
-        table = _finish(cells, plan, first, f"{laps} laps", **options)
-        if best:
-            near = [_near(table.loc[row]) for row in _ranked(table, laps)[:BESIDE]]
-            plan = pd.concat([plan, *near]).drop_duplicates([*FACTORS], ignore_index=True)
-            table = _finish(cells, plan, first, f"{laps} laps", **options)
-            chosen = _chosen(table, laps, best)
-            parts = {NAMED_LAPS: chosen["why"].isin(NAMED)}
-            parts[BEST_LAPS] = ~parts[NAMED_LAPS]
-            rerun = []
-            for n, rows in parts.items():
-                again = partial(judge, laps=n, seed=BEST_SEED, compiled=compiled)
-                part = chosen[rows].reset_index(drop=True)
-                rerun.append(_finish(cells, part, again, f"{n} laps", **options))
+    tables = {"readings": judged(plan, laps=laps, seed=SEED)}
+    if best:
+        table = tables["readings"]
+        near = [_near(table.loc[row]) for row in _ranked(table, laps)[:BESIDE]]
+        plan = pd.concat([plan, *near]).drop_duplicates([*FACTORS], ignore_index=True)
+        tables["readings"] = judged(plan, laps=laps, seed=SEED)
+        chosen = _chosen(tables["readings"], laps, best)
+        named = chosen["why"].isin(NAMED)
+        again = [
+            judged(chosen[rows].reset_index(drop=True), laps=n, seed=BEST_SEED)
+            for n, rows in ((NAMED_LAPS, named), (BEST_LAPS, ~named))
+        ]
+        tables["best"] = pd.concat(again, ignore_index=True)
     source = {
         "title": "Claims of the terrain paper in readings of what it leaves open",
         "made_by": "python -m analysis readings --out FOLDER",
@@ -133,19 +124,18 @@ def study(
         "lap_m": LAP_M,
         "levels": {name: list(of) for name, of in FACTORS.items()},
     }
-    tables = {"readings": table} | ({"best": pd.concat(rerun, ignore_index=True)} if best else {})
     store.write(folder, source, tables)
-    return table
+    return tables["readings"]
 
 
 def _ranked(table, laps):
     """Rows of a table of readings, that in which the most claims hold first."""
-    return JudgedReadings.of(table, laps, SEED).joint().index
+    return Judged.of(table, laps, SEED).joint().index
 
 
 def _near(row):
     """Lay out the readings beside one of a table."""
-    return around(Reading.of(row[[*FACTORS]].to_dict())).assign(why="beside the best")
+    return around(Interpretation.of(row[[*FACTORS]].to_dict())).assign(why="beside the best")
 
 
 def _chosen(table, laps, best):
@@ -157,22 +147,20 @@ def _chosen(table, laps, best):
     return chosen.drop_duplicates([*FACTORS], ignore_index=True)
 
 
-def _finish(cells, plan, work, name, **options):
-    """Compute the readings of a plan that are not in the store, and lay all of them out."""
+def _judged(plan, *, folder, laps, seed, compiled, **where):
+    """Judge the readings of a plan that are not kept yet, and lay all of them out."""
     rows = plan[[*FACTORS]].to_dict("records")
-    keys = [f"{name}: {' | '.join(map(str, row.values()))}" for row in rows]
-    there = cells.keys()
-    todo = [k for k, key in enumerate(keys) if key not in there]
-    with tqdm(total=len(rows), initial=len(rows) - len(todo), unit="reading", disable=None) as bar:
-        for k, found in compute(work, [rows[k] for k in todo], **options):
-            cells.put(keys[todo[k]], found)
-            bar.update()
-    numbers = []
-    for key in keys:
-        row = {}
-        for claim, (value, error, inside) in cells[key].items():
-            short = claim.removeprefix("terrain-")
-            row |= {f"v_{short}": float(f"{value:.3g}"), f"e_{short}": float(f"{error:.2g}")}
-            row[f"p_{short}"] = round(100 * inside)
-        numbers.append(row)
+    items = {
+        joblib.hash(f"{laps} laps, seed {seed}: {' | '.join(map(str, row.values()))}"): row
+        for row in rows
+    }
+    numbers, work = [], partial(judge, laps=laps, seed=seed, compiled=compiled)
+    with tqdm(total=len(rows), unit="reading", disable=None) as bar:
+        for found in kept(folder, work, items, bar, **where):
+            row = {}
+            for claim, (value, error, inside) in found.items():
+                short = claim.removeprefix("terrain-")
+                row |= {f"v_{short}": float(f"{value:.3g}"), f"e_{short}": float(f"{error:.2g}")}
+                row[f"p_{short}"] = round(100 * inside)
+            numbers.append(row)
     return pd.concat([plan, pd.DataFrame(numbers)], axis=1)

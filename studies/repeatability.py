@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 import sensorlogs as logs
-from analysis import CannotAnswer, static_logs, store
+from analysis import CannotAnswer, resampling, static_logs, store
 from analysis.noise import infer
 from analysis.noise import pool as pooling
 from analysis.noise.inference import INSTEAD
@@ -176,8 +176,8 @@ def share_within(pairs, rng, draws=DRAWS, factor=1.0):
 
 def _interval(of_channels, rng, draws):
     """95 % interval of a sum over a count, from the sum and the count of each channel."""
-    drawn = rng.integers(of_channels.shape[1], size=(draws, of_channels.shape[1]))
-    return np.quantile(np.divide(*of_channels[:, drawn].sum(axis=2)), [0.025, 0.975])
+    drawn = resampling.drawn(of_channels.shape[1], draws, rng)
+    return resampling.interval(np.divide(*of_channels[:, drawn].sum(axis=2)))
 
 
 def overdispersion(pairs, *, draws=DRAWS, seed=SEED):

@@ -16,13 +16,19 @@ import pandas as pd
 import pymap3d
 
 from analysis import STANDARD_GRAVITY, CannotAnswer, replacing, store, wrap
-from analysis.tracker import evaluate
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay, time_lag
 from analysis.tracker.scenarios import scenario
-from analysis.tracker.starts import errors_by_later_fixes, starts_of_a_drive
 from sensorlogs import datasets, read_moving
 from sensorlogs.timeline import Gnss, Imu, Timeline, turn_imu
+from studies.drives import (
+    bridged,
+    errors_by_later_fixes,
+    mounting_regression,
+    receiver_operating,
+    rest_statistics,
+    starts_of_a_drive,
+)
 
 KMH, MPH = 1 / 3.6, 0.44704
 NMEA_DRIVES = {
@@ -286,7 +292,7 @@ def stops():
         for log, speed in rides_of:
             stopped = (speed < floor) & (np.r_[np.inf, speed[:-1]] < floor)
             moving = (speed > 1.0) & (np.r_[0.0, speed[:-1]] > 1.0)
-            scores.append(evaluate.rest_statistics(log).assign(stopped=stopped, moving=moving))
+            scores.append(rest_statistics(log).assign(stopped=stopped, moving=moving))
             for test, options in RESTS.items():
                 static = replay(log, options).columns["moving"] == 0
                 counts = stopped, moving, static & stopped, static & moving
@@ -297,7 +303,7 @@ def stops():
         every = pd.concat(scores)
         truth = every["stopped"].to_numpy(), every["moving"].to_numpy()
         for rule in every.columns.drop(["speed_m_s", "stopped", "moving"]):
-            curve = evaluate.receiver_operating(every[rule].to_numpy(), *truth)
+            curve = receiver_operating(every[rule].to_numpy(), *truth)
             curves.append(curve.assign(ride=name, rule=rule))
         if name in STANDING:
             biases.append(_bias_change(log, stopped).assign(ride=name))
@@ -328,7 +334,7 @@ def outages():
     dict of pandas.DataFrame
         ``ends``: as `bridged`, with the ride.
     """
-    ends = [evaluate.bridged(read(name)).assign(ride=name) for name in WHEELS]
+    ends = [bridged(read(name)).assign(ride=name) for name in WHEELS]
     table = store.rounded(pd.concat(ends, ignore_index=True), 6)
     title = "Outages of 10, 30 and 60 s on the rides of four cars"
     source = {"title": title} | datasets.origin(*(RIDES[name].file for name in WHEELS))
@@ -422,7 +428,7 @@ def turned(name):
     """
     log = read(name)
     gnss = log.gnss
-    whole = evaluate.mounting_regression(gnss, log.imu, np.random.default_rng(SEED))
+    whole = mounting_regression(gnss, log.imu, np.random.default_rng(SEED))
     down = -np.median(log.imu.accel_b, axis=0)
     tracks = {
         angle: replay(turn_imu(log, np.radians(angle), down), Options())

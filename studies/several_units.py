@@ -5,8 +5,6 @@ north and up of a point of the log, angles degrees. Nothing is compared here, wi
 the attitude and the positions of this project's tracker, which take too long for a notebook.
 """
 
-import xml.etree.ElementTree as ET
-
 import numpy as np
 import pandas as pd
 import pymap3d
@@ -72,13 +70,13 @@ def five_receivers():
     files = {k: f"five-receivers/gpx/tracks/routeA/{v}.gpx" for k, v in RECEIVERS.items()}
     files = {"route": "five-receivers/gpx/routes/whitchurch-routeA.gpx"} | files
     points = {name: _gpx(file) for name, file in files.items()}
-    origin = points["route"].iloc[0][["lat", "lon", "height"]]
+    origin = points["route"].iloc[0][["lat", "lon", "ele"]]
     midnight = pd.Timestamp("2019-11-29T11:53:00Z")
     tables = {}
     for name, p in points.items():
-        table = _enu(p["lat"], p["lon"], p["height"], origin, 1)
+        table = _enu(p["lat"], p["lon"], p["ele"], origin, 1)
         if name != "route":
-            table = {"t_s": (p["time"] - midnight).dt.total_seconds()} | table
+            table = {"t_s": (pd.to_datetime(p["time"]) - midnight).dt.total_seconds()} | table
         tables[name] = pd.DataFrame(table)
     return _source("five GPS receivers on one ride of 32 km", *files.values()), tables
 
@@ -343,14 +341,8 @@ def _enu(lat, lon, height, origin, digits):
 
 
 def _gpx(file):
-    """Read the points of a GPX file: lat, lon, height, and time where it states one."""
-    rows = []
-    for point in ET.parse(datasets.path(file)).getroot().findall(".//{*}trkpt"):
-        parts = [point.findtext(f"{{*}}{k}") for k in ("ele", "time")]
-        rows.append([point.get("lat"), point.get("lon"), *parts])
-    table = pd.DataFrame(rows, columns=["lat", "lon", "height", "time"])
-    table[["lat", "lon", "height"]] = table[["lat", "lon", "height"]].astype(float)
-    return table.assign(time=pd.to_datetime(table["time"]))
+    """Read the points of a GPX file: lat, lon, ele, and time where it states one."""
+    return pd.read_xml(datasets.path(file), xpath=".//{*}trkpt", parser="etree")
 
 
 def _source(title, *files, notes=()):

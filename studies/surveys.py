@@ -423,7 +423,7 @@ def inverse_setup(tracker: str, start: str, on: str) -> Setup:
     setup = Setup(track.length_m, start=start, R=R, bias_states=bias_states).coarser(STEP_M)
     if on == "exact map":
         return setup
-    setup = replace(setup, drawn_map_error=error.parts(laps))
+    setup = replace(setup, drawn_map_error=error.components(laps))
     return error.setup(setup, laps) if bias_states else setup
 
 
@@ -523,7 +523,7 @@ def long_drive(ages: tuple[float, float] | None) -> tuple[AttitudeMap, AttitudeM
     step, end = drive.s_m[1], drive.s_m[-1]
     road = AttitudeMap(0.0, step, drive.grade_deg[None])
     setup = Setup(end - 2 * step, begin=step, speed=LONG_SPEED, rate_hz=LONG_SPEED / LONG_STEP)
-    parts = of_van.aged(ages[0] if ages else 0.0).parts(1)
+    parts = of_van.aged(ages[0] if ages else 0.0).components(1)
     setup = replace(setup, start="stationary", drawn_map_error=parts)
     if ages:
         return road, road, of_van.aged(ages[1]).setup(setup, 1)

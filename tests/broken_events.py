@@ -1,9 +1,10 @@
 """What goes wrong on a device: samples and epochs as a driver or a cable hands them over."""
 
 import math
+from typing import NamedTuple
 
-from analysis.tracker import Options, log_replay
-from analysis.tracker.device import Device, Epoch
+from analysis.tracker.device import Device, Epoch, Options
+from analysis.tracker.log_replay import stepped
 
 NAN, INF = math.nan, math.inf
 
@@ -82,34 +83,24 @@ BROKEN = (
 )
 
 
-class Recorder(Device):
-    """A device that notes what it is given and what it gives back."""
+class Seen(NamedTuple):
+    """What a device was given, what it put out, and how large it was after how many events."""
 
-    def __init__(self, options, *others):
-        super().__init__(options, *others)
-        self.given, self.events, self.rows = others, [], []
-        Recorder.last = self
-
-    def imu(self, *event):
-        """Note a sample."""
-        self.events.append(event)
-        return super().imu(*event)
-
-    def gnss(self, epoch):
-        """Note an epoch and its row."""
-        self.events.append(tuple(epoch))
-        self.rows.append(super().gnss(epoch))
-        return self.rows[-1]
+    given: tuple
+    events: list
+    rows: list
+    sizes: list
 
 
-def record(log, stored=None, **changed):
-    """Replay a log; return the device, with what it was given and what it gave."""
-    log_replay.Device, kept = Recorder, log_replay.Device
-    try:
-        log_replay.replay(log, Options(**changed), stored)
-    finally:
-        log_replay.Device = kept
-    return Recorder.last
+def record(log, stored=None, size=None, **changed):
+    """Replay a log and note all that passes, and if asked for the size of something inside."""
+    seen = Seen((stored, log.imu is not None), [], [], [])
+    for epoch, row, device, samples in stepped(log, Options(**changed), stored):
+        seen.events.extend([*samples, tuple(epoch)])
+        seen.rows.append(row)
+        if size:
+            seen.sizes.append((size(device), len(seen.events)))
+    return seen
 
 
 def play(given, events):

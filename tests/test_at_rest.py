@@ -87,7 +87,7 @@ def test_mean():
 
 def test_layers_fill_one_after_the_other():
     """published: layer k changes every 4, 4 x 3, 4 x 3 x 2 epochs; before, the fix passes."""
-    block = LowPass((4, 3, 2), jump_m=math.inf)
+    block = LowPass(lengths=(4, 3, 2), jump_m=math.inf)
     layers, outputs = zip(*(block.step([float(k * k)]) for k in range(60)), strict=True)
     assert layers == (0,) * 3 + (1,) * 8 + (2,) * 12 + (3,) * 37
     assert [o[0] for o in outputs[:3]] == [0.0, 1.0, 4.0]
@@ -99,7 +99,7 @@ def test_layers_fill_one_after_the_other():
 
 def test_waking_forgets_everything():
     """published: motion ends the filtering at once, and the next rest starts anew."""
-    block = LowPass((2, 2, 2))
+    block = LowPass(lengths=(2, 2, 2))
     for _ in range(20):
         block.step([100.0])
     block.reset()
@@ -119,7 +119,7 @@ def test_averages_stay_within_the_95_percent_circle(corr_time):
     outside = total = 0
     for seed in range(100):
         rng = np.random.default_rng(seed)
-        block, error, out = LowPass((10, 10, 10)), rng.standard_normal(2), []
+        block, error, out = LowPass(lengths=(10, 10, 10)), rng.standard_normal(2), []
         noise = math.sqrt(1 - a * a) * rng.standard_normal((2000, 2))
         for step in noise:
             error = a * error + step

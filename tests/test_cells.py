@@ -3,7 +3,6 @@
 import logging
 import os
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -11,14 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from analysis import WrongUsage
+from analysis import ROOT, store
 from analysis.terrain.open_choices import FACTORS
 from studies import coverage, readings
-from studies.cells import Cells, compute
+from studies.cells import Cell, compute, tabulate
 from workbench.cli import main
 
 VARIED = ("noise", "channel", "mean")
 FEW = [f"{name}={of[0]}" for name, of in FACTORS.items() if name not in VARIED]
+OPTIONS = {"readings": 4, "laps": 6, "best": 0, "held": FEW}
 
 
 def halve(x):
@@ -33,15 +33,10 @@ def halve(x):
     return x / 2
 
 
-def test_workers_do_not_change_a_bit(tmp_path):
-    """property: the same table from one process and from two, for readings of a real study."""
-    for workers in (1, 2):
-        readings.study(
-            tmp_path / str(workers), readings=4, laps=6, best=0, held=FEW, workers=workers
-        )
-    one, two = (tmp_path / k / "readings.csv" for k in "12")
-    assert one.read_bytes() == two.read_bytes()
-    assert len(one.read_text().splitlines()) > 5
+def marked(path):
+    """Give the rows of an item, once: another call finds its mark."""
+    Path(path).touch(exist_ok=False)
+    return [{"name": Path(path).name, "value": 1 / 3}]
 
 
 def test_a_cluster_goes_on_without_a_killed_worker(tmp_path):
@@ -65,49 +60,40 @@ def test_a_cluster_goes_on_without_a_killed_worker(tmp_path):
 
 
 def test_a_killed_run_loses_nothing(tmp_path):
-    """property: after kill -9 the finished cells are there, and the run ends as an unbroken one."""
+    """property: after kill -9 the finished cells stay, and the run ends as one of two workers."""
     command = [sys.executable, "-m", "analysis", "readings", "--out", "broken", "--readings", "4"]
     command += ["--laps", "6", "--best", "0", "--workers", "1"]
     command += [word for one in FEW for word in ("--hold", one)]
-    root = str(Path(readings.__file__).parents[2])
-    run = subprocess.Popen(command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": root})
-    store, path = tmp_path / "broken", tmp_path / "broken" / "cells.sqlite-wal"
-    while not (path.exists() and path.stat().st_size > 50_000):
+    run = subprocess.Popen(command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    folder = tmp_path / "broken"
+    while not (kept := [p for p in folder.glob("cells/*") if p.is_file()]):
         assert run.poll() is None
         time.sleep(0.02)
     run.send_signal(signal.SIGKILL)
     run.wait()
-    assert not (store / "readings.csv").exists()
-    with sqlite3.connect(store / "cells.sqlite") as file:
-        kept = dict(file.execute("SELECT key, found FROM cells"))
-    file.close()
-    options = {"readings": 4, "laps": 6, "best": 0, "held": FEW, "workers": 1}
-    readings.study(store, **options)
-    whole = readings.study(tmp_path / "whole", **options)
-    assert 0 < len(kept) < len(whole)
-    assert (store / "readings.csv").read_bytes() == (
-        tmp_path / "whole" / "readings.csv"
-    ).read_bytes()
-    with sqlite3.connect(store / "cells.sqlite") as file:
-        now = dict(file.execute("SELECT key, found FROM cells"))
-    file.close()
-    assert {key: now[key] for key in kept} == kept
+    assert not (folder / "readings.csv").exists()
+    before = {path: path.stat().st_mtime_ns for path in kept}
+    readings.study(folder, **OPTIONS, workers=1)
+    whole = readings.study(tmp_path / "whole", **OPTIONS, workers=2)
+    assert 0 < len(kept) < len(whole) and len(whole) > 4
+    one, two = ((tmp_path / k / "readings.csv").read_bytes() for k in ("broken", "whole"))
+    assert one == two
+    assert before == {path: path.stat().st_mtime_ns for path in kept}
 
 
-def test_two_runs_do_not_share_a_store(tmp_path):
-    """property: the second is told; so is one of another study, and one of a damaged file."""
-    path = tmp_path / "cells.sqlite"
-    with Cells(path, {"seed": 1}) as cells:
-        cells.put("a", [1.5, None])
-        with pytest.raises(WrongUsage, match="written by another run"):
-            Cells(path, {"seed": 1})
-    with pytest.raises(WrongUsage, match="seed is 1 there and 2 here"):
-        Cells(path, {"seed": 2})
-    with Cells(path, {"seed": 1}) as cells:
-        assert cells.keys() == {"a"} and cells["a"] == [1.5, None]
-    path.write_bytes(b"half a table" * 1000)
-    with pytest.raises(WrongUsage, match="damaged"):
-        Cells(path, {"seed": 1})
+def test_a_table_goes_on_and_a_finished_one_stays(tmp_path):
+    """property: after an error only what is missing is computed; then the table itself is kept."""
+    paths = [tmp_path / name for name in "abc"]
+    paths[2].touch()
+    cells = {"table": Cell(marked, paths)}
+    with pytest.raises(FileExistsError):
+        tabulate(tmp_path / "out", {}, cells, workers=1)
+    paths[2].unlink()
+    for _ in range(2):
+        tabulate(tmp_path / "out", {}, cells, workers=1)
+    (table,) = store.read(tmp_path / "out").tables.values()
+    assert table.to_dict("list") == {"name": [*"abc"], "value": [0.33333] * 3}
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["source.json", "table.csv"]
 
 
 def test_errors_are_one_sentence(tmp_path, capsys):

@@ -116,7 +116,7 @@ def test_a_figure_of_an_older_version(folder, capsys):
 
 def test_every_figure_can_be_cited(monkeypatch):
     """Property: each name in figures/ has a citation with its name and its licence."""
-    monkeypatch.setattr(citation, "_commit", lambda _: "")  # three calls of git each
+    monkeypatch.setattr(citation, "_commit", lambda _: ("", False))  # three calls of git each
     names = sorted(path.stem for path in figures.FIGURES.glob("[0-9]*.csv"))
     assert len(names) > 50
     for name in names:
@@ -134,16 +134,16 @@ def test_the_commit_is_named_in_a_git_tree_only(tmp_path, monkeypatch):
         return run.stdout.strip()
 
     monkeypatch.setattr(citation, "ROOT", tmp_path)
-    assert citation._commit(None) == ""
+    assert citation._commit(None) == ("", False)
     git("init")
     git("commit", "--allow-empty", "-m", "first")
     commit = git("rev-parse", "--short", "HEAD")
-    assert citation._commit(None) == f", commit {commit}"
+    assert citation._commit(None) == (commit, False)
     (tmp_path / "figures").mkdir()
     (tmp_path / "figures" / "new").touch()
-    assert citation._commit(None) == f", commit {commit} with later changes"
+    assert citation._commit(None) == (commit, True)
     monkeypatch.setattr(citation, "ROOT", tmp_path / "figures")
-    assert citation._commit(None) == ""
+    assert citation._commit(None) == ("", False)
 
 
 def test_citation_file_is_valid():

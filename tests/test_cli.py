@@ -23,7 +23,7 @@ import typer
 from analysis import ROOT, claims, store
 from sensorlogs import datasets
 from studies import derived
-from workbench import cli, exports, report, reproduce
+from workbench import cli, exports, report, reproduce, verdict
 
 COMMANDS = [
     "reproduce", "report", "replay", "pool", "export", "plan", "coverage", "claims", "data",
@@ -210,11 +210,11 @@ def test_page_and_terminal_say_the_same(good):
     parameters = model(good.folder)["channels"][0]["parameters"]
     for key, e in parameters.items():
         line = next(
-            row for row in good.out.splitlines() if row.startswith(f"  {report.NAMES[key]}")
+            row for row in good.out.splitlines() if row.startswith(f"  {verdict.NAMES[key]}")
         )
-        cell = re.search(rf"<td>{re.escape(report.NAMES[key])}</td>(.*?)</tr>", page, re.S)[1]
+        cell = re.search(rf"<td>{re.escape(verdict.NAMES[key])}</td>(.*?)</tr>", page, re.S)[1]
         number, interval = (c.strip() for c in re.findall(r'class="number">(.*?)</td>', cell, re.S))
-        assert line.split(report.NAMES[key])[1].split() == f"{number} {interval}".split()
+        assert line.split(verdict.NAMES[key])[1].split() == f"{number} {interval}".split()
         assert (number == "not resolved") == (e["value"] is None)
 
 
@@ -357,7 +357,7 @@ def test_a_refusal_leaves_an_earlier_report_alone(tmp_path, good):
 def test_failing_halfway_leaves_nothing(tmp_path, monkeypatch, no_pictures):
     """Property: whatever goes wrong after the pictures are drawn, nothing half-written stays."""
 
-    def stop(result, folder, told):
+    def stop(told, folder):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(report, "_page", stop)
@@ -376,15 +376,6 @@ def test_an_empty_out_is_refused(command, tmp_path, monkeypatch):
     assert (status, out) == (2, "")
     assert err == "wrong usage: --out is empty: name where to write\n"
     assert os.listdir(tmp_path) == ["my.csv"]
-
-
-def test_quiet_prints_errors_only(tmp_path, no_pictures):
-    """Property: nothing on a good run, the same sentence and status on a refusal."""
-    log = write(tmp_path)
-    assert run("report", log, "--out", tmp_path / "mine", "--quiet") == (0, "", "")
-    assert (tmp_path / "mine" / "report.html").exists()
-    refused = ("report", log, "--out", tmp_path / "none", "--columns", "gyro_z")
-    assert run(*refused, "--quiet") == run(*refused)
 
 
 def test_version_is_that_of_the_package():

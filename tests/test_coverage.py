@@ -39,47 +39,35 @@ def test_intervals_hold_the_truth(papers):
     """coverage: every parameter of all eight models in 93 to 97 % of 600 or 1000 logs, each."""
     told = papers[papers["parameter"].isin(FITTED) & np.isfinite(papers["truth"])]
     told = told[told["covered"].notna()]
-    assert told["parameter"].value_counts().to_dict() == {
-        "sigma_v": 16,
-        "sigma_b": 14,
-        "corr_time": 14,
-        "drift": 16,
-    }
+    counts = dict(zip(FITTED, (16, 14, 14, 16), strict=True))
+    assert told["parameter"].value_counts().to_dict() == counts
     assert (told["logs"] >= 400).all()
     assert told["covered"].between(0.93, 0.97).all()
 
 
-def test_drift_intervals_hold_where_a_bias_hides(study):
-    """property: least squares under the chosen noise does not, nor does chi-squared's fall."""
-    held = study[study["parameter"] == "drift"].set_index(["estimator", "model", "hours"])
-    held = held["covered"]
-    for hours in (2.0, 6.0):
-        assert held["likelihood", "walk", hours] > 0.92
-        assert held["likelihood", "weak-bias", hours] > 0.9
-        assert held["chi-squared", "walk", hours] < 0.9
-    assert held["chosen model", "weak-bias", 2.0] < 0.85
-
-
-def test_white_noise_is_unbiased(papers):
-    """published: N and sigma_v to 1 %, on every model, at either length."""
-    told = papers[papers["parameter"] == "sigma_v"]
-    assert (told["mean"] - 1).abs().max() < 0.01
-
-
-def test_correlation_time_at_six_hours(study):
-    """published: T_c to 5 % at six hours, wherever it is finite."""
-    told = study[(study["estimator"] == "N+GM, unselected") & (study["parameter"] == "corr_time")]
-    told = told[(told["hours"] == 6) & np.isfinite(told["truth"])]
-    told = told[told["model"].isin(coverage.papers())]
-    assert len(told) == 7
-    assert (told["mean"] - 1).abs().max() < 0.05
-
-
-def test_the_usual_recipes_are_biased(study):
-    """published: 1/e reads T_c low by tens of percent at 2 h; five coefficients read N low."""
-    at = study[study["hours"] == 2].set_index(["estimator", "model", "parameter"])
-    assert at.loc[("1/e", "midg-roll", "corr_time"), "median"] < 0.7
-    assert at.loc[("five coefficients", "midg-yaw", "sigma_v"), "mean"] < 0.93
+@pytest.mark.parametrize(
+    ("estimator", "parameter", "hours", "models", "statistic", "low", "high"),
+    [
+        ("likelihood", "sigma_v", (2, 6), [*coverage.papers()], "mean", 0.99, 1.01),
+        ("N+GM, unselected", "corr_time", (6,), [*coverage.papers()], "mean", 0.95, 1.05),
+        ("1/e", "corr_time", (2,), ["midg-roll"], "median", 0.0, 0.7),
+        ("five coefficients", "sigma_v", (2,), ["midg-yaw"], "mean", 0.0, 0.93),
+        ("likelihood", "drift", (2, 6), ["walk"], "covered", 0.92, 1.0),
+        ("likelihood", "drift", (2, 6), ["weak-bias"], "covered", 0.9, 1.0),
+        ("chi-squared", "drift", (2, 6), ["walk"], "covered", 0.0, 0.9),
+        ("chosen model", "drift", (2,), ["weak-bias"], "covered", 0.0, 0.85),
+    ],
+)
+def test_what_the_study_says(study, estimator, parameter, hours, models, statistic, low, high):
+    """published: N to 1 %, T_c at 6 h to 5 % where it is finite; the usual recipes are biased; and
+    least squares under the chosen noise gives no drift that holds where a bias hides.
+    """
+    told = study[study["hours"].isin(hours) & study["model"].isin(models)]
+    told = told[(told["estimator"] == estimator) & (told["parameter"] == parameter)]
+    told = told[np.isfinite(told["truth"])]
+    infinite = 1 if parameter == "corr_time" and len(models) > 1 else 0  # T_c of the KVH
+    assert len(told) == len(hours) * (len(models) - infinite)
+    assert told[statistic].between(low, high).all()
 
 
 def test_some_logs_of_the_study_again(study):
@@ -92,7 +80,7 @@ def test_some_logs_of_the_study_again(study):
     model, dt, kind = coverage.models()[name]
     rows = []
     for k, stream in enumerate(coverage.streams(name, runs + 1)[1:], start=1):
-        rows += coverage.estimate(k, stream, model=model, dt=dt, kind=kind, hours=hours)
+        rows += coverage.estimate((k, stream), model=model, dt=dt, kind=kind, hours=hours)
     now = coverage.summary(pd.DataFrame(rows), model).set_index(["estimator", "parameter"])
     was = study[(study["model"] == name) & (study["hours"] == hours)]
     was = was.set_index(["estimator", "parameter"])
@@ -105,23 +93,6 @@ def test_some_logs_of_the_study_again(study):
     sigma_v, stored = (t.loc[("likelihood", "sigma_v")] for t in (now, was))
     width = stored["q975"] - stored["q025"]
     assert abs(sigma_v["q025"] - 1) < width and abs(sigma_v["q975"] - 1) < width
-
-
-def test_command_makes_it_and_goes_on(tmp_path):
-    """property: a cell is the same for any number of workers, and one that is there is kept."""
-    tables = []
-    for workers in (1, 2):
-        folder = tmp_path / str(workers)
-        arguments = ["--runs", "3", "--hours", "0.1", "--models", "midg-yaw"]
-        arguments += ["--workers", str(workers)]
-        assert main(["coverage", *arguments, "--out", str(folder)]) == 0
-        tables.append((folder / "midg-yaw-0.1h.csv").read_text())
-    assert tables[0] == tables[1]
-    path = tmp_path / "1" / "midg-yaw-0.1h.csv"
-    kept = pd.read_csv(path).assign(truth=7.0)
-    kept.to_csv(path, index=False)
-    coverage.study(tmp_path / "1", names=["midg-yaw"], hours=[0.1], runs=3, workers=1)
-    assert (store.coverage(tmp_path / "1")["truth"] == 7.0).all()
 
 
 @pytest.mark.parametrize(
@@ -194,31 +165,18 @@ def test_truths_of_a_sensor():
 
 def test_summary_of_broken_logs_counts():
     """analytic: four logs, one refused, one wrong and said, one wrong and not said, one right."""
-    rows = pd.DataFrame(
-        {
-            "run": range(4),
-            "parameter": "arw",
-            "truth": 1.0,
-            "value": [np.nan, 2.0, 3.0, 1.1],
-            "low": [np.nan, 1.9, 2.9, 0.9],
-            "high": [1.5, 2.1, 3.1, 1.2],
-            "reported": ["step", "misfit step", "", ""],
-        }
-    )
+    rows = pd.DataFrame({"run": range(4), "parameter": "arw", "truth": 1.0})
+    rows["value"], rows["low"] = [np.nan, 2.0, 3.0, 1.1], [np.nan, 1.9, 2.9, 0.9]
+    rows["high"], rows["reported"] = [1.5, 2.1, 3.1, 1.2], ["step", "misfit step", "", ""]
     (counted,) = coverage.broken_summary(rows).to_dict("records")
-    assert counted == {
-        "parameter": "arw",
-        "truth": 1.0,
-        "runs": 4,
-        "resolved": 0.75,
-        "held": pytest.approx(1 / 3),
-        "wrong": 0.5,
-        "unsaid": 0.25,
-        "reported": 0.5,
-        "kinds": "misfit 1, step 2",
-        "median": 2.0,
-        "first": pytest.approx(np.nan, nan_ok=True),
-    }
+    assert list(counted) == [
+        *("parameter", "truth", "runs", "resolved", "held"),
+        *("wrong", "unsaid", "reported", "kinds", "median", "first"),
+    ]
+    assert [counted[k] for k in ("runs", "resolved", "wrong")] == [4, 0.75, 0.5]
+    assert [counted[k] for k in ("unsaid", "reported", "median")] == [0.25, 0.5, 2.0]
+    assert counted["held"] == pytest.approx(1 / 3) and np.isnan(counted["first"])
+    assert counted["kinds"] == "misfit 1, step 2"
 
 
 def test_the_study_of_broken_logs_is_the_one_that_the_command_makes():
@@ -231,13 +189,13 @@ def test_the_study_of_broken_logs_is_the_one_that_the_command_makes():
     assert {*zip(before["model"], before["hours"], strict=True)} == plan.keys()
 
 
-@pytest.mark.parametrize("name", ["walk+step-10", "walk+cycle", "flicker+nothing"])
+@pytest.mark.parametrize("name", ["walk+step-10", "flicker+nothing"])
 def test_a_log_of_the_study_of_broken_logs_again(name):
     """cross-check: log 0 of a cell, simulated and characterised now, gives the stored values."""
     stored = store.read("robustness").tables[f"{name}-2h"].set_index("parameter")["first"]
     model, dt, kind = coverage.broken()[name]
     stream = coverage.streams(name, 1)[0]
-    rows = coverage.characterised(0, stream, model=model, dt=dt, kind=kind, hours=2.0)
+    rows = coverage.characterised((0, stream), model=model, dt=dt, kind=kind, hours=2.0)
     now = pd.DataFrame(rows).set_index("parameter")["value"].astype(float)
     np.testing.assert_allclose(now, stored[now.index], rtol=store.TOLERANCE)
 
@@ -269,12 +227,12 @@ def test_power_is_of_the_cells_that_the_command_makes():
     assert (sized.last() >= sized.first() - 9).all()
 
 
-@pytest.mark.parametrize(("test", "size"), [("step", "10 σ_b"), ("heavy_tails", "Student t3")])
-def test_a_large_disturbance_is_found(test, size):
+def test_a_large_disturbance_is_found():
     """cross-check: log 0 of a cell whose every log is reported in the stored table."""
+    test, size = "heavy_tails", "Student t3"
     stored = store.read("power").tables["power"].set_index(["test", "size"])
     assert stored.loc[(test, size), "found"] == stored.loc[(test, size), "runs"]
     (stream,) = coverage.streams("terrain", 1)
     cell = {"model": coverage.power_cells()[test, size], "dt": coverage.POWER_DT}
-    rows = coverage.characterised(0, stream, **cell, kind="rate", hours=coverage.BROKEN_HOURS)
+    rows = coverage.characterised((0, stream), **cell, kind="rate", hours=coverage.BROKEN_HOURS)
     assert test in rows[0]["reported"].split()

@@ -11,6 +11,7 @@ from analysis.tracker.device import Options
 from analysis.tracker.last_position import GATE_ALONE, Stored
 from analysis.tracker.log_replay import replay
 from sensorlogs import datasets, moving
+from studies import drives
 
 
 def test_block_one_alone_gates_and_holds_the_last_accepted_fix():
@@ -185,7 +186,7 @@ def test_receiver_operating_curve():
     values = np.r_[np.arange(10.0), np.arange(5.0, 15.0), np.nan]
     stopped = np.r_[np.ones(10, bool), np.zeros(11, bool)]
     moving = np.r_[np.zeros(10, bool), np.ones(11, bool)]
-    curve = evaluate.receiver_operating(values, stopped, moving, points=10).set_index("threshold")
+    curve = drives.receiver_operating(values, stopped, moving, points=10).set_index("threshold")
     assert curve["stopped"][7.0] == 0.8
     assert curve["moving"][7.0] == pytest.approx(3 / 11)  # one without a value counts as motion
     assert (np.diff(curve, axis=0) >= 0).all()
@@ -194,7 +195,7 @@ def test_receiver_operating_curve():
 def test_the_statistic_of_short_means_tells_rest_from_motion():
     """property: on a simulated car T < 1 finds most of the rest; theta_A as printed hardly any."""
     ride = scenarios.scenario("D", np.random.default_rng(5), stops=2)
-    found = evaluate.rest_statistics(ride.log)
+    found = drives.rest_statistics(ride.log)
     stopped, moving = ~ride.moving, ride.speed_m_s > 1.0
     assert (found["short means"][stopped] < 1).mean() > 0.7
     assert (found["short means"][moving] < 1).mean() < 0.05
@@ -204,7 +205,7 @@ def test_the_statistic_of_short_means_tells_rest_from_motion():
 def test_outages_end_where_the_paths_say():
     """analytic: holding errs by the way driven, constant velocity by its change, to 0.2 m."""
     ride = scenarios.scenario("D", np.random.default_rng(5), stops=2)
-    table = evaluate.bridged(ride.log, lengths=(10.0,), every_s=30.0)
+    table = drives.bridged(ride.log, lengths=(10.0,), every_s=30.0)
     assert len(table) >= 2
     gnss = ride.log.gnss
     north, east, _ = pymap3d.geodetic2ned(gnss.lat_deg, gnss.lon_deg, 0.0, *ride.origin)

@@ -270,7 +270,7 @@ def test_gnss_without_imu(laps):
     """property: what needs an IMU says so; the gate, the static test and the low-pass run."""
     scenario, _ = laps
     track = replay(replace(scenario.log, imu=None), Options(lengths=(10, 10, 10)))
-    assert any(note.startswith("no IMU: blocks 2, 5 and 6") for note in track.notes)
+    assert any(note.startswith("no IMU: blocks 2, 5 and 6") for note in page.notes(track))
     assert np.isnan(track.columns["roll_deg"]).all()
     assert track.columns["layer"].max() >= 1  # the 20 s before setting off
     moving = track.columns["moving"].astype(bool)
@@ -285,7 +285,7 @@ def test_imu_without_gnss(laps):
     """property: roll, pitch and the static test run, a row a second; no position appears."""
     scenario, _ = laps
     track = replay(replace(scenario.log, gnss=None))
-    assert any(note.startswith("no GNSS") for note in track.notes)
+    assert any(note.startswith("no GNSS") for note in page.notes(track))
     assert len(track.columns["t_s"]) == math.floor(scenario.log.duration_s)
     assert np.isfinite(track.columns["roll_deg"][3:]).all()
     for name in ("yaw_deg", "mount_deg", "out_lat_deg", "lat_deg"):
@@ -303,14 +303,14 @@ def test_no_fix_at_all(cold):
     track = replay(log)
     assert not track.columns["has_fix"].any()
     assert np.isnan(track.columns["out_lat_deg"]).all()
-    assert any("no fix in the whole log" in note for note in track.notes)
+    assert any("no fix in the whole log" in note for note in page.notes(track))
     assert track.stored is None
 
 
 def test_neither_a_fix_nor_an_imu(cold):
     """property: block 3 then has nothing to judge by, which is said."""
     log = inject_outages(replace(cold.log, imu=None), [(0.0, 1e9)])
-    notes = " ".join(replay(log).notes)
+    notes = " ".join(page.notes(replay(log)))
     assert "block 3 has no input" in notes
     assert "computes it from the fixes" not in notes
 
@@ -322,7 +322,7 @@ def test_only_poor_fixes(cold):
     )
     track = replay(poor)
     assert track.summary["fixes"]["accepted"] == 0
-    assert any("none is accepted" in note for note in track.notes)
+    assert any("none is accepted" in note for note in page.notes(track))
 
 
 def test_mixed_up_axes_are_noticed(laps):
@@ -330,8 +330,8 @@ def test_mixed_up_axes_are_noticed(laps):
     log = laps[0].log
     fast = np.tile([[0.0, 0.3, 0.0]], (len(log.imu.t_s), 1)) * np.sin(0.5 * log.imu.t_s)[:, None]
     wrong = replace(log, imu=replace(log.imu, gyro_b=log.imu.gyro_b + 4 * fast))
-    assert any("contradict each other" in note for note in replay(wrong).notes)
-    assert not any("contradict" in note for note in laps[1].notes)
+    assert any("contradict each other" in note for note in page.notes(replay(wrong)))
+    assert not any("contradict" in note for note in page.notes(laps[1]))
 
 
 def test_a_gap_in_the_imu(laps):
@@ -364,9 +364,9 @@ def test_an_imu_for_a_part_of_the_log(laps, part):
         assert np.isnan(track.columns[name][silent]).all()
     assert np.isfinite(track.columns["roll_deg"][~silent][3:]).all()
     covered = f"the IMU covers {imu.t_s[0]:.0f} to {imu.t_s[-1]:.0f} s of {t[-1]:.0f} s; "
-    assert any(note.startswith(covered) for note in track.notes)
-    assert not any("the IMU covers" in note for note in whole.notes)
-    assert not any("contradict" in note for note in track.notes)
+    assert any(note.startswith(covered) for note in page.notes(track))
+    assert not any("the IMU covers" in note for note in page.notes(whole))
+    assert not any("contradict" in note for note in page.notes(track))
 
 
 def test_an_imu_that_falls_silent_decides_nothing(laps):
@@ -406,13 +406,15 @@ def test_a_receiver_that_states_no_speed(laps, imu):
     error = np.hypot(north - scenario.north_m, east - scenario.east_m)
     fixes = np.hypot(*scenario.error(log.gnss.lat_deg, log.gnss.lon_deg))
     assert np.nanmax(error) < np.nanmax(fixes) + 5.0
-    assert any("computes it from the fixes" in note for note in track.notes)
+    assert any("computes it from the fixes" in note for note in page.notes(track))
 
 
 def test_an_outage_that_is_not_bridged_is_said(laps):
     """property: sixty seconds are, the rest of a longer one is counted in a note."""
     log = laps[0].log
-    short, long = (replay(inject_outages(log, [(60.0, 60.0 + s)])).notes for s in (60.0, 90.0))
+    short, long = (
+        page.notes(replay(inject_outages(log, [(60.0, 60.0 + s)]))) for s in (60.0, 90.0)
+    )
     assert not any("is held there" in note for note in short)
     assert any(note.startswith("30 epochs in motion are over 60 s after") for note in long)
 
@@ -441,15 +443,17 @@ def test_a_gyro_of_another_unit_is_noticed(laps, factor, says):
     """property: a turn by GNSS is one by the gyro, or its unit or sign is asked about."""
     log = laps[0].log
     other = replace(log, imu=replace(log.imu, gyro_b=factor * log.imu.gyro_b))
-    assert any(n.startswith(f"the course turns {says} times") for n in replay(other).notes)
-    assert not any("the course turns" in note for note in laps[1].notes)
+    assert any(n.startswith(f"the course turns {says} times") for n in page.notes(replay(other)))
+    assert not any("the course turns" in note for note in page.notes(laps[1]))
 
 
 def test_an_imu_with_z_up(laps):
     """property: one that reads +g along z is taken as it is, and said, with both ways out."""
     log = turn_imu(laps[0].log, math.pi, axis=(1.0, 0.0, 0.0))
-    assert any("if z points up, change the signs of y and z" in note for note in replay(log).notes)
-    assert not any("z points up" in note for note in laps[1].notes)
+    assert any(
+        "if z points up, change the signs of y and z" in note for note in page.notes(replay(log))
+    )
+    assert not any("z points up" in note for note in page.notes(laps[1]))
 
 
 ON_END = [(9.80665, 0, 0), (-9.80665, 0, 0), (0, 9.80665, 0), (0, 0, 9.80665), (0, 0, 0)]
@@ -513,9 +517,9 @@ def test_the_lag_between_gnss_and_imu():
 def test_a_lag_is_said_or_refused(laps, at_rest):
     """property: a lag of 0.75 s is noted with its interval; a device at rest has none to tell."""
     log = laps[0].log
-    late = replay(replace(log, imu=replace(log.imu, t_s=log.imu.t_s - 0.75))).notes
+    late = page.notes(replay(replace(log, imu=replace(log.imu, t_s=log.imu.t_s - 0.75))))
     assert any(note.startswith("GNSS lags the IMU by 0.7") for note in late)
-    assert not any("lags" in note for note in laps[1].notes)
+    assert not any("lags" in note for note in page.notes(laps[1]))
     assert log_replay.time_lag(at_rest.log.gnss, at_rest.log.imu).value is None
 
 
@@ -531,7 +535,7 @@ def test_each_start_has_its_summary(tmp_path):
     assert one["moved_while_off_m"] is None
     assert two["moved_while_off_m"] == pytest.approx(400.0, rel=2e-3)
     assert whole.summary["static"]["seconds"] <= 199.0
-    assert any("moved while switched off" in note for note in whole.notes)
+    assert any("moved while switched off" in note for note in page.notes(whole))
     gap = replay(Timeline(gnss, None))  # the same without a restart: block 4 does not mix them
     assert gap.summary["static"]["seconds"] <= 199.0
 
@@ -557,7 +561,7 @@ def test_an_hour_of_driving_in_a_gap_leaves_no_old_place():
     out = track.columns["out_lat_deg"]
     assert np.isnan(out[100:105]).all()
     assert np.abs(out - lat)[105:].max() * 111_132 < 1.0
-    assert not any("held there" in note for note in track.notes)
+    assert not any("held there" in note for note in page.notes(track))
 
 
 def test_the_filters_start_anew_where_good_fixes_contradict_them(laps):
@@ -575,8 +579,8 @@ def test_the_filters_start_anew_where_good_fixes_contradict_them(laps):
         east = (track.columns["out_lon_deg"] - gnss.lon_deg) * 79_000
         off = np.hypot(north, east)[start + 40 :]
         assert off[0] > 50.0 and off[6:].max() < 20.0
-        assert any("while the IMU moved" in note for note in track.notes)
-    assert not any("while the IMU moved" in note for note in laps[1].notes)
+        assert any("while the IMU moved" in note for note in page.notes(track))
+    assert not any("while the IMU moved" in note for note in page.notes(laps[1]))
 
 
 def test_a_receiver_alone_coasts_and_then_holds():
@@ -587,7 +591,7 @@ def test_a_receiver_alone_coasts_and_then_holds():
     error = np.abs(track.columns["out_lat_deg"] - gnss.lat_deg) * 111_132
     assert error[5:60].max() < 0.1
     assert error[70] == pytest.approx(20.0 * 11, abs=0.1)
-    assert any("20 epochs in motion are over 10 s after" in note for note in track.notes)
+    assert any("20 epochs in motion are over 10 s after" in note for note in page.notes(track))
 
 
 def test_a_replay_knows_no_more_than_a_device(laps):

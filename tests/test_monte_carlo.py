@@ -52,12 +52,13 @@ from dataclasses import replace
 from hashlib import sha256
 import numpy as np
 from analysis import store, terrain_data, terrain
-from analysis.terrain.open_choices import Reading
+from analysis.terrain.open_choices import Interpretation
 sensors = {n: terrain.Sensor(n, n) for n in (0.001, 0.01)}
 road, found = terrain_data.roads(), []
 kinds = ("difference 50 m", "ISO A", "stationary"), ("high-pass 5 s", "I-99", "zero")
 for form, name, start in kinds:
-    setup = Reading(form=form, start=start, map_error_deg=0.1, begin_sd_m=2.0, leg_m=190.0).setup()
+    levels = {"form": form, "start": start, "map_error_deg": 0.1, "begin_sd_m": 2.0, "leg_m": 190.0}
+    setup = Interpretation(**levels).setup()
     found.append(terrain.simulate_laps(road.maps[name], sensors, setup, runs=20, seed=2))
 laps = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps("cw")}
 own = {"map_errors": {name: terrain_data.map_error(name) for name in laps}, "runs": 2, "seed": 2}

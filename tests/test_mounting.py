@@ -169,7 +169,7 @@ def test_stated_sigma_covers(noise, straights):
     rng, inside, errors, sigmas = np.random.default_rng(2), 0, [], []
     for _ in range(400):
         mount = rng.uniform(0, 2 * np.pi)
-        block = MountingYaw(max_sigma=10.0, slope=(0.0, 10.0))
+        block = MountingYaw(max_mount_sigma=10.0, slope=(0.0, 10.0))
         for _ in range(straights):
             speeds = up_and_down(8, rng.uniform(0.8, 2.0))
             level = 0.2 * rng.standard_normal(2)
@@ -244,8 +244,8 @@ def test_without_course_or_speed_the_buffer_starts_anew():
 
 def test_fit_adds_over_straights():
     """property: sums of two straights give the angle of both, between those of each."""
-    one = fit([(f, 0.0, *felt(1.0, f), 100.0) for f in (0.5, 0.0, -0.5)])
-    two = fit([(f, 0.0, *felt(1.2, f), 100.0) for f in (0.5, 0.0, -0.5)])
+    one = fit([(f, 0.0, *felt(1.0, f), 100.0) for f in (0.5, 0.0, -0.5)], 0.2)
+    two = fit([(f, 0.0, *felt(1.2, f), 100.0) for f in (0.5, 0.0, -0.5)], 0.2)
     angle, sigma, slope = weighted_angle([a + b for a, b in zip(one, two, strict=True)])
     assert -angle == pytest.approx(1.1)
     assert slope == pytest.approx(math.cos(0.1))

@@ -16,8 +16,8 @@ from analysis.terrain.open_choices import (
     B_GRID,
     FACTORS,
     N_GRID,
-    JudgedReadings,
-    Reading,
+    Interpretation,
+    Judged,
     claim_numbers,
     design,
 )
@@ -102,7 +102,7 @@ def test_laps_begin_all_along_the_road():
 
 def test_a_coarser_rate_with_its_R_gives_the_same_errors():
     """property: R scaled with the rate keeps the information of a second, so 0.55 m a step do."""
-    reading = Reading(leg_m=190.0)
+    reading = Interpretation(leg_m=190.0)
     setup = replace(reading.setup(), span=None)
     sensor = Sensor(0.01, 0.01)
     fine = replace(setup, rate_hz=100.0, R=replace(setup, rate_hz=100.0).own_R(sensor))
@@ -136,7 +136,9 @@ def of_noise(label):
 def test_numbers_of_made_laps():
     """analytic: laps whose variance is 1 + (100 N)^2, and four prices."""
     rng = np.random.default_rng(SEED)
-    found = claim_numbers(made(of_noise), Reading(variance="over a lap"), PAID, PRICES, 50, rng)
+    found = claim_numbers(
+        made(of_noise), Interpretation(variance="over a lap"), PAID, PRICES, 50, rng
+    )
     value = {claim.removeprefix("terrain-"): float(of[0]) for claim, of in found.items()}
     rise = 2 / 1.01
     # The sample's mean is not 0: a standard error of 1 / 30 in its square.
@@ -160,7 +162,9 @@ def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
     published = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
     mine = published[published["notebook"].isin(["21-terrain-ukf", "22-sensor-sweeps", "23-cost"])]
     judged = mine[~mine["why"].str.startswith(("by construction", "not testable"))].index
-    found = claim_numbers(made(of_noise), Reading(), PAID, PRICES, 20, np.random.default_rng(SEED))
+    found = claim_numbers(
+        made(of_noise), Interpretation(), PAID, PRICES, 20, np.random.default_rng(SEED)
+    )
     assert set(judged) - set(found) == {"terrain-sensor-range-decades"}  # of data sheets
 
 
@@ -172,16 +176,16 @@ def test_the_design_has_every_level_about_equally_often():
         counts = sample[name].value_counts().reindex(list(levels), fill_value=0)
         assert counts.min() >= 0.75 * 256 / len(levels)
     near = plan[plan["why"] == "about the reference"]
-    changed = (near[[*FACTORS]] != pd.Series(vars(Reading()))).sum(axis=1)
+    changed = (near[[*FACTORS]] != pd.Series(vars(Interpretation()))).sum(axis=1)
     assert len(near) == 1 + sum(len(of) - 1 for of in FACTORS.values()) and changed.max() == 1
 
 
 def test_unknown_levels_are_refused():
     """property: factor and level are named, with those that there are."""
     with pytest.raises(WrongUsage, match="no factor 'gyro'; there are: noise"):
-        Reading.of({"gyro": 1})
+        Interpretation.of({"gyro": 1})
     with pytest.raises(WrongUsage, match=r"'leg_m' has no level '7'; it has: 100\.0"):
-        Reading(leg_m=7)
+        Interpretation(leg_m=7)
 
 
 def judged(count=600, seed=SEED):
@@ -192,7 +196,7 @@ def judged(count=600, seed=SEED):
     table = plan.assign(p_a=np.where(integrated, 100, 0), v_a=1.0)
     table = table.assign(p_b=100 * (rng.random(len(plan)) < 0.5), v_b=2.0, p_c=50, v_c=3.0)
     table = table.assign(e_a=0.1, e_b=0.1, e_c=0.1)
-    return JudgedReadings.of(table, 10, seed)
+    return Judged.of(table, 10, seed)
 
 
 def test_deciding_factors_are_found_and_others_have_no_share():
@@ -217,8 +221,8 @@ def test_joint_ranking_and_shares_count_what_holds():
     assert (best["holds"], best["fails"], best["open"]) == (2, 0, 1)
     assert best["noise"] == "integrated"
     levels = of.by_level("terrain-a")
-    assert levels.groupby("factor")["readings"].sum().eq(len(of.levels)).all()
-    assert of.reading(of.levels.index[0]) == Reading.of(of.levels.iloc[0].to_dict())
+    assert levels.groupby("factor")["interpretations"].sum().eq(len(of.levels)).all()
+    assert of.interpretation(of.levels.index[0]) == Interpretation.of(of.levels.iloc[0].to_dict())
 
 
 def test_the_error_surface_rises_with_every_coefficient():
@@ -239,7 +243,7 @@ def test_the_error_surface_rises_with_every_coefficient():
 
 def test_the_committed_study_is_simulated_again_the_same():
     """property: two stored readings, laps and all, from this code; as far as they were rounded."""
-    study = terrain_data.readings()
+    study = terrain_data.interpretations()
     assert len(study.sample.levels) >= 2000
     quick = study.all.levels.query("leg_m == 100 and speed_m_s == 30")
     for channel in ("pitch", "both"):
@@ -281,7 +285,7 @@ def recorded():
 
 
 def test_verdicts_on_the_terrain_paper_have_one_condition():
-    """property: our reference reading, but for data sheets; a notebook that invents one fails."""
+    """property: our reference interpretation, but for data sheets; none is invented."""
     conditions = {
         claim: verdict.partition(" if ")[2]
         for claim, (_, verdict) in recorded().items()
@@ -294,7 +298,7 @@ def test_verdicts_on_the_terrain_paper_have_one_condition():
 
 def test_the_matrix_at_the_reference_reading_agrees_with_the_notebooks():
     """cross-check: notebook 24 (other laps, coarser sweeps) against what 12 and 21 to 23 say."""
-    named = terrain_data.readings().best
+    named = terrain_data.interpretations().best
     said = named.verdicts().loc[named.why.index[named.why == "reference"][0]]
     words = said.map({1.0: "reproduced", 0.0: "not reproduced"}).fillna("not testable")
     theirs = {claim: recorded()[claim][1] for claim in said.index}
@@ -304,10 +308,13 @@ def test_the_matrix_at_the_reference_reading_agrees_with_the_notebooks():
 
 def test_the_reference_reading_is_the_default_of_every_factor():
     """cross-check: the one of the readings against the one of the notebooks, R of a sensor too."""
-    mine, theirs = Reading(), Setup.reference(open_choices.LAP_M).coarser(open_choices.STEP_M)
+    mine, theirs = (
+        Interpretation(),
+        Setup.reference(open_choices.LAP_M).coarser(open_choices.STEP_M),
+    )
     assert replace(mine.setup(), span=None, R=theirs.R) == theirs
     assert pytest.approx(theirs.R) == mine.sensors({})[open_choices.MEMS].R
-    words = " ".join(row["chosen here"] for row in theirs.in_words().values())
+    words = " ".join(row["chosen here"] for row in terrain_data.in_words(theirs).values())
     for level in ("integrated", "pitch", "zero", "200 s", "1557 m", "11 m/s", "0.5 m", "exact"):
         assert level in words
     assert asdict(mine)["map_error_deg"] == 0.0 and mine.mean == "absolute"

@@ -25,9 +25,9 @@ FIGURES = ROOT / "figures"
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 MODULES = size.modules(ROOT)  # path -> its room
 # Which rooms a room may import, besides itself and the conventions in analysis/__init__.py.
-PURE = ("noise", "terrain", "tracker", "units")
+PURE = ("noise", "terrain", "tracker", "units", "resampling")
 FACES = (
-    *(*PURE, "static_logs", "terrain_data", "datasheets"),
+    *("noise", "terrain", "tracker", "units", "static_logs", "terrain_data", "datasheets"),
     *("store", "text", "plots", "figures", "claims", "sensorlogs"),
 )
 ALLOWED = {
@@ -36,7 +36,8 @@ ALLOWED = {
     "noise": set(),
     "terrain": {"noise"},
     "tracker": {"noise", "sensorlogs.timeline"},
-    "units": {"noise", "sensorlogs.timeline"},
+    "units": {"noise", "resampling", "sensorlogs.timeline"},
+    "resampling": set(),
     "text": set(),
     "provenance": set(),
     "figures": {"provenance"},

@@ -11,26 +11,12 @@ from analysis import DATA, ROOT
 
 PUBLISHED = DATA / "published"
 PAPERS = {"terrain", "comparison", "tracker"}
-UNITS = {
-    *(
-        "1",
-        "%",
-        "deg",
-        "deg/s",
-        "deg/h",
-        "deg/sqrt(s)",
-        "s",
-        "min",
-        "h",
-        "Hz",
-        "m",
-        "m/s^2",
-        "km/h",
-    ),
-    *("W", "m^2*USD^0.586"),
-    # Of numbers without one: a ratio, a fraction of one (shown in %), a count, a sentence.
-    *("times", "share", "count", "yes or no"),
-}
+# The last four have none: a ratio, a fraction of one (shown in %), a count, a sentence.
+NAMED = (
+    "1, %, deg, deg/s, deg/h, deg/sqrt(s), s, min, h, Hz, m, m/s^2, km/h, W, m^2*USD^0.586, "
+    "times, share, count, yes or no"
+)
+UNITS = set(NAMED.split(", "))
 # Every figure and table of the papers, counted by hand.
 ITEMS = {
     "terrain": (13, ["Table 1", "Table 2", "Table 3"]),
@@ -190,86 +176,75 @@ def test_symbols_are_names_of_the_package():
     assert [n for n in ", ".join(symbols["name"]).split(", ") if n not in names] == []
 
 
-def test_unified_models_are_claims():
-    """Published: Table I of the comparison paper holds the numbers of its 21 claims."""
-    table = number_table("comparison-table-1.csv")
-    assert len(table) == 7
-    for row in table.itertuples():
-        stem = f"comparison-{row.sensor.lower()}-{row.channel}"
-        assert row.sigma_v_deg == claimed(f"{stem}-sigma-v")
-        assert row.corr_time_s == claimed(f"{stem}-tau")
-        assert row.sigma_b_deg == claimed(f"{stem}-sigma-b")
-        if not math.isnan(row.drift_deg_h):
-            assert row.drift_deg_h == claimed(f"{stem}-drift")
-    pitch = (table["sensor"] == "MIDG") & (table["channel"] == "pitch")
-    assert (table["corr_time_s"].map(math.isinf) == pitch).all()
-    assert table["drift_deg_h"].count() == 2
+def of_sensor(number):
+    """Give the claims' stem of a sensor of Table 2 or 3 of the terrain paper."""
+
+    def stem(row):
+        words = row["sensor"].lower().split()
+        return f"terrain-table{number}-{''.join(words[-2 if 'landmark' in words else -1 :])}"
+
+    return stem
 
 
-def test_ceps_are_claims():
-    """Published: the CEPs and specifications are those of the claims."""
-    table = number_table("comparison-cep.csv")
-    assert list(table["receiver"]) == ["Trimble Ag122", "MIDG", "Tokimec"]
-    for row in table.itertuples():
-        stem = f"comparison-cep-{row.receiver.split()[0].lower()}"
-        assert row.cep_m == claimed(stem)
-        assert row.spec_m == claimed(f"{stem}-spec")
+def of_module(row):
+    """Give the claims' stem of a row of Table I of the tracker paper."""
+    usual = f"{row['module'].removesuffix(' KF')} {row['portion']}".lower().replace(" ", "-")
+    return f"tracker-table1-{PORTIONS.get(row['portion'], usual)}"
 
 
-def test_recovered_parameters_are_claims():
-    """Published: Table 1 of the terrain paper holds the numbers of its six claims."""
-    table = number_table("terrain-table-1.csv")
-    for row, name in zip(table.itertuples(), ("n", "b", "tc"), strict=True):
-        assert row.input == claimed(f"terrain-table1-{name}-input")
-        assert row.recovered == claimed(f"terrain-table1-{name}-recovered")
-        assert row.unit == CLAIMS.loc[f"terrain-table1-{name}-input", "unit"]
+PORTIONS = {
+    "Memory access": "load-position",
+    "Mean of buffer (worst case)": "static-filter-mean",
+    "Mean of buffer": "yaw-alignment-mean",
+    "Other processing": "yaw-alignment-other",
+    "Rotation matrix conversion": "yaw-alignment-rotation",
+}
+# Table -> its rows, the stem of a row's claims, and the end of the claim of each column.
+ENDS = {"arw_deg_sqrt_s": "-n", "b_deg_s": "-b"}
+COPIED = {
+    "comparison-table-1": (
+        7,
+        lambda row: f"comparison-{row['sensor'].lower()}-{row['channel']}",
+        {"sigma_v_deg": "-sigma-v", "corr_time_s": "-tau", "sigma_b_deg": "-sigma-b"}
+        | {"drift_deg_h": "-drift"},
+    ),
+    "comparison-cep": (
+        3,
+        lambda row: f"comparison-cep-{row['receiver'].split()[0].lower()}",
+        {"cep_m": "", "spec_m": "-spec"},
+    ),
+    "terrain-table-1": (
+        3,
+        lambda row: f"terrain-table1-{row['parameter'].lower().replace('_', '')}",
+        {"input": "-input", "recovered": "-recovered"},
+    ),
+    "terrain-table-2": (2, of_sensor(2), ENDS),
+    "terrain-table-3": (4, of_sensor(3), ENDS),
+    "tracker-table-1": (20, of_module, {"flops": "-flops", "sums": "-sum", "products": "-mul"}),
+}
 
 
-@pytest.mark.parametrize(("number", "sensors"), [(2, 2), (3, 4)])
-def test_sensor_tables_are_claims(number, sensors):
-    """Published: Tables 2 and 3 of the terrain paper hold the numbers of their claims."""
-    table = number_table(f"terrain-table-{number}.csv")
-    assert len(table) == sensors
-    for row in table.itertuples():
-        short = "".join(
-            row.sensor.lower().split()[-2:]
-            if "Landmark" in row.sensor
-            else row.sensor.lower().split()[-1:]
-        )
-        assert row.arw_deg_sqrt_s == claimed(f"terrain-table{number}-{short}-n")
-        assert row.b_deg_s == claimed(f"terrain-table{number}-{short}-b")
+@pytest.mark.parametrize("name", COPIED)
+def test_a_copied_table_holds_the_numbers_of_its_claims(name):
+    """Published: each number of a table of the papers is that of one claim, in its unit."""
+    rows, stem, ends = COPIED[name]
+    table = number_table(f"{name}.csv")
+    assert len(table) == rows
+    for row in table.to_dict("records"):
+        for column, end in ends.items():
+            if row[column] == row[column]:
+                assert row[column] == claimed(stem(row) + end)
+                assert row.get("unit") in (None, CLAIMS.loc[stem(row) + end, "unit"])
 
 
-def test_operation_counts_are_claims_and_add_up():
-    """Published: Table I of the tracker paper holds its claims' numbers; each total is a sum."""
-    table = number_table("tracker-table-1.csv")
-    filters = table[table["module"].str.endswith("KF")]
-    assert len(filters) == 14
-    counts = ["flops", "sums", "products"]
-    for row in filters.to_dict("records"):
-        module = row["module"].removesuffix(" KF").lower().replace(" ", "-")
-        stem = f"tracker-table1-{module}-{row['portion'].lower().replace(' ', '-')}"
-        for column, suffix in zip(counts, ("flops", "sum", "mul"), strict=True):
-            assert row[column] == claimed(f"{stem}-{suffix}")
-    for _, part in table.groupby("module"):
-        total = part[part["portion"] == "Total"]
-        if len(total):
-            parts = part[part["portion"] != "Total"]
-            for column in counts:
-                assert parts[column].sum() == total[column].fillna(0).item()
-    rest = {
-        ("Load position", "Memory access"): "load-position",
-        ("Static Filter", "Mean of buffer (worst case)"): "static-filter-mean",
-        ("Yaw alignment", "Mean of buffer"): "yaw-alignment-mean",
-        ("Yaw alignment", "Other processing"): "yaw-alignment-other",
-        ("Yaw alignment", "Rotation matrix conversion"): "yaw-alignment-rotation",
-        ("Yaw alignment", "Total"): "yaw-alignment-total",
-    }
-    others = table.drop(filters.index)
-    assert set(zip(others["module"], others["portion"], strict=True)) == set(rest)
-    for row in others.itertuples():
-        name = rest[row.module, row.portion]
-        assert row.flops == claimed(f"tracker-table1-{name}-flops")
+def test_totals_of_operations_are_sums():
+    """Published: in Table I of the tracker paper each filter's total is the sum of its portions."""
+    table, counts = number_table("tracker-table-1.csv"), ["flops", "sums", "products"]
+    assert table["module"].str.endswith("KF").sum() == 14
+    for module in table["module"][table["portion"] == "Total"]:
+        of = table[table["module"] == module]
+        total = of["portion"] == "Total"
+        assert of[total][counts].sum().equals(of[~total][counts].sum())
 
 
 def test_the_text_prints_table_one_rounded():

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from analysis import CannotAnswer
-from analysis.tracker.evaluate import mounting_regression
 from sensorlogs import datasets
 from studies import rides
+from studies.drives import mounting_regression
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import DRIFT_M, GnssErrors, ImuErrors, assumed_errors, scenario
 from sensorlogs import datasets, moving
+from studies import drives
 
 QUIET = ImuErrors(0.0, 0.0, 0.0, 0.0, 0.0)
 NO_ERROR = {"gnss": GnssErrors(drift=(), white_m=0.0, speed_m_s=0.0), "imu": QUIET}
@@ -179,7 +180,7 @@ def test_same_generator_same_log():
 def test_regression_finds_the_mounting_angle(mount):
     """analytic: without errors the whole-log fit gives the angle back, to the leaning's 1 deg."""
     b = scenario("B", rng(), laps=2, mount_deg=mount, **NO_ERROR)
-    found = evaluate.mounting_regression(b.log.gnss, b.log.imu, rng(), runs=20)
+    found = drives.mounting_regression(b.log.gnss, b.log.imu, rng(), runs=20)
     assert wrap(found.value - mount) == pytest.approx(0.0, abs=1.0)
     assert found.low <= found.value <= found.high
 

@@ -5,6 +5,7 @@ import pytest
 
 from analysis.tracker import starts
 from sensorlogs.timeline import Gnss
+from studies import drives
 
 
 def test_the_counts_of_65_power_ons():
@@ -65,7 +66,7 @@ def drive(wrong=()):
 def test_fixes_are_judged_by_later_ones():
     """analytic: on a straight drive the error of a wild fix comes out, that of good ones is 0."""
     gnss, east = drive([(50, 30.0), (51, -12.0)])
-    error = starts.errors_by_later_fixes(gnss)
+    error = drives.errors_by_later_fixes(gnss)
     assert np.isnan(error[-4:]).all()
     np.testing.assert_allclose(error[:190], np.abs(east[:190]), atol=0.05)
 
@@ -73,7 +74,7 @@ def test_fixes_are_judged_by_later_ones():
 def test_a_drive_has_many_starts():
     """property: a start at a wild fix waits for good ones, with the gate alone it takes it."""
     gnss, _ = drive([(60, 40.0)])
-    table = starts.starts_of_a_drive(gnss, 20.0).set_index(["criteria", "t_s"])
+    table = drives.starts_of_a_drive(gnss, 20.0).set_index(["criteria", "t_s"])
     names = list(starts.CRITERIA)
     alone, every = table.loc[names[0]], table.loc[names[-1]]
     assert alone.loc[60.0, "off_m"] == pytest.approx(40.0, abs=0.1)

@@ -7,10 +7,9 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pymap3d
 import pytest
-from pyubx2 import GET, UBXMessage
 from scipy.interpolate import CubicSpline
 
-from analysis import CannotAnswer, store, wrap
+from analysis import CannotAnswer, Estimate, store, wrap
 from analysis.noise.models import gauss_markov
 from analysis.units import (
     clock_offset,
@@ -19,11 +18,12 @@ from analysis.units import (
     trajectory_metrics,
     unit_variances,
 )
+from analysis.units.clock import named_offset
 from analysis.units.events import disagreements
 from analysis.units.frame import Unit, local_tracks
+from analysis.units.metrics import Differences
 from analysis.units.side_by_side import apart, conventions, side_by_side
 from sensorlogs import catalogue
-from sensorlogs.moving import read_moving
 from studies import coverage
 from workbench import cli
 
@@ -80,16 +80,12 @@ def test_clock_offset_is_found(offset):
 
 def test_clock_interval_holds_the_truth():
     """coverage: 95 % intervals hold offset and drift in at least 90 % of 24 drives (4 % s.e.)."""
-    held = []
+    held, truth = [], {"offset_s": 3.21, "drift": 2e-5}
     for rng in map(np.random.default_rng, np.random.SeedSequence(5).spawn(24)):
         units = pair(rng, seconds=300, offset=3.21, drift=2e-5, corr_time=20.0, rates=(2, 1))
         clock = clock_offset(*local_tracks(units))
-        held.append(
-            (
-                clock.offset_s.low <= 3.21 <= clock.offset_s.high,
-                clock.drift.low <= 2e-5 <= clock.drift.high,
-            )
-        )
+        found = {name: getattr(clock, name) for name in truth}
+        held.append([found[name].low <= v <= found[name].high for name, v in truth.items()])
     assert (np.mean(held, axis=0) >= 0.9).all(), np.mean(held, axis=0)
 
 
@@ -126,26 +122,26 @@ def test_two_journeys_are_told_apart():
     parked = unit("parked", t, gauss_markov(len(t), 1.0, 2.0, 60.0, rng, runs=2).T)
     with pytest.raises(CannotAnswer, match="parked does not move"):
         clock_offset(*local_tracks([one, parked]))
-    far = unit("far", t, path(t) + np.array([80e3, 0.0]))
-    with pytest.raises(CannotAnswer, match="did not travel together"):
-        local_tracks([one, far])
 
 
-def test_known_offsets_are_named():
+@pytest.mark.parametrize(
+    ("offset", "words"),
+    {
+        3600.0: ["1 h (a time zone)"],
+        -17999.0: ["-5 h (a time zone)", "+1.0"],
+        18.0: ["18 leap seconds (a in GPS time, b in UTC)"],
+        3618.0: ["1 h", "18 leap seconds"],
+        86400.0: ["1 d"],
+        315_964_782.0: ["GPS epoch", "18 leap"],
+        5.0: [],
+        0.0: [],
+    }.items(),
+)
+def test_known_offsets_are_named(offset, words):
     """analytic: time zones, leap seconds, days and the GPS epoch, alone and together."""
-    names = {}
-    for offset in (3600.0, -17999.0, 18.0, 3618.0, 86400.0, 315_964_800.0 - 18, 5.0, 0.0):
-        clock = clock_offset(
-            *local_tracks(pair(np.random.default_rng(3), offset=offset, sigma=0.1))
-        )
-        names[offset] = clock.named
-    assert "1 h (a time zone)" in names[3600.0]
-    assert "-5 h (a time zone)" in names[-17999.0] and "+1.0" in names[-17999.0]
-    assert "a in GPS time, b in UTC" in names[18.0]
-    assert "1 h" in names[3618.0] and "18 leap seconds" in names[3618.0]
-    assert "1 d" in names[86400.0]
-    assert "GPS epoch" in names[315_964_782.0] and "18 leap" in names[315_964_782.0]
-    assert names[5.0] == names[0.0] == ""
+    a, b = local_tracks(pair(np.random.default_rng(3), seconds=60))
+    said = named_offset(Estimate(offset, offset - 0.1, offset + 0.1, "s"), a, b)
+    assert all(word in said for word in words) and bool(said) == bool(words)
 
 
 def test_differences_of_a_known_shift():
@@ -191,8 +187,6 @@ def test_metrics_hold_the_truth():
 
 def bare(t, enu):
     """Make differences of positions alone."""
-    from analysis.units.metrics import Differences
-
     nan = np.full(len(t), np.nan)
     return Differences(t, enu, nan, nan, nan, nan, NONE, np.empty((0, 3)), NONE)
 
@@ -276,19 +270,7 @@ def test_hat_of_exact_variances():
     # The count of independent differences takes out less than a thousandth as mean.
     np.testing.assert_allclose(found.hat, [1.0, 4.0, 9.0], rtol=2e-3)
     np.testing.assert_allclose([e.value for e in found.independent], [1, 2, 3], rtol=1e-3)
-    np.testing.assert_allclose(found.least_squares_correlation, [1, 2, 3], rtol=1e-3)
     assert found.p_independent == 1.0 and found.least_correlation == 0.0
-
-
-def test_hat_intervals_hold_the_truth():
-    """coverage: 95 % intervals of 1, 2 and 4 m hold 88 to 99 % of 40 logs' 120 (2 % s.e.)."""
-    held = []
-    for rng in map(np.random.default_rng, np.random.SeedSequence(11).spawn(40)):
-        found = unit_variances(white([1.0, 2.0, 4.0], 300, rng))
-        held.append(
-            [e.low <= s <= e.high for e, s in zip(found.independent, (1, 2, 4), strict=True)]
-        )
-    assert 0.88 <= np.mean(held) <= 0.99
 
 
 def test_correlated_units_are_called_correlated():
@@ -359,25 +341,6 @@ def write_gpx(path, found):
     return str(path)
 
 
-def write_ubx(path, found):
-    """Write NAV-PVT messages, one a second."""
-    out = []
-    for t, lat, lon, up in zip(
-        found.t_s, found.lat_deg, found.lon_deg, found.height_m, strict=True
-    ):
-        at = START + timedelta(seconds=t)
-        out.append(
-            UBXMessage(
-                "NAV", "NAV-PVT", GET, iTOW=round(1000 * t), year=at.year, month=at.month,
-                day=at.day, hour=at.hour, min=at.minute, second=at.second, validDate=1,
-                validTime=1, fixType=3, gnssFixOk=1, lat=lat, lon=lon, hMSL=round(1000 * up),
-                pDOP=1.2,
-            ).serialize()
-        )  # fmt: skip
-    path.write_bytes(b"".join(out))
-    return str(path)
-
-
 def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
     """property: a GPX and a log of the catalogue; all keys of the contract; events are in UTC."""
     a, b = pair(np.random.default_rng(12), seconds=300, offset=-3600.0, sigma=0.5, corr_time=5.0)
@@ -406,18 +369,6 @@ def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
     assert "<img" in page and when in page and "2024-05-01 10:00:02 UTC" in page
     assert f"a: loss from {when}" in capsys.readouterr().out
     assert [p.name for p in kept.parent.glob("[jm]*")] == [kept.name]
-
-
-def test_gpx_against_ubx(tmp_path):
-    """cross-check: a track and NAV-PVT of one drive are on one clock, and as far apart as CSVs."""
-    units = pair(np.random.default_rng(19), seconds=300, sigma=0.3, corr_time=5.0, rates=(1, 1))
-    logs = [write_gpx(tmp_path / "a.gpx", units[0]), write_ubx(tmp_path / "b.ubx", units[1])]
-    read = [Unit.of(u.name, read_moving([log])) for u, log in zip(units, logs, strict=True)]
-    assert [u.clock for u in read] == ["unix", "unix"]
-    found, known = side_by_side(read), side_by_side(units)
-    assert found.clocks[0].offset_s.low <= 0 <= found.clocks[0].offset_s.high
-    for name, e in known.pairs[0].metrics.items():  # UBX keeps 1e-7 deg, 1 cm
-        assert found.pairs[0].metrics[name].value == pytest.approx(e.value, abs=0.02), name
 
 
 def test_an_attitude_against_a_position():
@@ -463,44 +414,34 @@ def part(found, keep):
     return replace(found, **{k: v[keep] for k, v in vars(found).items() if np.size(v) == len(keep)})
 
 
-BAD = {  # what is done to the second log -> exit status, what is said
-    "twice": (2, "the same log twice"),
-    "empty": (1, "b.csv: the file is empty"),
-    "frozen": (1, "b is frozen"),
-    "elsewhere": (1, "did not travel together"),
-    "longitude": (1, "sign of its longitude"),
-    "another day": (1, "not on one journey"),
-    "hours later": (1, "by their stamps 7000 s lie between them"),
-    "no fix": (1, "0 epochs with a position"),
+BAD = {  # what is done to the second log (b of a and b) -> exit status, what is said
+    "twice": (lambda a, b: a, 2, "the same log twice"),
+    "frozen": (
+        lambda a, b: replace(b, lat_deg=0 * b.lat_deg + 46, lon_deg=0 * b.lon_deg + 6),
+        *(1, "b is frozen"),
+    ),
+    "elsewhere": (lambda a, b: replace(b, lat_deg=b.lat_deg + 2), 1, "did not travel together"),
+    "longitude": (lambda a, b: replace(b, lon_deg=-b.lon_deg), 1, "sign of its longitude"),
+    "another day": (lambda a, b: backwards(a, b), 1, "not on one journey"),
+    "hours later": (
+        lambda a, b: replace(backwards(a, b), t_s=b.t_s - b.t_s[0] + a.t_s[-1] + 7000),
+        *(1, "by their stamps 7000 s lie between them"),
+    ),
+    "no fix": (lambda a, b: replace(b, lat_deg=np.nan * b.lat_deg), 1, "0 epochs with a position"),
 }
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_bad_pairs_are_one_sentence(tmp_path, capsys, case):
+def backwards(a, b):
+    """Give b the road of a the other way round."""
+    n = len(b.t_s)
+    return replace(b, lat_deg=a.lat_deg[::-5][:n], lon_deg=a.lon_deg[::-5][:n])
+
+
+@pytest.mark.parametrize(("change", "status", "said"), BAD.values(), ids=BAD)
+def test_bad_pairs_are_one_sentence(tmp_path, capsys, change, status, said):
     """property: exit status, one sentence, nothing written."""
-    rng = np.random.default_rng(13)
-    a, b = pair(rng, seconds=300, sigma=0.5)
-    if case == "twice":
-        b = a
-    changed = {
-        "frozen": {
-            "lat_deg": 0 * b.lat_deg + b.lat_deg[0],
-            "lon_deg": 0 * b.lon_deg + b.lon_deg[0],
-        },
-        "elsewhere": {"lat_deg": b.lat_deg + 2},
-        "longitude": {"lon_deg": -b.lon_deg},
-        "another day": {
-            "lat_deg": a.lat_deg[::-5][: len(b.t_s)],
-            "lon_deg": a.lon_deg[::-5][: len(b.t_s)],
-        },
-        "no fix": {"lat_deg": np.nan * b.lat_deg},
-    }
-    changed["hours later"] = changed["another day"] | {"t_s": b.t_s - b.t_s[0] + a.t_s[-1] + 7000}
-    b = replace(b, **changed.get(case, {}))
-    logs = [log_of(tmp_path / f"{name}.csv", u) for name, u in (("a", a), ("b", b))]
-    if case == "empty":
-        (tmp_path / "b.csv").write_text("")
-    status, said = BAD[case]
+    a, b = pair(np.random.default_rng(13), seconds=300, sigma=0.5)
+    logs = [log_of(tmp_path / f"{name}.csv", u) for name, u in (("a", a), ("b", change(a, b)))]
     assert cli.main(["compare", *logs, "--out", str(tmp_path / "out")]) == status
     error = capsys.readouterr().err.strip()
     assert said in error and len(error.splitlines()) == 1
@@ -518,14 +459,11 @@ def test_conventions_are_found_and_put_right():
     enu = path(t)
     a = unit("a", t, enu, attitude=(t, roll, pitch, yaw))
     moved = enu + 0.1 * rng.standard_normal(enu.shape)
+    from_east = (90 - yaw) % 360
     for angles, said in (
-        (
-            (-roll, pitch, (90 - yaw) % 360),
-            ("yaw is turned round and from east", "roll is turned round"),
-        ),
+        ((-roll, pitch, from_east), ("yaw is turned round and from east", "roll is turned round")),
         ((roll, pitch, np.radians(yaw)), ("yaw is in radians",)),
         ((roll, -pitch, yaw + 180), ("pitch is turned round", "180 deg off")),
-        ((roll, pitch, (90 - yaw) % 360), ("yaw is turned round and from east",)),
         ((-roll, -pitch, yaw + 180), ("180 deg off", "roll is turned", "pitch is turned")),
         ((pitch, roll, yaw), ("roll follows the pitch", "pitch follows the roll")),
         ((roll, pitch, yaw + 4.0), ()),  # magnetic north is a difference, not a convention

@@ -13,21 +13,23 @@ from analysis import Estimate, WrongUsage, in_one_unit, plots, static_logs, stor
 from analysis.terrain import Sensor
 from studies import surveys
 from workbench import report, verdict
+from workbench.pages import Said, phrase, sentences
 
 ATLAS = store.read("atlas").tables["atlas"]
 DT, N = 0.05, 1600
+NAMED = Said("part_named")
 PART = "mpu6050"  # 0.005 deg/s/sqrt(Hz), 4.6 deg/h
 SHEET = ATLAS[(ATLAS["sensor"] == PART) & (ATLAS["basis"] == "datasheet")]
 EXPONENT = re.compile(r"\de[+-]\d")
 
 
 def logged(folder, columns, name="my.csv", n=N):
-    """Write a CSV of columns and report it: the result, the answers and the page without images."""
+    """Write a CSV of columns and report it: what is told, and the page without images."""
     table = pd.DataFrame({"t_s": DT * np.arange(n)} | columns)
     table.to_csv(folder / name, index=False, float_format="%.7g")
-    result, answers = report.write(logs.read(folder / name), folder / "mine")
+    told = report.write(logs.read(folder / name), folder / "mine")
     page = (folder / "mine" / "report.html").read_text(encoding="utf-8")
-    return result, answers, re.sub(r'src="data:[^"]*"', "", page)
+    return told, re.sub(r'src="data:[^"]*"', "", page)
 
 
 @pytest.fixture
@@ -73,10 +75,10 @@ def measured(n, b):
 )
 def test_held_against_a_data_sheet(n, b, answer, words):
     """Analytic: intervals of ±10 % below, above and across the stated N and B."""
-    found = verdict.within_datasheet(measured(n, b), SHEET, "named")
+    found = verdict.within_datasheet(measured(n, b), SHEET, NAMED)
     assert found.answer == answer
-    assert words in found.why
-    assert "MPU-6050" in verdict.headline(found, found)
+    assert words in sentences(*found.why)
+    assert "MPU-6050" in phrase(verdict.headline(found, found))
 
 
 def test_the_part_is_named_or_the_nearest():
@@ -89,14 +91,14 @@ def test_the_part_is_named_or_the_nearest():
         sheet = ATLAS[ATLAS["sensor"] == part].iloc[0]
         near = replace(measured(sheet["n"], sheet["b"]), source=source)
         key, why, certain = verdict.choose_part(near, ATLAS)
-        assert (key, certain) == (part, False) and why.endswith(f"N and B is the {sheet['name']}")
+        assert (key, certain) == (part, False)
+        assert why == Said("nearest_part", {"by": ["N", "B"], "part": sheet["name"]})
         found = verdict.within_datasheet(near, SHEET, why, certain)
-        assert (found.question, found.answer) == ("Is it within a data sheet?", "open")
-        assert found.why.startswith("Not known which part (--part NAME says it); nearest by")
-        assert sheet["name"] in verdict.headline(found, found, sheet["name"])
+        assert (phrase(found.question), found.answer) == ("Is it within a data sheet?", "open")
+        assert sheet["name"] in phrase(verdict.headline(found, found, sheet["name"]))
     without = replace(near, channels=static_logs.read("phone-parked").channels)
     key, why, _ = verdict.choose_part(without, ATLAS)
-    assert key is None and "--part" in why
+    assert (key, why.code) == (None, "no_part")
     with pytest.raises(WrongUsage, match=r"no such part; .*kvh1750"):
         verdict.choose_part(result, ATLAS, "kvh9999")
 
@@ -104,8 +106,9 @@ def test_the_part_is_named_or_the_nearest():
 def test_a_sheet_without_a_random_walk_of_the_accelerometer():
     """Property: what a data sheet does not state is said to lack, what it states is compared."""
     sheet = ATLAS[(ATLAS["sensor"] == "adis16470") & (ATLAS["basis"] == "datasheet")]
-    found = verdict.within_datasheet(static_logs.read("adis16405"), sheet, "named")
-    assert "accelerometer N: not in the list; accelerometer B, stated 13 µg" in found.why
+    found = verdict.within_datasheet(static_logs.read("adis16405"), sheet, NAMED)
+    words = "accelerometer N: not in the list; accelerometer B, stated 13 µg"
+    assert words in sentences(*found.why)
 
 
 def test_the_atlas_is_in_step():
@@ -135,12 +138,13 @@ def test_one_function_tells_the_tracking_error():
 
 def test_a_short_log(tmp_path, no_pictures):
     """Property: seconds are enough for N and for nothing slow; nothing is promised beyond."""
-    _, answers, page = logged(tmp_path, {"gyro_x_deg_s": noise(0.004, n=150)}, n=150)
-    within, rest, enough = answers
+    told, page = logged(tmp_path, {"gyro_x_deg_s": noise(0.004, n=150)}, n=150)
+    within, rest, enough = told["answers"]
+    why = sentences(*enough.why)
     assert (rest.answer, enough.answer) == ("yes", "partly")
-    assert "7.5 s: long enough for N of gyro_x, known to ±" in enough.why
-    assert "B of gyro_x not resolved; B takes an hour or more" in enough.why
-    assert within.answer in ("open", "no") and enough.why in page
+    assert "7.5 s: long enough for N of gyro_x, known to ±" in why
+    assert "B of gyro_x not resolved; B takes an hour or more" in why
+    assert within.answer in ("open", "no") and why in page
 
 
 def test_a_log_that_moved_and_one_that_shook(page_of):
@@ -152,11 +156,12 @@ def test_a_log_that_moved_and_one_that_shook(page_of):
     assert first < page.index("Did the sensor lie still, undisturbed?") < rest
     shaken = verdict.at_rest(static_logs.read("adis16405"))
     assert shaken.answer == "partly"
-    assert "misfit of the model disturbs accel_x, accel_y and accel_z" in shaken.why
-    assert re.search(r"a warm-up of [\d.]+ mg in accel_x \(fitted, not counted", shaken.why)
+    why = sentences(*shaken.why)
+    assert "misfit of the model disturbs accel_x, accel_y and accel_z" in why
+    assert re.search(r"a warm-up of [\d.]+ mg in accel_x \(fitted, not counted", why)
     nothing = verdict.at_rest(static_logs.read("phone-parked-gnss"))
     assert nothing.answer == "open"
-    assert re.search(r"a step of up to [\d.]+ m in every channel", nothing.why)
+    assert re.search(r"a step of up to [\d.]+ m in every channel", sentences(*nothing.why))
 
 
 def test_the_mean_of_a_log_with_a_step():
@@ -187,14 +192,15 @@ def test_temperature_is_separated_from_the_drift(tmp_path, no_pictures):
     """Analytic: 0.01 deg/s/K over 8 K: the coefficient, its share of the drift, and its panel."""
     degrees = 25 + 8 * np.linspace(0, 1, N) ** 2
     gyro = 0.1 + noise(0.001) + 0.01 * (degrees - 25)
-    result, _, page = logged(tmp_path, {"gyro_x_deg_s": gyro, "temperature_degC": degrees})
-    said = verdict.temperature_part(result.channels[0])
+    told, page = logged(tmp_path, {"gyro_x_deg_s": gyro, "temperature_degC": degrees})
+    (channel,) = told["channels"]
+    said = sentences(*verdict.temperature_part(channel))
     assert said in page
     ends = re.search(r"Coefficient [\d.]+ \(([\d.]+) to ([\d.]+)\) °/h/K", said).groups()
     assert float(ends[0]) < 36 < float(ends[1])
     share = re.search(r"(\d+)% \((\d+)% to (\d+)%\)", said).groups()
     assert int(share[1]) <= 100 <= int(share[2])
-    labels = [ax.get_ylabel() for ax in plots.four_panels(result.channels[0], "").axes]
+    labels = [ax.get_ylabel() for ax in plots.four_panels(channel, "").axes]
     assert "temperature (°C)" in labels
 
 
@@ -280,6 +286,6 @@ def test_the_log_is_among_the_known_sensors(gyros):
 def test_what_a_log_holds_is_no_markup(tmp_path, no_pictures):
     """Property: a file or column whose name is a script is shown, not run."""
     name, column = "<script>alert(1)<|script>.csv", "gyro_<b>x</b>_deg_s"
-    _, _, page = logged(tmp_path, {column: noise(0.004)}, name)
+    _, page = logged(tmp_path, {column: noise(0.004)}, name)
     assert "&lt;script&gt;alert(1)" in page
     assert not re.search(r"<script|<b>x|alert\(1\)<", page)

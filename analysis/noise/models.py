@@ -12,9 +12,9 @@ density of the driving noise as 2 sigma_b / tau; it is 2 sigma_b^2 / tau.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 from scipy.special import sici
@@ -114,7 +114,7 @@ class UnifiedModel:
         return ramp + bias + self.sigma_v / np.sqrt(m) * rng.standard_normal(n)
 
 
-def models_of_table_one(table: pd.DataFrame) -> dict[str, UnifiedModel]:
+def models_of_table_one(table: Any) -> dict[str, UnifiedModel]:
     """Make the models of the comparison paper's Table I.
 
     Parameters

@@ -1,4 +1,4 @@
-"""One reading of the terrain paper: its gyro, and what is chosen where it leaves something open.
+"""One interpretation of the terrain paper: its gyro, and what is chosen where it leaves it open.
 
 A rate error is white noise plus a Gauss-Markov bias, and the attitude error is its integral::
 
@@ -255,7 +255,7 @@ def _white(noise):
 
 @dataclass(frozen=True)
 class Setup:
-    """One reading of the paper: everything but the sensor and the map.
+    """One interpretation of the paper: everything but the sensor and the map.
 
     Attributes
     ----------
@@ -290,9 +290,9 @@ class Setup:
         Laps begin at places spread evenly over this length of road less their own, m; None: all
         at `begin`.
     drawn_map_error : tuple of (float, float), or None
-        Standard deviation (deg) and correlation length (m; ``inf`` stays for the lap) of each part
-        of the error of the map in simulated laps, drawn for each; None: the map is exact, but for
-        white noise (`simulate_laps`).
+        Standard deviation (deg) and correlation length (m; ``inf`` stays for the lap) of each
+        component of the map's error in simulated laps, drawn for each; None: the map is exact,
+        but for white noise (`simulate_laps`).
     bias_states : bool
         Let the filter estimate attitude error and rate bias too, which the paper rules out. R is
         then the variance of what is left: the map's error.
@@ -324,12 +324,14 @@ class Setup:
     map_error: tuple[float, float] | None = None
 
     WORST = Sensor(0.01, 0.01)  # the worst sensor of the sweep
-    REFERENCE = "our reference reading is used"  # the one condition of the verdicts on the paper
+    REFERENCE = (
+        "our reference interpretation is used"  # the one condition of the verdicts on the paper
+    )
     TABLE_1_HOURS, TABLE_1_WINDOW_S = 4, 10.0  # of the static log that Table 1 is read from
 
     @classmethod
     def reference(cls, length: float, **changes) -> Setup:
-        """Read the paper as notebooks 12, 20 to 23 and 25 do: our reference reading (`in_words`).
+        """Give our reference interpretation, that of notebooks 12, 20 to 23 and 25.
 
         Its R is ours, for the paper gives none: that of the worst sensor of the sweep, for all.
 
@@ -348,7 +350,7 @@ class Setup:
         return setup if "R" in changes else replace(setup, R=setup.own_R(cls.WORST))
 
     def coarser(self, step: float) -> Setup:
-        """Give the same reading with one sample every `step` m, and R scaled with the rate.
+        """Give the same interpretation with one sample every `step` m, and R scaled with the rate.
 
         A second then holds the information that it holds now. The drift does not depend on the
         rate; a step about as fine as the map leaves the errors as they are.
@@ -467,60 +469,6 @@ class Setup:
         """Give the attributes as plain numbers and words, for the provenance of a figure."""
         drawn = [(sd, x if np.isfinite(x) else "stays") for sd, x in self.drawn_map_error or ()]
         return asdict(self) | {"R": self.R and round(self.R, 6), "drawn_map_error": drawn or None}
-
-    def in_words(self) -> dict[str, dict[str, str]]:
-        """State the reference reading: what the paper leaves open, what is chosen here, and why.
-
-        Returns
-        -------
-        dict of str to dict
-            ``chosen here`` and ``reason`` of each choice, for `analysis.text.table`.
-        """
-        R = (self.R or self.own_R(self.WORST)) * PAPER_HZ / self.rate_hz  # of a reading at 100 Hz
-        rows = {
-            "noise of the gyro": ("integrated into the angle", "a gyro measures a rate"),
-            "angle that is compared": (
-                "pitch",
-                "Figs 3 and 4 show one angle; earlier trackers of the authors used pitch",
-            ),
-            "high-pass filter of the angle": ("none", "the paper names none"),
-            "meaning of B": (
-                f"standard deviation of a Gauss–Markov bias with T_c = {self.corr_time:g} s",
-                "Table 1, with ω₀ = β",
-            ),
-            "start of the bias": (
-                self.start,
-                "an integrator in a simulation starts at zero by default",
-            ),
-            "R, the variance that the filter assumes": (
-                f"R₀ = ({R**0.5:.2f} °)², the same for every sensor",
-                "variance of the drift, averaged over the lap, of the worst sensor of the sweeps"
-                f" (N {self.WORST.arw:g} °/√s, B {self.WORST.sigma_b:g} °/s)",
-            ),
-            "lap": (
-                f"{self.length:.0f} m of the test track at {self.speed:g} m/s, the map exact",
-                "the paper's track; the speed of the authors' van",
-            ),
-            "error of the odometry, one sigma": (
-                f"random walk {1000 * self.odometry_walk:g} mm/√m,"
-                f" scale {100 * self.odometry_scale:.2g} %",
-                "measured on the van's wheels, against RTK",
-            ),
-            "error of the first position, one sigma": (
-                f"{self.begin_sd:g} m",
-                'paper: "an estimate of the current location is usually known"',
-            ),
-            "error in Figs 8 to 13": (
-                "mean absolute error; variance of the signed error; both over all times and laps",
-                "the mean signed error is near 0 for every sensor, so it cannot distinguish them",
-            ),
-            "static log of Table 1": (
-                f"{self.TABLE_1_HOURS} h, averaged over {self.TABLE_1_WINDOW_S:g} s; T_c where the"
-                " autocorrelation falls to 1/e; B as a quotient",
-                "the shortest tried that gives N, B and T_c back in nine logs of ten",
-            ),
-        }
-        return {k: {"chosen here": level, "reason": why} for k, (level, why) in rows.items()}
 
     def drift_sd(self, sensor: Sensor, seconds: float | None = None) -> float:
         """Standard deviation of a sensor's attitude error after a time or at the lap's end, deg."""

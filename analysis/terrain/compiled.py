@@ -1,8 +1,8 @@
-"""The filter with one state in compiled code: the steps of `ukf.Ukf`, filter by filter.
+"""The filter's formulas, for numbers as for arrays, and the filter with one state compiled.
 
-numba compiles the loop when it is first used, and keeps it beside this file. It is an extra:
-without it NumPy steps all filters at once (`monte_carlo.follow`). The order of every sum is that of
-`ukf.Ukf`, because a lap that is lost magnifies a rounding to metres. The filters of a run are the
+`ukf.Ukf` steps all filters at once through these formulas with NumPy; here numba compiles them into
+a loop, when it is first used, and keeps it beside this file. It is an extra. Both give the same to
+the bit, for a lap that is lost magnifies a rounding to metres. The filters of a run are the
 innermost loop: none waits for another, so a processor steps several.
 """
 
@@ -12,10 +12,30 @@ from importlib.util import find_spec
 import numpy as np
 
 from analysis import WrongUsage
-from analysis.terrain.ukf import SPREAD, W_CENTRE, W
 
 HAS_NUMBA = find_spec("numba") is not None
+SPREAD = 3.0  # square of the sigma points' distance in sigmas: matches a Gaussian's fourth moment
 ROOT = float(np.sqrt(SPREAD))
+W = 0.5 / SPREAD  # weight of every point but the centre
+W_CENTRE = 2.0 / 3.0  # weight in a covariance of all points that read the map at the mean distance
+
+
+def about_mean(centre, plus, minus):
+    """Give the mean of what the sigma points read on the map, their slope, and them about it."""
+    expected = (plus + minus) * W + (1.0 - 2.0 * W) * centre
+    slope = (plus - minus) * (W * ROOT)
+    return expected, slope, (centre - expected, plus - expected, minus - expected)
+
+
+def covariance(a, b):
+    """Give the covariance of two channels, from the points of each about its mean."""
+    return W_CENTRE * a[0] * b[0] + W * (a[1] * b[1] + a[2] * b[2])
+
+
+def divide(first, second, s_00, s_01, s_11):
+    """Solve k S = (first, second)."""
+    det = s_00 * s_11 - s_01 * s_01
+    return (first * s_11 - second * s_01) / det, (second * s_00 - first * s_01) / det
 
 
 def run_compiled(
@@ -46,10 +66,10 @@ def run_compiled(
     m = attitude_map
     runs = len(first)
 
-    def of_each(values):  # laid out alike whatever came in: a loop is compiled for one layout
+    def of_each(values):  # laid out alike whatever came in: the loop is compiled for one layout
         return np.ascontiguousarray(np.broadcast_to(values, (*values.shape[:-1], runs)))
 
-    _loops()[m.channels - 1](
+    _compiled_loop()(
         m._slope, m._intercept, m._scale, m._shift, first, setup.begin_sd**2, setup.q, setup.every,
         of_each(moved), of_each(attitude), known, walk, bias, arw, sigma_b, R, of_each(truth),
         stride, error, variance, nis,
@@ -57,73 +77,33 @@ def run_compiled(
 
 
 @cache
-def _loops():
-    """Compile the loops over one and over two channels."""
+def _compiled_loop():
     try:
         from numba import njit
+        from numba.extending import register_jitable
     except ImportError as error:
         raise WrongUsage(
             "the compiled filter needs numba: pip install '.[fast]', or go on without it"
         ) from error
-    compiled = njit(cache=True, error_model="numpy", nogil=True)
-    return compiled(_one_channel), compiled(_two_channels)
+    for formula in (about_mean, covariance, divide, _points):
+        register_jitable(formula)
+    return njit(_loop, cache=True, error_model="numpy", nogil=True)
 
 
-def _one_channel(
+def _points(slope, intercept, scale, shift, s, reach):
+    """Read one channel of the map at the three sigma points."""
+    u, v, w = s * scale + shift, (s + reach) * scale + shift, (s - reach) * scale + shift
+    last = len(slope) - 1
+    i, j, k = min(max(int(u), 0), last), min(max(int(v), 0), last), min(max(int(w), 0), last)
+    return slope[i] * u + intercept[i], slope[j] * v + intercept[j], slope[k] * w + intercept[k]
+
+
+def _loop(
     slope, intercept, scale, shift, first, begin_var, spread, every, moved, attitude, known,
     walk, bias, arw, sigma_b, R, truth, stride, error, variance, nis,
 ):  # fmt: skip
-    slope, intercept, attitude = slope[0], intercept[0], attitude[0]
-    cells, (n, runs), last = len(arw), attitude.shape, len(slope) - 1
-    x, P, nu, S = np.empty(cells), np.empty(cells), np.empty(cells), np.empty(cells)
-    for r in range(runs):
-        x[:] = first[r]
-        P[:] = begin_var
-        for k in range(every, n, every):
-            step = 0.0
-            for j in range(k - every + 1, k + 1):
-                step += moved[j, r]
-            q, true, of_n, of_b = spread * abs(step), attitude[k, r], walk[k, 0, r], bias[k, 0, r]
-            for c in range(cells):
-                s, p = x[c] + step, P[c] + q
-                x[c], P[c] = s, p
-                if not known[k]:
-                    continue
-                root = np.sqrt(p)
-                u = s * scale + shift
-                i = min(max(int(u), 0), last)
-                h = slope[i] * u + intercept[i]
-                u = (s + root * ROOT) * scale + shift
-                i = min(max(int(u), 0), last)
-                plus = slope[i] * u + intercept[i]
-                u = (s - root * ROOT) * scale + shift
-                i = min(max(int(u), 0), last)
-                minus = slope[i] * u + intercept[i]
-                expected = (plus + minus) * W + (1.0 - 2.0 * W) * h
-                cross = root * ((plus - minus) * (W * ROOT))
-                h, plus, minus = h - expected, plus - expected, minus - expected
-                S[c] = W_CENTRE * h * h + W * (plus * plus + minus * minus) + R[c]
-                nu[c] = of_n * arw[c] + of_b * sigma_b[c] + true - expected
-                K = cross / S[c]
-                x[c] = s + K * nu[c]
-                P[c] = p - K * cross
-            if k % stride == 0:
-                j = k // stride - 1
-                for c in range(cells):
-                    error[c, r, j] = x[c] - truth[k, r]
-                    variance[c, r, j] = P[c]
-                    if known[k]:
-                        nis[c, r] += nu[c] * nu[c] / S[c]
-
-
-def _two_channels(
-    slope, intercept, scale, shift, first, begin_var, spread, every, moved, attitude, known,
-    walk, bias, arw, sigma_b, R, truth, stride, error, variance, nis,
-):  # fmt: skip
-    cells, (_, n, runs), last = len(arw), attitude.shape, slope.shape[1] - 1
+    cells, (channels, n, runs) = len(arw), attitude.shape
     x, P, square = np.empty(cells), np.empty(cells), np.empty(cells)
-    h, plus, minus = np.empty(2), np.empty(2), np.empty(2)
-    nu, cross = np.empty(2), np.empty(2)
     for r in range(runs):
         x[:] = first[r]
         P[:] = begin_var
@@ -138,38 +118,31 @@ def _two_channels(
                 if not known[k]:
                     continue
                 root = np.sqrt(p)
-                for a in range(2):
-                    u = s * scale + shift
-                    i = min(max(int(u), 0), last)
-                    h[a] = slope[a, i] * u + intercept[a, i]
-                    u = (s + root * ROOT) * scale + shift
-                    i = min(max(int(u), 0), last)
-                    plus[a] = slope[a, i] * u + intercept[a, i]
-                    u = (s - root * ROOT) * scale + shift
-                    i = min(max(int(u), 0), last)
-                    minus[a] = slope[a, i] * u + intercept[a, i]
-                    expected = (plus[a] + minus[a]) * W + (1.0 - 2.0 * W) * h[a]
-                    cross[a] = root * ((plus[a] - minus[a]) * (W * ROOT))
-                    h[a] -= expected
-                    plus[a] -= expected
-                    minus[a] -= expected
-                    z = walk[k, a, r] * arw[c] + bias[k, a, r] * sigma_b[c] + attitude[a, k, r]
-                    nu[a] = z - expected
-                s00 = W_CENTRE * h[0] * h[0] + W * (plus[0] * plus[0] + minus[0] * minus[0]) + R[c]
-                s11 = W_CENTRE * h[1] * h[1] + W * (plus[1] * plus[1] + minus[1] * minus[1]) + R[c]
-                s01 = W_CENTRE * h[0] * h[1] + W * (plus[0] * plus[1] + minus[0] * minus[1])
-                det = s00 * s11 - s01 * s01
-                k0 = (cross[0] * s11 - cross[1] * s01) / det
-                k1 = (cross[1] * s00 - cross[0] * s01) / det
-                x[c] = s + k0 * nu[0] + k1 * nu[1]
-                P[c] = p - (k0 * cross[0] + k1 * cross[1])
-                square[c] = (
-                    nu[0] * nu[0] * s11 - 2 * nu[0] * nu[1] * s01 + nu[1] * nu[1] * s00
-                ) / det
+                points = _points(slope[0], intercept[0], scale, shift, s, root * ROOT)
+                expected, of_slope, a = about_mean(*points)
+                cross, s_00 = root * of_slope, covariance(a, a) + R[c]
+                z = walk[k, 0, r] * arw[c] + bias[k, 0, r] * sigma_b[c] + attitude[0, k, r]
+                nu = z - expected
+                if channels == 1:
+                    gain = cross / s_00
+                    x[c] = s + gain * nu
+                    P[c] = p - gain * cross
+                    square[c] = nu * nu / s_00
+                    continue
+                points = _points(slope[1], intercept[1], scale, shift, s, root * ROOT)
+                expected, of_slope, b = about_mean(*points)
+                more, s_01, s_11 = root * of_slope, covariance(a, b), covariance(b, b) + R[c]
+                z = walk[k, 1, r] * arw[c] + bias[k, 1, r] * sigma_b[c] + attitude[1, k, r]
+                of_b = z - expected
+                gain, other = divide(cross, more, s_00, s_01, s_11)
+                x[c] = s + gain * nu + other * of_b
+                P[c] = p - (gain * cross + other * more)
+                weighted = divide(nu, of_b, s_00, s_01, s_11)
+                square[c] = (nu * weighted[0] + of_b * weighted[1]) / 2
             if k % stride == 0:
                 j = k // stride - 1
                 for c in range(cells):
                     error[c, r, j] = x[c] - truth[k, r]
                     variance[c, r, j] = P[c]
                     if known[k]:
-                        nis[c, r] += square[c] / 2
+                        nis[c, r] += square[c]

@@ -5,8 +5,8 @@ sensor drives the same runs; its attitude error is N W + B G. All filters of a b
 stepped together, on one core. The result of a run does not depend on the block it is in.
 
 What is assumed where the paper leaves something open is in `analysis.terrain.assumptions`, with
-its reason. Its "tracking error" is true minus estimated distance; its mean is read as the mean of
-the absolute error, which is an accuracy. Its variance can mean three things, and all are here:
+its reason. Its "tracking error" is true minus estimated distance; its mean is taken as the mean
+of the absolute error, which is an accuracy. Its variance can mean three things, and all are here:
 
 - pooled: of every error of every lap about their common mean,
 - ensemble: over the laps at one moment, averaged over moments,
@@ -39,6 +39,7 @@ from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
 
 TOGETHER = 6000  # filters stepped at once: many for the interpreter, few enough for a cache
 RUNS_AT_ONCE = 300  # whose unit paths are held at a time: some 240 MB
+BEYOND = "N or B is beyond what was simulated"
 LOST_M = 10.0  # m: three sigma of the worst variance that the paper reports (about 12 m^2)
 
 
@@ -58,7 +59,7 @@ class Laps:
     variance : ndarray, shape (sensors, runs, times), m^2
         That the filter computes for its error.
     nis : ndarray, shape (sensors, runs), 1
-        Normalised innovation squared per channel, averaged over those times with a reading.
+        Normalised innovation squared per channel, averaged over those times with a sample.
     odometry : ndarray, shape (times,), m, optional
         Error of the odometry alone from the true first position; of real laps.
     """
@@ -193,7 +194,7 @@ def simulate_laps(
     store_every : float
         Time between stored errors, s.
     map_error : float
-        Standard deviation of white noise that is added to every reading, deg. It is drawn for all
+        Standard deviation of white noise that is added to every sample, deg. It is drawn for all
         runs at once, so that it depends on their number.
     compiled : bool
         Step the filters in compiled code (numba, of the extra ``fast``): the same to rounding.
@@ -219,26 +220,24 @@ def simulate_laps(
         attitude = attitude[..., None] + noise
     streams = np.random.SeedSequence(seed).spawn(runs)
     block = min(max(TOGETHER // len(sensors), 1), RUNS_AT_ONCE)
-    parts = []
+    found = []
     for i in tqdm(range(0, runs, block), desc="laps", unit="block", disable=None):
-        part = slice(i, i + block)
-        first, moved = odometry(setup, streams[part])
-        paths = attitude_errors(setup, attitude_map.channels, streams[part], len(truth))
-        at, seen = truth, attitude[..., part] if map_error else attitude
+        of = slice(i, i + block)
+        first, moved = odometry(setup, streams[of])
+        paths = attitude_errors(setup, attitude_map.channels, streams[of], len(truth))
+        at, seen = truth, attitude[..., of] if map_error else attitude
         if setup.span is not None:
             further = setup.begins(i, len(first)) - setup.begin
             first, at = first + further, truth[:, None] + further
             seen = attitude_map.at(at)
         if setup.drawn_map_error:
             shape = seen.shape[:2]
-            seen = seen.reshape(*shape, -1) + map_errors(setup, shape, streams[part])
+            seen = seen.reshape(*shape, -1) + map_errors(setup, shape, streams[of])
         given = attitude_map, at, seen, first, moved, paths, sensors, setup, store_every
-        parts.append(follow(*given, compiled=compiled))
-    joined = (
-        np.concatenate([getattr(part, name) for part in parts], axis=1)
-        for name in ("error", "variance", "nis")
-    )
-    return Laps(tuple(sensors), parts[0].t, parts[0].distance, *joined)
+        found.append(follow(*given, compiled=compiled))
+    names = ("error", "variance", "nis")
+    joined = (np.concatenate([getattr(laps, name) for laps in found], axis=1) for name in names)
+    return Laps(found[0].labels, found[0].t, found[0].distance, *joined)
 
 
 def odometry(setup, streams):
@@ -291,7 +290,7 @@ def attitude_errors(setup, channels, streams, samples):
 
 
 def map_errors(setup, shape, streams):
-    """Draw the error of the map along each of some runs: a sum of exponentially correlated parts.
+    """Draw the map's error along each of some runs, a sum of exponentially correlated components.
 
     Parameters
     ----------
@@ -335,7 +334,7 @@ def follow(
     attitude_map : AttitudeMap
     truth : ndarray, shape (samples,) or (samples, runs), m
     attitude : ndarray, shape (channels, samples) or (channels, samples, runs), deg
-        Reading of a perfect gyro; NaN where there is none, and the filter then only predicts.
+        Measured by a perfect gyro; NaN where nothing is, and the filter then only predicts.
     first : ndarray, shape (runs,), m
     moved : ndarray, shape (samples,) or (samples, runs), m
     paths : tuple of ndarray, shape (samples, channels, runs)
@@ -347,14 +346,14 @@ def follow(
     -------
     Laps
     """
-    assumed = [(s.arw, s.sigma_b, _assumed_R(s, setup)) for s in sensors.values()]
+    assumed = [(s.arw, s.sigma_b, assumed_R(s, setup)) for s in sensors.values()]
     arw, sigma_b, R = np.array(assumed).T[..., None]
     n, m, dt, every = len(truth), attitude_map.channels, 1 / setup.rate_hz, setup.every
     walk, bias = paths
     stride = every * max(round(store_every / dt) // every, 1)
     stored = np.arange(stride, n, stride)
     error, variance = np.empty((2, len(arw), len(first), len(stored)))
-    nis, readings = np.zeros((len(arw), len(first))), 0
+    nis, used = np.zeros((len(arw), len(first))), 0
     attitude = attitude.reshape(m, n, 1, -1)
     known = np.isfinite(attitude).all(axis=(0, 2, 3))
     distance = truth.reshape(n, -1)[stored, 0]
@@ -383,18 +382,18 @@ def follow(
             variance[:, :, j] = ukf.P[0, 0]
             if known[k]:
                 nis += normalised_square(innovation, S) / m
-                readings += 1
-    nis /= max(readings, 1)
+                used += 1
+    nis /= max(used, 1)
     return Laps(tuple(sensors), stored * dt, distance, error, variance, nis)
 
 
 def advance(ukf, setup, step, Q, z, R):
-    """Move filters by a step of the odometry, and update them where there is a reading.
+    """Move filters by a step of the odometry, and update them where there is a sample.
 
     Returns
     -------
     innovation, S : ndarray or None
-        As `Ukf.update` gives them; None without a reading.
+        As `Ukf.update` gives them; None without a sample.
     """
     ukf.predict(step, Q)
     ukf.P[0, 0] += setup.q * np.abs(step)
@@ -404,7 +403,7 @@ def advance(ukf, setup, step, Q, z, R):
     return (None, None) if z is None else ukf.update(z, R)
 
 
-def _assumed_R(sensor, setup):
+def assumed_R(sensor, setup):
     """Measurement variance that the filter of a sensor assumes, deg^2."""
     R = setup.R if sensor.R is None else sensor.R
     return setup.own_R(sensor) if R is None else R
@@ -522,11 +521,11 @@ def nees_bounds(runs):
 
 @dataclass(frozen=True)
 class ErrorPlane:
-    """Tracking error of any gyro under one reading, monotone cubics between the points of a grid.
+    """Tracking error of any gyro in one interpretation: monotone cubics between points of a grid.
 
     Attributes
     ----------
-    reading : str
+    words : str
         The choices that the numbers hold for, in words.
     arw, sigma_b : ndarray, shape (n,), (m,)
         N, deg/sqrt(s), and B, deg/s; rising.
@@ -538,7 +537,7 @@ class ErrorPlane:
         95 % interval of the error, from the number of laps.
     """
 
-    reading: str
+    words: str
     arw: np.ndarray
     sigma_b: np.ndarray
     error: np.ndarray
@@ -554,7 +553,7 @@ class ErrorPlane:
         error = np.exp(interpn(axes, np.log(self.error), grid, method="pchip"))
         lost = interpn(axes, self.lost, grid, method="pchip")
         sigma_b, arw = (np.exp(a) for a in at)
-        return ErrorPlane(self.reading, arw, sigma_b, error, lost)
+        return ErrorPlane(self.words, arw, sigma_b, error, lost)
 
     def allowed(self, coefficient: str, wanted: float) -> Estimate:
         """Find the largest N or B that keeps a precision, at the smallest value of the other.
@@ -581,10 +580,8 @@ class ErrorPlane:
         A better gyro than the grid's best has at most the error at the edge, which is given: there
         the odometry decides.
         """
-        if not self._reaches(sensor):
-            return np.inf, np.nan
-        error, lost = self._at(sensor, np.log(self.error), self.lost)
-        return float(np.exp(error)), float(lost)
+        error, lost = self._at(sensor, np.log(self.error), self.lost) or (np.inf, np.nan)
+        return float(np.exp(error)), lost
 
     def estimate(self, sensor: Sensor) -> Estimate:
         """Error of a gyro with the interval that the number of simulated laps leaves, m.
@@ -596,18 +593,18 @@ class ErrorPlane:
         CannotAnswer
             Beyond the grid.
         """
-        if not self._reaches(sensor):
-            raise CannotAnswer("N or B is beyond what was simulated")
-        value, low, high = np.exp(self._at(sensor, *np.log([self.error, self.low, self.high])))
-        return Estimate(float(value), float(low), float(high), "m")
-
-    def _reaches(self, sensor):
-        return sensor.sigma_b <= self.sigma_b[-1] and sensor.arw <= self.arw[-1]
+        found = self._at(sensor, *np.log([self.error, self.low, self.high]))
+        if found is None:
+            raise CannotAnswer(BEYOND)
+        value, low, high = np.exp(found).tolist()
+        return Estimate(value, low, high, "m")
 
     def _at(self, sensor, *tables):
-        """Interpolate tables over ln B and ln N."""
+        """Interpolate tables over ln B and ln N; None beyond the grid."""
         grid = self.sigma_b, self.arw
         at = [max(v, g[0]) for v, g in zip((sensor.sigma_b, sensor.arw), grid, strict=True)]
+        if any(v > g[-1] for v, g in zip(at, grid, strict=True)):
+            return None
         axes = tuple(map(np.log, grid))
         return [float(interpn(axes, of, np.log(at), method="pchip")[0]) for of in tables]
 
@@ -638,7 +635,7 @@ class ErrorPlane:
         ends = (self.of(Sensor(scale * n[e], scale * (b[e] or 0.0)))[0] for e in ("low", "high"))
         value, low, high = (v if v and np.isfinite(v) else None for v in (value, *ends))
         if bound or value is None:
-            why = "this log only bounds B" if bound else "N or B is beyond what was simulated"
+            why = "this log only bounds B" if bound else BEYOND
             return Estimate.refused("m", why, low=None if bound else low, high=high)
         return Estimate(value, low, high, "m")
 

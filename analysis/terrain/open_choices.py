@@ -1,12 +1,12 @@
-"""Readings of the terrain paper as points in a space of factors, and its claims in each of them.
+"""Interpretations of the terrain paper, points in a space of factors, and its claims in each.
 
-The paper leaves open what `FACTORS` lists. A `Reading` fixes one level of each; its sensors then
-drive simulated laps, and every claim that a reading can change is a number of their tracking
-errors, with a bootstrap over laps. A claim holds in a reading if its number lies in the range of
-``data/published/claims.csv`` in at least 95 % of the resamples, fails if in at most 5 %, and is
-open in between.
+The paper leaves open what `FACTORS` lists. An `Interpretation` fixes one level of each; its sensors
+then drive simulated laps, and every claim that this can change is a number of their tracking
+errors, with a bootstrap over laps. A claim holds in an interpretation if its number lies in the
+range of ``data/published/claims.csv`` in at least 95 % of the resamples, fails if in at most 5 %,
+and is open in between.
 
-Readings share their random numbers: lap k of every reading and sensor draws from the k-th stream
+They share their random numbers: lap k of each interpretation and sensor draws from the k-th stream
 of one seed. A lap is sampled every `STEP_M`, which is finer than the map, and R is scaled with the
 rate, so that a second holds the information that it holds at 100 Hz.
 """
@@ -14,7 +14,7 @@ rate, so that a second holds the information that it holds at 100 Hz.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,39 +22,16 @@ import pandas as pd
 from scipy.stats import qmc, rankdata
 
 from analysis import WrongUsage
-from analysis.terrain.assumptions import PAPER_HZ, Sensor, Setup
+from analysis.terrain.assumptions import NOISES, PAPER_HZ, STARTS, Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
 from analysis.terrain.terrain_map import AttitudeMap
-from analysis.terrain.trends import PowerLaw, draw_prices, line_and_square
+from analysis.terrain.trends import PowerLaw, coefficients, draw_prices
 
-STEP_M = 0.55  # between two readings: the grid of the map is 0.5 m
+STEP_M = 0.55  # between two samples: the grid of the map is 0.5 m
 MOMENTS = 100  # of a lap at which its error is kept
 LEAST_R = 1e-4  # deg^2 at 100 Hz: a filter that takes its sensor for perfect divides by 0
 HOLDS, FAILS = 0.95, 0.05  # shares of the resamples
 LAP_M = 1557.3  # of the test track
-FACTORS: dict[str, tuple] = {
-    "noise": ("integrated", "on attitude", "on attitude, per sample"),
-    "channel": ("pitch", "roll", "both"),
-    "form": (
-        *("absolute", "high-pass 0.5 s", "high-pass 5 s", "high-pass 30 s"),
-        *("difference 10 m", "difference 50 m"),
-    ),
-    "R_rule": ("worst sensor", "own"),
-    "R_times": (0.3, 1.0, 3.0, 10.0, 30.0),
-    "start": ("zero", "stationary", "turn-on"),
-    "b_times": (0.1, 0.3, 1.0, 3.0),
-    "corr_time_s": (20.0, 60.0, 200.0, 600.0),
-    "leg_m": (100.0, 190.0, 400.0, 800.0, LAP_M),
-    "speed_m_s": (5.0, 11.0, 20.0, 30.0),
-    "odometry_times": (0.3, 1.0, 3.0, 10.0),
-    "begin_sd_m": (0.05, 0.2, 0.5, 2.0),
-    "map_error_deg": (0.0, 0.03, 0.1, 0.2),
-    "road": ("track", "I-99", "ISO A", "ISO C"),
-    "mean": ("absolute", "signed", "root mean square"),
-    "variance": ("pooled", "over laps at one moment", "over a lap"),
-}
-"""Factor and its levels. ``R_times``: R over that of `R_rule`; ``b_times``: sigma_b over B."""
-
 N_GRID = np.linspace(0.001, 0.01, 4)  # deg/sqrt(s), Figs 8 and 9 of the paper, coarser
 B_GRID = np.linspace(0.0001, 0.01, 4)  # deg/s, Figs 10 and 11
 TACTICAL, MEMS = (N_GRID[0], B_GRID[0]), (N_GRID[-1], B_GRID[-1])  # Fig 7
@@ -64,9 +41,16 @@ MAP_ERROR_M = 10.0  # correlation length of the error of the map along the road
 MATCHED = 300  # laps on which measured and true attitude are correlated at a time
 
 
+def _one_of(*levels, usual=None) -> Any:
+    """Give a factor its levels; unless it is named, the first one is the reference's."""
+    return field(default=usual or levels[0], metadata={"levels": levels})
+
+
 @dataclass(frozen=True)
-class Reading:
-    """One level of every factor; the defaults are the reading of notebooks 21 to 23.
+class Interpretation:
+    """One level of every factor; the defaults are the interpretation of notebooks 21 to 23.
+
+    ``R_times`` is R over that of `R_rule`, ``b_times`` sigma_b over B.
 
     Raises
     ------
@@ -74,22 +58,25 @@ class Reading:
         If a level is none of `FACTORS`.
     """
 
-    noise: str = "integrated"
-    channel: str = "pitch"
-    form: str = "absolute"
-    R_rule: str = "worst sensor"
-    R_times: float = 1.0
-    start: str = "zero"
-    b_times: float = 1.0
-    corr_time_s: float = 200.0
-    leg_m: float = LAP_M
-    speed_m_s: float = 11.0
-    odometry_times: float = 1.0
-    begin_sd_m: float = 0.5
-    map_error_deg: float = 0.0
-    road: str = "track"
-    mean: str = "absolute"
-    variance: str = "pooled"
+    noise: str = _one_of(*NOISES)
+    channel: str = _one_of("pitch", "roll", "both")
+    form: str = _one_of(
+        *("absolute", "high-pass 0.5 s", "high-pass 5 s", "high-pass 30 s"),
+        *("difference 10 m", "difference 50 m"),
+    )
+    R_rule: str = _one_of("worst sensor", "own")
+    R_times: float = _one_of(0.3, 1.0, 3.0, 10.0, 30.0, usual=1.0)
+    start: str = _one_of(*STARTS)
+    b_times: float = _one_of(0.1, 0.3, 1.0, 3.0, usual=1.0)
+    corr_time_s: float = _one_of(20.0, 60.0, 200.0, 600.0, usual=200.0)
+    leg_m: float = _one_of(100.0, 190.0, 400.0, 800.0, LAP_M, usual=LAP_M)
+    speed_m_s: float = _one_of(5.0, 11.0, 20.0, 30.0, usual=11.0)
+    odometry_times: float = _one_of(0.3, 1.0, 3.0, 10.0, usual=1.0)
+    begin_sd_m: float = _one_of(0.05, 0.2, 0.5, 2.0, usual=0.5)
+    map_error_deg: float = _one_of(0.0, 0.03, 0.1, 0.2)
+    road: str = _one_of("track", "I-99", "ISO A", "ISO C")
+    mean: str = _one_of("absolute", "signed", "root mean square")
+    variance: str = _one_of("pooled", "over laps at one moment", "over a lap")
 
     def __post_init__(self):
         """Check every level."""
@@ -99,8 +86,8 @@ class Reading:
                 raise WrongUsage(f"factor '{name}' has no level '{level}'; it has: {known}")
 
     @classmethod
-    def of(cls, levels: Mapping) -> Reading:
-        """Make a reading of some levels, the others being those of the reference reading.
+    def of(cls, levels: Mapping) -> Interpretation:
+        """Make an interpretation of some levels, the others being those of the reference.
 
         Raises
         ------
@@ -162,8 +149,11 @@ class Reading:
         return found | {(TWICE_R, *at): of(*at, 2.0) for at in CORNERS}
 
 
+FACTORS = {factor.name: factor.metadata["levels"] for factor in fields(Interpretation)}
+
+
 class Roads(NamedTuple):
-    """What readings are simulated with, beside their factors.
+    """What interpretations are simulated with, beside their factors.
 
     Attributes
     ----------
@@ -182,31 +172,14 @@ class Roads(NamedTuple):
     prices: np.ndarray
     claims: pd.DataFrame
 
-    def drive(
-        self, reading: Reading, *, laps: int, seed: int, compiled: bool = False
-    ) -> tuple[Laps, AttitudeMap]:
-        """Simulate the laps of a reading, and give the map that its filter reads."""
-        rows = {"pitch": [0], "roll": [1], "both": [0, 1]}[reading.channel]
-        road, setup = self.maps[reading.road], reading.setup()
-        road = AttitudeMap(road.start, road.step, road.attitude[rows])
-        options: dict[str, Any] = {"store_every": setup.seconds / MOMENTS, "compiled": compiled}
-        sensors = reading.sensors(self.table_3)
-        return simulate_laps(road, sensors, setup, runs=laps, seed=seed, **options), road
-
     def evaluate(
-        self,
-        reading: Reading,
-        *,
-        laps: int,
-        seed: int,
-        resamples: int = 200,
-        compiled: bool = False,
+        self, chosen: Interpretation, *, laps: int, seed: int, resamples: int = 200, compiled=False
     ) -> pd.DataFrame:
-        """Judge every claim in one reading.
+        """Judge every claim in one interpretation.
 
         Parameters
         ----------
-        reading : Reading
+        chosen : Interpretation
         laps : int
             Of each sensor.
         seed : int
@@ -221,10 +194,15 @@ class Roads(NamedTuple):
             the resamples, which a few lost laps can make larger than the number; and the share of
             the resamples ``inside`` the claim's range.
         """
-        driven, road = self.drive(reading, laps=laps, seed=seed, compiled=compiled)
+        channels = {"pitch": [0], "roll": [1], "both": [0, 1]}[chosen.channel]
+        road, setup = self.maps[chosen.road], chosen.setup()
+        road = AttitudeMap(road.start, road.step, road.attitude[channels])
+        options: dict[str, Any] = {"store_every": setup.seconds / MOMENTS, "compiled": compiled}
+        sensors = chosen.sensors(self.table_3)
+        driven = simulate_laps(road, sensors, setup, runs=laps, seed=seed, **options)
         rng = np.random.default_rng([seed, 1])
-        numbers = claim_numbers(driven, reading, [*self.table_3], self.prices, resamples, rng)
-        numbers |= attitude_numbers(road, reading, laps, seed, resamples, rng)
+        numbers = claim_numbers(driven, chosen, [*self.table_3], self.prices, resamples, rng)
+        numbers |= attitude_numbers(road, chosen, laps, seed, resamples, rng)
         low, high = self.claims["low"].fillna(-np.inf), self.claims["high"].fillna(np.inf)
         rows = {}
         for claim, values in numbers.items():
@@ -236,15 +214,15 @@ class Roads(NamedTuple):
 
 
 def claim_numbers(
-    laps: Laps, reading: Reading, paid: list[str], prices, resamples: int, rng: np.random.Generator
+    laps: Laps, chosen: Interpretation, paid: list[str], prices, resamples: int, rng
 ) -> dict[str, np.ndarray]:
     """Compute the number of each claim from laps, in the sample itself and in each resample.
 
     Parameters
     ----------
     laps : Laps
-        With the sensors of `Reading.sensors`.
-    reading : Reading
+        With the sensors of `Interpretation.sensors`.
+    chosen : Interpretation
         Says which mean and which variance.
     paid : list of str
         Labels of the sensors with a price, the cheapest first.
@@ -257,33 +235,30 @@ def claim_numbers(
     dict of str to ndarray, shape (1 + resamples,)
     """
     found = laps.measures(resamples, rng)
-    means = {"absolute": "mean", "signed": "signed mean", "root mean square": reading.mean}
-    mean = found[means[reading.mean]].abs()
-    variance = found["variance" if reading.variance == "pooled" else f"variance {reading.variance}"]
-    kept = 1.0 - found["lost"]
-    grid = (1 + resamples, len(N_GRID), len(B_GRID))
-    labels = [(n, b) for n in N_GRID for b in B_GRID]
-    m, v = (_columns(of, labels).reshape(grid) for of in (mean, variance))
+    of_mean = {"absolute": "mean", "signed": "signed mean"}.get(chosen.mean, chosen.mean)
+    of_variance = "variance" if chosen.variance == "pooled" else f"variance {chosen.variance}"
+    mean, variance, kept = found[of_mean].abs(), found[of_variance], 1.0 - found["lost"]
+    slow, fast = _columns(mean, [TACTICAL, MEMS]).T
+    tracked = _columns(kept, [MEMS])[:, 0]
+    ends = (_columns(variance, of) for of in ([(TWICE_R, *at) for at in CORNERS], CORNERS))
     with np.errstate(divide="ignore", invalid="ignore"):
-        numbers = _of_sweeps(m, v) | _of_pair(mean, variance, kept)
+        numbers = _of_sweeps(mean, variance) | {
+            "low-cost-tracks": tracked,
+            "fig7-mems-keeps-track": tracked,
+            "fig7-mems-slightly-worse": fast / slow,
+        }
         numbers |= _of_prices(mean[paid].to_numpy(), variance[paid].to_numpy(), prices, rng)
-        twice = [(TWICE_R, *at) for at in CORNERS]
-        ratio = _columns(variance, twice).mean(axis=1) / _columns(variance, CORNERS).mean(axis=1)
+        twice, once = (of.mean(axis=1) for of in ends)
+        ratio = twice / once
         low, high = np.nanquantile(ratio[1:], [0.025, 0.975])
-        numbers["sampling-rate-matters"] = np.full(len(ratio), float(not low <= 1 <= high))
+    numbers["sampling-rate-matters"] = np.full(len(ratio), float(not low <= 1 <= high))
     numbers["conclusion-low-cost-tracks"] = kept[paid[0]].to_numpy()
-    floor = variance["no error"] / variance[paid[-1]]
-    numbers["variance-vanishes-with-cost"] = floor.to_numpy()
+    numbers["variance-vanishes-with-cost"] = (variance["no error"] / variance[paid[-1]]).to_numpy()
     return {f"terrain-{claim}": values for claim, values in numbers.items()}
 
 
 def attitude_numbers(
-    road: AttitudeMap,
-    reading: Reading,
-    laps: int,
-    seed: int,
-    resamples: int,
-    rng: np.random.Generator,
+    road: AttitudeMap, chosen: Interpretation, laps: int, seed: int, resamples: int, rng
 ) -> dict[str, np.ndarray]:
     """Correlate measured and true attitude of the sensors of Figs 3 and 4 over each lap.
 
@@ -292,7 +267,7 @@ def attitude_numbers(
     dict of str to ndarray, shape (1 + resamples,)
         What nine laps in ten exceed, in the channel that is matched worse.
     """
-    setup, sensors = reading.setup(), {"fig3": TACTICAL, "fig4": MEMS}
+    setup, sensors = chosen.setup(), {"fig3": TACTICAL, "fig4": MEMS}
     streams = np.random.SeedSequence(seed).spawn(laps)
     matched: dict[str, list] = {claim: [] for claim in sensors}
     for first in range(0, laps, MATCHED):
@@ -301,7 +276,7 @@ def attitude_numbers(
         true = setup.filtered(road).at(places)
         walk, bias = attitude_errors(setup, road.channels, block, setup.samples)
         for claim, (n, b) in sensors.items():
-            measured = true + (n * walk + b * reading.b_times * bias).transpose(1, 0, 2)
+            measured = true + (n * walk + b * chosen.b_times * bias).transpose(1, 0, 2)
             x, y = (v - v.mean(axis=1, keepdims=True) for v in (true, measured))
             with np.errstate(invalid="ignore"):
                 r = (x * y).sum(axis=1) / np.sqrt((x**2).sum(axis=1) * (y**2).sum(axis=1))
@@ -319,22 +294,16 @@ def _columns(table, labels):
     return table.to_numpy()[:, [at[label] for label in labels]]
 
 
-def _of_pair(mean, variance, kept):
-    """Give the numbers of the claims on the two sensors of Fig 7."""
-    (slow, fast), tracked = _columns(mean, [TACTICAL, MEMS]).T, _columns(kept, [MEMS])[:, 0]
-    return {
-        "low-cost-tracks": tracked,
-        "fig7-mems-keeps-track": tracked,
-        "fig7-mems-slightly-worse": fast / slow,
-    }
-
-
-def _of_sweeps(m, v):
-    """Give the numbers of the claims on Figs 8 to 11; shape (resamples, N, B)."""
+def _of_sweeps(mean, variance):
+    """Give the numbers of the claims on Figs 8 to 11."""
+    labels = [(n, b) for n in N_GRID for b in B_GRID]
+    grid = (len(mean), len(N_GRID), len(B_GRID))
+    m, v = (_columns(of, labels).reshape(grid) for of in (mean, variance))
     by = {("mean", "N"): m.mean(axis=2), ("mean", "B"): m.mean(axis=1)}
     by |= {("variance", "N"): v.mean(axis=2), ("variance", "B"): v.mean(axis=1)}
     over = {key: y[:, -1] / y[:, 0] for key, y in by.items()}
-    square = {key: _share_of_square(y, {"N": N_GRID, "B": B_GRID}[key[1]]) for key, y in by.items()}
+    c = {key: coefficients({"N": N_GRID, "B": B_GRID}[key[1]], y) for key, y in by.items()}
+    square = {key: c2 / (c1 + c2) for key, (c1, c2) in c.items()}
     more = {
         q: np.where(over[q, "N"] > 1, (over[q, "B"] - 1) / (over[q, "N"] - 1), np.inf)
         for q in ("mean", "variance")
@@ -344,7 +313,7 @@ def _of_sweeps(m, v):
     of_n, of_b = (_correlation(ranks, x) for x in (n, b))
     both = np.minimum(over["mean", "N"], over["mean", "B"]) > 1
     deviation = np.sqrt(by["variance", "B"])
-    numbers = {
+    return {
         "fig8-mean-rises": over["mean", "N"] - 1,
         "fig8-mean-rises-each-b": (m[:, -1] > m[:, 0]).mean(axis=1),
         "fig8-mean-quadratic": square["mean", "N"],
@@ -359,23 +328,13 @@ def _of_sweeps(m, v):
         "fig11-moderate": more["variance"],
         "fig11-tactical-marginally-better": deviation[:, -1] / deviation[:, 0],
         "conclusion-mean-rises": both.astype(float),
+        "fig9-variance-linear": square["variance", "N"],
+        "precision-linear-n-abstract": square["variance", "N"],
+        "conclusion-variance-linear-n": square["variance", "N"],
+        "precision-linear-b-abstract": square["variance", "B"],
+        "conclusion-variance-linear-b": square["variance", "B"],
+        "conclusion-variance-quadratic-n": square["variance", "N"],
     }
-    for k, claims in {
-        "N": (
-            "fig9-variance-linear",
-            "precision-linear-n-abstract",
-            "conclusion-variance-linear-n",
-        ),
-        "B": ("precision-linear-b-abstract", "conclusion-variance-linear-b"),
-    }.items():
-        numbers |= dict.fromkeys(claims, square["variance", k])
-    return numbers | {"conclusion-variance-quadratic-n": square["variance", "N"]}
-
-
-def _share_of_square(y, x):
-    """Share of the rise over x that the quadratic term carries, row by row."""
-    _, c1, c2 = (y @ np.linalg.pinv(line_and_square(x)).T).T
-    return c2 / (c1 + c2)
 
 
 def _correlation(rows, x):
@@ -415,12 +374,12 @@ def _of_prices(mean, variance, prices, rng):
     }
 
 
-def design(readings: int, seed: int) -> pd.DataFrame:
-    """Lay out readings: a scrambled Sobol' sample, and one factor at a time about two readings.
+def design(count: int, seed: int) -> pd.DataFrame:
+    """Lay out interpretations: a scrambled Sobol' sample, and one factor at a time about two.
 
     Parameters
     ----------
-    readings : int
+    count : int
         Of the sample; even powers of two fill the levels most evenly.
     seed : int
 
@@ -431,36 +390,34 @@ def design(readings: int, seed: int) -> pd.DataFrame:
         on attitude``.
     """
     sobol = qmc.Sobol(len(FACTORS), rng=np.random.default_rng(seed))
-    u = sobol.random_base2(int(np.ceil(np.log2(readings))))[:readings]
+    u = sobol.random_base2(int(np.ceil(np.log2(count))))[:count]
     rows = [
         {name: of[int(x * len(of))] for x, (name, of) in zip(one, FACTORS.items(), strict=True)}
         for one in u
     ]
     table = [pd.DataFrame(rows).assign(why="sample")]
-    table += [around(Reading()).assign(why="about the reference")]
-    table += [around(Reading(noise="on attitude")).assign(why="about noise on attitude")]
+    table += [around(Interpretation()).assign(why="about the reference")]
+    table += [around(Interpretation(noise="on attitude")).assign(why="about noise on attitude")]
     return pd.concat(table, ignore_index=True)
 
 
-def around(reading: Reading) -> pd.DataFrame:
-    """Lay out a reading and all that differ from it in one level; a column for each factor."""
-    near = [reading]
-    for name, levels in FACTORS.items():
-        others = [level for level in levels if level != getattr(reading, name)]
-        near += [replace(reading, **{name: level}) for level in others]
-    return pd.DataFrame([asdict(one) for one in near])
+def around(chosen: Interpretation) -> pd.DataFrame:
+    """Lay out an interpretation and all that differ from it in one level, a column a factor."""
+    usual = asdict(chosen)
+    near = [usual | {k: of} for k, levels in FACTORS.items() for of in levels if of != usual[k]]
+    return pd.DataFrame([usual, *near])
 
 
 @dataclass(frozen=True)
-class JudgedReadings:
-    """Claims judged in many readings.
+class Judged:
+    """Claims judged in many interpretations.
 
     Attributes
     ----------
-    levels : DataFrame, shape (readings, factors)
-    why : Series, shape (readings,)
-        ``sample``, ``about ...``, ``beside the best``, ``best`` or the name of a reading.
-    value, error, inside : DataFrame, shape (readings, claims)
+    levels : DataFrame, shape (interpretations, factors)
+    why : Series, shape (interpretations,)
+        ``sample``, ``about ...``, ``beside the best``, ``best`` or the name of an interpretation.
+    value, error, inside : DataFrame, shape (interpretations, claims)
         As `Roads.evaluate` gives them.
     laps, seed : int
     """
@@ -474,81 +431,78 @@ class JudgedReadings:
     seed: int
 
     @classmethod
-    def of(cls, table: pd.DataFrame, laps: int, seed: int) -> JudgedReadings:
+    def of(cls, table: pd.DataFrame, laps: int, seed: int) -> Judged:
         """Take a table of data/derived/readings apart."""
         numbers = (table.filter(regex=f"^{k}_") for k in "vep")
         value, error, inside = (n.rename(columns=lambda c: f"terrain-{c[2:]}") for n in numbers)
         return cls(table[[*FACTORS]], table["why"], value, error, inside / 100, laps, seed)
 
-    def where(self, rows: pd.Series) -> JudgedReadings:
-        """Keep some of the readings, such as ``of.where(of.levels["noise"] == "integrated")``."""
+    def where(self, rows: pd.Series) -> Judged:
+        """Keep some of them, such as ``of.where(of.levels["noise"] == "integrated")``."""
         names = "levels", "why", "value", "error", "inside"
-        kept = {name: getattr(self, name)[rows] for name in names}
-        return replace(self, **kept)
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
-    def reading(self, row: int) -> Reading:
-        """Give the reading of a row, by its label."""
-        return Reading.of(self.levels.loc[row].to_dict())
+    def interpretation(self, row: int) -> Interpretation:
+        """Give the interpretation of a row, by its label."""
+        return Interpretation.of(self.levels.loc[row].to_dict())
 
     def verdicts(self) -> pd.DataFrame:
         """Judge: 1 where a claim holds, 0 where it fails, NaN where the laps leave it open.
 
         Returns
         -------
-        DataFrame, shape (readings, claims)
+        DataFrame, shape (interpretations, claims)
         """
-        return (
-            (self.inside >= HOLDS).astype(float).mask((self.inside > FAILS) & (self.inside < HOLDS))
-        )
+        is_open = (self.inside > FAILS) & (self.inside < HOLDS)
+        return (self.inside >= HOLDS).astype(float).mask(is_open)
+
+    def _said(self):
+        said = self.verdicts()
+        return {"holds": said == 1, "fails": said == 0, "open": said.isna()}
 
     def shares(self) -> pd.DataFrame:
-        """Count the readings in which each claim holds, fails and is open.
+        """Count the interpretations in which each claim holds, fails and is open.
 
         Returns
         -------
         DataFrame, indexed by claim
-            ``holds``, ``fails``, ``open``: shares of the readings.
+            ``holds``, ``fails``, ``open``: shares of the interpretations.
         """
-        said = self.verdicts()
-        found = {"holds": said == 1, "fails": said == 0, "open": said.isna()}
-        return pd.DataFrame({name: of.mean() for name, of in found.items()})
+        return pd.DataFrame({name: of.mean() for name, of in self._said().items()})
 
     def by_level(self, claim: str) -> pd.DataFrame:
-        """Share of the readings in which a claim holds, by the level of every factor.
+        """Share of the interpretations in which a claim holds, by the level of every factor.
 
         Returns
         -------
         DataFrame
-            ``factor``, ``level``, ``readings``, ``holds``.
+            ``factor``, ``level``, ``interpretations``, ``holds``.
         """
         held = self.inside[claim] >= HOLDS
-        rows = []
-        for factor, levels in FACTORS.items():
-            for level in levels:
-                of_level = held[self.levels[factor] == level]
-                rows.append((factor, level, len(of_level), of_level.mean()))
-        return pd.DataFrame(rows, columns=["factor", "level", "readings", "holds"])
+        rows = [
+            (factor, level, len(of_level := held[self.levels[factor] == level]), of_level.mean())
+            for factor, levels in FACTORS.items()
+            for level in levels
+        ]
+        return pd.DataFrame(rows, columns=["factor", "level", "interpretations", "holds"])
 
     def joint(self) -> pd.DataFrame:
-        """Rank the readings by how many claims hold at once.
+        """Rank the interpretations by how many claims hold at once.
 
         Returns
         -------
-        DataFrame, shape (readings, ...)
+        DataFrame, shape (interpretations, ...)
             ``holds``, ``fails``, ``open``: numbers of claims, and the levels; the most first, then
-            the fewest failures, then the fewest levels that differ from the reference reading.
+            the fewest failures, then the fewest levels that differ from the reference.
         """
-        said = self.verdicts()
-        count = {"holds": said == 1, "fails": said == 0, "open": said.isna()}
-        table = pd.DataFrame({name: of.sum(axis=1) for name, of in count.items()})
-        away = (self.levels != pd.Series(asdict(Reading()))).sum(axis=1)
-        order = table.assign(away=away).sort_values(
-            ["holds", "fails", "away"], ascending=[False, True, True], kind="stable"
-        )
-        return table.join(self.levels).loc[order.index]
+        table = pd.DataFrame({name: of.sum(axis=1) for name, of in self._said().items()})
+        away = (self.levels != pd.Series(asdict(Interpretation()))).sum(axis=1)
+        keys = pd.DataFrame({"fewer": -table["holds"], "fails": table["fails"], "away": away})
+        order = keys.sort_values([*keys], kind="stable").index
+        return table.join(self.levels).loc[order]
 
     def never(self) -> list[str]:
-        """Name the claims that hold in none of the readings."""
+        """Name the claims that hold in none of the interpretations."""
         return [claim for claim, held in (self.inside >= HOLDS).any().items() if not held]
 
     def deciding(self, claim: str, resamples: int, rng: np.random.Generator) -> pd.DataFrame:
@@ -563,7 +517,7 @@ class JudgedReadings:
         ----------
         claim : str
         resamples : int
-            Bootstrap samples of the readings, for the intervals.
+            Bootstrap samples of the interpretations, for the intervals.
         rng : numpy.random.Generator
 
         Returns
@@ -572,31 +526,21 @@ class JudgedReadings:
             ``share`` with ``low`` and ``high`` (95 %), the largest first; ``with_factor`` and
             ``pair``, the other factor with which it explains most beyond both alone, and how much.
         """
-        codes = self._codes()
-        drawn = np.vstack(
-            [np.arange(len(codes)), rng.integers(len(codes), size=(resamples, len(codes)))]
-        )
-        y = self.inside[claim].to_numpy()
         names = [*FACTORS]
-        found = np.array([[_between(y[d], codes[d, k]) for k in range(len(names))] for d in drawn])
+        codes = [pd.Categorical(self.levels[k], FACTORS[k]).codes.astype(int) for k in names]
+        y, n = self.inside[claim].to_numpy(), len(self.inside)
+        drawn = np.vstack([np.arange(n), rng.integers(n, size=(resamples, n))])
+        found = np.array([[_between(y[d], of[d]) for of in codes] for d in drawn])
         low, high = np.quantile(found[1:], [0.025, 0.975], axis=0)
         table = pd.DataFrame({"share": found[0], "low": low, "high": high}, index=names)
         pairs = pd.DataFrame(0.0, names, names)
         for i, one in enumerate(names):
             for j in range(i):
-                both = _between(y, codes[:, i] * 100 + codes[:, j])
+                both = _between(y, codes[i] * 100 + codes[j])
                 more = both - max(found[0, i], 0.0) - max(found[0, j], 0.0)
                 pairs.loc[one, names[j]] = pairs.loc[names[j], one] = more
         table = table.assign(with_factor=pairs.idxmax(axis=1), pair=pairs.max(axis=1))
         return table.sort_values("share", ascending=False, kind="stable")
-
-    def _codes(self):
-        """Number of the level of each factor, shape (readings, factors)."""
-        columns = [
-            self.levels[name].map({level: k for k, level in enumerate(levels)})
-            for name, levels in FACTORS.items()
-        ]
-        return np.column_stack(columns).astype(int)
 
 
 def _between(y, codes):
@@ -611,30 +555,30 @@ def _between(y, codes):
 
 
 @dataclass(frozen=True)
-class ReadingStudy:
+class InterpretationStudy:
     """What data/derived/readings holds.
 
     Attributes
     ----------
-    all : JudgedReadings
-        The sample (``why`` is ``sample``) and one factor at a time about two readings.
-    best : JudgedReadings
-        The readings in which most claims hold, and two named ones, with fresh laps.
+    all : Judged
+        The sample (``why`` is ``sample``) and one factor at a time about two interpretations.
+    best : Judged
+        The interpretations in which most claims hold, and two named ones, with fresh laps.
     roads : Roads
         What they were simulated with.
     """
 
-    all: JudgedReadings
-    best: JudgedReadings
+    all: Judged
+    best: Judged
     roads: Roads
 
     @property
-    def sample(self) -> JudgedReadings:
+    def sample(self) -> Judged:
         """The Sobol' sample alone: every level about equally often."""
         return self.all.where(self.all.why == "sample")
 
     def again(self, row: int) -> pd.DataFrame:
-        """Simulate a stored reading here and now.
+        """Simulate a stored interpretation here and now.
 
         Returns
         -------
@@ -643,5 +587,5 @@ class ReadingStudy:
             and whole per cents.
         """
         of = self.all
-        found = self.roads.evaluate(of.reading(row), laps=of.laps, seed=of.seed)
+        found = self.roads.evaluate(of.interpretation(row), laps=of.laps, seed=of.seed)
         return found.assign(stored=of.value.loc[row], stored_inside=of.inside.loc[row])

@@ -25,7 +25,7 @@ from analysis.terrain.terrain_map import Profile
 
 # m; the distances at which the semivariogram of the map's error is read.
 LAGS = np.unique(np.geomspace(1, 200, 25).round().astype(int))
-# deg/sqrt(year): how a road and its map grow apart in the offset and in the slow part (chosen).
+# deg/sqrt(year): how a road and its map grow apart in the offset and the slow component (chosen).
 AGEING = 0.02, 0.05
 
 
@@ -90,7 +90,7 @@ class MapError:
         found, _ = curve_fit(_semivariogram, LAGS, gamma, start, sigma=gamma, bounds=bounds)
         # Four digits, for the fit stops where eight are good: every processor then has the same.
         fast_sd, fast_length, slow_sd, slow_length = (float(f"{x:.4g}") for x in found)
-        # The mean of a lap varies by the offset, and by what the slow part leaves in a mean.
+        # The mean of a lap varies by the offset, and by what the slow component leaves in a mean.
         x = np.mean([len(of) for of in series]) / slow_length
         of_slow = 2 * slow_sd**2 * (x - 1 + np.exp(-x)) / x**2
         of_mean = np.mean([np.nanmean(of) ** 2 for of in series])
@@ -98,12 +98,12 @@ class MapError:
         return cls(offset, slow_sd, slow_length, fast_sd, fast_length, len(series))
 
     def aged(self, years: float) -> MapError:
-        """Let the map grow old: offset and slow part gain an assumed variance each year."""
+        """Let the map grow old: offset and slow component gain an assumed variance each year."""
         of_offset, of_slow = np.array(AGEING) * np.sqrt(years)
         offset, slow = np.hypot(self.offset_sd, of_offset), np.hypot(self.slow_sd, of_slow)
         return replace(self, offset_sd=float(offset), slow_sd=float(slow))
 
-    def parts(self, laps: float) -> tuple[tuple[float, float], ...]:
+    def components(self, laps: float) -> tuple[tuple[float, float], ...]:
         """Give the error of a map of some laps as `Setup.drawn_map_error` has it."""
         sd = np.sqrt(1 + 1 / laps) * np.array([self.offset_sd, self.slow_sd, self.fast_sd])
         lengths = np.inf, self.slow_length_m, self.fast_length_m
@@ -112,8 +112,8 @@ class MapError:
     def setup(self, setup: Setup, laps: float) -> Setup:
         """Tell a filter with bias states what to expect of a map of some laps.
 
-        The slow part is a state of its own. The fast part is white on the scale of the map, with
-        R = 2 fast_sd^2 fast_length / (metres between readings): the same spectral density. The
+        The slow component is a state of its own. The fast one is white on the map's scale, with
+        R = 2 fast_sd^2 fast_length / (metres between samples): the same spectral density. The
         offset is widened by Student's t, for it comes from as many numbers as there were laps.
 
         Parameters
@@ -143,7 +143,7 @@ def _semivariogram(d, fast_sd, fast_length, slow_sd, slow_length):
 
 
 def _every_metre(s, values):
-    """Interpolate a series to every metre; NaN farther than 2 m from the next reading."""
+    """Interpolate a series to every metre; NaN farther than 2 m from the next sample."""
     known = np.isfinite(values) & np.isfinite(s)
     s, values = s[known], values[known]
     if len(s) < 2:
@@ -215,8 +215,8 @@ def lay_on_line(name, direction, raw, line, mounting) -> Lap:
     s, offset = line.lap_distance(middle[:, 0], middle[:, 1])
     _, pitch, roll = antennas.attitude(whole, mounting)
     known = np.flatnonzero(np.isfinite(s))
-    part = slice(known[0], known[-1] + 1)
-    t, s = raw.t_s[part], s[part]
+    kept = slice(known[0], known[-1] + 1)
+    t, s = raw.t_s[kept], s[kept]
     s = s - line.length_m * (s[0] > line.length_m / 2)
     counts = np.interp(t, raw.wheel_t_s, raw.wheel_counts)
     counts -= counts[0]
@@ -224,8 +224,8 @@ def lay_on_line(name, direction, raw, line, mounting) -> Lap:
     scale = np.polyfit(counts[good], s[good], 1)[0]
     s = np.interp(t, t[good], (s - scale * counts)[good]) + scale * counts
     fixed = np.isfinite(raw.antennas).all(axis=(0, 2))
-    kept = offset[part], pitch[part], roll[part], middle[part, 2], counts, fixed[part]
-    return Lap(name, direction, t - t[0], s, *kept)
+    columns = offset[kept], pitch[kept], roll[kept], middle[kept, 2], counts, fixed[kept]
+    return Lap(name, direction, t - t[0], s, *columns)
 
 
 def resample_lap(lap, channels, rate_hz):
@@ -313,9 +313,8 @@ def track_real_laps(
         attitude_map.require(truth)
         if exact_map:
             attitude = attitude_map.at(truth)
-        expected = setup
-        if map_errors is not None:
-            expected = map_errors[label].setup(setup, profile.laps.mean())
+        error = None if map_errors is None else map_errors[label]
+        expected = setup if error is None else error.setup(setup, profile.laps.mean())
         own = {
             name: Sensor(arw, sigma_b, R[k] if isinstance(R, np.ndarray) else R)
             for name, (arw, sigma_b, R) in sensors.items()

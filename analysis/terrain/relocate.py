@@ -1,24 +1,23 @@
 """Notice that a filter has lost its place on the map, and find the place again.
 
 The variance that a filter computes says how well its model would do, not whether it is on the right
-stretch of road. So every `WAIT` metres the last `WINDOW` metres of readings are compared with all
+stretch of road. So every `WAIT` metres the last `WINDOW` metres of samples are compared with all
 places on the map. Where hardly any likelihood is near the position of the filter, the alarm is
 raised: the position is then that of the odometry. It ends when one place holds nearly all the
 likelihood, twice in a row; the filter starts again from there.
 
-The readings are averaged over stretches of `STRETCH` metres. With y the means that were read and
+The samples are averaged over stretches of `STRETCH` metres. With y these means and
 h(p) those of the map if the last stretch ends at the place p, the likelihood of p is ::
 
     exp(-(y - h(p))' C^-1 (y - h(p)) / 2)
 
 C is the covariance of what the gyro has drifted and of the error of the map. Over a window the
-odometry is exact by comparison. Where no place on the map explains the readings, something else is
+odometry is exact by comparison. Where no place on the map explains the samples, something else is
 wrong with them, and neither alarm nor place can be trusted: nothing is done.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -30,6 +29,7 @@ from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import (
     LOST_M,
     advance,
+    assumed_R,
     attitude_errors,
     filters_of,
     map_errors,
@@ -38,13 +38,13 @@ from analysis.terrain.monte_carlo import (
 from analysis.terrain.real_laps import Lap, MapError, resample_lap
 from analysis.terrain.terrain_map import AttitudeMap, Profile
 
-STRETCH = 10.0  # m; some correlation lengths of the fast part of a map's error
+STRETCH = 10.0  # m; some correlation lengths of the fast component of a map's error
 WINDOW = 300.0  # m of road that are compared with each place
 WAIT = 50.0  # m from one comparison to the next
 APART = 1.0  # m between the places that are tried
 SAME = 10.0  # m; places that are near enough to be one
 SURE = 0.999  # weight near the most likely place from which on it is taken
-EXPLAINED = 1e-3  # probability of readings as bad as these at the most likely place
+EXPLAINED = 1e-3  # probability of samples as bad as these at the most likely place
 DOUBT = 1e-4  # weight near the filter's position below which the alarm is raised
 
 
@@ -71,7 +71,7 @@ class Watched:
 
 def watch(
     attitude_map: AttitudeMap,
-    readings: np.ndarray,
+    samples: np.ndarray,
     moved: np.ndarray,
     first: ArrayLike,
     sensor: Sensor,
@@ -79,12 +79,12 @@ def watch(
     places: tuple[float, float] | None = None,
     within: float = np.inf,
 ) -> Watched:
-    """Track drives; raise an alarm where the readings disagree, and find the place again.
+    """Track drives; raise an alarm where the samples disagree, and find the place again.
 
     Parameters
     ----------
     attitude_map : AttitudeMap
-    readings : ndarray, shape (channels, samples) or (channels, samples, drives), deg
+    samples : ndarray, shape (channels, samples) or (channels, samples, drives), deg
         At ``setup.rate_hz``; NaN where there is none.
     moved : ndarray, shape (samples,) or (samples, drives), m
         By odometry since the sample before.
@@ -109,19 +109,17 @@ def watch(
     driven = np.cumsum(moved.reshape(len(moved), -1) + np.zeros(drives), axis=0)
     at = np.arange(every, len(driven), every)
     steps = np.diff(driven[np.append(0, at)], axis=0)
-    readings = np.reshape(readings, (attitude_map.channels, len(driven), -1))
-    z = readings[:, at]
+    samples = np.reshape(samples, (attitude_map.channels, len(driven), -1))
+    z = samples[:, at]
     places = places or (attitude_map.start, attitude_map.end)
-    arw, sigma_b = (np.array([[value]]) for value in (sensor.arw, sensor.sigma_b))
-    R = setup.R if sensor.R is None else sensor.R
+    (arw, sigma_b), R = np.array(sensor[:2]).reshape(2, 1, 1), assumed_R(sensor, setup)
     found_again = replace(setup, begin_sd=APART, start="stationary")
     ukf, Q = filters_of(attitude_map, setup, arw, sigma_b, first)
     averaged = averaged_map(attitude_map)
     position, lost = np.tile(first, (len(driven), 1)), np.zeros(driven.shape, dtype=bool)
     is_lost, begun = np.zeros(drives, dtype=bool), np.full(drives, np.inf)
     waited = np.full(drives, WAIT - WINDOW)
-    alarms: list[tuple[int, int]] = []
-    found: list[tuple[int, int]] = []
+    raised = Watched(position, first + driven, lost, [], [])
     for k, step in enumerate(steps):
         read = z[:, k, None] if np.isfinite(z[:, k]).all() else None
         advance(ukf, setup, step, Q, read, R)
@@ -131,13 +129,13 @@ def watch(
             waited[d], now = 0.0, slice(0, at[k] + 1)
             around = max(places[0], here[d] - within), min(places[1], here[d] + within)
             place, weight, explained = likelihood(
-                averaged, readings[:, now, d], driven[now, d], sensor, setup, around
+                averaged, samples[:, now, d], driven[now, d], sensor, setup, around
             )
             likely = place[weight.argmax()]
             near, best = (weight[np.abs(place - of) < SAME].sum() for of in (here[d], likely))
             if not is_lost[d] and near < DOUBT and explained > EXPLAINED:
                 is_lost[d] = True
-                alarms.append((int(d), int(at[k])))
+                raised.alarms.append((int(d), int(at[k])))
             # Where the drive would have begun: the same place twice in a row.
             before, begun[d] = begun[d], likely - driven[at[k], d]
             sure = best > SURE and explained > EXPLAINED and abs(begun[d] - before) < SAME
@@ -148,11 +146,11 @@ def watch(
                 again = replace(found_again, begin_attitude_sd=known)
                 fresh, _ = filters_of(attitude_map, again, arw, sigma_b, here[d : d + 1])
                 ukf.x[..., d], ukf.P[..., d] = fresh.x[..., 0], fresh.P[..., 0]
-                found.append((int(d), int(at[k])))
+                raised.found.append((int(d), int(at[k])))
         position[at[k]], lost[at[k]] = here, is_lost
     last = np.arange(len(driven)) // every * every
     position = position[last] + driven - driven[last]
-    return Watched(position, first + driven, lost[last], alarms, found)
+    return replace(raised, position=position, lost=lost[last])
 
 
 def averaged_map(attitude_map: AttitudeMap) -> AttitudeMap:
@@ -162,8 +160,8 @@ def averaged_map(attitude_map: AttitudeMap) -> AttitudeMap:
     return AttitudeMap(attitude_map.start, attitude_map.step, means)
 
 
-def likelihood(averaged, readings, driven, sensor, setup, places):
-    """Compare the last readings with every place.
+def likelihood(averaged, samples, driven, sensor, setup, places):
+    """Compare the last samples with every place.
 
     Parameters
     ----------
@@ -171,7 +169,7 @@ def likelihood(averaged, readings, driven, sensor, setup, places):
         The map's running means over `STRETCH`: see `averaged_map`.
     sensor, setup, places
         As for `watch`.
-    readings : ndarray, shape (channels, samples), deg
+    samples : ndarray, shape (channels, samples), deg
     driven : ndarray, shape (samples,), m
         By odometry, since the first sample.
 
@@ -182,10 +180,10 @@ def likelihood(averaged, readings, driven, sensor, setup, places):
     weight : ndarray, shape (places,)
         Likelihood of each, adding up to 1.
     explained : float
-        Probability that readings from the most likely place agree no better with it (chi-square).
+        Probability that samples from the most likely place agree no better with it (chi-square).
     """
     begin = int(np.searchsorted(driven, driven[-1] - WINDOW))
-    back, z = driven[begin:] - driven[-1], readings[:, begin:]
+    back, z = driven[begin:] - driven[-1], samples[:, begin:]
     number = ((driven[begin:] - driven[begin:].min()) // STRETCH).astype(int)  # it may reverse
     usable = np.isfinite(z).all(axis=0)
     count = np.bincount(number[usable])
@@ -203,7 +201,7 @@ def likelihood(averaged, readings, driven, sensor, setup, places):
         + sensor.arw**2 * np.minimum.outer(t, t)
         + sensor.sigma_b**2 * np.outer(t, t)
         + sd**2 * np.exp(-np.abs(np.subtract.outer(s, s)) / length)
-        + np.diag((setup.R if sensor.R is None else sensor.R) * setup.every / count[kept])
+        + np.diag(assumed_R(sensor, setup) * setup.every / count[kept])
     )
     inverse = np.linalg.inv(C)
     place = np.arange(*places, APART)
@@ -216,30 +214,23 @@ def likelihood(averaged, readings, driven, sensor, setup, places):
     return place, weight / weight.sum(), chi2.sf(square.min(), len(z) * len(kept))
 
 
-def _pitch_off(degrees, begin, end, truth, moved, attitude, first):
-    """Let the attitude be off over a stretch of road."""
-    return moved, attitude + degrees * ((begin < truth) & (truth < end)), first
-
-
-def _wheels_miss(metres, at, truth, moved, attitude, first):
-    """Let the odometry miss some metres within two seconds."""
-    part, moved = np.flatnonzero(truth > at)[:200], moved.copy()
-    moved[part] -= metres / len(part)
-    return moved, attitude, first
-
-
-def _begin_wrong(metres, truth, moved, attitude, first):
-    """Let the first position be wrong."""
-    return moved, attitude, first + metres
-
-
-DISTURBANCES = {
-    "none": partial(_begin_wrong, 0.0),
-    "pitch 0.5° off for 300 m": partial(_pitch_off, -0.5, 500.0, 800.0),
-    "pitch 1° off for 100 m": partial(_pitch_off, 1.0, 700.0, 800.0),
-    "odometry misses 30 m": partial(_wheels_miss, 30.0, 700.0),
-    "first position 60 m wrong": partial(_begin_wrong, 60.0),
+DISTURBANCES: dict[str, dict] = {
+    "none": {},
+    "pitch 0.5° off for 300 m": {"pitch": (-0.5, 500.0, 800.0)},
+    "pitch 1° off for 100 m": {"pitch": (1.0, 700.0, 800.0)},
+    "odometry misses 30 m": {"missed": (30.0, 700.0)},
+    "first position 60 m wrong": {"first": 60.0},
 }
+"""How a real lap is spoilt: degrees between two places; metres that odometry misses after a place,
+within two seconds; metres that the first position is off."""
+
+
+def _spoilt(truth, moved, attitude, pitch=(0.0, 0.0, 0.0), missed=(0.0, 0.0), first=0.0):
+    degrees, begin, end = pitch
+    metres, after = missed
+    within, moved = np.flatnonzero(truth > after)[:200], moved.copy()
+    moved[within] -= metres / len(within)
+    return moved, attitude + degrees * ((begin < truth) & (truth < end)), truth[0] + first
 
 
 def watch_real_laps(
@@ -277,7 +268,7 @@ def watch_real_laps(
         gyro = (sensor.arw * walk + sensor.sigma_b * bias)[..., 0].T
         own = errors[label].setup(setup, profile.laps.mean())
         places = truth.min() - SAME, truth.max() + SAME
-        changed = [change(truth, moved, attitude, truth[0]) for change in DISTURBANCES.values()]
+        changed = [_spoilt(truth, moved, attitude, **how) for how in DISTURBANCES.values()]
         driven, seen, first = (np.stack(of, axis=-1) for of in zip(*changed, strict=True))
         given = seen + gyro[..., None], driven, first, sensor, own, places
         found = watch(profile.attitude_map(), *given)
@@ -350,8 +341,7 @@ def watch_long_drives(
         if again is not None:
             rows[-1] |= {"away_s": (again - k) / setup.rate_hz, "away_m": truth[again] - truth[k]}
             rows[-1]["after_m"] = off[again, d]
-    columns = ["drive", "at_m", "off_m", "away_s", "away_m", "after_m"]
-    alarms = pd.DataFrame(rows, columns=columns)
+    alarms = pd.DataFrame(rows, columns=["drive", "at_m", "off_m", "away_s", "away_m", "after_m"])
     in_all, lost = alarms.groupby("drive"), watched.lost
     alone = np.abs(watched.odometry - truth[:, None])
     false = alarms[alarms["off_m"] < LOST_M].groupby("drive").size()

@@ -187,18 +187,18 @@ class Profile:
         return AttitudeMap(-more * step, step, rows[:, around])
 
     def position_bound(self, noise_deg, window, spacing) -> np.ndarray:
-        """Give the Cramer-Rao bound of a position from readings over a stretch of a closed map.
+        """Give the Cramer-Rao bound of a position from samples over a stretch of a closed map.
 
-        For readings z = h(s + shift) + noise, independent once in every ``spacing`` metres::
+        For samples z = h(s + shift) + noise, independent once in every ``spacing`` metres::
 
             var(shift) >= 1 / sum((dh/ds)^2 / noise^2)
 
         Parameters
         ----------
         noise_deg : dict of str to float
-            Standard deviation of a reading about the map, for each channel ("pitch", "roll") read.
+            Standard deviation of a sample about the map, for each channel ("pitch", "roll") used.
         window, spacing : float
-            Length of the stretch, distance between independent readings, m.
+            Length of the stretch, distance between independent samples, m.
 
         Returns
         -------
@@ -279,7 +279,7 @@ def combine(curves, line, between=None):
 
 
 def held_out(laps: Sequence[Any], line: CentreLine, width: float) -> dict[str, list[np.ndarray]]:
-    """Predict each lap's readings from the mean of the other laps, to choose a smoothing width.
+    """Predict each lap's samples from the mean of the other laps, to choose a smoothing width.
 
     Parameters
     ----------
@@ -291,15 +291,15 @@ def held_out(laps: Sequence[Any], line: CentreLine, width: float) -> dict[str, l
     Returns
     -------
     dict of list of ndarray
-        Reading minus prediction of each lap, for each of the `QUANTITIES`; NaN where there is no
-        reading, or no other lap.
+        Sample minus prediction of each lap, for each of the `QUANTITIES`; NaN where there is no
+        sample, or no other lap.
     """
     curves = lap_curves(laps, line, width)
     residual: dict[str, list[np.ndarray]] = {q: [] for q in QUANTITIES}
     for k, lap in enumerate(laps):
         for q, values in curves.items():
             others = np.delete(values, k, axis=0)
-            with np.errstate(invalid="ignore"):  # 0 / 0 where no other lap has a reading
+            with np.errstate(invalid="ignore"):  # 0 / 0 where no other lap has a sample
                 mean = np.nansum(others, axis=0) / np.isfinite(others).sum(axis=0)
             predicted = np.interp(lap.s_m, line.s_m, mean, period=line.length_m)
             residual[q].append(getattr(lap, q) - predicted)

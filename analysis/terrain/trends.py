@@ -91,7 +91,7 @@ def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
     Trend
     """
     powers, y = line_and_square(x), np.asarray(y)
-    _, c1, c2 = (y @ np.linalg.pinv(powers).T).T
+    c1, c2 = coefficients(x, y)
     rms = []
     for columns in (powers[:, [0, 1]], powers[:, [0, 2]]):
         rest = y[0] - columns @ np.linalg.pinv(columns) @ y[0]
@@ -109,6 +109,11 @@ def line_and_square(x):
     x = np.asarray(x, dtype=float)
     rises = [(v - v[0]) / (v[-1] - v[0]) for v in (x, x**2)]
     return np.stack([np.ones_like(x), *rises], axis=1)
+
+
+def coefficients(x, y):
+    """Give c1 and c2 of each row of y."""
+    return (y @ np.linalg.pinv(line_and_square(x)).T).T[1:]
 
 
 def _share_of_square(c1, c2):
@@ -233,21 +238,21 @@ def draw_prices(ranges: ArrayLike, draws: int, rng: np.random.Generator) -> np.n
 def cheapest(
     reach: ArrayLike, ranges: ArrayLike, wanted: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Count how often each part is the cheapest that keeps a precision.
+    """Count how often each product is the cheapest that keeps a precision.
 
     Parameters
     ----------
-    reach : array_like, shape (draws, parts), m
-        Error of each part, in resamples of the laps.
-    ranges : array_like, shape (parts, 2), USD
+    reach : array_like, shape (draws, products), m
+        Error of each product, in resamples of the laps.
+    ranges : array_like, shape (products, 2), USD
         From which each draw takes a price, log-uniformly.
     wanted : float, m
     rng : numpy.random.Generator
 
     Returns
     -------
-    ndarray, shape (parts + 1,)
-        Share of the draws for each part, and last that in which none is good enough.
+    ndarray, shape (products + 1,)
+        Share of the draws for each product, and last that in which none is good enough.
 
     Raises
     ------
@@ -261,7 +266,7 @@ def cheapest(
 
 
 def _logarithms(ranges):
-    """Take the logarithms of price ranges, shape (2, parts)."""
+    """Take the logarithms of price ranges, shape (2, products)."""
     low, high = np.asarray(ranges, dtype=float).T
     if not ((low > 0) & (high >= low)).all():
         raise WrongUsage("a price is a range [low, high] in USD, above zero and rising")

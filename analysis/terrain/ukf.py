@@ -21,10 +21,7 @@ import numpy as np
 
 from analysis import WrongUsage
 from analysis.terrain.assumptions import exp
-
-SPREAD = 3.0  # square of the sigma points' distance in sigmas: matches a Gaussian's fourth moment
-W = 0.5 / SPREAD  # weight of every point but the centre
-W_CENTRE = 2.0 / 3.0  # weight in a covariance of all points that read the map at the mean distance
+from analysis.terrain.compiled import ROOT, about_mean, covariance, divide
 
 
 class Ukf:
@@ -53,17 +50,14 @@ class Ukf:
         self.x, self.P = np.array(x, dtype=float), np.array(P, dtype=float)
         self.n, self.m = len(self.x), attitude_map.channels
         self.transition = np.eye(0) if transition is None else np.asarray(transition)
-        moving = len(self.transition)
-        if (
-            self.m > 2
-            or self.n - 1 not in (0, 2 * self.m, 3 * self.m)
-            or moving != (min(self.n - 1, 2 * self.m))
-        ):
+        further, moving = self.n - 1, len(self.transition)
+        fit = further in (0, 2 * self.m, 3 * self.m) and moving == min(further, 2 * self.m)
+        if self.m > 2 or not fit:
             raise WrongUsage(
                 f"{self.m} channels, {self.n} states and a transition {self.transition.shape} do "
                 "not fit: the filter has one or two channels, and one, three or four states for one"
             )
-        # The states that add to the reading of each channel.
+        # The states that add to what each channel measures.
         last = 1 + 2 * self.m
         self.added = [[i for i in (1 + 2 * c, last + c) if i < self.n] for c in range(self.m)]
 
@@ -118,27 +112,20 @@ class Ukf:
         """
         x, P, n, m = self.x, self.P, self.n, self.m
         root = _cholesky(P)
-        reach = root[0][0] * np.sqrt(SPREAD)
+        reach = root[0][0] * ROOT
         h = self.map.at(np.stack([x[0], x[0] + reach, x[0] - reach]))
         centre, plus, minus = h[:, 0], h[:, 1], h[:, 2]
-        extra_part = [[sum(root[i][j] for i in states) for j in range(n)] for states in self.added]
+        further = [[sum(root[i][j] for i in states) for j in range(n)] for states in self.added]
         for c, states in enumerate(self.added):
             if states:
-                plus[c] += np.sqrt(SPREAD) * extra_part[c][0]
-                minus[c] -= np.sqrt(SPREAD) * extra_part[c][0]
-        expected = plus + minus
-        expected *= W
-        expected += (1.0 - 2.0 * W) * centre
-        cross = plus - minus
-        cross *= W * np.sqrt(SPREAD)
-        for part in (centre, plus, minus):
-            part -= expected
-        S = W_CENTRE * centre[:, None] * centre
-        S += W * (plus[:, None] * plus + minus[:, None] * minus)
+                plus[c] += ROOT * further[c][0]
+                minus[c] -= ROOT * further[c][0]
+        expected, slope, about = about_mean(centre, plus, minus)
+        S = covariance([of[:, None] for of in about], about)
         for a in range(m):
             for b in range(m):
                 for j in range(1, n):
-                    S[a, b] += extra_part[a][j] * extra_part[b][j]
+                    S[a, b] += further[a][j] * further[b][j]
             S[a, a] += R
         innovation = z - expected
         for c, states in enumerate(self.added):
@@ -146,7 +133,7 @@ class Ukf:
                 innovation[c] -= x[i]
         P_xz = [
             [
-                root[i][0] * cross[c] + sum(root[i][j] * extra_part[c][j] for j in range(1, i + 1))
+                root[i][0] * slope[c] + sum(root[i][j] * further[c][j] for j in range(1, i + 1))
                 for c in range(m)
             ]
             for i in range(n)
@@ -222,8 +209,4 @@ def _divide(row, S):
     """Solve k S = row for one or two channels."""
     if len(row) == 1:
         return [row[0] / S[0, 0]]
-    det = S[0, 0] * S[1, 1] - S[0, 1] ** 2
-    return [
-        (row[0] * S[1, 1] - row[1] * S[0, 1]) / det,
-        (row[1] * S[0, 0] - row[0] * S[0, 1]) / det,
-    ]
+    return divide(*row, S[0, 0], S[0, 1], S[1, 1])

@@ -18,9 +18,10 @@ once.
 import math
 from collections import deque
 
+from analysis.tracker.vectors import configure
+
 JUMP_FIXES = 5  # in a row: a jump, and not a wild fix
 BLOCK_S = 0.25  # s of a short mean: an engine line of 20 Hz and more averages out
-BLOCKS = 8  # short means in a window: 2 s, or eight samples of a slow IMU
 SIGMA_FORCE = 0.12  # m/s^2, scatter of the short means at rest at most; a moving car: 0.16 and more
 SIGMA_RATE = 0.0087  # rad/s, likewise: 0.5 deg/s; a moving car: 0.5 and more
 GAP_S = 1.5  # s without a sample after which the window starts anew
@@ -68,18 +69,10 @@ class StaticTest:
     speed_window = 5  # the paper suggests a moving average, and does not print its length
     accel_tau_s = 0.25  # at 4 Hz each sample by itself, as printed; at 40 Hz an average
 
-    def __init__(
-        self,
-        theta_a=theta_a,
-        speed_threshold=speed_threshold,
-        wake_speed=wake_speed,
-        speed_window=speed_window,
-        accel_tau_s=accel_tau_s,
-    ):
-        self.theta_a, self.accel_tau_s = theta_a, accel_tau_s
-        self.speed_threshold, self.wake_speed = speed_threshold, wake_speed
+    def __init__(self, **changed):
+        configure(self, changed)
         self.moving, self.quiet = True, None  # no input has come
-        self._speeds = deque((), speed_window)
+        self._speeds = deque((), self.speed_window)
         self._fast = self._accelerated = None
         self._ax = self._ay = self.norm = 0.0
 
@@ -142,7 +135,7 @@ class RestDetector:
 
     Parameters
     ----------
-    blocks : int
+    rest_blocks : int
         Short means in a window.
 
     Attributes
@@ -155,14 +148,16 @@ class RestDetector:
         Means over the window, m/s^2 and rad/s: up, and the gyro's bias, if it is one of rest.
     """
 
-    def __init__(self, blocks=BLOCKS):
-        self.blocks = blocks
+    rest_blocks = 8  # 2 s, or eight samples of a slow IMU
+
+    def __init__(self, **changed):
+        configure(self, changed)
         self.reset()
 
     def reset(self):
         """Begin with an empty window."""
         self.steady, self.statistic, self.force, self.rate = False, math.inf, None, None
-        self._means = deque((), self.blocks)
+        self._means = deque((), self.rest_blocks)
         self._clear()
 
     def _clear(self):
@@ -192,7 +187,7 @@ class RestDetector:
         scale = 1 / self._count
         self._means.append([value * scale for value in total])
         self._clear()
-        if len(self._means) < self.blocks:
+        if len(self._means) < self.rest_blocks:
             return False
         self.steady = self._test()
         return self.steady
@@ -208,7 +203,7 @@ class RestDetector:
         rate = (squares[0] + squares[1] + squares[2]) / (SIGMA_RATE * SIGMA_RATE)
         force = (squares[3] + squares[4] + squares[5]) / (SIGMA_FORCE * SIGMA_FORCE)
         self.rate, self.force = means[:3], means[3:]
-        self.statistic = (rate + force) / self.blocks
+        self.statistic = (rate + force) / self.rest_blocks
         return self.statistic < 1
 
 
@@ -252,8 +247,8 @@ class LowPass:
     # Without a fix, and without an IMU that sees no motion: after longer the rest may be another.
     gap_s = 60.0  # s
 
-    def __init__(self, lengths=lengths, jump_m=jump_m):
-        self.lengths, self.jump_m = lengths, jump_m
+    def __init__(self, **changed):
+        configure(self, changed)
         self.reset()
 
     def reset(self):

@@ -10,14 +10,13 @@ during an outage.
 import math
 from collections import namedtuple
 
-from analysis.tracker.at_rest import BLOCKS as WINDOW
 from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
 from analysis.tracker.attitude import GAP_S, Attitude, Upright
 from analysis.tracker.constrained import Constrained
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import FAR, GATE_ALONE, SIGMA_DOUBTED, Frame, LastPosition
-from analysis.tracker.mounting import ENTRY_S, MountingYaw
-from analysis.tracker.vectors import STANDARD_GRAVITY, dot, wrap
+from analysis.tracker.mounting import MountingYaw
+from analysis.tracker.vectors import STANDARD_GRAVITY, configure, dot, wrap
 
 FAST = 3.0  # m/s, from which the filter for cars starts: a course is good to some degrees
 RATE, FORCE = 200.0, 2000.0  # rad/s, m/s^2: more than a sensor can mean
@@ -54,14 +53,14 @@ class Options:
     coast_s : float
         The same without the fusion filter, at constant velocity.
 
-    The others are the parameters of the blocks, SI too: m, s, m/s, m/s^2, rad
-    (``theta_alpha`` rad^2).
+    The others are the thresholds of the blocks, each set in the class of its block, SI too: m, s,
+    m/s, m/s^2, rad (``theta_alpha`` rad^2).
     """
 
     last_position = attitude = static = low_pass = mounting = fusion = True
     constrained = False
     number = float
-    pdop_gate = LastPosition.gate
+    pdop_gate = LastPosition.pdop_gate
     save_every_s = LastPosition.save_every_s
     moved_m = LastPosition.moved_m
     three_d = LastPosition.three_d
@@ -73,13 +72,13 @@ class Options:
     wake_speed = StaticTest.wake_speed
     speed_window = StaticTest.speed_window
     accel_tau_s = StaticTest.accel_tau_s
-    rest_blocks = WINDOW
+    rest_blocks = RestDetector.rest_blocks
     lengths = LowPass.lengths
-    straight_length = MountingYaw.length
+    straight_length = MountingYaw.straight_length
     theta_alpha = MountingYaw.theta_alpha
     max_bend = MountingYaw.max_bend
     min_speed = MountingYaw.min_speed
-    max_mount_sigma = MountingYaw.max_sigma
+    max_mount_sigma = MountingYaw.max_mount_sigma
     metres_per_pdop = 1.5
     sigma_no_pdop = 4.0
     sigma_speed = 0.3
@@ -91,15 +90,17 @@ class Options:
     coast_s = 10.0
 
     def __init__(self, **changed):
-        for name in changed:
-            if not hasattr(Options, name):
-                raise TypeError(f"no such option: {name}")
-            setattr(self, name, changed[name])
+        configure(self, changed)
+        self.changed = changed
+
+    def of(self, block: type) -> dict:
+        """Return those changed that a block (a class) has."""
+        return {name: self.changed[name] for name in self.changed if hasattr(block, name)}
 
     @property
     def straight_s(self):
         """Shortest straight that gives a mounting angle, s."""
-        return self.straight_length * ENTRY_S
+        return self.straight_length * MountingYaw.entry_s
 
 
 # One GNSS epoch: s; (lat_deg, lon_deg, height_m), None without a fix; m/s; rad; 2 or 3 dimensions;
@@ -129,22 +130,17 @@ class Device:
     def __init__(self, options, stored, has_imu):
         self.options = on = options
         if on.last_position:
-            criteria = (on.three_d, on.satellites, on.settle_s, on.doubt_s)
-            self.last = LastPosition(stored, on.pdop_gate, on.save_every_s, on.moved_m, *criteria)
+            self.last = LastPosition(stored, **on.of(LastPosition))
         else:
             stored = None
-            self.last = LastPosition(gate=math.inf, **GATE_ALONE)
+            self.last = LastPosition(pdop_gate=math.inf, **GATE_ALONE)
         self.frame = Frame(stored[:3]) if stored else None
         self.attitude = Attitude(on.number) if on.attitude and has_imu else None
-        self.static = StaticTest(
-            on.theta_a, on.speed_threshold, on.wake_speed, on.speed_window, on.accel_tau_s
-        )
-        self.rest = RestDetector(on.rest_blocks) if on.rest_blocks else None
-        self.low_pass = LowPass(on.lengths)
+        self.static = StaticTest(**on.of(StaticTest))
+        self.rest = RestDetector(**on.of(RestDetector)) if on.rest_blocks else None
+        self.low_pass = LowPass(**on.of(LowPass))
         self.upright = Upright()
-        self.mounting = MountingYaw(
-            on.straight_length, on.theta_alpha, on.max_bend, on.min_speed, on.max_mount_sigma
-        )
+        self.mounting = MountingYaw(**on.of(MountingYaw))
         self.fusion = Fusion(on.number) if on.fusion and self.attitude else None
         self.last.bridged_s = on.bridge_s if self.fusion else on.coast_s
         self.constrained = Constrained(on.number) if on.constrained and self.fusion else None

@@ -1,6 +1,5 @@
 """One block alone over a whole log, and the numbers that judge it; `log_replay` runs all blocks."""
 
-import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,22 +7,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from analysis import STANDARD_GRAVITY, Estimate, wrap
-from analysis.tracker.at_rest import SIGMA_FORCE, SIGMA_RATE, LowPass, StaticTest
+from analysis import Estimate, wrap
+from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import BLOCKS, Options
 from analysis.tracker.last_position import LastPosition, Stored
-from analysis.tracker.log_replay import Track, replay, stepped
+from analysis.tracker.log_replay import Track, replay
 from analysis.tracker.scenarios import Scenario, scenario
-from sensorlogs.timeline import Gnss, Imu, Timeline
-
-SLOWEST = 2.0  # m/s, speed under which the regression leaves an epoch out
-WINDOW_S = 2.0  # s that the statistics of rest look back
-FASTEST_STOP = 3.0  # m/s, above which an outage begins, once the mounting angle is known
-BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
+from sensorlogs.timeline import Gnss, Timeline
 
 
 def gated(
-    gnss: Gnss, stored: Stored | None = None, gate: float = LastPosition.gate, **criteria: Any
+    gnss: Gnss, stored: Stored | None = None, gate: float = LastPosition.pdop_gate, **criteria: Any
 ) -> Track:
     """Replay a log with block 1 alone.
 
@@ -142,7 +136,7 @@ def stationary_periods(
         A row a device, as `stationary_period`; ``leaves_model``: 1 if an output lies outside
         `circle_m` once the second layer is full.
     """
-    block = LowPass(lengths, jump_m=np.inf)
+    block = LowPass(lengths=lengths, jump_m=np.inf)
     layers, out = zip(*map(block.step, np.moveaxis(raw, 1, 0)), strict=True)
     layer, rows = np.array(layers), []
     for before, after in zip(np.moveaxis(raw, 2, 0), np.transpose(out, (2, 1, 0)), strict=True):
@@ -248,160 +242,6 @@ def ratio_interval(
     return Estimate(float(above.mean() / below.mean()), *np.quantile(ratios, [0.025, 0.975]))
 
 
-def rest_statistics(timeline: Timeline) -> pd.DataFrame:
-    """Compute what detectors of rest hold against their thresholds, by the IMU alone.
-
-    Parameters
-    ----------
-    timeline : Timeline
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each GNSS epoch: ``speed_m_s`` of the receiver, then, each smaller at rest,
-        ``as printed``: largest horizontal acceleration of a sample since the last epoch, m/s^2
-        (eq (1)); ``mean of 0.25 s``: the same of its running mean, with the tilt read again at
-        rest; over the last two seconds ``variance``: standard deviation of the specific force,
-        m/s^2; ``SHOE``: root of its statistic (Skog et al.), with gravity's size and the bias by
-        block 2 known; ``short means``: root of the statistic of `RestDetector`.
-    """
-    rows = [
-        {"speed_m_s": epoch.speed, "mean of 0.25 s": peak} | found
-        for epoch, peak, found in _watched(timeline, Options(fusion=False))
-    ]
-    printed = Options(fusion=False, rest_blocks=0, accel_tau_s=0.0)
-    peaks = [peak for _, peak, _ in _watched(timeline, printed)]
-    return pd.DataFrame(rows).assign(**{"as printed": peaks})
-
-
-def _watched(timeline, options):
-    """Yield for each epoch the largest norm of block 3, and the statistics of the last window."""
-    peak = [0.0]
-
-    class Watched(StaticTest):
-        def accelerate(self, ax, ay, dt):
-            moving = super().accelerate(ax, ay, dt)
-            peak[0] = max(peak[0], self.norm)
-            return moving
-
-    window: list = []
-    for epoch, _, device, given in stepped(timeline, options):
-        if type(device.static) is StaticTest:
-            device.static.__class__ = Watched
-        window = [s for s in window + given if s[0] > epoch.t_s - WINDOW_S]
-        found = dict.fromkeys(("variance", "SHOE", "short means"), np.nan)
-        if len(window) > 1 and device.attitude.ready and device.rest:
-            force = np.array([s[2] for s in window])
-            rate = np.array([s[1] for s in window]) - device.attitude.bias.x
-            mean = force.mean(axis=0)
-            up = STANDARD_GRAVITY * mean / np.linalg.norm(mean)
-            turning = np.sum(rate**2, axis=1) / SIGMA_RATE**2
-            found["variance"] = np.sqrt(force.var(axis=0).sum())
-            moved = np.sum((force - up) ** 2, axis=1) / SIGMA_FORCE**2
-            found["SHOE"] = np.sqrt((moved + turning).mean())
-            found["short means"] = np.sqrt(device.rest.statistic)
-        yield epoch, peak[0] if given else np.nan, found
-        peak[0] = 0.0
-
-
-def receiver_operating(
-    values: np.ndarray, stopped: np.ndarray, moving: np.ndarray, points: int = 40
-) -> pd.DataFrame:
-    """Compute how many stopped and moving epochs lie under each threshold.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Statistic of each epoch, smaller at rest; NaN counts as large.
-    stopped, moving : ndarray of bool, shape (n,)
-    points : int
-        Thresholds: quantiles of the values of both.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``threshold``, shares ``stopped`` and ``moving`` that lie under it.
-    """
-    values = np.where(np.isfinite(values), values, np.inf)
-    both = [values[at][np.isfinite(values[at])] for at in (stopped, moving)]
-    shares = np.linspace(0, 1, points)
-    at = np.unique(np.concatenate([np.quantile(v, shares) for v in both if len(v)]))
-    under = [[float((values[which] <= x).mean()) for x in at] for which in (stopped, moving)]
-    return pd.DataFrame({"threshold": at, "stopped": under[0], "moving": under[1]})
-
-
-def bridged(
-    timeline: Timeline, *, lengths: Sequence[float] = (10.0, 30.0, 60.0), every_s: float = 15.0
-) -> pd.DataFrame:
-    """Take the fixes away again and again, and see where each way of bridging ends.
-
-    The whole device runs with its block 6, and with the filter for cars; at each start a copy of it
-    goes on without fixes. Block 4 is off, for it holds.
-
-    Parameters
-    ----------
-    timeline : Timeline
-        With GNSS and IMU; its fixes are the truth.
-    lengths : sequence of float
-        Of the outages, s.
-    every_s : float
-        Between two starts, s.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row an outage and length: ``t_s``, ``seconds``, ``speed_m_s`` at its start; at its end
-        the errors of ``holding``, ``constant velocity``, ``block 6`` and ``with wheels`` (m), and
-        the squared error over the variances of filter and fix, ``block 6 nees``, ``with wheels
-        nees``.
-    """
-    found: dict[tuple[float, float], dict[str, float]] = {}
-    for name, wheels in (("block 6", False), ("with wheels", True)):
-        options = Options(low_pass=False, constrained=wheels, bridge_s=2 * max(lengths))
-        steps: list[tuple] = []
-        last = -np.inf
-        for epoch, row, device, given in stepped(timeline, options):
-            for since in steps:
-                _without_fixes(since, epoch, given, lengths, name, found)
-            steps = [s for s in steps if epoch.t_s - s[1].t_s < max(lengths)]
-            known = device.mounting.mount is not None and device.fusion.started
-            fast = row["accepted"] and epoch.speed > FASTEST_STOP
-            if known and fast and epoch.t_s - last >= every_s:
-                last = epoch.t_s
-                steps.append((copy.deepcopy(device), epoch))
-    table = pd.DataFrame(
-        [{"t_s": t, "seconds": seconds} | errors for (t, seconds), errors in found.items()]
-    )
-    return table.dropna().reset_index(drop=True)
-
-
-def _without_fixes(since, epoch, given, lengths, name, found):
-    """Carry a device through an epoch without its fix; note its error where an outage ends."""
-    device, start = since
-    for sample in given:
-        device.imu(*sample)
-    blank = epoch._replace(fix=None, pdop=np.nan, speed=np.nan, course=np.nan)
-    nn, ne, ee = device.gnss(blank)["ellipse"]
-    for seconds in lengths:
-        if (
-            epoch.fix is None
-            or epoch.pdop > device.options.pdop_gate
-            or abs(epoch.t_s - start.t_s - seconds) >= 0.5
-        ):
-            continue
-        true = np.array(device.frame.ned(epoch.fix)[:2])
-        from_there = np.array(device.frame.ned(start.fix)[:2])
-        ahead = start.speed * np.array([np.cos(start.course), np.sin(start.course)])
-        off = np.array(device.ned[:2]) - true
-        sigma = 0.0 if np.isnan(epoch.pdop) else device.options.metres_per_pdop * epoch.pdop
-        S = np.array([[nn + sigma**2, ne], [ne, ee + sigma**2]])
-        row = found.setdefault((start.t_s, seconds), {"speed_m_s": start.speed})
-        row["holding"] = np.hypot(*(from_there - true))
-        row["constant velocity"] = np.hypot(*(from_there + ahead * (epoch.t_s - start.t_s) - true))
-        row[name] = np.hypot(*off)
-        row[f"{name} nees"] = off @ np.linalg.solve(S, off)
-
-
 def mounting_ride(ride: Scenario) -> dict:
     """Replay a simulated ride, and compare its mounting angles with the truth.
 
@@ -496,68 +336,3 @@ def mounting_summary(rides: pd.DataFrame) -> dict[str, str]:
         "error within 1.96 σ": f"{within} of {len(known)}",
         "largest change on the way": f"{known['changed'].max():.1f}°",
     }
-
-
-def mounting_regression(
-    gnss: Gnss, imu: Imu, rng: np.random.Generator, *, runs: int = 400
-) -> Estimate:
-    """Fit the mounting angle to a whole log at once: a reference where no truth is known.
-
-    Over one-second steps of a moving vehicle the specific force in sensor axes is fitted by ::
-
-        f = forward * dv/dt + right * v dpsi/dt + rest
-
-    Rest is minus gravity, forward is the heading in sensor axes. It uses all of the log, turns and
-    braking included, and looks ahead: what block 5 must do on the way, it does afterwards. The 95 %
-    interval is a block bootstrap's.
-
-    Parameters
-    ----------
-    gnss : Gnss
-        One fix a second.
-    imu : Imu
-    rng : numpy.random.Generator
-    runs : int
-        Of the bootstrap.
-
-    Returns
-    -------
-    Estimate
-        Clockwise from the heading to the sensor's X axis, deg; the interval surrounds the value
-        and is not wrapped.
-    """
-    design, force = _steps(gnss, imu)
-    value = _angle(design, force)
-    starts = np.arange(0, max(1, len(force) - BLOCK + 1))
-    angles = []
-    for _ in range(runs):
-        at = rng.choice(starts, size=-(-len(force) // BLOCK))
-        rows = (at[:, None] + np.arange(BLOCK)).ravel()
-        angles.append(_angle(design[rows % len(force)], force[rows % len(force)]))
-    low, high = np.quantile(wrap(np.array(angles) - value), [0.025, 0.975])
-    return Estimate(value, value + low, value + high, "deg")
-
-
-def _steps(gnss, imu):
-    """Gather, for each step between fixes in motion, the fit's inputs and the mean force."""
-    t, v = gnss.t_s, gnss.speed_m_s
-    course = np.radians(gnss.course_deg)
-    inside = (imu.t_s >= t[0]) & (imu.t_s < t[-1])
-    at = np.searchsorted(t, imu.t_s[inside], side="right") - 1
-    count = np.bincount(at, minlength=len(t) - 1)[: len(t) - 1]
-    total = [np.bincount(at, a, minlength=len(t) - 1) for a in imu.accel_b[inside].T]
-    dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
-    turned = wrap(np.diff(course), 2 * np.pi)
-    use = (dt < 1.5) & (mean_v > SLOWEST) & np.isfinite(turned) & (count > 0)
-    design = np.column_stack([np.diff(v) / dt, mean_v * turned / dt, np.ones(len(dt))])[use]
-    return design, (np.array(total)[:, : len(dt)] / np.maximum(count, 1)).T[use]
-
-
-def _angle(design, force):
-    forward, _, rest = np.linalg.lstsq(design, force, rcond=None)[0]
-    down = -rest / np.linalg.norm(rest)
-    # The sensor's X axis laid level, and the level axis to its right.
-    ahead = np.array([1.0, 0.0, 0.0]) - down[0] * down
-    ahead /= np.linalg.norm(ahead)
-    right = np.cross(down, ahead)
-    return float(np.degrees(-np.arctan2(forward @ right, forward @ ahead)) % 360)

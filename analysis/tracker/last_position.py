@@ -16,6 +16,8 @@ Plain arithmetic, so that it runs on a small device as it is.
 import math
 from collections import namedtuple
 
+from analysis.tracker.vectors import configure
+
 ENOUGH = 6  # a receiver that prints two dimensions from so many has solved for three
 PDOP_WAIT_S = 10.0  # receivers that save on sentences give a PDOP every few seconds only
 LOST_S = 10.0  # without a fix; then no motion can be foretold
@@ -40,7 +42,7 @@ class LastPosition:
     ----------
     stored : Stored, optional
         Position that an earlier run left.
-    gate : float
+    pdop_gate : float
         Largest PDOP of an acceptable fix; infinite, every fix is accepted.
     save_every_s : float
         Shortest time between two writes to memory, but for one at the end of a drive.
@@ -89,7 +91,7 @@ class LastPosition:
     45.00001
     """
 
-    gate = 10.0  # Section IV-C: above refused, below accepted; here 10 itself is
+    pdop_gate = 10.0  # Section IV-C: above refused, below accepted; here 10 itself is
     save_every_s = 60.0  # "periodically", Section III-A1: 10 000 writes last a week
     moved_m = 50.0  # between the error of a poor first fix and a real move
     three_d = True
@@ -97,20 +99,8 @@ class LastPosition:
     settle_s = 5.0  # of fixes that move as they say, before the first is believed
     doubt_s = 30.0  # the same for one in two dimensions, or one that contradicts the memory
 
-    def __init__(
-        self,
-        stored=None,
-        gate=gate,
-        save_every_s=save_every_s,
-        moved_m=moved_m,
-        three_d=three_d,
-        satellites=satellites,
-        settle_s=settle_s,
-        doubt_s=doubt_s,
-    ):
-        self.gate, self.save_every_s, self.moved_m = gate, save_every_s, moved_m
-        self.three_d, self.satellites = three_d, satellites
-        self.settle_s, self.doubt_s = settle_s, doubt_s
+    def __init__(self, stored=None, **changed):
+        configure(self, changed)
         self.position = self.snapshot = self._memory = stored
         self._sigma = stored and _sigma(stored.pdop)
         self.accepted = 0
@@ -157,7 +147,7 @@ class LastPosition:
         if self._first_s is None:
             self._first_s = t_s
         self.gives_pdop = self.gives_pdop or pdop == pdop
-        if pdop > self.gate:
+        if pdop > self.pdop_gate:
             return False
         agreed_s = 0.0
         if self.settle_s or self.doubt_s:
@@ -209,7 +199,7 @@ class LastPosition:
 
     def _passes(self, pdop, t_s):
         """Return whether the PDOP is known, or the receiver has had some seconds to give one."""
-        if pdop == pdop or self.gate == math.inf:
+        if pdop == pdop or self.pdop_gate == math.inf:
             return True
         return not self.gives_pdop and t_s - self._first_s >= PDOP_WAIT_S
 

@@ -42,11 +42,12 @@ class Track:
     columns : dict
         The columns of track.csv, each an array of shape (n,); NaN where there is no value.
     summary : dict
-        The content of summary.json.
+        The content of summary.json; of its notes those of the reader.
     stored : Stored or None
         The position to keep for the next run: what block 1 had written to memory last.
-    notes : tuple of str
-        What a block could not do and why, and what looks wrong.
+    remarks : tuple of (str, dict)
+        What a block could not do and what looks wrong: a code and its numbers, of which
+        `workbench.track.notes` makes sentences.
     straights : pandas.DataFrame
         Those of block 5, a row each: the fields of `mounting.Straight`, angles in degrees.
     """
@@ -54,7 +55,7 @@ class Track:
     columns: dict[str, np.ndarray]
     summary: dict
     stored: Stored | None
-    notes: tuple[str, ...]
+    remarks: tuple[tuple[str, dict], ...]
     straights: pd.DataFrame
 
 
@@ -86,45 +87,36 @@ def replay(
         If the log has neither positions nor an IMU.
     """
     options = options or Options()
-    gnss, imu = timeline.gnss, timeline.imu
-    if gnss is None and imu is None:
-        raise WrongUsage("nothing to replay: the log has neither positions nor an IMU")
-    epochs = _epochs(gnss, imu)
-    device = Device(options, stored, imu is not None)
-    devices, rows, unexplained = [device], [], []
+    rows, unexplained = [], []
+    devices: list[Device] = []
     straights: list[Straight] = []
-    samples = _samples(imu, options.number)
-    sample, starts = next(samples, None), [*timeline.restarts_s, math.inf]
-    for epoch in tqdm(epochs, desc="replay", unit="epoch", disable=None if progress else True):
-        if epoch.t_s >= starts[len(devices) - 1]:
-            device = Device(options, device.last.snapshot, imu is not None)
+    for epoch, row, device, _ in stepped(timeline, options, stored, progress=progress):
+        if device not in devices[-1:]:
             devices.append(device)
-        while sample is not None and sample[0] <= epoch.t_s:
-            device.imu(*sample)
-            sample = next(samples, None)
-        rows.append(device.gnss(epoch))
-        if len(straights) < sum(each.mounting.straights for each in devices):
+        if device.mounting.straight not in (None, *straights[-1:]):
             straights.append(device.mounting.straight)
-        known = rows[-1]["roll"] == rows[-1]["roll"]
+        rows.append(row | {"t_s": epoch.t_s, "has_fix": epoch.fix is not None})
+        known = row["roll"] == row["roll"]
         unexplained.append(device.attitude.unexplained if known else 0.0)
-    columns = _columns(epochs, gnss, rows)
-    notes = tuple(_notes(timeline, options, columns, devices, unexplained))
+    if not rows:
+        raise WrongUsage("nothing to replay: the log has neither positions nor an IMU")
+    columns = _columns(timeline.gnss, rows)
+    remarks = tuple(_remarks(timeline, options, columns, devices, unexplained))
     table = pd.DataFrame(straights, columns=Straight._fields)
     angles = ["printed", "alone", "sigma", "mount"]
     table[angles] = np.degrees(table[angles].astype(float))
     units = {k: f"{k}_deg" for k in angles} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
-    summary = _summary(timeline, options, columns, devices, len(straights), notes)
-    return Track(columns, summary, device.last.snapshot, notes, table.rename(columns=units))
+    summary = _summary(timeline, options, columns, devices, len(straights))
+    return Track(columns, summary, device.last.snapshot, remarks, table.rename(columns=units))
 
 
-def stepped(timeline, options):
+def stepped(timeline, options, stored=None, *, progress=False):
     """Run a log epoch by epoch, for what needs to look inside the device.
 
     Parameters
     ----------
-    timeline : sensorlogs.timeline.Timeline
-        With GNSS and IMU.
-    options : Options
+    timeline, options, stored, progress
+        As of `replay`.
 
     Yields
     ------
@@ -132,14 +124,17 @@ def stepped(timeline, options):
     row : dict
         What the device put out.
     device : Device
-        Its state after the epoch.
+        Its state after the epoch; another one from each restart on.
     samples : list
         The IMU samples since the epoch before, as `Device.imu` takes them.
     """
-    device, given = Device(options, None, True), []
-    samples = _samples(timeline.imu, options.number)
-    sample = next(samples, None)
-    for epoch in _epochs(timeline.gnss, timeline.imu):
+    has_imu, starts = timeline.imu is not None, [*timeline.restarts_s, math.inf]
+    device, samples = Device(options, stored, has_imu), _samples(timeline.imu, options.number)
+    sample, epochs = next(samples, None), _epochs(timeline.gnss, timeline.imu)
+    for epoch in tqdm(epochs, desc="replay", unit="epoch", disable=None if progress else True):
+        if epoch.t_s >= starts[0]:
+            device = Device(options, device.last.snapshot, has_imu)
+            del starts[0]
         given = []
         while sample is not None and sample[0] <= epoch.t_s:
             given.append(sample)
@@ -161,6 +156,8 @@ def _samples(imu, number):
 
 def _epochs(gnss, imu):
     """Turn the arrays into epochs; without GNSS, into empty ones, one a second."""
+    if gnss is None and imu is None:
+        return []
     if gnss is None:
         times = np.arange(imu.t_s[0] + ROW_S, imu.t_s[-1] + 1e-9, ROW_S).tolist()
         return [Epoch(t, None, *[math.nan] * 5) for t in times]
@@ -174,20 +171,19 @@ def _epochs(gnss, imu):
     ]
 
 
-def _columns(epochs, gnss, rows):
+def _columns(gnss, rows):
     """Return the columns of track.csv, in order."""
 
     def taken(name, dtype):
         return np.array([row[name] for row in rows], dtype=dtype)
 
-    blank = np.full(len(epochs), np.nan)
+    blank = np.full(len(rows), np.nan)
     nn, ne, ee = taken("ellipse", float).reshape(-1, 3).T
     north, east = np.sqrt(nn), np.sqrt(ee)
     return {
-        "t_s": np.array([e.t_s for e in epochs]),
+        "t_s": taken("t_s", float),
         **{k: getattr(gnss, k, blank) for k in ("lat_deg", "lon_deg", "pdop")},
-        "has_fix": np.array([e.fix is not None for e in epochs], dtype=int),
-        **{name: taken(name, int) for name in ("accepted", "moving", "layer")},
+        **{name: taken(name, int) for name in ("has_fix", "accepted", "moving", "layer")},
         "out_lat_deg": taken("lat_deg", float),
         "out_lon_deg": taken("lon_deg", float),
         **{
@@ -230,7 +226,7 @@ def _start(columns, step, device):
     }
 
 
-def _summary(timeline, options, columns, devices, straights, notes):
+def _summary(timeline, options, columns, devices, straights):
     """Return the content of summary.json."""
     t, layer, step = columns["t_s"], columns["layer"], _step(columns["t_s"])
     accepted, device = columns["accepted"] == 1, devices[-1]
@@ -285,95 +281,57 @@ def _summary(timeline, options, columns, devices, straights, notes):
             if isinstance(default, float | int | tuple) and name not in BLOCKS
         },
         "number_type": np.dtype(options.number).name,
-        "notes": list(notes),
+        "notes": list(timeline.notes),
     }
 
 
-def _notes(timeline, options, columns, devices, unexplained):
-    """Yield a sentence for each block that could not run in full, and for what looks wrong."""
-    yield from timeline.notes
+def _remarks(timeline, options, columns, devices, unexplained):
+    """Yield a code and numbers for what could not run in full, and for what looks wrong."""
     imu, gnss, t = timeline.imu, timeline.gnss, columns["t_s"]
     if imu is None:
-        yield "no IMU: blocks 2, 5 and 6 need one and do not run; block 3 uses the speed alone"
+        yield "no_imu", {}
     elif not options.attitude:
-        yield "block 2 is off: blocks 5 and 6 need it and do not run; block 3 uses the speed alone"
+        yield "no_attitude", {}
     elif missing := _without_imu(imu, t):
-        yield (
-            f"the IMU covers {imu.t_s[0]:.0f} to {imu.t_s[-1]:.0f} s of {timeline.duration_s:.0f} "
-            f"s; {missing:,} of {len(t):,} epochs have had no sample for over {GAP_S:g} s: no "
-            "roll, pitch or yaw there, and block 3 uses the speed alone"
-        )
+        covered = {"since": imu.t_s[0], "until": imu.t_s[-1], "duration": timeline.duration_s}
+        yield "imu_in_part", covered | {"missing": missing, "epochs": len(t), "gap": GAP_S}
     if imu is not None and np.median(imu.accel_b[:, 2]) > Z_UP:
-        yield (
-            "the accelerometer reads +g along z, and roll is near 180 deg: if z points up, change "
-            "the signs of y and z of both sensors with --columns; if z points down, change all "
-            "three signs of the accelerometer"
-        )
+        yield "z_up", {}
     if np.mean(np.array(unexplained) > CONTRADICTION) > CONTRADICTION_SHARE:
-        yield (
-            "gyro and accelerometer contradict each other (they leave an acceleration of over "
-            f"{CONTRADICTION:g} m/s^2 that lasts): check the axes, their signs and the units"
-        )
+        yield "contradiction", {"most": CONTRADICTION}
     if gnss is None:
-        yield (
-            "no GNSS: blocks 1, 4, 5 and 6 need it and give nothing new; block 2 has no heading "
-            "and block 3 uses the IMU alone; one row a second"
-        )
+        yield "no_gnss", {}
         return
     if imu is not None:
         lag = time_lag(gnss, imu)
         if lag.value is not None and abs(lag.value) > LAG_SAID:
-            yield (
-                f"GNSS lags the IMU by {lag.value:.2f} s ({lag.low:.2f} to {lag.high:.2f} s): "
-                "positions and headings are as late; where the two clocks are to blame, give "
-                f"--imu-offset so that the IMU starts {lag.value:.2f} s later"
-            )
+            yield "lag", {"lag": lag.value, "low": lag.low, "high": lag.high}
     factor = _turns(timeline)
     if abs(math.log(abs(factor))) > math.log(TURNS) or factor < 0:
-        yield (
-            f"the course turns {factor:.2g} times as far as the gyro: check the gyro's unit (57.3 "
-            "is rad/s for deg/s), its axes and their signs"
-        )
+        yield "turns", {"factor": factor}
     if not columns["has_fix"].any():
-        nothing = ", and block 3 has no input" if imu is None else ""
-        yield f"no fix in the whole log: nothing to accept{nothing}"
+        yield ("no_fix_no_imu" if imu is None else "no_fix"), {}
     else:
         if not columns["accepted"].any():
             poor = (gnss.pdop > options.pdop_gate)[gnss.has_fix].all()
-            good = f"has a PDOP of {options.pdop_gate:g} or less" if poor else "agrees with others"
-            yield f"no fix {good}: none is accepted"
+            yield ("poor" if poor else "unlike"), {"gate": options.pdop_gate}
         if not np.isfinite(gnss.pdop).any() and options.last_position:
-            yield (
-                f"the receiver reports no PDOP: block 1 waits {PDOP_WAIT_S:g} s for one, and then "
-                "judges without"
-            )
+            yield "no_pdop", {"wait": PDOP_WAIT_S}
         if not np.isfinite(gnss.speed_m_s).any():
-            yield (
-                "no speed in the log: block 3 computes it from the fixes of the last seconds, and "
-                "sees a start as late; block 5 does not run"
-            )
+            yield "no_speed", {}
     bridged = options.bridge_s if devices[-1].fusion else options.coast_s
     if held := _held(columns, bridged):
-        yield (
-            f"{held:,} epochs in motion are over {bridged:g} s after the last accepted fix: the "
-            "output position is held there"
-        )
+        yield "held", {"epochs": held, "bridged": bridged}
     from_s, stood_s = _stood(columns, gnss.speed_m_s)
     if imu is not None and stood_s > LOST_S:
-        yield (
-            f"the receiver gave one position at no speed for {stood_s:.0f} s from t = "
-            f"{from_s:.0f} s, while the IMU moved: old fixes, or a device moved on the spot"
-        )
+        yield "stood", {"stood": stood_s, "since": from_s}
     for device in devices:
         if moved := device.last.moved_while_off:
-            yield (
-                f"moved while switched off: first accepted fix {moved:.0f} m from the stored "
-                "position"
-            )
+            yield "moved", {"moved": moved}
     device = devices[-1]
     distance = math.hypot(*device.ned[:2]) if device.ned else 0.0
     if distance > FRAME_M:
-        yield f"the track ends {distance / 1000:.0f} km from its origin, where north and down tilt"
+        yield "far", {"distance": distance / 1000}
 
 
 def _turns(timeline):

@@ -25,14 +25,11 @@ import math
 from collections import namedtuple
 
 from analysis.tracker.at_rest import mean
-from analysis.tracker.vectors import wrap
+from analysis.tracker.vectors import configure, wrap
 
-ENTRY_S = 1.0  # s that an entry covers, so that the buffer is as long at 1 Hz as at 25 Hz
-SIGMA_LEVEL = 0.2  # m/s^2, 2 %: the slope along or across a straight
 SIGMA_ENTRY = 0.2  # m/s^2 of road, rider and GNSS speed in a mean over an entry, to begin with
 SIGMA_LATERAL = 1.0  # of the share of the lateral acceleration that the sensor measures: 0 to 1
 ASSUMED = 2.0  # entries: weight of these two against the measured scatter
-KEEP = 0.9  # least weight of earlier straights at a new one: ten show a turned sensor
 ENOUGH = 1 / math.radians(2.0) ** 2  # 1/rad^2; below, no earlier straight loses weight
 
 
@@ -48,7 +45,7 @@ class MountingYaw:
 
     Parameters
     ----------
-    length : int
+    straight_length : int
         Entries in the buffer.
     theta_alpha : float
         Largest variance of the course, rad^2; each course weighs as its speed squared, since the
@@ -58,7 +55,7 @@ class MountingYaw:
         is (`bend_variance`).
     min_speed : float
         m/s; below, a course over ground is noise.
-    max_sigma : float
+    max_mount_sigma : float
         rad; a worse angle is not put out.
     slope : (float, float)
         Acceleration in the sensor over that by GNSS: pitching, smoothed speed.
@@ -89,25 +86,18 @@ class MountingYaw:
     90.0
     """
 
-    length = 6  # not printed
+    entry_s = 1.0  # s that an entry covers, so that the buffer is as long at 1 Hz as at 25 Hz
+    sigma_level = 0.2  # m/s^2, 2 %: the slope along or across a straight
+    keep = 0.9  # least weight of earlier straights at a new one: ten show a turned sensor
+    straight_length = 6  # not printed
     theta_alpha = math.radians(3.0) ** 2  # not printed
-    max_bend = SIGMA_LEVEL
+    max_bend = sigma_level
     min_speed = 0.5
-    max_sigma = math.radians(6.0)
+    max_mount_sigma = math.radians(6.0)
     slope = (0.4, 2.5)
 
-    def __init__(
-        self,
-        length=length,
-        theta_alpha=theta_alpha,
-        max_bend=max_bend,
-        min_speed=min_speed,
-        max_sigma=max_sigma,
-        slope=slope,
-    ):
-        self.length, self.theta_alpha, self.max_bend = length, theta_alpha, max_bend
-        self.min_speed, self.max_sigma, self.slope = min_speed, max_sigma, slope
-        self.entry_s, self.sigma_level, self.keep = ENTRY_S, SIGMA_LEVEL, KEEP
+    def __init__(self, **changed):
+        configure(self, changed)
         self.mount = self.sigma = self.printed = self.straight = None
         self.straights = 0
         self._known = [0.0] * 11  # sums over all straights: see `fit`
@@ -163,9 +153,9 @@ class MountingYaw:
         entry = (course, speed * speed, forward, lateral, ax, ay, weight, level_x, level_y)
         self._buffer.append(entry)
         self._since, self._sum = speed, [0.0] * 7
-        if len(self._buffer) < self.length:
+        if len(self._buffer) < self.straight_length:
             return False
-        allowed = bend_variance(self._buffer, self.length * self.entry_s, self.max_bend)
+        allowed = bend_variance(self._buffer, self.straight_length * self.entry_s, self.max_bend)
         if course_variance(self._buffer) >= min(self.theta_alpha, allowed):
             self._buffer.pop(0)
             return False
@@ -184,7 +174,7 @@ class MountingYaw:
         keep = max(self.keep, min(1.0, (ENOUGH - new) / known)) if known > 0 else 1.0
         self._known = [keep * k + s for k, s in zip(self._known, sums)]
         angle, known_sigma, slope = weighted_angle(self._known)
-        good = known_sigma <= self.max_sigma and self.slope[0] <= slope <= self.slope[1]
+        good = known_sigma <= self.max_mount_sigma and self.slope[0] <= slope <= self.slope[1]
         if good:
             self.mount, self.sigma = wrap(-angle), known_sigma
         kept = math.nan if self.mount is None else self.mount
@@ -201,7 +191,7 @@ def printed_angle(ax: float, ay: float) -> float:
     return math.pi / 2 if ax == 0 else math.atan(ay / ax)
 
 
-def fit(entries, sigma_level=SIGMA_LEVEL):
+def fit(entries, sigma_level):
     """Sum up a straight for the fit of measured accelerations by those of the vehicle.
 
     Least squares with the weights given, and a prior on the level error of the straight.

@@ -27,14 +27,10 @@ FOR_CARS = "6, for cars"  # the filter that may run in the place of block 6
 KINDS = ("sums", "products", "divisions", "functions")
 
 
-def matrix_product(a, b, c):
-    """Count an a x b matrix times a b x c one.
-
-    Returns
-    -------
-    Counter
-    """
-    return Counter(sums=a * (b - 1) * c, products=a * b * c)
+def dense(products, added):
+    """Count products of matrices, each a x b times b x c, and sums of so many entries."""
+    sums = added + sum(a * (b - 1) * c for a, b, c in products)
+    return Counter(sums=sums, products=sum(a * b * c for a, b, c in products))
 
 
 def predict(n, p, *, input_matrix=True):
@@ -53,10 +49,8 @@ def predict(n, p, *, input_matrix=True):
     -------
     Counter
     """
-    state = matrix_product(n, n, 1) + Counter(sums=n if p else 0)
-    if p and input_matrix:
-        state += matrix_product(n, p, 1)
-    return state + matrix_product(n, n, n) + matrix_product(n, n, n) + Counter(sums=n * n)
+    by_B = [(n, p, 1)] if p and input_matrix else []
+    return dense([(n, n, 1), *by_B, (n, n, n), (n, n, n)], n * n + (n if p else 0))
 
 
 def update(n, m):
@@ -73,12 +67,10 @@ def update(n, m):
     -------
     Counter
     """
-    innovation = matrix_product(m, n, 1) + Counter(sums=m)
-    S = matrix_product(m, n, n) + matrix_product(m, n, m) + Counter(sums=m * m)
-    gain = matrix_product(n, n, m) + cholesky_inverse(m) + matrix_product(n, m, m)
-    state = matrix_product(n, m, 1) + Counter(sums=n)
-    covariance = matrix_product(n, m, n) + Counter(sums=n * n) + matrix_product(n, n, n)
-    return innovation + S + gain + state + covariance
+    innovation, S = [(m, n, 1)], [(m, n, n), (m, n, m)]
+    gain, state, covariance = [(n, n, m), (n, m, m)], [(n, m, 1)], [(n, m, n), (n, n, n)]
+    added = m + m * m + n + n * n
+    return dense(innovation + S + gain + state + covariance, added) + cholesky_inverse(m)
 
 
 def cholesky_inverse(m):
@@ -204,7 +196,8 @@ def instrument(block, tally):
     object
         The block.
     """
-    for name, value in list(vars(block).items()):
+    thresholds = {k: v for k, v in vars(type(block)).items() if isinstance(v, float)}
+    for name, value in (thresholds | vars(block)).items():
         if hasattr(value, "__dict__") and type(value).__module__.startswith("analysis.tracker"):
             instrument(value, tally)
         else:
@@ -260,33 +253,39 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
         ``total``, and ``times_a_second``: samples at `rate`, fixes once, a straight once its buffer
         is full, a layer as often as it fills.
     """
-    dt, started = 1 / rate, StaticTest()
-    for _ in range(StaticTest.speed_window - 1):
-        started.drive(3.0)
+    dt, here = 1 / rate, (1.0, 2.0)
     motion = (0.0, 0.0, 0.1), (0.3, 0.0, -STANDARD_GRAVITY), dt
-    every = np.cumprod(LowPass().lengths)
-    fills = 1 / every - np.append(1 / every[1:], 0.0)
+    driven = _after(StaticTest().drive, [(3.0,)] * (StaticTest.speed_window - 1))
+    told = 2.0, 3, 8, 5.0, 0.3
+    fixes = [(float(k), (44.0 + 4.5e-5 * k, 11.0, 0.0), *told) for k in range(20)]
+    fixed = _after(LastPosition().step, fixes)
+    settled = _after(LowPass(lengths=(1,)).step, [(here,)]).__self__
     straight, entry = _mounting()
-    steps = {
-        ("1", "fix"): (_fix(), 1.0),
-        ("2", "fix"): (_count(under_way(dt).epoch, False, 0.31, 0.05), 1.0),
-        ("2", "sample"): (_count(under_way(dt).imu, *motion, read="horizontal"), rate),
-        ("4", "fix"): (_jump(), 1.0),
-        ("3", "fix"): (_count(started.drive, 3.0), 1.0),
-        ("3", "sample"): (_count(StaticTest().accelerate, 0.3, 0.1, dt), rate),
-        ("3", "sample for a short mean"): (_count(RestDetector().sample, *motion), rate),
-        ("3", "window of short means"): (_window(motion), 1 / BLOCK_S),
-    } | {
-        ("4", f"fix that fills layer {k + 1}"): (_low_pass(epochs), times)
-        for k, (epochs, times) in enumerate(zip(every, fills, strict=True))
-    }
-    steps |= {("5", "fix"): (entry, 1.0), ("5", "straight"): (straight, 1 / MountingYaw.length)}
+    steps = [
+        ("1", "fix", 1.0, _count(fixed, 20.0, (44.0009, 11.0, 0.0), *told)),
+        ("2", "fix", 1.0, _count(under_way(dt).epoch, False, 0.31, 0.05)),
+        ("2", "sample", rate, _count(under_way(dt).imu, *motion, read="horizontal")),
+        ("4", "fix", 1.0, _count(settled.jumped, here)),
+        ("3", "fix", 1.0, _count(driven, 3.0)),
+        ("3", "sample", rate, _count(StaticTest().accelerate, 0.3, 0.1, dt)),
+        ("3", "sample for a short mean", rate, _count(RestDetector().sample, *motion)),
+        ("3", "window of short means", 1 / BLOCK_S, _window(motion)),
+    ]
+    every = np.cumprod(LowPass.lengths)
+    for k, times in enumerate(1 / every - np.append(1 / every[1:], 0.0)):
+        block = LowPass(jump_m=np.inf)
+        filling = _after(block.step, [(here,)] * (every[k] - 1))
+        steps.append(("4", f"fix that fills layer {k + 1}", times, _count(filling, here)))
     fix = (0.1, 0.0, 0.0), (1.0, 0.0), 3.0, 0.3
-    steps["6", "fix"] = _count(_fusion(dt).update, *fix), 1.0
-    steps["6", "sample"] = _count(_fusion(dt).predict, (0.1, 0.0, 0.0), dt, 0.3), rate
-    steps |= {(FOR_CARS, step): cost for step, cost in _car(motion, rate).items()}
-    index = pd.MultiIndex.from_tuples(steps, names=["block", "step"])
-    tallies, times = zip(*steps.values(), strict=True)
+    steps += [
+        ("5", "fix", 1.0, entry),
+        ("5", "straight", 1 / MountingYaw.straight_length, straight),
+        ("6", "fix", 1.0, _count(_fusion(dt).update, *fix)),
+        ("6", "sample", rate, _count(_fusion(dt).predict, (0.1, 0.0, 0.0), dt, 0.3)),
+        *_car(motion, rate),
+    ]
+    blocks, names, times, tallies = zip(*steps, strict=True)
+    index = pd.MultiIndex.from_arrays([blocks, names], names=["block", "step"])
     table = pd.DataFrame(tallies, index, KINDS).fillna(0).astype(int)
     return table.assign(total=table.sum(axis=1), times_a_second=times)
 
@@ -305,7 +304,7 @@ def alignment_costs(rate: float = 40.0) -> dict[str, int]:
         Operations of the ``mean`` of a straight's accelerations, and of the ``rotation`` matrix.
     """
     averaged, turning = Counter[str](), Counter[str]()
-    mean([tuple(row) for row in counted(np.ones((MountingYaw.length, 2)), averaged)])
+    mean([tuple(row) for row in counted(np.ones((MountingYaw.straight_length, 2)), averaged)])
     block = instrument(under_way(1 / rate), turning)
     _ = block.C_nb
     return {"mean": averaged.total(), "rotation": turning.total()}
@@ -342,21 +341,20 @@ def _count(step, *values, read=None):
     return tally
 
 
-def _fix():
-    """Count a fix of a vehicle under way, after one that was accepted."""
-    block, told = LastPosition(), (2.0, 3, 8, 5.0, 0.3)
-    for k in range(20):
-        block.step(float(k), (44.0 + 4.5e-5 * k, 11.0, 0.0), *told)
-    return _count(block.step, 20.0, (44.0009, 11.0, 0.0), *told)
+def _after(step, inputs):
+    """Return a step, a bound method of a block, after it was called with some inputs."""
+    for values in inputs:
+        step(*values)
+    return step
 
 
 def _window(motion):
     """Count the sample that ends a window of short means, without the sums of any sample."""
     block = RestDetector()
-    while True:
-        tally = _count(copy.deepcopy(block).sample, *motion)
-        if block.sample(*motion) or len(block._means) == block.blocks:
-            return tally - _count(RestDetector().sample, *motion)
+    while len(block._means) < block.rest_blocks:
+        before = copy.deepcopy(block)
+        block.sample(*motion)
+    return _count(before.sample, *motion) - _count(RestDetector().sample, *motion)
 
 
 def _car(motion, rate):
@@ -369,22 +367,8 @@ def _car(motion, rate):
         block.sample(*motion)
     step = _count(copy.deepcopy(block).sample, *motion) - sample
     fix = _count(block.update, (0.3, 0.1, 0.0), (5.0, 0.1), 3.0, 0.3)
-    return {"sample": (sample, rate), "step of P": (step, 1 / STEP_S), "fix": (fix, 1.0)}
-
-
-def _low_pass(epochs):
-    """Count the last of so many fixes, and with it the means of the layers it fills."""
-    block = LowPass(jump_m=np.inf)
-    for _ in range(epochs - 1):
-        block.step((1.0, 2.0))
-    return _count(block.step, (1.0, 2.0))
-
-
-def _jump():
-    """Count the test for a jump, of each fix once there is an output."""
-    block = LowPass((1,))
-    block.step((1.0, 2.0))
-    return _count(block.jumped, (1.0, 2.0))
+    found = ("sample", rate, sample), ("step of P", 1 / STEP_S, step), ("fix", 1.0, fix)
+    return [(FOR_CARS, *each) for each in found]
 
 
 def _mounting():

@@ -1,4 +1,4 @@
-"""Power-ons as receivers give them, simulated and cut from drives, and block 1 on each.
+"""Power-ons as receivers give them, simulated, and block 1 on each.
 
 The simulation follows counts of 65 power-ons of real receivers in the field, whose logs are not
 public. Only these numbers are known:
@@ -28,14 +28,13 @@ from sensorlogs.timeline import Gnss
 
 CRITERIA: dict[str, dict[str, Any]] = {
     "the paper's gate alone": GATE_ALONE,
-    "a gate of 5 alone": GATE_ALONE | {"gate": 5.0},
+    "a gate of 5 alone": GATE_ALONE | {"pdop_gate": 5.0},
     "the paper's gate and three dimensions": GATE_ALONE | {"three_d": True},
     "and four satellites": GATE_ALONE | {"three_d": True, "satellites": LastPosition.satellites},
     "and agreement over seconds": {},
 }
 FAR_M = 50.0  # a first output that is plainly wrong
 TO_MEDIAN = math.sqrt(2 * math.log(2))  # median of a Rayleigh distribution over its sigma
-LATER_S, GOOD_PDOP = (5.0, 15.0), 4.0  # fixes that tell where the receiver was some seconds before
 
 
 @dataclass(frozen=True)
@@ -213,63 +212,3 @@ def simulated_starts(seed: int, count: int, moved_m: float | None = None) -> pd.
             row = {"criteria": name, "memory_m": memory_m}
             rows.append(row | begin(gnss, off, stored, **criteria))
     return pd.DataFrame(rows)
-
-
-def errors_by_later_fixes(gnss: Gnss) -> np.ndarray:
-    """Judge each fix by the good ones 5 to 15 s later, carried back at the receiver's own speed.
-
-    What is wrong for longer than that does not show.
-
-    Parameters
-    ----------
-    gnss : Gnss
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        m; NaN without a fix, and where too few good ones follow.
-    """
-    off, at = np.full(len(gnss.t_s), np.nan), np.flatnonzero(gnss.has_fix)
-    if not len(at):
-        return off
-    frame = Frame((float(gnss.lat_deg[at[0]]), float(gnss.lon_deg[at[0]]), 0.0))
-    places = zip(gnss.lat_deg[at], gnss.lon_deg[at], strict=True)
-    place = np.array([frame.ned((*one, 0.0))[:2] for one in places])
-    t, speed = gnss.t_s[at], np.nan_to_num(gnss.speed_m_s[at])
-    course = np.radians(np.nan_to_num(gnss.course_deg[at]))
-    velocity = speed[:, None] * np.column_stack([np.cos(course), np.sin(course)])
-    steps = np.diff(t)[:, None] * (velocity[1:] + velocity[:-1]) / 2
-    moved = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
-    lost = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(t) - 3.0, 0.0))])
-    good = (gnss.pdop[at] <= GOOD_PDOP) & ~(gnss.mode[at] < 3)
-    low, high = (np.searchsorted(t, t + s) for s in LATER_S)
-    for k in range(len(at)):
-        later = np.arange(low[k], high[k])
-        later = later[good[later] & (lost[later] == lost[k])]
-        if len(later) >= 3:
-            back = np.median(place[later] - (moved[later] - moved[k]), axis=0)
-            off[at[k]] = np.hypot(*(place[k] - back))
-    return off
-
-
-def starts_of_a_drive(gnss: Gnss, every_s: float) -> pd.DataFrame:
-    """Switch block 1 on every so many seconds of a drive, as if the receiver had just started.
-
-    Parameters
-    ----------
-    gnss : Gnss
-    every_s : float
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each start that can be judged and set of criteria: ``t_s``, ``criteria``,
-        ``wait_s``, ``off_m`` (by later fixes).
-    """
-    off, rows = errors_by_later_fixes(gnss), []
-    for start in np.arange(gnss.t_s[0], gnss.t_s[-1] - 60.0, every_s):
-        k = int(np.searchsorted(gnss.t_s, start))
-        found = {name: begin(gnss, off, None, k, **kinds) for name, kinds in CRITERIA.items()}
-        if all(row["off_m"] == row["off_m"] for row in found.values()):
-            rows += [{"t_s": start, "criteria": name} | row for name, row in found.items()]
-    return pd.DataFrame(rows).drop(columns=["flagged", "refused_m"])

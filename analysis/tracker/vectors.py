@@ -10,6 +10,14 @@ import math
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
 
+def configure(block, changed):
+    """Set thresholds that are to differ from those that the class of a block names."""
+    for name in changed:
+        if not hasattr(type(block), name):
+            raise TypeError(f"no such option: {name}")
+        setattr(block, name, changed[name])
+
+
 def wrap(angle, turn=2 * math.pi):
     """Bring an angle into (-turn/2, turn/2]."""
     return turn / 2 - (turn / 2 - angle) % turn

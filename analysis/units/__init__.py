@@ -4,7 +4,7 @@ Pure: a `Unit` is arrays that somebody has read. To read in order: frame, clock,
 variances, comparison.
 """
 
-from analysis.units.block_bootstrap import ratio_of_spreads, spread
+from analysis.resampling import ratio_of_spreads, spread
 from analysis.units.clock import clock_offset
 from analysis.units.events import find_events
 from analysis.units.frame import tracks

@@ -64,7 +64,6 @@ def find_events(track: Track, others: Sequence[Track] = ()) -> list[Event]:
     list of Event
     """
     found = [*_losses(track), *_holds(track, others), *_jumps(track)]
-    found += _attitude_holds(track, others)
     return sorted(found, key=lambda e: (e.from_s, e.kind))
 
 
@@ -80,52 +79,50 @@ def _losses(track) -> Iterator[Event]:
         yield Event(track.name, "loss", float(t[k]), float(t[k + 1]), size, note)
 
 
-def _repeats(t, values):
-    """Yield first and last index of repeats that last, seconds, and whether that is nearly all."""
+def _holds(track, others) -> Iterator[Event]:
+    """Find exact repeats of a position, or of an attitude, while the unit or another one moves."""
+    fixed = track.fixed
+    t, xy, v = track.t_s[fixed], track.enu[fixed][:, :2], track.velocity[fixed]
+    turning = [o for o in others if len(o.attitude_t_s) > 1]
+
+    def travelled(i, j):
+        speed = np.hypot(*v[i + 1 : j + 1].T)  # the unit's own, if it reports one
+        yield float(np.nansum(speed * np.diff(t[i : j + 1])))
+        for other in others:
+            ends = interpolated(t[[i, j]], other.t_s, other.enu[:, :2])
+            yield float(np.hypot(*(ends[1] - ends[0])))
+
+    def turned(i, j):
+        for other in turning:
+            span = track.attitude_t_s[[i, j]]
+            inside = (other.attitude_t_s >= span[0]) & (other.attitude_t_s <= span[1])
+            if inside.sum() > 1:
+                part = np.unwrap(np.nan_to_num(other.attitude[inside]), axis=0, period=360)
+                yield float(np.ptp(part, axis=0).max())
+
+    says = "the position stays the same for {:.1f} s and {:.0f} m of travel"
+    yield from _held(track.name, "hold", t, xy, travelled, HELD_M, says)
+    says = "the attitude stays the same for {:.1f} s while another unit turns by {:.0f} deg"
+    angles = np.nan_to_num(track.attitude)
+    yield from _held(
+        track.name, "attitude hold", track.attitude_t_s, angles, turned, TURNED_DEG, says
+    )
+
+
+def _held(name, kind, t, values, moved, least, says) -> Iterator[Event]:
+    """Find the repeats that last while something moves; frozen, if that is nearly all the time."""
+    if len(t) < 3:
+        return
     same = (np.diff(values, axis=0) == 0).all(axis=1)
     edges = np.diff(np.r_[False, same, False].astype(int))
     for i, j in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
         lasts = t[j] - t[i]
-        if lasts >= HELD_S:
-            yield i, j, lasts, lasts > FROZEN * (t[-1] - t[0])
-
-
-def _holds(track, others) -> Iterator[Event]:
-    """Find exact repeats of a position while the unit moves."""
-    fixed = track.fixed
-    t, xy, v = track.t_s[fixed], track.enu[fixed][:, :2], track.velocity[fixed]
-    if len(t) < 3:
-        return
-    for i, j, lasts, frozen in _repeats(t, xy):
-        speed = np.hypot(*v[i + 1 : j + 1].T)  # the unit's own, if it reports one
-        travelled = [float(np.nansum(speed * np.diff(t[i : j + 1])))]
-        for other in others:
-            ends = interpolated(t[[i, j]], other.t_s, other.enu[:, :2])
-            travelled.append(float(np.hypot(*(ends[1] - ends[0]))))
-        moved = max((m for m in travelled if np.isfinite(m)), default=0.0)
-        if moved >= HELD_M:
-            kind = "frozen" if frozen else "hold"
-            note = f"the position stays the same for {lasts:.1f} s and {moved:.0f} m of travel"
-            yield Event(track.name, kind, float(t[i]), float(t[j]), moved, note)
-
-
-def _attitude_holds(track, others) -> Iterator[Event]:
-    """Find exact repeats of an attitude while another unit turns."""
-    t, angles = track.attitude_t_s, np.nan_to_num(track.attitude)
-    others = [o for o in others if len(o.attitude_t_s) > 1]
-    if len(t) < 3 or not others:
-        return
-    for i, j, lasts, frozen in _repeats(t, angles):
-        turned = 0.0
-        for other in others:
-            inside = (other.attitude_t_s >= t[i]) & (other.attitude_t_s <= t[j])
-            if inside.sum() > 1:
-                part = np.unwrap(np.nan_to_num(other.attitude[inside]), axis=0, period=360)
-                turned = max(turned, float(np.ptp(part, axis=0).max()))
-        if turned >= TURNED_DEG:
-            kind, note = "frozen" if frozen else "attitude hold", "the attitude stays the same for "
-            note += f"{lasts:.1f} s while another unit turns by {turned:.0f} deg"
-            yield Event(track.name, kind, float(t[i]), float(t[j]), turned, note)
+        if lasts < HELD_S:
+            continue
+        most = max((m for m in moved(i, j) if np.isfinite(m)), default=0.0)
+        if most >= least:
+            what = "frozen" if lasts > FROZEN * (t[-1] - t[0]) else kind
+            yield Event(name, what, float(t[i]), float(t[j]), most, says.format(lasts, most))
 
 
 def _jumps(track) -> Iterator[Event]:

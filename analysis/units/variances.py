@@ -11,9 +11,8 @@ covariance it is a mean of products ::
 
     v_i = mean (x_i - x_j) (x_i - x_k)
 
-and the joint likelihood of the differences keeps it positive, for any number of units. Premoli and
-Tavella (1993) take the covariances of least sum of squares with which the matrix is a covariance
-matrix. Errors that all units share never show.
+and the joint likelihood of the differences keeps it positive, for any number of units. Errors that
+all units share never show.
 """
 
 from dataclasses import dataclass
@@ -56,8 +55,6 @@ class Variances:
         Smallest bound on all |correlations| with which the differences are possible.
     allowed : dict of float to ndarray, shape (N, 2)
         |Correlation| at most -> smallest and largest standard deviation that is possible.
-    least_squares_correlation : ndarray, shape (N,)
-        Standard deviations by Premoli and Tavella.
     note : str
     """
 
@@ -67,7 +64,6 @@ class Variances:
     p_independent: float
     least_correlation: float
     allowed: dict[float, np.ndarray]
-    least_squares_correlation: np.ndarray
     note: str
 
 
@@ -140,8 +136,7 @@ def unit_variances(
             low = 0.0
         ends = [None if np.isnan(v) else float(v) for v in (low, high)]
         sigma.append(Estimate.refused(unit, why, low=ends[0], high=ends[1]))
-    tavella = np.sqrt(_premoli_tavella(s))
-    return Variances(tuple(sigma), independent, hat, p, least_rho, allowed, tavella, note)
+    return Variances(tuple(sigma), independent, hat, p, least_rho, allowed, note)
 
 
 def _two(x, s, unit, correlations) -> Variances:
@@ -153,9 +148,8 @@ def _two(x, s, unit, correlations) -> Variances:
     )
     bound = Estimate.refused(unit, note, low=0.0, high=total.high)
     both = (bound, bound)
-    nan = np.full(2, np.nan)
     allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
-    return Variances(both, both, nan, float("nan"), 0.0, allowed, nan, note)
+    return Variances(both, both, np.full(2, np.nan), float("nan"), 0.0, allowed, note)
 
 
 def _hat(x, s):
@@ -297,7 +291,7 @@ def _slacks(v, s, rho):
 
 def _inside(s, rho):
     """Variances deep inside the set that |correlations| <= rho allow, and how deep; s of size 1."""
-    start = np.r_[_premoli_tavella(s) + 0.05, 0.0]
+    start = np.r_[np.full(len(s), 0.6), 0.0]  # every v_i >= s_ij / 2 is a covariance matrix
     start[-1] = _slacks(start[:-1], s, rho).min()
     v = _least(
         lambda x: -x[-1], start, lambda x: _slacks(x[:-1], s, rho) - x[-1], more=[(-3.0, 1.0)]
@@ -305,7 +299,7 @@ def _inside(s, rho):
     return v, float(_slacks(v, s, rho).min())
 
 
-def _least(cost, start, slacks, rounds=60, within=1e-8, more=()):
+def _least(cost, start, slacks, more=()):
     """Minimise a cost of variances >= 0 (and ``more`` with bounds) while no slack is negative."""
     return minimize(
         cost,
@@ -313,7 +307,7 @@ def _least(cost, start, slacks, rounds=60, within=1e-8, more=()):
         method="SLSQP",
         bounds=[(0.0, None)] * (len(start) - len(more)) + [*more],
         constraints=[{"type": "ineq", "fun": slacks}],
-        options={"maxiter": rounds, "ftol": within},
+        options={"maxiter": 60, "ftol": 1e-8},
     ).x
 
 
@@ -335,20 +329,6 @@ def _range(s, rho):
             v = _least(lambda v, i=i, sign=sign: sign * v[i], start, slacks)
             out[i, k] = scale * max((v if slacks(v).min() > -1e-5 else start)[i], 0.0)
     return out
-
-
-def _premoli_tavella(s):
-    """Variances of least sum of squared covariances, with a covariance matrix that is one."""
-    scale = s.max()
-    unit = s / scale
-    upper = np.triu_indices(len(s), 1)
-
-    def cost(v):
-        return float((_covariances(v, unit)[upper] ** 2).sum())
-
-    start = np.full(len(s), 0.6)  # every v_i >= s_ij / 2 is a covariance matrix
-    v = _least(cost, start, lambda v: np.linalg.eigvalsh(_covariances(v, unit)), 200, 1e-12)
-    return np.maximum(v, 0.0) * scale
 
 
 def _least_correlation(s):

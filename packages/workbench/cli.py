@@ -1,4 +1,4 @@
-"""The command line, ``python -m analysis``: every verb, its options and its help.
+"""The command line, ``python -m analysis``: every verb with its help; flags.toml has the flags.
 
 Exit status: 0 good; 1 the data cannot support an answer; 2 wrong usage; 130 stopped by Ctrl-C.
 A verb imports what it needs when it runs, so that the help appears at once.
@@ -8,29 +8,26 @@ import ast
 import contextlib
 import functools
 import inspect
-import io
 import math
 import shlex
 import sys
 import tempfile
-from collections.abc import Callable
+import tomllib
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated, Any, Literal
+from typing import Annotated
 
 import typer
 from typer.core import TyperGroup
 
 from analysis import ROOT, CannotAnswer, WrongUsage
 
-UNITS = "deg/s, rad/s, deg/h, deg, rad, g, mg, m/s^2, m"
+FLAGS = tomllib.loads(Path(__file__).with_name("flags.toml").read_text(encoding="utf-8"))
+TYPES = {None: str, "number": float, "count": int, "switch": bool}
+KEYWORD = inspect.Parameter.KEYWORD_ONLY
 RESUMABLE = ("reproduce", "coverage", "readings", "data")  # they keep each piece that is finished
-Block = StrEnum(  # the tracker's, as --without names them
-    "Block", ["last-position", "attitude", "static", "low-pass", "mounting", "fusion"]
-)
-Study = StrEnum("Study", ["intervals", "broken", "power", "real", "beside", "hats", "ensembles"])
 
 
 class Verbs(TyperGroup):
@@ -94,40 +91,38 @@ def _no_verb(version: Annotated[bool, VERSION] = False):
     pass
 
 
-def _verb(function):
-    """Make a function a verb, with the option that all verbs have."""
-    about = typer.Option("--quiet", help="Print errors only.")
+def _verb(function=None, *, reads=None):
+    """Make a function a verb; `reads` names the flags that it takes as ``**reading``."""
+    if function is None:
+        return functools.partial(_verb, reads=reads)
 
-    @functools.wraps(function)
-    def run(*args, quiet, **given):
-        with contextlib.ExitStack() as stack:
-            if quiet:
-                stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
-                stack.enter_context(contextlib.redirect_stderr(io.StringIO()))
-            function(*args, **given)
-
-    signature = inspect.signature(function)
-    option = inspect.Parameter(
-        "quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Annotated[bool, about]
-    )
-    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), option])
-    return app.command()(run)
-
-
-def _option(metavar, about, *names, **settings):
-    return typer.Option(*names, metavar=metavar, help=about, **settings)
+    own = inspect.signature(function).parameters
+    tables = [FLAGS["shared"], FLAGS.get(reads, {}), FLAGS[function.__name__]]
+    parameters = []
+    for name in [*(["ctx"] if "ctx" in own else []), *tables[2], *tables[1]]:
+        about = functools.reduce(lambda known, table: known | table.get(name, {}), tables, {})
+        default = own[name].default if name in own else None
+        if default is None and about.get("type") == "switch":
+            default = False
+        kind = typer.Context if name == "ctx" else _declared(name, default, about)
+        parameters.append(inspect.Parameter(name, KEYWORD, default=default, annotation=kind))
+    function.__signature__ = inspect.Signature(parameters)
+    return app.command()(function)
 
 
-def _flag(name, about):
-    return typer.Option(name, help=about)
-
-
-def _argument(metavar, about):
-    return typer.Argument(metavar=metavar, help=about)
-
-
-def _out(about):
-    return _option("DIR", about, "--out", callback=_check_folder)
+def _declared(name, default, about):
+    """Give a parameter the type and the words that flags.toml has for it."""
+    kind = TYPES[about.get("type")]
+    kind = StrEnum("Choice", about["choices"]) if "choices" in about else kind
+    kind = list[kind] if about.get("several") else kind
+    kind = kind | None if default is None else kind
+    settings = {key: about[key] for key in ("help", "metavar", "min") if key in about}
+    if about.get("folder"):
+        settings["callback"] = _check_folder
+    if about.get("argument"):
+        return Annotated[kind, typer.Argument(**settings)]
+    flag = about.get("flag", f"--{name.replace('_', '-')}")
+    return Annotated[kind, typer.Option(flag, **settings)]
 
 
 def _check_folder(param: typer.CallbackParam, out: str | None):
@@ -153,69 +148,10 @@ def writing(out, option="--out"):
         raise CannotAnswer(f"{option} {out}: cannot write there ({error.strerror})") from error
 
 
-def _print(rows):
-    print(*rows, sep="\n")
+def _tell(template, *told, **more):
+    from workbench import pages
 
-
-Number = float | None
-Count = int | None
-Text = str | None
-Texts = list[str] | None
-SAID_OF_COLUMNS = {  # options of every verb that reads a log
-    "unit": Annotated[
-        Text,
-        _option(
-            "UNITS",
-            "Unit of columns whose name has none: gyro=deg/s,accel=g for each kind, or deg/s alone "
-            f"for channels of one kind. Units: {UNITS}.",
-            "--unit",
-        ),
-    ],
-    "scale": Annotated[
-        Text,
-        _option(
-            "SCALES", "What turns raw counts into the unit: gyro=1/131,accel=1/16384.", "--scale"
-        ),
-    ],
-    "time_unit": Annotated[
-        Literal["s", "ms", "us", "ns", "min", "h", "d"] | None,
-        typer.Option(help="Unit of the time column, if its name and numbers do not tell."),
-    ],
-}
-STATIC = SAID_OF_COLUMNS | {  # and of those that read a static log
-    "rate": Annotated[Number, _option("HZ", "Sampling rate; the time column is not used.")],
-    "time": Annotated[Text, _option("COLUMN", "Time column; if left out, found by its name.")],
-    "columns": Annotated[Text, _option("A,B", "Channels, by name or by number from 1.")],
-    "kind": Annotated[
-        Literal["rate", "angle", "accel", "position"] | None,
-        typer.Option(help="Kind of reading, if name and unit do not tell."),
-    ],
-    "table": Annotated[
-        Text, _option("NAME", "Topic, message, sheet, variable or file in a zip, if several.")
-    ],
-    "start": Annotated[Number, _option("S", "Leave out what is before, s.", "--from")],
-    "stop": Annotated[Number, _option("S", "Leave out what is after, s.", "--to")],
-}
-
-
-MOVING = SAID_OF_COLUMNS | {  # and a log in motion
-    "columns": Annotated[Text, _option("OURS=THEIRS,...", "Meaning and unit of a CSV's columns.")]
-}
-
-
-def _reads(options):
-    """Give a verb the options that read a log; it takes them as ``**reading``."""
-
-    def wrap(verb):
-        *own, rest = inspect.signature(verb).parameters.values()
-        shared = [
-            rest.replace(name=n, kind=rest.KEYWORD_ONLY, default=None, annotation=a)
-            for n, a in options.items()
-        ]
-        verb.__signature__ = inspect.Signature([*own, *shared])
-        return verb
-
-    return wrap
+    print(pages.page(template, *told, **more), end="")
 
 
 def _read(log, columns, **reading):
@@ -234,19 +170,7 @@ def _read_moving(logs, columns, **reading):
 
 
 @_verb
-def reproduce(
-    notebooks: Annotated[Texts, _argument("NOTEBOOK", "Names or numbers (default all).")] = None,
-    at_once: Annotated[
-        Count, _option("N", "Notebooks at a time (default one a core, up to 4).", min=1)
-    ] = None,
-    scratch: Annotated[
-        Text, _option("DIR", "Write all into this folder instead.", callback=_check_folder)
-    ] = None,
-    parameters: Annotated[
-        Texts,
-        _option("NAME=VALUE", "With --scratch: another value for a parameter; repeatable.", "-p"),
-    ] = None,
-):
+def reproduce(notebooks=None, at_once=None, scratch=None, parameters=None):
     """Execute the notebooks and redraw figures/.
 
     \b
@@ -265,11 +189,8 @@ def reproduce(
 
     if parameters and not scratch:
         raise WrongUsage("-p goes with --scratch DIR: figures/ holds what the notebooks state")
-    kept = [
-        ROOT / name
-        for name in ("analysis", "data", "figures", "notebooks", "packages", "studies", "tests")
-    ]
-    if scratch and any(Path(scratch).resolve().is_relative_to(folder) for folder in kept):
+    kept = ("analysis", "data", "figures", "notebooks", "packages", "studies", "tests")
+    if scratch and any(Path(scratch).resolve().is_relative_to(ROOT / name) for name in kept):
         raise WrongUsage(f"--scratch {scratch}: the project keeps its files there; name another")
     values = dict(map(_parameter, parameters or ()))
     start = perf_counter()
@@ -277,30 +198,9 @@ def reproduce(
         runs, found = runner.reproduce(
             notebooks or (), at_once=at_once, scratch=scratch, parameters=values
         )
-    seconds = perf_counter() - start
-    print(f"{'notebook':<28}{'seconds':>8}{'figures':>9}{'claims checked':>16}")
-    for run in runs:
-        print(f"{run.notebook:<28}{run.seconds:>8.1f}{run.figures:>9}{run.claims:>16}")
-    figures, claims = (sum(getattr(run, name) for run in runs) for name in ("figures", "claims"))
-    print(f"{'all, elapsed time':<28}{seconds:>8.1f}{figures:>9}{claims:>16}")
-    print("\ndiffers from the committed:" if found else "\nno number differs from the committed")
-    for sentence in found:
-        print(f"  {sentence}")
+    told = {"runs": runs, "found": found, "seconds": perf_counter() - start}
     changed, alike = (None, []) if scratch else runner.since_commit()
-    if changed is None:
-        return
-    print(
-        f"git: {len(changed)} files changed since the last commit:"
-        if changed
-        else "git: nothing changed"
-    )
-    for file in changed:
-        print(f"  {file}")
-    if alike:
-        print(
-            f"{len(alike)} of them show the committed dots and numbers and need no commit; take "
-            f"them back:\n  git checkout -- {' '.join(alike)}"
-        )
+    _tell("reproduce.txt", told, changed=changed, alike=alike)
 
 
 def _parameter(text):
@@ -313,17 +213,8 @@ def _parameter(text):
     return name, str(Path(value).resolve()) if Path(value).is_file() else value
 
 
-@_verb
-@_reads(STATIC)
-def report(
-    ctx: typer.Context,
-    log: Annotated[str, _argument("LOG", "A file, or a log of the catalogue.")],
-    out: Annotated[str, _out("Folder for the report.")],
-    part: Annotated[
-        Text, _option("NAME", "Part of data/sensors.toml to hold the log against.", "--part")
-    ] = None,
-    **reading,
-):
+@_verb(reads="static")
+def report(ctx, log, out, part=None, **reading):
     """Characterise a static log: noise model and report.
 
     \b
@@ -353,13 +244,9 @@ def report(
     """
     from workbench import report as page
 
-    command = _command(ctx.obj, log)
-    log = _read(log, **reading)
-    with writing(out):
-        result, answers = page.write(log, out, part=part, command=command)
-    _print(page.lines(result, answers))
-    print(f"\n{out}/report.html, model.json and figures/ are written")
-    _print(page.exported(out))
+    read = _read(log, **reading)
+    told = page.write(read, out, part=part, command=_command(ctx.obj, log))
+    _tell("report.txt", told, out=out)
 
 
 def _command(typed, log):
@@ -373,7 +260,7 @@ def _command(typed, log):
 
 
 @_verb
-def channels(log: Annotated[str, _argument("LOG", "A file, a folder, or a log of the catalogue.")]):
+def channels(log):
     """List what a log holds: columns with kind, unit, rate and span.
 
     \b
@@ -396,35 +283,17 @@ def channels(log: Annotated[str, _argument("LOG", "A file, a folder, or a log of
         raise errors[0]
 
 
-@_verb
-@_reads(MOVING)
+@_verb(reads="moving")
 def replay(
-    logs: Annotated[
-        list[str], _argument("LOG", "NMEA, CSV, GPX, UBX ...; GNSS and IMU in one log or two.")
-    ],
-    out: Annotated[str, _out("Folder for track.html, track.csv and others.")],
-    without: Annotated[
-        list[Block] | None, _option("BLOCK", "Turn off this block; may be repeated.")
-    ] = None,
-    outage: Annotated[
-        Texts, _option("FROM:TO", "Delete the fixes of this part of the log, s; may be repeated.")
-    ] = None,
-    imu_offset: Annotated[
-        Number,
-        _option(
-            "S", "Time from first GNSS epoch to first IMU sample, if the stamps do not tell, s."
-        ),
-    ] = None,
-    last_position: Annotated[
-        Text, _option("FILE", "File that keeps the position between runs.")
-    ] = None,
-    table: Annotated[
-        Texts, _option("NAME", "Which of several IMUs or receivers; may be repeated.")
-    ] = None,
-    car: Annotated[
-        bool, _flag("--car", "A car: bridge outages with its wheels' constraint, not by block 6.")
-    ] = False,
-    float32: Annotated[bool, _flag("--float32", "Run the filters in single precision.")] = False,
+    logs,
+    out,
+    without=None,
+    outage=None,
+    imu_offset=None,
+    last_position=None,
+    table=None,
+    car=False,
+    float32=False,
     **reading,
 ):
     """Run the tracker paper's six blocks on a GNSS (and IMU) log.
@@ -457,12 +326,7 @@ def replay(
     """
     import numpy as np
 
-    from analysis.tracker.last_position import Stored
-    from analysis.tracker.log_replay import Options
-    from analysis.tracker.log_replay import replay as replay_log
-    from sensorlogs.timeline import inject_outages
     from workbench import track as page
-    from workbench.saved_position import load_position, save_position
 
     outages = [_interval(text) for text in outage or ()]
     if imu_offset is not None and not math.isfinite(imu_offset):
@@ -474,31 +338,14 @@ def replay(
             )
         _check_last_position(Path(last_position), logs, Path(out))
     log = _read_moving(logs, imu_offset=imu_offset, tables=table or (), **reading)
-    for start, stop in outages:
-        if start > log.duration_s:
-            raise WrongUsage(
-                f"--outage {start:g}:{stop:g} lies beyond the log, which lasts {log.duration_s:g} s"
-            )
-    position, warning = load_position(last_position) if last_position else (None, None)
-    stored = Stored(**position) if position else None
-    if not (log.imu or stored or log.gnss is None or log.gnss.has_fix.any()):
-        raise CannotAnswer(
-            f"{', '.join(log.sources)}: no fix: none of the {len(log.gnss.t_s):,} epochs has a "
-            "position, so there is nothing to replay"
-        )
-    off: dict[str, Any] = {block.replace("-", "_"): False for block in without or ()}
-    number = np.float32 if float32 else float
-    options = Options(number=number, constrained=car, **off)
-    track = replay_log(inject_outages(log, outages), options, stored, progress=True)
-    with writing(out):
-        page.write(track, out)
-    if last_position and track.stored:
-        aside = save_position(last_position, track.stored._asdict())
-        warning = f"{warning}; it is kept as {aside}" if aside else warning
+    options = {block.replace("-", "_"): False for block in without or ()}
+    options |= {"constrained": car, "number": np.float32 if float32 else float}
+    summary, warning = page.replay(
+        log, out, outages=outages, last_position=last_position, **options
+    )
     if warning:
         print(warning, file=sys.stderr)
-    _print(page.lines(track.summary))
-    print(f"\n{out}/track.html, .csv, .gpx, .geojson and summary.json are written")
+    _tell("replay.txt", summary, out=out)
 
 
 def _interval(text):
@@ -530,14 +377,8 @@ def _check_last_position(path, logs, out):
         raise CannotAnswer(f"{option}: cannot keep a position there ({error.strerror})") from error
 
 
-@_verb
-@_reads(STATIC)
-def pool(
-    logs: Annotated[list[str], _argument("LOG", "Files or logs of the catalogue; one a unit.")],
-    out: Annotated[str, _out("Folder for pooled.json.")],
-    axes: Annotated[bool, _flag("--axes", "Pool x, y and z too, as units of one model.")] = False,
-    **reading,
-):
+@_verb(reads="static")
+def pool(logs, out, axes=False, **reading):
     """Estimate one noise model from the logs of several units.
 
     \b
@@ -547,25 +388,14 @@ def pool(
     Writes pooled.json: one estimate for the sensor model, and the spread between its units. A log
     that does not resolve a parameter counts with its bound.
     """
-    from workbench import report as page
+    from workbench import pooling
 
-    read = [_read(log, **reading) for log in logs]
-    with writing(out):
-        pooled = page.write_pooled(read, out, axes=axes)
-    _print(page.pooled_lines(pooled))
-    print(f"\n{out}/pooled.json is written")
+    pooled = pooling.write([_read(log, **reading) for log in logs], out, axes=axes)
+    _tell("pool.txt", pooled, out=out)
 
 
-@_verb
-@_reads(MOVING)
-def compare(
-    logs: Annotated[
-        list[str],
-        _argument("LOG", "One a unit; two files of one unit with a comma: gps.csv,att.csv"),
-    ],
-    out: Annotated[str, _out("Folder for compare.json, the page and the figures.")],
-    **reading,
-):
+@_verb(reads="moving")
+def compare(logs, out, **reading):
     """Compare units that travelled together: positions and attitudes.
 
     \b
@@ -586,31 +416,19 @@ def compare(
     """
     from workbench import comparison as page
 
-    units = _read_units(logs, **reading)
-    with writing(out):
-        content = page.write(units, out)
-    _print([*(f"note: {note}" for note in content["notes"]), *page.lines(content)])
-    print(f"\n{out}/compare.html, compare.json and figures/ are written")
-
-
-def _read_units(logs, **reading):
-    """Read the log of each unit: its name -> its timeline."""
     if len(logs) < 2:
         raise WrongUsage("one log cannot be compared: give the logs of two units or more")
-    units: dict[str, Any] = {}
+    units = {}
     for log in logs:
         files = [log] if Path(log).exists() else log.split(",")
         name = Path(files[0]).name.split(".")[0] or files[0]
         name = next(n for n in (name, *(f"{name}-{k}" for k in range(2, 99))) if n not in units)
         units[name] = _read_moving(files, **reading)
-    return units
+    _tell("compare.txt", page.write(units, out), out=out)
 
 
 @_verb
-def export(
-    model: Annotated[str, _argument("MODEL.json", "As `report` writes it.")],
-    out: Annotated[str, _out("Folder for the files.")],
-):
+def export(model, out):
     """Write a model.json for Kalibr, MATLAB, Gazebo and others.
 
     \b
@@ -621,24 +439,14 @@ def export(
     `report` writes the same files beside its model.json. A parameter that the log does not resolve
     is switched off or left out, never invented; README.md in the folder lists them.
     """
-    from workbench import report as page
+    from workbench import exports
 
-    with writing(out):
-        names = page.export(model, out)
-    for name in names:
+    for name in exports.export(model, out):
         print(f"{out}/{name}")
 
 
 @_verb
-def plan(
-    rate: Annotated[float, _option("HZ", "Sampling rate.")],
-    white: Annotated[float, _option("N", "White noise, U*sqrt(s).")],
-    sigma: Annotated[Number, _option("S", "Gauss-Markov bias, U (with --time).")] = None,
-    time: Annotated[Number, _option("S", "Its correlation time, s.")] = None,
-    flicker: Annotated[Number, _option("B", "Bias instability of IEEE 952, U.")] = None,
-    walk: Annotated[Number, _option("K", "Rate random walk, U/sqrt(s).")] = None,
-    within: Annotated[float, _option("PERCENT", "Half width of the 95 % interval.")] = 20.0,
-):
+def plan(rate, white, sigma=None, time=None, flicker=None, walk=None, within=20.0):
     """Tell how many hours to record for each noise parameter.
 
     \b
@@ -666,25 +474,9 @@ def plan(
         print(f"{planner.SYMBOLS[name]:<10} to ±{within:g} % (95 %): {text.duration(hours)}")
 
 
-WORKERS = _option("N", "Processes (default one a core).", "--workers", min=1)
-SCHEDULER = _option(
-    "ADDRESS",
-    "dask scheduler whose workers compute (tcp://host:8786), or 'local' for one started here.",
-    "--scheduler",
-)
-
-
 @_verb
 def coverage(
-    study: Annotated[Study, _argument("STUDY", "Which of these.")] = (Study.intervals),
-    runs: Annotated[
-        Count, _option("N", "Logs of each model and length (default 500).", min=1)
-    ] = None,
-    hours: Annotated[Text, _option("A,B", "Lengths of the logs, h (default 2,6).")] = None,
-    models: Annotated[Text, _option("A,B", "Names of sensors (default all).")] = None,
-    workers: Annotated[Count, WORKERS] = None,
-    scheduler: Annotated[Text, SCHEDULER] = None,
-    out: Annotated[Text, _out("Folder (default that of the committed study).")] = None,
+    study="intervals", runs=None, hours=None, models=None, workers=None, scheduler=None, out=None
 ):
     """Count how often the 95 % intervals hold the truth.
 
@@ -706,7 +498,7 @@ def coverage(
     from studies import beside_others, ensembles, repeatability
     from studies import coverage as simulated
 
-    studies: dict[str, tuple[Callable, Path]] = {
+    run, usual = {
         "intervals": (simulated.study, simulated.FOLDER),
         "broken": (functools.partial(simulated.study, breaks=True), simulated.BROKEN),
         "power": (simulated.power, simulated.POWER),
@@ -714,10 +506,9 @@ def coverage(
         "beside": (beside_others.study, beside_others.FOLDER),
         "hats": (simulated.hat_study, simulated.HAT_FOLDER),
         "ensembles": (ensembles.study, ensembles.FOLDER),
-    }
-    run, usual = studies[study]
+    }[study]
     lengths, names = hours and _numbers(hours), models and models.split(",")
-    given: dict[str, Any] = {"runs": runs, "hours": lengths, "names": names}
+    given = {"runs": runs, "hours": lengths, "names": names}
     given = {name: value for name, value in given.items() if value}
     if given and study not in ("intervals", "broken"):
         raise WrongUsage(
@@ -739,24 +530,7 @@ def _numbers(hours):
 
 
 @_verb
-def readings(
-    out: Annotated[Text, _out("Folder (default that of the committed study).")] = None,
-    count: Annotated[
-        Count, _option("N", "Readings in the sample (default 2048).", "--readings", min=1)
-    ] = None,
-    laps: Annotated[Count, _option("N", "Laps of each sensor (default 300).", min=2)] = None,
-    best: Annotated[
-        Count, _option("N", "Best readings run again on 4200 laps (default 5).", min=0)
-    ] = None,
-    hold: Annotated[
-        Texts, _option("FACTOR=LEVEL", "Hold a factor at a level; repeatable.", "--hold")
-    ] = None,
-    workers: Annotated[Count, WORKERS] = None,
-    scheduler: Annotated[Text, SCHEDULER] = None,
-    compiled: Annotated[
-        bool, _flag("--compiled", "Step the filters in compiled code (numba).")
-    ] = False,
-):
+def readings(out=None, **given):
     """Judge the terrain paper's claims under each reading of it.
 
     \b
@@ -768,13 +542,11 @@ def readings(
 
     A reading fixes one level of every factor (noise, channel, R, start of the bias, speed ...), and
     its 25 sensors drive the same simulated laps. The results do not depend on the number of
-    workers. Each reading is kept in cells.sqlite once it is finished: a run that was stopped, even
+    workers. Each reading is kept in cells/ once it is finished: a run that was stopped, even
     by kill -9, resumes with the same command.
     """
     from studies import readings as study
 
-    given: dict[str, Any] = {"readings": count, "laps": laps, "best": best, "held": hold}
-    given |= {"workers": workers, "scheduler": scheduler, "compiled": compiled}
     folder = Path(out) if out else study.FOLDER
     with writing(folder):
         table = study.study(folder, **{k: v for k, v in given.items() if v is not None})
@@ -782,12 +554,7 @@ def readings(
 
 
 @_verb
-def claims(
-    paper: Annotated[
-        Literal["terrain", "comparison", "tracker"] | None,
-        _argument("PAPER", "Claims of one paper (default all)."),
-    ] = None,
-):
+def claims(paper=None):
     """Print the verdict on every claim of the three papers.
 
     \b
@@ -807,17 +574,7 @@ def claims(
 
 
 @_verb
-def cite(
-    figure: Annotated[
-        Text, _argument("FIGURE", "Its name, or one of its files (default: the compendium).")
-    ] = None,
-    crate: Annotated[
-        Text,
-        _option(
-            "DIR", "Write RO-Crate metadata of this copy there.", "--crate", callback=_check_folder
-        ),
-    ] = None,
-):
+def cite(figure=None, crate=None):
     """Print how to cite a figure, as text and as BibTeX.
 
     \b
@@ -831,9 +588,9 @@ def cite(
     """
     from workbench import citation
 
+    if crate and figure:
+        raise WrongUsage("--crate describes the whole copy: leave the figure out")
     if crate:
-        if figure:
-            raise WrongUsage("--crate describes the whole copy: leave the figure out")
         with writing(crate, "--crate"):
             print(citation.crate(crate))
     else:
@@ -841,15 +598,7 @@ def cite(
 
 
 @_verb
-def data(
-    names: Annotated[
-        Texts, _argument("NAME", "Raw files or folders; with --rebuild results.")
-    ] = None,
-    rebuild: Annotated[
-        bool, _flag("--rebuild", "Compute data/derived/ again and compare.")
-    ] = False,
-    write: Annotated[bool, _flag("--write", "With --rebuild: replace what differs.")] = False,
-):
+def data(names=None, rebuild=False, write=False):
     """Fetch and verify raw logs, rebuild the derived results.
 
     \b
@@ -903,7 +652,7 @@ def _rebuild(names, write):
 
 
 @_verb
-def benchmark(out: Annotated[Text, _out("Folder for the numbers, as CSV.")] = None):
+def benchmark(out=None):
     """Measure speed here, next to other packages in the same run.
 
     \b
@@ -915,7 +664,7 @@ def benchmark(out: Annotated[Text, _out("Folder for the numbers, as CSV.")] = No
     """
     from studies import benchmark as benchmarks
 
-    rows: list[tuple] = []
+    rows = []
     for name, benchmark in benchmarks.BENCHMARKS.items():
         print(f"\n{name}" if rows else name)
         for one in benchmark():

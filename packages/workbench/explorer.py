@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from analysis import datasheets, store, terrain_data
 from analysis.noise.planner import Plan
 from analysis.terrain.monte_carlo import LOST_M
-from workbench.report import PAGES
+from workbench import pages
 
 TRACKERS = {  # of data/derived/error-surface
     "integrated": "integrated into the attitude, as in a car",
@@ -41,11 +41,11 @@ def write(folder: Path, home: str | None = None) -> list[str]:
         Names of the files.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    pages = {"explorer": _surface(), "allan": _allan()}
-    for name, told in pages.items():
-        page = PAGES.get_template(f"{name}.html").render(told, name=name, home=home)
+    tells = {"explorer": _surface(), "allan": _allan()}
+    for name, told in tells.items():
+        page = pages.page(f"{name}.html", told, name=name, home=home)
         (folder / f"{name}.html").write_text(page, encoding="utf-8")
-    return [f"{name}.html" for name in pages]
+    return [f"{name}.html" for name in tells]
 
 
 def _surface():

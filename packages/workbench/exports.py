@@ -1,7 +1,7 @@
 """Noise parameters of a model.json in the conventions of the tools that use them.
 
 The channels of a model.json are sorted into a gyroscope and an accelerometer triad, in SI. The
-files are templates in packages/workbench/templates/exports; the caller passes the template loader.
+files are templates in packages/workbench/templates/exports.
 
 A term that the log does not resolve is never filled in: a simulator gets 0, which switches it off,
 a filter that cannot do without it gets no line. In both cases a comment gives the known bound.
@@ -36,15 +36,18 @@ Gazebo (gz-sim)
     notwithstanding, is the random walk K; the bias starts at N(bias_mean, bias_stddev).
 """
 
+import json
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from analysis import Estimate, WrongUsage
+from analysis import CannotAnswer, Estimate, WrongUsage
 from analysis.noise import conventions
 from analysis.noise.conventions import MISSING
 from analysis.noise.parameters import random_walk_unit
+from workbench import pages
 
 TITLES = {
     "imu.yaml": "Kalibr: kalibr_calibrate_imu_camera --imu imu.yaml",
@@ -60,7 +63,7 @@ FOREVER = 1e9  # s, 30 years: a Gauss-Markov process of this correlation time is
 _AXIS = re.compile(r"(?:^|[_\-])([xyz])(?:$|[_\-])|([xyz])$", re.IGNORECASE)
 _TURNS = {"roll": "x", "pitch": "y", "yaw": "z"}
 NUMBERS = ("low", "value", "high")
-HELD = {"sinusoid": "gnss_ins_sim_imu.py", "temperature": "matlab_imu.m"}  # terms that a file holds
+ABSENT = ("- left out", "- no ")  # how the lines of README.md begin that a terminal shows
 SAME = 0.1  # relative; periods that close are one vibration seen by several axes
 
 
@@ -201,15 +204,13 @@ class Triad:
         return float(np.sqrt(power)), float(2 * power / walk)
 
 
-def files(model, templates):
+def files(model):
     """Write every export of a model.json.
 
     Parameters
     ----------
     model : dict
         As `analysis.static_logs.stored.model` gives it, or json.load of the file.
-    templates : jinja2.Environment
-        Of packages/workbench/templates/exports.
 
     Returns
     -------
@@ -226,7 +227,7 @@ def files(model, templates):
     source, rate, texts = model["source"], float(model["source"]["rate_hz"]), {}
     empty = {s: Triad(s, SI_UNITS[kind], {}) for kind, s in SENSORS.items()}
     context = empty | triads | {
-        "about": parameter_lines(source, triads),
+        "about": _parameters(source, triads),
         "rate": rate,
         "missing": MISSING,
         "forever": FOREVER,
@@ -239,37 +240,63 @@ def files(model, templates):
         "per_sample": conventions.per_sample,
     }  # fmt: skip
     for name, title in TITLES.items() if triads else ():
-        text = templates.get_template(f"{name}.j2").render(context, title=title)
+        text = pages.page(f"{name}.j2", context, title=title)
         texts[name] = text.encode("ascii", "replace").decode()
-    explained = parameter_lines(source, triads, why=True)
-    texts["README.md"] = templates.get_template("README.md.j2").render(
-        file=source["file"],
+    texts["README.md"] = pages.page(
+        "README.md.j2",
+        source=source,
         titles={name: TITLES[name] for name in texts},
         left_out=left_out,
         absent=[sensor for sensor in SENSORS.values() if sensor not in triads],
-        unresolved=[line for line in explained if MISSING in line],
-        terms=_terms_in_files(triads),
-        tables={t.sensor: _in_every_convention(t, 1 / rate, templates) for t in triads.values()},
+        unresolved=[line for line in _parameters(source, triads, why=True) if MISSING in line],
+        triads=triads,
+        missing=MISSING,
+        tables={t.sensor: _in_every_convention(t, 1 / rate) for t in triads.values()},
     )
     return texts
 
 
-def _terms_in_files(triads):
-    """Say of each term fitted beside the noise which file holds it."""
-    sentences = []
-    for triad in triads.values():
-        frequency = triad.sinusoid and triad.sinusoid[0]
-        for axis in triad.axes.values():
-            for kind, estimates in axis.terms:
-                held = HELD.get(kind, "no file")
-                if kind == "sinusoid" and not axis.at_period(1 / frequency):
-                    held = "no file, which has one frequency for three axes"
-                sentences.append(f"{axis.channel}, {_term(kind, estimates)}: in {held}")
-    return sentences
+def told(texts):
+    """Name the files that tools get, and the lines of README.md that say what is in none."""
+    lines = [line[2:] for line in texts["README.md"].splitlines() if line.startswith(ABSENT)]
+    return {"exported": [name for name in TITLES if name in texts], "absent": lines}
 
 
-def _term(kind, estimates):
-    return f"{kind} " + ", ".join(f"{k} {_written(e, False)}" for k, e in estimates.items())
+def write(texts, folder):
+    """Write the files into a folder that is there or not."""
+    folder.mkdir(exist_ok=True)
+    for name, content in texts.items():
+        (folder / name).write_text(content, encoding="utf-8")
+
+
+def export(path, out):
+    """Write the exports of an existing model.json.
+
+    Parameters
+    ----------
+    path : path-like
+    out : path-like
+        Folder; made if need be.
+
+    Returns
+    -------
+    list of str
+        Names of the files.
+    """
+    try:
+        texts = files(json.loads(Path(path).read_bytes()))
+    except OSError as error:
+        raise WrongUsage(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:  # neither JSON nor text
+        raise WrongUsage(f"{path}: this is no model.json as `report` writes it") from error
+    except WrongUsage as error:
+        raise WrongUsage(f"{path}: {error}") from error
+    found = told(texts)
+    if not found["exported"]:
+        raise CannotAnswer(f"{path}: nothing to export; {'; '.join(found['absent'])}")
+    with pages.folder(out, map(Path, TITLES)) as draft:
+        write(texts, draft)
+    return list(texts)
 
 
 def _python(values, scale=1.0, absent=0.0):
@@ -281,7 +308,7 @@ def _matlab(values):
     return " ".join(f"{v or 0.0:.6e}" for v in values)
 
 
-def _in_every_convention(triad, dt, templates):
+def _in_every_convention(triad, dt):
     gyro, sensors = triad.sensor == "gyroscope", {}
     per, unit = (np.degrees(1.0), "°/s") if gyro else (1.0, "m/s²")
     for axis in triad.axes.values():
@@ -289,7 +316,7 @@ def _in_every_convention(triad, dt, templates):
         white = np.nan if axis.N is None else axis.N
         values = conventions.side_by_side(per * white, per * sigma, time, dt, unit)
         sensors[axis.channel] = values
-    return conventions.table(sensors, dt, unit, templates)
+    return conventions.table(sensors, dt, unit, pages.TEXTS)
 
 
 def sort_triads(model):
@@ -328,7 +355,7 @@ def sort_triads(model):
                 groups.setdefault(kind, []).append(_axis(channel))
         for key in ("rate_hz", "duration_s"):
             _check(model["source"][key], key)
-        parameter_lines(model["source"], {})
+        _parameters(model["source"], {})
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         why = f"no {error}" if isinstance(error, KeyError) else error
         raise WrongUsage(f"this is no model.json as `report` writes it: {why}") from error
@@ -347,39 +374,10 @@ def sort_triads(model):
     return triads, left_out
 
 
-def parameter_lines(source, triads, *, why=False):
-    """List the source of the numbers: the log, and every parameter with its interval or bound.
-
-    Parameters
-    ----------
-    source : dict
-        Of the model.json.
-    triads : dict of Triad
-    why : bool
-        Give the reason where a parameter is not resolved.
-
-    Returns
-    -------
-    list of str
-        Lines without a comment mark; the first names the log.
-    """
-    hours, rate = float(source["duration_s"]) / 3600, float(source["rate_hz"])
-    lines = [f"From {source['file']}, {hours:.3g} h at {rate:g} Hz; in SI, 95 %."]
-    for triad in triads.values():
-        for letter, axis in triad.axes.items():
-            name = f"{axis.channel} ({letter})"
-            lines += [f"{name}: {symbol} {_written(e, why)}" for symbol, e in axis.estimates]
-            if len(axis.gauss_markov) > 1:
-                lines.append(f"{name}: tools with one such bias get the strongest")
-            lines += [f"{name}: {_term(*term)}" for term in axis.terms]
-    return [" ".join(line.split()) for line in lines]
-
-
-def _written(e, why):
-    bound = e.between("{:.4g}".format)
-    if e.resolved:
-        return f"{e.value:.4g} ({bound}) {e.unit}"
-    return f"{MISSING} ({bound}) {e.unit}" + (f": {e.note}" if why else "")
+def _parameters(source, triads, *, why=False):
+    """List where the numbers are from, without comment marks: the log, and each with its bound."""
+    told = {"source": source, "triads": triads, "missing": MISSING, "why": why}
+    return pages.page("parameters.j2", told).splitlines()
 
 
 def _axis(channel):

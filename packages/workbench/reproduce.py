@@ -34,8 +34,8 @@ from analysis import (
     figures_folder,
     provenance,
     replacing,
-    text,
 )
+from workbench import pages
 
 NOTEBOOKS = ROOT / "notebooks"
 README = ROOT / "README.md"
@@ -318,17 +318,10 @@ def readme(page):
     str
     """
     titles = {path.stem: _title(path) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
-    links = {f"[{stem}](notebooks/{stem}.ipynb)": title for stem, title in titles.items()}
-    learned = "\n".join(
-        f'| [<img src="figures/{row.figure}.png" width="220" alt="Figure {row.figure}">](figures/'
-        f"{row.figure}.png) | {number}. **{row.sentence}** {row.condition} "
-        f"([notebook](notebooks/{row.notebook}.ipynb)) |"
-        for number, row in enumerate(claims.findings().itertuples(), start=1)
-    )
-    learned = f"| figure | finding, and when it holds |\n|---|---|\n{learned}"
+    words = pages.TEXTS.get_template("readme.txt").module
     blocks = {
-        "findings": f"{learned}\n\n**How sure?** Of {claims.counted()}",
-        "notebooks": text.table(links, "notebook").replace("| value |", "| what it says |", 1),
+        "findings": words.findings(claims.findings().itertuples(), claims.counted()),
+        "notebooks": words.notebooks(titles).rstrip(),
     }
     for name, block in blocks.items():
         start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"

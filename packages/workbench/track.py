@@ -6,14 +6,20 @@ a map, and below it in time what each block did.
 
 import json
 import math
+import tomllib
 from datetime import datetime, timedelta
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 
-from analysis import replacing, wrap
-from workbench.report import PAGES
+from analysis import CannotAnswer, WrongUsage, wrap
+from analysis.tracker.last_position import Stored
+from analysis.tracker.log_replay import Options
+from analysis.tracker.log_replay import replay as replay_log
+from sensorlogs.timeline import inject_outages
+from workbench import pages
+from workbench.saved_position import load_position, save_position
 
 FILES = ("summary.json", "track.csv", "track.geojson", "track.gpx", "track.html")
 DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
@@ -26,7 +32,50 @@ QUANTILE = math.sqrt(-2 * math.log(0.05))  # semi-axis of the 95 % ellipse, in s
 MOVING, STATIC, FIX, REFUSED = "#0072b2", "#009e73", "#999999", "#d55e00"
 NONE, LAYERS = "#e8e8e8", ("#b7e0d2", "#5cbf9f", "#007a5a")
 ANGLES = {"mount": "#cc79a7", "yaw": "#0072b2", "roll": "#e69f00", "pitch": "#009e73"}
+SENTENCES = tomllib.loads((pages.TEMPLATES / "replay.toml").read_text(encoding="utf-8"))
 GPX = "http://www.topografix.com/GPX/1/1"
+
+
+def replay(log, out, *, outages=(), last_position=None, **options):
+    """Replay the tracker's blocks on a log and write what they did.
+
+    Parameters
+    ----------
+    log : sensorlogs.timeline.Timeline
+    out : path-like
+        Folder; made if need be.
+    outages : list of (float, float)
+        From when to when to leave the fixes out, s.
+    last_position : path-like, optional
+        File that keeps the position between runs.
+    **options
+        For `analysis.tracker.log_replay.Options`.
+
+    Returns
+    -------
+    summary : dict
+        The content of summary.json.
+    warning : str or None
+        What was wrong with the file of the last position.
+    """
+    for start, stop in outages:
+        if start > log.duration_s:
+            raise WrongUsage(
+                f"--outage {start:g}:{stop:g} lies beyond the log, which lasts {log.duration_s:g} s"
+            )
+    position, warning = load_position(last_position) if last_position else (None, None)
+    stored = Stored(**position) if position else None
+    if not (log.imu or stored or log.gnss is None or log.gnss.has_fix.any()):
+        raise CannotAnswer(
+            f"{', '.join(log.sources)}: no fix: none of the {len(log.gnss.t_s):,} epochs has a "
+            "position, so there is nothing to replay"
+        )
+    track = replay_log(inject_outages(log, outages), Options(**options), stored, progress=True)
+    write(track, out)
+    if last_position and track.stored:
+        aside = save_position(last_position, track.stored._asdict())
+        warning = f"{warning}; it is kept as {aside}" if aside else warning
+    return summary_of(track), warning
 
 
 def write(track, out):
@@ -38,11 +87,10 @@ def write(track, out):
     out : path-like
         Folder; made if need be. Files of an earlier replay there are replaced, others stay.
     """
-    with replacing(out) as draft:
-        draft.mkdir()
+    with pages.folder(out) as draft:
         table = pd.DataFrame({name: _cells(name, c) for name, c in track.columns.items()})
         table.to_csv(draft / "track.csv", index=False, lineterminator="\n")
-        content = json.dumps(_rounded(track.summary), indent=1, ensure_ascii=False)
+        content = json.dumps(_rounded(summary_of(track)), indent=1, ensure_ascii=False)
         texts = {
             "summary.json": content + "\n",
             "track.geojson": json.dumps(geojson(track), ensure_ascii=False) + "\n",
@@ -53,48 +101,15 @@ def write(track, out):
             (draft / name).write_text(text, encoding="utf-8")
 
 
-def lines(summary):
-    """Write what a terminal shows of a replay.
+def summary_of(track):
+    """Add to what a replay counted, in sentences, what looks wrong or could not be done."""
+    return track.summary | {"notes": notes(track)}
 
-    Parameters
-    ----------
-    summary : dict
-        Of a Track.
 
-    Returns
-    -------
-    list of str
-    """
-    fixes, static, mount = summary["fixes"], summary["static"], summary["mounting"]
-    said = [f"note: {note}" for note in summary["notes"]]
-    said.append(
-        f"fixes: {fixes['with_fix']:,} in {summary['source']['epochs']:,} epochs, "
-        f"{fixes['accepted']:,} accepted, {fixes['refused']:,} refused"
-    )
-    if fixes["first_output_s"] is not None:
-        said.append(f"first position put out after {fixes['first_output_s']:.1f} s")
-    for number, each in enumerate(summary["starts"] if len(summary["starts"]) > 1 else (), 1):
-        first, moved = each["fixes"]["first_accepted_s"], each["moved_while_off_m"]
-        said.append(
-            f"start {number} at {each['from_s']:.0f} s: "
-            + ("no fix accepted" if first is None else f"first fix accepted after {first:.0f} s")
-            + f", stationary for {each['static_seconds']:.0f} s"
-            + (f", moved by {moved:.0f} m while switched off" if moved else "")
-        )
-    layers = ", ".join(f"{s:.0f}" for s in static["seconds_in_layer"])
-    said.append(f"stationary for {static['seconds']:.0f} s, of which in layers 1, 2, 3: {layers} s")
-    if mount["deg"] is not None:
-        said.append(
-            f"mounting angle {mount['deg']:.1f}° ± {1.96 * mount['sigma_deg']:.1f}° (95 %) from "
-            f"{mount['straights']} straight stretches; by eq (3) as printed "
-            f"{mount['printed_rule_deg']:.1f}°"
-        )
-    elif mount["straights"]:
-        said.append(
-            f"no mounting angle: {mount['straights']} straight stretches, with too little "
-            "acceleration"
-        )
-    return said
+def notes(track):
+    """List what the reader repaired, what a block could not do and why, and what looks wrong."""
+    said = [SENTENCES[code].format(**numbers) for code, numbers in track.remarks]
+    return [*track.summary["notes"], *said]
 
 
 def _cells(name, column):
@@ -143,7 +158,8 @@ def gpx(track):
         when = datetime.fromisoformat(start) + timedelta(seconds=round(float(c["t_s"][i]), 3))
         return f"{when:%Y-%m-%dT%H:%M:%S.%f}"[:-3] + "Z"
 
-    text = PAGES.get_template("track.gpx").render(
+    text = pages.page(
+        "track.gpx",
         schema=GPX,
         title=_title(track),
         segments=[range(*run) for run in _runs(known) if known[run[0]]],
@@ -238,7 +254,8 @@ def page(track):
         for kind in ["steps" if name == "mount" else "line"]
         if np.isfinite(thin[f"{name}_deg"]).any()
     ]
-    return PAGES.get_template("track.html").render(
+    return pages.page(
+        "track.html",
         title=_title(track),
         summary=summary,
         span=_span,
@@ -246,7 +263,7 @@ def page(track):
         layers=LAYERS,
         angles=[(angle["name"], angle["colour"]) for angle in angles],
         measured=[name for name in ("sigma_north_m", "pdop") if np.isfinite(c[name]).any()],
-        notes=track.notes,
+        notes=notes(track),
         every=every,
         track=_drawn(thin, _bars(c), angles),
     )

@@ -1,5 +1,7 @@
 """What a report says first: is the log long enough, did the sensor lie still, is it within its data
-sheet, and what would it do on the road; in sentences, every number from the log's own intervals.
+sheet, and what would it do on the road; in codes and numbers, each from the log's own intervals.
+
+The words to the codes are in templates/sentences.txt.
 """
 
 import math
@@ -16,41 +18,25 @@ from analysis import (
     CannotAnswer,
     Estimate,
     WrongUsage,
-    engineering,
     in_one_unit,
     terrain_data,
-    text,
 )
 from analysis.noise.added_terms import signal_of
 from analysis.noise.models import adev_of_terms
 from analysis.noise.parameters import PARAMETERS
 from analysis.terrain import Sensor
+from workbench.pages import Said
 
 LEADING = {"rate": ("arw", "bias_instability"), "accel": ("vrw", "bias_instability")}
-KINDS = {"rate": "gyros", "accel": "accelerometers", "angle": "angles", "position": "positions"}
+KINDS = ("rate", "accel", "angle", "position")  # in the order of the table
 SYMBOLS = {key: p["symbol"] for key, p in PARAMETERS.items()}
+NAMES = {key: p["name"] for key, p in PARAMETERS.items()}
 IN_SUMMARY = ("arw", "vrw", "bias_instability", "rrw")  # of gyros and accelerometers
 SLOW = ("sigma_v", "sigma_b")  # of an angle or a position
 KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
-GYRO_OR_ACCEL = tuple(LEADING)
 IN_ATLAS = IN_DEG_S | {unit: of / STANDARD_GRAVITY for unit, of in IN_M_S2.items()}  # deg/s, g
-WORDS = {  # what a log holds besides noise
-    "warm_up": "a warm-up",
-    "step": "a step",
-    "sinusoid": "a periodic term",
-    "temperature": "a line in temperature",
-    "noise_level": "a noise level that changes",
-    "heavy_tails": "heavy-tailed noise",
-    "spikes": "short shocks or spikes",
-    "stuck": "a stuck reading",
-    "resolution": "a coarse resolution",
-    "oscillation": "an oscillation",
-    "missing": "loss of samples",
-    "misfit": "a misfit of the model",
-}
-DOES = {"spikes": "left out in", "stuck": "left out in", "oscillation": "in"}  # refuses nothing
-WITHIN, WITHIN_NONE = "Is it within ", "a data sheet"
-TRACKERS = {"paper": "the paper's tracker", "bias states": "tracker with bias states"}
+HARMLESS = ("spikes", "stuck", "oscillation")  # disturbances that refuse nothing, but are told
+TRACKERS = ("paper", "bias states")
 
 
 class Answer(NamedTuple):
@@ -58,26 +44,22 @@ class Answer(NamedTuple):
 
     Attributes
     ----------
-    question, why : str
+    question : Said
     answer : {"yes", "partly", "no", "open"}
         ``open``: this log cannot say.
+    why : list of list of Said
+        A sentence each.
     """
 
-    question: str
+    question: Said
     answer: str
-    why: str
-
-
-def listed(words):
-    """Join words with commas, and the last with "and"."""
-    *first, last = map(str, words)
-    return f"{', '.join(first)} and {last}" if first else last
+    why: list[list[Said]]
 
 
 def _axes(names, every):
-    """Name channels, or say that it is all of them."""
+    """Name channels; None says that it is all of them."""
     names = list(dict.fromkeys(names))
-    return "every channel" if len(names) == len(every) > 1 else listed(names)
+    return None if len(names) == len(every) > 1 else names
 
 
 # Long enough, at rest
@@ -96,47 +78,40 @@ def long_enough(result, needed):
     -------
     Answer
     """
-    known, wide, short, disturbed = {}, {}, {}, {}
+    states = {state: {} for state in ("known", "wide", "short", "disturbed")}
     for c in result.channels:
         hurt = {name for d in c.fit["disturbances"] for name in d["affects"]}
         for key in LEADING.get(c.kind, SLOW):
             e = c.parameters.get(key)
             if e is None:
                 continue
-            found, half = disturbed if key in hurt else short, 0.0
+            state, half = "disturbed" if key in hurt else "short", 0.0
             if e.resolved:
                 half = (e.high - e.low) / 2 / abs(e.value) if e.low and e.high else 0.0
-                found = wide if half > KNOWN else known
-            found.setdefault(SYMBOLS[key], []).append((c.name, half))
+                state = "wide" if half > KNOWN else "known"
+            states[state].setdefault(SYMBOLS[key], []).append((c.name, half))
     seconds, every = result.source["duration_s"], [c.name for c in result.channels]
     said = []
-    for found, before, after in (
-        (known, "long enough for ", ""),
-        (wide, "enough for a first value of ", ""),
-        (short, "", " not resolved"),
-        (disturbed, "", " not resolved for a disturbance, whatever the length"),
-    ):
+    for state, found in states.items():
         for symbol, pairs in found.items():
             names, halves = zip(*pairs, strict=True)
-            better = " or better" if len(names) > 1 else ""
-            half = f", known to ±{math.ceil(100 * max(halves))}%{better}" if max(halves) else ""
-            said.append(f"{before}{symbol} of {_axes(names, every)}{half}{after}")
-    longest = max(
+            about = {"symbol": symbol, "names": _axes(names, every), "several": len(names) > 1}
+            said.append(Said(state, about | {"percent": math.ceil(100 * max(halves))}))
+    hours, symbol, name = max(
         ((h, s, name) for name, plan in needed.items() for s, h in plan.items() if h),
         default=(0.0, "", ""),
     )
-    slow = [symbol for symbol in short if symbol in ("B", "σ_b")]
-    if longest[0] > max(seconds / 3600, 1 / 60):
-        hours, symbol, name = longest
-        said.append(f"{symbol} of {name} to ±{KNOWN:.0%} takes {text.duration(hours)}")
+    slow = [symbol for symbol in states["short"] if symbol in ("B", "σ_b")]
+    if hours > max(seconds / 3600, 1 / 60):
+        about = {"symbol": symbol, "name": name, "hours": hours, "within": KNOWN}
+        said.append(Said("takes", about))
     elif slow:
-        usual = "an hour or more" if "B" in slow else "ten times its correlation time"
-        said.append(f"{listed(slow)} takes {usual} as a rule; this log cannot tell how long")
+        said.append(Said("takes_as_a_rule", {"symbols": slow}))
+    known, wide, short, disturbed = states.values()
     answer = "partly" if wide or short or disturbed else "yes"
     if not known and not wide:
         answer = "no" if short else "open"
-    length = text.duration(seconds / 3600) if seconds >= 60 else f"{engineering(seconds, 2)} s"
-    return Answer("Is the log long enough?", answer, f"{length}: {'; '.join(said)}.")
+    return Answer(Said("long"), answer, [[Said("lasts", {"seconds": seconds, "found": said})]])
 
 
 def at_rest(result):
@@ -146,18 +121,12 @@ def at_rest(result):
     -------
     Answer
     """
-    question, used = "Did the sensor lie still, undisturbed?", result.source.get("used")
+    used, shows = result.source.get("used"), any(c.kind in LEADING for c in result.channels)
     doubt = [r for r in result.source["repairs"] if r.startswith("the gyros read")]
-    shows = any(c.kind in GYRO_OR_ACCEL for c in result.channels)
-    said = ["no motion in gyros and accelerometers"]
-    if not shows:
-        said = ["the log has neither gyro nor accelerometer that would show a motion"]
-    if used:
-        said = [f"only from {used['from_s']:.6g} s to {used['to_s']:.6g} s, and that part is used"]
-    fitted, others = _found(result)
-    why = _sentence("; ".join([*said, *fitted, *others, *doubt]))
-    answer = "partly" if used or fitted or others or doubt else "yes"
-    return Answer(question, answer if shows else "open", why)
+    said = Said("part_at_rest", used) if used else Said("no_motion", {"shows": shows})
+    found = [*_found(result), *(Said("repair", {"words": words}) for words in doubt)]
+    answer = "open" if not shows else "partly" if used or found else "yes"
+    return Answer(Said("at_rest"), answer, [[said, *found]])
 
 
 def _found(result):
@@ -168,20 +137,17 @@ def _found(result):
             size = Estimate(**term["parameters"]["amplitude"])
             fitted.setdefault((term["kind"], size.unit), []).append((abs(size.value), c.name))
         for d in c.fit["disturbances"]:
-            does = "disturbs" if d["affects"] else DOES.get(d["kind"])
-            if does:
-                others.setdefault((d["kind"], does), []).append(c.name)
+            if d["affects"] or d["kind"] in HARMLESS:
+                others.setdefault((d["kind"], bool(d["affects"])), []).append(c.name)
     said = []
     for (kind, unit), found in fitted.items():
-        size = Estimate(max(found)[0], None, None, unit).value_text
-        upto = "up to " if len(found) > 1 else ""
+        about = {"size": Estimate(max(found)[0], None, None, unit), "several": len(found) > 1}
         names = _axes([name for _, name in found], every)
-        said.append(f"{WORDS[kind]} of {upto}{size} in {names} (fitted, not counted as noise)")
-    rest = [
-        f"{WORDS.get(kind, kind)} {does} {_axes(names, every)}"
-        for (kind, does), names in others.items()
-    ]
-    return said, rest
+        said.append(Said("fitted", about | {"kind": kind, "names": names}))
+    for (kind, disturbs), found in others.items():
+        about = {"kind": kind, "disturbs": disturbs, "names": _axes(found, every)}
+        said.append(Said("disturbance", about))
+    return said
 
 
 # Against a data sheet
@@ -220,32 +186,29 @@ def choose_part(result, atlas, wanted=None):
     -------
     key : str or None
         None if there is nothing to compare.
-    why : str
+    why : Said
         Why this part.
     certain : bool
         False where it is only the nearest, or none.
     """
     sheets = atlas[atlas["basis"] == "datasheet"]
-    keys = list(dict.fromkeys(sheets["sensor"]))
     if wanted is not None:
-        return known_part(atlas, wanted), "the part was named with --part", True
+        return known_part(atlas, wanted), Said("part_named"), True
     words = {name: _plain(result.source[name]) for name in ("title", "file")}
-    for key in sorted(keys, key=len, reverse=True):
+    for key in sorted(dict.fromkeys(sheets["sensor"]), key=len, reverse=True):
         where = next((name for name, word in words.items() if key in word), None)
         if where:
-            return key, f"its name is in the {where} of the log", True
+            return key, Said("part_in_name", {"where": where}), True
     gyros = [c for c in result.channels if c.kind == "rate" and c.parameters["arw"].resolved]
     if not gyros:
-        why = "no part was named (--part NAME), and no gyro of this log tells which is near"
-        return None, why, False
+        return None, Said("no_part"), False
     n = _typical(gyros, "arw")
     b = _typical(gyros, "bias_instability")
     rates = sheets[sheets["kind"] == "rate"]
     far = np.log10(n / rates["n"]) ** 2 + (np.log10(b / rates["b"]) ** 2 if b else 0.0)
     nearest = rates.loc[far.idxmin()]
-    by = f"by the gyros' N{' and B' if b else ''}"
-    why = f"not known which part (--part NAME says it); nearest {by} is the {nearest['name']}"
-    return nearest["sensor"], why, False
+    about = {"by": ["N", "B"] if b else ["N"], "part": nearest["name"]}
+    return nearest["sensor"], Said("nearest_part", about), False
 
 
 def _plain(name):
@@ -268,7 +231,7 @@ def within_datasheet(result, sheet, why, certain=True):
     result : analysis.static_logs.StaticResult
     sheet : DataFrame
         The rows of the part; empty if there is none.
-    why : str
+    why : Said
         Why this part.
     certain : bool
         Whether the sensor is that part, or only near it: then nothing is decided.
@@ -278,35 +241,29 @@ def within_datasheet(result, sheet, why, certain=True):
     Answer
     """
     if sheet.empty:
-        return Answer(f"{WITHIN}{WITHIN_NONE}?", "open", _sentence(why))
+        return Answer(Said("within"), "open", [[why]])
     outcomes, said = [], []
-    for kind, what in (("rate", "gyro"), ("accel", "accelerometer")):
+    for kind in LEADING:
         channels = [c for c in result.channels if c.kind == kind]
         row = sheet[sheet["kind"] == kind]
         if not channels:
             continue
         for column, key in zip("nb", LEADING[kind], strict=True):
+            about = {"kind": kind, "symbol": SYMBOLS[key]}
             if row.empty or not row[column].notna().all():
-                said.append(f"{what} {SYMBOLS[key]}: not in the list")
+                said.append(Said("not_stated", about))
                 continue
             stated = float(row[column].iloc[0]) / IN_ATLAS[channels[0].unit]
-            found = [(c.name, _judge(c.parameters.get(key), stated)) for c in channels]
-            outcomes += [outcome for _, (outcome, _) in found]
-            spec = Estimate(stated, None, None, channels[0].parameters[key].unit)
-            said.append(f"{what} {SYMBOLS[key]}, stated {spec.value_text}: {_in_groups(found)}")
+            found = [(c.name, *_judge(c.parameters.get(key), stated)) for c in channels]
+            outcomes += [outcome for _, outcome, _ in found]
+            about["stated"] = Estimate(stated, None, None, channels[0].parameters[key].unit)
+            said.append(Said("stated", about | {"groups": _in_groups(found)}))
+    if not certain:
+        return Answer(Said("within"), "open", [[why], said])
     answer = "open"
     if outcomes:
         answer = "no" if "above" in outcomes else "yes" if set(outcomes) == {"within"} else "open"
-    if not certain:
-        return Answer(
-            f"{WITHIN}{WITHIN_NONE}?", "open", f"{_sentence(why)} {_sentence('; '.join(said))}"
-        )
-    question = f"{WITHIN}the data sheet of the {sheet['name'].iloc[0]}?"
-    return Answer(question, answer, f"{_sentence('; '.join(said))} {_sentence(why)}")
-
-
-def _sentence(words):
-    return f"{words[0].upper()}{words[1:]}."
+    return Answer(Said("within", {"part": sheet["name"].iloc[0]}), answer, [said, [why]])
 
 
 def _judge(estimate, stated):
@@ -321,22 +278,19 @@ def _judge(estimate, stated):
 
 
 def _in_groups(found):
-    """Write the outcomes of the axes, those of one kind together."""
+    """Collect the axes of each outcome: outcome, their names and the ends of their ratios."""
     groups = []
-    for outcome, word in (("within", "within"), ("above", "above it"), ("open", "not decided")):
-        of = {name: ratio for name, (o, ratio) in found if o == outcome}
-        if not of:
-            continue
+    for outcome in ("within", "above", "open"):
+        of = {name: ratio for name, o, ratio in found if o == outcome}
         ratios = [ratio for ratio in of.values() if ratio]
-        ends = sorted({engineering(r, 3) for r in (min(ratios), max(ratios))}) if ratios else []
-        by = f" ({' to '.join(ends)} times)" if ends else ""
-        names = "every axis" if len(of) == len(found) > 1 else listed(of)
-        groups.append(f"{word}{by} on {names}")
-    return ", ".join(groups)
+        if of:
+            ends = [min(ratios), max(ratios)] if ratios else []
+            groups.append((outcome, _axes(of, found), ends))
+    return groups
 
 
 def headline(within, enough, nearest=None):
-    """Write the verdict in one sentence.
+    """Give the verdict in one sentence.
 
     Parameters
     ----------
@@ -344,20 +298,18 @@ def headline(within, enough, nearest=None):
         Of `within_datasheet` and `long_enough`.
     nearest : str, optional
         The nearest part, where it is not known which part the sensor is.
+
+    Returns
+    -------
+    Said
     """
-    part = within.question.removeprefix(WITHIN).removesuffix("?")
     if nearest:
-        return f"It is not known which part this is; the noise is nearest to the {nearest}."
-    if part == WITHIN_NONE:
-        return {
-            "yes": "Not held against a data sheet; every leading number is resolved.",
-            "partly": "Not held against a data sheet; the leading numbers are resolved in part.",
-        }.get(enough.answer, "This log resolves no noise parameter.")
-    return {
-        "yes": f"Within {part}, with 95 % confidence for each number.",
-        "no": f"Not within {part}: with 95 % confidence at least one number is above it.",
-        "open": f"Neither shown to be within {part} nor to be above it.",
-    }[within.answer]
+        return Said("not_known_which", {"nearest": nearest})
+    part = within.question.numbers.get("part")
+    answer = within.answer if part else enough.answer
+    return Said(
+        "held_against" if part else "held_against_nothing", {"answer": answer, "part": part}
+    )
 
 
 # One table of all axes
@@ -399,23 +351,22 @@ def summary(result):
     Returns
     -------
     list of dict
-        ``title``, ``columns`` (words and unit) and ``rows``: name and cells, each None or value
-        (None where it is not resolved) and interval.
+        ``kind``, ``columns`` (parameter, None for the mean, and unit) and ``rows``: name and cells,
+        each None or value (None where it is not resolved) and interval.
     """
     groups = []
-    for kind, title in KINDS.items():
+    for kind in KINDS:
         channels = [c for c in result.channels if c.kind == kind]
         if not channels:
             continue
         keys = [k for k in PARAMETERS if any(k in c.parameters for c in channels)]
         keys = [k for k in keys if kind not in LEADING or k in IN_SUMMARY]
-        columns = [(PARAMETERS[k]["column"], [c.parameters.get(k) for c in channels]) for k in keys]
-        columns.append(("mean of the log", [mean_reading(c) for c in channels]))
-        written = [in_one_unit(estimates) for _, estimates in columns]
-        units = [f"({unit})" if unit else "" for unit, _ in written]
-        heads = list(zip((words for words, _ in columns), units, strict=True))
+        columns = {PARAMETERS[k]["column"]: [c.parameters.get(k) for c in channels] for k in keys}
+        columns["mean of the log"] = [mean_reading(c) for c in channels]
+        written = [in_one_unit(estimates) for estimates in columns.values()]
+        heads = zip(columns, (f"({unit})" if unit else "" for unit, _ in written), strict=True)
         rows = [(c.name, [cells[k] for _, cells in written]) for k, c in enumerate(channels)]
-        groups.append({"title": title, "columns": heads, "rows": rows})
+        groups.append({"kind": kind, "columns": list(heads), "rows": rows})
     return groups
 
 
@@ -424,7 +375,7 @@ def reasons(result):
 
     Returns
     -------
-    dict of str
+    dict of list
         The reason to the parameters it is of.
     """
     found = {}
@@ -432,7 +383,7 @@ def reasons(result):
         for key, e in c.parameters.items():
             if not e.resolved and (c.kind not in LEADING or key in IN_SUMMARY):
                 found.setdefault(e.note, []).append(f"{SYMBOLS[key]} of {c.name}")
-    return {note: listed(names) for note, names in found.items()}
+    return found
 
 
 def _axis(name):
@@ -466,34 +417,32 @@ def placed(result, atlas):
 
 
 def temperature_part(channel):
-    """Separate what the temperature explains of the drift of a channel, in sentences.
+    """Separate what the temperature explains of the drift of a channel.
 
     Returns
     -------
-    str
+    list of list of Said
         Empty where no temperature was logged.
     """
     if channel.temperature is None or not np.isfinite(channel.temperature).sum() > 1:
-        return ""
+        return []
     t, degrees = channel.whole[0], channel.temperature
     have = np.isfinite(degrees)
     duration = t[-1] + t[0]
     rise = float(np.polyfit(t[have], degrees[have], 1)[0] * duration)
-    said = f"Temperature from {degrees[have].min():.1f} to {degrees[have].max():.1f} °C."
+    said = [[Said("temperature", {"low": degrees[have].min(), "high": degrees[have].max()})]]
     terms = [t for t in channel.fit.get("terms", []) if t["kind"] == "temperature"]
     if not terms:
-        return f"{said} No line in temperature stands out from the noise, so none is separated."
+        return [*said, [Said("no_coefficient")]]
     per_degree = Estimate(**terms[0]["parameters"]["amplitude"])
     total, unit = channel.line[1] * duration, channel.unit
     ends = sorted(v * rise for v in (per_degree.low, per_degree.high))
-    part = Estimate(per_degree.value * rise, *ends, unit)
-    said += f" Coefficient {per_degree}. Over the log the straight line through the temperature"
-    said += f" rises by {engineering(rise, 2)} K, which moves the reading by {part}"
+    about = {"rise": rise, "part": Estimate(per_degree.value * rise, *ends, unit)}
     if total:
-        share = Estimate(part.value / total, *sorted(v / total for v in ends))
-        whole = Estimate(total, None, None, unit).value_text
-        said += f": {share:.0%} of the {whole} by which it drifts in all"
-    return f"{said}. The drift in the table is what is left."
+        about["share"] = Estimate(about["part"].value / total, *sorted(v / total for v in ends))
+        about["whole"] = Estimate(total, None, None, unit)
+    said += [[Said("coefficient", {"coefficient": per_degree})], [Said("temperature_moves", about)]]
+    return [*said, [Said("rest_of_drift")]]
 
 
 # On the road, and among the parts
@@ -512,7 +461,8 @@ def road(model, atlas):
     -------
     dict
         ``axes``: name to the errors by tracker, or to the sentence that refuses them; ``parts``:
-        rows by rising error, the worst axis among them; ``readings``. Empty without a gyro.
+        name, price and errors by rising error, the worst axis among them, without a price;
+        ``readings``. Empty without a gyro.
     """
     names = [c["name"] for c in model["channels"] if c["kind"] == "rate"]
     if not names:
@@ -525,29 +475,15 @@ def road(model, atlas):
         except CannotAnswer as error:
             axes[name] = str(error)
             continue
-        axes[name] = {tracker: in_words(e) for tracker, e in errors.items()}
+        axes[name] = errors
         ends[name] = errors["paper"].value or errors["paper"].high or np.inf
     rows = []
     for part in atlas.query("basis == 'datasheet' and kind == 'rate'").to_dict("records"):
         sensor = Sensor(part["n"], part["b"])
         errors = {tracker: plane.of(sensor)[0] for tracker, plane in planes.items()}
-        priced = part["low_usd"] == part["low_usd"]
-        price = f"{part['low_usd']:.0f} to {part['high_usd']:.0f}" if priced else "–"
-        shown = {tracker: f"{engineering(error, 2)} m" for tracker, error in errors.items()}
-        rows.append((errors["paper"], {"name": part["name"], "price": price, "own": False} | shown))
+        rows.append((errors["paper"], part["name"], (part["low_usd"], part["high_usd"]), errors))
     if ends:
         worst = max(ends, key=ends.get)
-        own = {"name": f"this log, {worst}", "price": "", "own": True}
-        rows.append((ends[worst], own | axes[worst]))
-    rows = [row for _, row in sorted(rows, key=lambda row: row[0])]
-    return {"axes": axes, "parts": rows, "readings": {t: p.reading for t, p in planes.items()}}
-
-
-def in_words(error):
-    """Write an error as finely as a hundred laps tell it, or its bound.
-
-    Returns
-    -------
-    str
-    """
-    return str(error).removeprefix("unresolved ").strip("()")
+        rows.append((ends[worst], worst, None, axes[worst]))
+    rows = [row[1:] for row in sorted(rows, key=lambda row: row[0])]
+    return {"axes": axes, "parts": rows, "readings": {t: p.words for t, p in planes.items()}}

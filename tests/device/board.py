@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from broken_events import Recorder, record
+from broken_events import record
 
 from analysis import ROOT, replacing, store
 from analysis.tracker import scenario
@@ -130,19 +130,8 @@ STATE = {
 
 def fullest(log, size, **changed):
     """Record a log up to the epoch after which a device holds most."""
-    sizes, whole = [], Recorder.gnss
-
-    def watch(device, epoch):
-        row = whole(device, epoch)
-        sizes.append((size(device), len(device.events)))
-        return row
-
-    Recorder.gnss = watch
-    try:
-        seen = record(log, **changed)
-    finally:
-        Recorder.gnss = whole
-    return seen.given, seen.events[: max(sizes)[1]]
+    seen = record(log, size=size, **changed)
+    return seen.given, seen.events[: max(seen.sizes)[1]]
 
 
 def memory(folder):

@@ -1,11 +1,33 @@
-"""How widely two units differ, straight and turning, with intervals for correlated samples."""
+"""Bootstrap: intervals from samples drawn again, one by one or in blocks of neighbours.
+
+`drawn` says which ones, `interval` where 95 % of what they give lies; `spread` and
+`ratio_of_spreads` do both for a series of correlated values.
+"""
 
 import numpy as np
 
 from analysis import Estimate
 
+__all__ = ["drawn", "interval"]  # the others are of the face of `units`
+
 DRAWS, FEWEST_BLOCKS = 20_000, 10  # draws: the ends are good to 1 % of the interval
 AT_ONCE = 1_000_000  # blocks
+
+
+def drawn(n: int, draws: int, rng: np.random.Generator, block: int = 1) -> np.ndarray:
+    """Draw a sample of n again and again: where each block of neighbours begins.
+
+    Returns
+    -------
+    ndarray of int, shape (draws, blocks)
+        As many blocks as hold n; with a block of 1, which members of the sample are drawn.
+    """
+    return rng.integers(0, n, (draws, -(-n // block)))
+
+
+def interval(found: np.ndarray) -> np.ndarray:
+    """Give the ends of the 95 % interval of what the draws gave, along the first axis."""
+    return np.quantile(found, [0.025, 0.975], axis=0)
 
 
 def spread(
@@ -30,18 +52,17 @@ def spread(
         ``mean``, ``sd`` in the unit; ``excess_kurtosis``, 0 for a Gaussian. No interval where the
         series holds fewer than 10 blocks.
     """
-    mean, sd, kurtosis = _statistics(_draws(x, block, rng))
-    values = _statistics(_moments(x, len(x))[:, :1])
-    found = {}
-    for name, value, drawn, own in zip(
-        ("mean", "sd", "excess_kurtosis"), values, (mean, sd, kurtosis), (unit, unit, ""),
-        strict=True,
-    ):  # fmt: skip
-        low, high = np.quantile(drawn, [0.025, 0.975])
-        found[name] = Estimate(float(value[0]), float(low), float(high), own)
-    if len(x) < FEWEST_BLOCKS * block:
+    values = _statistics(_moments(x, len(x))[:, 0])
+    few, note = len(x) < FEWEST_BLOCKS * block, ""
+    if few:
         note = f"{len(x) / block:.1f} blocks: too few for an interval"
-        return {k: Estimate(e.value, None, None, e.unit, True, note) for k, e in found.items()}
+    found = {}
+    for (name, own), value, of in zip(
+        {"mean": unit, "sd": unit, "excess_kurtosis": ""}.items(),
+        values, _statistics(_draws(x, block, rng)), strict=True,
+    ):  # fmt: skip
+        low, high = (None, None) if few else interval(of).tolist()
+        found[name] = Estimate(float(value), low, high, own, note=note)
     return found
 
 
@@ -49,15 +70,13 @@ def ratio_of_spreads(
     x: np.ndarray, y: np.ndarray, block: int, rng: np.random.Generator
 ) -> Estimate:
     """Give the standard deviation of one series over that of another, by the same bootstrap."""
-    low, high = np.quantile(
-        np.divide(*(_statistics(_draws(v, block, rng))[1] for v in (x, y))), [0.025, 0.975]
-    )
+    low, high = interval(np.divide(*(_statistics(_draws(v, block, rng))[1] for v in (x, y))))
     return Estimate(float(np.std(x) / np.std(y)), float(low), float(high))
 
 
 def _draws(x, block, rng):
     """Draw series by blocks; give the first four moments about 0 of each, shape (4, DRAWS)."""
-    starts = rng.integers(0, len(x), (DRAWS, -(-len(x) // block)))
+    starts = drawn(len(x), DRAWS, rng, block)
     moments, parts = _moments(x, block), np.array_split(starts, -(-starts.size // AT_ONCE))
     return np.hstack([moments[:, part].mean(axis=2) for part in parts])
 

@@ -1,0 +1,206 @@
+"""What `pool` writes: one noise model from the logs of several units, as pooled.json."""
+
+from dataclasses import replace
+
+import numpy as np
+from tqdm import tqdm
+
+from analysis import CannotAnswer, WrongUsage, store
+from analysis.noise.channel import refuse_without_noise
+from analysis.noise.inference import infer
+from analysis.noise.pool import alike, pool, repeatability
+from analysis.static_logs import characterised, standstill
+from analysis.static_logs.stored import plain
+from sensorlogs.columns import FULL_TURN, words
+from workbench import pages
+from workbench.verdict import NAMES
+
+COMPARED, SAME_STEPS = 20_000, 0.9  # samples, and the correlation of their steps
+SAME_RATE = 0.01  # relative difference of two sampling rates
+
+
+def write(logs, out, *, axes=False):
+    """Pool the logs of several units and write pooled.json.
+
+    Parameters
+    ----------
+    logs : sequence of sensorlogs.static.Log
+        One for each unit.
+    out : path-like
+        Folder; made if need be.
+    axes : bool
+        Channels of one kind and unit are pooled too, x with y with z.
+
+    Returns
+    -------
+    dict
+        What was written.
+
+    Raises
+    ------
+    WrongUsage
+        If a channel is missing in a log, or has another kind or sampling rate there, or if two
+        logs hold the same readings.
+    CannotAnswer
+        If a sensor moves, or a channel has no noise to measure.
+    """
+    logs, converted = _alike([standstill.static_part(log) for log in logs])
+    groups = _group_channels(logs, axes)
+    total = sum(map(len, groups.values()))
+    streams = iter(np.random.SeedSequence(characterised.SEED).spawn(total))
+    channels = []
+    with tqdm(total=total, desc="pooling", unit="channel", disable=None) as bar:
+        for name, members in groups.items():
+            inferences = []
+            for log, c in members:
+                rng = np.random.default_rng(next(streams))
+                try:
+                    refuse_without_noise(c.values, log.dt, c.name, c.unit)
+                    inferences.append(infer(c.values, log.dt, c.unit, c.kind, rng))
+                except CannotAnswer as error:
+                    raise CannotAnswer(f"{log.given}, {error}") from error
+                bar.update()
+            log, c = members[0]
+            pooled = pool(inferences, log.dt, c.unit, c.kind)
+            means = [float(np.nanmean(c.values)) for _, c in members]
+            channels.append(
+                {
+                    "name": name,
+                    "unit": c.unit,
+                    "kind": c.kind,
+                    "members": [
+                        {"file": log.file, "channel": c.name, "mean": store.rounded_number(mean)}
+                        for (log, c), mean in zip(members, means, strict=True)
+                    ],
+                    "model": pooled.model,
+                    "models": pooled.models,
+                    "parameters": {k: plain(e) for k, e in pooled.parameters.items()},
+                    "spread": {k: plain(e) for k, e in pooled.spread.items()},
+                    "bias_repeatability": plain(repeatability(means, c.unit, c.kind)),
+                }
+            )
+    content = {
+        "sources": [characterised.log_source(log) for log in logs],
+        "seed": characterised.SEED,
+        "notes": [*converted, *perhaps_one_unit(logs)],
+        "channels": channels,
+    }
+    with pages.folder(out) as draft:
+        (draft / "pooled.json").write_text(store.as_json(content), encoding="utf-8")
+    return content | {"names": NAMES}
+
+
+def _alike(logs):
+    """Bring channels to the unit of the first of their kind, and to its name for their axis.
+
+    What was changed is said.
+
+    Returns
+    -------
+    logs, notes : list
+    """
+    sizes = standstill.SIZES | {unit: 360 / turn for unit, turn in FULL_TURN.items()}
+    wanted, read, notes = {}, [], []
+
+    def axes(log):  # of each channel: its kind and axis, if no other has the same
+        of_each = [(c.kind, words(c.name)[-1]) for c in log.channels]
+        return [axis if of_each.count(axis) == 1 else None for axis in of_each]
+
+    names = {axis: c.name for axis, c in zip(axes(logs[0]), logs[0].channels, strict=True) if axis}
+    for log in logs:
+        channels, before = [], {}
+        for axis, c in zip(axes(log), log.channels, strict=True):
+            name, unit = names.get(axis, c.name), wanted.setdefault(c.kind, c.unit)
+            if name != c.name:
+                before[c.name] = f"taken as {name}"
+            if unit != c.unit:
+                before[c.unit] = f"converted to {unit}"
+                c = replace(c, unit=unit, values=c.values * (sizes[c.unit] / sizes[unit]))
+            channels.append(replace(c, name=name))
+        read.append(replace(log, channels=tuple(channels)))
+        notes += [f"{log.file}: {old} {new}" for old, new in before.items()]
+    return read, notes
+
+
+def _group_channels(logs, axes):
+    """Collect the (log, channel) pairs that one estimate is made of: name -> list of pairs."""
+    first, by_name = logs[0], [{c.name: c for c in log.channels} for log in logs]
+    for log, channels in zip(logs, by_name, strict=True):
+        if abs(log.rate_hz / first.rate_hz - 1) > SAME_RATE:
+            raise WrongUsage(
+                f"{first.given} has {first.rate_hz:g} Hz and {log.given} {log.rate_hz:g} Hz; pool"
+                " logs of one sampling rate, because sigma_v is the noise of a single sample"
+            )
+        for wanted in first.channels:
+            c = channels.get(wanted.name)
+            if c is None:
+                raise WrongUsage(
+                    f"{log.given} has no channel {wanted.name} as {first.given} has; it has"
+                    f" {', '.join(channels)}: name the same --columns"
+                )
+            if c.kind != wanted.kind:
+                raise WrongUsage(
+                    f"channel {c.name} is {wanted.kind} in {first.given}, and {c.kind} in"
+                    f" {log.given}; pool logs of one kind"
+                )
+    _refuse_same_readings(logs)
+    groups = {}
+    for c in first.channels:
+        members = [(log, channels[c.name]) for log, channels in zip(logs, by_name, strict=True)]
+        groups.setdefault(f"{c.kind} axes" if axes else c.name, []).extend(members)
+    for name, members in groups.items():
+        if len(members) < 2:
+            raise WrongUsage(
+                f"{name}: one log and one channel are nothing to pool; give the logs of several"
+                " units, or --axes to pool the axes of one"
+            )
+    return groups
+
+
+def perhaps_one_unit(logs):
+    """Say which logs may be of one unit, because the biases of all their gyro axes agree.
+
+    Parameters
+    ----------
+    logs : sequence of sensorlogs.static.Log
+        With the same channels.
+
+    Returns
+    -------
+    list of str
+    """
+    names = [c.name for c in logs[0].channels if c.kind == "rate"]
+    if not names:
+        return []
+    by_name = [{c.name: c for c in log.channels} for log in logs]
+    biases = np.array([[np.nanmean(channels[n].values) for n in names] for channels in by_name])
+    return [
+        f"{logs[a].file} and {logs[b].file} may be of one unit: the biases of {', '.join(names)}"
+        f" agree to {most:.2g} {by_name[0][names[0]].unit}; the spread is then from one power-on to"
+        " the next, not from unit to unit"
+        for a, b, most in alike(biases)
+    ]
+
+
+def _refuse_same_readings(logs):
+    """Refuse two logs of the same readings: they are one unit.
+
+    Also under different names, and where another format or unit has rounded them: the steps from
+    sample to sample of two units do not correlate, their slow drifts may.
+    """
+    seen = {}
+    for log in logs:
+        for c in log.channels:
+            steps = np.nan_to_num(np.diff(c.values[:COMPARED]))
+            size = np.linalg.norm(steps)
+            if not size:
+                continue  # a constant channel is refused later, as such
+            for before, others in seen.setdefault(c.name, []):
+                n = min(len(steps), len(others))
+                one, other = steps[:n], others[:n]
+                if one @ other > SAME_STEPS * np.linalg.norm(one) * np.linalg.norm(other):
+                    raise WrongUsage(
+                        f"{before.given} and {log.given} hold the same readings of {c.name}; give"
+                        " the log of each unit once"
+                    )
+            seen[c.name].append((log, steps))
