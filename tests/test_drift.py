@@ -15,7 +15,7 @@ LOGS, SAMPLES, DRIFT = 50, 1000, 1e-3
 
 def fitted(y, chosen, *models):
     """Fit some models to a log; give its likelihood, the fits and the one to be taken as chosen."""
-    likelihood = NoiseLikelihood([transform(y, 1.0)])
+    likelihood = NoiseLikelihood(transform(y, 1.0))
     fits = {model: likelihood.fit(model) for model in (chosen, *models)}
     return likelihood, fits, fits[chosen]
 

@@ -13,7 +13,7 @@ from pyins.inertial_sensor import EstimationModel, Parameters
 from analysis import CannotAnswer, WrongUsage
 from analysis.noise import conventions
 from analysis.noise.inference import infer
-from analysis.noise.models import random_walk_unit
+from analysis.noise.parameters import random_walk_unit
 from workbench import exports
 
 RATE, HOURS = 10.0, 6.0

@@ -46,14 +46,6 @@ def test_means_are_averaged_gauss_markov(m):
     np.testing.assert_allclose(np.cov(drawn.T), average @ full @ average.T, atol=0.03)
 
 
-def test_gauss_markov_allan_deviation():
-    """published: its peak is 0.617 sigma_b near 1.89 T_c (IEEE 952, fig. C.5)."""
-    x = np.geomspace(0.01, 100, 20_001)
-    adev = adev_gauss_markov(x, 1.0, 1.0)
-    assert adev.max() == pytest.approx(0.617, abs=5e-4)
-    assert x[adev.argmax()] == pytest.approx(1.89, abs=0.01)
-
-
 def test_gauss_markov_allan_deviation_limits():
     """analytic: K sqrt(tau/3) with K^2 = 2 sigma_b^2/T far below T, N/sqrt(tau) far above."""
     sigma_b, corr_time = 0.3, 100.0
@@ -80,17 +72,6 @@ def test_gauss_markov_allan_deviation_sampled(m, corr_time):
     assert found == pytest.approx(g0 - g1, rel=5e-6)
 
 
-def test_terms_add_in_variance():
-    """property: the model's curve is the root of the summed squares of its terms."""
-    model, tau, dt = UnifiedModel(0.1, 60.0, 0.2, 5.0, 1e-3), np.array([1.0, 30.0, 900.0]), 0.05
-    parts = (
-        0.1 * np.sqrt(dt / tau),
-        adev_gauss_markov(tau, 0.2, 60.0, dt),
-        1e-3 * tau / np.sqrt(2),
-    )
-    np.testing.assert_allclose(model.adev(tau, dt), np.sqrt(sum(p**2 for p in parts)))
-
-
 def test_fitted_terms_add_in_variance():
     """analytic: Q, N, B, K and two biases, each with its closed form of IEEE 952 annex C."""
     tau, dt = np.array([1.0, 30.0, 900.0]), 0.05
@@ -106,14 +87,18 @@ def test_fitted_terms_add_in_variance():
     )
     found = adev_of_terms(terms, tau, dt)
     np.testing.assert_allclose(found, np.sqrt(sum(np.square(p) for p in parts)))
+    model = UnifiedModel(0.1, 60.0, 0.2, 5.0, 1e-3).adev(tau, dt)
+    expected = parts[0] ** 2 + parts[-1] ** 2 + (1e-3 * tau) ** 2 / 2
+    np.testing.assert_allclose(model, np.sqrt(expected))
 
 
-def test_same_seed_same_log():
-    """property: a log is decided by its generator alone, null shift and drift included."""
-    model = UnifiedModel(0.0, 60.0, 0.0, 5.0, 1e-3)
-    a, b = (model.simulate(100, 0.5, np.random.default_rng(7)) for _ in range(2))
-    np.testing.assert_array_equal(a, b)
-    np.testing.assert_allclose(a, 5.0 + 1e-3 * 0.5 * np.arange(100))
+def test_shift_and_drift_are_a_line():
+    """analytic: null shift and drift are a line, and means carry it at the middle of each."""
+    model, rng = UnifiedModel(0.0, 60.0, 0.0, 5.0, 1e-3), np.random.default_rng(7)
+    line = 5.0 + 1e-3 * 0.5 * np.arange(100)
+    np.testing.assert_allclose(model.simulate(100, 0.5, rng), line)
+    means = model.simulate_means(10, 10, 0.5, rng)
+    np.testing.assert_allclose(means, line.reshape(-1, 10).mean(axis=1))
 
 
 def test_models_of_table_one():
@@ -134,11 +119,3 @@ def test_log_k_has_stream_k():
     alone = models["a"].simulate(100, 0.5, np.random.default_rng(stream))
     np.testing.assert_array_equal(logs["a"], alone)
     assert list(logs) == ["a", "b"]
-
-
-def test_means_carry_the_line():
-    """analytic: means of m readings of a line are the line at the middle of each m."""
-    model = UnifiedModel(0.0, 60.0, 0.0, 5.0, 1e-3)
-    rng = np.random.default_rng(7)
-    whole = model.simulate(100, 0.5, rng).reshape(-1, 10).mean(axis=1)
-    np.testing.assert_allclose(model.simulate_means(10, 10, 0.5, rng), whole)

@@ -12,7 +12,7 @@ import pytest
 
 import sensorlogs as logs
 from analysis import STANDARD_GRAVITY, CannotAnswer, static_logs
-from analysis.noise.disturbances import static_stretches
+from analysis.static_logs.standstill import static_stretches
 from sensorlogs import datasets
 from sensorlogs.static import Channel, Log
 from workbench import cli, report

@@ -1,18 +1,13 @@
 """Pools of several units: intervals that cover, open sides that count, logs that do not belong."""
 
-import contextlib
-import io
 import json
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from analysis.noise import pool
-from analysis.noise.fit import NoiseLikelihood
-from analysis.noise.models import UnifiedModel
-from analysis.noise.pool import NO_SPREAD, Profile, population, profile_of_unit
-from analysis.noise.spectrum import transform
+from analysis.noise.notes import said
+from analysis.noise.pool import Profile, population
 from workbench import cli
 
 DT = 0.05
@@ -77,32 +72,15 @@ def test_intervals_of_centre_and_spread_cover(units, runs):
     assert np.all(misses(units, runs) <= allowed(runs))
 
 
-def test_the_usual_threshold_would_not_do(monkeypatch):
-    """coverage: with 3.84 for every number of units, as if the spread were known, they miss."""
-    monkeypatch.setattr(pool, "_threshold_of_a_mean", lambda freedom: chi2.ppf(0.95, 1))
-    assert misses(2, 60)[0] > allowed(60)
-
-
 def test_no_spread_is_said_with_a_bound():
     """property: equal units show no spread, and the bound on it shrinks with their number."""
     rng, before = np.random.default_rng(3), np.inf
     for units in (3, 6, 12):
         middle, spread = population([known_variance(0.0, 50, rng) for _ in range(units)], "s")
-        assert not spread.resolved and NO_SPREAD in spread.note
+        assert not spread.resolved and said("no_spread") in spread.note
         assert spread.high < before
         assert middle.low < 1 < middle.high
         before = spread.high
-
-
-def test_scale_does_not_matter():
-    """property: the same logs in another unit give the same answer in that unit."""
-    rng = np.random.default_rng(4)
-    curves = [known_variance(0.3 * rng.standard_normal(), 100, rng) for _ in range(4)]
-    a, spread_a = population(curves, "s")
-    b, spread_b = population([Profile(c.at + np.log(60), c.fall, c.closed) for c in curves], "s")
-    for x, y in ((a.value, b.value), (a.low, b.low), (a.high, b.high)):
-        assert 60 * x == pytest.approx(y)
-    assert spread_a.value == pytest.approx(spread_b.value)
 
 
 def test_open_sides_count():
@@ -116,6 +94,9 @@ def test_open_sides_count():
         seen = [c if c.best < 0.2 else cut_off(c, 0.2) for c in curves]
         middle, _ = population(seen, "s")
         missed += not (middle.low or 0) < 1 < (middle.high or np.inf)
+        assert (
+            said("both_sides_others", both=sum(c.closed[1] for c in seen), count=10) in middle.note
+        )
         pooled.append(np.log(middle.value) if middle.resolved else np.nan)
         left.append(np.mean([c.best for c in curves if c.best < 0.2]))
     assert missed <= allowed(runs)
@@ -124,82 +105,61 @@ def test_open_sides_count():
     assert abs(np.mean(pooled)) < 3 * 0.4 / np.sqrt(10 * runs)  # three standard errors
 
 
-def test_logs_that_leave_the_time_open():
-    """coverage: logs of 20 correlation times, a third of them open above, still give the time."""
-    rng, curves, alone = np.random.default_rng(6), [], []
-    for _ in range(8):
-        model = UnifiedModel(0.3, 100 * np.exp(0.3 * rng.standard_normal()), 1.0)
-        likelihood = NoiseLikelihood([transform(model.simulate(2000, 1.0, rng), 1.0)])
-        curves.append(profile_of_unit(likelihood, likelihood.fit("N+GM"), "corr_time"))
-        alone.append(all(curves[-1].closed))
-    middle, _ = population(curves, "s")
-    assert 1 < sum(alone) < 8
-    assert middle.low < 100 < middle.high
-    assert "the others count" in middle.note
-
-
 # --- command line --------------------------------------------------------------------------------
 
 
-def run(*arguments):
-    """Run the command line in this process: status, stdout, stderr."""
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        status = cli.main([str(a) for a in arguments])
-    return status, out.getvalue(), err.getvalue()
-
-
-def write(path, seed, header="t_s,gyro_x_deg_s,gyro_y_deg_s", n=3000, dt=DT):
+def write(path, seed, names=("gyro_x_deg_s", "gyro_y_deg_s"), dt=DT, change=lambda xy: xy):
     """Write a log of two channels of white noise, 0.1 deg/s give or take."""
     rng = np.random.default_rng(seed)
-    columns = 0.1 * np.exp(0.05 * rng.standard_normal(2)) * rng.standard_normal((n, 2))
-    rows = [f"{i * dt:.3f},{a:.6f},{b:.6f}" for i, (a, b) in enumerate(columns)]
-    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    xy = 0.1 * np.exp(0.05 * rng.standard_normal(2)) * rng.standard_normal((3000, 2))
+    table = np.column_stack([dt * np.arange(3000), change(xy)])
+    np.savetxt(path, table, "%.9g", ",", header=",".join(["t_s", *names]), comments="")
     return path
 
 
+def pooled(capsys, folder, *logs, status=0):
+    """Pool logs by the command line: give pooled.json and what is printed, or the refusal."""
+    assert cli.main([str(a) for a in ("pool", *logs, "--out", folder)]) == status
+    out, err = capsys.readouterr()
+    if status:
+        assert not out and err.count("\n") == 1 and not folder.exists()
+        return err
+    assert not err and [p.name for p in folder.iterdir()] == ["pooled.json"]
+    return json.loads((folder / "pooled.json").read_text(encoding="utf-8")), out
+
+
 @pytest.mark.parametrize("axes", [False, True])
-def test_pool_writes_what_it_prints(tmp_path, axes):
+def test_pool_writes_what_it_prints(tmp_path, axes, capsys):
     """property: three logs give each channel, or all axes, one estimate and its spread."""
     logs = [write(tmp_path / f"{k}.csv", k) for k in range(3)]
-    status, out, err = run(
-        "pool", *logs, "--out", tmp_path / "model", *(["--axes"] if axes else [])
-    )
-    assert (status, err) == (0, "")
-    assert [p.name for p in (tmp_path / "model").iterdir()] == ["pooled.json"]
-    found = json.loads((tmp_path / "model" / "pooled.json").read_text(encoding="utf-8"))
+    found, out = pooled(capsys, tmp_path / "model", *logs, *["--axes"] * axes)
     assert [s["file"] for s in found["sources"]] == ["0.csv", "1.csv", "2.csv"]
     names = [(c["name"], len(c["members"])) for c in found["channels"]]
     assert names == ([("rate axes", 6)] if axes else [("gyro_x", 3), ("gyro_y", 3)])
     for channel in found["channels"]:
-        white = channel["parameters"]["sigma_v"]
+        white, arw = (channel["parameters"][name] for name in ("sigma_v", "arw"))
         assert white["low"] < 0.1 < white["high"]
-        assert channel["parameters"]["arw"]["value"] == pytest.approx(
-            white["value"] * np.sqrt(DT), abs=(white["high"] - white["low"]) * np.sqrt(DT) / 1000
-        )
+        thousandth = (white["high"] - white["low"]) / 1000
+        assert arw["value"] / np.sqrt(DT) == pytest.approx(white["value"], abs=thousandth)
         assert channel["spread"].keys() == channel["parameters"].keys()
         assert f"{channel['name']} (deg/s)" in out
     assert "between units" in out and str(tmp_path) not in json.dumps(found)
 
 
 @pytest.mark.parametrize(
-    ("header", "dt", "options", "says"),
+    ("names", "dt", "says"),
     [
-        ("t_s,gyro_x_deg_s,gyro_y_deg", DT, [], "pool logs of one kind"),
-        ("t_s,gyro_x_deg_s,gyro_z_deg_s", DT, [], "no channel gyro_y"),
-        ("t_s,gyro_x_deg_s,gyro_y_deg_s", 0.1, [], "20 Hz"),
-        (None, DT, [], "nothing to pool"),
+        (["gyro_x_deg_s", "gyro_y_deg"], DT, "pool logs of one kind"),
+        (["gyro_x_deg_s", "gyro_z_deg_s"], DT, "no channel gyro_y"),
+        (["gyro_x_deg_s", "gyro_y_deg_s"], 0.1, "20 Hz"),
+        (None, DT, "nothing to pool"),
     ],
 )
-def test_logs_that_do_not_belong_together(tmp_path, header, dt, options, says):
+def test_logs_that_do_not_belong_together(tmp_path, names, dt, says, capsys):
     """property: other units, channels or rates, or one log alone: one sentence, nothing written."""
     logs = [write(tmp_path / "a.csv", 0)]
-    if header:
-        logs.append(write(tmp_path / "b.csv", 1, header, dt=dt))
-    status, out, err = run("pool", *logs, "--out", tmp_path / "model", *options)
-    assert (status, out) == (2, "")
-    assert says in err and err.count("\n") == 1
-    assert not (tmp_path / "model").exists()
+    logs += [write(tmp_path / "b.csv", 1, names, dt)] if names else []
+    assert says in pooled(capsys, tmp_path / "model", *logs, status=2)
 
 
 def test_repeatability_of_the_bias_covers():
@@ -223,67 +183,50 @@ def test_biases_of_one_unit_are_noticed():
     assert sum(bool(pool.alike(pair)) for pair in units) <= 10  # 4 expected; chance: 0.3 %
 
 
-def test_a_pool_says_what_may_be_one_unit(tmp_path):
+def test_a_pool_says_what_may_be_one_unit(tmp_path, capsys):
     """property: two logs of the same biases are named in pooled.json and on the screen."""
-    logs = [write(tmp_path / f"{k}.csv", k) for k in range(2)]
-    for path in logs:
-        rows = [row.split(",") for row in path.read_text().splitlines()]
-        rows[1:] = [[t, f"{float(a) + 3:.6f}", f"{float(b) - 2:.6f}"] for t, a, b in rows[1:]]
-        path.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
-    status, out, _ = run("pool", *logs, "--out", tmp_path / "model")
-    found = json.loads((tmp_path / "model" / "pooled.json").read_text(encoding="utf-8"))
-    assert status == 0 and "note: 0.csv and 1.csv may be of one unit" in out
+    logs = [write(tmp_path / f"{k}.csv", k, change=np.array([3, -2]).__add__) for k in range(2)]
+    found, out = pooled(capsys, tmp_path / "model", *logs)
+    assert "note: 0.csv and 1.csv may be of one unit" in out
     assert found["notes"] == [line[6:] for line in out.splitlines() if line.startswith("note: ")]
     repeats = found["channels"][0]["bias_repeatability"]
     means = [member["mean"] for member in found["channels"][0]["members"]]
     assert repeats["value"] == pytest.approx(np.std(means, ddof=1), abs=1e-4)
 
 
-def test_one_log_does_not_count_as_two_units(tmp_path):
+def test_one_log_does_not_count_as_two_units(tmp_path, capsys):
     """property: the same readings, also under another name, are refused with both paths."""
-    one = write(tmp_path / "log.csv", 0)
     (tmp_path / "copy").mkdir()
-    other = tmp_path / "copy" / "log.csv"
+    one, other = write(tmp_path / "log.csv", 0), tmp_path / "copy" / "log.csv"
     other.write_text(one.read_text() + "\n", encoding="utf-8")  # other bytes, other sha256
     for logs in ((one, one), (one, write(tmp_path / "b.csv", 1), other)):
-        status, out, err = run("pool", *logs, "--out", tmp_path / "model")
-        assert (status, out) == (2, "") and err.count("\n") == 1
-        assert f"{logs[0]} and {logs[-1]} hold the same readings of gyro_x" in err
-        assert not (tmp_path / "model").exists()
+        refusal = pooled(capsys, tmp_path / "model", *logs, status=2)
+        assert f"{logs[0]} and {logs[-1]} hold the same readings of gyro_x" in refusal
 
 
-def test_units_of_a_kind_are_converted(tmp_path):
+def test_units_of_a_kind_are_converted(tmp_path, capsys):
     """property: rad/s and deg/s pool as deg/s alone do; one recording in both is noticed."""
+    names = ["Gyroscope x (rad/s)", "Gyroscope y (rad/s)"]  # as phyphox has them
     one, other = (write(tmp_path / name, seed) for name, seed in (("a.csv", 0), ("b.csv", 1)))
-    rows = np.loadtxt(other, delimiter=",", skiprows=1)
-    head = "t_s,Gyroscope x (rad/s),Gyroscope y (rad/s)"  # as phyphox names them
-    rows[:, 1:] = np.radians(rows[:, 1:])
-    np.savetxt(tmp_path / "c.csv", rows, "%.9g", ",", header=head, comments="")
-    found = []
-    for log in (other, tmp_path / "c.csv"):
-        status, out, _ = run("pool", one, log, "--out", tmp_path / "model")
-        assert status == 0
-        found.append(json.loads((tmp_path / "model" / "pooled.json").read_text()))
+    same = write(tmp_path / "c.csv", 1, names, change=np.radians)
+    refusal = pooled(capsys, tmp_path / "none", other, same, status=2)
+    assert "hold the same readings of gyro_x" in refusal
+    before, _ = pooled(capsys, tmp_path / "model", one, other)
+    after, out = pooled(capsys, tmp_path / "model", one, same)
     assert "note: c.csv: rad/s converted to deg/s" in out
     assert "note: c.csv: Gyroscope_x taken as gyro_x" in out
-    for before, after in zip(*(f["channels"] for f in found), strict=True):
-        assert after["unit"] == "deg/s"
-        known, same = before["parameters"]["arw"], after["parameters"]["arw"]
-        assert same["value"] == pytest.approx(known["value"], rel=1e-4)  # nine digits in the CSV
-    np.savetxt(tmp_path / "c.csv", rows, "%.4f", ",", header=head, comments="")
-    status, _, err = run("pool", other, tmp_path / "c.csv", "--out", tmp_path / "none")
-    assert status == 2 and "hold the same readings of gyro_x" in err
+    for known, found in zip(before["channels"], after["channels"], strict=True):
+        assert found["unit"] == "deg/s"
+        a, b = (c["parameters"]["arw"]["value"] for c in (known, found))
+        assert a == pytest.approx(b, rel=1e-4)  # nine digits in the CSV
 
 
 @pytest.mark.parametrize("dead", [("b.csv",), ("a.csv", "b.csv")])
-def test_a_constant_channel_is_named(tmp_path, dead):
+def test_a_constant_channel_is_named(tmp_path, dead, capsys):
     """property: a log with nothing to measure is refused with its file and channel."""
-    logs = [write(tmp_path / "a.csv", 0), write(tmp_path / "b.csv", 1)]
-    for path in (tmp_path / name for name in dead):
-        rows = path.read_text().splitlines()
-        rows[1:] = [",".join([*row.split(",")[:2], "0.5"]) for row in rows[1:]]
-        path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    status, _, err = run("pool", *logs, "--out", tmp_path / "model")
-    assert status == 1 and err.count("\n") == 1
-    assert f"{dead[0]}, channel gyro_y" in err and "constant" in err
-    assert not (tmp_path / "model").exists()
+    logs = [
+        write(tmp_path / name, k, change=lambda xy, d=name in dead: np.where([0, d], 0.5, xy))
+        for k, name in enumerate(("a.csv", "b.csv"))
+    ]
+    refusal = pooled(capsys, tmp_path / "model", *logs, status=1)
+    assert f"{dead[0]}, channel gyro_y" in refusal and "constant" in refusal

@@ -3,14 +3,15 @@
 Each is a regressor of the likelihood, so it is compared with noise that could look like it: a log
 with a slow Gauss-Markov bias has steps, and one with a random walk has sinusoids. `candidates`
 searches for the strongest of each kind on means of the log. `inference` fits all noise models again
-with the best one, and keeps it if 2 ln L rises by more than `GAIN`, which few simulated logs of the
-papers' models, of flicker noise and of a random walk exceed. Between `UNSURE` and that, the
-parameters are given as they are with the term and without; not with a step that takes time, which
-a slow bias makes too.
+with the best one, and keeps it if 2 ln L rises by more than few simulated logs of the papers'
+models, of flicker noise and of a random walk show (`RISE`). Somewhat below that, the parameters are
+given as they are with the term and without; not with a step that takes time, which a slow bias
+makes too.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 from scipy.fft import dct, idct
@@ -23,13 +24,19 @@ from analysis.noise.allan import overlapped_variance
 from analysis.noise.autocorrelation import block_means
 from analysis.noise.disturbances import Disturbance
 from analysis.noise.likelihood import Terms, _covariance, evaluate
+from analysis.noise.notes import said
 from analysis.noise.profile_likelihood import THRESHOLD
 from analysis.noise.spectrum import outline, transform
 
-GAIN = {"warm_up": 14.0, "step": 25.0, "sinusoid": 25.0, "temperature": 12.0}  # of 2 ln L
-# From here on a term may be there or not. A warm-up looks much like a drift.
-UNSURE = {"warm_up": 4.0, "step": 19.0, "sinusoid": 19.0, "temperature": 6.0}
-TAKES_TIME = 30.0  # of 2 ln L, from which on a step takes time; nothing is unsure
+# Of 2 ln L, from which on a term may be there, and is kept. A warm-up looks much like a drift; of a
+# step that takes time nothing is unsure.
+RISE = {
+    "warm_up": (4.0, 14.0),
+    "step": (19.0, 25.0),
+    "slow step": (30.0, 30.0),
+    "sinusoid": (19.0, 25.0),
+    "temperature": (6.0, 12.0),
+}
 MOST_TERMS, MOST_OTHERS = 6, 3  # after the third term only steps: a strong sinusoid has side lobes
 COARSE = 2048  # means of the log on which terms are searched for
 WARM_UPS = 20  # time constants tried
@@ -56,8 +63,10 @@ class AddedTerm:
         The x above, s; 0 for a temperature.
     width : float
         Duration of a step, s; 0 where it comes at once.
-    columns : tuple of callable
+    columns : list of callable
         Time from the first sample, s, to the values of each regressor.
+    unsure, gain : float
+        Rise of 2 ln L from which on the term may be there, and is kept.
     parameters : dict of Estimate
         Amplitude, x and duration, once they are fitted.
     """
@@ -65,18 +74,10 @@ class AddedTerm:
     kind: str
     at: float
     width: float
-    columns: tuple[Callable[[np.ndarray], np.ndarray], ...]
+    columns: list
+    unsure: float
+    gain: float
     parameters: dict[str, Estimate] = field(default_factory=dict)
-
-    @property
-    def gain(self):
-        """Rise of 2 ln L from which on the term is kept."""
-        return TAKES_TIME if self.width else GAIN[self.kind]
-
-    @property
-    def unsure(self):
-        """Rise of 2 ln L from which on the term may be there."""
-        return TAKES_TIME if self.width else UNSURE[self.kind]
 
     def fitted(self, coarse, others, noise, size, error, unit):
         """Give the term with amplitude, and with time constant, moment or period.
@@ -133,28 +134,24 @@ class AddedTerm:
         size, *place = self.parameters.items()
         words = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in (size, *place))
         words = words.replace("duration", "over")
-        note = f"{self.kind.replace('_', '-')} fitted with the noise: {words}"
+        note = said("fitted_term", kind=self.kind.replace("_", "-"), size=words)
         start = self.at - self.width / 2 if self.kind == "step" else 0.0
-        return Disturbance(self.kind, start, coarse.duration, (), note, decides=False)
+        return Disturbance(self.kind, start, coarse.duration, note)
 
 
 def added_term(
     kind: str, at: float, width: float = 0.0, temperature: Callable | None = None
 ) -> AddedTerm:
     """Make a term of a kind with its time constant, moment or period, and duration (s)."""
-    columns: tuple[Callable[[np.ndarray], np.ndarray], ...]
-    if kind == "warm_up":
-        columns = (lambda t: np.exp(-t / at),)
-    elif width:
-        columns = (lambda t: np.clip((t - at) / width + 0.5, 0.0, 1.0),)
-    elif kind == "step":
-        columns = (lambda t: (t >= at).astype(float),)
-    elif kind == "sinusoid":
-        columns = (lambda t: np.cos(2 * np.pi * t / at), lambda t: np.sin(2 * np.pi * t / at))
-    else:
-        assert temperature is not None
-        columns = (temperature,)
-    return AddedTerm(kind, at, width, columns)
+    columns: dict[str, list] = {
+        "warm_up": [lambda t: np.exp(-t / at)],
+        "step": [lambda t: (t >= at).astype(float)],
+        "slow step": [lambda t: np.clip((t - at) / width + 0.5, 0.0, 1.0)],
+        "sinusoid": [lambda t: np.cos(2 * np.pi * t / at), lambda t: np.sin(2 * np.pi * t / at)],
+        "temperature": [temperature],
+    }
+    named = "slow step" if width else kind
+    return AddedTerm(kind, at, width, columns[named], *RISE[named])
 
 
 def signal_of(terms: list[dict], t: np.ndarray) -> np.ndarray:
@@ -246,10 +243,7 @@ class Coarse:
 
     def without(self, terms, coefficients):
         """Subtract fitted terms."""
-        y = self.y.copy()
-        for values, size in zip(self.columns(terms), coefficients, strict=True):
-            y -= size * values
-        return replace(self, y=y)
+        return replace(self, y=subtracted(self.y, self.time, terms, coefficients))
 
     def placed(self, step):
         """Place a step to the sample: where the means on both sides differ most, within its mean.
@@ -274,10 +268,10 @@ class Coarse:
         """
         columns = self.columns(terms)
         try:
-            fit = evaluate([transform(self.y, self.dt, self.m, columns)], noise)
+            fit = evaluate(transform(self.y, self.dt, self.m, columns), noise)
         except np.linalg.LinAlgError:
             return np.full(len(noise.sigma_v), np.inf)
-        return np.linalg.slogdet(fit.added_cov)[1] - 2 * fit.value
+        return fit.deviance
 
     def instead_of_line(self, terms, time_constant, noise):
         """Rise of -2 ln L when a warm-up takes the place of the straight line.
@@ -292,16 +286,19 @@ class Coarse:
         """
         others = self.columns(terms)
         first = [np.exp(-self.time / time_constant), self.time - self.time.mean()]
-        fits = [
-            evaluate([transform(self.y, self.dt, self.m, [c, *others])], noise, detrend=False)
-            for c in first
-        ]
-        warm, line = (float((np.linalg.slogdet(f.added_cov)[1] - 2 * f.value)[0]) for f in fits)
-        return warm - line
+        warm, line = (transform(self.y, self.dt, self.m, [c, *others]) for c in first)
+        warm, line = (evaluate(s, noise, detrend=False).deviance[0] for s in (warm, line))
+        return float(warm - line)
 
     def columns(self, terms):
         """Evaluate the regressors of terms, a list of arrays of shape (n,)."""
         return [column(self.time) for term in terms for column in term.columns]
+
+
+def subtracted(y, t, terms, coefficients):
+    """Subtract fitted terms from a log with samples at times t, s."""
+    columns = (column(t) for term in terms for column in term.columns)
+    return y - sum(size * values for size, values in zip(coefficients, columns, strict=True))
 
 
 def candidates(
@@ -337,7 +334,7 @@ def candidates(
     for kind, (grid, rise) in searches.items():
         best = int(np.argmax(rise))
         at = float(grid[best])
-        if kind in ("warm_up", "sinusoid") and rise[best] > UNSURE[kind]:
+        if kind in ("warm_up", "sinusoid") and rise[best] > RISE[kind][0]:
             ends = sorted((grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]))
             search = minimize_scalar(
                 lambda x, kind=kind: coarse.deviance([added_term(kind, x)], rows).min(),
@@ -350,8 +347,8 @@ def candidates(
         middle = steps[width : len(steps) - width]
         rise = screen.of_steps(middle, width)
         best = int(np.argmax(rise))
-        if rise[best] > TAKES_TIME:
-            slow = added_term("step", float(middle[best] - 0.5) * step, width * step)
+        slow = added_term("step", float(middle[best] - 0.5) * step, width * step)
+        if rise[best] > slow.unsure:
             found.append((float(rise[best]), slow))
     return found
 
@@ -375,20 +372,17 @@ def weaker_noise(fits: dict, duration: float) -> Terms:
     """
     rows = [fit.terms for name, fit in fits.items() if "flicker" not in fit.terms]
     walks = [(fits["N+K"].terms, fits["N+K"].terms["rrw"][0])]
-    bias = fits["N+GM"].terms
-    for sigma_b, corr_time in zip(bias["sigma_b"], bias["corr_time"], strict=True):
-        walks.append((bias, sigma_b * np.sqrt(2 / corr_time)))
+    one = fits["N+GM"].terms
+    for sigma_b, corr_time in zip(one["sigma_b"], one["corr_time"], strict=True):
+        walks.append((one, sigma_b * np.sqrt(2 / corr_time)))
     for terms, walk in walks:
-        for scale in WEAKER:
-            for share in SHORTER:
-                time = share * duration
-                slow = (
-                    {"rrw": [scale * walk]}
-                    if np.isinf(time)
-                    else {"sigma_b": [scale * walk * np.sqrt(time / 2)], "corr_time": [time]}
-                )
-                kept = {k: terms[k] for k in ("sigma_v", "quantisation") if k in terms}
-                rows.append(kept | slow)
+        kept = {k: terms[k] for k in ("sigma_v", "quantisation") if k in terms}
+        for scale, share in product(WEAKER, SHORTER):
+            time = share * duration
+            slow = {"rrw": [scale * walk]}
+            if np.isfinite(time):
+                slow = {"sigma_b": [scale * walk * np.sqrt(time / 2)], "corr_time": [time]}
+            rows.append(kept | slow)
     two = fits["N+2GM"].terms
     rows.append(two | {"sigma_b": two["sigma_b"][:1], "corr_time": two["corr_time"][:1]})
     most = max(len(row.get("sigma_b", ())) for row in rows)
@@ -396,14 +390,9 @@ def weaker_noise(fits: dict, duration: float) -> Terms:
     def column(name, i=0, otherwise=0.0):
         return np.array([row[name][i] if len(row.get(name, ())) > i else otherwise for row in rows])
 
-    return Terms(
-        sigma_v=column("sigma_v"),
-        bias=tuple((column("sigma_b", i), column("corr_time", i, 1.0)) for i in range(most)),
-        rrw=column("rrw"),
-        quantisation=(
-            column("quantisation") if any("quantisation" in row for row in rows) else None
-        ),
-    )
+    bias = tuple((column("sigma_b", i), column("corr_time", i, 1.0)) for i in range(most))
+    rounded = column("quantisation") if any("quantisation" in row for row in rows) else None
+    return Terms(column("sigma_v"), bias, column("rrw"), quantisation=rounded)
 
 
 class _Screen:

@@ -20,6 +20,7 @@ wrong.
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -52,8 +53,7 @@ class AllanCurve:
     edf: np.ndarray
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(NamedTuple):
     """Straight line through a log: `null_shift` (U, its mean) and `drift` (U/s)."""
 
     null_shift: float
@@ -72,9 +72,7 @@ def cluster_sizes(n, points=100):
     return np.unique(np.geomspace(1, max(n // 4, 1), points).round().astype(int))
 
 
-def allan_deviation(
-    y: np.ndarray, dt: float, m: np.ndarray | None = None, *, points: int = 100
-) -> AllanCurve:
+def allan_deviation(y: np.ndarray, dt: float, m: np.ndarray | None = None) -> AllanCurve:
     """Overlapped Allan deviation of evenly sampled readings.
 
     Parameters
@@ -84,16 +82,15 @@ def allan_deviation(
     dt : float
         Sampling interval, s.
     m : ndarray of int, optional
-        Samples per mean; by default up to `points` numbers, evenly spread in log tau, up to a
-        quarter of the log.
-    points : int
+        Samples per mean; by default up to 100 numbers, evenly spread in log tau, up to a quarter of
+        the log.
 
     Returns
     -------
     AllanCurve
     """
     y = np.asarray(y, dtype=float)
-    m = cluster_sizes(len(y), points) if m is None else np.asarray(m)
+    m = cluster_sizes(len(y)) if m is None else np.asarray(m)
     valid = np.isfinite(y)
     if valid.all():
         return _curve(overlapped_variance(y, m), m, dt, len(y))
@@ -166,15 +163,10 @@ def overlapped_variance(y, m):
     ndarray, shape (k,), U^2
         NaN where the log is shorter than two means.
     """
-    return _second_differences(_running_sum(y), np.asarray(m))
-
-
-def _running_sum(y):
-    """Sum of none, one, two ... values less their mean, in place: a long log fills the memory."""
-    sums = np.zeros(len(y) + 1)
+    sums = np.zeros(len(y) + 1)  # made in place: a long log fills the memory
     if len(y):
         np.subtract(y, np.mean(y), out=sums[1:])
-    return np.cumsum(sums, out=sums)
+    return _second_differences(np.cumsum(sums, out=sums), np.asarray(m))
 
 
 def _mean_second_differences(phase, m):

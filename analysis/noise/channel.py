@@ -23,6 +23,8 @@ from analysis.noise.disturbances import adjusted
 from analysis.noise.goodness import together
 from analysis.noise.inference import infer
 from analysis.noise.models import adev_of_terms
+from analysis.noise.notes import said
+from analysis.noise.parameters import DENSITY, PARAMETERS
 
 MEANS = 2  # fitted, in the shortest averaging time at which a floor is read
 WHOLE = 1500  # points that draw a whole log
@@ -33,7 +35,6 @@ ROUNDING = 1e-12  # relative; less than that is arithmetic, not noise
 LEVELS = 12  # distinct values below which resolution, not noise, may rule
 FIRST = 1000  # samples in which they are looked for before the whole log is
 BRIEF = 600.0  # s; a shorter log is remarked on
-ORDER = ("arw", "vrw", "sigma_v", "sigma_b", "corr_time", "bias_instability", "rrw", "drift")
 
 
 @dataclass(frozen=True)
@@ -137,16 +138,18 @@ def characterise(
         try:
             result = infer(y, dt, unit, kind, rng, detrend=detrend, temperature=temperature)
         except CannotAnswer as error:
-            raise CannotAnswer(f"channel {name}: {error}") from error
+            raise CannotAnswer(said("channel", name=name, why=error)) from error
         known, models, fit = result.parameters, result.table(), result.summary()
         fitted_from = result.averaged * dt
-        if kind in ("rate", "accel") and "bias_instability" not in known:
+        if kind in DENSITY and "bias_instability" not in known:
             curve = line_removed
             if result.terms:
                 curve = allan_deviation(fit_line(result.without_terms(y), dt)[0], dt)
-            read = floor(result, curve, dt)
+            model = adev_of_terms(result.chosen.terms, curve.tau, dt)
+            shortest, flicker = MEANS * fitted_from, result.possible_flicker()
+            read = graph.bias_instability(curve, unit, model, shortest=shortest, flicker=flicker)
             known["bias_instability"] = adjusted(read, "bias_instability", result.disturbances)
-        parameters = {key: known[key] for key in ORDER if key in known}
+        parameters = {key: known[key] for key in PARAMETERS if key in known}
     return ChannelNoise(
         name=name,
         unit=unit,
@@ -154,7 +157,7 @@ def characterise(
         parameters=parameters,
         allan=recorded,
         allan_line_removed=line_removed if detrend else None,
-        line=(line.null_shift, line.drift),
+        line=line,
         short=(dt * np.arange(n), y[:n]),
         whole=(m * dt * (np.arange(len(means)) + 0.5), means),
         autocorrelation=correlation,
@@ -179,44 +182,20 @@ def joined(channels, duration):
     tuple of ChannelNoise
     """
     found = {}
-    for kind in ("rate", "accel"):
+    for kind in DENSITY:
         tests = [c.fit.get("stationarity") or {} for c in channels if c.kind == kind]
         quarters = [test["quarters"] for test in tests if "quarters" in test]
         found[kind] = together(quarters, duration) if len(quarters) > 1 else []
-    return tuple(
-        replace(
-            c,
-            parameters={name: adjusted(e, name, some) for name, e in c.parameters.items()},
-            fit=c.fit | {"disturbances": c.fit["disturbances"] + [d.summary() for d in some]},
-        )
-        if c.fit and (some := found.get(c.kind))
-        else c
-        for c in channels
-    )
+    return tuple(_widened(c, found.get(c.kind, []) if c.fit else []) for c in channels)
 
 
-def floor(result, curve, dt):
-    """Bias instability from the floor of an Allan curve, for a channel without flicker noise.
-
-    Parameters
-    ----------
-    result : analysis.noise.inference.Inference
-    curve : AllanCurve
-        Without the straight line.
-    dt : float
-        Sampling interval, s.
-
-    Returns
-    -------
-    Estimate, U
-    """
-    return graph.bias_instability(
-        curve,
-        result.unit,
-        adev_of_terms(result.chosen.terms, curve.tau, dt),
-        shortest=MEANS * result.averaged * dt,
-        flicker=result.possible_flicker(),
-    )
+def _widened(c, found):
+    """Widen the parameters of a channel for disturbances that are added to its fit."""
+    if not found:
+        return c
+    parameters = {name: adjusted(e, name, found) for name, e in c.parameters.items()}
+    told = [*c.fit["disturbances"], *(d.summary() for d in found)]
+    return replace(c, parameters=parameters, fit=c.fit | {"disturbances": told})
 
 
 def windows(duration, dt):
@@ -238,25 +217,20 @@ def refuse_without_noise(y, dt, name, unit):
     residual : ndarray, shape (n,), U
     line : analysis.noise.allan.Line
     """
+
+    def refused(code, **numbers):
+        return CannotAnswer(said("channel", name=name, why=said(code, **numbers)))
+
     count = int(np.isfinite(y).sum())
     if count < FEWEST:
-        raise CannotAnswer(
-            f"channel {name}: {count} samples are too few to measure noise; record at least"
-            f" {FEWEST}, and for a correlation time some hours"
-        )
+        raise refused("too_short", count=count, fewest=FEWEST)
     residual, line = fit_line(y, dt)
     low, high = np.nanmin(y), np.nanmax(y)
     most = max(np.nanmax(residual), -np.nanmin(residual))
-    if high > low and most < ROUNDING * max(high, -low):
-        raise CannotAnswer(
-            f"channel {name}: a straight line of {line.drift:.3g} {unit}/s to the last digit: no"
-            " noise to measure"
-        )
     if high == low:
-        raise CannotAnswer(
-            f"channel {name}: all {count} samples are {high:g}; a constant has no noise to"
-            " measure (is the sensor connected, or its resolution too coarse?)"
-        )
+        raise refused("constant", count=count, value=high)
+    if most < ROUNDING * max(high, -low):
+        raise refused("line", drift=line.drift, unit=unit)
     return residual, line
 
 
@@ -284,16 +258,10 @@ def remarks(y, dt, kind):
     """
     notes, there = [], np.isfinite(y)
     if (duration := there.sum() * dt) < BRIEF and kind != "position":
-        notes.append(
-            f"{duration:.3g} s of samples are too short to tell a slow bias from the mean or from a"
-            " random walk; mean, K and drift hold for this log alone"
-        )
+        notes.append(said("brief", duration=duration))
     # Most logs show enough values at once; only the others are sorted.
     distinct = len(np.unique(y[:FIRST][there[:FIRST]]))
     distinct = distinct if distinct >= LEVELS else len(np.unique(y[there]))
     if distinct < LEVELS:
-        notes.append(
-            f"only {distinct} different values; the resolution, not the noise, may be what"
-            " is measured"
-        )
+        notes.append(said("coarse", distinct=distinct))
     return notes

@@ -23,11 +23,8 @@ MODELS = {
     "N+GM+K": ("sigma_v", "walk", "corr_time", "rrw"),
     "N+2GM": ("sigma_v", "walk", "corr_time", "walk", "corr_time"),
 }
-SIMPLER = {
-    "N+B+K": ["N+B"],
-    "N+GM+K": ["N+GM", "N+K"],
-    "N+2GM": ["N+GM"],
-}  # to which a term is added
+# To which a term is added.
+SIMPLER = {"N+B+K": ["N+B"], "N+GM+K": ["N+GM", "N+K"], "N+2GM": ["N+GM"]}
 # Not chosen: it only shows how little of a random walk beside a bias may be a walk.
 THREE_SLOW = "N+2GM+K"
 UNIFIED = "N+GM"
@@ -82,34 +79,25 @@ class Fit:
         """Suffix of the model: "+Q" with quantisation, else nothing."""
         return self.model.removeprefix(self.plain)
 
-    def by_name(self):
-        """Give the logarithms of the parameters by name, in the order of the model."""
-        values = {}
-        for name, value in zip(self.names, self.point, strict=True):
-            values.setdefault(name, []).append(float(value))
-        return values
-
 
 class NoiseLikelihood:
-    """Likelihood of one log, or of several of one sensor, under any of the models.
+    """Likelihood of one log under any of the models.
 
     Parameters
     ----------
-    stretches : sequence of analysis.noise.spectrum.Spectrum
+    spectrum : analysis.noise.spectrum.Spectrum
     detrend : bool
         Remove a linear drift; else the mean only.
     """
 
     threshold = THRESHOLD  # fall of 2 ln L at the ends of a 95 % interval
 
-    def __init__(self, stretches: Sequence[Spectrum], *, detrend: bool = True):
-        self.stretches = tuple(stretches)
-        self.detrend = detrend
-        free = sum(s.count.sum() for s in self.stretches)
-        self.scale = np.sqrt(sum(s.yy.sum() for s in self.stretches) / free)
-        self.step = max(s.m * s.dt for s in self.stretches)
-        self.duration = max(s.whole * s.dt for s in self.stretches)
-        self.per_sample = min(s.behind.min() for s in self.stretches)
+    def __init__(self, spectrum: Spectrum, *, detrend: bool = True):
+        self.spectrum, self.detrend = spectrum, detrend
+        self.scale = np.sqrt(spectrum.yy.sum() / spectrum.count.sum())
+        self.step = spectrum.m * spectrum.dt
+        self.duration = spectrum.whole * spectrum.dt
+        self.per_sample = spectrum.behind.min()
 
     @classmethod
     def of_log(
@@ -130,7 +118,7 @@ class NoiseLikelihood:
         -------
         NoiseLikelihood
         """
-        return cls([transform(y, dt, averaged)], detrend=detrend)
+        return cls(transform(y, dt, averaged), detrend=detrend)
 
     def surface(self, names: Sequence[str]) -> Surface:
         """Give the log-likelihood over the logarithms of the named parameters."""
@@ -154,20 +142,13 @@ class NoiseLikelihood:
     def _information(self, point, names):
         """Expected information of the logarithms, each coefficient by itself (Whittle)."""
         steps = rows(point + 1j * IMAGINARY * np.eye(len(point)), names)
-        total = np.zeros((len(point), len(point)))
-        for stretch in self.stretches:
-            variance = bin_variance(stretch, steps)
-            share = variance.imag / IMAGINARY / variance.real * np.sqrt(stretch.count / 2)
-            share = share.reshape(len(point), -1)
-            total += share @ share.T
-        return total
+        variance = bin_variance(self.spectrum, steps)
+        share = variance.imag / IMAGINARY / variance.real * np.sqrt(self.spectrum.count / 2)
+        share = share.reshape(len(point), -1)
+        return share @ share.T
 
     def fit(
-        self,
-        model: str = UNIFIED,
-        simpler: Sequence[Fit] = (),
-        near: Sequence[Fit] = (),
-        quantised: bool = False,
+        self, model: str = UNIFIED, simpler: Sequence[Fit] = (), near: Sequence[Fit] = ()
     ) -> Fit:
         """Maximise the likelihood of a model.
 
@@ -175,32 +156,32 @@ class NoiseLikelihood:
         ----------
         model : str
             A key of `MODELS`, by default white noise and one Gauss-Markov bias; or `THREE_SLOW`.
+            "+Q" after it adds a quantisation term.
         simpler : sequence of Fit
             Models to add terms to; by default they are fitted first, where `SIMPLER` names some,
             else the search starts from white noise.
         near : sequence of Fit
             Fits of this model to a similar log, to search from as well.
-        quantised : bool
-            With a quantisation term.
 
         Returns
         -------
         Fit
         """
-        names = MODELS["N+2GM"] + ("rrw",) if model == THREE_SLOW else MODELS[model]
-        names += ("quantisation",) if quantised else ()
+        plain = model.removesuffix(QUANTISED)
+        end = model.removeprefix(plain)
+        names = MODELS["N+2GM"] + ("rrw",) if plain == THREE_SLOW else MODELS[plain]
+        names += ("quantisation",) if end else ()
         surface = self.surface(names)
         starts = [fit.point for fit in near]
-        simpler = simpler or [self.fit(name, (), (), quantised) for name in SIMPLER.get(model, ())]
+        simpler = simpler or [self.fit(name + end) for name in SIMPLER.get(plain, ())]
         for known in simpler or (None,):
             starts += _peaks(surface, self._starts(names, known))
         tops = [surface.maximum(start) for start in starts]
         point, _ = max(tops, key=lambda pair: round(pair[1], SAME_TOP))
         point = surface.polished(point)
         value = float(surface.value(point[None])[0])
-        title = model + QUANTISED if quantised else model
         aic = AIC_STEP * np.round((2 * len(names) - 2 * value) / AIC_STEP)
-        return Fit(title, _named(point, names, surface.low), value, float(aic), point, names)
+        return Fit(model, _named(point, names, surface.low), value, float(aic), point, names)
 
     def interval(self, fit: Fit, what: str) -> tuple[float | None, float | None]:
         """95 % profile-likelihood interval of ``sigma_v``, ``sigma_b``, ``corr_time``, ``rrw``...
@@ -253,7 +234,7 @@ class NoiseLikelihood:
         sigma_b, corr_time = (a.ravel() for a in np.meshgrid(size, time))
         points = np.tile(fit.point, (len(sigma_b), 1))
         terms = replace(rows(points, fit.names), bias=((sigma_b, corr_time),))
-        value = evaluate(self.stretches, terms, detrend=self.detrend).value
+        value = evaluate(self.spectrum, terms, detrend=self.detrend).value
         allowed = (2 * (fit.log_likelihood - value) < THRESHOLD).reshape(len(time), -1).any(axis=0)
         return float(size[allowed].max()) if allowed.any() else float(size[0])
 
@@ -263,19 +244,22 @@ class NoiseLikelihood:
 
     def evaluate(self, points: np.ndarray, names: Sequence[str]) -> Likelihood:
         """Give the `Likelihood` of rows of logarithms of the named parameters."""
-        return evaluate(self.stretches, rows(points, names), detrend=self.detrend)
+        return evaluate(self.spectrum, rows(points, names), detrend=self.detrend)
 
     def _starts(self, names, simpler):
         """Coarse grid, shape (times, ratios, d): white noise, or a simpler fit, and what is new."""
-        kept = {"sigma_v": [0.0]} if simpler is None else simpler.by_name()
-        more = [n for i, n in enumerate(names) if names[:i].count(n) >= len(kept.get(n, ()))]
+        known = [("sigma_v", 0.0)]
+        if simpler is not None:
+            known = list(zip(simpler.names, simpler.point.tolist(), strict=True))
+        kept = {name: [value for n, value in known if n == name] for name in names}
+        more = [n for i, n in enumerate(names) if names[:i].count(n) >= len(kept[n])]
         times = np.geomspace(SHORTEST * self.step, 3 * self.duration, TIMES)
         rows = []
         for time in times if "corr_time" in more else times[:1]:
             for ratio in np.geomspace(1e-3, 1e3, RATIOS) if more else (1.0,):
                 new = self._new(ratio, time, np.exp(kept["sigma_v"][0]))
                 left = {name: list(values) for name, values in kept.items()}
-                rows.append([left[n].pop(0) if left.get(n) else np.log(new[n]) for n in names])
+                rows.append([left[n].pop(0) if left[n] else np.log(new[n]) for n in names])
         points = np.array(rows)
         if simpler is None:  # the best common scale of all sizes has a closed form
             likelihood = self.evaluate(points, names)

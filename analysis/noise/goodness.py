@@ -14,6 +14,8 @@ from scipy.stats import chi2, f, kurtosis, norm
 from analysis.noise.added_terms import Coarse, _coefficients, _interleaved
 from analysis.noise.disturbances import Disturbance
 from analysis.noise.likelihood import Terms, _covariance, bin_variance
+from analysis.noise.notes import said
+from analysis.noise.parameters import SIZES, SLOW, WHITE
 from analysis.noise.spectrum import outline
 
 OCTAVES = 24
@@ -21,9 +23,6 @@ ALPHA = 0.003  # probability at which a test fails
 PRACTICAL = 0.2  # of the power: a smaller misfit is shown, and decides nothing
 FEWEST_SLOW = 12  # coefficients of slow noise that can be tested
 SMALL = 0.05  # of the power where white noise rules: from here on its interval is widened
-WHITE = ("arw", "vrw", "sigma_v")  # parameters of the white noise
-SLOW = ("sigma_b", "corr_time", "bias_instability", "rrw", "drift")
-SIZES = ("sigma_b", "bias_instability", "rrw")  # of slow noise
 
 
 @dataclass(frozen=True)
@@ -70,50 +69,48 @@ def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
     terms = likelihood.terms(fit)
     best = likelihood.evaluate(fit.point[None], fit.names)
     sizes = np.append(best.drift[0], best.added[0])
-    power, freedom, count, white, top = np.zeros((5, OCTAVES))
-    for stretch in likelihood.stretches:
-        variance = bin_variance(stretch, terms)[0]
-        p = len(sizes)  # without the mean, whose coefficients are left out below
-        left = stretch.yy - 2 * np.tensordot(sizes, stretch.xy[:p], 1)
-        left = left + np.einsum("i,ijhb,j->hb", sizes, stretch.xx[:p, :p], sizes)
-        products = stretch.xx[:p, :p] / variance
-        products[..., ::2, 0] = 0.0
-        inverse = np.linalg.pinv(products.sum(axis=(2, 3)), hermitian=True)
-        lost = np.einsum("ij,ijhb->hb", inverse, products)
-        octave = np.floor(-0.5 * np.log2(np.maximum(stretch.lam, 1e-18) / 4)).astype(int)
-        inside = (octave < OCTAVES) & (stretch.count > 0)
-        inside[::2, 0] = False
-        share = terms.sigma_v[0] ** 2 / stretch.m / variance
-        for total, part in (
-            (power, left / variance),
-            (freedom, np.maximum(stretch.count - lost, 0.0)),
-            (count, stretch.count),
-            (white, stretch.count * share),
-        ):
-            np.add.at(total, octave[inside], part[inside])
-        np.maximum.at(top, octave[inside], np.sqrt(stretch.lam[inside]) / (2 * np.pi * stretch.m))
+    stretch, p = likelihood.spectrum, len(sizes)  # without the mean, which is left out below
+    variance = bin_variance(stretch, terms)[0]
+    xx = stretch.zz[1 : p + 1, 1 : p + 1]
+    left = stretch.yy - 2 * np.tensordot(sizes, stretch.zy[1 : p + 1], 1)
+    left = left + np.einsum("i,ijhb,j->hb", sizes, xx, sizes)
+    products = xx / variance
+    products[..., ::2, 0] = 0.0
+    inverse = np.linalg.pinv(products.sum(axis=(2, 3)), hermitian=True)
+    lost = np.einsum("ij,ijhb->hb", inverse, products)
+    octave = np.floor(-0.5 * np.log2(np.maximum(stretch.lam, 1e-18) / 4)).astype(int)
+    inside = (octave < OCTAVES) & (stretch.count > 0)
+    inside[::2, 0] = False
+    power, freedom, count, white = (
+        np.bincount(octave[inside], part[inside], OCTAVES)
+        for part in (
+            left / variance,
+            np.maximum(stretch.count - lost, 0.0),
+            stretch.count,
+            stretch.count * (terms.sigma_v[0] ** 2 / stretch.m / variance),
+        )
+    )
+    top = np.zeros(OCTAVES)
+    np.maximum.at(top, octave[inside], np.sqrt(stretch.lam[inside]) / (2 * np.pi * stretch.m))
     chance = _two_sided(power, freedom) * max((freedom >= 1).sum(), 1)
     chance, off = np.minimum(chance, 1.0), power / np.maximum(freedom, 1e-9) - 1
     worst = int(np.argmin(chance))
     test = Test(float(off[worst]), float(chance[worst]), _verdict(chance[worst], off[worst]))
     misfits = []
-    dt = likelihood.stretches[0].dt
     for i in np.flatnonzero(chance < ALPHA):
-        period = dt / top[i]
-        note = (
-            f"spectrum {100 * off[i]:+.0f} % off the fitted model in power at periods of"
-            f" {period:.3g} to {2 * period:.3g} s"
-        )
+        period = stretch.dt / top[i]
+        note = said("spectrum_off", off=100 * off[i], shortest=period, longest=2 * period)
         affects: tuple[str, ...] = WHITE if white[i] > 0.5 * count[i] else ()
-        decides, widens = abs(off[i]) > PRACTICAL, None
-        if affects and SMALL < abs(off[i]) <= PRACTICAL:
+        widens = None
+        if abs(off[i]) > PRACTICAL:
+            affects += SLOW if white[i] < 0.8 * count[i] else ()
+        elif abs(off[i]) <= SMALL:
+            affects = ()
+        elif affects:
             half = float(abs(np.log1p(off[i]))) / 2  # of a size
-            decides, widens = True, (half, half)
-            note += f": white noise widened by {100 * half:.2g} %"
-        elif white[i] < 0.8 * count[i]:
-            affects += SLOW
-        part = "misfit", 0.0, likelihood.duration
-        misfits.append(Disturbance(*part, affects, note, decides, widens))
+            widens = half, half
+            note += said("white_widened", percent=100 * half)
+        misfits.append(Disturbance("misfit", 0.0, likelihood.duration, note, affects, widens))
     return test, misfits
 
 
@@ -145,7 +142,7 @@ def stationarity_of(
     ruled = np.flatnonzero(noise.sigma_v[0] ** 2 / coarse.m * inverse[1:] > 0.5)
     band = int(ruled[0]) + 1 if len(ruled) else n  # coefficients in which slow noise rules
     if band < FEWEST_SLOW:
-        return Test(0.0, None, "not tested: too few periods of slow noise in the log"), []
+        return Test(0.0, None, said("untested")), []
     y, line = (
         _interleaved(c[None])[0, :n] for c in _coefficients(np.stack([coarse.y, coarse.time]))
     )
@@ -166,21 +163,23 @@ def stationarity_of(
     worst, least = int(np.argmin(p)), min(float(p.min()), 1.0)
     if worst < len(parts):
         part, off = parts[worst], power[worst] / freedom[worst] - 1
-        note = f"slow noise {100 * off:+.0f} % off its mean power"
+        code, size = "slow_power", 100 * off
     elif worst > len(parts):
         part, off = there, excess
-        note = f"slow noise steps more often than is fitted (excess kurtosis {excess:.2g})"
+        code, size = "slow_steps", excess
     else:
         top = int(there[np.argmax(np.abs(series[there]))])
         part, off = np.array([max(top - n // band, 0), min(top + n // band, n - 1)]), series[top]
-        note = f"slow noise reaches {abs(off):.1f} standard deviations"
+        code, size = "slow_peak", abs(off)
     step = coarse.m * coarse.dt
     start, end = float(part[0] * step), float((part[-1] + 1) * step)
     ratios = np.round(power / freedom, 4), np.round(freedom, 2)
     quarters = tuple(zip(*(values[2:].tolist() for values in ratios), strict=True))
     test = Test(float(off), least, _verdict(least, off), quarters)
-    note += f" from {start:.4g} to {end:.4g} s: it is not stationary"
-    return test, [Disturbance("misfit", start, end, SLOW, note)] if least < ALPHA else []
+    if least >= ALPHA:
+        return test, []
+    note = said(code, off=size, start=start, end=end)
+    return test, [Disturbance("misfit", start, end, note, SLOW)]
 
 
 def together(channels: list, duration: float) -> list[Disturbance]:
@@ -210,14 +209,11 @@ def together(channels: list, duration: float) -> list[Disturbance]:
     if p[k] >= ALPHA:
         return []
     level = np.log(power / freedom / (power.sum() / freedom.sum())) / 2
-    note = (
-        f"slow noise of {len(channels)} channels together {100 * (off[k] - 1):+.0f} % off the rest"
-        f" of the log in power (p {p[k]:.1g}); intervals widened to what quarters have:"
-        f" {np.exp(level.min()):.2f} to {np.exp(level.max()):.2f} of the value"
-    )
-    widens = float(-level.min()), float(level.max())
+    low, high = float(level.min()), float(level.max())
+    about = {"off": 100 * (off[k] - 1), "p": p[k], "low": np.exp(low), "high": np.exp(high)}
+    note = said("together", channels=len(channels), **about)
     ends = k * duration / len(off), (k + 1) * duration / len(off)
-    return [Disturbance("noise_level", *ends, SIZES, note, widens=widens)]
+    return [Disturbance("noise_level", *ends, note, SIZES, (-low, high))]
 
 
 def _two_sided(power, freedom):

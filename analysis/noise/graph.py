@@ -11,10 +11,11 @@ from scipy.stats import kstest, norm, uniform
 
 from analysis import Estimate
 from analysis.noise.allan import AllanCurve
-from analysis.noise.models import FLICKER, random_walk_unit
+from analysis.noise.models import FLICKER
+from analysis.noise.notes import listed, said
+from analysis.noise.parameters import random_walk_unit
 
 TOLERANCE = 0.1  # a slope counts as -1/2 or +1/2 within this
-FLOOR = "floor of the Allan deviation"  # how the note of a B that was read begins
 TENTH = 0.4  # of the longest averaging time, a quarter of the log
 SPAN = 0.3  # decades over which a slope is measured, and over which it must hold
 
@@ -49,19 +50,15 @@ def white_noise(curve: AllanCurve, unit: str) -> Estimate:
     run = _longest_run(curve, np.abs(slopes(curve) + 0.5) < TOLERANCE)
     if run is None:
         low_curve = float(np.min(curve.high * np.sqrt(curve.tau))) if len(curve.tau) else None
-        return Estimate.refused(out, "the Allan curve shows no slope of -1/2", high=low_curve)
+        return Estimate.refused(out, said("no_slope"), high=low_curve)
     root = np.sqrt(curve.tau[run])
     weight = curve.edf[run]
     value = float(np.exp(np.average(np.log(curve.adev[run] * root), weights=weight)))
     # The errors of points of one log are correlated: the interval of the best one counts for all.
     best = run[np.argmax(weight)]
-    return Estimate(
-        value,
-        float(value * curve.low[best] / curve.adev[best]),
-        float(value * curve.high[best] / curve.adev[best]),
-        out,
-        note=f"slope -1/2 from {curve.tau[run[0]]:.3g} to {curve.tau[run[-1]]:.3g} s",
-    )
+    low, high = (float(value * end[best] / curve.adev[best]) for end in (curve.low, curve.high))
+    note = said("slope", low=curve.tau[run[0]], high=curve.tau[run[-1]])
+    return Estimate(value, low, high, out, note=note)
 
 
 def bias_instability(
@@ -107,32 +104,24 @@ def bias_instability(
         (curve.tau >= shortest) & (curve.tau <= TENTH * curve.tau.max(initial=0.0))
     )
     if not len(inside):
-        return Estimate.refused(unit, "the log is too short for a floor of the Allan curve")
+        return Estimate.refused(unit, said("short_for_floor"))
     at, turns = floor_of(model[inside])
     at += inside[0]
     tau, low, high = curve.tau[at], curve.low[at], curve.high[at]
     least = flicker[0] if flicker else np.inf
-    why = ""
+    code = "floor_or_flicker" if least is None else ""
     if at == inside[-1] or model[at:].max() <= high:
-        why = (
-            f"no floor: up to {curve.tau[inside[-1]]:.3g} s, a tenth of the log, the fitted model"
-            " does not rise again by more than the curve's uncertainty; a longer log may show one"
-        )
+        code = "no_floor"
     elif not turns:
-        why = f"no floor: the fitted model rises from {tau:.3g} s on, and is not fitted below"
+        code = "rises"
     elif not low**2 <= model[at] * curve.adev[at] <= high**2:  # twice the interval, in log
-        why = f"the fitted model differs from the Allan curve at its floor, {tau:.3g} s"
-    elif least is None:
-        why = (
-            f"the floor at {tau:.3g} s may be flicker noise or not: the log neither shows nor"
-            " excludes it"
-        )
-    if why or least is None:
-        return Estimate.refused(unit, why, high=float(high * scale))
-    note = f"{FLOOR}, at {tau:.3g} s, / 0.664 (IEEE 952)"
-    if flicker:
-        note += "; the lower end is that of the flicker noise which the log does not exclude"
+        code = "floor_off"
     value, low, high = (float(y * scale) for y in (curve.adev[at], low, high))
+    if code or least is None:
+        why = said(code, tau=tau, longest=curve.tau[inside[-1]])
+        return Estimate.refused(unit, why, high=high)
+    note = said("floor") + said("floor_at", tau=tau)
+    note = listed(note, said("down_to_flicker")) if flicker else note
     return Estimate(value, min(low, least), high, unit, note=note)
 
 

@@ -29,18 +29,10 @@ from analysis.noise.added_terms import (
     Coarse,
     added_term,
     candidates,
+    subtracted,
     weaker_noise,
 )
-from analysis.noise.disturbances import (
-    Disturbance,
-    adjusted,
-    missing,
-    oscillation,
-    resolution,
-    spikes,
-    stuck,
-    uneven,
-)
+from analysis.noise.disturbances import Disturbance, adjusted, of_samples, oscillation, uneven
 from analysis.noise.fit import (
     MODELS,
     QUANTISED,
@@ -55,9 +47,10 @@ from analysis.noise.fit import (
     direction,
     rows,
 )
-from analysis.noise.goodness import SLOW, WHITE, Test, goodness_of_fit, stationarity_of
+from analysis.noise.goodness import Test, goodness_of_fit, stationarity_of
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
-from analysis.noise.models import random_walk_unit
+from analysis.noise.notes import listed, said
+from analysis.noise.parameters import BY_TERM, DENSITY, SLOW, unit_of
 from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
 from analysis.noise.spectrum import fewest_to_average, spectra
 
@@ -77,12 +70,11 @@ SAME = 0.02  # relative; two terms so close to each other are one
 EXACT = 1e-9  # relative; means that vary less than that hold no noise
 TWICE = np.geomspace(0.005, 1, 14)  # time constants of two warm-ups, in log lengths
 ENDS = np.geomspace(4, 40, 12)  # time constants of a warm-up that ends in a log, in log lengths
-INSTEAD = "a warm-up without a drift describes the log as well"  # how its note says so
+INSTEAD = said("instead")  # how the note of a drift begins to say so
 FILTER = 8.0  # means; a shorter correlation time is a filter's, not a bias's
 SHARE = 0.8  # of the variance of a coefficient; where white noise has more, it rules
 MASKED = 0.3  # white noise of a mean, of the bias that hides it
 QUICK = 5e-4  # of the log; a gyro's slow noise has longer correlation times than so
-SELECTION = "that not every such log gives a value, and those that do tend to give one that is too"
 NEAR = 0.3  # of a drift: from an end of its interval to zero, where 4 logs of 5 give a value
 # The model whose biases are tried with a drift: a bias below the white noise is taken for the
 # slowest, a random walk; a visible random walk may be a slow bias.
@@ -112,10 +104,10 @@ class Inference:
         Samples behind each mean that was fitted.
     fewest : int
         The same at least, so that single missing samples leave no gap.
-    misfit : float
-        Largest relative disagreement of spectrum and model in the octaves at the top of the band.
     lack : (float, float)
         Of white noise in the means, relative, and half of its interval: see `lost_in_means`.
+    band : str
+        Over what averaging times the models were fitted, and what was left out.
     terms : tuple of AddedTerm
         Warm-up, step, sinusoid or temperature in the log, fitted with the noise.
     parameters : dict of Estimate
@@ -130,8 +122,8 @@ class Inference:
     coarse: Coarse
     averaged: int = 1
     fewest: int = 1
-    misfit: float = 0.0
     lack: tuple[float, float] = (0.0, 0.0)
+    band: str = ""
     terms: tuple[AddedTerm, ...] = ()
     parameters: dict[str, Estimate] = field(default_factory=dict)
     goodness: Test | None = None
@@ -154,19 +146,19 @@ class Inference:
 
     def summary(self) -> dict:
         """Give what model.json says of the fit: model, rivals, terms, tests, disturbances."""
-        rivals = [m for m in self.table() if m["aic_above_least"] <= FEW and not m["chosen"]]
-        tests = {"goodness": self.goodness, "stationarity": self.stationarity}
         return {
             "model": self.chosen.model,
             "rivals": [
                 {"model": m["model"], "aic_above_least": round(m["aic_above_least"], 1)}
-                for m in rivals
+                for m in self.table()
+                if m["aic_above_least"] <= FEW and not m["chosen"]
             ],
             "terms": [
                 {"kind": t.kind, "parameters": {k: _short(e) for k, e in t.parameters.items()}}
                 for t in self.terms
             ],
-            **{name: test and _short(test) for name, test in tests.items()},
+            "goodness": self.goodness and _short(self.goodness),
+            "stationarity": self.stationarity and _short(self.stationarity),
             "disturbances": [d.summary() for d in self.disturbances],
         }
 
@@ -183,9 +175,10 @@ class Inference:
         """Give the fit of another model, with quantisation if the chosen one has it."""
         return self.fits[model + self.chosen.end]
 
-    def estimate(self, fit, what, unit, note, otherwise):
+    def estimate(self, fit, what, note, otherwise):
         """Estimate one parameter of a fit; refused if the likelihood gives no lower bound."""
         low, high = self.likelihood.interval(fit, what)
+        unit = unit_of(BY_TERM[what], self.unit)
         if low is None:
             return Estimate.refused(unit, otherwise, high=high)
         return Estimate(fit.terms[what][0], low, high, unit, note=note)
@@ -193,13 +186,9 @@ class Inference:
     def criterion(self):
         """AIC of the best model, with the coefficients of the terms at their best."""
         return min(
-            fit.aic + self._logdet(self.likelihood.evaluate(fit.point[None], fit.names).added_cov)
+            2 * len(fit.names) + self.likelihood.evaluate(fit.point[None], fit.names).deviance[0]
             for fit in self.fits.values()
         )
-
-    @staticmethod
-    def _logdet(covariance):
-        return np.linalg.slogdet(covariance[0])[1]
 
     def sizes(self):
         """Coefficients of the terms under the chosen noise, and their standard errors, U."""
@@ -208,66 +197,51 @@ class Inference:
 
     def fitted_terms(self):
         """Give the terms with their parameters."""
-        sizes, errors = (iter(values) for values in self.sizes())
-        noise, others = self.likelihood.terms(self.chosen), list(self.terms)
-        for term in self.terms:
-            size, error = (
-                np.array([next(values) for _ in term.columns]) for values in (sizes, errors)
-            )
-            rest = [other for other in others if other is not term]
-            yield term.fitted(self.coarse, rest, noise, size, error, self.unit)
+        noise, terms = self.likelihood.terms(self.chosen), self.terms
+        cuts = np.cumsum([len(term.columns) for term in terms])[:-1]
+        for term, *size in zip(terms, *(np.split(v, cuts) for v in self.sizes()), strict=False):
+            others = [other for other in terms if other is not term]
+            yield term.fitted(self.coarse, others, noise, *size, self.unit)
 
     def without_terms(self, y):
         """Subtract the added terms from the log, shape (n,), U."""
-        t, sizes = np.arange(len(y)) * self.coarse.dt, self.sizes()[0]
-        columns = (column(t) for term in self.terms for column in term.columns)
-        return y - sum(size * values for size, values in zip(sizes, columns, strict=True))
+        return subtracted(y, np.arange(len(y)) * self.coarse.dt, self.terms, self.sizes()[0])
 
-    def white_noise(self, band):
+    def white_noise(self):
         """White noise of a sample, U, with a note on the band it was fitted in."""
-        note = "; ".join(part for part in (f"likelihood of {self.level_fit.model}", band) if part)
-        hidden = (
-            "the likelihood does not decrease as the white noise goes to zero: a slow process"
-            " masks it"
-        )
-        white = self.estimate(self.level_fit, "sigma_v", self.unit, note, f"{note}; {hidden}")
+        note = listed(said("of_model", model=self.level_fit.model), self.band)
+        white = self.estimate(self.level_fit, "sigma_v", note, listed(note, said("masked")))
         rounded = self.fits.get(self.chosen.model + QUANTISED)
         if white.resolved and rounded and rounded.aic < self.chosen.aic:
             low, high = self.likelihood.interval(rounded, "sigma_v")
             if None not in (low, high):
-                other = replace(white, low=low, high=high)
-                white = either(white, other, "term of quantisation")
+                white = either(white, replace(white, low=low, high=high), "term of quantisation")
         if self.averaged == self.fewest or white.low is None or white.high is None:
             return white
-        ends = white.low * (1 - AGREE / 2), white.high * (1 + AGREE / 2)
-        note = f"{white.note}; widened by {AGREE / 2:.1%} for what is left of the filter"
-        white, (lack, error) = replace(white, low=ends[0], high=ends[1], note=note), self.lack
+        low, high = white.low * (1 - AGREE / 2), white.high * (1 + AGREE / 2)
+        note = listed(white.note, said("filter_left", share=AGREE / 2))
+        white, (lack, error) = replace(white, low=low, high=high, note=note), self.lack
         if lack <= AGREE / 2:
             return white
-        note = (
-            f"raised by {lack:.1%} (± {error:.1%}): a filter takes noise out of neighbouring means"
-        )
-        raised = Disturbance("", 0.0, 0.0, ("sigma_v",), note, widens=(error, error))
+        note = said("raised", lack=lack, error=error)
+        raised = Disturbance("", 0.0, 0.0, note, ("sigma_v",), (error, error))
         return adjusted(white, "sigma_v", [raised]).scaled(1 + lack, white.unit)
 
     def rate_random_walk(self):
         """Rate random walk K, U/sqrt(s)."""
-        unit, note = f"{self.unit}/sqrt(s)", f"likelihood of {self.chosen.model}"
+        unit, note = unit_of("rrw", self.unit), said("of_model", model=self.chosen.model)
         if "rrw" in self.chosen.terms:
-            rival = self.rival(without=("rrw", "corr_time"))
-            walk = self.estimate(self.chosen, "rrw", unit, note, "")
-            rival = rival or self.two_warm_ups()
+            walk = self.estimate(self.chosen, "rrw", note, "")
+            rival = self.rival(without=("rrw", "corr_time")) or self.two_warm_ups()
             if rival:
                 return Estimate.refused(unit, rival, high=walk.high)
             if walk.resolved:
                 if self.chosen.plain == "N+K":
-                    note = f"{note}; a slow bias looks alike, of which it is sigma_b sqrt(2 / T_c)"
-                    walk = replace(walk, note=note)
+                    walk = replace(walk, note=listed(note, said("or_a_bias")))
                 return self._beside_two_biases(walk)
         wider = self.similar(WITH_WALK.get(self.chosen.plain, "N+GM+K"))
         high = self.likelihood.interval(wider, "rrw")[1]
-        why = f"{self.chosen.model} fits the log equally well without a rate random walk"
-        return Estimate.refused(unit, why, high=high)
+        return Estimate.refused(unit, said("no_walk", model=self.chosen.model), high=high)
 
     def two_warm_ups(self):
         """Say whether a second warm-up, instead of the random walk, describes the log as well."""
@@ -282,27 +256,26 @@ class Inference:
         )
         if least > self.coarse.deviance(self.terms, noise)[0] + FEW:
             return ""
-        return "two warm-ups without a random walk describe the log as well"
+        return said("two_warm_ups")
 
     def _beside_two_biases(self, walk):
         """Widen a random walk beside one bias by what it may be beside two."""
         if self.chosen.plain != "N+GM+K":
             return walk
         near = [self.chosen, self.similar("N+2GM")]
-        wider = self.likelihood.fit(THREE_SLOW, near, quantised=bool(self.chosen.end))
+        wider = self.likelihood.fit(THREE_SLOW + self.chosen.end, near)
         low, high = self.likelihood.interval(wider, "rrw")
         high = None if None in (high, walk.high) else max(high, walk.high)
         if low is None:
-            why = "a second bias, slower than the first, may explain all of it"
-            return Estimate.refused(walk.unit, f"{walk.note}; {why}", high=high)
-        note = f"{walk.note}; with and without a second bias"
+            why = listed(walk.note, said("second_bias"))
+            return Estimate.refused(walk.unit, why, high=high)
+        note = listed(walk.note, said("with_and_without", term="second bias"))
         return replace(walk, low=min(low, walk.low), high=high, note=note)
 
     def bias_instability(self):
         """Bias instability B of fitted flicker noise, U."""
-        note = f"likelihood of {self.level_fit.model}: coefficient of its flicker noise (IEEE 952)"
-        otherwise = f"{note}; a rate random walk alone may explain it"
-        return self.estimate(self.level_fit, "flicker", self.unit, note, otherwise)
+        note = said("of_model", model=self.level_fit.model) + said("flicker")
+        return self.estimate(self.level_fit, "flicker", note, listed(note, said("or_a_walk")))
 
     def rival(self, without=(), having=None, few=FEW):
         """Name a model with one term, without others, within a few AIC, or nothing."""
@@ -316,8 +289,8 @@ class Inference:
         if best.aic > self.chosen.aic + few:
             return ""
         more = best.aic - self.chosen.aic
-        nearly = "nearly " * (more > 0)
-        return f"{best.model} fits the log {nearly}as well as {self.chosen.model} (AIC {more:+.1f})"
+        code = "rival_near" if more > 0 else "rival_equal"
+        return said(code, rival=best.model, chosen=self.chosen.model, more=more)
 
     def possible_flicker(self):
         """95 % interval of flicker noise, U, if a model with it is not clearly worse, else None."""
@@ -334,12 +307,11 @@ class Inference:
             return self._random_walk()
         if "flicker" in self.chosen.terms:
             more = self.similar(UNIFIED).aic - self.chosen.aic
-            why = f"flicker noise chosen, not a Gauss-Markov bias (AIC of {UNIFIED}: {more:+.1f})"
+            why = said("flicker_chosen", unified=UNIFIED, more=more)
             return self._no_bias(why, why)
         longest = self.likelihood.duration / 10
-        why = "the log shows no slow bias"
-        bound = f"{why}; the upper bound assumes a correlation time of at most {longest:.3g} s, a"
-        bound += " tenth of the log"
+        why = said("no_bias")
+        bound = listed(why, said("no_bias_bound", longest=longest))
         return self._no_bias(why, bound, high=self.likelihood.hidden_bias(self.chosen, longest))
 
     def _no_bias(self, why, why_no_size, *, time_low=None, **bound):
@@ -351,31 +323,27 @@ class Inference:
     def _gauss_markov(self):
         fit, flicker = self.chosen, self.rival(having="flicker", few=-FLICKER_BETTER)
         if flicker:
-            return self._no_bias(f"{flicker}, and has no correlation time", flicker)
-        said, own = "", {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
+            return self._no_bias(flicker + said("no_time"), flicker)
+        second, own = "", {w: self.likelihood.interval(fit, w) for w in ("corr_time", "sigma_b")}
         ends = own
         if self.second_process():
             fit = self.similar("N+2GM")
             ends = {w: self.likelihood.interval(fit, w) for w in own}
             if "rrw" not in self.chosen.terms:
                 ends = {w: _widest(own[w], ends[w]) for w in own}
-            fast = [f"{fit.terms[w][0]:.3g}" for w in own]
-            said = (
-                "; the log does not say whether it holds a second slow process, a bias or a random"
-                f" walk: N+2GM includes all; its faster bias has T_c {fast[0]} s and sigma_b"
-                f" {fast[1]} {self.unit}"
-            )
+            second = said("second_process", unit=self.unit, **{w: fit.terms[w][0] for w in own})
         times = self.likelihood.duration / fit.terms["corr_time"][-1]
-        note = f"likelihood of {fit.model}; the log covers {_count(times)} correlation times{said}"
+        covers = said("times", times=_count(times))
+        note = listed(said("of_model", model=fit.model), covers, second)
         estimates, (low, high) = {}, ends["corr_time"]
-        useless = bool(said and low and high and high > USELESS * low)
+        useless = bool(second and low and high and high > USELESS * low)
         for (what, (low, high)), unit in zip(ends.items(), ("s", self.unit), strict=True):
             if useless or None in (*ends["corr_time"], low, high):
-                why = f"{note}, too few to bound it on both sides" if not said else note
+                why = note if second else note + said("too_few")
                 high = None if ends["corr_time"][1] is None else high
                 estimates[what] = Estimate.refused(unit, why, low=low, high=high)
             else:
-                few = f", so few {SELECTION} low" if times < SELECTED else ""
+                few = said("few_low") if times < SELECTED else ""
                 estimates[what] = Estimate(fit.terms[what][-1], low, high, unit, note=note + few)
         return estimates
 
@@ -393,12 +361,10 @@ class Inference:
         """Bound a bias whose correlation time has no upper end."""
         unified = self.similar(UNIFIED)
         low, sigma_low = (self.likelihood.interval(unified, w)[0] for w in ("corr_time", "sigma_b"))
-        why = "a random walk, which has no correlation time, fits the log equally well"
+        why = said("as_a_walk")
         if low is not None:
-            times = _count(self.likelihood.duration / low)
-            why += f": the log covers at most {times} correlation times"
-        open_time = f"not bounded because corr_time is not: {why}"
-        return self._no_bias(why, open_time, time_low=low, low=sigma_low)
+            why += said("as_a_walk_most", times=_count(self.likelihood.duration / low))
+        return self._no_bias(why, said("time_open", why=why), time_low=low, low=sigma_low)
 
     def drift(self, rng, settled):
         """Linear drift, U/s; refused beside a warm-up that the log shows, unless it is clear.
@@ -414,11 +380,10 @@ class Inference:
         warm_up = any(term.kind == "warm_up" for term in settled)
         near = min(abs(low), abs(high))  # the end nearer to zero
         if low <= 0 <= high or (warm_up and near < (1 - NEAR) * abs(value)):
-            why = f"no linear drift that a {'warm-up' if warm_up else 'slow bias'} does not explain"
+            why = said("no_drift", term="warm-up" if warm_up else "slow bias")
             return Estimate.refused(f"{self.unit}/s", why, low=low, high=high)
-        note = "profile likelihood over the biases that the log allows; threshold calibrated by"
-        note += f" parametric bootstrap{self._end_of_warm_up()}"
-        note += f"; so near to zero {SELECTION} large" * (near < NEAR * abs(value))
+        nearly_none = said("near_zero") if near < NEAR * abs(value) else ""
+        note = listed(said("drift"), self._end_of_warm_up(), nearly_none)
         return Estimate(value, low, high, f"{self.unit}/s", note=note)
 
     def _end_of_warm_up(self):
@@ -426,9 +391,7 @@ class Inference:
         noise, times = self.likelihood.terms(self.chosen), self.coarse.duration / ENDS
         found = [(self.coarse.instead_of_line(self.terms, x, noise), x) for x in times]
         fall, time = min(found)
-        return (
-            f"; {INSTEAD}, time constant {time:.3g} s (2 ln L {-fall:+.1f})" if fall < FEW else ""
-        )
+        return INSTEAD + said("instead_at", time=time, rise=-fall) if fall < FEW else ""
 
 
 def infer(
@@ -467,17 +430,13 @@ def infer(
     Inference
         `CannotAnswer` if no stretch of 32 samples is left between long gaps.
     """
-    disturbances = missing(y, dt) + resolution(y, dt, (*WHITE, *SLOW))
-    for find in (stuck, spikes):
-        out, noticed = find(y, dt)
-        disturbances += noticed
-        y = np.where(out, np.nan, y) if out.any() else y
+    y, disturbances = of_samples(y, dt)
     fewest = fewest_to_average(y, len(y) / (2 * FEWEST_MEANS))
     m, rate, clean_bands = fewest, kind in ("rate", "accel"), 0
     fits: dict[str, Fit] = {}
     pieces = finest = spectra(y, dt, m)
-    if not pieces:
-        raise CannotAnswer("missing samples leave no 32 in a row to fit a noise model to")
+    if pieces is None:
+        raise CannotAnswer(said("no_stretch"))
     likelihood = NoiseLikelihood(pieces, detrend=detrend)
     while True:
         fits = fit_all(likelihood, rate=rate, near=fits)
@@ -492,45 +451,48 @@ def infer(
         if (clean and (unfiltered or clean_bands > MARGIN)) or len(y) < 2 * m * FEWEST_MEANS:
             break
         pieces = spectra(y, dt, 2 * m)
-        wider = NoiseLikelihood(pieces, detrend=detrend) if pieces else None
+        wider = pieces and NoiseLikelihood(pieces, detrend=detrend)
         if wider is None or wider.scale < EXACT * likelihood.scale:
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
         likelihood, m = wider, 2 * m
-    lack = lost_in_means(finest[0], likelihood, chosen)
+    lack = lost_in_means(finest, likelihood, chosen)
+    used = likelihood.spectrum.length @ likelihood.spectrum.behind / m / np.isfinite(y).sum()
+    why = said("means_filtered" if m > fewest else "means_missing")
+    band = listed(
+        said("means", m=m, width=m * dt) + why if m > 1 else "",
+        said("unused", share=1 - used) if used < USED else "",
+        "" if clean else said("misfits", percent=100 * AGREE, misfit=100 * misfit),
+    )
     coarse = Coarse.of(y, dt, m)
-    result = Inference(likelihood, fits, chosen, unit, coarse, m, fewest, misfit, lack)
+    result = Inference(likelihood, fits, chosen, unit, coarse, m, fewest, lack, band)
     warmth = None
     if temperature is not None and np.ptp(temperature) > 0:
         times, warmer = dt * np.arange(len(y)), temperature - temperature.mean()
         warmth = partial(np.interp, xp=times, fp=warmer)
     result, rival = add_terms(result, rate, warmth, lambda columns: spectra(y, dt, m, columns))
     if len(result.terms) == MOST_TERMS:
-        note = f"{MOST_TERMS} terms are fitted, and there may be more: what is left is no bias"
-        disturbances.append(Disturbance("misfit", 0.0, coarse.duration, SLOW, note))
-    used = (
-        sum(piece.length @ piece.behind / m for piece in likelihood.stretches)
-        / np.isfinite(y).sum()
-    )
-    band, streams = _band(result, dt, clean, used), rng.spawn(2)
-    parameters = _parameters(result, kind, dt, band, streams[0], result.terms)
+        note = said("terms", most=MOST_TERMS)
+        disturbances.append(Disturbance("misfit", 0.0, coarse.duration, note, SLOW))
+    streams = rng.spawn(2)
+    parameters = _parameters(result, kind, streams[0], result.terms)
     if rival:
         gain = result.criterion() - rival.criterion()
         doubtful = gain <= rival.terms[-1].unsure + FEW
         settled = result.terms if doubtful else rival.terms
-        others = _parameters(rival, kind, dt, band, streams[1], settled)
+        others = _parameters(rival, kind, streams[1], settled)
         for name, own in parameters.items():
             parameters[name] = either(own, others.get(name), rival.terms[-1].kind)
     white = result.level_fit.terms["sigma_v"][0]
-    disturbances += uneven(y, dt, m, white, WHITE) + oscillation(y, dt)
+    disturbances += uneven(y, dt, m, white) + oscillation(y, dt)
     return _judged(result, parameters, disturbances)
 
 
-def _parameters(result, kind, dt, band, rng, settled):
+def _parameters(result, kind, rng, settled):
     """Estimate every parameter of a channel, by its name in model.json."""
-    parameters = {"sigma_v": result.white_noise(band)}
-    if kind in ("rate", "accel"):
-        density = parameters["sigma_v"].scaled(np.sqrt(dt), random_walk_unit(result.unit))  # N
-        parameters["arw" if kind == "rate" else "vrw"] = density
+    parameters = {"sigma_v": result.white_noise()}
+    if density := DENSITY.get(kind):
+        root, unit = np.sqrt(result.coarse.dt), unit_of(density, result.unit)
+        parameters[density] = parameters["sigma_v"].scaled(root, unit)
         parameters["rrw"] = result.rate_random_walk()
         if "flicker" in result.chosen.terms:
             parameters["bias_instability"] = result.bias_instability()
@@ -579,15 +541,8 @@ def add_terms(result, rate, temperature, transformed):
             wider_fits = fit_all(wider, rate=rate, near=result.fits)
         except np.linalg.LinAlgError:
             break  # the new term is a sum of others
-        other = replace(
-            result,
-            likelihood=wider,
-            fits=wider_fits,
-            chosen=choose(wider_fits.values()),
-            terms=terms,
-            parameters={},
-            disturbances=[],
-        )
+        chosen = choose(wider_fits.values())
+        other = replace(result, likelihood=wider, fits=wider_fits, chosen=chosen, terms=terms)
         rise = result.criterion() - other.criterion()
         if rise < term.gain:
             return result, other if rise > term.unsure else None
@@ -609,11 +564,12 @@ def either(own, other, kind):
     named = kind.replace("_", "-")
     if own.resolved and other.resolved:
         if not low <= 0 <= high:
-            return replace(own, low=low, high=high, note=f"{own.note}; with and without a {named}")
-        why = f"of opposite sign with a {named} and without"
+            note = listed(own.note, said("with_and_without", term=named))
+            return replace(own, low=low, high=high, note=note)
+        why = said("opposite_sign", term=named)
     else:
         why = own.note if not own.resolved else other.note
-    why += f"; the log does not say whether it holds a {named}"
+    why = listed(why, said("undecided", term=named))
     return Estimate.refused(own.unit, why, low=low, high=high)
 
 
@@ -632,10 +588,8 @@ def _judged(result, parameters, disturbances):
     steps = [t.at for t in terms if t.kind == "step"]
     for d in disturbances:
         if d.kind == "noise_level" and any(d.start_s <= at <= d.end_s for at in steps):
-            why = "a step is fitted where the noise level changes, and may be noise"
-            disturbances.append(
-                replace(d, affects=SLOW, note=why, widens=None, bounds=(None, None))
-            )
+            note = said("level_at_step")
+            disturbances.append(Disturbance(d.kind, d.start_s, d.end_s, note, SLOW))
             break
     return replace(
         result,
@@ -663,20 +617,19 @@ def fit_all(likelihood, *, rate, near):
     """
     fits = {}
 
-    def fit(model, simpler, quantised):
-        name = model + (QUANTISED if quantised else "")
-        known = [near[name]] if name in near else []
-        fits[name] = likelihood.fit(model, simpler, known, quantised)
+    def fit(model, *simpler):
+        known = [near[model]] if model in near else []
+        fits[model] = likelihood.fit(model, [fits[name] for name in simpler], known)
 
     for model in MODELS:
-        fit(model, [fits[name] for name in SIMPLER.get(model, ())], False)
+        fit(model, *SIMPLER.get(model, ()))
     best = choose(fits.values())
     if rate:
-        fit(best.model, [best], True)
+        fit(best.model + QUANTISED, best.model)
         if choose(fits.values()) is not best:
             for model in MODELS:
                 simpler = SIMPLER.get(model, ["N"] if model != "N" else [])
-                fit(model, [fits[name + QUANTISED] for name in simpler], True)
+                fit(model + QUANTISED, *(name + QUANTISED for name in simpler))
     return fits
 
 
@@ -690,14 +643,15 @@ def disagreement(likelihood, fit):
     beyond : bool
         Some octave is off by more than 3 % and by more than four standard errors.
     """
-    measured, count = np.zeros((2, OCTAVES))
-    for stretch in likelihood.stretches:
-        variance = bin_variance(stretch, likelihood.terms(fit))[0]
-        octave = np.floor(-0.5 * np.log2(np.maximum(stretch.lam, 1e-9) / 4)).astype(int)
-        inside = (octave < OCTAVES) & (stretch.count > 0)
-        # Each coefficient counts once, whatever the slope of the spectrum.
-        for total, part in ((measured, stretch.yy / variance), (count, stretch.count)):
-            np.add.at(total, octave[inside], part[inside])
+    stretch = likelihood.spectrum
+    variance = bin_variance(stretch, likelihood.terms(fit))[0]
+    octave = np.floor(-0.5 * np.log2(np.maximum(stretch.lam, 1e-9) / 4)).astype(int)
+    inside = (octave < OCTAVES) & (stretch.count > 0)
+    # Each coefficient counts once, whatever the slope of the spectrum.
+    measured, count = (
+        np.bincount(octave[inside], part[inside], OCTAVES)
+        for part in (stretch.yy / variance, stretch.count)
+    )
     off = measured / np.maximum(count, 1) - 1
     error = np.sqrt(2 / np.maximum(count, 1))
     off, error = off[count > 0], error[count > 0]
@@ -725,14 +679,13 @@ def lost_in_means(finest, likelihood, fit):
         Half of the 95 % interval: what is folded into the means is other noise than that of the
         samples up to the same frequency.
     """
-    (means,), terms = likelihood.stretches, likelihood.terms(fit)
+    means, terms = likelihood.spectrum, likelihood.terms(fit)
     if len(means.start) != len(finest.start):
         return 0.0, 0.0
     white = terms.sigma_v[0] ** 2 / means.m
     first = (white < SHARE * bin_variance(means, terms)[0]).sum(axis=1)
     power, count = np.zeros((2, 2)), 0.0  # of means and samples: measured, modelled
-    for k, of_samples in enumerate((False, True)):
-        stretch = finest if of_samples else means
+    for k, stretch in enumerate((means, finest)):
         model = stretch.count * bin_variance(stretch, terms)[0]
         for row, start in enumerate(first):
             ends = means.count[row, :start].sum(), means.count[row].sum()
@@ -764,25 +717,6 @@ def as_noisy(y, fit):
     level = np.mean(np.square(step, out=step), where=np.isfinite(step)) / 2
     white = fit.terms["sigma_v"][0] ** 2
     return abs(level - white) < AGREE * white
-
-
-def _band(result, dt, clean, used):
-    """Write over what band the model was fitted, and what was left out."""
-    parts, m = [], result.averaged
-    if m > 1:
-        filtered = m > result.fewest
-        why = "closer samples are correlated" if filtered else "single samples are missing"
-        parts.append(
-            f"noise level within the fitted band, means of {m} samples ({m * dt:.3g} s): {why}"
-        )
-    if used < USED:
-        parts.append(f"{1 - used:.0%} of the samples unused: long gaps split the log")
-    if not clean:
-        parts.append(
-            f"no model fits within {100 * AGREE:.0f} % (misfit {100 * result.misfit:.0f} %): the"
-            " interval may be too narrow"
-        )
-    return "; ".join(parts)
 
 
 def _short(record):
@@ -817,15 +751,17 @@ def linear_drift(likelihood, fits, chosen, rng=None):
     value, low, high : float, U/s
     """
     fit = fits[DRIFT_MODEL.get(chosen.plain, chosen.plain) + chosen.end]
-    grid = _grid(likelihood, fit), fit.names
-    stretches, threshold = likelihood.stretches, THRESHOLD
+    stretch, threshold = likelihood.spectrum, THRESHOLD
     if rng is not None:
         noise = likelihood.terms(chosen if chosen.plain == "N+K" else fit)
-        drawn = [simulate(stretch, noise, BOOTSTRAP_LOGS, rng) for stretch in stretches]
-        stretches = [_first(*pair) for pair in zip(stretches, drawn, strict=True)]
-    value, drift, sd = _lines(stretches, *grid)
+        drawn = simulate(stretch, noise, BOOTSTRAP_LOGS, rng)
+        # The log itself in front of those drawn.
+        yy = np.append([stretch.yy], drawn.yy, axis=0)
+        stretch = replace(drawn, yy=yy, zy=np.append([stretch.zy], drawn.zy, axis=0))
+    value, drift, sd = _lines(stretch, _grid(likelihood, fit), fit.names)
     if rng is not None:
-        fall = _fall_at_no_drift(value[1:], drift[1:], sd)
+        without = (value - 0.5 * (drift / sd) ** 2)[1:]
+        fall = 2 * (value[1:].max(axis=1) - without.max(axis=1))
         value, drift, threshold = value[0], drift[0], np.quantile(fall, LEVEL)
     room = threshold - 2 * (value.max() - value)  # left for the drift, under each row of noise
     half = sd * np.sqrt(np.maximum(room, 0.0))
@@ -835,7 +771,7 @@ def linear_drift(likelihood, fits, chosen, rng=None):
     return float(weight @ drift / weight.sum()), *map(float, ends)
 
 
-def _lines(stretches, points, names):
+def _lines(stretch, points, names):
     """Fit the line to one log, or to many, under rows of noise, some at a time.
 
     Returns
@@ -845,25 +781,12 @@ def _lines(stretches, points, names):
     sd : ndarray, shape (rows,), U/s
     """
     parts = []
-    at_once = ROWS[any(stretch.has_gaps for stretch in stretches)]
+    at_once = ROWS[stretch.has_gaps]
     for some in np.array_split(points, len(points) // at_once):
-        result = evaluate(stretches, rows(some, names))
+        result = evaluate(stretch, rows(some, names))
         parts.append((result.value - np.log(result.drift_sd), result.drift, result.drift_sd))
     value, drift, sd = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
     return value, drift, sd
-
-
-def _fall_at_no_drift(value, drift, sd):
-    """Fall of 2 ln L at zero drift, for each of many logs (see `_lines`)."""
-    return 2 * (value.max(axis=1) - (value - 0.5 * (drift / sd) ** 2).max(axis=1))
-
-
-def _first(stretch, drawn):
-    """Put a log in front of many drawn ones."""
-    sums = {
-        name: [getattr(stretch, name)[None], getattr(drawn, name)] for name in ("yy", "xy", "uy")
-    }
-    return replace(drawn, **{name: np.concatenate(both) for name, both in sums.items()})
 
 
 def _grid(likelihood, fit):

@@ -100,13 +100,18 @@ class Likelihood:
         first = 0 if self.detrend else 1
         return np.linalg.inv(self.xx[:, first:, first:])[:, 1 - first :, 1 - first :]
 
+    @property
+    def deviance(self):
+        """-2 ln L with the coefficients of the added regressors at their best, shape (rows,)."""
+        return np.linalg.slogdet(self.added_cov)[1] - 2 * self.value
 
-def evaluate(stretches, terms, *, detrend=True):
-    """Restricted likelihood of a log, or of several with one drift, each with its own mean.
+
+def evaluate(stretch, terms, *, detrend=True):
+    """Restricted likelihood of a log.
 
     Parameters
     ----------
-    stretches : sequence of analysis.noise.spectrum.Spectrum
+    stretch : analysis.noise.spectrum.Spectrum
     terms : Terms
     detrend : bool
         Also remove a linear drift.
@@ -115,16 +120,14 @@ def evaluate(stretches, terms, *, detrend=True):
     -------
     Likelihood
     """
-    parts = [_of_log(stretch, terms) for stretch in stretches]
-    logdet, yy, xz = (sum(part) for part in zip(*parts, strict=True))
+    logdet, yy, xz = _of_log(stretch, terms)
     p, first = xz.shape[1], 0 if detrend else 1
     more, inverse = _inverse(xz[:, first:, first:p])
     xy = xz[:, first:, p:]
     yy = yy - (xy * (inverse @ xy)).sum(axis=1)
-    count = sum(int(stretch.count.sum()) for stretch in stretches) - p + first
-    count -= sum(stretch.has_gaps for stretch in stretches)  # their means
+    count = int(stretch.count.sum()) - p + first - stretch.has_gaps  # and its mean
     value, xy = -0.5 * ((logdet + more)[:, None] + yy), xz[..., p:]
-    if stretches[0].yy.ndim == 2:
+    if stretch.yy.ndim == 2:
         value, yy, xy = value[:, 0], yy[:, 0], xy[..., 0]
     else:
         value, yy, xy = value.T, yy.T, xy.transpose(2, 0, 1)
@@ -160,7 +163,7 @@ def simulate(stretch, terms, logs, rng):
     Returns
     -------
     Spectrum
-        yy, xy and uy with the logs along a first axis, shape (logs, h, bins).
+        yy and zy with the logs along a first axis.
     """
     diagonal, g, signs = (a if a.ndim == 1 else a[0] for a in _covariance(stretch, terms))
     count, basis = stretch.count, _orthogonal(stretch)
@@ -174,10 +177,8 @@ def simulate(stretch, terms, logs, rng):
         component *= has
         free -= has
     rest = diagonal * 2 * rng.standard_gamma(free / 2, (logs, *count.shape))
-    onto_u, *onto_x = np.einsum("jkpb,klpb->jlpb", basis, along)
-    return replace(
-        stretch, yy=(along**2).sum(axis=0) + rest, xy=np.stack(onto_x, axis=1), uy=onto_u
-    )
+    onto = np.einsum("jkpb,klpb->ljpb", basis, along)
+    return replace(stretch, yy=(along**2).sum(axis=0) + rest, zy=onto)
 
 
 def _along_u(stretch, terms, covariance, normal, rng):
@@ -218,9 +219,7 @@ def _orthogonal(stretch):
     ndarray, shape (p + 1, p + 1, 2, bins)
         Vector j in component k, 0 for k > j.
     """
-    gram = np.concatenate([stretch.uu[None], stretch.ux])[:, None]
-    gram = np.concatenate([gram, np.concatenate([stretch.ux[None], stretch.xx])], axis=1)
-    basis = np.zeros_like(gram)
+    gram, basis = stretch.zz, np.zeros_like(stretch.zz)
     for k in range(len(gram)):
         left = gram[k, k] - (basis[k, :k] ** 2).sum(axis=0)
         basis[k, k] = np.sqrt(np.where(left > 1e-9 * gram[k, k], left, 0.0))
@@ -321,7 +320,10 @@ def _products(stretch, terms):
     rows, halves, bins = diagonal.shape
     weight = 1 / diagonal
     logdet = np.log(diagonal).reshape(rows, -1) @ stretch.count.ravel()
-    yy, xz = (weight.reshape(rows, -1) @ sums for sums in (stretch.yy_sums, stretch.xz_sums))
+    yy, xz = (
+        weight.reshape(rows, -1) @ sums.reshape(-1, halves * bins).T
+        for sums in (stretch.yy, stretch.products[1:])
+    )
     # Woodbury's formula for V = diagonal + sum of sign * (g u)(g u)', parity by parity.
     g, weight = g.swapaxes(0, 1), weight.swapaxes(0, 1)[:, :, None]
     weighted = np.multiply(g, weight, order="C")
@@ -333,12 +335,12 @@ def _products(stretch, terms):
         inner = weighted @ with_u.swapaxes(2, 3)
     inner, onto = (
         a.reshape(halves, rows, len(signs), a.shape[-1]) * size[..., None]
-        for a in (inner, stacked @ stretch.uz)
+        for a in (inner, stacked @ stretch.products[0].transpose(1, 2, 0))
     )
     more, inverse = _inverse(np.diag(signs) + inner * size[:, None])
     solved = inverse @ onto
     both = (a.swapaxes(0, 1).reshape(rows, -1, onto.shape[-1]) for a in (onto, solved))
-    yy, xz = _less(yy, xz.reshape(rows, len(stretch.ux), -1), *both)
+    yy, xz = _less(yy, xz.reshape(rows, len(stretch.zz) - 1, -1), *both)
     if stretch.has_gaps:
         inverse = np.diag(signs) - np.outer(signs, signs) * inverse
         solved = signs[:, None] * solved

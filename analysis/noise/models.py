@@ -392,8 +392,3 @@ def adev_of_terms(terms: Mapping[str, Sequence[float]], tau: ArrayLike, dt: floa
     steady = adev_model(tau, arw=terms["sigma_v"][0] * np.sqrt(dt), **single)
     pairs = zip(terms.get("sigma_b", []), terms.get("corr_time", []), strict=True)
     return np.sqrt(steady**2 + sum(adev_gauss_markov(tau, *pair, dt) ** 2 for pair in pairs))
-
-
-def random_walk_unit(unit):
-    """Unit of U sqrt(s) as the field writes it: deg/s gives deg/sqrt(s), g gives g*sqrt(s)."""
-    return f"{unit[:-2]}/sqrt(s)" if unit.endswith("/s") else f"{unit}*sqrt(s)"

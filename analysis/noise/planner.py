@@ -17,17 +17,17 @@ import numpy as np
 from scipy.optimize import brentq
 
 from analysis import Estimate, WrongUsage
-from analysis.noise.graph import FLOOR
 from analysis.noise.likelihood import Terms, bin_variance
+from analysis.noise.notes import said
+from analysis.noise.parameters import BY_TERM, PARAMETERS
 from analysis.noise.spectrum import outline
 
 WITHIN = 1.96
 STEP = 1e-3  # of a logarithm, for derivatives
 LONGEST_H = 1e5  # eleven years
 UNKNOWN = 1e6  # times the error that is wanted: not known at all
-SYMBOLS = {  # how the terms of a `Plan` are printed
-    "sigma_v": "N or σ_v", "sigma_b": "σ_b", "corr_time": "T_c", "flicker": "B", "rrw": "K",
-}  # fmt: skip
+SYMBOLS = {term: PARAMETERS[name]["symbol"] for term, name in BY_TERM.items()}
+SYMBOLS["sigma_v"] = "N or σ_v"
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Plan:
             with np.errstate(divide="raise", over="raise", invalid="raise"):
                 return self._hours(dt, np.log1p(within))
         except (ArithmeticError, np.linalg.LinAlgError) as error:
-            raise WrongUsage("no plan: the numbers lie too far apart to compute with") from error
+            raise WrongUsage(said("no_plan")) from error
 
     @classmethod
     def from_estimates(cls, parameters: Mapping[str, Estimate]) -> tuple["Plan | None", bool]:
@@ -140,7 +140,7 @@ class Plan:
             return cls(known["sigma_v"], sigma.low, time.low), True
         # A floor read off the Allan curve is not flicker noise: only a fitted coefficient counts.
         flicker = parameters.get("bias_instability")
-        fitted = flicker is not None and not flicker.note.startswith(FLOOR)
+        fitted = flicker is not None and not flicker.note.startswith(said("floor"))
         size = known.get("bias_instability") if fitted else None
         return cls(known["sigma_v"], flicker=size, rrw=known.get("rrw")), False
 

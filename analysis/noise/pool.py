@@ -21,15 +21,14 @@ from scipy.special import log_ndtr, logsumexp
 from scipy.stats import chi2, f, norm
 
 from analysis import Estimate
-from analysis.noise.fit import MODELS, QUANTISED, UNIFIED, choose, direction
-from analysis.noise.models import random_walk_unit
+from analysis.noise.fit import MODELS, UNIFIED, choose, direction
+from analysis.noise.notes import listed, said
+from analysis.noise.parameters import BY_TERM, DENSITY, unit_of
 from analysis.noise.profile_likelihood import profile_curve
 
-KEYS = {"sigma_v": "sigma_v", "flicker": "bias_instability", "rrw": "rrw"}
 CENTRES = 101  # values of mu
 SPREADS = 32  # values of s
 WIDEST = 5.0  # s of a logarithm above which a spread is as good as open
-NO_SPREAD = "no spread between the units is visible"
 ALIKE = 0.01  # chance that different units agree so well in every bias
 
 
@@ -84,20 +83,18 @@ def pool(inferences, dt, unit, kind):
         {"model": n, "aic_above_least": round(s.aic - least, 1), "chosen": s is chosen}
         for n, s in sums.items()
     ]
-    units = {"sigma_b": unit, "corr_time": "s", "rrw": f"{unit}/sqrt(s)"}
     parameters, spread = {}, {}
     for key, name, what in _wanted(chosen, kind):
         fits = by_model.get(name) or _fits(inferences, name)
         pairs = list(zip(inferences, fits, strict=True))
         curves = [profile_of_unit(i.likelihood, fit, what) for i, fit in pairs]
-        parameters[key], spread[key] = population(curves, units.get(key, unit), name)
+        parameters[key], spread[key] = population(curves, unit_of(key, unit), name)
         if what == "sigma_b":
             curves = [profile_of_unit(i.likelihood, fit, "walk") for i, fit in pairs]
             walk, _ = population(curves, "")
             parameters[key] = deviation(walk, parameters["corr_time"], unit)
-    if kind in ("rate", "accel"):
-        key = "arw" if kind == "rate" else "vrw"
-        parameters[key] = parameters["sigma_v"].scaled(np.sqrt(dt), random_walk_unit(unit))
+    if key := DENSITY.get(kind):
+        parameters[key] = parameters["sigma_v"].scaled(np.sqrt(dt), unit_of(key, unit))
         spread[key] = spread["sigma_v"]
     return Pooled(chosen.model, models, len(inferences), parameters, spread)
 
@@ -121,12 +118,8 @@ def repeatability(means, unit, kind):
     value = float(np.std(means, ddof=1))
     low, high = value * np.sqrt(freedom / chi2.ppf([0.975, 0.025], freedom))
     if kind != "rate":
-        why = "the mean of a log holds how the unit lay, not its bias alone"
-        return Estimate.refused(unit, why, high=float(high))
-    note = (
-        f"mean biases of {len(means)} logs; it holds what a bias wanders in a log, and the Earth's"
-    )
-    note += " rotation where the units lay differently"
+        return Estimate.refused(unit, said("no_repeats"), high=float(high))
+    note = said("repeats", count=len(means))
     return Estimate(value, float(low), float(high), unit, note=note)
 
 
@@ -217,16 +210,16 @@ def profile_of_unit(likelihood, fit, what):
 
 def _fits(inferences, name):
     """Fit of one model to every unit; where it was not tried, it is now."""
-    model, quantised = name.removesuffix(QUANTISED), name.endswith(QUANTISED)
-    return [i.fits.get(name) or i.likelihood.fit(model, quantised=quantised) for i in inferences]
+    return [i.fits.get(name) or i.likelihood.fit(name) for i in inferences]
 
 
 def _wanted(chosen, kind):
     """Name of each parameter to pool, the model it is taken from, and its name there."""
-    terms = [t for t in KEYS if t in chosen.names]
-    if kind not in ("rate", "accel"):
-        terms = [t for t in terms if t != "rrw"]
-    wanted = [(KEYS[t], chosen.model, t) for t in terms]
+    wanted = [
+        (key, chosen.model, term)
+        for term, key in BY_TERM.items()
+        if term in chosen.names and term != "corr_time" and (term != "rrw" or kind in DENSITY)
+    ]
     # All logs together may resolve what looks like a random walk in each.
     plain = UNIFIED if chosen.plain == "N+K" else chosen.plain
     slow = plain + chosen.end
@@ -303,16 +296,14 @@ def population(curves, unit, model=""):
     of_mu = logsumexp(log_l, axis=1, b=prior)
     of_s = logsumexp(log_l, axis=0, b=np.gradient(mu)[:, None])
     centre, low, high = _peak_and_ends(mu, of_mu, _threshold_of_a_mean(freedom))
-    note = f"{n} units" + (f", likelihood of {model}" if model else "")
-    note += f"; {both} of {n} logs bound it on both sides"
-    if both < n:
-        note += ", the others count with the side they bound"
-    if freedom < 3:
-        count = "one degree" if freedom == 1 else "two degrees"
-        note += f"; the spread between units has {count} of freedom only, hence the wide interval"
+    note = listed(
+        said("units_of" if model else "units", count=n, model=model),
+        said("both_sides_others" if both < n else "both_sides", both=both, count=n),
+        said({1: "one_degree", 2: "two_degrees"}.get(freedom, "known_spread")),
+    )
     ends = [None if e is None else float(np.exp(e)) for e in (low, high)]
     if None in ends:
-        why = f"{note}: not enough to bound it on both sides"
+        why = note + said("not_both_sides")
         middle = Estimate.refused(unit, why, low=ends[0], high=ends[1])
     else:
         middle = Estimate(float(np.exp(centre)), *ends, unit, note=note)
@@ -384,9 +375,9 @@ def _spread(s, of_s, freedom, note):
         for v in (value, low, high)
     )
     if low is None:
-        return Estimate.refused("%", f"{NO_SPREAD}; {note}", high=high)
+        return Estimate.refused("%", listed(said("no_spread"), note), high=high)
     if high is None:
-        return Estimate.refused("%", f"{note}: not enough for an upper bound", low=low)
+        return Estimate.refused("%", note + said("no_upper_bound"), low=low)
     return Estimate(value, low, high, "%", note=note)
 
 

@@ -11,6 +11,7 @@ from scipy.ndimage import median_filter
 from analysis import CannotAnswer, Estimate
 from analysis.noise.autocorrelation import autocovariance
 from analysis.noise.models import gauss_markov
+from analysis.noise.notes import said
 
 CUT = 6.0  # robust standard deviations beyond which a single position is an outlier
 NEIGHBOURS = 11  # positions in time that each one is compared with
@@ -122,16 +123,14 @@ def cep(north: np.ndarray, east: np.ndarray) -> Estimate:
     """
     valid = np.isfinite(north) & np.isfinite(east)
     if not valid.any():
-        raise CannotAnswer("no position in the log: a CEP needs positions")
+        raise CannotAnswer(said("no_position"))
     n, e = north[valid], east[valid]
     r = np.hypot(n - n.mean(), e - e.mean())
     median = float(np.median(r))
     along = effective_samples(n), effective_samples(e)
-    note = f"{len(r)} positions, about {min(along):.0f} of them independent"
+    note = said("independent", count=len(r), least=min(along))
     if min(along) < FEWEST:
-        return Estimate.refused(
-            "m", f"{note}: too few for an interval; half lie within {median:.2g} m"
-        )
+        return Estimate.refused("m", note + said("few_independent", median=median))
     half = 1.96 / (2 * np.sqrt(sum(along)))
     ends = np.quantile(r, [0.5 - half, 0.5 + half]) / np.sqrt(1 - 2 / sum(along))
     return Estimate(median, float(ends[0]), float(ends[1]), "m", note=note)

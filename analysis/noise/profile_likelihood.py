@@ -209,12 +209,33 @@ def interval(surface, best, value, along, *, threshold=THRESHOLD):
     tuple of (float or None, float or None)
         None on a side where the likelihood does not fall so far inside the box.
     """
-    centre = float(along @ best)
-    limits = float(along @ surface.low), float(along @ surface.high)
-    return tuple(
-        _end(surface, best, value, along, centre, sign, limit, threshold)
-        for sign, limit in zip((-1, 1), limits, strict=True)
-    )
+    centre, pivot = float(along @ best), np.flatnonzero(along)[0]
+    error = np.sqrt(along @ np.linalg.pinv(surface.information(best), hermitian=True) @ along)
+    first = min(np.sqrt(threshold) * error, LONGEST) or LONGEST
+
+    def end(sign, room):
+        """Newton's method on the root of the fall, nearly a straight line, between bounds."""
+        inside, outside, last, step = 0.0, np.inf, best, first
+        while True:
+            step = min(step, room)
+            last, reached = surface.maximum_where(along, centre + sign * step, [best, last])
+            root = np.sqrt(max(2 * (value - reached), 0.0))
+            over = root - np.sqrt(threshold)
+            if over <= 0 and step == room:
+                return None
+            inside, outside = (inside, step) if over > 0 else (step, outside)
+            _, (gradient,) = surface.slope(last[None])
+            # The other coordinates are at their best, so only the pivot's slope is left.
+            rise = -sign * gradient[pivot] / along[pivot]
+            onward = step - over * root / rise if rise > 0 else np.inf
+            onward = min(onward, inside + FARTHER * step)
+            onward = onward if inside < onward < outside else (inside + outside) / 2
+            if abs(onward - step) <= EXACT * max(step, first):
+                return float(centre + sign * onward)
+            step = onward
+
+    low, high = float(along @ surface.low), float(along @ surface.high)
+    return end(-1, centre - low), end(1, high - centre)
 
 
 def profile_curve(surface, best, value, along, highest):
@@ -247,28 +268,3 @@ def profile_curve(surface, best, value, along, highest):
             fall.append(min(reached - value, 0.0))
     order = np.argsort(at)
     return np.array(at)[order], np.array(fall)[order], tuple(closed)
-
-
-def _end(surface, best, value, along, centre, sign, limit, threshold):
-    """Newton's method on the root of the fall, which is nearly a straight line, between bounds."""
-    pivot = np.flatnonzero(along)[0]
-    error = np.sqrt(along @ np.linalg.pinv(surface.information(best), hermitian=True) @ along)
-    first = step = min(np.sqrt(threshold) * error, LONGEST) or LONGEST
-    inside, outside, last, room = 0.0, np.inf, best, sign * (limit - centre)
-    while True:
-        step = min(step, room)
-        last, reached = surface.maximum_where(along, centre + sign * step, [best, last])
-        root = np.sqrt(max(2 * (value - reached), 0.0))
-        over = root - np.sqrt(threshold)
-        if over <= 0 and step == room:
-            return None
-        inside, outside = (inside, step) if over > 0 else (step, outside)
-        _, (gradient,) = surface.slope(last[None])
-        # The other coordinates are at their best, so only the pivot's slope is left.
-        rise = -sign * gradient[pivot] / along[pivot]
-        onward = step - over * root / rise if rise > 0 else np.inf
-        onward = min(onward, inside + FARTHER * step)
-        onward = onward if inside < onward < outside else (inside + outside) / 2
-        if abs(onward - step) <= EXACT * max(step, first):
-            return float(centre + sign * onward)
-        step = onward

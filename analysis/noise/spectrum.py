@@ -65,11 +65,13 @@ class Spectrum:
         Eigenvalue of L at the middle of the bin.
     count : ndarray, shape (h, bins)
         Coefficients in the bin; 0 for the mean of a log without gaps, which is not used.
-    yy, uu, uy : ndarray, shape (h, bins)
-        Sums of products of the log's (y) and the first sample's (u) coefficients.
-    xx : ndarray, shape (p, p, h, bins)
-    xy, ux : ndarray, shape (p, h, bins)
-        The same with the regressors. The last one of a log with gaps is a constant.
+    yy : ndarray, shape (h, bins)
+        Sums of squares of the log's coefficients; with an axis for the logs in front, of many.
+    zy : ndarray, shape (1 + p, h, bins)
+        Sums of products of the log's with those of u, the first sample, and of the regressors, of
+        which the last one of a log with gaps is a constant; of many logs, (logs, 1 + p, h, bins).
+    zz : ndarray, shape (1 + p, 1 + p, h, bins)
+        The same of u and the regressors among themselves.
     """
 
     n: int
@@ -82,11 +84,13 @@ class Spectrum:
     lam: np.ndarray
     count: np.ndarray
     yy: np.ndarray
-    uu: np.ndarray
-    uy: np.ndarray
-    xx: np.ndarray
-    xy: np.ndarray
-    ux: np.ndarray
+    zy: np.ndarray
+    zz: np.ndarray
+
+    @property
+    def uu(self):
+        """Squares of u alone, shape (h, bins)."""
+        return self.zz[0, 0]
 
     @property
     def has_gaps(self):
@@ -94,27 +98,15 @@ class Spectrum:
         return len(self.start) > 1
 
     @cached_property
-    def yy_sums(self):
-        """Give yy of a log or of many, shape (h * bins, logs)."""
-        return self.yy.reshape(-1, self.uu.size).T
-
-    @cached_property
-    def xz_sums(self):
-        """Products of the regressors with the regressors and with every y.
+    def products(self):
+        """Products of u and the regressors with the regressors and with every y.
 
         Returns
         -------
-        ndarray, shape (h * bins, p (p + logs))
+        ndarray, shape (1 + p, p + logs, h, bins)
         """
-        xy = self.xy.reshape(-1, *self.ux.shape)
-        sums = np.concatenate([self.xx, xy.swapaxes(0, 1)], axis=1)
-        return sums.reshape(-1, self.uu.size).T
-
-    @cached_property
-    def uz(self):
-        """Products of u with the regressors and with every y, shape (h, bins, p + logs)."""
-        uy = self.uy.reshape(-1, *self.uu.shape)
-        return np.concatenate([self.ux, uy]).transpose(1, 2, 0)
+        zy = self.zy.reshape(-1, *self.zz.shape[1:])
+        return np.concatenate([self.zz[:, 1:], zy.swapaxes(0, 1)], axis=1)
 
 
 def prepare(n):
@@ -179,9 +171,8 @@ def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
             sums[i, j, parity, bins] += np.add.reduceat(block[i] * block[j], inside)
     i, j = np.triu_indices(len(sums), 1)
     sums[i, j] = sums[j, i]
-    base, of_x = (sums[0, 0], sums[1, 1], sums[1, 0]), (sums[2:, 2:], sums[0, 2:], sums[1, 2:])
     place = (np.array([v]) for v in (start, n * m, float(m) if behind is None else behind))
-    return Spectrum(n, m, dt, whole, *place, lam, count, *base, *of_x)
+    return Spectrum(n, m, dt, whole, *place, lam, count, sums[0, 0], sums[0, 1:], sums[1:, 1:])
 
 
 def joined(stretches):
@@ -201,7 +192,7 @@ def joined(stretches):
     together = {"n": sum(stretch.n for stretch in stretches)}
     for name in ("start", "length", "behind"):
         together[name] = np.concatenate([getattr(stretch, name) for stretch in stretches])
-    for name in ("lam", "count", "yy", "uu", "uy", "xx", "xy", "ux"):
+    for name in ("lam", "count", "yy", "zy", "zz"):
         parts = [getattr(stretch, name) for stretch in stretches]
         wide = [[(0, 0)] * (a.ndim - 1) + [(0, most - a.shape[-1])] for a in parts]
         fill = 1.0 if name == "lam" else 0.0
@@ -229,9 +220,8 @@ def outline(n, dt, m=1, single=SINGLE):
     lam, count, _ = _bins(n, single)
     zero = np.zeros_like(lam)
     uu = count * (2 / n) * (1 - lam / 4)
-    none = zero[None]
     place = (np.array([v]) for v in (0, n * m, float(m)))
-    return Spectrum(n, m, dt, n * m, *place, lam, count, zero, uu, zero, none[None], none, none)
+    return Spectrum(n, m, dt, n * m, *place, lam, count, zero, zero[None], uu[None, None])
 
 
 def _bins(n, single=SINGLE, per_fold=BINS):
@@ -273,13 +263,13 @@ def spectra(y, dt, m, added=()):
 
     Returns
     -------
-    list of Spectrum
-        One, or none of a log without a stretch of 8 means.
+    Spectrum or None
+        None of a log without a stretch of 8 means.
     """
     runs, have = _runs(np.isfinite(y), m)
     runs = runs[runs[:, 1] - runs[:, 0] >= FEWEST]
     if not len(runs):
-        return []
+        return None
     means = _means(y, m, have)
     if len(runs) > 1:
         means = means - np.nanmean(means)
@@ -296,7 +286,7 @@ def spectra(y, dt, m, added=()):
         place = {"start": int(m * (a - first)), "whole": int(m * (last - first))}
         with WORKSPACE if b - a > LONG else nullcontext():
             pieces.append(transform(means[a:b], dt, m, columns, behind=float(behind), **place))
-    return [joined(pieces)]
+    return joined(pieces)
 
 
 def fewest_to_average(y, most):

@@ -46,7 +46,7 @@ import numpy as np
 from analysis import CannotAnswer, Estimate, WrongUsage
 from analysis.noise import conventions
 from analysis.noise.conventions import MISSING
-from analysis.noise.models import random_walk_unit
+from analysis.noise.parameters import random_walk_unit
 from workbench import pages
 
 TITLES = {

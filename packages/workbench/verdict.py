@@ -23,27 +23,14 @@ from analysis import (
 )
 from analysis.noise.added_terms import signal_of
 from analysis.noise.models import adev_of_terms
+from analysis.noise.parameters import PARAMETERS
 from analysis.terrain import Sensor
 from workbench.pages import Said
 
 LEADING = {"rate": ("arw", "bias_instability"), "accel": ("vrw", "bias_instability")}
 KINDS = ("rate", "accel", "angle", "position")  # in the order of the table
-PARAMETERS = {  # symbol, name, and column of the summary, in whose order they are
-    "arw": ("N", "angle random walk N", "white noise N"),
-    "vrw": ("N", "velocity random walk N", "white noise N"),
-    "bias_instability": ("B", "bias instability B (IEEE 952)", "bias instability B"),
-    "rrw": ("K", "rate random walk K", "random walk K"),
-    "sigma_v": ("σ_v", "wide-band noise σ_v of one sample", "one sample σ_v"),
-    "sigma_b": ("σ_b", "standard deviation σ_b of the Gauss–Markov bias", "slow bias σ_b"),
-    "corr_time": (
-        "T_c",
-        "correlation time T_c of the Gauss–Markov bias",
-        "its correlation time T_c",
-    ),
-    "drift": ("drift", "linear drift", "linear drift"),
-}
-SYMBOLS = {key: symbol for key, (symbol, _, _) in PARAMETERS.items()}
-NAMES = {key: name for key, (_, name, _) in PARAMETERS.items()}
+SYMBOLS = {key: p["symbol"] for key, p in PARAMETERS.items()}
+NAMES = {key: p["name"] for key, p in PARAMETERS.items()}
 IN_SUMMARY = ("arw", "vrw", "bias_instability", "rrw")  # of gyros and accelerometers
 SLOW = ("sigma_v", "sigma_b")  # of an angle or a position
 KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
@@ -374,7 +361,7 @@ def summary(result):
             continue
         keys = [k for k in PARAMETERS if any(k in c.parameters for c in channels)]
         keys = [k for k in keys if kind not in LEADING or k in IN_SUMMARY]
-        columns = {PARAMETERS[k][2]: [c.parameters.get(k) for c in channels] for k in keys}
+        columns = {PARAMETERS[k]["column"]: [c.parameters.get(k) for c in channels] for k in keys}
         columns["mean of the log"] = [mean_reading(c) for c in channels]
         written = [in_one_unit(estimates) for estimates in columns.values()]
         heads = zip(columns, (f"({unit})" if unit else "" for unit, _ in written), strict=True)
