@@ -169,7 +169,7 @@ def write():
     version = json.loads((HERE / "package.json").read_text())["dependencies"][PORT]
     source = {
         "title": "Memory that the tracker's blocks take on a board with MicroPython",
-        "made_by": "python tests/device/board.py",
+        "made_by": "PYTHONPATH=tests python tests/device/board.py",
         "board": f"MicroPython {version}, WebAssembly port: pointers of 32 bits, floats of 64",
     }
     with replacing(store.FOLDER / "device") as draft:
