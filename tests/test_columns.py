@@ -433,3 +433,18 @@ def test_a_drifting_gyro_is_no_clock():
     assert chosen.notes == [
         "columns left out: n (a counter: it steps by 1); --columns takes such a column all the same"
     ]
+
+
+@pytest.mark.parametrize(
+    ("unit", "kinds"),
+    [("gyro=deg/s,accel=g", "rate rate rate accel accel accel"), ("accel=g", "accel accel accel")],
+)
+def test_gravity_tells_accelerometers_among_columns_without_names(unit, kinds):
+    """property: three in a row of one g; a bare unit for all six is refused."""
+    turning = 0.1 * np.random.default_rng(0).normal(size=(64, 3))
+    frame = pd.DataFrame(np.hstack([turning, turning / 10 + [0, 0, 1]]))
+    frame.columns = [f"c{k}" for k in range(1, 7)]
+    chosen = columns.choose(frame, "my.csv", unit=unit).channels
+    assert " ".join(c.kind for c in chosen) == kinds
+    with pytest.raises(WrongUsage, match="is for channels of one kind"):
+        columns.choose(frame, "my.csv", unit="deg/s")

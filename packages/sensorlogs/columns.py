@@ -561,7 +561,7 @@ def _settle_unnamed(frame, kinds, left_out, wanted, kind, units) -> None:
     """Settle the columns whose name tells nothing, in `kinds` and `left_out`.
 
     Beside columns that are named as readings they are none. Where no column is named, they are what
-    --kind or --unit says; without these, three whose length is one g are accelerometers.
+    --kind or --unit says, but three in a row whose length is one g are accelerometers.
     """
     unknown = [name for name, its in kinds.items() if not its]
     if len(unknown) < len(kinds) and not wanted:
@@ -571,10 +571,14 @@ def _settle_unnamed(frame, kinds, left_out, wanted, kind, units) -> None:
     if len(few) < len(unknown):
         left_out |= dict.fromkeys(few, "a status word: at most two whole values")
         unknown = [name for name in unknown if name not in few or kinds.pop(name)]
-    usual = kind or KIND_OF_UNIT.get(units.get(None, "")) or next((u for u in units if u), None)
-    if not usual and len(unknown) == 3 and gravity_unit(_norm(frame, unknown), 0.1):
-        usual = "accel"
-    kinds |= dict.fromkeys(unknown, usual or "rate")
+    usual = kind or KIND_OF_UNIT.get(units.get(None, ""))
+    threes = [] if kind else zip(unknown, unknown[1:], unknown[2:], strict=False)
+    heavy = next((three for three in threes if gravity_unit(_norm(frame, three), 0.1)), ())
+    if usual and len(heavy) == len(unknown):
+        heavy = ()
+    others = [its for its in units if its and not (heavy and its == "accel")]
+    kinds |= dict.fromkeys(unknown, usual or next(iter(others), "rate"))
+    kinds |= dict.fromkeys(heavy, "accel")
 
 
 def _levels(column: pd.Series) -> float:
