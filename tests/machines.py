@@ -186,7 +186,8 @@ def tests(python, env, only):
     words = [python, "-m", "pytest", "-n", "2", "--dist", "loadfile", "-rfE", *(only or ["tests"])]
     run = subprocess.run(words, env=env, cwd=ROOT, capture_output=True, text=True, check=False)
     failed = re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", run.stdout, re.MULTILINE)
-    return failed or ([] if run.returncode == 0 else [(run.stdout + run.stderr)[-500:]])
+    ended = f"status {run.returncode}: {run.stdout[-500:]} {run.stderr[-200:]}"
+    return failed or ([] if run.returncode == 0 else [ended])
 
 
 def main():
