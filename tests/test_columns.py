@@ -185,13 +185,26 @@ def test_a_single_kind_takes_a_bare_unit(tmp_path):
     assert {c.kind for c in logs.read(path, unit="deg/s").channels} == {"rate"}
 
 
-def test_columns_without_names_are_what_the_flag_says(tmp_path):
-    """Property: --unit or --kind tells what x, y, z are; without, one g is an accelerometer."""
+def test_an_accelerometer_without_names_is_no_gyro(tmp_path):
+    """Property: a length of one g contradicts a unit of rates, unless --kind says so."""
     path = write(tmp_path, "time,x,y,z", T, 9.80665 * ACCEL)
-    assert {c.kind for c in logs.read(path, unit="deg/s").channels} == {"rate"}
+    with pytest.raises(WrongUsage, match=r"9\.81, as accelerometers at one g: say --unit m/s\^2"):
+        logs.read(path, unit="deg/s")
+    assert {c.kind for c in logs.read(path, unit="deg/s", kind="rate").channels} == {"rate"}
     assert {c.unit for c in logs.read(path).channels} == {"m/s^2"}
-    with pytest.raises(WrongUsage, match="no unit is known; say --unit gyro=deg/s"):
-        logs.read(write(tmp_path, "time,x,y,z", T, GYRO))
+
+
+def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
+    """Property: gx, gy, gz may be gravity; --kind settles it."""
+    path = write(tmp_path, "t,gx,gy,gz", T, 9.80665 * ACCEL)
+    with pytest.raises(WrongUsage, match=r"length of one g in m/s\^2: say --columns gx,gy,gz"):
+        logs.read(path, unit="deg/s")
+    three = {"columns": ["gx", "gy", "gz"]}
+    as_accel = logs.read(path, **three, kind="accel", unit="m/s^2")
+    assert {c.kind for c in as_accel.channels} == {"accel"}
+    assert {c.kind for c in logs.read(path, **three, kind="rate", unit="deg/s").channels} == {
+        "rate"
+    }
 
 
 # --- raw counts ----------------------------------------------------------------------------------

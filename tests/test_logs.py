@@ -292,9 +292,13 @@ def test_a_name_that_stands_twice_is_stated(tmp_path):
     path = write(tmp_path, lines(), "t_s,gyro_x_deg_s,gyro_x_deg_s")
     log = logs.read(path)
     assert [c.name for c in log.channels] == ["gyro_x"]
-    assert "columns left out: gyro_x_deg_s.3 (no unit" in log.repairs[0]
+    assert log.repairs == (
+        "columns 2 and 3 are both called 'gyro_x_deg_s': only the first is taken; name them apart "
+        "in the header",
+    )
+    assert logs.read(path, unit="deg/s").repairs == log.repairs
     both = logs.read(path, columns=[2, 3], unit="deg/s")
-    assert [c.name for c in both.channels] == ["gyro_x", "gyro_x_deg_s_3"]
+    assert len(both.channels) == 2 and both.repairs == ()
 
 
 @pytest.mark.parametrize("title", ["sep=;", "Sensor log v1.2", "Sensor log\n\nunit A"])

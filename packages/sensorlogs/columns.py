@@ -149,6 +149,32 @@ def resolve(wanted: str | int, names: Sequence[str], file: str) -> str:
     )
 
 
+def without_doubles(names, header, file: str, wanted=None) -> tuple[list[str], list[str]]:
+    """Leave out columns whose name stands in the header twice; refuse one that is wanted.
+
+    `sensorlogs.delimited` tells them apart by their number: ``gyro_x_deg_s.3``.
+
+    Returns
+    -------
+    list of str
+        The other names.
+    list of str
+        What was left out.
+    """
+    doubles = {}
+    for j, name in enumerate(header, 1):
+        first = name.removesuffix(f".{j}")
+        if name in names and first != name and first in header:
+            doubles[name] = f"columns {header.index(first) + 1} and {j} are both called '{first}'"
+    for name in doubles.keys() & set(wanted or ()):
+        raise WrongUsage(f"{file}: {doubles[name]}: name them apart in the header, or say --unit")
+    notes = [
+        f"{both}: only the first is taken; name them apart in the header"
+        for both in (() if wanted else doubles.values())
+    ]
+    return [name for name in names if name not in doubles], notes
+
+
 def per_kind(text: str | None, flag: str) -> dict[str | None, str]:
     """Read ``gyro=deg/s,accel=g`` as kind -> value; a bare value has the kind None.
 
@@ -419,9 +445,11 @@ def choose(
     units, scales = given_units(unit, kind), given_scales(scale)
     wanted = [resolve(c, list(frame), file) for c in columns] if columns else None
     kinds, left_out = _kinds(frame, file, wanted, kind)
-    _settle_unnamed(frame, kinds, left_out, wanted, kind, units)
+    _settle_unnamed(frame, file, kinds, left_out, wanted, kind, units)
     if set(kinds.values()) == {"angle"} and KIND_OF_UNIT.get(units.get(None, "")) == "rate":
         kinds = dict.fromkeys(kinds, "rate")  # roll, pitch and yaw in deg/s
+    if not kind:
+        _refuse_heavy_gyros(frame, file, kinds)
     fixed = _fix(frame, kinds, units, scales, scale)
     _refuse_misfits(frame, file, kinds, {"unit": (unit, units), "scale": (scale, scales)}, fixed)
     sizes = _accel_units(frame, kinds, scales)
@@ -462,6 +490,19 @@ def choose(
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
     return Chosen(chosen, guessed, notes)
+
+
+def _refuse_heavy_gyros(frame, file, kinds) -> None:
+    """Refuse gyros by name, without a unit, that have the length of gravity."""
+    mute = [n for n, its in kinds.items() if its == "rate" and not split(n)[1]]
+    for three in vectors(mute).values():
+        unit = gravity_unit(_norm(frame, three), 0.03) if len(three) == 3 else None
+        if unit in ("m/s^2", "mg"):
+            raise WrongUsage(
+                f"{file}: columns {', '.join(three)} are named as gyro, and have the length of one "
+                f"g in {unit}: say --columns {','.join(three)} with --kind accel --unit {unit}, or "
+                "with --kind rate if they are rates"
+            )
 
 
 def _refuse_misfits(frame, file, kinds, flags, fixed) -> None:
@@ -557,7 +598,7 @@ def _kinds(frame, file, wanted, kind) -> tuple[dict[str, str], dict[str, str]]:
     return kinds, left_out
 
 
-def _settle_unnamed(frame, kinds, left_out, wanted, kind, units) -> None:
+def _settle_unnamed(frame, file, kinds, left_out, wanted, kind, units) -> None:
     """Settle the columns whose name tells nothing, in `kinds` and `left_out`.
 
     Beside columns that are named as readings they are none. Where no column is named, they are what
@@ -574,8 +615,13 @@ def _settle_unnamed(frame, kinds, left_out, wanted, kind, units) -> None:
     usual = kind or KIND_OF_UNIT.get(units.get(None, ""))
     threes = [] if kind else zip(unknown, unknown[1:], unknown[2:], strict=False)
     heavy = next((three for three in threes if gravity_unit(_norm(frame, three), 0.1)), ())
-    if usual and len(heavy) == len(unknown):
-        heavy = ()
+    if heavy and len(heavy) == len(unknown) and usual not in (None, "accel"):
+        length = _norm(frame, heavy)
+        raise WrongUsage(
+            f"{file}: --unit {units[None]}, but columns {', '.join(heavy)} have a length of "
+            f"{length:.3g}, as accelerometers at one g: say --unit {gravity_unit(length)}, or add "
+            f"--kind {usual}"
+        )
     others = [its for its in units if its and not (heavy and its == "accel")]
     kinds |= dict.fromkeys(unknown, usual or next(iter(others), "rate"))
     kinds |= dict.fromkeys(heavy, "accel")

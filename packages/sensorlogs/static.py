@@ -345,6 +345,9 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
         notes.append(f"without any value, and left out: {names}")
         numeric = [name for name in numeric if name not in empty]
     numeric = [name for name in numeric if name != warm or name in (wanted or ())]
+    if table.layout is not None and not (wanted and given["unit"]):
+        numeric, doubles = columns.without_doubles(numeric, table.layout.names, file, wanted)
+        notes += doubles
     found = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
     return replace(found, notes=[*notes, *found.notes]), temperature
 
