@@ -3,18 +3,22 @@
 import json
 import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from broken_events import record
-from feed import fields, flat
 
 from analysis import ROOT, replacing, store
 from analysis.tracker import scenario
 
 HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent))  # run as a script, it lies beside none of the two
+
+from broken_events import record  # noqa: E402
+from feed import fields, flat  # noqa: E402
+
 TRACKER = ROOT / "analysis" / "tracker"
 BLOCKS = ("last_position", "at_rest", "attitude", "mounting", "fusion", "constrained")
 MODULES = ("vectors", *BLOCKS, "device")
@@ -169,7 +173,7 @@ def write():
     version = json.loads((HERE / "package.json").read_text())["dependencies"][PORT]
     source = {
         "title": "Memory that the tracker's blocks take on a board with MicroPython",
-        "made_by": "PYTHONPATH=tests python tests/device/board.py",
+        "made_by": "python tests/device/board.py",
         "board": f"MicroPython {version}, WebAssembly port: pointers of 32 bits, floats of 64",
     }
     with replacing(store.FOLDER / "device") as draft:

@@ -79,4 +79,4 @@ def test_memory_is_what_notebook_34_shows(tmp_path):
     for name, now in zip(("code", "state"), board.memory(tmp_path), strict=True):
         assert list(now.iloc[:, 0].astype(str)) == list(stored[name].iloc[:, 0].astype(str))
         off = (now["bytes"] / stored[name]["bytes"] - 1).abs().max()
-        assert off <= 0.1, "write it anew with: PYTHONPATH=tests python tests/device/board.py"
+        assert off <= 0.1, "write it anew with: python tests/device/board.py"
