@@ -334,7 +334,7 @@ def follow(
     attitude_map : AttitudeMap
     truth : ndarray, shape (samples,) or (samples, runs), m
     attitude : ndarray, shape (channels, samples) or (channels, samples, runs), deg
-        Measured by a perfect gyro; NaN where nothing is, and the filter then only predicts.
+        Measured by a perfect gyro; NaN where nothing is, and a filter then only predicts.
     first : ndarray, shape (runs,), m
     moved : ndarray, shape (samples,) or (samples, runs), m
     paths : tuple of ndarray, shape (samples, channels, runs)
@@ -346,49 +346,55 @@ def follow(
     -------
     Laps
     """
-    assumed = [(s.arw, s.sigma_b, assumed_R(s, setup)) for s in sensors.values()]
-    arw, sigma_b, R = np.array(assumed).T[..., None]
+    arw, sigma_b = np.array([(s.arw, s.sigma_b) for s in sensors.values()]).T[..., None]
+    R = np.stack(
+        np.broadcast_arrays(*(np.atleast_1d(assumed_R(s, setup)) for s in sensors.values()))
+    )
     n, m, dt, every = len(truth), attitude_map.channels, 1 / setup.rate_hz, setup.every
     walk, bias = paths
     stride = every * max(round(store_every / dt) // every, 1)
     stored = np.arange(stride, n, stride)
     error, variance = np.empty((2, len(arw), len(first), len(stored)))
-    nis, used = np.zeros((len(arw), len(first))), 0
+    nis = np.zeros((len(arw), len(first)))
     attitude = attitude.reshape(m, n, 1, -1)
-    known = np.isfinite(attitude).all(axis=(0, 2, 3))
+    known = np.isfinite(attitude).all(axis=(0, 2))  # samples, 1 or runs
     distance = truth.reshape(n, -1)[stored, 0]
     if compiled:
         if setup.bias_states:
             raise WrongUsage("the compiled filter has no bias states: leave `compiled` out")
         run_compiled(
-            *(attitude_map, setup, first, moved.reshape(n, -1), attitude[:, :, 0], known),
+            *(attitude_map, setup, first, moved.reshape(n, -1), attitude[:, :, 0], known[:, 0]),
             *(walk, bias, arw[:, 0], sigma_b[:, 0], R[:, 0], truth.reshape(n, -1), stride),
             *(error, variance, nis),
         )
-        nis /= max(np.count_nonzero(known[stored]), 1)
+        nis /= np.maximum(np.count_nonzero(known[stored], axis=0), 1)
         return Laps(tuple(sensors), stored * dt, distance, error, variance, nis)
     ukf, Q = filters_of(attitude_map, setup, arw, sigma_b, first)
     for k in range(every, n, every):
         step = moved[k - every + 1 : k + 1].sum(axis=0)
-        z = None
-        if known[k]:
+        z, missing = None, ~known[k] if known[k].any() and not known[k].all() else None
+        if known[k].any():
             z = arw * walk[k][:, None]
             z += sigma_b * bias[k][:, None]
             z += attitude[:, k]
-        innovation, S = advance(ukf, setup, step, Q, z, R)
+        innovation, S = advance(ukf, setup, step, Q, z, R, missing)
         if k % stride == 0:
             j = k // stride - 1
             error[:, :, j] = ukf.x[0] - truth[k]
             variance[:, :, j] = ukf.P[0, 0]
-            if known[k]:
-                nis += normalised_square(innovation, S) / m
-                used += 1
-    nis /= max(used, 1)
+            if z is not None:
+                nis += np.where(known[k], normalised_square(innovation, S) / m, 0.0)
+    nis /= np.maximum(np.count_nonzero(known[stored], axis=0), 1)
     return Laps(tuple(sensors), stored * dt, distance, error, variance, nis)
 
 
-def advance(ukf, setup, step, Q, z, R):
+def advance(ukf, setup, step, Q, z, R, missing=None):
     """Move filters by a step of the odometry, and update them where there is a sample.
+
+    Parameters
+    ----------
+    missing : ndarray of bool, shape (runs,), optional
+        The runs that have no sample, if others have one.
 
     Returns
     -------
@@ -400,7 +406,14 @@ def advance(ukf, setup, step, Q, z, R):
     if setup.map_error:
         sd, length = setup.map_error
         ukf.decay(exp(-np.abs(step) / length), sd**2)
-    return (None, None) if z is None else ukf.update(z, R)
+    if z is None:
+        return None, None
+    if missing is None:
+        return ukf.update(z, R)
+    x, P = ukf.x[..., missing], ukf.P[..., missing]
+    found = ukf.update(z, R)
+    ukf.x[..., missing], ukf.P[..., missing] = x, P
+    return found
 
 
 def assumed_R(sensor, setup):

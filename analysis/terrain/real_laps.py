@@ -21,7 +21,7 @@ from analysis import CannotAnswer
 from analysis.terrain import antennas
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, follow
-from analysis.terrain.terrain_map import Profile
+from analysis.terrain.terrain_map import Profile, SideBySide
 
 # m; the distances at which the semivariogram of the map's error is read.
 LAGS = np.unique(np.geomspace(1, 200, 25).round().astype(int))
@@ -304,24 +304,55 @@ def track_real_laps(
     CannotAnswer
         If a lap has no attitude, or leaves its map.
     """
+    if not laps:
+        return {}
     streams = np.random.SeedSequence(seed).spawn(runs)
     off = setup.begin_sd * np.array([np.random.default_rng(s).standard_normal() for s in streams])
-    tracked = {}
-    for k, (label, (lap, profile)) in enumerate(laps.items()):
+    maps, drives, seen, told = [], [], [], []
+    for label, (lap, profile) in laps.items():
         attitude_map = profile.attitude_map(channels)
         truth, moved, attitude = resample_lap(lap, channels, setup.rate_hz)
         attitude_map.require(truth)
         if exact_map:
             attitude = attitude_map.at(truth)
         error = None if map_errors is None else map_errors[label]
-        expected = setup if error is None else error.setup(setup, profile.laps.mean())
-        own = {
-            name: Sensor(arw, sigma_b, R[k] if isinstance(R, np.ndarray) else R)
-            for name, (arw, sigma_b, R) in sensors.items()
-        }
-        paths = attitude_errors(expected, len(channels), streams, len(truth))
-        found = follow(attitude_map, truth, attitude, truth[0] + off, moved, paths, own, expected)
-        odometry = truth[0] + np.cumsum(moved)
-        at = np.round(found.t * setup.rate_hz).astype(int)
-        tracked[label] = replace(found, odometry=(odometry - truth)[at])
+        told.append(setup if error is None else error.setup(setup, profile.laps.mean()))
+        maps.append(attitude_map)
+        walk, bias = attitude_errors(told[-1], len(channels), streams, len(truth))
+        drives.append((truth[:, None] + 0 * off, moved[:, None] + 0 * off, walk, bias))
+        seen.append(np.repeat(attitude[..., None], runs, axis=-1))
+    expected, of_lap = told[0], [(s.R, s.begin_attitude_sd, *(s.map_error or ())) for s in told]
+    if map_errors is not None:
+        R, begin, *error = np.repeat(np.transpose(of_lap), runs, axis=1)
+        expected = replace(told[0], R=R, begin_attitude_sd=begin, map_error=tuple(error))
+    own = {
+        name: Sensor(arw, sigma_b, np.repeat(R, runs) if isinstance(R, np.ndarray) else R)
+        for name, (arw, sigma_b, R) in sensors.items()
+    }
+    # All laps are tracked at once: one that has ended stands still, and sees nothing.
+    lengths = [len(truth) for truth, *_ in drives]
+    longer = [np.minimum(np.arange(max(lengths)), n - 1) for n in lengths]
+    truth, moved, walk, bias = (
+        np.concatenate([of[at] for of, at in zip(column, longer, strict=True)], axis=-1)
+        for column in zip(*drives, strict=True)
+    )
+    seen = np.concatenate([of[:, at] for of, at in zip(seen, longer, strict=True)], axis=-1)
+    over = np.arange(max(lengths))[:, None] >= np.repeat(lengths, runs)
+    moved[over], seen[:, over] = 0.0, np.nan
+    first = np.concatenate([drive[0][0] + off for drive in drives])
+    found = follow(SideBySide(maps, runs), truth, seen, first, moved, (walk, bias), own, expected)
+    tracked = {}
+    for k, (label, n) in enumerate(zip(laps, lengths, strict=True)):
+        runs_of, kept = slice(k * runs, (k + 1) * runs), found.t < (n - 0.5) / setup.rate_hz
+        at = np.round(found.t[kept] * setup.rate_hz).astype(int)
+        odometry = truth[0, runs_of.start] + np.cumsum(moved[:, runs_of.start])
+        tracked[label] = Laps(
+            found.labels,
+            found.t[kept],
+            truth[at, runs_of.start],
+            found.error[:, runs_of][..., kept],
+            found.variance[:, runs_of][..., kept],
+            found.nis[:, runs_of],
+            (odometry - truth[:, runs_of.start])[at],
+        )
     return tracked

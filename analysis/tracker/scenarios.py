@@ -436,15 +436,16 @@ def _measure(
     step = np.radians(swing_deg) * np.minimum(v, 1.0) * np.sin(2 * np.pi * 0.9 * t)
     along, across = np.zeros((2, n)) if ground is None else ground
     angles = np.column_stack([course, step + along + rock, roll + step + across])
-    vehicle = Rotation.from_euler("ZYX", angles)
     mounted = Rotation.from_euler("ZYX", [mount_deg, tilt[1], tilt[0]], degrees=True)
-    attitude = vehicle * mounted
+    angles, again = np.unique(angles, axis=0, return_inverse=True)  # at rest there is one
+    attitude = (Rotation.from_euler("ZYX", angles) * mounted)[again]
     if np.ndim(rock):  # the roof, 1 m above the axis about which the body rocks
         back = np.gradient(np.gradient(rock, dt), dt)
         a_n -= back[:, None] * np.column_stack([np.cos(course), np.sin(course), 0.0 * course])
     accel = attitude.inv().apply(a_n - [0.0, 0.0, STANDARD_GRAVITY])
-    gyro = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / dt
-    gyro = np.vstack([gyro, gyro[-1:]])
+    gyro, bends = np.zeros((n, 3)), np.flatnonzero(np.diff(again))
+    gyro[bends] = (attitude[bends].inv() * attitude[bends + 1]).as_rotvec() / dt
+    gyro[-1] = gyro[-2]
     accel = accel + imu.accel_bias * rng.standard_normal(3)
     gyro = gyro + imu.gyro_bias * rng.standard_normal(3)
     accel += imu.accel_white * rng.standard_normal((n, 3))
