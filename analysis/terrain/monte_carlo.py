@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-from scipy.interpolate import interpn
+from scipy.interpolate import PchipInterpolator, interpn
 from scipy.signal import lfilter
 from scipy.stats import binomtest, chi2
 from tqdm import tqdm
@@ -562,11 +562,13 @@ class ErrorPlane:
         """Lay the plane out on a grid that is so many times finer, for smooth contours."""
         axes = np.log(self.sigma_b), np.log(self.arw)
         at = [np.linspace(a[0], a[-1], times * (len(a) - 1) + 1) for a in axes]
-        grid = np.stack(np.meshgrid(*at, indexing="ij"), axis=-1)
-        error = np.exp(interpn(axes, np.log(self.error), grid, method="pchip"))
-        lost = interpn(axes, self.lost, grid, method="pchip")
+        error, lost = np.log(self.error), self.lost
+        for axis in (1, 0):  # as `interpn` does it, for all points of a line at once
+            error, lost = (
+                PchipInterpolator(axes[axis], of, axis)(at[axis]) for of in (error, lost)
+            )
         sigma_b, arw = (np.exp(a) for a in at)
-        return ErrorPlane(self.words, arw, sigma_b, error, lost)
+        return ErrorPlane(self.words, arw, sigma_b, np.exp(error), lost)
 
     def allowed(self, coefficient: str, wanted: float) -> Estimate:
         """Find the largest N or B that keeps a precision, at the smallest value of the other.
