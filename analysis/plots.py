@@ -20,7 +20,8 @@ from analysis.noise.added_terms import adev_of_signal
 from analysis.noise.allan import AllanCurve
 from analysis.noise.channel import ChannelNoise
 from analysis.noise.models import FLICKER, adev_of_terms
-from analysis.terrain.monte_carlo import ErrorPlane, quantiles
+from analysis.resampling import quantiles
+from analysis.terrain.monte_carlo import ErrorPlane
 from analysis.terrain.trends import line_and_square
 from analysis.units.side_by_side import Comparison, Pair
 

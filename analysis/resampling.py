@@ -1,14 +1,14 @@
 """Bootstrap: intervals from samples drawn again, one by one or in blocks of neighbours.
 
-`drawn` says which ones, `interval` where 95 % of what they give lies; `spread` and
-`ratio_of_spreads` do both for a series of correlated values.
+`drawn` says which ones, `counts` how often each, `interval` where 95 % of what they give lies;
+`spread` and `ratio_of_spreads` do both for a series of correlated values.
 """
 
 import numpy as np
 
 from analysis import Estimate
 
-__all__ = ["drawn", "interval"]  # the others are of the face of `units`
+__all__ = ["counts", "drawn", "interval", "quantiles"]  # the others are of the face of `units`
 
 DRAWS, FEWEST_BLOCKS = 20_000, 10  # draws: the ends are good to 1 % of the interval
 AT_ONCE = 1_000_000  # blocks
@@ -25,9 +25,35 @@ def drawn(n: int, draws: int, rng: np.random.Generator, block: int = 1) -> np.nd
     return rng.integers(0, n, (draws, -(-n // block)))
 
 
+def counts(n: int, draws: int, rng: np.random.Generator) -> np.ndarray:
+    """Count how often each of n stands in the sample itself, which is the first row, and in draws.
+
+    Returns
+    -------
+    ndarray of int, shape (1 + draws, n)
+    """
+    return np.vstack([np.ones(n, dtype=int), rng.multinomial(n, np.full(n, 1 / n), draws)])
+
+
 def interval(found: np.ndarray) -> np.ndarray:
     """Give the ends of the 95 % interval of what the draws gave, along the first axis."""
     return np.quantile(found, [0.025, 0.975], axis=0)
+
+
+def quantiles(resampled):
+    """Give value and ends of the 95 % interval of every column of an array of resamples.
+
+    Parameters
+    ----------
+    resampled : array_like, shape (resamples, ...)
+        The first row is the sample's own.
+
+    Returns
+    -------
+    value, low, high : ndarray, shape (...)
+    """
+    resampled = np.asarray(resampled)
+    return resampled[0], *interval(resampled[1:])
 
 
 def spread(

@@ -7,6 +7,7 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from analysis import STANDARD_GRAVITY, datasheets, static_logs, terrain_data
+from analysis.resampling import counts
 from analysis.store import rounded, rounded_number
 from analysis.terrain import (
     AttitudeMap,
@@ -19,7 +20,7 @@ from analysis.terrain import (
 )
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.compiled import HAS_NUMBA
-from analysis.terrain.monte_carlo import LOST_M, interval, resample
+from analysis.terrain.monte_carlo import LOST_M, interval
 from analysis.terrain.open_choices import LAP_M, LEAST_R, STEP_M
 from analysis.terrain.real_laps import MapError, lay_on_line
 from analysis.terrain.relocate import watch_long_drives
@@ -287,7 +288,7 @@ def sweeps():
     parts = dict(compute(_sweep_block, range(SWEEP_LAPS // SWEEP_BLOCK)))
     absolute, signed, square, most = np.concatenate([parts[k] for k in sorted(parts)], axis=2)
     rng = np.random.default_rng(SEED)
-    weights = resample(SWEEP_LAPS, SWEEP_RESAMPLES, rng)
+    weights = counts(SWEEP_LAPS, SWEEP_RESAMPLES, rng) / SWEEP_LAPS
     tables = {"mean": weights @ absolute.T}
     tables["variance"] = weights @ square.T - (weights @ signed.T) ** 2
     named = {k: rounded(pd.DataFrame(v, columns=[*labels]), 4) for k, v in tables.items()}
@@ -359,7 +360,7 @@ def _covered(signed, square, laps, rng):
     held, values = {False: 0, True: 0}, []
     for _ in range(COVERAGE_DRAWS):
         one = rng.integers(len(square), size=laps)
-        weights = resample(laps, COVERAGE_RESAMPLES, rng)
+        weights = counts(laps, COVERAGE_RESAMPLES, rng) / laps
         found = weights @ square[one] - (weights @ signed[one]) ** 2
         values.append(found[0])
         for skewed in held:

@@ -8,10 +8,18 @@ import pandas as pd
 import pytest
 from scipy.stats import linregress
 
-from analysis import DATA, CannotAnswer, Estimate, WrongUsage, datasheets, static_logs, store
+from analysis import (
+    DATA,
+    CannotAnswer,
+    Estimate,
+    WrongUsage,
+    datasheets,
+    resampling,
+    static_logs,
+    store,
+)
 from analysis.claims import NOT_REPRODUCED, REPRODUCED, judge, published
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.monte_carlo import resample
 from analysis.terrain.trends import (
     PowerLaw,
     Trend,
@@ -248,6 +256,6 @@ def test_line_test_keeps_its_level():
     called = 0
     for _ in range(300):
         curves = x + 0.3 * rng.standard_normal((60, 10)) + rng.standard_normal((60, 1))
-        y = resample(60, 200, rng) @ curves
+        y = resampling.counts(60, 200, rng) / 60 @ curves
         called += fit_trend(x, 3.0 + y).p_line < 0.05
     assert 0.02 <= called / 300 <= 0.10  # 5 % +- 2.5 %, and a bootstrap of 60 is a little narrow

@@ -31,7 +31,7 @@ from scipy.signal import lfilter
 from scipy.stats import binomtest, chi2
 from tqdm import tqdm
 
-from analysis import CannotAnswer, Estimate, WrongUsage
+from analysis import CannotAnswer, Estimate, WrongUsage, resampling
 from analysis.terrain.assumptions import TURN_ON, Sensor, Setup, exp, unit_paths
 from analysis.terrain.compiled import run_compiled
 from analysis.terrain.terrain_map import AttitudeMap
@@ -107,7 +107,8 @@ class Laps:
             each further row. See `interval`.
         """
         error = self.error if runs is None else self.error[:, runs]
-        weights = resample(error.shape[1], draws, rng)
+        runs_used = error.shape[1]
+        weights = resampling.counts(runs_used, draws, rng) / runs_used
 
         def over_runs(values):
             return np.einsum("br,cr->bc", weights, values)
@@ -158,7 +159,7 @@ class Laps:
             The sample itself in the first row, a resample in each further row, m.
         """
         _, runs, times = self.error.shape
-        weights, found = resample(runs, draws, rng), []
+        weights, found = resampling.counts(runs, draws, rng) / runs, []
         for error in np.abs(self.error):
             largest = np.argsort(error, axis=None)[: -(runs * times // 4) : -1]
             above = np.cumsum(weights[:, largest // times], axis=1) / times
@@ -450,35 +451,6 @@ def _child(stream, i):
     return np.random.SeedSequence(stream.entropy, spawn_key=(*stream.spawn_key, i))
 
 
-def resample(runs, draws, rng):
-    """Draw the runs of each bootstrap resample; the first row is the sample itself.
-
-    Returns
-    -------
-    ndarray, shape (1 + draws, runs)
-        The weight of each run, each row adding up to 1.
-    """
-    weights = rng.multinomial(runs, np.full(runs, 1 / runs), size=draws) / runs
-    return np.vstack([np.full(runs, 1 / runs), weights])
-
-
-def quantiles(resampled):
-    """Value and ends of the 95 % interval of every column of an array of resamples.
-
-    Parameters
-    ----------
-    resampled : array_like, shape (resamples, ...)
-        The first row is the sample's own.
-
-    Returns
-    -------
-    value, low, high : ndarray, shape (...)
-    """
-    resampled = np.asarray(resampled)
-    low, high = np.quantile(resampled[1:], [0.025, 0.975], axis=0)
-    return resampled[0], low, high
-
-
 def interval(resampled: ArrayLike, *, skewed: bool = False) -> Estimate:
     """Value and 95 % interval of a number computed from every row of `Laps.measures`.
 
@@ -497,7 +469,7 @@ def interval(resampled: ArrayLike, *, skewed: bool = False) -> Estimate:
     Estimate
         An end is None where the number is infinite there.
     """
-    value, low, high = quantiles(resampled)
+    value, low, high = resampling.quantiles(resampled)
     if skewed and low > 0:
         low, high = min(low, value**2 / high), max(high, value**2 / low)
     value, low, high = (float(v) if np.isfinite(v) else None for v in (value, low, high))

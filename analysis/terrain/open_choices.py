@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import qmc, rankdata
 
-from analysis import WrongUsage
+from analysis import WrongUsage, resampling
 from analysis.terrain.assumptions import NOISES, PAPER_HZ, STARTS, Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
 from analysis.terrain.terrain_map import AttitudeMap
@@ -208,7 +208,7 @@ class Roads(NamedTuple):
         for claim, values in numbers.items():
             with np.errstate(invalid="ignore"):
                 inside = (values[1:] >= low[claim]) & (values[1:] <= high[claim])
-                error = np.diff(np.quantile(values[1:], [0.025, 0.975]))[0] / 2
+                error = np.diff(resampling.interval(values[1:]))[0] / 2
             rows[claim] = {"value": values[0], "error": error, "inside": inside.mean()}
         return pd.DataFrame(rows).T
 
@@ -281,7 +281,7 @@ def attitude_numbers(
             with np.errstate(invalid="ignore"):
                 r = (x * y).sum(axis=1) / np.sqrt((x**2).sum(axis=1) * (y**2).sum(axis=1))
             matched[claim].append(r.min(axis=0))
-    drawn = np.vstack([np.arange(laps), rng.integers(laps, size=(resamples, laps))])
+    drawn = np.vstack([np.arange(laps), resampling.drawn(laps, resamples, rng)])
     return {
         f"terrain-{claim}-matches-truth": np.quantile(np.concatenate(r)[drawn], 0.1, axis=1)
         for claim, r in matched.items()
@@ -529,9 +529,9 @@ class Judged:
         names = [*FACTORS]
         codes = [pd.Categorical(self.levels[k], FACTORS[k]).codes.astype(int) for k in names]
         y, n = self.inside[claim].to_numpy(), len(self.inside)
-        drawn = np.vstack([np.arange(n), rng.integers(n, size=(resamples, n))])
+        drawn = np.vstack([np.arange(n), resampling.drawn(n, resamples, rng)])
         found = np.array([[_between(y[d], of[d]) for of in codes] for d in drawn])
-        low, high = np.quantile(found[1:], [0.025, 0.975], axis=0)
+        low, high = resampling.interval(found[1:])
         table = pd.DataFrame({"share": found[0], "low": low, "high": high}, index=names)
         pairs = pd.DataFrame(0.0, names, names)
         for i, one in enumerate(names):

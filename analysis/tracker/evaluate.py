@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from analysis import Estimate, wrap
+from analysis import Estimate, resampling, wrap
 from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import BLOCKS, Options
 from analysis.tracker.last_position import LastPosition, Stored
@@ -237,9 +237,9 @@ def ratio_interval(
     at = np.empty((runs, len(above)), dtype=int)
     for kind in np.unique(groups):
         where = np.flatnonzero(groups == kind)
-        at[:, where] = where[rng.integers(0, len(where), (runs, len(where)))]
+        at[:, where] = where[resampling.drawn(len(where), runs, rng)]
     ratios = above[at].mean(axis=1) / below[at].mean(axis=1)
-    return Estimate(float(above.mean() / below.mean()), *np.quantile(ratios, [0.025, 0.975]))
+    return Estimate(float(above.mean() / below.mean()), *resampling.interval(ratios))
 
 
 def mounting_ride(ride: Scenario) -> dict:

@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.stats import t as student_t
 from tqdm import tqdm
 
-from analysis import STANDARD_GRAVITY, Estimate, WrongUsage, wrap
+from analysis import STANDARD_GRAVITY, Estimate, WrongUsage, resampling, wrap
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
 from analysis.tracker.last_position import LOST_S, PDOP_WAIT_S, SLOW, Stored
@@ -398,7 +398,7 @@ def time_lag(gnss: Gnss, imu: Imu) -> Estimate:
     if not fits:
         return refused
     rng, parts = np.random.default_rng(0), np.arange(0, len(dt), LAG_BLOCK)
-    drawn = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), LAG_DRAWS)
+    drawn = resampling.counts(len(parts), LAG_DRAWS, rng)[1:]
     misfit = np.zeros((len(drawn), len(LAGS)))
     for squares, use in fits:
         left, count = (drawn @ np.add.reduceat(x, parts, axis=-1).T for x in (squares, 1.0 * use))
