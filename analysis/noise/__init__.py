@@ -5,18 +5,25 @@ comparison paper prints tau for T_c. To read the likelihood fit in order: spectr
 profile_likelihood, fit, inference, channel.
 """
 
-from analysis.noise.allan import allan_deviation, fit_line
-from analysis.noise.autocorrelation import correlogram
-from analysis.noise.channel import characterise
-from analysis.noise.fit import NoiseLikelihood
-from analysis.noise.graph import loglog_slope, nearer_to_gaussian, white_noise
-from analysis.noise.inference import infer
-from analysis.noise.models import (
-    UnifiedModel,
-    adev_model,
-    models_of_table_one,
-    simulate_logs,
-)
-from analysis.noise.planner import Plan
-from analysis.noise.position import cep, outliers, simulate_fixes
-from analysis.noise.recipes import TerrainRecipe, five_coefficients, sigma_of_eq3
+from importlib import import_module
+
+_FACE = {  # loaded when it is first asked for: `plan` needs one module of them
+    "allan": ("allan_deviation", "fit_line"),
+    "autocorrelation": ("correlogram",),
+    "channel": ("characterise",),
+    "fit": ("NoiseLikelihood",),
+    "graph": ("loglog_slope", "nearer_to_gaussian", "white_noise"),
+    "inference": ("infer",),
+    "models": ("UnifiedModel", "adev_model", "models_of_table_one", "simulate_logs"),
+    "planner": ("Plan",),
+    "position": ("cep", "outliers", "simulate_fixes"),
+    "recipes": ("TerrainRecipe", "five_coefficients", "sigma_of_eq3"),
+}
+_HOME = {name: module for module, names in _FACE.items() for name in names}
+__all__ = list(_HOME)
+
+
+def __getattr__(name):
+    if name not in _HOME:
+        raise AttributeError(f"analysis.noise has no '{name}'")
+    return getattr(import_module(f"analysis.noise.{_HOME[name]}"), name)
