@@ -20,9 +20,9 @@ import pandas as pd
 import sensorlogs as logs
 from analysis import CannotAnswer, resampling, static_logs, store
 from analysis.noise import infer
-from analysis.noise import pool as pooling
 from analysis.noise.inference import INSTEAD
 from sensorlogs import catalogue, datasets, formats
+from studies import pool as pooling
 from studies.cells import DIGITS, Cell, tabulate
 
 FOLDER = store.FOLDER / "repeatability"

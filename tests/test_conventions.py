@@ -6,8 +6,8 @@ from scipy.constants import degree, g
 from scipy.signal import welch
 
 from analysis import ROOT
-from analysis.noise import conventions as c
 from analysis.noise.models import UnifiedModel, adev_gauss_markov, gauss_markov
+from workbench import conventions as c
 from workbench import pages
 
 PAGE = ROOT / "analysis" / "noise" / "README.md"

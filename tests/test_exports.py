@@ -11,10 +11,9 @@ import yaml
 from pyins.inertial_sensor import EstimationModel, Parameters
 
 from analysis import CannotAnswer, WrongUsage
-from analysis.noise import conventions
 from analysis.noise.inference import infer
 from analysis.noise.parameters import random_walk_unit
-from workbench import exports
+from workbench import conventions, exports
 
 RATE, HOURS = 10.0, 6.0
 DT = 1 / RATE

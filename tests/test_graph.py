@@ -5,9 +5,10 @@ import pytest
 from scipy.signal import butter, lfilter
 from scipy.stats import norm
 
-from analysis.noise import conventions, graph
+from analysis.noise import graph
 from analysis.noise.allan import AllanCurve, allan_deviation, fit_line
 from analysis.noise.models import UnifiedModel, adev_model
+from workbench import conventions
 
 Q = (np.arange(20_000) + 0.5) / 20_000  # evenly spread probabilities
 X = np.geomspace(0.1, 1000.0, 200)

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from analysis.noise import pool
 from analysis.noise.notes import said
-from analysis.noise.pool import Profile, population
+from studies import pool
+from studies.pool import Profile, population
 from workbench import cli
 
 DT = 0.05

@@ -44,10 +44,9 @@ from pathlib import Path
 import numpy as np
 
 from analysis import CannotAnswer, Estimate, WrongUsage
-from analysis.noise import conventions
-from analysis.noise.conventions import MISSING
 from analysis.noise.parameters import random_walk_unit
-from workbench import pages
+from workbench import conventions, pages
+from workbench.conventions import MISSING
 
 TITLES = {
     "imu.yaml": "Kalibr: kalibr_calibrate_imu_camera --imu imu.yaml",

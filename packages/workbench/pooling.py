@@ -8,10 +8,10 @@ from tqdm import tqdm
 from analysis import CannotAnswer, WrongUsage, store
 from analysis.noise.channel import refuse_without_noise
 from analysis.noise.inference import infer
-from analysis.noise.pool import alike, pool, repeatability
 from analysis.static_logs import characterised, standstill
 from analysis.static_logs.stored import plain
 from sensorlogs.columns import FULL_TURN, words
+from studies.pool import alike, pool, repeatability
 from workbench import pages
 from workbench.verdict import NAMES
 
