@@ -438,6 +438,7 @@ def _measure(
     angles = np.column_stack([course, step + along + rock, roll + step + across])
     mounted = Rotation.from_euler("ZYX", [mount_deg, tilt[1], tilt[0]], degrees=True)
     angles, again = np.unique(angles, axis=0, return_inverse=True)  # at rest there is one
+    again = again.ravel()  # NumPy 2.0 gives a column
     attitude = (Rotation.from_euler("ZYX", angles) * mounted)[again]
     if np.ndim(rock):  # the roof, 1 m above the axis about which the body rocks
         back = np.gradient(np.gradient(rock, dt), dt)
