@@ -26,7 +26,6 @@ from analysis.noise import (
 )
 from analysis.noise.allan import cluster_sizes, overlapped_variance
 from analysis.noise.models import gauss_markov
-from analysis.units.journeys import DT, MANOEUVRES
 from studies.cells import Cell, tabulate
 from studies.coverage import RATE_HZ, TERRAIN
 
@@ -41,6 +40,11 @@ TERRAIN_HOURS, FITTED_HOURS = (1, 2, 4, 8, 16, 32, 64), (2, 8, 32)
 FITTED = 100  # logs of the terrain paper's sensor that are fitted too; no verdict rests on them
 TERRAIN_WINDOW_S = 10.0  # averages whose autocorrelation is taken; the paper does not say
 LONGER_HOURS = (2, 8)
+FLIGHT_DT = 0.25  # s: every fifth of the comparison paper's 20 Hz
+MANOEUVRES = (
+    1429.0,
+    1906.0,
+)  # s, from the begin of the turns to the end of the pushovers (section VII)
 POINTS = 40  # of the Allan curve of the bias alone
 
 
@@ -116,9 +120,9 @@ def of_flight(models, stream):
         ``midg``, ``tokimec``: standard deviation of the difference, deg.
     """
     rng = np.random.default_rng(stream)
-    n = round(MANOEUVRES[1] / DT)
-    yaw = {k: models[f"{k}-yaw"].simulate(n, DT, rng) for k in ("midg", "tokimec", "kvh")}
-    part = slice(round(MANOEUVRES[0] / DT), n)
+    n = round(MANOEUVRES[1] / FLIGHT_DT)
+    yaw = {k: models[f"{k}-yaw"].simulate(n, FLIGHT_DT, rng) for k in ("midg", "tokimec", "kvh")}
+    part = slice(round(MANOEUVRES[0] / FLIGHT_DT), n)
     return {k: float(np.std((yaw[k] - yaw["kvh"])[part])) for k in ("midg", "tokimec")}
 
 

@@ -8,7 +8,6 @@ from analysis.resampling import ratio_of_spreads, spread
 from analysis.units.clock import clock_offset
 from analysis.units.events import find_events
 from analysis.units.frame import tracks
-from analysis.units.journeys import ASSUMED, simulate_drive, simulate_flight
 from analysis.units.metrics import differences, trajectory_metrics
 from analysis.units.side_by_side import noise_of_each
 from analysis.units.variances import unit_variances
