@@ -19,7 +19,6 @@ MAKERS = {
     "atlas": surveys.atlas,
     "error-surface": surveys.surface,
     "inverse-design": surveys.inverse_design,
-    "long-run": surveys.long_run,
     "sweeps": surveys.sweeps,
     "adis16405-units": repeatability.units,
     "tracker-parked": rides.parked,

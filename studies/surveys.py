@@ -4,13 +4,11 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
-from scipy.spatial import cKDTree
 
 from analysis import STANDARD_GRAVITY, datasheets, static_logs, terrain_data
 from analysis.resampling import counts
 from analysis.store import rounded, rounded_number
 from analysis.terrain import (
-    AttitudeMap,
     Sensor,
     Setup,
     antennas,
@@ -22,8 +20,7 @@ from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.compiled import HAS_NUMBA
 from analysis.terrain.monte_carlo import LOST_M, interval
 from analysis.terrain.open_choices import LAP_M, LEAST_R, STEP_M
-from analysis.terrain.real_laps import MapError, lay_on_line
-from analysis.terrain.relocate import watch_long_drives
+from analysis.terrain.real_laps import lay_on_line
 from analysis.terrain_data import HIGHWAY, TRACK
 from sensorlogs import datasets, road_logs
 from studies.cells import compute
@@ -55,17 +52,6 @@ TRACKERS, STARTS = ("R tuned", "bias states"), ("stationary", "turn-on")
 ON_MAPS = ("exact map", "measured map error")
 R_TRIED, R_LAPS = np.geomspace(0.01, 100, 9), 100  # over the variance of a reading; to choose R on
 INVERSE_LAPS, INVERSE_RESAMPLES = 200, 200
-LONG_GYROS = {"MEMS": Sensor(0.01, 0.01), "tactical": Sensor(0.001, 0.0001)}  # of Fig 7
-LONG_SPEED, LONG_STEP, LANES_M = 28.0, 10.0, 60.0  # m/s, m, and m between lanes of one road
-LONG_DRIVES, WITHIN = 12, 500.0  # drives; m from its position in which a place is searched
-SLIPS = tuple((km * 1000.0, 100.0) for km in (10, 25, 40, 55))  # wheels stop counting for 100 m
-LONG_MAPS = {  # years that the map is old, and years that the filter expects
-    "new": (0, 0),
-    "10 years old": (10, 0),
-    "30 years old": (30, 0),
-    "30 years old, as expected": (30, 30),
-    "of the other lanes": None,
-}
 
 
 def test_track():
@@ -472,86 +458,6 @@ def _variance(sensor, setup):
     """Variance of a reading, averaged over the lap: that of the gyro and that of the map."""
     of_map = sum(sd**2 for sd, _ in setup.drawn_map_error or ())
     return max(setup.own_R(sensor) + of_map, LEAST_R)
-
-
-def long_run():
-    """Drive the 69 km of I-99 without GNSS, on a new map, an old one, and one of the other lanes.
-
-    Returns
-    -------
-    dict
-        Source.
-    dict of DataFrame
-        ``drives`` and ``alarms`` of `analysis.terrain.relocate.watch_long_drives`.
-    """
-    items = [(name, gyro) for name in LONG_MAPS for gyro in LONG_GYROS]
-    found = dict(compute(_long_run, items))
-    tables = {
-        name: rounded(pd.concat([found[k][j] for k in range(len(items))]), 4)
-        for j, name in enumerate(("drives", "alarms"))
-    }
-    source = {
-        "title": "Interstate 99 driven without GNSS: places lost and found again",
-        "seed": SEED,
-        "drives": LONG_DRIVES,
-        "slips_m": [list(slip) for slip in SLIPS],
-        "within_m": WITHIN,
-        "gyros": {name: list(gyro[:2]) for name, gyro in LONG_GYROS.items()},
-        "setups": {n: long_drive(ages)[2].stated() for n, ages in LONG_MAPS.items()},
-    }
-    return source, tables
-
-
-def long_drive(ages: tuple[float, float] | None) -> tuple[AttitudeMap, AttitudeMap, Setup]:
-    """Give what `watch_long_drives` needs of I-99: to State College, 28 m/s.
-
-    The vehicle differs from the road as the van from its maps (`analysis.terrain_data.map_error`).
-
-    Parameters
-    ----------
-    ages : (float, float) or None
-        Years that the map of the road is old, and years that the filter expects. None: the map is
-        that of the lanes in the other direction, and the filter expects what these differ by where
-        the height of neither survey was levelled.
-
-    Returns
-    -------
-    road, surveyed : AttitudeMap
-    setup : Setup
-        The bias starts stationary. A reading every 10 m, twice the step of the survey.
-    """
-    drive, of_van = terrain_data.highway("to-state-college"), terrain_data.map_error()
-    step, end = drive.s_m[1], drive.s_m[-1]
-    road = AttitudeMap(0.0, step, drive.grade_deg[None])
-    setup = Setup(end - 2 * step, begin=step, speed=LONG_SPEED, rate_hz=LONG_SPEED / LONG_STEP)
-    parts = of_van.aged(ages[0] if ages else 0.0).components(1)
-    setup = replace(setup, start="stationary", drawn_map_error=parts)
-    if ages:
-        return road, road, of_van.aged(ages[1]).setup(setup, 1)
-    back = terrain_data.highway("to-altoona")
-    here, there = (np.column_stack([d.east_m, d.north_m]) for d in (drive, back))
-    apart, near = cKDTree(there).query(here)
-    beside = apart < LANES_M
-    grade = np.interp(drive.s_m, drive.s_m[beside], -back.grade_deg[near[beside]])
-    good = beside & ~drive.levelled & ~back.levelled[near]
-    differ = np.where(good, drive.grade_deg - grade, np.nan)
-    quarters = (np.array_split(v, 4) for v in (drive.s_m, differ))
-    lanes = MapError.estimate([*zip(*quarters, strict=True)])
-    (offset, _), (slow, _), (fast, length) = parts
-    offset, slow = np.hypot(offset, lanes.offset_sd), np.hypot(slow, lanes.slow_sd)
-    both = MapError(float(offset), float(slow), lanes.slow_length_m, fast, length, lanes.laps)
-    return road, AttitudeMap(0.0, step, grade[None]), both.setup(setup, np.inf)
-
-
-def _long_run(item):
-    """Watch the drives of one gyro on one map."""
-    name, gyro = item
-    drive, options = long_drive(LONG_MAPS[name]), {"slips": SLIPS, "within": WITHIN}
-    drives, alarms, _ = watch_long_drives(
-        *drive, LONG_GYROS[gyro], drives=LONG_DRIVES, seed=SEED, **options
-    )
-    drives = drives.rename_axis("drive").reset_index()
-    return [t.assign(map=name, gyro=gyro) for t in (drives, alarms)]
 
 
 def sensors():

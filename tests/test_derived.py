@@ -8,7 +8,7 @@ from sensorlogs import datasets
 from studies import derived, surveys
 
 # Nine gyros, of which test_repeatability takes one; 442 sensors on 100 laps, of which some below.
-SLOW = {"adis16405-units", "atlas", "error-surface", "sweeps", "inverse-design", "long-run"}
+SLOW = {"adis16405-units", "atlas", "error-surface", "sweeps", "inverse-design"}
 
 
 @pytest.mark.parametrize("name", [n for n in derived.names() if n not in SLOW])

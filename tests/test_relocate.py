@@ -1,7 +1,5 @@
 """A filter that lost its place on the map: the alarm, and the way back."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,11 +9,9 @@ from analysis.terrain.relocate import (
     averaged_map,
     likelihood,
     watch,
-    watch_long_drives,
     watch_real_laps,
 )
 from analysis.terrain.terrain_map import AttitudeMap
-from studies import surveys
 
 LAP = "14-45-26"
 MEMS = Sensor(0.01, 0.01)
@@ -89,19 +85,3 @@ def test_a_vehicle_that_reverses_keeps_its_place(drive):
     truth = 400.0 + np.cumsum(moved)
     found = watch(road, road.at(truth), moved, truth[0], MEMS, setup)
     assert not found.alarms and abs(found.position[-1, 0] - truth[-1]) < 1
-
-
-def test_a_long_drive_on_a_good_map_and_on_none():
-    """property: a slip is found on I-99; a map error above the terrain is as good as no map."""
-    road, surveyed, setup = surveys.long_drive((0, 0))
-    setup = replace(setup, length=12_000.0)
-    options = {"drives": 2, "seed": 7, "slips": [(3000.0, 100.0)], "within": 300.0}
-    table, alarms, watched = watch_long_drives(road, surveyed, setup, MEMS, **options)
-    assert (table["found"] >= 1).all() and (table["end_m"] < 15).all()
-    assert (alarms["away_s"] > 0).all() and (alarms.groupby("drive")["off_m"].max() > 90).all()
-    assert table["lost"].to_numpy() == pytest.approx(watched.lost.mean(axis=0))
-    none = replace(setup, drawn_map_error=((20.0, 50.0),), map_error=(20.0, 50.0))
-    table, alarms, watched = watch_long_drives(road, surveyed, none, MEMS, **options)
-    assert len(alarms) == 0
-    assert np.abs(watched.position - watched.odometry).max() < 15
-    assert table["p95_m"].to_numpy() == pytest.approx(table["p95_wheels_m"].to_numpy(), rel=0.1)

@@ -16,7 +16,7 @@ from studies import derived
 
 SIMULATED = {
     "coverage", "hat-coverage", "ensembles", "robustness", "power", "benchmark", "device",
-    "readings", "error-surface", "sweeps", "inverse-design", "long-run",
+    "readings", "error-surface", "sweeps", "inverse-design",
 }  # fmt: skip
 OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}

@@ -8,7 +8,7 @@ from analysis.terrain.assumptions import Sensor, Setup, attitude_variance, unit_
 from analysis.terrain.monte_carlo import interval, share, simulate_laps
 from analysis.terrain.point_mass import compare_filters, cramer_rao_bound
 from analysis.terrain.real_laps import track_real_laps
-from analysis.terrain.relocate import watch_long_drives, watch_real_laps
-from analysis.terrain.roughness import IsoRoad, shared_spectrum
+from analysis.terrain.relocate import watch_real_laps
+from analysis.terrain.roughness import IsoRoad
 from analysis.terrain.terrain_map import AttitudeMap, held_out
 from analysis.terrain.trends import PowerLaw, cheapest, draw_prices, fit_trend

@@ -25,8 +25,6 @@ from analysis.terrain.terrain_map import Profile, SideBySide
 
 # m; the distances at which the semivariogram of the map's error is read.
 LAGS = np.unique(np.geomspace(1, 200, 25).round().astype(int))
-# deg/sqrt(year): how a road and its map grow apart in the offset and the slow component (chosen).
-AGEING = 0.02, 0.05
 
 
 @dataclass(frozen=True)
@@ -96,12 +94,6 @@ class MapError:
         of_mean = np.mean([np.nanmean(of) ** 2 for of in series])
         offset = float(f"{np.sqrt(max(of_mean - of_slow, 0.0)):.4g}")
         return cls(offset, slow_sd, slow_length, fast_sd, fast_length, len(series))
-
-    def aged(self, years: float) -> MapError:
-        """Let the map grow old: offset and slow component gain an assumed variance each year."""
-        of_offset, of_slow = np.array(AGEING) * np.sqrt(years)
-        offset, slow = np.hypot(self.offset_sd, of_offset), np.hypot(self.slow_sd, of_slow)
-        return replace(self, offset_sd=float(offset), slow_sd=float(slow))
 
     def components(self, laps: float) -> tuple[tuple[float, float], ...]:
         """Give the error of a map of some laps as `Setup.drawn_map_error` has it."""

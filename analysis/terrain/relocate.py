@@ -16,7 +16,7 @@ odometry is exact by comparison. Where no place on the map explains the samples,
 wrong with them, and neither alarm nor place can be trusted: nothing is done.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,13 +27,10 @@ from scipy.stats import chi2
 
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import (
-    LOST_M,
     advance,
     assumed_R,
     attitude_errors,
     filters_of,
-    map_errors,
-    odometry,
 )
 from analysis.terrain.real_laps import Lap, MapError, resample_lap
 from analysis.terrain.terrain_map import AttitudeMap, Profile
@@ -77,7 +74,6 @@ def watch(
     sensor: Sensor,
     setup: Setup,
     places: tuple[float, float] | None = None,
-    within: float = np.inf,
 ) -> Watched:
     """Track drives; raise an alarm where the samples disagree, and find the place again.
 
@@ -97,8 +93,6 @@ def watch(
     places : tuple of float, optional
         Between which positions to search, m; the whole map by default. A closed map has every
         place twice, so it needs them.
-    within : float, optional
-        How far from the present position to search, m.
 
     Returns
     -------
@@ -127,9 +121,8 @@ def watch(
         waited += np.abs(step)
         for d in np.flatnonzero(waited >= WAIT):
             waited[d], now = 0.0, slice(0, at[k] + 1)
-            around = max(places[0], here[d] - within), min(places[1], here[d] + within)
             place, weight, explained = likelihood(
-                averaged, samples[:, now, d], driven[now, d], sensor, setup, around
+                averaged, samples[:, now, d], driven[now, d], sensor, setup, places
             )
             likely = place[weight.argmax()]
             near, best = (weight[np.abs(place - of) < SAME].sum() for of in (here[d], likely))
@@ -278,77 +271,3 @@ def watch_real_laps(
             row = {"alarms": alarms.count(d), "found": again.count(d)}
             rows[name, label] = row | {"lost_m": off[:, d].max(), "end_m": off[-1, d]}
     return pd.DataFrame(rows).T
-
-
-def watch_long_drives(
-    road: AttitudeMap,
-    surveyed: AttitudeMap,
-    setup: Setup,
-    sensor: Sensor,
-    *,
-    drives: int,
-    seed: int,
-    slips: Sequence[tuple[float, float]] = (),
-    within: float = np.inf,
-) -> tuple[pd.DataFrame, pd.DataFrame, Watched]:
-    """Simulate drives along a road without GNSS, and watch them.
-
-    Parameters
-    ----------
-    road, surveyed : AttitudeMap
-        The road as it is, and its map.
-    setup : Setup
-        ``drawn_map_error`` is by how much the attitude of the vehicle differs from that of the
-        road, ``map_error`` what the filter expects.
-    sensor : Sensor
-    drives : int
-    seed : int
-        Drive k draws from the k-th stream spawned from it.
-    slips : sequence of (float, float)
-        Where wheels stop counting, and for how many metres.
-    within : float, optional
-        As for `watch`.
-
-    Returns
-    -------
-    table : pandas.DataFrame
-        A row for each drive: ``alarms``; ``false``, those with an error of less than `LOST_M`;
-        ``found``; ``lost``, share of the road between alarm and place; ``unnoticed``, share of the
-        road that is more than `LOST_M` off without an alarm; ``p50_m``, ``p95_m`` and ``end_m`` of
-        the error, ``p95_wheels_m`` of the odometry alone, and ``p95_tracked_m`` where no alarm is.
-    alarms : pandas.DataFrame
-        A row for each: ``drive``, ``at_m``, ``off_m`` (error then), ``away_s`` and ``away_m`` until
-        the place was found (NaN: never), ``after_m`` (error then).
-    watched : Watched
-    """
-    streams = np.random.SeedSequence(seed).spawn(drives)
-    first, moved = odometry(setup, streams)
-    truth = setup.truth
-    for at, metres in slips:
-        begin = np.searchsorted(truth, at)
-        moved[begin : np.searchsorted(truth, at + metres)] = 0.0
-    walk, bias = attitude_errors(setup, road.channels, streams, len(truth))
-    seen = (sensor.arw * walk + sensor.sigma_b * bias).transpose(1, 0, 2)
-    seen += road.at(truth)[..., None]
-    if setup.drawn_map_error:
-        seen += map_errors(setup, seen.shape[:2], streams)
-    watched = watch(surveyed, seen, moved, first, sensor, setup, within=within)
-    off = np.abs(watched.position - truth[:, None])
-    rows = []
-    for d, k in watched.alarms:
-        again = next((j for e, j in watched.found if e == d and j > k), None)
-        rows.append({"drive": d, "at_m": truth[k], "off_m": off[k, d]})
-        if again is not None:
-            rows[-1] |= {"away_s": (again - k) / setup.rate_hz, "away_m": truth[again] - truth[k]}
-            rows[-1]["after_m"] = off[again, d]
-    alarms = pd.DataFrame(rows, columns=["drive", "at_m", "off_m", "away_s", "away_m", "after_m"])
-    in_all, lost = alarms.groupby("drive"), watched.lost
-    alone = np.abs(watched.odometry - truth[:, None])
-    false = alarms[alarms["off_m"] < LOST_M].groupby("drive").size()
-    counts = {"alarms": in_all.size(), "false": false, "found": in_all["away_s"].count()}
-    table = pd.DataFrame(counts, index=range(drives)).fillna(0)
-    table["lost"], table["unnoticed"] = lost.mean(axis=0), ((off > LOST_M) & ~lost).mean(axis=0)
-    table["p50_m"], table["p95_m"] = np.quantile(off, [0.5, 0.95], axis=0)
-    table["p95_tracked_m"] = np.nanquantile(np.where(lost, np.nan, off), 0.95, axis=0)
-    table["p95_wheels_m"], table["end_m"] = np.quantile(alone, 0.95, axis=0), off[-1]
-    return table, alarms, watched

@@ -1,11 +1,10 @@
-"""Road roughness: spectra over wave number, ISO 8608 classes, coherence of laps, synthetic roads.
+"""Synthetic roads of the classes of ISO 8608.
 
 ISO 8608 describes the vertical displacement of a road by a one-sided spectrum over wave number n::
 
     G(n) = G(n0) (n / n0)^-w,    n0 = 0.1 cycles/m,  w = 2
 
-and names classes by G(n0): A to H, each four times the one before. The cross-spectrum of two laps
-keeps what both have; the noise of each receiver averages out.
+and names classes by G(n0): A to H, each four times the one before.
 
 A synthetic road is an ISO 8608 surface under two wheel paths, with hills below it. Two parallel
 paths at distance b on an isotropic surface share, at wave number n, the part (Kamash and Robson,
@@ -24,14 +23,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.special import gamma, kv
-from scipy.stats import linregress
 
 from analysis import CannotAnswer
 
 REFERENCE = 0.1  # cycles/m, n0 of ISO 8608
 CLASSES = "ABCDEFGH"
 CLASS_A = 16e-6  # m^3, geometric mean of class A at n0; each class is four times the one before
-PER_OCTAVE = 3  # bands per octave; the lines in each are averaged
 LONGEST = 100.0  # m: ISO 8608 covers waves up to about here; longer ones are hills
 HILLS = 300.0  # m, middle wave length of the hills; they fill an octave around it
 
@@ -57,36 +54,6 @@ class IsoRoad:
         if name not in CLASSES or len(name) != 1:
             raise CannotAnswer(f"no road class '{name}': ISO 8608 has {', '.join(CLASSES)}")
         return cls(CLASS_A * 4.0 ** CLASSES.index(name))
-
-    @classmethod
-    def fit(cls, spectrum: pd.DataFrame, low: float, high: float) -> IsoRoad:
-        """Fit a line through the logarithms of a spectrum of displacement.
-
-        Parameters
-        ----------
-        spectrum : pandas.DataFrame
-            ``n`` (cycles/m) and ``density`` (m^3), as from `shared_spectrum`.
-        low, high : float
-            Wave numbers between which it is fitted, cycles/m.
-
-        Returns
-        -------
-        IsoRoad
-        """
-        used = spectrum[spectrum["n"].between(low, high) & (spectrum["density"] > 0)]
-        if len(used) < 3:
-            raise CannotAnswer(f"fewer than 3 bands between {low:g} and {high:g} cycles/m to fit")
-        line = linregress(np.log(used["n"] / REFERENCE), np.log(used["density"]))
-        return cls(float(np.exp(line.intercept)), float(-line.slope))
-
-    @property
-    def name(self) -> str:
-        """Class of the density at n0: A (also for smoother roads) to H (also for rougher ones).
-
-        The bounds of a class lie a factor of two from its mean.
-        """
-        step = np.floor(np.log(self.g0 / CLASS_A) / np.log(4.0) + 0.5)
-        return CLASSES[int(np.clip(step, 0, len(CLASSES) - 1))]
 
     def density(self, n: ArrayLike) -> np.ndarray:
         """Displacement density, m^3, at wave numbers `n`, cycles/m."""
@@ -168,49 +135,6 @@ class IsoRoad:
             "height_m": _back(middle * np.cos(half), m),
         }
         return pd.DataFrame(road).head(m // 2)
-
-
-def shared_spectrum(laps: np.ndarray, step: float) -> pd.DataFrame:
-    """Estimate the spectrum of what laps have in common, and their coherence.
-
-    Parameters
-    ----------
-    laps : ndarray, shape (laps, n)
-        U, each a whole round on the same grid.
-    step : float
-        m
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each of the bands of equal ratio, means over their lines: ``n``, wave number,
-        cycles/m; ``density``, U^2 m, one-sided mean cross-spectrum over all pairs: noise of the
-        single laps averages out; ``coherence``, shared over total density: the part of a lap's
-        variance that another lap has too.
-
-    Raises
-    ------
-    CannotAnswer
-        If there is only one lap.
-    """
-    laps = np.asarray(laps, dtype=float)
-    if len(laps) < 2:
-        raise CannotAnswer("one lap alone has no coherence: give two laps or more")
-    count, points = laps.shape
-    n = np.fft.rfftfreq(points, step)[1:]
-    lines = np.fft.rfft(laps - laps.mean(axis=1, keepdims=True))[:, 1:]
-    own = (np.abs(lines) ** 2).sum(axis=0)
-    of_pairs = np.abs(lines.sum(axis=0)) ** 2 - own  # every lap with every other one
-    one_sided = 2.0 * step / points
-    spectrum = {
-        "n": np.log(n),
-        "density": one_sided * of_pairs / (count * (count - 1)),
-        "total": one_sided * own / count,
-    }
-    band = np.floor(np.log2(n / n[0]) * PER_OCTAVE + 1e-9)
-    means = pd.DataFrame(spectrum).groupby(band).mean().reset_index(drop=True)
-    coherence = means["density"] / means.pop("total")
-    return means.assign(n=np.exp(means["n"]), coherence=coherence)
 
 
 def _wave(density, m, step, rng):
