@@ -55,3 +55,16 @@ def test_outliers():
     assert np.flatnonzero(outliers(n, e)).tolist() == [17]
     drift = np.r_[np.zeros(400), np.linspace(0, 50, 200)]
     assert not outliers(drift).any()
+
+
+def test_a_few_far_positions_do_not_narrow_the_cep():
+    """property: five of 7400, a kilometre off, leave value and interval as they are."""
+    rng = np.random.default_rng(5)
+    n, e = gauss_markov(7400, 1.0, 1.0, 120.0, rng, runs=2)
+    clean = cep(n, e)
+    at = rng.choice(7400, 5, replace=False)
+    n[at] += 1000.0 * rng.standard_normal(5)
+    found = cep(n, e)
+    width = clean.high - clean.low
+    assert found.value == pytest.approx(clean.value, abs=0.02 * width)
+    assert found.high - found.low == pytest.approx(width, rel=0.1)

@@ -67,9 +67,19 @@ def outliers(*axes: np.ndarray) -> np.ndarray:
     """
     bad = np.zeros(len(axes[0]), dtype=bool)
     for axis in axes:
-        scale = np.ptp(np.nanquantile(axis, [0.025, 0.975])) / 3.92
-        bad |= np.abs(axis - median_filter(axis, NEIGHBOURS, mode="nearest")) > CUT * scale
+        near = median_filter(axis, NEIGHBOURS, mode="nearest")
+        bad |= np.abs(axis - near) > CUT * _scale(axis)
     return bad
+
+
+def _scale(axis):
+    """Robust standard deviation."""
+    return np.ptp(np.nanquantile(axis, [0.025, 0.975])) / 3.92
+
+
+def _bounded(axis):
+    middle, most = np.median(axis), CUT * _scale(axis)
+    return np.clip(axis, middle - most, middle + most)
 
 
 def effective_samples(x):
@@ -104,7 +114,8 @@ def cep(north: np.ndarray, east: np.ndarray) -> Estimate:
 
     The interval runs between the quantiles of r at 1/2 -+ 1.96 / (2 sqrt(N)), N the independent
     values of north plus those of east (a radius has half the correlation time of a coordinate),
-    widened by the degrees of freedom of the mean.
+    widened by the degrees of freedom of the mean. A position beyond `CUT` counts as one that lies
+    there: a few far ones would hide the correlation, and move the mean.
 
     Parameters
     ----------
@@ -124,7 +135,7 @@ def cep(north: np.ndarray, east: np.ndarray) -> Estimate:
     valid = np.isfinite(north) & np.isfinite(east)
     if not valid.any():
         raise CannotAnswer(said("no_position"))
-    n, e = north[valid], east[valid]
+    n, e = (_bounded(np.asarray(axis)[valid]) for axis in (north, east))
     r = np.hypot(n - n.mean(), e - e.mean())
     median = float(np.median(r))
     along = effective_samples(n), effective_samples(e)
