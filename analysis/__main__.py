@@ -27,8 +27,8 @@ with contextlib.suppress(AttributeError, TypeError, OSError):  # other systems h
     # A long log fills the memory: freed arrays of 4 MB or more go back to the system at once.
     ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, 4 << 20)
     ctypes.CDLL(None).mallopt(M_TRIM_THRESHOLD, 16 << 20)
-for stream in (sys.stdout, sys.stderr):  # a terminal without Greek letters ends no run
-    stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+for stream in filter(None, (sys.stdout, sys.stderr)):  # none where it is closed
+    stream.reconfigure(errors="replace")  # a terminal without Greek letters ends no run
 try:
     for ending in (signal.SIGINT, signal.SIGTERM):
         signal.signal(ending, stop)

@@ -31,6 +31,7 @@ WHOLE = 1500  # points that draw a whole log
 LAGS = 400  # points that draw an autocorrelation
 FEWEST = 64  # samples below which there is nothing to average
 SHORT = 15.0  # s, the paper's short stretch
+SMALLEST = 1e-140  # U: squares of smaller numbers, in sums, have no more digits
 ROUNDING = 1e-12  # relative; less than that is arithmetic, not noise
 LEVELS = 12  # distinct values below which resolution, not noise, may rule
 FIRST = 1000  # samples in which they are looked for before the whole log is
@@ -229,6 +230,8 @@ def refuse_without_noise(y, dt, name, unit):
     most = max(np.nanmax(residual), -np.nanmin(residual))
     if high == low:
         raise refused("constant", count=count, value=high)
+    if most < SMALLEST:
+        raise refused("too_small", most=most, unit=unit)
     if most < ROUNDING * max(high, -low):
         raise refused("line", drift=line.drift, unit=unit)
     return residual, line

@@ -35,6 +35,7 @@ from sensorlogs.columns import Choice
 from sensorlogs.delimited import Table, printable
 from sensorlogs.times import MISSING_ALLOWED, Grid
 
+RATES = 1e9  # Hz, above any sensor's; one sample in as many seconds is below
 SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
 LARGEST = 1e9  # beyond what any sensor reads, in any unit
 PIECE = 1 << 20  # samples that are looked at together, to bound the memory
@@ -253,8 +254,10 @@ def _stretch(table: Table, option: dict):
     time = times.time_column(frame)
     if "time" in option:
         time = columns.resolve(option["time"], list(frame), file)
-    if rate is not None and not (np.isfinite(rate) and rate > 0):
-        raise WrongUsage(f"{file}: the rate must be a positive number of samples a second")
+    if rate is not None and not 1 / RATES < rate < RATES:
+        raise WrongUsage(
+            f"{file}: --rate {rate:g}: samples a second, from {1 / RATES:g} to {RATES:g}"
+        )
     if rate is None and time is None:
         raise WrongUsage(_no_rate(file, frame))
     t_s = None

@@ -36,7 +36,9 @@ class Verbs(TyperGroup):
     def invoke(self, ctx):
         """Run the verb that was named."""
         try:
-            return super().invoke(ctx)
+            found = super().invoke(ctx)
+            print(end="", flush=True)
+            return found
         except CannotAnswer as error:
             sentence, status = f"cannot answer: {error}{_commands(error, ctx)}", 1
         except WrongUsage as error:
@@ -48,6 +50,9 @@ class Verbs(TyperGroup):
         except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
             sys.stdout = None
             return None
+        except OSError as error:  # a full disk, a name that is too long
+            at = error.filename or "the output"
+            sentence, status = f"cannot answer: {at}: {error.strerror}", 1
         print(sentence, file=sys.stderr)
         raise typer.Exit(status)
 

@@ -286,7 +286,7 @@ def export(path, out):
         texts = files(json.loads(Path(path).read_bytes()))
     except OSError as error:
         raise WrongUsage(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:  # neither JSON nor text
+    except (ValueError, RecursionError) as error:  # neither JSON nor text, or a trap
         raise WrongUsage(f"{path}: this is no model.json as `report` writes it") from error
     except WrongUsage as error:
         raise WrongUsage(f"{path}: {error}") from error

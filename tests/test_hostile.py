@@ -1,0 +1,52 @@
+"""What nobody should give: each is refused in one sentence, with nothing written."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from analysis import ROOT
+from workbench import cli
+
+ROWS = "".join(
+    f"{k / 100:.2f},{x:.5f}\n" for k, x in enumerate(np.random.default_rng(1).standard_normal(300))
+)
+HEADER = "time_s,gyro_x_deg_s\n"
+TINY = "".join(f"{k / 100:.2f},{(-1) ** k * (k % 7) * 1e-312}\n" for k in range(300))
+DEEP = '{"a":' * 50_000 + "1" + "}" * 50_000
+
+
+@pytest.mark.parametrize(
+    ("verb", "content", "flags", "status", "words"),
+    [
+        ("report", HEADER + ROWS, ["--rate", "1e-300"], 2, "--rate 1e-300: samples a second"),
+        ("report", HEADER + ROWS, ["--rate", "1e300"], 2, "--rate 1e+300: samples a second"),
+        ("report", HEADER + ROWS, ["--out", "x" * 300], 1, "too long"),
+        ("report", HEADER + TINY, [], 1, "the square of such a number is 0"),
+        ("export", DEEP, [], 2, "no model.json"),
+        ("export", json.dumps([[1]]), [], 2, ""),
+    ],
+    ids=["slow", "fast", "long name", "tiny", "deep", "list"],
+)
+def test_refused_in_a_sentence(verb, content, flags, status, words, tmp_path, monkeypatch, capsys):
+    """property: one line, the exit status of the contract, and no folder is left."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "log.csv").write_text(content)
+    given = [verb, "log.csv", *({"--out": "mine"} | dict([flags] if flags else [])).items()]
+    words_given = [w for part in given for w in ([part] if isinstance(part, str) else part)]
+    assert cli.main(words_given) == status
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and words in err
+    assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
+
+
+@pytest.mark.parametrize(("to", "status"), [("/dev/full", 1), ("closed", 0)])
+def test_output_that_cannot_be_written(to, status):
+    """property: a full disk is one sentence; a closed output is none."""
+    command = f"{sys.executable} -m analysis plan --rate 100 --white 0.004 "
+    command += ">&-" if to == "closed" else f"> {to}"
+    run = subprocess.run(command, shell=True, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == status and "Traceback" not in run.stderr
+    assert ("cannot answer: the output: No space left" in run.stderr) == bool(status)
