@@ -21,8 +21,8 @@ DEEP = '{"a":' * 50_000 + "1" + "}" * 50_000
 @pytest.mark.parametrize(
     ("verb", "content", "flags", "status", "words"),
     [
-        ("report", HEADER + ROWS, ["--rate", "1e-300"], 2, "--rate 1e-300: a positive number"),
-        ("report", HEADER + ROWS, ["--rate", "1e300"], 2, "--rate 1e+300: a positive number"),
+        ("report", HEADER + ROWS, ["--rate", "1e-300"], 2, "--rate 1e-300: give a positive number"),
+        ("report", HEADER + ROWS, ["--rate", "1e300"], 2, "--rate 1e+300: give a positive number"),
         ("report", HEADER + ROWS, ["--out", "x" * 300], 1, "too long"),
         ("report", HEADER + TINY, [], 1, "the square of such a number is 0"),
         ("export", DEEP, [], 2, "no model.json"),

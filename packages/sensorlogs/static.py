@@ -256,7 +256,7 @@ def _stretch(table: Table, option: dict):
         time = columns.resolve(option["time"], list(frame), file)
     if rate is not None and not 1 / RATES < rate < RATES:
         raise WrongUsage(
-            f"{file}: --rate {rate:g}: a positive number of samples a second is needed, below {RATES:g}"
+            f"{file}: --rate {rate:g}: give a positive number of samples a second, below {RATES:g}"
         )
     if rate is None and time is None:
         raise WrongUsage(_no_rate(file, frame))
