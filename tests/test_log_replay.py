@@ -622,7 +622,7 @@ def test_command(tmp_path, cold):
     status, out, err = run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
     assert (status, err) == (0, "")
     assert files(tmp_path / "out") == list(FILES)
-    assert "fixes: " in out and ".geojson and summary.json are written" in out
+    assert "fixes: " in out and ".gpx and summary.json are written" in out
     stored, note = load_position(memory)
     assert note is None
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())

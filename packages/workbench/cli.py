@@ -318,11 +318,11 @@ def replay(
     --columns accel_z_g=-AccZ.
 
     Writes track.csv (one row for each GNSS epoch), summary.json, track.html (a page to look at: the
-    track, and in time what each block did), track.gpx and track.geojson. yaw_deg is the heading of
-    the sensor's X axis, mount_deg its angle clockwise from the vehicle's heading; the sigmas and
-    the correlation are those of the position put out, as far as block 6 states them. The thresholds
-    that summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad (theta_alpha in
-    rad^2); lengths are counts.
+    track, and in time what each block did) and track.gpx. yaw_deg is the heading of the sensor's X
+    axis, mount_deg its angle clockwise from the vehicle's heading; the sigmas and the correlation
+    are those of the position put out, as far as block 6 states them. The thresholds that
+    summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad (theta_alpha in rad^2);
+    lengths are counts.
     """
     import numpy as np
 
