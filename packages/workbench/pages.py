@@ -12,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
@@ -21,6 +22,7 @@ from analysis import (
     engineering,
     provenance,
     replacing,
+    store,
     text,
     without_exponents,
 )
@@ -77,6 +79,17 @@ def page(name, /, *told, **more):
     """Fill a template: a page escaped, a text as it is."""
     templates = TEXTS if name.endswith((".txt", ".j2")) else PAGES
     return templates.get_template(name).render(*told, **more)
+
+
+def rounded(content: Any) -> Any:
+    """Round every number of a content to six digits; NaN and infinities become None."""
+    if isinstance(content, np.ndarray):
+        content = content.tolist()
+    if isinstance(content, dict):
+        return {key: rounded(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [rounded(value) for value in content]
+    return store.rounded_number(content) if isinstance(content, float) else content
 
 
 @contextmanager

@@ -93,7 +93,7 @@ def write(track, out):
     with pages.folder(out) as draft:
         table = pd.DataFrame({name: _cells(name, c) for name, c in track.columns.items()})
         table.to_csv(draft / "track.csv", index=False, lineterminator="\n")
-        content = json.dumps(_rounded(summary_of(track)), indent=1, ensure_ascii=False)
+        content = json.dumps(pages.rounded(summary_of(track)), indent=1, ensure_ascii=False)
         texts = {"summary.json": content + "\n", "track.gpx": gpx(track), "track.html": page(track)}
         for name, text in texts.items():
             (draft / name).write_text(text, encoding="utf-8")
@@ -115,17 +115,6 @@ def _cells(name, column):
     if column.dtype.kind in "iub":
         return [str(int(v)) for v in column]
     return ["" if v != v else f"{v:.{DECIMALS[name]}f}" for v in column.tolist()]
-
-
-def _rounded(value):
-    """Round every number to six digits, and write NaN and infinities as null."""
-    if isinstance(value, dict):
-        return {k: _rounded(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(v) for v in value]
-    if isinstance(value, float):
-        return float(f"{value:.6g}") if math.isfinite(value) else None
-    return value
 
 
 def _title(track):
