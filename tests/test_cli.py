@@ -463,7 +463,6 @@ def test_a_folder_that_cannot_be_is_refused(command, out, tmp_path, monkeypatch)
         ["report", "f9p-static", "--out", "x", "--rate", "fast"], ["claims", "no-paper"],
         ["data", "no-folder"], ["data", "--write"], ["data", "--rebuild", "no-log"],
         ["reproduce", "77"],
-        ["reproduce", "--at-once", "0"],
         ["reproduce", "90", "-p", "SEED=1"],
         ["reproduce", "90", "--scratch", "x", "-p", "SEED"],
         ["reproduce", "90", "--scratch", "x", "-p", "SPEED=1"],

@@ -170,7 +170,7 @@ def _read_moving(logs, columns, **reading):
 
 
 @_verb
-def reproduce(notebooks=None, at_once=None, scratch=None, parameters=None):
+def reproduce(notebooks=None, scratch=None, parameters=None):
     """Execute the notebooks and redraw figures/.
 
     \b
@@ -195,9 +195,7 @@ def reproduce(notebooks=None, at_once=None, scratch=None, parameters=None):
     values = dict(map(_parameter, parameters or ()))
     start = perf_counter()
     with writing(scratch or "figures", "--scratch"):
-        runs, found = runner.reproduce(
-            notebooks or (), at_once=at_once, scratch=scratch, parameters=values
-        )
+        runs, found = runner.reproduce(notebooks or (), scratch=scratch, parameters=values)
     told = {"runs": runs, "found": found, "seconds": perf_counter() - start}
     changed, alike = (None, []) if scratch else runner.since_commit()
     _tell("reproduce.txt", told, changed=changed, alike=alike)
@@ -293,7 +291,6 @@ def replay(
     last_position=None,
     table=None,
     car=False,
-    float32=False,
     **reading,
 ):
     """Run the tracker paper's six blocks on a GNSS (and IMU) log.
@@ -324,8 +321,6 @@ def replay(
     summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad (theta_alpha in rad^2);
     lengths are counts.
     """
-    import numpy as np
-
     from workbench import track as page
 
     outages = [_interval(text) for text in outage or ()]
@@ -338,10 +333,9 @@ def replay(
             )
         _check_last_position(Path(last_position), logs, Path(out))
     log = _read_moving(logs, imu_offset=imu_offset, tables=table or (), **reading)
-    options = {block.replace("-", "_"): False for block in without or ()}
-    options |= {"constrained": car, "number": np.float32 if float32 else float}
+    off = {block.replace("-", "_"): False for block in without or ()}
     summary, warning = page.replay(
-        log, out, outages=outages, last_position=last_position, **options
+        log, out, outages=outages, last_position=last_position, constrained=car, **off
     )
     if warning:
         print(warning, file=sys.stderr)
@@ -496,24 +490,24 @@ def coverage(study="intervals", runs=None, hours=None, models=None, workers=None
     from studies import beside_others, ensembles, repeatability
     from studies import coverage as simulated
 
-    run, usual = {
-        "intervals": (simulated.study, simulated.FOLDER),
-        "broken": (functools.partial(simulated.study, breaks=True), simulated.BROKEN),
-        "power": (simulated.power, simulated.POWER),
-        "real": (repeatability.study, repeatability.FOLDER),
-        "beside": (beside_others.study, beside_others.FOLDER),
-        "hats": (simulated.hat_study, simulated.HAT_FOLDER),
-        "ensembles": (ensembles.study, ensembles.FOLDER),
+    run = {
+        "intervals": simulated.study,
+        "broken": functools.partial(simulated.study, breaks=True),
+        "power": simulated.power,
+        "real": repeatability.study,
+        "beside": beside_others.study,
+        "hats": simulated.hat_study,
+        "ensembles": ensembles.study,
     }[study]
     lengths, names = hours and _numbers(hours), models and models.split(",")
     given = {"runs": runs, "hours": lengths, "names": names}
     given = {name: value for name, value in given.items() if value}
     if given and study not in ("intervals", "broken"):
         raise WrongUsage(f"coverage {study} has no other options than --workers and --out")
-    folder = Path(out) if out else usual
-    with writing(folder):
-        run(folder, workers=workers, **given)
-    print(f"the tables are in {folder.name}/")
+    given |= {"folder": Path(out)} if out else {}
+    with writing(out or "data/derived"):
+        run(workers=workers, **given)
+    print(f"the tables are in {out or 'data/derived'}/")
 
 
 def _numbers(hours):
@@ -541,10 +535,10 @@ def readings(out=None, **given):
     """
     from studies import readings as study
 
-    folder = Path(out) if out else study.FOLDER
-    with writing(folder):
-        table = study.study(folder, **{k: v for k, v in given.items() if v is not None})
-    print(f"{len(table)} readings are in {folder.name}/")
+    given |= {"folder": out and Path(out)}
+    with writing(out or "data/derived"):
+        table = study.study(**{k: v for k, v in given.items() if v is not None})
+    print(f"{len(table)} readings are in {out or 'data/derived/readings'}/")
 
 
 @_verb
