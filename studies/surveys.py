@@ -110,7 +110,7 @@ def test_track():
         "length_m": {d: rounded_number(line.length_m, 9) for d, line in lines.items()},
         "smoothing_width_m": WIDTH,
         "mounting_deg": {k: rounded_number(v) for k, v in asdict(mounting).items()},
-        "laps": {n: _about(raw[n], laps[n], rounds[n], mounting, scale[n]) for n in laps},
+        "laps": {n: _about(laps[n], rounds[n], mounting, scale[n]) for n in laps},
     }
     return source, tables
 
@@ -120,7 +120,7 @@ def _metres_per_count(lap):
     return float(np.polyfit(lap.wheel_m[lap.fixed], lap.s_m[lap.fixed], 1)[0])
 
 
-def _about(raw, lap, first_round, mounting, scale):
+def _about(lap, first_round, mounting, scale):
     """Give what is known of one lap, as plain numbers."""
     alone = antennas.residuals(first_round, AntennaMounting(), DT)
     left = antennas.residuals(first_round, mounting, DT)
@@ -130,9 +130,6 @@ def _about(raw, lap, first_round, mounting, scale):
         "all_three_fixed": int(lap.fixed.sum()),
         "bridged": int((~lap.fixed & np.isfinite(lap.pitch_deg)).sum()),
         "without_attitude": int(np.isnan(lap.pitch_deg).sum()),
-        "encoder_rows_dropped": raw.dropped,
-        "s_from_m": rounded_number(lap.s_m[0]),
-        "s_to_m": rounded_number(lap.s_m[-1]),
         "metres_per_count": rounded_number(scale),
         "antenna_yaw_pitch_roll_deg": [rounded_number(v) for v in alone],
         "left_yaw_pitch_roll_deg": [rounded_number(v) for v in left],
