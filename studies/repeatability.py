@@ -271,12 +271,11 @@ def fitted(result):
 
 def sources(logs_read):
     """State files, licences and sources of the logs of a study."""
-    logs_read = {log.file: log for log in logs_read}
-    return {
-        "files": {file: log.sha256 for file, log in logs_read.items()},
-        "licence": {file: log.licence for file, log in logs_read.items()},
-        "source": {file: log.source for file, log in logs_read.items()},
-    }
+    found = {"files": {}, "licence": {}, "source": {}}
+    for log in logs_read:
+        for about, said in zip(found.values(), (log.sha256, log.licence, log.source), strict=True):
+            about[log.file] = said
+    return found
 
 
 def study(folder=FOLDER, **where):

@@ -550,18 +550,16 @@ def sensors():
         known; ``basis`` (datasheet or measured), ``low_usd`` and ``high_usd``, ``source``.
     """
     rows = []
-    for key, entry in datasheets.read().items():
-        low, high = entry.get("price_usd", (None, None))
+    for key, entry in datasheets.gyros().query("basis == 'data sheet'").iterrows():
         about = {"sensor": key, "name": entry["name"], "axis": "", "basis": "datasheet"}
-        about |= {"low_usd": low, "high_usd": high, "source": entry["source"]}
-        n, b = entry.get("density_deg_s"), entry["bias_deg_h"] / 3600
-        n = entry["arw_deg_sqrt_h"] / 60 if n is None else n
-        rows.append(about | {"kind": "rate", "unit": "deg/s", "n": n, "b": b})
-        n, b = entry.get("density_ug", 0.0) / 1e6, entry.get("accel_bias_mg")
-        n = n or entry.get("vrw_m_s_sqrt_h", 0.0) / 60 / STANDARD_GRAVITY
-        if n or b:
-            b = None if b is None else b / 1000
-            rows.append(about | {"kind": "accel", "unit": "g", "n": n or None, "b": b})
+        about |= {f"{end}_usd": entry[end] for end in ("low", "high")} | {"source": entry["source"]}
+        gyro = {"kind": "rate", "unit": "deg/s", "n": entry["arw"], "b": entry["bias"]}
+        n = entry["density_ug"] / 1e6, entry["vrw_m_s_sqrt_h"] / 60 / STANDARD_GRAVITY
+        accel = {"kind": "accel", "unit": "g", "n": n[0] if n[0] == n[0] else n[1]}
+        accel["b"] = entry["accel_bias_mg"] / 1000
+        rows.append(about | gyro)
+        if np.isfinite([accel["n"], accel["b"]]).any():
+            rows.append(about | accel)
     for log in MEASURED:
         result = static_logs.read(log)
         for c in result.channels:

@@ -160,13 +160,14 @@ def _read(log, columns, **reading):
     return logs.read(log, columns=columns.split(",") if columns else None, **reading)
 
 
-def _read_moving(logs, columns, **reading):
+def _read_moving(logs, columns, table=None, **reading):
     from sensorlogs.moving import read_moving
 
     pairs = columns.split(",") if columns else []
     if not all("=" in pair for pair in pairs):
         raise WrongUsage(f"--columns {columns}: write OURS=THEIRS, such as lat_deg=Lat")
-    return read_moving(logs, columns=dict(pair.split("=", 1) for pair in pairs), **reading)
+    named = dict(pair.split("=", 1) for pair in pairs)
+    return read_moving(logs, columns=named, tables=table or (), **reading)
 
 
 @_verb
@@ -282,17 +283,7 @@ def channels(log):
 
 
 @_verb(reads="moving")
-def replay(
-    logs,
-    out,
-    without=None,
-    outage=None,
-    imu_offset=None,
-    last_position=None,
-    table=None,
-    car=False,
-    **reading,
-):
+def replay(logs, out, without=None, outage=None, last_position=None, car=False, **reading):
     """Run the tracker paper's six blocks on a GNSS (and IMU) log.
 
     \b
@@ -324,15 +315,15 @@ def replay(
     from workbench import track as page
 
     outages = [_interval(text) for text in outage or ()]
-    if imu_offset is not None and not math.isfinite(imu_offset):
-        raise WrongUsage(f"--imu-offset {imu_offset:g}: give a number of seconds")
+    if not math.isfinite(reading["imu_offset"] or 0.0):
+        raise WrongUsage(f"--imu-offset {reading['imu_offset']:g}: give a number of seconds")
     if last_position is not None:
         if "last-position" in (without or ()):
             raise WrongUsage(
                 "--last-position belongs to block 1, which --without last-position turns off"
             )
         _check_last_position(Path(last_position), logs, Path(out))
-    log = _read_moving(logs, imu_offset=imu_offset, tables=table or (), **reading)
+    log = _read_moving(logs, **reading)
     off = {block.replace("-", "_"): False for block in without or ()}
     summary, warning = page.replay(
         log, out, outages=outages, last_position=last_position, constrained=car, **off
