@@ -37,9 +37,8 @@ def write(units, out):
     told = _told(found, content)
     with pages.folder(out, figures_of(out, "compare.json", _pictures)) as draft:
         _draw(found, units, draft / "figures")
-        (draft / "compare.json").write_text(store.as_json(content), encoding="utf-8")
         page = pages.page("compare.html", told, pictures=pictures(draft / "figures"))
-        (draft / "compare.html").write_text(page, encoding="utf-8")
+        pages.put(draft, {"compare.json": store.as_json(content), "compare.html": page})
     return told
 
 

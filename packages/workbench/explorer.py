@@ -43,12 +43,10 @@ def write(folder: Path, home: str | None = None) -> list[str]:
     list of str
         Names of the files.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     tells = {"explorer": _surface(), "allan": _allan()}
-    for name, told in tells.items():
-        page = pages.page(f"{name}.html", told, name=name, home=home)
-        (folder / f"{name}.html").write_text(page, encoding="utf-8")
-    return [f"{name}.html" for name in tells]
+    texts = {f"{k}.html": pages.page(f"{k}.html", v, name=k, home=home) for k, v in tells.items()}
+    pages.put(folder, texts)
+    return [*texts]
 
 
 def _surface():

@@ -203,13 +203,6 @@ def told(texts):
     return {"exported": [name for name in TITLES if name in texts], "absent": lines}
 
 
-def write(texts, folder):
-    """Write the files into a folder that is there or not."""
-    folder.mkdir(exist_ok=True)
-    for name, content in texts.items():
-        (folder / name).write_text(content, encoding="utf-8")
-
-
 def export(path, out):
     """Write the exports of an existing model.json.
 
@@ -236,7 +229,7 @@ def export(path, out):
     if not found["exported"]:
         raise CannotAnswer(f"{path}: nothing to export; {'; '.join(found['absent'])}")
     with pages.folder(out, map(Path, TITLES)) as draft:
-        write(texts, draft)
+        pages.put(draft, texts)
     return list(texts)
 
 

@@ -81,6 +81,13 @@ def page(name, /, *told, **more):
     return templates.get_template(name).render(*told, **more)
 
 
+def put(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write texts into a folder, by the names of their files; it is made if need be."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in texts.items():
+        (folder / name).write_text(content, encoding="utf-8")
+
+
 def rounded(content: Any) -> Any:
     """Round every number of a content to six digits; NaN and infinities become None."""
     if isinstance(content, np.ndarray):

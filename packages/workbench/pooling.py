@@ -87,7 +87,7 @@ def write(logs, out, *, axes=False):
         "channels": channels,
     }
     with pages.folder(out) as draft:
-        (draft / "pooled.json").write_text(store.as_json(content), encoding="utf-8")
+        pages.put(draft, {"pooled.json": store.as_json(content)})
     return content | {"names": NAMES}
 
 

@@ -95,8 +95,7 @@ def write(track, out):
         table.to_csv(draft / "track.csv", index=False, lineterminator="\n")
         content = json.dumps(pages.rounded(summary_of(track)), indent=1, ensure_ascii=False)
         texts = {"summary.json": content + "\n", "track.gpx": gpx(track), "track.html": page(track)}
-        for name, text in texts.items():
-            (draft / name).write_text(text, encoding="utf-8")
+        pages.put(draft, texts)
 
 
 def summary_of(track):
