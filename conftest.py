@@ -43,7 +43,7 @@ def pytest_unconfigure(config):
 def pytest_collection_modifyitems(items):
     """Put notebooks first, in their order, then tests; last what reads the notebooks' output."""
     stems = {item.path.stem for item in items if item.path.suffix == ".ipynb"}
-    place = {stem: i for i, stem in enumerate(order(stems))}
+    place = {stem: i for i, stem in enumerate(sorted(stems, key=order))}
     place |= {stem: len(items) + i for i, stem in enumerate(LAST)}
     items.sort(key=lambda item: place.get(item.path.stem, len(place)))
 

@@ -197,29 +197,26 @@ def summary(rows, sensor):
         of the given intervals that hold the truth; empty without intervals); median, q025, q975 of
         value / truth; seconds (median, of a log); first, the value of log 0.
     """
-    table, runs = [], rows["run"].nunique()
-    for (method, parameter), group in rows.groupby(["method", "parameter"], sort=False):
-        given = group[group["value"].abs() > 0]
-        truth = group["truth"].iloc[0]
-        held = (given["low"] <= given["truth"]) & (given["truth"] <= given["high"])
-        ratio = (given["value"] / truth) if truth > 0 else pd.Series([np.nan])
-        table.append(
-            {
-                "sensor": sensor,
-                "method": method,
-                "parameter": parameter,
-                "truth": truth,
-                "runs": runs,
-                "given": len(given) / runs,
-                "held": held.mean() if given["low"].notna().any() else np.nan,
-                "median": ratio.median(),
-                "q025": ratio.quantile(0.025),
-                "q975": ratio.quantile(0.975),
-                "seconds": group["seconds"].median(),
-                "first": group["value"].iloc[0],
-            }
-        )
-    return pd.DataFrame(table)
+    runs, value, truth = rows["run"].nunique(), rows["value"], rows["truth"]
+    given = value.abs() > 0
+    held = (rows["low"] <= truth) & (truth <= rows["high"])
+    judged = rows.assign(
+        given=given,
+        held=held.astype(float).where(
+            given & rows.groupby(["method", "parameter"])["low"].transform("any")
+        ),
+        ratio=(value / truth).where(given & (truth > 0)),
+    )
+    table = judged.groupby(["method", "parameter"], sort=False).agg(
+        truth=("truth", "first"),
+        runs=("run", lambda _: runs),
+        given=("given", lambda yes: yes.sum() / runs),
+        held=("held", "mean"),
+        **coverage.quantiles("ratio"),
+        seconds=("seconds", "median"),
+        first=("value", lambda values: values.iloc[0]),
+    )
+    return pd.concat({sensor: table}, names=["sensor"]).reset_index()
 
 
 def real_summary(rows):

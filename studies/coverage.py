@@ -48,6 +48,7 @@ OF_A_RATE = ("arw", *PARAMETERS[1:])
 BROKEN_HOURS, BROKEN_LOGS, LOGS_IN_DOUBT = 2.0, 12, 48
 # Rows that had a wrong value without a warning in a fifth of twelve logs or more, or changed since.
 IN_DOUBT = ("two-biases+walk", "terrain+warm-up-3", "flicker+warm-up-10", "walk+warm-up-10")
+JUDGED = ("covered", "interval_above", "interval_below")  # columns, for what has an interval
 POWER, POWER_LOGS, POWER_DT = store.FOLDER / "power", 20, 0.1  # s
 BEFORE = "table 'before': the same logs, by the code of commit e05b09e, which had no tests of fit"
 WARM_UP, CYCLE, SWING = 900.0, 1200.0, 600.0  # s, time constant and periods
@@ -589,35 +590,42 @@ def summary(rows, model):
         above it, lies below it); mean, median, q025, q975 of value / truth; unified, the share of
         logs for which N+GM was chosen.
     """
-    cells = []
-    for (estimator, parameter), group in rows.groupby(["estimator", "parameter"], sort=False):
-        truth, value = getattr(model, parameter, 0.0), group["value"].astype(float)
-        low = group["low"].astype(float).fillna(-np.inf)
-        high = group["high"].astype(float).fillna(np.inf)
-        # A random constant goes with the mean: no log of it alone bounds its standard deviation.
-        constant = parameter == "sigma_b" and np.isinf(model.corr_time)
-        has = group["interval"].any() and not constant and (truth > 0 or parameter == "drift")
-        ratio = (value / truth).replace([np.inf, -np.inf], np.nan).dropna()
-        scatter = ratio if len(ratio) and 0 < truth < np.inf else pd.Series([np.nan])
-        cells.append(
-            {
-                "estimator": estimator,
-                "parameter": parameter,
-                "truth": truth,
-                "runs": len(group),
-                "resolved": value.notna().mean(),
-                "covered": ((low <= truth) & (truth <= high)).mean() if has else np.nan,
-                "interval_above": (low > truth).mean() if has else np.nan,
-                "interval_below": (high < truth).mean() if has else np.nan,
-                "mean": scatter.mean(),
-                "median": scatter.median(),
-                "q025": scatter.quantile(0.025),
-                "q975": scatter.quantile(0.975),
-                "unified": (group["model"] == UNIFIED).mean(),
-            }
+    rows = rows.astype({"value": float, "low": float, "high": float})
+    rows["truth"] = truth = rows["parameter"].map(lambda p: getattr(model, p, 0.0))
+    low, high = rows["low"].fillna(-np.inf), rows["high"].fillna(np.inf)
+    ratio = (rows["value"] / truth).where((truth > 0) & (truth < np.inf))
+    judged = rows.assign(
+        resolved=rows["value"].notna(),
+        covered=(low <= truth) & (truth <= high),
+        interval_above=low > truth,
+        interval_below=high < truth,
+        ratio=ratio.replace(np.inf, np.nan),
+        unified=rows["model"] == UNIFIED,
+    )
+    table = (
+        judged.groupby(["estimator", "parameter"], sort=False)
+        .agg(
+            truth=("truth", "first"),
+            runs=("run", "size"),
+            **{share: (share, "mean") for share in ("resolved", *JUDGED)},
+            mean=("ratio", "mean"),
+            **quantiles("ratio"),
+            unified=("unified", "mean"),
+            has=("interval", "any"),
         )
-    table = pd.DataFrame(cells)
+        .reset_index()
+    )
+    # A random constant goes with the mean: no log of it alone bounds its standard deviation.
+    constant = (table["parameter"] == "sigma_b") & np.isinf(model.corr_time)
+    has = table.pop("has") & ~constant & ((table["truth"] > 0) | (table["parameter"] == "drift"))
+    table[[*JUDGED]] = table[[*JUDGED]].where(has)
     return table.assign(runs=table["runs"].max(), logs=table["runs"])
+
+
+def quantiles(column):
+    """Name the quantiles of a column of groups, for `pandas.DataFrame.agg`."""
+    ends = {"median": 0.5, "q025": 0.025, "q975": 0.975}
+    return {name: (column, partial(pd.Series.quantile, q=q)) for name, q in ends.items()}
 
 
 HATS = {  # cell: sigma of each unit, correlation time of each (s, 0 white), epochs, correlation

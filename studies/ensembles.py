@@ -215,12 +215,9 @@ def quantities(log, *, name):
     k, stream = log
     rows = []
     for quantity, value in subjects()[name][0](stream).items():
-        ends = value if isinstance(value, tuple) else (value, None, None)
-        numbers = [np.nan if v is None else float(v) for v in ends]
-        rows.append(
-            {"quantity": quantity, "log": k}
-            | dict(zip(("value", "low", "high"), numbers, strict=True))
-        )
+        ends = np.array(value if isinstance(value, tuple) else (value, None, None), dtype=float)
+        numbers = dict(zip(("value", "low", "high"), ends, strict=True))
+        rows.append({"quantity": quantity, "log": k} | numbers)
     return rows
 
 

@@ -227,10 +227,9 @@ def units():
         largest difference of their axes (deg/s).
     tables : dict of DataFrame
         ``pooled``: channel, model, parameter, value, low, high, unit, resolved, note, and the
-        spread between units (%). ``channels``: log, channel, model, rivals (those
+        bound of the spread between units (%). ``channels``: log, channel, model, rivals (those
         within 4 AIC, with it), quarters (power of slow noise over the model's, in each quarter),
-        p_stationary (of the test on the whole log), and T_c, B, K and drift
-        where they are given.
+        and T_c, B, K and drift where they are given.
     """
     read_logs, pooled, rows, biases = {name: read(name) for name in ADIS}, [], [], []
     for k, channel in enumerate(next(iter(read_logs.values())).channels):
@@ -246,14 +245,11 @@ def units():
         common, biases = pooling.pool(inferences, log.dt, channel.unit, "rate"), [*biases, means]
         repeats = pooling.repeatability(means, channel.unit, "rate")
         for parameter, e in (common.parameters | {"mean": repeats}).items():
-            spread = (
-                static_logs.stored.plain(common.spread[parameter])
-                if parameter in common.spread
-                else {}
-            )
             row = {"channel": channel.name, "model": common.model, "parameter": parameter}
-            ends = {f"spread_{key}": spread.get(key) for key in ("value", "low", "high")}
-            pooled.append(row | static_logs.stored.plain(e) | ends)
+            row |= static_logs.stored.plain(e) | {"spread_high": None}
+            if parameter in common.spread:
+                row["spread_high"] = static_logs.stored.plain(common.spread[parameter])["high"]
+            pooled.append(row)
     alike = [(i + 1, j + 1, most) for i, j, most in pooling.alike(np.transpose(biases))]
     tables = {"pooled": pd.DataFrame(pooled), "channels": pd.DataFrame(rows)}
     return (
@@ -265,23 +261,21 @@ def units():
 
 
 def fitted(result):
-    """Give the model of one channel, its rivals, the test of stationarity, and slow parameters."""
+    """Give the model of one channel, its rivals, the power of each quarter, and slow parameters."""
     about = result.summary()
     rivals = [f"{rival['model']} {rival['aic_above_least']:.1f}" for rival in about["rivals"]]
     given = {p: getattr(result.parameters.get(p), "value", None) for p in SLOW}
     quarters = " ".join(f"{ratio:.2f}" for ratio, _ in result.stationarity.quarters)
-    about = {"model": about["model"], "rivals": ", ".join(rivals), "quarters": quarters}
-    return about | {"p_stationary": result.stationarity.p} | given
+    return {"model": about["model"], "rivals": ", ".join(rivals), "quarters": quarters} | given
 
 
 def sources(logs_read):
     """State files, licences and sources of the logs of a study."""
-    logs_read = {log.file: log for log in logs_read}
-    return {
-        "files": {file: log.sha256 for file, log in logs_read.items()},
-        "licence": {file: log.licence for file, log in logs_read.items()},
-        "source": {file: log.source for file, log in logs_read.items()},
-    }
+    found = {"files": {}, "licence": {}, "source": {}}
+    for log in logs_read:
+        for about, said in zip(found.values(), (log.sha256, log.licence, log.source), strict=True):
+            about[log.file] = said
+    return found
 
 
 def study(folder=FOLDER, **where):

@@ -42,7 +42,6 @@ Z_UP_TO_DOWN = np.array([1.0, -1.0, -1.0])
 PARKED = (3744.0, 5009.0)  # s: the longest stationary period of the drive, 1265 s at a speed of 0
 STEP_DEG = 30.0  # between the known angles by which an IMU is turned
 SEED = 33  # of the reference's bootstrap
-EVERY = 4  # of the path, one point in so many is kept
 ROOF = [f"car-roof-imu/{f}" for f in ("imu_1934.csv", "imu_1934.csv.tag", "gnss_1934_sf.pos")]
 STANDING = {"car-roof": 0.1, "genivi-car": 0.3, "phone-drive": 0.1}  # m/s, by RTK and by receivers
 RESTS = {
@@ -248,26 +247,20 @@ def parked():
     Returns
     -------
     dict
-        Source, with the share of epochs that block 3 classified wrongly, standing and driving.
+        Source.
     dict of pandas.DataFrame
         ``stand``: an epoch a row, metres from the mean of the raw positions of the period.
     """
     log = read("phone-drive")
     columns = replay(log, Options()).columns
-    t, speed, moving = log.gnss.t_s, log.gnss.speed_m_s, columns["moving"].astype(float)
+    t = log.gnss.t_s
     stand = (t >= PARKED[0]) & (t < PARKED[1]) & log.gnss.has_fix
     raw = np.array([log.gnss.lat_deg[stand], log.gnss.lon_deg[stand]])
     table = {"t_s": t[stand] - PARKED[0]} | _metres("raw", *raw, *raw.mean(axis=1))
     out = columns["out_lat_deg"][stand], columns["out_lon_deg"][stand]
     table |= _metres("out", *out, *raw.mean(axis=1))
     table |= {"moving": columns["moving"][stand], "layer": columns["layer"][stand]}
-    source = _source("phone-drive", log) | {
-        "epochs_standing": int((speed == 0).sum()),
-        "standing_judged_moving": float(np.nanmean(moving[speed == 0])),
-        "epochs_driving": int((speed > 2).sum()),
-        "driving_judged_standing": float(1 - np.nanmean(moving[speed > 2])),
-    }
-    return source, {"stand": store.rounded(pd.DataFrame(table), DIGITS)}
+    return _source("phone-drive", log), {"stand": store.rounded(pd.DataFrame(table), DIGITS)}
 
 
 def stops():
@@ -423,8 +416,7 @@ def turned(name):
         and the largest error (deg) if bends are limited by their angle alone.
     dict of pandas.DataFrame
         ``turned``: the mounting angles found for each turn, ``lowest`` and ``highest`` of them
-        counted from the reference and the turn; ``straights``: each straight of the log as it is;
-        ``path``: the ride, thinned.
+        counted from the reference and the turn; ``straights``: each straight of the log as it is.
     """
     log = read(name)
     gnss = log.gnss
@@ -442,16 +434,8 @@ def turned(name):
         "reference_low_deg": whole.low,
         "reference_high_deg": whole.high,
     }
-    lat, lon = gnss.lat_deg, gnss.lon_deg
-    path = {"t_s": gnss.t_s} | _metres("raw", lat, lon, np.nanmean(lat), np.nanmean(lon))
-    path |= {"speed_m_s": gnss.speed_m_s, "course_deg": gnss.course_deg}
-    path |= {column: tracks[0].columns[column] for column in ("moving", "mount_deg")}
     rows = [_mounting_row(gnss.t_s, track, angle, whole.value) for angle, track in tracks.items()]
-    tables = {
-        "turned": pd.DataFrame(rows),
-        "straights": tracks[0].straights,
-        "path": pd.DataFrame(path).iloc[::EVERY],
-    }
+    tables = {"turned": pd.DataFrame(rows), "straights": tracks[0].straights}
     source = _source(name, log) | {k: round(float(v), 3) for k, v in reference.items()}
     return source, {key: store.rounded(table, DIGITS) for key, table in tables.items()}
 
@@ -468,7 +452,6 @@ def _mounting_row(t_s, track, angle, reference):
         "first_s": t_s[known[0]] if len(known) else np.nan,
         "first_deg": first,
         "last_deg": last,
-        "answers": len(np.unique(mount[known])),
         "lowest_off_deg": off.min(initial=np.inf),
         "highest_off_deg": off.max(initial=-np.inf),
         "last_printed_deg": track.straights["printed_deg"].iloc[-1],

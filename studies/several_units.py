@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pymap3d
 from scipy.io import loadmat
-from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, wrap
 from analysis.tracker.device import Options
@@ -18,7 +17,7 @@ from sensorlogs import datasets
 from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages
 from studies import rides
 
-FEET, KNOT, KMH = 0.3048, 1852 / 3600, 1 / 3.6
+FEET, KMH = 0.3048, 1 / 3.6
 ANTENNAS = {"front": "Front", "left-rear": "LeftRear", "right-rear": "RightRear"}
 RECEIVERS = {
     "etrex": "Garmin-Etrex-30x", "lezyne": "Lezyne", "phone": "MotoG3", "adafruit": "adafruit",
@@ -37,7 +36,7 @@ def parkway():
     dict
     dict of pandas.DataFrame
         One table a receiver: ``t_s`` (to 0.1 s of GPS time), mode (6 fixed, 5 float, 1 and 2
-        code), HDOP, and the largest standard deviation it reports (empty for the front one).
+        code), and the largest standard deviation it reports (empty for the front one).
     """
     file = "parkway-three-receivers/mapping_van_2024-07-11-12-26-03_merged.mat"
     raw = _mat(file)["rawDataMerged"]
@@ -53,8 +52,7 @@ def parkway():
             sigma = np.max([reported.StdLat, reported.StdLon, reported.StdAlt], axis=0)
         table = {"t_s": np.round(fixes.GPS_Time - start, 1)}
         table |= _enu(fixes.Latitude, fixes.Longitude, fixes.Altitude, origin, 2)
-        table |= {"mode": fixes.DGPS_mode, "hdop": fixes.HDOP}
-        tables[name] = pd.DataFrame(table | {"sigma_m": sigma})
+        tables[name] = pd.DataFrame(table | {"mode": fixes.DGPS_mode, "sigma_m": sigma})
     return _source("van on a parkway, three RTK receivers on one frame, 577 s", file), tables
 
 
@@ -116,13 +114,13 @@ def comma():
     -------
     dict
     dict of pandas.DataFrame
-        ``pose`` with angles, and ``ublox``: what it reports, and what the tracker makes of it
-        and of the IMU (``out_``, and its angles).
+        ``pose`` and ``ublox``: the positions it reports, and what the tracker makes of them and
+        of the IMU (``out_``).
     """
     folder = "comma2k19/segment"
     parts = {
         "times": "global_pose/frame_times", "at": "global_pose/frame_positions",
-        "turned": "global_pose/frame_orientations", "fix_t": "processed_log/GNSS/live_gnss_ublox/t",
+        "fix_t": "processed_log/GNSS/live_gnss_ublox/t",
         "fix": "processed_log/GNSS/live_gnss_ublox/value", "gyro_t": "processed_log/IMU/gyro/t",
         "gyro": "processed_log/IMU/gyro/value", "accel": "processed_log/IMU/accelerometer/value",
     }  # fmt: skip
@@ -131,10 +129,6 @@ def comma():
     lat, lon, height = pymap3d.ecef2geodetic(*raw["at"].T)
     origin, start = (lat[0], lon[0], height[0]), raw["times"][0]
     pose = {"t_s": (raw["times"] - start).round(3)} | _enu(lat, lon, height, origin, 2)
-    from_ecef = Rotation.from_matrix(np.array(pymap3d.ecef2nedv(*np.eye(3), lat[0], lon[0])))
-    frame = from_ecef * Rotation.from_quat(raw["turned"], scalar_first=True)
-    yaw, pitch, roll = frame.as_euler("ZYX", degrees=True).T
-    pose |= {"roll_deg": roll.round(2), "pitch_deg": pitch.round(2), "yaw_deg": yaw.round(2)}
     f = raw["fix"]
     gnss = Gnss(
         raw["fix_t"] - start, f[:, 0], f[:, 1], f[:, 4], np.full(len(f), np.nan), f[:, 2],
@@ -143,10 +137,8 @@ def comma():
     imu = Imu(raw["gyro_t"] - start, raw["gyro"], raw["accel"])
     out = replay(Timeline(gnss, imu), Options(low_pass=False)).columns
     ublox = {"t_s": gnss.t_s.round(3)} | _enu(gnss.lat_deg, gnss.lon_deg, gnss.height_m, origin, 2)
-    ublox |= {"speed_m_s": gnss.speed_m_s.round(2), "course_deg": gnss.course_deg.round(2)}
     fused = _enu(out["out_lat_deg"], out["out_lon_deg"], gnss.height_m, origin, 2)
     ublox |= {f"out_{k}": fused[k] for k in ("east_m", "north_m")}
-    ublox |= {k: out[k].round(2) for k in ("roll_deg", "pitch_deg", "yaw_deg")}
     every = round(POSE_S / 0.05)
     tables = {"pose": pd.DataFrame(pose).iloc[::every], "ublox": pd.DataFrame(ublox)}
     return _source("u-blox receiver and pose on a highway, one minute", *files), tables
@@ -258,12 +250,9 @@ def light_aircraft():
         table["pressure_m"] = np.interp(t, air["t"], air["palt_ft"] * FEET).round(1)
         for angle in ("roll", "pitch", "heading"):
             table[f"{angle}_deg"] = _angle(t, att["t"], att[angle]).round(1)
-        table["load_g"] = np.interp(t, att["t"], att["g"]).round(2)
         tables[f"efis-{flight}"] = pd.DataFrame({k: np.asarray(v) for k, v in table.items()})
         table = {"t_s": echo["utc"]} | _enu(echo["lat"], echo["lon"], 0.0 * echo["lat"], origin, 1)
-        table |= {"pressure_m": (echo["palt_ft"] * FEET).round(1), "nic": echo["nic"]}
-        table |= {"nacp": echo["nacp"], "speed_m_s": (echo["gs_kt"] * KNOT).round(1)}
-        tables[f"echo-{flight}"] = pd.DataFrame(table | {"track_deg": echo["track"].round(1)})
+        tables[f"echo-{flight}"] = pd.DataFrame(table | {"nic": echo["nic"]})
         for unit in ("efis", "echo"):  # the plane through the origin leaves the ground far away
             del tables[f"{unit}-{flight}"]["up_m"]
     return _source("light aircraft with two units, two flights of 620 and 742 s", *files), tables

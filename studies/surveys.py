@@ -1,6 +1,7 @@
 """Makes the roads and the sensors of data/derived, and what tracking on these roads gives."""
 
 from dataclasses import asdict, replace
+from operator import itemgetter
 
 import numpy as np
 import pandas as pd
@@ -40,6 +41,7 @@ HIGHWAY_STEP = 5.0  # m
 SYMBOLS = {"arw": "n", "vrw": "n", "bias_instability": "b", "rrw": "k", "corr_time": "t_c"}
 MEASURED = ("adis16405", "mpu6050-gyro", "mpu6050-accel")  # static logs of gyros, accelerometers
 DIRECTION = "ccw"  # its map is the mean of four drives (notebook 20)
+N_AND_B = ["arw_deg_sqrt_s", "sigma_b_deg_s"]
 RUNS, SEED = 100, 2013  # of the laps, which are the same for every sensor; as notebook 23
 PLANE_N, PLANE_B = np.geomspace(1e-4, 0.1, 13), np.geomspace(1e-5, 0.1, 17)  # deg/sqrt(s), deg/s
 SURFACE_T_C = (20.0, 60.0, 200.0, 600.0, 2000.0)  # s, correlation times of the bias
@@ -95,7 +97,7 @@ def test_track():
         "length_m": {d: rounded_number(line.length_m, 9) for d, line in lines.items()},
         "smoothing_width_m": WIDTH,
         "mounting_deg": {k: rounded_number(v) for k, v in asdict(mounting).items()},
-        "laps": {n: _about(raw[n], laps[n], rounds[n], mounting, scale[n]) for n in laps},
+        "laps": {n: _about(laps[n], rounds[n], mounting, scale[n]) for n in laps},
     }
     return source, tables
 
@@ -105,7 +107,7 @@ def _metres_per_count(lap):
     return float(np.polyfit(lap.wheel_m[lap.fixed], lap.s_m[lap.fixed], 1)[0])
 
 
-def _about(raw, lap, first_round, mounting, scale):
+def _about(lap, first_round, mounting, scale):
     """Give what is known of one lap, as plain numbers."""
     alone = antennas.residuals(first_round, AntennaMounting(), DT)
     left = antennas.residuals(first_round, mounting, DT)
@@ -115,9 +117,6 @@ def _about(raw, lap, first_round, mounting, scale):
         "all_three_fixed": int(lap.fixed.sum()),
         "bridged": int((~lap.fixed & np.isfinite(lap.pitch_deg)).sum()),
         "without_attitude": int(np.isnan(lap.pitch_deg).sum()),
-        "encoder_rows_dropped": raw.dropped,
-        "s_from_m": rounded_number(lap.s_m[0]),
-        "s_to_m": rounded_number(lap.s_m[-1]),
         "metres_per_count": rounded_number(scale),
         "antenna_yaw_pitch_roll_deg": [rounded_number(v) for v in alone],
         "left_yaw_pitch_roll_deg": [rounded_number(v) for v in left],
@@ -192,12 +191,11 @@ def atlas():
     map_variance = float((profile.pitch_se_deg**2).mean())
     exact["bias states"] = Setup.reference(profile.length_m, bias_states=True, R=map_variance)
     cells = {(n, b): Sensor(n, b) for b in PLANE_B for n in PLANE_N}
-    rows, road = [], profile.attitude_map()
+    found, road = {}, profile.attitude_map()
     for tracker, setup in exact.items():
         laps = simulate_laps(road, cells, setup, runs=RUNS, seed=SEED, store_every=1.0)
-        reach, lost = laps.reach(), laps.lost().mean()
-        rows += [(tracker, *at, reach[at], lost[at]) for at in cells]
-    columns = ["tracker", "arw_deg_sqrt_s", "sigma_b_deg_s", "error_m", "laps_lost"]
+        found[tracker] = pd.DataFrame({"error_m": laps.reach(), "laps_lost": laps.lost().mean()})
+    plane = pd.concat(found, names=["tracker", *N_AND_B]).reset_index()
     source = {
         "title": "Sensors by datasheet and by their logs; tracking error over N and B",
         "seed": SEED,
@@ -205,7 +203,7 @@ def atlas():
         "readings": {tracker: _in_words(setup) for tracker, setup in exact.items()},
         "setups": {tracker: setup.stated() for tracker, setup in exact.items()},
     }
-    return source, {"atlas": sensors(), "plane": rounded(pd.DataFrame(rows, columns=columns), 4)}
+    return source, {"atlas": sensors(), "plane": rounded(plane, 4)}
 
 
 def surface():
@@ -218,31 +216,19 @@ def surface():
     dict of DataFrame
         ``surface``, see `analysis.terrain_data.error_plane`.
     """
-    sensors, rows = [(n, b) for b in PLANE_B for n in PLANE_N], []
+    sensors, found = {(n, b): Sensor(n, b) for b in PLANE_B for n in PLANE_N}, {}
     profile = terrain_data.profile(DIRECTION)
     trackers = {"integrated": {}, "on attitude": {"noise": "on attitude"}}
     own = {"bias_states": True, "R": float((profile.pitch_se_deg**2).mean())}
     for tracker, changes in (trackers | {"bias states": own}).items():
         for corr_time in SURFACE_T_C:
             setup = Setup.reference(LAP_M, corr_time=corr_time, **changes).coarser(STEP_M)
-            laps = simulate_laps(
-                profile.attitude_map(),
-                {at: Sensor(*at) for at in sensors},
-                setup,
-                runs=SURFACE_RUNS,
-                seed=SEED,
-                store_every=setup.seconds / 100,
-                compiled=HAS_NUMBA and not setup.bias_states,
-            )
-            reach, lost, rms = laps.reach(), laps.lost().mean(), laps.rms()
+            options = {"store_every": setup.seconds / 100, "runs": SURFACE_RUNS, "seed": SEED}
+            options["compiled"] = HAS_NUMBA and not setup.bias_states
+            laps = simulate_laps(profile.attitude_map(), sensors, setup, **options)
             drawn = laps.reaches(SURFACE_RESAMPLES, np.random.default_rng(SEED))
-            ends = {at: interval(drawn[at], skewed=True) for at in sensors}
-            rows += [
-                (tracker, corr_time, *at, reach[at], ends[at].low, ends[at].high, rms[at], lost[at])
-                for at in sensors
-            ]
-    columns = ["tracker", "corr_time_s", "arw_deg_sqrt_s", "sigma_b_deg_s"]
-    columns += ["error_m", "error_low_m", "error_high_m", "rms_m", "laps_lost"]
+            found[tracker, corr_time] = _errors(drawn, laps).assign(error_m=laps.reach())
+    surface = pd.concat(found, names=["tracker", "corr_time_s", *N_AND_B]).reset_index()
     source = {
         "title": "Tracking error over N, B and T_c: noise integrated, put on the attitude, and"
         " integrated with a state for the bias",
@@ -250,7 +236,15 @@ def surface():
         "runs": SURFACE_RUNS,
         "setup": Setup.reference(LAP_M).coarser(STEP_M).stated(),
     }
-    return source, {"surface": rounded(pd.DataFrame(rows, columns=columns), 3)}
+    return source, {"surface": rounded(surface, 3)}
+
+
+def _errors(drawn, laps):
+    """Lay out the error that 95 % of moments stay below, with its interval: a row a sensor."""
+    ends = {label: interval(drawn[label], skewed=True) for label in drawn}
+    rows = {k: (e.value, e.low, e.high) for k, e in ends.items()}
+    table = pd.DataFrame(rows, index=["error_m", "error_low_m", "error_high_m"]).T
+    return table.assign(laps_lost=laps.lost().mean())
 
 
 def sweeps():
@@ -265,14 +259,14 @@ def sweeps():
     dict
         Source.
     dict of DataFrame
-        ``cells`` (a row a sensor: its label, N, B, R over that of notebooks 21 to 23, laps lost,
-        largest error that 95 % of the laps stay below), ``mean`` and ``variance`` (a column a cell,
+        ``cells`` (a row a sensor: its label, N, B, R over that of notebooks 21 to 23, laps
+        lost), ``mean`` and ``variance`` (a column a cell,
         the sample in the first row and a bootstrap sample of the laps in each further row),
         ``coverage``.
     """
     labels = sweep_cells()
-    parts = dict(compute(_sweep_block, range(SWEEP_LAPS // SWEEP_BLOCK)))
-    absolute, signed, square, most = np.concatenate([parts[k] for k in sorted(parts)], axis=2)
+    parts = sorted(compute(_sweep_block, range(SWEEP_LAPS // SWEEP_BLOCK)), key=itemgetter(0))
+    absolute, signed, square, most = np.concatenate([part for _, part in parts], axis=2)
     rng = np.random.default_rng(SEED)
     weights = counts(SWEEP_LAPS, SWEEP_RESAMPLES, rng) / SWEEP_LAPS
     tables = {"mean": weights @ absolute.T}
@@ -283,7 +277,6 @@ def sweeps():
         for label, (n, b, times) in labels.items()
     ]
     cells = pd.DataFrame(rows).assign(laps_lost=(most > LOST_M).mean(axis=1))
-    cells["reached_m"] = np.quantile(most, 0.95, axis=1)
     worst = [*labels].index("MEMS R x 1")
     covered = [_covered(signed[worst], square[worst], n, rng) for n in ENSEMBLES]
     source = {
@@ -382,9 +375,7 @@ def inverse_design():
         sample and in each resample of the laps.
     """
     items = [(tracker, start, on) for tracker in TRACKERS for start in STARTS for on in ON_MAPS]
-    found = dict(compute(_inverse, items))
-    names = "plane", "parts", "resamples"
-    tables = dict(zip(names, zip(*(found[k] for k in range(len(items))), strict=True), strict=True))
+    tables = _tables(_inverse, items)
     source = {
         "title": "Tracking error over N and B, and of each part, for the inverse design",
         "seed": SEED,
@@ -394,7 +385,13 @@ def inverse_design():
         "map_error": asdict(terrain_data.map_error()),
         "setup": inverse_setup(*items[0]).stated(),
     }
-    return source, {name: rounded(pd.concat(of), 4) for name, of in tables.items()}
+    return source, tables
+
+
+def _tables(work, items):
+    """Compute the tables of each item, and put those of one name below each other."""
+    found = [tables for _, tables in sorted(compute(work, items), key=itemgetter(0))]
+    return {k: rounded(pd.concat([one[k] for one in found]), 4) for k in found[0]}
 
 
 def inverse_setup(tracker: str, start: str, on: str) -> Setup:
@@ -436,22 +433,15 @@ def _inverse(item):
         sensors = {k: tried[k, t] for k, t in zip(sensors, best, strict=True)}
     laps = simulate_laps(road, sensors, setup, runs=INVERSE_LAPS, seed=SEED, **options)
     reach = laps.reaches(INVERSE_RESAMPLES, rng)
-    ends = [interval(reach[label], skewed=True) for label in sensors]
     reading = {"tracker": tracker, "start": start, "map": on}
-    table = pd.DataFrame(
-        {
-            "R_deg2": [setup.R if s.R is None else s.R for s in sensors.values()],
-            "error_m": [e.value for e in ends],
-            "error_low_m": [e.low for e in ends],
-            "error_high_m": [e.high for e in ends],
-            "laps_lost": laps.lost().mean().to_numpy(),
-        }
-    ).assign(**reading)
-    on_grid = len(sensors) - len(parts)
-    table["part"] = [""] * on_grid + [*parts.index]
-    table[["arw_deg_sqrt_s", "sigma_b_deg_s"]] = [s[:2] for s in sensors.values()]
-    resamples = reach[[*parts.index]].assign(**reading)
-    return table[:on_grid].drop(columns="part"), table[on_grid:], resamples
+    table = _errors(reach, laps).rename_axis("part").reset_index()
+    table.insert(0, "R_deg2", [setup.R if s.R is None else s.R for s in sensors.values()])
+    table = table.assign(**reading)
+    table["part"] = table.pop("part")
+    table[N_AND_B] = [s[:2] for s in sensors.values()]
+    of_part = table["part"].isin(parts.index)
+    plane, resamples = table[~of_part].drop(columns="part"), reach[[*parts.index]]
+    return {"plane": plane, "parts": table[of_part], "resamples": resamples.assign(**reading)}
 
 
 def _variance(sensor, setup):
@@ -471,18 +461,16 @@ def sensors():
         known; ``basis`` (datasheet or measured), ``low_usd`` and ``high_usd``, ``source``.
     """
     rows = []
-    for key, entry in datasheets.read().items():
-        low, high = entry.get("price_usd", (None, None))
+    for key, entry in datasheets.gyros().query("basis == 'data sheet'").iterrows():
         about = {"sensor": key, "name": entry["name"], "axis": "", "basis": "datasheet"}
-        about |= {"low_usd": low, "high_usd": high, "source": entry["source"]}
-        n, b = entry.get("density_deg_s"), entry["bias_deg_h"] / 3600
-        n = entry["arw_deg_sqrt_h"] / 60 if n is None else n
-        rows.append(about | {"kind": "rate", "unit": "deg/s", "n": n, "b": b})
-        n, b = entry.get("density_ug", 0.0) / 1e6, entry.get("accel_bias_mg")
-        n = n or entry.get("vrw_m_s_sqrt_h", 0.0) / 60 / STANDARD_GRAVITY
-        if n or b:
-            b = None if b is None else b / 1000
-            rows.append(about | {"kind": "accel", "unit": "g", "n": n or None, "b": b})
+        about |= {f"{end}_usd": entry[end] for end in ("low", "high")} | {"source": entry["source"]}
+        gyro = {"kind": "rate", "unit": "deg/s", "n": entry["arw"], "b": entry["bias"]}
+        n = entry["density_ug"] / 1e6, entry["vrw_m_s_sqrt_h"] / 60 / STANDARD_GRAVITY
+        accel = {"kind": "accel", "unit": "g", "n": n[0] if n[0] == n[0] else n[1]}
+        accel["b"] = entry["accel_bias_mg"] / 1000
+        rows.append(about | gyro)
+        if np.isfinite([accel["n"], accel["b"]]).any():
+            rows.append(about | accel)
     for log in MEASURED:
         result = static_logs.read(log)
         for c in result.channels:

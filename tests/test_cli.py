@@ -144,28 +144,23 @@ def test_export_repeats_what_report_wrote(good, tmp_path):
     assert status == 2 and "no model.json" in err and not (tmp_path / "none").exists()
 
 
-def test_no_export_of_an_earlier_log_stays(tmp_path, good, no_pictures):
-    """Property: a report of angles over one of rates leaves no export of the rates behind."""
-    shutil.copytree(good.folder, tmp_path / "mine")
-    log = write(tmp_path, header="t_s,roll_deg")
-    assert run("report", log, "--out", tmp_path / "mine")[0] == 0
-    assert {p.name for p in (tmp_path / "mine" / "exports").iterdir()} == {"README.md"}
-    text = (tmp_path / "mine" / "exports" / "README.md").read_text(encoding="utf-8")
-    assert "roll is of kind angle" in text
-
-
 def test_the_terminal_says_what_was_exported_and_what_not(tmp_path, good, no_pictures):
-    """Property: the files that are there by name, or that there are none; and every reason."""
+    """Property: files by name, or that there are none, and why; of an earlier log none stays."""
     said = good.out.split("exported to ")[1].splitlines()
     assert said[0] == f"{good.folder}/exports/: {', '.join(exports.TITLES)}"
     assert said[1:] == ["no accelerometer in this log: its terms are off in the simulators"]
-    status, out, _ = run("report", write(tmp_path, header="t_s,roll_deg"), "--out", tmp_path / "m")
+    shutil.copytree(good.folder, tmp_path / "mine")
+    log = write(tmp_path, header="t_s,roll_deg")
+    status, out, _ = run("report", log, "--out", tmp_path / "mine")
     assert status == 0
     assert out.splitlines()[-3:] == [
         "nothing is exported",
         "left out: roll is of kind angle; these tools take rate and accel",
         "no file: none of the tools can take this log",
     ]
+    assert {p.name for p in (tmp_path / "mine" / "exports").iterdir()} == {"README.md"}
+    text = (tmp_path / "mine" / "exports" / "README.md").read_text(encoding="utf-8")
+    assert "roll is of kind angle" in text
 
 
 def test_an_empty_column_is_left_out_and_said(tmp_path, no_pictures):
@@ -463,7 +458,6 @@ def test_a_folder_that_cannot_be_is_refused(command, out, tmp_path, monkeypatch)
         ["report", "f9p-static", "--out", "x", "--rate", "fast"], ["claims", "no-paper"],
         ["data", "no-folder"], ["data", "--write"], ["data", "--rebuild", "no-log"],
         ["reproduce", "77"],
-        ["reproduce", "--at-once", "0"],
         ["reproduce", "90", "-p", "SEED=1"],
         ["reproduce", "90", "--scratch", "x", "-p", "SEED"],
         ["reproduce", "90", "--scratch", "x", "-p", "SPEED=1"],

@@ -307,7 +307,7 @@ def test_terms_of_one_model_add_in_power():
     one["parameters"]["corr_time_2"] = estimate(900.0, "s")
     axis = exports.sort_triads(model(one))[0]["gyroscope"].axes["x"]
     assert axis.walk == pytest.approx(np.sqrt(1e-12 + 2e-10 / 50 + 18e-10 / 900))
-    assert axis.process == pytest.approx((3e-5, 900.0))
+    assert (axis.sigma_b, axis.corr_time) == pytest.approx((3e-5, 900.0))
 
 
 # --- what the log does not say -------------------------------------------------------------------
@@ -342,7 +342,7 @@ def test_half_a_gauss_markov_term_is_none():
         axis = exports.sort_triads(model(channel("gyroscope", "x", 1e-4, *half)))[0][
             "gyroscope"
         ].axes["x"]
-        assert axis.process is None and axis.walk is None
+        assert axis.sigma_b is None and axis.walk is None
 
 
 def test_other_axes_stand_in_for_none():
@@ -387,54 +387,14 @@ def test_what_no_tool_can_take_is_said():
     assert "raw is in LSB" in texts["README.md"]
 
 
-def with_terms(sensor, axis, *terms):
-    """Write a channel with terms fitted beside its noise, in deg/s and m/s^2."""
-    unit = {"gyroscope": "deg/s", "accelerometer": "m/s^2"}[sensor]
-    fitted = [
-        {"kind": kind, "parameters": {"amplitude": estimate(size, unit + per, note="")} | times}
-        for kind, size, per, times in terms
-    ]
-    return channel(sensor, axis, 1e-4, None, None, unit=unit) | {"fit": {"terms": fitted}}
-
-
-def test_terms_beside_the_noise_reach_the_tool_that_holds_them():
-    """cross-check: gnss-ins-sim's own reading of ENV gives back the sinusoids; MATLAB gets the
-    temperature; a warm-up, a step and a second period are named as left out.
-    """
-    period = {"period": estimate(1200.0, "s")}
-    texts = files(
-        model(
-            with_terms("gyroscope", "x", ("sinusoid", 0.01, "", period)),
-            with_terms("gyroscope", "y", ("sinusoid", 0.003, "", {"period": estimate(77.0, "s")})),
-            with_terms("gyroscope", "z", ("temperature", 0.02, "/K", {})),
-            with_terms(
-                "accelerometer",
-                "x",
-                ("warm_up", 0.1, "", {"time_constant": estimate(900.0, "s")}),
-                ("step", 0.2, "", {"moment": estimate(400.0, "s")}),
-            ),
-        )
-    )
-    env = python(texts["gnss_ins_sim_imu.py"])["ENV"]
-    assert env.keys() == {"gyro"}
-    # vib_from_env: lower case, up to the first "-" the amplitudes, then the frequency
-    amplitudes, frequency, kind = env["gyro"].lower().split("-")
-    assert kind == "sinusoidal" and frequency.endswith("hz")
-    assert float(frequency[:-2]) == pytest.approx(1 / 1200, rel=1e-6)
-    sizes = np.array(amplitudes[1:-1].split(" "), dtype=float)
-    np.testing.assert_allclose(sizes, np.radians([0.01, 0, 0]), rtol=1e-6)
-    gyro = matlab(texts["matlab_imu.m"])["gyroscope"]
-    np.testing.assert_allclose(gyro["TemperatureBias"], np.radians([0, 0, 0.02]), rtol=1e-6)
-    assert "TemperatureBias" not in matlab(texts["matlab_imu.m"])["accelerometer"]
-    said = [line for line in texts["README.md"].splitlines() if "amplitude" in line]
-    assert [line.rsplit(": in ", 1)[1] for line in said] == [
-        "gnss_ins_sim_imu.py",
-        "no file, which has one frequency for three axes",
-        "matlab_imu.m",
-        "no file",
-        "no file",
-    ]
-    assert "accel_x (x): step amplitude 0.2 (0.18 to 0.22) m/s^2, moment 400" in texts["imu.yaml"]
+def test_terms_beside_the_noise_are_listed_as_in_no_file():
+    """property: README names what was fitted beside the noise, with its size, in its own unit."""
+    one = channel("gyroscope", "x", 1e-4, None, None, unit="deg/s")
+    sizes = {"amplitude": estimate(0.2, "deg/s", note=""), "moment": estimate(400.0, "s", note="")}
+    texts = files(model(one | {"fit": {"terms": [{"kind": "step", "parameters": sizes}]}}))
+    (said,) = (line for line in texts["README.md"].splitlines() if "amplitude" in line)
+    assert said.startswith("- gyro_x: in no file is what was fitted")
+    assert said.endswith("step amplitude 0.2 (0.18 to 0.22) deg/s, moment 400 (360 to 440) s")
 
 
 def test_comments_cannot_break_a_file():

@@ -622,7 +622,7 @@ def test_command(tmp_path, cold):
     status, out, err = run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
     assert (status, err) == (0, "")
     assert files(tmp_path / "out") == list(FILES)
-    assert "fixes: " in out and ".geojson and summary.json are written" in out
+    assert "fixes: " in out and ".gpx and summary.json are written" in out
     stored, note = load_position(memory)
     assert note is None
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -643,16 +643,15 @@ def test_command_reads_what_it_is_given(tmp_path, cold):
 
 
 def test_command_switches(tmp_path, cold):
-    """property: blocks off, outages and single precision are in the summary and in the track."""
+    """property: blocks off and outages are in the summary and in the track."""
     paths = as_csv(cold.log, tmp_path)
     status, _, err = run(
         "replay", *paths, "--out", tmp_path / "out", "--without", "low-pass", "--without",
-        "mounting", "--outage", "200:220", "--float32", "--car",
+        "mounting", "--outage", "200:220", "--car",
     )  # fmt: skip
     assert (status, err) == (0, "")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["blocks"]["low_pass"] == summary["blocks"]["mounting"] == "off"
-    assert summary["number_type"] == "float32"
     with (tmp_path / "out" / "track.csv").open() as handle:
         rows = list(csv.DictReader(handle))
     lost = [float(r["t_s"]) for r in rows if r["has_fix"] == "0" and float(r["t_s"]) > 100]

@@ -1,4 +1,4 @@
-"""What `replay` writes to look at and to take along: the page, GPX and GeoJSON."""
+"""What `replay` writes to look at and to take along: the page and GPX."""
 
 import json
 import re
@@ -65,10 +65,9 @@ def test_a_long_log_is_thinned(monkeypatch, walk):
 
 
 def test_without_gnss_there_is_a_page(walk):
-    """property: an IMU alone gives a page that says so, an empty GPX and no feature."""
+    """property: an IMU alone gives a page that says so, and an empty GPX."""
     track = replay(replace(scenario("C", np.random.default_rng(3)).log, gnss=None))
     assert "without GNSS: nothing to draw" in pages.page(track)
-    assert pages.geojson(track)["features"] == []
     assert not ElementTree.fromstring(pages.gpx(track)).findall(".//g:trkpt", SPACE)
 
 
@@ -108,25 +107,3 @@ def test_gpx_keeps_to_the_schema():
             parts = [part.tag.rpartition("}")[2] for part in point]
             assert parts in (["time"], ["time", "pdop"])
             assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", point[0].text)
-
-
-def test_geojson_says_what_the_blocks_did(walk):
-    """property: a line for each drive, a point for each rest, and the fixes that were refused."""
-    features, c = pages.geojson(walk)["features"], walk.columns
-    states = [f["properties"]["state"] for f in features]
-    known = np.isfinite(c["out_lat_deg"])
-    still = known & (c["moving"] == 0)
-    assert states.count("static") == np.count_nonzero(np.diff(still, prepend=False) & still)
-    assert states.count("fix refused") == 1 and "moving" in states
-    refused = next(f for f in features if f["properties"]["state"] == "fix refused")
-    assert len(refused["geometry"]["coordinates"]) == walk.summary["fixes"]["refused"]
-    for feature in features:
-        numbers = re.findall(r"-?[\d.]+", json.dumps(feature["geometry"]["coordinates"]))
-        assert numbers and set(feature) == {"type", "properties", "geometry"}
-
-
-def test_a_line_over_the_date_line_is_cut():
-    """published: RFC 7946, section 3.1.9: two parts that end and begin at 180 degrees."""
-    first, second = pages._cut([[179.9, -17.0], [-179.9, -17.2]])
-    assert first == [[179.9, -17.0], [180.0, -17.1]]
-    assert second == [[-180.0, -17.1], [-179.9, -17.2]]

@@ -127,13 +127,14 @@ def crate(folder: str | Path) -> Path:
     told = {"known": known, "papers": papers, "figures": figures, "folders": FOLDERS}
     paths = sorted((ROOT / "notebooks").glob("*.ipynb"))
     text = pages.page(
-        "ro-crate.txt", told, crate=CRATE, notebooks={path.stem: _title(path) for path in paths}
+        "ro-crate.txt", told, crate=CRATE, notebooks={path.stem: title(path) for path in paths}
     )
     with replacing(Path(folder, CRATE)) as draft:
         draft.write_text(f"{json.dumps(json.loads(text), indent=1)}\n", encoding="utf-8")
     return Path(folder, CRATE)
 
 
-def _title(path):
+def title(path: Path) -> str:
+    """Read the title of a notebook."""
     first = json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"][0]
     return first.strip().removeprefix("# ")

@@ -165,17 +165,18 @@ def _read(log, columns, **reading):
     return logs.read(log, columns=columns.split(",") if columns else None, **reading)
 
 
-def _read_moving(logs, columns, **reading):
+def _read_moving(logs, columns, table=None, **reading):
     from sensorlogs.moving import read_moving
 
     pairs = columns.split(",") if columns else []
     if not all("=" in pair for pair in pairs):
         raise WrongUsage(f"--columns {columns}: write OURS=THEIRS, such as lat_deg=Lat")
-    return read_moving(logs, columns=dict(pair.split("=", 1) for pair in pairs), **reading)
+    named = dict(pair.split("=", 1) for pair in pairs)
+    return read_moving(logs, columns=named, tables=table or (), **reading)
 
 
 @_verb
-def reproduce(notebooks=None, at_once=None, scratch=None, parameters=None):
+def reproduce(notebooks=None, scratch=None, parameters=None):
     """Execute the notebooks and redraw figures/.
 
     \b
@@ -200,9 +201,7 @@ def reproduce(notebooks=None, at_once=None, scratch=None, parameters=None):
     values = dict(map(_parameter, parameters or ()))
     start = perf_counter()
     with writing(scratch or "figures", "--scratch"):
-        runs, found = runner.reproduce(
-            notebooks or (), at_once=at_once, scratch=scratch, parameters=values
-        )
+        runs, found = runner.reproduce(notebooks or (), scratch=scratch, parameters=values)
     told = {"runs": runs, "found": found, "seconds": perf_counter() - start}
     changed, alike = (None, []) if scratch else runner.since_commit()
     _tell("reproduce.txt", told, changed=changed, alike=alike)
@@ -289,18 +288,7 @@ def channels(log):
 
 
 @_verb(reads="moving")
-def replay(
-    logs,
-    out,
-    without=None,
-    outage=None,
-    imu_offset=None,
-    last_position=None,
-    table=None,
-    car=False,
-    float32=False,
-    **reading,
-):
+def replay(logs, out, without=None, outage=None, last_position=None, car=False, **reading):
     """Run the tracker paper's six blocks on a GNSS (and IMU) log.
 
     \b
@@ -323,30 +311,27 @@ def replay(
     --columns accel_z_g=-AccZ.
 
     Writes track.csv (one row for each GNSS epoch), summary.json, track.html (a page to look at: the
-    track, and in time what each block did), track.gpx and track.geojson. yaw_deg is the heading of
-    the sensor's X axis, mount_deg its angle clockwise from the vehicle's heading; the sigmas and
-    the correlation are those of the position put out, as far as block 6 states them. The thresholds
-    that summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad (theta_alpha in
-    rad^2); lengths are counts.
+    track, and in time what each block did) and track.gpx. yaw_deg is the heading of the sensor's X
+    axis, mount_deg its angle clockwise from the vehicle's heading; the sigmas and the correlation
+    are those of the position put out, as far as block 6 states them. The thresholds that
+    summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad (theta_alpha in rad^2);
+    lengths are counts.
     """
-    import numpy as np
-
     from workbench import track as page
 
     outages = [_interval(text) for text in outage or ()]
-    if imu_offset is not None and not math.isfinite(imu_offset):
-        raise WrongUsage(f"--imu-offset {imu_offset:g}: give a number of seconds")
+    if not math.isfinite(reading["imu_offset"] or 0.0):
+        raise WrongUsage(f"--imu-offset {reading['imu_offset']:g}: give a number of seconds")
     if last_position is not None:
         if "last-position" in (without or ()):
             raise WrongUsage(
                 "--last-position belongs to block 1, which --without last-position turns off"
             )
         _check_last_position(Path(last_position), logs, Path(out))
-    log = _read_moving(logs, imu_offset=imu_offset, tables=table or (), **reading)
-    options = {block.replace("-", "_"): False for block in without or ()}
-    options |= {"constrained": car, "number": np.float32 if float32 else float}
+    log = _read_moving(logs, **reading)
+    off = {block.replace("-", "_"): False for block in without or ()}
     summary, warning = page.replay(
-        log, out, outages=outages, last_position=last_position, **options
+        log, out, outages=outages, last_position=last_position, constrained=car, **off
     )
     if warning:
         print(warning, file=sys.stderr)
@@ -480,9 +465,7 @@ def plan(rate, white, sigma=None, time=None, flicker=None, walk=None, within=20.
 
 
 @_verb
-def coverage(
-    study="intervals", runs=None, hours=None, models=None, workers=None, scheduler=None, out=None
-):
+def coverage(study="intervals", runs=None, hours=None, models=None, workers=None, out=None):
     """Count how often the 95 % intervals hold the truth.
 
     \b
@@ -503,26 +486,24 @@ def coverage(
     from studies import beside_others, ensembles, repeatability
     from studies import coverage as simulated
 
-    run, usual = {
-        "intervals": (simulated.study, simulated.FOLDER),
-        "broken": (functools.partial(simulated.study, breaks=True), simulated.BROKEN),
-        "power": (simulated.power, simulated.POWER),
-        "real": (repeatability.study, repeatability.FOLDER),
-        "beside": (beside_others.study, beside_others.FOLDER),
-        "hats": (simulated.hat_study, simulated.HAT_FOLDER),
-        "ensembles": (ensembles.study, ensembles.FOLDER),
+    run = {
+        "intervals": simulated.study,
+        "broken": functools.partial(simulated.study, breaks=True),
+        "power": simulated.power,
+        "real": repeatability.study,
+        "beside": beside_others.study,
+        "hats": simulated.hat_study,
+        "ensembles": ensembles.study,
     }[study]
     lengths, names = hours and _numbers(hours), models and models.split(",")
     given = {"runs": runs, "hours": lengths, "names": names}
     given = {name: value for name, value in given.items() if value}
     if given and study not in ("intervals", "broken"):
-        raise WrongUsage(
-            f"coverage {study} has no other options than --workers, --scheduler, --out"
-        )
-    folder = Path(out) if out else usual
-    with writing(folder):
-        run(folder, workers=workers, scheduler=scheduler, **given)
-    print(f"the tables are in {folder.name}/")
+        raise WrongUsage(f"coverage {study} has no other options than --workers and --out")
+    given |= {"folder": Path(out)} if out else {}
+    with writing(out or "data/derived"):
+        run(workers=workers, **given)
+    print(f"the tables are in {out or 'data/derived'}/")
 
 
 def _numbers(hours):
@@ -542,8 +523,6 @@ def readings(out=None, **given):
     python -m analysis readings --compiled                what data/derived/readings holds
     python -m analysis readings --out mine --readings 64 --laps 100 --best 0
     python -m analysis readings --out mine --hold noise=integrated --hold road=track
-    python -m analysis readings --out mine --scheduler tcp://10.0.0.1:8786    workers elsewhere
-    python -m analysis readings --out mine --scheduler local --workers 4
 
     A reading fixes one level of every factor (noise, channel, R, start of the bias, speed ...), and
     its 25 sensors drive the same simulated laps. The results do not depend on the number of
@@ -552,10 +531,10 @@ def readings(out=None, **given):
     """
     from studies import readings as study
 
-    folder = Path(out) if out else study.FOLDER
-    with writing(folder):
-        table = study.study(folder, **{k: v for k, v in given.items() if v is not None})
-    print(f"{len(table)} readings are in {folder.name}/")
+    given |= {"folder": out and Path(out)}
+    with writing(out or "data/derived"):
+        table = study.study(**{k: v for k, v in given.items() if v is not None})
+    print(f"{len(table)} readings are in {out or 'data/derived/readings'}/")
 
 
 @_verb

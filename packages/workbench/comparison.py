@@ -37,9 +37,8 @@ def write(units, out):
     told = _told(found, content)
     with pages.folder(out, figures_of(out, "compare.json", _pictures)) as draft:
         _draw(found, units, draft / "figures")
-        (draft / "compare.json").write_text(store.as_json(content), encoding="utf-8")
         page = pages.page("compare.html", told, pictures=pictures(draft / "figures"))
-        (draft / "compare.html").write_text(page, encoding="utf-8")
+        pages.put(draft, {"compare.json": store.as_json(content), "compare.html": page})
     return told
 
 
@@ -148,27 +147,23 @@ def model(found, units):
         each pair.
     """
     zero, start = plots.zero_time(found), _zero_utc(found)
-    tracks = found.tracks
-    clocks = [
-        {"unit": track.name, "against": tracks[0].name, "offset_s": _exact(clock.offset_s.value)}
-        | {end: _exact(getattr(clock.offset_s, end)) for end in ("low", "high")}
-        | {"drift": plain(clock.drift), "named": clock.named, "note": clock.offset_s.note}
-        for track, clock in zip(tracks[1:], found.clocks, strict=True)
-    ]
-    pairs = [
-        {
-            part: {"units": [pair.a, pair.b]}
-            | {k: plain(e) for k, e in entries.items() if k.endswith(unit)}
-            for part, entries, unit in (
-                ("position", _dated(pair, found), "_m"),
-                ("attitude", pair.metrics, "_deg"),
-                ("lever_arm", pair.lever, "_m"),
-            )
-        }
-        for pair in found.pairs
-    ]
-    per_pair = {part: [pair[part] for pair in pairs] for part in pairs[0]}
-    if len(tracks) == 2:
+    names = [track.name for track in found.tracks]
+    clocks = []
+    for name, clock in zip(names[1:], found.clocks, strict=True):
+        e = clock.offset_s
+        ends = {"offset_s": _exact(e.value), "low": _exact(e.low), "high": _exact(e.high)}
+        more = {"drift": plain(clock.drift), "named": clock.named, "note": e.note}
+        clocks.append({"unit": name, "against": names[0]} | ends | more)
+    per_pair = {}
+    for pair in found.pairs:
+        for part, entries, unit in (
+            ("position", _dated(pair, found), "_m"),
+            ("attitude", pair.metrics, "_deg"),
+            ("lever_arm", pair.lever, "_m"),
+        ):
+            numbers = {k: plain(e) for k, e in entries.items() if k.endswith(unit)}
+            per_pair.setdefault(part, []).append({"units": [pair.a, pair.b]} | numbers)
+    if len(names) == 2:
         clocks, per_pair = clocks[0], {k: v[0] for k, v in per_pair.items()}
     return {
         "units": [
@@ -181,38 +176,34 @@ def model(found, units):
                 "attitudes": len(track.attitude_t_s),
                 "notes": list(log.notes),
             }
-            for track, log in zip(tracks, units.values(), strict=True)
+            for track, log in zip(found.tracks, units.values(), strict=True)
         ],
         "time_zero_s": _exact(zero),
         "time_zero_utc": start.isoformat() if start else None,
         "clock": clocks,
         **per_pair,
         "events": [
-            {"unit": e.unit, "kind": e.kind, "from": round(e.from_s - zero, 3),
-             "to": round(e.to_s - zero, 3), "size": store.rounded_number(e.size), "note": e.note}
+            {"unit": e.unit, "kind": e.kind, "from": round(e.from_s - zero, 3)}
+            | {"to": round(e.to_s - zero, 3), "size": store.rounded_number(e.size), "note": e.note}
             for e in found.events
         ],
-        "without_truth": {
-            name: {
-                "sigma": {
-                    t.name: plain(e) for t, e in zip(tracks, v.sigma, strict=True)
-                },
-                "if_independent": {
-                    t.name: plain(e) for t, e in zip(tracks, v.independent, strict=True)
-                },
-                "hat_variance": [store.rounded_number(x) for x in v.hat],
-                "p_independent": store.rounded_number(v.p_independent),
-                "least_correlation": store.rounded_number(v.least_correlation),
-                "range_if_correlation_at_most": {
-                    f"{rho:g}": [[store.rounded_number(x) for x in row] for row in ends]
-                    for rho, ends in v.allowed.items()
-                },
-                "note": v.note,
-            }
-            for name, v in found.variances.items()
-        },
+        "without_truth": {name: _without_truth(v, names) for name, v in found.variances.items()},
         "notes": list(found.notes),
-    }  # fmt: skip
+    }
+
+
+def _without_truth(found, names):
+    """Give the variances of one component, found from the differences alone."""
+    sigmas = {"sigma": found.sigma, "if_independent": found.independent}
+    sigmas = {key: dict(zip(names, map(plain, of), strict=True)) for key, of in sigmas.items()}
+    others = {
+        "hat_variance": found.hat,
+        "p_independent": found.p_independent,
+        "least_correlation": found.least_correlation,
+        "range_if_correlation_at_most": {f"{rho:g}": of for rho, of in found.allowed.items()},
+        "note": found.note,
+    }
+    return sigmas | pages.rounded(others)
 
 
 def _exact(seconds):

@@ -21,7 +21,10 @@ TRACKERS = {  # of data/derived/error-surface
     "bias states": "integrated, and the filter estimates the gyro's bias as well",
 }
 WITHIN = 0.2  # a parameter counts as known when its 95 % interval is within ±20 %
-NUMBERS = ("n", "n_low", "n_high", "b", "b_low", "b_high", "low_usd", "high_usd")
+OF_A_PART = (
+    *("part", "sensor", "name", "axis", "basis", "source", "over_sheet", "n", "n_low", "n_high"),
+    *("b", "b_low", "b_high", "low_usd", "high_usd", "price_year", "price_source"),
+)
 FREEDOM = np.geomspace(1.0, 1000.0, 61)  # degrees of freedom whose chi-square ends are listed
 
 
@@ -40,12 +43,10 @@ def write(folder: Path, home: str | None = None) -> list[str]:
     list of str
         Names of the files.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     tells = {"explorer": _surface(), "allan": _allan()}
-    for name, told in tells.items():
-        page = pages.page(f"{name}.html", told, name=name, home=home)
-        (folder / f"{name}.html").write_text(page, encoding="utf-8")
-    return [f"{name}.html" for name in tells]
+    texts = {f"{k}.html": pages.page(f"{k}.html", v, name=k, home=home) for k, v in tells.items()}
+    pages.put(folder, texts)
+    return [*texts]
 
 
 def _surface():
@@ -90,13 +91,9 @@ def _parts():
         sheet = listed.get(row["part"], {})
         over = row["n"] / stated.get(row["part"], np.nan) if row["basis"] == "measured" else None
         row["low_usd"], row["high_usd"] = sheet.get("price_usd", (None, None))
-        parts.append(
-            {k: row[k] for k in ("part", "sensor", "name", "axis", "basis", "source")}
-            | {"over_sheet": store.rounded_number(over)}
-            | {k: store.rounded_number(row[k]) for k in NUMBERS}
-            | {k: sheet.get(k) for k in ("price_year", "price_source")}
-        )
-    return parts
+        row |= {"over_sheet": over} | {k: sheet.get(k) for k in ("price_year", "price_source")}
+        parts.append({key: row[key] for key in OF_A_PART})
+    return pages.rounded(parts)
 
 
 def _allan():
@@ -137,10 +134,10 @@ def _study():
             {
                 "title": sensors[model]["title"],
                 "hours": float(hours),
-                "times": store.rounded_number(3600 * hours / truth["corr_time"]),
-                "above": store.rounded_number(above),
+                "times": 3600 * hours / truth["corr_time"],
+                "above": above,
                 "resolved": float(cell.loc["corr_time", "resolved"]),
                 "logs": int(cell.loc["corr_time", "runs"]),
             }
         )
-    return rows
+    return pages.rounded(rows)

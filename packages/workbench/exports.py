@@ -13,9 +13,7 @@ Kalibr, ``imu.yaml``
 gnss-ins-sim
     ``IMU`` in sim/imu_model.py (deg/h, deg/sqrt(h), m/s/sqrt(h)); ``bias_drift`` in
     pathgen/pathgen.py: b_{k+1} = (1 - dt/T) b_k + sigma sqrt(1 - exp(-2 dt/T)) w, so b_stability is
-    sigma_b; an infinite T gives white noise of that sigma instead. Starts at b = 0. ``env`` of
-    ``Sim`` (README, step 4.1): a sinusoid of phase zero, one frequency for three axes, as text
-    without exponents; rad/s and m/s^2.
+    sigma_b; an infinite T gives white noise of that sigma instead. Starts at b = 0.
 pyins (``python-ins``)
     ``inertial_sensor.Parameters`` and ``EstimationModel``: root densities, bias a random walk.
 MATLAB ``imuSensor``
@@ -25,7 +23,6 @@ MATLAB ``imuSensor``
     example "Inertial Sensor Noise Analysis Using Allan Variance" says. BiasInstability drives the
     filter in BiasInstabilityCoefficients, by default 1 / (1 - z^-1 / 2), whose memory is two
     samples; with sqrt(1 - phi^2) / (1 - phi z^-1) it is the Gauss-Markov process exactly.
-    TemperatureBias is multiplied by the temperature above 25 degrees.
 Gazebo classic (PX4 SITL)
     ``GazeboImuPlugin::addNoise`` in gazebo_imu_plugin.cpp: densities; bias exactly discretised with
     RandomWalk K and BiasCorrelationTime T_c, so sigma_b = K sqrt(T_c / 2). An element left out
@@ -37,7 +34,6 @@ Gazebo (gz-sim)
 """
 
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,6 +41,7 @@ import numpy as np
 
 from analysis import CannotAnswer, Estimate, WrongUsage
 from analysis.noise.parameters import random_walk_unit
+from sensorlogs.columns import AXES, words
 from workbench import conventions, pages
 from workbench.conventions import MISSING
 
@@ -59,11 +56,9 @@ TITLES = {
 SENSORS = {"rate": "gyroscope", "accel": "accelerometer"}
 SI_UNITS = {"rate": "rad/s", "accel": "m/s^2"}
 FOREVER = 1e9  # s, 30 years: a Gauss-Markov process of this correlation time is a random walk
-_AXIS = re.compile(r"(?:^|[_\-])([xyz])(?:$|[_\-])|([xyz])$", re.IGNORECASE)
 _TURNS = {"roll": "x", "pitch": "y", "yaw": "z"}
 NUMBERS = ("low", "value", "high")
 ABSENT = ("- left out", "- no ")  # how the lines of README.md begin that a terminal shows
-SAME = 0.1  # relative; periods that close are one vibration seen by several axes
 
 
 @dataclass(frozen=True)
@@ -73,76 +68,38 @@ class Axis:
     Attributes
     ----------
     channel : str
-    N : float or None
-        White noise, U sqrt(s).
-    K : float or None
-        Rate random walk, U/sqrt(s).
+    N, K : float or None
+        White noise, U sqrt(s); rate random walk, U/sqrt(s).
     gauss_markov : list of (float, float)
         Gauss-Markov terms resolved in both parameters, the strongest first: sigma_b (U) and
         corr_time (s) each.
+    walk : float or None
+        Random walk of the bias for times much shorter than its correlation times::
+
+            K_total^2 = K^2 + sum of 2 sigma_b^2 / T_c
+
+    strongest : float or None
+        Sigma_b of the strongest Gauss-Markov term, U.
+    sigma_b, corr_time : float or None
+        For a tool with one Gauss-Markov term: the strongest; without one the random walk K, as the
+        same process with a correlation time of 30 years.
     estimates : list of (str, Estimate)
         Every parameter by its symbol.
     terms : list of (str, dict of Estimate)
-        What was fitted beside the noise: warm_up, step, sinusoid or temperature, with its amplitude
-        (U; U/K) and times (s).
+        What was fitted beside the noise, in the log's own unit: warm_up, step, sinusoid or
+        temperature, with its amplitude and times.
     """
 
     channel: str
     N: float | None
     K: float | None
     gauss_markov: list[tuple[float, float]]
+    walk: float | None
+    strongest: float | None
+    sigma_b: float | None
+    corr_time: float | None
     estimates: list[tuple[str, Estimate]]
     terms: list[tuple[str, dict[str, Estimate]]]
-
-    @property
-    def temperature(self):
-        """Change of the bias with temperature, U/K, or None."""
-        return next((t["amplitude"].value for kind, t in self.terms if kind == "temperature"), None)
-
-    def at_period(self, period):
-        """Amplitude of a sinusoid of about that period, U, or 0."""
-        found = [
-            t["amplitude"].value
-            for kind, t in self.terms
-            if kind == "sinusoid" and abs(t["period"].value / period - 1) < SAME
-        ]
-        return max(found, default=0.0)
-
-    @property
-    def strongest(self):
-        """Give sigma_b of the strongest Gauss-Markov term, U, or None."""
-        return self.gauss_markov[0][0] if self.gauss_markov else None
-
-    @property
-    def walk(self):
-        """Random walk of the bias for times much shorter than its correlation times, or None. ::
-
-        K_total^2 = K^2 + sum of 2 sigma_b^2 / T_c
-        """
-        parts = [conventions.diffusion(*term) for term in self.gauss_markov]
-        parts += [] if self.K is None else [self.K]
-        return float(np.linalg.norm(parts)) if parts else None
-
-    @property
-    def process(self):
-        """Give (sigma_b, T_c) for a tool with one Gauss-Markov term, or None.
-
-        The strongest Gauss-Markov term; without one the random walk K, as the same process with a
-        correlation time of 30 years.
-        """
-        if self.gauss_markov:
-            return self.gauss_markov[0]
-        return self.K and (conventions.stationary(self.K, FOREVER), FOREVER)
-
-    @property
-    def sigma_b(self):
-        """Give sigma_b of `process`, U, or None."""
-        return self.process and self.process[0]
-
-    @property
-    def corr_time(self):
-        """Correlation time of `process`, s, or None."""
-        return self.process and self.process[1]
 
 
 @dataclass(frozen=True)
@@ -173,28 +130,13 @@ class Triad:
         return float(np.sqrt(np.mean(np.square(values)))) if values else None
 
     @property
-    def sinusoid(self):
-        """Frequency (Hz) of the strongest sinusoid, and its amplitude on x, y and z, U; or None."""
-        found = [
-            (t["amplitude"].value, t["period"].value)
-            for axis in self.axes.values()
-            for kind, t in axis.terms
-            if kind == "sinusoid"
-        ]
-        if not found:
-            return None
-        period = max(found)[1]
-        sizes = [self.axes[k].at_period(period) if k in self.axes else 0.0 for k in "xyz"]
-        return 1 / period, sizes
-
-    @property
     def process(self):
         """One (sigma_b, T_c) for three axes, or None.
 
         Root mean squares of sigma_b and of its random walk, so that both keep their mean power:
         T_c = 2 sigma_b^2 / K^2. Axes that only have a random walk count where no axis has more.
         """
-        processes = [a.process for a in self.axes.values() if a.process]
+        processes = [(a.sigma_b, a.corr_time) for a in self.axes.values() if a.sigma_b]
         processes = [p for p in processes if p[1] < FOREVER] or processes
         if not processes:
             return None
@@ -234,7 +176,6 @@ def files(model):
         "degrees": np.degrees(1.0),
         "python": _python,
         "matlab": _matlab,
-        "fixed": lambda values: " ".join(f"{v:.12f}" for v in values),
         "diffusion": conventions.diffusion,
         "per_sample": conventions.per_sample,
     }  # fmt: skip
@@ -259,13 +200,6 @@ def told(texts):
     """Name the files that tools get, and the lines of README.md that say what is in none."""
     lines = [line[2:] for line in texts["README.md"].splitlines() if line.startswith(ABSENT)]
     return {"exported": [name for name in TITLES if name in texts], "absent": lines}
-
-
-def write(texts, folder):
-    """Write the files into a folder that is there or not."""
-    folder.mkdir(exist_ok=True)
-    for name, content in texts.items():
-        (folder / name).write_text(content, encoding="utf-8")
 
 
 def export(path, out):
@@ -294,7 +228,7 @@ def export(path, out):
     if not found["exported"]:
         raise CannotAnswer(f"{path}: nothing to export; {'; '.join(found['absent'])}")
     with pages.folder(out, map(Path, TITLES)) as draft:
-        write(texts, draft)
+        pages.put(draft, texts)
     return list(texts)
 
 
@@ -312,9 +246,8 @@ def _in_every_convention(triad, dt):
     per, unit = (np.degrees(1.0), "°/s") if gyro else (1.0, "m/s²")
     for axis in triad.axes.values():
         sigma, time = axis.gauss_markov[0] if axis.gauss_markov else (np.nan, np.nan)
-        white = np.nan if axis.N is None else axis.N
-        values = conventions.side_by_side(per * white, per * sigma, time, dt, unit)
-        sensors[axis.channel] = values
+        white = per * (np.nan if axis.N is None else axis.N)
+        sensors[axis.channel] = conventions.side_by_side(white, per * sigma, time, dt, unit)
     return conventions.table(sensors, dt, unit, pages.TEXTS)
 
 
@@ -407,19 +340,16 @@ def _axis(channel):
         if sigma_b.resolved and corr_time.resolved:
             resolved.append((sigma_b.value, corr_time.value))
     terms = [
-        (term["kind"], {k: _of_term(Estimate(**e), factor, unit, si) for k, e in sizes})
+        (term["kind"], {k: Estimate(**e) for k, e in term["parameters"].items()})
         for term in channel.get("fit", {}).get("terms", ())
-        if (sizes := term["parameters"].items())
     ]
     resolved.sort(reverse=True)
-    return Axis(channel["name"], N.value, K.value, resolved, estimates, terms)
-
-
-def _of_term(estimate, factor, unit, si):
-    """Bring an amplitude (U or U/K) to SI; times stay."""
-    if not estimate.unit.startswith(unit):
-        return estimate
-    return estimate.scaled(factor, si + estimate.unit.removeprefix(unit))
+    walks = [conventions.diffusion(*term) for term in resolved] + [K.value or 0.0]
+    walk = float(np.linalg.norm(walks)) or None
+    one = (conventions.stationary(K.value, FOREVER), FOREVER) if K.value else (None, None)
+    one, strongest = (resolved[0], resolved[0][0]) if resolved else (one, None)
+    name = channel["name"]
+    return Axis(name, N.value, K.value, resolved, walk, strongest, *one, estimates, terms)
 
 
 def _check(number, what, *, zero=False):
@@ -439,5 +369,4 @@ def _letters(names):
 
 def _letter(name):
     turn = next((axis for word, axis in _TURNS.items() if word in name.lower()), None)
-    match = _AXIS.search(name)
-    return turn or (match and (match[1] or match[2]).lower())
+    return turn or next((word for word in words(name)[::-1] if word in AXES), None)

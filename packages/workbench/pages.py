@@ -12,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
@@ -21,6 +22,7 @@ from analysis import (
     engineering,
     provenance,
     replacing,
+    store,
     text,
     without_exponents,
 )
@@ -77,6 +79,24 @@ def page(name, /, *told, **more):
     """Fill a template: a page escaped, a text as it is."""
     templates = TEXTS if name.endswith((".txt", ".j2")) else PAGES
     return templates.get_template(name).render(*told, **more)
+
+
+def put(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write texts into a folder, by the names of their files; it is made if need be."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in texts.items():
+        (folder / name).write_text(content, encoding="utf-8")
+
+
+def rounded(content: Any) -> Any:
+    """Round every number of a content to six digits; NaN and infinities become None."""
+    if isinstance(content, np.ndarray):
+        content = content.tolist()
+    if isinstance(content, dict):
+        return {key: rounded(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [rounded(value) for value in content]
+    return store.rounded_number(content) if isinstance(content, float) else content
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """What `pool` writes: one noise model from the logs of several units, as pooled.json."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from tqdm import tqdm
@@ -86,7 +87,7 @@ def write(logs, out, *, axes=False):
         "channels": channels,
     }
     with pages.folder(out) as draft:
-        (draft / "pooled.json").write_text(store.as_json(content), encoding="utf-8")
+        pages.put(draft, {"pooled.json": store.as_json(content)})
     return content | {"names": NAMES}
 
 
@@ -188,19 +189,14 @@ def _refuse_same_readings(logs):
     Also under different names, and where another format or unit has rounded them: the steps from
     sample to sample of two units do not correlate, their slow drifts may.
     """
-    seen = {}
-    for log in logs:
+    for before, log in combinations(logs, 2):
+        others = {c.name: c.values for c in before.channels}
         for c in log.channels:
-            steps = np.nan_to_num(np.diff(c.values[:COMPARED]))
-            size = np.linalg.norm(steps)
-            if not size:
-                continue  # a constant channel is refused later, as such
-            for before, others in seen.setdefault(c.name, []):
-                n = min(len(steps), len(others))
-                one, other = steps[:n], others[:n]
-                if one @ other > SAME_STEPS * np.linalg.norm(one) * np.linalg.norm(other):
-                    raise WrongUsage(
-                        f"{before.given} and {log.given} hold the same readings of {c.name}; give"
-                        " the log of each unit once"
-                    )
-            seen[c.name].append((log, steps))
+            pair = c.values, others.get(c.name, c.values[:0])
+            n = min(COMPARED, *map(len, pair))
+            one, other = (np.nan_to_num(np.diff(values[:n])) for values in pair)
+            if one @ other > SAME_STEPS * np.linalg.norm(one) * np.linalg.norm(other):
+                raise WrongUsage(
+                    f"{before.given} and {log.given} hold the same readings of {c.name}; give the"
+                    " log of each unit once"
+                )

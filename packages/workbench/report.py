@@ -57,10 +57,10 @@ def write(log, out, *, part=None, command=""):
     told = _told(result, model, atlas, part) | {"command": command, "dated": _dated(log)}
     told |= exports.told(texts)
     with pages.folder(out, earlier) as draft:
-        (draft / "model.json").write_text(store.as_json(model), encoding="utf-8")
         _draw(result, draft / "figures", verdict.placed(result, atlas))
-        exports.write(texts, draft / "exports")
-        (draft / "report.html").write_text(_page(told, draft / "figures"), encoding="utf-8")
+        pages.put(draft / "exports", texts)
+        page = _page(told, draft / "figures")
+        pages.put(draft, {"model.json": store.as_json(model), "report.html": page})
     return told
 
 

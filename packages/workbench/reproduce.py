@@ -36,6 +36,7 @@ from analysis import (
     replacing,
 )
 from workbench import pages
+from workbench.citation import title
 
 NOTEBOOKS = ROOT / "notebooks"
 README = ROOT / "README.md"
@@ -55,9 +56,9 @@ class Run:
     claims: int
 
 
-def order(names):
-    """Put notebooks in reading order, the index last: it reads the verdicts of the others."""
-    return sorted(names, key=lambda name: (name.startswith("00-"), name))
+def order(stem):
+    """Give what notebooks are sorted by: the index is last, it reads the verdicts of the others."""
+    return stem.startswith("00-"), stem
 
 
 def select(names):
@@ -66,24 +67,24 @@ def select(names):
     Returns
     -------
     list of pathlib.Path
+        In reading order.
     """
     paths = {p.stem: p for p in NOTEBOOKS.glob("*.ipynb")}
-    if not names:
-        return [paths[stem] for stem in order(paths)]
-    chosen = set()
+    chosen = set() if names else set(paths)
     for name in names:
         stem = name.removesuffix(".ipynb").rsplit("/", 1)[-1]
         found = [s for s in paths if s == stem or s.split("-")[0] == stem]
         if not found:
             raise WrongUsage(f"no notebook '{name}'; there are: {', '.join(sorted(paths))}")
         chosen.update(found)
-    return [paths[stem] for stem in order(chosen)]
+    return [paths[stem] for stem in sorted(chosen, key=order)]
 
 
-def reproduce(names=(), *, at_once=None, scratch=None, parameters=None):
+def reproduce(names=(), *, scratch=None, parameters=None):
     """Execute notebooks, several at once, and write their outputs back into them.
 
-    They start in reading order; the index waits for all others. A notebook that fails is left as
+    They start in reading order, one for each core and at most four, because each holds its logs in
+    memory; the index waits for all others. A notebook that fails is left as
     it was, and so are those that have not started. ``figures/`` is written, or the folder that
     COMPENDIUM_FIGURES names.
 
@@ -91,9 +92,6 @@ def reproduce(names=(), *, at_once=None, scratch=None, parameters=None):
     ----------
     names : sequence of str
         Notebook names or numbers; none means all.
-    at_once : int, optional
-        How many run at a time. Default: one for each core, at most four, because each holds its
-        logs in memory.
     scratch : path-like, optional
         Folder for the notebooks, and below it ``figures/`` with figures and verdicts: nothing else
         is written, and that when all have run. Verdicts of notebooks that have not run there are
@@ -113,11 +111,11 @@ def reproduce(names=(), *, at_once=None, scratch=None, parameters=None):
         If no notebook has such a parameter, or one that is set to a log of the reader would write
         into ``figures/``.
     """
-    at_once, parameters = at_once or min(os.cpu_count() or 1, 4), parameters or {}
+    parameters = parameters or {}
     to = figures_folder() or FIGURES
     tasks = _prepared(select(names), parameters, own=bool(scratch) or to != FIGURES)
     if not scratch:
-        done = _run(tasks, at_once, to)
+        done = _run(tasks, to)
         if to == FIGURES:
             README.write_text(readme(README.read_text("utf-8")), "utf-8")
         return done
@@ -127,7 +125,7 @@ def reproduce(names=(), *, at_once=None, scratch=None, parameters=None):
             earlier = Path(scratch, "figures", f"{name}.csv")  # of an earlier run there
             shutil.copy(earlier if earlier.exists() else FIGURES / earlier.name, draft / "figures")
         try:
-            return _run(tasks, at_once, draft / "figures", draft)
+            return _run(tasks, draft / "figures", draft)
         except CannotAnswer as error:  # an answer that the data refuse stays one
             if not parameters or getattr(error.__cause__, "ename", "") == CannotAnswer.__name__:
                 raise
@@ -135,7 +133,7 @@ def reproduce(names=(), *, at_once=None, scratch=None, parameters=None):
             raise WrongUsage(f"{given}: {error}") from error
 
 
-def _run(tasks, at_once, to, scratch=None):
+def _run(tasks, to, scratch=None):
     """Execute notebooks and compare their figures and verdicts with those that were there."""
     to.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as kept:
@@ -143,7 +141,7 @@ def _run(tasks, at_once, to, scratch=None):
             shutil.copy(table, kept)
         runs = []
         for _, group in groupby(tasks, key=lambda task: task[0].stem.startswith("00-")):
-            with ThreadPoolExecutor(at_once) as pool:
+            with ThreadPoolExecutor(min(os.cpu_count() or 1, 4)) as pool:
                 futures = [pool.submit(execute, *task, to, scratch) for task in group]
                 try:
                     wait(futures, return_when=FIRST_EXCEPTION)
@@ -317,7 +315,7 @@ def readme(page):
     -------
     str
     """
-    titles = {path.stem: _title(path) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
+    titles = {path.stem: title(path) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
     words = pages.TEXTS.get_template("readme.txt").module
     blocks = {
         "findings": words.findings(claims.findings().itertuples(), claims.counted()),
@@ -330,11 +328,6 @@ def readme(page):
         before, after = page.split(start)[0], page.split(end)[1]
         page = f"{before}{start}\n\n{block}\n\n{end}{after}"
     return page
-
-
-def _title(path):
-    """Read the title of a notebook."""
-    return nbformat.read(path, as_version=4).cells[0].source.splitlines()[0].removeprefix("# ")
 
 
 def execute(path, notebook, to, scratch=None):

@@ -8,6 +8,7 @@ import json
 import math
 import os
 import zlib
+from itertools import count
 from pathlib import Path
 
 from analysis import CannotAnswer, replacing
@@ -58,10 +59,8 @@ def save_position(path: str | Path, position: dict[str, float]) -> str | None:
 
 def _rename_damaged(path: Path) -> str:
     """Rename a file to the first of NAME.damaged, NAME.damaged.2 ... that is free."""
-    name, count = f"{path.name}.damaged", 1
-    while path.with_name(name).exists():
-        count += 1
-        name = f"{path.name}.damaged.{count}"
+    names = (f"{path.name}.damaged{f'.{k}' if k > 1 else ''}" for k in count(1))
+    name = next(name for name in names if not path.with_name(name).exists())
     os.replace(path, path.with_name(name))
     return name
 

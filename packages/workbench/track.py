@@ -1,4 +1,4 @@
-"""What `replay` writes: track.csv, summary.json, a page to look at, GPX and GeoJSON.
+"""What `replay` writes: track.csv, summary.json, a page to look at, and GPX.
 
 ``track.html`` holds its own drawing code (templates/plot.js) and nothing from the net: a plot like
 a map, and below it in time what each block did.
@@ -20,7 +20,7 @@ from sensorlogs.timeline import inject_outages
 from workbench import pages
 from workbench.saved_position import load_position, save_position
 
-FILES = ("summary.json", "track.csv", "track.geojson", "track.gpx", "track.html")
+FILES = ("summary.json", "track.csv", "track.gpx", "track.html")
 DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
     "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
     "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
@@ -30,7 +30,12 @@ DRAWN = 20_000  # epochs; more make a page that is slow on a phone
 QUANTILE = math.sqrt(-2 * math.log(0.05))  # semi-axis of the 95 % ellipse, in standard deviations
 MOVING, STATIC, FIX, REFUSED = "#0072b2", "#009e73", "#999999", "#d55e00"
 NONE, LAYERS = "#e8e8e8", ("#b7e0d2", "#5cbf9f", "#007a5a")
-ANGLES = {"mount": "#cc79a7", "yaw": "#0072b2", "roll": "#e69f00", "pitch": "#009e73"}
+ANGLES = {  # column -> its name on the page, colour, way to draw
+    "mount_deg": ("mounting angle", "#cc79a7", "steps"),
+    "yaw_deg": ("yaw", "#0072b2", "line"),
+    "roll_deg": ("roll", "#e69f00", "line"),
+    "pitch_deg": ("pitch", "#009e73", "line"),
+}
 GPX = "http://www.topografix.com/GPX/1/1"
 
 
@@ -77,7 +82,7 @@ def replay(log, out, *, outages=(), last_position=None, **options):
 
 
 def write(track, out):
-    """Write the five files of a replay, all or none.
+    """Write the four files of a replay, all or none.
 
     Parameters
     ----------
@@ -88,15 +93,9 @@ def write(track, out):
     with pages.folder(out) as draft:
         table = pd.DataFrame({name: _cells(name, c) for name, c in track.columns.items()})
         table.to_csv(draft / "track.csv", index=False, lineterminator="\n")
-        content = json.dumps(_rounded(summary_of(track)), indent=1, ensure_ascii=False)
-        texts = {
-            "summary.json": content + "\n",
-            "track.geojson": json.dumps(geojson(track), ensure_ascii=False) + "\n",
-            "track.gpx": gpx(track),
-            "track.html": page(track),
-        }
-        for name, text in texts.items():
-            (draft / name).write_text(text, encoding="utf-8")
+        content = json.dumps(pages.rounded(summary_of(track)), indent=1, ensure_ascii=False)
+        texts = {"summary.json": content + "\n", "track.gpx": gpx(track), "track.html": page(track)}
+        pages.put(draft, texts)
 
 
 def summary_of(track):
@@ -117,26 +116,14 @@ def _cells(name, column):
     return ["" if v != v else f"{v:.{DECIMALS[name]}f}" for v in column.tolist()]
 
 
-def _rounded(value):
-    """Round every number to six digits, and write NaN and infinities as null."""
-    if isinstance(value, dict):
-        return {k: _rounded(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_rounded(v) for v in value]
-    if isinstance(value, float):
-        return float(f"{value:.6g}") if math.isfinite(value) else None
-    return value
-
-
 def _title(track):
     names = ", ".join(track.summary["source"]["files"]) or "track"
     return "".join(letter for letter in names if letter.isprintable())  # as XML wants it
 
 
-def _runs(*columns):
-    """List where none of some columns changes: pairs of first and last index, plus one."""
-    changed = np.any([np.diff(c) != 0 for c in columns], axis=0)
-    edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(columns[0])]
+def _runs(column):
+    """List where a column does not change: pairs of first and last index, plus one."""
+    edges = [0, *(np.flatnonzero(np.diff(column)) + 1).tolist(), len(column)]
     return [(a, b) for a, b in pairwise(edges) if b > a]
 
 
@@ -161,79 +148,12 @@ def gpx(track):
         schema=GPX,
         title=_title(track),
         segments=[range(*run) for run in _runs(known) if known[run[0]]],
-        place=lambda i: (f"{c['out_lat_deg'][i]:.8f}", f"{_lon(c['out_lon_deg'][i]):.8f}"),
+        lat=c["out_lat_deg"],
+        lon=(np.round(c["out_lon_deg"], 8) + 180.0) % 360.0 - 180.0,  # in [-180, 180), as GPX wants
         time=time if start else None,
         pdop=np.where((c["accepted"] == 1) & (pdop >= 0) & (pdop < np.inf), pdop, np.nan),
     )
     return f"{text}\n"
-
-
-def _lon(degrees):
-    """Bring a longitude into [-180, 180), as GPX wants it, to the eighth decimal."""
-    return (round(float(degrees), 8) + 180.0) % 360.0 - 180.0
-
-
-def geojson(track):
-    """Lay the track out as GeoJSON (RFC 7946), with what the blocks did as properties.
-
-    Returns
-    -------
-    dict
-        Lines where the vehicle moved, a point for each rest (its last position), and the fixes
-        that were refused.
-    """
-    c = track.columns
-    known = np.isfinite(c["out_lat_deg"])
-    features = []
-    for first, last in _runs(known, c["moving"]):
-        if not known[first]:
-            continue
-        places = _places(c["out_lat_deg"][first:last], c["out_lon_deg"][first:last])
-        about = {"from_s": _time(c, first), "to_s": _time(c, last - 1)}
-        if not c["moving"][first]:
-            about |= {"state": "static", "layer": int(c["layer"][last - 1])}
-            features.append(_feature("Point", places[-1], about))
-            continue
-        if last < len(known) and known[last]:  # up to where it stops, so that no piece is missing
-            places += _places(c["out_lat_deg"][[last]], c["out_lon_deg"][[last]])
-        if len(places) == 1:
-            features.append(_feature("Point", places[0], about | {"state": "moving"}))
-            continue
-        lines = _cut(places)
-        features.append(_feature("MultiLineString", lines, about | {"state": "moving"}))
-    refused = (c["has_fix"] == 1) & (c["accepted"] == 0)
-    if refused.any():
-        places = _places(c["lat_deg"][refused], c["lon_deg"][refused])
-        features.append(_feature("MultiPoint", places, {"state": "fix refused"}))
-    return {"type": "FeatureCollection", "features": features}
-
-
-def _feature(kind, coordinates, properties):
-    geometry = {"type": kind, "coordinates": coordinates}
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
-
-
-def _places(lat, lon):
-    return [[round(_lon(x), 8), round(float(y), 8)] for x, y in zip(lon, lat, strict=True)]
-
-
-def _time(columns, i):
-    return round(float(columns["t_s"][i]), 3)
-
-
-def _cut(places):
-    """Cut a line where it crosses the date line, as RFC 7946 asks for."""
-    lines = [[places[0]]]
-    for before, place in pairwise(places):
-        far = place[0] - before[0]
-        if abs(far) > 180:
-            edge = math.copysign(180.0, before[0])
-            share = (edge - before[0]) / (far - math.copysign(360.0, far))
-            lat = round(before[1] + share * (place[1] - before[1]), 8)
-            lines[-1].append([edge, lat])
-            lines.append([[-edge, lat]])
-        lines[-1].append(place)
-    return lines
 
 
 def page(track):
@@ -247,16 +167,14 @@ def page(track):
     every = max(1, -(-len(c["t_s"]) // DRAWN))
     thin = {name: column[::every] for name, column in c.items()}
     angles = [
-        {"name": _name(name), "y": _numbers(thin[f"{name}_deg"], 2), "colour": colour, "kind": kind}
-        for name, colour in ANGLES.items()
-        for kind in ["steps" if name == "mount" else "line"]
-        if np.isfinite(thin[f"{name}_deg"]).any()
+        {"name": name, "y": _numbers(thin[column], 2), "colour": colour, "kind": kind}
+        for column, (name, colour, kind) in ANGLES.items()
+        if np.isfinite(thin[column]).any()
     ]
     return pages.page(
         "track.html",
         title=_title(track),
         summary=summary,
-        span=_span,
         colours={"moving": MOVING, "static": STATIC, "fix": FIX, "refused": REFUSED},
         layers=LAYERS,
         angles=[(angle["name"], angle["colour"]) for angle in angles],
@@ -265,10 +183,6 @@ def page(track):
         every=every,
         track=_drawn(thin, _bars(c), angles),
     )
-
-
-def _name(angle):
-    return "mounting angle" if angle == "mount" else angle
 
 
 def _numbers(column, digits):
@@ -323,10 +237,3 @@ def _bars(c):
             bars["row"].append(row)
             bars["colours"].append(colours[int(column[first])])
     return bars
-
-
-def _span(seconds):
-    """Write a time as a reader would say it."""
-    if seconds < 120:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

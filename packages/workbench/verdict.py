@@ -424,25 +424,16 @@ def temperature_part(channel):
     list of list of Said
         Empty where no temperature was logged.
     """
-    if channel.temperature is None or not np.isfinite(channel.temperature).sum() > 1:
+    degrees = channel.temperature
+    if degrees is None or not np.isfinite(degrees).sum() > 1:
         return []
-    t, degrees = channel.whole[0], channel.temperature
-    have = np.isfinite(degrees)
-    duration = t[-1] + t[0]
-    rise = float(np.polyfit(t[have], degrees[have], 1)[0] * duration)
-    said = [[Said("temperature", {"low": degrees[have].min(), "high": degrees[have].max()})]]
-    terms = [t for t in channel.fit.get("terms", []) if t["kind"] == "temperature"]
-    if not terms:
-        return [*said, [Said("no_coefficient")]]
-    per_degree = Estimate(**terms[0]["parameters"]["amplitude"])
-    total, unit = channel.line[1] * duration, channel.unit
-    ends = sorted(v * rise for v in (per_degree.low, per_degree.high))
-    about = {"rise": rise, "part": Estimate(per_degree.value * rise, *ends, unit)}
-    if total:
-        about["share"] = Estimate(about["part"].value / total, *sorted(v / total for v in ends))
-        about["whole"] = Estimate(total, None, None, unit)
-    said += [[Said("coefficient", {"coefficient": per_degree})], [Said("temperature_moves", about)]]
-    return [*said, [Said("rest_of_drift")]]
+    said = [[Said("temperature", {"low": np.nanmin(degrees), "high": np.nanmax(degrees)})]]
+    for term in channel.fit.get("terms", []):
+        if term["kind"] == "temperature":
+            per_degree = Estimate(**term["parameters"]["amplitude"])
+            said.append([Said("coefficient", {"coefficient": per_degree})])
+            return [*said, [Said("rest_of_drift")]]
+    return [*said, [Said("no_coefficient")]]
 
 
 # On the road, and among the parts
