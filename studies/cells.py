@@ -1,14 +1,15 @@
-"""Cells of a study: computed by the cores of one machine, each kept once finished.
+"""Cells of a study: computed by the cores of one machine or of many, each kept once finished.
 
-`compute` hands work to the processes of joblib; results come as they finish, and no more than a
-few for each core are under way. `kept` writes each
+`compute` hands work to joblib, which has processes of its own or takes those of a dask cluster;
+results come as they finish, and no more than a few for each core are under way. `kept` writes each
 result to a file of its own as soon as it is there, in one step: the end of any process loses
 nothing, and two runs in one folder do the same work twice. `tabulate` makes a CSV of many results.
 """
 
+import logging
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,14 +20,16 @@ import pandas as pd
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
-from analysis import CannotAnswer, replacing, store
+from analysis import CannotAnswer, WrongUsage, replacing, store
 
 DIGITS = 5  # of the numbers in a table
-AHEAD = "3 * n_jobs"  # pieces of work handed out: three for each core
+LOCAL = "local"  # a scheduler of our own, on this machine
+AHEAD = 3  # pieces of work handed out for each core
+PATIENCE = "10s"  # until a scheduler counts as absent
 
 
 def compute(
-    work: Callable, items: Iterable, *, workers: int | None = None
+    work: Callable, items: Iterable, *, workers: int | None = None, scheduler: str | None = None
 ) -> Iterator[tuple[int, Any]]:
     """Compute a function of many items, in any order.
 
@@ -36,7 +39,10 @@ def compute(
         Of a module, so that another process finds it. What it returns must not depend on others.
     items : iterable
     workers : int, optional
-        Processes; by default one for each core.
+        Processes; by default one for each core. A scheduler elsewhere has its own.
+    scheduler : str, optional
+        Address of a dask scheduler (``tcp://host:8786``), whose workers have this package; or
+        ``local`` for one that is started here. None: processes of joblib.
 
     Yields
     ------
@@ -46,23 +52,55 @@ def compute(
 
     Raises
     ------
+    WrongUsage
+        If dask is not installed, or there is no scheduler at the address.
     CannotAnswer
-        If a process was killed.
+        If a process of joblib was killed, or workers of dask again and again by the same item.
     """
-    parallel = joblib.Parallel(
-        workers or -1, return_as="generator_unordered", pre_dispatch=AHEAD, batch_size=1
-    )
-    try:
-        yield from parallel(joblib.delayed(_numbered)(work, *one) for one in enumerate(items))
-    except TerminatedWorkerError as error:
-        raise CannotAnswer(
-            "a worker process was killed, perhaps for want of memory; what was finished is "
-            "kept: run the same command again, with fewer --workers"
-        ) from error
+    few: dict[str, Any] = {"pre_dispatch": f"{AHEAD} * n_jobs", "batch_size": 1}
+    with _processes(workers, scheduler) as (count, backend, killed):
+        with joblib.parallel_config(backend):
+            parallel = joblib.Parallel(count, return_as="generator_unordered", **few)
+        try:
+            yield from parallel(joblib.delayed(_numbered)(work, *one) for one in enumerate(items))
+        except killed as error:
+            raise CannotAnswer(
+                "a worker process was killed, perhaps for want of memory; what was finished is "
+                "kept: run the same command again, with fewer --workers"
+            ) from error
 
 
 def _numbered(work, k, item):
     return k, work(item)
+
+
+@contextmanager
+def _processes(workers, scheduler):
+    """Give number and name of a backend of joblib, and the error that it raises for a killed one.
+
+    A dask cluster is connected to, or started here.
+    """
+    if scheduler is None:
+        yield workers or -1, "loky", TerminatedWorkerError
+        return
+    try:
+        from distributed import Client
+        from distributed.scheduler import KilledWorker
+    except ImportError as error:
+        raise WrongUsage("--scheduler needs dask: pip install '.[cluster]'") from error
+    options = {"address": scheduler, "timeout": PATIENCE}
+    if scheduler == LOCAL:
+        options = {"n_workers": workers or joblib.cpu_count(), "threads_per_worker": 1}
+        options |= {"dashboard_address": None, "silence_logs": logging.ERROR}
+    try:
+        client = Client(**options)
+    except (OSError, ValueError) as error:
+        raise WrongUsage(
+            f"--scheduler {scheduler}: no dask scheduler answers there; start one with `dask "
+            "scheduler` and workers with `dask worker ADDRESS`, or write --scheduler local"
+        ) from error
+    with client:
+        yield -1, "dask", KilledWorker
 
 
 def kept(folder: Path, work: Callable, items: dict[str, Any], bar: tqdm, **where: Any) -> list:
@@ -78,7 +116,7 @@ def kept(folder: Path, work: Callable, items: dict[str, Any], bar: tqdm, **where
         Key -> item.
     bar : tqdm
     **where
-        ``workers`` of `compute`.
+        ``workers``, ``scheduler`` of `compute`.
 
     Returns
     -------
@@ -129,7 +167,7 @@ def tabulate(
     digits : int
         Of the numbers.
     **where
-        ``workers`` of `compute`.
+        ``workers``, ``scheduler`` of `compute`.
     """
     store.write(folder, source, {})
     with tqdm(total=sum(len(c.items) for c in cells.values()), unit="log", disable=None) as bar:

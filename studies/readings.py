@@ -88,7 +88,7 @@ def study(
     compiled : bool
         Step the filters in compiled code.
     **where
-        ``workers`` of `studies.cells.compute`.
+        ``workers``, ``scheduler`` of `studies.cells.compute`.
 
     Returns
     -------

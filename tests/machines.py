@@ -41,7 +41,7 @@ SETTINGS = {
     "newest": {"packages": "highest"},
 }
 SAME = {"Zen": {"Zen", "Haswell"}}  # OpenBLAS gives Haswell's kernels, and their name, to a Zen
-EXTRAS = ".[fast,logs,test]"
+EXTRAS = ".[cluster,fast,logs,test]"
 
 
 def probe():

@@ -1,5 +1,6 @@
-"""Cells of a study: the same on one core, on two, and kept whatever happens."""
+"""Cells of a study: the same on one core, on two, and on a cluster, and kept whatever happens."""
 
+import logging
 import os
 import signal
 import subprocess
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis import ROOT, CannotAnswer, store
+from analysis import ROOT, store
 from analysis.terrain.open_choices import FACTORS
 from studies import coverage, readings
 from studies.cells import Cell, compute, tabulate
@@ -21,9 +22,13 @@ OPTIONS = {"readings": 4, "laps": 6, "best": 0, "held": FEW}
 
 
 def halve(x):
-    """Give work that takes a while, and that kills its process when it is told."""
+    """Give work that takes a while, and that kills its process the first time that it is told."""
     if isinstance(x, str):
-        os.kill(os.getpid(), signal.SIGKILL)
+        marker = Path(x)
+        if not marker.exists():
+            marker.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return 0.0
     time.sleep(0.01)
     return x / 2
 
@@ -34,16 +39,24 @@ def marked(path):
     return [{"name": Path(path).name, "value": 1 / 3}]
 
 
-def test_workers_and_a_killed_one(tmp_path):
-    """property: two processes write the table of one; one that is killed ends in a sentence."""
-    cell = {"names": ["midg-yaw"], "hours": [0.05], "runs": 2}
-    for workers in (1, 2):
-        coverage.study(tmp_path / f"{workers}", **cell, workers=workers)
-    one, two = ((tmp_path / k / "midg-yaw-0.05h.csv").read_bytes() for k in "12")
-    assert one == two
-    found = compute(halve, [*range(40), str(tmp_path / "killed")], workers=2)
-    with pytest.raises(CannotAnswer, match="a worker process was killed"):
-        dict(found)
+def test_a_cluster_goes_on_without_a_killed_worker(tmp_path):
+    """property: scheduler and two worker processes, one killed in its work: as in one process.
+
+    The study of coverage takes the same switch, and writes the same table.
+    """
+    distributed = pytest.importorskip("distributed")
+    items = [*range(40), str(tmp_path / "killed")]
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**options, silence_logs=logging.ERROR) as cluster:
+        address = cluster.scheduler_address
+        found = dict(compute(halve, iter(items), scheduler=address))
+        cell = {"names": ["midg-yaw"], "hours": [0.05], "runs": 2}
+        coverage.study(tmp_path / "many", **cell, scheduler=address)
+    assert address.startswith("tcp://") and (tmp_path / "killed").exists()
+    assert found == {k: 0.0 if isinstance(x, str) else x / 2 for k, x in enumerate(items)}
+    coverage.study(tmp_path / "one", **cell, workers=1)
+    one, many = ((tmp_path / k / "midg-yaw-0.05h.csv").read_bytes() for k in ("one", "many"))
+    assert one == many
 
 
 def test_a_killed_run_loses_nothing(tmp_path):
@@ -84,11 +97,12 @@ def test_a_table_goes_on_and_a_finished_one_stays(tmp_path):
 
 
 def test_errors_are_one_sentence(tmp_path, capsys):
-    """property: unknown factor, unknown level: exit status 2, and what to do."""
+    """property: unknown factor, unknown level, no scheduler: exit status 2, and what to do."""
     out = ["readings", "--out", str(tmp_path / "new")]
     for given, said in (
         (["--hold", "gyro=good"], "no factor 'gyro'"),
         (["--hold", "noise=loud"], "no level 'loud'; it has: integrated"),
+        (["--scheduler", "nowhere"], "no dask scheduler answers"),
     ):
         assert main([*out, *given]) == 2
         sentence = capsys.readouterr().err.strip()

@@ -465,7 +465,9 @@ def plan(rate, white, sigma=None, time=None, flicker=None, walk=None, within=20.
 
 
 @_verb
-def coverage(study="intervals", runs=None, hours=None, models=None, workers=None, out=None):
+def coverage(
+    study="intervals", runs=None, hours=None, models=None, workers=None, scheduler=None, out=None
+):
     """Count how often the 95 % intervals hold the truth.
 
     \b
@@ -499,10 +501,12 @@ def coverage(study="intervals", runs=None, hours=None, models=None, workers=None
     given = {"runs": runs, "hours": lengths, "names": names}
     given = {name: value for name, value in given.items() if value}
     if given and study not in ("intervals", "broken"):
-        raise WrongUsage(f"coverage {study} has no other options than --workers and --out")
+        raise WrongUsage(
+            f"coverage {study} has no other options than --workers, --scheduler, --out"
+        )
     given |= {"folder": Path(out)} if out else {}
     with writing(out or "data/derived"):
-        run(workers=workers, **given)
+        run(workers=workers, scheduler=scheduler, **given)
     print(f"the tables are in {out or 'data/derived'}/")
 
 
@@ -523,6 +527,8 @@ def readings(out=None, **given):
     python -m analysis readings --compiled                what data/derived/readings holds
     python -m analysis readings --out mine --readings 64 --laps 100 --best 0
     python -m analysis readings --out mine --hold noise=integrated --hold road=track
+    python -m analysis readings --out mine --scheduler tcp://10.0.0.1:8786    workers elsewhere
+    python -m analysis readings --out mine --scheduler local --workers 4
 
     A reading fixes one level of every factor (noise, channel, R, start of the bias, speed ...), and
     its 25 sensors drive the same simulated laps. The results do not depend on the number of
