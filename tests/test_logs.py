@@ -293,12 +293,14 @@ def test_a_name_that_stands_twice_is_stated(tmp_path):
     log = logs.read(path)
     assert [c.name for c in log.channels] == ["gyro_x"]
     assert log.repairs == (
-        "columns 2 and 3 are both called 'gyro_x_deg_s': only the first is taken; name them apart "
-        "in the header",
+        "columns left out: gyro_x_deg_s (column 3) (a name that stands twice); --columns takes "
+        "such a column all the same",
     )
     assert logs.read(path, unit="deg/s").repairs == log.repairs
     both = logs.read(path, columns=[2, 3], unit="deg/s")
     assert len(both.channels) == 2 and both.repairs == ()
+    with pytest.raises(WrongUsage, match=r"\(column 3\): no unit is known"):
+        logs.read(path, columns=[2, 3])
 
 
 @pytest.mark.parametrize("title", ["sep=;", "Sensor log v1.2", "Sensor log\n\nunit A"])
@@ -397,7 +399,11 @@ BAD = {
     ),
     "no unit": case(WrongUsage, "a, b | --unit | gyro_x_deg_s", header="t_s,a,b"),
     "unit of another kind": case(
-        WrongUsage, "'gyro_x' | --unit", header="t_s,gyro_x,gyro_y", columns=["gyro_x"], unit="g"
+        WrongUsage,
+        "gyro_x | --unit gyro=",
+        header="t_s,gyro_x,gyro_y",
+        columns=["gyro_x"],
+        unit="g",
     ),
     "unit against the header": case(
         WrongUsage,

@@ -476,7 +476,7 @@ def test_accelerations_without_gravity_are_refused(tmp_path):
 def test_gyros_without_a_unit_are_refused(tmp_path):
     """property: degrees or radians is not guessed; --columns says it, a minus turns an axis."""
     path = csv(tmp_path, IMU.replace("_deg_s", ""), imu_rows(np.arange(20)))
-    with pytest.raises(WrongUsage, match="gyro_x_deg_s=gyro_x"):
+    with pytest.raises(WrongUsage, match=r"say --unit gyro=deg/s, .*names such as gyro_x_deg_s"):
         read_moving([path])
     named = {"gyro_x_deg_s": "gyro_x", "gyro_y_deg_s": "-gyro_y", "gyro_z_deg_s": "gyro_z"}
     log = read_moving([path], columns=named)

@@ -241,7 +241,7 @@ def _names(fields: list[str]) -> tuple[str, ...]:
     names: list[str] = []
     for number, field in enumerate(fields, 1):
         name = printable(field.strip().strip('"').strip()) or f"c{number}"
-        names.append(f"{name}.{number}" if name in names else name)
+        names.append(f"{name} (column {number})" if name in names else name)
     return tuple(names)
 
 

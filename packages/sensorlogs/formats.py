@@ -33,7 +33,6 @@ from sensorlogs import (
 )
 from sensorlogs.delimited import Table
 from sensorlogs.tables import Part, choose, listed, of_arrays, paired, reading
-from sensorlogs.times import BadStamps
 
 _PAIR = re.compile(  # gx: 0.1, or gyro x (dps) = 1e-3
     r"([A-Za-z][\w.]*(?:\s*[\[(][^\])]*[\])])?)\s*[:=]\s*"
@@ -338,7 +337,7 @@ def load(
     """Read one table, or two that `join` makes one."""
     tables = [part.load(wanted) for part in chosen]
     table = tables[0] if len(tables) == 1 else join(*tables, chosen)
-    frame, notes = columns.in_known_units(table.frame)
+    frame, notes = columns.in_known_units(times.joined(table.frame))
     return replace(table, frame=frame, repairs=(*table.repairs, *notes))
 
 
@@ -390,19 +389,19 @@ def contents(
     listing, errors = [], []
     for part in parts_of(path, known):
         try:
-            frame = times.joined(load([part]).frame)
+            table = load([part])
         except (CannotAnswer, WrongUsage) as error:  # the names are known all the same
             errors.append(error)
             told = columns.described(pd.DataFrame(columns=[*part.columns], dtype=float), "its name")
             listing.append((f"{part.name}: cannot be read: {error}", told))
             continue
-        told = columns.described(columns.sample(frame, list(frame)), part.told_by)
-        title, time = f"{part.name}: {counted(len(frame), 'row')}", times.time_column(frame)
-        if time is not None and len(frame) > 1:
-            with contextlib.suppress(CannotAnswer, WrongUsage, BadStamps):
-                since = times.stamps(time, frame[time].to_numpy()).since_s
-                span = float(np.nanmax(since) - np.nanmin(since))
-                title += f", {span:.6g} s, {(len(since) - 1) / span:.6g} Hz" if span > 0 else ""
+        rows = len(table.frame)
+        told = columns.described(columns.sample(table.frame, list(table.frame)), part.told_by)
+        title = f"{part.name}: {counted(rows, 'row')}"
+        with contextlib.suppress(CannotAnswer, WrongUsage):
+            since = times.of_table(table)[1].since_s
+            span = float(np.nanmax(since) - np.nanmin(since))
+            title += f", {span:.6g} s, {(rows - 1) / span:.6g} Hz" if span > 0 else ""
         listing.append((title, told))
     return listing, errors
 

@@ -6,7 +6,6 @@ timeline = read_moving(["flight.ulg"])              the same from a ULog, a bag,
 """
 
 import datetime
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -49,9 +48,12 @@ IMU_GAPS = 0.01  # share of IMU rows whose time may step back
 GYROS, ACCELS = ([f"{what}_{axis}" for axis in AXES] for what in ("gyro", "accel"))
 NEEDED = {"GNSS": ["lat", "lon"], "IMU": GYROS + ACCELS, "attitude": ["roll", "pitch"]}
 NAMED = {"lat": "deg", "lon": "deg"} | dict.fromkeys(GYROS, "deg_s") | dict.fromkeys(ACCELS, "m_s2")
-SPEED = {"m/s": 1.0, "km/h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
+ANGLES = ("roll", "pitch", "yaw", "course")
+TO_OURS = {"km/h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704, "ft": 0.3048}
+TO_OURS["rad"] = float(np.degrees(1.0))
+IN_SI = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()} | IN_M_S2
+_SIX = 3 * ["rate"] + 3 * ["accel"]
 _SECOND = {"linear", "lin", "linacc", "user", "bias"}  # of two columns that hold one quantity
-_RAD_S = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()}
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
 HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch
@@ -355,20 +357,11 @@ class _Rows:
 
     def __init__(self, table: Table, given: dict):
         self.table, self.given, self.file = table, given, table.file
-        self.time = times.time_column(table.frame)
-        if self.time is None:
-            raise WrongUsage(
-                f"{self.file}, line 1: no column is named as time; say --columns t_s=COLUMN; there "
-                f"are: {', '.join(table.frame)}"
-            )
-        with times.stamp_errors_at(table, self.time):
-            stamps = times.stamps(
-                self.time, table.frame[self.time].to_numpy(), unit=given["time_unit"]
-            )
+        self.time, stamps = times.of_table(table, unit=given["time_unit"])
         said = (*table.repairs, *stamps.notes)
         self.notes = [n if n.startswith(self.file) else f"{self.file}: {n}" for n in said]
         self.clock = stamps.clock
-        self.t, again = times.continued(stamps.since_s + stamps.zero_s)
+        self.t, again = times.continued(stamps.on_clock)
         self.restarts = self.t[again].tolist()
         if len(again):
             place = table.place(again[0], self.time)
@@ -405,6 +398,21 @@ class _Rows:
         self.notes += [f"{self.file}: {lack}: not used" for lack in lacks]
         return made
 
+    def column(self, what: str) -> np.ndarray:
+        """Return the values of a quantity, in m, m/s and degrees; NaN where it has no column."""
+        if what not in self.names:
+            return np.full(len(self.t), np.nan)
+        name = self.names[what]
+        unit = recognise(name).unit
+        if what == "speed" and unit is None:
+            raise WrongUsage(
+                f"{self.file}: column '{name}' has no unit: say --columns speed_m_s={name}, or "
+                "speed_km_h, speed_knots, speed_mph"
+            )
+        if what in ANGLES:
+            unit = unit or self.given["unit"].get("angle")
+        return self.table.frame[name].to_numpy() * TO_OURS.get(unit or "", 1.0)
+
     def rising(self, rows, notes, late_allowed=0.0) -> np.ndarray:
         """Keep the rows later than all before."""
         return rows[
@@ -415,11 +423,7 @@ class _Rows:
 
     def gnss(self) -> Gnss:
         """Make the epochs: the rows in which the receiver gives a value."""
-        data = {
-            what: self.table.frame[name].to_numpy()
-            for what, name in self.names.items()
-            if what and what not in NEEDED["IMU"]
-        }
+        data = {what: self.column(what) for what in self.names if what not in ("", *NEEDED["IMU"])}
         rows = np.flatnonzero(np.isfinite(self.t) & np.isfinite(list(data.values())).any(axis=0))
         position = np.column_stack([data["lat"][rows], data["lon"][rows]])
         changed = np.r_[True, (np.diff(position, axis=0) != 0).any(axis=1)]
@@ -436,12 +440,12 @@ class _Rows:
         at = self.rising(rows, self.notes)
 
         def column(what):
-            return data[what][at] if what in data else np.full(len(at), np.nan)
+            return self.column(what)[at]
 
         def place(k):
             return self.table.place(at[k], self.names["lat"])
 
-        lat, lon = column("lat"), column("lon")
+        lat, lon, speed, pdop = map(column, ("lat", "lon", "speed", "pdop"))
         fix = np.isfinite(lat) & np.isfinite(lon)
         if "fix" in data:
             fix &= column("fix") > 0
@@ -453,37 +457,31 @@ class _Rows:
                 f"{place(k)}: {lat[k]:g}, {lon[k]:g} is nowhere on Earth, as are {beyond.size:,} "
                 f"of {fix.sum():,} positions; give degrees, latitude and longitude not exchanged"
             )
-        pdop, blank = column("pdop"), {"lat_deg": lat, "lon_deg": lon}
-        feet = re.search(r"(ft|feet)\W*$", self.names.get("height", "").lower())
-        blank["height_m"] = column("height") * (0.3048 if feet else 1.0)
-        blank["speed_m_s"] = self.speed(column("speed"))
-        radians = "course" in data and recognise(self.names["course"]).unit == "rad"
-        blank["course_deg"] = np.degrees(column("course")) if radians else column("course")
+        if (speed < 0).any():
+            self.notes.append(
+                f"{self.file}: column '{self.names['speed']}': {(speed < 0).sum():,} below zero, "
+                "left out"
+            )
+        blank = {"lat_deg": lat, "lon_deg": lon, "height_m": column("height")}
+        blank |= {"speed_m_s": np.where(speed >= 0, speed, np.nan), "course_deg": column("course")}
         blank = {name: np.where(fix, array, np.nan) for name, array in blank.items()}
         blank |= {"pdop": np.where(pdop == 0, np.nan, pdop), "mode": column("mode")}
         gnss = Gnss(t_s=self.t[at], has_fix=fix, satellites=column("satellites"), **blank)
         return plausible(gnss, place, self.notes)
 
-    def speed(self, speed) -> np.ndarray:
-        """Turn a speed into m/s; one without a unit is asked about."""
-        if "speed" not in self.names:
-            return speed
-        name = self.names["speed"]
-        unit = recognise(name).unit
-        if unit is None:
-            raise WrongUsage(
-                f"{self.file}: column '{name}' has no unit: say --columns speed_m_s={name}, or "
-                "speed_km_h, speed_knots, speed_mph"
-            )
-        if (speed < 0).any():
-            self.notes.append(
-                f"{self.file}: column '{name}': {(speed < 0).sum():,} below zero, left out"
-            )
-        return np.where(speed >= 0, speed, np.nan) * SPEED[unit]
-
     def imu(self) -> Imu:
-        """Make the samples: rows with all six readings, in SI units."""
+        """Make the samples: rows with all six readings, in SI units; gravity checks them."""
         names = [self.names[what] for what in NEEDED["IMU"]]
+        mute = {recognise(name).kind for name in names if not recognise(name).unit}
+        unit, scale = (
+            ",".join(f"{columns.FLAG[k]}={v}" for k, v in self.given[flag].items() if k in kinds)
+            for flag, kinds in (("unit", mute), ("scale", _SIX))
+        )
+        few = columns.sample(self.table.frame, names)
+        chosen, guessed, notes = columns.choose(
+            few, self.file, names, unit or None, scale=scale or None
+        )
+        self.notes += [f"{self.file}: {note}" for note in (*guessed, *notes)]
         readings = self.table.frame[names].to_numpy(dtype=float)
         rows = np.flatnonzero(np.isfinite(readings).all(axis=1) & np.isfinite(self.t))
         if not rows.size:
@@ -494,54 +492,25 @@ class _Rows:
         rows = self.rising(rows, self.notes, IMU_GAPS)
         if len(rows) < 2:
             raise CannotAnswer(f"{self.file}: a single IMU sample")
-        gyro, accel = readings[rows, :3], readings[rows, 3:]
-        gyro = gyro * self.gyro_scale(names[:3])
-        return Imu(self.t[rows], gyro, accel * self.accel_scale(names[3:], accel))
+        if [c.kind for c in chosen] != _SIX:
+            raise WrongUsage(
+                f"{self.file}, columns {', '.join(names)}: their units are not those of gyros and "
+                f"accelerometers: say --columns gyro_x_deg_s={names[0]} and so on for each axis"
+            )
+        gyro, accel = np.split(readings[rows] * [c.scale * IN_SI[c.unit] for c in chosen], 2, 1)
+        norm = float(np.median(np.linalg.norm(accel, axis=1)))
+        if columns.gravity_unit(norm, 0.25) != "m/s^2":
+            raise WrongUsage(
+                f"{self.file}, columns {', '.join(names[3:])}: the median length is {norm:.3g} "
+                "m/s^2, which is no gravity; give specific force (gravity included) as "
+                "accel_x_m_s2 or accel_x_g; raw counts need --scale, such as --scale accel=1/16384"
+            )
+        return Imu(self.t[rows], gyro, accel)
 
     def attitude(self) -> Attitude:
         """Make the attitude of the rows that have one; a heading beside roll and pitch is yaw."""
-        yaw = self.names.get("yaw", self.names.get("course"))
-        angles = np.full((3, len(self.t)), np.nan)
-        for angle, name in zip(angles, (self.names["roll"], self.names["pitch"], yaw), strict=True):
-            if name is not None:
-                unit = recognise(name).unit or self.given["unit"].get("angle", "deg")
-                angle[:] = self.table.frame[name] * (np.degrees(1.0) if unit == "rad" else 1.0)
+        yaw = "yaw" if "yaw" in self.names else "course"
+        angles = np.array([self.column(what) for what in ("roll", "pitch", yaw)])
         rows = np.flatnonzero(np.isfinite(angles).any(axis=0) & np.isfinite(self.t))
         rows = self.rising(rows, [], IMU_GAPS)
         return Attitude(self.t[rows], *angles[:, rows])
-
-    def gyro_scale(self, names: list[str]) -> float:
-        """Return rad/s per unit of the gyro; axes without a unit, or in several, are refused."""
-        units = {recognise(name).unit or self.given["unit"].get("rate") for name in names}
-        unit = units.pop()
-        if units or unit not in _RAD_S:
-            raise WrongUsage(
-                f"{self.file}, columns {', '.join(names)}: they need one unit of a rate: say "
-                f"--unit gyro=deg/s, or --columns gyro_x_deg_s={names[0]} and so on for each axis",
-                {"--unit": "gyro=deg/s"},
-            )
-        return _RAD_S[unit] * self.given["scale"].get("rate", 1.0)
-
-    def accel_scale(self, names: list[str], accel: np.ndarray) -> float:
-        """Return m/s^2 per unit of the accelerometer; without a unit, gravity decides."""
-        units = {recognise(name).unit or self.given["unit"].get("accel") for name in names}
-        unit = units.pop()
-        if units:
-            raise WrongUsage(f"{self.file}: the three accelerometers are in different units")
-        factor = self.given["scale"].get("accel", 1.0)
-        norm = abs(factor) * float(np.median(np.linalg.norm(accel, axis=1)))
-        likely = columns.gravity_unit(norm, 0.25)
-        if unit is None and likely:
-            unit = likely
-            self.notes.append(
-                f"{self.file}: accelerometer read as {unit}: its length is {norm:.3g} (--unit "
-                "accel=... overrules)"
-            )
-        if unit is None or unit != likely:
-            raise WrongUsage(
-                f"{self.file}, columns {', '.join(names)}: the median length is "
-                f"{norm:.3g}{' ' + unit if unit else ''}, which is no gravity; give specific force "
-                "(gravity included) as accel_x_m_s2 or accel_x_g; raw counts need --scale, such as "
-                "--scale accel=1/16384"
-            )
-        return factor * IN_M_S2[unit]

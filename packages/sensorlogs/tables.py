@@ -190,12 +190,9 @@ def listed(parts: Sequence[Part]) -> str:
 
 def _seconds(table: Table, parts: Sequence[Part]) -> np.ndarray:
     """Read the time column of one of several tables."""
-    name = times.time_column(table.frame)
-    if name is None:
+    if times.time_column(table.frame) is None:
         raise ask(parts, table.path)
-    with times.stamp_errors_at(table, name):
-        stamps = times.stamps(name, table.frame[name].to_numpy())
-    return stamps.since_s + stamps.zero_s
+    return times.of_table(table)[1].on_clock
 
 
 def interpolated(one: Table, other: Table, parts: Sequence[Part]) -> Table:

@@ -6,6 +6,7 @@ departure from the stamps is stated in one sentence in `Grid.repairs`.
 
 import contextlib
 import re
+import shlex
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -74,6 +75,11 @@ class Stamps:
     zero_s: float
     clock: str
     notes: tuple[str, ...]
+
+    @property
+    def on_clock(self) -> np.ndarray:
+        """Seconds on ``clock``."""
+        return self.since_s + self.zero_s
 
 
 def unit_of(name: str) -> str | None:
@@ -161,6 +167,32 @@ def _known(t: np.ndarray) -> np.ndarray:
     """Leave out what is missing; a series without gaps comes back itself."""
     finite = np.isfinite(t)
     return t if finite.all() else t[finite]
+
+
+def of_table(
+    table: Table, name: str | None = None, rate_hz: float | None = None, unit: str | None = None
+) -> tuple[str, Stamps]:
+    """Find the time column of a table, by its name if none is given, and turn it into seconds.
+
+    Raises
+    ------
+    WrongUsage
+        If there is none: the message says how to name one.
+    CannotAnswer
+        As `stamps`, with file, line and column.
+    """
+    name = name or time_column(table.frame)
+    if name is None:
+        numbers = table.frame.select_dtypes("number")
+        rising = [n for n in numbers if len(numbers) > 2 and (numbers[n].diff()[1:] > 0).all()]
+        hints = [f" (column '{n}' only ever rises: --time {shlex.quote(n)}?)" for n in rising]
+        raise WrongUsage(
+            f"{table.file}, line 1: no column is named as time: say --time COLUMN"
+            f"{''.join(hints[:1])} or, of a moving log, --columns t_s=COLUMN; or --rate HZ, if "
+            f"the rows of a static log are evenly spaced; there are: {', '.join(table.frame)}"
+        )
+    with stamp_errors_at(table, name):
+        return name, stamps(name, table.frame[name].to_numpy(), rate_hz, unit)
 
 
 @contextlib.contextmanager
