@@ -600,7 +600,8 @@ def _gravity(frame, accels, factor=1.0) -> str | None:
 def _flags(frame, groups, units, size, scale) -> dict[str, str | None]:
     """Return the flags that state what the columns do not: flag -> value, None to leave it out."""
     bare = units.get(None)
-    usual = _USUAL | ({"accel": size} if size else {}) | {KIND_OF_UNIT.get(bare or ""): bare}
+    usual: dict[Any, Any] = _USUAL | ({"accel": size} if size else {})
+    usual[KIND_OF_UNIT.get(bare or "")] = bare
     of_scale = {its or next(iter(groups)): t for its, t in per_kind(scale, "scale").items()}
     of_unit: dict[str, Any] = {its: unit for its, unit in units.items() if its}
     for its, names in groups.items():

@@ -63,25 +63,17 @@ def phone(path: Path) -> Table:
 
 def gpx(path: Path) -> list[Part]:
     """List the tracks of a GPX file; one table, where they follow each other in time."""
-    tracks: list[list[dict[str, Any]]] = []
     known = columns.NAMES["gpx"]
-    with reading(path, "a GPX file"), path.open("rb") as handle:
-        point: dict[str, Any] = {}
-        routes = 0
-        for event, element in ElementTree.iterparse(handle, ("start", "end"), forbid_dtd=True):
-            tag = element.tag.rpartition("}")[2].lower()
-            if event == "start":
-                if tag == "trk":
-                    tracks.append([])
-                elif tag == "trkpt" and tracks:
-                    point = {"lat_deg": element.get("lat"), "lon_deg": element.get("lon")}
-                    tracks[-1].append(point)
-            elif tag == "trkpt":
-                point = {}
-                element.clear()
-            elif tag in known:
-                point[known[tag]] = element.text
-            routes += event == "end" and tag == "rtept"
+
+    def point(element) -> dict[str, Any]:
+        said = {each.tag.rpartition("}")[2].lower(): each.text for each in element.iter()}
+        found = {ours: said[theirs] for theirs, ours in known.items() if theirs in said}
+        return {"lat_deg": element.get("lat"), "lon_deg": element.get("lon")} | found
+
+    with reading(path, "a GPX file"):
+        root = ElementTree.parse(path, forbid_dtd=True).getroot()
+    tracks = [[*map(point, each.iterfind(".//{*}trkpt"))] for each in root.iterfind("{*}trk")]
+    routes = root.find("{*}rte") is not None
     tracks = [track for track in tracks if track]
     if not any("time" in each for track in tracks for each in track):
         what = "a route or points" if routes or not tracks else "a track"

@@ -29,7 +29,6 @@ from sensorlogs.delimited import Table, open_bytes, progress
 from sensorlogs.tables import Part, of_arrays, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
-AT_ONCE = 1 << 18  # rows of a Parquet file
 THREADS = 2  # that read its columns
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
 _GPSD = {  # report of gpsd -> its member -> ours; by its manual gpsd_json(5): SI units, UTC
@@ -62,34 +61,24 @@ def parquet(path: Path) -> list[Part]:
     }
     names = {f.name: f"{f.name} ({units[f.name]})" if units[f.name] else f.name for f in schema}
 
-    def column(one):  # in pieces: hardly anything is held twice
-        number = pa.types.is_floating(one.type) or pa.types.is_integer(one.type)
-        number |= pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type)
-        number |= pa.types.is_timestamp(one.type)
-        values, at = np.empty(rows, dtype=float if number else object), 0
-        own = {"columns": [one.name], "use_threads": False}  # the columns are the threads
-        for batch in pq.ParquetFile(path).iter_batches(AT_ONCE, **own):
-            piece = batch.column(0)
-            if pa.types.is_timestamp(one.type):
-                piece = piece.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())
-            elif pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type):
-                piece = piece.cast(pa.float64() if one.type.bit_width > 1 else pa.int8())
-            values[at : at + len(piece)] = (
-                piece.to_numpy(zero_copy_only=False) if number else piece.to_pylist()
-            )
-            at += len(piece)
-        return values
+    def column(one):  # one by one: hardly anything is held twice
+        values = pq.read_table(path, columns=[one.name], use_threads=False).column(0)
+        if pa.types.is_timestamp(one.type):
+            values = values.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())
+        elif not (pa.types.is_primitive(one.type) or pa.types.is_decimal(one.type)):
+            return np.array(values.to_pylist(), dtype=object)
+        return values.cast(pa.float64(), safe=False).to_numpy()
 
     def load(wanted: Sequence[str] | None) -> Table:
-        taken = [f for f in schema if wanted is None or names[f.name] in wanted]
-        _check_size(path, rows, len(taken))
         flat = [
-            f for f in taken if not (pa.types.is_nested(f.type) or pa.types.is_dictionary(f.type))
+            f for f in schema if not (pa.types.is_nested(f.type) or pa.types.is_dictionary(f.type))
         ]
+        flat = [f for f in flat if wanted is None or names[f.name] in wanted]
+        _check_size(path, rows, len(flat))
         with reading(path, "a Parquet file"), ThreadPoolExecutor(THREADS) as threads:
             bar = {"total": len(flat), "unit": "column", **progress(path)}
             values = tqdm(threads.map(column, flat), **bar)
-            columns = {names[one.name]: v for one, v in zip(flat, values, strict=True)}
+            columns = dict(zip((names[f.name] for f in flat), values, strict=True))
         pa.default_memory_pool().release_unused()
         return Table(pd.DataFrame(columns, copy=False), path)
 
