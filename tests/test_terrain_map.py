@@ -408,7 +408,7 @@ def test_files_that_are_no_laps_are_refused(tmp_path):
             CannotAnswer, match=r"bad\.mat: a MATLAB v7\.3 or HDF5 file that is cut off"
         ):
             terrain_data.lap_and_map(path, "ccw")
-        with pytest.raises(CannotAnswer, match=r"bad\.mat: not a"):
+        with pytest.raises(CannotAnswer, match=r"bad\.mat: .*not "):
             road_logs.highway(path)
 
 

@@ -426,7 +426,7 @@ def choose(
                 f"{' and '.join(each)}: {_spelled(flags)}",
                 flags,
             )
-        for absent in given.keys() - {None} - groups.keys():
+        for absent in (its for its in given if its and its not in groups):
             raise WrongUsage(
                 f"{file}: --{flag} {FLAG[absent]}= fits none of the columns {', '.join(frame)}: "
                 "leave it out, or choose with --columns"

@@ -34,31 +34,11 @@ from sensorlogs import (
 from sensorlogs.delimited import Table
 from sensorlogs.tables import Part, choose, listed, of_arrays, paired, reading
 
+_MEASURED = ["lat_deg", "lon_deg", "height_m", "fix"]
 _PAIR = re.compile(  # gx: 0.1, or gyro x (dps) = 1e-3
     r"([A-Za-z][\w.]*(?:\s*[\[(][^\])]*[\])])?)\s*[:=]\s*"
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 )
-
-
-def phone(path: Path) -> Table:
-    """Read a phone log: position, attitude quaternion, recorded angles, at 1 Hz.
-
-    The recorded roll, pitch, yaw are radians, and with the phone upright pitch is near -90 deg,
-    where roll and yaw lose their meaning (gimbal lock). They are kept, unwrapped, as
-    ``recorded_roll_deg`` ...; what is analysed is the small rotation that `about_the_mean` makes
-    from the quaternion.
-    """
-    table = delimited.read_table(path)
-    frame = table.frame.rename(columns=columns.NAMES["phone_app"])
-    lacking = {"time", "qw", "qx", "qy", "qz", "lat_deg", "lon_deg", "height_m"} - set(frame)
-    if lacking:
-        raise CannotAnswer(
-            f"{path.name}, line 1: no column '{sorted(lacking)[0]}': not this phone format; "
-            "read it as CSV"
-        )
-    for angle in {"roll", "pitch", "yaw"} & set(frame):
-        frame[f"recorded_{angle}_deg"] = unwrap(np.degrees(frame.pop(angle).to_numpy()), 360.0)
-    return replace(table, frame=frame)
 
 
 def gpx(path: Path) -> list[Part]:
@@ -159,12 +139,6 @@ def csv(path: Path) -> list[Part]:
     return [Part(path.name, layout.names, lambda _: delimited.read_table(path))]
 
 
-def phone_csv(path: Path) -> list[Part]:
-    """List the one table of a phone log; see `phone`."""
-    table = phone(path)
-    return [Part(path.name, tuple(table.frame), lambda _: table)]
-
-
 @dataclass(frozen=True)
 class Format:
     """A file format: how it is told from its content, and what lists its tables.
@@ -235,7 +209,6 @@ FORMATS: dict[str, Format] = {  # the first that tells
     "json": Format("JSON lines", _holds(rb"\A\s*(\[\s*)?\{\s*\""), "matrices.json_lines"),
     "xsens": Format("Xsens text", _holds(rb"\A(//[^\n]*\n)+PacketCounter"), "formats.xsens"),
     "serial": Format("lines of names and numbers", lambda head: _is_serial(head), "formats.serial"),
-    "phone": Format("a phone's CSV", lambda head: False, "formats.phone_csv"),
     "csv": Format("CSV", lambda head: True, "formats.csv"),
 }
 
@@ -398,26 +371,28 @@ def contents(
     return listing, errors
 
 
-def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:
+def about_the_mean(frame: pd.DataFrame, every: bool = False) -> pd.DataFrame:
     """Add what is measured from the mean of this stretch: metres of position, degrees of attitude.
 
-    ``lat_deg, lon_deg`` (and ``height_m``) give ``north_m, east_m`` (and ``down_m``) in the local
+    Latitude and longitude (and height) give ``north_m, east_m`` (and ``down_m``) in the local
     tangent plane at the mean position. The quaternion ``qw, qx, qy, qz`` (device to world, device
     axes x right, y to the top edge, z out of the screen) gives ``roll_deg, pitch_deg, yaw_deg``:
     the rotation vector from the mean attitude, about the device's forward (y), right (x) and down
-    (-z) axis.
+    (-z) axis. With `every`, columns of another name than ``lat_deg, lon_deg, height_m`` count too.
     """
     added: dict[str, np.ndarray] = {}
-    if {"lat_deg", "lon_deg"} <= set(frame):
-        none = frame["fix"] <= 0 if "fix" in frame else np.zeros(len(frame), dtype=bool)
-        lat, lon = (frame[name].mask(none).to_numpy() for name in ("lat_deg", "lon_deg"))
-        has_height = "height_m" in frame
-        height = frame["height_m"].to_numpy() if has_height else np.zeros(len(frame))
+    numbers = frame.select_dtypes("number")
+    names = numbers[::-1] if every else numbers.columns.intersection(_MEASURED)
+    named = {columns.recognise(name).quantity: numbers[name] for name in names}
+    if {"lat", "lon"} <= named.keys():
+        none = named["fix"] <= 0 if "fix" in named else np.zeros(len(frame), dtype=bool)
+        lat, lon = (named[name].mask(none).to_numpy() for name in ("lat", "lon"))
+        height = named["height"].to_numpy() if "height" in named else np.zeros(len(frame))
         if np.isfinite(lat * lon * height).any():
             origin = (np.nanmean(lat), np.nanmean(lon), np.nanmean(height))
             north, east, down = pymap3d.geodetic2ned(lat, lon, height, *origin)
             added |= {"north_m": north, "east_m": east}
-            added |= {"down_m": down} if has_height else {}
+            added |= {"down_m": down} if "height" in named else {}
     if {"qw", "qx", "qy", "qz"} <= set(frame):
         q = frame[["qx", "qy", "qz", "qw"]].to_numpy()
         good = np.isfinite(q).all(axis=1) & (np.abs(q).max(axis=1) > 0)

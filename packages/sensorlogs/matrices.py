@@ -65,7 +65,9 @@ def parquet(path: Path) -> list[Part]:
         values = pq.read_table(path, columns=[one.name], use_threads=False).column(0)
         if pa.types.is_timestamp(one.type):
             values = values.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())
-        elif not (pa.types.is_primitive(one.type) or pa.types.is_decimal(one.type)):
+        elif pa.types.is_temporal(one.type) or not (
+            pa.types.is_primitive(one.type) or pa.types.is_decimal(one.type)
+        ):
             return np.array(values.to_pylist(), dtype=object)
         return values.cast(pa.float64(), safe=False).to_numpy()
 

@@ -275,7 +275,8 @@ def _stretch(table: Table, option: dict):
             )
         rows, frame = rows[inside], frame.iloc[inside]
         t_s = t_s if t_s is None else t_s[inside]
-    return replace(table, frame=formats.about_the_mean(frame), rows=rows), time, t_s, notes
+    frame = formats.about_the_mean(frame, "channels" in option)
+    return replace(table, frame=frame, rows=rows), time, t_s, notes
 
 
 def _choices(table, time, stanza, wanted, option):
