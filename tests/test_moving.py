@@ -267,7 +267,7 @@ def test_nowhere_on_earth_is_no_fix(tmp_path):
         lines += [line.replace("50", "91", 1) if k == 4 else line for line in epoch(k)]
     for k, one in enumerate(lines):  # with checksums that agree
         body = one[1:].split("*")[0]
-        body = body.replace("00420.82", "18120.82") if 18 <= k < 21 else body
+        body = body.replace("00420.82", "40020.82") if 18 <= k < 21 else body
         body = body.replace(",100.0,", ",1e308,") if k == 25 else body
         lines[k] = sentence(body.replace("5050.", "9150.") if 12 <= k < 15 else body)
     gnss = (log := read_moving([nmea(tmp_path, lines)])).gnss
@@ -275,8 +275,8 @@ def test_nowhere_on_earth_is_no_fix(tmp_path):
     assert np.nanmax(np.abs(gnss.lat_deg)) < 51 and np.nanmax(gnss.lon_deg) < 5
     assert np.nanmax(gnss.height_m) == 100.0 and np.isnan(gnss.height_m[8])
     said = " ".join(log.notes)
-    assert "line 13: positions beyond 90 deg" in said and ": 2 left out" in said
-    assert "line 25: heights beyond 100 km" in said
+    assert "line 13, column 'lat_deg': positions beyond 90 deg" in said and ": 2 left out" in said
+    assert "line 25, column 'lat_deg': heights beyond 100 km" in said
 
 
 def test_mode_and_satellites(tmp_path):

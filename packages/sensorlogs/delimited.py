@@ -261,6 +261,8 @@ class Table:
         Line of each row of the file, where the format knows it.
     rows : ndarray or None
         Row in the file of each row of ``frame``, if some were left out.
+    stamps : times.Stamps or None
+        If the reader knows the time itself.
     """
 
     frame: pd.DataFrame
@@ -269,6 +271,7 @@ class Table:
     layout: Layout | None = None
     lines: np.ndarray | None = None
     rows: np.ndarray | None = None
+    stamps: Any = None
 
     @property
     def file(self) -> str:

@@ -387,12 +387,16 @@ def about_the_mean(frame: pd.DataFrame, every: bool = False) -> pd.DataFrame:
     if {"lat", "lon"} <= named.keys():
         none = named["fix"] <= 0 if "fix" in named else np.zeros(len(frame), dtype=bool)
         lat, lon = (named[name].mask(none).to_numpy() for name in ("lat", "lon"))
-        height = named["height"].to_numpy() if "height" in named else np.zeros(len(frame))
-        if np.isfinite(lat * lon * height).any():
+        height = named.get("height", pd.Series(0.0, frame.index)).to_numpy()
+        known = np.isfinite(height)
+        if np.isfinite(lat * lon).any() and known.any():
             origin = (np.nanmean(lat), np.nanmean(lon), np.nanmean(height))
-            north, east, down = pymap3d.geodetic2ned(lat, lon, height, *origin)
+            north, east, down = pymap3d.geodetic2ned(
+                lat, lon, np.where(known, height, origin[2]), *origin
+            )
             added |= {"north_m": north, "east_m": east}
-            added |= {"down_m": down} if "height" in named else {}
+            if "height" in named and known.sum() > 0.75 * np.isfinite(lat).sum():
+                added["down_m"] = np.where(known, down, np.nan)
     if {"qw", "qx", "qy", "qz"} <= set(frame):
         q = frame[["qx", "qy", "qz", "qw"]].to_numpy()
         good = np.isfinite(q).all(axis=1) & (np.abs(q).max(axis=1) > 0)

@@ -23,7 +23,6 @@ from sensorlogs import (
     columns,
     datasets,
     formats,
-    nmea,
     times,
     wrap,
 )
@@ -115,11 +114,7 @@ def read_moving(
     given = _given(unit, scale) | {"time_unit": time_unit}
     for path, parts in tables_of.items():
         sources[path.name] = datasets.sha256(path)
-        if [part.told_by for part in parts] == [nmea.STANDARD]:
-            epochs, clock, start, again, notes = nmea.read_gnss(formats.plain(path))
-            new = _Found({"GNSS": epochs}, {"GNSS": clock}, again, notes, start)
-        else:
-            new = _read_parts(path, parts, wanted[path], given, tables)
+        new = _read_parts(path, parts, wanted[path], given, tables)
         if new.restarts and times.DEVICE in new.clocks.values() and len(paths) > 1:
             raise CannotAnswer(
                 f"{path.name}: its clock starts again {len(new.restarts)} times, so that no other "
@@ -203,7 +198,7 @@ def _columns_of_each(wanted: dict, tables_of: dict[Path, list[Part]]) -> dict[Pa
     names = {
         path: dict.fromkeys(name for part in parts for name in part.columns)
         for path, parts in tables_of.items()
-        if [part.told_by for part in parts] != [nmea.STANDARD]
+        if not parts[0].told_by.endswith("NMEA standard")
     }
     if wanted and not names:
         raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
@@ -303,9 +298,8 @@ def _read_parts(
             new["IMU"] = _level(new["IMU"], rows.notes)
         found.parts |= new
         found.restarts += rows.restarts
-        found.clocks |= dict.fromkeys(
-            new, times.DAY if some[0].told_by == nmea.STANDARD else rows.clock
-        )
+        found.clocks |= dict.fromkeys(new, rows.clock)
+        found.start = found.start or rows.start
         found.notes += rows.notes
     return found
 
@@ -360,10 +354,12 @@ class _Rows:
         self.time, stamps = times.of_table(table, unit=given["time_unit"])
         said = (*table.repairs, *stamps.notes)
         self.notes = [n if n.startswith(self.file) else f"{self.file}: {n}" for n in said]
-        self.clock = stamps.clock
-        self.t, again = times.continued(stamps.on_clock)
+        self.clock, self.start = stamps.clock, stamps.start_utc
+        self.t, again = stamps.on_clock, stamps.again
+        if again is None:
+            self.t, again = times.continued(self.t)
         self.restarts = self.t[again].tolist()
-        if len(again):
+        if len(again) and stamps.again is None:
             place = table.place(again[0], self.time)
             self.notes.append(
                 f"{place}: the clock starts again, here first: {len(again) + 1} starts"

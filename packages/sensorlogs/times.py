@@ -69,12 +69,18 @@ class Stamps:
         UNIX, DAY or DEVICE.
     notes : tuple of str
         What was assumed.
+    again : ndarray of int, optional
+        Rows at which the clock starts again, if that is settled.
+    start_utc : str, optional
+        Date and time of the first stamp, where it is known apart from the clock.
     """
 
     since_s: np.ndarray
     zero_s: float
     clock: str
     notes: tuple[str, ...]
+    again: np.ndarray | None = None
+    start_utc: str | None = None
 
     @property
     def on_clock(self) -> np.ndarray:
@@ -181,6 +187,8 @@ def of_table(
     CannotAnswer
         As `stamps`, with file, line and column.
     """
+    if table.stamps and name in (None, "t_s"):
+        return "t_s", table.stamps
     name = name or time_column(table.frame)
     if name is None:
         numbers = table.frame.select_dtypes("number")
