@@ -607,7 +607,7 @@ def test_a_few_late_rows_are_dropped(tmp_path):
 def test_unknown_columns_are_wrong_usage(tmp_path):
     """property: --columns is checked on both sides of its equals sign."""
     path = csv(tmp_path, GNSS, gnss_rows(range(9)))
-    with pytest.raises(WrongUsage, match="no column 'Breite'"):
+    with pytest.raises(WrongUsage, match="no log has a column 'Breite'"):
         read_moving([path], columns={"lat_deg": "Breite"})
     with pytest.raises(WrongUsage, match="'altimeter' is none of"):
         read_moving([path], columns={"altimeter": "height_m"})
@@ -622,7 +622,7 @@ def test_each_csv_takes_the_columns_that_it_has(tmp_path):
     plain = read_moving([csv(tmp_path, IMU, imu_rows(range(20)), "plain.csv")])
     assert log.gnss.has_fix.all()
     np.testing.assert_allclose(log.imu.accel_b, plain.imu.accel_b)
-    with pytest.raises(WrongUsage, match=r"gnss.csv: no column 'Tal'.*imu.csv: no column 'Tal'"):
+    with pytest.raises(WrongUsage, match="no log has a column 'Tal'"):
         read_moving([gnss, imu], columns=wanted | {"pdop": "Tal"})
 
 
@@ -637,12 +637,6 @@ def test_gzipped_sentences(tmp_path):
     packed.write_bytes(packed.read_bytes()[:-20])
     with pytest.raises(CannotAnswer, match="cut off or damaged"):
         read_moving([packed])
-
-
-def test_columns_of_no_csv_are_wrong_usage(tmp_path):
-    """property: --columns beside NMEA alone would have no effect."""
-    with pytest.raises(WrongUsage, match="no log is a CSV"):
-        read_moving([nmea(tmp_path, epoch(0))], columns={"speed_m_s": "3"})
 
 
 # --- written and read back ------------------------------------------------------------------------

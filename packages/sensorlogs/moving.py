@@ -5,6 +5,7 @@ timeline = read_moving(["drive.csv"])               positions, and an IMU if the
 timeline = read_moving(["flight.ulg"])              the same from a ULog, a bag, UBX, GPX ...
 """
 
+import contextlib
 import datetime
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from sensorlogs import (
     IN_DEG_S,
@@ -28,7 +28,7 @@ from sensorlogs import (
 )
 from sensorlogs.archives import EXPORT
 from sensorlogs.catalogue import find
-from sensorlogs.columns import AXES, recognise
+from sensorlogs.columns import AXES, closest, recognise
 from sensorlogs.delimited import Table
 from sensorlogs.tables import Part, ask, interpolated, named
 from sensorlogs.timeline import (
@@ -107,26 +107,35 @@ def read_moving(
     CannotAnswer, WrongUsage
         Naming file, line and column.
     """
-    found, sources = _Found(), {}
-    paths = [find(log)[2] for log in logs]
-    tables_of = {path: formats.parts_of(path) for path in paths}
-    wanted = _columns_of_each(columns or {}, tables_of)
-    given = _given(unit, scale) | {"time_unit": time_unit}
+    found, sources, used = _Found(), {}, set[str]()
+    wanted, given = columns or {}, _given(unit, scale) | {"time_unit": time_unit}
+    tables_of = {path: formats.parts_of(path) for _, _, path in map(find, logs)}
+    there = [name for parts in tables_of.values() for part in parts for name in part.columns]
     for path, parts in tables_of.items():
         sources[path.name] = datasets.sha256(path)
-        new = _read_parts(path, parts, wanted[path], given, tables)
-        if new.restarts and times.DEVICE in new.clocks.values() and len(paths) > 1:
-            raise CannotAnswer(
-                f"{path.name}: its clock starts again {len(new.restarts)} times, so that no other "
-                "log can be matched to it; cut the logs there and give the parts of one start"
+        parts, before = [_assigned(part, wanted, used) for part in parts], {*found.parts}
+        for rows in _rows_of(path, parts, given, tables):
+            new = rows.parts()
+            if rows.restarts and rows.clock == times.DEVICE and len(tables_of) > 1:
+                raise CannotAnswer(
+                    f"{path.name}: its clock starts again {len(rows.restarts)} times, so that no "
+                    "other log can be matched to it; cut the logs and give the parts of one start"
+                )
+            if again := before & new.keys() - {"attitude"}:
+                raise WrongUsage(f"{path.name}: a second {again.pop()} log; give one of each")
+            new = {kind: part for kind, part in new.items() if kind not in before}
+            found.parts |= new
+            found.clocks |= dict.fromkeys(new, rows.clock)
+            found.restarts += rows.restarts
+            found.notes += rows.notes
+            found.start = rows.start or found.start
+    for ours, theirs in wanted.items():
+        if ours not in used:
+            near = closest(theirs.removeprefix("-"), there)
+            raise WrongUsage(
+                f"--columns {ours}={theirs}: no log has a column '{theirs}'{near}; there are: "
+                + ", ".join(dict.fromkeys(there))
             )
-        for kind in new.parts:
-            if kind in found.parts and kind != "attitude":
-                raise WrongUsage(f"{path.name}: a second {kind} log; give one of each")
-        found.parts, found.clocks = new.parts | found.parts, new.clocks | found.clocks
-        found.restarts += new.restarts
-        found.notes += new.notes
-        found.start = new.start or found.start
     return _on_one_axis(found, sources, imu_offset)
 
 
@@ -192,27 +201,41 @@ def _given(unit: str | None, scale: str | None) -> dict[str, Any]:
     return given
 
 
-def _columns_of_each(wanted: dict, tables_of: dict[Path, list[Part]]) -> dict[Path, dict]:
-    """Give each log those of the wanted columns that it has; a single one has to have all."""
-    each: dict[Path, dict[str, str]] = {path: {} for path in tables_of}
-    names = {
-        path: dict.fromkeys(name for part in parts for name in part.columns)
-        for path, parts in tables_of.items()
-        if not parts[0].told_by.endswith("NMEA standard")
-    }
-    if wanted and not names:
-        raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
+def _assigned(part: Part, wanted: dict[str, str], used: set[str]) -> Part:
+    """Give columns the names that the user assigns to them; drop others of the same meaning.
+
+    Parameters
+    ----------
+    part : Part
+    wanted : dict
+        Our names (``speed_km_h``, ``gyro_x_deg_s``, ``t_s``) -> the file's columns; a minus before
+        the column changes its sign.
+    used : set of str
+        Gets those of our names that this table has.
+    """
+    mine = {}
     for ours, theirs in wanted.items():
-        errors = []
-        for path, there in names.items():
-            try:
-                columns.resolve(theirs.removeprefix("-"), list(there), path.name)
-                each[path][ours] = theirs
-            except WrongUsage as error:
-                errors.append(str(error))
-        if len(errors) == len(names):
-            raise WrongUsage("; ".join(errors))
-    return each
+        if not recognise(ours).quantity:
+            raise WrongUsage(
+                f"--columns {ours}={theirs}: '{ours}' is none of t_s, lat_deg, lon_deg, height_m, "
+                "pdop, speed_m_s, course_deg, has_fix, accel_x_m_s2 ..., gyro_x_deg_s ..."
+            )
+        with contextlib.suppress(WrongUsage):
+            mine[ours] = columns.resolve(theirs.removeprefix("-"), part.columns, "")
+    if not mine:
+        return part
+    used.update(mine)
+    taken = {recognise(ours).quantity for ours in mine}
+    gone = [n for n in part.columns if n in mine.values() or recognise(n).quantity in taken]
+
+    def load(_) -> Table:
+        table = part.load(None)
+        new = {ours: table.frame[name] for ours, name in mine.items()}
+        new |= {ours: -new[ours] for ours in mine if wanted[ours].startswith("-")}
+        frame = table.frame.drop(columns=gone, errors="ignore")
+        return replace(table, frame=frame.assign(**new))
+
+    return replace(part, columns=(*(n for n in part.columns if n not in gone), *mine), load=load)
 
 
 def _shift(gnss, imu, clocks, offset, notes, start) -> float:
@@ -255,12 +278,12 @@ def _dates_apart(gnss, imu, start) -> Iterator[str]:
     )
 
 
-def _read_parts(
-    path: Path, parts: list[Part], wanted: dict, given: dict, tables: Sequence[str]
-) -> _Found:
+def _rows_of(
+    path: Path, parts: list[Part], given: dict, tables: Sequence[str]
+) -> Iterator["_Rows"]:
     """Read the tables of a log that have the positions, the IMU and the attitude."""
     wished = {named(parts, name, path.name).name for name in tables if len(parts) > 1}
-    known = {part.name: {recognise(n).quantity for n in (*part.columns, *wanted)} for part in parts}
+    known = {part.name: {recognise(name).quantity for name in part.columns} for part in parts}
 
     def having(needed) -> tuple[Part, ...]:
         """Find the one table that has all of these: a tuple of one, or an empty one."""
@@ -277,7 +300,6 @@ def _read_parts(
     attitudes = [p for p in parts if p.primary and known[p.name].issuperset(NEEDED["attitude"])]
     if len(attitudes) == 1 and (attitudes[0],) not in chosen:
         chosen.append((attitudes[0],))
-    found = _Found()
     for some in chosen or [tuple(parts[:1])]:
         try:
             table = formats.load(some)
@@ -285,23 +307,8 @@ def _read_parts(
             if len(some) == 1:
                 raise
             table = formats.load(some, join=interpolated)
-        mine, said = wanted, given
-        if len(parts) > 1:
-            mine = {k: v for k, v in wanted.items() if v.removeprefix("-") in table.frame}
-            time = times.time_column(table.frame)
-            if time and times.unit_of(time):  # the flag is for another table
-                said = given | {"time_unit": None}
-        table = replace(table, frame=_rename(table.frame, mine, table.file))
-        rows = _Rows(table, said)
-        new = rows.parts()
-        if "IMU" in new and some[0].told_by == EXPORT:
-            new["IMU"] = _level(new["IMU"], rows.notes)
-        found.parts |= new
-        found.restarts += rows.restarts
-        found.clocks |= dict.fromkeys(new, rows.clock)
-        found.start = found.start or rows.start
-        found.notes += rows.notes
-    return found
+        stated = times.unit_of(times.time_column(table.frame) or "") and len(parts) > 1
+        yield _Rows(table, given | {"time_unit": None} if stated else given, some[0].told_by)
 
 
 def _level(imu: Imu, notes: list[str]) -> Imu:
@@ -316,41 +323,12 @@ def _level(imu: Imu, notes: list[str]) -> Imu:
     return replace(imu, gyro_b=gyro, accel_b=accel)
 
 
-def _rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFrame:
-    """Give columns the names that the user assigns to them; drop others of the same meaning.
-
-    Parameters
-    ----------
-    frame : pandas.DataFrame
-    wanted : dict
-        Our names (``speed_km_h``, ``gyro_x_deg_s``, ``t_s``) -> the file's columns; a minus before
-        the column changes its sign.
-    file : str
-        For the messages.
-    """
-    names = list(frame.columns)
-    picked = {
-        ours: columns.resolve(theirs.removeprefix("-"), names, file)
-        for ours, theirs in wanted.items()
-    }
-    for ours, theirs in picked.items():
-        if not recognise(ours).quantity:
-            raise WrongUsage(
-                f"--columns {ours}={theirs}: '{ours}' is none of t_s, lat_deg, lon_deg, height_m, "
-                "pdop, speed_m_s, course_deg, has_fix, accel_x_m_s2 ..., gyro_x_deg_s ..."
-            )
-    taken = {recognise(ours).quantity for ours in picked}
-    drop = [n for n in names if n not in picked.values() and recognise(n).quantity in taken]
-    frame = frame.drop(columns=drop).rename(columns={v: k for k, v in picked.items()})
-    negative = [ours for ours, theirs in wanted.items() if theirs.startswith("-")]
-    return frame.assign(**{ours: -frame[ours] for ours in negative})
-
-
 class _Rows:
     """Rows of a table with their times: the epochs and samples that are made of them."""
 
-    def __init__(self, table: Table, given: dict):
+    def __init__(self, table: Table, given: dict, told_by: str):
         self.table, self.given, self.file = table, given, table.file
+        self.told_by = told_by
         self.time, stamps = times.of_table(table, unit=given["time_unit"])
         said = (*table.repairs, *stamps.notes)
         self.notes = [n if n.startswith(self.file) else f"{self.file}: {n}" for n in said]
@@ -392,6 +370,8 @@ class _Rows:
                 + ", ".join(self.table.frame)
             )
         self.notes += [f"{self.file}: {lack}: not used" for lack in lacks]
+        if "IMU" in made and self.told_by == EXPORT:
+            made["IMU"] = _level(made["IMU"], self.notes)
         return made
 
     def column(self, what: str) -> np.ndarray:

@@ -46,8 +46,8 @@ _STAMPED_BREAK = re.compile(
 Sentence = tuple[int, NMEAMessage]
 _POSITION = ("lat_deg", "lon_deg")
 _FIELDS = NAMES["nmea"]
-COLUMNS = ("t_s", *_POSITION, "height_m", "separation_m", "speed_m_s", "course_deg", "fix", "hdop")
-COLUMNS += ("pdop", "fix_mode", "quality", "satellites")
+COLUMNS: tuple[str, ...] = ("t_s", *_POSITION, "height_m", "separation_m", "speed_m_s")
+COLUMNS += ("course_deg", "fix", "hdop", "pdop", "fix_mode", "quality", "satellites")
 _NO_FIX = {0, 6}  # none, and estimated (the receiver's own dead reckoning)
 
 
