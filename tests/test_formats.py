@@ -962,7 +962,7 @@ def test_a_ulog_without_an_imu(tmp_path):
     rows = [_ulog_message("D", struct.pack("<HQf", 0, 1000 * k, 12.0)) for k in range(100)]
     head = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)
     (tmp_path / "log.ulg").write_bytes(b"".join([head, fields, added, *rows]))
-    with pytest.raises(CannotAnswer, match="which has battery_status: if it is whole, log one"):
+    with pytest.raises(CannotAnswer, match=r"it has battery_status: .*log one"):
         read(tmp_path / "log.ulg")
 
 

@@ -166,11 +166,8 @@ def per_kind(text: str | None, flag: str) -> dict[str | None, str]:
     for part in text.split(","):
         kind, _, value = (side.strip() for side in part.partition("="))
         if kind not in _KINDS or not value:
-            raise WrongUsage(
-                f"--{flag} {text}: write it for each kind, such as --{flag} "
-                f"{'gyro=deg/s,accel=g' if flag == 'unit' else 'gyro=1/131,accel=1/16384'}; kinds "
-                f"are {', '.join(FLAG.values())}"
-            )
+            such = "gyro=deg/s,accel=g" if flag == "unit" else "gyro=1/131,accel=1/16384"
+            raise WrongUsage(f"--{flag} {text}: write {such}; kinds are {', '.join(FLAG.values())}")
         found[_KINDS[kind]] = value
     return found
 
@@ -451,25 +448,22 @@ def choose(
     stated = units or any(split(c.column)[1] for c in chosen if c.kind in ("rate", "accel"))
     if no_unit and (wanted or not stated):
         raise WrongUsage(
-            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(flags)}, if that is right "
-            "(gyros may be in rad/s), or put the units into the header, with names such as "
-            "gyro_x_deg_s, accel_z_g",
+            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(flags)}, if that is right, "
+            "or put the units into the header, such as gyro_x_deg_s, accel_z_g",
             flags,
         )
     if not any(units.get(None) in (None, c.unit) for c in chosen):
         options = [f"--{o} {v}" for o, v in (("unit", unit), ("kind", kind)) if v]
         raise WrongUsage(
             f"{file}: {' '.join(options) or 'no unit that is known'} fits none of the columns "
-            f"{', '.join(frame)}: leave it out, or state their unit with --unit, or in the header "
-            "with names such as gyro_x_deg_s, accel_z_g"
+            f"{', '.join(frame)}: leave it out, or state their unit with --unit or in the header"
         )
     guessed = _refuse_counts(frame, file, chosen, scales, flags)
     mute = [c.column for c in chosen if c.kind == "accel" and not split(c.column)[1]]
     if mute and size and not units.keys() & {"accel", None}:
-        names = ", ".join(mute)
         guessed.append(
-            f"columns {names} read as accel in {size} (by their length, one g; --unit accel=... "
-            "overrules)"
+            f"columns {', '.join(mute)} read as accel in {size} (by their length, one g; --unit "
+            "accel=... overrules)"
         )
     if left_out := left_out | no_unit:
         reasons = {w: [n for n, its in left_out.items() if its == w] for w in left_out.values()}
@@ -491,15 +485,12 @@ def given_units(unit: str | None, kind: str | None = None) -> dict[str | None, s
     for its, text in units.items():
         spelled = unit_of(text) or (text if kind else None)
         if not spelled:
-            raise WrongUsage(
-                f"--unit {text} is not one of {', '.join(KIND_OF_UNIT)}; with --kind any unit is "
-                "taken"
-            )
+            known = ", ".join(KIND_OF_UNIT)
+            raise WrongUsage(f"--unit {text} is not one of {known}; with --kind any is taken")
         stated = its or kind
         if stated and KIND_OF_UNIT.get(spelled, stated) != stated:
             raise WrongUsage(
                 f"--unit {unit}: {spelled} is a unit of {KIND_OF_UNIT[spelled]}, not of {stated}"
-                + ("" if its else ": leave out --kind")
             )
         units[its] = spelled
     return units
@@ -562,8 +553,7 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
         one = gravity_unit(_norm(frame, three))
         raise WrongUsage(
             f"{file}: columns {', '.join(three)} have the length of one g in {one}: say --columns "
-            f"{','.join(three)} with --kind accel --unit {one}, or with --kind {usual or 'rate'} "
-            "if they are that"
+            f"{','.join(three)} with --kind accel --unit {one}, or with --kind {usual or 'rate'}"
         )
     if set(kinds.values()) == {"angle"} and usual == "rate":
         kinds = dict.fromkeys(kinds, "rate")  # roll, pitch and yaw in deg/s
@@ -647,9 +637,8 @@ def _refuse_counts(frame, file, chosen, scales, flags) -> list[str]:
         where = f"columns {', '.join(names)}: whole numbers"
         if _norm(frame, names) > _LARGEST[kind] or not all(split(name)[1] for name in names):
             raise WrongUsage(
-                f"{file}, {where} only: these look like raw counts of the converter, not {unit}; "
-                f"{_spelled(flags)} with the {unit} per count of the datasheet, or --scale "
-                f"{FLAG[kind]}=1 if they are {unit}",
+                f"{file}, {where} only: these look like raw counts, not {unit}; {_spelled(flags)} "
+                f"with the datasheet's {unit} per count, or --scale {FLAG[kind]}=1",
                 flags,
             )
         said.append(f"{where}, taken as {unit} (raw counts need --scale {FLAG[kind]}=...)")

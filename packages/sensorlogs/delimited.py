@@ -155,7 +155,7 @@ def _head(path: Path) -> tuple[list[str], str]:
             line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
             raise CannotAnswer(
                 f"{path.name}, line {line}: bytes that are not text: a damaged file, or a binary "
-                "format that README does not list; cut it before that line, or export it as CSV"
+                "format that is not known; cut it before that line, or export it as CSV"
             )
         encoding = "utf-8-sig" if head[:3] == b"\xef\xbb\xbf" else "utf-8"
     # The head may end within a character, which is not wrong, only not whole.
@@ -410,10 +410,8 @@ def _row(fields: list[str], layout: Layout) -> list:
     while len(fields) > len(layout.names) and not fields[-1].strip():
         fields = fields[:-1]
     if len(fields) > len(layout.names):
-        raise ValueError(
-            f"column '{layout.names[-1]}' should be the last ({len(layout.names)}), "
-            f"but the line has {len(fields)} fields"
-        )
+        last = f"column '{layout.names[-1]}' should be the last ({len(layout.names)})"
+        raise ValueError(f"{last}, but the line has {len(fields)} fields")
     values: list = []
     for j, name in enumerate(layout.names):
         field = fields[j].strip() if j < len(fields) else ""

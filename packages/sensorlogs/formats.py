@@ -90,10 +90,8 @@ def serial(path: Path) -> list[Part]:
             elif line.strip():
                 left_out += 1
     if len(set(names)) < len(names) or left_out > 0.01 * len(rows) + 3:
-        raise CannotAnswer(
-            f"{path.name}: {left_out:,} of {left_out + len(rows):,} lines do not have the names of "
-            f"the first ({', '.join(names)}): write one line for each sample, or CSV"
-        )
+        of = f"{left_out:,} of {left_out + len(rows):,} lines"
+        raise CannotAnswer(f"{path.name}: {of} do not have the names of the first: write CSV")
     notes = [f"{counted(left_out, 'line')} with other names left out"] * bool(left_out)
     if not line.endswith("\n") and lines[-1:] == [number]:  # a number may have lost digits
         notes.append(f"line {lines.pop()}: {delimited.CUT_OFF}")
@@ -159,8 +157,17 @@ class Format:
     reader: str
     needs: str = ""
 
+    @property
+    def is_here(self) -> bool:
+        """Tell whether its library is installed."""
+        return not self.needs or importlib.util.find_spec(self.needs) is not None
+
     def parts(self, path: Path) -> list[Part]:
         """List the tables of a file."""
+        if not self.is_here:
+            raise WrongUsage(
+                f"{path.name} is {self.title}: in the project's folder run: pip install '.[logs]'"
+            )
         module, _, name = self.reader.partition(".")
         return getattr(importlib.import_module(f"sensorlogs.{module}"), name)(path)
 
@@ -237,7 +244,7 @@ def format_of(path: Path) -> str:
         with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
             head = b"PK " + "".join(f"{name}\n" for name in packed.namelist()).encode()
     name = next(name for name, one in FORMATS.items() if one.tells(head))
-    if name == "nmea" and _is_here(FORMATS["ubx"]):  # with binary messages, which say more
+    if name == "nmea" and FORMATS["ubx"].is_here:  # with binary messages, which say more
         from sensorlogs import robot_logs
 
         return "ubx" if robot_logs.holds_ubx(delimited.content(path)) else name
@@ -277,23 +284,7 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
     if known == "csv" and zipfile.is_zipfile(path):
         stat = path.stat()
         return _parts(archives.unzipped(path, (stat.st_size, stat.st_mtime_ns)))
-    found = FORMATS[known]
-    _check_extra(path, found)
-    return found.parts(path)
-
-
-def _is_here(found: Format) -> bool:
-    """Tell whether the library of a format is installed."""
-    return not found.needs or importlib.util.find_spec(found.needs) is not None
-
-
-def _check_extra(path: Path, found: Format) -> None:
-    """Refuse a format whose library is not installed."""
-    if not _is_here(found):
-        raise WrongUsage(
-            f"{path.name} is {found.title}, which needs the extra 'logs': in the project's folder "
-            "run: pip install '.[logs]'"
-        )
+    return FORMATS[known].parts(path)
 
 
 def load(

@@ -118,8 +118,8 @@ def read_moving(
             new = rows.parts()
             if rows.restarts and rows.clock == times.DEVICE and len(tables_of) > 1:
                 raise CannotAnswer(
-                    f"{path.name}: its clock starts again {len(rows.restarts)} times, so that no "
-                    "other log can be matched to it; cut the logs and give the parts of one start"
+                    f"{path.name}: its clock starts again, so that no other log can be matched to "
+                    "it; cut the logs and give the parts of one start"
                 )
             if again := before & new.keys() - {"attitude"}:
                 raise WrongUsage(f"{path.name}: a second {again.pop()} log; give one of each")
@@ -154,8 +154,8 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
         apart = max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])
         if apart > 0:
             raise CannotAnswer(
-                f"the IMU log and the GNSS log do not overlap: {apart:.6g} s lie between them; "
-                "give logs of one ride, or say --imu-offset"
+                f"the logs do not overlap: {apart:.6g} s lie between: give those of one ride, or "
+                "say --imu-offset"
             )
     clock = clocks.get("GNSS") or next(iter(clocks.values()))
     if "attitude" in parts and clocks["attitude"] != clocks.get("GNSS", clocks["attitude"]):
@@ -170,8 +170,7 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
         if gaps := silent_gaps(gnss, imu):
             notes.append(
                 f"nothing is recorded for over {SILENT_S:g} s before t = {gaps[0]:.0f} s: switched "
-                "on again there, or its clock jumped ahead, which the stamps do not tell; "
-                f"{len(gaps)} times in all"
+                f"on again there, or its clock jumped ahead; {len(gaps)} times in all"
             )
         again = sorted({*again, *gaps})
         factor = gnss.speed_factor()
@@ -179,8 +178,7 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
             gnss = replace(gnss, speed_m_s=np.full(len(gnss.t_s), np.nan))
             notes.append(
                 f"the positions move {factor:.2f} times as fast as the speed says: its unit is "
-                "another one; the speed is left out. Say the unit with --columns speed_km_h=COLUMN "
-                "(or speed_m_s, speed_knots, speed_mph)"
+                "another one; it is left out. Say --columns speed_km_h=COLUMN, or speed_m_s ..."
             )
     said = tuple(dict.fromkeys(notes))
     return Timeline(gnss, imu, found.start, said, sources, attitude, zero, clock, tuple(again))
@@ -195,8 +193,7 @@ def _given(unit: str | None, scale: str | None) -> dict[str, Any]:
     for flag, each in given.items():
         if None in each:
             raise WrongUsage(
-                f"--{flag} {each[None]}: an IMU has gyros and accelerometers: say "
-                f"--{flag} gyro={each[None]}, or accel=, or both with a comma"
+                f"--{flag} {each[None]}: an IMU has gyros and accelerometers: say gyro=, or accel="
             )
     return given
 
@@ -250,8 +247,7 @@ def _shift(gnss, imu, clocks, offset, notes, start) -> float:
         return 0.0
     if times.DEVICE in both:
         raise WrongUsage(
-            "the stamps of the IMU and of the GNSS log are of different clocks; say --imu-offset "
-            "S, the seconds from the first GNSS epoch to the first IMU sample"
+            "IMU and GNSS stamps are of different clocks; say --imu-offset S, from the first epoch"
         )
     if start and both == (times.DAY, times.UNIX):
         notes += _dates_apart(gnss, imu, start)
@@ -273,8 +269,7 @@ def _dates_apart(gnss, imu, start) -> Iterator[str]:
     )
     yield (
         f"by their dates the GNSS log (from {one}) and the IMU log (from {other}) lie a day or "
-        "more apart: matched by the time of day, the receiver's date taken as wrong; if it is not, "
-        "this is no ride"
+        "more apart: matched by the time of day, the receiver's date taken as wrong"
     )
 
 
@@ -315,10 +310,7 @@ def _level(imu: Imu, notes: list[str]) -> Imu:
     """Turn the axes of a phone that lies with its screen up: x ahead, y right, z down."""
     if np.median(imu.accel_b[:, 2]) < Z_UP:
         return imu
-    notes.append(
-        "the phone lies with its screen up: its axes (x right, y to the top edge, z up) are turned "
-        "to x to the top edge, y right, z down"
-    )
+    notes.append("the phone lies with its screen up: axes turned to x ahead, y right, z down")
     gyro, accel = (axes[:, [1, 0, 2]] * [1.0, 1.0, -1.0] for axes in (imu.gyro_b, imu.accel_b))
     return replace(imu, gyro_b=gyro, accel_b=accel)
 
@@ -434,10 +426,8 @@ class _Rows:
                 f"of {fix.sum():,} positions; give degrees, latitude and longitude not exchanged"
             )
         if (speed < 0).any():
-            self.notes.append(
-                f"{self.file}: column '{self.names['speed']}': {(speed < 0).sum():,} below zero, "
-                "left out"
-            )
+            said = f"column '{self.names['speed']}': {(speed < 0).sum():,} below zero, left out"
+            self.notes.append(f"{self.file}: {said}")
         blank = {"lat_deg": lat, "lon_deg": lon, "height_m": column("height")}
         blank |= {"speed_m_s": np.where(speed >= 0, speed, np.nan), "course_deg": column("course")}
         blank = {name: np.where(fix, array, np.nan) for name, array in blank.items()}
@@ -478,8 +468,7 @@ class _Rows:
         if columns.gravity_unit(norm, 0.25) != "m/s^2":
             raise WrongUsage(
                 f"{self.file}, columns {', '.join(names[3:])}: the median length is {norm:.3g} "
-                "m/s^2, which is no gravity; give specific force (gravity included) as "
-                "accel_x_m_s2 or accel_x_g; raw counts need --scale, such as --scale accel=1/16384"
+                "m/s^2, which is no gravity; give specific force; raw counts need --scale"
             )
         return Imu(self.t[rows], gyro, accel)
 

@@ -169,16 +169,13 @@ def read_table(path: Path) -> Table:
         bare = len(re.findall(TALKER + rb"(?:" + kinds + rb")," + _BODY + _END, raw))
         raise CannotAnswer(
             f"{path.name}: no right checksum in {wrong:,} NMEA sentences, from line 1 on: {bare:,} "
-            f"have no checksum (*hh at the end), {wrong - bare:,} a wrong one or are cut off; log "
-            "GGA or RMC as the receiver sends them, or give the positions as CSV"
+            f"have no checksum, {wrong - bare:,} a wrong one; log GGA or RMC as they are sent"
         )
     found = epochs(messages)
     notes = []
     if wrong:
-        notes.append(
-            f"{path.name}: {wrong:,} of {wrong + len(messages):,} sentences cut off or with a "
-            "wrong checksum, left out"
-        )
+        of = f"{wrong:,} of {wrong + len(messages):,} sentences"
+        notes.append(f"{path.name}: {of} cut off or with a wrong checksum, left out")
     if joined:
         notes.append(f"{path.name}: {counted(joined, 'sentence')} broken over two lines, joined")
     newlines = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == ord("\n"))

@@ -95,19 +95,15 @@ def _receiver(raw, name, path, origin):
     """Read an antenna: epoch number, positions, which are fixed, and its stamps by both clocks."""
     group = f"GPS_SparkFun_{name}_GGA"
     if group not in raw:
-        raise CannotAnswer(
-            f"{path.name}: no antenna '{group}' in the file; pitch and roll need all three "
-            f"({', '.join(ANTENNAS)})"
-        )
+        raise CannotAnswer(f"{path.name}: no antenna '{group}'; pitch and roll need all three")
     names = ("GPS_Time", "ROS_Time", "Latitude", "Longitude", "Altitude", "GeoSep", "DGPS_mode")
     gps, computer, lat, lon, altitude, separation, mode = _columns(raw[group], names, path)
     good = np.isfinite(gps + lat + lon + altitude + separation)
     fixed = good & (mode == RTK_FIXED)
     if not fixed.any():
-        best = f"best DGPS_mode {np.nanmax(mode):g}" if np.isfinite(mode).any() else "no DGPS_mode"
         raise CannotAnswer(
-            f"{path.name}: antenna {name} is never RTK fixed (mode {RTK_FIXED}; {best}), and "
-            "without centimetres there is no attitude: give a log with RTK"
+            f"{path.name}: antenna {name} is never RTK fixed (DGPS_mode {RTK_FIXED}): without "
+            "centimetres there is no attitude"
         )
     east, north, _ = pymap3d.geodetic2enu(lat, lon, altitude + separation, *origin, 0.0)
     # The tangent plane departs from mean sea level by 7 mm in 300 m: heights are those of GGA.

@@ -4,6 +4,7 @@ Their message definitions state the units, so that nothing has to be guessed. On
 the table that is wanted are kept.
 """
 
+import calendar
 import contextlib
 import functools
 import itertools
@@ -15,7 +16,6 @@ from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -192,17 +192,10 @@ def ulog(path: Path) -> list[Part]:
         primary = data.name in _ULOG
         parts.append(of_arrays(path, label, columns, notes, told_by=DEFINED, primary=primary))
     if not parts:
-        with reading(path, "a PX4 ULog"), _silent():
-            others = sorted({data.name for data in ULog(str(path)).data_list})
-        if not others:
-            raise CannotAnswer(
-                f"{path.name}: a PX4 ULog without any data, cut off behind its header: copy it "
-                "again, or record anew"
-            )
         raise CannotAnswer(
-            f"{path.name}: a PX4 ULog without sensor_combined, sensor_gyro, sensor_accel or a GPS, "
-            f"which has {', '.join(others[:LISTED])}: if it is whole, log one of them "
-            "(SDLOG_PROFILE of PX4)"
+            f"{path.name}: a PX4 ULog cut off, or without sensor_combined, sensor_gyro, "
+            f"sensor_accel or a GPS; it has {', '.join(sorted(log.message_formats)[:LISTED])}: "
+            "copy it again, or log one of them"
         )
     return parts
 
@@ -337,13 +330,11 @@ def ubx(path: Path) -> list[Part]:
 def _ubx_rows(message: Any) -> Iterator[dict[str, float]]:
     """Make the rows of one message."""
     if message.identity == "NAV-PVT":
-        day = (message.year, message.month, message.day)
-        clock = (message.hour, message.min, message.second)
+        date = (message.year, message.month, message.day, message.hour, message.min, message.second)
         known = message.validDate and message.validTime
+        start = calendar.timegm(date) if known else np.nan
         yield {
-            "t_s": datetime(*day, *clock, tzinfo=UTC).timestamp() + 1e-9 * message.nano
-            if known
-            else np.nan,
+            "t_s": start + 1e-9 * message.nano,
             "t_ms": message.iTOW,
             "lat_deg": message.lat,
             "lon_deg": message.lon,

@@ -269,10 +269,8 @@ def _stretch(table: Table, option: dict):
         at = rows / rate if t_s is None else t_s
         inside = ~(at < start) & ~(at >= stop)
         if not inside.any():
-            raise WrongUsage(
-                f"{file}: no row from {start:g} s to {stop:g} s; the log lasts "
-                f"{np.nanmax(at):.6g} s"
-            )
+            lasts = f"the log lasts {np.nanmax(at):.6g} s"
+            raise WrongUsage(f"{file}: no row from {start:g} s to {stop:g} s; {lasts}")
         rows, frame = rows[inside], frame.iloc[inside]
         t_s = t_s if t_s is None else t_s[inside]
     frame = formats.about_the_mean(frame, "channels" in option)
@@ -314,18 +312,15 @@ def _choices(table, time, stanza, wanted, option):
         if name in wanted or (not wanted and said.kind in ("rate", "accel") and not said.other):
             wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
             row = int(np.argmax(wrong))
+            cell = printable(str(frame[name].iloc[row]))
             raise CannotAnswer(
-                f"{table.place(row, name)}: '{printable(str(frame[name].iloc[row]))}' is not a "
-                "number; correct the column, or choose others with --columns"
+                f"{table.place(row, name)}: '{cell}' is not a number; correct it, or say --columns"
             )
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
     lost = {"lat_deg", "lon_deg"} <= set(frame) and "north_m" not in frame and not wanted
     if lost and not any(columns.recognise(name).kind for name in numeric):
-        raise CannotAnswer(
-            f"{file}: no fix: none of the {len(frame):,} epochs has a position; give a log in "
-            "which the receiver has found its satellites"
-        )
+        raise CannotAnswer(f"{file}: no fix: none of the {len(frame):,} epochs has a position")
     notes = [f"column '{warm}' kept as the temperature, in {unit}"] if warm else []
     empty = [n for n in numeric if n not in wanted and not frame[n].notna().any()]
     if empty and len(empty) < len(numeric):
@@ -377,8 +372,7 @@ def _channel(
         if count > MISSING_ALLOWED * len(cells):
             raise CannotAnswer(
                 f"{table.place(row, choice.column)}: no value here, nor in {count:,} of "
-                f"{len(cells):,} rows; more than {MISSING_ALLOWED:.0%} missing is too much: choose "
-                "other --columns, or a stretch with --from and --to"
+                f"{len(cells):,} rows: choose other --columns, or a stretch with --from and --to"
             )
         lost.append((why, count, row, choice.column))
         values, cells = cells[finite], np.where(finite, cells, np.nan)

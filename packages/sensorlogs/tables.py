@@ -140,9 +140,8 @@ def choose(parts: Sequence[Part], path: Path, title: str, name: str | None = Non
             if found:
                 raise ask(found, path)
     raise CannotAnswer(
-        f"{path.name}: {title} without gyros, accelerometers, angles or positions that are named "
-        f"as such; it has {listed(parts) or 'no table'}: give a log with one of these, or take "
-        "columns of a table with --table, --columns and --unit"
+        f"{path.name}: {title} without gyros, accelerometers, angles or positions by name; it has "
+        f"{listed(parts) or 'no table'}: take columns of one with --table, --columns and --unit"
     )
 
 

@@ -195,9 +195,9 @@ def of_table(
         rising = [n for n in numbers if len(numbers) > 2 and (numbers[n].diff()[1:] > 0).all()]
         hints = [f" (column '{n}' only ever rises: --time {shlex.quote(n)}?)" for n in rising]
         raise WrongUsage(
-            f"{table.file}, line 1: no column is named as time: say --time COLUMN"
-            f"{''.join(hints[:1])} or, of a moving log, --columns t_s=COLUMN; or --rate HZ, if "
-            f"the rows of a static log are evenly spaced; there are: {', '.join(table.frame)}"
+            f"{table.file}, line 1: no column is named as time: say --rate HZ, or --time COLUMN"
+            f"{''.join(hints[:1])}, or of a moving log --columns t_s=COLUMN; there are: "
+            + ", ".join(table.frame)
         )
     with stamp_errors_at(table, name):
         return name, stamps(name, table.frame[name].to_numpy(), rate_hz, unit)
@@ -292,7 +292,7 @@ def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
             likely = "d" if t[0] > 1e4 else "h"
         raise WrongUsage(
             f"time column '{name}' advances by {step:.6g}: in which unit? Say --time-unit {likely} "
-            f"(or {', '.join(SCALES)}), or rename it to '{name}_{likely}' in the header",
+            f"(or {', '.join(SCALES)}), or call it '{name}_{likely}'",
             {"--time-unit": likely},
         )
     return "s", ""
