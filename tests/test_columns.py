@@ -395,10 +395,10 @@ def test_of_two_columns_of_a_meaning_the_plainer_one_counts(tmp_path):
 @pytest.mark.parametrize(
     ("spelled", "unit"),
     [
-        ("º/s degree/second deg.s-1 Degrees_per_second grad/s deg·s⁻¹ degs", "deg/s"),
-        ("rad·s⁻¹ rad.s-1 rads/s radians/sec rad_per_s", "rad/s"),
-        ("m·s⁻² m.s-2 ms-2 m/s**2 meters/s^2 m/sec² m_s_2", "m/s^2"),
-        ("deg/hr °/h deg_per_hour", "deg/h"),
+        ("º/s degree/second deg.s-1 Degrees_per_second grad/s deg·s⁻¹ degs deg_s", "deg/s"),
+        ("rad·s⁻¹ rad.s-1 rads/s radians/sec rad_per_s rad_s", "rad/s"),
+        ("m·s⁻² m.s-2 ms-2 m/s**2 meters/s^2 m/sec² m_s_2 m_s2", "m/s^2"),
+        ("deg/hr °/h deg_per_hour deg_h", "deg/h"),
         ("°C s Hz ms mdps m/s rad2 dBm %", None),
     ],
 )

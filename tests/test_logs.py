@@ -124,30 +124,6 @@ def test_start_and_stop_cut_by_seconds_from_the_first_row(tmp_path):
         np.testing.assert_array_equal(values(part), whole[:, 50:150])
 
 
-@pytest.mark.parametrize(
-    ("name", "unit", "channel"),
-    [
-        ("gyro_x_deg_s", "deg/s", ("gyro_x", "rate")),
-        ("gyro_x_rad_s", "rad/s", ("gyro_x", "rate")),
-        ("gyro_x_deg_h", "deg/h", ("gyro_x", "rate")),
-        ("w_RS_S_x [rad s^-1]", "rad/s", ("w_RS_S_x", "rate")),
-        ("accel_x_m_s2", "m/s^2", ("accel_x", "accel")),
-        ("accel_x_g", "g", ("accel_x", "accel")),
-        ("accel_x_mg", "mg", ("accel_x", "accel")),
-        ("roll_deg", "deg", ("roll", "angle")),
-        ("roll_rad", "rad", ("roll", "angle")),
-        ("north_m", "m", ("north", "position")),
-    ],
-)
-def test_units_are_read_from_the_name(tmp_path, name, unit, channel):
-    """Property: the suffix gives unit and kind, and is stripped."""
-    log = logs.read(write(tmp_path, lines(), header=f"t_s,{name},note"))
-    found = log.channels[0]
-    assert (found.name, found.kind, found.unit) == (*channel, unit)
-    assert len(log.channels) == 1
-    assert any("columns left out: note (not named as a reading)" in r for r in log.repairs)
-
-
 def test_angles_are_unwrapped(tmp_path):
     """Analytic: a steady turn of 3 deg a sample comes out as a straight line, gaps and all."""
     turn = 3.0 * np.arange(300)
@@ -591,29 +567,6 @@ def test_committed_receiver_logs_are_read(file):
     assert table.frame.loc[~fixed, ["lat_deg", "lon_deg", "height_m"]].isna().all(axis=None)
     line = path.read_bytes().split(b"\n")[int(table.place(0).split()[-1]) - 1]
     assert b"RMC" in line or b"GGA" in line
-
-
-def test_midnight_and_pdop_in_nmea(tmp_path):
-    """Property: the time of day goes on over midnight; PDOP comes from the GSA that follows."""
-
-    def sentence(body):
-        check = 0
-        for byte in body.encode():
-            check ^= byte
-        return f"${body}*{check:02X}\r\n"
-
-    text = "".join(
-        sentence(f"GPGGA,{clock},4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,")
-        + sentence(f"GPGSA,A,3,04,05,,09,12,,,24,,,,,{pdop},1.3,2.1")
-        for clock, pdop in (("235959.00", 2.5), ("000000.00", 3.5))
-    )
-    path = tmp_path / "my.nmea"
-    path.write_text(text, newline="")
-    frame = nmea.read_table(path).frame
-    assert np.diff(frame["t_s"]).tolist() == [1.0]
-    assert frame["pdop"].tolist() == [2.5, 3.5]
-    assert frame["lat_deg"][0] == pytest.approx(48 + 7.038 / 60)
-    assert formats.format_of(path) == "nmea"
 
 
 def test_small_rotations_have_the_documented_signs():
