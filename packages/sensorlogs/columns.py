@@ -203,11 +203,9 @@ class Column:
 
     Attributes
     ----------
-    base : str
-        The name without its unit.
     unit : str or None
     words : tuple of str
-        Of the base.
+        Of the name without its unit.
     kind : str or None
         Of the reading: rate, accel, angle or position.
     other : str or None
@@ -216,7 +214,6 @@ class Column:
         What a log in motion takes it for: gyro_x, lat, speed, time ...
     """
 
-    base: str
     unit: str | None
     words: tuple[str, ...]
     kind: str | None
@@ -248,7 +245,7 @@ def recognise(name: str) -> Column:
                     (what, units[_plain(end)]) if _plain(end) in units else (quantity, unit)
                 )
     quantity = "time" if times.is_time(name) else quantity
-    return Column(base, unit, tuple(said), kind, other, quantity)
+    return Column(unit, tuple(said), kind, other, quantity)
 
 
 def _kind(name: str, parts: list[str]) -> tuple[str | None, str | None]:

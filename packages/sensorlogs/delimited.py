@@ -8,13 +8,11 @@ line, to name the line and the column.
 import codecs
 import contextlib
 import csv
-import gzip
 import io
 import itertools
 import os
 import re
 import warnings
-import zlib
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -123,19 +121,16 @@ def data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
 
 @contextlib.contextmanager
 def open_bytes(path: Path):
-    """Open a file, gzipped or not, for reading bytes; an error becomes `CannotAnswer`."""
+    """Open a file for reading bytes; an error becomes `CannotAnswer`."""
     try:
         with path.open("rb") as handle:
-            packed = handle.read(2) == b"\x1f\x8b"
-        with gzip.open(path, "rb") if packed else path.open("rb") as handle:
             yield handle
-    except (OSError, EOFError, zlib.error) as error:
-        why = getattr(error, "strerror", None) or "it is cut off or damaged; copy it again"
-        raise CannotAnswer(f"{path.name}: cannot be read to its end: {why}") from error
+    except OSError as error:
+        raise CannotAnswer(f"{path.name}: cannot be read: {error.strerror}") from error
 
 
 def content(path: Path) -> bytes:
-    """Read all the bytes of a file, gzipped or not."""
+    """Read all the bytes of a file."""
     with open_bytes(path) as handle:
         return handle.read()
 
@@ -296,7 +291,7 @@ def progress(path: Path, what: str = "reading") -> dict[str, Any]:
 
 
 def read_table(path: Path) -> Table:
-    """Read a delimited text file, gzipped or not.
+    """Read a delimited text file.
 
     Returns
     -------

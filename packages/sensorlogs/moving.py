@@ -33,6 +33,7 @@ from sensorlogs.delimited import Table
 from sensorlogs.tables import Part, ask, interpolated, named
 from sensorlogs.timeline import (
     FACTORS,
+    OF_FIX,
     SILENT_S,
     Attitude,
     Gnss,
@@ -428,12 +429,10 @@ class _Rows:
         if (speed < 0).any():
             said = f"column '{self.names['speed']}': {(speed < 0).sum():,} below zero, left out"
             self.notes.append(f"{self.file}: {said}")
-        blank = {"lat_deg": lat, "lon_deg": lon, "height_m": column("height")}
-        blank |= {"speed_m_s": np.where(speed >= 0, speed, np.nan), "course_deg": column("course")}
-        blank = {name: np.where(fix, array, np.nan) for name, array in blank.items()}
-        blank |= {"pdop": np.where(pdop == 0, np.nan, pdop), "mode": column("mode")}
-        gnss = Gnss(t_s=self.t[at], has_fix=fix, satellites=column("satellites"), **blank)
-        return plausible(gnss, place, self.notes)
+        height, course, mode, satellites = map(column, ("height", "course", "mode", "satellites"))
+        speed, pdop = np.where(speed >= 0, speed, np.nan), np.where(pdop == 0, np.nan, pdop)
+        gnss = Gnss(self.t[at], lat, lon, height, pdop, speed, course, fix, mode, satellites)
+        return plausible(gnss.without(~fix, *OF_FIX), place, self.notes)
 
     def imu(self) -> Imu:
         """Make the samples: rows with all six readings, in SI units; gravity checks them."""

@@ -209,6 +209,9 @@ def read(
             f"noise analysis needs at least {SAMPLES_NEEDED}: give a longer log or stretch"
         )
     first = 0 if rows.rows is None else rows.rows[0]
+    if temperature is not None:  # straight lines over what is missing
+        slow = pd.Series(grid.place(temperature)).interpolate(limit_direction="both")
+        temperature = slow.to_numpy()
     return Log(
         name=name,
         title=stanza.get("title", path.name),
@@ -222,16 +225,9 @@ def read(
         licence=stanza.get("licence", "not stated"),
         source=stanza.get("source", "the reader's own log"),
         given=str(log),
-        temperature=None if temperature is None else _filled(grid.place(temperature)),
+        temperature=temperature,
         start_s=float(first / grid.rate_hz if t_s is None else np.nanmin(t_s)),
     )
-
-
-def _filled(values: np.ndarray) -> np.ndarray:
-    """Draw straight lines over what is missing in a slow series."""
-    good = np.isfinite(values)
-    at = np.arange(len(values))
-    return np.interp(at, at[good], values[good]) if good.any() else values
 
 
 def _stretch(table: Table, option: dict):

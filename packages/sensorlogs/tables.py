@@ -121,8 +121,6 @@ def choose(parts: Sequence[Part], path: Path, title: str, name: str | None = Non
     """
     if name is not None:
         return [named(parts, name, path.name)]
-    if len(parts) == 1 and parts[0].told_by == "its header":
-        return list(parts)
     longest = max((part.rows or 0 for part in parts), default=0)
     long = [p for p in parts if p.rows is None or p.rows >= SLOW * longest]
     if len(long) == 1 and long[0].told_by == "its header":
