@@ -179,7 +179,8 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
             gnss = replace(gnss, speed_m_s=np.full(len(gnss.t_s), np.nan))
             notes.append(
                 f"the positions move {factor:.2f} times as fast as the speed says: its unit is "
-                "another one; it is left out. Say --columns speed_km_h=COLUMN, or speed_m_s ..."
+                "another one; the speed is left out. Say the unit with --columns speed_km_h=COLUMN "
+                "(or speed_m_s, speed_knots, speed_mph)"
             )
     said = tuple(dict.fromkeys(notes))
     return Timeline(gnss, imu, found.start, said, sources, attitude, zero, clock, tuple(again))
