@@ -15,69 +15,44 @@ def grid(t, repeated=None, mode="auto"):
     return times.by_stamps(t, np.zeros(len(t), bool) if repeated is None else repeated, mode)
 
 
-def test_regular_stamps_are_taken_at_their_word():
-    """Analytic: t = i / rate gives the rate, no gap, nothing to say."""
-    found = grid(np.arange(1000) / 99.5 + 1234.5)
-    assert found.rate_hz == pytest.approx(99.5, rel=1e-9)  # rounding of t near 1234
-    assert (found.size, found.gaps, found.repairs) == (1000, 0, ())
-    readings = np.random.default_rng(1).normal(size=1000)
-    np.testing.assert_array_equal(found.place(readings), readings)
+ROW = np.arange(12_000)
+STALLED = np.r_[ROW[:1000] / 100, 10.095 + np.arange(10) * 0.0004, ROW[1010:] / 100]
+LATE = ROW / 100 + np.random.default_rng(0).uniform(0, 0.0049, len(ROW))
 
 
-def test_rounded_stamps_give_the_true_rate():
-    """Analytic: 60 Hz written in whole milliseconds steps 16, 17, 17; the mean is the rate."""
-    found = grid(np.round(np.arange(6000) / 60, 3))
-    assert found.rate_hz == pytest.approx(60, rel=1e-5)  # 1 ms over 100 s
-    assert (found.size, found.repairs) == (6000, ())
+@pytest.mark.parametrize(
+    ("stamps", "rate", "rel", "said"),
+    [
+        (ROW / 99.5 + 1234.5, 99.5, 1e-9, None),  # rounding of t near 1234
+        (np.round(ROW / 60, 3), 60, 1e-5, None),  # whole milliseconds: steps of 16, 17, 17
+        (ROW / 100 * (1 + 5e-4 * ROW / ROW[-1]), 100, 1e-3, None),  # a clock that drifts
+        (LATE, 100, 1e-4, "wander"),  # 5 ms at either end of 120 s
+        (STALLED, 100, 1e-4, "1 sample stamped late but none lost"),
+        (np.floor((ROW + 37) / 100), 100, 1e-12, "resolution 1 s"),
+    ],
+    ids=["regular", "rounded", "slow clock", "jitter", "a stall", "whole seconds"],
+)
+def test_no_sample_is_lost_or_invented(stamps, rate, rel, said):
+    """Analytic: whatever the stamps, each row is a sample and the rate is the true one."""
+    found = grid(stamps)
+    assert found.rate_hz == pytest.approx(rate, rel=rel)
+    assert (found.size, found.gaps) == (len(ROW), 0)
+    assert found.repairs == () if said is None else said in found.repairs[-1]
+    np.testing.assert_array_equal(found.place(ROW.astype(float)), ROW)
 
 
-def test_gaps_become_missing_samples_at_the_right_place():
-    """Analytic: samples taken out of a regular log are missing exactly where they were."""
-    rng = np.random.default_rng(2)
-    readings, keep = rng.normal(size=5000), np.ones(5000, dtype=bool)
-    keep[700:730], keep[1500], keep[4000:4003] = False, False, False
-    found = grid((np.arange(5000) / 100)[keep])
-    placed = found.place(readings[keep])
-    np.testing.assert_array_equal(np.isnan(placed), ~keep)
-    np.testing.assert_array_equal(placed[keep], readings[keep])
-    assert found.gaps == 3
-    assert found.repairs[0].startswith("3 gaps: 34 of 5,000 samples missing, the longest 0.31 s")
-
-
-def test_a_fifth_lost_at_random_keeps_the_rate():
-    """Analytic: whole steps of 0.04 s, a fifth left out: 25 Hz, missing where they were."""
-    rng = np.random.default_rng(7)
-    keep = np.r_[True, rng.random(4998) > 0.2, True]
-    found = grid((np.arange(5000) / 25)[keep])
-    placed = found.place(np.ones(keep.sum()))
+@pytest.mark.parametrize(
+    "lost", [np.isin(ROW, [*range(700, 730), 1500, 4000, 4001, 4002]), (ROW * 7919) % 12_000 < 2400]
+)
+def test_gaps_become_missing_samples_at_the_right_place(lost):
+    """Analytic: samples taken out of a regular log, one by one or a fifth, are missing there."""
+    lost = lost & (ROW % (len(ROW) - 1) > 0)
+    found = grid((ROW / 25)[~lost])
+    placed = found.place(ROW[~lost].astype(float))
     assert found.rate_hz == pytest.approx(25, rel=1e-9)  # rounding of t
-    np.testing.assert_array_equal(np.isnan(placed), ~keep)
-
-
-def test_jitter_within_half_a_step_loses_and_invents_nothing():
-    """Property: for late stamps of up to half a step the grid is the count."""
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        found = grid(np.arange(3000) / 100 + rng.uniform(0, 0.0049, 3000))
-        assert (found.size, found.gaps) == (3000, 0)
-        assert found.rate_hz == pytest.approx(100, rel=3e-4)  # 5 ms at either end of 30 s
-        assert "wander" in found.repairs[0]
-
-
-def test_a_stalled_logger_that_catches_up_has_lost_nothing():
-    """Analytic: ten samples stamped late in one burst are ten samples."""
-    t = np.arange(3000) / 100
-    t[1000:1010] = 10.095 + np.arange(10) * 0.0004
-    found = grid(t)
-    assert (found.size, found.gaps) == (3000, 0)
-    assert "1 sample stamped late but none lost" in found.repairs[-1]
-
-
-def test_a_slow_clock_does_not_invent_gaps():
-    """Analytic: a clock that drifts by 50 samples over the log still gives one row a sample."""
-    i = np.arange(100_000)
-    found = grid(i / 100 * (1 + 5e-4 * i / i[-1]))
-    assert (found.size, found.gaps, found.repairs) == (100_000, 0, ())
+    np.testing.assert_array_equal(np.isnan(placed), lost)
+    np.testing.assert_array_equal(placed[~lost], ROW[~lost])
+    assert f" gaps: {lost.sum():,} of 12,000 samples missing" in found.repairs[0]
 
 
 def test_uneven_stamps_are_counted_at_the_mean_rate_and_said_to_be():
@@ -106,15 +81,6 @@ def test_interpolation_by_stamp_is_exact_on_a_straight_line():
     expected = 3 * (t[0] + np.arange(found.size) / found.rate_hz)
     np.testing.assert_allclose(found.place(3 * t), expected, rtol=1e-12)
     assert "interpolated linearly" in found.repairs[0]
-
-
-def test_whole_second_stamps_are_counted_between_ticks():
-    """Analytic: 100 Hz under a clock that ticks once a second, starting within a second."""
-    stamps = np.floor((np.arange(12_345) + 37) / 100)
-    found = grid(stamps)
-    assert found.rate_hz == pytest.approx(100, rel=1e-12)
-    assert (found.size, found.gaps) == (12_345, 0)
-    assert "resolution 1 s" in found.repairs[0]
 
 
 def test_a_gap_under_whole_second_stamps_is_found():
@@ -241,11 +207,9 @@ def test_dates_and_clock_times_run_over_midnight(form, said):
     assert stamps.notes == (f"time column 'time' read as {said}",)
 
 
-def test_an_ambiguous_unit_is_asked_for_and_settled_by_the_rate():
+def test_the_rate_settles_a_unit():
     """Property: steps of 10 without a unit are refused, unless the rate says which."""
-    column = 10.0 * np.arange(100)
     with pytest.raises(WrongUsage, match="--time-unit ms"):
-        times.stamps("t", column)
-    stamps = times.stamps("t", column, rate_hz=100)
+        times.stamps("t", 10.0 * np.arange(100))
+    stamps = times.stamps("t", 10.0 * np.arange(100), rate_hz=100)
     np.testing.assert_allclose(stamps.since_s, 0.01 * np.arange(100), rtol=1e-12)
-    assert "milliseconds" in stamps.notes[0]

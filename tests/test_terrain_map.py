@@ -366,7 +366,7 @@ def test_a_lap_of_ones_own_is_laid_on_the_map(tmp_path):
     ("made", "words"),
     [
         ({"without": ("Front",)}, r"mine\.mat: no antenna 'GPS_SparkFun_Front_GGA'.*all three"),
-        ({"mode": 1}, r"mine\.mat: antenna Front is never RTK fixed \(mode 6; best DGPS_mode 1\)"),
+        ({"mode": 1}, r"mine\.mat: antenna Front is never RTK fixed \(DGPS_mode 6\)"),
         ({"counts": False}, r"mine\.mat: no wheel encoder 'Encoder_Raw'"),
         ({"epochs": [0, 1, 3, 2]}, r"mine\.mat: the GPS time of antenna Front .* after epoch 3"),
         ({"epochs": np.arange(200) * 60}, r"mine\.mat: .* span 0\.3 h for 200 epochs; cut out one"),
@@ -408,7 +408,7 @@ def test_files_that_are_no_laps_are_refused(tmp_path):
             CannotAnswer, match=r"bad\.mat: a MATLAB v7\.3 or HDF5 file that is cut off"
         ):
             terrain_data.lap_and_map(path, "ccw")
-        with pytest.raises(CannotAnswer, match=r"bad\.mat: not a"):
+        with pytest.raises(CannotAnswer, match=r"bad\.mat: .*not "):
             road_logs.highway(path)
 
 

@@ -108,13 +108,15 @@ def _copy(source, target: Path, path: Path, limit: int) -> int:
             size += len(block)
             if size > limit:
                 handle.truncate(0)
-                raise CannotAnswer(
-                    f"{path.name}: unpacks to more than {LIMIT / 1e9:.0f} GB: unpack it by hand, "
-                    "and cut it"
-                )
+                raise _too_large(path, LIMIT)
             handle.write(block)
             shown.update(len(block))
     return size
+
+
+def _too_large(path: Path, limit: int) -> CannotAnswer:
+    """Refuse what would fill the disk."""
+    return CannotAnswer(f"{path.name}: unpacks to more than {limit / 1e9:.0f} GB: do it by hand")
 
 
 def _is_side(path: Path) -> bool:
@@ -212,10 +214,7 @@ def check_zip(path: Path, limit: int) -> list[zipfile.ZipInfo]:
         members = [m for m in packed.infolist() if not m.is_dir()]
     size = sum(member.file_size for member in members)
     if size > limit:
-        raise CannotAnswer(
-            f"{path.name}: unpacks to {size / 1e9:.1f} GB, more than {limit / 1e9:.0f} GB: unpack "
-            "what you need by hand"
-        )
+        raise _too_large(path, limit)
     if any(member.flag_bits & 1 for member in members):
         raise CannotAnswer(f"{path.name}: the zip has a password: unpack it by hand")
     return members

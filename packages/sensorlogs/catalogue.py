@@ -33,10 +33,7 @@ def load_catalogue() -> dict[str, dict]:
         mine = _read(OWN, own=True)
         both = sorted(stanzas.keys() & mine.keys())
         if both:
-            raise WrongUsage(
-                f"data/own/logs.toml: the name '{both[0]}' is taken in data/logs.toml; "
-                "choose another"
-            )
+            raise WrongUsage(f"data/own/logs.toml: the name '{both[0]}' is taken; choose another")
         stanzas |= mine
     return stanzas
 
@@ -112,10 +109,8 @@ def _read(path: Path, own: bool) -> dict[str, dict]:
             raise WrongUsage(f'{where}: [{name}] needs a line such as file = "my.csv"')
         for key, value in stanza.items():
             if key not in KEYS:
-                raise WrongUsage(
-                    f"{where}: [{name}] has the unknown key '{key}'{closest(key, KEYS)}; known: "
-                    + ", ".join(KEYS)
-                )
+                near = closest(key, KEYS) or f"; known: {', '.join(KEYS)}"
+                raise WrongUsage(f"{where}: [{name}] has the unknown key '{key}'{near}")
             if not isinstance(value, KEYS[key]):
                 raise WrongUsage(f"{where}: [{name}] {key} = {value!r} is of the wrong type")
         if stanza.get("format", "csv") not in FORMATS:

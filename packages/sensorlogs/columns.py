@@ -51,6 +51,7 @@ _KINDS = {**{flag: kind for kind, flag in FLAG.items()}, "rate": "rate", "accele
 _GNSS = {"lat", "lon", "height", "separation", "speed", "course", "pdop", "hdop", "satellites"}
 _SPEEDS = {"ms": "m/s", "m/s": "m/s", "mps": "m/s", "kmh": "km/h", "km/h": "km/h", "kph": "km/h"}
 _SPEEDS |= {"knots": "knots", "knot": "knots", "kn": "knots", "kt": "knots", "mph": "mph"}
+_OWN_UNITS = {"speed": _SPEEDS, "height": {"ft": "ft", "feet": "ft"}}
 _FREE = {"linear", "user"}  # an acceleration from which gravity is taken off
 AXES = ("x", "y", "z")
 _SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
@@ -149,32 +150,6 @@ def resolve(wanted: str | int, names: Sequence[str], file: str) -> str:
     )
 
 
-def without_doubles(names, header, file: str, wanted=None) -> tuple[list[str], list[str]]:
-    """Leave out columns whose name stands in the header twice; refuse one that is wanted.
-
-    `sensorlogs.delimited` tells them apart by their number: ``gyro_x_deg_s.3``.
-
-    Returns
-    -------
-    list of str
-        The other names.
-    list of str
-        What was left out.
-    """
-    doubles = {}
-    for j, name in enumerate(header, 1):
-        first = name.removesuffix(f".{j}")
-        if name in names and first != name and first in header:
-            doubles[name] = f"columns {header.index(first) + 1} and {j} are both called '{first}'"
-    for name in doubles.keys() & set(wanted or ()):
-        raise WrongUsage(f"{file}: {doubles[name]}: name them apart in the header, or say --unit")
-    notes = [
-        f"{both}: only the first is taken; name them apart in the header"
-        for both in (() if wanted else doubles.values())
-    ]
-    return [name for name in names if name not in doubles], notes
-
-
 def per_kind(text: str | None, flag: str) -> dict[str | None, str]:
     """Read ``gyro=deg/s,accel=g`` as kind -> value; a bare value has the kind None.
 
@@ -191,11 +166,8 @@ def per_kind(text: str | None, flag: str) -> dict[str | None, str]:
     for part in text.split(","):
         kind, _, value = (side.strip() for side in part.partition("="))
         if kind not in _KINDS or not value:
-            raise WrongUsage(
-                f"--{flag} {text}: write it for each kind, such as --{flag} "
-                f"{'gyro=deg/s,accel=g' if flag == 'unit' else 'gyro=1/131,accel=1/16384'}; kinds "
-                f"are {', '.join(FLAG.values())}"
-            )
+            such = "gyro=deg/s,accel=g" if flag == "unit" else "gyro=1/131,accel=1/16384"
+            raise WrongUsage(f"--{flag} {text}: write {such}; kinds are {', '.join(FLAG.values())}")
         found[_KINDS[kind]] = value
     return found
 
@@ -231,11 +203,9 @@ class Column:
 
     Attributes
     ----------
-    base : str
-        The name without its unit.
     unit : str or None
     words : tuple of str
-        Of the base.
+        Of the name without its unit.
     kind : str or None
         Of the reading: rate, accel, angle or position.
     other : str or None
@@ -244,7 +214,6 @@ class Column:
         What a log in motion takes it for: gyro_x, lat, speed, time ...
     """
 
-    base: str
     unit: str | None
     words: tuple[str, ...]
     kind: str | None
@@ -270,11 +239,13 @@ def recognise(name: str) -> Column:
             quantity = what
             break
     for start, end in [] if unit else _ends(name):
-        speed = _SPEEDS.get(_plain(end))
-        if speed and re.fullmatch(NAMES["moving"]["speed"], "_".join(words(start))):
-            quantity, unit = "speed", speed
+        for what, units in _OWN_UNITS.items():
+            if re.fullmatch(NAMES["moving"][what], "_".join(words(start))):
+                quantity, unit = (
+                    (what, units[_plain(end)]) if _plain(end) in units else (quantity, unit)
+                )
     quantity = "time" if times.is_time(name) else quantity
-    return Column(base, unit, tuple(said), kind, other, quantity)
+    return Column(unit, tuple(said), kind, other, quantity)
 
 
 def _kind(name: str, parts: list[str]) -> tuple[str | None, str | None]:
@@ -302,6 +273,8 @@ def _kind(name: str, parts: list[str]) -> tuple[str | None, str | None]:
         return None, "a temperature"
     if re.search(r"\|.+\|", name):
         return kind, "a norm"
+    if re.search(r" \(column \d+\)$", name):
+        return kind, "a name that stands twice"
     return kind, None
 
 
@@ -389,24 +362,6 @@ class Choice:
     scale: float = 1.0
 
 
-@dataclass(frozen=True)
-class Chosen:
-    """The columns of a static log.
-
-    Attributes
-    ----------
-    channels : list of Choice
-    guessed : list of str
-        What was guessed about them, with the flag that overrules it.
-    notes : list of str
-        What was left out and why; which columns were taken in another unit than their name has.
-    """
-
-    channels: list[Choice]
-    guessed: list[str]
-    notes: list[str]
-
-
 def choose(
     frame: pd.DataFrame,
     file: str,
@@ -414,7 +369,7 @@ def choose(
     unit: str | None = None,
     kind: str | None = None,
     scale: str | None = None,
-) -> Chosen:
+) -> tuple[list[Choice], list[str], list[str]]:
     """Choose the columns to analyse, and find what each one is.
 
     Parameters
@@ -434,6 +389,14 @@ def choose(
     scale : str, optional
         What turns raw counts into the unit: ``1/131``, or ``gyro=1/131,accel=1/16384``.
 
+    Returns
+    -------
+    list of Choice
+    list of str
+        What was guessed about them, with the flag that overrules it.
+    list of str
+        What was left out and why; which columns were taken in another unit than their name has.
+
     Raises
     ------
     WrongUsage
@@ -444,104 +407,68 @@ def choose(
         raise WrongUsage(f"--kind {kind} is not one of {', '.join(_UNITS_OF_KIND)}")
     units, scales = given_units(unit, kind), given_scales(scale)
     wanted = [resolve(c, list(frame), file) for c in columns] if columns else None
-    kinds, left_out = _kinds(frame, file, wanted, kind)
-    _settle_unnamed(frame, file, kinds, left_out, wanted, kind, units)
-    if set(kinds.values()) == {"angle"} and KIND_OF_UNIT.get(units.get(None, "")) == "rate":
-        kinds = dict.fromkeys(kinds, "rate")  # roll, pitch and yaw in deg/s
-    if not kind:
-        _refuse_heavy_gyros(frame, file, kinds)
-    fixed = _fix(frame, kinds, units, scales, scale)
-    _refuse_misfits(frame, file, kinds, {"unit": (unit, units), "scale": (scale, scales)}, fixed)
-    sizes = _accel_units(frame, kinds, scales)
+    kinds, left_out = _kinds(frame, file, wanted, kind, units)
+    groups = {its: [n for n, k in kinds.items() if k == its] for its in FLAG}
+    groups = {its: names for its, names in groups.items() if names}
+    size = _gravity(frame, groups.get("accel", []), scales.get("accel", scales.get(None, 1.0)))
+    flags = _flags(frame, groups, units, size, scale)
+    for flag, text, given in (("unit", unit, units), ("scale", scale, scales)):
+        if None in given and len(groups) > 1:
+            each = (f"{FLAG[its]} ({', '.join(names)})" for its, names in groups.items())
+            raise WrongUsage(
+                f"{file}: --{flag} {text} is for channels of one kind, and this log has "
+                f"{' and '.join(each)}: {_spelled(flags)}",
+                flags,
+            )
+        for absent in (its for its in given if its and its not in groups):
+            raise WrongUsage(
+                f"{file}: --{flag} {FLAG[absent]}= fits none of the columns {', '.join(frame)}: "
+                "leave it out, or choose with --columns"
+            )
     chosen, no_unit, notes = [], {}, []
     for name, its in kinds.items():
         base, own = split(name)
-        taken = _unit_given(name, its, units, bool(wanted), file) or own or sizes.get(name)
+        said = units.get(its, units.get(None))
+        said = said if KIND_OF_UNIT.get(said or "", its) == its else None
+        if said and own not in (None, said) and not {own, said} <= IN_M_S2.keys():
+            raise WrongUsage(
+                f"{file}: --unit {said} (or the catalogue's) contradicts column '{name}', whose "
+                f"unit is {own}; leave out --unit, or correct the header"
+            )
+        taken = said or own or (size if its == "accel" else None)
         if taken is None:
-            no_unit[name] = its
+            no_unit[name] = f"no unit: --unit {FLAG[its]}={_USUAL[its]} ?"
             continue
         if own not in (None, taken):
             notes.append(f"column '{name}' taken in {taken}, though its name has {own}")
-        factor = scales.get(its, scales.get(None, 1.0))
-        chosen.append(Choice(name, tidy(base), taken, its, factor))
-    of_imu = (c.column for c in chosen if c.kind in ("rate", "accel"))
-    stated = bool(units) or any(split(column)[1] for column in of_imu)
+        chosen.append(Choice(name, tidy(base), taken, its, scales.get(its, scales.get(None, 1.0))))
+    stated = units or any(split(c.column)[1] for c in chosen if c.kind in ("rate", "accel"))
     if no_unit and (wanted or not stated):
         raise WrongUsage(
-            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(fixed)}, if "
-            f"that is right{' (gyros may be in rad/s)' * ('rate' in no_unit.values())}, or put the "
-            "units into the header, with names such as gyro_x_deg_s, accel_z_g",
-            fixed,
+            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(flags)}, if that is right, "
+            "or put the units into the header, such as gyro_x_deg_s, accel_z_g",
+            flags,
         )
     if not any(units.get(None) in (None, c.unit) for c in chosen):
         options = [f"--{o} {v}" for o, v in (("unit", unit), ("kind", kind)) if v]
         raise WrongUsage(
-            f"{file}: {' '.join(options) or 'no unit that is known'} fits "
-            f"{'none' if options else 'any'} of the columns {', '.join(frame)}: "
-            f"{'leave it out, or ' if options else ''}state their unit with --unit (for example "
-            "--unit deg/s), or in the header with names such as gyro_x_deg_s, accel_z_g"
+            f"{file}: {' '.join(options) or 'no unit that is known'} fits none of the columns "
+            f"{', '.join(frame)}: leave it out, or state their unit with --unit or in the header"
         )
-    guessed = _refuse_counts(frame, file, chosen, scales, fixed) + _said(chosen, units)
-    left_out |= {n: f"no unit: --unit {FLAG[k]}={_USUAL[k]} ?" for n, k in no_unit.items()}
-    if left_out:
+    guessed = _refuse_counts(frame, file, chosen, scales, flags)
+    mute = [c.column for c in chosen if c.kind == "accel" and not split(c.column)[1]]
+    if mute and size and not units.keys() & {"accel", None}:
+        guessed.append(
+            f"columns {', '.join(mute)} read as accel in {size} (by their length, one g; --unit "
+            "accel=... overrules)"
+        )
+    if left_out := left_out | no_unit:
         reasons = {w: [n for n, its in left_out.items() if its == w] for w in left_out.values()}
         listed = ", ".join(f"{', '.join(names)} ({why})" for why, names in reasons.items())
         notes.append(f"columns left out: {listed}; --columns takes such a column all the same")
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
-    return Chosen(chosen, guessed, notes)
-
-
-def _refuse_heavy_gyros(frame, file, kinds) -> None:
-    """Refuse gyros by name, without a unit, that have the length of gravity."""
-    mute = [n for n, its in kinds.items() if its == "rate" and not split(n)[1]]
-    for three in vectors(mute).values():
-        unit = gravity_unit(_norm(frame, three), 0.03) if len(three) == 3 else None
-        if unit in ("m/s^2", "mg"):
-            raise WrongUsage(
-                f"{file}: columns {', '.join(three)} are named as gyro, and have the length of one "
-                f"g in {unit}: say --columns {','.join(three)} with --kind accel --unit {unit}, or "
-                "with --kind rate if they are rates"
-            )
-
-
-def _refuse_misfits(frame, file, kinds, flags, fixed) -> None:
-    """Refuse a bare unit or scale for several kinds, and one of a kind that is absent."""
-    there = dict.fromkeys(kinds.values())
-    for flag, (text, given) in flags.items():
-        if None in given and len(there) > 1:
-            each = (
-                f"{FLAG[its]} ({', '.join(n for n, k in kinds.items() if k == its)})"
-                for its in there
-            )
-            raise WrongUsage(
-                f"{file}: --{flag} {text} is for channels of one kind, and this log has "
-                f"{' and '.join(each)}: {_spelled(fixed)}",
-                fixed,
-            )
-        for absent in given.keys() - {None} - there.keys():
-            raise WrongUsage(
-                f"{file}: --{flag} {FLAG[absent]}= fits none of the columns {', '.join(frame)}: "
-                "leave it out, or choose with --columns"
-            )
-
-
-def _unit_given(name, kind, units, wanted, file) -> str | None:
-    """Return the unit that --unit gives a column; refuse one that contradicts its name."""
-    given, own = units.get(kind, units.get(None)), split(name)[1]
-    if given and KIND_OF_UNIT.get(given, kind) != kind:
-        if wanted and not own:
-            raise WrongUsage(
-                f"{file}: column '{name}' is named as {FLAG[kind]}, which --unit {given} is not "
-                f"for; add --kind {KIND_OF_UNIT[given]} to take it all the same"
-            )
-        return None
-    if given and own not in (None, given) and not {own, given} <= IN_M_S2.keys():
-        raise WrongUsage(
-            f"{file}: --unit {given} (or the catalogue's) contradicts column '{name}', whose unit "
-            f"is {own}; leave out --unit, or correct the header"
-        )
-    return given
+    return chosen, guessed, notes
 
 
 def given_scales(scale: str | None) -> dict[str | None, float]:
@@ -555,76 +482,84 @@ def given_units(unit: str | None, kind: str | None = None) -> dict[str | None, s
     for its, text in units.items():
         spelled = unit_of(text) or (text if kind else None)
         if not spelled:
-            raise WrongUsage(
-                f"--unit {text} is not one of {', '.join(KIND_OF_UNIT)}; with --kind any unit is "
-                "taken"
-            )
+            known = ", ".join(KIND_OF_UNIT)
+            raise WrongUsage(f"--unit {text} is not one of {known}; with --kind any is taken")
         stated = its or kind
         if stated and KIND_OF_UNIT.get(spelled, stated) != stated:
             raise WrongUsage(
                 f"--unit {unit}: {spelled} is a unit of {KIND_OF_UNIT[spelled]}, not of {stated}"
-                + ("" if its else ": leave out --kind")
             )
         units[its] = spelled
     return units
 
 
-def _kinds(frame, file, wanted, kind) -> tuple[dict[str, str], dict[str, str]]:
-    """Tell the kind of each column by unit and name, "" where neither does; and what is none."""
-    kinds, left_out = {}, {}
+def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, str]]:
+    """Tell the kind of each column, and why the others are left out.
+
+    Unit and name tell it. A column whose name tells nothing is no reading beside others that are
+    named. Where no column is, they are what --kind or --unit says, but three in a row whose length
+    is one g are accelerometers.
+    """
+    kinds: dict[str, str] = {}
+    left_out: dict[str, str] = {}
+
+    def leave(names, why):
+        left_out.update(dict.fromkeys(names, why))
+        for name in names:
+            kinds.pop(name, None)
+
     by_content = {} if wanted else contents(frame)
     for name in wanted or frame:
         column = recognise(name)
         own = KIND_OF_UNIT.get(column.unit or "")
-        of_kind = own or (kind if wanted else "") or column.kind or ""
-        said = column.other
-        if not said and not (column.kind and own):
-            said = by_content.get(name)
+        kinds[name] = own or (kind if wanted else "") or column.kind or ""
+        said = column.other or ("" if column.kind and own else by_content.get(name))
         if {own, column.kind} == {"rate", "accel"}:
             said = f"named as {column.kind}, and its unit {column.unit} is not of one"
-            if wanted:
-                raise WrongUsage(f"{file}: column '{name}' is {said}: correct the header")
-        if wanted and kind not in (None, of_kind):
-            raise WrongUsage(
-                f"{file}: column '{name}' is in {column.unit}, which is no {kind}: leave out --kind"
-            )
-        if not wanted and (said or (kind and of_kind not in ("", kind))):
-            left_out[name] = said or f"of kind {of_kind}"
-        else:
-            kinds[name] = of_kind
-    free = [n for n, its in kinds.items() if its == "accel" and _FREE & {*recognise(n).words}]
-    if not wanted and len(free) < list(kinds.values()).count("accel"):
-        left_out |= {name: f"{kinds.pop(name)} with gravity taken off" for name in free}
-    return kinds, left_out
-
-
-def _settle_unnamed(frame, file, kinds, left_out, wanted, kind, units) -> None:
-    """Settle the columns whose name tells nothing, in `kinds` and `left_out`.
-
-    Beside columns that are named as readings they are none. Where no column is named, they are what
-    --kind or --unit says, but three in a row whose length is one g are accelerometers.
-    """
+        elif kind and kinds[name] not in ("", kind):
+            said = said or f"of kind {kinds[name]}"
+        elif wanted:
+            continue
+        if wanted and said:
+            raise WrongUsage(f"{file}: column '{name}' is {said}: correct the header, or --kind")
+        if said:
+            leave([name], said)
+    accels = [n for n, its in kinds.items() if its == "accel"]
+    free = [n for n in accels if not wanted and _FREE & {*recognise(n).words}]
+    if len(free) < len(accels):
+        leave(free, "accel with gravity taken off")
     unknown = [name for name, its in kinds.items() if not its]
     if len(unknown) < len(kinds) and not wanted:
-        left_out |= dict.fromkeys(unknown, "not named as a reading")
-        unknown = [name for name in unknown if kinds.pop(name)]
-    few = {name for name in unknown if not wanted and _levels(frame[name]) <= 2}
+        leave(unknown, "not named as a reading")
+        unknown = []
+    few = [n for n in unknown if not wanted and _levels(frame[n]) <= 2]
     if len(few) < len(unknown):
-        left_out |= dict.fromkeys(few, "a status word: at most two whole values")
-        unknown = [name for name in unknown if name not in few or kinds.pop(name)]
+        leave(few, "a status word: at most two whole values")
+        unknown = [n for n in unknown if n not in few]
     usual = kind or KIND_OF_UNIT.get(units.get(None, ""))
     threes = [] if kind else zip(unknown, unknown[1:], unknown[2:], strict=False)
     heavy = next((three for three in threes if gravity_unit(_norm(frame, three), 0.1)), ())
-    if heavy and len(heavy) == len(unknown) and usual not in (None, "accel"):
-        length = _norm(frame, heavy)
-        raise WrongUsage(
-            f"{file}: --unit {units[None]}, but columns {', '.join(heavy)} have a length of "
-            f"{length:.3g}, as accelerometers at one g: say --unit {gravity_unit(length)}, or add "
-            f"--kind {usual}"
-        )
     others = [its for its in units if its and not (heavy and its == "accel")]
     kinds |= dict.fromkeys(unknown, usual or next(iter(others), "rate"))
     kinds |= dict.fromkeys(heavy, "accel")
+    gyros = [n for n, its in kinds.items() if its == "rate" and not (kind or split(n)[1])]
+    wrong = [n for n in vectors(gyros).values() if len(n) == 3 and _is_gravity(_norm(frame, n))]
+    if heavy and len(heavy) == len(unknown) and usual not in (None, "accel"):
+        wrong.append([*heavy])
+    for three in wrong:
+        one = gravity_unit(_norm(frame, three))
+        raise WrongUsage(
+            f"{file}: columns {', '.join(three)} have the length of one g in {one}: say --columns "
+            f"{','.join(three)} with --kind accel --unit {one}, or with --kind {usual or 'rate'}"
+        )
+    if set(kinds.values()) == {"angle"} and usual == "rate":
+        kinds = dict.fromkeys(kinds, "rate")  # roll, pitch and yaw in deg/s
+    return kinds, left_out
+
+
+def _is_gravity(norm: float) -> bool:
+    """Tell whether a length is hardly that of rates: one g in m/s^2 or mg."""
+    return gravity_unit(norm, 0.03) in ("m/s^2", "mg")
 
 
 def _levels(column: pd.Series) -> float:
@@ -639,39 +574,33 @@ def _norm(frame, names) -> float:
     return float(np.median(np.linalg.norm(vectors, axis=1))) if len(vectors) else 0.0
 
 
-def _lsb(norm: float) -> int | None:
-    """Return the counts per g of a common accelerometer, if a length is that."""
-    return next((lsb for lsb in _LSB if abs(norm / lsb - 1) < 0.1), None)
-
-
-def _accel_units(frame, kinds, scales) -> dict[str, str]:
-    """Tell the unit of the accelerometers whose name has none by gravity."""
-    mute = [n for n, its in kinds.items() if its == "accel" and not split(n)[1]]
-    factor = abs(scales.get("accel", scales.get(None, 1.0)))
+def _gravity(frame, accels, factor=1.0) -> str | None:
+    """Tell the unit of the accelerometers whose name has none, if they have the length of one g."""
+    mute = [n for n in accels if not split(n)[1]]
     unnamed = [n for n in mute if not recognise(n).kind]
     threes = [*vectors(n for n in mute if n not in unnamed).values(), unnamed]
-    found = [gravity_unit(factor * _norm(frame, of)) for of in threes if len(of) == 3]
-    units = {unit for unit in found if unit}
-    return dict.fromkeys(mute, units.pop()) if len(units) == 1 else {}
+    found = {gravity_unit(abs(factor) * _norm(frame, of)) for of in threes if len(of) == 3}
+    found.discard(None)
+    return found.pop() if len(found) == 1 else None
 
 
-def _fix(frame, kinds, units, scales, scale) -> dict[str, str | None]:
+def _flags(frame, groups, units, size, scale) -> dict[str, str | None]:
     """Return the flags that state what the columns do not: flag -> value, None to leave it out."""
-    sizes = _accel_units(frame, kinds, scales)
-    mute = {its for n, its in kinds.items() if not split(n)[1]}
-    bare = units.get(None, "")
-    usual = _USUAL | {"accel": next(iter(sizes.values()), "g")}
-    usual |= {KIND_OF_UNIT[bare]: bare} if bare in KIND_OF_UNIT else {}
-    of_unit = {its: usual[its] for its in mute} | {its: u for its, u in units.items() if its}
-    first = min(kinds.values(), key=list(FLAG).index, default="rate")
-    of_scale = {its or first: text for its, text in per_kind(scale, "scale").items()}
-    for its in set(kinds.values()) - of_scale.keys():
-        names = [n for n, k in kinds.items() if k == its]
-        whole = [n for n in names if _counts(frame, [n], of_unit.get(its, split(n)[1]))]
-        if whole:
-            lsb = 131 if its == "rate" else _lsb(_norm(frame, whole[:3])) or 16384
-            of_scale[its] = f"1/{lsb}"
-    flags: dict[str, str | None] = {"--unit": None} if None in units else {}
+    bare = units.get(None)
+    usual: dict[Any, Any] = _USUAL | ({"accel": size} if size else {})
+    usual[KIND_OF_UNIT.get(bare or "")] = bare
+    of_scale = {its or next(iter(groups)): t for its, t in per_kind(scale, "scale").items()}
+    of_unit: dict[str, Any] = {its: unit for its, unit in units.items() if its}
+    for its, names in groups.items():
+        if not all(split(n)[1] for n in names):
+            of_unit.setdefault(its, usual[its])
+        unit = of_unit.get(its)
+        whole = [n for n in names if _counts(frame, [n], unit or split(n)[1])]
+        if whole and its not in of_scale:
+            norm = _norm(frame, whole[:3])
+            lsb = next((lsb for lsb in _LSB if abs(norm / lsb - 1) < 0.1), 16384)
+            of_scale[its] = f"1/{131 if its == 'rate' else lsb}"
+    flags: dict[str, str | None] = {"--unit": None} if bare else {}
     for flag, of in (("--unit", of_unit), ("--scale", of_scale)):
         if of:
             flags[flag] = ",".join(f"{word}={of[its]}" for its, word in FLAG.items() if its in of)
@@ -691,7 +620,7 @@ def _counts(frame, names, unit) -> bool:
     return unit in _WHOLE_UNITS and 3 <= max(_levels(frame[name]) for name in names) < np.inf
 
 
-def _refuse_counts(frame, file, chosen, scales, fixed) -> list[str]:
+def _refuse_counts(frame, file, chosen, scales, flags) -> list[str]:
     """Refuse gyros and accelerometers that are raw counts and have no scale.
 
     Small whole numbers in a column whose name has a unit are taken, which is said.
@@ -702,33 +631,14 @@ def _refuse_counts(frame, file, chosen, scales, fixed) -> list[str]:
         names, unit = [c.column for c in mine], mine[0].unit
         if scales.keys() & {kind, None} or not _counts(frame, names, unit):
             continue
-        large = _norm(frame, names) > _LARGEST[kind]
-        if large or not all(split(name)[1] for name in names):
+        where = f"columns {', '.join(names)}: whole numbers"
+        if _norm(frame, names) > _LARGEST[kind] or not all(split(name)[1] for name in names):
             raise WrongUsage(
-                f"{file}, columns {', '.join(names)}: whole numbers only: these look like raw "
-                f"counts of the converter, not {unit}; {_spelled(fixed)} with the {unit} per "
-                f"count of the datasheet, or --scale {FLAG[kind]}=1 if they are {unit}",
-                fixed,
+                f"{file}, {where} only: these look like raw counts, not {unit}; {_spelled(flags)} "
+                f"with the datasheet's {unit} per count, or --scale {FLAG[kind]}=1",
+                flags,
             )
-        said.append(
-            f"columns {', '.join(names)}: whole numbers, taken as {unit} (raw counts need --scale "
-            f"{FLAG[kind]}=...)"
-        )
-    return said
-
-
-def _said(chosen, units) -> list[str]:
-    """State the unit of what had none in its name, and where it is from."""
-    said = []
-    for kind in dict.fromkeys(c.kind for c in chosen):
-        mute = [c for c in chosen if c.kind == kind and not split(c.column)[1]]
-        if not mute or not (len({c.kind for c in chosen}) > 1 or not units):
-            continue
-        why = "by --unit"
-        if kind not in units and None not in units:
-            why = f"by their length, one g; --unit {FLAG[kind]}=... overrules"
-        names = ", ".join(c.column for c in mute)
-        said.append(f"columns {names} read as {FLAG[kind]} in {mute[0].unit} ({why})")
+        said.append(f"{where}, taken as {unit} (raw counts need --scale {FLAG[kind]}=...)")
     return said
 
 
@@ -744,7 +654,7 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
     """
     numeric = list(frame.select_dtypes("number"))
     by_content = contents(frame[numeric])
-    sizes = _accel_units(frame, {n: recognise(n).kind or "" for n in numeric}, {})
+    size = _gravity(frame, [n for n in numeric if recognise(n).kind == "accel"])
     found = []
     for name in frame:
         column = recognise(name)
@@ -763,8 +673,8 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
         elif unit:
             why = told_by
         elif column.kind:
-            why = f"its name, {'its length one g' if name in sizes else 'no unit'}"
-            unit = sizes.get(name, "")
+            unit = size if size and column.kind == "accel" else ""
+            why = f"its name, {'its length one g' if unit else 'no unit'}"
         else:
             why = ""
         found.append((name, kind, unit, why))

@@ -8,13 +8,11 @@ line, to name the line and the column.
 import codecs
 import contextlib
 import csv
-import gzip
 import io
 import itertools
 import os
 import re
 import warnings
-import zlib
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -123,19 +121,16 @@ def data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
 
 @contextlib.contextmanager
 def open_bytes(path: Path):
-    """Open a file, gzipped or not, for reading bytes; an error becomes `CannotAnswer`."""
+    """Open a file for reading bytes; an error becomes `CannotAnswer`."""
     try:
         with path.open("rb") as handle:
-            packed = handle.read(2) == b"\x1f\x8b"
-        with gzip.open(path, "rb") if packed else path.open("rb") as handle:
             yield handle
-    except (OSError, EOFError, zlib.error) as error:
-        why = getattr(error, "strerror", None) or "it is cut off or damaged; copy it again"
-        raise CannotAnswer(f"{path.name}: cannot be read to its end: {why}") from error
+    except OSError as error:
+        raise CannotAnswer(f"{path.name}: cannot be read: {error.strerror}") from error
 
 
 def content(path: Path) -> bytes:
-    """Read all the bytes of a file, gzipped or not."""
+    """Read all the bytes of a file."""
     with open_bytes(path) as handle:
         return handle.read()
 
@@ -155,7 +150,7 @@ def _head(path: Path) -> tuple[list[str], str]:
             line = len(_NEWLINE.split(head[: binary.start()].decode("latin-1")))
             raise CannotAnswer(
                 f"{path.name}, line {line}: bytes that are not text: a damaged file, or a binary "
-                "format that README does not list; cut it before that line, or export it as CSV"
+                "format that is not known; cut it before that line, or export it as CSV"
             )
         encoding = "utf-8-sig" if head[:3] == b"\xef\xbb\xbf" else "utf-8"
     # The head may end within a character, which is not wrong, only not whole.
@@ -241,7 +236,7 @@ def _names(fields: list[str]) -> tuple[str, ...]:
     names: list[str] = []
     for number, field in enumerate(fields, 1):
         name = printable(field.strip().strip('"').strip()) or f"c{number}"
-        names.append(f"{name}.{number}" if name in names else name)
+        names.append(f"{name} (column {number})" if name in names else name)
     return tuple(names)
 
 
@@ -261,6 +256,8 @@ class Table:
         Line of each row of the file, where the format knows it.
     rows : ndarray or None
         Row in the file of each row of ``frame``, if some were left out.
+    stamps : times.Stamps or None
+        If the reader knows the time itself.
     """
 
     frame: pd.DataFrame
@@ -269,6 +266,7 @@ class Table:
     layout: Layout | None = None
     lines: np.ndarray | None = None
     rows: np.ndarray | None = None
+    stamps: Any = None
 
     @property
     def file(self) -> str:
@@ -293,7 +291,7 @@ def progress(path: Path, what: str = "reading") -> dict[str, Any]:
 
 
 def read_table(path: Path) -> Table:
-    """Read a delimited text file, gzipped or not.
+    """Read a delimited text file.
 
     Returns
     -------
@@ -407,10 +405,8 @@ def _row(fields: list[str], layout: Layout) -> list:
     while len(fields) > len(layout.names) and not fields[-1].strip():
         fields = fields[:-1]
     if len(fields) > len(layout.names):
-        raise ValueError(
-            f"column '{layout.names[-1]}' should be the last ({len(layout.names)}), "
-            f"but the line has {len(fields)} fields"
-        )
+        last = f"column '{layout.names[-1]}' should be the last ({len(layout.names)})"
+        raise ValueError(f"{last}, but the line has {len(fields)} fields")
     values: list = []
     for j, name in enumerate(layout.names):
         field = fields[j].strip() if j < len(fields) else ""

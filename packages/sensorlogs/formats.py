@@ -33,56 +33,27 @@ from sensorlogs import (
 )
 from sensorlogs.delimited import Table
 from sensorlogs.tables import Part, choose, listed, of_arrays, paired, reading
-from sensorlogs.times import BadStamps
 
+_MEASURED = ["lat_deg", "lon_deg", "height_m", "fix"]
 _PAIR = re.compile(  # gx: 0.1, or gyro x (dps) = 1e-3
     r"([A-Za-z][\w.]*(?:\s*[\[(][^\])]*[\])])?)\s*[:=]\s*"
     r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 )
 
 
-def phone(path: Path) -> Table:
-    """Read a phone log: position, attitude quaternion, recorded angles, at 1 Hz.
-
-    The recorded roll, pitch, yaw are radians, and with the phone upright pitch is near -90 deg,
-    where roll and yaw lose their meaning (gimbal lock). They are kept, unwrapped, as
-    ``recorded_roll_deg`` ...; what is analysed is the small rotation that `about_the_mean` makes
-    from the quaternion.
-    """
-    table = delimited.read_table(path)
-    frame = table.frame.rename(columns=columns.NAMES["phone_app"])
-    lacking = {"time", "qw", "qx", "qy", "qz", "lat_deg", "lon_deg", "height_m"} - set(frame)
-    if lacking:
-        raise CannotAnswer(
-            f"{path.name}, line 1: no column '{sorted(lacking)[0]}': not this phone format; "
-            "read it as CSV"
-        )
-    for angle in {"roll", "pitch", "yaw"} & set(frame):
-        frame[f"recorded_{angle}_deg"] = unwrap(np.degrees(frame.pop(angle).to_numpy()), 360.0)
-    return replace(table, frame=frame)
-
-
 def gpx(path: Path) -> list[Part]:
     """List the tracks of a GPX file; one table, where they follow each other in time."""
-    tracks: list[list[dict[str, Any]]] = []
     known = columns.NAMES["gpx"]
-    with reading(path, "a GPX file"), path.open("rb") as handle:
-        point: dict[str, Any] = {}
-        routes = 0
-        for event, element in ElementTree.iterparse(handle, ("start", "end"), forbid_dtd=True):
-            tag = element.tag.rpartition("}")[2].lower()
-            if event == "start":
-                if tag == "trk":
-                    tracks.append([])
-                elif tag == "trkpt" and tracks:
-                    point = {"lat_deg": element.get("lat"), "lon_deg": element.get("lon")}
-                    tracks[-1].append(point)
-            elif tag == "trkpt":
-                point = {}
-                element.clear()
-            elif tag in known:
-                point[known[tag]] = element.text
-            routes += event == "end" and tag == "rtept"
+
+    def point(element) -> dict[str, Any]:
+        said = {each.tag.rpartition("}")[2].lower(): each.text for each in element.iter()}
+        found = {ours: said[theirs] for theirs, ours in known.items() if theirs in said}
+        return {"lat_deg": element.get("lat"), "lon_deg": element.get("lon")} | found
+
+    with reading(path, "a GPX file"):
+        root = ElementTree.parse(path, forbid_dtd=True).getroot()
+    tracks = [[*map(point, each.iterfind(".//{*}trkpt"))] for each in root.iterfind("{*}trk")]
+    routes = root.find("{*}rte") is not None
     tracks = [track for track in tracks if track]
     if not any("time" in each for track in tracks for each in track):
         what = "a route or points" if routes or not tracks else "a track"
@@ -119,10 +90,8 @@ def serial(path: Path) -> list[Part]:
             elif line.strip():
                 left_out += 1
     if len(set(names)) < len(names) or left_out > 0.01 * len(rows) + 3:
-        raise CannotAnswer(
-            f"{path.name}: {left_out:,} of {left_out + len(rows):,} lines do not have the names of "
-            f"the first ({', '.join(names)}): write one line for each sample, or CSV"
-        )
+        of = f"{left_out:,} of {left_out + len(rows):,} lines"
+        raise CannotAnswer(f"{path.name}: {of} do not have the names of the first: write CSV")
     notes = [f"{counted(left_out, 'line')} with other names left out"] * bool(left_out)
     if not line.endswith("\n") and lines[-1:] == [number]:  # a number may have lost digits
         notes.append(f"line {lines.pop()}: {delimited.CUT_OFF}")
@@ -168,12 +137,6 @@ def csv(path: Path) -> list[Part]:
     return [Part(path.name, layout.names, lambda _: delimited.read_table(path))]
 
 
-def phone_csv(path: Path) -> list[Part]:
-    """List the one table of a phone log; see `phone`."""
-    table = phone(path)
-    return [Part(path.name, tuple(table.frame), lambda _: table)]
-
-
 @dataclass(frozen=True)
 class Format:
     """A file format: how it is told from its content, and what lists its tables.
@@ -194,8 +157,17 @@ class Format:
     reader: str
     needs: str = ""
 
+    @property
+    def is_here(self) -> bool:
+        """Tell whether its library is installed."""
+        return not self.needs or importlib.util.find_spec(self.needs) is not None
+
     def parts(self, path: Path) -> list[Part]:
         """List the tables of a file."""
+        if not self.is_here:
+            raise WrongUsage(
+                f"{path.name} is {self.title}: in the project's folder run: pip install '.[logs]'"
+            )
         module, _, name = self.reader.partition(".")
         return getattr(importlib.import_module(f"sensorlogs.{module}"), name)(path)
 
@@ -244,7 +216,6 @@ FORMATS: dict[str, Format] = {  # the first that tells
     "json": Format("JSON lines", _holds(rb"\A\s*(\[\s*)?\{\s*\""), "matrices.json_lines"),
     "xsens": Format("Xsens text", _holds(rb"\A(//[^\n]*\n)+PacketCounter"), "formats.xsens"),
     "serial": Format("lines of names and numbers", lambda head: _is_serial(head), "formats.serial"),
-    "phone": Format("a phone's CSV", lambda head: False, "formats.phone_csv"),
     "csv": Format("CSV", lambda head: True, "formats.csv"),
 }
 
@@ -273,7 +244,7 @@ def format_of(path: Path) -> str:
         with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
             head = b"PK " + "".join(f"{name}\n" for name in packed.namelist()).encode()
     name = next(name for name, one in FORMATS.items() if one.tells(head))
-    if name == "nmea" and _is_here(FORMATS["ubx"]):  # with binary messages, which say more
+    if name == "nmea" and FORMATS["ubx"].is_here:  # with binary messages, which say more
         from sensorlogs import robot_logs
 
         return "ubx" if robot_logs.holds_ubx(delimited.content(path)) else name
@@ -313,23 +284,7 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
     if known == "csv" and zipfile.is_zipfile(path):
         stat = path.stat()
         return _parts(archives.unzipped(path, (stat.st_size, stat.st_mtime_ns)))
-    found = FORMATS[known]
-    _check_extra(path, found)
-    return found.parts(path)
-
-
-def _is_here(found: Format) -> bool:
-    """Tell whether the library of a format is installed."""
-    return not found.needs or importlib.util.find_spec(found.needs) is not None
-
-
-def _check_extra(path: Path, found: Format) -> None:
-    """Refuse a format whose library is not installed."""
-    if not _is_here(found):
-        raise WrongUsage(
-            f"{path.name} is {found.title}, which needs the extra 'logs': in the project's folder "
-            "run: pip install '.[logs]'"
-        )
+    return FORMATS[known].parts(path)
 
 
 def load(
@@ -338,7 +293,7 @@ def load(
     """Read one table, or two that `join` makes one."""
     tables = [part.load(wanted) for part in chosen]
     table = tables[0] if len(tables) == 1 else join(*tables, chosen)
-    frame, notes = columns.in_known_units(table.frame)
+    frame, notes = columns.in_known_units(times.joined(table.frame))
     return replace(table, frame=frame, repairs=(*table.repairs, *notes))
 
 
@@ -390,43 +345,49 @@ def contents(
     listing, errors = [], []
     for part in parts_of(path, known):
         try:
-            frame = times.joined(load([part]).frame)
+            table = load([part])
         except (CannotAnswer, WrongUsage) as error:  # the names are known all the same
             errors.append(error)
             told = columns.described(pd.DataFrame(columns=[*part.columns], dtype=float), "its name")
             listing.append((f"{part.name}: cannot be read: {error}", told))
             continue
-        told = columns.described(columns.sample(frame, list(frame)), part.told_by)
-        title, time = f"{part.name}: {counted(len(frame), 'row')}", times.time_column(frame)
-        if time is not None and len(frame) > 1:
-            with contextlib.suppress(CannotAnswer, WrongUsage, BadStamps):
-                since = times.stamps(time, frame[time].to_numpy()).since_s
-                span = float(np.nanmax(since) - np.nanmin(since))
-                title += f", {span:.6g} s, {(len(since) - 1) / span:.6g} Hz" if span > 0 else ""
+        rows = len(table.frame)
+        told = columns.described(columns.sample(table.frame, list(table.frame)), part.told_by)
+        title = f"{part.name}: {counted(rows, 'row')}"
+        with contextlib.suppress(CannotAnswer, WrongUsage):
+            since = times.of_table(table)[1].since_s
+            span = float(np.nanmax(since) - np.nanmin(since))
+            title += f", {span:.6g} s, {(rows - 1) / span:.6g} Hz" if span > 0 else ""
         listing.append((title, told))
     return listing, errors
 
 
-def about_the_mean(frame: pd.DataFrame) -> pd.DataFrame:
+def about_the_mean(frame: pd.DataFrame, every: bool = False) -> pd.DataFrame:
     """Add what is measured from the mean of this stretch: metres of position, degrees of attitude.
 
-    ``lat_deg, lon_deg`` (and ``height_m``) give ``north_m, east_m`` (and ``down_m``) in the local
+    Latitude and longitude (and height) give ``north_m, east_m`` (and ``down_m``) in the local
     tangent plane at the mean position. The quaternion ``qw, qx, qy, qz`` (device to world, device
     axes x right, y to the top edge, z out of the screen) gives ``roll_deg, pitch_deg, yaw_deg``:
     the rotation vector from the mean attitude, about the device's forward (y), right (x) and down
-    (-z) axis.
+    (-z) axis. With `every`, columns of another name than ``lat_deg, lon_deg, height_m`` count too.
     """
     added: dict[str, np.ndarray] = {}
-    if {"lat_deg", "lon_deg"} <= set(frame):
-        none = frame["fix"] <= 0 if "fix" in frame else np.zeros(len(frame), dtype=bool)
-        lat, lon = (frame[name].mask(none).to_numpy() for name in ("lat_deg", "lon_deg"))
-        has_height = "height_m" in frame
-        height = frame["height_m"].to_numpy() if has_height else np.zeros(len(frame))
-        if np.isfinite(lat * lon * height).any():
+    numbers = frame.select_dtypes("number")
+    names = numbers[::-1] if every else numbers.columns.intersection(_MEASURED)
+    named = {columns.recognise(name).quantity: numbers[name] for name in names}
+    if {"lat", "lon"} <= named.keys():
+        none = named["fix"] <= 0 if "fix" in named else np.zeros(len(frame), dtype=bool)
+        lat, lon = (named[name].mask(none).to_numpy() for name in ("lat", "lon"))
+        height = named.get("height", pd.Series(0.0, frame.index)).to_numpy()
+        known = np.isfinite(height)
+        if np.isfinite(lat * lon).any() and known.any():
             origin = (np.nanmean(lat), np.nanmean(lon), np.nanmean(height))
-            north, east, down = pymap3d.geodetic2ned(lat, lon, height, *origin)
+            north, east, down = pymap3d.geodetic2ned(
+                lat, lon, np.where(known, height, origin[2]), *origin
+            )
             added |= {"north_m": north, "east_m": east}
-            added |= {"down_m": down} if has_height else {}
+            if "height" in named and known.sum() > 0.75 * np.isfinite(lat).sum():
+                added["down_m"] = np.where(known, down, np.nan)
     if {"qw", "qx", "qy", "qz"} <= set(frame):
         q = frame[["qx", "qy", "qz", "qw"]].to_numpy()
         good = np.isfinite(q).all(axis=1) & (np.abs(q).max(axis=1) > 0)

@@ -6,13 +6,11 @@ one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with th
 
 import contextlib
 import functools
+import itertools
 import json
-import math
 import zipfile
-from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +27,8 @@ from sensorlogs.delimited import Table, open_bytes, progress
 from sensorlogs.tables import Part, of_arrays, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
-AT_ONCE = 1 << 18  # rows of a Parquet file
 THREADS = 2  # that read its columns
+AT_ONCE = 50_000  # JSON objects
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
 _GPSD = {  # report of gpsd -> its member -> ours; by its manual gpsd_json(5): SI units, UTC
     "TPV": {
@@ -62,34 +60,26 @@ def parquet(path: Path) -> list[Part]:
     }
     names = {f.name: f"{f.name} ({units[f.name]})" if units[f.name] else f.name for f in schema}
 
-    def column(one):  # in pieces: hardly anything is held twice
-        number = pa.types.is_floating(one.type) or pa.types.is_integer(one.type)
-        number |= pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type)
-        number |= pa.types.is_timestamp(one.type)
-        values, at = np.empty(rows, dtype=float if number else object), 0
-        own = {"columns": [one.name], "use_threads": False}  # the columns are the threads
-        for batch in pq.ParquetFile(path).iter_batches(AT_ONCE, **own):
-            piece = batch.column(0)
-            if pa.types.is_timestamp(one.type):
-                piece = piece.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())
-            elif pa.types.is_decimal(one.type) or pa.types.is_boolean(one.type):
-                piece = piece.cast(pa.float64() if one.type.bit_width > 1 else pa.int8())
-            values[at : at + len(piece)] = (
-                piece.to_numpy(zero_copy_only=False) if number else piece.to_pylist()
-            )
-            at += len(piece)
-        return values
+    def column(one):  # one by one: hardly anything is held twice
+        values = pq.read_table(path, columns=[one.name], use_threads=False).column(0)
+        if pa.types.is_timestamp(one.type):
+            values = values.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())
+        elif pa.types.is_temporal(one.type) or not (
+            pa.types.is_primitive(one.type) or pa.types.is_decimal(one.type)
+        ):
+            return np.array(values.to_pylist(), dtype=object)
+        return values.cast(pa.float64(), safe=False).to_numpy()
 
     def load(wanted: Sequence[str] | None) -> Table:
-        taken = [f for f in schema if wanted is None or names[f.name] in wanted]
-        _check_size(path, rows, len(taken))
         flat = [
-            f for f in taken if not (pa.types.is_nested(f.type) or pa.types.is_dictionary(f.type))
+            f for f in schema if not (pa.types.is_nested(f.type) or pa.types.is_dictionary(f.type))
         ]
+        flat = [f for f in flat if wanted is None or names[f.name] in wanted]
+        _check_size(path, rows, len(flat))
         with reading(path, "a Parquet file"), ThreadPoolExecutor(THREADS) as threads:
             bar = {"total": len(flat), "unit": "column", **progress(path)}
             values = tqdm(threads.map(column, flat), **bar)
-            columns = {names[one.name]: v for one, v in zip(flat, values, strict=True)}
+            columns = dict(zip((names[f.name] for f in flat), values, strict=True))
         pa.default_memory_pool().release_unused()
         return Table(pd.DataFrame(columns, copy=False), path)
 
@@ -223,41 +213,55 @@ def json_lines(path: Path) -> list[Part]:
     Where each object names its ``sensor``, as Sensor Logger writes them, each sensor is a table; of
     gpsd's reports each receiver is.
     """
-    tables: dict[str, tuple[dict[str, array], list[int], set[str]]] = {}
+    tables: dict[str, list[pd.DataFrame]] = {}
     notes: list[str] = []
-    with open_bytes(path) as handle:
-        for number, item in _positions(_objects(path, handle, notes)):
-            sensor = item.pop("sensor", None) if isinstance(item.get("sensor"), str) else None
-            columns, lines, words = tables.setdefault(sensor or "lines", ({}, [], set()))
-            arrays = {k: v for k, v in item.items() if isinstance(v, list) and len(v) > LONG}
+    words: dict[str, set[str]] = {}
+    with open_bytes(path) as handle, reading(path, "a JSON file"):
+        objects = _positions(_objects(path, handle, notes))
+        while some := list(itertools.islice(objects, AT_ONCE)):
+            frame = pd.json_normalize([item for _, item in some])
+            frame.index = pd.Index([number for number, _ in some])
+            arrays = {
+                n: c for n, c in frame.iloc[0].items() if isinstance(c, list) and len(c) > LONG
+            }
             if arrays:
-                with reading(path, "a JSON file"):
-                    found = {name: np.array(values, float) for name, values in arrays.items()}
+                found = {name: np.array(values, float) for name, values in arrays.items()}
                 return _grouped(path, {"": found}, [])
-            for name, value in _leaves(item):
-                if isinstance(value, str):
-                    value = _number(value)
-                    if value is None:
-                        words.add(name)
-                        continue
-                if name not in columns:
-                    columns[name] = array("d", [math.nan]) * len(lines)
-                columns[name].append(math.nan if value is None else value)
-            lines.append(number)
-            for values in columns.values():
-                if len(values) < len(lines):
-                    values.append(math.nan)
+            sensors = frame.pop("sensor") if "sensor" in frame else pd.Series("lines", frame.index)
+            for sensor, rows in frame.groupby(sensors, sort=False):
+                numbers = dict(_numbers(rows.dropna(axis=1, how="all")))
+                empty = {name for name, values in numbers.items() if values.isna().all()}
+                words.setdefault(sensor, set()).update(empty)
+                tables.setdefault(sensor, []).append(pd.DataFrame(numbers).drop(columns=empty))
     parts = []
-    for sensor, (columns, lines, words) in tables.items():
-        found = {k: np.frombuffer(v) for k, v in columns.items() if np.isfinite(v).any()}
-        said = (*notes, *(f"'{name}' left out: text" for name in sorted(words)))
-        table = Table(pd.DataFrame(found, copy=False), path, said, lines=np.array(lines))
-        if found:
+    for sensor, pieces in tables.items():
+        frame = pd.concat(pieces)
+        said = (f"'{name}' left out: text" for name in sorted(words[sensor].difference(frame)))
+        lines = frame.index.to_numpy()
+        table = Table(frame.reset_index(drop=True), path, (*notes, *said), lines=lines)
+        if len(frame.columns):
             load = functools.partial(lambda table, _: table, table)
-            parts.append(Part(sensor, tuple(found), load, len(lines)))
+            parts.append(Part(sensor, tuple(frame), load, len(frame)))
     if not parts:
         raise CannotAnswer(f"{path.name}: no data: JSON without any number")
     return parts
+
+
+def _numbers(frame: pd.DataFrame) -> Iterator[tuple[str, pd.Series]]:
+    """Turn cells into numbers, dates into seconds since 1970, and lists into columns."""
+    for name, cells in frame.items():
+        first = cells[cells.first_valid_index()]
+        if isinstance(first, list):
+            wide = pd.DataFrame([c if isinstance(c, list) else [] for c in cells], frame.index)
+            for j, axis in enumerate(_axes(len(first))):
+                if not isinstance(first[j], dict | list):
+                    yield with_axis(str(name), axis), pd.to_numeric(wide[j], errors="coerce")
+            continue
+        values = pd.to_numeric(cells, errors="coerce").astype(float)
+        if values.isna().all():
+            dates = pd.to_datetime(cells, utc=True, errors="coerce", format="ISO8601")
+            values = (dates - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
+        yield str(name), values
 
 
 def _positions(objects: Iterable[tuple[int, dict]]) -> Iterator[tuple[int, dict]]:
@@ -273,16 +277,6 @@ def _positions(objects: Iterable[tuple[int, dict]]) -> Iterator[tuple[int, dict]
             sky[device] = ours
         elif ours:
             yield number, {"sensor": device} | sky.get(device, {}) | ours
-
-
-def _number(text: str) -> float | None:
-    """Read a number, or a date as seconds since 1970, UTC where it names no zone."""
-    with contextlib.suppress(ValueError):
-        return float(text)
-    with contextlib.suppress(ValueError):
-        stamp = datetime.fromisoformat(text)
-        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
-    return None
 
 
 def _objects(path: Path, handle, notes: list[str]) -> Iterator[tuple[int, dict]]:
@@ -315,18 +309,6 @@ def _objects(path: Path, handle, notes: list[str]) -> Iterator[tuple[int, dict]]
         raise CannotAnswer(fault)
     if fault:
         notes.append(f"{fault}: the last line, left out")
-
-
-def _leaves(item: Any, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Walk through an object: name, number, text or None."""
-    if isinstance(item, dict):
-        for key, value in item.items():
-            yield from _leaves(value, f"{above}.{key}" if above else str(key))
-    elif isinstance(item, list):
-        for name, value in zip(_axes(len(item)), item, strict=True):
-            yield from _leaves(value, with_axis(above, name))
-    elif isinstance(item, bool | int | float | str) or item is None:
-        yield above, item
 
 
 def _axes(count: int) -> Sequence[str]:

@@ -5,15 +5,14 @@ timeline = read_moving(["drive.csv"])               positions, and an IMU if the
 timeline = read_moving(["flight.ulg"])              the same from a ULog, a bag, UBX, GPX ...
 """
 
+import contextlib
 import datetime
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from sensorlogs import (
     IN_DEG_S,
@@ -24,17 +23,17 @@ from sensorlogs import (
     columns,
     datasets,
     formats,
-    nmea,
     times,
     wrap,
 )
 from sensorlogs.archives import EXPORT
 from sensorlogs.catalogue import find
-from sensorlogs.columns import AXES, recognise
+from sensorlogs.columns import AXES, closest, recognise
 from sensorlogs.delimited import Table
 from sensorlogs.tables import Part, ask, interpolated, named
 from sensorlogs.timeline import (
     FACTORS,
+    OF_FIX,
     SILENT_S,
     Attitude,
     Gnss,
@@ -49,9 +48,12 @@ IMU_GAPS = 0.01  # share of IMU rows whose time may step back
 GYROS, ACCELS = ([f"{what}_{axis}" for axis in AXES] for what in ("gyro", "accel"))
 NEEDED = {"GNSS": ["lat", "lon"], "IMU": GYROS + ACCELS, "attitude": ["roll", "pitch"]}
 NAMED = {"lat": "deg", "lon": "deg"} | dict.fromkeys(GYROS, "deg_s") | dict.fromkeys(ACCELS, "m_s2")
-SPEED = {"m/s": 1.0, "km/h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704}
+ANGLES = ("roll", "pitch", "yaw", "course")
+TO_OURS = {"km/h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704, "ft": 0.3048}
+TO_OURS["rad"] = float(np.degrees(1.0))
+IN_SI = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()} | IN_M_S2
+_SIX = 3 * ["rate"] + 3 * ["accel"]
 _SECOND = {"linear", "lin", "linacc", "user", "bias"}  # of two columns that hold one quantity
-_RAD_S = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()}
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
 HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch
@@ -106,30 +108,35 @@ def read_moving(
     CannotAnswer, WrongUsage
         Naming file, line and column.
     """
-    found, sources = _Found(), {}
-    paths = [find(log)[2] for log in logs]
-    tables_of = {path: formats.parts_of(path) for path in paths}
-    wanted = _columns_of_each(columns or {}, tables_of)
-    given = _given(unit, scale) | {"time_unit": time_unit}
+    found, sources, used = _Found(), {}, set[str]()
+    wanted, given = columns or {}, _given(unit, scale) | {"time_unit": time_unit}
+    tables_of = {path: formats.parts_of(path) for _, _, path in map(find, logs)}
+    there = [name for parts in tables_of.values() for part in parts for name in part.columns]
     for path, parts in tables_of.items():
         sources[path.name] = datasets.sha256(path)
-        if [part.told_by for part in parts] == [nmea.STANDARD]:
-            epochs, clock, start, again, notes = nmea.read_gnss(formats.plain(path))
-            new = _Found({"GNSS": epochs}, {"GNSS": clock}, again, notes, start)
-        else:
-            new = _read_parts(path, parts, wanted[path], given, tables)
-        if new.restarts and times.DEVICE in new.clocks.values() and len(paths) > 1:
-            raise CannotAnswer(
-                f"{path.name}: its clock starts again {len(new.restarts)} times, so that no other "
-                "log can be matched to it; cut the logs there and give the parts of one start"
+        parts, before = [_assigned(part, wanted, used) for part in parts], {*found.parts}
+        for rows in _rows_of(path, parts, given, tables):
+            new = rows.parts()
+            if rows.restarts and rows.clock == times.DEVICE and len(tables_of) > 1:
+                raise CannotAnswer(
+                    f"{path.name}: its clock starts again, so that no other log can be matched to "
+                    "it; cut the logs and give the parts of one start"
+                )
+            if again := before & new.keys() - {"attitude"}:
+                raise WrongUsage(f"{path.name}: a second {again.pop()} log; give one of each")
+            new = {kind: part for kind, part in new.items() if kind not in before}
+            found.parts |= new
+            found.clocks |= dict.fromkeys(new, rows.clock)
+            found.restarts += rows.restarts
+            found.notes += rows.notes
+            found.start = rows.start or found.start
+    for ours, theirs in wanted.items():
+        if ours not in used:
+            near = closest(theirs.removeprefix("-"), there)
+            raise WrongUsage(
+                f"--columns {ours}={theirs}: no log has a column '{theirs}'{near}; there are: "
+                + ", ".join(dict.fromkeys(there))
             )
-        for kind in new.parts:
-            if kind in found.parts and kind != "attitude":
-                raise WrongUsage(f"{path.name}: a second {kind} log; give one of each")
-        found.parts, found.clocks = new.parts | found.parts, new.clocks | found.clocks
-        found.restarts += new.restarts
-        found.notes += new.notes
-        found.start = new.start or found.start
     return _on_one_axis(found, sources, imu_offset)
 
 
@@ -148,8 +155,8 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
         apart = max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])
         if apart > 0:
             raise CannotAnswer(
-                f"the IMU log and the GNSS log do not overlap: {apart:.6g} s lie between them; "
-                "give logs of one ride, or say --imu-offset"
+                f"the logs do not overlap: {apart:.6g} s lie between: give those of one ride, or "
+                "say --imu-offset"
             )
     clock = clocks.get("GNSS") or next(iter(clocks.values()))
     if "attitude" in parts and clocks["attitude"] != clocks.get("GNSS", clocks["attitude"]):
@@ -164,8 +171,7 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
         if gaps := silent_gaps(gnss, imu):
             notes.append(
                 f"nothing is recorded for over {SILENT_S:g} s before t = {gaps[0]:.0f} s: switched "
-                "on again there, or its clock jumped ahead, which the stamps do not tell; "
-                f"{len(gaps)} times in all"
+                f"on again there, or its clock jumped ahead; {len(gaps)} times in all"
             )
         again = sorted({*again, *gaps})
         factor = gnss.speed_factor()
@@ -189,33 +195,46 @@ def _given(unit: str | None, scale: str | None) -> dict[str, Any]:
     for flag, each in given.items():
         if None in each:
             raise WrongUsage(
-                f"--{flag} {each[None]}: an IMU has gyros and accelerometers: say "
-                f"--{flag} gyro={each[None]}, or accel=, or both with a comma"
+                f"--{flag} {each[None]}: an IMU has gyros and accelerometers: say gyro=, or accel="
             )
     return given
 
 
-def _columns_of_each(wanted: dict, tables_of: dict[Path, list[Part]]) -> dict[Path, dict]:
-    """Give each log those of the wanted columns that it has; a single one has to have all."""
-    each: dict[Path, dict[str, str]] = {path: {} for path in tables_of}
-    names = {
-        path: dict.fromkeys(name for part in parts for name in part.columns)
-        for path, parts in tables_of.items()
-        if [part.told_by for part in parts] != [nmea.STANDARD]
-    }
-    if wanted and not names:
-        raise WrongUsage("--columns names the columns of a CSV, and no log is a CSV")
+def _assigned(part: Part, wanted: dict[str, str], used: set[str]) -> Part:
+    """Give columns the names that the user assigns to them; drop others of the same meaning.
+
+    Parameters
+    ----------
+    part : Part
+    wanted : dict
+        Our names (``speed_km_h``, ``gyro_x_deg_s``, ``t_s``) -> the file's columns; a minus before
+        the column changes its sign.
+    used : set of str
+        Gets those of our names that this table has.
+    """
+    mine = {}
     for ours, theirs in wanted.items():
-        errors = []
-        for path, there in names.items():
-            try:
-                columns.resolve(theirs.removeprefix("-"), list(there), path.name)
-                each[path][ours] = theirs
-            except WrongUsage as error:
-                errors.append(str(error))
-        if len(errors) == len(names):
-            raise WrongUsage("; ".join(errors))
-    return each
+        if not recognise(ours).quantity:
+            raise WrongUsage(
+                f"--columns {ours}={theirs}: '{ours}' is none of t_s, lat_deg, lon_deg, height_m, "
+                "pdop, speed_m_s, course_deg, has_fix, accel_x_m_s2 ..., gyro_x_deg_s ..."
+            )
+        with contextlib.suppress(WrongUsage):
+            mine[ours] = columns.resolve(theirs.removeprefix("-"), part.columns, "")
+    if not mine:
+        return part
+    used.update(mine)
+    taken = {recognise(ours).quantity for ours in mine}
+    gone = [n for n in part.columns if n in mine.values() or recognise(n).quantity in taken]
+
+    def load(_) -> Table:
+        table = part.load(None)
+        new = {ours: table.frame[name] for ours, name in mine.items()}
+        new |= {ours: -new[ours] for ours in mine if wanted[ours].startswith("-")}
+        frame = table.frame.drop(columns=gone, errors="ignore")
+        return replace(table, frame=frame.assign(**new))
+
+    return replace(part, columns=(*(n for n in part.columns if n not in gone), *mine), load=load)
 
 
 def _shift(gnss, imu, clocks, offset, notes, start) -> float:
@@ -230,8 +249,7 @@ def _shift(gnss, imu, clocks, offset, notes, start) -> float:
         return 0.0
     if times.DEVICE in both:
         raise WrongUsage(
-            "the stamps of the IMU and of the GNSS log are of different clocks; say --imu-offset "
-            "S, the seconds from the first GNSS epoch to the first IMU sample"
+            "IMU and GNSS stamps are of different clocks; say --imu-offset S, from the first epoch"
         )
     if start and both == (times.DAY, times.UNIX):
         notes += _dates_apart(gnss, imu, start)
@@ -253,17 +271,16 @@ def _dates_apart(gnss, imu, start) -> Iterator[str]:
     )
     yield (
         f"by their dates the GNSS log (from {one}) and the IMU log (from {other}) lie a day or "
-        "more apart: matched by the time of day, the receiver's date taken as wrong; if it is not, "
-        "this is no ride"
+        "more apart: matched by the time of day, the receiver's date taken as wrong"
     )
 
 
-def _read_parts(
-    path: Path, parts: list[Part], wanted: dict, given: dict, tables: Sequence[str]
-) -> _Found:
+def _rows_of(
+    path: Path, parts: list[Part], given: dict, tables: Sequence[str]
+) -> Iterator["_Rows"]:
     """Read the tables of a log that have the positions, the IMU and the attitude."""
     wished = {named(parts, name, path.name).name for name in tables if len(parts) > 1}
-    known = {part.name: {recognise(n).quantity for n in (*part.columns, *wanted)} for part in parts}
+    known = {part.name: {recognise(name).quantity for name in part.columns} for part in parts}
 
     def having(needed) -> tuple[Part, ...]:
         """Find the one table that has all of these: a tuple of one, or an empty one."""
@@ -280,7 +297,6 @@ def _read_parts(
     attitudes = [p for p in parts if p.primary and known[p.name].issuperset(NEEDED["attitude"])]
     if len(attitudes) == 1 and (attitudes[0],) not in chosen:
         chosen.append((attitudes[0],))
-    found = _Found()
     for some in chosen or [tuple(parts[:1])]:
         try:
             table = formats.load(some)
@@ -288,89 +304,34 @@ def _read_parts(
             if len(some) == 1:
                 raise
             table = formats.load(some, join=interpolated)
-        mine, said = wanted, given
-        if len(parts) > 1:
-            mine = {k: v for k, v in wanted.items() if v.removeprefix("-") in table.frame}
-            time = times.time_column(table.frame)
-            if time and times.unit_of(time):  # the flag is for another table
-                said = given | {"time_unit": None}
-        table = replace(table, frame=_rename(table.frame, mine, table.file))
-        rows = _Rows(table, said)
-        new = rows.parts()
-        if "IMU" in new and some[0].told_by == EXPORT:
-            new["IMU"] = _level(new["IMU"], rows.notes)
-        found.parts |= new
-        found.restarts += rows.restarts
-        found.clocks |= dict.fromkeys(
-            new, times.DAY if some[0].told_by == nmea.STANDARD else rows.clock
-        )
-        found.notes += rows.notes
-    return found
+        stated = times.unit_of(times.time_column(table.frame) or "") and len(parts) > 1
+        yield _Rows(table, given | {"time_unit": None} if stated else given, some[0].told_by)
 
 
 def _level(imu: Imu, notes: list[str]) -> Imu:
     """Turn the axes of a phone that lies with its screen up: x ahead, y right, z down."""
     if np.median(imu.accel_b[:, 2]) < Z_UP:
         return imu
-    notes.append(
-        "the phone lies with its screen up: its axes (x right, y to the top edge, z up) are turned "
-        "to x to the top edge, y right, z down"
-    )
+    notes.append("the phone lies with its screen up: axes turned to x ahead, y right, z down")
     gyro, accel = (axes[:, [1, 0, 2]] * [1.0, 1.0, -1.0] for axes in (imu.gyro_b, imu.accel_b))
     return replace(imu, gyro_b=gyro, accel_b=accel)
-
-
-def _rename(frame: pd.DataFrame, wanted: dict[str, str], file: str) -> pd.DataFrame:
-    """Give columns the names that the user assigns to them; drop others of the same meaning.
-
-    Parameters
-    ----------
-    frame : pandas.DataFrame
-    wanted : dict
-        Our names (``speed_km_h``, ``gyro_x_deg_s``, ``t_s``) -> the file's columns; a minus before
-        the column changes its sign.
-    file : str
-        For the messages.
-    """
-    names = list(frame.columns)
-    picked = {
-        ours: columns.resolve(theirs.removeprefix("-"), names, file)
-        for ours, theirs in wanted.items()
-    }
-    for ours, theirs in picked.items():
-        if not recognise(ours).quantity:
-            raise WrongUsage(
-                f"--columns {ours}={theirs}: '{ours}' is none of t_s, lat_deg, lon_deg, height_m, "
-                "pdop, speed_m_s, course_deg, has_fix, accel_x_m_s2 ..., gyro_x_deg_s ..."
-            )
-    taken = {recognise(ours).quantity for ours in picked}
-    drop = [n for n in names if n not in picked.values() and recognise(n).quantity in taken]
-    frame = frame.drop(columns=drop).rename(columns={v: k for k, v in picked.items()})
-    negative = [ours for ours, theirs in wanted.items() if theirs.startswith("-")]
-    return frame.assign(**{ours: -frame[ours] for ours in negative})
 
 
 class _Rows:
     """Rows of a table with their times: the epochs and samples that are made of them."""
 
-    def __init__(self, table: Table, given: dict):
+    def __init__(self, table: Table, given: dict, told_by: str):
         self.table, self.given, self.file = table, given, table.file
-        self.time = times.time_column(table.frame)
-        if self.time is None:
-            raise WrongUsage(
-                f"{self.file}, line 1: no column is named as time; say --columns t_s=COLUMN; there "
-                f"are: {', '.join(table.frame)}"
-            )
-        with times.stamp_errors_at(table, self.time):
-            stamps = times.stamps(
-                self.time, table.frame[self.time].to_numpy(), unit=given["time_unit"]
-            )
+        self.told_by = told_by
+        self.time, stamps = times.of_table(table, unit=given["time_unit"])
         said = (*table.repairs, *stamps.notes)
         self.notes = [n if n.startswith(self.file) else f"{self.file}: {n}" for n in said]
-        self.clock = stamps.clock
-        self.t, again = times.continued(stamps.since_s + stamps.zero_s)
+        self.clock, self.start = stamps.clock, stamps.start_utc
+        self.t, again = stamps.on_clock, stamps.again
+        if again is None:
+            self.t, again = times.continued(self.t)
         self.restarts = self.t[again].tolist()
-        if len(again):
+        if len(again) and stamps.again is None:
             place = table.place(again[0], self.time)
             self.notes.append(
                 f"{place}: the clock starts again, here first: {len(again) + 1} starts"
@@ -403,7 +364,24 @@ class _Rows:
                 + ", ".join(self.table.frame)
             )
         self.notes += [f"{self.file}: {lack}: not used" for lack in lacks]
+        if "IMU" in made and self.told_by == EXPORT:
+            made["IMU"] = _level(made["IMU"], self.notes)
         return made
+
+    def column(self, what: str) -> np.ndarray:
+        """Return the values of a quantity, in m, m/s and degrees; NaN where it has no column."""
+        if what not in self.names:
+            return np.full(len(self.t), np.nan)
+        name = self.names[what]
+        unit = recognise(name).unit
+        if what == "speed" and unit is None:
+            raise WrongUsage(
+                f"{self.file}: column '{name}' has no unit: say --columns speed_m_s={name}, or "
+                "speed_km_h, speed_knots, speed_mph"
+            )
+        if what in ANGLES:
+            unit = unit or self.given["unit"].get("angle")
+        return self.table.frame[name].to_numpy() * TO_OURS.get(unit or "", 1.0)
 
     def rising(self, rows, notes, late_allowed=0.0) -> np.ndarray:
         """Keep the rows later than all before."""
@@ -415,11 +393,7 @@ class _Rows:
 
     def gnss(self) -> Gnss:
         """Make the epochs: the rows in which the receiver gives a value."""
-        data = {
-            what: self.table.frame[name].to_numpy()
-            for what, name in self.names.items()
-            if what and what not in NEEDED["IMU"]
-        }
+        data = {what: self.column(what) for what in self.names if what not in ("", *NEEDED["IMU"])}
         rows = np.flatnonzero(np.isfinite(self.t) & np.isfinite(list(data.values())).any(axis=0))
         position = np.column_stack([data["lat"][rows], data["lon"][rows]])
         changed = np.r_[True, (np.diff(position, axis=0) != 0).any(axis=1)]
@@ -436,12 +410,12 @@ class _Rows:
         at = self.rising(rows, self.notes)
 
         def column(what):
-            return data[what][at] if what in data else np.full(len(at), np.nan)
+            return self.column(what)[at]
 
         def place(k):
             return self.table.place(at[k], self.names["lat"])
 
-        lat, lon = column("lat"), column("lon")
+        lat, lon, speed, pdop = map(column, ("lat", "lon", "speed", "pdop"))
         fix = np.isfinite(lat) & np.isfinite(lon)
         if "fix" in data:
             fix &= column("fix") > 0
@@ -453,37 +427,27 @@ class _Rows:
                 f"{place(k)}: {lat[k]:g}, {lon[k]:g} is nowhere on Earth, as are {beyond.size:,} "
                 f"of {fix.sum():,} positions; give degrees, latitude and longitude not exchanged"
             )
-        pdop, blank = column("pdop"), {"lat_deg": lat, "lon_deg": lon}
-        feet = re.search(r"(ft|feet)\W*$", self.names.get("height", "").lower())
-        blank["height_m"] = column("height") * (0.3048 if feet else 1.0)
-        blank["speed_m_s"] = self.speed(column("speed"))
-        radians = "course" in data and recognise(self.names["course"]).unit == "rad"
-        blank["course_deg"] = np.degrees(column("course")) if radians else column("course")
-        blank = {name: np.where(fix, array, np.nan) for name, array in blank.items()}
-        blank |= {"pdop": np.where(pdop == 0, np.nan, pdop), "mode": column("mode")}
-        gnss = Gnss(t_s=self.t[at], has_fix=fix, satellites=column("satellites"), **blank)
-        return plausible(gnss, place, self.notes)
-
-    def speed(self, speed) -> np.ndarray:
-        """Turn a speed into m/s; one without a unit is asked about."""
-        if "speed" not in self.names:
-            return speed
-        name = self.names["speed"]
-        unit = recognise(name).unit
-        if unit is None:
-            raise WrongUsage(
-                f"{self.file}: column '{name}' has no unit: say --columns speed_m_s={name}, or "
-                "speed_km_h, speed_knots, speed_mph"
-            )
         if (speed < 0).any():
-            self.notes.append(
-                f"{self.file}: column '{name}': {(speed < 0).sum():,} below zero, left out"
-            )
-        return np.where(speed >= 0, speed, np.nan) * SPEED[unit]
+            said = f"column '{self.names['speed']}': {(speed < 0).sum():,} below zero, left out"
+            self.notes.append(f"{self.file}: {said}")
+        height, course, mode, satellites = map(column, ("height", "course", "mode", "satellites"))
+        speed, pdop = np.where(speed >= 0, speed, np.nan), np.where(pdop == 0, np.nan, pdop)
+        gnss = Gnss(self.t[at], lat, lon, height, pdop, speed, course, fix, mode, satellites)
+        return plausible(gnss.without(~fix, *OF_FIX), place, self.notes)
 
     def imu(self) -> Imu:
-        """Make the samples: rows with all six readings, in SI units."""
+        """Make the samples: rows with all six readings, in SI units; gravity checks them."""
         names = [self.names[what] for what in NEEDED["IMU"]]
+        mute = {recognise(name).kind for name in names if not recognise(name).unit}
+        unit, scale = (
+            ",".join(f"{columns.FLAG[k]}={v}" for k, v in self.given[flag].items() if k in kinds)
+            for flag, kinds in (("unit", mute), ("scale", _SIX))
+        )
+        few = columns.sample(self.table.frame, names)
+        chosen, guessed, notes = columns.choose(
+            few, self.file, names, unit or None, scale=scale or None
+        )
+        self.notes += [f"{self.file}: {note}" for note in (*guessed, *notes)]
         readings = self.table.frame[names].to_numpy(dtype=float)
         rows = np.flatnonzero(np.isfinite(readings).all(axis=1) & np.isfinite(self.t))
         if not rows.size:
@@ -494,54 +458,24 @@ class _Rows:
         rows = self.rising(rows, self.notes, IMU_GAPS)
         if len(rows) < 2:
             raise CannotAnswer(f"{self.file}: a single IMU sample")
-        gyro, accel = readings[rows, :3], readings[rows, 3:]
-        gyro = gyro * self.gyro_scale(names[:3])
-        return Imu(self.t[rows], gyro, accel * self.accel_scale(names[3:], accel))
+        if [c.kind for c in chosen] != _SIX:
+            raise WrongUsage(
+                f"{self.file}, columns {', '.join(names)}: their units are not those of gyros and "
+                f"accelerometers: say --columns gyro_x_deg_s={names[0]} and so on for each axis"
+            )
+        gyro, accel = np.split(readings[rows] * [c.scale * IN_SI[c.unit] for c in chosen], 2, 1)
+        norm = float(np.median(np.linalg.norm(accel, axis=1)))
+        if columns.gravity_unit(norm, 0.25) != "m/s^2":
+            raise WrongUsage(
+                f"{self.file}, columns {', '.join(names[3:])}: the median length is {norm:.3g} "
+                "m/s^2, which is no gravity; give specific force; raw counts need --scale"
+            )
+        return Imu(self.t[rows], gyro, accel)
 
     def attitude(self) -> Attitude:
         """Make the attitude of the rows that have one; a heading beside roll and pitch is yaw."""
-        yaw = self.names.get("yaw", self.names.get("course"))
-        angles = np.full((3, len(self.t)), np.nan)
-        for angle, name in zip(angles, (self.names["roll"], self.names["pitch"], yaw), strict=True):
-            if name is not None:
-                unit = recognise(name).unit or self.given["unit"].get("angle", "deg")
-                angle[:] = self.table.frame[name] * (np.degrees(1.0) if unit == "rad" else 1.0)
+        yaw = "yaw" if "yaw" in self.names else "course"
+        angles = np.array([self.column(what) for what in ("roll", "pitch", yaw)])
         rows = np.flatnonzero(np.isfinite(angles).any(axis=0) & np.isfinite(self.t))
         rows = self.rising(rows, [], IMU_GAPS)
         return Attitude(self.t[rows], *angles[:, rows])
-
-    def gyro_scale(self, names: list[str]) -> float:
-        """Return rad/s per unit of the gyro; axes without a unit, or in several, are refused."""
-        units = {recognise(name).unit or self.given["unit"].get("rate") for name in names}
-        unit = units.pop()
-        if units or unit not in _RAD_S:
-            raise WrongUsage(
-                f"{self.file}, columns {', '.join(names)}: they need one unit of a rate: say "
-                f"--unit gyro=deg/s, or --columns gyro_x_deg_s={names[0]} and so on for each axis",
-                {"--unit": "gyro=deg/s"},
-            )
-        return _RAD_S[unit] * self.given["scale"].get("rate", 1.0)
-
-    def accel_scale(self, names: list[str], accel: np.ndarray) -> float:
-        """Return m/s^2 per unit of the accelerometer; without a unit, gravity decides."""
-        units = {recognise(name).unit or self.given["unit"].get("accel") for name in names}
-        unit = units.pop()
-        if units:
-            raise WrongUsage(f"{self.file}: the three accelerometers are in different units")
-        factor = self.given["scale"].get("accel", 1.0)
-        norm = abs(factor) * float(np.median(np.linalg.norm(accel, axis=1)))
-        likely = columns.gravity_unit(norm, 0.25)
-        if unit is None and likely:
-            unit = likely
-            self.notes.append(
-                f"{self.file}: accelerometer read as {unit}: its length is {norm:.3g} (--unit "
-                "accel=... overrules)"
-            )
-        if unit is None or unit != likely:
-            raise WrongUsage(
-                f"{self.file}, columns {', '.join(names)}: the median length is "
-                f"{norm:.3g}{' ' + unit if unit else ''}, which is no gravity; give specific force "
-                "(gravity included) as accel_x_m_s2 or accel_x_g; raw counts need --scale, such as "
-                "--scale accel=1/16384"
-            )
-        return factor * IN_M_S2[unit]

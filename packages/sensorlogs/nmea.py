@@ -18,8 +18,8 @@ from sensorlogs import CannotAnswer, counted, times
 from sensorlogs.columns import NAMES
 from sensorlogs.delimited import Table, content
 from sensorlogs.tables import Part
-from sensorlogs.timeline import Gnss, Imu, plausible
-from sensorlogs.times import BadStamps
+from sensorlogs.timeline import Gnss, Imu
+from sensorlogs.times import BadStamps, Stamps
 
 STANDARD = "the NMEA standard"
 PDOP_HOLD_S = 10.0  # receivers that save on sentences give a GSA every few seconds only
@@ -46,6 +46,8 @@ _STAMPED_BREAK = re.compile(
 Sentence = tuple[int, NMEAMessage]
 _POSITION = ("lat_deg", "lon_deg")
 _FIELDS = NAMES["nmea"]
+COLUMNS: tuple[str, ...] = ("t_s", *_POSITION, "height_m", "separation_m", "speed_m_s")
+COLUMNS += ("course_deg", "fix", "hdop", "pdop", "fix_mode", "quality", "satellites")
 _NO_FIX = {0, 6}  # none, and estimated (the receiver's own dead reckoning)
 
 
@@ -90,7 +92,7 @@ def _time(message) -> float | None:
     return at.hour * 3600 + at.minute * 60 + at.second + at.microsecond / 1e6
 
 
-def epochs(messages: list[Sentence], each: str | None = None) -> pd.DataFrame:
+def epochs(messages: list[Sentence]) -> pd.DataFrame:
     """Combine the sentences of each epoch.
 
     Sentences with one time of day are one epoch; those without belong to the one before, unless it
@@ -100,8 +102,6 @@ def epochs(messages: list[Sentence], each: str | None = None) -> pd.DataFrame:
     ----------
     messages : list of (int, NMEAMessage)
         GGA, RMC, GSA, GNS, GLL, VTG in the order of the file, as `sentences` returns them.
-    each : str, optional
-        Start an epoch at each sentence of this kind instead.
 
     Returns
     -------
@@ -118,7 +118,7 @@ def epochs(messages: list[Sentence], each: str | None = None) -> pd.DataFrame:
         fresh = timed and time is not None and time != last
         if timed and time is None:  # a receiver that does not know the time yet
             fresh = last is not None or kind in kinds
-        if not rows or kind == each or (fresh and each is None):
+        if not rows or fresh:
             epoch, last, kinds = epoch + 1, time, set()
         kinds.add(kind)
         rank = order.index(kind) + 0.5 * (message.talker != "GN")
@@ -139,74 +139,28 @@ def epochs(messages: list[Sentence], each: str | None = None) -> pd.DataFrame:
     return found.assign(fix=fix & (status.isna() | (status == "A")), speed_m_s=speed)
 
 
-def _lines(raw: bytes, found: pd.DataFrame) -> np.ndarray:
-    """Return the line in the file at which each epoch starts."""
-    newlines = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == ord("\n"))
-    return np.searchsorted(newlines, found["offset"]) + 1
+def parts(path: Path) -> list[Part]:
+    """List the one table of a log: its epochs."""
+    return [Part("NMEA", COLUMNS, lambda _: read_table(path), told_by=STANDARD)]
 
 
 def read_table(path: Path) -> Table:
-    """Read the GGA sentences of a static log, a row each.
-
-    Returns
-    -------
-    Table
-        ``t_s`` (s of day, unwrapped over midnight), ``lat_deg``, ``lon_deg``, ``height_m`` (above
-        mean sea level, as GGA gives it), ``separation_m`` (add it for the height above the
-        ellipsoid), ``hdop``, ``pdop`` (of the GSA that follows, where there is one), ``quality``
-        (GGA fix quality, 0 = no fix), ``satellites``. Sentences without a time of day are left
-        out, and counted; those without a fix have NaN positions.
-    """
-    raw = content(path)
-    messages, wrong, _ = sentences(raw, ("GGA", "GSA"))
-    rows = epochs(messages, each="GGA").dropna(subset="time")
-    if rows.empty:
-        raise CannotAnswer(
-            f"{path.name}: no GGA sentence with a time of day and a right checksum from line 1 to "
-            "the end; give a log in which the receiver writes GGA"
-        )
-    frame = rows[[*_FIELDS["GGA"], "pdop"]].fillna({"quality": 0.0, "satellites": 0.0})
-    frame.loc[frame["quality"] == 0, [*_POSITION, "height_m", "separation_m"]] = np.nan
-    frame.insert(0, "t_s", times.unwrap_clock(rows["time"].to_numpy()))
-    repairs = []
-    if wrong:
-        repairs.append(f"{wrong} GGA or GSA sentences with a wrong checksum or content left out")
-    timeless = sum(message.msgID == "GGA" for _, message in messages) - len(rows)
-    if timeless:
-        repairs.append(f"{timeless} GGA sentences without a time of day left out")
-    frame = frame.reset_index(drop=True)
-    return Table(frame, path, tuple(repairs), lines=_lines(raw, rows))
-
-
-def parts(path: Path) -> list[Part]:
-    """List the one table of a log: its sentences."""
-    columns = ("t_s", "lat_deg", "lon_deg", "height_m", "hdop", "pdop", "quality", "satellites")
-    return [Part("NMEA", columns, lambda _: read_table(path), told_by=STANDARD)]
-
-
-def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[float], list[str]]:
-    """Read the GNSS epochs of a moving log, on a clock that only runs forward.
+    """Read the epochs of a receiver, a row each, on a clock that only runs forward.
 
     A receiver that is switched on again, and one whose clock jumps after its first fix, start anew:
     what is before is moved to end one interval earlier where its clock was ahead.
 
     Returns
     -------
-    Gnss
-        ``t_s`` on the clock.
-    str
-        The clock: that of the receiver (`times.DAY`), or that of a host's stamps.
-    str or None
-        Date and time of the first epoch, if the receiver states it.
-    list of float
-        ``t_s`` of the first epoch of each later start.
-    list of str
-        What was repaired.
+    Table
+        `COLUMNS`: ``t_s`` by the receiver's time of day or by a host's stamps, ``fix`` (0 or 1),
+        ``height_m`` (above mean sea level, as GGA gives it), ``separation_m`` (add it for the
+        height above the ellipsoid); NaN where there is no fix. Its ``stamps`` have the clock.
 
     Raises
     ------
     CannotAnswer
-        If there is no epoch, or time runs backward by more than a clock that is set.
+        If there is no epoch.
     """
     raw = content(path)
     messages, wrong, joined = sentences(raw, tuple(_FIELDS))
@@ -215,19 +169,17 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[float], list[str]
         bare = len(re.findall(TALKER + rb"(?:" + kinds + rb")," + _BODY + _END, raw))
         raise CannotAnswer(
             f"{path.name}: no right checksum in {wrong:,} NMEA sentences, from line 1 on: {bare:,} "
-            f"have no checksum (*hh at the end), {wrong - bare:,} a wrong one or are cut off; log "
-            "GGA or RMC as the receiver sends them, or give the positions as CSV"
+            f"have no checksum, {wrong - bare:,} a wrong one; log GGA or RMC as they are sent"
         )
     found = epochs(messages)
     notes = []
     if wrong:
-        notes.append(
-            f"{path.name}: {wrong:,} of {wrong + len(messages):,} sentences cut off or with a "
-            "wrong checksum, left out"
-        )
+        of = f"{wrong:,} of {wrong + len(messages):,} sentences"
+        notes.append(f"{path.name}: {of} cut off or with a wrong checksum, left out")
     if joined:
         notes.append(f"{path.name}: {counted(joined, 'sentence')} broken over two lines, joined")
-    lines = _lines(raw, found)
+    newlines = np.flatnonzero(np.frombuffer(raw, dtype=np.uint8) == ord("\n"))
+    lines = np.searchsorted(newlines, found["offset"]) + 1
 
     def place(k):
         return f"{path.name}, line {lines[k]}"
@@ -240,17 +192,22 @@ def read_gnss(path: Path) -> tuple[Gnss, str, str | None, list[float], list[str]
         t, again = times.continued(t)
     banners = [match.start() for match in _BANNER.finditer(raw)]
     again = np.union1d(again, np.searchsorted(found["offset"], banners)).astype(int)
-    keep = times.rising(t, place, notes)
-    starts = np.searchsorted(keep, again[(again > 0) & (again < len(t))])
-    t, found, lines = t[keep], found.iloc[keep], lines[keep]
-    starts = np.unique(starts[(starts > 0) & (starts < len(t))])
-    if len(starts):
+    again = again[(again > 0) & (again < len(t))]
+    if len(again):
         notes.append(
-            f"{place(starts[0])}: the receiver starts again, or its clock jumps, here first: "
-            f"{len(starts) + 1} starts"
+            f"{place(again[0])}: the receiver starts again, or its clock jumps, here first: "
+            f"{len(again) + 1} starts"
         )
-    gnss = plausible(_gnss(t, found), place, notes)
-    return gnss, which, _start(found, t, notes), t[starts].tolist(), notes
+    stamps = Stamps(t - t[0], float(t[0]), which, (), again, _start(found, t, notes))
+    fix = found["fix"] & found[[*_POSITION]].notna().all(axis=1)
+    names = (*_POSITION, "height_m", "separation_m", "speed_m_s", "course_deg")
+    frame = found.assign(t_s=t, **{name: found[name].where(fix) for name in names}, fix=1.0 * fix)
+    age = t - frame["t_s"].where(frame["pdop"].notna()).ffill()  # receivers give it now and then
+    frame["pdop"] = frame["pdop"].ffill().where(age <= PDOP_HOLD_S)
+    mode = frame["mode"].ffill().where(age <= PDOP_HOLD_S)
+    frame["fix_mode"] = mode.where(mode > 1)  # 1: no fix
+    frame = frame[[*COLUMNS]].reset_index(drop=True)
+    return Table(frame, path, tuple(notes), lines=lines, stamps=stamps)
 
 
 def _host_time(raw: bytes, found, notes, name) -> tuple[np.ndarray | None, str]:
@@ -338,19 +295,6 @@ def _receiver_time(found, place, notes) -> tuple[np.ndarray, list[int]]:
             f"first here: taken as {interval:g} s apart, or even between those that have one"
         )
     return t, again
-
-
-def _gnss(t: np.ndarray, found: pd.DataFrame) -> Gnss:
-    """Turn epochs into arrays; the last PDOP and mode hold for some seconds."""
-    fix = found["fix"] & found[[*_POSITION]].notna().all(axis=1)
-    names = (*_POSITION, "height_m", "speed_m_s", "course_deg")
-    columns = {name: found[name].where(fix).to_numpy() for name in names}
-    age = t - pd.Series(t, found.index).where(found["pdop"].notna()).ffill()
-    pdop = found["pdop"].ffill().where(age <= PDOP_HOLD_S)
-    mode = found["mode"].ffill().where(age <= PDOP_HOLD_S)
-    columns |= {"pdop": pdop.to_numpy(), "mode": mode.where(mode > 1).to_numpy()}  # 1: no fix
-    columns["satellites"] = found["satellites"].to_numpy()
-    return Gnss(t_s=t, has_fix=fix.to_numpy(), **columns)
 
 
 def _start(found: pd.DataFrame, t: np.ndarray, notes: list[str]) -> str | None:

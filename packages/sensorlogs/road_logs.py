@@ -6,11 +6,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pymap3d
-from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
 from sensorlogs import CannotAnswer
-from sensorlogs.matrices import open_mat73
+from sensorlogs.matrices import mat5, open_mat73
 
 ANTENNAS = ("Front", "LeftRear", "RightRear")
 RTK_FIXED = 6  # this receiver's DGPS_mode with carrier ambiguities fixed; in NMEA it is 4
@@ -97,19 +95,15 @@ def _receiver(raw, name, path, origin):
     """Read an antenna: epoch number, positions, which are fixed, and its stamps by both clocks."""
     group = f"GPS_SparkFun_{name}_GGA"
     if group not in raw:
-        raise CannotAnswer(
-            f"{path.name}: no antenna '{group}' in the file; pitch and roll need all three "
-            f"({', '.join(ANTENNAS)})"
-        )
+        raise CannotAnswer(f"{path.name}: no antenna '{group}'; pitch and roll need all three")
     names = ("GPS_Time", "ROS_Time", "Latitude", "Longitude", "Altitude", "GeoSep", "DGPS_mode")
     gps, computer, lat, lon, altitude, separation, mode = _columns(raw[group], names, path)
     good = np.isfinite(gps + lat + lon + altitude + separation)
     fixed = good & (mode == RTK_FIXED)
     if not fixed.any():
-        best = f"best DGPS_mode {np.nanmax(mode):g}" if np.isfinite(mode).any() else "no DGPS_mode"
         raise CannotAnswer(
-            f"{path.name}: antenna {name} is never RTK fixed (mode {RTK_FIXED}; {best}), and "
-            "without centimetres there is no attitude: give a log with RTK"
+            f"{path.name}: antenna {name} is never RTK fixed (DGPS_mode {RTK_FIXED}): without "
+            "centimetres there is no attitude"
         )
     east, north, _ = pymap3d.geodetic2enu(lat, lon, altitude + separation, *origin, 0.0)
     # The tangent plane departs from mean sea level by 7 mm in 300 m: heights are those of GGA.
@@ -162,12 +156,8 @@ def highway(path: Path) -> pd.DataFrame:
         "yNorth": "north_m",
         "altitude": "height_m",
     }
-    try:
-        content = loadmat(path, squeeze_me=True, struct_as_record=False)
-    except (MatReadError, ValueError, IndexError, OSError, NotImplementedError) as error:
-        raise CannotAnswer(f"{path.name}: not a MATLAB v5 file, or cut off ({error})") from error
-    structs = [v for k, v in content.items() if hasattr(v, "_fieldnames")]
-    if len(structs) != 1 or set(names) - set(structs[0]._fieldnames):
+    parts = [part for part in mat5(path) if set(names) <= set(part.columns)]
+    if len(parts) != 1:
         raise CannotAnswer(f"{path.name}: not a drive: it needs one struct with {', '.join(names)}")
-    frame = pd.DataFrame({new: np.ravel(getattr(structs[0], old)) for old, new in names.items()})
-    return frame.astype(float).assign(t_s=lambda f: f["t_s"] - f["t_s"].iloc[0])
+    frame = parts[0].load(list(names)).frame.rename(columns=names)[[*names.values()]]
+    return frame.assign(t_s=lambda f: f["t_s"] - f["t_s"].iloc[0])

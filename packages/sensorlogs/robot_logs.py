@@ -4,16 +4,18 @@ Their message definitions state the units, so that nothing has to be guessed. On
 the table that is wanted are kept.
 """
 
+import calendar
 import contextlib
+import functools
+import itertools
 import os
 import re
 import sys
 import tempfile
 from array import array
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -38,19 +40,15 @@ _UBX_SIZE = 8192  # bytes of the longest message that is looked at
 
 def ros_bag(path: Path) -> list[Part]:
     """List the topics of a ROS 1 bag, or of a ROS 2 one: db3, MCAP, or its folder."""
+    parts = []
     with _opened(path) as bag:
-        parts = []
         for topic, connections in _topics(bag).items():
-            first = connections[0]
-            with reading(path, "a ROS bag"):
-                names = _ros_names(bag, first)
+            known = connections[0].msgtype in bag.typestore.fielddefs
+            names = _ros_columns(bag, connections, itertools.islice) if known else {}
             rows = sum(c.msgcount for c in connections)
-
-            def load(_, topic=topic):
-                return _ros_table(path, topic)
-
-            known = DEFINED if first.msgtype in _ROS else "its message's field names"
-            parts.append(Part(topic, names, load, rows, known))
+            told_by = DEFINED if connections[0].msgtype in _ROS else "its message's field names"
+            load = functools.partial(_ros_table, path, topic, rows)
+            parts.append(Part(topic, tuple(names), load, rows, told_by))
     return parts
 
 
@@ -81,14 +79,19 @@ def _topics(bag: Any) -> dict[str, list]:
     return topics
 
 
-def _ros_names(bag: Any, connection: Any) -> tuple[str, ...]:
-    """Name the columns of a topic by its first message."""
-    if connection.msgtype not in bag.typestore.fielddefs:
-        return ()
-    for _, _, raw in bag.messages([connection]):
-        names = [name for name, _ in _ros_leaves(bag.deserialize(raw, connection.msgtype))]
-        return ("t_s", *(_ROS.get(connection.msgtype, {}).get(n, n) for n in names))
-    return ()
+def _ros_columns(bag: Any, connections: list, taken: Callable) -> dict[str, array]:
+    """Read the columns of some messages: stamps, times of recording under "", and all numbers."""
+    known = _ROS.get(connections[0].msgtype, {})
+    columns: dict[str, array] = defaultdict(lambda: array("d"))
+    for connection, written_ns, raw in taken(bag.messages(connections), 1):
+        message = bag.deserialize(raw, connection.msgtype)
+        header = getattr(message, "header", None)
+        columns["t_s"].append(header.stamp.sec + 1e-9 * header.stamp.nanosec if header else 0.0)
+        columns[""].append(1e-9 * written_ns)
+        for name, value in _ros_leaves(message):
+            if not name.startswith("header."):
+                columns[known.get(name, name)].append(value)
+    return columns
 
 
 def _ros_leaves(message: Any, above: str = "") -> Iterator[tuple[str, float]]:
@@ -105,57 +108,40 @@ def _ros_leaves(message: Any, above: str = "") -> Iterator[tuple[str, float]]:
             yield from ((f"{full}.{a}", float(v)) for a, v in zip(AXES, value, strict=True))
 
 
-def _ros_table(path: Path, topic: str) -> Table:
+def _ros_table(path: Path, topic: str, rows: int, _) -> Table:
     """Read the messages of one topic."""
     notes = []
+
+    def shown(messages, _):
+        return tqdm(messages, total=rows, **progress(path))
+
     with _opened(path) as bag:
-        connections = _topics(bag)[topic]
-        rows = sum(c.msgcount for c in connections)
-        known = _ROS.get(connections[0].msgtype, {})
-        columns: dict[str, array] = defaultdict(lambda: array("d"))
-        stamps, received = array("d"), array("d")
-        bar = tqdm(bag.messages(connections), total=rows, **progress(path))
-        for connection, written_ns, raw in bar:
-            message = bag.deserialize(raw, connection.msgtype)
-            header = getattr(message, "header", None)
-            stamp = header.stamp.sec + 1e-9 * header.stamp.nanosec if header else 0.0
-            stamps.append(stamp)
-            received.append(1e-9 * written_ns)
-            for name, value in _ros_leaves(message):
-                if not name.startswith("header."):
-                    columns[known.get(name, name)].append(value)
+        columns = _ros_columns(bag, _topics(bag)[topic], shown)
     found = {name: np.frombuffer(values) for name, values in columns.items()}
-    widths = {len(values) for values in found.values()} | {len(stamps)}
-    if not stamps or len(widths) > 1:
+    if len({len(values) for values in found.values()}) != 1:
         raise CannotAnswer(f"{path.name}: topic {topic} has no rows of equal length")
-    if len(stamps) < rows:
-        notes.append(f"{rows - len(stamps):,} of {rows:,} messages are damaged, left out")
-    t = np.frombuffer(stamps)
-    if not t.any():
-        t = np.frombuffer(received)
+    received = found.pop("")
+    if len(received) < rows:
+        notes.append(f"{rows - len(received):,} of {rows:,} messages are damaged, left out")
+    if not found["t_s"].any():
+        found["t_s"] = received
         notes.append(f"{topic} has no stamps: the times of recording are used")
     if "fix" in found:
         found["fix"] = found["fix"] + 1  # -1 no fix, 0 a fix
-    return Table(pd.DataFrame({"t_s": t, **found}, copy=False), path, tuple(notes))
+    return Table(pd.DataFrame(found, copy=False), path, tuple(notes))
 
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
     """Keep a library from printing what it skips; some print past Python."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = [(number, os.dup(number)) for number in (1, 2)]
-    with open(os.devnull, "w") as nowhere:
-        for number, _ in kept:
+    with open(os.devnull, "w") as nowhere, contextlib.ExitStack() as after:
+        for number, stream in ((1, sys.stdout), (2, sys.stderr)):
+            stream.flush()
+            copy = os.dup(number)
             os.dup2(nowhere.fileno(), number)
-    try:
+            for last in ((os.close, copy), (os.dup2, copy, number), (stream.flush,)):
+                after.callback(*last)
         yield
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        for number, copy in kept:
-            os.dup2(copy, number)
-            os.close(copy)
 
 
 def ulog(path: Path) -> list[Part]:
@@ -206,17 +192,10 @@ def ulog(path: Path) -> list[Part]:
         primary = data.name in _ULOG
         parts.append(of_arrays(path, label, columns, notes, told_by=DEFINED, primary=primary))
     if not parts:
-        with reading(path, "a PX4 ULog"), _silent():
-            others = sorted({data.name for data in ULog(str(path)).data_list})
-        if not others:
-            raise CannotAnswer(
-                f"{path.name}: a PX4 ULog without any data, cut off behind its header: copy it "
-                "again, or record anew"
-            )
         raise CannotAnswer(
-            f"{path.name}: a PX4 ULog without sensor_combined, sensor_gyro, sensor_accel or a GPS, "
-            f"which has {', '.join(others[:LISTED])}: if it is whole, log one of them "
-            "(SDLOG_PROFILE of PX4)"
+            f"{path.name}: a PX4 ULog cut off, or without sensor_combined, sensor_gyro, "
+            f"sensor_accel or a GPS; it has {', '.join(sorted(log.message_formats)[:LISTED])}: "
+            "copy it again, or log one of them"
         )
     return parts
 
@@ -296,17 +275,19 @@ def _dataflash_parts(
 
 def holds_ubx(raw: bytes) -> bool:
     """Tell whether there is a whole message that `ubx` reads, whatever lies around it."""
-    return any(_checksum_agrees(raw, match.start()) for match in _UBX.finditer(raw))
+    return any(message for _, message in _ubx_messages(raw))
 
 
-def _checksum_agrees(raw: bytes, at: int) -> bool:
-    """Tell whether a UBX message begins here: its checksum is that of Fletcher, over 8 bits."""
-    size = int.from_bytes(raw[at + 4 : at + 6], "little")
-    body, ends = raw[at + 2 : at + 6 + size], raw[at + 6 + size : at + 8 + size]
-    if size > _UBX_SIZE or len(ends) < 2:
-        return False
-    one = np.cumsum(np.frombuffer(body, dtype=np.uint8), dtype=np.uint64)
-    return ends == bytes([int(one[-1]) & 255, int(one.sum()) & 255])
+def _ubx_messages(raw: bytes) -> Iterator[tuple[int, Any]]:
+    """Iterate over what looks like a message that is read: its place, and None if it is not one."""
+    from pyubx2 import UBXReader
+
+    for match in _UBX.finditer(raw):
+        at, message = match.start(), None
+        size = int.from_bytes(raw[at + 4 : at + 6], "little") + 8
+        with contextlib.suppress(Exception):  # a wrong checksum, or bytes that only look like one
+            message = UBXReader.parse(raw[at : at + size]) if size <= _UBX_SIZE else None
+        yield at, message
 
 
 def ubx(path: Path) -> list[Part]:
@@ -315,21 +296,16 @@ def ubx(path: Path) -> list[Part]:
     The positions of NMEA sentences in between are a table of their own, read where it is named or
     where the log has no NAV-PVT.
     """
-    from pyubx2 import UBXReader
-
     raw = path.read_bytes()
     rows: dict[str, list[dict]] = {"NAV-PVT": [], "ESF-MEAS": [], "ESF-RAW": []}
     wrong = 0
-    places = [match.start() for match in _UBX.finditer(raw)]
-    for at in tqdm(places, **progress(path)):
-        size = int.from_bytes(raw[at + 4 : at + 6], "little") + 8
-        try:
-            if size > _UBX_SIZE or at + size > len(raw):
-                raise ValueError
-            message = UBXReader.parse(raw[at : at + size])
-            rows[message.identity] += list(_ubx_rows(message))
-        except Exception:  # a wrong checksum, or bytes that only look like a message
-            wrong += 1
+    with tqdm(total=len(raw), **progress(path)) as bar:
+        for at, message in _ubx_messages(raw):
+            bar.update(at - bar.n)
+            try:
+                rows[message.identity] += list(_ubx_rows(message))
+            except Exception:  # no message, or one that is cut off
+                wrong += 1
     damaged = f"{counted(wrong, 'UBX message')} cut off or with a wrong checksum, left out"
     notes = [damaged] * bool(wrong)
     parts = []
@@ -354,13 +330,11 @@ def ubx(path: Path) -> list[Part]:
 def _ubx_rows(message: Any) -> Iterator[dict[str, float]]:
     """Make the rows of one message."""
     if message.identity == "NAV-PVT":
-        day = (message.year, message.month, message.day)
-        clock = (message.hour, message.min, message.second)
+        date = (message.year, message.month, message.day, message.hour, message.min, message.second)
         known = message.validDate and message.validTime
+        start = calendar.timegm(date) if known else np.nan
         yield {
-            "t_s": datetime(*day, *clock, tzinfo=UTC).timestamp() + 1e-9 * message.nano
-            if known
-            else np.nan,
+            "t_s": start + 1e-9 * message.nano,
             "t_ms": message.iTOW,
             "lat_deg": message.lat,
             "lon_deg": message.lon,
@@ -371,20 +345,16 @@ def _ubx_rows(message: Any) -> Iterator[dict[str, float]]:
             "fix": float(message.fixType in (2, 3, 4) and message.gnssFixOk),
         }
         return
-    payload = message.payload
-    raw = message.identity == "ESF-RAW"
-    start, step = (4, 8) if raw else (8, 4)
-    count = (len(payload) - start) // step
-    tag = int.from_bytes(payload[0:4], "little")
+    words = np.frombuffer(message.payload, "<u4").astype(int)
+    if message.identity == "ESF-RAW":
+        name, words, tags = "sensor time tag", words[1::2], words[2::2]
+    else:
+        name, count = "time tag", message.payload[5] >> 3
+        words, tags = words[2 : 2 + count], np.full(count, words[0])
     found: dict[int, dict[str, float]] = {}
-    for k in range(count if raw else min(count, payload[5] >> 3)):
-        at = start + step * k
-        word = int.from_bytes(payload[at : at + 4], "little")
-        if raw:
-            tag = int.from_bytes(payload[at + 4 : at + 8], "little")
+    for word, tag in zip(words.tolist(), tags.tolist(), strict=False):
         value = (word & 0xFFFFFF) - ((word & 0x800000) << 1)
-        name, unit = NAMES["esf"].get(str(word >> 24 & 0x3F), ("", 0.0))
-        if name:
-            found.setdefault(tag, {})[name] = unit * value
-    name = "time tag" if not raw else "sensor time tag"
-    yield from ({name: at, **values} for at, values in found.items())
+        ours, unit = NAMES["esf"].get(str(word >> 24 & 0x3F), ("", 0.0))
+        if ours:
+            found.setdefault(tag, {})[ours] = unit * value
+    yield from ({name: tag, **values} for tag, values in found.items())

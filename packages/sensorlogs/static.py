@@ -10,7 +10,6 @@ repair is one sentence in `Log.repairs`.
 """
 
 import itertools
-import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -194,16 +193,15 @@ def read(
     rows, time_column, t_s, notes = _stretch(rows, option)
     grid = _grid(rows, time_column, t_s, option)
     with np.errstate(over="ignore", invalid="ignore"):  # garbage is refused below, with its place
-        chosen, temperature = _choices(rows, time_column, stanza, columns, option)
-    repairs = [*chosen.guessed, *([stanza["note"]] if "note" in stanza else [])]
-    repairs += [*rows.repairs, *notes, *chosen.notes]
-    repairs += grid.repairs
-    said: list[list[str]] = [[] for _ in chosen.channels]
-    lost: list[list[tuple]] = [[] for _ in chosen.channels]
-    put = partial(_channel, rows, grid, _zeros(rows.frame, chosen.channels))
+        chosen, guessed, left, temperature = _choices(rows, time_column, stanza, columns, option)
+    repairs = [*guessed, *([stanza["note"]] if "note" in stanza else [])]
+    repairs += [*rows.repairs, *notes, *left, *grid.repairs]
+    said: list[list[str]] = [[] for _ in chosen]
+    lost: list[list[tuple]] = [[] for _ in chosen]
+    put = partial(_channel, rows, grid, _zeros(rows.frame, chosen))
     with ThreadPoolExecutor(THREADS) as threads:
         digest = threads.submit(datasets.sha256, path)
-        channels = tuple(threads.map(put, chosen.channels, said, lost))
+        channels = tuple(threads.map(put, chosen, said, lost))
     repairs += [*_missing(rows, itertools.chain(*lost)), *itertools.chain(*said)]
     _check_gravity(path.name, channels, option.get("unit"))
     if grid.size < SAMPLES_NEEDED:
@@ -212,6 +210,9 @@ def read(
             f"noise analysis needs at least {SAMPLES_NEEDED}: give a longer log or stretch"
         )
     first = 0 if rows.rows is None else rows.rows[0]
+    if temperature is not None:  # straight lines over what is missing
+        slow = pd.Series(grid.place(temperature)).interpolate(limit_direction="both")
+        temperature = slow.to_numpy()
     return Log(
         name=name,
         title=stanza.get("title", path.name),
@@ -225,16 +226,9 @@ def read(
         licence=stanza.get("licence", "not stated"),
         source=stanza.get("source", "the reader's own log"),
         given=str(log),
-        temperature=None if temperature is None else _filled(grid.place(temperature)),
+        temperature=temperature,
         start_s=float(first / grid.rate_hz if t_s is None else np.nanmin(t_s)),
     )
-
-
-def _filled(values: np.ndarray) -> np.ndarray:
-    """Draw straight lines over what is missing in a slow series."""
-    good = np.isfinite(values)
-    at = np.arange(len(values))
-    return np.interp(at, at[good], values[good]) if good.any() else values
 
 
 def _stretch(table: Table, option: dict):
@@ -250,58 +244,50 @@ def _stretch(table: Table, option: dict):
         Seconds since the first row of the file; None if the stamps are not used.
     notes : list of str
     """
-    file, frame, rate, notes = table.file, times.joined(table.frame), option.get("rate_hz"), []
-    time = times.time_column(frame)
-    if "time" in option:
-        time = columns.resolve(option["time"], list(frame), file)
+    file, frame, rate = table.file, table.frame, option.get("rate_hz")
+    notes: list[str] = []
     if rate is not None and not 1 / RATES < rate < RATES:
         raise WrongUsage(
             f"{file}: --rate {rate:g}: give a positive number of samples a second, below {RATES:g}"
         )
-    if rate is None and time is None:
-        raise WrongUsage(_no_rate(file, frame))
-    t_s = None
-    if time and rate is not None and "time" not in option:
-        notes.append(f"time column '{time}' not used, since the rate is given")
-    elif time:
-        with times.stamp_errors_at(table, time):
-            stamps = times.stamps(time, frame[time].to_numpy(), rate, option.get("time_unit"))
+    time, t_s = times.time_column(frame), None
+    if "time" in option:
+        time = columns.resolve(option["time"], list(frame), file)
+    if rate is None or "time" in option:
+        time, stamps = times.of_table(table, time, rate, option.get("time_unit"))
         t_s = stamps.since_s
         notes += stamps.notes
-    start, stop = option.get("from", 0.0), option.get("to")
-    if not (start >= 0 and (stop is None or stop > start)):
-        raise WrongUsage(f"{file}: --from {start:g} --to {stop} is no stretch of time")
+    elif time:
+        notes.append(f"time column '{time}' not used, since the rate is given")
+    start, stop = option.get("from", 0.0), option.get("to", np.inf)
+    if not 0 <= start < stop:
+        raise WrongUsage(f"{file}: --from {start:g} --to {stop:g} is no stretch of time")
     rows = None
     if option.keys() & {"from", "to"}:
         rows = np.arange(len(frame))
         at = rows / rate if t_s is None else t_s
-        inside = ~(at < start) & ~(at >= (np.inf if stop is None else stop))
+        inside = ~(at < start) & ~(at >= stop)
         if not inside.any():
-            raise WrongUsage(
-                f"{file}: no row from {start:g} s"
-                + ("" if stop is None else f" to {stop:g} s")
-                + f"; the log lasts {np.nanmax(at):.6g} s"
-            )
+            lasts = f"the log lasts {np.nanmax(at):.6g} s"
+            raise WrongUsage(f"{file}: no row from {start:g} s to {stop:g} s; {lasts}")
         rows, frame = rows[inside], frame.iloc[inside]
         t_s = t_s if t_s is None else t_s[inside]
-    return replace(table, frame=formats.about_the_mean(frame), rows=rows), time, t_s, notes
+    frame = formats.about_the_mean(frame, "channels" in option)
+    return replace(table, frame=frame, rows=rows), time, t_s, notes
 
 
-def _no_rate(file: str, frame: pd.DataFrame) -> str:
-    """State how to give a rate; suggest a column that looks like time."""
-    numbers = frame.select_dtypes("number")
-    rising = [name for name in numbers if len(frame) > 2 and (numbers[name].diff()[1:] > 0).all()]
-    hint = ""
-    if rising:
-        hint = f" (column '{rising[0]}' only ever rises: --time {shlex.quote(rising[0])}?)"
-    return (
-        f"{file}, line 1: no column is named as time and no rate is given: say --rate HZ if the "
-        f"rows are evenly spaced, or --time COLUMN{hint}; there are: {', '.join(frame.columns)}"
-    )
+def _choices(table, time, stanza, wanted, option):
+    """Choose the channels, the catalogue's or those of the file; and find the temperature.
 
-
-def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.ndarray | None]:
-    """Choose the channels, the catalogue's or those of the file; and find the temperature."""
+    Returns
+    -------
+    list of Choice
+    list of str
+        What was guessed.
+    list of str
+        What was left out.
+    ndarray or None
+    """
     file, frame = table.file, table.frame
     given = {key: option.get(key) for key in ("unit", "kind", "scale")}
     numeric = [name for name in frame.select_dtypes("number") if name != time]
@@ -310,54 +296,38 @@ def _choices(table, time, stanza, wanted, option) -> tuple[columns.Chosen, np.nd
         known, few = {}, columns.sample(frame, numeric)
         for channel in stanza["channels"]:
             own = given | {key: channel[key] for key in given if key in channel}
-            (named,) = columns.choose(few, file, [channel["column"]], **own).channels
+            ((named,), _, _) = columns.choose(few, file, [channel["column"]], **own)
             name = columns.tidy(channel.get("name", named.name))
             known[name] = replace(named, name=name)
         chosen = [known[columns.resolve(c, list(known), file)] for c in wanted or known]
-        return columns.Chosen(chosen, [], []), temperature
-    if wanted:  # numbers count the columns of the file, the time among them
-        wanted = [columns.resolve(c, list(frame), file) for c in wanted]
-        for name in wanted:
-            if name == time:
-                raise WrongUsage(f"{file}: column '{name}' is the time; leave it out of --columns")
-            if frame[name].dtype.kind != "f":
-                cell = printable(str(frame[name].iloc[0]))
-                raise CannotAnswer(
-                    f"{table.place(0, name)}: '{cell}' is not a number; choose other --columns"
-                )
-    for name in () if wanted else frame.columns.difference([time, *frame.select_dtypes("number")]):
-        if columns.recognise(name).kind in ("rate", "accel") and not columns.recognise(name).other:
+        return chosen, [], [], temperature
+    # Numbers count the columns of the file, the time among them.
+    wanted = [columns.resolve(c, list(frame), file) for c in wanted or ()]
+    if time in wanted:
+        raise WrongUsage(f"{file}: column '{time}' is the time; leave it out of --columns")
+    texts = [name for name in frame if name != time and frame[name].dtype.kind != "f"]
+    for name in texts:
+        said = columns.recognise(name)
+        if name in wanted or (not wanted and said.kind in ("rate", "accel") and not said.other):
             wrong = pd.to_numeric(frame[name], errors="coerce").isna() & frame[name].notna()
             row = int(np.argmax(wrong))
+            cell = printable(str(frame[name].iloc[row]))
             raise CannotAnswer(
-                f"{table.place(row, name)}: '{printable(str(frame[name].iloc[row]))}' is not a "
-                "number; correct the column, or choose others with --columns"
+                f"{table.place(row, name)}: '{cell}' is not a number; correct it, or say --columns"
             )
     if not numeric:
         raise WrongUsage(f"{file}, line 1: no column with numbers besides the time")
     lost = {"lat_deg", "lon_deg"} <= set(frame) and "north_m" not in frame and not wanted
     if lost and not any(columns.recognise(name).kind for name in numeric):
-        raise CannotAnswer(
-            f"{file}: no fix: none of the {len(frame):,} epochs has a position; give a log in "
-            "which the receiver has found its satellites"
-        )
+        raise CannotAnswer(f"{file}: no fix: none of the {len(frame):,} epochs has a position")
     notes = [f"column '{warm}' kept as the temperature, in {unit}"] if warm else []
-    empty = [n for n in numeric if n not in (wanted or ()) and not _any(frame[n].to_numpy())]
+    empty = [n for n in numeric if n not in wanted and not frame[n].notna().any()]
     if empty and len(empty) < len(numeric):
-        names = ", ".join(f"'{name}'" for name in empty)
-        notes.append(f"without any value, and left out: {names}")
+        notes.append(f"without any value, and left out: {', '.join(map(repr, empty))}")
         numeric = [name for name in numeric if name not in empty]
-    numeric = [name for name in numeric if name != warm or name in (wanted or ())]
-    if table.layout is not None and not (wanted and given["unit"]):
-        numeric, doubles = columns.without_doubles(numeric, table.layout.names, file, wanted)
-        notes += doubles
-    found = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
-    return replace(found, notes=[*notes, *found.notes]), temperature
-
-
-def _any(cells: np.ndarray) -> bool:
-    """Tell whether there is a number, which is mostly among the first."""
-    return bool(np.isfinite(cells[:PIECE]).any() or np.isfinite(cells[PIECE:]).any())
+    numeric = [name for name in numeric if name != warm or name in wanted]
+    chosen, guessed, more = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
+    return chosen, guessed, [*notes, *more], temperature
 
 
 def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid:
@@ -401,8 +371,7 @@ def _channel(
         if count > MISSING_ALLOWED * len(cells):
             raise CannotAnswer(
                 f"{table.place(row, choice.column)}: no value here, nor in {count:,} of "
-                f"{len(cells):,} rows; more than {MISSING_ALLOWED:.0%} missing is too much: choose "
-                "other --columns, or a stretch with --from and --to"
+                f"{len(cells):,} rows: choose other --columns, or a stretch with --from and --to"
             )
         lost.append((why, count, row, choice.column))
         values, cells = cells[finite], np.where(finite, cells, np.nan)

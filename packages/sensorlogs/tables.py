@@ -6,10 +6,8 @@ A format's reader lists a `Part` for each table (topic, message, sheet, variable
 
 import contextlib
 import re
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import packages_distributions, version
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +18,6 @@ from sensorlogs.delimited import Table, printable
 
 LISTED = 12  # tables named in a message
 SLOW = 0.1  # share of the longest table's rows below which a table is no rival of it
-# A library's own fault, such as a message that it does not know, or a name that another package no
-# longer has; damaged bytes can lead to the same.
-_UNABLE = (AttributeError, ImportError, KeyError, NameError, NotImplementedError, TypeError)
 
 
 @dataclass(frozen=True)
@@ -79,28 +74,10 @@ def reading(path: Path, title: str, instead: str = "copy it again") -> Iterator[
         raise CannotAnswer(f"{path.name}: too large for the memory of this machine") from error
     except Exception as error:  # libraries raise what they like on damaged bytes
         said = re.sub(r"(?<!\S)/\S*/", "", str(error).strip().split("\n")[0])  # our own folders
-        why = printable(said) or type(error).__name__
-        if isinstance(error, _UNABLE) and (library := _library(error)):
-            raise CannotAnswer(
-                f"{path.name}: {library} cannot read it ({type(error).__name__}: {why}); a newer "
-                f"one may, or the file is damaged: {instead}"
-            ) from error
         raise CannotAnswer(
-            f"{path.name}: {title} that is cut off or damaged, or not one ({why}); {instead}"
+            f"{path.name}: {title} that is cut off or damaged, or not one, or that its library "
+            f"does not know ({printable(said) or type(error).__name__}); {instead}"
         ) from error
-
-
-def _library(error: BaseException) -> str:
-    """Name the package, and its version, that our code called and that raised; "" if none did."""
-    modules = [
-        str(frame.f_globals.get("__name__")).partition(".")[0]
-        for frame, _ in traceback.walk_tb(error.__traceback__)
-    ]
-    installed = packages_distributions()
-    for module in modules[len(modules) - modules[::-1].index("sensorlogs") :]:
-        if module in installed:
-            return f"{installed[module][0]} {version(installed[module][0])}"
-    return ""
 
 
 def with_axis(name: str, axis: str) -> str:
@@ -144,8 +121,6 @@ def choose(parts: Sequence[Part], path: Path, title: str, name: str | None = Non
     """
     if name is not None:
         return [named(parts, name, path.name)]
-    if len(parts) == 1 and parts[0].told_by == "its header":
-        return list(parts)
     longest = max((part.rows or 0 for part in parts), default=0)
     long = [p for p in parts if p.rows is None or p.rows >= SLOW * longest]
     if len(long) == 1 and long[0].told_by == "its header":
@@ -163,9 +138,8 @@ def choose(parts: Sequence[Part], path: Path, title: str, name: str | None = Non
             if found:
                 raise ask(found, path)
     raise CannotAnswer(
-        f"{path.name}: {title} without gyros, accelerometers, angles or positions that are named "
-        f"as such; it has {listed(parts) or 'no table'}: give a log with one of these, or take "
-        "columns of a table with --table, --columns and --unit"
+        f"{path.name}: {title} without gyros, accelerometers, angles or positions by name; it has "
+        f"{listed(parts) or 'no table'}: take columns of one with --table, --columns and --unit"
     )
 
 
@@ -190,12 +164,9 @@ def listed(parts: Sequence[Part]) -> str:
 
 def _seconds(table: Table, parts: Sequence[Part]) -> np.ndarray:
     """Read the time column of one of several tables."""
-    name = times.time_column(table.frame)
-    if name is None:
+    if times.time_column(table.frame) is None:
         raise ask(parts, table.path)
-    with times.stamp_errors_at(table, name):
-        stamps = times.stamps(name, table.frame[name].to_numpy())
-    return stamps.since_s + stamps.zero_s
+    return times.of_table(table)[1].on_clock
 
 
 def interpolated(one: Table, other: Table, parts: Sequence[Part]) -> Table:

@@ -15,6 +15,7 @@ METRES_PER_DEGREE = 1.11e5  # of latitude, to half a percent
 HIGHEST_M = 100_000.0  # of a height that a receiver can have
 WINDOW_S, WINDOW_M, FEWEST = 5.0, 20.0, 20  # speed against positions: by windows, and how many
 FACTORS = (0.8, 1.25)  # between the positions' speed and the stated one: noise and bends
+OF_FIX = ("lat_deg", "lon_deg", "height_m", "speed_m_s", "course_deg")
 SILENT_S = 60.0  # without an epoch and a sample: the device was off
 
 
@@ -55,6 +56,11 @@ class Gnss:
         for name in ("mode", "satellites"):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, np.full(len(self.t_s), np.nan))
+
+    def without(self, where: np.ndarray, *names: str) -> "Gnss":
+        """Leave out the values of some epochs."""
+        blank = {name: np.where(where, np.nan, getattr(self, name)) for name in names}
+        return replace(self, **blank)
 
     def largest_differences(self, other: "Gnss") -> dict[str, float]:
         """Return by how much two logs differ at most, at the epochs that both have.
@@ -216,14 +222,8 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
                 f"{place(int(np.argmax(where)))}: {kind}, here first: {where.sum():,} left out"
             )
     off |= zero
-    fix = gnss.has_fix & ~off
-    blank = {
-        name: np.where(off, np.nan, getattr(gnss, name))
-        for name in ("lat_deg", "lon_deg", "speed_m_s", "course_deg")
-    }
-    height = np.where(high | off, np.nan, gnss.height_m)
-    pdop = np.where(negative, np.nan, gnss.pdop)
-    return replace(gnss, has_fix=fix, height_m=height, pdop=pdop, **blank)
+    gnss = gnss.without(high, "height_m").without(negative, "pdop").without(off, *OF_FIX)
+    return replace(gnss, has_fix=gnss.has_fix & ~off)
 
 
 def silent_gaps(gnss: Gnss, imu: Imu | None) -> list[float]:
@@ -259,11 +259,8 @@ def inject_outages(timeline: Timeline, outages: Sequence[tuple[float, float]]) -
     lost = np.zeros(len(gnss.t_s), dtype=bool)
     for start, stop in outages:
         lost |= (gnss.t_s >= start) & (gnss.t_s < stop)
-    blank = {
-        name: np.where(lost, np.nan, getattr(gnss, name))
-        for name in ("lat_deg", "lon_deg", "height_m", "pdop", "speed_m_s", "course_deg")
-    }
-    return replace(timeline, gnss=replace(gnss, has_fix=gnss.has_fix & ~lost, **blank))
+    gnss = replace(gnss.without(lost, *OF_FIX, "pdop"), has_fix=gnss.has_fix & ~lost)
+    return replace(timeline, gnss=gnss)
 
 
 def turn_imu(timeline: Timeline, angle: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> Timeline:

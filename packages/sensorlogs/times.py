@@ -6,6 +6,7 @@ departure from the stamps is stated in one sentence in `Grid.repairs`.
 
 import contextlib
 import re
+import shlex
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -68,12 +69,23 @@ class Stamps:
         UNIX, DAY or DEVICE.
     notes : tuple of str
         What was assumed.
+    again : ndarray of int, optional
+        Rows at which the clock starts again, if that is settled.
+    start_utc : str, optional
+        Date and time of the first stamp, where it is known apart from the clock.
     """
 
     since_s: np.ndarray
     zero_s: float
     clock: str
     notes: tuple[str, ...]
+    again: np.ndarray | None = None
+    start_utc: str | None = None
+
+    @property
+    def on_clock(self) -> np.ndarray:
+        """Seconds on ``clock``."""
+        return self.since_s + self.zero_s
 
 
 def unit_of(name: str) -> str | None:
@@ -161,6 +173,34 @@ def _known(t: np.ndarray) -> np.ndarray:
     """Leave out what is missing; a series without gaps comes back itself."""
     finite = np.isfinite(t)
     return t if finite.all() else t[finite]
+
+
+def of_table(
+    table: Table, name: str | None = None, rate_hz: float | None = None, unit: str | None = None
+) -> tuple[str, Stamps]:
+    """Find the time column of a table, by its name if none is given, and turn it into seconds.
+
+    Raises
+    ------
+    WrongUsage
+        If there is none: the message says how to name one.
+    CannotAnswer
+        As `stamps`, with file, line and column.
+    """
+    if table.stamps and name in (None, "t_s"):
+        return "t_s", table.stamps
+    name = name or time_column(table.frame)
+    if name is None:
+        numbers = table.frame.select_dtypes("number")
+        rising = [n for n in numbers if len(numbers) > 2 and (numbers[n].diff()[1:] > 0).all()]
+        hints = [f" (column '{n}' only ever rises: --time {shlex.quote(n)}?)" for n in rising]
+        raise WrongUsage(
+            f"{table.file}, line 1: no column is named as time: say --rate HZ, or --time COLUMN"
+            f"{''.join(hints[:1])}, or of a moving log --columns t_s=COLUMN; there are: "
+            + ", ".join(table.frame)
+        )
+    with stamp_errors_at(table, name):
+        return name, stamps(name, table.frame[name].to_numpy(), rate_hz, unit)
 
 
 @contextlib.contextmanager
@@ -252,7 +292,7 @@ def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
             likely = "d" if t[0] > 1e4 else "h"
         raise WrongUsage(
             f"time column '{name}' advances by {step:.6g}: in which unit? Say --time-unit {likely} "
-            f"(or {', '.join(SCALES)}), or rename it to '{name}_{likely}' in the header",
+            f"(or {', '.join(SCALES)}), or call it '{name}_{likely}'",
             {"--time-unit": likely},
         )
     return "s", ""
