@@ -401,6 +401,7 @@ def test_contour_lines_and_guides():
     ax.axvline(1.0)
     ax.annotate("text", (0, 0))
     ax.legend()
+    assert figures.plotted_numbers(ax.figure).empty
     x = np.linspace(0.0, 4.0, 5)
     ax.contourf(x, x, np.tile(x, (5, 1)))
     ax.contour(x, x, np.tile(x, (5, 1)), levels=[0.5, 2.5]).set_label("_level")
