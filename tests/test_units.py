@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
 import numpy as np
 import pandas as pd
@@ -294,40 +294,26 @@ def test_two_units_give_a_sum():
         unit_variances(np.vstack([x, x]))
 
 
-def log_of(path, found):
-    """Write the log of a unit as CSV."""
-    table = {name: getattr(found, name) for name in ("t_s", "lat_deg", "lon_deg", "height_m")}
+def log_of(path, found, start=0.0):
+    """Write the log of a unit as CSV, its time zero at ``start`` s."""
+    table = {name: getattr(found, name) for name in ("lat_deg", "lon_deg", "height_m")}
+    table["t_s"] = start + found.t_s
     pd.DataFrame(table).to_csv(path, index=False, float_format="%.9f", na_rep="nan")
     return str(path)
 
 
-START = datetime(2024, 5, 1, 10, tzinfo=UTC)  # of the logs below
-
-
-def write_gpx(path, found):
-    """Write a track by the GPX 1.1 schema, to a tenth of a second."""
-    rows = zip(found.t_s, found.lat_deg, found.lon_deg, found.height_m, strict=True)
-    points = "".join(
-        f'<trkpt lat="{lat:.9f}" lon="{lon:.9f}"><ele>{up:.2f}</ele>'
-        f"<time>{(START + timedelta(seconds=t)).isoformat()}</time></trkpt>"
-        for t, lat, lon, up in rows
-    )
-    path.write_text(
-        '<?xml version="1.0"?><gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">'
-        f"<trk><name>a</name><trkseg>{points}</trkseg></trk></gpx>"
-    )
-    return str(path)
+START = datetime(2024, 5, 1, 10, tzinfo=UTC).timestamp()  # of the log below
 
 
 def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
-    """property: a GPX and a log of the catalogue; all keys of the contract; events are in UTC."""
+    """property: a log in UTC and one of the catalogue; all keys of the contract; events in UTC."""
     a, b = pair(np.random.default_rng(12), seconds=300, offset=-3600.0, sigma=0.5, corr_time=5.0)
     a = part(a, (a.t_s < 100) | (a.t_s > 120))
     log_of(tmp_path / "b.csv", b)
     monkeypatch.setattr(catalogue, "OWN", tmp_path / "logs.toml")
     stanza = '[mine]\nfile = "b.csv"\ntitle = "c"\nlicence = "own"\nsource = "own"\n'
     (tmp_path / "logs.toml").write_text(stanza)
-    logs = [write_gpx(tmp_path / "a.gpx", a), "mine"]
+    logs = [log_of(tmp_path / "a.csv", a, START), "mine"]
     kept = tmp_path / "out" / "figures" / "mine.png"
     kept.parent.mkdir(parents=True)
     for file in (kept, kept.with_name("john.jane.png")):  # the second of an earlier comparison
@@ -338,7 +324,7 @@ def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
     found = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert {"units", "clock", "position", "attitude", "events"} <= set(found)
     assert [u["name"] for u in found["units"]] == ["a", "mine"]
-    in_utc = START.timestamp() - 3600.0  # the second one's own clock is an hour ahead
+    in_utc = START - 3600.0  # the second one's own clock is an hour ahead
     assert found["clock"]["low"] <= in_utc <= found["clock"]["high"]
     for name in ("p50_m", "p95_m", "max_m", "cep_m", "drms2_m"):
         assert {"value", "low", "high"} <= set(found["position"][name])
