@@ -15,18 +15,8 @@ from matplotlib import font_manager
 from matplotlib.figure import Figure
 from PIL import Image
 
-from analysis import (
-    CUSTOMARY,
-    FIGURES,
-    ROOT,
-    Estimate,
-    WrongUsage,
-    figures,
-    figures_folder,
-    plots,
-    provenance,
-    without_exponents,
-)
+import analysis
+from analysis import FIGURES, ROOT, Estimate, WrongUsage, figures, plots, provenance
 
 NAME = "90-test"
 CAPTION = "Deviation of a sensor at rest (95 % bands)."
@@ -169,7 +159,7 @@ def test_the_folder_comes_from_the_environment(tmp_path, monkeypatch, capsys):
     assert len(list((tmp_path / "new").iterdir())) == 3
     assert capsys.readouterr().out == ""
     monkeypatch.delenv("COMPENDIUM_FIGURES")
-    assert figures_folder() is None
+    assert analysis.figures_folder() is None
     monkeypatch.setattr(figures, "SCRATCH", tmp_path / "scratch")
     monkeypatch.setattr(figures, "FIGURES", tmp_path / "new")
     for seed, words in ((1, "as in figures/"), (2, "differs from figures/ in: seed")):
@@ -449,7 +439,7 @@ def test_value_and_interval_are_rounded_together():
     Half a last digit is at most 1/10 of what spans five of them.
     """
     rng = np.random.default_rng(14)
-    for unit, units in CUSTOMARY.items():
+    for unit, units in analysis.CUSTOMARY.items():
         for value in 10 ** rng.uniform(-4.9, 5.9, 40) / units[0][0]:
             low, high = value * np.exp(10 ** rng.uniform(-4, 0.7, 2) * [-1, 1])
             words = str(Estimate(value, low, high, unit))
@@ -465,7 +455,7 @@ def test_value_and_interval_are_rounded_together():
 def test_exponents_are_written_out():
     """Analytic: 1e+03 is 1000; what is part of a name stays."""
     text, words = "1e+03 s a 2.5e-05 3e-09 x1e+03.csv", "1000 s a 0.000025 3×10⁻⁹ x1e+03.csv"
-    assert without_exponents(text) == words
+    assert analysis.without_exponents(text) == words
 
 
 @pytest.mark.parametrize(
