@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.tracker import at_rest
-from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest, mean
+from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import Scenario, scenario
@@ -68,8 +68,7 @@ def test_wakes_within_an_epoch(rate, push):
     for _ in range(30 * rate):
         block.accelerate(*(0.02 * rng.standard_normal(2)), 1 / rate)
     assert not block.drive(0.0)
-    woke = [block.accelerate(push, 0.0, 1 / rate) for _ in range(rate)]
-    assert any(woke)
+    assert any(block.accelerate(push, 0.0, 1 / rate) for _ in range(rate))
 
 
 def test_white_noise_does_not_wake():
@@ -78,11 +77,6 @@ def test_white_noise_does_not_wake():
     block.drive(0.0)
     noise = 0.025 * rng.standard_normal((144_000, 2))
     assert not any(block.accelerate(x, y, 0.025) for x, y in noise.tolist())
-
-
-def test_mean():
-    """analytic: of a buffer, coordinate by coordinate."""
-    assert mean([[1.0, 2.0], [3.0, 6.0]]) == [2.0, 4.0]
 
 
 def test_layers_fill_one_after_the_other():
@@ -101,11 +95,11 @@ def test_waking_forgets_everything():
     """published: motion ends the filtering at once, and the next rest starts anew."""
     block = LowPass(lengths=(2, 2, 2))
     for _ in range(20):
-        block.step([100.0])
+        block.step([100.0, 100.0])
     block.reset()
     assert (block.layer, block.position) == (0, None)
-    assert block.step([1.0]) == (0, [1.0])
-    assert block.step([3.0]) == (1, [2.0])
+    assert block.step([1.0, 2.0]) == (0, [1.0, 2.0])
+    assert block.step([3.0, 6.0]) == (1, [2.0, 4.0])
 
 
 @pytest.mark.parametrize("corr_time", [2.0, 20.0])
@@ -135,27 +129,27 @@ def test_averages_stay_within_the_95_percent_circle(corr_time):
 LEVEL = np.array([0.0, 0.0, -9.81])
 
 
-def fed(block, seconds, *, rate=40, force=None, turning=None, vibration=0.0, seed=0):
-    """Feed noise at rest with a constant bias, and what is added to it; return all answers."""
-    rng, n = np.random.default_rng(seed), round(seconds * rate)
+def fed(seconds, block=None, *, rate=40, force=None, turning=None, vibration=0.0):
+    """Feed a detector noise at rest with a constant bias, and what is added to it."""
+    rng, n, block = np.random.default_rng(0), round(seconds * rate), block or RestDetector()
     t = np.arange(n)[:, None] / rate
     gyro = np.radians([4.5, -2.0, 1.0]) + 0.0024 * rng.standard_normal((n, 3))
     accel = LEVEL + 0.0167 * rng.standard_normal((n, 3))
     accel += vibration * np.sin(2 * np.pi * (28.5 * t + rng.uniform(size=3)))
     gyro += 0 if turning is None else turning(t)
     accel += 0 if force is None else force(t)
-    samples = zip(gyro.tolist(), accel.tolist(), strict=True)
-    return [block.sample(w, f, 1 / rate) for w, f in samples]
+    for w, f in zip(gyro.tolist(), accel.tolist(), strict=True):
+        block.sample(w, f, 1 / rate)
+    return block
 
 
 @pytest.mark.parametrize("rate", [1, 4, 10, 40, 100])
 def test_rest_is_found_in_one_window(rate):
     """analytic: at rest T is near 0 once the window of eight means, or eight samples, is full."""
-    block = RestDetector()
     window = max(2.0, 8 / rate)
-    fed(block, 0.7 * window, rate=rate)
+    block = fed(0.7 * window, rate=rate)
     assert not block.steady and block.statistic == math.inf
-    fed(block, 0.4 * window, rate=rate)
+    fed(0.4 * window, block, rate=rate)
     assert block.steady and block.statistic < 0.2
     np.testing.assert_allclose(block.force, LEVEL, atol=0.02)
 
@@ -172,9 +166,7 @@ def test_the_statistic_is_the_scatter_of_the_means():
 @pytest.mark.parametrize("rate", [40, 100])
 def test_an_engine_does_not_hide_a_rest(rate):
     """property: a line of 1 m/s^2 in every axis, eight times theta_A, averages out."""
-    block = RestDetector()
-    fed(block, 3.0, rate=rate, vibration=1.0)
-    assert block.steady
+    assert fed(3.0, rate=rate, vibration=1.0).steady
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -183,15 +175,12 @@ def test_a_slow_change_is_not_at_rest(axis, kind):
     """property: rates or forces that change over two seconds by 2 deg/s, or by 0.5 m/s^2."""
     unit = np.eye(3)[axis]
     size = math.radians(2.0) if kind == "turning" else 0.5
-    block = RestDetector()
-    fed(block, 4.0, **{kind: lambda t: size * np.sin(2 * np.pi * t / 4) * unit})
-    assert not block.steady
+    assert not fed(4.0, **{kind: lambda t: size * np.sin(2 * np.pi * t / 4) * unit}).steady
 
 
 def test_a_gap_empties_the_window():
     """property: after a hole in the samples rest has to be found anew."""
-    block = RestDetector()
-    fed(block, 4.0)
+    block = fed(4.0)
     assert block.steady
     block.sample((0.0, 0.0, 0.0), LEVEL.tolist(), 3.0)
     assert not block.steady
@@ -202,12 +191,9 @@ def test_rest_begins_in_a_quiet_window_only():
     block = StaticTest()
     block.quiet = False
     assert block.drive(0.1)
-    assert block.accelerate(0.0, 0.0, 0.25)
-    block.quiet = True
-    assert not block.accelerate(0.0, 0.0, 0.25)
-    block.quiet = False
-    assert not block.accelerate(0.0, 0.0, 0.25)
-    assert block.accelerate(0.3, 0.0, 0.25)
+    for quiet, force, moving in ((0, 0.0, 1), (1, 0.0, 0), (0, 0.0, 0), (0, 0.3, 1)):
+        block.quiet = bool(quiet)
+        assert block.accelerate(force, 0.0, 0.25) == bool(moving)
 
 
 PRINTED = Options(fusion=False, rest_blocks=0, accel_tau_s=0.0)
@@ -229,11 +215,9 @@ def test_a_car_that_waits_with_its_engine_running(seed):
     assert (found["moving"][stood] == 0).mean() > 0.7
     assert (printed["moving"][stood] == 0).mean() < 0.1
     assert not (found["moving"][ride.speed_m_s > 1.0] == 0).any()
-    down = ride.C_nb[:, 2]
-    static = found["moving"] == 0
-    roll = np.degrees(np.arctan2(down[:, 1], down[:, 2]))
+    roll = np.degrees(np.arctan2(*ride.C_nb[:, 2, 1:].T))
     # 0.1 m/s^2 of bias in each axis are 0.6 deg
-    assert np.abs(found["roll_deg"] - roll)[static].max() < 1.8
+    assert np.abs(found["roll_deg"] - roll)[found["moving"] == 0].max() < 1.8
 
 
 def tumbled_then_left(seconds=200, tumble=60):

@@ -13,29 +13,32 @@ from analysis.tracker.attitude import BIAS_WALK, Attitude, Direction, GyroBiasFi
 RATE = 40
 
 
-def simulate(angles, rng, *, rate=RATE, bias=(0.0, 0.0, 0.0), noise=(0.002, 0.02)):
+def simulate(angles, rng, *, bias=(0.0, 0.0, 0.0), noise=(0.002, 0.02)):
     """Make gyro and accelerometer samples of a sensor that turns but does not move.
 
     Parameters
     ----------
     angles : ndarray, shape (n, 3)
-        Roll, pitch, yaw, rad, at ``rate``.
+        Roll, pitch, yaw, rad, at `RATE`.
     """
     attitude = Rotation.from_euler("ZYX", angles[:, ::-1])
-    gyro = (attitude[:-1].inv() * attitude[1:]).as_rotvec() * rate
+    gyro = (attitude[:-1].inv() * attitude[1:]).as_rotvec() * RATE
     gyro = np.vstack([gyro[:1], gyro]) + bias  # over the step that ends at the sample
     accel = attitude.inv().apply([0.0, 0.0, -STANDARD_GRAVITY])
-    n = len(angles)
-    gyro = gyro + noise[0] * rng.standard_normal((n, 3))
-    return gyro.tolist(), (accel + noise[1] * rng.standard_normal((n, 3))).tolist()
+    gyro += noise[0] * rng.standard_normal(gyro.shape)
+    return gyro.tolist(), (accel + noise[1] * rng.standard_normal(accel.shape)).tolist()
 
 
-def run(block, gyro, accel, *, rate=RATE, static=True, heading=None):
-    """Feed samples, an epoch a second; headings are one per epoch."""
+def run(block, gyro, accel, *, static=math.inf, heading=None, then=lambda block: None):
+    """Feed samples, an epoch a second, at rest for ``static`` s; headings are one per epoch.
+
+    After each epoch ``then`` is called with the block.
+    """
     for k, (w, f) in enumerate(zip(gyro, accel, strict=True)):
-        block.imu(w, f, 1 / rate, static)
-        if k % rate == rate - 1:
-            block.epoch(static, None if heading is None else heading[k // rate])
+        block.imu(w, f, 1 / RATE, k < static * RATE)
+        if k % RATE == RATE - 1:
+            block.epoch(k < static * RATE, heading and heading[k // RATE])
+            then(block)
     return block
 
 
@@ -125,31 +128,21 @@ def test_roll_and_pitch_follow_a_turning_sensor():
     """analytic: rolling and pitching by 20 deg, the error stays under half a degree."""
     rng, t = np.random.default_rng(2), np.arange(0, 40, 1 / RATE)
     moves = np.where(t > 5, 1.0, 0.0)
-    angles = np.radians(
-        np.column_stack([20 * np.sin(t - 5) * moves, 20 * (np.cos(t - 5) - 1) * moves, 0 * t])
-    )
-    gyro, accel = simulate(angles, rng)
-    block, error = Attitude(), []
-    for k, (w, f) in enumerate(zip(gyro, accel, strict=True)):
-        block.imu(w, f, 1 / RATE, t[k] < 5)
-        if k % RATE == RATE - 1:
-            block.epoch(t[k] < 5)
-            error.append(np.degrees(block.angles[:2]) - np.degrees(angles[k, :2]))
-    assert np.abs(error).max() < 0.5
+    angles = 20 * np.column_stack([np.sin(t - 5), np.cos(t - 5) - 1, 0 * t]) * moves[:, None]
+    samples, found = simulate(np.radians(angles), rng), []
+    run(Attitude(), *samples, static=5, then=lambda block: found.append(block.angles[:2]))
+    assert np.abs(np.degrees(found) - angles[RATE - 1 :: RATE, :2]).max() < 0.5
 
 
 def test_yaw_takes_the_course_and_keeps_it():
     """analytic: the first heading sets yaw; a turn of 90 deg after it comes from the gyro."""
     rng, t = np.random.default_rng(3), np.arange(0, 30, 1 / RATE)
     yaw = np.radians(30 + 9 * np.clip(t - 15, 0, 10))
-    gyro, accel = simulate(np.column_stack([0 * t, 0 * t, yaw]), rng)
+    samples = simulate(np.column_stack([0 * t, 0 * t, yaw]), rng)
     heading = [math.radians(30) if 5 < k < 12 else None for k in range(30)]
-    block = Attitude()
-    for k, (w, f) in enumerate(zip(gyro, accel, strict=True)):
-        block.imu(w, f, 1 / RATE, t[k] < 5)
-        if k % RATE == RATE - 1:
-            block.epoch(t[k] < 5, heading[k // RATE])
-            assert block.heading_known == (k // RATE > 5)
+    known, note = [], lambda block: known.append(block.heading_known)
+    block = run(Attitude(), *samples, static=5, heading=heading, then=note)
+    assert known == [k > 5 for k in range(30)]
     assert math.degrees(block.angles[2]) == pytest.approx(120, abs=1.0)
 
 
@@ -159,9 +152,9 @@ def test_bias_is_found_without_ever_standing():
     yaw = 0.4 * np.sin(0.2 * t)
     bias = np.radians([2.0, -2.0, 2.0])
     noisy = (0.05, 0.3)  # no first second of rest to read the bias from
-    gyro, accel = simulate(np.column_stack([0 * t, 0 * t, yaw]), rng, bias=bias, noise=noisy)
+    samples = simulate(np.column_stack([0 * t, 0 * t, yaw]), rng, bias=bias, noise=noisy)
     heading = (yaw[RATE - 1 :: RATE] + 0.02 * rng.standard_normal(120)).tolist()
-    block = run(Attitude(), gyro, accel, static=False, heading=heading)
+    block = run(Attitude(), *samples, static=0, heading=heading)
     np.testing.assert_allclose(np.degrees(block.bias.x), np.degrees(bias), atol=0.3)
     assert np.abs(np.degrees(block.angles[:2])).max() < 2.0
 
@@ -193,7 +186,7 @@ def test_axes_of_the_rotation_are_orthonormal():
     """property: rows of C_nb are unit, square to each other and right-handed."""
     rng = np.random.default_rng(6)
     angles = np.cumsum(0.02 * rng.standard_normal((400, 3)), axis=0)
-    block = run(Attitude(), *simulate(angles, rng), static=False)
+    block = run(Attitude(), *simulate(angles, rng), static=0)
     C = np.array(block.C_nb)
     np.testing.assert_allclose(C @ C.T, np.eye(3), atol=1e-9)
     assert np.linalg.det(C) == pytest.approx(1.0)
@@ -217,17 +210,14 @@ def test_single_precision_stays_single_and_agrees():
     rng, t = np.random.default_rng(8), np.arange(0, 60, 1 / RATE)
     angles = np.column_stack([0.2 * np.sin(t), 0.1 * np.cos(t), 0.05 * t])
     gyro, accel = simulate(angles, rng)
-    double = run(Attitude(), gyro, accel, static=False)
-    single = Attitude(np.float32)
+    double = run(Attitude(), gyro, accel, static=0)
     rows = [[tuple(r) for r in np.array(a, np.float32)] for a in (gyro, accel)]
-    run(single, *rows, static=False)
-    states = (*single.tilt.x, *single.yaw.x, *single.bias.x, single.tilt.p, single.yaw.p)
-    assert {type(state) for state in (*states, *(p for row in single.bias.P for p in row))} == {
-        np.float32
-    }
-    np.testing.assert_allclose(
-        np.degrees(single.angles[:2]), np.degrees(double.angles[:2]), atol=0.05
-    )
+    single = run(Attitude(np.float32), *rows, static=0)
+    states = [*single.tilt.x, *single.yaw.x, *single.bias.x, single.tilt.p, single.yaw.p]
+    states += [p for row in single.bias.P for p in row]
+    assert {type(state) for state in states} == {np.float32}
+    apart = np.subtract(single.angles[:2], double.angles[:2])
+    np.testing.assert_allclose(np.degrees(apart), 0.0, atol=0.05)
 
 
 @pytest.mark.parametrize("number", [float, np.float32])

@@ -10,13 +10,7 @@ import pandas as pd
 import pytest
 
 from analysis import FIGURES, WrongUsage, claims, text
-from analysis.claims import (
-    NOT_REPRODUCED,
-    NOT_TESTABLE,
-    NOT_YET,
-    REPRODUCED,
-    judge,
-)
+from analysis.claims import NOT_REPRODUCED, NOT_TESTABLE, NOT_YET, REPRODUCED, judge
 
 OPEN = math.nan  # a side on which the claim is unbounded
 JUDGED = claims.published()[lambda rows: ~rows["why"].str.startswith(claims.NOT_JUDGED)]
@@ -40,32 +34,22 @@ def elsewhere(tmp_path, monkeypatch):
         ((1.5, None, None), (1, 2), REPRODUCED),
         ((1.5, 1.2, 1.8), (1, 2), REPRODUCED),
         ((1.0, None, None), (1, 2), REPRODUCED),
-        ((2.0, None, None), (1, 2), REPRODUCED),
         ((0.0, None, None), (-1, 0), REPRODUCED),
         # value outside: the interval decides
         ((3.0, None, None), (1, 2), NOT_REPRODUCED),
-        ((0.0, None, None), (1, 2), NOT_REPRODUCED),
         ((3.0, 2.5, 3.5), (1, 2), NOT_REPRODUCED),
-        ((0.5, 0.4, 0.6), (1, 2), NOT_REPRODUCED),
         ((3.0, 1.9, 3.5), (1, 2), NOT_TESTABLE),
-        ((0.5, 0.4, 1.1), (1, 2), NOT_TESTABLE),
         # an interval open on one side reaches everywhere on that side, and stops on the other
         ((3.0, None, 3.5), (1, 2), NOT_TESTABLE),
         ((3.0, 2.5, None), (1, 2), NOT_REPRODUCED),
-        ((0.5, 0.4, None), (1, 2), NOT_TESTABLE),
-        ((0.5, None, 0.6), (1, 2), NOT_REPRODUCED),
         # no value: the bound alone may still exclude the claim, never confirm it
         ((None, None, None), (1, 2), NOT_TESTABLE),
         ((None, 2.5, None), (1, 2), NOT_REPRODUCED),
         ((None, 1.2, None), (1, 2), NOT_TESTABLE),
-        ((None, None, 0.5), (1, 2), NOT_REPRODUCED),
-        ((None, None, 1.2), (1, 2), NOT_TESTABLE),
         ((None, 1.2, 1.8), (1, 2), NOT_TESTABLE),
         # a claim with one side only
         ((-99.0, None, None), (OPEN, 2), REPRODUCED),
         ((3.0, None, None), (OPEN, 2), NOT_REPRODUCED),
-        ((99.0, None, None), (1, OPEN), REPRODUCED),
-        ((0.5, None, None), (1, OPEN), NOT_REPRODUCED),
         ((None, 5.0, None), (OPEN, 2), NOT_REPRODUCED),
         ((None, 5.0, None), (1, OPEN), NOT_TESTABLE),
         # a sentence that is true or not
@@ -74,18 +58,19 @@ def elsewhere(tmp_path, monkeypatch):
     ],
 )
 def test_judge(found, agree, verdict):
-    """Property: the truth table of a value with its interval against the range that agrees."""
-    said = judge(*found, *agree)
-    assert said == verdict or (verdict == NOT_TESTABLE and said.startswith(f"{NOT_TESTABLE}: "))
+    """Property: the truth table of a value with its interval against the range that agrees.
+
+    With every sign turned, which swaps low and high, it is the same.
+    """
+    value, low, high = (None if x is None else -x for x in found)
+    for said in (judge(*found, *agree), judge(value, high, low, -agree[1], -agree[0])):
+        assert said.split(": ")[0] == verdict and (": " in said) == (verdict == NOT_TESTABLE)
 
 
-@pytest.mark.parametrize(
-    ("found", "words"),
-    [((None, 1.2, None), "the log leaves 1.2 to … open"), ((3.0, 1.9, 3.5), "1.9 to 3.5")],
-)
-def test_what_cannot_be_tested_says_why(found, words):
+def test_what_cannot_be_tested_says_why():
     """Property: the reason names the interval."""
-    assert words in judge(*found, 1, 2)
+    assert "the log leaves 1.2 to … open" in judge(None, 1.2, None, 1, 2)
+    assert "1.9 to 3.5" in judge(3.0, 1.9, 3.5, 1, 2)
 
 
 def test_a_missing_value_or_bound_is_none(elsewhere):
@@ -191,7 +176,7 @@ def test_the_same_checks_write_the_same_bytes(elsewhere):
 
 def test_unknown_claims_and_few_logs_are_wrong_usage(elsewhere):
     """Property: a misspelt id or fewer than 200 logs are refused, and nothing is written."""
-    with pytest.raises(WrongUsage, match=r"no claim 'no-such"):
+    with pytest.raises(WrongUsage, match=r"no claim 'no-such-claim' in data/published/claims"):
         claims.Ledger("90-test").check("no-such-claim", 1.0)
     with pytest.raises(WrongUsage, match="199 logs"):
         claims.Ledger("90-test").check_logs(FIRST, np.ones(199))
@@ -208,13 +193,9 @@ def test_what_is_not_judged_stands_in_the_register(elsewhere):
     assert list(ledger.table()["verdict"]) == [REPRODUCED, *mine["why"]]
     written = pd.read_csv(elsewhere).set_index("id")["verdict"]
     assert written.to_dict() == {FIRST: REPRODUCED, **mine["why"]}
-    checks = (
-        lambda: ledger.check(apart.index[0], 1.0),
-        lambda: ledger.check_logs(apart.index[0], np.ones(200)),
-    )
-    for check in checks:
+    for check, found in ((ledger.check, 1.0), (ledger.check_logs, np.ones(200))):
         with pytest.raises(WrongUsage, match="is not judged"):
-            check()
+            check(apart.index[0], found)
 
 
 def test_verdicts_fill_in_what_is_to_come():

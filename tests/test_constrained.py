@@ -9,17 +9,7 @@ import pymap3d
 import pytest
 
 from analysis.tracker import constrained
-from analysis.tracker.constrained import (
-    ACCEL,
-    GYRO,
-    MOUNT,
-    PLACE,
-    SPEED,
-    STATES,
-    TILT,
-    Constrained,
-    turned,
-)
+from analysis.tracker.constrained import ACCEL, GYRO, MOUNT, PLACE, SPEED, STATES, TILT
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import ImuErrors, scenario
@@ -30,10 +20,9 @@ EYE = np.eye(3).tolist()
 
 def under_way(seed=0):
     """Start at a random attitude and velocity, with a random way of sitting in the car."""
-    rng, block = np.random.default_rng(seed), Constrained()
+    rng, block = np.random.default_rng(seed), constrained.Constrained()
     down = np.array([0.1, -0.05, 1.0]) / np.linalg.norm([0.1, -0.05, 1.0])
-    C = turned(EYE, *rng.normal(0, 0.3, 3))
-    C = turned(C, 0.0, 0.0, 0.5)
+    C = constrained.turned(constrained.turned(EYE, *rng.normal(0, 0.3, 3)), 0.0, 0.0, 0.5)
     bias = rng.normal(0, 0.01, 3).tolist()
     block.start((3.0, -4.0), (8.0, 5.0), (C, bias, down.tolist()), 0.4, 3.0, 0.3)
     block.accel_bias = rng.normal(0, 0.1, 3).tolist()
@@ -42,7 +31,7 @@ def under_way(seed=0):
 
 def nominal(block):
     """Copy the state of a block: place, velocity, attitude, biases, how it sits in the car."""
-    copy = Constrained()
+    copy = constrained.Constrained()
     for name in ("position", "velocity", "gyro_bias", "accel_bias"):
         setattr(copy, name, list(getattr(block, name)))
     copy.C_nb, copy.C_vb = ([list(row) for row in C] for C in (block.C_nb, block.C_vb))
@@ -122,10 +111,8 @@ def test_the_constraint_is_the_derivative_of_the_sideways_velocity(axis):
     h = np.zeros(STATES)
     for k, coefficient in terms:
         h[k] = coefficient
-    by_difference = [
-        (across(moved(block, size * unit)) - across(block)) / size for unit in np.eye(STATES)
-    ]
-    np.testing.assert_allclose(h, by_difference, atol=1e-5)
+    off = [across(moved(block, size * unit)) for unit in np.eye(STATES)]
+    np.testing.assert_allclose(h, (off - across(block)) / size, atol=1e-5)
     assert residual == pytest.approx(-across(block))
 
 
@@ -152,12 +139,8 @@ def rows_of(name, kind, rows):
     """Take some of the numbers that a measurement of python-ins has."""
 
     def compute_matrices(self, *given):
-        found = kind.compute_matrices(self, *given)
-        return found and (
-            np.array(found[0])[rows],
-            found[1][rows],
-            found[2][: len(rows), : len(rows)],
-        )
+        found, n = kind.compute_matrices(self, *given), len(rows)
+        return found and (np.array(found[0])[rows], found[1][rows], found[2][:n, :n])
 
     return type(name, (kind,), {"compute_matrices": compute_matrices})
 
@@ -178,9 +161,8 @@ def test_a_drive_through_an_outage_is_that_of_pyins(monkeypatch):
     monkeypatch.setattr(strapdown, "integrate", _numba_integrate.integrate)
     for name in ("RATE_SHARE", "SIDE_ARM"):  # noise that python-ins does not have
         monkeypatch.setattr(constrained, name, 0.0)
-    ride = scenario(
-        "D", np.random.default_rng(7), imu=ImuErrors(), stops=1, imu_rate=10.0, mount_deg=0.0
-    )
+    given = {"imu": ImuErrors(), "stops": 1, "imu_rate": 10.0, "mount_deg": 0.0}
+    ride = scenario("D", np.random.default_rng(7), **given)
     gnss, imu, t = ride.gnss, ride.log.imu, ride.gnss.t_s
     first = int(np.argmax(ride.speed_m_s > 8.0))
     epochs = np.arange(first + 1, first + 24)
@@ -191,7 +173,7 @@ def test_a_drive_through_an_outage_is_that_of_pyins(monkeypatch):
     speed = gnss.speed_m_s[:, None] * np.column_stack([np.cos(course), np.sin(course)])
     at = np.flatnonzero((imu.t_s > t[first] - 1e-9) & (imu.t_s < t[epochs[-1]] + 1e-9))
 
-    block, ours, before = Constrained(), [], at[0]
+    block, ours, before = constrained.Constrained(), [], at[0]
     still = ride.C_nb[first].tolist(), [0.0] * 3, [0.0, 0.0, 1.0]
     block.start(place[first], speed[first], still, 0.0, sigma_p, sigma_v)
     for state, variance in ((SPEED + 2, sigma_v**2), (MOUNT, 0.0), (MOUNT + 1, 0.0)):
@@ -243,8 +225,8 @@ def test_a_drive_through_an_outage_is_that_of_pyins(monkeypatch):
 
 def test_small_turns_keep_the_axes_square():
     """property: rows stay unit and square; the turn is that of the vector product to 1e-6."""
-    C, angle = turned(EYE, 0.1, 0.2, -0.3), np.array([1e-3, -2e-3, 1.5e-3])
-    off = np.array(turned(C, *angle))
+    C, angle = constrained.turned(EYE, 0.1, 0.2, -0.3), np.array([1e-3, -2e-3, 1.5e-3])
+    off = np.array(constrained.turned(C, *angle))
     np.testing.assert_allclose(off @ off.T, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(off, C + np.cross(angle, np.array(C), axisb=0).T, atol=1e-5)
 
@@ -278,7 +260,7 @@ def test_single_precision_stays_single_and_agrees(town):
     )
     apart = np.array(town.output_error(wide)) - town.output_error(narrow)
     assert np.nanmax(np.abs(apart)) < 0.5
-    block = Constrained(np.float32)
+    block = constrained.Constrained(np.float32)
     numbers = [np.float32(x) for x in (0.1, 0.2, 0.3)]
     block.start((1.0, 2.0), (8.0, 5.0), (EYE, numbers, [0.0, 0.0, 1.0]), 0.0, 3.0, 0.3)
     for _ in range(30):

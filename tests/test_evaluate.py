@@ -49,8 +49,7 @@ def test_a_stationary_period_is_judged_by_hand():
     out[0, 1::2] = out[0, ::2]
     layer = np.repeat([0, 1, 2, 3], 25)
     found = evaluate.stationary_period(t, raw, out, layer)
-    names = "standard deviation", "mean north error", "largest error once layer 1 is full"
-    for name in names:
+    for name in ("standard deviation", "mean north error", "largest error once layer 1 is full"):
         assert found[name] == pytest.approx(0.5, abs=0.01)  # the held half second
     assert found["circle"] == pytest.approx(9.5, abs=0.01)
     assert (found["leaves"], found["raw_exits"], found["out_exits"]) == (0.0, 1, 0)
@@ -174,11 +173,8 @@ def test_rides_are_summed_up_by_hand(rides):
     assert row["with an angle"] == "2 of 2"
     assert row["largest error of the last"] == f"{rides['last'].abs().max():.1f}°"
     assert row["error within 1.96 σ"].endswith("of 2")
-    none = rides.assign(last=np.nan, late_s=np.nan)
-    assert evaluate.mounting_summary(none) == {
-        "with an angle": "0 of 2",
-        "by the first U-turn": "0 of 2",
-    }
+    none = evaluate.mounting_summary(rides.assign(last=np.nan, late_s=np.nan))
+    assert none == dict.fromkeys(("with an angle", "by the first U-turn"), "0 of 2")
 
 
 def test_receiver_operating_curve():
@@ -192,9 +188,14 @@ def test_receiver_operating_curve():
     assert (np.diff(curve, axis=0) >= 0).all()
 
 
-def test_the_statistic_of_short_means_tells_rest_from_motion():
+@pytest.fixture(scope="module")
+def ride():
+    """Drive a car that stops twice."""
+    return scenarios.scenario("D", np.random.default_rng(5), stops=2)
+
+
+def test_the_statistic_of_short_means_tells_rest_from_motion(ride):
     """property: on a simulated car T < 1 finds most of the rest; theta_A as printed hardly any."""
-    ride = scenarios.scenario("D", np.random.default_rng(5), stops=2)
     found = drives.rest_statistics(ride.log)
     stopped, moving = ~ride.moving, ride.speed_m_s > 1.0
     assert (found["short means"][stopped] < 1).mean() > 0.7
@@ -202,18 +203,16 @@ def test_the_statistic_of_short_means_tells_rest_from_motion():
     assert (found["as printed"][stopped] < 0.125).mean() < 0.1
 
 
-def test_outages_end_where_the_paths_say():
+def test_outages_end_where_the_paths_say(ride):
     """analytic: holding errs by the way driven, constant velocity by its change, to 0.2 m."""
-    ride = scenarios.scenario("D", np.random.default_rng(5), stops=2)
     table = drives.bridged(ride.log, lengths=(10.0,), every_s=30.0)
     assert len(table) >= 2
     gnss = ride.log.gnss
     north, east, _ = pymap3d.geodetic2ned(gnss.lat_deg, gnss.lon_deg, 0.0, *ride.origin)
     first = table.iloc[0]
     a, b = np.searchsorted(gnss.t_s, [first["t_s"], first["t_s"] + 10.0])
-    moved = np.hypot(north[b] - north[a], east[b] - east[a])
-    assert first["holding"] == pytest.approx(moved, abs=0.2)
-    course = np.radians(gnss.course_deg[a])
-    ahead = 10.0 * gnss.speed_m_s[a] * np.array([np.cos(course), np.sin(course)])
-    error = np.hypot(north[b] - north[a] - ahead[0], east[b] - east[a] - ahead[1])
-    assert first["constant velocity"] == pytest.approx(error, abs=0.2)
+    moved = north[b] - north[a], east[b] - east[a]
+    assert first["holding"] == pytest.approx(np.hypot(*moved), abs=0.2)
+    course, ahead = np.radians(gnss.course_deg[a]), 10.0 * gnss.speed_m_s[a]
+    off = moved[0] - ahead * np.cos(course), moved[1] - ahead * np.sin(course)
+    assert first["constant velocity"] == pytest.approx(np.hypot(*off), abs=0.2)

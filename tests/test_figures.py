@@ -15,18 +15,8 @@ from matplotlib import font_manager
 from matplotlib.figure import Figure
 from PIL import Image
 
-from analysis import (
-    CUSTOMARY,
-    FIGURES,
-    ROOT,
-    Estimate,
-    WrongUsage,
-    figures,
-    figures_folder,
-    plots,
-    provenance,
-    without_exponents,
-)
+import analysis
+from analysis import FIGURES, ROOT, Estimate, WrongUsage, figures, plots, provenance
 
 NAME = "90-test"
 CAPTION = "Deviation of a sensor at rest (95 % bands)."
@@ -71,6 +61,11 @@ def saved(tmp_path_factory):
     return folders
 
 
+def files(folder):
+    """Read the files of a folder: name -> bytes."""
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
 def embedded(folder):
     """Read the provenance back from each of the three files."""
     png = json.loads(Image.open(folder / f"{NAME}.png").text["Description"])
@@ -86,12 +81,8 @@ def embedded(folder):
 def test_same_inputs_same_bytes(saved):
     """Property: two calls write the same bytes, whatever the settings, and 3.5 in at 130 dots."""
     assert Image.open(saved[0] / f"{NAME}.png").size == (455, 260)
-    for kind in ("pdf", "png", "csv"):
-        one, two = (folder / f"{NAME}.{kind}" for folder in saved)
-        assert one.read_bytes() == two.read_bytes() != b"", kind
-    assert sorted(p.name for p in saved[0].iterdir()) == [
-        f"{NAME}.{k}" for k in ("csv", "pdf", "png")
-    ]
+    assert files(saved[0]) == files(saved[1])
+    assert list(files(saved[0])) == [f"{NAME}.{k}" for k in ("csv", "pdf", "png")]
 
 
 def test_the_last_digits_of_a_processor_are_not_in_the_pdf(tmp_path, saved):
@@ -103,9 +94,7 @@ def test_the_last_digits_of_a_processor_are_not_in_the_pdf(tmp_path, saved):
         for points in ax.collections:
             points.set_offsets(points.get_offsets() * (1 + 1e-9))
     figures.save(fig, NAME, CAPTION, to=tmp_path, **ORIGIN)
-    for kind in ("pdf", "png", "csv"):
-        name = f"{NAME}.{kind}"
-        assert (tmp_path / name).read_bytes() == (saved[0] / name).read_bytes(), kind
+    assert files(tmp_path) == files(saved[0])
 
 
 def test_provenance_is_in_all_three(saved):
@@ -133,23 +122,17 @@ def test_provenance_is_in_all_three(saved):
 
 def test_paper_and_licence_come_from_the_registers():
     """Published: Fig 9 is redrawn by one figure, Table I by another; a log keeps its licence."""
-    assert provenance.redrawn("22-fig9-variance-vs-n") == [
-        "terrain paper (Jerath and Brennan, 2011), Fig 9"
-    ]
-    assert provenance.redrawn("11-unified-table") == [
-        "comparison paper (Elkaim, Lizarraga and Pedersen, 2008), Table I"
-    ]
-    assert provenance.redrawn("32-error") == ["tracker paper, Fig 4"]
-    assert provenance.redrawn("13-hours") == []
+    for name, papers in {
+        "22-fig9-variance-vs-n": ["terrain paper (Jerath and Brennan, 2011), Fig 9"],
+        "11-unified-table": ["comparison paper (Elkaim, Lizarraga and Pedersen, 2008), Table I"],
+        "32-error": ["tracker paper, Fig 4"],
+        "13-hours": [],
+    }.items():
+        assert provenance.redrawn(name) == papers
     adis = "1eb09074beabd7cfc15b402cb8043b5302f6e4edfd9e4ebfbf8117436f8b9fa9"
     rows = {"adis16405": adis, "track": f"https://github.com/{TRACK}", "own": "00"}
-    found = provenance.licence(rows).split("; ")
-    assert found == [
-        "CC BY-NC-SA 4.0 (SMAC-Group/imudata)",
-        f"MIT ({TRACK})",
-        "that of own",
-    ]
-    assert provenance.licence({}) == "MIT"
+    words = f"CC BY-NC-SA 4.0 (SMAC-Group/imudata); MIT ({TRACK}); that of own"
+    assert (provenance.licence(rows), provenance.licence({})) == (words, "MIT")
 
 
 def test_no_path_and_no_date_inside(saved):
@@ -176,7 +159,7 @@ def test_the_folder_comes_from_the_environment(tmp_path, monkeypatch, capsys):
     assert len(list((tmp_path / "new").iterdir())) == 3
     assert capsys.readouterr().out == ""
     monkeypatch.delenv("COMPENDIUM_FIGURES")
-    assert figures_folder() is None
+    assert analysis.figures_folder() is None
     monkeypatch.setattr(figures, "SCRATCH", tmp_path / "scratch")
     monkeypatch.setattr(figures, "FIGURES", tmp_path / "new")
     for seed, words in ((1, "as in figures/"), (2, "differs from figures/ in: seed")):
@@ -276,8 +259,10 @@ def test_panels_and_series_are_named_or_refused():
     """Property: a panel by its title or what it shows; a series by its label, hidden or not."""
     fig = example()
     (line,) = fig.axes[1].plot([0, 1], [5, 6])
-    with pytest.raises(WrongUsage, match=r"no name for line in panel 'north'"):
-        figures.plotted_numbers(fig)
+    for no_name in (line.get_label(), "_nolegend_"):
+        line.set_label(no_name)
+        with pytest.raises(WrongUsage, match=r"no name for line in panel 'north'"):
+            figures.plotted_numbers(fig)
     line.set_label("_truth")
     table = figures.plotted_numbers(fig)
     assert list(dict.fromkeys(table["panel"])) == ["Allan deviation", "north"]
@@ -300,24 +285,25 @@ def test_an_axis_without_a_label_is_refused(tmp_path):
     assert figures.axes_of(fig)["height"] == said
 
 
-@pytest.mark.parametrize("kind", ["curve", "path", "cloud", "band"])
-def test_what_lies_under_one_dot_is_left_out(kind, tmp_path, monkeypatch):
+X, Y = np.arange(40_000.0), np.random.default_rng(3).standard_normal(40_000)
+LINE = {"label": "rate"}
+DENSE = {
+    "curve": lambda ax: ax.plot(X, Y, lw=0.5, **LINE),
+    "path": lambda ax: ax.plot(np.cos(X / 2000), np.sin(X / 2000), **LINE),
+    "cloud": lambda ax: ax.plot(np.round(Y, 1), np.round(np.roll(Y, 1), 1), ".", **LINE),
+    "band": lambda ax: ax.fill_between(X, np.sin(X / 4e3) - 3, np.sin(X / 4e3) + 3, lw=0, **LINE),
+}
+
+
+@pytest.mark.parametrize("draw", DENSE.values(), ids=DENSE)
+def test_what_lies_under_one_dot_is_left_out(draw, tmp_path, monkeypatch):
     """Property: far fewer points, all of them among the given ones, and the same picture."""
-    rng = np.random.default_rng(3)
-    x, y = np.arange(40_000.0), rng.standard_normal(40_000)
     pictures = []
     for dense, few in ((1e9, 1e9), (figures.DENSE, figures.FEW)):
         fig = Figure(figsize=(3.5, 2), layout="constrained")
         ax = fig.subplots()
         ax.set(xlabel="time (s)", ylabel="rate (°/s)")
-        if kind == "curve":
-            ax.plot(x, y, lw=0.5, label="rate")
-        elif kind == "path":
-            ax.plot(np.cos(x / 2000), np.sin(x / 2000), label="rate")
-        elif kind == "cloud":
-            ax.plot(np.round(y, 1), np.round(np.roll(y, 1), 1), ".", label="rate")
-        else:
-            ax.fill_between(x, np.sin(x / 4000) - 3, np.sin(x / 4000) + 3, lw=0, label="rate")
+        draw(ax)
         before = figures.plotted_numbers(fig)
         with monkeypatch.context() as patch:
             patch.setattr(figures, "DENSE", dense)
@@ -367,52 +353,45 @@ def test_a_legend_stays_where_it_was(tmp_path):
 
 
 NAN = np.nan
-# What is drawn: its numbers (x, y, y2).
-DRAWN = {
-    "a curve on log axes": (
-        lambda ax: ax.loglog([0.01, 1.0], [3.0, 0.3], label="it"),
-        [[0.01, 3.0, NAN], [1.0, 0.3, NAN]],
-    ),
-    "points, one missing": (
-        lambda ax: ax.scatter([1, 2, 3], [3.0, NAN, 4.0], label="it"),
-        [[1, 3, NAN], [2, NAN, NAN], [3, 4, NAN]],
-    ),
-    "lower and upper edge of a band": (
-        lambda ax: ax.fill_between([0, 1, 2], [1, 2, 3], [2, 4, 6], label="it"),
-        [[0, 1, 2], [1, 2, 4], [2, 3, 6]],
-    ),
-    "middle, foot and head of a bar": (
-        lambda ax: ax.bar([0.0, 1.0], [2.0, 5.0], 1.0, 1.0, align="edge", label="it"),
-        [[0.5, 1, 3], [1.5, 1, 6]],
-    ),
-    "points and ends of error bars": (
-        lambda ax: ax.errorbar([1, 2], [10, 20], yerr=[[1, 2], [3, 4]], fmt="o", label="it"),
-        [[1, 10, NAN], [2, 20, NAN], [1, 9, 13], [2, 18, 24]],
-    ),
-    "an upright line": (lambda ax: ax.vlines([7.0], [0.0], [1.0], label="it"), [[7, 0, 1]]),
-    "both ends of a line along x": (
-        lambda ax: ax.hlines([3.0], [1.0], [5.0], label="it"),
-        [[1, 3, NAN], [5, 3, NAN]],
-    ),
-    "both ends of a bar along x": (
-        lambda ax: ax.barh([0.0], [2.0], left=1.0, label="it"),
-        [[1, 0, NAN], [3, 0, NAN]],
-    ),
-}
+ERRORS = {"yerr": [[1, 2], [3, 4]], "fmt": "o"}
 
 
-@pytest.mark.parametrize("kind", DRAWN)
-def test_what_is_drawn_is_what_is_listed(kind):
+@pytest.mark.parametrize(
+    ("kind", "given", "named", "expected"),  # expected: x, y, y2
+    [
+        ("loglog", ([0.01, 1.0], [3.0, 0.3]), {}, [[0.01, 3.0, NAN], [1.0, 0.3, NAN]]),
+        # points, one missing
+        ("scatter", ([1, 2, 3], [3.0, NAN, 4.0]), {}, [[1, 3, NAN], [2, NAN, NAN], [3, 4, NAN]]),
+        # lower and upper edge of a band
+        ("fill_between", ([0, 1, 2], [1, 2, 3], [2, 4, 6]), {}, [[0, 1, 2], [1, 2, 4], [2, 3, 6]]),
+        # middle, foot and head of a bar
+        ("bar", ([0.0, 1], [2.0, 5], 1.0, 1.0), {"align": "edge"}, [[0.5, 1, 3], [1.5, 1, 6]]),
+        # points, then the ends of their error bars
+        ("errorbar", ([1, 2], [9, 8]), ERRORS, [[1, 9, NAN], [2, 8, NAN], [1, 8, 12], [2, 6, 12]]),
+        ("vlines", ([7.0], [0.0], [1.0]), {}, [[7, 0, 1]]),
+        # both ends of a line and of a bar along x
+        ("hlines", ([3.0], [1.0], [5.0]), {}, [[1, 3, NAN], [5, 3, NAN]]),
+        ("barh", ([0.0], [2.0]), {"left": 1.0}, [[1, 0, NAN], [3, 0, NAN]]),
+    ],
+)
+def test_what_is_drawn_is_what_is_listed(kind, given, named, expected):
     """Analytic: each kind of artist yields the numbers that it was given."""
-    draw, expected = DRAWN[kind]
     ax = axes()
-    draw(ax)
+    getattr(ax, kind)(*given, label="it", **named)
     np.testing.assert_array_equal(series(ax.figure)["it"], expected)
 
 
-def test_contour_lines():
-    """Analytic: on z = x the contour of a level is the line x = level; a filled one has none."""
+def test_contour_lines_and_guides():
+    """Analytic: on z = x the contour of a level is the line x = level; a filled one has none.
+
+    Lines across the whole axes and words have no numbers of their own.
+    """
     ax = axes()
+    ax.axhline(3.0, label="guide")
+    ax.axvline(1.0)
+    ax.annotate("text", (0, 0))
+    ax.legend()
+    assert figures.plotted_numbers(ax.figure).empty
     x = np.linspace(0.0, 4.0, 5)
     ax.contourf(x, x, np.tile(x, (5, 1)))
     ax.contour(x, x, np.tile(x, (5, 1)), levels=[0.5, 2.5]).set_label("_level")
@@ -421,16 +400,6 @@ def test_contour_lines():
     for level in (0.5, 2.5):
         np.testing.assert_allclose(found[f"level {level}"][:, 0], level)
         assert set(found[f"level {level}"][:, 1]) == set(x)
-
-
-def test_guides_that_are_no_data_are_left_out():
-    """Property: lines across the whole axes have no numbers of their own."""
-    ax = axes()
-    ax.axhline(3.0, label="level")
-    ax.axvline(1.0)
-    ax.annotate("text", (0, 0))
-    ax.legend()
-    assert figures.plotted_numbers(ax.figure).empty
 
 
 # --- drawing that notebooks share ----------------------------------------------------------------
@@ -470,7 +439,7 @@ def test_value_and_interval_are_rounded_together():
     Half a last digit is at most 1/10 of what spans five of them.
     """
     rng = np.random.default_rng(14)
-    for unit, units in CUSTOMARY.items():
+    for unit, units in analysis.CUSTOMARY.items():
         for value in 10 ** rng.uniform(-4.9, 5.9, 40) / units[0][0]:
             low, high = value * np.exp(10 ** rng.uniform(-4, 0.7, 2) * [-1, 1])
             words = str(Estimate(value, low, high, unit))
@@ -483,18 +452,10 @@ def test_value_and_interval_are_rounded_together():
                 assert abs(written - factor * exact) < 1.001 * slack, (words, value, low, high)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("1e+03 s", "1000 s"),
-        ("a 2.5e-05", "a 0.000025"),
-        ("3e-09", "3×10⁻⁹"),
-        ("x1e+03.csv", "x1e+03.csv"),
-    ],
-)
-def test_exponents_are_written_out(text, words):
+def test_exponents_are_written_out():
     """Analytic: 1e+03 is 1000; what is part of a name stays."""
-    assert without_exponents(text) == words
+    text, words = "1e+03 s a 2.5e-05 3e-09 x1e+03.csv", "1000 s a 0.000025 3×10⁻⁹ x1e+03.csv"
+    assert analysis.without_exponents(text) == words
 
 
 @pytest.mark.parametrize(

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 
 from analysis import store, wrap
-from analysis.tracker.mounting import (
-    MountingYaw,
-    bend_variance,
-    course_variance,
-    fit,
-    mean,
-    printed_angle,
-    weighted_angle,
-)
+from analysis.tracker import mounting
+from analysis.tracker.mounting import MountingYaw, bend_variance, course_variance
 
 
 def felt(mount, forward, lateral=0.0):
@@ -23,36 +16,18 @@ def felt(mount, forward, lateral=0.0):
     return c * forward + s * lateral, -s * forward + c * lateral
 
 
-def ride(
-    block,
-    mount,
-    speeds,
-    courses=None,
-    rates=None,
-    rng=None,
-    noise=0.0,
-    level=(0.0, 0.0),
-    variance=None,
-):
-    """Drive a block by speeds at 1 Hz; return how often it updated."""
-    updates = 0
-    for k in range(1, len(speeds)):
-        rate = 0.0 if rates is None else rates[k]
-        ax, ay = felt(mount, speeds[k] - speeds[k - 1], speeds[k] * rate)
-        if rng is not None:
-            ax, ay = ax + noise * rng.standard_normal(), ay + noise * rng.standard_normal()
-        course = 1.0 if courses is None else courses[k]
-        updates += block.step(
-            float(k),
-            1.0,
-            course,
-            speeds[k],
-            rate,
-            ax + level[0],
-            ay + level[1],
-            noise**2 if variance is None else variance,
-        )
-    return updates
+def ride(block, mount, speeds, *, dt=1.0, rate=0.0, share=(1.0, 1.0), noise=None, level=(0.0, 0.0)):
+    """Drive a block by speeds each ``dt`` s, turning at ``rate``; return when it updated, s.
+
+    ``share`` of the acceleration is felt, forward and to the right; ``noise`` are a standard
+    deviation, the variance that is stated, and the generator.
+    """
+    ax, ay = felt(mount, share[0] * np.diff(speeds) / dt, share[1] * speeds[1:] * rate)
+    accel, (sigma, variance, rng) = np.column_stack([ax, ay]), noise or (0.0, 0.0, None)
+    accel = accel + level + (sigma * rng.standard_normal(accel.shape) if rng else 0.0)
+    t = dt * np.arange(1, len(speeds))
+    rows = zip(t, speeds[1:], accel, strict=True)
+    return [k for k, v, a in rows if block.step(k, dt, 1.0 + rate * k, v, rate, *a, variance)]
 
 
 def setting_off(n=20, a=0.6, top=6.0):
@@ -66,7 +41,7 @@ def test_printed_rule_loses_the_quadrant(angle, accelerating):
     """published: eq (3) gives the angle modulo 180 deg, right only within 90 deg of ahead."""
     mount = math.radians(angle)
     ax, ay = felt(mount, 0.5 if accelerating else -0.5)
-    found = math.degrees(-printed_angle(ax, ay))
+    found = math.degrees(-mounting.printed_angle(ax, ay))
     assert abs((found - angle + 90) % 180 - 90) < 1e-9
     assert -90 <= found <= 90
 
@@ -77,7 +52,7 @@ def test_weighted_rule_keeps_the_quadrant(angle, accelerating):
     """analytic: without noise the angle is exact for any mounting, speeding up or braking."""
     mount, speeds = math.radians(angle), setting_off()
     block = MountingYaw()
-    assert ride(block, mount, speeds if accelerating else speeds[::-1]) >= 1
+    assert ride(block, mount, speeds if accelerating else speeds[::-1])
     assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=1e-6)
 
 
@@ -85,7 +60,7 @@ def test_constant_speed_gives_no_angle():
     """property: at constant speed the weighted rule answers nothing; the printed one, noise."""
     block, rng, printed = MountingYaw(), np.random.default_rng(1), []
     for _ in range(40):
-        assert ride(block, 1.0, np.full(8, 8.0), rng=rng, noise=0.03) == 0
+        assert not ride(block, 1.0, np.full(8, 8.0), noise=(0.03, 0.03**2, rng))
         printed.append(block.printed)
         block.interrupt()
     assert block.mount is None
@@ -96,9 +71,7 @@ def test_constant_speed_gives_no_angle():
 def test_a_bent_path_is_no_straight():
     """published: the variance of the course over the buffer must stay under theta_alpha."""
     block = MountingYaw()
-    speeds = setting_off(60)
-    courses = 0.1 * np.arange(60)
-    assert ride(block, 1.0, speeds, courses, np.full(60, 0.1)) == 0
+    assert not ride(block, 1.0, setting_off(60), rate=0.1)
     assert block.straights == 0
 
 
@@ -110,10 +83,8 @@ def up_and_down(n=30, a=1.2, period=6.0):
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_a_little_bend_does_no_harm(share):
     """analytic: 1 deg/s passes as straight; however much of it is felt, 0.3 deg are left."""
-    block, speeds, rate = MountingYaw(), up_and_down(), math.radians(1.0)
-    for k in range(1, len(speeds)):
-        ax, ay = felt(2.0, speeds[k] - speeds[k - 1], share * speeds[k] * rate)
-        block.step(float(k), 1.0, rate * k, speeds[k], rate, ax, ay, 0.0)
+    block = MountingYaw()
+    ride(block, 2.0, up_and_down(), rate=math.radians(1.0), share=(1.0, share))
     assert block.straights >= 4
     assert math.degrees(wrap(block.mount - 2.0, 2 * math.pi)) == pytest.approx(0.0, abs=0.3)
 
@@ -136,10 +107,8 @@ def test_a_course_over_north_is_no_bend():
 @pytest.mark.parametrize(("pull", "straight"), [(0.15, True), (0.3, False)])
 def test_a_fast_bend_is_no_straight(pull, straight):
     """analytic: at 20 m/s 0.3 m/s^2 turn by 1.5 deg in 6 s, far under 3 deg, and still pull."""
-    block, speed = MountingYaw(), 20.0
-    rate = pull / speed
-    for k in range(1, 12):
-        block.step(float(k), 1.0, rate * k, speed, rate, 0.0, pull, 0.0)
+    block, rate = MountingYaw(), pull / 20.0
+    ride(block, 0.0, np.full(12, 20.0), rate=rate)
     assert course_variance([(rate * k, 1.0) for k in range(6)]) < MountingYaw.theta_alpha / 4
     assert bool(block.straights) == straight
 
@@ -173,7 +142,7 @@ def test_stated_sigma_covers(noise, straights):
         for _ in range(straights):
             speeds = up_and_down(8, rng.uniform(0.8, 2.0))
             level = 0.2 * rng.standard_normal(2)
-            ride(block, mount, speeds, rng=rng, noise=noise, level=level, variance=0.0)
+            ride(block, mount, speeds, noise=(noise, 0.0, rng), level=level)
             block.interrupt()
         errors.append(wrap(block.mount - mount, 2 * math.pi))
         sigmas.append(block.sigma)
@@ -197,12 +166,12 @@ def test_a_new_mount_is_learnt():
 
 def test_constant_speed_erases_nothing():
     """property: a hundred straights that say nothing leave angle and sigma as they were."""
-    block, rng = MountingYaw(), np.random.default_rng(3)
+    block, noise = MountingYaw(), (0.1, 0.1**2, np.random.default_rng(3))
     for _ in range(3):
-        ride(block, 2.0, up_and_down(8), rng=rng, noise=0.1)
+        ride(block, 2.0, up_and_down(8), noise=noise)
         block.interrupt()
     before = block.mount, block.sigma
-    ride(block, 2.0, np.full(700, 8.0), rng=rng, noise=0.1)
+    ride(block, 2.0, np.full(700, 8.0), noise=noise)
     assert block.straights > 100
     assert math.degrees(wrap(block.mount - before[0], 2 * math.pi)) == pytest.approx(0.0, abs=0.1)
     assert block.sigma < 1.1 * before[1]
@@ -211,10 +180,7 @@ def test_constant_speed_erases_nothing():
 def test_an_acceleration_of_another_vehicle_is_refused():
     """property: felt at a third of what GPS says, it is not the vehicle's: no angle."""
     block = MountingYaw()
-    speeds = setting_off(20)
-    for k in range(1, 20):
-        ax, ay = felt(1.0, (speeds[k] - speeds[k - 1]) / 3)
-        assert not block.step(float(k), 1.0, 1.0, speeds[k], 0.0, ax, ay, 0.0)
+    assert not ride(block, 1.0, setting_off(), share=(1 / 3, 0.0))
     assert block.mount is None
 
 
@@ -222,15 +188,9 @@ def test_an_acceleration_of_another_vehicle_is_refused():
 def test_any_rate_of_fixes(rate):
     """property: the buffer is as long in time at 10 Hz as at 1 Hz."""
     block = MountingYaw()
-    t = np.arange(0, 20, 1 / rate)
-    speeds = 8.0 + 1.2 * np.sin(t)
-    found = None
-    for k in range(1, len(t)):
-        ax, ay = felt(1.2, (speeds[k] - speeds[k - 1]) * rate)
-        if block.step(t[k], 1 / rate, 0.3, speeds[k], 0.0, ax, ay, 0.0) and found is None:
-            found = t[k]
+    found = ride(block, 1.2, 8.0 + 1.2 * np.sin(np.arange(0, 20, 1 / rate)), dt=1 / rate)
     assert block.mount == pytest.approx(1.2)
-    assert found == pytest.approx(7.0, abs=1.1)
+    assert found[0] == pytest.approx(7.0, abs=1.1)
 
 
 def test_without_course_or_speed_the_buffer_starts_anew():
@@ -244,9 +204,9 @@ def test_without_course_or_speed_the_buffer_starts_anew():
 
 def test_fit_adds_over_straights():
     """property: sums of two straights give the angle of both, between those of each."""
-    one = fit([(f, 0.0, *felt(1.0, f), 100.0) for f in (0.5, 0.0, -0.5)], 0.2)
-    two = fit([(f, 0.0, *felt(1.2, f), 100.0) for f in (0.5, 0.0, -0.5)], 0.2)
-    angle, sigma, slope = weighted_angle([a + b for a, b in zip(one, two, strict=True)])
+    one = mounting.fit([(f, 0.0, *felt(1.0, f), 100.0) for f in (0.5, 0.0, -0.5)], 0.2)
+    two = mounting.fit([(f, 0.0, *felt(1.2, f), 100.0) for f in (0.5, 0.0, -0.5)], 0.2)
+    angle, sigma, slope = mounting.weighted_angle([a + b for a, b in zip(one, two, strict=True)])
     assert -angle == pytest.approx(1.1)
     assert slope == pytest.approx(math.cos(0.1))
     assert sigma > 0
@@ -254,7 +214,7 @@ def test_fit_adds_over_straights():
 
 def test_mean_and_wrap():
     """analytic: component by component; into (-pi, pi]."""
-    assert mean([(1.0, 5.0), (2.0, 7.0)]) == [1.5, 6.0]
+    assert mounting.mean([(1.0, 5.0), (2.0, 7.0)]) == [1.5, 6.0]
     assert wrap(3 * math.pi, 2 * math.pi) == pytest.approx(math.pi)
     assert wrap(-math.pi, 2 * math.pi) == pytest.approx(math.pi)
     assert wrap(-0.1, 2 * math.pi) == pytest.approx(-0.1)

@@ -12,15 +12,7 @@ from analysis import DATA, ROOT, WrongUsage, claims, store, terrain_data
 from analysis.terrain import open_choices
 from analysis.terrain.assumptions import NOISES, STARTS, Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
-from analysis.terrain.open_choices import (
-    B_GRID,
-    FACTORS,
-    N_GRID,
-    Interpretation,
-    Judged,
-    claim_numbers,
-    design,
-)
+from analysis.terrain.open_choices import B_GRID, FACTORS, N_GRID, Interpretation, Judged
 from analysis.terrain.terrain_map import AttitudeMap
 
 SEED = 20240
@@ -85,9 +77,8 @@ def test_a_high_pass_or_difference_is_one_of_map_and_samples():
     """analytic: without gyro error the filter sees no innovation, whatever is compared."""
     exact = {"odometry_walk": 0.0, "odometry_scale": 0.0, "begin_sd": 1e-9, "R": 0.01}
     for form in ({"high_pass": 3.0}, {"difference": 30.0}):
-        laps = simulate_laps(
-            *(road(), {0: Sensor(0, 0)}, Setup(300.0, **exact, **form)), runs=2, seed=SEED
-        )
+        setup = Setup(300.0, **exact, **form)
+        laps = simulate_laps(road(), {0: Sensor(0, 0)}, setup, runs=2, seed=SEED)
         assert np.abs(laps.error).max() < 1e-6 and laps.nis.max() < 1e-9
 
 
@@ -107,10 +98,10 @@ def test_a_coarser_rate_with_its_R_gives_the_same_errors():
     sensor = Sensor(0.01, 0.01)
     fine = replace(setup, rate_hz=100.0, R=replace(setup, rate_hz=100.0).own_R(sensor))
     coarse = replace(setup, R=fine.R * setup.rate_hz / 100.0)
-    rms = [
-        simulate_laps(road(), {0: sensor}, s, runs=300, seed=SEED).rms()[0] for s in (fine, coarse)
-    ]
-    assert rms[0] == pytest.approx(rms[1], rel=0.15)  # rms of 300 laps each: 4 to 5 %; three
+    laps = [simulate_laps(road(), {0: sensor}, s, runs=300, seed=SEED) for s in (fine, coarse)]
+    assert laps[0].rms()[0] == pytest.approx(
+        laps[1].rms()[0], rel=0.15
+    )  # rms of 300 laps each: 4 to 5 %; three
 
 
 def made(error_of):
@@ -136,9 +127,8 @@ def of_noise(label):
 def test_numbers_of_made_laps():
     """analytic: laps whose variance is 1 + (100 N)^2, and four prices."""
     rng = np.random.default_rng(SEED)
-    found = claim_numbers(
-        made(of_noise), Interpretation(variance="over a lap"), PAID, PRICES, 50, rng
-    )
+    over_a_lap = Interpretation(variance="over a lap")
+    found = open_choices.claim_numbers(made(of_noise), over_a_lap, PAID, PRICES, 50, rng)
     value = {claim.removeprefix("terrain-"): float(of[0]) for claim, of in found.items()}
     rise = 2 / 1.01
     # The sample's mean is not 0: a standard error of 1 / 30 in its square.
@@ -162,15 +152,14 @@ def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
     published = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
     mine = published[published["notebook"].isin(["21-terrain-ukf", "22-sensor-sweeps", "23-cost"])]
     judged = mine[~mine["why"].str.startswith(("by construction", "not testable"))].index
-    found = claim_numbers(
-        made(of_noise), Interpretation(), PAID, PRICES, 20, np.random.default_rng(SEED)
-    )
+    rng = np.random.default_rng(SEED)
+    found = open_choices.claim_numbers(made(of_noise), Interpretation(), PAID, PRICES, 20, rng)
     assert set(judged) - set(found) == {"terrain-sensor-range-decades"}  # of data sheets
 
 
 def test_the_design_has_every_level_about_equally_often():
     """property: a Sobol' sample over the levels, and each level once about either centre."""
-    plan = design(256, SEED)
+    plan = open_choices.design(256, SEED)
     sample = plan[plan["why"] == "sample"]
     for name, levels in FACTORS.items():
         counts = sample[name].value_counts().reindex(list(levels), fill_value=0)
@@ -190,7 +179,7 @@ def test_unknown_levels_are_refused():
 
 def judged(count=600, seed=SEED):
     """Make judged interpretations: one claim that noise decides, one that nothing decides."""
-    plan = design(count, seed)
+    plan = open_choices.design(count, seed)
     rng = np.random.default_rng(seed)
     integrated = plan["noise"] == "integrated"
     table = plan.assign(p_a=np.where(integrated, 100, 0), v_a=1.0)
@@ -308,10 +297,8 @@ def test_the_matrix_at_the_reference_interpretation_agrees_with_the_notebooks():
 
 def test_the_reference_interpretation_is_the_default_of_every_factor():
     """cross-check: that of the study against that of the notebooks, R of a sensor too."""
-    mine, theirs = (
-        Interpretation(),
-        Setup.reference(open_choices.LAP_M).coarser(open_choices.STEP_M),
-    )
+    mine = Interpretation()
+    theirs = Setup.reference(open_choices.LAP_M).coarser(open_choices.STEP_M)
     assert replace(mine.setup(), span=None, R=theirs.R) == theirs
     assert pytest.approx(theirs.R) == mine.sensors({})[open_choices.MEMS].R
     words = " ".join(row["chosen here"] for row in terrain_data.in_words(theirs).values())

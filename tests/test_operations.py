@@ -65,33 +65,21 @@ def test_textbook_update_gives_one_number_of_table_one():
 @pytest.mark.parametrize("m", [1, 2, 3, 5, 8])
 def test_cholesky_inverse_runs_as_counted(m):
     """cross-check: a plain Cholesky inverse, run on counting numbers, costs that much."""
-    tally = Counter()
-    rng = np.random.default_rng(m)
-    A = rng.standard_normal((m, m))
+    tally, A = Counter(), np.random.default_rng(m).standard_normal((m, m))
     S = A @ A.T + np.eye(m)
-    L, inv = counted(S, tally), np.zeros((m, m), dtype=object)
+    L, inv, full = counted(S, tally), np.zeros((m, m), dtype=object), np.zeros((m, m))
     for j in range(m):
         for k in range(j):
-            L[j, j] = L[j, j] - L[j, k] * L[j, k]
+            L[j:, j] = L[j:, j] - L[j:, k] * L[j, k]
         L[j, j] = L[j, j].result(math.sqrt(float(L[j, j])), "functions")
-        for i in range(j + 1, m):
-            for k in range(j):
-                L[i, j] = L[i, j] - L[i, k] * L[j, k]
-            L[i, j] = L[i, j] / L[j, j]
+        L[j + 1 :, j] = L[j + 1 :, j] / L[j, j]
     for j in range(m):
         inv[j, j] = 1.0 / L[j, j]
         for i in range(j + 1, m):
-            total = L[i, j] * inv[j, j]
-            for k in range(j + 1, i):
-                total = total + L[i, k] * inv[k, j]
-            inv[i, j] = -total / L[i, i]
-    full = np.zeros((m, m))
+            inv[i, j] = -(L[i, j:i] * inv[j:i, j]).sum() / L[i, i]
     for i in range(m):
         for j in range(i + 1):
-            total = inv[i, i] * inv[i, j]
-            for k in range(i + 1, m):
-                total = total + inv[k, i] * inv[k, j]
-            full[i, j] = full[j, i] = float(total)
+            full[i, j] = full[j, i] = float((inv[i:, i] * inv[i:, j]).sum())
     np.testing.assert_allclose(full @ S, np.eye(m), atol=1e-9)  # rounding of a random matrix
     assert tally == operations.cholesky_inverse(m)
 

@@ -50,18 +50,15 @@ def test_readings_are_those_of_the_true_motion():
     """analytic: the integrated gyro gives the attitude, the force the speed, speed the place."""
     b = scenario("B", rng(), laps=1, **NO_ERROR)
     gyro, dt = b.log.imu.gyro_b, 1 / 40
-    attitude = Rotation.from_matrix(b.C_nb[0])
-    velocity = np.zeros(3)
+    attitude, velocity = Rotation.from_matrix(b.C_nb[0]), np.zeros(3)
     for k in range(40 * 60):
         force = attitude.apply(b.log.imu.accel_b[k])
         velocity += (force + np.array([0.0, 0.0, STANDARD_GRAVITY])) * dt
         attitude *= Rotation.from_rotvec(gyro[k] * dt)
     # 0.05 m/s of rectangles over a minute of at most 0.6 m/s^2; 0.01 rad likewise.
     assert np.hypot(*velocity[:2]) == pytest.approx(b.speed_m_s[60], abs=0.05)
-    off = attitude.inv() * Rotation.from_matrix(b.C_nb[60])
-    assert off.magnitude() < 0.01
-    north, east = b.error(b.log.gnss.lat_deg, b.log.gnss.lon_deg)
-    assert np.abs([north, east]).max() < 1e-6
+    assert (attitude.inv() * Rotation.from_matrix(b.C_nb[60])).magnitude() < 0.01
+    assert np.abs(b.error(b.log.gnss.lat_deg, b.log.gnss.lon_deg)).max() < 1e-6
 
 
 def test_sloping_ground_is_felt():
@@ -81,25 +78,22 @@ def test_stated_mounting_sigma_covers_on_the_ground_assumed():
 
     2 % is what block 5 allows for. With sigma half as large it would be 80 %.
     """
-    errors, sigmas = [], []
+    ratios = []
     for stream in np.random.SeedSequence(8).spawn(60):
         b = scenario("B", np.random.default_rng(stream), laps=1, imu_rate=10.0, slope=0.02)
         found = replay(b.log, Options(fusion=False, max_mount_sigma=10.0)).summary["mounting"]
         if found["deg"] is not None:
-            errors.append(wrap(found["deg"] - b.mount_deg))
-            sigmas.append(found["sigma_deg"])
-    errors, sigmas = np.abs(errors), np.array(sigmas)
-    assert len(errors) >= 40
-    assert (errors <= 1.96 * sigmas).mean() >= 0.90
-    assert (errors <= 0.98 * sigmas).mean() <= 0.85
+            ratios.append(abs(wrap(found["deg"] - b.mount_deg)) / found["sigma_deg"])
+    assert len(ratios) >= 40
+    assert np.mean(np.array(ratios) <= 1.96) >= 0.90
+    assert np.mean(np.array(ratios) <= 0.98) <= 0.85
 
 
 def test_b_is_as_the_paper_describes_it():
     """published: 17.6 km/h, 90 deg, 40 Hz, one fix a second, counter-clockwise laps."""
     b = scenario("B", rng())
     imu, gnss = b.log.imu, b.log.gnss
-    speed = 3.6 * b.speed_m_s[b.moving].mean()
-    assert speed == pytest.approx(17.6, abs=0.05)
+    assert 3.6 * b.speed_m_s[b.moving].mean() == pytest.approx(17.6, abs=0.05)
     assert b.mount_deg == 90.0
     assert np.median(np.diff(imu.t_s)) == pytest.approx(1 / 40)
     assert set(np.round(np.diff(gnss.t_s), 9)) == {1.0}
@@ -127,8 +121,7 @@ def test_position_errors_have_the_stated_size():
     errors = []
     for stream in np.random.SeedSequence(5).spawn(200):
         b = scenario("A", np.random.default_rng(stream), minutes=1, gnss=model)
-        north, east = b.error(b.log.gnss.lat_deg, b.log.gnss.lon_deg)
-        errors.append([north[30] / b.log.gnss.pdop[30], east[30] / b.log.gnss.pdop[30]])
+        errors.append(np.array(b.fix_error())[:, 30] / b.log.gnss.pdop[30])
     expected = np.sqrt(1.5**2 + 0.5**2 + 0.3**2)
     # 400 independent values: 3.5 % is one standard error, 12 % more than three.
     assert np.std(errors) == pytest.approx(expected, rel=0.12)

@@ -8,43 +8,28 @@ import pandas as pd
 import pytest
 from scipy.stats import linregress
 
-from analysis import (
-    DATA,
-    CannotAnswer,
-    Estimate,
-    WrongUsage,
-    datasheets,
-    resampling,
-    static_logs,
-    store,
-)
+from analysis import DATA, CannotAnswer, Estimate, WrongUsage, datasheets, resampling, store
 from analysis.claims import NOT_REPRODUCED, REPRODUCED, judge, published
+from analysis.static_logs import stored
+from analysis.terrain import trends
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.trends import (
-    PowerLaw,
-    Trend,
-    _share_of_square,
-    cheapest,
-    draw_prices,
-    fit_trend,
-)
+from analysis.terrain.trends import PowerLaw, cheapest, draw_prices, fit_trend
 
 SEED = 20112
+PRICE, VARIANCE = np.array([600, 2000, 5000, 20000.0]), np.array([12.0, 5.5, 3.8, 1.4])
 SENSORS = tomllib.loads((DATA / "sensors.toml").read_text(encoding="utf-8"))
 
 
 def test_power_law_is_a_regression_of_logarithms():
     """cross-check: scipy's linregress, slope, intercept, correlation and their standard errors."""
-    price, variance = np.array([600, 2000, 5000, 20000.0]), np.array([12.0, 5.5, 3.8, 1.4])
-    found, theirs = PowerLaw.fit(price, variance), linregress(np.log(price), np.log(variance))
+    found, theirs = PowerLaw.fit(PRICE, VARIANCE), linregress(np.log(PRICE), np.log(VARIANCE))
     assert found.b.value == pytest.approx(-theirs.slope)
     assert found.A.value == pytest.approx(np.exp(theirs.intercept))
     assert found.correlation == pytest.approx(-theirs.rvalue)
     times = 4.302653  # Student's t, 97.5 %, two degrees of freedom
     assert found.b.high - found.b.value == pytest.approx(times * theirs.stderr, rel=1e-5)
-    assert np.log(found.A.high / found.A.value) == pytest.approx(
-        times * theirs.intercept_stderr, rel=1e-5
-    )
+    above = np.log(found.A.high / found.A.value)
+    assert above == pytest.approx(times * theirs.intercept_stderr, rel=1e-5)
 
 
 def test_power_law_gives_back_the_papers():
@@ -59,19 +44,18 @@ def test_power_law_gives_back_the_papers():
 
 def test_interval_of_the_exponent_covers():
     """coverage: with scattered logarithms the 95 % interval of b covers 93 to 97 % of 1500."""
-    rng, price, inside = np.random.default_rng(5), np.array([600, 2000, 5000, 20000.0]), 0
+    rng, inside = np.random.default_rng(5), 0
     for _ in range(1500):
-        scattered = 508.4 * price**-0.586 * np.exp(0.2 * rng.standard_normal(4))
-        b = PowerLaw.fit(price, scattered).b
+        scattered = 508.4 * PRICE**-0.586 * np.exp(0.2 * rng.standard_normal(4))
+        b = PowerLaw.fit(PRICE, scattered).b
         inside += b.low < 0.586 < b.high
     assert 0.93 <= inside / 1500 <= 0.97
 
 
 def test_misfit_is_students_t():
     """analytic: at fixed prices the drawn b and ln A have the quantiles of the t interval."""
-    price, variance = np.array([600, 2000, 5000, 20000.0]), np.array([12.0, 5.5, 3.8, 1.4])
-    fit = PowerLaw.fit(price, variance)
-    many = (np.tile(price, (200_000, 1)), np.tile(variance, (200_000, 1)))
+    fit = PowerLaw.fit(PRICE, VARIANCE)
+    many = (np.tile(x, (200_000, 1)) for x in (PRICE, VARIANCE))
     drawn = PowerLaw.fit_draws(*many, misfit=np.random.default_rng(8))
     for found, expected, within in (
         (drawn["b"], [fit.b.value, fit.b.low, fit.b.high], 0.01),
@@ -133,22 +117,22 @@ def test_measured_parts_come_first_with_the_price_of_their_part():
     table = datasheets.gyros()
     measured = table[table["basis"] == "measured"]
     assert [*table.index[: len(measured)]] == [*measured.index]
-    sensor, _ = Sensor.from_model(static_logs.stored.read_model("mpu6050-gyro"), "gyro_y")
+    sensor, _ = Sensor.from_model(stored.read_model("mpu6050-gyro"), "gyro_y")
     own, sheet = table.loc["mpu6050 measured"], table.loc["mpu6050"]
     assert (own["arw"], own["bias"]) == sensor[:2]
     assert own[["name", "price"]].tolist() == sheet[["name", "price"]].tolist()
-    stored = store.read("inverse-design").tables["parts"]
-    for _, of in stored.groupby(["tracker", "start", "map"]):
+    parts = store.read("inverse-design").tables["parts"]
+    for _, of in parts.groupby(["tracker", "start", "map"]):
         assert of["part"].tolist() == [*table.index]
         assert of["arw_deg_sqrt_s"].to_numpy() == pytest.approx(table["arw"].to_numpy(), rel=1e-3)
 
 
 def test_own_sensor_from_its_model():
     """property: value where the log resolves it, bound where not, rad/s as deg/s, else refused."""
-    model = static_logs.stored.read_model("adis16405")
+    model = stored.read_model("adis16405")
     sensor, bound = Sensor.from_model(model, "gyro_y")
     assert sensor[:2] == pytest.approx((0.0425, 0.00945), rel=0.01) and bound is False
-    assert Sensor.from_model(static_logs.stored.read_model("mpu6050-gyro"), "gyro_x")[1] is True
+    assert Sensor.from_model(stored.read_model("mpu6050-gyro"), "gyro_x")[1] is True
     in_rad = json.loads(json.dumps(model))
     for c in in_rad["channels"]:
         c["unit"] = "rad/s"
@@ -179,7 +163,7 @@ def test_the_share_of_a_square_and_its_open_side():
     rng = np.random.default_rng(SEED)
 
     def share(c1, c2):
-        found = _share_of_square(c1, c2)
+        found = trends._share_of_square(c1, c2)
         return found.value, found.low, found.high
 
     def around(x, sd):
@@ -213,7 +197,7 @@ def test_a_claimed_shape_is_judged_by_its_share_if_there_is_a_rise():
     share = Estimate(0.5, 0.4, 0.6)
 
     def judge(c1, c2):
-        return Trend(clear, c1, c2, share, np.zeros(2), 0.1, 0.1, 0.5).judge()
+        return trends.Trend(clear, c1, c2, share, np.zeros(2), 0.1, 0.1, 0.5).judge()
 
     for c1, c2 in ((clear, none), (none, clear), (clear, clear)):
         assert judge(c1, c2) == (share, None)
@@ -225,17 +209,14 @@ def test_a_claimed_shape_is_judged_by_its_share_if_there_is_a_rise():
 )
 def test_an_exact_line_and_an_exact_square_are_judged_as_such(power, line, square):
     """analytic: N and N^2 from N = 0.001 to 0.01, against the ranges of the register."""
-    n, claims = np.linspace(0.001, 0.01, 10), published()
+    n = np.linspace(0.001, 0.01, 10)
     rows = np.random.default_rng(SEED).normal(1.0, 0.01, (100, 1))
     share, why = fit_trend(n, 3.0 + rows * n**power).judge()
     assert why is None
-    for claim, verdict in (
-        ("fig9-variance-linear", line),
-        ("conclusion-variance-quadratic-n", square),
-    ):
-        row = claims.loc[f"terrain-{claim}"]
-        ends = (round(x, 9) for x in (share.value, share.low, share.high))
-        assert judge(*ends, row["low"], row["high"]) == verdict
+    ends = [round(x, 9) for x in (share.value, share.low, share.high)]
+    names = ["terrain-fig9-variance-linear", "terrain-conclusion-variance-quadratic-n"]
+    ranges = published().loc[names, ["low", "high"]].to_numpy()
+    assert [judge(*ends, *of) for of in ranges] == [line, square]
 
 
 def test_the_shape_of_fig_8_does_not_hang_on_the_seed():
