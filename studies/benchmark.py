@@ -6,11 +6,15 @@ installed states that and goes on.
 """
 
 import contextlib
+import ctypes
 import datetime
 import os
 import platform
+import shutil
+import subprocess
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
 from typing import NamedTuple
@@ -34,6 +38,8 @@ from analysis.tracker.scenarios import scenario
 from sensorlogs.moving import read_moving
 from sensorlogs.nmea import nmea_lines
 from sensorlogs.static import Channel, Log
+from studies.cells import compute
+from studies.readings import judge
 
 SEED = 2011  # of the terrain benchmarks
 GYRO, DT = UnifiedModel(0.04, 200.0, 0.005), 0.01  # terrain paper, Table 1, at 100 Hz
@@ -112,12 +118,12 @@ def ukf_against_filterpy():
 
 
 def compiled_filter(samples=4001, runs=20, cells=25):
-    """Time the filter in NumPy and compiled, on the same laps.
+    """Time the filter in NumPy, compiled, and as a plain loop in C, on the same laps.
 
     Yields
     ------
     Measured
-        From processor time; without numba only the first.
+        From processor time. What needs numba or a C compiler is left out where there is none.
     """
     attitude_map, _ = road()
     setup = Setup(0.11 * (samples - 0.5), R=0.1, begin=0.5)  # the last sample is stored
@@ -137,6 +143,55 @@ def compiled_filter(samples=4001, runs=20, cells=25):
     yield Measured("a step in compiled code (numba)", per_step * ours, "ns")
     difference = float(np.abs(laps.error - whole.error).max())
     yield Measured("largest difference of the two", difference, "m", "<= 1e-9")
+    compiler = shutil.which("cc")
+    if compiler is None:
+        yield Measured("no C compiler (cc) here")
+        return
+    x, P = np.full((runs, cells), truth[0]), np.full((runs, cells), setup.begin_sd**2)
+    slope, intercept = (
+        np.ascontiguousarray(of[0]) for of in (attitude_map._slope, attitude_map._intercept)
+    )
+    noise, size = np.ascontiguousarray(walk[:, 0] / 10), np.array([s.arw for s in sensors.values()])
+    step = truth[1] - truth[0]
+    numbers = (len(slope) - 1, attitude_map._scale, attitude_map._shift)
+    counts = (len(truth), runs, cells)
+    given = (slope, intercept, *numbers, step, setup.q * step, work[2][0], noise, size, setup.R)
+    with tempfile.TemporaryDirectory() as folder:
+        source, library = Path(__file__).with_name("laps.c"), Path(folder, "laps.so")
+        flags = ["-O3", "-march=native", "-shared", "-fPIC", "-o", library, source, "-lm"]
+        subprocess.run([compiler, *flags], check=True)
+        loop = ctypes.CDLL(str(library)).laps
+        for_c = map(_for_c, (*given, *counts, x, P))
+        _, plain = timed(loop, *for_c, clock=time.process_time)
+    yield Measured("a step of a plain loop in C", per_step * plain, "ns")
+    difference = float(np.abs(x.T - truth[-1] - laps.error[..., -1]).max())
+    yield Measured("largest difference of the loop in C", difference, "m", "<= 1e-9")
+    yield Measured("compiled over plain loop", ours / plain, "times", "<= 3")
+
+
+def _for_c(given):
+    """Give a number or an array the type that C takes."""
+    if isinstance(given, np.ndarray):
+        return given.ctypes.data_as(ctypes.c_void_p)
+    return ctypes.c_long(given) if isinstance(given, int) else ctypes.c_double(given)
+
+
+def cells_of_readings(readings=24, laps=300):
+    """Time the study of readings of the terrain paper, with one process and with two.
+
+    Yields
+    ------
+    Measured
+        By the clock. A cell is one sensor in one reading.
+    """
+    plan = open_choices.design(readings, SEED)[[*open_choices.FACTORS]][:readings]
+    work, rows = partial(judge, laps=laps, seed=SEED, compiled=HAS_NUMBA), plan.to_dict("records")
+    for workers in (1, 2):
+        list(compute(work, rows[: 4 * workers], workers=workers))  # starts processes, compiles
+        _, spent = timed(lambda n: list(compute(work, rows, workers=n)), workers)
+        rate = 3600 * 25 * readings / spent
+        yield Measured(f"cells of {laps} laps an hour, workers: {workers}", rate, "1/h")
+    yield Measured("10^6 such cells on eight such cores", 1e6 / (4 * rate), "h")
 
 
 def _best_of(work, *arguments, **options):
@@ -265,5 +320,6 @@ BENCHMARKS = {
     "unscented Kalman filter": ukf_against_filterpy,
     "compiled filter": compiled_filter,
     "sweeps of N and B": figures_8_to_11,
+    "readings of the terrain paper": cells_of_readings,
     "tracker replay": tracker,
 }
