@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,6 @@ import sensorlogs as logs
 from analysis import CannotAnswer, replacing, static_logs, store, terrain_data
 from analysis.noise.models import UnifiedModel
 from analysis.static_logs import processes, stored
-from sensorlogs.static import Log
 from studies import derived
 
 SIMULATED = {
@@ -32,17 +32,16 @@ DT = 0.1  # s
 G = 9.80665  # m/s^2
 
 
-def simulated(n=12_000):
+def simulated():
     """Simulate a log with white noise and a bias of correlation time 10 s."""
-    return UnifiedModel(0.03, 10.0, 0.02).simulate(n, DT, np.random.default_rng(11))
+    return UnifiedModel(0.03, 10.0, 0.02).simulate(12_000, DT, np.random.default_rng(11))
 
 
-def read(folder, name="my.csv", **channels):
+def read(folder, **channels):
     """Write channels to a CSV in full precision and read it as a log."""
-    table = np.c_[DT * np.arange(len(next(iter(channels.values())))), *channels.values()]
-    rows = [",".join(f"{v:.15g}".replace("nan", "") for v in row) for row in table]
-    (folder / name).write_text("\n".join([",".join(["t_s", *channels]), *rows]) + "\n")
-    return logs.read(folder / name)
+    table = pd.DataFrame({"t_s": DT * np.arange(12_000)} | channels)
+    table.to_csv(folder / "my.csv", index=False, float_format="%.15g")
+    return logs.read(folder / "my.csv")
 
 
 @pytest.fixture(scope="module")
@@ -85,21 +84,19 @@ def model(result):
 def test_source_says_which_log(model, log):
     """Property: the contract's keys, with the numbers of the log, and what was repaired."""
     source = model["source"]
-    assert {"file", "sha256", "rate_hz", "duration_s", "samples", "gaps"} <= set(source)
-    assert source["file"] == "my.csv"
-    assert source["sha256"] == log.sha256
-    assert (source["rate_hz"], source["duration_s"]) == (10.0, 1200.0)
-    assert (source["samples"], source["gaps"]) == (12_000, 0)
+    expected = {"file": "my.csv", "sha256": log.sha256, "seed": static_logs.characterised.SEED}
+    expected |= {"rate_hz": 10.0, "duration_s": 1200.0, "samples": 12_000, "gaps": 0}
+    assert source | expected == source
     assert any("5 of 12,000 in " in repair for repair in source["repairs"])
-    assert source["seed"] == static_logs.characterised.SEED
 
 
 def test_channels_have_the_keys_of_the_contract(model):
     """Property: names, units, kinds; the parameters of each kind; four Allan series as one."""
     assert set(model) == {"source", "channels"}
-    assert [c["name"] for c in model["channels"]] == ["gyro_x", "roll", "accel_x", "north"]
-    assert [c["unit"] for c in model["channels"]] == ["deg/s", "deg", "m/s^2", "m"]
-    assert [c["kind"] for c in model["channels"]] == ["rate", "angle", "accel", "position"]
+    assert [(c["name"], c["unit"], c["kind"]) for c in model["channels"]] == [
+        ("gyro_x", "deg/s", "rate"), ("roll", "deg", "angle"), ("accel_x", "m/s^2", "accel"),
+        ("north", "m", "position"),
+    ]  # fmt: skip
     for channel in model["channels"]:
         about = {"name", "unit", "kind", "parameters", "models", "fit", "line", "fitted_from_s"}
         assert set(channel) == about | set(stored.CURVES)
@@ -122,10 +119,8 @@ def test_estimates_are_numbers_or_null(model):
     for channel in model["channels"]:
         for name, e in channel["parameters"].items():
             assert set(e) == ESTIMATE, name
-            assert isinstance(e["unit"], str) and e["unit"]
-            assert isinstance(e["note"], str) and e["note"]
-            bounds = [e["low"], e["high"]]
-            assert all(v is None or type(v) in (float, int) for v in [e["value"], *bounds])
+            assert all(isinstance(e[k], str) and e[k] for k in ("unit", "note"))
+            assert all(type(e[k]) in (float, int, type(None)) for k in ("value", "low", "high"))
             if e["resolved"]:
                 assert e["low"] <= e["value"] <= e["high"], (channel["name"], name)
             else:
@@ -154,36 +149,24 @@ def test_what_was_put_in_comes_out(result):
     assert found["corr_time"].high < 60  # a hundred correlation times bound it well
 
 
+def series(channel):
+    """List what is drawn of a channel."""
+    curves = [v for key in stored.CURVES for v in vars(getattr(channel, key)).values()]
+    return [*channel.short, *channel.whole, *channel.autocorrelation.values(), *curves]
+
+
 def test_round_trip(result, tmp_path):
     """Property: what is read back is what was written, to the six digits that are stored."""
     first = written(result, tmp_path / "first")
-    assert list(first) == [
-        "autocorrelation.csv",
-        "short.csv",
-        "source.json",
-        "whole.csv",
-    ]
+    names = ["autocorrelation.csv", "short.csv", "source.json", "whole.csv"]
     back = static_logs.read(tmp_path / "first")
     assert static_logs.stored.model(back) == static_logs.stored.model(result)
-    assert written(back, tmp_path / "second") == first
-    assert back.source == result.source
-    close = {"rtol": 1e-5, "atol": 1e-30}  # six digits, none of them near zero by rounding
+    assert written(back, tmp_path / "second") == first and list(first) == names
     for was, now in zip(result.channels, back.channels, strict=True):
-        assert (now.name, now.unit, now.kind) == (was.name, was.unit, was.kind)
-        for panel in ("short", "whole"):
-            for a, b in zip(getattr(was, panel), getattr(now, panel), strict=True):
-                np.testing.assert_allclose(b, a, **close)
-        for key in stored.CURVES:
-            first_curve, second_curve = (vars(getattr(c, key)) for c in (was, now))
-            for series, values in first_curve.items():
-                np.testing.assert_allclose(second_curve[series], values, **close)
         assert list(now.autocorrelation) == list(was.autocorrelation)
-        for window, (lag, cov) in was.autocorrelation.items():
-            np.testing.assert_allclose(now.autocorrelation[window], (lag, cov), **close)
-        assert now.parameters.keys() == was.parameters.keys()
-        for name, e in was.parameters.items():
-            assert now.parameters[name].note == e.note
-            assert now.parameters[name].resolved == e.resolved
+        for a, b in zip(series(was), series(now), strict=True):
+            # Six digits, none of them near zero by rounding.
+            np.testing.assert_allclose(b, a, rtol=1e-5, atol=1e-30)
 
 
 def test_same_seed_same_bytes(log, result, tmp_path, capfd, monkeypatch):
@@ -193,15 +176,14 @@ def test_same_seed_same_bytes(log, result, tmp_path, capfd, monkeypatch):
     again = static_logs.characterise(log, progress=True)
     assert written(again, tmp_path / "again") == first
     assert capfd.readouterr() == ("", "")
-    few = Log(**{**vars(log), "channels": log.channels[:1]})
+    few = replace(log, channels=log.channels[:1])
     other = static_logs.characterise(few, seed=1, progress=False)
     assert other.channels[0].parameters != result.channels[0].parameters
 
 
 def test_a_channel_does_not_depend_on_those_after_it(log, result):
     """Property: channel k draws from the k-th stream of the seed, whatever comes later."""
-    few = Log(**{**vars(log), "channels": log.channels[:2]})
-    found = static_logs.characterise(few, progress=False)
+    found = static_logs.characterise(replace(log, channels=log.channels[:2]), progress=False)
     assert [c.parameters for c in found.channels] == [c.parameters for c in result.channels[:2]]
 
 
@@ -212,9 +194,7 @@ def test_same_log_in_g_and_m_s2(tmp_path):
     found = []
     for unit, factor in (("g", 1.0), ("m_s2", G)):
         named = {f"accel_{a}_{unit}": factor * c for a, c in zip("xyz", channels, strict=True)}
-        found.append(
-            static_logs.characterise(read(tmp_path, f"{unit}.csv", **named), progress=False)
-        )
+        found.append(static_logs.characterise(read(tmp_path, **named), progress=False))
     resolved = 0
     for in_g, in_m_s2 in zip(found[0].channels, found[1].channels, strict=True):
         # 1e-6: the CSVs have 15 digits, of which squaring a small difference costs some
@@ -222,7 +202,7 @@ def test_same_log_in_g_and_m_s2(tmp_path):
         for name, e in in_g.parameters.items():
             other, factor = in_m_s2.parameters[name], 1.0 if name == "corr_time" else G
             assert other.resolved == e.resolved, name
-            for a, b in ((e.value, other.value), (e.low, other.low), (e.high, other.high)):
+            for a, b in ((getattr(of, k) for of in (e, other)) for k in ("value", "low", "high")):
                 assert b == (None if a is None else pytest.approx(factor * a, rel=1e-6)), name
             resolved += e.resolved
     assert resolved >= 7  # sigma_v and N of each axis, the bias of x: or nothing was compared
@@ -231,21 +211,17 @@ def test_same_log_in_g_and_m_s2(tmp_path):
 # --- any folder ----------------------------------------------------------------------------------
 
 
-def small_set():
-    """Make a small source and table."""
-    table = pd.DataFrame({"t_s": [0.0, 1.0, 2.0], "x_m": [1.0, np.nan, -3.0], "what": list("abc")})
-    return {"file": "f.csv", "sha256": "0" * 64}, {"one": table}
-
-
 def test_written_tables_are_read_back(tmp_path, monkeypatch):
     """property: what is written is read back, truth values as 0 and 1, and compares equal."""
     monkeypatch.setattr(store, "FOLDER", tmp_path)
-    source, tables = small_set()
-    store.write(tmp_path / "log", source, tables | {"two": pd.DataFrame({"yes": [True, False]})})
+    source = {"file": "f.csv", "sha256": "0" * 64}
+    table = pd.DataFrame({"t_s": [0.0, 1.0], "x_m": [np.nan, -3.0], "what": list("ab")})
+    yes = pd.DataFrame({"yes": [True, False]})
+    store.write(tmp_path / "log", source, {"one": table, "two": yes})
     assert store.names() == store.names("two") == ["log"] and store.names("three") == []
     back = store.read("log")
     assert back.source == source
-    pd.testing.assert_frame_equal(back.tables["one"], tables["one"], check_dtype=False)
+    pd.testing.assert_frame_equal(back.tables["one"], table, check_dtype=False)
     assert list(back.tables["two"]["yes"]) == [1, 0]
     assert store.compare(tmp_path / "log", tmp_path / "log") == []
 
