@@ -747,7 +747,7 @@ def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, cold):
     def stop(summary):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(page, "_rounded", stop)
+    monkeypatch.setattr(page.pages, "rounded", stop)
     assert run("replay", *paths, "--out", tmp_path / "out")[0] == 130
     assert files(tmp_path / "out") == list(FILES)
     assert (tmp_path / "out" / "track.csv").read_bytes() == old

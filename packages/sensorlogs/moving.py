@@ -413,13 +413,14 @@ class _Rows:
             return self.column(what)[at]
 
         def place(k):
-            return self.table.place(at[k], self.names["lat"])
+            named = self.table.layout is not None or self.table.lines is None  # NMEA has no columns
+            return self.table.place(at[k], self.names["lat"] if named else None)
 
         lat, lon, speed, pdop = map(column, ("lat", "lon", "speed", "pdop"))
         fix = np.isfinite(lat) & np.isfinite(lon)
         if "fix" in data:
             fix &= column("fix") > 0
-        lon = np.where((np.abs(lon) > 180) & (np.abs(lon) <= 360), wrap(lon), lon)
+        lon = np.where((lon > 180) & (lon <= 360), wrap(lon), lon)  # counted from 0 to 360
         beyond = np.flatnonzero(fix & ~((np.abs(lat) <= 90) & (np.abs(lon) <= 180)))
         if beyond.size and 2 * beyond.size >= fix.sum():
             k = beyond[0]
