@@ -1,6 +1,7 @@
 """What nobody should give: each is refused in one sentence, with nothing written."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -50,3 +51,14 @@ def test_output_that_cannot_be_written(to, status):
     run = subprocess.run(command, shell=True, cwd=ROOT, capture_output=True, text=True, check=False)
     assert run.returncode == status and "Traceback" not in run.stderr
     assert ("cannot answer: the output: No space left" in run.stderr) == bool(status)
+
+
+def test_what_is_no_file(tmp_path, capsys):
+    """property: a pipe, a link in a circle and a lost one are called what they are."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "one").symlink_to(tmp_path / "other")
+    (tmp_path / "other").symlink_to(tmp_path / "one")
+    (tmp_path / "lost").symlink_to(tmp_path / "nothing")
+    for name, words in {"pipe": "a pipe", "one": "leads nowhere", "lost": "leads nowhere"}.items():
+        assert cli.main(["channels", str(tmp_path / name)]) == 2
+        assert words in capsys.readouterr().err
