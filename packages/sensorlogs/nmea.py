@@ -123,7 +123,7 @@ def epochs(messages: list[Sentence]) -> pd.DataFrame:
         kinds.add(kind)
         rank = order.index(kind) + 0.5 * (message.talker != "GN")
         row = {"epoch": epoch, "rank": rank, "offset": offset, "time": time}
-        row |= {ours: getattr(message, theirs) for ours, theirs in _FIELDS[kind].items()}
+        row |= {ours: getattr(message, theirs, "") for ours, theirs in _FIELDS[kind].items()}
         rows.append(row)
     values = dict.fromkeys(name for fields in _FIELDS.values() for name in fields)
     frame = pd.DataFrame(rows, columns=["epoch", "rank", "offset", "time", *values])
