@@ -963,7 +963,7 @@ def test_ticks_of_an_xsens_start_again(top, tmp_path):
 
 
 def test_a_sentence_with_fewer_fields(tmp_path):
-    """property: a GGA that ends early, with a checksum that agrees, has a position and no height."""
+    """property: a GGA that ends early, its checksum right, has a position and no height."""
     bodies = [f"GPGGA,1200{k:02d},5050.0,N,00420.0,E,1,08,0.9" for k in range(9)]
     sums = [functools.reduce(operator.xor, body.encode()) for body in bodies]
     lines = [f"${body}*{sum_:02X}\r\n" for body, sum_ in zip(bodies, sums, strict=True)]
