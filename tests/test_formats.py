@@ -970,3 +970,17 @@ def test_a_sentence_with_fewer_fields(tmp_path):
     (tmp_path / "short.nmea").write_text("".join(lines))
     gnss = read_moving([tmp_path / "short.nmea"]).gnss
     assert gnss.has_fix.all() and np.isnan(gnss.height_m).all()
+
+
+def test_json_loses_no_object(tmp_path):
+    """property: an object without a sensor counts, a number names none; dates stand by numbers."""
+    path, start = tmp_path / "a.jsonl", 1704067200
+    stamps = [f"2024-01-01T00:00:{k:02d}Z" if k % 2 else start + k for k in range(40)]
+    rows = [{"time": t, "gyro_x_deg_s": float(k)} for k, t in enumerate(stamps)]
+    for sensor, sizes in (("gyro", {"lines": 20, "gyro": 20}), (7, {"lines": 40})):
+        said = [{"sensor": sensor} | row if k % 2 else row for k, row in enumerate(rows)]
+        path.write_text("\n".join(map(json.dumps, said)))
+        tables = {part.name: part.load(None).frame for part in matrices.json_lines(path)}
+        assert {name: len(frame) for name, frame in tables.items()} == sizes
+        times = np.sort(np.concatenate([frame["time"] for frame in tables.values()]))
+        np.testing.assert_array_equal(times, start + np.arange(40))

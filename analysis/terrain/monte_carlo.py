@@ -107,8 +107,8 @@ class Laps:
             each further row. See `interval`.
         """
         error = self.error if runs is None else self.error[:, runs]
-        runs_used = error.shape[1]
-        weights = resampling.counts(runs_used, draws, rng) / runs_used
+        count = error.shape[1]
+        weights = resampling.counts(count, draws, rng) / count
 
         def over_runs(values):
             return np.einsum("br,cr->bc", weights, values)
@@ -373,12 +373,12 @@ def follow(
     ukf, Q = filters_of(attitude_map, setup, arw, sigma_b, first)
     for k in range(every, n, every):
         step = moved[k - every + 1 : k + 1].sum(axis=0)
-        z, missing = None, ~known[k] if known[k].any() and not known[k].all() else None
+        z = None
         if known[k].any():
             z = arw * walk[k][:, None]
             z += sigma_b * bias[k][:, None]
             z += attitude[:, k]
-        innovation, S = advance(ukf, setup, step, Q, z, R, missing)
+        innovation, S = advance(ukf, setup, step, Q, z, R, None if known[k].all() else ~known[k])
         if k % stride == 0:
             j = k // stride - 1
             error[:, :, j] = ukf.x[0] - truth[k]
@@ -409,7 +409,7 @@ def advance(ukf, setup, step, Q, z, R, missing=None):
         ukf.decay(exp(-np.abs(step) / length), sd**2)
     if z is None:
         return None, None
-    if missing is None:
+    if missing is None:  # nothing to put back
         return ukf.update(z, R)
     x, P = ukf.x[..., missing], ukf.P[..., missing]
     found = ukf.update(z, R)

@@ -310,9 +310,10 @@ def track_real_laps(
         error = None if map_errors is None else map_errors[label]
         told.append(setup if error is None else error.setup(setup, profile.laps.mean()))
         maps.append(attitude_map)
-        walk, bias = attitude_errors(told[-1], len(channels), streams, len(truth))
-        drives.append((truth[:, None] + 0 * off, moved[:, None] + 0 * off, walk, bias))
-        seen.append(np.repeat(attitude[..., None], runs, axis=-1))
+        paths = attitude_errors(told[-1], len(channels), streams, len(truth))
+        truth, moved, attitude = (x[..., None].repeat(runs, -1) for x in (truth, moved, attitude))
+        drives.append((truth, moved, *paths))
+        seen.append(attitude)
     expected, of_lap = told[0], [(s.R, s.begin_attitude_sd, *(s.map_error or ())) for s in told]
     if map_errors is not None:
         R, begin, *error = np.repeat(np.transpose(of_lap), runs, axis=1)

@@ -131,6 +131,8 @@ class AttitudeMap:
 class SideBySide(AttitudeMap):
     """Several maps read at once: the last axis of a distance holds as many runs of each in turn.
 
+    Only `at` and `channels` mean something of several maps.
+
     Parameters
     ----------
     maps : sequence of AttitudeMap

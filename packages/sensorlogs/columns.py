@@ -240,10 +240,9 @@ def recognise(name: str) -> Column:
             break
     for start, end in [] if unit else _ends(name):
         for what, units in _OWN_UNITS.items():
-            if re.fullmatch(NAMES["moving"][what], "_".join(words(start))):
-                quantity, unit = (
-                    (what, units[_plain(end)]) if _plain(end) in units else (quantity, unit)
-                )
+            own = units.get(_plain(end))
+            if own and re.fullmatch(NAMES["moving"][what], "_".join(words(start))):
+                quantity, unit = what, own
     quantity = "time" if times.is_time(name) else quantity
     return Column(unit, tuple(said), kind, other, quantity)
 

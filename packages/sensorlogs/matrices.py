@@ -227,7 +227,9 @@ def json_lines(path: Path) -> list[Part]:
             if arrays:
                 found = {name: np.array(values, float) for name, values in arrays.items()}
                 return _grouped(path, {"": found}, [])
-            sensors = frame.pop("sensor") if "sensor" in frame else pd.Series("lines", frame.index)
+            sensors = pd.Series("lines", frame.index)
+            if "sensor" in frame and (named := frame["sensor"].map(type).eq(str)).any():
+                sensors = frame.pop("sensor").where(named, "lines")
             for sensor, rows in frame.groupby(sensors, sort=False):
                 numbers = dict(_numbers(rows.dropna(axis=1, how="all")))
                 empty = {name for name, values in numbers.items() if values.isna().all()}
@@ -258,9 +260,10 @@ def _numbers(frame: pd.DataFrame) -> Iterator[tuple[str, pd.Series]]:
                     yield with_axis(str(name), axis), pd.to_numeric(wide[j], errors="coerce")
             continue
         values = pd.to_numeric(cells, errors="coerce").astype(float)
-        if values.isna().all():
-            dates = pd.to_datetime(cells, utc=True, errors="coerce", format="ISO8601")
-            values = (dates - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
+        words = cells[values.isna()]
+        if words.notna().any():
+            dates = pd.to_datetime(words, utc=True, errors="coerce", format="ISO8601")
+            values = values.fillna((dates - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1))
         yield str(name), values
 
 

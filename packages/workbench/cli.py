@@ -37,7 +37,7 @@ class Verbs(TyperGroup):
         """Run the verb that was named."""
         try:
             found = super().invoke(ctx)
-            print(end="", flush=True)
+            print(end="", flush=True)  # a full disk shows here, and not as the process ends
             return found
         except CannotAnswer as error:
             sentence, status = f"cannot answer: {error}{_commands(error, ctx)}", 1
