@@ -205,6 +205,12 @@ def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
     assert {c.kind for c in logs.read(path, **three, kind="rate", unit="deg/s").channels} == {
         "rate"
     }
+    assert {c.kind for c in logs.read(path, unit="gyro=deg/s").channels} == {"rate"}
+    counts = write(
+        tmp_path, "t,gx,gy,gz", T, np.round(9.8 * GYRO / np.linalg.norm(GYRO, axis=1)[:, None])
+    )
+    with pytest.raises(WrongUsage, match="--scale gyro=1/131"):
+        logs.read(counts)
 
 
 # --- raw counts ----------------------------------------------------------------------------------

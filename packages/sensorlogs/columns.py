@@ -541,7 +541,9 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
     others = [its for its in units if its and not (heavy and its == "accel")]
     kinds |= dict.fromkeys(unknown, usual or next(iter(others), "rate"))
     kinds |= dict.fromkeys(heavy, "accel")
-    gyros = [n for n, its in kinds.items() if its == "rate" and not (kind or split(n)[1])]
+    settled = kind or units.get("rate")
+    gyros = [n for n, its in kinds.items() if its == "rate" and not (settled or split(n)[1])]
+    gyros = [n for n in gyros if _levels(frame[n]) == np.inf]  # raw counts are refused as such
     wrong = [n for n in vectors(gyros).values() if len(n) == 3 and _is_gravity(_norm(frame, n))]
     if heavy and len(heavy) == len(unknown) and usual not in (None, "accel"):
         wrong.append([*heavy])
@@ -549,7 +551,8 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
         one = gravity_unit(_norm(frame, three))
         raise WrongUsage(
             f"{file}: columns {', '.join(three)} have the length of one g in {one}: say --columns "
-            f"{','.join(three)} with --kind accel --unit {one}, or with --kind {usual or 'rate'}"
+            f"{','.join(three)} with --kind accel --unit {one}, or with --kind {usual or 'rate'}; "
+            "gyros by their name: --unit gyro=deg/s"
         )
     if set(kinds.values()) == {"angle"} and usual == "rate":
         kinds = dict.fromkeys(kinds, "rate")  # roll, pitch and yaw in deg/s
