@@ -34,7 +34,8 @@ from analysis import (
 )
 
 __all__ = [
-    "OUTCOMES", "Ledger", "counted", "finding", "learned", "of_paper", "published", "verdicts",
+    "OUTCOMES", "Ledger", "counted", "counts", "finding", "learned", "of_paper", "published",
+    "verdicts",
 ]  # fmt: skip
 
 COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
@@ -42,12 +43,14 @@ FOUND = ["notebook", "sentence", "condition", "figure"]
 MOST_WORDS = 30  # of the sentence of a finding
 NOT_YET = "not yet run"
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
+UNDECIDABLE = "undecidable"  # a result: logs of this length give now this answer and now that
 BY_CONSTRUCTION = "by construction"
 OUTCOMES = (
-    REPRODUCED, f"{REPRODUCED} if", NOT_REPRODUCED, f"{NOT_REPRODUCED} if", NOT_TESTABLE,
-    BY_CONSTRUCTION, NOT_YET,
+    REPRODUCED, f"{REPRODUCED} if", NOT_REPRODUCED, f"{NOT_REPRODUCED} if", UNDECIDABLE,
+    NOT_TESTABLE, BY_CONSTRUCTION, NOT_YET,
 )  # fmt: skip
 NOT_JUDGED = (f"{NOT_TESTABLE}: ", f"{BY_CONSTRUCTION}: ")  # beginning of such a row's reason
+THAT_DAY = "about these units on that day"  # in the reason of a sentence that nobody can rerun
 FEWEST_LOGS = 200  # simulated logs that a verdict on something random needs
 YES_OR_NO = "yes or no"  # unit of a claim that is one or the other
 # How numbers without a unit of their own are written: before, factor, after.
@@ -122,21 +125,41 @@ def learned() -> text.Shown:
     return text.table(pd.DataFrame(rows, columns=[wide, "what was found, and when"]))
 
 
+def counts() -> pd.DataFrame:
+    """Count the independent verdicts of each paper.
+
+    Claims with the same published number, computed number and verdict are one computation and count
+    once: the cells of an operation table, a number that the paper states twice. Sentences about the
+    papers' own units on that day are history and do not count.
+
+    Returns
+    -------
+    pandas.DataFrame, indexed by paper
+        A column for each of `OUTCOMES`.
+    """
+    rows = verdicts()[~published()["why"].str.contains(THAT_DAY)]
+    number = rows["value"].notna() & (rows["unit"] != YES_OR_NO)
+    same = ["notebook", "published", "reproduced", "outcome"]
+    rows = rows[~(number & rows.duplicated(same))]
+    return pd.crosstab(rows["paper"], rows["outcome"]).reindex(columns=OUTCOMES, fill_value=0)
+
+
 def counted() -> text.Shown:
     """Count the verdicts in a sentence."""
-    n = verdicts()["outcome"].value_counts().reindex(OUTCOMES, fill_value=0)
+    n, claimed = counts().sum(), len(published())
     agree, differ = (n[kind] + n[f"{kind} if"] for kind in (REPRODUCED, NOT_REPRODUCED))
     waiting = f", and {n[NOT_YET]} wait for a notebook" * bool(n[NOT_YET])
     return text.Shown(
-        f"{n.sum()} claims of the papers {agree} are reproduced, {n[f'{REPRODUCED} if']} of them"
-        f" under a stated condition, and {differ} are not, {n[f'{NOT_REPRODUCED} if']} of them"
-        f" under a stated condition; {n[NOT_TESTABLE]} cannot be decided by the logs at hand;"
+        f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
+        f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a condition;"
+        f" {differ} are not, {n[NOT_REPRODUCED]} without a condition; of {n[UNDECIDABLE]}, logs of"
+        f" the papers' length say now one thing and now the other; {n[NOT_TESTABLE]} lack data;"
         f" {n[BY_CONSTRUCTION]} could not have come out otherwise and are no evidence{waiting}."
     )
 
 
 def of_paper(paper: str) -> text.Shown:
-    """List the claims of a paper by section: those judged and, folded apart, those that are not.
+    """Lay out the main claims of a paper: its own results, as its abstract and conclusions say.
 
     Parameters
     ----------
@@ -146,17 +169,11 @@ def of_paper(paper: str) -> text.Shown:
     -------
     text.Shown
     """
-    rows = verdicts()[lambda rows: rows["paper"] == paper]
-    apart = published()["why"].reindex(rows.index).str.startswith(NOT_JUDGED)
-    rows = rows.assign(
-        where=rows["where"].mask(rows["where"] == rows.groupby(apart)["where"].shift(), ""),
-        notebook=[f"[{n.split('-')[0]}]({n}.ipynb)" for n in rows["notebook"].fillna("-")],
-    ).rename(columns={"reproduced": "came out as"})
-    judged = rows.loc[~apart, ["where", "claim", "published", "came out as", "verdict", "notebook"]]
-    others = rows.loc[apart, ["where", "claim", "published", "verdict", "notebook"]]
-    parts = [(f"{len(judged)} claims that were judged", judged)]
-    parts.append((f"{len(others)} that hold by construction or cannot be tested here", others))
-    return text.Shown("\n\n".join(text.folded(title, text.table(part)) for title, part in parts))
+    main = published()["main"] == "yes"
+    rows = verdicts()[lambda rows: (rows["paper"] == paper) & main]
+    rows = rows.assign(notebook=[f"[{n[:2]}]({n}.ipynb)" for n in rows["notebook"].fillna("--")])
+    rows = rows.rename(columns={"reproduced": "came out as"})
+    return text.table(rows[["claim", "published", "came out as", "verdict", "notebook"]])
 
 
 def _register(name):
@@ -265,7 +282,7 @@ def judge_logs(found, agree_low, agree_high):
     elif against >= MOST:
         verdict = NOT_REPRODUCED
     else:
-        verdict = f"{NOT_TESTABLE}: in {100 * share:.3g} % of logs"
+        verdict = f"{UNDECIDABLE}: a log of this length gives it in {100 * share:.3g} % of cases"
         left = 100 * (1 - share - against)
         verdict += f"; {left:.3g} % leave it open" if left > 0.01 else ""
     if found.dtype == bool:
@@ -342,7 +359,7 @@ class Ledger:
         """Judge one claim about something random by what came out in many simulated logs.
 
         It is reproduced if it comes out in at least 90 % of the logs, not reproduced if it fails in
-        at least 90 %, and else not testable; then the verdict gives the share.
+        at least 90 %, and else undecidable; then the verdict gives the share.
 
         Parameters
         ----------
@@ -360,19 +377,28 @@ class Ledger:
         row = self._judged(claim)
         return self._enter(row, _verdict(row, np.asarray(found)), when)
 
-    def table(self) -> pd.DataFrame:
+    def table(self) -> text.Shown:
         """Lay published and reproduced side by side, for the notebook's last section.
+
+        Only what was decided has a row; the rest is in the register, and the last line counts it. A
+        condition that all verdicts share stands in the last line, once.
 
         Returns
         -------
-        pandas.DataFrame
+        text.Shown
         """
         if not self._mine:
             self._write()
         rows, written = [], verdicts()["verdict"]
-        for mine in self._entries():
+        for mine in self._mine.values():
             theirs, cited = self._published.loc[mine["id"]], written[mine["id"]]
             other = "" if cited == mine["verdict"] else f" (figures/claims.csv: {cited})"
+            if mine["verdict"].startswith(NOT_TESTABLE) and not other:
+                continue
+            verdict = mine["verdict"]
+            if self.when:
+                verdict = verdict.replace(f" if {self.when}, ", " if ", 1)
+                verdict = verdict.removesuffix(f" if {self.when}")
             rows.append(
                 {
                     "where": theirs["where"],
@@ -381,10 +407,14 @@ class Ledger:
                     "counts as agreement": _agreement(theirs),
                     "our value": _number(mine["value"], theirs["unit"]) or "–",
                     "95 % interval": _range(mine["low"], mine["high"], theirs["unit"]),
-                    "verdict": mine["verdict"] + other,
+                    "verdict": verdict + other,
                 }
             )
-        return pd.DataFrame(rows)
+        under = f"All verdicts hold if {self.when}. " * bool(self.when and rows)
+        apart = len(self._entries()) - len(rows)
+        left = f"{apart} more claims are not testable or hold by construction: figures/claims.csv."
+        shown = text.table(pd.DataFrame(rows)) if rows else ""
+        return text.Shown(f"{shown}\n\n{under}{left * bool(apart)}".strip())
 
     def errata(self) -> pd.DataFrame:
         """List the misprints, contradictions and unclear passages that the notebook meets.

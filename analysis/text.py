@@ -5,7 +5,7 @@ from typing import Any
 
 from analysis import engineering
 
-__all__ = ["duration", "folded", "table"]
+__all__ = ["duration", "table"]
 
 
 class Shown(str):
@@ -51,11 +51,6 @@ def table(rows: Any, key: str | None = None) -> Shown:
 
     head = [line(frame.columns), "|" + "---|" * len(frame.columns)]
     return Shown("\n".join(head + [line(row) for row in frame.itertuples(index=False)]))
-
-
-def folded(title: str, table: Shown) -> Shown:
-    """Put a long table behind its title, to be opened with a click."""
-    return Shown(f"<details><summary>{title}</summary>\n\n{table}\n\n</details>")
 
 
 def _missing(cell):

@@ -13,7 +13,6 @@ import inspect
 import re
 import shutil
 import sys
-from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -252,13 +251,13 @@ def write(folder: Path) -> None:
         "papers": PAPERS,
         "faces": FACES,
         "exported": {face: exported(face) for face in FACES},
+        "counted": claims.counted(),
         "outcomes": [o for o in claims.OUTCOMES if (verdicts["outcome"] == o).any()],
         # What could not have come out otherwise is counted apart, and comes last.
         "claims": verdicts.assign(link=verdicts.index.map(links))
         .sort_values("outcome", key=lambda of: of == claims.BY_CONSTRUCTION, kind="stable")
         .reset_index()
         .to_dict("records"),
-        "total": Counter(verdicts["outcome"]),
         "errata": errata.to_dict("records"),
         "symbols": store.published("symbols").fillna("").to_dict("records"),
         "coverage": store.published("coverage").fillna("").to_dict("records"),

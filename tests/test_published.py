@@ -47,9 +47,9 @@ def claimed(claim):
 
 
 REGISTERS = {
-    "claims": (CLAIMS, "id,paper,where,claim,quantity,value,unit,low,high,why,notebook"),
+    "claims": (CLAIMS, "id,paper,where,claim,quantity,value,unit,low,high,why,notebook,main"),
     "coverage": (COVERAGE, "paper,item,notebook,figures,reason"),
-    "errata": (ERRATA, "id,paper,where,printed,should_be,evidence,notebook"),
+    "errata": (ERRATA, "id,paper,where,printed,should_be,evidence,notebook,changes"),
 }
 
 

@@ -11,8 +11,12 @@ document.addEventListener("DOMContentLoaded", () => {
 
 function filterClaims(form) {
   const rows = [...document.querySelectorAll(".claims tbody tr")];
+  const fields = [...form.querySelectorAll("[data-column]")];
+  const key = ({ dataset }) => dataset.column || "text";
+  const linked = new URLSearchParams(location.search); // a link may carry what is asked for
+  for (const field of fields) if (linked.has(key(field))) field.value = linked.get(key(field));
   const show = () => {
-    const asked = [...form.querySelectorAll("[data-column]")].filter((field) => field.value);
+    const asked = fields.filter((field) => field.value);
     let left = 0;
     for (const row of rows) {
       row.hidden = !asked.every(({ dataset, value }) =>
@@ -21,6 +25,9 @@ function filterClaims(form) {
       left += !row.hidden;
     }
     form.querySelector("output").value = `${left} of ${rows.length} claims`;
+    const query = new URLSearchParams(asked.map((field) => [key(field), field.value]));
+    const address = `${location.pathname}${asked.length ? `?${query}` : ""}${location.hash}`;
+    if (location.protocol !== "file:") history.replaceState(null, "", address); // a browser forbids it there
   };
   form.addEventListener("input", show);
   form.addEventListener("submit", (event) => event.preventDefault());

@@ -14,8 +14,8 @@ from conftest import DESKTOP, PHONE, SITE, measured
 
 PAGES = sorted(str(p.relative_to(SITE)) for p in SITE.rglob("*.html") if "_static" not in p.parts)
 OUTCOMES = (
-    "reproduced if", "reproduced", "not reproduced if", "not reproduced", "not testable",
-    "by construction",
+    "reproduced if", "reproduced", "not reproduced if", "not reproduced", "undecidable",
+    "not testable", "by construction",
 )  # fmt: skip
 
 
@@ -203,6 +203,9 @@ def test_filters_of_the_claims(visit):
     page.get_by_label("Paper").select_option("terrain")
     page.get_by_label("Verdict").select_option("not reproduced")
     assert rows.evaluate_all("all => all.map((row) => row.id)") == list(both.index)
+    assert page.url.endswith("claims.html?paper=terrain&outcome=not+reproduced")
+    page.reload()
+    assert rows.count() == len(both)
     page.get_by_role("searchbox", name="Text").fill("no claim has these words")
     assert rows.count() == 0
     assert page.troubles == []
