@@ -11,6 +11,7 @@ from analysis.noise.allan import (
     degrees_of_freedom,
     fit_line,
     overlapped_variance,
+    steady,
     with_and_without_line,
 )
 from analysis.noise.models import UnifiedModel
@@ -129,13 +130,37 @@ def test_intervals_cover(model):
     dt, n, runs = 0.5, 14_400, 400
     m = np.unique(np.geomspace(1, n // 4, 12).round().astype(int))
     truth = model.adev(m * dt, dt)
-    inside = np.zeros(len(m))
+    inside, steadily = np.zeros(len(m)), np.zeros(len(m))
     for y in model.simulate(n, dt, np.random.default_rng(5), runs=runs):
         curve = allan_deviation(y, dt, m)
         inside += (curve.low < truth) & (truth < curve.high)
+        low, high = steady(curve)
+        steadily += (low < truth) & (truth < high)
     # 93-97 % on average; a single tau may stray by three of its own standard errors (1.1 %) more.
-    assert 0.93 <= (inside / runs).mean() <= 0.975
+    assert 0.93 <= (steadily / runs).mean() <= 0.975
+    assert np.all(inside >= steadily)  # power that might wander makes the interval wider
     assert np.all(inside / runs > 0.95 - 0.055)
+
+
+def test_quarters_agree_where_the_power_wanders():
+    """coverage: of white noise whose power flickers the first quarter and the last agree."""
+    rng, n, runs, agree = np.random.default_rng(8), 1 << 14, 60, {"band": 0, "steady": 0}
+    scale = np.maximum(np.fft.rfftfreq(n), 1 / n) ** -0.5
+    for _ in range(runs):
+        flicker = np.fft.irfft(scale * np.fft.rfft(rng.standard_normal(n)))
+        y = rng.standard_normal(n) * np.exp(0.1 * flicker)
+        first, last = (
+            allan_deviation(part, DT, np.array([4])) for part in (y[: n // 4], y[-n // 4 :])
+        )
+        if first.adev > last.adev:
+            first, last = last, first
+        for name, ends in (
+            ("band", (first.high, last.low)),
+            ("steady", (steady(first)[1], steady(last)[0])),
+        ):
+            reach = np.hypot(np.log(ends[0] / first.adev), np.log(last.adev / ends[1]))
+            agree[name] += bool(np.log(last.adev / first.adev) < reach)
+    assert agree["band"] >= 0.85 * runs > agree["steady"]
 
 
 def test_fit_line():

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import kstest, norm, uniform
 
 from analysis import Estimate
-from analysis.noise.allan import AllanCurve
+from analysis.noise.allan import AllanCurve, steady
 from analysis.noise.models import FLICKER
 from analysis.noise.notes import listed, said
 from analysis.noise.parameters import random_walk_unit
@@ -49,14 +49,15 @@ def white_noise(curve: AllanCurve, unit: str) -> Estimate:
     out = random_walk_unit(unit)
     run = _longest_run(curve, np.abs(slopes(curve) + 0.5) < TOLERANCE)
     if run is None:
-        low_curve = float(np.min(curve.high * np.sqrt(curve.tau))) if len(curve.tau) else None
+        high = steady(curve)[1]
+        low_curve = float(np.min(high * np.sqrt(curve.tau))) if len(curve.tau) else None
         return Estimate.refused(out, said("no_slope"), high=low_curve)
     root = np.sqrt(curve.tau[run])
     weight = curve.edf[run]
     value = float(np.exp(np.average(np.log(curve.adev[run] * root), weights=weight)))
     # The errors of points of one log are correlated: the interval of the best one counts for all.
     best = run[np.argmax(weight)]
-    low, high = (float(value * end[best] / curve.adev[best]) for end in (curve.low, curve.high))
+    low, high = (float(value * end[best] / curve.adev[best]) for end in steady(curve))
     note = said("slope", low=curve.tau[run[0]], high=curve.tau[run[-1]])
     return Estimate(value, low, high, out, note=note)
 
@@ -107,7 +108,7 @@ def bias_instability(
         return Estimate.refused(unit, said("short_for_floor"))
     at, turns = floor_of(model[inside])
     at += inside[0]
-    tau, low, high = curve.tau[at], curve.low[at], curve.high[at]
+    tau, low, high = curve.tau[at], *(end[at] for end in steady(curve))
     least = flicker[0] if flicker else np.inf
     code = "floor_or_flicker" if least is None else ""
     if at == inside[-1] or model[at:].max() <= high:
