@@ -12,7 +12,9 @@ from pyins.inertial_sensor import EstimationModel, Parameters
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.noise.inference import infer
+from analysis.noise.models import UnifiedModel
 from analysis.noise.parameters import random_walk_unit
+from analysis.static_logs import stored
 from workbench import conventions, exports
 
 RATE, HOURS = 10.0, 6.0
@@ -31,9 +33,9 @@ UNITS = {"gyroscope": "rad/s", "accelerometer": "m/s^2"}
 KINDS = {"rad/s": "rate", "m/s^2": "accel"}
 
 
-def files(content):
+def files(content, **how):
     """Write the exports of the content of a model.json."""
-    return exports.files(content)
+    return exports.files(content, **how)
 
 
 # --- a model.json --------------------------------------------------------------------------------
@@ -314,8 +316,9 @@ def test_terms_of_one_model_add_in_power():
 
 
 def test_nothing_unresolved_gets_a_number():
-    """Property: an unresolved term is off, in Kalibr absent, and named with its bound."""
-    texts = files(model(*(channel("gyroscope", a, None, None, None) for a in "xyz")))
+    """Property: with --strict an unresolved term is off, in Kalibr absent, named with its bound."""
+    unknown = model(*(channel("gyroscope", a, None, None, None) for a in "xyz"))
+    texts = files(unknown, strict=True)
     given = yaml.safe_load(texts["imu.yaml"])
     assert set(given) == {"rostopic", "update_rate"}
     assert "# gyroscope_noise_density: not resolved" in texts["imu.yaml"]
@@ -334,6 +337,49 @@ def test_nothing_unresolved_gets_a_number():
         assert "gyro_y (y): N not resolved (at most 9)" in texts[name]
         assert "gyro_y (y): T_c not resolved (at least 9) s" in texts[name]
     assert "for a reason" in texts["README.md"]
+
+
+def test_a_filter_gets_the_bound():
+    """Property: Kalibr's four numbers are there, and say so where they are upper bounds."""
+    both = [channel(s, a, None, None, None) for s in TRUTH for a in "xyz"]
+    text = files(model(*both))["imu.yaml"]
+    numbers = [key for key in yaml.safe_load(text) if key.endswith(("density", "walk"))]
+    assert len(numbers) == 4 and text.count("# upper bound: not resolved") == 4
+    assert yaml.safe_load(text)["gyroscope_random_walk"] == 9.0
+
+
+def allan_of(tool, texts, sensor, axis, tau):
+    """Allan deviation that a tool simulates."""
+    got = tool(texts, sensor, axis)
+    time = -DT / np.log(got["phi"]) if 0 < got["phi"] < 1 else 1.0
+    sigma = got["step"] / np.sqrt(1 - got["phi"] ** 2) if got["phi"] < 1 else 0.0
+    bias = UnifiedModel(got["white"], time, sigma).adev(tau, DT)
+    return np.sqrt(bias**2 + got.get("walk", 0.0) ** 2 / DT * tau / 3)
+
+
+@pytest.mark.parametrize("tool", GAUSS_MARKOV, ids=lambda f: f.__name__)
+def test_a_tool_gives_the_curve_of_the_log_back(tool, monkeypatch):
+    """cross-check: of an ADIS16405 axis with flicker noise every tool has the measured curve.
+
+    Within 10 % at 1 to 600 s (9 % is what one Gauss-Markov process leaves); with --strict, white
+    noise alone is four times too low. White noise gets no stand-in.
+    """
+    log = stored.read_model("adis16405")
+    log["channels"] = log["channels"][:1]
+    curve = {k: np.array(v) for k, v in log["channels"][0]["allan_line_removed"].items()}
+    used = (curve["tau_s"] >= 1) & (curve["tau_s"] <= 600)
+    monkeypatch.setattr("test_exports.DT", 1 / log["source"]["rate_hz"])
+    monkeypatch.setattr("test_exports.RATE", log["source"]["rate_hz"])
+    least = {}
+    for strict in (False, True):
+        texts = files(log, strict=strict)
+        simulated = allan_of(tool, texts, "gyroscope", "x", curve["tau_s"][used])
+        ratio = simulated / np.radians(curve["deviation"][used])
+        least[strict] = ratio.min()
+        assert ratio.max() < 1.1 and ("stand-in" in texts["imu.yaml"]) == (not strict)
+    assert least[False] > 0.85 and least[True] < 0.4
+    still = stored.read_model("mpu6050-gyro")
+    assert exports.stand_in(still["channels"][1], still["source"], np.radians(0.00915)) is None
 
 
 def test_half_a_gauss_markov_term_is_none():

@@ -418,7 +418,7 @@ def compare(logs, out, **reading):
 
 
 @_verb
-def export(model, out):
+def export(model, out, strict=False):
     """Write a model.json for Kalibr, MATLAB, Gazebo and others.
 
     \b
@@ -426,12 +426,14 @@ def export(model, out):
     python -m analysis export edited.json --out filter
 
     Formats: Kalibr, gnss-ins-sim, pyins, MATLAB's imuSensor, Gazebo classic and Gazebo (PX4).
-    `report` writes the same files beside its model.json. A parameter that the log does not resolve
-    is switched off or left out, never invented; README.md in the folder lists them.
+    `report` writes the same files beside its model.json. Where the log shows slow noise but does
+    not resolve it, one Gauss-Markov process with the log's Allan deviation stands in, and a filter
+    that needs a number gets the upper bound; comments mark both. With --strict such a parameter is
+    switched off or left out. README.md in the folder lists them.
     """
     from workbench import exports
 
-    for name in exports.export(model, out):
+    for name in exports.export(model, out, strict=strict):
         print(f"{out}/{name}")
 
 

@@ -3,9 +3,13 @@
 The channels of a model.json are sorted into a gyroscope and an accelerometer triad, in SI. The
 files are templates in packages/workbench/templates/exports.
 
-A term that the log does not resolve is never filled in: a simulator gets 0, which switches it off,
-a filter that cannot do without it gets no line. In both cases a comment gives the known bound.
-Each tool's own definition, and where it is written (tests/test_exports.py simulates them):
+What the log resolves is exported as it is. Where it resolves neither a Gauss-Markov process nor a
+random walk (flicker noise, which no tool has, or slow noise of unknown kind), a stand-in is
+exported: the Gauss-Markov process that has the log's Allan deviation (`stand_in`), so that a
+simulation looks as the log does. A filter that cannot do without a number gets the upper bound.
+Comments mark both. With ``--strict`` neither is there: a simulator gets 0, which switches the term
+off, and a filter no line. Each tool's own definition, and where it is written
+(tests/test_exports.py simulates them):
 
 Kalibr, ``imu.yaml``
     Wiki page "IMU Noise Model"; ``ImuParameters`` in kalibr_common/ConfigReader.py, which needs all
@@ -38,8 +42,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from analysis import CannotAnswer, Estimate, WrongUsage
+from analysis.noise.models import UnifiedModel
 from analysis.noise.parameters import random_walk_unit
 from sensorlogs.columns import AXES, words
 from workbench import conventions, pages
@@ -55,6 +61,8 @@ TITLES = {
 }
 SENSORS = {"rate": "gyroscope", "accel": "accelerometer"}
 SI_UNITS = {"rate": "rad/s", "accel": "m/s^2"}
+SLOW = 1.0  # s: what changes within it is a sensor's filter, not slow noise
+PART = 10  # of a log, the longest averaging time at which its Allan deviation is relied on
 FOREVER = 1e9  # s, 30 years: a Gauss-Markov process of this correlation time is a random walk
 _TURNS = {"roll": "x", "pitch": "y", "yaw": "z"}
 NUMBERS = ("low", "value", "high")
@@ -83,6 +91,11 @@ class Axis:
     sigma_b, corr_time : float or None
         For a tool with one Gauss-Markov term: the strongest; without one the random walk K, as the
         same process with a correlation time of 30 years.
+    bounds : dict
+        N and walk -> upper bound, or None.
+    stand_in : bool
+        Whether sigma_b and corr_time, and N if the log does not resolve it, are no estimates but
+        those of `stand_in`.
     estimates : list of (str, Estimate)
         Every parameter by its symbol.
     terms : list of (str, dict of Estimate)
@@ -98,6 +111,8 @@ class Axis:
     strongest: float | None
     sigma_b: float | None
     corr_time: float | None
+    bounds: dict[str, float | None]
+    stand_in: bool
     estimates: list[tuple[str, Estimate]]
     terms: list[tuple[str, dict[str, Estimate]]]
 
@@ -129,6 +144,11 @@ class Triad:
         values = [v for v in self.each(name) if v is not None]
         return float(np.sqrt(np.mean(np.square(values)))) if values else None
 
+    def bound(self, name):
+        """Largest upper bound of N or walk, for a filter where no axis has a value; or None."""
+        bounds = [a.bounds[name] for a in self.axes.values() if a.bounds[name] is not None]
+        return max(bounds, default=None) if self.mean(name) is None else None
+
     @property
     def process(self):
         """One (sigma_b, T_c) for three axes, or None.
@@ -145,13 +165,15 @@ class Triad:
         return float(np.sqrt(power)), float(2 * power / walk)
 
 
-def files(model):
+def files(model, *, strict=False):
     """Write every export of a model.json.
 
     Parameters
     ----------
     model : dict
         As `analysis.static_logs.stored.model` gives it, or json.load of the file.
+    strict : bool
+        Only what the log resolves: no stand-in, no bound.
 
     Returns
     -------
@@ -164,7 +186,7 @@ def files(model):
     WrongUsage
         If it is not the content of a model.json.
     """
-    triads, left_out = sort_triads(model)
+    triads, left_out = sort_triads(model, strict=strict)
     source, rate, texts = model["source"], float(model["source"]["rate_hz"]), {}
     empty = {s: Triad(s, SI_UNITS[kind], {}) for kind, s in SENSORS.items()}
     context = empty | triads | {
@@ -202,7 +224,7 @@ def told(texts):
     return {"exported": [name for name in TITLES if name in texts], "absent": lines}
 
 
-def export(path, out):
+def export(path, out, *, strict=False):
     """Write the exports of an existing model.json.
 
     Parameters
@@ -210,6 +232,8 @@ def export(path, out):
     path : path-like
     out : path-like
         Folder; made if need be.
+    strict : bool
+        As for `files`.
 
     Returns
     -------
@@ -217,7 +241,7 @@ def export(path, out):
         Names of the files.
     """
     try:
-        texts = files(json.loads(Path(path).read_bytes()))
+        texts = files(json.loads(Path(path).read_bytes()), strict=strict)
     except OSError as error:
         raise WrongUsage(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:  # neither JSON nor text, or a trap
@@ -251,13 +275,15 @@ def _in_every_convention(triad, dt):
     return conventions.table(sensors, dt, unit, pages.TEXTS)
 
 
-def sort_triads(model):
+def sort_triads(model, *, strict=False):
     """Sort the channels of a model.json into triads.
 
     Parameters
     ----------
     model : dict
         As `analysis.static_logs.stored.model` gives it, or json.load of the file.
+    strict : bool
+        As for `files`.
 
     Returns
     -------
@@ -275,6 +301,8 @@ def sort_triads(model):
         raise WrongUsage("this is a pooled.json; export takes a model.json of `report`")
     try:
         groups, left_out = {}, []
+        for key in ("rate_hz", "duration_s"):
+            _check(model["source"][key], key)
         for channel in model["channels"]:
             name, unit, kind = channel["name"], channel["unit"], channel["kind"]
             if not isinstance(name, str):
@@ -284,9 +312,7 @@ def sort_triads(model):
             elif conventions.SI.get(unit, (None, None))[1] != SI_UNITS[kind]:
                 left_out.append(f"{name} is in {unit}, which is no known unit of a {kind}")
             else:
-                groups.setdefault(kind, []).append(_axis(channel))
-        for key in ("rate_hz", "duration_s"):
-            _check(model["source"][key], key)
+                groups.setdefault(kind, []).append(_axis(channel, model["source"], strict))
         _parameters(model["source"], {})
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         why = f"no {error}" if isinstance(error, KeyError) else error
@@ -312,7 +338,7 @@ def _parameters(source, triads, *, why=False):
     return pages.page("parameters.j2", told).splitlines()
 
 
-def _axis(channel):
+def _axis(channel, source, strict):
     unit, parameters = channel["unit"], channel["parameters"]
     white = "arw" if channel["kind"] == "rate" else "vrw"
     factor, si = conventions.SI[unit]
@@ -344,12 +370,76 @@ def _axis(channel):
         for term in channel.get("fit", {}).get("terms", ())
     ]
     resolved.sort(reverse=True)
-    walks = [conventions.diffusion(*term) for term in resolved] + [K.value or 0.0]
-    walk = float(np.linalg.norm(walks)) or None
     one = (conventions.stationary(K.value, FOREVER), FOREVER) if K.value else (None, None)
     one, strongest = (resolved[0], resolved[0][0]) if resolved else (one, None)
+    white, walk, as_seen = N.value, K.value, None
+    if not strict and (white is None or one[0] is None):
+        as_seen = stand_in(channel, source, white)
+    if as_seen:
+        white, *one = as_seen
+        resolved, strongest, walk = [tuple(one)], one[0], None
+    walks = [conventions.diffusion(*term) for term in resolved]
+    total = float(np.linalg.norm([*walks, walk or 0.0])) or None
+    bounds = {"N": None if strict else N.high, "walk": None if strict else K.high}
     name = channel["name"]
-    return Axis(name, N.value, K.value, resolved, walk, strongest, *one, estimates, terms)
+    return Axis(
+        name, white, walk, resolved, total, strongest, *one, bounds, bool(as_seen), estimates, terms
+    )  # fmt: skip
+
+
+def stand_in(channel, source, white):
+    """Fit white noise and one Gauss-Markov process to the Allan deviation of a channel.
+
+    Least squares of the logarithms, weighted by the band, from `SLOW` to a tenth of the log. It is
+    no estimate: other processes have the same curve.
+
+    Parameters
+    ----------
+    channel, source : dict
+        Of model.json.
+    white : float or None
+        N in SI; None if it is to be fitted too.
+
+    Returns
+    -------
+    N, sigma_b, corr_time : float
+        In SI. None where the process brings no more of the curve into the band than white noise
+        alone, and where there is no curve.
+    """
+    curve = channel.get("allan_line_removed") or channel.get("allan")
+    if not curve:
+        return None
+    factor, span = conventions.SI[channel["unit"]][0], source["duration_s"]
+    numbers = [np.array(curve[k], dtype=float) for k in ("tau_s", "deviation", "low", "high")]
+    inside = (numbers[0] >= SLOW) & (numbers[0] <= span / PART)
+    tau, adev, low, high = (x[inside] for x in numbers)
+    if len(tau) < 4:
+        return None
+    low, adev, high = factor * low, factor * adev, factor * high
+    band, dt = np.log(high / low), 1 / source["rate_hz"]
+    level = white or adev[0] * np.sqrt(tau[0])
+
+    def curve_of(x):
+        return UnifiedModel(np.exp(x[2]) / np.sqrt(dt), np.exp(x[1]), np.exp(x[0])).adev(tau, dt)
+
+    known = 1e-9 if white else 10.0  # natural logarithm, how far N may move
+    middle = np.log([adev.min(), np.sqrt(SLOW * span), level])
+    reach = np.array([10.0, np.log(span / SLOW) / 2, known])
+    fits = [
+        least_squares(
+            lambda x: np.log(curve_of(x) / adev) / band,
+            [middle[0], np.log(time), middle[2]],
+            bounds=(middle - reach, middle + reach),
+            loss="soft_l1",
+        )
+        for time in np.geomspace(2 * SLOW, span / PART, 5)
+    ]
+    best = min(fits, key=lambda fit: fit.cost).x
+    shares = [np.mean((low < y) & (y < high)) for y in (curve_of(best), level / np.sqrt(tau))]
+    if white and shares[0] <= shares[1]:
+        return None
+    sigma_b, corr_time, N = np.exp(best)
+    return float(white or N), float(sigma_b), float(corr_time)
 
 
 def _check(number, what, *, zero=False):
