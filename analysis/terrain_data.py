@@ -2,7 +2,7 @@
 
 profile("ccw"), laps("ccw"), highway("to-altoona")    the surveyed roads
 lap_and_map("16-32-11")                               a real lap, and the map without it
-error_plane("paper")                                  the tracking error over N and B
+error_plane()                                         the tracking error over N and B
 interpretations()                                     the claims in interpretations of the paper
 """
 
@@ -172,40 +172,44 @@ def lap_and_map(source: str | Path, direction: str | None = None) -> tuple[Lap, 
 
 
 def error_plane(
-    tracker: str, corr_time: float | None = None, *, start: str | None = None, on: str = "exact map"
+    tracker: str = "bias states",
+    corr_time: float | None = None,
+    *,
+    start: str = "stationary",
+    on: str = "measured map error",
 ) -> ErrorPlane:
     """Read the tracking error over N and B, from data/derived.
+
+    By default that of a filter with four states on a map with measured error, which the report
+    page, the explorer, `which-gyro` and notebook 23 share.
 
     Parameters
     ----------
     tracker : str
-        ``paper`` or ``bias states``, which lets the filter estimate the bias of the gyro too. With
-        a `corr_time` ``integrated``, ``on attitude`` or ``bias states``: what becomes of the noise.
-        With a `start` ``R tuned``, the paper's filter with its best R, or ``bias states``.
+        ``bias states``, four states, or ``R tuned``, the paper's filter with its best R (both
+        inverse-design). With a `corr_time` ``integrated``, ``on attitude`` or ``bias states``: what
+        becomes of the noise, on an exact map.
     corr_time : float, optional
-        20, 60, 200, 600 or 2000 s, of the bias (error-surface).
-    start : {"stationary", "turn-on"}, optional
-        Of the bias (inverse-design).
-    on : {"exact map", "measured map error"}
-        With a `start`.
+        20, 60, 200, 600 or 2000 s, of the bias (error-surface). Else it is 200 s.
+    start : {"stationary", "turn-on"}
+        Of the bias; without `corr_time`.
+    on : {"measured map error", "exact map"}
+        Without `corr_time`.
     """
-    levels: dict[str, object] = {"tracker": tracker}
-    if start is not None:
+    levels: dict[str, object]
+    if corr_time is None:
         table = store.read("inverse-design").tables["plane"]
-        levels |= {"start": start, "map": on}
+        levels = {"tracker": tracker, "start": start, "map": on}
         words = f"{tracker}, {start} bias, {on}, T_c = 200 s"
-    elif corr_time is not None:
-        table = store.read("error-surface").tables["surface"]
-        levels |= {"corr_time_s": corr_time}
-        words = f"noise {tracker}, T_c = {corr_time:g} s, one R, on the test track"
     else:
-        source, tables = store.read("atlas")
-        table, words = tables["plane"], source["readings"].get(tracker, "")
+        table = store.read("error-surface").tables["surface"]
+        levels = {"tracker": tracker, "corr_time_s": corr_time}
+        words = f"noise {tracker}, T_c = {corr_time:g} s, one R, on the test track"
     for column, level in levels.items():
         _check(level, list(table[column].unique()), column)
         table = table[table[column] == level]
     arw, sigma_b = (np.unique(table[name]) for name in ("arw_deg_sqrt_s", "sigma_b_deg_s"))
-    columns = table.filter(["error_m", "laps_lost", "error_low_m", "error_high_m"])
+    columns = table[["error_m", "laps_lost", "error_low_m", "error_high_m"]]
     planes = (columns[name].to_numpy().reshape(len(sigma_b), -1) for name in columns)
     return ErrorPlane(words, arw, sigma_b, *planes)
 

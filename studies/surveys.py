@@ -42,7 +42,7 @@ SYMBOLS = {"arw": "n", "vrw": "n", "bias_instability": "b", "rrw": "k", "corr_ti
 MEASURED = ("adis16405", "mpu6050-gyro", "mpu6050-accel")  # static logs of gyros, accelerometers
 DIRECTION = "ccw"  # its map is the mean of four drives (notebook 20)
 N_AND_B = ["arw_deg_sqrt_s", "sigma_b_deg_s"]
-RUNS, SEED = 100, 2013  # of the laps, which are the same for every sensor; as notebook 23
+SEED = 2013  # of the laps, which are the same for every sensor; as notebook 23
 PLANE_N, PLANE_B = np.geomspace(1e-4, 0.1, 13), np.geomspace(1e-5, 0.1, 17)  # deg/sqrt(s), deg/s
 SURFACE_T_C = (20.0, 60.0, 200.0, 600.0, 2000.0)  # s, correlation times of the bias
 SURFACE_RUNS, SURFACE_RESAMPLES = 200, 400
@@ -177,33 +177,16 @@ def highway():
 
 
 def atlas():
-    """Lay out every sensor of the datasheets and of the committed logs, and the tracking error.
+    """Lay out every sensor of the datasheets and of the committed logs.
 
     Returns
     -------
     dict
         Source.
     dict of DataFrame
-        ``atlas`` and ``plane``, see `sensors` and `analysis.terrain_data.error_plane`.
+        ``atlas``, see `sensors`.
     """
-    profile = terrain_data.profile(DIRECTION)
-    exact = {"paper": Setup.reference(profile.length_m)}
-    map_variance = float((profile.pitch_se_deg**2).mean())
-    exact["bias states"] = Setup.reference(profile.length_m, bias_states=True, R=map_variance)
-    cells = {(n, b): Sensor(n, b) for b in PLANE_B for n in PLANE_N}
-    found, road = {}, profile.attitude_map()
-    for tracker, setup in exact.items():
-        laps = simulate_laps(road, cells, setup, runs=RUNS, seed=SEED, store_every=1.0)
-        found[tracker] = pd.DataFrame({"error_m": laps.reach(), "laps_lost": laps.lost().mean()})
-    plane = pd.concat(found, names=["tracker", *N_AND_B]).reset_index()
-    source = {
-        "title": "Sensors by datasheet and by their logs; tracking error over N and B",
-        "seed": SEED,
-        "runs": RUNS,
-        "readings": {tracker: _in_words(setup) for tracker, setup in exact.items()},
-        "setups": {tracker: setup.stated() for tracker, setup in exact.items()},
-    }
-    return source, {"atlas": sensors(), "plane": rounded(plane, 4)}
+    return {"title": "Sensors by datasheet and by their logs"}, {"atlas": sensors()}
 
 
 def surface():
@@ -349,17 +332,6 @@ def _covered(signed, square, laps, rng):
     row = {"laps": laps, "variance": true, "low": low, "high": high, "draws": COVERAGE_DRAWS}
     shares = {True: "covered", False: "covered_by_percentiles"}
     return row | {name: held[skewed] / COVERAGE_DRAWS for skewed, name in shares.items()}
-
-
-def _in_words(setup):
-    """Name the choices that a tracking error holds for."""
-    bias = "with a state for the bias of the gyro" if setup.bias_states else "without bias states"
-    return (
-        f"the terrain paper's unscented filter, {bias}, on the pitch of the Penn State test track"
-        f" ({DIRECTION}, {setup.length:.0f} m at {setup.speed:g} m/s, exact map); B is taken as the"
-        f" standard deviation of a Gauss–Markov bias with T_c = {setup.corr_time:g} s that starts"
-        f" at {setup.start}; R = {setup.R:.2g} deg²"
-    )
 
 
 def inverse_design():

@@ -43,9 +43,9 @@ def test_the_page_holds_the_committed_surface(pages):
     data = held(pages["explorer.html"])
     for tracker, planes in data["planes"].items():
         for corr_time, numbers in planes.items():
-            plane = terrain_data.error_plane(tracker, float(corr_time))
+            plane = explorer.plane_of(tracker, float(corr_time))
             low, error, high = (np.array(numbers[k]) for k in ("low", "error", "high"))
-            assert np.array_equal(error, plane.error)
+            np.testing.assert_allclose(error, plane.error, rtol=1e-5)  # six digits
             assert (low <= error).all() and (error <= high).all()
     assert {p["basis"] for p in data["parts"]} == {"measured", "datasheet"}
     priced = {p["sensor"]: p["low_usd"] for p in data["parts"]}

@@ -139,8 +139,8 @@ def test_the_atlas_is_in_step():
 
 def test_one_function_tells_the_tracking_error():
     """Property: the grid's own numbers, rising with B; a log's interval holds its value."""
-    plane = terrain_data.error_plane("paper")
-    i, j = 9, 7
+    plane = terrain_data.error_plane("R tuned")
+    i, j = 4, 3
     assert plane.of(Sensor(plane.arw[j], plane.sigma_b[i])) == pytest.approx(
         (plane.error[i, j], plane.lost[i, j])
     )

@@ -21,7 +21,7 @@ interval of a difference or ratio of two sensors then takes their correlation in
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -534,13 +534,19 @@ class ErrorPlane:
         """Lay the plane out on a grid that is so many times finer, for smooth contours."""
         axes = np.log(self.sigma_b), np.log(self.arw)
         at = [np.linspace(a[0], a[-1], times * (len(a) - 1) + 1) for a in axes]
-        error, lost = np.log(self.error), self.lost
-        for axis in (1, 0):  # as `interpn` does it, for all points of a line at once
-            error, lost = (
-                PchipInterpolator(axes[axis], of, axis)(at[axis]) for of in (error, lost)
-            )
+
+        def between(table):
+            for axis in (1, 0):  # as `interpn` does it, for all points of a line at once
+                table = PchipInterpolator(axes[axis], table, axis)(at[axis])
+            return table
+
         sigma_b, arw = (np.exp(a) for a in at)
-        return ErrorPlane(self.words, arw, sigma_b, np.exp(error), lost)
+        errors = (
+            None if of is None else np.exp(between(np.log(of)))
+            for of in (self.error, self.low, self.high)
+        )
+        error, low, high = errors
+        return ErrorPlane(self.words, arw, sigma_b, error, between(self.lost), low, high)
 
     def allowed(self, coefficient: str, wanted: float) -> Estimate:
         """Find the largest N or B that keeps a precision, at the smallest value of the other.
@@ -573,17 +579,18 @@ class ErrorPlane:
     def estimate(self, sensor: Sensor) -> Estimate:
         """Error of a gyro with the interval that the number of simulated laps leaves, m.
 
-        Below the grid that of the edge, as `of`.
+        Below the grid that of the edge, as `of`; without interval if the plane has none.
 
         Raises
         ------
         CannotAnswer
             Beyond the grid.
         """
-        found = self._at(sensor, *np.log([self.error, self.low, self.high]))
+        tables = [of for of in (self.error, self.low, self.high) if of is not None]
+        found = self._at(sensor, *map(np.log, tables))
         if found is None:
             raise CannotAnswer(BEYOND)
-        value, low, high = np.exp(found).tolist()
+        value, low, high = (*np.exp(found).tolist(), None, None)[:3]
         return Estimate(value, low, high, "m")
 
     def _at(self, sensor, *tables):
@@ -596,7 +603,7 @@ class ErrorPlane:
         return [float(interpn(axes, of, np.log(at), method="pchip")[0]) for of in tables]
 
     def of_log(self, model: dict, channel: str) -> Estimate:
-        """Error of a measured gyro, m, over the 95 % intervals of its N and B.
+        """Error of a measured gyro, m, over the 95 % intervals of its N and B and of the plane.
 
         Parameters
         ----------
@@ -619,7 +626,12 @@ class ErrorPlane:
         n, b = numbers["arw"], numbers["bias_instability"]
         scale = sensor.arw / n["value"]
         value = None if bound else self.of(sensor)[0]
-        ends = (self.of(Sensor(scale * n[e], scale * (b[e] or 0.0)))[0] for e in ("low", "high"))
+        ends = (
+            replace(self, error=self.error if of is None else of).of(
+                Sensor(scale * n[end], scale * (b[end] or 0.0))
+            )[0]
+            for end, of in (("low", self.low), ("high", self.high))
+        )
         value, low, high = (v if v and np.isfinite(v) else None for v in (value, *ends))
         if bound or value is None:
             why = "this log only bounds B" if bound else BEYOND

@@ -438,6 +438,24 @@ def export(model, out, strict=False):
 
 
 @_verb
+def which_gyro(error, two_states=False, exact_map=False):
+    """Tell which gyros reach a tracking error on a terrain map, at which price, and what limits.
+
+    \b
+    python -m analysis which-gyro --error 0.5
+    python -m analysis which-gyro --error 0.5 --two-states     without states for bias and map
+    python -m analysis which-gyro --error 0.1 --exact-map      were the map exact
+
+    "yes": the 95 % interval of the error lies below; "open": it lies on both sides. For a gyro of
+    your own, `report` says the same on its page.
+    """
+    from workbench import which_gyro as gyros
+
+    found = gyros.answer(error, two_states=two_states, exact_map=exact_map)
+    print(gyros.told(found), end="")
+
+
+@_verb
 def plan(rate, white, sigma=None, time=None, flicker=None, walk=None, within=20.0):
     """Tell how many hours to record for each noise parameter.
 

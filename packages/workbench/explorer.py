@@ -15,10 +15,12 @@ from analysis.noise.planner import Plan
 from analysis.terrain.monte_carlo import LOST_M
 from workbench import pages
 
-TRACKERS = {  # of data/derived/error-surface
-    "integrated": "integrated into the attitude, as in a car",
-    "on attitude": "put straight on the attitude, as the terrain paper words it",
-    "bias states": "integrated, and the filter estimates the gyro's bias as well",
+FOUR_STATES = "four states"  # the surface that the report page and `which-gyro` share, T_c = 200 s
+TRACKERS = {  # the others: of data/derived/error-surface
+    FOUR_STATES: "map as good as real laps make it; the filter estimates gyro bias and map error",
+    "integrated": "exact map; noise integrated into the attitude, as in a car",
+    "on attitude": "exact map; noise put straight on the attitude, as the terrain paper words it",
+    "bias states": "exact map; noise integrated, the filter estimates the gyro's bias",
 }
 WITHIN = 0.2  # a parameter counts as known when its 95 % interval is within ±20 %
 OF_A_PART = (
@@ -53,17 +55,27 @@ def _surface():
     """Gather what the page of the tracking error needs."""
     source, tables = store.read("error-surface")
     times = sorted(tables["surface"]["corr_time_s"].unique().tolist())
-    planes = {key: [terrain_data.error_plane(key, t) for t in times] for key in TRACKERS}
-    one = planes["integrated"][0]
+    planes = {
+        key: {f"{t:g}": plane_of(key, t) for t in ([200.0] if key == FOUR_STATES else times)}
+        for key in TRACKERS
+    }
+    one = planes["integrated"]["200"]
     data = {"corr_times": times, "arw": one.arw.tolist(), "sigma_b": one.sigma_b.tolist()}
     data |= {"runs": source["runs"], "planes": {}, "parts": _parts()}
     for key, of in planes.items():
-        numbers = [
-            {k: getattr(p, k).tolist() for k in ("error", "low", "high", "lost")} for p in of
-        ]
-        data["planes"][key] = dict(zip((f"{t:g}" for t in times), numbers, strict=True))
+        data["planes"][key] = {
+            t: pages.rounded({k: getattr(p, k) for k in ("error", "low", "high", "lost")})
+            for t, p in of.items()
+        }
     told = {"data": data, "trackers": TRACKERS, "setup": source["setup"], "lost": f"{LOST_M:g}"}
     return told | {"on_real_map": _on_real_map()}
+
+
+def plane_of(tracker, corr_time):
+    """Give the plane of a choice of the page, all on one grid."""
+    if tracker == FOUR_STATES:
+        return terrain_data.error_plane().finer(2)
+    return terrain_data.error_plane(tracker, corr_time)
 
 
 def _on_real_map():

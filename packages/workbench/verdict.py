@@ -36,7 +36,7 @@ SLOW = ("sigma_v", "sigma_b")  # of an angle or a position
 KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
 IN_ATLAS = IN_DEG_S | {unit: of / STANDARD_GRAVITY for unit, of in IN_M_S2.items()}  # deg/s, g
 HARMLESS = ("spikes", "stuck", "oscillation")  # disturbances that refuse nothing, but are told
-TRACKERS = ("paper", "bias states")
+TRACKERS = ("bias states", "R tuned")  # of the error plane that all pages share
 
 
 class Answer(NamedTuple):
@@ -452,8 +452,8 @@ def road(model, atlas):
     -------
     dict
         ``axes``: name to the errors by tracker, or to the sentence that refuses them; ``parts``:
-        name, price and errors by rising error, the worst axis among them, without a price;
-        ``readings``. Empty without a gyro.
+        name, price and errors by rising error of the paper's filter, the worst axis among them,
+        without a price. Empty without a gyro.
     """
     names = [c["name"] for c in model["channels"] if c["kind"] == "rate"]
     if not names:
@@ -467,14 +467,14 @@ def road(model, atlas):
             axes[name] = str(error)
             continue
         axes[name] = errors
-        ends[name] = errors["paper"].value or errors["paper"].high or np.inf
+        ends[name] = errors["R tuned"].value or errors["R tuned"].high or np.inf
     rows = []
     for part in atlas.query("basis == 'datasheet' and kind == 'rate'").to_dict("records"):
         sensor = Sensor(part["n"], part["b"])
         errors = {tracker: plane.of(sensor)[0] for tracker, plane in planes.items()}
-        rows.append((errors["paper"], part["name"], (part["low_usd"], part["high_usd"]), errors))
+        rows.append((errors["R tuned"], part["name"], (part["low_usd"], part["high_usd"]), errors))
     if ends:
         worst = max(ends, key=ends.get)
         rows.append((ends[worst], worst, None, axes[worst]))
     rows = [row[1:] for row in sorted(rows, key=lambda row: row[0])]
-    return {"axes": axes, "parts": rows, "readings": {t: p.words for t, p in planes.items()}}
+    return {"axes": axes, "parts": rows}

@@ -8,7 +8,10 @@ const OWN = "#b2182b", MEASURED = "#00441b", SHEET = "#222";
 let own = null; // the sensor of a model.json
 
 const tracker = () => document.querySelector("input[name=tracker]:checked").value;
-const plane = () => data.planes[tracker()][data.corr_times[time.slider.value]];
+// One filter was simulated for one correlation time only.
+const planes = () => data.planes[tracker()];
+const corrTime = () => (Object.keys(planes()).length > 1 ? data.corr_times[time.slider.value] : Number(Object.keys(planes())[0]));
+const plane = () => planes()[corrTime()];
 
 // The same interpolation as terrain.ErrorPlane: along ln N for each B, then along ln B.
 const logs = { arw: data.arw.map(Math.log), sigma_b: data.sigma_b.map(Math.log) };
@@ -98,9 +101,9 @@ function sensorOf(channel) {
 
 // The error of a sensor with the interval that its N and B leave; null at an end beyond the range.
 function ofSensor(s) {
-  const at = (n, b) => predict(n, b)?.error ?? null, value = s.b ? at(s.n, s.b) : null;
+  const at = (n, b, end = "error") => predict(n, b)?.[end] ?? null, value = s.b ? at(s.n, s.b) : null;
   if (!s.n_low && !s.n_high) return { value, most: better(s.n, s.b) };
-  return { value, low: s.b ? at(s.n_low ?? s.n, s.b_low ?? 0) : null, high: s.b_high ? at(s.n_high ?? s.n, s.b_high) : null, most: better(s.n, s.b ?? s.b_high) };
+  return { value, low: s.b ? at(s.n_low ?? s.n, s.b_low ?? 0, "low") : null, high: s.b_high ? at(s.n_high ?? s.n, s.b_high, "high") : null, most: better(s.n, s.b ?? s.b_high) };
 }
 
 const metres = (x) => `${rounded(x)} m`;
@@ -147,7 +150,7 @@ const clamp = (x, range) => Number(Math.min(Math.max(x, range[0]), range.at(-1))
 
 const fields = new Map();
 function field() {
-  const key = tracker() + time.slider.value;
+  const key = tracker() + corrTime();
   if (!fields.has(key)) {
     const spread = (range, count) => Array.from({ length: count }, (_, i) => range[0] * (range.at(-1) / range[0]) ** (i / (count - 1)));
     const [xs, ys] = [spread(data.arw, 61), spread(data.sigma_b, 65)], table = plane().error.map((row) => row.map(Math.log));
@@ -206,6 +209,7 @@ function tell(id, parts, last, say) {
 function update() {
   const wrong = [N, B, price].map((q) => q.wrong).filter(Boolean), answer = byId("answer"), found = wrong.length ? null : predict(N.value, B.value);
   const parts = listed();
+  time.slider.disabled = time.choice.disabled = Object.keys(planes()).length === 1;
   draw(parts);
   answer.className = found ? "verdict" : "verdict no";
   for (const key of Object.keys(answer.dataset)) delete answer.dataset[key];
@@ -214,7 +218,7 @@ function update() {
     Object.assign(answer.dataset, found);
     const lost = found.lost < 0.0005 ? "no lap is lost" : `${digits(100 * found.lost, 2)} % of the laps are lost`;
     said.textContent = errorWords({ ...found, value: found.error, most: better(N.value, B.value) });
-    const at = [`N ${N.words()},`, `B ${B.words()},`, `T_c ${data.corr_times[time.slider.value]} s.`].flatMap((words) => [" ", made("span", { className: "unit", textContent: words })]);
+    const at = [`N ${N.words()},`, `B ${B.words()},`, `T_c ${corrTime()} s.`].flatMap((words) => [" ", made("span", { className: "unit", textContent: words })]);
     rest.push(`In 95 % of all moments the error along the road is below this; ${lost}.`, ...at);
     if (better(N.value, B.value)) rest.push(" The gyro is better than what was computed: this is the error at the edge.");
   }
@@ -240,7 +244,7 @@ function update() {
   tell("parts", good, "within the price", (p) => (p.low_usd === null ? "not known" : p.high_usd <= price.value ? "yes" : "at the lower end of its range"));
   byId("rest-said").textContent = `The other ${others.length} parts: above that error or price, or their log leaves it open`;
   tell("rest", others, "why not", (p) => [as(p) ? "" : "error", p.low_usd !== null && p.low_usd > price.value ? "price" : ""].filter(Boolean).join(", "));
-  const t = data.corr_times[time.slider.value];
+  const t = corrTime();
   keepInAddress([N, B, price], { t, tracker: tracker() }, { n: N.value, s: B.value, t });
 }
 

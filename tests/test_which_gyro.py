@@ -1,0 +1,60 @@
+"""Which gyro reaches an error: the numbers of the inverse design, its intervals decide."""
+
+import numpy as np
+import pytest
+
+from analysis import WrongUsage, store, terrain_data
+from analysis.static_logs import stored
+from analysis.terrain.assumptions import Sensor
+from workbench import verdict, which_gyro
+
+PARTS = store.read("inverse-design").tables["parts"]
+
+
+def test_the_interval_decides():
+    """Property: all of the interval below is yes, all above no; the cheapest of each come first."""
+    for two_states in (False, True):
+        found = which_gyro.answer(0.5, two_states=two_states)
+        used = PARTS[PARTS["tracker"] == which_gyro.FILTERS[two_states]]
+        used = used.query("map == 'measured map error' and start == 'stationary'")
+        assert sorted(r["error"].value for r in found["rows"]) == sorted(used["error_m"])
+        answers = [r["answer"] for r in found["rows"]]
+        assert answers == sorted(answers, key=["yes", "open", "no"].index)
+        for row in found["rows"]:
+            expected = "open" if row["error"].low <= 0.5 < row["error"].high else "yes"
+            assert row["answer"] == ("no" if row["error"].low > 0.5 else expected)
+        prices = [r["price"] for r in found["rows"] if r["answer"] == "yes" and r["price"]]
+        assert prices == sorted(prices)
+
+
+def test_below_what_the_map_allows_no_gyro_is_enough():
+    """Property: the best gyro's error is the limit, and the page names what limits."""
+    found = which_gyro.answer(0.1)
+    assert {r["answer"] for r in found["rows"]} == {"no"} and found["limit"].low > 0.1
+    assert "No gyro is enough: the map limits. See also --exact-map." in which_gyro.told(found)
+    exact = which_gyro.answer(0.15, exact_map=True)
+    assert exact["limit"].high < 0.15 and {r["answer"] for r in exact["rows"]} > {"yes"}
+    for wrong in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(WrongUsage, match="--error"):
+            which_gyro.answer(wrong)
+
+
+def test_one_gyro_has_one_answer():
+    """cross-check: report, which-gyro and the shared surface agree on a gyro, to its interval."""
+    row = next(r for r in which_gyro.answer(0.5)["rows"] if r["name"].endswith("16405 (log)"))
+    plane = terrain_data.error_plane()
+    own = plane.estimate(Sensor(row["n"] / 60, row["b"] / 3600))
+    model = stored.read_model("adis16405")
+    atlas = store.read("atlas").tables["atlas"]
+    page = verdict.road(model, atlas)["axes"]["gyro_y"]["bias states"]
+    for other in (own, page):
+        assert f"{other.value:.2g}" == f"{row['error'].value:.2g}" == "0.37"
+    assert page.low <= own.low < own.high <= page.high
+
+
+def test_lines_fit_a_terminal():
+    """Property: at most 100 columns, with every price's year and source."""
+    for options in ({}, {"two_states": True}, {"exact_map": True}):
+        told = which_gyro.told(which_gyro.answer(0.3, **options))
+        assert max(map(len, told.splitlines())) <= 100
+    assert told.count("  2025  ") == 2 and "not a price of this piece" in told.replace("\n ", "")
