@@ -15,7 +15,7 @@ from analysis.static_logs import processes, stored
 from studies import derived
 
 SIMULATED = {
-    "coverage", "hat-coverage", "ensembles", "robustness", "power", "benchmark", "device",
+    "coverage", "hat-coverage", "ensembles", "robustness", "beside-others", "benchmark", "device",
     "readings", "error-surface", "sweeps", "inverse-design",
 }  # fmt: skip
 OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
