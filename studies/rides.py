@@ -364,11 +364,9 @@ def starts():
         Source.
     dict of pandas.DataFrame
         ``starts``, as `starts_of_a_drive`, with the ``log``; ``fixes``: for each log and kind of
-        fix their number and the median and 95 % of their errors by later fixes, m; ``power_ons``:
-        for each log and start in it what `replay` sums up; ``lags``: of GNSS behind the IMU, of
-        the rides that have one, s.
+        fix their number and the median and 95 % of their errors by later fixes, m.
     """
-    tables, fixes, notes, power_ons = [], [], [], []
+    tables, fixes, notes = [], [], []
     for name, file in NMEA_DRIVES.items():
         log = read_moving([datasets.path(file)])
         gnss, off = log.gnss, errors_by_later_fixes(log.gnss)
@@ -387,22 +385,12 @@ def starts():
             row |= dict(zip(("median_m", "p95_m"), np.quantile(error, [0.5, 0.95]), strict=True))
             fixes.append(row)
         notes += log.notes
-        for each in replay(log).summary["starts"]:
-            row = {"log": name} | each.pop("fixes") | each
-            power_ons.append(row | {"longest_gap_s": np.diff(gnss.t_s).max()})
-    lags = []
-    for name in RIDES:
-        ride = read(name)
-        lag = time_lag(ride.gnss, ride.imu)
-        row = {"ride": name, "lag_s": lag.value, "low_s": lag.low, "high_s": lag.high}
-        lags.append(row | {"speed_factor": ride.gnss.speed_factor()})
     source = {
         "title": "two receivers in cars, NMEA with GSA, 31 min and 2 h 57 min",
         **datasets.origin(*NMEA_DRIVES.values()),
         "notes": notes,
     }
     tables = {"starts": pd.concat(tables), "fixes": pd.DataFrame(fixes)}
-    tables |= {"power_ons": pd.DataFrame(power_ons), "lags": pd.DataFrame(lags)}
     return source, {key: store.rounded(table, 4) for key, table in tables.items()}
 
 
