@@ -400,8 +400,7 @@ def turned(name):
     Returns
     -------
     dict
-        Source; the mounting angle fitted to the whole log with its 95 % interval (deg); straights
-        and the largest error (deg) if bends are limited by their angle alone.
+        Source; the mounting angle fitted to the whole log with its 95 % interval (deg).
     dict of pandas.DataFrame
         ``turned``: the mounting angles found for each turn, ``lowest`` and ``highest`` of them
         counted from the reference and the turn; ``straights``: each straight of the log as it is.
@@ -414,10 +413,7 @@ def turned(name):
         angle: replay(turn_imu(log, np.radians(angle), down), Options())
         for angle in np.arange(0.0, 360.0, STEP_DEG)
     }
-    bends = replay(log, Options(max_bend=np.inf))
     reference = {
-        "bends_farthest_deg": np.nanmax(np.abs(wrap(bends.columns["mount_deg"] - whole.value))),
-        "bends_straights": len(bends.straights),
         "reference_deg": whole.value,
         "reference_low_deg": whole.low,
         "reference_high_deg": whole.high,

@@ -12,7 +12,6 @@ from analysis.tracker.evaluate import (
     mounting_rides,
     mounting_summary,
     ratio_interval,
-    settling,
     stationary_period,
     stationary_periods,
 )

@@ -59,10 +59,8 @@ def stationary_period(
         of GPS`` (of the raw positions).
         ``circle``: the radius about the true position that holds 95 % of the raw ones, m;
         ``leaves``: 1 if an output lies outside once the second layer is full, ``leaves_ever`` from
-        the start on; ``outside``, ``raw_outside``: share of those epochs at which output and raw
-        position do, ``outside_ever`` from the start on; exits from that circle, ``raw_exits`` and
-        ``out_exits``; ``hold_s``: longest time without a change; ``change_1_s`` to ``change_3_s``:
-        mean time between two changes in a layer, NaN if there are none.
+        the start on; exits from that circle, ``raw_exits`` and ``out_exits``; ``hold_s``: longest
+        time without a change.
     """
     far, off = np.hypot(*raw), np.hypot(*out)
     averaged = layer >= 1 if (layer >= 1).any() else np.ones(len(layer), dtype=bool)
@@ -84,13 +82,10 @@ def stationary_period(
         "circle": circle,
         "leaves": float((off[late] > circle).any()),
         "leaves_ever": float((off > circle).any()),
-        "outside": float((off[late] > circle).mean()) if late.any() else 0.0,
-        "outside_ever": float((off > circle).mean()),
-        "raw_outside": float((far[late] > circle).mean()) if late.any() else 0.0,
         "raw_exits": exits(far, circle),
         "out_exits": exits(off, circle),
         "hold_s": longest_hold(t_s, *out),
-    } | {f"change_{k}_s": _between_changes(t_s, out[0], layer == k) for k in (1, 2, 3)}
+    }
 
 
 def courtyard_errors(seed: int, count: int, **settings: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -199,14 +194,6 @@ def longest_hold(t_s, *axes):
     changed = np.any([np.diff(axis) != 0 for axis in axes], axis=0)
     edges = np.concatenate([[t_s[0]], t_s[1:][changed], [t_s[-1]]])
     return float(np.diff(edges).max())
-
-
-def _between_changes(t_s, position, when):
-    """Return the mean time between two changes of a position at some of the epochs, s."""
-    inside = np.flatnonzero(when)
-    changed = inside[1:][np.diff(position[inside]) != 0]
-    times = t_s[np.concatenate([inside[:1], changed])]
-    return float(np.diff(times).mean()) if len(times) > 1 else np.nan
 
 
 def ratio_interval(
@@ -325,14 +312,8 @@ def mounting_summary(rides: pd.DataFrame) -> dict[str, str]:
     row |= {"by the first U-turn": f"{(rides['late_s'] <= 0).sum()} of {len(rides)}"}
     if known.empty:
         return row
-    late = np.unique(known["late_s"][known["late_s"] > 0])
-    within = (known["last"].abs() <= 1.96 * known["sigma"]).sum()
     return row | {
-        "else later by (s)": ", ".join(f"{x:.0f}" for x in late) or "–",
-        "largest error of the first angle": f"{known['first'].abs().max():.1f}°",
-        "largest error of the last": f"{known['last'].abs().max():.1f}°",
-        "rms error of the last": f"{np.sqrt((known['last'] ** 2).mean()):.1f}°",
+        "largest error of the last angle": f"{known['last'].abs().max():.1f}°",
+        "rms error": f"{np.sqrt((known['last'] ** 2).mean()):.1f}°",
         "its stated σ": f"{np.sqrt((known['sigma'] ** 2).mean()):.1f}°",
-        "error within 1.96 σ": f"{within} of {len(known)}",
-        "largest change on the way": f"{known['changed'].max():.1f}°",
     }
