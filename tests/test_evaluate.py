@@ -57,15 +57,6 @@ def test_a_stationary_period_is_judged_by_hand():
     assert evaluate.stationary_period(t, raw, 2 * raw, layer)["leaves"] == 1.0
 
 
-def test_settling():
-    """analytic: 8 m that die away with 10 s, sampled each second: e-folded after ten of them."""
-    t = np.arange(200.0)
-    north = 8.0 * np.exp(-t / 10)
-    size, seconds = evaluate.settling(t, 0.6 * north, 0.8 * north)
-    assert size == pytest.approx(8.0, abs=1e-6)
-    assert seconds == pytest.approx(10.0, abs=1.0)
-
-
 def test_exits_and_holds():
     """analytic: counted by hand."""
     assert evaluate.exits([0, 2, 2, 0, 2, 0], 1.0) == 2
@@ -153,15 +144,6 @@ def test_a_ride_is_judged_by_its_true_angle(rides):
     assert np.abs(np.concatenate(list(rides["printed"]))).max() > 90
     assert all(len(row["alone"]) == len(row["sigmas"]) for _, row in rides.iterrows())
     assert (rides["sideways"] < 0.5).all()
-
-
-def test_rides_are_summed_up_by_hand(rides):
-    """analytic: counts and largest errors of two rides; without an answer nothing is averaged."""
-    row = evaluate.mounting_summary(rides)
-    assert row["with an angle"] == "2 of 2"
-    assert row["largest error of the last angle"] == f"{rides['last'].abs().max():.1f}°"
-    none = evaluate.mounting_summary(rides.assign(last=np.nan, late_s=np.nan))
-    assert none == dict.fromkeys(("with an angle", "by the first U-turn"), "0 of 2")
 
 
 def test_receiver_operating_curve():

@@ -10,7 +10,6 @@ from analysis.tracker.evaluate import (
     courtyard_errors,
     gated,
     mounting_rides,
-    mounting_summary,
     ratio_interval,
     stationary_period,
     stationary_periods,

@@ -140,29 +140,6 @@ def stationary_periods(
     return pd.DataFrame(rows)
 
 
-def settling(t_s: np.ndarray, north: np.ndarray, east: np.ndarray) -> tuple[float, float]:
-    """Measure how far a receiver at rest was off at its start, and for how long.
-
-    Counted from where it is at the end, so a lower bound: too short a log for an exponential fit.
-
-    Parameters
-    ----------
-    t_s, north, east : ndarray, shape (n,)
-        Accepted fixes from the first on; s, m.
-
-    Returns
-    -------
-    size : float
-        Largest distance, m.
-    seconds : float
-        From then until the distance is below 1/e of that for good.
-    """
-    far = np.hypot(north - north[-1], east - east[-1])
-    start = int(np.argmax(far))
-    last = np.flatnonzero(far > far[start] / np.e)[-1]
-    return float(far[start]), float(t_s[last] - t_s[start])
-
-
 def exits(radius, fence):
     """Count how often a series of distances from the fence's centre goes from inside to outside.
 
@@ -292,28 +269,3 @@ def mounting_rides(seed: int, angles: Sequence[float], **settings: Any) -> pd.Da
     drawn = zip(np.random.default_rng(seed).spawn(len(angles)), map(float, angles), strict=True)
     rides = (scenario("B", rng, mount_deg=angle, **settings) for rng, angle in drawn)
     return pd.DataFrame(map(mounting_ride, rides))
-
-
-def mounting_summary(rides: pd.DataFrame) -> dict[str, str]:
-    """Sum up simulated rides as a row of a table.
-
-    Parameters
-    ----------
-    rides : pandas.DataFrame
-        As from `mounting_rides`.
-
-    Returns
-    -------
-    dict of str
-        Name of a column -> cell.
-    """
-    known = rides[np.isfinite(rides["last"])]
-    row = {"with an angle": f"{len(known)} of {len(rides)}"}
-    row |= {"by the first U-turn": f"{(rides['late_s'] <= 0).sum()} of {len(rides)}"}
-    if known.empty:
-        return row
-    return row | {
-        "largest error of the last angle": f"{known['last'].abs().max():.1f}°",
-        "rms error": f"{np.sqrt((known['last'] ** 2).mean()):.1f}°",
-        "its stated σ": f"{np.sqrt((known['sigma'] ** 2).mean()):.1f}°",
-    }

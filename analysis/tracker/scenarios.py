@@ -57,7 +57,7 @@ class GnssErrors:
         Size (m) and time constant (s) of an offset that decays after power-on.
     STARTS : dict of str -> (float, float)
         The same two of real receivers at rest after a cold start, by name of their log in gpsd's
-        tests, as `settling` of `evaluate` measures them.
+        tests, as tests/test_scenarios.py measures them.
     """
 
     drift: tuple = ((0.8, 600.0), (0.4, 60.0))
