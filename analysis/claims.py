@@ -425,16 +425,15 @@ class Ledger:
         shown = text.table(pd.DataFrame(rows)) if rows else ""
         return text.Shown(f"{shown}\n\n{under}{left * bool(apart)}".strip())
 
-    def errata(self) -> pd.DataFrame:
-        """List the misprints, contradictions and unclear passages that the notebook meets.
-
-        Returns
-        -------
-        pandas.DataFrame
-        """
+    def errata(self) -> text.Shown:
+        """Lay out the errata of the notebook that change a result; the others are counted."""
         register = pd.read_csv(DATA / "published" / "errata.csv")
         mine = register[register["notebook"] == self.notebook]
-        return mine[["where", "printed", "should_be", "evidence"]]
+        rows = mine[mine["changes"] == "a result"]
+        left = f"{len(mine) - len(rows)} more that change only a number or the text"
+        link = "[data/published/errata.csv](../data/published/errata.csv)"
+        table = text.table(rows[["where", "printed", "should_be", "evidence"]]) if len(rows) else ""
+        return text.Shown(f"{table}\n\n{left}: {link}.".strip())
 
     def _judged(self, claim):
         if claim not in self._published.index:
