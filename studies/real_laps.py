@@ -30,10 +30,11 @@ def runs():
     dict of DataFrame
         ``filters``: filter, gyro; rms_m (median of the laps), better (laps on which it is better
         than odometry), lost (share of the runs), lost_low, lost_high (95 %). ``laps``: filter,
-        gyro, lap, rms_m, lost. ``stability``: times (sqrt(R) over the scatter of the map), gyro,
-        and the share of runs lost by filters without and with bias states; more_low, more_high,
-        the interval of the difference. ``alarms``: disturbance, laps (watched), alarms and found
-        (share of the laps with one), worst_m (largest error at the end where a place was taken).
+        gyro, lap, rms_m, lost, nees. ``stability``: times (sqrt(R) over the scatter of the map),
+        gyro, and the share of runs lost by filters without and with bias states; more_low,
+        more_high, the interval of the difference. ``alarms``: disturbance, laps (watched), alarms
+        and found (share of the laps with one), worst_m (largest error at the end where a place was
+        taken).
     """
     setup = Setup.reference(terrain_data.profile("ccw").length_m)
     real = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps()}
@@ -53,8 +54,8 @@ def runs():
         lost = np.array([of.lost(LIMIT)[k] for of, k in of_laps.values()], dtype=float)
         rms = {n: float(np.sqrt((of.errors(k) ** 2).mean())) for n, (of, k) in of_laps.items()}
         rows += [
-            about | {"lap": n, "rms_m": rms[n], "lost": share}
-            for n, share in zip(of_laps, lost.mean(axis=1), strict=True)
+            about | {"lap": n, "rms_m": rms[n], "lost": share, "nees": of.nees()[k]}
+            for (n, (of, k)), share in zip(of_laps.items(), lost.mean(axis=1), strict=True)
         ]
         low, high = _interval(lost, rng)
         better = sum(rms[n] < alone[n] for n in rms)

@@ -36,9 +36,10 @@ REACH = 8  # lags summed, in half-lengths; the correlation beyond them is neglig
 BLOCKS = 16  # of a log, whose variances are compared; 8 or 4 where tau is longer
 FEWEST = 4
 # Power of the block length with which the Allan variance of the blocks' variances grows, and its
-# standard deviation: -1 if these scatter independently, 0 if they flicker. With it 93 to 100 % of
+# standard deviation: -1 if these scatter independently, 0 if they flicker. With it 89 to 100 % of
 # the pairs of quarters of real gyros agree (`wandering` in data/derived/repeatability).
 GROWTH, SPREAD = -0.25, 0.5
+HALF_A_DECADE = 10**0.5
 FOURTH = ((-2, 1.0), (-1, -4.0), (0, 6.0), (1, -4.0), (2, 1.0))
 
 
@@ -154,9 +155,23 @@ def _curve(avar, spread, m, dt, n, share=1.0):
         return AllanCurve(*(np.array([]) for _ in range(5)))
     edf = np.maximum(degrees_of_freedom(avar, m, n) * share, 1.0)
     adev = np.sqrt(avar)
-    wandering_edf = 2 * (avar / np.maximum(spread, 1e-9 * avar)) ** 2
-    low, high = interval(adev, np.fmin(edf, wandering_edf))
+    excess = _smooth(np.maximum(edf * (spread / avar) ** 2 / 2, 1.0), m)
+    low, high = interval(
+        adev, np.maximum(edf / excess, edf.min())
+    )  # none known worse than the last
     return AllanCurve(m * dt, adev, low, high, edf)
+
+
+def _smooth(excess, m):
+    """Take the median over a decade: neighbours share their blocks, and few of them scatter.
+
+    Longer means than blocks can tell have the excess of the longest that they can.
+    """
+    known, smooth = np.isfinite(excess), np.ones(len(m))
+    for i, k in enumerate(m):
+        near = known & (m < HALF_A_DECADE * k) & (k < HALF_A_DECADE * m)
+        smooth[i] = np.median(excess[near]) if known[i] else smooth[i - 1] if i else 1.0
+    return smooth
 
 
 def steady(curve):
