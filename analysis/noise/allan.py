@@ -40,6 +40,7 @@ FEWEST = 4
 # the pairs of quarters of real gyros agree (`wandering` in data/derived/repeatability).
 GROWTH, SPREAD = -0.25, 0.5
 HALF_A_DECADE = 10**0.5
+AT_A_QUARTER = 3.0  # degrees of freedom at a quarter of the log; nothing is known less well
 FOURTH = ((-2, 1.0), (-1, -4.0), (0, 6.0), (1, -4.0), (2, 1.0))
 
 
@@ -156,9 +157,7 @@ def _curve(avar, spread, m, dt, n, share=1.0):
     edf = np.maximum(degrees_of_freedom(avar, m, n) * share, 1.0)
     adev = np.sqrt(avar)
     excess = _smooth(np.maximum(edf * (spread / avar) ** 2 / 2, 1.0), m)
-    low, high = interval(
-        adev, np.maximum(edf / excess, edf.min())
-    )  # none known worse than the last
+    low, high = interval(adev, np.maximum(edf / excess, np.minimum(edf, AT_A_QUARTER)))
     return AllanCurve(m * dt, adev, low, high, edf)
 
 
