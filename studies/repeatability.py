@@ -26,7 +26,6 @@ from studies import pool as pooling
 from studies.cells import DIGITS, Cell, tabulate
 
 FOLDER = store.FOLDER / "repeatability"
-BEFORE = "table 'before': the same parts, by the code of commit e05b09e"
 SEED = 20240513
 PIECES = (1, 2, 4, 8)  # parts of a log; the whole only names what disturbs it
 ADIS = {f"adis16405-{k}": f"adis16405-static/adis_16405_imu{k}.rda" for k in (1, 2, 3)}
@@ -39,8 +38,6 @@ LOGS = dict.fromkeys(ADIS, "ADIS16405") | {  # name -> sensor
 DRAWS = 2000  # of channels, for the interval of a share
 WITHIN = 1.96
 SLOW = ("corr_time", "bias_instability", "rrw", "drift")
-FITTED = "adis16405-1"  # the log whose pairs give the factor
-OVERDISPERSED = ("bias_instability", "rrw")
 PAIR = ["sensor", "kind", "pieces", "parameter"]
 
 
@@ -167,54 +164,13 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
     return pd.DataFrame(rows)
 
 
-def share_within(pairs, rng, draws=DRAWS, factor=1.0):
-    """Share of pairs with |z| < 1.96 times a factor, and its 95 % interval, channels drawn."""
-    within = (pairs["z"].abs() < WITHIN * factor).groupby([pairs["log"], pairs["channel"]])
-    low, high = _interval(np.stack([within.sum(), within.size()]), rng, draws)
-    return {"within": within.sum().sum() / len(pairs), "low": low, "high": high}
-
-
-def _interval(of_channels, rng, draws):
-    """95 % interval of a sum over a count, from the sum and the count of each channel."""
+def share_within(pairs, rng, draws=DRAWS):
+    """Share of pairs with |z| < 1.96, and its 95 % interval, channels drawn."""
+    within = (pairs["z"].abs() < WITHIN).groupby([pairs["log"], pairs["channel"]])
+    of_channels = np.stack([within.sum(), within.size()])
     drawn = resampling.drawn(of_channels.shape[1], draws, rng)
-    return resampling.interval(np.divide(*of_channels[:, drawn].sum(axis=2)))
-
-
-def overdispersion(pairs, *, draws=DRAWS, seed=SEED):
-    """Fit the factor that intervals lack on one unit, and judge it on the other logs.
-
-    The factor is the root mean square of z (the Birge ratio): 1 where the intervals are right.
-
-    Parameters
-    ----------
-    pairs : DataFrame
-        As `pairs` gives them.
-    draws, seed : int
-
-    Returns
-    -------
-    DataFrame
-        kind, parameter; fitted_pairs, factor, factor_low, factor_high (channels drawn); sensor,
-        pairs, within, low, high, and the same with intervals wider by the factor: widened,
-        widened_low, widened_high.
-    """
-    rng, rows = np.random.default_rng(seed), []
-    own = pairs["log"] == FITTED
-    for (kind, parameter), of_fit in pairs[own].groupby(["kind", "parameter"], sort=False):
-        if parameter not in OVERDISPERSED:
-            continue
-        squares = of_fit["z"].pow(2).groupby(of_fit["channel"])
-        interval = np.sqrt(_interval(np.stack([squares.sum(), squares.size()]), rng, draws))
-        about = {"kind": kind, "parameter": parameter, "fitted_pairs": len(of_fit)}
-        about |= dict(zip(("factor_low", "factor_high"), interval, strict=True))
-        about["factor"] = factor = np.sqrt(squares.sum().sum() / len(of_fit))
-        others = pairs[~own & (pairs["kind"] == kind) & (pairs["parameter"] == parameter)]
-        for sensor, group in others.groupby("sensor", sort=False):
-            row = about | {"sensor": sensor, "pairs": len(group)} | share_within(group, rng, draws)
-            wider = share_within(group, rng, draws, factor).items()
-            names = {"within": "widened", "low": "widened_low", "high": "widened_high"}
-            rows.append(row | {names[k]: v for k, v in wider})
-    return pd.DataFrame(rows)
+    low, high = resampling.interval(np.divide(*of_channels[:, drawn].sum(axis=2)))
+    return {"within": within.sum().sum() / len(pairs), "low": low, "high": high}
 
 
 def units():
@@ -286,8 +242,7 @@ def study(folder=FOLDER, **where):
     Parameters
     ----------
     folder : Path
-        Gets a table of the parts of each log, summary, exceptions (the pairs with \|z\| >= 1.96),
-        and overdispersion.
+        Gets a table of the parts of each log, summary, exceptions (the pairs with \|z\| >= 1.96).
     **where
         As for `studies.cells.compute`.
     """
@@ -295,7 +250,6 @@ def study(folder=FOLDER, **where):
         "title": "Repeatability: real static logs in halves, quarters, eighths",
         "made_by": "python -m analysis coverage real",
         **sources(map(read, LOGS)),
-        "before": BEFORE,
         "seed": SEED,
     }
     tabulate(folder, source, {name: Cell(parts_of, [name]) for name in LOGS}, **where)
@@ -303,7 +257,6 @@ def study(folder=FOLDER, **where):
     compared = pairs(table)
     exceptions = compared[compared["z"].abs() >= WITHIN]
     tables = {"summary": summary(table, compared), "exceptions": exceptions}
-    tables["overdispersion"] = overdispersion(compared)
     store.write(folder, source, {k: store.rounded(t, DIGITS) for k, t in tables.items()})
 
 

@@ -15,10 +15,10 @@ from analysis.static_logs import processes, stored
 from studies import derived
 
 SIMULATED = {
-    "coverage", "hat-coverage", "ensembles", "robustness", "power", "benchmark", "device",
-    "readings", "error-surface", "sweeps", "inverse-design",
+    "coverage", "hat-coverage", "ensembles", "robustness", "benchmark", "device",
+    "readings", "error-surface", "sweeps", "inverse-design", "beside-others",
 }  # fmt: skip
-OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
+OWN_COMMANDS = {*SIMULATED, "repeatability"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}
 READ_OFF = {"bias_instability", "rrw"}
