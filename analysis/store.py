@@ -168,9 +168,9 @@ def _same(a, b):
     return np.allclose(a, b, rtol=TOLERANCE, atol=1e-6 * scale, equal_nan=True)
 
 
-def coverage(folder: str | Path = "coverage") -> pd.DataFrame:
-    """Read every cell of a study of coverage, ``coverage`` or ``robustness``, into one table."""
-    return pd.concat(read(folder).tables.values(), ignore_index=True)
+def coverage(name: str | Path = "coverage") -> pd.DataFrame:
+    """Read every cell of ``coverage`` or ``robustness``: a row a model, hours and parameter."""
+    return pd.concat(read(name).tables.values(), ignore_index=True)
 
 
 def ensemble(subject: str, quantity: str) -> np.ndarray:

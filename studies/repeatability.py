@@ -18,8 +18,9 @@ import numpy as np
 import pandas as pd
 
 import sensorlogs as logs
-from analysis import CannotAnswer, resampling, static_logs, store
+from analysis import CannotAnswer, Estimate, resampling, static_logs, store
 from analysis.noise import infer
+from analysis.noise.allan import allan_deviation, steady
 from analysis.noise.inference import INSTEAD
 from sensorlogs import catalogue, datasets, formats
 from studies import pool as pooling
@@ -37,6 +38,7 @@ LOGS = dict.fromkeys(ADIS, "ADIS16405") | {  # name -> sensor
 }
 DRAWS = 2000  # of channels, for the interval of a share
 WITHIN = 1.96
+QUARTERS, TAUS = 4, (0.01, 0.1, 1.0, 10.0, 100.0)  # s, where Allan curves are compared
 SLOW = ("corr_time", "bias_instability", "rrw", "drift")
 PAIR = ["sensor", "kind", "pieces", "parameter"]
 
@@ -147,8 +149,9 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
     -------
     DataFrame
         sensor, kind, pieces, parameter; channels, resolved (share of the parts), pairs, within
-        (share of the pairs with |z| < 1.96), low, high (its 95 % interval, channels drawn), named
-        (share of the other pairs for which something is reported).
+        (share of the pairs with |z| < 1.96), low, high (its 95 % interval, channels drawn); named
+        and named_within, the shares of the other pairs and of these for which something is
+        reported: a report that is as frequent in pairs that agree explains nothing.
     """
     rng, rows = np.random.default_rng(seed), []
     groups = dict(list(pairs.groupby(PAIR, sort=False)))
@@ -157,9 +160,9 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
         about = {"channels": names.nunique(), "resolved": of_parts["value"].notna().mean()}
         row = dict(zip(PAIR, key, strict=True)) | about | {"pairs": 0}
         if key in groups:
-            z = groups[key]["z"].abs()
-            row |= {"pairs": len(z)} | share_within(groups[key], rng, draws)
-            row["named"] = (groups[key].loc[z >= WITHIN, "named"] != "").mean()
+            off, named = groups[key]["z"].abs() >= WITHIN, groups[key]["named"] != ""
+            row |= {"pairs": len(off)} | share_within(groups[key], rng, draws)
+            row |= {"named": named[off].mean(), "named_within": named[~off].mean()}
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -167,10 +170,46 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
 def share_within(pairs, rng, draws=DRAWS):
     """Share of pairs with |z| < 1.96, and its 95 % interval, channels drawn."""
     within = (pairs["z"].abs() < WITHIN).groupby([pairs["log"], pairs["channel"]])
-    of_channels = np.stack([within.sum(), within.size()])
-    drawn = resampling.drawn(of_channels.shape[1], draws, rng)
-    low, high = resampling.interval(np.divide(*of_channels[:, drawn].sum(axis=2)))
+    low, high = _interval(np.stack([within.sum(), within.size()]), rng, draws)
     return {"within": within.sum().sum() / len(pairs), "low": low, "high": high}
+
+
+def _interval(of_channels, rng, draws):
+    """95 % interval of a sum over a count, from the sum and the count of each channel."""
+    drawn = resampling.drawn(of_channels.shape[1], draws, rng)
+    return resampling.interval(np.divide(*of_channels[:, drawn].sum(axis=2)))
+
+
+def wandering():
+    """Compare the Allan curves of quarters of the logs, with their bands and with steady ones.
+
+    Returns
+    -------
+    DataFrame
+        sensor, kind, tau_s; pairs (of quarters of a channel), within (share with |z| < 1.96 by the
+        band of the curve), steady (the same by the interval of noise whose power stays the same).
+    """
+    rows = []
+    for name in LOGS:
+        log = read(name)
+        for channel in log.channels:
+            split = np.array_split(channel.values, QUARTERS)
+            for a, b in combinations([allan_deviation(part, log.dt) for part in split], 2):
+                for tau in TAUS:
+                    if 0.9 * log.dt <= tau <= min(a.tau[-1], b.tau[-1]):
+                        about = {"sensor": LOGS[name], "kind": channel.kind, "tau_s": tau}
+                        pair = zip(_at(a, tau), _at(b, tau), strict=True)
+                        agree = [abs(z_score(*ends, "adev")) < WITHIN for ends in pair]
+                        rows.append(about | dict(zip(("within", "steady"), agree, strict=True)))
+    table = pd.DataFrame(rows).groupby(["sensor", "kind", "tau_s"], sort=False)
+    return table.mean().assign(pairs=table.size()).reset_index()
+
+
+def _at(curve, tau):
+    """Give the Allan deviation near an averaging time, by its band and by `steady`."""
+    k = np.argmin(np.abs(np.log(curve.tau / tau)))
+    ends = (curve.low, curve.high), steady(curve)
+    return [Estimate(curve.adev[k], low[k], high[k]) for low, high in ends]
 
 
 def units():
@@ -235,14 +274,14 @@ def sources(logs_read):
 
 
 def study(folder=FOLDER, **where):
-    r"""Characterise every part of every log, compare, and write the tables.
+    """Characterise every part of every log, compare, and write the tables.
 
     A log whose table is there is not computed again: a killed study goes on where it stopped.
 
     Parameters
     ----------
     folder : Path
-        Gets a table of the parts of each log, summary, exceptions (the pairs with \|z\| >= 1.96).
+        Gets a table of the parts of each log, ``summary`` and ``wandering``.
     **where
         As for `studies.cells.compute`.
     """
@@ -254,9 +293,7 @@ def study(folder=FOLDER, **where):
     }
     tabulate(folder, source, {name: Cell(parts_of, [name]) for name in LOGS}, **where)
     table = pd.concat([pd.read_csv(folder / f"{name}.csv") for name in LOGS])
-    compared = pairs(table)
-    exceptions = compared[compared["z"].abs() >= WITHIN]
-    tables = {"summary": summary(table, compared), "exceptions": exceptions}
+    tables = {"summary": summary(table, pairs(table)), "wandering": wandering()}
     store.write(folder, source, {k: store.rounded(t, DIGITS) for k, t in tables.items()})
 
 

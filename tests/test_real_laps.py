@@ -49,15 +49,6 @@ def test_laps_tracked_together_are_as_alone():
             np.testing.assert_array_equal(together[name].odometry, alone.odometry)
 
 
-def test_an_exact_map_is_better():
-    """property: what the measured attitude adds to the error is the map's, on a lap with gaps."""
-    args = ({LAP: terrain_data.lap_and_map(LAP)}, PERFECT, Setup.reference(1557.0))
-    measured, exact = (
-        track_real_laps(*args, runs=3, seed=1, exact_map=e)[LAP] for e in (False, True)
-    )
-    assert (exact.error**2).mean() < (measured.error**2).mean()
-
-
 def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
     """property: one sentence each."""
     lap, others = terrain_data.lap_and_map(LAP)

@@ -90,8 +90,20 @@ def test_stored_summary_is_that_of_the_parts():
     tables = store.read("repeatability").tables
     parts = pd.concat([tables[name] for name in repeatability.LOGS])
     now = repeatability.summary(parts, repeatability.pairs(parts))
-    for column in ("resolved", "pairs", "within", "low", "high"):
+    for column in ("resolved", "pairs", "within", "low", "high", "named", "named_within"):
         np.testing.assert_allclose(now[column], tables["summary"][column], rtol=store.TOLERANCE)
+
+
+def test_allan_curves_of_one_log_again(monkeypatch):
+    """cross-check: pairs of quarters of one log, compared now, give the stored shares."""
+    stored = store.read("repeatability").tables["wandering"].query("sensor == 'ZED-F9P'")
+    monkeypatch.setattr(repeatability, "LOGS", {"f9p-static": "ZED-F9P"})
+    try:
+        now = repeatability.wandering()
+    except datasets.NotHere as error:
+        pytest.skip(str(error))
+    for column in ("tau_s", "pairs", "within", "steady"):
+        np.testing.assert_allclose(now[column], stored[column], rtol=store.TOLERANCE)
 
 
 def test_a_pooled_gyro_again():

@@ -15,10 +15,10 @@ from analysis.static_logs import processes, stored
 from studies import derived
 
 SIMULATED = {
-    "coverage", "hat-coverage", "ensembles", "robustness", "benchmark", "device",
-    "readings", "error-surface", "sweeps", "inverse-design", "beside-others",
+    "coverage", "hat-coverage", "ensembles", "robustness", "beside-others", "benchmark", "device",
+    "readings", "error-surface", "sweeps", "inverse-design", "real-laps",
 }  # fmt: skip
-OWN_COMMANDS = {*SIMULATED, "repeatability"}
+OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}
 READ_OFF = {"bias_instability", "rrw"}

@@ -6,7 +6,7 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from analysis import CannotAnswer, WrongUsage, terrain_data
 from analysis.terrain import point_mass
-from analysis.terrain.assumptions import Sensor, Setup
+from analysis.terrain.assumptions import Setup
 from analysis.terrain.terrain_map import GRAIN, AttitudeMap, Profile
 from analysis.terrain.ukf import Ukf, bias_state_matrices
 
@@ -113,15 +113,11 @@ def test_filter_grid_and_bound_where_the_model_is_true(road):
 
 @pytest.mark.parametrize("channels", [1, 2])
 def test_bound_of_a_setup(channels):
-    """property: it never exceeds the odometry, and an unknown bias makes it larger."""
-    road, sensor = hills(channels), Sensor(0.01, 0.01)
+    """property: it never exceeds the odometry."""
     setup = Setup(300.0, R=0.01, odometry_scale=0.0)
-    one = point_mass.cramer_rao_bound(road, setup)
+    one = point_mass.cramer_rao_bound(hills(channels), setup)
     alone = np.sqrt(setup.begin_sd**2 + setup.q * setup.truth[1:])
     assert one.shape == (setup.samples - 1,) and (one <= alone * (1 + 1e-9)).all()
-    states = Setup(300.0, R=0.01, odometry_scale=0.0, bias_states=True)
-    more = point_mass.cramer_rao_bound(road, states, sensor)
-    assert (more >= one * (1 - 1e-9)).all() and more[-1] > 1.05 * one[-1]
 
 
 def test_grid_filter_diffuses_by_exactly_q():

@@ -6,7 +6,7 @@ is the names below.
 
 from analysis.terrain.assumptions import Sensor, Setup, attitude_variance, unit_paths
 from analysis.terrain.monte_carlo import interval, share, simulate_laps
-from analysis.terrain.point_mass import compare_filters, cramer_rao_bound
+from analysis.terrain.point_mass import compare_filters
 from analysis.terrain.real_laps import track_real_laps
 from analysis.terrain.relocate import watch_real_laps
 from analysis.terrain.roughness import IsoRoad

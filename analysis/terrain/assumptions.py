@@ -331,7 +331,7 @@ class Setup:
 
     @classmethod
     def reference(cls, length: float, **changes) -> Setup:
-        """Give our reference interpretation, that of notebooks 12, 20 to 23 and 25.
+        """Give our reference interpretation, that of notebooks 12 and 20 to 23.
 
         Its R is ours, for the paper gives none: that of the worst sensor of the sweep, for all.
 

@@ -178,7 +178,6 @@ def simulate_laps(
     runs: int,
     seed: int,
     store_every: float = 0.5,
-    map_error: float = 0.0,
     compiled: bool = False,
 ) -> Laps:
     """Simulate and track laps of many sensors.
@@ -194,9 +193,6 @@ def simulate_laps(
         Run k draws from the k-th stream spawned from it.
     store_every : float
         Time between stored errors, s.
-    map_error : float
-        Standard deviation of white noise that is added to every sample, deg. It is drawn for all
-        runs at once, so that it depends on their number.
     compiled : bool
         Step the filters in compiled code (numba, of the extra ``fast``): the same to rounding.
 
@@ -215,10 +211,6 @@ def simulate_laps(
     attitude_map = setup.filtered(attitude_map)
     truth = setup.truth
     attitude = attitude_map.at(truth)
-    if map_error:
-        shape = (*attitude.shape, runs)
-        noise = map_error * np.random.default_rng(seed).standard_normal(shape)
-        attitude = attitude[..., None] + noise
     streams = np.random.SeedSequence(seed).spawn(runs)
     block = min(max(TOGETHER // len(sensors), 1), RUNS_AT_ONCE)
     found = []
@@ -226,7 +218,7 @@ def simulate_laps(
         of = slice(i, i + block)
         first, moved = odometry(setup, streams[of])
         paths = attitude_errors(setup, attitude_map.channels, streams[of], len(truth))
-        at, seen = truth, attitude[..., of] if map_error else attitude
+        at, seen = truth, attitude
         if setup.span is not None:
             further = setup.begins(i, len(first)) - setup.begin
             first, at = first + further, truth[:, None] + further

@@ -8,19 +8,19 @@ error of the unscented transform alone.
 The posterior Cramer-Rao bound does not depend on any filter. With a linear motion its recursion is
 (Tichavsky, Muravchik, Nehorai 1998) ::
 
-    J_k = (F J_{k-1}^-1 F' + Q)^-1 + H_k' R^-1 H_k
+    J_k = (1 / J_{k-1} + Q)^-1 + h'(s_k)^2 / R
 
-with H_k the gradient of the map where the car is and, with bias states, 1 for the attitude error.
+with J the inverse of the variance and h' the gradient of the map where the car is.
 """
 
 import numpy as np
 import pandas as pd
 from scipy.ndimage import convolve1d
 
-from analysis.terrain.assumptions import Sensor, Setup
+from analysis.terrain.assumptions import Setup
 from analysis.terrain.monte_carlo import nees_bounds, odometry
 from analysis.terrain.terrain_map import AttitudeMap
-from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
+from analysis.terrain.ukf import Ukf, normalised_square
 
 STORE_EVERY = 0.5  # s between the stored errors of a comparison
 HALF_WIDTH = 3.0  # m, of the grid of a comparison
@@ -82,44 +82,27 @@ class PointMass:
         return self.moved + offset, self.p @ self.offset**2 - offset**2
 
 
-def cramer_rao_bound(
-    attitude_map: AttitudeMap, setup: Setup, sensor: Sensor = Setup.WORST
-) -> np.ndarray:
+def cramer_rao_bound(attitude_map: AttitudeMap, setup: Setup) -> np.ndarray:
     """Posterior Cramer-Rao bound of the distance along the lap of a setup.
 
-    The odometry's scale error is left out, for it is no random walk.
+    With white noise of the attitude. The odometry's scale error is left out, for it is no random
+    walk.
 
     Parameters
     ----------
     attitude_map : AttitudeMap
     setup : Setup
-        With bias states, the attitude error and the bias start at 0 and are known then.
-    sensor : Sensor
-        Used with bias states only.
 
     Returns
     -------
     ndarray, shape (samples - 1,), m
         Smallest standard deviation of any unbiased filter, from the second sample on.
     """
-    channels, dt = attitude_map.channels, 1 / setup.rate_hz
-    n = 1 + 2 * channels * setup.bias_states
-    F, P, Q, H = np.eye(n), 1e-12 * np.eye(n), np.zeros((n, n)), np.zeros((channels, n))
-    if setup.bias_states:
-        F[1:, 1:], Q = bias_state_matrices(
-            sensor.arw, sensor.sigma_b, setup.corr_time, dt, channels
-        )
-        H[:, 1::2] = np.eye(channels)
-    P[0, 0], Q[0, 0] = setup.begin_sd**2, setup.odometry_walk**2 * setup.speed / setup.rate_hz
-    R = setup.R * np.eye(channels)
+    P, Q = setup.begin_sd**2, setup.odometry_walk**2 * setup.speed / setup.rate_hz
     out = np.empty(setup.samples - 1)
     for k, gradient in enumerate(attitude_map.slope(setup.truth[1:]).T):
-        H[:, 0] = gradient
-        P = F @ P @ F.T + Q
-        # The covariance form of the recursion, for P may be nearly singular at the start.
-        K = np.linalg.solve(H @ P @ H.T + R, H @ P)
-        P = P - K.T @ (H @ P)
-        out[k] = np.sqrt(P[0, 0])
+        P = 1 / (1 / (P + Q) + gradient @ gradient / setup.R)
+        out[k] = np.sqrt(P)
     return out
 
 

@@ -264,7 +264,6 @@ def track_real_laps(
     runs: int,
     seed: int,
     channels: Sequence[str] = ("pitch",),
-    exact_map: bool = False,
     map_errors: Mapping[Hashable, MapError] | None = None,
 ) -> dict[Hashable, Laps]:
     """Track real laps with simulated gyros, each on its own map.
@@ -281,8 +280,6 @@ def track_real_laps(
         Draws of the gyros and of the first position's error; the same for every lap.
     seed : int
     channels : sequence of {"pitch", "roll"}
-    exact_map : bool
-        Replace the measured attitude by the map's: the same lap, if the map had no error.
     map_errors : mapping of label to MapError, optional
         What a filter with bias and map-error states expects of each map; it decides R, too.
 
@@ -305,8 +302,6 @@ def track_real_laps(
         attitude_map = profile.attitude_map(channels)
         truth, moved, attitude = resample_lap(lap, channels, setup.rate_hz)
         attitude_map.require(truth)
-        if exact_map:
-            attitude = attitude_map.at(truth)
         error = None if map_errors is None else map_errors[label]
         told.append(setup if error is None else error.setup(setup, profile.laps.mean()))
         maps.append(attitude_map)
