@@ -2,7 +2,7 @@
 
 The others are what an engineer finds first: allantools with a least-squares fit, the package
 allan-variance, and the five coefficients of IEEE 952. All read the Allan curve of the log as
-recorded. python-ins has no estimator: it takes the numbers. A term counts as given where it makes
+recorded. A term counts as given where it makes
 up at least 1 % of the fitted Allan variance at some averaging time.
 
 Log k of a sensor is that of `coverage`.
@@ -32,7 +32,7 @@ SENSORS = {"terrain": 60, "midg-roll": 60, "kvh-yaw": 30, "flicker": 30, "walk":
 OURS = "this package"
 ALLANTOOLS, ALLAN_VARIANCE = "allantools, least squares", "allan-variance"
 FIVE = "IEEE 952, five coefficients"
-PEERS = ("allantools", "allan-variance", "python-ins", "numpy", "scipy")
+PEERS = ("allantools", "allan-variance", "numpy", "scipy")
 POINTS, LONGEST = 60, 10  # averaging times given to allantools, up to a tenth of the log
 LEAST = 0.01  # of the fitted Allan variance, somewhere
 COMPARED = ("arw", "bias_instability", "rrw", "drift", "corr_time", "sigma_b")
@@ -124,35 +124,14 @@ def simulated(log, *, name):
     truth, rng = coverage.truths(sensor, dt), np.random.default_rng(stream)
     y = sensor.simulate(round(3600 * HOURS / dt), dt, rng)
     seed, rows = int(rng.integers(2**32)), []
-    for method, found, seconds in readings(y, dt, seed):
+    for method, read in (OTHERS | {OURS: partial(_ours, seed=seed)}).items():
+        begun = time.process_time()
+        found = read(y, dt)
+        seconds = time.process_time() - begun
         for p, (value, low, high) in found.items():
             row = {"run": run, "method": method, "parameter": p, "truth": truth[p]}
             rows.append(row | {"value": value, "low": low, "high": high, "seconds": seconds})
     return rows
-
-
-def readings(y, dt, seed):
-    """Read a log by every method, this package last.
-
-    Parameters
-    ----------
-    y : ndarray, shape (n,), U
-    dt : float, s
-    seed : int
-        For this package.
-
-    Yields
-    ------
-    method : str
-    found : dict of str, (float, float, float)
-        Parameter -> value, low, high.
-    seconds : float
-        Processor time.
-    """
-    for method, read in (OTHERS | {OURS: partial(_ours, seed=seed)}).items():
-        begun = time.process_time()
-        found = read(y, dt)
-        yield method, found, time.process_time() - begun
 
 
 def _ours(y, dt, *, seed):

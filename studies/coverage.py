@@ -17,13 +17,12 @@ from functools import partial
 import numpy as np
 import pandas as pd
 from scipy.signal import butter, lfilter, lfilter_zi
-from scipy.stats import norm
 
 from analysis import CannotAnswer, WrongUsage, static_logs, store
 from analysis.noise import graph, recipes
 from analysis.noise.allan import allan_deviation, fit_line
 from analysis.noise.fit import UNIFIED
-from analysis.noise.inference import INSTEAD, infer, linear_drift
+from analysis.noise.inference import INSTEAD, infer
 from analysis.noise.models import (
     FLICKER,
     UnifiedModel,
@@ -244,22 +243,21 @@ def gaps(y, t, rng, *, share=0.0):
 
 
 def tails(y, t, rng, *, level):
-    """Add white noise of Student's t with 3 degrees of freedom, of standard deviation `level`."""
-    return y + level * np.sqrt(1 / 3) * rng.standard_t(3, len(y))
+    """Add white noise of a Student t3 distribution, of standard deviation `level`."""
+    return y + level * np.sqrt(1 - 2 / 3) * rng.standard_t(3, len(y))
 
 
 def spikes(y, t, rng, *, level):
     """Add single samples that are off by 5 to 100 standard deviations."""
     at = rng.choice(len(y), round(SPIKES * len(y)), replace=False)
     y = y.copy()
-    y[at] += level * rng.choice([-1, 1], len(at)) * np.exp(rng.uniform(*np.log([5, 100]), len(at)))
+    y[at] += level * rng.choice([-1, 1], len(at)) * np.exp(rng.uniform(*np.log((5, 100)), len(at)))
     return y
 
 
 def louder(y, t, rng, *, level):
     """Double the white noise in the second half."""
-    extra = np.sqrt(3) * level
-    return y + extra * rng.standard_normal(len(y)) * (t > t[-1] / 2)
+    return y + np.sqrt(3) * level * rng.standard_normal(len(y)) * (t > t[-1] / 2)
 
 
 def low_pass(y, t, rng, *, cutoff):
@@ -294,21 +292,13 @@ def estimate(log, *, model, dt, kind, hours):
     for p in PARAMETERS[:3]:
         value = next(iter(inference.fits[UNIFIED].terms[p]), None)
         add("N+GM, unselected", p, value, interval=False)
-    line = inference.likelihood.evaluate(inference.chosen.point[None], inference.chosen.names)
-    ends = line.drift[0] + norm.ppf([0.5, 0.025, 0.975]) * line.drift_sd[0]
-    add("chosen model", "drift", *ends, model=chosen)
     if run % EVERY == 0:
-        drift = linear_drift(inference.likelihood, inference.fits, inference.chosen)
-        add("chi-squared", "drift", *drift, model=chosen)
         residual, per_sample = fit_line(y, dt)[0], 1 / np.sqrt(dt)
-        curve = allan_deviation(residual, dt)
-        white = graph.white_noise(curve, "deg").scaled(per_sample, "deg")
+        white = graph.white_noise(allan_deviation(residual, dt), "deg").scaled(per_sample, "deg")
         add("graph", "sigma_v", white.value, white.low, white.high)
         recipe = recipes.comparison_recipe(residual, dt)
         for p in PARAMETERS[:3]:
             add("1/e", p, recipe[p], interval=False)
-        fitted = recipes.five_coefficients(curve)["white"] * per_sample
-        add("five coefficients", "sigma_v", fitted, interval=False)
     return rows
 
 

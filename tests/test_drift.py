@@ -21,17 +21,15 @@ def fitted(y, chosen, *models):
 
 
 def test_a_walk_does_not_hide_a_drift():
-    """coverage: the simulated fall holds about as it should, chi-squared's is far too small."""
-    held = np.zeros((LOGS, 2), dtype=bool)
+    """coverage: the simulated fall holds about as it should."""
+    held = np.zeros(LOGS, dtype=bool)
     for k in range(LOGS):
         rng = np.random.default_rng([7, k])
         y = rng.standard_normal(SAMPLES) + 0.1 * np.cumsum(rng.standard_normal(SAMPLES))
         log = fitted(y + DRIFT * np.arange(SAMPLES), "N+K", "N+GM")
-        for j, draws in enumerate((rng, None)):
-            _, low, high = linear_drift(*log, draws)
-            held[k, j] = low < DRIFT < high
-    assert held[:, 0].mean() >= 0.85  # 50 logs say no more; notebook 13 has the study
-    assert held[:, 1].mean() <= 0.8
+        _, low, high = linear_drift(*log, rng)
+        held[k] = low < DRIFT < high
+    assert held.mean() >= 0.85  # 50 logs say no more; notebook 13 has the study
 
 
 def test_white_noise_is_what_least_squares_says():

@@ -51,7 +51,7 @@ from analysis.noise.goodness import Test, goodness_of_fit, stationarity_of
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.notes import listed, said
 from analysis.noise.parameters import BY_TERM, DENSITY, SLOW, unit_of
-from analysis.noise.profile_likelihood import LEVEL, THRESHOLD, interval
+from analysis.noise.profile_likelihood import LEVEL, interval
 from analysis.noise.spectrum import fewest_to_average, spectra
 
 FEWEST_MEANS = 256  # averaging stops before fewer means are left
@@ -731,7 +731,7 @@ def _count(times):
     return f"{times:.0f}" if times >= 10 else f"{times:.2g}"
 
 
-def linear_drift(likelihood, fits, chosen, rng=None):
+def linear_drift(likelihood, fits, chosen, rng):
     """Linear drift by profile likelihood.
 
     The interval holds the drifts at which 2 ln L falls by no more than the threshold. The threshold
@@ -743,26 +743,24 @@ def linear_drift(likelihood, fits, chosen, rng=None):
     likelihood : NoiseLikelihood
     fits : dict of str, Fit
     chosen : Fit
-    rng : numpy.random.Generator, optional
-        For the bootstrap; without it the threshold is chi-squared's.
+    rng : numpy.random.Generator
+        For the bootstrap.
 
     Returns
     -------
     value, low, high : float, U/s
     """
     fit = fits[DRIFT_MODEL.get(chosen.plain, chosen.plain) + chosen.end]
-    stretch, threshold = likelihood.spectrum, THRESHOLD
-    if rng is not None:
-        noise = likelihood.terms(chosen if chosen.plain == "N+K" else fit)
-        drawn = simulate(stretch, noise, BOOTSTRAP_LOGS, rng)
-        # The log itself in front of those drawn.
-        yy = np.append([stretch.yy], drawn.yy, axis=0)
-        stretch = replace(drawn, yy=yy, zy=np.append([stretch.zy], drawn.zy, axis=0))
+    stretch = likelihood.spectrum
+    noise = likelihood.terms(chosen if chosen.plain == "N+K" else fit)
+    drawn = simulate(stretch, noise, BOOTSTRAP_LOGS, rng)
+    # The log itself in front of those drawn.
+    yy = np.append([stretch.yy], drawn.yy, axis=0)
+    stretch = replace(drawn, yy=yy, zy=np.append([stretch.zy], drawn.zy, axis=0))
     value, drift, sd = _lines(stretch, _grid(likelihood, fit), fit.names)
-    if rng is not None:
-        without = (value - 0.5 * (drift / sd) ** 2)[1:]
-        fall = 2 * (value[1:].max(axis=1) - without.max(axis=1))
-        value, drift, threshold = value[0], drift[0], np.quantile(fall, LEVEL)
+    without = (value - 0.5 * (drift / sd) ** 2)[1:]
+    fall = 2 * (value[1:].max(axis=1) - without.max(axis=1))
+    value, drift, threshold = value[0], drift[0], np.quantile(fall, LEVEL)
     room = threshold - 2 * (value.max() - value)  # left for the drift, under each row of noise
     half = sd * np.sqrt(np.maximum(room, 0.0))
     ends = (drift - half)[room >= 0].min(), (drift + half)[room >= 0].max()
@@ -772,11 +770,11 @@ def linear_drift(likelihood, fits, chosen, rng=None):
 
 
 def _lines(stretch, points, names):
-    """Fit the line to one log, or to many, under rows of noise, some at a time.
+    """Fit the line to many logs under rows of noise, some at a time.
 
     Returns
     -------
-    value, drift : ndarray, shape (rows,) or (logs, rows)
+    value, drift : ndarray, shape (logs, rows)
         Unrestricted log-likelihood at the best drift, and this drift, U/s.
     sd : ndarray, shape (rows,), U/s
     """
