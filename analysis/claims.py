@@ -14,6 +14,7 @@ register lists under it, with the first check or with its table.
 """
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -377,11 +378,16 @@ class Ledger:
         row = self._judged(claim)
         return self._enter(row, _verdict(row, np.asarray(found)), when)
 
-    def table(self) -> text.Shown:
+    def table(self, elsewhere: str | None = None) -> text.Shown:
         """Lay published and reproduced side by side, for the notebook's last section.
 
         Only what was decided has a row; the rest is in the register, and the last line counts it. A
         condition that all verdicts share stands in the last line, once.
+
+        Parameters
+        ----------
+        elsewhere : str, optional
+            Beginning, as a regular expression, of claims that the notebook shows in another place.
 
         Returns
         -------
@@ -389,9 +395,12 @@ class Ledger:
         """
         if not self._mine:
             self._write()
-        rows, written = [], verdicts()["verdict"]
+        rows, written, skipped = [], verdicts()["verdict"], 0
         for mine in self._mine.values():
             theirs, cited = self._published.loc[mine["id"]], written[mine["id"]]
+            if elsewhere and re.match(elsewhere, theirs["claim"]):
+                skipped += 1
+                continue
             other = "" if cited == mine["verdict"] else f" (figures/claims.csv: {cited})"
             if mine["verdict"].startswith(NOT_TESTABLE) and not other:
                 continue
@@ -411,21 +420,20 @@ class Ledger:
                 }
             )
         under = f"All verdicts hold if {self.when}. " * bool(self.when and rows)
-        apart = len(self._entries()) - len(rows)
+        apart = len(self._entries()) - len(rows) - skipped
         left = f"{apart} more claims are not testable or hold by construction: figures/claims.csv."
         shown = text.table(pd.DataFrame(rows)) if rows else ""
         return text.Shown(f"{shown}\n\n{under}{left * bool(apart)}".strip())
 
-    def errata(self) -> pd.DataFrame:
-        """List the misprints, contradictions and unclear passages that the notebook meets.
-
-        Returns
-        -------
-        pandas.DataFrame
-        """
+    def errata(self) -> text.Shown:
+        """Lay out the errata of the notebook that change a result; the others are counted."""
         register = pd.read_csv(DATA / "published" / "errata.csv")
         mine = register[register["notebook"] == self.notebook]
-        return mine[["where", "printed", "should_be", "evidence"]]
+        rows = mine[mine["changes"] == "a result"]
+        left = f"{len(mine) - len(rows)} more that change only a number or the text"
+        link = "[data/published/errata.csv](../data/published/errata.csv)"
+        table = text.table(rows[["where", "printed", "should_be", "evidence"]]) if len(rows) else ""
+        return text.Shown(f"{table}\n\n{left}: {link}.".strip())
 
     def _judged(self, claim):
         if claim not in self._published.index:

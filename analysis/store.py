@@ -22,7 +22,7 @@ import pandas as pd
 
 from analysis import DATA, CannotAnswer, WrongUsage
 
-__all__ = ["before_and_after", "coverage", "ensemble", "names", "published", "read"]
+__all__ = ["coverage", "ensemble", "names", "published", "read"]
 
 FOLDER = DATA / "derived"
 COMMAND = "python -m analysis data --rebuild --write"
@@ -168,9 +168,9 @@ def _same(a, b):
     return np.allclose(a, b, rtol=TOLERANCE, atol=1e-6 * scale, equal_nan=True)
 
 
-def coverage(folder: Path = FOLDER / "coverage") -> pd.DataFrame:
-    """Read every cell of the study of coverage: a row a model, hours, estimator and parameter."""
-    return pd.concat(read(folder).tables.values(), ignore_index=True)
+def coverage(name: str | Path = "coverage") -> pd.DataFrame:
+    """Read every cell of ``coverage`` or ``robustness``: a row a model, hours and parameter."""
+    return pd.concat(read(name).tables.values(), ignore_index=True)
 
 
 def ensemble(subject: str, quantity: str) -> np.ndarray:
@@ -192,24 +192,6 @@ def ensemble(subject: str, quantity: str) -> np.ndarray:
     if not len(numbers):
         raise WrongUsage(f"no quantity '{quantity}' of '{subject}' in data/derived/ensembles")
     return numbers if np.isfinite(numbers[:, 1:]).any() else numbers[:, 0]
-
-
-def before_and_after(name: str | Path) -> pd.DataFrame:
-    """Read what changed since the tests of fit: ``robustness`` or ``repeatability``.
-
-    Both have a table ``before``, from the code before these tests on the same logs.
-
-    Returns
-    -------
-    DataFrame
-        A row a cell and parameter; a column of the earlier code ends in ``_before``. Empty where a
-        cell is not computed again yet.
-    """
-    tables = read(name).tables
-    before = tables.pop("before")
-    after = tables["summary"] if "summary" in tables else pd.concat(tables.values())
-    keys = [c for c in ("model", "hours", "sensor", "kind", "pieces", "parameter") if c in after]
-    return before.merge(after, "left", keys, suffixes=("_before", ""))
 
 
 def published(name: str) -> pd.DataFrame:

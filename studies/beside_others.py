@@ -23,21 +23,18 @@ from analysis import CannotAnswer, store
 from analysis.noise import characterise, recipes
 from analysis.noise.allan import allan_deviation
 from analysis.noise.models import FLICKER
-from studies import coverage, repeatability
+from studies import coverage
 from studies.cells import Cell, tabulate
 
 FOLDER = store.FOLDER / "beside-others"
 HOURS = 2.0
 SENSORS = {"terrain": 60, "midg-roll": 60, "kvh-yaw": 30, "flicker": 30, "walk": 30}  # logs
-PIECES = 4  # parts of a real log
-REAL = [name for name, sensor in repeatability.LOGS.items() if sensor in ("ADIS16405", "MPU-6050")]
 OURS = "this package"
 ALLANTOOLS, ALLAN_VARIANCE = "allantools, least squares", "allan-variance"
 FIVE = "IEEE 952, five coefficients"
 PEERS = ("allantools", "allan-variance", "python-ins", "numpy", "scipy")
 POINTS, LONGEST = 60, 10  # averaging times given to allantools, up to a tenth of the log
 LEAST = 0.01  # of the fitted Allan variance, somewhere
-VRW = {"vrw": "arw"}
 COMPARED = ("arw", "bias_instability", "rrw", "drift", "corr_time", "sigma_b")
 
 
@@ -134,15 +131,15 @@ def simulated(log, *, name):
     return rows
 
 
-def readings(y, dt, seed=None):
+def readings(y, dt, seed):
     """Read a log by every method, this package last.
 
     Parameters
     ----------
     y : ndarray, shape (n,), U
     dt : float, s
-    seed : int, optional
-        For this package; without it only the others are run.
+    seed : int
+        For this package.
 
     Yields
     ------
@@ -152,8 +149,7 @@ def readings(y, dt, seed=None):
     seconds : float
         Processor time.
     """
-    ours = {OURS: partial(_ours, seed=seed)} if seed is not None else {}
-    for method, read in (OTHERS | ours).items():
+    for method, read in (OTHERS | {OURS: partial(_ours, seed=seed)}).items():
         begun = time.process_time()
         found = read(y, dt)
         yield method, found, time.process_time() - begun
@@ -165,26 +161,6 @@ def _ours(y, dt, *, seed):
     known = {p: e for p, e in channel.parameters.items() if p in COMPARED}
     numbers = {p: (e.value, e.low, e.high) for p, e in known.items()}
     return {p: tuple(np.nan if v is None else v for v in n) for p, n in numbers.items()}
-
-
-def parts(name):
-    """Read the quarters of every channel of a real log by the other methods.
-
-    Returns
-    -------
-    list of dict
-        sensor, kind, log, channel, part, method, parameter, value, low, high.
-    """
-    log, rows = repeatability.read(name), []
-    for channel in log.channels:
-        for part, y in enumerate(np.array_split(channel.values, PIECES)):
-            about = {"sensor": repeatability.LOGS[name], "kind": channel.kind, "log": name}
-            about |= {"channel": channel.name, "part": part}
-            for method, found, _ in readings(y, log.dt):
-                for p, (value, low, high) in found.items():
-                    row = {"method": method, "parameter": p, "value": value}
-                    rows.append(about | row | {"low": low, "high": high})
-    return rows
 
 
 def summary(rows, sensor):
@@ -219,44 +195,8 @@ def summary(rows, sensor):
     return pd.concat({sensor: table}, names=["sensor"]).reset_index()
 
 
-def real_summary(rows):
-    """Compare the methods on quarters of real logs, where nobody knows the truth.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        As `parts` gives them, and those of this package.
-
-    Returns
-    -------
-    DataFrame
-        sensor, kind, method, parameter; channels, parts, given (share of the parts with a value);
-        scatter (standard deviation of the logarithm between the parts of a channel), pairs and
-        within (share of the pairs of parts whose intervals agree); ratio (median, to this package
-        in the same part); first, the value of the first part.
-    """
-    keys, table = ["log", "channel", "part", "parameter"], []
-    rows = rows[rows["parameter"] != "drift"]  # of either sign
-    rows = rows.assign(value=rows["value"].where(rows["value"].abs() > 0), pieces=PIECES, named="")
-    ours = rows[rows["method"] == OURS].set_index(keys)["value"]
-    for key, group in rows.groupby(["sensor", "kind", "method", "parameter"], sort=False):
-        given = group.dropna(subset="value")
-        row = dict(zip(("sensor", "kind", "method", "parameter"), key, strict=True))
-        row |= {"channels": len(group.groupby(["log", "channel"])), "parts": len(group)}
-        logs = np.log(given["value"]).groupby([given["log"], given["channel"]])
-        freedom = (logs.size() - 1).sum()
-        squares = ((logs.size() - 1) * logs.var()).sum()
-        z = repeatability.pairs(given.dropna(subset=["low", "high"]))["z"].abs()
-        row |= {"given": len(given) / len(group), "pairs": len(z)}
-        row["scatter"] = np.sqrt(squares / freedom) if freedom else np.nan
-        row["within"] = (z < repeatability.WITHIN).mean() if len(z) else np.nan
-        row["ratio"] = (given.set_index(keys)["value"] / ours).median()
-        table.append(row | {"first": group["value"].iloc[0]})
-    return pd.DataFrame(table)
-
-
 def study(folder=FOLDER, **where):
-    """Read simulated and real logs by every method, and write a table a sensor, and ``real``.
+    """Read simulated logs by every method, and write a table a sensor.
 
     A table that is there with as many logs is kept: a killed study goes on where it stopped.
 
@@ -279,19 +219,6 @@ def study(folder=FOLDER, **where):
         "made_by": "python -m analysis coverage beside",
         "seed": coverage.SEED,
         "hours": HOURS,
-        **repeatability.sources(map(repeatability.read, REAL)),
         "versions": versions,
     }
-    tabulate(folder, source, tables | {"real": Cell(parts, REAL, _beside_ours)}, **where)
-
-
-def _beside_ours(rows):
-    return real_summary(pd.concat([rows, stored_parts()], ignore_index=True))
-
-
-def stored_parts():
-    """Take what this package gives for the same quarters from the study of repeatability."""
-    tables = store.read(repeatability.FOLDER).tables
-    rows = pd.concat([tables[name] for name in REAL]).query("pieces == @PIECES")
-    rows = rows.assign(method=OURS, parameter=rows["parameter"].replace(VRW))
-    return rows[rows["parameter"].isin(COMPARED)].drop(columns=["pieces", "named"])
+    tabulate(folder, source, tables, **where)

@@ -49,8 +49,6 @@ BROKEN_HOURS, BROKEN_LOGS, LOGS_IN_DOUBT = 2.0, 12, 48
 # Rows that had a wrong value without a warning in a fifth of twelve logs or more, or changed since.
 IN_DOUBT = ("two-biases+walk", "terrain+warm-up-3", "flicker+warm-up-10", "walk+warm-up-10")
 JUDGED = ("covered", "interval_above", "interval_below")  # columns, for what has an interval
-POWER, POWER_LOGS, POWER_DT = store.FOLDER / "power", 20, 0.1  # s
-BEFORE = "table 'before': the same logs, by the code of commit e05b09e, which had no tests of fit"
 WARM_UP, CYCLE, SWING = 900.0, 1200.0, 600.0  # s, time constant and periods
 SHAKING = 1 / 28.5  # s, period of an engine, as in the log car-roof-imu
 GAPS, GAP = 12, 30.0  # how many, s
@@ -180,81 +178,6 @@ def broken():
     return cells | {"terrain+doubled": (halves, 0.01, "rate"), "two-biases+walk": (both, dt, kind)}
 
 
-def power_cells():
-    """Give what each test of the fit is to find, at three sizes: (test, size) -> logs.
-
-    Returns
-    -------
-    dict of (str, str), Broken
-        Of the terrain paper's gyro, read every `POWER_DT` seconds.
-    """
-    level, size = TERRAIN.sigma_v * np.sqrt(0.01 / POWER_DT), TERRAIN.sigma_b
-    sensor, cells = replace(TERRAIN, sigma_v=level), {}
-
-    def add(test, says, disturb, truth=sensor, simulated=None):
-        cells[test, says] = Broken(says, truth, disturb, simulated)
-
-    add("nothing", "0", nothing)
-    for test, disturb in (("warm_up", warm_up), ("step", step), ("sinusoid", cycle)):
-        for times in (0.3, 1, 3) if test == "sinusoid" else (1, 3, 10):
-            add(test, f"{times:g} σ_b", partial(disturb, size=times * size))
-    for times in (1.02, 1.1, 1.5):
-        mean = replace(sensor, sigma_v=level * np.sqrt((1 + times**2) / 2))  # root mean square
-        second_half = partial(louder, level=level, times=times)
-        add("noise_level", f"{times:g} times", second_half, mean, sensor)
-    for times in (6, 12, 30):
-        add("spikes", f"{times} σ_v", partial(spikes, level=level, sizes=(times, times)))
-    quiet = replace(sensor, sigma_v=0.0)
-    for freedom in (30, 10, 3):
-        tailed = partial(tails, level=level, freedom=freedom)
-        add("heavy_tails", f"Student t{freedom}", tailed, sensor, quiet)
-    return cells
-
-
-def power(folder=POWER, **where):
-    """Count how often each test of the fit finds what is in the log, and write ``power``.
-
-    Parameters
-    ----------
-    folder : Path
-        Gets a table: test, size, runs; found (logs in which it is reported), reported (logs in
-        which anything is), wrong (logs without any report in which the worst parameter has a wrong
-        value).
-    **where
-        As for `studies.cells.compute`.
-    """
-    source = {
-        "title": "Power of the tests of fit, each at three sizes",
-        "made_by": "python -m analysis coverage power",
-        "seed": SEED,
-        "interval_s": POWER_DT,
-        "hours": BROKEN_HOURS,
-    }
-    logs = [
-        (cell, log) for cell in power_cells() for log in enumerate(streams("terrain", POWER_LOGS))
-    ]
-    tabulate(folder, source, {"power": Cell(_power_log, logs, _found, POWER_LOGS)}, **where)
-
-
-def _power_log(one):
-    """Characterise one log of a cell of `power_cells`."""
-    (test, size), log = one
-    told = {"dt": POWER_DT, "kind": "rate", "hours": BROKEN_HOURS}
-    rows = characterised(log, model=power_cells()[test, size], **told)
-    return [{"test": test, "size": size} | row for row in rows]
-
-
-def _found(logs):
-    """Count the logs of each cell in which something is reported."""
-    table = []
-    for (test, size), rows in logs.groupby(["test", "size"], sort=False):
-        said = rows.drop_duplicates("run")["reported"].str.split().tolist()
-        row = {"test": test, "size": size, "runs": len(said)}
-        row |= {"found": sum(test in kinds for kinds in said), "reported": sum(map(bool, said))}
-        table.append(row | {"wrong": round(broken_summary(rows)["unsaid"].max() * len(said))})
-    return pd.DataFrame(table)
-
-
 def disturbances(size, level):
     """Give each disturbance in words, and as a function of readings, time and random numbers.
 
@@ -320,22 +243,22 @@ def gaps(y, t, rng, *, share=0.0):
     return loss(y, t, rng, share=share)
 
 
-def tails(y, t, rng, *, level, freedom=3):
-    """Add white noise of a Student distribution, of standard deviation `level`."""
-    return y + level * np.sqrt(1 - 2 / freedom) * rng.standard_t(freedom, len(y))
+def tails(y, t, rng, *, level):
+    """Add white noise of Student's t with 3 degrees of freedom, of standard deviation `level`."""
+    return y + level * np.sqrt(1 / 3) * rng.standard_t(3, len(y))
 
 
-def spikes(y, t, rng, *, level, sizes=(5, 100)):
+def spikes(y, t, rng, *, level):
     """Add single samples that are off by 5 to 100 standard deviations."""
     at = rng.choice(len(y), round(SPIKES * len(y)), replace=False)
     y = y.copy()
-    y[at] += level * rng.choice([-1, 1], len(at)) * np.exp(rng.uniform(*np.log(sizes), len(at)))
+    y[at] += level * rng.choice([-1, 1], len(at)) * np.exp(rng.uniform(*np.log([5, 100]), len(at)))
     return y
 
 
-def louder(y, t, rng, *, level, times=2):
-    """Double the white noise in the second half, or raise it so many times."""
-    extra = np.sqrt(times**2 - 1) * level
+def louder(y, t, rng, *, level):
+    """Double the white noise in the second half."""
+    extra = np.sqrt(3) * level
     return y + extra * rng.standard_normal(len(y)) * (t > t[-1] / 2)
 
 
@@ -563,7 +486,6 @@ def broken_source():
         "title": "Logs that break the noise models: what is resolved, held, wrong, reported",
         "made_by": "python -m analysis coverage broken",
         "seed": SEED,
-        "before": BEFORE,
         "disturbances": {
             name: f"{gyro}: {cell.says}"
             for sensor, gyro in GYROS.items()

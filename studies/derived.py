@@ -11,7 +11,7 @@ from pathlib import Path
 import sensorlogs as logs
 from analysis import replacing, static_logs, store, terrain_data
 from sensorlogs.catalogue import load_catalogue
-from studies import repeatability, rides, several_units, surveys
+from studies import real_laps, repeatability, rides, several_units, surveys
 
 MAKERS = {
     terrain_data.TRACK: surveys.test_track,
@@ -20,6 +20,7 @@ MAKERS = {
     "error-surface": surveys.surface,
     "inverse-design": surveys.inverse_design,
     "sweeps": surveys.sweeps,
+    "real-laps": real_laps.runs,
     "adis16405-units": repeatability.units,
     "tracker-parked": rides.parked,
     "tracker-starts": rides.starts,

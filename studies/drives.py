@@ -109,8 +109,8 @@ def bridged(
 ) -> pd.DataFrame:
     """Take the fixes away again and again, and see where each way of bridging ends.
 
-    The whole device runs with its block 6, and with the filter for cars; at each start a copy of it
-    goes on without fixes. Block 4 is off, for it holds.
+    The whole device runs with its block 6, and with the constrained filter; at each start a copy of
+    it goes on without fixes. Block 4 is off, for it holds.
 
     Parameters
     ----------

@@ -18,15 +18,15 @@ import numpy as np
 import pandas as pd
 
 import sensorlogs as logs
-from analysis import CannotAnswer, resampling, static_logs, store
+from analysis import CannotAnswer, Estimate, resampling, static_logs, store
 from analysis.noise import infer
+from analysis.noise.allan import allan_deviation, steady
 from analysis.noise.inference import INSTEAD
 from sensorlogs import catalogue, datasets, formats
 from studies import pool as pooling
 from studies.cells import DIGITS, Cell, tabulate
 
 FOLDER = store.FOLDER / "repeatability"
-BEFORE = "table 'before': the same parts, by the code of commit e05b09e"
 SEED = 20240513
 PIECES = (1, 2, 4, 8)  # parts of a log; the whole only names what disturbs it
 ADIS = {f"adis16405-{k}": f"adis16405-static/adis_16405_imu{k}.rda" for k in (1, 2, 3)}
@@ -38,9 +38,8 @@ LOGS = dict.fromkeys(ADIS, "ADIS16405") | {  # name -> sensor
 }
 DRAWS = 2000  # of channels, for the interval of a share
 WITHIN = 1.96
+QUARTERS, TAUS = 4, (0.01, 0.1, 1.0, 10.0, 100.0)  # s, where Allan curves are compared
 SLOW = ("corr_time", "bias_instability", "rrw", "drift")
-FITTED = "adis16405-1"  # the log whose pairs give the factor
-OVERDISPERSED = ("bias_instability", "rrw")
 PAIR = ["sensor", "kind", "pieces", "parameter"]
 
 
@@ -150,8 +149,9 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
     -------
     DataFrame
         sensor, kind, pieces, parameter; channels, resolved (share of the parts), pairs, within
-        (share of the pairs with |z| < 1.96), low, high (its 95 % interval, channels drawn), named
-        (share of the other pairs for which something is reported).
+        (share of the pairs with |z| < 1.96), low, high (its 95 % interval, channels drawn); named
+        and named_within, the shares of the other pairs and of these for which something is
+        reported: a report that is as frequent in pairs that agree explains nothing.
     """
     rng, rows = np.random.default_rng(seed), []
     groups = dict(list(pairs.groupby(PAIR, sort=False)))
@@ -160,16 +160,16 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
         about = {"channels": names.nunique(), "resolved": of_parts["value"].notna().mean()}
         row = dict(zip(PAIR, key, strict=True)) | about | {"pairs": 0}
         if key in groups:
-            z = groups[key]["z"].abs()
-            row |= {"pairs": len(z)} | share_within(groups[key], rng, draws)
-            row["named"] = (groups[key].loc[z >= WITHIN, "named"] != "").mean()
+            off, named = groups[key]["z"].abs() >= WITHIN, groups[key]["named"] != ""
+            row |= {"pairs": len(off)} | share_within(groups[key], rng, draws)
+            row |= {"named": named[off].mean(), "named_within": named[~off].mean()}
         rows.append(row)
     return pd.DataFrame(rows)
 
 
-def share_within(pairs, rng, draws=DRAWS, factor=1.0):
-    """Share of pairs with |z| < 1.96 times a factor, and its 95 % interval, channels drawn."""
-    within = (pairs["z"].abs() < WITHIN * factor).groupby([pairs["log"], pairs["channel"]])
+def share_within(pairs, rng, draws=DRAWS):
+    """Share of pairs with |z| < 1.96, and its 95 % interval, channels drawn."""
+    within = (pairs["z"].abs() < WITHIN).groupby([pairs["log"], pairs["channel"]])
     low, high = _interval(np.stack([within.sum(), within.size()]), rng, draws)
     return {"within": within.sum().sum() / len(pairs), "low": low, "high": high}
 
@@ -180,41 +180,36 @@ def _interval(of_channels, rng, draws):
     return resampling.interval(np.divide(*of_channels[:, drawn].sum(axis=2)))
 
 
-def overdispersion(pairs, *, draws=DRAWS, seed=SEED):
-    """Fit the factor that intervals lack on one unit, and judge it on the other logs.
-
-    The factor is the root mean square of z (the Birge ratio): 1 where the intervals are right.
-
-    Parameters
-    ----------
-    pairs : DataFrame
-        As `pairs` gives them.
-    draws, seed : int
+def wandering():
+    """Compare the Allan curves of quarters of the logs, with their bands and with steady ones.
 
     Returns
     -------
     DataFrame
-        kind, parameter; fitted_pairs, factor, factor_low, factor_high (channels drawn); sensor,
-        pairs, within, low, high, and the same with intervals wider by the factor: widened,
-        widened_low, widened_high.
+        sensor, kind, tau_s; pairs (of quarters of a channel), within (share with |z| < 1.96 by the
+        band of the curve), steady (the same by the interval of noise whose power stays the same).
     """
-    rng, rows = np.random.default_rng(seed), []
-    own = pairs["log"] == FITTED
-    for (kind, parameter), of_fit in pairs[own].groupby(["kind", "parameter"], sort=False):
-        if parameter not in OVERDISPERSED:
-            continue
-        squares = of_fit["z"].pow(2).groupby(of_fit["channel"])
-        interval = np.sqrt(_interval(np.stack([squares.sum(), squares.size()]), rng, draws))
-        about = {"kind": kind, "parameter": parameter, "fitted_pairs": len(of_fit)}
-        about |= dict(zip(("factor_low", "factor_high"), interval, strict=True))
-        about["factor"] = factor = np.sqrt(squares.sum().sum() / len(of_fit))
-        others = pairs[~own & (pairs["kind"] == kind) & (pairs["parameter"] == parameter)]
-        for sensor, group in others.groupby("sensor", sort=False):
-            row = about | {"sensor": sensor, "pairs": len(group)} | share_within(group, rng, draws)
-            wider = share_within(group, rng, draws, factor).items()
-            names = {"within": "widened", "low": "widened_low", "high": "widened_high"}
-            rows.append(row | {names[k]: v for k, v in wider})
-    return pd.DataFrame(rows)
+    rows = []
+    for name in LOGS:
+        log = read(name)
+        for channel in log.channels:
+            split = np.array_split(channel.values, QUARTERS)
+            for a, b in combinations([allan_deviation(part, log.dt) for part in split], 2):
+                for tau in TAUS:
+                    if 0.9 * log.dt <= tau <= min(a.tau[-1], b.tau[-1]):
+                        about = {"sensor": LOGS[name], "kind": channel.kind, "tau_s": tau}
+                        pair = zip(_at(a, tau), _at(b, tau), strict=True)
+                        agree = [abs(z_score(*ends, "adev")) < WITHIN for ends in pair]
+                        rows.append(about | dict(zip(("within", "steady"), agree, strict=True)))
+    table = pd.DataFrame(rows).groupby(["sensor", "kind", "tau_s"], sort=False)
+    return table.mean().assign(pairs=table.size()).reset_index()
+
+
+def _at(curve, tau):
+    """Give the Allan deviation near an averaging time, by its band and by `steady`."""
+    k = np.argmin(np.abs(np.log(curve.tau / tau)))
+    ends = (curve.low, curve.high), steady(curve)
+    return [Estimate(curve.adev[k], low[k], high[k]) for low, high in ends]
 
 
 def units():
@@ -279,15 +274,14 @@ def sources(logs_read):
 
 
 def study(folder=FOLDER, **where):
-    r"""Characterise every part of every log, compare, and write the tables.
+    """Characterise every part of every log, compare, and write the tables.
 
     A log whose table is there is not computed again: a killed study goes on where it stopped.
 
     Parameters
     ----------
     folder : Path
-        Gets a table of the parts of each log, summary, exceptions (the pairs with \|z\| >= 1.96),
-        and overdispersion.
+        Gets a table of the parts of each log, ``summary`` and ``wandering``.
     **where
         As for `studies.cells.compute`.
     """
@@ -295,15 +289,11 @@ def study(folder=FOLDER, **where):
         "title": "Repeatability: real static logs in halves, quarters, eighths",
         "made_by": "python -m analysis coverage real",
         **sources(map(read, LOGS)),
-        "before": BEFORE,
         "seed": SEED,
     }
     tabulate(folder, source, {name: Cell(parts_of, [name]) for name in LOGS}, **where)
     table = pd.concat([pd.read_csv(folder / f"{name}.csv") for name in LOGS])
-    compared = pairs(table)
-    exceptions = compared[compared["z"].abs() >= WITHIN]
-    tables = {"summary": summary(table, compared), "exceptions": exceptions}
-    tables["overdispersion"] = overdispersion(compared)
+    tables = {"summary": summary(table, pairs(table)), "wandering": wandering()}
     store.write(folder, source, {k: store.rounded(t, DIGITS) for k, t in tables.items()})
 
 

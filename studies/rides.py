@@ -364,11 +364,9 @@ def starts():
         Source.
     dict of pandas.DataFrame
         ``starts``, as `starts_of_a_drive`, with the ``log``; ``fixes``: for each log and kind of
-        fix their number and the median and 95 % of their errors by later fixes, m; ``power_ons``:
-        for each log and start in it what `replay` sums up; ``lags``: of GNSS behind the IMU, of
-        the rides that have one, s.
+        fix their number and the median and 95 % of their errors by later fixes, m.
     """
-    tables, fixes, notes, power_ons = [], [], [], []
+    tables, fixes, notes = [], [], []
     for name, file in NMEA_DRIVES.items():
         log = read_moving([datasets.path(file)])
         gnss, off = log.gnss, errors_by_later_fixes(log.gnss)
@@ -387,22 +385,12 @@ def starts():
             row |= dict(zip(("median_m", "p95_m"), np.quantile(error, [0.5, 0.95]), strict=True))
             fixes.append(row)
         notes += log.notes
-        for each in replay(log).summary["starts"]:
-            row = {"log": name} | each.pop("fixes") | each
-            power_ons.append(row | {"longest_gap_s": np.diff(gnss.t_s).max()})
-    lags = []
-    for name in RIDES:
-        ride = read(name)
-        lag = time_lag(ride.gnss, ride.imu)
-        row = {"ride": name, "lag_s": lag.value, "low_s": lag.low, "high_s": lag.high}
-        lags.append(row | {"speed_factor": ride.gnss.speed_factor()})
     source = {
         "title": "two receivers in cars, NMEA with GSA, 31 min and 2 h 57 min",
         **datasets.origin(*NMEA_DRIVES.values()),
         "notes": notes,
     }
     tables = {"starts": pd.concat(tables), "fixes": pd.DataFrame(fixes)}
-    tables |= {"power_ons": pd.DataFrame(power_ons), "lags": pd.DataFrame(lags)}
     return source, {key: store.rounded(table, 4) for key, table in tables.items()}
 
 
@@ -412,8 +400,7 @@ def turned(name):
     Returns
     -------
     dict
-        Source; the mounting angle fitted to the whole log with its 95 % interval (deg); straights
-        and the largest error (deg) if bends are limited by their angle alone.
+        Source; the mounting angle fitted to the whole log with its 95 % interval (deg).
     dict of pandas.DataFrame
         ``turned``: the mounting angles found for each turn, ``lowest`` and ``highest`` of them
         counted from the reference and the turn; ``straights``: each straight of the log as it is.
@@ -426,10 +413,7 @@ def turned(name):
         angle: replay(turn_imu(log, np.radians(angle), down), Options())
         for angle in np.arange(0.0, 360.0, STEP_DEG)
     }
-    bends = replay(log, Options(max_bend=np.inf))
     reference = {
-        "bends_farthest_deg": np.nanmax(np.abs(wrap(bends.columns["mount_deg"] - whole.value))),
-        "bends_straights": len(bends.straights),
         "reference_deg": whole.value,
         "reference_low_deg": whole.low,
         "reference_high_deg": whole.high,

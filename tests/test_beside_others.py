@@ -51,20 +51,6 @@ def test_summary_counts():
     assert nothing["given"] == 0 and np.isnan(nothing["median"])
 
 
-def test_real_summary_counts():
-    """analytic: quarters of one channel that differ by ln 2, at half of this package's values."""
-    about = {"sensor": "s", "kind": "rate", "log": "l", "channel": "c", "parameter": "arw"}
-    rows = pd.DataFrame([about | {"part": part} for part in range(4)])
-    rows = rows.assign(method="m", value=[1.0, 2.0, 1.0, 2.0], low=np.nan, high=np.nan)
-    ours = rows.assign(method=beside_others.OURS, value=2 * rows["value"])
-    ours = ours.assign(low=ours["value"] / 1.1, high=ours["value"] * 1.1)
-    table = beside_others.real_summary(pd.concat([rows, ours])).set_index("method")
-    assert table.loc["m", "scatter"] == pytest.approx(np.log(2) / np.sqrt(3))
-    assert table.loc["m", "ratio"] == 0.5 and table.loc["m", "pairs"] == 0
-    # Six pairs, of which the two of equal parts agree.
-    assert table.loc[beside_others.OURS, "within"] == pytest.approx(1 / 3)
-
-
 def test_one_log_of_each_method_again(stored):
     """cross-check: log 0 of a sensor, read now, gives the stored values."""
     pytest.importorskip("allan_variance")
@@ -76,8 +62,8 @@ def test_one_log_of_each_method_again(stored):
 
 
 def test_the_study_is_the_one_that_the_command_makes(stored):
-    """property: every sensor with its number of logs, the real logs, and the peers' versions."""
-    assert set(stored.tables) == {*beside_others.SENSORS, "real"}
+    """property: every sensor with its number of logs, and the peers' versions."""
+    assert set(stored.tables) == {*beside_others.SENSORS}
     for name, runs in beside_others.SENSORS.items():
         assert (stored.tables[name]["runs"] == runs).all()
         assert set(stored.tables[name]["method"]) == {*beside_others.OTHERS, beside_others.OURS}

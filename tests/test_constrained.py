@@ -1,4 +1,4 @@
-"""The filter for cars: strapdown INS with the non-holonomic constraint, on known motions."""
+"""The constrained filter: strapdown INS with the non-holonomic constraint, on known motions."""
 
 import math
 from dataclasses import replace

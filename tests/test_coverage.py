@@ -98,7 +98,7 @@ def test_some_logs_of_the_study_again(study):
 @pytest.mark.parametrize(
     "arguments",
     ["--hours two", "--runs 0", "--hours -1", "--models x", "--workers 0", "real --runs 3", "flat",
-     "beside --models terrain", "power real"],
+     "beside --models terrain"],
 )  # fmt: skip
 def test_wrong_usage(arguments, tmp_path, capsys):
     """property: what makes no study, or two, is refused in a sentence, and nothing is written."""
@@ -180,13 +180,10 @@ def test_summary_of_broken_logs_counts():
 
 
 def test_the_study_of_broken_logs_is_the_one_that_the_command_makes():
-    """property: every stored cell is of the plan, with its logs; before has every cell of it."""
-    plan = {(name, h): n for name, h, n in coverage.broken_plan()}
-    table = store.before_and_after("robustness").dropna(subset="runs")
+    """property: the stored cells are those of the plan, with their logs."""
+    table = store.coverage("robustness")
     cells = table.groupby(["model", "hours"])["runs"].max().to_dict()
-    assert cells.items() <= plan.items()
-    before = store.read("robustness").tables["before"]
-    assert {*zip(before["model"], before["hours"], strict=True)} == plan.keys()
+    assert cells == {(name, h): n for name, h, n in coverage.broken_plan()}
 
 
 @pytest.mark.parametrize("name", ["walk+step-10", "flicker+nothing"])
@@ -209,30 +206,3 @@ def test_command_makes_broken_cells(tmp_path):
     assert table.loc["arw", "truth"] == pytest.approx(0.06 * np.sqrt(0.1), rel=1e-4)
     assert "5 % of the samples lost" in (tmp_path / "source.json").read_text()
     assert main(["coverage", "broken", "--models", "walk", "--out", str(tmp_path / "x")]) == 2
-
-
-# --- what the tests of the fit find --------------------------------------------------------------
-
-
-def test_power_is_of_the_cells_that_the_command_makes():
-    """property: every cell with its logs; counts are of logs; a larger size is found as often."""
-    table = store.read("power").tables["power"]
-    assert list(zip(table["test"], table["size"], strict=True)) == list(coverage.power_cells())
-    assert (table["runs"] == coverage.POWER_LOGS).all()
-    for column in ("found", "reported", "wrong"):
-        assert table[column].between(0, table["runs"]).all()
-    assert (table["found"] <= table["reported"]).all()
-    sized = table.groupby("test", sort=False)["found"]
-    # Three standard errors of the difference of two shares of twenty logs are 9 logs at most.
-    assert (sized.last() >= sized.first() - 9).all()
-
-
-def test_a_large_disturbance_is_found():
-    """cross-check: log 0 of a cell whose every log is reported in the stored table."""
-    test, size = "heavy_tails", "Student t3"
-    stored = store.read("power").tables["power"].set_index(["test", "size"])
-    assert stored.loc[(test, size), "found"] == stored.loc[(test, size), "runs"]
-    (stream,) = coverage.streams("terrain", 1)
-    cell = {"model": coverage.power_cells()[test, size], "dt": coverage.POWER_DT}
-    rows = coverage.characterised((0, stream), **cell, kind="rate", hours=coverage.BROKEN_HOURS)
-    assert test in rows[0]["reported"].split()

@@ -8,7 +8,7 @@ from sensorlogs import datasets
 from studies import derived, surveys
 
 # Nine gyros, of which test_repeatability takes one; hundreds of sensors, of which some below.
-SLOW = {"adis16405-units", "error-surface", "sweeps", "inverse-design"}
+SLOW = {"adis16405-units", "real-laps", "error-surface", "sweeps", "inverse-design"}
 
 
 @pytest.mark.parametrize("name", [n for n in derived.names() if n not in SLOW])

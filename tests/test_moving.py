@@ -7,7 +7,7 @@ import pytest
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.tracker import replay, scenarios
-from sensorlogs import datasets, imu_csv_lines, nmea_lines, read_moving, timeline
+from sensorlogs import datasets, imu_csv_lines, nmea_lines, read_moving
 
 LAT, LON = 50.84, 4.347
 
@@ -592,19 +592,6 @@ def test_a_dump_is_read_back(walk, tmp_path):
     np.testing.assert_allclose(read.imu.accel_b, walk.imu.accel_b, atol=1e-6)
     np.testing.assert_allclose(read.imu.t_s, walk.imu.t_s, atol=1e-6)
     assert read.start_utc.startswith("2021-12-31T23:58")
-
-
-def test_largest_differences():
-    """analytic: a log moved 3 m north, 4 m east is 5 m off; a missing epoch or value counts not."""
-    gnss = scenarios.scenario("B", np.random.default_rng(1), laps=1).gnss
-    fewer = {k: v[5:].copy() for k, v in vars(gnss).items()}
-    fewer["lat_deg"] += 3 / 111_000
-    fewer["lon_deg"] += 4 / 111_000 / np.cos(np.radians(fewer["lat_deg"]))
-    fewer["pdop"][3] += 0.5
-    fewer["speed_m_s"][7] = np.nan
-    off = timeline.Gnss(**fewer).largest_differences(gnss)
-    assert off["position_m"] == pytest.approx(5.0, rel=1e-6)
-    assert (off["pdop"], off["speed_m_s"], off["course_deg"]) == pytest.approx((0.5, 0, 0))
 
 
 def test_reported_attitude(tmp_path):

@@ -55,7 +55,7 @@ OURS = {Path(package).name for package in size.PACKAGES}
 OPENS = re.compile(r"open|loadtxt|genfromtxt|fromfile|read_\w+|savetxt|savefig")
 FILES_AND_PLOTS = {"matplotlib", "pathlib", "os", "io", "shutil", "tempfile"}
 READ_AS_PAPERS = (
-    "00-index", "13-how-long-to-record", "15-parts-of-real-logs", "16-when-the-model-is-wrong",
+    "00-index", "13-how-long-to-record", "15-parts-of-real-logs",
     "20-test-track", "21-terrain-ukf", "30-tracker-inputs", "90-your-own-log",
 )  # fmt: skip
 HEADER = ("Reproduces", "Question", "Needs", "Makes", "Runtime", "Code")

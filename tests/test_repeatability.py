@@ -90,25 +90,20 @@ def test_stored_summary_is_that_of_the_parts():
     tables = store.read("repeatability").tables
     parts = pd.concat([tables[name] for name in repeatability.LOGS])
     now = repeatability.summary(parts, repeatability.pairs(parts))
-    for column in ("resolved", "pairs", "within", "low", "high"):
+    for column in ("resolved", "pairs", "within", "low", "high", "named", "named_within"):
         np.testing.assert_allclose(now[column], tables["summary"][column], rtol=store.TOLERANCE)
 
 
-def test_overdispersion_is_that_of_the_intervals():
-    """analytic: intervals half as wide as they should be lack a factor of 2, on other units too.
-
-    900 pairs of 150 channels a log: the root mean square of z is good to a few percent.
-    """
-    values = 50 + 0.3 * np.random.default_rng(5).standard_normal((300, 4))
-    table = parts_of(values, 0.98 * 0.3, parameter="bias_instability")
-    own = table["channel"].str[1:].astype(int) < 150
-    compared = repeatability.pairs(table.assign(log=np.where(own, "adis16405-1", "other")))
-    (row,) = repeatability.overdispersion(compared).to_dict("records")
-    assert row["fitted_pairs"] == row["pairs"] == 900
-    assert row["factor"] == pytest.approx(2.0, rel=0.08)
-    assert row["factor_low"] < 2.0 < row["factor_high"]
-    assert row["within"] == pytest.approx(0.673, abs=0.06)
-    assert row["widened_low"] < 0.95 < row["widened_high"]
+def test_allan_curves_of_one_log_again(monkeypatch):
+    """cross-check: pairs of quarters of one log, compared now, give the stored shares."""
+    stored = store.read("repeatability").tables["wandering"].query("sensor == 'ZED-F9P'")
+    monkeypatch.setattr(repeatability, "LOGS", {"f9p-static": "ZED-F9P"})
+    try:
+        now = repeatability.wandering()
+    except datasets.NotHere as error:
+        pytest.skip(str(error))
+    for column in ("tau_s", "pairs", "within", "steady"):
+        np.testing.assert_allclose(now[column], stored[column], rtol=store.TOLERANCE)
 
 
 def test_a_pooled_gyro_again():

@@ -15,8 +15,8 @@ from analysis.static_logs import processes, stored
 from studies import derived
 
 SIMULATED = {
-    "coverage", "hat-coverage", "ensembles", "robustness", "power", "benchmark", "device",
-    "readings", "error-surface", "sweeps", "inverse-design",
+    "coverage", "hat-coverage", "ensembles", "robustness", "beside-others", "benchmark", "device",
+    "readings", "error-surface", "sweeps", "inverse-design", "real-laps",
 }  # fmt: skip
 OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}

@@ -10,9 +10,7 @@ from analysis.tracker.evaluate import (
     courtyard_errors,
     gated,
     mounting_rides,
-    mounting_summary,
     ratio_interval,
-    settling,
     stationary_period,
     stationary_periods,
 )

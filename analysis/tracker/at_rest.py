@@ -21,8 +21,8 @@ from collections import deque
 from analysis.tracker.vectors import configure
 
 JUMP_FIXES = 5  # in a row: a jump, and not a wild fix
-BLOCK_S = 0.25  # s of a short mean: an engine line of 20 Hz and more averages out
-SIGMA_FORCE = 0.12  # m/s^2, scatter of the short means at rest at most; a moving car: 0.16 and more
+BLOCK_S = 0.25  # s of a mean: an engine line of 20 Hz and more averages out
+SIGMA_FORCE = 0.12  # m/s^2, scatter of these means at rest at most; a moving car: 0.16 and more
 SIGMA_RATE = 0.0087  # rad/s, likewise: 0.5 deg/s; a moving car: 0.5 and more
 GAP_S = 1.5  # s without a sample after which the window starts anew
 
@@ -124,7 +124,7 @@ class StaticTest:
 
 
 class RestDetector:
-    """Find rest by a generalised likelihood-ratio test on short means, one sample at a time. ::
+    """Find rest by a generalised likelihood-ratio test on 0.25 s means, one sample at a time. ::
 
         T = mean over the window of  |f - mean f|^2 / sigma_f^2 + |w - mean w|^2 / sigma_w^2
 

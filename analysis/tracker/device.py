@@ -18,7 +18,7 @@ from analysis.tracker.last_position import FAR, GATE_ALONE, SIGMA_DOUBTED, Frame
 from analysis.tracker.mounting import MountingYaw
 from analysis.tracker.vectors import STANDARD_GRAVITY, configure, dot, wrap
 
-FAST = 3.0  # m/s, from which the filter for cars starts: a course is good to some degrees
+FAST = 3.0  # m/s, from which the constrained filter starts: a course is good to some degrees
 RATE, FORCE = 200.0, 2000.0  # rad/s, m/s^2: more than a sensor can mean
 SPEED, HEIGHT = 2000.0, 1e5  # m/s, m: likewise
 FIXES_S = 5.0  # s over which fixes give a speed, where a receiver reports none
@@ -39,7 +39,7 @@ class Options:
     sigma_no_pdop : float
         The same where no PDOP is known, m.
     sigma_speed : float
-        Error of a GNSS velocity component, m/s; for the filter for cars at least.
+        Error of a GNSS velocity component, m/s; for the constrained filter at least.
     sigma_rest_m, sigma_rest_m_s : float
         Of a low-passed position, and of the velocity of a vehicle judged static.
     sigma_accel : float
@@ -47,7 +47,7 @@ class Options:
     sigma_unaided : float
         Of an acceleration that is not known at all, while the heading is not.
     rest_blocks : int
-        Short means in a window of the detector of rest; 0 leaves it out: the paper's rule alone.
+        Means of 0.25 s in a window of the detector of rest; 0 leaves it out, as the paper does.
     bridge_s : float
         Longest outage that the fusion filter carries the position through; then it holds.
     coast_s : float
@@ -402,7 +402,7 @@ class Device:
         return nn + self._lasting, ne, ee + self._lasting
 
     def _constrain(self, fix, velocity, sigma_p, sigma_v):
-        """Run the filter for cars; return it once it has started."""
+        """Run the constrained filter; return it once it has started."""
         car, block = self.constrained, self.attitude
         if not car or not block.ready:
             return None

@@ -59,10 +59,8 @@ def stationary_period(
         of GPS`` (of the raw positions).
         ``circle``: the radius about the true position that holds 95 % of the raw ones, m;
         ``leaves``: 1 if an output lies outside once the second layer is full, ``leaves_ever`` from
-        the start on; ``outside``, ``raw_outside``: share of those epochs at which output and raw
-        position do, ``outside_ever`` from the start on; exits from that circle, ``raw_exits`` and
-        ``out_exits``; ``hold_s``: longest time without a change; ``change_1_s`` to ``change_3_s``:
-        mean time between two changes in a layer, NaN if there are none.
+        the start on; exits from that circle, ``raw_exits`` and ``out_exits``; ``hold_s``: longest
+        time without a change.
     """
     far, off = np.hypot(*raw), np.hypot(*out)
     averaged = layer >= 1 if (layer >= 1).any() else np.ones(len(layer), dtype=bool)
@@ -84,13 +82,10 @@ def stationary_period(
         "circle": circle,
         "leaves": float((off[late] > circle).any()),
         "leaves_ever": float((off > circle).any()),
-        "outside": float((off[late] > circle).mean()) if late.any() else 0.0,
-        "outside_ever": float((off > circle).mean()),
-        "raw_outside": float((far[late] > circle).mean()) if late.any() else 0.0,
         "raw_exits": exits(far, circle),
         "out_exits": exits(off, circle),
         "hold_s": longest_hold(t_s, *out),
-    } | {f"change_{k}_s": _between_changes(t_s, out[0], layer == k) for k in (1, 2, 3)}
+    }
 
 
 def courtyard_errors(seed: int, count: int, **settings: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -145,29 +140,6 @@ def stationary_periods(
     return pd.DataFrame(rows)
 
 
-def settling(t_s: np.ndarray, north: np.ndarray, east: np.ndarray) -> tuple[float, float]:
-    """Measure how far a receiver at rest was off at its start, and for how long.
-
-    Counted from where it is at the end, so a lower bound: too short a log for an exponential fit.
-
-    Parameters
-    ----------
-    t_s, north, east : ndarray, shape (n,)
-        Accepted fixes from the first on; s, m.
-
-    Returns
-    -------
-    size : float
-        Largest distance, m.
-    seconds : float
-        From then until the distance is below 1/e of that for good.
-    """
-    far = np.hypot(north - north[-1], east - east[-1])
-    start = int(np.argmax(far))
-    last = np.flatnonzero(far > far[start] / np.e)[-1]
-    return float(far[start]), float(t_s[last] - t_s[start])
-
-
 def exits(radius, fence):
     """Count how often a series of distances from the fence's centre goes from inside to outside.
 
@@ -199,14 +171,6 @@ def longest_hold(t_s, *axes):
     changed = np.any([np.diff(axis) != 0 for axis in axes], axis=0)
     edges = np.concatenate([[t_s[0]], t_s[1:][changed], [t_s[-1]]])
     return float(np.diff(edges).max())
-
-
-def _between_changes(t_s, position, when):
-    """Return the mean time between two changes of a position at some of the epochs, s."""
-    inside = np.flatnonzero(when)
-    changed = inside[1:][np.diff(position[inside]) != 0]
-    times = t_s[np.concatenate([inside[:1], changed])]
-    return float(np.diff(times).mean()) if len(times) > 1 else np.nan
 
 
 def ratio_interval(
@@ -305,34 +269,3 @@ def mounting_rides(seed: int, angles: Sequence[float], **settings: Any) -> pd.Da
     drawn = zip(np.random.default_rng(seed).spawn(len(angles)), map(float, angles), strict=True)
     rides = (scenario("B", rng, mount_deg=angle, **settings) for rng, angle in drawn)
     return pd.DataFrame(map(mounting_ride, rides))
-
-
-def mounting_summary(rides: pd.DataFrame) -> dict[str, str]:
-    """Sum up simulated rides as a row of a table.
-
-    Parameters
-    ----------
-    rides : pandas.DataFrame
-        As from `mounting_rides`.
-
-    Returns
-    -------
-    dict of str
-        Name of a column -> cell.
-    """
-    known = rides[np.isfinite(rides["last"])]
-    row = {"with an angle": f"{len(known)} of {len(rides)}"}
-    row |= {"by the first U-turn": f"{(rides['late_s'] <= 0).sum()} of {len(rides)}"}
-    if known.empty:
-        return row
-    late = np.unique(known["late_s"][known["late_s"] > 0])
-    within = (known["last"].abs() <= 1.96 * known["sigma"]).sum()
-    return row | {
-        "else later by (s)": ", ".join(f"{x:.0f}" for x in late) or "–",
-        "largest error of the first angle": f"{known['first'].abs().max():.1f}°",
-        "largest error of the last": f"{known['last'].abs().max():.1f}°",
-        "rms error of the last": f"{np.sqrt((known['last'] ** 2).mean()):.1f}°",
-        "its stated σ": f"{np.sqrt((known['sigma'] ** 2).mean()):.1f}°",
-        "error within 1.96 σ": f"{within} of {len(known)}",
-        "largest change on the way": f"{known['changed'].max():.1f}°",
-    }

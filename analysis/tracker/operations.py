@@ -268,8 +268,8 @@ def block_costs(rate: float = 40.0) -> pd.DataFrame:
         ("4", "fix", 1.0, _count(settled.jumped, here)),
         ("3", "fix", 1.0, _count(driven, 3.0)),
         ("3", "sample", rate, _count(StaticTest().accelerate, 0.3, 0.1, dt)),
-        ("3", "sample for a short mean", rate, _count(RestDetector().sample, *motion)),
-        ("3", "window of short means", 1 / BLOCK_S, _window(motion)),
+        ("3", "sample for a 0.25 s mean", rate, _count(RestDetector().sample, *motion)),
+        ("3", "window of 0.25 s means", 1 / BLOCK_S, _window(motion)),
     ]
     every = np.cumprod(LowPass.lengths)
     for k, times in enumerate(1 / every - np.append(1 / every[1:], 0.0)):
@@ -349,7 +349,7 @@ def _after(step, inputs):
 
 
 def _window(motion):
-    """Count the sample that ends a window of short means, without the sums of any sample."""
+    """Count the sample that ends a window of 0.25 s means, without the sums of any sample."""
     block = RestDetector()
     while len(block._means) < block.rest_blocks:
         before = copy.deepcopy(block)
@@ -358,7 +358,7 @@ def _window(motion):
 
 
 def _car(motion, rate):
-    """Count the filter for cars: a sample, a step of its covariance, a fix."""
+    """Count the constrained filter: a sample, a step of its covariance, a fix."""
     dt, under = motion[2], under_way(motion[2])
     block = Constrained()
     block.start((0.1, 0.2), (5.0, 0.1), (under.C_nb, under.bias.x, under.down), 0.1, 3.0, 0.3)

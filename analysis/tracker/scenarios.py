@@ -57,7 +57,7 @@ class GnssErrors:
         Size (m) and time constant (s) of an offset that decays after power-on.
     STARTS : dict of str -> (float, float)
         The same two of real receivers at rest after a cold start, by name of their log in gpsd's
-        tests, as `analysis.tracker.settling` measures them.
+        tests, as tests/test_scenarios.py measures them.
     """
 
     drift: tuple = ((0.8, 600.0), (0.4, 60.0))
@@ -126,11 +126,6 @@ class ImuErrors:
     engine_hz: float = 28.5
     engine_gyro: float = 0.0
     zero_mean_displacement: bool = True
-
-    @classmethod
-    def low_power(cls) -> "ImuErrors":
-        """Make the errors of the same part in its low-power mode."""
-        return cls(accel_white=1.7e-3 * STANDARD_GRAVITY, gyro_white=np.radians(0.14))
 
 
 ASSUMED = {  # scenario -> errors of receiver and IMU, and the PDOP that it comes to

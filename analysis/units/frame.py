@@ -145,18 +145,8 @@ class Track:
             max(1, int(step / np.median(np.diff(t)) + 0.01)) if len(t) > 1 else 1
             for t in (self.t_s, self.attitude_t_s)
         )
-        return self._at(slice(None, None, n), slice(None, None, m))
-
-    def between(self, start: float, stop: float) -> "Track":
-        """The part of the track with start <= t < stop, s."""
-        at = (self.t_s >= start) & (self.t_s < stop)
-        angle = (self.attitude_t_s >= start) & (self.attitude_t_s < stop)
-        return self._at(at, angle)
-
-    def _at(self, rows, of_attitude):
-        """Take some epochs, and some of the attitude's."""
-        kept = {k: getattr(self, k)[rows] for k in ("t_s", "enu", "velocity")}
-        kept |= {k: getattr(self, k)[of_attitude] for k in ("attitude_t_s", "attitude")}
+        kept = {k: getattr(self, k)[::n] for k in ("t_s", "enu", "velocity")}
+        kept |= {k: getattr(self, k)[::m] for k in ("attitude_t_s", "attitude")}
         return replace(self, **kept)
 
 

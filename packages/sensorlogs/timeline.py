@@ -62,29 +62,6 @@ class Gnss:
         blank = {name: np.where(where, np.nan, getattr(self, name)) for name in names}
         return replace(self, **blank)
 
-    def largest_differences(self, other: "Gnss") -> dict[str, float]:
-        """Return by how much two logs differ at most, at the epochs that both have.
-
-        Parameters
-        ----------
-        other : Gnss
-            Has every epoch of this log, to a millisecond, and maybe more.
-
-        Returns
-        -------
-        dict of float
-            ``position_m`` (horizontal), ``speed_m_s``, ``course_deg``, ``pdop``; epochs at which
-            either has no value are left out.
-        """
-        here = np.isin(np.round(other.t_s, 3), np.round(self.t_s, 3))
-        pairs = {k: (v, vars(other)[k][here]) for k, v in vars(self).items()}
-        values = ("lat_deg", "lon_deg", "speed_m_s", "course_deg", "pdop")
-        off = {k: np.abs(pairs[k][0] - pairs[k][1]) for k in values}
-        metres = METRES_PER_DEGREE * np.array([off.pop("lat_deg"), off.pop("lon_deg")])
-        metres[1] *= np.cos(np.radians(self.lat_deg))
-        off = {"position_m": np.hypot(*metres), **off}
-        return {k: float(np.nanmax(v)) for k, v in off.items()}
-
     def speed_factor(self) -> float:
         """Return how much faster the positions move than the speed says; NaN if too few move.
 

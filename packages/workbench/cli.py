@@ -493,8 +493,7 @@ def coverage(
     \b
     python -m analysis coverage              known sensors              data/derived/coverage
     python -m analysis coverage broken       warm-up, step, motion ...  data/derived/robustness
-    python -m analysis coverage power        tests of the fit           data/derived/power
-    python -m analysis coverage real         parts of real logs         data/derived/repeatability
+    python -m analysis coverage real         segments of real logs      data/derived/repeatability
     python -m analysis coverage beside       other tools                data/derived/beside-others
     python -m analysis coverage hats         three units side by side   data/derived/hat-coverage
     python -m analysis coverage ensembles    of the papers' logs        data/derived/ensembles
@@ -511,7 +510,6 @@ def coverage(
     run = {
         "intervals": simulated.study,
         "broken": functools.partial(simulated.study, breaks=True),
-        "power": simulated.power,
         "real": repeatability.study,
         "beside": beside_others.study,
         "hats": simulated.hat_study,

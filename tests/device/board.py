@@ -116,7 +116,7 @@ def memory(folder):
     """Measure what code and state of the blocks take on the board.
 
     Of a drive until the buffer of block 5 is full, and a rest until the buffers of block 4 are, the
-    larger; and of a drive with the filter for cars.
+    larger; and of a drive with the constrained filter.
 
     Parameters
     ----------

@@ -1,0 +1,120 @@
+"""Real laps of the test track with simulated gyros: many draws of the gyro's noise.
+
+Each of the six laps is tracked on the map of the other laps of its direction. A share of runs that
+are lost has an interval from drawing laps and gyro noise again: every lap sees the same draws.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from analysis import resampling, store, terrain, terrain_data
+from analysis.terrain import Sensor, Setup
+
+SEED, DRAWS = 2011, 100  # of the gyro's noise and of the first position
+WATCHED = 20  # draws with which the laps are watched for a wrong place
+LIMIT = 10.0  # m, a run with a larger error at any moment is lost (notebook 21)
+SENSORS = {"tactical": Sensor(0.001, 0.0001), "MEMS": Sensor(0.01, 0.01)}  # terrain paper
+ASSUMED = (0.5, 1.0, 2.0, 4.0)  # sqrt(R) over the scatter of the map
+RESAMPLES = 4000
+
+
+def runs():
+    """Track every lap with each filter, gyro and draw, and watch the laps for a wrong place.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``filters``: filter, gyro; rms_m (median of the laps), better (laps on which it is better
+        than odometry), lost (share of the runs), lost_low, lost_high (95 %). ``laps``: filter,
+        gyro, lap, rms_m, lost. ``stability``: times (sqrt(R) over the scatter of the map), gyro,
+        and the share of runs lost by filters without and with bias states; more_low, more_high,
+        the interval of the difference. ``alarms``: disturbance, laps (watched), alarms and found
+        (share of the laps with one), worst_m (largest error at the end where a place was taken).
+    """
+    setup = Setup.reference(terrain_data.profile("ccw").length_m)
+    real = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps()}
+    errors = {name: terrain_data.map_error(name) for name in real}
+    same, slower = {"runs": DRAWS, "seed": SEED}, replace(setup, every=10)  # 10 Hz, four states
+    sensors = {
+        (f"R = {t:g} R0", k): s._replace(R=t * setup.R) for t in (1, 4) for k, s in SENSORS.items()
+    }
+    plain = terrain.track_real_laps(real, sensors, setup, **same)
+    states = terrain.track_real_laps(real, SENSORS, slower, **same, map_errors=errors)
+    tracked = {at: {name: (of, at) for name, of in plain.items()} for at in sensors}
+    tracked |= {("four states", k): {n: (of, k) for n, of in states.items()} for k in SENSORS}
+    alone = {n: np.sqrt((of.odometry**2).mean() + setup.begin_sd**2) for n, of in plain.items()}
+    rows, filters, rng = [], [], np.random.default_rng(SEED)
+    for (kind, gyro), of_laps in tracked.items():
+        about = {"filter": kind, "gyro": gyro}
+        lost = np.array([of.lost(LIMIT)[k] for of, k in of_laps.values()], dtype=float)
+        rms = {n: float(np.sqrt((of.errors(k) ** 2).mean())) for n, (of, k) in of_laps.items()}
+        rows += [
+            about | {"lap": n, "rms_m": rms[n], "lost": share}
+            for n, share in zip(of_laps, lost.mean(axis=1), strict=True)
+        ]
+        low, high = _interval(lost, rng)
+        better = sum(rms[n] < alone[n] for n in rms)
+        row = {"rms_m": np.median([*rms.values()]), "better": better, "lost": lost.mean()}
+        filters.append(about | row | {"lost_low": low, "lost_high": high})
+    rows += [{"filter": "odometry alone", "lap": n, "rms_m": alone[n]} for n in alone]
+    tables = {"filters": pd.DataFrame(filters), "laps": pd.DataFrame(rows)}
+    tables["stability"] = _stability(real, setup, same, rng)
+    tables["alarms"] = _alarms(real, errors, slower)
+    source = {
+        "title": "Real laps of the test track with simulated gyros",
+        "seed": SEED,
+        "draws": DRAWS,
+        "watched": WATCHED,
+        "setup": setup.stated(),
+    }
+    return source, {name: store.rounded(table, 4) for name, table in tables.items()}
+
+
+def _interval(lost, rng):
+    """95 % interval of a share, laps and draws (rows and columns) drawn again."""
+    laps, draws = (resampling.drawn(n, RESAMPLES, rng) for n in lost.shape)
+    return resampling.interval(
+        np.array([lost[np.ix_(a, b)].mean() for a, b in zip(laps, draws, strict=True)])
+    )
+
+
+def _stability(real, setup, same, rng):
+    """Count lost runs without and with bias states, at several R of each lap."""
+    maps = [profile for _, profile in real.values()]
+    between = np.array([(m.pitch_se_deg**2 * m.laps).mean() for m in maps])  # variance of a lap
+    scatter = np.sqrt(between + between / [m.laps.mean() for m in maps])
+    assumed = {
+        (t, k): s._replace(R=(t * scatter) ** 2) for t in ASSUMED for k, s in SENSORS.items()
+    }
+    lost = {}
+    for with_states in (False, True):
+        kept = replace(setup, bias_states=with_states)
+        for of in terrain.track_real_laps(real, assumed, kept, **same).values():
+            for at in assumed:
+                lost.setdefault((with_states, *at), []).append(of.lost(LIMIT)[at])
+    rows = []
+    for t, k in assumed:
+        without, with_states = (np.array(lost[s, t, k], dtype=float) for s in (False, True))
+        more = _interval(with_states - without, rng)
+        row = {"times": t, "gyro": k, "least_deg": t * scatter.min(), "most_deg": t * scatter.max()}
+        row |= {"without": without.mean(), "with": with_states.mean()}
+        rows.append(row | {"more_low": more[0], "more_high": more[1]})
+    return pd.DataFrame(rows)
+
+
+def _alarms(real, errors, slower):
+    """Watch each lap with several draws of the MEMS gyro, disturbed and not."""
+    watched = [
+        terrain.watch_real_laps(real, errors, SENSORS["MEMS"], slower, seed=SEED + k)
+        for k in range(WATCHED)
+    ]
+    table = pd.concat(watched).rename_axis(["disturbance", "lap"]).reset_index()
+    table["worst_m"] = table["end_m"].where(table["found"] > 0)
+    named = table.assign(alarms=table["alarms"] > 0, found=table["found"] > 0)
+    groups = named.groupby("disturbance", sort=False)
+    means = groups[["alarms", "found"]].mean().assign(laps=groups.size())
+    return means.assign(worst_m=groups["worst_m"].max()).reset_index()
