@@ -86,7 +86,7 @@ class Laps:
         """
         return self._by_sensor(limit < np.abs(self.error).max(axis=-1).T)
 
-    def measures(self, draws: int, rng: np.random.Generator, runs=None) -> dict[str, pd.DataFrame]:
+    def measures(self, draws: int, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
         """Mean absolute error and three variances, with a bootstrap over runs.
 
         Parameters
@@ -94,19 +94,17 @@ class Laps:
         draws : int
             Resamples.
         rng : numpy.random.Generator
-        runs : ndarray of bool, optional
-            The runs that are used; by default all.
 
         Returns
         -------
         dict of pandas.DataFrame
             ``mean`` (of the absolute error, m), ``signed mean`` and ``root mean square`` (m);
-            ``standard deviation`` (m), ``variance`` (m^2, pooled), ``variance over laps at one
-            moment`` (ensemble) and ``variance over a lap`` (per run); ``lost``, the share of the
-            laps (1). A column for each sensor, the sample itself in the first row and a resample in
-            each further row. See `interval`.
+            ``variance`` (m^2, pooled), ``variance over laps at one moment`` (ensemble) and
+            ``variance over a lap`` (per run); ``lost``, the share of the laps (1). A column for
+            each sensor, the sample itself in the first row and a resample in each further row. See
+            `interval`.
         """
-        error = self.error if runs is None else self.error[:, runs]
+        error = self.error
         count = error.shape[1]
         weights = resampling.counts(count, draws, rng) / count
 
@@ -120,7 +118,6 @@ class Laps:
             "mean": over_runs(np.abs(error).mean(axis=2)),
             "signed mean": over_runs(mean),
             "root mean square": np.sqrt(square),
-            "standard deviation": np.sqrt(pooled),
             "variance": pooled,
             "variance over laps at one moment": square - at_a_moment,
             "variance over a lap": square - over_runs(mean**2),
