@@ -16,7 +16,6 @@ from analysis.terrain.terrain_map import AttitudeMap
 
 SEED = 20112
 SENSORS = {(n, b): Sensor(float(n), float(b)) for b in (0.0001, 0.005) for n in (0.001, 0.01)}
-PERFECT = {0: Sensor(0.0, 0.0)}
 
 
 def road():
@@ -38,7 +37,7 @@ def laps(choices, runs=8, attitude_map=None, sensors=SENSORS, **options):
 
 def of_errors(labels, error):
     """Make laps of which only the errors are known, shape (label, lap, moment)."""
-    return monte_carlo.Laps(labels, None, None, error, None, None)
+    return monte_carlo.Laps(labels, None, None, error, None)
 
 
 def test_a_lap_does_not_depend_on_its_company(monkeypatch):

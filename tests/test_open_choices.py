@@ -62,7 +62,6 @@ def test_compiled_filter_equals_numpy(channels, changes):
     )
     for name in ("error", "variance"):
         np.testing.assert_array_equal(getattr(second, name), getattr(first, name))
-    np.testing.assert_allclose(second.nis, first.nis, rtol=1e-9)  # summed in another order
 
 
 def test_compiled_filter_leaves_out_bias_states():
@@ -73,12 +72,12 @@ def test_compiled_filter_leaves_out_bias_states():
 
 
 def test_a_high_pass_or_difference_is_one_of_map_and_samples():
-    """analytic: without gyro error the filter sees no innovation, whatever is compared."""
+    """analytic: without gyro error there is no error, whatever is compared."""
     exact = {"odometry_walk": 0.0, "odometry_scale": 0.0, "begin_sd": 1e-9, "R": 0.01}
     for form in ({"high_pass": 3.0}, {"difference": 30.0}):
         setup = Setup(300.0, **exact, **form)
         laps = simulate_laps(road(), {0: Sensor(0, 0)}, setup, runs=2, seed=SEED)
-        assert np.abs(laps.error).max() < 1e-6 and laps.nis.max() < 1e-9
+        assert np.abs(laps.error).max() < 1e-6
 
 
 def test_laps_begin_all_along_the_road():
@@ -110,7 +109,7 @@ def made(error_of):
     sign = np.where(np.random.default_rng(SEED).random((40, 30)) < 0.5, -1.0, 1.0)
     error = np.array([error_of(label) * sign for label in labels])
     t = np.arange(30.0)
-    return Laps(tuple(labels), t, 11 * t, error, np.ones_like(error), np.ones(error.shape[:2]))
+    return Laps(tuple(labels), t, 11 * t, error, np.ones_like(error))
 
 
 def of_noise(label):

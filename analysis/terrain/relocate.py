@@ -256,7 +256,7 @@ def watch_real_laps(
     stream = np.random.SeedSequence(seed)
     rows = {}
     for label, (lap, profile) in laps.items():
-        truth, moved, attitude = resample_lap(lap, ("pitch",), setup.rate_hz)
+        truth, moved, attitude = resample_lap(lap, setup.rate_hz)
         walk, bias = attitude_errors(setup, 1, [stream], len(truth))
         gyro = (sensor.arw * walk + sensor.sigma_b * bias)[..., 0].T
         own = errors[label].setup(setup, profile.laps.mean())
