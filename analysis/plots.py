@@ -326,21 +326,17 @@ def _axes_of_a_sensor(ax, name, of, color, mark):
         ax.annotate(plain(axis.axis), (axis.n_at, axis.b_at), **at)
 
 
-def curves(
-    axes: Sequence[Axes], measured: pd.DataFrame, lost: pd.Series, swept: str, y_label: str
-) -> None:
-    """Draw Figs 8 to 11 of the terrain paper: thin curves, their average, and the laps lost.
+def curves(axes: Sequence[Axes], measured: pd.DataFrame, swept: str, y_label: str) -> None:
+    """Draw Figs 8 to 11 of the terrain paper: thin curves, and their average.
 
     Parameters
     ----------
-    axes : three of matplotlib.axes.Axes
+    axes : two of matplotlib.axes.Axes
         For the curves on a logarithmic axis; for their average on a linear one, with the line and
-        the square of the swept coefficient that fit it best; for the share of laps lost.
+        the square of the swept coefficient that fit it best.
     measured : pandas.DataFrame
         A row for each resample, the sample first; columns labelled by the fixed and the swept
         coefficient.
-    lost : pandas.Series
-        Share of laps, with the same labels.
     swept : {"N", "B"}
     y_label : str
         What is measured, with its unit.
@@ -350,10 +346,9 @@ def curves(
     for value, color in zip(fixed, plt.cm.viridis(np.linspace(0, 0.9, len(fixed))), strict=True):
         style = {"color": color, "lw": 0.8, "label": name.format(value)}
         axes[0].plot(x, measured[value].iloc[0], **style)
-        axes[2].plot(x, 100 * lost[value], **style)
     middle, low, high = quantiles(measured.T.groupby(level=1).mean().T)
     band = {"color": "k", "alpha": 0.15, "lw": 0, "label": "95 % interval of the average"}
-    for ax in axes[:2]:
+    for ax in axes:
         ax.plot(x, middle, color="k", lw=2, label="average of the curves")
         ax.fill_between(x, low, high, **band)
         ax.set_ylabel(y_label)
@@ -369,8 +364,6 @@ def curves(
     axes[0].yaxis.set_major_locator(LogLocator(subs=ticks))
     axes[0].yaxis.set_major_formatter("{x:g}")
     axes[0].yaxis.set_minor_formatter(NullFormatter())
-    most = max(1.0, 105 * lost.max())
-    axes[2].set(ylabel="laps lost (%)", ylim=(-0.2, most), title="laps lost, linear")
     for ax in axes:
         ax.set_xlabel(AXIS[swept])
         ax.locator_params(axis="x", nbins=4)

@@ -1,21 +1,21 @@
-"""Which reading of the terrain paper its claims hold in: ``python -m analysis readings``.
+"""Which interpretations of the terrain paper its claims hold in: ``python -m analysis readings``.
 
 A cell is one interpretation (`analysis.terrain.open_choices.Interpretation`) with all its sensors;
 it is kept in ``cells/`` of the folder once it is finished. The tables are written when all are
 there:
 
-readings   a row a reading: its level of every factor, ``why`` it is in the design, and for each
-           claim its number (``v_...``, three digits), its Monte Carlo error (``e_...``, two) and
-           the per cent of the bootstrap resamples inside the claim's range (``p_...``)
-best       the readings in which the most claims hold, of all and of those that integrate, with
-           fresh laps, likewise; and the readings of `NAMED`
+readings   a row an interpretation: its level of every factor, ``why`` it is in the design, and for
+           each claim its number (``v_...``, three digits) and the per cent of the bootstrap
+           resamples inside the claim's range (``p_...``)
+best       the interpretations in which the most claims hold, of all and of those that
+           integrate, with fresh laps, likewise; and those of `NAMED`
 
-The readings beside the best of the sample, one level away, are in ``readings`` too: a sample of so
+Those beside the best of the sample, one level away, are in ``readings`` too: a sample of so
 many factors hardly holds the best one.
 
 `analysis.terrain_data.interpretations` reads them. Laps: with 300 the standard error of a mean is
 4 to 8 %, and of a ratio, whose two ends share their laps, about half of it; `best` has 4200, and
-the readings of `NAMED` 12 000.
+those of `NAMED` 12 000.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ FOLDER = store.FOLDER / "readings"
 READINGS, LAPS, SEED = 2048, 300, 2024
 BEST, BEST_LAPS, BEST_SEED = 5, 4200, 2025
 NAMED_LAPS = 12_000  # as many as data/derived/sweeps, which decides the same verdicts
-BESIDE = 4  # of the best readings of the sample, whose neighbours are tried
-NAMED = {  # readings that are rerun beside the best
+BESIDE = 4  # of the best ones of the sample, whose neighbours are tried
+NAMED = {  # interpretations that are rerun beside the best
     "reference": Interpretation(),
     "noise on attitude": Interpretation(noise="on attitude"),
 }
 
 
-def judge(reading, *, laps, seed, compiled):
-    """Compute one cell: claim -> its number, its error, share of the resamples in its range."""
+def judge(interpretation, *, laps, seed, compiled):
+    """Compute one cell: claim -> its number, share of the resamples in its range."""
     found = terrain_data.roads().evaluate(
-        Interpretation.of(reading), laps=laps, seed=seed, compiled=compiled
+        Interpretation.of(interpretation), laps=laps, seed=seed, compiled=compiled
     )
     return {claim: tuple(row) for claim, row in found.iterrows()}
 
@@ -73,18 +73,18 @@ def levels(held):
 def study(
     folder=FOLDER, *, readings=READINGS, laps=LAPS, best=BEST, held=(), compiled=False, **where
 ):
-    """Judge every claim in every reading, and the best ones again; write the tables.
+    """Judge every claim in every interpretation, and the best ones again; write the tables.
 
     Parameters
     ----------
     folder : Path
         Cells that are finished there are not computed again.
     readings, laps : int
-        Of the sample; of each sensor in each reading.
+        Of the sample; of each sensor in each interpretation.
     best : int
-        Readings that are simulated again, on `BEST_LAPS` laps; the named ones on `NAMED_LAPS`.
+        How many are simulated again, on `BEST_LAPS` laps; the named ones on `NAMED_LAPS`.
     held : sequence of str
-        ``NAME=LEVEL`` of factors that all readings share.
+        ``NAME=LEVEL`` of factors that all interpretations share.
     compiled : bool
         Step the filters in compiled code.
     **where
@@ -113,7 +113,7 @@ def study(
         ]
         tables["best"] = pd.concat(again, ignore_index=True)
     source = {
-        "title": "Claims of the terrain paper in readings of what it leaves open",
+        "title": "Claims of the terrain paper in interpretations of what it leaves open",
         "made_by": "python -m analysis readings --out FOLDER",
         "seed": SEED,
         "laps": laps,
@@ -129,17 +129,17 @@ def study(
 
 
 def _ranked(table, laps):
-    """Rows of a table of readings, that in which the most claims hold first."""
+    """Rows of a table of interpretations, that in which the most claims hold first."""
     return Judged.of(table, laps, SEED).joint().index
 
 
 def _near(row):
-    """Lay out the readings beside one of a table."""
+    """Lay out the interpretations beside one of a table."""
     return around(Interpretation.of(row[[*FACTORS]].to_dict())).assign(why="beside the best")
 
 
 def _chosen(table, laps, best):
-    """Lay out the named readings, the best of all, and the best of those that integrate."""
+    """Lay out the named interpretations, the best of all, and the best of those that integrate."""
     named = pd.DataFrame([asdict(one) for one in NAMED.values()]).assign(why=[*NAMED])
     ranked = table.loc[_ranked(table, laps), [*FACTORS]]
     physical = ranked[ranked["noise"] == "integrated"][:best].assign(why="best, integrated")
@@ -148,19 +148,18 @@ def _chosen(table, laps, best):
 
 
 def _judged(plan, *, folder, laps, seed, compiled, **where):
-    """Judge the readings of a plan that are not kept yet, and lay all of them out."""
+    """Judge the interpretations of a plan that are not kept yet, and lay all of them out."""
     rows = plan[[*FACTORS]].to_dict("records")
     items = {
         joblib.hash(f"{laps} laps, seed {seed}: {' | '.join(map(str, row.values()))}"): row
         for row in rows
     }
     numbers, work = [], partial(judge, laps=laps, seed=seed, compiled=compiled)
-    with tqdm(total=len(rows), unit="reading", disable=None) as bar:
+    with tqdm(total=len(rows), unit="interpretation", disable=None) as bar:
         for found in kept(folder, work, items, bar, **where):
             row = {}
-            for claim, (value, error, inside) in found.items():
+            for claim, (value, inside) in found.items():
                 short = claim.removeprefix("terrain-")
-                row |= {f"v_{short}": float(f"{value:.3g}"), f"e_{short}": float(f"{error:.2g}")}
-                row[f"p_{short}"] = round(100 * inside)
+                row |= {f"v_{short}": float(f"{value:.3g}"), f"p_{short}": round(100 * inside)}
             numbers.append(row)
     return pd.concat([plan, pd.DataFrame(numbers)], axis=1)

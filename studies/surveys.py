@@ -52,7 +52,7 @@ R_TIMES = (0.5, 1.0, 2.0, 4.0, 10.0, 30.0)  # R over the R of notebooks 21 to 23
 HIGHWAY_WIDTH = 5.0  # m, standard deviation of the Gaussian that smooths the highway
 TRACKERS, STARTS = ("R tuned", "bias states"), ("stationary", "turn-on")
 ON_MAPS = ("exact map", "measured map error")
-R_TRIED, R_LAPS = np.geomspace(0.01, 100, 9), 100  # over the variance of a reading; to choose R on
+R_TRIED, R_LAPS = np.geomspace(0.01, 100, 9), 100  # over the variance of a sample; to choose R on
 INVERSE_LAPS, INVERSE_RESAMPLES = 200, 200
 
 
@@ -296,7 +296,7 @@ def _at_an_end(swept, n, b):
 
 
 def _sweep_setup():
-    """Give the reading of notebooks 21 to 23, sampled as finely as the map."""
+    """Give the interpretation of notebooks 21 to 23, sampled as finely as the map."""
     return Setup.reference(terrain_data.profile(DIRECTION).length_m).coarser(STEP_M)
 
 
@@ -367,7 +367,7 @@ def _tables(work, items):
 
 
 def inverse_setup(tracker: str, start: str, on: str) -> Setup:
-    """Give the setup of one reading of the inverse design, see `inverse_design`.
+    """Give the setup of one case of the inverse design, see `inverse_design`.
 
     The measured map error is that between laps and maps of the test track
     (`terrain_data.map_error`); it is drawn for each lap. The filter with bias states expects it.
@@ -384,7 +384,7 @@ def inverse_setup(tracker: str, start: str, on: str) -> Setup:
 
 
 def _inverse(item):
-    """Track every gyro of the plane, and every part, in one reading of the inverse design."""
+    """Track every gyro of the plane, and every product, in one case of the inverse design."""
     tracker, start, on = item
     setup, rng = inverse_setup(*item), np.random.default_rng(SEED)
     parts = datasheets.gyros()[["arw", "bias"]]
@@ -405,19 +405,19 @@ def _inverse(item):
         sensors = {k: tried[k, t] for k, t in zip(sensors, best, strict=True)}
     laps = simulate_laps(road, sensors, setup, runs=INVERSE_LAPS, seed=SEED, **options)
     reach = laps.reaches(INVERSE_RESAMPLES, rng)
-    reading = {"tracker": tracker, "start": start, "map": on}
+    case = {"tracker": tracker, "start": start, "map": on}
     table = _errors(reach, laps).rename_axis("part").reset_index()
     table.insert(0, "R_deg2", [setup.R if s.R is None else s.R for s in sensors.values()])
-    table = table.assign(**reading)
+    table = table.assign(**case)
     table["part"] = table.pop("part")
     table[N_AND_B] = [s[:2] for s in sensors.values()]
     of_part = table["part"].isin(parts.index)
     plane, resamples = table[~of_part].drop(columns="part"), reach[[*parts.index]]
-    return {"plane": plane, "parts": table[of_part], "resamples": resamples.assign(**reading)}
+    return {"plane": plane, "parts": table[of_part], "resamples": resamples.assign(**case)}
 
 
 def _variance(sensor, setup):
-    """Variance of a reading, averaged over the lap: that of the gyro and that of the map."""
+    """Variance of a sample, averaged over the lap: that of the gyro and that of the map."""
     of_map = sum(sd**2 for sd, _ in setup.drawn_map_error or ())
     return max(setup.own_R(sensor) + of_map, LEAST_R)
 

@@ -52,18 +52,6 @@ def test_interval_of_the_exponent_covers():
     assert 0.93 <= inside / 1500 <= 0.97
 
 
-def test_misfit_is_students_t():
-    """analytic: at fixed prices the drawn b and ln A have the quantiles of the t interval."""
-    fit = PowerLaw.fit(PRICE, VARIANCE)
-    many = (np.tile(x, (200_000, 1)) for x in (PRICE, VARIANCE))
-    drawn = PowerLaw.fit_draws(*many, misfit=np.random.default_rng(8))
-    for found, expected, within in (
-        (drawn["b"], [fit.b.value, fit.b.low, fit.b.high], 0.01),
-        (np.log(drawn["A"]), np.log([fit.A.value, fit.A.low, fit.A.high]), 0.08),
-    ):
-        assert np.quantile(found, [0.5, 0.025, 0.975]) == pytest.approx(expected, abs=within)
-
-
 def test_many_power_laws_are_each_the_one():
     """cross-check: the batched fit equals the single one, row by row."""
     rng = np.random.default_rng(6)
@@ -187,7 +175,7 @@ def test_share_of_square_knows_lines_and_squares():
         noisy = (x / 0.01) ** power + 0.01 * rng.standard_normal((200, 10))
         found = fit_trend(x, noisy)
         assert (found.square_rms < found.line_rms) == (power == 2)
-        assert (found.p_line < 1e-3) == (power == 2)
+        assert (found.c2.low > 0) == (power == 2)
         assert found.rise.value == pytest.approx(noisy[0, -1] / noisy[0, 0] - 1)
 
 
@@ -197,7 +185,7 @@ def test_a_claimed_shape_is_judged_by_its_share_if_there_is_a_rise():
     share = Estimate(0.5, 0.4, 0.6)
 
     def judge(c1, c2):
-        return trends.Trend(clear, c1, c2, share, np.zeros(2), 0.1, 0.1, 0.5).judge()
+        return trends.Trend(clear, c1, c2, share, 0.1, 0.1).judge()
 
     for c1, c2 in ((clear, none), (none, clear), (clear, clear)):
         assert judge(c1, c2) == (share, None)
@@ -228,7 +216,6 @@ def test_the_shape_of_fig_8_does_not_hang_on_the_seed():
     found, row = fit_trend(np.unique(swept), y), published().loc["terrain-fig8-mean-quadratic"]
     ends = found.share.value, found.share.low, found.share.high
     assert judge(*ends, row["low"], row["high"]) == REPRODUCED
-    assert np.mean(found.shares >= row["low"]) >= 0.99
 
 
 def test_line_test_keeps_its_level():
@@ -238,5 +225,6 @@ def test_line_test_keeps_its_level():
     for _ in range(300):
         curves = x + 0.3 * rng.standard_normal((60, 10)) + rng.standard_normal((60, 1))
         y = resampling.counts(60, 200, rng) / 60 @ curves
-        called += fit_trend(x, 3.0 + y).p_line < 0.05
+        c2 = fit_trend(x, 3.0 + y).c2
+        called += not c2.low <= 0 <= c2.high
     assert 0.02 <= called / 300 <= 0.10  # 5 % +- 2.5 %, and a bootstrap of 60 is a little narrow

@@ -291,8 +291,7 @@ class Setup:
         at `begin`.
     drawn_map_error : tuple of (float, float), or None
         Standard deviation (deg) and correlation length (m; ``inf`` stays for the lap) of each
-        component of the map's error in simulated laps, drawn for each; None: the map is exact,
-        but for white noise (`simulate_laps`).
+        component of the map's error in simulated laps, drawn for each; None: the map is exact.
     bias_states : bool
         Let the filter estimate attitude error and rate bias too, which the paper rules out. R is
         then the variance of what is left: the map's error.

@@ -40,9 +40,9 @@ def divide(first, second, s_00, s_01, s_11):
 
 def run_compiled(
     attitude_map, setup, first, moved, attitude, known, walk, bias, arw, sigma_b, R, truth, stride,
-    error, variance, nis,
+    error, variance,
 ):  # fmt: skip
-    """Step the filters of all sensors through all runs, and write into the last three arrays.
+    """Step the filters of all sensors through all runs, and write into the last two arrays.
 
     Parameters
     ----------
@@ -55,8 +55,6 @@ def run_compiled(
     stride : int
         Samples between two that are stored.
     error, variance : ndarray, shape (sensors, runs, times)
-    nis : ndarray, shape (sensors, runs)
-        Summed over the stored samples.
 
     Raises
     ------
@@ -72,7 +70,7 @@ def run_compiled(
     _compiled_loop()(
         m._slope, m._intercept, m._scale, m._shift, first, setup.begin_sd**2, setup.q, setup.every,
         of_each(moved), of_each(attitude), known, walk, bias, arw, sigma_b, R, of_each(truth),
-        stride, error, variance, nis,
+        stride, error, variance,
     )  # fmt: skip
 
 
@@ -100,10 +98,10 @@ def _points(slope, intercept, scale, shift, s, reach):
 
 def _loop(
     slope, intercept, scale, shift, first, begin_var, spread, every, moved, attitude, known,
-    walk, bias, arw, sigma_b, R, truth, stride, error, variance, nis,
+    walk, bias, arw, sigma_b, R, truth, stride, error, variance,
 ):  # fmt: skip
     cells, (channels, n, runs) = len(arw), attitude.shape
-    x, P, square = np.empty(cells), np.empty(cells), np.empty(cells)
+    x, P = np.empty(cells), np.empty(cells)
     for r in range(runs):
         x[:] = first[r]
         P[:] = begin_var
@@ -127,7 +125,6 @@ def _loop(
                     gain = cross / s_00
                     x[c] = s + gain * nu
                     P[c] = p - gain * cross
-                    square[c] = nu * nu / s_00
                     continue
                 points = _points(slope[1], intercept[1], scale, shift, s, root * ROOT)
                 expected, of_slope, b = about_mean(*points)
@@ -137,12 +134,8 @@ def _loop(
                 gain, other = divide(cross, more, s_00, s_01, s_11)
                 x[c] = s + gain * nu + other * of_b
                 P[c] = p - (gain * cross + other * more)
-                weighted = divide(nu, of_b, s_00, s_01, s_11)
-                square[c] = (nu * weighted[0] + of_b * weighted[1]) / 2
             if k % stride == 0:
                 j = k // stride - 1
                 for c in range(cells):
                     error[c, r, j] = x[c] - truth[k, r]
                     variance[c, r, j] = P[c]
-                    if known[k]:
-                        nis[c, r] += square[c]

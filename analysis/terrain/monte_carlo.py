@@ -35,7 +35,7 @@ from analysis import CannotAnswer, Estimate, WrongUsage, resampling
 from analysis.terrain.assumptions import TURN_ON, Sensor, Setup, exp, unit_paths
 from analysis.terrain.compiled import run_compiled
 from analysis.terrain.terrain_map import AttitudeMap
-from analysis.terrain.ukf import Ukf, bias_state_matrices, normalised_square
+from analysis.terrain.ukf import Ukf, bias_state_matrices
 
 TOGETHER = 6000  # filters stepped at once: many for the interpreter, few enough for a cache
 RUNS_AT_ONCE = 300  # whose unit paths are held at a time: some 240 MB
@@ -58,8 +58,6 @@ class Laps:
         Estimated minus true distance.
     variance : ndarray, shape (sensors, runs, times), m^2
         That the filter computes for its error.
-    nis : ndarray, shape (sensors, runs), 1
-        Normalised innovation squared per channel, averaged over those times with a sample.
     odometry : ndarray, shape (times,), m, optional
         Error of the odometry alone from the true first position; of real laps.
     """
@@ -69,7 +67,6 @@ class Laps:
     distance: np.ndarray
     error: np.ndarray
     variance: np.ndarray
-    nis: np.ndarray
     odometry: np.ndarray | None = None
 
     def errors(self, label: Hashable) -> np.ndarray:
@@ -86,7 +83,7 @@ class Laps:
         """
         return self._by_sensor(limit < np.abs(self.error).max(axis=-1).T)
 
-    def measures(self, draws: int, rng: np.random.Generator, runs=None) -> dict[str, pd.DataFrame]:
+    def measures(self, draws: int, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
         """Mean absolute error and three variances, with a bootstrap over runs.
 
         Parameters
@@ -94,19 +91,17 @@ class Laps:
         draws : int
             Resamples.
         rng : numpy.random.Generator
-        runs : ndarray of bool, optional
-            The runs that are used; by default all.
 
         Returns
         -------
         dict of pandas.DataFrame
             ``mean`` (of the absolute error, m), ``signed mean`` and ``root mean square`` (m);
-            ``standard deviation`` (m), ``variance`` (m^2, pooled), ``variance over laps at one
-            moment`` (ensemble) and ``variance over a lap`` (per run); ``lost``, the share of the
-            laps (1). A column for each sensor, the sample itself in the first row and a resample in
-            each further row. See `interval`.
+            ``variance`` (m^2, pooled), ``variance over laps at one moment`` (ensemble) and
+            ``variance over a lap`` (per run); ``lost``, the share of the laps (1). A column for
+            each sensor, the sample itself in the first row and a resample in each further row. See
+            `interval`.
         """
-        error = self.error if runs is None else self.error[:, runs]
+        error = self.error
         count = error.shape[1]
         weights = resampling.counts(count, draws, rng) / count
 
@@ -120,7 +115,6 @@ class Laps:
             "mean": over_runs(np.abs(error).mean(axis=2)),
             "signed mean": over_runs(mean),
             "root mean square": np.sqrt(square),
-            "standard deviation": np.sqrt(pooled),
             "variance": pooled,
             "variance over laps at one moment": square - at_a_moment,
             "variance over a lap": square - over_runs(mean**2),
@@ -228,8 +222,10 @@ def simulate_laps(
             seen = seen.reshape(*shape, -1) + map_errors(setup, shape, streams[of])
         given = attitude_map, at, seen, first, moved, paths, sensors, setup, store_every
         found.append(follow(*given, compiled=compiled))
-    names = ("error", "variance", "nis")
-    joined = (np.concatenate([getattr(laps, name) for laps in found], axis=1) for name in names)
+    joined = (
+        np.concatenate([getattr(laps, name) for laps in found], axis=1)
+        for name in ("error", "variance")
+    )
     return Laps(found[0].labels, found[0].t, found[0].distance, *joined)
 
 
@@ -348,7 +344,6 @@ def follow(
     stride = every * max(round(store_every / dt) // every, 1)
     stored = np.arange(stride, n, stride)
     error, variance = np.empty((2, len(arw), len(first), len(stored)))
-    nis = np.zeros((len(arw), len(first)))
     attitude = attitude.reshape(m, n, 1, -1)
     known = np.isfinite(attitude).all(axis=(0, 2))  # samples, 1 or runs
     distance = truth.reshape(n, -1)[stored, 0]
@@ -358,10 +353,9 @@ def follow(
         run_compiled(
             *(attitude_map, setup, first, moved.reshape(n, -1), attitude[:, :, 0], known[:, 0]),
             *(walk, bias, arw[:, 0], sigma_b[:, 0], R[:, 0], truth.reshape(n, -1), stride),
-            *(error, variance, nis),
+            *(error, variance),
         )
-        nis /= np.maximum(np.count_nonzero(known[stored], axis=0), 1)
-        return Laps(tuple(sensors), stored * dt, distance, error, variance, nis)
+        return Laps(tuple(sensors), stored * dt, distance, error, variance)
     ukf, Q = filters_of(attitude_map, setup, arw, sigma_b, first)
     for k in range(every, n, every):
         step = moved[k - every + 1 : k + 1].sum(axis=0)
@@ -370,15 +364,12 @@ def follow(
             z = arw * walk[k][:, None]
             z += sigma_b * bias[k][:, None]
             z += attitude[:, k]
-        innovation, S = advance(ukf, setup, step, Q, z, R, None if known[k].all() else ~known[k])
+        advance(ukf, setup, step, Q, z, R, None if known[k].all() else ~known[k])
         if k % stride == 0:
             j = k // stride - 1
             error[:, :, j] = ukf.x[0] - truth[k]
             variance[:, :, j] = ukf.P[0, 0]
-            if z is not None:
-                nis += np.where(known[k], normalised_square(innovation, S) / m, 0.0)
-    nis /= np.maximum(np.count_nonzero(known[stored], axis=0), 1)
-    return Laps(tuple(sensors), stored * dt, distance, error, variance, nis)
+    return Laps(tuple(sensors), stored * dt, distance, error, variance)
 
 
 def advance(ukf, setup, step, Q, z, R, missing=None):
@@ -388,11 +379,6 @@ def advance(ukf, setup, step, Q, z, R, missing=None):
     ----------
     missing : ndarray of bool, shape (runs,), optional
         The runs that have no sample, if others have one.
-
-    Returns
-    -------
-    innovation, S : ndarray or None
-        As `Ukf.update` gives them; None without a sample.
     """
     ukf.predict(step, Q)
     ukf.P[0, 0] += setup.q * np.abs(step)
@@ -400,13 +386,13 @@ def advance(ukf, setup, step, Q, z, R, missing=None):
         sd, length = setup.map_error
         ukf.decay(exp(-np.abs(step) / length), sd**2)
     if z is None:
-        return None, None
+        return
     if missing is None:  # nothing to put back
-        return ukf.update(z, R)
+        ukf.update(z, R)
+        return
     x, P = ukf.x[..., missing], ukf.P[..., missing]
-    found = ukf.update(z, R)
+    ukf.update(z, R)
     ukf.x[..., missing], ukf.P[..., missing] = x, P
-    return found
 
 
 def assumed_R(sensor, setup):

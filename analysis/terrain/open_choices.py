@@ -190,9 +190,7 @@ class Roads(NamedTuple):
         Returns
         -------
         DataFrame, indexed by claim
-            ``value`` of the claim's number; its Monte Carlo ``error``, half of the 95 % interval of
-            the resamples, which a few lost laps can make larger than the number; and the share of
-            the resamples ``inside`` the claim's range.
+            ``value`` of the claim's number, and the share of the resamples ``inside`` its range.
         """
         channels = {"pitch": [0], "roll": [1], "both": [0, 1]}[chosen.channel]
         road, setup = self.maps[chosen.road], chosen.setup()
@@ -208,8 +206,7 @@ class Roads(NamedTuple):
         for claim, values in numbers.items():
             with np.errstate(invalid="ignore"):
                 inside = (values[1:] >= low[claim]) & (values[1:] <= high[claim])
-                error = np.diff(resampling.interval(values[1:]))[0] / 2
-            rows[claim] = {"value": values[0], "error": error, "inside": inside.mean()}
+            rows[claim] = {"value": values[0], "inside": inside.mean()}
         return pd.DataFrame(rows).T
 
 
@@ -417,7 +414,7 @@ class Judged:
     levels : DataFrame, shape (interpretations, factors)
     why : Series, shape (interpretations,)
         ``sample``, ``about ...``, ``beside the best``, ``best`` or the name of an interpretation.
-    value, error, inside : DataFrame, shape (interpretations, claims)
+    value, inside : DataFrame, shape (interpretations, claims)
         As `Roads.evaluate` gives them.
     laps, seed : int
     """
@@ -425,7 +422,6 @@ class Judged:
     levels: pd.DataFrame
     why: pd.Series
     value: pd.DataFrame
-    error: pd.DataFrame
     inside: pd.DataFrame
     laps: int
     seed: int
@@ -433,13 +429,13 @@ class Judged:
     @classmethod
     def of(cls, table: pd.DataFrame, laps: int, seed: int) -> Judged:
         """Take a table of data/derived/readings apart."""
-        numbers = (table.filter(regex=f"^{k}_") for k in "vep")
-        value, error, inside = (n.rename(columns=lambda c: f"terrain-{c[2:]}") for n in numbers)
-        return cls(table[[*FACTORS]], table["why"], value, error, inside / 100, laps, seed)
+        numbers = (table.filter(regex=f"^{k}_") for k in "vp")
+        value, inside = (n.rename(columns=lambda c: f"terrain-{c[2:]}") for n in numbers)
+        return cls(table[[*FACTORS]], table["why"], value, inside / 100, laps, seed)
 
     def where(self, rows: pd.Series) -> Judged:
         """Keep some of them, such as ``of.where(of.levels["noise"] == "integrated")``."""
-        names = "levels", "why", "value", "error", "inside"
+        names = "levels", "why", "value", "inside"
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def interpretation(self, row: int) -> Interpretation:
@@ -501,51 +497,28 @@ class Judged:
         order = keys.sort_values([*keys], kind="stable").index
         return table.join(self.levels).loc[order]
 
-    def never(self) -> list[str]:
-        """Name the claims that hold in none of the interpretations."""
-        return [claim for claim, held in (self.inside >= HOLDS).any().items() if not held]
-
-    def deciding(self, claim: str, resamples: int, rng: np.random.Generator) -> pd.DataFrame:
-        """Say which factors decide a claim: their shares of the variance of ``inside``.
+    def first_order(self) -> pd.DataFrame:
+        """Say which factors decide the claims: their shares of the variance of ``inside``.
 
         The share of a factor is that of the variance between its levels (first-order Sobol' index),
         corrected for the number of levels (epsilon squared); a factor without influence has 0 on
         average, and may come out below. Levels are drawn evenly, so factors are all but
         uncorrelated.
 
-        Parameters
-        ----------
-        claim : str
-        resamples : int
-            Bootstrap samples of the interpretations, for the intervals.
-        rng : numpy.random.Generator
-
         Returns
         -------
-        DataFrame, indexed by factor
-            ``share`` with ``low`` and ``high`` (95 %), the largest first; ``with_factor`` and
-            ``pair``, the other factor with which it explains most beyond both alone, and how much.
+        DataFrame, shape (claims, factors)
         """
-        names = [*FACTORS]
-        codes = [pd.Categorical(self.levels[k], FACTORS[k]).codes.astype(int) for k in names]
-        y, n = self.inside[claim].to_numpy(), len(self.inside)
-        drawn = np.vstack([np.arange(n), resampling.drawn(n, resamples, rng)])
-        found = np.array([[_between(y[d], of[d]) for of in codes] for d in drawn])
-        low, high = resampling.interval(found[1:])
-        table = pd.DataFrame({"share": found[0], "low": low, "high": high}, index=names)
-        pairs = pd.DataFrame(0.0, names, names)
-        for i, one in enumerate(names):
-            for j in range(i):
-                both = _between(y, codes[i] * 100 + codes[j])
-                more = both - max(found[0, i], 0.0) - max(found[0, j], 0.0)
-                pairs.loc[one, names[j]] = pairs.loc[names[j], one] = more
-        table = table.assign(with_factor=pairs.idxmax(axis=1), pair=pairs.max(axis=1))
-        return table.sort_values("share", ascending=False, kind="stable")
+        shares = {
+            k: [_between(y.to_numpy(), self.levels[k]) for _, y in self.inside.items()]
+            for k in FACTORS
+        }
+        return pd.DataFrame(shares, index=self.inside.columns)
 
 
-def _between(y, codes):
+def _between(y, levels):
     """Share of the variance of y that lies between groups, corrected for their number."""
-    _, group = np.unique(codes, return_inverse=True)
+    group, _ = pd.factorize(levels)
     count = np.bincount(group)
     means = np.bincount(group, y) / count
     total = ((y - y.mean()) ** 2).sum()

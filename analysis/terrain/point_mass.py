@@ -20,7 +20,7 @@ from scipy.ndimage import convolve1d
 from analysis.terrain.assumptions import Setup
 from analysis.terrain.monte_carlo import nees_bounds, odometry
 from analysis.terrain.terrain_map import AttitudeMap
-from analysis.terrain.ukf import Ukf, normalised_square
+from analysis.terrain.ukf import Ukf
 
 STORE_EVERY = 0.5  # s between the stored errors of a comparison
 HALF_WIDTH = 3.0  # m, of the grid of a comparison
@@ -123,9 +123,9 @@ def compare_filters(
     by_distance : pandas.DataFrame
         A row for each stored distance (m): rms error of the ``UKF`` and of the ``grid filter``, the
         ``Cramér–Rao bound``, the standard deviation of ``odometry alone``, the ``largest`` error of
-        the UKF (m); its ``NEES`` and ``NIS``, means over the runs, which are 1 if it is consistent.
+        the UKF (m); its ``NEES``, the mean over the runs, which is 1 if it is consistent.
     bounds : tuple of float
-        95 % bounds of these means, were the filter consistent.
+        95 % bounds of this mean, were the filter consistent.
     """
     streams = np.random.SeedSequence(seed).spawn(runs)
     first, moved = odometry(setup, streams)
@@ -139,13 +139,12 @@ def compare_filters(
         z = attitude[:, k, None] + np.sqrt(setup.R) * rng.standard_normal((len(attitude), runs))
         for each in (ukf, grid):
             each.predict(moved[k], q)
-        innovation, S = ukf.update(z, setup.R)
+        ukf.update(z, setup.R)
         grid.update(z, setup.R)
         if k % stride == 0:
-            nis = normalised_square(innovation, S) / len(z)
             errors = [ukf.x[0] - truth[k], grid.mean()[0] - truth[k]]
-            stored.append([*errors, ukf.P[0, 0].copy(), nis])
-    of_ukf, of_grid, variance, nis = np.moveaxis(stored, 1, 0)  # each (times, runs)
+            stored.append([*errors, ukf.P[0, 0].copy()])
+    of_ukf, of_grid, variance = np.moveaxis(stored, 1, 0)  # each (times, runs)
     at = truth[stride::stride]
     by_distance = {
         "UKF": np.sqrt((of_ukf**2).mean(axis=1)),
@@ -154,6 +153,5 @@ def compare_filters(
         "odometry alone": np.sqrt(prior + setup.q * (at - setup.begin)),
         "largest": np.abs(of_ukf).max(axis=1),
         "NEES": (of_ukf**2 / variance).mean(axis=1),
-        "NIS": nis.mean(axis=1),
     }
     return pd.DataFrame(by_distance, index=at), nees_bounds(runs)

@@ -220,7 +220,7 @@ def lay_on_line(name, direction, raw, line, mounting) -> Lap:
     return Lap(name, direction, t - t[0], s, *columns)
 
 
-def resample_lap(lap, channels, rate_hz):
+def resample_lap(lap, rate_hz):
     """Resample a real lap to the rate of a filter.
 
     Where the antennas had no fix the attitude is NaN, so that a filter only predicts there.
@@ -228,13 +228,13 @@ def resample_lap(lap, channels, rate_hz):
     Parameters
     ----------
     lap : Lap
-    channels : sequence of {"pitch", "roll"}
     rate_hz : float
 
     Returns
     -------
     truth, moved : ndarray, shape (samples,), m
-    attitude : ndarray, shape (channels, samples), deg
+    attitude : ndarray, shape (1, samples), deg
+        The pitch.
 
     Raises
     ------
@@ -243,17 +243,12 @@ def resample_lap(lap, channels, rate_hz):
     """
     t = np.arange(lap.t_s[0], lap.t_s[-1], 1 / rate_hz)
     truth, wheel = (np.interp(t, lap.t_s, column) for column in (lap.s_m, lap.wheel_m))
-    attitude = []
-    for channel in channels:
-        measured = getattr(lap, f"{channel}_deg")
-        known = np.isfinite(measured)
-        if not known.any():
-            raise CannotAnswer(
-                f"lap {lap.name} has no {channel}: an antenna was missing throughout"
-            )
-        row = np.interp(t, lap.t_s[known], measured[known])
-        attitude.append(np.where(np.interp(t, lap.t_s, ~known) > 0, np.nan, row))
-    return truth, np.diff(wheel, prepend=wheel[0]), np.array(attitude)
+    known = np.isfinite(lap.pitch_deg)
+    if not known.any():
+        raise CannotAnswer(f"lap {lap.name} has no pitch: an antenna was missing throughout")
+    pitch = np.interp(t, lap.t_s[known], lap.pitch_deg[known])
+    pitch[np.interp(t, lap.t_s, ~known) > 0] = np.nan
+    return truth, np.diff(wheel, prepend=wheel[0]), pitch[None]
 
 
 def track_real_laps(
@@ -263,7 +258,6 @@ def track_real_laps(
     *,
     runs: int,
     seed: int,
-    channels: Sequence[str] = ("pitch",),
     map_errors: Mapping[Hashable, MapError] | None = None,
 ) -> dict[Hashable, Laps]:
     """Track real laps with simulated gyros, each on its own map.
@@ -279,7 +273,6 @@ def track_real_laps(
     runs : int
         Draws of the gyros and of the first position's error; the same for every lap.
     seed : int
-    channels : sequence of {"pitch", "roll"}
     map_errors : mapping of label to MapError, optional
         What a filter with bias and map-error states expects of each map; it decides R, too.
 
@@ -299,13 +292,13 @@ def track_real_laps(
     off = setup.begin_sd * np.array([np.random.default_rng(s).standard_normal() for s in streams])
     maps, drives, seen, told = [], [], [], []
     for label, (lap, profile) in laps.items():
-        attitude_map = profile.attitude_map(channels)
-        truth, moved, attitude = resample_lap(lap, channels, setup.rate_hz)
+        attitude_map = profile.attitude_map()
+        truth, moved, attitude = resample_lap(lap, setup.rate_hz)
         attitude_map.require(truth)
         error = None if map_errors is None else map_errors[label]
         told.append(setup if error is None else error.setup(setup, profile.laps.mean()))
         maps.append(attitude_map)
-        paths = attitude_errors(told[-1], len(channels), streams, len(truth))
+        paths = attitude_errors(told[-1], 1, streams, len(truth))
         truth, moved, attitude = (x[..., None].repeat(runs, -1) for x in (truth, moved, attitude))
         drives.append((truth, moved, *paths))
         seen.append(attitude)
@@ -340,7 +333,6 @@ def track_real_laps(
             truth[at, runs_of.start],
             found.error[:, runs_of][..., kept],
             found.variance[:, runs_of][..., kept],
-            found.nis[:, runs_of],
             (odometry - truth[:, runs_of.start])[at],
         )
     return tracked

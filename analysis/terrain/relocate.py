@@ -51,8 +51,8 @@ class Watched:
 
     Attributes
     ----------
-    position, odometry : ndarray, shape (samples, drives), m
-        By the filter and its searches, and by the odometry alone.
+    position : ndarray, shape (samples, drives), m
+        By the filter and its searches.
     lost : ndarray of bool, shape (samples, drives)
         From an alarm until the place was found again.
     alarms, found : list of (int, int)
@@ -60,7 +60,6 @@ class Watched:
     """
 
     position: np.ndarray
-    odometry: np.ndarray
     lost: np.ndarray
     alarms: list[tuple[int, int]]
     found: list[tuple[int, int]]
@@ -113,7 +112,7 @@ def watch(
     position, lost = np.tile(first, (len(driven), 1)), np.zeros(driven.shape, dtype=bool)
     is_lost, begun = np.zeros(drives, dtype=bool), np.full(drives, np.inf)
     waited = np.full(drives, WAIT - WINDOW)
-    raised = Watched(position, first + driven, lost, [], [])
+    raised = Watched(position, lost, [], [])
     for k, step in enumerate(steps):
         read = z[:, k, None] if np.isfinite(z[:, k]).all() else None
         advance(ukf, setup, step, Q, read, R)
@@ -256,7 +255,7 @@ def watch_real_laps(
     stream = np.random.SeedSequence(seed)
     rows = {}
     for label, (lap, profile) in laps.items():
-        truth, moved, attitude = resample_lap(lap, ("pitch",), setup.rate_hz)
+        truth, moved, attitude = resample_lap(lap, setup.rate_hz)
         walk, bias = attitude_errors(setup, 1, [stream], len(truth))
         gyro = (sensor.arw * walk + sensor.sigma_b * bias)[..., 0].T
         own = errors[label].setup(setup, profile.laps.mean())

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2, linregress
+from scipy.stats import linregress
 from scipy.stats import t as student
 
 from analysis import CannotAnswer, Estimate, WrongUsage
@@ -43,22 +43,16 @@ class Trend:
         Share of the rise that the quadratic term carries, c2 / (c1 + c2): 0 for a line, 1 for a
         square. Where the rise may be 0 the share has a pole; the interval then comes from its
         inverse and is open upwards, or open on both sides if c2 may be 0 too.
-    shares : ndarray, shape (resamples,)
-        The same in each resample.
     line_rms, square_rms : float
         Residual of the sample about c0 + c1 u(x) and about c0 + c2 u(x^2), over the rise.
-    p_line : float
-        Probability of a quadratic term as large as this one if the truth were a line (Wald).
     """
 
     rise: Estimate
     c1: Estimate
     c2: Estimate
     share: Estimate
-    shares: np.ndarray
     line_rms: float
     square_rms: float
-    p_line: float
 
     def judge(self) -> tuple[Estimate, str | None]:
         """Give the share of the square, by which a claimed shape is judged.
@@ -99,9 +93,7 @@ def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
     over = interval(y[:, -1] / y[:, 0], skewed=True)
     value, low, high = (None if x is None else x - 1 for x in (over.value, over.low, over.high))
     rise = Estimate(value, low, high)
-    p_line = float(chi2.sf((c2[0] / c2[1:].std()) ** 2, 1))
-    share, shares = _share_of_square(c1, c2), (c2 / (c1 + c2))[1:]
-    return Trend(rise, interval(c1), interval(c2), share, shares, rms[0], rms[1], p_line)
+    return Trend(rise, interval(c1), interval(c2), _share_of_square(c1, c2), *rms)
 
 
 def line_and_square(x):
@@ -175,17 +167,12 @@ class PowerLaw:
         return cls(Estimate(*A.tolist()), Estimate(*b.tolist()), float(abs(line.rvalue)))
 
     @staticmethod
-    def fit_draws(
-        prices: ArrayLike, variances: ArrayLike, misfit: np.random.Generator | None = None
-    ) -> dict[str, np.ndarray]:
+    def fit_draws(prices: ArrayLike, variances: ArrayLike) -> dict[str, np.ndarray]:
         """Fit eq. (7) to many draws of prices and resamples of variances at once.
 
         Parameters
         ----------
         prices, variances : array_like, shape (draws, n)
-        misfit : numpy.random.Generator, optional
-            Then the coefficients of each draw are themselves drawn from their distribution under
-            least squares (Student's t with n - 2 degrees of freedom, from the misfit of that draw).
 
         Returns
         -------
@@ -193,15 +180,9 @@ class PowerLaw:
             ``A``, ``b``, and the ``correlation`` without its sign.
         """
         x, y = np.log(np.asarray(prices)), np.log(np.asarray(variances))
-        draws, n = x.shape
         dx, dy = x - x.mean(axis=1, keepdims=True), y - y.mean(axis=1, keepdims=True)
         xx, xy, yy = ((p * q).sum(axis=1) for p, q in ((dx, dx), (dx, dy), (dy, dy)))
         level, b = y.mean(axis=1), -xy / xx
-        if misfit is not None:
-            rest = ((dy + b[:, None] * dx) ** 2).sum(axis=1)
-            scale = np.sqrt(rest / misfit.chisquare(n - 2, size=draws))
-            of_level, of_slope = misfit.standard_normal((2, draws)) * scale
-            level, b = level + of_level / np.sqrt(n), b - of_slope / np.sqrt(xx)
         correlation = np.abs(xy) / np.sqrt(xx * yy)
         return {"A": np.exp(level + b * x.mean(axis=1)), "b": b, "correlation": correlation}
 

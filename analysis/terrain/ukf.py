@@ -103,12 +103,6 @@ class Ukf:
         z : ndarray, shape (m, ...), deg
         R : array_like, broadcast over the batch, deg^2
             Variance of each channel's measurement; channels are taken as independent.
-
-        Returns
-        -------
-        innovation : ndarray, shape (m, ...), deg
-        S : ndarray, shape (m, m, ...), deg^2
-            Its covariance.
         """
         x, P, n, m = self.x, self.P, self.n, self.m
         root = _cholesky(P)
@@ -146,7 +140,6 @@ class Ukf:
                 P[i, j] -= sum(K[i][c] * P_xz[j][c] for c in range(m))
                 if i != j:
                     P[j, i] = P[i, j]
-        return innovation, S
 
 
 def bias_state_matrices(arw, sigma_b, corr_time, dt, channels=1) -> tuple[np.ndarray, np.ndarray]:
@@ -181,17 +174,6 @@ def bias_state_matrices(arw, sigma_b, corr_time, dt, channels=1) -> tuple[np.nda
         Q[a, a + 1] = Q[a + 1, a] = drive * dt / 2
         Q[a + 1, a + 1] = drive
     return transition, Q
-
-
-def normalised_square(innovation, S):
-    """Innovation squared over its covariance, nu' S^-1 nu, for one or two channels.
-
-    Returns
-    -------
-    ndarray, shape (...)
-    """
-    weighted = _divide(innovation, S)
-    return sum(innovation[c] * weighted[c] for c in range(len(weighted)))
 
 
 def _cholesky(P):
