@@ -421,7 +421,8 @@ class Ledger:
             )
         under = f"All verdicts hold if {self.when}. " * bool(self.when and rows)
         apart = len(self._entries()) - len(rows) - skipped
-        left = f"{apart} more claims are not testable or hold by construction: figures/claims.csv."
+        left = f"Not shown, for they cannot be tested or hold by construction: {apart} of"
+        left += f" {len(self._entries())} claims (figures/claims.csv)."
         shown = text.table(pd.DataFrame(rows)) if rows else ""
         return text.Shown(f"{shown}\n\n{under}{left * bool(apart)}".strip())
 
@@ -430,7 +431,7 @@ class Ledger:
         register = pd.read_csv(DATA / "published" / "errata.csv")
         mine = register[register["notebook"] == self.notebook]
         rows = mine[mine["changes"] == "a result"]
-        left = f"{len(mine) - len(rows)} more that change only a number or the text"
+        left = f"{len(mine) - len(rows)} of {len(mine)} errata change only a number or the text"
         link = "[data/published/errata.csv](../data/published/errata.csv)"
         table = text.table(rows[["where", "printed", "should_be", "evidence"]]) if len(rows) else ""
         return text.Shown(f"{table}\n\n{left}: {link}.".strip())

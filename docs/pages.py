@@ -114,6 +114,7 @@ class Page:
                 if before.cell_type == "code" and not before.outputs:
                     cell.source = f"{before.source}\n\n{cell.source}"  # one fold, not two
                     cells.pop()
+            cell.source = cell.source if cell.cell_type == "code" else _words(cell.source, "../")
             cells.append(cell)
         self.notebook.cells = cells
 
@@ -129,7 +130,10 @@ class Page:
         """
         outputs, names = iter(outputs), self._saved(source)
         for output in outputs:
-            if "image/png" not in output.get("data", {}):
+            data = output.get("data", {})
+            if "image/png" not in data:
+                if "text/markdown" in data:
+                    data["text/markdown"] = _words(data["text/markdown"], "../")
                 yield output
                 continue
             legend = next(outputs)
@@ -182,6 +186,11 @@ class Page:
             mark.id = marks[i]
             cells.insert(i, mark)
         return found
+
+
+def _words(markdown, beginning):
+    """Leave of a link to a file, which is not on the site, its words."""
+    return re.sub(rf"\[([^]]+)\]\({beginning}[^)]+\)", r"\1", markdown)
 
 
 def _patterns(source):
@@ -264,7 +273,7 @@ def write(folder: Path) -> None:
         "findings": pd.read_csv(findings).to_dict("records") if findings.exists() else [],
     }
     for name, path in WORDS.items():
-        words = re.sub(r"\[([^]]+)\]\((?!http)[^)]+\)", r"\1", (ROOT / path).read_text("utf-8"))
+        words = _words((ROOT / path).read_text("utf-8"), "(?!http)")
         (folder / f"{name}.md").write_text(words, "utf-8")
     jinja = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),

@@ -203,7 +203,7 @@ def test_what_is_not_judged_stands_in_the_register(elsewhere):
     ledger.check(FIRST, PUBLISHED["value"])
     assert [row["verdict"] for row in in_table(ledger)] == [REPRODUCED]
     assert ledger.table().endswith(
-        f"{len(mine)} more claims are not testable or hold by construction: figures/claims.csv."
+        f"by construction: {len(mine)} of {len(mine) + 1} claims (figures/claims.csv)."
     )
     written = pd.read_csv(elsewhere).set_index("id")["verdict"]
     assert written.to_dict() == {FIRST: REPRODUCED, **mine["why"]}
@@ -364,6 +364,6 @@ def test_errata_are_those_of_the_notebook():
     for name, rows in register.groupby("notebook"):
         told = claims.Ledger(name).errata()
         lines = max(sum(line.startswith("| ") for line in told.splitlines()) - 1, 0)
-        counted = int(re.search(r"^(\d+) more", told, re.M)[1])
+        counted = int(re.search(r"^(\d+) of \d+ errata", told, re.M)[1])
         assert (lines, lines + counted) == ((rows["changes"] == "a result").sum(), len(rows))
-    assert claims.Ledger("90-test").errata().startswith("0 more")
+    assert claims.Ledger("90-test").errata().startswith("0 of 0 errata")

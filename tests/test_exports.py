@@ -382,6 +382,21 @@ def test_a_tool_gives_the_curve_of_the_log_back(tool, monkeypatch):
     assert exports.stand_in(still["channels"][1], still["source"], np.radians(0.00915)) is None
 
 
+def test_a_stand_in_replaces_nothing_that_is_resolved():
+    """Property: with N unresolved, K stays; with a curve that has no numbers, nothing stands in."""
+    log = stored.read_model("adis16405")
+    log["channels"] = log["channels"][1:2]  # white noise, flicker noise and K
+    own = log["channels"][0]["parameters"]
+    known = exports.sort_triads(log)[0]["gyroscope"].axes["y"]
+    own["arw"] |= {"value": None, "resolved": False}
+    axis = exports.sort_triads(log)[0]["gyroscope"].axes["y"]
+    assert (axis.K, axis.walk, axis.sigma_b) == (known.K, known.walk, known.sigma_b)
+    assert known.stands_in == [] and axis.stands_in == ["N"]
+    assert pytest.approx(known.N, rel=0.05) == axis.N
+    log["channels"][0]["allan_line_removed"] |= {"low": [None] * 100}
+    assert exports.sort_triads(log)[0]["gyroscope"].axes["y"].N is None
+
+
 def test_half_a_gauss_markov_term_is_none():
     """Property: sigma_b without T_c, or T_c without sigma_b, is no process."""
     for half in ((1e-5, None), (None, 100.0)):

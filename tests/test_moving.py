@@ -3,11 +3,12 @@
 import datetime
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.tracker import replay, scenarios
-from sensorlogs import datasets, imu_csv_lines, nmea_lines, read_moving
+from sensorlogs import datasets, nmea_lines, read_moving
 
 LAT, LON = 50.84, 4.347
 
@@ -578,7 +579,10 @@ def test_a_dump_is_read_back(walk, tmp_path):
     """cross-check: what pynmeagps wrote, and CSV, come back through the reader of real logs."""
     gps, imu = tmp_path / "gps.nmea", tmp_path / "imu.csv"
     gps.write_text("\r\n".join(nmea_lines(walk.gnss, START)) + "\r\n")
-    imu.write_text("\n".join(imu_csv_lines(walk.imu)) + "\n")
+    names = [f"{k}_{a}_{u}" for k, u in (("gyro", "rad_s"), ("accel", "m_s2")) for a in "xyz"]
+    values = pd.DataFrame(np.hstack([walk.imu.gyro_b, walk.imu.accel_b]), columns=names)
+    values.insert(0, "t_s", walk.imu.t_s.round(4))
+    values.to_csv(imu, index=False, float_format="%.6f")
     read = read_moving([gps, imu])
     np.testing.assert_array_equal(read.gnss.has_fix, walk.gnss.has_fix)
     np.testing.assert_allclose(read.gnss.t_s, walk.gnss.t_s, atol=1e-6)

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.stats import binom
 
-from analysis import CannotAnswer, terrain_data
+from analysis import CannotAnswer, store, terrain_data
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.real_laps import MapError, resample_lap, track_real_laps
+from studies import real_laps as study
 
 LAP = "17-39-12"  # the one with the longest dropout
 PERFECT = {0: Sensor(0.0, 0.0)}
@@ -125,3 +127,34 @@ def test_a_lap_off_its_map_is_held():
         found[name] = laps.rms()["MEMS"], laps.nees()["MEMS"]
     assert found["expected"][0] < 0.3
     assert found["expected"][1] < 1.5 < 2 * 1.5 < found["white"][1]
+
+
+def test_the_study_of_real_laps_again(monkeypatch):
+    """cross-check: with two draws its tables have the stored rows; odometry needs no draw.
+
+    Two draws lose a lap as often as the stored hundred, within the interval of these.
+    """
+    for name, few in (("DRAWS", 2), ("WATCHED", 1), ("ASSUMED", (4.0,)), ("RESAMPLES", 50)):
+        monkeypatch.setattr(study, name, few)
+    (_, now), was = study.runs(), store.read("real-laps").tables
+    alone = [of["laps"].query("filter == 'odometry alone'")["rms_m"] for of in (now, was)]
+    np.testing.assert_allclose(*(rms.to_numpy() for rms in alone), rtol=store.TOLERANCE)
+    for name in ("filters", "laps"):
+        keys = ["filter", "gyro", *(["lap"] if name == "laps" else [])]
+        assert now[name][keys].fillna("").equals(was[name][keys].fillna(""))
+    stored = was["filters"]
+    as_many = binom.sf(np.rint(12 * now["filters"]["lost"]) - 1, 12, stored["lost_high"])
+    assert (as_many > 0.001).all()
+    np.testing.assert_allclose(now["filters"]["reach_m"][4:], stored["reach_m"][4:], rtol=0.1)
+    watched = now["alarms"].set_index("disturbance")
+    assert (watched.loc[["odometry misses 30 m", "first position 60 m wrong"], "found"] == 1).all()
+    assert watched.loc["none", "alarms"] == 0
+
+
+def test_interval_of_a_share_over_laps_and_draws():
+    """property: it holds the share, and one bad lap of six widens it to that lap's weight."""
+    lost = np.zeros((6, 100))
+    lost[0] = 1.0
+    low, high = study._interval(lost, np.random.default_rng(1))
+    assert low == 0.0 and 0.3 < high <= 0.6
+    assert (study._interval(np.ones((6, 100)), np.random.default_rng(1)) == 1.0).all()

@@ -10,7 +10,6 @@ from analysis.noise.recipes import (
     TerrainRecipe,
     comparison_recipe,
     five_coefficients,
-    sigma_of_eq3,
     slow_top,
 )
 
@@ -51,21 +50,6 @@ def test_flicker_curve_ends_at_its_floor_and_its_series_joins():
     assert adev_model(np.array([1.0, 9.0]), bias_instability=3.0) == pytest.approx(3 * FLICKER)
     below, above = adev_flicker(np.array([0.01999, 0.02001]), 1.0, 1.0)
     assert above / below == pytest.approx(0.02001 / 0.01999, rel=1e-4)  # next term: x^2 / 3
-
-
-def test_eq3_makes_the_densities_meet_at_the_cutoff():
-    """analytic: Gauss-Markov density = B^2 / omega at omega_0, touching if omega_0 = beta."""
-    for cutoff in (0.1 / T_C, 1 / T_C, 30 / T_C):
-        sigma = sigma_of_eq3(B, T_C, cutoff)
-
-        def density(omega, sigma=sigma):
-            return 2 * sigma**2 / T_C / (omega**2 + T_C**-2)
-
-        assert density(cutoff) == pytest.approx(B**2 / cutoff, rel=1e-12)
-    omega = np.geomspace(1e-3, 1e3, 1001) / T_C
-    tangent = 2 * B**2 / T_C / (omega**2 + T_C**-2)
-    assert np.all(tangent <= B**2 / omega * (1 + 1e-12))
-    assert sigma_of_eq3(B, T_C, 1 / T_C) == pytest.approx(B, rel=1e-12)
 
 
 def test_top_of_a_gauss_markov_curve():

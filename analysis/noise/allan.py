@@ -21,7 +21,7 @@ wrong.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -233,12 +233,13 @@ def _of_blocks(totals, counts, m):
     return variance, variance * wandering(totals / counts)
 
 
-def _pieces(terms):
-    """Yield block and slice of all starts of a second difference, slices of at most `BLOCK`."""
-    edges = np.arange(BLOCKS + 1) * terms // BLOCKS
-    for block, (first, last) in enumerate(pairwise(edges)):
-        for i in range(first, last, BLOCK):
-            yield block, i, min(i + BLOCK, last)
+def _pieces(begin, end, terms):
+    """Cut a stretch of the starts of `terms` differences at the blocks: block, begin, end."""
+    while begin < end:
+        block = -(-BLOCKS * (begin + 1) // terms) - 1
+        stop = min((block + 1) * terms // BLOCKS, end)
+        yield block, begin, stop
+        begin = stop
 
 
 def overlapped_variance(y, m):
@@ -307,14 +308,10 @@ def _second_differences(phase, m):
             np.subtract(phase[i + 2 * k : stop + 2 * k], middle, out=d)
             d -= middle
             d += phase[i:stop]
-            at, block = i, -(-BLOCKS * (i + 1) // many) - 1
-            while at < stop:
-                end = min((block + 1) * many // BLOCKS, stop)
-                part = d[at - i : end - i]
+            for block, a, b in _pieces(i, stop, many):
+                part = d[a - i : b - i]
                 total[block, j] += np.einsum("i,i->", part, part)  # not BLAS, whose threads spin
-                at, block = end, block + 1
-    edges = np.arange(BLOCKS + 1)[:, None] * np.array(terms, dtype=int) // BLOCKS
-    counts = np.diff(edges, axis=0)
+    counts = np.diff(np.arange(BLOCKS + 1)[:, None] * np.array(terms, dtype=int) // BLOCKS, axis=0)
     parts = [_of_blocks(total[:, j], counts[:, j], k) for j, k in enumerate(m)]
     variance, error = np.array(parts).reshape(-1, 2).T
     return variance / (2.0 * m**2.0), error / (2.0 * m**2.0)
@@ -328,7 +325,8 @@ def _differences_of_partial_means(sums, m):
     """
     terms = max(sums.shape[1] - 2 * m, 0)
     total, pairs = np.zeros(BLOCKS), np.zeros(BLOCKS)
-    for block, i, stop in _pieces(terms):
+    chunks = (_pieces(i, min(i + BLOCK, terms), terms) for i in range(0, terms, BLOCK))
+    for block, i, stop in chain.from_iterable(chunks):
         edges = [sums[:, i + k * m : stop + k * m] for k in range(3)]
         if edges[2][2, -1] - edges[0][2, 0] == stop - 1 + 2 * m - i:  # none is missing here
             d, excess = (edges[2][0] - 2 * edges[1][0] + edges[0][0]) / m, 0.0

@@ -16,7 +16,6 @@ IEEE 952 (annex C): five coefficients fitted to the Allan variance.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar, nnls
 
 from analysis.noise.allan import AllanCurve, cluster_sizes, overlapped_variance
@@ -133,27 +132,6 @@ class TerrainRecipe:
         read_at_1_s = float(model.adev(READ_AT, dt) * np.sqrt(READ_AT))
         top_at, lag = float(np.exp(found.x)), one_over_e(acov, window)
         return cls(read_at_1_s, float(-found.fun), top_at, lag)
-
-
-def sigma_of_eq3(
-    bias_instability: ArrayLike, corr_time: ArrayLike, cutoff: ArrayLike
-) -> np.ndarray:
-    """Stationary standard deviation of the bias that eq. (3) of the terrain paper drives. ::
-
-        sigma_b = B sqrt((beta^2 + omega_0^2) / (2 beta omega_0)),     beta = 1 / T_c
-
-    Parameters
-    ----------
-    bias_instability, corr_time, cutoff : array_like
-        B (U), T_c (s), omega_0 (rad/s).
-
-    Returns
-    -------
-    ndarray, U
-        At least B, and B itself where omega_0 = beta.
-    """
-    x = np.asarray(cutoff, dtype=float) * corr_time
-    return bias_instability * np.sqrt((1 + x**2) / (2 * x))
 
 
 def window_for(residual):

@@ -21,7 +21,7 @@ interval of a difference or ratio of two sensors then takes their correlation in
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -519,11 +519,10 @@ class ErrorPlane:
             return table
 
         sigma_b, arw = (np.exp(a) for a in at)
-        errors = (
+        error, low, high = (
             None if of is None else np.exp(between(np.log(of)))
             for of in (self.error, self.low, self.high)
         )
-        error, low, high = errors
         return ErrorPlane(self.words, arw, sigma_b, error, between(self.lost), low, high)
 
     def allowed(self, coefficient: str, wanted: float) -> Estimate:
@@ -564,12 +563,18 @@ class ErrorPlane:
         CannotAnswer
             Beyond the grid.
         """
-        tables = [of for of in (self.error, self.low, self.high) if of is not None]
-        found = self._at(sensor, *map(np.log, tables))
-        if found is None:
+        value = self._reach(sensor, self.error)
+        if value is None:
             raise CannotAnswer(BEYOND)
-        value, low, high = (*np.exp(found).tolist(), None, None)[:3]
+        low, high = (
+            None if of is None else self._reach(sensor, of) for of in (self.low, self.high)
+        )
         return Estimate(value, low, high, "m")
+
+    def _reach(self, sensor, table):
+        """Read a table of errors, or the errors where there is none; None beyond the grid."""
+        found = self._at(sensor, np.log(self.error if table is None else table))
+        return None if found is None else float(np.exp(found[0]))
 
     def _at(self, sensor, *tables):
         """Interpolate tables over ln B and ln N; None beyond the grid."""
@@ -603,14 +608,11 @@ class ErrorPlane:
         numbers = next(c["parameters"] for c in model["channels"] if c["name"] == channel)
         n, b = numbers["arw"], numbers["bias_instability"]
         scale = sensor.arw / n["value"]
-        value = None if bound else self.of(sensor)[0]
-        ends = (
-            replace(self, error=self.error if of is None else of).of(
-                Sensor(scale * n[end], scale * (b[end] or 0.0))
-            )[0]
+        value = None if bound else self._reach(sensor, self.error)
+        low, high = (
+            self._reach(Sensor(scale * n[end], scale * (b[end] or 0.0)), of)
             for end, of in (("low", self.low), ("high", self.high))
         )
-        value, low, high = (v if v and np.isfinite(v) else None for v in (value, *ends))
         if bound or value is None:
             why = "this log only bounds B" if bound else BEYOND
             return Estimate.refused("m", why, low=None if bound else low, high=high)

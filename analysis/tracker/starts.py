@@ -33,7 +33,6 @@ CRITERIA: dict[str, dict[str, Any]] = {
     "and four satellites": GATE_ALONE | {"three_d": True, "satellites": LastPosition.satellites},
     "and agreement over seconds": {},
 }
-FAR_M = 50.0  # a first output that is plainly wrong
 TO_MEDIAN = math.sqrt(2 * math.log(2))  # median of a Rayleigh distribution over its sigma
 
 

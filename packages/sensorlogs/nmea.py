@@ -18,7 +18,7 @@ from sensorlogs import CannotAnswer, counted, times
 from sensorlogs.columns import NAMES
 from sensorlogs.delimited import Table, content
 from sensorlogs.tables import Part
-from sensorlogs.timeline import Gnss, Imu
+from sensorlogs.timeline import Gnss
 from sensorlogs.times import BadStamps, Stamps
 
 STANDARD = "the NMEA standard"
@@ -349,22 +349,3 @@ def nmea_lines(gnss: Gnss, start: datetime.datetime) -> Iterator[str]:
         for kind, fields in (("RMC", when | rmc), ("GGA", when | gga), ("GSA", gsa)):
             message = NMEAMessage("GP", kind, GET, **fields)
             yield message.serialize().decode().strip()
-
-
-def imu_csv_lines(imu: Imu) -> Iterator[str]:
-    """Write IMU samples as lines of a CSV: time, gyro (rad/s), acceleration (m/s^2).
-
-    Parameters
-    ----------
-    imu : Imu
-
-    Yields
-    ------
-    str
-        A line, without its end.
-    """
-    axes = "xyz"
-    names = [f"gyro_{a}_rad_s" for a in axes] + [f"accel_{a}_m_s2" for a in axes]
-    yield ",".join(["t_s", *names])
-    for t, row in zip(imu.t_s, np.hstack([imu.gyro_b, imu.accel_b]), strict=True):
-        yield ",".join([f"{t:.4f}", *(f"{v:.6f}" for v in row)])

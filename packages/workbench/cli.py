@@ -539,7 +539,7 @@ def _numbers(hours):
 
 @_verb
 def readings(out=None, **given):
-    """Judge the terrain paper's claims under each reading of it.
+    """Judge the terrain paper's claims under each interpretation of it.
 
     \b
     python -m analysis readings --compiled                what data/derived/readings holds
@@ -548,17 +548,17 @@ def readings(out=None, **given):
     python -m analysis readings --out mine --scheduler tcp://10.0.0.1:8786    workers elsewhere
     python -m analysis readings --out mine --scheduler local --workers 4
 
-    A reading fixes one level of every factor (noise, channel, R, start of the bias, speed ...), and
-    its 25 sensors drive the same simulated laps. The results do not depend on the number of
-    workers. Each reading is kept in cells/ once it is finished: a run that was stopped, even
-    by kill -9, resumes with the same command.
+    An interpretation fixes one level of every factor (noise, channel, R, start of the bias,
+    speed ...), and its 25 sensors drive the same simulated laps. The results do not depend on
+    the number of workers. Each one is kept in cells/ once it is finished: a run that was
+    stopped, even by kill -9, resumes with the same command.
     """
     from studies import readings as study
 
     given |= {"folder": out and Path(out)}
     with writing(out or "data/derived"):
         table = study.study(**{k: v for k, v in given.items() if v is not None})
-    print(f"{len(table)} readings are in {out or 'data/derived/readings'}/")
+    print(f"{len(table)} interpretations are in {out or 'data/derived/readings'}/")
 
 
 @_verb

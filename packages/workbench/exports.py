@@ -93,9 +93,8 @@ class Axis:
         same process with a correlation time of 30 years.
     bounds : dict
         N and walk -> upper bound, or None.
-    stand_in : bool
-        Whether sigma_b and corr_time, and N if the log does not resolve it, are no estimates but
-        those of `stand_in`.
+    stands_in : list of {"N", "slow"}
+        What the log does not resolve, and `stand_in` gives: N; sigma_b and corr_time.
     estimates : list of (str, Estimate)
         Every parameter by its symbol.
     terms : list of (str, dict of Estimate)
@@ -112,7 +111,7 @@ class Axis:
     sigma_b: float | None
     corr_time: float | None
     bounds: dict[str, float | None]
-    stand_in: bool
+    stands_in: list[str]
     estimates: list[tuple[str, Estimate]]
     terms: list[tuple[str, dict[str, Estimate]]]
 
@@ -211,6 +210,8 @@ def files(model, *, strict=False):
         left_out=left_out,
         absent=[sensor for sensor in SENSORS.values() if sensor not in triads],
         unresolved=[line for line in _parameters(source, triads, why=True) if MISSING in line],
+        bounded=not strict,
+        stands_in=any(a.stands_in for t in triads.values() for a in t.axes.values()),
         triads=triads,
         missing=MISSING,
         tables={t.sensor: _in_every_convention(t, 1 / rate) for t in triads.values()},
@@ -370,20 +371,20 @@ def _axis(channel, source, strict):
         for term in channel.get("fit", {}).get("terms", ())
     ]
     resolved.sort(reverse=True)
+    lacks = {"N": N.value is None, "slow": not (resolved or K.value)}
+    as_seen = None if strict or not any(lacks.values()) else stand_in(channel, source, N.value)
+    white = as_seen[0] if as_seen and lacks["N"] else N.value
+    if as_seen and lacks["slow"]:
+        resolved = [as_seen[1:]]
     one = (conventions.stationary(K.value, FOREVER), FOREVER) if K.value else (None, None)
     one, strongest = (resolved[0], resolved[0][0]) if resolved else (one, None)
-    white, walk, as_seen = N.value, K.value, None
-    if not strict and (white is None or one[0] is None):
-        as_seen = stand_in(channel, source, white)
-    if as_seen:
-        white, *one = as_seen
-        resolved, strongest, walk = [tuple(one)], one[0], None
-    walks = [conventions.diffusion(*term) for term in resolved]
-    total = float(np.linalg.norm([*walks, walk or 0.0])) or None
+    walks = [conventions.diffusion(*term) for term in resolved] + [K.value or 0.0]
+    walk = float(np.linalg.norm(walks)) or None
     bounds = {"N": None if strict else N.high, "walk": None if strict else K.high}
-    name = channel["name"]
+    stands_in = [name for name, missing in lacks.items() if as_seen and missing]
     return Axis(
-        name, white, walk, resolved, total, strongest, *one, bounds, bool(as_seen), estimates, terms
+        channel["name"], white, K.value, resolved, walk, strongest, *one, bounds, stands_in,
+        estimates, terms,
     )  # fmt: skip
 
 
@@ -410,9 +411,10 @@ def stand_in(channel, source, white):
     if not curve:
         return None
     factor, span = conventions.SI[channel["unit"]][0], source["duration_s"]
-    numbers = [np.array(curve[k], dtype=float) for k in ("tau_s", "deviation", "low", "high")]
-    inside = (numbers[0] >= SLOW) & (numbers[0] <= span / PART)
-    tau, adev, low, high = (x[inside] for x in numbers)
+    numbers = np.array([curve[k] for k in ("tau_s", "deviation", "low", "high")], dtype=float)
+    tau, adev, low, high = numbers
+    inside = (tau >= SLOW) & (tau <= span / PART) & (low > 0) & (low < adev) & (adev < high)
+    tau, adev, low, high = numbers[:, inside]
     if len(tau) < 4:
         return None
     low, adev, high = factor * low, factor * adev, factor * high
@@ -435,11 +437,10 @@ def stand_in(channel, source, white):
         for time in np.geomspace(2 * SLOW, span / PART, 5)
     ]
     best = min(fits, key=lambda fit: fit.cost).x
-    shares = [np.mean((low < y) & (y < high)) for y in (curve_of(best), level / np.sqrt(tau))]
-    if white and shares[0] <= shares[1]:
-        return None
-    sigma_b, corr_time, N = np.exp(best)
-    return float(white or N), float(sigma_b), float(corr_time)
+    sigma_b, corr_time, N = (float(f"{v:.3g}") for v in np.exp(best))  # what the fit is good to
+    of_both, of_white = curve_of(np.log([sigma_b, corr_time, white or N])), level / np.sqrt(tau)
+    with_it, without = (np.mean((low < y) & (y < high)) for y in (of_both, of_white))
+    return None if white and with_it <= without else (white or N, sigma_b, corr_time)
 
 
 def _check(number, what, *, zero=False):
