@@ -14,10 +14,10 @@ from analysis.tracker.at_rest import SIGMA_FORCE, SIGMA_RATE, StaticTest
 from analysis.tracker.device import Options
 from analysis.tracker.last_position import Frame
 from analysis.tracker.log_replay import stepped
+from analysis.tracker.motion import steps
 from analysis.tracker.starts import CRITERIA, begin
 from sensorlogs.timeline import Gnss, Imu, Timeline
 
-SLOWEST = 2.0  # m/s, speed under which the regression leaves an epoch out
 WINDOW_S = 2.0  # s that the statistics of rest look back
 FASTEST_STOP = 3.0  # m/s, above which an outage begins, once the mounting angle is known
 BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
@@ -131,7 +131,9 @@ def bridged(
     """
     found: dict[tuple[float, float], dict[str, float]] = {}
     for name, wheels in (("block 6", False), ("with wheels", True)):
-        options = Options(low_pass=False, constrained=wheels, bridge_s=2 * max(lengths))
+        options = Options(
+            low_pass=False, filter="car" if wheels else "block6", bridge_s=2 * max(lengths)
+        )
         steps: list[tuple] = []
         last = -np.inf
         for epoch, row, device, given in stepped(timeline, options):
@@ -204,7 +206,9 @@ def mounting_regression(
         Clockwise from the heading to the sensor's X axis, deg; the interval surrounds the value
         and is not wrapped.
     """
-    design, force = _steps(gnss, imu)
+    found = steps(gnss, imu)
+    design = np.column_stack([found.change, found.speed * found.turn, np.ones(len(found.dt))])
+    force = found.force
     value = _angle(design, force)
     starts = np.arange(0, max(1, len(force) - BLOCK + 1))
     angles = []
@@ -214,21 +218,6 @@ def mounting_regression(
         angles.append(_angle(design[rows % len(force)], force[rows % len(force)]))
     low, high = np.quantile(wrap(np.array(angles) - value), [0.025, 0.975])
     return Estimate(value, value + low, value + high, "deg")
-
-
-def _steps(gnss, imu):
-    """Gather, for each step between fixes in motion, the fit's inputs and the mean force."""
-    t, v = gnss.t_s, gnss.speed_m_s
-    course = np.radians(gnss.course_deg)
-    inside = (imu.t_s >= t[0]) & (imu.t_s < t[-1])
-    at = np.searchsorted(t, imu.t_s[inside], side="right") - 1
-    count = np.bincount(at, minlength=len(t) - 1)[: len(t) - 1]
-    total = [np.bincount(at, a, minlength=len(t) - 1) for a in imu.accel_b[inside].T]
-    dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
-    turned = wrap(np.diff(course), 2 * np.pi)
-    use = (dt < 1.5) & (mean_v > SLOWEST) & np.isfinite(turned) & (count > 0)
-    design = np.column_stack([np.diff(v) / dt, mean_v * turned / dt, np.ones(len(dt))])[use]
-    return design, (np.array(total)[:, : len(dt)] / np.maximum(count, 1)).T[use]
 
 
 def _angle(design, force):

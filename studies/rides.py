@@ -17,7 +17,8 @@ import pymap3d
 
 from analysis import STANDARD_GRAVITY, CannotAnswer, replacing, store, wrap
 from analysis.tracker.device import Options
-from analysis.tracker.log_replay import replay, time_lag
+from analysis.tracker.log_replay import replay
+from analysis.tracker.motion import time_lag
 from analysis.tracker.scenarios import scenario
 from sensorlogs import datasets, read_moving
 from sensorlogs.timeline import Gnss, Imu, Timeline, turn_imu

@@ -7,7 +7,9 @@ import numpy as np
 import pandas as pd
 import pymap3d
 import pytest
+from scipy.spatial.transform import Rotation
 
+from analysis import wrap
 from analysis.tracker import constrained
 from analysis.tracker.constrained import ACCEL, GYRO, MOUNT, PLACE, SPEED, STATES, TILT
 from analysis.tracker.device import Options
@@ -244,10 +246,27 @@ def test_outages_with_wheels_and_without(town):
     for start in fast[[len(fast) * k // 10 for k in (5, 8)]]:
         log = inject_outages(town.log, [(start, start + 60.0)])
         last = np.searchsorted(t, start + 60.0) - 1
-        tracks = (replay(log, Options(low_pass=False, constrained=on)) for on in (False, True))
+        tracks = (replay(log, Options(low_pass=False, filter=kind)) for kind in ("block6", "car"))
         errors.append([np.hypot(*town.output_error(track.columns))[last] for track in tracks])
     without, with_wheels = np.mean(errors, axis=0)
     assert with_wheels < without / 3
+
+
+def test_its_attitude_is_the_better_one_and_says_how_good():
+    """property: rms errors of all angles below those of block 2, and inside what it states."""
+    for seed in (0, 4):
+        ride = scenario("D", np.random.default_rng(seed))
+        true = Rotation.from_matrix(ride.C_nb).as_euler("ZYX", degrees=True)[:, ::-1]
+        errors = []
+        for kind in ("block6", "car"):
+            c = replay(ride.log, Options(filter=kind)).columns
+            angles = np.column_stack([c[f"{k}_deg"] for k in ("roll", "pitch", "yaw")])
+            errors.append(wrap(angles - true))
+        sigma = np.column_stack([c[f"sigma_{k}_deg"] for k in ("roll", "pitch", "yaw")])
+        known = np.isfinite(sigma).all(axis=1)
+        block_2, car = (np.sqrt(np.mean(e[known] ** 2, axis=0)) for e in errors)
+        assert known.mean() > 0.7 and (car < block_2).all()
+        assert (np.mean(np.abs(errors[1][known]) < 1.96 * sigma[known], axis=0) > 0.95).all()
 
 
 def test_single_precision_stays_single_and_agrees(town):
@@ -256,7 +275,7 @@ def test_single_precision_stays_single_and_agrees(town):
     early = replace(town.log, imu=replace(imu, **{k: v[:5600] for k, v in vars(imu).items()}))
     log = inject_outages(early, [(100.0, 130.0)])
     wide, narrow = (
-        replay(log, Options(constrained=True, number=kind)).columns for kind in (float, np.float32)
+        replay(log, Options(filter="car", number=kind)).columns for kind in (float, np.float32)
     )
     apart = np.array(town.output_error(wide)) - town.output_error(narrow)
     assert np.nanmax(np.abs(apart)) < 0.5
@@ -273,5 +292,5 @@ def test_it_does_not_start_before_it_knows_where_the_car_points():
     ride = scenario("D", np.random.default_rng(3), stops=0)
     log = inject_outages(ride.log, [(40.0, 60.0)])
     never = Options(low_pass=False, max_mount_sigma=math.radians(0.001))
-    columns = [replay(log, o).columns for o in (never, Options(**never.changed, constrained=True))]
+    columns = [replay(log, o).columns for o in (never, Options(**never.changed, filter="car"))]
     np.testing.assert_array_equal(columns[0]["out_lat_deg"], columns[1]["out_lat_deg"])

@@ -8,9 +8,11 @@ from analysis import store
 from analysis.tracker import evaluate, scenarios
 from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import Options
-from analysis.tracker.last_position import GATE_ALONE, Stored
+from analysis.tracker.evaluate import outage_errors
+from analysis.tracker.last_position import GATE_ALONE, Frame, Stored
 from analysis.tracker.log_replay import replay
 from sensorlogs import datasets, moving
+from sensorlogs.timeline import Gnss, Timeline, inject_outages
 from studies import drives
 
 
@@ -55,6 +57,31 @@ def test_a_stationary_period_is_judged_by_hand():
     assert (found["leaves"], found["raw_exits"], found["out_exits"]) == (0.0, 1, 0)
     assert found["hold_s"] == 2.0
     assert evaluate.stationary_period(t, raw, 2 * raw, layer)["leaves"] == 1.0
+
+
+def test_outages_are_scored_by_the_fixes_that_they_took():
+    """analytic: going on straight where the road turns: errors and ellipse by hand."""
+    t = np.arange(60.0)
+    north, east = 10.0 * np.minimum(t, 30.0), 10.0 * np.maximum(t - 30.0, 0.0)
+    frame, level = Frame((45.0, 9.0, 0.0)), np.zeros(60)
+    course = np.where(t < 30, 0.0, 90.0)
+    gnss = Gnss(
+        t, 45.0 + north / frame.north, 9.0 + east / frame.east, level, level + 1.5, level + 10.0,
+        course, t >= 0,
+    )  # fmt: skip
+    cuts = [(29.5, 34.5), (100.0, 110.0)]
+    track = replay(inject_outages(Timeline(gnss, None), cuts), Options(filter="constant-velocity"))
+    turned, beyond = outage_errors(track, gnss, cuts)
+    true = np.sqrt(2) * 10.0 * np.arange(5)  # at 30 to 34 s
+    names = "p50_m", "p95_m", "max_m", "end_m"
+    assert turned["fixes"] == 5 and beyond["fixes"] == 0
+    assert {beyond[name] for name in (*names, "in_ellipse")} == {None}
+    wanted = [*np.quantile(true, [0.5, 0.95]), true[-1], true[-1]]
+    np.testing.assert_allclose([turned[name] for name in names], wanted, rtol=1e-3)
+    c, at = track.columns, (t >= 30) & (t < 35)
+    fix = (1.5 * 1.5) ** 2
+    outside = true / np.sqrt(c["sigma_north_m"][at] ** 2 + fix) > np.sqrt(-2 * np.log(0.05))
+    assert turned["in_ellipse"] == 1 - outside.mean()
 
 
 def test_exits_and_holds():

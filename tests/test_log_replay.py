@@ -81,7 +81,8 @@ def test_columns(laps):
     scenario, track = laps
     wanted = (
         "t_s, lat_deg, lon_deg, pdop, has_fix, accepted, moving, layer, out_lat_deg, out_lon_deg, "
-        "roll_deg, pitch_deg, yaw_deg, mount_deg, sigma_north_m, sigma_east_m, correlation"
+        "roll_deg, pitch_deg, yaw_deg, mount_deg, sigma_north_m, sigma_east_m, correlation, "
+        "sigma_roll_deg, sigma_pitch_deg, sigma_yaw_deg"
     )
     assert list(track.columns) == wanted.split(", ")
     assert {len(c) for c in track.columns.values()} == {len(scenario.log.gnss.t_s)}
@@ -573,8 +574,8 @@ def test_the_filters_start_anew_where_good_fixes_contradict_them(laps):
     for name in ("lat_deg", "lon_deg", "course_deg"):
         getattr(gnss, name)[start : start + 40] = getattr(gnss, name)[start]
     gnss.speed_m_s[start + 1 : start + 40] = 0.0
-    for constrained in (False, True):
-        track = replay(replace(log, gnss=gnss), Options(constrained=constrained))
+    for kind in ("block6", "car"):
+        track = replay(replace(log, gnss=gnss), Options(filter=kind))
         north = (track.columns["out_lat_deg"] - gnss.lat_deg) * 111_132
         east = (track.columns["out_lon_deg"] - gnss.lon_deg) * 79_000
         off = np.hypot(north, east)[start + 40 :]
@@ -591,6 +592,12 @@ def test_a_receiver_alone_coasts_and_then_holds():
     error = np.abs(track.columns["out_lat_deg"] - gnss.lat_deg) * 111_132
     assert error[5:60].max() < 0.1
     assert error[70] == pytest.approx(20.0 * 11, abs=0.1)
+    sigma = track.columns["sigma_north_m"]
+    assert (np.diff(sigma[49:80]) > 0).all() and (error[5:] < 2.5 * sigma[5:]).all()
+    held = replay(log, Options(filter="none")).columns
+    assert len(set(held["out_lat_deg"][50:80].tolist())) == 1
+    error = np.abs(held["out_lat_deg"] - gnss.lat_deg) * 111_132
+    assert (error[5:] < 2.5 * held["sigma_north_m"][5:]).all()
     assert any("20 epochs in motion are over 10 s after" in note for note in page.notes(track))
 
 
@@ -647,7 +654,7 @@ def test_command_switches(tmp_path, cold):
     paths = as_csv(cold.log, tmp_path)
     status, _, err = run(
         "replay", *paths, "--out", tmp_path / "out", "--without", "low-pass", "--without",
-        "mounting", "--outage", "200:220", "--car",
+        "mounting", "--outage", "200:220", "--filter", "car",
     )  # fmt: skip
     assert (status, err) == (0, "")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -656,6 +663,25 @@ def test_command_switches(tmp_path, cold):
         rows = list(csv.DictReader(handle))
     lost = [float(r["t_s"]) for r in rows if r["has_fix"] == "0" and float(r["t_s"]) > 100]
     assert lost == [float(t) for t in range(200, 220)]
+
+
+def test_the_log_chooses_its_filter(tmp_path, laps):
+    """property: a car's filter for a car, block 6 for what leans, and refused if asked for."""
+    kinds = {"D": "car", "B": "block6"}
+    for name, used in kinds.items():
+        log = laps[0].log if name == "B" else scenarios.scenario(name, np.random.default_rng(3)).log
+        assert replay(log, Options(filter="auto")).summary["filter"]["used"] == used
+        folder = tmp_path / name
+        folder.mkdir()
+        paths, words = as_csv(log, folder), ["--out", folder / "out"]
+        status, out, _ = run("replay", *paths, *words)
+        assert status == 0 and ("moves as a car" if name == "D" else "leans") in out
+    status, _, err = run("replay", *paths, *words, "--filter", "car")
+    assert status == 1 and "leans into its turns" in err
+    status, _, err = run("replay", *as_csv(log, folder, imu=False), *words, "--filter", "car")
+    assert status == 2 and "needs positions and an IMU" in err
+    alone = replay(replace(log, imu=None), Options(filter="auto"))
+    assert alone.summary["filter"]["used"] == "constant-velocity"
 
 
 GARBAGE = [b"", b"{", b'{"position": "x", "crc32": 1}\n', b"\x00" * 50, b"do not lose me\n"]

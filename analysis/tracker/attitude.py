@@ -169,9 +169,8 @@ class Attitude:
         """Roll, pitch, yaw, rad; yaw is NaN until a heading has come."""
         if not self.ready:
             return math.nan, math.nan, math.nan
-        n, e, d = self.C_nb
-        yaw = math.atan2(e[0], n[0]) if self.heading_known else math.nan
-        return math.atan2(d[1], d[2]), -math.asin(max(-1.0, min(1.0, d[0]))), yaw
+        roll, pitch, yaw = angles(self.C_nb)
+        return roll, pitch, yaw if self.heading_known else math.nan
 
     @property
     def horizontal(self):
@@ -450,6 +449,12 @@ class Upright:
     def down(self):
         """Direction of down in the upright vehicle, in sensor axes."""
         return opposite(self._mean)
+
+
+def angles(C_nb):
+    """Return roll, pitch and yaw (rad) of north, east and down in body axes."""
+    n, e, d = C_nb
+    return math.atan2(d[1], d[2]), -math.asin(max(-1.0, min(1.0, d[0]))), math.atan2(e[0], n[0])
 
 
 def opposite(force):

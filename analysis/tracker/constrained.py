@@ -149,6 +149,18 @@ class Constrained:
         return self.P[0][0], self.P[0][1], self.P[1][1]
 
     @property
+    def sigmas(self):
+        """Standard deviations of roll, pitch and yaw, rad; up to some 70 deg of pitch."""
+        (nn, ne, _), (_, ee, _), (_, _, dd) = [row[TILT : TILT + 3] for row in self.P[TILT:GYRO]]
+        c, s = self.C_nb[0][0], self.C_nb[1][0]  # where the sensor's X axis points
+        scale = 1 / (c * c + s * s)
+        roll, pitch = (
+            c * c * nn + 2 * c * s * ne + s * s * ee,
+            s * s * nn - 2 * c * s * ne + c * c * ee,
+        )
+        return math.sqrt(scale * roll), math.sqrt(scale * pitch), math.sqrt(dd)
+
+    @property
     def may_rest(self):
         """Whether the speed is so low that quiet readings are those of a rest."""
         v = self.velocity

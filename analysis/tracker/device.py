@@ -11,7 +11,7 @@ import math
 from collections import namedtuple
 
 from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
-from analysis.tracker.attitude import GAP_S, Attitude, Upright
+from analysis.tracker.attitude import GAP_S, Attitude, Upright, angles
 from analysis.tracker.constrained import Constrained
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import FAR, GATE_ALONE, SIGMA_DOUBTED, Frame, LastPosition
@@ -22,7 +22,9 @@ FAST = 3.0  # m/s, from which the constrained filter starts: a course is good to
 RATE, FORCE = 200.0, 2000.0  # rad/s, m/s^2: more than a sensor can mean
 SPEED, HEIGHT = 2000.0, 1e5  # m/s, m: likewise
 FIXES_S = 5.0  # s over which fixes give a speed, where a receiver reports none
+LEARNT = 100.0  # fixes over which the error of going straight on is averaged
 BLOCKS = ("last_position", "attitude", "static", "low_pass", "mounting", "fusion")
+FILTERS = ("car", "block6", "constant-velocity", "none")
 
 
 class Options:
@@ -32,6 +34,10 @@ class Options:
     ----------
     last_position, attitude, static, low_pass, mounting, fusion : bool
         Blocks 1 to 6.
+    filter : str
+        What carries the position through outages: ``block6``; ``car``, beside it the filter of
+        `constrained`, whose attitude is then put out too; ``constant-velocity`` for `coast_s`;
+        ``none`` holds it at once. `replay` takes ``auto`` too.
     number : type
         Of the states of blocks 2 and 6: float, or np.float32 as a small device would.
     metres_per_pdop : float
@@ -58,7 +64,7 @@ class Options:
     """
 
     last_position = attitude = static = low_pass = mounting = fusion = True
-    constrained = False
+    filter = "block6"
     number = float
     pdop_gate = LastPosition.pdop_gate
     save_every_s = LastPosition.save_every_s
@@ -141,17 +147,20 @@ class Device:
         self.low_pass = LowPass(**on.of(LowPass))
         self.upright = Upright()
         self.mounting = MountingYaw(**on.of(MountingYaw))
-        self.fusion = Fusion(on.number) if on.fusion and self.attitude else None
-        self.last.bridged_s = on.bridge_s if self.fusion else on.coast_s
-        self.constrained = Constrained(on.number) if on.constrained and self.fusion else None
+        fuses = on.fusion and on.filter in ("block6", "car") and self.attitude
+        self.fusion = Fusion(on.number) if fuses else None
+        self.coast_s = 0.0 if on.filter == "none" else on.coast_s
+        self.last.bridged_s = on.bridge_s if self.fusion else self.coast_s
+        self.constrained = Constrained(on.number) if self.fusion and on.filter == "car" else None
         self.ned = (0.0, 0.0, 0.0) if stored else None
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
         self._shift = self._lasting = 0.0
         self._moved, self._slow = False, True
         self.gives_speed, self._fixes = False, []
+        self._unaided = 0.25 * on.sigma_unaided * on.sigma_unaided
         self._rested, self._left = False, None
-        self._speed, self._squares = math.nan, (None, None)
+        self._speed, self._squares, self._pace = math.nan, (None, None), 0.0
         self._sum = [0.0] * 7  # horizontal and whole acceleration, its square, samples
 
     def imu(self, t_s, gyro_b, accel_b):
@@ -207,7 +216,7 @@ class Device:
         -------
         dict
             accepted, moving, layer, lat_deg and lon_deg put out, roll, pitch, yaw, mount (rad),
-            ellipse; NaN without value.
+            sigmas of the three angles, ellipse; NaN without value.
         """
         epoch = self._known(epoch)
         dt = 0.0 if self._t_epoch is None else epoch.t_s - self._t_epoch
@@ -224,7 +233,8 @@ class Device:
         no_imu = self._without_imu(epoch.t_s)
         if no_imu:
             self.static.no_imu()
-        rests = self._rests(speed if self.gives_speed else self._by_fixes(epoch.t_s, fix))
+        by_fixes = self._by_fixes(epoch.t_s, fix, speed, course)
+        rests = self._rests(speed if self.gives_speed else by_fixes)
         moving = not (rests and self.options.static)
         self._orient(epoch.t_s, moving, rests, course, speed, dt)
         silent = dt if self.attitude else epoch.t_s - self._t_fix
@@ -237,9 +247,13 @@ class Device:
                 self.low_pass.step(fix)
         layer = self.low_pass.layer
         self._fuse(epoch, fix, moving, layer)
-        roll, pitch, yaw = (math.nan,) * 3
+        roll, pitch, yaw = sigmas = (math.nan,) * 3
         if self.attitude and not no_imu:
-            roll, pitch, yaw = self.attitude.angles
+            car = self.constrained
+            if car and car.started:
+                (roll, pitch, yaw), sigmas = angles(car.C_nb), car.sigmas
+            else:
+                roll, pitch, yaw = self.attitude.angles
         lat, lon = self.frame.degrees(self.ned) if self.ned else (math.nan, math.nan)
         return {
             "accepted": accepted,
@@ -251,7 +265,8 @@ class Device:
             "pitch": pitch,
             "yaw": yaw,
             "mount": math.nan if self.mounting.mount is None else self.mounting.mount,
-            "ellipse": self._ellipse(),
+            "sigmas": sigmas,
+            "ellipse": self._ellipse(epoch.t_s, moving),
         }
 
     def _now(self, t_s, before):
@@ -281,24 +296,34 @@ class Device:
     def _rests(self, speed):
         """Ask block 3; a motion at any sample since the last epoch counts."""
         if speed == speed:  # without one, it is as fast as it was: an outage is no rest
+            self._pace = speed
             self._slow = not speed >= self.options.speed_threshold
         now = self.static.drive(speed)
         moved, self._moved = now or self._moved, False
         return not moved
 
-    def _by_fixes(self, t_s, fix):
-        """Return the speed over the last seconds by their first and last accepted fix, m/s."""
+    def _by_fixes(self, t_s, fix, speed, course):
+        """Return the speed over the last seconds by their first and last accepted fix, m/s.
+
+        Also learn how far off it would have led to go on at the speed and course of the first.
+        """
         if fix:
-            self._fixes.append((t_s, fix))
+            self._fixes.append((t_s, fix, speed, course))
         while self._fixes and t_s - self._fixes[0][0] > FIXES_S:
             self._fixes.pop(0)
         if not self._fixes:
             return math.nan
-        (since, was), (until, now) = self._fixes[0], self._fixes[-1]
-        if until - since < FIXES_S / 2:
+        (since, was, speed, course), (until, now, _, _) = self._fixes[0], self._fixes[-1]
+        T, north, east = until - since, now[0] - was[0], now[1] - was[1]
+        if T < FIXES_S / 2:
             return math.nan
-        north, east = now[0] - was[0], now[1] - was[1]
-        return math.sqrt(north * north + east * east) / (until - since)
+        metres = speed * T
+        if fix and metres > FIXES_S and course == course:
+            north_off = north - metres * math.cos(course)
+            east_off = east - metres * math.sin(course)
+            found = 0.5 * (north_off * north_off + east_off * east_off) / T**4
+            self._unaided += (found - self._unaided) / LEARNT
+        return math.sqrt(north * north + east * east) / T
 
     def _orient(self, t_s, moving, rests, course, speed, dt):
         """Run blocks 5 and 2: the mounting angle, then the heading it allows."""
@@ -347,6 +372,9 @@ class Device:
         rest = self.low_pass.position
         block = self.fusion
         if block is None or not (block.started or fix):
+            if fix:
+                sigma_p = self._quality(epoch, True, moving)[0]
+                self._lasting = sigma_p * sigma_p
             if layer:
                 self.ned = rest
             elif fix:
@@ -382,21 +410,27 @@ class Device:
 
     def _contradicted(self, fix, sigma):
         """Return whether an accepted fix lies far from the output, and outside what it claims."""
-        nn, _, ee = self._ellipse()
+        nn, _, ee = self._ellipse(self._t_fix, True)
         north, east = fix[0] - self.ned[0], fix[1] - self.ned[1]
         square = north * north + east * east
         jump, wide = self.low_pass.jump_m, max(nn, ee) + sigma * sigma
         return square > max(jump * jump, FAR * FAR * wide)
 
-    def _ellipse(self):
+    def _ellipse(self, t_s, moving):
         """Covariance of the position: north north, north east, east east, m^2; NaN without one.
 
         The filters take the errors of fixes as white. Those of real ones last for minutes: what the
-        last one may be off is added.
+        last one may be off is added. Without a filter, what the vehicle may have done since.
         """
         car, block = self.constrained, self.fusion
         if block is None or not block.started:
-            return (math.nan,) * 3
+            if self._left is None or self.ned is None:
+                return (math.nan,) * 3
+            T = t_s - self._t_fix if moving else 0.0
+            straight = min(T, self.coast_s)
+            a, b = self.options.sigma_speed * straight, self._pace * (T - straight)
+            square = a * a + b * b + self._unaided * straight**4
+            return square + self._lasting, 0.0, square + self._lasting
         square = block.sigma_p * block.sigma_p
         nn, ne, ee = car.ellipse if car and car.started else (square, 0.0, square)
         return nn + self._lasting, ne, ee + self._lasting
@@ -421,7 +455,7 @@ class Device:
 
     def _coast(self, seconds):
         """Go on from the last fix at its speed and course for some seconds, then hold."""
-        if seconds > self.options.coast_s or self._left is None:
+        if seconds > self.coast_s or self._left is None:
             return
         (north, east, down), speed, course = self._left
         if speed == speed and course == course:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from analysis import Estimate, resampling, wrap
 from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import BLOCKS, Options
-from analysis.tracker.last_position import LastPosition, Stored
+from analysis.tracker.last_position import Frame, LastPosition, Stored
 from analysis.tracker.log_replay import Track, replay
 from analysis.tracker.scenarios import Scenario, scenario
 from sensorlogs.timeline import Gnss, Timeline
@@ -36,6 +36,49 @@ def gated(
     """
     off: dict[str, Any] = dict.fromkeys(BLOCKS[1:], False) | criteria
     return replay(Timeline(gnss, None), Options(pdop_gate=gate, **off), stored)
+
+
+def outage_errors(
+    track: Track, gnss: Gnss, outages: Sequence[tuple[float, float]]
+) -> list[dict[str, Any]]:
+    """Hold what was put out in outages against the fixes that were taken away there.
+
+    Parameters
+    ----------
+    track : Track
+    gnss : Gnss
+        With these fixes.
+    outages : sequence of (start, stop)
+        s.
+
+    Returns
+    -------
+    list of dict
+        For each outage ``from_s``, ``to_s``, ``fixes``, ``p50_m``, ``p95_m``, ``max_m``, ``end_m``
+        of the horizontal error, and the share ``in_ellipse`` of the fixes that lie in the 95 %
+        ellipse, their own errors added; None where there is nothing to tell it from.
+    """
+    c, options, rows = track.columns, track.summary["options"], []
+    sigma = options["metres_per_pdop"] * gnss.pdop
+    square = np.where(np.isfinite(sigma), np.maximum(sigma, 1.0), options["sigma_no_pdop"]) ** 2
+    for start, stop in outages:
+        at = (c["t_s"] >= start) & (c["t_s"] < stop) & gnss.has_fix & np.isfinite(c["out_lat_deg"])
+        row: dict[str, Any] = {"from_s": start, "to_s": stop, "fixes": int(at.sum())}
+        rows.append(row | dict.fromkeys(("p50_m", "p95_m", "max_m", "end_m", "in_ellipse")))
+        if not at.any():
+            continue
+        frame = Frame((float(gnss.lat_deg[at][0]), float(gnss.lon_deg[at][0]), 0.0))
+        north = (c["out_lat_deg"] - gnss.lat_deg)[at] * frame.north
+        east = wrap(c["out_lon_deg"] - gnss.lon_deg)[at] * frame.east
+        off = np.hypot(north, east)
+        p50, p95 = np.quantile(off, [0.5, 0.95]).tolist()
+        rows[-1] |= {"p50_m": p50, "p95_m": p95, "max_m": off.max(), "end_m": off[-1]}
+        nn, ee = (c[f"sigma_{k}_m"][at] ** 2 + square[at] for k in ("north", "east"))
+        ne = (c["correlation"] * c["sigma_north_m"] * c["sigma_east_m"])[at]
+        nees = (ee * north**2 - 2 * ne * north * east + nn * east**2) / (nn * ee - ne**2)
+        if np.isfinite(nees).all():
+            rows[-1]["in_ellipse"] = float(np.mean(nees < -2 * np.log(0.05)))
+    return rows
 
 
 def stationary_period(

@@ -1,34 +1,28 @@
 """A whole log through the device: the track, one row for each GNSS epoch, its summary and notes."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from scipy.integrate import cumulative_trapezoid
-from scipy.stats import t as student_t
 from tqdm import tqdm
 
-from analysis import STANDARD_GRAVITY, Estimate, WrongUsage, resampling, wrap
+from analysis import STANDARD_GRAVITY, Estimate, WrongUsage
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
 from analysis.tracker.last_position import LOST_S, PDOP_WAIT_S, SLOW, Stored
+from analysis.tracker.motion import Vehicle, time_lag, turns, vehicle
 from analysis.tracker.mounting import Straight
-from sensorlogs.timeline import Gnss, Imu, Timeline
+from sensorlogs.timeline import Timeline
 
+NEEDS = "needs GNSS and an IMU"
 ROW_S = 1.0  # without GNSS: one row a second, so that the blocks that need none can be seen
 Z_UP = 0.9 * STANDARD_GRAVITY  # along z on average: within 25 deg of upside down
 CONTRADICTION = 3.0  # m/s^2 over a second: emergency braking, or axes mixed up
 CONTRADICTION_SHARE = 0.2  # of the epochs
 TURNS = 5.0  # ratio of the turns by course and by gyro that lag and noise explain
-LAGS = np.linspace(-3.0, 3.0, 61)  # s, of GNSS behind IMU
-LAG_FEWEST, LAG_BLOCK, LAG_DRAWS = 60, 20, 200  # epochs, epochs, draws of the bootstrap
-LAG_NEAR = 1.5  # usual steps: epochs farther apart are not compared
-LAG_LEFT = 0.75  # of the variance that the fit may leave: else nothing much has changed
-LAG_WIDEST = 1.0  # s, interval of a lag that is worth a number
 LAG_SAID = 0.2  # s: a lag of less is not worth a note
-FAST, TURNED, ALIKE = 3.0, 0.1, 0.7  # m/s, rad^2 in all, correlation: enough to compare them by
 GAP_STEPS = 5.0  # usual steps: a longer one, and longer than that of an IMU, is a gap
 FRAME_M = 50_000.0  # from the origin, where the tangent plane is tilted by half a degree
 
@@ -86,7 +80,8 @@ def replay(
     WrongUsage
         If the log has neither positions nor an IMU.
     """
-    options = options or Options()
+    lag, moves = motion(timeline)
+    options = _with_filter(options or Options(), timeline, moves)
     rows, unexplained = [], []
     devices: list[Device] = []
     straights: list[Straight] = []
@@ -101,13 +96,35 @@ def replay(
     if not rows:
         raise WrongUsage("nothing to replay: the log has neither positions nor an IMU")
     columns = _columns(timeline.gnss, rows)
-    remarks = tuple(_remarks(timeline, options, columns, devices, unexplained))
+    remarks = tuple(_remarks(timeline, options, columns, devices, unexplained, lag))
     table = pd.DataFrame(straights, columns=Straight._fields)
     angles = ["printed", "alone", "sigma", "mount"]
     table[angles] = np.degrees(table[angles].astype(float))
     units = {k: f"{k}_deg" for k in angles} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
     summary = _summary(timeline, options, columns, devices, len(straights))
+    summary["filter"] = {"used": options.filter, "motion": moves.kind}
+    summary["filter"] |= {
+        "sideways": [moves.sideways.value, moves.sideways.low, moves.sideways.high]
+    }
     return Track(columns, summary, device.last.snapshot, remarks, table.rename(columns=units))
+
+
+def motion(timeline: Timeline) -> tuple[Estimate, Vehicle]:
+    """Give the lag of GNSS behind IMU, and how the vehicle moves with that taken off."""
+    gnss, imu = timeline.gnss, timeline.imu
+    if gnss is None or imu is None:
+        return Estimate.refused("s", NEEDS), Vehicle("open", Estimate.refused("1", NEEDS))
+    lag = time_lag(gnss, imu)
+    return lag, vehicle(gnss, replace(imu, t_s=imu.t_s + (lag.value or 0.0)))
+
+
+def _with_filter(options, timeline, moves):
+    """Choose the filter where the options leave it to the log."""
+    used, on = options.filter, options
+    if used == "auto":
+        fuses = on.attitude and on.fusion and timeline.imu is not None and timeline.gnss is not None
+        used = "constant-velocity" if not fuses else "car" if moves.kind == "car" else "block6"
+    return Options(**options.changed | {"filter": used})
 
 
 def stepped(timeline, options, stored=None, *, progress=False):
@@ -179,6 +196,7 @@ def _columns(gnss, rows):
 
     blank = np.full(len(rows), np.nan)
     nn, ne, ee = taken("ellipse", float).reshape(-1, 3).T
+    turned = taken("sigmas", float).reshape(-1, 3)
     north, east = np.sqrt(nn), np.sqrt(ee)
     return {
         "t_s": taken("t_s", float),
@@ -193,6 +211,10 @@ def _columns(gnss, rows):
         "sigma_north_m": north,
         "sigma_east_m": east,
         "correlation": ne / (north * east),
+        **{
+            f"sigma_{name}_deg": column
+            for name, column in zip(("roll", "pitch", "yaw"), np.degrees(turned).T, strict=True)
+        },
     }
 
 
@@ -285,7 +307,7 @@ def _summary(timeline, options, columns, devices, straights):
     }
 
 
-def _remarks(timeline, options, columns, devices, unexplained):
+def _remarks(timeline, options, columns, devices, unexplained, lag):
     """Yield a code and numbers for what could not run in full, and for what looks wrong."""
     imu, gnss, t = timeline.imu, timeline.gnss, columns["t_s"]
     if imu is None:
@@ -303,12 +325,11 @@ def _remarks(timeline, options, columns, devices, unexplained):
         yield "no_gnss", {}
         return
     if imu is not None:
-        lag = time_lag(gnss, imu)
         if lag.value is not None and abs(lag.value) > LAG_SAID:
             yield "lag", {"lag": lag.value, "low": lag.low, "high": lag.high}
-    factor = _turns(timeline)
-    if abs(math.log(abs(factor))) > math.log(TURNS) or factor < 0:
-        yield "turns", {"factor": factor}
+        factor = turns(gnss, imu)
+        if abs(math.log(abs(factor))) > math.log(TURNS) or factor < 0:
+            yield "turns", {"factor": factor}
     if not columns["has_fix"].any():
         yield ("no_fix_no_imu" if imu is None else "no_fix"), {}
     else:
@@ -319,7 +340,7 @@ def _remarks(timeline, options, columns, devices, unexplained):
             yield "no_pdop", {"wait": PDOP_WAIT_S}
         if not np.isfinite(gnss.speed_m_s).any():
             yield "no_speed", {}
-    bridged = options.bridge_s if devices[-1].fusion else options.coast_s
+    bridged = options.bridge_s if devices[-1].fusion else devices[-1].coast_s
     if held := _held(columns, bridged):
         yield "held", {"epochs": held, "bridged": bridged}
     from_s, stood_s = _stood(columns, gnss.speed_m_s)
@@ -332,87 +353,6 @@ def _remarks(timeline, options, columns, devices, unexplained):
     distance = math.hypot(*device.ned[:2]) if device.ned else 0.0
     if distance > FRAME_M:
         yield "far", {"distance": distance / 1000}
-
-
-def _turns(timeline):
-    """Return the ratio of the turns of the course to those of the gyro; 1 if too few to tell."""
-    gnss, imu = timeline.gnss, timeline.imu
-    if imu is None or len(gnss.t_s) < 3:
-        return 1.0
-    up = np.median(imu.accel_b, axis=0)
-    rate = -(imu.gyro_b @ up) / max(float(np.linalg.norm(up)), 1e-9)
-    angle = np.interp(gnss.t_s, imu.t_s, cumulative_trapezoid(rate, imu.t_s, initial=0.0))
-    by_gyro, by_course = np.diff(angle), np.radians(wrap(np.diff(gnss.course_deg)))
-    fast = np.minimum(gnss.speed_m_s[:-1], gnss.speed_m_s[1:]) > FAST
-    use = fast & np.isfinite(by_course) & (np.abs(by_course) < 1.0)
-    by_gyro, by_course = by_gyro[use], by_course[use]
-    sizes = float(by_gyro @ by_gyro), float(by_course @ by_course)
-    if not (sizes[0] > 0 and sizes[1] > TURNED):
-        return 1.0
-    alike = float(by_gyro @ by_course) / math.sqrt(sizes[0] * sizes[1])
-    return math.copysign(math.sqrt(sizes[1] / sizes[0]), alike) if abs(alike) > ALIKE else 1.0
-
-
-def time_lag(gnss: Gnss, imu: Imu) -> Estimate:
-    """Estimate by how much the GNSS lags the IMU: smoothed speeds, late stamps, another clock.
-
-    The change of speed between two epochs is fitted by the mean specific force over the same time,
-    the change of course by the mean rate, for each lag tried; the residuals of both say which lag
-    fits best. Nothing has to be known of the IMU's axes, signs or units.
-
-    Parameters
-    ----------
-    gnss : Gnss
-    imu : Imu
-
-    Returns
-    -------
-    Estimate
-        s, positive where GNSS is late, with an interval by bootstrap of blocks of epochs (it covers
-        54 of 60 simulated rides of four minutes, 113 of 120 of seven: both agree with 95 %);
-        unresolved where speed and course change too little, or lag more than `LAGS` covers.
-    """
-    t, v = gnss.t_s, gnss.speed_m_s
-    refused = Estimate.refused("s", "speed and course change too little")
-    if len(t) < LAG_FEWEST or len(imu.t_s) < LAG_FEWEST:
-        return refused
-    dt, mean_v = np.diff(t), (v[1:] + v[:-1]) / 2
-    course = np.radians(wrap(np.diff(gnss.course_deg)))
-    near = dt < LAG_NEAR * np.median(dt)
-    fits = []
-    for change, readings, slowest in ((np.diff(v), imu.accel_b, 0.0), (course, imu.gyro_b, FAST)):
-        use = near & np.isfinite(change) & (mean_v > slowest)
-        use &= (t[:-1] > imu.t_s[0] + LAGS[-1]) & (t[1:] < imu.t_s[-1] + LAGS[0])
-        if use.sum() < LAG_FEWEST:
-            continue
-        summed = cumulative_trapezoid(readings, imu.t_s, axis=0, initial=0.0)
-        squares = np.zeros((len(LAGS), len(dt)))
-        y = change[use] / dt[use]
-        for row, lag in zip(squares, LAGS, strict=True):
-            ends = [np.interp(t - lag, imu.t_s, total) for total in summed.T]
-            design = np.column_stack([*np.diff(ends)[:, use] / dt[use], np.ones(use.sum())])
-            row[use] = (y - design @ np.linalg.lstsq(design, y, rcond=None)[0]) ** 2
-        if squares.sum(axis=1).min() < LAG_LEFT * y.var() * use.sum():
-            most = np.quantile(squares[:, use].min(axis=0), 0.95)  # a wild epoch has no more say
-            fits.append((np.minimum(squares, 4 * most), use))
-    if not fits:
-        return refused
-    rng, parts = np.random.default_rng(0), np.arange(0, len(dt), LAG_BLOCK)
-    drawn = resampling.counts(len(parts), LAG_DRAWS, rng)[1:]
-    misfit = np.zeros((len(drawn), len(LAGS)))
-    for squares, use in fits:
-        left, count = (drawn @ np.add.reduceat(x, parts, axis=-1).T for x in (squares, 1.0 * use))
-        misfit += 0.5 * count[:, None] * np.log(left / np.maximum(count, 1.0)[:, None])
-    at, step = np.clip(np.argmin(misfit, axis=1), 1, len(LAGS) - 2), LAGS[1] - LAGS[0]
-    before, here, after = (np.take_along_axis(misfit, at[:, None] + k, 1)[:, 0] for k in (-1, 0, 1))
-    curved = np.maximum(before - 2 * here + after, 1e-12)
-    best = LAGS[at] + step * np.clip((before - after) / (2 * curved), -1.0, 1.0)
-    low, value, high = np.quantile(best, [0.025, 0.5, 0.975]).tolist()
-    wider = student_t.ppf(0.975, len(parts) - 1) / 1.96  # few blocks scatter too little
-    low, high = value - wider * (value - low), value + wider * (high - value)
-    if high - low > LAG_WIDEST or not LAGS[1] < low <= high < LAGS[-2]:
-        return Estimate.refused("s", "the lag is open", low=low, high=high)
-    return Estimate(value, low, high, "s")
 
 
 def _held(columns, bridged):

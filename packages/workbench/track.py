@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 
 from analysis import CannotAnswer, WrongUsage, wrap
+from analysis.tracker.evaluate import outage_errors
 from analysis.tracker.last_position import Stored
-from analysis.tracker.log_replay import Options
+from analysis.tracker.log_replay import Options, motion
 from analysis.tracker.log_replay import replay as replay_log
 from sensorlogs.timeline import inject_outages
 from workbench import pages
@@ -24,6 +25,7 @@ FILES = ("summary.json", "track.csv", "track.gpx", "track.html")
 DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetre of position
     "t_s": 3, "lat_deg": 8, "lon_deg": 8, "pdop": 2, "out_lat_deg": 8, "out_lon_deg": 8,
     "roll_deg": 3, "pitch_deg": 3, "yaw_deg": 3, "mount_deg": 3,
+    "sigma_roll_deg": 3, "sigma_pitch_deg": 3, "sigma_yaw_deg": 3,
     "sigma_north_m": 3, "sigma_east_m": 3, "correlation": 4,
 }  # fmt: skip
 DRAWN = 20_000  # epochs; more make a page that is slow on a phone
@@ -73,7 +75,16 @@ def replay(log, out, *, outages=(), last_position=None, **options):
             f"{', '.join(log.sources)}: no fix: none of the {len(log.gnss.t_s):,} epochs has a "
             "position, so there is nothing to replay"
         )
+    if options.get("filter") == "car":
+        if log.gnss is None or log.imu is None:
+            raise WrongUsage("--filter car: needs positions and an IMU")
+        kind = motion(log)[1].kind
+        if kind not in ("car", "open"):
+            told = pages.phrase(pages.Said(kind))
+            raise CannotAnswer(f"--filter car: {told}; leave the option out")
     track = replay_log(inject_outages(log, outages), Options(**options), stored, progress=True)
+    if outages and log.gnss:
+        track.summary["outages"] = outage_errors(track, log.gnss, outages)
     write(track, out)
     if last_position and track.stored:
         aside = save_position(last_position, track.stored._asdict())

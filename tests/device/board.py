@@ -136,10 +136,10 @@ def memory(folder):
     rest = scenario("A", rng, minutes=20, imu_rate=1.0).log
     drive = fullest(ride, lambda device: len(device.mounting._buffer))
     stand = fullest(rest, lambda device: sum(map(len, device.low_pass._buffers)))
-    with_car = fullest(ride, lambda device: device.constrained.started, constrained=True)
+    with_car = fullest(ride, lambda device: device.constrained.started, filter="car")
     plain = [_state(folder, *log) for log in (drive, stand)]
     state = {name: max(one[name] for one in plain) for name in plain[0]}
-    state[FOR_CARS] = _state(folder, *with_car, constrained=True)[FOR_CARS]
+    state[FOR_CARS] = _state(folder, *with_car, filter="car")[FOR_CARS]
     tables = pd.Series(code, name="bytes"), pd.Series(state, name="bytes")
     return [
         table.rename_axis(name).reset_index()

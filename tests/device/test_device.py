@@ -51,7 +51,7 @@ def compare(here, there):
 @pytest.mark.parametrize("name", LOGS)
 def test_the_board_does_what_the_replay_does(tmp_path, name):
     """cross-check: every output of every epoch, to rounding, and every decision."""
-    changed = {"constrained": True} if name in FOR_CARS else {}
+    changed = {"filter": "car"} if name in FOR_CARS else {}
     seen = record(LOGS[name](), COLD if name.startswith("C") else None, **changed)
     events = [e for e in seen.events if not name.startswith("real") or e[0] <= UNTIL_S]
     rows, heap, _ = board.feed(tmp_path, seen.given, events, list(seen.rows[0]), **changed)
