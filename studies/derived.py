@@ -37,7 +37,6 @@ MAKERS = {
     "comma2k19": several_units.comma,
     "car-attitude": several_units.car_attitude,
     "car-roof": several_units.car_roof,
-    "car-bridging": several_units.bridging,
     "light-aircraft": several_units.light_aircraft,
     "aerobatic": several_units.aerobatic,
 }

@@ -14,7 +14,7 @@ from analysis import STANDARD_GRAVITY, wrap
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from sensorlogs import datasets
-from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages
+from sensorlogs.timeline import Gnss, Imu, Timeline
 from studies import rides
 
 FEET, KMH = 0.3048, 1 / 3.6
@@ -24,7 +24,7 @@ RECEIVERS = {
     "openlog": "openlog",
 }  # fmt: skip
 CAR_S, POSE_S = 0.2, 0.1  # s between rows
-OUTAGE_S, EVERY_S, FASTER = 10.0, 30.0, 3.0  # s, s, m/s: outages of rides on the move
+
 ONLY_ATTITUDE = Options(static=False, low_pass=False, mounting=False, fusion=False)
 
 
@@ -180,47 +180,6 @@ def car_roof():
     ride["gyro_z_deg"] = np.interp(log.gnss.t_s, log.imu.t_s, _turned(log.imu)).round(2)
     source = _source("car with an IMU on its roof and RTK, 549 s", *rides.ROOF)
     return source, {"ride": pd.DataFrame(ride)}
-
-
-def bridging():
-    """Take the fixes away for some seconds, again and again, with and without an IMU.
-
-    Returns
-    -------
-    dict
-    dict of pandas.DataFrame
-        ``outages``, one a row: how far the output jumps when fixes return, beyond what the vehicle
-        itself moved, for a receiver that holds its last position, for one that runs on at its last
-        velocity, and for the tracker.
-    """
-    rows, files, notes = [], [], []
-    for name in ("car", "phone-drive"):
-        log = rides.read(name)
-        gnss = log.gnss
-        starts = np.arange(2 * EVERY_S, gnss.t_s[-1] - EVERY_S, EVERY_S)
-        cut = inject_outages(log, [(s, s + OUTAGE_S) for s in starts])
-        out = replay(cut, Options()).columns
-        place = gnss.lat_deg[0], gnss.lon_deg[0], 0.0
-        true = np.array(pymap3d.geodetic2enu(gnss.lat_deg, gnss.lon_deg, 0.0, *place)[:2])
-        latest = np.maximum.accumulate(np.where(cut.gnss.has_fix, np.arange(len(gnss.t_s)), 0))
-        course, since = np.radians(gnss.course_deg), gnss.t_s - gnss.t_s[latest]
-        velocity = gnss.speed_m_s * np.array([np.sin(course), np.cos(course)])
-        on = true[:, latest] + np.nan_to_num(velocity[:, latest]) * since
-        with_imu = pymap3d.geodetic2enu(out["out_lat_deg"], out["out_lon_deg"], 0.0, *place)[:2]
-        for start in starts:
-            k = int(np.searchsorted(gnss.t_s, start + OUTAGE_S))
-            if not gnss.speed_m_s[k - 1] > FASTER:
-                continue
-            row = {"ride": name, "t_s": start, "speed_m_s": round(float(gnss.speed_m_s[k - 1]), 1)}
-            outputs = {"alone": true[:, latest], "on": on, "blended": np.array(with_imu)}
-            for unit, at in outputs.items():
-                step = (at[:, k] - at[:, k - 1]) - (true[:, k] - true[:, k - 1])
-                row[f"jump_{unit}_m"] = round(float(np.hypot(*step)), 1)
-            rows.append(row)
-        files.append(rides.RIDES[name].file)
-        notes.extend(log.notes)
-    title = f"two car rides with outages of {OUTAGE_S:g} s"
-    return _source(title, *files, notes=notes), {"outages": pd.DataFrame(rows)}
 
 
 def light_aircraft():

@@ -81,7 +81,7 @@ def test_outages_are_scored_by_the_fixes_that_they_took():
     c, at = track.columns, (t >= 30) & (t < 35)
     fix = (1.5 * 1.5) ** 2
     outside = true / np.sqrt(c["sigma_north_m"][at] ** 2 + fix) > np.sqrt(-2 * np.log(0.05))
-    assert turned["in_ellipse"] == 1 - outside.mean()
+    assert turned["in_ellipse"] == pytest.approx(1 - outside.mean())
 
 
 def test_exits_and_holds():

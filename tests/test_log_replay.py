@@ -439,7 +439,7 @@ def test_a_turn_in_an_outage_is_no_bias_of_the_gyro(laps, monkeypatch):
     assert np.abs(bias[140] - bias[29]).max() < np.radians(0.1)
 
 
-@pytest.mark.parametrize(("factor", "says"), [(57.3, "0.019"), (1 / 57.3, "61"), (-1.0, "-1.1")])
+@pytest.mark.parametrize(("factor", "says"), [(57.3, "0.023"), (1 / 57.3, "76"), (-1.0, "-1.3")])
 def test_a_gyro_of_another_unit_is_noticed(laps, factor, says):
     """property: a turn by GNSS is one by the gyro, or its unit or sign is asked about."""
     log = laps[0].log

@@ -12,7 +12,7 @@ from analysis import STANDARD_GRAVITY, Estimate, WrongUsage
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
 from analysis.tracker.last_position import LOST_S, PDOP_WAIT_S, SLOW, Stored
-from analysis.tracker.motion import Vehicle, time_lag, turns, vehicle
+from analysis.tracker.motion import Vehicle, time_lag, vehicle
 from analysis.tracker.mounting import Straight
 from sensorlogs.timeline import Timeline
 
@@ -96,7 +96,7 @@ def replay(
     if not rows:
         raise WrongUsage("nothing to replay: the log has neither positions nor an IMU")
     columns = _columns(timeline.gnss, rows)
-    remarks = tuple(_remarks(timeline, options, columns, devices, unexplained, lag))
+    remarks = tuple(_remarks(timeline, options, columns, devices, unexplained, lag, moves))
     table = pd.DataFrame(straights, columns=Straight._fields)
     angles = ["printed", "alone", "sigma", "mount"]
     table[angles] = np.degrees(table[angles].astype(float))
@@ -113,7 +113,7 @@ def motion(timeline: Timeline) -> tuple[Estimate, Vehicle]:
     """Give the lag of GNSS behind IMU, and how the vehicle moves with that taken off."""
     gnss, imu = timeline.gnss, timeline.imu
     if gnss is None or imu is None:
-        return Estimate.refused("s", NEEDS), Vehicle("open", Estimate.refused("1", NEEDS))
+        return Estimate.refused("s", NEEDS), Vehicle("open", *[Estimate.refused("1", NEEDS)] * 2)
     lag = time_lag(gnss, imu)
     return lag, vehicle(gnss, replace(imu, t_s=imu.t_s + (lag.value or 0.0)))
 
@@ -307,7 +307,7 @@ def _summary(timeline, options, columns, devices, straights):
     }
 
 
-def _remarks(timeline, options, columns, devices, unexplained, lag):
+def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
     """Yield a code and numbers for what could not run in full, and for what looks wrong."""
     imu, gnss, t = timeline.imu, timeline.gnss, columns["t_s"]
     if imu is None:
@@ -327,9 +327,9 @@ def _remarks(timeline, options, columns, devices, unexplained, lag):
     if imu is not None:
         if lag.value is not None and abs(lag.value) > LAG_SAID:
             yield "lag", {"lag": lag.value, "low": lag.low, "high": lag.high}
-        factor = turns(gnss, imu)
-        if abs(math.log(abs(factor))) > math.log(TURNS) or factor < 0:
-            yield "turns", {"factor": factor}
+        share = moves.turn
+        if share.value and share.low * share.high > 0 and not 1 / TURNS < share.value < TURNS:
+            yield "turns", {"factor": 1 / share.value}
     if not columns["has_fix"].any():
         yield ("no_fix_no_imu" if imu is None else "no_fix"), {}
     else:

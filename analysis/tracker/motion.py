@@ -19,7 +19,7 @@ FEWEST, BLOCK, DRAWS = 60, 20, 200  # epochs, epochs, draws of the bootstrap
 LAG_NEAR = 1.5  # usual steps: epochs farther apart are not compared
 LAG_LEFT = 0.75  # of the variance that the fit may leave: else nothing much has changed
 LAG_WIDEST = 1.0  # s, interval of a lag that is worth a number
-FAST, TURNED, ALIKE = 3.0, 0.1, 0.7  # m/s, rad^2 in all, correlation: enough to compare them by
+FAST = 3.0  # m/s: a course is good to some degrees
 LONGEST, SLOWEST = 1.5, 2.0  # s between fixes, m/s: steps that tell how a vehicle moves
 HALF = 0.5  # between a vehicle on wheels (1) and one that leans into its turns (0)
 TILTS = 2.0  # deg/s, median: roads tilt a car by 0.2 to 0.5 (four drives), waves a boat by more
@@ -60,10 +60,13 @@ class Vehicle(NamedTuple):
     sideways : Estimate
         Share of v dpsi/dt that the accelerometer shows across the direction of travel: 1 on wheels,
         0 for what leans.
+    turn : Estimate
+        Turns by the gyro over those of the course: 1, unless unit, axis or sign are wrong.
     """
 
     kind: str
     sideways: Estimate
+    turn: Estimate
 
 
 def steps(gnss: Gnss, imu: Imu) -> Steps:
@@ -115,7 +118,7 @@ def vehicle(gnss: Gnss, imu: Imu) -> Vehicle:
     """
     found = steps(gnss, imu) if len(gnss.t_s) > 1 else None
     if found is None or len(found.dt) < FEWEST:
-        return Vehicle("open", Estimate.refused("1", "too few steps in motion"))
+        return Vehicle("open", *[Estimate.refused("1", "too few steps in motion")] * 2)
     many, rng = len(found.dt), np.random.default_rng(0)
     drawn = resampling.counts(-(-many // BLOCK), DRAWS, rng)
     ones = np.ones(many)
@@ -141,7 +144,8 @@ def vehicle(gnss: Gnss, imu: Imu) -> Vehicle:
         kind = "car"
     else:
         kind = "unlike" if min(high[0], high[2]) < HALF else "open"
-    return Vehicle(kind, Estimate(float(value[1]), float(low[1]), float(high[1]), "1"))
+    ends = np.array([value, low, high]).T[1:].tolist()
+    return Vehicle(kind, *(Estimate(v, a, b, "1") for v, a, b in ends))
 
 
 def _fits(design, values, drawn):
@@ -160,24 +164,6 @@ def _wider(blocks):
 
 def _unit(vectors):
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1), 1e-12)[:, None]
-
-
-def turns(gnss: Gnss, imu: Imu) -> float:
-    """Ratio of the turns of the course to those of the gyro; 1 if too few to tell."""
-    if len(gnss.t_s) < 3:
-        return 1.0
-    up = np.median(imu.accel_b, axis=0)
-    rate = -(imu.gyro_b @ up) / max(float(np.linalg.norm(up)), 1e-9)
-    angle = np.interp(gnss.t_s, imu.t_s, cumulative_trapezoid(rate, imu.t_s, initial=0.0))
-    by_gyro, by_course = np.diff(angle), np.radians(wrap(np.diff(gnss.course_deg)))
-    fast = np.minimum(gnss.speed_m_s[:-1], gnss.speed_m_s[1:]) > FAST
-    use = fast & np.isfinite(by_course) & (np.abs(by_course) < 1.0)
-    by_gyro, by_course = by_gyro[use], by_course[use]
-    sizes = float(by_gyro @ by_gyro), float(by_course @ by_course)
-    if not (sizes[0] > 0 and sizes[1] > TURNED):
-        return 1.0
-    alike = float(by_gyro @ by_course) / math.sqrt(sizes[0] * sizes[1])
-    return math.copysign(math.sqrt(sizes[1] / sizes[0]), alike) if abs(alike) > ALIKE else 1.0
 
 
 def time_lag(gnss: Gnss, imu: Imu) -> Estimate:
