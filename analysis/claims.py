@@ -40,7 +40,7 @@ __all__ = [
 ]  # fmt: skip
 
 COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
-FOUND = ["notebook", "sentence", "condition", "figure"]
+FOUND = ["notebook", "sentence", "condition", "figure", "so"]
 MOST_WORDS = 30  # of the sentence of a finding
 NOT_YET = "not yet run"
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
@@ -69,7 +69,7 @@ def published() -> pd.DataFrame:
     return pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
 
 
-def finding(notebook: str, sentence: str, *, when: str, figure: str) -> text.Shown:
+def finding(notebook: str, sentence: str, *, when: str, figure: str, so: str = "") -> text.Shown:
     """Record what a notebook found, for the index, README and the site; the last call counts.
 
     In a notebook that is run by hand nothing is written.
@@ -84,6 +84,8 @@ def finding(notebook: str, sentence: str, *, when: str, figure: str) -> text.Sho
         The condition under which it was found: data, simulation, setting.
     figure : str
         Name of the figure that shows it, as in `figures.save`.
+    so : str
+        What to do differently, if anything: heads the README, the index and the site.
 
     Returns
     -------
@@ -93,7 +95,7 @@ def finding(notebook: str, sentence: str, *, when: str, figure: str) -> text.Sho
     sentence, when = " ".join(sentence.split()), " ".join(when.split())
     if (words := len(sentence.split())) > MOST_WORDS:
         raise WrongUsage(f"the finding of {notebook} has {words} words: at most {MOST_WORDS}")
-    row = dict(zip(FOUND, (notebook, sentence, when, figure), strict=True))
+    row = dict(zip(FOUND, (notebook, sentence, when, figure, so), strict=True))
     _write_down("findings", notebook, [row], FOUND, lambda table: table.sort_values("notebook"))
     return text.Shown(f"**Finding.** {sentence} *{when}*")
 
@@ -104,9 +106,15 @@ def findings() -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Columns notebook, sentence, condition, figure.
+        Columns notebook, sentence, condition, figure, so.
     """
-    return pd.read_csv(_register("findings"))
+    return pd.read_csv(_register("findings"), keep_default_na=False)
+
+
+def advice() -> text.Shown:
+    """List what the findings say to do differently, each with its number."""
+    rows = enumerate(findings().itertuples(), start=1)
+    return text.Shown("\n".join(f"- {row.so} (finding {n})" for n, row in rows if row.so))
 
 
 def learned() -> text.Shown:

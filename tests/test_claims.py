@@ -305,17 +305,18 @@ def test_findings_are_one_for_each_notebook(elsewhere):
     claims.Ledger("90-test").check(FIRST, 1.0)
     before = elsewhere.read_bytes()
     for name, text_ in (("90-test", "Old."), ("10-other", 'A,\n"b".'), ("90-test", "New.")):
-        shown.append(claims.finding(name, text_, when="Here.", figure="10-a"))
+        shown.append(claims.finding(name, text_, when="Here.", figure="10-a", so="Do."))
     assert list(claims.findings().itertuples(index=False, name=None)) == [
-        ("10-other", 'A, "b".', "Here.", "10-a"),
-        ("90-test", "New.", "Here.", "10-a"),
+        ("10-other", 'A, "b".', "Here.", "10-a", "Do."),
+        ("90-test", "New.", "Here.", "10-a", "Do."),
     ]
+    assert claims.advice() == "- Do. (finding 1)\n- Do. (finding 2)"
     assert shown[-1] == "**Finding.** New. *Here.*"
     assert elsewhere.read_bytes() == before
     with pytest.raises(WrongUsage, match="the finding of 90-test has 31 words: at most 30"):
         claims.finding("90-test", "word " * 31, when="Here.", figure="10-a")
     assert claims.findings()["sentence"].iloc[-1] == "New."
-    assert found.read_bytes().startswith(b"notebook,sentence,condition,figure\n10-other,")
+    assert found.read_bytes().startswith(b"notebook,sentence,condition,figure,so\n10-other,")
 
 
 def test_the_index_lists_the_main_claims(monkeypatch):

@@ -79,7 +79,7 @@ def test_ten_findings():
         patch.setenv("COMPENDIUM_FIGURES", str(FIGURES))
         found = claims.findings()
     assert len(found) == 10 and found["notebook"].is_unique
-    assert set(found["figure"]) <= NAMES
+    assert set(found["figure"]) <= NAMES and (found["so"] != "").sum() >= 5
     for row in found.itertuples():
         assert (reproduce.NOTEBOOKS / f"{row.notebook}.ipynb").exists()
         assert row.condition and len(row.sentence.split()) <= claims.MOST_WORDS
