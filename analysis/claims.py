@@ -35,8 +35,8 @@ from analysis import (
 )
 
 __all__ = [
-    "OUTCOMES", "Ledger", "counted", "counts", "finding", "learned", "of_paper", "published",
-    "verdicts",
+    "OUTCOMES", "Ledger", "advice", "counted", "counts", "finding", "learned", "of_paper",
+    "published", "verdicts",
 ]  # fmt: skip
 
 COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]

@@ -341,7 +341,7 @@ def replay(logs, out, without=None, outage=None, last_position=None, using="auto
     )
     if warning:
         print(warning, file=sys.stderr)
-    _tell("replay.txt", summary, out=out)
+    _tell("replay.txt", summary, out=out, facts=page.facts(summary))
 
 
 def _interval(text):

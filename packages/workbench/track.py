@@ -114,6 +114,13 @@ def summary_of(track):
     return track.summary | {"notes": notes(track)}
 
 
+def facts(summary):
+    """Say what bridges outages, and how well it did in those that were asked for."""
+    said = [("filter", pages.Said("filtered", summary["filter"]))]
+    said += [("outage", pages.Said("outage", each)) for each in summary.get("outages", ())]
+    return [(name, pages.phrase(words)) for name, words in said]
+
+
 def notes(track):
     """List what the reader repaired, what a block could not do and why, and what looks wrong."""
     said = [pages.phrase(pages.Said(*remark)) for remark in track.remarks]
@@ -191,6 +198,7 @@ def page(track):
         angles=[(angle["name"], angle["colour"]) for angle in angles],
         measured=[name for name in ("sigma_north_m", "pdop") if np.isfinite(c[name]).any()],
         notes=notes(track),
+        facts=facts(summary),
         every=every,
         track=_drawn(thin, _bars(c), angles),
     )
