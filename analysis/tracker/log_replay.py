@@ -335,7 +335,7 @@ def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
     else:
         if not columns["accepted"].any():
             poor = (gnss.pdop > options.pdop_gate)[gnss.has_fix].all()
-            yield ("poor" if poor else "unlike"), {"gate": options.pdop_gate}
+            yield ("poor" if poor else "no_agreement"), {"gate": options.pdop_gate}
         if not np.isfinite(gnss.pdop).any() and options.last_position:
             yield "no_pdop", {"wait": PDOP_WAIT_S}
         if not np.isfinite(gnss.speed_m_s).any():
