@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import os
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -449,10 +450,16 @@ def test_a_turn_in_an_outage_is_no_bias_of_the_gyro(laps, monkeypatch):
 
 @pytest.mark.parametrize(("factor", "says"), [(57.3, "0.023"), (1 / 57.3, "76"), (-1.0, "-1.3")])
 def test_a_gyro_of_another_unit_is_noticed(laps, factor, says):
-    """property: a turn by GNSS is one by the gyro, or its unit or sign is asked about."""
+    """property: a turn by GNSS is one by the gyro, or unit or sign is asked, speed or none."""
     log = laps[0].log
     other = replace(log, imu=replace(log.imu, gyro_b=factor * log.imu.gyro_b))
     assert any(n.startswith(f"the course turns {says} times") for n in page.notes(replay(other)))
+    mute = np.full(len(log.gnss.t_s), np.nan)
+    gnss = replace(log.gnss, speed_m_s=mute, course_deg=mute)
+    notes = " ".join(page.notes(replay(replace(other, gnss=gnss))))
+    turned = float(re.search(r"the course turns ([-\d.]+) times", notes)[1])
+    assert 0.7 < turned / float(says) < 1.4  # fixes of some metres
+    assert "the course turns" not in " ".join(page.notes(replay(replace(log, gnss=gnss))))
     assert not any("the course turns" in note for note in page.notes(laps[1]))
 
 
