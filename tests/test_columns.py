@@ -444,6 +444,15 @@ def test_axes_by_number_and_accelerations_without_gravity(tmp_path):
     assert "accel with gravity taken off" in left_out(log)
 
 
+@pytest.mark.parametrize("header", ["t,gx,gy,gz", "t,gx,gy,gz,accel_x_g"])
+def test_no_command_guesses_a_unit(tmp_path, header):
+    """Property: where nothing tells deg/s from rad/s, the message has a command for each."""
+    values = GYRO if header.endswith("gz") else np.column_stack([GYRO, ACCEL[:, 0]])
+    with pytest.raises(WrongUsage, match="--unit gyro=deg/s or --unit gyro=rad/s") as caught:
+        logs.read(write(tmp_path, header, T, values), columns=["gx", "gy"])
+    assert caught.value.flags == ({"--unit": "gyro=deg/s"}, {"--unit": "gyro=rad/s"})
+
+
 def test_a_drifting_gyro_is_no_clock():
     """Property: a column that is named and has its unit is a reading, whatever its numbers."""
     frame = pd.DataFrame({"gyro_x_deg_s": np.arange(100) / 10, "n": np.arange(100)})

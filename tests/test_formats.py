@@ -479,7 +479,9 @@ def test_each_format_is_read_by_every_verb(name, _, channels, takes, tmp_path):
     else:
         imu = read_moving([path], **flags).imu
         readings = imu.gyro_b, imu.accel_b
-        if "Sensor Logger" in name:  # lies with its screen up: turned to z down
+        if (
+            "Sensor" in name
+        ):  # Sensor Logger and AndroSensor: a phone with its screen up: turned to z down
             readings = [axes[:, [1, 0, 2]] * [1, 1, -1] for axes in readings]
         np.testing.assert_allclose(imu.t_s, T, atol=2e-3)
         np.testing.assert_allclose(np.hstack(readings).T, [*known.values()], atol=1e-3)
@@ -711,9 +713,39 @@ def test_an_old_dataflash_log(tmp_path, capsys):
     assert len(read_moving([tmp_path / "old.bin"]).imu.t_s) == ROWS
     write_dataflash(tmp_path / "none.bin", stamp=b"Ticks")
     path, out = str(tmp_path / "none.bin"), ["--out", str(tmp_path / "out")]
-    for verb in (["channels", path], ["report", path, *out], ["replay", path, *out]):
+    verbs = [["channels", path], *([verb, path, *out] for verb in ("report", "replay"))]
+    for verb in (*verbs, ["compare", path, str(tmp_path / "old.bin"), *out]):
         assert main(verb) == 1
         assert "an ArduPilot DataFlash log without any table" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("code", "names"),
+    [
+        ("BIHBLLI", b"Status,TimeMS,Week,NSats,Lat,Lng,T"),
+        ("BIHBLL", b"Status,TimeMS,Week,NSats,Lat,Lng"),
+        ("BIHBLL", b"Status,GMS,GWk,NSats,Lat,Lng"),
+        ("IBIHBLL", b"TimeMS,Status,GMS,GWk,NSats,Lat,Lng"),
+    ],
+)
+def test_positions_of_an_old_dataflash_log(code, names, tmp_path):
+    """Property: the time is T, of the other messages' clock, or else that of the GPS week."""
+    write_dataflash(tmp_path / "old.bin", stamp=b"TimeMS")
+    size = 3 + struct.calcsize("<" + code.replace("L", "i"))
+    out = [b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", 130, size, b"GPS", code.encode(), names)]
+    for k in range(20):
+        values = {"Status": 3, "Week": 1800, "GWk": 1800, "NSats": 8, "Lng": 90000000}
+        values |= {"Lat": 450000000 + 900 * k, "T": 20000 * k + 5, "GMS": 300000000 + 1000 * k}
+        values["TimeMS"] = values["T"] if names[:1] == b"T" else values["GMS"]
+        row = [values[name] for name in names.decode().split(",")]
+        out.append(b"\xa3\x95\x82" + struct.pack("<" + code.replace("L", "i"), *row))
+    whole = tmp_path / "whole.bin"
+    whole.write_bytes((tmp_path / "old.bin").read_bytes() + b"".join(out))
+    shared = b"T" in names.split(b",") or names[:1] == b"T"
+    ride = read_moving([whole], imu_offset=None if shared else 0.0)
+    assert ride.gnss.has_fix.all() and len(ride.imu.t_s) == ROWS
+    np.testing.assert_allclose(ride.gnss.t_s, np.arange(20) * (20.0 if shared else 1.0))
+    assert (ride.gnss.satellites == 8).all()
 
 
 def test_channels_lists_what_can_be_read(tmp_path, capsys):
@@ -785,6 +817,34 @@ def test_a_phone_in_motion(tmp_path):
     )
     assert any("gravity is added again from Gravity.csv" in note for note in ride.notes)
     assert any("interpolated to the stamps of Gyroscope.csv" in note for note in ride.notes)
+
+
+@pytest.mark.parametrize("before", ["-", "", "0.0", None])
+def test_androsensor_in_motion(before, tmp_path):
+    """Property: positions, speed and course of a drive, without a fix at first; z out of screen."""
+    names = [f"{k} {a} ({u})" for k, u in (("ACCELEROMETER", "m/s²"), ("GYROSCOPE", "rad/s"))
+             for a in "XYZ"]  # fmt: skip
+    names += ["LOCATION Latitude : ", "LOCATION Longitude : ", "LOCATION Speed ( Kmh)"]
+    names += ["LOCATION ORIENTATION (°)", "Satellites in range", "Time since start in ms "]
+    rows = []
+    for t, g, a in zip(T, GYRO, ACCEL, strict=True):
+        second = int(4 * t)
+        at = [f"{45 + 1e-4 * second:.7f}", "9.0000000"] if second >= 12 else [before, before]
+        at = ["45 deg N", "9 deg E"] if before is None else at
+        cells = [*(f"{v:.5f}" for v in (*a, *g)), *at, "160.1", "0.0", "8 / 11", f"{4000 * t:.0f}"]
+        rows.append(";".join(cells))
+    path = tmp_path / "phone.csv"
+    path.write_text("\n".join(["sep=;", ";".join(names), *rows]) + "\n", encoding="utf-8")
+    ride = read_moving([path])
+    assert np.median(ride.imu.accel_b[:, 2]) < -9
+    np.testing.assert_allclose(ride.imu.accel_b[:, :2], ACCEL[:, [1, 0]], atol=1e-5)
+    if before is None:
+        assert ride.gnss is None
+        assert sum("holds words: not used" in note for note in ride.notes) == 2
+    else:
+        assert ride.gnss.has_fix.sum() == 4 and len(ride.gnss.t_s) == 16
+        np.testing.assert_allclose(ride.gnss.speed_m_s[12:], 160.1 / 3.6)
+        assert (ride.gnss.course_deg[12:] == 0).all()
 
 
 def _phone_tables(sign, stamps=T):

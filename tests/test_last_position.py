@@ -181,6 +181,22 @@ def test_moved_while_off(metres, moved, criteria):
         assert taken.index(True) == (0 if criteria else 30)
 
 
+def test_bad_first_fixes_on_a_roof_are_no_move():
+    """property: what converges, or jumps, to the memory without any speed was not moved."""
+    settling = [127.0 * math.exp(-t / 200.0) for t in range(600)]
+    for fixes in (settling, [54.0] * 60 + [0.0] * 40):
+        block = LastPosition(HOME)
+        feed(block, fixes[:35])
+        assert block.moved_while_off > 50.0
+        feed(block, fixes[35:], 35)
+        assert block.moved_while_off is None
+    block = LastPosition(HOME)  # back to where it stood, on its own wheels
+    feed(block, [127.0] * 35)
+    feed(block, [127.0 - 10.0 * t for t in range(13)], 35, speed=10.0, course=math.pi)
+    feed(block, [0.0] * 60, 48)
+    assert block.moved_while_off > 50.0
+
+
 def test_a_poor_fix_is_no_move():
     """property: 70 m at a PDOP of 9 is within the uncertainty; the gate alone calls it a move."""
     for criteria in ({}, GATE_ALONE):

@@ -305,7 +305,7 @@ def test_real_receivers(name):
     expected = {
         "telit-he910": (224, 187, 4.0),
         "rx210": (62, 40, 53.32),
-        "haicom-305N": (74, 68, 17.0),
+        "haicom-305N": (74, 67, 17.0),
         "quectel": (42, 34, 1.4),
         "ublox-8": (72, 72, 1.71),
     }[name]
@@ -487,6 +487,26 @@ def test_a_speed_of_another_unit_is_left_out(tmp_path, unit, speed):
     assert any("its unit is another one" in note for note in log.notes) == (not right)
 
 
+def test_a_speed_in_knots_has_no_other_unit(tmp_path):
+    """published: NMEA's unit is fixed; first fixes that converge at rest leave the speed in."""
+    lines = flat(epoch(15 * k, start=36000.0 - 14 * k, speed=0.1) for k in range(60))
+    log = read_moving([nmea(tmp_path, lines)])
+    said = " ".join(log.notes)
+    assert "times as fast as the speed says; the speed is left out" in said and "unit" not in said
+    rows = [(k, LAT + 4e-3 * np.exp(-k / 60), LON, 100, 2, 0.1, 0) for k in range(600)]
+    log = read_moving([csv(tmp_path, GNSS, rows)])
+    assert np.isfinite(log.gnss.speed_m_s).all() and not log.notes
+
+
+def test_positions_from_no_satellite_are_no_fixes(tmp_path):
+    """property: an epoch with 0 satellites has no fix, whatever its quality says."""
+    lines = flat(epoch(k) for k in range(6))
+    lines[4] = sentence(lines[4].replace(",1,08,", ",1,00,")[1:].split("*")[0])
+    log = read_moving([nmea(tmp_path, lines)])
+    assert np.flatnonzero(~log.gnss.has_fix).tolist() == [1]
+    assert any("positions from 0 satellites, here first: 1 left out" in n for n in log.notes)
+
+
 def test_a_csv_of_several_starts(tmp_path):
     """property: a clock since power-on that starts again runs on; the rows of each start stay."""
     t = [*np.arange(0, 100, 1.0), *np.arange(0.5, 80, 1.0)]
@@ -596,6 +616,17 @@ def test_a_dump_is_read_back(walk, tmp_path):
     np.testing.assert_allclose(read.imu.accel_b, walk.imu.accel_b, atol=1e-6)
     np.testing.assert_allclose(read.imu.t_s, walk.imu.t_s, atol=1e-6)
     assert read.start_utc.startswith("2021-12-31T23:58")
+
+
+def test_an_attitude_is_matched_with_its_imu(tmp_path):
+    """property: stamps since 1970 that are matched to a time of day are so for all columns."""
+    day = datetime.datetime(2024, 6, 12, tzinfo=datetime.UTC).timestamp()
+    rows = [(day + float(r[0]), *r[1:], 1, 2, 3) for r in imu_rows(np.arange(36000, 36010, 0.5))]
+    imu = csv(tmp_path, IMU + ",roll_deg,pitch_deg,yaw_deg", rows)
+    log = read_moving([nmea(tmp_path, flat(epoch(k) for k in range(10))), imu])
+    np.testing.assert_allclose(log.attitude.t_s, log.imu.t_s)
+    assert any("matched by the time of day" in note for note in log.notes)
+    assert not any("different clocks" in note for note in log.notes)
 
 
 def test_reported_attitude(tmp_path):

@@ -49,8 +49,11 @@ def test_the_page_holds_the_track(walk):
         assert [v is not None for v in found[name]] == known.tolist()
         degrees = found["origin"][axis] + 1e-7 * np.array(found[name], dtype=float)
         np.testing.assert_allclose(degrees[known], c[f"{name}_deg"][known], atol=1.1e-7)
-    for name in ("accepted", "moving", "layer"):
+    for name in ("accepted", "layer"):
         assert found[name] == c[name].tolist()
+    moving = np.array(found["moving"])  # 2: not known, without a fix and an attitude
+    assert ((moving == c["moving"]) | (moving == 2)).all()
+    assert moving[0] == 2 and (moving[c["has_fix"] == 1] < 2).all()
     bars = set(zip(found["bars"]["row"], found["bars"]["colours"], strict=True))
     assert bars >= {(0, colour) for colour in (pages.STATIC, pages.REFUSED, pages.NONE)}
     assert bars >= {(1, pages.MOVING), (1, pages.STATIC)}

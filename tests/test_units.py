@@ -313,7 +313,7 @@ def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(catalogue, "OWN", tmp_path / "logs.toml")
     stanza = '[mine]\nfile = "b.csv"\ntitle = "c"\nlicence = "own"\nsource = "own"\n'
     (tmp_path / "logs.toml").write_text(stanza)
-    logs = [log_of(tmp_path / "a.csv", a, START), "mine"]
+    logs = [log_of(tmp_path / "a.1.csv", a, START), "mine"]
     kept = tmp_path / "out" / "figures" / "mine.png"
     kept.parent.mkdir(parents=True)
     for file in (kept, kept.with_name("john.jane.png")):  # the second of an earlier comparison
@@ -323,7 +323,7 @@ def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
     assert cli.main(["compare", *logs, "--out", str(tmp_path / "out")]) in (0, None)
     found = json.loads((tmp_path / "out" / "compare.json").read_text())
     assert {"units", "clock", "position", "attitude", "events"} <= set(found)
-    assert [u["name"] for u in found["units"]] == ["a", "mine"]
+    assert [u["name"] for u in found["units"]] == ["a.1", "mine"]
     in_utc = START - 3600.0  # the second one's own clock is an hour ahead
     assert found["clock"]["low"] <= in_utc <= found["clock"]["high"]
     for name in ("p50_m", "p95_m", "max_m", "cep_m", "drms2_m"):
@@ -331,7 +331,7 @@ def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
     assert found["time_zero_utc"] == "2024-05-01T10:00:02+00:00"
     page, when = (tmp_path / "out" / "compare.html").read_text(), "10:01:39.8 to 10:02:00.0"
     assert "<img" in page and when in page and "2024-05-01 10:00:02 UTC" in page
-    assert f"a: loss from {when}" in capsys.readouterr().out
+    assert f"a.1: loss from {when}" in capsys.readouterr().out
     assert [p.name for p in kept.parent.glob("[jm]*")] == [kept.name]
 
 

@@ -68,7 +68,8 @@ class LastPosition:
     snapshot : Stored or None
         Content of the memory.
     moved_while_off : float or None
-        Metres, if it was moved.
+        Metres, if it was moved; None again where later fixes lie at the stored position although
+        it has not driven: the first ones were bad.
     doubted : bool
         Whether the last accepted fix is one in two dimensions, or from too few satellites.
     jumped : bool
@@ -111,6 +112,7 @@ class LastPosition:
         self._saved_at = -math.inf
         self._before = None
         self._since = self._anchor_s = self._path = self._north = self._east = self._slack = 0.0
+        self._was, self._driven = None, math.inf
         self._anchor, self._epochs, self._same = None, 0, (math.nan, math.nan, 0.0, 0.0)
         self.slip, self._legs = 0.0, 1
 
@@ -181,6 +183,11 @@ class LastPosition:
         if self._memory is not None:
             limit = max(self.moved_m, FAR * apart) if self.doubt_s else self.moved_m
             self.moved_while_off = moved if moved > limit else None
+            self._was, self._driven = (self._memory, limit), 0.0 if self.doubt_s else math.inf
+        elif self.moved_while_off and self._driven < self.moved_m:
+            memory, limit = self._was
+            if distance(memory, here) < limit:
+                self.moved_while_off = None
         self.accepted += 1
         self.position, self._memory, self.doubted = here, None, doubted
         self._sigma = SIGMA_DOUBTED if doubted else _sigma(pdop)
@@ -234,12 +241,14 @@ class LastPosition:
         if not 0 < dt <= LOST_S:
             rare = LOST_S < dt < math.inf and self._since == before[0]  # so was the one before
             agreed_s = self._anew(t_s, fix)
-            self._missed = False
+            self._missed, self._driven = False, math.inf
             if self.accepted or rare:  # a fix some metres off is better than none after an outage
                 self._since, agreed_s = t_s - self.settle_s, self.settle_s
             return agreed_s
         mean = (speed + before[1]) / 2
-        self._path += dt * (mean if mean == mean else FASTEST)
+        step = dt * (mean if mean == mean else FASTEST)
+        self._path += step
+        self._driven += step
         self._north += dt * (north + before[2]) / 2
         self._east += dt * (east + before[3]) / 2
         self._epochs += 1

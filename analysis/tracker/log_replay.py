@@ -12,7 +12,7 @@ from analysis import STANDARD_GRAVITY, Estimate, WrongUsage
 from analysis.tracker.attitude import GAP_S
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
 from analysis.tracker.last_position import LOST_S, PDOP_WAIT_S, SLOW, Stored
-from analysis.tracker.motion import Vehicle, time_lag, vehicle
+from analysis.tracker.motion import Vehicle, by_positions, time_lag, vehicle
 from analysis.tracker.mounting import Straight
 from sensorlogs.timeline import Timeline
 
@@ -114,6 +114,9 @@ def motion(timeline: Timeline) -> tuple[Estimate, Vehicle]:
     gnss, imu = timeline.gnss, timeline.imu
     if gnss is None or imu is None:
         return Estimate.refused("s", NEEDS), Vehicle("open", *[Estimate.refused("1", NEEDS)] * 2)
+    if not np.isfinite(gnss.speed_m_s).any():  # enough for the scale of the gyros, and no more
+        refused = (Estimate.refused(unit, "needs a speed") for unit in ("s", "1"))
+        return next(refused), Vehicle("open", next(refused), vehicle(by_positions(gnss), imu).turn)
     lag = time_lag(gnss, imu)
     return lag, vehicle(gnss, replace(imu, t_s=imu.t_s + (lag.value or 0.0)))
 
@@ -335,7 +338,7 @@ def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
     else:
         if not columns["accepted"].any():
             poor = (gnss.pdop > options.pdop_gate)[gnss.has_fix].all()
-            yield ("poor" if poor else "unlike"), {"gate": options.pdop_gate}
+            yield ("poor" if poor else "no_agreement"), {"gate": options.pdop_gate}
         if not np.isfinite(gnss.pdop).any() and options.last_position:
             yield "no_pdop", {"wait": PDOP_WAIT_S}
         if not np.isfinite(gnss.speed_m_s).any():

@@ -5,6 +5,7 @@ held against the mean specific force and the mean rate.
 """
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.stats import t as student_t
 
 from analysis import Estimate, resampling, wrap
-from sensorlogs.timeline import Gnss, Imu
+from sensorlogs.timeline import METRES_PER_DEGREE, Gnss, Imu
 
 LAGS = np.linspace(-3.0, 3.0, 61)  # s, of GNSS behind IMU
 FEWEST, BLOCK, DRAWS = 60, 20, 200  # epochs, epochs, draws of the bootstrap
@@ -20,6 +21,7 @@ LAG_NEAR = 1.5  # usual steps: epochs farther apart are not compared
 LAG_LEFT = 0.75  # of the variance that the fit may leave: else nothing much has changed
 LAG_WIDEST = 1.0  # s, interval of a lag that is worth a number
 FAST = 3.0  # m/s: a course is good to some degrees
+OVER_S = 4.0  # s: fixes of some metres give a course while a vehicle drives
 LONGEST, SLOWEST = 1.5, 2.0  # s between fixes, m/s: steps that tell how a vehicle moves
 HALF = 0.5  # between a vehicle on wheels (1) and one that leans into its turns (0)
 TILTS = 2.0  # deg/s, median: roads tilt a car by 0.2 to 0.5 (four drives), waves a boat by more
@@ -146,6 +148,17 @@ def vehicle(gnss: Gnss, imu: Imu) -> Vehicle:
         kind = "unlike" if min(high[0], high[2]) < HALF else "open"
     ends = np.array([value, low, high]).T[1:].tolist()
     return Vehicle(kind, *(Estimate(v, a, b, "1") for v, a, b in ends))
+
+
+def by_positions(gnss: Gnss) -> Gnss:
+    """Give a receiver that states neither the speed and course of its positions over `OVER_S`."""
+    known = np.flatnonzero(gnss.has_fix)
+    t, ends = gnss.t_s[known], gnss.t_s[:, None] + [-OVER_S / 2, OVER_S / 2]
+    north, lon = METRES_PER_DEGREE * gnss.lat_deg[known], np.unwrap(gnss.lon_deg[known], period=360)
+    east = METRES_PER_DEGREE * np.cos(np.radians(gnss.lat_deg[known])) * lon
+    north, east = (np.diff(np.interp(ends, t, p, np.nan, np.nan))[:, 0] for p in (north, east))
+    course = np.degrees(np.arctan2(east, north))
+    return replace(gnss, speed_m_s=np.hypot(north, east) / OVER_S, course_deg=course)
 
 
 def _fits(design, values, drawn):

@@ -63,6 +63,7 @@ _ESTIMATED = {"h", "v", "s", "t", "hor", "ver", "pos", "vel", "head", "heading",
 _TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 LOOKED_AT = 5000  # rows in which a counter, a clock or a norm shows
 _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
+_OR = {"rate": "rad/s", "accel": "m/s^2", "angle": "rad"}  # as usual: a message offers both
 _WHOLE_UNITS = ("deg/s", "rad/s", "g", "m/s^2")  # in which no sensor's readings are whole numbers
 _LARGEST = {"rate": 20.0, "accel": 30.0}  # beyond what a sensor at rest reads, in any such unit
 _LSB = (16384, 8192, 4096, 2048, 1024, 256)  # counts per g of common accelerometers
@@ -417,7 +418,7 @@ def choose(
             raise WrongUsage(
                 f"{file}: --{flag} {text} is for channels of one kind, and this log has "
                 f"{' and '.join(each)}: {_spelled(flags)}",
-                flags,
+                *flags,
             )
         for absent in (its for its in given if its and its not in groups):
             raise WrongUsage(
@@ -436,7 +437,7 @@ def choose(
             )
         taken = said or own or (size if its == "accel" else None)
         if taken is None:
-            no_unit[name] = f"no unit: --unit {FLAG[its]}={_USUAL[its]} ?"
+            no_unit[name] = f"no unit: --unit {FLAG[its]}=... says it"
             continue
         if own not in (None, taken):
             notes.append(f"column '{name}' taken in {taken}, though its name has {own}")
@@ -444,9 +445,9 @@ def choose(
     stated = units or any(split(c.column)[1] for c in chosen if c.kind in ("rate", "accel"))
     if no_unit and (wanted or not stated):
         raise WrongUsage(
-            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(flags)}, if that is right, "
+            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(flags)}, as is right, "
             "or put the units into the header, such as gyro_x_deg_s, accel_z_g",
-            flags,
+            *flags,
         )
     if not any(units.get(None) in (None, c.unit) for c in chosen):
         options = [f"--{o} {v}" for o, v in (("unit", unit), ("kind", kind)) if v]
@@ -552,7 +553,7 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
         raise WrongUsage(
             f"{file}: columns {', '.join(three)} have the length of one g in {one}: say --columns "
             f"{','.join(three)} with --kind accel --unit {one}, or with --kind {usual or 'rate'}; "
-            "gyros by their name: --unit gyro=deg/s"
+            "gyros by their name: --unit gyro=deg/s or gyro=rad/s"
         )
     if set(kinds.values()) == {"angle"} and usual == "rate":
         kinds = dict.fromkeys(kinds, "rate")  # roll, pitch and yaw in deg/s
@@ -586,8 +587,11 @@ def _gravity(frame, accels, factor=1.0) -> str | None:
     return found.pop() if len(found) == 1 else None
 
 
-def _flags(frame, groups, units, size, scale) -> dict[str, str | None]:
-    """Return the flags that state what the columns do not: flag -> value, None to leave it out."""
+def _flags(frame, groups, units, size, scale) -> list[dict[str, str | None]]:
+    """Return the flags that state what the columns do not: flag -> value, None to leave it out.
+
+    Where nothing tells a unit, those of both are returned.
+    """
     bare = units.get(None)
     usual: dict[Any, Any] = _USUAL | ({"accel": size} if size else {})
     usual[KIND_OF_UNIT.get(bare or "")] = bare
@@ -602,18 +606,24 @@ def _flags(frame, groups, units, size, scale) -> dict[str, str | None]:
             norm = _norm(frame, whole[:3])
             lsb = next((lsb for lsb in _LSB if abs(norm / lsb - 1) < 0.1), 16384)
             of_scale[its] = f"1/{131 if its == 'rate' else lsb}"
-    flags: dict[str, str | None] = {"--unit": None} if bare else {}
-    for flag, of in (("--unit", of_unit), ("--scale", of_scale)):
-        if of:
-            flags[flag] = ",".join(f"{word}={of[its]}" for its, word in FLAG.items() if its in of)
-    return flags
+    told = {*units, *of_scale, KIND_OF_UNIT.get(bare or ""), "accel" if size else None}
+    other = of_unit | {its: _OR[its] for its in of_unit.keys() & _OR if its not in told}
+    found: list[dict[str, str | None]] = []
+    for each in [of_unit] if other == of_unit else [of_unit, other]:
+        flags: dict[str, str | None] = {"--unit": None} if bare else {}
+        for flag, of in (("--unit", each), ("--scale", of_scale)):
+            if of:
+                typed = (f"{word}={of[its]}" for its, word in FLAG.items() if its in of)
+                flags[flag] = ",".join(typed)
+        found.append(flags)
+    return found
 
 
-def _spelled(flags: dict[str, str | None]) -> str:
+def _spelled(found: list[dict[str, str | None]]) -> str:
     """Write flags as they are typed."""
-    typed = [f"{flag} {value}" for flag, value in flags.items() if value]
-    without = [flag for flag, value in flags.items() if not value]
-    said = [f"say {' '.join(typed)}"] * bool(typed) + [f"leave out {w}" for w in without]
+    typed = [" ".join(f"{flag} {value}" for flag, value in f.items() if value) for f in found]
+    without = [flag for flag, value in found[0].items() if not value]
+    said = [f"say {' or '.join(typed)}"] * any(typed) + [f"leave out {w}" for w in without]
     return ", ".join(said)
 
 
@@ -638,7 +648,7 @@ def _refuse_counts(frame, file, chosen, scales, flags) -> list[str]:
             raise WrongUsage(
                 f"{file}, {where} only: these look like raw counts, not {unit}; {_spelled(flags)} "
                 f"with the datasheet's {unit} per count, or --scale {FLAG[kind]}=1",
-                flags,
+                *flags,
             )
         said.append(f"{where}, taken as {unit} (raw counts need --scale {FLAG[kind]}=...)")
     return said

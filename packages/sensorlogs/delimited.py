@@ -30,7 +30,20 @@ from sensorlogs import CannotAnswer, counted
 HEAD_BYTES = 1 << 16
 HEAD_LINES = 50
 BLOCK_BYTES, MOST_THREADS = 1 << 23, 4  # of text that are parsed at a time, and by how many
-MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "<na>", "#n/a"}
+MISSING = {
+    "",
+    "-",
+    "nan",
+    "na",
+    "n/a",
+    "null",
+    "none",
+    "-nan",
+    "nan(ind)",
+    "-nan(ind)",
+    "<na>",
+    "#n/a",
+}
 CLOCK = re.compile(
     r"^\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ]+\d{1,2}:\d{2}.*)?$|^\d{1,2}:\d{2}(:\d{2}([.,]\d*)?)?$"
 )
@@ -333,6 +346,7 @@ def _parsed(handle: BinaryIO, layout: Layout) -> pd.DataFrame:
             header=None,
             names=list(layout.names),
             index_col=False,
+            na_values=["-"],
             skiprows=skip,
             skipinitialspace=True,
             dtype=types,

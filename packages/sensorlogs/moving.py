@@ -55,6 +55,8 @@ IN_SI = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()} | IN_M_S2
 _SIX = 3 * ["rate"] + 3 * ["accel"]
 _SECOND = {"linear", "lin", "linacc", "user", "bias"}  # of two columns that hold one quantity
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
+PHONE = {*columns.NAMES["phone"]["words"].split()}
+HEADERS = ("its header", "its message's field names")  # may be wrong; a format's definition is not
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
 HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch
 
@@ -152,6 +154,9 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
         one_clock = len(sources) == 1 and imu_offset is None and clocks["GNSS"] == clocks["IMU"]
         shift = 0.0 if one_clock else _shift(gnss, imu, clocks, imu_offset, notes, found.start)
         parts["IMU"] = imu = replace(imu, t_s=imu.t_s + shift)
+        if clocks.get("attitude") == clocks["IMU"] != clocks["GNSS"]:  # matched with the IMU
+            parts["attitude"] = replace(parts["attitude"], t_s=parts["attitude"].t_s + shift)
+            clocks["attitude"] = clocks["GNSS"]
         apart = max(imu.t_s[0] - gnss.t_s[-1], gnss.t_s[0] - imu.t_s[-1])
         if apart > 0:
             raise CannotAnswer(
@@ -174,14 +179,6 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
                 f"on again there, or its clock jumped ahead; {len(gaps)} times in all"
             )
         again = sorted({*again, *gaps})
-        factor = gnss.speed_factor()
-        if not FACTORS[0] < factor < FACTORS[1] and factor == factor:
-            gnss = replace(gnss, speed_m_s=np.full(len(gnss.t_s), np.nan))
-            notes.append(
-                f"the positions move {factor:.2f} times as fast as the speed says: its unit is "
-                "another one; the speed is left out. Say the unit with --columns speed_km_h=COLUMN "
-                "(or speed_m_s, speed_knots, speed_mph)"
-            )
     said = tuple(dict.fromkeys(notes))
     return Timeline(gnss, imu, found.start, said, sources, attitude, zero, clock, tuple(again))
 
@@ -340,6 +337,9 @@ class _Rows:
         names = [n for n in table.frame.select_dtypes("number") if n != self.time]
         names.sort(key=lambda name: not _SECOND.isdisjoint(recognise(name).words))
         self.names: dict[str, str] = {}
+        for name in table.frame.columns.difference([*names, self.time]):
+            if recognise(name).quantity in NAMED:
+                self.notes.append(f"{self.file}: column '{name}' holds words: not used")
         for name in names:
             self.names.setdefault(recognise(name).quantity or "", name)
 
@@ -364,7 +364,8 @@ class _Rows:
                 + ", ".join(self.table.frame)
             )
         self.notes += [f"{self.file}: {lack}: not used" for lack in lacks]
-        if "IMU" in made and self.told_by == EXPORT:
+        said = {word for name in self.table.frame for word in recognise(name).words}
+        if "IMU" in made and (self.told_by == EXPORT or said & PHONE):
             made["IMU"] = _level(made["IMU"], self.notes)
         return made
 
@@ -396,6 +397,7 @@ class _Rows:
         data = {what: self.column(what) for what in self.names if what not in ("", *NEEDED["IMU"])}
         rows = np.flatnonzero(np.isfinite(self.t) & np.isfinite(list(data.values())).any(axis=0))
         position = np.column_stack([data["lat"][rows], data["lon"][rows]])
+        position[np.isnan(position).any(axis=1)] = 0.0  # none is held as well
         changed = np.r_[True, (np.diff(position, axis=0) != 0).any(axis=1)]
         if not self.names.keys().isdisjoint(ACCELS) and np.mean(~changed) > HELD:
             keep, last = [], -np.inf
@@ -434,7 +436,18 @@ class _Rows:
         height, course, mode, satellites = map(column, ("height", "course", "mode", "satellites"))
         speed, pdop = np.where(speed >= 0, speed, np.nan), np.where(pdop == 0, np.nan, pdop)
         gnss = Gnss(self.t[at], lat, lon, height, pdop, speed, course, fix, mode, satellites)
-        return plausible(gnss.without(~fix, *OF_FIX), place, self.notes)
+        gnss = plausible(gnss.without(~fix, *OF_FIX), place, self.notes)
+        factor = gnss.speed_factor()
+        if not FACTORS[0] < factor < FACTORS[1] and factor == factor:
+            gnss = replace(gnss, speed_m_s=np.full(len(gnss.t_s), np.nan))
+            said = f"the positions move {factor:.2f} times as fast as the speed says"
+            if self.told_by in HEADERS:
+                said += (
+                    ": its unit is another one. Say it with --columns speed_km_h=COLUMN (or "
+                    "speed_m_s, speed_knots, speed_mph)"
+                )
+            self.notes.append(f"{said}; the speed is left out")
+        return gnss
 
     def imu(self) -> Imu:
         """Make the samples: rows with all six readings, in SI units; gravity checks them."""

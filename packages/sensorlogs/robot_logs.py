@@ -232,15 +232,17 @@ def dataflash(path: Path) -> list[Part]:
         for form in log.formats.values():
             offsets = np.asarray(log.offsets[form.type], dtype=np.int64)
             offsets = offsets[offsets + form.len <= len(raw)]
-            if not offsets.size or form.columns[:1] not in (["TimeUS"], ["TimeMS"]):
-                continue
-            parts += _dataflash_parts(path, form, offsets, raw, notes)
+            # An old GPS has T, the clock of the other messages, after the time of its week.
+            stamps = form.columns if form.name.startswith("GPS") else form.columns[:1]
+            stamp = next((s for s in ("TimeUS", "T", "TimeMS", "GMS") if s in stamps), None)
+            if offsets.size and stamp:
+                parts += _dataflash_parts(path, form, stamp, offsets, raw, notes)
         log.filehandle.close()
     return parts
 
 
 def _dataflash_parts(
-    path: Path, form: Any, offsets: np.ndarray, raw: np.ndarray, notes: list[str]
+    path: Path, form: Any, stamp: str, offsets: np.ndarray, raw: np.ndarray, notes: list[str]
 ) -> list[Part]:
     """Take the rows of one message apart by its instance."""
     from pymavlink.DFReader import FORMAT_TO_STRUCT
@@ -263,8 +265,8 @@ def _dataflash_parts(
         for name, (_, factor, _) in zip(form.columns, codes, strict=True):
             if mine[name].dtype.kind in "fiu" and name != instance:
                 ours = NAMES["dataflash"].get(name, name)
-                if name in ("T", "Temp"):
-                    ours = "temperature (degC)"
+                if name == stamp:
+                    ours = "t_us" if name == "TimeUS" else "t_ms"
                 columns[ours] = mine[name] * (factor or 1.0)
         if form.name.startswith("GPS") and "Status" in columns:
             columns["fix"] = np.maximum(columns.pop("Status") - 1, 0)  # 2 and more: a fix

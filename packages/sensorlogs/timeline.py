@@ -15,6 +15,7 @@ METRES_PER_DEGREE = 1.11e5  # of latitude, to half a percent
 HIGHEST_M = 100_000.0  # of a height that a receiver can have
 WINDOW_S, WINDOW_M, FEWEST = 5.0, 20.0, 20  # speed against positions: by windows, and how many
 FACTORS = (0.8, 1.25)  # between the positions' speed and the stated one: noise and bends
+LEAST_SHARE = 0.1  # of the windows, in motion: else the speed is not judged
 OF_FIX = ("lat_deg", "lon_deg", "height_m", "speed_m_s", "course_deg")
 SILENT_S = 60.0  # without an epoch and a sample: the device was off
 
@@ -82,7 +83,7 @@ class Gnss:
         fair = (t[end] - t[start] < 2 * WINDOW_S) & ((path > WINDOW_M) | (moved > WINDOW_M))
         known = fair & (path > 1.0)
         fair = known if known.sum() >= FEWEST else fair  # or the speed is zero all along
-        if fair.sum() < FEWEST:
+        if fair.sum() < max(FEWEST, LEAST_SHARE * len(start)):  # first fixes that converge
             return np.nan
         return float(np.median(moved[fair] / np.maximum(path[fair], 1.0)))
 
@@ -185,11 +186,13 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
     with np.errstate(invalid="ignore"):
         off = gnss.has_fix & ~((np.abs(gnss.lat_deg) <= 90) & (np.abs(gnss.lon_deg) <= 180))
         zero = gnss.has_fix & (gnss.lat_deg == 0) & (gnss.lon_deg == 0)
+        unseen = gnss.has_fix & (gnss.satellites == 0)
         high = np.abs(gnss.height_m) > HIGHEST_M
         negative = gnss.pdop < 0
     kinds = {
         "positions beyond 90 deg of latitude or 180 deg of longitude": off,
         "positions of 0, 0, which stand for none": zero,
+        "positions from 0 satellites": unseen,
         f"heights beyond {HIGHEST_M / 1000:.0f} km": high,
         "PDOP below zero": negative,
     }
@@ -198,7 +201,7 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
             notes.append(
                 f"{place(int(np.argmax(where)))}: {kind}, here first: {where.sum():,} left out"
             )
-    off |= zero
+    off |= zero | unseen
     gnss = gnss.without(high, "height_m").without(negative, "pdop").without(off, *OF_FIX)
     return replace(gnss, has_fix=gnss.has_fix & ~off)
 

@@ -417,7 +417,7 @@ def compare(logs, out, **reading):
     units = {}
     for log in logs:
         files = [log] if Path(log).exists() else log.split(",")
-        name = Path(files[0]).name.split(".")[0] or files[0]
+        name = Path(Path(files[0]).name.removesuffix(".gz")).stem or files[0]
         name = next(n for n in (name, *(f"{name}-{k}" for k in range(2, 99))) if n not in units)
         units[name] = _read_moving(files, **reading)
     _tell("compare.txt", page.write(units, out), out=out)

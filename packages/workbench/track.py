@@ -182,6 +182,8 @@ def page(track):
     str
     """
     c, summary = track.columns, track.summary
+    unknown = (c["moving"] == 1) & (c["has_fix"] == 0) & np.isnan(c["roll_deg"])
+    c = c | {"moving": np.where(unknown, 2, c["moving"])}  # neither receiver nor IMU says so
     every = max(1, -(-len(c["t_s"]) // DRAWN))
     thin = {name: column[::every] for name, column in c.items()}
     angles = [
@@ -244,7 +246,7 @@ def _bars(c):
     fix = np.where(c["has_fix"] == 0, 0, np.where(c["accepted"] == 1, 1, 2))
     rows = {
         "fix": (fix, (NONE, STATIC, REFUSED)),
-        "block 3": (c["moving"], (STATIC, MOVING)),
+        "block 3": (c["moving"], (STATIC, MOVING, NONE)),
         "block 4": (c["layer"], (NONE, *LAYERS)),
     }
     bars = {"rows": list(rows), "from": [], "to": [], "row": [], "colours": []}
