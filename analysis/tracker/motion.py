@@ -153,6 +153,8 @@ def vehicle(gnss: Gnss, imu: Imu) -> Vehicle:
 def by_positions(gnss: Gnss) -> Gnss:
     """Give a receiver that states neither the speed and course of its positions over `OVER_S`."""
     known = np.flatnonzero(gnss.has_fix)
+    if not len(known):
+        return gnss
     t, ends = gnss.t_s[known], gnss.t_s[:, None] + [-OVER_S / 2, OVER_S / 2]
     north, lon = METRES_PER_DEGREE * gnss.lat_deg[known], np.unwrap(gnss.lon_deg[known], period=360)
     east = METRES_PER_DEGREE * np.cos(np.radians(gnss.lat_deg[known])) * lon
