@@ -137,7 +137,7 @@ def learned() -> text.Shown:
 def counts() -> pd.DataFrame:
     """Count the independent verdicts of each paper.
 
-    Claims with the same published number, computed number and verdict are one computation and count
+    Claims in the same words, or with the same published number, computed number and verdict, count
     once: the cells of an operation table, a number that the paper states twice. Sentences about the
     papers' own units on that day are history and do not count.
 
@@ -149,7 +149,7 @@ def counts() -> pd.DataFrame:
     rows = verdicts()[~published()["why"].str.contains(THAT_DAY)]
     number = rows["value"].notna() & (rows["unit"] != YES_OR_NO)
     same = ["notebook", "published", "reproduced", "outcome"]
-    rows = rows[~(number & rows.duplicated(same))]
+    rows = rows[~(number & rows.duplicated(same) | rows.duplicated(["paper", "claim"]))]
     return pd.crosstab(rows["paper"], rows["outcome"]).reindex(columns=OUTCOMES, fill_value=0)
 
 
