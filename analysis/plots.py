@@ -23,6 +23,7 @@ from analysis.noise.models import FLICKER, adev_of_terms
 from analysis.resampling import quantiles
 from analysis.terrain.monte_carlo import ErrorPlane
 from analysis.terrain.trends import line_and_square
+from analysis.units.metrics import ANGLES
 from analysis.units.side_by_side import Comparison, Pair
 
 __all__ = [
@@ -533,7 +534,8 @@ def units_tracks(found: Comparison) -> Figure:
         plan.plot(east, north, **style)
         for ax in height:
             ax.plot(shown.t_s - zero, up, **style)
-        mine = [e for e in found.events if e.unit == track.name and "attitude" not in e.kind]
+        other = {"attitude", *ANGLES}
+        mine = [e for e in found.events if e.unit == track.name and not other & {*e.kind.split()}]
         if mine:
             at = [
                 float(np.interp(e.from_s, shown.t_s[shown.fixed], x[shown.fixed]))

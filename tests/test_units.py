@@ -20,7 +20,7 @@ from analysis.units.metrics import Differences, trajectory_metrics
 from analysis.units.side_by_side import apart, conventions, side_by_side
 from sensorlogs import catalogue
 from studies import coverage
-from workbench import cli
+from workbench import cli, comparison
 
 HOME = (46.2, 6.1, 400.0)
 NONE = np.empty(0)
@@ -206,7 +206,8 @@ def test_disagreements_are_listed_with_the_unit_that_is_off():
     """
     for rng in map(np.random.default_rng, np.random.SeedSequence(17).spawn(6)):
         a, b = local_tracks(pair(rng, seconds=300, rates=(2, 1)))
-        assert disagreements(apart(a, b, differences(a, b))) == []
+        (most,) = disagreements(apart(a, b, differences(a, b)))
+        assert most.kind == "largest position difference" and most.size < 6
     rng = np.random.default_rng(18)
     path, t = drive(600, rng), np.arange(2.0, 598, 0.5)
     yaw = np.degrees(np.arctan2(*path(t, 1).T))
@@ -222,12 +223,52 @@ def test_disagreements_are_listed_with_the_unit_that_is_off():
     for given, who in ((units, "b"), (units[:2], "a and b")):
         found = [e for e in side_by_side(given).events if "disagreement" in e.kind]
         assert [(e.kind, e.unit) for e in found] == [
-            ("disagreement", who), ("attitude disagreement", who)]  # fmt: skip
+            ("disagreement", who), ("yaw disagreement", who)]  # fmt: skip
         middle = [0.5 * (e.from_s + e.to_s) for e in found]
         assert middle == pytest.approx([300, 465], abs=3)
         assert found[0].size == pytest.approx(15, abs=2)  # and the errors of both
         assert found[1].to_s - found[1].from_s == pytest.approx(30, abs=1)
     assert not [e for e in find_events(local_tracks(units)[1]) if e.kind == "jump"]
+
+
+def test_the_largest_disagreements_are_listed():
+    """analytic: single epochs 130 m off, 3 s apart; 23 deg of pitch, usually 5, while yaw is off.
+
+    A fix every 3 s of a vehicle that turns at 0.6 g is no evidence of a jump; an acceleration of
+    3 g is. The list begins with them, however many small steps it has.
+    """
+    rng, t = np.random.default_rng(23), np.arange(0.0, 597.0, 0.5)
+    circle = 400 * np.column_stack([np.cos(t / 8), np.sin(t / 8)])  # 50 m/s
+    slow = circle[::6] + 4 * rng.standard_normal((len(t[::6]), 2))
+    for k in (30, 90, 150):
+        slow[k] += [130.0, 0.0]
+    fast = circle + 0.2 * rng.standard_normal(circle.shape)
+    for k in range(50, 1150, 25):  # more of them than the page has rows
+        fast[k : k + 5] += rng.choice([-10.0, 10.0], 2)
+    yaw, tilt = np.degrees(np.arctan2(*np.gradient(circle, axis=0).T)), 0 * t
+    pitch = np.clip(5 * rng.standard_normal(len(t)), -15, 15)
+    inside = (t > 300) & (t < 320)
+    off = wrap(yaw + 40.0 * inside + rng.standard_normal(len(t)))
+    pitch[np.searchsorted(t, 310.0)] = 23.0
+    units = [
+        unit("fast", t, fast, attitude=(t, tilt, tilt, yaw)),
+        unit("slow", t[::6], slow, attitude=(t, tilt, pitch, off)),
+    ]
+    found, both = side_by_side(units), "fast and slow"
+    shown = comparison.shown([{**vars(e), "from": e.from_s} for e in found.events])
+    assert len(shown) == comparison.EVENTS < len(found.events)
+    assert [(e["unit"], e["kind"]) for e in shown[:5]] == [
+        *[("slow", "disagreement")] * 3,
+        (both, "yaw disagreement"),
+        (both, "largest pitch difference"),
+    ]
+    sizes = [e["size"] for e in shown[:5]]
+    # The noise of 4 m on each axis, and the steps of the other one.
+    assert sizes == pytest.approx([130, 130, 130, 40, 23], abs=25) and sizes[:3] > [120] * 3
+    assert sizes[3:] == pytest.approx([40, 23], abs=3)
+    metrics = found.pairs[0].metrics  # of white noise of 5 deg; 199 epochs, 3 s.e.
+    assert metrics["pitch_p50_deg"].value == pytest.approx(5 * 0.674, abs=1.2)
+    assert metrics["pitch_p95_deg"].value == pytest.approx(5 * 1.96, abs=2.5)
 
 
 def test_a_frozen_unit_is_frozen():
@@ -331,7 +372,12 @@ def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
     assert found["time_zero_utc"] == "2024-05-01T10:00:02+00:00"
     page, when = (tmp_path / "out" / "compare.html").read_text(), "10:01:39.8 to 10:02:00.0"
     assert "<img" in page and when in page and "2024-05-01 10:00:02 UTC" in page
-    assert f"a.1: loss from {when}" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"a.1: loss from {when}" in said
+    undated = "no date in the log of mine; apart from days, "  # and not "19844 d"
+    assert found["clock"]["undated"] and found["clock"]["named"].startswith(undated)
+    assert f"note: {undated}" in said and "add to that of mine" not in said
+    assert '<td class="number">no date</td>' in page
     assert [p.name for p in kept.parent.glob("[jm]*")] == [kept.name]
 
 
@@ -369,7 +415,8 @@ def test_odd_clocks_and_outputs():
     assert abs(side_by_side([early, late]).clocks[0].offset_s.value) < 1.0
     losses = [part(a, (a.t_s < 100) | (a.t_s > 160)), part(b, (b.t_s < 300) | (b.t_s > 420))]
     found = side_by_side(losses)
-    assert [(e.unit, e.kind) for e in found.events] == [("a", "loss"), ("b", "loss")]
+    happened = [(e.unit, e.kind) for e in found.events if "largest" not in e.kind]
+    assert happened == [("a", "loss"), ("b", "loss")]
     assert found.clocks[0].offset_s.low <= 0 <= found.clocks[0].offset_s.high
 
 

@@ -35,6 +35,7 @@ SAME_JOURNEY = 5.0  # ratio of along- to cross-track scatter beyond which it is 
 ALONG_M = 25.0  # along-track scatter that is always allowed
 ALIKE = 2.0  # ratio of scatter within which two fits are alike
 SAME_M = 25.0  # median difference, constant shift taken out, beyond any receiver's error
+UNDATED = "no date"
 FEWEST_SAMPLES = 20  # of common attitudes
 THIN_S = 1.0  # between epochs when lags are compared
 ENOUGH_S = 1e-4  # step at which the refinement ends
@@ -61,6 +62,11 @@ class Clock:
     drift: Estimate
     middle_s: float = 0.0
     named: str = ""
+
+    @property
+    def undated(self) -> bool:
+        """Whether one of the two logs has no date, so that days of the offset mean nothing."""
+        return self.named.startswith(UNDATED)
 
     def to_first(self, t: np.ndarray) -> np.ndarray:
         """Turn times by b into times by a."""
@@ -346,19 +352,23 @@ def named_offset(offset: Estimate, a: Track, b: Track) -> str:
     Returns
     -------
     str
-        Empty where it is none of these.
+        Empty where it is none of these; days are no offset where one of the logs has no date.
     """
     value = offset.value or 0.0
     within = max(1.5, abs(value - (offset.low or value)))
-    rest, parts = value, []
+    rest, parts, undated = value, [], ""
+    no_date = [u.name for u in (a, b) if u.clock != "unix"]
     for sign in (1, -1):
         if abs(sign * value - GPS_EPOCH_S) < 7 * 86400:
             parts.append("seconds since 1970 against seconds since the GPS epoch of 1980")
             rest = value - sign * GPS_EPOCH_S
     days = round(rest / 86400) if abs(rest) > 15 * HOUR_S else 0
     if days and abs(rest - 86400 * days) < 15 * HOUR_S and not parts:
-        parts.append(f"{days} d")
         rest -= 86400 * days
+        if len(no_date) == 1:
+            undated = f"{UNDATED} in the log of {no_date[0]}"
+        else:
+            parts.append(f"{days} d")
     quarters = round(rest / (HOUR_S / 4))
     if quarters and abs(quarters) <= 56 and _near(rest - quarters * HOUR_S / 4, within):
         parts.append(f"{quarters / 4:g} h (a time zone)")
@@ -368,8 +378,9 @@ def named_offset(offset: Estimate, a: Track, b: Track) -> str:
         parts.append(f"{LEAP_S:.0f} leap seconds ({a.name} in {first} time, {b.name} in {second})")
         rest -= np.sign(rest) * LEAP_S
     if not parts or not _near(rest, within):
-        return ""
-    return " and ".join([*parts, *([f"{rest:+.2f} s"] if abs(rest) >= 0.01 else [])])
+        return undated
+    known = " and ".join([*parts, *([f"{rest:+.2f} s"] if abs(rest) >= 0.01 else [])])
+    return f"{undated}; apart from days, {known}" if undated else known
 
 
 def _near(rest, within):

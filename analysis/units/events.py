@@ -3,7 +3,9 @@
 A jump is a step that neither the speed before and after it nor any acceleration explains. A hold is
 a position, or an attitude, that repeats exactly while the unit moves by its own speed or by the
 other units. A loss is a time without fixes. A disagreement is a spell in which two units differ by
-far more than they usually do, whatever each of them says of itself.
+far more than they usually do, whatever each of them says of itself, and however short: a unit that
+gives a position every three seconds is off for one epoch. Where two units never differ so, the
+epoch at which they differ most is listed: what is usual may be large.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,7 +22,7 @@ LOST_S, LOST_INTERVALS = 1.5, 3.5  # a gap is longer than both (s, median interv
 HELD_S, HELD_M = 1.5, 3.0  # a hold lasts longer, and the unit moves farther meanwhile
 TURNED_DEG = 3.0  # by which another unit turns while an attitude is held
 FROZEN = 0.9  # share of the time held from which a unit is frozen
-APART_SIGMAS, APART_S, JOINED_S = 6.0, 1.5, 5.0  # a disagreement; spells this close are one
+APART_SIGMAS, JOINED_S = 6.0, 5.0  # a disagreement; spells this close (s) are one
 APART_M, APART_DEG = 1.0, 5.0  # below it a difference is no disagreement
 
 
@@ -33,8 +35,9 @@ class Event:
     unit : str
     kind : str
         "jump", "time step" (a jump along the track where the stamps are irregular), "hold",
-        "attitude hold", "loss", "frozen", "disagreement" or "attitude disagreement"; these two of
-        "a and b", or of the one unit with which no other one agrees.
+        "attitude hold", "loss", "frozen", "disagreement" (of positions), "roll disagreement",
+        "pitch disagreement", "yaw disagreement", or where there is none "largest position
+        difference" and so on; these of "a and b", or of the unit that is off where that is known.
     from_s, to_s : float
         On the track's clock.
     size : float
@@ -177,6 +180,9 @@ class Apart:
         s; m or deg, 0 or larger.
     usual : float
         Robust standard deviation (of one axis, for positions), m or deg.
+    leaps : tuple of ndarray, shape (n,)
+        By how much a, and b, leaps there as no vehicle can and the other does not, m, else 0; empty
+        where it is not known.
     """
 
     a: str
@@ -185,6 +191,7 @@ class Apart:
     t_s: np.ndarray
     size: np.ndarray
     usual: float
+    leaps: tuple[np.ndarray, ...] = ()
 
     @property
     def unit(self) -> str:
@@ -192,15 +199,19 @@ class Apart:
         return "m" if self.what == "position" else "°"
 
     @property
+    def least(self) -> float:
+        """Below it a difference is no disagreement, m or deg."""
+        return APART_M if self.what == "position" else APART_DEG
+
+    @property
     def far(self) -> np.ndarray:
         """Times at which they are too far apart, (n,) of bool."""
-        least = APART_M if self.what == "position" else APART_DEG
-        return self.size > max(APART_SIGMAS * self.usual, least)
+        return self.size > max(APART_SIGMAS * self.usual, self.least)
 
     def share(self, start: float, stop: float) -> float:
-        """Share of the epochs from start to stop at which they are too far apart."""
+        """Share of the epochs from start to stop at which they are too far apart; NaN of none."""
         inside = (self.t_s >= start) & (self.t_s <= stop)
-        return float(self.far[inside].mean()) if inside.any() else 0.0
+        return float(self.far[inside].mean()) if inside.any() else np.nan
 
 
 def disagreements(pairs: Sequence[Apart]) -> list[Event]:
@@ -214,26 +225,31 @@ def disagreements(pairs: Sequence[Apart]) -> list[Event]:
     -------
     list of Event
         One a spell: of the unit with which no other one agrees, where the others agree with each
-        other; else of all that differ, "a and b".
+        other; of two units, of the one that alone moves as no vehicle can; else of all that differ,
+        "a and b".
     """
     found: list[Event] = []
     for pair in pairs:
         rest = [p for p in pairs if p.what == pair.what and len({p.a, p.b, pair.a, pair.b}) == 3]
-        t = pair.t_s[pair.far]
-        for spell in np.split(t, np.flatnonzero(np.diff(t) > JOINED_S) + 1):
-            if not len(spell) or np.ptp(spell) < APART_S:
-                continue
-            start, stop = float(spell[0]), float(spell[-1])
-            size = float(pair.size[(pair.t_s >= start) & (pair.t_s <= stop)].max())
-            note = f"{pair.what} of {pair.a} and {pair.b} differs by up to {size:.3g} {pair.unit}, "
-            note += f"usually by {pair.usual:.2g} {pair.unit}"
-            unit = f"{pair.a} and {pair.b}"
-            far = {name: [p.share(start, stop) > 0.5 for p in rest if name in (p.a, p.b)]
-                   for name in (pair.a, pair.b)}  # fmt: skip
-            for one, other in ((pair.a, pair.b), (pair.b, pair.a)):
-                if far[one] and all(far[one]) and not any(far[other]):
-                    unit, note = one, f"{note}; the others agree with {other}"
-            kind = "disagreement" if pair.what == "position" else "attitude disagreement"
+        t, kind = pair.t_s[pair.far], f"{pair.what} disagreement".removeprefix("position ")
+        if not len(t) and pair.size.max() > pair.least:
+            t, kind = pair.t_s[[pair.size.argmax()]], f"largest {pair.what} difference"
+        for spell in np.split(t, np.flatnonzero(np.diff(t) > JOINED_S) + 1) if len(t) else ():
+            start, stop, both = float(spell[0]), float(spell[-1]), (pair.a, pair.b)
+            inside = (pair.t_s >= start) & (pair.t_s <= stop)
+            size, unit = float(pair.size[inside].max()), f"{pair.a} and {pair.b}"
+            note = f"{pair.what} of {unit} is up to {size:.3g} {pair.unit} from their mean "
+            note += f"difference, usually {pair.usual:.2g} {pair.unit}"
+            # NaN where no other pair tells: all comparisons with it are false.
+            far = [
+                [p.share(start, stop) for p in rest if u in (p.a, p.b)] or [np.nan] for u in both
+            ]
+            leaps = [x[inside].max() > size / 2 for x in pair.leaps if not rest] or [False, False]
+            for one in (0, 1):
+                if np.min(far[one]) > 0.5 >= np.max(far[1 - one]):
+                    unit, note = both[one], f"{note}; the others agree with {both[1 - one]}"
+                elif leaps[one] > leaps[1 - one]:
+                    unit, note = both[one], f"{note}; {both[one]} alone moves as no vehicle can"
             found.append(Event(unit, kind, start, stop, size, note))
     return _one_a_spell(found)
 

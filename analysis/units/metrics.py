@@ -146,8 +146,9 @@ def trajectory_metrics(d: Differences) -> dict[str, Estimate]:
         longer log has a larger one). About the mean difference, which takes a constant shift
         out: ``cep_m`` (median), ``r95_m``, ``drms2_m`` = 2 sqrt(var east + var north). Root mean
         squares: ``along_rms_m``, ``cross_rms_m``. ``height_mean_m`` and, about it, ``height_sd_m``;
-        ``roll_mean_deg``, ``roll_sd_deg``, ``roll_rms_deg``, and so on. What a log does not have
-        is left out.
+        ``roll_mean_deg``, ``roll_rms_deg``, and about the mean ``roll_sd_deg`` and the quantiles
+        of its size, ``roll_p50_deg`` and ``roll_p95_deg``; so on. What a log does not have is left
+        out.
     """
     out: dict[str, Estimate] = {}
     if len(d.t_s) >= FEWEST_EPOCHS:
@@ -167,6 +168,8 @@ def trajectory_metrics(d: Differences) -> dict[str, Estimate]:
         if np.isfinite(x).sum() >= FEWEST_EPOCHS:
             out[f"{name}_rms_deg"] = root_mean_square(x, "deg")
             out |= _about(x, name, "deg")
+            off = np.abs(x - np.nanmean(x))
+            out |= {f"{name}_p{q}_deg": quantile(off, q / 100, "deg") for q in (50, 95)}
     return out
 
 

@@ -13,7 +13,14 @@ import numpy as np
 
 from analysis import CannotAnswer, Estimate, WrongUsage, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
-from analysis.units.events import Apart, Event, disagreements, find_events
+from analysis.units.events import (
+    ACCELERATION,
+    APART_SIGMAS,
+    Apart,
+    Event,
+    disagreements,
+    find_events,
+)
 from analysis.units.frame import Track, Unit, interpolated, local_tracks, rate, unwrapped
 from analysis.units.metrics import (
     ANGLES,
@@ -200,7 +207,8 @@ def _clock(a: Track, b: Track, notes) -> Clock:
         notes.append(note)
         return Clock(Estimate.refused("s", note), Estimate.refused("s/s", note))
     if clock.named:
-        notes.append(f"times by {a.name} are those by {b.name} plus {clock.named}")
+        plus = "" if clock.undated else f"times by {a.name} are those by {b.name} plus "
+        notes.append(plus + clock.named)
     return clock
 
 
@@ -421,7 +429,8 @@ def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
         residual = least_squares(_in_axes(yaw), d.enu[:, :2], np.full(4, 1e3))[2]
         off = np.hypot(*residual.T)
         # The median of two axes' distance is 1.177 standard deviations of one (Rayleigh).
-        found.append(Apart(a.name, b.name, "position", d.t_s, off, float(np.median(off)) / 1.177))
+        usual, leaps = float(np.median(off)) / 1.177, _leaps(a, b, d.t_s)
+        found.append(Apart(a.name, b.name, "position", d.t_s, off, usual, leaps))
     for what, x in zip(ANGLES, d.attitude.T, strict=True):
         good = np.isfinite(x)
         if good.sum() >= FEWEST:
@@ -431,6 +440,22 @@ def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
             t = d.attitude_t_s[good]
             found.append(Apart(a.name, b.name, what, t, np.abs(wrap(about - middle)), scatter))
     return found
+
+
+def _leaps(a, b, t):
+    """Tell by how much one unit leaps as no vehicle can, where it does and the other does not.
+
+    At the epochs they have in common: the jitter of a fast unit's stamps counts for little there.
+    """
+    at = [interpolated(t, u.t_s, u.enu[:, :2]) for u in (a, b)]
+    dt = np.diff(t)[:, None]
+    T = np.pad(0.5 * (dt[1:] + dt[:-1])[:, 0], 1)
+    bends = [np.diff(np.diff(x, axis=0) / dt, axis=0) for x in (*at, at[1] - at[0])]
+    one, other, apart = (np.pad(np.hypot(*bend.T), 1) * T for bend in bends)  # m
+    leaps, most = apart > APART_SIGMAS * np.median(apart), ACCELERATION * T**2
+    return tuple(
+        np.where(leaps & (x > most) & (y <= most), x, 0.0) for x, y in ((one, other), (other, one))
+    )
 
 
 def _heading(a, d):

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from itertools import permutations
+from itertools import permutations, zip_longest
 
 from analysis import plots, store
 from analysis.static_logs.stored import plain
@@ -14,7 +14,7 @@ from workbench.pages import Said
 from workbench.report import draw, figures_of, pictures
 
 EVENTS = 30  # on a page; compare.json lists all
-FIRST = ("frozen", "disagreement", "attitude disagreement", "jump", "hold", "attitude hold")
+FIRST = ("frozen", "disagreement", "difference", "jump", "hold")  # words of kinds, in order
 
 
 def write(units, out):
@@ -81,18 +81,26 @@ def _dated(pair, found):
     return pair.metrics | {"max_m": replace(pair.metrics["max_m"], note=note)}
 
 
-def _shown(events):
-    """Choose what a page has room for, in order of time: the largest, losses last."""
-    rank = {kind: k for k, kind in enumerate(FIRST)}
-    first = sorted(events, key=lambda e: (rank.get(e["kind"], len(rank)), -e["size"]))[:EVENTS]
-    return sorted(first, key=lambda e: e["from"])
+def shown(events):
+    """Choose what a page has room for, the largest of each kind, in the order of kind and size."""
+
+    def order(e):
+        rank = next((k for k, word in enumerate(FIRST) if word in e["kind"]), len(FIRST))
+        return rank, e["kind"], -e["size"]
+
+    kinds: dict[str, list[dict]] = {}
+    for e in sorted(events, key=order):
+        kinds.setdefault(e["kind"], []).append(e)
+    in_turn = [e for turn in zip_longest(*kinds.values()) for e in turn if e]
+    return sorted(in_turn[:EVENTS], key=order)
 
 
 def _counts(events):
     """Count events by kind, and add up what was lost."""
     sizes: dict[str, list[float]] = {}
     for e in events:
-        sizes.setdefault(e["kind"], []).append(e["size"])
+        if not e["kind"].startswith("largest"):
+            sizes.setdefault(e["kind"], []).append(e["size"])
     kinds = [(kind, len(own), sum(own)) for kind, own in sizes.items()]
     return Said("counts", {"kinds": kinds})
 
@@ -124,7 +132,7 @@ def _told(found, content):
         "zero": zero,
         "headline": [Said("apart", about | {"units": len(found.tracks)}), _counts(events)],
         "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
-        "events": [e | {"when": _from_to(e, zero)} for e in _shown(events)],
+        "events": [e | {"when": _from_to(e, zero)} for e in shown(events)],
         "counts": {u: _counts([e for e in events if e["unit"] == u]) for u in units},
         "rows": lambda pair: (_dated(pair, found) | pair.lever).items(),
         "picture_of": _picture,
@@ -153,6 +161,7 @@ def model(found, units):
         e = clock.offset_s
         ends = {"offset_s": _exact(e.value), "low": _exact(e.low), "high": _exact(e.high)}
         more = {"drift": plain(clock.drift), "named": clock.named, "note": e.note}
+        more |= {"undated": clock.undated}
         clocks.append({"unit": name, "against": names[0]} | ends | more)
     per_pair = {}
     for pair in found.pairs:
