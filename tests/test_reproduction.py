@@ -158,7 +158,7 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     assert [(run.notebook, run.figures, run.claims) for run in runs] == [("99-small", 1, 1)]
     assert found == [
         "figure 99-small (parameters, numbers)", "claim terrain-eq7-a (1×10⁶ -> 2×10⁶)",
-        "finding of 99-small",
+        "finding of 99-small (was: It is 1.0 m.; now: It is 2.0 m.)",
     ]  # fmt: skip
     assert {p.name: p.read_bytes() for p in (path, *citable.iterdir())} == before
     cells = nbformat.read(tmp_path / "other" / "99-small.ipynb", 4).cells

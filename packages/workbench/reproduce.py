@@ -243,7 +243,11 @@ def differences(old, new, numbers):
             same = values[0] == values[1]
             found.append(f"claim {claim} ({'interval' if same else ' -> '.join(values)})")
     was, now = (_lines(f / "findings.csv") for f in (old, new))
-    return found + [f"finding of {n}" for n in {**was, **now} if was.get(n) != now.get(n)]
+    for name in {**was, **now}:
+        before, after = (table.get(name, ["none"]) for table in (was, now))
+        if before != after:
+            found.append(f"finding of {name} (was: {before[0]}; now: {after[0]})")
+    return found
 
 
 def since_commit(root=ROOT):
