@@ -1,5 +1,7 @@
 """Disturbances of a static log: spikes, heavy tails, a noise level that changes."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
@@ -11,6 +13,7 @@ from analysis.noise.disturbances import (
     missing,
     oscillation,
     resolution,
+    saturation,
     spikes,
     stuck,
     uneven,
@@ -171,6 +174,29 @@ def test_a_step_of_twice_the_scatter_is_coarse(step, coarse):
     """analytic: rounded noise has the variance 1 + step^2 / 12, beside which the step is judged."""
     y = np.round((rng().standard_normal(N) + 0.1 * step) / step) * step
     assert bool(resolution(y, DT)) is coarse
+
+
+@pytest.mark.parametrize(("low", "high"), [(-2.0, 2.0), (-np.inf, 1.5), (-1.0, 3.0)])
+@pytest.mark.parametrize("step", [0.0, 0.1])
+def test_a_range_that_cuts_off_is_told_with_what_it_leaves(low, high, step):
+    """analytic: the share of the scatter in the note is that of the readings themselves."""
+    whole = np.random.default_rng(4).standard_normal(200_000)
+    y = np.clip(step * np.round(whole / step) if step else whole, low, high)
+    (found,) = saturation(y, DT)
+    left = float(re.search(r"leaves ([\d.]+) of", found.note)[1])
+    assert left == pytest.approx(y.std() / whole.std(), abs=0.012)
+    assert found.affects and saturation(np.clip(whole, -3.5, 3.5), DT)[0].affects == ()
+
+
+def test_other_ends_of_a_range_are_no_saturation():
+    """property: noise, steps, settling, swings, jumps and drift thin out towards their ends."""
+    rng, n = np.random.default_rng(5), 100_000
+    w, t = rng.standard_normal(n), DT * np.arange(n)
+    swing, jumps = np.sin(2 * np.pi * 0.37 * t), np.cumsum(rng.random(n) < 1e-3) % 2
+    logs = [w, np.round(w), np.round(w / 3), rng.standard_t(3, n), rng.random(n), np.cumsum(w)]
+    logs += [np.round(50 * np.exp(-t / 200) + 0.3 * w), np.round(500 * np.exp(-t / 200))]
+    logs += [np.round(100 * swing + 0.3 * w), jumps, jumps + 0.01 * w]
+    assert not any(saturation(np.asarray(y, dtype=float), DT) for y in logs)
 
 
 def test_what_is_missing_is_said_with_its_place():
