@@ -27,6 +27,7 @@ MAKERS = {
     "tracker-cold-phone": rides.cold_phone,
     "tracker-stops": rides.stops,
     "tracker-outages": rides.outages,
+    "tracker-vehicles": rides.vehicles,
     "tracker-racebox": partial(rides.turned, "racebox"),
     "tracker-car": partial(rides.turned, "car"),
     "tracker-drive": partial(rides.turned, "phone-drive"),

@@ -130,10 +130,8 @@ def bridged(
         nees``.
     """
     found: dict[tuple[float, float], dict[str, float]] = {}
-    for name, wheels in (("block 6", False), ("with wheels", True)):
-        options = Options(
-            low_pass=False, filter="car" if wheels else "block6", bridge_s=2 * max(lengths)
-        )
+    for name, kind in (("block 6", "block6"), ("with wheels", "car")):
+        options = Options(low_pass=False, filter=kind, bridge_s=2 * max(lengths))
         steps: list[tuple] = []
         last = -np.inf
         for epoch, row, device, given in stepped(timeline, options):

@@ -18,7 +18,7 @@ import pymap3d
 from analysis import STANDARD_GRAVITY, CannotAnswer, replacing, store, wrap
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
-from analysis.tracker.motion import time_lag
+from analysis.tracker.motion import time_lag, vehicle
 from analysis.tracker.scenarios import scenario
 from sensorlogs import datasets, read_moving
 from sensorlogs.timeline import Gnss, Imu, Timeline, turn_imu
@@ -56,6 +56,7 @@ GENIVI = {  # the CSVs of such a log: name -> columns
 }
 SIMULATION, SIMULATED = "simulated", 12  # drives of scenario D
 WHEELS = "car-roof", "genivi-car", "car", "phone-drive"
+PIECES_S = 100.0, 180.0, 300.0  # s, of rides that tell how a vehicle moves
 DIGITS = 7  # of the numbers in the tables
 
 
@@ -333,6 +334,35 @@ def outages():
     title = "Outages of 10, 30 and 60 s on the rides of four cars"
     source = {"title": title} | datasets.origin(*(RIDES[name].file for name in WHEELS))
     return source, {"ends": table}
+
+
+def vehicles():
+    """Tell from real rides, and from pieces of them, how their vehicles move.
+
+    Returns
+    -------
+    dict
+    dict of pandas.DataFrame
+        ``rides``: kind, share of the sideways acceleration that is felt and that of the turns, with
+        their 95 % intervals, and the tilting. ``pieces``: of each length (s), overlapping by half,
+        how many are told to be of each ``kind``.
+    """
+    rides, pieces, names = [], [], (*WHEELS, "racebox")
+    for name in names:
+        log = read(name)
+        t, (kind, *shares, tilt) = log.gnss.t_s, vehicle(log.gnss, log.imu)
+        rides.append({"ride": name, "kind": kind, "tilt_deg_s": tilt})
+        for what, share in zip(("sideways", "turn"), shares, strict=True):
+            rides[-1] |= {what: share.value, f"{what}_low": share.low, f"{what}_high": share.high}
+        for seconds in PIECES_S:
+            for start in np.arange(t[0], t[-1] - seconds, seconds / 2):
+                others = (t < start) | (t >= start + seconds)
+                moves = vehicle(log.gnss.without(others, "speed_m_s"), log.imu)
+                pieces.append({"ride": name, "seconds": seconds, "kind": moves.kind})
+    counts = pd.DataFrame(pieces).value_counts(sort=False).reset_index(name="pieces")
+    source = {"title": "How four cars and a motorbike move"}
+    source |= datasets.origin(*(RIDES[name].file for name in names))
+    return source, {"rides": store.rounded(pd.DataFrame(rides), 3), "pieces": counts}
 
 
 def cold_phone():

@@ -13,7 +13,7 @@ from analysis import ROOT, STANDARD_GRAVITY, wrap
 from analysis.tracker import scenario, vectors
 from analysis.tracker.at_rest import LowPass, StaticTest
 from analysis.tracker.attitude import Attitude
-from analysis.tracker.device import BLOCKS
+from analysis.tracker.device import BLOCKS, FILTERS, Device, Options
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.mounting import MountingYaw
@@ -31,7 +31,11 @@ CLASSES = {  # of each block, and the modules of the same folder that its module
 
 def test_the_command_can_turn_each_block_off():
     """property: `replay --without` takes each block, and nothing else."""
-    assert [b.replace("-", "_") for b in cli.FLAGS["replay"]["without"]["choices"]] == list(BLOCKS)
+    flags = cli.FLAGS["replay"]
+    assert [b.replace("-", "_") for b in flags["without"]["choices"]] == list(BLOCKS)
+    assert flags["using"]["choices"] == ["auto", *FILTERS]
+    with pytest.raises(ValueError, match="no such filter: cars"):
+        Device(Options(filter="cars"), None, has_imu=True)
 
 
 @pytest.mark.parametrize("block", BLOCKS)

@@ -186,6 +186,8 @@ def test_a_range_that_cuts_off_is_told_with_what_it_leaves(low, high, step):
     left = float(re.search(r"leaves ([\d.]+) of", found.note)[1])
     assert left == pytest.approx(y.std() / whole.std(), abs=0.012)
     assert found.affects and saturation(np.clip(whole, -3.5, 3.5), DT)[0].affects == ()
+    slow = adjusted(Estimate.refused("U", "too short", high=2.0), "bias_instability", [found])
+    assert slow.high is None and "cut off" in slow.note  # a bound from cut readings is too low
 
 
 def test_other_ends_of_a_range_are_no_saturation():

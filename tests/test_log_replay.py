@@ -696,7 +696,11 @@ def test_the_log_chooses_its_filter(tmp_path, laps):
         assert status == 0 and ("moves as a car" if name == "D" else "leans") in out
     status, _, err = run("replay", *paths, *words, "--filter", "car")
     assert status == 1 and "leans into its turns" in err
-    status, _, err = run("replay", *as_csv(log, folder, imu=False), *words, "--filter", "car")
+    status, _, err = run("replay", *paths, *words, "--filter", "car", "--without", "fusion")
+    assert status == 2 and "needs block fusion" in err
+    alone = as_csv(log, folder, imu=False)
+    assert "filter: constant velocity, then hold\n" in run("replay", *alone, *words)[1]
+    status, _, err = run("replay", *alone, *words, "--filter", "car")
     assert status == 2 and "needs positions and an IMU" in err
     alone = replay(replace(log, imu=None), Options(filter="auto"))
     assert alone.summary["filter"]["used"] == "constant-velocity"

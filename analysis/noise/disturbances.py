@@ -25,6 +25,7 @@ FEW = 2e-3, 1e-2  # spikes, and samples in them, as shares of all; more belongs 
 COARSE = 0.35  # share of readings that repeat; more is resolution, or a held output
 LOOKED_AT = 100_000  # readings whose levels are counted
 FEW_LEVELS = 12  # with as many, readings move over many steps
+FINE = 10_000  # quantiles of a Gaussian
 PILED = 5.0  # standard errors of the number of runs at the end of a range
 CUT = 0.99  # of the scatter; where less is left, the numbers are refused
 DITHER = 0.5  # scatter in steps, rounding included: that of noise of 0.4 steps
@@ -99,6 +100,9 @@ def adjusted(estimate: Estimate, name: str, disturbances: Iterable[Disturbance])
     """
     found = [d for d in disturbances if name in d.affects]
     value, low, high = estimate.value, estimate.low, estimate.high
+    too_small = [d.note for d in found if d.bounds[0] is not None and d.bounds[1] is None]
+    if value is None and too_small:  # as a value would be, so is an upper bound
+        return Estimate.refused(estimate.unit, listed(estimate.note, *too_small), low=low)
     if value is None or low is None or high is None or not found:
         return estimate
     note = listed(estimate.note, *(d.note for d in found))
@@ -256,6 +260,39 @@ def resolution(y: np.ndarray, dt: float) -> list[Disturbance]:
     return [Disturbance("resolution", 0.0, len(y) * dt, note, (*WHITE, *SLOW))]
 
 
+def saturation(y: np.ndarray, dt: float) -> list[Disturbance]:
+    """Tell whether readings pile up at the largest or smallest one, where a range ends.
+
+    Noise thins out towards its ends, so its largest value comes less often than the one below it.
+    Runs are counted, not samples: what settles at a level, or swings, stays there or turns there,
+    but passes the level beside it as often.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,), U
+        NaN where a sample is missing.
+    dt : float, s
+
+    Returns
+    -------
+    list of Disturbance
+        Empty, or one. What Gaussian noise loses of its scatter is in the note.
+    """
+    some, shares = _known(y)[1], []
+    for x in (some, -some):
+        top = x == x.max()
+        below = x == x.max(initial=-np.inf, where=~top)
+        runs, beside = (np.count_nonzero(at[1:] & ~at[:-1]) for at in (top, below))
+        shares.append(top.mean() if runs - beside > PILED * np.sqrt(runs + beside) else 0.0)
+    if not any(shares):
+        return []
+    ends = -norm.isf(shares[1]), norm.isf(shares[0])  # in deviations
+    left = np.clip(norm.ppf((np.arange(FINE) + 0.5) / FINE), *ends).std()
+    note = said("saturation", share=sum(shares), left=left)
+    affects = (*WHITE, *SIZES) if left < CUT else ()
+    return [Disturbance("saturation", 0.0, len(y) * dt, note, affects, bounds=(1.0, None))]
+
+
 @dataclass(frozen=True)
 class Increments:
     """Differences of neighbouring means, standardised, in eighths of eighths of a log.
@@ -285,42 +322,6 @@ class Increments:
     variance: float
     level: np.ndarray
     edges: np.ndarray
-
-
-def saturation(y: np.ndarray, dt: float) -> list[Disturbance]:
-    """Tell whether readings pile up at the largest or smallest one, where a range ends.
-
-    Noise thins out towards its ends, so its largest value comes less often than the one below it.
-    Runs are counted, not samples: what settles at a level, or swings, stays there or turns there,
-    but passes the level beside it as often.
-
-    Parameters
-    ----------
-    y : ndarray, shape (n,), U
-        NaN where a sample is missing.
-    dt : float, s
-
-    Returns
-    -------
-    list of Disturbance
-        Empty, or one. What Gaussian noise loses of its scatter is in the note.
-    """
-    some, shares = _known(y)[1], []
-    for x in (some, -some):
-        top = x == x.max()
-        below = x == x.max(initial=-np.inf, where=~top)
-        runs, beside = (np.count_nonzero(at[1:] & ~at[:-1]) for at in (top, below))
-        shares.append(top.mean() if runs - beside > PILED * np.sqrt(runs + beside) else 0.0)
-    if not any(shares):
-        return []
-    b, a = norm.isf(shares[0]), -norm.isf(shares[1])  # the ends, in deviations
-    out = np.array([a if shares[1] else 0.0, b if shares[0] else 0.0])
-    mean = out @ shares[::-1] + norm.pdf(a) - norm.pdf(b)
-    square = out**2 @ shares[::-1] + 1 - sum(shares) + out @ (norm.pdf([a, b]) * [1, -1])
-    left = np.sqrt(square - mean**2)
-    note = said("saturation", share=sum(shares), left=left)
-    affects = (*WHITE, *SLOW) if left < CUT else ()
-    return [Disturbance("saturation", 0.0, len(y) * dt, note, affects, bounds=(1.0, None))]
 
 
 def increments(means, width):

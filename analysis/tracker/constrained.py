@@ -154,10 +154,8 @@ class Constrained:
         (nn, ne, _), (_, ee, _), (_, _, dd) = [row[TILT : TILT + 3] for row in self.P[TILT:GYRO]]
         c, s = self.C_nb[0][0], self.C_nb[1][0]  # where the sensor's X axis points
         scale = 1 / (c * c + s * s)
-        roll, pitch = (
-            c * c * nn + 2 * c * s * ne + s * s * ee,
-            s * s * nn - 2 * c * s * ne + c * c * ee,
-        )
+        roll = c * c * nn + 2 * c * s * ne + s * s * ee
+        pitch = s * s * nn - 2 * c * s * ne + c * c * ee
         return math.sqrt(scale * roll), math.sqrt(scale * pitch), math.sqrt(dd)
 
     @property

@@ -135,6 +135,8 @@ class Device:
 
     def __init__(self, options, stored, has_imu):
         self.options = on = options
+        if on.filter not in FILTERS:
+            raise ValueError("no such filter: " + on.filter)
         if on.last_position:
             self.last = LastPosition(stored, **on.of(LastPosition))
         else:
@@ -162,6 +164,13 @@ class Device:
         self._rested, self._left = False, None
         self._speed, self._squares, self._pace = math.nan, (None, None), 0.0
         self._sum = [0.0] * 7  # horizontal and whole acceleration, its square, samples
+
+    @property
+    def bridges(self):
+        """Which of `FILTERS` carries the position through outages: as asked, if its inputs are."""
+        if self.constrained or self.fusion:
+            return "car" if self.constrained else "block6"
+        return "none" if self.options.filter == "none" else "constant-velocity"
 
     def imu(self, t_s, gyro_b, accel_b):
         """Take in one IMU sample (s, rad/s, m/s^2; sequences of three scalars).

@@ -16,7 +16,7 @@ from analysis.tracker.motion import Vehicle, by_positions, time_lag, vehicle
 from analysis.tracker.mounting import Straight
 from sensorlogs.timeline import Timeline
 
-NEEDS = "needs GNSS and an IMU"
+NEEDS = "needs positions and an IMU"
 ROW_S = 1.0  # without GNSS: one row a second, so that the blocks that need none can be seen
 Z_UP = 0.9 * STANDARD_GRAVITY  # along z on average: within 25 deg of upside down
 CONTRADICTION = 3.0  # m/s^2 over a second: emergency braking, or axes mixed up
@@ -81,7 +81,10 @@ def replay(
         If the log has neither positions nor an IMU.
     """
     lag, moves = motion(timeline)
-    options = _with_filter(options or Options(), timeline, moves)
+    options = options or Options()
+    if options.filter == "auto":
+        used = "car" if moves.kind == "car" else "block6"
+        options = Options(**options.changed | {"filter": used})
     rows, unexplained = [], []
     devices: list[Device] = []
     straights: list[Straight] = []
@@ -102,7 +105,7 @@ def replay(
     table[angles] = np.degrees(table[angles].astype(float))
     units = {k: f"{k}_deg" for k in angles} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
     summary = _summary(timeline, options, columns, devices, len(straights))
-    summary["filter"] = {"used": options.filter, "motion": moves.kind}
+    summary["filter"] = {"used": device.bridges, "motion": moves.kind}
     summary["filter"] |= {
         "sideways": [moves.sideways.value, moves.sideways.low, moves.sideways.high]
     }
@@ -113,21 +116,12 @@ def motion(timeline: Timeline) -> tuple[Estimate, Vehicle]:
     """Give the lag of GNSS behind IMU, and how the vehicle moves with that taken off."""
     gnss, imu = timeline.gnss, timeline.imu
     if gnss is None or imu is None:
-        return Estimate.refused("s", NEEDS), Vehicle("open", *[Estimate.refused("1", NEEDS)] * 2)
+        return Estimate.refused("s", NEEDS), Vehicle("", *[Estimate.refused("1", NEEDS)] * 2)
     if not np.isfinite(gnss.speed_m_s).any():  # enough for the scale of the gyros, and no more
         refused = (Estimate.refused(unit, "needs a speed") for unit in ("s", "1"))
-        return next(refused), Vehicle("open", next(refused), vehicle(by_positions(gnss), imu).turn)
+        return next(refused), Vehicle("", next(refused), vehicle(by_positions(gnss), imu).turn)
     lag = time_lag(gnss, imu)
     return lag, vehicle(gnss, replace(imu, t_s=imu.t_s + (lag.value or 0.0)))
-
-
-def _with_filter(options, timeline, moves):
-    """Choose the filter where the options leave it to the log."""
-    used, on = options.filter, options
-    if used == "auto":
-        fuses = on.attitude and on.fusion and timeline.imu is not None and timeline.gnss is not None
-        used = "constant-velocity" if not fuses else "car" if moves.kind == "car" else "block6"
-    return Options(**options.changed | {"filter": used})
 
 
 def stepped(timeline, options, stored=None, *, progress=False):

@@ -24,7 +24,7 @@ FAST = 3.0  # m/s: a course is good to some degrees
 OVER_S = 4.0  # s: fixes of some metres give a course while a vehicle drives
 LONGEST, SLOWEST = 1.5, 2.0  # s between fixes, m/s: steps that tell how a vehicle moves
 HALF = 0.5  # between a vehicle on wheels (1) and one that leans into its turns (0)
-TILTS = 2.0  # deg/s, median: roads tilt a car by 0.2 to 0.5 (four drives), waves a boat by more
+TILTS = 2.0  # deg/s, median: four times what roads do to a car (data/derived/tracker-vehicles)
 
 
 class Steps(NamedTuple):
@@ -55,20 +55,23 @@ class Vehicle(NamedTuple):
 
     Attributes
     ----------
-    kind : {"car", "leans", "tilts", "unlike", "open"}
+    kind : {"car", "leans", "tilts", "unlike", "open", ""}
         On wheels that do not lean; leans into its turns (motorbike, aircraft); rocks or swings more
         than a road would make it (boat, hand); does not follow its nose (multicopter); too few
-        turns to tell.
+        turns to tell; nothing to tell it from, as the notes of the estimates say.
     sideways : Estimate
         Share of v dpsi/dt that the accelerometer shows across the direction of travel: 1 on wheels,
         0 for what leans.
     turn : Estimate
         Turns by the gyro over those of the course: 1, unless unit, axis or sign are wrong.
+    tilt_deg_s : float
+        Median rate about level axes.
     """
 
     kind: str
     sideways: Estimate
     turn: Estimate
+    tilt_deg_s: float = math.nan
 
 
 def steps(gnss: Gnss, imu: Imu) -> Steps:
@@ -147,7 +150,8 @@ def vehicle(gnss: Gnss, imu: Imu) -> Vehicle:
     else:
         kind = "unlike" if min(high[0], high[2]) < HALF else "open"
     ends = np.array([value, low, high]).T[1:].tolist()
-    return Vehicle(kind, *(Estimate(v, a, b, "1") for v, a, b in ends))
+    felt, turned = (Estimate(v, a, b, "1") for v, a, b in ends)
+    return Vehicle(kind, felt, turned, float(tilt))
 
 
 def by_positions(gnss: Gnss) -> Gnss:

@@ -35,7 +35,6 @@ SAME_JOURNEY = 5.0  # ratio of along- to cross-track scatter beyond which it is 
 ALONG_M = 25.0  # along-track scatter that is always allowed
 ALIKE = 2.0  # ratio of scatter within which two fits are alike
 SAME_M = 25.0  # median difference, constant shift taken out, beyond any receiver's error
-UNDATED = "no date"
 FEWEST_SAMPLES = 20  # of common attitudes
 THIN_S = 1.0  # between epochs when lags are compared
 ENOUGH_S = 1e-4  # step at which the refinement ends
@@ -56,17 +55,15 @@ class Clock:
         Time by b at which the offset holds, s.
     named : str
         What the offset is, if it is a known one: "5 h (time zone) and -1.00 s".
+    undated : bool
+        One of the two logs has no date, so that days of the offset mean nothing.
     """
 
     offset_s: Estimate
     drift: Estimate
     middle_s: float = 0.0
     named: str = ""
-
-    @property
-    def undated(self) -> bool:
-        """Whether one of the two logs has no date, so that days of the offset mean nothing."""
-        return self.named.startswith(UNDATED)
+    undated: bool = False
 
     def to_first(self, t: np.ndarray) -> np.ndarray:
         """Turn times by b into times by a."""
@@ -125,7 +122,8 @@ def clock_offset(a: Track, b: Track) -> Clock:
             f"({best.lag:.0f} s) they still differ by {best.along:.0f} m along the track and "
             f"{best.cross:.0f} m across{_stamps(a, b)}"
         )
-    return Clock(best.offset, best.drift, best.middle, named_offset(best.offset, a, b))
+    named = named_offset(best.offset, a, b)
+    return Clock(best.offset, best.drift, best.middle, named, len(_no_date(a, b)) == 1)
 
 
 def _signal(track, by_position, use=True):
@@ -343,7 +341,13 @@ def _by_attitude(a: Track, b: Track, lag: float) -> Clock:
         if abs(beta[0]) < ENOUGH_S:
             break
     offset = Estimate(lag, lag - float(half[0]), lag + float(half[0]), "s")
-    return Clock(offset, drift, float(np.median(t)) - lag, named_offset(offset, a, b))
+    named, undated = named_offset(offset, a, b), len(_no_date(a, b)) == 1
+    return Clock(offset, drift, float(np.median(t)) - lag, named, undated)
+
+
+def _no_date(*units):
+    """Name the units whose stamps do not count from 1970."""
+    return [u.name for u in units if u.clock != "unix"]
 
 
 def named_offset(offset: Estimate, a: Track, b: Track) -> str:
@@ -357,7 +361,7 @@ def named_offset(offset: Estimate, a: Track, b: Track) -> str:
     value = offset.value or 0.0
     within = max(1.5, abs(value - (offset.low or value)))
     rest, parts, undated = value, [], ""
-    no_date = [u.name for u in (a, b) if u.clock != "unix"]
+    no_date = _no_date(a, b)
     for sign in (1, -1):
         if abs(sign * value - GPS_EPOCH_S) < 7 * 86400:
             parts.append("seconds since 1970 against seconds since the GPS epoch of 1980")
@@ -366,7 +370,7 @@ def named_offset(offset: Estimate, a: Track, b: Track) -> str:
     if days and abs(rest - 86400 * days) < 15 * HOUR_S and not parts:
         rest -= 86400 * days
         if len(no_date) == 1:
-            undated = f"{UNDATED} in the log of {no_date[0]}"
+            undated = f"no date in the log of {no_date[0]}"
         else:
             parts.append(f"{days} d")
     quarters = round(rest / (HOUR_S / 4))

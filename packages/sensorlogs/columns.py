@@ -445,8 +445,8 @@ def choose(
     stated = units or any(split(c.column)[1] for c in chosen if c.kind in ("rate", "accel"))
     if no_unit and (wanted or not stated):
         raise WrongUsage(
-            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(flags)}, as is right, "
-            "or put the units into the header, such as gyro_x_deg_s, accel_z_g",
+            f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(flags)}, whichever is "
+            "right, or put the units into the header, such as gyro_x_deg_s, accel_z_g",
             *flags,
         )
     if not any(units.get(None) in (None, c.unit) for c in chosen):

@@ -31,19 +31,8 @@ HEAD_BYTES = 1 << 16
 HEAD_LINES = 50
 BLOCK_BYTES, MOST_THREADS = 1 << 23, 4  # of text that are parsed at a time, and by how many
 MISSING = {
-    "",
-    "-",
-    "nan",
-    "na",
-    "n/a",
-    "null",
-    "none",
-    "-nan",
-    "nan(ind)",
-    "-nan(ind)",
-    "<na>",
-    "#n/a",
-}
+    "", "-", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "<na>", "#n/a",
+}  # fmt: skip
 CLOCK = re.compile(
     r"^\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ]+\d{1,2}:\d{2}.*)?$|^\d{1,2}:\d{2}(:\d{2}([.,]\d*)?)?$"
 )

@@ -304,10 +304,9 @@ def replay(logs, out, without=None, outage=None, last_position=None, using="auto
     The blocks are those of the tracker paper: last-position (1), attitude (2), static (3),
     low-pass (4), mounting (5), fusion (6). A block whose sensor is missing is reported; the others
     run. Where the log moves as a car does (its turns press sideways, and it follows its nose), an
-    error-state filter that knows so takes the place of block 6: on four drives it errs by 29 to
-    64 m (medians) after 60 s without fixes, block 6 by 270 to 3970 m. A boat on flat water cannot
-    be told from a car: give it --filter block6. The output is held against the fixes that an
-    --outage deletes.
+    error-state filter that knows so takes the place of block 6; notebook 34 compares the two. A
+    boat on flat water cannot be told from a car: give it --filter block6. The output is held
+    against the fixes that an --outage deletes.
 
     CSV columns are found by name and unit: t_s, lat_deg, lon_deg, height_m, pdop, speed_m_s,
     course_deg, accel_x_m_s2 (or _g), gyro_x_deg_s (or _rad_s) and so on. An NMEA log may have the

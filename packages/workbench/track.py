@@ -76,11 +76,14 @@ def replay(log, out, *, outages=(), last_position=None, **options):
             "position, so there is nothing to replay"
         )
     if options.get("filter") == "car":
-        if log.gnss is None or log.imu is None:
-            raise WrongUsage("--filter car: needs positions and an IMU")
-        kind = motion(log)[1].kind
-        if kind not in ("car", "open"):
-            told = pages.phrase(pages.Said(kind))
+        for block in ("attitude", "fusion"):
+            if not options.get(block, True):
+                raise WrongUsage(f"--filter car needs block {block}, which --without turns off")
+        moves = motion(log)[1]
+        if not moves.kind:
+            raise WrongUsage(f"--filter car: {moves.sideways.note}")
+        if moves.kind not in ("car", "open"):
+            told = pages.phrase(pages.Said(moves.kind))
             raise CannotAnswer(f"--filter car: {told}; leave the option out")
     track = replay_log(inject_outages(log, outages), Options(**options), stored, progress=True)
     if outages and log.gnss:
