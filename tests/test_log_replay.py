@@ -702,6 +702,7 @@ def test_the_log_chooses_its_filter(tmp_path, laps):
     assert "filter: constant velocity, then hold\n" in run("replay", *alone, *words)[1]
     status, _, err = run("replay", *alone, *words, "--filter", "car")
     assert status == 2 and "needs positions and an IMU" in err
+    assert "filter" not in run("replay", paths[1], *words)[1]
     alone = replay(replace(log, imu=None), Options(filter="auto"))
     assert alone.summary["filter"]["used"] == "constant-velocity"
 

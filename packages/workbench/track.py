@@ -119,7 +119,9 @@ def summary_of(track):
 
 def facts(summary):
     """Say what bridges outages, and how well it did in those that were asked for."""
-    said = [("filter", pages.Said("filtered", summary["filter"]))]
+    said = []
+    if summary["source"]["epochs"]:
+        said.append(("filter", pages.Said("filtered", summary["filter"])))
     said += [("outage", pages.Said("outage", each)) for each in summary.get("outages", ())]
     return [(name, pages.phrase(words)) for name, words in said]
 
