@@ -183,36 +183,6 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     }
 
 
-def test_git_is_asked_what_changed(tmp_path):
-    """property: changed files are named; a redrawn figure that shows the same need no commit."""
-
-    def draw(value=1.0, color="k", note=""):
-        fig, ax = figures.plt.subplots(figsize=(2, 1))
-        ax.plot([0, 1], [0, value], color, label="line")
-        ax.set(xlabel="x (m)", ylabel="y (m)")
-        figures.save(fig, "99-small", "A line.", to=tmp_path / "figures")
-        pdf = tmp_path / "figures" / "99-small.pdf"
-        pdf.write_bytes(pdf.read_bytes() + note.encode())
-        return reproduce.since_commit(tmp_path)
-
-    def git(*words):
-        subprocess.run(["git", "-C", tmp_path, *words], check=True, capture_output=True)
-
-    pdf, png, csv = (f"figures/99-small.{kind}" for kind in ("pdf", "png", "csv"))
-    assert draw() == (None, [])
-    git("init")
-    git("add", ".")
-    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-m", "Draw")
-    assert draw() == ([], [])
-    assert draw(note="%") == ([pdf], [pdf])
-    assert draw(color="r") == ([pdf, png], [])
-    assert draw(value=2.0) == ([csv, pdf, png], [])
-    (tmp_path / "notebooks").mkdir()
-    (tmp_path / "notebooks" / "98-new.ipynb").touch()
-    assert draw(value=1 + 1e-5, note="%")[0][-1] == "notebooks/98-new.ipynb"
-    assert reproduce.since_commit(tmp_path / "notebooks") == (None, [])
-
-
 UNENDING = """
 import pathlib, runpy, sys
 from workbench import reproduce

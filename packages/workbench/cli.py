@@ -188,8 +188,7 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
     Rewrites figures/ (PDF, PNG, CSV and claims.csv) and the outputs in the notebooks; with
     --scratch it leaves them as they are and writes notebooks, figures and claims into that folder.
     Ends with each figure and claim that differs from the committed: a verdict, or a number by more
-    than 1e-4 (in claims.csv, which has three digits, 6e-3); then, in a work tree of git, with the
-    files that git sees changed, and which of them show what the committed ones show.
+    than 1e-4 (in claims.csv, which has three digits, 6e-3). `git status` has the changed files.
     """
     from workbench import reproduce as runner
 
@@ -202,9 +201,7 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
     start = perf_counter()
     with writing(scratch or "figures", "--scratch"):
         runs, found = runner.reproduce(notebooks or (), scratch=scratch, parameters=values)
-    told = {"runs": runs, "found": found, "seconds": perf_counter() - start}
-    changed, alike = (None, []) if scratch else runner.since_commit()
-    _tell("reproduce.txt", told, changed=changed, alike=alike)
+    _tell("reproduce.txt", runs=runs, found=found, seconds=perf_counter() - start)
 
 
 def _parameter(text):
