@@ -139,18 +139,16 @@ def _check_folder(param: typer.CallbackParam, out: str | None):
         here = next(p for p in (Path(out), *Path(out).absolute().parents) if p.exists())
         if not here.is_dir():
             raise WrongUsage(f"{option} {out}: {here.name} is a file, and no folder; name another")
-        with writing(out, option):
-            tempfile.TemporaryFile(dir=here).close()
+        _try_to_write(here, f"{option} {out}")
     return out
 
 
-@contextlib.contextmanager
-def writing(out, option="--out"):
-    """Turn an error of the disk into a sentence."""
+def _try_to_write(folder, option):
+    """Refuse a folder that takes no file."""
     try:
-        yield
+        tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
-        raise CannotAnswer(f"{option} {out}: cannot write there ({error.strerror})") from error
+        raise CannotAnswer(f"{option}: cannot write there ({error.strerror})") from error
 
 
 def _tell(template, *told, **more):
@@ -199,8 +197,7 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
         raise WrongUsage(f"--scratch {scratch}: the project keeps its files there; name another")
     values = dict(map(_parameter, parameters or ()))
     start = perf_counter()
-    with writing(scratch or "figures", "--scratch"):
-        runs, found = runner.reproduce(notebooks or (), scratch=scratch, parameters=values)
+    runs, found = runner.reproduce(notebooks or (), scratch=scratch, parameters=values)
     _tell("reproduce.txt", runs=runs, found=found, seconds=perf_counter() - start)
 
 
@@ -360,13 +357,10 @@ def _check_last_position(path, logs, out):
     taken = [*(find(log)[2] for log in logs), out, *(out / name for name in FILES)]
     if path.resolve() in [other.resolve() for other in taken]:
         raise WrongUsage(f"{option}: that is a log, or what --out writes; name another file")
-    try:
-        if path.is_dir():  # "" too
-            raise WrongUsage(f"{option}: name a file, not a folder")
-        if path.parent.exists() or not out.resolve().is_relative_to(path.parent.resolve()):
-            tempfile.TemporaryFile(dir=path.parent).close()  # otherwise it is made with --out
-    except OSError as error:
-        raise CannotAnswer(f"{option}: cannot keep a position there ({error.strerror})") from error
+    if path.is_dir():  # "" too
+        raise WrongUsage(f"{option}: name a file, not a folder")
+    if path.parent.exists() or not out.resolve().is_relative_to(path.parent.resolve()):
+        _try_to_write(path.parent, option)  # otherwise it is made with --out
 
 
 @_verb(reads="static")
@@ -525,8 +519,7 @@ def coverage(
             f"coverage {study} has no other options than --workers, --scheduler, --out"
         )
     given |= {"folder": Path(out)} if out else {}
-    with writing(out or "data/derived"):
-        run(workers=workers, scheduler=scheduler, **given)
+    run(workers=workers, scheduler=scheduler, **given)
     print(f"the tables are in {out or 'data/derived'}/")
 
 
@@ -558,8 +551,7 @@ def readings(out=None, **given):
     from studies import readings as study
 
     given |= {"folder": out and Path(out)}
-    with writing(out or "data/derived"):
-        table = study.study(**{k: v for k, v in given.items() if v is not None})
+    table = study.study(**{k: v for k, v in given.items() if v is not None})
     print(f"{len(table)} interpretations are in {out or 'data/derived/readings'}/")
 
 
@@ -600,11 +592,7 @@ def cite(figure=None, crate=None):
 
     if crate and figure:
         raise WrongUsage("--crate describes the whole copy: leave the figure out")
-    if crate:
-        with writing(crate, "--crate"):
-            print(citation.crate(crate))
-    else:
-        print(citation.cite(figure))
+    print(citation.crate(crate) if crate else citation.cite(figure))
 
 
 @_verb
@@ -682,8 +670,7 @@ def benchmark(out=None):
             print(f"  {one.what:<44}{value:>16}   {one.bar}".rstrip())
             rows.append((name, one))
     if out:
-        with writing(out):
-            benchmarks.write(rows, out)
+        benchmarks.write(rows, out)
         print(f"\n{out}/source.json and benchmark.csv are written")
 
 

@@ -17,7 +17,6 @@ from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
 from analysis import (
-    CannotAnswer,
     Estimate,
     engineering,
     provenance,
@@ -115,17 +114,10 @@ def folder(out, earlier=()):
     Path
         The folder to write into, empty.
 
-    Raises
-    ------
-    CannotAnswer
-        If the disk does not take it.
     """
-    try:
-        with replacing(out) as draft:
-            draft.mkdir()
-            yield draft
-            written = {path.relative_to(draft) for path in draft.rglob("*")}
-        for path in set(earlier) - written:
-            Path(out, path).unlink(missing_ok=True)
-    except OSError as error:
-        raise CannotAnswer(f"--out {out}: cannot write there ({error.strerror})") from error
+    with replacing(out) as draft:
+        draft.mkdir()
+        yield draft
+        written = {path.relative_to(draft) for path in draft.rglob("*")}
+    for path in set(earlier) - written:
+        Path(out, path).unlink(missing_ok=True)

@@ -11,7 +11,7 @@ import zlib
 from itertools import count
 from pathlib import Path
 
-from analysis import CannotAnswer, replacing
+from analysis import replacing
 
 VERSION = 1
 FIELDS = ("lat_deg", "lon_deg", "height_m", "t_s", "pdop")
@@ -32,28 +32,18 @@ def save_position(path: str | Path, position: dict[str, float]) -> str | None:
     -------
     str or None
         New name of a file that was renamed: NAME.damaged, NAME.damaged.2 ...
-
-    Raises
-    ------
-    CannotAnswer
-        If the folder cannot be written.
     """
     path = Path(path)
     numbers = {name: None if v != v else float(v) for name, v in position.items()}
     text = json.dumps({"version": VERSION, **numbers}, sort_keys=True)
     line = json.dumps({"position": text, "crc32": zlib.crc32(text.encode())}) + "\n"
-    try:
-        with replacing(path) as draft:
-            with draft.open("w", encoding="utf-8") as file:
-                file.write(line)
-                file.flush()
-                os.fsync(file.fileno())
-            damaged = load_position(path)[1] and path.stat().st_size
-            renamed = _rename_damaged(path) if damaged else None
-    except OSError as error:
-        raise CannotAnswer(
-            f"--last-position {path.name}: cannot write there ({error.strerror})"
-        ) from error
+    with replacing(path) as draft:
+        with draft.open("w", encoding="utf-8") as file:
+            file.write(line)
+            file.flush()
+            os.fsync(file.fileno())
+        damaged = load_position(path)[1] and path.stat().st_size
+        renamed = _rename_damaged(path) if damaged else None
     return renamed
 
 
