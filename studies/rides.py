@@ -31,14 +31,13 @@ from studies.drives import (
     starts_of_a_drive,
 )
 
-KMH, MPH = 1 / 3.6, 0.44704
+KMH = 1 / 3.6
 NMEA_DRIVES = {
     "Munich": "car-genivi/munich-gps.nmea.gz",
     "Switzerland": "car-genivi/20100403_Z205_Switzerland.txt.gz",
 }
 START_EVERY_S = {"Munich": 10.0, "Switzerland": 60.0}
 METRES_PER_PDOP = 5.0  # of a reported 68 % accuracy, where a phone gives no PDOP
-POSITION = {"lat_deg": "latitude", "lon_deg": "longitude", "height_m": "altitude"}
 Z_UP_TO_DOWN = np.array([1.0, -1.0, -1.0])
 PARKED = (3744.0, 5009.0)  # s: the longest stationary period of the drive, 1265 s at a speed of 0
 STEP_DEG = 30.0  # between the known angles by which an IMU is turned
@@ -58,6 +57,24 @@ SIMULATION, SIMULATED = "simulated", 12  # drives of scenario D
 WHEELS = "car-roof", "genivi-car", "car", "phone-drive"
 PIECES_S = 100.0, 180.0, 300.0  # s, of rides that tell how a vehicle moves
 DIGITS = 7  # of the numbers in the tables
+
+
+# Columns of the logs that `read_moving` does not know by name; a minus turns an axis to z down, or
+# gravity to specific force (Balzer's phone reads -9.8 face up).
+RACEBOX, BALZER, PHONE = (
+    dict(pair.split("=") for pair in pairs.split())
+    for pairs in (
+        "t_s=Time lat_deg=Latitude lon_deg=Longitude height_m=Altitude speed_mph=Speed"
+        " accel_x_g=GForceX accel_y_g=-GForceY accel_z_g=-GForceZ"
+        " gyro_x_deg_s=GyroX gyro_y_deg_s=-GyroY gyro_z_deg_s=-GyroZ",
+        "t_ms=millis lat_deg=latitude lon_deg=longitude speed_km_h=speed"
+        " accel_x_m_s2=-ax accel_y_m_s2=ay accel_z_m_s2=az"
+        " gyro_x_deg_s=rollrate gyro_y_deg_s=-pitchrate gyro_z_deg_s=-yawrate",
+        "speed_m_s=speed course_deg=bearing pdop=horizontalAccuracy"
+        " accel_x_m_s2=acc_x accel_y_m_s2=-acc_y accel_z_m_s2=-acc_z"
+        " gyro_x_rad_s=gyro_x gyro_y_rad_s=-gyro_y gyro_z_rad_s=-gyro_z",
+    )
+)
 
 
 class Ride(NamedTuple):
@@ -93,51 +110,37 @@ def read(name):
 
 
 def _racebox(path):
-    raw = pd.read_csv(path)
-    t = raw["Time"].to_numpy(float)
-    columns = {"lat_deg": "Latitude", "lon_deg": "Longitude", "height_m": "Altitude"}
-    raw["speed"] = raw["Speed"] * MPH
-    raw["course"] = _course(t, *(raw[c].to_numpy(float) for c in ("Latitude", "Longitude")), 0.24)
-    gnss = _gnss(t, raw, _once_a_second(t), columns)
-    accel = raw[["GForceX", "GForceY", "GForceZ"]].to_numpy(float) * STANDARD_GRAVITY
-    gyro = np.radians(raw[["GyroX", "GyroY", "GyroZ"]].to_numpy(float))
+    log = read_moving([path], columns=RACEBOX)
+    gnss = replace(log.gnss, course_deg=_course(log.gnss, 0.24))
     notes = (
         "course from positions 0.24 s before and after; axes turned to z down",
         "the speed is in mph: the positions move 1.6 times as fast as km/h would say",
     )
-    return gnss, Imu(t, gyro * Z_UP_TO_DOWN, accel * Z_UP_TO_DOWN), notes
+    return _at(gnss, _once_a_second(gnss.t_s)), log.imu, notes
 
 
 def _balzer(path):
     raw = pd.read_csv(path, low_memory=False)
-    t = (raw["millis"].to_numpy(float) - raw["millis"].iloc[0]) / 1000
-    new = np.flatnonzero(np.r_[True, np.diff(raw["time"].to_numpy()) != 0])  # others repeat a fix
-    raw["speed"] *= KMH
-    gnss = _gnss(t, raw, new[_once_a_second(t[new])], POSITION | {"pdop": "pdop"})
-    # The phone logs gravity plus acceleration's opposite (z reads -9.8 face up): minus the specific
-    # force; x forward, y left, z up turn to x, right, down.
-    accel = raw[["ax", "ay", "az"]].to_numpy(float) * [-1.0, 1.0, 1.0]
-    gyro = np.radians(raw[["rollrate", "pitchrate", "yawrate"]].to_numpy(float)) * Z_UP_TO_DOWN
-    imu = Imu(t, gyro, accel)
+    t = (raw["millis"] - raw["millis"][0]).to_numpy() / 1000
+    imu = replace(read_moving([path], columns=BALZER).imu, t_s=t)
+    new = np.flatnonzero(np.diff(raw["time"], prepend=0))  # others repeat a fix
+    rows = new[_once_a_second(t[new])]
+    fixes = raw.loc[rows, ["latitude", "longitude", "altitude", "pdop", "speed", "course"]]
+    gnss = Gnss(t[rows], *fixes.to_numpy(float).T, np.full(len(rows), True))
+    gnss = replace(gnss, speed_m_s=KMH * gnss.speed_m_s)
     lag = time_lag(gnss, imu)
     note = f"GNSS lags the IMU by {lag}; the IMU's clock was set back by that"
-    return gnss, replace(imu, t_s=t + lag.value), ("axes turned to z down, specific force", note)
+    imu = replace(imu, t_s=t + lag.value)
+    return gnss, imu, ("axes turned to z down, specific force", note)
 
 
 def _phone(path):
-    raw = pd.read_csv(path, low_memory=False)
-    stamp = pd.to_datetime(raw["time"], format="ISO8601")
-    t = (stamp - stamp.iloc[0]).dt.total_seconds().to_numpy()
-    keep = np.r_[True, np.diff(t) > 0]
-    raw, t = raw[keep].rename(columns={"bearing": "course"}), t[keep]
-    raw["pdop"] = raw["horizontalAccuracy"] / METRES_PER_PDOP
-    gnss = _gnss(t, raw, slice(None), POSITION | {"pdop": "pdop"})
-    # x right, y to the top, z out of the screen
-    accel = raw[["acc_x", "acc_y", "acc_z"]].to_numpy(float) * Z_UP_TO_DOWN
-    gyro = raw[["gyro_x", "gyro_y", "gyro_z"]].to_numpy(float) * Z_UP_TO_DOWN
-    ok = np.isfinite(accel).all(1) & np.isfinite(gyro).all(1)
+    log = read_moving([path], columns=PHONE)
+    # The reader doubts a speed that positions with errors of 1100 m do not have.
+    speed = pd.read_csv(path)["speed"].to_numpy()
+    gnss = replace(log.gnss, pdop=log.gnss.pdop / METRES_PER_PDOP, speed_m_s=speed)
     note = f"no PDOP in the log: the reported accuracy over {METRES_PER_PDOP:g} m stands in for it"
-    return gnss, Imu(t[ok], gyro[ok], accel[ok]), (note, "axes turned to z down")
+    return gnss, log.imu, (note, "axes turned to z down")
 
 
 def _genivi(path):
@@ -219,16 +222,9 @@ RIDES = {
 }
 
 
-def _gnss(t, raw, rows, columns):
-    """Make fixes of some rows of a table; ``columns`` names position and, where known, PDOP."""
-    fixes = {name: raw[column].to_numpy(float)[rows] for name, column in columns.items()}
-    return Gnss(
-        t_s=t[rows],
-        **{"pdop": np.full(len(t[rows]), np.nan)} | fixes,
-        speed_m_s=raw["speed"].to_numpy(float)[rows],
-        course_deg=raw["course"].to_numpy(float)[rows] % 360,
-        has_fix=np.isfinite(fixes["lat_deg"]) & np.isfinite(fixes["lon_deg"]),
-    )
+def _at(gnss, rows):
+    """Pick fixes."""
+    return Gnss(**{name: values[rows] for name, values in vars(gnss).items()})
 
 
 def _once_a_second(t):
@@ -236,8 +232,9 @@ def _once_a_second(t):
     return np.flatnonzero(np.r_[True, np.diff(np.floor(t + 1e-6)) > 0])
 
 
-def _course(t, lat, lon, half):
+def _course(gnss, half):
     """Course from where the vehicle was `half` seconds ago to where it will be then, deg."""
+    t, lat, lon = gnss.t_s, gnss.lat_deg, gnss.lon_deg
     north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, lat[0], lon[0], 0.0)
     ahead = [np.interp(t + half, t, x) - np.interp(t - half, t, x) for x in (north, east)]
     return np.degrees(np.arctan2(ahead[1], ahead[0])) % 360
