@@ -14,7 +14,6 @@ import shutil
 import subprocess
 import tempfile
 import time
-from functools import partial
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
 from typing import NamedTuple
@@ -38,8 +37,6 @@ from analysis.tracker.scenarios import scenario
 from sensorlogs.moving import read_moving
 from sensorlogs.nmea import nmea_lines
 from sensorlogs.static import Channel, Log
-from studies.cells import compute
-from studies.readings import judge
 
 SEED = 2011  # of the terrain benchmarks
 GYRO, DT = UnifiedModel(0.04, 200.0, 0.005), 0.01  # terrain paper, Table 1, at 100 Hz
@@ -176,24 +173,6 @@ def _for_c(given):
     return ctypes.c_long(given) if isinstance(given, int) else ctypes.c_double(given)
 
 
-def cells_of_readings(readings=24, laps=300):
-    """Time the study of readings of the terrain paper, with one process and with two.
-
-    Yields
-    ------
-    Measured
-        By the clock. A cell is one sensor in one reading.
-    """
-    plan = open_choices.design(readings, SEED)[[*open_choices.FACTORS]][:readings]
-    work, rows = partial(judge, laps=laps, seed=SEED, compiled=HAS_NUMBA), plan.to_dict("records")
-    for workers in (1, 2):
-        list(compute(work, rows[: 4 * workers], workers=workers))  # starts processes, compiles
-        _, spent = timed(lambda n: list(compute(work, rows, workers=n)), workers)
-        rate = 3600 * 25 * readings / spent
-        yield Measured(f"cells of {laps} laps an hour, workers: {workers}", rate, "1/h")
-    yield Measured("10^6 such cells on eight such cores", 1e6 / (4 * rate), "h")
-
-
 def _best_of(work, *arguments, **options):
     """Call a function three times; its result, and the least processor time that it took."""
     calls = [timed(work, *arguments, clock=time.process_time, **options) for _ in range(3)]
@@ -320,6 +299,5 @@ BENCHMARKS = {
     "unscented Kalman filter": ukf_against_filterpy,
     "compiled filter": compiled_filter,
     "sweeps of N and B": figures_8_to_11,
-    "readings of the terrain paper": cells_of_readings,
     "tracker replay": tracker,
 }

@@ -258,8 +258,8 @@ def parked():
     table = {"t_s": t[stand] - PARKED[0]} | _metres("raw", *raw, *raw.mean(axis=1))
     out = columns["out_lat_deg"][stand], columns["out_lon_deg"][stand]
     table |= _metres("out", *out, *raw.mean(axis=1))
-    table |= {"moving": columns["moving"][stand], "layer": columns["layer"][stand]}
-    return _source("phone-drive", log), {"stand": store.rounded(pd.DataFrame(table), DIGITS)}
+    table = pd.DataFrame(table).assign(layer=columns["layer"][stand])
+    return _source("phone-drive", log), {"stand": store.rounded(table, DIGITS)}
 
 
 def stops():
@@ -379,8 +379,8 @@ def cold_phone():
     table = {"t_s": log.gnss.t_s[fix], "accuracy_m": log.gnss.pdop[fix] * METRES_PER_PDOP}
     table |= _metres("raw", log.gnss.lat_deg[fix], log.gnss.lon_deg[fix], *zero)
     table |= _metres("out", *out[:, fix], *zero)
-    table |= {"accepted": columns["accepted"][fix], "moving": columns["moving"][fix]}
-    return _source("phone-walk", log), {"fixes": store.rounded(pd.DataFrame(table), DIGITS)}
+    table = pd.DataFrame(table).assign(accepted=columns["accepted"][fix])
+    return _source("phone-walk", log), {"fixes": store.rounded(table, DIGITS)}
 
 
 def starts():
@@ -408,8 +408,7 @@ def starts():
         }
         for kind, which in kinds.items():
             error = off[which & known]
-            row = {"log": name, "kind": kind, "fixes": int((which & gnss.has_fix).sum())}
-            row |= {"judged": len(error), "satellites": np.nanmedian(gnss.satellites[which])}
+            row = {"log": name, "kind": kind, "judged": len(error)}
             row |= dict(zip(("median_m", "p95_m"), np.quantile(error, [0.5, 0.95]), strict=True))
             fixes.append(row)
         notes += log.notes
@@ -441,29 +440,24 @@ def turned(name):
         angle: replay(turn_imu(log, np.radians(angle), down), Options())
         for angle in np.arange(0.0, 360.0, STEP_DEG)
     }
-    reference = {
-        "reference_deg": whole.value,
-        "reference_low_deg": whole.low,
-        "reference_high_deg": whole.high,
-    }
+    reference = {"": whole.value, "low_": whole.low, "high_": whole.high}
     rows = [_mounting_row(gnss.t_s, track, angle, whole.value) for angle, track in tracks.items()]
     tables = {"turned": pd.DataFrame(rows), "straights": tracks[0].straights}
-    source = _source(name, log) | {k: round(float(v), 3) for k, v in reference.items()}
-    return source, {key: store.rounded(table, DIGITS) for key, table in tables.items()}
+    reference = {f"reference_{end}deg": round(float(v), 3) for end, v in reference.items()}
+    return _source(name, log) | reference, {
+        key: store.rounded(table, DIGITS) for key, table in tables.items()
+    }
 
 
 def _mounting_row(t_s, track, angle, reference):
     """Write the mounting angles of a ride whose IMU was turned by `angle` (deg) as a row."""
     mount = track.columns["mount_deg"]
     known = np.flatnonzero(np.isfinite(mount))
-    first, last = (mount[known[i]] if len(known) else np.nan for i in (0, -1))
     off = wrap(mount[known] - reference - angle)
     return {
         "turned_deg": angle,
-        "straights": len(track.straights),
         "first_s": t_s[known[0]] if len(known) else np.nan,
-        "first_deg": first,
-        "last_deg": last,
+        "last_deg": mount[known[-1]] if len(known) else np.nan,
         "lowest_off_deg": off.min(initial=np.inf),
         "highest_off_deg": off.max(initial=-np.inf),
         "last_printed_deg": track.straights["printed_deg"].iloc[-1],

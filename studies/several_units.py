@@ -253,10 +253,7 @@ def aerobatic():
         table[f"own_{angle}_deg"] = out[f"{angle}_deg"].round(1)
     table["gyro_z_deg"] = np.interp(epochs, t, _turned(Imu(t, gyro, accel))).round(1)
     table["load_g"] = np.interp(epochs, t, -accel[:, 2] / STANDARD_GRAVITY).round(2)
-    low = np.abs(accel[:, 2]) < 0.3 * STANDARD_GRAVITY
-    source = _source("fixed-wing UAV, 613 s of aerobatics", file)
-    source["near_zero_g_s"] = round(float(np.sum(low[1:] * np.diff(t))), 1)
-    return source, {"flight": pd.DataFrame(table)}
+    return _source("fixed-wing UAV, 613 s of aerobatics", file), {"flight": pd.DataFrame(table)}
 
 
 def _own_attitude(log):

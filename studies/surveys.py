@@ -115,8 +115,6 @@ def _about(lap, first_round, mounting, scale):
         "direction": lap.direction,
         "epochs": len(lap.t_s),
         "all_three_fixed": int(lap.fixed.sum()),
-        "bridged": int((~lap.fixed & np.isfinite(lap.pitch_deg)).sum()),
-        "without_attitude": int(np.isnan(lap.pitch_deg).sum()),
         "metres_per_count": rounded_number(scale),
         "antenna_yaw_pitch_roll_deg": [rounded_number(v) for v in alone],
         "left_yaw_pitch_roll_deg": [rounded_number(v) for v in left],
@@ -159,13 +157,7 @@ def highway():
         }
         columns["levelled"] = np.interp(at, s, level) < 0.5
         tables[name] = rounded(pd.DataFrame(columns))
-        about[name] = {
-            "samples": len(drive),
-            "length_m": rounded_number(s[-1]),
-            "jumps_over_1_m": int((np.abs(np.diff(drive["height_m"])) > 1.0).sum()),
-            "jumps_found": len(jumps),
-            "levelled_m": rounded_number(columns["levelled"].sum() * HIGHWAY_STEP),
-        }
+        about[name] = {"jumps_found": len(jumps)}
     source = {
         "title": "Interstate 99 between Altoona and State College, both ways, one GNSS receiver",
         **datasets.origin(*files.values()),
