@@ -149,7 +149,8 @@ def test_pool_writes_what_it_prints(tmp_path, axes, capsys):
 @pytest.mark.parametrize(
     ("names", "dt", "says"),
     [
-        (["gyro_x_deg_s", "gyro_y_deg"], DT, "pool logs of one kind"),
+        (["gyro_x_deg_s", "gyro_y_deg"], DT, "rate in deg/s, and gyro_y of"),
+        (["gyro_x_deg_s", "gyro_y_rad_s"], DT, "rate in rad/s; pool logs of one kind and unit"),
         (["gyro_x_deg_s", "gyro_z_deg_s"], DT, "no channel gyro_y"),
         (["gyro_x_deg_s", "gyro_y_deg_s"], 0.1, "20 Hz"),
         (None, DT, "nothing to pool"),
@@ -202,23 +203,6 @@ def test_one_log_does_not_count_as_two_units(tmp_path, capsys):
     for logs in ((one, one), (one, write(tmp_path / "b.csv", 1), other)):
         refusal = pooled(capsys, tmp_path / "model", *logs, status=2)
         assert f"{logs[0]} and {logs[-1]} hold the same readings of gyro_x" in refusal
-
-
-def test_units_of_a_kind_are_converted(tmp_path, capsys):
-    """property: rad/s and deg/s pool as deg/s alone do; one recording in both is noticed."""
-    names = ["Gyroscope x (rad/s)", "Gyroscope y (rad/s)"]  # as phyphox has them
-    one, other = (write(tmp_path / name, seed) for name, seed in (("a.csv", 0), ("b.csv", 1)))
-    same = write(tmp_path / "c.csv", 1, names, change=np.radians)
-    refusal = pooled(capsys, tmp_path / "none", other, same, status=2)
-    assert "hold the same readings of gyro_x" in refusal
-    before, _ = pooled(capsys, tmp_path / "model", one, other)
-    after, out = pooled(capsys, tmp_path / "model", one, same)
-    assert "note: c.csv: rad/s converted to deg/s" in out
-    assert "note: c.csv: Gyroscope_x taken as gyro_x" in out
-    for known, found in zip(before["channels"], after["channels"], strict=True):
-        assert found["unit"] == "deg/s"
-        a, b = (c["parameters"]["arw"]["value"] for c in (known, found))
-        assert a == pytest.approx(b, rel=1e-4)  # nine digits in the CSV
 
 
 @pytest.mark.parametrize("dead", [("b.csv",), ("a.csv", "b.csv")])

@@ -1,6 +1,5 @@
 """What `pool` writes: one noise model from the logs of several units, as pooled.json."""
 
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -11,7 +10,6 @@ from analysis.noise.channel import refuse_without_noise
 from analysis.noise.inference import infer
 from analysis.static_logs import characterised, standstill
 from analysis.static_logs.stored import plain
-from sensorlogs.columns import FULL_TURN, words
 from studies.pool import alike, pool, repeatability
 from workbench import pages
 from workbench.verdict import NAMES
@@ -40,12 +38,12 @@ def write(logs, out, *, axes=False):
     Raises
     ------
     WrongUsage
-        If a channel is missing in a log, or has another kind or sampling rate there, or if two
-        logs hold the same readings.
+        If a channel is missing in a log, or has another kind, unit or sampling rate there, or if
+        two logs hold the same readings.
     CannotAnswer
         If a sensor moves, or a channel has no noise to measure.
     """
-    logs, converted = _alike([standstill.static_part(log) for log in logs])
+    logs = [standstill.static_part(log) for log in logs]
     groups = _group_channels(logs, axes)
     total = sum(map(len, groups.values()))
     streams = iter(np.random.SeedSequence(characterised.SEED).spawn(total))
@@ -83,44 +81,12 @@ def write(logs, out, *, axes=False):
     content = {
         "sources": [characterised.log_source(log) for log in logs],
         "seed": characterised.SEED,
-        "notes": [*converted, *perhaps_one_unit(logs)],
+        "notes": perhaps_one_unit(logs),
         "channels": channels,
     }
     with pages.folder(out) as draft:
         pages.put(draft, {"pooled.json": store.as_json(content)})
     return content | {"names": NAMES}
-
-
-def _alike(logs):
-    """Bring channels to the unit of the first of their kind, and to its name for their axis.
-
-    What was changed is said.
-
-    Returns
-    -------
-    logs, notes : list
-    """
-    sizes = standstill.SIZES | {unit: 360 / turn for unit, turn in FULL_TURN.items()}
-    wanted, read, notes = {}, [], []
-
-    def axes(log):  # of each channel: its kind and axis, if no other has the same
-        of_each = [(c.kind, words(c.name)[-1]) for c in log.channels]
-        return [axis if of_each.count(axis) == 1 else None for axis in of_each]
-
-    names = {axis: c.name for axis, c in zip(axes(logs[0]), logs[0].channels, strict=True) if axis}
-    for log in logs:
-        channels, before = [], {}
-        for axis, c in zip(axes(log), log.channels, strict=True):
-            name, unit = names.get(axis, c.name), wanted.setdefault(c.kind, c.unit)
-            if name != c.name:
-                before[c.name] = f"taken as {name}"
-            if unit != c.unit:
-                before[c.unit] = f"converted to {unit}"
-                c = replace(c, unit=unit, values=c.values * (sizes[c.unit] / sizes[unit]))
-            channels.append(replace(c, name=name))
-        read.append(replace(log, channels=tuple(channels)))
-        notes += [f"{log.file}: {old} {new}" for old, new in before.items()]
-    return read, notes
 
 
 def _group_channels(logs, axes):
@@ -139,11 +105,6 @@ def _group_channels(logs, axes):
                     f"{log.given} has no channel {wanted.name} as {first.given} has; it has"
                     f" {', '.join(channels)}: name the same --columns"
                 )
-            if c.kind != wanted.kind:
-                raise WrongUsage(
-                    f"channel {c.name} is {wanted.kind} in {first.given}, and {c.kind} in"
-                    f" {log.given}; pool logs of one kind"
-                )
     _refuse_same_readings(logs)
     groups = {}
     for c in first.channels:
@@ -155,6 +116,13 @@ def _group_channels(logs, axes):
                 f"{name}: one log and one channel are nothing to pool; give the logs of several"
                 " units, or --axes to pool the axes of one"
             )
+        (log, c), *others = members
+        for other, d in others:
+            if (d.kind, d.unit) != (c.kind, c.unit):
+                raise WrongUsage(
+                    f"channel {c.name} of {log.given} is {c.kind} in {c.unit}, and {d.name} of"
+                    f" {other.given} {d.kind} in {d.unit}; pool logs of one kind and unit"
+                )
     return groups
 
 
