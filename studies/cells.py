@@ -6,7 +6,6 @@ result to a file of its own as soon as it is there, in one step: the end of any 
 nothing, and two runs in one folder do the same work twice. `tabulate` makes a CSV of many results.
 """
 
-import logging
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -23,7 +22,6 @@ from tqdm import tqdm
 from analysis import CannotAnswer, WrongUsage, replacing, store
 
 DIGITS = 5  # of the numbers in a table
-LOCAL = "local"  # a scheduler of our own, on this machine
 AHEAD = 3  # pieces of work handed out for each core
 PATIENCE = "10s"  # until a scheduler counts as absent
 
@@ -41,8 +39,8 @@ def compute(
     workers : int, optional
         Processes; by default one for each core. A scheduler elsewhere has its own.
     scheduler : str, optional
-        Address of a dask scheduler (``tcp://host:8786``), whose workers have this package; or
-        ``local`` for one that is started here. None: processes of joblib.
+        Address of a dask scheduler (``tcp://host:8786``), whose workers have this package. None:
+        processes of joblib.
 
     Yields
     ------
@@ -76,10 +74,7 @@ def _numbered(work, k, item):
 
 @contextmanager
 def _processes(workers, scheduler):
-    """Give number and name of a backend of joblib, and the error that it raises for a killed one.
-
-    A dask cluster is connected to, or started here.
-    """
+    """Give number and name of a backend of joblib, and its error for a killed process."""
     if scheduler is None:
         yield workers or -1, "loky", TerminatedWorkerError
         return
@@ -88,16 +83,12 @@ def _processes(workers, scheduler):
         from distributed.scheduler import KilledWorker
     except ImportError as error:
         raise WrongUsage("--scheduler needs dask: pip install '.[cluster]'") from error
-    options = {"address": scheduler, "timeout": PATIENCE}
-    if scheduler == LOCAL:
-        options = {"n_workers": workers or joblib.cpu_count(), "threads_per_worker": 1}
-        options |= {"dashboard_address": None, "silence_logs": logging.ERROR}
     try:
-        client = Client(**options)
+        client = Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise WrongUsage(
             f"--scheduler {scheduler}: no dask scheduler answers there; start one with `dask "
-            "scheduler` and workers with `dask worker ADDRESS`, or write --scheduler local"
+            "scheduler` and workers with `dask worker ADDRESS`"
         ) from error
     with client:
         yield -1, "dask", KilledWorker

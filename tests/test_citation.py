@@ -99,21 +99,6 @@ def test_an_unknown_figure(typed, near, capsys):
     assert near in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("drawn")
-def test_a_figure_of_an_older_version(folder, capsys):
-    """Property: one sentence with the command that redraws it, and status 1."""
-    text = (folder / f"{FIG9}.csv").read_text("utf-8")
-    old = folder / "22-old.csv"
-    old.write_text(re.sub("^# paper: .*\n", "", text, flags=re.M), "utf-8")
-    try:
-        assert main(["cite", old.stem]) == 1
-    finally:
-        old.unlink()
-    said = capsys.readouterr().err
-    assert "made by an older version; run `python -m analysis reproduce 22`" in said
-    assert len(said.splitlines()) == 1
-
-
 def test_every_figure_can_be_cited(monkeypatch):
     """Property: each name in figures/ has a citation with its name and its licence."""
     monkeypatch.setattr(citation, "_commit", lambda _: ("", False))  # three calls of git each

@@ -7,6 +7,7 @@ from analysis import WrongUsage, store, terrain_data
 from analysis.static_logs import stored
 from analysis.terrain.assumptions import Sensor
 from workbench import verdict, which_gyro
+from workbench.pages import page
 
 PARTS = store.read("inverse-design").tables["parts"]
 
@@ -31,7 +32,8 @@ def test_below_what_the_map_allows_no_gyro_is_enough():
     """Property: the best gyro's error is the limit, and the page names what limits."""
     found = which_gyro.answer(0.1)
     assert {r["answer"] for r in found["rows"]} == {"no"} and found["limit"].low > 0.1
-    assert "No gyro is enough: the map limits. See also --exact-map." in which_gyro.told(found)
+    words = "No gyro is enough: the map limits. See also --exact-map."
+    assert words in page("which-gyro.txt", found)
     exact = which_gyro.answer(0.15, exact_map=True)
     assert exact["limit"].high < 0.15 and {r["answer"] for r in exact["rows"]} > {"yes"}
     for wrong in (0.0, -1.0, np.nan, np.inf):
@@ -46,15 +48,15 @@ def test_one_gyro_has_one_answer():
     own = plane.estimate(Sensor(row["n"] / 60, row["b"] / 3600))
     model = stored.read_model("adis16405")
     atlas = store.read("atlas").tables["atlas"]
-    page = verdict.road(model, atlas)["axes"]["gyro_y"]["bias states"]
-    for other in (own, page):
+    told = verdict.road(model, atlas)["axes"]["gyro_y"]["bias states"]
+    for other in (own, told):
         assert f"{other.value:.2g}" == f"{row['error'].value:.2g}" == "0.37"
-    assert page.low <= own.low < own.high <= page.high
+    assert told.low <= own.low < own.high <= told.high
 
 
 def test_lines_fit_a_terminal():
     """Property: at most 100 columns, with every price's year and source."""
     for options in ({}, {"two_states": True}, {"exact_map": True}):
-        told = which_gyro.told(which_gyro.answer(0.3, **options))
+        told = page("which-gyro.txt", which_gyro.answer(0.3, **options))
         assert max(map(len, told.splitlines())) <= 100
     assert told.count("  2025  ") == 2 and "not a price of this piece" in told.replace("\n ", "")

@@ -10,7 +10,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, provenance, replacing
+from analysis import FIGURES, ROOT, WrongUsage, provenance, replacing
 from workbench import pages
 
 TYPES = {"conference-paper": "inproceedings"}  # of CITATION.cff -> of BibTeX, where not misc
@@ -40,13 +40,11 @@ def cite(figure: str | None = None) -> str:
     ------
     WrongUsage
         If there is no such figure; the message names those with a similar name.
-    CannotAnswer
-        If an older version made the figure, which did not say what it redraws.
     """
     known, head = provenance.citation_file(), None
     papers = {paper["abbreviation"]: _paper(paper) for paper in known["references"]}
     if figure is not None:
-        head = _head(FIGURES / f"{_name(figure)}.csv")
+        head = provenance.head(FIGURES / f"{_name(figure)}.csv")
         papers = {k: p for k, p in papers.items() if any(k in of for of in head["paper"])}
     commit, changed = _commit(figure)
     told = {"known": known, "head": head, "papers": papers.values(), "commit": commit}
@@ -63,15 +61,6 @@ def _name(figure):
         nearest = f"the nearest: {', '.join(near[:5])}" if near else "the names are in figures/"
         raise WrongUsage(f"no figure '{name}'; {nearest}")
     return name
-
-
-def _head(path):
-    """Read what a figure says of itself; those of older versions said less."""
-    head = provenance.head(path)
-    if "paper" not in head:
-        again = f"python -m analysis reproduce {path.stem.split('-')[0]}"
-        raise CannotAnswer(f"figure '{path.stem}' was made by an older version; run `{again}`")
-    return head
 
 
 def _commit(figure):
@@ -121,7 +110,7 @@ def crate(folder: str | Path) -> Path:
     known, figures = provenance.citation_file(), []
     papers = [_paper(paper) for paper in known["references"]]
     for path in sorted(FIGURES.glob("[0-9]*.csv")):
-        head = _head(path)
+        head = provenance.head(path)
         based = [p["key"] for p in papers if any(p["abbreviation"] in of for of in head["paper"])]
         figures.append(head | {"name": path.stem, "papers": based})
     told = {"known": known, "papers": papers, "figures": figures, "folders": FOLDERS}

@@ -447,8 +447,7 @@ def which_gyro(error, two_states=False, exact_map=False):
     """
     from workbench import which_gyro as gyros
 
-    found = gyros.answer(error, two_states=two_states, exact_map=exact_map)
-    print(gyros.told(found), end="")
+    _tell("which-gyro.txt", gyros.answer(error, two_states=two_states, exact_map=exact_map))
 
 
 @_verb
@@ -541,7 +540,6 @@ def readings(out=None, **given):
     python -m analysis readings --out mine --readings 64 --laps 100 --best 0
     python -m analysis readings --out mine --hold noise=integrated --hold road=track
     python -m analysis readings --out mine --scheduler tcp://10.0.0.1:8786    workers elsewhere
-    python -m analysis readings --out mine --scheduler local --workers 4
 
     An interpretation fixes one level of every factor (noise, channel, R, start of the bias,
     speed ...), and its 25 sensors drive the same simulated laps. The results do not depend on

@@ -10,7 +10,6 @@ import numpy as np
 
 from analysis import Estimate, WrongUsage, datasheets, store, terrain_data
 from analysis.terrain.assumptions import Sensor
-from workbench import pages
 
 FILTERS = {False: "bias states", True: "R tuned"}  # by --two-states
 MAPS = {False: "measured map error", True: "exact map"}  # by --exact-map
@@ -70,8 +69,3 @@ def answer(wanted: float, *, two_states: bool = False, exact_map: bool = False) 
     laps = store.read("real-laps").tables["filters"].query("filter == 'four states'")
     found = {"wanted": wanted, "two_states": two_states, "exact_map": exact_map, "limit": limit}
     return found | {"real": laps.set_index("gyro")["reach_m"].to_dict(), "rows": rows}
-
-
-def told(found: dict) -> str:
-    """Write the answer for the terminal."""
-    return pages.page("which-gyro.txt", found)
