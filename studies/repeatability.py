@@ -39,7 +39,6 @@ LOGS = dict.fromkeys(ADIS, "ADIS16405") | {  # name -> sensor
 DRAWS = 2000  # of channels, for the interval of a share
 WITHIN = 1.96
 QUARTERS, TAUS = 4, (0.01, 0.1, 1.0, 10.0, 100.0)  # s, where Allan curves are compared
-SLOW = ("corr_time", "bias_instability", "rrw", "drift")
 PAIR = ["sensor", "kind", "pieces", "parameter"]
 
 
@@ -222,9 +221,8 @@ def units():
         largest difference of their axes (deg/s).
     tables : dict of DataFrame
         ``pooled``: channel, model, parameter, value, low, high, unit, resolved, note, and the
-        bound of the spread between units (%). ``channels``: log, channel, model, rivals (those
-        within 4 AIC, with it), quarters (power of slow noise over the model's, in each quarter),
-        and T_c, B, K and drift where they are given.
+        bound of the spread between units (%). ``channels``: log, channel, model, quarters (power
+        of slow noise over the model's, in each quarter).
     """
     read_logs, pooled, rows, biases = {name: read(name) for name in ADIS}, [], [], []
     for k, channel in enumerate(next(iter(read_logs.values())).channels):
@@ -236,7 +234,9 @@ def units():
             result = infer(y, log.dt, channel.unit, "rate", np.random.default_rng(seed))
             inferences.append(result)
             means.append(float(y.mean()))
-            rows.append({"log": name, "channel": channel.name} | fitted(result))
+            quarters = " ".join(f"{ratio:.2f}" for ratio, _ in result.stationarity.quarters)
+            about = {"log": name, "channel": channel.name, "model": result.chosen.model}
+            rows.append(about | {"quarters": quarters})
         common, biases = pooling.pool(inferences, log.dt, channel.unit, "rate"), [*biases, means]
         repeats = pooling.repeatability(means, channel.unit, "rate")
         for parameter, e in (common.parameters | {"mean": repeats}).items():
@@ -253,15 +253,6 @@ def units():
         | sources(read_logs.values()),
         {name: store.rounded(table, DIGITS) for name, table in tables.items()},
     )
-
-
-def fitted(result):
-    """Give the model of one channel, its rivals, the power of each quarter, and slow parameters."""
-    about = result.summary()
-    rivals = [f"{rival['model']} {rival['aic_above_least']:.1f}" for rival in about["rivals"]]
-    given = {p: getattr(result.parameters.get(p), "value", None) for p in SLOW}
-    quarters = " ".join(f"{ratio:.2f}" for ratio, _ in result.stationarity.quarters)
-    return {"model": about["model"], "rivals": ", ".join(rivals), "quarters": quarters} | given
 
 
 def sources(logs_read):

@@ -69,7 +69,7 @@ def test_the_interval_of_a_prediction():
 def test_numbers_in_sentences_are_those_of_notebooks(pages):
     """cross-check: notebook 13's correlation times, notebook 11's noise over the sheet."""
     findings = pd.read_csv(FIGURES / "findings.csv").set_index("notebook")["sentence"]
-    least, most, sensors = explorer._correlation_times()
+    least, most, sensors = explorer._correlation_times(explorer._cells())
     assert f"{least} to {most} " in findings["13-how-long-to-record"]
     assert f"takes {least} to {most} correlation times for the {sensors} " in pages["allan.html"]
     over = [p["over_sheet"] for p in held(pages["explorer.html"])["parts"] if p["over_sheet"]]

@@ -8,6 +8,7 @@ and sends nothing. What it computes equals `terrain.ErrorPlane`, `noise.adev_mod
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from scipy.stats import chi2
 
 from analysis import datasheets, store, terrain_data
@@ -27,6 +28,7 @@ OF_A_PART = (
     *("part", "sensor", "name", "axis", "basis", "source", "over_sheet", "n", "n_low", "n_high"),
     *("b", "b_low", "b_high", "low_usd", "high_usd", "price_year", "price_source"),
 )
+OF_A_CELL = ["title", "hours", "times", "above", "resolved", "logs"]  # of the study of coverage
 FREEDOM = np.geomspace(1.0, 1000.0, 61)  # degrees of freedom whose chi-square ends are listed
 
 
@@ -110,46 +112,36 @@ def _parts():
 
 def _allan():
     """Gather what the page of Allan curves needs."""
-    ends = [chi2.ppf(p, FREEDOM) / FREEDOM for p in (0.025, 0.975)]
+    ends, cells = [chi2.ppf(p, FREEDOM) / FREEDOM for p in (0.025, 0.975)], _cells()
     data = {
         "freedom": [store.rounded_number(v, 9) for v in FREEDOM],
         "ends": [[store.rounded_number(v, 9) for v in end] for end in ends],
-        "study": _study(),
+        "study": pages.rounded(cells[OF_A_CELL].to_dict("records")),
     }
-    return {"data": data, "enough": _correlation_times(), "within": f"{WITHIN:.0%}"[:-1]}
+    return {"data": data, "enough": _correlation_times(cells), "within": f"{WITHIN:.0%}"[:-1]}
 
 
-def _correlation_times():
+def _cells():
+    """Lay out how often simulated logs resolved the correlation time of a Gauss-Markov bias.
+
+    A row for each sensor of the papers and length: `OF_A_CELL`, and the sensor's parameters.
+    """
+    sensors = pd.DataFrame(store.read("coverage").source["papers"]).T
+    study = store.coverage().query("estimator == 'likelihood' and model in @sensors.index")
+    cells = study.pivot_table(index=["model", "hours"], columns="parameter", values="truth")
+    of_time = study.query("parameter == 'corr_time'").set_index(["model", "hours"])
+    cells = cells.join(of_time[["resolved", "runs"]]).join(sensors, on="model").reset_index()
+    cells = cells[np.isfinite(cells["corr_time"])].rename(columns={"runs": "logs"})
+    white = cells["sigma_v"] * np.sqrt(cells["interval_s"].astype(float))
+    above = np.sqrt(2 * cells["corr_time"]) * cells["sigma_b"] / white
+    return cells.assign(times=3600 * cells["hours"] / cells["corr_time"], above=above)
+
+
+def _correlation_times(cells):
     """Say how many correlation times give T_c to ±20 %: least, most and how many sensors."""
-    sensors, times = store.read("coverage").source["papers"], []
-    study = store.coverage().drop_duplicates(["model", "parameter"])
-    truths = study.pivot(index="model", columns="parameter", values="truth").loc[[*sensors]]
-    for model, truth in truths[np.isfinite(truths["corr_time"])].iterrows():
-        plan = Plan(truth["sigma_v"], truth["sigma_b"], truth["corr_time"])
-        hours = plan.hours_needed(sensors[model]["interval_s"], WITHIN)["corr_time"]
-        times.append(3600 * hours / truth["corr_time"])
+    times = []
+    for sensor in cells.drop_duplicates("model").itertuples():
+        plan = Plan(sensor.sigma_v, sensor.sigma_b, sensor.corr_time)
+        hours = plan.hours_needed(sensor.interval_s, WITHIN)["corr_time"]
+        times.append(3600 * hours / sensor.corr_time)
     return [f"{min(times):.0f}", f"{max(times):.0f}", len(times)]
-
-
-def _study():
-    """List how often simulated logs resolved the correlation time of a Gauss-Markov bias."""
-    sensors, rows = store.read("coverage").source["papers"], []
-    study = store.coverage().query("estimator == 'likelihood' and model in @sensors")
-    for (model, hours), cell in study.groupby(["model", "hours"]):
-        cell = cell.set_index("parameter")
-        truth, dt = cell["truth"], sensors[model]["interval_s"]
-        if not np.isfinite(truth["corr_time"]):
-            continue
-        white = truth["sigma_v"] * np.sqrt(dt)
-        above = np.sqrt(2 * truth["corr_time"]) * truth["sigma_b"] / white
-        rows.append(
-            {
-                "title": sensors[model]["title"],
-                "hours": float(hours),
-                "times": 3600 * hours / truth["corr_time"],
-                "above": above,
-                "resolved": float(cell.loc["corr_time", "resolved"]),
-                "logs": int(cell.loc["corr_time", "runs"]),
-            }
-        )
-    return pages.rounded(rows)
