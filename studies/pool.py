@@ -32,30 +32,6 @@ WIDEST = 5.0  # s of a logarithm above which a spread is as good as open
 ALIKE = 0.01  # chance that different units agree so well in every bias
 
 
-@dataclass(frozen=True)
-class Pooled:
-    """The common model of several units, and its parameters.
-
-    Attributes
-    ----------
-    model : str
-        The noise model common to all.
-    models : list of dict
-        Every model: ``model``, ``aic_above_least`` of the sum over units, ``chosen``.
-    units : int
-    parameters : dict of Estimate
-        Of the median unit.
-    spread : dict of Estimate
-        Standard deviation between units relative to the median, %.
-    """
-
-    model: str
-    models: list[dict]
-    units: int
-    parameters: dict[str, Estimate]
-    spread: dict[str, Estimate]
-
-
 def pool(inferences, dt, unit, kind):
     """Pool what was inferred from the logs of several units, or axes, of one sensor model.
 
@@ -69,7 +45,10 @@ def pool(inferences, dt, unit, kind):
 
     Returns
     -------
-    Pooled
+    dict
+        ``model``, common to all; ``models``, every one: ``model``, ``aic_above_least`` of the sum
+        over units, ``chosen``; ``parameters``, of the median unit, by name (Estimate); ``spread``,
+        standard deviation between units relative to the median, % (Estimate).
     """
     names = dict.fromkeys(model for i in inferences for model in i.fits)
     by_model = {name: _fits(inferences, name) for name in names}
@@ -96,7 +75,8 @@ def pool(inferences, dt, unit, kind):
     if key := DENSITY.get(kind):
         parameters[key] = parameters["sigma_v"].scaled(np.sqrt(dt), unit_of(key, unit))
         spread[key] = spread["sigma_v"]
-    return Pooled(chosen.model, models, len(inferences), parameters, spread)
+    common = {"model": chosen.model, "models": models}
+    return common | {"parameters": parameters, "spread": spread}
 
 
 def repeatability(means, unit, kind):

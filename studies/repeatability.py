@@ -239,12 +239,11 @@ def units():
             rows.append(about | {"quarters": quarters})
         common, biases = pooling.pool(inferences, log.dt, channel.unit, "rate"), [*biases, means]
         repeats = pooling.repeatability(means, channel.unit, "rate")
-        for parameter, e in (common.parameters | {"mean": repeats}).items():
-            row = {"channel": channel.name, "model": common.model, "parameter": parameter}
-            row |= static_logs.stored.plain(e) | {"spread_high": None}
-            if parameter in common.spread:
-                row["spread_high"] = static_logs.stored.plain(common.spread[parameter])["high"]
-            pooled.append(row)
+        for parameter, e in (common["parameters"] | {"mean": repeats}).items():
+            row = {"channel": channel.name, "model": common["model"], "parameter": parameter}
+            spread = common["spread"].get(parameter)
+            high = spread and static_logs.stored.plain(spread)["high"]
+            pooled.append(row | static_logs.stored.plain(e) | {"spread_high": high})
     alike = [(i + 1, j + 1, most) for i, j, most in pooling.alike(np.transpose(biases))]
     tables = {"pooled": pd.DataFrame(pooled), "channels": pd.DataFrame(rows)}
     return (

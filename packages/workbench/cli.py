@@ -510,9 +510,9 @@ def coverage(
         "hats": simulated.hat_study,
         "ensembles": ensembles.study,
     }[study]
-    lengths, names = hours and _numbers(hours), models and models.split(",")
-    given = {"runs": runs, "hours": lengths, "names": names}
-    given = {name: value for name, value in given.items() if value}
+    given = {"runs": runs} if runs else {}
+    given |= {"hours": _numbers(hours)} if hours else {}
+    given |= {"names": models.split(",")} if models else {}
     if given and study not in ("intervals", "broken"):
         raise WrongUsage(
             f"coverage {study} has no other options than --workers, --scheduler, --out"

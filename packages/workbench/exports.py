@@ -188,7 +188,11 @@ def files(model, *, strict=False):
     triads, left_out = sort_triads(model, strict=strict)
     source, rate, texts = model["source"], float(model["source"]["rate_hz"]), {}
     empty = {s: Triad(s, SI_UNITS[kind], {}) for kind, s in SENSORS.items()}
-    context = empty | triads | {
+    context = {
+        **empty,
+        **triads,
+        "source": source,
+        "triads": triads,
         "about": _parameters(source, triads),
         "rate": rate,
         "missing": MISSING,
@@ -199,21 +203,18 @@ def files(model, *, strict=False):
         "matlab": _matlab,
         "diffusion": conventions.diffusion,
         "per_sample": conventions.per_sample,
-    }  # fmt: skip
+    }
     for name, title in TITLES.items() if triads else ():
         text = pages.page(f"{name}.j2", context, title=title)
         texts[name] = text.encode("ascii", "replace").decode()
     texts["README.md"] = pages.page(
         "README.md.j2",
-        source=source,
+        context,
         titles={name: TITLES[name] for name in texts},
         left_out=left_out,
-        absent=[sensor for sensor in SENSORS.values() if sensor not in triads],
         unresolved=[line for line in _parameters(source, triads, why=True) if MISSING in line],
         bounded=not strict,
         stands_in=any(a.stands_in for t in triads.values() for a in t.axes.values()),
-        triads=triads,
-        missing=MISSING,
         tables={t.sensor: _in_every_convention(t, 1 / rate) for t in triads.values()},
     )
     return texts

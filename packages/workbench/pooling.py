@@ -60,7 +60,9 @@ def write(logs, out, *, axes=False):
                     raise CannotAnswer(f"{log.given}, {error}") from error
                 bar.update()
             log, c = members[0]
-            pooled = pool(inferences, log.dt, c.unit, c.kind)
+            found = pool(inferences, log.dt, c.unit, c.kind)
+            for part in ("parameters", "spread"):
+                found[part] = {key: plain(e) for key, e in found[part].items()}
             means = [float(np.nanmean(c.values)) for _, c in members]
             channels.append(
                 {
@@ -71,10 +73,7 @@ def write(logs, out, *, axes=False):
                         {"file": log.file, "channel": c.name, "mean": store.rounded_number(mean)}
                         for (log, c), mean in zip(members, means, strict=True)
                     ],
-                    "model": pooled.model,
-                    "models": pooled.models,
-                    "parameters": {k: plain(e) for k, e in pooled.parameters.items()},
-                    "spread": {k: plain(e) for k, e in pooled.spread.items()},
+                    **found,
                     "bias_repeatability": plain(repeatability(means, c.unit, c.kind)),
                 }
             )
