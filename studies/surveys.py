@@ -168,19 +168,6 @@ def highway():
     return source, tables
 
 
-def atlas():
-    """Lay out every sensor of the datasheets and of the committed logs.
-
-    Returns
-    -------
-    dict
-        Source.
-    dict of DataFrame
-        ``atlas``, see `sensors`.
-    """
-    return {"title": "Sensors by datasheet and by their logs"}, {"atlas": sensors()}
-
-
 def surface():
     """Lay out the tracking error over N, B and T_c for three trackers.
 
@@ -339,7 +326,8 @@ def inverse_design():
         sample and in each resample of the laps.
     """
     items = [(tracker, start, on) for tracker in TRACKERS for start in STARTS for on in ON_MAPS]
-    tables = _tables(_inverse, items)
+    found = [tables for _, tables in sorted(compute(_inverse, items), key=itemgetter(0))]
+    tables = {k: rounded(pd.concat([one[k] for one in found]), 4) for k in found[0]}
     source = {
         "title": "Tracking error over N and B, and of each part, for the inverse design",
         "seed": SEED,
@@ -350,12 +338,6 @@ def inverse_design():
         "setup": inverse_setup(*items[0]).stated(),
     }
     return source, tables
-
-
-def _tables(work, items):
-    """Compute the tables of each item, and put those of one name below each other."""
-    found = [tables for _, tables in sorted(compute(work, items), key=itemgetter(0))]
-    return {k: rounded(pd.concat([one[k] for one in found]), 4) for k in found[0]}
 
 
 def inverse_setup(tracker: str, start: str, on: str) -> Setup:
@@ -414,15 +396,18 @@ def _variance(sensor, setup):
     return max(setup.own_R(sensor) + of_map, LEAST_R)
 
 
-def sensors():
-    """Lay out the atlas: a row for each sensor and axis.
+def atlas():
+    """Lay out every sensor of the datasheets and of the committed logs.
 
     Returns
     -------
-    DataFrame
-        ``sensor, name, axis, kind, unit`` (deg/s or g), ``n`` (unit sqrt(s)), ``b`` (unit), ``k``
-        (unit/sqrt(s)) and ``t_c`` (s), each with ``_low`` and ``_high``, empty where it is not
-        known; ``basis`` (datasheet or measured), ``low_usd`` and ``high_usd``, ``source``.
+    dict
+        Source.
+    dict of DataFrame
+        ``atlas``: a row for each sensor and axis: ``sensor, name, axis, kind, unit`` (deg/s or g),
+        ``n`` (unit sqrt(s)), ``b`` (unit), ``k`` (unit/sqrt(s)) and ``t_c`` (s), each with
+        ``_low`` and ``_high``, empty where it is not known; ``basis`` (datasheet or measured),
+        ``low_usd`` and ``high_usd``, ``source``.
     """
     rows = []
     for key, entry in datasheets.gyros().query("basis == 'data sheet'").iterrows():
@@ -453,4 +438,5 @@ def sensors():
     symbols = dict.fromkeys(SYMBOLS.values())
     columns += [f"{symbol}{end}" for symbol in symbols for end in ("", "_low", "_high")]
     columns += ["basis", "low_usd", "high_usd", "source"]
-    return rounded(pd.DataFrame(rows, columns=columns))
+    table = rounded(pd.DataFrame(rows, columns=columns))
+    return {"title": "Sensors by datasheet and by their logs"}, {"atlas": table}

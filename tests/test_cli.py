@@ -140,8 +140,6 @@ def test_export_repeats_what_report_wrote(good, tmp_path):
     expected = files(good.folder / "exports")
     assert files(tmp_path / "again") == expected
     assert {line.rsplit("/", 1)[1] for line in out.splitlines()} == {str(p) for p in expected}
-    status, _, err = run("export", good.folder / "report.html", "--out", tmp_path / "none")
-    assert status == 2 and "no model.json" in err and not (tmp_path / "none").exists()
 
 
 def test_the_terminal_says_what_was_exported_and_what_not(tmp_path, good, no_pictures):
@@ -264,29 +262,6 @@ def test_what_is_repaired_is_said_on_the_page(tmp_path, no_pictures):
         assert sum(words in repair for repair in source["repairs"]) == 1, words
         assert words in page
         assert words in out
-
-
-def test_three_seconds_are_too_short_for_what_is_slow(tmp_path, no_pictures):
-    """Property: a 3 s log is answered as far as it goes: white noise, and no correlation time."""
-    status, _, err = run("report", write(tmp_path, ROWS[:300]), "--out", tmp_path / "mine")
-    assert (status, err) == (0, "")
-    parameters = model(tmp_path / "mine")["channels"][0]["parameters"]
-    for name in ("corr_time", "sigma_b", "bias_instability"):
-        assert parameters[name]["value"] is None
-        assert not parameters[name]["resolved"]
-        assert parameters[name]["note"]
-    assert parameters["corr_time"]["high"] is None  # nothing bounds it from above
-    assert parameters["sigma_v"]["low"] < 0.01 < parameters["sigma_v"]["high"]
-
-
-def test_a_file_name_is_shown_as_it_is(tmp_path):
-    """Property: a name is neither a formula nor markup, and need not be ASCII."""
-    path = write(tmp_path, name="<b> costs $_{5$ & µ.csv")
-    status, _, err = run("report", path, "--out", tmp_path / "mine")
-    assert (status, err) == (0, "")
-    assert model(tmp_path / "mine")["source"]["file"] == path.name
-    page = (tmp_path / "mine" / "report.html").read_text(encoding="utf-8")
-    assert "<h1>&lt;b&gt; costs $_{5$ &amp; µ.csv</h1>" in page
 
 
 # --- refusals ------------------------------------------------------------------------------------

@@ -33,11 +33,6 @@ UNITS = {"gyroscope": "rad/s", "accelerometer": "m/s^2"}
 KINDS = {"rad/s": "rate", "m/s^2": "accel"}
 
 
-def files(content, **how):
-    """Write the exports of the content of a model.json."""
-    return exports.files(content, **how)
-
-
 # --- a model.json --------------------------------------------------------------------------------
 
 
@@ -201,7 +196,7 @@ def inside(e, truth):
 @pytest.mark.parametrize("sensor", TRUTH)
 def test_a_tool_gets_the_process_of_the_model(tool, sensor):
     """Analytic: the tool's recurrence, given the file, has N, sigma_b and T_c of the model."""
-    texts = files(model())
+    texts = exports.files(model())
     for axis, (white, sigma, time) in TRUTH[sensor].items():
         got = tool(texts, sensor, axis)
         if tool is gazebo_classic:  # one number for three axes
@@ -217,7 +212,7 @@ def test_a_tool_gets_the_process_of_the_model(tool, sensor):
 
 def test_pyins_simulates_what_kalibr_and_pyins_are_told():
     """Cross-check: pyins itself simulates the exported triad; N and K come back."""
-    texts, n = files(model()), round(3600 * HOURS * RATE)
+    texts, n = exports.files(model()), round(3600 * HOURS * RATE)
     told = python(texts["pyins_imu.py"])
     still = pd.DataFrame(np.zeros((n, 3)), index=DT * np.arange(n))
     for name, sensor in (("GYRO", "gyroscope"), ("ACCEL", "accelerometer")):
@@ -238,7 +233,9 @@ def test_pyins_simulates_what_kalibr_and_pyins_are_told():
 def test_a_random_walk_alone_reaches_every_tool():
     """Analytic: with K resolved and no Gauss-Markov term, each tool's bias steps by K sqrt(dt)."""
     k = 3e-6
-    texts = files(model(*(channel("gyroscope", axis, 1e-4, None, None, rrw=k) for axis in "xyz")))
+    texts = exports.files(
+        model(*(channel("gyroscope", axis, 1e-4, None, None, rrw=k) for axis in "xyz"))
+    )
     for tool in (gnss_ins_sim, gazebo_classic, gz_sim):
         got = tool(texts, "gyroscope", "x")
         # 1e-4: Gazebo classic computes exp(-2e-10) - 1 with 1e-16 to spare
@@ -248,18 +245,6 @@ def test_a_random_walk_alone_reaches_every_tool():
     assert imu_sensor(texts, "gyroscope", "x")["walk"] == pytest.approx(k * np.sqrt(DT), rel=1e-6)
     given = yaml.safe_load(texts["imu.yaml"].replace("# accel", "accel"))
     assert given["gyroscope_random_walk"] == pytest.approx(k, rel=1e-6)
-
-
-def test_matlab_double_sided_would_be_wrong():
-    """Published: IMUSensorSimulator.m; its default simulates N / sqrt(2) and K sqrt(2)."""
-    texts = files(
-        model(*(channel("gyroscope", axis, 1e-4, None, None, rrw=1e-6) for axis in "xyz"))
-    )
-    right = imu_sensor(texts, "gyroscope", "x")
-    swapped = texts | {"matlab_imu.m": texts["matlab_imu.m"].replace("'single-", "'double-")}
-    wrong = imu_sensor(swapped, "gyroscope", "x")
-    assert wrong["white"] / right["white"] == pytest.approx(np.sqrt(0.5))
-    assert wrong["walk"] / right["walk"] == pytest.approx(np.sqrt(2))
 
 
 # --- units ---------------------------------------------------------------------------------------
@@ -277,7 +262,7 @@ def test_the_unit_of_the_log_does_not_matter(gyro, accel):
             for axis, values in axes.items()
         )
     )
-    found, expected = files(other), files(model())
+    found, expected = exports.files(other), exports.files(model())
     number = r"\d+\.?\d*(?:e[-+]\d+)?"
     for name, text in expected.items():
         assert re.sub(number, "#", found[name]) == re.sub(number, "#", text)
@@ -318,7 +303,7 @@ def test_terms_of_one_model_add_in_power():
 def test_nothing_unresolved_gets_a_number():
     """Property: with --strict an unresolved term is off, in Kalibr absent, named with its bound."""
     unknown = model(*(channel("gyroscope", a, None, None, None) for a in "xyz"))
-    texts = files(unknown, strict=True)
+    texts = exports.files(unknown, strict=True)
     given = yaml.safe_load(texts["imu.yaml"])
     assert set(given) == {"rostopic", "update_rate"}
     assert "# gyroscope_noise_density: not resolved" in texts["imu.yaml"]
@@ -342,7 +327,7 @@ def test_nothing_unresolved_gets_a_number():
 def test_a_filter_gets_the_bound():
     """Property: Kalibr's four numbers are there, and say so where they are upper bounds."""
     both = [channel(s, a, None, None, None) for s in TRUTH for a in "xyz"]
-    text = files(model(*both))["imu.yaml"]
+    text = exports.files(model(*both))["imu.yaml"]
     numbers = [key for key in yaml.safe_load(text) if key.endswith(("density", "walk"))]
     assert len(numbers) == 4 and text.count("# upper bound: not resolved") == 4
     assert yaml.safe_load(text)["gyroscope_random_walk"] == 9.0
@@ -372,7 +357,7 @@ def test_a_tool_gives_the_curve_of_the_log_back(tool, monkeypatch):
     monkeypatch.setattr("test_exports.RATE", log["source"]["rate_hz"])
     least = {}
     for strict in (False, True):
-        texts = files(log, strict=strict)
+        texts = exports.files(log, strict=strict)
         simulated = allan_of(tool, texts, "gyroscope", "x", curve["tau_s"][used])
         ratio = simulated / np.radians(curve["deviation"][used])
         least[strict] = ratio.min()
@@ -409,7 +394,7 @@ def test_half_a_gauss_markov_term_is_none():
 
 def test_other_axes_stand_in_for_none():
     """Property: an axis that is not in the log is off; a triad's mean is of those that are."""
-    texts = files(model(channel("gyroscope", "y", *TRUTH["gyroscope"]["y"])))
+    texts = exports.files(model(channel("gyroscope", "y", *TRUTH["gyroscope"]["y"])))
     assert python(texts["pyins_imu.py"])["GYRO"]["noise"][::2] == [0.0, 0.0]
     white = yaml.safe_load(texts["imu.yaml"])["gyroscope_noise_density"]
     assert white == pytest.approx(TRUTH["gyroscope"]["y"][0], rel=1e-6)
@@ -443,7 +428,7 @@ def test_what_no_tool_can_take_is_said():
     """Property: angles, positions and unknown units are left out with a sentence each."""
     angle = channel("gyroscope", "x", 1e-4, None, None) | {"kind": "angle", "name": "roll"}
     counts = channel("gyroscope", "x", 1e-4, None, None) | {"unit": "LSB", "name": "raw"}
-    texts = files(model(angle, counts))
+    texts = exports.files(model(angle, counts))
     assert set(texts) == {"README.md"}
     assert "roll is of kind angle" in texts["README.md"]
     assert "raw is in LSB" in texts["README.md"]
@@ -453,7 +438,7 @@ def test_terms_beside_the_noise_are_listed_as_in_no_file():
     """property: README names what was fitted beside the noise, with its size, in its own unit."""
     one = channel("gyroscope", "x", 1e-4, None, None, unit="deg/s")
     sizes = {"amplitude": estimate(0.2, "deg/s", note=""), "moment": estimate(400.0, "s", note="")}
-    texts = files(model(one | {"fit": {"terms": [{"kind": "step", "parameters": sizes}]}}))
+    texts = exports.files(model(one | {"fit": {"terms": [{"kind": "step", "parameters": sizes}]}}))
     (said,) = (line for line in texts["README.md"].splitlines() if "amplitude" in line)
     assert said.startswith("- gyro_x: in no file is what was fitted")
     assert said.endswith("step amplitude 0.2 (0.18 to 0.22) deg/s, moment 400 (360 to 440) s")
@@ -464,7 +449,7 @@ def test_comments_cannot_break_a_file():
     one = channel("gyroscope", "x", 1e-4, None, None)
     wicked = model(one)
     wicked["source"]["file"] = "ä--b\nimport nothing; -->.csv"
-    texts = files(wicked)
+    texts = exports.files(wicked)
     assert all(texts[name].isascii() for name in exports.TITLES)
     ET.fromstring(texts["gazebo_classic_imu.sdf"])
     ET.fromstring(texts["gz_sim_imu.sdf"])
@@ -502,7 +487,7 @@ NO_MODEL = (
 def test_what_is_no_model_is_refused(wrong):
     """Property: one sentence, whatever is missing or of another kind."""
     with pytest.raises(WrongUsage, match="no model"):
-        files(wrong)
+        exports.files(wrong)
 
 
 @pytest.mark.parametrize(
@@ -531,7 +516,7 @@ def test_a_number_that_cannot_be_is_named(tmp_path, parameter, key, value):
 def test_a_pooled_json_is_called_one():
     """Property: what `pool` wrote is told from what `report` wrote."""
     with pytest.raises(WrongUsage, match="this is a pooled"):
-        files({"sources": [], "seed": 1, "channels": []})
+        exports.files({"sources": [], "seed": 1, "channels": []})
 
 
 def test_export_of_a_file(tmp_path):

@@ -133,7 +133,7 @@ def test_a_sheet_without_a_random_walk_of_the_accelerometer():
 
 def test_the_atlas_is_in_step():
     """Property: the committed atlas is what data/sensors.toml and the committed logs give."""
-    made = surveys.sensors().replace("", np.nan)
+    made = surveys.atlas()[1]["atlas"].replace("", np.nan)
     pd.testing.assert_frame_equal(made, ATLAS, check_dtype=False, rtol=1e-5)
 
 
@@ -301,9 +301,10 @@ def test_the_log_is_among_the_known_sensors(gyros):
     plots.plt.close(fig)
 
 
-def test_what_a_log_holds_is_no_markup(tmp_path, no_pictures):
-    """Property: a file or column whose name is a script is shown, not run."""
-    name, column = "<script>alert(1)<|script>.csv", "gyro_<b>x</b>_deg_s"
-    _, page = logged(tmp_path, {column: noise(0.004)}, name)
-    assert "&lt;script&gt;alert(1)" in page
+def test_what_a_log_holds_is_shown_as_it_is(tmp_path):
+    """Property: the name of a file or column is no script and no formula, and need not be ASCII."""
+    name, column = "<script>alert(1)<|script> costs $_{5$ & µ.csv", "gyro_<b>x</b>_deg_s"
+    told, page = logged(tmp_path, {column: noise(0.004)}, name)
+    assert told["source"]["file"] == name
+    assert "<h1>&lt;script&gt;alert(1)&lt;|script&gt; costs $_{5$ &amp; µ.csv</h1>" in page
     assert not re.search(r"<script|<b>x|alert\(1\)<", page)
