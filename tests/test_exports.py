@@ -38,17 +38,9 @@ KINDS = {"rad/s": "rate", "m/s^2": "accel"}
 
 def estimate(value, unit, *, low=None, high=None, note="for a reason"):
     """Write a parameter as model.json does; None is not resolved."""
-    if value is not None:
-        low, high = 0.9 * value, 1.1 * value
-    resolved = value is not None
-    return {
-        "value": value,
-        "low": low,
-        "high": high,
-        "unit": unit,
-        "resolved": resolved,
-        "note": note,
-    }
+    low, high = (low, high) if value is None else (0.9 * value, 1.1 * value)
+    about = {"value": value, "low": low, "high": high, "resolved": value is not None}
+    return about | {"unit": unit, "note": note}
 
 
 def channel(sensor, axis, white, sigma_b, corr_time, *, rrw=None, unit=None):
@@ -69,15 +61,20 @@ def channel(sensor, axis, white, sigma_b, corr_time, *, rrw=None, unit=None):
     return {"name": f"{name}_{axis}", "unit": unit, "kind": kind, "parameters": parameters}
 
 
-def model(*channels):
+def model(*channels, unit=UNITS):
     """Write a model.json; by default one of the truth, with both triads."""
     channels = channels or [
-        channel(sensor, axis, *values)
+        channel(sensor, axis, *values, unit=unit[sensor])
         for sensor, axes in TRUTH.items()
         for axis, values in axes.items()
     ]
     source = {"file": "my.csv", "rate_hz": RATE, "duration_s": 3600 * HOURS}
     return {"source": source, "channels": list(channels)}
+
+
+def gyroscope(content):
+    """Sort the gyroscope of a model.json into x, y and z."""
+    return exports.sort_triads(content)[0]["gyroscope"]
 
 
 # --- each file as its tool reads it, each tool as its source has it ------------------------------
@@ -255,14 +252,7 @@ def test_a_random_walk_alone_reaches_every_tool():
 def test_the_unit_of_the_log_does_not_matter(gyro, accel):
     """Property: the same log in deg/s or rad/s, in g or m/s^2, gives the same files."""
     unit = {"gyroscope": gyro, "accelerometer": accel}
-    other = model(
-        *(
-            channel(sensor, axis, *values, unit=unit[sensor])
-            for sensor, axes in TRUTH.items()
-            for axis, values in axes.items()
-        )
-    )
-    found, expected = exports.files(other), exports.files(model())
+    found, expected = exports.files(model(unit=unit)), exports.files(model())
     number = r"\d+\.?\d*(?:e[-+]\d+)?"
     for name, text in expected.items():
         assert re.sub(number, "#", found[name]) == re.sub(number, "#", text)
@@ -276,9 +266,7 @@ def test_the_unit_of_the_log_does_not_matter(gyro, accel):
 def test_a_triad_mean_keeps_power():
     """Property: one number for three axes keeps the mean of N^2, of sigma_b^2 and of K^2."""
     different = [("x", 1e-4, 1e-5, 50.0), ("y", 2e-4, 3e-5, 500.0), ("z", 3e-4, 2e-5, 200.0)]
-    found = exports.sort_triads(model(*(channel("gyroscope", *row) for row in different)))[0][
-        "gyroscope"
-    ]
+    found = gyroscope(model(*(channel("gyroscope", *row) for row in different)))
     _, white, sigma, time = (np.array(column) for column in zip(*different, strict=True))
     assert found.mean("N") == pytest.approx(np.sqrt(np.mean(white**2)))
     mean_sigma, mean_time = found.process
@@ -292,7 +280,7 @@ def test_terms_of_one_model_add_in_power():
     one = channel("gyroscope", "x", 1e-4, 1e-5, 50.0, rrw=1e-6)
     one["parameters"]["sigma_b_2"] = estimate(3e-5, "rad/s")
     one["parameters"]["corr_time_2"] = estimate(900.0, "s")
-    axis = exports.sort_triads(model(one))[0]["gyroscope"].axes["x"]
+    axis = gyroscope(model(one)).axes["x"]
     assert axis.walk == pytest.approx(np.sqrt(1e-12 + 2e-10 / 50 + 18e-10 / 900))
     assert (axis.sigma_b, axis.corr_time) == pytest.approx((3e-5, 900.0))
 
@@ -372,23 +360,21 @@ def test_a_stand_in_replaces_nothing_that_is_resolved():
     log = stored.read_model("adis16405")
     log["channels"] = log["channels"][1:2]  # white noise, flicker noise and K
     own = log["channels"][0]["parameters"]
-    known = exports.sort_triads(log)[0]["gyroscope"].axes["y"]
+    known = gyroscope(log).axes["y"]
     own["arw"] |= {"value": None, "resolved": False}
-    axis = exports.sort_triads(log)[0]["gyroscope"].axes["y"]
+    axis = gyroscope(log).axes["y"]
     assert (axis.K, axis.walk, axis.sigma_b) == (known.K, known.walk, known.sigma_b)
     assert known.stands_in == [] and axis.stands_in == ["N"]
     assert pytest.approx(known.N, rel=0.05) == axis.N
     curve = log["channels"][0]["allan_line_removed"]
     curve["low"] = [None] * len(curve["tau_s"])
-    assert exports.sort_triads(log)[0]["gyroscope"].axes["y"].N is None
+    assert gyroscope(log).axes["y"].N is None
 
 
 def test_half_a_gauss_markov_term_is_none():
     """Property: sigma_b without T_c, or T_c without sigma_b, is no process."""
     for half in ((1e-5, None), (None, 100.0)):
-        axis = exports.sort_triads(model(channel("gyroscope", "x", 1e-4, *half)))[0][
-            "gyroscope"
-        ].axes["x"]
+        axis = gyroscope(model(channel("gyroscope", "x", 1e-4, *half))).axes["x"]
         assert axis.sigma_b is None and axis.walk is None
 
 
