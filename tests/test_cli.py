@@ -423,6 +423,25 @@ def test_a_folder_that_cannot_be_is_refused(command, out, tmp_path, monkeypatch)
     assert os.listdir() == ["my.csv"] and (tmp_path / "my.csv").read_bytes() == before
 
 
+@pytest.mark.parametrize("option", ["--out mine", "--last-position where.json"])
+def test_a_folder_that_takes_no_file_is_named(option, tmp_path, monkeypatch):
+    """Property: said at once, with the option, before the log is read."""
+
+    def refuse(dir):
+        if option.startswith("--last") == os.path.samefile(dir, tmp_path / "kept"):
+            raise PermissionError(13, "Permission denied")
+        return io.BytesIO()
+
+    (tmp_path / "kept").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli.tempfile, "TemporaryFile", refuse)
+    log = ROOT / "data/raw/gpsd/rx210.log"
+    status, _, err = run("replay", log, "--out", "mine", "--last-position", "kept/where.json")
+    said = f"cannot answer: {option}: cannot write there (Permission denied)\n"
+    assert (status, err) == (1, said)
+    assert os.listdir() == ["kept"]
+
+
 # --- the other commands --------------------------------------------------------------------------
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from analysis import FIGURES, CannotAnswer, datasheets, terrain_data
 from analysis.terrain import Sensor
+from studies import coverage
 from workbench import explorer
 
 
@@ -83,3 +84,6 @@ def test_the_study_beside_the_planner(pages):
     assert len(midg) >= 5 and len(rows) >= 10
     assert midg[0]["resolved"] < 0.3 and midg[-1]["resolved"] > 0.9
     assert midg[0]["times"] == pytest.approx(3600 * 0.5 / 164, rel=1e-5)
+    model, dt, _ = coverage.papers()["midg-roll"]
+    above = np.sqrt(2 * model.corr_time / dt) * model.sigma_b / model.sigma_v
+    assert midg[0]["above"] == pytest.approx(above, rel=1e-4)
