@@ -135,14 +135,11 @@ class Cell(NamedTuple):
     items : sequence
     finish : callable
         DataFrame of all rows, in the order of the items -> the table.
-    runs : int, optional
-        What a column ``runs`` holds in a table that is finished; by default the number of items.
     """
 
     work: Callable
     items: Sequence
     finish: Callable = pd.DataFrame
-    runs: int | None = None
 
 
 def tabulate(
@@ -165,7 +162,7 @@ def tabulate(
         for name, cell in cells.items():
             path, finished = folder / f"{name}.csv", folder / "cells" / name
             bar.set_description(name)
-            runs = cell.runs or len(cell.items)
+            runs = len(cell.items)  # what a column of that name holds in a table that is finished
             if path.exists() and np.any(pd.read_csv(path).get("runs", runs) == runs):
                 bar.update(len(cell.items))
                 continue
