@@ -532,10 +532,13 @@ def test_reproduce_ends_with_the_table(monkeypatch):
         reproduce, "execute", lambda path, *_: reproduce.Run(path.stem, *made[path.stem])
     )
     monkeypatch.setenv("COMPENDIUM_FIGURES", str(ROOT / "figures"))
+    monkeypatch.setattr(reproduce, "since_commit", lambda: (["README.md", "a.pdf"], ["a.pdf"]))
     status, out, _ = run("reproduce", "00", "notebooks/10-static-logs.ipynb")
     assert status == 0
-    *table, _, same = out.splitlines()
+    *table, _, same, changed, _, _, alike, back = out.splitlines()
     assert same == "no number differs from the committed"
+    assert changed == "git: 2 files changed since the last commit:"
+    assert alike.startswith("1 of them show") and back == "  git checkout -- a.pdf"
     assert [row.split() for row in table[:-1]] == [
         ["notebook", "seconds", "figures", "claims", "checked"],
         ["10-static-logs", "30.0", "31", "40"],

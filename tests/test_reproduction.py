@@ -164,8 +164,9 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     cells = nbformat.read(tmp_path / "other" / "99-small.ipynb", 4).cells
     assert [c.source for c in cells[:2]] == ["SIZE = 1.0\nOWN = None", "SIZE = 2.0"]
     other = {p: p.read_bytes() for p in (tmp_path / "other").rglob("*.*")}
-    with pytest.raises(WrongUsage, match=r"-p SIZE=two: 99-small\.ipynb: a cell failed: TypeErr"):
-        reproduce.reproduce(scratch=tmp_path / "none", parameters={"SIZE": "two"})
+    for value, words in {"two": "SIZE is a number, such as 1.0", (1, 2): "a number"}.items():
+        with pytest.raises(WrongUsage, match=words):
+            reproduce.reproduce(scratch=tmp_path / "none", parameters={"SIZE": value})
     with monkeypatch.context() as patch:
         patch.setattr(reproduce, "execute", fail)
         with pytest.raises(WrongUsage, match=r"-p SIZE=-1: 99-small\.ipynb: a cell failed"):
@@ -180,6 +181,36 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     assert {p.name: p.read_bytes() for p in citable.iterdir()} == {
         name: content for name, content in before.items() if name != path.name
     }
+
+
+def test_git_is_asked_what_changed(tmp_path):
+    """property: changed files are named; a redrawn figure that shows the same need no commit."""
+
+    def draw(value=1.0, color="k", note=""):
+        fig, ax = figures.plt.subplots(figsize=(2, 1))
+        ax.plot([0, 1], [0, value], color, label="line")
+        ax.set(xlabel="x (m)", ylabel="y (m)")
+        figures.save(fig, "99-small", "A line.", to=tmp_path / "figures")
+        pdf = tmp_path / "figures" / "99-small.pdf"
+        pdf.write_bytes(pdf.read_bytes() + note.encode())
+        return reproduce.since_commit(tmp_path)
+
+    def git(*words):
+        subprocess.run(["git", "-C", tmp_path, *words], check=True, capture_output=True)
+
+    pdf, png, csv = (f"figures/99-small.{kind}" for kind in ("pdf", "png", "csv"))
+    assert draw() == (None, [])
+    git("init")
+    git("add", ".")
+    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-m", "Draw")
+    assert draw() == ([], [])
+    assert draw(note="%") == ([pdf], [pdf])
+    assert draw(color="r") == ([pdf, png], [])
+    assert draw(value=2.0) == ([csv, pdf, png], [])
+    (tmp_path / "notebooks").mkdir()
+    (tmp_path / "notebooks" / "98-new.ipynb").touch()
+    assert draw(value=1 + 1e-5, note="%")[0][-1] == "notebooks/98-new.ipynb"
+    assert reproduce.since_commit(tmp_path / "notebooks") == (None, [])
 
 
 UNENDING = """

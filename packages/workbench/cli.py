@@ -186,7 +186,8 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
     Rewrites figures/ (PDF, PNG, CSV and claims.csv) and the outputs in the notebooks; with
     --scratch it leaves them as they are and writes notebooks, figures and claims into that folder.
     Ends with each figure and claim that differs from the committed: a verdict, or a number by more
-    than 1e-4 (in claims.csv, which has three digits, 6e-3). `git status` has the changed files.
+    than 1e-4 (in claims.csv, which has three digits, 6e-3); then, in a work tree of git, with the
+    files that git sees changed, and which of them show what the committed ones show.
     """
     from workbench import reproduce as runner
 
@@ -198,7 +199,9 @@ def reproduce(notebooks=None, scratch=None, parameters=None):
     values = dict(map(_parameter, parameters or ()))
     start = perf_counter()
     runs, found = runner.reproduce(notebooks or (), scratch=scratch, parameters=values)
-    _tell("reproduce.txt", runs=runs, found=found, seconds=perf_counter() - start)
+    told = {"runs": runs, "found": found, "seconds": perf_counter() - start}
+    changed, alike = (None, []) if scratch else runner.since_commit()
+    _tell("reproduce.txt", told, changed=changed, alike=alike)
 
 
 def _parameter(text):

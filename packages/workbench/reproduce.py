@@ -7,6 +7,7 @@ notebooks as they are, and takes other parameters.
 import ast
 import os
 import shutil
+import subprocess
 import tempfile
 import time
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
@@ -19,6 +20,7 @@ import numpy as np
 import pandas as pd
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
+from PIL import Image, ImageChops
 from tqdm import tqdm
 
 from analysis import (
@@ -30,6 +32,7 @@ from analysis import (
     engineering,
     figures,
     figures_folder,
+    provenance,
     replacing,
 )
 from workbench import pages
@@ -39,6 +42,7 @@ NOTEBOOKS = ROOT / "notebooks"
 README = ROOT / "README.md"
 OWN = ("LOG", "OWN", "OWN_LAPS")  # parameters that name logs of the reader
 REGISTERS = ("claims", "findings")  # tables beside the figures that all notebooks share
+WRITTEN = ("figures", "notebooks", "README.md")  # what `reproduce` alone writes
 THREE_DIGITS = 6e-3  # relative, of numbers in claims.csv: half a step of the last digit
 
 
@@ -157,6 +161,8 @@ def _prepared(paths, parameters, own):
         at, values = parameters_of(notebook)
         known |= values
         taken = {name: value for name, value in parameters.items() if name in values}
+        for name, value in taken.items():
+            _check_kind(name, value, values[name])
         if taken:
             source = "\n".join(f"{name} = {value!r}" for name, value in taken.items())
             notebook.cells.insert(at + 1, nbformat.v4.new_code_cell(source))
@@ -173,6 +179,17 @@ def _prepared(paths, parameters, own):
             f"no parameter '{unknown[0]}' in these notebooks; there are: {', '.join(sorted(known))}"
         )
     return tasks
+
+
+def _check_kind(name, value, now):
+    """Refuse a word for a number, and one number for several; `now` is what the notebook has."""
+    try:
+        usual = ast.literal_eval(now)
+    except ValueError:  # computed
+        return
+    for kinds, what in (((bool, int, float), "a number"), ((tuple, list), "several, with commas")):
+        if isinstance(usual, kinds) and not isinstance(value, kinds):
+            raise WrongUsage(f"-p {name}={value}: {name} is {what}, such as {ast.unparse(now)}")
 
 
 def parameters_of(notebook):
@@ -231,6 +248,57 @@ def differences(old, new, numbers):
         if before != after:
             found.append(f"finding of {name} (was: {before[0]}; now: {after[0]})")
     return found
+
+
+def since_commit(root=ROOT):
+    """Ask git which figures and notebooks, and whether README, differ from the last commit.
+
+    Parameters
+    ----------
+    root : pathlib.Path
+
+    Returns
+    -------
+    changed : list of str or None
+        Files; None where `root` is no work tree of git, or there is no git.
+    alike : list of str
+        Pictures among them that show the committed dots and numbers. They need no commit: a
+        picture takes as much room in the history each time, whatever has changed in it. What a
+        figure *shows* decides, not its bytes; a new colour is other dots with the same numbers.
+    """
+
+    def git(*words):
+        run = subprocess.run(["git", "-C", root, *words], capture_output=True, check=False)
+        return run.stdout if run.returncode == 0 else None
+
+    if not shutil.which("git") or git("rev-parse", "--show-prefix") != b"\n":
+        return None, []
+    status = git("status", "--porcelain", "-z", "--no-renames", "-uall", "--", *WRITTEN)
+    states = {Path(line[3:]): line[:2] for line in status.decode().split("\0") if line}
+    drawn = [p for p in states if p.parent.name == "figures" and p.stem not in REGISTERS]
+    alike = []
+    with tempfile.TemporaryDirectory() as kept:
+        for name in {path.stem for path in drawn if states[path] == " M"}:
+            pairs = []
+            for file in (f"{name}.csv", f"{name}.png"):
+                pairs.append((Path(kept, file), root / "figures" / file))
+                pairs[-1][0].write_bytes(git("show", f"HEAD:figures/{file}") or b"")
+            if all(now.exists() and was.stat().st_size for was, now in pairs) and _alike(*pairs):
+                same = [p for p in drawn if p.stem == name and p.suffix != ".csv"]
+                alike += [path.as_posix() for path in same]
+    return sorted(path.as_posix() for path in states), sorted(alike)
+
+
+def _alike(tables, pictures):
+    """Tell whether a figure shows the same, and comes from the same version of the compendium."""
+    was, now = (provenance.head(path)["compendium"] for path in tables)
+    if was != now or figures.differences(*tables):
+        return False
+    with Image.open(pictures[0]) as a, Image.open(pictures[1]) as b:
+        return (
+            a.size == b.size
+            and not ImageChops.difference(a.convert("RGB"), b.convert("RGB")).getbbox()
+        )
 
 
 def _lines(path):
