@@ -295,7 +295,8 @@ def track_real_laps(
         attitude_map.require(truth)
         told = map_errors[label].setup(setup, profile.laps.mean()) if map_errors else setup
         own = {
-            name: s if np.ndim(s.R) == 0 else s._replace(R=s.R[k]) for name, s in sensors.items()
+            name: s._replace(R=s.R[k]) if isinstance(s.R, np.ndarray) else s
+            for name, s in sensors.items()
         }
         paths = attitude_errors(told, 1, streams, len(truth))
         found = follow(attitude_map, truth, attitude, truth[0] + off, moved, paths, own, told)
