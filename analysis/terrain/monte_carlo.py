@@ -389,24 +389,21 @@ def assumed_R(sensor, setup):
 
 def filters_of(attitude_map, setup, arw, sigma_b, first):
     """Make the filters of a block, and the covariance of their steps but for the odometry."""
-    m, cells, runs = attitude_map.channels, len(arw), len(first)
-    of_map = m if setup.map_error else 0
-    n = 1 + 2 * m + of_map if setup.bias_states else 1
-    x, P = np.zeros((n, cells, runs)), np.zeros((n, n, cells, runs))
+    n = (4 if setup.map_error else 3) if setup.bias_states else 1
+    x, P = np.zeros((n, len(arw), len(first))), np.zeros((n, n, len(arw), len(first)))
     x[0], P[0, 0] = first, setup.begin_sd**2
     if not setup.bias_states:
         return Ukf(attitude_map, x, P), 0.0
     dt = setup.every / setup.rate_hz
-    transition, of_gyro = bias_state_matrices(arw, sigma_b, setup.corr_time, dt, m)
+    transition, of_gyro = bias_state_matrices(arw, sigma_b, setup.corr_time, dt)
     Q = np.zeros((n, n, *of_gyro.shape[2:]))
-    Q[: n - of_map, : n - of_map] = of_gyro
-    for i in range(n - of_map, n):
-        P[i, i] = setup.map_error[0] ** 2
+    Q[:3, :3] = of_gyro
     # A bias that starts at 0 is known then; a small variance keeps the root real.
     known = {"zero": 0.0, "stationary": sigma_b**2, "turn-on": (TURN_ON * sigma_b) ** 2}
-    for a in range(1, n - of_map, 2):
-        P[a, a] = setup.begin_attitude_sd**2
-        P[a + 1, a + 1] = np.maximum(known[setup.start], 1e-12)
+    P[1, 1] = setup.begin_attitude_sd**2
+    P[2, 2] = np.maximum(known[setup.start], 1e-12)
+    if setup.map_error:
+        P[3, 3] = setup.map_error[0] ** 2
     return Ukf(attitude_map, x, P, transition), Q
 
 
