@@ -14,9 +14,14 @@ from analysis import CannotAnswer, Estimate, store, wrap
 from analysis.noise.models import gauss_markov
 from analysis.units import clock_offset, differences, find_events, unit_variances
 from analysis.units.clock import named_offset
-from analysis.units.events import disagreements
+from analysis.units.events import Apart, disagreements
 from analysis.units.frame import Unit, local_tracks
-from analysis.units.metrics import Differences, trajectory_metrics
+from analysis.units.metrics import (
+    Differences,
+    quantile,
+    root_mean_square,
+    trajectory_metrics,
+)
 from analysis.units.side_by_side import apart, conventions, side_by_side
 from sensorlogs import catalogue
 from studies import coverage
@@ -173,6 +178,25 @@ def test_metrics_hold_the_truth():
         held.append([found[k].low <= v <= (found[k].high or np.inf) for k, v in truth.items()])
     share = np.mean(held, axis=0)
     assert ((share >= 0.90) & (share <= 0.99)).all(), share
+
+
+def test_few_independent_samples_give_no_interval():
+    """property: a value, and how few there are; a value that wanders slowly has few."""
+    slow, fast = np.linspace(1.0, 2.0, 300), np.random.default_rng(1).standard_normal(300)
+    assert all(
+        found.low is None for found in (root_mean_square(slow, "m"), quantile(slow, 0.5, "m"))
+    )
+    assert "too few" in root_mean_square(slow, "m").note
+    assert root_mean_square(fast, "m").low < 1.0 < root_mean_square(fast, "m").high
+
+
+def test_of_two_that_leap_neither_is_named():
+    """property: the one that alone leaps by half of the disagreement is off; else both differ."""
+    t, size, still = np.arange(60.0), np.where(np.arange(60) == 30, 20.0, 0.1), np.zeros(60)
+    for leaps, unit in ((size, still), "a"), ((still, size), "b"), ((size, size), "a and b"):
+        (event,) = disagreements([Apart("a", "b", "position", t, size, 0.1, leaps)])
+        assert (event.unit, event.from_s) == (unit, 30.0)
+        assert ("alone" in event.note) == (unit != "a and b")
 
 
 def test_events_are_found_where_they_were_put():
