@@ -21,26 +21,29 @@ def hills(channels=1, points=1200, step=1.0):
     return AttitudeMap(0.0, step, (0.4 * np.sin(waves[0] * s + waves[1])).sum(axis=1))
 
 
-@pytest.mark.parametrize("channels", [1, 2])
-@pytest.mark.parametrize("further", ["none", "bias states", "bias states and map error"])
+@pytest.mark.parametrize(
+    ("channels", "further"),
+    [(1, "none"), (2, "none"), (1, "bias states"), (1, "bias states and map error")],
+)
 def test_equals_filterpy(channels, further):
     """cross-check: filterpy's filter on the same inputs, states and covariances, to rounding."""
     rng = np.random.default_rng(SEED)
     road, steps, moved, R = hills(channels), 1500, 0.3, 0.05
-    gyro, of_map = (2 * channels * (further != "none"), channels * further.endswith("error"))
+    gyro, of_map = (2 * (further != "none"), 1 * further.endswith("error"))
     keep, n = np.exp(-moved / 20), 1 + gyro + of_map
-    F, Q = np.zeros((0, 0)), np.zeros((n, n))
+    F, Q = None, np.zeros((n, n))
     if gyro:
-        F, Q[: 1 + gyro, : 1 + gyro] = bias_state_matrices(0.01, 0.01, 200.0, 0.01, channels)
+        F, Q[:3, :3] = bias_state_matrices(0.01, 0.01, 200.0, 0.01)
     Q[0, 0] = 1e-4
     first = np.append(21.0, np.zeros(n - 1))
     P = np.diag([1.0] + [0.01, 1e-4] * (gyro // 2) + [0.04] * of_map)
 
     def move(x, dt, u):
-        return np.concatenate([x[:1] + u, F @ x[1 : 1 + gyro], keep * x[1 + gyro :]])
+        turned = F @ x[1:3] if gyro else []
+        return np.concatenate([x[:1] + u, turned, keep * x[1 + gyro :]])
 
     def look(x):
-        error = x[1 : 1 + gyro : 2] if gyro else 0.0
+        error = x[1] if gyro else 0.0
         return road.at(x[0]) + error + (x[1 + gyro :] if of_map else 0.0)
 
     points = MerweScaledSigmaPoints(n, 1.0, 0.0, 3 - n)
@@ -82,15 +85,14 @@ def test_on_a_slope_it_is_the_kalman_filter_and_the_bound(slope):
 
 def test_covariance_stays_symmetric_and_positive():
     """property: after any number of updates P is symmetric with positive eigenvalues."""
-    road = hills(2)
-    F, Q = bias_state_matrices(0.01, 0.01, 200.0, 0.01, 2)
+    F, Q = bias_state_matrices(0.01, 0.01, 200.0, 0.01)
     Q[0, 0] = 1e-4
-    P = np.diag([1.0, 0.01, 1e-4, 0.01, 1e-4])[..., None].repeat(3, axis=-1)
-    ours = Ukf(road, np.zeros((5, 3)) + 30.0 * np.eye(5)[:, :1], P, F)
+    P = np.diag([1.0, 0.01, 1e-4])[..., None].repeat(3, axis=-1)
+    ours = Ukf(hills(), np.zeros((3, 3)) + 30.0 * np.eye(3)[:, :1], P, F)
     rng = np.random.default_rng(SEED)
     for _ in range(800):
         ours.predict(0.3, Q[..., None])
-        ours.update(rng.standard_normal((2, 3)), 0.01)
+        ours.update(rng.standard_normal((1, 3)), 0.01)
     assert np.array_equal(ours.P, ours.P.transpose(1, 0, 2))
     assert np.linalg.eigvalsh(np.moveaxis(ours.P, -1, 0)).min() > 0
 

@@ -323,7 +323,7 @@ def follow(
     attitude_map : AttitudeMap
     truth : ndarray, shape (samples,) or (samples, runs), m
     attitude : ndarray, shape (channels, samples) or (channels, samples, runs), deg
-        Measured by a perfect gyro; NaN where nothing is, and a filter then only predicts.
+        Measured by a perfect gyro; NaN where nothing is: then all filters only predict.
     first : ndarray, shape (runs,), m
     moved : ndarray, shape (samples,) or (samples, runs), m
     paths : tuple of ndarray, shape (samples, channels, runs)
@@ -336,22 +336,20 @@ def follow(
     Laps
     """
     arw, sigma_b = np.array([(s.arw, s.sigma_b) for s in sensors.values()]).T[..., None]
-    R = np.stack(
-        np.broadcast_arrays(*(np.atleast_1d(assumed_R(s, setup)) for s in sensors.values()))
-    )
+    R = np.array([[assumed_R(s, setup)] for s in sensors.values()])
     n, m, dt, every = len(truth), attitude_map.channels, 1 / setup.rate_hz, setup.every
     walk, bias = paths
     stride = every * max(round(store_every / dt) // every, 1)
     stored = np.arange(stride, n, stride)
     error, variance = np.empty((2, len(arw), len(first), len(stored)))
     attitude = attitude.reshape(m, n, 1, -1)
-    known = np.isfinite(attitude).all(axis=(0, 2))  # samples, 1 or runs
+    known = np.isfinite(attitude).all(axis=(0, 2, 3))
     distance = truth.reshape(n, -1)[stored, 0]
     if compiled:
         if setup.bias_states:
             raise WrongUsage("the compiled filter has no bias states: leave `compiled` out")
         run_compiled(
-            *(attitude_map, setup, first, moved.reshape(n, -1), attitude[:, :, 0], known[:, 0]),
+            *(attitude_map, setup, first, moved.reshape(n, -1), attitude[:, :, 0], known),
             *(walk, bias, arw[:, 0], sigma_b[:, 0], R[:, 0], truth.reshape(n, -1), stride),
             *(error, variance),
         )
@@ -360,11 +358,11 @@ def follow(
     for k in range(every, n, every):
         step = moved[k - every + 1 : k + 1].sum(axis=0)
         z = None
-        if known[k].any():
+        if known[k]:
             z = arw * walk[k][:, None]
             z += sigma_b * bias[k][:, None]
             z += attitude[:, k]
-        advance(ukf, setup, step, Q, z, R, None if known[k].all() else ~known[k])
+        advance(ukf, setup, step, Q, z, R)
         if k % stride == 0:
             j = k // stride - 1
             error[:, :, j] = ukf.x[0] - truth[k]
@@ -372,27 +370,15 @@ def follow(
     return Laps(tuple(sensors), stored * dt, distance, error, variance)
 
 
-def advance(ukf, setup, step, Q, z, R, missing=None):
-    """Move filters by a step of the odometry, and update them where there is a sample.
-
-    Parameters
-    ----------
-    missing : ndarray of bool, shape (runs,), optional
-        The runs that have no sample, if others have one.
-    """
+def advance(ukf, setup, step, Q, z, R):
+    """Move filters by a step of the odometry, and update them where there is a sample."""
     ukf.predict(step, Q)
     ukf.P[0, 0] += setup.q * np.abs(step)
     if setup.map_error:
         sd, length = setup.map_error
         ukf.decay(exp(-np.abs(step) / length), sd**2)
-    if z is None:
-        return
-    if missing is None:  # nothing to put back
+    if z is not None:
         ukf.update(z, R)
-        return
-    x, P = ukf.x[..., missing], ukf.P[..., missing]
-    ukf.update(z, R)
-    ukf.x[..., missing], ukf.P[..., missing] = x, P
 
 
 def assumed_R(sensor, setup):
@@ -403,24 +389,21 @@ def assumed_R(sensor, setup):
 
 def filters_of(attitude_map, setup, arw, sigma_b, first):
     """Make the filters of a block, and the covariance of their steps but for the odometry."""
-    m, cells, runs = attitude_map.channels, len(arw), len(first)
-    of_map = m if setup.map_error else 0
-    n = 1 + 2 * m + of_map if setup.bias_states else 1
-    x, P = np.zeros((n, cells, runs)), np.zeros((n, n, cells, runs))
+    n = (4 if setup.map_error else 3) if setup.bias_states else 1
+    x, P = np.zeros((n, len(arw), len(first))), np.zeros((n, n, len(arw), len(first)))
     x[0], P[0, 0] = first, setup.begin_sd**2
     if not setup.bias_states:
         return Ukf(attitude_map, x, P), 0.0
     dt = setup.every / setup.rate_hz
-    transition, of_gyro = bias_state_matrices(arw, sigma_b, setup.corr_time, dt, m)
+    transition, of_gyro = bias_state_matrices(arw, sigma_b, setup.corr_time, dt)
     Q = np.zeros((n, n, *of_gyro.shape[2:]))
-    Q[: n - of_map, : n - of_map] = of_gyro
-    for i in range(n - of_map, n):
-        P[i, i] = setup.map_error[0] ** 2
+    Q[:3, :3] = of_gyro
     # A bias that starts at 0 is known then; a small variance keeps the root real.
     known = {"zero": 0.0, "stationary": sigma_b**2, "turn-on": (TURN_ON * sigma_b) ** 2}
-    for a in range(1, n - of_map, 2):
-        P[a, a] = setup.begin_attitude_sd**2
-        P[a + 1, a + 1] = np.maximum(known[setup.start], 1e-12)
+    P[1, 1] = setup.begin_attitude_sd**2
+    P[2, 2] = np.maximum(known[setup.start], 1e-12)
+    if setup.map_error:
+        P[3, 3] = setup.map_error[0] ** 2
     return Ukf(attitude_map, x, P, transition), Q
 
 

@@ -21,7 +21,7 @@ from analysis import CannotAnswer
 from analysis.terrain import antennas
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, follow
-from analysis.terrain.terrain_map import Profile, SideBySide
+from analysis.terrain.terrain_map import Profile
 
 # m; the distances at which the semivariogram of the map's error is read.
 LAGS = np.unique(np.geomspace(1, 200, 25).round().astype(int))
@@ -286,53 +286,21 @@ def track_real_laps(
     CannotAnswer
         If a lap has no attitude, or leaves its map.
     """
-    if not laps:
-        return {}
     streams = np.random.SeedSequence(seed).spawn(runs)
     off = setup.begin_sd * np.array([np.random.default_rng(s).standard_normal() for s in streams])
-    maps, drives, seen, told = [], [], [], []
-    for label, (lap, profile) in laps.items():
+    tracked = {}
+    for k, (label, (lap, profile)) in enumerate(laps.items()):
         attitude_map = profile.attitude_map()
         truth, moved, attitude = resample_lap(lap, setup.rate_hz)
         attitude_map.require(truth)
-        error = None if map_errors is None else map_errors[label]
-        told.append(setup if error is None else error.setup(setup, profile.laps.mean()))
-        maps.append(attitude_map)
-        paths = attitude_errors(told[-1], 1, streams, len(truth))
-        truth, moved, attitude = (x[..., None].repeat(runs, -1) for x in (truth, moved, attitude))
-        drives.append((truth, moved, *paths))
-        seen.append(attitude)
-    expected, of_lap = told[0], [(s.R, s.begin_attitude_sd, *(s.map_error or ())) for s in told]
-    if map_errors is not None:
-        R, begin, *error = np.repeat(np.transpose(of_lap), runs, axis=1)
-        expected = replace(told[0], R=R, begin_attitude_sd=begin, map_error=tuple(error))
-    own = {
-        name: Sensor(arw, sigma_b, np.repeat(R, runs) if isinstance(R, np.ndarray) else R)
-        for name, (arw, sigma_b, R) in sensors.items()
-    }
-    # All laps are tracked at once: one that has ended stands still, and sees nothing.
-    lengths = [len(truth) for truth, *_ in drives]
-    longer = [np.minimum(np.arange(max(lengths)), n - 1) for n in lengths]
-    truth, moved, walk, bias = (
-        np.concatenate([of[at] for of, at in zip(column, longer, strict=True)], axis=-1)
-        for column in zip(*drives, strict=True)
-    )
-    seen = np.concatenate([of[:, at] for of, at in zip(seen, longer, strict=True)], axis=-1)
-    over = np.arange(max(lengths))[:, None] >= np.repeat(lengths, runs)
-    moved[over], seen[:, over] = 0.0, np.nan
-    first = np.concatenate([drive[0][0] + off for drive in drives])
-    found = follow(SideBySide(maps, runs), truth, seen, first, moved, (walk, bias), own, expected)
-    tracked = {}
-    for k, (label, n) in enumerate(zip(laps, lengths, strict=True)):
-        runs_of, kept = slice(k * runs, (k + 1) * runs), found.t < (n - 0.5) / setup.rate_hz
-        at = np.round(found.t[kept] * setup.rate_hz).astype(int)
-        odometry = truth[0, runs_of.start] + np.cumsum(moved[:, runs_of.start])
-        tracked[label] = Laps(
-            found.labels,
-            found.t[kept],
-            truth[at, runs_of.start],
-            found.error[:, runs_of][..., kept],
-            found.variance[:, runs_of][..., kept],
-            (odometry - truth[:, runs_of.start])[at],
-        )
+        told = map_errors[label].setup(setup, profile.laps.mean()) if map_errors else setup
+        own = {
+            name: s._replace(R=s.R[k]) if isinstance(s.R, np.ndarray) else s
+            for name, s in sensors.items()
+        }
+        paths = attitude_errors(told, 1, streams, len(truth))
+        found = follow(attitude_map, truth, attitude, truth[0] + off, moved, paths, own, told)
+        at = np.round(found.t * setup.rate_hz).astype(int)
+        odometry = truth[0] + np.cumsum(moved) - truth
+        tracked[label] = replace(found, odometry=odometry[at])
     return tracked

@@ -91,7 +91,7 @@ class AttitudeMap:
         """
         u = np.asarray(distance * self._scale)
         u += self._shift
-        i = self._line(u)
+        i = u.astype(np.intp)
         out = np.empty((self.channels, *u.shape))
         for c in range(self.channels):
             value = out[c, ...]
@@ -99,9 +99,6 @@ class AttitudeMap:
             value *= u
             value += np.take(self._intercept[c], i, mode="clip")
         return out
-
-    def _line(self, u):
-        return u.astype(np.intp)
 
     def slope(self, distance: ArrayLike) -> np.ndarray:
         """Gradient of the attitude: that of the straight line a distance lies on.
@@ -126,32 +123,6 @@ class AttitudeMap:
                 f"the lap runs from {low:.1f} to {high:.1f} m and leaves the map, which reaches "
                 f"from {self.start:.1f} to {self.end:.1f} m"
             )
-
-
-class SideBySide(AttitudeMap):
-    """Several maps read at once: the last axis of a distance holds as many runs of each in turn.
-
-    Only `at` and `channels` mean something of several maps.
-
-    Parameters
-    ----------
-    maps : sequence of AttitudeMap
-        With the same channels.
-    runs : int
-    """
-
-    def __init__(self, maps, runs):
-        lines = [of._slope.shape[1] for of in maps]
-        self.attitude = np.hstack([of.attitude for of in maps])
-        self._slope = np.hstack([of._slope for of in maps])
-        self._intercept = np.hstack([of._intercept for of in maps])
-        of_runs = np.transpose([(of._scale, of._shift) for of in maps]).repeat(runs, axis=1)
-        self._scale, self._shift = of_runs
-        self._last = np.repeat(lines, runs) - 1
-        self._before = np.repeat(np.cumsum(lines) - lines, runs)
-
-    def _line(self, u):
-        return np.clip(u.astype(np.intp), 0, self._last) + self._before
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,14 @@ against the map::
 
     s_k = s_{k-1} + u_k + w_k,           z_k = h(s_k) + v_k,      w ~ N(0, Q), v ~ N(0, R)
 
-The paper leaves the sensor's bias out of the state. Here two further states for each channel may
-follow the first, its attitude error and its rate bias (`bias_state_matrices`). Only the map is not
+The paper leaves the sensor's bias out of the state. On a map of one channel two further states may
+follow here, its attitude error and its rate bias (`bias_state_matrices`). Only the map is not
 linear, so of the 2n + 1 sigma points of Merwe's scaled set (alpha = 1, beta = 0, kappa = 3 - n)
 only three differ in distance, and the others are summed in closed form: the filter equals one that
 evaluates all points, to rounding.
 
 A map is a mean of few laps, and its error is not white: it is correlated over tens of metres. One
-more state for each channel may hold it, a Gauss-Markov process of distance driven (`Ukf.decay`).
+more state may hold it, a Gauss-Markov process of distance driven (`Ukf.decay`).
 
 Every state is an array over a batch (cells, runs, ...): one filter each, all stepped together.
 """
@@ -32,12 +32,12 @@ class Ukf:
     attitude_map : AttitudeMap
         Its m channels are what is measured.
     x : ndarray, shape (n, ...)
-        Mean: distance (m), then attitude error (deg) and rate bias (deg/s) of each channel, then
-        the map's error (deg) of each channel; n is 1, 1 + 2 m or 1 + 3 m.
+        Mean: distance (m); with one channel also attitude error (deg) and rate bias (deg/s), and
+        then the map's error (deg); n is 1, 3 or 4.
     P : ndarray, shape (n, n, ...)
         Covariance.
-    transition : ndarray, shape (2 m, 2 m, ...), optional
-        Of attitude errors and rate biases in a step.
+    transition : ndarray, shape (2, 2), optional
+        Of attitude error and rate bias in a step.
 
     Raises
     ------
@@ -49,17 +49,14 @@ class Ukf:
         self.map = attitude_map
         self.x, self.P = np.array(x, dtype=float), np.array(P, dtype=float)
         self.n, self.m = len(self.x), attitude_map.channels
-        self.transition = np.eye(0) if transition is None else np.asarray(transition)
-        further, moving = self.n - 1, len(self.transition)
-        fit = further in (0, 2 * self.m, 3 * self.m) and moving == min(further, 2 * self.m)
-        if self.m > 2 or not fit:
+        self.transition = transition
+        states = (3, 4) if self.m == 1 and transition is not None else (1,)
+        if self.m > 2 or self.n not in states or (self.n == 1) != (transition is None):
             raise WrongUsage(
-                f"{self.m} channels, {self.n} states and a transition {self.transition.shape} do "
-                "not fit: the filter has one or two channels, and one, three or four states for one"
+                f"{self.m} channels and {self.n} states do not fit: the filter has one or two "
+                "channels and one state, or one channel, three or four states and a transition"
             )
-        # The states that add to what each channel measures.
-        last = 1 + 2 * self.m
-        self.added = [[i for i in (1 + 2 * c, last + c) if i < self.n] for c in range(self.m)]
+        self.added = [i for i in (1, 3) if i < self.n]  # states that add to what is measured
 
     def predict(self, moved, Q):
         """Move every filter by its odometry.
@@ -74,7 +71,7 @@ class Ukf:
         if self.n == 1:
             self.P[0, 0] += Q
             return
-        F, rate = self.transition, slice(1, 1 + len(self.transition))
+        F, rate = self.transition, slice(1, 3)
         self.x[rate] = np.einsum("ij...,j...->i...", F, self.x[rate])
         self.P[rate] = np.einsum("ij...,jk...->ik...", F, self.P[rate])
         self.P[:, rate] = np.einsum("ij...,kj...->ik...", self.P[:, rate], F)
@@ -89,11 +86,11 @@ class Ukf:
             Its correlation over the step, exp(-|step| / length).
         variance : float, deg^2
         """
-        for i in range(1 + 2 * self.m, self.n):
-            self.x[i] *= keep
-            self.P[i] *= keep
-            self.P[:, i] *= keep
-            self.P[i, i] += variance * (1 - np.square(keep))
+        if self.n == 4:
+            self.x[3] *= keep
+            self.P[3] *= keep
+            self.P[:, 3] *= keep
+            self.P[3, 3] += variance * (1 - np.square(keep))
 
     def update(self, z, R):
         """Compare a measured attitude with the map, and correct every filter.
@@ -109,25 +106,22 @@ class Ukf:
         reach = root[0][0] * ROOT
         h = self.map.at(np.stack([x[0], x[0] + reach, x[0] - reach]))
         centre, plus, minus = h[:, 0], h[:, 1], h[:, 2]
-        further = [[sum(root[i][j] for i in states) for j in range(n)] for states in self.added]
-        for c, states in enumerate(self.added):
-            if states:
-                plus[c] += ROOT * further[c][0]
-                minus[c] -= ROOT * further[c][0]
+        further = [sum(root[i][j] for i in self.added) for j in range(n)]
+        if self.added:
+            plus[0] += ROOT * further[0]
+            minus[0] -= ROOT * further[0]
         expected, slope, about = about_mean(centre, plus, minus)
         S = covariance([of[:, None] for of in about], about)
+        for j in range(1, n):
+            S[0, 0] += further[j] * further[j]
         for a in range(m):
-            for b in range(m):
-                for j in range(1, n):
-                    S[a, b] += further[a][j] * further[b][j]
             S[a, a] += R
         innovation = z - expected
-        for c, states in enumerate(self.added):
-            for i in states:
-                innovation[c] -= x[i]
+        for i in self.added:
+            innovation[0] -= x[i]
         P_xz = [
             [
-                root[i][0] * slope[c] + sum(root[i][j] * further[c][j] for j in range(1, i + 1))
+                root[i][0] * slope[c] + sum(root[i][j] * further[j] for j in range(1, i + 1))
                 for c in range(m)
             ]
             for i in range(n)
@@ -142,10 +136,10 @@ class Ukf:
                     P[j, i] = P[i, j]
 
 
-def bias_state_matrices(arw, sigma_b, corr_time, dt, channels=1) -> tuple[np.ndarray, np.ndarray]:
-    """Matrices of a filter that also estimates attitude error and rate bias, for each channel.
+def bias_state_matrices(arw, sigma_b, corr_time, dt) -> tuple[np.ndarray, np.ndarray]:
+    """Matrices of a filter that also estimates attitude error and rate bias.
 
-    States: distance, then attitude error a (deg) and rate bias b (deg/s) of each channel, ::
+    States: distance, then attitude error a (deg) and rate bias b (deg/s), ::
 
         a_k = a_{k-1} + dt b_{k-1} + N sqrt(dt) w,    b_k = e^(-dt / T_c) b_{k-1} + ...
 
@@ -155,25 +149,22 @@ def bias_state_matrices(arw, sigma_b, corr_time, dt, channels=1) -> tuple[np.nda
         deg/sqrt(s), deg/s.
     corr_time, dt : float
         s.
-    channels : int
 
     Returns
     -------
-    transition : ndarray, shape (2 channels, 2 channels)
-    Q : ndarray, shape (2 channels + 1, 2 channels + 1, ...)
+    transition : ndarray, shape (2, 2)
+    Q : ndarray, shape (3, 3, ...)
         Without the odometry, whose variance goes into Q[0, 0].
     """
     arw, sigma_b = np.broadcast_arrays(np.asarray(arw, float), np.asarray(sigma_b, float))
     keep = exp(-dt / corr_time)
     reach = dt if np.isinf(corr_time) else corr_time * (1 - keep)
-    transition = np.kron(np.eye(channels), np.array([[1.0, reach], [0.0, keep]]))
-    Q = np.zeros((2 * channels + 1, 2 * channels + 1, *arw.shape))
+    Q = np.zeros((3, 3, *arw.shape))
     drive = sigma_b**2 * (1 - exp(-2 * dt / corr_time))
-    for a in range(1, 2 * channels, 2):
-        Q[a, a] = arw**2 * dt + drive * dt**2 / 3
-        Q[a, a + 1] = Q[a + 1, a] = drive * dt / 2
-        Q[a + 1, a + 1] = drive
-    return transition, Q
+    Q[1, 1] = arw**2 * dt + drive * dt**2 / 3
+    Q[1, 2] = Q[2, 1] = drive * dt / 2
+    Q[2, 2] = drive
+    return np.array([[1.0, reach], [0.0, keep]]), Q
 
 
 def _cholesky(P):

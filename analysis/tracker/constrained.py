@@ -135,12 +135,11 @@ class Constrained:
     def update(self, position, velocity, sigma_p, sigma_v):
         """Take in a fix: position and velocity (sequences, north and east), each may be None."""
         self._carry()
-        if position is not None:
-            self._take(((PLACE, 1.0),), position[0] - self.position[0], sigma_p * sigma_p)
-            self._take(((PLACE + 1, 1.0),), position[1] - self.position[1], sigma_p * sigma_p)
-        if velocity is not None:
-            self._take(((SPEED, 1.0),), velocity[0] - self.velocity[0], sigma_v * sigma_v)
-            self._take(((SPEED + 1, 1.0),), velocity[1] - self.velocity[1], sigma_v * sigma_v)
+        fix = (PLACE, position, self.position, sigma_p), (SPEED, velocity, self.velocity, sigma_v)
+        for first, z, now, sigma in fix:
+            if z is not None:
+                for i in (0, 1):
+                    self._take(((first + i, 1.0),), z[i] - now[i], sigma * sigma)
         self._apply()
 
     @property

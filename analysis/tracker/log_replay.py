@@ -193,26 +193,16 @@ def _columns(gnss, rows):
 
     blank = np.full(len(rows), np.nan)
     nn, ne, ee = taken("ellipse", float).reshape(-1, 3).T
-    turned = taken("sigmas", float).reshape(-1, 3)
     north, east = np.sqrt(nn), np.sqrt(ee)
-    return {
-        "t_s": taken("t_s", float),
-        **{k: getattr(gnss, k, blank) for k in ("lat_deg", "lon_deg", "pdop")},
-        **{name: taken(name, int) for name in ("has_fix", "accepted", "moving", "layer")},
-        "out_lat_deg": taken("lat_deg", float),
-        "out_lon_deg": taken("lon_deg", float),
-        **{
-            f"{name}_deg": np.degrees(taken(name, float))
-            for name in ("roll", "pitch", "yaw", "mount")
-        },
-        "sigma_north_m": north,
-        "sigma_east_m": east,
-        "correlation": ne / (north * east),
-        **{
-            f"sigma_{name}_deg": column
-            for name, column in zip(("roll", "pitch", "yaw"), np.degrees(turned).T, strict=True)
-        },
-    }
+    columns = {"t_s": taken("t_s", float)}
+    columns |= {k: getattr(gnss, k, blank) for k in ("lat_deg", "lon_deg", "pdop")}
+    columns |= {k: taken(k, int) for k in ("has_fix", "accepted", "moving", "layer")}
+    columns |= {f"out_{k}": taken(k, float) for k in ("lat_deg", "lon_deg")}
+    angles = ("roll", "pitch", "yaw")
+    columns |= {f"{k}_deg": np.degrees(taken(k, float)) for k in (*angles, "mount")}
+    columns |= {"sigma_north_m": north, "sigma_east_m": east, "correlation": ne / (north * east)}
+    sigmas = np.degrees(taken("sigmas", float).reshape(-1, 3)).T
+    return columns | {f"sigma_{k}_deg": s for k, s in zip(angles, sigmas, strict=True)}
 
 
 def _step(t):

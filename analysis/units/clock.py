@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
+from scipy.signal import correlation_lags, fftconvolve
 from scipy.stats import chi2
 
 from analysis import CannotAnswer, Estimate
@@ -183,12 +183,10 @@ def _best_lags(one, other, least) -> Iterator[float]:
         mask = np.isfinite(values).all(axis=1)
         grids.append(np.where(mask[:, None], values - np.nanmedian(x, axis=0), 0.0))
         masks.append(mask.astype(float))
-    size = fft.next_fast_len(len(masks[0]) + len(masks[1]), real=True)
     scale = np.sqrt(sum(np.mean(g**2) for g in grids))  # keeps the sums well scaled
 
     def correlation(x, y):
-        spectrum = fft.rfft(x, size, axis=0) * np.conj(fft.rfft(y, size, axis=0))
-        return fft.irfft(spectrum, size, axis=0)
+        return fftconvolve(x, y[::-1], axes=0)
 
     (xa, xb), (wa, wb) = [g / scale for g in grids], masks
     n = np.maximum(correlation(wa, wb), 1e-9)
@@ -202,8 +200,7 @@ def _best_lags(one, other, least) -> Iterator[float]:
     enough = (n * step >= LEAST_S) & (np.minimum(*motion) > (least / scale) ** 2)
     shorter = min(w.sum() for w in masks)
     enough &= np.minimum(*motion) * n > SHARE**2 * mean_motion * shorter
-    shifts = np.arange(size)
-    shifts[shifts > len(masks[0])] -= size
+    shifts = correlation_lags(*map(len, masks))
     # Lin's concordance (1989): a correlation that knows of scale; then the gain of log likelihood,
     # for which a longer common time counts for more.
     alike = np.clip(1 - variance / np.maximum(motion[0] + motion[1], 1e-12), 0.0, 1 - 1e-12)
@@ -360,14 +357,12 @@ def named_offset(offset: Estimate, a: Track, b: Track) -> str:
     """
     value = offset.value or 0.0
     within = max(1.5, abs(value - (offset.low or value)))
-    rest, parts, undated = value, [], ""
-    no_date = _no_date(a, b)
-    for sign in (1, -1):
-        if abs(sign * value - GPS_EPOCH_S) < 7 * 86400:
-            parts.append("seconds since 1970 against seconds since the GPS epoch of 1980")
-            rest = value - sign * GPS_EPOCH_S
-    days = round(rest / 86400) if abs(rest) > 15 * HOUR_S else 0
-    if days and abs(rest - 86400 * days) < 15 * HOUR_S and not parts:
+    rest, parts, undated, no_date = value, [], "", _no_date(a, b)
+    sign = np.sign(value)
+    if abs(abs(value) - GPS_EPOCH_S) < 7 * 86400:
+        parts.append("seconds since 1970 against seconds since the GPS epoch of 1980")
+        rest -= sign * GPS_EPOCH_S
+    elif days := round(rest / 86400) if abs(rest) > 15 * HOUR_S else 0:
         rest -= 86400 * days
         if len(no_date) == 1:
             undated = f"no date in the log of {no_date[0]}"

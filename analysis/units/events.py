@@ -9,7 +9,7 @@ epoch at which they differ most is listed: what is usual may be large.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -208,11 +208,6 @@ class Apart:
         """Times at which they are too far apart, (n,) of bool."""
         return self.size > max(APART_SIGMAS * self.usual, self.least)
 
-    def share(self, start: float, stop: float) -> float:
-        """Share of the epochs from start to stop at which they are too far apart; NaN of none."""
-        inside = (self.t_s >= start) & (self.t_s <= stop)
-        return float(self.far[inside].mean()) if inside.any() else np.nan
-
 
 def disagreements(pairs: Sequence[Apart]) -> list[Event]:
     """List the spells in which units differ by far more than they usually do.
@@ -224,49 +219,42 @@ def disagreements(pairs: Sequence[Apart]) -> list[Event]:
     Returns
     -------
     list of Event
-        One a spell: of the unit with which no other one agrees, where the others agree with each
-        other; of two units, of the one that alone moves as no vehicle can; else of all that differ,
-        "a and b".
+        One a spell: of the unit that is too far from all others for most of it, while these agree
+        with each other; of two units, of the one that alone moves as no vehicle can; else of all
+        that differ, "a and b".
     """
-    found: list[Event] = []
-    for pair in pairs:
-        rest = [p for p in pairs if p.what == pair.what and len({p.a, p.b, pair.a, pair.b}) == 3]
-        t, kind = pair.t_s[pair.far], f"{pair.what} disagreement".removeprefix("position ")
-        if not len(t) and pair.size.max() > pair.least:
-            t, kind = pair.t_s[[pair.size.argmax()]], f"largest {pair.what} difference"
+    found = []
+    for what in dict.fromkeys(pair.what for pair in pairs):
+        own = [pair for pair in pairs if pair.what == what]
+        t, kind = np.sort(np.concatenate([p.t_s[p.far] for p in own])), f"{what} disagreement"
+        largest = max(own, key=lambda p: p.size.max())
+        if not len(t) and largest.size.max() > largest.least:
+            t, kind = largest.t_s[[largest.size.argmax()]], f"largest {what} difference"
         for spell in np.split(t, np.flatnonzero(np.diff(t) > JOINED_S) + 1) if len(t) else ():
-            start, stop, both = float(spell[0]), float(spell[-1]), (pair.a, pair.b)
-            inside = (pair.t_s >= start) & (pair.t_s <= stop)
-            size, unit = float(pair.size[inside].max()), f"{pair.a} and {pair.b}"
-            note = f"{pair.what} of {unit} is up to {size:.3g} {pair.unit} from their mean "
-            note += f"difference, usually {pair.usual:.2g} {pair.unit}"
-            # NaN where no other pair tells: all comparisons with it are false.
-            far = [
-                [p.share(start, stop) for p in rest if u in (p.a, p.b)] or [np.nan] for u in both
-            ]
-            leaps = [x[inside].max() > size / 2 for x in pair.leaps if not rest] or [False, False]
-            for one in (0, 1):
-                if np.min(far[one]) > 0.5 >= np.max(far[1 - one]):
-                    unit, note = both[one], f"{note}; the others agree with {both[1 - one]}"
-                elif leaps[one] > leaps[1 - one]:
-                    unit, note = both[one], f"{note}; {both[one]} alone moves as no vehicle can"
-            found.append(Event(unit, kind, start, stop, size, note))
-    return _one_a_spell(found)
+            found.append(_spell(own, kind.removeprefix("position "), spell[0], spell[-1]))
+    return sorted(found, key=lambda e: e.from_s)
 
 
-def _one_a_spell(found) -> list[Event]:
-    """Keep one of the events that overlap: of one unit, or of pairs with a unit in common."""
-    kept: list[Event] = []
-    for event in sorted(found, key=lambda e: -e.size):
-        for k, other in enumerate(kept):
-            names, more = (e.unit.split(" and ") for e in (other, event))
-            same = names == more or (len(names) > 1 < len(more) and set(names) & set(more))
-            overlap = other.from_s <= event.to_s and event.from_s <= other.to_s
-            if same and other.kind == event.kind and overlap:
-                start, stop = min(other.from_s, event.from_s), max(other.to_s, event.to_s)
-                unit = " and ".join(sorted({*names, *more}))
-                kept[k] = replace(other, unit=unit, from_s=start, to_s=stop)
-                break
-        else:
-            kept.append(event)
-    return sorted(kept, key=lambda e: e.from_s)
+def _spell(pairs, kind, start, stop) -> Event:
+    """Say which units differ in a spell, and by how much."""
+    inside = [(p.t_s >= start) & (p.t_s <= stop) for p in pairs]
+    sizes = [p.size[at].max(initial=0.0) for p, at in zip(pairs, inside, strict=True)]
+    pair, size = pairs[int(np.argmax(sizes))], float(max(sizes))
+    apart = [
+        {p.a, p.b}
+        for p, at in zip(pairs, inside, strict=True)
+        if 2 * p.far[at].sum() > at.sum()  # for most of the spell
+    ] or [{pair.a, pair.b}]
+    units = {name for p in pairs for name in (p.a, p.b)}
+    off, why = set.intersection(*apart), "; the others agree with each other"
+    if len(pairs) == 1 and pair.leaps:  # no other unit tells which of the two
+        leaps = zip((pair.a, pair.b), pair.leaps, strict=True)
+        off = {name for name, x in leaps if x[inside[0]].max() > size / 2}
+        why = "; it alone moves as no vehicle can"
+    elif len(apart) < len(units) - 1:
+        off = set()
+    if len(off) != 1:
+        off, why = set.union(*apart), ""
+    note = f"{pair.what} of {pair.a} and {pair.b} is up to {size:.3g} {pair.unit} from their mean "
+    note += f"difference, usually {pair.usual:.2g} {pair.unit}{why}"
+    return Event(" and ".join(sorted(off)), kind, float(start), float(stop), size, note)

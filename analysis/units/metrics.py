@@ -177,10 +177,9 @@ def _about(x, name, unit):
     """Mean and standard deviation, with intervals."""
     x = x[np.isfinite(x)]
     n, mean = effective_samples(x), float(x.mean())
-    half = normal_factor(n) * float(x.std()) / np.sqrt(n) if n >= FEWEST else None
-    ends = (None, None) if half is None else (mean - half, mean + half)
+    half = normal_factor(n) * float(x.std()) / np.sqrt(n)
     return {
-        f"{name}_mean_{unit}": Estimate(mean, *ends, unit, note=_note(n, half is None)),
+        f"{name}_mean_{unit}": _estimate(mean, mean - half, mean + half, n, unit),
         f"{name}_sd_{unit}": root_mean_square(x - mean, unit),
     }
 
@@ -205,12 +204,10 @@ def quantile(x: np.ndarray, q: float, unit: str) -> Estimate:
     x = x[np.isfinite(x)]
     value = float(np.quantile(x, q))
     n = effective_samples((x > value).astype(float))
-    if n < FEWEST:
-        return Estimate(value, None, None, unit, note=_note(n, True))
     half = normal_factor(n) * np.sqrt(q * (1 - q) / n)
     low = float(np.quantile(x, max(q - half, 0.0)))
     high = float(np.quantile(x, q + half)) if q + half < 1 else None
-    return Estimate(value, low, high, unit, note=_note(n, False))
+    return _estimate(value, low, high, n, unit)
 
 
 def root_mean_square(x: np.ndarray, unit: str) -> Estimate:
@@ -229,14 +226,11 @@ def root_mean_square(x: np.ndarray, unit: str) -> Estimate:
     Estimate
     """
     square = x[np.isfinite(x)] ** 2
-    mean = float(square.mean())
+    mean, n = float(square.mean()), effective_samples(square)
     value = float(np.sqrt(mean))
-    n = effective_samples(square)
-    if n < FEWEST or mean == 0:
-        return Estimate(value, None, None, unit, note=_note(n, True))
-    half = normal_factor(n) * float(square.std()) / (2 * mean * np.sqrt(n))
-    ends = value * np.exp([-half, half])
-    return Estimate(value, float(ends[0]), float(ends[1]), unit, note=_note(n, False))
+    half = normal_factor(n) * float(square.std()) / (2 * mean * np.sqrt(n)) if mean else 0.0
+    low, high = (value * np.exp([-half, half])).tolist()
+    return _estimate(value, low, high, n, unit)
 
 
 def normal_factor(n: float) -> float:
@@ -257,6 +251,9 @@ def normal_factor(n: float) -> float:
     return float(student.ppf(0.975, max(n / WINDOW, 1.0)))
 
 
-def _note(n, few):
-    """Say how many independent samples there are."""
-    return f"about {n:.0f} independent samples" + (": too few for an interval" if few else "")
+def _estimate(value, low, high, n, unit):
+    """Give an estimate from n independent samples, with its interval where they are enough."""
+    note = f"about {n:.0f} independent samples"
+    if n >= FEWEST:
+        return Estimate(value, low, high, unit, note=note)
+    return Estimate(value, None, None, unit, note=note + ": too few for an interval")

@@ -15,7 +15,6 @@ from analysis import CannotAnswer, Estimate, WrongUsage, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
 from analysis.units.events import (
     ACCELERATION,
-    APART_SIGMAS,
     Apart,
     Event,
     disagreements,
@@ -42,10 +41,6 @@ ZERO_DEG = 20.0  # from a multiple of 90 deg, within which a zero is another con
 DATUM_M, DATUM_RATIO = 8.0, 4.0  # constant difference of height: least, and over its scatter
 GEOID_M = 110.0  # heights of the geoid above the ellipsoid lie within -107 to 86 m
 SHIFT_M = 20.0  # constant horizontal difference that is another datum rather than a lever arm
-LEVER_M = 0.5  # half width of its interval within which a lever arm counts as observed
-SPREAD = 0.3  # root mean square of sin and cos of heading about their means: turns enough
-
-
 FEWEST = 20  # common epochs, to tell what is usual
 COMPONENTS = ("along", "cross", "height", *ANGLES)
 
@@ -60,15 +55,12 @@ class Pair:
     differences : Differences
     metrics : dict of str to Estimate
         As `trajectory_metrics` gives them.
-    lever : dict of str to Estimate
-        ``forward_m``, ``right_m`` from a to b; empty without positions.
     """
 
     a: str
     b: str
     differences: Differences
     metrics: dict[str, Estimate]
-    lever: dict[str, Estimate]
 
 
 @dataclass(frozen=True)
@@ -141,10 +133,7 @@ def side_by_side(units: Sequence[Unit]) -> Comparison:
     for a, b in combinations(tracks, 2):
         d = differences(a, b)
         notes += datums(a, b, d)
-        lever, why = lever_arm(a, d) if len(d.t_s) else ({}, "")
-        if why:
-            notes.append(f"{a.name} and {b.name}: {why}")
-        pairs.append(Pair(a.name, b.name, d, trajectory_metrics(d), lever))
+        pairs.append(Pair(a.name, b.name, d, trajectory_metrics(d)))
         distances += apart(a, b, d)
     events += disagreements(distances)
     noise, missing = noise_of_each([pair.differences for pair in pairs[: len(tracks) - 1]])
@@ -292,47 +281,43 @@ def conventions(b: Track, a: Track | None = None) -> tuple[Track, tuple[str, ...
     """
     if not len(b.attitude_t_s):
         return b, ()
-    angles, said = b.attitude.copy(), []
-    t = b.attitude_t_s
-    against = interpolated_angles(t, a) if a is not None and len(a.attitude_t_s) else None
+    angles, said, t = b.attitude.copy(), [], b.attitude_t_s
     reference = b if a is None else a
-    course = _course(t, reference)
-    yaw = course if against is None else against[:, 2]
-    name = f"the course of {reference.name}" if against is None else f"the yaw of {reference.name}"
-    small = np.nanmax(np.abs(angles[:, 2]), initial=0.0) < RADIANS  # they may be in radians
-    mine = unwrapped(angles[:, 2:] * (RADIAN if small else 1.0))[:, 0]
-    factor = _factor(t, mine, unwrapped(yaw[:, None])[:, 0], TURNED_DEG)
-    if factor is not None and small and abs(factor) == 1:
-        factor /= RADIAN
-    if factor is not None:
+    if a is not None and len(a.attitude_t_s):
+        theirs, name = unwrapped(interpolated_angles(t, a)), "the {} of " + a.name
+    else:  # a course tells of the yaw alone
+        theirs, name = np.full(angles.shape, np.nan), "the course of " + reference.name
+        theirs[:, 2] = unwrapped(_course(t, reference)[:, None])[:, 0]
+    scale = np.ones(3)
+    if np.nanmax(np.abs(angles[:, 2]), initial=0.0) < RADIANS:
+        scale[2] = RADIAN  # what it wraps by, if it is in radians
+    mine = unwrapped(angles * scale)
+    for k in (2, 0, 1):
+        least = TURNED_DEG if k == 2 else TILTED_DEG
+        factor = _factor(t, mine[:, k], theirs[:, k], least, scale[k])
+        if factor is None:
+            if k < 2 and _factor(t, mine[:, k], theirs[:, 1 - k], least) is not None:
+                said.append(
+                    f"{b.name}: {ANGLES[k]} follows the {ANGLES[1 - k]} of {reference.name}: axes "
+                    "changed over; not put right"
+                )
+            continue
         found = [FACTORS[factor]] if FACTORS[factor] else []
-        angles[:, 2] = wrap(angles[:, 2] * (RADIAN if abs(factor) < 1 else 1) * np.sign(factor))
-        mean = np.nanmean(np.exp(1j * np.radians(angles[:, 2] - yaw)))
-        zero = float(np.degrees(np.angle(mean)))
-        quarter = 90.0 * round(zero / 90)
-        if quarter and abs(zero - quarter) < ZERO_DEG and abs(mean) > 0.7:
-            angles[:, 2] = wrap(angles[:, 2] - quarter)
-            east = factor < 0 and quarter == -90
-            found.append("from east (ENU)" if east else f"{quarter:+.0f} deg off")
         if found:
-            said.append(f"{b.name}: yaw is {' and '.join(found)} against {name}; put right")
-    if against is not None:
-        for k, which in enumerate(("roll", "pitch")):
-            mine, theirs = (unwrapped(x)[:, k] for x in (angles, against))
-            factor = _factor(t, mine, theirs, TILTED_DEG)
-            other = unwrapped(against)[:, 1 - k]
-            if factor is None and _factor(t, mine, other, TILTED_DEG) is not None:
-                said.append(
-                    f"{b.name}: {which} follows the {('pitch', 'roll')[k]} of {reference.name}: "
-                    "axes changed over; not put right"
-                )
-            elif factor is not None and FACTORS[factor]:
-                angles[:, k] = (
-                    mine / factor if abs(factor) == 1 else mine * RADIAN * np.sign(factor)
-                )
-                said.append(
-                    f"{b.name}: {which} is {FACTORS[factor]} against {reference.name}; put right"
-                )
+            angles[:, k] = wrap(mine[:, k] / (scale[k] * factor))
+        if k == 2:
+            mean = np.nanmean(np.exp(1j * np.radians(angles[:, k] - theirs[:, k])))
+            zero = float(np.degrees(np.angle(mean)))
+            quarter = 90.0 * round(zero / 90)
+            if quarter and abs(zero - quarter) < ZERO_DEG and abs(mean) > 0.7:
+                angles[:, k] = wrap(angles[:, k] - quarter)
+                east = factor < 0 and quarter == -90
+                found.append("from east (ENU)" if east else f"{quarter:+.0f} deg off")
+        if found:
+            against = name.format(ANGLES[k])
+            said.append(
+                f"{b.name}: {ANGLES[k]} is {' and '.join(found)} against {against}; put right"
+            )
     return replace(b, attitude=angles), tuple(said)
 
 
@@ -345,7 +330,7 @@ def _course(t, track):
         return np.where(np.hypot(*v.T) > 2.0, np.degrees(np.arctan2(*v.T)), np.nan)
 
 
-def _factor(t, mine, theirs, least):
+def _factor(t, mine, theirs, least, scale=1.0):
     """Find by which of the known factors one angle follows the changes of another; None if none.
 
     Changes of more than half a turn are taken for jumps of an angle that wraps.
@@ -362,7 +347,7 @@ def _factor(t, mine, theirs, least):
     total = float(x @ x * (y @ y))
     if not total or (x @ y) ** 2 < AGREE * total:
         return None
-    slope = float(x @ y / (x @ x))
+    slope = float(x @ y / (x @ x)) / scale
     return min(
         FACTORS, key=lambda f: abs(np.log(abs(slope / f))) + 10 * (np.sign(slope) != np.sign(f))
     )
@@ -423,10 +408,8 @@ def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
     """
     found = []
     if len(d.t_s) >= FEWEST:
-        yaw = unwrapped(_heading(a, d)[0][:, None])[:, 0]
-        known = np.isfinite(yaw)
-        yaw = np.interp(d.t_s, d.t_s[known], yaw[known]) if known.any() else 0 * d.t_s
-        residual = least_squares(_in_axes(yaw), d.enu[:, :2], np.full(4, 1e3))[2]
+        axes = _in_axes(_heading(a, d))
+        residual = least_squares(axes, d.enu[:, :2], np.full(4, 1e3))[2]
         off = np.hypot(*residual.T)
         # The median of two axes' distance is 1.177 standard deviations of one (Rayleigh).
         usual, leaps = float(np.median(off)) / 1.177, _leaps(a, b, d.t_s)
@@ -443,28 +426,25 @@ def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
 
 
 def _leaps(a, b, t):
-    """Tell by how much one unit leaps as no vehicle can, where it does and the other does not.
-
-    At the epochs they have in common: the jitter of a fast unit's stamps counts for little there.
-    """
-    at = [interpolated(t, u.t_s, u.enu[:, :2]) for u in (a, b)]
-    dt = np.diff(t)[:, None]
-    T = np.pad(0.5 * (dt[1:] + dt[:-1])[:, 0], 1)
-    bends = [np.diff(np.diff(x, axis=0) / dt, axis=0) for x in (*at, at[1] - at[0])]
-    one, other, apart = (np.pad(np.hypot(*bend.T), 1) * T for bend in bends)  # m
-    leaps, most = apart > APART_SIGMAS * np.median(apart), ACCELERATION * T**2
-    return tuple(
-        np.where(leaps & (x > most) & (y <= most), x, 0.0) for x, y in ((one, other), (other, one))
-    )
+    """By how much each unit leaves its own straight line at common epochs, where no vehicle can."""
+    dt = np.diff(t)
+    T, leaps = np.pad(0.5 * (dt[1:] + dt[:-1]), 1), []
+    for unit in (a, b):
+        v = np.diff(interpolated(t, unit.t_s, unit.enu[:, :2]), axis=0) / dt[:, None]
+        bend = np.pad(np.hypot(*np.diff(v, axis=0).T), 1) * T  # m
+        leaps.append(np.where(bend > ACCELERATION * T**2, bend, 0.0))
+    return tuple(leaps)
 
 
 def _heading(a, d):
-    """Heading of a at the positions of d, deg: its yaw, or else its course; and a note."""
+    """Heading of a at the positions of d, deg: its yaw, or else its course; 0 without either."""
     yaw = interpolated_angles(d.t_s, a)[:, 2] if len(a.attitude_t_s) else np.empty(0)
-    if np.isfinite(yaw).any():
-        return yaw, ""
-    course = np.where(d.speed_m_s > 2.0, _course(d.t_s, a), np.nan)
-    return course, "no yaw in the log: the course is taken as heading"
+    if not np.isfinite(yaw).any():
+        yaw = np.where(d.speed_m_s > 2.0, _course(d.t_s, a), np.nan)
+    known = np.isfinite(yaw)
+    if not known.any():
+        return 0 * d.t_s
+    return np.interp(d.t_s, d.t_s[known], np.unwrap(yaw[known], period=360.0))
 
 
 def _in_axes(yaw):
@@ -473,42 +453,3 @@ def _in_axes(yaw):
     forward = np.column_stack([np.sin(heading), np.cos(heading)])
     columns = [forward, forward[:, ::-1] * [1, -1]]
     return np.stack([*columns, *(np.broadcast_to(e, forward.shape) for e in np.eye(2))], axis=-1)
-
-
-def lever_arm(a: Track, d: Differences) -> tuple[dict[str, Estimate], str]:
-    """Estimate the horizontal lever arm from unit a to unit b, in the axes of the vehicle. ::
-
-        d = C(yaw) l + c + noise
-
-    Parameters
-    ----------
-    a : Track
-        Its yaw is used; without one, its course, which a car's heading follows.
-    d : Differences
-        b minus a.
-
-    Returns
-    -------
-    dict of Estimate
-        ``forward_m``, ``right_m``; refused where attitude and turns do not make it observable.
-    str
-        Why it is refused, or which heading was used; empty for the yaw.
-    """
-    yaw, note = _heading(a, d)
-    good = np.isfinite(yaw)
-    x = _in_axes(yaw[good])
-    if good.sum() < 20 or np.sqrt(x[:, :, 0].var(axis=0).min()) < SPREAD:
-        why = "lever arm not observable: too few turns" + (" and " + note if note else "")
-        refused = Estimate.refused("m", why)
-        return {"forward_m": refused, "right_m": refused}, why
-    beta, half, _ = least_squares(x, d.enu[good][:, :2], np.full(4, 1e3))
-    found = {}
-    for k, name in enumerate(("forward_m", "right_m")):
-        ends = float(beta[k] - half[k]), float(beta[k] + half[k])
-        if half[k] > LEVER_M:
-            why = f"lever arm not observable: known to ±{half[k]:.1f} m only"
-            found[name] = Estimate.refused("m", why, low=ends[0], high=ends[1])
-            note = why
-        else:
-            found[name] = Estimate(float(beta[k]), *ends, "m", note=note)
-    return found, note

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import brentq, minimize
+from scipy.optimize import minimize
 from scipy.stats import chi2
 
 from analysis import CannotAnswer, Estimate
@@ -51,8 +51,6 @@ class Variances:
         Variances of the three-cornered hat (least squares for more units); may be negative.
     p_independent : float
         Probability of differences as unlikely as these if the units were independent; NaN for two.
-    least_correlation : float
-        Smallest bound on all |correlations| with which the differences are possible.
     allowed : dict of float to ndarray, shape (N, 2)
         |Correlation| at most -> smallest and largest standard deviation that is possible.
     note : str
@@ -62,7 +60,6 @@ class Variances:
     independent: tuple[Estimate, ...]
     hat: np.ndarray
     p_independent: float
-    least_correlation: float
     allowed: dict[float, np.ndarray]
     note: str
 
@@ -119,24 +116,22 @@ def unit_variances(
     allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
     correlated = p < LEVEL
     note = f"{n} common times, about {freedom.min():.0f} of them independent"
-    least_rho = _least_correlation(s) if (hat < 0).any() or count > 3 else 0.0
     if correlated:
-        note += f"; the units are correlated (p = {p:.1g}), by at least {least_rho:.2f}"
+        note += f"; the units are correlated (p = {p:.1g})"
     sigma = []
     for i, one in enumerate(independent):
         low, high = allowed[ASSUMED][i] if ASSUMED in allowed else (1.0, 1.0)
-        if correlated:
-            why = "the units are correlated: the hat does not hold"
-        elif not high < WIDE * low:
-            why = f"correlations of ±{ASSUMED} allow this whole range"
-        else:
+        if not correlated and high < WIDE * low:
             sigma.append(one if one.resolved else Estimate.refused(unit, one.note))
             continue
+        why = f"correlations of ±{ASSUMED} allow this whole range"
+        if correlated:
+            why = "the units are correlated: the hat does not hold"
         if low < NEARLY_ZERO * high:
             low = 0.0
         ends = [None if np.isnan(v) else float(v) for v in (low, high)]
         sigma.append(Estimate.refused(unit, why, low=ends[0], high=ends[1]))
-    return Variances(tuple(sigma), independent, hat, p, least_rho, allowed, note)
+    return Variances(tuple(sigma), independent, hat, p, allowed, note)
 
 
 def _two(x, s, unit, correlations) -> Variances:
@@ -149,7 +144,7 @@ def _two(x, s, unit, correlations) -> Variances:
     bound = Estimate.refused(unit, note, low=0.0, high=total.high)
     both = (bound, bound)
     allowed = {rho: np.sqrt(_range(s, rho)) for rho in correlations}
-    return Variances(both, both, np.full(2, np.nan), float("nan"), 0.0, allowed, note)
+    return Variances(both, both, np.full(2, np.nan), float("nan"), allowed, note)
 
 
 def _hat(x, s):
@@ -268,35 +263,16 @@ def _independence(s, least, freedom, hat):
     return 0.5 * float(chi2.sf(statistic, 1)) if (hat < 0).any() else 1.0
 
 
-def _covariances(v, s):
-    """Covariance matrix that variances v leave for the units: r_ij = (v_i + v_j - s_ij) / 2."""
-    r = (v[:, None] + v[None, :] - s) / 2
-    np.fill_diagonal(r, v)
-    return r
-
-
 def _slacks(v, s, rho):
-    """By how much the variances keep |r_ij| <= rho sqrt(v_i v_j), and a matrix without negatives.
+    """By how much the variances keep |r_ij| <= rho sqrt(v_i v_j),  r_ij = (v_i + v_j - s_ij) / 2.
 
-    All are concave in v, so that the variances that keep them are a convex set.
+    All are concave in v, so that the variances that keep them are a convex set. With correlations
+    of at most 1 / (N - 1) no eigenvalue of the covariances can be negative (Gershgorin); beyond, a
+    set that does not ask for that is wider than it need be.
     """
     v = np.maximum(v, 0.0)
-    i, j = zip(*combinations(range(len(v)), 2), strict=True)
-    v_i, v_j = v[list(i)], v[list(j)]
-    room = rho * np.sqrt(v_i * v_j + 1e-12) - np.abs(v_i + v_j - s[i, j]) / 2
-    if rho * (len(v) - 1) <= 1:  # small correlations: no eigenvalue can be negative (Gershgorin)
-        return room
-    return np.concatenate([room, np.linalg.eigvalsh(_covariances(v, s))])
-
-
-def _inside(s, rho):
-    """Variances deep inside the set that |correlations| <= rho allow, and how deep; s of size 1."""
-    start = np.r_[np.full(len(s), 0.6), 0.0]  # every v_i >= s_ij / 2 is a covariance matrix
-    start[-1] = _slacks(start[:-1], s, rho).min()
-    v = _least(
-        lambda x: -x[-1], start, lambda x: _slacks(x[:-1], s, rho) - x[-1], more=[(-3.0, 1.0)]
-    )[:-1]
-    return v, float(_slacks(v, s, rho).min())
+    i, j = np.triu_indices(len(v), 1)
+    return rho * np.sqrt(v[i] * v[j] + 1e-12) - np.abs(v[i] + v[j] - s[i, j]) / 2
 
 
 def _least(cost, start, slacks, more=()):
@@ -314,26 +290,21 @@ def _least(cost, start, slacks, more=()):
 def _range(s, rho):
     """Smallest and largest variance of each unit with all |correlations| <= rho; NaN if none."""
     scale, count = s.max(), len(s)
-    start = (s.sum(axis=1) - s.sum() / (2 * max(count - 1, 1))) / (max(count - 2, 1) * scale)
-    if count == 2 or count > 3 or not (start > 1e-3).all():  # else the hat itself is inside
-        start = _inside(s / scale, rho)[0]
     out = np.full((count, 2), np.nan)
 
     def slacks(v):
         return _slacks(v, s / scale, rho)
 
+    # Begin deep inside the set: where the least slack, one more unknown, is largest.
+    start = np.full(count, 0.6)  # every v_i >= s_ij / 2 is a covariance matrix
+    deep = np.append(start, slacks(start).min())
+    start = _least(lambda x: -x[-1], deep, lambda x: slacks(x[:-1]) - x[-1], more=[(-3.0, 1.0)])[
+        :-1
+    ]
     if slacks(start).min() < -1e-6:
         return out
-    for i in range(len(s)):
+    for i in range(count):
         for k, sign in enumerate((1.0, -1.0)):
             v = _least(lambda v, i=i, sign=sign: sign * v[i], start, slacks)
             out[i, k] = scale * max((v if slacks(v).min() > -1e-5 else start)[i], 0.0)
     return out
-
-
-def _least_correlation(s):
-    """Smallest bound on all |correlations| with which the differences are possible."""
-    unit = s / s.max()
-    if _inside(unit, 0.0)[1] > -1e-4:
-        return 0.0
-    return float(brentq(lambda rho: _inside(unit, rho)[1] + 1e-6, 0.0, 1.0, xtol=1e-3))

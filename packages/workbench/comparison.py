@@ -134,7 +134,7 @@ def _told(found, content):
         "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
         "events": [e | {"when": _from_to(e, zero)} for e in shown(events)],
         "counts": {u: _counts([e for e in events if e["unit"] == u]) for u in units},
-        "rows": lambda pair: (_dated(pair, found) | pair.lever).items(),
+        "rows": lambda pair: _dated(pair, found).items(),
         "picture_of": _picture,
     }
 
@@ -150,9 +150,8 @@ def model(found, units):
     Returns
     -------
     dict
-        With two units ``clock``, ``position``, ``attitude``, ``lever_arm`` are as DESIGN.md has
-        them; with more they are lists: ``clock`` of each unit against the first, the others of
-        each pair.
+        With two units ``clock``, ``position``, ``attitude`` are as DESIGN.md has them; with
+        more they are lists: ``clock`` of each unit against the first, the others of each pair.
     """
     zero, start = plots.zero_time(found), _zero_utc(found)
     names = [track.name for track in found.tracks]
@@ -168,7 +167,6 @@ def model(found, units):
         for part, entries, unit in (
             ("position", _dated(pair, found), "_m"),
             ("attitude", pair.metrics, "_deg"),
-            ("lever_arm", pair.lever, "_m"),
         ):
             numbers = {k: plain(e) for k, e in entries.items() if k.endswith(unit)}
             per_pair.setdefault(part, []).append({"units": [pair.a, pair.b]} | numbers)
@@ -208,7 +206,6 @@ def _without_truth(found, names):
     others = {
         "hat_variance": found.hat,
         "p_independent": found.p_independent,
-        "least_correlation": found.least_correlation,
         "range_if_correlation_at_most": {f"{rho:g}": of for rho, of in found.allowed.items()},
         "note": found.note,
     }
