@@ -50,12 +50,6 @@ def needs(name):
     )
 
 
-@pytest.fixture(params=[delimited.BLOCK_BYTES, 700], ids=["one block", "blocks"])
-def blocks(request, monkeypatch):
-    """Read the file in one block, and in some of 700 bytes."""
-    monkeypatch.setattr(delimited, "BLOCK_BYTES", request.param)
-
-
 # --- one log, many spellings ---------------------------------------------------------------------
 
 SPELLINGS = {
@@ -86,7 +80,6 @@ SPELLINGS = {
 }
 
 
-@pytest.mark.usefixtures("blocks")
 @pytest.mark.parametrize("spelling", SPELLINGS)
 def test_every_spelling_of_a_log_reads_the_same(tmp_path, spelling):
     """Property: how the text is written does not change what is read."""
@@ -225,7 +218,6 @@ def test_a_row_that_lost_a_field_is_left_out(tmp_path):
     assert "line 52: 1 row with fewer fields than names" in log.repairs[0]
 
 
-@pytest.mark.usefixtures("blocks")
 @pytest.mark.parametrize("cut", ["0.6", "1.990000,", "1.990000,0.123456,-", "1.990000,0.1,0.12"])
 def test_a_cut_off_last_line_is_dropped_and_stated(tmp_path, cut):
     """Property: half a line at the end of the file never becomes half a number."""
@@ -239,17 +231,6 @@ def test_empty_spreadsheet_rows_are_dropped_and_stated(tmp_path):
     log = logs.read(write(tmp_path, [*lines(), *[",,"] * 500]))
     assert log.samples == 200
     assert "500 rows without any value" in log.repairs[0]
-
-
-def test_text_between_numbers_is_joined_from_blocks(tmp_path, monkeypatch):
-    """Property: a column of dates and one of labels come out in order, whatever the blocks."""
-    rows = [f"2024-01-01T00:00:{i / 10:06.3f},ok{i},{i % 7}.5" for i in range(300)]
-    path = write(tmp_path, rows, "time,status,gyro_x_deg_s")
-    whole = delimited.read_table(path).frame
-    monkeypatch.setattr(delimited, "BLOCK_BYTES", 700)
-    parts = delimited.read_table(path).frame
-    assert whole.equals(parts) and list(parts["status"]) == [f"ok{i}" for i in range(300)]
-    assert logs.read(path).rate_hz == pytest.approx(10)
 
 
 def test_lines_are_counted_as_an_editor_counts(tmp_path):
@@ -430,7 +411,6 @@ BAD = {
 }
 
 
-@pytest.mark.usefixtures("blocks")
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input_is_refused_in_one_sentence(tmp_path, case):
     """Property: the right class, and a message naming the file, the place and the way out."""
