@@ -16,8 +16,9 @@ import numpy as np
 from tqdm import tqdm
 
 from sensorlogs import CannotAnswer, WrongUsage, delimited
-from sensorlogs.columns import AXES, NAMES
+from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table
+from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, reading
 
 EXPORT = "the export's file name"

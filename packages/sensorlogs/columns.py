@@ -9,39 +9,19 @@ import difflib
 import functools
 import itertools
 import re
-import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from sensorlogs import IN_M_S2, STANDARD_GRAVITY, WrongUsage, times
+from sensorlogs.names import NAMES
 
-NAMES: dict[str, Any] = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))
-_UNITS_OF_KIND = {
-    "rate": ("deg/s", "rad/s", "deg/h"),
-    "angle": ("deg", "rad"),
-    "accel": ("m/s^2", "g", "mg"),
-    "position": ("m",),
-}
-KIND_OF_UNIT = {unit: kind for kind, units in _UNITS_OF_KIND.items() for unit in units}
+KIND_OF_UNIT = {unit: said["kind"] for unit, said in NAMES["units"].items()}
 FULL_TURN = {"deg": 360.0, "rad": 6.283185307179586}
 
-_S = r"s(ec(ond)?s?)?(-1)?"
-_SPELLINGS = {  # as `_plain` leaves it: no blank, dot, underscore or caret -> unit
-    "deg/s": rf"deg(rees?)?(/|per|p){_S}|deg{_S}|grad/s|dps",
-    "rad/s": rf"rad(ian)?s?(/|per|p){_S}|rad{_S}|rps",
-    "deg/h": r"deg(rees?)?(/|per|p)?h(r|our)?(-1)?",
-    "deg": r"deg(rees?)?",
-    "rad": r"rad(ians?)?",
-    "m/s^2": r"m(et(er|re)s?)?((/|p)?s(ec)?-?2|/s/s)",
-    "g": r"g(ee|0|n)?",
-    "mg": r"m(illi-?)?g",
-    "m": r"m(et(er|re)s?)?",
-}
 _PREFIXES = {"m": 1e-3, "u": 1e-6, "c": 1e-2}  # mdps, ug, cm/s^2
 _OTHERS = {"rpm": ("deg/s", 6.0), "gal": ("m/s^2", 1e-2), "ft/s2": ("m/s^2", 0.3048)}
 _PLAIN = str.maketrans("²¹⁻−µμ", "21--uu") | {ord("°"): "deg", ord("º"): "deg"}
@@ -49,9 +29,10 @@ _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$
 FLAG = {"rate": "gyro", "accel": "accel", "angle": "angle", "position": "position"}
 _KINDS = {**{flag: kind for kind, flag in FLAG.items()}, "rate": "rate", "acceleration": "accel"}
 _GNSS = {"lat", "lon", "height", "separation", "speed", "course", "pdop", "hdop", "satellites"}
-_SPEEDS = {"ms": "m/s", "m/s": "m/s", "mps": "m/s", "kmh": "km/h", "km/h": "km/h", "kph": "km/h"}
-_SPEEDS |= {"knots": "knots", "knot": "knots", "kn": "knots", "kt": "knots", "mph": "mph"}
-_OWN_UNITS = {"speed": _SPEEDS, "height": {"ft": "ft", "feet": "ft"}}
+_OWN_UNITS = {  # of a quantity -> spelling -> unit
+    what: {spelling: unit for unit, said in own.items() for spelling in said["spelled"].split()}
+    for what, own in NAMES["units_of"].items()
+}
 _FREE = {"linear", "user"}  # an acceleration from which gravity is taken off
 AXES = ("x", "y", "z")
 _SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
@@ -73,7 +54,8 @@ _LSB = (16384, 8192, 4096, 2048, 1024, 256)  # counts per g of common accelerome
 def unit_of(text: str) -> str | None:
     """Return the unit meant by a spelling (``"dps"`` -> ``"deg/s"``), or None if not known."""
     plain = _plain(text)
-    return next((unit for unit, each in _SPELLINGS.items() if re.fullmatch(each, plain)), None)
+    fits = (u for u, said in NAMES["units"].items() if re.fullmatch(said["spelled"], plain))
+    return next(fits, None)
 
 
 def _plain(text: str) -> str:
@@ -403,8 +385,8 @@ def choose(
         If a unit or kind is unknown, contradicts a name, fits no column, or is one for columns of
         several kinds; if readings are raw counts and there is no scale.
     """
-    if kind is not None and kind not in _UNITS_OF_KIND:
-        raise WrongUsage(f"--kind {kind} is not one of {', '.join(_UNITS_OF_KIND)}")
+    if kind is not None and kind not in FLAG:
+        raise WrongUsage(f"--kind {kind} is not one of {', '.join(FLAG)}")
     units, scales = given_units(unit, kind), given_scales(scale)
     wanted = [resolve(c, list(frame), file) for c in columns] if columns else None
     kinds, left_out = _kinds(frame, file, wanted, kind, units)

@@ -32,6 +32,7 @@ from sensorlogs import (
     times,
 )
 from sensorlogs.delimited import Table
+from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, choose, listed, of_arrays, paired, reading
 
 _MEASURED = ["lat_deg", "lon_deg", "height_m", "fix"]
@@ -43,7 +44,7 @@ _PAIR = re.compile(  # gx: 0.1, or gyro x (dps) = 1e-3
 
 def gpx(path: Path) -> list[Part]:
     """List the tracks of a GPX file; one table, where they follow each other in time."""
-    known = columns.NAMES["gpx"]
+    known = NAMES["gpx"]
 
     def point(element) -> dict[str, Any]:
         said = {each.tag.rpartition("}")[2].lower(): each.text for each in element.iter()}
@@ -109,7 +110,7 @@ def xsens(path: Path) -> list[Part]:
     2^32 ticks, of the MTi 10- and 100-series after a day.
     """
     layout = delimited.sniff(path)
-    names = {name: columns.NAMES["xsens"].get(name, name) for name in layout.names}
+    names = {name: NAMES["xsens"].get(name, name) for name in layout.names}
     with delimited.open_bytes(path) as handle:
         rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", handle.read(delimited.HEAD_BYTES))
 

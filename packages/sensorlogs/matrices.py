@@ -24,27 +24,14 @@ from sensorlogs import CannotAnswer
 from sensorlogs.archives import check_zip
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, open_bytes, progress
+from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, of_arrays, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
 THREADS = 2  # that read its columns
 AT_ONCE = 50_000  # JSON objects
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
-_GPSD = {  # report of gpsd -> its member -> ours; by its manual gpsd_json(5): SI units, UTC
-    "TPV": {
-        "time": "time",
-        "mode": "fix_mode",
-        "lat": "lat_deg",
-        "lon": "lon_deg",
-        "alt": "height_m",
-    }
-    | {"altMSL": "height_m", "speed": "speed_m_s", "track": "course_deg"},
-    "SKY": {"pdop": "pdop", "uSat": "satellites"},
-    **{
-        other: {}
-        for other in ("VERSION", "DEVICES", "DEVICE", "WATCH", "PPS", "TOFF", "ATT", "GST")
-    },
-}
+_GPSD = NAMES["gpsd"]
 
 
 def parquet(path: Path) -> list[Part]:

@@ -30,6 +30,7 @@ from sensorlogs.archives import EXPORT
 from sensorlogs.catalogue import find
 from sensorlogs.columns import AXES, closest, recognise
 from sensorlogs.delimited import Table
+from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, ask, interpolated, named
 from sensorlogs.timeline import (
     FACTORS,
@@ -49,13 +50,13 @@ GYROS, ACCELS = ([f"{what}_{axis}" for axis in AXES] for what in ("gyro", "accel
 NEEDED = {"GNSS": ["lat", "lon"], "IMU": GYROS + ACCELS, "attitude": ["roll", "pitch"]}
 NAMED = {"lat": "deg", "lon": "deg"} | dict.fromkeys(GYROS, "deg_s") | dict.fromkeys(ACCELS, "m_s2")
 ANGLES = ("roll", "pitch", "yaw", "course")
-TO_OURS = {"km/h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704, "ft": 0.3048}
+TO_OURS = {unit: said["factor"] for own in NAMES["units_of"].values() for unit, said in own.items()}
 TO_OURS["rad"] = float(np.degrees(1.0))
 IN_SI = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()} | IN_M_S2
 _SIX = 3 * ["rate"] + 3 * ["accel"]
 _SECOND = {"linear", "lin", "linacc", "user", "bias"}  # of two columns that hold one quantity
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
-PHONE = {*columns.NAMES["phone"]["words"].split()}
+PHONE = {*NAMES["phone"]["words"].split()}
 HEADERS = ("its header", "its message's field names")  # may be wrong; a format's definition is not
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
 HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch

@@ -15,8 +15,8 @@ import pandas as pd
 from pynmeagps import GET, NMEAMessage, NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
 
 from sensorlogs import CannotAnswer, counted, times
-from sensorlogs.columns import NAMES
 from sensorlogs.delimited import Table, content
+from sensorlogs.names import NAMES
 from sensorlogs.tables import Part
 from sensorlogs.timeline import Gnss
 from sensorlogs.times import BadStamps, Stamps

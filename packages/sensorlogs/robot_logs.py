@@ -24,8 +24,9 @@ import pandas as pd
 from tqdm import tqdm
 
 from sensorlogs import CannotAnswer, counted, nmea
-from sensorlogs.columns import AXES, NAMES
+from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, progress
+from sensorlogs.names import NAMES
 from sensorlogs.tables import LISTED, Part, of_arrays, reading
 
 DEFINED = "its message definition"

@@ -254,7 +254,7 @@ def _stretch(table: Table, option: dict):
     if "time" in option:
         time = columns.resolve(option["time"], list(frame), file)
     if rate is None or "time" in option:
-        time, stamps = times.of_table(table, time, rate, option.get("time_unit"))
+        time, stamps = times.of_table(table, time, option.get("time_unit"))
         t_s = stamps.since_s
         notes += stamps.notes
     elif time:
