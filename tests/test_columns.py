@@ -288,8 +288,6 @@ def test_the_unit_of_time_can_be_given(tmp_path):
         ("temp", lambda c: c),
         ("Temperature (°C)", lambda c: c),
         ("T(°)", lambda c: c),
-        ("imu_temp_K", lambda c: c + 273.15),
-        ("temp_degF", lambda c: 32 + 1.8 * c),
     ],
 )
 def test_temperature_is_kept_in_degrees_celsius(tmp_path, name, logged):
@@ -303,11 +301,13 @@ def test_temperature_is_kept_in_degrees_celsius(tmp_path, name, logged):
     assert any("kept as the temperature" in repair for repair in log.repairs)
 
 
-def test_a_temperature_in_counts_is_not_kept(tmp_path):
+def test_a_temperature_in_counts_or_another_unit_is_not_kept(tmp_path):
     """Property: a number that no temperature has is left out, and said."""
-    log = logs.read(write(tmp_path, "t_s,gyro_x_deg_s,temp", T, GYRO[:, 0], np.full(N, -3000)))
-    assert log.temperature is None
-    assert "temp (a temperature)" in left_out(log)
+    for name, value in (("temp", -3000), ("temp_degF", 77), ("temp_K", 300)):
+        path = write(tmp_path, f"t_s,gyro_x_deg_s,{name}", T, GYRO[:, 0], np.full(N, value))
+        log = logs.read(path)
+        assert log.temperature is None
+        assert f"{name} (a temperature)" in left_out(log)
 
 
 def test_the_catalogue_takes_the_same_keys(tmp_path, monkeypatch):

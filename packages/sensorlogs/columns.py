@@ -47,6 +47,7 @@ _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
 _OR = {"rate": "rad/s", "accel": "m/s^2", "angle": "rad"}  # as usual: a message offers both
 _WHOLE_UNITS = ("deg/s", "rad/s", "g", "m/s^2")  # in which no sensor's readings are whole numbers
 _LARGEST = {"rate": 20.0, "accel": 30.0}  # beyond what a sensor at rest reads, in any such unit
+_NO_CELSIUS = {"k", "kelvin", "f", "fahrenheit"}
 _LSB = (16384, 8192, 4096, 2048, 1024, 256)  # counts per g of common accelerometers
 
 
@@ -659,7 +660,7 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
         elif name not in numeric:
             kind, unit, why = "text", "", "its cells"
         elif warm:
-            kind, unit, why = "temperature", warm[1], told_by
+            kind, unit, why = "temperature", "deg C", told_by
         elif column.other or (name in by_content and not (column.kind and unit)):
             why = "its name" if column.other else "its numbers"
             kind = column.other or by_content[name].split(":")[0]
@@ -675,7 +676,7 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
     return found
 
 
-def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, str, np.ndarray] | None:
+def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, np.ndarray] | None:
     """Find a column of temperatures.
 
     Parameters
@@ -687,22 +688,16 @@ def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, str, np
     Returns
     -------
     tuple or None
-        Column, its unit, and its values in deg C, NaN where there is none; None if there is no such
-        column or its unit cannot be told.
+        Column and its values in deg C, NaN where there is none; None if there is no such column, or
+        it is in counts or in another unit.
     """
     for name in names:
         if recognise(name).other != "a temperature":
             continue
         values = frame[name].to_numpy(dtype=float)
-        if not np.isfinite(values).any():
-            continue
         unit = _BRACKETS.match(name)
         last = (unit["unit"] if unit else words(name)[-1]).lower().removeprefix("deg").strip("° ")
-        typical = float(np.nanmedian(values))
-        if last in ("k", "kelvin") or (last not in ("c", "celsius", "f") and 200 < typical < 400):
-            return name, "K", values - 273.15
-        if last in ("f", "fahrenheit"):
-            return name, "deg F", (values - 32) / 1.8
-        if -60 < typical < 150:
-            return name, "deg C", values
+        known = values[np.isfinite(values)]
+        if known.size and last not in _NO_CELSIUS and -60 < np.median(known) < 150:
+            return name, values
     return None

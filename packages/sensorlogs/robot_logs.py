@@ -321,7 +321,7 @@ def ubx(path: Path) -> list[Part]:
                 frame = frame.groupby(frame.columns[0], sort=False).first().reset_index()
             columns = {key: frame[key].to_numpy() for key in frame}
             parts.append(of_arrays(path, name, columns, notes, told_by=DEFINED))
-    if nmea.SENTENCE.search(raw):
+    if re.search(nmea.SENTENCE, raw):
         parts += [replace(part, primary=not rows["NAV-PVT"]) for part in nmea.parts(path)]
     if not parts:
         raise CannotAnswer(
