@@ -26,6 +26,7 @@ LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
 FILES = 500  # in a folder or zip
 _SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
 _SENSORS = NAMES["sensor_logger"]
+_UNPACKED: dict[tuple, Path] = {}
 _CLOCK = "seconds_elapsed"
 _SIDE_BY_SIDE = re.compile("meta|uncalibrated|wrist|watch|headphone|linear ?accel")
 
@@ -36,24 +37,24 @@ def _folder() -> tempfile.TemporaryDirectory:
     return tempfile.TemporaryDirectory(prefix="logs-")
 
 
-@functools.cache
-def unpacked(path: Path, stamp: tuple[int, int]) -> Path:
-    """Unpack a gzip file into the temporary folder, under its own name.
+def once(unpack: Callable[[Path], Path], path: Path) -> Path:
+    """Unpack a file that was not yet, or has changed since then."""
+    stat = path.stat()
+    key = unpack, path, stat.st_size, stat.st_mtime_ns
+    if key not in _UNPACKED:
+        _UNPACKED[key] = unpack(path)
+    return _UNPACKED[key]
 
-    Parameters
-    ----------
-    path : Path
-    stamp : tuple of int
-        Size and time of change: a file that has changed is unpacked again.
-    """
+
+def gunzip(path: Path) -> Path:
+    """Unpack a gzip file into the temporary folder, under its own name."""
     target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
     with reading(path, "a packed file"), gzip.open(path, "rb") as packed:
         _copy(packed, target, path, LIMIT)
     return target
 
 
-@functools.cache
-def unzipped(path: Path, stamp: tuple[int, int]) -> Path:
+def unzip(path: Path) -> Path:
     """Unpack a zip file into a folder of its own in the temporary folder."""
     members = check_zip(path, LIMIT)
     if len(members) > FILES:

@@ -114,15 +114,11 @@ def xsens(path: Path) -> list[Part]:
     def load(_) -> Table:
         table = delimited.read_table(path)
         frame = table.frame.rename(columns=names)
-        for counter, tops, seconds in (
-            ("SampleTimeFine", (864_000_000, 2**32), 1e-4),
-            ("PacketCounter", (2**16,), 1 / float(rate[1]) if rate else 0.0),
-        ):
+        packet_s = 1 / float(rate[1]) if rate else 0.0
+        for counter, seconds in (("SampleTimeFine", 1e-4), ("PacketCounter", packet_s)):
             if counter in frame and seconds and frame[counter].notna().all():
-                ticks = frame[counter].to_numpy()
-                top = next((t for t in tops if ticks.max() < t), tops[-1])
-                starts_again = np.r_[0, np.diff(ticks) < -top / 2].cumsum()
-                frame.insert(0, "t_s", (ticks + float(top) * starts_again) * seconds)
+                ticks, _ = times.continuous(frame[counter].to_numpy())
+                frame.insert(0, "t_s", ticks * seconds)
                 break
         return replace(table, frame=frame)
 
@@ -208,8 +204,7 @@ def plain(path: Path) -> Path:
     """Return the file itself, or what it holds if it is gzipped."""
     with path.open("rb") as handle:
         packed = handle.read(2) == b"\x1f\x8b"
-    stat = path.stat()
-    return archives.unpacked(path, (stat.st_size, stat.st_mtime_ns)) if packed else path
+    return archives.once(archives.gunzip, path) if packed else path
 
 
 def format_of(path: Path) -> str:
@@ -258,8 +253,7 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
         path = plain(path)
         known = known or format_of(path)
     if known == "csv" and zipfile.is_zipfile(path):
-        stat = path.stat()
-        return _parts(archives.unzipped(path, (stat.st_size, stat.st_mtime_ns)))
+        return _parts(archives.once(archives.unzip, path))
     return FORMATS[known].parts(path)
 
 

@@ -26,6 +26,7 @@ from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, of_arrays, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
+HDF5 = "a MATLAB v7.3 or HDF5 file"
 AT_ONCE = 50_000  # JSON objects
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
 _GPSD = NAMES["gpsd"]
@@ -84,7 +85,7 @@ def mat5(path: Path) -> list[Part]:
 @contextlib.contextmanager
 def open_mat73(path: Path) -> Iterator[h5py.File]:
     """Open a MATLAB v7.3 (HDF5) file; an error becomes `CannotAnswer`."""
-    with reading(path, "a MATLAB v7.3 or HDF5 file"), h5py.File(path) as file:
+    with reading(path, HDF5), h5py.File(path) as file:
         yield file
 
 
@@ -100,28 +101,15 @@ def hdf5(path: Path) -> list[Part]:
         if node.dtype.names:  # a table of h5py or PyTables: its fields are the columns
             for key in node.dtype.names:
                 if node.dtype[key].kind in "fiub":
-                    groups.setdefault(name, {})[key] = _lazy(path, name, node, key)
+                    groups.setdefault(name, {})[key] = node.fields(key)[()]
         elif node.dtype.kind in "fiub" and node.attrs.get("MATLAB_class", b"") != b"char":
-            groups.setdefault(group, {})[leaf] = _lazy(path, name, node)
+            groups.setdefault(group, {})[leaf] = node  # read when its table is
             unit = node.attrs.get("units", node.attrs.get("unit", ""))
             units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
 
-    with open_mat73(path) as file:
-        file.visititems(visit)
+    with reading(path, HDF5):
+        h5py.File(path).visititems(visit)
     return _grouped(path, groups, [], units)
-
-
-class _lazy:
-    """Shape of a data set, and how to read it."""
-
-    def __init__(self, path: Path, name: str, node: h5py.Dataset, key: str | None = None):
-        self.path, self.name, self.key, self.shape = path, name, key, node.shape
-
-    def __array__(self, dtype=None, copy=None):
-        with open_mat73(self.path) as file:
-            node = file[self.name]
-            values = node[()] if self.key is None else node.fields(self.key)[()]
-        return np.asarray(values, dtype=dtype)
 
 
 def numpy_file(path: Path) -> list[Part]:

@@ -32,7 +32,7 @@ _NAMES = re.compile(
 )
 _STAMP = re.compile(r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)([._ ]n?secs?)?$")
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
-_COUNTERS = (2.0**16, 2.0**24, 604800.0, 604800e3, 2.0**31, 2.0**32)  # they start again here
+_COUNTERS = (2.0**16, 2.0**24, 604800.0, 604800e3, 864e6, 2.0**31, 2.0**32)  # they start again here
 SECONDS_PER_DAY = 86400.0
 RESTART_S = 60.0  # a clock that falls back by more has started again
 RESTARTS = 0.01  # share of rows that may do so; more is a file that is not sorted
@@ -141,7 +141,7 @@ def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
     """
     if column.dtype.kind != "f":
         return _from_text(name, column)
-    t, notes = _continuous(np.asarray(column, dtype=float))
+    t, notes = continuous(np.asarray(column, dtype=float))
     good = _known(t)
     if not good.size:
         raise BadStamps(
@@ -250,7 +250,7 @@ def unwrap_clock(seconds_of_day: np.ndarray) -> np.ndarray:
     return out
 
 
-def _continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+def continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Undo the overflow of a counter, or of the time of a GPS week."""
     step = np.diff(_known(t))
     for top in _COUNTERS if (step < 0).any() else ():
