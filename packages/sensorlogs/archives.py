@@ -19,7 +19,7 @@ from sensorlogs import CannotAnswer, WrongUsage, delimited
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table
 from sensorlogs.names import NAMES
-from sensorlogs.tables import Part, reading
+from sensorlogs.tables import Part, of_text, reading
 
 EXPORT = "the export's file name"
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
@@ -90,12 +90,9 @@ def spreadsheet(path: Path) -> list[Part]:
                 for row in book.get_sheet_by_name(name).to_python(skip_empty_area=False):
                     handle.write("\t".join(" ".join(str(c).split()) for c in row) + "\n")
             try:
-                layout = delimited.sniff(file)
+                parts.append(of_text(name, file))
             except CannotAnswer as error:
                 empty.append(error)
-                continue
-            load = functools.partial(lambda file, _: delimited.read_table(file), file)
-            parts.append(Part(name, layout.names, load))
     if not parts:
         raise empty[0]
     return parts

@@ -32,7 +32,7 @@ from sensorlogs import (
 )
 from sensorlogs.delimited import Table
 from sensorlogs.names import NAMES
-from sensorlogs.tables import Part, choose, listed, of_arrays, paired, reading
+from sensorlogs.tables import Part, choose, listed, of_arrays, of_table, of_text, paired, reading
 
 _MEASURED = ["lat_deg", "lon_deg", "height_m", "fix"]
 _PAIR = (  # gx: 0.1, or gyro_x (dps) = 1e-3
@@ -95,8 +95,7 @@ def serial(path: Path) -> list[Part]:
         notes.append(f"line {lines.pop()}: {delimited.CUT_OFF}")
         rows.pop()
     frame = pd.DataFrame(np.array(rows), columns=names)
-    table = Table(frame, path, tuple(notes), lines=np.array(lines))
-    return [Part("lines", tuple(names), lambda _: table, len(lines))]
+    return [of_table("lines", Table(frame, path, tuple(notes), lines=np.array(lines)))]
 
 
 def xsens(path: Path) -> list[Part]:
@@ -106,13 +105,13 @@ def xsens(path: Path) -> list[Part]:
     documentation: PacketCounter wraps at 65535; SampleTimeFine counts at 10 kHz and wraps after
     2^32 ticks, of the MTi 10- and 100-series after a day.
     """
-    layout = delimited.sniff(path)
-    names = {name: NAMES["xsens"].get(name, name) for name in layout.names}
+    text = of_text("export", path)
+    names = {name: NAMES["xsens"].get(name, name) for name in text.columns}
     with delimited.open_bytes(path) as handle:
         rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", handle.read(delimited.HEAD_BYTES))
 
     def load(_) -> Table:
-        table = delimited.read_table(path)
+        table = text.load(None)
         frame = table.frame.rename(columns=names)
         packet_s = 1 / float(rate[1]) if rate else 0.0
         for counter, seconds in (("SampleTimeFine", 1e-4), ("PacketCounter", packet_s)):
@@ -122,13 +121,13 @@ def xsens(path: Path) -> list[Part]:
                 break
         return replace(table, frame=frame)
 
-    return [Part("export", tuple(names.values()), load, told_by="the maker's description")]
+    told_by = "the maker's description"
+    return [replace(text, columns=tuple(names.values()), load=load, told_by=told_by)]
 
 
 def csv(path: Path) -> list[Part]:
     """List the one table of a delimited text file."""
-    layout = delimited.sniff(path)
-    return [Part(path.name, layout.names, lambda _: delimited.read_table(path))]
+    return [of_text(path.name, path)]
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with th
 """
 
 import contextlib
-import functools
 import itertools
 import json
 import zipfile
@@ -23,7 +22,7 @@ from sensorlogs.archives import check_zip
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, open_bytes
 from sensorlogs.names import NAMES
-from sensorlogs.tables import Part, of_arrays, reading, with_axis
+from sensorlogs.tables import Part, of_arrays, of_table, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
 HDF5 = "a MATLAB v7.3 or HDF5 file"
@@ -139,11 +138,9 @@ def rda(path: Path) -> list[Part]:
 
     # rdata warns where an R class has no Python equivalent (here "imu", a matrix with attributes)
     # and then returns the plain matrix, which is wanted here: constructors avoid the warning.
-    constructors = {
-        **rdata.conversion.DEFAULT_CLASS_MAP,
-        "imu": lambda matrix, attributes: matrix,
-        "matrix": lambda matrix, attributes: matrix,
-    }
+    constructors = rdata.conversion.DEFAULT_CLASS_MAP | dict.fromkeys(
+        ("imu", "matrix"), lambda matrix, attributes: matrix
+    )
     with reading(path, "an R data file", "save the matrix as CSV"):
         objects = rdata.conversion.convert(rdata.parser.parse_file(path), constructors)
         parts = []
@@ -193,8 +190,7 @@ def json_lines(path: Path) -> list[Part]:
         lines = frame.index.to_numpy()
         table = Table(frame.reset_index(drop=True), path, (*notes, *said), lines=lines)
         if len(frame.columns):
-            load = functools.partial(lambda table, _: table, table)
-            parts.append(Part(sensor, tuple(frame), load, len(frame)))
+            parts.append(of_table(sensor, table))
     if not parts:
         raise CannotAnswer(f"{path.name}: no data: JSON without any number")
     return parts

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import CannotAnswer, WrongUsage, columns, counted, times
+from sensorlogs import CannotAnswer, WrongUsage, columns, counted, delimited, times
 from sensorlogs.delimited import Table, printable
 
 LISTED = 12  # tables named in a message
@@ -56,9 +56,17 @@ def of_arrays(
         values = np.asarray(values)
         numeric = values.dtype.kind in "fiub"
         found[column] = np.ascontiguousarray(values, dtype=float) if numeric else values
-    frame = pd.DataFrame(found, copy=False)
-    rows = len(frame)
-    return Part(name, tuple(found), lambda _: Table(frame, path, tuple(repairs)), rows, **more)
+    return of_table(name, Table(pd.DataFrame(found, copy=False), path, tuple(repairs)), **more)
+
+
+def of_table(name: str, table: Table, **more) -> Part:
+    """Make a part of a table that is in memory."""
+    return Part(name, tuple(table.frame), lambda _: table, len(table.frame), **more)
+
+
+def of_text(name: str, path: Path) -> Part:
+    """Make a part of a delimited text file."""
+    return Part(name, delimited.sniff(path).names, lambda _: delimited.read_table(path))
 
 
 @contextlib.contextmanager
