@@ -284,11 +284,7 @@ def test_the_unit_of_time_can_be_given(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "logged"),
-    [
-        ("temp", lambda c: c),
-        ("Temperature (°C)", lambda c: c),
-        ("T(°)", lambda c: c),
-    ],
+    [("temp", lambda c: c), ("Temperature (°C)", lambda c: c), ("T(°)", lambda c: c)],
 )
 def test_temperature_is_kept_in_degrees_celsius(tmp_path, name, logged):
     """Analytic: on the grid of the channels, drawn straight over what is missing."""

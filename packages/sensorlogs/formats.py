@@ -20,16 +20,7 @@ import pymap3d
 from defusedxml import ElementTree
 from scipy.spatial.transform import Rotation
 
-from sensorlogs import (
-    CannotAnswer,
-    WrongUsage,
-    archives,
-    columns,
-    counted,
-    delimited,
-    nmea,
-    times,
-)
+from sensorlogs import CannotAnswer, WrongUsage, archives, columns, counted, delimited, nmea, times
 from sensorlogs.delimited import Table
 from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, choose, listed, of_arrays, of_table, of_text, paired, reading

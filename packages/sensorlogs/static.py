@@ -16,16 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import (
-    IN_M_S2,
-    CannotAnswer,
-    WrongUsage,
-    columns,
-    counted,
-    datasets,
-    formats,
-    times,
-)
+from sensorlogs import IN_M_S2, CannotAnswer, WrongUsage, columns, counted, datasets, formats, times
 from sensorlogs.catalogue import check_unit, find
 from sensorlogs.columns import Choice
 from sensorlogs.delimited import Table, printable
