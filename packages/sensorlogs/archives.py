@@ -126,22 +126,17 @@ def _is_side(path: Path) -> bool:
     )
 
 
-def files(folder: Path) -> list[Path]:
-    """List the files of a folder that may be logs."""
-    inside = []
-    for path in sorted(folder.rglob("*")):
-        if path.is_file() and not _is_side(path.relative_to(folder)):
-            inside.append(path)
-        if len(inside) > FILES:
-            raise WrongUsage(f"{folder.name} has more than {FILES} files: name the log file in it")
-    if not inside:
-        raise WrongUsage(f"{folder.name}: no log file in it: name one")
-    return inside
-
-
 def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
     """List the tables of a folder; files that are no logs are left out."""
-    inside = files(path)
+    inside = [
+        file
+        for file in sorted(path.rglob("*"))
+        if file.is_file() and not _is_side(file.relative_to(path))
+    ]
+    if len(inside) > FILES:
+        raise WrongUsage(f"{path.name} has more than {FILES} files: name the log file in it")
+    if not inside:
+        raise WrongUsage(f"{path.name}: no log file in it: name one")
     parts: list[Part] = []
     errors: list[CannotAnswer | WrongUsage] = []
     for file in inside:
