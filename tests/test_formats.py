@@ -644,6 +644,8 @@ def test_a_zip_of_several_logs_asks_which(tmp_path):
     with pytest.raises(CannotAnswer, match=r"cut\.zip: .*zip.* cut off or damaged"):
         formats.parts_of(tmp_path / "cut.zip")
     assert len(read(tmp_path / "two.zip", table="a.csv").channels) == 6
+    write_csv_zip(tmp_path / "two.zip")  # another file of the same name is unpacked again
+    assert len(read(tmp_path / "two.zip").channels) == 6
 
 
 def test_a_table_larger_than_the_memory_is_read_by_columns(tmp_path, monkeypatch):
@@ -852,7 +854,9 @@ def _phone_tables(sign, stamps=T):
     }
 
 
-@pytest.mark.parametrize("layout", ["ISO dates", "arrays", "struct of axes", "zip in gzip"])
+@pytest.mark.parametrize(
+    "layout", ["ISO dates", "Parquet dates", "arrays", "struct of axes", "zip in gzip"]
+)
 def test_other_layouts(layout, tmp_path):
     """Cross-check: dates in JSON lines, one object of arrays, a struct of x, y, z, a packed zip."""
     path = tmp_path / "log"
@@ -862,6 +866,10 @@ def test_other_layouts(layout, tmp_path):
             (f"2024-05-01T10:00:{t:09.6f}Z" for t in T), GYRO.tolist(), ACCEL.tolist(), strict=True
         )
         path.write_text("\n".join(json.dumps(dict(zip(table, row, strict=True))) for row in rows))
+    elif layout == "Parquet dates":
+        start = pd.Timestamp("2024-05-01", tz="Europe/Paris")
+        dates = start + pd.to_timedelta(T, unit="s")
+        frame().drop(columns="t_s").set_index(dates.rename("time")).to_parquet(path)
     elif layout == "arrays":
         path.write_text(json.dumps({name: values.tolist() for name, values in table.items()}))
     elif layout == "struct of axes":
@@ -875,6 +883,7 @@ def test_other_layouts(layout, tmp_path):
     known = dict(zip(NAMES, np.hstack([GYRO, ACCEL]).T, strict=True))
     assert [key(c) for c in log.channels] == (ACCELS if layout == "struct of axes" else BOTH)
     assert log.rate_hz == pytest.approx(RATE, rel=1e-4)  # seconds since 1970 are held to 0.2 us
+    assert any("read as seconds since 1970" in r for r in log.repairs) == ("dates" in layout)
     for channel in log.channels:
         np.testing.assert_allclose(channel.values, known[key(channel)], atol=1e-9)
 

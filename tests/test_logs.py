@@ -218,7 +218,9 @@ def test_a_row_that_lost_a_field_is_left_out(tmp_path):
     assert "line 52: 1 row with fewer fields than names" in log.repairs[0]
 
 
-@pytest.mark.parametrize("cut", ["0.6", "1.990000,", "1.990000,0.123456,-", "1.990000,0.1,0.12"])
+@pytest.mark.parametrize(
+    "cut", ["0.6", "1.990000,", "1.990000,0.123456,-", "1.99,0.1,0.12", "1.99,1,0.1234567e"]
+)
 def test_a_cut_off_last_line_is_dropped_and_stated(tmp_path, cut):
     """Property: half a line at the end of the file never becomes half a number."""
     log = logs.read(write(tmp_path, [*lines()[:-1], cut], end=""))

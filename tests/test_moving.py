@@ -376,6 +376,7 @@ def test_time_of_day_joins_two_logs(tmp_path):
         rows = [(f"{1718186400 + k:.3f}", *r[1:]) for k, r in enumerate(imu_rows((0, 1, 2)))]
         log = read_moving([path, csv(tmp_path, IMU, rows)])
         np.testing.assert_allclose(log.imu.t_s, [0, 1, 2], atol=1e-6)
+        assert any("a day or more apart" in note for note in log.notes) == (date != "120624")
 
 
 @pytest.mark.parametrize("date", ["010524", "110624", "271004"])
