@@ -1,9 +1,8 @@
 """The registry of raw logs: where a file is found, that it is checked, how it is refused."""
 
 import shutil
-import sys
-import types
 
+import pooch
 import pytest
 
 from analysis import DATA, CannotAnswer, WrongUsage
@@ -80,32 +79,16 @@ def test_addresses_name_a_commit():
             assert " " not in entry.url
 
 
-def retrieving(content=None, error=None):
-    """Make a stand-in for pooch.retrieve that writes content or fails."""
-
-    def retrieve(url, known_hash, fname, path, downloader):
-        if error:
-            raise error
-        path.mkdir(parents=True, exist_ok=True)
-        (path / fname).write_bytes(content)
-
-    return retrieve
-
-
-def use(monkeypatch, retrieve):
-    """Put a stand-in in the place of pooch."""
-    quiet = types.SimpleNamespace(setLevel=lambda level: None)
-    module = types.SimpleNamespace(
-        retrieve=retrieve, get_logger=lambda: quiet, HTTPDownloader=lambda **options: None
-    )
-    monkeypatch.setitem(sys.modules, "pooch", module)
-
-
 def test_a_download_is_checked_and_kept(monkeypatch):
     """Property: the right bytes land in data/downloaded/, wrong ones are refused."""
     content = (DATA / "raw" / "gpsd" / "rx210.log").read_bytes()
     monkeypatch.setattr(datasets, "COMMITTED", {})
-    use(monkeypatch, retrieving(content))
+
+    def retrieve(url, known_hash, fname, path, downloader):
+        path.mkdir(parents=True)
+        (path / fname).write_bytes(content)
+
+    monkeypatch.setattr(pooch, "retrieve", retrieve)
     assert datasets.fetch(NAME, progress=False) == datasets.DOWNLOADED / NAME
     assert datasets.path(NAME).read_bytes() == content
 
@@ -116,7 +99,11 @@ def test_a_download_is_checked_and_kept(monkeypatch):
 )
 def test_a_failed_download_is_one_sentence(monkeypatch, error, words):
     """Property: no connection, or other bytes: said plainly, and nothing is left behind."""
-    use(monkeypatch, retrieving(error=error))
+
+    def retrieve(*_, **given):
+        raise error
+
+    monkeypatch.setattr(pooch, "retrieve", retrieve)
     with pytest.raises(CannotAnswer, match=words):
         datasets.fetch(AWAY, progress=False)
     assert not datasets.DOWNLOADED.exists()

@@ -632,7 +632,7 @@ def test_packed_logs_are_bounded(tmp_path, monkeypatch):
 
 
 def test_a_zip_of_several_logs_asks_which(tmp_path):
-    """Property: its files are listed, and --table names one."""
+    """Property: its files are listed, --table names one; without its end it is called damaged."""
     with zipfile.ZipFile(tmp_path / "two.zip", "w") as packed:
         for name in ("a.csv", "b.csv"):
             packed.writestr(f"logs/{name}", frame().to_csv(index=False))
@@ -640,7 +640,12 @@ def test_a_zip_of_several_logs_asks_which(tmp_path):
     with pytest.raises(WrongUsage, match=r"a\.csv, b\.csv: say"):
         read(tmp_path / "two.zip")
     assert not (tmp_path.parent.parent / "outside.csv").exists()
+    (tmp_path / "cut.zip").write_bytes((tmp_path / "two.zip").read_bytes()[:60])
+    with pytest.raises(CannotAnswer, match=r"cut\.zip: .*zip.* cut off or damaged"):
+        formats.parts_of(tmp_path / "cut.zip")
     assert len(read(tmp_path / "two.zip", table="a.csv").channels) == 6
+    write_csv_zip(tmp_path / "two.zip")  # another file of the same name is unpacked again
+    assert len(read(tmp_path / "two.zip").channels) == 6
 
 
 def test_a_table_larger_than_the_memory_is_read_by_columns(tmp_path, monkeypatch):
@@ -787,16 +792,6 @@ def test_real_samples(file, table, rows):
         assert 8 < np.median(lengths) < 12, "on the ground or in calm flight, about one g"
 
 
-def test_a_cut_zip_is_named(tmp_path):
-    """property: an archive without its end is called damaged, not text."""
-    path = tmp_path / "log.zip"
-    with zipfile.ZipFile(path, "w") as packed:
-        packed.writestr("log.csv", "t_s,gyro_x_deg_s\n" + "0.01,1\n" * 500)
-    path.write_bytes(path.read_bytes()[:60])
-    with pytest.raises(CannotAnswer, match=r"log\.zip: .*zip.* cut off or damaged"):
-        formats.parts_of(path)
-
-
 def test_a_phone_in_motion(tmp_path):
     """Analytic: sensors of unequal rates are joined along straight lines; gravity is put back."""
     at, to = np.arange(0, 4, 0.0101), [0.0, 0.0, 9.8]
@@ -859,7 +854,9 @@ def _phone_tables(sign, stamps=T):
     }
 
 
-@pytest.mark.parametrize("layout", ["ISO dates", "arrays", "struct of axes", "zip in gzip"])
+@pytest.mark.parametrize(
+    "layout", ["ISO dates", "Parquet dates", "arrays", "struct of axes", "zip in gzip"]
+)
 def test_other_layouts(layout, tmp_path):
     """Cross-check: dates in JSON lines, one object of arrays, a struct of x, y, z, a packed zip."""
     path = tmp_path / "log"
@@ -869,6 +866,10 @@ def test_other_layouts(layout, tmp_path):
             (f"2024-05-01T10:00:{t:09.6f}Z" for t in T), GYRO.tolist(), ACCEL.tolist(), strict=True
         )
         path.write_text("\n".join(json.dumps(dict(zip(table, row, strict=True))) for row in rows))
+    elif layout == "Parquet dates":
+        start = pd.Timestamp("2024-05-01", tz="Europe/Paris")
+        dates = start + pd.to_timedelta(T, unit="s")
+        frame().drop(columns="t_s").set_index(dates.rename("time")).to_parquet(path)
     elif layout == "arrays":
         path.write_text(json.dumps({name: values.tolist() for name, values in table.items()}))
     elif layout == "struct of axes":
@@ -882,6 +883,7 @@ def test_other_layouts(layout, tmp_path):
     known = dict(zip(NAMES, np.hstack([GYRO, ACCEL]).T, strict=True))
     assert [key(c) for c in log.channels] == (ACCELS if layout == "struct of axes" else BOTH)
     assert log.rate_hz == pytest.approx(RATE, rel=1e-4)  # seconds since 1970 are held to 0.2 us
+    assert any("read as seconds since 1970" in r for r in log.repairs) == ("dates" in layout)
     for channel in log.channels:
         np.testing.assert_allclose(channel.values, known[key(channel)], atol=1e-9)
 

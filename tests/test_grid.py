@@ -5,7 +5,6 @@ import datetime
 import numpy as np
 import pytest
 
-from analysis import WrongUsage
 from sensorlogs import times
 
 
@@ -205,11 +204,3 @@ def test_dates_and_clock_times_run_over_midnight(form, said):
     stamps = times.stamps("time", np.array(texts, dtype=object))
     np.testing.assert_allclose(stamps.since_s, 0.01 * np.arange(100), atol=1e-9)  # µs are printed
     assert stamps.notes == (f"time column 'time' read as {said}",)
-
-
-def test_the_rate_settles_a_unit():
-    """Property: steps of 10 without a unit are refused, unless the rate says which."""
-    with pytest.raises(WrongUsage, match="--time-unit ms"):
-        times.stamps("t", 10.0 * np.arange(100))
-    stamps = times.stamps("t", 10.0 * np.arange(100), rate_hz=100)
-    np.testing.assert_allclose(stamps.since_s, 0.01 * np.arange(100), rtol=1e-12)

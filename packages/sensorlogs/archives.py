@@ -16,15 +16,17 @@ import numpy as np
 from tqdm import tqdm
 
 from sensorlogs import CannotAnswer, WrongUsage, delimited
-from sensorlogs.columns import AXES, NAMES
+from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table
-from sensorlogs.tables import Part, reading
+from sensorlogs.names import NAMES
+from sensorlogs.tables import Part, of_text, reading
 
 EXPORT = "the export's file name"
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked
 FILES = 500  # in a folder or zip
 _SIDE = {".pdf", ".png", ".jpg", ".jpeg", ".html", ".md", ".toml", ".yaml", ".yml", ".xml", ".mp4"}
 _SENSORS = NAMES["sensor_logger"]
+_UNPACKED: dict[tuple, Path] = {}
 _CLOCK = "seconds_elapsed"
 _SIDE_BY_SIDE = re.compile("meta|uncalibrated|wrist|watch|headphone|linear ?accel")
 
@@ -35,24 +37,24 @@ def _folder() -> tempfile.TemporaryDirectory:
     return tempfile.TemporaryDirectory(prefix="logs-")
 
 
-@functools.cache
-def unpacked(path: Path, stamp: tuple[int, int]) -> Path:
-    """Unpack a gzip file into the temporary folder, under its own name.
+def once(unpack: Callable[[Path], Path], path: Path) -> Path:
+    """Unpack a file that was not yet, or has changed since then."""
+    stat = path.stat()
+    key = unpack, path, stat.st_size, stat.st_mtime_ns
+    if key not in _UNPACKED:
+        _UNPACKED[key] = unpack(path)
+    return _UNPACKED[key]
 
-    Parameters
-    ----------
-    path : Path
-    stamp : tuple of int
-        Size and time of change: a file that has changed is unpacked again.
-    """
+
+def gunzip(path: Path) -> Path:
+    """Unpack a gzip file into the temporary folder, under its own name."""
     target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
     with reading(path, "a packed file"), gzip.open(path, "rb") as packed:
         _copy(packed, target, path, LIMIT)
     return target
 
 
-@functools.cache
-def unzipped(path: Path, stamp: tuple[int, int]) -> Path:
+def unzip(path: Path) -> Path:
     """Unpack a zip file into a folder of its own in the temporary folder."""
     members = check_zip(path, LIMIT)
     if len(members) > FILES:
@@ -88,12 +90,9 @@ def spreadsheet(path: Path) -> list[Part]:
                 for row in book.get_sheet_by_name(name).to_python(skip_empty_area=False):
                     handle.write("\t".join(" ".join(str(c).split()) for c in row) + "\n")
             try:
-                layout = delimited.sniff(file)
+                parts.append(of_text(name, file))
             except CannotAnswer as error:
                 empty.append(error)
-                continue
-            load = functools.partial(lambda file, _: delimited.read_table(file), file)
-            parts.append(Part(name, layout.names, load))
     if not parts:
         raise empty[0]
     return parts
@@ -127,22 +126,17 @@ def _is_side(path: Path) -> bool:
     )
 
 
-def files(folder: Path) -> list[Path]:
-    """List the files of a folder that may be logs."""
-    inside = []
-    for path in sorted(folder.rglob("*")):
-        if path.is_file() and not _is_side(path.relative_to(folder)):
-            inside.append(path)
-        if len(inside) > FILES:
-            raise WrongUsage(f"{folder.name} has more than {FILES} files: name the log file in it")
-    if not inside:
-        raise WrongUsage(f"{folder.name}: no log file in it: name one")
-    return inside
-
-
 def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
     """List the tables of a folder; files that are no logs are left out."""
-    inside = files(path)
+    inside = [
+        file
+        for file in sorted(path.rglob("*"))
+        if file.is_file() and not _is_side(file.relative_to(path))
+    ]
+    if len(inside) > FILES:
+        raise WrongUsage(f"{path.name} has more than {FILES} files: name the log file in it")
+    if not inside:
+        raise WrongUsage(f"{path.name}: no log file in it: name one")
     parts: list[Part] = []
     errors: list[CannotAnswer | WrongUsage] = []
     for file in inside:

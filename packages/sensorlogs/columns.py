@@ -9,39 +9,19 @@ import difflib
 import functools
 import itertools
 import re
-import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from sensorlogs import IN_M_S2, STANDARD_GRAVITY, WrongUsage, times
+from sensorlogs.names import NAMES
 
-NAMES: dict[str, Any] = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))
-_UNITS_OF_KIND = {
-    "rate": ("deg/s", "rad/s", "deg/h"),
-    "angle": ("deg", "rad"),
-    "accel": ("m/s^2", "g", "mg"),
-    "position": ("m",),
-}
-KIND_OF_UNIT = {unit: kind for kind, units in _UNITS_OF_KIND.items() for unit in units}
+KIND_OF_UNIT = {unit: said["kind"] for unit, said in NAMES["units"].items()}
 FULL_TURN = {"deg": 360.0, "rad": 6.283185307179586}
 
-_S = r"s(ec(ond)?s?)?(-1)?"
-_SPELLINGS = {  # as `_plain` leaves it: no blank, dot, underscore or caret -> unit
-    "deg/s": rf"deg(rees?)?(/|per|p){_S}|deg{_S}|grad/s|dps",
-    "rad/s": rf"rad(ian)?s?(/|per|p){_S}|rad{_S}|rps",
-    "deg/h": r"deg(rees?)?(/|per|p)?h(r|our)?(-1)?",
-    "deg": r"deg(rees?)?",
-    "rad": r"rad(ians?)?",
-    "m/s^2": r"m(et(er|re)s?)?((/|p)?s(ec)?-?2|/s/s)",
-    "g": r"g(ee|0|n)?",
-    "mg": r"m(illi-?)?g",
-    "m": r"m(et(er|re)s?)?",
-}
 _PREFIXES = {"m": 1e-3, "u": 1e-6, "c": 1e-2}  # mdps, ug, cm/s^2
 _OTHERS = {"rpm": ("deg/s", 6.0), "gal": ("m/s^2", 1e-2), "ft/s2": ("m/s^2", 0.3048)}
 _PLAIN = str.maketrans("²¹⁻−µμ", "21--uu") | {ord("°"): "deg", ord("º"): "deg"}
@@ -49,9 +29,10 @@ _BRACKETS = re.compile(r"^(?P<base>.*?)\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$
 FLAG = {"rate": "gyro", "accel": "accel", "angle": "angle", "position": "position"}
 _KINDS = {**{flag: kind for kind, flag in FLAG.items()}, "rate": "rate", "acceleration": "accel"}
 _GNSS = {"lat", "lon", "height", "separation", "speed", "course", "pdop", "hdop", "satellites"}
-_SPEEDS = {"ms": "m/s", "m/s": "m/s", "mps": "m/s", "kmh": "km/h", "km/h": "km/h", "kph": "km/h"}
-_SPEEDS |= {"knots": "knots", "knot": "knots", "kn": "knots", "kt": "knots", "mph": "mph"}
-_OWN_UNITS = {"speed": _SPEEDS, "height": {"ft": "ft", "feet": "ft"}}
+_OWN_UNITS = {  # of a quantity -> spelling -> unit
+    what: {spelling: unit for unit, said in own.items() for spelling in said["spelled"].split()}
+    for what, own in NAMES["units_of"].items()
+}
 _FREE = {"linear", "user"}  # an acceleration from which gravity is taken off
 AXES = ("x", "y", "z")
 _SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
@@ -66,6 +47,7 @@ _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
 _OR = {"rate": "rad/s", "accel": "m/s^2", "angle": "rad"}  # as usual: a message offers both
 _WHOLE_UNITS = ("deg/s", "rad/s", "g", "m/s^2")  # in which no sensor's readings are whole numbers
 _LARGEST = {"rate": 20.0, "accel": 30.0}  # beyond what a sensor at rest reads, in any such unit
+_NO_CELSIUS = {"k", "kelvin", "f", "fahrenheit"}
 _LSB = (16384, 8192, 4096, 2048, 1024, 256)  # counts per g of common accelerometers
 
 
@@ -73,7 +55,8 @@ _LSB = (16384, 8192, 4096, 2048, 1024, 256)  # counts per g of common accelerome
 def unit_of(text: str) -> str | None:
     """Return the unit meant by a spelling (``"dps"`` -> ``"deg/s"``), or None if not known."""
     plain = _plain(text)
-    return next((unit for unit, each in _SPELLINGS.items() if re.fullmatch(each, plain)), None)
+    fits = (u for u, said in NAMES["units"].items() if re.fullmatch(said["spelled"], plain))
+    return next(fits, None)
 
 
 def _plain(text: str) -> str:
@@ -403,8 +386,8 @@ def choose(
         If a unit or kind is unknown, contradicts a name, fits no column, or is one for columns of
         several kinds; if readings are raw counts and there is no scale.
     """
-    if kind is not None and kind not in _UNITS_OF_KIND:
-        raise WrongUsage(f"--kind {kind} is not one of {', '.join(_UNITS_OF_KIND)}")
+    if kind is not None and kind not in FLAG:
+        raise WrongUsage(f"--kind {kind} is not one of {', '.join(FLAG)}")
     units, scales = given_units(unit, kind), given_scales(scale)
     wanted = [resolve(c, list(frame), file) for c in columns] if columns else None
     kinds, left_out = _kinds(frame, file, wanted, kind, units)
@@ -677,7 +660,7 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
         elif name not in numeric:
             kind, unit, why = "text", "", "its cells"
         elif warm:
-            kind, unit, why = "temperature", warm[1], told_by
+            kind, unit, why = "temperature", "deg C", told_by
         elif column.other or (name in by_content and not (column.kind and unit)):
             why = "its name" if column.other else "its numbers"
             kind = column.other or by_content[name].split(":")[0]
@@ -693,7 +676,7 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
     return found
 
 
-def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, str, np.ndarray] | None:
+def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, np.ndarray] | None:
     """Find a column of temperatures.
 
     Parameters
@@ -705,22 +688,16 @@ def temperature(frame: pd.DataFrame, names: Sequence[str]) -> tuple[str, str, np
     Returns
     -------
     tuple or None
-        Column, its unit, and its values in deg C, NaN where there is none; None if there is no such
-        column or its unit cannot be told.
+        Column and its values in deg C, NaN where there is none; None if there is no such column, or
+        it is in counts or in another unit.
     """
     for name in names:
         if recognise(name).other != "a temperature":
             continue
         values = frame[name].to_numpy(dtype=float)
-        if not np.isfinite(values).any():
-            continue
         unit = _BRACKETS.match(name)
         last = (unit["unit"] if unit else words(name)[-1]).lower().removeprefix("deg").strip("° ")
-        typical = float(np.nanmedian(values))
-        if last in ("k", "kelvin") or (last not in ("c", "celsius", "f") and 200 < typical < 400):
-            return name, "K", values - 273.15
-        if last in ("f", "fahrenheit"):
-            return name, "deg F", (values - 32) / 1.8
-        if -60 < typical < 150:
-            return name, "deg C", values
+        known = values[np.isfinite(values)]
+        if known.size and last not in _NO_CELSIUS and -60 < np.median(known) < 150:
+            return name, values
     return None

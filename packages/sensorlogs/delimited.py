@@ -10,16 +10,13 @@ import contextlib
 import csv
 import io
 import itertools
-import os
 import re
 import warnings
-from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import multimode
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,7 +26,6 @@ from sensorlogs import CannotAnswer, counted
 
 HEAD_BYTES = 1 << 16
 HEAD_LINES = 50
-BLOCK_BYTES, MOST_THREADS = 1 << 23, 4  # of text that are parsed at a time, and by how many
 MISSING = {
     "", "-", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "<na>", "#n/a",
 }  # fmt: skip
@@ -307,100 +303,54 @@ def read_table(path: Path) -> Table:
     """
     layout = sniff(path)
     bar = {"total": path.stat().st_size, **progress(path)}  # a packed file has more to read
+    is_cut = _is_cut_off(path, layout)
     try:
         with (
             open_bytes(path) as raw,
             tqdm.wrapattr(raw, "read", **bar) as handle,
             warnings.catch_warnings(action="error", category=pd.errors.ParserWarning),
         ):  # the warning means that fields are dropped: find out which
-            frame = _parsed(handle, layout)
-        table = _without_short_end(Table(frame, path, layout=layout), layout)
-        table = _without_short_rows(table, layout)
+            frame = pd.read_csv(
+                handle,
+                sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+                decimal=layout.decimal,
+                comment=layout.comment,
+                encoding=layout.encoding,
+                header=None,
+                names=list(layout.names),
+                index_col=False,
+                na_values=["-"],
+                skiprows=layout.header_lines,
+                skipinitialspace=True,
+                dtype={name: str if name in layout.text else float for name in layout.names},
+                low_memory=False,
+            )
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
-        table = _line_by_line(path, layout)
-    return _without_empty_end(table, layout)
+        frame = _line_by_line(path, layout, is_cut)
+    else:
+        frame = frame.iloc[: len(frame) - is_cut]
+    table = Table(frame, path, layout=layout)
+    if is_cut:
+        line = next(itertools.islice(data_lines(path, layout), len(frame), None))[0]
+        table = replace(table, repairs=(f"line {line}: {CUT_OFF}",))
+    return _without_empty_end(_without_short_rows(table, layout), layout)
 
 
-def _parsed(handle: BinaryIO, layout: Layout) -> pd.DataFrame:
-    """Parse blocks of lines in several threads, and join them."""
-    types = {name: (str if name in layout.text else np.float64) for name in layout.names}
-
-    def parse(block, skip):
-        return pd.read_csv(
-            io.BytesIO(block),
-            sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
-            decimal=layout.decimal,
-            comment=layout.comment,
-            encoding=layout.encoding,
-            header=None,
-            names=list(layout.names),
-            index_col=False,
-            na_values=["-"],
-            skiprows=skip,
-            skipinitialspace=True,
-            dtype=types,
-            low_memory=False,
-        )
-
-    numbers = {name: np.empty(0) for name in layout.names if name not in layout.text}
-    texts: dict[str, list] = {name: [] for name in layout.text}
-
-    def keep(part):
-        for name, column in numbers.items():
-            size = len(column)
-            column.resize(size + len(part), refcheck=False)  # in place: nothing is held twice
-            column[size:] = part[name]
-        for name, pieces in texts.items():
-            pieces.append(part[name])
-
-    threads = min(os.cpu_count() or 1, MOST_THREADS)
-    skip, running = layout.header_lines, deque[Future]()
-    with ThreadPoolExecutor(threads) as pool:
-        for block in _blocks(handle, layout):
-            if len(running) > threads:  # so that only a few blocks of text are held
-                keep(running.popleft().result())
-            running.append(pool.submit(parse, block, skip))
-            skip = 0
-        while running:
-            keep(running.popleft().result())
-    joined = numbers | {n: pd.concat(pieces, ignore_index=True) for n, pieces in texts.items()}
-    return pd.DataFrame({name: joined[name] for name in layout.names}, copy=False)
-
-
-def _blocks(handle: BinaryIO, layout: Layout) -> Iterator[bytes]:
-    """Cut a file into blocks that end with a line; UTF-16 and a file without \\n stay whole."""
-    rest = handle.read(BLOCK_BYTES if layout.encoding != "utf-16" else -1)
-    while more := handle.read(BLOCK_BYTES):
-        end = more.rfind(b"\n") + 1
-        if end:
-            yield rest + more[:end]
-            rest = b""
-        rest += more[end:]
-    yield rest
-
-
-def _line_by_line(path: Path, layout: Layout) -> Table:
+def _line_by_line(path: Path, layout: Layout, is_cut: bool) -> pd.DataFrame:
     """Read slowly; refuse the first cell that is no number, naming its place."""
-    rows: list[list] = []
-    fault, line = "", ""
-    repairs: tuple[str, ...] = ()
-    for number, text in data_lines(path, layout):
-        if fault:
-            break
+    lines = list(data_lines(path, layout))
+    rows = []
+    for number, text in lines[: len(lines) - is_cut]:
         try:
             rows.append(_row(_split(text, layout.delimiter), layout))
         except ValueError as error:
-            fault, line = str(error), f"line {number}"
-    else:  # a fault that nothing follows is a line cut off while it was written
-        if fault and rows and not _tail(path).endswith(_LINE_ENDS):
-            fault, repairs = "", (f"{line}: {CUT_OFF}",)
-    if fault:
-        raise CannotAnswer(
-            f"{path.name}, {line}, {fault}; correct or empty it, or cut the file before that line"
-        )
+            raise CannotAnswer(
+                f"{path.name}, line {number}, {error}; correct or empty it, or cut the file before "
+                "that line"
+            ) from None
     if not rows:
         raise CannotAnswer(f"{path.name}: no data after line {layout.header_lines}")
-    return Table(pd.DataFrame(rows, columns=list(layout.names)), path, repairs, layout)
+    return pd.DataFrame(rows, columns=list(layout.names))
 
 
 def _row(fields: list[str], layout: Layout) -> list:
@@ -422,24 +372,30 @@ def _row(fields: list[str], layout: Layout) -> list:
     return values
 
 
-def _without_short_end(table: Table, layout: Layout) -> Table:
-    """Drop a last line that was cut off while it was written."""
-    tail = _tail(table.path)
+def _is_cut_off(path: Path, layout: Layout) -> bool:
+    """Tell whether the last line was cut off while it was written: too few fields, or digits."""
+    with open_bytes(path) as handle:
+        handle.seek(max(0, handle.seek(0, 2) - TAIL_BYTES))
+        tail = handle.read()
     text = tail.decode(layout.encoding, errors="replace") if layout.encoding != "utf-16" else ""
-    lines = [line for line in _NEWLINE.split(text)[1:] if line.strip()]
-    lines = [line for line in lines if not line.lstrip().startswith(layout.comment)][-50:]
-    if len(lines) < 2 or len(table.frame) < 2:
-        return table
+    lines = [line.split(layout.comment)[0] for line in _NEWLINE.split(text)[1:]]
+    lines = [line for line in lines if line.strip()][-50:]
+    if len(lines) < 2:
+        return False
     *before, last = [_split(line, layout.delimiter) for line in lines]
-    cut = len(last) < min(len(fields) for fields in before)
-    if not tail.endswith(_LINE_ENDS) and len(last) == len(before[-1]):
-        # All last fields have as many decimals, except the very last one: it is cut off.
-        decimals = [len(f[-1].strip().partition(layout.decimal)[2]) for f in (*before, last)]
-        cut = len(set(decimals[:-1])) == 1 and len(before) > 4 and decimals[-1] < decimals[0]
-    if not cut:
-        return table
-    line = table.place(len(table.frame) - 1).split(", ")[-1]
-    return replace(table, frame=table.frame.iloc[:-1], repairs=(f"{line}: {CUT_OFF}",))
+    if len(last) < min(len(fields) for fields in before):
+        return True
+    if tail.endswith(_LINE_ENDS):
+        return False
+    # All last fields have as many decimals, except the very last one: it is cut off.
+    decimals = [len(f[-1].strip().partition(layout.decimal)[2]) for f in (*before, last)]
+    if len(set(decimals[:-1])) == 1 and len(before) > 4 and decimals[-1] < decimals[0]:
+        return True
+    try:
+        _row(last, layout)
+    except ValueError:
+        return True
+    return False
 
 
 def _without_short_rows(table: Table, layout: Layout) -> Table:
@@ -473,10 +429,3 @@ def _without_empty_end(table: Table, layout: Layout) -> Table:
     if keep < len(frame):
         repairs += (f"{counted(len(frame) - keep, 'row')} without any value at the end dropped",)
     return replace(table, frame=frame.iloc[:keep].drop(columns=nameless), repairs=repairs)
-
-
-def _tail(path: Path) -> bytes:
-    """Return the last bytes of a file."""
-    with open_bytes(path) as handle:
-        handle.seek(max(0, handle.seek(0, 2) - TAIL_BYTES))
-        return handle.read()

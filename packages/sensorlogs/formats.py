@@ -7,7 +7,6 @@ cut out.
 
 import contextlib
 import importlib.util
-import io
 import re
 import zipfile
 from collections.abc import Callable, Sequence
@@ -21,29 +20,22 @@ import pymap3d
 from defusedxml import ElementTree
 from scipy.spatial.transform import Rotation
 
-from sensorlogs import (
-    CannotAnswer,
-    WrongUsage,
-    archives,
-    columns,
-    counted,
-    delimited,
-    nmea,
-    times,
-)
+from sensorlogs import CannotAnswer, WrongUsage, archives, columns, counted, delimited, nmea, times
 from sensorlogs.delimited import Table
-from sensorlogs.tables import Part, choose, listed, of_arrays, paired, reading
+from sensorlogs.names import NAMES
+from sensorlogs.tables import Part, choose, listed, of_arrays, of_table, of_text, paired, reading
 
 _MEASURED = ["lat_deg", "lon_deg", "height_m", "fix"]
-_PAIR = re.compile(  # gx: 0.1, or gyro x (dps) = 1e-3
-    r"([A-Za-z][\w.]*(?:\s*[\[(][^\])]*[\])])?)\s*[:=]\s*"
-    r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+_PAIR = (  # gx: 0.1, or gyro_x (dps) = 1e-3
+    rb"(\b[A-Za-z][\w.]*+(?:[ \t]*[\[(][^\])\n]{0,40}[\])])?)[ \t]*[:=][ \t]*"
+    rb"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 )
+_SERIAL = rb"(?m)(^(?>.*?" + _PAIR + rb")(?>.*?" + _PAIR + rb").*\n){3}"  # three such lines
 
 
 def gpx(path: Path) -> list[Part]:
     """List the tracks of a GPX file; one table, where they follow each other in time."""
-    known = columns.NAMES["gpx"]
+    known = NAMES["gpx"]
 
     def point(element) -> dict[str, Any]:
         said = {each.tag.rpartition("}")[2].lower(): each.text for each in element.iter()}
@@ -76,16 +68,13 @@ def serial(path: Path) -> list[Part]:
     """Read lines such as ``gx: 0.1 gy: 0.2``, as programs of microcontrollers print them."""
     names: list[str] = []
     rows, lines, left_out = [], [], 0
-    with (
-        delimited.open_bytes(path) as raw,
-        io.TextIOWrapper(raw, encoding="utf-8", errors="replace") as handle,
-    ):
+    with delimited.open_bytes(path) as handle:
         for number, line in enumerate(handle, 1):
-            pairs = _PAIR.findall(line)
-            if not names and pairs:
-                names = [name for name, _ in pairs]
-            if names and [name for name, _ in pairs] == names:
-                rows.append([float(value) for _, value in pairs])
+            found = re.findall(_PAIR, line)
+            mine = [name.decode(errors="replace") for name, _ in found]
+            names = names or mine
+            if names and mine == names:
+                rows.append([float(value) for _, value in found])
                 lines.append(number)
             elif line.strip():
                 left_out += 1
@@ -93,12 +82,11 @@ def serial(path: Path) -> list[Part]:
         of = f"{left_out:,} of {left_out + len(rows):,} lines"
         raise CannotAnswer(f"{path.name}: {of} do not have the names of the first: write CSV")
     notes = [f"{counted(left_out, 'line')} with other names left out"] * bool(left_out)
-    if not line.endswith("\n") and lines[-1:] == [number]:  # a number may have lost digits
+    if not line.endswith(b"\n") and lines[-1:] == [number]:  # a number may have lost digits
         notes.append(f"line {lines.pop()}: {delimited.CUT_OFF}")
         rows.pop()
     frame = pd.DataFrame(np.array(rows), columns=names)
-    table = Table(frame, path, tuple(notes), lines=np.array(lines))
-    return [Part("lines", tuple(names), lambda _: table, len(lines))]
+    return [of_table("lines", Table(frame, path, tuple(notes), lines=np.array(lines)))]
 
 
 def xsens(path: Path) -> list[Part]:
@@ -108,33 +96,29 @@ def xsens(path: Path) -> list[Part]:
     documentation: PacketCounter wraps at 65535; SampleTimeFine counts at 10 kHz and wraps after
     2^32 ticks, of the MTi 10- and 100-series after a day.
     """
-    layout = delimited.sniff(path)
-    names = {name: columns.NAMES["xsens"].get(name, name) for name in layout.names}
+    text = of_text("export", path)
+    names = {name: NAMES["xsens"].get(name, name) for name in text.columns}
     with delimited.open_bytes(path) as handle:
         rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", handle.read(delimited.HEAD_BYTES))
 
     def load(_) -> Table:
-        table = delimited.read_table(path)
+        table = text.load(None)
         frame = table.frame.rename(columns=names)
-        for counter, tops, seconds in (
-            ("SampleTimeFine", (864_000_000, 2**32), 1e-4),
-            ("PacketCounter", (2**16,), 1 / float(rate[1]) if rate else 0.0),
-        ):
+        packet_s = 1 / float(rate[1]) if rate else 0.0
+        for counter, seconds in (("SampleTimeFine", 1e-4), ("PacketCounter", packet_s)):
             if counter in frame and seconds and frame[counter].notna().all():
-                ticks = frame[counter].to_numpy()
-                top = next((t for t in tops if ticks.max() < t), tops[-1])
-                starts_again = np.r_[0, np.diff(ticks) < -top / 2].cumsum()
-                frame.insert(0, "t_s", (ticks + float(top) * starts_again) * seconds)
+                ticks, _ = times.continuous(frame[counter].to_numpy())
+                frame.insert(0, "t_s", ticks * seconds)
                 break
         return replace(table, frame=frame)
 
-    return [Part("export", tuple(names.values()), load, told_by="the maker's description")]
+    told_by = "the maker's description"
+    return [replace(text, columns=tuple(names.values()), load=load, told_by=told_by)]
 
 
 def csv(path: Path) -> list[Part]:
     """List the one table of a delimited text file."""
-    layout = delimited.sniff(path)
-    return [Part(path.name, layout.names, lambda _: delimited.read_table(path))]
+    return [of_text(path.name, path)]
 
 
 @dataclass(frozen=True)
@@ -144,8 +128,8 @@ class Format:
     Attributes
     ----------
     title : str
-    tells : callable
-        First bytes -> whether it is this format.
+    pattern : bytes
+        What its first bytes hold, a regular expression.
     reader : str
         Module and function: path -> list of `Part`. It is loaded when it is needed.
     needs : str
@@ -153,7 +137,7 @@ class Format:
     """
 
     title: str
-    tells: Callable[[bytes], bool]
+    pattern: bytes
     reader: str
     needs: str = ""
 
@@ -172,68 +156,45 @@ class Format:
         return getattr(importlib.import_module(f"sensorlogs.{module}"), name)(path)
 
 
-def _starts(*marks: bytes) -> Callable[[bytes], bool]:
-    return lambda head: head.startswith(marks)
-
-
-def _holds(pattern: bytes) -> Callable[[bytes], bool]:
-    compiled = re.compile(pattern)
-    return lambda head: bool(compiled.search(head))
-
-
 FORMATS: dict[str, Format] = {  # the first that tells
-    "parquet": Format("Parquet", _starts(b"PAR1"), "matrices.parquet", "pyarrow"),
-    "mat5": Format("MATLAB v5 to v7", _starts(b"MATLAB 5.0"), "matrices.mat5"),
+    "parquet": Format("Parquet", rb"\APAR1", "matrices.parquet", "pyarrow"),
+    "mat5": Format("MATLAB v5 to v7", rb"\AMATLAB 5\.0", "matrices.mat5"),
     "mat73": Format(
-        "MATLAB v7.3 or HDF5",
-        lambda head: b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:520], head[1024:1032]),
-        "matrices.hdf5",
+        "MATLAB v7.3 or HDF5", rb"(?s)\A(.{512}|.{1024})?\x89HDF\r\n\x1a\n", "matrices.hdf5"
     ),
-    "numpy": Format("NumPy", _holds(rb"\A\x93NUMPY|\APK (\S+\.npy\n)+\Z"), "matrices.numpy_file"),
+    "numpy": Format("NumPy", rb"\A\x93NUMPY|\APK (\S+\.npy\n)+\Z", "matrices.numpy_file"),
     "spreadsheet": Format(
         "a spreadsheet (xlsx, xls, ods)",
-        _holds(rb"\A\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1|\APK (.*\n)*(xl/workbook\.|content\.xml\n)"),
+        rb"\A\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1|\APK (.*\n)*(xl/workbook\.|content\.xml\n)",
         "archives.spreadsheet",
         "python_calamine",
     ),
-    "rda": Format("R data", _starts(b"RDX2\n", b"RDX3\n", b"BZh", b"\xfd7zXZ"), "matrices.rda"),
+    "rda": Format("R data", rb"\A(RDX[23]\n|BZh|\xfd7zXZ)", "matrices.rda"),
     "bag": Format(
-        "a ROS bag",
-        _starts(b"#ROSBAG V", b"\x89MCAP", b"SQLite format 3"),
-        "robot_logs.ros_bag",
-        "rosbags",
+        "a ROS bag", rb"\A(#ROSBAG V|\x89MCAP|SQLite format 3)", "robot_logs.ros_bag", "rosbags"
     ),
-    "ulog": Format("a PX4 ULog", _starts(b"ULog\x01\x12\x35"), "robot_logs.ulog", "pyulog"),
+    "ulog": Format("a PX4 ULog", rb"\AULog\x01\x12\x35", "robot_logs.ulog", "pyulog"),
     "dataflash": Format(
         "an ArduPilot DataFlash log",
-        _holds(rb"\xa3\x95\x80\x80\x59FMT\x00"),
+        rb"\xa3\x95\x80\x80\x59FMT\x00",
         "robot_logs.dataflash",
         "pymavlink",
     ),
-    "nmea": Format("NMEA", lambda head: bool(nmea.SENTENCE.search(head)), "nmea.parts"),
-    "ubx": Format("u-blox UBX", _holds(rb"\xb5\x62[\x01-\x29]"), "robot_logs.ubx", "pyubx2"),
-    "gpx": Format("GPX", _holds(rb"<gpx[\s>]"), "formats.gpx"),
-    "json": Format("JSON lines", _holds(rb"\A\s*(\[\s*)?\{\s*\""), "matrices.json_lines"),
-    "xsens": Format("Xsens text", _holds(rb"\A(//[^\n]*\n)+PacketCounter"), "formats.xsens"),
-    "serial": Format("lines of names and numbers", lambda head: _is_serial(head), "formats.serial"),
-    "csv": Format("CSV", lambda head: True, "formats.csv"),
+    "nmea": Format("NMEA", nmea.SENTENCE, "nmea.parts"),
+    "ubx": Format("u-blox UBX", rb"\xb5\x62[\x01-\x29]", "robot_logs.ubx", "pyubx2"),
+    "gpx": Format("GPX", rb"<gpx[\s>]", "formats.gpx"),
+    "json": Format("JSON lines", rb"\A\s*(\[\s*)?\{\s*\"", "matrices.json_lines"),
+    "xsens": Format("Xsens text", rb"\A(//[^\n]*\n)+PacketCounter", "formats.xsens"),
+    "serial": Format("lines of names and numbers", _SERIAL, "formats.serial"),
+    "csv": Format("CSV", b"", "formats.csv"),
 }
-
-
-def _is_serial(head: bytes) -> bool:
-    """Tell whether most lines are made of names, colons and numbers."""
-    lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip()]
-    pairs = [_PAIR.findall(line) for line in lines[:50]]
-    same = [tuple(name for name, _ in found) for found in pairs if len(found) > 1]
-    return len(same) > 0.8 * len(pairs) > 0 and len(set(same)) <= 2
 
 
 def plain(path: Path) -> Path:
     """Return the file itself, or what it holds if it is gzipped."""
     with path.open("rb") as handle:
         packed = handle.read(2) == b"\x1f\x8b"
-    stat = path.stat()
-    return archives.unpacked(path, (stat.st_size, stat.st_mtime_ns)) if packed else path
+    return archives.once(archives.gunzip, path) if packed else path
 
 
 def format_of(path: Path) -> str:
@@ -243,7 +204,7 @@ def format_of(path: Path) -> str:
     if head.startswith(b"PK\x03\x04"):
         with reading(path, "a zip file"), zipfile.ZipFile(path) as packed:
             head = b"PK " + "".join(f"{name}\n" for name in packed.namelist()).encode()
-    name = next(name for name, one in FORMATS.items() if one.tells(head))
+    name = next(name for name, one in FORMATS.items() if re.search(one.pattern, head))
     if name == "nmea" and FORMATS["ubx"].is_here:  # with binary messages, which say more
         from sensorlogs import robot_logs
 
@@ -282,8 +243,7 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
         path = plain(path)
         known = known or format_of(path)
     if known == "csv" and zipfile.is_zipfile(path):
-        stat = path.stat()
-        return _parts(archives.unzipped(path, (stat.st_size, stat.st_mtime_ns)))
+        return _parts(archives.once(archives.unzip, path))
     return FORMATS[known].parts(path)
 
 
@@ -397,19 +357,3 @@ def about_the_mean(frame: pd.DataFrame, every: bool = False) -> pd.DataFrame:
             small[good] = (attitude.mean().inv() * attitude).as_rotvec(degrees=True)
             added |= {"roll_deg": small[:, 1], "pitch_deg": small[:, 0], "yaw_deg": -small[:, 2]}
     return frame.assign(**added) if added else frame
-
-
-def unwrap(values: np.ndarray, period: float) -> np.ndarray:
-    """Remove the jumps of an angle by full turns, leaving missing samples missing.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Angle in the unit of ``period``.
-    period : float
-        A full turn: 360 or 2 pi.
-    """
-    out = np.array(values, dtype=float)
-    good = np.isfinite(out)
-    out[good] = np.unwrap(out[good], period=period)
-    return out

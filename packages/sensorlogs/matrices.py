@@ -5,12 +5,10 @@ one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with th
 """
 
 import contextlib
-import functools
 import itertools
 import json
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -18,70 +16,43 @@ import h5py
 import numpy as np
 import pandas as pd
 import scipy.io
-from tqdm import tqdm
 
 from sensorlogs import CannotAnswer
 from sensorlogs.archives import check_zip
 from sensorlogs.columns import AXES
-from sensorlogs.delimited import Table, open_bytes, progress
-from sensorlogs.tables import Part, of_arrays, reading, with_axis
+from sensorlogs.delimited import Table, open_bytes
+from sensorlogs.names import NAMES
+from sensorlogs.tables import Part, of_arrays, of_table, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
-THREADS = 2  # that read its columns
+HDF5 = "a MATLAB v7.3 or HDF5 file"
 AT_ONCE = 50_000  # JSON objects
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
-_GPSD = {  # report of gpsd -> its member -> ours; by its manual gpsd_json(5): SI units, UTC
-    "TPV": {
-        "time": "time",
-        "mode": "fix_mode",
-        "lat": "lat_deg",
-        "lon": "lon_deg",
-        "alt": "height_m",
-    }
-    | {"altMSL": "height_m", "speed": "speed_m_s", "track": "course_deg"},
-    "SKY": {"pdop": "pdop", "uSat": "satellites"},
-    **{
-        other: {}
-        for other in ("VERSION", "DEVICES", "DEVICE", "WATCH", "PPS", "TOFF", "ATT", "GST")
-    },
-}
+_GPSD = NAMES["gpsd"]
 
 
 def parquet(path: Path) -> list[Part]:
     """List the one table of a Parquet file; only the columns wanted are read."""
-    import pyarrow as pa
     import pyarrow.parquet as pq
+    import pyarrow.types as is_
 
     with reading(path, "a Parquet file"):
         file = pq.ParquetFile(path)
-        schema, rows = file.schema_arrow, file.metadata.num_rows
-    units = {  # pandas and others keep the unit with the field
-        f.name: (f.metadata or {}).get(b"unit", b"").decode(errors="replace") for f in schema
-    }
-    names = {f.name: f"{f.name} ({units[f.name]})" if units[f.name] else f.name for f in schema}
-
-    def column(one):  # one by one: hardly anything is held twice
-        values = pq.read_table(path, columns=[one.name], use_threads=False).column(0)
-        if pa.types.is_timestamp(one.type):
-            values = values.cast(pa.timestamp("ns", one.type.tz)).cast(pa.int64())
-        elif pa.types.is_temporal(one.type) or not (
-            pa.types.is_primitive(one.type) or pa.types.is_decimal(one.type)
-        ):
-            return np.array(values.to_pylist(), dtype=object)
-        return values.cast(pa.float64(), safe=False).to_numpy()
+    rows, fields = file.metadata.num_rows, {f.name: f for f in file.schema_arrow}
+    names = {}
+    for name, one in fields.items():  # pandas and others keep the unit with the field
+        unit = (one.metadata or {}).get(b"unit", b"").decode(errors="replace")
+        names[name] = f"{name} ({unit})" if unit else name
 
     def load(wanted: Sequence[str] | None) -> Table:
-        flat = [
-            f for f in schema if not (pa.types.is_nested(f.type) or pa.types.is_dictionary(f.type))
-        ]
-        flat = [f for f in flat if wanted is None or names[f.name] in wanted]
+        flat = [n for n, f in fields.items() if not is_.is_nested(f.type)]
+        flat = [n for n in flat if wanted is None or names[n] in wanted]
         _check_size(path, rows, len(flat))
-        with reading(path, "a Parquet file"), ThreadPoolExecutor(THREADS) as threads:
-            bar = {"total": len(flat), "unit": "column", **progress(path)}
-            values = tqdm(threads.map(column, flat), **bar)
-            columns = dict(zip((names[f.name] for f in flat), values, strict=True))
-        pa.default_memory_pool().release_unused()
-        return Table(pd.DataFrame(columns, copy=False), path)
+        with reading(path, "a Parquet file"):
+            frame = pq.read_table(path, columns=flat).to_pandas(ignore_metadata=True)
+        for name in frame.select_dtypes(["datetime", "datetimetz"]):
+            frame[name] = _since_1970(frame[name])
+        return of_arrays(path, "table", frame.rename(columns=names)).load(None)
 
     return [Part("table", tuple(names.values()), load, rows)]
 
@@ -92,11 +63,6 @@ def mat5(path: Path) -> list[Part]:
         content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     groups: dict[str, dict[str, np.ndarray]] = {}
     opaque: list[str] = []
-    labels = {
-        name.removesuffix("_label"): [str(each).strip() for each in np.atleast_1d(value)]
-        for name, value in content.items()
-        if name.endswith("_label") and isinstance(value, np.ndarray)
-    }
 
     def visit(name: str, value: Any, group: str):
         if hasattr(value, "_fieldnames"):
@@ -105,10 +71,7 @@ def mat5(path: Path) -> list[Part]:
             for key in value._fieldnames:
                 visit(f"{name}_{key}" if vector else key, getattr(value, key), inside)
         elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
-            if value.ndim == 2 and len(labels.get(name, ())) == value.shape[1]:  # Mission Planner
-                groups[name] = {each: value[:, j] for j, each in enumerate(labels[name])}
-            else:
-                groups.setdefault(group, {})[name] = value
+            groups.setdefault(group, {})[name] = value
         elif "MatlabOpaque" in type(value).__name__:
             opaque.append(name)
 
@@ -121,7 +84,7 @@ def mat5(path: Path) -> list[Part]:
 @contextlib.contextmanager
 def open_mat73(path: Path) -> Iterator[h5py.File]:
     """Open a MATLAB v7.3 (HDF5) file; an error becomes `CannotAnswer`."""
-    with reading(path, "a MATLAB v7.3 or HDF5 file"), h5py.File(path) as file:
+    with reading(path, HDF5), h5py.File(path) as file:
         yield file
 
 
@@ -137,28 +100,15 @@ def hdf5(path: Path) -> list[Part]:
         if node.dtype.names:  # a table of h5py or PyTables: its fields are the columns
             for key in node.dtype.names:
                 if node.dtype[key].kind in "fiub":
-                    groups.setdefault(name, {})[key] = _lazy(path, name, node, key)
+                    groups.setdefault(name, {})[key] = node.fields(key)[()]
         elif node.dtype.kind in "fiub" and node.attrs.get("MATLAB_class", b"") != b"char":
-            groups.setdefault(group, {})[leaf] = _lazy(path, name, node)
+            groups.setdefault(group, {})[leaf] = node  # read when its table is
             unit = node.attrs.get("units", node.attrs.get("unit", ""))
             units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
 
-    with open_mat73(path) as file:
-        file.visititems(visit)
+    with reading(path, HDF5):
+        h5py.File(path).visititems(visit)
     return _grouped(path, groups, [], units)
-
-
-class _lazy:
-    """Shape of a data set, and how to read it."""
-
-    def __init__(self, path: Path, name: str, node: h5py.Dataset, key: str | None = None):
-        self.path, self.name, self.key, self.shape = path, name, key, node.shape
-
-    def __array__(self, dtype=None, copy=None):
-        with open_mat73(self.path) as file:
-            node = file[self.name]
-            values = node[()] if self.key is None else node.fields(self.key)[()]
-        return np.asarray(values, dtype=dtype)
 
 
 def numpy_file(path: Path) -> list[Part]:
@@ -188,11 +138,9 @@ def rda(path: Path) -> list[Part]:
 
     # rdata warns where an R class has no Python equivalent (here "imu", a matrix with attributes)
     # and then returns the plain matrix, which is wanted here: constructors avoid the warning.
-    constructors = {
-        **rdata.conversion.DEFAULT_CLASS_MAP,
-        "imu": lambda matrix, attributes: matrix,
-        "matrix": lambda matrix, attributes: matrix,
-    }
+    constructors = rdata.conversion.DEFAULT_CLASS_MAP | dict.fromkeys(
+        ("imu", "matrix"), lambda matrix, attributes: matrix
+    )
     with reading(path, "an R data file", "save the matrix as CSV"):
         objects = rdata.conversion.convert(rdata.parser.parse_file(path), constructors)
         parts = []
@@ -242,8 +190,7 @@ def json_lines(path: Path) -> list[Part]:
         lines = frame.index.to_numpy()
         table = Table(frame.reset_index(drop=True), path, (*notes, *said), lines=lines)
         if len(frame.columns):
-            load = functools.partial(lambda table, _: table, table)
-            parts.append(Part(sensor, tuple(frame), load, len(frame)))
+            parts.append(of_table(sensor, table))
     if not parts:
         raise CannotAnswer(f"{path.name}: no data: JSON without any number")
     return parts
@@ -262,9 +209,14 @@ def _numbers(frame: pd.DataFrame) -> Iterator[tuple[str, pd.Series]]:
         values = pd.to_numeric(cells, errors="coerce").astype(float)
         words = cells[values.isna()]
         if words.notna().any():
-            dates = pd.to_datetime(words, utc=True, errors="coerce", format="ISO8601")
-            values = values.fillna((dates - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1))
+            values = values.fillna(_since_1970(words))
         yield str(name), values
+
+
+def _since_1970(dates: pd.Series) -> pd.Series:
+    """Turn dates into seconds, what is none into NaN."""
+    dates = pd.to_datetime(dates, utc=True, errors="coerce", format="ISO8601")
+    return (dates - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
 
 
 def _positions(objects: Iterable[tuple[int, dict]]) -> Iterator[tuple[int, dict]]:

@@ -9,6 +9,7 @@ import contextlib
 import datetime
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from sensorlogs.archives import EXPORT
 from sensorlogs.catalogue import find
 from sensorlogs.columns import AXES, closest, recognise
 from sensorlogs.delimited import Table
+from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, ask, interpolated, named
 from sensorlogs.timeline import (
     FACTORS,
@@ -43,19 +45,18 @@ from sensorlogs.timeline import (
     silent_gaps,
 )
 
-ROLLOVER_S = 1024 * 7 * 86400.0  # GPS counts its weeks to here
 IMU_GAPS = 0.01  # share of IMU rows whose time may step back
 GYROS, ACCELS = ([f"{what}_{axis}" for axis in AXES] for what in ("gyro", "accel"))
 NEEDED = {"GNSS": ["lat", "lon"], "IMU": GYROS + ACCELS, "attitude": ["roll", "pitch"]}
 NAMED = {"lat": "deg", "lon": "deg"} | dict.fromkeys(GYROS, "deg_s") | dict.fromkeys(ACCELS, "m_s2")
 ANGLES = ("roll", "pitch", "yaw", "course")
-TO_OURS = {"km/h": 1 / 3.6, "knots": 1852 / 3600, "mph": 0.44704, "ft": 0.3048}
+TO_OURS = {unit: said["factor"] for own in NAMES["units_of"].values() for unit, said in own.items()}
 TO_OURS["rad"] = float(np.degrees(1.0))
 IN_SI = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()} | IN_M_S2
 _SIX = 3 * ["rate"] + 3 * ["accel"]
 _SECOND = {"linear", "lin", "linacc", "user", "bias"}  # of two columns that hold one quantity
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
-PHONE = {*columns.NAMES["phone"]["words"].split()}
+PHONE = {*NAMES["phone"]["words"].split()}
 HEADERS = ("its header", "its message's field names")  # may be wrong; a format's definition is not
 HELD = 0.6  # share of rows with the position of the row before: a held output beside an IMU
 HELD_S = 1.0  # s after which an unchanged position beside an IMU counts as a new epoch
@@ -259,17 +260,15 @@ def _shift(gnss, imu, clocks, offset, notes, start) -> float:
 def _dates_apart(gnss, imu, start) -> Iterator[str]:
     """Note that the dates of the two logs lie apart, which a receiver's wrong date also causes."""
     first = datetime.datetime.fromisoformat(start).timestamp()
-    rolled = ROLLOVER_S * np.round((imu.t_s[0] - first) / ROLLOVER_S)
     spans = first + gnss.t_s[[0, -1]] - gnss.t_s[0], imu.t_s[[0, -1]]
-    if spans[0][0] + rolled <= spans[1][1] and spans[1][0] <= spans[0][1] + rolled:
-        return
-    one, other = (
-        f"{datetime.datetime.fromtimestamp(span[0], datetime.UTC):%Y-%m-%d %H:%M}" for span in spans
-    )
-    yield (
-        f"by their dates the GNSS log (from {one}) and the IMU log (from {other}) lie a day or "
-        "more apart: matched by the time of day, the receiver's date taken as wrong"
-    )
+    if spans[0][0] > spans[1][1] or spans[1][0] > spans[0][1]:
+        one, other = (
+            f"{datetime.datetime.fromtimestamp(t, datetime.UTC):%Y-%m-%d %H:%M}" for t, _ in spans
+        )
+        yield (
+            f"by their dates the GNSS log (from {one}) and the IMU log (from {other}) lie a day or "
+            "more apart: matched by the time of day, the receiver's date taken as wrong"
+        )
 
 
 def _rows_of(
@@ -343,6 +342,12 @@ class _Rows:
         for name in names:
             self.names.setdefault(recognise(name).quantity or "", name)
 
+    def rising(self, rows, notes, late_allowed=0.0) -> np.ndarray:
+        """Keep the rows later than all before."""
+        place = partial(self.table.place, column=self.time)
+        t = self.t[rows]
+        return rows[times.rising(t, lambda k: place(rows[k]), notes, late_allowed)]
+
     def parts(self) -> dict[str, Any]:
         """Make what the columns suffice for."""
         made: dict[str, Any] = {}
@@ -384,14 +389,6 @@ class _Rows:
             unit = unit or self.given["unit"].get("angle")
         return self.table.frame[name].to_numpy() * TO_OURS.get(unit or "", 1.0)
 
-    def rising(self, rows, notes, late_allowed=0.0) -> np.ndarray:
-        """Keep the rows later than all before."""
-        return rows[
-            times.rising(
-                self.t[rows], lambda k: self.table.place(rows[k], self.time), notes, late_allowed
-            )
-        ]
-
     def gnss(self) -> Gnss:
         """Make the epochs: the rows in which the receiver gives a value."""
         data = {what: self.column(what) for what in self.names if what not in ("", *NEEDED["IMU"])}
@@ -423,13 +420,6 @@ class _Rows:
         if "fix" in data:
             fix &= column("fix") > 0
         lon = np.where((lon > 180) & (lon <= 360), wrap(lon), lon)  # counted from 0 to 360
-        beyond = np.flatnonzero(fix & ~((np.abs(lat) <= 90) & (np.abs(lon) <= 180)))
-        if beyond.size and 2 * beyond.size >= fix.sum():
-            k = beyond[0]
-            raise CannotAnswer(
-                f"{place(k)}: {lat[k]:g}, {lon[k]:g} is nowhere on Earth, as are {beyond.size:,} "
-                f"of {fix.sum():,} positions; give degrees, latitude and longitude not exchanged"
-            )
         if (speed < 0).any():
             said = f"column '{self.names['speed']}': {(speed < 0).sum():,} below zero, left out"
             self.notes.append(f"{self.file}: {said}")

@@ -15,8 +15,8 @@ import pandas as pd
 from pynmeagps import GET, NMEAMessage, NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
 
 from sensorlogs import CannotAnswer, counted, times
-from sensorlogs.columns import NAMES
 from sensorlogs.delimited import Table, content
+from sensorlogs.names import NAMES
 from sensorlogs.tables import Part
 from sensorlogs.timeline import Gnss
 from sensorlogs.times import BadStamps, Stamps
@@ -30,9 +30,7 @@ HOST_SHARE = 0.5  # epochs with a host's stamp beyond which the stamps are taken
 TALKER = rb"\$(?:G[A-Z]|BD|QZ)"
 _BODY = rb"[ -#%-)+-~]*"  # printable, no dollar, no star
 _END = rb"(?:[\r\n]|\Z)"
-SENTENCE = re.compile(
-    TALKER + rb"(?:GGA|GSA|RMC|GNS|GLL)," + _BODY + rb"(?:\*|" + _END + rb")"
-)  # tells a file by its head
+SENTENCE = TALKER + rb"(?:GGA|GSA|RMC|GNS|GLL)," + _BODY + rb"(?:\*|" + _END + rb")"
 _BAD = (NMEAParseError, NMEAMessageError, NMEATypeError, ValueError, AttributeError, TypeError)
 _CLOCK = rb"\d\d:\d\d:\d\d(?:[.,]\d+)?"
 _STAMP = rb"\d{4}-\d\d-\d\d[T ]" + _CLOCK + rb"(?:Z|[+-]\d\d:?\d\d)?|" + _CLOCK

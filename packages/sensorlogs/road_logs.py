@@ -12,6 +12,10 @@ from sensorlogs.matrices import mat5, open_mat73
 
 ANTENNAS = ("Front", "LeftRear", "RightRear")
 RTK_FIXED = 6  # this receiver's DGPS_mode with carrier ambiguities fixed; in NMEA it is 4
+GGA = ("GPS_Time", "ROS_Time", "Latitude", "Longitude", "Altitude", "GeoSep", "DGPS_mode")
+WHEELS = ("ROS_Time", "C1Counts", "C2Counts")
+DRIVE = ("GPS_Time", "velMagnitude", "xEast", "yNorth", "altitude")
+POSITION = ["east_m", "north_m", "height_m"]
 RATE_HZ = 10
 SPARSE = 20  # span in steps of 0.1 s over epochs, beyond which the file is not one lap
 CLOCK_WINDOW = 10.0  # s over which the offset of the computer's clock is constant
@@ -28,22 +32,16 @@ class RtkLap:
     antennas : ndarray, shape (3, n, 3)
         Front, left rear, right rear: east and north of the origin, height above mean sea level,
         m; NaN where the receiver wrote no epoch or was not RTK fixed.
-    epochs : tuple of int
-        Epochs that each of the antennas wrote.
     wheel_t_s : ndarray, shape (m,)
         GPS time of the encoder counts: the computer's clock, set by the receivers' stamps.
     wheel_counts : ndarray, shape (m,)
         Mean of both rear wheels, forward positive.
-    dropped : int
-        Encoder rows without counts, left out.
     """
 
     t_s: np.ndarray
     antennas: np.ndarray
-    epochs: tuple[int, ...]
     wheel_t_s: np.ndarray
     wheel_counts: np.ndarray
-    dropped: int
 
 
 def lap(path: Path, origin: tuple[float, float]) -> RtkLap:
@@ -64,40 +62,40 @@ def lap(path: Path, origin: tuple[float, float]) -> RtkLap:
     with open_mat73(path) as file:
         raw = file.get("rawData", {})
         receivers = [_receiver(raw, name, path, origin) for name in ANTENNAS]
-        encoder = _encoder(raw, path)
-    first = min(tick[0] for tick, *_ in receivers)
-    n = max(tick[-1] for tick, *_ in receivers) - first + 1
-    if n > SPARSE * max(len(tick) for tick, *_ in receivers):
+        wheel_t, left, right = _columns(raw, "Encoder_Raw", "wheel encoder", WHEELS, path)
+    epochs = pd.concat(receivers)
+    longest = max(map(len, receivers))
+    first = epochs["tick"].min()
+    n = epochs["tick"].max() - first + 1
+    if n > SPARSE * longest:
         raise CannotAnswer(
             f"{path.name}: the antennas' GPS times span {n / RATE_HZ / 3600:.1f} h for "
-            f"{max(len(tick) for tick, *_ in receivers)} epochs; cut out one lap"
+            f"{longest} epochs; cut out one lap"
         )
     antennas = np.full((3, n, 3), np.nan)
-    for i, (tick, xyz, fixed, _) in enumerate(receivers):
-        antennas[i, tick[fixed] - first] = xyz[fixed]
+    for xyz, receiver in zip(antennas, receivers, strict=True):
+        xyz[receiver["tick"] - first] = receiver[POSITION]
+    counted = np.isfinite(wheel_t + left + right) & (left != 0) & (right != 0)
+    if counted.sum() < 2:
+        raise CannotAnswer(f"{path.name}: the wheel encoders counted nothing")
     # The encoders have only the computer's stamps; its clock drifts by 0.2 s within a lap.
-    stamps = pd.concat([stamp for *_, stamp in receivers], ignore_index=True)
-    block = (stamps["computer_s"] // CLOCK_WINDOW).astype(int)
-    clock = stamps.assign(late_s=stamps["computer_s"] - stamps["gps_s"]).groupby(block).median()
-    wheel_t, counts, dropped = encoder
-    late = np.interp(wheel_t, clock["computer_s"], clock["late_s"])
+    block = (epochs["computer_s"] // CLOCK_WINDOW).astype(int)
+    clock = epochs[["computer_s", "late_s"]].groupby(block).median()
+    late = np.interp(wheel_t[counted], clock["computer_s"], clock["late_s"])
     return RtkLap(
         t_s=np.arange(n) / RATE_HZ,
         antennas=antennas,
-        epochs=tuple(len(tick) for tick, *_ in receivers),
-        wheel_t_s=wheel_t - late - first / RATE_HZ,
-        wheel_counts=counts,
-        dropped=dropped,
+        wheel_t_s=wheel_t[counted] - late - first / RATE_HZ,
+        wheel_counts=(right - left)[counted] / 2,  # the left one counts backward
     )
 
 
 def _receiver(raw, name, path, origin):
-    """Read an antenna: epoch number, positions, which are fixed, and its stamps by both clocks."""
+    """Read an antenna: a row an epoch, its number, position if it is fixed, and clock."""
     group = f"GPS_SparkFun_{name}_GGA"
-    if group not in raw:
-        raise CannotAnswer(f"{path.name}: no antenna '{group}'; pitch and roll need all three")
-    names = ("GPS_Time", "ROS_Time", "Latitude", "Longitude", "Altitude", "GeoSep", "DGPS_mode")
-    gps, computer, lat, lon, altitude, separation, mode = _columns(raw[group], names, path)
+    gps, computer, lat, lon, altitude, separation, mode = _columns(
+        raw, group, "antenna", GGA, path, "; pitch and roll need all three"
+    )
     good = np.isfinite(gps + lat + lon + altitude + separation)
     fixed = good & (mode == RTK_FIXED)
     if not fixed.any():
@@ -107,34 +105,27 @@ def _receiver(raw, name, path, origin):
         )
     east, north, _ = pymap3d.geodetic2enu(lat, lon, altitude + separation, *origin, 0.0)
     # The tangent plane departs from mean sea level by 7 mm in 300 m: heights are those of GGA.
-    xyz = np.column_stack([east, north, altitude])
-    tick = np.round(gps[good] * RATE_HZ).astype(np.int64)
-    if (np.diff(tick) <= 0).any():
+    frame = pd.DataFrame(np.column_stack([east, north, altitude]), columns=POSITION)
+    frame[~fixed] = np.nan
+    frame = frame.assign(computer_s=computer, late_s=computer - gps)[good]
+    frame["tick"] = np.round(gps[good] * RATE_HZ).astype(np.int64)
+    backward = np.diff(frame["tick"]) <= 0
+    if backward.any():
         raise CannotAnswer(
             f"{path.name}: the GPS time of antenna {name} repeats or runs backward after epoch "
-            f"{np.argmax(np.diff(tick) <= 0) + 1}; sort it, and thin it to {RATE_HZ} Hz"
+            f"{np.argmax(backward) + 1}; sort it, and thin it to {RATE_HZ} Hz"
         )
-    stamps = pd.DataFrame({"computer_s": computer[good], "gps_s": gps[good]})
-    return tick, xyz[good], fixed[good], stamps
+    return frame
 
 
-def _columns(group, names, path):
-    """Read columns of numbers; refuse a group that lacks one."""
-    absent = [name for name in names if name not in group]
+def _columns(raw, group, what, names, path, why=""):
+    """Read columns of numbers of a group; refuse a file that lacks it, or one of them."""
+    if group not in raw:
+        raise CannotAnswer(f"{path.name}: no {what} '{group}'{why}")
+    absent = [name for name in names if name not in raw[group]]
     if absent:
-        raise CannotAnswer(f"{path.name}: {group.name} has no '{absent[0]}'")
-    return [np.ravel(group[name][()]).astype(float) for name in names]
-
-
-def _encoder(raw, path):
-    """Read the wheel encoders: computer time, mean counts forward, how many rows had none."""
-    if "Encoder_Raw" not in raw:
-        raise CannotAnswer(f"{path.name}: no wheel encoder 'Encoder_Raw' in the file")
-    t, one, two = _columns(raw["Encoder_Raw"], ("ROS_Time", "C1Counts", "C2Counts"), path)
-    good = np.isfinite(t + one + two) & (one != 0) & (two != 0)
-    if good.sum() < 2:
-        raise CannotAnswer(f"{path.name}: the wheel encoders counted nothing")
-    return t[good], (two - one)[good] / 2, int((~good).sum())  # the left one counts backward
+        raise CannotAnswer(f"{path.name}: {group} has no '{absent[0]}'")
+    return [np.ravel(raw[group][name][()]).astype(float) for name in names]
 
 
 def highway(path: Path) -> pd.DataFrame:
@@ -149,13 +140,7 @@ def highway(path: Path) -> pd.DataFrame:
     ------
     CannotAnswer
     """
-    names = {
-        "GPS_Time": "t_s",
-        "velMagnitude": "speed_m_s",
-        "xEast": "east_m",
-        "yNorth": "north_m",
-        "altitude": "height_m",
-    }
+    names = dict(zip(DRIVE, ("t_s", "speed_m_s", *POSITION), strict=True))
     parts = [part for part in mat5(path) if set(names) <= set(part.columns)]
     if len(parts) != 1:
         raise CannotAnswer(f"{path.name}: not a drive: it needs one struct with {', '.join(names)}")

@@ -14,7 +14,7 @@ import sys
 import tempfile
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,9 @@ import pandas as pd
 from tqdm import tqdm
 
 from sensorlogs import CannotAnswer, counted, nmea
-from sensorlogs.columns import AXES, NAMES
+from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, progress
+from sensorlogs.names import NAMES
 from sensorlogs.tables import LISTED, Part, of_arrays, reading
 
 DEFINED = "its message definition"
@@ -44,7 +45,8 @@ def ros_bag(path: Path) -> list[Part]:
     with _opened(path) as bag:
         for topic, connections in _topics(bag).items():
             known = connections[0].msgtype in bag.typestore.fielddefs
-            names = _ros_columns(bag, connections, itertools.islice) if known else {}
+            first = itertools.islice(bag.messages(connections), 1) if known else ()
+            names = _ros_columns(bag, first)
             rows = sum(c.msgcount for c in connections)
             told_by = DEFINED if connections[0].msgtype in _ROS else "its message's field names"
             load = functools.partial(_ros_table, path, topic, rows)
@@ -79,11 +81,11 @@ def _topics(bag: Any) -> dict[str, list]:
     return topics
 
 
-def _ros_columns(bag: Any, connections: list, taken: Callable) -> dict[str, array]:
+def _ros_columns(bag: Any, messages: Iterable) -> dict[str, array]:
     """Read the columns of some messages: stamps, times of recording under "", and all numbers."""
-    known = _ROS.get(connections[0].msgtype, {})
     columns: dict[str, array] = defaultdict(lambda: array("d"))
-    for connection, written_ns, raw in taken(bag.messages(connections), 1):
+    for connection, written_ns, raw in messages:
+        known = _ROS.get(connection.msgtype, {})
         message = bag.deserialize(raw, connection.msgtype)
         header = getattr(message, "header", None)
         columns["t_s"].append(header.stamp.sec + 1e-9 * header.stamp.nanosec if header else 0.0)
@@ -111,12 +113,9 @@ def _ros_leaves(message: Any, above: str = "") -> Iterator[tuple[str, float]]:
 def _ros_table(path: Path, topic: str, rows: int, _) -> Table:
     """Read the messages of one topic."""
     notes = []
-
-    def shown(messages, _):
-        return tqdm(messages, total=rows, **progress(path))
-
     with _opened(path) as bag:
-        columns = _ros_columns(bag, _topics(bag)[topic], shown)
+        messages = bag.messages(_topics(bag)[topic])
+        columns = _ros_columns(bag, tqdm(messages, total=rows, **progress(path)))
     found = {name: np.frombuffer(values) for name, values in columns.items()}
     if len({len(values) for values in found.values()}) != 1:
         raise CannotAnswer(f"{path.name}: topic {topic} has no rows of equal length")
@@ -320,7 +319,7 @@ def ubx(path: Path) -> list[Part]:
                 frame = frame.groupby(frame.columns[0], sort=False).first().reset_index()
             columns = {key: frame[key].to_numpy() for key in frame}
             parts.append(of_arrays(path, name, columns, notes, told_by=DEFINED))
-    if nmea.SENTENCE.search(raw):
+    if re.search(nmea.SENTENCE, raw):
         parts += [replace(part, primary=not rows["NAV-PVT"]) for part in nmea.parts(path)]
     if not parts:
         raise CannotAnswer(

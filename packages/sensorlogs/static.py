@@ -9,26 +9,14 @@ A file that cannot be read is refused in one sentence with file, line, column an
 repair is one sentence in `Log.repairs`.
 """
 
-import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from sensorlogs import (
-    IN_M_S2,
-    CannotAnswer,
-    WrongUsage,
-    columns,
-    counted,
-    datasets,
-    formats,
-    times,
-)
+from sensorlogs import IN_M_S2, CannotAnswer, WrongUsage, columns, counted, datasets, formats, times
 from sensorlogs.catalogue import check_unit, find
 from sensorlogs.columns import Choice
 from sensorlogs.delimited import Table, printable
@@ -37,8 +25,6 @@ from sensorlogs.times import MISSING_ALLOWED, Grid
 RATES = 1e9  # Hz, above any sensor's; one sample in as many seconds is below
 SAMPLES_NEEDED = 64  # fewer leave an Allan curve with no two points to compare
 LARGEST = 1e9  # beyond what any sensor reads, in any unit
-PIECE = 1 << 20  # samples that are looked at together, to bound the memory
-THREADS = 2  # channels that are looked at together
 AWAY = 20  # times the range of all other values; a value that returns beyond it is no reading
 RETURNS = 3  # times that one value has to stand there
 FAR = 5  # times its scatter (5 to 95 %) that a reading is from 0, which it then never is
@@ -196,13 +182,11 @@ def read(
         chosen, guessed, left, temperature = _choices(rows, time_column, stanza, columns, option)
     repairs = [*guessed, *([stanza["note"]] if "note" in stanza else [])]
     repairs += [*rows.repairs, *notes, *left, *grid.repairs]
-    said: list[list[str]] = [[] for _ in chosen]
-    lost: list[list[tuple]] = [[] for _ in chosen]
-    put = partial(_channel, rows, grid, _zeros(rows.frame, chosen))
-    with ThreadPoolExecutor(THREADS) as threads:
-        digest = threads.submit(datasets.sha256, path)
-        channels = tuple(threads.map(put, chosen, said, lost))
-    repairs += [*_missing(rows, itertools.chain(*lost)), *itertools.chain(*said)]
+    said: list[str] = []
+    lost: list[tuple] = []
+    zeros = _zeros(rows.frame, chosen)
+    channels = tuple(_channel(rows, grid, zeros, choice, said, lost) for choice in chosen)
+    repairs += [*_missing(rows, lost), *said]
     _check_gravity(path.name, channels, option.get("unit"))
     if grid.size < SAMPLES_NEEDED:
         raise CannotAnswer(
@@ -217,7 +201,7 @@ def read(
         name=name,
         title=stanza.get("title", path.name),
         file=path.name,
-        sha256=digest.result(),
+        sha256=datasets.sha256(path),
         rate_hz=grid.rate_hz,
         channels=channels,
         samples=len(rows.frame),
@@ -254,7 +238,7 @@ def _stretch(table: Table, option: dict):
     if "time" in option:
         time = columns.resolve(option["time"], list(frame), file)
     if rate is None or "time" in option:
-        time, stamps = times.of_table(table, time, rate, option.get("time_unit"))
+        time, stamps = times.of_table(table, time, option.get("time_unit"))
         t_s = stamps.since_s
         notes += stamps.notes
     elif time:
@@ -291,7 +275,7 @@ def _choices(table, time, stanza, wanted, option):
     file, frame = table.file, table.frame
     given = {key: option.get(key) for key in ("unit", "kind", "scale")}
     numeric = [name for name in frame.select_dtypes("number") if name != time]
-    warm, unit, temperature = columns.temperature(frame, numeric) or ("", "", None)
+    warm, temperature = columns.temperature(frame, numeric) or ("", None)
     if "channels" in stanza:
         known, few = {}, columns.sample(frame, numeric)
         for channel in stanza["channels"]:
@@ -320,7 +304,7 @@ def _choices(table, time, stanza, wanted, option):
     lost = {"lat_deg", "lon_deg"} <= set(frame) and "north_m" not in frame and not wanted
     if lost and not any(columns.recognise(name).kind for name in numeric):
         raise CannotAnswer(f"{file}: no fix: none of the {len(frame):,} epochs has a position")
-    notes = [f"column '{warm}' kept as the temperature, in {unit}"] if warm else []
+    notes = [f"column '{warm}' kept as the temperature, in deg C"] if warm else []
     empty = [n for n in numeric if n not in wanted and not frame[n].notna().any()]
     if empty and len(empty) < len(numeric):
         notes.append(f"without any value, and left out: {', '.join(map(repr, empty))}")
@@ -376,18 +360,17 @@ def _channel(
         lost.append((why, count, row, choice.column))
         values, cells = cells[finite], np.where(finite, cells, np.nan)
     if choice.kind == "angle" and choice.unit in columns.FULL_TURN:
-        turned = formats.unwrap(cells, columns.FULL_TURN[choice.unit])
-        jumps = int((np.diff((turned - cells)[finite]).round(6) != 0).sum())
+        turned = np.unwrap(values, period=columns.FULL_TURN[choice.unit])
+        jumps = int((np.diff(turned - values).round(6) != 0).sum())
         if jumps:
             repairs.append(
                 f"'{choice.name}' unwrapped: {counted(jumps, 'jump')} by a full turn removed"
             )
-            cells, values = turned, turned[finite]
+            cells, values = np.full(len(cells), np.nan), turned
+            cells[finite] = turned
     few = np.percentile(values[:: 1 + len(values) // columns.LOOKED_AT], [5, 95])
     spread = 1e-6 * float(np.ptp(few))  # rounding in metres from degrees is no change
-    parts = (np.diff(values[k : k + PIECE + 1]) for k in range(0, len(values) - 1, PIECE))
-    same = sum(int((np.abs(part) <= spread).sum()) for part in parts)
-    held = same / max(len(values) - 1, 1) if spread else 0.0
+    held = float(np.mean(np.abs(np.diff(values)) <= spread)) if spread else 0.0
     if held > HELD:
         repairs.append(
             f"'{choice.name}' repeats its last value in {held:.1%} of the samples: a held output, "
@@ -458,8 +441,7 @@ def _check_gravity(file: str, channels: tuple[Channel, ...], given: str | None) 
         group = [accels[name] for name in (names if len(names) >= 3 else vertical)]
         if not group or len({c.unit for c in group}) > 1:
             continue
-        some = slice(None, None, 1 + len(group[0].values) // PIECE)
-        norm = float(np.sqrt(sum(np.nanmean(c.values[some]) ** 2 for c in group)))
+        norm = float(np.sqrt(sum(np.nanmean(c.values) ** 2 for c in group)))
         own, unit = group[0].unit, columns.gravity_unit(norm)
         if unit not in (None, own):
             units = columns.given_units(given) if "=" in (given or "") else {}

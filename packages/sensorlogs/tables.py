@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import CannotAnswer, WrongUsage, columns, counted, times
+from sensorlogs import CannotAnswer, WrongUsage, columns, counted, delimited, times
 from sensorlogs.delimited import Table, printable
 
 LISTED = 12  # tables named in a message
@@ -56,9 +56,17 @@ def of_arrays(
         values = np.asarray(values)
         numeric = values.dtype.kind in "fiub"
         found[column] = np.ascontiguousarray(values, dtype=float) if numeric else values
-    frame = pd.DataFrame(found, copy=False)
-    rows = len(frame)
-    return Part(name, tuple(found), lambda _: Table(frame, path, tuple(repairs)), rows, **more)
+    return of_table(name, Table(pd.DataFrame(found, copy=False), path, tuple(repairs)), **more)
+
+
+def of_table(name: str, table: Table, **more) -> Part:
+    """Make a part of a table that is in memory."""
+    return Part(name, tuple(table.frame), lambda _: table, len(table.frame), **more)
+
+
+def of_text(name: str, path: Path) -> Part:
+    """Make a part of a delimited text file."""
+    return Part(name, delimited.sniff(path).names, lambda _: delimited.read_table(path))
 
 
 @contextlib.contextmanager
@@ -181,11 +189,9 @@ def interpolated(one: Table, other: Table, parts: Sequence[Part]) -> Table:
     right = {
         name: np.interp(at[inside], t[order], other.frame[name].to_numpy()[order])
         for name in other.frame.select_dtypes("number")
-        if name not in one.frame
     }
     note = f"{parts[1].name} interpolated to the stamps of {parts[0].name}"
-    frame = one.frame[inside].reset_index(drop=True).assign(**right)
-    return replace(one, frame=frame, repairs=(*one.repairs, *other.repairs, note))
+    return _side_by_side(one, one.frame[inside], other, pd.DataFrame(right), note)
 
 
 def paired(one: Table, other: Table, parts: Sequence[Part]) -> Table:
@@ -206,13 +212,19 @@ def paired(one: Table, other: Table, parts: Sequence[Part]) -> Table:
     if rows < 3 or not np.max(np.abs(a - b)) < 1.5 * np.median(np.abs(np.diff(a))):
         where = one.path if one.path == other.path else one.path.parent
         raise ask(parts, where, ", with stamps that do not pair")
-    right = other.frame.iloc[starts[1] : starts[1] + rows].reset_index(drop=True)
-    left = one.frame.iloc[starts[0] : starts[0] + rows].reset_index(drop=True)
-    right = right.drop(columns=[name for name in right if name in left])
+    left, right = (
+        table.frame.iloc[k : k + rows] for table, k in zip((one, other), starts, strict=True)
+    )
     note = (
         f"{parts[0].name} and {parts[1].name} put side by side in the order of their rows; stamps "
         f"of a pair differ by at most {1000 * np.max(np.abs(a - b)):.3g} ms"
     )
-    return replace(
-        one, frame=pd.concat([left, right], axis=1), repairs=(*one.repairs, *other.repairs, note)
-    )
+    return _side_by_side(one, left, other, right, note)
+
+
+def _side_by_side(one: Table, left, other: Table, right, note: str) -> Table:
+    """Join rows of two tables; of two columns with one name the first table's stays."""
+    left, right = left.reset_index(drop=True), right.reset_index(drop=True)
+    right = right.drop(columns=right.columns.intersection(left.columns))
+    frame = pd.concat([left, right], axis=1)
+    return replace(one, frame=frame, repairs=(*one.repairs, *other.repairs, note))

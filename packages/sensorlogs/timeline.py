@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sensorlogs import wrap
+from sensorlogs import CannotAnswer, wrap
 
 METRES_PER_DEGREE = 1.11e5  # of latitude, to half a percent
 HIGHEST_M = 100_000.0  # of a height that a receiver can have
@@ -189,6 +189,13 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
         unseen = gnss.has_fix & (gnss.satellites == 0)
         high = np.abs(gnss.height_m) > HIGHEST_M
         negative = gnss.pdop < 0
+    if 2 * off.sum() >= max(gnss.has_fix.sum(), 1):
+        k = int(np.argmax(off))
+        raise CannotAnswer(
+            f"{place(k)}: {gnss.lat_deg[k]:g}, {gnss.lon_deg[k]:g} is nowhere on Earth, as are "
+            f"{off.sum():,} of {gnss.has_fix.sum():,} positions; give degrees, latitude and "
+            "longitude not exchanged"
+        )
     kinds = {
         "positions beyond 90 deg of latitude or 180 deg of longitude": off,
         "positions of 0, 0, which stand for none": zero,
@@ -208,16 +215,12 @@ def plausible(gnss: Gnss, place: Callable[[int], str], notes: list[str]) -> Gnss
 
 def silent_gaps(gnss: Gnss, imu: Imu | None) -> list[float]:
     """Return the first epoch after each time in which neither receiver nor IMU gave anything, s."""
-    ends = np.flatnonzero(np.diff(gnss.t_s) > SILENT_S) + 1
-    if imu is None or not len(imu.t_s):
-        return gnss.t_s[ends].tolist()
-    gaps = []
-    for k in ends:
-        inside = imu.t_s[(imu.t_s > gnss.t_s[k - 1]) & (imu.t_s < gnss.t_s[k])]
-        quiet = np.diff(np.concatenate([[gnss.t_s[k - 1]], inside, [gnss.t_s[k]]])).max()
-        if quiet > SILENT_S:
-            gaps.append(float(gnss.t_s[k]))
-    return gaps
+    events = gnss.t_s
+    if imu is not None:
+        inside = (imu.t_s > gnss.t_s[0]) & (imu.t_s < gnss.t_s[-1])
+        events = np.union1d(events, imu.t_s[inside])
+    ends = events[1:][np.diff(events) > SILENT_S]
+    return np.unique(gnss.t_s[np.searchsorted(gnss.t_s, ends)]).tolist()
 
 
 def inject_outages(timeline: Timeline, outages: Sequence[tuple[float, float]]) -> Timeline:

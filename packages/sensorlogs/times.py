@@ -16,20 +16,15 @@ import pandas as pd
 
 from sensorlogs import CannotAnswer, WrongUsage, counted
 from sensorlogs.delimited import CLOCK, Table, printable
+from sensorlogs.names import NAMES
 
-SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
-WORDS = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
-_SPELLINGS = {
-    "s": ("s", "sec", "secs", "second", "seconds"),
-    "ms": ("ms", "msec", "millis", "milliseconds", "millisecond"),
-    "us": ("us", "µs", "μs", "usec", "micros", "microseconds"),
-    "ns": ("ns", "nsec", "nanos", "nanoseconds"),
-    "min": ("min", "minutes"),
-    "h": ("h", "hours"),
-    "d": ("d", "days"),
-}
+SCALES = {unit: said["seconds"] for unit, said in NAMES["units_of_time"].items()}
 _SHORT = ("d", "h", "min")  # alone, such a name is none of a time
-_UNITS = {spelling: unit for unit, more in _SPELLINGS.items() for spelling in more}
+_UNITS = {
+    spelling: unit
+    for unit, said in NAMES["units_of_time"].items()
+    for spelling in said["spelled"].split()
+}
 _NAMES = re.compile(
     r"^(t|time|timestamps?|time_?stamps?|stamp|elapsed|elapsed_?time|epoch|unix|unix_?time|utc|"
     r"date_?time|gps_?time|(gps[ _]?)?i?tow|uptime|sample_?time|time[ _-].*|timestamp[ _-].*|"
@@ -37,7 +32,7 @@ _NAMES = re.compile(
 )
 _STAMP = re.compile(r"(^|[._ /])(time_?stamp|stamp|seconds_elapsed|time)([._ ]n?secs?)?$")
 _UNIX = {"s": (1e8, 1e10), "ms": (1e11, 1e13), "us": (1e14, 1e16), "ns": (1e17, 1e19)}
-_COUNTERS = (2.0**16, 2.0**24, 604800.0, 604800e3, 2.0**31, 2.0**32)  # they start again here
+_COUNTERS = (2.0**16, 2.0**24, 604800.0, 604800e3, 864e6, 2.0**31, 2.0**32)  # they start again here
 SECONDS_PER_DAY = 86400.0
 RESTART_S = 60.0  # a clock that falls back by more has started again
 RESTARTS = 0.01  # share of rows that may do so; more is a file that is not sorted
@@ -125,9 +120,7 @@ def joined(frame: pd.DataFrame) -> pd.DataFrame:
     return frame
 
 
-def stamps(
-    name: str, column: np.ndarray, rate_hz: float | None = None, unit: str | None = None
-) -> Stamps:
+def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
     """Turn a time column into seconds.
 
     Parameters
@@ -136,8 +129,6 @@ def stamps(
         The column's name; a unit in it decides.
     column : ndarray, shape (n,)
         Numbers, or text: ISO dates or clock times.
-    rate_hz : float, optional
-        Rate stated by the user; settles the unit where the name does not.
     unit : str, optional
         Unit stated by the user: s, ms, us, ns, min or h.
 
@@ -150,7 +141,7 @@ def stamps(
     """
     if column.dtype.kind != "f":
         return _from_text(name, column)
-    t, notes = _continuous(np.asarray(column, dtype=float))
+    t, notes = continuous(np.asarray(column, dtype=float))
     good = _known(t)
     if not good.size:
         raise BadStamps(
@@ -160,8 +151,9 @@ def stamps(
         raise WrongUsage(f"--time-unit {unit} is not one of {', '.join(SCALES)}")
     unit = unit or unit_of(name)
     if unit is None:
-        unit, guess = _unit_from_numbers(name, good, rate_hz)
-        notes += (f"time column '{name}' read as {WORDS[unit]}{guess} (--time-unit overrules)",)
+        unit, guess = _unit_from_numbers(name, good)
+        word = NAMES["units_of_time"][unit]["spelled"].split()[-1]
+        notes += (f"time column '{name}' read as {word}{guess} (--time-unit overrules)",)
     zero = float(good[0]) * SCALES[unit]
     since_1970 = _UNIX["s"][0] <= zero < _UNIX["s"][1]
     since_s = t - good[0]
@@ -175,9 +167,7 @@ def _known(t: np.ndarray) -> np.ndarray:
     return t if finite.all() else t[finite]
 
 
-def of_table(
-    table: Table, name: str | None = None, rate_hz: float | None = None, unit: str | None = None
-) -> tuple[str, Stamps]:
+def of_table(table: Table, name: str | None = None, unit: str | None = None) -> tuple[str, Stamps]:
     """Find the time column of a table, by its name if none is given, and turn it into seconds.
 
     Raises
@@ -200,7 +190,7 @@ def of_table(
             + ", ".join(table.frame)
         )
     with stamp_errors_at(table, name):
-        return name, stamps(name, table.frame[name].to_numpy(), rate_hz, unit)
+        return name, stamps(name, table.frame[name].to_numpy(), unit)
 
 
 @contextlib.contextmanager
@@ -260,7 +250,7 @@ def unwrap_clock(seconds_of_day: np.ndarray) -> np.ndarray:
     return out
 
 
-def _continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+def continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Undo the overflow of a counter, or of the time of a GPS week."""
     step = np.diff(_known(t))
     for top in _COUNTERS if (step < 0).any() else ():
@@ -272,8 +262,8 @@ def _continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     return t, ()
 
 
-def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
-    """Choose the unit from the size of the numbers, or from the rate the reader gave."""
+def _unit_from_numbers(name, t) -> tuple[str, str]:
+    """Choose the unit from the size of the numbers."""
     for unit, (low, high) in _UNIX.items():
         if low <= t[0] < high and low <= t[-1] < high and (unit == "s" or _whole(t)):
             if unit == "s" and _whole(t) and np.median(np.diff(t)) >= 5:
@@ -281,11 +271,6 @@ def _unit_from_numbers(name, t, rate_hz) -> tuple[str, str]:
             return unit, " since 1970"
     step = np.diff(t)
     step = float(np.median(step[step > 0])) if (step > 0).any() else np.nan
-    if rate_hz:
-        for unit in ("s", "ms", "us", "ns"):
-            mean = len(t) / max((t[-1] - t[0]) * SCALES[unit], 1e-300)
-            if 0.5 < mean / rate_hz < 2:
-                return unit, f", by --rate {rate_hz:g}"
     if step >= 5 or step < 1e-5:
         likely = "ms" if step < 1000 else "us" if step < 1e6 else "ns"
         if step < 1:  # dates of MATLAB and of spreadsheets
