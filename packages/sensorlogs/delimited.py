@@ -323,7 +323,7 @@ def read_table(path: Path) -> Table:
                 skiprows=layout.header_lines,
                 skipinitialspace=True,
                 dtype={name: str if name in layout.text else float for name in layout.names},
-                low_memory=False,
+                low_memory=True,  # types are given, so parts join as they are
             )
     except (ValueError, OverflowError, pd.errors.ParserWarning):  # parser, decoder: ValueErrors
         frame = _line_by_line(path, layout, is_cut)
