@@ -49,6 +49,7 @@ BROKEN_HOURS, BROKEN_LOGS, LOGS_IN_DOUBT = 2.0, 12, 48
 IN_DOUBT = ("two-biases+walk", "terrain+warm-up-3", "flicker+warm-up-10", "walk+warm-up-10")
 JUDGED = ("covered", "interval_above", "interval_below")  # columns, for what has an interval
 WARM_UP, CYCLE, SWING = 900.0, 1200.0, 600.0  # s, time constant and periods
+SWAYING = 0.45, 0.56, 0.66, 1.6, 1.75, 10.0  # Hz, lines of the static log adis16405
 SHAKING = 1 / 28.5  # s, period of an engine, as in the log car-roof-imu
 GAPS, GAP = 12, 30.0  # how many, s
 SPIKES = 1e-4  # share of the samples
@@ -202,6 +203,7 @@ def disturbances(size, level):
         "gaps-loss-5": ("12 gaps of 30 s, and 5 % lost", partial(gaps, share=0.05)),
         "spikes": ("72 spikes of 5 to 100 σ_v", partial(spikes, level=level)),
         "vibration": ("a vibration, 0.1 °/s at 28.5 Hz", partial(cycle, size=0.1, period=SHAKING)),
+        "sway": ("a bench that sways at 0.45 to 10 Hz", partial(sway, size=2 * size)),
         "low-pass-1": ("a low-pass of 1 Hz", partial(low_pass, cutoff=1.0)),
         "low-pass-5": ("a low-pass of 5 Hz", partial(low_pass, cutoff=5.0)),
         "low-pass-20": ("a low-pass of 20 Hz", partial(low_pass, cutoff=20.0)),
@@ -228,6 +230,13 @@ def step(y, t, rng, *, size):
 def cycle(y, t, rng, *, size, period=CYCLE):
     """Add a sinusoid of random phase."""
     return y + size * np.sin(2 * np.pi * (t / period + rng.uniform()))
+
+
+def sway(y, t, rng, *, size):
+    """Add sinusoids whose phase wanders by a radian in a quarter of an hour."""
+    wander = np.sqrt((t[1] - t[0]) / 900) * rng.standard_normal((len(SWAYING), len(t)))
+    phase = 2 * np.pi * np.outer(SWAYING, t) + np.cumsum(wander, axis=1)
+    return y + size * np.sin(phase + 2 * np.pi * rng.random((len(SWAYING), 1))).sum(axis=0)
 
 
 def loss(y, t, rng, *, share):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.fft import dct
 from scipy.signal import lfilter
 from scipy.stats import chi2, multivariate_normal
 
@@ -91,6 +92,24 @@ def test_likelihood_is_exact(name, m, added, cut):
     assert np.abs((fitted - best[1:]) / error[1:]).max() < (1e-4 if walk else 1e-8)
     np.testing.assert_allclose(found.drift_sd, error[1], rtol=1e-3 if walk else 1e-8)
     np.testing.assert_allclose(found.added_cov[0], cov[2:, 2:], rtol=1e-3 if walk else 1e-8)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_frequencies_are_left_out_exactly(name):
+    """cross-check: equal to scipy's normal density of the other coefficients."""
+    y, t = np.cumsum(np.random.default_rng(1).standard_normal(BLOCKS)), DT * np.arange(BLOCKS)
+    ranges = [(0.1 / DT, 0.17 / DT), (0.3 / DT, 0.305 / DT), (0.6 / DT, 0.7 / DT)]
+    stretch = spectrum.spectra(y, DT, 1, left_out=ranges)
+    found = likelihood.evaluate(stretch, terms(0.7, **MODELS[name]))
+    at = np.arange(BLOCKS) / (2 * BLOCKS * DT)
+    kept = (at > 0) & ~np.any([(a <= at) & (at <= b) for a, b in ranges], axis=0)
+    waves = dct(np.eye(BLOCKS), axis=0, norm="ortho")[kept]
+    v, x = waves @ covariance(BLOCKS, 1, 0.7, **MODELS[name]) @ waves.T, waves @ t[:, None]
+    basis = np.linalg.svd(x, full_matrices=True)[0][:, 1:]
+    dense = multivariate_normal(cov=basis.T @ v @ basis).logpdf(basis.T @ waves @ y)
+    constant = 0.5 * (basis.shape[1] * np.log(2 * np.pi) - np.log((x**2).sum()))
+    assert found.count == basis.shape[1] < BLOCKS - 6
+    assert found.value[0] == pytest.approx(dense + constant, abs=1e-8)
 
 
 def test_a_long_log_is_reduced_as_a_short_one(monkeypatch):

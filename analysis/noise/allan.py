@@ -28,7 +28,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
-BLOCK = 1 << 15  # samples handled at once: a few such arrays stay inside a core's cache
+BLOCK = 1 << 17  # samples handled at once: a few such arrays stay inside the cache
 FULL = 0.5  # least share of its samples that a mean needs
 TAIL = 0.025  # probability beyond each end of a 95 % interval
 STRIDE = 16  # lags evaluated per half-length of a second difference

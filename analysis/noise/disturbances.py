@@ -39,10 +39,11 @@ NOTICED = 1.2  # overdispersion that makes an interval a tenth wider
 UNSTEADY = 0.15  # widening beyond which one number does not describe the log
 BOUNDED = 2.7  # tail index below which the measured variance says little about the true one
 TAIL = 500  # one increment in so many is in the tail
+CLEAR = 2.0  # times the spectrum around it: what is left out beside a line
 LINE = 5.0  # times the spectrum around it; none of 9000 spectra of noise alone reached 4
-RESOLVED = 4096  # samples a piece of the spectrum, at most
+RESOLVED = 8192  # samples a piece of the spectrum, at most
 PERIODOGRAMS = 32, 256  # whose median is the spectrum, at least and at most
-NEIGHBOURS = 33  # bins of the spectrum around a line
+NEIGHBOURS = 65  # bins of the spectrum around a line
 HELD = 0.1  # share of samples that differ from the one before; below it the output is held
 SHARE = 0.5  # of the Allan variance; where white noise has more, its level is what changes
 
@@ -279,11 +280,14 @@ def saturation(y: np.ndarray, dt: float) -> list[Disturbance]:
         Empty, or one. What Gaussian noise loses of its scatter is in the note.
     """
     some, shares = _known(y)[1], []
-    for x in (some, -some):
-        top = x == x.max()
-        below = x == x.max(initial=-np.inf, where=~top)
+    for end, farthest in ((np.max, -np.inf), (np.min, np.inf)):
+        top, shares = some == end(some), [*shares, 0.0]
+        if top.sum() <= PILED**2:
+            continue  # too few, whatever is below
+        below = some == end(some, initial=farthest, where=~top)
         runs, beside = (np.count_nonzero(at[1:] & ~at[:-1]) for at in (top, below))
-        shares.append(top.mean() if runs - beside > PILED * np.sqrt(runs + beside) else 0.0)
+        if runs - beside > PILED * np.sqrt(runs + beside):
+            shares[-1] = top.mean()
     if not any(shares):
         return []
     ends = -norm.isf(shares[1]), norm.isf(shares[0])  # in deviations
@@ -379,12 +383,14 @@ def heavy_tails(part: Increments) -> list[Disturbance]:
     list of Disturbance
         Empty, or one.
     """
-    z, ends = np.abs(part.z.ravel()), (part.edges[0], part.edges[-1])
-    excess, error = part.fourth - 3, np.sqrt(24 / len(z))
+    excess, error = part.fourth - 3, np.sqrt(24 / part.z.size)
     least = max(BEYOND * error, NOTICED - 1)
+    if excess < least:
+        return []
+    z, ends = np.abs(part.z.ravel()), (part.edges[0], part.edges[-1])
     z.partition(-(len(z) // TAIL + 5))
     tail = np.sort(z[-(len(z) // TAIL + 5) :])
-    if excess < least or excess - np.sum(tail[-2:] ** 4) / len(z) < least:
+    if excess - np.sum(tail[-2:] ** 4) / len(z) < least:
         return []
     index = 1 / np.mean(np.log(tail[1:] / tail[0]))  # Hill's
     middle = float(np.subtract(*np.percentile(part.z, [75, 25])))
@@ -518,8 +524,12 @@ def missing(y: np.ndarray, dt: float) -> list[Disturbance]:
     return found
 
 
-def oscillation(y: np.ndarray, dt: float) -> list[Disturbance]:
-    """Find the strongest line in the spectrum of the steps, which slow noise does not make steep.
+def lines(y: np.ndarray, dt: float) -> tuple[list[tuple[float, float]], list[Disturbance]]:
+    """Find lines in the spectrum of the steps, which slow noise does not make steep.
+
+    A range reaches on both sides to where what a sine leaks into the cosine transform of the log,
+    1 / (pi k)^2 of its power k coefficients away, is a hundredth of the noise; an octave down at
+    most, for slower noise is what the log is there for.
 
     Parameters
     ----------
@@ -529,6 +539,8 @@ def oscillation(y: np.ndarray, dt: float) -> list[Disturbance]:
 
     Returns
     -------
+    ranges : list of (float, float)
+        Frequencies of each, Hz.
     list of Disturbance
         Empty, or one; none if the log is too short or too coarse.
     """
@@ -537,7 +549,7 @@ def oscillation(y: np.ndarray, dt: float) -> list[Disturbance]:
     length = min(RESOLVED, steps // PERIODOGRAMS[0])
     held = (known[1:] != known[:-1]).sum() < HELD * steps
     if held or length < 8 * NEIGHBOURS:
-        return []
+        return [], []
     first = np.arange(0, steps - length + 1, length * -(-(steps // length) // PERIODOGRAMS[1]))
     taken = np.diff(known[first[:, None] + np.arange(length + 1)])
     at, power = periodogram(taken, 1 / dt, window="hann")
@@ -546,6 +558,10 @@ def oscillation(y: np.ndarray, dt: float) -> list[Disturbance]:
     ratio = np.divide(power, around, out=np.zeros_like(power), where=around > 0)
     most = int(np.argmax(ratio))
     if ratio[most] <= LINE:
-        return []
-    note = said("oscillation", frequency=at[most], ratio=ratio[most])
-    return [Disturbance("oscillation", 0.0, len(y) * dt, note)]
+        return [], []
+    reach = np.sqrt(100 * ratio * length / steps) / (2 * np.pi)  # bins
+    near = np.minimum(at[1] * (0.5 + np.maximum(reach, 1.0)), at / 2)
+    ranges = [(f - w, f + w) for f, w in zip(at[ratio > CLEAR], near[ratio > CLEAR], strict=True)]
+    share = np.mean(np.any([(a < at) & (at < b) for a, b in ranges], axis=0))
+    note = said("oscillation", frequency=at[most], ratio=ratio[most], share=share)
+    return ranges, [Disturbance("oscillation", 0.0, len(y) * dt, note)]

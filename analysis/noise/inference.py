@@ -5,7 +5,8 @@ here describes. So samples are averaged, 1, 2, 4 ... at a time, until no fitted
 correlation time is as short as a few means and the model agrees with the spectrum within 3 % in the
 highest octaves; then two steps more, as a margin of safety. sigma_v is the noise level within the
 fitted band; behind a low-pass, means lack noise, which is added (`lost_in_means`). Where single
-samples are missing, averaging starts with as many as leave no gap.
+samples are missing, averaging starts with as many as leave no gap. Lines of the spectrum, which a
+vibrating bench has, are left out: the likelihood of the other frequencies is as exact without them.
 
 The linear drift has a profile likelihood over a grid of the biases that the log allows. A slow bias
 can look like a drift, the more so the longer its correlation time, and generalised least squares
@@ -32,7 +33,7 @@ from analysis.noise.added_terms import (
     subtracted,
     weaker_noise,
 )
-from analysis.noise.disturbances import Disturbance, adjusted, of_samples, oscillation, uneven
+from analysis.noise.disturbances import Disturbance, adjusted, lines, of_samples, uneven
 from analysis.noise.fit import (
     MODELS,
     QUANTISED,
@@ -238,6 +239,8 @@ class Inference:
             if walk.resolved:
                 if self.chosen.plain == "N+K":
                     walk = replace(walk, note=listed(note, said("or_a_bias")))
+                    beside = self.similar(WITH_WALK["N+B"])
+                    walk = either(walk, self.estimate(beside, "rrw", note, note), "flicker process")
                 return self._beside_two_biases(walk)
         wider = self.similar(WITH_WALK.get(self.chosen.plain, "N+GM+K"))
         high = self.likelihood.interval(wider, "rrw")[1]
@@ -431,10 +434,12 @@ def infer(
         `CannotAnswer` if no stretch of 32 samples is left between long gaps.
     """
     y, disturbances = of_samples(y, dt)
+    ranges, oscillation = lines(y, dt)
+    transformed = partial(spectra, y, dt, left_out=ranges)
     fewest = fewest_to_average(y, len(y) / (2 * FEWEST_MEANS))
-    m, rate, clean_bands = fewest, kind in ("rate", "accel"), 0
+    m, rate, cleared = fewest, kind in ("rate", "accel"), 0  # the first m without a filter
     fits: dict[str, Fit] = {}
-    pieces = finest = spectra(y, dt, m)
+    pieces = finest = transformed(m)
     if pieces is None:
         raise CannotAnswer(said("no_stretch"))
     likelihood = NoiseLikelihood(pieces, detrend=detrend)
@@ -442,15 +447,16 @@ def infer(
         fits = fit_all(likelihood, rate=rate, near=fits)
         chosen = choose(fits.values())
         misfit, beyond = disagreement(likelihood, chosen)
-        clean = (
-            not beyond and min(chosen.terms.get("corr_time", ()), default=np.inf) >= FILTER * m * dt
-        )
+        near = [f for f in fits.values() if f.end == chosen.end and f.aic <= chosen.aic + FEW]
+        fastest = max(min(f.terms.get("corr_time", ()), default=np.inf) for f in near)
+        clean = not beyond and fastest >= FILTER * m * dt
         clean &= not (rate and low_passed(likelihood, chosen))
-        clean_bands = clean_bands + 1 if clean else 0
+        cleared = cleared or (m if clean else 0)
         unfiltered = m == 1 or (m == fewest and as_noisy(y, chosen))
-        if (clean and (unfiltered or clean_bands > MARGIN)) or len(y) < 2 * m * FEWEST_MEANS:
+        beyond_filter = cleared and m >= cleared << MARGIN
+        if (clean and unfiltered) or beyond_filter or len(y) < 2 * m * FEWEST_MEANS:
             break
-        pieces = spectra(y, dt, 2 * m)
+        pieces = transformed(2 * m)
         wider = pieces and NoiseLikelihood(pieces, detrend=detrend)
         if wider is None or wider.scale < EXACT * likelihood.scale:
             break  # gaps leave nothing to average, or a pattern averages out to the last digit
@@ -461,7 +467,7 @@ def infer(
     band = listed(
         said("means", m=m, width=m * dt) + why if m > 1 else "",
         said("unused", share=1 - used) if used < USED else "",
-        "" if clean else said("misfits", percent=100 * AGREE, misfit=100 * misfit),
+        "" if cleared else said("misfits", percent=100 * AGREE, misfit=100 * misfit),
     )
     coarse = Coarse.of(y, dt, m)
     result = Inference(likelihood, fits, chosen, unit, coarse, m, fewest, lack, band)
@@ -469,7 +475,7 @@ def infer(
     if temperature is not None and np.ptp(temperature) > 0:
         times, warmer = dt * np.arange(len(y)), temperature - temperature.mean()
         warmth = partial(np.interp, xp=times, fp=warmer)
-    result, rival = add_terms(result, rate, warmth, lambda columns: spectra(y, dt, m, columns))
+    result, rival = add_terms(result, rate, warmth, partial(transformed, m))
     if len(result.terms) == MOST_TERMS:
         note = said("terms", most=MOST_TERMS)
         disturbances.append(Disturbance("misfit", 0.0, coarse.duration, note, SLOW))
@@ -483,7 +489,7 @@ def infer(
         for name, own in parameters.items():
             parameters[name] = either(own, others.get(name), rival.terms[-1].kind)
     white = result.level_fit.terms["sigma_v"][0]
-    disturbances += uneven(y, dt, m, white) + oscillation(y, dt)
+    disturbances += uneven(y, dt, m, white) + oscillation
     return _judged(result, parameters, disturbances)
 
 

@@ -115,7 +115,7 @@ def prepare(n):
         dct(np.zeros(size), overwrite_x=True)
 
 
-def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
+def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None, left_out=()):
     """Reduce one unbroken stretch.
 
     Parameters
@@ -131,6 +131,9 @@ def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
         As in `Spectrum`; by default `m`.
     start, whole : int
         As in `Spectrum`; by default the stretch is the whole log.
+    left_out : sequence of (float, float)
+        Ranges of frequency, Hz, whose coefficients are not used; above the highest frequency of
+        means there is nothing to leave out.
 
     Returns
     -------
@@ -147,6 +150,9 @@ def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
         count[0, 0] = 1.0
         series.append(np.sqrt(n) * (np.arange(min(n, OF_ADDED)) == 0))
     sums = np.zeros((len(series) + 2, len(series) + 2, *lam.shape))  # of y, u, x and what is added
+    hidden = np.zeros(n if left_out else 0, dtype=bool)
+    for low, high in left_out:
+        hidden[max(1, int(np.ceil(2 * n * m * dt * low))) : int(2 * n * m * dt * high) + 1] = True
     turn = np.pi / n * np.arange(BLOCK // 2)
     cos, sin = np.cos(turn), np.sin(turn)
     for first in sorted({*range(0, n, BLOCK), *range(1, n, BLOCK)}):
@@ -167,6 +173,11 @@ def transform(y, dt, m=1, added=(), *, behind=None, start=0, whole=None):
         edge = starts[parity]
         bins = slice(*np.searchsorted(edge, [first // 2 + 1, first // 2 + len(c)]) - [1, 0])
         inside = np.maximum(edge[bins] - first // 2, 0)
+        if left_out:
+            gone = hidden[first : first + BLOCK : 2]
+            count[parity, bins] -= np.add.reduceat(gone, inside, dtype=float)
+            for values in block:
+                values[gone[: len(values)]] = 0.0
         for i, j in zip(*np.tril_indices(len(block)), strict=True):
             sums[i, j, parity, bins] += np.add.reduceat(block[i] * block[j], inside)
     i, j = np.triu_indices(len(sums), 1)
@@ -245,7 +256,7 @@ def _edges(size, single, per_fold):
     return np.append(np.arange(single), wide)
 
 
-def spectra(y, dt, m, added=()):
+def spectra(y, dt, m, added=(), left_out=()):
     """Average a log, split it at its gaps, and transform the pieces.
 
     At most 30 of them, the longest. Of more than 2 million means, 0.4 % at most are left out at the
@@ -260,6 +271,8 @@ def spectra(y, dt, m, added=()):
         Samples to average.
     added : sequence of callable
         Regressors besides the ramp: time since the first sample, s, to their values.
+    left_out : sequence of (float, float)
+        As of `transform`.
 
     Returns
     -------
@@ -284,8 +297,9 @@ def spectra(y, dt, m, added=()):
         columns = (column(dt * (m * middle + (m - 1) / 2)) for column in added)
         behind = m if have[a:b].min() == m else 1 / np.mean(1 / have[a:b])
         place = {"start": int(m * (a - first)), "whole": int(m * (last - first))}
+        place |= {"behind": float(behind), "left_out": left_out}
         with WORKSPACE if b - a > LONG else nullcontext():
-            pieces.append(transform(means[a:b], dt, m, columns, behind=float(behind), **place))
+            pieces.append(transform(means[a:b], dt, m, columns, **place))
     return joined(pieces)
 
 
