@@ -62,7 +62,8 @@ class ChannelNoise:
     fitted_from : float
         Shortest averaging time at which the models were fitted, s; NaN if none was.
     models : list of dict
-        The models tried: ``model``, ``terms``, ``parameters``, ``aic_above_least``, ``chosen``.
+        The models tried: ``model``, ``terms``, ``parameters``, ``aic_above_least``,
+        ``probability`` (Akaike's weight, if one of them is true), ``chosen``.
     fit : dict
         As in model.json: model, rivals, terms, goodness, stationarity, disturbances; empty
         without an estimate.

@@ -132,14 +132,16 @@ class Inference:
     disturbances: list[Disturbance] = field(default_factory=list)
 
     def table(self) -> list[dict]:
-        """List the models tried: name, terms, AIC above the least, chosen or not."""
+        """List the models tried: name, terms, AIC above the least, its weight, chosen or not."""
         least = min(f.aic for f in self.fits.values())
+        weight = {f.model: np.exp((least - f.aic) / 2) for f in self.fits.values()}
         return [
             {
                 "model": f.model,
                 "terms": f.terms,
                 "parameters": len(f.point),
                 "aic_above_least": f.aic - least,
+                "probability": round(float(weight[f.model] / sum(weight.values())), 2),
                 "chosen": f.model == self.chosen.model,
             }
             for f in self.fits.values()
