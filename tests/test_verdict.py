@@ -178,7 +178,7 @@ def test_a_log_that_moved_and_one_that_shook(page_of):
     assert shaken.answer == "partly"
     why = sentences(*shaken.why)
     assert "misfit of the model disturbs accel_x, accel_y and accel_z" in why
-    assert re.search(r"a warm-up of [\d.]+ mg in accel_x \(fitted, not counted", why)
+    assert re.search(r"a step of up to [\d.]+ mg in accel_x, accel_y and accel_z \(fitted", why)
     nothing = verdict.at_rest(static_logs.read("phone-parked-gnss"))
     assert nothing.answer == "open"
     assert re.search(r"a step of up to [\d.]+ m in every channel", sentences(*nothing.why))
