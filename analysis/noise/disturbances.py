@@ -279,7 +279,7 @@ def saturation(y: np.ndarray, dt: float) -> list[Disturbance]:
     list of Disturbance
         Empty, or one. What Gaussian noise loses of its scatter is in the note.
     """
-    some, shares = _known(y)[1], []
+    some, shares = _known(y)[1], list[float]()
     for end, farthest in ((np.max, -np.inf), (np.min, np.inf)):
         top, shares = some == end(some), [*shares, 0.0]
         if top.sum() <= PILED**2:
