@@ -279,15 +279,14 @@ def saturation(y: np.ndarray, dt: float) -> list[Disturbance]:
     list of Disturbance
         Empty, or one. What Gaussian noise loses of its scatter is in the note.
     """
-    some, shares = _known(y)[1], list[float]()
+    some, shares = _known(y)[1], []
     for end, farthest in ((np.max, -np.inf), (np.min, np.inf)):
-        top, shares = some == end(some), [*shares, 0.0]
-        if top.sum() <= PILED**2:
-            continue  # too few, whatever is below
-        below = some == end(some, initial=farthest, where=~top)
-        runs, beside = (np.count_nonzero(at[1:] & ~at[:-1]) for at in (top, below))
-        if runs - beside > PILED * np.sqrt(runs + beside):
-            shares[-1] = top.mean()
+        top, share = some == end(some), 0.0
+        if top.sum() > PILED**2:  # fewer are too few, whatever is below
+            below = some == end(some, initial=farthest, where=~top)
+            runs, beside = (np.count_nonzero(at[1:] & ~at[:-1]) for at in (top, below))
+            share = top.mean() * (runs - beside > PILED * np.sqrt(runs + beside))
+        shares.append(share)
     if not any(shares):
         return []
     ends = -norm.isf(shares[1]), norm.isf(shares[0])  # in deviations

@@ -1,8 +1,8 @@
 """What the likelihood of a static channel supports: each parameter with its interval, or a refusal.
 
 First the band is chosen. A filter inside a sensor correlates neighbouring samples, which no model
-here describes. So samples are averaged, 1, 2, 4 ... at a time, until no fitted
-correlation time is as short as a few means and the model agrees with the spectrum within 3 % in the
+here describes. So samples are averaged, 1, 2, 4 ... at a time, until the log is described without a
+correlation time as short as a few means, and the model agrees with the spectrum within 3 % in the
 highest octaves; then two steps more, as a margin of safety. sigma_v is the noise level within the
 fitted band; behind a low-pass, means lack noise, which is added (`lost_in_means`). Where single
 samples are missing, averaging starts with as many as leave no gap. Lines of the spectrum, which a
@@ -449,6 +449,7 @@ def infer(
         fits = fit_all(likelihood, rate=rate, near=fits)
         chosen = choose(fits.values())
         misfit, beyond = disagreement(likelihood, chosen)
+        # A bias as fast as a filter's is none where a model that is as good does without.
         near = [f for f in fits.values() if f.end == chosen.end and f.aic <= chosen.aic + FEW]
         fastest = max(min(f.terms.get("corr_time", ()), default=np.inf) for f in near)
         clean = not beyond and fastest >= FILTER * m * dt
