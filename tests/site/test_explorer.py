@@ -417,9 +417,12 @@ def test_the_page_of_allan_curves_follows_its_fields(curve, folder):
     assert told.inner_text() != before and "20 h" in told.inner_text()
     type_in(curve, "len", 0.2)  # 3.6 correlation times
     assert "below ten no number is given" in told.inner_text()
-    curve.set_input_files("#model-file", folder / "adis16405.json")
+    stored = json.loads((folder / "adis16405.json").read_text("utf-8"))
+    stored["channels"][4]["parameters"]["vrw"]["value"] = None
+    (folder / "no_n.json").write_text(json.dumps(stored), "utf-8")
+    curve.set_input_files("#model-file", folder / "no_n.json")
     curve.wait_for_selector("#axis")
-    assert "Left out for want of an N: accel_x, accel_y." in curve.inner_text("#model-said")
+    assert "Left out for want of an N: accel_y." in curve.inner_text("#model-said")
     model = static_logs.stored.read_model("adis16405")["channels"][0]
     shown = float(curve.input_value("#n")) / 60
     assert shown == pytest.approx(model["parameters"]["arw"]["value"], rel=1e-4)
