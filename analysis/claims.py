@@ -35,11 +35,15 @@ from analysis import (
 )
 
 __all__ = [
-    "OUTCOMES", "Ledger", "advice", "counted", "counts", "finding", "learned", "of_paper",
-    "published", "verdicts",
+    "INTEGRATED", "OUTCOMES", "Ledger", "advice", "counted", "counts", "finding", "learned",
+    "of_paper", "published", "verdicts",
 ]  # fmt: skip
 
 COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
+# Of a terrain claim, which has two verdicts; the numbers above are then those as the paper did.
+IN_A_CAR = ["car_value", "car_low", "car_high"]
+COLUMNS += ["as_the_paper_did", "as_a_car_does", *IN_A_CAR]
+ON_ATTITUDE, INTEGRATED = "the noise is put on the attitude", "the noise is integrated, as in a car"
 FOUND = ["notebook", "sentence", "condition", "figure", "so"]
 MOST_WORDS = 30  # of the sentence of a finding
 NOT_YET = "not yet run"
@@ -229,6 +233,11 @@ def verdicts() -> pd.DataFrame:
     )[0]
     table["published"] = [_published(row) for _, row in register.iterrows()]
     table["reproduced"] = [_in_words(row) for _, row in table.iterrows()]
+    of_car = table[[*IN_A_CAR, "unit", "verdict"]].set_axis(
+        ["value", "low", "high", "unit", "verdict"], axis=1
+    )
+    for claim, row in of_car[table["as_a_car_does"].notna()].iterrows():
+        table.loc[claim, "reproduced"] += f"; in a car {_in_words(row)}"
     return table
 
 
@@ -386,6 +395,43 @@ class Ledger:
         row = self._judged(claim)
         return self._enter(row, _verdict(row, np.asarray(found)), when)
 
+    def check_both(self, claim: str, paper: pd.DataFrame, car: pd.DataFrame) -> str:
+        """Judge one claim twice: as the paper most likely did, and as a car does.
+
+        What both give is the verdict. If they differ it has a condition: the paper's where that is
+        decided, else the car's.
+
+        Parameters
+        ----------
+        claim : str
+        paper, car : pandas.DataFrame
+            ``value``, ``low`` and ``high`` at several R; the index is R over R_0. The verdict is
+            that at 1, and where it turns is said.
+
+        Returns
+        -------
+        str
+            The verdict.
+        """
+        row, said, ends = self._judged(claim), [], []
+        for found in (paper, car):
+            each = {
+                of.Index: _verdict(row, (of.value, of.low, of.high)) for of in found.itertuples()
+            }
+            said.append({times: verdict for times, (verdict, _) in each.items()})
+            ends.append(each[1][1])
+        verdict, other = (of[1].partition(":")[0] for of in said)
+        if verdict == other:
+            verdict = said[0][1]
+        elif verdict in (REPRODUCED, NOT_REPRODUCED):
+            verdict = f"{verdict} if {ON_ATTITUDE}"
+        else:
+            verdict = f"{other} if {INTEGRATED}"
+        both = dict(
+            zip(COLUMNS[-5:], (*map(_with_turns, said), *_rounded(row, ends[1])), strict=True)
+        )
+        return self._enter(row, (verdict, ends[0]), both=both)
+
     def table(self, elsewhere: str | None = None) -> text.Shown:
         """Lay published and reproduced side by side, for the notebook's last section.
 
@@ -416,17 +462,18 @@ class Ledger:
             if self.when:
                 verdict = verdict.replace(f" if {self.when}, ", " if ", 1)
                 verdict = verdict.removesuffix(f" if {self.when}")
-            rows.append(
-                {
-                    "where": theirs["where"],
-                    "claim": theirs["claim"],
-                    "published": _published(theirs),
-                    "counts as agreement": _agreement(theirs),
-                    "our value": _number(mine["value"], theirs["unit"]) or "–",
-                    "95 % interval": _range(mine["low"], mine["high"], theirs["unit"]),
-                    "verdict": verdict + other,
-                }
-            )
+            row = {k: theirs[k] for k in ("where", "claim")} | {"published": _published(theirs)}
+            row["counts as agreement"] = _agreement(theirs)
+            if mine["as_a_car_does"]:
+                car = dict(zip(("value", "low", "high"), (mine[k] for k in IN_A_CAR), strict=True))
+                for way, of in (("as_the_paper_did", mine), ("as_a_car_does", mine | car)):
+                    row[way.replace("_", " ")] = f"{_in_words(of)}: {mine[way]}"
+                row["as a car does"] += other
+            else:
+                row["our value"] = _number(mine["value"], theirs["unit"]) or "–"
+                row["95 % interval"] = _range(mine["low"], mine["high"], theirs["unit"])
+                row["verdict"] = verdict + other
+            rows.append(row)
         under = f"All verdicts hold if {self.when}. " * bool(self.when and rows)
         apart = len(self._entries()) - len(rows) - skipped
         left = f"Not shown, for they cannot be tested or hold by construction: {apart} of"
@@ -452,23 +499,18 @@ class Ledger:
             raise WrongUsage(f"claim '{claim}' is not judged: its row says {row['why']}")
         return row
 
-    def _enter(self, row, judged, when=None):
+    def _enter(self, row, judged, when=None, both=None):
         verdict, ends = judged
         conditions = ", ".join(filter(None, (self.when, when)))
         if conditions and verdict in (REPRODUCED, NOT_REPRODUCED):
             verdict += f" if {conditions}"
-        self._mine[row.name] = self._entry(row, verdict, ends)
+        self._mine[row.name] = self._entry(row, verdict, ends) | (both or {})
         self._write()
         return verdict
 
     def _entry(self, row, verdict, ends):
-        # Three digits: what an interval of this kind means, and what another machine prints too.
-        # A count is exact.
-        exact = ends[1] is None and ends[2] is None and row["unit"] == "count"
-        digits = 9 if exact else 3
-        numbers = (None if x is None else float(f"{x:.{digits}g}") for x in ends)
-        entry = (row.name, verdict, *numbers, row["unit"], self.notebook)
-        return dict(zip(COLUMNS, entry, strict=True))
+        entry = (row.name, verdict, *_rounded(row, ends), row["unit"], self.notebook)
+        return dict.fromkeys(COLUMNS) | dict(zip(COLUMNS[:7], entry, strict=True))
 
     def _entries(self):
         return [*self._mine.values(), *self._not_judged]
@@ -489,6 +531,35 @@ def _verdict(row, found):
     ends = (found.value, found.low, found.high) if isinstance(found, Estimate) else found
     ends = [None if x is None or x != x else float(x) for x in ends]
     return judge(*ends, row["low"], row["high"]), ends
+
+
+def _rounded(row, ends):
+    """Round to three digits: what such an interval means, and any machine prints; counts stay."""
+    exact = ends[1] is None and ends[2] is None and row["unit"] == "count"
+    return [None if x is None else float(f"{x:.{9 if exact else 3}g}") for x in ends]
+
+
+def _with_turns(said):
+    """Write the verdict at R_0, and at which of the R it is another one.
+
+    Parameters
+    ----------
+    said : dict of float to str
+        Verdict by R over R_0, which is among them.
+    """
+    plain = {times: verdict.partition(":")[0] for times, verdict in sorted(said.items())}
+    words = ["open" if plain[1] == NOT_TESTABLE else plain[1]]
+    for kind in (k for k in (REPRODUCED, NOT_REPRODUCED) if k != plain[1]):
+        at = [times for times, verdict in plain.items() if verdict == kind]
+        if len(at) == len(plain) - 1:
+            words.append(f"{kind} at every other R")
+        elif at and at[0] > 1 and at == [times for times in plain if times >= at[0]]:
+            words.append(f"{kind} from {at[0]:g} R₀")
+        elif at and at[-1] < 1 and at == [times for times in plain if times <= at[-1]]:
+            words.append(f"{kind} up to {at[-1]:g} R₀")
+        elif at:
+            words.append(f"{kind} at {', '.join(f'{times:g}' for times in at)} R₀")
+    return "; ".join(words)
 
 
 def _in_words(row):

@@ -11,7 +11,7 @@ from pathlib import Path
 import sensorlogs as logs
 from analysis import replacing, static_logs, store, terrain_data
 from sensorlogs.catalogue import load_catalogue
-from studies import real_laps, repeatability, rides, several_units, surveys
+from studies import real_laps, repeatability, rides, several_units, surveys, terrain_verdicts
 
 MAKERS = {
     terrain_data.TRACK: surveys.test_track,
@@ -21,6 +21,7 @@ MAKERS = {
     "inverse-design": surveys.inverse_design,
     "sweeps": surveys.sweeps,
     "real-laps": real_laps.runs,
+    "terrain-verdicts": terrain_verdicts.verdicts,
     "adis16405-units": repeatability.units,
     "tracker-parked": rides.parked,
     "tracker-starts": rides.starts,

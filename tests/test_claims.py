@@ -194,6 +194,38 @@ def test_unknown_claims_and_few_logs_are_wrong_usage(elsewhere):
     assert not elsewhere.exists()
 
 
+@pytest.mark.parametrize(
+    ("paper", "car", "verdict", "said"),
+    [
+        ("+++", "+++", REPRODUCED, (REPRODUCED, REPRODUCED)),
+        ("---", "---", NOT_REPRODUCED, (NOT_REPRODUCED, NOT_REPRODUCED)),
+        ("+++", "---", f"reproduced if {claims.ON_ATTITUDE}", (REPRODUCED, NOT_REPRODUCED)),
+        ("?--", "?++", NOT_TESTABLE,
+         ("open; not reproduced at every other R", "open; reproduced at every other R")),
+        ("+?-", "-++", f"reproduced if {claims.ON_ATTITUDE}",
+         ("reproduced; not reproduced from 10 R₀", "not reproduced; reproduced at every other R")),
+        ("?+?", "+-+", f"reproduced if {claims.INTEGRATED}",
+         ("open; reproduced at 3 R₀", "reproduced; not reproduced at 3 R₀")),
+    ],
+)  # fmt: skip
+def test_a_claim_judged_twice_says_where_it_turns(elsewhere, paper, car, verdict, said):
+    """Property: what both give, or what one gives, with its condition; R is 1, 3, 10 times R_0."""
+    low, high = PUBLISHED[["low", "high"]].astype(float)
+    of = {"+": [(low + high) / 2] * 3, "-": [3 * high] * 3, "?": [high, low, 2 * high]}
+    paper, car = (
+        pd.DataFrame([of[k] for k in way], [1, 3, 10], ["value", "low", "high"])
+        for way in (paper, car)
+    )
+    ledger = claims.Ledger("90-test")
+    assert ledger.check_both(FIRST, paper, car).partition(":")[0] == verdict
+    row = pd.read_csv(elsewhere).loc[0]
+    assert (row["as_the_paper_did"], row["as_a_car_does"]) == said
+    values = [paper["value"][1], car["value"][1]]
+    assert row[["value", "car_value"]].tolist() == pytest.approx(values, rel=5e-3)
+    if verdict != NOT_TESTABLE:
+        assert in_table(ledger)[0]["as a car does"].endswith(said[1])
+
+
 def test_what_is_not_judged_stands_in_the_register(elsewhere):
     """Property: a notebook lists its own such claims after what it judged; the checks take none."""
     register = claims.published()
@@ -284,7 +316,7 @@ def test_no_number_of_the_verdicts_is_left_raw():
         patch.setenv("COMPENDIUM_FIGURES", str(path.parent))
         said = claims.verdicts()[["published", "reproduced"]].to_numpy().ravel()
     for words in said:
-        assert not re.search(r"\de[+-]\d|nan|inf\b|\(([-\d.]+) to \1\b", words), words
+        assert not re.search(r"\de[+-]\d|nan|inf\b|\(([-\d.]+) to \1\)", words), words
 
 
 @pytest.mark.parametrize(
@@ -334,7 +366,7 @@ def test_the_index_lists_the_main_claims(monkeypatch):
 
 def test_a_computation_counts_once(monkeypatch):
     """Property: equal numbers or words with equal verdicts are one, history is none."""
-    columns = ["verdict", "value", "low", "high", "unit", "notebook"]
+    columns = claims.COLUMNS[1:7]
     first, second = [REPRODUCED, 54.0, None, None, "count", "34"], [REPRODUCED, 1.0, None, None]
     register = pd.DataFrame(
         [("a", 54.0, "count", ""), ("a", 54.0, "count", ""), ("a", 55.0, "count", "")]
@@ -349,7 +381,7 @@ def test_a_computation_counts_once(monkeypatch):
         columns=columns,
     )
     monkeypatch.setattr(claims, "published", lambda: register)
-    found["id"] = register.index
+    found = found.reindex(columns=claims.COLUMNS).assign(id=register.index)
     path = claims._register("claims")
     path.parent.mkdir(parents=True)
     found.to_csv(path, index=False)

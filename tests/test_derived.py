@@ -9,6 +9,7 @@ from studies import derived, surveys
 
 # Nine gyros, of which test_repeatability takes one; hundreds of sensors, of which some below.
 SLOW = {"adis16405-units", "real-laps", "error-surface", "sweeps", "inverse-design"}
+SLOW |= {"terrain-verdicts"}
 
 
 @pytest.mark.parametrize("name", [n for n in derived.names() if n not in SLOW])

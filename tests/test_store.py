@@ -17,6 +17,7 @@ from studies import derived
 SIMULATED = {
     "coverage", "hat-coverage", "ensembles", "robustness", "beside-others", "benchmark", "device",
     "readings", "error-surface", "sweeps", "inverse-design", "real-laps",
+    "terrain-verdicts",
 }  # fmt: skip
 OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}

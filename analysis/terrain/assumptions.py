@@ -323,14 +323,11 @@ class Setup:
     map_error: tuple[float, float] | None = None
 
     WORST = Sensor(0.01, 0.01)  # the worst sensor of the sweep
-    REFERENCE = (
-        "our reference interpretation is used"  # the one condition of the verdicts on the paper
-    )
     TABLE_1_HOURS, TABLE_1_WINDOW_S = 4, 10.0  # of the static log that Table 1 is read from
 
     @classmethod
     def reference(cls, length: float, **changes) -> Setup:
-        """Give our reference interpretation, that of notebooks 12 and 20 to 23.
+        """Give our reference interpretation, that of notebooks 20 to 23.
 
         Its R is ours, for the paper gives none: that of the worst sensor of the sweep, for all.
 

@@ -60,6 +60,8 @@ class Laps:
         That the filter computes for its error.
     odometry : ndarray, shape (times,), m, optional
         Error of the odometry alone from the true first position; of real laps.
+    places : int
+        Real laps that share the same draws of the gyro, run after run; see `crossed_of`.
     """
 
     labels: tuple
@@ -68,6 +70,24 @@ class Laps:
     error: np.ndarray
     variance: np.ndarray
     odometry: np.ndarray | None = None
+    places: int = 1
+
+    @classmethod
+    def crossed_of(cls, tracked: Sequence[Laps], moments: int) -> Laps:
+        """Put real laps with the same draws together, each at evenly spread moments.
+
+        A bootstrap of theirs draws laps and draws, for a draw is alike in every lap.
+        """
+        at = [np.linspace(0, len(of.t) - 1, moments).round().astype(int) for of in tracked]
+        error, variance = (
+            np.concatenate(
+                [getattr(of, k)[..., i] for of, i in zip(tracked, at, strict=True)], axis=1
+            )
+            for k in ("error", "variance")
+        )
+        first = tracked[0]
+        times = first.t[at[0]], first.distance[at[0]]
+        return cls(first.labels, *times, error, variance, places=len(tracked))
 
     def errors(self, label: Hashable) -> np.ndarray:
         """Errors of one sensor, m, shape (runs, times)."""
@@ -103,7 +123,10 @@ class Laps:
         """
         error = self.error
         count = error.shape[1]
-        weights = resampling.counts(count, draws, rng) / count
+        of_places, of_draws = (
+            resampling.counts(n, draws, rng) for n in (self.places, count // self.places)
+        )
+        weights = np.einsum("bp,bd->bpd", of_places, of_draws).reshape(1 + draws, count) / count
 
         def over_runs(values):
             return np.einsum("br,cr->bc", weights, values)

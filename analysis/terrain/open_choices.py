@@ -13,7 +13,7 @@ rate, so that a second holds the information that it holds at 100 Hz.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
@@ -24,7 +24,8 @@ from scipy.stats import qmc, rankdata
 from analysis import WrongUsage, resampling
 from analysis.terrain.assumptions import NOISES, PAPER_HZ, STARTS, Sensor, Setup
 from analysis.terrain.monte_carlo import Laps, attitude_errors, simulate_laps
-from analysis.terrain.terrain_map import AttitudeMap
+from analysis.terrain.real_laps import Lap, track_real_laps
+from analysis.terrain.terrain_map import AttitudeMap, Profile
 from analysis.terrain.trends import PowerLaw, coefficients, draw_prices
 
 STEP_M = 0.55  # between two samples: the grid of the map is 0.5 m
@@ -190,23 +191,66 @@ class Roads(NamedTuple):
         Returns
         -------
         DataFrame, indexed by claim
-            ``value`` of the claim's number, and the share of the resamples ``inside`` its range.
+            ``value`` of the claim's number, the 95 % interval ``low`` to ``high`` of the
+            resamples, and the share of them ``inside`` the claim's range.
         """
-        channels = {"pitch": [0], "roll": [1], "both": [0, 1]}[chosen.channel]
-        road, setup = self.maps[chosen.road], chosen.setup()
-        road = AttitudeMap(road.start, road.step, road.attitude[channels])
-        options: dict[str, Any] = {"store_every": setup.seconds / MOMENTS, "compiled": compiled}
+        setup, options = chosen.setup(), {"compiled": compiled}
+        options["store_every"] = setup.seconds / MOMENTS
         sensors = chosen.sensors(self.table_3)
+        road = self._road(chosen)
         driven = simulate_laps(road, sensors, setup, runs=laps, seed=seed, **options)
-        rng = np.random.default_rng([seed, 1])
+        return self._judged(driven, chosen, seed, resamples)
+
+    def evaluate_real(
+        self,
+        laps: Mapping[Hashable, tuple[Lap, Profile]],
+        chosen: Interpretation,
+        *,
+        draws: int,
+        seed: int,
+        resamples: int = 200,
+    ) -> pd.DataFrame:
+        """Judge every claim on real laps: only the gyros and the first position are simulated.
+
+        Parameters
+        ----------
+        laps : mapping of label to (Lap, Profile)
+            Each lap with the map to track it on.
+        chosen : Interpretation
+            Its noise, bias and R; road, odometry and map error are those of the laps.
+        draws : int
+            Of gyro noise, the same for every lap; the bootstrap draws laps and these again.
+        seed, resamples : int
+
+        Returns
+        -------
+        DataFrame, indexed by claim
+            As `evaluate`.
+        """
+        sensors = chosen.sensors(self.table_3)
+        found = track_real_laps(laps, sensors, chosen.setup(), runs=draws, seed=seed)
+        driven = Laps.crossed_of([*found.values()], MOMENTS)
+        return self._judged(driven, chosen, seed, resamples)
+
+    def _road(self, chosen):
+        road = self.maps[chosen.road]
+        channels = {"pitch": [0], "roll": [1], "both": [0, 1]}[chosen.channel]
+        return AttitudeMap(road.start, road.step, road.attitude[channels])
+
+    def _judged(self, driven, chosen, seed, resamples):
+        rng, laps = np.random.default_rng([seed, 1]), driven.error.shape[1]
         numbers = claim_numbers(driven, chosen, [*self.table_3], self.prices, resamples, rng)
-        numbers |= attitude_numbers(road, chosen, laps, seed, resamples, rng)
-        low, high = self.claims["low"].fillna(-np.inf), self.claims["high"].fillna(np.inf)
+        numbers |= attitude_numbers(self._road(chosen), chosen, laps, seed, resamples, rng)
+        least, most = self.claims["low"].fillna(-np.inf), self.claims["high"].fillna(np.inf)
         rows = {}
         for claim, values in numbers.items():
+            again = values[1:]
             with np.errstate(invalid="ignore"):
-                inside = (values[1:] >= low[claim]) & (values[1:] <= high[claim])
-            rows[claim] = {"value": values[0], "inside": inside.mean()}
+                inside = (again >= least[claim]) & (again <= most[claim])
+                # A quantile that stands among the numbers, for some of them are infinite.
+                low, high = np.quantile(again, [0.025, 0.975], method="nearest")
+            row = {"value": values[0], "low": low, "high": high}
+            rows[claim] = row | {"inside": inside.mean()}
         return pd.DataFrame(rows).T
 
 

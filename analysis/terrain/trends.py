@@ -36,9 +36,6 @@ class Trend:
 
     Attributes
     ----------
-    rise : Estimate
-        Last point over first, less 1.
-    c1, c2 : Estimate
     share : Estimate
         Share of the rise that the quadratic term carries, c2 / (c1 + c2): 0 for a line, 1 for a
         square. Where the rise may be 0 the share has a pole; the interval then comes from its
@@ -47,26 +44,9 @@ class Trend:
         Residual of the sample about c0 + c1 u(x) and about c0 + c2 u(x^2), over the rise.
     """
 
-    rise: Estimate
-    c1: Estimate
-    c2: Estimate
     share: Estimate
     line_rms: float
     square_rms: float
-
-    def judge(self) -> tuple[Estimate, str | None]:
-        """Give the share of the square, by which a claimed shape is judged.
-
-        Returns
-        -------
-        share : Estimate
-        why : str or None
-            Why no shape can be judged: the intervals of c1 and of c2 include 0.
-        """
-        if _excludes_zero(self.c1) or _excludes_zero(self.c2):
-            return self.share, None
-        c2 = f"{self.c2.low:.2g} to {self.c2.high:.2g}"
-        return self.share, f"the 95 % interval of c2, {c2}, includes 0, and so does that of c1"
 
 
 def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
@@ -85,15 +65,11 @@ def fit_trend(x: ArrayLike, y: ArrayLike) -> Trend:
     Trend
     """
     powers, y = line_and_square(x), np.asarray(y)
-    c1, c2 = coefficients(x, y)
     rms = []
     for columns in (powers[:, [0, 1]], powers[:, [0, 2]]):
         rest = y[0] - columns @ np.linalg.pinv(columns) @ y[0]
         rms.append(float(np.sqrt((rest**2).mean()) / abs(y[0, -1] - y[0, 0])))
-    over = interval(y[:, -1] / y[:, 0], skewed=True)
-    value, low, high = (None if x is None else x - 1 for x in (over.value, over.low, over.high))
-    rise = Estimate(value, low, high)
-    return Trend(rise, interval(c1), interval(c2), _share_of_square(c1, c2), *rms)
+    return Trend(_share_of_square(*coefficients(x, y)), *rms)
 
 
 def line_and_square(x):

@@ -1,0 +1,49 @@
+"""The terrain paper's claims as the paper most likely did, and as a car does, at several R.
+
+As the paper most likely did: noise on the attitude, an exact map (notebook 24 says why). As a car
+does: the noise integrated, the real laps with their own odometry, each on the map of the others.
+"""
+
+import pandas as pd
+from tqdm import tqdm
+
+from analysis import store, terrain_data
+from analysis.terrain.open_choices import FACTORS, Interpretation
+
+SEED, LAPS, DRAWS = 2026, 4200, 200  # laps of each sensor; draws of the gyros on each real lap
+RESAMPLES = 2000
+ELSEWHERE = "terrain-sampling-rate-matters"  # notebook 22 judges it
+
+
+def verdicts():
+    """Compute the number of every claim, with its interval.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``claims``: setting (paper, car), R_times (R over R_0), claim, value, low, high.
+    """
+    roads = terrain_data.roads()
+    laps = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps()}
+    parts, same = [], {"seed": SEED, "resamples": RESAMPLES}
+    for times in tqdm(FACTORS["R_times"], unit="R", disable=None):
+        on_attitude = Interpretation(noise="on attitude", R_times=times)
+        found = {"paper": roads.evaluate(on_attitude, laps=LAPS, **same)}
+        found["car"] = roads.evaluate_real(laps, Interpretation(R_times=times), draws=DRAWS, **same)
+        parts += [
+            of.drop(columns="inside", index=ELSEWHERE).rename_axis("claim").reset_index()
+            .assign(setting=setting, R_times=times)
+            for setting, of in found.items()
+        ]  # fmt: skip
+    columns = ["setting", "R_times", "claim", "value", "low", "high"]
+    table = pd.concat(parts)[columns].sort_values(columns[:2], kind="stable", ignore_index=True)
+    source = {
+        "title": "Claims of the terrain paper as it most likely did, and as a car does",
+        "seed": SEED,
+        "laps": LAPS,
+        "draws": DRAWS,
+        "real_laps": [*laps],
+    }
+    return source, {"claims": store.rounded(table, 3)}
