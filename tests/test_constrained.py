@@ -9,12 +9,13 @@ import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis import wrap
+from analysis import WrongUsage, wrap
 from analysis.tracker import constrained
 from analysis.tracker.constrained import ACCEL, GYRO, MOUNT, PLACE, SPEED, STATES, TILT
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import ImuErrors, scenario
+from analysis.tracker.smoother import Recorded
 from sensorlogs.timeline import inject_outages
 
 EYE = np.eye(3).tolist()
@@ -225,6 +226,38 @@ def test_a_drive_through_an_outage_is_that_of_pyins(monkeypatch):
     np.testing.assert_allclose(ours[:-1, 2], sd[:-1], rtol=0.06)  # of the last, before its fix
 
 
+def test_looking_back_is_that_of_filterpy():
+    """cross-check: the same linear model through filterpy's smoother, started anew on the way."""
+    kalman = pytest.importorskip("filterpy.kalman")
+    rng, n, H = np.random.default_rng(3), 12, np.eye(STATES)[[PLACE, SPEED]]
+    F = np.eye(STATES) + 0.05 * rng.standard_normal((n, STATES, STATES))
+    P, x, z = np.eye(STATES), np.zeros(STATES), rng.standard_normal((n, 2))
+    block, states, covariances = Recorded(), [], []
+    block.P = P
+    block._keep(None)
+    for k in range(n):
+        block._steps[-1][3] = P
+        x, P = F[k] @ x, F[k] @ P @ F[k].T + 0.1 * np.eye(STATES)
+        block.P = P
+        block._keep(F[k])
+        gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.eye(2))
+        block._steps[-1][2] = gain @ (z[k] - H @ x)
+        x, P = x + block._steps[-1][2], P - gain @ H @ P
+        block.P = P
+        states.append(x)
+        covariances.append(P)
+    theirs = kalman.KalmanFilter(dim_x=STATES, dim_z=2)
+    told = [F, np.full((n, STATES, STATES), 0.1 * np.eye(STATES))]
+    found = theirs.rts_smoother(np.array(states)[..., None], np.array(covariances), *told)
+    errors, before, after = block.smoothed()
+    np.testing.assert_allclose(before[1:], covariances, atol=1e-12)
+    np.testing.assert_allclose(errors[1:] + states, found[0][..., 0], atol=1e-9)
+    np.testing.assert_allclose(after[1:], found[1], atol=1e-9)
+    block._steps[5][0] = None  # before it, nothing of what came after is known
+    cut = block.smoothed()[0]
+    assert not cut[4].any() and np.array_equal(cut[5:], errors[5:])
+
+
 def test_small_turns_keep_the_axes_square():
     """property: rows stay unit and square; the turn is that of the vector product to 1e-6."""
     C, angle = constrained.turned(EYE, 0.1, 0.2, -0.3), np.array([1e-3, -2e-3, 1.5e-3])
@@ -250,6 +283,31 @@ def test_outages_with_wheels_and_without(town):
         errors.append([np.hypot(*town.output_error(track.columns))[last] for track in tracks])
     without, with_wheels = np.mean(errors, axis=0)
     assert with_wheels < without / 3
+
+
+def test_looking_back_halves_the_error_in_outages():
+    """property: of position in a minute without fixes; yaw is known better, the ellipse holds."""
+    rms, sigma, held = [], [], []
+    for seed in (1, 2):
+        ride = scenario("D", np.random.default_rng(seed))
+        t = ride.log.gnss.t_s
+        fast = t[ride.speed_m_s > 8.0]
+        start = fast[len(fast) // 2]
+        log = inject_outages(ride.log, [(start, start + 60.0)])
+        inside = (t >= start) & (t < start + 60.0)
+        for smooth in (False, True):
+            found = replay(log, Options(filter="car"), smooth=smooth)
+            c = found.columns
+            error = np.array(ride.output_error(c))[:, inside]
+            rms.append(np.sqrt((error**2).mean()))
+            sigma.append(np.median(c["sigma_yaw_deg"][inside]))
+            wide = np.array([c["sigma_north_m"], c["sigma_east_m"]])[:, inside]
+            held.append((np.abs(error) < 2.5 * wide).mean())
+            assert found.summary["filter"]["smoothed"] == smooth
+    assert sum(rms[1::2]) < sum(rms[::2]) / 2 and min(held) > 0.95
+    assert sigma[1] < sigma[0] and sigma[3] < sigma[2]
+    with pytest.raises(WrongUsage, match="--smooth looks back with the filter for cars"):
+        replay(log, Options(filter="block6"), smooth=True)
 
 
 def test_its_attitude_is_the_better_one_and_says_how_good():

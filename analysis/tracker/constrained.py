@@ -150,12 +150,7 @@ class Constrained:
     @property
     def sigmas(self):
         """Standard deviations of roll, pitch and yaw, rad; up to some 70 deg of pitch."""
-        (nn, ne, _), (_, ee, _), (_, _, dd) = [row[TILT : TILT + 3] for row in self.P[TILT:GYRO]]
-        c, s = self.C_nb[0][0], self.C_nb[1][0]  # where the sensor's X axis points
-        scale = 1 / (c * c + s * s)
-        roll = c * c * nn + 2 * c * s * ne + s * s * ee
-        pitch = s * s * nn - 2 * c * s * ne + c * c * ee
-        return math.sqrt(scale * roll), math.sqrt(scale * pitch), math.sqrt(dd)
+        return angle_sigmas(self.C_nb, self.P)
 
     @property
     def may_rest(self):
@@ -163,12 +158,15 @@ class Constrained:
         v = self.velocity
         return v[0] * v[0] + v[1] * v[1] < CREEP * CREEP
 
-    def _carry(self):
-        """Carry the covariance over the samples since the last step."""
-        T = self._seconds
-        if T <= 0:
-            return
-        P, C, (sn, se, sd) = self.P, self.C_nb, self._force
+    def _transition(self):
+        """Give the rows of F, how errors are carried over the samples since the last step.
+
+        Returns
+        -------
+        list of (int, tuple of (int, float))
+            A state, and what is added to its error: other states, each later, with its coefficient.
+        """
+        T, C, (sn, se, sd) = self._seconds, self.C_nb, self._force
         rows = [(PLACE, ((SPEED, T),)), (PLACE + 1, ((SPEED + 1, T),))]
         levers = (
             ((TILT + 1, sd), (TILT + 2, -se)),
@@ -181,6 +179,14 @@ class Constrained:
             )
         for i in (0, 1, 2):
             rows.append((TILT + i, tuple((GYRO + k, -T * C[i][k]) for k in (0, 1, 2))))
+        return rows
+
+    def _carry(self):
+        """Carry the covariance over the samples since the last step."""
+        T = self._seconds
+        if T <= 0:
+            return
+        P, rows = self.P, self._transition()
         for i, terms in rows:  # F P: a row only needs rows that come later
             row = P[i]
             for j, c in terms:
@@ -269,3 +275,13 @@ def turned(C, a, b, c):
     along = dot(x, z)
     x = unit([x[k] - along * z[k] for k in (0, 1, 2)])
     return [x, cross(z, x), z]
+
+
+def angle_sigmas(C_nb, P):
+    """Return the standard deviations of roll, pitch and yaw (rad) from attitude and covariance."""
+    (nn, ne, _), (_, ee, _), (_, _, dd) = [row[TILT : TILT + 3] for row in P[TILT:GYRO]]
+    c, s = C_nb[0][0], C_nb[1][0]  # where the sensor's X axis points
+    scale = 1 / (c * c + s * s)
+    roll = c * c * nn + 2 * c * s * ne + s * s * ee
+    pitch = s * s * nn - 2 * c * s * ne + c * c * ee
+    return math.sqrt(scale * roll), math.sqrt(scale * pitch), math.sqrt(dd)

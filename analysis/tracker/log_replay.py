@@ -2,18 +2,20 @@
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
 from analysis import STANDARD_GRAVITY, Estimate, WrongUsage
-from analysis.tracker.attitude import GAP_S
+from analysis.tracker.attitude import GAP_S, angles
+from analysis.tracker.constrained import PLACE, TILT, angle_sigmas, turned
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
 from analysis.tracker.last_position import LOST_S, PDOP_WAIT_S, SLOW, Stored
 from analysis.tracker.motion import Vehicle, by_positions, time_lag, vehicle
 from analysis.tracker.mounting import Straight
+from analysis.tracker.smoother import Recorded
 from sensorlogs.timeline import Timeline
 
 NEEDS = "needs positions and an IMU"
@@ -58,6 +60,7 @@ def replay(
     options: Options | None = None,
     stored: Stored | None = None,
     *,
+    smooth: bool = False,
     progress: bool = False,
 ) -> Track:
     """Run the blocks over a whole timeline, one sample and one epoch at a time.
@@ -68,6 +71,8 @@ def replay(
     options : Options, optional
     stored : Stored, optional
         Position that an earlier run left.
+    smooth : bool
+        Look back from the end of the drive; needs the filter for cars.
     progress : bool
         Show a progress bar.
 
@@ -78,17 +83,22 @@ def replay(
     Raises
     ------
     WrongUsage
-        If the log has neither positions nor an IMU.
+        If the log has neither positions nor an IMU, or is to be smoothed without that filter.
     """
     lag, moves = motion(timeline)
     options = options or Options()
     if options.filter == "auto":
         used = "car" if moves.kind == "car" else "block6"
         options = Options(**options.changed | {"filter": used})
-    rows, unexplained = [], []
+    if smooth and options.filter != "car":
+        raise WrongUsage(
+            "--smooth looks back with the filter for cars, and this log does not show a car: "
+            "say --filter car if it is one"
+        )
+    rows, unexplained, marks = [], [], []
     devices: list[Device] = []
     straights: list[Straight] = []
-    for epoch, row, device, _ in stepped(timeline, options, stored, progress=progress):
+    for epoch, row, device, _ in stepped(timeline, options, stored, smooth, progress=progress):
         if device not in devices[-1:]:
             devices.append(device)
         if device.mounting.straight not in (None, *straights[-1:]):
@@ -96,8 +106,13 @@ def replay(
         rows.append(row | {"t_s": epoch.t_s, "has_fix": epoch.fix is not None})
         known = row["roll"] == row["roll"]
         unexplained.append(device.attitude.unexplained if known else 0.0)
+        car = device.constrained
+        if smooth and car and car.started and device.ned and [*device.ned[:2]] == car.position[:2]:
+            attitude = [[*axis] for axis in car.C_nb]
+            marks.append((rows[-1], device, car.step, device.ned, attitude))
     if not rows:
         raise WrongUsage("nothing to replay: the log has neither positions nor an IMU")
+    _look_back(marks)
     columns = _columns(timeline.gnss, rows)
     remarks = tuple(_remarks(timeline, options, columns, devices, unexplained, lag, moves))
     table = pd.DataFrame(straights, columns=Straight._fields)
@@ -105,11 +120,28 @@ def replay(
     table[angles] = np.degrees(table[angles].astype(float))
     units = {k: f"{k}_deg" for k in angles} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
     summary = _summary(timeline, options, columns, devices, len(straights))
-    summary["filter"] = {"used": device.bridges, "motion": moves.kind}
+    summary["filter"] = {"used": device.bridges, "motion": moves.kind, "smoothed": smooth}
     summary["filter"] |= {
         "sideways": [moves.sideways.value, moves.sideways.low, moves.sideways.high]
     }
     return Track(columns, summary, device.last.snapshot, remarks, table.rename(columns=units))
+
+
+def _look_back(marks):
+    """Put the smoothed position and attitude into the rows of the constrained filter's epochs."""
+    for _, of in groupby(marks, key=lambda mark: id(mark[1])):
+        marked = list(of)
+        device = marked[0][1]
+        errors, before, after = device.constrained.smoothed()
+        for row, _, k, (north, east, down), attitude in marked:
+            e = errors[k].tolist()
+            place = device.frame.degrees((north + e[PLACE], east + e[PLACE + 1], down))
+            row["lat_deg"], row["lon_deg"] = place
+            lasting = np.subtract(row["ellipse"], before[k][[0, 0, 1], [0, 1, 1]])
+            row["ellipse"] = tuple(lasting + after[k][[0, 0, 1], [0, 1, 1]])
+            C = turned(attitude, *e[TILT : TILT + 3])
+            row["roll"], row["pitch"], row["yaw"] = angles(C)
+            row["sigmas"] = angle_sigmas(C, after[k].tolist())
 
 
 def motion(timeline: Timeline) -> tuple[Estimate, Vehicle]:
@@ -124,12 +156,12 @@ def motion(timeline: Timeline) -> tuple[Estimate, Vehicle]:
     return lag, vehicle(gnss, replace(imu, t_s=imu.t_s + (lag.value or 0.0)))
 
 
-def stepped(timeline, options, stored=None, *, progress=False):
+def stepped(timeline, options, stored=None, smooth=False, *, progress=False):
     """Run a log epoch by epoch, for what needs to look inside the device.
 
     Parameters
     ----------
-    timeline, options, stored, progress
+    timeline, options, stored, smooth, progress
         As of `replay`.
 
     Yields
@@ -143,11 +175,18 @@ def stepped(timeline, options, stored=None, *, progress=False):
         The IMU samples since the epoch before, as `Device.imu` takes them.
     """
     has_imu, starts = timeline.imu is not None, [*timeline.restarts_s, math.inf]
-    device, samples = Device(options, stored, has_imu), _samples(timeline.imu, options.number)
+
+    def switched_on(left):
+        device = Device(options, left, has_imu)
+        if smooth and device.constrained:
+            device.constrained = Recorded(options.number)
+        return device
+
+    device, samples = switched_on(stored), _samples(timeline.imu, options.number)
     sample, epochs = next(samples, None), _epochs(timeline.gnss, timeline.imu)
     for epoch in tqdm(epochs, desc="replay", unit="epoch", disable=None if progress else True):
         if epoch.t_s >= starts[0]:
-            device = Device(options, device.last.snapshot, has_imu)
+            device = switched_on(device.last.snapshot)
             del starts[0]
         given = []
         while sample is not None and sample[0] <= epoch.t_s:
