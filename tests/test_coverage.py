@@ -137,12 +137,13 @@ def test_what_breaks_a_log_is_what_is_said():
 
 
 def test_low_pass_leaves_slow_noise():
-    """analytic: half the power is left at the cutoff; the mean of a constant is the constant."""
+    """analytic: half the power is left at the cutoff, 1/17 at twice it; a constant stays."""
     dt, cutoff = 0.01, 5.0
     t = dt * np.arange(100_000)
     low_pass = coverage.disturbances(0.0, 0.0)["low-pass-5"][1]
-    wave = low_pass(np.sin(2 * np.pi * cutoff * t), t, None)
-    assert wave[1000:].var() == pytest.approx(0.25, rel=0.01)
+    for frequency, power in ((cutoff, 0.25), (2 * cutoff, 0.5 / 17)):
+        wave = low_pass(np.sin(2 * np.pi * frequency * t), t, None)
+        assert wave[1000:].var() == pytest.approx(power, rel=0.1)  # warped by the sampling
     np.testing.assert_allclose(low_pass(np.full(1000, 3.0), t, None), 3.0)
 
 
@@ -157,14 +158,14 @@ def test_truths_of_a_sensor():
 
 
 def test_summary_of_broken_logs_counts():
-    """analytic: four logs, one refused, one wrong and said, one wrong and not said, one right."""
-    rows = pd.DataFrame({"run": range(4), "parameter": "arw", "truth": 1.0})
-    rows["value"], rows["low"] = [np.nan, 2.0, 3.0, 1.1], [np.nan, 1.9, 2.9, 0.9]
-    rows["high"], rows["warned"] = [1.5, 2.1, 3.1, 1.2], [True, True, False, False]
+    """analytic: five logs, one refused, two wrong and said, one wrong and not said, one right."""
+    rows = pd.DataFrame({"run": range(5), "parameter": "arw", "truth": 1.0})
+    rows["value"], rows["low"] = [np.nan, 2.0, 0.5, 3.0, 1.1], [np.nan, 1.9, 0.4, 2.9, 0.9]
+    rows["high"], rows["warned"] = [1.5, 2.1, 0.6, 3.1, 1.2], [True, True, True, False, False]
     (counted,) = coverage.broken_summary(rows).to_dict("records")
     assert np.isnan(counted.pop("first"))
     assert counted == {
-        "parameter": "arw", "truth": 1.0, "runs": 4, "resolved": 0.75, "wrong": 0.5, "unsaid": 0.25
+        "parameter": "arw", "truth": 1.0, "runs": 5, "resolved": 0.8, "wrong": 0.6, "unsaid": 0.2
     }  # fmt: skip
 
 
@@ -191,6 +192,7 @@ def test_command_makes_broken_cells(tmp_path):
     arguments = ["broken", "--runs", "3", "--hours", "0.1", "--models", "walk+loss-5"]
     assert main(["coverage", *arguments, "--workers", "1", "--out", str(tmp_path)]) == 0
     table = pd.read_csv(tmp_path / "walk+loss-5-0.1h.csv").set_index("parameter")
+    assert (table["model"] == "walk+loss-5").all() and (table["hours"] == 0.1).all()
     assert (table["runs"] == 3).all() and set(table.index) <= set(coverage.OF_A_RATE)
     assert table.loc["arw", "truth"] == pytest.approx(0.06 * np.sqrt(0.1), rel=1e-4)
     assert "5 % of the samples lost" in (tmp_path / "source.json").read_text()
