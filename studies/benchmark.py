@@ -145,32 +145,28 @@ def compiled_filter(samples=4001, runs=20, cells=25):
         yield Measured("no C compiler (cc) here")
         return
     x, P = np.full((runs, cells), truth[0]), np.full((runs, cells), setup.begin_sd**2)
-    slope, intercept = (
-        np.ascontiguousarray(of[0]) for of in (attitude_map._slope, attitude_map._intercept)
-    )
-    noise, size = np.ascontiguousarray(walk[:, 0] / 10), np.array([s.arw for s in sensors.values()])
+    slope, intercept = attitude_map._slope[0].copy(), attitude_map._intercept[0].copy()
+    noise, size = walk[:, 0] / 10, np.array([s.arw for s in sensors.values()])
     step = truth[1] - truth[0]
-    numbers = (len(slope) - 1, attitude_map._scale, attitude_map._shift)
-    counts = (len(truth), runs, cells)
-    given = (slope, intercept, *numbers, step, setup.q * step, work[2][0], noise, size, setup.R)
+    given = (slope, intercept, len(slope) - 1, attitude_map._scale, attitude_map._shift, step)
+    given += (setup.q * step, work[2][0], noise, size, setup.R, len(truth), runs, cells, x, P)
     with tempfile.TemporaryDirectory() as folder:
         source, library = Path(__file__).with_name("laps.c"), Path(folder, "laps.so")
         flags = ["-O3", "-march=native", "-shared", "-fPIC", "-o", library, source, "-lm"]
         subprocess.run([compiler, *flags], check=True)
         loop = ctypes.CDLL(str(library)).laps
-        for_c = map(_for_c, (*given, *counts, x, P))
-        _, plain = timed(loop, *for_c, clock=time.process_time)
+        array, count, number = (
+            np.ctypeslib.ndpointer(float, flags="C_CONTIGUOUS"),
+            ctypes.c_long,
+            ctypes.c_double,
+        )
+        loop.argtypes = [array, array, count] + 4 * [number] + 3 * [array] + [number]
+        loop.argtypes += [count, count, count, array, array]
+        _, plain = timed(loop, *given, clock=time.process_time)
     yield Measured("a step of a plain loop in C", per_step * plain, "ns")
     difference = float(np.abs(x.T - truth[-1] - laps.error[..., -1]).max())
     yield Measured("largest difference of the loop in C", difference, "m", "<= 1e-9")
     yield Measured("compiled over plain loop", ours / plain, "times", "<= 3")
-
-
-def _for_c(given):
-    """Give a number or an array the type that C takes."""
-    if isinstance(given, np.ndarray):
-        return given.ctypes.data_as(ctypes.c_void_p)
-    return ctypes.c_long(given) if isinstance(given, int) else ctypes.c_double(given)
 
 
 def _best_of(work, *arguments, **options):

@@ -2,8 +2,8 @@
 
 The others are what an engineer finds first: allantools with a least-squares fit, the package
 allan-variance, and the five coefficients of IEEE 952. All read the Allan curve of the log as
-recorded. A term counts as given where it makes
-up at least 1 % of the fitted Allan variance at some averaging time.
+recorded. A term counts as given where it makes up at least 1 % of the fitted Allan variance at some
+averaging time.
 
 Log k of a sensor is that of `coverage`.
 """
@@ -15,7 +15,6 @@ from functools import partial
 
 import allantools
 import numpy as np
-import pandas as pd
 from scipy.optimize import OptimizeWarning, curve_fit
 from scipy.stats import norm
 
@@ -30,8 +29,6 @@ FOLDER = store.FOLDER / "beside-others"
 HOURS = 2.0
 SENSORS = {"terrain": 60, "midg-roll": 60, "kvh-yaw": 30, "flicker": 30, "walk": 30}  # logs
 OURS = "this package"
-ALLANTOOLS, ALLAN_VARIANCE = "allantools, least squares", "allan-variance"
-FIVE = "IEEE 952, five coefficients"
 PEERS = ("allantools", "allan-variance", "numpy", "scipy")
 POINTS, LONGEST = 60, 10  # averaging times given to allantools, up to a tenth of the log
 LEAST = 0.01  # of the fitted Allan variance, somewhere
@@ -106,8 +103,11 @@ def _made_up(coefficients, shapes):
     return (terms >= LEAST * terms.sum(axis=0)).any(axis=1)
 
 
-OTHERS = {ALLANTOOLS: with_allantools, ALLAN_VARIANCE: with_allan_variance}
-OTHERS[FIVE] = with_five_coefficients
+OTHERS = {
+    "allantools, least squares": with_allantools,
+    "allan-variance": with_allan_variance,
+    "IEEE 952, five coefficients": with_five_coefficients,
+}
 
 
 def simulated(log, *, name):
@@ -137,41 +137,34 @@ def simulated(log, *, name):
 def _ours(y, dt, *, seed):
     rng = np.random.default_rng(seed)
     channel = characterise(y, dt, name="gyro", unit="deg/s", kind="rate", rng=rng)
-    known = {p: e for p, e in channel.parameters.items() if p in COMPARED}
-    numbers = {p: (e.value, e.low, e.high) for p, e in known.items()}
-    return {p: tuple(np.nan if v is None else v for v in n) for p, n in numbers.items()}
+    known = {p: (e.value, e.low, e.high) for p, e in channel.parameters.items() if p in COMPARED}
+    return {p: np.array(numbers, dtype=float) for p, numbers in known.items()}  # None: NaN
 
 
-def summary(rows, sensor):
+def summary(rows):
     """Compare the methods on the simulated logs of one sensor.
 
     Returns
     -------
     DataFrame
-        sensor, method, parameter, truth, runs; given (share of the logs with a value), held (share
-        of the given intervals that hold the truth; empty without intervals); median, q025, q975 of
-        value / truth; seconds (median, of a log); first, the value of log 0.
+        method, parameter, runs; held (share of the given intervals that hold the truth; empty
+        without intervals); median of value / truth; seconds (median, of a log); first, the value of
+        log 0.
     """
-    runs, value, truth = rows["run"].nunique(), rows["value"], rows["truth"]
-    given = value.abs() > 0
-    held = (rows["low"] <= truth) & (truth <= rows["high"])
+    value, truth, of = rows["value"], rows["truth"], ["method", "parameter"]
+    given, bounded = value.abs() > 0, rows.groupby(of)["low"].transform("any")
+    held = truth.between(rows["low"], rows["high"]).astype(float)
     judged = rows.assign(
-        given=given,
-        held=held.astype(float).where(
-            given & rows.groupby(["method", "parameter"])["low"].transform("any")
-        ),
-        ratio=(value / truth).where(given & (truth > 0)),
+        held=held.where(given & bounded), ratio=(value / truth).where(given & (truth > 0))
     )
-    table = judged.groupby(["method", "parameter"], sort=False).agg(
-        truth=("truth", "first"),
-        runs=("run", lambda _: runs),
-        given=("given", lambda yes: yes.sum() / runs),
+    table = judged.groupby(of, sort=False).agg(
+        runs=("run", "size"),
         held=("held", "mean"),
-        **coverage.quantiles("ratio"),
+        median=("ratio", "median"),
         seconds=("seconds", "median"),
         first=("value", lambda values: values.iloc[0]),
     )
-    return pd.concat({sensor: table}, names=["sensor"]).reset_index()
+    return table.reset_index().assign(runs=rows["run"].nunique())
 
 
 def study(folder=FOLDER, **where):
@@ -191,8 +184,8 @@ def study(folder=FOLDER, **where):
         raise CannotAnswer(f"{error.name} is not installed; `make install` installs it") from error
     tables = {}
     for name, runs in SENSORS.items():
-        logs, finish = list(enumerate(coverage.streams(name, runs))), partial(summary, sensor=name)
-        tables[name] = Cell(partial(simulated, name=name), logs, finish)
+        logs = list(enumerate(coverage.streams(name, runs)))
+        tables[name] = Cell(partial(simulated, name=name), logs, summary, {"sensor": name})
     source = {
         "title": "This package beside other ways to read a static log",
         "made_by": "python -m analysis coverage beside",

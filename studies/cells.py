@@ -135,11 +135,14 @@ class Cell(NamedTuple):
     items : sequence
     finish : callable
         DataFrame of all rows, in the order of the items -> the table.
+    about : dict
+        Columns that are the same in each row, put in front.
     """
 
     work: Callable
     items: Sequence
     finish: Callable = pd.DataFrame
+    about: dict[str, Any] = {}  # noqa: RUF012
 
 
 def tabulate(
@@ -169,6 +172,7 @@ def tabulate(
             items = {f"{k}-{joblib.hash(item)}": item for k, item in enumerate(cell.items)}
             rows = kept(finished, cell.work, items, bar, **where)
             table = cell.finish(pd.DataFrame(chain.from_iterable(rows)))
+            table = pd.DataFrame(cell.about, table.index).join(table)
             with replacing(path) as draft:
                 store.write_table(draft, store.rounded(table, digits))
             shutil.rmtree(finished, ignore_errors=True)

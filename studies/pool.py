@@ -14,6 +14,7 @@ on both sides: the usual 3.84 assumes a known spread, which three units do not g
 """
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy.optimize import brentq
@@ -120,13 +121,11 @@ def alike(biases):
     list of (int, int, float)
         The two logs, and the largest difference of their biases, U.
     """
-    spread = np.sqrt(2 * np.mean(np.square(biases)))
-    pairs = []
-    for i in range(len(biases)):
-        for j in range(i):
-            most = float(np.abs(biases[i] - biases[j]).max())
-            if (2 * norm.cdf(most / spread) - 1) ** biases.shape[1] < ALIKE:
-                pairs.append((j, i, most))
+    spread, pairs = np.sqrt(2 * np.mean(np.square(biases))), []
+    for i, j in combinations(range(len(biases)), 2):
+        most = float(np.abs(biases[i] - biases[j]).max())
+        if (2 * norm.cdf(most / spread) - 1) ** biases.shape[1] < ALIKE:
+            pairs.append((i, j, most))
     return pairs
 
 
@@ -147,20 +146,17 @@ def deviation(walk, time, unit):
     Estimate
     """
 
-    def sigma_b(w, t):
-        return None if w is None or t is None else float(w * np.sqrt(t / 2))
-
+    walks, times = ((e.value, e.low, e.high) for e in (walk, time))
     value, low, high = (
-        sigma_b(getattr(walk, k), getattr(time, k)) for k in ("value", "low", "high")
+        None if w is None or t is None else float(w * np.sqrt(t / 2))
+        for w, t in zip(walks, times, strict=True)
     )
     if value is None:
         return Estimate.refused(unit, time.note, low=low, high=high)
-    down, up = (
-        np.hypot(np.log(walk_end / walk.value), 0.5 * np.log(time_end / time.value))
-        for walk_end, time_end in ((walk.low, time.low), (walk.high, time.high))
-    )
-    low, high = float(value * np.exp(-down)), float(value * np.exp(up))
-    return Estimate(value, low, high, unit, note=time.note)
+    errors = np.log(np.divide(walks, walk.value)), np.log(np.divide(times, time.value)) / 2
+    down, up = np.hypot(*errors)[1:]
+    ends = float(value * np.exp(-down)), float(value * np.exp(up))
+    return Estimate(value, *ends, unit, note=time.note)
 
 
 def profile_of_unit(likelihood, fit, what):
@@ -229,28 +225,24 @@ class Profile:
         """Likeliest value."""
         return float(self.at[np.argmax(self.fall)])
 
+    def side(self, above):
+        """Where 0.5 is lost below or above the maximum (or the end), and whether it is."""
+        top = int(np.argmax(self.fall))
+        part = slice(top, None, 1 if above else -1)
+        fall = np.minimum.accumulate(self.fall[part])
+        return float(np.interp(0.5, -fall, self.at[part])), fall[-1] < -0.5
+
     @property
     def error(self):
         """Standard error: from the nearer of the places where 0.5 is lost."""
-        distances = [
-            abs(np.interp(0.5, -fall, at) - self.best)
-            for at, fall in self._sides()
-            if len(fall) > 1 and fall[-1] < -0.5
-        ]
-        return float(min(distances)) if distances else np.inf
+        places = [at for at, lost in map(self.side, (False, True)) if lost]
+        return min((abs(at - self.best) for at in places), default=np.inf)
 
     @property
     def anchor(self):
         """Value to centre tables on: the maximum, or the bound of a one-sided curve."""
-        if all(self.closed) or not any(self.closed):
-            return self.best
-        at, fall = list(self._sides())[0 if self.closed[0] else 1]
-        return float(np.interp(0.5, -fall, at))
-
-    def _sides(self):
-        top = int(np.argmax(self.fall))
-        for part in (slice(top, None, -1), slice(top, None)):
-            yield self.at[part], np.minimum.accumulate(self.fall[part])
+        below, above = self.closed
+        return self.best if below == above else self.side(above)[0]
 
 
 def population(curves, unit, model=""):
@@ -334,16 +326,12 @@ def _peak_and_ends(x, log_l, threshold):
     if 0 < i < len(x) - 1:
         a, b, c = np.polyfit(x[i - 1 : i + 2] - x[i], log_l[i - 1 : i + 2] - log_l[i], 2)
         peak, top = float(x[i] - b / (2 * a)), float(log_l[i] + c - b**2 / (4 * a))
-    fallen = 2 * (top - log_l) - threshold
     ends = []
-    for side in (range(i, -1, -1), range(i, len(x))):
-        past = next((j for j in side if fallen[j] > 0), None)
-        if past is None:
-            ends.append(None)
-            continue
-        before = past + (1 if past < i else -1)
-        share = fallen[before] / (fallen[before] - fallen[past])
-        ends.append(float(x[before] + share * (x[past] - x[before])))
+    for step in (-1, 1):
+        fallen, at = 2 * (top - log_l[i::step]) - threshold, x[i::step]
+        past = int(np.argmax(fallen > 0))
+        around = slice(past - 1, past + 1)
+        ends.append(float(np.interp(0.0, fallen[around], at[around])) if past else None)
     return peak, *ends
 
 

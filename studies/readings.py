@@ -101,8 +101,8 @@ def study(
     plan = plan.drop_duplicates([*FACTORS], ignore_index=True)
     tables = {"readings": judged(plan, laps=laps, seed=SEED)}
     if best:
-        table = tables["readings"]
-        near = [_near(table.loc[row]) for row in _ranked(table, laps)[:BESIDE]]
+        ranked = _ranked(tables["readings"], laps)[:BESIDE].to_dict("records")
+        near = [around(Interpretation.of(row)).assign(why="beside the best") for row in ranked]
         plan = pd.concat([plan, *near]).drop_duplicates([*FACTORS], ignore_index=True)
         tables["readings"] = judged(plan, laps=laps, seed=SEED)
         chosen = _chosen(tables["readings"], laps, best)
@@ -129,19 +129,14 @@ def study(
 
 
 def _ranked(table, laps):
-    """Rows of a table of interpretations, that in which the most claims hold first."""
-    return Judged.of(table, laps, SEED).joint().index
-
-
-def _near(row):
-    """Lay out the interpretations beside one of a table."""
-    return around(Interpretation.of(row[[*FACTORS]].to_dict())).assign(why="beside the best")
+    """Lay out the interpretations of a table, that in which the most claims hold first."""
+    return table.loc[Judged.of(table, laps, SEED).joint().index, [*FACTORS]]
 
 
 def _chosen(table, laps, best):
     """Lay out the named interpretations, the best of all, and the best of those that integrate."""
     named = pd.DataFrame([asdict(one) for one in NAMED.values()]).assign(why=[*NAMED])
-    ranked = table.loc[_ranked(table, laps), [*FACTORS]]
+    ranked = _ranked(table, laps)
     physical = ranked[ranked["noise"] == "integrated"][:best].assign(why="best, integrated")
     chosen = pd.concat([named, ranked[:best].assign(why="best"), physical])
     return chosen.drop_duplicates([*FACTORS], ignore_index=True)

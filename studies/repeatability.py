@@ -61,14 +61,15 @@ def read(name):
     return replace(first, file=path.name, sha256=datasets.sha256(path), channels=channels)
 
 
-def parts(log, *, number=0, pieces=PIECES):
-    """Characterise every part of a log.
+def parts(name, log=None, *, pieces=PIECES):
+    """Characterise every part of a log of the study.
 
     Parameters
     ----------
-    log : Log
-    number : int
-        Of the log in the study: its random numbers.
+    name : str
+        A key of `LOGS`.
+    log : Log, optional
+        Some of its channels.
     pieces : sequence of int
         Into how many parts it is cut, each in turn.
 
@@ -78,7 +79,7 @@ def parts(log, *, number=0, pieces=PIECES):
         channel, kind, pieces, part (from 0), parameter, value, low, high (NaN where there is none),
         named (what is reported for the channel).
     """
-    rows = []
+    rows, log, number = [], log or read(name), list(LOGS).index(name)
     for count in pieces:
         cuts = np.linspace(0, len(log.channels[0].values), count + 1).astype(int)
         for part, (a, b) in enumerate(pairwise(cuts)):
@@ -116,20 +117,18 @@ def pairs(table):
         sensor, kind, pieces, parameter, log, channel, part_a, part_b, z, named (what is reported
         for either part, or for the whole log).
     """
-    found = []
+    found, of_channel = [], [*PAIR, "log", "channel"]
     table = table.assign(named=table["named"].fillna(""))
     whole = table[table["pieces"] == 1].set_index(["log", "channel", "parameter"])["named"]
-    groups = table[(table["pieces"] > 1) & table["value"].notna()].groupby(
-        [*PAIR, "log", "channel"], sort=False
-    )
-    for key, group in groups:
-        about = dict(zip([*PAIR, "log", "channel"], key, strict=True))
+    given = table[(table["pieces"] > 1) & table["value"].notna()]
+    for key, group in given.groupby(of_channel, sort=False):
+        about = dict(zip(of_channel, key, strict=True))
         of_whole = whole.get((about["log"], about["channel"], about["parameter"]), "")
         for a, b in combinations(group.itertuples(), 2):
-            names = {n for text in (a.named, b.named, of_whole) for n in text.split(";") if n}
+            names = set(";".join([a.named, b.named, of_whole]).split(";")) - {""}
             pair = {"part_a": a.part, "part_b": b.part, "z": z_score(a, b, about["parameter"])}
             found.append(about | pair | {"named": ";".join(sorted(names))})
-    return pd.DataFrame(found, columns=[*PAIR, "log", "channel", "part_a", "part_b", "z", "named"])
+    return pd.DataFrame(found, columns=[*of_channel, "part_a", "part_b", "z", "named"])
 
 
 def z_score(a, b, parameter):
@@ -160,23 +159,15 @@ def summary(table, pairs, *, draws=DRAWS, seed=SEED):
         row = dict(zip(PAIR, key, strict=True)) | about | {"pairs": 0}
         if key in groups:
             off, named = groups[key]["z"].abs() >= WITHIN, groups[key]["named"] != ""
-            row |= {"pairs": len(off)} | share_within(groups[key], rng, draws)
+            row |= {"pairs": len(off), "within": 1 - off.mean()}
+            of_channels = (~off).groupby([groups[key]["log"], groups[key]["channel"]])
+            agreed, count = np.array([of_channels.sum(), of_channels.size()])
+            drawn = resampling.drawn(len(count), draws, rng)
+            shares = agreed[drawn].sum(axis=1) / count[drawn].sum(axis=1)
+            row |= dict(zip(("low", "high"), resampling.interval(shares), strict=True))
             row |= {"named": named[off].mean(), "named_within": named[~off].mean()}
         rows.append(row)
     return pd.DataFrame(rows)
-
-
-def share_within(pairs, rng, draws=DRAWS):
-    """Share of pairs with |z| < 1.96, and its 95 % interval, channels drawn."""
-    within = (pairs["z"].abs() < WITHIN).groupby([pairs["log"], pairs["channel"]])
-    low, high = _interval(np.stack([within.sum(), within.size()]), rng, draws)
-    return {"within": within.sum().sum() / len(pairs), "low": low, "high": high}
-
-
-def _interval(of_channels, rng, draws):
-    """95 % interval of a sum over a count, from the sum and the count of each channel."""
-    drawn = resampling.drawn(of_channels.shape[1], draws, rng)
-    return resampling.interval(np.divide(*of_channels[:, drawn].sum(axis=2)))
 
 
 def wandering():
@@ -256,11 +247,9 @@ def units():
 
 def sources(logs_read):
     """State files, licences and sources of the logs of a study."""
-    found = {"files": {}, "licence": {}, "source": {}}
-    for log in logs_read:
-        for about, said in zip(found.values(), (log.sha256, log.licence, log.source), strict=True):
-            about[log.file] = said
-    return found
+    told = {"files": "sha256", "licence": "licence", "source": "source"}
+    known = {log.file: log for log in logs_read}
+    return {key: {f: getattr(log, of) for f, log in known.items()} for key, of in told.items()}
 
 
 def study(folder=FOLDER, **where):
@@ -281,13 +270,8 @@ def study(folder=FOLDER, **where):
         **sources(map(read, LOGS)),
         "seed": SEED,
     }
-    tabulate(folder, source, {name: Cell(parts_of, [name]) for name in LOGS}, **where)
+    cells = {n: Cell(parts, [n], about={"sensor": LOGS[n], "log": n}) for n in LOGS}
+    tabulate(folder, source, cells, **where)
     table = pd.concat([pd.read_csv(folder / f"{name}.csv") for name in LOGS])
     tables = {"summary": summary(table, pairs(table)), "wandering": wandering()}
     store.write(folder, source, {k: store.rounded(t, DIGITS) for k, t in tables.items()})
-
-
-def parts_of(name):
-    """Characterise the parts of one log of the study."""
-    rows = parts(read(name), number=list(LOGS).index(name))
-    return [{"sensor": LOGS[name], "log": name} | row for row in rows]

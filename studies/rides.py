@@ -168,7 +168,9 @@ def _roof(path):
     """Read an IMU whose bytes were time-tagged, and RTK fixes, once a second."""
     tag, fixes = (datasets.path(file) for file in ROOF[1:])
     raw = pd.read_csv(path, header=None).to_numpy()
-    start, part, arrived = _time_tag(tag.read_bytes())
+    # A time tag of RTKLIB: start (s, GPS time), its fraction, then arrivals (ms, bytes).
+    start, part = struct.unpack("<Id", tag.read_bytes()[64:76])
+    arrived = np.frombuffer(tag.read_bytes(), "<u4", offset=76).reshape(-1, 2).astype(float)
     # The file was written with two bytes at each line's end, and has one now.
     ends = np.cumsum([len(line) + 1 for line in path.read_bytes().splitlines(keepends=True)])
     row = np.minimum(np.searchsorted(ends, arrived[:, 1]), len(raw) - 1)
@@ -186,12 +188,6 @@ def _roof(path):
     )  # fmt: skip
     notes = ("axes turned to z down", "times of the samples from those at which their bytes came")
     return gnss, Imu(t[new], np.radians(gyro), accel * STANDARD_GRAVITY), notes
-
-
-def _time_tag(content):
-    """Read a time tag of RTKLIB: start (s, GPS time), its fraction, then arrivals (ms, bytes)."""
-    start, part = struct.unpack("<Id", content[64:76])
-    return start, part, np.frombuffer(content, "<u4", offset=76).reshape(-1, 2).astype(float)
 
 
 RIDES = {
@@ -436,32 +432,20 @@ def turned(name):
     gnss = log.gnss
     whole = mounting_regression(gnss, log.imu, np.random.default_rng(SEED))
     down = -np.median(log.imu.accel_b, axis=0)
-    tracks = {
-        angle: replay(turn_imu(log, np.radians(angle), down), Options())
-        for angle in np.arange(0.0, 360.0, STEP_DEG)
-    }
+    rows = []
+    for angle in np.arange(0.0, 360.0, STEP_DEG):
+        track = replay(turn_imu(log, np.radians(angle), down), Options())
+        mount, printed = track.columns["mount_deg"], track.straights["printed_deg"]
+        known = np.isfinite(mount)
+        off = wrap(mount[known] - whole.value - angle)
+        row = {"turned_deg": angle, "first_s": gnss.t_s[known][0], "last_deg": mount[known][-1]}
+        row |= {"lowest_off_deg": off.min(), "highest_off_deg": off.max()}
+        rows.append((row | {"last_printed_deg": printed.iloc[-1]}, track.straights))
+    tables = {"turned": pd.DataFrame([row for row, _ in rows]), "straights": rows[0][1]}
     reference = {"": whole.value, "low_": whole.low, "high_": whole.high}
-    rows = [_mounting_row(gnss.t_s, track, angle, whole.value) for angle, track in tracks.items()]
-    tables = {"turned": pd.DataFrame(rows), "straights": tracks[0].straights}
     reference = {f"reference_{end}deg": round(float(v), 3) for end, v in reference.items()}
-    return _source(name, log) | reference, {
-        key: store.rounded(table, DIGITS) for key, table in tables.items()
-    }
-
-
-def _mounting_row(t_s, track, angle, reference):
-    """Write the mounting angles of a ride whose IMU was turned by `angle` (deg) as a row."""
-    mount = track.columns["mount_deg"]
-    known = np.flatnonzero(np.isfinite(mount))
-    off = wrap(mount[known] - reference - angle)
-    return {
-        "turned_deg": angle,
-        "first_s": t_s[known[0]] if len(known) else np.nan,
-        "last_deg": mount[known[-1]] if len(known) else np.nan,
-        "lowest_off_deg": off.min(initial=np.inf),
-        "highest_off_deg": off.max(initial=-np.inf),
-        "last_printed_deg": track.straights["printed_deg"].iloc[-1],
-    }
+    tables = {key: store.rounded(table, DIGITS) for key, table in tables.items()}
+    return _source(name, log) | reference, tables
 
 
 def _metres(prefix, lat, lon, lat0, lon0):

@@ -38,7 +38,9 @@ WIDTH = 1.0  # m, of the smoothing: less hardly improves a held-out lap; shown i
 FINE = 8  # digits of a distance along the track: a curvature is computed from it
 SPACING = 0.5  # m between the rows that are used: at a stop the height drifts, the road does not
 HIGHWAY_STEP = 5.0  # m
-SYMBOLS = {"arw": "n", "vrw": "n", "bias_instability": "b", "rrw": "k", "corr_time": "t_c"}
+SYMBOLS = {"arw": "n", "vrw": "n", "bias_instability": "b"}
+ATLAS = ["sensor", "name", "axis", "kind", "unit", "n", "n_low", "n_high", "b", "b_low", "b_high"]
+ATLAS += ["basis", "low_usd", "high_usd", "source"]
 MEASURED = ("adis16405", "mpu6050-gyro", "mpu6050-accel")  # static logs of gyros, accelerometers
 DIRECTION = "ccw"  # its map is the mean of four drives (notebook 20)
 N_AND_B = ["arw_deg_sqrt_s", "sigma_b_deg_s"]
@@ -80,7 +82,9 @@ def test_track():
     paths = {d: [middles[n] for n in names] for d, names in LAPS.items()}
     lines = {d: centre_line.centre_line(of, (0.0, 0.0)) for d, of in paths.items()}
     laps = {n: lay_on_line(n, d, raw[n], lines[d], mounting) for n, d in DIRECTION_OF.items()}
-    scale = {n: _metres_per_count(lap) for n, lap in laps.items()}
+    # Metres along the centre line per encoder count, by least squares.
+    fits = {n: np.polyfit(of.wheel_m[of.fixed], of.s_m[of.fixed], 1) for n, of in laps.items()}
+    scale = {n: float(fit[0]) for n, fit in fits.items()}
     tables = {}
     for n, lap in laps.items():
         others = np.mean([scale[other] for other in laps if other != n])
@@ -100,11 +104,6 @@ def test_track():
         "laps": {n: _about(laps[n], rounds[n], mounting, scale[n]) for n in laps},
     }
     return source, tables
-
-
-def _metres_per_count(lap):
-    """Metres along the centre line per encoder count, by least squares."""
-    return float(np.polyfit(lap.wheel_m[lap.fixed], lap.s_m[lap.fixed], 1)[0])
 
 
 def _about(lap, first_round, mounting, scale):
@@ -145,18 +144,15 @@ def highway():
     about, tables = {}, {}
     for name, file in files.items():
         drive = road_logs.highway(datasets.path(file))
-        xyz = {c: drive[c].to_numpy() for c in ("east_m", "north_m", "height_m")}
-        moved = np.hypot(np.diff(xyz["east_m"]), np.diff(xyz["north_m"]))
-        s = np.concatenate([[0.0], np.cumsum(moved)])
+        s = np.append(0.0, np.cumsum(np.hypot(drive["east_m"].diff(), drive["north_m"].diff())[1:]))
         _, rows = np.unique(s // SPACING, return_index=True)
-        s, xyz = s[rows], {c: values[rows] for c, values in xyz.items()}
-        xyz["height_m"], level, jumps = antennas.remove_jumps(s, xyz["height_m"])
+        s, xyz = s[rows], drive[["east_m", "north_m", "height_m"]].to_numpy()[rows].T
+        xyz[2], level, jumps = antennas.remove_jumps(s, xyz[2])
         at = np.arange(s[0], s[-1], HIGHWAY_STEP)
-        columns = {
-            c: antennas.smooth_onto(s, values, at, HIGHWAY_WIDTH) for c, values in xyz.items()
-        }
-        columns["levelled"] = np.interp(at, s, level) < 0.5
-        tables[name] = rounded(pd.DataFrame(columns))
+        east, north, height = (antennas.smooth_onto(s, of, at, HIGHWAY_WIDTH) for of in xyz)
+        table = {"east_m": east, "north_m": north, "height_m": height}
+        levelled = np.interp(at, s, level) < 0.5
+        tables[name] = rounded(pd.DataFrame(table | {"levelled": levelled}))
         about[name] = {"jumps_found": len(jumps)}
     source = {
         "title": "Interstate 99 between Altoona and State College, both ways, one GNSS receiver",
@@ -179,15 +175,12 @@ def surface():
         ``surface``, see `analysis.terrain_data.error_plane`.
     """
     sensors, found = {(n, b): Sensor(n, b) for b in PLANE_B for n in PLANE_N}, {}
-    profile = terrain_data.profile(DIRECTION)
     trackers = {"integrated": {}, "on attitude": {"noise": "on attitude"}}
-    own = {"bias_states": True, "R": float((profile.pitch_se_deg**2).mean())}
+    own = {"bias_states": True, "R": _variance_of_map()}
     for tracker, changes in (trackers | {"bias states": own}).items():
         for corr_time in SURFACE_T_C:
             setup = Setup.reference(LAP_M, corr_time=corr_time, **changes).coarser(STEP_M)
-            options = {"store_every": setup.seconds / 100, "runs": SURFACE_RUNS, "seed": SEED}
-            options["compiled"] = HAS_NUMBA and not setup.bias_states
-            laps = simulate_laps(profile.attitude_map(), sensors, setup, **options)
+            laps = _laps(sensors, setup, SURFACE_RUNS, SEED)
             drawn = laps.reaches(SURFACE_RESAMPLES, np.random.default_rng(SEED))
             found[tracker, corr_time] = _errors(drawn, laps).assign(error_m=laps.reach())
     surface = pd.concat(found, names=["tracker", "corr_time_s", *N_AND_B]).reset_index()
@@ -199,6 +192,24 @@ def surface():
         "setup": Setup.reference(LAP_M).coarser(STEP_M).stated(),
     }
     return source, {"surface": rounded(surface, 3)}
+
+
+def _laps(sensors, setup, runs, seed):
+    """Track laps of the test track, stored at a hundred moments."""
+    return simulate_laps(
+        terrain_data.profile(DIRECTION).attitude_map(),
+        sensors,
+        setup,
+        runs=runs,
+        seed=seed,
+        store_every=setup.seconds / 100,
+        compiled=HAS_NUMBA and not setup.bias_states,
+    )
+
+
+def _variance_of_map():
+    """Mean square of the standard error of the map's pitch: R of a filter with bias states."""
+    return float((terrain_data.profile(DIRECTION).pitch_se_deg ** 2).mean())
 
 
 def _errors(drawn, laps):
@@ -221,9 +232,8 @@ def sweeps():
     dict
         Source.
     dict of DataFrame
-        ``cells`` (a row a sensor: its label, N, B, R over that of notebooks 21 to 23, laps
-        lost), ``mean`` and ``variance`` (a column a cell,
-        the sample in the first row and a bootstrap sample of the laps in each further row),
+        ``cells`` (a row a sensor: its label, laps lost), ``mean`` and ``variance`` (a column a
+        cell, the sample in the first row and a bootstrap sample of the laps in each further row),
         ``coverage``.
     """
     labels = sweep_cells()
@@ -234,11 +244,7 @@ def sweeps():
     tables = {"mean": weights @ absolute.T}
     tables["variance"] = weights @ square.T - (weights @ signed.T) ** 2
     named = {k: rounded(pd.DataFrame(v, columns=[*labels]), 4) for k, v in tables.items()}
-    rows = [
-        {"cell": label, "arw_deg_sqrt_s": n, "sigma_b_deg_s": b, "R_times": times}
-        for label, (n, b, times) in labels.items()
-    ]
-    cells = pd.DataFrame(rows).assign(laps_lost=(most > LOST_M).mean(axis=1))
+    cells = pd.DataFrame({"cell": [*labels], "laps_lost": (most > LOST_M).mean(axis=1)})
     worst = [*labels].index("MEMS R x 1")
     covered = [_covered(signed[worst], square[worst], n, rng) for n in ENSEMBLES]
     source = {
@@ -258,20 +264,15 @@ def sweep_cells():
     ``R4 N b=0.002 n=0.001`` one of the ends of a curve with four times R.
     """
     over_n, over_b = Setup.sweeps()
-    cells = {f"N b={b:.4g} n={n:.4g}": (n, b, 1.0) for b, n in over_n}
-    cells |= {f"B n={n:.4g} b={b:.4g}": (n, b, 1.0) for n, b in over_b}
-    ends = [label for label, (n, b, _) in cells.items() if _at_an_end(label[0], n, b)]
+    curves = {f"N b={b:.4g} n={n:.4g}": (n, b, n in (0.001, 0.01)) for b, n in over_n}
+    curves |= {f"B n={n:.4g} b={b:.4g}": (n, b, b in (0.0001, 0.01)) for n, b in over_b}
+    cells = {label: (n, b, 1.0) for label, (n, b, _) in curves.items()}
     for t in R_TIMES:
-        cells |= {f"R{t:g} {label}": (*cells[label][:2], t) for label in ends}
+        cells |= {f"R{t:g} {label}": (n, b, t) for label, (n, b, end) in curves.items() if end}
     pair = {"tactical": (0.001, 0.0001), "MEMS": (0.01, 0.01)}
     for name, at in {**terrain_data.roads().table_3, **pair, "no error": (0.0, 0.0)}.items():
         cells |= {f"{name} R x {t:g}": (*at, t) for t in R_TIMES}
     return cells
-
-
-def _at_an_end(swept, n, b):
-    """Tell whether a point is the first or the last of its curve."""
-    return {"N": n, "B": b}[swept] in {"N": (0.001, 0.01), "B": (0.0001, 0.01)}[swept]
 
 
 def _sweep_setup():
@@ -282,15 +283,8 @@ def _sweep_setup():
 def _sweep_block(block):
     """Track a block of laps; mean absolute, mean, mean square and largest error of each."""
     setup = _sweep_setup()
-    laps = simulate_laps(
-        terrain_data.profile(DIRECTION).attitude_map(),
-        {label: Sensor(n, b, times * setup.R) for label, (n, b, times) in sweep_cells().items()},
-        setup,
-        runs=SWEEP_BLOCK,
-        seed=1000 * SEED + block,
-        store_every=setup.seconds / 100,
-        compiled=HAS_NUMBA,
-    )
+    sensors = {at: Sensor(n, b, times * setup.R) for at, (n, b, times) in sweep_cells().items()}
+    laps = _laps(sensors, setup, SWEEP_BLOCK, 1000 * SEED + block)
     e = laps.error
     return np.stack([np.abs(e).mean(-1), e.mean(-1), (e**2).mean(-1), np.abs(e).max(-1)])
 
@@ -349,7 +343,7 @@ def inverse_setup(tracker: str, start: str, on: str) -> Setup:
     track, error = terrain_data.profile(DIRECTION), terrain_data.map_error()
     bias_states = tracker == "bias states"
     laps = float(track.laps.mean())
-    R = float((track.pitch_se_deg**2).mean()) if bias_states else None
+    R = _variance_of_map() if bias_states else None
     setup = Setup(track.length_m, start=start, R=R, bias_states=bias_states).coarser(STEP_M)
     if on == "exact map":
         return setup
@@ -364,26 +358,19 @@ def _inverse(item):
     parts = datasheets.gyros()[["arw", "bias"]]
     sensors = {(n, b): Sensor(n, b) for b in PLANE_B[::2] for n in PLANE_N[::2]}
     sensors |= {key: Sensor(*of) for key, of in parts.iterrows()}
-    options = {"store_every": setup.seconds / 100}
-    road = terrain_data.profile(DIRECTION).attitude_map()
     if tracker == "R tuned":
-        options["compiled"] = HAS_NUMBA
         tried = {
             (label, t): s._replace(R=t * _variance(s, setup))
             for label, s in sensors.items()
             for t in R_TRIED
         }
-        laps = simulate_laps(road, tried, setup, runs=R_LAPS, seed=SEED + 1, **options)
-        reach = laps.reach().to_numpy().reshape(len(sensors), -1)
+        reach = _laps(tried, setup, R_LAPS, SEED + 1).reach().to_numpy().reshape(len(sensors), -1)
         best = R_TRIED[reach.argmin(axis=1)]
         sensors = {k: tried[k, t] for k, t in zip(sensors, best, strict=True)}
-    laps = simulate_laps(road, sensors, setup, runs=INVERSE_LAPS, seed=SEED, **options)
+    laps = _laps(sensors, setup, INVERSE_LAPS, SEED)
     reach = laps.reaches(INVERSE_RESAMPLES, rng)
     case = {"tracker": tracker, "start": start, "map": on}
-    table = _errors(reach, laps).rename_axis("part").reset_index()
-    table.insert(0, "R_deg2", [setup.R if s.R is None else s.R for s in sensors.values()])
-    table = table.assign(**case)
-    table["part"] = table.pop("part")
+    table = _errors(reach, laps).assign(**case, part=[*sensors])
     table[N_AND_B] = [s[:2] for s in sensors.values()]
     of_part = table["part"].isin(parts.index)
     plane, resamples = table[~of_part].drop(columns="part"), reach[[*parts.index]]
@@ -405,9 +392,8 @@ def atlas():
         Source.
     dict of DataFrame
         ``atlas``: a row for each sensor and axis: ``sensor, name, axis, kind, unit`` (deg/s or g),
-        ``n`` (unit sqrt(s)), ``b`` (unit), ``k`` (unit/sqrt(s)) and ``t_c`` (s), each with
-        ``_low`` and ``_high``, empty where it is not known; ``basis`` (datasheet or measured),
-        ``low_usd`` and ``high_usd``, ``source``.
+        ``n`` (unit sqrt(s)) and ``b`` (unit), each with ``_low`` and ``_high``, empty where it is
+        not known; ``basis`` (datasheet or measured), ``low_usd`` and ``high_usd``, ``source``.
     """
     rows = []
     for key, entry in datasheets.gyros().query("basis == 'data sheet'").iterrows():
@@ -422,21 +408,13 @@ def atlas():
             rows.append(about | accel)
     for log in MEASURED:
         result = static_logs.read(log)
+        about = {"sensor": log, "name": result.source["title"].split(",")[0], "basis": "measured"}
+        about |= {"source": result.source["source"]}
         for c in result.channels:
-            numbers = {
-                f"{symbol}{end}": getattr(c.parameters[key], attribute)
-                for key, symbol in SYMBOLS.items()
-                if key in c.parameters
-                for attribute, end in (("value", ""), ("low", "_low"), ("high", "_high"))
-            }
-            rows.append(
-                {"sensor": log, "name": result.source["title"].split(",")[0], "axis": c.name[-1]}
-                | {"kind": c.kind, "unit": c.unit, **numbers, "basis": "measured"}
-                | {"source": result.source["source"]}
-            )
-    columns = ["sensor", "name", "axis", "kind", "unit"]
-    symbols = dict.fromkeys(SYMBOLS.values())
-    columns += [f"{symbol}{end}" for symbol in symbols for end in ("", "_low", "_high")]
-    columns += ["basis", "low_usd", "high_usd", "source"]
-    table = rounded(pd.DataFrame(rows, columns=columns))
+            rows.append(about | {"axis": c.name[-1], "kind": c.kind, "unit": c.unit})
+            for key, symbol in SYMBOLS.items():
+                if key in c.parameters:
+                    e = c.parameters[key]
+                    rows[-1] |= {symbol: e.value, f"{symbol}_low": e.low, f"{symbol}_high": e.high}
+    table = rounded(pd.DataFrame(rows, columns=ATLAS))
     return {"title": "Sensors by datasheet and by their logs"}, {"atlas": table}

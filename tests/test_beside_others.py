@@ -44,11 +44,10 @@ def test_summary_counts():
     rows = pd.DataFrame({"run": range(4), "method": "m", "parameter": "rrw", "truth": 1.0})
     rows["value"], rows["seconds"] = [0.0, 2.0, 1.1, 0.9], [1.0, 2.0, 3.0, 6.0]
     rows["low"], rows["high"] = rows["value"] - 0.2, rows["value"] + 0.2
-    (row,) = beside_others.summary(rows, "s").to_dict("records")
-    assert (row["runs"], row["given"], row["held"]) == (4, 0.75, pytest.approx(2 / 3))
+    (row,) = beside_others.summary(rows).to_dict("records")
+    assert (row["runs"], row["held"]) == (4, pytest.approx(2 / 3))
     assert (row["median"], row["seconds"], row["first"]) == (1.1, 2.5, 0.0)
-    nothing = beside_others.summary(rows.assign(value=0.0, truth=0.0), "s").iloc[0]
-    assert nothing["given"] == 0 and np.isnan(nothing["median"])
+    assert np.isnan(beside_others.summary(rows.assign(truth=0.0))["median"][0])
 
 
 def test_one_log_of_each_method_again(stored):

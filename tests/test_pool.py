@@ -46,6 +46,20 @@ def test_marginal_by_quadrature():
             assert found == pytest.approx(expected, abs=1e-4)  # the quadrature's kinks
 
 
+def test_places_on_a_profile():
+    """analytic: where 0.5 is lost on straight pieces, and a fall of 3.84 on a parabola."""
+    at, steep = np.array([0.0, 1.0, 2.0]), np.array([-1.0, 0.0, -2.0])
+    anchors = {(True, True): 1.0, (False, False): 1.0, (True, False): 0.5, (False, True): 1.25}
+    for closed, anchor in anchors.items():
+        curve = Profile(at, steep, closed)
+        assert (curve.best, curve.error, curve.anchor) == (1.0, 0.25, anchor)
+    near = Profile(np.array([0.9, 1.0, 2.0]), np.array([-0.2, 0.0, -2.0]), (False, True))
+    assert near.error == 0.25  # the lower side loses less
+    x = np.linspace(-3, 5, 201)
+    assert pool._peak_and_ends(x, -(x**2) / 2, 1.96**2) == pytest.approx((0, -1.96, 1.96), abs=1e-3)
+    assert pool._peak_and_ends(x, np.minimum(-x, 0), 1.0)[1] is None
+
+
 def misses(units, runs):
     """How often the intervals of centre and spread miss the truth.
 

@@ -77,9 +77,7 @@ def test_parts_of_a_real_log_again():
     log = replace(log, channels=log.channels[:1])
     stored = store.read("repeatability").tables["f9p-static"]
     stored = stored.query("pieces == 4 and channel == @log.channels[0].name")
-    now = pd.DataFrame(
-        repeatability.parts(log, number=list(repeatability.LOGS).index("f9p-static"), pieces=(4,))
-    )
+    now = pd.DataFrame(repeatability.parts("f9p-static", log, pieces=(4,)))
     assert list(now["parameter"]) == list(stored["parameter"])
     for column in ("value", "low", "high"):
         np.testing.assert_allclose(now[column].astype(float), stored[column], rtol=store.TOLERANCE)

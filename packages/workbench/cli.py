@@ -507,7 +507,7 @@ def coverage(
 
     run = {
         "intervals": simulated.study,
-        "broken": functools.partial(simulated.study, breaks=True),
+        "broken": simulated.broken_study,
         "real": repeatability.study,
         "beside": beside_others.study,
         "hats": simulated.hat_study,
