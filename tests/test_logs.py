@@ -192,7 +192,7 @@ def test_missing_values_of_many_columns_are_one_sentence(tmp_path):
 
 @pytest.mark.parametrize(
     ("scatter", "lsb", "missing"),
-    [(0.02, 1e-6, 15), (0.02, 0.005, 15), (1.0, 1e-6, 9), (1.0, 1.0, 0)],
+    [(0.02, 1e-6, 15), (0.02, 0.005, 15), (1.0, 1e-6, 9), (1.0, 0.5, 0)],
 )
 def test_zeros_in_all_axes_at_once_are_missing(tmp_path, scatter, lsb, missing):
     """Property: where one axis is far from 0 or all are fine; coarse gyros, often at 0, stay."""
@@ -285,8 +285,10 @@ def test_a_long_file_keeps_the_letters_of_its_header(tmp_path):
 def test_held_values_are_stated(tmp_path):
     """Property: an output that is held between updates is said to be."""
     rows = [f"{i / 100},{(i // 20) % 7}" for i in range(400)]
-    log = logs.read(write(tmp_path, rows, header="t_s,gyro_x_deg_s"))
-    assert any("whole numbers, taken as deg/s" in repair for repair in log.repairs)
+    path = write(tmp_path, rows, header="t_s,gyro_x_deg_s")
+    with pytest.raises(WrongUsage, match="or --scale gyro=1$"):
+        logs.read(path)
+    log = logs.read(path, scale="gyro=1")
     assert "repeats its last value in 95.2% of the samples" in log.repairs[-1]
 
 
