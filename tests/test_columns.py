@@ -290,7 +290,7 @@ def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
     np.testing.assert_allclose(imu.t_s, T, atol=1e-6)  # stamps are rounded to a microsecond
     np.testing.assert_allclose(np.degrees(imu.gyro_b), GYRO, atol=0.51 / 131)
     np.testing.assert_allclose(imu.accel_b / 9.80665, ACCEL, atol=0.51 / 16384)
-    with pytest.raises(WrongUsage, match="--unit deg/s: an IMU has gyros and accelerometers"):
+    with pytest.raises(WrongUsage, match="--unit deg/s is for channels of one kind"):
         logs.read_moving([path], **flags | {"unit": "deg/s"})
 
 

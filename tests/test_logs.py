@@ -286,7 +286,7 @@ def test_held_values_are_stated(tmp_path):
     """Property: an output that is held between updates is said to be."""
     rows = [f"{i / 100},{(i // 20) % 7}" for i in range(400)]
     path = write(tmp_path, rows, header="t_s,gyro_x_deg_s")
-    with pytest.raises(WrongUsage, match="or --scale gyro=1$"):
+    with pytest.raises(WrongUsage, match=r"or --scale gyro=1$"):
         logs.read(path)
     log = logs.read(path, scale="gyro=1")
     assert "repeats its last value in 95.2% of the samples" in log.repairs[-1]

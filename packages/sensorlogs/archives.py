@@ -157,7 +157,7 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
 def phone(parts: list[Part]) -> Iterator[Part]:
     """Name the columns of a phone's tables, whose names are those of the sensors."""
     stems = {Path(part.name).stem.lower(): part for part in parts}
-    about = stems["metadata"].load(None).frame if "metadata" in stems else {}
+    about = stems["metadata"].load().frame if "metadata" in stems else {}
     said = {str(v).lower() for key in ("platform", "standardisation") for v in about.get(key, ())}
     ios = "ios" in said and "true" not in said
     for part in parts:
@@ -181,12 +181,12 @@ def phone(parts: list[Part]) -> Iterator[Part]:
         )
 
 
-def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bool, _) -> Table:
+def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bool) -> Table:
     """Read a phone's table; put back the gravity that it took off, and the signs of Android."""
-    table, notes = part.load(None), []
+    table, notes = part.load(), []
     if Path(part.name).stem.lower() == "accelerometer":
         what = "taken off by the phone, and is not put back: no file has it"
-        off = gravity.load(None).frame if gravity else table.frame[:0]
+        off = gravity.load().frame if gravity else table.frame[:0]
         if gravity and len(off) and {*AXES, _CLOCK} <= set(off):
             at = table.frame[_CLOCK], off[_CLOCK]
             summed = {a: table.frame[a] + np.interp(*at, off[a]) for a in AXES}

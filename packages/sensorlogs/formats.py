@@ -101,8 +101,8 @@ def xsens(path: Path) -> list[Part]:
     with delimited.open_bytes(path) as handle:
         rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", handle.read(delimited.HEAD_BYTES))
 
-    def load(_) -> Table:
-        table = text.load(None)
+    def load() -> Table:
+        table = text.load()
         frame = table.frame.rename(columns=names)
         packet_s = 1 / float(rate[1]) if rate else 0.0
         for counter, seconds in (("SampleTimeFine", 1e-4), ("PacketCounter", packet_s)):
@@ -247,26 +247,15 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
     return FORMATS[known].parts(path)
 
 
-def load(
-    chosen: Sequence[Part], wanted: Sequence[str] | None = None, join: Callable = paired
-) -> Table:
+def load(chosen: Sequence[Part], join: Callable = paired) -> Table:
     """Read one table, or two that `join` makes one."""
-    tables = [part.load(wanted) for part in chosen]
+    tables = [part.load() for part in chosen]
     table = tables[0] if len(tables) == 1 else join(*tables, chosen)
     frame, notes = columns.in_known_units(times.joined(table.frame))
     return replace(table, frame=frame, repairs=(*table.repairs, *notes))
 
 
-def _needed(chosen: Sequence[Part], wanted: Sequence[Any] | None, stanza: dict) -> list[str] | None:
-    """Name the columns to read: None for all, also where a number counts the columns."""
-    there = [name for part in chosen for name in part.columns]
-    if not wanted or not set(wanted) <= set(there):
-        return None
-    sides = [n for n in there if times.is_time(n) or columns.recognise(n).other == "a temperature"]
-    return [*wanted, *sides, stanza.get("time")]
-
-
-def read_table(path: Path, stanza: dict, wanted: Sequence[Any] | None = None) -> Table:
+def read_table(path: Path, stanza: dict) -> Table:
     """Read the table of a static log.
 
     Parameters
@@ -275,12 +264,10 @@ def read_table(path: Path, stanza: dict, wanted: Sequence[Any] | None = None) ->
     stanza : dict
         ``format``: if its bytes do not tell it. ``table``: which one. ``names``: of its columns, in
         their order.
-    wanted : sequence of str, optional
-        Columns to read, where the format allows to leave out others; time and temperature come too.
     """
     parts = parts_of(path, stanza.get("format"))
     chosen = choose(parts, path, title_of(path), stanza.get("table"))
-    table = load(chosen, _needed(chosen, wanted, stanza))
+    table = load(chosen)
     if len(parts) > len(chosen):
         others = [part for part in parts if part not in chosen]
         note = f"table '{' and '.join(p.name for p in chosen)}' read; --table takes another: "

@@ -32,7 +32,7 @@ _GPSD = NAMES["gpsd"]
 
 
 def parquet(path: Path) -> list[Part]:
-    """List the one table of a Parquet file; only the columns wanted are read."""
+    """List the one table of a Parquet file."""
     import pyarrow.parquet as pq
     import pyarrow.types as is_
 
@@ -44,15 +44,14 @@ def parquet(path: Path) -> list[Part]:
         unit = (one.metadata or {}).get(b"unit", b"").decode(errors="replace")
         names[name] = f"{name} ({unit})" if unit else name
 
-    def load(wanted: Sequence[str] | None) -> Table:
+    def load() -> Table:
         flat = [n for n, f in fields.items() if not is_.is_nested(f.type)]
-        flat = [n for n in flat if wanted is None or names[n] in wanted]
         _check_size(path, rows, len(flat))
         with reading(path, "a Parquet file"):
             frame = pq.read_table(path, columns=flat).to_pandas(ignore_metadata=True)
         for name in frame.select_dtypes(["datetime", "datetimetz"]):
             frame[name] = _since_1970(frame[name])
-        return of_arrays(path, "table", frame.rename(columns=names)).load(None)
+        return of_arrays(path, "table", frame.rename(columns=names)).load()
 
     return [Part("table", tuple(names.values()), load, rows)]
 
@@ -91,7 +90,7 @@ def open_mat73(path: Path) -> Iterator[h5py.File]:
 def hdf5(path: Path) -> list[Part]:
     """List the tables of an HDF5 or MATLAB v7.3 file; only the table chosen is read."""
     groups: dict[str, dict[str, Any]] = {}
-    units: dict[str, str] = {}
+    units: dict[str, dict[str, str]] = {}
 
     def visit(name: str, node: Any):
         group, _, leaf = name.rpartition("/")
@@ -104,7 +103,8 @@ def hdf5(path: Path) -> list[Part]:
         elif node.dtype.kind in "fiub" and node.attrs.get("MATLAB_class", b"") != b"char":
             groups.setdefault(group, {})[leaf] = node  # read when its table is
             unit = node.attrs.get("units", node.attrs.get("unit", ""))
-            units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
+            unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+            units.setdefault(group, {})[leaf] = unit
 
     with reading(path, HDF5):
         h5py.File(path).visititems(visit)
@@ -125,7 +125,7 @@ def numpy_file(path: Path) -> list[Part]:
         if value.dtype.names:
             groups[name] = {k: value[k] for k in value.dtype.names if value.dtype[k].kind in "fiub"}
         elif value.dtype.kind in "fiub" and name == path.stem and value.ndim == 2:  # no names
-            wide = _columns(value, min(value.shape))
+            wide = _samples(value)
             groups[""] = {f"c{j + 1}": wide[:, j] for j in range(wide.shape[1])}
         elif value.dtype.kind in "fiub":
             groups.setdefault("", {})[name] = value
@@ -275,7 +275,7 @@ def _grouped(
     path: Path,
     groups: dict[str, dict[str, Any]],
     opaque: list[str],
-    units: dict[str, str] | None = None,
+    units: dict[str, dict[str, str]] | None = None,
 ) -> list[Part]:
     """Make one table of the arrays of equal length in each group; scalars are no columns."""
     parts = []
@@ -287,7 +287,7 @@ def _grouped(
         for rows, mine in lengths.items():
             first = next(iter(mine))
             label = group if group and len(lengths) == 1 else f"{group}/{first}".strip("/")
-            parts.append(_matrix_part(path, label, group, mine, rows, units or {}))
+            parts.append(_matrix_part(path, label, mine, rows, (units or {}).get(group, {})))
     if parts:
         return parts
     why = ""
@@ -296,39 +296,31 @@ def _grouped(
     raise CannotAnswer(f"{path.name}: no matrix of numbers in it; {why}save plain vectors, or CSV")
 
 
-def _matrix_part(path, label, group, arrays, rows, units) -> Part:
+def _matrix_part(path, label, arrays, rows, units) -> Part:
     """Name the columns of one table; the longer side of a matrix is taken as the samples."""
     names: list[str] = []
-    sources: list[tuple[str, int, int]] = []  # array, its columns, which of them
     for name, value in arrays.items():
-        width = 1 if len(value.shape) == 1 or min(value.shape) == 1 else min(value.shape)
-        unit = units.get(f"{group}/{name}".strip("/"), "")
-        bracket = f" ({unit})" if unit else ""
-        single = len(arrays) == 1 and width > 3
-        for j, axis in enumerate(_axes(width) if width > 1 else [""]):
-            own = f"c{axis}" if single else with_axis(name, axis) if axis else name
-            names.append(own + bracket)
-            sources.append((name, width, j))
+        width = min(value.shape) if len(value.shape) == 2 else 1
+        axes = _axes(width) if width > 1 else [""]
+        alone = len(arrays) == 1 and width > 3
+        own = [f"c{a}" if alone else with_axis(name, a) if a else name for a in axes]
+        names += [f"{n} ({units[name]})" if units.get(name) else n for n in own]
 
-    def load(wanted: Sequence[str] | None) -> Table:
-        taken = [k for k, name in enumerate(names) if wanted is None or name in wanted]
-        _check_size(path, rows, len(taken))
-        columns, last, matrix = {}, None, np.empty(0)
+    def load() -> Table:
+        _check_size(path, rows, len(names))
         with reading(path, "a file of matrices"):
-            for k in taken:
-                name, width, j = sources[k]
-                if name != last:
-                    last, matrix = name, np.asarray(arrays[name], dtype=float)
-                columns[names[k]] = np.ascontiguousarray(_columns(matrix, width)[:, j])
-        return Table(pd.DataFrame(columns, copy=False), path)
+            wide = [_samples(np.asarray(value, dtype=float)) for value in arrays.values()]
+        columns = (np.ascontiguousarray(column) for matrix in wide for column in matrix.T)
+        found = dict(zip(names, columns, strict=True))
+        return Table(pd.DataFrame(found, copy=False), path)
 
     return Part(label, tuple(names), load, rows)
 
 
-def _columns(matrix: np.ndarray, width: int) -> np.ndarray:
-    """Lay a matrix out as samples by columns."""
-    if width == 1:
-        return matrix.reshape(-1, 1)
+def _samples(matrix: np.ndarray) -> np.ndarray:
+    """Lay a matrix or vector out as samples by columns."""
+    if matrix.ndim == 1:
+        return matrix[:, None]
     return matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
 
 
@@ -337,5 +329,5 @@ def _check_size(path: Path, rows: int, columns: int) -> None:
     if 8 * rows * columns > LARGEST:
         raise CannotAnswer(
             f"{path.name}: {rows:,} rows and {columns} columns are {8 * rows * columns / 1e9:.0f} "
-            f"GB of numbers, more than {LARGEST / 1e9:.0f} GB: take fewer with --columns and --time"
+            f"GB of numbers, more than {LARGEST / 1e9:.0f} GB: save fewer of them as a log"
         )

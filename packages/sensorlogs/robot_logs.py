@@ -110,7 +110,7 @@ def _ros_leaves(message: Any, above: str = "") -> Iterator[tuple[str, float]]:
             yield from ((f"{full}.{a}", float(v)) for a, v in zip(AXES, value, strict=True))
 
 
-def _ros_table(path: Path, topic: str, rows: int, _) -> Table:
+def _ros_table(path: Path, topic: str, rows: int) -> Table:
     """Read the messages of one topic."""
     notes = []
     with _opened(path) as bag:

@@ -175,7 +175,7 @@ def read(
     given = {"rate_hz": rate, "time": time, "time_unit": time_unit, "from": start, "to": stop}
     given |= {"unit": unit, "kind": kind, "scale": scale, "table": table}
     option = stanza | {key: value for key, value in given.items() if value is not None}
-    rows = formats.read_table(path, option, columns)
+    rows = formats.read_table(path, option)
     rows, time_column, t_s, notes = _stretch(rows, option)
     grid = _grid(rows, time_column, t_s, option)
     with np.errstate(over="ignore", invalid="ignore"):  # garbage is refused below, with its place

@@ -30,7 +30,7 @@ class Part:
         As ``--table`` takes it.
     columns : tuple of str
     load : callable
-        Columns wanted (None: all) -> Table.
+        Gives the Table.
     rows : int or None
         If the file tells without reading them.
     told_by : str
@@ -41,7 +41,7 @@ class Part:
 
     name: str
     columns: tuple[str, ...]
-    load: Callable[[Sequence[str] | None], Table] = field(repr=False)
+    load: Callable[[], Table] = field(repr=False)
     rows: int | None = None
     told_by: str = "its header"
     primary: bool = True
@@ -61,12 +61,12 @@ def of_arrays(
 
 def of_table(name: str, table: Table, **more) -> Part:
     """Make a part of a table that is in memory."""
-    return Part(name, tuple(table.frame), lambda _: table, len(table.frame), **more)
+    return Part(name, tuple(table.frame), lambda: table, len(table.frame), **more)
 
 
 def of_text(name: str, path: Path) -> Part:
     """Make a part of a delimited text file."""
-    return Part(name, delimited.sniff(path).names, lambda _: delimited.read_table(path))
+    return Part(name, delimited.sniff(path).names, lambda: delimited.read_table(path))
 
 
 @contextlib.contextmanager
