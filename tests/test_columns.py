@@ -278,7 +278,9 @@ def test_the_catalogue_takes_the_same_keys(tmp_path, monkeypatch):
     (tmp_path / "logs.toml").write_text("\n".join(stanza) + "\n")
     mine = logs.read("mine")
     assert found(mine) == found(expected) and mine.rate_hz == expected.rate_hz
-    with pytest.raises(WrongUsage, match="--unit gyro=rad/s contradicts the catalogue"):
+    with pytest.raises(
+        WrongUsage, match="--unit gyro=rad/s: the catalogue has 'mine' in gyro=deg/s,accel=g"
+    ):
         logs.read("mine", unit="gyro=rad/s")
 
 

@@ -34,7 +34,7 @@ _SERIAL = rb"(?m)(^(?>.*?" + _PAIR + rb")(?>.*?" + _PAIR + rb").*\n){3}"  # thre
 
 
 def gpx(path: Path) -> list[Part]:
-    """List the tracks of a GPX file; one table, where they follow each other in time."""
+    """List the one table of a GPX file: its tracks in the order of their times."""
     known = NAMES["gpx"]
 
     def point(element) -> dict[str, Any]:
@@ -44,24 +44,15 @@ def gpx(path: Path) -> list[Part]:
 
     with reading(path, "a GPX file"):
         root = ElementTree.parse(path, forbid_dtd=True).getroot()
-    tracks = [[*map(point, each.iterfind(".//{*}trkpt"))] for each in root.iterfind("{*}trk")]
-    routes = root.find("{*}rte") is not None
-    tracks = [track for track in tracks if track]
-    if not any("time" in each for track in tracks for each in track):
-        what = "a route or points" if routes or not tracks else "a track"
-        raise CannotAnswer(f"{path.name}: GPX with {what} without times: give a recorded track")
-    starts = [str(track[0].get("time")) for track in tracks]
-    if starts == sorted(starts):
-        tracks = [[each for track in tracks for each in track]]
-    parts = []
-    for number, track in enumerate(tracks, 1):
-        frame = pd.DataFrame(track)
+        tracks = [[*map(point, each.iterfind(".//{*}trkpt"))] for each in root.iterfind("{*}trk")]
+        tracks.sort(key=lambda track: str(track[0].get("time")) if track else "")
+        frame = pd.DataFrame([each for track in tracks for each in track])
+        if "time" not in frame:
+            what = "a track" if len(frame) else "a route or points"
+            raise CannotAnswer(f"{path.name}: GPX with {what} without times: give a recorded track")
         arrays = {"time": frame.pop("time").fillna("").to_numpy(dtype=object)}
-        for name in frame:
-            with reading(path, "a GPX file"):
-                arrays[name] = frame[name].to_numpy(dtype=float)
-        parts.append(of_arrays(path, f"track {number}", arrays, told_by="the GPX standard"))
-    return parts
+        arrays |= {name: frame[name].to_numpy(dtype=float) for name in frame}
+    return [of_arrays(path, "track", arrays, told_by="the GPX standard")]
 
 
 def serial(path: Path) -> list[Part]:

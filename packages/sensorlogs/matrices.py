@@ -5,7 +5,6 @@ one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with th
 """
 
 import contextlib
-import itertools
 import json
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,7 +25,6 @@ from sensorlogs.tables import Part, of_arrays, of_table, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
 HDF5 = "a MATLAB v7.3 or HDF5 file"
-AT_ONCE = 50_000  # JSON objects
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
 _GPSD = NAMES["gpsd"]
 
@@ -161,39 +159,35 @@ def json_lines(path: Path) -> list[Part]:
     Where each object names its ``sensor``, as Sensor Logger writes them, each sensor is a table; of
     gpsd's reports each receiver is.
     """
-    tables: dict[str, list[pd.DataFrame]] = {}
     notes: list[str] = []
-    words: dict[str, set[str]] = {}
-    with open_bytes(path) as handle, reading(path, "a JSON file"):
-        objects = _positions(_objects(path, handle, notes))
-        while some := list(itertools.islice(objects, AT_ONCE)):
-            frame = pd.json_normalize([item for _, item in some])
-            frame.index = pd.Index([number for number, _ in some])
-            arrays = {
-                n: c for n, c in frame.iloc[0].items() if isinstance(c, list) and len(c) > LONG
-            }
-            if arrays:
-                found = {name: np.array(values, float) for name, values in arrays.items()}
-                return _grouped(path, {"": found}, [])
-            sensors = pd.Series("lines", frame.index)
-            if "sensor" in frame and (named := frame["sensor"].map(type).eq(str)).any():
-                sensors = frame.pop("sensor").where(named, "lines")
-            for sensor, rows in frame.groupby(sensors, sort=False):
-                numbers = dict(_numbers(rows.dropna(axis=1, how="all")))
-                empty = {name for name, values in numbers.items() if values.isna().all()}
-                words.setdefault(sensor, set()).update(empty)
-                tables.setdefault(sensor, []).append(pd.DataFrame(numbers).drop(columns=empty))
     parts = []
-    for sensor, pieces in tables.items():
-        frame = pd.concat(pieces)
-        said = (f"'{name}' left out: text" for name in sorted(words[sensor].difference(frame)))
-        lines = frame.index.to_numpy()
-        table = Table(frame.reset_index(drop=True), path, (*notes, *said), lines=lines)
-        if len(frame.columns):
-            parts.append(of_table(sensor, table))
+    with open_bytes(path) as handle, reading(path, "a JSON file"):
+        found = list(_positions(_objects(path, handle, notes)))
+        frame = pd.json_normalize([item for _, item in found])
+        frame.index = pd.Index([number for number, _ in found])
+        first = frame.iloc[0] if found else {}
+        arrays = {n: np.array(c, float) for n, c in first.items() if _is_long(c)}
+        if arrays:
+            return _grouped(path, {"": arrays}, [])
+        sensors = pd.Series("lines", frame.index)
+        if "sensor" in frame and (named := frame["sensor"].map(type).eq(str)).any():
+            sensors = frame.pop("sensor").where(named, "lines")
+        for sensor, rows in frame.groupby(sensors, sort=False):
+            numbers = pd.DataFrame(dict(_numbers(rows.dropna(axis=1, how="all"))))
+            words = sorted(name for name in numbers if numbers[name].isna().all())
+            said = (f"'{name}' left out: text" for name in words)
+            lines = numbers.index.to_numpy()
+            numbers = numbers.drop(columns=words).reset_index(drop=True)
+            if len(numbers.columns):
+                parts.append(of_table(sensor, Table(numbers, path, (*notes, *said), lines=lines)))
     if not parts:
         raise CannotAnswer(f"{path.name}: no data: JSON without any number")
     return parts
+
+
+def _is_long(cell: Any) -> bool:
+    """Tell a column in a cell from the axes of a reading."""
+    return isinstance(cell, list) and len(cell) > LONG
 
 
 def _numbers(frame: pd.DataFrame) -> Iterator[tuple[str, pd.Series]]:

@@ -318,7 +318,8 @@ def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid
     """Place the rows on a uniform grid, by their stamps or by a given rate."""
     rate, frame = option.get("rate_hz"), table.frame
     if t_s is None:
-        return Grid(float(option["rate_hz"]), len(frame), times.ALL, times.ALL)
+        every = np.arange(len(frame))
+        return Grid(float(option["rate_hz"]), len(frame), every, every)
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(t_s[1:] == t_s[:-1]) + 1
     now = frame.iloc[same]
