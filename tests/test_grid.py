@@ -97,7 +97,7 @@ def test_repeats():
     twice = np.zeros(1001, dtype=bool)
     twice[500] = True
     readings = np.r_[np.arange(500), -1, np.arange(500, 1000)].astype(float)
-    for repeated, said in ((twice, "written twice"), (~twice & False, "the first kept")):
+    for repeated, said in ((twice, "the same values"), (~twice & False, "in 1 other values")):
         found = grid(t, repeated)
         np.testing.assert_array_equal(found.place(readings), np.arange(1000.0))
         assert said in found.repairs[0]

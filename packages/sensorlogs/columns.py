@@ -35,6 +35,7 @@ _OWN_UNITS = {  # of a quantity -> spelling -> unit
 }
 _FREE = {"linear", "user"}  # an acceleration from which gravity is taken off
 AXES = ("x", "y", "z")
+VERTICAL = ("z", "_down", "_up")
 _SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
 _WITH_AXIS = {"a counter", "a status word", "a norm"}  # such words do not spoil imu_sample_gyro_x
 _ALWAYS = {"absolute", "abs", "norm", "magnitude", "resultant", "status", "valid"}
@@ -427,6 +428,7 @@ def choose(
                 f"count, or --scale {FLAG[each]}=1",
                 *flags,
             )
+    _check_gravity(frame, file, chosen, units)
     mute = [name for name in accels if not split(name)[1]]
     guessed = []
     if mute and size and not units.keys() & {"accel", None}:
@@ -441,6 +443,28 @@ def choose(
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
     return chosen, guessed, notes
+
+
+def _check_gravity(frame, file, chosen, units) -> None:
+    """Refuse accelerometers whose length is one g in another unit."""
+    accels = {c.column: c for c in chosen if c.kind == "accel" and c.unit in IN_M_S2}
+    vertical = [c.column for c in accels.values() if c.name.lower().endswith(VERTICAL)]
+    for names in vectors(accels).values():
+        group = [accels[name] for name in (names if len(names) >= 3 else vertical)]
+        if not group or len({(c.unit, c.scale) for c in group}) > 1:
+            continue
+        length, own = abs(group[0].scale) * _norm(frame, [c.column for c in group]), group[0].unit
+        one = gravity_unit(length)
+        if one not in (None, own):
+            said = {**units, "accel": one}
+            several = len(accels) < len(chosen)
+            flag = ",".join(f"{FLAG[k]}={u}" for k, u in said.items() if k) if several else one
+            raise WrongUsage(
+                f"{file}, columns {', '.join(c.column for c in group)}: the median |accel| is "
+                f"{length:.2f} {own}; it should be one g, so these look like {one}: say --unit "
+                f"{flag}",
+                {"--unit": flag},
+            )
 
 
 def _check_flags(file, found, given, flags) -> None:
@@ -508,6 +532,8 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
         said = column.other or ("" if column.kind and own else by_content.get(name))
         if {own, column.kind} == {"rate", "accel"}:
             said = f"named as {column.kind}, and its unit {column.unit} is not of one"
+        elif not wanted and not frame[name].notna().any():
+            said = "no value"
         elif kind and kinds[name] not in ("", kind):
             said = said or f"of kind {kinds[name]}"
         elif wanted:
@@ -620,25 +646,22 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
     size = _gravity(frame, [n for n in numeric if recognise(n).kind == "accel"])
     found = []
     for name in frame:
-        column = recognise(name)
+        column, why = recognise(name), told_by
         kind, unit = column.of_kind or "not known", column.unit or ""
-        warm = temperature(frame, [name]) if name in numeric else None
         if column.quantity == "time":
             kind, unit, why = "time", times.unit_of(name) or "", "its name"
         elif name not in numeric:
             kind, unit, why = "text", "", "its cells"
-        elif warm:
-            kind, unit, why = "temperature", "deg C", told_by
-        elif column.other or (name in by_content and not (column.kind and unit)):
-            why = "its name" if column.other else "its numbers"
-            kind = column.other or by_content[name].split(":")[0]
-            kind = "GNSS" if column.quantity in _GNSS else kind
-        elif unit:
-            why = told_by
-        elif column.kind:
-            unit = size if size and column.kind == "accel" else ""
+        elif temperature(frame, [name]):
+            kind, unit = "temperature", "deg C"
+        elif column.other:
+            kind, why = "GNSS" if column.quantity in _GNSS else column.other, "its name"
+        elif name in by_content and not (column.kind and unit):
+            kind, why = by_content[name].split(":")[0], "its numbers"
+        elif column.kind and not unit:
+            unit = size or "" if column.kind == "accel" else ""
             why = f"its name, {'its length one g' if unit else 'no unit'}"
-        else:
+        elif not unit:
             why = ""
         found.append((name, kind, unit, why))
     return found

@@ -36,22 +36,18 @@ def parquet(path: Path) -> list[Part]:
 
     with reading(path, "a Parquet file"):
         file = pq.ParquetFile(path)
-    rows, fields = file.metadata.num_rows, {f.name: f for f in file.schema_arrow}
-    names = {}
-    for name, one in fields.items():  # pandas and others keep the unit with the field
-        unit = (one.metadata or {}).get(b"unit", b"").decode(errors="replace")
-        names[name] = f"{name} ({unit})" if unit else name
+    rows = file.metadata.num_rows
+    names = [f.name for f in file.schema_arrow if not is_.is_nested(f.type)]
 
     def load() -> Table:
-        flat = [n for n, f in fields.items() if not is_.is_nested(f.type)]
-        _check_size(path, rows, len(flat))
+        _check_size(path, rows, len(names))
         with reading(path, "a Parquet file"):
-            frame = pq.read_table(path, columns=flat).to_pandas(ignore_metadata=True)
+            frame = pq.read_table(path, columns=names).to_pandas(ignore_metadata=True)
         for name in frame.select_dtypes(["datetime", "datetimetz"]):
             frame[name] = _since_1970(frame[name])
-        return of_arrays(path, "table", frame.rename(columns=names)).load()
+        return of_arrays(path, "table", frame).load()
 
-    return [Part("table", tuple(names.values()), load, rows)]
+    return [Part("table", tuple(names), load, rows)]
 
 
 def mat5(path: Path) -> list[Part]:

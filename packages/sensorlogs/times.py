@@ -478,14 +478,10 @@ def _without_repeats(rows, same, repeated, repairs) -> tuple[np.ndarray, bool]:
     other = same & ~repeated[rows]
     if other.any() and other.sum() >= REPEATS_ALLOWED * len(rows):
         return rows, True
-    if twice := int(same.sum() - other.sum()):
+    if same.any():
+        differ = f", in {other.sum():,} other values" if other.any() else ", the same values"
         repairs.append(
-            f"{counted(twice, 'row')} written twice (same stamp, same values): one dropped"
-        )
-    if other.any():
-        repairs.append(
-            f"{counted(other.sum(), 'row')} with the stamp of the row before but other values: "
-            "the first kept"
+            f"{counted(same.sum(), 'row')} with the stamp of the row before{differ}: dropped"
         )
     return rows[~same], False
 
@@ -555,7 +551,7 @@ def _uneven(t, step, repairs) -> tuple[float, np.ndarray]:
     # A pause much longer than the usual steps is a gap here too.
     pause = step > max(10 * float(np.percentile(step, 99)), 50 / rate)
     paused = float(step[pause].sum())
-    rate = (len(t) - 1 - np.count_nonzero(pause)) / (float(t[-1] - t[0]) - paused)
+    rate = (len(t) - 1 - int(pause.sum())) / (float(t[-1] - t[0]) - paused)
     missing = np.where(pause, np.maximum(np.round(step * rate).astype(np.int64) - 1, 0), 0)
     off = np.abs(t - t[0] - _index(missing) / rate).max()
     trust = max(float(step[~pause].max()), float(off))
