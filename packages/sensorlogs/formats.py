@@ -9,7 +9,7 @@ import contextlib
 import importlib.util
 import re
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,16 @@ from scipy.spatial.transform import Rotation
 from sensorlogs import CannotAnswer, WrongUsage, archives, columns, counted, delimited, nmea, times
 from sensorlogs.delimited import Table
 from sensorlogs.names import NAMES
-from sensorlogs.tables import Part, choose, listed, of_arrays, of_table, of_text, paired, reading
+from sensorlogs.tables import (
+    Part,
+    choose,
+    listed,
+    of_arrays,
+    of_table,
+    of_text,
+    reading,
+    side_by_side,
+)
 
 _MEASURED = ["lat_deg", "lon_deg", "height_m", "fix"]
 _PAIR = (  # gx: 0.1, or gyro_x (dps) = 1e-3
@@ -238,10 +247,10 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
     return FORMATS[known].parts(path)
 
 
-def load(chosen: Sequence[Part], join: Callable = paired) -> Table:
-    """Read one table, or two that `join` makes one."""
+def load(chosen: Sequence[Part], moving: bool = False) -> Table:
+    """Read one table, or two sensors' side by side."""
     tables = [part.load() for part in chosen]
-    table = tables[0] if len(tables) == 1 else join(*tables, chosen)
+    table = tables[0] if len(tables) == 1 else side_by_side(tables, chosen, moving)
     frame, notes = columns.in_known_units(times.joined(table.frame))
     return replace(table, frame=frame, repairs=(*table.repairs, *notes))
 

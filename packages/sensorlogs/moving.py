@@ -33,7 +33,7 @@ from sensorlogs.catalogue import find
 from sensorlogs.columns import AXES, closest, recognise
 from sensorlogs.delimited import Table
 from sensorlogs.names import NAMES
-from sensorlogs.tables import Part, ask, interpolated, named
+from sensorlogs.tables import Part, ask, named
 from sensorlogs.timeline import (
     FACTORS,
     OF_FIX,
@@ -275,12 +275,7 @@ def _rows_of(
     if len(attitudes) == 1 and (attitudes[0],) not in chosen:
         chosen.append((attitudes[0],))
     for some in chosen or [tuple(parts[:1])]:
-        try:
-            table = formats.load(some)
-        except WrongUsage:
-            if len(some) == 1:
-                raise
-            table = formats.load(some, join=interpolated)
+        table = formats.load(some, moving=True)
         stated = times.unit_of(times.time_column(table.frame) or "") and len(parts) > 1
         yield _Rows(table, given | {"time_unit": None} if stated else given, some[0].told_by)
 
