@@ -41,7 +41,11 @@ def test_no_sample_is_lost_or_invented(stamps, rate, rel, said):
 
 
 @pytest.mark.parametrize(
-    "lost", [np.isin(ROW, [*range(700, 730), 1500, 4000, 4001, 4002]), (ROW * 7919) % 12_000 < 2400]
+    "lost",
+    [
+        np.isin(ROW, [*range(700, 730), 1500, 4000, 4001, 4002, *range(11_980, 11_997)]),
+        (ROW * 7919) % 12_000 < 2400,
+    ],
 )
 def test_gaps_become_missing_samples_at_the_right_place(lost):
     """Analytic: samples taken out of a regular log, one by one or a fifth, are missing there."""
@@ -87,7 +91,7 @@ def test_a_gap_under_whole_second_stamps_is_found():
     stamps = np.floor(np.arange(12_000) / 100)
     keep = (stamps < 50) | (stamps >= 53)
     found = grid(stamps[keep])
-    assert found.gaps == 1
+    assert np.flatnonzero(np.diff(found.index) > 1).tolist() == [4999]
     assert found.size == pytest.approx(12_000, abs=2)
 
 
