@@ -166,7 +166,7 @@ def test_an_empty_column_is_left_out_and_said(tmp_path, no_pictures):
     log = write(tmp_path, [f"{row}," for row in ROWS], f"{HEADER},gyro_y_deg_s")
     status, out, _ = run("report", log, "--out", tmp_path / "mine")
     assert status == 0
-    assert "note: without any value, and left out: 'gyro_y_deg_s'" in out
+    assert "columns left out: gyro_y_deg_s (no value)" in out
     assert [c["name"] for c in model(tmp_path / "mine")["channels"]] == ["gyro_x"]
     status, _, err = run("report", log, "--columns", "gyro_y", "--out", tmp_path / "none")
     assert status == 1 and "line 2, column 'gyro_y_deg_s': no value here" in err

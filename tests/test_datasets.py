@@ -89,7 +89,7 @@ def test_a_download_is_checked_and_kept(monkeypatch):
         (path / fname).write_bytes(content)
 
     monkeypatch.setattr(pooch, "retrieve", retrieve)
-    assert datasets.fetch(NAME, progress=False) == datasets.DOWNLOADED / NAME
+    assert datasets.fetch(NAME) == datasets.DOWNLOADED / NAME
     assert datasets.path(NAME).read_bytes() == content
 
 
@@ -105,5 +105,5 @@ def test_a_failed_download_is_one_sentence(monkeypatch, error, words):
 
     monkeypatch.setattr(pooch, "retrieve", retrieve)
     with pytest.raises(CannotAnswer, match=words):
-        datasets.fetch(AWAY, progress=False)
+        datasets.fetch(AWAY)
     assert not datasets.DOWNLOADED.exists()

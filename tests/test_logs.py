@@ -192,7 +192,7 @@ def test_missing_values_of_many_columns_are_one_sentence(tmp_path):
 
 @pytest.mark.parametrize(
     ("scatter", "lsb", "missing"),
-    [(0.02, 1e-6, 15), (0.02, 0.005, 15), (1.0, 1e-6, 9), (1.0, 1.0, 0)],
+    [(0.02, 1e-6, 15), (0.02, 0.005, 15), (1.0, 1e-6, 9), (1.0, 0.5, 0)],
 )
 def test_zeros_in_all_axes_at_once_are_missing(tmp_path, scatter, lsb, missing):
     """Property: where one axis is far from 0 or all are fine; coarse gyros, often at 0, stay."""
@@ -285,8 +285,10 @@ def test_a_long_file_keeps_the_letters_of_its_header(tmp_path):
 def test_held_values_are_stated(tmp_path):
     """Property: an output that is held between updates is said to be."""
     rows = [f"{i / 100},{(i // 20) % 7}" for i in range(400)]
-    log = logs.read(write(tmp_path, rows, header="t_s,gyro_x_deg_s"))
-    assert any("whole numbers, taken as deg/s" in repair for repair in log.repairs)
+    path = write(tmp_path, rows, header="t_s,gyro_x_deg_s")
+    with pytest.raises(WrongUsage, match=r"or --scale gyro=1$"):
+        logs.read(path)
+    log = logs.read(path, scale="gyro=1")
     assert "repeats its last value in 95.2% of the samples" in log.repairs[-1]
 
 
@@ -372,10 +374,10 @@ BAD = {
         [f"{10 * i},{i % 7},{i % 5}" for i in range(200)], "t,gyro_x_deg_s,gyro_y_deg_s",
     ),
     "g as m/s^2": case(
-        WrongUsage, "accel_z | mean |accel| is 1.01 m/s^2 | --unit g", GRAVITY, IN_M_S2
+        WrongUsage, "accel_z | median |accel| is 1.01 m/s^2 | --unit g", GRAVITY, IN_M_S2
     ),
     "m/s^2 as g": case(
-        WrongUsage, "az | mean |accel| is 9.81 g | --unit m/s^2", NINE, "t_s,ax,ay,az", unit="g"
+        WrongUsage, "az | median |accel| is 9.81 g | --unit m/s^2", NINE, "t_s,ax,ay,az", unit="g"
     ),
     "g as m/s^2, vertical only": case(
         WrongUsage, "accel_z | --unit g", [",".join(row.split(",")[::3]) for row in GRAVITY],
@@ -565,9 +567,8 @@ def test_own_logs_join_the_catalogue(tmp_path, monkeypatch):
     log = logs.read("mine")
     assert (log.name, log.rate_hz, log.channels[0].name, log.samples) == ("mine", 20, "gyro_z", 180)
     assert logs.read("mine", start=0, rate=10).duration_s == 20
-    assert logs.read("mine", unit="dps").channels[0].unit == "deg/s"
     assert logs.read("my.csv", rate=20, columns=["b"], unit="dps").samples == 200  # by its file
-    with pytest.raises(WrongUsage, match=r"--unit g contradicts the catalogue.* 'mine' in deg/s"):
+    with pytest.raises(WrongUsage, match=r"--unit g: the catalogue has 'mine' in deg/s"):
         logs.read("mine", unit="g")
 
 

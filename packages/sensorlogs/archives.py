@@ -48,9 +48,21 @@ def once(unpack: Callable[[Path], Path], path: Path) -> Path:
 
 def gunzip(path: Path) -> Path:
     """Unpack a gzip file into the temporary folder, under its own name."""
-    target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
-    with reading(path, "a packed file"), gzip.open(path, "rb") as packed:
-        _copy(packed, target, path, LIMIT)
+    target, size = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, 0
+    bar = {"unit": "B", "unit_scale": True, **delimited.progress(path, "unpacking")}
+    with (
+        reading(path, "a packed file"),
+        gzip.open(path, "rb") as packed,
+        target.open("wb") as handle,
+        tqdm(**bar) as shown,
+    ):
+        while block := packed.read(1 << 20):
+            size += len(block)
+            if size > LIMIT:
+                handle.truncate(0)
+                raise _too_large(path, LIMIT)
+            handle.write(block)
+            shown.update(len(block))
     return target
 
 
@@ -59,17 +71,14 @@ def unzip(path: Path) -> Path:
     members = check_zip(path, LIMIT)
     if len(members) > FILES:
         raise CannotAnswer(f"{path.name}: {len(members):,} files in a zip: unpack what you need")
-    target, left = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, LIMIT
+    target = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name
     target.mkdir()
     with reading(path, "a packed file"), zipfile.ZipFile(path) as packed:
-        for member in members:
-            name = Path(member.filename.replace("\\", "/"))
-            if _is_side(name) and name.name != "metadata.yaml":
-                continue
-            inner = target.joinpath(*(part for part in name.parts if part not in ("..", "/")))
-            inner.parent.mkdir(parents=True, exist_ok=True)
-            with packed.open(member) as source:
-                left -= _copy(source, inner, path, left)
+        for member in tqdm(members, **delimited.progress(path, "unpacking")):
+            member.filename = member.filename.replace("\\", "/")  # as Windows writes it
+            name = Path(member.filename)
+            if not _is_side(name) or name.name == "metadata.yaml":
+                packed.extract(member, target)  # within the folder, whatever the name
     inside = list(target.iterdir())
     return inside[0] if len(inside) == 1 and inside[0].is_dir() else target
 
@@ -96,21 +105,6 @@ def spreadsheet(path: Path) -> list[Part]:
     if not parts:
         raise empty[0]
     return parts
-
-
-def _copy(source, target: Path, path: Path, limit: int) -> int:
-    """Copy what is unpacked, up to a limit; return its size."""
-    size = 0
-    bar = {"unit": "B", "unit_scale": True, **delimited.progress(path, "unpacking")}
-    with target.open("wb") as handle, tqdm(**bar) as shown:
-        while block := source.read(1 << 20):
-            size += len(block)
-            if size > limit:
-                handle.truncate(0)
-                raise _too_large(path, LIMIT)
-            handle.write(block)
-            shown.update(len(block))
-    return size
 
 
 def _too_large(path: Path, limit: int) -> CannotAnswer:
@@ -157,7 +151,7 @@ def folder(path: Path, parts_of: Callable[[Path], list[Part]]) -> list[Part]:
 def phone(parts: list[Part]) -> Iterator[Part]:
     """Name the columns of a phone's tables, whose names are those of the sensors."""
     stems = {Path(part.name).stem.lower(): part for part in parts}
-    about = stems["metadata"].load(None).frame if "metadata" in stems else {}
+    about = stems["metadata"].load().frame if "metadata" in stems else {}
     said = {str(v).lower() for key in ("platform", "standardisation") for v in about.get(key, ())}
     ios = "ios" in said and "true" not in said
     for part in parts:
@@ -181,12 +175,12 @@ def phone(parts: list[Part]) -> Iterator[Part]:
         )
 
 
-def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bool, _) -> Table:
+def _renamed(part: Part, names: dict[str, str], gravity: Part | None, turned: bool) -> Table:
     """Read a phone's table; put back the gravity that it took off, and the signs of Android."""
-    table, notes = part.load(None), []
+    table, notes = part.load(), []
     if Path(part.name).stem.lower() == "accelerometer":
         what = "taken off by the phone, and is not put back: no file has it"
-        off = gravity.load(None).frame if gravity else table.frame[:0]
+        off = gravity.load().frame if gravity else table.frame[:0]
         if gravity and len(off) and {*AXES, _CLOCK} <= set(off):
             at = table.frame[_CLOCK], off[_CLOCK]
             summed = {a: table.frame[a] + np.interp(*at, off[a]) for a in AXES}

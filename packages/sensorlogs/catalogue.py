@@ -5,7 +5,7 @@ import tomllib
 from pathlib import Path
 
 from sensorlogs import WrongUsage, datasets
-from sensorlogs.columns import closest, per_kind, unit_of
+from sensorlogs.columns import closest
 from sensorlogs.datasets import DATA
 from sensorlogs.formats import FORMATS
 
@@ -75,15 +75,13 @@ def find(log: str | Path) -> tuple[str, dict, Path]:
 
 
 def check_unit(name: str, stanza: dict, unit: str | None) -> None:
-    """Refuse a unit other than the catalogue's."""
+    """Refuse a unit beside the catalogue's."""
     listed = [entry["unit"] for entry in (stanza, *stanza.get("channels", [])) if "unit" in entry]
-    for kind, mine in per_kind(unit, "unit").items():
-        theirs = [(k or kind, u) for text in listed for k, u in per_kind(text, "unit").items()]
-        if any((unit_of(u) or u) != (unit_of(mine) or mine) for k, u in theirs if k == kind):
-            raise WrongUsage(
-                f"--unit {unit} contradicts the catalogue, which has '{name}' in "
-                f"{', '.join(dict.fromkeys(listed))}; leave it out, or correct the catalogue"
-            )
+    if unit and listed:
+        raise WrongUsage(
+            f"--unit {unit}: the catalogue has '{name}' in {', '.join(dict.fromkeys(listed))}; "
+            "leave it out, or correct the catalogue"
+        )
 
 
 def _check_file(path: Path, missing: str) -> Path:

@@ -35,6 +35,7 @@ _OWN_UNITS = {  # of a quantity -> spelling -> unit
 }
 _FREE = {"linear", "user"}  # an acceleration from which gravity is taken off
 AXES = ("x", "y", "z")
+VERTICAL = ("z", "_down", "_up")
 _SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
 _WITH_AXIS = {"a counter", "a status word", "a norm"}  # such words do not spoil imu_sample_gyro_x
 _ALWAYS = {"absolute", "abs", "norm", "magnitude", "resultant", "status", "valid"}
@@ -46,7 +47,6 @@ LOOKED_AT = 5000  # rows in which a counter, a clock or a norm shows
 _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
 _OR = {"rate": "rad/s", "accel": "m/s^2", "angle": "rad"}  # as usual: a message offers both
 _WHOLE_UNITS = ("deg/s", "rad/s", "g", "m/s^2")  # in which no sensor's readings are whole numbers
-_LARGEST = {"rate": 20.0, "accel": 30.0}  # beyond what a sensor at rest reads, in any such unit
 _NO_CELSIUS = {"k", "kelvin", "f", "fahrenheit"}
 _LSB = (16384, 8192, 4096, 2048, 1024, 256)  # counts per g of common accelerometers
 
@@ -268,7 +268,7 @@ def sample(frame: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 
 def contents(frame: pd.DataFrame) -> dict[str, str]:
-    """Tell by their numbers which columns are counters, clocks or norms of three others.
+    """Tell by their numbers which columns are counters or clocks.
 
     Parameters
     ----------
@@ -292,12 +292,6 @@ def contents(frame: pd.DataFrame) -> dict[str, str]:
             found[name] = "a counter: it steps by 1"
         elif (steps[:, j] > 0).all() or (whole[j] and _ticks(steps[:, j])):
             found[name] = "a time or counter: it never falls"
-    for j in range(len(names) - 2):
-        norm = np.linalg.norm(head[:, j : j + 3], axis=1)
-        for k in {*range(len(names))} - {j, j + 1, j + 2}:
-            off = np.sqrt(np.mean((head[:, k] - norm) ** 2))
-            if off < 0.05 * norm.std():  # what its rounding leaves
-                found[names[k]] = f"the norm of {', '.join(names[j : j + 3])}"
     return found
 
 
@@ -391,24 +385,9 @@ def choose(
     units, scales = given_units(unit, kind), given_scales(scale)
     wanted = [resolve(c, list(frame), file) for c in columns] if columns else None
     kinds, left_out = _kinds(frame, file, wanted, kind, units)
-    groups = {its: [n for n, k in kinds.items() if k == its] for its in FLAG}
-    groups = {its: names for its, names in groups.items() if names}
-    size = _gravity(frame, groups.get("accel", []), scales.get("accel", scales.get(None, 1.0)))
-    flags = _flags(frame, groups, units, size, scale)
-    for flag, text, given in (("unit", unit, units), ("scale", scale, scales)):
-        if None in given and len(groups) > 1:
-            each = (f"{FLAG[its]} ({', '.join(names)})" for its, names in groups.items())
-            raise WrongUsage(
-                f"{file}: --{flag} {text} is for channels of one kind, and this log has "
-                f"{' and '.join(each)}: {_spelled(flags)}",
-                *flags,
-            )
-        for absent in (its for its in given if its and its not in groups):
-            raise WrongUsage(
-                f"{file}: --{flag} {FLAG[absent]}= fits none of the columns {', '.join(frame)}: "
-                "leave it out, or choose with --columns"
-            )
-    chosen, no_unit, notes = [], {}, []
+    accels = [name for name, its in kinds.items() if its == "accel"]
+    size = _gravity(frame, accels, scales.get("accel", scales.get(None, 1.0)))
+    found, notes = [], []
     for name, its in kinds.items():
         base, own = split(name)
         said = units.get(its, units.get(None))
@@ -418,13 +397,14 @@ def choose(
                 f"{file}: --unit {said} (or the catalogue's) contradicts column '{name}', whose "
                 f"unit is {own}; leave out --unit, or correct the header"
             )
-        taken = said or own or (size if its == "accel" else None)
-        if taken is None:
-            no_unit[name] = f"no unit: --unit {FLAG[its]}=... says it"
-            continue
-        if own not in (None, taken):
-            notes.append(f"column '{name}' taken in {taken}, though its name has {own}")
-        chosen.append(Choice(name, tidy(base), taken, its, scales.get(its, scales.get(None, 1.0))))
+        if said and own not in (None, said):
+            notes.append(f"column '{name}' taken in {said}, though its name has {own}")
+        taken = said or own or (size if its == "accel" else None) or ""
+        found.append(Choice(name, tidy(base), taken, its, scales.get(its, scales.get(None, 1.0))))
+    flags = _flags(frame, found, units, size, scale)
+    _check_flags(file, found, (("unit", unit, units), ("scale", scale, scales)), flags)
+    chosen = [c for c in found if c.unit]
+    no_unit = {c.column: f"no unit: --unit {FLAG[c.kind]}=... says it" for c in found if not c.unit}
     stated = units or any(split(c.column)[1] for c in chosen if c.kind in ("rate", "accel"))
     if no_unit and (wanted or not stated):
         raise WrongUsage(
@@ -438,8 +418,19 @@ def choose(
             f"{file}: {' '.join(options) or 'no unit that is known'} fits none of the columns "
             f"{', '.join(frame)}: leave it out, or state their unit with --unit or in the header"
         )
-    guessed = _refuse_counts(frame, file, chosen, scales, flags)
-    mute = [c.column for c in chosen if c.kind == "accel" and not split(c.column)[1]]
+    for each in dict.fromkeys(c.kind for c in chosen):
+        names = [c.column for c in chosen if c.kind == each]
+        its_unit = next(c.unit for c in chosen if c.kind == each)
+        if not scales.keys() & {each, None} and _counts(frame, names, its_unit):
+            raise WrongUsage(
+                f"{file}, columns {', '.join(names)}: whole numbers only: these look like raw "
+                f"counts, not {its_unit}; {_spelled(flags)} with the datasheet's {its_unit} per "
+                f"count, or --scale {FLAG[each]}=1",
+                *flags,
+            )
+    _check_gravity(frame, file, chosen, units)
+    mute = [name for name in accels if not split(name)[1]]
+    guessed = []
     if mute and size and not units.keys() & {"accel", None}:
         guessed.append(
             f"columns {', '.join(mute)} read as accel in {size} (by their length, one g; --unit "
@@ -452,6 +443,48 @@ def choose(
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
     return chosen, guessed, notes
+
+
+def _check_gravity(frame, file, chosen, units) -> None:
+    """Refuse accelerometers whose length is one g in another unit."""
+    accels = {c.column: c for c in chosen if c.kind == "accel" and c.unit in IN_M_S2}
+    vertical = [c.column for c in accels.values() if c.name.lower().endswith(VERTICAL)]
+    for names in vectors(accels).values():
+        group = [accels[name] for name in (names if len(names) >= 3 else vertical)]
+        if not group or len({(c.unit, c.scale) for c in group}) > 1:
+            continue
+        length, own = abs(group[0].scale) * _norm(frame, [c.column for c in group]), group[0].unit
+        one = gravity_unit(length)
+        if one not in (None, own):
+            said = {**units, "accel": one}
+            several = len(accels) < len(chosen)
+            flag = ",".join(f"{FLAG[k]}={u}" for k, u in said.items() if k) if several else one
+            raise WrongUsage(
+                f"{file}, columns {', '.join(c.column for c in group)}: the median |accel| is "
+                f"{length:.2f} {own}; it should be one g, so these look like {one}: say --unit "
+                f"{flag}",
+                {"--unit": flag},
+            )
+
+
+def _check_flags(file, found, given, flags) -> None:
+    """Refuse a bare unit or scale for columns of several kinds, and one for a kind not there."""
+    groups: dict[str, list[str]] = {}
+    for choice in found:
+        groups.setdefault(choice.kind, []).append(choice.column)
+    for flag, text, each in given:
+        if None in each and len(groups) > 1:
+            has = " and ".join(f"{FLAG[its]} ({', '.join(of)})" for its, of in groups.items())
+            raise WrongUsage(
+                f"{file}: --{flag} {text} is for channels of one kind, and this log has {has}: "
+                f"{_spelled(flags)}",
+                *flags,
+            )
+        for absent in each.keys() - {None, *groups}:
+            raise WrongUsage(
+                f"{file}: --{flag} {FLAG[absent]}= fits none of the columns chosen: leave it out, "
+                "or choose with --columns"
+            )
 
 
 def given_scales(scale: str | None) -> dict[str | None, float]:
@@ -499,6 +532,8 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
         said = column.other or ("" if column.kind and own else by_content.get(name))
         if {own, column.kind} == {"rate", "accel"}:
             said = f"named as {column.kind}, and its unit {column.unit} is not of one"
+        elif not wanted and not frame[name].notna().any():
+            said = "no value"
         elif kind and kinds[name] not in ("", kind):
             said = said or f"of kind {kinds[name]}"
         elif wanted:
@@ -525,27 +560,7 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
     others = [its for its in units if its and not (heavy and its == "accel")]
     kinds |= dict.fromkeys(unknown, usual or next(iter(others), "rate"))
     kinds |= dict.fromkeys(heavy, "accel")
-    settled = kind or units.get("rate")
-    gyros = [n for n, its in kinds.items() if its == "rate" and not (settled or split(n)[1])]
-    gyros = [n for n in gyros if _levels(frame[n]) == np.inf]  # raw counts are refused as such
-    wrong = [n for n in vectors(gyros).values() if len(n) == 3 and _is_gravity(_norm(frame, n))]
-    if heavy and len(heavy) == len(unknown) and usual not in (None, "accel"):
-        wrong.append([*heavy])
-    for three in wrong:
-        one = gravity_unit(_norm(frame, three))
-        raise WrongUsage(
-            f"{file}: columns {', '.join(three)} have the length of one g in {one}: say --columns "
-            f"{','.join(three)} with --kind accel --unit {one}, or with --kind {usual or 'rate'}; "
-            "gyros by their name: --unit gyro=deg/s or gyro=rad/s"
-        )
-    if set(kinds.values()) == {"angle"} and usual == "rate":
-        kinds = dict.fromkeys(kinds, "rate")  # roll, pitch and yaw in deg/s
     return kinds, left_out
-
-
-def _is_gravity(norm: float) -> bool:
-    """Tell whether a length is hardly that of rates: one g in m/s^2 or mg."""
-    return gravity_unit(norm, 0.03) in ("m/s^2", "mg")
 
 
 def _levels(column: pd.Series) -> float:
@@ -570,7 +585,7 @@ def _gravity(frame, accels, factor=1.0) -> str | None:
     return found.pop() if len(found) == 1 else None
 
 
-def _flags(frame, groups, units, size, scale) -> list[dict[str, str | None]]:
+def _flags(frame, found, units, size, scale) -> list[dict[str, str | None]]:
     """Return the flags that state what the columns do not: flag -> value, None to leave it out.
 
     Where nothing tells a unit, those of both are returned.
@@ -578,28 +593,29 @@ def _flags(frame, groups, units, size, scale) -> list[dict[str, str | None]]:
     bare = units.get(None)
     usual: dict[Any, Any] = _USUAL | ({"accel": size} if size else {})
     usual[KIND_OF_UNIT.get(bare or "")] = bare
-    of_scale = {its or next(iter(groups)): t for its, t in per_kind(scale, "scale").items()}
+    kinds = [its for its in FLAG if any(c.kind == its for c in found)]
+    of_scale = {its or kinds[0]: text for its, text in per_kind(scale, "scale").items()}
     of_unit: dict[str, Any] = {its: unit for its, unit in units.items() if its}
-    for its, names in groups.items():
-        if not all(split(n)[1] for n in names):
+    for its in kinds:
+        mine = {c.column: split(c.column)[1] for c in found if c.kind == its}
+        if not all(mine.values()):
             of_unit.setdefault(its, usual[its])
-        unit = of_unit.get(its)
-        whole = [n for n in names if _counts(frame, [n], unit or split(n)[1])]
+        whole = [n for n, own in mine.items() if _counts(frame, [n], of_unit.get(its) or own)]
         if whole and its not in of_scale:
             norm = _norm(frame, whole[:3])
             lsb = next((lsb for lsb in _LSB if abs(norm / lsb - 1) < 0.1), 16384)
             of_scale[its] = f"1/{131 if its == 'rate' else lsb}"
     told = {*units, *of_scale, KIND_OF_UNIT.get(bare or ""), "accel" if size else None}
     other = of_unit | {its: _OR[its] for its in of_unit.keys() & _OR if its not in told}
-    found: list[dict[str, str | None]] = []
+    suggested: list[dict[str, str | None]] = []
     for each in [of_unit] if other == of_unit else [of_unit, other]:
         flags: dict[str, str | None] = {"--unit": None} if bare else {}
         for flag, of in (("--unit", each), ("--scale", of_scale)):
             if of:
                 typed = (f"{word}={of[its]}" for its, word in FLAG.items() if its in of)
                 flags[flag] = ",".join(typed)
-        found.append(flags)
-    return found
+        suggested.append(flags)
+    return suggested
 
 
 def _spelled(found: list[dict[str, str | None]]) -> str:
@@ -613,28 +629,6 @@ def _spelled(found: list[dict[str, str | None]]) -> str:
 def _counts(frame, names, unit) -> bool:
     """Tell whether readings are raw counts: whole numbers, in a unit that no sensor counts in."""
     return unit in _WHOLE_UNITS and 3 <= max(_levels(frame[name]) for name in names) < np.inf
-
-
-def _refuse_counts(frame, file, chosen, scales, flags) -> list[str]:
-    """Refuse gyros and accelerometers that are raw counts and have no scale.
-
-    Small whole numbers in a column whose name has a unit are taken, which is said.
-    """
-    said = []
-    for kind in dict.fromkeys(c.kind for c in chosen):
-        mine = [c for c in chosen if c.kind == kind]
-        names, unit = [c.column for c in mine], mine[0].unit
-        if scales.keys() & {kind, None} or not _counts(frame, names, unit):
-            continue
-        where = f"columns {', '.join(names)}: whole numbers"
-        if _norm(frame, names) > _LARGEST[kind] or not all(split(name)[1] for name in names):
-            raise WrongUsage(
-                f"{file}, {where} only: these look like raw counts, not {unit}; {_spelled(flags)} "
-                f"with the datasheet's {unit} per count, or --scale {FLAG[kind]}=1",
-                *flags,
-            )
-        said.append(f"{where}, taken as {unit} (raw counts need --scale {FLAG[kind]}=...)")
-    return said
 
 
 def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, str]]:
@@ -652,25 +646,22 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
     size = _gravity(frame, [n for n in numeric if recognise(n).kind == "accel"])
     found = []
     for name in frame:
-        column = recognise(name)
+        column, why = recognise(name), told_by
         kind, unit = column.of_kind or "not known", column.unit or ""
-        warm = temperature(frame, [name]) if name in numeric else None
         if column.quantity == "time":
             kind, unit, why = "time", times.unit_of(name) or "", "its name"
         elif name not in numeric:
             kind, unit, why = "text", "", "its cells"
-        elif warm:
-            kind, unit, why = "temperature", "deg C", told_by
-        elif column.other or (name in by_content and not (column.kind and unit)):
-            why = "its name" if column.other else "its numbers"
-            kind = column.other or by_content[name].split(":")[0]
-            kind = "GNSS" if column.quantity in _GNSS else kind
-        elif unit:
-            why = told_by
-        elif column.kind:
-            unit = size if size and column.kind == "accel" else ""
+        elif temperature(frame, [name]):
+            kind, unit = "temperature", "deg C"
+        elif column.other:
+            kind, why = "GNSS" if column.quantity in _GNSS else column.other, "its name"
+        elif name in by_content and not (column.kind and unit):
+            kind, why = by_content[name].split(":")[0], "its numbers"
+        elif column.kind and not unit:
+            unit = size or "" if column.kind == "accel" else ""
             why = f"its name, {'its length one g' if unit else 'no unit'}"
-        else:
+        elif not unit:
             why = ""
         found.append((name, kind, unit, why))
     return found

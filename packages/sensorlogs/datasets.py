@@ -150,7 +150,7 @@ def available(name: str) -> bool:
     return True
 
 
-def fetch(name: str, progress: bool = True) -> Path:
+def fetch(name: str) -> Path:
     """Return a registered file, downloading it into ``data/downloaded/`` if need be.
 
     Raises
@@ -172,7 +172,7 @@ def fetch(name: str, progress: bool = True) -> Path:
             known_hash=f"sha256:{wanted.sha256}",
             fname=target.name,
             path=target.parent,
-            downloader=pooch.HTTPDownloader(progressbar=progress, timeout=30),
+            downloader=pooch.HTTPDownloader(progressbar=True, timeout=30),
         )
     except OSError as error:  # requests' errors are OSErrors
         raise CannotAnswer(

@@ -9,7 +9,7 @@ import contextlib
 import importlib.util
 import re
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,16 @@ from scipy.spatial.transform import Rotation
 from sensorlogs import CannotAnswer, WrongUsage, archives, columns, counted, delimited, nmea, times
 from sensorlogs.delimited import Table
 from sensorlogs.names import NAMES
-from sensorlogs.tables import Part, choose, listed, of_arrays, of_table, of_text, paired, reading
+from sensorlogs.tables import (
+    Part,
+    choose,
+    listed,
+    of_arrays,
+    of_table,
+    of_text,
+    reading,
+    side_by_side,
+)
 
 _MEASURED = ["lat_deg", "lon_deg", "height_m", "fix"]
 _PAIR = (  # gx: 0.1, or gyro_x (dps) = 1e-3
@@ -34,7 +43,7 @@ _SERIAL = rb"(?m)(^(?>.*?" + _PAIR + rb")(?>.*?" + _PAIR + rb").*\n){3}"  # thre
 
 
 def gpx(path: Path) -> list[Part]:
-    """List the tracks of a GPX file; one table, where they follow each other in time."""
+    """List the one table of a GPX file: its tracks in the order of their times."""
     known = NAMES["gpx"]
 
     def point(element) -> dict[str, Any]:
@@ -44,24 +53,15 @@ def gpx(path: Path) -> list[Part]:
 
     with reading(path, "a GPX file"):
         root = ElementTree.parse(path, forbid_dtd=True).getroot()
-    tracks = [[*map(point, each.iterfind(".//{*}trkpt"))] for each in root.iterfind("{*}trk")]
-    routes = root.find("{*}rte") is not None
-    tracks = [track for track in tracks if track]
-    if not any("time" in each for track in tracks for each in track):
-        what = "a route or points" if routes or not tracks else "a track"
-        raise CannotAnswer(f"{path.name}: GPX with {what} without times: give a recorded track")
-    starts = [str(track[0].get("time")) for track in tracks]
-    if starts == sorted(starts):
-        tracks = [[each for track in tracks for each in track]]
-    parts = []
-    for number, track in enumerate(tracks, 1):
-        frame = pd.DataFrame(track)
+        tracks = [[*map(point, each.iterfind(".//{*}trkpt"))] for each in root.iterfind("{*}trk")]
+        tracks.sort(key=lambda track: str(track[0].get("time")) if track else "")
+        frame = pd.DataFrame([each for track in tracks for each in track])
+        if "time" not in frame:
+            what = "a track" if len(frame) else "a route or points"
+            raise CannotAnswer(f"{path.name}: GPX with {what} without times: give a recorded track")
         arrays = {"time": frame.pop("time").fillna("").to_numpy(dtype=object)}
-        for name in frame:
-            with reading(path, "a GPX file"):
-                arrays[name] = frame[name].to_numpy(dtype=float)
-        parts.append(of_arrays(path, f"track {number}", arrays, told_by="the GPX standard"))
-    return parts
+        arrays |= {name: frame[name].to_numpy(dtype=float) for name in frame}
+    return [of_arrays(path, "track", arrays, told_by="the GPX standard")]
 
 
 def serial(path: Path) -> list[Part]:
@@ -101,8 +101,8 @@ def xsens(path: Path) -> list[Part]:
     with delimited.open_bytes(path) as handle:
         rate = re.search(rb"Update Rate:\s*([\d.]+)\s*Hz", handle.read(delimited.HEAD_BYTES))
 
-    def load(_) -> Table:
-        table = text.load(None)
+    def load() -> Table:
+        table = text.load()
         frame = table.frame.rename(columns=names)
         packet_s = 1 / float(rate[1]) if rate else 0.0
         for counter, seconds in (("SampleTimeFine", 1e-4), ("PacketCounter", packet_s)):
@@ -247,26 +247,15 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
     return FORMATS[known].parts(path)
 
 
-def load(
-    chosen: Sequence[Part], wanted: Sequence[str] | None = None, join: Callable = paired
-) -> Table:
-    """Read one table, or two that `join` makes one."""
-    tables = [part.load(wanted) for part in chosen]
-    table = tables[0] if len(tables) == 1 else join(*tables, chosen)
+def load(chosen: Sequence[Part], moving: bool = False) -> Table:
+    """Read one table, or two sensors' side by side."""
+    tables = [part.load() for part in chosen]
+    table = tables[0] if len(tables) == 1 else side_by_side(tables, chosen, moving)
     frame, notes = columns.in_known_units(times.joined(table.frame))
     return replace(table, frame=frame, repairs=(*table.repairs, *notes))
 
 
-def _needed(chosen: Sequence[Part], wanted: Sequence[Any] | None, stanza: dict) -> list[str] | None:
-    """Name the columns to read: None for all, also where a number counts the columns."""
-    there = [name for part in chosen for name in part.columns]
-    if not wanted or not set(wanted) <= set(there):
-        return None
-    sides = [n for n in there if times.is_time(n) or columns.recognise(n).other == "a temperature"]
-    return [*wanted, *sides, stanza.get("time")]
-
-
-def read_table(path: Path, stanza: dict, wanted: Sequence[Any] | None = None) -> Table:
+def read_table(path: Path, stanza: dict) -> Table:
     """Read the table of a static log.
 
     Parameters
@@ -275,12 +264,10 @@ def read_table(path: Path, stanza: dict, wanted: Sequence[Any] | None = None) ->
     stanza : dict
         ``format``: if its bytes do not tell it. ``table``: which one. ``names``: of its columns, in
         their order.
-    wanted : sequence of str, optional
-        Columns to read, where the format allows to leave out others; time and temperature come too.
     """
     parts = parts_of(path, stanza.get("format"))
     chosen = choose(parts, path, title_of(path), stanza.get("table"))
-    table = load(chosen, _needed(chosen, wanted, stanza))
+    table = load(chosen)
     if len(parts) > len(chosen):
         others = [part for part in parts if part not in chosen]
         note = f"table '{' and '.join(p.name for p in chosen)}' read; --table takes another: "

@@ -5,7 +5,6 @@ one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with th
 """
 
 import contextlib
-import itertools
 import json
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,35 +25,29 @@ from sensorlogs.tables import Part, of_arrays, of_table, reading, with_axis
 
 LARGEST = 3 << 30  # bytes of numbers read at once
 HDF5 = "a MATLAB v7.3 or HDF5 file"
-AT_ONCE = 50_000  # JSON objects
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
 _GPSD = NAMES["gpsd"]
 
 
 def parquet(path: Path) -> list[Part]:
-    """List the one table of a Parquet file; only the columns wanted are read."""
+    """List the one table of a Parquet file."""
     import pyarrow.parquet as pq
     import pyarrow.types as is_
 
     with reading(path, "a Parquet file"):
         file = pq.ParquetFile(path)
-    rows, fields = file.metadata.num_rows, {f.name: f for f in file.schema_arrow}
-    names = {}
-    for name, one in fields.items():  # pandas and others keep the unit with the field
-        unit = (one.metadata or {}).get(b"unit", b"").decode(errors="replace")
-        names[name] = f"{name} ({unit})" if unit else name
+    rows = file.metadata.num_rows
+    names = [f.name for f in file.schema_arrow if not is_.is_nested(f.type)]
 
-    def load(wanted: Sequence[str] | None) -> Table:
-        flat = [n for n, f in fields.items() if not is_.is_nested(f.type)]
-        flat = [n for n in flat if wanted is None or names[n] in wanted]
-        _check_size(path, rows, len(flat))
+    def load() -> Table:
+        _check_size(path, rows, len(names))
         with reading(path, "a Parquet file"):
-            frame = pq.read_table(path, columns=flat).to_pandas(ignore_metadata=True)
+            frame = pq.read_table(path, columns=names).to_pandas(ignore_metadata=True)
         for name in frame.select_dtypes(["datetime", "datetimetz"]):
             frame[name] = _since_1970(frame[name])
-        return of_arrays(path, "table", frame.rename(columns=names)).load(None)
+        return of_arrays(path, "table", frame).load()
 
-    return [Part("table", tuple(names.values()), load, rows)]
+    return [Part("table", tuple(names), load, rows)]
 
 
 def mat5(path: Path) -> list[Part]:
@@ -91,7 +84,7 @@ def open_mat73(path: Path) -> Iterator[h5py.File]:
 def hdf5(path: Path) -> list[Part]:
     """List the tables of an HDF5 or MATLAB v7.3 file; only the table chosen is read."""
     groups: dict[str, dict[str, Any]] = {}
-    units: dict[str, str] = {}
+    units: dict[str, dict[str, str]] = {}
 
     def visit(name: str, node: Any):
         group, _, leaf = name.rpartition("/")
@@ -104,7 +97,8 @@ def hdf5(path: Path) -> list[Part]:
         elif node.dtype.kind in "fiub" and node.attrs.get("MATLAB_class", b"") != b"char":
             groups.setdefault(group, {})[leaf] = node  # read when its table is
             unit = node.attrs.get("units", node.attrs.get("unit", ""))
-            units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
+            unit = unit.decode() if isinstance(unit, bytes) else str(unit)
+            units.setdefault(group, {})[leaf] = unit
 
     with reading(path, HDF5):
         h5py.File(path).visititems(visit)
@@ -125,7 +119,7 @@ def numpy_file(path: Path) -> list[Part]:
         if value.dtype.names:
             groups[name] = {k: value[k] for k in value.dtype.names if value.dtype[k].kind in "fiub"}
         elif value.dtype.kind in "fiub" and name == path.stem and value.ndim == 2:  # no names
-            wide = _columns(value, min(value.shape))
+            wide = _samples(value)
             groups[""] = {f"c{j + 1}": wide[:, j] for j in range(wide.shape[1])}
         elif value.dtype.kind in "fiub":
             groups.setdefault("", {})[name] = value
@@ -161,39 +155,35 @@ def json_lines(path: Path) -> list[Part]:
     Where each object names its ``sensor``, as Sensor Logger writes them, each sensor is a table; of
     gpsd's reports each receiver is.
     """
-    tables: dict[str, list[pd.DataFrame]] = {}
     notes: list[str] = []
-    words: dict[str, set[str]] = {}
-    with open_bytes(path) as handle, reading(path, "a JSON file"):
-        objects = _positions(_objects(path, handle, notes))
-        while some := list(itertools.islice(objects, AT_ONCE)):
-            frame = pd.json_normalize([item for _, item in some])
-            frame.index = pd.Index([number for number, _ in some])
-            arrays = {
-                n: c for n, c in frame.iloc[0].items() if isinstance(c, list) and len(c) > LONG
-            }
-            if arrays:
-                found = {name: np.array(values, float) for name, values in arrays.items()}
-                return _grouped(path, {"": found}, [])
-            sensors = pd.Series("lines", frame.index)
-            if "sensor" in frame and (named := frame["sensor"].map(type).eq(str)).any():
-                sensors = frame.pop("sensor").where(named, "lines")
-            for sensor, rows in frame.groupby(sensors, sort=False):
-                numbers = dict(_numbers(rows.dropna(axis=1, how="all")))
-                empty = {name for name, values in numbers.items() if values.isna().all()}
-                words.setdefault(sensor, set()).update(empty)
-                tables.setdefault(sensor, []).append(pd.DataFrame(numbers).drop(columns=empty))
     parts = []
-    for sensor, pieces in tables.items():
-        frame = pd.concat(pieces)
-        said = (f"'{name}' left out: text" for name in sorted(words[sensor].difference(frame)))
-        lines = frame.index.to_numpy()
-        table = Table(frame.reset_index(drop=True), path, (*notes, *said), lines=lines)
-        if len(frame.columns):
-            parts.append(of_table(sensor, table))
+    with open_bytes(path) as handle, reading(path, "a JSON file"):
+        found = list(_positions(_objects(path, handle, notes)))
+        frame = pd.json_normalize([item for _, item in found])
+        frame.index = pd.Index([number for number, _ in found])
+        first = frame.iloc[0] if found else {}
+        arrays = {n: np.array(c, float) for n, c in first.items() if _is_long(c)}
+        if arrays:
+            return _grouped(path, {"": arrays}, [])
+        sensors = pd.Series("lines", frame.index)
+        if "sensor" in frame and (named := frame["sensor"].map(type).eq(str)).any():
+            sensors = frame.pop("sensor").where(named, "lines")
+        for sensor, rows in frame.groupby(sensors, sort=False):
+            numbers = pd.DataFrame(dict(_numbers(rows.dropna(axis=1, how="all"))))
+            words = sorted(name for name in numbers if numbers[name].isna().all())
+            said = (f"'{name}' left out: text" for name in words)
+            lines = numbers.index.to_numpy()
+            numbers = numbers.drop(columns=words).reset_index(drop=True)
+            if len(numbers.columns):
+                parts.append(of_table(sensor, Table(numbers, path, (*notes, *said), lines=lines)))
     if not parts:
         raise CannotAnswer(f"{path.name}: no data: JSON without any number")
     return parts
+
+
+def _is_long(cell: Any) -> bool:
+    """Tell a column in a cell from the axes of a reading."""
+    return isinstance(cell, list) and len(cell) > LONG
 
 
 def _numbers(frame: pd.DataFrame) -> Iterator[tuple[str, pd.Series]]:
@@ -275,7 +265,7 @@ def _grouped(
     path: Path,
     groups: dict[str, dict[str, Any]],
     opaque: list[str],
-    units: dict[str, str] | None = None,
+    units: dict[str, dict[str, str]] | None = None,
 ) -> list[Part]:
     """Make one table of the arrays of equal length in each group; scalars are no columns."""
     parts = []
@@ -287,7 +277,7 @@ def _grouped(
         for rows, mine in lengths.items():
             first = next(iter(mine))
             label = group if group and len(lengths) == 1 else f"{group}/{first}".strip("/")
-            parts.append(_matrix_part(path, label, group, mine, rows, units or {}))
+            parts.append(_matrix_part(path, label, mine, rows, (units or {}).get(group, {})))
     if parts:
         return parts
     why = ""
@@ -296,39 +286,31 @@ def _grouped(
     raise CannotAnswer(f"{path.name}: no matrix of numbers in it; {why}save plain vectors, or CSV")
 
 
-def _matrix_part(path, label, group, arrays, rows, units) -> Part:
+def _matrix_part(path, label, arrays, rows, units) -> Part:
     """Name the columns of one table; the longer side of a matrix is taken as the samples."""
     names: list[str] = []
-    sources: list[tuple[str, int, int]] = []  # array, its columns, which of them
     for name, value in arrays.items():
-        width = 1 if len(value.shape) == 1 or min(value.shape) == 1 else min(value.shape)
-        unit = units.get(f"{group}/{name}".strip("/"), "")
-        bracket = f" ({unit})" if unit else ""
-        single = len(arrays) == 1 and width > 3
-        for j, axis in enumerate(_axes(width) if width > 1 else [""]):
-            own = f"c{axis}" if single else with_axis(name, axis) if axis else name
-            names.append(own + bracket)
-            sources.append((name, width, j))
+        width = min(value.shape) if len(value.shape) == 2 else 1
+        axes = _axes(width) if width > 1 else [""]
+        alone = len(arrays) == 1 and width > 3
+        own = [f"c{a}" if alone else with_axis(name, a) if a else name for a in axes]
+        names += [f"{n} ({units[name]})" if units.get(name) else n for n in own]
 
-    def load(wanted: Sequence[str] | None) -> Table:
-        taken = [k for k, name in enumerate(names) if wanted is None or name in wanted]
-        _check_size(path, rows, len(taken))
-        columns, last, matrix = {}, None, np.empty(0)
+    def load() -> Table:
+        _check_size(path, rows, len(names))
         with reading(path, "a file of matrices"):
-            for k in taken:
-                name, width, j = sources[k]
-                if name != last:
-                    last, matrix = name, np.asarray(arrays[name], dtype=float)
-                columns[names[k]] = np.ascontiguousarray(_columns(matrix, width)[:, j])
-        return Table(pd.DataFrame(columns, copy=False), path)
+            wide = [_samples(np.asarray(value, dtype=float)) for value in arrays.values()]
+        columns = (np.ascontiguousarray(column) for matrix in wide for column in matrix.T)
+        found = dict(zip(names, columns, strict=True))
+        return Table(pd.DataFrame(found, copy=False), path)
 
     return Part(label, tuple(names), load, rows)
 
 
-def _columns(matrix: np.ndarray, width: int) -> np.ndarray:
-    """Lay a matrix out as samples by columns."""
-    if width == 1:
-        return matrix.reshape(-1, 1)
+def _samples(matrix: np.ndarray) -> np.ndarray:
+    """Lay a matrix or vector out as samples by columns."""
+    if matrix.ndim == 1:
+        return matrix[:, None]
     return matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
 
 
@@ -337,5 +319,5 @@ def _check_size(path: Path, rows: int, columns: int) -> None:
     if 8 * rows * columns > LARGEST:
         raise CannotAnswer(
             f"{path.name}: {rows:,} rows and {columns} columns are {8 * rows * columns / 1e9:.0f} "
-            f"GB of numbers, more than {LARGEST / 1e9:.0f} GB: take fewer with --columns and --time"
+            f"GB of numbers, more than {LARGEST / 1e9:.0f} GB: save fewer of them as a log"
         )

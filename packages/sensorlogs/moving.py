@@ -22,6 +22,7 @@ from sensorlogs import (
     CannotAnswer,
     WrongUsage,
     columns,
+    counted,
     datasets,
     formats,
     times,
@@ -32,7 +33,7 @@ from sensorlogs.catalogue import find
 from sensorlogs.columns import AXES, closest, recognise
 from sensorlogs.delimited import Table
 from sensorlogs.names import NAMES
-from sensorlogs.tables import Part, ask, interpolated, named
+from sensorlogs.tables import Part, ask, named
 from sensorlogs.timeline import (
     FACTORS,
     OF_FIX,
@@ -112,7 +113,8 @@ def read_moving(
         Naming file, line and column.
     """
     found, sources, used = _Found(), {}, set[str]()
-    wanted, given = columns or {}, _given(unit, scale) | {"time_unit": time_unit}
+    wanted = columns or {}
+    given = {"unit": unit, "scale": scale, "time_unit": time_unit}
     tables_of = {path: formats.parts_of(path) for _, _, path in map(find, logs)}
     there = [name for parts in tables_of.values() for part in parts for name in part.columns]
     for path, parts in tables_of.items():
@@ -153,7 +155,7 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
         raise WrongUsage("--imu-offset goes with an IMU log and a GNSS log; one is missing")
     if gnss is not None and imu is not None:
         one_clock = len(sources) == 1 and imu_offset is None and clocks["GNSS"] == clocks["IMU"]
-        shift = 0.0 if one_clock else _shift(gnss, imu, clocks, imu_offset, notes, found.start)
+        shift = 0.0 if one_clock else _shift(gnss, imu, found, imu_offset)
         parts["IMU"] = imu = replace(imu, t_s=imu.t_s + shift)
         if clocks.get("attitude") == clocks["IMU"] != clocks["GNSS"]:  # matched with the IMU
             parts["attitude"] = replace(parts["attitude"], t_s=parts["attitude"].t_s + shift)
@@ -184,20 +186,6 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
     return Timeline(gnss, imu, found.start, said, sources, attitude, zero, clock, tuple(again))
 
 
-def _given(unit: str | None, scale: str | None) -> dict[str, Any]:
-    """Read unit and scale for each kind; an IMU has two kinds, so a bare one is refused."""
-    given: dict[str, dict] = {
-        "unit": columns.given_units(unit),
-        "scale": columns.given_scales(scale),
-    }
-    for flag, each in given.items():
-        if None in each:
-            raise WrongUsage(
-                f"--{flag} {each[None]}: an IMU has gyros and accelerometers: say gyro=, or accel="
-            )
-    return given
-
-
 def _assigned(part: Part, wanted: dict[str, str], used: set[str]) -> Part:
     """Give columns the names that the user assigns to them; drop others of the same meaning.
 
@@ -225,8 +213,8 @@ def _assigned(part: Part, wanted: dict[str, str], used: set[str]) -> Part:
     taken = {recognise(ours).quantity for ours in mine}
     gone = [n for n in part.columns if n in mine.values() or recognise(n).quantity in taken]
 
-    def load(_) -> Table:
-        table = part.load(None)
+    def load() -> Table:
+        table = part.load()
         new = {ours: table.frame[name] for ours, name in mine.items()}
         new |= {ours: -new[ours] for ours in mine if wanted[ours].startswith("-")}
         frame = table.frame.drop(columns=gone, errors="ignore")
@@ -235,12 +223,12 @@ def _assigned(part: Part, wanted: dict[str, str], used: set[str]) -> Part:
     return replace(part, columns=(*(n for n in part.columns if n not in gone), *mine), load=load)
 
 
-def _shift(gnss, imu, clocks, offset, notes, start) -> float:
+def _shift(gnss: Gnss, imu: Imu, found: _Found, offset: float | None) -> float:
     """Find the seconds that bring the IMU's stamps to the clock of the GNSS epochs."""
+    both, notes = (found.clocks["GNSS"], found.clocks["IMU"]), found.notes
     if offset is not None:
         notes.append(f"the IMU log starts {offset:g} s after the first GNSS epoch, by --imu-offset")
         return float(gnss.t_s[0] - imu.t_s[0]) + offset
-    both = clocks["GNSS"], clocks["IMU"]
     if both == (times.DEVICE, times.DEVICE):
         notes.append("GNSS and IMU stamps taken as of one clock, that of the device")
     if both in ((times.DEVICE, times.DEVICE), (times.UNIX, times.UNIX)):
@@ -249,26 +237,19 @@ def _shift(gnss, imu, clocks, offset, notes, start) -> float:
         raise WrongUsage(
             "IMU and GNSS stamps are of different clocks; say --imu-offset S, from the first epoch"
         )
-    if start and both == (times.DAY, times.UNIX):
-        notes += _dates_apart(gnss, imu, start)
-    notes.append("GNSS and IMU matched by the time of day, UTC")
     # With a time of day, whole days are unknown; a rolled-over date does no harm either.
-    days = np.round((np.nanmedian(gnss.t_s) - np.nanmedian(imu.t_s)) / times.SECONDS_PER_DAY)
-    return float(days * times.SECONDS_PER_DAY)
-
-
-def _dates_apart(gnss, imu, start) -> Iterator[str]:
-    """Note that the dates of the two logs lie apart, which a receiver's wrong date also causes."""
-    first = datetime.datetime.fromisoformat(start).timestamp()
-    spans = first + gnss.t_s[[0, -1]] - gnss.t_s[0], imu.t_s[[0, -1]]
-    if spans[0][0] > spans[1][1] or spans[1][0] > spans[0][1]:
-        one, other = (
-            f"{datetime.datetime.fromtimestamp(t, datetime.UTC):%Y-%m-%d %H:%M}" for t, _ in spans
-        )
-        yield (
-            f"by their dates the GNSS log (from {one}) and the IMU log (from {other}) lie a day or "
-            "more apart: matched by the time of day, the receiver's date taken as wrong"
-        )
+    day = times.SECONDS_PER_DAY
+    shift = day * float(np.round((np.nanmedian(gnss.t_s) - np.nanmedian(imu.t_s)) / day))
+    if found.start and both == (times.DAY, times.UNIX):
+        midnight = datetime.datetime.fromisoformat(found.start).timestamp() - gnss.t_s[0]
+        if days := round((midnight + shift) / day):
+            notes.append(
+                f"the GNSS log's date ({found.start[:10]}) lies {counted(abs(days), 'day')} from "
+                "that of the IMU log: matched by the time of day, the receiver's date taken as "
+                "wrong"
+            )
+    notes.append("GNSS and IMU matched by the time of day, UTC")
+    return shift
 
 
 def _rows_of(
@@ -294,12 +275,7 @@ def _rows_of(
     if len(attitudes) == 1 and (attitudes[0],) not in chosen:
         chosen.append((attitudes[0],))
     for some in chosen or [tuple(parts[:1])]:
-        try:
-            table = formats.load(some)
-        except WrongUsage:
-            if len(some) == 1:
-                raise
-            table = formats.load(some, join=interpolated)
+        table = formats.load(some, moving=True)
         stated = times.unit_of(times.time_column(table.frame) or "") and len(parts) > 1
         yield _Rows(table, given | {"time_unit": None} if stated else given, some[0].told_by)
 
@@ -386,7 +362,7 @@ class _Rows:
                 "speed_km_h, speed_knots, speed_mph"
             )
         if what in ANGLES:
-            unit = unit or self.given["unit"].get("angle")
+            unit = unit or columns.given_units(self.given["unit"]).get("angle")
         return self.table.frame[name].to_numpy() * TO_OURS.get(unit or "", 1.0)
 
     def gnss(self) -> Gnss:
@@ -442,14 +418,11 @@ class _Rows:
     def imu(self) -> Imu:
         """Make the samples: rows with all six readings, in SI units; gravity checks them."""
         names = [self.names[what] for what in NEEDED["IMU"]]
-        mute = {recognise(name).kind for name in names if not recognise(name).unit}
-        unit, scale = (
-            ",".join(f"{columns.FLAG[k]}={v}" for k, v in self.given[flag].items() if k in kinds)
-            for flag, kinds in (("unit", mute), ("scale", _SIX))
-        )
+        stated = (self.given["unit"] or "").split(",")
+        unit = ",".join(each for each in stated if not each.startswith("angle=")) or None
         few = columns.sample(self.table.frame, names)
         chosen, guessed, notes = columns.choose(
-            few, self.file, names, unit or None, scale=scale or None
+            few, self.file, names, unit, scale=self.given["scale"]
         )
         self.notes += [f"{self.file}: {note}" for note in (*guessed, *notes)]
         readings = self.table.frame[names].to_numpy(dtype=float)

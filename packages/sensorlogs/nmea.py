@@ -139,7 +139,7 @@ def epochs(messages: list[Sentence]) -> pd.DataFrame:
 
 def parts(path: Path) -> list[Part]:
     """List the one table of a log: its epochs."""
-    return [Part("NMEA", COLUMNS, lambda _: read_table(path), told_by=STANDARD)]
+    return [Part("NMEA", COLUMNS, lambda: read_table(path), told_by=STANDARD)]
 
 
 def read_table(path: Path) -> Table:

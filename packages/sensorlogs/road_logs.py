@@ -144,5 +144,5 @@ def highway(path: Path) -> pd.DataFrame:
     parts = [part for part in mat5(path) if set(names) <= set(part.columns)]
     if len(parts) != 1:
         raise CannotAnswer(f"{path.name}: not a drive: it needs one struct with {', '.join(names)}")
-    frame = parts[0].load(list(names)).frame.rename(columns=names)[[*names.values()]]
+    frame = parts[0].load().frame.rename(columns=names)[[*names.values()]]
     return frame.assign(t_s=lambda f: f["t_s"] - f["t_s"].iloc[0])

@@ -43,14 +43,13 @@ def ros_bag(path: Path) -> list[Part]:
     """List the topics of a ROS 1 bag, or of a ROS 2 one: db3, MCAP, or its folder."""
     parts = []
     with _opened(path) as bag:
-        for topic, connections in _topics(bag).items():
-            known = connections[0].msgtype in bag.typestore.fielddefs
-            first = itertools.islice(bag.messages(connections), 1) if known else ()
+        for topic, info in bag.topics.items():
+            known = info.msgtype in bag.typestore.fielddefs
+            first = itertools.islice(bag.messages(info.connections), 1) if known else ()
             names = _ros_columns(bag, first)
-            rows = sum(c.msgcount for c in connections)
-            told_by = DEFINED if connections[0].msgtype in _ROS else "its message's field names"
-            load = functools.partial(_ros_table, path, topic, rows)
-            parts.append(Part(topic, tuple(names), load, rows, told_by))
+            told_by = DEFINED if info.msgtype in _ROS else "its message's field names"
+            load = functools.partial(_ros_table, path, topic, info.msgcount)
+            parts.append(Part(topic, tuple(names), load, info.msgcount, told_by))
     return parts
 
 
@@ -71,14 +70,6 @@ def _opened(path: Path) -> Iterator[Any]:
             named.symlink_to(path.resolve())
         with AnyReader([named], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
             yield bag
-
-
-def _topics(bag: Any) -> dict[str, list]:
-    """Group the connections of a bag by topic."""
-    topics: dict[str, list] = defaultdict(list)
-    for connection in bag.connections:
-        topics[connection.topic].append(connection)
-    return topics
 
 
 def _ros_columns(bag: Any, messages: Iterable) -> dict[str, array]:
@@ -110,11 +101,11 @@ def _ros_leaves(message: Any, above: str = "") -> Iterator[tuple[str, float]]:
             yield from ((f"{full}.{a}", float(v)) for a, v in zip(AXES, value, strict=True))
 
 
-def _ros_table(path: Path, topic: str, rows: int, _) -> Table:
+def _ros_table(path: Path, topic: str, rows: int) -> Table:
     """Read the messages of one topic."""
     notes = []
     with _opened(path) as bag:
-        messages = bag.messages(_topics(bag)[topic])
+        messages = bag.messages(bag.topics[topic].connections)
         columns = _ros_columns(bag, tqdm(messages, total=rows, **progress(path)))
     found = {name: np.frombuffer(values) for name, values in columns.items()}
     if len({len(values) for values in found.values()}) != 1:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import IN_M_S2, CannotAnswer, WrongUsage, columns, counted, datasets, formats, times
+from sensorlogs import CannotAnswer, WrongUsage, columns, counted, datasets, formats, times
 from sensorlogs.catalogue import check_unit, find
 from sensorlogs.columns import Choice
 from sensorlogs.delimited import Table, printable
@@ -175,9 +175,9 @@ def read(
     given = {"rate_hz": rate, "time": time, "time_unit": time_unit, "from": start, "to": stop}
     given |= {"unit": unit, "kind": kind, "scale": scale, "table": table}
     option = stanza | {key: value for key, value in given.items() if value is not None}
-    rows = formats.read_table(path, option, columns)
-    rows, time_column, t_s, notes = _stretch(rows, option)
-    grid = _grid(rows, time_column, t_s, option)
+    rows = formats.read_table(path, option)
+    rows, time_column, grid, start_s, notes = _placed(rows, option)
+    rows = replace(rows, frame=formats.about_the_mean(rows.frame, "channels" in option))
     with np.errstate(over="ignore", invalid="ignore"):  # garbage is refused below, with its place
         chosen, guessed, left, temperature = _choices(rows, time_column, stanza, columns, option)
     repairs = [*guessed, *([stanza["note"]] if "note" in stanza else [])]
@@ -187,13 +187,11 @@ def read(
     zeros = _zeros(rows.frame, chosen)
     channels = tuple(_channel(rows, grid, zeros, choice, said, lost) for choice in chosen)
     repairs += [*_missing(rows, lost), *said]
-    _check_gravity(path.name, channels, option.get("unit"))
     if grid.size < SAMPLES_NEEDED:
         raise CannotAnswer(
             f"{rows.place(len(rows.frame) - 1)}: the log ends after {len(rows.frame)} samples; a "
             f"noise analysis needs at least {SAMPLES_NEEDED}: give a longer log or stretch"
         )
-    first = 0 if rows.rows is None else rows.rows[0]
     if temperature is not None:  # straight lines over what is missing
         slow = pd.Series(grid.place(temperature)).interpolate(limit_direction="both")
         temperature = slow.to_numpy()
@@ -211,22 +209,25 @@ def read(
         source=stanza.get("source", "the reader's own log"),
         given=str(log),
         temperature=temperature,
-        start_s=float(first / grid.rate_hz if t_s is None else np.nanmin(t_s)),
+        start_s=float(start_s),
     )
 
 
-def _stretch(table: Table, option: dict):
-    """Find the time column, and cut out the rows between start and stop.
+def _placed(table, option):
+    """Cut out the rows between start and stop, and place them on a uniform grid.
 
     Returns
     -------
-    table : Table
+    Table
         Those rows.
-    time : str or None
+    str or None
         The time column.
-    t_s : ndarray or None
-        Seconds since the first row of the file; None if the stamps are not used.
-    notes : list of str
+    Grid
+        By their stamps, or by a given rate.
+    float
+        The first row's time, seconds from the first row of the file.
+    list of str
+        What was assumed about the time.
     """
     file, frame, rate = table.file, table.frame, option.get("rate_hz")
     notes: list[str] = []
@@ -234,30 +235,47 @@ def _stretch(table: Table, option: dict):
         raise WrongUsage(
             f"{file}: --rate {rate:g}: give a positive number of samples a second, below {RATES:g}"
         )
-    time, t_s = times.time_column(frame), None
-    if "time" in option:
-        time = columns.resolve(option["time"], list(frame), file)
-    if rate is None or "time" in option:
-        time, stamps = times.of_table(table, time, option.get("time_unit"))
-        t_s = stamps.since_s
+    time, every = times.time_column(frame), np.arange(len(frame))
+    stamped = rate is None or "time" in option
+    if stamped:
+        named = columns.resolve(option["time"], list(frame), file) if "time" in option else time
+        time, stamps = times.of_table(table, named, option.get("time_unit"))
+        at = stamps.since_s
         notes += stamps.notes
-    elif time:
-        notes.append(f"time column '{time}' not used, since the rate is given")
+    else:
+        at = every / rate
+        notes += [f"time column '{time}' not used, since the rate is given"] * bool(time)
     start, stop = option.get("from", 0.0), option.get("to", np.inf)
     if not 0 <= start < stop:
         raise WrongUsage(f"{file}: --from {start:g} --to {stop:g} is no stretch of time")
-    rows = None
     if option.keys() & {"from", "to"}:
-        rows = np.arange(len(frame))
-        at = rows / rate if t_s is None else t_s
         inside = ~(at < start) & ~(at >= stop)
         if not inside.any():
             lasts = f"the log lasts {np.nanmax(at):.6g} s"
             raise WrongUsage(f"{file}: no row from {start:g} s to {stop:g} s; {lasts}")
-        rows, frame = rows[inside], frame.iloc[inside]
-        t_s = t_s if t_s is None else t_s[inside]
-    frame = formats.about_the_mean(frame, "channels" in option)
-    return replace(table, frame=frame, rows=rows), time, t_s, notes
+        frame, at = frame.iloc[inside], at[inside]
+        table = replace(table, frame=frame, rows=every[inside])
+    if not stamped:
+        return (
+            table,
+            time,
+            Grid(float(rate), len(at), every[: len(at)], every[: len(at)]),
+            at[0],
+            notes,
+        )
+    repeated = np.zeros(len(frame), dtype=bool)
+    same = np.flatnonzero(at[1:] == at[:-1]) + 1
+    now = frame.iloc[same]
+    before = frame.iloc[same - 1].set_axis(now.index)
+    repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
+    with times.stamp_errors_at(table, time):
+        grid = times.by_stamps(at, repeated, option.get("timing", "auto"))
+    if rate is not None and abs(grid.rate_hz / rate - 1) > 0.05:
+        raise WrongUsage(
+            f"{file}: --rate {rate:g} contradicts time column '{time}', which says "
+            f"{grid.rate_hz:.6g} Hz; leave one of them out"
+        )
+    return table, time, grid, np.nanmin(at), notes
 
 
 def _choices(table, time, stanza, wanted, option):
@@ -305,33 +323,9 @@ def _choices(table, time, stanza, wanted, option):
     if lost and not any(columns.recognise(name).kind for name in numeric):
         raise CannotAnswer(f"{file}: no fix: none of the {len(frame):,} epochs has a position")
     notes = [f"column '{warm}' kept as the temperature, in deg C"] if warm else []
-    empty = [n for n in numeric if n not in wanted and not frame[n].notna().any()]
-    if empty and len(empty) < len(numeric):
-        notes.append(f"without any value, and left out: {', '.join(map(repr, empty))}")
-        numeric = [name for name in numeric if name not in empty]
     numeric = [name for name in numeric if name != warm or name in wanted]
     chosen, guessed, more = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
     return chosen, guessed, [*notes, *more], temperature
-
-
-def _grid(table: Table, time: str, t_s: np.ndarray | None, option: dict) -> Grid:
-    """Place the rows on a uniform grid, by their stamps or by a given rate."""
-    rate, frame = option.get("rate_hz"), table.frame
-    if t_s is None:
-        return Grid(float(option["rate_hz"]), len(frame), times.ALL, times.ALL)
-    repeated = np.zeros(len(frame), dtype=bool)
-    same = np.flatnonzero(t_s[1:] == t_s[:-1]) + 1
-    now = frame.iloc[same]
-    before = frame.iloc[same - 1].set_axis(now.index)
-    repeated[same] = ((now == before) | (now.isna() & before.isna())).all(axis=1)
-    with times.stamp_errors_at(table, time):
-        grid = times.by_stamps(t_s, repeated, option.get("timing", "auto"))
-    if rate is not None and abs(grid.rate_hz / rate - 1) > 0.05:
-        raise WrongUsage(
-            f"{table.file}: --rate {rate:g} contradicts time column '{time}', which "
-            f"says {grid.rate_hz:.6g} Hz; leave one of them out"
-        )
-    return grid
 
 
 def _channel(
@@ -431,24 +425,3 @@ def _placeholders(values: np.ndarray) -> list[float]:
         if apart > AWAY * (high - low) and ((rest > low) & (rest < high)).any():
             marks, values = [*marks, float(end)], rest
     return marks
-
-
-def _check_gravity(file: str, channels: tuple[Channel, ...], given: str | None) -> None:
-    """Refuse accelerometers whose mean is one g in another unit."""
-    accels = {c.name: c for c in channels if c.kind == "accel" and c.unit in IN_M_S2}
-    vertical = [n for n in accels if n.lower().endswith(("z", "_down", "_up"))]
-    for names in columns.vectors(accels).values():
-        group = [accels[name] for name in (names if len(names) >= 3 else vertical)]
-        if not group or len({c.unit for c in group}) > 1:
-            continue
-        norm = float(np.sqrt(sum(np.nanmean(c.values) ** 2 for c in group)))
-        own, unit = group[0].unit, columns.gravity_unit(norm)
-        if unit not in (None, own):
-            units = columns.given_units(given) if "=" in (given or "") else {}
-            said = {columns.FLAG[kind]: u for kind, u in units.items() if kind} | {"accel": unit}
-            several = len(accels) < len(channels)
-            flag = ",".join(f"{k}={u}" for k, u in said.items()) if several else unit
-            raise WrongUsage(
-                f"{file}, columns {', '.join(c.name for c in group)}: mean |accel| is {norm:.2f} "
-                f"{own}; at rest it is one g, so these look like {unit}: say --unit {flag}"
-            )

@@ -30,7 +30,7 @@ class Part:
         As ``--table`` takes it.
     columns : tuple of str
     load : callable
-        Columns wanted (None: all) -> Table.
+        Gives the Table.
     rows : int or None
         If the file tells without reading them.
     told_by : str
@@ -41,7 +41,7 @@ class Part:
 
     name: str
     columns: tuple[str, ...]
-    load: Callable[[Sequence[str] | None], Table] = field(repr=False)
+    load: Callable[[], Table] = field(repr=False)
     rows: int | None = None
     told_by: str = "its header"
     primary: bool = True
@@ -61,12 +61,12 @@ def of_arrays(
 
 def of_table(name: str, table: Table, **more) -> Part:
     """Make a part of a table that is in memory."""
-    return Part(name, tuple(table.frame), lambda _: table, len(table.frame), **more)
+    return Part(name, tuple(table.frame), lambda: table, len(table.frame), **more)
 
 
 def of_text(name: str, path: Path) -> Part:
     """Make a part of a delimited text file."""
-    return Part(name, delimited.sniff(path).names, lambda _: delimited.read_table(path))
+    return Part(name, delimited.sniff(path).names, lambda: delimited.read_table(path))
 
 
 @contextlib.contextmanager
@@ -177,54 +177,41 @@ def _seconds(table: Table, parts: Sequence[Part]) -> np.ndarray:
     return times.of_table(table)[1].on_clock
 
 
-def interpolated(one: Table, other: Table, parts: Sequence[Part]) -> Table:
-    """Bring the numbers of a second sensor to the stamps of the first, along straight lines.
+def side_by_side(tables: Sequence[Table], parts: Sequence[Part], moving: bool) -> Table:
+    """Put the tables of two sensors side by side, row by row, in their order.
 
-    For logs in motion. Of a noise analysis the interpolation would change the spectrum; see
-    `paired`.
-    """
-    at, t = (_seconds(table, parts) for table in (one, other))
-    order = np.argsort(t, kind="stable")
-    inside = (at >= np.nanmin(t)) & (at <= np.nanmax(t))
-    right = {
-        name: np.interp(at[inside], t[order], other.frame[name].to_numpy()[order])
-        for name in other.frame.select_dtypes("number")
-    }
-    note = f"{parts[1].name} interpolated to the stamps of {parts[0].name}"
-    return _side_by_side(one, one.frame[inside], other, pd.DataFrame(right), note)
-
-
-def paired(one: Table, other: Table, parts: Sequence[Part]) -> Table:
-    """Put the tables of two sensors side by side, row by row, without any interpolation.
-
-    Each sample is used once. Rows are paired in their order, which needs equal rates.
+    Each sample is used once, which needs equal rates. Where they are not, the numbers of the second
+    sensor are brought to the stamps of the first along straight lines in a log in motion; of a
+    noise analysis that would change the spectrum.
 
     Raises
     ------
     WrongUsage
-        If a pair's stamps lie a sample apart or more: the tables have to be read one by one.
+        If a pair's stamps lie a sample apart or more in a static log: the tables have to be read
+        one by one.
     """
-    seconds = [_seconds(table, parts) for table in (one, other)]
+    one, other = tables
+    seconds = [_seconds(table, parts) for table in tables]
     first = max(seconds[0][0], seconds[1][0])
     starts = [int(np.argmin(np.abs(t - first))) for t in seconds]
     rows = min(len(t) - k for t, k in zip(seconds, starts, strict=True))
     a, b = (t[k : k + rows] for t, k in zip(seconds, starts, strict=True))
-    if rows < 3 or not np.max(np.abs(a - b)) < 1.5 * np.median(np.abs(np.diff(a))):
-        where = one.path if one.path == other.path else one.path.parent
-        raise ask(parts, where, ", with stamps that do not pair")
-    left, right = (
-        table.frame.iloc[k : k + rows] for table, k in zip((one, other), starts, strict=True)
-    )
+    left, right = (table.frame.iloc[k : k + rows] for table, k in zip(tables, starts, strict=True))
     note = (
         f"{parts[0].name} and {parts[1].name} put side by side in the order of their rows; stamps "
         f"of a pair differ by at most {1000 * np.max(np.abs(a - b)):.3g} ms"
     )
-    return _side_by_side(one, left, other, right, note)
-
-
-def _side_by_side(one: Table, left, other: Table, right, note: str) -> Table:
-    """Join rows of two tables; of two columns with one name the first table's stays."""
+    if rows < 3 or not np.max(np.abs(a - b)) < 1.5 * np.median(np.abs(np.diff(a))):
+        if not moving:
+            where = one.path if one.path == other.path else one.path.parent
+            raise ask(parts, where, ", with stamps that do not pair")
+        at, t = seconds
+        order = np.argsort(t, kind="stable")
+        inside = (at >= np.nanmin(t)) & (at <= np.nanmax(t))
+        left, right = one.frame[inside], other.frame.select_dtypes("number").iloc[order]
+        right = pd.DataFrame({n: np.interp(at[inside], t[order], right[n]) for n in right})
+        note = f"{parts[1].name} interpolated to the stamps of {parts[0].name}"
     left, right = left.reset_index(drop=True), right.reset_index(drop=True)
-    right = right.drop(columns=right.columns.intersection(left.columns))
+    right = right.drop(columns=right.columns.intersection(left.columns))  # the first one's stays
     frame = pd.concat([left, right], axis=1)
     return replace(one, frame=frame, repairs=(*one.repairs, *other.repairs, note))

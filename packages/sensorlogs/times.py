@@ -7,7 +7,6 @@ departure from the stamps is stated in one sentence in `Grid.repairs`.
 import contextlib
 import re
 import shlex
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -45,7 +44,6 @@ ON_TICKS = 0.98, 0.2  # or so many within so much of a step from whole multiples
 REPEATS_ALLOWED = 0.01  # share of repeated stamps above which the clock counts as coarse
 GAP = 1.5  # a step of more than this many nominal steps is a gap
 NO_STAMPS = "cut the file there, or, if the rows are evenly spaced, give --rate and no time column"
-ALL = slice(None)  # every row, or every sample of the grid
 LOOKAHEAD = 50  # samples after a long step in which late ones may catch up
 DEVICE = "device"  # seconds since an event of the device's own, such as power-on
 
@@ -142,7 +140,7 @@ def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
     if column.dtype.kind != "f":
         return _from_text(name, column)
     t, notes = continuous(np.asarray(column, dtype=float))
-    good = _known(t)
+    good = t[np.isfinite(t)]
     if not good.size:
         raise BadStamps(
             0, "no time stamp in the whole column; name another with --time, or give --rate"
@@ -156,15 +154,7 @@ def stamps(name: str, column: np.ndarray, unit: str | None = None) -> Stamps:
         notes += (f"time column '{name}' read as {word}{guess} (--time-unit overrules)",)
     zero = float(good[0]) * SCALES[unit]
     since_1970 = _UNIX["s"][0] <= zero < _UNIX["s"][1]
-    since_s = t - good[0]
-    since_s *= SCALES[unit]  # in place: a long log fills the memory
-    return Stamps(since_s, zero, UNIX if since_1970 else DEVICE, notes)
-
-
-def _known(t: np.ndarray) -> np.ndarray:
-    """Leave out what is missing; a series without gaps comes back itself."""
-    finite = np.isfinite(t)
-    return t if finite.all() else t[finite]
+    return Stamps((t - good[0]) * SCALES[unit], zero, UNIX if since_1970 else DEVICE, notes)
 
 
 def of_table(table: Table, name: str | None = None, unit: str | None = None) -> tuple[str, Stamps]:
@@ -206,34 +196,24 @@ def stamp_errors_at(table: Table, column: str) -> Iterator[None]:
 
 def _from_text(name: str, column: np.ndarray) -> Stamps:
     """Read ISO dates, or clock times that may run over midnight."""
-    texts = pd.Series(column, dtype="str")
-    start = 0.0
-    if texts.dropna().str.match(r"^\s*\d{1,2}:\d{2}").all():
-        padded = (
-            texts.str.strip()
-            .str.replace(",", ".")
-            .str.replace(r"^(\d+:\d+)$", r"\1:00", regex=True)
-        )
+    texts = pd.Series(column, dtype="str").str.strip()
+    start, clock, read_as = 0.0, DAY, "clock time"
+    if texts.dropna().str.match(r"\d{1,2}:\d{2}").all():
+        padded = texts.str.replace(",", ".").str.replace(r"^(\d+:\d+)$", r"\1:00", regex=True)
         t = pd.to_timedelta(padded, errors="coerce").dt.total_seconds().to_numpy()
-        clock, read_as = DAY, "clock time"
     else:
-        with warnings.catch_warnings():  # pandas warns when it cannot guess one common format
-            warnings.simplefilter("ignore", UserWarning)
-            dates = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
-            if dates.isna().mean() > 0.5:  # the day or the month first: what takes less time
-                both = [
-                    pd.to_datetime(texts, errors="coerce", utc=True, dayfirst=d) for d in (0, 1)
-                ]
-                dates = min(both, key=lambda d: (d.isna().sum(), d.max() - d.min()))
+        clock, read_as = UNIX, "date and time"
+        dates = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
         first = dates.dropna().min()
         t = (dates - first).dt.total_seconds().to_numpy(dtype=float, copy=True)
         start = first.timestamp() if first == first else 0.0
-        clock, read_as = UNIX, "date and time"
-    unread = np.isnan(t) & texts.notna().to_numpy() & (texts.str.strip() != "").to_numpy()
+    unread = np.isnan(t) & texts.notna().to_numpy() & (texts != "").to_numpy()
     if unread.any() or not np.isfinite(t).any():
         row = int(np.argmax(unread))
         raise BadStamps(
-            row, f"'{printable(str(column[row]))}' is not a time; correct or delete that line"
+            row,
+            f"'{printable(str(column[row]))}' is not a time; write ISO dates, such as "
+            "2024-05-31T10:00:00, or correct or delete that line",
         )
     if clock == DAY:
         t = unwrap_clock(t)
@@ -252,7 +232,7 @@ def unwrap_clock(seconds_of_day: np.ndarray) -> np.ndarray:
 
 def continuous(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """Undo the overflow of a counter, or of the time of a GPS week."""
-    step = np.diff(_known(t))
+    step = np.diff(t[np.isfinite(t)])
     for top in _COUNTERS if (step < 0).any() else ():
         wraps = (step < 0) & (step + top > 0) & (step + top < 10 * np.median(step))
         if wraps.any() and np.nanmax(t) <= top:
@@ -359,34 +339,31 @@ class Grid:
         Samples per second of the grid.
     size : int
         Samples on the grid, missing ones included.
-    rows : ndarray of int, shape (k,), or slice
+    rows : ndarray of int, shape (k,)
         Rows of the log that are used, in order.
-    index : ndarray of int, shape (k,), or slice
+    index : ndarray of int, shape (k,)
         Grid sample of each used row.
     stamps : ndarray, shape (k,), or None
         Times (s) to interpolate between, in mode "stamps".
-    gaps : int
-        Number of places where samples are missing.
     repairs : tuple of str
         One sentence for each departure from the stamps.
     """
 
     rate_hz: float
     size: int
-    rows: np.ndarray | slice
-    index: np.ndarray | slice
+    rows: np.ndarray
+    index: np.ndarray
     stamps: np.ndarray | None = None
-    gaps: int = 0
     repairs: tuple[str, ...] = ()
 
-    def place(self, values: np.ndarray) -> np.ndarray:
-        """Put one column, shape (rows of the log,), on the grid, shape (size,), NaN if missing.
+    @property
+    def gaps(self) -> int:
+        """Number of places where samples are missing."""
+        return int(np.count_nonzero(np.diff(self.index) > 1))
 
-        A column that fits as it is comes back itself, because a long log fills the memory.
-        """
+    def place(self, values: np.ndarray) -> np.ndarray:
+        """Put one column, shape (rows of the log,), on the grid, shape (size,), NaN if missing."""
         used = values[self.rows]
-        if self.index is ALL:
-            return used
         if self.stamps is not None:
             t = self.stamps[0] + np.arange(self.size) / self.rate_hz
             good = np.isfinite(used)
@@ -424,108 +401,45 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
     """
     if mode not in MODES:
         raise WrongUsage(f"timing '{mode}' is not one of {', '.join(MODES)}")
-    rows, t, repairs = np.arange(len(t_s)), t_s, []
-    stamped = np.isfinite(t_s)
-    if not stamped.all():
-        first = int(np.argmin(stamped))
-        if stamped.mean() < 1 - MISSING_ALLOWED:
+    repairs: list[str] = []
+    rows = np.flatnonzero(np.isfinite(t_s))
+    if lacking := len(t_s) - len(rows):
+        first = int(np.argmin(np.isfinite(t_s)))
+        if lacking > MISSING_ALLOWED * len(t_s):
             raise BadStamps(
-                first,
-                f"no time stamp here nor in {(~stamped).sum():,} of {len(t_s):,} rows; {NO_STAMPS}",
+                first, f"no time stamp here nor in {lacking:,} of {len(t_s):,} rows; {NO_STAMPS}"
             )
-        repairs.append(f"{counted((~stamped).sum(), 'row')} without a time stamp dropped")
-        rows, t, repeated = rows[stamped], t[stamped], repeated[stamped]
-    step = np.diff(t)
-    least = step.min(initial=np.inf)
-    if least < 0:
+        repairs.append(f"{counted(lacking, 'row')} without a time stamp dropped")
+    step = np.diff(t_s[rows])
+    if (step < 0).any():
         worst = int(np.argmax(step < 0))
         raise BadStamps(
             int(rows[worst + 1]), f"time runs backward by {-step[worst]:.6g} s; {NO_STAMPS}"
         )
-    coarse = False
-    if least == 0:
-        rows, coarse = _without_repeats(t, rows, repeated, repairs)
-        t = t_s[rows]
-        step = np.diff(t)
+    rows, coarse = _without_repeats(rows, np.r_[False, step == 0][: len(rows)], repeated, repairs)
+    t = t_s[rows]
+    step = np.diff(t)
     if len(t) < 3:
-        raise BadStamps(int(rows[-1]), f"the log ends after {len(t)} samples: give a longer one")
+        end = int(rows[-1]) if len(rows) else 0
+        raise BadStamps(end, f"the log ends after {len(t)} samples: give a longer one")
     if t[-1] == t[0]:
         raise BadStamps(0, f"the time stamps do not advance; {NO_STAMPS}")
-    if coarse:
-        return _coarse(t, rows, repairs)
     usual = float(np.median(step))
     near = (step >= (2 - GAP) * usual) & (step <= GAP * usual)
-    if mode == "auto" and (near.mean() >= REGULAR_SHARE or _on_ticks(step / usual)):
-        return _regular(t, rows, step, float(step.mean(where=near)), repairs)
-    return _uneven(t, rows, mode, repairs)
-
-
-def _on_ticks(ticks) -> bool:
-    """Tell whether steps are whole multiples of the usual one, given in it."""
-    on = (np.abs(ticks - np.round(ticks)) <= ON_TICKS[1]) & (ticks > GAP - 1)
-    return on.mean() >= ON_TICKS[0]
-
-
-def _without_repeats(t, rows, repeated, repairs) -> tuple[np.ndarray, bool]:
-    """Drop rows that are written twice; return also whether the clock is coarse."""
-    same = np.r_[False, np.diff(t) == 0]
-    twice = same & repeated
-    other = same & ~repeated
-    if other.sum() >= REPEATS_ALLOWED * len(t):
-        return rows, True
-    if twice.any():
-        repairs.append(
-            f"{counted(twice.sum(), 'row')} written twice (same stamp, same values): one dropped"
-        )
-    if other.any():
-        repairs.append(
-            f"{counted(other.sum(), 'row')} with the stamp of the row before but other values: "
-            "the first kept"
-        )
-    return rows[~same], False
-
-
-def _regular(t, rows, step, dt, repairs) -> Grid:
-    """Place regular stamps: one sample a step, except over gaps."""
-    long = step > GAP * dt
-    at, missing = _gaps(t, np.flatnonzero(long), dt)
-    longest = step.max(where=~long, initial=0.0)
-    jitter = max(longest / dt - 1, 1 - float(step.min()) / dt)
-    if jitter > 0.1:
-        repairs.append(
-            f"time stamps wander by up to {jitter:.0%} of a step: "
-            "samples taken as evenly spaced between gaps"
-        )
-    late = long.sum() - len(at)
-    if late:
-        repairs.append(f"{counted(late, 'sample')} stamped late but none lost: placed by count")
-    return _with_gaps(rows, 1 / dt, at, missing, step, repairs)
-
-
-def _gaps(t, at, dt) -> tuple[np.ndarray, np.ndarray]:
-    """Find the long steps over which samples are missing, and how many.
-
-    A logger that stalls and then catches up loses no sample: a long step with short ones right
-    after it is no gap if the whole stretch has as many rows as expected.
-    """
-    if not at.size:
-        return at, at
-    lost = np.round((t[at + 1] - t[at]) / dt) - 1
-    following = np.r_[at[1:], len(t) - 1] - at - 1  # rows up to the next long step
-    ahead = np.minimum(np.minimum(lost, LOOKAHEAD), following).astype(np.int64)
-    expected = np.round((t[at + 1 + ahead] - t[at]) / dt)
-    missing = np.maximum(expected - 1 - ahead, 0).astype(np.int64)
-    return at[missing > 0], missing[missing > 0]
-
-
-def _with_gaps(rows, rate_hz, at, missing, step, repairs) -> Grid:
-    """Assemble a grid with missing samples, unless too many are missing."""
+    if coarse:
+        rate, missing = _coarse(t, rows, repairs)
+    elif mode == "auto" and (near.mean() >= REGULAR_SHARE or _on_ticks(step / usual)):
+        rate, missing = _regular(t, step, float(step.mean(where=near)), repairs)
+    elif mode == "stamps":
+        return _interpolated(t, rows, step, repairs)
+    else:
+        rate, missing = _uneven(t, step, repairs)
     size = len(rows) + int(missing.sum())
-    if at.size:
-        before = at[np.argmax(missing)]
+    if missing.any():
+        before = int(np.argmax(missing))
         gaps = (
-            f"{counted(len(at), 'gap')}: {missing.sum():,} of {size:,} samples missing, the "
-            f"longest {step[before]:.4g} s"
+            f"{counted(np.count_nonzero(missing), 'gap')}: {missing.sum():,} of {size:,} samples "
+            f"missing, the longest {step[before]:.4g} s"
         )
         if missing.sum() > MISSING_ALLOWED * size:
             raise BadStamps(
@@ -534,20 +448,59 @@ def _with_gaps(rows, rate_hz, at, missing, step, repairs) -> Grid:
                 "stretch with --from and --to",
             )
         repairs.append(f"{gaps}; left as missing")
-    elif rows[-1] == len(rows) - 1:  # none left out before it: all of them, as far as they go
-        return Grid(rate_hz, size, slice(size), ALL, None, 0, tuple(repairs))
-    index = _index(len(rows), at, missing)
-    return Grid(rate_hz, size, rows, index, None, len(at), tuple(repairs))
+    return Grid(rate, size, rows, _index(missing), None, tuple(repairs))
 
 
-def _index(size, at, missing) -> np.ndarray:
-    """Return the grid sample of each row, with so many samples missing after the rows `at`."""
-    extra = np.zeros(size, dtype=np.int64)
-    extra[at + 1] = missing
-    return np.arange(size) + np.cumsum(extra)
+def _index(missing: np.ndarray) -> np.ndarray:
+    """Return the grid sample of each row, with so many samples missing after it."""
+    return np.arange(len(missing) + 1) + np.r_[0, np.cumsum(missing)]
 
 
-def _coarse(t, rows, repairs) -> Grid:
+def _on_ticks(ticks) -> bool:
+    """Tell whether steps are whole multiples of the usual one, given in it."""
+    on = (np.abs(ticks - np.round(ticks)) <= ON_TICKS[1]) & (ticks > GAP - 1)
+    return on.mean() >= ON_TICKS[0]
+
+
+def _without_repeats(rows, same, repeated, repairs) -> tuple[np.ndarray, bool]:
+    """Drop rows of the stamp before, unless the clock is coarse; return also whether it is."""
+    other = same & ~repeated[rows]
+    if other.any() and other.sum() >= REPEATS_ALLOWED * len(rows):
+        return rows, True
+    if same.any():
+        differ = f", in {other.sum():,} other values" if other.any() else ", the same values"
+        repairs.append(
+            f"{counted(same.sum(), 'row')} with the stamp of the row before{differ}: dropped"
+        )
+    return rows[~same], False
+
+
+def _regular(t, step, dt, repairs) -> tuple[float, np.ndarray]:
+    """Place regular stamps: one sample a step, except over gaps.
+
+    A logger that stalls and then catches up loses no sample: a long step with short ones right
+    after it is no gap if the whole stretch has as many rows as expected.
+    """
+    long = step > GAP * dt
+    at = np.flatnonzero(long)
+    following = np.diff(np.r_[at, len(step)]) - 1  # rows up to the next long step
+    lost = np.minimum(np.round(step[at] / dt) - 1, LOOKAHEAD)
+    ahead = np.minimum(lost, following).astype(np.int64)
+    missing = np.zeros(len(step), dtype=np.int64)
+    missing[at] = np.maximum(np.round((t[at + 1 + ahead] - t[at]) / dt) - 1 - ahead, 0)
+    longest = step.max(where=~long, initial=0.0)
+    jitter = max(longest / dt - 1, 1 - float(step.min()) / dt)
+    if jitter > 0.1:
+        repairs.append(
+            f"time stamps wander by up to {jitter:.0%} of a step: "
+            "samples taken as evenly spaced between gaps"
+        )
+    if late := len(at) - np.count_nonzero(missing):
+        repairs.append(f"{counted(late, 'sample')} stamped late but none lost: placed by count")
+    return 1 / dt, missing
+
+
+def _coarse(t, rows, repairs) -> tuple[float, np.ndarray]:
     """Place samples by count, where the clock of the stamps is slower than the sampling."""
     ticks = np.flatnonzero(np.diff(t) > 0) + 1  # rows at which the clock moves on
     if len(ticks) < 3:
@@ -560,40 +513,43 @@ def _coarse(t, rows, repairs) -> Grid:
     # Between two ticks the count may be off by the sample at either edge; more is a gap.
     lost = np.round(length * rate).astype(np.int64) - per_tick
     gap = ~whole & (lost > np.maximum(2, 0.05 * per_tick))
-    at, missing = ticks[1:][gap] - 1, lost[gap]
+    missing = np.zeros(len(t) - 1, dtype=np.int64)
+    missing[ticks[1:][gap] - 1] = lost[gap]
     repairs.append(
         f"time stamps repeat (resolution {np.median(length):.4g} s): samples taken as evenly "
         f"spaced at {rate:.6g} Hz, counted between ticks"
     )
-    return _with_gaps(rows, rate, at, missing, np.diff(t), repairs)
+    return rate, missing
 
 
-def _uneven(t, rows, mode, repairs) -> Grid:
-    """Place samples with uneven stamps: evenly at the mean rate, or interpolated by stamp."""
-    step = np.diff(t)
+def _interpolated(t, rows, step, repairs) -> Grid:
+    """Interpolate by stamp, at the mean rate."""
     rate = (len(t) - 1) / float(t[-1] - t[0])
-    if mode == "stamps":
-        size = int(np.floor((t[-1] - t[0]) * rate * (1 + 1e-12))) + 1
-        repairs.append(
-            f"samples interpolated linearly between their stamps (median step "
-            f"{_said(np.median(step))}, longest {_said(step.max())}) onto a grid of {rate:.6g} Hz: "
-            f"this smooths the noise, so nothing below {_said(2 * step.max())} should be trusted"
-        )
-        return Grid(rate, size, rows, np.arange(len(rows)), t, 0, tuple(repairs))
+    size = int(np.floor((t[-1] - t[0]) * rate * (1 + 1e-12))) + 1
+    repairs.append(
+        f"samples interpolated linearly between their stamps (median step "
+        f"{_said(np.median(step))}, longest {_said(step.max())}) onto a grid of {rate:.6g} Hz: "
+        f"this smooths the noise, so nothing below {_said(2 * step.max())} should be trusted"
+    )
+    return Grid(rate, size, rows, np.arange(len(rows)), t, tuple(repairs))
+
+
+def _uneven(t, step, repairs) -> tuple[float, np.ndarray]:
+    """Place samples with uneven stamps evenly, at the mean rate."""
+    rate = (len(t) - 1) / float(t[-1] - t[0])
     # A pause much longer than the usual steps is a gap here too.
-    limit = max(10 * float(np.percentile(step, 99)), 50 / rate)
-    at = np.flatnonzero(step > limit)
-    paused = float(step[at].sum())
-    rate = (len(t) - 1 - len(at)) / (float(t[-1] - t[0]) - paused)
-    missing = np.maximum(np.round(step[at] * rate).astype(np.int64) - 1, 0)
-    off = np.abs(t - t[0] - _index(len(t), at, missing) / rate).max()
-    trust = max(float(step[step <= limit].max()), float(off))
+    pause = step > max(10 * float(np.percentile(step, 99)), 50 / rate)
+    paused = float(step[pause].sum())
+    rate = (len(t) - 1 - int(pause.sum())) / (float(t[-1] - t[0]) - paused)
+    missing = np.where(pause, np.maximum(np.round(step * rate).astype(np.int64) - 1, 0), 0)
+    off = np.abs(t - t[0] - _index(missing) / rate).max()
+    trust = max(float(step[~pause].max()), float(off))
     repairs.append(
         f"time stamps are uneven (median step {_said(np.median(step))}, longest "
         f"{_said(step.max())}, up to {_said(off)} from an even spacing): samples taken as evenly "
         f"spaced at their mean rate {rate:.6g} Hz, trust nothing below {_said(trust)}"
     )
-    return _with_gaps(rows, rate, at, missing, step, repairs)
+    return rate, missing
 
 
 def _said(seconds: float) -> str:
