@@ -136,17 +136,17 @@ def _check_folder(param: typer.CallbackParam, out: str | None):
     if out == "":  # a shell variable that is not set
         raise WrongUsage(f"{option} is empty: name where to write")
     if out:
-        here = next(p for p in (Path(out), *Path(out).absolute().parents) if p.exists())
-        if not here.is_dir():
-            raise WrongUsage(f"{option} {out}: {here.name} is a file, and no folder; name another")
-        _try_to_write(here, f"{option} {out}")
+        _try_to_write(Path(out), f"{option} {out}")
     return out
 
 
 def _try_to_write(folder, option):
-    """Refuse a folder that takes no file."""
+    """Refuse a folder that cannot be made, or takes no file."""
+    here = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not here.is_dir():
+        raise WrongUsage(f"{option}: {here.name} is a file, and no folder; name another")
     try:
-        tempfile.TemporaryFile(dir=folder).close()
+        tempfile.TemporaryFile(dir=here).close()
     except OSError as error:
         raise CannotAnswer(f"{option}: cannot write there ({error.strerror})") from error
 
@@ -329,14 +329,12 @@ def replay(logs, out, without=None, outage=None, last_position=None, using="auto
             raise WrongUsage(
                 "--last-position belongs to block 1, which --without last-position turns off"
             )
-        _check_last_position(Path(last_position), logs, Path(out))
+        _check_last_position(Path(last_position), Path(out))
     log = _read_moving(logs, **reading)
     off = {block.replace("-", "_"): False for block in without or ()}
-    summary, warning = page.replay(
+    summary = page.replay(
         log, out, outages=outages, last_position=last_position, filter=str(using), **off
     )
-    if warning:
-        print(warning, file=sys.stderr)
     _tell("replay.txt", summary, out=out, facts=page.facts(summary))
 
 
@@ -351,19 +349,16 @@ def _interval(text):
     return start, stop
 
 
-def _check_last_position(path, logs, out):
-    """Refuse a --last-position that is another file of this run, or cannot be written."""
-    from sensorlogs.catalogue import find
+def _check_last_position(path, out):
+    """Refuse a --last-position that is another file, or cannot be written."""
+    from workbench.saved_position import load_position
     from workbench.track import FILES
 
     option = f"--last-position {path.name}"
-    taken = [*(find(log)[2] for log in logs), out, *(out / name for name in FILES)]
-    if path.resolve() in [other.resolve() for other in taken]:
-        raise WrongUsage(f"{option}: that is a log, or what --out writes; name another file")
-    if path.is_dir():  # "" too
-        raise WrongUsage(f"{option}: name a file, not a folder")
-    if path.parent.exists() or not out.resolve().is_relative_to(path.parent.resolve()):
-        _try_to_write(path.parent, option)  # otherwise it is made with --out
+    if path.resolve() in [(out / name).resolve() for name in ("", *FILES)]:
+        raise WrongUsage(f"{option}: that is what --out writes; name another file")
+    load_position(path)
+    _try_to_write(path.parent, option)
 
 
 @_verb(reads="static")
