@@ -202,8 +202,7 @@ def choose_part(result, atlas, wanted=None):
     gyros = [c for c in result.channels if c.kind == "rate" and c.parameters["arw"].resolved]
     if not gyros:
         return None, Said("no_part"), False
-    n = _typical(gyros, "arw")
-    b = _typical(gyros, "bias_instability")
+    n, b = (_typical(gyros, key) for key in LEADING["rate"])
     rates = sheets[sheets["kind"] == "rate"]
     far = np.log10(n / rates["n"]) ** 2 + (np.log10(b / rates["b"]) ** 2 if b else 0.0)
     nearest = rates.loc[far.idxmin()]
@@ -303,13 +302,9 @@ def headline(within, enough, nearest=None):
     -------
     Said
     """
-    if nearest:
-        return Said("not_known_which", {"nearest": nearest})
     part = within.question.numbers.get("part")
     answer = within.answer if part else enough.answer
-    return Said(
-        "held_against" if part else "held_against_nothing", {"answer": answer, "part": part}
-    )
+    return Said("headline", {"answer": answer, "part": part, "nearest": nearest})
 
 
 # One table of all axes
@@ -421,19 +416,16 @@ def temperature_part(channel):
 
     Returns
     -------
-    list of list of Said
-        Empty where no temperature was logged.
+    Said or None
+        None where no temperature was logged.
     """
     degrees = channel.temperature
     if degrees is None or not np.isfinite(degrees).sum() > 1:
-        return []
-    said = [[Said("temperature", {"low": np.nanmin(degrees), "high": np.nanmax(degrees)})]]
-    for term in channel.fit.get("terms", []):
-        if term["kind"] == "temperature":
-            per_degree = Estimate(**term["parameters"]["amplitude"])
-            said.append([Said("coefficient", {"coefficient": per_degree})])
-            return [*said, [Said("rest_of_drift")]]
-    return [*said, [Said("no_coefficient")]]
+        return None
+    terms = [term for term in channel.fit.get("terms", []) if term["kind"] == "temperature"]
+    found = Estimate(**terms[0]["parameters"]["amplitude"]) if terms else None
+    about = {"low": np.nanmin(degrees), "high": np.nanmax(degrees), "coefficient": found}
+    return Said("temperature", about)
 
 
 # On the road, and among the parts
@@ -459,22 +451,18 @@ def road(model, atlas):
     if not names:
         return {}
     planes = {tracker: terrain_data.error_plane(tracker) for tracker in TRACKERS}
-    axes, ends = {}, {}
+    axes, own, rows = {}, [], []
     for name in names:
         try:
-            errors = {tracker: plane.of_log(model, name) for tracker, plane in planes.items()}
+            axes[name] = {tracker: plane.of_log(model, name) for tracker, plane in planes.items()}
         except CannotAnswer as error:
             axes[name] = str(error)
             continue
-        axes[name] = errors
-        ends[name] = errors["R tuned"].value or errors["R tuned"].high or np.inf
-    rows = []
+        tuned = axes[name]["R tuned"]
+        own.append((tuned.value or tuned.high or np.inf, name, None, axes[name]))
     for part in atlas.query("basis == 'datasheet' and kind == 'rate'").to_dict("records"):
         sensor = Sensor(part["n"], part["b"])
         errors = {tracker: plane.of(sensor)[0] for tracker, plane in planes.items()}
         rows.append((errors["R tuned"], part["name"], (part["low_usd"], part["high_usd"]), errors))
-    if ends:
-        worst = max(ends, key=ends.get)
-        rows.append((ends[worst], worst, None, axes[worst]))
-    rows = [row[1:] for row in sorted(rows, key=lambda row: row[0])]
-    return {"axes": axes, "parts": rows}
+    rows += [max(own, key=lambda row: row[0])] if own else []
+    return {"axes": axes, "parts": [row[1:] for row in sorted(rows, key=lambda row: row[0])]}
