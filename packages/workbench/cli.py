@@ -601,11 +601,9 @@ def _rebuild(names, write):
     from studies import derived
 
     known = derived.names()
-    unknown = sorted(set(names or ()) - set(known))
-    if unknown:
+    if unknown := sorted(set(names) - set(known)):
         raise WrongUsage(f"no derived result '{unknown[0]}'; there are: {', '.join(known)}")
-    names = names or known
-    differences, left_out = [], 0
+    names, differences, left_out = names or known, [], 0
     for name in names:
         try:
             found = derived.rebuild(name, write=write)

@@ -147,8 +147,7 @@ def files(model, *, strict=False):
         "forever": FOREVER,
         "inf": np.inf,
         "degrees": np.degrees(1.0),
-        "python": _python,
-        "matlab": _matlab,
+        "numbers": _numbers,
         "diffusion": conventions.diffusion,
         "per_sample": conventions.per_sample,
     }
@@ -206,13 +205,9 @@ def export(path, out, *, strict=False):
     return list(texts)
 
 
-def _python(values, scale=1.0, absent=0.0):
+def _numbers(values, scale=1.0, absent=0.0):
     values = [absent if v is None else scale * v for v in values]
     return ", ".join("np.inf" if np.isinf(v) else f"{v:.6e}" for v in values)
-
-
-def _matlab(values):
-    return " ".join(f"{v or 0.0:.6e}" for v in values)
 
 
 def _in_every_convention(triad, dt):
@@ -425,12 +420,10 @@ def _check(number, what, *, zero=False):
 
 def _letters(names):
     """Axis of each channel, by name or, for nameless ones, by order; None if they are no triad."""
-    letters = [_letter(name) for name in names]
+    letters = []
+    for name in names:
+        turn = next((axis for word, axis in _TURNS.items() if word in name.lower()), None)
+        letters.append(turn or next((w for w in words(name)[::-1] if w in AXES), None))
     if None in letters and len(names) <= 3:
         return "xyz"[: len(names)]
     return None if None in letters or len(set(letters)) < len(letters) else letters
-
-
-def _letter(name):
-    turn = next((axis for word, axis in _TURNS.items() if word in name.lower()), None)
-    return turn or next((word for word in words(name)[::-1] if word in AXES), None)

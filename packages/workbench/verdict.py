@@ -33,6 +33,7 @@ SYMBOLS = {key: p["symbol"] for key, p in PARAMETERS.items()}
 NAMES = {key: p["name"] for key, p in PARAMETERS.items()}
 IN_SUMMARY = tuple(k for k, p in PARAMETERS.items() if "kinds" in p)  # of gyros, accelerometers
 SLOW = ("sigma_v", "sigma_b")  # of an angle or a position
+STATES = ("known", "wide", "short", "disturbed")  # of a number, in the order they are told
 KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
 IN_ATLAS = IN_DEG_S | {unit: of / STANDARD_GRAVITY for unit, of in IN_M_S2.items()}  # deg/s, g
 HARMLESS = ("spikes", "stuck", "oscillation")  # disturbances that refuse nothing, but are told
@@ -78,7 +79,7 @@ def long_enough(result, needed):
     -------
     Answer
     """
-    states = {state: {} for state in ("known", "wide", "short", "disturbed")}
+    found = {}
     for c in result.channels:
         hurt = {name for d in c.fit["disturbances"] for name in d["affects"]}
         for key in LEADING.get(c.kind, SLOW):
@@ -89,28 +90,26 @@ def long_enough(result, needed):
             if e.resolved:
                 half = (e.high - e.low) / 2 / abs(e.value) if e.low and e.high else 0.0
                 state = "wide" if half > KNOWN else "known"
-            states[state].setdefault(SYMBOLS[key], []).append((c.name, half))
-    seconds, every = result.source["duration_s"], [c.name for c in result.channels]
-    said = []
-    for state, found in states.items():
-        for symbol, pairs in found.items():
-            names, halves = zip(*pairs, strict=True)
-            about = {"symbol": symbol, "names": _axes(names, every), "several": len(names) > 1}
-            said.append(Said(state, about | {"percent": math.ceil(100 * max(halves))}))
+            found.setdefault((state, SYMBOLS[key]), []).append((c.name, half))
+    seconds, every, said = result.source["duration_s"], [c.name for c in result.channels], []
+    for state, symbol in sorted(found, key=lambda of: STATES.index(of[0])):
+        names, halves = zip(*found[state, symbol], strict=True)
+        about = {"symbol": symbol, "names": _axes(names, every), "several": len(names) > 1}
+        said.append(Said(state, about | {"percent": math.ceil(100 * max(halves))}))
     hours, symbol, name = max(
         ((h, s, name) for name, plan in needed.items() for s, h in plan.items() if h),
         default=(0.0, "", ""),
     )
-    slow = [symbol for symbol in states["short"] if symbol in ("B", "σ_b")]
+    slow = [symbol for state, symbol in found if state == "short" and symbol in ("B", "σ_b")]
     if hours > max(seconds / 3600, 1 / 60):
         about = {"symbol": symbol, "name": name, "hours": hours, "within": KNOWN}
         said.append(Said("takes", about))
     elif slow:
         said.append(Said("takes_as_a_rule", {"symbols": slow}))
-    known, wide, short, disturbed = states.values()
-    answer = "partly" if wide or short or disturbed else "yes"
-    if not known and not wide:
-        answer = "no" if short else "open"
+    states = {state for state, _ in found}
+    answer = "yes" if states <= {"known"} else "partly"
+    if not states & {"known", "wide"}:
+        answer = "no" if "short" in states else "open"
     return Answer(Said("long"), answer, [[Said("lasts", {"seconds": seconds, "found": said})]])
 
 
