@@ -18,7 +18,6 @@ from types import SimpleNamespace
 import numpy as np
 import psutil
 import pytest
-import typer
 
 from analysis import ROOT, claims, store
 from sensorlogs import datasets
@@ -94,7 +93,7 @@ def test_help_teaches(command):
     examples = re.findall(r"^  python -m analysis (.*?)(?:  .*)?$", text, re.M)
     # One will do for a command that takes nothing.
     assert len(examples) >= (1 if command == "benchmark" else 2)
-    verb = typer.main.get_command(cli.app).commands[command]
+    verb = cli.app.commands[command]
     for example in examples:
         name, *arguments = shlex.split(example)
         assert name == command
@@ -392,7 +391,7 @@ def test_a_library_that_is_missing_is_named():
         check=False,
     )
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "typer is not installed: make install, then . .venv/bin/activate\n"
+    assert done.stderr == "click is not installed: make install, then . .venv/bin/activate\n"
 
 
 @pytest.mark.parametrize(

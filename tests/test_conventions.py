@@ -8,7 +8,6 @@ from scipy.signal import welch
 from analysis import ROOT
 from analysis.noise.models import UnifiedModel, adev_gauss_markov, gauss_markov
 from workbench import conventions as c
-from workbench import pages
 
 PAGE = ROOT / "analysis" / "noise" / "README.md"
 
@@ -54,7 +53,7 @@ def test_the_page_has_the_numbers_of_the_functions():
     """Property: the table on the page is what side_by_side gives for the example."""
     text = PAGE.read_text(encoding="utf-8")
     values = c.side_by_side(**c.EXAMPLE)
-    table = c.table({"value": values}, c.EXAMPLE["dt"], "°/s", pages.TEXTS)
+    table = c.table({"value": values}, c.EXAMPLE["dt"], "°/s")
     assert f"<!-- table: conventions.table -->\n{table}\n<!-- end of table -->" in text
     opening = [values[k] for k in ("N", "N_per_root_hour", "one_sided", "sample")]
     assert [f"{v:.2g}" for v in opening] == ["0.004", "0.24", "0.0057", "0.04"]
@@ -72,7 +71,7 @@ def test_units_are_those_of_scipy():
 def test_unknown_stays_unknown():
     """Property: a sensor of which only N is known has no number for anything else."""
     one, two = c.side_by_side(0.004, np.nan, np.nan, 0.01), c.side_by_side(**c.EXAMPLE)
-    alone = c.table({"one": one}, 0.01, "°/s", pages.TEXTS)
+    alone = c.table({"one": one}, 0.01, "°/s")
     assert "σ_b" not in alone and "0.004" in alone
-    both = c.table({"one": one, "two": two}, 0.01, "°/s", pages.TEXTS)
+    both = c.table({"one": one, "two": two}, 0.01, "°/s")
     assert "| not resolved | 0.005 |" in both

@@ -281,8 +281,8 @@ def test_terms_of_one_model_add_in_power():
     one["parameters"]["sigma_b_2"] = estimate(3e-5, "rad/s")
     one["parameters"]["corr_time_2"] = estimate(900.0, "s")
     axis = gyroscope(model(one)).axes["x"]
-    assert axis.walk == pytest.approx(np.sqrt(1e-12 + 2e-10 / 50 + 18e-10 / 900))
-    assert (axis.sigma_b, axis.corr_time) == pytest.approx((3e-5, 900.0))
+    assert axis["walk"] == pytest.approx(np.sqrt(1e-12 + 2e-10 / 50 + 18e-10 / 900))
+    assert (axis["sigma_b"], axis["corr_time"]) == pytest.approx((3e-5, 900.0))
 
 
 # --- what the log does not say -------------------------------------------------------------------
@@ -363,19 +363,23 @@ def test_a_stand_in_replaces_nothing_that_is_resolved():
     known = gyroscope(log).axes["y"]
     own["arw"] |= {"value": None, "resolved": False}
     axis = gyroscope(log).axes["y"]
-    assert (axis.K, axis.walk, axis.sigma_b) == (known.K, known.walk, known.sigma_b)
-    assert known.stands_in == [] and axis.stands_in == ["N"]
-    assert pytest.approx(known.N, rel=0.05) == axis.N
+    assert (axis["K"], axis["walk"], axis["sigma_b"]) == (
+        known["K"],
+        known["walk"],
+        known["sigma_b"],
+    )
+    assert known["stands_in"] == [] and axis["stands_in"] == ["N"]
+    assert pytest.approx(known["N"], rel=0.05) == axis["N"]
     curve = log["channels"][0]["allan_line_removed"]
     curve["low"] = [None] * len(curve["tau_s"])
-    assert gyroscope(log).axes["y"].N is None
+    assert gyroscope(log).axes["y"]["N"] is None
 
 
 def test_half_a_gauss_markov_term_is_none():
     """Property: sigma_b without T_c, or T_c without sigma_b, is no process."""
     for half in ((1e-5, None), (None, 100.0)):
         axis = gyroscope(model(channel("gyroscope", "x", 1e-4, *half))).axes["x"]
-        assert axis.sigma_b is None and axis.walk is None
+        assert axis["sigma_b"] is None and axis["walk"] is None
 
 
 def test_other_axes_stand_in_for_none():
@@ -406,7 +410,7 @@ def test_axes_are_told_by_name(names, letters):
     if letters is None:
         assert triads == {} and "not one triad" in left_out[0]
     else:
-        found = {axis.channel: letter for letter, axis in triads["gyroscope"].axes.items()}
+        found = {axis["channel"]: letter for letter, axis in triads["gyroscope"].axes.items()}
         assert found == dict(zip(names, letters, strict=True))
 
 

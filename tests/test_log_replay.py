@@ -74,9 +74,14 @@ def metres(track, gnss=None):
     )
 
 
+def notes(track):
+    """List what is said of a replay."""
+    return page.summary_of(track)["notes"]
+
+
 def told(log, *options):
     """Return all notes of a replay in one text."""
-    return " ".join(page.notes(replay(log, *options)))
+    return " ".join(notes(replay(log, *options)))
 
 
 def with_imu(log, keep):
@@ -295,7 +300,7 @@ def test_gnss_without_imu(laps):
     """property: what needs an IMU says so; the gate, the static test and the low-pass run."""
     scenario, _ = laps
     track = replay(replace(scenario.log, imu=None), Options(lengths=(10, 10, 10)))
-    assert any(note.startswith("no IMU: blocks 2, 5 and 6") for note in page.notes(track))
+    assert any(note.startswith("no IMU: blocks 2, 5 and 6") for note in notes(track))
     assert np.isnan(track.columns["roll_deg"]).all()
     assert track.columns["layer"].max() >= 1  # the 20 s before setting off
     moving = track.columns["moving"].astype(bool)
@@ -310,7 +315,7 @@ def test_imu_without_gnss(laps):
     """property: roll, pitch and the static test run, a row a second; no position appears."""
     scenario, _ = laps
     track = replay(replace(scenario.log, gnss=None))
-    assert any(note.startswith("no GNSS") for note in page.notes(track))
+    assert any(note.startswith("no GNSS") for note in notes(track))
     assert len(track.columns["t_s"]) == math.floor(scenario.log.duration_s)
     assert np.isfinite(track.columns["roll_deg"][3:]).all()
     for name in ("yaw_deg", "mount_deg", "out_lat_deg", "lat_deg"):
@@ -401,8 +406,8 @@ def test_an_imu_for_a_part_of_the_log(laps, part):
         assert np.isnan(track.columns[name][silent]).all()
     assert np.isfinite(track.columns["roll_deg"][~silent][3:]).all()
     covered = f"the IMU covers {imu.t_s[0]:.0f} to {imu.t_s[-1]:.0f} s of {t[-1]:.0f} s; "
-    notes = " ".join(page.notes(track))
-    assert covered in notes and "contradict" not in notes
+    told = " ".join(notes(track))
+    assert covered in told and "contradict" not in told
 
 
 def test_an_imu_that_falls_silent_decides_nothing(laps):
@@ -437,7 +442,7 @@ def test_a_receiver_that_states_no_speed(laps, imu):
     error = np.hypot(north - scenario.north_m, east - scenario.east_m)
     fixes = np.hypot(*scenario.fix_error())
     assert np.nanmax(error) < np.nanmax(fixes) + 5.0
-    assert any("computes it from the fixes" in note for note in page.notes(track))
+    assert any("computes it from the fixes" in note for note in notes(track))
 
 
 def test_a_turn_in_an_outage_is_no_bias_of_the_gyro(laps, monkeypatch):
@@ -546,7 +551,7 @@ def test_each_start_has_its_summary(tmp_path):
     assert one["moved_while_off_m"] is None
     assert two["moved_while_off_m"] == pytest.approx(400.0, rel=2e-3)
     assert whole.summary["static"]["seconds"] <= 199.0
-    assert any("moved while switched off" in note for note in page.notes(whole))
+    assert any("moved while switched off" in note for note in notes(whole))
     gap = replay(Timeline(gnss, None))  # the same without a restart: block 4 does not mix them
     assert gap.summary["static"]["seconds"] <= 199.0
 
@@ -572,7 +577,7 @@ def test_an_hour_of_driving_in_a_gap_leaves_no_old_place():
     out = track.columns["out_lat_deg"]
     assert np.isnan(out[100:105]).all()
     assert np.abs(out - lat)[105:].max() * 111_132 < 1.0
-    assert not any("held there" in note for note in page.notes(track))
+    assert not any("held there" in note for note in notes(track))
 
 
 def test_the_filters_start_anew_where_good_fixes_contradict_them(laps):
@@ -590,8 +595,8 @@ def test_the_filters_start_anew_where_good_fixes_contradict_them(laps):
         east = (track.columns["out_lon_deg"] - gnss.lon_deg) * 79_000
         off = np.hypot(north, east)[start + 40 :]
         assert off[0] > 50.0 and off[6:].max() < 20.0
-        assert any("while the IMU moved" in note for note in page.notes(track))
-    assert not any("while the IMU moved" in note for note in page.notes(laps[1]))
+        assert any("while the IMU moved" in note for note in notes(track))
+    assert not any("while the IMU moved" in note for note in notes(laps[1]))
 
 
 def test_a_receiver_alone_coasts_and_then_holds():
@@ -609,8 +614,7 @@ def test_a_receiver_alone_coasts_and_then_holds():
     error = np.abs(held["out_lat_deg"] - gnss.lat_deg) * 111_132
     assert (error[5:] < 2.5 * held["sigma_north_m"][5:]).all()
     assert any(
-        "20 epochs not known to be at rest are over 10 s after" in note
-        for note in page.notes(track)
+        "20 epochs not known to be at rest are over 10 s after" in note for note in notes(track)
     )
 
 
@@ -641,8 +645,7 @@ def test_command(tmp_path, cold):
     assert (status, err) == (0, "")
     assert files(tmp_path / "out") == list(FILES)
     assert "fixes: " in out and ".gpx and summary.json are written" in out
-    stored, note = load_position(memory)
-    assert note is None
+    stored = load_position(memory)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["source"]["files"].keys() == {"gnss.csv", "imu.csv"}
     status, out, _ = run("replay", *paths, "--out", tmp_path / "two", "--last-position", memory)
@@ -703,24 +706,15 @@ GARBAGE = [b"", b"{", b'{"position": "x", "crc32": 1}\n', b"\x00" * 50, b"do not
 
 
 @pytest.mark.parametrize("content", GARBAGE)
-def test_a_damaged_memory_is_a_warning(tmp_path, cold, content):
-    """property: ignored with a warning, never trusted nor lost, and a good one is in its place."""
+def test_a_damaged_memory_is_refused(tmp_path, cold, content):
+    """property: never trusted nor lost: refused before anything is done, and as it was."""
     paths = as_csv(cold.log, tmp_path, imu=False)
     memory = tmp_path / "last.json"
     memory.write_bytes(content)
     status, _, err = run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
-    assert status == 0
-    assert err.startswith("warning: the stored position in last.json is not used")
-    assert err.count("\n") == 1
-    assert rows_of(tmp_path / "out")[0]["out_lat_deg"] == ""
-    assert load_position(memory)[0] is not None
-    aside = tmp_path / "last.json.damaged"
-    assert aside.exists() == bool(content) == ("kept as last.json.damaged" in err)
-    assert not content or aside.read_bytes() == content
-    memory.write_bytes(b"another")
-    run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
-    kept = [p.read_bytes() for p in tmp_path.glob("last.json.damaged*")]
-    assert sorted(kept) == sorted([content, b"another"] if content else [b"another"])
+    assert status == 2 and err.count("\n") == 1
+    assert "--last-position last.json: that holds no intact position" in err
+    assert memory.read_bytes() == content and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("memory", ["gnss.csv", "folder", "out", "out/summary.json", ""])
@@ -744,7 +738,7 @@ def test_a_memory_within_the_new_folder(tmp_path, cold, out):
     memory = tmp_path / out.split("/")[0] / "last.json"
     status, _, err = run("replay", *paths, "--out", tmp_path / out, "--last-position", memory)
     assert (status, err) == (0, "")
-    assert load_position(memory)[0] is not None
+    assert load_position(memory) is not None
 
 
 WRONG = {
@@ -806,12 +800,10 @@ def test_no_folder_where_a_file_is(tmp_path, cold, out):
 def test_a_memory_that_cannot_be_written(tmp_path, cold):
     """property: refused in a sentence, before anything is written."""
     paths = as_csv(cold.log, tmp_path, imu=False)
-    before = files(tmp_path)
-    status, _, err = run(
-        "replay", *paths, "--out", tmp_path / "out", "--last-position", tmp_path / "no" / "l.json"
-    )
-    assert status == 1
-    assert "--last-position" in err
+    before, memory = files(tmp_path), tmp_path / "gnss.csv" / "l.json"
+    status, _, err = run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
+    assert status == 2
+    assert "--last-position l.json" in err
     assert files(tmp_path) == before
 
 

@@ -13,6 +13,7 @@ from analysis.noise.notes import said
 from analysis.noise.planner import Plan
 from analysis.noise.spectrum import transform
 from workbench import cli, report
+from workbench.pages import phrase
 
 
 def test_white_noise_is_known_as_chi_square_says():
@@ -96,7 +97,7 @@ def test_a_report_without_a_plan():
     known = {k: Estimate(v, v, v, "") for k, v in (("sigma_v", 1.0), ("rrw", 1e300))}
     channel = SimpleNamespace(parameters=known | {"corr_time": Estimate.refused("s", "")})
     channel.parameters["sigma_b"] = Estimate.refused("", "")
-    assert "too far apart" in report.hours_to_record(channel, 0.01)
+    assert "too far apart" in phrase(report.hours_to_record(channel, 0.01)[1])
 
 
 def test_hours_ascend():
@@ -108,6 +109,6 @@ def test_hours_ascend():
     plan, _ = Plan.from_estimates(known)
     short, long = (replace(plan, corr_time=t).hours_needed(0.1, 0.2)["sigma_b"] for t in (5, 1000))
     assert short > long
-    said = report.hours_to_record(SimpleNamespace(parameters=known), 0.1)
+    said = phrase(report.hours_to_record(SimpleNamespace(parameters=known), 0.1)[1])
     first, last = said.split("σ_b")[1].split(";")[0].split("(")[1].rstrip(")").split(" to ")
     assert last == text.duration(short) and first != last

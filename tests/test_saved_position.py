@@ -6,6 +6,7 @@ import os
 
 import pytest
 
+from analysis import WrongUsage
 from workbench.saved_position import FIELDS, load_position, save_position
 
 
@@ -19,17 +20,11 @@ HOME = position(44.5, 11.3, 60.0, 12.0, 2.0)
 
 def test_round_trip(tmp_path):
     """property: what was saved is loaded to the last digit, an unknown PDOP and height included."""
+    assert load_position(tmp_path / "last.json") is None  # a first run has nothing stored
     for stored in (HOME, position(-45.123456789012, 170.1, math.nan, 0.1, math.nan)):
         save_position(tmp_path / "last.json", stored)
-        found, note = load_position(tmp_path / "last.json")
-        assert note is None
-        assert repr(found) == repr(stored)
+        assert repr(load_position(tmp_path / "last.json")) == repr(stored)
     assert os.listdir(tmp_path) == ["last.json"]
-
-
-def test_no_file_is_no_warning(tmp_path):
-    """property: a first run has nothing stored, which is no fault."""
-    assert load_position(tmp_path / "none.json") == (None, None)
 
 
 def written(tmp_path):
@@ -50,14 +45,13 @@ def changed(whole):
 
 
 def test_what_is_not_intact_is_refused(tmp_path):
-    """property: whatever the file holds, it is ignored with a warning of one line."""
+    """property: whatever the file holds, it is refused in one line."""
     path, whole = written(tmp_path)
     save_position(tmp_path / "nowhere.json", position(120.0, 11.0, 0.0, 0.0, 1.0))
     for content in (*changed(whole), (tmp_path / "nowhere.json").read_bytes()):
         path.write_bytes(content)
-        found, note = load_position(path)
-        assert found is None, content
-        assert note.startswith("warning: ") and "last.json" in note and "\n" not in note
+        with pytest.raises(WrongUsage, match=r"^--last-position last\.json: .*$"):
+            load_position(path)
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):

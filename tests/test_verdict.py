@@ -214,7 +214,7 @@ def test_temperature_is_separated_from_the_drift(tmp_path, no_pictures):
     gyro = 0.1 + noise(0.001) + 0.01 * (degrees - 25)
     told, page = logged(tmp_path, {"gyro_x_deg_s": gyro, "temperature_degC": degrees})
     (channel,) = told["channels"]
-    said = sentences(*verdict.temperature_part(channel))
+    said = sentences([verdict.temperature_part(channel)])
     assert said in page
     ends = re.search(r"Coefficient [\d.]+ \(([\d.]+) to ([\d.]+)\) °/h/K", said).groups()
     assert float(ends[0]) < 36 < float(ends[1])

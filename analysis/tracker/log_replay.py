@@ -43,7 +43,7 @@ class Track:
         The position to keep for the next run: what block 1 had written to memory last.
     remarks : tuple of (str, dict)
         What a block could not do and what looks wrong: a code and its numbers, of which
-        `workbench.track.notes` makes sentences.
+        `workbench.track.summary_of` makes sentences.
     straights : pandas.DataFrame
         Those of block 5, a row each: the fields of `mounting.Straight`, angles in degrees.
     """

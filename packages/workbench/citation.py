@@ -63,19 +63,20 @@ def _name(figure):
     return name
 
 
+def git(*words, of):
+    """Ask git about a tree: what it prints, nothing where it fails or there is no git."""
+    if not shutil.which("git"):
+        return b""
+    return subprocess.run(["git", "-C", of, *words], capture_output=True, check=False).stdout
+
+
 def _commit(figure):
     """Name the commit of this copy, and tell whether the figure was changed since."""
-
-    def git(*words):
-        run = subprocess.run(
-            ["git", "-C", ROOT, *words], capture_output=True, text=True, check=False
-        )
-        return run.stdout.strip()
-
-    if not shutil.which("git") or git("rev-parse", "--show-cdup"):
+    if git("rev-parse", "--show-cdup", of=ROOT).strip():
         return "", False
     files = f"figures/{_name(figure)}.*" if figure else "."
-    return git("rev-parse", "--short", "HEAD"), bool(git("status", "--porcelain", "--", files))
+    commit = git("rev-parse", "--short", "HEAD", of=ROOT).decode().strip()
+    return commit, bool(git("status", "--porcelain", "--", files, of=ROOT))
 
 
 def _paper(paper):

@@ -13,24 +13,20 @@ import shlex
 import sys
 import tempfile
 import tomllib
-from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
 
-import typer
-from typer.core import TyperGroup
+import click
 
 from analysis import ROOT, CannotAnswer, WrongUsage
 
 FLAGS = tomllib.loads(Path(__file__).with_name("flags.toml").read_text(encoding="utf-8"))
-TYPES = {None: str, "number": float, "count": int, "switch": bool}
-KEYWORD = inspect.Parameter.KEYWORD_ONLY
+TYPES = {"number": float, "count": int, "text": str, "switch": bool}
 RESUMABLE = ("reproduce", "coverage", "readings", "data")  # they keep each piece that is finished
 
 
-class Verbs(TyperGroup):
+class Verbs(click.Group):
     """The group of all verbs: turns an error into one sentence and an exit status."""
 
     def invoke(self, ctx):
@@ -54,7 +50,7 @@ class Verbs(TyperGroup):
             at = error.filename or "the output"
             sentence, status = f"cannot answer: {at}: {error.strerror}", 1
         print(sentence, file=sys.stderr)
-        raise typer.Exit(status)
+        ctx.exit(status)
 
 
 def _commands(error, ctx):
@@ -71,82 +67,62 @@ def _commands(error, ctx):
     return "".join(f"{' or' if k else '; run'}: {one}" for k, one in enumerate(commands))
 
 
-app = typer.Typer(
-    cls=Verbs,
-    help="Rerun the compendium, characterise inertial sensors, replay a tracker on field logs.",
-    add_completion=False,
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+@click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(
+    version("inertial-compendium"), message="%(version)s", help="Print the version."
 )
-
-
-def _print_version(asked: bool):
-    if asked:
-        print(version("inertial-compendium"))
-        raise typer.Exit
-
-
-VERSION = typer.Option("--version", help="Print the version.", callback=_print_version)
-
-
-@app.callback()
-def _no_verb(version: Annotated[bool, VERSION] = False):
-    pass
+def app():
+    """Rerun the compendium, characterise inertial sensors, replay a tracker on field logs."""
 
 
 def _verb(function=None, *, reads=None):
     """Make a function a verb; `reads` names the flags that it takes as ``**reading``."""
     if function is None:
         return functools.partial(_verb, reads=reads)
-
     own = inspect.signature(function).parameters
     tables = [FLAGS["shared"], FLAGS.get(reads, {}), FLAGS[function.__name__]]
     parameters = []
-    for name in [*(["ctx"] if "ctx" in own else []), *tables[2], *tables[1]]:
+    for name in {**tables[2], **tables[1]}:
         about = functools.reduce(lambda known, table: known | table.get(name, {}), tables, {})
         default = own[name].default if name in own else None
-        if default is None and about.get("type") == "switch":
-            default = False
-        kind = typer.Context if name == "ctx" else _declared(name, default, about)
-        parameters.append(inspect.Parameter(name, KEYWORD, default=default, annotation=kind))
-    function.__signature__ = inspect.Signature(parameters)
-    return app.command()(function)
+        parameters.append(_declared(name, default, **about))
+    return app.command(params=parameters)(function)
 
 
-def _declared(name, default, about):
-    """Give a parameter the type and the words that flags.toml has for it."""
-    kind = TYPES[about.get("type")]
-    kind = StrEnum("Choice", about["choices"]) if "choices" in about else kind
-    kind = list[kind] if about.get("several") else kind
-    kind = kind | None if default is None else kind
-    settings = {key: about[key] for key in ("help", "metavar", "min") if key in about}
-    if about.get("folder"):
-        settings["callback"] = _check_folder
-    if about.get("argument"):
-        return Annotated[kind, typer.Argument(**settings)]
-    flag = about.get("flag", f"--{name.replace('_', '-')}")
-    return Annotated[kind, typer.Option(flag, **settings)]
+def _declared(name, default, **about):
+    """Declare a parameter as flags.toml has it; with neither default nor None it is required."""
+    kind, several = TYPES[about.pop("type", "text")], about.pop("several", False)
+    kind = click.Choice(about.pop("choices")) if "choices" in about else kind
+    kind = click.IntRange(about.pop("min")) if kind is int else kind
+    about |= {"callback": _check_folder} if about.pop("folder", False) else {}
+    about |= {"type": kind, "required": default is inspect.Parameter.empty}
+    about |= {"default": default} if isinstance(default, str | float) else {}
+    if about.pop("argument", False):
+        optional = "{}" if about["required"] else "[{}]"
+        about["metavar"] = optional.format(about["metavar"]) + "..." * several
+        return click.Argument([name], nargs=-1 if several else 1, **about)
+    flag = about.pop("flag", f"--{name.replace('_', '-')}")
+    about |= {"is_flag": True} if kind is bool else {"multiple": several, "show_default": True}
+    return click.Option([flag, name], **about)
 
 
-def _check_folder(param: typer.CallbackParam, out: str | None):
+def _check_folder(_, param, out):
     """Refuse a folder to write that cannot be one, before any work is done."""
     option = param.opts[0]
     if out == "":  # a shell variable that is not set
         raise WrongUsage(f"{option} is empty: name where to write")
     if out:
-        here = next(p for p in (Path(out), *Path(out).absolute().parents) if p.exists())
-        if not here.is_dir():
-            raise WrongUsage(f"{option} {out}: {here.name} is a file, and no folder; name another")
-        _try_to_write(here, f"{option} {out}")
+        _try_to_write(Path(out), f"{option} {out}")
     return out
 
 
 def _try_to_write(folder, option):
-    """Refuse a folder that takes no file."""
+    """Refuse a folder that cannot be made, or takes no file."""
+    here = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not here.is_dir():
+        raise WrongUsage(f"{option}: {here.name} is a file, and no folder; name another")
     try:
-        tempfile.TemporaryFile(dir=folder).close()
+        tempfile.TemporaryFile(dir=here).close()
     except OSError as error:
         raise CannotAnswer(f"{option}: cannot write there ({error.strerror})") from error
 
@@ -215,7 +191,7 @@ def _parameter(text):
 
 
 @_verb(reads="static")
-def report(ctx, log, out, part=None, **reading):
+def report(log, out, part=None, **reading):
     """Characterise a static log: noise model and report.
 
     \b
@@ -246,7 +222,7 @@ def report(ctx, log, out, part=None, **reading):
     from workbench import report as page
 
     read = _read(log, **reading)
-    told = page.write(read, out, part=part, command=_command(ctx.obj, log))
+    told = page.write(read, out, part=part, command=_command(click.get_current_context().obj, log))
     _tell("report.txt", told, out=out)
 
 
@@ -329,14 +305,12 @@ def replay(logs, out, without=None, outage=None, last_position=None, using="auto
             raise WrongUsage(
                 "--last-position belongs to block 1, which --without last-position turns off"
             )
-        _check_last_position(Path(last_position), logs, Path(out))
+        _check_last_position(Path(last_position), Path(out))
     log = _read_moving(logs, **reading)
     off = {block.replace("-", "_"): False for block in without or ()}
-    summary, warning = page.replay(
-        log, out, outages=outages, last_position=last_position, filter=str(using), **off
+    summary = page.replay(
+        log, out, outages=outages, last_position=last_position, filter=using, **off
     )
-    if warning:
-        print(warning, file=sys.stderr)
     _tell("replay.txt", summary, out=out, facts=page.facts(summary))
 
 
@@ -351,19 +325,16 @@ def _interval(text):
     return start, stop
 
 
-def _check_last_position(path, logs, out):
-    """Refuse a --last-position that is another file of this run, or cannot be written."""
-    from sensorlogs.catalogue import find
+def _check_last_position(path, out):
+    """Refuse a --last-position that is another file, or cannot be written."""
+    from workbench.saved_position import load_position
     from workbench.track import FILES
 
     option = f"--last-position {path.name}"
-    taken = [*(find(log)[2] for log in logs), out, *(out / name for name in FILES)]
-    if path.resolve() in [other.resolve() for other in taken]:
-        raise WrongUsage(f"{option}: that is a log, or what --out writes; name another file")
-    if path.is_dir():  # "" too
-        raise WrongUsage(f"{option}: name a file, not a folder")
-    if path.parent.exists() or not out.resolve().is_relative_to(path.parent.resolve()):
-        _try_to_write(path.parent, option)  # otherwise it is made with --out
+    if path.resolve() in [(out / name).resolve() for name in ("", *FILES)]:
+        raise WrongUsage(f"{option}: that is what --out writes; name another file")
+    load_position(path)
+    _try_to_write(path.parent, option)
 
 
 @_verb(reads="static")
@@ -630,11 +601,9 @@ def _rebuild(names, write):
     from studies import derived
 
     known = derived.names()
-    unknown = sorted(set(names or ()) - set(known))
-    if unknown:
+    if unknown := sorted(set(names) - set(known)):
         raise WrongUsage(f"no derived result '{unknown[0]}'; there are: {', '.join(known)}")
-    names = names or known
-    differences, left_out = [], 0
+    names, differences, left_out = names or known, [], 0
     for name in names:
         try:
             found = derived.rebuild(name, write=write)

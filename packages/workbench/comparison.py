@@ -33,12 +33,11 @@ def write(units, out):
         What templates/compare.html and compare.txt tell: ``content``, that of compare.json ...
     """
     found = side_by_side([Unit.of(name, log) for name, log in units.items()])
-    content = model(found, units)
-    told = _told(found, content)
+    told = _told(found, units)
     with pages.folder(out, figures_of(out, "compare.json", _pictures)) as draft:
         _draw(found, units, draft / "figures")
         page = pages.page("compare.html", told, pictures=pictures(draft / "figures"))
-        pages.put(draft, {"compare.json": store.as_json(content), "compare.html": page})
+        pages.put(draft, {"compare.json": store.as_json(told["content"]), "compare.html": page})
     return told
 
 
@@ -71,13 +70,12 @@ def _from_to(event, zero):
     return [f"{t:%H:%M:%S}.{t.microsecond // 100_000}" for t in ends]
 
 
-def _dated(pair, found):
+def _dated(pair, zero, start):
     """The metrics of a pair, with the time of the largest distance."""
     if "max_m" not in pair.metrics:
         return pair.metrics
-    d, zero = pair.differences, _zero_utc(found)
-    at = float(d.t_s[d.horizontal_m.argmax()]) - plots.zero_time(found)
-    note = f"at {zero + timedelta(seconds=at):%H:%M:%S} UTC" if zero else f"at {at:.1f} s"
+    at = float(pair.differences.t_s[pair.differences.horizontal_m.argmax()]) - zero
+    note = f"at {start + timedelta(seconds=at):%H:%M:%S} UTC" if start else f"at {at:.1f} s"
     return pair.metrics | {"max_m": replace(pair.metrics["max_m"], note=note)}
 
 
@@ -115,64 +113,32 @@ def _picture(a, b):
     return f"{tidy(a)}.{tidy(b)}"  # no unit has a dot in its tidy name
 
 
-def _told(found, content):
-    """Gather what page and terminal say."""
-    events, first, zero = content["events"], found.pairs[0], _zero_utc(found)
-    clocks, positions, attitudes = (
-        entry if isinstance(entry, list) else [entry]
-        for entry in (content["clock"], content["position"], content["attitude"])
-    )
-    about = {"a": first.a, "b": first.b, "metrics": first.metrics}
-    units = dict.fromkeys(e["unit"] for e in events)
-    return {
-        "content": content,
-        "found": found,
-        "clocks": clocks,
-        "metrics": [p | a for p, a in zip(positions, attitudes, strict=True)],
-        "zero": zero,
-        "headline": [Said("apart", about | {"units": len(found.tracks)}), _counts(events)],
-        "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
-        "events": [e | {"when": _from_to(e, zero)} for e in shown(events)],
-        "counts": {u: _counts([e for e in events if e["unit"] == u]) for u in units},
-        "rows": lambda pair: _dated(pair, found).items(),
-        "picture_of": _picture,
-    }
+def _told(found, units):
+    """Gather the content of compare.json, plain numbers and words, and what is told besides.
 
-
-def model(found, units):
-    """Give the content of compare.json, plain numbers and words.
-
-    Parameters
-    ----------
-    found : analysis.units.side_by_side.Comparison
-    units : dict of str to sensorlogs.timeline.Timeline
-
-    Returns
-    -------
-    dict
-        With two units ``clock``, ``position``, ``attitude`` are as DESIGN.md has them; with
-        more they are lists: ``clock`` of each unit against the first, the others of each pair.
+    With two units ``clock``, ``position``, ``attitude`` are as DESIGN.md has them; with
+    more they are lists: ``clock`` of each unit against the first, the others of each pair.
     """
     zero, start = plots.zero_time(found), _zero_utc(found)
     names = [track.name for track in found.tracks]
     clocks = []
     for name, clock in zip(names[1:], found.clocks, strict=True):
-        e = clock.offset_s
-        ends = {"offset_s": _exact(e.value), "low": _exact(e.low), "high": _exact(e.high)}
-        more = {"drift": plain(clock.drift), "named": clock.named, "note": e.note}
-        more |= {"undated": clock.undated}
-        clocks.append({"unit": name, "against": names[0]} | ends | more)
-    per_pair = {}
-    for pair in found.pairs:
-        for part, entries, unit in (
-            ("position", _dated(pair, found), "_m"),
-            ("attitude", pair.metrics, "_deg"),
-        ):
-            numbers = {k: plain(e) for k, e in entries.items() if k.endswith(unit)}
-            per_pair.setdefault(part, []).append({"units": [pair.a, pair.b]} | numbers)
-    if len(names) == 2:
-        clocks, per_pair = clocks[0], {k: v[0] for k, v in per_pair.items()}
-    return {
+        ends = {"offset_s": clock.offset_s.value, "low": clock.offset_s.low}
+        ends = {k: _exact(v) for k, v in (ends | {"high": clock.offset_s.high}).items()}
+        more = {"drift": plain(clock.drift), "named": clock.named, "note": clock.offset_s.note}
+        clocks.append(
+            {"unit": name, "against": names[0]} | ends | more | {"undated": clock.undated}
+        )
+    rows = [(pair, _dated(pair, zero, start)) for pair in found.pairs]
+    parts = [
+        [
+            {"units": [pair.a, pair.b]} | {k: plain(e) for k, e in row.items() if k.endswith(unit)}
+            for pair, row in rows
+        ]
+        for unit in ("_m", "_deg")
+    ]
+    entries = (entry[0] if len(names) == 2 else entry for entry in (clocks, *parts))
+    content = {
         "units": [
             {
                 "name": track.name,
@@ -187,8 +153,7 @@ def model(found, units):
         ],
         "time_zero_s": _exact(zero),
         "time_zero_utc": start.isoformat() if start else None,
-        "clock": clocks,
-        **per_pair,
+        **dict(zip(("clock", "position", "attitude"), entries, strict=True)),
         "events": [
             {"unit": e.unit, "kind": e.kind, "from": round(e.from_s - zero, 3)}
             | {"to": round(e.to_s - zero, 3), "size": store.rounded_number(e.size), "note": e.note}
@@ -196,6 +161,22 @@ def model(found, units):
         ],
         "without_truth": {name: _without_truth(v, names) for name, v in found.variances.items()},
         "notes": list(found.notes),
+    }
+    events, first = content["events"], found.pairs[0]
+    found_in = dict.fromkeys(e["unit"] for e in events)
+    about = {"a": first.a, "b": first.b, "metrics": first.metrics, "units": len(names)}
+    return {
+        "content": content,
+        "found": found,
+        "clocks": clocks,
+        "metrics": [position | attitude for position, attitude in zip(*parts, strict=True)],
+        "zero": start,
+        "headline": [Said("apart", about), _counts(events)],
+        "notes": [*found.notes, *(n for unit in content["units"] for n in unit["notes"])],
+        "events": [e | {"when": _from_to(e, start)} for e in shown(events)],
+        "counts": {u: _counts([e for e in events if e["unit"] == u]) for u in found_in},
+        "rows": rows,
+        "picture_of": _picture,
     }
 
 

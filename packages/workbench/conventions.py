@@ -20,6 +20,7 @@ from scipy.optimize import minimize_scalar
 
 from analysis import IN_DEG_S, IN_M_S2
 from analysis.noise.models import FLICKER, UnifiedModel
+from workbench import pages
 
 SI = {unit: (float(np.radians(of)), "rad/s") for unit, of in IN_DEG_S.items()}
 SI |= {unit: (of, "m/s^2") for unit, of in IN_M_S2.items()}
@@ -102,7 +103,7 @@ def side_by_side(arw, sigma_b, corr_time, dt, unit="°/s"):
     return {key: float(value) if np.isfinite(value) else None for key, value in values.items()}
 
 
-def table(sensors, dt, unit, templates):
+def table(sensors, dt, unit):
     """Write sensors, name -> values of `side_by_side`, as one Markdown table.
 
     Parameters
@@ -112,8 +113,6 @@ def table(sensors, dt, unit, templates):
         Sampling interval, s.
     unit : str
         As for `side_by_side`.
-    templates : jinja2.Environment
-        Of packages/workbench/templates/exports.
 
     Returns
     -------
@@ -122,6 +121,5 @@ def table(sensors, dt, unit, templates):
     """
     columns = list(sensors.values())
     known = {key for key in columns[0] if any(column[key] is not None for column in columns)}
-    template = templates.get_template("conventions.md.j2")
     about = {"unit": unit, "rate": 1 / dt, "peak_at": PEAK_AT, "peak": PEAK, "missing": MISSING}
-    return template.render(about, sensors=sensors, known=known).rstrip()
+    return pages.page("conventions.md.j2", about, sensors=sensors, known=known).rstrip()

@@ -70,82 +70,32 @@ ABSENT = ("- left out", "- no ")  # how the lines of README.md begin that a term
 
 
 @dataclass(frozen=True)
-class Axis:
-    """Noise of one axis, in SI.
-
-    Attributes
-    ----------
-    channel : str
-    N, K : float or None
-        White noise, U sqrt(s); rate random walk, U/sqrt(s).
-    gauss_markov : list of (float, float)
-        Gauss-Markov terms resolved in both parameters, the strongest first: sigma_b (U) and
-        corr_time (s) each.
-    walk : float or None
-        Random walk of the bias for times much shorter than its correlation times::
-
-            K_total^2 = K^2 + sum of 2 sigma_b^2 / T_c
-
-    strongest : float or None
-        Sigma_b of the strongest Gauss-Markov term, U.
-    sigma_b, corr_time : float or None
-        For a tool with one Gauss-Markov term: the strongest; without one the random walk K, as the
-        same process with a correlation time of 30 years.
-    bounds : dict
-        N and walk -> upper bound, or None.
-    stands_in : list of {"N", "slow"}
-        What the log does not resolve, and `stand_in` gives: N; sigma_b and corr_time.
-    estimates : list of (str, Estimate)
-        Every parameter by its symbol.
-    terms : list of (str, dict of Estimate)
-        What was fitted beside the noise, in the log's own unit: warm_up, step, sinusoid or
-        temperature, with its amplitude and times.
-    """
-
-    channel: str
-    N: float | None
-    K: float | None
-    gauss_markov: list[tuple[float, float]]
-    walk: float | None
-    strongest: float | None
-    sigma_b: float | None
-    corr_time: float | None
-    bounds: dict[str, float | None]
-    stands_in: list[str]
-    estimates: list[tuple[str, Estimate]]
-    terms: list[tuple[str, dict[str, Estimate]]]
-
-
-@dataclass(frozen=True)
 class Triad:
-    """Gyroscope or accelerometer.
+    """Gyroscope or accelerometer, in rad/s or m/s^2.
 
     Attributes
     ----------
     sensor : str
         gyroscope or accelerometer.
-    unit : str
-        rad/s or m/s^2.
     axes : dict
-        x, y, z -> Axis, as far as the log has them.
+        x, y, z -> what `_axis` gives, as far as the log has them.
     """
 
     sensor: str
-    unit: str
-    axes: dict[str, Axis]
+    axes: dict[str, dict]
 
     def each(self, name):
-        """Attribute of each axis x, y, z, or None where there is no such axis."""
-        return [getattr(self.axes[k], name) if k in self.axes else None for k in "xyz"]
+        """Number of each axis x, y, z, or None where there is no such axis."""
+        return [self.axes.get(k, {}).get(name) for k in "xyz"]
 
     def mean(self, name):
-        """Root mean square of an attribute over the axes that have it, or None."""
+        """Root mean square of a number over the axes that have it, or None."""
         values = [v for v in self.each(name) if v is not None]
         return float(np.sqrt(np.mean(np.square(values)))) if values else None
 
     def bound(self, name):
         """Largest upper bound of N or walk, for a filter where no axis has a value; or None."""
-        bounds = [a.bounds[name] for a in self.axes.values() if a.bounds[name] is not None]
+        bounds = [bound for bound in self.each(f"{name}_bound") if bound is not None]
         return max(bounds, default=None) if self.mean(name) is None else None
 
     @property
@@ -155,7 +105,7 @@ class Triad:
         Root mean squares of sigma_b and of its random walk, so that both keep their mean power:
         T_c = 2 sigma_b^2 / K^2. Axes that only have a random walk count where no axis has more.
         """
-        processes = [(a.sigma_b, a.corr_time) for a in self.axes.values() if a.sigma_b]
+        processes = [(a["sigma_b"], a["corr_time"]) for a in self.axes.values() if a["sigma_b"]]
         processes = [p for p in processes if p[1] < FOREVER] or processes
         if not processes:
             return None
@@ -187,10 +137,8 @@ def files(model, *, strict=False):
     """
     triads, left_out = sort_triads(model, strict=strict)
     source, rate, texts = model["source"], float(model["source"]["rate_hz"]), {}
-    empty = {s: Triad(s, SI_UNITS[kind], {}) for kind, s in SENSORS.items()}
     context = {
-        **empty,
-        **triads,
+        **{sensor: triads.get(sensor, Triad(sensor, {})) for sensor in SENSORS.values()},
         "source": source,
         "triads": triads,
         "about": _parameters(source, triads),
@@ -199,8 +147,7 @@ def files(model, *, strict=False):
         "forever": FOREVER,
         "inf": np.inf,
         "degrees": np.degrees(1.0),
-        "python": _python,
-        "matlab": _matlab,
+        "numbers": _numbers,
         "diffusion": conventions.diffusion,
         "per_sample": conventions.per_sample,
     }
@@ -214,7 +161,7 @@ def files(model, *, strict=False):
         left_out=left_out,
         unresolved=[line for line in _parameters(source, triads, why=True) if MISSING in line],
         bounded=not strict,
-        stands_in=any(a.stands_in for t in triads.values() for a in t.axes.values()),
+        stands_in=any(a["stands_in"] for t in triads.values() for a in t.axes.values()),
         tables={t.sensor: _in_every_convention(t, 1 / rate) for t in triads.values()},
     )
     return texts
@@ -258,23 +205,19 @@ def export(path, out, *, strict=False):
     return list(texts)
 
 
-def _python(values, scale=1.0, absent=0.0):
+def _numbers(values, scale=1.0, absent=0.0):
     values = [absent if v is None else scale * v for v in values]
     return ", ".join("np.inf" if np.isinf(v) else f"{v:.6e}" for v in values)
-
-
-def _matlab(values):
-    return " ".join(f"{v or 0.0:.6e}" for v in values)
 
 
 def _in_every_convention(triad, dt):
     gyro, sensors = triad.sensor == "gyroscope", {}
     per, unit = (np.degrees(1.0), "°/s") if gyro else (1.0, "m/s²")
     for axis in triad.axes.values():
-        sigma, time = axis.gauss_markov[0] if axis.gauss_markov else (np.nan, np.nan)
-        white = per * (np.nan if axis.N is None else axis.N)
-        sensors[axis.channel] = conventions.side_by_side(white, per * sigma, time, dt, unit)
-    return conventions.table(sensors, dt, unit, pages.TEXTS)
+        sigma, time = axis["gauss_markov"][0] if axis["gauss_markov"] else (np.nan, np.nan)
+        white = per * (np.nan if axis["N"] is None else axis["N"])
+        sensors[axis["channel"]] = conventions.side_by_side(white, per * sigma, time, dt, unit)
+    return conventions.table(sensors, dt, unit)
 
 
 def sort_triads(model, *, strict=False):
@@ -321,7 +264,7 @@ def sort_triads(model, *, strict=False):
         raise WrongUsage(f"this is no model.json as `report` writes it: {why}") from error
     triads = {}
     for kind, axes in groups.items():
-        names = [axis.channel for axis in axes]
+        names = [axis["channel"] for axis in axes]
         letters = _letters(names)
         if letters is None:
             left_out.append(
@@ -330,7 +273,7 @@ def sort_triads(model, *, strict=False):
             )
             continue
         axes = dict(sorted(zip(letters, axes, strict=True), key=lambda pair: pair[0]))
-        triads[SENSORS[kind]] = Triad(SENSORS[kind], SI_UNITS[kind], axes)
+        triads[SENSORS[kind]] = Triad(SENSORS[kind], axes)
     return triads, left_out
 
 
@@ -341,6 +284,24 @@ def _parameters(source, triads, *, why=False):
 
 
 def _axis(channel, source, strict):
+    """Give the noise of one axis, in SI.
+
+    Returns
+    -------
+    dict
+        ``N``, ``K``: white noise, U sqrt(s), and rate random walk, U/sqrt(s), or None;
+        ``N_bound``, ``walk_bound``: their upper bounds; ``gauss_markov``: (sigma_b, corr_time) of
+        each term that is resolved in both, the strongest first; ``walk``: random walk of the bias
+        for times much shorter than its correlation times::
+
+            K_total^2 = K^2 + sum of 2 sigma_b^2 / T_c
+
+        ``strongest``: sigma_b of the strongest term; ``sigma_b``, ``corr_time``: for a tool with
+        one term the strongest, without one the random walk K as the same process with a correlation
+        time of 30 years; ``stands_in``: which of N and slow (sigma_b and corr_time) the log does
+        not resolve, and `stand_in` gives; ``estimates``: every parameter by its symbol; ``terms``:
+        what was fitted beside the noise, in the log's own unit, with its amplitude and times.
+    """
     unit, parameters = channel["unit"], channel["parameters"]
     white = "arw" if channel["kind"] == "rate" else "vrw"
     factor, si = conventions.SI[unit]
@@ -351,7 +312,7 @@ def _axis(channel, source, strict):
             raise ValueError(f"{what} is resolved without a value, or not with one")
         if e.unit != was:
             raise ValueError(f"{what} is in {e.unit}, not in {was}")
-        given = {key: getattr(e, key) for key in NUMBERS if getattr(e, key) is not None}
+        given = {key: number for key in NUMBERS if (number := getattr(e, key)) is not None}
         for key, number in given.items():
             _check(number, f"{key} of {what}", zero=key == "low")
         if list(given.values()) != sorted(given.values()):
@@ -367,26 +328,32 @@ def _axis(channel, source, strict):
         estimates += [("sigma_b", sigma_b), ("T_c", corr_time)]
         if sigma_b.resolved and corr_time.resolved:
             resolved.append((sigma_b.value, corr_time.value))
-    terms = [
-        (term["kind"], {k: Estimate(**e) for k, e in term["parameters"].items()})
-        for term in channel.get("fit", {}).get("terms", ())
-    ]
     resolved.sort(reverse=True)
     lacks = {"N": N.value is None, "slow": not (resolved or K.value)}
     as_seen = None if strict or not any(lacks.values()) else stand_in(channel, source, N.value)
-    white = as_seen[0] if as_seen and lacks["N"] else N.value
     if as_seen and lacks["slow"]:
         resolved = [as_seen[1:]]
-    one = (conventions.stationary(K.value, FOREVER), FOREVER) if K.value else (None, None)
-    one, strongest = (resolved[0], resolved[0][0]) if resolved else (one, None)
     walks = [conventions.diffusion(*term) for term in resolved] + [K.value or 0.0]
-    walk = float(np.linalg.norm(walks)) or None
-    bounds = {"N": None if strict else N.high, "walk": None if strict else K.high}
-    stands_in = [name for name, missing in lacks.items() if as_seen and missing]
-    return Axis(
-        channel["name"], white, K.value, resolved, walk, strongest, *one, bounds, stands_in,
-        estimates, terms,
-    )  # fmt: skip
+    one = (conventions.stationary(K.value, FOREVER), FOREVER) if K.value else (None, None)
+    sigma_b, corr_time = resolved[0] if resolved else one
+    return {
+        "channel": channel["name"],
+        "N": as_seen[0] if as_seen and lacks["N"] else N.value,
+        "N_bound": None if strict else N.high,
+        "K": K.value,
+        "gauss_markov": resolved,
+        "walk": float(np.linalg.norm(walks)) or None,
+        "walk_bound": None if strict else K.high,
+        "strongest": sigma_b if resolved else None,
+        "sigma_b": sigma_b,
+        "corr_time": corr_time,
+        "stands_in": [name for name, missing in lacks.items() if as_seen and missing],
+        "estimates": estimates,
+        "terms": [
+            (term["kind"], {k: Estimate(**e) for k, e in term["parameters"].items()})
+            for term in channel.get("fit", {}).get("terms", ())
+        ],
+    }
 
 
 def stand_in(channel, source, white):
@@ -453,12 +420,10 @@ def _check(number, what, *, zero=False):
 
 def _letters(names):
     """Axis of each channel, by name or, for nameless ones, by order; None if they are no triad."""
-    letters = [_letter(name) for name in names]
+    letters = []
+    for name in names:
+        turn = next((axis for word, axis in _TURNS.items() if word in name.lower()), None)
+        letters.append(turn or next((w for w in words(name)[::-1] if w in AXES), None))
     if None in letters and len(names) <= 3:
         return "xyz"[: len(names)]
     return None if None in letters or len(set(letters)) < len(letters) else letters
-
-
-def _letter(name):
-    turn = next((axis for word, axis in _TURNS.items() if word in name.lower()), None)
-    return turn or next((word for word in words(name)[::-1] if word in AXES), None)

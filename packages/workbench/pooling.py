@@ -90,25 +90,23 @@ def write(logs, out, *, axes=False):
 
 def _group_channels(logs, axes):
     """Collect the (log, channel) pairs that one estimate is made of: name -> list of pairs."""
-    first, by_name = logs[0], [{c.name: c for c in log.channels} for log in logs]
-    for log, channels in zip(logs, by_name, strict=True):
+    first, by_name, groups = logs[0], [{c.name: c for c in log.channels} for log in logs], {}
+    for log in logs:
         if abs(log.rate_hz / first.rate_hz - 1) > SAME_RATE:
             raise WrongUsage(
                 f"{first.given} has {first.rate_hz:g} Hz and {log.given} {log.rate_hz:g} Hz; pool"
                 " logs of one sampling rate, because sigma_v is the noise of a single sample"
             )
-        for wanted in first.channels:
-            c = channels.get(wanted.name)
-            if c is None:
+    for c in first.channels:
+        for log, channels in zip(logs, by_name, strict=True):
+            if c.name not in channels:
                 raise WrongUsage(
-                    f"{log.given} has no channel {wanted.name} as {first.given} has; it has"
+                    f"{log.given} has no channel {c.name} as {first.given} has; it has"
                     f" {', '.join(channels)}: name the same --columns"
                 )
+            group = f"{c.kind} axes" if axes else c.name
+            groups.setdefault(group, []).append((log, channels[c.name]))
     _refuse_same_readings(logs)
-    groups = {}
-    for c in first.channels:
-        members = [(log, channels[c.name]) for log, channels in zip(logs, by_name, strict=True)]
-        groups.setdefault(f"{c.kind} axes" if axes else c.name, []).extend(members)
     for name, members in groups.items():
         if len(members) < 2:
             raise WrongUsage(

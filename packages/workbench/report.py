@@ -67,8 +67,8 @@ def write(log, out, *, part=None, command=""):
 def _told(result, model, atlas, part):
     """Gather what page and terminal say of a log."""
     dt = 1 / result.source["rate_hz"]
-    needed = {c.name: _hours(c, dt)[0] for c in result.channels}
-    enough = verdict.long_enough(result, needed)
+    plans = {c.name: hours_to_record(c, dt) for c in result.channels}
+    enough = verdict.long_enough(result, {name: hours for name, (hours, _) in plans.items()})
     key, why, certain = verdict.choose_part(result, atlas, part)
     sheet = atlas[(atlas["sensor"] == key) & (atlas["basis"] == "datasheet")]
     within = verdict.within_datasheet(result, sheet, why, certain)
@@ -84,7 +84,7 @@ def _told(result, model, atlas, part):
         "reasons": verdict.reasons(result),
         "road": verdict.road(model, atlas),
         "temperature": {c.name: verdict.temperature_part(c) for c in result.channels},
-        "hours": {c.name: hours_to_record(c, dt) for c in result.channels},
+        "hours": {name: pages.phrase(said) for name, (_, said) in plans.items()},
     }
 
 
@@ -101,24 +101,35 @@ def _dated(log):
     return datetime.fromtimestamp(seconds, UTC).date().isoformat()
 
 
-def hours_to_record(channel, dt, within=WITHIN):
-    """Write how many hours of log each parameter of a channel needs.
+def hours_to_record(channel, dt):
+    """Tell how many hours of log each parameter of a channel needs.
 
     Parameters
     ----------
     channel : ChannelNoise
     dt : float
         Sampling interval, s.
-    within : float
-        Wanted half width of the 95 % interval, relative.
 
     Returns
     -------
-    str
+    hours : dict
+        Symbol to hours; empty without a plan.
+    said : Said
+        The hours, those at the ends of T_c among them; or why there is no plan.
     """
-    hours, ends, at_least = _hours(channel, dt, within)
-    if not hours:
-        return pages.phrase(Said("no_plan", {"why": at_least}))
+    plan, at_least = Plan.from_estimates(channel.parameters)
+    if plan is None:
+        return {}, Said("no_plan", {"why": ""})
+    # The hours grow with the correlation time, which has an interval of its own.
+    time = channel.parameters["corr_time"]
+    times = (time.low, time.high) if time.resolved else ()
+    try:
+        hours, *ends = (
+            {SYMBOLS[name]: h for name, h in one.hours_needed(dt, WITHIN).items()}
+            for one in [plan, *(replace(plan, corr_time=t) for t in times)]
+        )
+    except WrongUsage as error:
+        return {}, Said("no_plan", {"why": str(error)})
     plans = []
     for name, needed in hours.items():
         spans = None
@@ -126,29 +137,7 @@ def hours_to_record(channel, dt, within=WITHIN):
             known = (h[name] for h in (hours, *ends) if ends)
             spans = sorted(known, key=lambda h: (h is None, h))
         plans.append((name, needed, spans))
-    about = {"plans": plans, "at_least": at_least, "within": within}
-    return pages.phrase(Said("record", about))
-
-
-def _hours(channel, dt, within=WITHIN):
-    """Give the hours by symbol, those at the ends of T_c, and whether they are lower bounds.
-
-    Without a plan: none, none, and why, if not for the white noise.
-    """
-    plan, at_least = Plan.from_estimates(channel.parameters)
-    if plan is None:
-        return {}, [], ""
-    # The hours grow with the correlation time, which has an interval of its own.
-    time = channel.parameters["corr_time"]
-    times = (time.low, time.high) if time.resolved else ()
-    try:
-        plans = [plan, *(replace(plan, corr_time=t) for t in times)]
-        hours, *ends = (
-            {SYMBOLS[name]: h for name, h in p.hours_needed(dt, within).items()} for p in plans
-        )
-    except WrongUsage as error:
-        return {}, [], str(error)
-    return hours, ends, at_least
+    return hours, Said("record", {"plans": plans, "at_least": at_least, "within": WITHIN})
 
 
 def _draw(result, folder, atlas):

@@ -7,11 +7,11 @@ notebooks as they are, and takes other parameters.
 import ast
 import os
 import shutil
-import subprocess
 import tempfile
 import time
-from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from io import BytesIO
 from itertools import groupby
 from pathlib import Path
 
@@ -36,7 +36,7 @@ from analysis import (
     replacing,
 )
 from workbench import pages
-from workbench.citation import title
+from workbench.citation import git, title
 
 NOTEBOOKS = ROOT / "notebooks"
 README = ROOT / "README.md"
@@ -73,10 +73,10 @@ def select(names):
     chosen = set() if names else set(paths)
     for name in names:
         stem = name.removesuffix(".ipynb").rsplit("/", 1)[-1]
-        found = [s for s in paths if s == stem or s.split("-")[0] == stem]
+        found = {s for s in paths if stem in (s, s.split("-")[0])}
         if not found:
             raise WrongUsage(f"no notebook '{name}'; there are: {', '.join(sorted(paths))}")
-        chosen.update(found)
+        chosen |= found
     return [paths[stem] for stem in sorted(chosen, key=order)]
 
 
@@ -142,13 +142,8 @@ def _run(tasks, to, scratch=None):
         runs = []
         for _, group in groupby(tasks, key=lambda task: task[0].stem.startswith("00-")):
             with ThreadPoolExecutor(min(os.cpu_count() or 1, 4)) as pool:
-                futures = [pool.submit(execute, *task, to, scratch) for task in group]
-                try:
-                    wait(futures, return_when=FIRST_EXCEPTION)
-                finally:
-                    pool.shutdown(cancel_futures=True)
-            failed = [future for future in futures if not future.cancelled() and future.exception()]
-            runs += [future.result() for future in failed or futures]
+                # The first in reading order that fails ends it: what has not started is left out.
+                runs += pool.map(lambda task: execute(*task, to, scratch), group)
         numbers = {run.notebook.split("-")[0] for run in runs}
         return runs, differences(Path(kept), to, numbers)
 
@@ -234,16 +229,16 @@ def differences(old, new, numbers):
     was, now = (pd.read_csv(f / "claims.csv").set_index("id") for f in (old, new))
     for claim in [*was.index, *now.index.difference(was.index)]:
         verdicts = [table["verdict"].get(claim, "no verdict") for table in (was, now)]
-        if len(set(verdicts)) > 1:
+        if verdicts[0] != verdicts[1]:
             found.append(f"claim {claim} (was: {verdicts[0]}; now: {verdicts[1]})")
             continue
         pair = [table.loc[claim, ["value", "low", "high"]].astype(float) for table in (was, now)]
         if not np.allclose(*pair, rtol=THREE_DIGITS, equal_nan=True):
-            values = [engineering(row["value"], 4) for row in pair]
-            same = values[0] == values[1]
-            found.append(f"claim {claim} ({'interval' if same else ' -> '.join(values)})")
-    was, now = (_lines(f / "findings.csv") for f in (old, new))
-    for name in {**was, **now}:
+            values = dict.fromkeys(engineering(row["value"], 4) for row in pair)
+            moved = " -> ".join(values) if len(values) > 1 else "interval"
+            found.append(f"claim {claim} ({moved})")
+    was, now = (_findings(f / "findings.csv") for f in (old, new))
+    for name in was | now:
         before, after = (table.get(name, ["none"]) for table in (was, now))
         if before != after:
             found.append(f"finding of {name} (was: {before[0]}; now: {after[0]})")
@@ -267,41 +262,33 @@ def since_commit(root=ROOT):
         figure *shows* decides, not its bytes; a new colour is other dots with the same numbers.
     """
 
-    def git(*words):
-        run = subprocess.run(["git", "-C", root, *words], capture_output=True, check=False)
-        return run.stdout if run.returncode == 0 else None
-
-    if not shutil.which("git") or git("rev-parse", "--show-prefix") != b"\n":
+    if git("rev-parse", "--show-cdup", of=root) != b"\n":
         return None, []
-    status = git("status", "--porcelain", "-z", "--no-renames", "-uall", "--", *WRITTEN)
-    states = {Path(line[3:]): line[:2] for line in status.decode().split("\0") if line}
-    drawn = [p for p in states if p.parent.name == "figures" and p.stem not in REGISTERS]
+    status = git("status", "--porcelain", "-z", "--no-renames", "-uall", "--", *WRITTEN, of=root)
+    states = {line[3:]: line[:2] for line in status.decode().split("\0") if line}
     alike = []
+    for name in {Path(path).stem for path in states if path.startswith("figures/")}:
+        files = [f"figures/{name}.{kind}" for kind in ("csv", "png", "pdf")]
+        if name not in REGISTERS and {states.get(file, " M") for file in files} == {" M"}:
+            alike += [f for f in files[1:] if f in states] if _alike(root, *files[:2]) else []
+    return sorted(states), sorted(alike)
+
+
+def _alike(root, table, picture):
+    """Tell whether a figure shows what is committed, of the same version of the compendium."""
     with tempfile.TemporaryDirectory() as kept:
-        for name in {path.stem for path in drawn if states[path] == " M"}:
-            pairs = []
-            for file in (f"{name}.csv", f"{name}.png"):
-                pairs.append((Path(kept, file), root / "figures" / file))
-                pairs[-1][0].write_bytes(git("show", f"HEAD:figures/{file}") or b"")
-            if all(now.exists() and was.stat().st_size for was, now in pairs) and _alike(*pairs):
-                same = [p for p in drawn if p.stem == name and p.suffix != ".csv"]
-                alike += [path.as_posix() for path in same]
-    return sorted(path.as_posix() for path in states), sorted(alike)
+        was = Path(kept, Path(table).name)
+        was.write_bytes(git("show", f"HEAD:{table}", of=root))
+        versions = {provenance.head(path)["compendium"] for path in (was, root / table)}
+        if len(versions) > 1 or figures.differences(was, root / table):
+            return False
+    committed = BytesIO(git("show", f"HEAD:{picture}", of=root))
+    with Image.open(committed) as a, Image.open(root / picture) as b:
+        a, b = a.convert("RGB"), b.convert("RGB")
+        return a.size == b.size and not ImageChops.difference(a, b).getbbox()
 
 
-def _alike(tables, pictures):
-    """Tell whether a figure shows the same, and comes from the same version of the compendium."""
-    was, now = (provenance.head(path)["compendium"] for path in tables)
-    if was != now or figures.differences(*tables):
-        return False
-    with Image.open(pictures[0]) as a, Image.open(pictures[1]) as b:
-        return (
-            a.size == b.size
-            and not ImageChops.difference(a.convert("RGB"), b.convert("RGB")).getbbox()
-        )
-
-
-def _lines(path):
+def _findings(path):
     """Read the findings: notebook -> the rest of its row."""
     table = pd.read_csv(path, keep_default_na=False) if path.exists() else pd.DataFrame()
     return {notebook: rest for notebook, *rest in table.itertuples(index=False)}

@@ -31,13 +31,13 @@ DECIMALS = {  # of the columns of track.csv: as good as each can be; a millimetr
 DRAWN = 20_000  # epochs; more make a page that is slow on a phone
 QUANTILE = math.sqrt(-2 * math.log(0.05))  # semi-axis of the 95 % ellipse, in standard deviations
 MOVING, STATIC, FIX, REFUSED = "#0072b2", "#009e73", "#999999", "#d55e00"
-NONE, LAYERS = "#e8e8e8", ("#b7e0d2", "#5cbf9f", "#007a5a")
-ANGLES = {  # column -> its name on the page, colour, way to draw
-    "mount_deg": ("mounting angle", "#cc79a7", "steps"),
-    "yaw_deg": ("yaw", "#0072b2", "line"),
-    "roll_deg": ("roll", "#e69f00", "line"),
-    "pitch_deg": ("pitch", "#009e73", "line"),
-}
+NONE, LAYERS = "#e8e8e8", ["#b7e0d2", "#5cbf9f", "#007a5a"]
+ANGLES = (  # column, its name on the page, colour, way to draw
+    ("mount_deg", "mounting angle", "#cc79a7", "steps"),
+    ("yaw_deg", "yaw", "#0072b2", "line"),
+    ("roll_deg", "roll", "#e69f00", "line"),
+    ("pitch_deg", "pitch", "#009e73", "line"),
+)
 GPX = "http://www.topografix.com/GPX/1/1"
 
 
@@ -58,17 +58,15 @@ def replay(log, out, *, outages=(), last_position=None, **options):
 
     Returns
     -------
-    summary : dict
+    dict
         The content of summary.json.
-    warning : str or None
-        What was wrong with the file of the last position.
     """
     for start, stop in outages:
         if start > log.duration_s:
             raise WrongUsage(
                 f"--outage {start:g}:{stop:g} lies beyond the log, which lasts {log.duration_s:g} s"
             )
-    position, warning = load_position(last_position) if last_position else (None, None)
+    position = load_position(last_position) if last_position else None
     stored = Stored(**position) if position else None
     if not (log.imu or stored or log.gnss is None or log.gnss.has_fix.any()):
         raise CannotAnswer(
@@ -90,9 +88,8 @@ def replay(log, out, *, outages=(), last_position=None, **options):
         track.summary["outages"] = outage_errors(track, log.gnss, outages)
     write(track, out)
     if last_position and track.stored:
-        aside = save_position(last_position, track.stored._asdict())
-        warning = f"{warning}; it is kept as {aside}" if aside else warning
-    return summary_of(track), warning
+        save_position(last_position, track.stored._asdict())
+    return summary_of(track)
 
 
 def write(track, out):
@@ -114,22 +111,15 @@ def write(track, out):
 
 def summary_of(track):
     """Add to what a replay counted, in sentences, what looks wrong or could not be done."""
-    return track.summary | {"notes": notes(track)}
+    said = [pages.phrase(pages.Said(*remark)) for remark in track.remarks]
+    return track.summary | {"notes": [*track.summary["notes"], *said]}
 
 
 def facts(summary):
     """Say what bridges outages, and how well it did in those that were asked for."""
-    said = []
-    if summary["source"]["epochs"]:
-        said.append(("filter", pages.Said("filtered", summary["filter"])))
-    said += [("outage", pages.Said("outage", each)) for each in summary.get("outages", ())]
-    return [(name, pages.phrase(words)) for name, words in said]
-
-
-def notes(track):
-    """List what the reader repaired, what a block could not do and why, and what looks wrong."""
-    said = [pages.phrase(pages.Said(*remark)) for remark in track.remarks]
-    return [*track.summary["notes"], *said]
+    said = [("filter", "filtered", summary["filter"])] if summary["source"]["epochs"] else []
+    said += [("outage", "outage", each) for each in summary.get("outages", ())]
+    return [(name, pages.phrase(pages.Said(code, numbers))) for name, code, numbers in said]
 
 
 def _cells(name, column):
@@ -146,8 +136,7 @@ def _title(track):
 
 def _runs(column):
     """List where a column does not change: pairs of first and last index, plus one."""
-    edges = [0, *(np.flatnonzero(np.diff(column)) + 1).tolist(), len(column)]
-    return [(a, b) for a, b in pairwise(edges) if b > a]
+    return list(pairwise([0, *(np.flatnonzero(np.diff(column)) + 1).tolist(), len(column)]))
 
 
 def gpx(track):
@@ -180,34 +169,41 @@ def gpx(track):
 
 
 def page(track):
-    """Draw a replay as a page that needs nothing else.
+    """Draw a replay as a page that needs nothing else; its positions are 1e-7 deg from an origin.
 
     Returns
     -------
     str
     """
-    c, summary = track.columns, track.summary
+    c, summary = track.columns, summary_of(track)
     unknown = (c["moving"] == 1) & (c["has_fix"] == 0) & np.isnan(c["roll_deg"])
     c = c | {"moving": np.where(unknown, 2, c["moving"])}  # neither receiver nor IMU says so
     every = max(1, -(-len(c["t_s"]) // DRAWN))
     thin = {name: column[::every] for name, column in c.items()}
-    angles = [
+    lat, lon = (np.r_[thin[f"out_{k}"], thin[k]] for k in ("lat_deg", "lon_deg"))
+    known = np.isfinite(lat) & np.isfinite(lon)
+    origin = (float(np.median(lat[known])), float(lon[known][0])) if known.any() else (0.0, 0.0)
+    origin = [round(x, 7) for x in origin]
+    drawn = {name: thin[name].tolist() for name in ("accepted", "moving", "layer")}
+    for name in ("lat", "out_lat", "lon", "out_lon"):
+        away = thin[f"{name}_deg"] - origin[name.endswith("lon")]
+        drawn[name] = _numbers((wrap(away) if name.endswith("lon") else away) * 1e7, 0)
+    drawn["angles"] = [
         {"name": name, "y": _numbers(thin[column], 2), "colour": colour, "kind": kind}
-        for column, (name, colour, kind) in ANGLES.items()
+        for column, name, colour, kind in ANGLES
         if np.isfinite(thin[column]).any()
     ]
     return pages.page(
         "track.html",
         title=_title(track),
         summary=summary,
-        colours={"moving": MOVING, "static": STATIC, "fix": FIX, "refused": REFUSED},
         layers=LAYERS,
-        angles=[(angle["name"], angle["colour"]) for angle in angles],
         measured=[name for name in ("sigma_north_m", "pdop") if np.isfinite(c[name]).any()],
-        notes=notes(track),
         facts=facts(summary),
         every=every,
-        track=_drawn(thin, _bars(c), angles),
+        track=drawn
+        | {"origin": origin, "t": _numbers(thin["t_s"], 3), "pdop": _numbers(thin["pdop"], 2)}
+        | {"ellipse": _ellipses(thin), "bars": _bars(c), "colours": [MOVING, STATIC, FIX, REFUSED]},
     )
 
 
@@ -216,22 +212,6 @@ def _numbers(column, digits):
     scaled = np.round(np.asarray(column, dtype=float), digits)
     whole = digits == 0
     return [None if not math.isfinite(v) else int(v) if whole else v for v in scaled.tolist()]
-
-
-def _drawn(columns, bars, angles):
-    """Lay out what the page's script reads; positions are 1e-7 deg from an origin."""
-    lat, lon = (np.r_[columns[f"out_{k}"], columns[k]] for k in ("lat_deg", "lon_deg"))
-    known = np.isfinite(lat) & np.isfinite(lon)
-    origin = [float(np.median(lat[known])), float(lon[known][0])] if known.any() else [0.0, 0.0]
-    data = {"origin": [round(x, 7) for x in origin], "t": _numbers(columns["t_s"], 3)}
-    for name in ("lat", "out_lat"):
-        data[name] = _numbers((columns[f"{name}_deg"] - data["origin"][0]) * 1e7, 0)
-    for name in ("lon", "out_lon"):
-        data[name] = _numbers(wrap(columns[f"{name}_deg"] - data["origin"][1]) * 1e7, 0)
-    for name in ("accepted", "moving", "layer"):
-        data[name] = columns[name].tolist()
-    data |= {"pdop": _numbers(columns["pdop"], 2), "ellipse": _ellipses(columns)}
-    return data | {"bars": bars, "angles": angles, "colours": [MOVING, STATIC, FIX, REFUSED]}
 
 
 def _ellipses(columns):
@@ -254,12 +234,11 @@ def _bars(c):
         "block 3": (c["moving"], (STATIC, MOVING, NONE)),
         "block 4": (c["layer"], (NONE, *LAYERS)),
     }
-    bars = {"rows": list(rows), "from": [], "to": [], "row": [], "colours": []}
-    t = c["t_s"]
-    for row, (column, colours) in enumerate(rows.values()):
-        for first, last in _runs(column):
-            bars["from"].append(round(float(t[first]), 3))
-            bars["to"].append(round(float(t[min(last, len(t) - 1)]), 3))
-            bars["row"].append(row)
-            bars["colours"].append(colours[int(column[first])])
-    return bars
+    t = [round(v, 3) for v in c["t_s"].tolist()]
+    bars = [
+        (t[first], t[min(last, len(t) - 1)], row, colours[int(column[first])])
+        for row, (column, colours) in enumerate(rows.values())
+        for first, last in _runs(column)
+    ]
+    columns = zip(*bars, strict=True)
+    return {"rows": list(rows)} | dict(zip(("from", "to", "row", "colours"), columns, strict=True))

@@ -33,6 +33,7 @@ SYMBOLS = {key: p["symbol"] for key, p in PARAMETERS.items()}
 NAMES = {key: p["name"] for key, p in PARAMETERS.items()}
 IN_SUMMARY = tuple(k for k, p in PARAMETERS.items() if "kinds" in p)  # of gyros, accelerometers
 SLOW = ("sigma_v", "sigma_b")  # of an angle or a position
+STATES = ("known", "wide", "short", "disturbed")  # of a number, in the order they are told
 KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
 IN_ATLAS = IN_DEG_S | {unit: of / STANDARD_GRAVITY for unit, of in IN_M_S2.items()}  # deg/s, g
 HARMLESS = ("spikes", "stuck", "oscillation")  # disturbances that refuse nothing, but are told
@@ -78,7 +79,7 @@ def long_enough(result, needed):
     -------
     Answer
     """
-    states = {state: {} for state in ("known", "wide", "short", "disturbed")}
+    found = {}
     for c in result.channels:
         hurt = {name for d in c.fit["disturbances"] for name in d["affects"]}
         for key in LEADING.get(c.kind, SLOW):
@@ -89,28 +90,26 @@ def long_enough(result, needed):
             if e.resolved:
                 half = (e.high - e.low) / 2 / abs(e.value) if e.low and e.high else 0.0
                 state = "wide" if half > KNOWN else "known"
-            states[state].setdefault(SYMBOLS[key], []).append((c.name, half))
-    seconds, every = result.source["duration_s"], [c.name for c in result.channels]
-    said = []
-    for state, found in states.items():
-        for symbol, pairs in found.items():
-            names, halves = zip(*pairs, strict=True)
-            about = {"symbol": symbol, "names": _axes(names, every), "several": len(names) > 1}
-            said.append(Said(state, about | {"percent": math.ceil(100 * max(halves))}))
+            found.setdefault((state, SYMBOLS[key]), []).append((c.name, half))
+    seconds, every, said = result.source["duration_s"], [c.name for c in result.channels], []
+    for state, symbol in sorted(found, key=lambda of: STATES.index(of[0])):
+        names, halves = zip(*found[state, symbol], strict=True)
+        about = {"symbol": symbol, "names": _axes(names, every), "several": len(names) > 1}
+        said.append(Said(state, about | {"percent": math.ceil(100 * max(halves))}))
     hours, symbol, name = max(
         ((h, s, name) for name, plan in needed.items() for s, h in plan.items() if h),
         default=(0.0, "", ""),
     )
-    slow = [symbol for symbol in states["short"] if symbol in ("B", "σ_b")]
+    slow = [symbol for state, symbol in found if state == "short" and symbol in ("B", "σ_b")]
     if hours > max(seconds / 3600, 1 / 60):
         about = {"symbol": symbol, "name": name, "hours": hours, "within": KNOWN}
         said.append(Said("takes", about))
     elif slow:
         said.append(Said("takes_as_a_rule", {"symbols": slow}))
-    known, wide, short, disturbed = states.values()
-    answer = "partly" if wide or short or disturbed else "yes"
-    if not known and not wide:
-        answer = "no" if short else "open"
+    states = {state for state, _ in found}
+    answer = "yes" if states <= {"known"} else "partly"
+    if not states & {"known", "wide"}:
+        answer = "no" if "short" in states else "open"
     return Answer(Said("long"), answer, [[Said("lasts", {"seconds": seconds, "found": said})]])
 
 
@@ -202,8 +201,7 @@ def choose_part(result, atlas, wanted=None):
     gyros = [c for c in result.channels if c.kind == "rate" and c.parameters["arw"].resolved]
     if not gyros:
         return None, Said("no_part"), False
-    n = _typical(gyros, "arw")
-    b = _typical(gyros, "bias_instability")
+    n, b = (_typical(gyros, key) for key in LEADING["rate"])
     rates = sheets[sheets["kind"] == "rate"]
     far = np.log10(n / rates["n"]) ** 2 + (np.log10(b / rates["b"]) ** 2 if b else 0.0)
     nearest = rates.loc[far.idxmin()]
@@ -303,13 +301,9 @@ def headline(within, enough, nearest=None):
     -------
     Said
     """
-    if nearest:
-        return Said("not_known_which", {"nearest": nearest})
     part = within.question.numbers.get("part")
     answer = within.answer if part else enough.answer
-    return Said(
-        "held_against" if part else "held_against_nothing", {"answer": answer, "part": part}
-    )
+    return Said("headline", {"answer": answer, "part": part, "nearest": nearest})
 
 
 # One table of all axes
@@ -421,19 +415,16 @@ def temperature_part(channel):
 
     Returns
     -------
-    list of list of Said
-        Empty where no temperature was logged.
+    Said or None
+        None where no temperature was logged.
     """
     degrees = channel.temperature
     if degrees is None or not np.isfinite(degrees).sum() > 1:
-        return []
-    said = [[Said("temperature", {"low": np.nanmin(degrees), "high": np.nanmax(degrees)})]]
-    for term in channel.fit.get("terms", []):
-        if term["kind"] == "temperature":
-            per_degree = Estimate(**term["parameters"]["amplitude"])
-            said.append([Said("coefficient", {"coefficient": per_degree})])
-            return [*said, [Said("rest_of_drift")]]
-    return [*said, [Said("no_coefficient")]]
+        return None
+    terms = [term for term in channel.fit.get("terms", []) if term["kind"] == "temperature"]
+    found = Estimate(**terms[0]["parameters"]["amplitude"]) if terms else None
+    about = {"low": np.nanmin(degrees), "high": np.nanmax(degrees), "coefficient": found}
+    return Said("temperature", about)
 
 
 # On the road, and among the parts
@@ -459,22 +450,18 @@ def road(model, atlas):
     if not names:
         return {}
     planes = {tracker: terrain_data.error_plane(tracker) for tracker in TRACKERS}
-    axes, ends = {}, {}
+    axes, own, rows = {}, [], []
     for name in names:
         try:
-            errors = {tracker: plane.of_log(model, name) for tracker, plane in planes.items()}
+            axes[name] = {tracker: plane.of_log(model, name) for tracker, plane in planes.items()}
         except CannotAnswer as error:
             axes[name] = str(error)
             continue
-        axes[name] = errors
-        ends[name] = errors["R tuned"].value or errors["R tuned"].high or np.inf
-    rows = []
+        tuned = axes[name]["R tuned"]
+        own.append((tuned.value or tuned.high or np.inf, name, None, axes[name]))
     for part in atlas.query("basis == 'datasheet' and kind == 'rate'").to_dict("records"):
         sensor = Sensor(part["n"], part["b"])
         errors = {tracker: plane.of(sensor)[0] for tracker, plane in planes.items()}
         rows.append((errors["R tuned"], part["name"], (part["low_usd"], part["high_usd"]), errors))
-    if ends:
-        worst = max(ends, key=ends.get)
-        rows.append((ends[worst], worst, None, axes[worst]))
-    rows = [row[1:] for row in sorted(rows, key=lambda row: row[0])]
-    return {"axes": axes, "parts": rows}
+    rows += [max(own, key=lambda row: row[0])] if own else []
+    return {"axes": axes, "parts": [row[1:] for row in sorted(rows, key=lambda row: row[0])]}
