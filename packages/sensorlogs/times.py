@@ -7,6 +7,7 @@ departure from the stamps is stated in one sentence in `Grid.repairs`.
 import contextlib
 import re
 import shlex
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -196,24 +197,34 @@ def stamp_errors_at(table: Table, column: str) -> Iterator[None]:
 
 def _from_text(name: str, column: np.ndarray) -> Stamps:
     """Read ISO dates, or clock times that may run over midnight."""
-    texts = pd.Series(column, dtype="str").str.strip()
-    start, clock, read_as = 0.0, DAY, "clock time"
-    if texts.dropna().str.match(r"\d{1,2}:\d{2}").all():
-        padded = texts.str.replace(",", ".").str.replace(r"^(\d+:\d+)$", r"\1:00", regex=True)
+    texts = pd.Series(column, dtype="str")
+    start = 0.0
+    if texts.dropna().str.match(r"^\s*\d{1,2}:\d{2}").all():
+        padded = (
+            texts.str.strip()
+            .str.replace(",", ".")
+            .str.replace(r"^(\d+:\d+)$", r"\1:00", regex=True)
+        )
         t = pd.to_timedelta(padded, errors="coerce").dt.total_seconds().to_numpy()
+        clock, read_as = DAY, "clock time"
     else:
-        clock, read_as = UNIX, "date and time"
-        dates = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
+        with warnings.catch_warnings():  # pandas warns when it cannot guess one common format
+            warnings.simplefilter("ignore", UserWarning)
+            dates = pd.to_datetime(texts, errors="coerce", utc=True, format="ISO8601")
+            if dates.isna().mean() > 0.5:  # the day or the month first: what takes less time
+                both = [
+                    pd.to_datetime(texts, errors="coerce", utc=True, dayfirst=d) for d in (0, 1)
+                ]
+                dates = min(both, key=lambda d: (d.isna().sum(), d.max() - d.min()))
         first = dates.dropna().min()
         t = (dates - first).dt.total_seconds().to_numpy(dtype=float, copy=True)
         start = first.timestamp() if first == first else 0.0
-    unread = np.isnan(t) & texts.notna().to_numpy() & (texts != "").to_numpy()
+        clock, read_as = UNIX, "date and time"
+    unread = np.isnan(t) & texts.notna().to_numpy() & (texts.str.strip() != "").to_numpy()
     if unread.any() or not np.isfinite(t).any():
         row = int(np.argmax(unread))
         raise BadStamps(
-            row,
-            f"'{printable(str(column[row]))}' is not a time; write ISO dates, such as "
-            "2024-05-31T10:00:00, or correct or delete that line",
+            row, f"'{printable(str(column[row]))}' is not a time; correct or delete that line"
         )
     if clock == DAY:
         t = unwrap_clock(t)
