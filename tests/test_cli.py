@@ -254,7 +254,7 @@ def test_what_is_repaired_is_said_on_the_page(tmp_path, no_pictures):
     for words in (
         "are too short to",
         "first in line 52",
-        "written twice",
+        "with the stamp of the row before",
         "1 gap: 20 of",
         "is cut off and was dropped",
     ):

@@ -261,7 +261,9 @@ def channels(log):
 
 
 @_verb(reads="moving")
-def replay(logs, out, without=None, outage=None, last_position=None, using="auto", **reading):
+def replay(
+    logs, out, without=None, outage=None, last_position=None, using="auto", smooth=False, **reading
+):
     """Run the tracker paper's six blocks on a GNSS (and IMU) log.
 
     \b
@@ -271,6 +273,7 @@ def replay(logs, out, without=None, outage=None, last_position=None, using="auto
     python -m analysis replay drive.csv --out drive --unit gyro=deg/s,accel=g
     python -m analysis replay drive.csv --out plain --without low-pass --without fusion
     python -m analysis replay drive.csv --out tunnel --outage 300:330 --outage 600:660
+    python -m analysis replay drive.csv --out after --smooth
     python -m analysis replay drive.csv --out paper --filter block6
     python -m analysis replay drive.nmea --out drive --last-position where.json
 
@@ -278,8 +281,9 @@ def replay(logs, out, without=None, outage=None, last_position=None, using="auto
     low-pass (4), mounting (5), fusion (6). A block whose sensor is missing is reported; the others
     run. Where the log moves as a car does (its turns press sideways, and it follows its nose), an
     error-state filter that knows so takes the place of block 6; notebook 34 compares the two. A
-    boat on flat water cannot be told from a car: give it --filter block6. The output is held
-    against the fixes that an --outage deletes.
+    boat on flat water cannot be told from a car: give it --filter block6. With --smooth that filter
+    looks back from the end of the drive, so that fixes after an outage mend the track in it. The
+    output is held against the fixes that an --outage deletes.
 
     CSV columns are found by name and unit: t_s, lat_deg, lon_deg, height_m, pdop, speed_m_s,
     course_deg, accel_x_m_s2 (or _g), gyro_x_deg_s (or _rad_s) and so on. An NMEA log may have the
@@ -309,7 +313,7 @@ def replay(logs, out, without=None, outage=None, last_position=None, using="auto
     log = _read_moving(logs, **reading)
     off = {block.replace("-", "_"): False for block in without or ()}
     summary = page.replay(
-        log, out, outages=outages, last_position=last_position, filter=using, **off
+        log, out, outages=outages, last_position=last_position, smooth=smooth, filter=using, **off
     )
     _tell("replay.txt", summary, out=out, facts=page.facts(summary))
 

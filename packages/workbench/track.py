@@ -41,7 +41,7 @@ ANGLES = (  # column, its name on the page, colour, way to draw
 GPX = "http://www.topografix.com/GPX/1/1"
 
 
-def replay(log, out, *, outages=(), last_position=None, **options):
+def replay(log, out, *, outages=(), last_position=None, smooth=False, **options):
     """Replay the tracker's blocks on a log and write what they did.
 
     Parameters
@@ -53,6 +53,8 @@ def replay(log, out, *, outages=(), last_position=None, **options):
         From when to when to leave the fixes out, s.
     last_position : path-like, optional
         File that keeps the position between runs.
+    smooth : bool
+        Look back from the end of the drive; with the filter for cars.
     **options
         For `analysis.tracker.log_replay.Options`.
 
@@ -83,7 +85,8 @@ def replay(log, out, *, outages=(), last_position=None, **options):
         if moves.kind not in ("car", "open"):
             told = pages.phrase(pages.Said(moves.kind))
             raise CannotAnswer(f"--filter car: {told}; leave the option out")
-    track = replay_log(inject_outages(log, outages), Options(**options), stored, progress=True)
+    ways = {"smooth": smooth, "progress": True}
+    track = replay_log(inject_outages(log, outages), Options(**options), stored, **ways)
     if outages and log.gnss:
         track.summary["outages"] = outage_errors(track, log.gnss, outages)
     write(track, out)
