@@ -17,6 +17,10 @@ HAS_NUMBA = find_spec("numba") is not None
 SPREAD = 3.0  # square of the sigma points' distance in sigmas: matches a Gaussian's fourth moment
 ROOT = float(np.sqrt(SPREAD))
 W = 0.5 / SPREAD  # weight of every point but the centre
+# Runs of a sensor are stepped side by side, in the rows of one array and in short loops of one kind
+# of step each: only so does the compiler take several runs at once. Their states stay in the cache.
+BATCH, ROWS = 64, 12
+AT_X, AT_P, STEP, ROOTS, SEEN, FIRST, SECOND = 0, 1, 2, 3, 4, 6, 9  # the last three span rows
 W_CENTRE = 2.0 / 3.0  # weight in a covariance of all points that read the map at the mean distance
 
 
@@ -83,17 +87,28 @@ def _compiled_loop():
         raise WrongUsage(
             "the compiled filter needs numba: pip install '.[fast]', or go on without it"
         ) from error
-    for formula in (about_mean, covariance, divide, _points):
+    for formula in (about_mean, covariance, divide, _read, _update, _update_both):
         register_jitable(formula)
     return njit(_loop, cache=True, error_model="numpy", nogil=True)
 
 
-def _points(slope, intercept, scale, shift, s, reach):
-    """Read one channel of the map at the three sigma points."""
-    u, v, w = s * scale + shift, (s + reach) * scale + shift, (s - reach) * scale + shift
-    last = len(slope) - 1
-    i, j, k = min(max(int(u), 0), last), min(max(int(v), 0), last), min(max(int(w), 0), last)
-    return slope[i] * u + intercept[i], slope[j] * v + intercept[j], slope[k] * w + intercept[k]
+def _read(slope, intercept, scale, shift, b, row, count):
+    """Read one channel of the map at the sigma points of a batch, into three rows from `row`."""
+    top = len(slope) - 1.0
+    for r in range(count):
+        b[ROOTS, r] = np.sqrt(b[AT_P, r])
+        reach = b[ROOTS, r] * ROOT
+        b[row, r] = b[AT_X, r] * scale + shift
+        b[row + 1, r] = (b[AT_X, r] + reach) * scale + shift
+        b[row + 2, r] = (b[AT_X, r] - reach) * scale + shift
+    for r in range(count):  # an unsigned index is not asked whether it counts from behind
+        u, v, w = b[row, r], b[row + 1, r], b[row + 2, r]
+        i = np.uintp(np.int64(min(max(u, 0.0), top)))
+        j = np.uintp(np.int64(min(max(v, 0.0), top)))
+        k = np.uintp(np.int64(min(max(w, 0.0), top)))
+        b[row, r] = slope[i] * u + intercept[i]
+        b[row + 1, r] = slope[j] * v + intercept[j]
+        b[row + 2, r] = slope[k] * w + intercept[k]
 
 
 def _loop(
@@ -101,41 +116,65 @@ def _loop(
     walk, bias, arw, sigma_b, R, truth, stride, error, variance,
 ):  # fmt: skip
     cells, (channels, n, runs) = len(arw), attitude.shape
-    x, P = np.empty(cells), np.empty(cells)
-    for r in range(runs):
-        x[:] = first[r]
-        P[:] = begin_var
+    x, P = np.zeros((cells, BATCH)), np.ones((cells, BATCH))
+    b = np.zeros((ROWS, BATCH))
+    for begin in range(0, runs, BATCH):
+        count = min(BATCH, runs - begin)
+        for c in range(cells):
+            x[c, :count] = first[begin : begin + count]
+            P[c] = begin_var
         for k in range(every, n, every):
-            step = 0.0
+            b[STEP] = 0.0
             for j in range(k - every + 1, k + 1):
-                step += moved[j, r]
-            q = spread * abs(step)
+                for r in range(count):
+                    b[STEP, r] += moved[j, begin + r]
             for c in range(cells):
-                s, p = x[c] + step, P[c] + q
-                x[c], P[c] = s, p
-                if not known[k]:
-                    continue
-                root = np.sqrt(p)
-                points = _points(slope[0], intercept[0], scale, shift, s, root * ROOT)
-                expected, of_slope, a = about_mean(*points)
-                cross, s_00 = root * of_slope, covariance(a, a) + R[c]
-                z = walk[k, 0, r] * arw[c] + bias[k, 0, r] * sigma_b[c] + attitude[0, k, r]
-                nu = z - expected
-                if channels == 1:
-                    gain = cross / s_00
-                    x[c] = s + gain * nu
-                    P[c] = p - gain * cross
-                    continue
-                points = _points(slope[1], intercept[1], scale, shift, s, root * ROOT)
-                expected, of_slope, b = about_mean(*points)
-                more, s_01, s_11 = root * of_slope, covariance(a, b), covariance(b, b) + R[c]
-                z = walk[k, 1, r] * arw[c] + bias[k, 1, r] * sigma_b[c] + attitude[1, k, r]
-                of_b = z - expected
-                gain, other = divide(cross, more, s_00, s_01, s_11)
-                x[c] = s + gain * nu + other * of_b
-                P[c] = p - (gain * cross + other * more)
+                for r in range(count):
+                    b[AT_X, r] = x[c, r] + b[STEP, r]
+                for r in range(count):
+                    b[AT_P, r] = P[c, r] + spread * abs(b[STEP, r])
+                if known[k]:
+                    for channel in range(channels):
+                        for r in range(count):
+                            z = walk[k, channel, begin + r] * arw[c]
+                            z += bias[k, channel, begin + r] * sigma_b[c]
+                            b[SEEN + channel, r] = z + attitude[channel, k, begin + r]
+                    _read(slope[0], intercept[0], scale, shift, b, FIRST, count)
+                    if channels == 1:
+                        _update(b, R[c], count)
+                    else:
+                        _read(slope[1], intercept[1], scale, shift, b, SECOND, count)
+                        _update_both(b, R[c], count)
+                for r in range(count):
+                    x[c, r] = b[AT_X, r]
+                for r in range(count):
+                    P[c, r] = b[AT_P, r]
             if k % stride == 0:
                 j = k // stride - 1
                 for c in range(cells):
-                    error[c, r, j] = x[c] - truth[k, r]
-                    variance[c, r, j] = P[c]
+                    for r in range(count):
+                        error[c, begin + r, j] = x[c, r] - truth[k, begin + r]
+                        variance[c, begin + r, j] = P[c, r]
+
+
+def _update(b, R, count):
+    """Correct a batch by one channel."""
+    for r in range(count):
+        expected, of_slope, a = about_mean(b[FIRST, r], b[FIRST + 1, r], b[FIRST + 2, r])
+        cross = b[ROOTS, r] * of_slope
+        gain = cross / (covariance(a, a) + R)
+        b[AT_X, r] += gain * (b[SEEN, r] - expected)
+        b[AT_P, r] -= gain * cross
+
+
+def _update_both(b, R, count):
+    """Correct a batch by two channels at once."""
+    for r in range(count):
+        expected, of_slope, one = about_mean(b[FIRST, r], b[FIRST + 1, r], b[FIRST + 2, r])
+        cross, nu = b[ROOTS, r] * of_slope, b[SEEN, r] - expected
+        expected, of_slope, two = about_mean(b[SECOND, r], b[SECOND + 1, r], b[SECOND + 2, r])
+        more, of_two = b[ROOTS, r] * of_slope, b[SEEN + 1, r] - expected
+        s_00, s_01, s_11 = covariance(one, one) + R, covariance(one, two), covariance(two, two) + R
+        gain, other = divide(cross, more, s_00, s_01, s_11)
+        b[AT_X, r] = b[AT_X, r] + gain * nu + other * of_two
+        b[AT_P, r] -= gain * cross + other * more
