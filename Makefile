@@ -10,7 +10,8 @@ PIP := $(if $(shell command -v uv 2>/dev/null),uv pip install --python $(BIN)/py
 VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 RELEASE = inertial-compendium-$(VERSION)
 
-.PHONY: help install reproduce site test test-device test-machines test-site lint format lock release clean
+.PHONY: help install reproduce site article test test-article test-device test-machines test-site lint \
+	format lock release clean
 
 help:
 	@echo "make reproduce  run every notebook in order and redraw figures/"
@@ -19,6 +20,8 @@ help:
 	@echo "make test-machines  the same numbers as if on other processors, and with the oldest and newest"
 	@echo "                    packages: all, or SETTING=zen; of it ONLY=tests/test_allan.py or ONLY=22"
 	@echo "make site       build the notebooks, figures and claims as pages into site/"
+	@echo "make article    build the replication article, build/article.pdf"
+	@echo "make test-article  build the article and check its numbers and its pages"
 	@echo "make test-site  build the site and check it in a browser (needs Chromium)"
 	@echo "make install    make .venv and install into it; the two do so by themselves"
 	@echo "make format     format the code and the notebooks"
@@ -74,6 +77,14 @@ test-site: site
 	$(PIP) --quiet --require-hashes -r tests/site/requirements.lock
 	$(BIN)/python -m pytest tests/site
 
+# The text with the numbers of the ledger. Typst is one wheel of 20 MB, without system fonts.
+article: $(READY)
+	$(PIP) --quiet --require-hashes -r docs/article/requirements.lock
+	$(BIN)/python docs/article.py
+
+test-article: article
+	$(BIN)/python -m pytest tests/article
+
 lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -88,14 +99,18 @@ lock:
 		--no-emit-index-url --no-emit-find-links --all-extras pyproject.toml -o requirements.lock
 	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 		--no-emit-index-url --no-emit-find-links tests/site/requirements.in -o tests/site/requirements.lock
+	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
+		--no-emit-index-url --no-emit-find-links docs/article/requirements.in \
+		-o docs/article/requirements.lock
 
-# What git holds at HEAD, and what describes it.
-release: $(READY)
+# What git holds at HEAD, what describes it, and the article.
+release: article
 	@test -z "$$(git status --porcelain)" || { echo "commit first: the archive is of HEAD"; exit 1; }
 	rm -rf dist
 	$(BIN)/python -m analysis cite --crate dist
 	git archive --prefix=$(RELEASE)/ --add-file=dist/ro-crate-metadata.json \
 		-o dist/$(RELEASE).zip HEAD
+	cp build/article.pdf dist/$(RELEASE)-article.pdf
 	cd dist && sha256sum $(RELEASE).zip | tee $(RELEASE).zip.sha256
 
 clean:
