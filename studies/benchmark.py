@@ -152,7 +152,7 @@ def compiled_filter(samples=4001, runs=64, cells=25):
     given += (setup.q * step, work[2][0], noise, size, setup.R, len(truth), runs, cells, x, P)
     with tempfile.TemporaryDirectory() as folder:
         source, library = Path(__file__).with_name("laps.c"), Path(folder, "laps.so")
-        flags = "-O3 -march=native -ffast-math -shared -fPIC".split()
+        flags = ["-O3", "-march=native", "-ffast-math", "-shared", "-fPIC"]
         flags += ["-o", library, source, "-lm"]
         subprocess.run([compiler, *flags], check=True)
         loop = ctypes.CDLL(str(library)).laps
