@@ -10,7 +10,7 @@ PIP := $(if $(shell command -v uv 2>/dev/null),uv pip install --python $(BIN)/py
 VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 RELEASE = inertial-compendium-$(VERSION)
 
-.PHONY: help install reproduce site article test test-article test-device test-machines test-site lint \
+.PHONY: help install reproduce findings site article test test-article test-device test-machines test-site lint \
 	format lock release clean
 
 help:
@@ -19,6 +19,7 @@ help:
 	@echo "make test-device  run the tracker on MicroPython and compare (needs node and npm)"
 	@echo "make test-machines  the same numbers as if on other processors, and with the oldest and newest"
 	@echo "                    packages: all, or SETTING=zen; of it ONLY=tests/test_allan.py or ONLY=22"
+	@echo "make findings   those of simulations under another seed (SEED=7): prints what was and what is"
 	@echo "make site       build the notebooks, figures and claims as pages into site/"
 	@echo "make article    build the replication article, build/article.pdf"
 	@echo "make test-article  build the article and check its numbers and its pages"
@@ -57,6 +58,17 @@ test-device: $(READY)
 		{ echo "node 18 or newer and npm are needed, for example: apt-get install nodejs npm"; exit 1; }
 	npm ci --prefix tests/device --no-audit --no-fund --loglevel=error
 	$(BIN)/python -m pytest tests/device
+
+# The findings of simulated laps, stops and power-ons again, with all studies behind them: prints
+# what was and what is. About half an hour on two cores, and the raw logs (COMPENDIUM_DATA).
+SEED ?= 7
+AGAIN := scratch/findings-$(SEED)
+OTHER = COMPENDIUM_SEED=$(SEED) COMPENDIUM_DERIVED=$(AGAIN)/derived $(BIN)/python -m analysis
+findings: $(READY)
+	rm -rf $(AGAIN) && mkdir -p $(AGAIN) && cp -r data/derived $(AGAIN)/derived
+	$(OTHER) data --rebuild --write real-laps inverse-design terrain-verdicts tracker-stops
+	$(OTHER) readings --readings 64 --best 1 --out $(AGAIN)/derived/readings
+	$(OTHER) reproduce --scratch $(AGAIN)/out -p SEED=$(SEED) 21 23 24 31 32
 
 # Nothing is written but scratch/ and, for the packages, an environment for each; see the script.
 test-machines: $(READY)

@@ -13,6 +13,7 @@ published("terrain-table-2")  a table copied from one of the papers
 """
 
 import json
+import os
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -24,7 +25,7 @@ from analysis import DATA, CannotAnswer, WrongUsage
 
 __all__ = ["coverage", "ensemble", "names", "published", "read"]
 
-FOLDER = DATA / "derived"
+FOLDER = Path(os.environ.get("COMPENDIUM_DERIVED") or DATA / "derived")
 COMMAND = "python -m analysis data --rebuild --write"
 DIGITS = 6  # of a number in model.json and in most tables
 TOLERANCE = 1e-4  # relative: six digits are stored, and processors differ in the last of sixteen

@@ -29,10 +29,11 @@ from tqdm import tqdm
 
 from analysis import WrongUsage, store, terrain_data
 from analysis.terrain.open_choices import FACTORS, LAP_M, Interpretation, Judged, around, design
+from studies import seed
 from studies.cells import kept
 
 FOLDER = store.FOLDER / "readings"
-READINGS, LAPS, SEED = 2048, 300, 2024
+READINGS, LAPS, SEED = 2048, 300, seed(2024)
 BEST, BEST_LAPS, BEST_SEED = 5, 4200, 2025
 NAMED_LAPS = 12_000  # as many as data/derived/sweeps, which decides the same verdicts
 BESIDE = 4  # of the best ones of the sample, whose neighbours are tried

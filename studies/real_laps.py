@@ -12,8 +12,9 @@ import pandas as pd
 from analysis import resampling, store, terrain, terrain_data
 from analysis.terrain import Sensor, Setup
 from analysis.terrain.monte_carlo import LOST_M
+from studies import seed
 
-SEED, DRAWS = 2011, 100  # of the gyro's noise and of the first position
+SEED, DRAWS = seed(2011), 100  # of the gyro's noise and of the first position
 WATCHED = 20  # draws with which the laps are watched for a wrong place
 SENSORS = {"tactical": Sensor(0.001, 0.0001), "MEMS": Sensor(0.01, 0.01)}  # terrain paper
 ASSUMED = (0.5, 1.0, 2.0, 4.0)  # sqrt(R) over the scatter of the map

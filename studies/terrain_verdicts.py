@@ -9,8 +9,13 @@ from tqdm import tqdm
 
 from analysis import store, terrain_data
 from analysis.terrain.open_choices import FACTORS, Interpretation
+from studies import seed
 
-SEED, LAPS, DRAWS = 2026, 4200, 200  # laps of each sensor; draws of the gyros on each real lap
+SEED, LAPS, DRAWS = (
+    seed(2026),
+    4200,
+    200,
+)  # laps of each sensor; draws of the gyros on each real lap
 RESAMPLES = 2000
 ELSEWHERE = "terrain-sampling-rate-matters"  # notebook 22 judges it
 
