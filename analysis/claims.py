@@ -432,7 +432,7 @@ class Ledger:
         )
         return self._enter(row, (verdict, ends[0]), both=both)
 
-    def table(self, elsewhere: str | None = None) -> text.Shown:
+    def table(self, elsewhere: str | None = None, *, main: bool = False) -> text.Shown:
         """Lay published and reproduced side by side, for the notebook's last section.
 
         Only what was decided has a row; the rest is in the register, and the last line counts it. A
@@ -442,6 +442,8 @@ class Ledger:
         ----------
         elsewhere : str, optional
             Beginning, as a regular expression, of claims that the notebook shows in another place.
+        main : bool
+            Only those on which a paper's abstract and conclusions rest.
 
         Returns
         -------
@@ -452,7 +454,8 @@ class Ledger:
         rows, written, skipped = [], verdicts()["verdict"], 0
         for mine in self._mine.values():
             theirs, cited = self._published.loc[mine["id"]], written[mine["id"]]
-            if elsewhere and re.match(elsewhere, theirs["claim"]):
+            other_place = elsewhere and re.match(elsewhere, theirs["claim"])
+            if other_place or (main and theirs["main"] != "yes"):
                 skipped += 1
                 continue
             other = "" if cited == mine["verdict"] else f" (figures/claims.csv: {cited})"

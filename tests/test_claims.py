@@ -264,6 +264,7 @@ def test_table_lays_published_beside_reproduced():
     assert (row["published"], PUBLISHED["unit"]) == (f"{PUBLISHED['value']:g} °", "deg")
     assert row["verdict"] == verdict
     assert ledger.table(elsewhere=PUBLISHED["claim"][:20]) == ""
+    assert bool(ledger.table(main=True)) == (PUBLISHED["main"] == "yes")
     assert claims.verdicts().loc[FIRST, "reproduced"] == "12.3 ° (at least 12 °)"
 
 
