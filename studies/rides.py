@@ -17,11 +17,12 @@ import pymap3d
 
 from analysis import STANDARD_GRAVITY, CannotAnswer, replacing, store, wrap
 from analysis.tracker.device import Options
+from analysis.tracker.evaluate import outage_errors
 from analysis.tracker.log_replay import replay
 from analysis.tracker.motion import time_lag, vehicle
 from analysis.tracker.scenarios import scenario
 from sensorlogs import datasets, read_moving
-from sensorlogs.timeline import Gnss, Imu, Timeline, turn_imu
+from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages, turn_imu
 from studies import seed
 from studies.drives import (
     bridged,
@@ -56,6 +57,7 @@ GENIVI = {  # the CSVs of such a log: name -> columns
 }
 SIMULATION, SIMULATED = "simulated", 12  # drives of scenario D
 WHEELS = "car-roof", "genivi-car", "car", "phone-drive"
+LOOK_BACK_S = 30.0  # s, of outages that are smoothed: the shortest ride holds one
 PIECES_S = 100.0, 180.0, 300.0  # s, of rides that tell how a vehicle moves
 DIGITS = 7  # of the numbers in the tables
 
@@ -321,13 +323,30 @@ def outages():
     -------
     dict
     dict of pandas.DataFrame
-        ``ends``: as `bridged`, with the ride.
+        ``ends``: as `bridged`, with the ride. ``smoothed``: outages of `LOOK_BACK_S` with fixes
+        between them, by the constrained filter and smoothed (0, 1): ride, and the fields of
+        `outage_errors`, what is put out in an outage against the fixes taken away.
     """
-    ends = [bridged(read(name)).assign(ride=name) for name in WHEELS]
-    table = store.rounded(pd.concat(ends, ignore_index=True), 6)
+    rides = {name: read(name) for name in WHEELS}
+    ends = [bridged(of).assign(ride=name) for name, of in rides.items()]
+    tables = {"ends": pd.concat(ends, ignore_index=True), "smoothed": _looked_back(rides)}
     title = "Outages of 10, 30 and 60 s on the rides of four cars"
     source = {"title": title} | datasets.origin(*(RIDES[name].file for name in WHEELS))
-    return source, {"ends": table}
+    return source, {name: store.rounded(table, 6) for name, table in tables.items()}
+
+
+def _looked_back(rides):
+    rows = []
+    for name, of in rides.items():
+        first, last = of.gnss.t_s[[0, -1]]
+        starts = np.arange(first + 150, last - LOOK_BACK_S - 20, LOOK_BACK_S + 120)
+        gone = [(t, t + LOOK_BACK_S) for t in starts]
+        options = Options(filter="car", bridge_s=2 * LOOK_BACK_S)
+        for smooth in (False, True):
+            track = replay(inject_outages(of, gone), options, smooth=smooth)
+            about = {"ride": name, "smoothed": smooth}
+            rows += [about | each for each in outage_errors(track, of.gnss, gone)]
+    return pd.DataFrame(rows)
 
 
 def vehicles():
