@@ -165,7 +165,7 @@ def _same(a, b):
         return False
     if not {a.dtype.kind, b.dtype.kind} <= set("iuf"):
         return np.array_equal(a.astype(str), b.astype(str))
-    scale = np.nanmax(np.abs(a)) if np.isfinite(a).any() else 1.0
+    scale = np.max(np.abs(a), where=np.isfinite(a), initial=0.0)
     return np.allclose(a, b, rtol=TOLERANCE, atol=1e-6 * scale, equal_nan=True)
 
 

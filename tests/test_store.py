@@ -290,12 +290,14 @@ def test_each_difference_is_named(tmp_path, kind):
 
 
 def test_rows_of_a_channel_are_compared_among_themselves(tmp_path):
-    """property: a small channel beside a large one keeps its own scale."""
+    """property: a small channel beside a large one keeps its own scale, a number beside infinity."""
     for name, small in (("old", 1e-9), ("new", 2e-9)):
         rows = {"channel": ["big", "big", "small"], "value": [1e3, 2e3, small]}
-        store.write(tmp_path / name / "x", {"a": 1}, {"t": pd.DataFrame(rows)})
+        tables = {"t": pd.DataFrame(rows), "u": pd.DataFrame({"value": [np.inf, 1e9 * small]})}
+        store.write(tmp_path / name / "x", {"a": 1}, tables)
     differences = store.compare(tmp_path / "old" / "x", tmp_path / "new" / "x")
-    assert differences == ["x, t.csv: column value small differs"]
+    wanted = ["x, t.csv: column value small differs", "x, u.csv: column value differs"]
+    assert differences == wanted
 
 
 @pytest.mark.parametrize("folder", [False, True])
