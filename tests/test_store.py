@@ -290,7 +290,7 @@ def test_each_difference_is_named(tmp_path, kind):
 
 
 def test_rows_of_a_channel_are_compared_among_themselves(tmp_path):
-    """property: a small channel beside a large one keeps its own scale, a number beside infinity."""
+    """property: a small channel beside a large one keeps its scale, a number beside infinity."""
     for name, small in (("old", 1e-9), ("new", 2e-9)):
         rows = {"channel": ["big", "big", "small"], "value": [1e3, 2e3, small]}
         tables = {"t": pd.DataFrame(rows), "u": pd.DataFrame({"value": [np.inf, 1e9 * small]})}
