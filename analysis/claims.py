@@ -162,12 +162,19 @@ def counted() -> text.Shown:
     n, claimed = counts().sum(), len(published())
     agree, differ = (n[kind] + n[f"{kind} if"] for kind in (REPRODUCED, NOT_REPRODUCED))
     waiting = f", and {n[NOT_YET]} wait for a notebook" * bool(n[NOT_YET])
+    ways = verdicts()[["as_the_paper_did", "as_a_car_does"]].dropna()
+    paper, car = (of.str.startswith(REPRODUCED).sum() for _, of in ways.items())
+    twice = (
+        f" {len(ways)} claims on tracking are judged twice: {paper} are reproduced as the paper most"
+        f" likely did, {car} as a car does."
+    )
     return text.Shown(
         f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
         f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a condition;"
         f" {differ} are not, {n[NOT_REPRODUCED]} without a condition; of {n[UNDECIDABLE]}, logs of"
         f" the papers' length say now one thing and now the other; {n[NOT_TESTABLE]} lack data;"
         f" {n[BY_CONSTRUCTION]} could not have come out otherwise and are no evidence{waiting}."
+        f"{twice * bool(len(ways))}"
     )
 
 
