@@ -163,10 +163,10 @@ def counted() -> text.Shown:
     agree, differ = (n[kind] + n[f"{kind} if"] for kind in (REPRODUCED, NOT_REPRODUCED))
     waiting = f", and {n[NOT_YET]} wait for a notebook" * bool(n[NOT_YET])
     ways = verdicts()[["as_the_paper_did", "as_a_car_does"]].dropna()
-    paper, car = (of.str.startswith(REPRODUCED).sum() for _, of in ways.items())
+    paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
-        f" {len(ways)} claims on tracking are judged twice: {paper} are reproduced as the paper most"
-        f" likely did, {car} as a car does."
+        f" {len(ways)} claims on tracking are judged twice: {paper} are reproduced as the paper"
+        f" most likely did, {car} as a car does."
     )
     return text.Shown(
         f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
