@@ -67,7 +67,7 @@ OTHER = COMPENDIUM_SEED=$(SEED) COMPENDIUM_DERIVED=$(AGAIN)/derived $(BIN)/pytho
 findings: $(READY)
 	rm -rf $(AGAIN) && mkdir -p $(AGAIN) && cp -r data/derived $(AGAIN)/derived
 	$(OTHER) data --rebuild --write real-laps inverse-design terrain-verdicts tracker-stops
-	$(OTHER) readings --readings 64 --best 1 --out $(AGAIN)/derived/readings
+	$(OTHER) readings --compiled --readings 64 --best 1 --out $(AGAIN)/derived/readings
 	$(OTHER) reproduce --scratch $(AGAIN)/out -p SEED=$(SEED) 21 23 24 31 32
 
 # Nothing is written but scratch/ and, for the packages, an environment for each; see the script.
