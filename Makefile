@@ -62,7 +62,7 @@ test-device: $(READY)
 # The findings of simulated laps, stops and power-ons again, with all studies behind them: prints
 # what was and what is. About half an hour on two cores, and the raw logs (COMPENDIUM_DATA).
 SEED ?= 7
-AGAIN := scratch/findings-$(SEED)
+AGAIN = "$(CURDIR)/scratch/findings-$(SEED)"
 OTHER = COMPENDIUM_SEED=$(SEED) COMPENDIUM_DERIVED=$(AGAIN)/derived $(BIN)/python -m analysis
 findings: $(READY)
 	rm -rf $(AGAIN) && mkdir -p $(AGAIN) && cp -r data/derived $(AGAIN)/derived
