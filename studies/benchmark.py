@@ -167,7 +167,7 @@ def compiled_filter(samples=4001, runs=64, cells=25):
     yield Measured("a step of a tight loop in C", per_step * plain, "ns")
     difference = float(np.abs(x.T - truth[-1] - laps.error[..., -1]).max())
     yield Measured("largest difference of the loop in C", difference, "m", "<= 1e-9")
-    yield Measured("compiled over tight loop", ours / plain, "times", "<= 2")
+    yield Measured("compiled over tight loop", ours / plain, "times")
 
 
 def _best_of(work, *arguments, **options):
@@ -273,12 +273,12 @@ def write(rows, folder):
     """
     versions = {"python": platform.python_version(), "numpy": np.__version__}
     source = {
-        "title": "Speed of this package and of its peers, in one run on one machine",
+        "title": "Speed of this package and of its peers, each part in one run on one machine",
         "made_by": "python -m analysis benchmark --out FOLDER",
-        "machine": f"{os.cpu_count()} cores ({processor()})",
         "versions": versions | {"scipy": scipy.__version__},
     }
     table = pd.DataFrame([{"part": part, **measured._asdict()} for part, measured in rows])
+    table["machine"] = f"{os.cpu_count()} cores ({processor()})"
     with replacing(folder) as draft:
         store.write(draft, source, {"benchmark": store.rounded(table, DIGITS)})
 

@@ -46,7 +46,7 @@ def test_the_committed_numbers_keep_their_bars(committed):
     table = committed
     assert set(table["part"]) == set(benchmark.BENCHMARKS)
     held = table[table["bar"].str.match("[<>]=", na=False)]
-    assert len(held) == 13
+    assert len(held) == 12
     for row in held.itertuples():
         sign, bar = row.bar.split()
         assert row.value <= float(bar) if sign == "<=" else row.value >= float(bar), row.what
@@ -74,7 +74,8 @@ def test_the_command_prints_value_and_bar(monkeypatch, capsys, tmp_path):
     assert lines[2].strip() == "peer is not installed"
     source, tables = store.read(path)
     assert list(tables["benchmark"]["value"].dropna()) == [1230.0, 1230.0]
-    assert source["machine"] and set(source["versions"]) == {"python", "numpy", "scipy"}
+    assert tables["benchmark"]["machine"].str.contains("cores").all()
+    assert set(source["versions"]) == {"python", "numpy", "scipy"}
 
 
 def test_without_filterpy_it_says_so(monkeypatch):
