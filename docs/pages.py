@@ -166,7 +166,7 @@ class Page:
         patterns = [
             (i, pattern)
             for i, cell in enumerate(cells)
-            if cell.cell_type == "code"
+            if cell.cell_type == "code" and "figure" not in cell.metadata.get("tags", ())
             for pattern in _patterns(cell.source)
         ]
         table = next(
