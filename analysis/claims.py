@@ -39,10 +39,11 @@ __all__ = [
     "of_paper", "published", "verdicts",
 ]  # fmt: skip
 
-COLUMNS = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
-# Of a terrain claim, which has two verdicts; the numbers above are then those as the paper did.
-IN_A_CAR = ["car_value", "car_low", "car_high"]
-COLUMNS += ["as_the_paper_did", "as_a_car_does", *IN_A_CAR]
+ONCE = ["id", "verdict", "value", "low", "high", "unit", "notebook"]
+# Of a claim on tracking, which is judged twice; value, low and high are then as the paper did.
+WAYS = ["as_the_paper_did", "as_a_car_does"]
+TWICE = [*WAYS, "car_value", "car_low", "car_high"]
+COLUMNS = ONCE + TWICE
 ON_ATTITUDE, INTEGRATED = "the noise is put on the attitude", "the noise is integrated, as in a car"
 FOUND = ["notebook", "sentence", "condition", "figure", "so"]
 MOST_WORDS = 30  # of the sentence of a finding
@@ -162,7 +163,7 @@ def counted() -> text.Shown:
     n, claimed = counts().sum(), len(published())
     agree, differ = (n[kind] + n[f"{kind} if"] for kind in (REPRODUCED, NOT_REPRODUCED))
     waiting = f", and {n[NOT_YET]} wait for a notebook" * bool(n[NOT_YET])
-    ways = verdicts()[["as_the_paper_did", "as_a_car_does"]].dropna()
+    ways = verdicts()[WAYS].dropna()
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
         f" {len(ways)} claims on tracking are judged twice: {paper} are reproduced as the paper"
@@ -240,11 +241,8 @@ def verdicts() -> pd.DataFrame:
     )[0]
     table["published"] = [_published(row) for _, row in register.iterrows()]
     table["reproduced"] = [_in_words(row) for _, row in table.iterrows()]
-    of_car = table[[*IN_A_CAR, "unit", "verdict"]].set_axis(
-        ["value", "low", "high", "unit", "verdict"], axis=1
-    )
-    for claim, row in of_car[table["as_a_car_does"].notna()].iterrows():
-        table.loc[claim, "reproduced"] += f"; in a car {_in_words(row)}"
+    for claim, row in table[table["as_a_car_does"].notna()].iterrows():
+        table.loc[claim, "reproduced"] += f"; in a car {_in_words(_in_a_car(row))}"
     return table
 
 
@@ -434,9 +432,7 @@ class Ledger:
             verdict = f"{verdict} if {ON_ATTITUDE}"
         else:
             verdict = f"{other} if {INTEGRATED}"
-        both = dict(
-            zip(COLUMNS[-5:], (*map(_with_turns, said), *_rounded(row, ends[1])), strict=True)
-        )
+        both = dict(zip(TWICE, (*map(_with_turns, said), *_rounded(row, ends[1])), strict=True))
         return self._enter(row, (verdict, ends[0]), both=both)
 
     def table(self, elsewhere: str | None = None, *, main: bool = False) -> text.Shown:
@@ -475,8 +471,7 @@ class Ledger:
             row = {k: theirs[k] for k in ("where", "claim")} | {"published": _published(theirs)}
             row["counts as agreement"] = _agreement(theirs)
             if mine["as_a_car_does"]:
-                car = dict(zip(("value", "low", "high"), (mine[k] for k in IN_A_CAR), strict=True))
-                for way, of in (("as_the_paper_did", mine), ("as_a_car_does", mine | car)):
+                for way, of in zip(WAYS, (mine, _in_a_car(mine)), strict=True):
                     row[way.replace("_", " ")] = f"{_in_words(of)}: {mine[way]}"
                 row["as a car does"] += other
             else:
@@ -520,7 +515,7 @@ class Ledger:
 
     def _entry(self, row, verdict, ends):
         entry = (row.name, verdict, *_rounded(row, ends), row["unit"], self.notebook)
-        return dict.fromkeys(COLUMNS) | dict(zip(COLUMNS[:7], entry, strict=True))
+        return dict.fromkeys(COLUMNS) | dict(zip(ONCE, entry, strict=True))
 
     def _entries(self):
         return [*self._mine.values(), *self._not_judged]
@@ -547,6 +542,11 @@ def _rounded(row, ends):
     """Round to three digits: what such an interval means, and any machine prints; counts stay."""
     exact = ends[1] is None and ends[2] is None and row["unit"] == "count"
     return [None if x is None else float(f"{x:.{9 if exact else 3}g}") for x in ends]
+
+
+def _in_a_car(row):
+    """Give a verdict's row with the numbers that a car gives."""
+    return {**row, **{k: row[f"car_{k}"] for k in ("value", "low", "high")}}
 
 
 def _with_turns(said):

@@ -367,7 +367,7 @@ def test_the_index_lists_the_main_claims(monkeypatch):
 
 def test_a_computation_counts_once(monkeypatch):
     """Property: equal numbers or words with equal verdicts are one, history is none."""
-    columns = claims.COLUMNS[1:7]
+    columns = claims.ONCE[1:]
     first, second = [REPRODUCED, 54.0, None, None, "count", "34"], [REPRODUCED, 1.0, None, None]
     register = pd.DataFrame(
         [("a", 54.0, "count", ""), ("a", 54.0, "count", ""), ("a", 55.0, "count", "")]

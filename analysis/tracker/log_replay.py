@@ -92,8 +92,8 @@ def replay(
         options = Options(**options.changed | {"filter": used})
     if smooth and options.filter != "car":
         raise WrongUsage(
-            "--smooth looks back with the filter for cars, and this log does not show a car: "
-            "say --filter car if it is one"
+            f"--smooth looks back with the filter for cars, and here {options.filter} is used: "
+            "say --filter car if this is the log of one"
         )
     rows, unexplained, marks = [], [], []
     devices: list[Device] = []
@@ -116,9 +116,9 @@ def replay(
     columns = _columns(timeline.gnss, rows)
     remarks = tuple(_remarks(timeline, options, columns, devices, unexplained, lag, moves))
     table = pd.DataFrame(straights, columns=Straight._fields)
-    angles = ["printed", "alone", "sigma", "mount"]
-    table[angles] = np.degrees(table[angles].astype(float))
-    units = {k: f"{k}_deg" for k in angles} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
+    turned_by = ["printed", "alone", "sigma", "mount"]
+    table[turned_by] = np.degrees(table[turned_by].astype(float))
+    units = {k: f"{k}_deg" for k in turned_by} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
     summary = _summary(timeline, options, columns, devices, len(straights))
     summary["filter"] = {"used": device.bridges, "motion": moves.kind, "smoothed": smooth}
     summary["filter"] |= {

@@ -29,8 +29,14 @@ class Recorded(Constrained):
 
     def start(self, *state):
         """Start in motion, with nothing to look back at."""
+        self._end()
         super().start(*state)
         self._keep(None)
+
+    def _end(self):
+        """Keep the covariance that the corrections of a step leave."""
+        if self._steps:
+            self._steps[-1][3] = np.array(self.P)
 
     def _keep(self, transition):
         self._steps.append([transition, np.array(self.P), np.zeros(STATES), None])
@@ -41,7 +47,7 @@ class Recorded(Constrained):
             for i, terms in self._transition():
                 for j, c in terms:
                     transition[i] += c * transition[j]
-            self._steps[-1][3] = np.array(self.P)
+            self._end()
             super()._carry()
             self._keep(transition)
 
@@ -59,10 +65,9 @@ class Recorded(Constrained):
         before, after : ndarray, shape (steps, 16, 16)
             Covariance by the filter, and smoothed.
         """
-        n = len(self._steps)
-        errors, filtered = np.zeros((n, STATES)), np.empty((n, STATES, STATES))
-        for k, (_, first, _, last) in enumerate(self._steps):
-            filtered[k] = np.array(self.P) if k == n - 1 else first if last is None else last
+        self._end()
+        n, filtered = len(self._steps), np.array([last for *_, last in self._steps])
+        errors = np.zeros((n, STATES))
         smooth = filtered.copy()
         for k in range(n - 1, 0, -1):
             transition, before, applied, _ = self._steps[k]

@@ -235,7 +235,7 @@ def _placed(table, option):
         raise WrongUsage(
             f"{file}: --rate {rate:g}: give a positive number of samples a second, below {RATES:g}"
         )
-    time, every = times.time_column(frame), np.arange(len(frame))
+    time = times.time_column(frame)
     stamped = rate is None or "time" in option
     if stamped:
         named = columns.resolve(option["time"], list(frame), file) if "time" in option else time
@@ -243,7 +243,7 @@ def _placed(table, option):
         at = stamps.since_s
         notes += stamps.notes
     else:
-        at = every / rate
+        at = np.arange(len(frame)) / rate
         notes += [f"time column '{time}' not used, since the rate is given"] * bool(time)
     start, stop = option.get("from", 0.0), option.get("to", np.inf)
     if not 0 <= start < stop:
@@ -254,15 +254,11 @@ def _placed(table, option):
             lasts = f"the log lasts {np.nanmax(at):.6g} s"
             raise WrongUsage(f"{file}: no row from {start:g} s to {stop:g} s; {lasts}")
         frame, at = frame.iloc[inside], at[inside]
-        table = replace(table, frame=frame, rows=every[inside])
+        table = replace(table, frame=frame, rows=np.flatnonzero(inside))
     if not stamped:
-        return (
-            table,
-            time,
-            Grid(float(rate), len(at), every[: len(at)], every[: len(at)]),
-            at[0],
-            notes,
-        )
+        every = np.arange(len(at))
+        grid = Grid(float(rate), len(at), every, every)
+        return table, time, grid, at[0], notes
     repeated = np.zeros(len(frame), dtype=bool)
     same = np.flatnonzero(at[1:] == at[:-1]) + 1
     now = frame.iloc[same]

@@ -373,7 +373,12 @@ class Grid:
         return int(np.count_nonzero(np.diff(self.index) > 1))
 
     def place(self, values: np.ndarray) -> np.ndarray:
-        """Put one column, shape (rows of the log,), on the grid, shape (size,), NaN if missing."""
+        """Put one column, shape (rows of the log,), on the grid, shape (size,), NaN if missing.
+
+        A column that fits as it is comes back itself, because a long log fills the memory.
+        """
+        if self.stamps is None and len(self.rows) == self.size == len(values):
+            return values
         used = values[self.rows]
         if self.stamps is not None:
             t = self.stamps[0] + np.arange(self.size) / self.rate_hz
@@ -428,7 +433,7 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
             int(rows[worst + 1]), f"time runs backward by {-step[worst]:.6g} s; {NO_STAMPS}"
         )
     rows, coarse = _without_repeats(rows, np.r_[False, step == 0][: len(rows)], repeated, repairs)
-    t = t_s[rows]
+    t = t_s if len(rows) == len(t_s) else t_s[rows]  # a long log fills the memory
     step = np.diff(t)
     if len(t) < 3:
         end = int(rows[-1]) if len(rows) else 0
@@ -464,7 +469,10 @@ def by_stamps(t_s: np.ndarray, repeated: np.ndarray, mode: str = "auto") -> Grid
 
 def _index(missing: np.ndarray) -> np.ndarray:
     """Return the grid sample of each row, with so many samples missing after it."""
-    return np.arange(len(missing) + 1) + np.r_[0, np.cumsum(missing)]
+    index = np.ones(len(missing) + 1, dtype=np.int64)
+    index[0] = 0
+    index[1:] += missing
+    return np.cumsum(index, out=index)
 
 
 def _on_ticks(ticks) -> bool:
