@@ -429,6 +429,8 @@ def choose(
                 *flags,
             )
     _check_gravity(frame, file, chosen, units)
+    if not (kind or "rate" in units):
+        _check_gyros(frame, file, chosen)
     mute = [name for name in accels if not split(name)[1]]
     guessed = []
     if mute and size and not units.keys() & {"accel", None}:
@@ -464,6 +466,19 @@ def _check_gravity(frame, file, chosen, units) -> None:
                 f"{length:.2f} {own}; it should be one g, so these look like {one}: say --unit "
                 f"{flag}",
                 {"--unit": flag},
+            )
+
+
+def _check_gyros(frame, file, chosen) -> None:
+    """Refuse gyros by name, such as gx, gy, gz, whose length is one g in m/s^2 or mg: gravity."""
+    mine = [c.column for c in chosen if c.kind == "rate" and not split(c.column)[1]]
+    for names in vectors(mine).values():
+        one = gravity_unit(_norm(frame, names), 0.03)
+        if len(names) == 3 and one in ("m/s^2", "mg"):
+            raise WrongUsage(
+                f"{file}: columns {', '.join(names)} have the length of one g in {one}: say "
+                f"--columns {','.join(names)} with --kind accel --unit {one}, or with --kind rate; "
+                "gyros by their name: --unit gyro=deg/s or gyro=rad/s"
             )
 
 
