@@ -66,8 +66,8 @@ NO_READINGS = {  # header, columns, what is given, channels, what is left out an
         "field_angular_velocity_x", "field.header.seq (a counter), field.header.stamp (a time)",
     ),
     "by content": (
-        "t,a,b,c,n", (T, GYRO, np.arange(N) % 256),
-        {"unit": "deg/s"}, "a b c", "n (a counter: it steps by 1)",
+        "t,a,b,c,foo,n", (T, GYRO, np.linalg.norm(GYRO, axis=1), np.arange(N) % 256),
+        {"unit": "deg/s"}, "a b c", "foo (the norm of a, b, c), n (a counter: it steps by 1)",
     ),
     "other words": (
         "t,gyro_x,battery,state,acc_valid,mag_x,quality", (T, GYRO, GYRO), {"unit": "deg/s"},

@@ -268,7 +268,7 @@ def sample(frame: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 
 def contents(frame: pd.DataFrame) -> dict[str, str]:
-    """Tell by their numbers which columns are counters or clocks.
+    """Tell by their numbers which columns are counters, clocks or norms of three readings.
 
     Parameters
     ----------
@@ -292,6 +292,14 @@ def contents(frame: pd.DataFrame) -> dict[str, str]:
             found[name] = "a counter: it steps by 1"
         elif (steps[:, j] > 0).all() or (whole[j] and _ticks(steps[:, j])):
             found[name] = "a time or counter: it never falls"
+    for j in range(len(names) - 2):
+        three = names[j : j + 3]
+        if found.keys().isdisjoint(three):
+            norm = np.linalg.norm(head[:, j : j + 3], axis=1)
+            for k in {*range(len(names))} - {j, j + 1, j + 2}:
+                off = np.sqrt(np.mean((head[:, k] - norm) ** 2))
+                if off < 0.05 * norm.std():  # what its rounding leaves
+                    found[names[k]] = f"the norm of {', '.join(three)}"
     return found
 
 
