@@ -360,6 +360,8 @@ def _inverse(symmetric):
     inverse : ndarray, shape (..., k, k)
     """
     size = symmetric.shape[-1]
+    if size == 1 and symmetric.all():  # most of them, and in a tenth of the time
+        return np.log(symmetric * np.sign(symmetric.real))[..., 0, 0], 1 / symmetric
     lower = np.moveaxis(symmetric, (-2, -1), (0, 1)).copy()
     for i in range(size - 1):
         share = lower[i + 1 :, i] / lower[i, i]
@@ -368,8 +370,7 @@ def _inverse(symmetric):
     pivots = np.einsum("ii...->i...", lower).copy()
     if not pivots.all():
         raise np.linalg.LinAlgError("Singular matrix")
-    rows, columns = np.triu_indices(size)
-    lower[rows, columns] = 0.0
+    lower[np.triu_indices(size)] = 0.0
     np.einsum("ii...->i...", lower)[...] = 1.0
     left, right = (np.moveaxis(a, (0, 1), (-1, -2)) for a in (lower, lower / pivots[:, None]))
     # |pivot| by its sign: the absolute value would lose what a complex step carries.
@@ -430,9 +431,9 @@ def _structure(stretch, terms):
     """
     m, dt, lam = stretch.m, stretch.dt, stretch.lam
     rows, parts = len(terms.sigma_v), []
-    diagonal = _over_bins(terms.sigma_v**2) / np.repeat(stretch.behind, 2)[:, None]
+    diagonal = terms.sigma_v[:, None, None] ** 2 / np.repeat(stretch.behind, 2)[:, None]
     if terms.rrw is not None and not stretch.has_gaps:
-        q = _over_bins(terms.rrw**2 * m * dt)
+        q = (terms.rrw**2 * m * dt)[:, None, None]
         # Means of a random walk: neighbouring increments share a sixth of their variance. The mean
         # of the log has no eigenvalue, and does not count.
         diagonal = diagonal + q / np.where(stretch.count > 0, lam, 1.0) - q / 6 * (1 - 1 / m**2)
@@ -449,7 +450,7 @@ def _structure(stretch, terms):
     shapes = [np.broadcast_to(g, (most, *g.shape[1:])) for g in (none, *(g for *_, g in parts))]
     size = [np.zeros((rows, 0))]
     for scale, part, g in parts:
-        diagonal = diagonal + _over_bins(scale**2) * part
+        diagonal = diagonal + scale[:, None, None] ** 2 * part
         size.append(np.repeat(scale[:, None], g.shape[2], axis=1))
     return (
         diagonal + np.zeros(lam.shape),
@@ -471,10 +472,6 @@ def _unit(stretch, process):
     return _gauss_markov(stretch, *process(stretch))
 
 
-def _over_bins(values):
-    return values[:, None, None]
-
-
 def _gauss_markov(stretch, size, corr_time):
     """Diagonal, shape (rows, h, bins), and g, (rows, h, terms, bins), of Gauss-Markov processes.
 
@@ -492,7 +489,7 @@ def _gauss_markov(stretch, size, corr_time):
     next_one = (power * next_one)[:, None, :, None]
     diagonal = 2 * next_one * one_less[:, None, :, None] - next_one * stretch.lam[:, None]
     diagonal *= scale
-    return diagonal.sum(axis=2) + _over_bins((power * variance).sum(axis=1)), g
+    return diagonal.sum(axis=2) + (power * variance).sum(axis=1)[:, None, None], g
 
 
 def _reach(stretch, corr_time):

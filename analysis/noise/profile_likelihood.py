@@ -94,7 +94,7 @@ class Surface:
         -------
         point : ndarray, shape (d,)
         """
-        unit = self._unit(point)
+        unit = _unit(self.information(point))
         steps = np.concatenate([np.zeros((1, len(point))), DIFFERENCE * np.diag(unit)])
         _, (gradient, *moved) = self.slope(point + steps)
         curvature = -(np.array(moved) - gradient) / DIFFERENCE * unit
@@ -103,15 +103,12 @@ class Surface:
         before, after = self.value(np.array([point, there]))
         return there if after > before - LOST else point
 
-    def _unit(self, point):
-        """Standard error of each logarithm, at most one, the others known."""
-        return 1 / np.sqrt(np.maximum(np.diag(self.information(point)), 1.0))
-
     def _newton(self, point, gradient, curvature=None):
         """Newton's step and what it would gain, inside the box; by default Fisher's scoring."""
-        unit = self._unit(point)
+        information = self.information(point)
+        unit = _unit(information)
         if curvature is None:
-            curvature = unit * self.information(point) * unit[:, None]
+            curvature = unit * information * unit[:, None]
         free = np.where(gradient > 0, point < self.high, point > self.low)
         size, turn = np.linalg.eigh(curvature * np.outer(free, free))
         along = (gradient * unit * free) @ turn
@@ -187,6 +184,11 @@ class Surface:
         )
         others, reached = cut.maximum(*np.array(starts)[:, rest])
         return others @ turn + origin, reached
+
+
+def _unit(information):
+    """Standard error of each logarithm, at most one, the others known."""
+    return 1 / np.sqrt(np.maximum(np.diag(information), 1.0))
 
 
 def interval(surface, best, value, along, *, threshold=THRESHOLD):
