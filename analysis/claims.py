@@ -49,7 +49,7 @@ FOUND = ["notebook", "sentence", "condition", "figure", "so"]
 MOST_WORDS = 30  # of the sentence of a finding
 NOT_YET = "not yet run"
 REPRODUCED, NOT_REPRODUCED, NOT_TESTABLE = "reproduced", "not reproduced", "not testable"
-UNDECIDABLE = "undecidable"  # a result: logs of this length give now this answer and now that
+UNDECIDABLE = "undecidable"  # a result: what is at hand, or a log of this length, cannot tell
 BY_CONSTRUCTION = "by construction"
 OUTCOMES = (
     REPRODUCED, f"{REPRODUCED} if", NOT_REPRODUCED, f"{NOT_REPRODUCED} if", UNDECIDABLE,
@@ -172,8 +172,9 @@ def counted() -> text.Shown:
     return text.Shown(
         f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
         f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a condition;"
-        f" {differ} are not, {n[NOT_REPRODUCED]} without a condition; of {n[UNDECIDABLE]}, logs of"
-        f" the papers' length say now one thing and now the other; {n[NOT_TESTABLE]} lack data;"
+        f" {differ} are not, {n[NOT_REPRODUCED]} without a condition; of {n[UNDECIDABLE]}, the data"
+        f" at hand or logs of the papers' length cannot tell; {n[NOT_TESTABLE]} need logs that are"
+        f" not at hand;"
         f" {n[BY_CONSTRUCTION]} could not have come out otherwise and are no evidence{waiting}."
         f"{twice * bool(len(ways))}"
     )
@@ -266,11 +267,11 @@ def judge(value, low, high, agree_low, agree_high):
     if top < agree_low or bottom > agree_high:  # false of a bound that is NaN, as everywhere here
         return NOT_REPRODUCED
     if value is None:
-        return f"{NOT_TESTABLE}: the log leaves {_span(low, high)} open"
+        return f"{UNDECIDABLE}: the log leaves {_span(low, high)} open"
     if not (bottom < agree_low or top > agree_high):
         return REPRODUCED
     return (
-        f"{NOT_TESTABLE}: the 95 % interval {_span(low, high)} is partly outside the claim's range"
+        f"{UNDECIDABLE}: the 95 % interval {_span(low, high)} is partly outside the claim's range"
     )
 
 
@@ -350,7 +351,7 @@ class Ledger:
         high: float | None = None,
         *,
         when: str | None = None,
-        untestable: str | None = None,
+        undecided: str | None = None,
     ) -> str:
         """Judge one claim and write the verdict down.
 
@@ -364,8 +365,8 @@ class Ledger:
             Its 95 % interval; an Estimate brings its own.
         when : str, optional
             The setting under which the verdict was reached, beside that of the notebook.
-        untestable : str, optional
-            Why it cannot be tested here; then `value` does not count.
+        undecided : str, optional
+            Why the data at hand cannot tell; then `value` does not count.
 
         Returns
         -------
@@ -374,8 +375,8 @@ class Ledger:
         """
         row = self._judged(claim)
         judged = _verdict(row, value if isinstance(value, Estimate) else (value, low, high))
-        if untestable:
-            judged = (f"{NOT_TESTABLE}: {untestable}", judged[1])
+        if undecided:
+            judged = (f"{UNDECIDABLE}: {undecided}", judged[1])
         return self._enter(row, judged, when)
 
     def check_logs(self, claim: str, found: ArrayLike, *, when: str | None = None) -> str:
@@ -558,7 +559,7 @@ def _with_turns(said):
         Verdict by R over R_0, which is among them.
     """
     plain = {times: verdict.partition(":")[0] for times, verdict in sorted(said.items())}
-    words = ["open" if plain[1] == NOT_TESTABLE else plain[1]]
+    words = ["open" if plain[1] == UNDECIDABLE else plain[1]]
     for kind in (k for k in (REPRODUCED, NOT_REPRODUCED) if k != plain[1]):
         at = [times for times, verdict in plain.items() if verdict == kind]
         if len(at) == len(plain) - 1:

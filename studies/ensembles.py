@@ -103,9 +103,10 @@ def of_longer_log(model, stream):
     return {f"corr_time_{h}h": interval(*fit, "corr_time") for h, fit in fits.items()}
 
 
-def of_receiver(radius, stream):
+def of_receiver(radius, differential, stream):
     """Give the ``cep`` of one static log of a receiver with that CEP, m, outliers left out."""
-    fixes = simulate_fixes(radius, round(DURATION_S), 1.0, np.random.default_rng(stream))
+    rng = np.random.default_rng(stream)
+    fixes = simulate_fixes(radius, round(DURATION_S), 1.0, rng, differential=differential)
     good = ~outliers(*fixes.values())
     e = cep(fixes["north"][good], fixes["east"][good])
     return {"cep": (e.value, e.low, e.high)}
@@ -185,7 +186,8 @@ def subjects():
     jobs = {name: (partial(of_channel, model), LOGS) for name, model in models.items()}
     jobs["midg-roll-longer"] = (partial(of_longer_log, models["midg-roll"]), LOGS)
     for row in store.published("comparison-cep").itertuples():
-        jobs[f"cep-{row.receiver.split()[0].lower()}"] = (partial(of_receiver, row.cep_m), LOGS)
+        reader = partial(of_receiver, row.cep_m, row.differential == "yes")
+        jobs[f"cep-{row.receiver.split()[0].lower()}"] = (reader, LOGS)
     jobs["terrain-bias"] = (of_bias, LOGS)
     jobs["flight-yaw"] = (partial(of_flight, models), LOGS)
     return jobs | {"terrain-recipe": (by_recipe, LOGS), "terrain-fitted": (by_likelihood, FITTED)}

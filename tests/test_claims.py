@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from analysis import FIGURES, WrongUsage, claims, text
-from analysis.claims import NOT_REPRODUCED, NOT_TESTABLE, NOT_YET, REPRODUCED, judge
+from analysis.claims import NOT_REPRODUCED, NOT_TESTABLE, NOT_YET, REPRODUCED, UNDECIDABLE, judge
 
 OPEN = math.nan  # a side on which the claim is unbounded
 JUDGED = claims.published()[lambda rows: ~rows["why"].str.startswith(claims.NOT_JUDGED)]
@@ -45,20 +45,20 @@ def elsewhere(tmp_path, monkeypatch):
         # value outside: the interval decides
         ((3.0, None, None), (1, 2), NOT_REPRODUCED),
         ((3.0, 2.5, 3.5), (1, 2), NOT_REPRODUCED),
-        ((3.0, 1.9, 3.5), (1, 2), NOT_TESTABLE),
+        ((3.0, 1.9, 3.5), (1, 2), UNDECIDABLE),
         # an interval open on one side reaches everywhere on that side, and stops on the other
-        ((3.0, None, 3.5), (1, 2), NOT_TESTABLE),
+        ((3.0, None, 3.5), (1, 2), UNDECIDABLE),
         ((3.0, 2.5, None), (1, 2), NOT_REPRODUCED),
         # no value: the bound alone may still exclude the claim, never confirm it
-        ((None, None, None), (1, 2), NOT_TESTABLE),
+        ((None, None, None), (1, 2), UNDECIDABLE),
         ((None, 2.5, None), (1, 2), NOT_REPRODUCED),
-        ((None, 1.2, None), (1, 2), NOT_TESTABLE),
-        ((None, 1.2, 1.8), (1, 2), NOT_TESTABLE),
+        ((None, 1.2, None), (1, 2), UNDECIDABLE),
+        ((None, 1.2, 1.8), (1, 2), UNDECIDABLE),
         # a claim with one side only
         ((-99.0, None, None), (OPEN, 2), REPRODUCED),
         ((3.0, None, None), (OPEN, 2), NOT_REPRODUCED),
         ((None, 5.0, None), (OPEN, 2), NOT_REPRODUCED),
-        ((None, 5.0, None), (1, OPEN), NOT_TESTABLE),
+        ((None, 5.0, None), (1, OPEN), UNDECIDABLE),
         # a sentence that is true or not
         ((1.0, None, None), (1, 1), REPRODUCED),
         ((0.0, None, None), (1, 1), NOT_REPRODUCED),
@@ -71,10 +71,10 @@ def test_judge(found, agree, verdict):
     """
     value, low, high = (None if x is None else -x for x in found)
     for said in (judge(*found, *agree), judge(value, high, low, -agree[1], -agree[0])):
-        assert said.split(": ")[0] == verdict and (": " in said) == (verdict == NOT_TESTABLE)
+        assert said.split(": ")[0] == verdict and (": " in said) == (verdict == UNDECIDABLE)
 
 
-def test_what_cannot_be_tested_says_why():
+def test_what_cannot_be_decided_says_why():
     """Property: the reason names the interval."""
     assert "the log leaves 1.2 to … open" in judge(None, 1.2, None, 1, 2)
     assert "1.9 to 3.5" in judge(3.0, 1.9, 3.5, 1, 2)
@@ -84,10 +84,10 @@ def test_a_missing_value_or_bound_is_none(elsewhere):
     """Property: NaN and None are unresolved, never a number on disk; an infinite bound is open."""
     far, ledger = PUBLISHED["high"] * 100, claims.Ledger("90-test")
     for nothing in (None, math.nan):
-        assert ledger.check(FIRST, nothing).startswith(NOT_TESTABLE)
+        assert ledger.check(FIRST, nothing).startswith(UNDECIDABLE)
         assert pd.read_csv(elsewhere).loc[0, ["value", "low", "high"]].isna().all()
     assert ledger.check(FIRST, far, math.nan, math.nan) == NOT_REPRODUCED
-    assert ledger.check(FIRST, far, -math.inf, far).startswith(NOT_TESTABLE)
+    assert ledger.check(FIRST, far, -math.inf, far).startswith(UNDECIDABLE)
 
 
 def test_conditions_stand_on_successes_and_failures():
@@ -96,7 +96,7 @@ def test_conditions_stand_on_successes_and_failures():
     inside, outside = PUBLISHED["value"], PUBLISHED["high"] * 100
     assert ledger.check(FIRST, inside) == "reproduced if it rains"
     assert ledger.check(FIRST, outside, when="it blows") == "not reproduced if it rains, it blows"
-    assert ledger.check(FIRST, None, inside, outside).startswith(f"{NOT_TESTABLE}: ")
+    assert ledger.check(FIRST, None, inside, outside).startswith(f"{UNDECIDABLE}: ")
     assert claims.Ledger("90-test").check(FIRST, outside, when="dry") == "not reproduced if dry"
 
 
@@ -200,7 +200,7 @@ def test_unknown_claims_and_few_logs_are_wrong_usage(elsewhere):
         ("+++", "+++", REPRODUCED, (REPRODUCED, REPRODUCED)),
         ("---", "---", NOT_REPRODUCED, (NOT_REPRODUCED, NOT_REPRODUCED)),
         ("+++", "---", f"reproduced if {claims.ON_ATTITUDE}", (REPRODUCED, NOT_REPRODUCED)),
-        ("?--", "?++", NOT_TESTABLE,
+        ("?--", "?++", UNDECIDABLE,
          ("open; not reproduced at every other R", "open; reproduced at every other R")),
         ("+?-", "-++", f"reproduced if {claims.ON_ATTITUDE}",
          ("reproduced; not reproduced from 10 R₀", "not reproduced; reproduced at every other R")),
@@ -222,8 +222,7 @@ def test_a_claim_judged_twice_says_where_it_turns(elsewhere, paper, car, verdict
     assert (row["as_the_paper_did"], row["as_a_car_does"]) == said
     values = [paper["value"][1], car["value"][1]]
     assert row[["value", "car_value"]].tolist() == pytest.approx(values, rel=5e-3)
-    if verdict != NOT_TESTABLE:
-        assert in_table(ledger)[0]["as a car does"].endswith(said[1])
+    assert in_table(ledger)[0]["as a car does"].endswith(said[1])
 
 
 def test_what_is_not_judged_stands_in_the_register(elsewhere):

@@ -16,7 +16,7 @@ _FACE = {  # loaded when it is first asked for: `plan` needs one module of them
     "inference": ("infer",),
     "models": ("UnifiedModel", "adev_model", "models_of_table_one", "simulate_logs"),
     "planner": ("Plan",),
-    "position": ("cep", "outliers", "simulate_fixes"),
+    "position": ("cep", "effective_samples", "outliers", "simulate_fixes"),
     "recipes": ("TerrainRecipe", "five_coefficients"),
 }
 _HOME = {name: module for module, names in _FACE.items() for name in names}

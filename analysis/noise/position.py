@@ -16,15 +16,29 @@ from analysis.noise.notes import said
 CUT = 6.0  # robust standard deviations beyond which a single position is an outlier
 NEIGHBOURS = 11  # positions in time that each one is compared with
 VERTICAL = 1.5  # ratio of vertical to horizontal deviation, VDOP to HDOP (assumed)
-CORR_TIME = 120.0  # s, of the errors (assumed)
+# Errors of each horizontal axis at a PDOP of 2.5: (standard deviation m, correlation time s). A
+# receiver's own are those by which receivers differ: ten pairs on one ride of 107 min, correlated
+# over 27 to 74 s, and 3 m in each of the three that agree best (notebook 14). What all receivers
+# share, of orbits, clocks and air, is a textbook's (Beard and McLain, Small Unmanned Aircraft,
+# 2012, Table 7.1, after Rankin, 1994): each second e^(-1/1100) of the last and 0.21 m of new noise;
+# and so is the white noise. No log at hand is long enough to measure these.
+OWN = (3.0, 40.0)
+SHARED = (0.21 / np.sqrt(1 - np.exp(-2 / 1100)), 1100.0)
+DRIFTS, WHITE, AT_PDOP = (OWN, SHARED), 0.4, 2.5
 ERRORS, ERROR = 5, 1000.0  # communication errors in a log, m (assumed)
+EIGHTHS = 8  # of a log, by whose means slow errors show
 FEWEST = 20.0  # independent positions below which the median radius has no 95 % interval
 
 
 def simulate_fixes(
-    radius: float, n: int, dt: float, rng: np.random.Generator, *, corr_time: float = CORR_TIME
+    radius: float,
+    n: int,
+    dt: float,
+    rng: np.random.Generator,
+    *,
+    differential: bool = False,
 ) -> dict[str, np.ndarray]:
-    """Simulate a receiver at rest: Gaussian errors, correlated over minutes, and five outliers.
+    """Simulate a receiver at rest: Gaussian errors that drift, and five outliers.
 
     Parameters
     ----------
@@ -35,8 +49,8 @@ def simulate_fixes(
     dt : float
         s between them.
     rng : numpy.random.Generator
-    corr_time : float
-        Of the errors, s.
+    differential : bool
+        Whether a reference station takes out what receivers share.
 
     Returns
     -------
@@ -44,10 +58,16 @@ def simulate_fixes(
         ``north``, ``east``, ``down``, m; the last 1.5 times as wide as the others.
     """
     sigma = radius / np.sqrt(2 * np.log(2)) * np.array([[1.0], [1.0], [VERTICAL]])
-    ned = sigma * gauss_markov(n, dt, 1.0, corr_time, rng, runs=3)
+    ned = sigma * drift(n, dt, rng, 3, (OWN,) if differential else DRIFTS)
     at = rng.choice(n, ERRORS, replace=False)
     ned[:, at] += ERROR * rng.standard_normal((3, ERRORS))
     return dict(zip(("north", "east", "down"), ned, strict=True))
+
+
+def drift(n, dt, rng, runs, drifts=DRIFTS):
+    """Simulate a sum of Gauss-Markov processes (size, s) of unit size, shape (runs, n)."""
+    parts = [gauss_markov(n, dt, size, corr_time, rng, runs=runs) for size, corr_time in drifts]
+    return sum(parts) / np.sqrt(sum(size**2 for size, _ in drifts))
 
 
 def outliers(*axes: np.ndarray) -> np.ndarray:
@@ -82,7 +102,7 @@ def _bounded(axis):
     return np.clip(axis, middle - most, middle + most)
 
 
-def effective_samples(x):
+def effective_samples(x: np.ndarray) -> float:
     """Count the independent samples in a correlated series: n / (1 + 2 sum of correlations).
 
     The sum stops at the first lag of five times the correlation length reached so far
@@ -107,6 +127,12 @@ def effective_samples(x):
     return float(np.clip(len(x) / max(length[stop], 1e-9), 1.0, len(x)))
 
 
+def _by_eighths(x):
+    """Count independent samples by the means of eighths: each has an eighth of them."""
+    means = [part.mean() for part in np.array_split(x, EIGHTHS)]
+    return EIGHTHS * np.var(x) / max(np.var(means, ddof=1), 1e-300)
+
+
 def cep(north: np.ndarray, east: np.ndarray) -> Estimate:
     """Circular error probable about the mean, with its 95 % interval. ::
 
@@ -114,7 +140,9 @@ def cep(north: np.ndarray, east: np.ndarray) -> Estimate:
 
     The interval runs between the quantiles of r at 1/2 -+ 1.96 / (2 sqrt(N)), N the independent
     values of north plus those of east (a radius has half the correlation time of a coordinate),
-    widened by the degrees of freedom of the mean. A position beyond `CUT` counts as one that lies
+    widened by the degrees of freedom of the mean. N is the smaller of two counts: by the
+    autocovariance, and by how much the means of eighths of the log vary, which sees errors nearly
+    as slow as the log. A position beyond `CUT` counts as one that lies
     there: a few far ones would hide the correlation, and move the mean.
 
     Parameters
@@ -138,7 +166,7 @@ def cep(north: np.ndarray, east: np.ndarray) -> Estimate:
     n, e = (_bounded(np.asarray(axis)[valid]) for axis in (north, east))
     r = np.hypot(n - n.mean(), e - e.mean())
     median = float(np.median(r))
-    along = effective_samples(n), effective_samples(e)
+    along = [min(effective_samples(axis), _by_eighths(axis)) for axis in (n, e)]
     note = said("independent", count=len(r), least=min(along))
     if min(along) < FEWEST:
         return Estimate.refused("m", note + said("few_independent", median=median))

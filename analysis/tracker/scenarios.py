@@ -29,21 +29,18 @@ from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY
 from analysis.noise.models import gauss_markov
+from analysis.noise.position import AT_PDOP, DRIFTS, WHITE
 from analysis.tracker.last_position import Stored
 from sensorlogs.timeline import Gnss, Imu, Timeline, inject_outages
 
 KMH = 1 / 3.6
-# Drift of a GPS position from a textbook (Beard and McLain, Small Unmanned Aircraft, 2012, Table
-# 7.1, after Rankin, 1994): each second e^(-1/1100) of the last and 0.21 m of new noise; white noise
-# of 0.4 m.
-DRIFT_S = 1100.0
-DRIFT_M = 0.21 / math.sqrt(1 - math.exp(-2 / DRIFT_S))
-WHITE_M = 0.4
 
 
 @dataclass(frozen=True)
 class GnssErrors:
     """Errors of a cheap receiver; sigmas are per horizontal axis and unit of PDOP.
+
+    Drift and white noise are the model of `analysis.noise.position`, in every scenario.
 
     Attributes
     ----------
@@ -60,30 +57,12 @@ class GnssErrors:
         tests, as tests/test_scenarios.py measures them.
     """
 
-    drift: tuple = ((0.8, 600.0), (0.4, 60.0))
-    white_m: float = 0.1
+    drift: tuple = tuple((size / AT_PDOP, seconds) for size, seconds in DRIFTS)
+    white_m: float = WHITE / AT_PDOP
     speed_m_s: float = 0.04
     settling_m: float = 0.0
     settle_time: float = 120.0
     STARTS: ClassVar = {"rx210": (13.0, 20.0), "telit-he910": (4.8, 120.0), "ublox-8": (13.3, 25.0)}
-
-    @classmethod
-    def courtyard(cls, start: tuple[float, float] = (0.0, 1.0), pdop: float = 2.5) -> "GnssErrors":
-        """Make the errors of a receiver at rest with half the sky hidden.
-
-        Parameters
-        ----------
-        start : (float, float)
-            Size (m) and time constant (s) of its settling; by default it has settled before.
-        pdop : float
-            At which the drift has its published size.
-
-        Returns
-        -------
-        GnssErrors
-        """
-        drift = ((DRIFT_M / pdop, DRIFT_S),)
-        return cls(drift, WHITE_M / pdop, settling_m=start[0], settle_time=start[1])
 
     def circle_m(self, pdop: float) -> float:
         """Return the radius (m) that holds 95 % of the positions of a settled receiver."""
@@ -129,7 +108,7 @@ class ImuErrors:
 
 
 ASSUMED = {  # scenario -> errors of receiver and IMU, and the PDOP that it comes to
-    "A": (GnssErrors.courtyard(), ImuErrors(), 2.5),
+    "A": (GnssErrors(), ImuErrors(), 2.5),
     "B": (GnssErrors(), ImuErrors(vibration=0.2), 1.8),
     "C": (GnssErrors(), ImuErrors(vibration=0.8), 2.5),
     # 28.5 Hz and 2 deg/s are those of a real car's roof (`car-roof-imu`); the acceleration is that
@@ -270,9 +249,8 @@ def scenario(
 ) -> Scenario:
     """Simulate one of the paper's scenarios.
 
-    A: at rest in a courtyard, half the sky hidden. The errors are published and measured ones, for
-    the paper gives none: a textbook's drift, and after power-on the settling of one of three real
-    receivers. The PDOP varies about 2.5.
+    A: at rest in a courtyard, half the sky hidden; after power-on with the settling of one of three
+    real receivers. The PDOP varies about 2.5.
 
     B: counter-clockwise laps of a track round a rugby field, on a scooter. A 400 m track has
     straights of 84.39 m and bends of 36.5 m radius; its outermost line lies 9.76 m further out. The
@@ -310,7 +288,8 @@ def scenario(
     """
     if name == "A" and gnss is None:
         starts = list(GnssErrors.STARTS.values())
-        gnss = GnssErrors.courtyard(starts[rng.integers(len(starts))])
+        size, seconds = starts[rng.integers(len(starts))]
+        gnss = GnssErrors(settling_m=size, settle_time=seconds)
     assumed = ASSUMED[name]
     makers: dict[str, Any] = {"A": _courtyard, "B": _laps, "C": _walk, "D": _town}
     return makers[name](rng, gnss or assumed[0], imu or assumed[1], **settings)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.noise.models import gauss_markov
+from analysis.noise.position import drift
 from analysis.tracker.last_position import GATE_ALONE, Frame, LastPosition, Stored
 from analysis.tracker.scenarios import Scenario
 from sensorlogs.timeline import Gnss
@@ -53,8 +53,6 @@ class PowerOns:
         Of those that begin in three dimensions as far off as one in two: the other half.
     settling_s : tuple of float
         Time constants with which that decays, s: those of three real receivers.
-    drift_s : float
-        Correlation time of the errors in three dimensions, s.
     poor_share, poor_s : float
         Of power-ons with a spell of PDOP above the gate, and its length, s.
     seconds : int
@@ -68,7 +66,6 @@ class PowerOns:
     flat_s: float = 32.0
     settling_share: float = 0.095
     settling_s: tuple[float, ...] = (20.0, 25.0, 120.0)
-    drift_s: float = 600.0
     poor_share: float = 0.2
     poor_s: float = 20.0
     seconds: int = 180
@@ -86,7 +83,7 @@ class PowerOns:
         """
         t = np.arange(float(self.seconds))
         n = len(t)
-        error = gauss_markov(n, 1.0, self.solid_m / TO_MEDIAN, self.drift_s, rng, runs=2)
+        error = self.solid_m / TO_MEDIAN * drift(n, 1.0, rng, 2)
         pdop = np.clip(
             2.5 * np.exp(0.3 * rng.standard_normal() + 0.05 * rng.standard_normal(n)), 1.2, 9
         )

@@ -86,8 +86,8 @@ def test_counts_are_those_of_the_ledger(article):
         if paper == "all":
             said = [
                 f"Of {n.sum()} independent claims {agree} are reproduced, {n['reproduced']} of",
-                f"and {differ} are not. For {n['undecidable']}, logs as long",
-                f"For {n['not testable']} the data do not suffice, and {n['by construction']}",
+                f"and {differ} are not. For {n['undecidable']}, the data at",
+                f"For {n['not testable']} there are no data, and {n['by construction']}",
             ]
         assert [words for words in said if words not in article] == []
 
