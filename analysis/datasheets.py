@@ -25,7 +25,7 @@ def read(path: Path = DATA / "sensors.toml") -> dict[str, dict]:
     """
     listed = tomllib.loads(path.read_text(encoding="utf-8"))
     for key, entry in listed.items():
-        for names in (["name"], ["source"], ["bias_deg_h"], ["arw_deg_sqrt_h", "density_deg_s"]):
+        for names in (["name"], ["source"], ["arw_deg_sqrt_h", "density_deg_s"]):
             if len(entry.keys() & set(names)) != 1:
                 raise WrongUsage(f"{path.name}: [{key}] needs one line {' or '.join(names)} = ...")
         low, high = entry.get("price_usd", (1, 1))
@@ -34,17 +34,15 @@ def read(path: Path = DATA / "sensors.toml") -> dict[str, dict]:
     return listed
 
 
-def gyros() -> pd.DataFrame:
-    """Lay out ``data/sensors.toml`` in the paper's units; a product that was measured comes first.
+def sheets() -> pd.DataFrame:
+    """Lay out ``data/sensors.toml`` in the paper's units.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each sensor: the entry, ``arw`` (deg/sqrt(s)), ``bias`` (deg/s), ``low`` and
-        ``high`` of the price and ``price``, its geometric middle (USD; NaN where not traced);
-        ``basis``, *data sheet* or *measured*: pitch gyros of `MEASURED`, by their logs, have the
-        price of their product, and ``bound`` where the log only bounds B. The label of what was
-        measured ends in " measured".
+        A row for each sensor: the entry, ``arw`` (deg/sqrt(s)), ``bias`` (deg/s; NaN where its
+        sheet has none), ``low`` and ``high`` of the price and ``price``, its geometric middle (USD;
+        NaN where not traced); ``basis``, *data sheet*; ``bound``, false.
     """
     table = pd.DataFrame(read()).T.assign(basis="data sheet", bound=False)
     density = table["arw_deg_sqrt_h"] / 60
@@ -53,6 +51,20 @@ def gyros() -> pd.DataFrame:
     prices = [p if isinstance(p, list) else [np.nan, np.nan] for p in table["price_usd"]]
     table["low"], table["high"] = np.array(prices, dtype=float).T
     table["price"] = np.sqrt(table["low"] * table["high"])
+    return table
+
+
+def gyros() -> pd.DataFrame:
+    """List the sensors that have N and B; a product that was measured comes first.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `sheets`, and pitch gyros of `MEASURED` by their logs, with the price of their product:
+        their ``basis`` is *measured*, their label ends in " measured", and ``bound`` tells where
+        the log only bounds B.
+    """
+    table = sheets().dropna(subset="bias")
     measured = table.loc[[*MEASURED]].assign(basis="measured", table_3=np.nan)
     for key, log in MEASURED.items():
         sensor, bound = Sensor.from_model(static_logs.stored.read_model(log), PITCH_GYRO)

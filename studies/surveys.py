@@ -397,7 +397,7 @@ def atlas():
         not known; ``basis`` (datasheet or measured), ``low_usd`` and ``high_usd``, ``source``.
     """
     rows = []
-    for key, entry in datasheets.gyros().query("basis == 'data sheet'").iterrows():
+    for key, entry in datasheets.sheets().iterrows():
         about = {"sensor": key, "name": entry["name"], "axis": "", "basis": "datasheet"}
         about |= {f"{end}_usd": entry[end] for end in ("low", "high")} | {"source": entry["source"]}
         gyro = {"kind": "rate", "unit": "deg/s", "n": entry["arw"], "b": entry["bias"]}

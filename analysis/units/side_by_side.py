@@ -8,8 +8,10 @@ difference of height of tens of metres is another datum: it is said, and stays.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from analysis import CannotAnswer, Estimate, WrongUsage, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
@@ -121,16 +123,15 @@ def side_by_side(units: Sequence[Unit]) -> Comparison:
                 "the position before them; the first of each counts"
             )
     first, *others = _with_course(tracks, notes)
-    clocks = []
-    for other in others:
-        clocks.append(_clock(first, other, notes))
+    bar: Any = {"desc": "comparing", "disable": None}
+    clocks = [_clock(first, other, notes) for other in tqdm(others, unit="clock", **bar)]
     tracks = [first, *(t.shifted(c.to_first) for t, c in zip(others, clocks, strict=True))]
     tracks = _agreed(tracks, notes)
     events = []
     for k, track in enumerate(tracks):
         events += find_events(track, tracks[:k] + tracks[k + 1 :])
     pairs, distances = [], []
-    for a, b in combinations(tracks, 2):
+    for a, b in tqdm([*combinations(tracks, 2)], unit="pair", **bar):
         d = differences(a, b)
         notes += datums(a, b, d)
         pairs.append(Pair(a.name, b.name, d, trajectory_metrics(d)))

@@ -23,6 +23,7 @@ TRACKERS = {  # the others: of data/derived/error-surface
     "on attitude": "exact map; noise put straight on the attitude, as the terrain paper words it",
     "bias states": "exact map; noise integrated, the filter estimates the gyro's bias",
 }
+RATES = "kind == 'rate' and (basis != 'datasheet' or b == b)"  # gyros that have N and B
 WITHIN = 0.2  # a parameter counts as known when its 95 % interval is within ±20 %
 OF_A_PART = (
     *("part", "sensor", "name", "axis", "basis", "source", "over_sheet", "n", "n_low", "n_high"),
@@ -96,7 +97,7 @@ def _parts():
     A measured gyro has ``over_sheet``, its N over that of the data sheet of its part.
     """
     listed = datasheets.read()
-    rows = store.read("atlas").tables["atlas"].query("kind == 'rate'").fillna({"axis": ""})
+    rows = store.read("atlas").tables["atlas"].query(RATES).fillna({"axis": ""})
     stated = rows.query("basis == 'datasheet'").set_index("sensor")["n"]
     parts = []
     for row in rows.to_dict("records"):
