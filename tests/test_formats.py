@@ -1045,3 +1045,25 @@ def test_json_loses_no_object(tmp_path):
         assert {name: len(frame) for name, frame in tables.items()} == sizes
         times = np.sort(np.concatenate([frame["time"] for frame in tables.values()]))
         np.testing.assert_array_equal(times, start + np.arange(40))
+
+
+def test_a_capture_as_arduino_sketches_print_it(tmp_path):
+    """property: words before the rows, and a label in each, are no columns; the label names six."""
+    counts = np.round([ACCEL / STANDARD_GRAVITY * 16384, np.degrees(GYRO) * 131]).astype(int)
+    rows = ["\t".join(map(str, ("a/g:", *a, *g))) for a, g in zip(*counts, strict=True)]
+    talk = ["Initializing I2C devices...", "Testing device connections...", "MPU6050 connected"]
+    path = tmp_path / "capture.txt"
+    path.write_text("\n".join([*talk, *rows]) + "\n")
+    scales = {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131,accel=1/16384"}
+    log = read(path, rate=RATE, **scales)
+    assert [key(c) for c in log.channels] == [*ACCELS, *GYROS]
+    np.testing.assert_allclose(log.channels[3].values, counts[1][:, 0] / 131)
+
+
+def test_a_workbook_with_german_headings(tmp_path):
+    """property: headings in another language are told by their units."""
+    angles = {f"Drehrate {a} (°/s)": v for a, v in zip("xyz", np.degrees(GYRO).T, strict=True)}
+    forces = {f"Beschleunigung {a} (m/s²)": v for a, v in zip("xyz", ACCEL.T, strict=True)}
+    pd.DataFrame({"Zeit (s)": T, **angles, **forces}).to_excel(tmp_path / "a.xlsx", index=False)
+    found = [(c.kind, c.unit) for c in read(tmp_path / "a.xlsx").channels]
+    assert found == [("rate", "deg/s")] * 3 + [("accel", "m/s^2")] * 3

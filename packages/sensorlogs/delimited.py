@@ -37,6 +37,9 @@ _NEWLINE = re.compile(r"\r\n|\n|\r")
 _LINE_ENDS = (b"\n", b"\r", b"\x00")
 CUT_OFF = "the last line is cut off and was dropped"
 TAIL_BYTES = 1 << 13
+LABELLED = {  # a row's label to its columns: I2Cdev's sketches for the MPU-6050
+    "a/g:": ["label", "accel_x", "accel_y", "accel_z", "gyro_x", "gyro_y", "gyro_z"]
+}
 SHORT_ROWS = 0.01  # share of rows with fewer fields up to which these count as damaged
 
 
@@ -95,7 +98,7 @@ def sniff(path: Path) -> Layout:
                 f"{path.name}, line {extra[0] + 1}: {width} fields, but the header ends at column "
                 f"'{head_row[-1].strip()}' ({len(head_row)}); name each column there"
             )
-    named = head_row or []
+    named = head_row or LABELLED.get(fields[rows[0]][0].strip(), [])
     names = _names([*named, *[""] * (width - len(named))])
     text = frozenset(
         name for j, name in enumerate(names) if _is_text([fields[i] for i in rows], j, decimal)
@@ -209,11 +212,13 @@ def _is_header(fields: list[str], decimal: str) -> bool:
 
 
 def _titles(rows: list[list[str]], decimal: str) -> int:
-    """Count the short lines above the header: titles, settings, or Excel's ``sep=;``."""
+    """Count the short lines above the header, or above the rows of a device that talks first."""
     filled = [sum(bool(field.strip()) for field in row) for row in rows]
     least = max(2, min(multimode(filled)) // 2 + 1)
     first = next((k for k, count in enumerate(filled) if count >= least), 0)
-    return first if _is_header(rows[first], decimal) else 0
+    talk = [row[0] for row in rows[:first] if len(row) == 1 and _is_word(row[0], decimal)]
+    talks = len(talk) == first and any(" " in line.strip() for line in talk)
+    return first if talks or _is_header(rows[first], decimal) else 0
 
 
 def _is_text(rows: list[list[str]], column: int, decimal: str) -> bool:
