@@ -188,7 +188,7 @@ def study(folder=FOLDER, **where):
         tables[name] = Cell(partial(simulated, name=name), logs, summary, {"sensor": name})
     source = {
         "title": "This package beside other ways to read a static log",
-        "made_by": "python -m analysis coverage beside",
+        "made_by": "python -m analysis coverage beside --out FOLDER",
         "seed": coverage.SEED,
         "hours": HOURS,
         "versions": versions,

@@ -400,7 +400,7 @@ def study(folder=FOLDER, **options):
     """
     source = {
         "title": "Coverage of the 95 % intervals: estimators on simulated logs of known sensors",
-        "made_by": "python -m analysis coverage",
+        "made_by": "python -m analysis coverage --out FOLDER",
         "seed": SEED,
         "papers": {n: {"title": m.title, "interval_s": dt} for n, (m, dt, _) in papers().items()},
         "further_lengths": FURTHER_LENGTHS,
@@ -412,7 +412,7 @@ def broken_study(folder=BROKEN, **options):
     """Do as `study` with logs that break the models; the cells are those of `broken_plan`."""
     source = {
         "title": "Logs that break the noise models: what is resolved, wrong, not warned of",
-        "made_by": "python -m analysis coverage broken",
+        "made_by": "python -m analysis coverage broken --out FOLDER",
         "seed": SEED,
         "disturbances": {name: cell.says for name, (cell, _, _) in broken().items()},
     }
@@ -530,7 +530,7 @@ def hat_study(folder=HAT_FOLDER, *, runs=400, **where):
     **where
         As for `studies.cells.compute`.
     """
-    made_by = "python -m analysis coverage hats"
+    made_by = "python -m analysis coverage hats --out FOLDER"
     source = {"title": HAT_TITLE, "seed": SEED, "runs": runs, "made_by": made_by}
     drawn = list(enumerate(np.random.SeedSequence(SEED).spawn(runs)))
     units = [(cell, *one) for cell in HATS for one in drawn]

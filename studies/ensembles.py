@@ -234,7 +234,7 @@ def study(folder=FOLDER, **where):
     """
     source = {
         "title": "Ensembles of simulated logs behind the verdicts of notebooks 10 to 14 and 41",
-        "made_by": "python -m analysis coverage ensembles",
+        "made_by": "python -m analysis coverage ensembles --out FOLDER",
         "seeds": {"papers": SEED, "terrain-recipe, terrain-fitted": TERRAIN_SEED},
         "logs": {name: logs for name, (_, logs) in subjects().items()},
         "duration_s": DURATION_S,

@@ -266,7 +266,7 @@ def study(folder=FOLDER, **where):
     """
     source = {
         "title": "Repeatability: real static logs in halves, quarters, eighths",
-        "made_by": "python -m analysis coverage real",
+        "made_by": "python -m analysis coverage real --out FOLDER",
         **sources(map(read, LOGS)),
         "seed": SEED,
     }

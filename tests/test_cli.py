@@ -572,3 +572,12 @@ def test_a_what_if_run_stays_out_of_the_project(folder):
     status, out, err = run("reproduce", "14", "--scratch", ROOT / folder)
     assert (status, out) == (2, "") and "--scratch" in err
     assert not (ROOT / "figures" / "mine").exists()
+
+
+def test_a_terminal_has_lines_of_a_hundred_characters(tmp_path, good, no_pictures):
+    """Property: on a terminal long lines are broken; in a pipe each stays whole, for grep."""
+    terminal = type("Terminal", (io.StringIO,), {"isatty": lambda _: True})()
+    with contextlib.redirect_stdout(terminal):
+        assert cli.main(["report", str(write(tmp_path)), "--out", str(tmp_path / "mine")]) == 0
+    widths = [max(map(len, text.splitlines())) for text in (terminal.getvalue(), good.out)]
+    assert widths[0] <= 100 < widths[1]

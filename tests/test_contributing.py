@@ -38,8 +38,8 @@ def test_a_sensor(tmp_path):
     before = (DATA / "sensors.toml").read_text("utf-8")
     path.write_text(before + SENSOR, "utf-8")
     assert datasheets.read(path)["my-gyro"] == tomllib.loads(SENSOR)["my-gyro"]
-    for line, words in (("bias_deg_h", "bias_deg_h"), ("density_deg_s", "arw_deg_sqrt_h or")):
-        path.write_text(before + re.sub(f"{line}.*", "", SENSOR), "utf-8")
+    for line, words in (("source", "source"), ("density_deg_s", "arw_deg_sqrt_h or")):
+        path.write_text(before + re.sub(f"^{line}.*", "", SENSOR, flags=re.MULTILINE), "utf-8")
         with pytest.raises(WrongUsage, match=rf"sensors\.toml: \[my-gyro\] needs one line {words}"):
             datasheets.read(path)
     path.write_text(before + SENSOR.replace("[5, 20]", "[20, 5]"), "utf-8")

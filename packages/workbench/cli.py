@@ -12,6 +12,7 @@ import math
 import shlex
 import sys
 import tempfile
+import textwrap
 import tomllib
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +24,9 @@ from analysis import ROOT, CannotAnswer, WrongUsage
 
 FLAGS = tomllib.loads(Path(__file__).with_name("flags.toml").read_text(encoding="utf-8"))
 TYPES = {"number": float, "count": int, "text": str, "switch": bool}
+WIDTH = 100  # of a line on the terminal
+WRAPPED = {"subsequent_indent": "    ", "replace_whitespace": False, "drop_whitespace": True}
+WRAPPED |= {"break_long_words": False, "break_on_hyphens": False}
 RESUMABLE = ("reproduce", "coverage", "readings", "data")  # they keep each piece that is finished
 
 
@@ -130,7 +134,9 @@ def _try_to_write(folder, option):
 def _tell(template, *told, **more):
     from workbench import pages
 
-    print(pages.page(template, *told, **more), end="")
+    on_terminal = sys.stdout.isatty()  # elsewhere a line stays whole, for grep
+    for line in pages.page(template, *told, **more).splitlines():
+        print(textwrap.fill(line, WIDTH, **WRAPPED) if on_terminal and line else line)
 
 
 def _read(log, columns, **reading):
@@ -459,17 +465,17 @@ def plan(rate, white, sigma=None, time=None, flicker=None, walk=None, within=20.
 
 @_verb
 def coverage(
-    study="intervals", runs=None, hours=None, models=None, workers=None, scheduler=None, out=None
+    out, study="intervals", runs=None, hours=None, models=None, workers=None, scheduler=None
 ):
     """Count how often the 95 % intervals hold the truth.
 
     \b
-    python -m analysis coverage              known sensors              data/derived/coverage
-    python -m analysis coverage broken       warm-up, step, motion ...  data/derived/robustness
-    python -m analysis coverage real         segments of real logs      data/derived/repeatability
-    python -m analysis coverage beside       other tools                data/derived/beside-others
-    python -m analysis coverage hats         three units side by side   data/derived/hat-coverage
-    python -m analysis coverage ensembles    of the papers' logs        data/derived/ensembles
+    python -m analysis coverage --out mine            known sensors: data/derived/coverage
+    python -m analysis coverage broken --out mine     warm-up, step, motion ...: robustness
+    python -m analysis coverage real --out mine       segments of real logs: repeatability
+    python -m analysis coverage beside --out mine     other tools: beside-others
+    python -m analysis coverage hats --out mine       three units side by side: hat-coverage
+    python -m analysis coverage ensembles --out mine  of the papers' logs: ensembles
     python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
@@ -495,9 +501,8 @@ def coverage(
         raise WrongUsage(
             f"coverage {study} has no other options than --workers, --scheduler, --out"
         )
-    given |= {"folder": Path(out)} if out else {}
-    run(workers=workers, scheduler=scheduler, **given)
-    print(f"the tables are in {out or 'data/derived'}/")
+    run(folder=Path(out), workers=workers, scheduler=scheduler, **given)
+    print(f"the tables are in {out}/")
 
 
 def _numbers(hours):
@@ -510,11 +515,11 @@ def _numbers(hours):
 
 
 @_verb
-def readings(out=None, **given):
+def readings(out, **given):
     """Judge the terrain paper's claims under each interpretation of it.
 
     \b
-    python -m analysis readings --compiled                what data/derived/readings holds
+    python -m analysis readings --out mine --compiled     what data/derived/readings holds
     python -m analysis readings --out mine --readings 64 --laps 100 --best 0
     python -m analysis readings --out mine --hold noise=integrated --hold road=track
     python -m analysis readings --out mine --scheduler tcp://10.0.0.1:8786    workers elsewhere
@@ -526,9 +531,9 @@ def readings(out=None, **given):
     """
     from studies import readings as study
 
-    given |= {"folder": out and Path(out)}
-    table = study.study(**{k: v for k, v in given.items() if v is not None})
-    print(f"{len(table)} interpretations are in {out or 'data/derived/readings'}/")
+    given = {key: value for key, value in given.items() if value is not None}
+    table = study.study(Path(out), **given)
+    print(f"{len(table)} interpretations are in {out}/")
 
 
 @_verb
