@@ -6,8 +6,10 @@ A format's reader lists a `Part` for each table (topic, message, sheet, variable
 
 import contextlib
 import re
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -83,9 +85,19 @@ def reading(path: Path, title: str, instead: str = "copy it again") -> Iterator[
     except Exception as error:  # libraries raise what they like on damaged bytes
         said = re.sub(r"(?<!\S)/\S*/", "", str(error).strip().split("\n")[0])  # our own folders
         raise CannotAnswer(
-            f"{path.name}: {title} that is cut off or damaged, or not one, or that its library "
-            f"does not know ({printable(said) or type(error).__name__}); {instead}"
+            f"{path.name}: {title} that is cut off or damaged, or not one, or that "
+            f"{_raiser(error)} does not know ({printable(said) or type(error).__name__}); {instead}"
         ) from error
+
+
+def _raiser(error: Exception) -> str:
+    """Name the library that an error comes from, with its version."""
+    homes = metadata.packages_distributions()
+    for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
+        package = frame.f_globals.get("__name__", "").partition(".")[0]
+        if package in homes and package != __package__:
+            return f"{homes[package][0]} {metadata.version(homes[package][0])}"
+    return "its library"
 
 
 def with_axis(name: str, axis: str) -> str:
