@@ -12,7 +12,7 @@ import pandas as pd
 from analysis import STANDARD_GRAVITY, Estimate, wrap
 from analysis.tracker.at_rest import SIGMA_FORCE, SIGMA_RATE, StaticTest
 from analysis.tracker.device import Options
-from analysis.tracker.last_position import Frame
+from analysis.tracker.last_position import GATE_ALONE, Frame
 from analysis.tracker.log_replay import stepped
 from analysis.tracker.motion import steps
 from analysis.tracker.starts import CRITERIA, begin
@@ -20,6 +20,7 @@ from sensorlogs.timeline import Gnss, Imu, Timeline
 
 WINDOW_S = 2.0  # s that the statistics of rest look back
 FASTEST_STOP = 3.0  # m/s, above which an outage begins, once the mounting angle is known
+AFTER = "the paper's gate, after the wait of all"
 BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
 LATER_S, GOOD_PDOP = (5.0, 15.0), 4.0  # fixes that tell where the receiver was some seconds before
 
@@ -277,12 +278,14 @@ def starts_of_a_drive(gnss: Gnss, every_s: float) -> pd.DataFrame:
     -------
     pandas.DataFrame
         A row for each start that can be judged and set of criteria: ``t_s``, ``criteria``,
-        ``wait_s``, ``off_m`` (by later fixes).
+        ``wait_s``, ``off_m`` (by later fixes); and for the paper's gate after the wait of all.
     """
     off, rows = errors_by_later_fixes(gnss), []
     for start in np.arange(gnss.t_s[0], gnss.t_s[-1] - 60.0, every_s):
         k = int(np.searchsorted(gnss.t_s, start))
         found = {name: begin(gnss, off, None, k, **kinds) for name, kinds in CRITERIA.items()}
+        later = np.searchsorted(gnss.t_s, start + np.nan_to_num(found[[*found][-1]]["wait_s"]))
+        found[AFTER] = begin(gnss, off, None, int(later), **GATE_ALONE)
         if all(row["off_m"] == row["off_m"] for row in found.values()):
             rows += [{"t_s": start, "criteria": name} | row for name, row in found.items()]
     return pd.DataFrame(rows).drop(columns=["flagged", "refused_m"])

@@ -36,27 +36,25 @@ def test_block_four_alone_is_the_replay_at_rest():
     track = replay(a.log, Options(fusion=False, **GATE_ALONE)).columns
     still = np.flatnonzero(track["moving"] == 0)
     assert (np.diff(still) == 1).all()
-    t, raw, out = a.gnss.t_s[still], a.fix_error()[:, still], a.output_error(track)[:, still]
-    device = evaluate.stationary_period(t, raw, out, track["layer"][still])
-    alone = evaluate.stationary_periods(t, raw[:, :, None]).iloc[0]
+    raw, out = a.fix_error()[:, still], a.output_error(track)[:, still]
+    device = evaluate.stationary_period(raw, out, track["layer"][still])
+    alone = evaluate.stationary_periods(raw[:, :, None]).iloc[0]
     for name, value in device.items():  # metres, seconds and ratios to a millimetre
         assert alone[name] == pytest.approx(value, abs=2e-3, nan_ok=True), name
 
 
 def test_a_stationary_period_is_judged_by_hand():
     """analytic: a filter that halves every position, and holds it every other second."""
-    t = np.arange(100.0)
     raw = np.array([np.linspace(0.0, 10.0, 100), np.full(100, 1e-6)])
     out = raw / 2
     out[0, 1::2] = out[0, ::2]
     layer = np.repeat([0, 1, 2, 3], 25)
-    found = evaluate.stationary_period(t, raw, out, layer)
+    found = evaluate.stationary_period(raw, out, layer)
     for name in ("standard deviation", "mean north error", "largest error once layer 1 is full"):
         assert found[name] == pytest.approx(0.5, abs=0.01)  # the held half second
     assert found["circle"] == pytest.approx(9.5, abs=0.01)
     assert (found["leaves"], found["raw_exits"], found["out_exits"]) == (0.0, 1, 0)
-    assert found["hold_s"] == 2.0
-    assert evaluate.stationary_period(t, raw, 2 * raw, layer)["leaves"] == 1.0
+    assert evaluate.stationary_period(raw, 2 * raw, layer)["leaves"] == 1.0
 
 
 def test_outages_are_scored_by_the_fixes_that_they_took():
@@ -84,14 +82,10 @@ def test_outages_are_scored_by_the_fixes_that_they_took():
     assert turned["in_ellipse"] == pytest.approx(1 - outside.mean())
 
 
-def test_exits_and_holds():
+def test_exits():
     """analytic: counted by hand."""
     assert evaluate.exits([0, 2, 2, 0, 2, 0], 1.0) == 2
     assert evaluate.exits([2, 2, 0], 1.0) == 1
-    t = np.arange(6.0)
-    x = np.array([0, 0, 1, 1, 1, 1.0])
-    assert evaluate.longest_hold(t, x, 0 * x) == 3.0
-    assert evaluate.longest_hold(t, 0 * x) == 5.0
 
 
 def test_ratio_interval_covers():
@@ -123,31 +117,30 @@ def test_real_logs_at_rest_stay_in_their_circle():
     there = float(g.lat_deg.mean()), float(g.lon_deg.mean()), 0.0
     pairs = ((g.lat_deg, g.lon_deg), (found["out_lat_deg"], found["out_lon_deg"]))
     raw, out = (np.array(pymap3d.geodetic2ned(*p, 0.0, *there)[:2]) for p in pairs)
-    periods = [(g.t_s, raw, out, found["layer"])]
+    periods = [(raw, out, found["layer"])]
     phone = store.read("tracker-parked")[1]["stand"]
     raw, out = (phone[[f"{k}_north_m", f"{k}_east_m"]].to_numpy().T for k in ("raw", "out"))
-    periods.append((phone["t_s"].to_numpy(), raw, out, phone["layer"].to_numpy()))
-    for t, raw, out, layer in periods:
+    periods.append((raw, out, phone["layer"].to_numpy()))
+    for raw, out, layer in periods:
         assert (layer >= 1).sum() > 600
-        assert evaluate.stationary_period(t, raw, out, layer)["leaves"] == 0.0
+        assert evaluate.stationary_period(raw, out, layer)["leaves"] == 0.0
 
 
 @pytest.mark.parametrize(("lengths", "most"), [(LowPass.lengths, 0.0), ((10, 10, 10), 0.4)])
 def test_a_published_drift_stays_in_the_circle_if_the_second_layer_lasts(lengths, most):
     """property: 200 periods of 90 min: no output leaves; with a second layer of 100 s, some do."""
-    found = evaluate.stationary_periods(*evaluate.courtyard_errors(9, 200), lengths, circle_m=0.0)
+    found = evaluate.stationary_periods(evaluate.courtyard_errors(9, 200), lengths, circle_m=0.0)
     assert most / 4 <= found["leaves"].mean() <= most
     assert (found["leaves_model"] == 1.0).all()  # every output is outside a circle without a radius
 
 
 def test_devices_draw_from_their_own_streams():
     """property: a device's errors do not depend on how many there are; they are scenario A's."""
-    t, three = evaluate.courtyard_errors(6, 3, minutes=2)
-    np.testing.assert_array_equal(evaluate.courtyard_errors(6, 2, minutes=2)[1], three[:, :, :2])
+    three = evaluate.courtyard_errors(6, 3, minutes=2)
+    np.testing.assert_array_equal(evaluate.courtyard_errors(6, 2, minutes=2), three[:, :, :2])
     stream = np.random.SeedSequence(6).spawn(1)[0]
     a = scenarios.scenario("A", np.random.default_rng(stream), imu_rate=1.0, minutes=2)
     np.testing.assert_array_equal(a.fix_error(), three[:, :, 0])
-    np.testing.assert_array_equal(a.log.gnss.t_s, t)
 
 
 @pytest.fixture(scope="module")

@@ -81,14 +81,11 @@ def outage_errors(
     return rows
 
 
-def stationary_period(
-    t_s: np.ndarray, raw: np.ndarray, out: np.ndarray, layer: np.ndarray
-) -> dict[str, float]:
+def stationary_period(raw: np.ndarray, out: np.ndarray, layer: np.ndarray) -> dict[str, float]:
     """Judge block 4 on a stationary period, positions counted from the true one.
 
     Parameters
     ----------
-    t_s : ndarray, shape (n,)
     raw, out : ndarray, shape (2, n)
         North and east of the fixes and of the output, m.
     layer : ndarray of int, shape (n,)
@@ -102,8 +99,7 @@ def stationary_period(
         of GPS`` (of the raw positions).
         ``circle``: the radius about the true position that holds 95 % of the raw ones, m;
         ``leaves``: 1 if an output lies outside once the second layer is full, ``leaves_ever`` from
-        the start on; exits from that circle, ``raw_exits`` and ``out_exits``; ``hold_s``: longest
-        time without a change.
+        the start on; exits from that circle, ``raw_exits`` and ``out_exits``.
     """
     far, off = np.hypot(*raw), np.hypot(*out)
     averaged = layer >= 1 if (layer >= 1).any() else np.ones(len(layer), dtype=bool)
@@ -127,11 +123,10 @@ def stationary_period(
         "leaves_ever": float((off > circle).any()),
         "raw_exits": exits(far, circle),
         "out_exits": exits(off, circle),
-        "hold_s": longest_hold(t_s, *out),
     }
 
 
-def courtyard_errors(seed: int, count: int, **settings: Any) -> tuple[np.ndarray, np.ndarray]:
+def courtyard_errors(seed: int, count: int, **settings: Any) -> np.ndarray:
     """Draw the position errors of stationary periods: scenario A, one a device.
 
     Parameters
@@ -143,26 +138,22 @@ def courtyard_errors(seed: int, count: int, **settings: Any) -> tuple[np.ndarray
 
     Returns
     -------
-    t_s : ndarray, shape (n,)
-    raw : ndarray, shape (2, n, count)
-        Errors north and east, m.
+    ndarray, shape (2, n, count)
+        Errors north and east, m, each second.
     """
     rngs = np.random.default_rng(seed).spawn(count)
     drawn = [scenario("A", rng, imu_rate=1.0, **settings) for rng in rngs]
-    return drawn[0].gnss.t_s, np.stack([a.fix_error() for a in drawn], axis=-1)
+    return np.stack([a.fix_error() for a in drawn], axis=-1)
 
 
 def stationary_periods(
-    t_s: np.ndarray,
-    raw: np.ndarray,
-    lengths: tuple[int, ...] = LowPass.lengths,
-    circle_m: float = np.inf,
+    raw: np.ndarray, lengths: tuple[int, ...] = LowPass.lengths, circle_m: float = np.inf
 ) -> pd.DataFrame:
     """Drive block 4 alone over many stationary periods, and judge each.
 
     Parameters
     ----------
-    t_s, raw : ndarray
+    raw : ndarray, shape (2, n, count)
         As `courtyard_errors` returns them.
     lengths : tuple of int
     circle_m : float
@@ -179,7 +170,7 @@ def stationary_periods(
     layer, rows = np.array(layers), []
     for before, after in zip(np.moveaxis(raw, 2, 0), np.transpose(out, (2, 1, 0)), strict=True):
         leaves = float((np.hypot(*after)[layer >= 2] > circle_m).any())
-        rows.append(stationary_period(t_s, before, after, layer) | {"leaves_model": leaves})
+        rows.append(stationary_period(before, after, layer) | {"leaves_model": leaves})
     return pd.DataFrame(rows)
 
 
@@ -197,23 +188,6 @@ def exits(radius, fence):
     """
     outside = (np.asarray(radius) > fence).astype(int)
     return int((np.diff(outside, prepend=0) == 1).sum())
-
-
-def longest_hold(t_s, *axes):
-    """Find the longest time without a change of any axis, s.
-
-    Parameters
-    ----------
-    t_s : ndarray, shape (n,)
-    *axes : ndarray, shape (n,)
-
-    Returns
-    -------
-    float
-    """
-    changed = np.any([np.diff(axis) != 0 for axis in axes], axis=0)
-    edges = np.concatenate([[t_s[0]], t_s[1:][changed], [t_s[-1]]])
-    return float(np.diff(edges).max())
 
 
 def ratio_interval(

@@ -101,6 +101,7 @@ class PowerOns:
             error += away[:, None] * np.exp(-t / rng.choice(self.settling_s))
         if rng.random() < self.poor_share:
             poor = (t >= (start := rng.integers(40, n - 30))) & (t < start + self.poor_s)
+            poor &= mode == 3.0
             scale = self.poor_m / self.solid_m
             pdop[poor], error[:, poor] = 11.0 + rng.exponential(10.0), scale * error[:, poor]
         lat, lon = degrees(*error)
