@@ -62,7 +62,8 @@ def test_a_figure_that_redraws_a_paper(capsys):
     assert kind == "misc" and fields["year"] == "2026"
     assert r"95 \%" in fields["note"] and r"R\_0" in fields["note"] and r"B \& N" in fields["note"]
     kind, fields = found["terrain-paper"]
-    assert (kind, fields["author"], fields["year"]) == ("misc", "Jerath and Brennan", "2011")
+    author = "Jerath, K. and Brennan, S. N."
+    assert (kind, fields["author"], fields["year"]) == ("inproceedings", author, "2011")
 
 
 @pytest.mark.usefixtures("drawn")
