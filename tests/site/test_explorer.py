@@ -198,7 +198,7 @@ def test_parts_that_qualify(gyro):
         store.read("atlas").tables["atlas"],
     )
     limit = float(f"{plane.of(Sensor(0.005, 30 / 3600))[0]:.2g}")
-    rows = atlas.query("kind == 'rate'").assign(part=atlas["sensor"].str.split("-").str[0])
+    rows = atlas.query(explorer.RATES).assign(part=atlas["sensor"].str.split("-").str[0])
     rows["error"] = [
         plane.of(Sensor(r.n, r.b if r.b == r.b else r.b_high))[0] for r in rows.itertuples()
     ]
