@@ -172,10 +172,10 @@ def counted() -> text.Shown:
     return text.Shown(
         f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
         f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a condition;"
-        f" {differ} are not, {n[NOT_REPRODUCED]} without a condition; of {n[UNDECIDABLE]}, the data"
-        f" at hand or logs of the papers' length cannot tell; {n[NOT_TESTABLE]} need logs that are"
-        f" not at hand;"
-        f" {n[BY_CONSTRUCTION]} could not have come out otherwise and are no evidence{waiting}."
+        f" {differ} are not, {n[NOT_REPRODUCED]} without a condition; for {n[UNDECIDABLE]} the data"
+        f" at hand, or logs as long as the papers', cannot tell; {n[NOT_TESTABLE]} need data that"
+        f" are not at hand; {n[BY_CONSTRUCTION]} could not have come out otherwise and are no"
+        f" evidence{waiting}."
         f"{twice * bool(len(ways))}"
     )
 

@@ -284,8 +284,9 @@ def starts_of_a_drive(gnss: Gnss, every_s: float) -> pd.DataFrame:
     for start in np.arange(gnss.t_s[0], gnss.t_s[-1] - 60.0, every_s):
         k = int(np.searchsorted(gnss.t_s, start))
         found = {name: begin(gnss, off, None, k, **kinds) for name, kinds in CRITERIA.items()}
-        later = np.searchsorted(gnss.t_s, start + np.nan_to_num(found[[*found][-1]]["wait_s"]))
-        found[AFTER] = begin(gnss, off, None, int(later), **GATE_ALONE)
+        first = k + int(np.argmax(gnss.has_fix[k:]))  # from which waits are counted
+        later = gnss.t_s[first] + np.nan_to_num(found[[*found][-1]]["wait_s"])
+        found[AFTER] = begin(gnss, off, None, int(np.searchsorted(gnss.t_s, later)), **GATE_ALONE)
         if all(row["off_m"] == row["off_m"] for row in found.values()):
             rows += [{"t_s": start, "criteria": name} | row for name, row in found.items()]
     return pd.DataFrame(rows).drop(columns=["flagged", "refused_m"])

@@ -164,8 +164,11 @@ def form_faults(path):
             path.stem not in READ_AS_PAPERS or statistics.median(lengths) <= 6
         ),
         "a cell with the tag figure, and no other, has jupyter.source_hidden": hidden == folded,
-        "no table shows nan, None or a repr": not any(
-            re.search(r"\| (nan|None|NaT|<\w+|\w+\(.*=.*\)) \|", o.data.get("text/markdown", ""))
+        "no output shows nan, None or a repr": not any(
+            re.search(
+                r"\| (NaT|<\w+|\w+\(.*=.*\)) \||\bnan\b|\bNone\b|array\(|\[\[?[\d.e+-]+[ ,]",
+                o.data.get("text/markdown", ""),
+            )
             for o in outputs
             if "data" in o
         ),

@@ -21,7 +21,7 @@ VERTICAL = 1.5  # ratio of vertical to horizontal deviation, VDOP to HDOP (assum
 # over 27 to 74 s, and 3 m in each of the three that agree best (notebook 14). What all receivers
 # share, of orbits, clocks and air, is a textbook's (Beard and McLain, Small Unmanned Aircraft,
 # 2012, Table 7.1, after Rankin, 1994): each second e^(-1/1100) of the last and 0.21 m of new noise;
-# and so is the white noise. No log at hand is long enough to measure these.
+# and so is the white noise. No log at hand is long enough for such a drift.
 OWN = (3.0, 40.0)
 SHARED = (0.21 / np.sqrt(1 - np.exp(-2 / 1100)), 1100.0)
 DRIFTS, WHITE, AT_PDOP = (OWN, SHARED), 0.4, 2.5
@@ -31,12 +31,7 @@ FEWEST = 20.0  # independent positions below which the median radius has no 95 %
 
 
 def simulate_fixes(
-    radius: float,
-    n: int,
-    dt: float,
-    rng: np.random.Generator,
-    *,
-    differential: bool = False,
+    radius: float, n: int, dt: float, rng: np.random.Generator, *, differential: bool = False
 ) -> dict[str, np.ndarray]:
     """Simulate a receiver at rest: Gaussian errors that drift, and five outliers.
 

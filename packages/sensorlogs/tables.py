@@ -93,7 +93,7 @@ def reading(path: Path, title: str, instead: str = "copy it again") -> Iterator[
 def _raiser(error: Exception) -> str:
     """Name the library that an error comes from, with its version."""
     homes = metadata.packages_distributions()
-    for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
+    for frame, _ in traceback.walk_tb(error.__traceback__):
         package = frame.f_globals.get("__name__", "").partition(".")[0]
         if package in homes and package != __package__:
             return f"{homes[package][0]} {metadata.version(homes[package][0])}"

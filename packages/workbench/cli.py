@@ -25,8 +25,7 @@ from analysis import ROOT, CannotAnswer, WrongUsage
 FLAGS = tomllib.loads(Path(__file__).with_name("flags.toml").read_text(encoding="utf-8"))
 TYPES = {"number": float, "count": int, "text": str, "switch": bool}
 WIDTH = 100  # of a line on the terminal
-WRAPPED = {"subsequent_indent": "    ", "replace_whitespace": False, "drop_whitespace": True}
-WRAPPED |= {"break_long_words": False, "break_on_hyphens": False}
+WRAPPED = {"subsequent_indent": "    ", "break_long_words": False, "break_on_hyphens": False}
 RESUMABLE = ("reproduce", "coverage", "readings", "data")  # they keep each piece that is finished
 
 

@@ -459,8 +459,9 @@ def road(model, atlas):
             continue
         tuned = axes[name]["R tuned"]
         own.append((tuned.value or tuned.high or np.inf, name, None, axes[name]))
-    sheets = atlas.query("basis == 'datasheet' and kind == 'rate'").dropna(subset="b")
-    for part in sheets.to_dict("records"):
+    for part in atlas.query("basis == 'datasheet' and kind == 'rate' and b == b").to_dict(
+        "records"
+    ):
         sensor = Sensor(part["n"], part["b"])
         errors = {tracker: plane.of(sensor)[0] for tracker, plane in planes.items()}
         rows.append((errors["R tuned"], part["name"], (part["low_usd"], part["high_usd"]), errors))
