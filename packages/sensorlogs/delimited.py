@@ -212,13 +212,11 @@ def _is_header(fields: list[str], decimal: str) -> bool:
 
 
 def _titles(rows: list[list[str]], decimal: str) -> int:
-    """Count the short lines above the header, or above the rows of a device that talks first."""
+    """Count the short lines above the header, or above rows that begin with a known label."""
     filled = [sum(bool(field.strip()) for field in row) for row in rows]
     least = max(2, min(multimode(filled)) // 2 + 1)
     first = next((k for k, count in enumerate(filled) if count >= least), 0)
-    talk = [row[0] for row in rows[:first] if len(row) == 1 and _is_word(row[0], decimal)]
-    talks = len(talk) == first and any(" " in line.strip() for line in talk)
-    return first if talks or _is_header(rows[first], decimal) else 0
+    return first if rows[first][0].strip() in LABELLED or _is_header(rows[first], decimal) else 0
 
 
 def _is_text(rows: list[list[str]], column: int, decimal: str) -> bool:
