@@ -5,20 +5,23 @@ are lost has an interval from drawing laps and gyro noise again: every lap sees 
 """
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
 
 from analysis import resampling, store, terrain, terrain_data
 from analysis.terrain import Sensor, Setup
-from analysis.terrain.monte_carlo import LOST_M
+from analysis.terrain.monte_carlo import LOST_M, Laps, attitude_errors, follow, map_errors
+from analysis.terrain.real_laps import resample_lap
 from studies import seed
 
 SEED, DRAWS = seed(2011), 100  # of the gyro's noise and of the first position
 WATCHED = 20  # draws with which the laps are watched for a wrong place
 SENSORS = {"tactical": Sensor(0.001, 0.0001), "MEMS": Sensor(0.01, 0.01)}  # terrain paper
 ASSUMED = (0.5, 1.0, 2.0, 4.0)  # sqrt(R) over the scatter of the map
-RESAMPLES = 4000
+RESAMPLES, AGAIN = 4000, 400  # of shares, of quantiles
+MOMENTS = 300  # of a lap, in quantiles of its error
 
 
 def runs():
@@ -36,7 +39,8 @@ def runs():
         gyro, and the share of runs lost by filters without and with bias states; more_low,
         more_high, the interval of the difference. ``alarms``: disturbance, laps (watched), alarms
         and found (share of the laps with one), worst_m (largest error at the end where a place was
-        taken).
+        taken). ``causes``: whether map error and wheels are a lap's own or as simulations assume
+        them, and reach_m of the MEMS gyro with four states, reach_low, reach_high (95 %).
     """
     setup = Setup.reference(terrain_data.profile("ccw").length_m)
     real = {name: terrain_data.lap_and_map(name) for name in terrain_data.laps()}
@@ -70,6 +74,7 @@ def runs():
     tables = {"filters": pd.DataFrame(filters), "laps": pd.DataFrame(rows)}
     tables["stability"] = _stability(real, setup, same, rng)
     tables["alarms"] = _alarms(real, errors, slower)
+    tables["causes"] = _causes(real, errors, slower, rng)
     source = {
         "title": "Real laps of the test track with simulated gyros",
         "seed": SEED,
@@ -80,11 +85,11 @@ def runs():
     return source, {name: store.rounded(table, 4) for name, table in tables.items()}
 
 
-def _interval(lost, rng):
-    """95 % interval of a share, laps and draws (rows and columns) drawn again."""
-    laps, draws = (resampling.drawn(n, RESAMPLES, rng) for n in lost.shape)
+def _interval(of, rng, measure=np.mean, resamples=None):
+    """95 % interval of a measure, laps and draws (rows and columns) drawn again."""
+    laps, draws = (resampling.drawn(n, resamples or RESAMPLES, rng) for n in of.shape[:2])
     return resampling.interval(
-        np.array([lost[np.ix_(a, b)].mean() for a, b in zip(laps, draws, strict=True)])
+        np.array([measure(of[np.ix_(a, b)]) for a, b in zip(laps, draws, strict=True)])
     )
 
 
@@ -124,3 +129,36 @@ def _alarms(real, errors, slower):
     groups = named.groupby("disturbance", sort=False)
     means = groups[["alarms", "found"]].mean().assign(laps=groups.size())
     return means.assign(worst_m=groups["worst_m"].max()).reset_index()
+
+
+def _causes(real, errors, slower, rng):
+    """Replace each lap's map error, its wheels, or both by what simulations assume of them."""
+    streams = np.random.SeedSequence(SEED).spawn(DRAWS)
+    first = np.array([np.random.default_rng(s).standard_normal() for s in streams])
+    found: dict[tuple[str, str], list[Laps]] = {}
+    for k, (name, (lap, profile)) in enumerate(real.items()):
+        road, size = profile.attitude_map(), profile.laps.mean()
+        truth, wheels, own = resample_lap(lap, slower.rate_hz)
+        begin = truth[0] + slower.begin_sd * first
+        draw = np.random.default_rng([SEED, k]).standard_normal
+        steps = np.diff(truth, prepend=truth[0])[:, None]
+        drawn = replace(slower, drawn_map_error=errors[name].components(size))
+        drawn = road.at(truth)[..., None] + map_errors(drawn, own.shape, streams)
+        attitudes = {"own": own, "assumed": np.where(np.isnan(own)[..., None], np.nan, drawn)}
+        odometers = {"own": wheels, "assumed": steps * (1 + slower.odometry_scale * draw(DRAWS))}
+        walk = slower.odometry_walk * np.sqrt(np.abs(steps))
+        odometers["assumed"] += walk * draw((len(truth), DRAWS))
+        paths = attitude_errors(slower, 1, streams, len(truth))
+        given = {"MEMS": SENSORS["MEMS"]}, errors[name].setup(slower, size)
+        for map_error, wheel in product(attitudes, odometers):
+            seen = attitudes[map_error], begin, odometers[wheel], paths
+            laps = follow(road, truth, *seen, *given)
+            found.setdefault((map_error, wheel), []).append(laps)
+    rows = []
+    for (map_error, wheel), laps in found.items():
+        crossed = Laps.crossed_of(laps, MOMENTS).errors("MEMS")
+        error = np.abs(crossed).reshape(len(laps), DRAWS, -1)
+        low, high = _interval(error, rng, lambda of: np.quantile(of, 0.95), AGAIN)
+        row = {"map_error": map_error, "wheels": wheel, "reach_m": np.quantile(error, 0.95)}
+        rows.append(row | {"reach_low": low, "reach_high": high})
+    return pd.DataFrame(rows)

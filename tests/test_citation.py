@@ -19,7 +19,7 @@ from analysis import ROOT, figures, provenance
 from workbench import citation
 from workbench.cli import main
 
-FIG9, OWN = "22-fig9-variance-vs-n", "10-adis16405-gyro-x"
+FIG9, OWN = "22-fig9-fig11-variance", "10-adis16405-gyro-x"
 CAPTION = "Variance of the error (95 % bands), B & N in °/√s, R_0 as printed."
 ADIS = {"adis16405": "1eb09074beabd7cfc15b402cb8043b5302f6e4edfd9e4ebfbf8117436f8b9fa9"}
 

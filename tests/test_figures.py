@@ -123,7 +123,9 @@ def test_provenance_is_in_all_three(saved):
 def test_paper_and_licence_come_from_the_registers():
     """Published: Fig 9 is redrawn by one figure, Table I by another; a log keeps its licence."""
     for name, papers in {
-        "22-fig9-variance-vs-n": ["terrain paper (Jerath and Brennan, 2011), Fig 9"],
+        "22-fig9-fig11-variance": [
+            f"terrain paper (Jerath and Brennan, 2011), Fig {k}" for k in (9, 11)
+        ],
         "11-unified-table": ["comparison paper (Elkaim, Lizarraga and Pedersen, 2008), Table I"],
         "32-error": ["tracker paper, Fig 4"],
         "13-hours": [],

@@ -3,6 +3,7 @@
 import math
 import re
 
+import nbformat
 import numpy as np
 import pandas as pd
 import pytest
@@ -126,6 +127,25 @@ def test_what_is_judged_could_have_failed():
     why = why[~why.str.startswith(("by construction: ", "not testable: "))]
     assert len(why) > 40
     assert why.index[~why.str.contains("; fails if ")].tolist() == []
+
+
+def test_a_verdict_named_in_markdown_is_one_of_its_notebook():
+    """Property: no notebook says "not reproduced" where its ledger says so of no claim."""
+    verdicts = pd.read_csv(ROOT / "figures" / "claims.csv")
+    given = verdicts[["verdict", "as_the_paper_did", "as_a_car_does"]].fillna("").sum(axis=1)
+    given = given.groupby(verdicts["notebook"]).sum()
+    kinds = re.compile("not reproduced|reproduced|undecidable|not testable|by construction")
+    named = 0
+    for path in sorted((ROOT / "notebooks").glob("[1-9]*.ipynb")):
+        cells = nbformat.read(path, 4)["cells"]
+        text = "\n".join(c["source"] for c in cells if c["cell_type"] == "markdown")
+        said = set(kinds.findall(text))
+        assert said <= set(kinds.findall(given.get(path.stem, ""))), path.stem
+        named += len(said)
+    assert named >= 5
+    held, not_held = (verdicts["verdict"].str.startswith(k).sum() for k in ("rep", "not rep"))
+    many = verdicts["verdict"].str.startswith("reproduced if").sum()
+    assert held > not_held and many > held / 3  # as the title of the index says
 
 
 def test_coverage_has_every_figure_and_table():

@@ -560,7 +560,7 @@ def cite(figure=None, crate=None):
     """Print how to cite a figure, as text and as BibTeX.
 
     \b
-    python -m analysis cite 22-fig9-variance-vs-n     the figure, and the paper that it redraws
+    python -m analysis cite 22-fig9-fig11-variance     the figure, and the paper that it redraws
     python -m analysis cite figures/13-hours.pdf      the same by a file
     python -m analysis cite                           the compendium and its three papers
     python -m analysis cite --crate dist              dist/ro-crate-metadata.json, for an archive
