@@ -20,7 +20,8 @@ from sensorlogs.timeline import Gnss, Imu, Timeline
 
 WINDOW_S = 2.0  # s that the statistics of rest look back
 FASTEST_STOP = 3.0  # m/s, above which an outage begins, once the mounting angle is known
-AFTER = "the paper's gate, after the wait of all"
+AFTER_S = 5.0  # from the first fix, as long as criteria wait for fixes to agree where all is well
+AFTER = f"the paper's gate, {AFTER_S:g} s later"
 BLOCK = 20  # epochs of a block of its bootstrap: longer than what rider and road correlate
 LATER_S, GOOD_PDOP = (5.0, 15.0), 4.0  # fixes that tell where the receiver was some seconds before
 
@@ -278,15 +279,15 @@ def starts_of_a_drive(gnss: Gnss, every_s: float) -> pd.DataFrame:
     -------
     pandas.DataFrame
         A row for each start that can be judged and set of criteria: ``t_s``, ``criteria``,
-        ``wait_s``, ``off_m`` (by later fixes); and for the paper's gate after the wait of all.
+        ``wait_s``, ``off_m`` (by later fixes); and for the paper's gate, asked `AFTER_S` later.
     """
     off, rows = errors_by_later_fixes(gnss), []
     for start in np.arange(gnss.t_s[0], gnss.t_s[-1] - 60.0, every_s):
         k = int(np.searchsorted(gnss.t_s, start))
         found = {name: begin(gnss, off, None, k, **kinds) for name, kinds in CRITERIA.items()}
         first = k + int(np.argmax(gnss.has_fix[k:]))  # from which waits are counted
-        later = gnss.t_s[first] + np.nan_to_num(found[[*found][-1]]["wait_s"])
-        found[AFTER] = begin(gnss, off, None, int(np.searchsorted(gnss.t_s, later)), **GATE_ALONE)
+        later = int(np.searchsorted(gnss.t_s, gnss.t_s[first] + AFTER_S))
+        found[AFTER] = begin(gnss, off, None, later, **GATE_ALONE)
         if all(row["off_m"] == row["off_m"] for row in found.values()):
             rows += [{"t_s": start, "criteria": name} | row for name, row in found.items()]
     return pd.DataFrame(rows).drop(columns=["flagged", "refused_m"])

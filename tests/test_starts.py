@@ -79,5 +79,5 @@ def test_a_drive_has_many_starts():
     alone, every = table.loc[names[0]], table.loc[names[-1]]
     assert alone.loc[60.0, "off_m"] == pytest.approx(40.0, abs=0.1)
     assert every.loc[60.0, "off_m"] < 0.1 and every.loc[60.0, "wait_s"] == 6.0
-    assert (table.loc[drives.AFTER, "off_m"] < 0.1).all()  # the fix that comes after as long a wait
+    assert (table.loc[drives.AFTER, "off_m"] < 0.1).all()  # whatever was at the first fix
     assert (alone["wait_s"] == 0).all() and (every["wait_s"].drop(60.0) == 5.0).all()
