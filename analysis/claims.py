@@ -167,7 +167,8 @@ def counted() -> text.Shown:
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
         f" {len(ways)} claims on tracking are judged twice: {paper} are reproduced as the paper"
-        f" most likely did, {car} as a car does."
+        f" most likely did, in an interpretation chosen because many hold in it; {car} as a car"
+        " does."
     )
     return text.Shown(
         f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
