@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis import DATA, WrongUsage, static_logs
-from analysis.terrain.assumptions import Sensor
+from analysis import DATA, WrongUsage
 
 __all__ = ["gyros"]
 
 MEASURED = {"adis16405": "adis16405", "mpu6050": "mpu6050-gyro"}  # product -> its static log
 PITCH_GYRO = "gyro_y"
+OF_LOG = " measured"  # ending of the label of a product by its log
 
 
 def read(path: Path = DATA / "sensors.toml") -> dict[str, dict]:
@@ -64,10 +64,13 @@ def gyros() -> pd.DataFrame:
         their ``basis`` is *measured*, their label ends in " measured", and ``bound`` tells where
         the log only bounds B.
     """
+    from analysis import static_logs  # here: `sheets` appears at once without them
+    from analysis.terrain.assumptions import Sensor
+
     table = sheets().dropna(subset="bias")
     measured = table.loc[[*MEASURED]].assign(basis="measured", table_3=np.nan)
     for key, log in MEASURED.items():
         sensor, bound = Sensor.from_model(static_logs.stored.read_model(log), PITCH_GYRO)
         measured.loc[key, ["arw", "bias", "bound"]] = sensor.arw, sensor.sigma_b, bound
     measured["source"] = [f"data/derived/{log}" for log in MEASURED.values()]
-    return pd.concat([measured.rename(index="{} measured".format), table])
+    return pd.concat([measured.rename(index=f"{{}}{OF_LOG}".format), table])

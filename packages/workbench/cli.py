@@ -252,11 +252,15 @@ def channels(log):
     The last column says what each kind and unit were told by: the name, a unit in the header, the
     message definition, or the numbers. `report` takes a table with --table, columns with --columns.
     """
-    from sensorlogs.catalogue import find
-    from sensorlogs.formats import contents
+    from tqdm import tqdm
 
-    _, stanza, path = find(log)
-    listing, errors = contents(path, stanza.get("format"))
+    with tqdm(total=2, desc="reading", unit="step", leave=False, disable=None) as bar:
+        from sensorlogs.catalogue import find  # which takes as long as a small log
+        from sensorlogs.formats import contents
+
+        bar.update()
+        _, stanza, path = find(log)
+        listing, errors = contents(path, stanza.get("format"))
     for title, columns in listing:
         print(title)
         for name, kind, unit, told_by in columns:

@@ -8,8 +8,7 @@ import math
 
 import numpy as np
 
-from analysis import Estimate, WrongUsage, datasheets, store, terrain_data
-from analysis.terrain.assumptions import Sensor
+from analysis import Estimate, WrongUsage, datasheets, store
 
 FILTERS = {False: "bias states", True: "R tuned"}  # by --two-states
 MAPS = {False: "measured map error", True: "exact map"}  # by --exact-map
@@ -42,17 +41,16 @@ def answer(wanted: float, *, two_states: bool = False, exact_map: bool = False) 
     if not (math.isfinite(wanted) and wanted > 0):
         raise WrongUsage(f"--error {wanted:g}: a tracking error in metres, above 0")
     tracker, on = FILTERS[two_states], MAPS[exact_map]
-    design = store.read("inverse-design").tables["parts"]
-    design = design.query("tracker == @tracker and map == @on and start == 'stationary'")
-    gyros, rows = datasheets.gyros(), []
-    for of in design.itertuples():
-        gyro = gyros.loc[of.part]
-        error = Estimate(of.error_m, of.error_low_m, of.error_high_m, "m")
+    case = f"tracker == {tracker!r} and map == {on!r} and start == 'stationary'"
+    design = {k: of.query(case) for k, of in store.read("inverse-design").tables.items()}
+    sheets, rows = datasheets.sheets(), []
+    for of in design["parts"].itertuples():
+        gyro, error = sheets.loc[of.part.removesuffix(datasheets.OF_LOG)], _error(of)
         enough = True if of.error_high_m <= wanted else False if of.error_low_m > wanted else None
         priced = np.isfinite(gyro["low"])
         rows.append(
             {
-                "name": gyro["name"] + (" (log)" if gyro["basis"] == "measured" else ""),
+                "name": gyro["name"] + " (log)" * of.part.endswith(datasheets.OF_LOG),
                 "price": (gyro["low"], gyro["high"]) if priced else None,
                 "year": gyro["price_year"] if priced else None,
                 "source": gyro["price_source"] if priced else None,
@@ -64,8 +62,13 @@ def answer(wanted: float, *, two_states: bool = False, exact_map: bool = False) 
         )
     order = list(ANSWERS.values())
     rows.sort(key=lambda row: (order.index(row["answer"]), *(row["price"] or (np.inf, np.inf))))
-    plane = terrain_data.error_plane(tracker, on=on)
-    limit = plane.estimate(Sensor(0.0, 0.0))
+    best = design["plane"].sort_values(["arw_deg_sqrt_s", "sigma_b_deg_s"]).iloc[0]
     laps = store.read("real-laps").tables["filters"].query("filter == 'four states'")
-    found = {"wanted": wanted, "two_states": two_states, "exact_map": exact_map, "limit": limit}
+    found = {"wanted": wanted, "two_states": two_states, "exact_map": exact_map}
+    found |= {"limit": _error(best)}
     return found | {"real": laps.set_index("gyro")["reach_m"].to_dict(), "rows": rows}
+
+
+def _error(of):
+    """Give the error of a row of the inverse design."""
+    return Estimate(of.error_m, of.error_low_m, of.error_high_m, "m")
