@@ -27,7 +27,7 @@ help:
 	@echo "make install    make .venv and install into it; the two do so by themselves"
 	@echo "make format     format the code and the notebooks"
 	@echo "make lock       pin requirements.lock anew from pyproject.toml (needs uv)"
-	@echo "make release    dist/: the archive of this commit, with metadata (see RELEASING.md)"
+	@echo "make release    dist/: the archive of this commit (see RELEASING.md)"
 
 # uv installs in seconds where a machine has it; venv and pip do the same elsewhere.
 $(READY): requirements.lock pyproject.toml
@@ -119,9 +119,8 @@ lock:
 release: article
 	@test -z "$$(git status --porcelain)" || { echo "commit first: the archive is of HEAD"; exit 1; }
 	rm -rf dist
-	$(BIN)/python -m analysis cite --crate dist
-	git archive --prefix=$(RELEASE)/ --add-file=dist/ro-crate-metadata.json \
-		-o dist/$(RELEASE).zip HEAD
+	mkdir dist
+	git archive --prefix=$(RELEASE)/ -o dist/$(RELEASE).zip HEAD
 	cp build/article.pdf dist/$(RELEASE)-article.pdf
 	cd dist && sha256sum $(RELEASE).zip | tee $(RELEASE).zip.sha256
 

@@ -1,4 +1,4 @@
-"""Citing: text and BibTeX of a figure, CITATION.cff, RO-Crate metadata, one version everywhere."""
+"""Citing: text and BibTeX of a figure, CITATION.cff, one version everywhere."""
 
 import json
 import re
@@ -13,7 +13,6 @@ import jsonschema
 import pytest
 import yaml
 from matplotlib.figure import Figure
-from rocrate.rocrate import ROCrate
 
 from analysis import ROOT, figures, provenance
 from workbench import citation
@@ -186,30 +185,3 @@ def test_changes_are_found(tmp_path, monkeypatch):
     assert said[2] == "| reproduced | not reproduced if x | `a` |"
     assert said[4:] == ["| `b` | 1 (0.9 to 1.1) m | 2 (1.9 to 2.1) m |", *said[5:]]
     assert said[5:] == ["\nNew (1): `d`.", "\nGone (1): `c`."]
-
-
-@pytest.mark.usefixtures("drawn")
-def test_crate_is_read_back_by_another_tool(tmp_path, folder, monkeypatch, capsys):
-    """Cross-check: rocrate reads each part, and every reference leads to an entity."""
-    (tmp_path / "figures").symlink_to(folder)
-    monkeypatch.setattr(citation, "FIGURES", tmp_path / "figures")
-    monkeypatch.setattr(citation, "ROOT", tmp_path)
-    for name in ("notebooks", *citation.FOLDERS):
-        (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
-        (tmp_path / name).symlink_to(ROOT / name)
-    assert main(["cite", "--crate", str(tmp_path)]) == 0
-    first = (tmp_path / citation.CRATE).read_bytes()
-    assert citation.crate(tmp_path).read_bytes() == first
-    graph = json.loads(first)["@graph"]
-    crate = ROCrate(tmp_path)
-    assert {e.id for e in crate.get_entities()} == {e["@id"] for e in graph}
-    assert crate.root_dataset["license"].id.endswith("/MIT")
-    assert len(crate.root_dataset["citation"]) == 3
-    png = crate.dereference(f"figures/{FIG9}.png")
-    assert (png["description"], png["isBasedOn"][0].id) == (CAPTION, "#terrain-paper")
-    assert crate.dereference(f"figures/{OWN}.csv")["license"].startswith("CC BY-NC-SA")
-    for entity in graph:
-        if "File" in entity["@type"] or entity["@type"] == "Dataset":
-            assert (tmp_path / entity["@id"]).exists(), entity["@id"]
-    assert main(["cite", FIG9, "--crate", str(tmp_path)]) == 2
-    assert "leave the figure out" in capsys.readouterr().err

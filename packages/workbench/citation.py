@@ -1,4 +1,4 @@
-"""How to cite a figure, and what is in this compendium, for archives (RO-Crate).
+"""How to cite a figure, or the compendium.
 
 Everything is taken from CITATION.cff and from what the figures say of themselves.
 """
@@ -10,18 +10,10 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from analysis import FIGURES, ROOT, WrongUsage, provenance, replacing
+from analysis import FIGURES, ROOT, WrongUsage, provenance
 from workbench import pages
 
 TYPES = {"conference-paper": "inproceedings"}  # of CITATION.cff -> of BibTeX, where not misc
-CRATE = "ro-crate-metadata.json"
-FOLDERS = {
-    "analysis/": "the package behind the notebooks",
-    "data/derived/": "computed from the raw logs, each with source, licence and sha256",
-    "data/published/": "numbers copied from the papers",
-    "data/raw/": "raw logs whose licence lets them in",
-    "tests/": "against closed forms, other packages and the papers",
-}
 
 
 def cite(figure: str | None = None) -> str:
@@ -90,38 +82,6 @@ def _paper(paper):
         "kind": TYPES.get(paper["type"], "misc"),
         "key": paper["abbreviation"].replace(" ", "-"),
     }
-
-
-def crate(folder: str | Path) -> Path:
-    """Describe this copy as a research object: notebooks, figures, data, papers, licences.
-
-    Parameters
-    ----------
-    folder : path-like
-        Where ``ro-crate-metadata.json`` is written; in an archive it belongs beside README.md.
-
-    Returns
-    -------
-    pathlib.Path
-
-    Notes
-    -----
-    RO-Crate 1.1, https://w3id.org/ro/crate/1.1
-    """
-    known, figures = provenance.citation_file(), []
-    papers = [_paper(paper) for paper in known["references"]]
-    for path in sorted(FIGURES.glob("[0-9]*.csv")):
-        head = provenance.head(path)
-        based = [p["key"] for p in papers if any(p["abbreviation"] in of for of in head["paper"])]
-        figures.append(head | {"name": path.stem, "papers": based})
-    told = {"known": known, "papers": papers, "figures": figures, "folders": FOLDERS}
-    paths = sorted((ROOT / "notebooks").glob("*.ipynb"))
-    text = pages.page(
-        "ro-crate.txt", told, crate=CRATE, notebooks={path.stem: title(path) for path in paths}
-    )
-    with replacing(Path(folder, CRATE)) as draft:
-        draft.write_text(f"{json.dumps(json.loads(text), indent=1)}\n", encoding="utf-8")
-    return Path(folder, CRATE)
 
 
 def title(path: Path) -> str:

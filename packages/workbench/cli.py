@@ -560,23 +560,20 @@ def claims(paper=None):
 
 
 @_verb
-def cite(figure=None, crate=None):
+def cite(figure=None):
     """Print how to cite a figure, as text and as BibTeX.
 
     \b
     python -m analysis cite 22-fig9-fig11-variance     the figure, and the paper that it redraws
     python -m analysis cite figures/13-hours.pdf      the same by a file
     python -m analysis cite                           the compendium and its three papers
-    python -m analysis cite --crate dist              dist/ro-crate-metadata.json, for an archive
 
     Version and commit are those of this copy; the licence is that of the logs which the figure
     shows, or the compendium's own.
     """
     from workbench import citation
 
-    if crate and figure:
-        raise WrongUsage("--crate describes the whole copy: leave the figure out")
-    print(citation.crate(crate) if crate else citation.cite(figure))
+    print(citation.cite(figure))
 
 
 @_verb
