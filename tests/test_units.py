@@ -14,7 +14,7 @@ from analysis import CannotAnswer, Estimate, store, wrap
 from analysis.noise.models import gauss_markov
 from analysis.units import clock_offset, differences, find_events, unit_variances
 from analysis.units.clock import named_offset
-from analysis.units.events import Apart, disagreements
+from analysis.units.events import disagreements
 from analysis.units.frame import Unit, local_tracks
 from analysis.units.metrics import (
     Differences,
@@ -190,15 +190,6 @@ def test_few_independent_samples_give_no_interval():
     assert root_mean_square(fast, "m").low < 1.0 < root_mean_square(fast, "m").high
 
 
-def test_of_two_that_leap_neither_is_named():
-    """property: the one that alone leaps by half of the disagreement is off; else both differ."""
-    t, size, still = np.arange(60.0), np.where(np.arange(60) == 30, 20.0, 0.1), np.zeros(60)
-    for leaps, unit in ((size, still), "a"), ((still, size), "b"), ((size, size), "a and b"):
-        (event,) = disagreements([Apart("a", "b", "position", t, size, 0.1, leaps)])
-        assert (event.unit, event.from_s) == (unit, 30.0)
-        assert ("alone" in event.note) == (unit != "a and b")
-
-
 def test_events_are_found_where_they_were_put():
     """analytic: a jump of 6 m, a hold of 8 s and a loss of 12 s; none in the drive without them."""
     rng = np.random.default_rng(4)
@@ -282,7 +273,7 @@ def test_the_largest_disagreements_are_listed():
     shown = comparison.shown([{**vars(e), "from": e.from_s} for e in found.events])
     assert len(shown) == comparison.EVENTS < len(found.events)
     assert [(e["unit"], e["kind"]) for e in shown[:5]] == [
-        *[("slow", "disagreement")] * 3,
+        *[(both, "disagreement")] * 3,
         (both, "yaw disagreement"),
         (both, "largest pitch difference"),
     ]

@@ -180,9 +180,6 @@ class Apart:
         s; m or deg, 0 or larger.
     usual : float
         Robust standard deviation (of one axis, for positions), m or deg.
-    leaps : tuple of ndarray, shape (n,)
-        By how much a, and b, leaps there as no vehicle can and the other does not, m, else 0; empty
-        where it is not known.
     """
 
     a: str
@@ -191,7 +188,6 @@ class Apart:
     t_s: np.ndarray
     size: np.ndarray
     usual: float
-    leaps: tuple[np.ndarray, ...] = ()
 
     @property
     def unit(self) -> str:
@@ -220,8 +216,7 @@ def disagreements(pairs: Sequence[Apart]) -> list[Event]:
     -------
     list of Event
         One a spell: of the unit that is too far from all others for most of it, while these agree
-        with each other; of two units, of the one that alone moves as no vehicle can; else of all
-        that differ, "a and b".
+        with each other; else of all that differ, "a and b".
     """
     found = []
     for what in dict.fromkeys(pair.what for pair in pairs):
@@ -247,13 +242,7 @@ def _spell(pairs, kind, start, stop) -> Event:
     ] or [{pair.a, pair.b}]
     units = {name for p in pairs for name in (p.a, p.b)}
     off, why = set.intersection(*apart), "; the others agree with each other"
-    if len(pairs) == 1 and pair.leaps:  # no other unit tells which of the two
-        leaps = zip((pair.a, pair.b), pair.leaps, strict=True)
-        off = {name for name, x in leaps if x[inside[0]].max() > size / 2}
-        why = "; it alone moves as no vehicle can"
-    elif len(apart) < len(units) - 1:
-        off = set()
-    if len(off) != 1:
+    if len(off) != 1 or len(apart) < len(units) - 1:
         off, why = set.union(*apart), ""
     note = f"{pair.what} of {pair.a} and {pair.b} is up to {size:.3g} {pair.unit} from their mean "
     note += f"difference, usually {pair.usual:.2g} {pair.unit}{why}"

@@ -15,13 +15,7 @@ from tqdm import tqdm
 
 from analysis import CannotAnswer, Estimate, WrongUsage, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
-from analysis.units.events import (
-    ACCELERATION,
-    Apart,
-    Event,
-    disagreements,
-    find_events,
-)
+from analysis.units.events import Apart, Event, disagreements, find_events
 from analysis.units.frame import Track, Unit, interpolated, local_tracks, rate, unwrapped
 from analysis.units.metrics import (
     ANGLES,
@@ -413,8 +407,8 @@ def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
         residual = least_squares(axes, d.enu[:, :2], np.full(4, 1e3))[2]
         off = np.hypot(*residual.T)
         # The median of two axes' distance is 1.177 standard deviations of one (Rayleigh).
-        usual, leaps = float(np.median(off)) / 1.177, _leaps(a, b, d.t_s)
-        found.append(Apart(a.name, b.name, "position", d.t_s, off, usual, leaps))
+        usual = float(np.median(off)) / 1.177
+        found.append(Apart(a.name, b.name, "position", d.t_s, off, usual))
     for what, x in zip(ANGLES, d.attitude.T, strict=True):
         good = np.isfinite(x)
         if good.sum() >= FEWEST:
@@ -424,17 +418,6 @@ def apart(a: Track, b: Track, d: Differences) -> list[Apart]:
             t = d.attitude_t_s[good]
             found.append(Apart(a.name, b.name, what, t, np.abs(wrap(about - middle)), scatter))
     return found
-
-
-def _leaps(a, b, t):
-    """By how much each unit leaves its own straight line at common epochs, where no vehicle can."""
-    dt = np.diff(t)
-    T, leaps = np.pad(0.5 * (dt[1:] + dt[:-1]), 1), []
-    for unit in (a, b):
-        v = np.diff(interpolated(t, unit.t_s, unit.enu[:, :2]), axis=0) / dt[:, None]
-        bend = np.pad(np.hypot(*np.diff(v, axis=0).T), 1) * T  # m
-        leaps.append(np.where(bend > ACCELERATION * T**2, bend, 0.0))
-    return tuple(leaps)
 
 
 def _heading(a, d):
