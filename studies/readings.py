@@ -27,7 +27,7 @@ import joblib
 import pandas as pd
 from tqdm import tqdm
 
-from analysis import WrongUsage, store, terrain_data
+from analysis import store, terrain_data
 from analysis.terrain.open_choices import FACTORS, LAP_M, Interpretation, Judged, around, design
 from studies import seed
 from studies.cells import kept
@@ -62,12 +62,9 @@ def levels(held):
     found = {}
     for text in held:
         name, _, level = text.partition("=")
-        if name not in FACTORS:
-            raise WrongUsage(f"no factor '{name}'; there are: {', '.join(FACTORS)}")
-        known = {str(of).removesuffix(".0"): of for of in FACTORS[name]}
-        if level.removesuffix(".0") not in known:
-            raise WrongUsage(f"factor '{name}' has no level '{level}'; it has: {', '.join(known)}")
-        found[name] = known[level.removesuffix(".0")]
+        known = {str(of).removesuffix(".0"): of for of in FACTORS.get(name, ())}
+        found[name] = known.get(level.removesuffix(".0"), level)
+    Interpretation.of(found)
     return found
 
 

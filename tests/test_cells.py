@@ -100,7 +100,8 @@ def test_errors_are_one_sentence(tmp_path, capsys):
     """property: unknown factor, unknown level, no scheduler: exit status 2, and what to do."""
     out = ["readings", "--out", str(tmp_path / "new")]
     for given, said in (
-        (["--hold", "gyro=good"], "no factor 'gyro'"),
+        (["--hold", "gyro=good"], "no factor 'gyro'; there are: noise"),
+        (["--hold", "leg_m=7"], "'leg_m' has no level '7'; it has: 100.0"),
         (["--hold", "noise=loud"], "no level 'loud'; it has: integrated"),
         (["--scheduler", "nowhere"], "no dask scheduler answers"),
     ):

@@ -169,14 +169,6 @@ def test_the_design_has_every_level_about_equally_often():
     assert len(near) == 1 + sum(len(of) - 1 for of in FACTORS.values()) and changed.max() == 1
 
 
-def test_unknown_levels_are_refused():
-    """property: factor and level are named, with those that there are."""
-    with pytest.raises(WrongUsage, match="no factor 'gyro'; there are: noise"):
-        Interpretation.of({"gyro": 1})
-    with pytest.raises(WrongUsage, match=r"'leg_m' has no level '7'; it has: 100\.0"):
-        Interpretation(leg_m=7)
-
-
 def judged(count=600, seed=SEED):
     """Make judged interpretations: one claim that noise decides, one that nothing decides."""
     plan = open_choices.design(count, seed)
