@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import FIGURES, CannotAnswer, datasheets, terrain_data
-from analysis.terrain import Sensor
+from analysis import FIGURES, datasheets
 from studies import coverage
 from workbench import explorer
 
@@ -53,18 +52,6 @@ def test_the_page_holds_the_committed_surface(pages):
     assert len({p["part"] for p in data["parts"]}) == datasheets.sheets()["bias"].count()
     assert priced["mpu6050-gyro"] == priced["mpu6050"] == 2
     assert all(p["source"] and p["n"] > 0 and (p["b"] or p["b_high"]) for p in data["parts"])
-
-
-def test_the_interval_of_a_prediction():
-    """property: around the value, as in the grid at its points, and none beyond it."""
-    plane = terrain_data.error_plane("integrated", 200.0)
-    at = plane.estimate(Sensor(plane.arw[5], plane.sigma_b[9]))
-    ends = [table[9, 5] for table in (plane.error, plane.low, plane.high)]
-    assert [at.value, at.low, at.high] == pytest.approx(ends)
-    best = plane.estimate(Sensor(plane.arw[0], plane.sigma_b[0]))
-    assert plane.estimate(Sensor(1e-9, 1e-9)) == best  # at most the error at the edge
-    with pytest.raises(CannotAnswer, match="beyond"):
-        plane.estimate(Sensor(1.0, 0.001))
 
 
 def test_numbers_in_sentences_are_those_of_notebooks(pages):

@@ -12,6 +12,7 @@ import pytest
 import sensorlogs as logs
 from analysis import (
     ROOT,
+    CannotAnswer,
     Estimate,
     WrongUsage,
     in_one_unit,
@@ -147,6 +148,11 @@ def test_one_function_tells_the_tracking_error():
     errors = [plane.of(Sensor(0.005, b))[0] for b in np.geomspace(1e-6, 0.1, 30)]
     assert errors[0] == errors[1] and max(errors) == errors[-1]
     assert plane.of(Sensor(1.0, 0.001))[0] == np.inf
+    at = plane.estimate(Sensor(plane.arw[j], plane.sigma_b[i]))
+    ends = [table[i, j] for table in (plane.error, plane.low, plane.high)]
+    assert [at.value, at.low, at.high] == pytest.approx(ends)
+    with pytest.raises(CannotAnswer, match="beyond"):
+        plane.estimate(Sensor(1.0, 0.001))
     model = static_logs.stored.read_model("adis16405")
     found = plane.of_log(model, "gyro_y")
     assert found.low < found.value < found.high
