@@ -15,7 +15,7 @@ from analysis.noise.models import gauss_markov
 from analysis.units import clock_offset, differences, find_events, unit_variances
 from analysis.units.clock import named_offset
 from analysis.units.events import disagreements
-from analysis.units.frame import Unit, local_tracks
+from analysis.units.frame import local_tracks
 from analysis.units.metrics import (
     Differences,
     quantile,
@@ -24,6 +24,7 @@ from analysis.units.metrics import (
 )
 from analysis.units.side_by_side import apart, conventions, side_by_side
 from sensorlogs import catalogue
+from sensorlogs.timeline import Attitude, Gnss, Timeline
 from studies import coverage
 from workbench import cli, comparison
 
@@ -42,13 +43,24 @@ def drive(seconds, rng):
     return CubicSpline(t, np.cumsum(v, axis=0))
 
 
-def unit(name, t, enu, stamps=None, attitude=None):
-    """Make a unit of positions in metres at `HOME`."""
+def unit(t, enu, stamps=None, attitude=None):
+    """Make the log of a unit of positions in metres at `HOME`."""
     lat, lon, _ = pymap3d.enu2geodetic(*enu[:, :2].T, np.zeros(len(t)), *HOME)
     nan = np.full(len(t), np.nan)
-    angles = (NONE,) * 4 if attitude is None else attitude
     height = HOME[2] + (enu[:, 2] if enu.shape[1] > 2 else 0 * t)
-    return Unit(name, t if stamps is None else stamps, lat, lon, height, nan, nan, *angles)
+    stamps = t if stamps is None else stamps
+    gnss = Gnss(stamps, lat, lon, height, nan, nan, nan, np.isfinite(lat))
+    return Timeline(gnss, None, attitude=attitude and Attitude(*attitude))
+
+
+def named(*logs, names="abc"):
+    """Name the logs of some units."""
+    return dict(zip(names, logs, strict=False))
+
+
+def changed(log, **columns):
+    """Change columns of a log's fixes."""
+    return replace(log, gnss=replace(log.gnss, **columns))
 
 
 def pair(rng, *, seconds=600.0, offset=0.0, drift=0.0, sigma=1.0, corr_time=60.0, rates=(5, 1)):
@@ -59,14 +71,14 @@ def pair(rng, *, seconds=600.0, offset=0.0, drift=0.0, sigma=1.0, corr_time=60.0
         t = np.arange(2.0, seconds - 2, 1 / rate)
         errors = gauss_markov(len(t), 1 / rate, sigma, corr_time, rng, runs=2).T
         stamps = t if name == "a" else t - offset - drift * (t - seconds / 2)
-        units.append(unit(name, t, path(t) + errors, stamps))
+        units.append(unit(t, path(t) + errors, stamps))
     return units
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.37, -17999.0, 3618.2, 1.6e9])
 def test_clock_offset_is_found(offset):
     """analytic: any offset comes back within its interval, which is narrower than half a second."""
-    a, b = local_tracks(pair(np.random.default_rng(1), offset=offset))
+    a, b = local_tracks(named(*pair(np.random.default_rng(1), offset=offset)))
     found = clock_offset(a, b).offset_s
     assert found.low <= offset <= found.high
     assert found.high - found.low < 1.0
@@ -77,7 +89,7 @@ def test_clock_interval_holds_the_truth():
     held, truth = [], {"offset_s": 3.21, "drift": 2e-5}
     for rng in map(np.random.default_rng, np.random.SeedSequence(5).spawn(24)):
         units = pair(rng, seconds=300, offset=3.21, drift=2e-5, corr_time=20.0, rates=(2, 1))
-        clock = clock_offset(*local_tracks(units))
+        clock = clock_offset(*local_tracks(named(*units)))
         found = {name: getattr(clock, name) for name in truth}
         held.append([found[name].low <= v <= found[name].high for name, v in truth.items()])
     assert (np.mean(held, axis=0) >= 0.9).all(), np.mean(held, axis=0)
@@ -92,13 +104,13 @@ def test_bad_spells_do_not_move_the_clock():
     for rng in map(np.random.default_rng, np.random.SeedSequence(5).spawn(6)):
         units = pair(rng, offset=3.21, sigma=0.01, corr_time=20.0, rates=(5, 5))
         for k, good in enumerate(units):
-            bad = np.zeros(len(good.t_s))
+            bad = np.zeros(len(good.gnss.t_s))
             for start in rng.integers(0, len(bad), 8):
                 bad[start : start + rng.integers(10, 150)] = 1e-5  # deg to a metre
             wrong = bad * gauss_markov(len(bad), 0.2, 0.5, 15.0, rng, runs=2)
-            lat, lon = good.lat_deg + wrong[0], good.lon_deg + wrong[1]
-            units[k] = replace(good, lat_deg=lat, lon_deg=lon)
-        found = clock_offset(*local_tracks(units))
+            lat, lon = good.gnss.lat_deg + wrong[0], good.gnss.lon_deg + wrong[1]
+            units[k] = changed(good, lat_deg=lat, lon_deg=lon)
+        found = clock_offset(*local_tracks(named(*units)))
         off.append([getattr(found.offset_s, k) - 3.21 for k in ("low", "value", "high")])
     low, value, high = np.array(off).T
     assert np.abs(value).max() < 3e-3, value
@@ -110,12 +122,12 @@ def test_two_journeys_are_told_apart():
     rng = np.random.default_rng(2)
     path, t = drive(600, rng), np.arange(0.0, 600.0)
     slower = np.cumsum(0.8 + 0.3 * np.sin(t / 50))  # along the same path, in its own time
-    one, other = unit("one", t, path(t)), unit("other", t, path(np.clip(slower, 0, 599)))
+    one, other = unit(t, path(t)), unit(t, path(np.clip(slower, 0, 599)))
     with pytest.raises(CannotAnswer, match="not on one journey"):
-        clock_offset(*local_tracks([one, other]))
-    parked = unit("parked", t, gauss_markov(len(t), 1.0, 2.0, 60.0, rng, runs=2).T)
+        clock_offset(*local_tracks(named(one, other)))
+    parked = unit(t, gauss_markov(len(t), 1.0, 2.0, 60.0, rng, runs=2).T)
     with pytest.raises(CannotAnswer, match="parked does not move"):
-        clock_offset(*local_tracks([one, parked]))
+        clock_offset(*local_tracks({"one": one, "parked": parked}))
 
 
 @pytest.mark.parametrize(
@@ -133,7 +145,7 @@ def test_two_journeys_are_told_apart():
 )
 def test_known_offsets_are_named(offset, words):
     """analytic: time zones, leap seconds, days and the GPS epoch, alone and together."""
-    a, b = local_tracks(pair(np.random.default_rng(3), seconds=60))
+    a, b = local_tracks(named(*pair(np.random.default_rng(3), seconds=60)))
     said = named_offset(Estimate(offset, offset - 0.1, offset + 0.1, "s"), a, b)
     assert all(word in said for word in words) and bool(said) == bool(words)
 
@@ -150,9 +162,9 @@ def test_differences_of_a_known_shift():
         return t, 0 * t, 0 * t, (np.degrees(heading) + extra + 180) % 360 - 180
 
     moved = CubicSpline(t, centre + 3 * ahead + 2 * right)(t + 0.1)
-    a = unit("a", t, centre, attitude=attitude(0.0))
-    b = unit("b", t + 0.1, moved, attitude=attitude(5.0))
-    d = differences(*local_tracks([a, b]))
+    a = unit(t, centre, attitude=attitude(0.0))
+    b = unit(t + 0.1, moved, attitude=attitude(5.0))
+    d = differences(*local_tracks(named(a, b)))
     # A cubic between epochs 2 m apart on a circle of 100 m: millimetres.
     np.testing.assert_allclose(d.along_m[20:-20], 3.0, atol=0.01)
     np.testing.assert_allclose(d.cross_m[20:-20], 2.0, atol=0.01)
@@ -196,14 +208,14 @@ def test_events_are_found_where_they_were_put():
     path = drive(600, rng)
     t = np.arange(0.0, 600, 0.2)
     enu = path(t) + 0.02 * rng.standard_normal((len(t), 2))
-    clean = local_tracks([unit("clean", t, enu)])[0]
+    clean = local_tracks(named(unit(t, enu)))[0]
     assert find_events(clean) == []
     bad = enu.copy()
     bad[(t >= 100) & (t < 130)] += [6.0, 0.0]
     bad[(t >= 300) & (t < 308)] = enu[np.searchsorted(t, 300.0)]
     lost = (t > 400) & (t < 412)
-    broken = unit("broken", t[~lost], bad[~lost])
-    track = local_tracks([unit("clean", t, enu), broken])[1]
+    broken = unit(t[~lost], bad[~lost])
+    track = local_tracks(named(unit(t, enu), broken))[1]
     found = find_events(track, [clean])
     jumps = [e for e in found if e.kind == "jump"]
     assert [round(e.to_s) for e in jumps] == [100, 130, 308]  # the hold ends in a jump too
@@ -220,7 +232,7 @@ def test_disagreements_are_listed_with_the_unit_that_is_off():
     Three units name it, two do not; none in 6 drives of units with slow errors of 1 m.
     """
     for rng in map(np.random.default_rng, np.random.SeedSequence(17).spawn(6)):
-        a, b = local_tracks(pair(rng, seconds=300, rates=(2, 1)))
+        a, b = local_tracks(named(*pair(rng, seconds=300, rates=(2, 1))))
         (most,) = disagreements(apart(a, b, differences(a, b)))
         assert most.kind == "largest position difference" and most.size < 6
     rng = np.random.default_rng(18)
@@ -234,16 +246,16 @@ def test_disagreements_are_listed_with_the_unit_that_is_off():
         if name == "b":
             enu[:, 0] += aside
             angle = angle + 20.0 * ((t > 450) & (t < 480))
-        units.append(unit(name, t, enu, attitude=(t, 0 * t, 0 * t, wrap(angle))))
+        units.append(unit(t, enu, attitude=(t, 0 * t, 0 * t, wrap(angle))))
     for given, who in ((units, "b"), (units[:2], "a and b")):
-        found = [e for e in side_by_side(given).events if "disagreement" in e.kind]
+        found = [e for e in side_by_side(named(*given)).events if "disagreement" in e.kind]
         assert [(e.kind, e.unit) for e in found] == [
             ("disagreement", who), ("yaw disagreement", who)]  # fmt: skip
         middle = [0.5 * (e.from_s + e.to_s) for e in found]
         assert middle == pytest.approx([300, 465], abs=3)
         assert found[0].size == pytest.approx(15, abs=2)  # and the errors of both
         assert found[1].to_s - found[1].from_s == pytest.approx(30, abs=1)
-    assert not [e for e in find_events(local_tracks(units)[1]) if e.kind == "jump"]
+    assert not [e for e in find_events(local_tracks(named(*units))[1]) if e.kind == "jump"]
 
 
 def test_the_largest_disagreements_are_listed():
@@ -266,10 +278,10 @@ def test_the_largest_disagreements_are_listed():
     off = wrap(yaw + 40.0 * inside + rng.standard_normal(len(t)))
     pitch[np.searchsorted(t, 310.0)] = 23.0
     units = [
-        unit("fast", t, fast, attitude=(t, tilt, tilt, yaw)),
-        unit("slow", t[::6], slow, attitude=(t, tilt, pitch, off)),
+        unit(t, fast, attitude=(t, tilt, tilt, yaw)),
+        unit(t[::6], slow, attitude=(t, tilt, pitch, off)),
     ]
-    found, both = side_by_side(units), "fast and slow"
+    found, both = side_by_side(named(*units)), "a and b"
     shown = comparison.shown([{**vars(e), "from": e.from_s} for e in found.events])
     assert len(shown) == comparison.EVENTS < len(found.events)
     assert [(e["unit"], e["kind"]) for e in shown[:5]] == [
@@ -291,7 +303,7 @@ def test_a_frozen_unit_is_frozen():
     rng = np.random.default_rng(6)
     t = np.arange(0.0, 300.0)
     path = drive(300, rng)
-    tracks = local_tracks([unit("a", t, path(t)), unit("b", t, np.tile(path(0.0), (300, 1)))])
+    tracks = local_tracks(named(unit(t, path(t)), unit(t, np.tile(path(0.0), (300, 1)))))
     assert [e.kind for e in find_events(tracks[1], tracks[:1])] == ["frozen"]
 
 
@@ -350,8 +362,8 @@ def test_two_units_give_a_sum():
 
 def log_of(path, found, start=0.0):
     """Write the log of a unit as CSV, its time zero at ``start`` s."""
-    table = {name: getattr(found, name) for name in ("lat_deg", "lon_deg", "height_m")}
-    table["t_s"] = start + found.t_s
+    table = {name: getattr(found.gnss, name) for name in ("lat_deg", "lon_deg", "height_m")}
+    table["t_s"] = start + found.gnss.t_s
     pd.DataFrame(table).to_csv(path, index=False, float_format="%.9f", na_rep="nan")
     return str(path)
 
@@ -362,7 +374,7 @@ START = datetime(2024, 5, 1, 10, tzinfo=UTC).timestamp()  # of the log below
 def test_compare_writes_the_contract(tmp_path, monkeypatch, capsys):
     """property: a log in UTC and one of the catalogue; all keys of the contract; events in UTC."""
     a, b = pair(np.random.default_rng(12), seconds=300, offset=-3600.0, sigma=0.5, corr_time=5.0)
-    a = part(a, (a.t_s < 100) | (a.t_s > 120))
+    a = part(a, (a.gnss.t_s < 100) | (a.gnss.t_s > 120))
     log_of(tmp_path / "b.csv", b)
     monkeypatch.setattr(catalogue, "OWN", tmp_path / "logs.toml")
     stanza = '[mine]\nfile = "b.csv"\ntitle = "c"\nlicence = "own"\nsource = "own"\n'
@@ -400,10 +412,10 @@ def test_an_attitude_against_a_position():
     path, t = drive(600, rng), np.arange(2.0, 598, 0.2)
     course = np.degrees(np.arctan2(*path(t, 1).T))
     angles = [0 * t, 0 * t, wrap(course + rng.standard_normal(len(t)))]
-    receiver = unit("receiver", t, path(t) + 0.02 * rng.standard_normal((len(t), 2)))
-    gyro = Unit("gyro", *[NONE] * 6, t - 7.5, *angles)
+    receiver = unit(t, path(t) + 0.02 * rng.standard_normal((len(t), 2)))
+    gyro = Timeline(None, None, attitude=Attitude(t - 7.5, *angles))
     for given, offset in (((receiver, gyro), 7.5), ((gyro, receiver), -7.5)):
-        found = side_by_side(given)
+        found = side_by_side(named(*given))
         assert found.clocks[0].offset_s.value == pytest.approx(offset, abs=0.1)
         assert any("its course is compared with the yaw" in note for note in found.notes)
         assert "p50_m" not in found.pairs[0].metrics
@@ -414,20 +426,21 @@ def test_an_attitude_against_a_position():
 def test_odd_clocks_and_outputs():
     """analytic: a counter 2000 ppm slow, fixes repeated 40 times, 20 s in common, others lost."""
     a, b = pair(np.random.default_rng(21), offset=3.0, drift=2e-3, sigma=0.3, corr_time=5.0)
-    drifts = side_by_side([a, b]).clocks[0].drift
+    drifts = side_by_side(named(a, b)).clocks[0].drift
     assert drifts.low <= 2e-3 <= drifts.high and drifts.low > 1e-3
     a, b = pair(np.random.default_rng(22), sigma=0.3, corr_time=5.0, rates=(5, 10))
-    every = np.arange(len(b.t_s)) // 40 * 40
-    slow = replace(b, lat_deg=b.lat_deg[every], lon_deg=b.lon_deg[every])
-    found = side_by_side([a, slow])
+    every = np.arange(len(b.gnss.t_s)) // 40 * 40
+    slow = changed(b, lat_deg=b.gnss.lat_deg[every], lon_deg=b.gnss.lon_deg[every])
+    found = side_by_side(named(a, slow))
     assert abs(found.clocks[0].offset_s.value) < 0.1  # with the repeats 2 s: half of the 4 s
     assert any("repeat the position before" in note for note in found.notes)
     assert not [e for e in found.events if e.kind in ("hold", "jump")]
-    early, late = part(a, a.t_s < 310), part(b, b.t_s > 290)
+    early, late = part(a, a.gnss.t_s < 310), part(b, b.gnss.t_s > 290)
     # Without the stamps' own word another stretch of road fits after a shift of 300 m.
-    assert abs(side_by_side([early, late]).clocks[0].offset_s.value) < 1.0
-    losses = [part(a, (a.t_s < 100) | (a.t_s > 160)), part(b, (b.t_s < 300) | (b.t_s > 420))]
-    found = side_by_side(losses)
+    assert abs(side_by_side(named(early, late)).clocks[0].offset_s.value) < 1.0
+    early, late = a.gnss.t_s, b.gnss.t_s
+    losses = part(a, (early < 100) | (early > 160)), part(b, (late < 300) | (late > 420))
+    found = side_by_side(named(*losses))
     happened = [(e.unit, e.kind) for e in found.events if "largest" not in e.kind]
     assert happened == [("a", "loss"), ("b", "loss")]
     assert found.clocks[0].offset_s.low <= 0 <= found.clocks[0].offset_s.high
@@ -435,30 +448,30 @@ def test_odd_clocks_and_outputs():
 
 def part(found, keep):
     """Keep some epochs of a unit without attitude."""
-    return replace(found, **{k: v[keep] for k, v in vars(found).items() if np.size(v) == len(keep)})
+    return changed(found, **{k: v[keep] for k, v in vars(found.gnss).items()})
 
 
 BAD = {  # what is done to the second log (b of a and b) -> exit status, what is said
     "twice": (lambda a, b: a, 2, "the same log twice"),
     "frozen": (
-        lambda a, b: replace(b, lat_deg=0 * b.lat_deg + 46, lon_deg=0 * b.lon_deg + 6),
+        lambda a, b: changed(b, lat_deg=0 * b.gnss.t_s + 46, lon_deg=0 * b.gnss.t_s + 6),
         *(1, "b is frozen"),
     ),
-    "elsewhere": (lambda a, b: replace(b, lat_deg=b.lat_deg + 2), 1, "did not travel together"),
-    "longitude": (lambda a, b: replace(b, lon_deg=-b.lon_deg), 1, "sign of its longitude"),
+    "elsewhere": (lambda a, b: changed(b, lat_deg=48 + 0 * b.gnss.t_s), 1, "not travel together"),
+    "longitude": (lambda a, b: changed(b, lon_deg=-b.gnss.lon_deg), 1, "sign of its longitude"),
     "another day": (lambda a, b: backwards(a, b), 1, "not on one journey"),
     "hours later": (
-        lambda a, b: replace(backwards(a, b), t_s=b.t_s - b.t_s[0] + a.t_s[-1] + 7000),
+        lambda a, b: changed(backwards(a, b), t_s=7000 + a.gnss.t_s[-1] + np.arange(296.0)),
         *(1, "by their stamps 7000 s lie between them"),
     ),
-    "no fix": (lambda a, b: replace(b, lat_deg=np.nan * b.lat_deg), 1, "0 epochs with a position"),
+    "no fix": (lambda a, b: changed(b, lat_deg=np.nan * b.gnss.t_s), 1, "0 epochs with a position"),
 }
 
 
 def backwards(a, b):
     """Give b the road of a the other way round."""
-    n = len(b.t_s)
-    return replace(b, lat_deg=a.lat_deg[::-5][:n], lon_deg=a.lon_deg[::-5][:n])
+    n = len(b.gnss.t_s)
+    return changed(b, lat_deg=a.gnss.lat_deg[::-5][:n], lon_deg=a.gnss.lon_deg[::-5][:n])
 
 
 @pytest.mark.parametrize(("change", "status", "said"), BAD.values(), ids=BAD)
@@ -481,7 +494,7 @@ def test_conventions_are_found_and_put_right():
     yaw = np.degrees(np.arctan2(v[:, 0], v[:, 1]))
     roll, pitch = 5 * np.sin(t / 7), 3 * np.cos(t / 9)
     enu = path(t)
-    a = unit("a", t, enu, attitude=(t, roll, pitch, yaw))
+    a = unit(t, enu, attitude=(t, roll + 1e-9, pitch, yaw))  # not the same readings
     moved = enu + 0.1 * rng.standard_normal(enu.shape)
     from_east = (90 - yaw) % 360
     for angles, said in (
@@ -492,8 +505,8 @@ def test_conventions_are_found_and_put_right():
         ((pitch, roll, yaw), ("roll follows the pitch", "pitch follows the roll")),
         ((roll, pitch, yaw + 4.0), ()),  # magnetic north is a difference, not a convention
     ):
-        b = unit("b", t, moved, attitude=(t, *angles))
-        one, other = local_tracks([a, b])
+        b = unit(t, moved, attitude=(t, *angles))
+        one, other = local_tracks(named(a, b))
         right, sentences = conventions(other, one)
         assert len(sentences) == len(said) and all(
             any(words in sentence for sentence in sentences) for words in said
@@ -510,8 +523,8 @@ def test_heights_of_two_datums_are_said():
     """analytic: 47 m between the ellipsoid and mean sea level is said, and not hidden."""
     rng = np.random.default_rng(15)
     a, b = pair(rng, seconds=300, sigma=0.3, corr_time=5.0)
-    b = replace(b, height_m=b.height_m + 47.0 + 0.5 * rng.standard_normal(len(b.t_s)))
-    found = side_by_side([a, b])
+    b = changed(b, height_m=b.gnss.height_m + 47.0 + 0.5 * rng.standard_normal(len(b.gnss.t_s)))
+    found = side_by_side(named(a, b))
     assert any("47" in n and "mean sea level" in n for n in found.notes)
     metrics = found.pairs[0].metrics
     assert metrics["height_mean_m"].value == pytest.approx(47.0, abs=0.2)
@@ -521,11 +534,9 @@ def test_heights_of_two_datums_are_said():
 def test_attitudes_alone(tmp_path):
     """property: two attitude logs at rest, on one clock; the offset is refused and said."""
     t, rng = np.arange(0.0, 600.0), np.random.default_rng(16)
-    units = [
-        Unit(name, *[NONE] * 6, t, *rng.standard_normal((3, len(t))) * 0.1, clock="unix")
-        for name in "abc"
-    ]
-    found = side_by_side(units)
+    angles = [Attitude(t, *0.1 * rng.standard_normal((3, len(t)))) for _ in "abc"]
+    logs = [Timeline(None, None, attitude=one, clock="unix") for one in angles]
+    found = side_by_side(named(*logs))
     assert not found.clocks[0].offset_s.resolved
     assert any("stamps are taken" in note for note in found.notes)
     noise = found.variances["roll"]

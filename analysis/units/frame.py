@@ -1,94 +1,26 @@
 """Units that travelled together, and their tracks in one local frame (east, north, up).
 
-A `Unit` is what a log gives, on its own clock and in degrees. A `Track` is the same in metres, on
-the tangent plane at the first unit's median position.
+A log gives positions and angles on its own clock and in degrees. A `Track` is the same in metres,
+on the tangent plane at the first unit's median position.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
 import pymap3d
 from scipy.interpolate import CubicHermiteSpline
 
-from analysis import CannotAnswer
-from sensorlogs.timeline import Timeline
+from analysis import CannotAnswer, WrongUsage
+from sensorlogs.timeline import Attitude, Gnss, Timeline
 
 RENEWED_S = 1.5  # a position that repeats for less is a slow receiver, not a standstill
 SMOOTH_S = 1.0  # width of the difference that gives velocity and rates of turn
 FEWEST = 10  # epochs with a position, or with an attitude
 APART_M = 50e3  # farther from each other at all times, two units made no common journey
-
-
-@dataclass(frozen=True)
-class Unit:
-    """What one unit logged; positions have shape (n,), attitudes (m,), both may be empty.
-
-    Attributes
-    ----------
-    name : str
-    t_s, attitude_t_s : ndarray
-        Seconds on the unit's own clock, strictly rising.
-    lat_deg, lon_deg, height_m, speed_m_s, course_deg : ndarray, shape (n,)
-        NaN where there is no fix or no value.
-    roll_deg, pitch_deg, yaw_deg : ndarray, shape (m,)
-    clock : str
-        "unix", "day" (seconds of some day) or "device".
-    """
-
-    name: str
-    t_s: np.ndarray
-    lat_deg: np.ndarray
-    lon_deg: np.ndarray
-    height_m: np.ndarray
-    speed_m_s: np.ndarray
-    course_deg: np.ndarray
-    attitude_t_s: np.ndarray
-    roll_deg: np.ndarray
-    pitch_deg: np.ndarray
-    yaw_deg: np.ndarray
-    clock: str = "device"
-
-    @classmethod
-    def of(cls, name: str, timeline: Timeline) -> "Unit":
-        """Take positions and attitude of a log that was read.
-
-        Parameters
-        ----------
-        name : str
-        timeline : sensorlogs.timeline.Timeline
-
-        Returns
-        -------
-        Unit
-
-        Raises
-        ------
-        CannotAnswer
-            If the log has neither positions nor an attitude, or none but a few.
-        """
-        zero, clock = timeline.zero_s, timeline.clock
-        if clock == "day" and timeline.start_utc:  # the log states the date as well
-            start = datetime.fromisoformat(timeline.start_utc.replace("Z", "+00:00"))
-            zero, clock = start.timestamp(), "unix"
-        empty = np.empty(0)
-        parts: dict[str, np.ndarray] = dict.fromkeys(cls.__annotations__, empty)
-        if (gnss := timeline.gnss) is not None:
-            parts |= {k: v for k, v in vars(gnss).items() if k in parts} | {"t_s": zero + gnss.t_s}
-            blank = ~gnss.has_fix
-            parts |= {k: np.where(blank, np.nan, parts[k]) for k in ("lat_deg", "lon_deg")}
-        if (attitude := timeline.attitude) is not None:
-            parts |= {k: v for k, v in vars(attitude).items() if k != "t_s"}
-            parts["attitude_t_s"] = zero + attitude.t_s
-        fixes = int(np.isfinite(parts["lat_deg"]).sum())
-        if max(fixes, len(parts["attitude_t_s"])) < FEWEST:
-            raise CannotAnswer(
-                f"{name}: {fixes} epochs with a position and {len(parts['attitude_t_s'])} with an "
-                "attitude: too few to compare with another unit"
-            )
-        return cls(**parts | {"name": name, "clock": clock})
 
 
 @dataclass(frozen=True)
@@ -150,8 +82,8 @@ class Track:
         return replace(self, **kept)
 
 
-def local_tracks(units: Sequence[Unit]) -> list[Track]:
-    """Bring units into one local frame: east, north, up on WGS 84 (pymap3d).
+def local_tracks(units: Mapping[str, Timeline]) -> list[Track]:
+    """Bring the logs of units into one local frame: east, north, up on WGS 84 (pymap3d).
 
     The origin is the median position of the first unit that has one. A position that is repeated
     for less than 1.5 s, or as long as most do, counts once: the output is faster than the receiver.
@@ -159,7 +91,7 @@ def local_tracks(units: Sequence[Unit]) -> list[Track]:
 
     Parameters
     ----------
-    units : sequence of Unit
+    units : mapping of name to sensorlogs.timeline.Timeline
 
     Returns
     -------
@@ -168,14 +100,25 @@ def local_tracks(units: Sequence[Unit]) -> list[Track]:
     Raises
     ------
     CannotAnswer
-        If two units are never within 50 km of each other.
+        If a log has neither positions nor an attitude, or none but a few; if two units are never
+        within 50 km of each other.
+    WrongUsage
+        If two hold the same readings.
     """
-    positioned = [u for u in units if np.isfinite(u.lat_deg).any()]
-    origin = (0.0, 0.0, 0.0)
-    if positioned:
-        first = positioned[0]
-        origin = (float(np.nanmedian(first.lat_deg)), float(np.nanmedian(first.lon_deg)), 0.0)
-    tracks = [_track(unit, origin) for unit in units]
+    _refuse_same(units)
+    middle = {}
+    for name, log in units.items():
+        lat, lon = (getattr(_positions(log), k) for k in ("lat_deg", "lon_deg"))
+        fixes, angles = np.isfinite(lat), len(_attitudes(log).t_s)
+        if max(fixes.sum(), angles) < FEWEST:
+            raise CannotAnswer(
+                f"{name}: {fixes.sum()} epochs with a position and {angles} with an attitude: too "
+                "few to compare with another unit"
+            )
+        if fixes.any():
+            middle[name] = np.array([np.nanmedian(lat), np.nanmedian(lon)])
+    origin = (*next(iter(middle.values()), (0.0, 0.0)), 0.0)
+    tracks = [_track(name, log, origin) for name, log in units.items()]
     boxes = {
         t.name: (np.nanmin(t.enu[:, :2], axis=0), np.nanmax(t.enu[:, :2], axis=0))
         for t in tracks
@@ -187,48 +130,75 @@ def local_tracks(units: Sequence[Unit]) -> list[Track]:
         if apart > APART_M:
             raise CannotAnswer(
                 f"{one} and {name} are never closer than {apart / 1000:.0f} km: they did not "
-                f"travel together{_mirrored(units, one, name)}"
+                f"travel together{_mirrored(middle[one], middle[name], name)}"
             )
     return tracks
 
 
-def _mirrored(units, one, other):
+def _positions(log: Timeline) -> Gnss:
+    """Give the epochs of a log's receiver without the positions that are no fix; perhaps none."""
+    if log.gnss is None:
+        return Gnss(*[np.empty(0)] * 8)
+    return log.gnss.without(~log.gnss.has_fix, "lat_deg", "lon_deg")
+
+
+def _attitudes(log: Timeline) -> Attitude:
+    """Give the attitude that a log reports; perhaps none."""
+    return log.attitude or Attitude(*[np.empty(0)] * 4)
+
+
+def _refuse_same(units):
+    """Refuse two units with the same readings."""
+    readings = {k: (_positions(log).lat_deg, _attitudes(log).roll_deg) for k, log in units.items()}
+    for a, b in combinations(units, 2):
+        for one, other in zip(readings[a], readings[b], strict=True):
+            if len(one) and np.array_equal(one, other, equal_nan=True) and np.ptp(one[one == one]):
+                raise WrongUsage(
+                    f"{a} and {b} hold the same readings: the same log twice? Give the log of each "
+                    "unit once"
+                )
+
+
+def _mirrored(here, there, name):
     """Say with which usual mistake two units would have been in one place."""
-    at = {u.name: np.array([np.nanmedian(u.lat_deg), np.nanmedian(u.lon_deg)])
-          for u in units if u.name in (one, other)}  # fmt: skip
-    (lat, lon), here = at[other], at[one]
+    lat, lon = there
     mistakes = {
         "changing the sign of its longitude": (lat, -lon),
         "changing the sign of its latitude": (-lat, lon),
         "exchanging its latitude and longitude": (lon, lat),
     }
-    for what, (y, x) in mistakes.items():
-        if np.hypot(*(here - [y, x])) < 0.5:
-            return f"; {what} would bring {other} there"
+    for what, at in mistakes.items():
+        if np.hypot(*(here - at)) < 0.5:
+            return f"; {what} would bring {name} there"
     return ""
 
 
-def _track(unit: Unit, origin) -> Track:
-    """Put one unit into the frame."""
-    fixed = np.isfinite(unit.lat_deg) & np.isfinite(unit.lon_deg)
-    enu = np.full((len(unit.t_s), 3), np.nan)
-    height = np.where(np.isfinite(unit.height_m), unit.height_m, 0.0)
+def _track(name, log, origin) -> Track:
+    """Put one unit into the frame, on its own clock."""
+    zero, clock = log.zero_s, log.clock
+    if clock == "day" and log.start_utc:  # the log states the date as well
+        start = datetime.fromisoformat(log.start_utc.replace("Z", "+00:00"))
+        zero, clock = start.timestamp(), "unix"
+    gnss, attitude = _positions(log), _attitudes(log)
+    t, fixed = zero + gnss.t_s, np.isfinite(gnss.lat_deg) & np.isfinite(gnss.lon_deg)
+    enu = np.full((len(t), 3), np.nan)
+    height = np.where(np.isfinite(gnss.height_m), gnss.height_m, 0.0)
     enu[fixed] = np.column_stack(
         pymap3d.geodetic2enu(
-            unit.lat_deg[fixed], unit.lon_deg[fixed], height[fixed], *origin, deg=True
+            gnss.lat_deg[fixed], gnss.lon_deg[fixed], height[fixed], *origin, deg=True
         )
     )
     # The tangent plane falls away from the Earth by 8 m in 10 km; heights stay what they were.
-    enu[:, 2] = np.where(fixed, unit.height_m, np.nan)
-    keep = ~_repeated(unit.t_s, enu[:, :2])
-    t, enu = unit.t_s[keep], enu[keep]
-    course = np.radians(unit.course_deg[keep])
-    reported = unit.speed_m_s[keep, None] * np.column_stack([np.sin(course), np.cos(course)])
+    enu[:, 2] = np.where(fixed, gnss.height_m, np.nan)
+    keep = ~_repeated(t, enu[:, :2])
+    t, enu = t[keep], enu[keep]
+    course = np.radians(gnss.course_deg[keep])
+    reported = gnss.speed_m_s[keep, None] * np.column_stack([np.sin(course), np.cos(course)])
     derived = rate(t, enu[:, :2], SMOOTH_S)
     few = np.isfinite(reported).all(axis=1).sum() < 0.5 * np.isfinite(derived).all(axis=1).sum()
     velocity = derived if few else np.where(np.isfinite(reported), reported, derived)
-    angles = np.column_stack([unit.roll_deg, unit.pitch_deg, unit.yaw_deg])
-    return Track(unit.name, t, enu, velocity, unit.attitude_t_s, angles, unit.clock)
+    angles = np.column_stack([attitude.roll_deg, attitude.pitch_deg, attitude.yaw_deg])
+    return Track(name, t, enu, velocity, zero + attitude.t_s, angles, clock)
 
 
 def _repeated(t, xy):

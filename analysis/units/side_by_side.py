@@ -5,7 +5,7 @@ and is put right; an angle of mounting, or magnetic north, is a difference and s
 difference of height of tens of metres is another datum: it is said, and stays.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -16,7 +16,7 @@ from tqdm import tqdm
 from analysis import CannotAnswer, Estimate, WrongUsage, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
 from analysis.units.events import Apart, Event, disagreements, find_events
-from analysis.units.frame import Track, Unit, interpolated, local_tracks, rate, unwrapped
+from analysis.units.frame import Track, interpolated, local_tracks, rate, unwrapped
 from analysis.units.metrics import (
     ANGLES,
     Differences,
@@ -26,6 +26,7 @@ from analysis.units.metrics import (
     trajectory_metrics,
 )
 from analysis.units.variances import Variances, unit_variances
+from sensorlogs.timeline import Timeline
 
 WINDOW_S = 10.0  # over which changes of angle are compared
 TURNED_DEG, TILTED_DEG = 5.0, 0.5  # root mean square of the changes that can tell
@@ -86,12 +87,12 @@ class Comparison:
     notes: tuple[str, ...]
 
 
-def side_by_side(units: Sequence[Unit]) -> Comparison:
+def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
     """Compare units that travelled together.
 
     Parameters
     ----------
-    units : sequence of Unit
+    units : mapping of name to sensorlogs.timeline.Timeline
         Two or more. The first one's clock is the common one.
 
     Returns
@@ -107,14 +108,15 @@ def side_by_side(units: Sequence[Unit]) -> Comparison:
     """
     if len(units) < 2:
         raise WrongUsage("one unit cannot be compared: give the logs of two or more")
-    _refuse_same(units)
     notes: list[str] = []
     tracks = local_tracks(units)
-    for unit, track in zip(units, tracks, strict=True):
-        if 2 * len(track.t_s) < len(unit.t_s):
+    for track in tracks:
+        gnss, kept = units[track.name].gnss, len(track.t_s)
+        all_ = 0 if gnss is None else len(gnss.t_s)
+        if 2 * kept < all_:
             notes.append(
-                f"{unit.name}: {len(unit.t_s) - len(track.t_s)} of {len(unit.t_s)} epochs repeat "
-                "the position before them; the first of each counts"
+                f"{track.name}: {all_ - kept} of {all_} epochs repeat the position before them; "
+                "the first of each counts"
             )
     first, *others = _with_course(tracks, notes)
     bar: Any = {"desc": "comparing", "disable": None}
@@ -135,18 +137,6 @@ def side_by_side(units: Sequence[Unit]) -> Comparison:
     events.sort(key=lambda e: e.from_s)
     notes = [*dict.fromkeys([*notes, *missing])]
     return Comparison(tracks, clocks, pairs, events, noise, tuple(notes))
-
-
-def _refuse_same(units):
-    """Refuse two units with the same readings."""
-    for a, b in combinations(units, 2):
-        for name in ("lat_deg", "roll_deg"):
-            one, other = (getattr(u, name) for u in (a, b))
-            if len(one) and np.array_equal(one, other, equal_nan=True) and np.ptp(one[one == one]):
-                raise WrongUsage(
-                    f"{a.name} and {b.name} hold the same readings: the same log twice? Give the "
-                    "log of each unit once"
-                )
 
 
 def _with_course(tracks, notes) -> list[Track]:

@@ -6,7 +6,6 @@ from itertools import permutations, zip_longest
 
 from analysis import plots, store
 from analysis.static_logs.stored import plain
-from analysis.units.frame import Unit
 from analysis.units.side_by_side import side_by_side
 from sensorlogs.columns import tidy
 from workbench import pages
@@ -32,7 +31,7 @@ def write(units, out):
     dict
         What templates/compare.html and compare.txt tell: ``content``, that of compare.json ...
     """
-    found = side_by_side([Unit.of(name, log) for name, log in units.items()])
+    found = side_by_side(units)
     told = _told(found, units)
     with pages.folder(out, figures_of(out, "compare.json", _pictures)) as draft:
         _draw(found, units, draft / "figures")
