@@ -185,15 +185,3 @@ def test_a_log_of_the_study_of_broken_logs_again(name):
     rows = coverage.characterised((0, stream), model=model, dt=dt, kind=kind, hours=2.0)
     now = pd.DataFrame(rows).set_index("parameter")["value"].astype(float)
     np.testing.assert_allclose(now, stored[now.index], rtol=store.TOLERANCE)
-
-
-def test_command_makes_broken_cells(tmp_path):
-    """property: the table of a cell of logs that break the models, and what the disturbance is."""
-    arguments = ["broken", "--runs", "3", "--hours", "0.1", "--models", "walk+loss-5"]
-    assert main(["coverage", *arguments, "--workers", "1", "--out", str(tmp_path)]) == 0
-    table = pd.read_csv(tmp_path / "walk+loss-5-0.1h.csv").set_index("parameter")
-    assert (table["model"] == "walk+loss-5").all() and (table["hours"] == 0.1).all()
-    assert (table["runs"] == 3).all() and set(table.index) <= set(coverage.OF_A_RATE)
-    assert table.loc["arw", "truth"] == pytest.approx(0.06 * np.sqrt(0.1), rel=1e-4)
-    assert "5 % of the samples lost" in (tmp_path / "source.json").read_text()
-    assert main(["coverage", "broken", "--models", "walk", "--out", str(tmp_path / "x")]) == 2

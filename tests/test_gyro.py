@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from analysis import WrongUsage
-from analysis.noise import models
 from analysis.terrain import assumptions
 
 SEED = 20110
@@ -32,16 +31,6 @@ def test_attitude_error_has_its_closed_form_variance(start, corr_time):
             assert abs(together) <= 0.08 * np.sqrt(t * expected)
 
 
-def test_integrated_bias_is_the_sum_of_a_bias_sampled_finely():
-    """cross-check: attitude errors spread as sums of `noise.models.gauss_markov` times dt do."""
-    dt, n, runs, corr_time = 0.01, 3000, 400, 5.0
-    b = models.gauss_markov(n, dt, 1.0, corr_time, np.random.default_rng(SEED), runs=runs)
-    summed = b.sum(axis=1) * dt
-    _, ours = assumptions.unit_paths(n + 1, dt, corr_time, streams(runs), start="stationary")
-    # Two standard deviations of 400 runs: 3.5 % each, four sigma of the ratio.
-    assert ours[-1].std() / summed.std() == pytest.approx(1.0, rel=0.2)
-
-
 def test_variance_of_short_times_keeps_its_digits():
     """analytic: for t << T_c the zero-started bias gives (2 / T_c) t^3 / 3."""
     t = np.array([1e-4, 1e-2, 0.5])
@@ -49,15 +38,6 @@ def test_variance_of_short_times_keeps_its_digits():
     assert found == pytest.approx(2 / 200 * t**3 / 3, rel=3e-3)
     beside = assumptions.attitude_variance(np.array([1.999, 2.001]), 0.0, 1.0, 200.0)  # series
     assert beside[1] / beside[0] == pytest.approx((2.001 / 1.999) ** 3, rel=1e-4)
-
-
-def test_runs_do_not_depend_on_each_other():
-    """property: run k is the same in any company, and its first half in a longer run is too."""
-    one = assumptions.unit_paths(50, 0.01, 200.0, streams(7)[3:4])
-    all_ = assumptions.unit_paths(50, 0.01, 200.0, streams(7))
-    for alone, together in zip(one, all_, strict=True):
-        assert np.array_equal(alone[:, 0], together[:, 3])
-        assert np.all(together[0] == 0)
 
 
 def test_high_pass_removes_a_constant_and_keeps_what_is_fast():

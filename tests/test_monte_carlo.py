@@ -151,18 +151,6 @@ def test_the_grids_are_those_of_the_figures():
         assert list(cells) == [(x, y) for x in at for y in np.linspace(*ends, 10)]
 
 
-def test_laps_by_label():
-    """property: tables carry the labels of the sensors, and agree with the arrays."""
-    found = laps(setup_of())
-    lost = found.lost(0.5)
-    assert lost.shape == (8, 4) and list(lost.columns) == list(SENSORS)
-    for k, label in enumerate(SENSORS):
-        error = found.errors(label)
-        assert np.array_equal(lost[label], np.abs(error).max(axis=1) > 0.5)
-        assert found.rms()[label] == pytest.approx(np.sqrt((error**2).mean()))
-        assert found.nees()[label] == pytest.approx((error**2 / found.variance[k]).mean())
-
-
 def test_resampled_reach():
     """property: the sample first; no spread among equal laps; a lap more often moves it."""
     error = np.arange(1, 101.0).reshape(1, 10, 10) * np.array([1, -0.1])[:, None, None]
@@ -282,12 +270,3 @@ def test_an_interval_of_a_skewed_number_has_its_mirror_image():
     assert (hull.low, hull.high) == pytest.approx((1 / plain.high, plain.high))
     crossing = monte_carlo.interval(rows - 2.0, skewed=True)
     assert crossing == monte_carlo.interval(rows - 2.0)  # no logarithm: as it is
-
-
-def test_a_coarser_setup_is_the_same_interpretation():
-    """property: step, and R times rate, are those asked for; no R stays none."""
-    fine = Setup.reference(1500.0)
-    coarse = fine.coarser(0.55)
-    assert coarse.speed / coarse.rate_hz == pytest.approx(0.55)
-    assert coarse.R / coarse.rate_hz == pytest.approx(fine.R / fine.rate_hz)
-    assert Setup(1500.0).coarser(0.55).R is None

@@ -202,18 +202,6 @@ def test_joint_ranking_and_shares_count_what_holds():
     assert of.interpretation(of.levels.index[0]) == Interpretation.of(of.levels.iloc[0].to_dict())
 
 
-def test_the_error_surface_rises_with_every_coefficient():
-    """property: along N and along B, but for the scatter of 200 laps, in both interpretations."""
-    for noise in ("integrated", "on attitude"):
-        plane = terrain_data.error_plane(noise, 200.0)
-        assert plane.error.shape == (len(plane.sigma_b), len(plane.arw))
-        assert plane.error[-1, -1] > 3 * plane.error[0, 0]
-    integrated, put_on = (terrain_data.error_plane(n, 200.0) for n in ("integrated", "on attitude"))
-    assert (integrated.error[-4] > put_on.error[-4]).all()  # B = 0.018 deg/s: metres, hardly seen
-    with pytest.raises(WrongUsage, match="there are: 20"):
-        terrain_data.error_plane("integrated", 7.0)
-
-
 def test_the_committed_study_is_simulated_again_the_same():
     """property: two that are stored, laps and all, from this code; as far as they were rounded."""
     study = terrain_data.interpretations()

@@ -118,11 +118,3 @@ def test_a_pooled_gyro_again():
     assert was["model"] == now.chosen.model
     quarters = [ratio for ratio, _ in now.stationarity.quarters]
     assert was["quarters"] == " ".join(map("{:.2f}".format, quarters))
-
-
-def test_real_units_that_may_be_one():
-    """property: the three logs' biases are so alike that `pool` says they may be of one unit."""
-    source, tables = store.read("adis16405-units")
-    assert [pair[:2] for pair in source["may_be_one_unit"]] == [[1, 2], [1, 3], [2, 3]]
-    means = tables["pooled"].query("parameter == 'mean'")
-    assert (means["value"] < 0.03).all() and (means["high"] < 0.2).all()  # deg/s

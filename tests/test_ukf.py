@@ -83,20 +83,6 @@ def test_on_a_slope_it_is_the_kalman_filter_and_the_bound(slope):
     assert (ours.x[0, 0] == pytest.approx(100.0 + 0.5 * 201)) == (slope == 0)
 
 
-def test_covariance_stays_symmetric_and_positive():
-    """property: after any number of updates P is symmetric with positive eigenvalues."""
-    F, Q = bias_state_matrices(0.01, 0.01, 200.0, 0.01)
-    Q[0, 0] = 1e-4
-    P = np.diag([1.0, 0.01, 1e-4])[..., None].repeat(3, axis=-1)
-    ours = Ukf(hills(), np.zeros((3, 3)) + 30.0 * np.eye(3)[:, :1], P, F)
-    rng = np.random.default_rng(SEED)
-    for _ in range(800):
-        ours.predict(0.3, Q[..., None])
-        ours.update(rng.standard_normal((1, 3)), 0.01)
-    assert np.array_equal(ours.P, ours.P.transpose(1, 0, 2))
-    assert np.linalg.eigvalsh(np.moveaxis(ours.P, -1, 0)).min() > 0
-
-
 @pytest.mark.parametrize("road", [hills(), terrain_data.profile("ccw").attitude_map()])
 def test_filter_grid_and_bound_where_the_model_is_true(road):
     """cross-check: UKF and grid filter differ by percents, on made and on real terrain.

@@ -22,7 +22,6 @@ from analysis import (
     terrain_data,
 )
 from analysis.terrain import Sensor
-from studies import surveys
 from workbench import pages, report, verdict
 from workbench.pages import Said, phrase, sentences
 
@@ -130,12 +129,6 @@ def test_a_sheet_without_a_random_walk_of_the_accelerometer():
     found = verdict.within_datasheet(static_logs.read("adis16405"), sheet, NAMED)
     words = "accelerometer N: not in the list; accelerometer B, stated 13 µg"
     assert words in sentences(*found.why)
-
-
-def test_the_atlas_is_in_step():
-    """Property: the committed atlas is what data/sensors.toml and the committed logs give."""
-    made = surveys.atlas()[1]["atlas"].replace("", np.nan)
-    pd.testing.assert_frame_equal(made, ATLAS, check_dtype=False, rtol=1e-5)
 
 
 def test_one_function_tells_the_tracking_error():
