@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from analysis import CannotAnswer
 from sensorlogs import datasets
 from studies import rides
 from studies.drives import mounting_regression
@@ -31,9 +30,3 @@ def test_axes_of_the_real_logs(name, mount, by):
     assert down == pytest.approx(9.81, rel=0.1)
     seconds = np.diff(log.gnss.t_s)
     assert np.median(seconds) == pytest.approx(1.0, abs=0.05)
-
-
-def test_unknown_ride():
-    """property: the sentence lists what there is."""
-    with pytest.raises(CannotAnswer, match="racebox"):
-        rides.read("nothing")

@@ -6,15 +6,12 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import periodogram
 from scipy.stats import linregress
 
-from analysis import CannotAnswer
 from analysis.terrain.roughness import IsoRoad
 
 
 def test_iso_classes():
     """Published: ISO 8608 (table C.1): means of A, B, C and D (1e-6 m^3)."""
     assert [IsoRoad.of_class(c).g0 * 1e6 for c in "ABCD"] == [16, 64, 256, 1024]
-    with pytest.raises(CannotAnswer, match="no road class 'Z'"):
-        IsoRoad.of_class("Z")
 
 
 def test_a_synthetic_road_has_its_spectrum():
@@ -63,10 +60,7 @@ def test_hills_have_the_grade_asked_for():
 
 
 def test_the_same_seed_makes_the_same_road():
-    """Property: roads differ by seed only; nonsense is refused."""
+    """Property: roads differ by seed only."""
     a, b, c = (IsoRoad(64e-6).simulate(500.0, 0.5, np.random.default_rng(k)) for k in (7, 7, 8))
     assert (a.pitch_deg == b.pitch_deg).all() and not (a.pitch_deg == c.pitch_deg).any()
     assert a["s_m"].iloc[-1] == pytest.approx(499.5)
-    for length, step, words in ((500.0, 3.0, "does not resolve"), (10.0, 0.5, "too short")):
-        with pytest.raises(CannotAnswer, match=words):
-            IsoRoad(64e-6).simulate(length, step, np.random.default_rng(1))

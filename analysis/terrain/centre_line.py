@@ -188,11 +188,7 @@ def first_round(east, north):
     Returns
     -------
     slice
-
-    Raises
-    ------
-    CannotAnswer
-        If the lap does not come back to where it began.
+        Up to where it is nearest to where it began.
     """
     points = np.column_stack([east, north])
     known = np.flatnonzero(np.isfinite(points).all(axis=1))
@@ -200,13 +196,7 @@ def first_round(east, north):
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     back = np.hypot(*(points - points[0]).T)
     back[driven < NEAREST_RETURN] = np.inf
-    end = int(np.argmin(back))
-    if back[end] > MAX_OFFSET:
-        raise CannotAnswer(
-            f"the lap never comes back to where it began (nearest {back[end]:.0f} m): a closed "
-            "map needs a whole round"
-        )
-    return slice(int(known[0]), int(known[end]))
+    return slice(int(known[0]), int(known[np.argmin(back)]))
 
 
 def centre_line(laps, gate):
@@ -225,11 +215,6 @@ def centre_line(laps, gate):
     Returns
     -------
     CentreLine
-
-    Raises
-    ------
-    CannotAnswer
-        If the first lap does not come back to where it began.
     """
     points = np.column_stack(laps[0])[first_round(*laps[0])]
     line = _resample(points[np.isfinite(points).all(axis=1)], gate)
@@ -237,10 +222,6 @@ def centre_line(laps, gate):
     line = _resample(_smooth_round([line.east_m, line.north_m]).T, gate)
     for _ in range(ROUNDS):
         offset = np.array([_mean_offset(line, *lap) for lap in laps])
-        gap = np.isnan(offset).all(axis=0)
-        if gap.any():
-            hole = line.s_m[np.argmax(gap)]
-            raise CannotAnswer(f"no lap has a position near s = {hole:.0f} m: the line has a gap")
         # Each lap has the same weight, however often its receiver dropped out there.
         offset = np.nanmean(offset, axis=0)
         east1, north1 = line.curves()(line.s_m, 1).T

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from analysis import CannotAnswer, Estimate, WrongUsage, wrap
+from analysis import CannotAnswer, Estimate, wrap
 from analysis.units.clock import Clock, clock_offset, least_squares, stands_still
 from analysis.units.events import Apart, Event, disagreements, find_events
 from analysis.units.frame import Track, interpolated, local_tracks, rate, unwrapped
@@ -102,12 +102,10 @@ def side_by_side(units: Mapping[str, Timeline]) -> Comparison:
     Raises
     ------
     WrongUsage
-        If there are fewer than two, or two hold the same readings.
+        If two hold the same readings.
     CannotAnswer
         If a unit is frozen, or two were not on one journey at one time.
     """
-    if len(units) < 2:
-        raise WrongUsage("one unit cannot be compared: give the logs of two or more")
     notes: list[str] = []
     tracks = local_tracks(units)
     for track in tracks:
