@@ -82,7 +82,7 @@ def _told(result, model, atlas, part):
         "headline": verdict.headline(within, enough, nearest),
         "groups": verdict.summary(result),
         "reasons": verdict.reasons(result),
-        "road": verdict.road(model, atlas),
+        "road": verdict.road(model),
         "temperature": {c.name: verdict.temperature_part(c) for c in result.channels},
         "hours": {name: pages.phrase(said) for name, (_, said) in plans.items()},
     }

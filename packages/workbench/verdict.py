@@ -24,7 +24,6 @@ from analysis import (
 from analysis.noise.added_terms import signal_of
 from analysis.noise.models import adev_of_terms
 from analysis.noise.parameters import PARAMETERS
-from analysis.terrain import Sensor
 from workbench.pages import Said
 
 LEADING = {"rate": ("arw", "bias_instability"), "accel": ("vrw", "bias_instability")}
@@ -427,43 +426,27 @@ def temperature_part(channel):
     return Said("temperature", about)
 
 
-# On the road, and among the parts
+# On the road
 
 
-def road(model, atlas):
-    """Predict the tracking error of each gyro axis, and lay the parts of the list beside the worst.
+def road(model):
+    """Predict the tracking error of each gyro axis.
 
     Parameters
     ----------
     model : dict
         The content of model.json.
-    atlas : DataFrame
 
     Returns
     -------
     dict
-        ``axes``: name to the errors by tracker, or to the sentence that refuses them; ``parts``:
-        name, price and errors by rising error of the paper's filter, the worst axis among them,
-        without a price. Empty without a gyro.
+        Name to the errors by tracker, or to the sentence that refuses them.
     """
-    names = [c["name"] for c in model["channels"] if c["kind"] == "rate"]
-    if not names:
-        return {}
     planes = {tracker: terrain_data.error_plane(tracker) for tracker in TRACKERS}
-    axes, own, rows = {}, [], []
-    for name in names:
+    axes = {}
+    for name in (c["name"] for c in model["channels"] if c["kind"] == "rate"):
         try:
             axes[name] = {tracker: plane.of_log(model, name) for tracker, plane in planes.items()}
         except CannotAnswer as error:
             axes[name] = str(error)
-            continue
-        tuned = axes[name]["R tuned"]
-        own.append((tuned.value or tuned.high or np.inf, name, None, axes[name]))
-    for part in atlas.query("basis == 'datasheet' and kind == 'rate' and b == b").to_dict(
-        "records"
-    ):
-        sensor = Sensor(part["n"], part["b"])
-        errors = {tracker: plane.of(sensor)[0] for tracker, plane in planes.items()}
-        rows.append((errors["R tuned"], part["name"], (part["low_usd"], part["high_usd"]), errors))
-    rows += [max(own, key=lambda row: row[0])] if own else []
-    return {"axes": axes, "parts": [row[1:] for row in sorted(rows, key=lambda row: row[0])]}
+    return axes
