@@ -233,27 +233,6 @@ def test_flags_say_what_a_log_does_not(tmp_path, no_pictures, good):
         assert found[key] == expected[key]
 
 
-def test_what_is_repaired_is_said_on_the_page(tmp_path, no_pictures):
-    """Property: NaN, a gap, a row written twice and a cut-off end are read, and each is stated."""
-    rows = [*ROWS[:50], "0.50,nan", *ROWS[51:200], ROWS[199], *ROWS[200:300], *ROWS[320:-1]]
-    path = write(tmp_path, [*rows, "5.99,0."], end="")
-    status, out, err = run("report", path, "--out", tmp_path / "mine")
-    assert (status, err) == (0, "")
-    page = (tmp_path / "mine" / "report.html").read_text(encoding="utf-8")
-    source = model(tmp_path / "mine")["source"]
-    assert (source["gaps"], len(source["repairs"])) == (1, 5)
-    for words in (
-        "are too short to",
-        "first in line 52",
-        "with the stamp of the row before",
-        "1 gap: 20 of",
-        "is cut off and was dropped",
-    ):
-        assert sum(words in repair for repair in source["repairs"]) == 1, words
-        assert words in page
-        assert words in out
-
-
 # --- refusals ------------------------------------------------------------------------------------
 
 BACKWARD = [*ROWS[:100], *ROWS[90:]]
