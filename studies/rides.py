@@ -248,13 +248,10 @@ def parked():
         ``stand``: an epoch a row, metres from the mean of the raw positions of the period.
     """
     log = read("phone-drive")
-    columns = replay(log, Options()).columns
-    t = log.gnss.t_s
-    stand = (t >= PARKED[0]) & (t < PARKED[1]) & log.gnss.has_fix
-    raw = np.array([log.gnss.lat_deg[stand], log.gnss.lon_deg[stand]])
-    table = {"t_s": t[stand] - PARKED[0]} | _metres("raw", *raw, *raw.mean(axis=1))
-    out = columns["out_lat_deg"][stand], columns["out_lon_deg"][stand]
-    table |= _metres("out", *out, *raw.mean(axis=1))
+    columns, gnss, t = replay(log, Options()).columns, log.gnss, log.gnss.t_s
+    stand = (t >= PARKED[0]) & (t < PARKED[1]) & gnss.has_fix
+    middle = gnss.lat_deg[stand].mean(), gnss.lon_deg[stand].mean()
+    table = {"t_s": t[stand] - PARKED[0]} | _metres(gnss, columns, stand, middle)
     table = pd.DataFrame(table).assign(layer=columns["layer"][stand])
     return _source("phone-drive", log), {"stand": store.rounded(table, DIGITS)}
 
@@ -386,14 +383,12 @@ def cold_phone():
         ``fixes``: a fix a row, metres from the first output position.
     """
     log = read("phone-walk")
-    columns = replay(log, Options()).columns
-    fix = log.gnss.has_fix
-    out = np.array([columns["out_lat_deg"], columns["out_lon_deg"]])
-    zero = out[:, np.isfinite(out[0])][:, 0]
-    table = {"t_s": log.gnss.t_s[fix], "accuracy_m": log.gnss.pdop[fix] * METRES_PER_PDOP}
-    table |= _metres("raw", log.gnss.lat_deg[fix], log.gnss.lon_deg[fix], *zero)
-    table |= _metres("out", *out[:, fix], *zero)
-    table = pd.DataFrame(table).assign(accepted=columns["accepted"][fix])
+    columns, gnss, fix = replay(log, Options()).columns, log.gnss, log.gnss.has_fix
+    first = np.flatnonzero(np.isfinite(columns["out_lat_deg"]))[0]
+    zero = columns["out_lat_deg"][first], columns["out_lon_deg"][first]
+    table = {"t_s": gnss.t_s[fix], "accuracy_m": gnss.pdop[fix] * METRES_PER_PDOP}
+    table = pd.DataFrame(table | _metres(gnss, columns, fix, zero))
+    table = table.assign(accepted=columns["accepted"][fix])
     return _source("phone-walk", log), {"fixes": store.rounded(table, DIGITS)}
 
 
@@ -466,10 +461,13 @@ def turned(name):
     return _source(name, log) | reference, tables
 
 
-def _metres(prefix, lat, lon, lat0, lon0):
-    """Turn positions into metres north and east of a point."""
-    north, east, _ = pymap3d.geodetic2ned(lat, lon, 0.0, lat0, lon0, 0.0)
-    return {f"{prefix}_north_m": np.round(north, 2), f"{prefix}_east_m": np.round(east, 2)}
+def _metres(gnss, columns, rows, zero):
+    """Turn some fixes, and what is put out there, into metres north and east of a point."""
+    out, found = (columns["out_lat_deg"], columns["out_lon_deg"]), {}
+    for name, (lat, lon) in {"raw": (gnss.lat_deg, gnss.lon_deg), "out": out}.items():
+        north, east, _ = pymap3d.geodetic2ned(lat[rows], lon[rows], 0.0, *zero, 0.0)
+        found |= {f"{name}_north_m": np.round(north, 2), f"{name}_east_m": np.round(east, 2)}
+    return found
 
 
 def _source(name, log):
