@@ -106,31 +106,6 @@ def test_without_terrain_it_is_dead_reckoning():
     assert np.all((low * expected < spread) & (spread < high * expected))
 
 
-def test_worse_sensors_track_worse():
-    """property: with common runs, more N or more B means a larger mean square error."""
-    square = (laps(setup_of(), runs=30).error ** 2).mean(axis=(1, 2))
-    assert square[0] < square[1] < square[3] and square[0] < square[2] < square[3]
-
-
-def test_two_channels_and_bias_states_run_and_help():
-    """property: roll helps a sensor with hardly any bias; bias states help one with a large one."""
-    s = np.arange(0.0, 500.0)
-    both = AttitudeMap(0.0, 1.0, np.stack([road().attitude[0], np.cos(s / 14)]))
-
-    def rms(*args, **kw):
-        return np.sqrt((laps(*args, runs=30, **kw).error ** 2).mean(axis=(1, 2)))
-
-    assert rms(setup_of(), attitude_map=both)[0] < rms(setup_of())[0]
-    assert rms(setup_of(bias_states=True, R=0.0025))[3] < 0.5 * rms(setup_of())[3]
-
-
-def test_half_the_samples_have_the_same_paths():
-    """property: `every` thins the updates of the same laps; truth and moments stay."""
-    full, half = laps(setup_of()), laps(setup_of(every=2))
-    np.testing.assert_allclose(half.distance, full.distance)
-    assert 0 < np.abs(half.error - full.error).max() < 1.0
-
-
 def test_own_variance_is_averaged_over_the_lap():
     """analytic: with no bias, N^2 times half the lap's time."""
     assert setup_of().own_R(Sensor(0.01, 0.0)) == pytest.approx(1e-4 * 300 / 11 / 2, rel=1e-3)

@@ -171,12 +171,6 @@ def test_same_seed_same_bytes(log, result, tmp_path, capfd, monkeypatch):
     assert other.channels[0].parameters != result.channels[0].parameters
 
 
-def test_a_channel_does_not_depend_on_those_after_it(log, result):
-    """Property: channel k draws from the k-th stream of the seed, whatever comes later."""
-    found = static_logs.characterise(replace(log, channels=log.channels[:2]), progress=False)
-    assert [c.parameters for c in found.channels] == [c.parameters for c in result.channels[:2]]
-
-
 def test_same_log_in_g_and_m_s2(tmp_path):
     """Property: the unit scales the answer and nothing else."""
     white = 0.01 * np.random.default_rng(13).normal(size=(2, 12_000))
