@@ -156,8 +156,6 @@ def _prepared(paths, parameters, own):
         at, values = parameters_of(notebook)
         known |= values
         taken = {name: value for name, value in parameters.items() if name in values}
-        for name, value in taken.items():
-            _check_kind(name, value, values[name])
         if taken:
             source = "\n".join(f"{name} = {value!r}" for name, value in taken.items())
             notebook.cells.insert(at + 1, nbformat.v4.new_code_cell(source))
@@ -174,17 +172,6 @@ def _prepared(paths, parameters, own):
             f"no parameter '{unknown[0]}' in these notebooks; there are: {', '.join(sorted(known))}"
         )
     return tasks
-
-
-def _check_kind(name, value, now):
-    """Refuse a word for a number, and one number for several; `now` is what the notebook has."""
-    try:
-        usual = ast.literal_eval(now)
-    except ValueError:  # computed
-        return
-    for kinds, what in (((bool, int, float), "a number"), ((tuple, list), "several, with commas")):
-        if isinstance(usual, kinds) and not isinstance(value, kinds):
-            raise WrongUsage(f"-p {name}={value}: {name} is {what}, such as {ast.unparse(now)}")
 
 
 def parameters_of(notebook):
