@@ -2,9 +2,7 @@
 
 import base64
 import json
-import os
 from dataclasses import replace
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +10,6 @@ import matplotlib.pyplot as plt
 
 from analysis import CannotAnswer, WrongUsage, figures, plots, static_logs, store
 from analysis.noise.planner import SYMBOLS, Plan
-from sensorlogs.catalogue import find
 from sensorlogs.columns import tidy
 from workbench import exports, pages, verdict
 from workbench.pages import Said
@@ -54,8 +51,7 @@ def write(log, out, *, part=None, command=""):
     earlier |= figures_of(
         out, "model.json", lambda stored: [ATLAS, *(c["name"] for c in stored["channels"])]
     )
-    told = _told(result, model, atlas, part) | {"command": command, "dated": _dated(log)}
-    told |= exports.told(texts)
+    told = _told(result, model, atlas, part) | {"command": command} | exports.told(texts)
     with pages.folder(out, earlier) as draft:
         _draw(result, draft / "figures", verdict.placed(result, atlas))
         pages.put(draft / "exports", texts)
@@ -86,19 +82,6 @@ def _told(result, model, atlas, part):
         "temperature": {c.name: verdict.temperature_part(c) for c in result.channels},
         "hours": {name: pages.phrase(said) for name, (_, said) in plans.items()},
     }
-
-
-def _dated(log):
-    """Day of SOURCE_DATE_EPOCH, else that on which the log's file was last changed, UTC; or none.
-
-    Not of the clock, so that the same inputs give the same bytes.
-    """
-    epoch = os.environ.get("SOURCE_DATE_EPOCH")
-    try:
-        seconds = int(epoch) if epoch else find(log.given)[2].stat().st_mtime
-    except (ValueError, OSError, WrongUsage, CannotAnswer):
-        return None
-    return datetime.fromtimestamp(seconds, UTC).date().isoformat()
 
 
 def hours_to_record(channel, dt):
