@@ -228,35 +228,6 @@ def test_no_two_panels_have_one_name_and_none_has_tex():
     assert set(figures.plotted_numbers(fig)["series"]) == {"e^(-t/T_c), N√τ", "a$b {c}"}
 
 
-def test_several_panels_have_letters_and_one_has_none(tmp_path):
-    """Property: (a), (b) ... before title, or alone; saving twice changes nothing."""
-    fig = example()
-    for _ in range(2):
-        figures.save(fig, NAME, CAPTION, to=tmp_path)
-        titles = [(ax.get_title(), ax.get_title("left")) for ax in fig.axes]
-        assert titles == [("(a) Allan\ndeviation", ""), ("", "(b)")]
-    assert list(figures.axes_of(fig)) == ["Allan deviation", "north"]
-    ax = axes()
-    ax.plot([1, 2], [3, 4], label="line")
-    ax.set(xlabel="x (m)", ylabel="y (m)", title="one")
-    figures.save(ax.figure, NAME, CAPTION, to=tmp_path)
-    assert ax.get_title() == "one"
-
-
-def test_words_on_an_axis_and_cells_of_an_image():
-    """Analytic: a cell is (column, row, value); of its axes the words are listed."""
-    ax = axes()
-    drawn = ax.imshow([[0.1, np.nan], [0.3, 0.4]])
-    ax.set(xlabel="factor", ylabel="claim")
-    ax.set_yticks([0, 1], ["first", "$T_c$"])
-    ax.set_xticks([0, 1], [2, 6])  # numbers say what they are
-    ax.figure.colorbar(drawn, label="share (1)")
-    expected = [[0, 0, 0.1], [1, 0, np.nan], [0, 1, 0.3], [1, 1, 0.4]]
-    np.testing.assert_array_equal(series(ax.figure)["share"], expected)
-    said = {"x": "factor", "y": "claim", "y ticks": {"0": "first", "1": "T_c"}}
-    assert figures.axes_of(ax.figure) == {"claim": said}
-
-
 def test_panels_and_series_are_named_or_refused():
     """Property: a panel by its title or what it shows; a series by its label, hidden or not."""
     fig = example()
@@ -318,23 +289,6 @@ def test_what_lies_under_one_dot_is_left_out(draw, tmp_path, monkeypatch):
     assert len(both) >= len(after)
     ink = pictures[0].sum()  # edges are blended, and a pen may be thinner than a point
     assert (pictures[0] ^ pictures[1]).sum() < 0.1 * ink
-
-
-def test_a_line_keeps_its_corners():
-    """Analytic: of a polygon its corners, a turn on the way and a gap; markers keep every point."""
-    x = np.linspace(0.0, 300.0, 301)
-    y = np.minimum(x, 200.0)
-    np.testing.assert_array_equal(figures._corners(np.c_[x, y]), [0, 200, 300])
-    there_and_back = np.r_[x, x[:100:-1], x[100:200]]
-    there_and_back = np.c_[there_and_back, np.zeros_like(there_and_back)]
-    np.testing.assert_array_equal(figures._corners(there_and_back), [0, 300, 501, 600])
-    y[100:103] = np.nan
-    np.testing.assert_array_equal(figures._corners(np.c_[x, y]), [0, 99, 100, 103, 200, 300])
-    for marker, left in ((None, 2), ("o", 201)):
-        ax = axes()
-        (line,) = ax.plot(x[:201], x[:201], marker=marker, label="line")
-        figures.thin(ax, 1.3)
-        assert len(line.get_xdata()) == left
 
 
 def test_a_legend_stays_where_it_was(tmp_path):

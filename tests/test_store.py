@@ -130,15 +130,6 @@ def test_estimates_are_numbers_or_null(model):
     assert outcomes == {True, False}
 
 
-def test_units_of_the_parameters(model):
-    """Analytic: N is U sqrt(s), K is U/sqrt(s), drift is U/s, tau is s, the others are U."""
-    units = {k: e["unit"] for k, e in model["channels"][0]["parameters"].items()}
-    level = dict.fromkeys(("sigma_v", "sigma_b", "bias_instability"), "deg/s")
-    rest = {"arw": "deg/sqrt(s)", "rrw": "deg/s/sqrt(s)", "drift": "deg/s/s", "corr_time": "s"}
-    assert units == level | rest
-    assert model["channels"][2]["parameters"]["vrw"]["unit"] == "m/s^2*sqrt(s)"
-
-
 def series(channel):
     """List what is drawn of a channel."""
     curves = [v for key in stored.CURVES for v in vars(getattr(channel, key)).values()]
