@@ -3,6 +3,7 @@
 `FORMATS` is the table of data/own/README.md: a format, how a sample is written, what reading takes.
 """
 
+import bz2
 import datetime
 import functools
 import gzip
@@ -21,7 +22,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import scipy.io
-from pymavlink import DFReader
 from pyubx2 import GET, UBXMessage
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
@@ -546,16 +546,43 @@ def test_damaged_files_are_refused_in_a_sentence(name, tmp_path):
             assert number > 1, "nothing can be read from an empty file"
 
 
-def test_a_library_that_fails_is_one_sentence(tmp_path, monkeypatch):
-    """property: what a library does not know is not taken for damage of the file alone."""
+LIBRARIES = {  # format -> the library that reads it, what of it fails, a byte that its check sees
+    "Parquet": ("pyarrow", "pyarrow.parquet.ParquetFile", -2),
+    "xlsx, xls, ods": ("python-calamine", "python_calamine.CalamineWorkbook", 60),
+    "MATLAB v5 to v7, a struct": ("scipy", "scipy.io.loadmat", 128),
+    "HDF5": ("h5py", "h5py.File", 46),
+    "NumPy npz": ("numpy", "numpy.load", 1000),
+    "R data, compressed": ("rdata", "rdata.parser.parse_file", 20),
+    "ROS 1 bag": ("rosbags", "rosbags.highlevel.AnyReader", 15),
+    "ROS 2 db3": ("rosbags", "rosbags.highlevel.AnyReader", 100),
+    "ROS 2 MCAP": ("rosbags", "rosbags.highlevel.AnyReader", 16),
+    "PX4 ULog": ("pyulog", "pyulog.ULog", 18),
+    "ArduPilot DataFlash": ("pymavlink", "pymavlink.DFReader.DFReader_binary", 418),
+}
 
-    def fail(log):
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_a_library_that_fails_is_not_taken_for_damage(name, tmp_path, monkeypatch):
+    """property: a whole file is said to be that, with the library; a wrong one with its byte."""
+
+    def fail(*given, **named):
         raise KeyError("UNIT")
 
-    path = write("ArduPilot DataFlash", tmp_path)
-    monkeypatch.setattr(DFReader.DFReader_binary, "init_clock", fail)
-    with pytest.raises(CannotAnswer, match=r"damaged, .* that pymavlink [\d.]+ does not know"):
+    library, what, at = LIBRARIES[name]
+    path = tmp_path / "log.dat"
+    if name in BY_NAME:
+        BY_NAME[name][1](path)
+    else:
+        path.write_bytes(bz2.compress(b"RDX3\n" + bytes(1000)))
+    monkeypatch.setattr(what, fail)
+    with pytest.raises(CannotAnswer, match=rf"intact .*, but {library} [\d.]+ cannot read it"):
         read(path)
+    raw = bytearray(path.read_bytes())
+    wrong = bytes([*raw[:at], raw[at] ^ 0xFF, *raw[at:][1:]])
+    for damaged in (raw[: 3 * len(raw) // 4], wrong):
+        path.write_bytes(damaged)
+        with pytest.raises(CannotAnswer, match=r"cut off or damaged at byte [\d,]+ of [\d,]+ "):
+            read(path)
 
 
 @pytest.mark.parametrize("suffix", ["parquet", "mat", "npz", "bag", "ulg", "ubx", "gpx", "zip"])

@@ -91,7 +91,7 @@ def spreadsheet(path: Path) -> list[Part]:
         check_zip(path, LIMIT)
     target, parts, empty = Path(tempfile.mkdtemp(dir=_folder().name)) / path.name, [], []
     target.mkdir()
-    with reading(path, "a spreadsheet", "save it again, or as CSV"):
+    with reading(path, "a spreadsheet", "python-calamine", "save it again, or as CSV"):
         book = CalamineWorkbook.from_path(str(path))
         for name in book.sheet_names:
             file = target / f"{path.name}, sheet '{name.replace('/', '_')}'"

@@ -34,14 +34,14 @@ def parquet(path: Path) -> list[Part]:
     import pyarrow.parquet as pq
     import pyarrow.types as is_
 
-    with reading(path, "a Parquet file"):
+    with reading(path, "a Parquet file", "pyarrow"):
         file = pq.ParquetFile(path)
     rows = file.metadata.num_rows
     names = [f.name for f in file.schema_arrow if not is_.is_nested(f.type)]
 
     def load() -> Table:
         _check_size(path, rows, len(names))
-        with reading(path, "a Parquet file"):
+        with reading(path, "a Parquet file", "pyarrow"):
             frame = pq.read_table(path, columns=names).to_pandas(ignore_metadata=True)
         for name in frame.select_dtypes(["datetime", "datetimetz"]):
             frame[name] = _since_1970(frame[name])
@@ -52,7 +52,7 @@ def parquet(path: Path) -> list[Part]:
 
 def mat5(path: Path) -> list[Part]:
     """List the tables of a MATLAB file up to v7: matrices, vectors, structs."""
-    with reading(path, "a MATLAB file", "save it again, or as CSV"):
+    with reading(path, "a MATLAB file", "scipy", "save it again, or as CSV"):
         content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     groups: dict[str, dict[str, np.ndarray]] = {}
     opaque: list[str] = []
@@ -77,7 +77,7 @@ def mat5(path: Path) -> list[Part]:
 @contextlib.contextmanager
 def open_mat73(path: Path) -> Iterator[h5py.File]:
     """Open a MATLAB v7.3 (HDF5) file; an error becomes `CannotAnswer`."""
-    with reading(path, HDF5), h5py.File(path) as file:
+    with reading(path, HDF5, "h5py"), h5py.File(path) as file:
         yield file
 
 
@@ -100,14 +100,14 @@ def hdf5(path: Path) -> list[Part]:
             unit = unit.decode() if isinstance(unit, bytes) else str(unit)
             units.setdefault(group, {})[leaf] = unit
 
-    with reading(path, HDF5):
+    with reading(path, HDF5, "h5py"):
         h5py.File(path).visititems(visit)
     return _grouped(path, groups, [], units)
 
 
 def numpy_file(path: Path) -> list[Part]:
     """List the tables of an npy or npz file."""
-    with reading(path, "a NumPy file"):
+    with reading(path, "a NumPy file", "numpy"):
         if zipfile.is_zipfile(path):
             check_zip(path, LARGEST)
             with np.load(path, allow_pickle=False) as file:
@@ -135,7 +135,7 @@ def rda(path: Path) -> list[Part]:
     constructors = rdata.conversion.DEFAULT_CLASS_MAP | dict.fromkeys(
         ("imu", "matrix"), lambda matrix, attributes: matrix
     )
-    with reading(path, "an R data file", "save the matrix as CSV"):
+    with reading(path, "an R data file", "rdata", "save the matrix as CSV"):
         objects = rdata.conversion.convert(rdata.parser.parse_file(path), constructors)
         parts = []
         for name, value in objects.items():

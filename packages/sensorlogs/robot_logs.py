@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from sensorlogs import CannotAnswer, counted, nmea
+from sensorlogs import CannotAnswer, counted, integrity, nmea
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, progress
 from sensorlogs.names import NAMES
@@ -60,7 +60,7 @@ def _opened(path: Path) -> Iterator[Any]:
     from rosbags.typesys import Stores, get_typestore
 
     repair = "copy it again, or repair it: rosbag reindex, mcap recover, or sqlite3 FILE .recover"
-    with tempfile.TemporaryDirectory() as folder, reading(path, "a ROS bag", repair):
+    with tempfile.TemporaryDirectory() as folder, reading(path, "a ROS bag", "rosbags", repair):
         named = path
         if path.is_file():
             with path.open("rb") as handle:
@@ -140,20 +140,17 @@ def ulog(path: Path) -> list[Part]:
 
     bar = {"total": path.stat().st_size, **progress(path)}
     with (
-        reading(path, "a PX4 ULog"),
+        reading(path, "a PX4 ULog", "pyulog"),
         path.open("rb") as raw,
         tqdm.wrapattr(raw, "read", **bar) as handle,
         _silent(),
     ):
         log = ULog(handle, [*_ULOG, "vehicle_imu", "vehicle_attitude"])
     notes: list[str] = []
-    size, whole = path.stat().st_size, _whole_ulog(path.read_bytes())
-    if log.file_corruption or whole < size:
+    state = integrity.state(path)  # the library says nothing of an end that is cut off
+    if log.file_corruption or state != integrity.INTACT:
         until_s = (log.last_timestamp - log.start_timestamp) / 1e6
-        notes.append(
-            f"cut off or damaged at byte {whole:,} of {size:,}; what could be read ends "
-            f"{until_s:.4g} s after the log's start"
-        )
+        notes.append(f"{state}; what could be read ends {until_s:.4g} s after the log's start")
     if log.dropouts:
         lost_s = sum(each.duration for each in log.dropouts) / 1000
         notes.append(f"dropouts of the logger: {len(log.dropouts):,}, {lost_s:.3g} s in all")
@@ -190,20 +187,6 @@ def ulog(path: Path) -> list[Part]:
     return parts
 
 
-def _whole_ulog(raw: bytes) -> int:
-    """Find the byte up to which a ULog is whole: size and type, a capital letter, lead to the next.
-
-    By PX4's description of the format; the library says nothing of an end that is cut off.
-    """
-    at = 16
-    while raw[at + 2 : at + 3].isupper():
-        end = at + 3 + int.from_bytes(raw[at : at + 2], "little")
-        if end > len(raw):
-            break
-        at = end
-    return at
-
-
 def dataflash(path: Path) -> list[Part]:
     """List the messages of an ArduPilot DataFlash log, an instance each.
 
@@ -211,7 +194,7 @@ def dataflash(path: Path) -> list[Part]:
     """
     from pymavlink import DFReader
 
-    with reading(path, "an ArduPilot DataFlash log"), _silent():
+    with reading(path, "an ArduPilot DataFlash log", "pymavlink"), _silent():
         log = DFReader.DFReader_binary(str(path))
         raw = np.frombuffer(log.data_map, dtype=np.uint8)
         parts: list[Part] = []

@@ -6,7 +6,6 @@ A format's reader lists a `Part` for each table (topic, message, sheet, variable
 
 import contextlib
 import re
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import metadata
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sensorlogs import CannotAnswer, WrongUsage, columns, counted, delimited, times
+from sensorlogs import CannotAnswer, WrongUsage, columns, counted, delimited, integrity, times
 from sensorlogs.delimited import Table, printable
 
 LISTED = 12  # tables named in a message
@@ -72,7 +71,9 @@ def of_text(name: str, path: Path) -> Part:
 
 
 @contextlib.contextmanager
-def reading(path: Path, title: str, instead: str = "copy it again") -> Iterator[None]:
+def reading(
+    path: Path, title: str, library: str = "", instead: str = "copy it again"
+) -> Iterator[None]:
     """Turn whatever a library says of a file into one sentence: damage, or its own failure."""
     try:
         yield
@@ -84,20 +85,14 @@ def reading(path: Path, title: str, instead: str = "copy it again") -> Iterator[
         raise CannotAnswer(f"{path.name}: too large for the memory of this machine") from error
     except Exception as error:  # libraries raise what they like on damaged bytes
         said = re.sub(r"(?<!\S)/\S*/", "", str(error).strip().split("\n")[0])  # our own folders
-        raise CannotAnswer(
-            f"{path.name}: {title} that is cut off or damaged, or not one, or that "
-            f"{_raiser(error)} does not know ({printable(said) or type(error).__name__}); {instead}"
-        ) from error
-
-
-def _raiser(error: Exception) -> str:
-    """Name the library that an error comes from, with its version."""
-    homes = metadata.packages_distributions()
-    for frame, _ in traceback.walk_tb(error.__traceback__):
-        package = frame.f_globals.get("__name__", "").partition(".")[0]
-        if package in homes and package != __package__:
-            return f"{homes[package][0]} {metadata.version(homes[package][0])}"
-    return "its library"
+        said = printable(said) or type(error).__name__
+        state = integrity.state(path)
+        if library and state == integrity.INTACT:
+            named = f"{library} {metadata.version(library)}"
+            state, instead = f"{state}, but {named} cannot read it", "export it as CSV"
+        else:
+            state = f"that is {state or 'cut off or damaged, or not one'}"
+        raise CannotAnswer(f"{path.name}: {title} {state} ({said}); {instead}") from error
 
 
 def with_axis(name: str, axis: str) -> str:

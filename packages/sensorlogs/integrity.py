@@ -1,0 +1,163 @@
+"""Is a file whole? Told by the lengths and checksums in it, without the library that reads it.
+
+Asked only after a reader has failed, so that a library's own failure is not taken for damage.
+"""
+
+import bz2
+import contextlib
+import lzma
+import mmap
+import re
+import sqlite3
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+INTACT = "intact as far as its lengths and checksums tell"
+BLOCK = 1 << 20
+
+
+def state(path: Path) -> str:
+    """Say that a file, or a folder's files, is intact or where it is not; nothing if none knows."""
+    said = ""
+    for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+        with file.open("rb") as handle:
+            head = handle.read(1 << 14)
+            check = next((_CHECKS[magic] for magic in _CHECKS if re.search(magic, head)), None)
+            if check:
+                with mmap.mmap(handle.fileno(), 0, access=mmap.ACCESS_READ) as raw:
+                    at = check(raw, file)
+                if at is not None:
+                    return f"cut off or damaged at byte {at:,} of {file.stat().st_size:,}"
+                said = INTACT
+    return said
+
+
+def _ulog(raw, path: Path) -> int | None:
+    """Walk through the messages of a ULog: size and type, a capital letter, lead to the next."""
+    at = 16
+    while raw[at + 2 : at + 3].isupper() and (end := at + 3 + _number(raw, at, 2)) <= len(raw):
+        at = end
+    return at if at < len(raw) else None
+
+
+def _dataflash(raw, path: Path) -> int | None:
+    """Walk through the messages of a DataFlash log, whose FMT messages state the lengths."""
+    form, at = 128, raw.find(b"\xa3\x95\x80")
+    sizes = {form: 89}
+    while raw[at : at + 2] == b"\xa3\x95" and (size := sizes.get(_number(raw, at + 2, 1))):
+        if at + size > len(raw):
+            break
+        if raw[at + 2] == form:
+            sizes[raw[at + 3]] = raw[at + 4]
+        at += size
+    return at if raw[at:].strip(b"\x00\xff") else None
+
+
+def _bag1(raw, path: Path) -> int | None:
+    """Walk through the records of a ROS 1 bag: the length of a header, then that of its data."""
+    at = raw.find(b"\n") + 1
+    while at < len(raw):
+        data = at + 4 + _number(raw, at, 4)
+        end = data + 4 + _number(raw, data, 4)
+        if end > len(raw) or b"op=" not in raw[at + 4 : data]:
+            return at
+        at = end
+    return None
+
+
+def _mcap(raw, path: Path) -> int | None:
+    """Walk through the records of an MCAP to the magic bytes at its end."""
+    magic = raw[:8]
+    at, end = len(magic), len(raw) - len(magic)
+    while at < end and raw[at] and (after := at + 9 + _number(raw, at + 1, 8)) <= end:
+        at = after
+    return at if at != end or raw[end:] != magic else None
+
+
+def _sqlite(raw, path: Path) -> int | None:
+    """Count the pages of a database, then have SQLite check them."""
+    page = int.from_bytes(raw[16:18])
+    if len(raw) < page * int.from_bytes(raw[28:32]):
+        return len(raw)
+    with contextlib.closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as db:
+        try:
+            said = str(db.execute("PRAGMA quick_check").fetchone()[0])
+        except sqlite3.DatabaseError as error:
+            said = str(error)
+    number = re.search(r"(?i)page (\d+)", said)
+    return None if said == "ok" else page * (int(number[1]) - 1) if number else 0
+
+
+def _zip(raw, path: Path) -> int | None:
+    """Compare the checksums of the files in a zip; its list of them is at its end."""
+    try:
+        with zipfile.ZipFile(path) as packed:
+            wrong = packed.testzip()
+            return packed.getinfo(wrong).header_offset if wrong else None
+    except (zipfile.BadZipFile, zlib.error, EOFError):
+        return len(raw)
+
+
+def _parquet(raw, path: Path) -> int | None:
+    """Look for the mark at the end of a Parquet file, and before it the length of its footer."""
+    whole = raw[-4:] == raw[:4] and _number(raw, len(raw) - 8, 4) <= len(raw) - 12
+    return None if whole else len(raw)
+
+
+def _hdf5(raw, path: Path) -> int | None:
+    """Compare the end that the first block of an HDF5 file states."""
+    at = raw.find(b"\x89HDF")
+    end = _number(raw, at + (28 if raw[at + 8] > 1 else 40), 8)
+    return None if end <= len(raw) else len(raw)
+
+
+def _mat5(raw, path: Path) -> int | None:
+    """Walk through the variables of a MATLAB file; those compressed have checksums."""
+    at, little = 128, raw[126:128] == b"IM"
+    while at < len(raw):
+        both = raw[at : at + 4], raw[at + 4 : at + 8]
+        kind, size = (int.from_bytes(each, "little" if little else "big") for each in both)
+        end = at + 8 + size
+        compressed = kind == 15
+        if not (compressed or kind == 14) or end > len(raw):
+            return at
+        if compressed and _stream(zlib.decompressobj(), raw[at + 8 : end]) is not None:
+            return at
+        at = end
+    return None
+
+
+def _stream(unpacked, raw) -> int | None:
+    """Unpack a compressed stream to its end, where its checksum is."""
+    for at in range(0, len(raw), BLOCK):
+        try:
+            unpacked.decompress(raw[at : at + BLOCK])
+        except (zlib.error, OSError, EOFError, lzma.LZMAError):
+            return at
+        if unpacked.eof:
+            return None
+    return len(raw)
+
+
+def _number(raw, at: int, size: int) -> int:
+    return int.from_bytes(raw[at : at + size], "little")
+
+
+# How a file begins -> what finds the byte at which it is not whole.
+_CHECKS: dict[bytes, Callable[[Any, Path], int | None]] = {
+    rb"\AULog\x01\x12\x35": _ulog,
+    rb"\xa3\x95\x80\x80\x59FMT\x00": _dataflash,
+    rb"\A#ROSBAG V": _bag1,
+    rb"\A\x89MCAP": _mcap,
+    rb"\ASQLite format 3": _sqlite,
+    rb"\APK\x03\x04": _zip,
+    rb"\APAR1": _parquet,
+    rb"\AMATLAB 5\.0": _mat5,
+    rb"(?s)\A(.{512}|.{1024})?\x89HDF\r\n\x1a\n": _hdf5,
+    rb"\A\x1f\x8b": lambda raw, path: _stream(zlib.decompressobj(31), raw),
+    rb"\ABZh": lambda raw, path: _stream(bz2.BZ2Decompressor(), raw),
+    rb"\A\xfd7zXZ": lambda raw, path: _stream(lzma.LZMADecompressor(), raw),
+}
