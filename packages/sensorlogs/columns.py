@@ -217,7 +217,8 @@ def recognise(name: str) -> Column:
     said = words(base)
     kind, other = _kind(name, said)
     axis = next((word for word in said[:-3:-1] if word in AXES), None)
-    quantity = f"{FLAG[kind]}_{axis}" if kind in ("rate", "accel") and axis and not other else None
+    of = kind or KIND_OF_UNIT.get(unit or "")
+    quantity = f"{FLAG[of]}_{axis}" if of in ("rate", "accel") and axis and not other else None
     for what, pattern in NAMES["moving"].items():
         if re.fullmatch(pattern, "_".join(said)):
             quantity = what

@@ -176,7 +176,10 @@ def read(
     given |= {"unit": unit, "kind": kind, "scale": scale, "table": table}
     option = stanza | {key: value for key, value in given.items() if value is not None}
     rows = formats.read_table(path, option)
-    rows, time_column, grid, start_s, notes = _placed(rows, option)
+    try:
+        rows, time_column, grid, start_s, notes = _placed(rows, option)
+    except WrongUsage as error:
+        raise _with_units(error, rows, stanza, columns, option) from error
     rows = replace(rows, frame=formats.about_the_mean(rows.frame, "channels" in option))
     with np.errstate(over="ignore", invalid="ignore"):  # garbage is refused below, with its place
         chosen, guessed, left, temperature = _choices(rows, time_column, stanza, columns, option)
@@ -272,6 +275,20 @@ def _placed(table, option):
             f"{grid.rate_hz:.6g} Hz; leave one of them out"
         )
     return table, time, grid, np.nanmin(at), notes
+
+
+def _with_units(error, rows, stanza, wanted, option) -> WrongUsage:
+    """Ask for the units together with the time, so that one command puts all of it right."""
+    time, flags = times.time_column(rows.frame), error.flags
+    if time is None and not option.keys() & {"rate_hz", "time"}:
+        flags = ({"--rate": "HZ"},)
+    try:
+        _choices(rows, time, stanza, wanted, option)
+    except (CannotAnswer, WrongUsage) as more:
+        if flags and more.flags:
+            both = (before | after for before in flags for after in more.flags)
+            return WrongUsage(f"{error}; {more}", *both)
+    return WrongUsage(str(error), *flags)
 
 
 def _choices(table, time, stanza, wanted, option):
