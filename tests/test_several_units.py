@@ -122,3 +122,13 @@ def test_tracks_need_units_on_the_ground():
     """Property: a journey of which no table has positions gives no tracks."""
     assert units.tracks(store.read("car-attitude").tables) == {}
     assert set(units.tracks(store.read("comma2k19").tables)) == {"pose", "ublox"}
+
+
+def test_five_receivers_were_on_one_ride():
+    """Property: every pair, the worst receivers too; none on the same road at another pace."""
+    five = units.tracks(store.read("five-receivers").tables)
+    for a, b in combinations(five.values(), 2):
+        assert abs(clock_offset(a, b).offset_s.value) < 6  # the Etrex stamps late by seconds
+        at = b.t_s + 19 * np.sin(2 * np.pi * b.t_s / 600)  # its speed changed by up to a fifth
+        with pytest.raises(CannotAnswer, match="not on one journey"):
+            clock_offset(a, replace(b, t_s=at))

@@ -34,7 +34,10 @@ TAILS, ROUNDS = 4.0, 50  # degrees of freedom of the residuals' tails; rounds of
 SAME_JOURNEY = 5.0  # ratio of along- to cross-track scatter beyond which it is another journey
 ALONG_M = 25.0  # along-track scatter that is always allowed
 ALIKE = 2.0  # ratio of scatter within which two fits are alike
-SAME_M = 25.0  # median difference, constant shift taken out, beyond any receiver's error
+SAME_M = 25.0  # median difference, constant shift taken out, that is always allowed
+# More is allowed as far as the receivers' own errors go, which show across the track, where neither
+# clock nor pace counts; but not of two roads, which differ across the track as far as they extend.
+OWN_ERRORS, OF_EXTENT = 2.0, 0.01  # times the scatter across the track; share of the extent
 FEWEST_SAMPLES = 20  # of common attitudes
 THIN_S = 1.0  # between epochs when lags are compared
 ENOUGH_S = 1e-4  # step at which the refinement ends
@@ -116,7 +119,9 @@ def clock_offset(a: Track, b: Track) -> Clock:
     least = min(fit.scatter for fit in fits)
     best = max((f for f in fits if f.scatter <= ALIKE * least), key=lambda fit: fit.common_s)
     best = _refined(a, b, best.lag) or best
-    if best.along > max(ALONG_M, SAME_JOURNEY * best.cross) or best.scatter > SAME_M:
+    extent = min(_size(x) for _, x in signals)
+    same_m = max(SAME_M, min(OWN_ERRORS * best.cross, OF_EXTENT * extent))
+    if best.along > max(ALONG_M, SAME_JOURNEY * best.cross) or best.scatter > same_m:
         raise CannotAnswer(
             f"{both} were not on one journey at one time: at the best clock offset "
             f"({best.lag:.0f} s) they still differ by {best.along:.0f} m along the track and "
