@@ -421,14 +421,14 @@ FORMATS = [  # row of the page's table, how its sample is written, channels, wha
     ("Parquet", write_parquet, BOTH, ALONE),
     ("xlsx, xls, ods", write_xlsx, BOTH, ALONE),
     ("xlsx with German headings", write_german, BOTH, ALONE),
-    ("MATLAB v5 to v7, a struct", write_mat5, BOTH, ALONE),
+    ("MATLAB v5 to v7, a struct", write_mat5, BOTH, FLAG),
     ("MATLAB v5 to v7, vectors", write_mat5_vectors, GYROS, FLAG),
-    ("MATLAB v7.3", write_mat73, BOTH, ALONE),
+    ("MATLAB v7.3", write_mat73, BOTH, FLAG),
     ("HDF5", write_hdf5, BOTH, ALONE),
     ("NumPy npz", write_npz, BOTH, ALONE),
     ("NumPy npy with field names", write_npy, BOTH, ALONE),
     ("NumPy npy, a matrix", write_npy_matrix, ACCELS, FLAG),
-    ("JSON lines", write_json_lines, BOTH, ALONE),
+    ("JSON lines", write_json_lines, BOTH, FLAG),
     ("gpsd's JSON (TPV, SKY)", write_gpsd, HERE, ALONE),
     ("NMEA 0183, also with binary messages between", write_nmea, HERE, ALONE),
     ("ROS 1 bag", write_bag1, BOTH, ALONE),
@@ -921,7 +921,7 @@ def _phone_tables(sign, stamps=T):
 def test_other_layouts(layout, tmp_path):
     """Cross-check: dates in JSON lines, one object of arrays, a struct of x, y, z, a packed zip."""
     path = tmp_path / "log"
-    table = {"t": T, "gyro_rad_s": GYRO, "acc": ACCEL}
+    table = {"t": T, "gyro_rad_s": GYRO, "acc_m_s2": ACCEL}
     if layout == "ISO dates":
         rows = zip(
             (f"2024-05-01T10:00:{t:09.6f}Z" for t in T), GYRO.tolist(), ACCEL.tolist(), strict=True
@@ -935,7 +935,7 @@ def test_other_layouts(layout, tmp_path):
         path.write_text(json.dumps({name: values.tolist() for name, values in table.items()}))
     elif layout == "struct of axes":
         with path.open("wb") as handle:
-            imu = {"time": T, "acc": dict(zip("xyz", ACCEL.T, strict=True))}
+            imu = {"time": T, "acc_m_s2": dict(zip("xyz", ACCEL.T, strict=True))}
             scipy.io.savemat(handle, {"data": {"imu": imu}})
     else:
         write_csv_zip(path)

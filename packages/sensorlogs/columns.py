@@ -1,8 +1,8 @@
 """What a column holds: quantity, unit and kind (``gyro_x_deg_s`` -> gyro_x, deg/s, rate).
 
-`meaning` tells it by the name, `contents` by the numbers. `choose` picks the channels of a static
-log: times, counters, norms and status words are no readings, and what is guessed is said with the
-flag that overrules it.
+`recognise` tells it by the name, `contents` by the numbers. `choose` picks the channels of a static
+log: times, counters, norms and status words are no readings. No unit is guessed: a refusal has the
+flags that say it, and gravity tells which of them are likely.
 """
 
 import difflib
@@ -43,12 +43,12 @@ _KIND_OF_WORD = {word: kind for kind, words in NAMES["kinds"].items() for word i
 _PAIRS = {tuple(two.split()): kind for kind, pairs in NAMES["pairs"].items() for two in pairs}
 _ESTIMATED = {"h", "v", "s", "t", "hor", "ver", "pos", "vel", "head", "heading", "speed", "time"}
 _TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
-LOOKED_AT = 5000  # rows in which a counter, a clock or a norm shows
+LOOKED_AT = 5000  # rows in which a counter or a clock shows
 _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
 _OR = {"rate": "rad/s", "accel": "m/s^2", "angle": "rad"}  # as usual: a message offers both
 _WHOLE_UNITS = ("deg/s", "rad/s", "g", "m/s^2")  # in which no sensor's readings are whole numbers
 _NO_CELSIUS = {"k", "kelvin", "f", "fahrenheit"}
-_LSB = (16384, 8192, 4096, 2048, 1024, 256)  # counts per g of common accelerometers
+_PER_COUNT = {"rate": "1/131", "accel": "1/16384"}  # of the most common IMU, to be replaced
 
 
 @functools.cache
@@ -269,7 +269,7 @@ def sample(frame: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 
 def contents(frame: pd.DataFrame) -> dict[str, str]:
-    """Tell by their numbers which columns are counters, clocks or norms of three readings.
+    """Tell by their numbers which columns are counters or clocks.
 
     Parameters
     ----------
@@ -293,14 +293,6 @@ def contents(frame: pd.DataFrame) -> dict[str, str]:
             found[name] = "a counter: it steps by 1"
         elif (steps[:, j] > 0).all() or (whole[j] and _ticks(steps[:, j])):
             found[name] = "a time or counter: it never falls"
-    for j in range(len(names) - 2):
-        three = names[j : j + 3]
-        if found.keys().isdisjoint(three):
-            norm = np.linalg.norm(head[:, j : j + 3], axis=1)
-            for k in {*range(len(names))} - {j, j + 1, j + 2}:
-                off = np.sqrt(np.mean((head[:, k] - norm) ** 2))
-                if off < 0.05 * norm.std():  # what its rounding leaves
-                    found[names[k]] = f"the norm of {', '.join(three)}"
     return found
 
 
@@ -355,7 +347,7 @@ def choose(
     unit: str | None = None,
     kind: str | None = None,
     scale: str | None = None,
-) -> tuple[list[Choice], list[str], list[str]]:
+) -> tuple[list[Choice], list[str]]:
     """Choose the columns to analyse, and find what each one is.
 
     Parameters
@@ -379,8 +371,6 @@ def choose(
     -------
     list of Choice
     list of str
-        What was guessed about them, with the flag that overrules it.
-    list of str
         What was left out and why; which columns were taken in another unit than their name has.
 
     Raises
@@ -394,8 +384,6 @@ def choose(
     units, scales = given_units(unit, kind), given_scales(scale)
     wanted = [resolve(c, list(frame), file) for c in columns] if columns else None
     kinds, left_out = _kinds(frame, file, wanted, kind, units)
-    accels = [name for name, its in kinds.items() if its == "accel"]
-    size = _gravity(frame, accels, scales.get("accel", scales.get(None, 1.0)))
     found, notes = [], []
     for name, its in kinds.items():
         base, own = split(name)
@@ -408,14 +396,14 @@ def choose(
             )
         if said and own not in (None, said):
             notes.append(f"column '{name}' taken in {said}, though its name has {own}")
-        taken = said or own or (size if its == "accel" else None) or ""
-        found.append(Choice(name, tidy(base), taken, its, scales.get(its, scales.get(None, 1.0))))
-    flags = _flags(frame, found, units, size, scale)
+        factor = scales.get(its, scales.get(None, 1.0))
+        found.append(Choice(name, tidy(base), said or own or "", its, factor))
+    flags = _flags(frame, found, units, scale)
     _check_flags(file, found, (("unit", unit, units), ("scale", scale, scales)), flags)
     chosen = [c for c in found if c.unit]
     no_unit = {c.column: f"no unit: --unit {FLAG[c.kind]}=... says it" for c in found if not c.unit}
-    stated = units or any(split(c.column)[1] for c in chosen if c.kind in ("rate", "accel"))
-    if no_unit and (wanted or not stated):
+    mute = any(c.kind in ("rate", "accel") for c in found if not c.unit) and not units
+    if no_unit and (wanted or mute or not chosen):
         raise WrongUsage(
             f"{file}: {', '.join(no_unit)}: no unit is known; {_spelled(flags)}, whichever is "
             "right, or put the units into the header, such as gyro_x_deg_s, accel_z_g",
@@ -438,22 +426,13 @@ def choose(
                 *flags,
             )
     _check_gravity(frame, file, chosen, units)
-    if not (kind or "rate" in units):
-        _check_gyros(frame, file, chosen)
-    mute = [name for name in accels if not split(name)[1]]
-    guessed = []
-    if mute and size and not units.keys() & {"accel", None}:
-        guessed.append(
-            f"columns {', '.join(mute)} read as accel in {size} (by their length, one g; --unit "
-            "accel=... overrules)"
-        )
     if left_out := left_out | no_unit:
         reasons = {w: [n for n, its in left_out.items() if its == w] for w in left_out.values()}
         listed = ", ".join(f"{', '.join(names)} ({why})" for why, names in reasons.items())
         notes.append(f"columns left out: {listed}; --columns takes such a column all the same")
     doubles = {c.name for c in chosen if sum(c.name == d.name for d in chosen) > 1}
     chosen = [replace(c, name=tidy(c.column)) if c.name in doubles else c for c in chosen]
-    return chosen, guessed, notes
+    return chosen, notes
 
 
 def _check_gravity(frame, file, chosen, units) -> None:
@@ -475,19 +454,6 @@ def _check_gravity(frame, file, chosen, units) -> None:
                 f"{length:.2f} {own}; it should be one g, so these look like {one}: say --unit "
                 f"{flag}",
                 {"--unit": flag},
-            )
-
-
-def _check_gyros(frame, file, chosen) -> None:
-    """Refuse gyros by name, such as gx, gy, gz, whose length is one g in m/s^2 or mg: gravity."""
-    mine = [c.column for c in chosen if c.kind == "rate" and not split(c.column)[1]]
-    for names in vectors(mine).values():
-        one = gravity_unit(_norm(frame, names), 0.03)
-        if len(names) == 3 and one in ("m/s^2", "mg"):
-            raise WrongUsage(
-                f"{file}: columns {', '.join(names)} have the length of one g in {one}: say "
-                f"--columns {','.join(names)} with --kind accel --unit {one}, or with --kind rate; "
-                "gyros by their name: --unit gyro=deg/s or gyro=rad/s"
             )
 
 
@@ -599,22 +565,23 @@ def _norm(frame, names) -> float:
     return float(np.median(np.linalg.norm(vectors, axis=1))) if len(vectors) else 0.0
 
 
-def _gravity(frame, accels, factor=1.0) -> str | None:
+def _gravity(frame, accels) -> str | None:
     """Tell the unit of the accelerometers whose name has none, if they have the length of one g."""
-    mute = [n for n in accels if not split(n)[1]]
+    mute = {c.column: abs(c.scale) for c in accels if not split(c.column)[1]}
     unnamed = [n for n in mute if not recognise(n).kind]
     threes = [*vectors(n for n in mute if n not in unnamed).values(), unnamed]
-    found = {gravity_unit(abs(factor) * _norm(frame, of)) for of in threes if len(of) == 3}
+    found = {gravity_unit(mute[of[0]] * _norm(frame, of)) for of in threes if len(of) == 3}
     found.discard(None)
     return found.pop() if len(found) == 1 else None
 
 
-def _flags(frame, found, units, size, scale) -> list[dict[str, str | None]]:
+def _flags(frame, found, units, scale) -> list[dict[str, str | None]]:
     """Return the flags that state what the columns do not: flag -> value, None to leave it out.
 
     Where nothing tells a unit, those of both are returned.
     """
     bare = units.get(None)
+    size = _gravity(frame, [c for c in found if c.kind == "accel"])
     usual: dict[Any, Any] = _USUAL | ({"accel": size} if size else {})
     usual[KIND_OF_UNIT.get(bare or "")] = bare
     kinds = [its for its in FLAG if any(c.kind == its for c in found)]
@@ -626,9 +593,7 @@ def _flags(frame, found, units, size, scale) -> list[dict[str, str | None]]:
             of_unit.setdefault(its, usual[its])
         whole = [n for n, own in mine.items() if _counts(frame, [n], of_unit.get(its) or own)]
         if whole and its not in of_scale:
-            norm = _norm(frame, whole[:3])
-            lsb = next((lsb for lsb in _LSB if abs(norm / lsb - 1) < 0.1), 16384)
-            of_scale[its] = f"1/{131 if its == 'rate' else lsb}"
+            of_scale[its] = _PER_COUNT[its]
     told = {*units, *of_scale, KIND_OF_UNIT.get(bare or ""), "accel" if size else None}
     other = of_unit | {its: _OR[its] for its in of_unit.keys() & _OR if its not in told}
     suggested: list[dict[str, str | None]] = []
@@ -667,7 +632,6 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
     """
     numeric = list(frame.select_dtypes("number"))
     by_content = contents(frame[numeric])
-    size = _gravity(frame, [n for n in numeric if recognise(n).kind == "accel"])
     found = []
     for name in frame:
         column, why = recognise(name), told_by
@@ -683,8 +647,7 @@ def described(frame: pd.DataFrame, told_by: str) -> list[tuple[str, str, str, st
         elif name in by_content and not (column.kind and unit):
             kind, why = by_content[name].split(":")[0], "its numbers"
         elif column.kind and not unit:
-            unit = size or "" if column.kind == "accel" else ""
-            why = f"its name, {'its length one g' if unit else 'no unit'}"
+            why = "its name, no unit"
         elif not unit:
             why = ""
         found.append((name, kind, unit, why))

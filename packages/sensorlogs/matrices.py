@@ -62,7 +62,7 @@ def mat5(path: Path) -> list[Part]:
             vector = {key.lower() for key in value._fieldnames} <= {*AXES}
             inside = group if vector else f"{group}/{name}" if group else name
             for key in value._fieldnames:
-                visit(f"{name}_{key}" if vector else key, getattr(value, key), inside)
+                visit(with_axis(name, key) if vector else key, getattr(value, key), inside)
         elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
             groups.setdefault(group, {})[name] = value
         elif "MatlabOpaque" in type(value).__name__:

@@ -421,10 +421,8 @@ class _Rows:
         stated = (self.given["unit"] or "").split(",")
         unit = ",".join(each for each in stated if not each.startswith("angle=")) or None
         few = columns.sample(self.table.frame, names)
-        chosen, guessed, notes = columns.choose(
-            few, self.file, names, unit, scale=self.given["scale"]
-        )
-        self.notes += [f"{self.file}: {note}" for note in (*guessed, *notes)]
+        chosen, notes = columns.choose(few, self.file, names, unit, scale=self.given["scale"])
+        self.notes += [f"{self.file}: {note}" for note in notes]
         readings = self.table.frame[names].to_numpy(dtype=float)
         rows = np.flatnonzero(np.isfinite(readings).all(axis=1) & np.isfinite(self.t))
         if not rows.size:

@@ -70,7 +70,7 @@ class Log:
     gaps : int
         Places where samples are missing by the time stamps.
     repairs : tuple of str
-        One sentence for everything that was guessed, assumed or repaired, guesses first.
+        One sentence for everything that was assumed or repaired.
     licence, source : str
     temperature : ndarray, shape (n,), or None
         Of the sensor, deg C, on the grid of the channels; None where it is not logged.
@@ -182,9 +182,9 @@ def read(
         raise _with_units(error, rows, stanza, columns, option) from error
     rows = replace(rows, frame=formats.about_the_mean(rows.frame, "channels" in option))
     with np.errstate(over="ignore", invalid="ignore"):  # garbage is refused below, with its place
-        chosen, guessed, left, temperature = _choices(rows, time_column, stanza, columns, option)
-    repairs = [*guessed, *([stanza["note"]] if "note" in stanza else [])]
-    repairs += [*rows.repairs, *notes, *left, *grid.repairs]
+        chosen, left, temperature = _choices(rows, time_column, stanza, columns, option)
+    repairs = [*([stanza["note"]] if "note" in stanza else []), *rows.repairs, *notes, *left]
+    repairs += grid.repairs
     said: list[str] = []
     lost: list[tuple] = []
     zeros = _zeros(rows.frame, chosen)
@@ -298,8 +298,6 @@ def _choices(table, time, stanza, wanted, option):
     -------
     list of Choice
     list of str
-        What was guessed.
-    list of str
         What was left out.
     ndarray or None
     """
@@ -311,11 +309,11 @@ def _choices(table, time, stanza, wanted, option):
         known, few = {}, columns.sample(frame, numeric)
         for channel in stanza["channels"]:
             own = given | {key: channel[key] for key in given if key in channel}
-            ((named,), _, _) = columns.choose(few, file, [channel["column"]], **own)
+            ((named,), _) = columns.choose(few, file, [channel["column"]], **own)
             name = columns.tidy(channel.get("name", named.name))
             known[name] = replace(named, name=name)
         chosen = [known[columns.resolve(c, list(known), file)] for c in wanted or known]
-        return chosen, [], [], temperature
+        return chosen, [], temperature
     # Numbers count the columns of the file, the time among them.
     wanted = [columns.resolve(c, list(frame), file) for c in wanted or ()]
     if time in wanted:
@@ -337,8 +335,8 @@ def _choices(table, time, stanza, wanted, option):
         raise CannotAnswer(f"{file}: no fix: none of the {len(frame):,} epochs has a position")
     notes = [f"column '{warm}' kept as the temperature, in deg C"] if warm else []
     numeric = [name for name in numeric if name != warm or name in wanted]
-    chosen, guessed, more = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
-    return chosen, guessed, [*notes, *more], temperature
+    chosen, more = columns.choose(columns.sample(frame, numeric), file, wanted, **given)
+    return chosen, [*notes, *more], temperature
 
 
 def _channel(

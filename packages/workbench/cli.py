@@ -208,9 +208,8 @@ def report(log, out, part=None, **reading):
     python -m analysis report raw.csv --out mine --unit gyro=deg/s --scale gyro=1/131
     python -m analysis report my.csv --out mine --part adis16470     against its data sheet
 
-    Times, counters, norms and status words among the columns are left out. Gyros and
-    accelerometers are told apart by name and by size (a length of one g). What was guessed stands
-    first on the output, with the flag that overrules it.
+    Times, counters, norms and status words among the columns are left out. What was assumed
+    stands on the output, with the flag that overrules it.
 
     The log must be static: the sensor lies still. If gyros or accelerometers move, the one static
     stretch that covers at least half of the log is used; shorter ones are named with the --from and
