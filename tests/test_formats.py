@@ -712,14 +712,6 @@ def test_a_zip_of_several_logs_asks_which(tmp_path):
     assert len(read(tmp_path / "two.zip").channels) == 6
 
 
-def test_a_table_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
-    """Property: its size is said before it is read, with the way out."""
-    path = write("Parquet", tmp_path)
-    monkeypatch.setattr(matrices, "LARGEST", 8 * ROWS * 3)
-    with pytest.raises(CannotAnswer, match=r"400 rows and 7 columns .* save fewer"):
-        read(path)
-
-
 def test_mixed_units_and_words_among_numbers(tmp_path):
     """Property: each column keeps its own unit; a word in a sheet is refused with its place."""
     mixed = frame().rename(columns={"gyro_y_rad_s": "gyro_y_deg_s", "accel_z_m_s2": "accel_z_g"})

@@ -88,12 +88,10 @@ def _check_file(path: Path, missing: str) -> Path:
     """Refuse a path that is no file, or that may not be read."""
     if path.is_dir():
         return path
-    if path.is_symlink() and not path.exists():
-        raise WrongUsage(f"{path.name} is a link that leads nowhere")
-    if path.exists() and not path.is_file():
-        raise WrongUsage(f"{path.name} is a pipe or a device: save what it gives as a file")
     if not path.is_file():
-        raise WrongUsage(missing)
+        is_there = path.exists() or path.is_symlink()
+        what = f"{path.name} is a pipe, a device or a link that leads nowhere: name a file"
+        raise WrongUsage(what if is_there else missing)
     if not os.access(path, os.R_OK):
         raise WrongUsage(f"{path.name} may not be read by this user; change its mode")
     return path

@@ -17,13 +17,12 @@ import pandas as pd
 import scipy.io
 
 from sensorlogs import CannotAnswer
-from sensorlogs.archives import check_zip
+from sensorlogs.archives import LIMIT, check_zip
 from sensorlogs.columns import AXES
-from sensorlogs.delimited import Table, open_bytes
+from sensorlogs.delimited import Table, content
 from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, of_arrays, of_table, reading, with_axis
 
-LARGEST = 3 << 30  # bytes of numbers read at once
 HDF5 = "a MATLAB v7.3 or HDF5 file"
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
 _GPSD = NAMES["gpsd"]
@@ -40,7 +39,6 @@ def parquet(path: Path) -> list[Part]:
     names = [f.name for f in file.schema_arrow if not is_.is_nested(f.type)]
 
     def load() -> Table:
-        _check_size(path, rows, len(names))
         with reading(path, "a Parquet file", "pyarrow"):
             frame = pq.read_table(path, columns=names).to_pandas(ignore_metadata=True)
         for name in frame.select_dtypes(["datetime", "datetimetz"]):
@@ -109,7 +107,7 @@ def numpy_file(path: Path) -> list[Part]:
     """List the tables of an npy or npz file."""
     with reading(path, "a NumPy file", "numpy"):
         if zipfile.is_zipfile(path):
-            check_zip(path, LARGEST)
+            check_zip(path, LIMIT)
             with np.load(path, allow_pickle=False) as file:
                 members = {name: file[name] for name in file.files}
         else:
@@ -157,8 +155,8 @@ def json_lines(path: Path) -> list[Part]:
     """
     notes: list[str] = []
     parts = []
-    with open_bytes(path) as handle, reading(path, "a JSON file"):
-        found = list(_positions(_objects(path, handle, notes)))
+    with reading(path, "a JSON file"):
+        found = list(_positions(_objects(path, notes)))
         frame = pd.json_normalize([item for _, item in found])
         frame.index = pd.Index([number for number, _ in found])
         first = frame.iloc[0] if found else {}
@@ -224,36 +222,29 @@ def _positions(objects: Iterable[tuple[int, dict]]) -> Iterator[tuple[int, dict]
             yield number, {"sensor": device} | sky.get(device, {}) | ours
 
 
-def _objects(path: Path, handle, notes: list[str]) -> Iterator[tuple[int, dict]]:
+def _objects(path: Path, notes: list[str]) -> Iterator[tuple[int, dict]]:
     """Iterate over the objects: line, object; a last line cut off is left out, and noted."""
-    head = handle.read(1)
-    while head.isspace():
-        head = handle.read(1)
-    handle.seek(0)
-    if head == b"[":
-        with reading(path, "a JSON file"):
-            items = json.loads(handle.read(LARGEST))
-        yield from ((k, item) for k, item in enumerate(items, 1) if isinstance(item, dict))
+    text = content(path)
+    if text.lstrip()[:1] == b"[":
+        yield from (
+            (k, item) for k, item in enumerate(json.loads(text), 1) if isinstance(item, dict)
+        )
         return
-    fault = ""
-    for number, line in enumerate(handle, 1):
-        if fault:
-            raise CannotAnswer(f"{fault}; correct it, or cut the file before that line")
-        if not line.strip():
-            continue
+    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
+    for number, line in lines:
         try:
             item = json.loads(line)
             if not isinstance(item, dict):
                 raise ValueError("no object with names")
         except (ValueError, RecursionError) as error:
-            why = str(error).split(":")[0]
-            fault = f"{path.name}, line {number}: no JSON object ({why})"
-            continue
-        yield number, item
-    if fault and number < 3:
-        raise CannotAnswer(fault)
-    if fault:
-        notes.append(f"{fault}: the last line, left out")
+            fault = f"{path.name}, line {number}: no JSON object ({str(error).split(':')[0]})"
+            if number != lines[-1][0] or len(lines) < 3:
+                raise CannotAnswer(
+                    f"{fault}; correct it, or cut the file before that line"
+                ) from None
+            notes.append(f"{fault}: the last line, left out")
+        else:
+            yield number, item
 
 
 def _axes(count: int) -> Sequence[str]:
@@ -297,7 +288,6 @@ def _matrix_part(path, label, arrays, rows, units) -> Part:
         names += [f"{n} ({units[name]})" if units.get(name) else n for n in own]
 
     def load() -> Table:
-        _check_size(path, rows, len(names))
         with reading(path, "a file of matrices"):
             wide = [_samples(np.asarray(value, dtype=float)) for value in arrays.values()]
         columns = (np.ascontiguousarray(column) for matrix in wide for column in matrix.T)
@@ -312,12 +302,3 @@ def _samples(matrix: np.ndarray) -> np.ndarray:
     if matrix.ndim == 1:
         return matrix[:, None]
     return matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
-
-
-def _check_size(path: Path, rows: int, columns: int) -> None:
-    """Refuse more numbers than fit into the memory."""
-    if 8 * rows * columns > LARGEST:
-        raise CannotAnswer(
-            f"{path.name}: {rows:,} rows and {columns} columns are {8 * rows * columns / 1e9:.0f} "
-            f"GB of numbers, more than {LARGEST / 1e9:.0f} GB: save fewer of them as a log"
-        )

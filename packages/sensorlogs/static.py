@@ -9,7 +9,7 @@ A file that cannot be read is refused in one sentence with file, line, column an
 repair is one sentence in `Log.repairs`.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -384,19 +384,16 @@ def _channel(
     return Channel(choice.name, choice.unit, choice.kind, grid.place(cells))
 
 
-def _missing(table: Table, lost: Iterable[tuple]) -> Iterator[str]:
+def _missing(table: Table, lost: Sequence[tuple]) -> Iterator[str]:
     """Say what is missing, in one sentence for each reason, whatever the number of columns."""
-    total = len(table.frame)
-    reasons: dict[str, dict[tuple, list[str]]] = {}
-    for why, count, row, column in lost:
-        reasons.setdefault(why, {}).setdefault((count, row), []).append(column)
-    for why, found in reasons.items():
-        parts = [
-            f"{count:,} of {total:,} in {'each of ' if names[1:] else ''}{', '.join(names)}, first "
-            f"in {table.place(row).removeprefix(f'{table.file}, ')}"
-            for (count, row), names in found.items()
-        ]
-        yield f"{table.file}: values are missing{why}: {'; '.join(parts)}"
+    for reason in dict.fromkeys(why for why, *_ in lost):
+        places = (
+            f"{count:,} of {len(table.frame):,} in {column}, first in "
+            f"{table.place(row).removeprefix(f'{table.file}, ')}"
+            for why, count, row, column in lost
+            if why == reason
+        )
+        yield f"{table.file}: values are missing{reason}: {'; '.join(places)}"
 
 
 def _zeros(frame: pd.DataFrame, choices: Sequence[Choice]) -> dict[str, np.ndarray]:
