@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
 from typing import NamedTuple
@@ -22,6 +23,7 @@ import allantools
 import numpy as np
 import pandas as pd
 import scipy
+from pynmeagps import GET, NMEAMessage
 
 from analysis import replacing, static_logs, store, terrain_data
 from analysis.noise.allan import allan_deviation
@@ -35,8 +37,8 @@ from analysis.terrain.ukf import Ukf
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import scenario
 from sensorlogs.moving import read_moving
-from sensorlogs.nmea import nmea_lines
 from sensorlogs.static import Channel, Log
+from sensorlogs.timeline import Gnss
 
 SEED = 2011  # of the terrain benchmarks
 GYRO, DT = UnifiedModel(0.04, 200.0, 0.005), 0.01  # terrain paper, Table 1, at 100 Hz
@@ -262,6 +264,44 @@ def tracker(laps=5, hours=24.0):
         path.write_text("\r\n".join(nmea_lines(day, NMEA_START)) + "\r\n")
         _, spent = timed(lambda: replay(read_moving([path])), clock=time.process_time)
     yield Measured("24 h of 1 Hz NMEA, read and replayed", spent, "s", "<= 60")
+
+
+def nmea_lines(gnss: Gnss, start: datetime.datetime) -> Iterator[str]:
+    """Write GNSS epochs as RMC, GGA and GSA sentences, each epoch after a line with its stamp.
+
+    Parameters
+    ----------
+    gnss : Gnss
+    start : datetime.datetime
+        UTC of ``t_s = 0``.
+
+    Yields
+    ------
+    str
+        A line, without its end.
+    """
+    for k, t in enumerate(gnss.t_s.tolist()):
+        at = start + datetime.timedelta(seconds=t)
+        yield f"{t:.3f}"
+        has = bool(gnss.has_fix[k])
+        when = {"time": at.time().replace(tzinfo=None), "lat": "", "NS": "", "lon": "", "EW": ""}
+        if has:
+            lat, lon = float(gnss.lat_deg[k]), float(gnss.lon_deg[k])
+            when |= {"lat": lat, "NS": "NS"[lat < 0], "lon": lon, "EW": "EW"[lon < 0]}
+        rmc = {"status": "AV"[not has], "date": at.date(), "posMode": "AN"[not has]}
+        if has:
+            knots = float(gnss.speed_m_s[k]) / 0.514444
+            rmc |= {"spd": round(knots, 3), "cog": round(float(gnss.course_deg[k]), 2)}
+        dop = round(float(gnss.pdop[k]), 2)
+        part = round(dop / 2**0.5, 2)  # the PDOP's square is the sum of theirs
+        gga = {"quality": int(has), "numSV": 8 * has, "HDOP": part, "altUnit": "M", "sepUnit": "M"}
+        gga |= {"diffAge": "", "diffStation": ""}
+        gga |= {"alt": round(float(gnss.height_m[k]), 1), "sep": 0.0} if has else {}
+        gsa = {"opMode": "A", "navMode": 3 if has else 1, "PDOP": dop, "HDOP": part, "VDOP": part}
+        gsa |= {f"svid_{i:02}": i if has and i <= 8 else "" for i in range(1, 13)}
+        for kind, fields in (("RMC", when | rmc), ("GGA", when | gga), ("GSA", gsa)):
+            message = NMEAMessage("GP", kind, GET, **fields)
+            yield message.serialize().decode().strip()
 
 
 def write(rows, folder):

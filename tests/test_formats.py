@@ -4,7 +4,6 @@
 """
 
 import bz2
-import datetime
 import functools
 import gzip
 import json
@@ -108,20 +107,6 @@ def write_json_lines(path):
         {"t_s": t, "gyro_rad_s": list(g), "accel": {"x": a[0], "y": a[1], "z": a[2]}}
         for t, g, a in rows
     ]
-    path.write_text("\n".join(map(json.dumps, text)) + "\n")
-
-
-def write_gpsd(path):
-    """Lay out gpsd's reports by its manual: two without a fix, then one a second."""
-    device = {"device": "/dev/ttyACM0"}
-    text = [{"class": "VERSION", "release": "3.25", "proto_major": 3}]
-    for k in range(200):
-        stamp = datetime.datetime.fromtimestamp(UNIX + k, datetime.UTC)
-        fix = {"mode": 3, "lat": 45 + 1e-6 * (k % 7), "lon": 7 + 1e-6 * (k % 5), "alt": 9.0}
-        fix |= {"altMSL": 100.0 + k % 3, "speed": 0.5, "eph": 4.0}
-        tpv = {"class": "TPV", "time": f"{stamp:%FT%T}.000Z", **(fix if k > 1 else {"mode": 1})}
-        sky = {"class": "SKY", "pdop": 1.5, "uSat": 9, "satellites": [{"PRN": 3, "used": True}]}
-        text += [tpv | device, sky | device]
     path.write_text("\n".join(map(json.dumps, text)) + "\n")
 
 
@@ -429,7 +414,6 @@ FORMATS = [  # row of the page's table, how its sample is written, channels, wha
     ("NumPy npy with field names", write_npy, BOTH, ALONE),
     ("NumPy npy, a matrix", write_npy_matrix, ACCELS, FLAG),
     ("JSON lines", write_json_lines, BOTH, FLAG),
-    ("gpsd's JSON (TPV, SKY)", write_gpsd, HERE, ALONE),
     ("NMEA 0183, also with binary messages between", write_nmea, HERE, ALONE),
     ("ROS 1 bag", write_bag1, BOTH, ALONE),
     ("ROS 2 folder", write_bag2_folder, BOTH, ALONE),
@@ -1042,15 +1026,6 @@ def test_a_ulog_whose_definition_is_damaged(tmp_path):
     wrong = raw.replace(b"sensor_gyro:uint64_t timestamp", b"sensor_gyro:uint64_t timestomp")
     (tmp_path / "log.ulg").write_bytes(wrong)
     assert [part.name for part in formats.parts_of(tmp_path / "log.ulg")] == ["sensor_combined"]
-
-
-def test_gpsd_gives_epochs_speed_and_dop(tmp_path):
-    """Property: epochs without a fix stay; SI units; PDOP and satellites of the report before."""
-    write_gpsd(tmp_path / "drive.json")
-    gnss = read_moving([tmp_path / "drive.json"]).gnss
-    assert (len(gnss.t_s), gnss.has_fix.sum()) == (200, 198)
-    assert (gnss.speed_m_s[6], gnss.height_m[6]) == (0.5, 100)
-    assert (gnss.pdop[6], gnss.satellites[6]) == (1.5, 9)
 
 
 def test_a_ulog_without_an_imu(tmp_path):

@@ -9,7 +9,8 @@ import pytest
 
 from analysis import CannotAnswer, WrongUsage
 from analysis.tracker import replay, scenarios
-from sensorlogs import datasets, nmea_lines, read_moving
+from sensorlogs import datasets, read_moving
+from studies.benchmark import nmea_lines
 
 LAT, LON = 50.84, 4.347
 

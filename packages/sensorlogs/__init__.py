@@ -12,10 +12,8 @@ from math import degrees
 STANDARD_GRAVITY = 9.80665  # m/s^2
 IN_DEG_S = {"deg/s": 1.0, "rad/s": degrees(1.0), "deg/h": 1 / 3600}
 IN_M_S2 = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY / 1000}
-_FACE = {  # loaded when it is first asked for: a refusal alone needs no reader
-    "read": "static", "read_moving": "moving", "dataset": "datasets",
-    "nmea_lines": "nmea",
-}  # fmt: skip
+# Loaded when it is first asked for: a refusal alone needs no reader.
+_FACE = {"read": "static", "read_moving": "moving", "dataset": "datasets"}
 __all__ = list(_FACE)
 
 

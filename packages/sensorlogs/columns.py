@@ -520,7 +520,7 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
         own = KIND_OF_UNIT.get(column.unit or "")
         kinds[name] = own or (kind if wanted else "") or column.kind or ""
         said = column.other or ("" if column.kind and own else by_content.get(name))
-        if {own, column.kind} == {"rate", "accel"}:
+        if column.kind in ("rate", "accel") and own not in (None, column.kind):
             said = f"named as {column.kind}, and its unit {column.unit} is not of one"
         elif not wanted and not frame[name].notna().any():
             said = "no value"

@@ -35,46 +35,59 @@ def state(path: Path) -> str:
     return said
 
 
-def _ulog(raw, path: Path) -> int | None:
-    """Walk through the messages of a ULog: size and type, a capital letter, lead to the next."""
-    at = 16
-    while raw[at + 2 : at + 3].isupper() and (end := at + 3 + _number(raw, at, 2)) <= len(raw):
-        at = end
-    return at if at < len(raw) else None
-
-
-def _dataflash(raw, path: Path) -> int | None:
-    """Walk through the messages of a DataFlash log, whose FMT messages state the lengths."""
-    form, at = 128, raw.find(b"\xa3\x95\x80")
-    sizes = {form: 89}
-    while raw[at : at + 2] == b"\xa3\x95" and (size := sizes.get(_number(raw, at + 2, 1))):
-        if at + size > len(raw):
-            break
-        if raw[at + 2] == form:
-            sizes[raw[at + 3]] = raw[at + 4]
-        at += size
-    return at if raw[at:].strip(b"\x00\xff") else None
-
-
-def _bag1(raw, path: Path) -> int | None:
-    """Walk through the records of a ROS 1 bag: the length of a header, then that of its data."""
-    at = raw.find(b"\n") + 1
+def _walk(raw, at: int, end_of: Callable[[int], int]) -> int | None:
+    """Walk from message to message; each has to end behind its beginning and within the file."""
     while at < len(raw):
-        data = at + 4 + _number(raw, at, 4)
-        end = data + 4 + _number(raw, data, 4)
-        if end > len(raw) or b"op=" not in raw[at + 4 : data]:
+        end = end_of(at)
+        if not at < end <= len(raw):
             return at
         at = end
     return None
 
 
+def _ulog(raw, path: Path) -> int | None:
+    """Walk through the messages of a ULog: size, and type, a capital letter."""
+    return _walk(
+        raw, 16, lambda at: at + 3 + _number(raw, at, 2) if raw[at + 2 : at + 3].isupper() else 0
+    )
+
+
+def _dataflash(raw, path: Path) -> int | None:
+    """Walk through the messages of a DataFlash log, whose FMT messages state the lengths."""
+    form = 128
+    sizes = {form: 89}
+
+    def end_of(at: int) -> int:
+        if raw[at : at + 2] != b"\xa3\x95" or raw[at + 2] not in sizes:
+            return 0 if raw[at:].strip(b"\x00\xff") else len(raw)  # the rest of a page
+        if raw[at + 2] == form:
+            sizes[raw[at + 3]] = raw[at + 4]
+        return at + sizes[raw[at + 2]]
+
+    return _walk(raw, raw.find(b"\xa3\x95\x80"), end_of)
+
+
+def _bag1(raw, path: Path) -> int | None:
+    """Walk through the records of a ROS 1 bag: the length of a header, then that of its data."""
+
+    def end_of(at: int) -> int:
+        data = at + 4 + _number(raw, at, 4)
+        return data + 4 + _number(raw, data, 4) if b"op=" in raw[at + 4 : data] else 0
+
+    return _walk(raw, raw.find(b"\n") + 1, end_of)
+
+
 def _mcap(raw, path: Path) -> int | None:
-    """Walk through the records of an MCAP to the magic bytes at its end."""
+    """Walk through the records of an MCAP to the magic bytes at its end, as at its beginning."""
     magic = raw[:8]
-    at, end = len(magic), len(raw) - len(magic)
-    while at < end and raw[at] and (after := at + 9 + _number(raw, at + 1, 8)) <= end:
-        at = after
-    return at if at != end or raw[end:] != magic else None
+    last = len(raw) - len(magic)
+
+    def end_of(at: int) -> int:
+        if at == last and raw[at:] == magic:
+            return len(raw)
+        return at + 9 + _number(raw, at + 1, 8) if raw[at] and at < last else 0
+
+    return _walk(raw, len(magic), end_of)
 
 
 def _sqlite(raw, path: Path) -> int | None:
@@ -116,18 +129,17 @@ def _hdf5(raw, path: Path) -> int | None:
 
 def _mat5(raw, path: Path) -> int | None:
     """Walk through the variables of a MATLAB file; those compressed have checksums."""
-    at, little = 128, raw[126:128] == b"IM"
-    while at < len(raw):
+    plain, compressed = 14, 15
+
+    def end_of(at: int) -> int:
         both = raw[at : at + 4], raw[at + 4 : at + 8]
+        little = raw[126:128] == b"IM"
         kind, size = (int.from_bytes(each, "little" if little else "big") for each in both)
-        end = at + 8 + size
-        compressed = kind == 15
-        if not (compressed or kind == 14) or end > len(raw):
-            return at
-        if compressed and _stream(zlib.decompressobj(), raw[at + 8 : end]) is not None:
-            return at
-        at = end
-    return None
+        variable = raw[at + 8 : at + 8 + size]
+        whole = kind == compressed and _stream(zlib.decompressobj(), variable) is None
+        return at + 8 + size if whole or kind == plain else 0
+
+    return _walk(raw, 128, end_of)
 
 
 def _stream(unpacked, raw) -> int | None:

@@ -7,7 +7,7 @@ one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with th
 import contextlib
 import json
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +20,10 @@ from sensorlogs import CannotAnswer
 from sensorlogs.archives import LIMIT, check_zip
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, content
-from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, of_arrays, of_table, reading, with_axis
 
 HDF5 = "a MATLAB v7.3 or HDF5 file"
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
-_GPSD = NAMES["gpsd"]
 
 
 def parquet(path: Path) -> list[Part]:
@@ -150,13 +148,12 @@ def rda(path: Path) -> list[Part]:
 def json_lines(path: Path) -> list[Part]:
     """Read JSON lines, or one list of objects: nested names are joined by a dot.
 
-    Where each object names its ``sensor``, as Sensor Logger writes them, each sensor is a table; of
-    gpsd's reports each receiver is.
+    Where each object names its ``sensor``, as Sensor Logger writes them, each sensor is a table.
     """
     notes: list[str] = []
     parts = []
     with reading(path, "a JSON file"):
-        found = list(_positions(_objects(path, notes)))
+        found = list(_objects(path, notes))
         frame = pd.json_normalize([item for _, item in found])
         frame.index = pd.Index([number for number, _ in found])
         first = frame.iloc[0] if found else {}
@@ -205,21 +202,6 @@ def _since_1970(dates: pd.Series) -> pd.Series:
     """Turn dates into seconds, what is none into NaN."""
     dates = pd.to_datetime(dates, utc=True, errors="coerce", format="ISO8601")
     return (dates - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
-
-
-def _positions(objects: Iterable[tuple[int, dict]]) -> Iterator[tuple[int, dict]]:
-    """Take gpsd's positions, each with the PDOP known by then; other objects stay as they are."""
-    sky: dict[str, dict] = {}
-    for number, item in objects:
-        kind, device = str(item.get("class")), str(item.get("device", "TPV"))
-        if kind not in _GPSD:
-            yield number, item
-            continue
-        ours = {name: item[theirs] for theirs, name in _GPSD[kind].items() if theirs in item}
-        if kind == "SKY":
-            sky[device] = ours
-        elif ours:
-            yield number, {"sensor": device} | sky.get(device, {}) | ours
 
 
 def _objects(path: Path, notes: list[str]) -> Iterator[tuple[int, dict]]:

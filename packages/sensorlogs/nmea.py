@@ -1,24 +1,21 @@
-"""NMEA 0183: sentences -> epochs -> rows of a static log, or GNSS epochs of a moving one; and back.
+"""NMEA 0183: sentences -> epochs -> rows of a static log, or GNSS epochs of a moving one.
 
 Every sentence is checked by pynmeagps, checksum first. Between sentences there may be binary
 messages, comments or the time stamps of a host (tracker paper, Section III-B); a sentence that such
 a stamp or a line break cuts in two is joined again, if the checksum then agrees.
 """
 
-import datetime
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from pynmeagps import GET, NMEAMessage, NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
+from pynmeagps import NMEAMessage, NMEAMessageError, NMEAParseError, NMEAReader, NMEATypeError
 
 from sensorlogs import CannotAnswer, counted, times
 from sensorlogs.delimited import Table, content
 from sensorlogs.names import NAMES
 from sensorlogs.tables import Part
-from sensorlogs.timeline import Gnss
 from sensorlogs.times import BadStamps, Stamps
 
 STANDARD = "the NMEA standard"
@@ -309,41 +306,3 @@ def _start(found: pd.DataFrame, t: np.ndarray, notes: list[str]) -> str | None:
             "only the time of day is used"
         )
     return starts.iloc[-1].round("ms").isoformat(timespec="milliseconds")
-
-
-def nmea_lines(gnss: Gnss, start: datetime.datetime) -> Iterator[str]:
-    """Write GNSS epochs as RMC, GGA and GSA sentences, each epoch after a line with its stamp.
-
-    Parameters
-    ----------
-    gnss : Gnss
-    start : datetime.datetime
-        UTC of ``t_s = 0``.
-
-    Yields
-    ------
-    str
-        A line, without its end.
-    """
-    for k, t in enumerate(gnss.t_s.tolist()):
-        at = start + datetime.timedelta(seconds=t)
-        yield f"{t:.3f}"
-        has = bool(gnss.has_fix[k])
-        when = {"time": at.time().replace(tzinfo=None), "lat": "", "NS": "", "lon": "", "EW": ""}
-        if has:
-            lat, lon = float(gnss.lat_deg[k]), float(gnss.lon_deg[k])
-            when |= {"lat": lat, "NS": "NS"[lat < 0], "lon": lon, "EW": "EW"[lon < 0]}
-        rmc = {"status": "AV"[not has], "date": at.date(), "posMode": "AN"[not has]}
-        if has:
-            knots = float(gnss.speed_m_s[k]) / 0.514444
-            rmc |= {"spd": round(knots, 3), "cog": round(float(gnss.course_deg[k]), 2)}
-        dop = round(float(gnss.pdop[k]), 2)
-        part = round(dop / 2**0.5, 2)  # the PDOP's square is the sum of theirs
-        gga = {"quality": int(has), "numSV": 8 * has, "HDOP": part, "altUnit": "M", "sepUnit": "M"}
-        gga |= {"diffAge": "", "diffStation": ""}
-        gga |= {"alt": round(float(gnss.height_m[k]), 1), "sep": 0.0} if has else {}
-        gsa = {"opMode": "A", "navMode": 3 if has else 1, "PDOP": dop, "HDOP": part, "VDOP": part}
-        gsa |= {f"svid_{i:02}": i if has and i <= 8 else "" for i in range(1, 13)}
-        for kind, fields in (("RMC", when | rmc), ("GGA", when | gga), ("GSA", gsa)):
-            message = NMEAMessage("GP", kind, GET, **fields)
-            yield message.serialize().decode().strip()
