@@ -18,8 +18,9 @@ from tqdm import tqdm
 from sensorlogs import CannotAnswer, WrongUsage, delimited
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table
+from sensorlogs.integrity import reading
 from sensorlogs.names import NAMES
-from sensorlogs.tables import Part, of_text, reading
+from sensorlogs.tables import Part, of_text
 
 EXPORT = "the export's file name"
 LIMIT = 4 << 30  # bytes that a packed log may have when unpacked

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sensorlogs import IN_M_S2, STANDARD_GRAVITY, WrongUsage, times
+from sensorlogs import IN_DEG_S, IN_M_S2, STANDARD_GRAVITY, WrongUsage, times
 from sensorlogs.names import NAMES
 
 KIND_OF_UNIT = {unit: said["kind"] for unit, said in NAMES["units"].items()}
+IN_SI = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()} | IN_M_S2
 FULL_TURN = {"deg": 360.0, "rad": 6.283185307179586}
 
 _PREFIXES = {"m": 1e-3, "u": 1e-6, "c": 1e-2}  # mdps, ug, cm/s^2

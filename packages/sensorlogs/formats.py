@@ -22,17 +22,9 @@ from scipy.spatial.transform import Rotation
 
 from sensorlogs import CannotAnswer, WrongUsage, archives, columns, counted, delimited, nmea, times
 from sensorlogs.delimited import Table
+from sensorlogs.integrity import reading
 from sensorlogs.names import NAMES
-from sensorlogs.tables import (
-    Part,
-    choose,
-    listed,
-    of_arrays,
-    of_table,
-    of_text,
-    reading,
-    side_by_side,
-)
+from sensorlogs.tables import Part, choose, not_read, of_arrays, of_table, of_text, side_by_side
 
 _MEASURED = ["lat_deg", "lon_deg", "height_m", "fix"]
 _PAIR = (  # gx: 0.1, or gyro_x (dps) = 1e-3
@@ -249,8 +241,8 @@ def _parts(path: Path, known: str | None = None) -> list[Part]:
 
 def load(chosen: Sequence[Part], moving: bool = False) -> Table:
     """Read one table, or two sensors' side by side."""
-    tables = [part.load() for part in chosen]
-    table = tables[0] if len(tables) == 1 else side_by_side(tables, chosen, moving)
+    found = [part.load() for part in chosen]
+    table = found[0] if len(found) == 1 else side_by_side(found, chosen, moving)
     frame, notes = columns.in_known_units(times.joined(table.frame))
     return replace(table, frame=frame, repairs=(*table.repairs, *notes))
 
@@ -268,10 +260,7 @@ def read_table(path: Path, stanza: dict) -> Table:
     parts = parts_of(path, stanza.get("format"))
     chosen = choose(parts, path, title_of(path), stanza.get("table"))
     table = load(chosen)
-    if len(parts) > len(chosen):
-        others = [part for part in parts if part not in chosen]
-        note = f"table '{' and '.join(p.name for p in chosen)}' read; --table takes another: "
-        table = replace(table, repairs=(*table.repairs, note + listed(others)))
+    table = replace(table, repairs=(*table.repairs, *not_read(parts, chosen)))
     names = stanza.get("names")
     if names and len(names) != table.frame.shape[1]:
         raise WrongUsage(f"{path.name}: {len(names)} names for {table.frame.shape[1]} columns")

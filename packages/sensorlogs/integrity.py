@@ -1,6 +1,6 @@
-"""Is a file whole? Told by the lengths and checksums in it, without the library that reads it.
+"""A library fails on a file: is the file damaged? Its own lengths and checksums tell.
 
-Asked only after a reader has failed, so that a library's own failure is not taken for damage.
+`reading` turns what a library raises into a sentence; `state` tells whether the file is whole.
 """
 
 import bz2
@@ -11,12 +11,41 @@ import re
 import sqlite3
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from sensorlogs import CannotAnswer, WrongUsage
+from sensorlogs.delimited import printable
+
 INTACT = "intact as far as its lengths and checksums tell"
 BLOCK = 1 << 20
+
+
+@contextlib.contextmanager
+def reading(
+    path: Path, title: str, library: str = "", instead: str = "copy it again"
+) -> Iterator[None]:
+    """Turn whatever a library says of a file into one sentence: damage, or its own failure."""
+    try:
+        yield
+    except (CannotAnswer, WrongUsage):
+        raise
+    except FileNotFoundError as error:
+        raise CannotAnswer(f"{path.name}: no such file") from error
+    except MemoryError as error:
+        raise CannotAnswer(f"{path.name}: too large for the memory of this machine") from error
+    except Exception as error:  # libraries raise what they like on damaged bytes
+        said = re.sub(r"(?<!\S)/\S*/", "", str(error).strip().split("\n")[0])  # our own folders
+        said = printable(said) or type(error).__name__
+        found = state(path)
+        if library and found == INTACT:
+            named = f"{library} {metadata.version(library)}"
+            found, instead = f"{found}, but {named} cannot read it", "export it as CSV"
+        else:
+            found = f"that is {found or 'cut off or damaged, or not one'}"
+        raise CannotAnswer(f"{path.name}: {title} {found} ({said}); {instead}") from error
 
 
 def state(path: Path) -> str:

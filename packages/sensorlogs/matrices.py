@@ -20,7 +20,8 @@ from sensorlogs import CannotAnswer
 from sensorlogs.archives import LIMIT, check_zip
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, content
-from sensorlogs.tables import Part, of_arrays, of_table, reading, with_axis
+from sensorlogs.integrity import reading
+from sensorlogs.tables import Part, of_arrays, of_table, with_axis
 
 HDF5 = "a MATLAB v7.3 or HDF5 file"
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column

@@ -15,36 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from sensorlogs import (
-    IN_DEG_S,
-    IN_M_S2,
-    STANDARD_GRAVITY,
-    CannotAnswer,
-    WrongUsage,
-    columns,
-    counted,
-    datasets,
-    formats,
-    times,
-    wrap,
-)
+from sensorlogs import CannotAnswer, WrongUsage, columns, counted, formats, timeline, times, wrap
 from sensorlogs.archives import EXPORT
 from sensorlogs.catalogue import find
-from sensorlogs.columns import AXES, closest, recognise
+from sensorlogs.columns import AXES, IN_SI, STANDARD_GRAVITY, closest, recognise
+from sensorlogs.datasets import sha256
 from sensorlogs.delimited import Table
 from sensorlogs.names import NAMES
 from sensorlogs.tables import Part, ask, named
-from sensorlogs.timeline import (
-    FACTORS,
-    OF_FIX,
-    SILENT_S,
-    Attitude,
-    Gnss,
-    Imu,
-    Timeline,
-    plausible,
-    silent_gaps,
-)
+from sensorlogs.timeline import OF_FIX, Attitude, Gnss, Imu, Timeline
 
 IMU_GAPS = 0.01  # share of IMU rows whose time may step back
 GYROS, ACCELS = ([f"{what}_{axis}" for axis in AXES] for what in ("gyro", "accel"))
@@ -53,7 +32,6 @@ NAMED = {"lat": "deg", "lon": "deg"} | dict.fromkeys(GYROS, "deg_s") | dict.from
 ANGLES = ("roll", "pitch", "yaw", "course")
 TO_OURS = {unit: said["factor"] for own in NAMES["units_of"].values() for unit, said in own.items()}
 TO_OURS["rad"] = float(np.degrees(1.0))
-IN_SI = {unit: float(np.radians(of)) for unit, of in IN_DEG_S.items()} | IN_M_S2
 _SECOND = {"linear", "lin", "linacc", "user", "bias"}  # of two columns that hold one quantity
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
 PHONE = {*NAMES["phone"]["words"].split()}
@@ -117,7 +95,7 @@ def read_moving(
     tables_of = {path: formats.parts_of(path) for _, _, path in map(find, logs)}
     there = [name for parts in tables_of.values() for part in parts for name in part.columns]
     for path, parts in tables_of.items():
-        sources[path.name] = datasets.sha256(path)
+        sources[path.name] = sha256(path)
         parts, before = [_assigned(part, wanted, used) for part in parts], {*found.parts}
         for rows in _rows_of(path, parts, given, tables):
             new = rows.parts()
@@ -175,10 +153,10 @@ def _on_one_axis(found: _Found, sources: dict[str, str], imu_offset: float | Non
     gnss, imu, attitude = (parts.get(kind) for kind in NEEDED)
     again = [round(t - zero, 6) for t in found.restarts]
     if gnss is not None:
-        if gaps := silent_gaps(gnss, imu):
+        if gaps := timeline.silent_gaps(gnss, imu):
             notes.append(
-                f"nothing is recorded for over {SILENT_S:g} s before t = {gaps[0]:.0f} s: switched "
-                f"on again there, or its clock jumped ahead; {len(gaps)} times in all"
+                f"nothing is recorded for over {timeline.SILENT_S:g} s before t = {gaps[0]:.0f} s: "
+                f"switched on again there, or its clock jumped ahead; {len(gaps)} times in all"
             )
         again = sorted({*again, *gaps})
     said = tuple(dict.fromkeys(notes))
@@ -401,9 +379,9 @@ class _Rows:
         height, course, mode, satellites = map(column, ("height", "course", "mode", "satellites"))
         speed, pdop = np.where(speed >= 0, speed, np.nan), np.where(pdop == 0, np.nan, pdop)
         gnss = Gnss(self.t[at], lat, lon, height, pdop, speed, course, fix, mode, satellites)
-        gnss = plausible(gnss.without(~fix, *OF_FIX), place, self.notes)
+        gnss = timeline.plausible(gnss.without(~fix, *OF_FIX), place, self.notes)
         factor = gnss.speed_factor()
-        if not FACTORS[0] < factor < FACTORS[1] and factor == factor:
+        if not timeline.FACTORS[0] < factor < timeline.FACTORS[1] and factor == factor:
             gnss = replace(gnss, speed_m_s=np.full(len(gnss.t_s), np.nan))
             said = f"the positions move {factor:.2f} times as fast as the speed says"
             if self.told_by in HEADERS:

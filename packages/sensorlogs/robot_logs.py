@@ -26,8 +26,9 @@ from tqdm import tqdm
 from sensorlogs import CannotAnswer, counted, integrity, nmea
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, progress
+from sensorlogs.integrity import reading
 from sensorlogs.names import NAMES
-from sensorlogs.tables import LISTED, Part, of_arrays, reading
+from sensorlogs.tables import LISTED, Part, of_arrays
 
 DEFINED = "its message definition"
 _ROS = NAMES["ros"]

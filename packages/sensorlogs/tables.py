@@ -4,17 +4,14 @@ A format's reader lists a `Part` for each table (topic, message, sheet, variable
 `choose` takes the one with gyros or accelerometers, and asks where there are several.
 """
 
-import contextlib
-import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from sensorlogs import CannotAnswer, WrongUsage, columns, counted, delimited, integrity, times
+from sensorlogs import CannotAnswer, WrongUsage, columns, counted, delimited, times
 from sensorlogs.delimited import Table, printable
 
 LISTED = 12  # tables named in a message
@@ -68,31 +65,6 @@ def of_table(name: str, table: Table, **more) -> Part:
 def of_text(name: str, path: Path) -> Part:
     """Make a part of a delimited text file."""
     return Part(name, delimited.sniff(path).names, lambda: delimited.read_table(path))
-
-
-@contextlib.contextmanager
-def reading(
-    path: Path, title: str, library: str = "", instead: str = "copy it again"
-) -> Iterator[None]:
-    """Turn whatever a library says of a file into one sentence: damage, or its own failure."""
-    try:
-        yield
-    except (CannotAnswer, WrongUsage):
-        raise
-    except FileNotFoundError as error:
-        raise CannotAnswer(f"{path.name}: no such file") from error
-    except MemoryError as error:
-        raise CannotAnswer(f"{path.name}: too large for the memory of this machine") from error
-    except Exception as error:  # libraries raise what they like on damaged bytes
-        said = re.sub(r"(?<!\S)/\S*/", "", str(error).strip().split("\n")[0])  # our own folders
-        said = printable(said) or type(error).__name__
-        state = integrity.state(path)
-        if library and state == integrity.INTACT:
-            named = f"{library} {metadata.version(library)}"
-            state, instead = f"{state}, but {named} cannot read it", "export it as CSV"
-        else:
-            state = f"that is {state or 'cut off or damaged, or not one'}"
-        raise CannotAnswer(f"{path.name}: {title} {state} ({said}); {instead}") from error
 
 
 def with_axis(name: str, axis: str) -> str:
@@ -165,6 +137,13 @@ def ask(found: Sequence[Part], path: Path, why: str = "") -> WrongUsage:
         "with --table",
         *({"--table": part.name} for part in found[:LISTED]),
     )
+
+
+def not_read(parts: Sequence[Part], chosen: Sequence[Part]) -> list[str]:
+    """Say which tables of a log are not read, if there are any."""
+    others = [part for part in parts if part not in chosen]
+    read = " and ".join(part.name for part in chosen)
+    return [f"table '{read}' read; --table takes another: {listed(others)}"] * bool(others)
 
 
 def listed(parts: Sequence[Part]) -> str:
