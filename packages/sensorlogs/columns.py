@@ -34,7 +34,7 @@ _OWN_UNITS = {  # of a quantity -> spelling -> unit
     what: {spelling: unit for unit, said in own.items() for spelling in said["spelled"].split()}
     for what, own in NAMES["units_of"].items()
 }
-_FREE = {"linear", "user"}  # an acceleration from which gravity is taken off
+FREE = {"linear", "lin", "linacc", "user"}  # an acceleration from which gravity is taken off
 AXES = ("x", "y", "z")
 VERTICAL = ("z", "_down", "_up")
 _SAID_BY = {word: what for what, words in NAMES["others"].items() for word in words.split()}
@@ -448,8 +448,7 @@ def _check_gravity(frame, file, chosen, units) -> None:
         one = gravity_unit(length)
         if one not in (None, own):
             said = {**units, "accel": one}
-            several = len(accels) < len(chosen)
-            flag = ",".join(f"{FLAG[k]}={u}" for k, u in said.items() if k) if several else one
+            flag = ",".join(f"{FLAG[kind]}={unit}" for kind, unit in said.items() if kind)
             raise WrongUsage(
                 f"{file}, columns {', '.join(c.column for c in group)}: the median |accel| is "
                 f"{length:.2f} {own}; it should be one g, so these look like {one}: say --unit "
@@ -534,7 +533,7 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
         if said:
             leave([name], said)
     accels = [n for n, its in kinds.items() if its == "accel"]
-    free = [n for n in accels if not wanted and _FREE & {*recognise(n).words}]
+    free = [n for n in accels if not wanted and FREE & {*recognise(n).words}]
     if len(free) < len(accels):
         leave(free, "accel with gravity taken off")
     unknown = [name for name, its in kinds.items() if not its]

@@ -82,18 +82,15 @@ def kinds(part: Part) -> set[str]:
 
 def named(parts: Sequence[Part], name: str, file: str) -> Part:
     """Find a table by its name, or by the end of it."""
-    for same in (str.__eq__, lambda a, b: a.lower() == b.lower(), _ends):
-        hits = [part for part in parts if same(part.name, name)]
+    end = "/" + name.lower().lstrip("/")
+    for same in (lambda one: one == name, lambda one: f"/{one}".lower().endswith(end)):
+        hits = [part for part in parts if same(part.name)]
         if len(hits) == 1:
             return hits[0]
     raise WrongUsage(
         f"{file}: no table '{name}'{columns.closest(name, [p.name for p in parts])}; it has "
         f"{listed(parts)}"
     )
-
-
-def _ends(name: str, end: str) -> bool:
-    return name.lower().endswith("/" + end.lower().lstrip("/"))
 
 
 def choose(parts: Sequence[Part], path: Path, title: str, name: str | None = None) -> list[Part]:
