@@ -372,14 +372,13 @@ BAD = {
         [f"{10 * i},{i % 7},{i % 5}" for i in range(200)], "t,gyro_x_deg_s,gyro_y_deg_s",
     ),
     "g as m/s^2": case(
-        WrongUsage, "accel_z | median |accel| is 1.01 m/s^2 | --unit accel=g", GRAVITY, IN_M_S2
+        WrongUsage, "accel_z | median |accel| is 1.01 m/s^2 | --unit g", GRAVITY, IN_M_S2
     ),
     "m/s^2 as g": case(
-        WrongUsage, "az | median |accel| is 9.81 g | --unit accel=m/s^2", NINE, "t_s,ax,ay,az",
-        unit="g",
+        WrongUsage, "az | median |accel| is 9.81 g | --unit m/s^2", NINE, "t_s,ax,ay,az", unit="g"
     ),
     "g as m/s^2, vertical only": case(
-        WrongUsage, "accel_z | --unit accel=g", [",".join(row.split(",")[::3]) for row in GRAVITY],
+        WrongUsage, "accel_z | --unit g", [",".join(row.split(",")[::3]) for row in GRAVITY],
         "t_s,accel_z_m_s2",
     ),
 }  # fmt: skip

@@ -448,7 +448,8 @@ def _check_gravity(frame, file, chosen, units) -> None:
         one = gravity_unit(length)
         if one not in (None, own):
             said = {**units, "accel": one}
-            flag = ",".join(f"{FLAG[kind]}={unit}" for kind, unit in said.items() if kind)
+            several = len(accels) < len(chosen)
+            flag = ",".join(f"{FLAG[k]}={u}" for k, u in said.items() if k) if several else one
             raise WrongUsage(
                 f"{file}, columns {', '.join(c.column for c in group)}: the median |accel| is "
                 f"{length:.2f} {own}; it should be one g, so these look like {one}: say --unit "
