@@ -406,7 +406,7 @@ class Ledger:
         """Judge one claim twice: as the paper most likely did, and as a car does.
 
         What both give is the verdict. If they differ it has a condition: the paper's where that is
-        decided, else the car's.
+        decided, else the car's. Where another R gives another verdict, R_0 is a condition, too.
 
         Parameters
         ----------
@@ -428,14 +428,18 @@ class Ledger:
             said.append({times: verdict for times, (verdict, _) in each.items()})
             ends.append(each[1][1])
         verdict, other = (of[1].partition(":")[0] for of in said)
+        ways = [_with_turns(of) for of in said]
+        turns = [way.partition("; ")[2] for way in ways]
         if verdict == other:
-            verdict = said[0][1]
+            verdict, when = said[0][1], ""
+            turn = turns[0] or (turns[1] and f"in a car {turns[1]}")
         elif verdict in (REPRODUCED, NOT_REPRODUCED):
-            verdict = f"{verdict} if {ON_ATTITUDE}"
+            when, turn = ON_ATTITUDE, turns[0]
         else:
-            verdict = f"{other} if {INTEGRATED}"
-        both = dict(zip(TWICE, (*map(_with_turns, said), *_rounded(row, ends[1])), strict=True))
-        return self._enter(row, (verdict, ends[0]), both=both)
+            verdict, when, turn = other, INTEGRATED, turns[1]
+        when = ", ".join(filter(None, (when, turn and f"R is R₀ ({turn})")))
+        both = dict(zip(TWICE, (*ways, *_rounded(row, ends[1])), strict=True))
+        return self._enter(row, (verdict, ends[0]), when, both)
 
     def table(self, elsewhere: str | None = None, *, main: bool = False) -> text.Shown:
         """Lay published and reproduced side by side, for the notebook's last section.

@@ -1,5 +1,6 @@
 """Interpretations of the terrain paper: their sensors, their laps, and the claims' numbers."""
 
+import re
 from dataclasses import asdict, replace
 from functools import cache
 
@@ -250,8 +251,9 @@ def test_conditions_of_verdicts_on_the_terrain_paper_are_few():
     }
     assert len(conditions) > 40
     assert {k for k, of in conditions.items() if "brochure" in of} == BROCHURE
-    of_24 = {of for k, of in conditions.items() if recorded()[k][0] == "24-which-reading"}
-    assert of_24 <= {"", claims.ON_ATTITUDE, claims.INTEGRATED}
+    of_24 = [of for k, of in conditions.items() if recorded()[k][0] == "24-which-reading"]
+    whole = {re.sub(r"(, |^)R is R₀ \([^()]* R(₀)?\)$", "", of) for of in of_24}
+    assert whole <= {"", claims.ON_ATTITUDE, claims.INTEGRATED}
 
 
 def test_both_verdicts_come_from_the_stored_laps():
@@ -262,7 +264,8 @@ def test_both_verdicts_come_from_the_stored_laps():
     said = best.verdicts().loc[best.why.index[best.why == "noise on attitude"][0]].dropna()
     written = pd.read_csv(FIGURES / "claims.csv").set_index("id")
     both = written["as_the_paper_did"].dropna()
-    assert set(both.index) == set(table.loc["paper"].index) and len(both) == 40
+    fixed = {"terrain-fig12-step-at-2000"}  # holds by construction
+    assert set(both.index) == set(table.loc["paper"].index) - fixed and len(both) == 39
     words = both.str.partition(";")[0]
     decided = words[words != "open"].index.intersection(said.index)
     assert len(decided) > 30

@@ -110,6 +110,12 @@ def test_what_is_by_construction_says_of_which_kind():
     assert apart.str.match(kinds).all()
 
 
+def test_the_main_claims_can_fail():
+    """Property: none of those that a paper rests on is by construction."""
+    main = CLAIMS["why"][CLAIMS["main"] == "yes"]
+    assert main.index[main.str.startswith("by construction")].tolist() == []
+
+
 def test_verdicts_come_from_the_notebook_of_the_register():
     """Property: where the register names a claim's notebook, its verdict is from there."""
     verdicts = pd.read_csv(ROOT / "figures" / "claims.csv").set_index("id")["notebook"]

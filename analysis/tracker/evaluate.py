@@ -146,9 +146,7 @@ def courtyard_errors(seed: int, count: int, **settings: Any) -> np.ndarray:
     return np.stack([a.fix_error() for a in drawn], axis=-1)
 
 
-def stationary_periods(
-    raw: np.ndarray, lengths: tuple[int, ...] = LowPass.lengths, circle_m: float = np.inf
-) -> pd.DataFrame:
+def stationary_periods(raw: np.ndarray, lengths: tuple[int, ...] = LowPass.lengths) -> pd.DataFrame:
     """Drive block 4 alone over many stationary periods, and judge each.
 
     Parameters
@@ -156,21 +154,17 @@ def stationary_periods(
     raw : ndarray, shape (2, n, count)
         As `courtyard_errors` returns them.
     lengths : tuple of int
-    circle_m : float
-        Radius of a circle that does not depend on the period's own fixes.
 
     Returns
     -------
     pandas.DataFrame
-        A row a device, as `stationary_period`; ``leaves_model``: 1 if an output lies outside
-        `circle_m` once the second layer is full.
+        A row a device, as `stationary_period`.
     """
     block = LowPass(lengths=lengths, jump_m=np.inf)
     layers, out = zip(*map(block.step, np.moveaxis(raw, 1, 0)), strict=True)
     layer, rows = np.array(layers), []
     for before, after in zip(np.moveaxis(raw, 2, 0), np.transpose(out, (2, 1, 0)), strict=True):
-        leaves = float((np.hypot(*after)[layer >= 2] > circle_m).any())
-        rows.append(stationary_period(before, after, layer) | {"leaves_model": leaves})
+        rows.append(stationary_period(before, after, layer))
     return pd.DataFrame(rows)
 
 

@@ -64,11 +64,6 @@ class GnssErrors:
     settle_time: float = 120.0
     STARTS: ClassVar = {"rx210": (13.0, 20.0), "telit-he910": (4.8, 120.0), "ublox-8": (13.3, 25.0)}
 
-    def circle_m(self, pdop: float) -> float:
-        """Return the radius (m) that holds 95 % of the positions of a settled receiver."""
-        variance = sum(sigma**2 for sigma, _ in self.drift) + self.white_m**2
-        return pdop * math.sqrt(-2 * math.log(0.05) * variance)
-
 
 @dataclass(frozen=True)
 class ImuErrors:

@@ -215,11 +215,11 @@ def test_filters_of_the_claims(visit):
 def test_a_claim_leads_to_the_cell_that_judges_it(visit):
     """property: the link of a claim opens its notebook at a cell whose code names it."""
     page = visit("claims.html")
-    page.locator("#terrain-sampling-rate-matters a").click()
-    page.wait_for_url("**/notebooks/22-sensor-sweeps.html#judged-*")
+    page.locator("#terrain-bias-state-unstable a").click()
+    page.wait_for_url("**/notebooks/21-terrain-ukf.html#judged-*")
     place = page.url.split("#")[1]
     cell = page.locator(f"#{place} ~ .cell").first
-    assert "terrain-sampling-rate-matters" in cell.text_content()
+    assert "terrain-bias-state-unstable" in cell.text_content()
     assert page.locator(f"#{place}").bounding_box()["y"] < DESKTOP["height"]
     page.context.close()
 
