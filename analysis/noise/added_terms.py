@@ -323,33 +323,32 @@ def candidates(
     warm_ups = np.geomspace(0.005, 1, WARM_UPS) * duration
     steps = np.arange(EDGE, len(coarse.y) - EDGE)
     cycles = CYCLES[len(coarse.y) / 4 > CYCLES]
-    searches = {
-        "warm_up": (warm_ups, screen.of_columns(np.exp(-coarse.time / warm_ups[:, None]))),
-        "step": (steps * step, screen.of_steps(steps)),
-        "sinusoid": (duration / cycles, screen.of_sinusoids(cycles)),
-    }
+    searches = [  # kind, duration, where it is tried, rise of 2 ln L
+        ("warm_up", 0.0, warm_ups, screen.of_columns(np.exp(-coarse.time / warm_ups[:, None]))),
+        ("step", 0.0, steps * step, screen.of_steps(steps)),
+        ("sinusoid", 0.0, duration / cycles, screen.of_sinusoids(cycles)),
+    ]
     if temperature is not None:
-        searches["temperature"] = np.zeros(1), screen.of_columns(temperature(coarse.time)[None])
+        rise = screen.of_columns(temperature(coarse.time)[None])
+        searches.append(("temperature", 0.0, np.zeros(1), rise))
+    for means in (count for count in DURATIONS if 2 * count < len(steps)):
+        middle = steps[means : len(steps) - means]
+        rise = screen.of_steps(middle, means)
+        searches.append(("step", means * step, (middle - 0.5) * step, rise))
     found = []
-    for kind, (grid, rise) in searches.items():
+    for kind, width, grid, rise in searches:
         best = int(np.argmax(rise))
-        at = float(grid[best])
-        if kind in ("warm_up", "sinusoid") and rise[best] > RISE[kind][0]:
+        term = added_term(kind, float(grid[best]), width, temperature)
+        if kind in ("warm_up", "sinusoid") and rise[best] > term.unsure:
             ends = sorted((grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]))
             search = minimize_scalar(
                 lambda x, kind=kind: coarse.deviance([added_term(kind, x)], rows).min(),
                 bounds=ends,
-                options={"xatol": 1e-3 * at},
+                options={"xatol": 1e-3 * term.at},
             )
-            at = float(search.x)
-        found.append((float(rise[best]), added_term(kind, at, temperature=temperature)))
-    for width in (w for w in DURATIONS if 2 * w < len(steps)):
-        middle = steps[width : len(steps) - width]
-        rise = screen.of_steps(middle, width)
-        best = int(np.argmax(rise))
-        slow = added_term("step", float(middle[best] - 0.5) * step, width * step)
-        if rise[best] > slow.unsure:
-            found.append((float(rise[best]), slow))
+            term = added_term(kind, float(search.x))
+        if not width or rise[best] > term.unsure:
+            found.append((float(rise[best]), term))
     return found
 
 
@@ -371,19 +370,14 @@ def weaker_noise(fits: dict, duration: float) -> Terms:
     Terms
     """
     rows = [fit.terms for name, fit in fits.items() if "flicker" not in fit.terms]
-    walks = [(fits["N+K"].terms, fits["N+K"].terms["rrw"][0])]
-    one = fits["N+GM"].terms
-    for sigma_b, corr_time in zip(one["sigma_b"], one["corr_time"], strict=True):
-        walks.append((one, sigma_b * np.sqrt(2 / corr_time)))
-    for terms, walk in walks:
-        kept = {k: terms[k] for k in ("sigma_v", "quantisation") if k in terms}
-        for scale, share in product(WEAKER, SHORTER):
-            time = share * duration
-            slow = {"rrw": [scale * walk]}
-            if np.isfinite(time):
-                slow = {"sigma_b": [scale * walk * np.sqrt(time / 2)], "corr_time": [time]}
-            rows.append(kept | slow)
-    two = fits["N+2GM"].terms
+    one, two, walking = (fits[name].terms for name in ("N+GM", "N+2GM", "N+K"))
+    biases = zip(one["sigma_b"], one["corr_time"], strict=True)
+    walks = [(walking, walking["rrw"][0]), *((one, s * np.sqrt(2 / x)) for s, x in biases)]
+    for (terms, walk), scale, share in product(walks, WEAKER, SHORTER):
+        slow, time = {"rrw": [scale * walk]}, share * duration
+        if np.isfinite(time):
+            slow = {"sigma_b": [scale * walk * np.sqrt(time / 2)], "corr_time": [time]}
+        rows.append({k: terms[k] for k in ("sigma_v", "quantisation") if k in terms} | slow)
     rows.append(two | {"sigma_b": two["sigma_b"][:1], "corr_time": two["corr_time"][:1]})
     most = max(len(row.get("sigma_b", ())) for row in rows)
 

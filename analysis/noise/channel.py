@@ -19,21 +19,20 @@ from analysis.noise.allan import (
     with_and_without_line,
 )
 from analysis.noise.autocorrelation import autocovariance, block_means
-from analysis.noise.disturbances import adjusted
+from analysis.noise.disturbances import FEW_LEVELS, adjusted
 from analysis.noise.goodness import together
 from analysis.noise.inference import infer
 from analysis.noise.models import adev_of_terms
 from analysis.noise.notes import said
 from analysis.noise.parameters import DENSITY, PARAMETERS
+from analysis.noise.recipes import SHORT
 
 MEANS = 2  # fitted, in the shortest averaging time at which a floor is read
 WHOLE = 1500  # points that draw a whole log
 LAGS = 400  # points that draw an autocorrelation
 FEWEST = 64  # samples below which there is nothing to average
-SHORT = 15.0  # s, the paper's short stretch
 SMALLEST = 1e-140  # U: squares of smaller numbers, in sums, have no more digits
 ROUNDING = 1e-12  # relative; less than that is arithmetic, not noise
-LEVELS = 12  # distinct values below which resolution, not noise, may rule
 FIRST = 1000  # samples in which they are looked for before the whole log is
 BRIEF = 600.0  # s; a shorter log is remarked on
 
@@ -265,7 +264,7 @@ def remarks(y, dt, kind):
         notes.append(said("brief", duration=duration))
     # Most logs show enough values at once; only the others are sorted.
     distinct = len(np.unique(y[:FIRST][there[:FIRST]]))
-    distinct = distinct if distinct >= LEVELS else len(np.unique(y[there]))
-    if distinct < LEVELS:
+    distinct = distinct if distinct >= FEW_LEVELS else len(np.unique(y[there]))
+    if distinct < FEW_LEVELS:
         notes.append(said("coarse", distinct=distinct))
     return notes

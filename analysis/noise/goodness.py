@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import idct
-from scipy.stats import chi2, f, kurtosis, norm
+from scipy.stats import chi2, f, norm
 
 from analysis.noise.added_terms import Coarse, _coefficients, _interleaved
 from analysis.noise.disturbances import Disturbance
@@ -78,27 +78,16 @@ def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
     products[..., ::2, 0] = 0.0
     inverse = np.linalg.pinv(products.sum(axis=(2, 3)), hermitian=True)
     lost = np.einsum("ij,ijhb->hb", inverse, products)
-    octave = np.floor(-0.5 * np.log2(np.maximum(stretch.lam, 1e-18) / 4)).astype(int)
-    inside = (octave < OCTAVES) & (stretch.count > 0)
-    inside[::2, 0] = False
-    power, freedom, count, white = (
-        np.bincount(octave[inside], part[inside], OCTAVES)
-        for part in (
-            left / variance,
-            np.maximum(stretch.count - lost, 0.0),
-            stretch.count,
-            stretch.count * (terms.sigma_v[0] ** 2 / stretch.m / variance),
-        )
-    )
-    top = np.zeros(OCTAVES)
-    np.maximum.at(top, octave[inside], np.sqrt(stretch.lam[inside]) / (2 * np.pi * stretch.m))
+    shares = terms.sigma_v[0] ** 2 / stretch.m / variance
+    parts = left / variance, np.maximum(stretch.count - lost, 0.0), stretch.count * shares
+    octave, (power, freedom, white, count) = by_octave(stretch, OCTAVES, *parts, stretch.count)
     chance = _two_sided(power, freedom) * max((freedom >= 1).sum(), 1)
     chance, off = np.minimum(chance, 1.0), power / np.maximum(freedom, 1e-9) - 1
     worst = int(np.argmin(chance))
     test = Test(float(off[worst]), float(chance[worst]), _verdict(chance[worst], off[worst]))
     misfits = []
     for i in np.flatnonzero(chance < ALPHA):
-        period = stretch.dt / top[i]
+        period = 2 * np.pi * stretch.m * stretch.dt / np.sqrt(stretch.lam[octave == i].max())
         note = said("spectrum_off", off=100 * off[i], shortest=period, longest=2 * period)
         affects: tuple[str, ...] = WHITE if white[i] > 0.5 * count[i] else ()
         widens = None
@@ -114,9 +103,21 @@ def goodness_of_fit(likelihood, fit) -> tuple[Test, list[Disturbance]]:
     return test, misfits
 
 
-def stationarity_of(
-    coarse: Coarse, noise: Terms, stepped: bool = False
-) -> tuple[Test, list[Disturbance]]:
+def by_octave(stretch, most, *parts):
+    """Sum what is known of each bin over the octaves.
+
+    Returns
+    -------
+    octave : ndarray of int, shape (h, bins)
+        Of each bin, from 0, the highest; `most` where it is lower, or the bin is empty.
+    sums : list of ndarray, shape (most,)
+    """
+    octave = np.floor(-0.5 * np.log2(np.maximum(stretch.lam, 1e-18) / 4)).astype(int)
+    octave = np.where(stretch.count > 0, np.minimum(octave, most), most)
+    return octave, [np.bincount(octave.ravel(), part.ravel(), most + 1)[:-1] for part in parts]
+
+
+def stationarity_of(coarse: Coarse, noise: Terms) -> tuple[Test, list[Disturbance]]:
     """Compare the power of the slow noise in halves and quarters of a log, and its largest value.
 
     The log is divided by the square root of the model's spectrum where slow noise is more than
@@ -128,8 +129,6 @@ def stationarity_of(
         Without terms.
     noise : Terms
         One row.
-    stepped : bool
-        Steps were taken out: whether what is left steps too, by its kurtosis.
 
     Returns
     -------
@@ -153,24 +152,16 @@ def stationarity_of(
     parts = [part for count in (2, 4) for part in np.array_split(there, count)]
     freedom = np.array([band * len(part) / n for part in parts])
     power = np.array([(series[part] ** 2).mean() for part in parts]) * freedom
-    p = np.append(
-        _two_sided(power, freedom) * len(parts), 4 * band * norm.sf(np.abs(series[there]).max())
-    )
-    excess = float(kurtosis(series[there]))
-    steps = norm.sf(excess / np.sqrt(24 / band))
-    if stepped and steps < ALPHA <= p.min():
-        p = np.append(p, steps)
-    worst, least = int(np.argmin(p)), min(float(p.min()), 1.0)
-    if worst < len(parts):
-        part, off = parts[worst], power[worst] / freedom[worst] - 1
-        code, size = "slow_power", 100 * off
-    elif worst > len(parts):
-        part, off = there, excess
-        code, size = "slow_steps", excess
-    else:
-        top = int(there[np.argmax(np.abs(series[there]))])
-        part, off = np.array([max(top - n // band, 0), min(top + n // band, n - 1)]), series[top]
-        code, size = "slow_peak", abs(off)
+    chance, off = _two_sided(power, freedom) * len(parts), power / freedom - 1
+    top = int(there[np.argmax(np.abs(series[there]))])
+    near_top = np.array([max(top - n // band, 0), min(top + n // band, n - 1)])
+    beyond = 4 * band * norm.sf(abs(series[top]))
+    found = [
+        (p, "slow_power", part, x, 100 * x) for p, part, x in zip(chance, parts, off, strict=True)
+    ]
+    found.append((beyond, "slow_peak", near_top, series[top], abs(series[top])))
+    least, code, part, off, size = min(found, key=lambda one: one[0])
+    least = min(float(least), 1.0)
     step = coarse.m * coarse.dt
     start, end = float(part[0] * step), float((part[-1] + 1) * step)
     ratios = np.round(power / freedom, 4), np.round(freedom, 2)

@@ -33,7 +33,7 @@ from analysis.noise.added_terms import (
     subtracted,
     weaker_noise,
 )
-from analysis.noise.disturbances import Disturbance, adjusted, lines, of_samples, uneven
+from analysis.noise.disturbances import EXACT, Disturbance, adjusted, lines, of_samples, uneven
 from analysis.noise.fit import (
     MODELS,
     QUANTISED,
@@ -48,19 +48,18 @@ from analysis.noise.fit import (
     direction,
     rows,
 )
-from analysis.noise.goodness import Test, goodness_of_fit, stationarity_of
+from analysis.noise.goodness import Test, by_octave, goodness_of_fit, stationarity_of
 from analysis.noise.likelihood import bin_variance, evaluate, simulate
 from analysis.noise.notes import listed, said
 from analysis.noise.parameters import BY_TERM, DENSITY, SLOW, unit_of
 from analysis.noise.profile_likelihood import LEVEL, interval
-from analysis.noise.spectrum import fewest_to_average, spectra
+from analysis.noise.spectrum import USED, fewest_to_average, spectra
 
 FEWEST_MEANS = 256  # averaging stops before fewer means are left
 OCTAVES = 3  # at the top of the band, where the model has to agree
 AGREE = 0.03  # relative
 MARGIN = 2  # doublings beyond the first band without a visible filter
 BEYOND = 4.0  # standard errors by which a disagreement has to exceed chance
-USED = 0.95  # a note says if less than this share of the samples is used
 SELECTED = 30  # correlation times; the values of logs that hold fewer are a selection
 FEW = 4.0  # AIC within which a model without a term speaks against the term
 FLICKER_BETTER = 0.5  # AIC by which flicker noise has to be better to refuse T_c
@@ -68,7 +67,6 @@ BETTER = 2.75  # AIC by which a second slow process counts, by chance in one log
 FOLDED = 0.23  # of the white noise of means comes from shorter periods: 1 - mean of sinc^2
 USELESS = 10.0  # high / low of a correlation time over several models; beyond it is refused
 SAME = 0.02  # relative; two terms so close to each other are one
-EXACT = 1e-9  # relative; means that vary less than that hold no noise
 TWICE = np.geomspace(0.005, 1, 14)  # time constants of two warm-ups, in log lengths
 ENDS = np.geomspace(4, 40, 12)  # time constants of a warm-up that ends in a log, in log lengths
 INSTEAD = said("instead")  # how the note of a drift begins to say so
@@ -455,9 +453,8 @@ def infer(
         clean = not beyond and fastest >= FILTER * m * dt
         clean &= not (rate and low_passed(likelihood, chosen))
         cleared = cleared or (m if clean else 0)
-        unfiltered = m == 1 or (m == fewest and as_noisy(y, chosen))
         beyond_filter = cleared and m >= cleared << MARGIN
-        if (clean and unfiltered) or beyond_filter or len(y) < 2 * m * FEWEST_MEANS:
+        if (clean and m == fewest) or beyond_filter or len(y) < 2 * m * FEWEST_MEANS:
             break
         pieces = transformed(2 * m)
         wider = pieces and NoiseLikelihood(pieces, detrend=detrend)
@@ -589,7 +586,6 @@ def _judged(result, parameters, disturbances):
     stationarity, changes = stationarity_of(
         result.coarse.without(result.terms, sizes),
         result.likelihood.terms(result.chosen),
-        stepped=any(t.kind == "step" for t in result.terms),
     )
     terms = tuple(result.fitted_terms())
     disturbances = [*disturbances, *(t.disturbance(result.coarse) for t in terms)]
@@ -654,13 +650,9 @@ def disagreement(likelihood, fit):
     """
     stretch = likelihood.spectrum
     variance = bin_variance(stretch, likelihood.terms(fit))[0]
-    octave = np.floor(-0.5 * np.log2(np.maximum(stretch.lam, 1e-9) / 4)).astype(int)
-    inside = (octave < OCTAVES) & (stretch.count > 0)
     # Each coefficient counts once, whatever the slope of the spectrum.
-    measured, count = (
-        np.bincount(octave[inside], part[inside], OCTAVES)
-        for part in (stretch.yy / variance, stretch.count)
-    )
+    parts = stretch.yy / variance, stretch.count
+    measured, count = by_octave(stretch, OCTAVES, *parts)[1]
     off = measured / np.maximum(count, 1) - 1
     error = np.sqrt(2 / np.maximum(count, 1))
     off, error = off[count > 0], error[count > 0]
@@ -718,14 +710,6 @@ def low_passed(likelihood, fit):
     white = fit.terms["sigma_v"][0] / np.sqrt(likelihood.per_sample)
     hidden = white < MASKED * fit.terms["sigma_b"][0]
     return hidden and likelihood.interval(fit, "sigma_v")[0] is None
-
-
-def as_noisy(y, fit):
-    """Whether neighbouring samples differ as white noise of the fitted size has it."""
-    step = np.diff(y)
-    level = np.mean(np.square(step, out=step), where=np.isfinite(step)) / 2
-    white = fit.terms["sigma_v"][0] ** 2
-    return abs(level - white) < AGREE * white
 
 
 def _short(record):

@@ -29,7 +29,7 @@ BINS = 14  # bins per e-fold of frequency above them
 OF_MANY = 10, 7  # the same in each stretch of a log with gaps
 STRETCHES = 30  # longest pieces of a log with gaps that are used
 FEWEST = 8  # means below which a piece is left out
-USED = 0.95  # share of the samples that is to be used
+USED = 0.95  # share of the samples that is to be used; a note says if less is
 BLOCK = 2**15  # coefficients at a time
 # Coefficients of a regressor: those of shorter periods hold 1e-6 of the power of a step.
 OF_ADDED = 2**20
