@@ -327,15 +327,10 @@ def _products(stretch, terms):
     weighted = np.multiply(g, weight, order="C")
     stacked = weighted.reshape(halves, rows * len(signs), bins)
     with_u = g * stretch.uu[:, None, None]
-    if g.shape[1] == 1:
-        inner = stacked @ with_u[:, 0].swapaxes(1, 2)
-    else:
-        inner = weighted @ with_u.swapaxes(2, 3)
-    inner, onto = (
-        a.reshape(halves, rows, len(signs), a.shape[-1]) * size[..., None]
-        for a in (inner, stacked @ stretch.products[0].transpose(1, 2, 0))
-    )
-    more, inverse = _inverse(np.diag(signs) + inner * size[:, None])
+    onto = stacked @ stretch.products[0].transpose(1, 2, 0)
+    onto = onto.reshape(halves, rows, len(signs), onto.shape[-1]) * size[..., None]
+    inner = weighted @ with_u.swapaxes(2, 3) * size[..., None] * size[:, None]
+    more, inverse = _inverse(np.diag(signs) + inner)
     solved = inverse @ onto
     both = (a.swapaxes(0, 1).reshape(rows, -1, onto.shape[-1]) for a in (onto, solved))
     yy, xz = _less(yy, xz.reshape(rows, len(stretch.zz) - 1, -1), *both)
