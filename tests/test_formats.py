@@ -1052,3 +1052,11 @@ def test_json_loses_no_object(tmp_path):
         assert {name: len(frame) for name, frame in tables.items()} == sizes
         times = np.sort(np.concatenate([frame["time"] for frame in tables.values()]))
         np.testing.assert_array_equal(times, start + np.arange(40))
+
+
+def test_a_table_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
+    """Property: its size is said before it is read, with the way out."""
+    path = write("Parquet", tmp_path)
+    monkeypatch.setattr(matrices, "LARGEST", 8 * ROWS * 3)
+    with pytest.raises(CannotAnswer, match=r"400 rows and 7 columns .* save fewer"):
+        read(path)
