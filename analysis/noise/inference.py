@@ -453,8 +453,9 @@ def infer(
         clean = not beyond and fastest >= FILTER * m * dt
         clean &= not (rate and low_passed(likelihood, chosen))
         cleared = cleared or (m if clean else 0)
+        unfiltered = m == 1 or (m == fewest and as_noisy(y, chosen))
         beyond_filter = cleared and m >= cleared << MARGIN
-        if (clean and m == fewest) or beyond_filter or len(y) < 2 * m * FEWEST_MEANS:
+        if (clean and unfiltered) or beyond_filter or len(y) < 2 * m * FEWEST_MEANS:
             break
         pieces = transformed(2 * m)
         wider = pieces and NoiseLikelihood(pieces, detrend=detrend)
@@ -710,6 +711,14 @@ def low_passed(likelihood, fit):
     white = fit.terms["sigma_v"][0] / np.sqrt(likelihood.per_sample)
     hidden = white < MASKED * fit.terms["sigma_b"][0]
     return hidden and likelihood.interval(fit, "sigma_v")[0] is None
+
+
+def as_noisy(y, fit):
+    """Whether neighbouring samples differ as white noise of the fitted size has it."""
+    step = np.diff(y)
+    level = np.mean(np.square(step, out=step), where=np.isfinite(step)) / 2
+    white = fit.terms["sigma_v"][0] ** 2
+    return abs(level - white) < AGREE * white
 
 
 def _short(record):
