@@ -75,14 +75,11 @@ class Options:
     doubt_s = LastPosition.doubt_s
     theta_a = StaticTest.theta_a
     speed_threshold = StaticTest.speed_threshold
-    wake_speed = StaticTest.wake_speed
     speed_window = StaticTest.speed_window
     accel_tau_s = StaticTest.accel_tau_s
     rest_blocks = RestDetector.rest_blocks
     lengths = LowPass.lengths
-    straight_length = MountingYaw.straight_length
     theta_alpha = MountingYaw.theta_alpha
-    max_bend = MountingYaw.max_bend
     min_speed = MountingYaw.min_speed
     max_mount_sigma = MountingYaw.max_mount_sigma
     metres_per_pdop = 1.5
@@ -106,7 +103,7 @@ class Options:
     @property
     def straight_s(self):
         """Shortest straight that gives a mounting angle, s."""
-        return self.straight_length * MountingYaw.entry_s
+        return MountingYaw.straight_length * MountingYaw.entry_s
 
 
 # One GNSS epoch: s; (lat_deg, lon_deg, height_m), None without a fix; m/s; rad; 2 or 3 dimensions;
