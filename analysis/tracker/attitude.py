@@ -267,10 +267,10 @@ class Attitude:
         ahead = self._north(down)
         turned = [b + t for b, t in zip(self.bias.x, turned)]
         for axis in (ahead, cross(down, ahead)):
-            self.bias.update(axis, dot(axis, turned), noise * noise)
+            self.bias.update(axis, dot(axis, turned), noise * noise / seconds)
         if spin is not None:
             measured = dot(down, self.bias.x) + spin / seconds
-            self.bias.update(down, measured, SIGMA_BIAS_MOVING * SIGMA_BIAS_MOVING)
+            self.bias.update(down, measured, SIGMA_BIAS_MOVING * SIGMA_BIAS_MOVING / seconds)
 
     def _set_rate_errors(self, down):
         """Tell both filters what the gyro's error is, in their directions, after this epoch."""

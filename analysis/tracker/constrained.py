@@ -59,7 +59,7 @@ class Constrained:
         self.number = number
         self.started = False
 
-    def start(self, position, velocity, attitude, mount, sigma_p, sigma_v):
+    def start(self, position, velocity, attitude, mount, sigma_p, sigma_v, doubt=(0.0, 0.0)):
         """Start in motion.
 
         Parameters
@@ -72,6 +72,8 @@ class Constrained:
             Mounting angle by block 5, rad.
         sigma_p, sigma_v : float
             m, m/s.
+        doubt : (float, float)
+            Variances of tilt (rad^2) and bias (rad^2/s^2) by block 2, if above those of `START`.
         """
         number = self.number
         self.position = [number(p) for p in position]
@@ -83,6 +85,7 @@ class Constrained:
         self.gyro_bias = [number(b) for b in bias]
         self.accel_bias = [number(0)] * 3
         tilt, yaw, gyro, accel, pitch, mounting = START
+        tilt, gyro = max(tilt, math.sqrt(doubt[0])), max(gyro, math.sqrt(doubt[1]))
         sigmas = [sigma_p] * 2 + [sigma_v] * 2 + [1.0, tilt, tilt, yaw] + [gyro] * 3 + [accel] * 3
         self.P = [[number(0)] * STATES for _ in range(STATES)]
         sigmas += [pitch, mounting]

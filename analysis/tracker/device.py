@@ -450,7 +450,9 @@ class Device:
             car.update(fix, velocity, sigma_p, sigma_v)
         elif self._sighted() and fix and velocity and self._speed > FAST:
             attitude = block.C_nb, block.bias.x, self.upright.down
-            car.start(fix, velocity, attitude, self.mounting.mount or 0.0, sigma_p, sigma_v)
+            doubt = block.tilt.p, max(block.bias.P[i][i] for i in (0, 1, 2))
+            mount = self.mounting.mount or 0.0
+            car.start(fix, velocity, attitude, mount, sigma_p, sigma_v, doubt)
         return car if car.started else None
 
     def _sighted(self):
