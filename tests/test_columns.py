@@ -66,8 +66,8 @@ NO_READINGS = {  # header, columns, what is given, channels, what is left out an
         "field_angular_velocity_x", "field.header.seq (a counter), field.header.stamp (a time)",
     ),
     "by content": (
-        "t,a,b,c,n", (T, GYRO, np.arange(N) % 256),
-        {"unit": "deg/s"}, "a b c", "n (a counter: it steps by 1)",
+        "t,a,b,c,foo,n", (T, GYRO, np.linalg.norm(GYRO, axis=1), np.arange(N) % 256),
+        {"unit": "deg/s"}, "a b c", "foo (the norm of a, b, c), n (a counter: it steps by 1)",
     ),
     "other words": (
         "t,gyro_x,battery,state,acc_valid,mag_x,quality", (T, GYRO, GYRO), {"unit": "deg/s"},
@@ -179,6 +179,25 @@ def test_an_accelerometer_without_names_is_no_gyro(tmp_path):
 
 RAW = (T, np.round(16384 * ACCEL), np.round(131 * GYRO))
 COUNTS = "t_s,ax,ay,az,gx,gy,gz"
+
+
+def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
+    """Property: gx, gy, gz may be gravity; --kind settles it."""
+    path = write(tmp_path, "t,gx,gy,gz", T, 9.80665 * ACCEL)
+    with pytest.raises(WrongUsage, match=r"length of one g in m/s\^2: say --columns gx,gy,gz"):
+        logs.read(path, unit="deg/s")
+    three = {"columns": ["gx", "gy", "gz"]}
+    as_accel = logs.read(path, **three, kind="accel", unit="m/s^2")
+    assert {c.kind for c in as_accel.channels} == {"accel"}
+    assert {c.kind for c in logs.read(path, **three, kind="rate", unit="deg/s").channels} == {
+        "rate"
+    }
+    assert {c.kind for c in logs.read(path, unit="gyro=deg/s").channels} == {"rate"}
+    counts = write(
+        tmp_path, "t,gx,gy,gz", T, np.round(9.8 * GYRO / np.linalg.norm(GYRO, axis=1)[:, None])
+    )
+    with pytest.raises(WrongUsage, match="--scale gyro=1/131"):
+        logs.read(counts)
 
 
 @pytest.mark.parametrize(

@@ -163,6 +163,7 @@ def test_pool_writes_what_it_prints(tmp_path, axes, capsys):
 @pytest.mark.parametrize(
     ("names", "dt", "says"),
     [
+        (["gyro_x_deg_s", "gyro_y_deg"], DT, "rate in deg/s, and gyro_y of"),
         (["gyro_x_deg_s", "gyro_y_rad_s"], DT, "rate in rad/s; pool logs of one kind and unit"),
         (["gyro_x_deg_s", "gyro_z_deg_s"], DT, "no channel gyro_y"),
         (["gyro_x_deg_s", "gyro_y_deg_s"], 0.1, "20 Hz"),

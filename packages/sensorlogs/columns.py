@@ -44,7 +44,7 @@ _KIND_OF_WORD = {word: kind for kind, words in NAMES["kinds"].items() for word i
 _PAIRS = {tuple(two.split()): kind for kind, pairs in NAMES["pairs"].items() for two in pairs}
 _ESTIMATED = {"h", "v", "s", "t", "hor", "ver", "pos", "vel", "head", "heading", "speed", "time"}
 _TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
-LOOKED_AT = 5000  # rows in which a counter or a clock shows
+LOOKED_AT = 5000  # rows in which a counter, a clock or a norm shows
 _USUAL = {"rate": "deg/s", "accel": "g", "angle": "deg", "position": "m"}
 _OR = {"rate": "rad/s", "accel": "m/s^2", "angle": "rad"}  # as usual: a message offers both
 _WHOLE_UNITS = ("deg/s", "rad/s", "g", "m/s^2")  # in which no sensor's readings are whole numbers
@@ -270,7 +270,7 @@ def sample(frame: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
 
 def contents(frame: pd.DataFrame) -> dict[str, str]:
-    """Tell by their numbers which columns are counters or clocks.
+    """Tell by their numbers which columns are counters, clocks or norms of three readings.
 
     Parameters
     ----------
@@ -294,6 +294,14 @@ def contents(frame: pd.DataFrame) -> dict[str, str]:
             found[name] = "a counter: it steps by 1"
         elif (steps[:, j] > 0).all() or (whole[j] and _ticks(steps[:, j])):
             found[name] = "a time or counter: it never falls"
+    for j in range(len(names) - 2):
+        three = names[j : j + 3]
+        if found.keys().isdisjoint(three):
+            norm = np.linalg.norm(head[:, j : j + 3], axis=1)
+            for k in {*range(len(names))} - {j, j + 1, j + 2}:
+                off = np.sqrt(np.mean((head[:, k] - norm) ** 2))
+                if off < 0.05 * norm.std():  # what its rounding leaves
+                    found[names[k]] = f"the norm of {', '.join(three)}"
     return found
 
 
@@ -427,6 +435,8 @@ def choose(
                 *flags,
             )
     _check_gravity(frame, file, chosen, units)
+    if not (kind or "rate" in units):
+        _check_gyros(frame, file, chosen)
     if left_out := left_out | no_unit:
         reasons = {w: [n for n, its in left_out.items() if its == w] for w in left_out.values()}
         listed = ", ".join(f"{', '.join(names)} ({why})" for why, names in reasons.items())
@@ -455,6 +465,19 @@ def _check_gravity(frame, file, chosen, units) -> None:
                 f"{length:.2f} {own}; it should be one g, so these look like {one}: say --unit "
                 f"{flag}",
                 {"--unit": flag},
+            )
+
+
+def _check_gyros(frame, file, chosen) -> None:
+    """Refuse gyros by name, such as gx, gy, gz, whose length is one g in m/s^2 or mg: gravity."""
+    mine = [c.column for c in chosen if c.kind == "rate" and not split(c.column)[1]]
+    for names in vectors(mine).values():
+        one = gravity_unit(_norm(frame, names), 0.03)
+        if len(names) == 3 and one in ("m/s^2", "mg"):
+            raise WrongUsage(
+                f"{file}: columns {', '.join(names)} have the length of one g in {one}: say "
+                f"--columns {','.join(names)} with --kind accel --unit {one}, or with --kind rate; "
+                "gyros by their name: --unit gyro=deg/s or gyro=rad/s"
             )
 
 
@@ -521,7 +544,7 @@ def _kinds(frame, file, wanted, kind, units) -> tuple[dict[str, str], dict[str, 
         own = KIND_OF_UNIT.get(column.unit or "")
         kinds[name] = own or (kind if wanted else "") or column.kind or ""
         said = column.other or ("" if column.kind and own else by_content.get(name))
-        if column.kind in ("rate", "accel") and own not in (None, column.kind):
+        if {own, column.kind} == {"rate", "accel"}:
             said = f"named as {column.kind}, and its unit {column.unit} is not of one"
         elif not wanted and not frame[name].notna().any():
             said = "no value"

@@ -32,6 +32,7 @@ NAMED = {"lat": "deg", "lon": "deg"} | dict.fromkeys(GYROS, "deg_s") | dict.from
 ANGLES = ("roll", "pitch", "yaw", "course")
 TO_OURS = {unit: said["factor"] for own in NAMES["units_of"].values() for unit, said in own.items()}
 TO_OURS["rad"] = float(np.degrees(1.0))
+_SIX = 3 * ["rate"] + 3 * ["accel"]
 _SECOND = columns.FREE | {"bias"}  # of two columns that hold one quantity, the second choice
 Z_UP = 0.7 * STANDARD_GRAVITY  # of a phone: its screen within 45 deg of level
 PHONE = {*NAMES["phone"]["words"].split()}
@@ -410,6 +411,11 @@ class _Rows:
         rows = self.rising(rows, self.notes, IMU_GAPS)
         if len(rows) < 2:
             raise CannotAnswer(f"{self.file}: a single IMU sample")
+        if [c.kind for c in chosen] != _SIX:
+            raise WrongUsage(
+                f"{self.file}, columns {', '.join(names)}: their units are not those of gyros and "
+                f"accelerometers: say --columns gyro_x_deg_s={names[0]} and so on for each axis"
+            )
         gyro, accel = np.split(readings[rows] * [c.scale * IN_SI[c.unit] for c in chosen], 2, 1)
         norm = float(np.median(np.linalg.norm(accel, axis=1)))
         if columns.gravity_unit(norm, 0.25) != "m/s^2":
