@@ -266,13 +266,14 @@ def stops():
         ``verdicts``: for each ride and test, epochs stopped (speed under `STANDING` now and at the
         epoch before) and above 1 m/s, and how many of each are called static, by speed and IMU;
         ``roc``: shares of both under each threshold of a statistic of the IMU alone;
+        ``each``: for each stop of a real ride of over five epochs the median of each statistic;
         ``bias``: mean rate of each gyro axis in the first and the last stop (deg/s).
     """
     drives = np.random.default_rng(SEED).spawn(SIMULATED)
     simulated = [scenario("D", rng) for rng in drives]
     cases = {SIMULATION: [(ride.log, ride.speed_m_s) for ride in simulated]}
     cases |= {name: [(log := read(name), log.gnss.speed_m_s)] for name in STANDING}
-    verdicts, curves, biases = [], [], []
+    verdicts, curves, each, biases = [], [], [], []
     for name, rides_of in cases.items():
         floor, rows, scores = STANDING.get(name, 0.01), {}, []
         for log, speed in rides_of:
@@ -282,7 +283,7 @@ def stops():
             for test, options in RESTS.items():
                 static = replay(log, options).columns["moving"] == 0
                 counts = stopped, moving, static & stopped, static & moving
-                rows[test] = rows.get(test, 0) + np.array([each.sum() for each in counts])
+                rows[test] = rows.get(test, 0) + np.array([among.sum() for among in counts])
         columns = ["stopped", "moving", "stopped_static", "moving_static"]
         table = pd.DataFrame.from_dict(rows, "index", columns=columns).rename_axis("test")
         verdicts.append(table.reset_index().assign(ride=name))
@@ -292,19 +293,27 @@ def stops():
             curve = receiver_operating(every[rule].to_numpy(), *truth)
             curves.append(curve.assign(ride=name, rule=rule))
         if name in STANDING:
-            biases.append(_bias_change(log, stopped).assign(ride=name))
-    found = {"verdicts": verdicts, "roc": curves, "bias": biases}
+            spells = _spells(stopped)
+            middle = [every.iloc[a:b].median().drop(["stopped", "moving"]) for a, b in spells]
+            each.append(pd.DataFrame(middle).assign(epochs=np.diff(spells)[:, 0], ride=name))
+            biases.append(_bias_change(log, spells).assign(ride=name))
+    found = {"verdicts": verdicts, "roc": curves, "each": each, "bias": biases}
     tables = {k: store.rounded(pd.concat(v, ignore_index=True), 4) for k, v in found.items()}
     title = "Rest of three cars, by the tests of block 3"
     return {"title": title} | datasets.origin(*(RIDES[name].file for name in STANDING)), tables
 
 
-def _bias_change(log, stopped):
-    """Compare the gyro's mean readings of the first and the last stop of over five epochs."""
+def _spells(stopped):
+    """Give begin and end of each stop of over five epochs."""
     edges = np.flatnonzero(np.diff(np.r_[0, stopped.astype(int), 0])).reshape(-1, 2)
-    long = [(log.gnss.t_s[a], log.gnss.t_s[b - 1]) for a, b in edges if b - a > 5]
+    return edges[np.diff(edges, axis=1)[:, 0] > 5]
+
+
+def _bias_change(log, spells):
+    """Compare the gyro's mean readings of the first and the last stop."""
     rows = {"axis": list("xyz")}
-    for which, (since, until) in {"first": long[0], "last": long[-1]}.items():
+    for which, (a, b) in {"first": spells[0], "last": spells[-1]}.items():
+        since, until = log.gnss.t_s[a], log.gnss.t_s[b - 1]
         there = (log.imu.t_s >= since) & (log.imu.t_s <= until)
         rows[f"{which}_deg_s"] = np.degrees(log.imu.gyro_b[there].mean(axis=0))
         rows[f"{which}_s"] = [(since + until) / 2] * 3
