@@ -9,7 +9,7 @@ import pymap3d
 import pytest
 from scipy.spatial.transform import Rotation
 
-from analysis import WrongUsage, wrap
+from analysis import STANDARD_GRAVITY, WrongUsage, wrap
 from analysis.tracker import constrained
 from analysis.tracker.constrained import ACCEL, GYRO, MOUNT, PLACE, SPEED, STATES, TILT
 from analysis.tracker.device import Options
@@ -39,6 +39,7 @@ def nominal(block):
         setattr(copy, name, list(getattr(block, name)))
     copy.C_nb, copy.C_vb = ([list(row) for row in C] for C in (block.C_nb, block.C_vb))
     copy.P = [list(row) for row in block.P]
+    copy.lever, copy._rate = block.lever, list(block._rate)
     copy._error = [0.0] * STATES
     copy._wait()
     return copy
@@ -117,6 +118,27 @@ def test_the_constraint_is_the_derivative_of_the_sideways_velocity(axis):
     off = [across(moved(block, size * unit)) for unit in np.eye(STATES)]
     np.testing.assert_allclose(h, (off - across(block)) / size, atol=1e-5)
     assert residual == pytest.approx(-across(block))
+
+
+def test_a_fix_of_the_antenna_is_the_derivative_of_its_place():
+    """cross-check: rows of H against differences; the arm of a car that turns moves the antenna."""
+    block, size, taken = under_way(), 1e-6, []
+    block.lever, block._rate = (1.5, -0.4, -0.9), [0.1, -0.2, 0.7]
+    off = [np.subtract(moved(block, size * unit).antenna, block.antenna) for unit in np.eye(STATES)]
+    earlier, dt = np.array(block.antenna), 1e-4
+    block._take = lambda *number: taken.append(number)
+    block.update((0.0, 0.0), (0.0, 0.0), 1.0, 1.0)
+    for i, (terms, residual, _) in enumerate(taken[:2]):
+        h = np.zeros(STATES)
+        for k, coefficient in terms:
+            h[k] = coefficient
+        h[MOUNT:] = np.array(off)[MOUNT:, i] / size  # the angles in the car turn the arm: left out
+        np.testing.assert_allclose(h, np.array(off)[:, i] / size, atol=1e-5)
+        assert residual == pytest.approx(-earlier[i])
+    force = np.array(block.C_nb).T @ (0.0, 0.0, -STANDARD_GRAVITY) + block.accel_bias
+    block.sample(np.add(block._rate, block.gyro_bias), force, dt)
+    swing = np.subtract(block.antenna, earlier) / dt
+    np.testing.assert_allclose([-r for _, r, _ in taken[2:]], swing, atol=1e-3)
 
 
 def test_updates_are_those_of_filterpy():
@@ -285,6 +307,37 @@ def test_outages_with_wheels_and_without(town):
     assert with_wheels < without / 3
 
 
+def test_a_lever_arm_that_is_told_does_no_harm(town):
+    """property: 4 m ahead of the sensor, half a minute without fixes; not told, it errs more."""
+    rows, gnss = np.array(town.C_nb), town.log.gnss
+    at = np.searchsorted(town.log.imu.t_s, gnss.t_s)
+    turns = np.array([town.log.imu.gyro_b[max(k - 5, 0) : k + 5].mean(axis=0) for k in at])
+    c, s = np.cos(np.radians(town.mount_deg)), np.sin(np.radians(town.mount_deg))
+    arm = np.array([4.0 * c, -4.0 * s, 0.0])  # ahead of the car, in the sensor's axes
+    place = rows @ arm
+    swing = np.einsum("nij,nj->ni", rows, np.cross(turns, arm))
+    course = np.radians(gnss.course_deg)
+    v = gnss.speed_m_s * [np.cos(course), np.sin(course)] + swing[:, :2].T
+    metre = np.degrees(1 / 6.371e6)
+    moved_there = replace(
+        gnss,
+        lat_deg=gnss.lat_deg + metre * place[:, 0],
+        lon_deg=gnss.lon_deg + metre * place[:, 1] / np.cos(np.radians(gnss.lat_deg)),
+        speed_m_s=np.hypot(*v),
+        course_deg=np.degrees(np.arctan2(v[1], v[0])) % 360,
+    )
+    fast = gnss.t_s[town.speed_m_s > 8.0]
+    starts, ends = fast[[len(fast) * k // 10 for k in (4, 6, 8)]], []
+    last = np.searchsorted(gnss.t_s, starts + 30.0) - 1
+    for of, ahead, told in ((gnss, 0.0, 0.0), (moved_there, 1.0, 4.0), (moved_there, 1.0, 0.0)):
+        log = inject_outages(replace(town.log, gnss=of), [(t, t + 30.0) for t in starts])
+        c = replay(log, Options(filter="car", lever=(told, 0.0, 0.0))).columns
+        errors = np.array(town.output_error(c)) - ahead * place[:, :2].T
+        ends.append(np.hypot(*errors[:, last]).mean())
+    above, told, untold = ends
+    assert told < 1.1 * above < untold / 2
+
+
 def test_looking_back_halves_the_error_in_outages():
     """property: of position in a minute without fixes; yaw is known better, the ellipse holds."""
     rms, sigma, held = [], [], []
@@ -306,7 +359,7 @@ def test_looking_back_halves_the_error_in_outages():
             assert found.summary["filter"]["smoothed"] == smooth
     assert sum(rms[1::2]) < sum(rms[::2]) / 2 and min(held) > 0.95
     assert sigma[1] < sigma[0] and sigma[3] < sigma[2]
-    with pytest.raises(WrongUsage, match="--smooth looks back with the filter for cars"):
+    with pytest.raises(WrongUsage, match="--smooth belongs to the filter for cars"):
         replay(log, Options(filter="block6"), smooth=True)
 
 

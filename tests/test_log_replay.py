@@ -747,6 +747,13 @@ WRONG = {
     "a memory of no use": (["gnss.csv", "--without", "last-position"], 2, "--without"),
     "an offset that is no number": (["gnss.csv", "--imu-offset", "nan"], 2, "--imu-offset nan"),
     "an offset of no IMU": (["gnss.csv", "--imu-offset", "5"], 2, "--imu-offset goes with"),
+    "a lever of two numbers": (["gnss.csv", "--lever", "1,2"], 2, "forward, right and down"),
+    "a lever in millimetres": (["gnss.csv", "--lever", "1200,0,-800"], 2, "each under 30 m"),
+    "a lever without a car": (
+        ["gnss.csv", "--lever", "1,0,0"],
+        2,
+        "belongs to the filter for cars",
+    ),
     "an outage backward": (["gnss.csv", "--outage", "20:10"], 2, "FROM:TO"),
     "an outage of words": (["gnss.csv", "--outage", "all"], 2, "FROM:TO"),
     "an outage after the end": (["gnss.csv", "--outage", "99999:100000"], 2, "lies beyond"),

@@ -83,18 +83,19 @@ def replay(
     Raises
     ------
     WrongUsage
-        If the log has neither positions nor an IMU, or is to be smoothed without that filter.
+        If the log has neither positions nor an IMU, or that filter is needed and not used.
     """
     lag, moves = motion(timeline)
     options = options or Options()
     if options.filter == "auto":
         used = "car" if moves.kind == "car" else "block6"
         options = Options(**options.changed | {"filter": used})
-    if smooth and options.filter != "car":
-        raise WrongUsage(
-            f"--smooth looks back with the filter for cars, and here {options.filter} is used: "
-            "say --filter car if this is the log of one"
-        )
+    for flag, asked in (("--smooth", smooth), ("--lever", any(options.lever))):
+        if asked and options.filter != "car":
+            raise WrongUsage(
+                f"{flag} belongs to the filter for cars, and here {options.filter} is used: "
+                "say --filter car if this is the log of one"
+            )
     rows, unexplained, marks = [], [], []
     devices: list[Device] = []
     straights: list[Straight] = []
@@ -107,7 +108,7 @@ def replay(
         known = row["roll"] == row["roll"]
         unexplained.append(device.attitude.unexplained if known else 0.0)
         car = device.constrained
-        if smooth and car and car.started and device.ned and [*device.ned[:2]] == car.position[:2]:
+        if smooth and car and car.started and device.ned and [*device.ned[:2]] == car.antenna:
             attitude = [[*axis] for axis in car.C_nb]
             marks.append((rows[-1], device, car.step, device.ned, attitude))
     if not rows:
@@ -179,7 +180,7 @@ def stepped(timeline, options, stored=None, smooth=False, *, progress=False):
     def switched_on(left):
         device = Device(options, left, has_imu)
         if smooth and device.constrained:
-            device.constrained = Recorded(options.number)
+            device.constrained = Recorded(options.number, options.lever)
         return device
 
     device, samples = switched_on(stored), _samples(timeline.imu, options.number)

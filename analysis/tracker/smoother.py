@@ -18,8 +18,8 @@ from analysis.tracker.constrained import STATES, Constrained
 class Recorded(Constrained):
     """A constrained filter that keeps every step, a few times a second: 6 kB each."""
 
-    def __init__(self, number=float):
-        super().__init__(number)
+    def __init__(self, *given):
+        super().__init__(*given)
         self._steps = []
 
     @property

@@ -270,7 +270,15 @@ def channels(log):
 
 @_verb(reads="moving")
 def replay(
-    logs, out, without=None, outage=None, last_position=None, using="auto", smooth=False, **reading
+    logs,
+    out,
+    without=None,
+    outage=None,
+    last_position=None,
+    using="auto",
+    smooth=False,
+    lever="0,0,0",
+    **reading,
 ):
     """Run the tracker paper's six blocks on a GNSS (and IMU) log.
 
@@ -282,6 +290,7 @@ def replay(
     python -m analysis replay drive.csv --out plain --without low-pass --without fusion
     python -m analysis replay drive.csv --out tunnel --outage 300:330 --outage 600:660
     python -m analysis replay drive.csv --out after --smooth
+    python -m analysis replay drive.csv --out roof --lever 1.2,0,-0.8
     python -m analysis replay drive.csv --out paper --filter block6
     python -m analysis replay drive.nmea --out drive --last-position where.json
 
@@ -309,7 +318,7 @@ def replay(
     """
     from workbench import track as page
 
-    outages = [_interval(text) for text in outage or ()]
+    outages, arm = [_interval(text) for text in outage or ()], _lever(lever)
     if not math.isfinite(reading["imu_offset"] or 0.0):
         raise WrongUsage(f"--imu-offset {reading['imu_offset']:g}: give a number of seconds")
     if last_position is not None:
@@ -320,9 +329,8 @@ def replay(
         _check_last_position(Path(last_position), Path(out))
     log = _read_moving(logs, **reading)
     off = {block.replace("-", "_"): False for block in without or ()}
-    summary = page.replay(
-        log, out, outages=outages, last_position=last_position, smooth=smooth, filter=using, **off
-    )
+    ways = {"last_position": last_position, "smooth": smooth, "lever": arm}
+    summary = page.replay(log, out, outages=outages, filter=using, **ways, **off)
     _tell("replay.txt", summary, out=out, facts=page.facts(summary))
 
 
@@ -335,6 +343,20 @@ def _interval(text):
     if not 0 <= start < stop:
         raise WrongUsage(f"--outage {text}: write FROM:TO in seconds, such as 300:330")
     return start, stop
+
+
+def _lever(text):
+    """Read forward, right and down in metres."""
+    try:
+        lever = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        lever = ()
+    if len(lever) != 3 or not all(abs(part) < 30 for part in lever):
+        raise WrongUsage(
+            f"--lever {text}: write forward, right and down, each under 30 m, such as 1.2,0,-0.8 "
+            "for an antenna ahead of the IMU and above it"
+        )
+    return lever
 
 
 def _check_last_position(path, out):
