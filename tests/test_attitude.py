@@ -29,7 +29,10 @@ def simulate(angles, rng, *, bias=(0.0, 0.0, 0.0), noise=(0.002, 0.02)):
     return gyro.tolist(), (accel + noise[1] * rng.standard_normal(accel.shape)).tolist()
 
 
-def run(block, gyro, accel, *, static=math.inf, heading=None, every=RATE, then=lambda block: None):
+def run(
+    block, gyro, accel, *, static=math.inf, heading=None, vehicle=None, every=RATE,
+    then=lambda block: None,
+):  # fmt: skip
     """Feed samples, an epoch each ``every``, at rest for ``static`` s; headings are one per epoch.
 
     After each epoch ``then`` is called with the block.
@@ -37,7 +40,7 @@ def run(block, gyro, accel, *, static=math.inf, heading=None, every=RATE, then=l
     for k, (w, f) in enumerate(zip(gyro, accel, strict=True)):
         block.imu(w, f, 1 / RATE, k < static * RATE)
         if k % every == every - 1:
-            block.epoch(k < static * RATE, heading and heading[k // every])
+            block.epoch(k < static * RATE, heading and heading[k // every], vehicle=vehicle)
             then(block)
     return block
 
@@ -154,9 +157,25 @@ def test_bias_is_found_without_ever_standing():
     noisy = (0.05, 0.3)  # no first second of rest to read the bias from
     samples = simulate(np.column_stack([0 * t, 0 * t, yaw]), rng, bias=bias, noise=noisy)
     heading = (yaw[RATE - 1 :: RATE] + 0.02 * rng.standard_normal(120)).tolist()
-    block = run(Attitude(), *samples, static=0, heading=heading)
+    block = run(Attitude(), *samples, static=0, heading=heading, vehicle=0.0)
     np.testing.assert_allclose(np.degrees(block.bias.x), np.degrees(bias), atol=0.3)
     assert np.abs(np.degrees(block.angles[:2])).max() < 2.0
+    blind = run(Attitude(), *samples, static=0, heading=heading)  # accelerations are not known
+    np.testing.assert_allclose(np.degrees(blind.bias.x), [0.0, 0.0, 2.0], atol=0.3)
+
+
+def test_a_gyro_sampled_too_seldom_is_not_believed():
+    """property: turning between samples as it likes, the level is the accelerometer's, to 3 deg."""
+    rng, t = np.random.default_rng(5), np.arange(0, 300, 1 / RATE)
+    sway = np.radians(15) * np.column_stack([np.sin(2.3 * t), np.sin(1.7 * t), 0 * t])
+    samples = (of[RATE - 1 :: RATE] for of in simulate(sway, rng))
+    block, found = Attitude(), []
+    for w, f in zip(*samples, strict=True):
+        block.imu(w, f, 1.0)
+        block.epoch(vehicle=0.0)
+        found.append(block.angles[:2])
+    off = np.degrees(np.subtract(found, sway[RATE - 1 :: RATE, :2]))[30:]
+    assert (np.sqrt(np.mean(off**2, axis=0)) < 3.0).all()
 
 
 def test_a_lasting_acceleration_is_no_tilt():

@@ -71,6 +71,7 @@ class Attitude:
         self.bias = GyroBiasFilter(number)
         self.ready = self.heading_known = False
         self._external, self._mean_external, self._vehicle = [0.0] * 3, [0.0] * 3, None
+        self._rate = (0.0, 0.0, 0.0)
         self._clear_sums()
 
     @property
@@ -98,6 +99,8 @@ class Attitude:
             dt = 0.0
         wx, wy, wz = gyro_b
         fx, fy, fz = accel_b
+        change = [w - before for w, before in zip(gyro_b, self._rate)]
+        self._rate = gyro_b
         add(self._gyro, gyro_b)  # over the epoch, for the bias
         add(self._gyro_square, (wx * wx, wy * wy, wz * wz))
         self._samples += 1
@@ -110,6 +113,8 @@ class Attitude:
         a, b, c = half * (wx - bx), half * (wy - by), half * (wz - bz)
         self.yaw.predict(a, b, c, dt)
         before = self.tilt.predict(a, b, c, dt)
+        if not static:  # between two samples the rate may have been any of their kind
+            self.tilt.p += 0.5 * dt * dt * dot(change, change)
         variance = SIGMA_ACCEL * SIGMA_ACCEL if static else self._accel_variance(dt)
         scale = -1 / STANDARD_GRAVITY
         z = fx * scale, fy * scale, fz * scale
@@ -260,14 +265,15 @@ class Attitude:
             square = [s * scale for s in self._gyro_square]
             self.bias.rest(mean, seconds, [(s - m * m) * scale for m, s in zip(mean, square)])
             return
-        # A bias that is left turns the prediction away, and the measurement turns it back.
+        # A bias that is left turns the prediction away, and the measurement turns it back. So does
+        # an acceleration: where that is not known, the level axes tell nothing.
         self.bias.predict(seconds)
-        noise = SIGMA_BIAS_MOVING * (1 + (self._vehicle or 0.0))
-        turned = [t / seconds for t in self._turned]
-        ahead = self._north(down)
-        turned = [b + t for b, t in zip(self.bias.x, turned)]
-        for axis in (ahead, cross(down, ahead)):
-            self.bias.update(axis, dot(axis, turned), noise * noise / seconds)
+        if self._vehicle is not None:
+            noise = SIGMA_BIAS_MOVING * (1 + self._vehicle)
+            turned = [b + t / seconds for b, t in zip(self.bias.x, self._turned)]
+            ahead = self._north(down)
+            for axis in (ahead, cross(down, ahead)):
+                self.bias.update(axis, dot(axis, turned), noise * noise / seconds)
         if spin is not None:
             measured = dot(down, self.bias.x) + spin / seconds
             self.bias.update(down, measured, SIGMA_BIAS_MOVING * SIGMA_BIAS_MOVING / seconds)
