@@ -24,6 +24,7 @@ RECEIVERS = {
     "openlog": "openlog",
 }  # fmt: skip
 CAR_S, POSE_S = 0.2, 0.1  # s between rows
+AEROBATIC = "aerobatic-uav/TestLog2.mat"
 
 ONLY_ATTITUDE = Options(static=False, low_pass=False, mounting=False, fusion=False)
 
@@ -117,25 +118,12 @@ def comma():
         ``pose`` and ``ublox``: the positions it reports, and what the tracker makes of them and
         of the IMU (``out_``).
     """
-    folder = "comma2k19/segment"
-    parts = {
-        "times": "global_pose/frame_times", "at": "global_pose/frame_positions",
-        "fix_t": "processed_log/GNSS/live_gnss_ublox/t",
-        "fix": "processed_log/GNSS/live_gnss_ublox/value", "gyro_t": "processed_log/IMU/gyro/t",
-        "gyro": "processed_log/IMU/gyro/value", "accel": "processed_log/IMU/accelerometer/value",
-    }  # fmt: skip
-    files = [f"{folder}/{part}" for part in parts.values()]
-    raw = {k: np.load(datasets.path(f)) for k, f in zip(parts, files, strict=True)}
-    lat, lon, height = pymap3d.ecef2geodetic(*raw["at"].T)
-    origin, start = (lat[0], lon[0], height[0]), raw["times"][0]
-    pose = {"t_s": (raw["times"] - start).round(3)} | _enu(lat, lon, height, origin, 2)
-    f = raw["fix"]
-    gnss = Gnss(
-        raw["fix_t"] - start, f[:, 0], f[:, 1], f[:, 4], np.full(len(f), np.nan), f[:, 2],
-        f[:, 5] % 360, np.isfinite(f[:, 0]),
-    )  # fmt: skip
-    imu = Imu(raw["gyro_t"] - start, raw["gyro"], raw["accel"])
-    out = replay(Timeline(gnss, imu), Options(low_pass=False)).columns
+    files, log, pose = comma_log()
+    gnss, start = log.gnss, pose["times"][0]
+    lat, lon, height = pymap3d.ecef2geodetic(*pose["at"].T)
+    origin = lat[0], lon[0], height[0]
+    pose = {"t_s": (pose["times"] - start).round(3)} | _enu(lat, lon, height, origin, 2)
+    out = replay(log, Options(low_pass=False)).columns
     ublox = {"t_s": gnss.t_s.round(3)} | _enu(gnss.lat_deg, gnss.lon_deg, gnss.height_m, origin, 2)
     fused = _enu(out["out_lat_deg"], out["out_lon_deg"], gnss.height_m, origin, 2)
     ublox |= {f"out_{k}": fused[k] for k in ("east_m", "north_m")}
@@ -227,22 +215,10 @@ def aerobatic():
         ``flight``, at GNSS epochs: position, speed, course, satellites; on-board angles; our
         filter's (``own_``); the sum of the gyro about the body's z; specific force along z.
     """
-    file = "aerobatic-uav/TestLog2.mat"
-    raw = _mat(file)
-    parts = {
-        k: pd.DataFrame(raw[k], columns=[str(label) for label in raw[f"{k}_label"]])
-        for k in ("GPS", "IMU", "ATT")
-    }
-    imu = parts["IMU"][np.diff(parts["IMU"]["TimeMS"], prepend=-1) > 0]
-    t = imu["TimeMS"].to_numpy() / 1000
-    gyro, accel = (imu[[f"{k}{a}" for a in "XYZ"]].to_numpy() for k in ("Gyr", "Acc"))
-    gps, att = parts["GPS"], parts["ATT"]
-    epochs = gps["T"].to_numpy() / 1000
-    gnss = Gnss(
-        epochs, *gps[["Lat", "Lng", "Alt"]].to_numpy().T, np.full(len(gps), np.nan),
-        gps["Spd"].to_numpy(), gps["GCrs"].to_numpy() % 360, (gps["Status"] >= 3).to_numpy(),
-    )  # fmt: skip
-    out = replay(Timeline(gnss, Imu(t, gyro, accel)), ONLY_ATTITUDE).columns
+    log, parts = aerobatic_log()
+    gps, att, gnss, imu = parts["GPS"], parts["ATT"], log.gnss, log.imu
+    t, epochs = imu.t_s, gnss.t_s
+    out = replay(log, ONLY_ATTITUDE).columns
     origin = gnss.lat_deg[0], gnss.lon_deg[0], gnss.height_m[0]
     table = {"t_s": epochs.round(2)} | _enu(gnss.lat_deg, gnss.lon_deg, gnss.height_m, origin, 1)
     table |= {"speed_m_s": gnss.speed_m_s.round(1), "course_deg": gnss.course_deg.round(1)}
@@ -251,9 +227,50 @@ def aerobatic():
         there = _angle(epochs, att["TimeMS"] / 1000, att[angle.capitalize()])
         table[f"{angle}_deg"] = there.round(1)
         table[f"own_{angle}_deg"] = out[f"{angle}_deg"].round(1)
-    table["gyro_z_deg"] = np.interp(epochs, t, _turned(Imu(t, gyro, accel))).round(1)
-    table["load_g"] = np.interp(epochs, t, -accel[:, 2] / STANDARD_GRAVITY).round(2)
-    return _source("fixed-wing UAV, 613 s of aerobatics", file), {"flight": pd.DataFrame(table)}
+    table["gyro_z_deg"] = np.interp(epochs, t, _turned(imu)).round(1)
+    table["load_g"] = np.interp(epochs, t, -imu.accel_b[:, 2] / STANDARD_GRAVITY).round(2)
+    return _source("fixed-wing UAV, 613 s of aerobatics", AEROBATIC), {
+        "flight": pd.DataFrame(table)
+    }
+
+
+def comma_log():
+    """Read a minute of highway: names of its files, its timeline, and its arrays by name."""
+    folder = "comma2k19/segment"
+    parts = {
+        "times": "global_pose/frame_times", "at": "global_pose/frame_positions",
+        "fix_t": "processed_log/GNSS/live_gnss_ublox/t",
+        "fix": "processed_log/GNSS/live_gnss_ublox/value", "gyro_t": "processed_log/IMU/gyro/t",
+        "gyro": "processed_log/IMU/gyro/value", "accel": "processed_log/IMU/accelerometer/value",
+    }  # fmt: skip
+    files = [f"{folder}/{part}" for part in parts.values()]
+    raw = {k: np.load(datasets.path(f)) for k, f in zip(parts, files, strict=True)}
+    start, f = raw["times"][0], raw["fix"]
+    gnss = Gnss(
+        raw["fix_t"] - start, f[:, 0], f[:, 1], f[:, 4], np.full(len(f), np.nan), f[:, 2],
+        f[:, 5] % 360, np.isfinite(f[:, 0]),
+    )  # fmt: skip
+    imu = Imu(raw["gyro_t"] - start, raw["gyro"], raw["accel"])
+    return files, Timeline(gnss, imu), raw
+
+
+def aerobatic_log():
+    """Read the aerobatic flight: its timeline, and the tables GPS, IMU and ATT of the log."""
+    raw = _mat(AEROBATIC)
+    parts = {
+        k: pd.DataFrame(raw[k], columns=[str(label) for label in raw[f"{k}_label"]])
+        for k in ("GPS", "IMU", "ATT")
+    }
+    imu = parts["IMU"][np.diff(parts["IMU"]["TimeMS"], prepend=-1) > 0]
+    t = imu["TimeMS"].to_numpy() / 1000
+    gyro, accel = (imu[[f"{k}{a}" for a in "XYZ"]].to_numpy() for k in ("Gyr", "Acc"))
+    gps = parts["GPS"]
+    epochs = gps["T"].to_numpy() / 1000
+    gnss = Gnss(
+        epochs, *gps[["Lat", "Lng", "Alt"]].to_numpy().T, np.full(len(gps), np.nan),
+        gps["Spd"].to_numpy(), gps["GCrs"].to_numpy() % 360, (gps["Status"] >= 3).to_numpy(),
+    )  # fmt: skip
+    return Timeline(gnss, Imu(t, gyro, accel)), parts
 
 
 def _own_attitude(log):

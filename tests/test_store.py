@@ -19,7 +19,7 @@ SIMULATED = {
     "readings", "error-surface", "sweeps", "inverse-design", "real-laps",
     "terrain-verdicts",
 }  # fmt: skip
-OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others"}
+OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others", "attitude"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}
 READ_OFF = {"bias_instability", "rrw"}

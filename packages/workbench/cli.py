@@ -500,6 +500,7 @@ def coverage(
     python -m analysis coverage beside --out mine     other tools: beside-others
     python -m analysis coverage hats --out mine       three units side by side: hat-coverage
     python -m analysis coverage ensembles --out mine  of the papers' logs: ensembles
+    python -m analysis coverage attitude --out mine   the tracker beside ahrs: attitude
     python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
 
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
@@ -507,7 +508,7 @@ def coverage(
     value: about an hour on two cores. --runs, --hours and --models go with this study and with
     broken. A table that exists with as many logs is kept, so a study that was stopped resumes.
     """
-    from studies import beside_others, ensembles, repeatability
+    from studies import attitudes, beside_others, ensembles, repeatability
     from studies import coverage as simulated
 
     run = {
@@ -517,6 +518,7 @@ def coverage(
         "beside": beside_others.study,
         "hats": simulated.hat_study,
         "ensembles": ensembles.study,
+        "attitude": attitudes.study,
     }[study]
     given = {"runs": runs} if runs else {}
     given |= {"hours": _numbers(hours)} if hours else {}

@@ -1,0 +1,183 @@
+"""Attitude of the tracker beside that of the package ahrs, on the logs that have a reference.
+
+The filters of ahrs get gyro and accelerometer, ours GNSS too. On each log each of theirs has the
+gain that is best on all others: of the least mean logarithm of the angle between the true and the
+computed vertical.
+"""
+
+import importlib.metadata
+from functools import partial
+from itertools import product
+from unittest.mock import patch
+
+import numpy as np
+import pandas as pd
+import pymap3d
+from scipy.spatial.transform import Rotation
+
+from analysis import CannotAnswer, store
+from analysis.tracker import attitude
+from analysis.tracker.device import Options
+from analysis.tracker.log_replay import replay
+from sensorlogs import datasets
+from sensorlogs.timeline import Timeline
+from studies import rides, several_units
+from studies.cells import Cell, tabulate
+
+FOLDER = store.FOLDER / "attitude"
+SETTLED_S = 30.0  # s from the start that are not judged
+PHONES = "2023-08-09_12-47-42", "2025-06-11_20-34-24", "2025-06-14_21-17-02"
+DRIVEN = 1.0  # m/s
+QUIET_S = 10.0  # s of the quietest stretch, which shows the white noise of a gyro
+RATES = [(gain,) for gain in (0.003, 0.01, 0.03, 0.1, 0.3)]
+GAINS = {"Madgwick": RATES, "Mahony": [*product((0.03, 0.1, 0.3, 1.0), (1e-9, 1e-3))], "EKF": RATES}
+POSE = "comma2k19/segment/global_pose/frame_orientations"
+
+
+def down_of(angles):
+    """Turn roll and pitch, deg, into directions of down in body axes, shape (n, 3)."""
+    angles = np.asarray(angles, float)
+    return Rotation.from_euler("YX", angles[:, 1::-1], degrees=True).as_matrix()[:, 2]
+
+
+def at_epochs(log, t, vectors):
+    """Interpolate vectors."""
+    return np.column_stack([np.interp(log.gnss.t_s, t, part) for part in vectors.T])
+
+
+def highway():
+    """A minute of a car: the pose by GNSS and camera."""
+    _, log, raw = several_units.comma_log()
+    lat, lon, _ = pymap3d.ecef2geodetic(*raw["at"][0])
+    pose = Rotation.from_quat(np.load(datasets.path(POSE)), scalar_first=True).as_matrix()
+    up = np.array(pymap3d.enu2uvw(0, 0, 1, lat, lon))
+    return log, at_epochs(log, raw["times"] - raw["times"][0], -up @ pose)
+
+
+def aerobatics():
+    """A fixed-wing UAV: its own estimate, which uses GNSS too."""
+    log, parts = several_units.aerobatic_log()
+    att = parts["ATT"]
+    return log, at_epochs(log, att["TimeMS"].to_numpy() / 1000, down_of(att[["Roll", "Pitch"]]))
+
+
+def phone(name):
+    """A phone underway, a sample a second: the gravity that it computes from many more."""
+    path = datasets.path(f"phone-drives/{name}.csv")
+    gnss, imu, _ = rides.RIDES["phone-drive"].reader(path)
+    force = pd.read_csv(path)[["grav_x", "grav_y", "grav_z"]].to_numpy() * rides.Z_UP_TO_DOWN
+    driven = (gnss.speed_m_s > DRIVEN)[:, None]  # slower, it may be in a hand
+    return Timeline(gnss, imu), np.where(driven, -force, np.nan)
+
+
+CASES = {
+    "highway": highway,
+    "aerobatics": aerobatics,
+    **{f"phone, {name[:10]}": partial(phone, name) for name in PHONES},
+}
+FILES = {"aerobatics": [several_units.AEROBATIC], "highway": [POSE]}
+FILES |= {f"phone, {name[:10]}": [f"phone-drives/{name}.csv"] for name in PHONES}
+
+
+def theirs(kind, gain, log):
+    """Down by a filter of ahrs that begins level, at the epochs of a log."""
+    from ahrs import filters
+
+    imu, down = log.imu, -log.imu.accel_b
+    settings = {
+        "Madgwick": {"gain": gain[0]},
+        "Mahony": dict(zip(("k_P", "k_I"), gain, strict=False)),
+        "EKF": {"noises": [gain[0] ** 2, 1.0, 1.0], "P": 1e-3 * np.eye(4)},
+    }
+    block = getattr(filters, kind)(**settings[kind])
+    step = block.update if kind == "EKF" else block.updateIMU
+    down = down * np.sign(block.a_ref[2]) if kind == "EKF" else down
+    first = -imu.accel_b[imu.t_s < imu.t_s[0] + attitude.ALIGN_S].mean(axis=0)
+    level = Rotation.align_vectors([[0, 0, 1]], [first])[0]
+    q = [level.as_quat(scalar_first=True)]
+    steps = np.clip(np.diff(imu.t_s), 0.0, attitude.GAP_S)
+    for gyro_b, down_b, dt in zip(imu.gyro_b[1:], down[1:], steps, strict=True):
+        q.append(step(q[-1], gyro_b, down_b, dt=dt) if dt else q[-1])
+    last = np.maximum(np.searchsorted(imu.t_s, log.gnss.t_s, side="right") - 1, 0)
+    return Rotation.from_quat(np.array(q)[last], scalar_first=True).as_matrix()[:, 2]
+
+
+def ours(log, **options):
+    """Down by a replay; NaN where it has none."""
+    columns = replay(log, Options(**options)).columns
+    angles = np.column_stack([columns["roll_deg"], columns["pitch_deg"]])
+    found, known = np.full((len(angles), 3), np.nan), np.isfinite(angles[:, 0])
+    found[known] = down_of(angles[known])
+    return found
+
+
+def with_noise_at_rest(log):
+    """Down by block 2 whose gyro has the white noise of the quietest stretch, as `report`."""
+    imu, dt = log.imu, np.median(np.diff(log.imu.t_s))
+    rates = pd.DataFrame(imu.gyro_b).rolling(max(4, round(QUIET_S / dt))).std().mean(axis=1)
+    with patch.object(attitude, "GYRO_ARW", float(rates.min() * np.sqrt(dt))):
+        return ours(log, fusion=False)
+
+
+OURS = {
+    "block 2": partial(ours, fusion=False),
+    "block 2, noise at rest": with_noise_at_rest,
+    "replay": partial(ours, filter="auto"),
+}
+
+
+def errors(down, log, true):
+    """Rms angle between computed and true down, deg, and its epochs."""
+    known = (log.gnss.t_s > log.gnss.t_s[0] + SETTLED_S) & np.isfinite(down + true).all(axis=1)
+    down, true = down[known], true[known]
+    off = np.degrees(
+        np.arctan2(np.linalg.norm(np.cross(down, true), axis=1), np.vecdot(down, true))
+    )
+    return {"vertical_deg": np.sqrt(np.mean(off**2)), "epochs": known.sum()}
+
+
+def judged(name):
+    """Judge every filter at every gain on one log."""
+    log, true = CASES[name]()
+    ways = {(kind, ""): way for kind, way in OURS.items()}
+    for kind, gains in GAINS.items():
+        for gain in gains:
+            ways[kind, " ".join(f"{g:g}" for g in gain)] = partial(theirs, kind, gain)
+    return [
+        {"log": name, "filter": kind, "gain": gain} | errors(way(log), log, true)
+        for (kind, gain), way in ways.items()
+    ]
+
+
+def chosen(every):
+    """Keep of each filter on each log the gain that is best on the others."""
+    logarithm, rows = np.log(every["vertical_deg"]), []
+    for (log, kind), of in every.groupby(["log", "filter"], sort=False):
+        others = every[(every["filter"] == kind) & (every["log"] != log)]
+        gain = logarithm[others.index].groupby(others["gain"]).mean().idxmin()
+        row = of[of["gain"] == gain].iloc[0]
+        rows.append(row.to_dict() | {"best_gain_deg": of["vertical_deg"].min()})
+    return pd.DataFrame(rows)
+
+
+def study(folder=FOLDER, **where):
+    """Judge every filter on every log, and write the table.
+
+    Parameters
+    ----------
+    folder : Path
+    **where
+        As for `studies.cells.compute`.
+    """
+    try:
+        versions = {"ahrs": importlib.metadata.version("ahrs")}
+    except importlib.metadata.PackageNotFoundError as error:
+        raise CannotAnswer("ahrs is not installed: pip install ahrs") from error
+    source = {
+        "title": "Attitude by the tracker and by ahrs, on logs with a reference",
+        "made_by": "python -m analysis coverage attitude --out FOLDER",
+        "versions": versions,
+    }
+    files = [file for name in CASES for file in FILES[name]]
+    cell = Cell(judged, [*CASES], chosen, {})
+    tabulate(folder, source | datasets.origin(*files), {"errors": cell}, **where)
