@@ -139,7 +139,7 @@ def _zip(raw, path: Path) -> int | None:
         with zipfile.ZipFile(path) as packed:
             wrong = packed.testzip()
             return packed.getinfo(wrong).header_offset if wrong else None
-    except (zipfile.BadZipFile, zlib.error, EOFError):
+    except Exception:  # zipfile raises what it meets at an offset that is wrong
         return len(raw)
 
 
