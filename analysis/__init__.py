@@ -44,7 +44,9 @@ put wrongly (exit status 2). Both say in one sentence what to do.
 
 import math
 import os
+import platform
 import re
+import shutil
 import sys
 import tempfile
 from contextlib import contextmanager
@@ -124,7 +126,7 @@ def replacing(path):
     """Write a file or a folder beside its place, and move it there when it is complete.
 
     After an error nothing has changed. A folder's files are moved one by one; other files that are
-    already in the folder stay.
+    already in the folder stay. What a killed run has left there is removed.
 
     Parameters
     ----------
@@ -139,13 +141,28 @@ def replacing(path):
     path = Path(path)
     home = path if path.is_dir() else path.parent
     home.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=home, prefix=f".{path.name}-") as folder:
+    mine = f".{path.name[:99]}-{platform.node()}-"
+    for left in home.iterdir():
+        if left.name.startswith(mine) and not _runs(left.name.removeprefix(mine)):
+            shutil.rmtree(left, ignore_errors=True)
+    with tempfile.TemporaryDirectory(dir=home, prefix=f"{mine}{os.getpid()}-") as folder:
         draft = Path(folder, f"draft{path.suffix}")
         yield draft
         for part in [p for p in sorted(draft.rglob("*")) if p.is_file()] or [draft]:
             place = path / part.relative_to(draft)
             place.parent.mkdir(parents=True, exist_ok=True)
             os.replace(part, place)
+
+
+def _runs(name):
+    """Whether the process of this machine whose number begins a name still runs, or may."""
+    try:
+        os.kill(int(name.split("-")[0]), 0)
+    except ProcessLookupError:
+        return False
+    except (ValueError, OSError):
+        pass
+    return True
 
 
 def pretty(unit):

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -276,7 +278,7 @@ def test_rows_of_a_channel_are_compared_among_themselves(tmp_path):
 
 @pytest.mark.parametrize("folder", [False, True])
 def test_a_replaced_file_or_folder_is_whole_or_as_before(tmp_path, folder):
-    """property: an error leaves the old content and no draft; other files of a folder stay."""
+    """property: an error or a kill leaves what was, and no draft for long; other files stay."""
     path = tmp_path / "deep" / ("out" if folder else "out.csv")
 
     def put(draft, text):
@@ -293,7 +295,11 @@ def test_a_replaced_file_or_folder_is_whole_or_as_before(tmp_path, folder):
         put(draft, "half")
         raise ZeroDivisionError
     assert file.read_text() == "old"
-    with replacing(path) as draft:
+    killed = f"import os, analysis\nwith analysis.replacing({str(path)!r}): os.kill(os.getpid(), 9)"
+    subprocess.run([sys.executable, "-c", killed], check=False)
+    assert len(list(file.parent.glob(".out*"))) == 1
+    with replacing(path) as draft, replacing(path) as another:  # that of a run that goes on stays
+        put(another, "newer")
         put(draft, "new")
     assert (file.read_text(), other.read_text()) == ("new", "stays")
     assert sorted(p.name for p in file.parent.iterdir()) == sorted([file.name, "other.csv"])

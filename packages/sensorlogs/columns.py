@@ -289,6 +289,7 @@ def contents(frame: pd.DataFrame) -> dict[str, str]:
     if len(head) < 3:
         return found
     steps, whole = np.diff(head, axis=0), (head == np.round(head)).all(axis=0)
+    means = head.mean(axis=0)
     for j, name in enumerate(names):
         if whole[j] and np.mean(steps[:, j] == 1) > 0.9:
             found[name] = "a counter: it steps by 1"
@@ -298,9 +299,9 @@ def contents(frame: pd.DataFrame) -> dict[str, str]:
         three = names[j : j + 3]
         if found.keys().isdisjoint(three):
             norm = np.linalg.norm(head[:, j : j + 3], axis=1)
-            for k in {*range(len(names))} - {j, j + 1, j + 2}:
-                off = np.sqrt(np.mean((head[:, k] - norm) ** 2))
-                if off < 0.05 * norm.std():  # what its rounding leaves
+            least = 0.05 * norm.std()  # what its rounding leaves
+            for k in {*np.flatnonzero(abs(means - norm.mean()) < least)} - {j, j + 1, j + 2}:
+                if np.sqrt(np.mean((head[:, k] - norm) ** 2)) < least:
                     found[names[k]] = f"the norm of {', '.join(three)}"
     return found
 

@@ -24,7 +24,7 @@ from tqdm import tqdm
 
 from sensorlogs import CannotAnswer, counted
 
-HEAD_BYTES = 1 << 16
+HEAD_BYTES, LONGEST_HEAD, FEWEST_LINES = 1 << 16, 1 << 22, 5
 HEAD_LINES = 50
 MISSING = {
     "", "-", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "<na>", "#n/a",
@@ -140,6 +140,10 @@ def _head(path: Path) -> tuple[list[str], str]:
     """Return the first lines as text, and the encoding."""
     with open_bytes(path) as handle:
         head = handle.read(HEAD_BYTES)
+        while head.count(b"\n") < FEWEST_LINES and 0 < len(head) < LONGEST_HEAD:  # of many columns
+            if not (part := handle.read(HEAD_BYTES)):
+                break
+            head += part
         more = bool(handle.read(1))
     if not head.strip():
         raise CannotAnswer(f"{path.name}: the file is empty: there is no line 1")
@@ -234,10 +238,10 @@ def printable(text: str) -> str:
 
 def _names(fields: list[str]) -> tuple[str, ...]:
     """Return one name per column, none empty, none twice: ``c1``, ``c2`` where there is none."""
-    names: list[str] = []
+    names: dict[str, None] = {}
     for number, field in enumerate(fields, 1):
         name = printable(field.strip().strip('"').strip()) or f"c{number}"
-        names.append(f"{name} (column {number})" if name in names else name)
+        names[f"{name} (column {number})" if name in names else name] = None
     return tuple(names)
 
 
