@@ -143,7 +143,7 @@ typedef struct {
   Constrained *constrained;
   number ned[3], speed, pace, lasting, squares[2], unaided, sum[5];
   wide t_imu, t_fusion, t_epoch, t_fix, shift;
-  Fix left, fixes[DEVICE_HELD];
+  Fix left, fixes[DEVICE_HELD]; // of the last seconds at 10 Hz; of more, the oldest go
   int first, held, samples;
 } Device;
 
