@@ -1,5 +1,5 @@
 # Two commands: `make reproduce` and `make test`. Both need only python3 (3.11 or newer) and make.
-# `make test-device` runs the tracker on MicroPython and needs node and npm as well;
+# `make test-device` runs the tracker on MicroPython and in C, and needs node, npm and compilers;
 # `make test-site` looks at the pages in a browser and needs Chromium.
 PYTHON ?= python3
 VENV := .venv
@@ -16,7 +16,7 @@ RELEASE = inertial-compendium-$(VERSION)
 help:
 	@echo "make reproduce  run every notebook in order and redraw figures/"
 	@echo "make test       lint, check types, run the tests, re-execute every notebook and compare"
-	@echo "make test-device  run the tracker on MicroPython and compare (needs node and npm)"
+	@echo "make test-device  run the tracker on MicroPython and, in C, on a Cortex-M4F, and compare (says what it needs)"
 	@echo "make test-machines  the same numbers as if on other processors, and with the oldest and newest"
 	@echo "                    packages: all, or SETTING=zen; of it ONLY=tests/test_allan.py or ONLY=22"
 	@echo "make findings   those of simulations under another seed (SEED=7): prints what was and what is"
@@ -52,10 +52,14 @@ reproduce: $(READY)
 test: lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# MicroPython's WebAssembly port, 2 MB, pinned with its hash; everything else is here.
+# MicroPython's WebAssembly port, 2 MB, pinned with its hash. For C two compilers and an emulator.
+FOR_C = gcc libc6-dev gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm
 test-device: $(READY)
 	@command -v node >/dev/null 2>&1 && command -v npm >/dev/null 2>&1 || \
 		{ echo "node 18 or newer and npm are needed, for example: apt-get install nodejs npm"; exit 1; }
+	@command -v gcc >/dev/null 2>&1 && command -v arm-none-eabi-gcc >/dev/null 2>&1 && \
+		command -v qemu-system-arm >/dev/null 2>&1 || \
+		{ echo "compilers and an emulator are needed, for example: apt-get install $(FOR_C)"; exit 1; }
 	npm ci --prefix tests/device --no-audit --no-fund --loglevel=error
 	$(BIN)/python -m pytest tests/device
 

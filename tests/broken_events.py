@@ -103,11 +103,13 @@ def record(log, stored=None, size=None, **changed):
     return seen
 
 
-def play(given, events):
-    """Feed a fresh device; return its rows."""
-    device = Device(Options(), *given)
+def play(given, events, **changed):
+    """Feed a fresh device; return its rows. An event (t_s,) switches it off and on."""
+    device = Device(Options(**changed), *given)
     for event in events:
         if is_sample(event):
             device.imu(*event)
+        elif len(event) == 1:
+            device = Device(device.options, device.last.snapshot, *given[1:])
         else:
             yield device.gnss(Epoch(*event))

@@ -1,6 +1,6 @@
 """How large the house is: ``python tests/size.py [CHECKOUT]`` prints its numbers and its rooms.
 
-Code lines leave out docstrings, comments and blank lines.
+Code lines leave out docstrings, comments and blank lines. C in ``analysis/`` is a room by itself.
 """
 
 import ast
@@ -33,6 +33,11 @@ def code_lines(source):
     return len(lines)
 
 
+def c_lines(source):
+    """Count the lines of C that hold code; comments begin with two slashes."""
+    return sum(bool(line.partition("//")[0].strip()) for line in source.splitlines())
+
+
 def modules(root):
     """Give the room of each module: a package, or in ``analysis/`` a folder or a module."""
     found = {}
@@ -48,6 +53,8 @@ def rooms(root):
     counts = Counter()
     for path, room in modules(root).items():
         counts[room] += code_lines(path.read_text(encoding="utf-8"))
+    for path in (root / "analysis").rglob("*.[ch]"):  # a room of its own: device_c
+        counts[f"{path.stem}_c"] += c_lines(path.read_text(encoding="utf-8"))
     return dict(counts.most_common())
 
 

@@ -130,6 +130,17 @@ def test_a_device_survives_broken_inputs(laps, broken):
     assert last["moving"] == whole["moving"]
 
 
+@pytest.mark.parametrize("without", [None, *BLOCKS])
+@pytest.mark.parametrize("filter", FILTERS)
+def test_any_block_can_be_left_out(laps, filter, without):
+    """property: with each filter a position is put out to the end, within 15 m of that with all."""
+    rows = list(
+        play(laps.given, laps.events, filter=filter, **({without: False} if without else {}))
+    )
+    off = [(rows[-1][k] - laps.rows[-1][k]) * 111_000 for k in ("lat_deg", "lon_deg")]
+    assert math.hypot(*off) < 15.0
+
+
 @pytest.mark.parametrize("broken", [clock_set_back, clock_set_forward, no_times])
 def test_a_clock_that_jumps_moves_nothing(laps, broken):
     """property: within 15 m of the undisturbed track at every epoch, while driving at 5 m/s.

@@ -343,21 +343,20 @@ class Device:
         sums, count = self._sum[:6], self._sum[6]
         self._sum = [0.0] * 7
         driving = moving and speed >= self.options.min_speed and course == course
-        if self.options.mounting:
-            if not moving:
-                self.mounting.interrupt()
-            elif count:
-                ax, ay, x, y, z, square = (total / count for total in sums)
-                force = (x, y, z)
-                variance = max(square - dot(force, force), 0.0) / (3 * count)
-                if not self.upright.known:
-                    self.upright.start([-STANDARD_GRAVITY * d for d in block.down])
-                if driving:
-                    self.upright.step(force, dt)
-                x, y = self.upright.level(force)
-                rate = block.yaw_rate
-                if self.mounting.step(t_s, dt, course, speed, rate, x, y, variance, (ax, ay)):
-                    block.heading_known = False  # the next heading starts the yaw anew
+        if not moving:
+            self.mounting.interrupt()
+        elif count:
+            ax, ay, x, y, z, square = (total / count for total in sums)
+            force = (x, y, z)
+            variance = max(square - dot(force, force), 0.0) / (3 * count)
+            if not self.upright.known:
+                self.upright.start([-STANDARD_GRAVITY * d for d in block.down])
+            if driving:
+                self.upright.step(force, dt)
+            x, y = self.upright.level(force)
+            epoch = t_s, dt, course, speed, block.yaw_rate, x, y, variance, (ax, ay)
+            if self.options.mounting and self.mounting.step(*epoch):
+                block.heading_known = False  # the next heading starts the yaw anew
         heading = sigma = None
         if driving:
             heading = wrap(course + (self.mounting.mount or 0.0))

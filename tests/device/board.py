@@ -16,6 +16,7 @@ from analysis.tracker import scenario
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent))  # run as a script, it lies beside none of the two
 
+import compiled  # noqa: E402
 from broken_events import record  # noqa: E402
 from feed import fields, flat  # noqa: E402
 
@@ -167,17 +168,19 @@ def _measured(printed):
 
 
 def write():
-    """Write what `memory` measures to data/derived, where notebook 34 reads it."""
+    """Write what `memory` and `compiled.cost` measure to data/derived, for notebook 34."""
     with tempfile.TemporaryDirectory() as folder:
         code, state = memory(Path(folder))
+        cortex = compiled.cost(Path(folder))
     version = json.loads((HERE / "package.json").read_text())["dependencies"][PORT]
     source = {
-        "title": "Memory that the tracker's blocks take on a board with MicroPython",
+        "title": "What the tracker's blocks take on a board: with MicroPython, and in C",
         "made_by": "python tests/device/board.py",
         "board": f"MicroPython {version}, WebAssembly port: pointers of 32 bits, floats of 64",
+        "cortex": compiled.versions(),
     }
     with replacing(store.FOLDER / "device") as draft:
-        store.write(draft, source, {"code": code, "state": state})
+        store.write(draft, source, {"code": code, "state": state, "cortex": cortex})
 
 
 if __name__ == "__main__":
