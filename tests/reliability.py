@@ -37,7 +37,7 @@ COMMANDS = {  # each in a folder of its own
     "replay": "replay {root}/data/raw/gpsd/telit-he910.log --out out",
     "data": "data --rebuild --write f9p-static",
     "coverage": "coverage --runs 6 --hours 0.1 --models midg-roll,walk --workers 1 --out out",
-    "reproduce": "reproduce --scratch out 20",
+    "reproduce": "reproduce --scratch out 00",
 }
 
 

@@ -566,6 +566,9 @@ static void attitude_imu(Attitude *b, const number gyro[3], const number accel[3
     attitude_clear_sums(b);
     dt = 0;
   }
+  number change[3];
+  EACH(k, 3) change[k] = gyro[k] - b->rate[k];
+  copy(b->rate, gyro);
   add(b->gyro, gyro);
   EACH(k, 3) b->gyro_square[k] += gyro[k] * gyro[k];
   b->samples++;
@@ -579,6 +582,7 @@ static void attitude_imu(Attitude *b, const number gyro[3], const number accel[3
   direction_predict(&b->yaw, a, dt);
   direction_predict(&b->tilt, a, dt);
   copy(before, b->tilt.x);
+  if (!is_static) b->tilt.p += R(0.5) * dt * dt * dot(change, change);
   number variance = SQUARE(ATTITUDE_SIGMA_ACCEL);
   if (!is_static) variance = attitude_accel_variance(b, dt);
   EACH(k, 3) z[k] = accel[k] * scale;
@@ -611,12 +615,14 @@ static void attitude_correct_bias(Attitude *b, bool is_static, const number down
     return;
   }
   bias_predict(&b->bias, seconds);
-  number noise = ATTITUDE_SIGMA_BIAS_MOVING * (1 + or_zero(b->vehicle));
-  EACH(k, 3) turned[k] = b->bias.x[k] + b->turned[k] / seconds;
-  attitude_north(b, axis);
-  bias_update(&b->bias, axis, dot(axis, turned), noise * noise / seconds);
-  cross(axis, down, axis);
-  bias_update(&b->bias, axis, dot(axis, turned), noise * noise / seconds);
+  if (known(b->vehicle)) {
+    number noise = ATTITUDE_SIGMA_BIAS_MOVING * (1 + b->vehicle);
+    EACH(k, 3) turned[k] = b->bias.x[k] + b->turned[k] / seconds;
+    attitude_north(b, axis);
+    bias_update(&b->bias, axis, dot(axis, turned), noise * noise / seconds);
+    cross(axis, down, axis);
+    bias_update(&b->bias, axis, dot(axis, turned), noise * noise / seconds);
+  }
   if (known(spin)) {
     number measured = dot(down, b->bias.x) + spin / seconds;
     bias_update(&b->bias, down, measured, SQUARE(ATTITUDE_SIGMA_BIAS_MOVING) / seconds);
@@ -867,6 +873,16 @@ typedef struct {
   number coefficient;
 } Term;
 
+// Where the antenna is from the sensor, and how that moves (Constrained._arm).
+static bool car_arm(const Constrained *b, number at[3], number swings[3]) {
+  static const number lever[] = OPTIONS_LEVER;
+  number arm[3], swing[3];
+  EACH(k, 3) arm[k] = lever[0] * b->C_vb[0][k] + lever[1] * b->C_vb[1][k] + lever[2] * b->C_vb[2][k];
+  cross(swing, b->rate, arm);
+  EACH(i, 3) at[i] = dot(b->C_nb[i], arm), swings[i] = dot(b->C_nb[i], swing);
+  return dot(lever, lever) > 0;
+}
+
 static void car_wait(Constrained *b) { b->seconds = 0, zero(b->force), zero(b->turned); }
 
 static void car_start(Constrained *b, const number position[3], const number velocity[2],
@@ -880,6 +896,9 @@ static void car_start(Constrained *b, const number position[3], const number vel
   cross(b->C_vb[1], down, b->C_vb[0]);
   copy(b->C_vb[2], down);
   copy(b->gyro_bias, attitude->bias.x);
+  number at[3], swing[3];
+  car_arm(b, at, swing);
+  EACH(i, 2) b->position[i] -= at[i];
   number doubt = attitude->bias.P[0][0];
   EACH(i, 3) doubt = most(doubt, attitude->bias.P[i][i]);
   number tilt = most(start[0], root(attitude->tilt.p)), gyro = most(start[2], root(doubt));
@@ -1012,7 +1031,8 @@ static void car_constrain(Constrained *b, bool is_static) {
 static void car_sample(Constrained *b, const number gyro[3], const number accel[3], number dt,
                        bool is_static) {
   number half = R(0.5) * dt, a[3], f[3], before[2] = {b->velocity[0], b->velocity[1]};
-  EACH(k, 3) a[k] = half * (gyro[k] - b->gyro_bias[k]), f[k] = accel[k] - b->accel_bias[k];
+  EACH(k, 3) b->rate[k] = gyro[k] - b->gyro_bias[k], f[k] = accel[k] - b->accel_bias[k];
+  EACH(k, 3) a[k] = half * b->rate[k];
   EACH(i, 3) {
     cayley(b->C_nb[i], a);
     number step = dt * dot(b->C_nb[i], f);
@@ -1028,11 +1048,31 @@ static void car_sample(Constrained *b, const number gyro[3], const number accel[
   }
 }
 
+// A coordinate of the antenna, north or east; an arm turns with the attitude.
+static void car_take_at(Constrained *b, int state, const number *arm, number residual,
+                        number sigma) {
+  Term terms[3] = {{state, 1}};
+  bool east = state == PLACE + 1 || state == SPEED + 1;
+  if (arm) {
+    terms[1] = east ? (Term){TILT, -arm[2]} : (Term){TILT + 1, arm[2]};
+    terms[2] = (Term){TILT + 2, east ? arm[0] : -arm[1]};
+  }
+  car_take(b, terms, arm ? 3 : 1, residual, sigma * sigma);
+}
+
 static void car_update(Constrained *b, const number *position, const number *velocity,
                        number sigma_p, number sigma_v) {
   car_carry(b);
-  if (position) EACH(i, 2) car_take_one(b, PLACE + i, position[i] - b->position[i], sigma_p);
-  if (velocity) EACH(i, 2) car_take_one(b, SPEED + i, velocity[i] - b->velocity[i], sigma_v);
+  number at[3], swing[3];
+  bool lever = car_arm(b, at, swing);
+  if (position) EACH(i, 2) {
+    number off = position[i] - b->position[i] - at[i];
+    car_take_at(b, PLACE + i, lever ? at : NULL, off, sigma_p);
+  }
+  if (velocity) EACH(i, 2) {
+    number off = velocity[i] - b->velocity[i] - swing[i];
+    car_take_at(b, SPEED + i, lever ? swing : NULL, off, sigma_v);
+  }
   car_apply(b);
 }
 
@@ -1346,7 +1386,9 @@ static void device_fuse(Device *d, const Epoch *e, const number *fix, bool movin
   if (layer) {
     device_put_out(d, rest);
   } else if (car && (fix || bridged)) {
-    number ned[3] = {car->position[0], car->position[1], block->position[2]};
+    number at[3], swing[3];
+    car_arm(car, at, swing);
+    number ned[3] = {car->position[0] + at[0], car->position[1] + at[1], block->position[2]};
     device_put_out(d, ned);
   } else if (!d->last.accepted || bridged) {
     device_put_out(d, block->position);

@@ -20,7 +20,7 @@ from sensorlogs import CannotAnswer
 from sensorlogs.archives import LIMIT, check_zip
 from sensorlogs.columns import AXES
 from sensorlogs.delimited import Table, content
-from sensorlogs.integrity import reading
+from sensorlogs.integrity import INTACT, reading, state
 from sensorlogs.tables import Part, of_arrays, of_table, with_axis
 
 HDF5 = "a MATLAB v7.3 or HDF5 file"
@@ -52,6 +52,8 @@ def parquet(path: Path) -> list[Part]:
 def mat5(path: Path) -> list[Part]:
     """List the tables of a MATLAB file up to v7: matrices, vectors, structs."""
     with reading(path, "a MATLAB file", "scipy", "save it again, or as CSV"):
+        if state(path) not in ("", INTACT):  # scipy can end the process on one that is damaged
+            raise ValueError("its variables do not follow one another")
         content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     groups: dict[str, dict[str, np.ndarray]] = {}
     opaque: list[str] = []
