@@ -452,13 +452,32 @@ def test_drift_needs_more_than_a_slow_bias(drift):
 
 
 def test_same_log_in_other_units():
-    """property: a log in g and in m/s^2 gives the same model and the same numbers."""
+    """property: in g and in m/s^2, upside down and from its end a log gives the same numbers."""
     y = UnifiedModel(0.1, 60.0, 0.05).simulate(20_000, 0.5, np.random.default_rng(12))
-    a, b = (infer(k * y, 0.5, "u", "accel", np.random.default_rng(0)) for k in (1.0, 9.80665))
-    assert a.chosen.model == b.chosen.model
-    for name in ("vrw", "sigma_b"):
-        assert b.parameters[name].value == pytest.approx(9.80665 * a.parameters[name].value, 1e-3)
-    assert b.parameters["corr_time"].low == pytest.approx(a.parameters["corr_time"].low, rel=5e-3)
+    y += 2e-5 * np.arange(20_000)
+    first = infer(y, 0.5, "u", "accel", np.random.default_rng(0))
+    for scale, back in ((9.80665, False), (-1.0, False), (1.0, True)):
+        turned = scale * (y[::-1] if back else y)
+        found = infer(turned, 0.5, "u", "accel", np.random.default_rng(0))
+        assert found.chosen.model == first.chosen.model
+        for name, known in first.parameters.items():
+            other, factor = found.parameters[name], 1.0 if name == "corr_time" else abs(scale)
+            if name == "drift":
+                factor = -1.0 if back else scale
+            ends = sorted(factor * e for e in (known.low, known.high) if e is not None)
+            assert [e for e in (other.low, other.high) if e is not None] == pytest.approx(
+                ends, rel=5e-3
+            ), name
+    names = ("sigma_v", "flicker", "walk", "rrw", "corr_time", "quantisation")
+    boxes = [
+        (box.low, box.high)
+        for k, dt in ((1.0, 1.0), (1e4, 1e3))
+        for box in [NoiseLikelihood.of_log(k * y, dt).surface(names)]
+    ]
+    powers = np.log(1e4) * np.array([1, 1, 1, 1, 0, 1]) + np.log(1e3) * np.array(
+        [0, 0, -0.5, -0.5, 1, 1]
+    )
+    np.testing.assert_allclose(np.subtract(boxes[1], boxes[0]), [powers, powers])
 
 
 def test_intervals_beside_flicker_cover():
