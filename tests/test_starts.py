@@ -38,6 +38,18 @@ def test_what_the_criteria_buy():
     assert again.equals(table.iloc[: len(again)])  # power-on k does not depend on their number
 
 
+def test_a_memory_is_a_solid_fix_moved_as_far_as_asked():
+    """analytic: 5.3 m in the median; the same draw moved by 100 m lies 100 m off, all round."""
+    made, places = starts.PowerOns(), []
+    for metres in ((), (100.0,)):
+        drawn = [made.memory(np.random.default_rng(k), *metres) for k in range(600)]
+        places.append(np.array([starts.metres(m.lat_deg, m.lon_deg) for m in drawn]))
+    assert np.median(np.hypot(*places[0].T)) == pytest.approx(5.3, rel=0.1)
+    away = (places[1] - places[0]) / 100
+    np.testing.assert_allclose(np.hypot(*away.T), 1.0, rtol=1e-3)
+    np.testing.assert_allclose(away.mean(axis=0), 0.0, atol=0.1)  # three standard deviations
+
+
 def test_a_move_is_found_and_no_move_is_not():
     """property: with all criteria fewer false alarms than the gate alone, and the moves found."""
     for moved, low, high in ((0.0, 0.0, 0.08), (100.0, 0.97, 1.0)):
