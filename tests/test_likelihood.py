@@ -1,6 +1,7 @@
 """The likelihood of a static log: exact against dense matrices; its intervals hold the truth."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -426,6 +427,16 @@ def test_richer_models_need_strong_evidence():
     assert choose([*base, made("N+GM+K", 1.0)]).model == "N+GM"
     assert choose([*base, made("N+GM+K", -1.0)]).model == "N+GM+K"
     assert choose([made("N", 10.0), made("N+GM", 8.5)]).model == "N"
+    # Others within 4 are told, the best of them, as near or as equal.
+    chosen = made("N+GM", 6.0)
+    for aic, words in (
+        (10.1, ""),
+        (10.0, "nearly as well as N+GM (AIC +4.0)"),
+        (6.0, "log as well"),
+    ):
+        fits = {"N+K": made("N+K", aic), "N+B": made("N+B", 30.0)}
+        told = inference.Inference.rival(SimpleNamespace(fits=fits, chosen=chosen))
+        assert words in told and bool(words) == told.startswith("N+K")
 
 
 @pytest.mark.parametrize(
