@@ -158,14 +158,15 @@ def imports(path):
     return found
 
 
-def killer(module, raw):
+def killer(module, raw, left_out=()):
     """Name the first test that fails with other bytes of a module, and not without them."""
     (COPY / module).write_bytes(raw)
-    failed = run(*tests_of(module))
+    failed = run(*tests_of(module), *left_out)
     shutil.copy2(ROOT / module, COPY / module)
-    if failed and not passes_anyway(failed):
-        raise SystemExit(f"{failed} fails without a mutant, too")
-    return failed
+    if not failed or passes_anyway(failed):
+        return failed
+    print(f"left out, for it fails without a mutant: {failed}")
+    return killer(module, raw, (*left_out, f"--deselect={failed}"))
 
 
 def run(*tests):
@@ -205,7 +206,7 @@ def pytest_runtest_protocol(item):
     """Let a test fail that takes much longer than it did, and leave out what comes late."""
     late = time.monotonic() - START > ENOUGH_S
     signal.signal(signal.SIGALRM, lambda *_: pytest.fail("does not end"))
-    signal.alarm(round(30 + 10 * seconds().get(item.nodeid, 1.0)))
+    signal.alarm(round(30 + 10 * seconds().get(item.nodeid, 10.0)))
     if late:
         item.add_marker(pytest.mark.skip(reason="late"))
     yield

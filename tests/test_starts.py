@@ -17,6 +17,9 @@ def test_the_counts_of_65_power_ons():
         for parts in ([g.mode for g in drawn], [g.pdop for g in drawn], errors)
     )
     assert max(gnss.pdop[0] for gnss in drawn) <= 10.0
+    poor = [(gnss.pdop > 10).sum() for gnss in drawn]
+    assert max(poor) == 20  # s of a spell
+    assert np.mean(np.array(poor) > 0) == pytest.approx(0.2, abs=0.03)
     assert (mode == 2).sum() / 20 == pytest.approx(200, rel=0.25)  # 124 spells, each exponential
     assert np.median(error[mode == 2]) == pytest.approx(74.0, rel=0.15)  # of as many draws
     assert np.median(error[(mode == 3) & (pdop <= 10)]) == pytest.approx(5.3, rel=0.1)
