@@ -12,11 +12,6 @@ from analysis.tracker.scenarios import Scenario, scenario
 from sensorlogs.timeline import Gnss, Imu, Timeline
 
 
-def test_threshold_is_the_papers():
-    """published: theta_A is 0.125 m/s^2."""
-    assert StaticTest.theta_a == 0.125
-
-
 def test_moving_until_something_is_known():
     """property: without any reading a vehicle is not called static."""
     block = StaticTest()
