@@ -203,7 +203,7 @@ def test_a_step_of_twice_the_scatter_is_coarse(step, coarse):
     """analytic: rounded noise has the variance 1 + step^2 / 12, beside which the step is judged."""
     y = np.round((rng().standard_normal(N) + 0.1 * step) / step) * step
     y[0] = 20 * step  # the step is the least one, not the largest
-    assert bool(resolution(y, DT)) is coarse
+    assert [(d.start_s, d.end_s) for d in resolution(y, DT)] == [(0.0, N * DT)] * coarse
 
 
 @pytest.mark.parametrize(("low", "high"), [(-2.0, 2.0), (-np.inf, 1.5), (-1.0, 3.0)])

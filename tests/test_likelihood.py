@@ -15,7 +15,7 @@ from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer, lost_in_means
 from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov
 from analysis.noise.notes import said
-from analysis.noise.profile_likelihood import Surface, interval
+from analysis.noise.profile_likelihood import Surface, interval, profile_curve
 from studies import coverage
 
 DT, BLOCKS = 0.5, 70
@@ -274,6 +274,11 @@ def test_profile_of_a_parabola():
     assert (low, high) == pytest.approx((-half, half), rel=1e-3)
     tight = Surface(*plain, np.array([0.5 * half, 50.0]))
     assert interval(tight, np.zeros(2), 0.0, np.array([1.0, 0.0]))[1] is None
+    for of, ends in ((surface, (True, True)), (tight, (True, False))):
+        at, fall, closed = profile_curve(of, np.zeros(2), 0.0, np.array([1.0, 0.0]), 50.0)
+        lost = -0.5 * chi2.ppf(0.95, 1) * (at / half) ** 2
+        np.testing.assert_allclose(fall, lost, rtol=1e-3, atol=1e-6)
+        assert closed == ends and at.max() >= 0.5 * half
 
 
 @pytest.mark.parametrize("what", ["corr_time", "sigma_b", "sigma_v"])
