@@ -10,7 +10,8 @@ PIP := $(if $(shell command -v uv 2>/dev/null),uv pip install --python $(BIN)/py
 VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
 RELEASE = inertial-compendium-$(VERSION)
 
-.PHONY: help install reproduce findings site article test test-article test-device test-machines test-site lint \
+.PHONY: help install reproduce findings site article test test-article test-device test-machines \
+	test-mutants test-site lint \
 	format lock release clean
 
 help:
@@ -19,6 +20,7 @@ help:
 	@echo "make test-device  run the tracker on MicroPython and, in C, on a Cortex-M4F, and compare (says what it needs)"
 	@echo "make test-machines  the same numbers as if on other processors, and with the oldest and newest"
 	@echo "                    packages: all, or SETTING=zen; of it ONLY=tests/test_allan.py or ONLY=22"
+	@echo "make test-mutants  change the pure modules and see whether the tests notice (N=100 SEED=1)"
 	@echo "make findings   those of simulations under another seed (SEED=7): prints what was and what is"
 	@echo "make site       build the notebooks, figures and claims as pages into site/"
 	@echo "make article    build the replication article, build/article.pdf"
@@ -77,6 +79,12 @@ findings: $(READY)
 # Nothing is written but scratch/ and, for the packages, an environment for each; see the script.
 test-machines: $(READY)
 	$(BIN)/python tests/machines.py $(if $(SETTING),--setting $(SETTING)) $(if $(ONLY),--only $(ONLY))
+
+# One processor for up to an hour; what is known, in tests/mutants.csv, is not tried again.
+N ?= 100
+test-mutants: SEED = 1
+test-mutants: $(READY)
+	$(BIN)/python -u tests/mutants.py -n $(N) --seed $(SEED)
 
 # From the executed notebooks and figures/; no cell runs and nothing is fetched.
 site: $(READY)

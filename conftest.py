@@ -16,9 +16,6 @@ from pathlib import Path
 
 import pytest
 
-from workbench import report
-from workbench.reproduce import order
-
 WORKER = "workerinput"  # an attribute that pytest-xdist gives the configuration of its workers
 PATIENCE_S = 1800
 LAST = ("00-index", "test_reproduction")  # they read what the other notebooks write
@@ -42,8 +39,9 @@ def pytest_unconfigure(config):
 
 def pytest_collection_modifyitems(items):
     """Put notebooks first, in their order, then tests; last what reads the notebooks' output."""
-    stems = {item.path.stem for item in items if item.path.suffix == ".ipynb"}
-    place = {stem: i for i, stem in enumerate(sorted(stems, key=order))}
+    if stems := {item.path.stem for item in items if item.path.suffix == ".ipynb"}:
+        from workbench.reproduce import order  # seconds of imports, for notebooks only
+    place = {stem: i for i, stem in enumerate(sorted(stems, key=order))} if stems else {}
     place |= {stem: len(items) + i for i, stem in enumerate(LAST)}
     items.sort(key=lambda item: place.get(item.path.stem, len(place)))
 
@@ -92,6 +90,7 @@ def _wait_for(stems):
 @pytest.fixture
 def no_pictures(monkeypatch):
     """Write empty files in place of a report's pictures; drawing is most of its time."""
+    from workbench import report  # seconds of imports, which few tests need
 
     def touch(result, folder, atlas):
         folder.mkdir()

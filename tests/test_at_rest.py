@@ -5,17 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from analysis.tracker import at_rest
 from analysis.tracker.at_rest import LowPass, RestDetector, StaticTest
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import Scenario, scenario
 from sensorlogs.timeline import Gnss, Imu, Timeline
-
-
-def test_threshold_is_the_papers():
-    """published: theta_A is 0.125 m/s^2."""
-    assert StaticTest.theta_a == 0.125
 
 
 def test_moving_until_something_is_known():
@@ -35,12 +29,24 @@ def test_the_norm_of_the_horizontal_acceleration_decides(norm, moving, angle):
 
 
 def test_speed_is_filtered_but_never_waited_for_long():
-    """property: one noisy speed does not wake a standing vehicle; a plain one does at once."""
+    """analytic: the mean of five ends at 0.46 m/s; one plain speed wakes at once."""
     block = StaticTest()
-    for _ in range(5):
-        block.drive(0.1)
-    assert not block.drive(0.9)
-    assert block.drive(1.5)
+    for _ in range(6):
+        block.drive(1.0)
+    assert [block.drive(0.1) for _ in range(3)] == [True, True, False]
+    assert [block.drive(speed) for speed in (1.0, 1.01)] == [False, True]
+
+
+def test_the_acceleration_is_filtered():
+    """analytic: after three steps of a tenth 1 - 0.9^3 of it; without samples nothing of it."""
+    block = StaticTest()
+    for _ in range(3):
+        assert block.accelerate(0.3, -0.4, 0.025) == (block.norm > 0.125)
+    assert block.norm == pytest.approx(0.5 * (1 - 0.9**3))
+    block.no_imu()
+    assert not block.drive(0.1) and block.quiet is None
+    assert not block.accelerate(0.0, 0.0, 0.025) and block.norm == 0.0
+    assert not block.accelerate(0.125, 0.0, 0.25)  # at the threshold itself
 
 
 def test_no_speed_leaves_the_imu_to_judge():
@@ -102,28 +108,14 @@ def test_waking_forgets_everything():
     assert block.step([3.0, 6.0]) == (1, [2.0, 4.0])
 
 
-@pytest.mark.parametrize("corr_time", [2.0, 20.0])
-def test_averages_stay_within_the_95_percent_circle(corr_time):
-    """property: with errors correlated over less than a layer, no output leaves the circle.
-
-    100 periods of 2000 s; from layer 2 on each output averages 100 fixes. For errors of 20 s the
-    mean of 100 s scatters by sqrt(40 / 100) of a fix, so the circle is 3.9 of its sigmas away.
-    """
-    a = math.exp(-1 / corr_time)
-    outside = total = 0
-    for seed in range(100):
-        rng = np.random.default_rng(seed)
-        block, error, out = LowPass(lengths=(10, 10, 10)), rng.standard_normal(2), []
-        noise = math.sqrt(1 - a * a) * rng.standard_normal((2000, 2))
-        for step in noise:
-            error = a * error + step
-            layer, position = block.step(error.tolist())
-            if layer >= 2:
-                out.append(position)
-        radius = np.hypot(*np.array(out).T)
-        outside += (radius > math.sqrt(-2 * math.log(0.05))).sum()
-        total += len(radius)
-    assert outside <= (0 if corr_time < 10 else 0.005 * total)
+def test_five_fixes_elsewhere_in_a_row_are_a_jump():
+    """analytic: none at 50 m, and none of four and one near; the fifth beyond it empties all."""
+    block = LowPass(lengths=(1, 1, 1))
+    block.step([0.0, 0.0])
+    near, edge, beyond = [1.0, 0.0], [30.0, -40.0], [30.0, -40.1]
+    assert not any(block.jumped(fix) for fix in [edge] * 9 + ([beyond] * 4 + [near]) * 2)
+    assert [block.jumped(beyond) for _ in range(5)] == [False] * 4 + [True]
+    assert block.step(near) == (3, near) and block.step(beyond) == (3, beyond)
 
 
 LEVEL = np.array([0.0, 0.0, -9.81])
@@ -155,12 +147,15 @@ def test_rest_is_found_in_one_window(rate):
 
 
 def test_the_statistic_is_the_scatter_of_the_means():
-    """analytic: short means of variances a sigma_f^2 give T = 3 a (1 - 1/8) on average, to 3 %."""
-    rng, block, found = np.random.default_rng(2), RestDetector(), []
-    for force in LEVEL + at_rest.SIGMA_FORCE * 0.5 * rng.standard_normal((6000, 3)):
-        block.sample((0.0, 0.0, 0.0), force.tolist(), at_rest.BLOCK_S)
-        found.append(block.statistic)
-    assert np.mean(found[8:]) == pytest.approx(3 * 0.25 * 7 / 8, rel=0.03)
+    """analytic: means m_k +- a_k in turn give T = sum of (a_k / sigma_k)^2, and m_k."""
+    middle, off = np.array([0.1, -0.2, 0.3, 1.0, 2.0, -9.0]), 1e-3 * np.array([1, 2, 4, 40, 20, 10])
+    block = RestDetector()
+    for k in range(16):  # two samples a block, which differ
+        values = middle + off * (-1) ** (k // 2) + 0.1 * (-1) ** k
+        assert not block.sample(values[:3], values[3:], 0.125) or k == 15
+    sigma = np.repeat([0.0087, 0.12], 3)
+    assert block.statistic == pytest.approx(np.sum((off / sigma) ** 2)) and block.steady
+    np.testing.assert_allclose([*block.rate, *block.force], middle)
 
 
 @pytest.mark.parametrize("rate", [40, 100])

@@ -9,16 +9,18 @@ from analysis.tracker.last_position import GATE_ALONE, Frame, LastPosition, Stor
 
 HOME = Stored(44.5, 11.3, 60.0, 12.0, 2.0)
 FIX = (44.501, 11.3, 61.0)
-METRE = 1 / 111_120.0  # deg of latitude at 44.5 deg, to 0.1 %
+BEARING = 2.2  # rad, of a road that is along no axis
 
 
 def feed(block, fixes, since=0, **given):
-    """Hand over one fix a second, metres north of HOME (None: no fix); when each was accepted."""
+    """Hand over one fix a second, metres along a road from HOME; when each was accepted."""
     given = {"pdop": 2.0, "mode": 3, "satellites": 8, "speed": 0.0, "course": math.nan} | given
+    given["course"] += BEARING
     taken = []
-    for t, north in enumerate(fixes, since):
-        fix = None if north is None else (44.5 + north * METRE, 11.3, 60.0)
-        taken.append(block.step(float(t), fix, **given))
+    for t, far in enumerate(fixes, since):
+        enu = far * math.sin(BEARING), far * math.cos(BEARING), 0.0
+        lat, lon, _ = map(float, pymap3d.enu2geodetic(*enu, 44.5, 11.3, 60.0))
+        taken.append(block.step(float(t), (lat, lon, 60.0), **given))
     return taken
 
 
@@ -114,6 +116,12 @@ def test_a_jump_is_refused_until_it_lasts(course):
     north[20] += 300.0
     taken = feed(block, north, speed=20.0, course=course)
     assert all(taken[6:20]) and not taken[20] and all(taken[27:])
+    assert not block.jumped
+    # Those that stay there wait for settle_s, and the first that counts is told as a jump.
+    there, told = [20.0 * t + 300.0 for t in range(40, 50)], []
+    for t, far in enumerate(there, 40):
+        told.append((*feed(block, [far], t, speed=20.0, course=course), block.jumped))
+    assert told == [(False, False)] * 5 + [(True, True)] + [(True, False)] * 4
 
 
 def test_an_old_place_is_not_put_out_while_fixes_contradict_it():
@@ -213,11 +221,14 @@ def test_distance_over_the_date_line():
 
 @pytest.mark.parametrize("lat", [-60.0, 0.0, 44.5])
 def test_the_frame_is_that_of_pymap3d(lat):
-    """cross-check: north and east to 0.1 % at 2 km, and back to the last digit."""
-    frame, fix = Frame((lat, 179.999, 100.0)), (lat + 0.012, -179.985, 130.0)
-    north, east, _ = pymap3d.geodetic2ned(*fix, lat, 179.999, 100.0)
-    assert frame.ned(fix) == pytest.approx((north, east, -30.0), rel=1e-3)
-    assert frame.degrees(frame.ned(fix)) == pytest.approx(fix[:2], abs=1e-12)
+    """cross-check: at 20 m to 1e-5, a percent of what the height does; back to the last digit."""
+    for height in (6000.0, math.nan):
+        origin, fix = (lat, 179.9999, height), (lat + 1.2e-4, -179.99985, height + 30.0)
+        frame, known = Frame(origin), 0.0 if math.isnan(height) else height
+        north, east, _ = pymap3d.geodetic2ned(*fix[:2], known, lat, 179.9999, known)
+        down = -30.0 if known else 0.0
+        assert frame.ned(fix) == pytest.approx((north, east, down), rel=1e-5)
+        assert frame.degrees(frame.ned(fix)) == pytest.approx(fix[:2], abs=1e-12)
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e300])

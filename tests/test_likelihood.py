@@ -1,6 +1,7 @@
 """The likelihood of a static log: exact against dense matrices; its intervals hold the truth."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer, lost_in_means
 from analysis.noise.models import UnifiedModel, flicker_noise, gauss_markov
 from analysis.noise.notes import said
-from analysis.noise.profile_likelihood import Surface, interval
+from analysis.noise.profile_likelihood import Surface, interval, profile_curve
 from studies import coverage
 
 DT, BLOCKS = 0.5, 70
@@ -273,6 +274,11 @@ def test_profile_of_a_parabola():
     assert (low, high) == pytest.approx((-half, half), rel=1e-3)
     tight = Surface(*plain, np.array([0.5 * half, 50.0]))
     assert interval(tight, np.zeros(2), 0.0, np.array([1.0, 0.0]))[1] is None
+    for of, ends in ((surface, (True, True)), (tight, (True, False))):
+        at, fall, closed = profile_curve(of, np.zeros(2), 0.0, np.array([1.0, 0.0]), 50.0)
+        lost = -0.5 * chi2.ppf(0.95, 1) * (at / half) ** 2
+        np.testing.assert_allclose(fall, lost, rtol=1e-3, atol=1e-6)
+        assert closed == ends and at.max() >= 0.5 * half
 
 
 @pytest.mark.parametrize("what", ["corr_time", "sigma_b", "sigma_v"])
@@ -426,6 +432,16 @@ def test_richer_models_need_strong_evidence():
     assert choose([*base, made("N+GM+K", 1.0)]).model == "N+GM"
     assert choose([*base, made("N+GM+K", -1.0)]).model == "N+GM+K"
     assert choose([made("N", 10.0), made("N+GM", 8.5)]).model == "N"
+    # Others within 4 are told, the best of them, as near or as equal.
+    chosen = made("N+GM", 6.0)
+    for aic, words in (
+        (10.1, ""),
+        (10.0, "nearly as well as N+GM (AIC +4.0)"),
+        (6.0, "log as well"),
+    ):
+        fits = {"N+K": made("N+K", aic), "N+B": made("N+B", 30.0)}
+        told = inference.Inference.rival(SimpleNamespace(fits=fits, chosen=chosen))
+        assert words in told and bool(words) == told.startswith("N+K")
 
 
 @pytest.mark.parametrize(
@@ -452,13 +468,32 @@ def test_drift_needs_more_than_a_slow_bias(drift):
 
 
 def test_same_log_in_other_units():
-    """property: a log in g and in m/s^2 gives the same model and the same numbers."""
+    """property: in g and in m/s^2, upside down and from its end a log gives the same numbers."""
     y = UnifiedModel(0.1, 60.0, 0.05).simulate(20_000, 0.5, np.random.default_rng(12))
-    a, b = (infer(k * y, 0.5, "u", "accel", np.random.default_rng(0)) for k in (1.0, 9.80665))
-    assert a.chosen.model == b.chosen.model
-    for name in ("vrw", "sigma_b"):
-        assert b.parameters[name].value == pytest.approx(9.80665 * a.parameters[name].value, 1e-3)
-    assert b.parameters["corr_time"].low == pytest.approx(a.parameters["corr_time"].low, rel=5e-3)
+    y += 2e-5 * np.arange(20_000)
+    first = infer(y, 0.5, "u", "accel", np.random.default_rng(0))
+    for scale, back in ((9.80665, False), (-1.0, False), (1.0, True)):
+        turned = scale * (y[::-1] if back else y)
+        found = infer(turned, 0.5, "u", "accel", np.random.default_rng(0))
+        assert found.chosen.model == first.chosen.model
+        for name, known in first.parameters.items():
+            other, factor = found.parameters[name], 1.0 if name == "corr_time" else abs(scale)
+            if name == "drift":
+                factor = -1.0 if back else scale
+            ends = sorted(factor * e for e in (known.low, known.high) if e is not None)
+            assert [e for e in (other.low, other.high) if e is not None] == pytest.approx(
+                ends, rel=5e-3
+            ), name
+    names = ("sigma_v", "flicker", "walk", "rrw", "corr_time", "quantisation")
+    boxes = [
+        (box.low, box.high)
+        for k, dt in ((1.0, 1.0), (1e4, 1e3))
+        for box in [NoiseLikelihood.of_log(k * y, dt).surface(names)]
+    ]
+    powers = np.log(1e4) * np.array([1, 1, 1, 1, 0, 1]) + np.log(1e3) * np.array(
+        [0, 0, -0.5, -0.5, 1, 1]
+    )
+    np.testing.assert_allclose(np.subtract(boxes[1], boxes[0]), [powers, powers])
 
 
 def test_intervals_beside_flicker_cover():

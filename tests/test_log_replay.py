@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from test_cli import run
 
+from analysis import wrap
 from analysis.tracker import log_replay, scenarios
 from analysis.tracker.device import BLOCKS, Device, Options
 from analysis.tracker.last_position import GATE_ALONE, Stored
@@ -214,16 +215,6 @@ def test_never_a_position_before_the_first_acceptable_fix(cold):
         assert np.isfinite(track.columns["out_lat_deg"][accepted:]).all()
 
 
-def test_the_gate_lowers_the_error(cold):
-    """property: without block 1 the first minutes are worse, with its gate better."""
-    error = {}
-    for gate in (True, False):
-        track = replay(cold.log, Options(last_position=gate))
-        out = cold.output_error(track.columns)
-        error[gate] = np.nanmax(np.hypot(*out)[:90])
-    assert error[True] < error[False]
-
-
 def test_at_rest(at_rest):
     """property: 30 min of rest at 4 Hz: static throughout, layers fill, updates get rarer."""
     track = replay(at_rest.log, Options(lengths=(10, 10, 10)))
@@ -250,22 +241,6 @@ def test_no_output_leaves_the_95_percent_circle():
         full = track.columns["layer"] >= 2
         assert full.sum() > 1500
         assert np.hypot(*out)[full].max() < np.percentile(raw, 95)
-
-
-@pytest.mark.parametrize("push", [0.15, 0.3, 1.0])
-def test_wakes_within_an_epoch(at_rest, push):
-    """published: motion ends the rest at once: by the next epoch the layer is 0."""
-    imu = at_rest.log.imu
-    accel = imu.accel_b.copy()
-    pushed = (imu.t_s >= 600.1) & (imu.t_s < 602.0)
-    east = np.array([0.0, push, 0.0])
-    accel[pushed] += np.einsum("ji,j->i", at_rest.C_nb[0], east)
-    log = replace(at_rest.log, imu=replace(imu, accel_b=accel))
-    track = replay(log, Options(lengths=(10, 10, 10)))
-    at = {t: k for k, t in enumerate(track.columns["t_s"].tolist())}
-    assert track.columns["layer"][at[600.0]] == 2
-    assert track.columns["moving"][at[601.0]] == 1
-    assert track.columns["layer"][at[601.0]] == 0
 
 
 @pytest.mark.parametrize("block", BLOCKS)
@@ -501,17 +476,27 @@ def test_single_precision(laps):
     assert np.nanmax(np.abs(single.columns["mount_deg"] - double.columns["mount_deg"])) < 1.0
 
 
-def test_over_the_date_line():
-    """property: a drive over 180 deg of longitude has no jump."""
-    n = 100
-    lon = (179.9995 + 1e-5 * np.arange(n) + 180) % 360 - 180
-    same = np.ones(n)
-    gnss = Gnss(
-        np.arange(n) * 1.0, -17 * same, lon, 0 * same, 2 * same, 1.06 * same, 90 * same, same > 0
-    )
-    track = replay(Timeline(gnss, None))
-    off = (track.columns["out_lon_deg"] - lon + 180) % 360 - 180  # 180 and -180 are one
-    np.testing.assert_allclose(off[5:], 0.0, atol=1e-9)
+@pytest.mark.parametrize("kind", ["car", "block6"])
+def test_the_same_drive_elsewhere_later_and_mirrored(laps, kind):
+    """property: over the date line and a day later the track is moved; left for right, mirrored."""
+    log, choice = laps[0].log, Options(filter=kind)
+    gnss, imu, middle = log.gnss, log.imu, np.nanmedian(log.gnss.lon_deg)
+    known = replay(log, choice).columns
+    day = {"t_s": gnss.t_s + 86_400.0, "lon_deg": wrap(gnss.lon_deg - middle + 180.0)}
+    moved = Timeline(replace(gnss, **day), replace(imu, t_s=imu.t_s + 86_400.0))
+    other = replay(moved, choice).columns
+    seen = np.isfinite(known["out_lon_deg"])
+    assert seen.sum() > 200
+    off = wrap(other["out_lon_deg"] - known["out_lon_deg"] + middle - 180.0)
+    np.testing.assert_allclose(off[seen], 0.0, atol=1e-8)
+    left = {"lon_deg": 2 * middle - gnss.lon_deg, "course_deg": -gnss.course_deg % 360}
+    turned = replace(imu, gyro_b=imu.gyro_b * [-1, 1, -1], accel_b=imu.accel_b * [1, -1, 1])
+    mirrored = replay(Timeline(replace(gnss, **left), turned), choice).columns
+    for name, sign in (("roll_deg", -1), ("pitch_deg", 1), ("yaw_deg", -1), ("out_lat_deg", 1)):
+        off = wrap(mirrored[name] - sign * known[name])
+        np.testing.assert_allclose(off, 0 * known[name], atol=1e-6, err_msg=name)
+    off = mirrored["out_lon_deg"] + known["out_lon_deg"] - 2 * middle
+    np.testing.assert_allclose(off[seen], 0.0, atol=1e-8)
 
 
 def ride(n, lat0=45.0, speed=20.0, start=0):

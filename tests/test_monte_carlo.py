@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis import CannotAnswer
+from analysis import CannotAnswer, static_logs, terrain_data
 from analysis.terrain import monte_carlo
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
@@ -183,6 +183,30 @@ def test_what_a_precision_allows():
     assert of.allowed("B", 0.6).value == np.inf
     fine = of.finer(4)
     assert fine.error == pytest.approx(np.tile(3 * fine.arw, (33, 1)))
+
+
+def test_one_function_tells_the_tracking_error():
+    """property: the grid's own numbers, rising with B; a log's interval holds its value."""
+    plane = terrain_data.error_plane("R tuned")
+    i, j = 4, 3
+    assert plane.of(Sensor(plane.arw[j], plane.sigma_b[i])) == pytest.approx(
+        (plane.error[i, j], plane.lost[i, j])
+    )
+    errors = [plane.of(Sensor(0.005, b))[0] for b in np.geomspace(1e-6, 0.1, 30)]
+    assert errors[0] == errors[1] and max(errors) == errors[-1]
+    assert plane.of(Sensor(1.0, 0.001))[0] == np.inf
+    at = plane.estimate(Sensor(plane.arw[j], plane.sigma_b[i]))
+    ends = [table[i, j] for table in (plane.error, plane.low, plane.high)]
+    assert [at.value, at.low, at.high] == pytest.approx(ends)
+    with pytest.raises(CannotAnswer, match="beyond"):
+        plane.estimate(Sensor(1.0, 0.001))
+    model = static_logs.stored.read_model("adis16405")
+    found = plane.of_log(model, "gyro_y")
+    assert found.low < found.value < found.high
+    model["channels"][1]["parameters"]["arw"]["high"] = 10.0
+    assert plane.of_log(model, "gyro_y").high is None
+    bounded = plane.of_log(static_logs.stored.read_model("mpu6050-gyro"), "gyro_y")
+    assert bounded.value is None and bounded.high > 0
 
 
 def test_a_gyro_beyond_the_plane():

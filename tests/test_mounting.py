@@ -212,6 +212,19 @@ def test_fit_adds_over_straights():
     assert sigma > 0
 
 
+def test_turned_axes_turn_the_fit():
+    """property: whatever axes the sensor has, the angle turns with them and its sigma stays."""
+    rng, found = np.random.default_rng(9), []
+    forward, lateral = 0.5 * rng.standard_normal((2, 30))
+    across = 0.4 * lateral + 0.2 * rng.standard_normal(30)
+    for turn in (0.0, 0.7, 2.0, 4.0):
+        sensed = felt(turn, forward, across)
+        entries = np.column_stack([forward, lateral, *sensed, np.full(30, 9.0)]).tolist()
+        angle, *rest = mounting.weighted_angle(mounting.fit(entries, 0.3))
+        found.append((wrap(angle + turn, 2 * math.pi), *rest))
+    np.testing.assert_allclose(found, [found[0]] * 4, rtol=1e-9)
+
+
 def test_mean_and_wrap():
     """analytic: component by component; into (-pi, pi]."""
     assert mounting.mean([(1.0, 5.0), (2.0, 7.0)]) == [1.5, 6.0]

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from analysis import CannotAnswer
+from analysis.noise import position
 from analysis.noise.models import gauss_markov
-from analysis.noise.position import DRIFTS, cep, effective_samples, outliers
+from analysis.noise.position import DRIFTS, cep, effective_samples, outliers, simulate_fixes
 
 PER_SIGMA = np.sqrt(2 * np.log(2))  # CEP of a circular Gaussian of unit deviation: 1.1774
 
@@ -60,13 +61,49 @@ def test_too_few_independent_positions():
         cep(np.full(5, np.nan), np.zeros(5))
 
 
-def test_outliers():
-    """analytic: a lone position 100 sigma off is one; those of a Gaussian or a drift are not."""
-    n, e = np.random.default_rng(5).standard_normal((2, 5000))
-    n[17] = 100.0
-    assert np.flatnonzero(outliers(n, e)).tolist() == [17]
-    drift = np.r_[np.zeros(400), np.linspace(0, 50, 200)]
-    assert not outliers(drift).any()
+def test_an_outlier_is_six_deviations_from_its_neighbours():
+    """analytic: a ramp of 1 m has a deviation of 0.95 / 3.92; five in a row count."""
+    bound, still = 6 * 0.95 / 3.92, np.zeros(4001)
+    for run, off in ((1, 0.99), (1, 1.01), (5, 1.01), (6, 1.01), (6, -1.01)):
+        ramp, far = np.linspace(0, 1, 4001), slice(2000, 2000 + run)
+        ramp[far] += bound * off + np.sign(off) * 1e-3 * (run - 1)  # the middle of eleven moves on
+        for axes in ((ramp, still), (still, ramp[::-1])):
+            assert outliers(*axes).sum() == (run if run < 6 and off > 1 else 0)
+
+
+def test_simulated_fixes_are_what_was_asked_for():
+    """published: radius, memory of own and shared errors (Beard, McLain, Table 7.1), outliers."""
+    own, shared = 3.0**2, 0.21**2 / (1 - np.exp(-2 / 1100))
+    for differential, parts in ((True, [(own, 40)]), (False, [(own, 40), (shared, 1100)])):
+        rng = np.random.default_rng(8)
+        given = {"differential": True} if differential else {}
+        fixes = np.array([*simulate_fixes(5.0, 400_000, 40.0, rng, **given).values()])
+        bad = outliers(*fixes)
+        assert bad.sum() == 5
+        # Fifteen normal numbers know their deviation to 18 %.
+        assert np.sqrt(np.mean(fixes[:, bad] ** 2)) == pytest.approx(1000, rel=0.4)
+        fixes = np.where(bad, 0.0, fixes)
+        # 7000 independent values: 0.9 %
+        np.testing.assert_allclose(fixes.std(axis=1) * PER_SIGMA / 5, [1, 1, 1.5], rtol=0.03)
+        kept = sum(v * np.exp(-40 / t) for v, t in parts) / sum(v for v, _ in parts)
+        found = np.mean(fixes[:, 1:] * fixes[:, :-1], axis=1) / fixes.var(axis=1)
+        np.testing.assert_allclose(found, kept, atol=0.01)
+
+
+def test_a_cep_does_not_depend_on_axes_direction_of_time_or_unit():
+    """property: swapped, mirrored, moved, reversed, in feet; of a line the count is known."""
+    n, e = gauss_markov(7200, 1.0, 1.0, 30.0, np.random.default_rng(6), runs=2)
+    found = cep(n, e)
+    for scale, axes in (
+        (1, (e, n)), (1, (900.0 - n, e)), (1, (n[::-1], e[::-1])), (3.28, (3.28 * n, 3.28 * e)),
+        (1, (np.r_[np.nan, n, 0.0], np.r_[0.0, e, np.nan])),
+    ):  # fmt: skip
+        other = cep(*axes)
+        expected = scale * np.array([found.value, found.low, found.high])
+        np.testing.assert_allclose([other.value, other.low, other.high], expected, rtol=1e-9)
+    assert effective_samples(np.ones(9)) == 1.0
+    # Means of eighths of a line of length 1 vary by 6 / 64, its points by 1 / 12.
+    assert position._by_eighths(np.linspace(0, 1, 80_000)) == pytest.approx(64 / 9, rel=1e-4)
 
 
 def test_a_few_far_positions_do_not_narrow_the_cep():

@@ -98,6 +98,9 @@ def test_recipe_follows_the_paper():
     assert found["corr_time"] == pytest.approx(164.0, rel=0.2)
     assert found["sigma_b"] == pytest.approx(0.046, rel=0.15)
     assert np.isnan(comparison_recipe(np.diff(y[::7]), 0.5)["corr_time"])
+    # sigma_v is that of the first 15 s: 30 samples at 2 Hz, with one degree of freedom lost.
+    short = np.where(np.arange(400) < 30, (-1.0) ** np.arange(400), 7.0)
+    assert comparison_recipe(short, 0.5)["sigma_v"] == pytest.approx(np.sqrt(30 / 29))
 
 
 def test_five_coefficients_of_exact_curves():

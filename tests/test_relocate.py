@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from analysis import terrain_data
+from analysis.noise.models import gauss_markov
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.relocate import (
     averaged_map,
@@ -50,6 +51,34 @@ def test_the_likelihood_finds_the_place(drive):
     )
     assert place[weight.argmax()] == pytest.approx(truth[-1], abs=1)
     assert weight[np.abs(place - truth[-1]) < 10].sum() > 0.999 and explained > 0.99
+
+
+@pytest.mark.parametrize(
+    ("errors", "mean"),
+    [
+        ({"ramp": 0.1}, 0.5), ({"every": 5}, 0.5), ({"constant": 1.0}, 0.5),
+        # Means over a stretch vary less than what they are of: a little too well explained.
+        ({"walk": 0.3}, 0.8), ({"of_map": 0.6}, 0.8),
+    ],
+)  # fmt: skip
+def test_errors_as_assumed_are_explained_at_the_true_place(drive, errors, mean):
+    """coverage: the probability of samples whose errors are those assumed is uniform."""
+    road, rng, t, found = drive[0], np.random.default_rng(6), np.arange(301) / 10, []
+    ramp, walk, constant, of_map, every = (
+        errors.get(name, 1e-3) for name in ("ramp", "walk", "constant", "of_map", "every")
+    )
+    setup = Setup(
+        300.0, speed=10.0, rate_hz=10.0, bias_states=True, R=0.09, map_error=(of_map, 50.0),
+        every=max(int(every), 1), begin_attitude_sd=constant,
+    )  # fmt: skip
+    for _ in range(200):
+        z = road.at(500.0 + 10 * t)[0] + constant * rng.normal() + ramp * t * rng.normal()
+        z += walk * np.sqrt(0.1) * np.cumsum(rng.standard_normal(301))
+        z += gauss_markov(301, 1.0, of_map, 50.0, rng)
+        z += 0.3 * np.sqrt(setup.every) * rng.standard_normal(301)
+        sensor, near = Sensor(walk, ramp), (799.0, 802.0)
+        found.append(likelihood(averaged_map(road), z[None], 10 * t, sensor, setup, near)[2])
+    assert np.mean(found) == pytest.approx(mean, abs=0.1)  # three standard errors: 0.06
 
 
 def test_samples_of_no_place_move_nothing(drive):

@@ -34,16 +34,22 @@ def test_a_synthetic_road_has_its_spectrum():
 
 
 def test_two_tracks_share_long_waves_only():
-    """Analytic: at waviness 2 the shared part is x K_1(x), 1 at 0; wide vehicles roll less."""
+    """Analytic: at waviness 2 the shared part is x K_1(x), 1 at 0; a vehicle has its attitude."""
     from scipy.special import k1
 
     n = np.array([1e-4, 0.05, 0.3, 2.0])
     x = 2 * np.pi * n * 1.6
     np.testing.assert_allclose(IsoRoad(1.0).shared(n, 1.6), x * k1(x), rtol=1e-12)
     assert IsoRoad(1.0).shared(np.array([1e-6]), 1.6)[0] == pytest.approx(1.0, abs=1e-6)
-    rng = np.random.default_rng(5)
-    narrow, wide = (IsoRoad(256e-6).simulate(5000.0, 0.5, rng, track_width=w) for w in (1.0, 3.0))
-    assert narrow.roll_deg.std() > wide.roll_deg.std()
+    # Pitch and roll of the defaults, by the integral over what the axles see of each wave.
+    made = IsoRoad(256e-6).simulate(40_000.0, 0.5, np.random.default_rng(5))
+    n = np.arange(400, 40_000) / 40_000  # waves of 100 m to half a cycle a step
+    density, half = IsoRoad(256e-6).density(n), np.pi * n * 3.5
+    x = 2 * np.pi * n * 1.6
+    pitch = density * (1 + x * k1(x)) / 2 * 4 * np.sin(half) ** 2 / 3.5**2
+    roll = density * 2 * (1 - x * k1(x)) * np.cos(half) ** 2 / 1.6**2
+    for found, squares in ((made.pitch_deg, pitch), (made.roll_deg, roll)):
+        assert np.radians(found).std() == pytest.approx(np.sqrt(np.trapezoid(squares, n)), rel=0.05)
 
 
 def test_hills_have_the_grade_asked_for():

@@ -114,6 +114,11 @@ def test_a_and_c_are_as_the_paper_describes_them():
     assert (np.diff(c.log.gnss.pdop[first:]) < 0).all()
     assert np.isnan(c.log.gnss.lat_deg[:first]).all()
     assert np.hypot(c.north_m[-1], c.east_m[-1]) < 3.0
+    # Without errors given, A settles as one of the real receivers does.
+    size, seconds = list(GnssErrors.STARTS.values())[(draws := rng(3)).integers(3)]
+    settles = GnssErrors(settling_m=size, settle_time=seconds)
+    logs = scenario("A", draws, gnss=settles, minutes=1), scenario("A", rng(3), minutes=1)
+    np.testing.assert_array_equal(*(log.log.gnss.lat_deg for log in logs))
 
 
 def test_position_errors_have_the_stated_size():

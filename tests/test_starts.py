@@ -17,6 +17,9 @@ def test_the_counts_of_65_power_ons():
         for parts in ([g.mode for g in drawn], [g.pdop for g in drawn], errors)
     )
     assert max(gnss.pdop[0] for gnss in drawn) <= 10.0
+    poor = [(gnss.pdop > 10).sum() for gnss in drawn]
+    assert max(poor) == 20  # s of a spell
+    assert np.mean(np.array(poor) > 0) == pytest.approx(0.2, abs=0.03)
     assert (mode == 2).sum() / 20 == pytest.approx(200, rel=0.25)  # 124 spells, each exponential
     assert np.median(error[mode == 2]) == pytest.approx(74.0, rel=0.15)  # of as many draws
     assert np.median(error[(mode == 3) & (pdop <= 10)]) == pytest.approx(5.3, rel=0.1)
@@ -36,6 +39,18 @@ def test_what_the_criteria_buy():
     assert table["off_m"].notna().mean() > 0.995  # two dimensions for three minutes give none
     again = starts.simulated_starts(4, 2)
     assert again.equals(table.iloc[: len(again)])  # power-on k does not depend on their number
+
+
+def test_a_memory_is_a_solid_fix_moved_as_far_as_asked():
+    """analytic: 5.3 m in the median; the same draw moved by 100 m lies 100 m off, all round."""
+    made, places = starts.PowerOns(), []
+    for metres in ((), (100.0,)):
+        drawn = [made.memory(np.random.default_rng(k), *metres) for k in range(600)]
+        places.append(np.array([starts.metres(m.lat_deg, m.lon_deg) for m in drawn]))
+    assert np.median(np.hypot(*places[0].T)) == pytest.approx(5.3, rel=0.1)
+    away = (places[1] - places[0]) / 100
+    np.testing.assert_allclose(np.hypot(*away.T), 1.0, rtol=1e-3)
+    np.testing.assert_allclose(away.mean(axis=0), 0.0, atol=0.1)  # three standard deviations
 
 
 def test_a_move_is_found_and_no_move_is_not():

@@ -22,7 +22,7 @@ from analysis.units.metrics import (
     root_mean_square,
     trajectory_metrics,
 )
-from analysis.units.side_by_side import apart, conventions, side_by_side
+from analysis.units.side_by_side import apart, conventions, noise_of_each, side_by_side
 from sensorlogs import catalogue
 from sensorlogs.timeline import Attitude, Gnss, Timeline
 from studies import coverage
@@ -312,15 +312,25 @@ def white(sigma, n, rng):
     return np.asarray(sigma)[:, None] * rng.standard_normal((len(sigma), n))
 
 
-def test_hat_of_exact_variances():
+def test_each_component_of_each_unit_has_its_own_noise():
     """analytic: orthogonal series of known mean squares give those back, by hat and likelihood."""
-    t = np.arange(4096)
+    t, zero = np.arange(4096.0), np.zeros(4096)
     waves = np.array([np.sqrt(2) * np.sin(2 * np.pi * k * t / 4096) for k in (501, 777, 1204)])
-    found = unit_variances(np.array([[1.0], [2.0], [3.0]]) * waves)
-    # The count of independent differences takes out less than a thousandth as mean.
-    np.testing.assert_allclose(found.hat, [1.0, 4.0, 9.0], rtol=2e-3)
-    np.testing.assert_allclose([e.value for e in found.independent], [1, 2, 3], rtol=1e-3)
-    assert found.p_independent == 1.0
+    sizes = np.array([[1.0], [2.0], [3.0]]) * np.arange(1, 7)  # unit, component
+    first, *others = sizes[:, :, None] * waves[:, None]
+    between = []
+    for other in others:
+        along, cross, up, *angles = other - first
+        enu = np.column_stack([zero, zero, up])
+        pair = Differences(t, enu, along, cross, zero, zero, t, np.transpose(angles), zero)
+        between.append(pair)
+    found, notes = noise_of_each(between)
+    assert list(found) == ["along", "cross", "height", "roll", "pitch", "yaw"] and not notes
+    for component, expected in zip(found.values(), sizes.T, strict=True):
+        # The count of independent differences takes out less than a thousandth as mean.
+        np.testing.assert_allclose(component.hat, expected**2, rtol=2e-3)
+        np.testing.assert_allclose([e.value for e in component.independent], expected, rtol=1e-3)
+        assert component.p_independent == 1.0
 
 
 def test_correlated_units_are_called_correlated():

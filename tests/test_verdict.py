@@ -12,16 +12,13 @@ import pytest
 import sensorlogs as logs
 from analysis import (
     ROOT,
-    CannotAnswer,
     Estimate,
     WrongUsage,
     in_one_unit,
     plots,
     static_logs,
     store,
-    terrain_data,
 )
-from analysis.terrain import Sensor
 from workbench import pages, report, verdict
 from workbench.pages import Said, phrase, sentences
 
@@ -129,30 +126,6 @@ def test_a_sheet_without_a_random_walk_of_the_accelerometer():
     found = verdict.within_datasheet(static_logs.read("adis16405"), sheet, NAMED)
     words = "accelerometer N: not in the list; accelerometer B, stated 13 µg"
     assert words in sentences(*found.why)
-
-
-def test_one_function_tells_the_tracking_error():
-    """Property: the grid's own numbers, rising with B; a log's interval holds its value."""
-    plane = terrain_data.error_plane("R tuned")
-    i, j = 4, 3
-    assert plane.of(Sensor(plane.arw[j], plane.sigma_b[i])) == pytest.approx(
-        (plane.error[i, j], plane.lost[i, j])
-    )
-    errors = [plane.of(Sensor(0.005, b))[0] for b in np.geomspace(1e-6, 0.1, 30)]
-    assert errors[0] == errors[1] and max(errors) == errors[-1]
-    assert plane.of(Sensor(1.0, 0.001))[0] == np.inf
-    at = plane.estimate(Sensor(plane.arw[j], plane.sigma_b[i]))
-    ends = [table[i, j] for table in (plane.error, plane.low, plane.high)]
-    assert [at.value, at.low, at.high] == pytest.approx(ends)
-    with pytest.raises(CannotAnswer, match="beyond"):
-        plane.estimate(Sensor(1.0, 0.001))
-    model = static_logs.stored.read_model("adis16405")
-    found = plane.of_log(model, "gyro_y")
-    assert found.low < found.value < found.high
-    model["channels"][1]["parameters"]["arw"]["high"] = 10.0
-    assert plane.of_log(model, "gyro_y").high is None
-    bounded = plane.of_log(static_logs.stored.read_model("mpu6050-gyro"), "gyro_y")
-    assert bounded.value is None and bounded.high > 0
 
 
 def test_a_short_log(tmp_path, no_pictures):
