@@ -259,10 +259,12 @@ def main(n, seed):
             print(f"{key[0]}:{row['line']}  {row['after']}  {row['killed_by'] or 'SURVIVED'}")
         known[key] = row
         kept = [known[k] for k in drawn if k in known]
-        with RESULTS.open("w", encoding="utf-8", newline="") as file:
+        part = RESULTS.with_suffix(".part")  # whole or not at all
+        with part.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
             writer.writeheader()
             writer.writerows(others + kept)
+        part.replace(RESULTS)
     alive = [row for row in kept if not row["killed_by"]]
     same = sum(row["reason"].startswith("equivalent") for row in alive)
     print(f"{len(kept) - len(alive)} killed; {len(alive)} survived, {same} of these equivalent")

@@ -396,6 +396,7 @@ def test_value_and_interval_are_rounded_together():
     """
     rng = np.random.default_rng(14)
     for unit, units in analysis.CUSTOMARY.items():
+        assert Estimate(1e12, None, None, unit).value_text.endswith(units[-1][1])
         for value in 10 ** rng.uniform(-4.9, 5.9, 40) / units[0][0]:
             low, high = value * np.exp(10 ** rng.uniform(-4, 0.7, 2) * [-1, 1])
             words = str(Estimate(value, low, high, unit))

@@ -484,16 +484,18 @@ def test_same_log_in_other_units():
             assert [e for e in (other.low, other.high) if e is not None] == pytest.approx(
                 ends, rel=5e-3
             ), name
+
+
+def test_the_box_of_a_search_has_the_units_of_its_parameters():
+    """property: in a smaller unit, or with longer steps, the ends move by their units."""
     names = ("sigma_v", "flicker", "walk", "rrw", "corr_time", "quantisation")
-    boxes = [
-        (box.low, box.high)
-        for k, dt in ((1.0, 1.0), (1e4, 1e3))
-        for box in [NoiseLikelihood.of_log(k * y, dt).surface(names)]
-    ]
-    powers = np.log(1e4) * np.array([1, 1, 1, 1, 0, 1]) + np.log(1e3) * np.array(
-        [0, 0, -0.5, -0.5, 1, 1]
-    )
-    np.testing.assert_allclose(np.subtract(boxes[1], boxes[0]), [powers, powers])
+    y, ends = np.random.default_rng(1).standard_normal(2000), []
+    for scale, dt in ((1.0, 1.0), (1e4, 1e3)):
+        box = NoiseLikelihood.of_log(scale * y, dt).surface(names)
+        ends.append([box.low, box.high])
+    scales, times = np.array([1, 1, 1, 1, 0, 1]), np.array([0, 0, -0.5, -0.5, 1, 1])
+    powers = np.log(1e4) * scales + np.log(1e3) * times
+    np.testing.assert_allclose(np.subtract(*ends[::-1]), [powers, powers])
 
 
 def test_intervals_beside_flicker_cover():
