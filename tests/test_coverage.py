@@ -93,7 +93,7 @@ def test_some_logs_of_the_study_again(study):
 @pytest.mark.parametrize(
     "arguments",
     ["--hours two", "--runs 0", "--hours -1", "--models x", "--workers 0", "real --runs 3", "flat",
-     "beside --models terrain"],
+     "beside --hours 2", "beside --models weak-walk", "hats --entry x=y"],
 )  # fmt: skip
 def test_wrong_usage(arguments, tmp_path, capsys):
     """property: what makes no study, or two, is refused in a sentence, and nothing is written."""
