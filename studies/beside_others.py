@@ -1,173 +1,199 @@
-"""This package beside other ways to read a static log: the same logs through each.
+"""Estimators of a static log beside each other: the same logs, whose truth only the runner knows.
 
-The others are what an engineer finds first: allantools with a least-squares fit, the package
-allan-variance, and the five coefficients of IEEE 952. All read the Allan curve of the log as
-recorded. A term counts as given where it makes up at least 1 % of the fitted Allan variance at some
-averaging time.
+The logs are those of `coverage`: known sensors, and gyros with one disturbance. An entry is a
+function of `entries`, or a command that reads a log as CSV and writes its answer as JSON: ::
 
-Log k of a sensor is that of `coverage`.
+    t_s,gyro_deg_s                  {"arw": [0.019, 0.0187, 0.0193],
+    0,0.0123                         "rrw": [6e-4, 4e-4, 9e-4, "it may have warmed up"],
+    0.1,-0.0456 ...                  "corr_time": null}
+
+Each parameter has value, low and high of its 95 % interval (null and null: none), and perhaps a
+warning: N ``arw`` (deg/sqrt(s)), B ``bias_instability`` of IEEE 952 (deg/s), K ``rrw``
+(deg/s/sqrt(s)), ``drift`` (deg/s^2), and of a Gauss-Markov bias ``sigma_b`` (deg/s) and
+``corr_time`` (s). One that is missing, null or zero is refused. A sample that was lost is no line
+of the file; functions get the others one after the other, as those tools take them.
+
+A *silent error* is a value off by more than 20 %, what notebook 13 wants of an interval, without an
+interval that holds the truth and without a warning. Any value of a term that is not there is off.
 """
 
 import importlib.metadata
-import time
-import warnings
+import json
+import os
+import shlex
+import signal
+import sys
+import tempfile
 from functools import partial
+from pathlib import Path
+from subprocess import DEVNULL, Popen, TimeoutExpired
 
-import allantools
 import numpy as np
-from scipy.optimize import OptimizeWarning, curve_fit
-from scipy.stats import norm
+import pandas as pd
 
-from analysis import CannotAnswer, store
-from analysis.noise import characterise, recipes
-from analysis.noise.allan import allan_deviation
-from analysis.noise.models import FLICKER
+from analysis import CannotAnswer, Estimate, WrongUsage, store
+from analysis.noise import characterise
+from analysis.noise.inference import INSTEAD
+from analysis.terrain import share
 from studies import coverage
-from studies.cells import Cell, tabulate
+from studies.entries import COMPARED, OTHERS
 
 FOLDER = store.FOLDER / "beside-others"
 HOURS = 2.0
-SENSORS = {"terrain": 60, "midg-roll": 60, "kvh-yaw": 30, "flicker": 30, "walk": 30}  # logs
+SENSORS = {"terrain": 40, "midg-roll": 30, "kvh-yaw": 20, "flicker": 20, "walk": 20}  # logs
+SENSORS |= {"terrain+warm-up-3": 12, "terrain+cycle": 12, "walk+step-10": 12, "walk+gaps": 12}
+SENSORS |= {"flicker+student-t3": 12, "flicker+low-pass-1": 12}
 OURS = "this package"
 PEERS = ("allantools", "allan-variance", "numpy", "scipy")
-POINTS, LONGEST = 60, 10  # averaging times given to allantools, up to a tenth of the log
-LEAST = 0.01  # of the fitted Allan variance, somewhere
-COMPARED = ("arw", "bias_instability", "rrw", "drift", "corr_time", "sigma_b")
+OFF = 0.2  # of the truth, from which an error counts
+PATIENCE = 120.0  # s, for a command and a log
+LARGEST = 100_000  # bytes of an answer
+ENTRY = "NAME='COMMAND {log} {answer}'"
+NUMBERS = ("value", "low", "high", "warned")
 
 
-def with_allantools(y, dt):
-    """Fit N, B and K to the logarithm of an Allan deviation by least squares, as is usual.
+def answered(command, y, dt):
+    """Write a log as CSV, run a command, and read the JSON that it writes.
 
     Parameters
     ----------
-    y : ndarray, shape (n,), U
+    command : str
+        In which ``{log}`` and ``{answer}`` stand for the two files.
+    y : ndarray, shape (n,), deg/s
+        NaN where a sample was lost.
     dt : float, s
 
     Returns
     -------
-    dict of str, (float, float, float)
-        ``arw`` (U sqrt(s)), ``bias_instability`` (U), ``rrw`` (U/sqrt(s)): value, low, high; the
-        interval from the covariance that `scipy.optimize.curve_fit` gives. Zero is not found.
+    dict of str, tuple
+        Value, low, high and whether there is a warning.
+
+    Raises
+    ------
+    CannotAnswer
+        If the command fails or answers nonsense.
+    subprocess.TimeoutExpired
+        If it takes more than two minutes.
     """
-    m = np.unique(np.geomspace(1, len(y) // LONGEST, POINTS).round())
-    tau, adev, _, _ = allantools.oadev(y, rate=1 / dt, data_type="freq", taus=m * dt)
-    shapes, there = _shapes(tau)[1:4], np.ones(3, dtype=bool)
-    found = np.full((3, 3), np.nan)
-    found[:, 0] = adev[0] * np.sqrt(tau[0]), adev.min() / FLICKER, adev[-1] * np.sqrt(3 / tau[-1])
-
-    def logarithm(_, *logs):
-        return np.log(np.exp(2 * np.array(logs)) @ shapes[there]) / 2
-
-    while True:  # a term that vanishes has no error, and leaves the fit
-        with warnings.catch_warnings(action="ignore", category=OptimizeWarning):
-            logs, covariance = curve_fit(logarithm, tau, np.log(adev), np.log(found[there, 0]))
-        half = norm.ppf(0.975) * np.sqrt(np.diagonal(covariance))
-        with np.errstate(over="ignore"):  # an end that is infinite is open
-            found[there] = np.exp([logs, logs - half, logs + half]).T
-        kept = _made_up(found[there, 0], shapes[there])
-        if kept.all():
-            break
-        found[there] = np.where(kept[:, None], found[there], (0.0, np.nan, np.nan))
-        there[there] = kept
-    return dict(zip(COMPARED, map(tuple, found.tolist()), strict=False))
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        files = {"{log}": f"{folder}/log.csv", "{answer}": f"{folder}/answer.json"}
+        table = pd.DataFrame({"t_s": dt * np.arange(len(y)), "gyro_deg_s": y}).dropna()
+        table.to_csv(files["{log}"], index=False, float_format="%.10g")
+        words = [files.get(word, word) for word in shlex.split(command)]
+        path, said = Path(files["{answer}"]), Path(folder) / "said.txt"
+        alone = {"stdin": DEVNULL, "stdout": DEVNULL, "start_new_session": True}
+        with said.open("wb") as errors, Popen(words, stderr=errors, **alone) as process:
+            try:
+                status = process.wait(PATIENCE)
+            except BaseException:
+                os.killpg(process.pid, signal.SIGKILL)  # with what it started
+                raise
+        if status or not path.is_file() or path.stat().st_size > LARGEST:
+            needed = f"0 and an answer of at most {LARGEST} bytes, not {status}"
+            raise CannotAnswer(f"needed is exit status {needed}: {said.read_bytes()[-200:]!r}")
+        return _checked(path.read_bytes())
 
 
-def with_allan_variance(y, dt):
-    """Fit five terms with the package allan-variance, its own settings; as `with_allantools`."""
-    import allan_variance
-
-    tau, variance = allan_variance.compute_avar(y, dt)
-    fitted, _ = allan_variance.estimate_parameters(tau, variance)
-    return _of_five(tau, fitted.to_numpy())
-
-
-def with_five_coefficients(y, dt):
-    """Fit the five coefficients of IEEE 952, weighted by standard error; as `with_allantools`."""
-    curve = allan_deviation(y, dt)
-    return _of_five(curve.tau, list(recipes.five_coefficients(curve).values()))
-
-
-def _of_five(tau, fitted):
-    found = np.where(_made_up(fitted, _shapes(tau)), fitted, 0.0)[1:]  # without quantisation
-    return {p: (float(v), np.nan, np.nan) for p, v in zip(COMPARED, found, strict=False)}
+def _checked(text):
+    """Read an answer, and refuse one that is not of the form in the docstring of this module."""
+    try:
+        found = {p: numbers for p, numbers in json.loads(text).items() if numbers is not None}
+        found = {p: (*np.array(x[:3], dtype=float), any(x[3:])) for p, x in found.items()}
+        good = set(found) <= {*COMPARED}
+        good &= not any(low > high for _, low, high, _ in found.values())
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError):
+        good = False
+    if not good:
+        raise CannotAnswer(f"needed is {{parameter: [value, low, high]}}, not {text[:200]!r}")
+    return found
 
 
-def _shapes(tau):
-    """Allan variance of quantisation, N, B, K and ramp of size one, shape (5, k)."""
-    return np.stack([3 / tau**2, 1 / tau, np.full(len(tau), FLICKER**2), tau / 3, tau**2 / 2])
-
-
-def _made_up(coefficients, shapes):
-    """Whether each term makes up 1 % of the sum at some averaging time."""
-    terms = np.square(coefficients)[:, None] * shapes
-    return (terms >= LEAST * terms.sum(axis=0)).any(axis=1)
-
-
-OTHERS = {
-    "allantools, least squares": with_allantools,
-    "allan-variance": with_allan_variance,
-    "IEEE 952, five coefficients": with_five_coefficients,
-}
-
-
-def simulated(log, *, name):
+def simulated(log, *, model, dt, kind, hours, entries=()):
     """Simulate one log of a sensor, and read it by every method.
+
+    Parameters
+    ----------
+    log : tuple
+        run, stream.
+    model : UnifiedModel, Gyro or Broken
+        Read as a rate, whatever its kind.
+    dt, hours : float
+    entries : sequence of (str, str)
+        Names and commands.
 
     Returns
     -------
     list of dict
-        run, method, parameter, truth, value (0 or NaN: none), low, high, seconds (of the method for
-        the log, processor time).
+        run, method, seconds (processor time), fault (why there is no answer), parameter, truth,
+        value (0 or NaN: none), low, high, warned.
     """
-    run, stream = log
-    sensor, dt, _ = coverage.models()[name]
-    truth, rng = coverage.truths(sensor, dt), np.random.default_rng(stream)
-    y = sensor.simulate(round(3600 * HOURS / dt), dt, rng)
-    seed, rows = int(rng.integers(2**32)), []
-    for method, read in (OTHERS | {OURS: partial(_ours, seed=seed)}).items():
-        begun = time.process_time()
-        found = read(y, dt)
-        seconds = time.process_time() - begun
-        for p, (value, low, high) in found.items():
-            row = {"run": run, "method": method, "parameter": p, "truth": truth[p]}
-            rows.append(row | {"value": value, "low": low, "high": high, "seconds": seconds})
+    rng, rows = np.random.default_rng(log[1]), []
+    y = model.simulate(round(3600 * hours / dt), dt, rng)
+    truth = coverage.truths(getattr(model, "truth", model), dt)
+    methods = {method: partial(read, y[np.isfinite(y)]) for method, read in OTHERS.items()}
+    methods[OURS] = partial(_ours, y, seed=int(rng.integers(2**32)))
+    methods |= {name: partial(answered, command, y) for name, command in entries}
+    for method, read in methods.items():
+        begun, found, fault = os.times(), {}, ""
+        try:
+            found = read(dt)
+        except (CannotAnswer, OSError, RuntimeError, ValueError, TimeoutExpired) as error:
+            fault = str(error)
+        seconds = sum(os.times()[:4]) - sum(begun[:4])  # with the commands that ended
+        row = {"run": log[0], "method": method, "seconds": seconds}
+        for p in COMPARED:
+            numbers = dict(zip(NUMBERS, (*found.get(p, (np.nan,) * 3), False), strict=False))
+            rows.append(row | {"fault": fault, "parameter": p, "truth": truth[p]} | numbers)
     return rows
 
 
 def _ours(y, dt, *, seed):
-    rng = np.random.default_rng(seed)
-    channel = characterise(y, dt, name="gyro", unit="deg/s", kind="rate", rng=rng)
-    known = {p: (e.value, e.low, e.high) for p, e in channel.parameters.items() if p in COMPARED}
-    return {p: np.array(numbers, dtype=float) for p, numbers in known.items()}  # None: NaN
+    """Characterise as `report` does, which would refuse an angle whose unit is that of a rate."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
+    c = characterise(y, dt, name="gyro", unit="deg/s", kind="rate", rng=rng)
+    told, found = bool(c.fit["disturbances"]), c.parameters
+    return {p: (e.value, e.low, e.high, told or INSTEAD in e.note) for p, e in found.items()}
 
 
 def summary(rows):
-    """Compare the methods on the simulated logs of one sensor.
+    """Score the methods on the logs of one sensor, and tell which gave no answer, and why.
 
     Returns
     -------
     DataFrame
-        method, parameter, runs; held (share of the given intervals that hold the truth; empty
-        without intervals); median of value / truth; seconds (median, of a log); first, the value of
-        log 0.
+        method, parameter, truth, runs; given, silent, warned (shares of the logs with a value, a
+        silent error, a value that is warned of); held (share of the given intervals that hold the
+        truth; empty without any) with its binomial 95 % interval held_low, held_high
+        (Clopper-Pearson); width, median (those of (high - low) / truth and of value / truth);
+        seconds (median, of a log); first, the value of log 0.
     """
-    value, truth, of = rows["value"], rows["truth"], ["method", "parameter"]
-    given, bounded = value.abs() > 0, rows.groupby(of)["low"].transform("any")
-    held = truth.between(rows["low"], rows["high"]).astype(float)
-    judged = rows.assign(
-        held=held.where(given & bounded), ratio=(value / truth).where(given & (truth > 0))
-    )
-    table = judged.groupby(of, sort=False).agg(
-        runs=("run", "size"),
-        held=("held", "mean"),
-        median=("ratio", "median"),
-        seconds=("seconds", "median"),
-        first=("value", lambda values: values.iloc[0]),
-    )
-    return table.reset_index().assign(runs=rows["run"].nunique())
+    of, runs = ["method", "parameter"], rows["run"].nunique()
+    for method, logs in rows[rows["fault"] != ""].groupby("method"):
+        run, fault = logs.iloc[0][["run", "fault"]]
+        count = f"{logs['run'].nunique()} of {runs} logs"
+        print(f"{method}: no answer to {count}; log {run}: {fault}", file=sys.stderr)
+    rows = rows.astype(dict.fromkeys(NUMBERS[:3], float))
+    value, low, high, truth = (rows[key] for key in (*NUMBERS[:3], "truth"))
+    given, within = np.isfinite(value) & (value != 0), truth.between(low, high)
+    known, ratio = given & (truth > 0), value / truth
+    silent = given & ~((ratio - 1).abs() <= OFF) & ~within & ~rows["warned"]
+    judged = {"given": given, "silent": silent, "warned": given & rows["warned"]}
+    judged["held"] = within.where(given & low.notna()).astype(float)
+    judged |= {"width": ((high - low) / truth).where(known), "median": ratio.where(known)}
+    grouped = rows.assign(**judged).groupby(of, sort=False)
+    shares = {key: (key, "mean") for key in ("given", "silent", "warned", "held")}
+    medians = {key: (key, "median") for key in ("width", "median", "seconds")}
+    first = {"first": ("value", lambda values: values.iloc[0])}
+    table = grouped.agg(truth=("truth", "first"), **shares, **medians, **first).reset_index()
+    ends = [
+        share(held.dropna()) if held.count() else Estimate(None, None, None)
+        for _, held in grouped["held"]
+    ]
+    low, high = np.array([(e.low, e.high) for e in ends], dtype=float).T
+    return table.assign(runs=runs, held_low=low, held_high=high)
 
 
-def study(folder=FOLDER, **where):
+def study(folder=FOLDER, *, entries=(), names=None, runs=None, **where):
     """Read simulated logs by every method, and write a table a sensor.
 
     A table that is there with as many logs is kept: a killed study goes on where it stopped.
@@ -175,6 +201,12 @@ def study(folder=FOLDER, **where):
     Parameters
     ----------
     folder : Path
+    entries : sequence of str
+        NAME=COMMAND, read beside the methods of `entries`.
+    names : sequence of str, optional
+        Of sensors.
+    runs : int, optional
+        Logs of each.
     **where
         As for `studies.cells.compute`.
     """
@@ -182,15 +214,21 @@ def study(folder=FOLDER, **where):
         versions = {peer: importlib.metadata.version(peer) for peer in PEERS}
     except importlib.metadata.PackageNotFoundError as error:
         raise CannotAnswer(f"{error.name} is not installed; `make install` installs it") from error
-    tables = {}
-    for name, runs in SENSORS.items():
-        logs = list(enumerate(coverage.streams(name, runs)))
-        tables[name] = Cell(partial(simulated, name=name), logs, summary, {"sensor": name})
+    commands = dict(entry.partition("=")[::2] for entry in entries)
+    for name, command in commands.items():
+        if name in ("", OURS, *OTHERS) or not {"{log}", "{answer}"} <= set(command.split()):
+            raise WrongUsage(f"--entry {name}={command}: write {ENTRY}, and a new name")
     source = {
         "title": "This package beside other ways to read a static log",
         "made_by": "python -m analysis coverage beside --out FOLDER",
         "seed": coverage.SEED,
-        "hours": HOURS,
         "versions": versions,
+        "entries": commands,
     }
-    tabulate(folder, source, tables, **where)
+    there = (folder / "source.json").exists() and store.read(folder.resolve()).source
+    if there and there["entries"] != commands:
+        raise WrongUsage(f"{folder} has the answers of other entries: name another --out")
+    known = {name: (coverage.models() | coverage.broken())[name] for name in SENSORS}
+    planned = [(name, HOURS, runs or SENSORS.get(name, 1)) for name in names or SENSORS]
+    work = partial(simulated, entries=tuple(commands.items()))
+    coverage.run(folder, source, known, work, summary, planned, (HOURS,), **where)

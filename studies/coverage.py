@@ -445,11 +445,11 @@ def run(
     **where
         As for `studies.cells.compute`.
     """
-    unknown = [name for name in names or () if name not in known]
-    if unknown:
-        raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(known)}")
     if runs or hours or names:
         planned = [(name, h, runs or 500) for h in hours or lengths for name in names or known]
+    unknown = [name for name, _, _ in planned if name not in known]
+    if unknown:
+        raise WrongUsage(f"no model '{unknown[0]}'; there are: {', '.join(known)}")
     cells = {}
     for name, h, n in planned:
         model, dt, kind = known[name]

@@ -467,8 +467,9 @@ def plan(rate, white, sigma=None, time=None, flicker=None, walk=None, within=20.
 
 @_verb
 def coverage(
-    out, study="intervals", runs=None, hours=None, models=None, workers=None, scheduler=None
-):
+    out, study="intervals", runs=None, hours=None, models=None, entry=(), workers=None,
+    scheduler=None,
+):  # fmt: skip
     """Count how often the 95 % intervals hold the truth.
 
     \b
@@ -476,6 +477,7 @@ def coverage(
     python -m analysis coverage broken --out mine     warm-up, step, motion ...: robustness
     python -m analysis coverage real --out mine       segments of real logs: repeatability
     python -m analysis coverage beside --out mine     other tools: beside-others
+    python -m analysis coverage beside --entry own='./own {log} {answer}' --out mine
     python -m analysis coverage hats --out mine       three units side by side: hat-coverage
     python -m analysis coverage ensembles --out mine  of the papers' logs: ensembles
     python -m analysis coverage --runs 20 --hours 1 --models midg-roll,walk --out mine --workers 2
@@ -483,7 +485,8 @@ def coverage(
     Simulates logs of known sensors, the eight of the papers and five others (flicker, walk,
     two-biases, weak-bias, weak-walk), fits each, and counts how often an interval holds the true
     value: about an hour on two cores. --runs, --hours and --models go with this study and with
-    broken. A table that exists with as many logs is kept, so a study that was stopped resumes.
+    broken, --runs, --models and --entry with beside. A table that exists with as many logs is kept,
+    so a study that was stopped resumes.
     """
     from studies import beside_others, ensembles, repeatability
     from studies import coverage as simulated
@@ -499,10 +502,11 @@ def coverage(
     given = {"runs": runs} if runs else {}
     given |= {"hours": _numbers(hours)} if hours else {}
     given |= {"names": models.split(",")} if models else {}
-    if given and study not in ("intervals", "broken"):
-        raise WrongUsage(
-            f"coverage {study} has no other options than --workers, --scheduler, --out"
-        )
+    given |= {"entries": entry} if entry else {}
+    takes = {"beside": ("runs", "names", "entries")}
+    takes |= dict.fromkeys(("intervals", "broken"), ("runs", "hours", "names"))
+    if set(given) - {*takes.get(study, ())}:
+        raise WrongUsage(f"coverage {study} has fewer options: see coverage --help")
     run(folder=Path(out), workers=workers, scheduler=scheduler, **given)
     print(f"the tables are in {out}/")
 
