@@ -1,9 +1,12 @@
 """What CONTRIBUTING.md tells: each thing added in a temporary copy, rightly and wrongly."""
 
 import re
+import shlex
+import sys
 import tomllib
 
 import nbformat
+import pandas as pd
 import pytest
 from test_project import HEADER, form_faults
 from test_published import CLAIMS, claim_faults
@@ -88,6 +91,19 @@ def test_a_claim(tmp_path, monkeypatch):
     monkeypatch.setenv("COMPENDIUM_FIGURES", str(tmp_path))
     assert claims.Ledger("99-test").check(ROW["id"], 1.8, 1.6, 2.0) == "reproduced"
     assert claims.verdicts().loc[ROW["id"], "reproduced"] == "× 1.8 (× 1.6 to 2)"
+
+
+def test_an_estimator(tmp_path, monkeypatch):
+    """property: the page's script, entered by the page's command, gives N and nothing else."""
+    pytest.importorskip("allan_variance")
+    monkeypatch.chdir(tmp_path)
+    script, command = re.findall(r"```(?:python|sh)\n(.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "mine.py").write_text(script)
+    words = command.replace("'python ", f"'{sys.executable} ").replace("--runs 3", "--runs 1")
+    assert cli.main([*shlex.split(words)[3:], "--workers", "1"]) == 0
+    rows = pd.read_csv("try/walk-2h.csv").set_index(["method", "parameter"]).loc["mine"]
+    assert rows.loc["arw", ["given", "held", "width"]].round(2).to_list() == [1, 1, 0.02]
+    assert (rows["given"].drop("arw") == 0).all()
 
 
 def test_a_notebook(tmp_path):
