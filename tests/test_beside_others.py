@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from scipy.stats import binom
 
-from analysis import CannotAnswer, WrongUsage, store
+from analysis import CannotAnswer, store
 from analysis.noise import UnifiedModel
 from studies import beside_others, coverage, entries
 
@@ -120,14 +120,6 @@ def test_a_command_that_fails_or_hangs(monkeypatch):
     monkeypatch.setattr(beside_others, "PATIENCE", 0.5)
     with pytest.raises(TimeoutExpired):
         _answered("os.system('sleep 60 | sleep 60')")
-
-
-@pytest.mark.parametrize("entry", ["x", "x=echo", "=e {log} {answer}", "GMWM=e {log} {answer}"])
-def test_an_entry_that_cannot_be(entry, tmp_path):
-    """property: no command, no files or a name that is taken: told before anything is written."""
-    with pytest.raises(WrongUsage, match="and a new name"):
-        beside_others.study(tmp_path / "x", entries=[entry])
-    assert not (tmp_path / "x").exists()
 
 
 def test_one_log_of_each_method_again(stored):

@@ -93,11 +93,12 @@ def test_some_logs_of_the_study_again(study):
 @pytest.mark.parametrize(
     "arguments",
     ["--hours two", "--runs 0", "--hours -1", "--models x", "--workers 0", "real --runs 3", "flat",
-     "beside --hours 2", "beside --models weak-walk", "hats --entry x=y"],
+     "beside --hours 2", "beside --models weak-walk", "hats --entry x=y",
+     "beside --entry x=echo", "beside --entry GMWM=e\t{log}\t{answer}"],
 )  # fmt: skip
 def test_wrong_usage(arguments, tmp_path, capsys):
     """property: what makes no study, or two, is refused in a sentence, and nothing is written."""
-    assert main(["coverage", *arguments.split(), "--out", str(tmp_path / "x")]) == 2
+    assert main(["coverage", *arguments.split(" "), "--out", str(tmp_path / "x")]) == 2
     assert re.search("wrong usage|Invalid value|unexpected", capsys.readouterr().err)
     assert not (tmp_path / "x").exists()
 
