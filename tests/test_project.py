@@ -179,6 +179,14 @@ def form_faults(path):
     return [rule for rule, kept in rules.items() if not kept]
 
 
+def test_the_readme_tells_the_counts_of_reliability():
+    """cross-check: how many were tried and failed, and with which command."""
+    readme, kept = (ROOT / "README.md").read_text(), pd.read_csv(ROOT / "tests/reliability.csv")
+    for row in kept.itertuples():
+        said = rf"\| {row.what}: .* \| {row.tried:,} \| {row.failed} \| `{row.command}` \|"
+        assert re.search(said, readme), row.what
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_notebook_form(path):
     """property: title, six lines, parameters, executed cells of a readable length, no error."""
