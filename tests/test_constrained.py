@@ -1,7 +1,9 @@
 """The constrained filter: strapdown INS with the non-holonomic constraint, on known motions."""
 
 import math
+from copy import copy as shallow
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -13,6 +15,7 @@ from analysis import STANDARD_GRAVITY, WrongUsage, wrap
 from analysis.tracker import constrained
 from analysis.tracker.constrained import ACCEL, GYRO, MOUNT, PLACE, SPEED, STATES, TILT
 from analysis.tracker.device import Options
+from analysis.tracker.lever import Levered
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import ImuErrors, scenario
 from analysis.tracker.smoother import Recorded
@@ -21,9 +24,9 @@ from sensorlogs.timeline import inject_outages
 EYE = np.eye(3).tolist()
 
 
-def under_way(seed=0):
+def under_way(seed=0, kind=constrained.Constrained):
     """Start at a random attitude and velocity, with a random way of sitting in the car."""
-    rng, block = np.random.default_rng(seed), constrained.Constrained()
+    rng, block = np.random.default_rng(seed), kind()
     down = np.array([0.1, -0.05, 1.0]) / np.linalg.norm([0.1, -0.05, 1.0])
     C = constrained.turned(constrained.turned(EYE, *rng.normal(0, 0.3, 3)), 0.0, 0.0, 0.5)
     bias = rng.normal(0, 0.01, 3).tolist()
@@ -34,12 +37,11 @@ def under_way(seed=0):
 
 def nominal(block):
     """Copy the state of a block: place, velocity, attitude, biases, how it sits in the car."""
-    copy = constrained.Constrained()
+    copy = shallow(block)
     for name in ("position", "velocity", "gyro_bias", "accel_bias"):
         setattr(copy, name, list(getattr(block, name)))
     copy.C_nb, copy.C_vb = ([list(row) for row in C] for C in (block.C_nb, block.C_vb))
     copy.P = [list(row) for row in block.P]
-    copy.lever, copy._rate = block.lever, list(block._rate)
     copy._error = [0.0] * STATES
     copy._wait()
     return copy
@@ -122,8 +124,8 @@ def test_the_constraint_is_the_derivative_of_the_sideways_velocity(axis):
 
 def test_a_fix_of_the_antenna_is_the_derivative_of_its_place():
     """cross-check: rows of H against differences; the arm of a car that turns moves the antenna."""
-    block, size, taken = under_way(), 1e-6, []
-    block.lever, block._rate = (1.5, -0.4, -0.9), [0.1, -0.2, 0.7]
+    block, size, taken = under_way(kind=partial(Levered, lever=(1.5, -0.4, -0.9))), 1e-6, []
+    block._rate = [0.1, -0.2, 0.7]
     off = [np.subtract(moved(block, size * unit).antenna, block.antenna) for unit in np.eye(STATES)]
     earlier, dt = np.array(block.antenna), 1e-4
     block._take = lambda *number: taken.append(number)
@@ -331,7 +333,7 @@ def test_a_lever_arm_that_is_told_does_no_harm(town):
     last = np.searchsorted(gnss.t_s, starts + 30.0) - 1
     for of, ahead, told in ((gnss, 0.0, 0.0), (moved_there, 1.0, 4.0), (moved_there, 1.0, 0.0)):
         log = inject_outages(replace(town.log, gnss=of), [(t, t + 30.0) for t in starts])
-        c = replay(log, Options(filter="car", lever=(told, 0.0, 0.0))).columns
+        c = replay(log, Options(filter="car"), lever=(told, 0.0, 0.0)).columns
         errors = np.array(town.output_error(c)) - ahead * place[:, :2].T
         ends.append(np.hypot(*errors[:, last]).mean())
     above, told, untold = ends

@@ -43,23 +43,20 @@ class Constrained:
     ----------
     number : type
         Of every state: float, or np.float32 as a small device would.
-    lever : sequence of 3 floats
-        From the sensor to the antenna, forward, right and down in the car, m.
 
     Attributes
     ----------
     started : bool
     position, velocity : list of floats
-        Of the sensor: north, east (and down for the velocity), m and m/s.
+        North, east (and down for the velocity), m and m/s.
     C_nb : list of 3 lists of 3 floats
         North, east and down in body axes.
     C_vb : list of 3 lists of 3 floats
         The car's axes forward, right and down in body axes.
     """
 
-    def __init__(self, number=float, lever=(0.0, 0.0, 0.0)):
+    def __init__(self, number=float):
         self.number = number
-        self.lever = lever if any(lever) else None
         self.started = False
 
     def start(self, position, velocity, attitude, mount, sigma_p, sigma_v, doubt=(0.0, 0.0)):
@@ -68,7 +65,7 @@ class Constrained:
         Parameters
         ----------
         position, velocity : sequence of float
-            Of the antenna, north and east, m and m/s.
+            North and east, m and m/s.
         attitude : tuple
             C_nb by block 2, its bias of the gyro (rad/s), and down of the upright car in body axes.
         mount : float
@@ -79,7 +76,7 @@ class Constrained:
             Variances of tilt (rad^2) and bias (rad^2/s^2) by block 2, if above those of `START`.
         """
         number = self.number
-        self.position = [number(p) for p in position]
+        self.position = [number(p) for p in position[:2]]
         self.velocity = [number(velocity[0]), number(velocity[1]), number(0)]
         C_nb, bias, down = attitude
         self.C_nb = [[number(c) for c in row] for row in C_nb]
@@ -90,9 +87,6 @@ class Constrained:
         tilt, yaw, gyro, accel, pitch, mounting = START
         tilt, gyro = max(tilt, math.sqrt(doubt[0])), max(gyro, math.sqrt(doubt[1]))
         sigmas = [sigma_p] * 2 + [sigma_v] * 2 + [1.0, tilt, tilt, yaw] + [gyro] * 3 + [accel] * 3
-        self._rate = [number(0)] * 3
-        arm = self._arm()[0]
-        self.position = [self.position[i] - arm[i] for i in (0, 1)]
         self.P = [[number(0)] * STATES for _ in range(STATES)]
         sigmas += [pitch, mounting]
         for i, sigma in enumerate(sigmas):
@@ -116,8 +110,7 @@ class Constrained:
             Block 3 judges the vehicle static.
         """
         half = 0.5 * dt
-        self._rate = [w - o for w, o in zip(gyro_b, self.gyro_bias)]
-        a, b, c = (half * w for w in self._rate)
+        a, b, c = (half * (w - o) for w, o in zip(gyro_b, self.gyro_bias))
         scale = 2 / (1 + (a * a + b * b + c * c))
         fx, fy, fz = (f - o for f, o in zip(accel_b, self.accel_bias))
         velocity, total = self.velocity, self._force
@@ -145,31 +138,17 @@ class Constrained:
     def update(self, position, velocity, sigma_p, sigma_v):
         """Take in a fix: position and velocity (sequences, north and east), each may be None."""
         self._carry()
-        at, swing = self._arm()
-        fix = (PLACE, position, self.position, at, sigma_p), (
-            SPEED, velocity, self.velocity, swing, sigma_v,
-        )  # fmt: skip
-        for first, z, now, (n, e, d), sigma in fix:
+        fix = (PLACE, position, self.position, sigma_p), (SPEED, velocity, self.velocity, sigma_v)
+        for first, z, now, sigma in fix:
             if z is not None:
-                turns = (((TILT + 1, d), (TILT + 2, -e)), ((TILT, -d), (TILT + 2, n)))
-                for i, arm in ((0, n), (1, e)):
-                    terms = ((first + i, 1.0),) + (turns[i] if self.lever else ())
-                    self._take(terms, z[i] - now[i] - arm, sigma * sigma)
+                for i in (0, 1):
+                    self._take(((first + i, 1.0),), z[i] - now[i], sigma * sigma)
         self._apply()
-
-    def _arm(self):
-        """Give where the antenna is from the sensor, and how that moves: north, east, down."""
-        if not self.lever:
-            return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        arm = [dot(self.lever, [axis[k] for axis in self.C_vb]) for k in (0, 1, 2)]
-        swing = cross(self._rate, arm)
-        return [dot(row, arm) for row in self.C_nb], [dot(row, swing) for row in self.C_nb]
 
     @property
     def antenna(self):
         """Where the antenna is: north, east, m."""
-        arm = self._arm()[0]
-        return [self.position[i] + arm[i] for i in (0, 1)]
+        return self.position
 
     @property
     def ellipse(self):

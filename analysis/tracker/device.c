@@ -873,16 +873,6 @@ typedef struct {
   number coefficient;
 } Term;
 
-// Where the antenna is from the sensor, and how that moves (Constrained._arm).
-static bool car_arm(const Constrained *b, number at[3], number swings[3]) {
-  static const number lever[] = OPTIONS_LEVER;
-  number arm[3], swing[3];
-  EACH(k, 3) arm[k] = lever[0] * b->C_vb[0][k] + lever[1] * b->C_vb[1][k] + lever[2] * b->C_vb[2][k];
-  cross(swing, b->rate, arm);
-  EACH(i, 3) at[i] = dot(b->C_nb[i], arm), swings[i] = dot(b->C_nb[i], swing);
-  return dot(lever, lever) > 0;
-}
-
 static void car_wait(Constrained *b) { b->seconds = 0, zero(b->force), zero(b->turned); }
 
 static void car_start(Constrained *b, const number position[3], const number velocity[2],
@@ -896,9 +886,6 @@ static void car_start(Constrained *b, const number position[3], const number vel
   cross(b->C_vb[1], down, b->C_vb[0]);
   copy(b->C_vb[2], down);
   copy(b->gyro_bias, attitude->bias.x);
-  number at[3], swing[3];
-  car_arm(b, at, swing);
-  EACH(i, 2) b->position[i] -= at[i];
   number doubt = attitude->bias.P[0][0];
   EACH(i, 3) doubt = most(doubt, attitude->bias.P[i][i]);
   number tilt = most(start[0], root(attitude->tilt.p)), gyro = most(start[2], root(doubt));
@@ -1031,8 +1018,7 @@ static void car_constrain(Constrained *b, bool is_static) {
 static void car_sample(Constrained *b, const number gyro[3], const number accel[3], number dt,
                        bool is_static) {
   number half = R(0.5) * dt, a[3], f[3], before[2] = {b->velocity[0], b->velocity[1]};
-  EACH(k, 3) b->rate[k] = gyro[k] - b->gyro_bias[k], f[k] = accel[k] - b->accel_bias[k];
-  EACH(k, 3) a[k] = half * b->rate[k];
+  EACH(k, 3) a[k] = half * (gyro[k] - b->gyro_bias[k]), f[k] = accel[k] - b->accel_bias[k];
   EACH(i, 3) {
     cayley(b->C_nb[i], a);
     number step = dt * dot(b->C_nb[i], f);
@@ -1048,31 +1034,11 @@ static void car_sample(Constrained *b, const number gyro[3], const number accel[
   }
 }
 
-// A coordinate of the antenna, north or east; an arm turns with the attitude.
-static void car_take_at(Constrained *b, int state, const number *arm, number residual,
-                        number sigma) {
-  Term terms[3] = {{state, 1}};
-  bool east = state == PLACE + 1 || state == SPEED + 1;
-  if (arm) {
-    terms[1] = east ? (Term){TILT, -arm[2]} : (Term){TILT + 1, arm[2]};
-    terms[2] = (Term){TILT + 2, east ? arm[0] : -arm[1]};
-  }
-  car_take(b, terms, arm ? 3 : 1, residual, sigma * sigma);
-}
-
 static void car_update(Constrained *b, const number *position, const number *velocity,
                        number sigma_p, number sigma_v) {
   car_carry(b);
-  number at[3], swing[3];
-  bool lever = car_arm(b, at, swing);
-  if (position) EACH(i, 2) {
-    number off = position[i] - b->position[i] - at[i];
-    car_take_at(b, PLACE + i, lever ? at : NULL, off, sigma_p);
-  }
-  if (velocity) EACH(i, 2) {
-    number off = velocity[i] - b->velocity[i] - swing[i];
-    car_take_at(b, SPEED + i, lever ? swing : NULL, off, sigma_v);
-  }
+  if (position) EACH(i, 2) car_take_one(b, PLACE + i, position[i] - b->position[i], sigma_p);
+  if (velocity) EACH(i, 2) car_take_one(b, SPEED + i, velocity[i] - b->velocity[i], sigma_v);
   car_apply(b);
 }
 
@@ -1386,9 +1352,7 @@ static void device_fuse(Device *d, const Epoch *e, const number *fix, bool movin
   if (layer) {
     device_put_out(d, rest);
   } else if (car && (fix || bridged)) {
-    number at[3], swing[3];
-    car_arm(car, at, swing);
-    number ned[3] = {car->position[0] + at[0], car->position[1] + at[1], block->position[2]};
+    number ned[3] = {car->position[0], car->position[1], block->position[2]};
     device_put_out(d, ned);
   } else if (!d->last.accepted || bridged) {
     device_put_out(d, block->position);

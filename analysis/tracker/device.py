@@ -58,8 +58,6 @@ class Options:
         Longest outage that the fusion filter carries the position through; then it holds.
     coast_s : float
         The same without the fusion filter, at constant velocity.
-    lever : sequence of 3 floats
-        From the IMU to the antenna, forward, right and down in the car, m (filter for cars).
 
     The others are the thresholds of the blocks, each set in the class of its block, SI too: m, s,
     m/s, m/s^2, rad (``theta_alpha`` rad^2).
@@ -93,7 +91,6 @@ class Options:
     sigma_unaided = 1.0
     bridge_s = 60.0
     coast_s = 10.0
-    lever = 0.0, 0.0, 0.0
 
     def __init__(self, **changed):
         configure(self, changed)
@@ -153,8 +150,7 @@ class Device:
         self.fusion = Fusion(on.number) if fuses else None
         self.coast_s = 0.0 if on.filter == "none" else on.coast_s
         self.last.bridged_s = on.bridge_s if self.fusion else self.coast_s
-        car = self.fusion and on.filter == "car"
-        self.constrained = Constrained(on.number, on.lever) if car else None
+        self.constrained = Constrained(on.number) if self.fusion and on.filter == "car" else None
         self.ned = (0.0, 0.0, 0.0) if stored else None
         self._t_imu = self._t_fusion = self._t_epoch = None
         self._t_fix = -math.inf
@@ -413,8 +409,7 @@ class Device:
         if layer:
             self.ned = rest
         elif car and (fix or epoch.t_s - self._t_fix <= self.options.bridge_s):
-            north, east = car.antenna
-            self.ned = north, east, block.position[2]
+            self.ned = tuple(car.antenna) + (block.position[2],)
         elif not self.last.accepted or epoch.t_s - self._t_fix <= self.options.bridge_s:
             self.ned = tuple(float(p) for p in block.position)
 

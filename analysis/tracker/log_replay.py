@@ -1,6 +1,7 @@
 """A whole log through the device: the track, one row for each GNSS epoch, its summary and notes."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 
@@ -13,6 +14,7 @@ from analysis.tracker.attitude import GAP_S, angles
 from analysis.tracker.constrained import PLACE, TILT, angle_sigmas, turned
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
 from analysis.tracker.last_position import LOST_S, PDOP_WAIT_S, SLOW, Stored
+from analysis.tracker.lever import NO_LEVER, Levered
 from analysis.tracker.motion import Vehicle, by_positions, time_lag, vehicle
 from analysis.tracker.mounting import Straight
 from analysis.tracker.smoother import Recorded
@@ -60,6 +62,7 @@ def replay(
     options: Options | None = None,
     stored: Stored | None = None,
     *,
+    lever: Sequence[float] = NO_LEVER,
     smooth: bool = False,
     progress: bool = False,
 ) -> Track:
@@ -71,6 +74,9 @@ def replay(
     options : Options, optional
     stored : Stored, optional
         Position that an earlier run left.
+    lever : sequence of 3 floats
+        From the IMU to the antenna, forward, right and down in the car, m; needs the filter for
+        cars.
     smooth : bool
         Look back from the end of the drive; needs the filter for cars.
     progress : bool
@@ -90,7 +96,7 @@ def replay(
     if options.filter == "auto":
         used = "car" if moves.kind == "car" else "block6"
         options = Options(**options.changed | {"filter": used})
-    for flag, asked in (("--smooth", smooth), ("--lever", any(options.lever))):
+    for flag, asked in (("--smooth", smooth), ("--lever", any(lever))):
         if asked and options.filter != "car":
             raise WrongUsage(
                 f"{flag} belongs to the filter for cars, and here {options.filter} is used: "
@@ -99,7 +105,9 @@ def replay(
     rows, unexplained, marks = [], [], []
     devices: list[Device] = []
     straights: list[Straight] = []
-    for epoch, row, device, _ in stepped(timeline, options, stored, smooth, progress=progress):
+    for epoch, row, device, _ in stepped(
+        timeline, options, stored, smooth, lever, progress=progress
+    ):
         if device not in devices[-1:]:
             devices.append(device)
         if device.mounting.straight not in (None, *straights[-1:]):
@@ -122,6 +130,7 @@ def replay(
     units = {k: f"{k}_deg" for k in turned_by} | {"ax": "ax_m_s2", "ay": "ay_m_s2"}
     summary = _summary(timeline, options, columns, devices, len(straights))
     summary["filter"] = {"used": device.bridges, "motion": moves.kind, "smoothed": smooth}
+    summary["lever_m"] = [*lever]
     summary["filter"] |= {
         "sideways": [moves.sideways.value, moves.sideways.low, moves.sideways.high]
     }
@@ -157,12 +166,12 @@ def motion(timeline: Timeline) -> tuple[Estimate, Vehicle]:
     return lag, vehicle(gnss, replace(imu, t_s=imu.t_s + (lag.value or 0.0)))
 
 
-def stepped(timeline, options, stored=None, smooth=False, *, progress=False):
+def stepped(timeline, options, stored=None, smooth=False, lever=NO_LEVER, *, progress=False):
     """Run a log epoch by epoch, for what needs to look inside the device.
 
     Parameters
     ----------
-    timeline, options, stored, smooth, progress
+    timeline, options, stored, smooth, lever, progress
         As of `replay`.
 
     Yields
@@ -180,7 +189,9 @@ def stepped(timeline, options, stored=None, smooth=False, *, progress=False):
     def switched_on(left):
         device = Device(options, left, has_imu)
         if smooth and device.constrained:
-            device.constrained = Recorded(options.number, options.lever)
+            device.constrained = Recorded(options.number, lever)
+        elif any(lever) and device.constrained:
+            device.constrained = Levered(options.number, lever)
         return device
 
     device, samples = switched_on(stored), _samples(timeline.imu, options.number)

@@ -12,10 +12,11 @@ before and after it, and F how errors are carried there.
 
 import numpy as np
 
-from analysis.tracker.constrained import STATES, Constrained
+from analysis.tracker.constrained import STATES
+from analysis.tracker.lever import Levered
 
 
-class Recorded(Constrained):
+class Recorded(Levered):
     """A constrained filter that keeps every step, a few times a second: 6 kB each."""
 
     def __init__(self, *given):

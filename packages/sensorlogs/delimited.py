@@ -238,10 +238,12 @@ def printable(text: str) -> str:
 
 def _names(fields: list[str]) -> tuple[str, ...]:
     """Return one name per column, none empty, none twice: ``c1``, ``c2`` where there is none."""
-    names: dict[str, None] = {}
+    names: list[str] = []
+    known: set[str] = set()  # of ten thousand columns, a list is slow to look through
     for number, field in enumerate(fields, 1):
         name = printable(field.strip().strip('"').strip()) or f"c{number}"
-        names[f"{name} (column {number})" if name in names else name] = None
+        names.append(f"{name} (column {number})" if name in known else name)
+        known.add(names[-1])
     return tuple(names)
 
 

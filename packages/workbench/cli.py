@@ -51,7 +51,10 @@ class Verbs(click.Group):
             return None
         except OSError as error:  # a full disk, a name that is too long
             at = error.filename or "the output"
-            sentence, status = f"cannot answer: {at}: {error.strerror}", 1
+            sentence, status = (
+                f"cannot answer: {at}: {error.strerror or error or type(error).__name__}",
+                1,
+            )
         print(sentence, file=sys.stderr)
         ctx.exit(status)
 

@@ -15,6 +15,7 @@ import pandas as pd
 from analysis import CannotAnswer, WrongUsage, wrap
 from analysis.tracker.evaluate import outage_errors
 from analysis.tracker.last_position import Stored
+from analysis.tracker.lever import NO_LEVER
 from analysis.tracker.log_replay import Options, motion
 from analysis.tracker.log_replay import replay as replay_log
 from sensorlogs.timeline import inject_outages
@@ -41,7 +42,7 @@ ANGLES = (  # column, its name on the page, colour, way to draw
 GPX = "http://www.topografix.com/GPX/1/1"
 
 
-def replay(log, out, *, outages=(), last_position=None, smooth=False, **options):
+def replay(log, out, *, outages=(), last_position=None, smooth=False, lever=NO_LEVER, **options):
     """Replay the tracker's blocks on a log and write what they did.
 
     Parameters
@@ -55,6 +56,8 @@ def replay(log, out, *, outages=(), last_position=None, smooth=False, **options)
         File that keeps the position between runs.
     smooth : bool
         Look back from the end of the drive; with the filter for cars.
+    lever : sequence of 3 floats
+        From the IMU to the antenna, forward, right and down in the car, m; with that filter.
     **options
         For `analysis.tracker.log_replay.Options`.
 
@@ -85,7 +88,7 @@ def replay(log, out, *, outages=(), last_position=None, smooth=False, **options)
         if moves.kind not in ("car", "open"):
             told = pages.phrase(pages.Said(moves.kind))
             raise CannotAnswer(f"--filter car: {told}; leave the option out")
-    ways = {"smooth": smooth, "progress": True}
+    ways = {"smooth": smooth, "lever": lever, "progress": True}
     track = replay_log(inject_outages(log, outages), Options(**options), stored, **ways)
     if outages and log.gnss:
         track.summary["outages"] = outage_errors(track, log.gnss, outages)

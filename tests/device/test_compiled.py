@@ -19,7 +19,6 @@ POSITION_M, ANGLE, VARIANCE, WITH_CAR = 2e-3, 6e-6, 3e-6, 5e-4
 LATER = {"real, a motorbike": (1e-2, 1)}
 AFTER_BROKEN_M = 2.0  # measured 1 m: an hour without fixes, where the position is known to 1e5 m
 FURTHER = (
-    {"filter": "car", "lever": (1.5, -0.4, -0.9)},
     {"filter": "none"},
     {"filter": "constant-velocity"},
     {"rest_blocks": 0},
