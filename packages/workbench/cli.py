@@ -51,10 +51,8 @@ class Verbs(click.Group):
             return None
         except OSError as error:  # a full disk, a name that is too long
             at = error.filename or "the output"
-            sentence, status = (
-                f"cannot answer: {at}: {error.strerror or error or type(error).__name__}",
-                1,
-            )
+            why = error.strerror or error or type(error).__name__
+            sentence, status = f"cannot answer: {at}: {why}", 1
         print(sentence, file=sys.stderr)
         ctx.exit(status)
 
