@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis import DATA, CannotAnswer, WrongUsage
+from analysis import DATA, CannotAnswer, WrongUsage, replacing
 
 __all__ = ["coverage", "ensemble", "names", "published", "read"]
 
@@ -70,7 +70,7 @@ def read(name: str | Path) -> Stored:
 
 
 def write(folder: Path, source: dict, tables: dict[str, pd.DataFrame]) -> None:
-    """Write a source and its tables; tables of an earlier run stay unless they have the same name.
+    """Write a source and its tables, or nothing; tables of other names stay.
 
     Parameters
     ----------
@@ -80,10 +80,11 @@ def write(folder: Path, source: dict, tables: dict[str, pd.DataFrame]) -> None:
         Plain numbers, words and lists of them.
     tables : dict of DataFrame
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "source.json").write_text(as_json(source), encoding="utf-8")
-    for name, table in tables.items():
-        write_table(folder / f"{name}.csv", table)
+    with replacing(folder) as draft:
+        draft.mkdir()
+        (draft / "source.json").write_text(as_json(source), encoding="utf-8")
+        for name, table in tables.items():
+            write_table(draft / f"{name}.csv", table)
 
 
 def write_table(path: Path, table: pd.DataFrame) -> None:

@@ -25,7 +25,7 @@ import pandas as pd
 import scipy
 from pynmeagps import GET, NMEAMessage
 
-from analysis import replacing, static_logs, store, terrain_data
+from analysis import static_logs, store, terrain_data
 from analysis.noise.allan import allan_deviation
 from analysis.noise.inference import infer
 from analysis.noise.models import UnifiedModel
@@ -320,8 +320,7 @@ def write(rows, folder):
     }
     table = pd.DataFrame([{"part": part, **measured._asdict()} for part, measured in rows])
     table["machine"] = f"{os.cpu_count()} cores ({processor()})"
-    with replacing(folder) as draft:
-        store.write(draft, source, {"benchmark": store.rounded(table, DIGITS)})
+    store.write(Path(folder), source, {"benchmark": store.rounded(table, DIGITS)})
 
 
 def processor():

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import sensorlogs as logs
-from analysis import replacing, static_logs, store, terrain_data
+from analysis import static_logs, store, terrain_data
 from sensorlogs.catalogue import load_catalogue
 from studies import real_laps, repeatability, rides, several_units, surveys, terrain_verdicts
 
@@ -86,8 +86,7 @@ def rebuild(name, *, write=False, progress=True):
         there = committed.is_dir()
         differences = store.compare(committed, Path(folder, name)) if there else ["not stored yet"]
     if write:
-        with replacing(committed) as draft:
-            store.write(draft, *made)
+        store.write(committed, *made)
         for path in committed.iterdir():
             if path.stem not in {"source", *made.tables}:
                 path.unlink()

@@ -26,7 +26,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from analysis import ROOT, STANDARD_GRAVITY, CannotAnswer, WrongUsage
-from sensorlogs import archives, datasets, formats, matrices, read, read_moving
+from sensorlogs import archives, datasets, delimited, formats, matrices, read, read_moving
 from workbench.cli import main
 
 RATE, ROWS, UNIX = 100.0, 400, 1.7e9
@@ -1054,9 +1054,12 @@ def test_json_loses_no_object(tmp_path):
         np.testing.assert_array_equal(times, start + np.arange(40))
 
 
-def test_a_table_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "rows"), [("Parquet", "400"), ("CSV and other delimited text", r"about [34]\d\d")]
+)
+def test_a_table_larger_than_the_memory_is_refused(name, rows, tmp_path, monkeypatch):
     """Property: its size is said before it is read, with the way out."""
-    path = write("Parquet", tmp_path)
-    monkeypatch.setattr(matrices, "LARGEST", 8 * ROWS * 3)
-    with pytest.raises(CannotAnswer, match=r"400 rows and 7 columns .* save fewer"):
+    path = write(name, tmp_path)
+    monkeypatch.setattr(delimited, "LARGEST", 8 * ROWS * 3)
+    with pytest.raises(CannotAnswer, match=rf"{rows} rows and 7 columns .* save fewer"):
         read(path)

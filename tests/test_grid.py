@@ -126,24 +126,6 @@ def test_stamps_that_cannot_be_used_name_their_row(t, row, words):
     assert caught.value.row == row
 
 
-def test_random_stamps_never_break_the_grid():
-    """Property: any stamps give a grid that holds every used row once, or `BadStamps`."""
-    rng = np.random.default_rng(6)
-    for _ in range(300):
-        n = int(rng.integers(1, 300))
-        step = rng.choice(
-            [0, 0.01, 0.01, 0.0101, 0.02, 3, -0.01, np.nan], n, p=rng.dirichlet([1] * 8)
-        )
-        try:
-            found = grid(np.cumsum(step), rng.random(n) < 0.5)
-        except times.BadStamps as refusal:
-            assert 0 <= refusal.row < n
-            continue
-        placed = found.place(np.arange(n, dtype=float))
-        assert len(placed) == found.size
-        np.testing.assert_array_equal(placed[np.isfinite(placed)], np.arange(n)[found.rows])
-
-
 @pytest.mark.parametrize(
     ("name", "unit", "time"),
     [

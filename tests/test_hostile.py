@@ -53,6 +53,27 @@ def test_output_that_cannot_be_written(to, status):
     assert ("cannot answer: the output: No space left" in run.stderr) == bool(status)
 
 
+FULL = (
+    "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (99, 99));"
+    "import sys, workbench.cli; sys.exit(workbench.cli.main())"
+)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "replay data/raw/gpsd/telit-he910.log",
+        "coverage --runs 2 --hours 0.1 --models midg-roll --workers 1",
+    ],
+)
+def test_a_disk_that_is_full_while_files_are_written(command, tmp_path):
+    """property: one sentence, status 1, and no file, whole or half."""
+    command = [sys.executable, "-c", FULL, *command.split(), "--out", str(tmp_path / "out")]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 1 and "cannot answer: the output: File too large" in run.stderr
+    assert not [p for p in tmp_path.rglob("*") if p.is_file()]
+
+
 def test_what_is_no_file(tmp_path, capsys):
     """property: a pipe, a link in a circle and a lost one are called what they are."""
     os.mkfifo(tmp_path / "pipe")

@@ -25,6 +25,7 @@ from tqdm import tqdm
 from sensorlogs import CannotAnswer, counted
 
 HEAD_BYTES, LONGEST_HEAD, FEWEST_LINES = 1 << 16, 1 << 22, 5
+LARGEST = 3 << 30  # bytes of numbers read at once
 HEAD_LINES = 50
 MISSING = {
     "", "-", "nan", "na", "n/a", "null", "none", "-nan", "nan(ind)", "-nan(ind)", "<na>", "#n/a",
@@ -310,8 +311,9 @@ def read_table(path: Path) -> Table:
     CannotAnswer
         If the file is empty, binary, or holds text where a number should be: file, line, column.
     """
-    layout = sniff(path)
-    bar = {"total": path.stat().st_size, **progress(path)}  # a packed file has more to read
+    layout, (head, _), size = sniff(path), _head(path), path.stat().st_size
+    check_size(path, size * len(head) // (len("\n".join(head)) + 1), len(layout.names), "about ")
+    bar = {"total": size, **progress(path)}  # a packed file has more to read
     is_cut = _is_cut_off(path, layout)
     try:
         with (
@@ -343,6 +345,16 @@ def read_table(path: Path) -> Table:
         line = next(itertools.islice(data_lines(path, layout), len(frame), None))[0]
         table = replace(table, repairs=(f"line {line}: {CUT_OFF}",))
     return _without_empty_end(_without_short_rows(table, layout), layout)
+
+
+def check_size(path: Path, rows: int, columns: int, about: str = "") -> None:
+    """Refuse more numbers than are read at once."""
+    if 8 * rows * columns > LARGEST:
+        raise CannotAnswer(
+            f"{path.name}: {about}{rows:,} rows and {columns} columns are "
+            f"{8 * rows * columns / 1e9:.0f} GB of numbers, more than {LARGEST / 1e9:.0f} GB: save "
+            "fewer of them as a log"
+        )
 
 
 def _line_by_line(path: Path, layout: Layout, is_cut: bool) -> pd.DataFrame:

@@ -19,12 +19,11 @@ import scipy.io
 from sensorlogs import CannotAnswer
 from sensorlogs.archives import LIMIT, check_zip
 from sensorlogs.columns import AXES
-from sensorlogs.delimited import Table, content
+from sensorlogs.delimited import Table, check_size, content
 from sensorlogs.integrity import INTACT, reading, state
 from sensorlogs.tables import Part, of_arrays, of_table, with_axis
 
 HDF5 = "a MATLAB v7.3 or HDF5 file"
-LARGEST = 3 << 30  # bytes of numbers read at once
 LONG = 64  # numbers in a list of a JSON object beyond which it is a column
 
 
@@ -39,7 +38,7 @@ def parquet(path: Path) -> list[Part]:
     names = [f.name for f in file.schema_arrow if not is_.is_nested(f.type)]
 
     def load() -> Table:
-        _check_size(path, rows, len(names))
+        check_size(path, rows, len(names))
         with reading(path, "a Parquet file", "pyarrow"):
             frame = pq.read_table(path, columns=names).to_pandas(ignore_metadata=True)
         for name in frame.select_dtypes(["datetime", "datetimetz"]):
@@ -275,7 +274,7 @@ def _matrix_part(path, label, arrays, rows, units) -> Part:
         names += [f"{n} ({units[name]})" if units.get(name) else n for n in own]
 
     def load() -> Table:
-        _check_size(path, rows, len(names))
+        check_size(path, rows, len(names))
         with reading(path, "a file of matrices"):
             wide = [_samples(np.asarray(value, dtype=float)) for value in arrays.values()]
         columns = (np.ascontiguousarray(column) for matrix in wide for column in matrix.T)
@@ -290,12 +289,3 @@ def _samples(matrix: np.ndarray) -> np.ndarray:
     if matrix.ndim == 1:
         return matrix[:, None]
     return matrix.T if matrix.shape[0] < matrix.shape[1] else matrix
-
-
-def _check_size(path: Path, rows: int, columns: int) -> None:
-    """Refuse more numbers than fit into the memory."""
-    if 8 * rows * columns > LARGEST:
-        raise CannotAnswer(
-            f"{path.name}: {rows:,} rows and {columns} columns are {8 * rows * columns / 1e9:.0f} "
-            f"GB of numbers, more than {LARGEST / 1e9:.0f} GB: save fewer of them as a log"
-        )

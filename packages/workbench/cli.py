@@ -330,7 +330,7 @@ def replay(
         _check_last_position(Path(last_position), Path(out))
     log = _read_moving(logs, **reading)
     off = {block.replace("-", "_"): False for block in without or ()}
-    ways = {"last_position": last_position, "smooth": smooth, "lever": arm}
+    ways = {"memory": last_position, "smooth": smooth, "lever": arm}
     summary = page.replay(log, out, outages=outages, filter=using, **ways, **off)
     _tell("replay.txt", summary, out=out, facts=page.facts(summary))
 

@@ -42,7 +42,7 @@ ANGLES = (  # column, its name on the page, colour, way to draw
 GPX = "http://www.topografix.com/GPX/1/1"
 
 
-def replay(log, out, *, outages=(), last_position=None, smooth=False, lever=NO_LEVER, **options):
+def replay(log, out, *, outages=(), memory=None, smooth=False, lever=NO_LEVER, **options):
     """Replay the tracker's blocks on a log and write what they did.
 
     Parameters
@@ -52,7 +52,7 @@ def replay(log, out, *, outages=(), last_position=None, smooth=False, lever=NO_L
         Folder; made if need be.
     outages : list of (float, float)
         From when to when to leave the fixes out, s.
-    last_position : path-like, optional
+    memory : path-like, optional
         File that keeps the position between runs.
     smooth : bool
         Look back from the end of the drive; with the filter for cars.
@@ -71,7 +71,7 @@ def replay(log, out, *, outages=(), last_position=None, smooth=False, lever=NO_L
             raise WrongUsage(
                 f"--outage {start:g}:{stop:g} lies beyond the log, which lasts {log.duration_s:g} s"
             )
-    position = load_position(last_position) if last_position else None
+    position = load_position(memory) if memory else None
     stored = Stored(**position) if position else None
     if not (log.imu or stored or log.gnss is None or log.gnss.has_fix.any()):
         raise CannotAnswer(
@@ -93,8 +93,8 @@ def replay(log, out, *, outages=(), last_position=None, smooth=False, lever=NO_L
     if outages and log.gnss:
         track.summary["outages"] = outage_errors(track, log.gnss, outages)
     write(track, out)
-    if last_position and track.stored:
-        save_position(last_position, track.stored._asdict())
+    if memory and track.stored:
+        save_position(memory, track.stored._asdict())
     return summary_of(track)
 
 
