@@ -1,18 +1,22 @@
-"""The gyros of ``data/sensors.toml``: what their data sheets promise, at which price."""
+"""The sensors of ``data/sensors.toml``, what they cost, and what logs of such sensors show."""
 
+import json
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from analysis import DATA, WrongUsage
+from analysis import DATA, IN_DEG_S, IN_M_S2, STANDARD_GRAVITY, WrongUsage
 
 __all__ = ["gyros"]
 
 MEASURED = {"adis16405": "adis16405", "mpu6050": "mpu6050-gyro"}  # product -> its static log
 PITCH_GYRO = "gyro_y"
 OF_LOG = " measured"  # ending of the label of a product by its log
+LEADING = {"rate": ("arw", "bias_instability"), "accel": ("vrw", "bias_instability")}  # N and B
+IN_ATLAS = IN_DEG_S | {unit: of / STANDARD_GRAVITY for unit, of in IN_M_S2.items()}  # deg/s, g
+GIVEN = DATA / "atlas"  # logs that others measured, as `python -m analysis atlas` writes them
 
 
 def read(path: Path = DATA / "sensors.toml") -> dict[str, dict]:
@@ -52,6 +56,38 @@ def sheets() -> pd.DataFrame:
     table["low"], table["high"] = np.array(prices, dtype=float).T
     table["price"] = np.sqrt(table["low"] * table["high"])
     return table
+
+
+def of_log(model: dict, **about) -> list[dict]:
+    """Lay N and B of a model.json out as rows of the atlas.
+
+    Parameters
+    ----------
+    model : dict
+    **about
+        Other columns, the same in each row.
+
+    Returns
+    -------
+    list of dict
+        For each gyro and accelerometer ``axis, kind, unit`` (deg/s or g), ``n`` (unit sqrt(s)) and
+        ``b`` (unit), each with ``_low`` and ``_high``, None where it is not known.
+    """
+    rows = []
+    for c in (c for c in model["channels"] if c["kind"] in LEADING):
+        axis = c["name"][-1] if c["name"][-1:].lower() in ("x", "y", "z") else c["name"]
+        unit = "deg/s" if c["kind"] == "rate" else "g"
+        rows.append(about | {"axis": axis, "kind": c["kind"], "unit": unit})
+        for symbol, key in zip("nb", LEADING[c["kind"]], strict=True):
+            for end, column in (("value", ""), ("low", "_low"), ("high", "_high")):
+                v = c["parameters"][key][end]
+                rows[-1][f"{symbol}{column}"] = None if v is None else IN_ATLAS[c["unit"]] * v
+    return rows
+
+
+def given() -> dict[str, dict]:
+    """Read the logs that others measured: name -> source and channels of its model.json."""
+    return {p.stem: json.loads(p.read_text("utf-8")) for p in sorted(GIVEN.glob("*.json"))}
 
 
 def gyros() -> pd.DataFrame:

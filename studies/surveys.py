@@ -39,7 +39,6 @@ WIDTH = 1.0  # m, of the smoothing: less hardly improves a held-out lap; shown i
 FINE = 8  # digits of a distance along the track: a curvature is computed from it
 SPACING = 0.5  # m between the rows that are used: at a stop the height drifts, the road does not
 HIGHWAY_STEP = 5.0  # m
-SYMBOLS = {"arw": "n", "vrw": "n", "bias_instability": "b"}
 ATLAS = ["sensor", "name", "axis", "kind", "unit", "n", "n_low", "n_high", "b", "b_low", "b_high"]
 ATLAS += ["basis", "low_usd", "high_usd", "source"]
 MEASURED = ("adis16405", "mpu6050-gyro", "mpu6050-accel")  # static logs of gyros, accelerometers
@@ -407,15 +406,10 @@ def atlas():
         rows.append(about | gyro)
         if np.isfinite([accel["n"], accel["b"]]).any():
             rows.append(about | accel)
-    for log in MEASURED:
-        result = static_logs.read(log)
-        about = {"sensor": log, "name": result.source["title"].split(",")[0], "basis": "measured"}
-        about |= {"source": result.source["source"]}
-        for c in result.channels:
-            rows.append(about | {"axis": c.name[-1], "kind": c.kind, "unit": c.unit})
-            for key, symbol in SYMBOLS.items():
-                if key in c.parameters:
-                    e = c.parameters[key]
-                    rows[-1] |= {symbol: e.value, f"{symbol}_low": e.low, f"{symbol}_high": e.high}
+    ours = {log: static_logs.stored.read_model(log) for log in MEASURED}
+    for log, model in (ours | datasheets.given()).items():
+        source = model["source"]
+        about = {"sensor": log, "name": source["title"].split(",")[0], "basis": "measured"}
+        rows += datasheets.of_log(model, **about, source=source["source"])
     table = rounded(pd.DataFrame(rows, columns=ATLAS))
     return {"title": "Sensors by datasheet and by their logs"}, {"atlas": table}

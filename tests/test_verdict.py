@@ -263,7 +263,7 @@ def test_one_unit_for_numbers_of_all_sizes():
 @pytest.mark.parametrize("gyros", [True, False])
 def test_the_log_is_among_the_known_sensors(gyros):
     """Property: its axes are marked on the plot, gyros and accelerometers, under its own name."""
-    result = static_logs.read("adis16405" if gyros else "mpu6050-accel")
+    result = static_logs.stored.read_model("adis16405" if gyros else "mpu6050-accel")
     fig = plots.plt.figure()
     plots.atlas(fig, verdict.placed(result, ATLAS))
     words = {label for ax in fig.axes for label in ax.get_legend_handles_labels()[1]}

@@ -443,6 +443,27 @@ def export(model, out, strict=False):
 
 
 @_verb
+def atlas(act, folder, product, title, licence, source):
+    """Enter the sensor of a report into the atlas of sensors, data sheet against measured.
+
+    \b
+    python -m analysis report my.csv --out my
+    python -m analysis atlas add my --product bmi088 --title "BMI088 on a stone floor, a night"
+        --licence CC-BY-4.0 --source https://example.org/my.csv
+
+    Writes one small file into data/atlas: N, B and all other parameters with their intervals, and
+    the sha256 of the log. `data --rebuild --write atlas` then puts it into the table and the
+    pictures; commit the two for a pull request. A log that moves is refused by `report`, one that
+    is too short for N and B, or has no licence, here.
+    """
+    from analysis import store
+    from workbench import atlas as page
+
+    about = {"product": product, "title": title, "licence": licence, "source": source}
+    print(f"{page.add(folder, **about)}; now: {store.COMMAND} atlas")
+
+
+@_verb
 def which_gyro(error, two_states=False, exact_map=False):
     """Tell which gyros reach a tracking error on a terrain map, at which price, and what limits.
 

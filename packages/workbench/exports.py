@@ -173,6 +173,20 @@ def told(texts):
     return {"exported": [name for name in TITLES if name in texts], "absent": lines}
 
 
+def read_model(path):
+    """Read a model.json that `files` can take."""
+    try:
+        model = json.loads(Path(path).read_bytes())
+        sort_triads(model)
+    except OSError as error:
+        raise WrongUsage(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, RecursionError) as error:  # neither JSON nor text, or a trap
+        raise WrongUsage(f"{path}: this is no model.json as `report` writes it") from error
+    except WrongUsage as error:
+        raise WrongUsage(f"{path}: {error}") from error
+    return model
+
+
 def export(path, out, *, strict=False):
     """Write the exports of an existing model.json.
 
@@ -189,14 +203,7 @@ def export(path, out, *, strict=False):
     list of str
         Names of the files.
     """
-    try:
-        texts = files(json.loads(Path(path).read_bytes()), strict=strict)
-    except OSError as error:
-        raise WrongUsage(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:  # neither JSON nor text, or a trap
-        raise WrongUsage(f"{path}: this is no model.json as `report` writes it") from error
-    except WrongUsage as error:
-        raise WrongUsage(f"{path}: {error}") from error
+    texts = files(read_model(path), strict=strict)
     found = told(texts)
     if not found["exported"]:
         raise CannotAnswer(f"{path}: nothing to export; {'; '.join(found['absent'])}")

@@ -53,7 +53,7 @@ def write(log, out, *, part=None, command=""):
     )
     told = _told(result, model, atlas, part) | {"command": command} | exports.told(texts)
     with pages.folder(out, earlier) as draft:
-        _draw(result, draft / "figures", verdict.placed(result, atlas))
+        _draw(result, draft / "figures", verdict.placed(model, atlas))
         pages.put(draft / "exports", texts)
         page = _page(told, draft / "figures")
         pages.put(draft, {"model.json": store.as_json(model), "report.html": page})

@@ -12,21 +12,19 @@ import numpy as np
 import pandas as pd
 
 from analysis import (
-    IN_DEG_S,
-    IN_M_S2,
-    STANDARD_GRAVITY,
     CannotAnswer,
     Estimate,
     WrongUsage,
+    datasheets,
     in_one_unit,
     terrain_data,
 )
+from analysis.datasheets import IN_ATLAS, LEADING
 from analysis.noise.added_terms import signal_of
 from analysis.noise.models import adev_of_terms
 from analysis.noise.parameters import PARAMETERS
 from workbench.pages import Said
 
-LEADING = {"rate": ("arw", "bias_instability"), "accel": ("vrw", "bias_instability")}
 KINDS = ("rate", "accel", "angle", "position")  # in the order of the table
 SYMBOLS = {key: p["symbol"] for key, p in PARAMETERS.items()}
 NAMES = {key: p["name"] for key, p in PARAMETERS.items()}
@@ -34,7 +32,6 @@ IN_SUMMARY = tuple(k for k, p in PARAMETERS.items() if "kinds" in p)  # of gyros
 SLOW = ("sigma_v", "sigma_b")  # of an angle or a position
 STATES = ("known", "wide", "short", "disturbed")  # of a number, in the order they are told
 KNOWN = 0.2  # half width of an interval, relative, with which a number is known well
-IN_ATLAS = IN_DEG_S | {unit: of / STANDARD_GRAVITY for unit, of in IN_M_S2.items()}  # deg/s, g
 HARMLESS = ("spikes", "stuck", "oscillation")  # disturbances that refuse nothing, but are told
 TRACKERS = ("bias states", "R tuned")  # of the error plane that all pages share
 
@@ -379,12 +376,7 @@ def reasons(result):
     return found
 
 
-def _axis(name):
-    """Shorten gyro_x to x."""
-    return name[-1] if name[-1:].lower() in ("x", "y", "z") else name
-
-
-def placed(result, atlas):
+def placed(model, atlas):
     """Add the gyros and accelerometers of a log to the atlas.
 
     Returns
@@ -392,17 +384,8 @@ def placed(result, atlas):
     DataFrame or None
         None if there is none with an N and a B, or bounds of both.
     """
-    rows = []
-    for c in result.channels:
-        if c.kind not in LEADING:
-            continue
-        scale, row = IN_ATLAS[c.unit], {"name": "this log", "axis": _axis(c.name), "kind": c.kind}
-        for symbol, key in zip("nb", LEADING[c.kind], strict=True):
-            e = c.parameters[key]
-            ends = {"": e.value, "_low": e.low, "_high": e.high}
-            row |= {f"{symbol}{k}": None if v is None else scale * v for k, v in ends.items()}
-        if all(row[s] or row[f"{s}_high"] for s in "nb"):
-            rows.append(row | {"basis": "this log"})
+    rows = datasheets.of_log(model, name="this log", basis="this log")
+    rows = [r for r in rows if all(r[s] or r[f"{s}_high"] for s in "nb")]
     if not rows:
         return None
     own = pd.DataFrame(rows).dropna(axis=1, how="all")  # pandas 2 warns of a column without numbers
