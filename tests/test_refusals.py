@@ -1,14 +1,16 @@
 """When a parameter is given, widened or refused: the rules of inference on made-up fits."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.fft import idct
 
-from analysis.noise import inference
-from analysis.noise.fit import MODELS, Fit
+from analysis.noise import inference, spectrum
+from analysis.noise.fit import MODELS, Fit, NoiseLikelihood
 from analysis.noise.inference import Inference
-from analysis.noise.likelihood import Terms
+from analysis.noise.likelihood import Terms, evaluate
 from analysis.noise.notes import said
 
 SIZES = {"sigma_v": [0.1], "rrw": [0.01], "flicker": [0.02], "sigma_b": [0.3], "corr_time": [60.0]}
@@ -225,3 +227,90 @@ def test_flicker_noise_and_the_table_of_models():
     assert ends_of(e) == (0.02, 0.015, 0.03) and said("flicker") in e.note and e.unit == "deg/s"
     e = inferred("N+B", aics, flicker).bias_instability()
     assert ends_of(e) == (None, None, 0.03) and said("or_a_walk") in e.note
+
+
+@pytest.mark.parametrize(
+    ("octave", "factor", "beyond"),
+    [(0, 1.029, False), (0, 1.031, True), (0, 0.969, True), (2, 1.08, False), (2, 1.085, True),
+     (3, 2.0, False)],
+)  # fmt: skip
+def test_a_band_agrees_in_its_highest_octaves(octave, factor, beyond, monkeypatch):
+    """analytic: 3 % in power, and four standard errors, in the three highest octaves."""
+    n, rng = 60_000, np.random.default_rng(5)
+    monkeypatch.setattr(spectrum, "SINGLE", n)
+    of = np.floor(-np.log2(np.sin(np.pi * np.arange(1, n) / (2 * n))))
+    c, off = rng.standard_normal(n), []
+    for k in range(4):  # to the last digit as loud as said
+        inside = np.append(False, of == k)
+        off.append(factor - 1 if k == octave else 0.0)
+        c[inside] *= np.sqrt((1 + off[-1]) * inside.sum() / (c[inside] ** 2).sum())
+    likelihood = NoiseLikelihood(spectrum.transform(3.0 * idct(c, norm="ortho"), 0.1))
+    fit = Fit("N", {}, 0.0, 0.0, np.log([3.0]), ("sigma_v",))
+    worst, found = inference.disagreement(likelihood, fit)
+    assert worst == pytest.approx(max(np.abs(off[:3])), abs=1e-9) and found == beyond
+
+
+def test_a_filter_is_seen_by_neighbours_and_by_its_bias():
+    """known case: 3 % in the power of steps; a bias that is quick and leaves white noise open."""
+    y = np.random.default_rng(1).standard_normal(1000)
+    y[500] = np.nan
+    step = np.diff(y[:500]), np.diff(y[501:])
+    level = np.mean(np.concatenate(step) ** 2) / 2
+    for off, same in ((0.029, True), (0.031, False), (-0.029, True), (-0.031, False)):
+        fit = SimpleNamespace(terms={"sigma_v": [np.sqrt(level / (1 + off))]})
+        assert inference.as_noisy(y, fit) == same
+    for time, white, low, filtered in (
+        (4.9, 0.59, None, True), (5.1, 0.59, None, False), (4.9, 0.61, None, False),
+        (4.9, 0.59, 0.1, False), (None, 0.0, None, False),
+    ):  # fmt: skip
+        likelihood = SimpleNamespace(
+            duration=10_000.0, per_sample=4.0, interval=lambda fit, what, low=low: (low, 1.0)
+        )
+        bias = {} if time is None else {"sigma_b": [1.0, 9.0], "corr_time": [time, 900.0]}
+        fit = SimpleNamespace(terms={"sigma_v": [white]} | bias)
+        assert inference.low_passed(likelihood, fit) == filtered
+
+
+def test_which_models_are_fitted_from_which():
+    """known case: every model, the richer from the simpler; all with quantisation if it helps."""
+    for rate, gain, extra in ((False, 9.0, 0), (True, 5.9, 1), (True, 6.1, 7)):
+        asked = {}
+
+        def fit(model, simpler=(), near=(), asked=asked, gain=gain):
+            asked[model] = [f.model for f in simpler], [f.model for f in near]
+            aic = {"N+GM": 0.0}.get(model.removesuffix("+Q"), 20.0)
+            return fitted(model, aic - gain * model.endswith("+Q"))
+
+        def quantised(model, simpler=(), near=(), fit=fit):
+            made = fit(model, simpler, near)
+            return replace(made, names=(*made.names, *["quantisation"] * model.endswith("+Q")))
+
+        near = {"N+K": fitted("N+K", 0.0)}
+        fits = inference.fit_all(SimpleNamespace(fit=quantised), rate=rate, near=near)
+        models = ["N+GM+Q"] * (extra == 1) + [f"{m}+Q" for m in MODELS] * (extra == 7)
+        assert list(fits)[:7] == list(MODELS) and sorted(fits) == sorted([*MODELS, *models])
+        assert asked["N+K"] == ([], ["N+K"]) and asked["N"] == ([], [])
+        assert asked["N+GM+K"] == (["N+GM", "N+K"], []) and asked["N+2GM"] == (["N+GM"], [])
+        if extra == 7:
+            assert asked["N+Q"] == ([], []) and asked["N+K+Q"] == (["N+Q"], [])
+            assert asked["N+GM+K+Q"] == (["N+GM+Q", "N+K+Q"], [])
+        elif extra:
+            assert asked["N+GM+Q"] == (["N+GM"], [])
+
+
+def test_a_bias_that_white_noise_may_hide_and_means_that_bridge_losses():
+    """cross-check: the largest sigma_b on a fine grid; the fewest samples whose means are whole."""
+    y = np.random.default_rng(1).standard_normal(3000)
+    likelihood = NoiseLikelihood(spectrum.transform(y, 0.1))
+    fit, size, most = likelihood.fit("N"), np.geomspace(1e-3, 1e3, 2001), 0.0
+    for time in np.geomspace(0.4, 30.0, 20):
+        noise = Terms(np.full(2001, np.exp(fit.point[0])), ((size, np.full(2001, time)),))
+        fall = 2 * (fit.log_likelihood - evaluate(likelihood.spectrum, noise).value)
+        most = max(most, size[fall < 3.8415].max())
+    assert most / 10**0.05 <= likelihood.hidden_bias(fit, 30.0) <= most * 1.001
+    k = np.arange(4000)
+    for lost, most, fewest in (
+        (k < 0, 8, 1), (k % 10 == 0, 8, 2), (k % 10 == 0, 1.9, 1), (k % 4 > 0, 8, 4),
+        (k % 4 > 0, 3.0, 1), (k % 66 < 20, 8, 1), (k % 66 < 20, 64, 32), (k < 2000, 64, 1),
+    ):  # fmt: skip
+        assert spectrum.fewest_to_average(np.where(lost, np.nan, 1.0), most) == fewest
