@@ -43,6 +43,7 @@ def inferred(chosen, aics, ends=(), **more):
         hidden_bias=lambda fit, longest: longest / 1000, fit=lambda model, near: fitted(model, 0.0),
     )  # fmt: skip
     coarse = SimpleNamespace(dt=0.01, duration=10_000.0)
+    more = {"averaged": 1, "fewest": 1, "lack": (0.0, 0.0), "band": ""} | more
     return Inference(likelihood, fits, fits[chosen], "deg/s", coarse, **more)
 
 

@@ -18,7 +18,7 @@ from analysis import CannotAnswer, Estimate, store, wrap
 from analysis.noise.models import gauss_markov
 from analysis.noise.position import effective_samples
 from analysis.units import clock_offset, differences, find_events, unit_variances
-from analysis.units.clock import least_squares, named_offset
+from analysis.units.clock import least_squares, named_offset, stands_still
 from analysis.units.events import Apart, disagreements
 from analysis.units.frame import Track, interpolated, local_tracks, rate, tracks, unwrapped
 from analysis.units.metrics import (
@@ -122,6 +122,39 @@ def test_a_lever_arm_and_a_datum_are_no_time(drift, hertz):
     np.testing.assert_allclose(clock.to_first(units[1].t_s), later, atol=5e-3)
     assert clock.offset_s.value == pytest.approx(3.2 + drift * (clock.middle_s - 200), abs=0.01)
     assert clock.offset_s.low < clock.offset_s.value < clock.offset_s.high and not clock.undated
+
+
+def test_what_stands_still_and_what_is_another_journey():
+    """known case: 30 m of scatter, 1 deg/s of that of turns; 25 m along the track; 15 s in common.
+
+    A circle has its radius for scatter, |cos| one of 0.308, and a sine 1.05 of its amplitude by its
+    median.
+    """
+    t = np.arange(0.0, 400.0)
+    for radius, still in ((29.0, True), (31.0, False)):
+        circle = radius * np.stack([np.sin(t * np.pi / 50), np.cos(t * np.pi / 50)], axis=1)
+        assert stands_still(track(t, circle)) == still
+    for rate_deg_s, still in ((3.1, True), (3.4, False)):
+        yaw = rate_deg_s * 40 * np.sin(t / 40)
+        angles = np.stack([0 * t, 0 * t, yaw], axis=1)
+        assert stands_still(track(t, np.full((400, 2), np.nan), angles=angles)) == still
+    turn = np.stack([t * 15 / 500, t * 15 / 500 + np.pi / 2], axis=1)
+    road, ahead = 500 * np.sin(turn), np.sin(turn + np.pi / 2)
+    for off, one in ((22.0, True), (26.0, False)):
+        other = track(t, road + off * np.sin(2 * np.pi * t / 25)[:, None] * ahead, name="b")
+        if one:
+            assert abs(clock_offset(track(t, road), other).offset_s.value) < 0.5
+            continue
+        with pytest.raises(CannotAnswer, match="differ by 27 m along the track and 0 m across"):
+            clock_offset(track(t, road), other)
+    path = drive(400, np.random.default_rng(1))(t)
+    for common, one in ((18, True), (14, False)):
+        a, b = track(t[: 200 + common], path[: 200 + common]), track(t[200:], path[200:], name="b")
+        if one:
+            assert abs(clock_offset(a, b).offset_s.value) < 0.1
+            continue
+        with pytest.raises(CannotAnswer):
+            clock_offset(a, b)
 
 
 def test_a_clock_by_attitudes_alone():
