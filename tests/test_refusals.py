@@ -1,13 +1,14 @@
 """When a parameter is given, widened or refused: the rules of inference on made-up fits."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.fft import idct
 
-from analysis.noise import inference, spectrum
+from analysis.noise import added_terms, inference, spectrum
 from analysis.noise.fit import MODELS, Fit, NoiseLikelihood
 from analysis.noise.inference import Inference
 from analysis.noise.likelihood import Terms, evaluate
@@ -315,3 +316,76 @@ def test_a_bias_that_white_noise_may_hide_and_means_that_bridge_losses():
         (k % 4 > 0, 3.0, 1), (k % 66 < 20, 8, 1), (k % 66 < 20, 64, 32), (k < 2000, 64, 1),
     ):  # fmt: skip
         assert spectrum.fewest_to_average(np.where(lost, np.nan, 1.0), most) == fewest
+
+
+@dataclass(frozen=True)
+class Growing:
+    """What `add_terms` needs of an inference; `left` is its criterion, which terms bring down."""
+
+    likelihood: Any
+    fits: dict
+    chosen: Fit
+    terms: tuple
+    coarse: Any
+
+    def sizes(self):
+        """No coefficients."""
+        return (), ()
+
+    def criterion(self):
+        """AIC of the log with its terms."""
+        return self.likelihood.left
+
+
+@pytest.mark.parametrize(
+    ("offered", "kept", "rival"),
+    [
+        # Screened rise, kind, place; what the fit with it rises by.
+        ([(3.9, "warm_up", 10.0, 50.0)], 0, False),
+        ([(4.1, "warm_up", 10.0, 14.0)], 1, False),
+        ([(4.1, "warm_up", 10.0, 13.9)], 0, True),
+        ([(4.1, "warm_up", 10.0, 4.0)], 0, False),
+        ([(30.0, "step", 10.0, 24.9)], 0, True),
+        ([(30.0, "step", 10.0, 25.0), (30.0, "step", 10.21, 25.0)], 2, False),
+        ([(30.0, "step", 10.0, 25.0), (30.0, "step", 10.2, 25.0)], 1, False),  # the same within 2 %
+        ([(30.0, "sinusoid", 10.0, 30.0), (30.0, "step", 10.0, 30.0)], 2, False),
+        ([(30.0, "sinusoid", 9.0 * 2**k, 30.0) for k in range(5)], 3, False),
+        ([(30.0, "step", 9.0 * 2**k, 30.0) for k in range(8)], 6, False),
+        ([(30.0, "step", 10.0, 30.0), (9.0, "warm_up", 10.0, 8.0)], 1, True),
+    ],
+)
+def test_terms_are_added_as_long_as_they_are_clearly_better(offered, kept, rival, monkeypatch):
+    """known case: kept, unsure or not tried, by the rises of 2 ln L that each kind asks for."""
+    rises = [row[3] for row in offered]
+    offers = [(row[0], added_terms.added_term(*row[1:3])) for row in offered]
+
+    def offer(coarse, rows, temperature):
+        tried = len(made)
+        best = (
+            [offers[tried]] if tried < len(offers) else [(0.0, added_terms.added_term("step", 1.0))]
+        )
+        return [
+            (14.0, added_terms.added_term("sinusoid", 77.0)),
+            *best,
+        ]  # less beyond what it needs
+
+    made = []
+    monkeypatch.setattr(inference, "candidates", offer)
+    monkeypatch.setattr(inference, "weaker_noise", lambda fits, duration: None)
+
+    def likelihood(columns, detrend):
+        made.append(len(columns))
+        return SimpleNamespace(left=100.0 - sum(rises[: len(made)]), detrend=detrend)
+
+    monkeypatch.setattr(inference, "NoiseLikelihood", likelihood)
+    monkeypatch.setattr(inference, "fit_all", lambda likelihood, rate, near: near)
+    coarse = SimpleNamespace(
+        duration=1e4, without=lambda terms, sizes: coarse, placed=lambda step: replace(step)
+    )
+    fits = {"N": fitted("N", 0.0)}
+    start = Growing(SimpleNamespace(left=100.0, detrend=True), fits, fits["N"], (), coarse)
+    found, other = inference.add_terms(start, False, None, lambda columns: columns)
+    assert [t.at for t in found.terms] == [row[2] for row in offered[:kept]]
+    assert (other is not None) == rival and (not rival or len(other.terms) == kept + 1)
+    columns = np.cumsum([len(t.columns) for _, t in offers])[: len(made)]
+    assert made == columns.tolist() and len(made) <= kept + 1
