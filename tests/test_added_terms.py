@@ -287,14 +287,16 @@ def test_what_a_log_knows_of_a_term(kind, at, width):
 
 def test_a_term_in_temperature_and_the_place_of_a_step():
     """known case: a coefficient in U/K; a step is placed between the samples where it is."""
-    coarse = added_terms.Coarse.of(np.where(np.arange(9000) < 5003, 0.0, 1.0), 0.1, 1)
+    down = added_terms.Coarse.of(np.where(np.arange(9000) < 5003, 1.0, 0.0), 0.1, 1)
+    coarse = added_terms.Coarse.of(1.0 - down.samples, 0.1, 1)
     assert coarse.m == 5 and coarse.duration == 900.0 and coarse.time[1] == pytest.approx(0.75)
     term = added_terms.added_term("temperature", 0.0, 0.0, np.sin)
     found = term.fitted(coarse, [], None, -2.0 * ONE, 0.5 * ONE, "deg/s").parameters
     assert found.keys() == {"amplitude"} and found["amplitude"].unit == "deg/s/K"
     assert (found["amplitude"].low, found["amplitude"].high) == pytest.approx((-2.98, -1.02), 1e-4)
     for guess in (499.5, 500.3, 501.2):
-        assert coarse.placed(added_terms.added_term("step", guess)).at == pytest.approx(500.3)
+        step = added_terms.added_term("step", guess)
+        assert coarse.placed(step).at == down.placed(step).at == pytest.approx(500.3)
     left = coarse.without([added_terms.added_term("step", 500.3), term], [1.0, 2.0])
     np.testing.assert_allclose(left.y, coarse.y - (coarse.time >= 500.3) - 2 * np.sin(coarse.time))
 
@@ -421,3 +423,30 @@ def test_slow_noise_in_parts_of_a_log(loud, code):
     few = added_terms.Coarse(y, k < n, 0.5, 2, y)
     test, told = goodness.stationarity_of(few, Terms(np.sqrt(2) * ONE, (), 0.01 * ONE))
     assert test.p is None and not told and test.verdict == said("untested")
+
+
+@pytest.mark.parametrize(
+    ("kind", "at", "width"),
+    [("warm_up", 170.0, 0.0), ("step", 400.0, 0.0), ("sinusoid", 96.0, 0.0), ("step", 400.0, 16.0),
+     ("temperature", 0.0, 0.0)],
+)  # fmt: skip
+def test_the_strongest_candidate_is_the_term_itself(kind, at, width):
+    """analytic: its place, and the rise of 2 ln L under white noise by least squares with a line."""
+
+    def warmth(t):
+        return np.cos(t / 90) ** 3
+
+    samples = 0.5 * (np.arange(2000) + 0.5)
+    term = added_terms.added_term(kind, at, width, warmth)
+    coarse = added_terms.Coarse.of(2.0 * term.columns[0](samples - 0.25), 0.5, 2)
+    found = added_terms.candidates(coarse, Terms(np.sqrt(2) * ONE), warmth)
+    rise, best = max(found, key=lambda pair: pair[0])
+    x = np.stack([np.ones(1000), coarse.time, coarse.y], axis=1)
+    left = coarse.y - x[:, :2] @ np.linalg.lstsq(x[:, :2], coarse.y)[0]
+    assert (best.kind, best.width) == (kind, width)
+    assert best.at == pytest.approx(at, rel=2e-3)
+    assert rise == pytest.approx(left @ left, rel=0.05)  # of one unit of noise in a mean of two
+    kinds = {c.kind for _, c in found}
+    assert kinds == {"warm_up", "step", "sinusoid", "temperature"}
+    bare = added_terms.candidates(coarse, Terms(np.sqrt(2) * ONE))
+    assert "temperature" not in {c.kind for _, c in bare}

@@ -483,3 +483,19 @@ def test_estimates_are_adjusted_by_what_affects_them():
         assert (e.value, e.low, e.high) == (None, 1.0, high)
     told = Disturbance("x", 1.23456, 2.0, "why", ("arw",)).summary()
     assert told == {"kind": "x", "from": 1.235, "to": 2.0, "affects": ["arw"], "note": "why"}
+
+
+@pytest.mark.parametrize("m", [1, 4])
+def test_whose_level_changes_is_told_by_the_white_noise(m):
+    """known case: a walk twice as loud in its second half, in means of m samples of 0.1 s.
+
+    White noise rules where it has more than half of the Allan variance of the means.
+    """
+    y = np.cumsum(rng().standard_normal(N) * np.repeat([1.0, 2.0], N // 2))
+    pairs = y.reshape(-1, 2, m).mean(axis=2)
+    avar = np.mean(np.diff(pairs) ** 2) / 2
+    for share, affects in ((0.49, {SIZES}), (0.51, {WHITE, SIZES})):
+        found = uneven(y, DT, m, np.sqrt(share * avar * m))
+        levels = [d for d in found if d.kind == "noise_level"]
+        assert {d.affects for d in levels} == affects and len(levels) == len(affects)
+        assert all((d.start_s, d.end_s) == pytest.approx((0.0, N * DT), rel=0.1) for d in levels)
