@@ -431,7 +431,7 @@ def test_slow_noise_in_parts_of_a_log(loud, code):
      ("temperature", 0.0, 0.0)],
 )  # fmt: skip
 def test_the_strongest_candidate_is_the_term_itself(kind, at, width):
-    """analytic: its place, and the rise of 2 ln L under white noise by least squares with a line."""
+    """analytic: its place, and the rise of 2 ln L in white noise, by least squares."""
 
     def warmth(t):
         return np.cos(t / 90) ** 3

@@ -688,15 +688,6 @@ def test_the_largest_disagreements_are_listed():
     assert metrics["pitch_p95_deg"].value == pytest.approx(5 * 1.96, abs=2.5)
 
 
-def test_a_frozen_unit_is_frozen():
-    """analytic: a position that never changes while the other travels."""
-    rng = np.random.default_rng(6)
-    t = np.arange(0.0, 300.0)
-    path = drive(300, rng)
-    tracks = local_tracks(named(unit(t, path(t)), unit(t, np.tile(path(0.0), (300, 1)))))
-    assert [e.kind for e in find_events(tracks[1], tracks[:1])] == ["frozen"]
-
-
 def white(sigma, n, rng):
     """Make independent white noise of several units."""
     return np.asarray(sigma)[:, None] * rng.standard_normal((len(sigma), n))
