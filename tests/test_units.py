@@ -124,6 +124,33 @@ def test_a_lever_arm_and_a_datum_are_no_time(drift, hertz):
     assert clock.offset_s.low < clock.offset_s.value < clock.offset_s.high and not clock.undated
 
 
+def test_a_clock_does_not_depend_on_axes_or_on_the_direction_of_time():
+    """property: turned, mirrored, moved it is the same; backwards and exchanged its negative."""
+    a, b = local_tracks(named(*pair(np.random.default_rng(4), seconds=300, offset=12.3, sigma=0.5)))
+    found = clock_offset(a, b)
+    ends = np.array([found.offset_s.value, found.offset_s.low, found.offset_s.high])
+    half = (ends[2] - ends[1]) / 2
+
+    def seen(one, turn, move=0.0):
+        enu = one.enu.copy()
+        enu[:, :2] = enu[:, :2] @ turn + move
+        return replace(one, enu=enu)
+
+    for turn in ([[0, 1], [-1, 0]], [[-1, 0], [0, 1]], [[0.6, 0.8], [-0.8, 0.6]]):
+        other = clock_offset(seen(a, turn, 5.0), seen(b, turn, 5.0)).offset_s
+        again = np.array([other.value, other.low, other.high])
+        np.testing.assert_allclose(again, ends, atol=0.02 * half)  # where the search ends
+
+    def backwards(one):
+        return replace(one, t_s=-one.t_s[::-1], enu=one.enu[::-1], velocity=-one.velocity[::-1])
+
+    other = clock_offset(backwards(a), backwards(b))
+    again = -np.array([other.offset_s.value, other.offset_s.high, other.offset_s.low])
+    np.testing.assert_allclose(again, ends, atol=0.02 * half)
+    assert other.drift.value == pytest.approx(found.drift.value, rel=0.02)
+    assert clock_offset(b, a).offset_s.value == pytest.approx(-ends[0], abs=half)
+
+
 def test_what_stands_still_and_what_is_another_journey():
     """known case: 30 m of scatter, 1 deg/s of that of turns; 25 m along the track; 15 s in common.
 
