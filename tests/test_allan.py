@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from allantools import oadev
 from allantools.ci import edf_greenhall
+from scipy.optimize import brentq
 from scipy.special import factorial
 from scipy.stats import chi2
 
@@ -152,6 +153,30 @@ def test_an_interval_covers_what_the_power_wanders(m, blocks, holes, monkeypatch
         assert excess > 1.5
     ends = np.sqrt(avar * edf / chi2.ppf([0.975, 0.025], edf))
     np.testing.assert_allclose([curve.low[0], curve.high[0]], ends)
+
+
+def test_the_excess_is_the_median_of_a_decade(monkeypatch):
+    """property: of each mean's own, within half a decade; longer means have that of the longest."""
+    monkeypatch.setattr(allan, "degrees_of_freedom", lambda avar, m, n: np.full(len(m), 200.0))
+    y = np.random.default_rng(4).standard_normal(8000) * np.exp(np.sin(np.arange(8000) / 600))
+    m = np.array([1, 2, 3, 5, 9, 14, 30, 60, 200, 600, 1200, 1800])
+
+    def excess(curve):
+        """Solve for the degrees of freedom that each interval has."""
+        return [
+            200
+            / brentq(lambda edf, r=r: np.sqrt(edf / chi2.ppf(0.975, edf)) - r, 2, 250, xtol=1e-9)
+            for r in curve.low / curve.adev
+        ]
+
+    own = np.concatenate([excess(allan_deviation(y, DT, m[[k]])) for k in range(len(m))])
+    known, expected = m * 2 <= 8000 // 4, []  # four blocks that hold a second difference
+    for k in m[known]:
+        near = known & (m < 10**0.5 * k) & (k < 10**0.5 * m)
+        expected.append(np.median(own[near]))
+    assert (~known).sum() == 2 and own[~known] == pytest.approx(1.0) and own[known].min() > 1.1
+    expected += [expected[-1]] * 2
+    np.testing.assert_allclose(excess(allan_deviation(y, DT, m)), expected, rtol=1e-6)
 
 
 def test_what_blocks_differ_by_grows_as_a_power():

@@ -11,7 +11,8 @@ def test_autocovariance_by_definition():
     y = np.random.default_rng(1).standard_normal(50)
     d = y - y.mean()
     direct = [d[: 50 - k] @ d[k:] / 50 for k in range(50)]
-    np.testing.assert_allclose(autocovariance(y), direct, atol=1e-12)
+    for longest in (None, 49, 99):
+        np.testing.assert_allclose(autocovariance(y, longest), direct, atol=1e-12)
 
 
 def test_autocovariance_with_holes():

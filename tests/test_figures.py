@@ -440,6 +440,21 @@ def test_value_and_interval_are_rounded_together():
                 assert abs(written - factor * exact) < 1.001 * slack, (words, value, low, high)
 
 
+def test_a_column_has_the_unit_of_its_largest_number(monkeypatch, tmp_path):
+    """known case: a bound counts where no value is known; another quantity keeps its own unit."""
+    small, large = (Estimate(v, 0.9 * v, 1.1 * v, "g") for v in (2e-6, 3e-3))
+    unit, cells = analysis.in_one_unit([small, large, Estimate(4.0, None, 5.0, "m")])
+    assert unit == "mg" and cells[0] == ("0.00200", "0.00180 to 0.00220")
+    assert cells[1:] == [("3.0", "2.7 to 3.3"), ("4.0 m", "at most 5.0 m")]
+    bound = Estimate.refused("g", "", low=2e-3)
+    assert analysis.in_one_unit([bound, bound]) == ("mg", [(None, "at least 2")] * 2)
+    assert analysis.in_one_unit([bound, small])[0] == "µg"
+    assert analysis.in_one_unit([Estimate.refused("m", "")]) == ("m", [(None, "no bound")])
+    for folder, found in ((str(tmp_path), tmp_path), ("", None)):
+        monkeypatch.setenv("COMPENDIUM_FIGURES", folder)
+        assert analysis.figures_folder() == found
+
+
 def test_exponents_are_written_out():
     """Analytic: 1e+03 is 1000; what is part of a name stays."""
     text, words = "1e+03 s a 2.5e-05 3e-09 x1e+03.csv", "1000 s a 0.000025 3×10⁻⁹ x1e+03.csv"
