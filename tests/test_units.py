@@ -365,28 +365,17 @@ def test_few_independent_samples_give_no_interval():
     assert root_mean_square(fast, "m").low < 1.0 < root_mean_square(fast, "m").high
 
 
-def test_events_are_found_where_they_were_put():
-    """analytic: a jump of 6 m, a hold of 8 s and a loss of 12 s; none in the drive without them."""
-    rng = np.random.default_rng(4)
-    path = drive(600, rng)
-    t = np.arange(0.0, 600, 0.2)
-    enu = path(t) + 0.02 * rng.standard_normal((len(t), 2))
-    clean = local_tracks(named(unit(t, enu)))[0]
-    assert find_events(clean) == []
-    bad = enu.copy()
-    bad[(t >= 100) & (t < 130)] += [6.0, 0.0]
-    bad[(t >= 300) & (t < 308)] = enu[np.searchsorted(t, 300.0)]
-    lost = (t > 400) & (t < 412)
-    broken = unit(t[~lost], bad[~lost])
-    track = local_tracks(named(unit(t, enu), broken))[1]
-    found = find_events(track, [clean])
-    jumps = [e for e in found if e.kind == "jump"]
-    assert [round(e.to_s) for e in jumps] == [100, 130, 308]  # the hold ends in a jump too
-    assert jumps[0].size == pytest.approx(6.0, abs=0.3)  # the noise, and what the turn adds
-    (hold,) = [e for e in found if e.kind == "hold"]
-    assert (hold.from_s, hold.to_s) == pytest.approx((300.0, 307.8), abs=0.21)
-    (loss,) = [e for e in found if e.kind == "loss"]
-    assert (loss.from_s, loss.to_s) == pytest.approx((400.0, 412.0), abs=0.21)
+def test_a_noisy_drive_has_no_events_but_a_jump_of_many_deviations():
+    """property: turns, stops and noise of 0.02 m are none; a jump of 2 m, and back, is two."""
+    rng, t = np.random.default_rng(4), np.arange(0.0, 600, 0.2)
+    enu = drive(600, rng)(t) + 0.02 * rng.standard_normal((len(t), 2))
+    assert happened(*local_tracks(named(unit(t, enu)))) == []
+    enu[(t >= 100) & (t < 130)] += [2.0, 0.0]
+    jumps = happened(*local_tracks(named(unit(t, enu))))
+    assert [(kind, round(to)) for kind, _, to, _ in jumps] == [("jump", 100), ("jump", 130)]
+    # Many deviations of a step: noise of 0.2 m hides it.
+    enu += 0.2 * rng.standard_normal(enu.shape)
+    assert happened(*local_tracks(named(unit(t, enu)))) == []
 
 
 def track(t, xy, velocity=(3.0, 4.0), angles=None, name="a"):
