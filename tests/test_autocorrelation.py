@@ -46,3 +46,4 @@ def test_correlogram():
     assert short.lag[-1] == 100.0 and short.correlation[0] == 1.0
     assert whole.corr_time == one_over_e(expected, 5.0)
     assert whole.sigma_b == np.sqrt(expected[0])
+    np.testing.assert_array_equal(correlogram(y, 0.5).covariance, autocovariance(y))
