@@ -4,13 +4,17 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from scipy.fft import dct, idct
+from scipy.stats import chi2, norm
 
 from analysis import Estimate
-from analysis.noise import added_terms, goodness, likelihood
+from analysis.noise import added_terms, goodness, likelihood, spectrum
+from analysis.noise.fit import Fit, NoiseLikelihood
 from analysis.noise.inference import INSTEAD, either, infer
 from analysis.noise.likelihood import Terms
 from analysis.noise.models import UnifiedModel
 from analysis.noise.notes import said
+from analysis.noise.parameters import SLOW, WHITE
 from analysis.noise.spectrum import transform
 from studies import coverage
 
@@ -220,3 +224,229 @@ def test_signals_have_the_allan_deviation_of_textbooks():
     found = added_terms.adev_of_signal([wave], 0.0, tau[1:], duration)
     x = np.pi * tau[1:] / 600
     np.testing.assert_allclose(found, 0.015 * np.sin(x) ** 2 / x, rtol=0.06)
+
+
+ONE = np.ones(1)
+
+
+def numbers(kind, size, *place):
+    """Write a term as model.json does."""
+    names = {"warm_up": "time_constant", "step": "moment", "sinusoid": "period"}
+    keys = ("amplitude", names.get(kind), "duration")
+    values = {k: {"value": v} for k, v in zip(keys, (size, *place), strict=False)}
+    return {"kind": kind, "parameters": values}
+
+
+def test_signals_are_those_of_their_formulas():
+    """known case: each kind of term, alone and in a sum; a line in temperature is left out."""
+    t = np.array([0.0, 1.0, 2.0, 3.0])
+    for term, expected in (
+        (numbers("warm_up", 3.0, 2.0), 3 * np.exp(-t / 2)),
+        (numbers("step", 3.0, 2.0), [0, 0, 3, 3]),
+        (numbers("step", 3.0, 2.0, 4.0), [0, 0.75, 1.5, 2.25]),
+        (numbers("sinusoid", 3.0, 4.0), [3, 0, -3, 0]),
+        (numbers("temperature", 3.0), 0 * t),
+    ):
+        found = added_terms.signal_of([term, numbers("step", 1.0, 0.0)], t)
+        np.testing.assert_allclose(found, 1 + np.array(expected), atol=1e-12)
+    cosine, sine = added_terms.added_term("sinusoid", 4.0).columns
+    np.testing.assert_allclose([cosine(t), sine(t)], [[1, 0, -1, 0], [0, 1, 0, -1]], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "at", "width"),
+    [("warm_up", 300.0, 0.0), ("sinusoid", 250.0, 0.0), ("step", 900.0, 400.0)],
+)
+def test_what_a_log_knows_of_a_term(kind, at, width):
+    """analytic: amplitude and place with the Cramer-Rao bound under white noise, line taken out."""
+    t, size, step = np.arange(2000.0) + 0.5, 3.0, 1e-4
+
+    def signal(x):
+        return added_terms.signal_of([numbers(kind, size, *x)], t)
+
+    place = np.array([at, width][: 1 + bool(width)])
+    slopes = [
+        (signal(place + e) - signal(place - e)) / (2 * step) for e in step * np.eye(len(place))
+    ]
+    coarse = added_terms.Coarse.of(signal(place), 1.0, 1)
+    term, noise = added_terms.added_term(kind, at, width), Terms(0.2 * ONE)
+    sizes = np.array([size, 0.0][: len(term.columns)])
+    found = term.fitted(coarse, [], noise, sizes, 0.25 * np.ones(len(sizes)), "m").parameters
+    e = found.pop("amplitude")
+    assert (e.value, e.low, e.high, e.unit) == pytest.approx((3.0, 2.51, 3.49, "m"), abs=1e-3)
+    assert {"amplitude", *found} == numbers(kind, 0.0, *place)["parameters"].keys()
+    for k, e in enumerate(found.values()):  # the other place as it is, the coefficients free
+        x = np.stack([np.ones(2000), t, *(column(t) for column in term.columns), slopes[k]], axis=1)
+        half = 0.2 * 1.96 * np.sqrt(np.linalg.inv(x.T @ x)[-1, -1])
+        assert e.value == place[k] and e.unit == "s" and e.resolved
+        np.testing.assert_allclose([e.value - e.low, e.high - e.value], half, rtol=0.1)
+    short = term.fitted(coarse, [], noise, sizes, 2.0 * np.ones(len(sizes)), "m").parameters
+    low = 0.0 if kind == "sinusoid" else 3 - 3.92  # of two coefficients none is below zero
+    assert short["amplitude"].low == pytest.approx(low, abs=1e-3)
+
+
+def test_a_term_in_temperature_and_the_place_of_a_step():
+    """known case: a coefficient in U/K; a step is placed between the samples where it is."""
+    down = added_terms.Coarse.of(np.where(np.arange(9000) < 5003, 1.0, 0.0), 0.1, 1)
+    coarse = added_terms.Coarse.of(1.0 - down.samples, 0.1, 1)
+    assert coarse.m == 5 and coarse.duration == 900.0 and coarse.time[1] == pytest.approx(0.75)
+    term = added_terms.added_term("temperature", 0.0, 0.0, np.sin)
+    found = term.fitted(coarse, [], None, -2.0 * ONE, 0.5 * ONE, "deg/s").parameters
+    assert found.keys() == {"amplitude"} and found["amplitude"].unit == "deg/s/K"
+    assert (found["amplitude"].low, found["amplitude"].high) == pytest.approx((-2.98, -1.02), 1e-4)
+    for guess in (499.5, 500.3, 501.2):
+        step = added_terms.added_term("step", guess)
+        assert coarse.placed(step).at == down.placed(step).at == pytest.approx(500.3)
+    left = coarse.without([added_terms.added_term("step", 500.3), term], [1.0, 2.0])
+    np.testing.assert_allclose(left.y, coarse.y - (coarse.time >= 500.3) - 2 * np.sin(coarse.time))
+
+
+def test_weaker_noise_is_of_the_same_walk():
+    """known case: walks of 1, 0.5 and 0.2 of the fits', as walks and as biases that begin alike."""
+    white = {"sigma_v": [2.0]}
+    terms = {"N": white, "N+K": white | {"rrw": [0.5]}, "N+B": white | {"flicker": [1.0]}}
+    terms["N+GM"] = white | {"sigma_b": [3.0], "corr_time": [72.0]}
+    terms["N+2GM"] = white | {"sigma_b": [1.0, 4.0], "corr_time": [10.0, 90.0]}
+    fits = {k: Fit(k, v, 0.0, 0.0, ONE, ()) for k, v in terms.items()}
+    rows = added_terms.weaker_noise(fits, 1000.0)
+    expected = [(0, 0, 1, 0, 1), (0.5, 0, 1, 0, 1), (0, 3, 72, 0, 1), (0, 1, 10, 4, 90)]
+    for walk in (0.5, 3 * np.sqrt(2 / 72)):
+        for scale in (1.0, 0.5, 0.2):
+            expected.append((scale * walk, 0, 1, 0, 1))
+            for time in (100.0, 40.0, 15.0):
+                expected.append((0, scale * walk * np.sqrt(time / 2), time, 0, 1))
+    expected.append((0, 1, 10, 0, 1))  # the faster of two alone
+    (one, time), (other, longer) = rows.bias
+    found = np.stack([rows.rrw, one, time, other, longer], axis=1)
+    np.testing.assert_allclose(found, expected)
+    assert (rows.sigma_v == 2).all() and rows.quantisation is None
+
+
+@pytest.mark.parametrize(
+    ("factor", "affects"),
+    [(1.0, None), (1.04, ()), (1.08, WHITE), (0.93, WHITE), (0.7, (*WHITE, *SLOW)), (1.3, WHITE)],
+)
+def test_a_misfit_of_an_octave(factor, affects, monkeypatch):
+    """analytic: power in an octave over its degrees of freedom, chi-squared, of all octaves.
+
+    Below 5 % nothing follows; white noise is widened by half of it; beyond 20 % it is refused, and
+    slow noise too where it has a fifth of the power there.
+    """
+    n, octave, walk = 60_000, int(factor != 1.04), 3.5 if factor == 0.7 else 1e-9
+    monkeypatch.setattr(spectrum, "SINGLE", n)
+    square = np.sin(np.pi * np.arange(n) / (2 * n)) ** 2
+    model = 4.0 + walk**2 * DT / np.maximum(4 * square, 1e-9)
+    of = np.floor(-np.log(np.maximum(square, 1e-18)) / np.log(4))
+    c = np.sqrt(model * np.where(of == octave, factor, 1)) * np.random.default_rng(
+        2
+    ).standard_normal(n)
+    fitted = Fit("N+K", {}, 0.0, 0.0, np.log([2.0, walk]), ("sigma_v", "rrw"))
+    noise = NoiseLikelihood(transform(idct(c, norm="ortho"), DT))
+    test, told = goodness.goodness_of_fit(noise, fitted)
+    line = dct(np.arange(n) - (n - 1) / 2, norm="ortho")
+    share = line**2 / model / (line**2 / model).sum()
+    c = c - (line * c / model).sum() / (line**2 / model).sum() * line
+    chance, off = [], []
+    for i in np.unique(of[1:]):
+        some = (of == i) & (np.arange(n) > 0)
+        power, freedom = (c[some] ** 2 / model[some]).sum(), some.sum() - share[some].sum()
+        if freedom >= 1:
+            chance.append(2 * min(chi2.cdf(power, freedom), chi2.sf(power, freedom)))
+            off.append(power / freedom - 1)
+    worst = int(np.argmin(chance))
+    assert test.statistic == pytest.approx(off[worst], rel=1e-6)
+    assert test.p == pytest.approx(min(1.0, chance[worst] * len(chance)), rel=1e-4, abs=1e-200)
+    if factor == 1.0:
+        assert test.verdict == "agrees" and not told and test.p > 0.003
+        return
+    (d,) = told
+    small = abs(off[worst]) < 0.2
+    assert worst == octave and d.affects == affects
+    half = (abs(np.log1p(off[octave])) / 2,) * 2 if small and affects else None
+    assert d.widens == (half and pytest.approx(half))
+    # Of lam up to 4 or 1: periods of 2 pi / sqrt(lam) samples, and up to twice as long.
+    period, off = 2**octave * np.pi * DT, 100 * off[octave]
+    words = said("spectrum_off", off=off, shortest=period, longest=2 * period)
+    assert d.note.startswith(words) and (d.start_s, d.end_s) == (0.0, pytest.approx(n * DT))
+    assert test.verdict == "differs by too little to matter" if small else "differs"
+
+
+@pytest.mark.parametrize(("loud", "code"), [(0.0, ""), (2.5, "slow_power"), (60.0, "slow_peak")])
+def test_slow_noise_in_parts_of_a_log(loud, code):
+    """analytic: where a walk is more than white noise, its whitened series in halves and quarters.
+
+    Power is chi-squared of its share of the coefficients; the largest value is a normal one's.
+    """
+    n, k = 1024, np.arange(1024)
+    model = 1 + 0.5**2 / np.maximum(4 * np.sin(np.pi * k / (2 * n)) ** 2, 1e-12)
+    band = np.flatnonzero(model[1:] < 2)[0] + 1
+    rng, slow = np.random.default_rng(3), k < band
+    white = idct(np.where(slow, rng.standard_normal(n), 0), norm="ortho")
+    white *= np.where((k >= 512) & (k < 768), max(loud, 1.0), 1.0) if loud < 10 else 1.0
+    white[300] += loud * (loud > 10)
+    c = np.where(slow, dct(white, norm="ortho"), rng.standard_normal(n)) * np.sqrt(model)
+    y, line = idct(np.where(k > 0, c, 0.0), norm="ortho"), dct(k - 511.5, norm="ortho")
+    coarse = added_terms.Coarse(y, k != 5, 0.5, 2, y)
+    noise = Terms(np.sqrt(2) * ONE, (), 0.5 * ONE)
+    # Means of two: neighbours share a sixth of the variance of a walk's increments.
+    model = model - 0.5**2 / 6 * (1 - 1 / 4)
+    band = np.flatnonzero(1 / model[1:] > 0.5)[0] + 1
+    test, told = goodness.stationarity_of(coarse, noise)
+    c = dct(y, norm="ortho")
+    c -= (line * c / model).sum() / (line**2 / model).sum() * line
+    series = idct(np.where((k < band) & (k > 0), c / np.sqrt(model), 0.0), norm="ortho")
+    series *= np.sqrt(n / band)
+    there, found = np.flatnonzero(k != 5), []
+    for part in (*np.array_split(there, 2), *np.array_split(there, 4)):
+        freedom, power = band * len(part) / n, (series[part] ** 2).mean()
+        p = min(chi2.cdf(power * freedom, freedom), chi2.sf(power * freedom, freedom))
+        found.append((12 * p, power, freedom, part[0], part[-1]))
+    quarters = [row[1:3] for row in found[2:]]
+    np.testing.assert_allclose(test.quarters, quarters, atol=5e-3)
+    top = int(there[np.argmax(np.abs(series[there]))])
+    peak = (
+        4 * band * norm.sf(abs(series[top])),
+        series[top] + 1,
+        0,
+        top - n // band,
+        top + n // band,
+    )
+    least = min([*found, peak], key=lambda row: row[0])
+    assert test.p == pytest.approx(min(least[0], 1.0), rel=1e-3)
+    assert test.statistic == pytest.approx(least[1] - 1, rel=1e-6)
+    assert len(told) == bool(code) == (test.verdict != "agrees")
+    for d in told:
+        start, end = float(least[3]), least[4] + 1.0  # means of one second
+        off = 100 * test.statistic if code == "slow_power" else abs(test.statistic)
+        assert d.note == said(code, off=off, start=start, end=end)
+        assert (d.start_s, d.end_s, d.affects) == (start, end, SLOW)
+    few = added_terms.Coarse(y, k < n, 0.5, 2, y)
+    test, told = goodness.stationarity_of(few, Terms(np.sqrt(2) * ONE, (), 0.01 * ONE))
+    assert test.p is None and not told and test.verdict == said("untested")
+
+
+@pytest.mark.parametrize(
+    ("kind", "at", "width"),
+    [("warm_up", 170.0, 0.0), ("step", 400.0, 0.0), ("sinusoid", 96.0, 0.0), ("step", 400.0, 16.0),
+     ("temperature", 0.0, 0.0)],
+)  # fmt: skip
+def test_the_strongest_candidate_is_the_term_itself(kind, at, width):
+    """analytic: its place, and the rise of 2 ln L in white noise, by least squares."""
+
+    def warmth(t):
+        return np.cos(t / 90) ** 3
+
+    samples = 0.5 * (np.arange(2000) + 0.5)
+    term = added_terms.added_term(kind, at, width, warmth)
+    coarse = added_terms.Coarse.of(2.0 * term.columns[0](samples - 0.25), 0.5, 2)
+    found = added_terms.candidates(coarse, Terms(np.sqrt(2) * ONE), warmth)
+    rise, best = max(found, key=lambda pair: pair[0])
+    x = np.stack([np.ones(1000), coarse.time, coarse.y], axis=1)
+    left = coarse.y - x[:, :2] @ np.linalg.lstsq(x[:, :2], coarse.y)[0]
+    assert (best.kind, best.width) == (kind, width)
+    assert best.at == pytest.approx(at, rel=2e-3)
+    assert rise == pytest.approx(left @ left, rel=0.05)  # of one unit of noise in a mean of two
+    kinds = {c.kind for _, c in found}
+    assert kinds == {"warm_up", "step", "sinusoid", "temperature"}
+    bare = added_terms.candidates(coarse, Terms(np.sqrt(2) * ONE))
+    assert "temperature" not in {c.kind for _, c in bare}

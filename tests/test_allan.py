@@ -4,14 +4,20 @@ import numpy as np
 import pytest
 from allantools import oadev
 from allantools.ci import edf_greenhall
+from scipy.optimize import brentq
+from scipy.special import factorial
+from scipy.stats import chi2
 
+from analysis.noise import allan
 from analysis.noise.allan import (
     allan_deviation,
     cluster_sizes,
     degrees_of_freedom,
     fit_line,
+    generalised_covariances,
     overlapped_variance,
     steady,
+    wandering,
     with_and_without_line,
 )
 from analysis.noise.models import UnifiedModel
@@ -95,6 +101,113 @@ def test_missing_samples_do_not_bias(lost):
     np.testing.assert_allclose(holed.adev, whole.adev, rtol=0.01)
 
 
+def power_law(means):
+    """Standard error by a line through ln of the Allan variance over ln of the length, Bayes."""
+    x, rows = means / means.mean(), []
+    while len(x) > 1:
+        freedom, length = len(x) - 1, -np.log(len(x))
+        log_variance = np.log(np.mean(np.diff(x) ** 2) / 2) + 1 / freedom
+        rows.append((1.0, length, log_variance, freedom / 2))
+        x = (x[::2] + x[1::2]) / 2
+    rows = np.array(rows)
+    weighted = rows[:, :2].T * rows[:, 3]
+    # The power is -0.25 to 0.5 before anything is known.
+    normal = weighted @ rows[:, :2] + np.diag([0, 1 / 0.5**2])
+    level, slope = np.linalg.solve(normal, weighted @ rows[:, 2] + [0, -0.25 / 0.5**2])
+    return np.exp(level / 2), slope
+
+
+@pytest.mark.parametrize(("m", "blocks"), [(1, 16), (100, 16), (150, 8), (300, 4), (600, 0)])
+@pytest.mark.parametrize("holes", [False, True])
+def test_an_interval_covers_what_the_power_wanders(m, blocks, holes, monkeypatch):
+    """known case: second differences in blocks that hold twice the half-length, by definition.
+
+    Where samples are missing, of means of half of them; less what so few scatter more than all.
+    """
+    rng, n = np.random.default_rng(4), 4096 + 2 * m - 1
+    y = rng.standard_normal(n) * np.exp(np.sin(np.arange(n) / 300))
+    if holes:
+        y[2100:][rng.random(n - 2100) < 0.2] = y[2500:2600] = np.nan  # the first half is whole
+    squares, count = np.zeros(4096), np.ones(4096)
+    for i in range(4096):
+        sides = [y[i : i + m], y[i + m : i + 2 * m]]
+        sides = [side[np.isfinite(side)] for side in sides]
+        some = [len(side) for side in sides]
+        if not all(k == m or (k >= m / 2 and k > 1) for k in some):
+            count[i] = 0
+            continue
+        squares[i] = (sides[1].mean() - sides[0].mean()) ** 2
+        if holes and m > 1:
+            squares[i] -= sum(side.var(ddof=1) * (1 / len(side) - 1 / m) for side in sides)
+    monkeypatch.setattr(allan, "degrees_of_freedom", lambda avar, m, n: np.array([200.0]))
+    curve = allan_deviation(y, DT, np.array([m]))
+    avar = squares.sum() / count.sum() / 2
+    np.testing.assert_allclose(curve.adev, np.sqrt(avar), rtol=1e-9)
+    share = min(count.mean(), np.isfinite(y).mean())
+    edf = 200 * share
+    assert curve.edf == pytest.approx(edf)
+    sums = [part.reshape(blocks or 4, -1).sum(axis=1) for part in (squares, count)]
+    if blocks and min(*sums[0], *sums[1]) > 0:  # where each has a variance
+        excess = max(edf * power_law(sums[0] / sums[1])[0] ** 2 / 2, 1.0)
+        edf = max(edf / excess, min(edf, 3.0))
+        assert excess > 1.5
+    ends = np.sqrt(avar * edf / chi2.ppf([0.975, 0.025], edf))
+    np.testing.assert_allclose([curve.low[0], curve.high[0]], ends)
+
+
+def test_the_excess_is_the_median_of_a_decade(monkeypatch):
+    """property: of each mean's own, within half a decade; longer means have that of the longest."""
+    monkeypatch.setattr(allan, "degrees_of_freedom", lambda avar, m, n: np.full(len(m), 200.0))
+    y = np.random.default_rng(4).standard_normal(8000) * np.exp(np.sin(np.arange(8000) / 600))
+    m = np.array([1, 2, 3, 5, 9, 14, 30, 60, 200, 600, 1200, 1800])
+
+    def excess(curve):
+        """Solve for the degrees of freedom that each interval has."""
+        return [
+            200
+            / brentq(lambda edf, r=r: np.sqrt(edf / chi2.ppf(0.975, edf)) - r, 2, 250, xtol=1e-9)
+            for r in curve.low / curve.adev
+        ]
+
+    own = np.concatenate([excess(allan_deviation(y, DT, m[[k]])) for k in range(len(m))])
+    known, expected = m * 2 <= 8000 // 4, []  # four blocks that hold a second difference
+    for k in m[known]:
+        near = known & (m < 10**0.5 * k) & (k < 10**0.5 * m)
+        expected.append(np.median(own[near]))
+    assert (~known).sum() == 2 and own[~known] == pytest.approx(1.0) and own[known].min() > 1.1
+    expected += [expected[-1]] * 2
+    np.testing.assert_allclose(excess(allan_deviation(y, DT, m)), expected, rtol=1e-6)
+
+
+def test_what_blocks_differ_by_grows_as_a_power():
+    """cross-check: a straight line by Bayes' rule; a power of the length between -1 and 1."""
+    rng = np.random.default_rng(1)
+    for means in (
+        rng.chisquare(50, 16),
+        np.exp(0.1 * rng.standard_normal(8)),
+        np.array([1.0, 1.1]),
+    ):
+        error, slope = power_law(means)
+        assert abs(slope) < 1 and wandering(means) == pytest.approx(error)
+        assert wandering(7 * means[::-1]) == pytest.approx(error)
+    steep = np.linspace(1.0, 2.0, 16)
+    assert power_law(steep)[1] > 1 and wandering(steep) < power_law(steep)[0]
+
+
+def test_averaging_times_and_covariances():
+    """analytic: geometric up to a quarter; a Gauss-Markov process is a series, from the cube on."""
+    np.testing.assert_array_equal(cluster_sizes(4003, 5), [1, 6, 32, 178, 1000])
+    assert cluster_sizes(3).tolist() == [1] and cluster_sizes(100)[-1] == 25
+    kinds, corr = generalised_covariances(100), 10 ** np.arange(0.5, 3.1, 0.5)  # beyond 4 * 100
+    lag, order = np.array([0.0, 0.02, 0.1, 1.0, 2.0]), np.arange(3, 40)[:, None]
+    for g, c in zip(kinds[4:], corr, strict=True):
+        expected = -(c**2) * ((-lag) ** order / factorial(order)).sum(axis=0)
+        np.testing.assert_allclose(g(c * lag), expected, rtol=1e-7)
+    others = lag == 0, -lag / 2, lag**2 * np.log(lag.clip(1e-9)), lag**3 / 12
+    for g, expected in zip(kinds[:4], others, strict=True):
+        np.testing.assert_allclose(g(-lag), expected)
+
+
 @pytest.mark.parametrize("m", [1, 4, 12])
 def test_degrees_of_freedom_of_sampled_white_noise(m):
     """analytic: they follow from the correlation of second differences, here summed by hand."""
@@ -107,12 +220,14 @@ def test_degrees_of_freedom_of_sampled_white_noise(m):
     assert found == pytest.approx(expected, rel=1e-6)
 
 
-def test_degrees_of_freedom_at_long_tau():
-    """cross-check: for white noise they are Greenhall and Riley's, as allantools has them."""
+@pytest.mark.parametrize(("alpha", "power"), [(0, -1.0), (-1, 0.0), (-2, 1.0)])
+def test_degrees_of_freedom_at_long_tau(alpha, power):
+    """cross-check: of white noise, flicker and a walk, Greenhall and Riley's by allantools."""
     n, m = 10_000, np.array([32, 256, 2000])
-    theirs = [edf_greenhall(0, d=2, m=int(k), N=n + 1, overlapping=True, modified=False) for k in m]
+    given = {"d": 2, "N": n + 1, "overlapping": True, "modified": False}
+    theirs = [edf_greenhall(alpha, m=int(k), **given) for k in m]
     # Theirs take the noise for continuous: 5 % at m = 32, i.e. 2.5 % of an interval's width.
-    np.testing.assert_allclose(degrees_of_freedom(1.0 / m, m, n), theirs, rtol=0.05)
+    np.testing.assert_allclose(degrees_of_freedom(m**power, m, n), theirs, rtol=0.05)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ def test_autocovariance_by_definition():
     y = np.random.default_rng(1).standard_normal(50)
     d = y - y.mean()
     direct = [d[: 50 - k] @ d[k:] / 50 for k in range(50)]
-    np.testing.assert_allclose(autocovariance(y), direct, atol=1e-12)
+    for longest in (None, 49, 99):
+        np.testing.assert_allclose(autocovariance(y, longest), direct, atol=1e-12)
 
 
 def test_autocovariance_with_holes():
@@ -45,3 +46,4 @@ def test_correlogram():
     assert short.lag[-1] == 100.0 and short.correlation[0] == 1.0
     assert whole.corr_time == one_over_e(expected, 5.0)
     assert whole.sigma_b == np.sqrt(expected[0])
+    np.testing.assert_array_equal(correlogram(y, 0.5).covariance, autocovariance(y))

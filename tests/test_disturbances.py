@@ -5,11 +5,12 @@ import re
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
-from scipy.stats import t
+from scipy.stats import chi2, f, norm, t
 
 from analysis import Estimate
 from analysis.noise.disturbances import (
     Disturbance,
+    Increments,
     adjusted,
     heavy_tails,
     increments,
@@ -23,6 +24,8 @@ from analysis.noise.disturbances import (
     uneven,
 )
 from analysis.noise.models import UnifiedModel, flicker_noise
+from analysis.noise.notes import said
+from analysis.noise.parameters import SIZES, SLOW, WHITE
 
 N, DT = 36_000, 0.1
 
@@ -119,31 +122,6 @@ def test_uneven_noise_holds_or_is_refused(kind, named, resolved):
     assert e.low <= truth <= (np.inf if e.high is None else e.high)
     assert all(d.note in e.note for d in found if d.affects)
     assert adjusted(plain, "corr_time", found) == plain
-
-
-def test_a_level_that_changes_widens_by_the_error_of_its_mean():
-    """analytic: Student's t of the eighths' logarithms; levels about their rms, and where they are.
-
-    80,000 samples an eighth know each level to 0.3 %.
-    """
-    level = np.array([1.0, 1.0, 1.3, 1.3, 1.0, 1.0, 1.0, 1.0])
-    y = rng().standard_normal(640_000) * np.repeat(level, 80_000)
-    (found,) = level_changes(increments(y, DT), ("sigma_v",))
-    half = t.ppf(0.975, 7) * np.log(level).std(ddof=1) / np.sqrt(8)
-    assert found.widens == pytest.approx((half, half), rel=0.03)
-    assert found.bounds == pytest.approx(level[[0, 2]] / np.sqrt(np.mean(level**2)), rel=0.01)
-    assert (found.start_s, found.end_s) == pytest.approx((16_000.0, 32_000.0), rel=1e-3)
-
-
-def test_heavy_tails_widen_as_their_kurtosis_says():
-    """analytic: a twentieth of the samples three times as loud has excess 4.65, increments half."""
-    loud = np.where(rng(2).random(800_000) < 0.05, 3.0, 1.0)
-    part = increments(loud * rng().standard_normal(800_000), DT)
-    (found,) = heavy_tails(part)
-    half = 1.96 * np.sqrt(2.33 / (4 * 400_000))
-    assert found.widens == pytest.approx((half, 2 * half), rel=0.03)
-    assert (found.start_s, found.end_s) == pytest.approx((0.0, 80_000.0))
-    assert part.fourth == pytest.approx(5.33, rel=0.03)
 
 
 def test_few_gaussian_logs_are_flagged():
@@ -281,3 +259,218 @@ def test_noise_is_no_oscillation(noise, length):
     """property: uneven noise and noise of any colour, 40 logs of each."""
     r = rng(4)
     assert not any(lines(y, 0.01)[1] for _ in range(40) for y in noise(r, length))
+
+
+QUIET = rng(6).permutation(norm.ppf((np.arange(N) + 0.5) / N))
+STEP = np.median(np.abs(np.diff(QUIET))) / norm.ppf(0.75)  # robust deviation of a step
+
+
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize(("size", "found"), [(0.97, False), (1.03, True)])
+def test_spikes_are_as_wide_apart_from_noise_as_the_rule_says(count, size, found):
+    """analytic: j equal ones of n, 5.5 (n / 0.01)^(1 / 3j) deviations of a step or more, both ways.
+
+    So wide is the gap below them that noise with a tail index of 3 has in one log of a hundred.
+    """
+    y, at = QUIET.copy(), 1000 + 300 * np.arange(count)
+    least = size * 5.5 * ((count + (count > 1)) / 0.01) ** (1 / (3 * count)) * STEP
+    y[at - 1], y[at + 1], y[at] = 0.0, 0.0, -least
+    y[5000], y[5001:5003], y[5003] = 0.0, 1000.0 * (count == 3), 0.0
+    marked, told = spikes(y, DT)
+    if count == 3:  # beside a larger one of two samples, of which as much again is left out
+        assert marked[5001:5005].all()
+        marked[5001:5005] = False
+    assert np.flatnonzero(marked).tolist() == at.tolist() * found
+    for d in told if found else ():
+        ends = (at[0], at[-1] if count == 1 else 5004)
+        assert (d.start_s, d.end_s) == pytest.approx(DT * np.array(ends))
+        numbers = {"count": 1 + count * (count > 1), "at": DT * at[0], "smallest": least / STEP}
+        assert d.note == said("spikes", **numbers)
+
+
+def test_how_many_spikes_there_may_be_and_how_near():
+    """known case: fewer than 2 in 1000 steps; steps at most 10 samples apart are of one spike."""
+    for count in (71, 73):
+        y, at = QUIET.copy(), 100 + 400 * np.arange(count)
+        y[at] = 1e4
+        assert spikes(y, DT)[0].sum() == (71 if count == 71 else 0)
+    for apart, count in ((11, 1), (12, 2)):
+        y = QUIET.copy()
+        y[[500, 500 + apart]] = 1e4
+        marked, (told,) = spikes(y, DT)
+        assert told.note.startswith(f"spikes left out: {count},")
+        assert marked.sum() == (2 if count == 2 else 24)  # twice what is between the first and last
+
+
+def test_how_long_a_reading_may_stay():
+    """analytic: more than 10 samples, and twice the longest run of 99 logs in 100."""
+    for length, found in ((10, 0), (11, 11)):
+        y = QUIET.copy()
+        y[700 : 700 + length] = y[700]
+        marked, told = stuck(y, DT)
+        assert marked.sum() == found and len(told) == bool(found)
+    # 0 1 0 1 1: a quarter of the runs is longer than one sample, and 2 ln(n / 0.01) / ln 4 = 19.02.
+    for length, found in ((19, 0), (20, 20)):
+        y = np.tile([0.0, 1.0, 0.0, 1.0, 1.0], 1060)
+        y = np.concatenate([y[:1000], np.full(length, 0.0), y[1001:]])
+        marked, told = stuck(y, DT)
+        assert np.flatnonzero(marked).tolist() == [*range(1000, 1000 + found)]
+        for d in told:
+            assert (d.start_s, d.end_s) == pytest.approx((100.0, 101.9))
+            assert d.note == said("stuck", total=2.0, at=100.0)
+    assert not stuck(np.zeros(50), DT)[0].any() and not stuck(np.zeros(0), DT)[0].any()
+
+
+def test_few_levels_and_piles_by_their_counts():
+    """known case: fewer than 12 levels, most at one; a pile of 28 runs beside one of the next."""
+    for most, found in ((10, True), (11, False)):
+        y = np.append(np.zeros(10_000), np.arange(most + 1.0))
+        told = resolution(y, DT)
+        assert [d.affects for d in told] == [(*WHITE, *SLOW)] * found
+        assert all(d.note == said("resolution", ratio=1 / y.std()) for d in told)
+    for runs, found in ((27, False), (28, True)):  # runs - 1 > 5 sqrt(runs + 1)
+        for sign in (1, -1):
+            y = np.linspace(0, 1, 900)
+            y[10 : 10 + 4 * runs : 4], y[800] = 3.0, 2.0
+            told = saturation(sign * y, DT)
+            assert len(told) == found
+            for d in told:
+                share = runs / 900
+                cut = norm.isf(share)
+                left = np.sqrt(norm.expect(lambda x, c=cut: np.minimum(x, c) ** 2)
+                               - norm.expect(lambda x, c=cut: np.minimum(x, c)) ** 2)  # fmt: skip
+                assert d.note == said("saturation", share=share, left=left)
+                assert d.affects == (*WHITE, *SIZES) and d.bounds == (1.0, None)
+                assert (d.start_s, d.end_s) == (0.0, pytest.approx(90.0))
+
+
+def test_a_gap_is_longer_than_chance_makes_it():
+    """analytic: ln(n / 0.01) / -ln(share lost) is the run that one log in 100 exceeds."""
+    for singles, gap in ((18, True), (19, False)):  # of 1000, beside a run of three
+        y = np.zeros(1000)
+        y[100:103] = y[200 : 200 + 10 * singles : 10] = np.nan
+        told = missing(y, DT)
+        numbers = {"total": 0.3, "longest": 0.3, "at": 10.0}
+        assert (said("gap", **numbers) in told[0].note) == gap == (len(told) == 2)
+        lost = singles if gap else singles + 3
+        assert told[-1].note == said("lost", samples=lost, share=lost / 1000)
+        ends = (20.0 if gap else 10.0, 20.0 + singles - 0.9)
+        assert (told[-1].start_s, told[-1].end_s) == pytest.approx(ends)
+
+
+def test_increments_are_those_of_their_definition():
+    """known case: pairs of 1024 means and more, over their eighths' rms, in pieces of pieces."""
+    y = rng(7).standard_normal(1100) * np.repeat([1.0, 3.0], 550)
+    y[rng(8).choice(1100, 60, replace=False)] = np.nan
+    there = np.flatnonzero(np.isfinite(y))
+    part = increments(y, 0.5)
+    pairs = y[there[:1024]].reshape(8, 8, 8, 2)
+    h = pairs[..., 1] - pairs[..., 0]
+    z = h / np.sqrt((h**2).mean(axis=(1, 2), keepdims=True))
+    for found, expected in (
+        (part.z, z), (part.energy, (z**2).mean(axis=2)), (part.fourth, (z**4).mean()),
+        (part.variance, (h**2).mean()), (part.level, np.abs(h).mean(axis=2)), (part.size, 512),
+        (part.edges, 0.5 * np.append(there[:1024:16], there[1023] + 1)),
+    ):  # fmt: skip
+        np.testing.assert_allclose(found, expected)
+    assert increments(y[: there[1023]], 0.5) is None  # one mean less
+    assert increments(np.tile([0.0, 1.0], 600), 0.5) is None  # a pattern
+
+
+def made(z=(), level=(), energy=None, fourth=3.0, size=64_000):
+    """Make increments of 64 pieces of 100 s with the numbers that a test looks at."""
+    energy = np.ones((8, 8)) if energy is None else energy
+    return Increments(np.array(z), size, energy, fourth, 1.0, level, 100.0 * np.arange(65))
+
+
+def test_heavy_tails_by_their_kurtosis_and_their_index():
+    """known case: 5 standard errors or 0.2 of excess kurtosis; below a tail index of 2.7 a bound.
+
+    The tails are those of quantiles of Student's t of 9 and of 2 degrees.
+    """
+    p = (np.arange(100_000) + 0.5) / 100_000
+    for n, least in ((100_000, 0.2), (1000, 5 * np.sqrt(24 / 1000))):
+        z = t(9).ppf(p[:: 100_000 // n])
+        two = np.sum(np.sort(abs(z))[-2:] ** 4) / n  # what the two largest alone make of it
+        assert heavy_tails(made(z, fourth=2.99 + least + two)) == []
+        excess = least + two + 0.01
+        (d,) = heavy_tails(made(z, fourth=3 + excess))
+        half = 1.959964 * np.sqrt(excess / (4 * n))
+        assert d.widens == pytest.approx((half, 2 * half)) and d.affects == WHITE
+        robust = np.subtract(*np.quantile(z, [0.75, 0.25])) / (2 * norm.ppf(0.75))
+        assert d.note == said("heavy_tails", excess=excess, over=1 + excess, robust=robust)
+        assert (d.start_s, d.end_s) == (0.0, 6400.0)
+    (told,) = heavy_tails(made(t(2).ppf(p), fourth=1e6))
+    assert told.widens is None and told.affects == WHITE
+    assert told.bounds == (pytest.approx(t(2).ppf(0.75) / norm.ppf(0.75), rel=1e-4), None)
+    index = float(told.note.split("index ")[1].split(",")[0])
+    assert index == pytest.approx(2.0, abs=0.1)  # of the 205 largest
+
+
+@pytest.mark.parametrize(("times", "found"), [(0.95, False), (1.05, True)])
+def test_level_changes_by_the_rules_of_their_tests(times, found):
+    """analytic: F of 7 and 56 degrees between eighths, chi-squared of 56 within, at 1 in 1000.
+
+    Logarithms of the level are +-a in eighths and +-0.01 within; the energies 1 +- e within.
+    """
+    sign, inside = np.array([1, -1, 1, 1, -1, -1, 1, -1.0]), 0.01**2 * 8 / 7
+    a = np.sqrt(times * f.isf(1e-3, 7, 56) * inside / 8 * 7 / 8)
+    wave = 0.01 * (-1.0) ** np.arange(8)
+    told = level_changes(made(level=2 * np.exp(a * sign[:, None] + wave)), WHITE)
+    assert len(told) == found
+    for d in told:
+        half = t.ppf(0.975, 7) * np.sqrt((a**2 * 8 / 7 - inside / 8) / 8)
+        level = np.exp([-a, a]) / np.sqrt(np.cosh(2 * a))
+        assert d.widens == pytest.approx((half, half)) and d.bounds == pytest.approx(level)
+        assert (d.start_s, d.end_s, d.affects) == (0.0, 6400.0, WHITE)
+    ratio = times * chi2.isf(1e-3, 56) / 56 * 1.5  # beyond a kurtosis of 4, which scatters energies
+    e = np.sqrt(ratio * 2 * 64 / 64_000 * 7 / 8) * (-1.0) ** np.arange(8)
+    flat = np.ones((8, 8))
+    told = level_changes(made(level=np.exp(wave) * flat, energy=1 + e * flat, fourth=4.0), SIZES)
+    assert len(told) == found
+    for d in told:
+        half = 1.959964 * np.sqrt((ratio - 1.5) / (2 * 64_000))
+        assert d.widens == pytest.approx((half, half)) and d.affects == SIZES
+    burst = np.exp(wave) * flat
+    burst[3, 2] = 3.0
+    for d in level_changes(made(level=burst, energy=1 + e * flat, fourth=4.0), SIZES):
+        assert (d.start_s, d.end_s) == (2600.0, 2700.0)  # where it is loud
+        assert d.bounds == pytest.approx(np.array([1, 3]) / np.sqrt(72 / 64), rel=0.02)
+    loud = flat * np.where(np.arange(8) == 5, 2.0, 1.0)[:, None] * np.exp(wave)
+    (d,) = level_changes(made(level=loud), WHITE)
+    assert d.widens is None and (d.start_s, d.end_s) == (4000.0, 4800.0)
+
+
+def test_estimates_are_adjusted_by_what_affects_them():
+    """known case: refused with shares of the value; a bound from readings cut off falls."""
+    plain = Estimate(2.0, 1.0, 3.0, "m", note="own")
+    for bounds, ends in (
+        ((0.5, None), (1.0, None)),
+        ((None, 3.0), (None, 6.0)),
+        ((None,) * 2, (None,) * 2),
+    ):
+        e = adjusted(plain, "arw", [Disturbance("x", 0, 1, "why", ("arw",), bounds=bounds)])
+        assert (e.value, e.low, e.high, e.note) == (None, *ends, "own; why") and not e.resolved
+    assert adjusted(plain, "rrw", [Disturbance("x", 0, 1, "why", ("arw",))]) == plain
+    refused = Estimate.refused("m", "own", low=1.0, high=3.0)
+    for bounds, high in (((1.0, None), None), ((0.5, 2.0), 3.0), ((None, 2.0), 3.0)):
+        e = adjusted(refused, "arw", [Disturbance("x", 0, 1, "why", ("arw",), bounds=bounds)])
+        assert (e.value, e.low, e.high) == (None, 1.0, high)
+    told = Disturbance("x", 1.23456, 2.0, "why", ("arw",)).summary()
+    assert told == {"kind": "x", "from": 1.235, "to": 2.0, "affects": ["arw"], "note": "why"}
+
+
+@pytest.mark.parametrize("m", [1, 4])
+def test_whose_level_changes_is_told_by_the_white_noise(m):
+    """known case: a walk twice as loud in its second half, in means of m samples of 0.1 s.
+
+    White noise rules where it has more than half of the Allan variance of the means.
+    """
+    y = np.cumsum(rng().standard_normal(N) * np.repeat([1.0, 2.0], N // 2))
+    pairs = y.reshape(-1, 2, m).mean(axis=2)
+    avar = np.mean(np.diff(pairs) ** 2) / 2
+    for share, affects in ((0.49, {SIZES}), (0.51, {WHITE, SIZES})):
+        found = uneven(y, DT, m, np.sqrt(share * avar * m))
+        levels = [d for d in found if d.kind == "noise_level"]
+        assert {d.affects for d in levels} == affects and len(levels) == len(affects)
+        assert all((d.start_s, d.end_s) == pytest.approx((0.0, N * DT), rel=0.1) for d in levels)

@@ -389,6 +389,37 @@ def test_estimates_are_written_in_the_units_of_the_trade(estimate, words):
     assert str(estimate) == words
 
 
+SI = {
+    "deg": np.pi / 180,
+    "°": np.pi / 180,
+    "rad": 1.0,
+    "g": 9.80665,
+    "m": 1.0,
+    "s^2": 1.0,
+    "K": 1.0,
+}
+SI |= {"s": 1.0, "h": 3600.0, "sqrt(s)": 1.0, "√s": 1.0, "√h": 60.0, "√Hz": 1.0}
+SI |= {f"{k}g": power * 9.80665 for k, power in (("m", 1e-3), ("µ", 1e-6))}
+
+
+@pytest.mark.parametrize("unit", analysis.CUSTOMARY)
+def test_customary_units_are_the_same_quantity(unit):
+    """analytic: each factor is the ratio of two units in SI; the finest comes first."""
+
+    def in_si(name):
+        above, *below = name.removesuffix("*sqrt(s)").split("/")  # whose factor is one
+        return SI[above] / np.prod([SI[k] for k in below])
+
+    given = analysis.CUSTOMARY[unit]
+    for factor, name in given:
+        assert factor == pytest.approx(in_si(unit) / in_si(name))
+    assert [factor for factor, _ in given] == sorted((f for f, _ in given), reverse=True)
+    # A thousand of one unit is one of the next, where there is a next.
+    last = len(given) - 1
+    for size, name in ((999.0, given[0][1]), (1001.0, given[min(1, last)][1])):
+        assert Estimate(size / given[0][0], None, None, unit).value_text.endswith(name)
+
+
 def test_value_and_interval_are_rounded_together():
     """Property: no exponent at any magnitude; nothing moves by over 1/10 of itself or the interval.
 
@@ -407,6 +438,21 @@ def test_value_and_interval_are_rounded_together():
             for written, exact in zip(map(float, numbers), (value, low, high), strict=True):
                 slack = max(min(exact, high - low) / 10 * factor, exact * factor * 1e-5)
                 assert abs(written - factor * exact) < 1.001 * slack, (words, value, low, high)
+
+
+def test_a_column_has_the_unit_of_its_largest_number(monkeypatch, tmp_path):
+    """known case: a bound counts where no value is known; another quantity keeps its own unit."""
+    small, large = (Estimate(v, 0.9 * v, 1.1 * v, "g") for v in (2e-6, 3e-3))
+    unit, cells = analysis.in_one_unit([small, large, Estimate(4.0, None, 5.0, "m")])
+    assert unit == "mg" and cells[0] == ("0.00200", "0.00180 to 0.00220")
+    assert cells[1:] == [("3.0", "2.7 to 3.3"), ("4.0 m", "at most 5.0 m")]
+    bound = Estimate.refused("g", "", low=2e-3)
+    assert analysis.in_one_unit([bound, bound]) == ("mg", [(None, "at least 2")] * 2)
+    assert analysis.in_one_unit([bound, small])[0] == "µg"
+    assert analysis.in_one_unit([Estimate.refused("m", "")]) == ("m", [(None, "no bound")])
+    for folder, found in ((str(tmp_path), tmp_path), ("", None)):
+        monkeypatch.setenv("COMPENDIUM_FIGURES", folder)
+        assert analysis.figures_folder() == found
 
 
 def test_exponents_are_written_out():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from analysis.noise import graph
 from analysis.noise.allan import AllanCurve, allan_deviation, fit_line
@@ -56,6 +56,31 @@ def test_graph_readings():
     assert arw.value == pytest.approx(1.0, rel=0.01) and arw.unit == "deg/sqrt(s)"
     # White 1/tau and walk K^2 tau/3 meet lowest at tau = sqrt(3)/K, adev^2 = 2K/sqrt(3).
     assert floor.value == pytest.approx(np.sqrt(2 * 2e-3 / np.sqrt(3)) / 0.664, rel=0.05)
+
+
+def test_white_noise_is_read_where_the_slope_is():
+    """known case: N of 2 up to 10 s, with the interval of the best known point; none, its bound.
+
+    A slope has to hold over 0.3 decades; the points next to a corner have another one.
+    """
+    tau, edf = np.geomspace(0.1, 100, 61), np.linspace(400, 100, 61)
+    for corner, begin in ((10.0, 0.1), (0.15, None)):
+        adev = 2 / np.sqrt(np.minimum(tau, corner))
+        curve = AllanCurve(tau, adev, 0 * tau, 0 * tau, edf)
+        found = graph.white_noise(curve, "deg/s")
+        reach = np.sqrt(edf / chi2.ppf([[0.975], [0.025]], edf))
+        if begin is None:
+            bound = (adev * reach[1] * np.sqrt(tau)).min()
+            assert (found.value, found.low, found.high) == (None, None, pytest.approx(bound))
+            continue
+        ends = 2 * reach[:, 0]
+        assert (found.value, found.low, found.high) == pytest.approx((2.0, *ends))
+        assert found.note.startswith("slope -1/2 from 0.1 to 7.94 s")
+    slope = graph.slopes(AllanCurve(tau, tau**0.3, tau, tau, edf))
+    np.testing.assert_allclose(slope, 0.3)
+    sparse = graph.slopes(AllanCurve(tau[::20], tau[::20] ** 0.3, *[tau[::20]] * 3))
+    np.testing.assert_allclose(sparse, 0.3)
+    assert np.isnan(graph.slopes(AllanCurve(*[tau[:2]] * 5))).all()
 
 
 def test_no_floor_no_bias_instability():

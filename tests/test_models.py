@@ -5,10 +5,12 @@ import pandas as pd
 import pytest
 
 from analysis import DATA
+from analysis.noise.allan import overlapped_variance
 from analysis.noise.models import (
     UnifiedModel,
     adev_gauss_markov,
     adev_of_terms,
+    flicker_noise,
     gauss_markov,
     gauss_markov_means,
     models_of_table_one,
@@ -90,6 +92,16 @@ def test_fitted_terms_add_in_variance():
     model = UnifiedModel(0.1, 60.0, 0.2, 5.0, 1e-3).adev(tau, dt)
     expected = parts[0] ** 2 + parts[-1] ** 2 + (1e-3 * tau) ** 2 / 2
     np.testing.assert_allclose(model, np.sqrt(expected))
+
+
+@pytest.mark.parametrize("dt", [1.0, 0.02])
+def test_flicker_noise_is_flat_at_0_664_of_its_size(dt):
+    """analytic: Allan variance 2 ln 2 / pi B^2, of 60 logs at averages of 8 to 64 samples."""
+    rng, m = np.random.default_rng(9), np.array([8, 16, 32, 64])
+    found = [overlapped_variance(flicker_noise(4096, dt, 3.0, rng), m) for _ in range(60)]
+    # 60 logs know it to 1 or 2 %; sampled, it is a little less than that of the process.
+    expected = 9.0 * 2 * np.log(2) / np.pi
+    np.testing.assert_allclose(np.mean(found, axis=0), expected, rtol=0.06)
 
 
 def test_shift_and_drift_are_a_line():

@@ -482,7 +482,7 @@ def uneven(y: np.ndarray, dt: float, m: int, white: float) -> list[Disturbance]:
         return []
     chance, found = CHANCE / len(scales), []
     for is_white, affects in ((True, WHITE), (False, SIZES)):
-        parts = [part for of_white, part in scales if of_white is is_white]
+        parts = [part for of_white, part in scales if of_white == is_white]
         tests = [d for part in parts for d in level_changes(part, affects, chance)]
         found += sorted(tests, key=lambda d: d.widens or (np.inf,))[-1:]
     return found + tails

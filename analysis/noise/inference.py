@@ -119,10 +119,10 @@ class Inference:
     chosen: Fit
     unit: str
     coarse: Coarse
-    averaged: int = 1
-    fewest: int = 1
-    lack: tuple[float, float] = (0.0, 0.0)
-    band: str = ""
+    averaged: int
+    fewest: int
+    lack: tuple[float, float]
+    band: str
     terms: tuple[AddedTerm, ...] = ()
     parameters: dict[str, Estimate] = field(default_factory=dict)
     goodness: Test | None = None
