@@ -508,23 +508,6 @@ def ride(n, lat0=45.0, speed=20.0, start=0):
     return Gnss(t, lat, 9 * same, 100 * same, 2 * same, v, 0 * same, same > 0)
 
 
-def test_the_lag_between_gnss_and_imu():
-    """coverage: on 10 rides the interval covers the known lag in 8 or more, and is narrow."""
-    inside = 0
-    for seed in range(10):
-        log = scenarios.scenario("B", np.random.default_rng(seed), laps=2).log
-        late = (-0.4, 0.0, 0.75, 1.0)[seed % 4]
-        lag = log_replay.time_lag(log.gnss, replace(log.imu, t_s=log.imu.t_s - late))
-        inside += lag.low <= late <= lag.high
-        assert lag.high - lag.low < 0.8 and lag.value == pytest.approx(late, abs=0.25)
-    assert inside >= 8  # of 10 at 95 %: fewer in one of 90 cases
-
-
-def test_a_device_at_rest_tells_no_lag(at_rest):
-    """property: unresolved."""
-    assert log_replay.time_lag(at_rest.log.gnss, at_rest.log.imu).value is None
-
-
 def test_each_start_has_its_summary(tmp_path):
     """property: two starts an hour apart: two summaries, and the gap is no standing time."""
     gnss = ride(200, start=300)
