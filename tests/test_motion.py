@@ -91,7 +91,7 @@ def test_straight_roads_and_short_logs_tell_nothing():
 
 
 def test_steps_of_four_fixes():
-    """known case: what changed between fixes, the means of the IMU; slow and long steps are none."""
+    """known case: changes between fixes, means of the IMU; slow and long steps are none."""
     t, nan = np.array([10.0, 11.0, 12.0, 12.5, 15.0, 16.0, 17.0]), np.full(7, np.nan)
     speed, course = np.array([4.0, 6, 5, 6, 6, 1, 2]), np.array([350.0, 10, 20, 15, 20, 20, 20])
     at = np.arange(9.5, 18, 0.25)
