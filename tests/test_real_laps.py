@@ -130,6 +130,8 @@ def test_what_a_filter_expects_of_a_map():
     assert pytest.approx(1.25 * 0.08**2 * 2 * 2.5 / 0.11) == told.R
     rare = error.setup(replace(setup, every=100), 4)  # farther apart than twice the length
     assert pytest.approx(1.25 * 0.08**2) == rare.R
+    few = replace(error, laps=2).setup(setup, 1)  # 12.71 is Student's t of one
+    assert few.begin_attitude_sd == pytest.approx(2**0.5 * 0.06 * 12.71 / 1.96, rel=0.01)
 
 
 @pytest.mark.parametrize("begin", [-0.55, -0.02, 0.45])

@@ -50,16 +50,6 @@ def drive():
     return road, setup, truth, np.append(0.0, np.ones(600))
 
 
-def test_the_likelihood_finds_the_place(drive):
-    """analytic: perfect samples put the weight on the true place, and explain themselves."""
-    road, setup, truth, moved = drive
-    place, weight, explained = likelihood(
-        averaged_map(road), road.at(truth), np.cumsum(moved), MEMS, setup, (600.0, 1400.0)
-    )
-    assert place[weight.argmax()] == pytest.approx(truth[-1], abs=1)
-    assert weight[np.abs(place - truth[-1]) < 10].sum() > 0.999 and explained > 0.99
-
-
 @pytest.mark.parametrize(
     ("errors", "mean"),
     [
