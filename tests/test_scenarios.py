@@ -117,6 +117,16 @@ def test_where_each_one_goes():
     assert np.median(bends[bends > 0.015]) == pytest.approx(1 / 46.26, rel=0.02)
     assert np.percentile(steady, 97) / np.percentile(steady, 3) == pytest.approx(1.25 / 0.9, 0.02)
     assert np.flatnonzero(b.moving)[0] == 20 and not b.moving[-10:].any()
+    np.testing.assert_allclose(np.diff(b.speed_m_s[20:32]), 0.6, atol=1e-9)
+    driven = np.append(0.0, np.hypot(np.diff(b.north_m), np.diff(b.east_m)).cumsum())
+    left = (driven[-1] - driven)[-19:-10]  # it brakes to be at rest at the end
+    np.testing.assert_allclose(
+        b.speed_m_s[-19:-10], np.minimum(np.sqrt(1.2 * left), 4.84), atol=0.12
+    )
+    assert np.interp(b.first_turn_s, b.log.gnss.t_s, driven) == pytest.approx(84.39, abs=4)
+    assert b.speed_m_s[39] == pytest.approx(
+        b.speed_m_s.max() * 0.9 / 1.25, rel=0.06
+    )  # slow in time
     assert b.course_deg[0] == 180 and np.ptp(b.north_m) == pytest.approx(84.39 + 92.52, abs=3)
     assert np.ptp(b.east_m) == pytest.approx(92.52, abs=3)
     assert np.flatnonzero(c.moving)[0] == 120 and c.course_deg[0] == pytest.approx(70)
