@@ -476,23 +476,24 @@ def test_single_precision(laps):
     assert np.nanmax(np.abs(single.columns["mount_deg"] - double.columns["mount_deg"])) < 1.0
 
 
-@pytest.mark.parametrize("kind", ["car", "block6"])
-def test_the_same_drive_elsewhere_later_and_mirrored(laps, kind):
+@pytest.mark.parametrize(("kind", "smooth"), [("car", False), ("car", True), ("block6", False)])
+def test_the_same_drive_elsewhere_later_and_mirrored(laps, kind, smooth):
     """property: over the date line and a day later the track is moved; left for right, mirrored."""
     log, choice = laps[0].log, Options(filter=kind)
     gnss, imu, middle = log.gnss, log.imu, np.nanmedian(log.gnss.lon_deg)
-    known = replay(log, choice).columns
+    known = replay(log, choice, smooth=smooth).columns
     day = {"t_s": gnss.t_s + 86_400.0, "lon_deg": wrap(gnss.lon_deg - middle + 180.0)}
     moved = Timeline(replace(gnss, **day), replace(imu, t_s=imu.t_s + 86_400.0))
-    other = replay(moved, choice).columns
+    other = replay(moved, choice, smooth=smooth).columns
     seen = np.isfinite(known["out_lon_deg"])
     assert seen.sum() > 200
     off = wrap(other["out_lon_deg"] - known["out_lon_deg"] + middle - 180.0)
     np.testing.assert_allclose(off[seen], 0.0, atol=1e-8)
     left = {"lon_deg": 2 * middle - gnss.lon_deg, "course_deg": -gnss.course_deg % 360}
     turned = replace(imu, gyro_b=imu.gyro_b * [-1, 1, -1], accel_b=imu.accel_b * [1, -1, 1])
-    mirrored = replay(Timeline(replace(gnss, **left), turned), choice).columns
-    for name, sign in (("roll_deg", -1), ("pitch_deg", 1), ("yaw_deg", -1), ("out_lat_deg", 1)):
+    mirrored = replay(Timeline(replace(gnss, **left), turned), choice, smooth=smooth).columns
+    signs = {"roll_deg": -1, "pitch_deg": 1, "yaw_deg": -1, "out_lat_deg": 1, "correlation": -1}
+    for name, sign in signs.items():
         off = wrap(mirrored[name] - sign * known[name])
         np.testing.assert_allclose(off, 0 * known[name], atol=1e-6, err_msg=name)
     off = mirrored["out_lon_deg"] + known["out_lon_deg"] - 2 * middle

@@ -96,9 +96,9 @@ def test_how_each_body_is_held(monkeypatch):
     by = 6 * np.minimum(c.speed_m_s, 1.0) * np.sin(2 * np.pi * 0.9 * c.log.gnss.t_s)
     np.testing.assert_allclose(swing, [by, by], atol=1e-9)
     assert np.abs(by).max() > 5
-    with_hills = scenario("D", rng(), stops=20, imu_rate=10.0)
+    with_hills = scenario("D", rng(), stops=8, imu_rate=10.0)
     monkeypatch.setattr(scenarios, "_ground", lambda *_: None)
-    d = scenario("D", rng(), stops=20, imu_rate=10.0)
+    d = scenario("D", rng(), stops=8, imu_rate=10.0)
     course, pitch, roll = body(d, 15, -6, 2)
     np.testing.assert_allclose(roll, 0.0, atol=1e-9)
     sets_off = np.flatnonzero(np.diff(d.moving.astype(int)) > 0)
@@ -171,15 +171,12 @@ def test_errors_of_the_imu_have_the_stated_size():
 def test_the_engine_is_a_line_that_dies_away_with_speed():
     """analytic: 28.5 Hz and a ninth of its power at twice that, 1/e of it at 2 m/s."""
     loud = replace(QUIET, engine=0.42, engine_gyro=0.04)
-    rides = [
-        scenario("D", rng(2), stops=0, imu_rate=200.0, gnss=NO_ERROR["gnss"], imu=imu).log.imu
-        for imu in (loud, QUIET)
-    ]
-    speed = np.interp(
-        rides[0].t_s, *(lambda s: (s.log.gnss.t_s, s.speed_m_s))(scenario("D", rng(2), stops=0))
-    )
+    given = {"stops": 0, "imu_rate": 140.0, "gnss": NO_ERROR["gnss"]}
+    with_line, without = (scenario("D", rng(2), imu=imu, **given) for imu in (loud, QUIET))
+    imu, gnss = with_line.log.imu, with_line.gnss
+    speed = np.interp(imu.t_s, gnss.t_s, with_line.speed_m_s)
     for key, amplitude in (("accel_b", 0.42), ("gyro_b", 0.04)):
-        line = getattr(rides[0], key) - getattr(rides[1], key)
+        line = getattr(imu, key) - getattr(without.log.imu, key)
         still = line[speed == 0]
         np.testing.assert_allclose(still.std(axis=0), amplitude * np.sqrt(5 / 9), rtol=0.02)
         assert np.abs(np.corrcoef(still.T) - np.eye(3)).max() > 0.01  # phases, not noise
@@ -187,7 +184,7 @@ def test_the_engine_is_a_line_that_dies_away_with_speed():
         grown = line[slow] * np.exp(speed[slow] / 2)[:, None]
         np.testing.assert_allclose(grown.std(axis=0), amplitude * np.sqrt(5 / 9), rtol=0.1)
         power = (np.abs(np.fft.rfft(line[:1000], axis=0)) ** 2).mean(axis=1)
-        hz = np.fft.rfftfreq(1000, 1 / 200)
+        hz = np.fft.rfftfreq(1000, 1 / 140)
         once, twice = (power[(hz > 23 * k) & (hz < 34 * k)].sum() for k in (1, 2))
         assert twice / once == pytest.approx(1 / 9, rel=0.1)
         assert np.average(hz, weights=power * (hz < 40)) == pytest.approx(28.5, rel=0.05)
