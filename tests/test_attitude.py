@@ -8,7 +8,15 @@ from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, wrap
 from analysis.tracker import kalman
-from analysis.tracker.attitude import BIAS_WALK, Attitude, Direction, GyroBiasFilter, Upright, north
+from analysis.tracker.attitude import (
+    BIAS_WALK,
+    Attitude,
+    Direction,
+    GyroBiasFilter,
+    Upright,
+    level,
+    north,
+)
 
 RATE = 40
 
@@ -253,6 +261,14 @@ def test_errors_of_the_rate_are_split_by_the_vertical():
     for vehicle, left in ((None, 1.3), (0.09, 0.7), (1.0, 0.0)):
         block.epoch(vehicle=vehicle)
         assert block.unexplained == pytest.approx(left)
+
+
+@pytest.mark.parametrize("down", [(0.6, 0.0, 0.8), (-0.48, 0.6, -0.64), (-1.0, 0, 0), (1.0, 0, 0)])
+def test_what_lies_level(down):
+    """cross-check: along the north of a sensor that heads north, and to the right of that."""
+    vector, ahead = [1.0, -2.0, 0.5], north(down, 0.0)
+    expected = np.dot(vector, ahead), np.dot(vector, np.cross(down, ahead))
+    assert level(vector, down) == pytest.approx(expected)
 
 
 def test_a_gap_starts_the_attitude_again():

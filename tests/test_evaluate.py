@@ -1,5 +1,7 @@
 """Single blocks over whole logs, and the numbers they are judged by."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pymap3d
 import pytest
@@ -44,17 +46,55 @@ def test_block_four_alone_is_the_replay_at_rest():
 
 
 def test_a_stationary_period_is_judged_by_hand():
-    """analytic: a filter that halves every position, and holds it every other second."""
-    raw = np.array([np.linspace(0.0, 10.0, 100), np.full(100, 1e-6)])
-    out = raw / 2
-    out[0, 1::2] = out[0, ::2]
-    layer = np.repeat([0, 1, 2, 3], 25)
-    found = evaluate.stationary_period(raw, out, layer)
-    for name in ("standard deviation", "mean north error", "largest error once layer 1 is full"):
-        assert found[name] == pytest.approx(0.5, abs=0.01)  # the held half second
-    assert found["circle"] == pytest.approx(9.5, abs=0.01)
-    assert (found["leaves"], found["raw_exits"], found["out_exits"]) == (0.0, 1, 0)
-    assert evaluate.stationary_period(raw, 2 * raw, layer)["leaves"] == 1.0
+    """known case: five fixes, 5, 10, 10, 5 and 0 m off; the outputs 3, 12, 0, 4 and 1 m."""
+    raw = np.array([[3.0, 0, 6, 0, 0], [4.0, 10, 8, 5, 0]])
+    out = np.array([[3.0, 0, 0, 0, 1], [0.0, 12, 0, 4, 0]])
+    found = evaluate.stationary_period(raw, out, np.array([0, 1, 1, 2, 2]))
+    known = {
+        "standard deviation": np.sqrt((1.36 + 21.76) / (5.76 + 11.84)),
+        "rms error": np.sqrt(170 / 250), "rms error once layer 2 is full": np.sqrt(17 / 25),
+        "mean east error": 16 / 27, "mean north error": 4 / 9,
+        "largest error once layer 1 is full": 12 / 10,
+        "last error over rms of GPS": 1 / np.sqrt(50), "circle": 10,
+        "leaves": 0, "leaves_ever": 1, "raw_exits": 0, "out_exits": 1,
+    }  # fmt: skip
+    assert found == pytest.approx(known)
+    out[0, 0] = 20.0
+    first = evaluate.stationary_period(raw, out, np.zeros(5))
+    assert first["largest error once layer 1 is full"] == 2 and first["out_exits"] == 1
+    assert np.isnan(first["rms error once layer 2 is full"]) and first["leaves"] == 0
+    assert evaluate.stationary_period(raw, 3 * raw, np.full(5, 3))["leaves"] == 1
+
+
+def test_the_ellipse_of_an_outage():
+    """known case: errors of 0.98 and 1.02 times the 95 % ellipse, to all sides, one in two."""
+    n = 24
+    t, angle, pdop = np.arange(float(n)), np.arange(n) * 1.1, np.resize([1.5, 0.2, np.nan], n)
+    fix = np.resize([3.0, 1.0, 6.0], n)  # 2 m a PDOP, but 1 m or more; 6 m without
+    sn, se, rho = 2 + np.sin(angle), 3 + np.cos(angle), 0.8 * np.sin(3 * angle)
+    off = np.array([np.cos(angle), np.sin(angle)])
+    for k in range(n):
+        C = [[sn[k] ** 2 + fix[k] ** 2, rho[k] * sn[k] * se[k]], [0, se[k] ** 2 + fix[k] ** 2]]
+        C = np.array(C) + np.triu(C, 1).T
+        size = 5.9915 / (off[:, k] @ np.linalg.solve(C, off[:, k]))  # chi-square, 95 %
+        off[:, k] *= np.sqrt(size) * (0.98, 1.02)[k % 2]
+    frame, same = Frame((45.0, 180.0, 0.0)), np.ones(n)
+    lon = 180.0 + off[1] / frame.east
+    columns = {
+        "t_s": t, "out_lat_deg": 45.0 + off[0] / frame.north,
+        "out_lon_deg": np.where(lon > 180, lon - 360, lon), "sigma_north_m": sn,
+        "sigma_east_m": se, "correlation": rho,
+    }  # fmt: skip
+    gnss = Gnss(t, 45.0 * same, 180.0 * same, same, pdop, same, same, t != 7)
+    told = {"metres_per_pdop": 2.0, "sigma_no_pdop": 6.0}
+    track = SimpleNamespace(columns=columns, summary={"options": told})
+    (row,) = outage_errors(track, gnss, [(2.0, 20.0)])
+    at = np.setdiff1d(np.arange(2, 20), 7)
+    far = np.hypot(*off[:, at])
+    names = "fixes", "p50_m", "p95_m", "max_m", "end_m"
+    known = 17, *np.quantile(far, [0.5, 0.95]), far.max(), far[-1]
+    assert [row[name] for name in names] == pytest.approx(known, rel=1e-4)
+    assert row["in_ellipse"] == pytest.approx(9 / 17)
 
 
 def test_outages_are_scored_by_the_fixes_that_they_took():

@@ -84,6 +84,50 @@ def test_fixes_have_to_move_as_they_say():
     assert not any(frozen)
 
 
+NAN = math.nan
+
+
+@pytest.mark.parametrize(
+    ("dt", "speeds", "course", "farthest"),
+    [
+        (1, (0.0, 0.0), NAN, 10.0), (2, (0.0, 0.0), NAN, 11.0),  # + 1 m/s^2 of what is unseen
+        (4, (0.0, 0.0), NAN, 19.0), (10, (0.0, 0.0), NAN, 91.0),
+        (1, (10.0, 10.0), 0.0, 10.0 + 12.0), (1, (0.0, 10.0), 0.0, 5.0 + 11.0),  # a fifth
+        (1, (10.0, 10.0), NAN, 10.0 + 12.0), (1, (10.0, 10.0), math.pi, 12.0 - 10.0),
+        (1, (NAN, NAN), NAN, 70.0 + 24.0),  # of the fastest vehicle
+    ],
+)  # fmt: skip
+def test_how_far_a_fix_may_be_from_where_it_says(dt, speeds, course, farthest):
+    """known case: 10 m, a fifth of the path, and the turns that nobody saw between two fixes."""
+    for far, accepted in ((0.99 * farthest, True), (1.01 * farthest, False)):
+        block = LastPosition(settle_s=float(dt))
+        assert not any(feed(block, [0.0], speed=speeds[0], course=course))
+        assert feed(block, [far], dt, speed=speeds[1], course=course) == [accepted]
+
+
+@pytest.mark.parametrize(
+    ("pdop", "metres", "waits"),
+    [
+        # HOME has a PDOP of 2, 4 m an axis; 3 and 5 sigma of the difference, of both axes alike.
+        (2.0, 16.9, 0), (2.0, 17.1, 5), (2.0, 28.2, 5), (2.0, 28.4, 30),
+        (0.5, 13.3, 0), (0.5, 13.5, 5),  # not below 2 m
+        (NAN, 21.5, 0), (NAN, 21.8, 5), (NAN, 35.9, 5), (NAN, 36.2, 30),  # 6 m
+    ],
+)  # fmt: skip
+def test_how_long_a_fix_near_the_memory_waits(pdop, metres, waits):
+    """known case: within three sigma not at all, beyond five as long as a doubted one."""
+    block = LastPosition(HOME, pdop_gate=math.inf)
+    assert feed(block, [metres] * 32, pdop=pdop).index(True) == waits
+
+
+def test_a_move_is_beyond_the_uncertainty():
+    """known case: at a PDOP of 5, with one of 2 in memory, five sigma are 53.9 m."""
+    for metres, moved in ((53.0, False), (54.5, True)):
+        block = LastPosition(HOME)
+        feed(block, [metres] * 40, pdop=5.0)
+        assert (block.moved_while_off is not None) == moved
+
+
 def test_a_position_that_stays_while_the_speed_does_not_is_old():
     """property: refused from ten metres on, taken when it moves again; at rest it is good."""
     held = [10.0 * t for t in range(10)] + [90.0] * 30 + [10.0 * t for t in range(40, 45)]
@@ -100,12 +144,25 @@ def test_rare_fixes_are_not_refused_for_ever():
     assert [feed(block, [0.0], 20 * k)[0] for k in range(4)] == [False, True, True, True]
 
 
-@pytest.mark.parametrize(("faster", "slip"), [(0.0, 0.0), (1.0, 5.0)])
-def test_speeds_are_judged_by_the_positions(faster, slip):
-    """analytic: 1 m/s too slow for 10 s: 10 m off, as ten white errors of 5 (m/s)^2 an axis."""
-    block = LastPosition()
-    feed(block, [(10.0 + faster) * t for t in range(2000)], speed=10.0, course=0.0)
-    assert block.slip == pytest.approx(slip, rel=0.01, abs=0.01)  # degrees, and the memory of 12
+def test_speeds_are_judged_by_the_positions():
+    """analytic: 1 m/s too slow for 10 s: 10 m off, as ten white errors of 5 (m/s)^2 an axis.
+
+    Their mean over all legs, one of none before the first, and then with a memory of twelve.
+    """
+    block, far, slips = LastPosition(), 0.0, []
+    for leg in range(20):
+        fast = 11.0 if leg < 2 else 10.0
+        feed(block, [far + fast * t for t in range(10)], 10 * leg, speed=10.0, course=0.0)
+        slips.append(block.slip)
+        far += 10 * fast
+    feed(block, [far], 200, speed=10.0, course=0.0)
+    known = [
+        0,
+        5 / 2,
+        *(10 / (k + 1) for k in range(2, 12)),
+        *(10 / 12 * (11 / 12) ** k for k in range(1, 9)),
+    ]
+    assert [*slips, block.slip][:20] == pytest.approx(known, abs=0.01)
 
 
 @pytest.mark.parametrize("course", [0.0, math.nan])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis import CannotAnswer, static_logs, terrain_data
+from analysis import CannotAnswer, resampling, static_logs, terrain_data
 from analysis.terrain import monte_carlo
 from analysis.terrain.assumptions import Sensor, Setup
 from analysis.terrain.terrain_map import AttitudeMap
@@ -167,6 +167,26 @@ def test_the_filter_with_bias_states_expects_the_turn_on():
     assert wrong.nees()["gyro"] > 5
 
 
+@pytest.mark.parametrize(
+    ("start", "bias"), [("zero", 1e-12), ("stationary", 4e-4), ("turn-on", 36e-4)]
+)
+def test_what_a_filter_begins_with_and_adds(start, bias):
+    """known case: variances of place, attitude, bias and map at the start, and over 2 m back."""
+    told = {"bias_states": True, "R": 0.01, "map_error": (0.1, 50.0), "begin_attitude_sd": 0.3}
+    setup, ones = setup_of(start=start, **told), np.ones((1, 1))
+    ukf, Q = monte_carlo.filters_of(road(), setup, 0.01 * ones, 0.02 * ones, np.array([60.0, 70.0]))
+    assert ukf.x[:, 0].T.tolist() == [[60, 0, 0, 0], [70, 0, 0, 0]]
+    known = [0.25, 0.09, bias, 0.01]
+    np.testing.assert_allclose(ukf.P[:, :, 0, 1], np.diag(known), atol=1e-15)
+    monte_carlo.advance(ukf, setup, np.array([-2.0, -2.0]), Q, None, 0.01)
+    q = 0.013**2 + (3.4e-4) ** 2 * 300
+    kept = np.exp(-0.01 / 200)  # of the bias, in one sample at 100 Hz
+    after = [0.25 + 2 * q, 0.09 + bias * 0.01**2 + 0.01**2 * 0.01]
+    after += [bias * kept**2 + 4e-4 * (1 - kept**2), 0.01]  # the map's error is stationary
+    np.testing.assert_allclose(np.diag(ukf.P[:, :, 0, 1]), after, rtol=1e-4)
+    assert ukf.x[0, 0].tolist() == [58, 68]
+
+
 def plane(error):
     """Lay an error out over a grid of N and B."""
     axes = np.geomspace(0.01, 1, 7), np.geomspace(0.001, 1, 9)
@@ -223,18 +243,33 @@ def test_a_lap_off_the_map_is_refused():
         laps(replace(setup_of(), length=600.0))
 
 
-def test_the_three_variances_are_numpys():
-    """analytic: pooled, ensemble and per-run variance as numpy computes them."""
+@pytest.mark.parametrize("places", [1, 2])
+def test_measures_are_numpys(places):
+    """cross-check: of the laps, and of those that each resample draws, one after the other."""
     rng = np.random.default_rng(SEED)
     error = 3.0 + 2.0 * rng.standard_normal((3, 50, 1)) + rng.standard_normal((3, 50, 40))
-    found = of_errors((0, 1, 2), error).measures(1, np.random.default_rng(1))
-    for name, expected in {
-        "mean": np.abs(error).mean(axis=(1, 2)),
-        "variance": error.var(axis=(1, 2)),
-        "variance over laps at one moment": error.var(axis=1).mean(axis=1),
-        "variance over a lap": error.var(axis=2).mean(axis=1),
-    }.items():
-        assert found[name].loc[0].to_numpy() == pytest.approx(expected)
+    error[:, :9] -= 9.0
+    laps = replace(of_errors((0, 1, 2), error), places=places)
+    found, again = laps.measures(3, np.random.default_rng(1)), np.random.default_rng(1)
+    times = [resampling.counts(n, 3, again) for n in (places, 50 // places)]
+    for row, (of_places, of_draws) in enumerate(zip(*times, strict=True)):
+        e = np.repeat(error, np.outer(of_places, of_draws).ravel().astype(int), axis=1)
+        for name, expected in {
+            "mean": np.abs(e).mean(axis=(1, 2)),
+            "signed mean": e.mean(axis=(1, 2)),
+            "root mean square": np.sqrt((e**2).mean(axis=(1, 2))),
+            "variance": e.var(axis=(1, 2)),
+            "variance over laps at one moment": e.var(axis=1).mean(axis=1),
+            "variance over a lap": e.var(axis=2).mean(axis=1),
+            "lost": (np.abs(e).max(axis=2) > 10).mean(axis=1),
+        }.items():
+            assert found[name].loc[row].to_numpy() == pytest.approx(expected)
+
+
+def test_bounds_of_the_nees():
+    """published: chi-square of one and of ten degrees, 2.5 and 97.5 %."""
+    assert monte_carlo.nees_bounds(1) == pytest.approx((0.000982, 5.0239), rel=1e-3)
+    assert monte_carlo.nees_bounds(10) == pytest.approx((0.32470, 2.04832), rel=1e-4)
 
 
 def test_bootstrap_interval_covers():

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import linregress, spearmanr
 
 from analysis import DATA, FIGURES, WrongUsage, claims, store, terrain_data
 from analysis.terrain import open_choices
@@ -104,46 +105,80 @@ def test_a_coarser_rate_with_its_R_gives_the_same_errors():
     )  # rms of 300 laps each: 4 to 5 %; three
 
 
-def made(error_of):
-    """Make laps whose errors are +-1 times what `error_of` says of a sensor, and alike for all."""
+def made():
+    """Make laps whose errors change their sign and are alike for all, of known variances.
+
+    ::
+
+        variance = 1 + (100 N)^2 + 250 B, half as much again in the error where R is twice
+    """
+
+    def error_of(label):
+        if isinstance(label, str):
+            return 1.0 if label == "no error" else 8.0 - 2 * PAID.index(label)
+        n, b = label[-2:]
+        once = np.sqrt(1 + (100 * n) ** 2 + 250 * b)
+        return 1.5 * once if label[0] == "R twice" else once
+
     labels = [(n, b) for n in N_GRID for b in B_GRID] + [*PAID, "no error"]
     labels += [("R twice", *at) for at in open_choices.CORNERS]
-    sign = np.where(np.random.default_rng(SEED).random((40, 30)) < 0.5, -1.0, 1.0)
+    sign = np.where((np.arange(40)[:, None] + np.arange(30)) % 2, -1.0, 1.0)
     error = np.array([error_of(label) * sign for label in labels])
     t = np.arange(30.0)
     return Laps(tuple(labels), t, 11 * t, error, np.ones_like(error))
 
 
-def of_noise(label):
-    """Give the error sqrt(1 + (100 N)^2): a variance that is an exact square of N."""
-    if label == "no error":
-        return 1.0
-    if isinstance(label, str):
-        return float(8 - 2 * PAID.index(label))
-    n, b = label[-2:]
-    return np.sqrt(1 + (100 * n) ** 2 + 0 * b) * (1.5 if label[0] == "R twice" else 1.0)
-
-
 def test_numbers_of_made_laps():
-    """analytic: laps whose variance is 1 + (100 N)^2, and four prices."""
-    rng = np.random.default_rng(SEED)
-    over_a_lap = Interpretation(variance="over a lap")
-    found = open_choices.claim_numbers(made(of_noise), over_a_lap, PAID, PRICES, 50, rng)
+    """analytic: every claim's number, of laps with known variances and of four known prices."""
+    rng, price = np.random.default_rng(SEED), np.array([100.0, 1000, 2000, 10000])
+    for chosen in (Interpretation(), Interpretation(variance="over a lap")):
+        found = open_choices.claim_numbers(made(), chosen, PAID, price[:, None] * [1, 1], 50, rng)
     value = {claim.removeprefix("terrain-"): float(of[0]) for claim, of in found.items()}
-    rise = 2 / 1.01
-    # The sample's mean is not 0: a standard error of 1 / 30 in its square.
-    assert value["fig9-variance-changes"] == pytest.approx(rise - 1, rel=0.01)
-    assert value["fig9-variance-rise-150"] == pytest.approx(100 * (rise - 1), rel=0.01)
-    assert value["conclusion-variance-quadratic-n"] == pytest.approx(1.0, rel=1e-6)
-    assert value["variance-vanishes-with-cost"] == pytest.approx(1 / 4)  # no error over the dearest
-    assert value["fig11-variance-rises"] == pytest.approx(0.0, abs=1e-12)
-    assert value["fig11-moderate"] == pytest.approx(0.0, abs=1e-9)
-    assert value["fig12-low-cost-error"] == pytest.approx(8.0)
-    assert value["fig12-high-end-error"] == pytest.approx(6.0)
-    assert value["fig12-high-end-flat"] == pytest.approx(3.0)
-    assert value["conclusion-tactical-more-precise"] == pytest.approx(16.0)
-    assert value["conclusion-marginal-gain"] == pytest.approx((64 - 36) / (64 - 4))
-    assert value["low-cost-tracks"] == 1.0 and value["sampling-rate-matters"] == 1.0
+    n, b = np.array([0.001, 0.004, 0.007, 0.01]), np.array([0.0001, 0.0034, 0.0067, 0.01])
+    v = 1 + (100 * n[:, None]) ** 2 + 250 * b
+    m = np.sqrt(v)
+
+    def rise(of, axis):
+        ends = of.mean(axis=axis)
+        return ends[-1] / ends[0]
+
+    def square(x, y):
+        c2, c1, _ = np.polyfit(x, y, 2)
+        of_square = c2 * (x[-1] ** 2 - x[0] ** 2)
+        return of_square / (of_square + c1 * (x[-1] - x[0]))
+
+    of_b, of_n = (
+        spearmanr(v.ravel(), np.broadcast_to(x, (4, 4)).ravel())[0] for x in (b, n[:, None])
+    )
+    law = linregress(np.log(price), np.log([64, 36, 16, 4]))
+    known = {
+        "low-cost-tracks": 1, "fig7-mems-keeps-track": 1, "sampling-rate-matters": 1,
+        "fig7-mems-slightly-worse": m[-1, -1] / m[0, 0],
+        "fig8-mean-rises": rise(m, 1) - 1, "fig8-mean-rises-each-b": 1,
+        "fig8-mean-quadratic": square(n, m.mean(axis=1)),
+        "fig9-variance-changes": rise(v, 1) - 1, "fig9-variance-rise-150": 100 * (rise(v, 1) - 1),
+        "fig10-mean-rises": rise(m, 0) - 1,
+        "fig10-moderate": (rise(m, 0) - 1) / (rise(m, 1) - 1),
+        "fig10-mean-linear": square(b, m.mean(axis=0)),
+        "fig10-tactical-slightly-better": rise(m, 0), "b-less-apparent": of_b / of_n,
+        "fig11-variance-rises": rise(v, 0) - 1,
+        "fig11-moderate": (rise(v, 0) - 1) / (rise(v, 1) - 1),
+        "fig11-tactical-marginally-better": np.sqrt(rise(v, 0)), "conclusion-mean-rises": 1,
+        "fig9-variance-linear": 1, "precision-linear-n-abstract": 1,
+        "conclusion-variance-linear-n": 1, "conclusion-variance-quadratic-n": 1,
+        "precision-linear-b-abstract": 0, "conclusion-variance-linear-b": 0,
+        # 28 m^2 for 900 USD, 20 for 1000, 12 for 8000; 32 for 9000 from the second to the last.
+        "precision-costs-ever-more": 28 / 900 / (12 / 8000),
+        "conclusion-same-gain-dearer": 20 / 1000 / (12 / 8000),
+        "fig13-diminishing-returns": 32 / 9000 / (28 / 900),
+        "fig12-low-cost-error": 8, "fig12-high-end-error": 6, "fig12-high-end-flat": 3,
+        "fig12-step-at-2000": 8 / 6, "fig13-first-step-large": 64 / 36,
+        "fig13-correlation": -law.rvalue, "eq7-a": np.exp(law.intercept),
+        "eq7-exponent": -law.slope,
+        "conclusion-tactical-more-precise": 16, "conclusion-marginal-gain": 28 / 60,
+        "conclusion-low-cost-tracks": 1, "variance-vanishes-with-cost": 1 / 4,
+    }  # fmt: skip
+    assert value == pytest.approx(known, abs=1e-9)
     assert all(of.shape == (51,) for of in found.values())
 
 
@@ -153,7 +188,7 @@ def test_every_judged_claim_of_the_sweeps_and_prices_is_there():
     mine = published[published["notebook"].isin(["21-terrain-ukf", "22-sensor-sweeps", "23-cost"])]
     judged = mine[~mine["why"].str.startswith(("by construction", "not testable"))].index
     rng = np.random.default_rng(SEED)
-    found = open_choices.claim_numbers(made(of_noise), Interpretation(), PAID, PRICES, 20, rng)
+    found = open_choices.claim_numbers(made(), Interpretation(), PAID, PRICES, 20, rng)
     others = {"terrain-sensor-range-decades", "terrain-bias-state-unstable"}  # sheets, real laps
     assert set(judged) - set(found) == others | BROCHURE
 

@@ -1,15 +1,18 @@
 """Real laps on a map that has not seen them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 from scipy.stats import binom
 
 from analysis import CannotAnswer, store, terrain_data
+from analysis.terrain import real_laps
+from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.real_laps import MapError, resample_lap, track_real_laps
+from analysis.terrain.centre_line import CentreLine
+from analysis.terrain.real_laps import Lap, MapError, resample_lap, track_real_laps
 from studies import real_laps as study
 
 LAP = "17-39-12"  # the one with the longest dropout
@@ -26,6 +29,19 @@ def test_a_held_out_lap_is_tracked_well_under_a_metre():
     truth, moved, attitude = resample_lap(lap, 100.0)
     assert attitude.shape == (1, len(truth)) and moved[0] == 0
     assert 0 < np.isnan(attitude).mean() < 0.1  # RTK drops out, and is left out
+
+
+def test_on_a_level_map_odometry_is_all_there_is():
+    """analytic: a filter is off by its start and by what the wheels have driven too much."""
+    lap, others = terrain_data.lap_and_map(LAP)
+    level = replace(others, pitch_deg=0 * others.pitch_deg)
+    setup = Setup.reference(1557.0, every=10)
+    laps = track_real_laps({LAP: (lap, level)}, PERFECT, setup, runs=3, seed=1)[LAP]
+    driven, true = (np.interp(laps.t, lap.t_s, of) for of in (lap.wheel_m, lap.s_m))
+    wheels = driven - lap.wheel_m[0] - (true - lap.s_m[0])
+    np.testing.assert_allclose(laps.odometry, wheels, atol=1e-9)
+    off = [np.random.default_rng(s).normal() / 2 for s in np.random.SeedSequence(1).spawn(3)]
+    np.testing.assert_allclose(laps.error[0], wheels + np.array(off)[:, None], atol=1e-9)
 
 
 def test_each_lap_has_its_own_map_and_R():
@@ -56,46 +72,127 @@ def test_a_lap_without_an_antenna_or_off_the_map_is_refused():
         track_real_laps({0: (lap, torn)}, PERFECT, Setup.reference(1557.0), **options)
 
 
-def gauss_markov(rng, sd, length, metres):
-    """Make a Gauss-Markov process of distance at every metre."""
-    keep = np.exp(-1 / length)
-    steps = np.append(1.0, np.full(metres - 1, np.sqrt(1 - keep**2))) * rng.standard_normal(metres)
-    return sd * lfilter([1.0], [1.0, -keep], steps)
-
-
 def test_the_error_of_a_map_is_recovered():
-    """coverage: of 40 laps with known offset, slow and fast component, each is found within 15 %.
+    """analytic: laps whose semivariogram and mean are those of a known error give it back.
 
-    Forty laps of 2 km hold 1600 slow lengths, but the two trade against each other.
+    The Fourier lines of a series decide what neighbours differ by on the average round a circle;
+    laps that begin all round it see that average.
     """
-    rng, s = np.random.default_rng(8), np.arange(2000.0)
-    laps = [
-        (s, o + gauss_markov(rng, 0.15, 50.0, 2000) + gauss_markov(rng, 0.08, 2.5, 2000))
-        for o in 0.07 * rng.standard_normal(40)
-    ]
-    error = MapError.estimate(laps)
+    lag = np.minimum(np.arange(2000), 2000 - np.arange(2000))
+    power = np.fft.rfft(0.15**2 * np.exp(-lag / 50) + 0.08**2 * np.exp(-lag / 2.5)).real
+    phase = np.random.default_rng(8).uniform(0, 2 * np.pi, len(power))
+    phase[-1] = 0.0
+    lines = np.sqrt(2000 * power) * np.exp(1j * phase)
+    lines[0] = 2000 * np.sqrt(0.07**2 + 2 * 0.15**2 * (39 + np.exp(-40)) / 40**2)
+    series = np.fft.irfft(lines, 2000)
+    rounds = [np.roll(series, shift) for shift in range(0, 2000, 50)]
+    error = MapError.estimate([(np.arange(2001.0), np.append(r, r[0])) for r in rounds])
     assert error.laps == 40
-    assert error.slow_sd == pytest.approx(0.15, rel=0.15)
-    assert error.slow_length_m == pytest.approx(50, rel=0.3)
-    assert error.fast_sd == pytest.approx(0.08, rel=0.15)
-    assert error.offset_sd == pytest.approx(0.07, rel=0.35)  # 40 numbers, and the slow one's mean
+    found = error.offset_sd, error.slow_sd, error.slow_length_m, error.fast_sd, error.fast_length_m
+    assert found == pytest.approx((0.07, 0.15, 50.0, 0.08, 2.5), rel=0.01)
 
 
-def test_few_laps_make_the_filter_less_sure():
-    """property: fewer laps, in the estimate or in the map, let the filter expect a larger error."""
+def test_differences_are_read_at_whole_metres(monkeypatch):
+    """cross-check: the semivariogram that is fitted, from samples anywhere, one by one.
+
+    Nothing is known at a metre with no sample within two.
+    """
+    rng, laps, sums, fitted = np.random.default_rng(2), [], [], []
+
+    def fit(_, lags, gamma, start, **options):
+        fitted.extend((lags, gamma))
+        return start, None
+
+    monkeypatch.setattr(real_laps, "curve_fit", fit)
+    for _ in range(2):
+        s = np.cumsum(rng.choice([0.3, 0.8, 1.0, 4.0, 7.0], 500, p=[0.3, 0.3, 0.3, 0.05, 0.05]))
+        s[0] -= 5.0
+        laps.append((s, rng.normal(size=500)))
+        grid = range(int(np.ceil(s[0])), int(np.ceil(s[-1])))
+        of = [np.interp(g, *laps[-1]) if np.abs(g - s).min() <= 2 else np.nan for g in grid]
+        sums.append([np.nanmean(np.subtract(of[k:], of[:-k]) ** 2) / 2 for k in real_laps.LAGS])
+    MapError.estimate(laps)
+    np.testing.assert_allclose(fitted[1], np.mean(sums, axis=0))
+    assert fitted[0][[0, -1]].tolist() == [1, 200]
+
+
+def test_what_a_filter_expects_of_a_map():
+    """analytic: of four laps 1.25 times the variance, the offset by Student's t of five, 2.571."""
     error, setup = MapError(0.06, 0.15, 50.0, 0.08, 2.5, laps=6), Setup.reference(1557.0)
-    many = error.setup(setup, 4)
-    for few in (replace(error, laps=2).setup(setup, 4), error.setup(setup, 1)):
-        assert few.begin_attitude_sd > 1.2 * many.begin_attitude_sd
-        assert few.R >= many.R and few.map_error >= many.map_error
-    assert pytest.approx(1.25 * 0.08**2 * 2 * 2.5 / 0.11) == many.R
+    more = np.sqrt(1.25)
+    expected = [(more * 0.06, np.inf), (more * 0.15, 50.0), (more * 0.08, 2.5)]
+    for got, known in zip(error.components(4), expected, strict=True):
+        assert got == pytest.approx(known)
+    told = error.setup(setup, 4)
+    assert told.bias_states and told.map_error == pytest.approx(expected[1])
+    offset = more * 0.06 * 2.571 / 1.96
+    assert told.begin_attitude_sd == pytest.approx(np.hypot(0.05, offset), rel=1e-3)
+    assert pytest.approx(1.25 * 0.08**2 * 2 * 2.5 / 0.11) == told.R
+    rare = error.setup(replace(setup, every=100), 4)  # farther apart than twice the length
+    assert pytest.approx(1.25 * 0.08**2) == rare.R
+    few = replace(error, laps=2).setup(setup, 1)  # 12.71 is Student's t of one
+    assert few.begin_attitude_sd == pytest.approx(2**0.5 * 0.06 * 12.71 / 1.96, rel=0.01)
+
+
+@pytest.mark.parametrize("begin", [-0.55, -0.02, 0.45])
+def test_a_lap_is_laid_on_a_circle(begin):
+    """analytic: a van 1 m outside a circle: place, side, attitude, and the wheels in a dropout.
+
+    It begins at some share of the round from the gate; below the half of one, ahead of it.
+    """
+    radius, n = 200.0, 400
+    length = 2 * np.pi * radius
+    at = np.arange(2000) * length / 2000
+    circle = CentreLine(at, *radius * np.array([np.sin(at / radius), np.cos(at / radius)]), length)
+    t = 0.1 * np.arange(n)
+    s = begin * length + 11 * t + 5 * np.sin(t)
+    course, pitch = s / radius + np.pi / 2, np.radians(2.0)
+    ahead = np.array([np.sin(course), np.cos(course), 0 * t])
+    left = np.array([-ahead[1], ahead[0], 0 * t])
+    middle = (radius + 1.0) * left + [[0.0], [0.0], [30.0]]
+    front = middle + 2.5 * (np.cos(pitch) * ahead + [[0.0], [0.0], [np.tan(pitch)]])
+    places = np.stack([front, middle + 0.7 * left, middle - 0.7 * left]).transpose(0, 2, 1)
+    places[:, :3] = places[1, 100:105] = places[0, 200:202] = np.nan
+    fine = np.arange(-1.0, 41.0, 0.01)
+    counts = 1000.0 * (11 * fine + 5 * np.sin(fine))
+    raw = SimpleNamespace(antennas=places, t_s=50 + t, wheel_t_s=50 + fine, wheel_counts=counts)
+    lap = real_laps.lay_on_line("a", "cw", raw, circle, AntennaMounting())
+    kept, missing = slice(3, None), np.isin(np.arange(n), np.arange(100, 105))[3:]
+    assert (lap.name, lap.direction) == ("a", "cw")
+    np.testing.assert_allclose(lap.t_s, t[kept] - t[3])
+    np.testing.assert_allclose(lap.s_m, s[kept] + length * (begin < -0.5), atol=0.01)
+    np.testing.assert_allclose(lap.wheel_m, 1000 * (s[kept] - s[3]), atol=1.0)
+    for column, known in ((lap.offset_m, -1.0), (lap.height_m, 30.0), (lap.pitch_deg, 2.0)):
+        np.testing.assert_allclose(column[~missing], known, atol=0.05)
+        assert np.isnan(column[missing]).all()
+    np.testing.assert_allclose(lap.roll_deg[~missing], 0.0, atol=0.05)
+    dropped = np.isin(np.arange(n), [*range(100, 105), 200, 201])
+    np.testing.assert_array_equal(lap.fixed, ~dropped[kept])
+
+
+def test_resampling_keeps_gaps():
+    """known case: from 10 to 20 Hz; what lies beside a sample without attitude has none."""
+    t = 0.1 * np.arange(9)
+    rows = dict.fromkeys(("offset_m", "roll_deg", "height_m", "fixed"), t)
+    pitch = np.array([0, 1, 2, 3, np.nan, 5, 6, 7, 8.0])
+    lap = Lap("a", "cw", t, 50 + 10 * t**2, pitch_deg=pitch, wheel_m=7 + 11 * t, **rows)
+    truth, moved, attitude = resample_lap(lap, 20.0)
+    np.testing.assert_allclose(truth[:5], [50, 50.05, 50.1, 50.25, 50.4])
+    np.testing.assert_allclose(moved, [0.0] + [0.55] * 15)
+    expected = np.arange(16) / 2
+    expected[7:10] = np.nan
+    np.testing.assert_allclose(attitude, expected[None])
 
 
 def test_two_short_laps_say_nothing_of_a_maps_error():
     """property: what cannot be estimated is refused, with what it needs."""
-    short = (np.arange(300.0), np.zeros(300))
-    with pytest.raises(CannotAnswer, match="two laps of 400 m"):
-        MapError.estimate([short, short])
+    short, enough = (
+        (s, np.random.default_rng(1).normal(size=len(s)))
+        for s in (np.arange(401.0), np.arange(402.0))
+    )
+    with pytest.raises(CannotAnswer, match=r"two laps of 400 m .*; there are 1"):
+        MapError.estimate([short, enough])
+    assert MapError.estimate([enough, enough]).laps == 2
 
 
 def test_a_lap_off_its_map_is_held():

@@ -1,12 +1,19 @@
 """A filter that lost its place on the map: the alarm, and the way back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import chi2, multivariate_normal
 
 from analysis import terrain_data
 from analysis.noise.models import gauss_markov
+from analysis.terrain import relocate
 from analysis.terrain.assumptions import Sensor, Setup
+from analysis.terrain.monte_carlo import attitude_errors
+from analysis.terrain.real_laps import resample_lap
 from analysis.terrain.relocate import (
+    Watched,
     averaged_map,
     likelihood,
     watch,
@@ -41,16 +48,6 @@ def drive():
     setup = Setup(600.0, speed=10.0, rate_hz=10.0, bias_states=True, R=0.3**2, map_error=(0.1, 50))
     truth = 400.0 + np.arange(601.0)
     return road, setup, truth, np.append(0.0, np.ones(600))
-
-
-def test_the_likelihood_finds_the_place(drive):
-    """analytic: perfect samples put the weight on the true place, and explain themselves."""
-    road, setup, truth, moved = drive
-    place, weight, explained = likelihood(
-        averaged_map(road), road.at(truth), np.cumsum(moved), MEMS, setup, (600.0, 1400.0)
-    )
-    assert place[weight.argmax()] == pytest.approx(truth[-1], abs=1)
-    assert weight[np.abs(place - truth[-1]) < 10].sum() > 0.999 and explained > 0.99
 
 
 @pytest.mark.parametrize(
@@ -114,3 +111,132 @@ def test_a_vehicle_that_reverses_keeps_its_place(drive):
     truth = 400.0 + np.cumsum(moved)
     found = watch(road, road.at(truth), moved, truth[0], MEMS, setup)
     assert not found.alarms and abs(found.position[-1, 0] - truth[-1]) < 1
+
+
+def test_the_map_is_averaged_over_ten_metres():
+    """analytic: over five points 2 m apart, at an end the outermost again; coarse ones stay."""
+    spikes = np.stack([np.eye(21)[0], np.eye(21)[10]])
+    fine, coarse = (averaged_map(AttitudeMap(5.0, step, spikes)) for step in (2.0, 25.0))
+    assert (fine.start, fine.step) == (5.0, 2.0)
+    away = np.abs(np.arange(21) - 10)
+    np.testing.assert_allclose(fine.attitude[1], 0.2 * (away < 3), atol=1e-12)
+    np.testing.assert_allclose(fine.attitude[0, :4], [0.6, 0.4, 0.2, 0.0], atol=1e-12)
+    np.testing.assert_array_equal(coarse.attitude, spikes)
+
+
+@pytest.mark.parametrize("map_error", [(0.2, 40.0), None])
+def test_the_likelihood_is_that_of_a_gaussian(map_error):
+    """cross-check: means over 10 m of the last 300 m, one by one, and SciPy's Gaussian of them.
+
+    Two channels; the vehicle reverses for 5 m; one sample is missing.
+    """
+    rng, moved = np.random.default_rng(1), np.ones(450)
+    road = AttitudeMap(0.0, 1.0, 0.1 * np.cumsum(rng.normal(size=(2, 900)), axis=1))
+    moved[400:405] = -1.0
+    driven = np.cumsum(moved)
+    samples = road.at(70.0 + driven) + 0.5 * rng.normal(size=(2, 450))
+    samples[1, 380] = np.nan
+    sensor, setup = Sensor(0.02, 0.003), Setup(
+        600.0, speed=10.0, rate_hz=10.0, every=2, bias_states=True, R=0.3, map_error=map_error,
+        begin_attitude_sd=0.1,
+    )  # fmt: skip
+    found = likelihood(road, samples, driven, sensor, setup, (500.0, 520.0))
+    begin = 139  # the first within 300 m of the end
+    stretches = [[] for _ in range(31)]
+    for k in set(range(begin, 450)) - {380}:
+        stretches[int((driven[k] - 140) // 10)].append(k)
+    t = [np.mean(of) / 10 - begin / 10 for of in stretches]
+    s = [driven[of].mean() - driven[-1] for of in stretches]
+    sd, length = map_error or (0.0, 1.0)
+    x = begin / 10 / 200.0
+    before = 0.02**2 * 13.9 + (0.003 * 200) ** 2 * (2 * x - 3 + 4 * np.exp(-x) - np.exp(-2 * x))
+    C = np.array([
+        [
+            0.1**2 + before + 0.02**2 * min(t[i], t[j]) + 0.003**2 * t[i] * t[j]
+            + sd**2 * np.exp(-abs(s[i] - s[j]) / length) + (i == j) * 0.3 * 2 / len(of)
+            for j in range(31)
+        ]
+        for i, of in enumerate(stretches)
+    ])  # fmt: skip
+    z = np.array([samples[:, of].mean(axis=1) for of in stretches]).T
+    off = np.array([z - road.at(p + np.array(s)) for p in np.arange(500.0, 520.0)])
+    log = multivariate_normal(np.zeros(31), C).logpdf(off).sum(axis=1)
+    square = np.einsum("pci,ij,pcj->p", off, np.linalg.inv(C), off)
+    np.testing.assert_array_equal(found[0], np.arange(500.0, 520.0))
+    np.testing.assert_allclose(found[1], np.exp(log) / np.exp(log).sum(), rtol=1e-6)
+    assert found[2] == pytest.approx(chi2.sf(square.min(), 62), rel=1e-6)
+    assert 1e-6 < found[2] < 1 and found[1].max() < 0.9999
+
+
+def test_alarm_and_way_back_comparison_by_comparison(drive, monkeypatch):
+    """known case: after 300 m one in 50 m, weights within 10 m; then a filter that starts anew.
+
+    Each row: weight near the filter's position, metres to the likeliest place, weight near that,
+    and how well it explains the samples.
+    """
+    told = iter([
+        (1.1e-4, 60.0, 0.9995, 1.0),  # at 300 m: enough weight here
+        (0.9e-4, 60.0, 0.9995, 0.9e-3),  # no place explains the samples
+        (0.9e-4, 40.0, 0.9995, 1.1e-3),  # at 400 m: alarm; but it was another place before
+        (0.9e-4, 45.0, 0.9985, 1.0),  # not sure
+        (0.9e-4, 45.0, 0.9995, 0.9e-3),
+        (0.9e-4, 56.0, 0.9995, 1.0),  # 11 m from where it was before
+        (0.9e-4, 47.0, 0.9995, 1.1e-3),  # at 600 m: 9 m
+    ])  # fmt: skip
+    road, setup, *_ = drive
+    truth, moved = 400.0 + np.arange(650.0), np.append(0.0, np.ones(649))
+
+    def scripted(averaged, samples, driven, *_):
+        near, off, best, explained = next(told)
+        rest = (1 - near - best) / 2
+        place = 400.0 + driven[-1] + np.array([9.0, -11.0, off, off + 9.0, off + 11.0])
+        return place, np.array([near, rest, 0.6 * best, 0.4 * best, rest]), explained
+
+    monkeypatch.setattr(relocate, "likelihood", scripted)
+    samples = road.at(truth) + 0.1 * np.random.default_rng(2).normal(size=(1, 650))
+    found = watch(road, samples, moved, truth[0], MEMS, setup)
+    assert (found.alarms, found.found) == ([(0, 400)], [(0, 600)])
+    assert np.flatnonzero(found.lost[:, 0]).tolist() == list(range(400, 600))
+    off = found.position[:, 0] - truth
+    assert np.abs(off[:400]).max() < 1 and off[600] == 47.0
+    np.testing.assert_allclose(off[400:600], off[400], atol=1e-9)  # by odometry alone
+    drifted = MEMS.arw**2 * 60 + setup.drift_sd(Sensor(0.0, MEMS.sigma_b), 60.0) ** 2
+    sd = np.sqrt(setup.begin_attitude_sd**2 + drifted)
+    anew = replace(setup, begin_sd=1.0, start="stationary", begin_attitude_sd=sd)
+    rest = watch(road, samples[:, 600:], moved[600:] * (truth[600:] > 1000), 1047.0, MEMS, anew)
+    np.testing.assert_allclose(found.position[600:], rest.position, atol=1e-6)
+
+
+def test_real_laps_are_spoilt_as_their_names_say(monkeypatch):
+    """known case: what `watch` is given of a lap, against the lap; what it answers, in the rows."""
+    setup, given = Setup.reference(1557.0, every=10), []
+    lap, profile = terrain_data.lap_and_map(LAP)
+    truth, moved, attitude = resample_lap(lap, 100.0)
+
+    def answer(*of):
+        given.extend(of)
+        off = np.array([[0, 0, -3, 0, 0]] * (len(truth) - 1) + [[1, 0, 2, 0, 0]])
+        return Watched(truth[:, None] + off, None, [(2, 5), (4, 7), (2, 9)], [(2, 7)])
+
+    monkeypatch.setattr(relocate, "watch", answer)
+    error = terrain_data.map_error(LAP)
+    table = watch_real_laps({LAP: (lap, profile)}, {LAP: error}, MEMS, setup, seed=4)
+    _, seen, driven, first, sensor, own, places = given
+    walk, bias = attitude_errors(setup, 1, [np.random.SeedSequence(4)], len(truth))
+    np.testing.assert_allclose(seen[..., 0] - attitude, 0.01 * (walk + bias)[..., 0].T, atol=1e-12)
+    assert (sensor, own) == (MEMS, error.setup(setup, profile.laps.mean()))
+    assert places == (truth.min() - 10, truth.max() + 10)
+    bent = (seen - seen[..., :1])[0]
+    for d, degrees, metres in ((1, -0.5, 300), (2, 1.0, 100)):
+        off = np.isfinite(bent[:, d]) & (np.abs(bent[:, d]) > 1e-9)
+        assert bent[off, d] == pytest.approx(degrees) and abs(np.ptp(truth[off]) - metres) < 1
+        assert truth[off].max() == pytest.approx(800, abs=0.5)
+    np.testing.assert_allclose(np.nan_to_num(bent[:, [3, 4]]), 0.0, atol=1e-12)
+    missed = (driven - moved[:, None]).T
+    np.testing.assert_array_equal(missed[[0, 1, 2, 4]], 0.0)
+    slips = np.flatnonzero(missed[3])
+    assert missed[3].sum() == pytest.approx(-30) and np.ptp(slips) == 199  # 2 s at 100 Hz
+    assert truth[slips[0] - 1] <= 700 < truth[slips[0]]
+    assert (first - truth[0]).tolist() == [0, 0, 0, 0, 60]
+    rows = [[0, 0, 1, 1], [0, 0, 0, 0], [2, 1, 3, 2], [0, 0, 0, 0], [1, 0, 0, 0]]
+    np.testing.assert_allclose(table.droplevel(1), rows, atol=1e-9)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, store, wrap
 from analysis.noise.position import OWN, SHARED, effective_samples
+from analysis.tracker import scenarios
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
 from analysis.tracker.scenarios import GnssErrors, ImuErrors, assumed_errors, scenario
@@ -47,19 +48,161 @@ def test_setting_off_is_felt_along_the_heading(mount):
     assert fy == pytest.approx(-0.6 * np.sin(np.radians(mount)), abs=0.02)
 
 
-def test_readings_are_those_of_the_true_motion():
+@pytest.mark.parametrize(("name", "given"), [("B", {"laps": 1}), ("C", {"wait": 20.0}), ("D", {})])
+def test_readings_are_those_of_the_true_motion(name, given):
     """analytic: the integrated gyro gives the attitude, the force the speed, speed the place."""
+    ride = scenario(name, rng(), imu_rate=40.0, **given, **NO_ERROR)
+    imu, last = ride.log.imu, 60
+    attitude, velocity = Rotation.from_matrix(ride.C_nb[0]), np.zeros(3)
+    for k in range(40 * last):
+        force = attitude.apply(imu.accel_b[k])
+        velocity += (force + np.array([0.0, 0.0, STANDARD_GRAVITY])) / 40
+        attitude *= Rotation.from_rotvec(imu.gyro_b[k] / 40)
+    course = np.radians(ride.course_deg)
+    v = ride.speed_m_s * np.array([np.cos(course), np.sin(course), 0 * course])
+    np.testing.assert_allclose(velocity, v[:, last], atol=0.05)  # half a sample of 1.5 m/s^2
+    assert (attitude.inv() * Rotation.from_matrix(ride.C_nb[last])).magnitude() < 1e-9
+    assert np.nanmax(np.abs(ride.fix_error())) < 1e-5
+    moved = np.diff([ride.north_m, ride.east_m], axis=1)
+    np.testing.assert_allclose(moved, (v[:2, 1:] + v[:2, :-1]) / 2, atol=1.0)
+    assert np.hypot(*(moved - v[:2, 1:] / 2 - v[:2, :-1] / 2)).mean() < 0.05
+    np.testing.assert_array_equal(ride.log.gnss.t_s, np.arange(len(v.T)))
+    there = ride.moving & ride.log.gnss.has_fix
+    np.testing.assert_allclose((ride.log.gnss.speed_m_s - ride.speed_m_s)[there], 0.0, atol=1e-9)
+    turned = wrap(ride.log.gnss.course_deg - ride.course_deg)
+    np.testing.assert_allclose(turned[there], 0.0, atol=1e-6)
+    np.testing.assert_array_equal(ride.moving, ride.speed_m_s > 0)
+
+
+def body(ride, mount, pitch, roll):
+    """Course, pitch and roll (deg) of what the sensor of a ride is mounted on."""
+    mounted = Rotation.from_euler("ZYX", [mount, pitch, roll], degrees=True)
+    return (Rotation.from_matrix(ride.C_nb) * mounted.inv()).as_euler("ZYX", degrees=True).T
+
+
+def test_how_each_body_is_held(monkeypatch):
+    """known case: A lies; B leans into its bends; C swings by 6 deg; D dives by 0.6 deg a m/s^2."""
+    a = np.array(body(scenario("A", rng(), minutes=1), 0, -2, 4))
+    np.testing.assert_allclose(a, np.tile([[30.0], [0.0], [0.0]], 61), atol=1e-9)
     b = scenario("B", rng(), laps=1, **NO_ERROR)
-    gyro, dt = b.log.imu.gyro_b, 1 / 40
-    attitude, velocity = Rotation.from_matrix(b.C_nb[0]), np.zeros(3)
-    for k in range(40 * 60):
-        force = attitude.apply(b.log.imu.accel_b[k])
-        velocity += (force + np.array([0.0, 0.0, STANDARD_GRAVITY])) * dt
-        attitude *= Rotation.from_rotvec(gyro[k] * dt)
-    # 0.05 m/s of rectangles over a minute of at most 0.6 m/s^2; 0.01 rad likewise.
-    assert np.hypot(*velocity[:2]) == pytest.approx(b.speed_m_s[60], abs=0.05)
-    assert (attitude.inv() * Rotation.from_matrix(b.C_nb[60])).magnitude() < 0.01
-    assert np.abs(b.error(b.log.gnss.lat_deg, b.log.gnss.lon_deg)).max() < 1e-6
+    course, pitch, roll = body(b, 90, -3, 2)
+    np.testing.assert_allclose(wrap(course - b.course_deg), 0.0, atol=1e-9)
+    np.testing.assert_allclose(pitch, 0.0, atol=1e-9)
+    levelled = Rotation.from_euler("ZYX", [90, -3, 2], degrees=True).apply(b.log.imu.accel_b)
+    np.testing.assert_allclose(levelled[:, 1], 0.0, atol=0.01)  # nobody slides aside
+    assert roll.min() < -2
+    c = scenario("C", rng())
+    course, *swing = body(c, 140, 20, -50)
+    by = 6 * np.minimum(c.speed_m_s, 1.0) * np.sin(2 * np.pi * 0.9 * c.log.gnss.t_s)
+    np.testing.assert_allclose(swing, [by, by], atol=1e-9)
+    assert np.abs(by).max() > 5
+    with_hills = scenario("D", rng(), stops=8, imu_rate=10.0)
+    monkeypatch.setattr(scenarios, "_ground", lambda *_: None)
+    d = scenario("D", rng(), stops=8, imu_rate=10.0)
+    course, pitch, roll = body(d, 15, -6, 2)
+    np.testing.assert_allclose(roll, 0.0, atol=1e-9)
+    sets_off = np.flatnonzero(np.diff(d.moving.astype(int)) > 0)
+    steady = np.hstack([pitch[sets_off + k] for k in (3, 4)])  # the springs are quiet by then
+    assert np.median(steady) == pytest.approx(0.9, abs=0.03) and pitch.min() < -0.9
+    slopes = np.array(body(with_hills, 15, -6, 2)[1:])[:, np.abs(pitch) < 0.01]
+    np.testing.assert_allclose(slopes.std(axis=1), 1.5, rtol=0.4)
+
+
+def test_where_each_one_goes():
+    """known case: the oval of a track, the car park, a street from stop to stop."""
+    b, c = scenario("B", rng(), laps=1), scenario("C", rng())
+    d = scenario("D", rng(), stops=20, imu_rate=10.0)
+    steady = b.speed_m_s[30:-25]
+    bends = -np.diff(np.unwrap(np.radians(b.course_deg)))[30:-25] / steady[1:]
+    assert np.median(bends[bends > 0.015]) == pytest.approx(1 / 46.26, rel=0.02)
+    assert np.percentile(steady, 97) / np.percentile(steady, 3) == pytest.approx(1.25 / 0.9, 0.02)
+    assert np.flatnonzero(b.moving)[0] == 20 and not b.moving[-10:].any()
+    np.testing.assert_allclose(np.diff(b.speed_m_s[20:32]), 0.6, atol=1e-9)
+    driven = np.append(0.0, np.hypot(np.diff(b.north_m), np.diff(b.east_m)).cumsum())
+    left = (driven[-1] - driven)[-19:-10]  # it brakes to be at rest at the end
+    np.testing.assert_allclose(
+        b.speed_m_s[-19:-10], np.minimum(np.sqrt(1.2 * left), 4.84), atol=0.12
+    )
+    assert np.interp(b.first_turn_s, b.log.gnss.t_s, driven) == pytest.approx(84.39, abs=4)
+    assert b.speed_m_s[39] == pytest.approx(
+        b.speed_m_s.max() * 0.9 / 1.25, rel=0.06
+    )  # slow in time
+    assert b.course_deg[0] == 180 and np.ptp(b.north_m) == pytest.approx(84.39 + 92.52, abs=3)
+    assert np.ptp(b.east_m) == pytest.approx(92.52, abs=3)
+    assert np.flatnonzero(c.moving)[0] == 120 and c.course_deg[0] == pytest.approx(70)
+    along = np.exp(-1j * np.radians(c.course_deg[140])) * (c.north_m + 1j * c.east_m)
+    assert (np.ptp(along.real), np.ptp(along.imag)) == pytest.approx((120, 70), abs=3)
+    assert c.speed_m_s.max() == pytest.approx(1.3) and c.speed_m_s[135:-25].min() > 1.09
+    length = np.hypot(np.diff(c.north_m), np.diff(c.east_m)).sum()
+    assert length == pytest.approx(2 * (114 + 64) + 6 * np.pi, rel=0.01)
+    np.testing.assert_allclose(c.log.gnss.pdop[[39, 40, 55]], [99.99, 50, 2.5 + 47.5 / np.e])
+    for ride in (b, d):
+        assert (ride.log.gnss.pdop == 1.8).all()
+    starts, ends = (np.flatnonzero(np.diff(d.moving.astype(int)) == way) for way in (1, -1))
+    assert len(starts) == len(ends) == 21 and starts[0] <= 30
+    waits = starts[1:] - ends[:-1]
+    assert 14 <= waits.min() < 19 and 36 < waits.max() <= 41
+    legs = np.hypot(*(np.diff([d.north_m, d.east_m], axis=1))).cumsum()
+    driven = legs[ends] - legs[starts]
+    assert 140 < driven.min() < 230 and 350 < driven.max() < 424
+    turned = wrap(d.course_deg[ends + 1] - d.course_deg[starts])
+    np.testing.assert_allclose(np.abs(turned), 90, atol=2)
+    assert len(np.unique(np.sign(turned))) == 2
+    fastest = [d.speed_m_s[a:b].max() for a, b in zip(starts, ends, strict=True)]
+    assert 8.5 < min(fastest) < 10 and 13 < max(fastest) <= 14.01
+    gained = np.abs(np.diff(d.speed_m_s))
+    assert np.median(gained[gained > 1.2]) == pytest.approx(1.5, rel=1e-3)
+    assert d.course_deg[0] == pytest.approx(20)
+
+
+def test_errors_of_the_imu_have_the_stated_size():
+    """published: 90 ug/sqrt(Hz) and 7 mdeg/s/sqrt(Hz) in 25 Hz; biases that stay for a log."""
+    logs = [scenario("A", rng(k), minutes=0.5) for k in range(200)]
+    up = logs[0].C_nb[0].T @ [0.0, 0.0, -STANDARD_GRAVITY]
+    force, turn = (np.array([getattr(s.log.imu, k) for s in logs]) for k in ("accel_b", "gyro_b"))
+    for off, white, bias in (
+        (force - up, 90e-6 * STANDARD_GRAVITY * 5, 0.1),
+        (np.degrees(turn), 7e-3 * 5, 0.5),
+    ):
+        assert off.std(axis=1).mean() == pytest.approx(white, rel=0.02)
+        np.testing.assert_allclose(off.mean(axis=1).std(axis=0), bias, rtol=0.2)
+
+
+def test_the_engine_is_a_line_that_dies_away_with_speed():
+    """analytic: 28.5 Hz and a ninth of its power at twice that, 1/e of it at 2 m/s."""
+    loud = replace(QUIET, engine=0.42, engine_gyro=0.04)
+    given = {"stops": 0, "imu_rate": 140.0, "gnss": NO_ERROR["gnss"]}
+    with_line, without = (scenario("D", rng(2), imu=imu, **given) for imu in (loud, QUIET))
+    imu, gnss = with_line.log.imu, with_line.gnss
+    speed = np.interp(imu.t_s, gnss.t_s, with_line.speed_m_s)
+    for key, amplitude in (("accel_b", 0.42), ("gyro_b", 0.04)):
+        line = getattr(imu, key) - getattr(without.log.imu, key)
+        still = line[speed == 0]
+        np.testing.assert_allclose(still.std(axis=0), amplitude * np.sqrt(5 / 9), rtol=0.02)
+        assert np.abs(np.corrcoef(still.T) - np.eye(3)).max() > 0.01  # phases, not noise
+        slow = (speed > 0.5) & (speed < 3)
+        grown = line[slow] * np.exp(speed[slow] / 2)[:, None]
+        np.testing.assert_allclose(grown.std(axis=0), amplitude * np.sqrt(5 / 9), rtol=0.1)
+        power = (np.abs(np.fft.rfft(line[:1000], axis=0)) ** 2).mean(axis=1)
+        hz = np.fft.rfftfreq(1000, 1 / 140)
+        once, twice = (power[(hz > 23 * k) & (hz < 34 * k)].sum() for k in (1, 2))
+        assert twice / once == pytest.approx(1 / 9, rel=0.1)
+        assert np.average(hz, weights=power * (hz < 40)) == pytest.approx(28.5, rel=0.05)
+
+
+def test_a_start_settles_to_one_side():
+    """analytic: 10 m that die away with 20 s, in a direction of each log's own."""
+    settles = GnssErrors(drift=(), white_m=0.0, settling_m=10.0, settle_time=20.0)
+    logs = [scenario("A", rng(k), minutes=2, gnss=settles) for k in range(50)]
+    off = np.array([log.fix_error() for log in logs])
+    far = 10 * np.exp(-np.arange(121) / 20)
+    np.testing.assert_allclose(np.hypot(off[:, 0], off[:, 1]), np.tile(far, (50, 1)), atol=1e-3)
+    np.testing.assert_allclose(off[:, :, 60] / far[60], off[:, :, 0] / 10, atol=1e-3)
+    assert (np.sign(off[:, :, 0]).sum(axis=0) ** 2 < 50 * 9).all()  # all round: 3 sigma
+    pdop = np.array([log.log.gnss.pdop for log in logs])
+    assert np.log(pdop / 2.5).std() == pytest.approx(0.2, rel=0.25)
+    speed = np.array([log.log.gnss.speed_m_s for log in logs]) / pdop
+    assert np.sqrt((speed**2).mean() / 2) == pytest.approx(0.04, rel=0.03)
 
 
 def test_sloping_ground_is_felt():
@@ -254,3 +397,11 @@ def test_levelling_errors_are_angles_to_the_true_vertical():
     assert (given, by_mean) == pytest.approx((0.0, 0.0), abs=1e-9)
     # A roll about the pitched axis turns the vertical by its cosine: cos(2 deg) is 1 to 1e-3.
     assert a.levelling_errors(roll + 2.0, pitch)[0] == pytest.approx(4.0, rel=0.01)
+    # In motion the mean of the accelerometer, here of the last second, is not the vertical.
+    b = scenario("B", rng(), laps=1, **NO_ERROR)
+    imu, n, angles = b.log.imu, len(b.north_m), []
+    for k, C in enumerate(b.C_nb):
+        force = imu.accel_b[max(40 * (k - 1) + 1, 0) : 40 * k + 1].mean(axis=0)
+        angles.append(np.degrees(np.arccos(min(-C[2] @ force / np.linalg.norm(force), 1.0))))
+    by_mean = b.levelling_errors(np.zeros(n), np.zeros(n))[1]
+    assert by_mean == pytest.approx(np.mean(np.square(angles)), rel=1e-6)

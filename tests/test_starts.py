@@ -1,6 +1,7 @@
 """Power-ons, simulated and cut from drives, and what each criterion of block 1 buys on them."""
 
 import numpy as np
+import pymap3d
 import pytest
 
 from analysis.tracker import starts
@@ -27,6 +28,93 @@ def test_the_counts_of_65_power_ons():
     assert pdop[mode == 2].min() >= 5.0 and pdop[mode == 2].max() <= 10.0
     far = np.mean([each[0] > 50.0 for each in errors])
     assert far == pytest.approx(9 / 65, abs=0.03)  # three standard deviations of 1300 draws
+
+
+def drawn(count=600, **model):
+    """Draw power-ons of one kind; the errors north and east of all their fixes, m."""
+    model = starts.PowerOns(**{"flat_share": 0.0, "settling_share": 0.0, "poor_share": 0.0} | model)
+    logs = [model.draw(rng) for rng in np.random.default_rng(3).spawn(count)]
+    return logs, np.array([starts.metres(g.lat_deg, g.lon_deg) for g in logs])
+
+
+def test_a_plain_power_on():
+    """analytic: PDOP, satellites, speed; and the local metres are pymap3d's."""
+    logs, error = drawn()
+    pdop = np.log([g.pdop for g in logs])
+    assert np.exp(np.median(pdop)) == pytest.approx(2.5, rel=0.05)
+    assert pdop.mean(axis=1).std() == pytest.approx(0.3, rel=0.1)
+    assert pdop.std(axis=1).mean() == pytest.approx(0.05, rel=0.1)
+    assert {s for g in logs for s in g.satellites} == {5, 6, 7, 8, 9, 10}
+    assert np.mean([g.speed_m_s for g in logs]) == pytest.approx(0.1 * np.sqrt(2 / np.pi), rel=0.02)
+    assert all(g.has_fix.all() and np.isnan(g.course_deg).all() for g in logs)
+    assert (logs[0].t_s == np.arange(180)).all() and not logs[0].height_m.any()
+    north, east, _ = pymap3d.geodetic2ned(
+        logs[0].lat_deg, logs[0].lon_deg, 0.0, *starts.Scenario.origin
+    )
+    np.testing.assert_allclose(error[0], [north, east], atol=1e-3)
+
+
+def test_a_beginning_in_two_dimensions():
+    """analytic: one wrong place for a time, half a second more than asked; then none."""
+    logs, error = drawn(flat_share=1.0, solid_m=1e-9)
+    flat = np.array([g.mode == 2 for g in logs])
+    assert flat[:, 0].all() and (np.diff(flat.astype(int), axis=1) <= 0).all()
+    kept = 32 * (1 - np.exp(-180 / 32))  # of an exponential, cut off where the log ends
+    assert flat.sum(axis=1).mean() == pytest.approx(kept + 0.5, rel=0.12)
+    far = np.hypot(*error.transpose(1, 0, 2))
+    np.testing.assert_allclose(far, flat * far[:, :1], atol=1e-6)
+    assert np.median(far[:, 0]) == pytest.approx(74.0, rel=0.1)
+    first = np.array([[np.sqrt(g.pdop[0] ** 2 - 1), g.satellites[0]] for g in logs])
+    assert first[:, 0].min() >= 4.9 and first[:, 0].max() <= 9.9
+    assert first[:, 0].mean() == pytest.approx(7.4, abs=0.2)
+    shares = np.bincount(first[:, 1].astype(int)) / len(logs)
+    np.testing.assert_allclose(shares[2:], [0.15, 0.65, 0.1, 0.1], atol=0.06)
+    assert all(np.ptp(g.pdop[f]) < 1e-12 for g, f in zip(logs, flat, strict=True))
+    logs, _ = drawn(9, flat_share=1.0, flat_s=1e9, poor_share=1.0)
+    assert max(g.pdop.max() for g in logs) < 10  # a poor spell is one of three dimensions
+
+
+def test_a_beginning_that_settles():
+    """analytic: the error decays with one of three time constants, each as often."""
+    _, error = drawn(settling_share=1.0, solid_m=1e-9)
+    far = np.hypot(*error.transpose(1, 0, 2))
+    assert np.median(far[:, 0]) == pytest.approx(74.0, rel=0.1)
+    tau = -10 / np.log(far[:, 10] / far[:, 0])
+    values, counts = np.unique(np.round(tau, 3), return_counts=True)
+    assert values.tolist() == [20, 25, 120] and (np.abs(counts - 200) < 40).all()
+
+
+def test_a_poor_spell_is_the_same_fixes_farther_off():
+    """analytic: 20 s from 40 s on, off by 8 m instead of 5.3 m, at a PDOP of 11 and more."""
+    (logs, poor), (_, solid) = drawn(poor_share=1.0), drawn()
+    bad = np.array([g.pdop > 10 for g in logs])
+    begin = bad.argmax(axis=1)
+    assert (bad.sum(axis=1) == 20).all() and 40 <= begin.min() < 45 < 145 < begin.max() < 150
+    np.testing.assert_allclose(poor, np.where(bad[:, None], 8 / 5.3, 1.0) * solid, atol=1e-6)
+    more = [g.pdop.max() - 11 for g in logs]
+    assert min(more) >= 0 and np.mean(more) == pytest.approx(10, rel=0.15)
+
+
+def test_a_start_is_waited_for():
+    """known case: three epochs without a fix, four poor ones, then good ones to the east."""
+    t = np.arange(20.0)
+    frame = starts.Frame((45.0, 9.0, 0.0))
+    same, pdop = np.ones(20), np.where((t < 7) | (t > 14), 30.0, 2.0)
+    gnss = Gnss(
+        t, 45.0 * same, 9.0 + 15 * t / frame.east, 0 * t, pdop, 15 * same, 90 * same, t >= 3,
+        3 * same, 8 * same,
+    )  # fmt: skip
+    off, alone = t**2, starts.CRITERIA["the paper's gate alone"]
+    far = starts.Stored(45.001, 9.0, 0.0, 0.0, 2.0)
+    for row, known in (
+        (starts.begin(gnss, off, **alone), (4, 49, (9 + 16 + 25 + 36) / 4, 0)),
+        (starts.begin(gnss, off, far, 5, **alone), (2, 49, (25 + 36) / 2, 1)),
+        (starts.begin(gnss, off, None, 7, **alone), (0, 49, np.nan, 0)),
+        (starts.begin(gnss, off), (9, 144, np.mean(off[3:12]), 0)),
+        (starts.begin(gnss, off, None, 15), (np.nan, np.nan, np.nan, 0)),
+    ):
+        found = [row[k] for k in ("wait_s", "off_m", "refused_m", "flagged")]
+        np.testing.assert_allclose(found, known)
 
 
 def test_what_the_criteria_buy():

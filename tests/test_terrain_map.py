@@ -107,7 +107,7 @@ def test_attitude_of_a_known_van():
 
 def test_the_mounting_is_recovered_from_both_directions():
     """Analytic: rounds both ways give the geometry back; differences over 2 m cost 0.01 deg."""
-    ways = [[drive(way, rounds=1.0)[0]] for way in (1, -1)]
+    ways = [[drive(way, rounds=1.0)[0]] * laps for way, laps in ((1, 2), (-1, 1))]
     found = antennas.calibrate(*ways, DT)
     angles = found.yaw_deg, found.pitch_deg, found.roll_deg
     np.testing.assert_allclose(angles, mounting_of_the_van(), atol=0.01)
@@ -169,6 +169,47 @@ def test_short_dropouts_are_bridged_and_long_ones_are_not(missing):
     assert np.isnan(whole[200:203]).all()
 
 
+def test_a_cubic_is_bridged_exactly():
+    """Analytic: the spline of a cubic is the cubic; at the ends nothing is filled."""
+    t = np.arange(12.0)
+    cubic = np.column_stack([t**3, 2 - t**2, t])
+    holed = cubic.copy()
+    holed[[0, 4, 5, 11]] = np.nan
+    np.testing.assert_allclose(antennas.bridge(holed)[1:11], cubic[1:11], atol=1e-9)
+    assert np.isnan(antennas.bridge(holed)[[0, 11]]).all()
+    for few, filled in ((5, True), (4, False)):  # a spline needs four epochs
+        assert np.isfinite(antennas.bridge(holed[2 : 3 + few])[2:4]).all() == filled
+
+
+def test_what_is_left_of_a_mounting():
+    """Analytic: heading, pitch and roll off by known angles, each weighed with its distance.
+
+    What is slow, in too tight a bend, or among the first and last two epochs does not count: there
+    the roll is wrong.
+    """
+    t = DT * np.arange(1000)
+    slow, tight, ends = (t > 20) & (t < 30), (t > 40) & (t < 43), (t < 0.15) | (t > 99.75)
+    speed = np.where(slow, 2.9, 10 + 3 * np.sin(t / 5))
+    bend = np.where(tight, 0.022, 0.018 * np.sin(t / 3))
+    wrong = ends | ((t > 20.25) & (t < 29.75)) | ((t > 40.25) & (t < 42.75))
+    course = np.cumsum(bend * speed) * DT
+    grade = 0.03 * np.sin(t / 10)
+    steps = speed * np.array([np.sin(course), np.cos(course), grade]) * DT
+    middle = (np.cumsum(steps, axis=1) - steps / 2).T
+    roll = np.where(wrong, 25.0, -0.4 + 0.1 * (speed - 10))
+    yaw = np.degrees(course + bend * speed * DT / 2) + 0.7 + 40 * bend
+    angles = np.column_stack([yaw, np.degrees(np.arctan(grade)) + 0.3, roll])
+    attitude = Rotation.from_euler("ZYX", angles, degrees=True)
+    lap = [
+        middle + attitude.apply(p)[:, [1, 0, 2]] * [1, 1, -1]
+        for p in ((2.5, 0, 0), (0, -0.7, 0), (0, 0.7, 0))
+    ]
+    good = ~(slow | tight | ends)
+    expected = 0.7, 0.3, np.average(roll[good], weights=speed[good])
+    found = antennas.residuals(lap, AntennaMounting(), DT)
+    assert found == pytest.approx(expected, abs=0.02)
+
+
 def test_the_map_recovers_a_known_road():
     """Analytic: without noise the map is the road, but for what a 1 m Gaussian takes from waves."""
     made = map_of_drives([drive(1, start=x)[0] for x in (-20.0, -20.37, -20.71)])
@@ -226,13 +267,32 @@ def test_jumps_are_removed_and_the_hill_stays():
     assert (same == hill(s)).all() and all_level.all() and none.size == 0
 
 
-def test_resampling_keeps_a_slope():
-    """Analytic: a straight climb stays what it is, away from the ends."""
-    s = np.sort(np.random.default_rng(9).uniform(0.0, 1000.0, 900))
+def test_jumps_and_a_drift_on_a_straight_climb():
+    """Known case: which steps are jumps, what drifts, where the level is kept, metre by metre.
+
+    The climb is 5 %: a step of more than 0.32 m in a metre is a jump. From 1500 m the height drifts
+    by 6 % more; windows of 20 m that hold more than 13.3 m of it are steeper than 9 %: from 1503.5
+    to 1536.5 m. 40 m to either side of those it is not used.
+    """
+    s = np.arange(2501.0)
+    climb = 0.05 * s + 0.25 * ((s >= 400) & (s < 450))  # as steep as a road
+    broken = climb + 20 * ((s > 800) & (s <= 1000)) + 0.38 * ((s > 2099) & (s <= 2199))
+    broken += 0.06 * (s - 1500) * ((s > 1500) & (s <= 1540))
+    cleaned, level, jumps = remove_jumps(s, broken)
+    assert jumps.tolist() == [800, 1000, 1540, 2099, 2199]
+    np.testing.assert_allclose(cleaned, climb, atol=1e-9)
+    kept = [(0, 725), (1076, 1389), (1652, 2024), (2275, 2500)]  # 75 m less, 300 m or more
+    np.testing.assert_array_equal(level, np.any([(a <= s) & (s <= b) for a, b in kept], axis=0))
+
+
+def test_resampling_keeps_a_slope_and_smooths_a_wave():
+    """Analytic: a Gaussian of 5 m leaves e^(-(k w)^2 / 2) of a wave, in its place."""
+    s = np.sort(np.random.default_rng(9).uniform(0.0, 1000.0, 9000))
     s[[0, -1]] = 0.0, 1000.0
-    at = np.arange(0.0, 1000.0, 5.0)
-    found = smooth_onto(s, 0.03 * s, at, 5.0)
-    np.testing.assert_allclose(found[5:-5], 0.03 * at[5:-5], atol=1e-3)
+    at, k = np.arange(30.0, 970.0, 5.0), 2 * np.pi / 40
+    found = smooth_onto(s, 0.03 * s + np.sin(k * s), at, 5.0)
+    left = np.exp(-((5 * k) ** 2) / 2)
+    np.testing.assert_allclose(found[5:-5], (0.03 * at + left * np.sin(k * at))[5:-5], atol=0.01)
 
 
 def test_the_committed_highway():

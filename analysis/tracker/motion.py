@@ -160,11 +160,11 @@ def by_positions(gnss: Gnss) -> Gnss:
     if not len(known):
         return gnss
     t, ends = gnss.t_s[known], gnss.t_s[:, None] + [-OVER_S / 2, OVER_S / 2]
-    north, lon = METRES_PER_DEGREE * gnss.lat_deg[known], np.unwrap(gnss.lon_deg[known], period=360)
-    east = METRES_PER_DEGREE * np.cos(np.radians(gnss.lat_deg[known])) * lon
-    north, east = (np.diff(np.interp(ends, t, p, np.nan, np.nan))[:, 0] for p in (north, east))
-    course = np.degrees(np.arctan2(east, north))
-    return replace(gnss, speed_m_s=np.hypot(north, east) / OVER_S, course_deg=course)
+    lat, lon = gnss.lat_deg[known], np.unwrap(gnss.lon_deg[known], period=360)
+    north, east = (np.diff(np.interp(ends, t, p, np.nan, np.nan))[:, 0] for p in (lat, lon))
+    east *= np.cos(np.radians(np.interp(gnss.t_s, t, lat)))
+    speed = METRES_PER_DEGREE * np.hypot(north, east) / OVER_S
+    return replace(gnss, speed_m_s=speed, course_deg=np.degrees(np.arctan2(east, north)))
 
 
 def _fits(design, values, drawn):
