@@ -141,6 +141,17 @@ def test_any_block_can_be_left_out(laps, filter, without):
     assert math.hypot(*off) < 15.0
 
 
+def test_a_clock_set_back_is_a_gap_of_two_seconds(laps):
+    """property: the rows are those of a clock that runs on, with a gap where it was set back."""
+    last = max(t for t, *_ in laps.events if t <= 70.0)
+    more = last + 2.0 - min(t for t, *_ in laps.events if t > 70.0)
+    gap = [(t + more * (t > 70.0), *rest) for t, *rest in laps.events]
+    pairs = zip(play(laps.given, clock_set_back(laps.events)), play(laps.given, gap), strict=True)
+    for row, same in pairs:
+        for name in ("lat_deg", "lon_deg", "roll", "pitch", "yaw"):
+            assert row[name] == pytest.approx(same[name], abs=1e-9, nan_ok=True)
+
+
 @pytest.mark.parametrize("broken", [clock_set_back, clock_set_forward, no_times])
 def test_a_clock_that_jumps_moves_nothing(laps, broken):
     """property: within 15 m of the undisturbed track at every epoch, while driving at 5 m/s.
