@@ -29,23 +29,19 @@ def test_committed_raw_logs_are_the_registered_ones():
     assert [p.name for p in (DATA / "raw").iterdir()] == ["gpsd"]
 
 
-def test_the_folder_variable_comes_first(tmp_path, monkeypatch):
-    """Property: COMPENDIUM_DATA wins over what is committed."""
+@pytest.fixture
+def copy(tmp_path, monkeypatch):
+    """Copy a raw log into the folder that COMPENDIUM_DATA names."""
     (tmp_path / "gpsd-logs").mkdir()
     shutil.copy(datasets.path(NAME), tmp_path / NAME)
     monkeypatch.setenv(datasets.FOLDER_VARIABLE, str(tmp_path))
-    assert datasets.path(NAME) == tmp_path / NAME
+    return tmp_path / NAME
 
 
-def test_other_bytes_are_refused(tmp_path, monkeypatch):
-    """Property: a changed byte is found, also when the file is changed after a first look."""
-    (tmp_path / "gpsd-logs").mkdir()
-    copy = tmp_path / NAME
-    content = datasets.path(NAME).read_bytes()
-    copy.write_bytes(content)
-    monkeypatch.setenv(datasets.FOLDER_VARIABLE, str(tmp_path))
-    assert datasets.available(NAME)
-    copy.write_bytes(content[:-1] + b"?")
+def test_the_folder_variable_comes_first_and_other_bytes_are_refused(copy):
+    """Property: it wins over what is committed; a byte changed after a first look is found."""
+    assert datasets.available(NAME) and datasets.path(NAME) == copy
+    copy.write_bytes(copy.read_bytes()[:-1] + b"?")
     assert not datasets.available(NAME)
     with pytest.raises(CannotAnswer, match=r"gpsd-logs/rx210\.log .*not the registered file"):
         datasets.path(NAME)
