@@ -10,6 +10,7 @@ import re
 import shutil
 import struct
 import zipfile
+from unittest.mock import Mock
 
 import h5py
 import numpy as np
@@ -87,11 +88,10 @@ def write_hdf5(path):
 
 def write_json_lines(path):
     """Write a sample."""
-    rows = [
-        {"t_s": t, "gyro_rad_s": list(g), "accel": dict(zip("xyz", a, strict=True))}
-        for t, g, a in zip(T, GYRO, ACCEL, strict=True)
-    ]
-    path.write_text("\n".join(map(json.dumps, rows)) + "\n")
+    xyz = [dict(zip("xyz", a, strict=True)) for a in ACCEL]
+    rows = zip(T, GYRO.tolist(), xyz, strict=True)
+    lines = (json.dumps({"t_s": t, "gyro_rad_s": g, "accel": a}) for t, g, a in rows)
+    path.write_text("\n".join(lines) + "\n")
 
 
 def _ros(writer, store, topics=("/imu/data",)):
@@ -207,13 +207,11 @@ def write_gpx(path):
     """Write a track by the GPX 1.1 schema."""
     points = "".join(
         f'<trkpt lat="{45 + 1e-6 * (k % 7)}" lon="{7 + 1e-6 * (k % 5)}"><ele>{100 + k % 3}</ele>'
-        f"<time>2024-05-01T10:{k // 60:02}:{k % 60:02}Z</time></trkpt>"
-        for k in range(200)
-    )
-    path.write_text(
-        '<?xml version="1.0"?>\n<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">'
-        f"<trk><name>a</name><trkseg>{points}</trkseg></trk></gpx>"
-    )
+        f"<time>2024-05-01T10:{k // 60:02}:{k % 60:02}Z</time></trkpt>" for k in range(200)
+    )  # fmt: skip
+    schema = '<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">'
+    track = f"<trk><name>a</name><trkseg>{points}</trkseg></trk></gpx>"
+    path.write_text(f'<?xml version="1.0"?>\n{schema}{track}')
 
 
 def axes(values, late_s=0.0, t=T):
@@ -265,10 +263,8 @@ ANDRO = [f"ACCELEROMETER {a} (m/s²)" for a in "XYZ"] + [f"GYROSCOPE {a} (rad/s)
 
 def write_andro(path, names, cells, above=()):
     """Write AndroSensor's text: its sensors, then other columns, which a function gives by time."""
-    rows = [
-        ";".join([*(f"{v:.5f}" for v in (*a, *g)), *cells(t)])
-        for t, g, a in zip(T, GYRO, ACCEL, strict=True)
-    ]
+    numbers = [[f"{v:.5f}" for v in row] for row in np.hstack([ACCEL, GYRO])]
+    rows = [";".join([*row, *cells(t)]) for row, t in zip(numbers, T, strict=True)]
     path.write_text("\n".join([*above, ";".join(ANDRO + names), *rows]) + "\n", encoding="utf-8")
 
 
@@ -282,26 +278,19 @@ def write_xsens(path):
     """Write a sample."""
     head = ["Start Time: Unknown", "Update Rate: 100.0Hz", "Filter Profile: human (46.1)"]
     head += ["Option Flags: AHS Disabled ICC Disabled ", "Firmware Version: 4.0.2"]
-    names = [f"{k}_{a}" for k in ("Acc", "Gyr") for a in "XYZ"]
-    rows = [
-        "\t".join([f"{(k + 65500) % 65536:05}", "", *(f"{v:.6f}" for v in (*a, *g))])
-        for k, (g, a) in enumerate(zip(GYRO, ACCEL, strict=True))
-    ]
-    lines = [
-        *(f"// {line}" for line in head),
-        "\t".join(["PacketCounter", "SampleTimeFine", *names]),
-        *rows,
-    ]
+    names = ["PacketCounter", "SampleTimeFine"]
+    names += [f"{k}_{a}" for k in ("Acc", "Gyr") for a in "XYZ"]
+    numbers = [[f"{v:.6f}" for v in row] for row in np.hstack([ACCEL, GYRO])]
+    rows = [[f"{(k + 65500) % 65536:05}", "", *row] for k, row in enumerate(numbers)]
+    lines = [*(f"// {line}" for line in head), *map("\t".join, [names, *rows])]
     path.write_text("\n".join(lines) + "\n")
 
 
 def write_serial(path):
     """Write a sample."""
-    lines = [
-        f"t_ms: {1000 * t:.0f} gx: {g[0]:.6f} gy: {g[1]:.6f} gz: {g[2]:.6f}"
-        for t, g in zip(T, np.degrees(GYRO), strict=True)
-    ]
-    path.write_text("ready\n" + "\n".join(lines) + "\n")
+    text = "t_ms: {:.0f} gx: {:.6f} gy: {:.6f} gz: {:.6f}"
+    rows = np.column_stack([1000 * T, np.degrees(GYRO)])
+    path.write_text("\n".join(["ready", *(text.format(*row) for row in rows)]) + "\n")
 
 
 def write_arduino(path):
@@ -495,40 +484,35 @@ def test_damaged_files_are_refused_in_a_sentence(name, tmp_path):
             assert str(tmp_path) not in text
 
 
+ROSBAGS = "rosbags", "rosbags.highlevel.AnyReader"
 LIBRARIES = {  # format -> the library that reads it, what of it fails, a byte that its check sees
     "Parquet": ("pyarrow", "pyarrow.parquet.ParquetFile", -2),
     "xlsx, xls, ods": ("python-calamine", "python_calamine.CalamineWorkbook", 60),
     "MATLAB v5 to v7, a struct": ("scipy", "scipy.io.loadmat", 128),
-    "HDF5": ("h5py", "h5py.File", 46),
-    "NumPy npz": ("numpy", "numpy.load", 1000),
+    "HDF5": ("h5py", "h5py.File", 46), "NumPy npz": ("numpy", "numpy.load", 1000),
     "R data, compressed": ("rdata", "rdata.parser.parse_file", 20),
-    "ROS 1 bag": ("rosbags", "rosbags.highlevel.AnyReader", 15),
-    "ROS 2 db3": ("rosbags", "rosbags.highlevel.AnyReader", 100),
-    "ROS 2 MCAP": ("rosbags", "rosbags.highlevel.AnyReader", 16),
+    "ROS 1 bag": (*ROSBAGS, 15), "ROS 2 db3": (*ROSBAGS, 100), "ROS 2 MCAP": (*ROSBAGS, 16),
     "PX4 ULog": ("pyulog", "pyulog.ULog", 18),
     "ArduPilot DataFlash": ("pymavlink", "pymavlink.DFReader.DFReader_binary", 418),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", LIBRARIES)
 def test_a_library_that_fails_is_not_taken_for_damage(name, tmp_path, monkeypatch):
     """property: a whole file is said to be that, with the library; a wrong one with its byte."""
-
-    def fail(*given, **named):
-        raise KeyError("UNIT")
-
     library, what, at = LIBRARIES[name]
     path = tmp_path / "log.dat"
     if name in BY_NAME:
-        BY_NAME[name][1](path)
+        write(name, tmp_path)
     else:
         path.write_bytes(bz2.compress(b"RDX3\n" + bytes(1000)))
-    monkeypatch.setattr(what, fail)
+    monkeypatch.setattr(what, Mock(side_effect=KeyError("UNIT")))
     with pytest.raises(CannotAnswer, match=rf"intact .*, but {library} [\d.]+ cannot read it"):
         read(path)
     raw = bytearray(path.read_bytes())
-    wrong = bytes([*raw[:at], raw[at] ^ 0xFF, *raw[at:][1:]])
-    for damaged in (raw[: 3 * len(raw) // 4], wrong):
+    cut = raw[: 3 * len(raw) // 4]
+    raw[at] ^= 0xFF
+    for damaged in (cut, raw):
         path.write_bytes(damaged)
         with pytest.raises(CannotAnswer, match=r"cut off or damaged at byte [\d,]+ of [\d,]+ "):
             read(path)
@@ -562,13 +546,13 @@ def test_a_log_without_an_imu(kind, tmp_path):
 
 def test_a_bag_with_two_imus_asks(tmp_path, capsys):
     """Property: the next command stands in the message, and it works."""
-    write_bag1(tmp_path / "log.bag", topics=("/left", "/right"))
-    out = str(tmp_path / "out")
-    assert main(["report", str(tmp_path / "log.bag"), "--out", out]) == 2
+    path, out = tmp_path / "log.bag", str(tmp_path / "out")
+    write_bag1(path, topics=("/left", "/right"))
+    assert main(["report", str(path), "--out", out]) == 2
     assert f"--out {out} --table /left" in capsys.readouterr().err
-    assert read(tmp_path / "log.bag", table="/right").rate_hz == pytest.approx(RATE)
+    assert read(path, table="/right").rate_hz == pytest.approx(RATE)
     with pytest.raises(WrongUsage, match=r"no table '/lift' \(closest: '/left'\); it has /chatter"):
-        read(tmp_path / "log.bag", table="/lift")
+        read(path, table="/lift")
 
 
 def test_a_message_without_stamps_takes_the_times_of_recording(tmp_path):
