@@ -55,33 +55,26 @@ ROS = "header.seq,header.stamp.secs,header.stamp.nsecs,angular_velocity.x,angula
 NO_READINGS = {  # header, columns, what is given, channels, what is left out and why
     "sensor logger": (
         "time,seconds_elapsed,z,y,x", (1e9 * UNIX, T, GYRO), {"unit": "rad/s"}, "z y x",
-        "seconds_elapsed (a time)",
-    ),
+        "seconds_elapsed (a time)"),
     "phyphox": (
         PHYPHOX, (T, GYRO, np.linalg.norm(GYRO, axis=1)), {},
-        "Gyroscope_x Gyroscope_y Gyroscope_z", "Absolute (rad/s) (a norm)",
-    ),
+        "Gyroscope_x Gyroscope_y Gyroscope_z", "Absolute (rad/s) (a norm)"),
     "ros": (
         ROS, (np.arange(N) + 7, np.floor(UNIX), 1e9 * (UNIX % 1), GYRO[:, :2]), {"unit": "rad/s"},
-        "angular_velocity_x angular_velocity_y", "header.seq (a counter)",
-    ),
+        "angular_velocity_x angular_velocity_y", "header.seq (a counter)"),
     "rostopic": (
         "%time,field.header.seq,field.header.stamp,field.angular_velocity.x",
         (1e9 * UNIX, np.arange(N), 1e9 * UNIX, GYRO[:, 0]), {"unit": "rad/s"},
-        "field_angular_velocity_x", "field.header.seq (a counter), field.header.stamp (a time)",
-    ),
+        "field_angular_velocity_x", "field.header.seq (a counter), field.header.stamp (a time)"),
     "by content": (
         "t,a,b,c,foo,n", (T, GYRO, np.linalg.norm(GYRO, axis=1), np.arange(N) % 256),
-        {"unit": "deg/s"}, "a b c", "foo (the norm of a, b, c), n (a counter: it steps by 1)",
-    ),
+        {"unit": "deg/s"}, "a b c", "foo (the norm of a, b, c), n (a counter: it steps by 1)"),
     "other words": (
         "t,gyro_x,battery,state,acc_valid,mag_x,quality", (T, GYRO, GYRO), {"unit": "deg/s"},
-        "gyro_x", "battery, state, acc_valid, quality (a status word), mag_x (another quantity)",
-    ),
+        "gyro_x", "battery, state, acc_valid, quality (a status word), mag_x (another quantity)"),
     "no header": (
         "", (1000 + 10 * np.arange(N), GYRO, np.arange(N) > 200), {"unit": "deg/s", "rate": 100},
-        "c2 c3 c4", "c1 (a time or counter: it never falls)",
-    ),
+        "c2 c3 c4", "c1 (a time or counter: it never falls)"),
 }  # fmt: skip
 
 
@@ -148,14 +141,6 @@ def test_a_bare_unit_is_for_one_kind(tmp_path, header):
     assert again[:3] == ["python", "-m", "analysis"] and "deg/s" not in again
     at = again.index("--unit")
     assert len(logs.read(path, unit=again[at + 1], rate=100).channels) == 6
-
-
-def test_a_bare_unit_beside_stated_ones_is_left_out(tmp_path):
-    """Property: where every name has its unit, the command that works has no --unit."""
-    path = write(tmp_path, "t,accel_x_g,gyro_x_deg_s", T, ACCEL[:, 0], GYRO[:, 0])
-    with pytest.raises(WrongUsage, match="leave out --unit") as caught:
-        logs.read(path, unit="deg/s")
-    assert caught.value.flags == ({"--unit": None},)
 
 
 def test_a_single_kind_takes_a_bare_unit(tmp_path):
@@ -398,12 +383,20 @@ def test_axes_by_number_and_accelerations_without_gravity(tmp_path):
     assert "accel with gravity taken off" in left_out(log)
 
 
+def test_a_bare_unit_beside_stated_ones_is_left_out(tmp_path):
+    """Property: where every name has its unit, the command that works has no --unit."""
+    path = write(tmp_path, "t,accel_x_g,gyro_x_deg_s", T, ACCEL[:, 0], GYRO[:, 0])
+    with pytest.raises(WrongUsage, match="leave out --unit") as caught:
+        logs.read(path, unit="deg/s")
+    assert caught.value.flags == ({"--unit": None},)
+
+
 @pytest.mark.parametrize("header", ["t,gx,gy,gz", "t,gx,gy,gz,accel_x_g"])
 def test_no_command_guesses_a_unit(tmp_path, header):
     """Property: where nothing tells deg/s from rad/s, the message has a command for each."""
-    values = GYRO if header.endswith("gz") else np.column_stack([GYRO, ACCEL[:, 0]])
+    series = np.column_stack([GYRO, ACCEL[:, 0]])[:, : header.count(",")]
     with pytest.raises(WrongUsage, match="--unit gyro=deg/s or --unit gyro=rad/s") as caught:
-        logs.read(write(tmp_path, header, T, values), columns=["gx", "gy"])
+        logs.read(write(tmp_path, header, T, series), columns=["gx", "gy"])
     assert caught.value.flags == ({"--unit": "gyro=deg/s"}, {"--unit": "gyro=rad/s"})
 
 
@@ -416,16 +409,13 @@ def test_a_drifting_gyro_is_no_clock():
     assert note == f"{said} all the same"
 
 
-@pytest.mark.parametrize(
-    ("unit", "kinds"),
-    [("gyro=deg/s,accel=g", "rate rate rate accel accel accel"), ("accel=g", "accel accel accel")],
-)
-def test_gravity_tells_accelerometers_among_columns_without_names(unit, kinds):
+@pytest.mark.parametrize(("unit", "gyros"), [("gyro=deg/s,accel=g", ["rate"] * 3), ("accel=g", [])])
+def test_gravity_tells_accelerometers_among_columns_without_names(unit, gyros):
     """property: three in a row of one g; a bare unit for all six is refused."""
     turning = 0.1 * np.random.default_rng(0).normal(size=(64, 3))
     frame = pd.DataFrame(np.hstack([turning, turning / 10 + [0, 0, 1]]))
     frame.columns = [f"c{k}" for k in range(1, 7)]
     chosen, _ = columns.choose(frame, "my.csv", unit=unit)
-    assert " ".join(c.kind for c in chosen) == kinds
+    assert [c.kind for c in chosen] == gyros + ["accel"] * 3
     with pytest.raises(WrongUsage, match="is for channels of one kind"):
         columns.choose(frame, "my.csv", unit="deg/s")

@@ -1,12 +1,13 @@
 """The registry of raw logs: where a file is found, that it is checked, how it is refused."""
 
 import shutil
+from unittest.mock import Mock
 
 import pooch
 import pytest
 
 from analysis import DATA, CannotAnswer, WrongUsage
-from sensorlogs import datasets
+from sensorlogs import datasets, read
 
 NAME = "gpsd-logs/rx210.log"
 AWAY = "phone-drives/LICENSE"
@@ -47,12 +48,18 @@ def test_the_folder_variable_comes_first_and_other_bytes_are_refused(copy):
         datasets.path(NAME)
 
 
-def test_an_absent_file_says_the_three_ways_to_get_it():
-    """Property: one sentence with the variable, the command and the address."""
-    assert not datasets.available(AWAY)
+RAW = "adis16405-static/adis_16405_imu1.rda"
+
+
+@pytest.mark.parametrize(
+    ("ask", "name", "file"), [(datasets.path, AWAY, AWAY), (read, "adis16405", RAW)]
+)
+def test_an_absent_file_says_the_three_ways_to_get_it(ask, name, file):
+    """Property: one sentence with the variable, the command and the address; a stanza's too."""
+    assert not datasets.available(file)
     with pytest.raises(datasets.NotHere) as caught:
-        datasets.path(AWAY)
-    for word in (AWAY, "COMPENDIUM_DATA", f"python -m analysis data {AWAY}", "data/downloaded"):
+        ask(name)
+    for word in (file, "COMPENDIUM_DATA", f"python -m analysis data {file}", "data/downloaded"):
         assert word in str(caught.value)
 
 
@@ -95,11 +102,7 @@ def test_a_download_is_checked_and_kept(monkeypatch):
 )
 def test_a_failed_download_is_one_sentence(monkeypatch, error, words):
     """Property: no connection, or other bytes: said plainly, and nothing is left behind."""
-
-    def retrieve(*_, **given):
-        raise error
-
-    monkeypatch.setattr(pooch, "retrieve", retrieve)
+    monkeypatch.setattr(pooch, "retrieve", Mock(side_effect=error))
     with pytest.raises(CannotAnswer, match=words):
         datasets.fetch(AWAY)
     assert not datasets.DOWNLOADED.exists()

@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -123,12 +124,8 @@ def test_files(tmp_path, laps):
     for name in ("t_s", "out_lat_deg", "mount_deg"):
         found = np.array([float(row[name] or "nan") for row in rows])
         np.testing.assert_allclose(found, track.columns[name], atol=1e-3, equal_nan=True)
-
-    def refuse(word):
-        raise AssertionError(word)
-
     text = (tmp_path / "out" / "summary.json").read_text()
-    summary = json.loads(text, parse_constant=refuse)
+    summary = json.loads(text, parse_constant=pytest.fail)
     assert summary["blocks"] == dict.fromkeys(BLOCKS, "on")
 
 
@@ -722,11 +719,7 @@ def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, written):
     words = ["replay", written[0], "--out", tmp_path / "out"]
     assert run(*words)[0] == 0
     old = (tmp_path / "out" / "track.csv").read_bytes()
-
-    def stop(summary):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(page.pages, "rounded", stop)
+    monkeypatch.setattr(page.pages, "rounded", Mock(side_effect=KeyboardInterrupt))
     assert run(*words)[0] == 130
     assert files(tmp_path / "out") == list(FILES)
     assert (tmp_path / "out" / "track.csv").read_bytes() == old

@@ -142,9 +142,9 @@ def test_cut_sentences(tmp_path, cut):
 
 def between(n):
     """Put messages of another protocol, dollars and stars among them, between the sentences."""
-    rng = np.random.default_rng(1)
-    noise = lambda: rng.integers(0, 256, rng.integers(0, 80), dtype=np.uint8).tobytes()  # noqa: E731
-    return flat((noise(), line) for line in epochs(n))
+    rng, lines = np.random.default_rng(1), epochs(n)
+    noise = (rng.integers(0, 256, size, np.uint8).tobytes() for size in rng.integers(0, 80, 3 * n))
+    return flat(zip(noise, lines, strict=True))
 
 
 def talkers(n):
