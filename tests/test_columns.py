@@ -36,6 +36,11 @@ def found(log):
     return [(c.name, c.unit) for c in log.channels]
 
 
+def kinds(log):
+    """Return the kinds of the channels."""
+    return {c.kind for c in log.channels}
+
+
 def left_out(log):
     """Return the sentence on what was left out."""
     return next((r for r in log.repairs if r.startswith("columns left out")), "")
@@ -50,33 +55,26 @@ ROS = "header.seq,header.stamp.secs,header.stamp.nsecs,angular_velocity.x,angula
 NO_READINGS = {  # header, columns, what is given, channels, what is left out and why
     "sensor logger": (
         "time,seconds_elapsed,z,y,x", (1e9 * UNIX, T, GYRO), {"unit": "rad/s"}, "z y x",
-        "seconds_elapsed (a time)",
-    ),
+        "seconds_elapsed (a time)"),
     "phyphox": (
         PHYPHOX, (T, GYRO, np.linalg.norm(GYRO, axis=1)), {},
-        "Gyroscope_x Gyroscope_y Gyroscope_z", "Absolute (rad/s) (a norm)",
-    ),
+        "Gyroscope_x Gyroscope_y Gyroscope_z", "Absolute (rad/s) (a norm)"),
     "ros": (
         ROS, (np.arange(N) + 7, np.floor(UNIX), 1e9 * (UNIX % 1), GYRO[:, :2]), {"unit": "rad/s"},
-        "angular_velocity_x angular_velocity_y", "header.seq (a counter)",
-    ),
+        "angular_velocity_x angular_velocity_y", "header.seq (a counter)"),
     "rostopic": (
         "%time,field.header.seq,field.header.stamp,field.angular_velocity.x",
         (1e9 * UNIX, np.arange(N), 1e9 * UNIX, GYRO[:, 0]), {"unit": "rad/s"},
-        "field_angular_velocity_x", "field.header.seq (a counter), field.header.stamp (a time)",
-    ),
+        "field_angular_velocity_x", "field.header.seq (a counter), field.header.stamp (a time)"),
     "by content": (
         "t,a,b,c,foo,n", (T, GYRO, np.linalg.norm(GYRO, axis=1), np.arange(N) % 256),
-        {"unit": "deg/s"}, "a b c", "foo (the norm of a, b, c), n (a counter: it steps by 1)",
-    ),
+        {"unit": "deg/s"}, "a b c", "foo (the norm of a, b, c), n (a counter: it steps by 1)"),
     "other words": (
         "t,gyro_x,battery,state,acc_valid,mag_x,quality", (T, GYRO, GYRO), {"unit": "deg/s"},
-        "gyro_x", "battery, state, acc_valid, quality (a status word), mag_x (another quantity)",
-    ),
+        "gyro_x", "battery, state, acc_valid, quality (a status word), mag_x (another quantity)"),
     "no header": (
         "", (1000 + 10 * np.arange(N), GYRO, np.arange(N) > 200), {"unit": "deg/s", "rate": 100},
-        "c2 c3 c4", "c1 (a time or counter: it never falls)",
-    ),
+        "c2 c3 c4", "c1 (a time or counter: it never falls)"),
 }  # fmt: skip
 
 
@@ -94,32 +92,34 @@ def test_what_is_no_reading_is_left_out_and_said(tmp_path, case):
 def test_what_was_left_out_can_be_asked_for(tmp_path):
     """Property: --columns takes a column that its name or content would leave out."""
     path = write(tmp_path, "t,a,norm,index", T, GYRO)
-    assert found(logs.read(path, columns=["norm", "index"], unit="deg/s")) == [
-        ("norm", "deg/s"),
-        ("index", "deg/s"),
-    ]
+    log = logs.read(path, columns=["norm", "index"], unit="deg/s")
+    assert found(log) == [("norm", "deg/s"), ("index", "deg/s")]
 
 
+ROS_SIX = ",".join(f"{k}{a}" for k in ("linear_acceleration.", "omega_") for a in "xyz")
 SIX = {
     "t,ax,ay,az,gx,gy,gz": "ax",
     "t,wx,wy,wz,accX,accY,accZ": "accX",
     "Time,GForceX,GForceY,GForceZ,GyroX,GyroY,GyroZ": "GForceX",
-    "t,linear_acceleration.x,linear_acceleration.y,linear_acceleration.z,omega_x,omega_y,omega_z": (
-        "linear_acceleration_x"
-    ),
+    f"t,{ROS_SIX}": "linear_acceleration_x",
 }
+
+
+def write_six(folder, header, one=9.80665):
+    """Write gyros and accelerometers in the order of a header."""
+    six = (GYRO, one * ACCEL) if "wx" in header else (one * ACCEL, GYRO)
+    return write(folder, header, T, *six)
 
 
 @pytest.mark.parametrize("header", SIX)
 @pytest.mark.parametrize(("unit", "one"), [("m/s^2", 9.80665), ("g", 1.0), ("mg", 1000.0)])
 def test_gyros_and_accelerometers_are_told_apart(tmp_path, header, unit, one):
     """Property: by name; gravity tells which unit of accelerometers a refusal offers."""
-    six = (one * ACCEL, GYRO) if "wx" not in header else (GYRO, one * ACCEL)
-    path = write(tmp_path, header, T, *six)
+    path = write_six(tmp_path, header, one)
     log = logs.read(path, unit=f"gyro=deg/s,accel={unit}")
-    kinds = {c.name: (c.kind, c.unit) for c in log.channels}
-    assert sorted(kinds.values()) == [("accel", unit)] * 3 + [("rate", "deg/s")] * 3
-    assert kinds[SIX[header]] == ("accel", unit)
+    told = {c.name: (c.kind, c.unit) for c in log.channels}
+    assert sorted(told.values()) == [("accel", unit)] * 3 + [("rate", "deg/s")] * 3
+    assert told[SIX[header]] == ("accel", unit)
     with pytest.raises(WrongUsage, match="no unit is known") as asked:
         logs.read(path)
     assert {"--unit": f"gyro=deg/s,accel={unit}"} in asked.value.flags
@@ -129,8 +129,7 @@ def test_gyros_and_accelerometers_are_told_apart(tmp_path, header, unit, one):
 @pytest.mark.parametrize("header", SIX)
 def test_a_bare_unit_is_for_one_kind(tmp_path, header):
     """Property: refused beside two kinds, and the command that is printed works."""
-    six = (9.80665 * ACCEL, GYRO) if "wx" not in header else (GYRO, 9.80665 * ACCEL)
-    path = write(tmp_path, header, T, *six)
+    path = write_six(tmp_path, header)
     typed = ["pool", str(path), "--axes", "--out", str(tmp_path / "mine"), "--unit", "deg/s"]
     typed += ["--rate", "100", "--columns", ",".join(header.split(",")[1:])]
     with contextlib.redirect_stderr(io.StringIO()) as err:
@@ -144,26 +143,15 @@ def test_a_bare_unit_is_for_one_kind(tmp_path, header):
     assert len(logs.read(path, unit=again[at + 1], rate=100).channels) == 6
 
 
-def test_a_bare_unit_beside_stated_ones_is_left_out(tmp_path):
-    """Property: where every name has its unit, the command that works has no --unit."""
-    path = write(tmp_path, "t,accel_x_g,gyro_x_deg_s", T, ACCEL[:, 0], GYRO[:, 0])
-    with pytest.raises(WrongUsage, match="leave out --unit") as caught:
-        logs.read(path, unit="deg/s")
-    assert caught.value.flags == ({"--unit": None},)
-
-
 def test_a_single_kind_takes_a_bare_unit(tmp_path):
     """Property: a bare unit fits a log of one kind, or the columns of one kind."""
     path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", T, ACCEL, GYRO)
-    assert found(logs.read(path, columns=["gx", "gz"], unit="deg/s")) == [
-        ("gx", "deg/s"),
-        ("gz", "deg/s"),
-    ]
+    two = logs.read(path, columns=["gx", "gz"], unit="deg/s")
+    assert found(two) == [("gx", "deg/s"), ("gz", "deg/s")]
     assert [c.kind for c in logs.read(path, unit="deg/s", kind="rate").channels] == ["rate"] * 3
     path = write(tmp_path, "t,roll,pitch,yaw", T, GYRO)
-    assert {c.kind for c in logs.read(path, unit="deg").channels} == {"angle"}
-    rates = logs.read(path, columns=["roll", "pitch"], unit="deg/s", kind="rate")
-    assert {c.kind for c in rates.channels} == {"rate"}
+    assert kinds(logs.read(path, unit="deg")) == {"angle"}
+    assert kinds(logs.read(path, columns=["roll", "pitch"], unit="deg/s", kind="rate")) == {"rate"}
 
 
 def test_an_accelerometer_without_names_is_no_gyro(tmp_path):
@@ -171,8 +159,8 @@ def test_an_accelerometer_without_names_is_no_gyro(tmp_path):
     path = write(tmp_path, "time,x,y,z", T, 9.80665 * ACCEL)
     with pytest.raises(WrongUsage, match=r"x, y, z: no unit is known; say --unit accel=m/s\^2"):
         logs.read(path, unit="deg/s")
-    assert {c.kind for c in logs.read(path, unit="deg/s", kind="rate").channels} == {"rate"}
-    assert {c.kind for c in logs.read(path, unit="accel=m/s^2").channels} == {"accel"}
+    assert kinds(logs.read(path, unit="deg/s", kind="rate")) == {"rate"}
+    assert kinds(logs.read(path, unit="accel=m/s^2")) == {"accel"}
 
 
 # --- raw counts ----------------------------------------------------------------------------------
@@ -183,33 +171,25 @@ COUNTS = "t_s,ax,ay,az,gx,gy,gz"
 
 def test_gyros_by_name_with_the_length_of_gravity_are_asked_about(tmp_path):
     """Property: gx, gy, gz may be gravity; --kind settles it."""
-    path = write(tmp_path, "t,gx,gy,gz", T, 9.80665 * ACCEL)
+    path, three = write(tmp_path, "t,gx,gy,gz", T, 9.80665 * ACCEL), ["gx", "gy", "gz"]
     with pytest.raises(WrongUsage, match=r"length of one g in m/s\^2: say --columns gx,gy,gz"):
         logs.read(path, unit="deg/s")
-    three = {"columns": ["gx", "gy", "gz"]}
-    as_accel = logs.read(path, **three, kind="accel", unit="m/s^2")
-    assert {c.kind for c in as_accel.channels} == {"accel"}
-    assert {c.kind for c in logs.read(path, **three, kind="rate", unit="deg/s").channels} == {
-        "rate"
-    }
-    assert {c.kind for c in logs.read(path, unit="gyro=deg/s").channels} == {"rate"}
-    counts = write(
-        tmp_path, "t,gx,gy,gz", T, np.round(9.8 * GYRO / np.linalg.norm(GYRO, axis=1)[:, None])
-    )
+    for kind, unit in (("accel", "m/s^2"), ("rate", "deg/s")):
+        assert kinds(logs.read(path, columns=three, kind=kind, unit=unit)) == {kind}
+    assert kinds(logs.read(path, unit="gyro=deg/s")) == {"rate"}
+    counts = np.round(9.8 * GYRO / np.linalg.norm(GYRO, axis=1)[:, None])
     with pytest.raises(WrongUsage, match="--scale gyro=1/131"):
-        logs.read(counts)
+        logs.read(write(tmp_path, "t,gx,gy,gz", T, counts))
 
 
 @pytest.mark.parametrize(
     ("header", "options"),
-    [
-        (COUNTS, {"unit": "gyro=deg/s,accel=g"}),
-        (COUNTS, {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131"}),
-        (COUNTS, {"unit": "deg/s", "columns": ["gx", "gy", "gz"]}),
-        ("t_s,a_g,b_g,accel_z_g,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s", {}),
-        ("", {"unit": "deg/s", "rate": 100, "columns": [5, 6, 7]}),
-    ],
-)
+    [(COUNTS, {"unit": "gyro=deg/s,accel=g"}),
+     (COUNTS, {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131"}),
+     (COUNTS, {"unit": "deg/s", "columns": ["gx", "gy", "gz"]}),
+     ("t_s,a_g,b_g,accel_z_g,gyro_x_deg_s,gyro_y_deg_s,gyro_z_deg_s", {}),
+     ("", {"unit": "deg/s", "rate": 100, "columns": [5, 6, 7]})],
+)  # fmt: skip
 def test_raw_counts_are_refused_without_a_scale(tmp_path, header, options):
     """Property: whole numbers are no deg/s or g; the sentence shows the flag."""
     with pytest.raises(WrongUsage, match="raw counts") as caught:
@@ -232,16 +212,14 @@ def test_a_scale_turns_counts_into_the_unit(tmp_path):
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [
-        ({"unit": "gyros=deg/s"}, "kinds are gyro, accel, angle, position"),
-        ({"unit": "gyro=g"}, "g is a unit of accel, not of rate"),
-        ({"unit": "gyro=deg/s", "scale": "gyro=one"}, "write a number or a fraction"),
-        ({"unit": "gyro=deg/s", "scale": "gyro=1/0"}, "write a number or a fraction"),
-        ({"unit": "gyro=deg/s", "scale": "1/131"}, "--scale 1/131 is for channels of one kind"),
-        ({"unit": "position=m,gyro=deg/s"}, "--unit position= fits none"),
-        ({"unit": "gyro=deg/s", "time_unit": "min/h"}, "--time-unit min/h is not one of"),
-    ],
-)
+    [({"unit": "gyros=deg/s"}, "kinds are gyro, accel, angle, position"),
+     ({"unit": "gyro=g"}, "g is a unit of accel, not of rate"),
+     ({"unit": "gyro=deg/s", "scale": "gyro=one"}, "write a number or a fraction"),
+     ({"unit": "gyro=deg/s", "scale": "gyro=1/0"}, "write a number or a fraction"),
+     ({"unit": "gyro=deg/s", "scale": "1/131"}, "--scale 1/131 is for channels of one kind"),
+     ({"unit": "position=m,gyro=deg/s"}, "--unit position= fits none"),
+     ({"unit": "gyro=deg/s", "time_unit": "min/h"}, "--time-unit min/h is not one of")],
+)  # fmt: skip
 def test_faulty_units_and_scales_are_wrong_usage(tmp_path, options, words):
     """Property: each fault in --unit, --scale and --time-unit is named."""
     path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", T, ACCEL, GYRO)
@@ -263,56 +241,49 @@ def test_the_unit_of_time_can_be_given(tmp_path):
     assert "(--time-unit overrules)" in logs.read(path).repairs[0]
 
 
-@pytest.mark.parametrize(
-    ("name", "logged"),
-    [("temp", lambda c: c), ("Temperature (°C)", lambda c: c), ("T(°)", lambda c: c)],
-)
-def test_temperature_is_kept_in_degrees_celsius(tmp_path, name, logged):
+@pytest.mark.parametrize("name", ["temp", "Temperature (°C)", "T(°)"])
+def test_temperature_is_kept_in_degrees_celsius(tmp_path, name):
     """Analytic: on the grid of the channels, drawn straight over what is missing."""
-    celsius = 25 + T
-    rows = logged(celsius.copy())
-    rows[50:60] = np.nan
-    log = logs.read(write(tmp_path, f"t_s,gyro_x_deg_s,{name}", T, GYRO[:, 0], rows))
+    logged = np.where((np.arange(N) < 50) | (np.arange(N) >= 60), 25 + T, np.nan)
+    log = logs.read(write(tmp_path, f"t_s,gyro_x_deg_s,{name}", T, GYRO[:, 0], logged))
     assert found(log) == [("gyro_x", "deg/s")]
-    np.testing.assert_allclose(log.temperature, celsius, atol=1e-6)  # nine decimals are printed
+    np.testing.assert_allclose(log.temperature, 25 + T, atol=1e-6)  # nine decimals are printed
     assert any("kept as the temperature" in repair for repair in log.repairs)
 
 
-def test_a_temperature_in_counts_or_another_unit_is_not_kept(tmp_path):
+@pytest.mark.parametrize(("name", "value"), [("temp", -3000), ("temp_degF", 77), ("temp_K", 300)])
+def test_a_temperature_in_counts_or_another_unit_is_not_kept(tmp_path, name, value):
     """Property: a number that no temperature has is left out, and said."""
-    for name, value in (("temp", -3000), ("temp_degF", 77), ("temp_K", 300)):
-        path = write(tmp_path, f"t_s,gyro_x_deg_s,{name}", T, GYRO[:, 0], np.full(N, value))
-        log = logs.read(path)
-        assert log.temperature is None
-        assert f"{name} (a temperature)" in left_out(log)
+    path = write(tmp_path, f"t_s,gyro_x_deg_s,{name}", T, GYRO[:, 0], np.full(N, value))
+    log = logs.read(path)
+    assert log.temperature is None and f"{name} (a temperature)" in left_out(log)
+
+
+FLAGS = {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131,accel=1/16384", "time_unit": "us"}
 
 
 def test_the_catalogue_takes_the_same_keys(tmp_path, monkeypatch):
     """Property: unit, scale and time_unit of a stanza read as the flags do."""
-    path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", 1e6 * T, *RAW[1:])
-    flags = {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131,accel=1/16384", "time_unit": "us"}
-    expected = logs.read(path, **flags)
+    expected = logs.read(write(tmp_path, "t,ax,ay,az,gx,gy,gz", 1e6 * T, *RAW[1:]), **FLAGS)
     monkeypatch.setattr(logs.catalogue, "OWN", tmp_path / "logs.toml")
-    stanza = ['[mine]\nfile = "my.csv"', *(f'{key} = "{value}"' for key, value in flags.items())]
+    stanza = ['[mine]\nfile = "my.csv"', *(f'{key} = "{value}"' for key, value in FLAGS.items())]
     (tmp_path / "logs.toml").write_text("\n".join(stanza) + "\n")
     mine = logs.read("mine")
     assert found(mine) == found(expected) and mine.rate_hz == expected.rate_hz
-    with pytest.raises(
-        WrongUsage, match="--unit gyro=rad/s: the catalogue has 'mine' in gyro=deg/s,accel=g"
-    ):
+    said = "--unit gyro=rad/s: the catalogue has 'mine' in gyro=deg/s,accel=g"
+    with pytest.raises(WrongUsage, match=said):
         logs.read("mine", unit="gyro=rad/s")
 
 
 def test_a_moving_log_takes_the_same_units_and_scales(tmp_path):
     """Analytic: counts of an IMU beside positions, in SI units, to the rounding of a count."""
     path = write(tmp_path, "t,ax,ay,az,gx,gy,gz", 1e6 * T, *RAW[1:])
-    flags = {"unit": "gyro=deg/s,accel=g", "scale": "gyro=1/131,accel=1/16384", "time_unit": "us"}
-    imu = logs.read_moving([path], **flags).imu
+    imu = logs.read_moving([path], **FLAGS).imu
     np.testing.assert_allclose(imu.t_s, T, atol=1e-6)  # stamps are rounded to a microsecond
     np.testing.assert_allclose(np.degrees(imu.gyro_b), GYRO, atol=0.51 / 131)
     np.testing.assert_allclose(imu.accel_b / 9.80665, ACCEL, atol=0.51 / 16384)
     with pytest.raises(WrongUsage, match="--unit deg/s is for channels of one kind"):
-        logs.read_moving([path], **flags | {"unit": "deg/s"})
+        logs.read_moving([path], **FLAGS | {"unit": "deg/s"})
 
 
 NAMED = {  # what replay and compare take a name for | kind, what it is if no reading -> names
@@ -325,28 +296,21 @@ NAMED = {  # what replay and compare take a name for | kind, what it is if no re
     "accel_x | accel": """\
       ax accX accel_x acceleration_x accelerometerAccelerationX linear_acceleration.x linacc_x
       userAcceleration.x imu_acc_x_m_s2 specific_force_x g_force_x total_acceleration_x""",
-    "accel_y | accel": "a_y ay",
-    "accel_z | accel": "motionUserAccelerationZ",
+    "accel_y | accel": "a_y ay", "accel_z | accel": "motionUserAccelerationZ",
     "roll | angle": "roll roll_deg",
     "lat |  | another quantity": "lat lat_deg latitude GPS_Lat LOCATION_Latitude_:",
     "lon |  | another quantity": "lon_deg lng longitude LOCATION_Longitude_:",
     "speed |  | another quantity": "speed speed_m_s Speed(Kmh) gps_speed_knots",
     "time |  | a time": "t_s timestamp Time(ms)",
-    " | rate": "Gyroscope",
-    " | accel": "acc",
-    " | position": "position_x north_m",
-    " |  | another quantity": "locationHeadingX mag_x",
-    " | ": "a g velocity_x",
+    " | rate": "Gyroscope", " | accel": "acc", " | position": "position_x north_m",
+    " |  | another quantity": "locationHeadingX mag_x", " | ": "a g velocity_x",
     " | rate | a time": "gyroTimestamp_sinceReboot",
-    " | accel | a norm": "Absolute_acceleration_(m/s^2) acc_total",
-    " | rate | a norm": "|omega|",
+    " | accel | a norm": "Absolute_acceleration_(m/s^2) acc_total", " | rate | a norm": "|omega|",
     " | rate | a status word": "gyro_x_status",
-    " | rate | an accuracy": "angular_velocity_covariance[0]",
-    " |  | an accuracy": "HAcc",
-    " | accel | another quantity": "speed_acc",
-    " | rate | a temperature": "gyro_temp",
+    " | rate | an accuracy": "angular_velocity_covariance[0]", " |  | an accuracy": "HAcc",
+    " | accel | another quantity": "speed_acc", " | rate | a temperature": "gyro_temp",
     " |  | a counter": "Unnamed:_0",
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("means", NAMED)
@@ -379,14 +343,12 @@ def test_of_two_columns_of_a_meaning_the_plainer_one_counts(tmp_path):
 
 @pytest.mark.parametrize(
     ("spelled", "unit"),
-    [
-        ("º/s degree/second deg.s-1 Degrees_per_second grad/s deg·s⁻¹ degs deg_s", "deg/s"),
-        ("rad·s⁻¹ rad.s-1 rads/s radians/sec rad_per_s rad_s", "rad/s"),
-        ("m·s⁻² m.s-2 ms-2 m/s**2 meters/s^2 m/sec² m_s_2 m_s2", "m/s^2"),
-        ("deg/hr °/h deg_per_hour deg_h", "deg/h"),
-        ("°C s Hz ms mdps m/s rad2 dBm %", None),
-    ],
-)
+    [("º/s degree/second deg.s-1 Degrees_per_second grad/s deg·s⁻¹ degs deg_s", "deg/s"),
+     ("rad·s⁻¹ rad.s-1 rads/s radians/sec rad_per_s rad_s", "rad/s"),
+     ("m·s⁻² m.s-2 ms-2 m/s**2 meters/s^2 m/sec² m_s_2 m_s2", "m/s^2"),
+     ("deg/hr °/h deg_per_hour deg_h", "deg/h"),
+     ("°C s Hz ms mdps m/s rad2 dBm %", None)],
+)  # fmt: skip
 def test_spellings_of_units(spelled, unit):
     """Property: one unit, however it is written; what is none of these is not guessed."""
     assert {columns.unit_of(each) for each in spelled.split()} == {unit}
@@ -394,12 +356,10 @@ def test_spellings_of_units(spelled, unit):
 
 @pytest.mark.parametrize(
     ("ends", "factors"),
-    [
-        (("_mdps", "_ug"), (1e3, 1e6)),
-        ((" (mrad/s)", " (cm/s²)"), (1e3 * np.pi / 180, 980.665)),
-        ((" [rpm]", " [ft/s^2]"), (1 / 6, 9.80665 / 0.3048)),
-    ],
-)
+    [(("_mdps", "_ug"), (1e3, 1e6)),
+     ((" (mrad/s)", " (cm/s²)"), (1e3 * np.pi / 180, 980.665)),
+     ((" [rpm]", " [ft/s^2]"), (1 / 6, 9.80665 / 0.3048))],
+)  # fmt: skip
 def test_multiples_of_units(tmp_path, ends, factors):
     """Analytic: thousandths of a unit are turned into it, and said to be."""
     names = [f"{k}_{a}{end}" for k, end in zip(("gyro", "acc"), ends, strict=True) for a in "xyz"]
@@ -423,35 +383,39 @@ def test_axes_by_number_and_accelerations_without_gravity(tmp_path):
     assert "accel with gravity taken off" in left_out(log)
 
 
+def test_a_bare_unit_beside_stated_ones_is_left_out(tmp_path):
+    """Property: where every name has its unit, the command that works has no --unit."""
+    path = write(tmp_path, "t,accel_x_g,gyro_x_deg_s", T, ACCEL[:, 0], GYRO[:, 0])
+    with pytest.raises(WrongUsage, match="leave out --unit") as caught:
+        logs.read(path, unit="deg/s")
+    assert caught.value.flags == ({"--unit": None},)
+
+
 @pytest.mark.parametrize("header", ["t,gx,gy,gz", "t,gx,gy,gz,accel_x_g"])
 def test_no_command_guesses_a_unit(tmp_path, header):
     """Property: where nothing tells deg/s from rad/s, the message has a command for each."""
-    values = GYRO if header.endswith("gz") else np.column_stack([GYRO, ACCEL[:, 0]])
+    series = np.column_stack([GYRO, ACCEL[:, 0]])[:, : header.count(",")]
     with pytest.raises(WrongUsage, match="--unit gyro=deg/s or --unit gyro=rad/s") as caught:
-        logs.read(write(tmp_path, header, T, values), columns=["gx", "gy"])
+        logs.read(write(tmp_path, header, T, series), columns=["gx", "gy"])
     assert caught.value.flags == ({"--unit": "gyro=deg/s"}, {"--unit": "gyro=rad/s"})
 
 
 def test_a_drifting_gyro_is_no_clock():
     """Property: a column that is named and has its unit is a reading, whatever its numbers."""
     frame = pd.DataFrame({"gyro_x_deg_s": np.arange(100) / 10, "n": np.arange(100)})
-    chosen, notes = columns.choose(frame, "my.csv")
+    chosen, (note,) = columns.choose(frame, "my.csv")
     assert [c.name for c in chosen] == ["gyro_x"]
-    assert notes == [
-        "columns left out: n (a counter: it steps by 1); --columns takes such a column all the same"
-    ]
+    said = "columns left out: n (a counter: it steps by 1); --columns takes such a column"
+    assert note == f"{said} all the same"
 
 
-@pytest.mark.parametrize(
-    ("unit", "kinds"),
-    [("gyro=deg/s,accel=g", "rate rate rate accel accel accel"), ("accel=g", "accel accel accel")],
-)
-def test_gravity_tells_accelerometers_among_columns_without_names(unit, kinds):
+@pytest.mark.parametrize(("unit", "gyros"), [("gyro=deg/s,accel=g", ["rate"] * 3), ("accel=g", [])])
+def test_gravity_tells_accelerometers_among_columns_without_names(unit, gyros):
     """property: three in a row of one g; a bare unit for all six is refused."""
     turning = 0.1 * np.random.default_rng(0).normal(size=(64, 3))
     frame = pd.DataFrame(np.hstack([turning, turning / 10 + [0, 0, 1]]))
     frame.columns = [f"c{k}" for k in range(1, 7)]
     chosen, _ = columns.choose(frame, "my.csv", unit=unit)
-    assert " ".join(c.kind for c in chosen) == kinds
+    assert [c.kind for c in chosen] == gyros + ["accel"] * 3
     with pytest.raises(WrongUsage, match="is for channels of one kind"):
         columns.choose(frame, "my.csv", unit="deg/s")

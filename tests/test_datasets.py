@@ -1,12 +1,13 @@
 """The registry of raw logs: where a file is found, that it is checked, how it is refused."""
 
 import shutil
+from unittest.mock import Mock
 
 import pooch
 import pytest
 
 from analysis import DATA, CannotAnswer, WrongUsage
-from sensorlogs import datasets
+from sensorlogs import datasets, read
 
 NAME = "gpsd-logs/rx210.log"
 AWAY = "phone-drives/LICENSE"
@@ -29,34 +30,36 @@ def test_committed_raw_logs_are_the_registered_ones():
     assert [p.name for p in (DATA / "raw").iterdir()] == ["gpsd"]
 
 
-def test_the_folder_variable_comes_first(tmp_path, monkeypatch):
-    """Property: COMPENDIUM_DATA wins over what is committed."""
+@pytest.fixture
+def copy(tmp_path, monkeypatch):
+    """Copy a raw log into the folder that COMPENDIUM_DATA names."""
     (tmp_path / "gpsd-logs").mkdir()
     shutil.copy(datasets.path(NAME), tmp_path / NAME)
     monkeypatch.setenv(datasets.FOLDER_VARIABLE, str(tmp_path))
-    assert datasets.path(NAME) == tmp_path / NAME
+    return tmp_path / NAME
 
 
-def test_other_bytes_are_refused(tmp_path, monkeypatch):
-    """Property: a changed byte is found, also when the file is changed after a first look."""
-    (tmp_path / "gpsd-logs").mkdir()
-    copy = tmp_path / NAME
-    content = datasets.path(NAME).read_bytes()
-    copy.write_bytes(content)
-    monkeypatch.setenv(datasets.FOLDER_VARIABLE, str(tmp_path))
-    assert datasets.available(NAME)
-    copy.write_bytes(content[:-1] + b"?")
+def test_the_folder_variable_comes_first_and_other_bytes_are_refused(copy):
+    """Property: it wins over what is committed; a byte changed after a first look is found."""
+    assert datasets.available(NAME) and datasets.path(NAME) == copy
+    copy.write_bytes(copy.read_bytes()[:-1] + b"?")
     assert not datasets.available(NAME)
     with pytest.raises(CannotAnswer, match=r"gpsd-logs/rx210\.log .*not the registered file"):
         datasets.path(NAME)
 
 
-def test_an_absent_file_says_the_three_ways_to_get_it():
-    """Property: one sentence with the variable, the command and the address."""
-    assert not datasets.available(AWAY)
+RAW = "adis16405-static/adis_16405_imu1.rda"
+
+
+@pytest.mark.parametrize(
+    ("ask", "name", "file"), [(datasets.path, AWAY, AWAY), (read, "adis16405", RAW)]
+)
+def test_an_absent_file_says_the_three_ways_to_get_it(ask, name, file):
+    """Property: one sentence with the variable, the command and the address; a stanza's too."""
+    assert not datasets.available(file)
     with pytest.raises(datasets.NotHere) as caught:
-        datasets.path(AWAY)
-    for word in (AWAY, "COMPENDIUM_DATA", f"python -m analysis data {AWAY}", "data/downloaded"):
+        ask(name)
+    for word in (file, "COMPENDIUM_DATA", f"python -m analysis data {file}", "data/downloaded"):
         assert word in str(caught.value)
 
 
@@ -99,11 +102,7 @@ def test_a_download_is_checked_and_kept(monkeypatch):
 )
 def test_a_failed_download_is_one_sentence(monkeypatch, error, words):
     """Property: no connection, or other bytes: said plainly, and nothing is left behind."""
-
-    def retrieve(*_, **given):
-        raise error
-
-    monkeypatch.setattr(pooch, "retrieve", retrieve)
+    monkeypatch.setattr(pooch, "retrieve", Mock(side_effect=error))
     with pytest.raises(CannotAnswer, match=words):
         datasets.fetch(AWAY)
     assert not datasets.DOWNLOADED.exists()

@@ -19,20 +19,20 @@ STALLED = np.r_[ROW[:1000] / 100, 10.095 + np.arange(10) * 0.0004, ROW[1010:] / 
 LATE = ROW / 100 + np.random.default_rng(0).uniform(0, 0.0049, len(ROW))
 
 
-@pytest.mark.parametrize(
-    ("stamps", "rate", "rel", "said"),
-    [
-        (ROW / 99.5 + 1234.5, 99.5, 1e-9, None),  # rounding of t near 1234
-        (np.round(ROW / 60, 3), 60, 1e-5, None),  # whole milliseconds: steps of 16, 17, 17
-        (ROW / 100 * (1 + 5e-4 * ROW / ROW[-1]), 100, 1e-3, None),  # a clock that drifts
-        (LATE, 100, 1e-4, "wander"),  # 5 ms at either end of 120 s
-        (STALLED, 100, 1e-4, "1 sample stamped late but none lost"),
-        (np.floor((ROW + 37) / 100), 100, 1e-12, "resolution 1 s"),
-    ],
-    ids=["regular", "rounded", "slow clock", "jitter", "a stall", "whole seconds"],
-)
-def test_no_sample_is_lost_or_invented(stamps, rate, rel, said):
+TRUE = {  # stamps of 12,000 samples, their rate and how well it is known, what is said
+    "regular": (ROW / 99.5 + 1234.5, 99.5, 1e-9, None),  # rounding of t near 1234
+    "rounded": (np.round(ROW / 60, 3), 60, 1e-5, None),  # whole milliseconds: steps of 16, 17, 17
+    "slow clock": (ROW / 100 * (1 + 5e-4 * ROW / ROW[-1]), 100, 1e-3, None),  # it drifts
+    "jitter": (LATE, 100, 1e-4, "wander"),  # 5 ms at either end of 120 s
+    "a stall": (STALLED, 100, 1e-4, "1 sample stamped late but none lost"),
+    "whole seconds": (np.floor((ROW + 37) / 100), 100, 1e-12, "resolution 1 s"),
+}
+
+
+@pytest.mark.parametrize("case", TRUE)
+def test_no_sample_is_lost_or_invented(case):
     """Analytic: whatever the stamps, each row is a sample and the rate is the true one."""
+    stamps, rate, rel, said = TRUE[case]
     found = grid(stamps)
     assert found.rate_hz == pytest.approx(rate, rel=rel)
     assert (found.size, found.gaps) == (len(ROW), 0)
@@ -40,21 +40,17 @@ def test_no_sample_is_lost_or_invented(stamps, rate, rel, said):
     np.testing.assert_array_equal(found.place(ROW.astype(float)), ROW)
 
 
-@pytest.mark.parametrize(
-    "lost",
-    [
-        np.isin(ROW, [*range(700, 730), 1500, 4000, 4001, 4002, *range(11_980, 11_997)]),
-        (ROW * 7919) % 12_000 < 2400,
-    ],
-)
+SEVERAL = np.isin(ROW, [*range(700, 730), 1500, 4000, 4001, 4002, *range(11_980, 11_997)])
+
+
+@pytest.mark.parametrize("lost", [SEVERAL, (ROW * 7919) % 12_000 < 2400])
 def test_gaps_become_missing_samples_at_the_right_place(lost):
     """Analytic: samples taken out of a regular log, one by one or a fifth, are missing there."""
     lost = lost & (ROW % (len(ROW) - 1) > 0)
     found = grid((ROW / 25)[~lost])
     placed = found.place(ROW[~lost].astype(float))
     assert found.rate_hz == pytest.approx(25, rel=1e-9)  # rounding of t
-    np.testing.assert_array_equal(np.isnan(placed), lost)
-    np.testing.assert_array_equal(placed[~lost], ROW[~lost])
+    np.testing.assert_array_equal(placed, np.where(lost, np.nan, ROW))
     assert f" gaps: {lost.sum():,} of 12,000 samples missing" in found.repairs[0]
 
 
@@ -108,17 +104,18 @@ def test_repeats():
         assert found.repairs[0].startswith("1 row ")
 
 
+BEFORE = np.arange(100)
+
+
 @pytest.mark.parametrize(
     ("t", "row", "words"),
-    [
-        (np.r_[np.arange(100), np.arange(90, 200)], 100, "backward by 9 s"),
-        (np.r_[np.arange(100), np.arange(1e9, 1e9 + 100)], 100, "missing"),
-        (np.r_[np.arange(100), np.full(100, np.nan)], 100, "no time stamp"),
-        (np.zeros(100), 0, "do not advance"),
-        (np.repeat([0.0, 1.0, 2.0], 40), 0, "fewer than 4"),
-        (np.arange(2), 1, "ends after 2"),
-    ],
-)
+    [(np.r_[BEFORE, np.arange(90, 200)], 100, "backward by 9 s"),
+     (np.r_[BEFORE, np.arange(1e9, 1e9 + 100)], 100, "missing"),
+     (np.r_[BEFORE, np.full(100, np.nan)], 100, "no time stamp"),
+     (np.zeros(100), 0, "do not advance"),
+     (np.repeat([0.0, 1.0, 2.0], 40), 0, "fewer than 4"),
+     (np.arange(2), 1, "ends after 2")],
+)  # fmt: skip
 def test_stamps_that_cannot_be_used_name_their_row(t, row, words):
     """Property: the row of the fault, so that the caller can name the line."""
     with pytest.raises(times.BadStamps, match=words) as caught:
@@ -126,67 +123,48 @@ def test_stamps_that_cannot_be_used_name_their_row(t, row, words):
     assert caught.value.row == row
 
 
-@pytest.mark.parametrize(
-    ("name", "unit", "time"),
-    [
-        ("t", None, True),
-        ("time_s", "s", True),
-        ("Time (ms)", "ms", True),
-        ("timestamp [ns]", "ns", True),
-        ("t_us", "us", True),
-        ("micros", "us", True),
-        ("Timestamp", None, True),
-        ("gyro_x_deg_s", "s", False),
-        ("temperature", None, False),
-        ("timer_setting", None, False),
-        ("c1", None, False),
-    ],
-)
-def test_time_columns_and_their_units_are_told_from_the_name(name, unit, time):
+def test_time_columns_and_their_units_are_told_from_the_name():
     """Property: the vocabulary of time columns."""
-    assert (times.unit_of(name), times.is_time(name)) == (unit, time)
+    units = {"t": None, "time_s": "s", "Time (ms)": "ms", "timestamp [ns]": "ns", "t_us": "us",
+             "micros": "us", "Timestamp": None}  # fmt: skip
+    other = {"gyro_x_deg_s": "s", "temperature": None, "timer_setting": None, "c1": None}
+    for name, unit in (units | other).items():
+        assert (times.unit_of(name), times.is_time(name)) == (unit, name in units), name
+
+
+FINE = np.arange(100) / 100
 
 
 @pytest.mark.parametrize(
     ("name", "column", "said"),
-    [
-        ("t_ms", 10.0 * np.arange(100), None),
-        ("t_us", 1e4 * np.arange(100), None),
-        ("t", 0.01 * np.arange(100), "seconds"),
-        ("t", 1.7e9 + 0.01 * np.arange(100), "seconds since 1970"),
-        ("t", 1.7e12 + 10.0 * np.arange(100), "milliseconds since 1970"),
-        ("t", 1.7e15 + 1e4 * np.arange(100), "microseconds since 1970"),
-        ("t", 1.7e18 + 1e7 * np.arange(100), "nanoseconds since 1970"),
-        ("micros", (4294.9e6 + 1e4 * np.arange(100)) % 2**32, "overflowed"),
-        ("t_ms", (65000 + 10.0 * np.arange(100)) % 2**16, "overflowed"),
-        ("GPS TOW (s)", (604799.5 + 0.01 * np.arange(100)) % 604800, "overflowed"),
-        ("Zeit [ms]", 10.0 * np.arange(100), None),
-        ("time_d", 45413.4166 + 0.01 / 86400 * np.arange(100), None),  # of a spreadsheet
-    ],
-)
+    [("t_ms", 1e3 * FINE, None), ("t_us", 1e6 * FINE, None), ("t", FINE, "seconds"),
+     ("t", 1.7e9 + FINE, "seconds since 1970"),
+     ("t", 1.7e12 + 1e3 * FINE, "milliseconds since 1970"),
+     ("t", 1.7e15 + 1e6 * FINE, "microseconds since 1970"),
+     ("t", 1.7e18 + 1e9 * FINE, "nanoseconds since 1970"),
+     ("micros", (4294.9e6 + 1e6 * FINE) % 2**32, "overflowed"),
+     ("t_ms", (65000 + 1e3 * FINE) % 2**16, "overflowed"),
+     ("GPS TOW (s)", (604799.5 + FINE) % 604800, "overflowed"),
+     ("Zeit [ms]", 1e3 * FINE, None),
+     ("time_d", 45413.4166 + FINE / 86400, None)],  # of a spreadsheet
+)  # fmt: skip
 def test_units_of_time(name, column, said):
     """Analytic: a hundred samples at 100 Hz in every way to write time."""
     stamps = times.stamps(name, column)
-    t, notes = stamps.since_s, stamps.notes
     # 5e-7: a double holds Unix nanoseconds to 256 ns, and days since 1900 to 630 ns
-    np.testing.assert_allclose(t, 0.01 * np.arange(100), atol=7e-7)
-    assert (said is None and notes == ()) or said in notes[0]
+    np.testing.assert_allclose(stamps.since_s, FINE, atol=7e-7)
+    assert (said is None and stamps.notes == ()) or said in stamps.notes[0]
 
 
-@pytest.mark.parametrize(
-    ("form", "said"),
-    [
-        ("%Y-%m-%dT%H:%M:%S.%f", "date and time"),
-        ("%Y-%m-%d %H:%M:%S.%f+00:00", "date and time"),
-        ("%d/%m/%Y %H:%M:%S.%f", "date and time"),
-        ("%m/%d/%Y %H:%M:%S.%f", "date and time"),
-        ("%H:%M:%S.%f", "clock time"),
-    ],
-)
-def test_dates_and_clock_times_run_over_midnight(form, said):
+DAYS = "%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%d %H:%M:%S.%f+00:00", "%d/%m/%Y %H:%M:%S.%f"
+
+
+@pytest.mark.parametrize("form", [*DAYS, "%m/%d/%Y %H:%M:%S.%f", "%H:%M:%S.%f"])
+def test_dates_and_clock_times_run_over_midnight(form):
     """Analytic: a hundred samples at 100 Hz across midnight."""
     start = datetime.datetime(2024, 5, 1, 23, 59, 59, 500_000, tzinfo=datetime.UTC)
     texts = [(start + datetime.timedelta(milliseconds=10 * i)).strftime(form) for i in range(100)]
     stamps = times.stamps("time", np.array(texts, dtype=object))
-    np.testing.assert_allclose(stamps.since_s, 0.01 * np.arange(100), atol=1e-9)  # µs are printed
+    np.testing.assert_allclose(stamps.since_s, FINE, atol=1e-9)  # µs are printed
+    said = "date and time" if "%d" in form else "clock time"
     assert stamps.notes == (f"time column 'time' read as {said}",)

@@ -5,9 +5,12 @@ import json
 import math
 import os
 import re
+import shlex
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
+import pandas as pd
 import pytest
 from test_cli import run
 
@@ -43,36 +46,26 @@ def cold():
     return scenarios.scenario("C", np.random.default_rng(3))
 
 
-def as_csv(log, path, *, gnss=True, imu=True):
+def as_csv(log, path, *, imu=True):
     """Write a timeline into CSVs and return their paths."""
-    paths = []
-    if gnss:
-        g = log.gnss
-        header = "t_s,lat_deg,lon_deg,height_m,pdop,speed_m_s,course_deg"
-        columns = (g.t_s, g.lat_deg, g.lon_deg, g.height_m, g.pdop, g.speed_m_s, g.course_deg)
-        paths.append(_table(path / "gnss.csv", header, columns))
+    g, i = log.gnss, log.imu
+    names = ["t_s", "lat_deg", "lon_deg", "height_m", "pdop", "speed_m_s", "course_deg"]
+    tables = {"gnss.csv": {name: getattr(g, name) for name in names}}
     if imu:
-        i = log.imu
-        header = "t_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2"
-        paths.append(_table(path / "imu.csv", header, (i.t_s, *i.gyro_b.T, *i.accel_b.T)))
-    return paths
+        readings = [*i.gyro_b.T, *i.accel_b.T]
+        names = [f"gyro_{a}_rad_s" for a in "xyz"] + [f"accel_{a}_m_s2" for a in "xyz"]
+        tables["imu.csv"] = {"t_s": i.t_s, **dict(zip(names, readings, strict=True))}
+    for name, columns in tables.items():
+        pd.DataFrame(columns).to_csv(path / name, index=False)
+    return [path / name for name in tables]
 
 
-def _table(path, header, columns):
-    rows = zip(*(c.tolist() for c in columns), strict=True)
-    lines = [",".join("" if v != v else repr(v) for v in row) for row in rows]
-    path.write_text("\n".join([header, *lines]) + "\n")
-    return path
-
-
-def metres(track, gnss=None):
+def metres(track):
     """Return north and east of what is put out, from its first position, m."""
     lat, lon = track.columns["out_lat_deg"], track.columns["out_lon_deg"]
     first = np.argmax(np.isfinite(lat))
-    return (
-        (lat - lat[first]) * 111_195,
-        (lon - lon[first]) * 111_195 * math.cos(math.radians(lat[first])),
-    )
+    degree = 111_195, 111_195 * math.cos(math.radians(lat[first]))
+    return (lat - lat[first]) * degree[0], (lon - lon[first]) * degree[1]
 
 
 def notes(track):
@@ -131,21 +124,9 @@ def test_files(tmp_path, laps):
     for name in ("t_s", "out_lat_deg", "mount_deg"):
         found = np.array([float(row[name] or "nan") for row in rows])
         np.testing.assert_allclose(found, track.columns[name], atol=1e-3, equal_nan=True)
-
-    def refuse(word):
-        raise AssertionError(word)
-
     text = (tmp_path / "out" / "summary.json").read_text()
-    summary = json.loads(text, parse_constant=refuse)
+    summary = json.loads(text, parse_constant=pytest.fail)
     assert summary["blocks"] == dict.fromkeys(BLOCKS, "on")
-
-
-def test_the_same_again(laps):
-    """property: a replay draws nothing at random."""
-    scenario, track = laps
-    again = replay(scenario.log)
-    for name in track.columns:
-        np.testing.assert_array_equal(again.columns[name], track.columns[name])
 
 
 # --- what comes out ------------------------------------------------------------------------------
@@ -198,49 +179,39 @@ def test_an_outage_is_bridged(laps):
     assert error[True] < error[False] / 3
 
 
-def test_never_a_position_before_the_first_acceptable_fix(cold):
+@pytest.mark.parametrize("stored", [None, Stored(44.4949, 11.3426, 0.0, 0.0, 2.0)])
+def test_never_a_position_before_the_first_acceptable_fix(cold, stored):
     """published: with nothing stored nothing is put out; with a stored position, exactly that."""
     accepted = np.argmax(cold.log.gnss.pdop <= 10)
-    home = Stored(44.4949, 11.3426, 0.0, 0.0, 2.0)
-    for stored in (None, home):
-        track = replay(cold.log, Options(**GATE_ALONE), stored)
-        assert track.columns["accepted"][:accepted].sum() == 0
-        assert track.columns["accepted"][accepted] == 1
-        before = slice(0, accepted)
-        if stored is None:
-            assert np.isnan(track.columns["out_lat_deg"][before]).all()
-        else:
-            assert (track.columns["out_lat_deg"][before] == home.lat_deg).all()
-            assert (track.columns["out_lon_deg"][before] == home.lon_deg).all()
-        assert np.isfinite(track.columns["out_lat_deg"][accepted:]).all()
+    found = replay(cold.log, Options(**GATE_ALONE), stored).columns
+    assert found["accepted"][:accepted].sum() == 0 and found["accepted"][accepted] == 1
+    for name in ("lat_deg", "lon_deg"):
+        known = np.nan if stored is None else getattr(stored, name)
+        np.testing.assert_array_equal(found[f"out_{name}"][:accepted], known)
+    assert np.isfinite(found["out_lat_deg"][accepted:]).all()
 
 
 def test_at_rest(at_rest):
     """property: 30 min of rest at 4 Hz: static throughout, layers fill, updates get rarer."""
-    track = replay(at_rest.log, Options(lengths=(10, 10, 10)))
-    assert track.columns["moving"][10:].sum() == 0
-    layer = track.columns["layer"]
+    found = replay(at_rest.log, Options(lengths=(10, 10, 10))).columns
+    layer, lat = found["layer"], found["out_lat_deg"]
+    assert found["moving"][10:].sum() == 0
     assert (np.diff(layer) >= 0).all() and layer[-1] == 3
-    lat = track.columns["out_lat_deg"]
     for k, every in ((1, 10), (2, 100)):
-        at = np.flatnonzero(layer == k)
-        changes = np.flatnonzero(np.diff(lat[at]) != 0)
+        changes = np.flatnonzero(np.diff(lat[layer == k]) != 0)
         assert np.median(np.diff(changes)) == every
 
 
-def test_no_output_leaves_the_95_percent_circle():
+@pytest.mark.parametrize("seed", range(5))
+def test_no_output_leaves_the_95_percent_circle(seed):
     """property: at rest with simulated errors that last under a minute, from layer 2 on, none."""
-    from analysis.tracker.scenarios import GnssErrors
-
-    errors = GnssErrors(drift=((1.0, 20.0),), white_m=0.5)
-    for seed in range(5):
-        scenario = scenarios.scenario("A", np.random.default_rng(seed), minutes=30.0, gnss=errors)
-        track = replay(scenario.log, Options(lengths=(10, 10, 10)))
-        raw = np.hypot(*scenario.fix_error())
-        out = scenario.output_error(track.columns)
-        full = track.columns["layer"] >= 2
-        assert full.sum() > 1500
-        assert np.hypot(*out)[full].max() < np.percentile(raw, 95)
+    errors = scenarios.GnssErrors(drift=((1.0, 20.0),), white_m=0.5)
+    scenario = scenarios.scenario("A", np.random.default_rng(seed), minutes=30.0, gnss=errors)
+    track = replay(scenario.log, Options(lengths=(10, 10, 10)))
+    raw, out = scenario.fix_error(), scenario.output_error(track.columns)
+    full = track.columns["layer"] >= 2
+    assert full.sum() > 1500
+    assert np.hypot(*out)[full].max() < np.percentile(np.hypot(*raw), 95)
 
 
 @pytest.mark.parametrize("block", BLOCKS)
@@ -304,10 +275,8 @@ def test_imu_without_gnss(laps):
 
 def test_no_fix_at_all(cold):
     """property: a log without any fix gives rows without a position, and says so."""
-    log = inject_outages(cold.log, [(0.0, 1e9)])
-    track = replay(log)
-    assert not track.columns["has_fix"].any()
-    assert np.isnan(track.columns["out_lat_deg"]).all()
+    track = replay(inject_outages(cold.log, [(0.0, 1e9)]))
+    assert not track.columns["has_fix"].any() and np.isnan(track.columns["out_lat_deg"]).all()
     assert track.stored is None
 
 
@@ -358,15 +327,13 @@ def test_a_gap_in_the_imu(laps):
     """property: a minute without IMU samples is no crash and no wild position."""
     scenario, _ = laps
     t = scenario.log.imu.t_s
-    track = replay(with_imu(scenario.log, (t < 60) | (t > 120)))
-    inside = (track.columns["t_s"] > 62) & (track.columns["t_s"] < 120)
-    assert np.isfinite(track.columns["out_lat_deg"][5:]).all()
-    out = scenario.output_error(track.columns)
-    raw = scenario.fix_error()
+    found = replay(with_imu(scenario.log, (t < 60) | (t > 120))).columns
+    t, blank = found["t_s"], np.isnan(found["pitch_deg"])
+    inside = (t > 62) & (t < 120)
+    assert np.isfinite(found["out_lat_deg"][5:]).all()
+    raw, out = scenario.fix_error(), scenario.output_error(found)
     assert np.hypot(*out)[inside].max() < 2 * np.hypot(*raw).max() + 2
-    blank = np.isnan(track.columns["pitch_deg"])
-    np.testing.assert_array_equal(blank[inside], True)
-    assert not blank[(track.columns["t_s"] > 5) & (track.columns["t_s"] <= 60)].any()
+    assert blank[inside].all() and not blank[(t > 5) & (t <= 60)].any()
 
 
 @pytest.mark.parametrize("part", [(0.0, 60.0), (60.0, 1e9)])
@@ -526,15 +493,14 @@ def test_each_start_has_its_summary(tmp_path):
     assert gap.summary["static"]["seconds"] <= 199.0
 
 
-def test_the_low_pass_starts_anew_after_a_gap_and_a_jump():
+@pytest.mark.parametrize(("gap", "wait"), [(3600.0, 0), (0.0, 12)])
+def test_the_low_pass_starts_anew_after_a_gap_and_a_jump(gap, wait):
     """property: an hour later and 333 m away, or 333 m away at once, the old mean is gone."""
-    for gap, wait in ((3600.0, 0), (0.0, 12)):
-        gnss = ride(200, start=300)
-        later = np.arange(200) >= 100
-        lat = gnss.lat_deg + np.where(later, 3e-3, 0.0)
-        gnss = replace(gnss, t_s=gnss.t_s + gap * later, lat_deg=lat)
-        out = replay(Timeline(gnss, None)).columns["out_lat_deg"]
-        assert np.abs(out - lat)[100 + wait :].max() * 111_132 < 1.0
+    gnss, later = ride(200, start=300), np.arange(200) >= 100
+    lat = gnss.lat_deg + 3e-3 * later
+    gnss = replace(gnss, t_s=gnss.t_s + gap * later, lat_deg=lat)
+    out = replay(Timeline(gnss, None)).columns["out_lat_deg"]
+    assert np.abs(out - lat)[100 + wait :].max() * 111_132 < 1.0
 
 
 def test_an_hour_of_driving_in_a_gap_leaves_no_old_place():
@@ -573,28 +539,27 @@ def test_a_receiver_alone_coasts_and_then_holds():
     """property: ten seconds at constant velocity, then the position is held, and it is said."""
     gnss = ride(120)
     log = inject_outages(Timeline(gnss, None), [(50.0, 80.0)])
-    track = replay(log)
-    error = np.abs(track.columns["out_lat_deg"] - gnss.lat_deg) * 111_132
-    assert error[5:60].max() < 0.1
-    assert error[70] == pytest.approx(20.0 * 11, abs=0.1)
-    sigma = track.columns["sigma_north_m"]
-    assert (np.diff(sigma[49:80]) > 0).all() and (error[5:] < 2.5 * sigma[5:]).all()
-    held = replay(log, Options(filter="none")).columns
-    assert len(set(held["out_lat_deg"][50:80].tolist())) == 1
-    error = np.abs(held["out_lat_deg"] - gnss.lat_deg) * 111_132
-    assert (error[5:] < 2.5 * held["sigma_north_m"][5:]).all()
-    assert any(
-        "20 epochs not known to be at rest are over 10 s after" in note for note in notes(track)
+    track, held = replay(log), replay(log, Options(filter="none")).columns
+    error, other = (
+        np.abs(c["out_lat_deg"] - gnss.lat_deg) * 111_132 for c in (track.columns, held)
     )
+    sigma = track.columns["sigma_north_m"]
+    assert error[5:60].max() < 0.1 and error[70] == pytest.approx(20.0 * 11, abs=0.1)
+    assert (np.diff(sigma[49:80]) > 0).all() and (error[5:] < 2.5 * sigma[5:]).all()
+    assert len(set(held["out_lat_deg"][50:80].tolist())) == 1
+    assert (other[5:] < 2.5 * held["sigma_north_m"][5:]).all()
+    said = "20 epochs not known to be at rest are over 10 s after"
+    assert any(said in note for note in notes(track))
 
 
-def test_a_replay_knows_no_more_than_a_device(laps):
-    """property: what came out by a time does not depend on what comes after it."""
+@pytest.mark.parametrize("until", [60.0, np.inf])
+def test_a_replay_knows_no_more_than_a_device(laps, until):
+    """property: what came out by a time does not depend on what comes after it, nor on chance."""
     scenario, track = laps
     gnss, imu = scenario.log.gnss, scenario.log.imu
-    early = gnss.t_s <= 60.0
+    early = gnss.t_s <= until
     first = Gnss(**{name: value[early] for name, value in vars(gnss).items()})
-    cut = replay(replace(with_imu(scenario.log, imu.t_s <= 60.0), gnss=first)).columns
+    cut = replay(replace(with_imu(scenario.log, imu.t_s <= until), gnss=first)).columns
     for name, values in cut.items():
         np.testing.assert_array_equal(values, track.columns[name][early], err_msg=name)
 
@@ -607,39 +572,38 @@ def files(folder):
     return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*"))
 
 
-def test_command(tmp_path, cold):
+@pytest.fixture
+def written(tmp_path, cold):
+    """Write scenario C into files."""
+    return as_csv(cold.log, tmp_path)
+
+
+def test_command(tmp_path, written):
     """property: two files in, two files out; what was found is printed; the position is kept."""
-    paths = as_csv(cold.log, tmp_path)
-    memory = tmp_path / "last.json"
-    status, out, err = run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
+    words = [*written, "--last-position", tmp_path / "last.json", "--out"]
+    status, out, err = run("replay", *words, tmp_path / "out")
     assert (status, err) == (0, "")
     assert files(tmp_path / "out") == list(FILES)
     assert "fixes: " in out and ".gpx and summary.json are written" in out
-    stored = load_position(memory)
+    kept = load_position(tmp_path / "last.json")["lat_deg"]
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["source"]["files"].keys() == {"gnss.csv", "imu.csv"}
-    status, out, _ = run("replay", *paths, "--out", tmp_path / "two", "--last-position", memory)
-    assert float(rows_of(tmp_path / "two")[0]["out_lat_deg"]) == pytest.approx(
-        stored["lat_deg"], abs=1e-8
-    )
+    assert run("replay", *words, tmp_path / "two")[0] == 0
+    first = float(rows_of(tmp_path / "two")[0]["out_lat_deg"])
+    assert first == pytest.approx(kept, abs=1e-8)
 
 
-def test_command_reads_what_it_is_given(tmp_path, cold):
+def test_command_reads_what_it_is_given(written, cold):
     """property: files give the same track as the timeline they were written from."""
-    paths = as_csv(cold.log, tmp_path)
-    log = tracks.read_moving(paths)
-    a, b = replay(log), replay(cold.log)
+    a, b = replay(tracks.read_moving(written)), replay(cold.log)
     for name in b.columns:
         np.testing.assert_allclose(a.columns[name], b.columns[name], atol=1e-6, equal_nan=True)
 
 
-def test_command_switches(tmp_path, cold):
+def test_command_switches(tmp_path, written):
     """property: blocks off and outages are in the summary and in the track."""
-    paths = as_csv(cold.log, tmp_path)
-    status, _, err = run(
-        "replay", *paths, "--out", tmp_path / "out", "--without", "low-pass", "--without",
-        "mounting", "--outage", "200:220", "--filter", "car",
-    )  # fmt: skip
+    words = shlex.split("--without low-pass --without mounting --outage 200:220 --filter car")
+    status, _, err = run("replay", *written, *words, "--out", tmp_path / "out")
     assert (status, err) == (0, "")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["blocks"]["low_pass"] == summary["blocks"]["mounting"] == "off"
@@ -673,32 +637,31 @@ def test_the_log_chooses_its_filter(tmp_path, laps):
 
 
 GARBAGE = [b"", b"{", b'{"position": "x", "crc32": 1}\n', b"\x00" * 50, b"do not lose me\n"]
-
-
-@pytest.mark.parametrize("content", GARBAGE)
-def test_a_damaged_memory_is_refused(tmp_path, cold, content):
-    """property: never trusted nor lost: refused before anything is done, and as it was."""
-    paths = as_csv(cold.log, tmp_path, imu=False)
-    memory = tmp_path / "last.json"
-    memory.write_bytes(content)
-    status, _, err = run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
-    assert status == 2 and err.count("\n") == 1
-    assert "--last-position last.json: that holds no intact position" in err
-    assert memory.read_bytes() == content and not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("memory", ["gnss.csv", "folder", "out", "out/summary.json", ""])
-def test_a_memory_in_the_place_of_another_file(tmp_path, monkeypatch, cold, memory):
-    """property: a log, a result or a folder is refused before anything is done."""
-    as_csv(cold.log, tmp_path, imu=False)
-    (tmp_path / "folder").mkdir()
-    before, content = files(tmp_path), (tmp_path / "gnss.csv").read_bytes()
-    monkeypatch.chdir(tmp_path)
-    status, out, err = run("replay", "gnss.csv", "--out", "out", "--last-position", memory)
-    assert (status, out, err.count("\n")) == (2, "", 1)
-    assert "--last-position" in err
-    assert files(tmp_path) == before
-    assert (tmp_path / "gnss.csv").read_bytes() == content
+WRONG = [  # words of the command, its status, what is said
+    ("nothing.nmea", 2, "there is no file nothing.nmea"),
+    ("gnss.csv --without last-position", 2, "--without"),
+    ("gnss.csv --imu-offset nan", 2, "--imu-offset nan"),
+    ("gnss.csv --imu-offset 5", 2, "--imu-offset goes with"),
+    ("gnss.csv --lever 1,2", 2, "forward, right and down"),
+    ("gnss.csv --lever 1200,0,-800", 2, "each under 30 m"),
+    ("gnss.csv --lever 1,0,0", 2, "belongs to the filter for cars"),
+    ("gnss.csv --outage 20:10", 2, "FROM:TO"),
+    ("gnss.csv --outage all", 2, "FROM:TO"),
+    ("gnss.csv --outage 99999:100000", 2, "lies beyond"),
+    ("gnss.csv --columns lat", 2, "OURS=THEIRS"),
+    ("gnss.csv gnss2.csv", 2, "second GNSS"),
+    ("noise.bin", 1, "noise.bin"),
+    ("empty.csv", 1, "empty"),
+    ("bad.csv --last-position kept.json", 1, "abc"),
+    *((f"gnss.csv --last-position damaged{k}.json", 2,
+       f"--last-position damaged{k}.json: that holds no intact position")
+      for k in range(len(GARBAGE))),
+    *((f"gnss.csv --last-position {place}", 2, "--last-position")
+      for place in ("gnss.csv", "folder", "out", "out/summary.json", "''")),
+    ("gnss.csv --last-position gnss.csv/l.json", 2, "--last-position l.json"),
+    ("gnss.csv --out gnss.csv", 2, "--out"),
+    ("gnss.csv --out gnss.csv/deep", 2, "--out"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("out", ["out", "deep/out"])
@@ -711,101 +674,55 @@ def test_a_memory_within_the_new_folder(tmp_path, cold, out):
     assert load_position(memory) is not None
 
 
-WRONG = {
-    "no such log": (["nothing.nmea"], 2, "there is no file nothing.nmea"),
-    "a memory of no use": (["gnss.csv", "--without", "last-position"], 2, "--without"),
-    "an offset that is no number": (["gnss.csv", "--imu-offset", "nan"], 2, "--imu-offset nan"),
-    "an offset of no IMU": (["gnss.csv", "--imu-offset", "5"], 2, "--imu-offset goes with"),
-    "a lever of two numbers": (["gnss.csv", "--lever", "1,2"], 2, "forward, right and down"),
-    "a lever in millimetres": (["gnss.csv", "--lever", "1200,0,-800"], 2, "each under 30 m"),
-    "a lever without a car": (
-        ["gnss.csv", "--lever", "1,0,0"],
-        2,
-        "belongs to the filter for cars",
-    ),
-    "an outage backward": (["gnss.csv", "--outage", "20:10"], 2, "FROM:TO"),
-    "an outage of words": (["gnss.csv", "--outage", "all"], 2, "FROM:TO"),
-    "an outage after the end": (["gnss.csv", "--outage", "99999:100000"], 2, "lies beyond"),
-    "columns without equals": (["gnss.csv", "--columns", "lat"], 2, "OURS=THEIRS"),
-    "two GNSS logs": (["gnss.csv", "gnss2.csv"], 2, "second GNSS"),
-    "a binary file": (["noise.bin"], 1, "noise.bin"),
-    "an empty file": (["empty.csv"], 1, "empty"),
-}
+@pytest.mark.parametrize(("words", "expected", "said"), WRONG)
+def test_refusals_leave_nothing(tmp_path, monkeypatch, cold, words, expected, said):
+    """property: the right status, one sentence, no result; every file stays as it was.
 
-
-@pytest.mark.parametrize("case", WRONG)
-def test_refusals_leave_nothing(tmp_path, monkeypatch, cold, case):
-    """property: the right status, one sentence, and neither a result nor a stored position."""
-    arguments, expected, word = WRONG[case]
+    A stored position is never trusted if damaged, nor lost; nor does it, or a result, take the
+    place of another file.
+    """
     as_csv(cold.log, tmp_path, imu=False)
-    (tmp_path / "gnss2.csv").write_bytes((tmp_path / "gnss.csv").read_bytes())
-    (tmp_path / "noise.bin").write_bytes(np.random.default_rng(1).bytes(5000))
-    (tmp_path / "empty.csv").write_bytes(b"")
-    before = files(tmp_path)
+    save_position(tmp_path / "kept.json", Stored(1.0, 2.0, 3.0, 4.0, 5.0)._asdict())
+    (tmp_path / "folder").mkdir()
+    contents = {f"damaged{k}.json": content for k, content in enumerate(GARBAGE)}
+    contents |= {"empty.csv": b"", "noise.bin": np.random.default_rng(1).bytes(5000)}
+    contents |= {"gnss2.csv": (tmp_path / "gnss.csv").read_bytes()}
+    contents |= {"bad.csv": b"t_s,lat_deg,lon_deg\n0,abc,1\n1,2,3\n"}
+    for name, content in contents.items():
+        (tmp_path / name).write_bytes(content)
+    before = {name: (tmp_path / name).is_dir() or (tmp_path / name).read_bytes()
+              for name in files(tmp_path)}  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    status, out, err = run("replay", *arguments, "--out", "out", "--last-position", "last.json")
-    assert (status, out) == (expected, "")
-    assert word in err and err.count("\n") == 1 and str(tmp_path) not in err
-    assert files(tmp_path) == before
+    usual = ["--out", "out", "--last-position", "last.json"]
+    status, out, err = run("replay", *usual, *shlex.split(words))
+    assert (status, out, err.count("\n")) == (expected, "", 1)
+    assert said in err and str(tmp_path) not in err
+    assert files(tmp_path) == list(before)
+    for name, content in before.items():
+        assert content is True or (tmp_path / name).read_bytes() == content
 
 
-def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, cold):
+def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, written):
     """property: whatever goes wrong while writing, the earlier files stay as they were."""
-    paths = as_csv(cold.log, tmp_path, imu=False)
-    assert run("replay", *paths, "--out", tmp_path / "out")[0] == 0
+    words = ["replay", written[0], "--out", tmp_path / "out"]
+    assert run(*words)[0] == 0
     old = (tmp_path / "out" / "track.csv").read_bytes()
-
-    def stop(summary):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(page.pages, "rounded", stop)
-    assert run("replay", *paths, "--out", tmp_path / "out")[0] == 130
+    monkeypatch.setattr(page.pages, "rounded", Mock(side_effect=KeyboardInterrupt))
+    assert run(*words)[0] == 130
     assert files(tmp_path / "out") == list(FILES)
     assert (tmp_path / "out" / "track.csv").read_bytes() == old
 
 
-@pytest.mark.parametrize("out", ["gnss.csv", "gnss.csv/deep"])
-def test_no_folder_where_a_file_is(tmp_path, cold, out):
-    """property: an --out that cannot be is refused before or after, and the file stays."""
-    paths = as_csv(cold.log, tmp_path, imu=False)
-    status, _, err = run("replay", *paths, "--out", tmp_path / out)
-    assert status in (1, 2)
-    assert "--out" in err
-    assert files(tmp_path) == ["gnss.csv"]
-
-
-def test_a_memory_that_cannot_be_written(tmp_path, cold):
-    """property: refused in a sentence, before anything is written."""
-    paths = as_csv(cold.log, tmp_path, imu=False)
-    before, memory = files(tmp_path), tmp_path / "gnss.csv" / "l.json"
-    status, _, err = run("replay", *paths, "--out", tmp_path / "out", "--last-position", memory)
-    assert status == 2
-    assert "--last-position l.json" in err
-    assert files(tmp_path) == before
-
-
-def test_real_cold_starts(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "fixes", "accepted"),
+    [("rx210", 40, 36), ("haicom-305N", 67, 37), ("telit-he910", 187, 187)],
+)
+def test_real_cold_starts(name, fixes, accepted):
     """property: gpsd's logs: nothing out before the gate opens, and the gate's verdicts."""
-    expected = {"rx210": (40, 36), "haicom-305N": (67, 37), "telit-he910": (187, 187)}
-    for name, (fixes, accepted) in expected.items():
-        log = tracks.read_moving([datasets.path(f"gpsd-logs/{name}.log")])
-        track = replay(log, Options(**GATE_ALONE))
-        assert (track.summary["fixes"]["with_fix"], track.summary["fixes"]["accepted"]) == (
-            fixes, accepted,
-        ), name  # fmt: skip
-        first = np.argmax(track.columns["accepted"])
-        assert np.isnan(track.columns["out_lat_deg"][:first]).all()
-        assert (track.columns["pdop"][track.columns["accepted"] == 1] <= 10).all()
-
-
-def test_memory_after_a_crash_is_the_last_one_written(tmp_path, cold):
-    """property: a run that is refused leaves the stored position of the run before."""
-    memory = tmp_path / "last.json"
-    save_position(memory, Stored(1.0, 2.0, 3.0, 4.0, 5.0)._asdict())
-    before = memory.read_bytes()
-    (tmp_path / "bad.csv").write_text("t_s,lat_deg,lon_deg\n0,abc,1\n1,2,3\n")
-    status, _, _ = run(
-        "replay", tmp_path / "bad.csv", "--out", tmp_path / "o", "--last-position", memory
-    )
-    assert status != 0
-    assert memory.read_bytes() == before
+    log = tracks.read_moving([datasets.path(f"gpsd-logs/{name}.log")])
+    track = replay(log, Options(**GATE_ALONE))
+    found = track.summary["fixes"]
+    assert (found["with_fix"], found["accepted"]) == (fixes, accepted)
+    first = np.argmax(track.columns["accepted"])
+    assert np.isnan(track.columns["out_lat_deg"][:first]).all()
+    assert (track.columns["pdop"][track.columns["accepted"] == 1] <= 10).all()
