@@ -476,6 +476,14 @@ def ride(n, lat0=45.0, speed=20.0, start=0):
     return Gnss(t, lat, 9 * same, 100 * same, 2 * same, v, 0 * same, same > 0)
 
 
+def test_seconds_of_an_epoch_are_those_to_the_next():
+    """known case: epochs 8 s apart are no gaps, a hundred seconds are; the last stands for none."""
+    t = np.r_[np.arange(0.0, 80.0, 8.0), 180.0, 188.0]
+    expected = [8.0] * 9 + [0.0, 8.0, 0.0]
+    np.testing.assert_array_equal(log_replay._step(t), expected)
+    assert len(log_replay._step(t[:0])) == 0
+
+
 def test_each_start_has_its_summary(tmp_path):
     """property: two starts an hour apart: two summaries, and the gap is no standing time."""
     gnss = ride(200, start=300)
