@@ -41,6 +41,8 @@ SETTINGS = {
     "newest": {"packages": "highest"},
 }
 SAME = {"Zen": {"Zen", "Haswell"}}  # OpenBLAS gives Haswell's kernels, and their name, to a Zen
+CORENAMES = ("scipy_openblas_get_corename64_", "scipy_openblas_get_corename")
+MADE = ROOT / "scratch" / "machines"
 EXTRAS = ".[cluster,fast,logs,test]"
 
 
@@ -52,14 +54,10 @@ def probe():
     for name in ("numpy", "scipy"):
         importlib.import_module(f"{name}.linalg")  # loads its OpenBLAS
         folder = Path(importlib.util.find_spec(name).origin).parents[1] / f"{name}.libs"
-        for path in folder.glob("*openblas*"):
-            library = ctypes.CDLL(str(path))
-            for symbol in ("scipy_openblas_get_corename64_", "scipy_openblas_get_corename"):
-                if hasattr(library, symbol):
-                    function = getattr(library, symbol)
-                    function.restype = ctypes.c_char_p
-                    kernels.append(function().decode())
-                    break
+        for library in (ctypes.CDLL(str(path)) for path in folder.glob("*openblas*")):
+            function = getattr(library, next(s for s in CORENAMES if hasattr(library, s)))
+            function.restype = ctypes.c_char_p
+            kernels.append(function().decode())
     sines = np.array([f(0.37 * k) for k in range(1, 2000) for f in (math.sin, math.atan, math.log)])
     found = {
         "kernel": kernels,
@@ -74,13 +72,18 @@ def probe():
     return found
 
 
+def run(words, env):
+    """Run a program from the root, and keep what it says."""
+    return subprocess.run(words, env=env, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
 def asked(python, env):
     """Run the probe in a process of its own."""
     words = [python, __file__, "--probe"]
-    run = subprocess.run(words, env=env, capture_output=True, text=True, check=False, cwd=ROOT)
-    if run.returncode:
-        raise SystemExit(f"the probe failed: {run.stderr.strip().splitlines()[-1]}")
-    return json.loads(run.stdout)
+    ran = run(words, env)
+    if ran.returncode:
+        raise SystemExit(f"the probe failed: {ran.stderr.strip().splitlines()[-1]}")
+    return json.loads(ran.stdout)
 
 
 def environment(name, here):
@@ -99,21 +102,19 @@ def environment(name, here):
         What is now in use.
     """
     setting, env = SETTINGS[name], {**os.environ, "OMP_NUM_THREADS": "1"}
-    kernel = setting.get("kernel")
+    kernel, glibc, numba = (setting.get(key) for key in ("kernel", "glibc", "numba"))
     off = [f for f in here["numpy"] if re.fullmatch(setting.get("numpy", "(?!)"), f)]
     variables = {
-        "OPENBLAS_CORETYPE": kernel,
-        "NPY_DISABLE_CPU_FEATURES": " ".join(off),
-        "GLIBC_TUNABLES": setting.get("glibc") and f"glibc.cpu.hwcaps={setting['glibc']}",
-        "NUMBA_CPU_NAME": setting.get("numba"),
-    }
+        "OPENBLAS_CORETYPE": kernel, "NPY_DISABLE_CPU_FEATURES": " ".join(off),
+        "GLIBC_TUNABLES": glibc and f"glibc.cpu.hwcaps={glibc}", "NUMBA_CPU_NAME": numba,
+    }  # fmt: skip
     env |= {key: value for key, value in variables.items() if value}
     now = asked(sys.executable, env)
     wrong = {
         "OpenBLAS": kernel and set(now["kernel"] or ["none"]) - SAME.get(kernel, {kernel}),
         "numpy": set(off) & set(now["numpy"]),
-        "glibc": setting.get("glibc") and here["fma"] and now["glibc"] == here["glibc"],
-        "numba": setting.get("numba") and now.get("numba") != setting["numba"],
+        "glibc": glibc and here["fma"] and now["glibc"] == here["glibc"],
+        "numba": numba and now.get("numba") != numba,
     }
     failed = [library for library, is_wrong in wrong.items() if is_wrong]
     if failed:
@@ -131,14 +132,13 @@ def python_of(name):
     if not resolution:
         return sys.executable
     folder = ROOT / f".venv-{name}"
-    shutil.rmtree(folder, ignore_errors=True)
-    subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-    python = str(folder / "bin" / "python")
-    uv = [shutil.which("uv") or str(folder / "bin" / "uv")]
-    if not shutil.which("uv"):
+    subprocess.run([sys.executable, "-m", "venv", "--clear", folder], check=True)
+    python, uv = str(folder / "bin" / "python"), shutil.which("uv")
+    if not uv:
         subprocess.run([python, "-m", "pip", "install", "--quiet", "uv"], check=True)
-    words = ["pip", "install", "--quiet", "--python", python, "--resolution", resolution]
-    subprocess.run([*uv, *words, "--editable", EXTRAS], check=True, cwd=ROOT)
+    words = [uv or folder / "bin" / "uv", "pip", "install", "--quiet", "--python", python]
+    words += ["--resolution", resolution, "--editable", EXTRAS]
+    subprocess.run(words, check=True, cwd=ROOT)
     return python
 
 
@@ -160,11 +160,11 @@ def notebooks(python, env, folder, only):
     """Execute notebooks into a folder: what moved, by how much at most, and files that changed."""
     shutil.rmtree(folder, ignore_errors=True)
     words = [python, "-m", "analysis", "reproduce", *only, "--scratch", str(folder)]
-    run = subprocess.run(words, env=env, cwd=ROOT, capture_output=True, text=True, check=False)
-    if run.returncode:
-        return [(run.stderr.strip().splitlines() or ["no answer"])[-1]], 0.0, []
-    moved = [line.strip() for line in run.stdout.split("from the committed:")[-1].splitlines()]
-    moved = [line for line in moved if line and "from the committed:" in run.stdout]
+    ran = run(words, env)
+    if ran.returncode:
+        return [(ran.stderr.strip().splitlines() or ["no answer"])[-1]], 0.0, []
+    said = ran.stdout.partition("from the committed:")[2].splitlines()
+    moved = [line.strip() for line in said if line.strip()]
     changed, most = [], 0.0
     for path in sorted(p for p in folder.rglob("*.*") if p.suffix != ".lock"):
         at = path.relative_to(folder)
@@ -184,10 +184,10 @@ def notebooks(python, env, folder, only):
 def tests(python, env, only):
     """Run tests; return those that failed."""
     words = [python, "-m", "pytest", "-n", "2", "--dist", "loadfile", "-rfE", *(only or ["tests"])]
-    run = subprocess.run(words, env=env, cwd=ROOT, capture_output=True, text=True, check=False)
-    failed = re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", run.stdout, re.MULTILINE)
-    ended = f"status {run.returncode}: {run.stdout[-500:]} {run.stderr[-200:]}"
-    return failed or ([] if run.returncode == 0 else [ended])
+    ran = run(words, env)
+    failed = re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", ran.stdout, re.MULTILINE)
+    ended = f"status {ran.returncode}: {ran.stdout[-500:]} {ran.stderr[-200:]}"
+    return failed or ([ended] if ran.returncode else [])
 
 
 def main():
@@ -211,14 +211,13 @@ def main():
         failed = tests(python, env, files) if files or not numbers else []
         moved, most, changed = [], 0.0, []
         if numbers or not files:
-            folder = ROOT / "scratch" / "machines" / name
-            moved, most, changed = notebooks(python, env, folder, numbers)
+            moved, most, changed = notebooks(python, env, MADE / name, numbers)
         if "packages" in SETTINGS[name]:
             # Another matplotlib lays out, and thins, otherwise; its version is in every figure.
             moved, changed = [line for line in moved if not line.startswith("figure ")], []
-        for title, listed in (("failed", failed), ("moved", moved), ("changed", changed)):
-            for line in listed:
-                print(f"  {title}: {line}", flush=True)
+        listed = {"failed": failed, "moved": moved, "changed": changed}
+        for title, line in ((t, line) for t in listed for line in listed[t]):
+            print(f"  {title}: {line}", flush=True)
         bad |= bool(failed or moved or changed)
         rows.append([name, len(failed), len(moved), f"{most:.1e}", len(changed)])
     columns = ["setting", "failed tests", "moved", "largest relative", "changed files"]

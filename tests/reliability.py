@@ -7,6 +7,7 @@ killed at so many random moments, and run again. Both say what they find.
 
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -39,6 +40,7 @@ COMMANDS = {  # each in a folder of its own
     "coverage": "coverage --runs 6 --hours 0.1 --models midg-roll,walk --workers 1 --out out",
     "reproduce": "reproduce --scratch out 00",
 }
+QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "start_new_session": True}
 
 
 def mutated(content, rng):
@@ -48,9 +50,8 @@ def mutated(content, rng):
         a, b = sorted(rng.integers(0, len(content) + 1, 2))
         b = min(b, a + int(rng.choice([1, 4, 64, 4096])))
         part = bytes(content[a:b])
-        new = (
-            rng.bytes(b - a), b"", part * 2, part[::-1], HOSTILE[rng.integers(len(HOSTILE))],
-        )[rng.integers(5)]  # fmt: skip
+        news = rng.bytes(b - a), b"", part * 2, part[::-1], HOSTILE[rng.integers(len(HOSTILE))]
+        new = news[rng.integers(5)]
         content[a:b] = new
         if rng.random() < 0.1:
             del content[rng.integers(0, len(content) + 1) :]
@@ -71,11 +72,13 @@ def read(name, content, flags, seeds):
         path = Path(folder, "log.dat")
         for seed in seeds:
             path.write_bytes(mutated(content, np.random.default_rng(seed)))
-            for kind, reader in (("rest", sensorlogs.read), ("motion", sensorlogs.read_moving)):
-                given = path if kind == "rest" else [path]
+            for kind in ("rest", "motion"):
                 signal.alarm(PATIENCE)
                 try:
-                    reader(given, **(flags if kind == "rest" else {}))
+                    if kind == "rest":
+                        sensorlogs.read(path, **flags)
+                    else:
+                        sensorlogs.read_moving([path])
                     found["read"] += 1
                 except sensorlogs.Refusal as refusal:
                     found["refused"] += 1
@@ -103,13 +106,11 @@ def logs(count, seed=1):
             except sensorlogs.CannotAnswer:
                 pass  # a receiver alone
             work.append((name, path.read_bytes(), flags, k))
-    each, pieces = -(-count // (2 * len(work))), []
-    for name, content, flags, k in work:
-        for at in range(0, each, 100):
-            seeds = [(seed, k, n) for n in range(at, min(at + 100, each))]
-            pieces.append((name, content, flags, seeds))
+    each = -(-count // (2 * len(work)))
     results = joblib.Parallel(-1, return_as="generator_unordered")(
-        joblib.delayed(read)(*piece) for piece in pieces
+        joblib.delayed(read)(*piece, [(seed, k, n) for n in range(at, min(at + 100, each))])
+        for *piece, k in work
+        for at in range(0, each, 100)
     )
     total, worst = Counter(), []
     for found, bad in results:
@@ -127,50 +128,45 @@ def tree(folder):
     }  # fmt: skip
 
 
+def run(command, where, seconds=None):
+    """Run a command in a folder, and kill it after so many seconds: status and stderr."""
+    where.mkdir(exist_ok=True)
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    if "f9p-static" in command:
+        derived = where / "derived"
+        env["COMPENDIUM_DERIVED"] = str(derived)
+        if not derived.exists():
+            shutil.copytree(ROOT / "data/derived", derived)
+    process = subprocess.Popen(command, cwd=where, env=env, **QUIET)
+    try:
+        return process.communicate(timeout=seconds)[1].decode(), process.returncode
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
 def killed(verb, command, moments, rng):
     """Kill a command at random moments, run it again, and compare with one that was left alone."""
-    command = [sys.executable, "-m", "analysis", *command.split()]
     bad = 0
     with tempfile.TemporaryDirectory() as folder:
         noise = np.random.default_rng(2).standard_normal((20_000, 1))
         table = pd.DataFrame(noise, columns=["gyro_x_deg_s"])
         table.set_index(table.index / 100).rename_axis("t_s").to_csv(Path(folder, "log.csv"))
-        command = [word.format(root=ROOT, folder=folder) for word in command]
-
-        def run(where, seconds=None):
-            derived = where / "derived"
-            if verb == "data" and not derived.exists():
-                subprocess.run(["cp", "-r", ROOT / "data/derived", derived], check=True)
-            extra = {"PYTHONPATH": str(ROOT)}
-            extra |= {"COMPENDIUM_DERIVED": str(derived)} if verb == "data" else {}
-            quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-            process = subprocess.Popen(
-                command, cwd=where, env=os.environ | extra, start_new_session=True, **quiet
-            )
-            try:
-                _, err = process.communicate(timeout=seconds)
-                return process.returncode, err.decode()
-            except subprocess.TimeoutExpired:
-                os.killpg(process.pid, signal.SIGKILL)
-                process.communicate()
-                return None, ""
-
-        whole = Path(folder, "whole")
-        whole.mkdir()
+        command = command.format(root=ROOT, folder=folder).split()
+        command, whole = [sys.executable, "-m", "analysis", *command], Path(folder, "whole")
         begun = time.monotonic()
-        assert run(whole)[0] == 0
+        assert run(command, whole)[1] == 0
         seconds, expected = time.monotonic() - begun, tree(whole)
         for k in range(moments):
             where = Path(folder, str(k))
-            where.mkdir()
-            run(where, rng.uniform(0.3, 1) * seconds)
-            status, err = run(where)
+            run(command, where, rng.uniform(0.3, 1) * seconds)
+            err, status = run(command, where)
             there = tree(where)
             if status or there != expected:
                 differ = sorted(p for p in there | expected if there.get(p) != expected.get(p))
                 print(verb, k, status, err[-200:], differ[:5])
                 bad += 1
-            subprocess.run(["rm", "-rf", where], check=True)
+            shutil.rmtree(where)
     return bad
 
 

@@ -20,6 +20,7 @@ from workbench.cli import main
 
 FIG9, OWN = "22-fig9-fig11-variance", "10-adis16405-gyro-x"
 CAPTION = "Variance of the error (95 % bands), B & N in °/√s, R_0 as printed."
+UNKNOWN = "no figure 'foo'; the names are in figures/"
 ADIS = {"adis16405": "1eb09074beabd7cfc15b402cb8043b5302f6e4edfd9e4ebfbf8117436f8b9fa9"}
 
 
@@ -39,6 +40,12 @@ def folder(tmp_path_factory):
 def drawn(folder, monkeypatch):
     """Take these two for all the figures."""
     monkeypatch.setattr(citation, "FIGURES", folder)
+
+
+def run_git(folder, *words):
+    """Run git in a folder, as an author without a name, and give what it says."""
+    words = ["git", "-c", "user.name=a", "-c", "user.email=a@b", *words]
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True).stdout.strip()
 
 
 def entries(text):
@@ -86,12 +93,7 @@ def test_the_compendium_with_its_three_papers():
 @pytest.mark.usefixtures("drawn")
 @pytest.mark.parametrize(
     ("typed", "near"),
-    [
-        ("22-fig9", FIG9),
-        ("10-adis16045-gyro-x.png", OWN),
-        ("", "figures/"),
-        ("foo", "no figure 'foo'; the names are in figures/"),
-    ],
+    [("22-fig9", FIG9), ("10-adis16045-gyro-x.png", OWN), ("", "figures/"), ("foo", UNKNOWN)],
 )
 def test_an_unknown_figure(typed, near, capsys):
     """Property: status 2, and the nearest names."""
@@ -113,16 +115,11 @@ def test_every_figure_can_be_cited(monkeypatch):
 def test_the_commit_is_named_in_a_git_tree_only(tmp_path, monkeypatch):
     """Cross-check: what git says of a tree; of a folder without git, and of one inside, nothing."""
 
-    def git(*words):
-        who = ["-c", "user.name=a", "-c", "user.email=a@b"]
-        run = subprocess.run(["git", *who, *words], cwd=tmp_path, capture_output=True, text=True)
-        return run.stdout.strip()
-
     monkeypatch.setattr(citation, "ROOT", tmp_path)
     assert citation._commit(None) == ("", False)
-    git("init")
-    git("commit", "--allow-empty", "-m", "first")
-    commit = git("rev-parse", "--short", "HEAD")
+    run_git(tmp_path, "init")
+    run_git(tmp_path, "commit", "--allow-empty", "-m", "first")
+    commit = run_git(tmp_path, "rev-parse", "--short", "HEAD")
     assert citation._commit(None) == (commit, False)
     (tmp_path / "figures").mkdir()
     (tmp_path / "figures" / "new").touch()
@@ -138,9 +135,8 @@ def test_citation_file_is_valid():
     for entry in (known, *known["references"]):
         entry |= {"year": int(entry["year"])} if "year" in entry else {}
     jsonschema.validate(known, schema)
-    assert [paper["abbreviation"].split()[0] for paper in known["references"]] == [
-        "comparison", "terrain", "tracker",
-    ]  # fmt: skip
+    papers = [paper["abbreviation"].split()[0] for paper in known["references"]]
+    assert papers == ["comparison", "terrain", "tracker"]
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(known | {"year": 2026}, schema)
 
@@ -183,5 +179,5 @@ def test_changes_are_found(tmp_path, monkeypatch):
     said = list(changes.tables("v0"))
     assert said[0].startswith("Of 2 claims in both, 1 have")
     assert said[2] == "| reproduced | not reproduced if x | `a` |"
-    assert said[4:] == ["| `b` | 1 (0.9 to 1.1) m | 2 (1.9 to 2.1) m |", *said[5:]]
-    assert said[5:] == ["\nNew (1): `d`.", "\nGone (1): `c`."]
+    moved = "| `b` | 1 (0.9 to 1.1) m | 2 (1.9 to 2.1) m |"
+    assert said[4:] == [moved, "\nNew (1): `d`.", "\nGone (1): `c`."]

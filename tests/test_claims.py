@@ -18,6 +18,7 @@ FIRST, SECOND, THIRD = JUDGED.index[JUDGED["unit"] == "deg"][:3]
 SAID = ((True, "yes"), (False, "no"), (None, "–"))
 YES_OR_NO = JUDGED.index[JUDGED["quantity"].str.startswith("1 if")][0]
 PUBLISHED = JUDGED.loc[FIRST]
+OF_LOGS = "undecidable: a log of this length gives it in"
 
 
 def in_table(ledger):
@@ -38,44 +39,31 @@ def elsewhere(tmp_path, monkeypatch):
     ("found", "agree", "verdict"),
     [
         # value within, and its interval too
-        ((1.5, None, None), (1, 2), REPRODUCED),
-        ((1.5, 1.2, 1.8), (1, 2), REPRODUCED),
-        ((1.0, None, None), (1, 2), REPRODUCED),
-        ((0.0, None, None), (-1, 0), REPRODUCED),
+        ((1.5, None, None), (1, 2), REPRODUCED), ((1.5, 1.2, 1.8), (1, 2), REPRODUCED),
+        ((1.0, None, None), (1, 2), REPRODUCED), ((0.0, None, None), (-1, 0), REPRODUCED),
         # value outside: the interval decides
-        ((3.0, None, None), (1, 2), NOT_REPRODUCED),
-        ((3.0, 2.5, 3.5), (1, 2), NOT_REPRODUCED),
+        ((3.0, None, None), (1, 2), NOT_REPRODUCED), ((3.0, 2.5, 3.5), (1, 2), NOT_REPRODUCED),
         ((3.0, 1.9, 3.5), (1, 2), UNDECIDABLE),
         # an interval open on one side reaches everywhere on that side, and stops on the other
-        ((3.0, None, 3.5), (1, 2), UNDECIDABLE),
-        ((3.0, 2.5, None), (1, 2), NOT_REPRODUCED),
+        ((3.0, None, 3.5), (1, 2), UNDECIDABLE), ((3.0, 2.5, None), (1, 2), NOT_REPRODUCED),
         # no value: the bound alone may still exclude the claim, never confirm it
-        ((None, None, None), (1, 2), UNDECIDABLE),
-        ((None, 2.5, None), (1, 2), NOT_REPRODUCED),
-        ((None, 1.2, None), (1, 2), UNDECIDABLE),
-        ((None, 1.2, 1.8), (1, 2), UNDECIDABLE),
+        ((None, None, None), (1, 2), UNDECIDABLE), ((None, 2.5, None), (1, 2), NOT_REPRODUCED),
+        ((None, 1.2, None), (1, 2), UNDECIDABLE), ((None, 1.2, 1.8), (1, 2), UNDECIDABLE),
         # a claim with one side only
-        ((-99.0, None, None), (OPEN, 2), REPRODUCED),
-        ((3.0, None, None), (OPEN, 2), NOT_REPRODUCED),
-        ((None, 5.0, None), (OPEN, 2), NOT_REPRODUCED),
-        ((None, 5.0, None), (1, OPEN), UNDECIDABLE),
+        ((-9.0, None, None), (OPEN, 2), REPRODUCED), ((3.0, None, None), (OPEN, 2), NOT_REPRODUCED),
+        ((None, 5.0, None), (OPEN, 2), NOT_REPRODUCED), ((None, 5.0, None), (1, OPEN), UNDECIDABLE),
         # a sentence that is true or not
-        ((1.0, None, None), (1, 1), REPRODUCED),
-        ((0.0, None, None), (1, 1), NOT_REPRODUCED),
+        ((1.0, None, None), (1, 1), REPRODUCED), ((0.0, None, None), (1, 1), NOT_REPRODUCED),
     ],
-)
+)  # fmt: skip
 def test_judge(found, agree, verdict):
     """Property: the truth table of a value with its interval against the range that agrees.
 
-    With every sign turned, which swaps low and high, it is the same.
+    With every sign turned, which swaps low and high, it is the same; the reason names the interval.
     """
     value, low, high = (None if x is None else -x for x in found)
     for said in (judge(*found, *agree), judge(value, high, low, -agree[1], -agree[0])):
         assert said.split(": ")[0] == verdict and (": " in said) == (verdict == UNDECIDABLE)
-
-
-def test_what_cannot_be_decided_says_why():
-    """Property: the reason names the interval."""
     assert "the log leaves 1.2 to … open" in judge(None, 1.2, None, 1, 2)
     assert "1.9 to 3.5" in judge(3.0, 1.9, 3.5, 1, 2)
 
@@ -104,15 +92,11 @@ def test_conditions_stand_on_successes_and_failures():
     ("inside", "outside", "verdict"),
     [
         (180, 20, REPRODUCED),
-        (179, 21, "undecidable: a log of this length gives it in 89.5 % of cases"),
-        (21, 179, "undecidable: a log of this length gives it in 10.5 % of cases"),
+        (179, 21, f"{OF_LOGS} 89.5 % of cases"),
+        (21, 179, f"{OF_LOGS} 10.5 % of cases"),
         (20, 180, NOT_REPRODUCED),
         (180, 0, REPRODUCED),
-        (
-            0,
-            179,
-            "undecidable: a log of this length gives it in 0 % of cases; 10.5 % leave it open",
-        ),
+        (0, 179, f"{OF_LOGS} 0 % of cases; 10.5 % leave it open"),
         (0, 180, NOT_REPRODUCED),
     ],
 )
@@ -154,8 +138,7 @@ def test_a_second_run_strikes_out_the_first_and_keeps_other_notebooks(elsewhere)
     claims.Ledger("90-test").check(THIRD, value[THIRD])
     table = pd.read_csv(elsewhere)
     assert list(table.columns) == claims.COLUMNS
-    assert list(table["id"]) == [SECOND, THIRD]
-    assert list(table["notebook"]) == ["10-other", "90-test"]
+    assert table.set_index("id")["notebook"].to_dict() == {SECOND: "10-other", THIRD: "90-test"}
     assert {p.name for p in elsewhere.parent.iterdir()} == {"claims.csv", "claims.lock"}
 
 
@@ -239,9 +222,8 @@ def test_what_is_not_judged_stands_in_the_register(elsewhere):
     mine, ledger = apart[apart["notebook"] == name], claims.Ledger(name)
     ledger.check(FIRST, PUBLISHED["value"])
     assert [row["verdict"] for row in in_table(ledger)] == [REPRODUCED]
-    assert ledger.table().endswith(
-        f"by construction: {len(mine)} of {len(mine) + 1} claims (figures/claims.csv)."
-    )
+    counted = f"by construction: {len(mine)} of {len(mine) + 1} claims (figures/claims.csv)."
+    assert ledger.table().endswith(counted)
     written = pd.read_csv(elsewhere).set_index("id")["verdict"]
     assert written.to_dict() == {FIRST: REPRODUCED, **mine["why"]}
     for check, found in ((ledger.check, 1.0), (ledger.check_logs, np.ones(200))):
@@ -315,13 +297,10 @@ def test_numbers_are_written_in_words(claim, found, published, agrees, reproduce
     assert row["reproduced"] == reproduced
 
 
-def test_no_number_of_the_verdicts_is_left_raw():
+def test_no_number_of_the_verdicts_is_left_raw(monkeypatch):
     """Property: over all committed verdicts, no exponent and no interval of two equal ends."""
-    path = FIGURES / "claims.csv"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("COMPENDIUM_FIGURES", str(path.parent))
-        said = claims.verdicts()[["published", "reproduced"]].to_numpy().ravel()
-    for words in said:
+    monkeypatch.setenv("COMPENDIUM_FIGURES", str(FIGURES))
+    for words in claims.verdicts()[["published", "reproduced"]].to_numpy().ravel():
         assert not re.search(r"\de[+-]\d|nan|inf\b|\(([-\d.]+) to \1\)", words), words
 
 
@@ -344,10 +323,9 @@ def test_findings_are_one_for_each_notebook(elsewhere):
     before = elsewhere.read_bytes()
     for name, text_ in (("90-test", "Old."), ("10-other", 'A,\n"b".'), ("90-test", "New.")):
         shown.append(claims.finding(name, text_, when="Here.", figure="10-a", so="Do."))
-    assert list(claims.findings().itertuples(index=False, name=None)) == [
-        ("10-other", 'A, "b".', "Here.", "10-a", "Do."),
-        ("90-test", "New.", "Here.", "10-a", "Do."),
-    ]
+    kept = {"10-other": 'A, "b".', "90-test": "New."}
+    rows = [[name, said, "Here.", "10-a", "Do."] for name, said in kept.items()]
+    assert claims.findings().to_numpy().tolist() == rows
     assert claims.advice() == "- Do. (finding 1)\n- Do. (finding 2)"
     assert shown[-1] == "**Finding.** New. *Here.*"
     assert elsewhere.read_bytes() == before
@@ -364,28 +342,21 @@ def test_the_index_lists_the_main_claims(monkeypatch):
     for paper, own in rows[main].groupby("paper"):
         lines = claims.of_paper(paper).splitlines()[2:]
         assert [line.split(" | ")[0].strip("| ") for line in lines] == list(own["claim"])
-        assert len(own) == 12
-        assert all(
-            f"| {verdict} |" in line for verdict, line in zip(own["verdict"], lines, strict=True)
-        )
+        said = zip(own["verdict"], lines, strict=True)
+        assert len(own) == 12 and all(f"| {verdict} |" in line for verdict, line in said)
 
 
 def test_a_computation_counts_once(monkeypatch):
     """Property: equal numbers or words with equal verdicts are one, history is none."""
-    columns = claims.ONCE[1:]
     first, second = [REPRODUCED, 54.0, None, None, "count", "34"], [REPRODUCED, 1.0, None, None]
-    register = pd.DataFrame(
-        [("a", 54.0, "count", ""), ("a", 54.0, "count", ""), ("a", 55.0, "count", "")]
-        + [("a", 1.0, claims.YES_OR_NO, "")] * 2
-        + [("b", 1.0, "deg", f"not testable: a sentence {claims.THAT_DAY}")],
-        columns=["paper", "value", "unit", "why"],
-    ).assign(where="", claim=[*"stuvvw"], low=None, high=None)
-    found = pd.DataFrame(
-        [first, first, [NOT_REPRODUCED, *first[1:]]]
-        + [[*second, claims.YES_OR_NO, "34"]] * 2
-        + [[f"{NOT_TESTABLE}: x", None, None, None, "deg", "40"]],
-        columns=columns,
-    )
+    history = ("b", 1.0, "deg", f"not testable: a sentence {claims.THAT_DAY}")
+    rows = [("a", value, "count", "") for value in (54.0, 54.0, 55.0)]
+    rows += [*[("a", 1.0, claims.YES_OR_NO, "")] * 2, history]
+    register = pd.DataFrame(rows, columns=["paper", "value", "unit", "why"])
+    register = register.assign(where="", claim=[*"stuvvw"], low=None, high=None)
+    found = [first, first, [NOT_REPRODUCED, *first[1:]], *[[*second, claims.YES_OR_NO, "34"]] * 2]
+    found.append([f"{NOT_TESTABLE}: x", None, None, None, "deg", "40"])
+    found = pd.DataFrame(found, columns=claims.ONCE[1:])
     monkeypatch.setattr(claims, "published", lambda: register)
     found = found.reindex(columns=claims.COLUMNS).assign(id=register.index)
     path = claims._register("claims")

@@ -27,30 +27,20 @@ MODULES = size.modules(ROOT)  # path -> its room
 # Which rooms a room may import, besides itself and the conventions in analysis/__init__.py.
 PURE = ("noise", "terrain", "tracker", "units", "resampling")
 FACES = (
-    *("noise", "terrain", "tracker", "units", "static_logs", "terrain_data", "datasheets"),
-    *("store", "text", "plots", "figures", "claims", "sensorlogs"),
-)
+    "noise", "terrain", "tracker", "units", "static_logs", "terrain_data", "datasheets", "store",
+    "text", "plots", "figures", "claims", "sensorlogs",
+)  # fmt: skip
 ALLOWED = {
-    "sensorlogs": set(),
-    "__init__": {"sensorlogs"},
-    "noise": set(),
-    "terrain": {"noise", "resampling"},
-    "tracker": {"noise", "resampling", "sensorlogs.timeline"},
-    "units": {"noise", "resampling", "sensorlogs.timeline"},
-    "resampling": set(),
-    "text": set(),
-    "provenance": set(),
-    "figures": {"provenance"},
-    "store": set(),
-    "static_logs": {"sensorlogs", "noise", "store"},
-    "datasheets": {"static_logs", "terrain"},
+    "sensorlogs": set(), "noise": set(), "resampling": set(), "text": set(), "provenance": set(),
+    "store": set(), "__init__": {"sensorlogs"}, "terrain": {"noise", "resampling"},
+    "tracker": {"noise", "resampling", "sensorlogs.timeline"}, "figures": {"provenance"},
+    "units": {"noise", "resampling", "sensorlogs.timeline"}, "claims": {"text"},
+    "static_logs": {"sensorlogs", "noise", "store"}, "datasheets": {"static_logs", "terrain"},
     "terrain_data": {"sensorlogs.road_logs", "terrain", "store", "datasheets"},
-    "plots": {"figures", *PURE},
-    "claims": {"text"},
+    "plots": {"figures", *PURE}, "workbench": {*FACES, "provenance", "studies"},
     "studies": {"sensorlogs", *PURE, "static_logs", "terrain_data", "datasheets", "store", "text"},
-    "workbench": {*FACES, "provenance", "studies"},
     "__main__": {"workbench"},
-}
+}  # fmt: skip
 OURS = {Path(package).name for package in size.PACKAGES}
 OPENS = re.compile(r"open|loadtxt|genfromtxt|fromfile|read_\w+|savetxt|savefig")
 FILES_AND_PLOTS = {"matplotlib", "pathlib", "os", "io", "shutil", "tempfile"}
@@ -143,39 +133,28 @@ def form_faults(path):
     tagged = sum("parameters" in c.metadata.get("tags", []) for c in code)
     lengths = [len(c.source.splitlines()) for c in code]
     outputs = [o for c in code for o in c.outputs]
+    shown = [o.data.get("text/markdown", "") for o in outputs if "data" in o]
+    raw = r"\| (NaT|<\w+|\w+\(.*=.*\)) \||\bnan\b|\bNone\b|array\(|\[\[?[\d.e+-]+[ ,]"
     positions = [first.find(f"**{word}**") for word in HEADER]
     # What tells JupyterLab to fold a cell; the tag alone tells this project and its pages.
     hidden = [c.metadata.get("jupyter", {}) == {"source_hidden": True} for c in code]
     rules = {
         'the first cell begins with a title, "# ..."': first.startswith("# "),
-        f"under the title stand {', '.join(HEADER)}, in bold and in this order": (
-            -1 not in positions and positions == sorted(positions)
-        ),
-        "one cell has the tag parameters (in the index none)": (
-            tagged == (0 if path.stem.startswith("00") else 1)
-        ),
-        "it is committed as executed, from the first cell to the last": (
-            [c.execution_count for c in code] == list(range(1, len(code) + 1)) and bool(outputs)
-        ),
-        "a code cell has at most 15 lines, unless it draws and has the tag figure": (
-            max([n for n, tag in zip(lengths, folded, strict=True) if not tag], default=0) <= 15
-        ),
-        "half of its code cells have at most six lines": (
-            path.stem not in READ_AS_PAPERS or statistics.median(lengths) <= 6
-        ),
+        f"under the title stand {', '.join(HEADER)}, in bold and in this order":
+            -1 not in positions and positions == sorted(positions),
+        "one cell has the tag parameters (in the index none)":
+            tagged == (0 if path.stem.startswith("00") else 1),
+        "it is committed as executed, from the first cell to the last":
+            [c.execution_count for c in code] == list(range(1, len(code) + 1)) and bool(outputs),
+        "a code cell has at most 15 lines, unless it draws and has the tag figure":
+            all(tag or n <= 15 for n, tag in zip(lengths, folded, strict=True)),
+        "half of its code cells have at most six lines":
+            path.stem not in READ_AS_PAPERS or statistics.median(lengths) <= 6,
         "a cell with the tag figure, and no other, has jupyter.source_hidden": hidden == folded,
-        "no output shows nan, None or a repr": not any(
-            re.search(
-                r"\| (NaT|<\w+|\w+\(.*=.*\)) \||\bnan\b|\bNone\b|array\(|\[\[?[\d.e+-]+[ ,]",
-                o.data.get("text/markdown", ""),
-            )
-            for o in outputs
-            if "data" in o
-        ),
-        "no cell fails or writes to stderr": not any(
-            o.output_type == "error" or o.get("name") == "stderr" for o in outputs
-        ),
-    }
+        "no output shows nan, None or a repr": not any(re.search(raw, words) for words in shown),
+        "no cell fails or writes to stderr":
+            not any(o.output_type == "error" or o.get("name") == "stderr" for o in outputs),
+    }  # fmt: skip
     return [rule for rule, kept in rules.items() if not kept]
 
 
@@ -245,26 +224,20 @@ def face_of(name):
 def exported(face):
     """List the names of a face: ``__all__`` of a module, all that a room's ``__init__`` imports."""
     module = face_of(face)
-    if hasattr(module, "__all__"):
-        return module.__all__
     body = ast.parse(inspect.getsource(module)).body
     names = [alias for node in body if isinstance(node, ast.ImportFrom) for alias in node.names]
-    return [alias.asname or alias.name for alias in names]
+    return getattr(module, "__all__", [alias.asname or alias.name for alias in names])
 
 
 @pytest.mark.parametrize("face", FACES)
 def test_faces_have_hints_and_docstrings(face):
     """property: whatever a face exports says what it takes and gives, in types and in words."""
-    module = face_of(face)
-    for name in exported(face):
-        thing = getattr(module, name)
-        if not callable(thing):
-            continue
-        assert inspect.getdoc(thing), name
-        methods = [thing]
+    for name, thing in ((name, getattr(face_of(face), name)) for name in exported(face)):
+        assert inspect.getdoc(thing) or not callable(thing), name
+        own = [thing] * callable(thing)
         if inspect.isclass(thing):
-            methods = [m for k, m in vars(thing).items() if k[0] != "_" and inspect.isfunction(m)]
-        for function in methods:
+            own = [f for k, f in vars(thing).items() if k[0] != "_" and inspect.isfunction(f)]
+        for function in own:
             signature = inspect.signature(function)
             given = [p for p in signature.parameters.values() if p.name != "self"]
             assert all(p.annotation is not p.empty for p in given), f"{name}: {function}"

@@ -1,12 +1,9 @@
 """What this session's notebooks made is what is committed: figures, numbers, verdicts."""
 
 import base64
-import contextlib
 import io
 import os
 import re
-import signal
-import subprocess
 import sys
 import time
 from importlib.metadata import version
@@ -19,8 +16,10 @@ import psutil
 import pytest
 import traitlets
 from PIL import Image
+from test_citation import run_git
+from test_cli import to_be_stopped
 
-from analysis import FIGURES, ROOT, CannotAnswer, WrongUsage, claims, figures
+from analysis import FIGURES, CannotAnswer, WrongUsage, claims, figures
 from workbench import reproduce
 
 NAMES = {p.stem for p in FIGURES.glob("*.pdf")}
@@ -63,21 +62,25 @@ def test_every_figure_says_what_it_holds(name):
         assert not NO_NAME.fullmatch(words) and not re.search(r"\$|\\|\bnan\b", words), words
 
 
+@pytest.fixture
+def committed(monkeypatch):
+    """Take the committed figures and claims, not those of this session."""
+    monkeypatch.setenv("COMPENDIUM_FIGURES", str(FIGURES))
+
+
+@pytest.mark.usefixtures("committed")
 def test_readme_is_in_step():
     """property: its findings, counts and titles are those of figures/ and of the notebooks."""
     page = reproduce.README.read_text("utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("COMPENDIUM_FIGURES", str(FIGURES))
-        assert reproduce.readme(page) == page, "run `python -m analysis reproduce`"
-        with pytest.raises(WrongUsage, match=r"README\.md needs one line <!-- findings -->"):
-            reproduce.readme(page.replace("<!-- findings -->", ""))
+    assert reproduce.readme(page) == page, "run `python -m analysis reproduce`"
+    with pytest.raises(WrongUsage, match=r"README\.md needs one line <!-- findings -->"):
+        reproduce.readme(page.replace("<!-- findings -->", ""))
 
 
+@pytest.mark.usefixtures("committed")
 def test_ten_findings():
     """property: ten notebooks each say one; its figure is there, its numbers have a condition."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("COMPENDIUM_FIGURES", str(FIGURES))
-        found = claims.findings()
+    found = claims.findings()
     assert len(found) == 10 and found["notebook"].is_unique
     assert set(found["figure"]) <= NAMES and (found["so"] != "").sum() >= 5
     for row in found.itertuples():
@@ -86,13 +89,9 @@ def test_ten_findings():
         assert any(letter.isdigit() for letter in row.sentence), row.sentence
 
 
-def test_figures_take_little_room():
-    """property: all figures together stay below 12 MB."""
-    assert sum(path.stat().st_size for path in FIGURES.iterdir()) < 12_000_000
-
-
 def test_pictures_in_notebooks_are_sharp_and_small():
-    """property: two dots for one of the page, an alternative text; all notebooks below 8 MB."""
+    """property: two dots for one of the page, an alternative text; 8 and 12 MB are not reached."""
+    assert sum(path.stat().st_size for path in FIGURES.iterdir()) < 12_000_000
     paths = sorted(reproduce.NOTEBOOKS.glob("*.ipynb"))
     assert sum(path.stat().st_size for path in paths) < 8_000_000
     shown = 0
@@ -148,61 +147,58 @@ def test_a_scratch_run_changes_nothing_and_says_what_differs(tmp_path, monkeypat
     citable.mkdir()
     for name, columns in (("claims", claims.COLUMNS), ("findings", claims.FOUND)):
         (citable / f"{name}.csv").write_text(",".join(columns) + "\n")
-    path = small_notebook(tmp_path)
+    path, other = small_notebook(tmp_path), tmp_path / "other"
     for name, value in (("NOTEBOOKS", tmp_path), ("FIGURES", citable)):
         monkeypatch.setattr(reproduce, name, value)
     monkeypatch.setenv("COMPENDIUM_FIGURES", str(citable))
     exec(DRAW, {"SIZE": 1.0})
-    before = {p.name: p.read_bytes() for p in (path, *citable.iterdir())}
-    runs, found = reproduce.reproduce(scratch=tmp_path / "other", parameters={"SIZE": 2.0})
+
+    def content(*paths):
+        return {p: p.read_bytes() for p in paths}
+
+    before, notebook = content(*citable.iterdir()), path.read_bytes()
+    runs, found = reproduce.reproduce(scratch=other, parameters={"SIZE": 2.0})
     assert [(run.notebook, run.figures, run.claims) for run in runs] == [("99-small", 1, 1)]
     assert found == [
         "figure 99-small (parameters, numbers)", "claim terrain-eq7-a (1×10⁶ -> 2×10⁶)",
         "finding of 99-small (was: It is 1.0 m.; now: It is 2.0 m.)",
     ]  # fmt: skip
-    assert {p.name: p.read_bytes() for p in (path, *citable.iterdir())} == before
-    cells = nbformat.read(tmp_path / "other" / "99-small.ipynb", 4).cells
+    assert (content(*citable.iterdir()), path.read_bytes()) == (before, notebook)
+    cells = nbformat.read(other / "99-small.ipynb", 4).cells
     assert [c.source for c in cells[:2]] == ["SIZE = 1.0\nOWN = None", "SIZE = 2.0"]
-    other = {p: p.read_bytes() for p in (tmp_path / "other").rglob("*.*")}
+    made = content(*other.rglob("*.*"))
     with monkeypatch.context() as patch:
         patch.setattr(reproduce, "execute", fail)
         with pytest.raises(WrongUsage, match=r"-p SIZE=-1: 99-small\.ipynb: a cell failed"):
-            reproduce.reproduce(scratch=tmp_path / "other", parameters={"SIZE": -1})
-    assert not (tmp_path / "none").exists()
-    assert {p: p.read_bytes() for p in (tmp_path / "other").rglob("*.*")} == other
+            reproduce.reproduce(scratch=other, parameters={"SIZE": -1})
+    assert content(*other.rglob("*.*")) == made
     with pytest.raises(WrongUsage, match=r"no parameter 'WIDTH' .* there are: OWN, SIZE"):
         reproduce.reproduce(scratch=tmp_path / "none", parameters={"WIDTH": 2.0})
+    assert not (tmp_path / "none").exists()
     small_notebook(tmp_path, own="'my.csv'")
     with pytest.raises(WrongUsage, match=r"99-small\.ipynb: OWN names logs of your own"):
         reproduce.reproduce()
-    assert {p.name: p.read_bytes() for p in citable.iterdir()} == {
-        name: content for name, content in before.items() if name != path.name
-    }
+    assert content(*citable.iterdir()) == before
 
 
 def test_git_is_asked_what_changed(tmp_path):
     """property: changed files are named; a redrawn figure that shows the same need no commit."""
 
     def draw(value=1.0, color="k", note=""):
-        fig, ax = figures.plt.subplots(figsize=(2, 1))
+        ax = figures.plt.figure(figsize=(2, 1)).subplots()
         ax.plot([0, 1], [0, value], color, label="line")
         ax.set(xlabel="x (m)", ylabel="y (m)")
-        figures.save(fig, "99-small", "A line.", to=tmp_path / "figures")
-        pdf = tmp_path / "figures" / "99-small.pdf"
-        pdf.write_bytes(pdf.read_bytes() + note.encode())
+        figures.save(ax.figure, "99-small", "A line.", to=tmp_path / "figures")
+        with (tmp_path / "figures" / "99-small.pdf").open("a") as pdf:
+            pdf.write(note)
         return reproduce.since_commit(tmp_path)
-
-    def git(*words):
-        subprocess.run(["git", "-C", tmp_path, *words], check=True, capture_output=True)
 
     pdf, png, csv = (f"figures/99-small.{kind}" for kind in ("pdf", "png", "csv"))
     assert draw() == (None, [])
-    git("init")
-    git("add", ".")
-    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-m", "Draw")
+    for words in (["init"], ["add", "."], ["commit", "-m", "Draw"]):
+        run_git(tmp_path, *words)
     assert draw() == ([], [])
-    assert draw(note="%") == ([pdf], [pdf])
-    assert draw(color="r") == ([pdf, png], [])
+    assert draw(note="%") == ([pdf], [pdf]) and draw(color="r") == ([pdf, png], [])
     assert draw(value=2.0) == ([csv, pdf, png], [])
     (tmp_path / "notebooks").mkdir()
     (tmp_path / "notebooks" / "98-new.ipynb").touch()
@@ -214,8 +210,7 @@ UNENDING = """
 import pathlib, runpy, sys
 from workbench import reproduce
 if __name__ == "__main__":
-    reproduce.NOTEBOOKS = pathlib.Path.cwd()
-    sys.argv[0] = "analysis"
+    sys.argv[0], reproduce.NOTEBOOKS = "analysis", pathlib.Path.cwd()
     runpy.run_module("analysis", run_name="__main__")
 """
 
@@ -223,20 +218,13 @@ if __name__ == "__main__":
 def test_ctrl_c_ends_a_what_if_run(tmp_path):
     """property: while a cell computes: said, its kernel ended, status 130, nothing written."""
     small_notebook(tmp_path, "open('began', 'w')\nimport time\ntime.sleep(60)")
-    (tmp_path / "slow.py").write_text(UNENDING)
-    words = [sys.executable, "slow.py", "reproduce", "99", "--scratch", "other"]
-    env = os.environ | {"PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(words, cwd=tmp_path, env=env, stderr=subprocess.PIPE, text=True) as run:
+    words = ["reproduce", "99", "--scratch", "other"]
+    with to_be_stopped(tmp_path, UNENDING, *words) as (run, kernels):
         while run.poll() is None and not (tmp_path / "began").exists():
             time.sleep(0.1)
-        (kernel,) = psutil.Process(run.pid).children()
-        run.send_signal(signal.SIGINT)
-        err = run.communicate(timeout=50)[1]
-    assert run.returncode == 130
-    assert err.endswith("\nstopping: nothing half-written stays\nstopped; nothing is written\n")
-    with contextlib.suppress(psutil.NoSuchProcess):  # ended, if perhaps not yet buried
-        assert kernel.status() == psutil.STATUS_ZOMBIE
-    assert sorted(os.listdir(tmp_path)) == ["99-small.ipynb", "began", "slow.py"]
+        kernels += [kernel.pid for kernel in psutil.Process(run.pid).children()]
+        assert len(kernels) == 1
+    assert sorted(os.listdir(tmp_path)) == ["99-small.ipynb", "began"]
 
 
 class FileUpload(traitlets.HasTraits):
@@ -250,22 +238,22 @@ def test_the_upload_button_keeps_what_is_chosen(tmp_path, monkeypatch):
     fake = SimpleNamespace(FileUpload=FileUpload, Label=lambda text: SimpleNamespace(value=text))
     cells = nbformat.read(reproduce.NOTEBOOKS / "90-your-own-log.ipynb", 4).cells
     code = "\n".join(c.source for c in cells if "FileUpload" in c.source)
-    (tmp_path / "own").mkdir()
-    shown = []
+    (path := tmp_path / "own" / "my.csv").parent.mkdir()
+    shown, first = [], b"t_s,gyro_x_deg_s"
     space = {"UPLOAD": True, "DATA": tmp_path, "Path": Path, "WrongUsage": WrongUsage}
-    space |= {"display": lambda *widgets: shown.extend(widgets)}
+    space["display"] = lambda *widgets: shown.extend(widgets)
     monkeypatch.setitem(sys.modules, "ipywidgets", None)
     with pytest.raises(WrongUsage, match="pip install ipywidgets"):
         exec(code, space)
     monkeypatch.setitem(sys.modules, "ipywidgets", fake)
     exec(code, space)
     button, said = shown
-    button.value = (traitlets.Bunch(name="../my.csv", content=memoryview(b"t_s,gyro_x_deg_s")),)
-    assert (tmp_path / "own" / "my.csv").read_bytes() == b"t_s,gyro_x_deg_s"
-    assert "my.csv is in data/own: write it into LOG" in said.value
-    button.value = (traitlets.Bunch(name="my.csv", content=memoryview(b"another")),)
-    assert "has a my.csv already" in said.value
-    assert (tmp_path / "own" / "my.csv").read_bytes() == b"t_s,gyro_x_deg_s"
+    for name, content, words in (
+        ("../my.csv", first, "my.csv is in data/own: write it into LOG"),
+        ("my.csv", b"another", "has a my.csv already"),
+    ):
+        button.value = (traitlets.Bunch(name=name, content=memoryview(content)),)
+        assert path.read_bytes() == first and words in said.value
     assert len(list(tmp_path.rglob("*"))) == 2
 
 

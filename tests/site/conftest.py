@@ -51,22 +51,31 @@ def visit(browser, address):
     def opened(path="index.html", size=DESKTOP, root=address, **options):
         window = browser.new_context(viewport=size, accept_downloads=True, **options)
         window.set_default_timeout(120_000)  # for a machine that does more than this
-        page, page_troubles = window.new_page(), []
+        page, troubles = window.new_page(), []
         page.route(
             lambda url: not url.startswith((root, "data:", "blob:")),
-            lambda route: (page_troubles.append(f"asks for {route.request.url}"), route.abort()),
+            lambda route: (troubles.append(f"asks for {route.request.url}"), route.abort()),
         )
-        page.on("console", lambda m: m.type == "error" and page_troubles.append(m.text))
-        page.on("pageerror", lambda error: page_troubles.append(str(error)))
-        page.on("requestfailed", lambda r: page_troubles.append(f"{r.url}: {r.failure}"))
-        page.on(
-            "response", lambda r: r.status >= 400 and page_troubles.append(f"{r.status} {r.url}")
-        )
-        page.troubles = page_troubles
+        page.on("console", lambda m: m.type == "error" and troubles.append(m.text))
+        page.on("pageerror", lambda error: troubles.append(str(error)))
+        page.on("requestfailed", lambda r: troubles.append(f"{r.url}: {r.failure}"))
+        page.on("response", lambda r: r.status < 400 or troubles.append(f"{r.status} {r.url}"))
+        page.troubles = troubles
         page.goto(root + path, wait_until="load")
         return page
 
     return opened
+
+
+@pytest.fixture(autouse=True)
+def closed(request):
+    """Close the windows that a test opens, and leave those that several tests share."""
+    browser = request.getfixturevalue("browser") if "visit" in request.fixturenames else None
+    shared = browser.contexts if browser else []
+    yield
+    for window in browser.contexts if browser else []:
+        if window not in shared:
+            window.close()
 
 
 def pytest_terminal_summary(terminalreporter):

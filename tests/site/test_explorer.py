@@ -1,6 +1,7 @@
 """The pages that compute in the browser, opened as files: against Python, by mouse, by keys."""
 
 import copy
+import itertools
 import json
 import re
 from dataclasses import replace
@@ -26,6 +27,7 @@ NOISES = [  # of the Allan page: N, σ_b, T_c, B, K, drift and the sampling inte
     {"N": 0.01, "S": 0.05, "T": 5.0, "B": 0, "K": 1e-3, "D": 0, "dt": 0.05},
     {"N": 0.004, "S": 0.002, "T": 3000.0, "B": 0.0005, "K": 1e-6, "D": 0, "dt": 0.02},
 ]
+PLANE, ATLAS = terrain_data.error_plane("integrated", 200.0), store.read("atlas").tables["atlas"]
 PLANNED = {"N": "sigma_v", "S": "sigma_b", "T": "corr_time", "B": "flicker", "K": "rrw"}
 
 
@@ -35,12 +37,10 @@ def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("explorer")
     explorer.write(made)
     for name in ("adis16405", "mpu6050-gyro"):
-        (made / f"{name}.json").write_text(
-            store.as_json(static_logs.stored.read_model(name)), "utf-8"
-        )
-    measured["sizes of the explorers"] = ", ".join(
-        f"{p.name} {p.stat().st_size / 1000:.0f} kB" for p in made.glob("*.html")
-    )
+        model = store.as_json(static_logs.stored.read_model(name))
+        (made / f"{name}.json").write_text(model, "utf-8")
+    sizes = (f"{p.name} {p.stat().st_size / 1000:.0f} kB" for p in made.glob("*.html"))
+    measured["sizes of the explorers"] = ", ".join(sizes)
     return made
 
 
@@ -57,7 +57,6 @@ def of(name, exact=False):
             page.check("input[value='integrated']")
         yield page
         assert page.troubles == []
-        page.context.close()
 
     return opened
 
@@ -67,10 +66,19 @@ gyro, as_it_opens, curve = of("explorer.html", True), of("explorer.html"), of("a
 
 def told(page):
     """Read the numbers behind the answer of the page."""
-    return {
-        k: None if v == "null" else float(v)
-        for k, v in page.locator("#answer").evaluate("e => ({...e.dataset})").items()
-    }
+    said = page.locator("#answer").evaluate("e => ({...e.dataset})").items()
+    return {k: None if v == "null" else float(v) for k, v in said}
+
+
+def give(page, model):
+    """Hand a file over, and wait for its axes."""
+    page.set_input_files("#model-file", model)
+    page.wait_for_selector("#axis")
+
+
+def counted(what):
+    """Count one more of what is told at the end."""
+    measured[what] = measured.get(what, 0) + 1
 
 
 def type_in(page, name, value):
@@ -83,6 +91,17 @@ def in_base_units(page):
     """Choose °/√s and °/s."""
     page.select_option("[aria-label='unit of N']", "°/√s")
     page.select_option("[aria-label='unit of B']", "°/s")
+
+
+def as_python(page, plane, n, b, rel):
+    """See that for an N and a B the page has the numbers of a surface, and return its estimate."""
+    type_in(page, "n", n)
+    type_in(page, "b", b)
+    found, expected = told(page), plane.estimate(Sensor(n, b))
+    numbers = [found[k] for k in ("error", "low", "high", "lost")]
+    wanted = [expected.value, expected.low, expected.high, plane.of(Sensor(n, b))[1]]
+    assert numbers == pytest.approx(wanted, rel=rel, abs=1e-12 if rel < 1e-6 else 1e-6)
+    return expected
 
 
 def test_the_page_opens_on_a_real_map(as_it_opens):
@@ -109,15 +128,10 @@ def test_the_number_is_that_of_python(gyro, tracker, corr_time):
     if tracker in EXACT:
         gyro.select_option("select#t", label=f"{corr_time:g} s")
     for n, b in SENSORS:
-        type_in(gyro, "n", n)
-        type_in(gyro, "b", b)
-        found, expected = told(gyro), plane.estimate(Sensor(n, b))
-        numbers = [found[k] for k in ("error", "low", "high", "lost")]
-        wanted = [expected.value, expected.low, expected.high, plane.of(Sensor(n, b))[1]]
         # Rounding of two languages; on the finer grid six digits are in the page.
-        assert numbers == pytest.approx(wanted, rel=1e-9 if tracker in EXACT else 1e-4, abs=1e-6)
+        expected = as_python(gyro, plane, n, b, 1e-9 if tracker in EXACT else 1e-4)
         assert gyro.inner_text("#error").startswith(f"{float(f'{expected.value:.2g}'):g}")
-        measured["predictions compared"] = measured.get("predictions compared", 0) + 1
+        counted("predictions compared")
 
 
 def test_slider_unit_plot_and_keys_move_the_point(gyro):
@@ -158,11 +172,10 @@ def test_a_link_keeps_the_state(gyro, visit, folder):
     [
         ("n", "50", "outside the computed range: N 0.006 °/√h to 6 °/√h"),
         ("b", "500", "outside the computed range: B 0.036 °/h to 360 °/h"),
-        ("n", "two", "'two' is no number above zero"),
+        ("n", "two", "'two' is no number above zero"), ("b", "", "is no number above zero"),
         ("usd", "-5", "'-5' is no number above zero"),
-        ("b", "", "is no number above zero"),
     ],
-)
+)  # fmt: skip
 def test_what_is_outside_is_refused(gyro, field, typed, says):
     """error: a sentence in place of the number, at the field too, and gone with a good value."""
     gyro.fill(f"#{field}", typed)
@@ -177,14 +190,8 @@ def test_what_is_outside_is_refused(gyro, field, typed, says):
 @pytest.mark.parametrize(("n", "b"), [(0.00002, 0.002), (0.005, 1e-6), (1e-6, 1e-7)])
 def test_a_better_gyro_has_the_error_at_the_edge_at_most(gyro, n, b):
     """cross-check: as `ErrorPlane.of` and `estimate`, and the page says so."""
-    plane = terrain_data.error_plane("integrated", 200.0)
     in_base_units(gyro)
-    type_in(gyro, "n", n)
-    type_in(gyro, "b", b)
-    found, expected = told(gyro), plane.estimate(Sensor(n, b))
-    numbers = [found[k] for k in ("error", "low", "high", "lost")]
-    wanted = [expected.value, expected.low, expected.high, plane.of(Sensor(n, b))[1]]
-    assert numbers == pytest.approx(wanted, rel=1e-9, abs=1e-12)
+    expected = as_python(gyro, PLANE, n, b, 1e-9)
     said = gyro.inner_text("#answer")
     assert said.startswith(f"at most {expected.value:.2g}") and "error at the edge" in said
 
@@ -193,23 +200,15 @@ def test_parts_that_qualify(gyro):
     """cross-check: those that Python finds as good, within the price; measured ones first."""
     type_in(gyro, "b", 30)
     type_in(gyro, "usd", 1000)
-    plane, atlas = (
-        terrain_data.error_plane("integrated", 200.0),
-        store.read("atlas").tables["atlas"],
-    )
-    limit = float(f"{plane.of(Sensor(0.005, 30 / 3600))[0]:.2g}")
-    rows = atlas.query(explorer.RATES).assign(part=atlas["sensor"].str.split("-").str[0])
-    rows["error"] = [
-        plane.of(Sensor(r.n, r.b if r.b == r.b else r.b_high))[0] for r in rows.itertuples()
-    ]
+    limit = float(f"{PLANE.of(Sensor(0.005, 30 / 3600))[0]:.2g}")
+    rows = ATLAS.query(explorer.RATES).assign(part=ATLAS["sensor"].str.split("-").str[0])
+    b = rows["b"].fillna(rows["b_high"])
+    rows["error"] = [PLANE.of(Sensor(*pair))[0] for pair in zip(rows["n"], b, strict=True)]
     measured_here = rows.query("basis == 'measured'").groupby("part")["error"].max()
     sheets = rows.query("basis == 'datasheet'").set_index("part")
     error = measured_here.combine_first(sheets["error"])  # what was measured decides
-    good = {
-        sheet["name"]
-        for part, sheet in sheets.iterrows()
-        if float(f"{error[part]:.2g}") <= limit and not sheet["low_usd"] > 1000
-    }
+    cheap = sheets[~(sheets["low_usd"] > 1000)]["name"].items()
+    good = {name for part, name in cheap if float(f"{error[part]:.2g}") <= limit}
     shown = gyro.locator("#parts tbody tr").all()
     names = [row.locator("b").inner_text() for row in shown]
     basis = [row.locator("summary").first.inner_text() for row in shown]
@@ -217,20 +216,18 @@ def test_parts_that_qualify(gyro):
     assert basis == sorted(basis, key=lambda k: "sheet" in k)
     assert all(row.locator("small").first.text_content() for row in shown)
     assert len(shown) + gyro.locator("#rest tbody tr").count() == len(sheets)
-    assert f"{len(good)} of {len(sheets)} parts" in gyro.inner_text("#rule")
-    assert f"{len(sheets) - len(measured_here)} are judged by their data" in gyro.inner_text(
-        "#rule"
-    )
+    rule, rest = gyro.inner_text("#rule"), len(sheets) - len(measured_here)
+    assert f"{len(good)} of {len(sheets)} parts" in rule
+    assert f"{rest} are judged by their data" in rule
 
 
 def test_a_measured_part_has_its_data_sheet_under_it(gyro):
     """cross-check: one row, both errors, and by how much N exceeds the sheet, as in notebook 11."""
     rows = gyro.locator("tr", has_text="InvenSense MPU-6050")
-    atlas = store.read("atlas").tables["atlas"].query("kind == 'rate'").set_index("sensor")
+    atlas = ATLAS.query("kind == 'rate'").set_index("sensor")
     over = atlas.loc["mpu6050-gyro", "n"] / atlas.loc["mpu6050", "n"]
-    plane, sheet = terrain_data.error_plane("integrated", 200.0), atlas.loc["mpu6050"]
-    stated = plane.of(Sensor(sheet["n"], sheet["b"]))[0]
-    high, axes = replace(plane, error=plane.high), atlas.loc["mpu6050-gyro"].itertuples()
+    stated = PLANE.of(Sensor(*atlas.loc["mpu6050", ["n", "b"]]))[0]
+    high, axes = replace(PLANE, error=PLANE.high), atlas.loc["mpu6050-gyro"].itertuples()
     bound = max(high.of(Sensor(r.n_high, r.b_high))[0] for r in axes)
     assert rows.count() == 1
     text = rows.text_content()
@@ -241,7 +238,7 @@ def test_a_measured_part_has_its_data_sheet_under_it(gyro):
 @pytest.mark.parametrize("name", ["adis16405", "mpu6050-gyro"])
 def test_a_model_is_read_in_the_browser(gyro, folder, name):
     """cross-check: the error of a log with the intervals of its N and B is that of Python."""
-    gyro.set_input_files("#model-file", folder / f"{name}.json")
+    give(gyro, folder / f"{name}.json")
     gyro.wait_for_selector("#own-error")
     model = static_logs.stored.read_model(name)
     channels = [c["name"] for c in model["channels"] if c["kind"] == "rate"]
@@ -255,7 +252,7 @@ def test_a_model_is_read_in_the_browser(gyro, folder, name):
             wanted = [expected.value, expected.low, expected.high]
             close = 1e-9 if tracker in EXACT else 1e-4
             np.testing.assert_allclose(*np.array([numbers, wanted], dtype=float), rtol=close)
-            measured["predictions compared"] += 1
+            counted("predictions compared")
 
 
 def test_a_model_is_dropped_on_the_page(gyro, folder):
@@ -278,17 +275,12 @@ def test_a_model_is_dropped_on_the_page(gyro, folder):
         ("t_s,gyro_x\n0,1", "it is no JSON"),
         ("[1, 2]", "it has no channels with parameters, as `python -m analysis report"),
         ("null", "it has no channels with parameters"),
-        (
-            '{"channels": [{"name": "a", "kind": "accel", "unit": "g", "parameters": {}}]}',
-            "no gyro",
-        ),
-        (
-            '{"channels": [{"name": "x", "kind": "rate", "unit": "deg/s", "parameters": '
-            '{"arw": {"value": "5"}, "bias_instability": {"value": 1}}}]}',
-            "gives no N, or no bound of B",
-        ),
+        ('{"channels": [{"name": "a", "kind": "accel", "unit":"g", "parameters":{}}]}', "no gyro"),
+        ('{"channels": [{"name": "x", "kind": "rate", "unit": "deg/s", "parameters": '
+         '{"arw": {"value": "5"}, "bias_instability": {"value": 1}}}]}',
+         "gives no N, or no bound of B"),
     ],
-)
+)  # fmt: skip
 def test_a_bad_model_gets_a_sentence(gyro, tmp_path, content, says):
     """error: the file's name and what is wrong with it; the page stays as it was."""
     before = told(gyro)
@@ -302,18 +294,17 @@ def test_a_bad_model_gets_a_sentence(gyro, tmp_path, content, says):
 
 def broken_models(whole):
     """Put a value of every wrong kind in every place of a model that the pages read."""
-    places = [("name",), ("kind",), ("unit",), ("allan",), ("allan", "low"), ("parameters",)]
+    places = ["name", "kind", "unit", "allan", "allan low", "parameters"]
     for key in ("arw", "vrw", "bias_instability", "corr_time"):
-        places += [("parameters", key), ("parameters", key, "value"), ("parameters", key, "high")]
-    for *path, last in places:
-        for value in (None, "x", -1.0, 1e300, [], {}):
-            model = copy.deepcopy(whole)
-            for channel in model["channels"]:
-                at = channel
-                for key in path:
-                    at = at.get(key, {})
-                at[last] = value
-            yield model
+        places += [f"parameters {key}{end}" for end in ("", " value", " high")]
+    for place, value in itertools.product(places, (None, "x", -1.0, 1e300, [], {})):
+        *path, last = place.split()
+        model = copy.deepcopy(whole)
+        for at in model["channels"]:
+            for key in path:
+                at = at.get(key, {})
+            at[last] = value
+        yield model
     model = copy.deepcopy(whole)
     model["channels"][0]["name"] = "<img src=x onerror=alert(1)>"
     yield model
@@ -322,24 +313,17 @@ def broken_models(whole):
 @pytest.mark.parametrize("path", ["explorer.html", "allan.html"])
 def test_broken_models_never_break_the_page(visit, folder, tmp_path, path):
     """error: a result, or a sentence of ours."""
-    page = visit(path, root=folder.as_uri() + "/")
+    page, file = visit(path, root=folder.as_uri() + "/"), tmp_path / "mine.json"
     for model in broken_models(static_logs.stored.read_model("adis16405")):
-        check(page, tmp_path / "mine.json", model)
-        measured["broken models"] = measured.get("broken models", 0) + 1
-    assert page.locator("img").count() == 0
-    assert page.troubles == []
-    page.context.close()
-
-
-def check(page, file, model):
-    """Give a model to the page, and read what it says."""
-    file.write_text(json.dumps(model))
-    page.evaluate("document.getElementById('model-said').textContent = ''")
-    page.set_input_files("#model-file", file)
-    page.wait_for_selector("#model-said:not(:empty)")
-    said = page.inner_text("#model-said")
-    assert not re.search(r"undefined|Cannot|is not a|null|object|NaN", said), said
-    assert not re.search(r"undefined|NaN|Infinity", page.inner_text("#answer")), said
+        file.write_text(json.dumps(model))
+        page.evaluate("document.getElementById('model-said').textContent = ''")
+        page.set_input_files("#model-file", file)
+        page.wait_for_selector("#model-said:not(:empty)")
+        said = page.inner_text("#model-said")
+        assert not re.search(r"undefined|Cannot|is not a|null|object|NaN", said), said
+        assert not re.search(r"undefined|NaN|Infinity", page.inner_text("#answer")), said
+        counted("broken models")
+    assert page.locator("img").count() == 0 and page.troubles == []
 
 
 def test_nothing_leaves_the_page(gyro, folder):
@@ -360,17 +344,12 @@ def test_the_allan_curve_is_that_of_python(curve, noise):
     """cross-check: curve, degrees of freedom of its points, and what a log tells."""
     dt, n = noise["dt"], round(7200 / noise["dt"])
     m = cluster_sizes(n, 25)
-    expected = adev_model(
-        m * dt, arw=noise["N"], sigma_b=noise["S"], corr_time=noise["T"],
-        bias_instability=noise["B"], rrw=noise["K"], dt=dt,
-    )  # fmt: skip
-    found = curve.evaluate(
-        "([t, sizes]) => sizes.map(m => deviation(t, m * t.dt))", [noise, m.tolist()]
-    )
+    terms = zip(("arw", "sigma_b", "corr_time", "bias_instability", "rrw"), "NSTBK", strict=True)
+    expected = adev_model(m * dt, dt=dt, **{name: noise[key] for name, key in terms})
+    given = [noise, m.tolist(), n]
+    found = curve.evaluate("([t, sizes]) => sizes.map(m => deviation(t, m * t.dt))", given)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
-    edf = curve.evaluate(
-        "([t, sizes, n]) => sizes.map(m => spread(t, m, n).edf)", [noise, m.tolist(), n]
-    )
+    edf = curve.evaluate("([t, sizes, n]) => sizes.map(m => spread(t, m, n).edf)", given)
     # Python fits a mixture to the curve, with correlation times half a decade apart.
     np.testing.assert_allclose(np.maximum(edf, 1), degrees_of_freedom(expected**2, m, n), rtol=0.05)
     given = {name: noise[k] or None for k, name in PLANNED.items()}
@@ -385,7 +364,7 @@ def test_the_allan_curve_is_that_of_python(curve, noise):
         if name in needed:
             hours = curve.evaluate("([t, name]) => hoursNeeded(t, name)", [noise, key])
             assert hours == pytest.approx(needed[name], rel=2e-3)  # both search to 1e-3 of ln h
-    measured["Allan curves compared"] = measured.get("Allan curves compared", 0) + 1
+    counted("Allan curves compared")
 
 
 @pytest.mark.parametrize("drift", [0.0, 2e-6])
@@ -394,15 +373,13 @@ def test_the_band_holds_95_of_100_curves(curve, drift):
     noise = NOISES[0] | {"dt": 0.2, "D": drift}
     n = 20_000
     m = np.unique(np.geomspace(1, n // 4, 12).astype(int))
-    band = curve.evaluate(
-        "([t, sizes, n]) => sizes.map(m => spread(t, m, n))", [noise, m.tolist(), n]
-    )
+    given = [noise, m.tolist(), n]
+    band = curve.evaluate("([t, sizes, n]) => sizes.map(m => spread(t, m, n))", given)
     model = UnifiedModel(noise["N"] / noise["dt"] ** 0.5, noise["T"], noise["S"], drift=drift)
     logs = model.simulate(n, noise["dt"], np.random.default_rng(1), runs=400)
     found = np.array([overlapped_variance(y, m) for y in logs])
-    inside = [
-        ((v >= b["low"]) & (v <= b["high"])).mean() for v, b in zip(found.T, band, strict=True)
-    ]
+    low, high = ([b[end] for b in band] for end in ("low", "high"))
+    inside = ((found >= low) & (found <= high)).mean(axis=0)
     # 400 logs scatter by 1.1 %; the chi-square of two or three degrees of freedom by as much again.
     assert min(inside) > 0.91 and np.mean(inside) == pytest.approx(0.95, abs=0.015)
 
@@ -420,8 +397,7 @@ def test_the_page_of_allan_curves_follows_its_fields(curve, folder):
     stored = json.loads((folder / "adis16405.json").read_text("utf-8"))
     stored["channels"][4]["parameters"]["vrw"]["value"] = None
     (folder / "no_n.json").write_text(json.dumps(stored), "utf-8")
-    curve.set_input_files("#model-file", folder / "no_n.json")
-    curve.wait_for_selector("#axis")
+    give(curve, folder / "no_n.json")
     assert "Left out for want of an N: accel_y." in curve.inner_text("#model-said")
     model = static_logs.stored.read_model("adis16405")["channels"][0]
     shown = float(curve.input_value("#n")) / 60
@@ -442,8 +418,7 @@ def test_the_page_of_allan_curves_follows_its_fields(curve, folder):
 def test_explorers_on_a_phone_and_for_everyone(visit, folder, path):
     """cross-check: no barrier by axe-core, 390 px wide; every field reached by Tab; paper."""
     page = visit(path, PHONE, root=folder.as_uri() + "/")
-    page.set_input_files("#model-file", folder / "adis16405.json")
-    page.wait_for_selector("#axis")
+    give(page, folder / "adis16405.json")
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     assert barriers(page) == []
     page.evaluate("document.activeElement.blur()")
@@ -451,16 +426,14 @@ def test_explorers_on_a_phone_and_for_everyone(visit, folder, path):
     for _ in range(60):
         page.keyboard.press("Tab")
         reached.add(page.evaluate("document.activeElement.id || document.activeElement.tagName"))
-    fields = page.locator("#inputs input[id]:enabled, #inputs select[id]:enabled").evaluate_all(
-        "l => l.map(e => e.id)"
-    )
+    fields = page.locator("#inputs input[id]:enabled, #inputs select[id]:enabled")
+    fields = fields.evaluate_all("l => l.map(e => e.id)")
     assert set(fields) <= reached and "CANVAS" in reached
     assert page.locator("canvas").get_attribute("aria-label").startswith(("Tracking", "Allan"))
     page.emulate_media(media="print")
     assert page.locator("#answer").is_visible() and not page.locator("#model-file").is_visible()
     assert page.troubles == []
-    page.context.close()
-    measured["checks of the explorers"] = measured.get("checks of the explorers", 0) + 1
+    counted("checks of the explorers")
 
 
 def test_no_number_is_hidden_without_script(folder):

@@ -13,10 +13,7 @@ from analysis import DATA, FIGURES
 from conftest import DESKTOP, PHONE, SITE, measured
 
 PAGES = sorted(str(p.relative_to(SITE)) for p in SITE.rglob("*.html") if "_static" not in p.parts)
-OUTCOMES = (
-    "reproduced if", "reproduced", "not reproduced if", "not reproduced", "undecidable",
-    "not testable", "by construction",
-)  # fmt: skip
+OUTCOMES = "(?:not )?reproduced(?: if)?|undecidable|not testable|by construction"
 
 
 class Read(html.parser.HTMLParser):
@@ -87,11 +84,8 @@ def test_page_prints(opened):
 def barriers(page):
     """List the serious and critical violations that axe-core finds."""
     found = Axe().run(page).response["violations"]
-    return [
-        (v["id"], v["nodes"][0]["html"][:200], len(v["nodes"]))
-        for v in found
-        if v["impact"] in ("serious", "critical")
-    ]
+    grave = (v for v in found if v["impact"] in ("serious", "critical"))
+    return [(v["id"], v["nodes"][0]["html"][:200], len(v["nodes"])) for v in grave]
 
 
 @pytest.mark.parametrize("path", ["index.html", "claims.html", "notebooks/22-sensor-sweeps.html"])
@@ -101,7 +95,6 @@ def test_dark_pages_are_accessible(visit, path, size):
     page = visit(path, size, color_scheme="dark")
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"
     assert barriers(page) == []
-    page.context.close()
 
 
 def test_every_link_leads_somewhere(read):
@@ -112,9 +105,7 @@ def test_every_link_leads_somewhere(read):
             url = urllib.parse.urlsplit(link)
             if url.scheme or url.netloc:
                 continue
-            target = (
-                (SITE / path).parent / urllib.parse.unquote(url.path) if url.path else SITE / path
-            )
+            target = (SITE / path).parent / urllib.parse.unquote(url.path or Path(path).name)
             name = target.resolve().relative_to(SITE.resolve()).as_posix()
             place = urllib.parse.unquote(url.fragment)
             if not target.is_file() or (place and name in read and place not in read[name].ids):
@@ -126,16 +117,9 @@ def test_nothing_is_loaded_from_elsewhere(read):
     """property: no script, style, font or picture of another host."""
     away = re.compile(r"(https?:)?//")
     assert [(p, f) for p, page in read.items() for f in page.loaded if f and away.match(f)] == []
-    styles = list(SITE.rglob("*.css"))
-    assert styles
-    found = [
-        (s.name, m[0])
-        for s in styles
-        for m in re.finditer(
-            r"(url\(|@import\s*)[\"']?(https?:)?//[^)\"' ]*", s.read_text(encoding="utf-8")
-        )
-    ]
-    assert found == []
+    fetched = re.compile(r"(url\(|@import\s*)[\"']?(https?:)?//[^)\"' ]*")
+    styles = {s: fetched.search(s.read_text(encoding="utf-8")) for s in SITE.rglob("*.css")}
+    assert styles and [(name, found[0]) for name, found in styles.items() if found] == []
     size = sum(p.stat().st_size for p in SITE.rglob("*") if p.is_file())
     measured["size of the site"] = f"{size / 1e6:.1f} MB in {len(read)} pages"
 
@@ -170,7 +154,6 @@ def test_a_download_is_the_file(visit):
             figure.get_by_role("link", name=kind).click()
         got = started.value
         assert Path(got.path()).read_bytes() == (FIGURES / got.suggested_filename).read_bytes()
-    page.context.close()
 
 
 def claims():
@@ -178,9 +161,7 @@ def claims():
     verdicts = pd.read_csv(FIGURES / "claims.csv").set_index("id")
     register = pd.read_csv(DATA / "published" / "claims.csv").set_index("id")
     table = register[["paper"]].join(verdicts[["verdict", "notebook"]])
-    table["outcome"] = [
-        next(o for o in OUTCOMES if verdict.startswith(o)) for verdict in table["verdict"]
-    ]
+    table["outcome"] = table["verdict"].str.extract(f"^({OUTCOMES})", expand=False)
     return table
 
 
@@ -209,7 +190,6 @@ def test_filters_of_the_claims(visit):
     page.get_by_role("searchbox", name="Text").fill("no claim has these words")
     assert rows.count() == 0
     assert page.troubles == []
-    page.context.close()
 
 
 def test_a_claim_leads_to_the_cell_that_judges_it(visit):
@@ -221,7 +201,6 @@ def test_a_claim_leads_to_the_cell_that_judges_it(visit):
     cell = page.locator(f"#{place} ~ .cell").first
     assert "terrain-bias-state-unstable" in cell.text_content()
     assert page.locator(f"#{place}").bounding_box()["y"] < DESKTOP["height"]
-    page.context.close()
 
 
 @pytest.mark.parametrize("where", ["server", "folder"])
@@ -239,7 +218,6 @@ def test_search_finds_a_known_word(visit, address, where):
     links = found.evaluate_all("all => all.map((a) => a.href)")
     assert any("12-sensor-simulation" in link for link in links)
     assert page.troubles == []
-    page.context.close()
 
 
 def test_keyboard_reaches_everything(visit):
@@ -253,18 +231,14 @@ def test_keyboard_reaches_everything(visit):
         if page.evaluate("document.activeElement.dataset.column") == "paper":
             break
     page.keyboard.type("terrain")
-    assert (
-        page.locator(".claims tbody tr:visible").count() == (claims()["paper"] == "terrain").sum()
-    )
-    page.context.close()
-
+    shown = page.locator(".claims tbody tr:visible").count()
+    assert shown == (claims()["paper"] == "terrain").sum()
     page = visit("notebooks/22-sensor-sweeps.html")
     fold = page.locator("details.hide").first
     assert fold.get_attribute("open") is None
     fold.locator("summary").focus()
     page.keyboard.press("Enter")
     assert fold.get_attribute("open") is not None and fold.locator("pre").is_visible()
-    page.context.close()
 
 
 def test_paper_has_pages(visit):
@@ -276,7 +250,6 @@ def test_paper_has_pages(visit):
     page.add_style_tag(content="figure img { display: none }")
     assert pictures.count() > 1
     assert with_pictures > len(page.pdf()) + 20_000 * pictures.count()
-    page.context.close()
 
 
 def test_first_paint(visit):
@@ -286,4 +259,3 @@ def test_first_paint(visit):
     paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
     measured["first paint of the index"] = f"{paint:.0f} ms"
     assert paint < 2500
-    page.context.close()
