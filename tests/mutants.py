@@ -14,6 +14,7 @@ import compileall
 import csv
 import hashlib
 import importlib
+import json
 import os
 import re
 import shutil
@@ -22,7 +23,7 @@ import subprocess
 import sys
 import time
 from functools import cache
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -31,10 +32,11 @@ ROOT = Path(__file__).resolve().parents[1]
 COPY, RESULTS = ROOT / "scratch" / "mutants" / "copy", ROOT / "tests" / "mutants.csv"
 COLUMNS = ("seed", "module", "line", "before", "after", "killed_by", "reason")
 PURE = ("noise/*", "terrain/*", "tracker/*", "units/*", "resampling", "__init__")
-START, ENOUGH_S, PATIENCE_S = time.monotonic(), 120, 60  # for all tests of a mutant, and for one
+ENOUGH_S = 60  # of a processor, the quickest tests first; what has not failed then has survived
+SECONDS = Path(__file__).resolve().parents[2] / "seconds.json"  # of each test, beside the copy
+TOOK = {}
 PLAIN = ("-xqrfE", "-oaddopts=", "-pno:nbval", "-pno:xdist", "-pno:cacheprovider", "-pmutants")
-# No hints, messages and sentences, nor what only numba runs.
-FIELDS, NODES = ("annotation", "returns", "decorator_list"), (ast.Raise, ast.JoinedStr)
+PASSED_OVER = ("annotation", "returns", "decorator_list")
 NUMBA_ONLY = ("run_compiled", "_compiled_loop", "_read", "_loop", "_update", "_update_both")
 SWAPS = {
     ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.FloorDiv: "/", ast.Mod: "//",
@@ -47,86 +49,99 @@ CALLS = {a: b for pair in CALLS for a, b in (pair.split(), pair.split()[::-1])}
 
 
 def walk(node):
-    """Give the nodes of a module that are computed with."""
+    """Give the nodes of a module that are computed with: no hints, messages and sentences."""
     yield node
     for field, value in ast.iter_fields(node):
         for child in value if isinstance(value, list) else [value]:
-            passed = isinstance(child, NODES) or getattr(child, "name", None) in NUMBA_ONLY
-            if isinstance(child, ast.AST) and field not in FIELDS and not passed:
+            passed = isinstance(child, (ast.Raise, ast.JoinedStr)) or (
+                getattr(child, "name", None) in NUMBA_ONLY
+            )
+            if isinstance(child, ast.AST) and field not in PASSED_OVER and not passed:
                 yield from walk(child)
 
 
-def changes(node, raw, span):
+def changes(node, text):
     """List the changes of a node: from and to which byte, and what is written there."""
-    pairs, (start, end) = [], span(node)
+    pairs, (start, end) = [], text.span(node)
     match node:
-        case ast.BinOp(left=a, op=op, right=b) | ast.AugAssign(target=a, op=op, value=b):
-            pairs = [(a, op, b)]
-        case ast.BoolOp(op=op):
-            pairs = [(a, op, b) for a, b in pairwise(node.values)]
-        case ast.Compare(comparators=rest):
-            pairs = zip([node.left, *rest[:-1]], node.ops, rest, strict=True)
+        case ast.BinOp():
+            pairs = [(node.left, node.op, node.right)]
+        case ast.AugAssign():
+            pairs = [(node.target, node.op, node.value)]
+        case ast.BoolOp():
+            pairs = [(a, node.op, b) for a, b in pairwise(node.values)]
+        case ast.Compare():
+            sides = pairwise([node.left, *node.comparators])
+            pairs = [(a, op, b) for (a, b), op in zip(sides, node.ops, strict=True)]
         case ast.Constant(value=bool(value)):
             yield start, end, str(not value)
-        case ast.Constant(value=int(value) | float(value)):
-            yield start, end, repr(value + 1 if isinstance(value, int) else 1.5 * value or 1.0)
+        case ast.Constant(value=int(value)):
+            yield start, end, str(value + 1)
+        case ast.Constant(value=float(value)):
+            yield start, end, f"{1.5 * value or 1.0!r}"
         case ast.UnaryOp(op=ast.USub() | ast.Not()):
             yield start, start + (4 if isinstance(node.op, ast.Not) else 1), ""
         case ast.IfExp():
-            (a, b), (c, d) = span(node.body), span(node.orelse)
-            yield a, d, (raw[c:d] + raw[b:c] + raw[a:b]).decode()
+            (a, b), (c, d) = text.span(node.body), text.span(node.orelse)
+            yield a, d, (text.raw[c:d] + text.raw[b:c] + text.raw[a:b]).decode()
         case ast.If(test=ast.Name() | ast.Attribute() | ast.Call()):
-            yield span(node.test)[0], span(node.test)[0], "not "
+            yield text.span(node.test)[0], text.span(node.test)[0], "not "
         case ast.Expr(value=ast.Call()):
             yield start, end, "pass"
         case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)) if name in CALLS:
-            end = span(node.func)[1]
+            end = text.span(node.func)[1]
             yield end - len(name), end, CALLS[name]
     for left, op, right in (pair for pair in pairs if type(pair[1]) in SWAPS):
-        begin = span(left)[1]
-        found = re.search(rb"[^()\s\\]([^()\\]*[^()\s\\])?", raw[begin : span(right)[0]])
+        begin = text.span(left)[1]
+        found = re.search(rb"[^()\s\\]([^()\\]*[^()\s\\])?", text.raw[begin : text.span(right)[0]])
         swapped = SWAPS[type(op)] + "=" * isinstance(node, ast.AugAssign)
         yield begin + found.start(), begin + found.end(), swapped
 
 
-def mutants(path):
-    """Give a row and the changed bytes of each mutant of a module; two that read alike are one."""
-    found, raw, module = {}, path.read_bytes(), str(path.relative_to(ROOT))
-    lines = [0, *accumulate(map(len, raw.split(b"\n")), lambda at, size: at + size + 1, initial=0)]
+class Text:
+    """The bytes of a module, and where its lines begin."""
 
-    def span(node):  # its first byte, and the one after its last
-        ends = ("lineno", "col_offset"), ("end_lineno", "end_col_offset")
-        return [lines[getattr(node, line, 0)] + getattr(node, at, 0) for line, at in ends]
+    def __init__(self, path):
+        self.path, self.raw = path, path.read_bytes()
+        self.lines = [0, *(m.end() for m in re.finditer(b"\n", self.raw)), len(self.raw)]
 
-    for node in walk(ast.parse(raw)):
-        for start, end, new in changes(node, raw, span):
-            line, last = raw.count(b"\n", 0, start) + 1, raw.find(b"\n", end)
-            before, after = raw[lines[line] : start], new.encode() + raw[end:last]
-            words = [before + raw[start:last], before + after]
-            words = [" ".join(part.decode().split()) for part in words]
-            if words[0] != words[1]:
-                row = dict(zip(COLUMNS[1:5], (module, line, *words), strict=True))
-                changed = raw[:start] + new.encode() + raw[end:]
-                found.setdefault((module, *words), (row, changed))
-    return found
+    def span(self, node):
+        """Give the first byte of a node, and the one after its last."""
+        if not hasattr(node, "lineno"):
+            return None, None
+        ends = (node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)
+        return tuple(self.lines[line - 1] + column for line, column in ends)
 
-
-def every():
-    """Give the mutants of all pure modules."""
-    paths = (path for at in PURE for path in sorted((ROOT / "analysis").glob(f"{at}.py")))
-    return {key: mutant for path in paths for key, mutant in mutants(path).items()}
+    def mutants(self):
+        """Give a row and the changed bytes of each mutant; two that read alike are one."""
+        found, tree = {}, ast.parse(self.raw)
+        for node in walk(tree):
+            for start, end, new in changes(node, self):
+                raw = self.raw[:start] + new.encode() + self.raw[end:]
+                line = self.raw.count(b"\n", 0, start)
+                first, last = self.lines[line], self.raw.find(b"\n", end)
+                after = raw[first : last + len(raw) - len(self.raw)]
+                words = [" ".join(b.decode().split()) for b in (self.raw[first:last], after)]
+                if words[0] != words[1]:
+                    module = str(self.path.relative_to(ROOT))
+                    row = dict(zip(COLUMNS[1:5], (module, line + 1, *words), strict=True))
+                    found.setdefault((module, *words), (row, raw))
+        return found
 
 
 def tests_of(module):
     """List the tests of a module: by its name, and by what they import."""
     name = ".".join(Path(module).with_suffix("").parts).removesuffix(".__init__")
-    paths = sorted((ROOT / "tests").glob("test_*.py"))
-    own = [path for path in paths if path.stem == f"test_{Path(module).stem}"]
-    found = [f"tests/{p.name}" for p in own + [p for p in paths if name in imports(p)]]
-    if not found:  # only other modules call it
+    own, others = [], []
+    for path in sorted((ROOT / "tests").glob("test_*.py")):
+        if path.stem == f"test_{Path(module).stem}":
+            own.append(f"tests/{path.name}")
+        elif name in imports(path):
+            others.append(f"tests/{path.name}")
+    if not own + others:  # only other modules call it
         users = [p for p in (ROOT / "analysis").rglob("*.py") if name in imports(p)]
-        found = [test for user in users for test in tests_of(user.relative_to(ROOT))]
-    return list(dict.fromkeys(found))
+        own = [test for user in users for test in tests_of(user.relative_to(ROOT))]
+    return list(dict.fromkeys(own + others))
 
 
 @cache
@@ -134,36 +149,31 @@ def imports(path):
     """Name the modules that a file imports, or from which are the things that it imports."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module.startswith("analysis"):
+        helper = ROOT / "tests" / f"{getattr(node, 'module', None)}.py"
+        if isinstance(node, ast.ImportFrom) and helper.exists():
+            found |= imports(helper)
+        elif isinstance(node, ast.ImportFrom) and node.module.startswith("analysis"):
             face = importlib.import_module(node.module)
             found |= {node.module} - {"analysis"}  # half of the tests want its paths and errors
-            for name in (alias.name for alias in node.names):
-                thing = getattr(face, name, None)
-                found |= {f"{node.module}.{name}", getattr(thing, "__module__", None)}
+            for alias in node.names:
+                thing = getattr(face, alias.name, None)
+                found |= {f"{node.module}.{alias.name}", getattr(thing, "__module__", None)}
     return found
 
 
-def killer(module, raw):
+def killer(module, raw, left_out=()):
     """Name the first test that fails with other bytes of a module, and not without them."""
-    left_out = []
-    while True:
-        (COPY / module).write_bytes(raw)
-        failed = run(*tests_of(module), *left_out)
-        shutil.copy2(ROOT / module, COPY / module)
-        if not failed or passes_anyway(failed):
-            return failed
-        print(f"left out, for it fails without a mutant: {failed}")
-        left_out.append(f"--deselect={failed}")
-
-
-@cache
-def passes_anyway(test):
-    """Tell whether a test passes in the copy as it is."""
-    return not run(test)
+    (COPY / module).write_bytes(raw)
+    failed = run(*tests_of(module), *left_out)
+    shutil.copy2(ROOT / module, COPY / module)
+    if not failed or passes_anyway(failed):
+        return failed
+    print(f"left out, for it fails without a mutant: {failed}")
+    return killer(module, raw, (*left_out, f"--deselect={failed}"))
 
 
 def run(*tests):
-    """Run tests in the copy; name the first that fails, or nothing."""
+    """Run tests in the copy, the quickest first; name the first that fails, or nothing."""
     paths = os.pathsep.join(str(COPY / folder) for folder in (".", "packages", "tests"))
     process = subprocess.Popen(
         [sys.executable, "-m", "pytest", *PLAIN, *tests], cwd=COPY, text=True,
@@ -171,7 +181,7 @@ def run(*tests):
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
     )  # fmt: skip
     try:
-        out = process.communicate(timeout=ENOUGH_S + 2 * PATIENCE_S)[0]
+        out = process.communicate(timeout=10 * ENOUGH_S)[0]
     except subprocess.TimeoutExpired:  # in compiled code, which no alarm interrupts
         os.killpg(process.pid, signal.SIGKILL)
         out = process.communicate()[0]
@@ -182,51 +192,81 @@ def run(*tests):
 # ---------------------------------------------------------------- what pytest calls in the copy
 
 
+def seconds():
+    """Read how long each test took when it passed."""
+    return json.loads(SECONDS.read_text()) if SECONDS.exists() else {}
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items):
+    """Put the quickest tests first; what never passed is in between."""
+    known = seconds()
+    items.sort(key=lambda item: known.get(item.nodeid, 1.0))
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
-    """Let a test fail that does not end; what has not failed until it is late has survived."""
+    """Let a test fail that takes much longer than it did, and leave out what comes late."""
+    late = time.process_time() > ENOUGH_S
     signal.signal(signal.SIGALRM, lambda *_: pytest.fail("does not end"))
-    signal.alarm(PATIENCE_S)
-    if time.monotonic() - START > ENOUGH_S:
+    signal.alarm(round(30 + 10 * seconds().get(item.nodeid, 10.0)))
+    if late:
         item.add_marker(pytest.mark.skip(reason="late"))
     yield
     signal.alarm(0)
 
 
+def pytest_runtest_logreport(report):
+    """Note how long a test took."""
+    if report.when == "call" and report.passed:
+        TOOK[report.nodeid] = round(report.duration, 2)
+
+
+def pytest_sessionfinish():
+    """Keep it."""
+    SECONDS.write_text(json.dumps(seconds() | TOOK))
+
+
 # ---------------------------------------------------------------- the command
 
 
-def copy():
-    """Copy what git tracks."""
+@cache
+def passes_anyway(test):
+    """Tell whether a test passes in the copy as it is."""
+    return not run(test)
+
+
+def main(n, seed):
+    """Try the mutants of a draw that are not yet known, and count."""
+    rows = list(csv.DictReader(RESULTS.open(encoding="utf-8"))) if RESULTS.exists() else []
+    found = {}
+    for pattern in PURE:
+        for path in sorted((ROOT / "analysis").glob(f"{pattern}.py")):
+            found |= Text(path).mutants()
+    # By a hash of its words: what is drawn of a module does not depend on changes elsewhere.
+    order = sorted(found, key=lambda k: hashlib.sha256(f"{seed}{k}".encode()).digest())
+    known = {(r["module"], r["before"], r["after"]): r for r in rows if r["seed"] == str(seed)}
+    others = [r for r in rows if r["seed"] != str(seed)]
+    drawn = {key: found[key][0] | {"seed": seed} for key in order[:n]}
     shutil.rmtree(COPY, ignore_errors=True)
     for line in subprocess.check_output(["git", "ls-files"], cwd=ROOT, text=True).splitlines():
         if (ROOT / line).exists():
             (COPY / line).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / line, COPY / line)
     compileall.compile_dir(COPY, quiet=2)
-
-
-def main(n, seed):
-    """Try the mutants of a draw that are not yet known, and count."""
-    rows = list(csv.DictReader(RESULTS.open(encoding="utf-8"))) if RESULTS.exists() else []
-    known = {(r["module"], r["before"], r["after"]): r for r in rows if r["seed"] == str(seed)}
-    others, kept, found = [r for r in rows if r["seed"] != str(seed)], [], every()
-    # By a hash of its words: what is drawn of a module does not depend on changes elsewhere.
-    drawn = sorted(found, key=lambda k: hashlib.sha256(f"{seed}{k}".encode()).digest())[:n]
-    copy()
     print(f"{len(found)} mutants in {len({k[0] for k in found})} modules, {len(drawn)} drawn")
-    for at, key in enumerate(drawn, start=1):
-        about, raw = found[key]
-        row = {"killed_by": "", "reason": ""} | known.get(key, {}) | about | {"seed": seed}
+    for key in drawn:
+        row = {"killed_by": "", "reason": ""} | known.get(key, {}) | drawn[key]
         if not row["killed_by"] and not row["reason"]:
-            row["killed_by"] = killer(key[0], raw).removeprefix("tests/")
+            row["killed_by"] = killer(key[0], found[key][1]).removeprefix("tests/")
             print(f"{key[0]}:{row['line']}  {row['after']}  {row['killed_by'] or 'SURVIVED'}")
-        kept.append(row)
+        known[key] = row
+        kept = [known[k] for k in drawn if k in known]
         part = RESULTS.with_suffix(".part")  # whole or not at all
         with part.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
             writer.writeheader()
-            writer.writerows(others + kept + [known[k] for k in drawn[at:] if k in known])
+            writer.writerows(others + kept)
         part.replace(RESULTS)
     alive = [row for row in kept if not row["killed_by"]]
     same = sum(row["reason"].startswith("equivalent") for row in alive)
