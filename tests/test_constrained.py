@@ -341,8 +341,11 @@ def test_a_lever_arm_that_is_told_does_no_harm(town):
 
 
 def test_looking_back_halves_the_error_in_outages():
-    """property: of position in a minute without fixes; yaw is known better, the ellipse holds."""
-    rms, sigma, held = [], [], []
+    """property: of position in a minute without fixes; yaw is known better, the ellipse holds.
+
+    Nothing lies after the last epoch: it stays as it was.
+    """
+    rms, sigma, held, ends = [], [], [], []
     for seed in (1, 2):
         ride = scenario("D", np.random.default_rng(seed))
         t = ride.log.gnss.t_s
@@ -359,8 +362,11 @@ def test_looking_back_halves_the_error_in_outages():
             wide = np.array([c["sigma_north_m"], c["sigma_east_m"]])[:, inside]
             held.append((np.abs(error) < 2.5 * wide).mean())
             assert found.summary["filter"]["smoothed"] == smooth
+            kept = ("out_lat_deg", "out_lon_deg", "sigma_north_m", "sigma_east_m", "correlation")
+            ends.append([c[name][-1] for name in kept])
     assert sum(rms[1::2]) < sum(rms[::2]) / 2 and min(held) > 0.95
     assert sigma[1] < sigma[0] and sigma[3] < sigma[2]
+    np.testing.assert_allclose(ends[1::2], ends[::2], rtol=1e-9)
     with pytest.raises(WrongUsage, match="--smooth belongs to the filter for cars"):
         replay(log, Options(filter="block6"), smooth=True)
 

@@ -407,6 +407,7 @@ def test_value_and_interval_are_rounded_together():
             for written, exact in zip(map(float, numbers), (value, low, high), strict=True):
                 slack = max(min(exact, high - low) / 10 * factor, exact * factor * 1e-5)
                 assert abs(written - factor * exact) < 1.001 * slack, (words, value, low, high)
+    assert Estimate(1.23456789, 1.23456788, 1.23456790, "m").value_text == "1.23457 m"  # six digits
 
 
 def test_a_column_has_the_unit_of_its_largest_number(monkeypatch, tmp_path):
