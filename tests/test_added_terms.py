@@ -1,6 +1,6 @@
 """Terms besides the noise: found where they are, not where they are not; what else is refused."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -297,6 +297,9 @@ def test_a_term_in_temperature_and_the_place_of_a_step():
     for guess in (499.5, 500.3, 501.2):
         step = added_terms.added_term("step", guess)
         assert coarse.placed(step).at == down.placed(step).at == pytest.approx(500.3)
+    four = added_terms.Coarse.of(np.where(np.arange(9000) < 2, 1.0, 0.0), 0.1, 1)
+    lost = replace(four, samples=np.where(np.arange(9000) < 4, four.samples, np.nan))
+    assert lost.placed(added_terms.added_term("step", 0.4)).at == pytest.approx(0.2)  # by four
     left = coarse.without([added_terms.added_term("step", 500.3), term], [1.0, 2.0])
     np.testing.assert_allclose(left.y, coarse.y - (coarse.time >= 500.3) - 2 * np.sin(coarse.time))
 

@@ -963,6 +963,17 @@ def test_bad_pairs_are_one_sentence(tmp_path, capsys, change, status, said):
     assert not (tmp_path / "out").exists()
 
 
+def test_how_far_two_journeys_stay_apart():
+    """known case: 60 km of road each, 90 km of latitude and 120 km of longitude between them."""
+    a, b = pair(np.random.default_rng(13), seconds=300)
+    road = [np.linspace(0, 60e3 / 111_194.9, len(u.gnss.t_s)) for u in (a, b)]
+    a = changed(a, lat_deg=road[0], lon_deg=road[0])
+    for lat, lon in ((150e3, 180e3), (-150e3, -180e3)):  # beyond either end of the first
+        far = changed(b, lat_deg=lat / 111_194.9 + road[1], lon_deg=lon / 111_194.9 + road[1])
+        with pytest.raises(CannotAnswer, match="never closer than (149|150) km"):
+            local_tracks({"a": a, "b": far})
+
+
 def test_conventions_are_found_and_put_right():
     """analytic: a yaw from east and counter-clockwise, a roll turned round, radians for degrees."""
     rng = np.random.default_rng(14)
