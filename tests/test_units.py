@@ -970,7 +970,7 @@ def test_how_far_two_journeys_stay_apart():
     a = changed(a, lat_deg=road[0], lon_deg=road[0])
     for lat, lon in ((150e3, 180e3), (-150e3, -180e3)):  # beyond either end of the first
         far = changed(b, lat_deg=lat / 111_194.9 + road[1], lon_deg=lon / 111_194.9 + road[1])
-        with pytest.raises(CannotAnswer, match="never closer than (149|150) km"):
+        with pytest.raises(CannotAnswer, match=r"never closer than (149|150) km"):
             local_tracks({"a": a, "b": far})
 
 
