@@ -15,7 +15,8 @@ MEASURED = {"adis16405": "adis16405", "mpu6050": "mpu6050-gyro"}  # product -> i
 PITCH_GYRO = "gyro_y"
 OF_LOG = " measured"  # ending of the label of a product by its log
 LEADING = {"rate": ("arw", "bias_instability"), "accel": ("vrw", "bias_instability")}  # N and B
-IN_ATLAS = IN_DEG_S | {unit: of / STANDARD_GRAVITY for unit, of in IN_M_S2.items()}  # deg/s, g
+UNITS = {"rate": IN_DEG_S, "accel": {u: of / STANDARD_GRAVITY for u, of in IN_M_S2.items()}}
+IN_ATLAS = UNITS["rate"] | UNITS["accel"]  # deg/s, g
 GIVEN = DATA / "atlas"  # logs that others measured, as `python -m analysis atlas` writes them
 
 
@@ -75,13 +76,14 @@ def of_log(model: dict, **about) -> list[dict]:
     """
     rows = []
     for c in (c for c in model["channels"] if c["kind"] in LEADING):
+        scale = UNITS[c["kind"]][c["unit"]]
         axis = c["name"][-1] if c["name"][-1:].lower() in ("x", "y", "z") else c["name"]
         unit = "deg/s" if c["kind"] == "rate" else "g"
         rows.append(about | {"axis": axis, "kind": c["kind"], "unit": unit})
         for symbol, key in zip("nb", LEADING[c["kind"]], strict=True):
             for end, column in (("value", ""), ("low", "_low"), ("high", "_high")):
                 v = c["parameters"][key][end]
-                rows[-1][f"{symbol}{column}"] = None if v is None else IN_ATLAS[c["unit"]] * v
+                rows[-1][f"{symbol}{column}"] = None if v is None else scale * v
     return rows
 
 

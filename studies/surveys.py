@@ -9,14 +9,7 @@ import pandas as pd
 from analysis import STANDARD_GRAVITY, datasheets, static_logs, terrain_data
 from analysis.resampling import counts
 from analysis.store import rounded, rounded_number
-from analysis.terrain import (
-    Sensor,
-    Setup,
-    antennas,
-    centre_line,
-    simulate_laps,
-    terrain_map,
-)
+from analysis.terrain import Sensor, Setup, antennas, centre_line, simulate_laps, terrain_map
 from analysis.terrain.antennas import AntennaMounting
 from analysis.terrain.compiled import HAS_NUMBA
 from analysis.terrain.monte_carlo import LOST_M, interval

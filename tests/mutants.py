@@ -149,10 +149,11 @@ def imports(path):
     """Name the modules that a file imports, or from which are the things that it imports."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-        helper = ROOT / "tests" / f"{getattr(node, 'module', None)}.py"
-        if isinstance(node, ast.ImportFrom) and helper.exists():
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        if (helper := ROOT / "tests" / f"{node.module}.py").exists():
             found |= imports(helper)
-        elif isinstance(node, ast.ImportFrom) and node.module.startswith("analysis"):
+        elif node.module.startswith("analysis"):
             face = importlib.import_module(node.module)
             found |= {node.module} - {"analysis"}  # half of the tests want its paths and errors
             for alias in node.names:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
-from test_exports import model
+from test_atlas import long_enough
 from test_grid import grid
 from test_logs import HEADER, lines
 from test_moving import csv, sentence
 
 import sensorlogs
-from analysis import CannotAnswer, WrongUsage
+from analysis import CannotAnswer, WrongUsage, datasheets
 from sensorlogs import catalogue, times
 from workbench.cli import app, main
 
@@ -36,7 +36,6 @@ EDITS = st.lists(
     ),
     min_size=1, max_size=8,
 )  # fmt: skip
-FINITE = {"allow_nan": False, "allow_infinity": False}
 ANY_JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
     lambda inner: st.lists(inner, max_size=3)
@@ -70,7 +69,7 @@ def test_a_damaged_table_is_read_or_refused(tmp_path, edits, told):
 
 
 @given(
-    values=st.lists(st.floats(-1e6, 1e6, **FINITE), max_size=20, unique=True),
+    values=st.lists(st.floats(-1e6, 1e6), max_size=20, unique=True),
     unit=st.sampled_from(["rad_s", "deg_s", "m_s2", "mg"]),
     delimiter=st.sampled_from([",", ";", "\t", "|"]),
     comma=st.booleans(),
@@ -158,10 +157,13 @@ def test_any_sentences_of_a_receiver_are_read_or_refused(tmp_path, kind, bodies)
     refusal(lambda: sensorlogs.read_moving([path]))
 
 
+@pytest.mark.parametrize(
+    "command", ["export model.json --out out", "atlas add model.json --product bmi088 --title a"]
+)
 @given(data=st.data())
-def test_a_model_that_was_edited_is_exported_or_refused(tmp_path, capsys, data):
+def test_a_model_that_was_edited_is_taken_or_refused(tmp_path, monkeypatch, capsys, command, data):
     """property: any value in any place of model.json; a refusal writes nothing."""
-    whole = {"": model()}
+    whole = {"": long_enough()}
     part, key = whole, ""
     while isinstance(part[key], (dict, list)) and part[key] and data.draw(st.integers(0, 4)):
         part = part[key]
@@ -169,14 +171,16 @@ def test_a_model_that_was_edited_is_exported_or_refused(tmp_path, capsys, data):
             st.sampled_from(sorted(part) if isinstance(part, dict) else range(len(part)))
         )
     part[key] = data.draw(ANY_JSON)
-    path, out = tmp_path / "model.json", tmp_path / "out"
-    path.write_text(json.dumps(whole[""]))
-    shutil.rmtree(out, ignore_errors=True)
-    status = main(["export", str(path), "--out", str(out)])
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(datasheets, "GIVEN", tmp_path / "out")
+    (tmp_path / "model.json").write_text(json.dumps(whole[""]))
+    shutil.rmtree("out", ignore_errors=True)
+    given_away = ["--licence", "CC0", "--source", "me"] * command.startswith("atlas")
+    status = main([*command.split(), *given_away])
     said = capsys.readouterr().err
     assert status in (0, 1, 2) and "Traceback" not in said
     if status:
-        assert said.count("\n") == 1 and not out.exists()
+        assert said.count("\n") == 1 and not (tmp_path / "out").exists()
 
 
 KEYS = st.sampled_from([*catalogue.KEYS, "rate"])
@@ -197,11 +201,9 @@ def test_any_stanza_is_read_or_refused(tmp_path, monkeypatch, stanza, file):
                 )
             case list():
                 return "[" + ", ".join(toml(v) for v in value) + "]"
-            case None:
-                return '""'
             case float():
                 return repr(value)
-        return json.dumps(value)
+        return json.dumps("" if value is None else value)
 
     (tmp_path / "my.csv").write_bytes(WHOLE)
     text = "[mine]\n" + "\n".join(f"{k} = {toml(v)}" for k, v in stanza.items() if k != "file")

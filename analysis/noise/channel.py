@@ -12,12 +12,7 @@ import numpy as np
 
 from analysis import CannotAnswer, Estimate
 from analysis.noise import graph
-from analysis.noise.allan import (
-    AllanCurve,
-    allan_deviation,
-    fit_line,
-    with_and_without_line,
-)
+from analysis.noise.allan import AllanCurve, allan_deviation, fit_line, with_and_without_line
 from analysis.noise.autocorrelation import autocovariance, block_means
 from analysis.noise.disturbances import FEW_LEVELS, adjusted
 from analysis.noise.goodness import together

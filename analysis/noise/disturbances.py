@@ -526,9 +526,9 @@ def missing(y: np.ndarray, dt: float) -> list[Disturbance]:
 def lines(y: np.ndarray, dt: float) -> tuple[list[tuple[float, float]], list[Disturbance]]:
     """Find lines in the spectrum of the steps, which slow noise does not make steep.
 
-    A range reaches on both sides to where what a sine leaks into the cosine transform of the log,
-    1 / (pi k)^2 of its power k coefficients away, is a hundredth of the noise, and three times as
-    far; an octave down at most, for slower noise is what the log is there for.
+    In the cosine transform of the log a sine leaks 1 / (pi k)^2 of its power k coefficients away. A
+    range reaches on both sides three times as far as that is a hundredth of the noise or more, but
+    an octave down at most: slower noise is what the log is there for.
 
     Parameters
     ----------

@@ -585,8 +585,7 @@ def _judged(result, parameters, disturbances):
     goodness, misfits = goodness_of_fit(result.likelihood, result.chosen)
     sizes, _ = result.sizes()
     stationarity, changes = stationarity_of(
-        result.coarse.without(result.terms, sizes),
-        result.likelihood.terms(result.chosen),
+        result.coarse.without(result.terms, sizes), result.likelihood.terms(result.chosen)
     )
     terms = tuple(result.fitted_terms())
     disturbances = [*disturbances, *(t.disturbance(result.coarse) for t in terms)]

@@ -77,7 +77,8 @@ class Plan:
         columns = dict(zip(names, np.exp(point + moves).T, strict=True))
         bias = ((columns["sigma_b"], columns["corr_time"]),) if "sigma_b" in columns else ()
         terms = Terms(columns["sigma_v"], bias, columns.get("rrw"), columns.get("flicker"))
-        stretch = outline(int(np.int64(round(3600 * hours / dt))), dt)  # what overflows ends
+        samples = int(np.int64(round(3600 * hours / dt)))  # no plan of more than an int64 counts
+        stretch = outline(samples, dt)
         log_variance = np.log(bin_variance(stretch, terms))
         slope = (log_variance[: len(names)] - log_variance[len(names) :]) / (2 * STEP)
         information = 0.5 * np.einsum("ipb,jpb,pb->ij", slope, slope, stretch.count)

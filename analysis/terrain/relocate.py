@@ -26,12 +26,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2
 
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.monte_carlo import (
-    advance,
-    assumed_R,
-    attitude_errors,
-    filters_of,
-)
+from analysis.terrain.monte_carlo import advance, assumed_R, attitude_errors, filters_of
 from analysis.terrain.real_laps import Lap, MapError, resample_lap
 from analysis.terrain.terrain_map import AttitudeMap, Profile
 

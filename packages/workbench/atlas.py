@@ -1,29 +1,24 @@
 """A log of the reader's own for the atlas: the small file that a pull request needs."""
 
+import re
 from pathlib import Path
 
 from analysis import CannotAnswer, WrongUsage, datasheets, replacing, store
 from workbench import exports
 
-OF_SOURCE = ("title", "file", "sha256", "rate_hz", "duration_s", "samples", "gaps", "repairs")
-OF_CHANNEL = ("name", "unit", "kind", "parameters")
+KEPT = ("name", "unit", "kind", "parameters")  # of a channel
 
 
-def add(folder, *, product, title, licence, source):
+def add(folder, **about):
     """Write the sensor of a report into ``data/atlas``, for all to see.
 
     Parameters
     ----------
     folder : path-like
         As `report` wrote it, or its model.json. `report` has refused what moves.
-    product : str
-        Its name in ``data/sensors.toml``.
-    title : str
-        What was measured, and where.
-    licence : str
-        Of the log.
-    source : str
-        Address of the log, or who has it.
+    **about
+        ``product``, its name in ``data/sensors.toml``; ``title``, what was measured and where; the
+        ``licence`` of the log; its ``source``, an address or a person.
 
     Returns
     -------
@@ -32,28 +27,39 @@ def add(folder, *, product, title, licence, source):
     Raises
     ------
     WrongUsage, CannotAnswer
-        What `check` raises.
+        What `check` raises, or if there is no model.json.
     """
     path = Path(folder, "model.json") if Path(folder).is_dir() else Path(folder)
-    model = exports.read_model(path)
-    about = {key: model["source"].get(key) for key in OF_SOURCE}
-    about |= {"title": title, "product": product, "licence": licence, "source": source}
-    kept = [{key: c[key] for key in OF_CHANNEL} for c in model["channels"]]
-    model = {"source": about, "channels": kept}
-    check(model, path)
-    name = "-".join([product, str(about["sha256"])[:6]])  # the same log is one file
+    model = exports.made_of(path, _sensor)
+    model["source"] |= about
+    check(model)
+    name = f"{about['product']}-{model['source']['sha256'][:6]}"  # the same log is one file
     with replacing(datasheets.GIVEN / f"{name}.json") as draft:
         draft.write_text(store.as_json(model), encoding="utf-8")
     return datasheets.GIVEN / f"{name}.json"
 
 
-def check(model, name):
+def _sensor(model):
+    """Take the gyros and accelerometers out of a model.json, without their curves."""
+    exports.sort_triads(model)
+    channels = [c for c in model["channels"] if c["kind"] in datasheets.LEADING]
+    if not re.fullmatch("[0-9a-f]{64}", str(model["source"].get("sha256"))):
+        raise WrongUsage("this model.json does not say of which log it is: no sha256")
+    model = {"source": model["source"], "channels": [{k: c[k] for k in KEPT} for c in channels]}
+    try:
+        datasheets.of_log(model)
+    except KeyError as error:
+        raise WrongUsage(f"this is no model.json as `report` writes it: no {error}") from error
+    return model
+
+
+def check(model):
     """Refuse what the atlas cannot take.
 
     Raises
     ------
     WrongUsage
-        No such product, no licence, no source.
+        No such product, no title, no licence, no source.
     CannotAnswer
         The log is too short: no gyro and no accelerometer has both N and B, or a bound of B.
     """
@@ -66,8 +72,8 @@ def check(model, name):
     for key in ("title", "licence", "source"):
         if not about[key].strip():
             raise WrongUsage(f"--{key} is empty: the atlas takes no log without one")
-    rows = datasheets.of_log(model)
-    if not [row for row in rows if row["n"] and (row["b"] or row["b_high"])]:
+    if not any(row["n"] and (row["b"] or row["b_high"]) for row in datasheets.of_log(model)):
         raise CannotAnswer(
-            f"{name}: no gyro or accelerometer has N and B, or a bound of B: record longer, at rest"
+            f"{about['file']}: no gyro or accelerometer has N and B, or a bound of B: record "
+            "longer, at rest"
         )

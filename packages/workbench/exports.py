@@ -39,6 +39,7 @@ Gazebo (gz-sim)
 
 import json
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -173,18 +174,16 @@ def told(texts):
     return {"exported": [name for name in TITLES if name in texts], "absent": lines}
 
 
-def read_model(path):
-    """Read a model.json that `files` can take."""
+def made_of(path, make):
+    """Give what a function makes of a model.json; what is none is refused with its path."""
     try:
-        model = json.loads(Path(path).read_bytes())
-        sort_triads(model)
+        return make(json.loads(Path(path).read_bytes()))
     except OSError as error:
         raise WrongUsage(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:  # neither JSON nor text, or a trap
         raise WrongUsage(f"{path}: this is no model.json as `report` writes it") from error
     except WrongUsage as error:
         raise WrongUsage(f"{path}: {error}") from error
-    return model
 
 
 def export(path, out, *, strict=False):
@@ -203,7 +202,7 @@ def export(path, out, *, strict=False):
     list of str
         Names of the files.
     """
-    texts = files(read_model(path), strict=strict)
+    texts = made_of(path, partial(files, strict=strict))
     found = told(texts)
     if not found["exported"]:
         raise CannotAnswer(f"{path}: nothing to export; {'; '.join(found['absent'])}")

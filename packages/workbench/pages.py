@@ -16,15 +16,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
-from analysis import (
-    Estimate,
-    engineering,
-    provenance,
-    replacing,
-    store,
-    text,
-    without_exponents,
-)
+from analysis import Estimate, engineering, provenance, replacing, store, text, without_exponents
 
 TEMPLATES = Path(__file__).with_name("templates")
 

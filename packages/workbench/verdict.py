@@ -11,14 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from analysis import (
-    CannotAnswer,
-    Estimate,
-    WrongUsage,
-    datasheets,
-    in_one_unit,
-    terrain_data,
-)
+from analysis import CannotAnswer, Estimate, WrongUsage, datasheets, in_one_unit, terrain_data
 from analysis.datasheets import IN_ATLAS, LEADING
 from analysis.noise.added_terms import signal_of
 from analysis.noise.models import adev_of_terms
