@@ -448,19 +448,19 @@ def atlas(act, folder, product, title, licence, source):
 
     \b
     python -m analysis report my.csv --out my
-    python -m analysis atlas add my --product bmi088 --title "BMI088 on a stone floor, a night"
+    python -m analysis atlas add my --product BMI088 --title "BMI088 on a stone floor, a night"
         --licence CC-BY-4.0 --source https://example.org/my.csv
 
     Writes one small file into data/atlas: N, B and all other parameters with their intervals, and
-    the sha256 of the log. `data --rebuild --write atlas` then puts it into the table and the
-    pictures; commit the two for a pull request. A log that moves is refused by `report`, one that
-    is too short for N and B, or has no licence, here.
+    the sha256 of the log. `data --rebuild --write atlas` then puts it into the table that notebook
+    11, the explorer and reports show; commit the two for a pull request. A log that moves is
+    refused by `report`, one that is too short for N and B, or has no licence, here.
     """
     from analysis import store
     from workbench import atlas as page
 
-    about = {"product": product, "title": title, "licence": licence, "source": source}
-    print(f"{page.add(folder, **about)}; now: {store.COMMAND} atlas")
+    about = {"title": title, "licence": licence, "source": source}
+    print(f"{page.add(folder, product=product.lower(), **about)}; now: {store.COMMAND} atlas")
 
 
 @_verb
