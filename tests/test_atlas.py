@@ -1,12 +1,15 @@
 """The door of the atlas: what enters, as what, and what does not."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from test_exports import TRUTH, broken, model
 
-from analysis import CannotAnswer, WrongUsage, datasheets
+from analysis import ROOT, CannotAnswer, Estimate, WrongUsage, datasheets, store
 from studies import surveys
 from workbench import atlas
 from workbench.cli import main
@@ -48,6 +51,24 @@ def test_a_log_enters_in_the_units_of_the_atlas(door, capsys):
         np.testing.assert_allclose(rows["b_high"], scale, rtol=1e-5)
     assert table["b"].isna().all() and set(table["name"]) == {"a stone floor"}
     assert set(table["basis"]) == {"measured"} and set(table["source"]) == {"me"}
+
+
+def test_notebook_11_lists_who_entered(door, tmp_path):
+    """property: with one sensor more its claims and its figure stay, and a table has the sensor."""
+    atlas.add(door, **ABOUT)
+    derived = tmp_path / "derived"
+    derived.mkdir()
+    for folder in store.FOLDER.iterdir():
+        (derived / folder.name).symlink_to(folder)
+    (derived / "atlas").unlink()
+    store.write(derived / "atlas", *surveys.atlas())
+    run = [sys.executable, "-m", "analysis", "reproduce", "11", "--scratch", str(tmp_path / "out")]
+    env = os.environ | {"COMPENDIUM_DERIVED": str(derived)}
+    done = subprocess.run(run, cwd=ROOT, env=env, capture_output=True, text=True, check=True)
+    assert "no number differs" in done.stdout
+    n = np.degrees(TRUTH["gyroscope"]["x"][0])
+    row = f"| a stone floor, rate x | {Estimate(n, 0.9 * n, 1.1 * n, 'deg/sqrt(s)')} |"
+    assert row in (tmp_path / "out" / "11-unified-table.ipynb").read_text("utf-8")
 
 
 @pytest.mark.parametrize(
