@@ -16,6 +16,7 @@ from studies import real_laps, repeatability, rides, several_units, surveys, ter
 MAKERS = {
     terrain_data.TRACK: surveys.test_track,
     terrain_data.HIGHWAY: surveys.highway,
+    "published-curves": surveys.published_curves,
     "atlas": surveys.atlas,
     "error-surface": surveys.surface,
     "inverse-design": surveys.inverse_design,
@@ -46,7 +47,8 @@ MAKERS = {
 
 def names():
     """List everything that can be rebuilt: the static logs of the catalogue, roads and rides."""
-    return [*(n for n, entry in load_catalogue().items() if not entry["own"]), *MAKERS]
+    logs = load_catalogue().items()  # without the reader's and the large sets, which have `rows`
+    return [*(n for n, entry in logs if not (entry["own"] or "rows" in entry)), *MAKERS]
 
 
 def make(name, *, progress=True):

@@ -5,8 +5,10 @@ from operator import itemgetter
 
 import numpy as np
 import pandas as pd
+from scipy.stats import chi2
 
-from analysis import STANDARD_GRAVITY, datasheets, static_logs, terrain_data
+from analysis import STANDARD_GRAVITY, datasheets, static_logs, store, terrain_data
+from analysis.noise.models import FLICKER
 from analysis.resampling import counts
 from analysis.store import rounded, rounded_number
 from analysis.terrain import Sensor, Setup, antennas, centre_line, simulate_laps, terrain_map
@@ -35,6 +37,9 @@ HIGHWAY_STEP = 5.0  # m
 ATLAS = ["sensor", "name", "axis", "kind", "unit", "n", "n_low", "n_high", "b", "b_low", "b_high"]
 ATLAS += ["basis", "low_usd", "high_usd", "source"]
 MEASURED = ("adis16405", "mpu6050-gyro", "mpu6050-accel")  # static logs of gyros, accelerometers
+CURVES = {"ln200": "Northrop Grumman LN-200", "imar": "iMAR, product not named"}
+CURVES |= {"navchip": "InterSense NavChip"}
+SLOPE = 0.1  # from -1/2, over two octaves: white noise is read there (chosen)
 DIRECTION = "ccw"  # its map is the mean of four drives (notebook 20)
 N_AND_B = ["arw_deg_sqrt_s", "sigma_b_deg_s"]
 SEED = seed(2013)  # of the laps, which are the same for every sensor; as notebook 23
@@ -376,8 +381,57 @@ def _variance(sensor, setup):
     return max(setup.own_R(sensor) + of_map, LEAST_R)
 
 
+def published_curves():
+    """Read N, and bounds of N and B, off Allan deviations of gyros that others published.
+
+    N is read at 1 s, as IEEE 952 does, where the slope is -1/2; its interval is that of the curve
+    from half to twice that time (chi squared, of the degrees of freedom that it states). As all
+    noise adds to the curve, its lowest point bounds B, and N too where the slope is another. No
+    curve states its unit: in rad/s these are plausible. That of a KVH 1750 is in no unit what its
+    data sheet leads to expect, and is left out.
+
+    Returns
+    -------
+    dict
+        Source.
+    dict of DataFrame
+        ``axes``: rows as those of `atlas`.
+
+    Raises
+    ------
+    sensorlogs.datasets.NotHere
+        If a raw file is not on this machine.
+    """
+    import rdata  # only here
+
+    def as_is(value, attributes):
+        return value
+
+    known = rdata.conversion.DEFAULT_CLASS_MAP | dict.fromkeys(("list", "avar", "imu_avar"), as_is)
+    files = {key: f"published-curves/{key}_av.rda" for key in CURVES}
+    rows = []
+    for key, file in files.items():
+        (found,) = rdata.read_rda(datasets.path(file), constructor_dict=known).values()
+        about = {"sensor": key, "name": CURVES[key], "kind": "rate", "unit": "deg/s"}
+        about |= {"basis": "published curve", "source": "SMAC-Group/avar, units inferred"}
+        sides = zip(found["axis"], found["type"], found["avar"].values(), strict=True)
+        for axis, curve in ((axis, curve) for axis, kind, curve in sides if kind == "Gyroscope"):
+            tau, freedom = curve["levels"], 1 / (2 * curve["errors"] ** 2)
+            white = np.degrees(curve["adev"] * np.sqrt(tau))
+            low, high = (white * np.sqrt(freedom / chi2.ppf(p, freedom)) for p in (0.975, 0.025))
+            at = int(np.argmin(np.abs(np.log(tau))))
+            row = about | {"axis": str(axis).lower(), "n_high": high.min()}
+            if abs(np.log2(white[at + 1] / white[at - 1])) / 2 < SLOPE:
+                near = slice(at - 1, at + 2)
+                row |= {"n": white[at], "n_low": low[near].min(), "n_high": high[near].max()}
+            rows.append(row | {"b_high": (high / np.sqrt(tau)).min() / FLICKER})
+    source = {"title": "Gyros by Allan deviations that others published"}
+    table = rounded(pd.DataFrame(rows, columns=ATLAS))
+    return source | datasets.origin(*files.values()), {"axes": table}
+
+
 def atlas():
-    """Lay out every sensor of the datasheets and of the committed logs.
+    """Lay out every sensor of the datasheets, the committed logs and the published curves.
 
     Returns
     -------
@@ -386,7 +440,8 @@ def atlas():
     dict of DataFrame
         ``atlas``: a row for each sensor and axis: ``sensor, name, axis, kind, unit`` (deg/s or g),
         ``n`` (unit sqrt(s)) and ``b`` (unit), each with ``_low`` and ``_high``, empty where it is
-        not known; ``basis`` (datasheet or measured), ``low_usd`` and ``high_usd``, ``source``.
+        not known; ``basis`` (datasheet, measured or published curve), ``low_usd`` and
+        ``high_usd``, ``source``.
     """
     rows = []
     for key, entry in datasheets.sheets().iterrows():
@@ -404,5 +459,8 @@ def atlas():
         source = model["source"]
         about = {"sensor": log, "name": source["title"].split(",")[0], "basis": "measured"}
         rows += datasheets.of_log(model, **about, source=source["source"])
-    table = rounded(pd.DataFrame(rows, columns=ATLAS))
-    return {"title": "Sensors by datasheet and by their logs"}, {"atlas": table}
+    curves = store.read("published-curves").tables["axes"].to_dict("records")
+    table = rounded(pd.DataFrame([*rows, *curves], columns=ATLAS))
+    return {"title": "Sensors by datasheet, by their logs and by published curves"}, {
+        "atlas": table
+    }

@@ -3,11 +3,14 @@
 import shutil
 from unittest.mock import Mock
 
+import numpy as np
 import pooch
 import pytest
+import rdata
 
 from analysis import DATA, CannotAnswer, WrongUsage
-from sensorlogs import datasets, read
+from sensorlogs import catalogue, datasets, read
+from sensorlogs.catalogue import load_catalogue
 
 NAME = "gpsd-logs/rx210.log"
 AWAY = "phone-drives/LICENSE"
@@ -75,7 +78,7 @@ def test_names_and_unknown_names():
 def test_addresses_name_a_commit():
     """Property: every file outside a source package has an address that cannot change."""
     for entry in datasets.registry().values():
-        assert len(entry.sha256) == 64
+        assert len(entry.sha256) == 64 or (not entry.sha256 and entry.commit)
         if entry.commit:
             assert entry.url.startswith(f"https://github.com/{entry.repository}/raw/")
             assert entry.commit in entry.url
@@ -94,6 +97,26 @@ def test_a_download_is_checked_and_kept(monkeypatch):
     monkeypatch.setattr(pooch, "retrieve", retrieve)
     assert datasets.fetch(NAME) == datasets.DOWNLOADED / NAME
     assert datasets.path(NAME).read_bytes() == content
+
+
+def test_a_large_set_keeps_the_sha256_of_its_first_use(tmp_path, monkeypatch):
+    """Property: a part of it is refused, its bytes are kept in mind, others refused after that."""
+    name = load_catalogue()["bmi055"]["file"]
+    (file := tmp_path / name).parent.mkdir()
+    rdata.write_rda(file, {"BMI055": np.random.default_rng(1).standard_normal((300, 6))})
+    monkeypatch.setenv(datasets.FOLDER_VARIABLE, str(tmp_path))
+    assert not datasets.dataset(name).sha256
+    with pytest.raises(CannotAnswer, match=r"300 rows, where its source states 4194305"):
+        read("bmi055", unit="rad/s")
+    assert datasets.dataset(name).sha256 == datasets.sha256(file)
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-1])
+    with pytest.raises(CannotAnswer, match="not the registered file"):
+        read("bmi055", unit="rad/s")
+    file.write_bytes(whole)
+    few = load_catalogue()["bmi055"] | {"rows": 300}
+    monkeypatch.setattr(catalogue, "load_catalogue", lambda: {"few": few})
+    assert read("few", unit="rad/s").samples == 300
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ KEYS: dict[str, type | tuple[type, ...]] = {  # of a stanza, with the type of th
     **dict.fromkeys(("rate_hz", "from", "to"), (int, float)),
     **dict.fromkeys(("names", "channels"), list),
     "time": (str, int),
+    "rows": int,
 }
 
 

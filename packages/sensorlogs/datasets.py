@@ -3,7 +3,8 @@
 ``data/registry.csv`` names every file with its size, sha256, licence and the public commit it
 comes from. A file is searched in the folder that the environment variable ``COMPENDIUM_DATA``
 names, then in ``data/raw/`` (the few whose licence lets them in), then in ``data/downloaded/``
-(git-ignored). A file is checked against its sha256 before it is read.
+(git-ignored). A file is checked against its sha256 before it is read. A large set that was never at
+hand here has none in the registry: that of its first use is kept, as ``data/downloaded/*.sha256``.
 """
 
 import contextlib
@@ -12,7 +13,7 @@ import functools
 import hashlib
 import logging
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
 from urllib.parse import quote
@@ -96,7 +97,10 @@ def dataset(name: str) -> Entry:
         raise WrongUsage(
             f"'{name}' is not in data/registry.csv; `python -m analysis data` lists what is"
         )
-    return registry()[name]
+    entry, first = registry()[name], _first_use(name)
+    if not entry.sha256 and first.is_file():
+        return replace(entry, sha256=first.read_text(encoding="utf-8"))
+    return entry
 
 
 def origin(*names: str) -> dict:
@@ -128,7 +132,12 @@ def path(name: str) -> Path:
     )
     for place in places:
         if place.is_file():
-            if sha256(place) != wanted.sha256:
+            if not wanted.sha256:
+                first = _first_use(name)
+                with contextlib.suppress(OSError):  # a tree that may not be written
+                    first.parent.mkdir(parents=True, exist_ok=True)
+                    first.write_text(sha256(place), encoding="utf-8")
+            elif sha256(place) != wanted.sha256:
                 raise CannotAnswer(
                     f"{name} is there but is not the registered file (its sha256 or its size of "
                     f"{wanted.bytes} bytes differs): delete that copy and run "
@@ -169,7 +178,7 @@ def fetch(name: str) -> Path:
         # pooch writes to a temporary file and moves it only once the sha256 is right.
         pooch.retrieve(
             wanted.url,
-            known_hash=f"sha256:{wanted.sha256}",
+            known_hash=f"sha256:{wanted.sha256}" if wanted.sha256 else None,
             fname=target.name,
             path=target.parent,
             downloader=pooch.HTTPDownloader(progressbar=True, timeout=30),
@@ -201,6 +210,11 @@ def _sha256(file: str, size: int, mtime_ns: int) -> str:
     """Hash a file once per (path, size, time of change) in this process."""
     with open(file, "rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
+
+
+def _first_use(name: str) -> Path:
+    """Where the sha256 of a file is kept that the registry has none of."""
+    return DOWNLOADED / f"{name}.sha256"
 
 
 def _by_hand(wanted: Entry) -> str:

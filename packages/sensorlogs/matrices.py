@@ -127,7 +127,7 @@ def numpy_file(path: Path) -> list[Part]:
 
 
 def rda(path: Path) -> list[Part]:
-    """List the matrices with named columns of an R data file."""
+    """List the matrices of an R data file; columns without a name are c1, c2 ..."""
     import rdata  # with xarray it takes half a second, which every other log would pay
 
     # rdata warns where an R class has no Python equivalent (here "imu", a matrix with attributes)
@@ -142,8 +142,10 @@ def rda(path: Path) -> list[Part]:
             if isinstance(value, pd.DataFrame):
                 columns = {str(key): value[key].to_numpy() for key in value}
             else:
-                names = [str(each) for each in value.coords[value.dims[1]].values]
-                matrix = np.asarray(value.values, dtype=float)
+                matrix = np.asarray(value, dtype=float)
+                names = [f"c{j + 1}" for j in range(matrix.shape[1])]
+                if hasattr(value, "coords"):
+                    names = [str(each) for each in value.coords[value.dims[1]].values]
                 columns = {each: matrix[:, j] for j, each in enumerate(names)}
             parts.append(of_arrays(path, name, columns))
     return parts

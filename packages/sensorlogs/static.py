@@ -176,6 +176,11 @@ def read(
     given |= {"unit": unit, "kind": kind, "scale": scale, "table": table}
     option = stanza | {key: value for key, value in given.items() if value is not None}
     rows = formats.read_table(path, option)
+    if len(rows.frame) < stanza.get("rows", 0):
+        raise CannotAnswer(
+            f"{path.name}: {len(rows.frame)} rows, where its source states {stanza['rows']}: it is "
+            "not the whole file; delete it and fetch it again"
+        )
     try:
         rows, time_column, grid, start_s, notes = _placed(rows, option)
     except WrongUsage as error:
