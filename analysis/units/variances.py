@@ -229,23 +229,23 @@ def _interval(s, best, i, freedom, unit) -> Estimate:
     smallest = SMALLEST * s.max()
     wide, near = np.exp(np.linspace(-10, 5, PROFILE)), np.exp(np.linspace(-1.5, 1.5, PROFILE))
     grid = np.unique(np.r_[smallest, s.max() * wide, best[i] * near, best[i]])
-    start = np.tile(np.maximum(best, 1e-3 * s.max()), (len(grid), 1))
-    start[:, i] = grid
-    v = _joint(s, start, [j for j in range(count) if j != i])
-    beyond = freedom * (_deviance(v, s) - _deviance(best, s)) - normal_factor(freedom) ** 2
-    at = int(np.argmin(np.abs(grid - best[i])))
-    above = at + int(np.argmax(beyond[at:] > 0))
-    high = float(np.sqrt(_crossing(grid, beyond, above - 1)))
-    if not (beyond[:at] > 0).any():
+
+    def beyond(grid):
+        start = np.tile(np.maximum(best, 1e-3 * s.max()), (len(grid), 1))
+        start[:, i] = grid
+        v = _joint(s, start, [j for j in range(count) if j != i])
+        return freedom * (_deviance(v, s) - _deviance(best, s)) - normal_factor(freedom) ** 2
+
+    def crossing(k):
+        inner = np.geomspace(grid[k], grid[k + 1], PROFILE)
+        y = beyond(inner)
+        return float(np.sqrt(np.interp(0.0, *((y, inner) if y[-1] > y[0] else (-y, inner)))))
+
+    y, at = beyond(grid), int(np.argmin(np.abs(grid - best[i])))
+    high = crossing(at + int(np.argmax(y[at:] > 0)) - 1)
+    if not (y[:at] > 0).any():
         return Estimate(value, 0.0, high, unit, note="zero is possible")
-    below = int(np.flatnonzero(beyond[:at] > 0)[-1])
-    return Estimate(value, float(np.sqrt(_crossing(grid, beyond, below))), high, unit)
-
-
-def _crossing(grid, y, k):
-    """Where a line between two points of the profile is zero, on the scale of the logarithm."""
-    x = np.log(grid[k : k + 2])
-    return float(np.exp(x[0] - y[k] * (x[1] - x[0]) / (y[k + 1] - y[k])))
+    return Estimate(value, crossing(int(np.flatnonzero(y[:at] > 0)[-1])), high, unit)
 
 
 def _independence(s, least, freedom, hat):
