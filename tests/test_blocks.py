@@ -13,7 +13,7 @@ from analysis import ROOT, STANDARD_GRAVITY, wrap
 from analysis.tracker import scenario, vectors
 from analysis.tracker.at_rest import LowPass, StaticTest
 from analysis.tracker.attitude import Attitude
-from analysis.tracker.device import BLOCKS, FILTERS, Device, Options
+from analysis.tracker.device import BLOCKS, FILTERS, Device, Epoch, Options
 from analysis.tracker.fusion import Fusion
 from analysis.tracker.last_position import LastPosition
 from analysis.tracker.mounting import MountingYaw
@@ -128,6 +128,14 @@ def test_a_device_survives_broken_inputs(laps, broken):
     for angle in ("roll", "pitch"):
         assert last[angle] == pytest.approx(whole[angle], abs=math.radians(1.0))
     assert last["moving"] == whole["moving"]
+
+
+def test_what_no_receiver_can_mean():
+    """property: a latitude beyond the pole is no fix; at the pole, and a turn away, it is."""
+    device = Device(Options(), None, False)
+    for lat, lon in ((90.0, 360.0), (-90.0, -360.0), (90.1, 0.0), (0.0, 360.1)):
+        epoch = Epoch(0.0, (lat, lon, 0.0), 1.0, 0.0, 0.0, 3.0, 8.0)
+        assert (device._known(epoch).fix is None) == (abs(lat) > 90 or abs(lon) > 360)
 
 
 @pytest.mark.parametrize("without", [None, *BLOCKS])

@@ -630,6 +630,8 @@ def test_moving_logs_of_several_tables(tmp_path):
     write_ubx_pvt(tmp_path / "ride.ubx")
     receiver = read_moving([tmp_path / "ride.ubx"])
     assert receiver.gnss.has_fix.all() and receiver.gnss.pdop[0] == pytest.approx(1.2)
+    with pytest.raises(WrongUsage, match="no table 'none'; it has NAV-PVT"):  # of one alone, too
+        read_moving([tmp_path / "ride.ubx"], tables=["none"])
     write_sensor_logger_folder(tmp_path / "phone")
     seconds = np.arange(5)
     location = {"time": (UNIX + seconds) * 1e9, "latitude": 45 + 1e-5 * seconds, "longitude": 7.0}

@@ -23,6 +23,7 @@ from analysis.units.events import Apart, disagreements
 from analysis.units.frame import Track, interpolated, local_tracks, rate, tracks, unwrapped
 from analysis.units.metrics import (
     Differences,
+    _common,
     normal_factor,
     quantile,
     root_mean_square,
@@ -334,6 +335,8 @@ def test_differences_of_a_known_shift():
     np.testing.assert_allclose(d.turn_deg_s[20:-20], np.degrees(0.1), rtol=0.01)
     np.testing.assert_allclose(d.attitude[:, 2], 5.0, atol=1e-9)
     metrics = trajectory_metrics(d)
+    ends = _common(np.arange(4.0), np.arange(0, 3.1, 0.5), 0.0, 3.0)
+    assert list(ends) == [0, 1, 2, 3]  # both ends count
     assert metrics["p50_m"].value == pytest.approx(np.hypot(3, 2), abs=0.01)
     assert metrics["yaw_rms_deg"].value == pytest.approx(5.0)
 
@@ -941,6 +944,13 @@ BAD = {  # what is done to the second log (b of a and b) -> exit status, what is
     "hours later": (
         lambda a, b: changed(backwards(a, b), t_s=7000 + a.gnss.t_s[-1] + np.arange(296.0)),
         *(1, "by their stamps 7000 s lie between them"),
+    ),
+    "standing": (
+        lambda a, b: changed(
+            b,
+            **{k: np.resize([v, v + 1e-6], 296) for k, v in (("lat_deg", 46.2), ("lon_deg", 6.1))},
+        ),
+        *(1, "b does not move (its scatter is 0.068 m)"),
     ),
     "no fix": (lambda a, b: changed(b, lat_deg=np.nan * b.gnss.t_s), 1, "0 epochs with a position"),
 }
