@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[1]
 COPY, RESULTS = ROOT / "scratch" / "mutants" / "copy", ROOT / "tests" / "mutants.csv"
 COLUMNS = ("seed", "module", "line", "before", "after", "killed_by", "reason")
 PURE = ("noise/*", "terrain/*", "tracker/*", "units/*", "resampling", "__init__")
-ENOUGH_S = 60  # of a processor, the quickest tests first; what has not failed then has survived
+ENOUGH_S = 150  # of a processor, the quickest tests first; what has not failed then has survived
 SECONDS = Path(__file__).resolve().parents[2] / "seconds.json"  # of each test, beside the copy
 TOOK = {}
 PLAIN = ("-xqrfE", "-oaddopts=", "-pno:nbval", "-pno:xdist", "-pno:cacheprovider", "-pmutants")
