@@ -4,7 +4,8 @@ A mutant is one small change of a module: an operator, a number, a condition, a 
 in a copy of the tree, ``scratch/mutants``, against the tests that carry the name of its module or
 import from it. ``tests/mutants.csv`` keeps what came out, one row a mutant, as soon as it is known:
 the same command goes on where it was stopped, and tries those again that survived for no reason.
-A reason is written there by hand; one that begins with "equivalent" says that no test can see it.
+A reason is written there by hand; one that begins with "equivalent" says that no test can see it,
+"unnoticed when drawn" that the test which sees it was written since.
 Ends with status 1 if a mutant without one survived.
 """
 

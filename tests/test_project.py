@@ -165,6 +165,11 @@ def test_the_readme_tells_the_counts_of_reliability():
     unlike = mutants[~mutants["reason"].str.startswith("equivalent")]
     unnoticed = (unlike["killed_by"] == "").sum()
     kept.loc[len(kept)] = "mutants", len(unlike), unnoticed, "make test-mutants"
+    last = unlike[unlike["seed"] == unlike["seed"].max()]
+    had = last["reason"].str.startswith("unnoticed when drawn") & (last["killed_by"] != "")
+    missed = had.sum() + (last["killed_by"] == "").sum()
+    assert f"{len(last)} drawn last, after the tests were written, {missed} went" in readme
+    assert f"unnoticed; {had.sum()} of these have a test now" in readme
     for row in kept.itertuples():
         said = rf"\| {row.what}: .* \| {row.tried:,} \| {row.failed} \| `{row.command}` \|"
         assert re.search(said, readme), row.what
