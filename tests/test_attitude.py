@@ -326,17 +326,6 @@ def test_a_lean_leaves_forward_where_it_is(mount, lean):
     assert (ax, ay) == pytest.approx((0.7 * c, -0.7 * s), abs=1e-9)
 
 
-def test_the_level_of_the_moment_turns_with_the_lean():
-    """analytic: the level under a leaning sensor misplaces the heading; so it is not used."""
-    lean, mounted = math.radians(40.0), sensor(45.0)
-    now = Upright()
-    now.start(reading(mounted, 0.0, 0.0, lean))  # gravity as it is seen in the lean
-    level = reading(mounted, 0.7, 0.0, lean) - reading(mounted, 0.0, 0.0, lean)
-    ax, ay = now.level(level)
-    # tan of the angle becomes tan(45 deg) over the cosine of the lean, and the like
-    assert abs(math.degrees(math.atan2(-ay, ax)) - 45.0) > 5.0
-
-
 def test_upright_is_the_mean_of_a_ride():
     """property: bends to both sides, starts and stops; down is right to 0.3 deg, side stand or not.
 

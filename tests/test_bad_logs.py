@@ -1,7 +1,5 @@
 """Logs that say little or nothing: an answer or a sentence, and not a word from a library."""
 
-import contextlib
-import io
 import warnings
 
 import numpy as np
@@ -9,7 +7,6 @@ import pytest
 
 from analysis import CannotAnswer
 from analysis.noise.channel import characterise
-from workbench import cli
 
 DT = 0.01
 RNG = np.random.default_rng(9)
@@ -80,35 +77,3 @@ def test_a_refusal(case):
         with pytest.raises(CannotAnswer, match=f"^channel x: .*{says}") as caught:
             characterise(y, DT, name="x", unit="deg/s", kind="rate", rng=np.random.default_rng(0))
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("case", "status"),
-    [
-        ("three seconds", 0),
-        ("two levels", 0),
-        ("drift in whole steps", 0),
-        ("one sample", 1),
-        ("a constant", 1),
-        ("pure drift", 1),
-    ],
-)
-def test_report(tmp_path, no_pictures, case, status):
-    """property: the command answers, or refuses with one line and writes nothing."""
-    y = ANSWERED[case] if status == 0 else REFUSED[case][0]
-    rows = [f"{i * DT:.2f},{v!r}" for i, v in enumerate(y.tolist())]
-    (tmp_path / "my.csv").write_text("\n".join(["t_s,gyro_x_deg_s", *rows]) + "\n")
-    out, err = io.StringIO(), io.StringIO()
-    arguments = ["report", str(tmp_path / "my.csv"), "--out", str(tmp_path / "mine")]
-    with (
-        contextlib.redirect_stdout(out),
-        contextlib.redirect_stderr(err),
-        warnings.catch_warnings(action="error"),
-    ):
-        assert cli.main(arguments) == status
-    if status:
-        assert err.getvalue().startswith("cannot answer: my.csv")
-        assert err.getvalue().count("\n") == 1 and out.getvalue() == ""
-        assert [p.name for p in tmp_path.iterdir()] == ["my.csv"]
-    else:
-        assert err.getvalue() == "" and (tmp_path / "mine" / "model.json").exists()

@@ -122,12 +122,6 @@ def test_outages_are_scored_by_the_fixes_that_they_took():
     assert turned["in_ellipse"] == pytest.approx(1 - outside.mean())
 
 
-def test_exits():
-    """analytic: counted by hand."""
-    assert evaluate.exits([0, 2, 2, 0, 2, 0], 1.0) == 2
-    assert evaluate.exits([2, 2, 0], 1.0) == 1
-
-
 def test_ratio_interval_covers():
     """coverage: 95 % of the intervals of 300 simulated sets hold the true ratio of 0.5."""
     held = 0

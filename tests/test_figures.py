@@ -420,6 +420,12 @@ def test_a_column_has_the_unit_of_its_largest_number(monkeypatch, tmp_path):
     assert analysis.in_one_unit([bound, bound]) == ("mg", [(None, "at least 2")] * 2)
     assert analysis.in_one_unit([bound, small])[0] == "µg"
     assert analysis.in_one_unit([Estimate.refused("m", "")]) == ("m", [(None, "no bound")])
+    assert analysis.in_one_unit([None, None]) == ("", [None, None])
+    assert analysis.in_one_unit([Estimate(1.5, None, None)]) == ("", [("1.5", "no bound")])
+    rad = Estimate(*np.radians([40 / 3600, 39 / 3600, 41 / 3600]), "rad/s")
+    hour = Estimate(0.2 / 3600, 0.1 / 3600, 0.3 / 3600, "deg/s")
+    expected = "°/h", [("0.20", "0.10 to 0.30"), ("40.0", "39.0 to 41.0"), None]
+    assert analysis.in_one_unit([hour, rad, None]) == expected
     for folder, found in ((str(tmp_path), tmp_path), ("", None)):
         monkeypatch.setenv("COMPENDIUM_FIGURES", folder)
         assert analysis.figures_folder() == found

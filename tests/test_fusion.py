@@ -47,17 +47,6 @@ def manoeuvre(seconds, rate=40):
     return np.column_stack([0.5 * np.sin(0.3 * t), 0.8 * np.cos(0.2 * t), 0 * t])
 
 
-def test_prediction_is_exact():
-    """analytic: constant acceleration: p = a t^2 / 2, v = a t, to rounding."""
-    block = Fusion()
-    block.start([0.0] * 3, [0.0] * 3, 1.0, 1.0)
-    a = np.array([1.0, -2.0, 0.5])
-    for _ in range(100):
-        block.predict(a, 0.1, 0.3)
-    np.testing.assert_allclose(block.position, 50 * a)
-    np.testing.assert_allclose(block.velocity, 10 * a)
-
-
 def test_noise_does_not_depend_on_the_step():
     """analytic: ten steps of 0.1 s add the same covariance as one of 1 s, to rounding."""
     one, ten = Fusion(), Fusion()
@@ -97,30 +86,6 @@ def test_the_structure_is_the_whole_filter():
     found = [*block.position, *block.velocity, *block.bias]
     np.testing.assert_allclose(found, x, atol=1e-5)
     np.testing.assert_allclose(dense(block._level, block._height), P, rtol=1e-4, atol=1e-7)
-
-
-def test_fused_positions_are_better_than_fixes():
-    """property: in white noise the filter's error is under half the fixes' after a minute."""
-    errors = drive(Fusion(), manoeuvre(200), np.random.default_rng(1))
-    assert np.sqrt((errors[60:, :2] ** 2).mean()) < 1.0
-
-
-def test_an_outage_is_bridged():
-    """property: 20 s without fixes while weaving: holding would be six times worse (ten rides)."""
-    accel, rate = manoeuvre(120), 40
-    fixes = [not 80 <= s < 100 for s in range(120)]
-    position = np.cumsum(np.cumsum(accel, axis=0) / rate, axis=0) / rate
-    gone = np.linalg.norm(position[100 * rate] - position[80 * rate])
-    runs = [drive(Fusion(), accel, np.random.default_rng(k), fixes=fixes)[99] for k in range(10)]
-    assert gone > 40
-    assert np.sqrt((np.array(runs)[:, :2] ** 2).sum(axis=1).mean()) < gone / 6
-
-
-def test_an_acceleration_error_is_learnt():
-    """property: a constant error of 0.2 m/s^2 is found to 0.05, so an outage stays small."""
-    block, error = Fusion(), (0.2, -0.1, 0.0)
-    drive(block, manoeuvre(300), np.random.default_rng(3), error=error)
-    np.testing.assert_allclose(block.bias[:2], error[:2], atol=0.05)
 
 
 def test_covariance_is_honest():

@@ -214,12 +214,6 @@ def test_a_good_fix_ends_what_doubted_ones_said():
     assert feed(block, flat, 20, mode=2, satellites=3, **there).index(True) == 30
 
 
-def test_a_fix_at_the_memory_does_not_wait():
-    """property: agreement with the memory stands for agreement over time."""
-    assert feed(LastPosition(HOME), [8.0])[0]
-    assert not feed(LastPosition(), [8.0])[0]
-
-
 def test_memory_is_written_now_and_then():
     """property: at most one write per save_every_s, one where a drive ends, the first at once."""
     block = LastPosition(save_every_s=60.0)

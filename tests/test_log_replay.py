@@ -7,7 +7,6 @@ import os
 import re
 import shlex
 from dataclasses import replace
-from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -32,12 +31,6 @@ def laps():
     """Simulate scenario B, two laps, and replay it."""
     scenario = scenarios.scenario("B", np.random.default_rng(1), laps=2)
     return scenario, replay(scenario.log)
-
-
-@pytest.fixture(scope="module")
-def at_rest():
-    """Simulate half an hour of scenario A."""
-    return scenarios.scenario("A", np.random.default_rng(2), minutes=30.0)
 
 
 @pytest.fixture(scope="module")
@@ -179,29 +172,6 @@ def test_an_outage_is_bridged(laps):
     assert error[True] < error[False] / 3
 
 
-@pytest.mark.parametrize("stored", [None, Stored(44.4949, 11.3426, 0.0, 0.0, 2.0)])
-def test_never_a_position_before_the_first_acceptable_fix(cold, stored):
-    """published: with nothing stored nothing is put out; with a stored position, exactly that."""
-    accepted = np.argmax(cold.log.gnss.pdop <= 10)
-    found = replay(cold.log, Options(**GATE_ALONE), stored).columns
-    assert found["accepted"][:accepted].sum() == 0 and found["accepted"][accepted] == 1
-    for name in ("lat_deg", "lon_deg"):
-        known = np.nan if stored is None else getattr(stored, name)
-        np.testing.assert_array_equal(found[f"out_{name}"][:accepted], known)
-    assert np.isfinite(found["out_lat_deg"][accepted:]).all()
-
-
-def test_at_rest(at_rest):
-    """property: 30 min of rest at 4 Hz: static throughout, layers fill, updates get rarer."""
-    found = replay(at_rest.log, Options(lengths=(10, 10, 10))).columns
-    layer, lat = found["layer"], found["out_lat_deg"]
-    assert found["moving"][10:].sum() == 0
-    assert (np.diff(layer) >= 0).all() and layer[-1] == 3
-    for k, every in ((1, 10), (2, 100)):
-        changes = np.flatnonzero(np.diff(lat[layer == k]) != 0)
-        assert np.median(np.diff(changes)) == every
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_no_output_leaves_the_95_percent_circle(seed):
     """property: at rest with simulated errors that last under a minute, from layer 2 on, none."""
@@ -321,19 +291,6 @@ def test_what_looks_wrong_is_said(laps, cold, scenario, change, said, unsaid):
     """property: in a sentence, and of a good log nothing."""
     notes = told(change({"B": laps[0], "C": cold}[scenario].log))
     assert said in notes and not re.search(unsaid, notes)
-
-
-def test_a_gap_in_the_imu(laps):
-    """property: a minute without IMU samples is no crash and no wild position."""
-    scenario, _ = laps
-    t = scenario.log.imu.t_s
-    found = replay(with_imu(scenario.log, (t < 60) | (t > 120))).columns
-    t, blank = found["t_s"], np.isnan(found["pitch_deg"])
-    inside = (t > 62) & (t < 120)
-    assert np.isfinite(found["out_lat_deg"][5:]).all()
-    raw, out = scenario.fix_error(), scenario.output_error(found)
-    assert np.hypot(*out)[inside].max() < 2 * np.hypot(*raw).max() + 2
-    assert blank[inside].all() and not blank[(t > 5) & (t <= 60)].any()
 
 
 @pytest.mark.parametrize("part", [(0.0, 60.0), (60.0, 1e9)])
@@ -708,17 +665,6 @@ def test_refusals_leave_nothing(tmp_path, monkeypatch, cold, words, expected, sa
     assert files(tmp_path) == list(before)
     for name, content in before.items():
         assert content is True or (tmp_path / name).read_bytes() == content
-
-
-def test_failing_halfway_leaves_the_old_result(tmp_path, monkeypatch, written):
-    """property: whatever goes wrong while writing, the earlier files stay as they were."""
-    words = ["replay", written[0], "--out", tmp_path / "out"]
-    assert run(*words)[0] == 0
-    old = (tmp_path / "out" / "track.csv").read_bytes()
-    monkeypatch.setattr(page.pages, "rounded", Mock(side_effect=KeyboardInterrupt))
-    assert run(*words)[0] == 130
-    assert files(tmp_path / "out") == list(FILES)
-    assert (tmp_path / "out" / "track.csv").read_bytes() == old
 
 
 @pytest.mark.parametrize(

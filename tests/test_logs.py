@@ -129,17 +129,6 @@ def test_angles_are_unwrapped(tmp_path, unit, period):
     assert any("unwrapped: 2 jumps" in repair for repair in log.repairs)
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("g", 1.0), ("m_s2", 9.80665), ("mg", 1000.0)])
-def test_the_same_log_in_g_and_m_s2_differs_by_gravity_only(tmp_path, unit, factor):
-    """Property: units are not converted, only named; the gravity check accepts both."""
-    rng = np.random.default_rng(3)
-    g = np.array([0.01, 0.02, -1.0]) + 0.01 * rng.normal(size=(200, 3))
-    cells = np.column_stack([np.arange(200) / 100, factor * g])
-    rows = [",".join(f"{v:.9f}" for v in row) for row in cells]
-    log = read(tmp_path, rows, ",".join(["t_s", *(f"accel_{a}_{unit}" for a in "xyz")]))
-    np.testing.assert_allclose(values(log).T / factor, g, atol=1e-9)  # decimals are printed
-
-
 # --- repairs are stated --------------------------------------------------------------------------
 
 

@@ -92,30 +92,6 @@ def test_the_error_of_a_map_is_recovered():
     assert found == pytest.approx((0.07, 0.15, 50.0, 0.08, 2.5), rel=0.01)
 
 
-def test_differences_are_read_at_whole_metres(monkeypatch):
-    """cross-check: the semivariogram that is fitted, from samples anywhere, one by one.
-
-    Nothing is known at a metre with no sample within two.
-    """
-    rng, laps, sums, fitted = np.random.default_rng(2), [], [], []
-
-    def fit(_, lags, gamma, start, **options):
-        fitted.extend((lags, gamma))
-        return start, None
-
-    monkeypatch.setattr(real_laps, "curve_fit", fit)
-    for _ in range(2):
-        s = np.cumsum(rng.choice([0.3, 0.8, 1.0, 4.0, 7.0], 500, p=[0.3, 0.3, 0.3, 0.05, 0.05]))
-        s[0] -= 5.0
-        laps.append((s, rng.normal(size=500)))
-        grid = range(int(np.ceil(s[0])), int(np.ceil(s[-1])))
-        of = [np.interp(g, *laps[-1]) if np.abs(g - s).min() <= 2 else np.nan for g in grid]
-        sums.append([np.nanmean(np.subtract(of[k:], of[:-k]) ** 2) / 2 for k in real_laps.LAGS])
-    MapError.estimate(laps)
-    np.testing.assert_allclose(fitted[1], np.mean(sums, axis=0))
-    assert fitted[0][[0, -1]].tolist() == [1, 200]
-
-
 def test_what_a_filter_expects_of_a_map():
     """analytic: of four laps 1.25 times the variance, the offset by Student's t of five, 2.571."""
     error, setup = MapError(0.06, 0.15, 50.0, 0.08, 2.5, laps=6), Setup.reference(1557.0)

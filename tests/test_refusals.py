@@ -150,26 +150,6 @@ def test_a_random_walk_by_its_rivals(chosen, aics, ends, expected, why):
     assert e.resolved == (expected[0] is not None)
 
 
-def test_two_warm_ups_speak_against_a_walk():
-    """known case: two exponentials as good within 4 of 2 ln L, where one warm-up is a term."""
-    for two, warm, says in ((4.0, True, True), (4.1, True, False), (4.0, False, False)):
-        terms = [SimpleNamespace(kind=kind) for kind in ("step", *["warm_up"] * warm)]
-        found, times = inferred("N+K", {"N+K": 0.0}, terms=tuple(terms)), set()
-
-        def deviance(terms, noise, two=two, times=times):
-            if noise.rrw is not None:
-                return [0.0]
-            assert [t.kind for t in terms] == ["step", "warm_up", "warm_up"]
-            times |= {t.at for t in terms[1:]}
-            return [two + (terms[1].at != min(times))]
-
-        found.coarse.deviance = deviance
-        e = found.rate_random_walk()
-        assert (e.note == said("two_warm_ups")) == says == (not e.resolved)
-        if warm:  # of 0.005 log lengths to one
-            assert (min(times), max(times)) == pytest.approx((50.0, 10_000.0))
-
-
 @pytest.mark.parametrize(
     ("chosen", "aics", "ends", "time", "size", "why"),
     [
@@ -391,44 +371,3 @@ def test_terms_are_added_as_long_as_they_are_clearly_better(offered, kept, rival
     assert (other is not None) == rival and (not rival or len(other.terms) == kept + 1)
     columns = np.cumsum([len(t.columns) for _, t in offers])[: len(made)]
     assert made == columns.tolist() and len(made) <= kept + 1
-
-
-def test_a_drift_holds_what_every_bias_allows(monkeypatch):
-    """known case: three rows of noise, 101 logs drawn whose fall is z^2; 95 % of them up to 4.
-
-    A row lets the drift move by sd sqrt(4 - 2 (best - own)); a row too far off counts for nothing
-    but its share of the weights, which are likelihoods.
-    """
-    value, drift, sd = (
-        np.array([0.0, -1.0, -2.5]),
-        np.array([1.0, 2.0, 9.0]),
-        np.array([0.1, 0.2, 0.3]),
-    )
-    z = np.sqrt(4 * np.arange(101) / 95)[:, None]
-    drawn = np.zeros((101, 3)) - [3.0, 4.0, 5.0]
-    lines = np.vstack([value, drawn]), np.vstack([drift, z * sd]), sd
-    asked = []
-
-    def fitted_lines(stretch, points, names):
-        asked.append((stretch.yy.shape, stretch.zy.shape, points, names))
-        return lines
-
-    def draw(stretch, noise, logs, rng):
-        assert logs == 500 and noise.sigma_v[0] == pytest.approx(0.7)
-        return replace(
-            stretch, yy=np.ones((3, *stretch.yy.shape)), zy=np.ones((3, *stretch.zy.shape))
-        )
-
-    monkeypatch.setattr(inference, "_lines", fitted_lines)
-    monkeypatch.setattr(inference, "simulate", draw)
-    monkeypatch.setattr(inference, "_grid", lambda likelihood, fit: fit.model)
-    likelihood = NoiseLikelihood(spectrum.transform(np.arange(50.0) ** 2, 0.1))
-    fits = {k: Fit(k, {}, 0, 0, np.log([0.7] * len(MODELS[k])), MODELS[k]) for k in MODELS}
-    weight = np.exp(value)
-    ends = min(1 - 0.2, 2 - 0.2 * np.sqrt(2)), 2 + 0.2 * np.sqrt(2)
-    for chosen, tried in (("N", "N+K"), ("N+B", "N+B+K"), ("N+K", "N+GM"), ("N+2GM", "N+2GM")):
-        found = inference.linear_drift(likelihood, fits, fits[chosen], None)
-        np.testing.assert_allclose(found, (weight @ drift / weight.sum(), *ends))
-        (yy, zy, points, names) = asked.pop()
-        assert points == tried and names == MODELS[tried]  # the log itself in front of those drawn
-        assert yy[0] == zy[0] == 4

@@ -10,10 +10,7 @@ from analysis import terrain_data
 from analysis.noise.models import gauss_markov
 from analysis.terrain import relocate
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.monte_carlo import attitude_errors
-from analysis.terrain.real_laps import resample_lap
 from analysis.terrain.relocate import (
-    Watched,
     averaged_map,
     likelihood,
     watch,
@@ -205,38 +202,3 @@ def test_alarm_and_way_back_comparison_by_comparison(drive, monkeypatch):
     anew = replace(setup, begin_sd=1.0, start="stationary", begin_attitude_sd=sd)
     rest = watch(road, samples[:, 600:], moved[600:] * (truth[600:] > 1000), 1047.0, MEMS, anew)
     np.testing.assert_allclose(found.position[600:], rest.position, atol=1e-6)
-
-
-def test_real_laps_are_spoilt_as_their_names_say(monkeypatch):
-    """known case: what `watch` is given of a lap, against the lap; what it answers, in the rows."""
-    setup, given = Setup.reference(1557.0, every=10), []
-    lap, profile = terrain_data.lap_and_map(LAP)
-    truth, moved, attitude = resample_lap(lap, 100.0)
-
-    def answer(*of):
-        given.extend(of)
-        off = np.array([[0, 0, -3, 0, 0]] * (len(truth) - 1) + [[1, 0, 2, 0, 0]])
-        return Watched(truth[:, None] + off, None, [(2, 5), (4, 7), (2, 9)], [(2, 7)])
-
-    monkeypatch.setattr(relocate, "watch", answer)
-    error = terrain_data.map_error(LAP)
-    table = watch_real_laps({LAP: (lap, profile)}, {LAP: error}, MEMS, setup, seed=4)
-    _, seen, driven, first, sensor, own, places = given
-    walk, bias = attitude_errors(setup, 1, [np.random.SeedSequence(4)], len(truth))
-    np.testing.assert_allclose(seen[..., 0] - attitude, 0.01 * (walk + bias)[..., 0].T, atol=1e-12)
-    assert (sensor, own) == (MEMS, error.setup(setup, profile.laps.mean()))
-    assert places == (truth.min() - 10, truth.max() + 10)
-    bent = (seen - seen[..., :1])[0]
-    for d, degrees, metres in ((1, -0.5, 300), (2, 1.0, 100)):
-        off = np.isfinite(bent[:, d]) & (np.abs(bent[:, d]) > 1e-9)
-        assert bent[off, d] == pytest.approx(degrees) and abs(np.ptp(truth[off]) - metres) < 1
-        assert truth[off].max() == pytest.approx(800, abs=0.5)
-    np.testing.assert_allclose(np.nan_to_num(bent[:, [3, 4]]), 0.0, atol=1e-12)
-    missed = (driven - moved[:, None]).T
-    np.testing.assert_array_equal(missed[[0, 1, 2, 4]], 0.0)
-    slips = np.flatnonzero(missed[3])
-    assert missed[3].sum() == pytest.approx(-30) and np.ptp(slips) == 199  # 2 s at 100 Hz
-    assert truth[slips[0] - 1] <= 700 < truth[slips[0]]
-    assert (first - truth[0]).tolist() == [0, 0, 0, 0, 60]
-    rows = [[0, 0, 1, 1], [0, 0, 0, 0], [2, 1, 3, 2], [0, 0, 0, 0], [1, 0, 0, 0]]
-    np.testing.assert_allclose(table.droplevel(1), rows, atol=1e-9)

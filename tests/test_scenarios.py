@@ -26,29 +26,9 @@ def rng(seed=0):
     return np.random.default_rng(seed)
 
 
-def test_a_device_at_rest_feels_gravity_alone():
-    """analytic: without errors the specific force is one g along the true up, and no rotation."""
-    a = scenario("A", rng(), minutes=1, **NO_ERROR)
-    up = a.C_nb[0].T @ [0.0, 0.0, -STANDARD_GRAVITY]
-    np.testing.assert_allclose(a.log.imu.accel_b, np.tile(up, (241, 1)), atol=1e-9)
-    np.testing.assert_allclose(a.log.imu.gyro_b, 0.0, atol=1e-12)
-    assert not a.moving.any()
-
-
-@pytest.mark.parametrize("mount", [0.0, 90.0, 200.0, 330.0])
-def test_setting_off_is_felt_along_the_heading(mount):
-    """analytic: 0.6 m/s^2 along the vehicle's heading, seen from the turned sensor."""
-    b = scenario("B", rng(), laps=1, mount_deg=mount, **NO_ERROR)
-    imu = b.log.imu
-    first = (imu.t_s > 21) & (imu.t_s < 24)  # straight, setting off at the scenario's 0.6 m/s^2
-    levelled = Rotation.from_euler("ZYX", [0.0, -3.0, 2.0], degrees=True)  # the scenario's tilt
-    fx, fy, _ = levelled.apply(imu.accel_b[first]).mean(axis=0)
-    # 0.02: the first bend begins within the straight's last metres; the course turns by 1 deg.
-    assert fx == pytest.approx(0.6 * np.cos(np.radians(mount)), abs=0.02)
-    assert fy == pytest.approx(-0.6 * np.sin(np.radians(mount)), abs=0.02)
-
-
-@pytest.mark.parametrize(("name", "given"), [("B", {"laps": 1}), ("C", {"wait": 20.0}), ("D", {})])
+@pytest.mark.parametrize(
+    ("name", "given"), [("A", {"minutes": 2}), ("B", {"laps": 1}), ("C", {"wait": 20.0}), ("D", {})]
+)
 def test_readings_are_those_of_the_true_motion(name, given):
     """analytic: the integrated gyro gives the attitude, the force the speed, speed the place."""
     ride = scenario(name, rng(), imu_rate=40.0, **given, **NO_ERROR)
@@ -313,15 +293,6 @@ def settling(t_s, north, east):
     return float(far[start]), float(t_s[last] - t_s[start])
 
 
-def test_settling():
-    """analytic: 8 m that die away with 10 s, sampled each second: e-folded after ten of them."""
-    t = np.arange(200.0)
-    north = 8.0 * np.exp(-t / 10)
-    size, seconds = settling(t, 0.6 * north, 0.8 * north)
-    assert size == pytest.approx(8.0, abs=1e-6)
-    assert seconds == pytest.approx(10.0, abs=1.0)
-
-
 @pytest.mark.parametrize(("name", "start"), GnssErrors.STARTS.items())
 def test_the_starts_are_those_of_real_receivers(name, start):
     """cross-check: size and time of each settling, from the receiver's own log, to rounding."""
@@ -345,14 +316,6 @@ def test_vibration_has_no_lasting_part():
         assert 0.8 < each[:, 0].std() < 1.3  # 0.2 of about 5 m/s
     assert np.abs(ride.mean(axis=0)).max() < 5 / len(ride)
     assert 0.3 < np.abs(white.mean(axis=0)).max() * np.sqrt(len(white)) < 4
-
-
-def test_same_generator_same_log():
-    """property: a seed decides everything."""
-    one, two, other = (scenario("C", rng(s)).log for s in (4, 4, 5))
-    np.testing.assert_array_equal(one.imu.accel_b, two.imu.accel_b)
-    np.testing.assert_array_equal(one.gnss.lat_deg, two.gnss.lat_deg)
-    assert not np.array_equal(one.gnss.lat_deg, other.gnss.lat_deg, equal_nan=True)
 
 
 @pytest.mark.parametrize("mount", [15.0, 90.0, 181.0, 355.0])
@@ -384,7 +347,6 @@ def test_outages_take_the_fixes_only():
     t = b.log.gnss.t_s
     assert (cut.log.gnss.has_fix == ~((t >= 30) & (t < 40))).all()
     np.testing.assert_array_equal(cut.north_m, b.north_m)
-    assert b.first_turn_s == pytest.approx(20 + 84.39 / 4.9, abs=6.0)  # a straight after the wait
 
 
 def test_levelling_errors_are_angles_to_the_true_vertical():

@@ -29,7 +29,6 @@ PARAMETERS |= {
     for kind, walk in (("rate", "arw"), ("accel", "vrw"))
 }
 DT = 0.1  # s
-G = 9.80665  # m/s^2
 
 
 def simulated():
@@ -158,27 +157,6 @@ def test_same_seed_same_bytes(log, result, tmp_path, capfd, monkeypatch):
     few = replace(log, channels=log.channels[:1])
     other = static_logs.characterise(few, seed=1, progress=False)
     assert other.channels[0].parameters != result.channels[0].parameters
-
-
-def test_same_log_in_g_and_m_s2(tmp_path):
-    """Property: the unit scales the answer and nothing else."""
-    white = 0.01 * np.random.default_rng(13).normal(size=(2, 12_000))
-    channels = [0.1 + simulated(), 0.2 + white[0], 1.0 + white[1]]
-    found = []
-    for unit, factor in (("g", 1.0), ("m_s2", G)):
-        named = {f"accel_{a}_{unit}": factor * c for a, c in zip("xyz", channels, strict=True)}
-        found.append(static_logs.characterise(read(tmp_path, **named), progress=False))
-    resolved = 0
-    for in_g, in_m_s2 in zip(found[0].channels, found[1].channels, strict=True):
-        # 1e-6: the CSVs have 15 digits, of which squaring a small difference costs some
-        np.testing.assert_allclose(in_m_s2.allan.adev, G * in_g.allan.adev, rtol=1e-6)
-        for name, e in in_g.parameters.items():
-            other, factor = in_m_s2.parameters[name], 1.0 if name == "corr_time" else G
-            assert other.resolved == e.resolved, name
-            for a, b in ((getattr(of, k) for of in (e, other)) for k in ("value", "low", "high")):
-                assert b == (None if a is None else pytest.approx(factor * a, rel=1e-6)), name
-            resolved += e.resolved
-    assert resolved >= 7  # sigma_v and N of each axis, the bias of x: or nothing was compared
 
 
 # --- any folder ----------------------------------------------------------------------------------

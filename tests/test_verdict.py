@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import sensorlogs as logs
-from analysis import ROOT, Estimate, WrongUsage, in_one_unit, plots, static_logs, store
+from analysis import ROOT, Estimate, WrongUsage, plots, static_logs, store
 from workbench import pages, report, verdict
 from workbench.pages import Said, phrase, sentences
 
@@ -222,20 +222,6 @@ def test_every_column_has_one_unit(page_of):
     assert found == words - {"at least"}
     text = re.sub(r"<style>.*?</style>|<[^>]*>", " ", page, flags=re.S)
     assert not {name for name in verdict.SYMBOLS if "_" in name} & set(re.findall(r"\w+", text))
-
-
-def test_one_unit_for_numbers_of_all_sizes():
-    """Analytic: 0.2 and 40 deg/h, rad/s beside deg/s; bounds, gaps and pure numbers."""
-    hour, rad = 1 / 3600, np.radians(1 / 3600)
-    made = [
-        Estimate(0.2 * hour, 0.1 * hour, 0.3 * hour, "deg/s"),
-        Estimate(40 * rad, 39 * rad, 41 * rad, "rad/s"), None,
-        Estimate(None, None, 2000 * hour, "deg/s", resolved=False),
-    ]  # fmt: skip
-    cells = [("0.20", "0.10 to 0.30"), ("40.0", "39.0 to 41.0"), None, (None, "at most 2000")]
-    assert in_one_unit(made) == ("°/h", cells)
-    assert in_one_unit([None, None]) == ("", [None, None])
-    assert in_one_unit([Estimate(1.5, None, None)]) == ("", [("1.5", "no bound")])
 
 
 @pytest.mark.parametrize("gyros", [True, False])
