@@ -15,37 +15,31 @@ STEPS = np.where(np.arange(6000) % 40 < 20, 0.0, 1.0)
 FEW = np.arange(1500)  # each gap costs time
 
 ANSWERED = {
-    "three seconds": 0.1 * WHITE[:300],
-    "64 samples": 0.1 * WHITE[:64],
+    "three seconds": 0.1 * WHITE[:300], "64 samples": 0.1 * WHITE[:64],
     "two levels": np.where(WHITE > 0, 0.05, 0.0),
-    "two levels, one of them rare": np.where(WHITE > 2.5, 0.05, 0.0),
-    "two levels in turn": STEPS,
+    "two levels, one of them rare": np.where(WHITE > 2.5, 0.05, 0.0), "two levels in turn": STEPS,
     "every other sample": np.arange(6000) % 2 * 1.0,
     "one step in the middle": np.where(np.arange(6000) < 3000, 0.0, 1.0) + 0.0 * WHITE,
     "one sample differs": np.where(np.arange(6000) == 3000, 1.0, 0.0),
     "three levels": np.round(0.5 * WHITE),
     "drift in whole steps": np.floor(np.arange(6000) / 100) * 0.05,
     "drift with a trace of noise": 0.01 * np.arange(6000) + 1e-6 * WHITE,
-    "a large offset": 1e9 + WHITE,
-    "tiny readings": 1e-12 * WHITE,
-    "huge readings": 1e12 * WHITE,
-    "a random walk and nothing else": np.cumsum(WHITE),
-    "a sine": np.sin(np.arange(6000) / 50),
+    "a large offset": 1e9 + WHITE, "tiny readings": 1e-12 * WHITE, "huge readings": 1e12 * WHITE,
+    "a random walk and nothing else": np.cumsum(WHITE), "a sine": np.sin(np.arange(6000) / 50),
     "a spike": np.where(np.arange(6000) == 99, 1e6, WHITE),
     "a long hole": np.where(np.abs(np.arange(6000) - 3000) < 200, np.nan, WHITE),
     "stretches of 100 samples": np.where(FEW % 200 < 100, np.cumsum(WHITE[:1500]), np.nan),
     "every other sample, with long holes": np.where(FEW % 200 < 100, FEW % 2 * 1.0, np.nan),
     "holes everywhere": np.where(np.arange(6000) % 13 == 0, np.nan, WHITE),
     "bursts of 20 samples": np.where(FEW % 60 < 20, WHITE[:1500], np.nan),
-}
+}  # fmt: skip
 REFUSED = {
-    "one sample": (np.ones(1), "1 samples"),
-    "63 samples": (WHITE[:63], "63 samples"),
+    "one sample": (np.ones(1), "1 samples"), "63 samples": (WHITE[:63], "63 samples"),
     "a constant": (np.full(6000, 1.5), "constant"),
     "a constant with holes": (np.where(np.arange(6000) % 20 == 0, np.nan, 1.5), "constant"),
     "pure drift": (1.0 + 0.01 * np.arange(6000), "straight line"),
     "nothing but holes": (np.full(6000, np.nan), "0 samples"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", ["rate", "angle"])
@@ -54,10 +48,8 @@ def test_an_answer(case, kind):
     """property: each parameter is a finite number inside its interval, or refused with a reason."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        unit = "deg/s" if kind == "rate" else "deg"
-        found = characterise(
-            ANSWERED[case], DT, name="x", unit=unit, kind=kind, rng=np.random.default_rng(0)
-        )
+        of = {"name": "x", "unit": {"rate": "deg/s", "angle": "deg"}[kind], "kind": kind}
+        found = characterise(ANSWERED[case], DT, **of, rng=np.random.default_rng(0))
     for name, e in found.parameters.items():
         known = [v for v in (e.low, e.value, e.high) if v is not None]
         assert np.all(np.isfinite(known)), name

@@ -22,21 +22,17 @@ def test_what_the_page_names_is_there():
     """property: every file, module, make target and command of the page exists."""
     named = set(re.findall(r"`((?:analysis|tests|data|notebooks|figures)/[\w./-]*)`", PAGE))
     named = {n for n in named if not re.search("35-my|data/own/|lib/", n)}
-    assert len(named) > 15
-    assert [n for n in sorted(named) if not (ROOT / n).exists()] == []
-    modules = re.findall(r"`(\w+)\.(\w+)`", PAGE)
-    assert {"operations", "derived"} <= {m for m, _ in modules}
+    assert len(named) > 15 and [n for n in sorted(named) if not (ROOT / n).exists()] == []
+    assert {"operations", "derived"} <= {m for m, _ in re.findall(r"`(\w+)\.(\w+)`", PAGE)}
     targets = set(re.findall(r"`make ([a-z-]+)`", PAGE))
     rules = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
     assert targets <= rules
-    verbs = set(re.findall(r"python -m analysis ([a-z]+)", PAGE))
-    assert verbs <= set(cli.app.commands)
+    assert set(re.findall(r"python -m analysis ([a-z]+)", PAGE)) <= set(cli.app.commands)
 
 
 def test_a_sensor(tmp_path):
     """property: the page's stanza joins the sheets; without a line the line is named."""
-    path = tmp_path / "sensors.toml"
-    before = (DATA / "sensors.toml").read_text("utf-8")
+    path, before = tmp_path / "sensors.toml", (DATA / "sensors.toml").read_text("utf-8")
     path.write_text(before + SENSOR, "utf-8")
     assert datasheets.read(path)["my-gyro"] == tomllib.loads(SENSOR)["my-gyro"]
     for line, words in (("source", "source"), ("density_deg_s", "arw_deg_sqrt_h or")):

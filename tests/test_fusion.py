@@ -67,9 +67,7 @@ def test_the_structure_is_the_whole_filter():
     block.start([0.0] * 3, [1.0, 2.0, 0.0], 3.0, 1.0)
     x, P = np.array([0.0, 0, 0, 1, 2, 0, 0, 0, 0]), np.diag([9.0] * 3 + [1.0] * 3 + [0.04] * 3)
     unit, none = np.eye(3), np.zeros((3, 3))
-    F = np.block(
-        [[unit, dt * unit, -dt * dt / 2 * unit], [none, unit, -dt * unit], [none, none, unit]]
-    )
+    F = np.kron([[1, dt, -dt * dt / 2], [0, 1, -dt], [0, 0, 1]], unit)
     B = np.vstack([dt * dt / 2 * unit, dt * unit, none])
     white = 0.09 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
     Q = np.kron(np.pad(white, (0, 1)) + np.diag([0, 0, SIGMA_BIAS_WALK**2 * dt]), unit)
@@ -83,8 +81,7 @@ def test_the_structure_is_the_whole_filter():
         given = z[:3].tolist() if second % 7 else None, z[3:].tolist() if second % 7 != 3 else None
         block.update(*given, 3.0, 0.3)
         x, P = kalman.update(x, P, z[rows], H[rows], R[rows, rows])
-    found = [*block.position, *block.velocity, *block.bias]
-    np.testing.assert_allclose(found, x, atol=1e-5)
+    np.testing.assert_allclose([*block.position, *block.velocity, *block.bias], x, atol=1e-5)
     np.testing.assert_allclose(dense(block._level, block._height), P, rtol=1e-4, atol=1e-7)
 
 
@@ -93,9 +90,7 @@ def test_covariance_is_honest():
     inside = 0
     for seed in range(40):
         rng, block = np.random.default_rng(seed), Fusion()
-        noisy = manoeuvre(60) + 0.0
-        error = 0.2 * rng.standard_normal(3)
-        last = drive(block, noisy, rng, error=error)[-1]
+        last = drive(block, manoeuvre(60) + 0.0, rng, error=0.2 * rng.standard_normal(3))[-1]
         inside += last[:2] @ last[:2] < 5.99 * block.sigma_p**2
     assert inside >= 35
 
@@ -114,5 +109,4 @@ def test_covariance_stays_positive(number):
             block.update(position, velocity, 3.0, 0.2)
     states = (*block.position, *block.velocity, *block.bias, *block._level)
     assert {type(state) for state in states} == {number}
-    whole = dense(block._level, block._height)
-    assert np.linalg.eigvalsh(whole.astype(float)).min() > 0
+    assert np.linalg.eigvalsh(dense(block._level, block._height).astype(float)).min() > 0

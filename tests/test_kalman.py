@@ -35,11 +35,9 @@ def test_inverse_reads_the_lower_triangle_only():
 @pytest.mark.parametrize(("n", "m"), [(3, 3), (9, 5), (9, 3), (2, 1)])
 def test_against_filterpy(n, m):
     """cross-check: filterpy's KalmanFilter over fifty steps, to 1e-8."""
-    kalman = pytest.importorskip("filterpy.kalman")
-    rng = np.random.default_rng(n)
+    kalman, rng = pytest.importorskip("filterpy.kalman"), np.random.default_rng(n)
     x, P, F, Q, H, R, _ = system(rng, n, m)
-    F = F / np.abs(np.linalg.eigvals(F)).max()
-    other = kalman.KalmanFilter(dim_x=n, dim_z=m)
+    F, other = F / np.abs(np.linalg.eigvals(F)).max(), kalman.KalmanFilter(dim_x=n, dim_z=m)
     other.x, other.P, other.F, other.Q, other.H, other.R = x, P, F, Q, H, R
     for _ in range(50):
         z = rng.normal(size=m)
@@ -61,6 +59,5 @@ def test_covariance_stays_symmetric_and_positive(n, m, dtype):
     for _ in range(2000):
         x, P = filters.predict(x, P, F, Q)
         x, P = filters.update(x, P, rng.normal(size=m).astype(dtype), H, R)
-        assert x.dtype == P.dtype == dtype
-        assert (P == P.T).all()
+        assert x.dtype == P.dtype == dtype and (P == P.T).all()
     assert np.linalg.eigvalsh(P.astype(np.float64)).min() > 0

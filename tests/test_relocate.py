@@ -10,12 +10,7 @@ from analysis import terrain_data
 from analysis.noise.models import gauss_markov
 from analysis.terrain import relocate
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.relocate import (
-    averaged_map,
-    likelihood,
-    watch,
-    watch_real_laps,
-)
+from analysis.terrain.relocate import averaged_map, likelihood, watch, watch_real_laps
 from analysis.terrain.terrain_map import AttitudeMap
 
 LAP = "14-45-26"
@@ -24,8 +19,7 @@ MEMS = Sensor(0.01, 0.01)
 
 def test_no_alarm_without_need_and_the_way_back_after_a_slip():
     """property: on a real lap none without cause; after a slip or a wrong start the place again."""
-    setup = Setup.reference(1557.0, every=10)
-    laps = {LAP: terrain_data.lap_and_map(LAP)}
+    setup, laps = Setup.reference(1557.0, every=10), {LAP: terrain_data.lap_and_map(LAP)}
     found = watch_real_laps(laps, {LAP: terrain_data.map_error(LAP)}, MEMS, setup, seed=4)
     found = found.droplevel(1)
     for kind in ("none", "pitch 0.5° off for 300 m"):
@@ -38,8 +32,7 @@ def test_no_alarm_without_need_and_the_way_back_after_a_slip():
 @pytest.fixture
 def drive():
     """Make 600 m of hills, and samples of them at 10 Hz and 10 m/s without any error."""
-    rng = np.random.default_rng(3)
-    s = np.arange(1500.0)
+    rng, s = np.random.default_rng(3), np.arange(1500.0)
     waves = rng.uniform(0.01, 0.2, (12, 1)), rng.uniform(0, 7, (12, 1))
     road = AttitudeMap(0.0, 1.0, 0.3 * np.sin(waves[0] * s + waves[1]).sum(axis=0))
     setup = Setup(600.0, speed=10.0, rate_hz=10.0, bias_states=True, R=0.3**2, map_error=(0.1, 50))
@@ -49,18 +42,15 @@ def drive():
 
 @pytest.mark.parametrize(
     ("errors", "mean"),
-    [
-        ({"ramp": 0.1}, 0.5), ({"every": 5}, 0.5), ({"constant": 1.0}, 0.5),
-        # Means over a stretch vary less than what they are of: a little too well explained.
-        ({"walk": 0.3}, 0.8), ({"of_map": 0.6}, 0.8),
-    ],
+    [({"ramp": 0.1}, 0.5), ({"every": 5}, 0.5), ({"constant": 1.0}, 0.5),
+     # Means over a stretch vary less than what they are of: a little too well explained.
+     ({"walk": 0.3}, 0.8), ({"of_map": 0.6}, 0.8)],
 )  # fmt: skip
 def test_errors_as_assumed_are_explained_at_the_true_place(drive, errors, mean):
     """coverage: the probability of samples whose errors are those assumed is uniform."""
     road, rng, t, found = drive[0], np.random.default_rng(6), np.arange(301) / 10, []
-    ramp, walk, constant, of_map, every = (
-        errors.get(name, 1e-3) for name in ("ramp", "walk", "constant", "of_map", "every")
-    )
+    names = "ramp", "walk", "constant", "of_map", "every"
+    ramp, walk, constant, of_map, every = (errors.get(name, 1e-3) for name in names)
     setup = Setup(
         300.0, speed=10.0, rate_hz=10.0, bias_states=True, R=0.09, map_error=(of_map, 50.0),
         every=max(int(every), 1), begin_attitude_sd=constant,
@@ -115,8 +105,7 @@ def test_the_map_is_averaged_over_ten_metres():
     spikes = np.stack([np.eye(21)[0], np.eye(21)[10]])
     fine, coarse = (averaged_map(AttitudeMap(5.0, step, spikes)) for step in (2.0, 25.0))
     assert (fine.start, fine.step) == (5.0, 2.0)
-    away = np.abs(np.arange(21) - 10)
-    np.testing.assert_allclose(fine.attitude[1], 0.2 * (away < 3), atol=1e-12)
+    np.testing.assert_allclose(fine.attitude[1], 0.2 * (np.abs(np.arange(21) - 10) < 3), atol=1e-12)
     np.testing.assert_allclose(fine.attitude[0, :4], [0.6, 0.4, 0.2, 0.0], atol=1e-12)
     np.testing.assert_array_equal(coarse.attitude, spikes)
 

@@ -24,10 +24,8 @@ OWN_COMMANDS = {*SIMULATED, "repeatability", "beside-others", "attitude"}
 ESTIMATE = {"value", "low", "high", "unit", "resolved", "note"}
 COMMON = {"sigma_v", "sigma_b", "corr_time", "drift"}
 PARAMETERS = {"angle": COMMON, "position": COMMON}
-PARAMETERS |= {
-    kind: {*COMMON, walk, "bias_instability", "rrw"}
-    for kind, walk in (("rate", "arw"), ("accel", "vrw"))
-}
+SLOW = {"bias_instability", "rrw"}
+PARAMETERS |= {"rate": {*COMMON, *SLOW, "arw"}, "accel": {*COMMON, *SLOW, "vrw"}}
 DT = 0.1  # s
 
 
@@ -92,13 +90,8 @@ def test_source_says_which_log(model, log):
 def test_channels_have_the_keys_of_the_contract(model):
     """Property: names, units, kinds; the parameters of each kind; four Allan series as one."""
     assert set(model) == {"source", "channels"}
-    named = [" ".join(c[k] for k in ("name", "unit", "kind")) for c in model["channels"]]
-    assert named == [
-        "gyro_x deg/s rate",
-        "roll deg angle",
-        "accel_x m/s^2 accel",
-        "north m position",
-    ]
+    named = ", ".join(" ".join([c["name"], c["unit"], c["kind"]]) for c in model["channels"])
+    assert named == "gyro_x deg/s rate, roll deg angle, accel_x m/s^2 accel, north m position"
     for channel in model["channels"]:
         about = {"name", "unit", "kind", "parameters", "models", "fit", "line", "fitted_from_s"}
         assert set(channel) == about | set(stored.CURVES)
@@ -110,8 +103,7 @@ def test_channels_have_the_keys_of_the_contract(model):
             assert len({len(series) for series in channel[key].values()}) == 1
         keys = ("tau_s", "low", "deviation", "high")
         tau, low, deviation, high = (np.array(channel["allan"][k]) for k in keys)
-        assert (np.diff(tau) > 0).all()
-        assert ((low < deviation) & (deviation < high)).all()
+        assert (np.diff(tau) > 0).all() and ((low < deviation) & (deviation < high)).all()
 
 
 def test_estimates_are_numbers_or_null(model):
@@ -151,8 +143,7 @@ def test_same_seed_same_bytes(log, result, tmp_path, capfd, monkeypatch):
     """Property: the seed decides; processes and progress do not, and off a terminal is no bar."""
     first = written(result, tmp_path / "first")
     monkeypatch.setattr(processes, "AT_ONCE", 1)
-    again = static_logs.characterise(log, progress=True)
-    assert written(again, tmp_path / "again") == first
+    assert written(static_logs.characterise(log, progress=True), tmp_path / "again") == first
     assert capfd.readouterr() == ("", "")
     few = replace(log, channels=log.channels[:1])
     other = static_logs.characterise(few, seed=1, progress=False)
@@ -241,8 +232,7 @@ def test_rows_of_a_channel_are_compared_among_themselves(tmp_path):
         tables = {"t": pd.DataFrame(rows), "u": pd.DataFrame({"value": [np.inf, 1e9 * small]})}
         store.write(tmp_path / name / "x", {"a": 1}, tables)
     differences = store.compare(tmp_path / "old" / "x", tmp_path / "new" / "x")
-    wanted = ["x, t.csv: column value small differs", "x, u.csv: column value differs"]
-    assert differences == wanted
+    assert differences == ["x, t.csv: column value small differs", "x, u.csv: column value differs"]
 
 
 @pytest.mark.parametrize("folder", [False, True])
@@ -290,8 +280,7 @@ def test_every_folder_can_be_made_again_and_states_its_source():
     made of other folders and data sheets.
     """
     folders = {p.name for p in store.FOLDER.iterdir() if p.is_dir()}
-    assert folders == set(store.names())
-    assert folders - OWN_COMMANDS <= set(derived.names())
+    assert folders == set(store.names()) and folders - OWN_COMMANDS <= set(derived.names())
     assert set(derived.MAKERS) <= folders
     for name in folders:
         source = store.read(name).source
