@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from test_cli import told, write
 
 from analysis import CannotAnswer
 from analysis.noise.channel import characterise
@@ -69,3 +70,12 @@ def test_a_refusal(case):
         with pytest.raises(CannotAnswer, match=f"^channel x: .*{says}") as caught:
             characterise(y, DT, name="x", unit="deg/s", kind="rate", rng=np.random.default_rng(0))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("case", ["three seconds", "two levels", "drift in whole steps"])
+def test_report(tmp_path, no_pictures, case):
+    """property: the command answers them too; test_cli has what it refuses."""
+    log = write(tmp_path, [f"{i * DT:.2f},{v!r}" for i, v in enumerate(ANSWERED[case].tolist())])
+    with warnings.catch_warnings(action="error"):
+        told("report", log, "--out", tmp_path / "mine")
+    assert (tmp_path / "mine" / "model.json").exists()

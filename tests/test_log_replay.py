@@ -449,6 +449,18 @@ def test_the_low_pass_starts_anew_after_a_gap_and_a_jump(gap, wait):
     assert np.abs(out - lat)[100 + wait :].max() * 111_132 < 1.0
 
 
+def test_an_hour_of_driving_in_a_gap_leaves_no_old_place():
+    """property: driving on after an hour: empty for five seconds, then the fixes, never behind."""
+    gnss = ride(200)
+    far = np.where(np.arange(200) < 100, 0.0, 3600.0)
+    lat = gnss.lat_deg + far * 15 / 111_132
+    gnss = replace(gnss, t_s=gnss.t_s + far, lat_deg=lat)
+    track = replay(Timeline(gnss, None, restarts_s=(3700.0,)))
+    out, said = track.columns["out_lat_deg"], " ".join(notes(track))
+    assert np.isnan(out[100:105]).all() and np.abs(out - lat)[105:].max() * 111_132 < 1.0
+    assert "held there" not in said and "the track ends 57 km from its origin" in said
+
+
 def test_the_filters_start_anew_where_good_fixes_contradict_them(laps):
     """property: fixes frozen at no speed for 40 s: said, and mended five seconds after the thaw."""
     log = laps[0].log
