@@ -73,14 +73,9 @@ def late_and_doubled(events):
 
 
 BROKEN = (
-    missing_numbers,
-    impossible_numbers,
-    a_gap,
-    clock_set_back,
-    clock_set_forward,
-    no_times,
+    missing_numbers, impossible_numbers, a_gap, clock_set_back, clock_set_forward, no_times,
     late_and_doubled,
-)
+)  # fmt: skip
 
 
 class Seen(NamedTuple):

@@ -23,13 +23,10 @@ T = DT * np.arange(N)
 # Ten stationary sigma_b, in the shapes that a log really has, with their parameters.
 SHAPES = {
     "step": (0.05 * (T >= 2611.3), {"amplitude": 0.05, "moment": 2611.3}),
-    "sinusoid": (
-        0.015 * np.cos(2 * np.pi * T / 1200 + 1),
-        {"amplitude": 0.015, "period": 1200},
-    ),
+    "sinusoid": (0.015 * np.cos(2 * np.pi * T / 1200 + 1), {"amplitude": 0.015, "period": 1200}),
     "warm_up": (0.3 * np.exp(-T / 700), {"amplitude": 0.3, "time_constant": 700}),
     "temperature": (0.01 * np.sin(T / 3000) ** 2 * 5, {"amplitude": 0.01}),
-}
+}  # fmt: skip
 
 
 def log(seed):
@@ -53,8 +50,7 @@ def test_a_term_is_found_and_the_noise_is_as_without(kind):
     for name, e in found.terms[0].parameters.items():
         assert abs(e.value - truth[name]) < e.high - e.low
     a, b = found.parameters["sigma_b"], whole.parameters["sigma_b"]
-    assert a.resolved and b.low < a.value < b.high
-    assert not found.parameters["rrw"].resolved
+    assert a.resolved and b.low < a.value < b.high and not found.parameters["rrw"].resolved
     assert kind in [d.kind for d in found.disturbances]
 
 
@@ -64,16 +60,14 @@ def test_noise_alone_has_no_terms():
         rng = np.random.default_rng(seed)
         walk = 2e-4 * np.cumsum(rng.standard_normal(N)) if seed % 2 else 0.0
         found = inferred(log(seed) + walk)
-        assert not found.terms
-        assert found.goodness.p > goodness.ALPHA
+        assert not found.terms and found.goodness.p > goodness.ALPHA
         assert found.stationarity.p is None or found.stationarity.p > goodness.ALPHA
 
 
 def test_screening_is_the_likelihood():
     """cross-check: the rise of 2 ln L of screened regressors equals that of a fit with each."""
     y = log(5)[::10][:2000]
-    coarse = added_terms.Coarse.of(y, 1.0, 1)
-    one = np.ones(1)
+    coarse, one = added_terms.Coarse.of(y, 1.0, 1), np.ones(1)
     rows = Terms(0.04 * one, ((0.005 * one, 200.0 * one),), 1e-4 * one)
     screen = added_terms._Screen(coarse, rows)
     terms = [added_terms.added_term(*t) for t in (("warm_up", 300.0), ("step", 700.0))]
@@ -100,12 +94,10 @@ def test_one_huge_sample_is_no_term():
 
 def test_terms_that_coincide_are_no_traceback():
     """property: two equal steps have no likelihood; the profile of one past another goes on."""
-    coarse = added_terms.Coarse.of(log(6), DT, 36)
-    step = added_terms.added_term("step", 3600.0)
+    coarse, step = added_terms.Coarse.of(log(6), DT, 36), added_terms.added_term("step", 3600.0)
     noise = Terms(np.array([0.04]), ((np.array([0.005]), np.array([200.0])),))
     assert coarse.deviance([step, step], noise)[0] == np.inf
-    second = added_terms.added_term("step", 3650.0)
-    one = np.array([1e-3])
+    second, one = added_terms.added_term("step", 3650.0), np.array([1e-3])
     placed = second.fitted(coarse, [step], noise, one, one, "deg/s").parameters["moment"]
     assert placed.value == 3650.0
 
@@ -128,11 +120,9 @@ def test_slow_noise_that_settles_shows_in_all_axes_together():
 
 @pytest.mark.parametrize(
     ("slow", "shape"),
-    [
-        (True, lambda t: 0.08 * np.clip((t - 2000) / 60, 0, 1)),
-        (False, lambda t: 0.06 * (t / 1200 % 1)),
-    ],
-)
+    [(True, lambda t: 0.08 * np.clip((t - 2000) / 60, 0, 1)),
+     (False, lambda t: 0.06 * (t / 1200 % 1))],
+)  # fmt: skip
 def test_a_slow_step_and_a_saw_tooth_are_no_slow_bias(slow, shape):
     """coverage: beside a bias of 60 s they made T_c two to three times as long, with no report.
 
@@ -190,23 +180,18 @@ def test_a_warm_up_instead_of_a_line():
     warm, line = np.exp(-t / 250), (t - t.mean()) / 500
     x, y = (v - v.mean() for v in (warm, line))
     for signal, own, other in ((3 * warm, x, y), (line, y, x)):
-        coarse = added_terms.Coarse.of(white + signal, 1.0, 1)
-        rise = coarse.instead_of_line([], 250.0, noise)
+        rise = added_terms.Coarse.of(white + signal, 1.0, 1).instead_of_line([], 250.0, noise)
         left = (signal @ own) ** 2 / (own @ own) - (signal @ other) ** 2 / (other @ other)
+        expected = np.sqrt(left) * (-1 if own is x else 1)
         # The noise adds to the root of the gain with a standard deviation below one.
-        assert np.sign(rise) * np.sqrt(abs(rise)) == pytest.approx(
-            (-1 if own is x else 1) * np.sqrt(left), abs=3
-        )
+        assert np.sign(rise) * np.sqrt(abs(rise)) == pytest.approx(expected, abs=3)
 
 
 @pytest.mark.parametrize(
     ("signal", "resolved", "says"),
-    [
-        (0.02 * np.exp(-T / 1500), True, "instead"),
-        (0.02 * T / 3600, True, "drift"),
-        (0.15 * np.exp(-T / 900), False, "no_drift"),  # 30 sigma_b: an established warm-up
-    ],
-)
+    [(0.02 * np.exp(-T / 1500), True, "instead"), (0.02 * T / 3600, True, "drift"),
+     (0.15 * np.exp(-T / 900), False, "no_drift")],  # 30 sigma_b: an established warm-up
+)  # fmt: skip
 def test_a_drift_that_may_be_a_warm_up_says_so(signal, resolved, says):
     """property: it is refused beside a warm-up that is a term; a line is no end of a warm-up."""
     drift = inferred(log(5) + signal).parameters["drift"]
@@ -240,14 +225,12 @@ def numbers(kind, size, *place):
 def test_signals_are_those_of_their_formulas():
     """known case: each kind of term, alone and in a sum; a line in temperature is left out."""
     t = np.array([0.0, 1.0, 2.0, 3.0])
-    for term, expected in (
-        (numbers("warm_up", 3.0, 2.0), 3 * np.exp(-t / 2)),
-        (numbers("step", 3.0, 2.0), [0, 0, 3, 3]),
-        (numbers("step", 3.0, 2.0, 4.0), [0, 0.75, 1.5, 2.25]),
-        (numbers("sinusoid", 3.0, 4.0), [3, 0, -3, 0]),
-        (numbers("temperature", 3.0), 0 * t),
-    ):
-        found = added_terms.signal_of([term, numbers("step", 1.0, 0.0)], t)
+    for (kind, *place), expected in (
+        (("warm_up", 2.0), 3 * np.exp(-t / 2)), (("step", 2.0), [0, 0, 3, 3]),
+        (("step", 2.0, 4.0), [0, 0.75, 1.5, 2.25]), (("sinusoid", 4.0), [3, 0, -3, 0]),
+        (("temperature",), 0 * t),
+    ):  # fmt: skip
+        found = added_terms.signal_of([numbers(kind, 3.0, *place), numbers("step", 1.0, 0.0)], t)
         np.testing.assert_allclose(found, 1 + np.array(expected), atol=1e-12)
     cosine, sine = added_terms.added_term("sinusoid", 4.0).columns
     np.testing.assert_allclose([cosine(t), sine(t)], [[1, 0, -1, 0], [0, 1, 0, -1]], atol=1e-12)
@@ -265,9 +248,8 @@ def test_what_a_log_knows_of_a_term(kind, at, width):
         return added_terms.signal_of([numbers(kind, size, *x)], t)
 
     place = np.array([at, width][: 1 + bool(width)])
-    slopes = [
-        (signal(place + e) - signal(place - e)) / (2 * step) for e in step * np.eye(len(place))
-    ]
+    by = step * np.eye(len(place))
+    slopes = [(signal(place + e) - signal(place - e)) / (2 * step) for e in by]
     coarse = added_terms.Coarse.of(signal(place), 1.0, 1)
     term, noise = added_terms.added_term(kind, at, width), Terms(0.2 * ONE)
     sizes = np.array([size, 0.0][: len(term.columns)])
@@ -320,8 +302,7 @@ def test_weaker_noise_is_of_the_same_walk():
                 expected.append((0, scale * walk * np.sqrt(time / 2), time, 0, 1))
     expected.append((0, 1, 10, 0, 1))  # the faster of two alone
     (one, time), (other, longer) = rows.bias
-    found = np.stack([rows.rrw, one, time, other, longer], axis=1)
-    np.testing.assert_allclose(found, expected)
+    np.testing.assert_allclose(np.stack([rows.rrw, one, time, other, longer], axis=1), expected)
     assert (rows.sigma_v == 2).all() and rows.quantisation is None
 
 
@@ -404,16 +385,10 @@ def test_slow_noise_in_parts_of_a_log(loud, code):
         freedom, power = band * len(part) / n, (series[part] ** 2).mean()
         p = min(chi2.cdf(power * freedom, freedom), chi2.sf(power * freedom, freedom))
         found.append((12 * p, power, freedom, part[0], part[-1]))
-    quarters = [row[1:3] for row in found[2:]]
-    np.testing.assert_allclose(test.quarters, quarters, atol=5e-3)
+    np.testing.assert_allclose(test.quarters, [row[1:3] for row in found[2:]], atol=5e-3)
     top = int(there[np.argmax(np.abs(series[there]))])
-    peak = (
-        4 * band * norm.sf(abs(series[top])),
-        series[top] + 1,
-        0,
-        top - n // band,
-        top + n // band,
-    )
+    chance, half = 4 * band * norm.sf(abs(series[top])), n // band
+    peak = (chance, series[top] + 1, 0, top - half, top + half)
     least = min([*found, peak], key=lambda row: row[0])
     assert test.p == pytest.approx(min(least[0], 1.0), rel=1e-3)
     assert test.statistic == pytest.approx(least[1] - 1, rel=1e-6)
@@ -439,17 +414,14 @@ def test_the_strongest_candidate_is_the_term_itself(kind, at, width):
     def warmth(t):
         return np.cos(t / 90) ** 3
 
-    samples = 0.5 * (np.arange(2000) + 0.5)
-    term = added_terms.added_term(kind, at, width, warmth)
+    samples, term = 0.5 * (np.arange(2000) + 0.5), added_terms.added_term(kind, at, width, warmth)
     coarse = added_terms.Coarse.of(2.0 * term.columns[0](samples - 0.25), 0.5, 2)
     found = added_terms.candidates(coarse, Terms(np.sqrt(2) * ONE), warmth)
     rise, best = max(found, key=lambda pair: pair[0])
     x = np.stack([np.ones(1000), coarse.time, coarse.y], axis=1)
     left = coarse.y - x[:, :2] @ np.linalg.lstsq(x[:, :2], coarse.y)[0]
-    assert (best.kind, best.width) == (kind, width)
-    assert best.at == pytest.approx(at, rel=2e-3)
+    assert (best.kind, best.width) == (kind, width) and best.at == pytest.approx(at, rel=2e-3)
     assert rise == pytest.approx(left @ left, rel=0.05)  # of one unit of noise in a mean of two
-    kinds = {c.kind for _, c in found}
-    assert kinds == {"warm_up", "step", "sinusoid", "temperature"}
+    assert {c.kind for _, c in found} == {"warm_up", "step", "sinusoid", "temperature"}
     bare = added_terms.candidates(coarse, Terms(np.sqrt(2) * ONE))
     assert "temperature" not in {c.kind for _, c in bare}

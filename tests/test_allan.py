@@ -9,17 +9,7 @@ from scipy.special import factorial
 from scipy.stats import chi2
 
 from analysis.noise import allan
-from analysis.noise.allan import (
-    allan_deviation,
-    cluster_sizes,
-    degrees_of_freedom,
-    fit_line,
-    generalised_covariances,
-    overlapped_variance,
-    steady,
-    wandering,
-    with_and_without_line,
-)
+from analysis.noise.allan import allan_deviation, degrees_of_freedom, fit_line, overlapped_variance
 from analysis.noise.models import UnifiedModel
 
 DT = 0.01
@@ -33,8 +23,7 @@ def test_constant_has_no_deviation():
 @pytest.mark.parametrize("m", [1, 2, 7, 50])
 def test_first_order_autoregression(m):
     """analytic: AR(1) has adev^2 = g(0) - g(1), with g the autocovariance of means of m."""
-    phi, sigma = 0.98, 2.0
-    lags = np.arange(1, m)
+    phi, sigma, lags = 0.98, 2.0, np.arange(1, m)
     g0 = sigma**2 / m**2 * (m + 2 * np.sum((m - lags) * phi**lags))
     g1 = sigma**2 / m**2 * phi * ((1 - phi**m) / (1 - phi)) ** 2
     model = UnifiedModel(0.0, -DT / np.log(phi), sigma)
@@ -49,7 +38,7 @@ def test_equals_allantools(n):
     """cross-check: the deviation is allantools' to 1e-9."""
     y = 1e3 + np.cumsum(np.random.default_rng(n).standard_normal(n))
     curve = allan_deviation(y, DT)
-    theirs = oadev(y, rate=1 / DT, data_type="freq", taus=DT * cluster_sizes(n))[1]
+    theirs = oadev(y, rate=1 / DT, data_type="freq", taus=DT * allan.cluster_sizes(n))[1]
     np.testing.assert_allclose(curve.adev, theirs, rtol=1e-9)
     assert np.isnan(overlapped_variance(y[:10], [6])).all()  # a log has no two means of six
     assert np.isnan(overlapped_variance(np.array([]), [1])).all()
@@ -60,15 +49,14 @@ def test_with_and_without_line(slope):
     """cross-check: as recorded it is allantools' curve to 1e-9, without line that of the rest."""
     y = 20.0 + np.random.default_rng(7).standard_normal(20_000) + slope * np.arange(20_000)
     residual, line = fit_line(y, DT)
-    recorded, removed = with_and_without_line(y, line, DT)
+    recorded, removed = allan.with_and_without_line(y, line, DT)
     for curve, log in ((recorded, y), (removed, residual)):
-        theirs = oadev(log, rate=1 / DT, data_type="freq", taus=DT * cluster_sizes(len(y)))[1]
+        theirs = oadev(log, rate=1 / DT, data_type="freq", taus=DT * allan.cluster_sizes(len(y)))[1]
         np.testing.assert_allclose(curve.adev, theirs, rtol=1e-9)
     # At a quarter of the log the steep line is all there is: D tau / sqrt(2) above noise of 1/70.
     ramp = abs(line.drift) * recorded.tau[-1] / np.sqrt(2)
     if abs(slope) > 0.1:
-        assert recorded.adev[-1] == pytest.approx(ramp, rel=1e-4)
-        assert removed.adev[-1] < 1e-3 * ramp
+        assert recorded.adev[-1] == pytest.approx(ramp, rel=1e-4) and removed.adev[-1] < 1e-3 * ramp
 
 
 def test_with_and_without_line_where_samples_are_missing():
@@ -76,7 +64,7 @@ def test_with_and_without_line_where_samples_are_missing():
     y = np.random.default_rng(8).standard_normal(5000) + 1e-3 * np.arange(5000)
     y[1000:1040] = np.nan
     residual, line = fit_line(y, DT)
-    recorded, removed = with_and_without_line(y, line, DT)
+    recorded, removed = allan.with_and_without_line(y, line, DT)
     for curve, log in ((recorded, y), (removed, residual)):  # 1e-9: rounding of sums
         np.testing.assert_allclose(curve.adev, allan_deviation(log, DT).adev, rtol=1e-9)
     assert recorded.adev[-1] > 3 * removed.adev[-1]
@@ -140,11 +128,9 @@ def test_an_interval_covers_what_the_power_wanders(m, blocks, holes, monkeypatch
         if holes and m > 1:
             squares[i] -= sum(side.var(ddof=1) * (1 / len(side) - 1 / m) for side in sides)
     monkeypatch.setattr(allan, "degrees_of_freedom", lambda avar, m, n: np.array([200.0]))
-    curve = allan_deviation(y, DT, np.array([m]))
-    avar = squares.sum() / count.sum() / 2
+    curve, avar = allan_deviation(y, DT, np.array([m])), squares.sum() / count.sum() / 2
     np.testing.assert_allclose(curve.adev, np.sqrt(avar), rtol=1e-9)
-    share = min(count.mean(), np.isfinite(y).mean())
-    edf = 200 * share
+    edf = 200 * min(count.mean(), np.isfinite(y).mean())
     assert curve.edf == pytest.approx(edf)
     sums = [part.reshape(blocks or 4, -1).sum(axis=1) for part in (squares, count)]
     if blocks and min(*sums[0], *sums[1]) > 0:  # where each has a variance
@@ -163,17 +149,17 @@ def test_the_excess_is_the_median_of_a_decade(monkeypatch):
 
     def excess(curve):
         """Solve for the degrees of freedom that each interval has."""
-        return [
-            200
-            / brentq(lambda edf, r=r: np.sqrt(edf / chi2.ppf(0.975, edf)) - r, 2, 250, xtol=1e-9)
-            for r in curve.low / curve.adev
-        ]
+
+        def off(edf, ratio):
+            return np.sqrt(edf / chi2.ppf(0.975, edf)) - ratio
+
+        low = curve.low / curve.adev
+        return [200 / brentq(off, 2, 250, args=(ratio,), xtol=1e-9) for ratio in low]
 
     own = np.concatenate([excess(allan_deviation(y, DT, m[[k]])) for k in range(len(m))])
     known, expected = m * 2 <= 8000 // 4, []  # four blocks that hold a second difference
     for k in m[known]:
-        near = known & (m < 10**0.5 * k) & (k < 10**0.5 * m)
-        expected.append(np.median(own[near]))
+        expected.append(np.median(own[known & (m < 10**0.5 * k) & (k < 10**0.5 * m)]))
     assert (~known).sum() == 2 and own[~known] == pytest.approx(1.0) and own[known].min() > 1.1
     expected += [expected[-1]] * 2
     np.testing.assert_allclose(excess(allan_deviation(y, DT, m)), expected, rtol=1e-6)
@@ -182,23 +168,21 @@ def test_the_excess_is_the_median_of_a_decade(monkeypatch):
 def test_what_blocks_differ_by_grows_as_a_power():
     """cross-check: a straight line by Bayes' rule; a power of the length between -1 and 1."""
     rng = np.random.default_rng(1)
-    for means in (
-        rng.chisquare(50, 16),
-        np.exp(0.1 * rng.standard_normal(8)),
-        np.array([1.0, 1.1]),
-    ):
+    normal = np.exp(0.1 * rng.standard_normal(8))
+    for means in (rng.chisquare(50, 16), normal, np.array([1.0, 1.1])):
         error, slope = power_law(means)
-        assert abs(slope) < 1 and wandering(means) == pytest.approx(error)
-        assert wandering(7 * means[::-1]) == pytest.approx(error)
+        assert abs(slope) < 1 and allan.wandering(means) == pytest.approx(error)
+        assert allan.wandering(7 * means[::-1]) == pytest.approx(error)
     steep = np.linspace(1.0, 2.0, 16)
-    assert power_law(steep)[1] > 1 and wandering(steep) < power_law(steep)[0]
+    assert power_law(steep)[1] > 1 and allan.wandering(steep) < power_law(steep)[0]
 
 
 def test_averaging_times_and_covariances():
     """analytic: geometric up to a quarter; a Gauss-Markov process is a series, from the cube on."""
-    np.testing.assert_array_equal(cluster_sizes(4003, 5), [1, 6, 32, 178, 1000])
-    assert cluster_sizes(3).tolist() == [1] and cluster_sizes(100)[-1] == 25
-    kinds, corr = generalised_covariances(100), 10 ** np.arange(0.5, 3.1, 0.5)  # beyond 4 * 100
+    np.testing.assert_array_equal(allan.cluster_sizes(4003, 5), [1, 6, 32, 178, 1000])
+    assert allan.cluster_sizes(3).tolist() == [1] and allan.cluster_sizes(100)[-1] == 25
+    kinds = allan.generalised_covariances(100)
+    corr = 10 ** np.arange(0.5, 3.1, 0.5)  # beyond 4 * 100
     lag, order = np.array([0.0, 0.02, 0.1, 1.0, 2.0]), np.arange(3, 40)[:, None]
     for g, c in zip(kinds[4:], corr, strict=True):
         expected = -(c**2) * ((-lag) ** order / factorial(order)).sum(axis=0)
@@ -211,8 +195,7 @@ def test_averaging_times_and_covariances():
 @pytest.mark.parametrize("m", [1, 4, 12])
 def test_degrees_of_freedom_of_sampled_white_noise(m):
     """analytic: they follow from the correlation of second differences, here summed by hand."""
-    n = 3000
-    filter_ = np.r_[-np.ones(m), np.ones(m)]
+    n, filter_ = 3000, np.r_[-np.ones(m), np.ones(m)]
     rho = np.correlate(filter_, filter_, "full")[2 * m - 1 :] / (2 * m)
     terms = n - 2 * m + 1
     expected = terms / (2 * np.sum(rho**2 * (1 - np.arange(2 * m) / terms)) - 1)
@@ -244,12 +227,11 @@ def test_intervals_cover(model):
     """coverage: 95 % intervals cover the truth at all tau of two-hour logs, long ones included."""
     dt, n, runs = 0.5, 14_400, 400
     m = np.unique(np.geomspace(1, n // 4, 12).round().astype(int))
-    truth = model.adev(m * dt, dt)
-    inside, steadily = np.zeros(len(m)), np.zeros(len(m))
+    truth, inside, steadily = model.adev(m * dt, dt), np.zeros(len(m)), np.zeros(len(m))
     for y in model.simulate(n, dt, np.random.default_rng(5), runs=runs):
         curve = allan_deviation(y, dt, m)
         inside += (curve.low < truth) & (truth < curve.high)
-        low, high = steady(curve)
+        low, high = allan.steady(curve)
         steadily += (low < truth) & (truth < high)
     # 93-97 % on average; a single tau may stray by three of its own standard errors (1.1 %) more.
     assert 0.93 <= (steadily / runs).mean() <= 0.975
@@ -264,16 +246,14 @@ def test_quarters_agree_where_the_power_wanders():
     for _ in range(runs):
         flicker = np.fft.irfft(scale * np.fft.rfft(rng.standard_normal(n)))
         y = rng.standard_normal(n) * np.exp(0.1 * flicker)
-        first, last = (
-            allan_deviation(part, DT, np.array([4])) for part in (y[: n // 4], y[-n // 4 :])
-        )
+        ends = y[: n // 4], y[-n // 4 :]
+        first, last = (allan_deviation(part, DT, np.array([4])) for part in ends)
         if first.adev > last.adev:
             first, last = last, first
-        for name, ends in (
-            ("band", (first.high, last.low)),
-            ("steady", (steady(first)[1], steady(last)[0])),
-        ):
-            reach = np.hypot(np.log(ends[0] / first.adev), np.log(last.adev / ends[1]))
+        of = {"band": (first.high, last.low)}
+        of["steady"] = allan.steady(first)[1], allan.steady(last)[0]
+        for name, (high, low) in of.items():
+            reach = np.hypot(np.log(high / first.adev), np.log(last.adev / low))
             agree[name] += bool(np.log(last.adev / first.adev) < reach)
     assert agree["band"] >= 0.85 * runs > agree["steady"]
 
@@ -284,5 +264,4 @@ def test_fit_line():
     y = 2.0 + 0.3 * t
     y[100:120] = np.nan
     residual, line = fit_line(y, DT)
-    assert line.drift == pytest.approx(0.3)
-    assert np.nanmax(np.abs(residual)) < 1e-9
+    assert line.drift == pytest.approx(0.3) and np.nanmax(np.abs(residual)) < 1e-9

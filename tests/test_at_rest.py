@@ -15,8 +15,7 @@ from sensorlogs.timeline import Gnss, Imu, Timeline
 def test_moving_until_something_is_known():
     """property: without any reading a vehicle is not called static."""
     block = StaticTest()
-    assert block.moving
-    assert block.drive(math.nan)
+    assert block.moving and block.drive(math.nan)
 
 
 @pytest.mark.parametrize(("norm", "moving"), [(0.12, False), (0.13, True)])
@@ -52,8 +51,7 @@ def test_the_acceleration_is_filtered():
 def test_no_speed_leaves_the_imu_to_judge():
     """published: before the first fix the IMU alone says whether the device moves."""
     block = StaticTest(accel_tau_s=0.0)
-    assert not block.accelerate(0.0, 0.01, 0.25)
-    assert not block.drive(math.nan)
+    assert not block.accelerate(0.0, 0.01, 0.25) and not block.drive(math.nan)
     assert block.accelerate(0.5, 0.0, 0.25)
 
 
@@ -62,8 +60,7 @@ def test_a_lost_fix_does_not_stop_a_moving_vehicle():
     block = StaticTest()
     for _ in range(5):
         block.drive(15.0)
-    assert block.drive(math.nan)
-    assert block.accelerate(0.0, 0.0, 0.025)
+    assert block.drive(math.nan) and block.accelerate(0.0, 0.0, 0.025)
 
 
 @pytest.mark.parametrize("rate", [4, 40, 100])
@@ -73,8 +70,7 @@ def test_wakes_within_an_epoch(rate, push):
     block, rng = StaticTest(), np.random.default_rng(3)
     for _ in range(30 * rate):
         block.accelerate(*(0.02 * rng.standard_normal(2)), 1 / rate)
-    assert not block.drive(0.0)
-    assert any(block.accelerate(push, 0.0, 1 / rate) for _ in range(rate))
+    assert not block.drive(0.0) and any(block.accelerate(push, 0.0, 1 / rate) for _ in range(rate))
 
 
 def test_white_noise_does_not_wake():
@@ -93,8 +89,7 @@ def test_layers_fill_one_after_the_other():
     assert [o[0] for o in outputs[:3]] == [0.0, 1.0, 4.0]
     for at, first in ((3, 0), (11, 0), (23, 0), (47, 24)):
         assert outputs[at][0] == pytest.approx(np.mean(np.arange(first, at + 1) ** 2))
-    changes = [k for k in range(1, 60) if outputs[k] != outputs[k - 1]]
-    assert changes == [1, 2, 3, 7, 11, 23, 47]
+    assert [k for k in range(1, 60) if outputs[k] != outputs[k - 1]] == [1, 2, 3, 7, 11, 23, 47]
 
 
 def test_waking_forgets_everything():
@@ -103,8 +98,7 @@ def test_waking_forgets_everything():
     for _ in range(20):
         block.step([100.0, 100.0])
     block.reset()
-    assert (block.layer, block.position) == (0, None)
-    assert block.step([1.0, 2.0]) == (0, [1.0, 2.0])
+    assert (block.layer, block.position) == (0, None) and block.step([1.0, 2.0]) == (0, [1.0, 2.0])
     assert block.step([3.0, 6.0]) == (1, [2.0, 4.0])
 
 
@@ -217,8 +211,7 @@ def test_a_car_that_waits_with_its_engine_running(seed):
 
 def tumbled_then_left(seconds=200, tumble=60):
     """Make a log of 1 Hz: handled for a minute, then left lying with a gyro bias."""
-    rng = np.random.default_rng(1)
-    t = np.arange(float(seconds))
+    rng, t = np.random.default_rng(1), np.arange(float(seconds))
     handled = (t < tumble)[:, None]
     gyro = np.where(handled, rng.normal(0, 1.0, (seconds, 3)), [0.004, -0.004, 0.002])
     up = rng.normal(0, 1, (seconds, 3))

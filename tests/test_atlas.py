@@ -73,12 +73,10 @@ def test_notebook_11_lists_who_entered(door, tmp_path):
 
 @pytest.mark.parametrize(
     ("change", "error", "words"),
-    [
-        ({"product": "nothing"}, WrongUsage, "--product nothing: not in data/sensors.toml"),
-        ({"licence": " "}, WrongUsage, "--licence is empty"),
-        ({"source": ""}, WrongUsage, "--source is empty"),
-    ],
-)
+    [({"product": "nothing"}, WrongUsage, "--product nothing: not in data/sensors.toml"),
+     ({"licence": " "}, WrongUsage, "--licence is empty"),
+     ({"source": ""}, WrongUsage, "--source is empty")],
+)  # fmt: skip
 def test_what_does_not_enter(door, change, error, words):
     """property: without a product, a licence or a source nothing is written."""
     with pytest.raises(error, match=words):

@@ -44,6 +44,5 @@ def test_correlogram():
     np.testing.assert_array_equal(whole.covariance, expected)
     np.testing.assert_allclose(whole.lag, 5.0 * np.arange(400))
     assert short.lag[-1] == 100.0 and short.correlation[0] == 1.0
-    assert whole.corr_time == one_over_e(expected, 5.0)
-    assert whole.sigma_b == np.sqrt(expected[0])
+    assert whole.corr_time == one_over_e(expected, 5.0) and whole.sigma_b == np.sqrt(expected[0])
     np.testing.assert_array_equal(correlogram(y, 0.5).covariance, autocovariance(y))

@@ -31,8 +31,7 @@ def test_white_noise_and_random_walk(method):
     Whittle takes a Gauss-Markov bias as long as the log for it, not in this one.
     """
     pytest.importorskip("allan_variance")
-    sensor = coverage.Gyro(0.06, rrw=3e-3)
-    y = sensor.simulate(72_000, DT, np.random.default_rng(2))
+    y = coverage.Gyro(0.06, rrw=3e-3).simulate(72_000, DT, np.random.default_rng(2))
     found = entries.OTHERS[method](y, DT)
     assert found["arw"][0] == pytest.approx(0.06 * np.sqrt(DT), rel=0.05)
     assert found["rrw"][0] == pytest.approx(3e-3, rel=0.25)
@@ -40,8 +39,7 @@ def test_white_noise_and_random_walk(method):
 
 def test_a_term_that_is_not_there_is_zero():
     """analytic: white noise alone: the least-squares fit drops B and K, and has no interval."""
-    y = np.random.default_rng(3).standard_normal(20_000)
-    found = entries.with_allantools(y, 1.0)
+    found = entries.with_allantools(np.random.default_rng(3).standard_normal(20_000), 1.0)
     assert found["rrw"][0] == 0.0 and np.isnan(found["rrw"][1])
     value, low, high = found["arw"]
     assert low < value < high and value == pytest.approx(1.0, rel=0.05)
@@ -56,11 +54,7 @@ def test_intervals_of_a_gauss_markov_bias(read):
     sensor, streams = UnifiedModel(1.0, 5.0, 1.0), np.random.SeedSequence(5).spawn(25)
     logs = [sensor.simulate(20_000, DT, np.random.default_rng(stream)) for stream in streams]
     found = [read(y, DT) for y in logs]
-    for name, truth, within in (
-        ("arw", DT**0.5, 0.03),
-        ("sigma_b", 1, 0.05),
-        ("corr_time", 5, 0.1),
-    ):
+    for name, truth, within in ("arw", DT**0.5, 0.03), ("sigma_b", 1, 0.05), ("corr_time", 5, 0.1):
         value, low, high = np.array([one[name] for one in found]).T
         assert np.median(value) == pytest.approx(truth, rel=within)
         assert ((low <= truth) & (truth <= high)).sum() >= binom.ppf(0.001, 25, 0.95)

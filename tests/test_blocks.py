@@ -44,8 +44,7 @@ def test_the_example_on_the_page_runs(block):
     runner, kind = doctest.DocTestRunner(), CLASSES[block][0]
     for example in doctest.DocTestFinder().find(kind, globs=vars(sys.modules[kind.__module__])):
         runner.run(example)
-    assert runner.tries >= 3
-    assert runner.failures == 0
+    assert runner.tries >= 3 and runner.failures == 0
 
 
 def imports(module):
@@ -76,8 +75,7 @@ def test_a_block_can_be_lifted(block):
     """property: it imports `math`, `collections` and the named neighbours only."""
     kind, along = CLASSES[block]
     own, other = imports(kind.__module__.split(".")[-1])
-    assert own == along
-    assert other <= {"math", "collections"}
+    assert own == along and other <= {"math", "collections"}
 
 
 @pytest.mark.parametrize("module", sorted({"device"} | imports("device")[0]))
@@ -123,8 +121,7 @@ def test_a_device_survives_broken_inputs(laps, broken):
     *_, last = rows = list(play(laps.given, broken(laps.events)))
     assert not any(np.isinf(np.hstack(list(row.values()))).any() for row in rows)
     whole = laps.rows[-1]
-    off = [(last[k] - whole[k]) * 111_000 for k in ("lat_deg", "lon_deg")]
-    assert math.hypot(*off) < 1.0
+    assert math.hypot(*[(last[k] - whole[k]) * 111_000 for k in ("lat_deg", "lon_deg")]) < 1.0
     for angle in ("roll", "pitch"):
         assert last[angle] == pytest.approx(whole[angle], abs=math.radians(1.0))
     assert last["moving"] == whole["moving"]
@@ -142,10 +139,9 @@ def test_what_no_receiver_can_mean():
 @pytest.mark.parametrize("filter", FILTERS)
 def test_any_block_can_be_left_out(laps, filter, without):
     """property: with each filter a position is put out to the end, within 15 m of that with all."""
-    rows = list(
-        play(laps.given, laps.events, filter=filter, **({without: False} if without else {}))
-    )
-    off = [(rows[-1][k] - laps.rows[-1][k]) * 111_000 for k in ("lat_deg", "lon_deg")]
+    changed = {without: False} if without else {}
+    *_, last = play(laps.given, laps.events, filter=filter, **changed)
+    off = [(last[k] - laps.rows[-1][k]) * 111_000 for k in ("lat_deg", "lon_deg")]
     assert math.hypot(*off) < 15.0
 
 
@@ -166,7 +162,6 @@ def test_a_clock_that_jumps_moves_nothing(laps, broken):
 
     A clock set back is taken for a gap of two seconds: 10 m of driving unseen.
     """
-    rows = list(play(laps.given, broken(laps.events)))
-    for row, whole in zip(rows, laps.rows, strict=True):
+    for row, whole in zip(list(play(laps.given, broken(laps.events))), laps.rows, strict=True):
         off = [(row[k] - whole[k]) * 111_000 for k in ("lat_deg", "lon_deg")]
         assert not math.hypot(*off) > 15.0

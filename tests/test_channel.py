@@ -13,17 +13,13 @@ WALK = 0.05 * np.cumsum(np.random.default_rng(2).standard_normal(20_000))
 
 @pytest.mark.parametrize(
     ("y", "says"),
-    [
-        (np.where(np.arange(20_000) // 100 == 5, np.nan, QUIET + WALK), None),
-        (np.append(np.zeros(2000), QUIET[:8000]), None),  # values are counted in the whole log
-        (np.round(QUIET / 2), "different values"),
-        (QUIET[:3000], "K and drift"),
-    ],
-)
+    [(np.where(np.arange(20_000) // 100 == 5, np.nan, QUIET + WALK), None),
+     (np.append(np.zeros(2000), QUIET[:8000]), None),  # values are counted in the whole log
+     (np.round(QUIET / 2), "different values"), (QUIET[:3000], "K and drift")],
+)  # fmt: skip
 def test_what_is_remarked_on(y, says):
     """property: coarse steps, and five minutes that a bias may outlast; no walk and no hole."""
-    found = remarks(y, 0.1, "rate")
-    assert [says in sentence for sentence in found] == [True] * bool(says)
+    assert [says in sentence for sentence in remarks(y, 0.1, "rate")] == [True] * bool(says)
 
 
 def test_a_disturbance_reaches_parameters_and_fit():

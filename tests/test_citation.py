@@ -27,8 +27,7 @@ ADIS = {"adis16405": "1eb09074beabd7cfc15b402cb8043b5302f6e4edfd9e4ebfbf8117436f
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Save two figures: one redraws the terrain paper, one shows a log under a licence."""
-    folder = tmp_path_factory.mktemp("tree") / "figures"
-    ax = Figure().subplots()
+    folder, ax = tmp_path_factory.mktemp("tree") / "figures", Figure().subplots()
     ax.plot([1, 2], [3, 4], label="curve")
     ax.set(xlabel="x (m)", ylabel="y (m)")
     for name, data in ((FIG9, {}), (OWN, ADIS)):
@@ -97,8 +96,7 @@ def test_the_compendium_with_its_three_papers():
 )
 def test_an_unknown_figure(typed, near, capsys):
     """Property: status 2, and the nearest names."""
-    assert main(["cite", typed]) == 2
-    assert near in capsys.readouterr().err
+    assert main(["cite", typed]) == 2 and near in capsys.readouterr().err
 
 
 def test_every_figure_can_be_cited(monkeypatch):
@@ -152,8 +150,7 @@ def test_one_version_everywhere():
 
 def test_changelog_tells_the_verdicts_of_now():
     """Cross-check: what the newest version calls a claim's verdict is what the ledger says."""
-    log = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    now = changes.ledger()["verdict"]
+    log, now = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), changes.ledger()["verdict"]
     rows = re.findall(r"^\| .+? \| (.+?) \| (`[a-z].+`) \|$", log, re.M)
     assert len(rows) > 5
     for verdict, named in rows:

@@ -38,23 +38,22 @@ def elsewhere(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("found", "agree", "verdict"),
     [
-        # value within, and its interval too
-        ((1.5, None, None), (1, 2), REPRODUCED), ((1.5, 1.2, 1.8), (1, 2), REPRODUCED),
-        ((1.0, None, None), (1, 2), REPRODUCED), ((0.0, None, None), (-1, 0), REPRODUCED),
-        # value outside: the interval decides
-        ((3.0, None, None), (1, 2), NOT_REPRODUCED), ((3.0, 2.5, 3.5), (1, 2), NOT_REPRODUCED),
-        ((3.0, 1.9, 3.5), (1, 2), UNDECIDABLE),
-        # an interval open on one side reaches everywhere on that side, and stops on the other
-        ((3.0, None, 3.5), (1, 2), UNDECIDABLE), ((3.0, 2.5, None), (1, 2), NOT_REPRODUCED),
-        # no value: the bound alone may still exclude the claim, never confirm it
-        ((None, None, None), (1, 2), UNDECIDABLE), ((None, 2.5, None), (1, 2), NOT_REPRODUCED),
-        ((None, 1.2, None), (1, 2), UNDECIDABLE), ((None, 1.2, 1.8), (1, 2), UNDECIDABLE),
-        # a claim with one side only
-        ((-9.0, None, None), (OPEN, 2), REPRODUCED), ((3.0, None, None), (OPEN, 2), NOT_REPRODUCED),
-        ((None, 5.0, None), (OPEN, 2), NOT_REPRODUCED), ((None, 5.0, None), (1, OPEN), UNDECIDABLE),
-        # a sentence that is true or not
-        ((1.0, None, None), (1, 1), REPRODUCED), ((0.0, None, None), (1, 1), NOT_REPRODUCED),
-    ],
+     # value within, and its interval too
+     ((1.5, None, None), (1, 2), REPRODUCED), ((1.5, 1.2, 1.8), (1, 2), REPRODUCED),
+     ((1.0, None, None), (1, 2), REPRODUCED), ((0.0, None, None), (-1, 0), REPRODUCED),
+     # value outside: the interval decides
+     ((3.0, None, None), (1, 2), NOT_REPRODUCED), ((3.0, 2.5, 3.5), (1, 2), NOT_REPRODUCED),
+     ((3.0, 1.9, 3.5), (1, 2), UNDECIDABLE),
+     # an interval open on one side reaches everywhere on that side, and stops on the other
+     ((3.0, None, 3.5), (1, 2), UNDECIDABLE), ((3.0, 2.5, None), (1, 2), NOT_REPRODUCED),
+     # no value: the bound alone may still exclude the claim, never confirm it
+     ((None, None, None), (1, 2), UNDECIDABLE), ((None, 2.5, None), (1, 2), NOT_REPRODUCED),
+     ((None, 1.2, None), (1, 2), UNDECIDABLE), ((None, 1.2, 1.8), (1, 2), UNDECIDABLE),
+     # a claim with one side only
+     ((-9.0, None, None), (OPEN, 2), REPRODUCED), ((3.0, None, None), (OPEN, 2), NOT_REPRODUCED),
+     ((None, 5.0, None), (OPEN, 2), NOT_REPRODUCED), ((None, 5.0, None), (1, OPEN), UNDECIDABLE),
+     # a sentence that is true or not
+     ((1.0, None, None), (1, 1), REPRODUCED), ((0.0, None, None), (1, 1), NOT_REPRODUCED)],
 )  # fmt: skip
 def test_judge(found, agree, verdict):
     """Property: the truth table of a value with its interval against the range that agrees.
@@ -90,16 +89,10 @@ def test_conditions_stand_on_successes_and_failures():
 
 @pytest.mark.parametrize(
     ("inside", "outside", "verdict"),
-    [
-        (180, 20, REPRODUCED),
-        (179, 21, f"{OF_LOGS} 89.5 % of cases"),
-        (21, 179, f"{OF_LOGS} 10.5 % of cases"),
-        (20, 180, NOT_REPRODUCED),
-        (180, 0, REPRODUCED),
-        (0, 179, f"{OF_LOGS} 0 % of cases; 10.5 % leave it open"),
-        (0, 180, NOT_REPRODUCED),
-    ],
-)
+    [(180, 20, REPRODUCED), (179, 21, f"{OF_LOGS} 89.5 % of cases"),
+     (21, 179, f"{OF_LOGS} 10.5 % of cases"), (20, 180, NOT_REPRODUCED), (180, 0, REPRODUCED),
+     (0, 179, f"{OF_LOGS} 0 % of cases; 10.5 % leave it open"), (0, 180, NOT_REPRODUCED)],
+)  # fmt: skip
 def test_most_logs_decide(inside, outside, verdict):
     """Property: nine logs of ten, for or against; an interval partly outside is neither."""
     low, high = PUBLISHED[["low", "high"]].astype(float)
@@ -122,15 +115,13 @@ def test_logs_without_a_value_rank_last(elsewhere):
     logs = np.where(np.arange(300) < 200, np.arange(300.0), np.nan)
     claims.Ledger("90-test").check_logs(FIRST, logs)
     row = pd.read_csv(elsewhere).loc[0]
-    assert row["value"] == pytest.approx(149.5, rel=0.01)
-    assert math.isnan(row["high"])
+    assert row["value"] == pytest.approx(149.5, rel=0.01) and math.isnan(row["high"])
 
 
 def test_a_second_run_strikes_out_the_first_and_keeps_other_notebooks(elsewhere):
     """Property: a notebook's own rows go, those of others stay, in the order of the papers."""
     value = claims.published()["value"]
-    other = claims.Ledger("10-other")
-    other.check(SECOND, value[SECOND])
+    claims.Ledger("10-other").check(SECOND, value[SECOND])
     first = claims.Ledger("90-test")
     first.check(THIRD, value[THIRD])
     first.check(FIRST, value[FIRST])
@@ -164,8 +155,7 @@ def test_the_same_checks_write_the_same_bytes(elsewhere):
             for claim in order if notebook == "90-test" else [THIRD]:
                 ledger.check(claim, value[claim], 0.1 * value[claim] + 1 / 3, None)
         written.append(elsewhere.read_bytes())
-    assert written[0] == written[1]
-    assert b"\r" not in written[0]
+    assert written[0] == written[1] and b"\r" not in written[0]
 
 
 def test_unknown_claims_and_few_logs_are_wrong_usage(elsewhere):
@@ -201,10 +191,8 @@ def test_a_claim_judged_twice_says_where_it_turns(elsewhere, paper, car, verdict
     """Property: what both give, or what one gives, with its condition; R is 1, 3, 10 times R_0."""
     low, high = PUBLISHED[["low", "high"]].astype(float)
     of = {"+": [(low + high) / 2] * 3, "-": [3 * high] * 3, "?": [high, low, 2 * high]}
-    paper, car = (
-        pd.DataFrame([of[k] for k in way], [1, 3, 10], ["value", "low", "high"])
-        for way in (paper, car)
-    )
+    names = [1, 3, 10], ["value", "low", "high"]
+    paper, car = (pd.DataFrame([of[k] for k in way], *names) for way in (paper, car))
     ledger = claims.Ledger("90-test")
     assert ledger.check_both(FIRST, paper, car).partition(":")[0] == verdict
     row = pd.read_csv(elsewhere).loc[0]
@@ -249,8 +237,7 @@ def test_table_lays_published_beside_reproduced():
     (row,) = in_table(ledger)
     assert (row["our value"], row["95 % interval"]) == ("12.3 °", "at least 12 °")
     assert (row["published"], PUBLISHED["unit"]) == (f"{PUBLISHED['value']:g} °", "deg")
-    assert row["verdict"] == verdict
-    assert ledger.table(elsewhere=PUBLISHED["claim"][:20]) == ""
+    assert row["verdict"] == verdict and ledger.table(elsewhere=PUBLISHED["claim"][:20]) == ""
     assert bool(ledger.table(main=True)) == (PUBLISHED["main"] == "yes")
     assert claims.verdicts().loc[FIRST, "reproduced"] == "12.3 ° (at least 12 °)"
 
@@ -263,8 +250,7 @@ def test_a_notebook_run_by_hand_writes_no_verdict(monkeypatch):
     ledger = claims.Ledger("90-test")
     mine = ledger.check(FIRST, PUBLISHED["high"] + 1)
     assert in_table(ledger)[0]["verdict"] == f"{mine} (figures/claims.csv: {cited[FIRST]})"
-    assert path.read_bytes() == before
-    assert claims.verdicts()["verdict"].equals(cited)
+    assert path.read_bytes() == before and claims.verdicts()["verdict"].equals(cited)
 
 
 def claim_of(unit, **of):
@@ -290,8 +276,7 @@ def claim_of(unit, **of):
 )  # fmt: skip
 def test_numbers_are_written_in_words(claim, found, published, agrees, reproduced):
     """Property: one way to write each unit; an interval without width, or open, is not two ends."""
-    ledger = claims.Ledger("90-test")
-    ledger.check(claim, *found)
+    claims.Ledger("90-test").check(claim, *found)
     row = claims.verdicts().loc[claim]
     assert (row["published"], claims._agreement(JUDGED.loc[claim])) == (published, agrees)
     assert row["reproduced"] == reproduced
@@ -306,11 +291,9 @@ def test_no_number_of_the_verdicts_is_left_raw(monkeypatch):
 
 @pytest.mark.parametrize(
     ("rows", "key", "lines"),
-    [
-        (pd.DataFrame({"a": ["|x|", 2]}), None, ["| a |", "|---|", r"| \|x\| |", "| 2 |"]),
-        ({"N": 2, "B": None}, "of", ["| of | value |", "|---|---|", "| N | 2 |", "| B | – |"]),
-    ],
-)
+    [(pd.DataFrame({"a": ["|x|", 2]}), None, ["| a |", "|---|", r"| \|x\| |", "| 2 |"]),
+     ({"N": 2, "B": None}, "of", ["| of | value |", "|---|---|", "| N | 2 |", "| B | – |"])],
+)  # fmt: skip
 def test_a_table_is_markdown(rows, key, lines):
     """Property: a cell with a bar stays one cell; a missing value is a dash."""
     assert text.table(rows, key).splitlines() == lines
@@ -327,8 +310,7 @@ def test_findings_are_one_for_each_notebook(elsewhere):
     rows = [[name, said, "Here.", "10-a", "Do."] for name, said in kept.items()]
     assert claims.findings().to_numpy().tolist() == rows
     assert claims.advice() == "- Do. (finding 1)\n- Do. (finding 2)"
-    assert shown[-1] == "**Finding.** New. *Here.*"
-    assert elsewhere.read_bytes() == before
+    assert shown[-1] == "**Finding.** New. *Here.*" and elsewhere.read_bytes() == before
     with pytest.raises(WrongUsage, match="the finding of 90-test has 31 words: at most 30"):
         claims.finding("90-test", "word " * 31, when="Here.", figure="10-a")
     assert claims.findings()["sentence"].iloc[-1] == "New."
@@ -370,8 +352,7 @@ def test_a_computation_counts_once(monkeypatch):
 
 def test_errata_are_those_of_the_notebook():
     """Property: each erratum is in the notebook of its row: in a line, or counted in the last."""
-    register = pd.read_csv(claims.DATA / "published" / "errata.csv")
-    for name, rows in register.groupby("notebook"):
+    for name, rows in pd.read_csv(claims.DATA / "published" / "errata.csv").groupby("notebook"):
         told = claims.Ledger(name).errata()
         lines = max(sum(line.startswith("| ") for line in told.splitlines()) - 1, 0)
         counted = int(re.search(r"^(\d+) of \d+ errata", told, re.M)[1])

@@ -1,17 +1,15 @@
 """Which columns of a static log are readings, of what kind, in which unit: by name and by size."""
 
-import contextlib
-import io
 import shlex
 
 import numpy as np
 import pandas as pd
 import pytest
+from test_cli import run
 
 import sensorlogs as logs
 from analysis import WrongUsage
 from sensorlogs import columns
-from workbench import cli
 
 N = 400
 T = np.arange(N) / 100
@@ -84,8 +82,7 @@ def test_what_is_no_reading_is_left_out_and_said(tmp_path, case):
     header, series, options, expected, said = NO_READINGS[case]
     log = logs.read(write(tmp_path, header, *series), **options)
     unit = options.get("unit", "rad/s")
-    assert found(log) == [(name, unit) for name in expected.split()]
-    assert said in left_out(log)
+    assert found(log) == [(name, unit) for name in expected.split()] and said in left_out(log)
     assert log.rate_hz == pytest.approx(100, rel=1e-6)  # double precision of Unix nanoseconds
 
 
@@ -98,11 +95,10 @@ def test_what_was_left_out_can_be_asked_for(tmp_path):
 
 ROS_SIX = ",".join(f"{k}{a}" for k in ("linear_acceleration.", "omega_") for a in "xyz")
 SIX = {
-    "t,ax,ay,az,gx,gy,gz": "ax",
-    "t,wx,wy,wz,accX,accY,accZ": "accX",
+    "t,ax,ay,az,gx,gy,gz": "ax", "t,wx,wy,wz,accX,accY,accZ": "accX",
     "Time,GForceX,GForceY,GForceZ,GyroX,GyroY,GyroZ": "GForceX",
     f"t,{ROS_SIX}": "linear_acceleration_x",
-}
+}  # fmt: skip
 
 
 def write_six(folder, header, one=9.80665):
@@ -132,15 +128,13 @@ def test_a_bare_unit_is_for_one_kind(tmp_path, header):
     path = write_six(tmp_path, header)
     typed = ["pool", str(path), "--axes", "--out", str(tmp_path / "mine"), "--unit", "deg/s"]
     typed += ["--rate", "100", "--columns", ",".join(header.split(",")[1:])]
-    with contextlib.redirect_stderr(io.StringIO()) as err:
-        assert cli.main(typed) == 2
-    sentence, command = err.getvalue().strip().split("; run: ")
+    status, _, err = run(*typed)
+    sentence, command = err.strip().split("; run: ")
     assert "--unit deg/s is for channels of one kind" in sentence and "\n" not in command
-    assert "--unit gyro=deg/s,accel=m/s^2" in sentence
+    assert status == 2 and "--unit gyro=deg/s,accel=m/s^2" in sentence
     again = shlex.split(command)
     assert again[:3] == ["python", "-m", "analysis"] and "deg/s" not in again
-    at = again.index("--unit")
-    assert len(logs.read(path, unit=again[at + 1], rate=100).channels) == 6
+    assert len(logs.read(path, unit=again[again.index("--unit") + 1], rate=100).channels) == 6
 
 
 def test_a_single_kind_takes_a_bare_unit(tmp_path):
@@ -254,8 +248,7 @@ def test_temperature_is_kept_in_degrees_celsius(tmp_path, name):
 @pytest.mark.parametrize(("name", "value"), [("temp", -3000), ("temp_degF", 77), ("temp_K", 300)])
 def test_a_temperature_in_counts_or_another_unit_is_not_kept(tmp_path, name, value):
     """Property: a number that no temperature has is left out, and said."""
-    path = write(tmp_path, f"t_s,gyro_x_deg_s,{name}", T, GYRO[:, 0], np.full(N, value))
-    log = logs.read(path)
+    log = logs.read(write(tmp_path, f"t_s,gyro_x_deg_s,{name}", T, GYRO[:, 0], np.full(N, value)))
     assert log.temperature is None and f"{name} (a temperature)" in left_out(log)
 
 
@@ -325,8 +318,7 @@ def test_every_verb_reads_a_name_alike(means):
 
 def test_of_two_columns_of_a_meaning_the_plainer_one_counts(tmp_path):
     """Property: total before linear acceleration, a reading before its bias; positions too."""
-    t = np.arange(300) / 100
-    rng = np.random.default_rng(3)
+    t, rng = np.arange(300) / 100, np.random.default_rng(3)
     table = pd.DataFrame({"time_s": t})
     for k, axis in enumerate("xyz"):
         table[f"linear_acceleration_{axis}_m_s2"] = 0.0
@@ -337,8 +329,7 @@ def test_of_two_columns_of_a_meaning_the_plainer_one_counts(tmp_path):
     table.to_csv(tmp_path / "my.csv", index=False)
     ride = logs.read_moving([tmp_path / "my.csv"])
     np.testing.assert_allclose(ride.imu.gyro_b[0], [0.0, 0.1, 0.2])
-    assert np.median(ride.imu.accel_b[:, 2]) < -9
-    assert ride.gnss.lat_deg[0] == 45
+    assert np.median(ride.imu.accel_b[:, 2]) < -9 and ride.gnss.lat_deg[0] == 45
 
 
 @pytest.mark.parametrize(
@@ -346,8 +337,7 @@ def test_of_two_columns_of_a_meaning_the_plainer_one_counts(tmp_path):
     [("º/s degree/second deg.s-1 Degrees_per_second grad/s deg·s⁻¹ degs deg_s", "deg/s"),
      ("rad·s⁻¹ rad.s-1 rads/s radians/sec rad_per_s rad_s", "rad/s"),
      ("m·s⁻² m.s-2 ms-2 m/s**2 meters/s^2 m/sec² m_s_2 m_s2", "m/s^2"),
-     ("deg/hr °/h deg_per_hour deg_h", "deg/h"),
-     ("°C s Hz ms mdps m/s rad2 dBm %", None)],
+     ("deg/hr °/h deg_per_hour deg_h", "deg/h"), ("°C s Hz ms mdps m/s rad2 dBm %", None)],
 )  # fmt: skip
 def test_spellings_of_units(spelled, unit):
     """Property: one unit, however it is written; what is none of these is not guessed."""
@@ -356,8 +346,7 @@ def test_spellings_of_units(spelled, unit):
 
 @pytest.mark.parametrize(
     ("ends", "factors"),
-    [(("_mdps", "_ug"), (1e3, 1e6)),
-     ((" (mrad/s)", " (cm/s²)"), (1e3 * np.pi / 180, 980.665)),
+    [(("_mdps", "_ug"), (1e3, 1e6)), ((" (mrad/s)", " (cm/s²)"), (1e3 * np.pi / 180, 980.665)),
      ((" [rpm]", " [ft/s^2]"), (1 / 6, 9.80665 / 0.3048))],
 )  # fmt: skip
 def test_multiples_of_units(tmp_path, ends, factors):

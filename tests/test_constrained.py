@@ -81,24 +81,18 @@ def test_the_transition_is_the_derivative_of_the_motion():
 
     F is of first order in the step: the products that it leaves out are w T and T/2 of its terms.
     """
-    gyro, accel = (0.05, -0.04, 0.2), (0.5, 1.0, -9.7)
-    start = under_way()
-    end, size = fed(nominal(start), gyro, accel), 1e-6
-    F = np.empty((STATES, STATES))
+    gyro, accel, start = (0.05, -0.04, 0.2), (0.5, 1.0, -9.7), under_way()
+    end, size, F = fed(nominal(start), gyro, accel), 1e-6, np.empty((STATES, STATES))
     for k in range(STATES):
-        off = fed(moved(start, size * np.eye(STATES)[k]), gyro, accel)
-        F[:, k] = difference(end, off) / size
-    rng = np.random.default_rng(1)
-    A = rng.standard_normal((STATES, STATES))
+        F[:, k] = difference(end, fed(moved(start, size * np.eye(STATES)[k]), gyro, accel)) / size
+    A = np.random.default_rng(1).standard_normal((STATES, STATES))
     P = np.diag(np.sqrt(np.diag(start.P))) @ (A @ A.T / STATES) @ np.diag(np.sqrt(np.diag(start.P)))
     carried = fed(nominal(start), gyro, accel)
     carried.P = P.tolist()
     carried._carry()
     exact = F @ P @ F.T
-    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
-    noise = np.array(carried.P) - exact
-    off_diagonal = ~np.eye(STATES, dtype=bool)
-    assert np.abs(noise / scale)[off_diagonal].max() < 0.02
+    scale, noise = np.sqrt(np.outer(np.diag(exact), np.diag(exact))), np.array(carried.P) - exact
+    assert np.abs(noise / scale)[~np.eye(STATES, dtype=bool)].max() < 0.02
     assert (np.diag(noise) > -0.02 * np.diag(scale)).all()
 
 
@@ -145,8 +139,7 @@ def test_a_fix_of_the_antenna_is_the_derivative_of_its_place():
 
 def test_updates_are_those_of_filterpy():
     """cross-check: a fix of four numbers, one at a time, is filterpy's update of all, to 1e-9."""
-    kalman = pytest.importorskip("filterpy.kalman")
-    block = under_way()
+    kalman, block = pytest.importorskip("filterpy.kalman"), under_way()
     A = np.random.default_rng(3).standard_normal((STATES, STATES))
     block.P = (A @ A.T + np.eye(STATES)).tolist()
     other = kalman.KalmanFilter(dim_x=STATES, dim_z=4)
@@ -154,8 +147,7 @@ def test_updates_are_those_of_filterpy():
     other.R = np.diag([4.0, 4.0, 0.25, 0.25])
     z = np.array([1.0, -2.0, 0.5, 0.3])
     other.update(z)
-    place, speed = np.add(block.position, z[:2]), np.add(block.velocity[:2], z[2:])
-    found = []
+    place, speed, found = np.add(block.position, z[:2]), np.add(block.velocity[:2], z[2:]), []
     block._apply = lambda: found.extend(block._error)
     block.update(place.tolist(), speed.tolist(), 2.0, 0.5)
     np.testing.assert_allclose(found, other.x.ravel(), atol=1e-9)
@@ -316,18 +308,13 @@ def test_a_lever_arm_that_is_told_does_no_harm(town):
     turns = np.array([town.log.imu.gyro_b[max(k - 5, 0) : k + 5].mean(axis=0) for k in at])
     c, s = np.cos(np.radians(town.mount_deg)), np.sin(np.radians(town.mount_deg))
     arm = np.array([4.0 * c, -4.0 * s, 0.0])  # ahead of the car, in the sensor's axes
-    place = rows @ arm
-    swing = np.einsum("nij,nj->ni", rows, np.cross(turns, arm))
+    place, swing = rows @ arm, np.einsum("nij,nj->ni", rows, np.cross(turns, arm))
     course = np.radians(gnss.course_deg)
     v = gnss.speed_m_s * [np.cos(course), np.sin(course)] + swing[:, :2].T
-    metre = np.degrees(1 / 6.371e6)
-    moved_there = replace(
-        gnss,
-        lat_deg=gnss.lat_deg + metre * place[:, 0],
-        lon_deg=gnss.lon_deg + metre * place[:, 1] / np.cos(np.radians(gnss.lat_deg)),
-        speed_m_s=np.hypot(*v),
-        course_deg=np.degrees(np.arctan2(v[1], v[0])) % 360,
-    )
+    metre, course = np.degrees(1 / 6.371e6), np.degrees(np.arctan2(v[1], v[0])) % 360
+    lon = gnss.lon_deg + metre * place[:, 1] / np.cos(np.radians(gnss.lat_deg))
+    there = {"lat_deg": gnss.lat_deg + metre * place[:, 0], "lon_deg": lon}
+    moved_there = replace(gnss, **there, speed_m_s=np.hypot(*v), course_deg=course)
     fast = gnss.t_s[town.speed_m_s > 8.0]
     starts, ends = fast[[len(fast) * k // 10 for k in (4, 6, 8)]], []
     last = np.searchsorted(gnss.t_s, starts + 30.0) - 1
@@ -393,11 +380,9 @@ def test_single_precision_stays_single_and_agrees(town):
     imu = town.log.imu
     early = replace(town.log, imu=replace(imu, **{k: v[:5600] for k, v in vars(imu).items()}))
     log = inject_outages(early, [(100.0, 130.0)])
-    wide, narrow = (
-        replay(log, Options(filter="car", number=kind)).columns for kind in (float, np.float32)
-    )
-    apart = np.array(town.output_error(wide)) - town.output_error(narrow)
-    assert np.nanmax(np.abs(apart)) < 0.5
+    options = (Options(filter="car", number=kind) for kind in (float, np.float32))
+    wide, narrow = (replay(log, of).columns for of in options)
+    assert np.nanmax(np.abs(np.array(town.output_error(wide)) - town.output_error(narrow))) < 0.5
     block = constrained.Constrained(np.float32)
     numbers = [np.float32(x) for x in (0.1, 0.2, 0.3)]
     block.start((1.0, 2.0), (8.0, 5.0), (EYE, numbers, [0.0, 0.0, 1.0]), 0.0, 3.0, 0.3)
@@ -408,8 +393,7 @@ def test_single_precision_stays_single_and_agrees(town):
 
 def test_it_does_not_start_before_it_knows_where_the_car_points():
     """property: without a mounting angle the paper's block goes on alone."""
-    ride = scenario("D", np.random.default_rng(3), stops=0)
-    log = inject_outages(ride.log, [(40.0, 60.0)])
+    log = inject_outages(scenario("D", np.random.default_rng(3), stops=0).log, [(40.0, 60.0)])
     never = Options(low_pass=False, max_mount_sigma=math.radians(0.001))
     columns = [replay(log, o).columns for o in (never, Options(**never.changed, filter="car"))]
     np.testing.assert_array_equal(columns[0]["out_lat_deg"], columns[1]["out_lat_deg"])

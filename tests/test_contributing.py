@@ -5,10 +5,8 @@ import shlex
 import sys
 import tomllib
 
-import nbformat
 import pandas as pd
 import pytest
-from test_project import HEADER, form_faults
 from test_published import CLAIMS, claim_faults
 
 import sensorlogs as logs
@@ -24,21 +22,17 @@ def test_what_the_page_names_is_there():
     """property: every file, module, make target and command of the page exists."""
     named = set(re.findall(r"`((?:analysis|tests|data|notebooks|figures)/[\w./-]*)`", PAGE))
     named = {n for n in named if not re.search("35-my|data/own/|lib/", n)}
-    assert len(named) > 15
-    assert [n for n in sorted(named) if not (ROOT / n).exists()] == []
-    modules = re.findall(r"`(\w+)\.(\w+)`", PAGE)
-    assert {"operations", "derived"} <= {m for m, _ in modules}
+    assert len(named) > 15 and [n for n in sorted(named) if not (ROOT / n).exists()] == []
+    assert {"operations", "derived"} <= {m for m, _ in re.findall(r"`(\w+)\.(\w+)`", PAGE)}
     targets = set(re.findall(r"`make ([a-z-]+)`", PAGE))
     rules = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
     assert targets <= rules
-    verbs = set(re.findall(r"python -m analysis ([a-z]+)", PAGE))
-    assert verbs <= set(cli.app.commands)
+    assert set(re.findall(r"python -m analysis ([a-z]+)", PAGE)) <= set(cli.app.commands)
 
 
 def test_a_sensor(tmp_path):
     """property: the page's stanza joins the sheets; without a line the line is named."""
-    path = tmp_path / "sensors.toml"
-    before = (DATA / "sensors.toml").read_text("utf-8")
+    path, before = tmp_path / "sensors.toml", (DATA / "sensors.toml").read_text("utf-8")
     path.write_text(before + SENSOR, "utf-8")
     assert datasheets.read(path)["my-gyro"] == tomllib.loads(SENSOR)["my-gyro"]
     for line, words in (("source", "source"), ("density_deg_s", "arw_deg_sqrt_h or")):
@@ -73,16 +67,8 @@ ROW = CLAIMS.iloc[0].to_dict() | {
 
 
 def test_a_claim(tmp_path, monkeypatch):
-    """property: a new row has its verdict, in words; what a wrong one lacks is said."""
+    """property: a new row has no fault, and its verdict, in words."""
     assert claim_faults(ROW) == []
-    for change, words in {
-        ("high", "1.9"): "the published value lies between low and high",
-        ("unit", "fold"): "the unit is one of",
-        ("why", ""): "where, claim, quantity, value, unit and why are filled in",
-        ("quantity", "1 if it is twice"): "a quantity '1 if ...' has",
-    }.items():
-        (fault,) = claim_faults(ROW | dict([change]))
-        assert fault.startswith(words)
     (tmp_path / "published").mkdir()
     register = CLAIMS.reset_index(drop=True)
     register.loc[len(register)] = ROW
@@ -104,32 +90,3 @@ def test_an_estimator(tmp_path, monkeypatch):
     rows = pd.read_csv("try/walk-2h.csv").set_index(["method", "parameter"]).loc["mine"]
     assert rows.loc["arw", ["given", "held", "width"]].round(2).to_list() == [1, 1, 0.02]
     assert (rows["given"].drop("arw") == 0).all()
-
-
-def test_a_notebook(tmp_path):
-    """property: one in the form of the page passes; each departure is said in a sentence."""
-    new = nbformat.v4
-    lines = "\n".join(f"- **{word}** something" for word in HEADER)
-    cells = [new.new_markdown_cell(f"# One claim\n\n{lines}"), new.new_code_cell("A = 1")]
-    cells[1].metadata["tags"] = ["parameters"]
-    cells.append(new.new_code_cell("A + 1"))
-    for count, cell in enumerate(cells[1:], start=1):
-        cell.execution_count = count
-    cells[2].outputs = [new.new_output("stream", name="stdout", text="2\n")]
-    path = tmp_path / "35-my-subject.ipynb"
-
-    def faults(**changes):
-        book = new.new_notebook(cells=[nbformat.from_dict(dict(cell)) for cell in cells])
-        for at, source in changes.items():
-            book.cells[int(at[1:])]["source"] = source
-        nbformat.write(book, path)
-        return form_faults(path)
-
-    assert faults() == []
-    assert faults(_0=f"One claim\n\n{lines}") == ['the first cell begins with a title, "# ..."']
-    (said,) = faults(_0="# One claim")
-    assert said.startswith("under the title stand Reproduces, Question, Needs")
-    (said,) = faults(_2="A\n" * 16)
-    assert said.startswith("a code cell has at most 15 lines")
-    cells[2].execution_count = 7
-    assert faults() == ["it is committed as executed, from the first cell to the last"]

@@ -38,23 +38,19 @@ def test_the_study_is_the_one_that_the_command_makes(study):
 def test_intervals_hold_the_truth(papers):
     """coverage: every parameter of all eight models in 93 to 97 % of 600 or 1000 logs, each."""
     told = papers[papers["parameter"].isin(FITTED) & np.isfinite(papers["truth"])]
-    told = told[told["covered"].notna()]
-    counts = dict(zip(FITTED, (16, 14, 14, 16), strict=True))
-    assert told["parameter"].value_counts().to_dict() == counts
-    assert (told["logs"] >= 400).all()
+    told, counts = told[told["covered"].notna()], dict(zip(FITTED, (16, 14, 14, 16), strict=True))
+    assert told["parameter"].value_counts().to_dict() == counts and (told["logs"] >= 400).all()
     assert told["covered"].between(0.93, 0.97).all()
 
 
 @pytest.mark.parametrize(
     ("estimator", "parameter", "hours", "models", "statistic", "low", "high"),
-    [
-        ("likelihood", "sigma_v", (2, 6), [*coverage.papers()], "mean", 0.99, 1.01),
-        ("N+GM, unselected", "corr_time", (6,), [*coverage.papers()], "mean", 0.95, 1.05),
-        ("1/e", "corr_time", (2,), ["midg-roll"], "median", 0.0, 0.7),
-        ("likelihood", "drift", (2, 6), ["walk"], "covered", 0.92, 1.0),
-        ("likelihood", "drift", (2, 6), ["weak-bias"], "covered", 0.9, 1.0),
-    ],
-)
+    [("likelihood", "sigma_v", (2, 6), [*coverage.papers()], "mean", 0.99, 1.01),
+     ("N+GM, unselected", "corr_time", (6,), [*coverage.papers()], "mean", 0.95, 1.05),
+     ("1/e", "corr_time", (2,), ["midg-roll"], "median", 0.0, 0.7),
+     ("likelihood", "drift", (2, 6), ["walk"], "covered", 0.92, 1.0),
+     ("likelihood", "drift", (2, 6), ["weak-bias"], "covered", 0.9, 1.0)],
+)  # fmt: skip
 def test_what_the_study_says(study, estimator, parameter, hours, models, statistic, low, high):
     """published: N to 1 %, T_c at 6 h to 5 % where it is finite; the usual recipes are biased."""
     told = study[study["hours"].isin(hours) & study["model"].isin(models)]
@@ -109,13 +105,9 @@ def test_wrong_usage(arguments, tmp_path, capsys):
 def test_what_breaks_a_log_is_what_is_said():
     """property: each disturbance has its size, beside the same noise of the same sensor."""
     dt, n = 0.1, 72000
-    t, name = dt * np.arange(n), "walk"
-    still = np.zeros(n)
-    done = {
-        what: disturb(still, t, np.random.default_rng(1))
-        for what, (_, disturb) in coverage.disturbances(0.01, 0.06).items()
-        if not what.startswith("low-pass")
-    }
+    t, name, still = dt * np.arange(n), "walk", np.zeros(n)
+    done = {k: disturb for k, (_, disturb) in coverage.disturbances(0.01, 0.06).items()}
+    done = {k: of(still, t, np.random.default_rng(1)) for k, of in done.items() if k[:3] != "low"}
     assert not done["nothing"].any()
     assert done["warm-up-10"][[0, 9000]] == pytest.approx([0.1, 0.1 / np.e])
     assert set(np.abs(done["step-10"])) == {0.0, 0.1}
@@ -139,8 +131,7 @@ def test_what_breaks_a_log_is_what_is_said():
 def test_low_pass_leaves_slow_noise():
     """analytic: half the power is left at the cutoff, 1/17 at twice it; a constant stays."""
     dt, cutoff = 0.01, 5.0
-    t = dt * np.arange(100_000)
-    low_pass = coverage.disturbances(0.0, 0.0)["low-pass-5"][1]
+    t, low_pass = dt * np.arange(100_000), coverage.disturbances(0.0, 0.0)["low-pass-5"][1]
     for frequency, power in ((cutoff, 0.25), (2 * cutoff, 0.5 / 17)):
         wave = low_pass(np.sin(2 * np.pi * frequency * t), t, None)
         assert wave[1000:].var() == pytest.approx(power, rel=0.1)  # warped by the sampling

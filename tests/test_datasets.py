@@ -81,8 +81,7 @@ def test_addresses_name_a_commit():
         assert len(entry.sha256) == 64 or (not entry.sha256 and entry.commit)
         if entry.commit:
             assert entry.url.startswith(f"https://github.com/{entry.repository}/raw/")
-            assert entry.commit in entry.url
-            assert " " not in entry.url
+            assert entry.commit in entry.url and " " not in entry.url
 
 
 def test_a_download_is_checked_and_kept(monkeypatch):

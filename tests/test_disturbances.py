@@ -8,21 +8,8 @@ from scipy.signal import butter, lfilter
 from scipy.stats import chi2, f, norm, t
 
 from analysis import Estimate
-from analysis.noise.disturbances import (
-    Disturbance,
-    Increments,
-    adjusted,
-    heavy_tails,
-    increments,
-    level_changes,
-    lines,
-    missing,
-    resolution,
-    saturation,
-    spikes,
-    stuck,
-    uneven,
-)
+from analysis.noise import disturbances as rules
+from analysis.noise.disturbances import Disturbance, adjusted, saturation, spikes, stuck, uneven
 from analysis.noise.models import UnifiedModel, flicker_noise
 from analysis.noise.notes import said
 from analysis.noise.parameters import SIZES, SLOW, WHITE
@@ -68,14 +55,12 @@ def test_what_is_no_spike():
 
 def test_a_shock_is_left_out_whole():
     """property: what rings for 20 samples is one spike, also in a log with lost samples."""
-    y = rng().standard_normal(N)
-    k = np.arange(20)
+    y, k = rng().standard_normal(N), np.arange(20)
     y[5000:5020] += 200 * np.exp(-k / 6) * np.cos(2 * k)
     y[rng(2).random(N) < 0.05] = np.nan
     marked, (found,) = spikes(y, DT)
     assert found.note.startswith("spikes left out: 1,")
-    there = np.isfinite(y)
-    assert np.abs(y[there & ~marked]).max() < 6 and marked.sum() < 60
+    assert np.abs(y[np.isfinite(y) & ~marked]).max() < 6 and marked.sum() < 60
 
 
 def disturbed(kind):
@@ -97,17 +82,11 @@ def disturbed(kind):
 
 @pytest.mark.parametrize(
     ("kind", "named", "resolved"),
-    [
-        ("normal", set(), True),
-        ("t3", {"heavy_tails"}, True),
-        ("t5", {"heavy_tails"}, True),
-        ("t2", {"heavy_tails"}, False),
-        ("contaminated", {"heavy_tails"}, True),
-        ("doubled", {"noise_level"}, False),
-        ("rise", {"noise_level"}, True),
-        ("loud", {"noise_level"}, False),
-    ],
-)
+    [("normal", set(), True), ("t3", {"heavy_tails"}, True), ("t5", {"heavy_tails"}, True),
+     ("t2", {"heavy_tails"}, False), ("contaminated", {"heavy_tails"}, True),
+     ("doubled", {"noise_level"}, False), ("rise", {"noise_level"}, True),
+     ("loud", {"noise_level"}, False)],
+)  # fmt: skip
 def test_uneven_noise_holds_or_is_refused(kind, named, resolved):
     """property: each disturbance is named, and the interval holds the root mean square or N is
     refused with a bound that does.
@@ -118,8 +97,7 @@ def test_uneven_noise_holds_or_is_refused(kind, named, resolved):
     error = 1.96 / np.sqrt(2 * N)
     plain = Estimate(y.std(), y.std() * (1 - error), y.std() * (1 + error), "deg/s")
     e = adjusted(plain, "sigma_v", found)
-    assert e.resolved == resolved
-    assert e.low <= truth <= (np.inf if e.high is None else e.high)
+    assert e.resolved == resolved and e.low <= truth <= (np.inf if e.high is None else e.high)
     assert all(d.note in e.note for d in found if d.affects)
     assert adjusted(plain, "corr_time", found) == plain
 
@@ -172,8 +150,7 @@ def test_a_stuck_reading_is_left_out(lost):
 def test_coarse_or_held_readings_are_not_stuck(step):
     """property: rounding to up to ten deviations, and an output held, leave nothing marked."""
     y = np.round((rng().standard_normal(N) + 0.3) / step) * step
-    assert not stuck(y, DT)[0].any()
-    assert not stuck(np.repeat(y, 2), DT)[0].any()
+    assert not stuck(y, DT)[0].any() and not stuck(np.repeat(y, 2), DT)[0].any()
 
 
 @pytest.mark.parametrize(("step", "coarse"), [(1.0, False), (1.8, False), (3.0, True), (8.0, True)])
@@ -181,7 +158,7 @@ def test_a_step_of_twice_the_scatter_is_coarse(step, coarse):
     """analytic: rounded noise has the variance 1 + step^2 / 12, beside which the step is judged."""
     y = np.round((rng().standard_normal(N) + 0.1 * step) / step) * step
     y[0] = 20 * step  # the step is the least one, not the largest
-    assert [(d.start_s, d.end_s) for d in resolution(y, DT)] == [(0.0, N * DT)] * coarse
+    assert [(d.start_s, d.end_s) for d in rules.resolution(y, DT)] == [(0.0, N * DT)] * coarse
 
 
 @pytest.mark.parametrize(("low", "high"), [(-2.0, 2.0), (-np.inf, 1.5), (-1.0, 3.0)])
@@ -212,13 +189,13 @@ def test_other_ends_of_a_range_are_no_saturation():
 def test_what_is_missing_is_said_with_its_place():
     """analytic: gaps are counted with length and place, single losses by their share."""
     y = rng().standard_normal(N)
-    assert missing(y, DT) == []
+    assert rules.missing(y, DT) == []
     y[1000:1300] = y[20_000:20_450] = np.nan
-    [gaps] = missing(y, DT)
+    [gaps] = rules.missing(y, DT)
     assert gaps.note.startswith("2 gaps, 75 s in all, the longest 45 s at 2000 s")
     assert (gaps.start_s, gaps.end_s) == pytest.approx((100.0, 2045.0))
     y[rng(3).random(N) < 0.05] = np.nan
-    gaps, single = missing(y, DT)
+    gaps, single = rules.missing(y, DT)
     assert gaps.note.startswith("2 gaps") and not (gaps.affects or single.affects)
     share = float(single.note.split("(")[1].split()[0])
     assert share == pytest.approx(0.05, rel=0.05)  # 1800 samples: two standard errors
@@ -229,7 +206,7 @@ def test_an_oscillation_is_named(size, frequency):
     """property: a weak and a slow strong vibration are found within a bin of the spectrum."""
     t = 0.01 * np.arange(20_000)
     y = rng().standard_normal(len(t)) + size * np.sin(2 * np.pi * round(float(frequency), 1) * t)
-    ranges, (found,) = lines(y, 0.01)
+    ranges, (found,) = rules.lines(y, 0.01)
     assert any(low < round(float(frequency), 1) < high for low, high in ranges)
     assert found.note.startswith(f"oscillation at {frequency} Hz, ") and not found.affects
 
@@ -245,11 +222,8 @@ def uneven_noise(r, n):
 def coloured_noise(r, n):
     """White noise, a walk, biases short and long, and a low-passed output."""
     w, v = r.standard_normal((2, n))
-    slow = [
-        scale * lfilter(b, a, v)
-        for scale, b, a in ((30, [0.01], [1, -0.999]), (10, [0.3], [1, -0.7]))
-    ]
-    return w, np.cumsum(w), w + slow[0], w + slow[1], lfilter(*butter(2, 0.2), w)
+    slow, short = lfilter([0.3], [1, -0.999], v), lfilter([3.0], [1, -0.7], v)
+    return w, np.cumsum(w), w + slow, w + short, lfilter(*butter(2, 0.2), w)
 
 
 @pytest.mark.parametrize(
@@ -258,7 +232,7 @@ def coloured_noise(r, n):
 def test_noise_is_no_oscillation(noise, length):
     """property: uneven noise and noise of any colour, 40 logs of each."""
     r = rng(4)
-    assert not any(lines(y, 0.01)[1] for _ in range(40) for y in noise(r, length))
+    assert not any(rules.lines(y, 0.01)[1] for _ in range(40) for y in noise(r, length))
 
 
 QUIET = rng(6).permutation(norm.ppf((np.arange(N) + 0.5) / N))
@@ -325,7 +299,7 @@ def test_few_levels_and_piles_by_their_counts():
     """known case: fewer than 12 levels, most at one; a pile of 28 runs beside one of the next."""
     for most, found in ((10, True), (11, False)):
         y = np.append(np.zeros(10_000), np.arange(most + 1.0))
-        told = resolution(y, DT)
+        told = rules.resolution(y, DT)
         assert [d.affects for d in told] == [(*WHITE, *SLOW)] * found
         assert all(d.note == said("resolution", ratio=1 / y.std()) for d in told)
     for runs, found in ((27, False), (28, True)):  # runs - 1 > 5 sqrt(runs + 1)
@@ -349,8 +323,7 @@ def test_a_gap_is_longer_than_chance_makes_it():
     for singles, gap in ((18, True), (19, False)):  # of 1000, beside a run of three
         y = np.zeros(1000)
         y[100:103] = y[200 : 200 + 10 * singles : 10] = np.nan
-        told = missing(y, DT)
-        numbers = {"total": 0.3, "longest": 0.3, "at": 10.0}
+        told, numbers = rules.missing(y, DT), {"total": 0.3, "longest": 0.3, "at": 10.0}
         assert (said("gap", **numbers) in told[0].note) == gap == (len(told) == 2)
         lost = singles if gap else singles + 3
         assert told[-1].note == said("lost", samples=lost, share=lost / 1000)
@@ -362,8 +335,7 @@ def test_increments_are_those_of_their_definition():
     """known case: pairs of 1024 means and more, over their eighths' rms, in pieces of pieces."""
     y = rng(7).standard_normal(1100) * np.repeat([1.0, 3.0], 550)
     y[rng(8).choice(1100, 60, replace=False)] = np.nan
-    there = np.flatnonzero(np.isfinite(y))
-    part = increments(y, 0.5)
+    there, part = np.flatnonzero(np.isfinite(y)), rules.increments(y, 0.5)
     pairs = y[there[:1024]].reshape(8, 8, 8, 2)
     h = pairs[..., 1] - pairs[..., 0]
     z = h / np.sqrt((h**2).mean(axis=(1, 2), keepdims=True))
@@ -373,14 +345,14 @@ def test_increments_are_those_of_their_definition():
         (part.edges, 0.5 * np.append(there[:1024:16], there[1023] + 1)),
     ):  # fmt: skip
         np.testing.assert_allclose(found, expected)
-    assert increments(y[: there[1023]], 0.5) is None  # one mean less
-    assert increments(np.tile([0.0, 1.0], 600), 0.5) is None  # a pattern
+    assert rules.increments(y[: there[1023]], 0.5) is None  # one mean less
+    assert rules.increments(np.tile([0.0, 1.0], 600), 0.5) is None  # a pattern
 
 
 def made(z=(), level=(), energy=None, fourth=3.0, size=64_000):
     """Make increments of 64 pieces of 100 s with the numbers that a test looks at."""
     energy = np.ones((8, 8)) if energy is None else energy
-    return Increments(np.array(z), size, energy, fourth, 1.0, level, 100.0 * np.arange(65))
+    return rules.Increments(np.array(z), size, energy, fourth, 1.0, level, 100.0 * np.arange(65))
 
 
 def test_heavy_tails_by_their_kurtosis_and_their_index():
@@ -392,15 +364,15 @@ def test_heavy_tails_by_their_kurtosis_and_their_index():
     for n, least in ((100_000, 0.2), (1000, 5 * np.sqrt(24 / 1000))):
         z = t(9).ppf(p[:: 100_000 // n])
         two = np.sum(np.sort(abs(z))[-2:] ** 4) / n  # what the two largest alone make of it
-        assert heavy_tails(made(z, fourth=2.99 + least + two)) == []
+        assert rules.heavy_tails(made(z, fourth=2.99 + least + two)) == []
         excess = least + two + 0.01
-        (d,) = heavy_tails(made(z, fourth=3 + excess))
+        (d,) = rules.heavy_tails(made(z, fourth=3 + excess))
         half = 1.959964 * np.sqrt(excess / (4 * n))
         assert d.widens == pytest.approx((half, 2 * half)) and d.affects == WHITE
         robust = np.subtract(*np.quantile(z, [0.75, 0.25])) / (2 * norm.ppf(0.75))
         assert d.note == said("heavy_tails", excess=excess, over=1 + excess, robust=robust)
         assert (d.start_s, d.end_s) == (0.0, 6400.0)
-    (told,) = heavy_tails(made(t(2).ppf(p), fourth=1e6))
+    (told,) = rules.heavy_tails(made(t(2).ppf(p), fourth=1e6))
     assert told.widens is None and told.affects == WHITE
     assert told.bounds == (pytest.approx(t(2).ppf(0.75) / norm.ppf(0.75), rel=1e-4), None)
     index = float(told.note.split("index ")[1].split(",")[0])
@@ -416,7 +388,7 @@ def test_level_changes_by_the_rules_of_their_tests(times, found):
     sign, inside = np.array([1, -1, 1, 1, -1, -1, 1, -1.0]), 0.01**2 * 8 / 7
     a = np.sqrt(times * f.isf(1e-3, 7, 56) * inside / 8 * 7 / 8)
     wave = 0.01 * (-1.0) ** np.arange(8)
-    told = level_changes(made(level=2 * np.exp(a * sign[:, None] + wave)), WHITE)
+    told = rules.level_changes(made(level=2 * np.exp(a * sign[:, None] + wave)), WHITE)
     assert len(told) == found
     for d in told:
         half = t.ppf(0.975, 7) * np.sqrt((a**2 * 8 / 7 - inside / 8) / 8)
@@ -426,29 +398,27 @@ def test_level_changes_by_the_rules_of_their_tests(times, found):
     ratio = times * chi2.isf(1e-3, 56) / 56 * 1.5  # beyond a kurtosis of 4, which scatters energies
     e = np.sqrt(ratio * 2 * 64 / 64_000 * 7 / 8) * (-1.0) ** np.arange(8)
     flat = np.ones((8, 8))
-    told = level_changes(made(level=np.exp(wave) * flat, energy=1 + e * flat, fourth=4.0), SIZES)
+    scattered = made(level=np.exp(wave) * flat, energy=1 + e * flat, fourth=4.0)
+    told = rules.level_changes(scattered, SIZES)
     assert len(told) == found
     for d in told:
         half = 1.959964 * np.sqrt((ratio - 1.5) / (2 * 64_000))
         assert d.widens == pytest.approx((half, half)) and d.affects == SIZES
     burst = np.exp(wave) * flat
     burst[3, 2] = 3.0
-    for d in level_changes(made(level=burst, energy=1 + e * flat, fourth=4.0), SIZES):
+    for d in rules.level_changes(made(level=burst, energy=1 + e * flat, fourth=4.0), SIZES):
         assert (d.start_s, d.end_s) == (2600.0, 2700.0)  # where it is loud
         assert d.bounds == pytest.approx(np.array([1, 3]) / np.sqrt(72 / 64), rel=0.02)
     loud = flat * np.where(np.arange(8) == 5, 2.0, 1.0)[:, None] * np.exp(wave)
-    (d,) = level_changes(made(level=loud), WHITE)
+    (d,) = rules.level_changes(made(level=loud), WHITE)
     assert d.widens is None and (d.start_s, d.end_s) == (4000.0, 4800.0)
 
 
 def test_estimates_are_adjusted_by_what_affects_them():
     """known case: refused with shares of the value; a bound from readings cut off falls."""
     plain = Estimate(2.0, 1.0, 3.0, "m", note="own")
-    for bounds, ends in (
-        ((0.5, None), (1.0, None)),
-        ((None, 3.0), (None, 6.0)),
-        ((None,) * 2, (None,) * 2),
-    ):
+    for bounds in ((0.5, None), (None, 3.0), (None, None)):
+        ends = tuple(bound and 2 * bound for bound in bounds)  # of a value of 2
         e = adjusted(plain, "arw", [Disturbance("x", 0, 1, "why", ("arw",), bounds=bounds)])
         assert (e.value, e.low, e.high, e.note) == (None, *ends, "own; why") and not e.resolved
     assert adjusted(plain, "rrw", [Disturbance("x", 0, 1, "why", ("arw",))]) == plain
@@ -467,10 +437,8 @@ def test_whose_level_changes_is_told_by_the_white_noise(m):
     White noise rules where it has more than half of the Allan variance of the means.
     """
     y = np.cumsum(rng().standard_normal(N) * np.repeat([1.0, 2.0], N // 2))
-    pairs = y.reshape(-1, 2, m).mean(axis=2)
-    avar = np.mean(np.diff(pairs) ** 2) / 2
+    avar = np.mean(np.diff(y.reshape(-1, 2, m).mean(axis=2)) ** 2) / 2
     for share, affects in ((0.49, {SIZES}), (0.51, {WHITE, SIZES})):
-        found = uneven(y, DT, m, np.sqrt(share * avar * m))
-        levels = [d for d in found if d.kind == "noise_level"]
+        levels = [d for d in uneven(y, DT, m, np.sqrt(share * avar * m)) if d.kind == "noise_level"]
         assert {d.affects for d in levels} == affects and len(levels) == len(affects)
         assert all((d.start_s, d.end_s) == pytest.approx((0.0, N * DT), rel=0.1) for d in levels)

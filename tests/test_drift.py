@@ -26,8 +26,7 @@ def test_a_walk_does_not_hide_a_drift():
     for k in range(LOGS):
         rng = np.random.default_rng([7, k])
         y = rng.standard_normal(SAMPLES) + 0.1 * np.cumsum(rng.standard_normal(SAMPLES))
-        log = fitted(y + DRIFT * np.arange(SAMPLES), "N+K", "N+GM")
-        _, low, high = linear_drift(*log, rng)
+        _, low, high = linear_drift(*fitted(y + DRIFT * np.arange(SAMPLES), "N+K", "N+GM"), rng)
         held[k] = low < DRIFT < high
     assert held.mean() >= 0.85  # 50 logs say no more; notebook 13 has the study
 
@@ -41,8 +40,7 @@ def test_white_noise_is_what_least_squares_says():
         _, low, high = linear_drift(*fitted(y, "N", "N+K"), rng)
         widths.append((high - low) / 2 / np.sqrt(12 / SAMPLES**3))
         held.append(low < DRIFT < high)
-    assert np.median(widths) == pytest.approx(1.96, rel=0.15)
-    assert np.mean(held) >= 0.9
+    assert np.median(widths) == pytest.approx(1.96, rel=0.15) and np.mean(held) >= 0.9
 
 
 def test_of_two_biases_the_slower_one_is_on_the_grid():
@@ -80,8 +78,7 @@ def test_a_log_in_pieces():
 def test_a_clear_drift_is_given_beside_a_warm_up():
     """analytic: a drift of 1, 3000 s long, beside a warm-up of 50 whose time constant is 300 s."""
     rng, t = np.random.default_rng(5), np.arange(3000.0)
-    y = t + 50 * np.exp(-t / 300) + rng.standard_normal(3000)
-    found = infer(y, 1.0, "deg", "angle", rng)
+    found = infer(t + 50 * np.exp(-t / 300) + rng.standard_normal(3000), 1.0, "deg", "angle", rng)
     assert [term.kind for term in found.terms] == ["warm_up"]
     drift = found.parameters["drift"]
     assert drift.resolved and drift.low < 1 < drift.high < 1.01 * drift.low

@@ -89,8 +89,7 @@ def test_the_ellipse_of_an_outage():
     told = {"metres_per_pdop": 2.0, "sigma_no_pdop": 6.0}
     track = SimpleNamespace(columns=columns, summary={"options": told})
     (row,) = outage_errors(track, gnss, [(2.0, 20.0)])
-    at = np.setdiff1d(np.arange(2, 20), 7)
-    far = np.hypot(*off[:, at])
+    far = np.hypot(*off[:, np.setdiff1d(np.arange(2, 20), 7)])
     names = "fixes", "p50_m", "p95_m", "max_m", "end_m"
     known = 17, *np.quantile(far, [0.5, 0.95]), far.max(), far[-1]
     assert [row[name] for name in names] == pytest.approx(known, rel=1e-4)
@@ -101,8 +100,7 @@ def test_outages_are_scored_by_the_fixes_that_they_took():
     """analytic: going on straight where the road turns: errors and ellipse by hand."""
     t = np.arange(60.0)
     north, east = 10.0 * np.minimum(t, 30.0), 10.0 * np.maximum(t - 30.0, 0.0)
-    frame, level = Frame((45.0, 9.0, 0.0)), np.zeros(60)
-    course = np.where(t < 30, 0.0, 90.0)
+    frame, level, course = Frame((45.0, 9.0, 0.0)), np.zeros(60), np.where(t < 30, 0.0, 90.0)
     gnss = Gnss(
         t, 45.0 + north / frame.north, 9.0 + east / frame.east, level, level + 1.5, level + 10.0,
         course, t >= 0,
@@ -116,16 +114,9 @@ def test_outages_are_scored_by_the_fixes_that_they_took():
     assert {beyond[name] for name in (*names, "in_ellipse")} == {None}
     wanted = [*np.quantile(true, [0.5, 0.95]), true[-1], true[-1]]
     np.testing.assert_allclose([turned[name] for name in names], wanted, rtol=1e-3)
-    c, at = track.columns, (t >= 30) & (t < 35)
-    fix = (1.5 * 1.5) ** 2
+    c, at, fix = track.columns, (t >= 30) & (t < 35), (1.5 * 1.5) ** 2
     outside = true / np.sqrt(c["sigma_north_m"][at] ** 2 + fix) > np.sqrt(-2 * np.log(0.05))
     assert turned["in_ellipse"] == pytest.approx(1 - outside.mean())
-
-
-def test_exits():
-    """analytic: counted by hand."""
-    assert evaluate.exits([0, 2, 2, 0, 2, 0], 1.0) == 2
-    assert evaluate.exits([2, 2, 0], 1.0) == 1
 
 
 def test_ratio_interval_covers():
@@ -134,8 +125,7 @@ def test_ratio_interval_covers():
     for stream in np.random.SeedSequence(3).spawn(300):
         rng = np.random.default_rng(stream)
         below = rng.gamma(4.0, 1.0, 80)
-        above = below * rng.gamma(4.0, 0.125, 80)
-        ratio = evaluate.ratio_interval(above, below, rng, runs=400)
+        ratio = evaluate.ratio_interval(below * rng.gamma(4.0, 0.125, 80), below, rng, runs=400)
         assert ratio.low <= ratio.value <= ratio.high
         held += ratio.low <= 0.5 <= ratio.high
     assert 0.90 <= held / 300 <= 0.985  # 95 % +- 2.5 standard errors, and the bootstrap's own 1 %
@@ -157,8 +147,7 @@ def test_real_logs_at_rest_stay_in_their_circle():
     there = float(g.lat_deg.mean()), float(g.lon_deg.mean()), 0.0
     pairs = ((g.lat_deg, g.lon_deg), (found["out_lat_deg"], found["out_lon_deg"]))
     raw, out = (np.array(pymap3d.geodetic2ned(*p, 0.0, *there)[:2]) for p in pairs)
-    periods = [(raw, out, found["layer"])]
-    phone = store.read("tracker-parked")[1]["stand"]
+    periods, phone = [(raw, out, found["layer"])], store.read("tracker-parked")[1]["stand"]
     raw, out = (phone[[f"{k}_north_m", f"{k}_east_m"]].to_numpy().T for k in ("raw", "out"))
     periods.append((raw, out, phone["layer"].to_numpy()))
     for raw, out, layer in periods:
@@ -198,8 +187,7 @@ def test_a_ride_draws_from_its_own_stream(rides):
 
 def test_a_ride_is_judged_by_its_true_angle(rides):
     """property: the device's angle is right to its sigma; eq (3) is not, 180 deg off or more."""
-    assert rides["last"].abs().max() < 10
-    assert (rides["last"].abs() < 4 * rides["sigma"]).all()
+    assert rides["last"].abs().max() < 10 and (rides["last"].abs() < 4 * rides["sigma"]).all()
     assert np.abs(np.concatenate(list(rides["printed"]))).max() > 90
     assert all(len(row["alone"]) == len(row["sigmas"]) for _, row in rides.iterrows())
     assert (rides["sideways"] < 0.5).all()
@@ -224,8 +212,7 @@ def ride():
 
 def test_the_statistic_of_short_means_tells_rest_from_motion(ride):
     """property: on a simulated car T < 1 finds most of the rest; theta_A as printed hardly any."""
-    found = drives.rest_statistics(ride.log)
-    stopped, moving = ~ride.moving, ride.speed_m_s > 1.0
+    found, stopped, moving = drives.rest_statistics(ride.log), ~ride.moving, ride.speed_m_s > 1.0
     assert (found["short means"][stopped] < 1).mean() > 0.7
     assert (found["short means"][moving] < 1).mean() < 0.05
     assert (found["as printed"][stopped] < 0.125).mean() < 0.1

@@ -27,8 +27,7 @@ def held(page, raw=False):
 
 def test_pages_need_nothing_else_and_are_the_same_again(pages, tmp_path):
     """property: no address, no foreign file, the same bytes, and less than 250 kB each."""
-    again = explorer.write(tmp_path)
-    assert again == ["explorer.html", "allan.html"]
+    assert explorer.write(tmp_path) == ["explorer.html", "allan.html"]
     for name, text in pages.items():
         code = text.replace(held(text, raw=True), "")
         assert not re.search(

@@ -148,11 +148,9 @@ def gz_sim(texts, sensor, axis):
     given = {e.tag: float(e.text) for e in ([] if noise is None else noise)}
     k, time = given.get("dynamic_bias_stddev", 0.0), given.get("dynamic_bias_correlation_time", 1.0)
     assert float(root.find("update_rate").text) == RATE
-    bias = {
-        "phi": np.exp(-DT / time),
-        "step": np.sqrt(-k * k * time / 2 * np.expm1(-2 * DT / time)),
-    }
-    return {"white": given.get("stddev", 0.0), "start": given.get("bias_stddev", 0.0)} | bias
+    step = np.sqrt(-k * k * time / 2 * np.expm1(-2 * DT / time))
+    found = {"white": given.get("stddev", 0.0), "start": given.get("bias_stddev", 0.0)}
+    return found | {"phi": np.exp(-DT / time), "step": step}
 
 
 GAUSS_MARKOV = (gnss_ins_sim, imu_sensor, gazebo_classic, gz_sim)
@@ -216,8 +214,7 @@ def test_a_random_walk_alone_reaches_every_tool():
         got = tool(texts, "gyroscope", "x")
         # 1e-4: Gazebo classic computes exp(-2e-10) - 1 with 1e-16 to spare
         assert got["step"] == pytest.approx(k * np.sqrt(DT), rel=1e-4)
-        assert got["phi"] == pytest.approx(1.0, abs=1e-9)
-        assert got.get("start", 0.0) == 0.0
+        assert got["phi"] == pytest.approx(1.0, abs=1e-9) and got.get("start", 0.0) == 0.0
     assert imu_sensor(texts, "gyroscope", "x")["walk"] == pytest.approx(k * np.sqrt(DT), rel=1e-6)
     given = yaml.safe_load(texts["imu.yaml"].replace("# accel", "accel"))
     assert given["gyroscope_random_walk"] == pytest.approx(k, rel=1e-6)
@@ -269,10 +266,8 @@ def test_terms_of_one_model_add_in_power():
 
 def test_nothing_unresolved_gets_a_number():
     """Property: with --strict an unresolved term is off, in Kalibr absent, named with its bound."""
-    unknown = model(*(channel(axis=a, white=None) for a in "xyz"))
-    texts = exports.files(unknown, strict=True)
-    given = yaml.safe_load(texts["imu.yaml"])
-    assert set(given) == {"rostopic", "update_rate"}
+    texts = exports.files(model(*(channel(axis=a, white=None) for a in "xyz")), strict=True)
+    assert set(yaml.safe_load(texts["imu.yaml"])) == {"rostopic", "update_rate"}
     assert "# gyroscope_noise_density: not resolved" in texts["imu.yaml"]
     assert "# accelerometer_noise_density: not in this log" in texts["imu.yaml"]
     for tool in GAUSS_MARKOV:
@@ -293,8 +288,7 @@ def test_nothing_unresolved_gets_a_number():
 
 def test_a_filter_gets_the_bound():
     """Property: Kalibr's four numbers are there, and say so where they are upper bounds."""
-    both = [channel(s, a, None) for s in TRUTH for a in "xyz"]
-    text = exports.files(model(*both))["imu.yaml"]
+    text = exports.files(model(*[channel(s, a, None) for s in TRUTH for a in "xyz"]))["imu.yaml"]
     numbers = [key for key in yaml.safe_load(text) if key.endswith(("density", "walk"))]
     assert len(numbers) == 4 and text.count("# upper bound: not resolved") == 4
     assert yaml.safe_load(text)["gyroscope_random_walk"] == 9.0
@@ -338,8 +332,7 @@ def test_a_stand_in_replaces_nothing_that_is_resolved():
     """Property: with N unresolved, K stays; with a curve that has no numbers, nothing stands in."""
     log = stored.read_model("adis16405")
     log["channels"] = log["channels"][1:2]  # white noise, flicker noise and K
-    own = log["channels"][0]["parameters"]
-    known = gyroscope(log).axes["y"]
+    own, known = log["channels"][0]["parameters"], gyroscope(log).axes["y"]
     own["arw"] |= {"value": None, "resolved": False}
     axis = gyroscope(log).axes["y"]
     assert all(axis[key] == known[key] for key in ("K", "walk", "sigma_b"))
@@ -369,15 +362,12 @@ def test_other_axes_stand_in_for_none():
 
 @pytest.mark.parametrize(
     "names, letters",
-    [
-        ("gyro_x gyro_y gyro_z", "xyz"), ("gz gx", "zx"), ("yaw_rate roll_rate pitch_rate", "zxy"),
-        ("X-rate", "x"), ("a b c", "xyz"), ("a b c d", None), ("g1_x g2_x", None),
-    ],
+    [("gyro_x gyro_y gyro_z", "xyz"), ("gz gx", "zx"), ("yaw_rate roll_rate pitch_rate", "zxy"),
+     ("X-rate", "x"), ("a b c", "xyz"), ("a b c d", None), ("g1_x g2_x", None)],
 )  # fmt: skip
 def test_axes_are_told_by_name(names, letters):
     """Property: x, y, z or roll, pitch, yaw in the name; else the order of up to three."""
-    channels = [channel() | {"name": n} for n in names.split()]
-    triads, left_out = exports.sort_triads(model(*channels))
+    triads, left_out = exports.sort_triads(model(*[channel() | {"name": n} for n in names.split()]))
     if letters is None:
         assert triads == {} and "not one triad" in left_out[0]
     else:
@@ -445,11 +435,9 @@ def test_what_is_no_model_is_refused(wrong):
 
 @pytest.mark.parametrize(
     ("parameter", "key", "value"),
-    [
-        ("arw", "value", -1), ("arw", "value", "abc"), ("arw", "value", True),
-        ("arw", "low", float("nan")), ("rrw", "high", float("inf")), ("sigma_b", "value", 1e200),
-        ("corr_time", "value", 0),
-    ],
+    [("arw", "value", -1), ("arw", "value", "abc"), ("arw", "value", True),
+     ("arw", "low", float("nan")), ("rrw", "high", float("inf")), ("sigma_b", "value", 1e200),
+     ("corr_time", "value", 0)],
 )  # fmt: skip
 def test_a_number_that_cannot_be_is_named(tmp_path, parameter, key, value):
     """Property: an edited number is refused with file, channel and parameter; nothing written."""
@@ -468,8 +456,7 @@ def test_export_of_a_file(tmp_path):
     path.write_text(json.dumps(model()))
     assert set(exports.export(path, out)) == {*exports.TITLES, "README.md"}
     assert {p.name for p in out.iterdir()} == {*exports.TITLES, "README.md"}
-    angle = channel() | {"kind": "angle", "name": "roll"}
-    path.write_text(json.dumps(model(angle)))
+    path.write_text(json.dumps(model(channel() | {"kind": "angle", "name": "roll"})))
     before = {p.name: p.read_bytes() for p in out.iterdir()}
     with pytest.raises(CannotAnswer, match=r"nothing to export; .*roll is of kind angle"):
         exports.export(path, out)

@@ -107,8 +107,7 @@ def test_provenance_is_in_all_three(saved):
     assert origin["parameters"] == {"rate_hz": 20.0, "note": "σ of ten runs"}
     x, y = "averaging time τ (s)", "deviation (°/s)"
     north = {"letter": "b", "x": "east (m)", "y": "north (m)"}
-    deviation = {"letter": "a", "x": x, "y": y}
-    assert origin["axes"] == {"Allan deviation": deviation, "north": north}
+    assert origin["axes"] == {"Allan deviation": {"letter": "a", "x": x, "y": y}, "north": north}
     assert origin["versions"]["matplotlib"] == mpl.__version__
     assert origin["compendium"] == f"inertial-compendium {version('inertial-compendium')}"
     assert (origin["paper"], origin["licence"]) == ([], "that of my.csv")
@@ -148,8 +147,7 @@ def test_the_folder_comes_from_the_environment(tmp_path, monkeypatch, capsys):
     """Property: COMPENDIUM_FIGURES decides; without it a run by hand saves aside, and says so."""
     monkeypatch.setenv("COMPENDIUM_FIGURES", str(tmp_path / "new"))
     figures.save(example(), NAME, CAPTION, seed=1)
-    assert len(list((tmp_path / "new").iterdir())) == 3
-    assert capsys.readouterr().out == ""
+    assert len(list((tmp_path / "new").iterdir())) == 3 and capsys.readouterr().out == ""
     monkeypatch.delenv("COMPENDIUM_FIGURES")
     assert analysis.figures_folder() is None
     monkeypatch.setattr(figures, "SCRATCH", tmp_path / "scratch")
@@ -239,8 +237,7 @@ def test_an_axis_without_a_label_is_refused(tmp_path):
         figures.save(fig, NAME, CAPTION, to=tmp_path)
     assert list(tmp_path.iterdir()) == []
     bottom.set_xlabel("distance (m)")
-    said = {"letter": "a", "x": "distance (m)", "y": "height (m)"}
-    assert figures.axes_of(fig)["height"] == said
+    assert figures.axes_of(fig)["height"] == {"letter": "a", "x": "distance (m)", "y": "height (m)"}
 
 
 X, Y = np.arange(40_000.0), np.random.default_rng(3).standard_normal(40_000)
@@ -347,22 +344,20 @@ def test_contour_lines_and_guides():
 
 @pytest.mark.parametrize(
     ("estimate", "words"),
-    [
-        (Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1.0 (0.5 to 2.0) °/√h"),
-        (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1.0 (0.0 to 2.0) °/h"),
-        (Estimate(np.pi / 180 / 60, None, None, "rad/sqrt(s)"), "1 (no bound) °/√h"),
-        (Estimate(1 / 60, 0.5 / 60, 2 / 60, "rad/s/sqrt(s)"), "210000 (100000 to 410000) °/h/√h"),
-        (Estimate(18.0, 12.0, 24.0, "deg/h*sqrt(s)"), "0.30 (0.20 to 0.40) °/√h"),
-        (Estimate(1000e-6, 997e-6, 1003e-6, "g"), "1.000 (0.997 to 1.003) mg"),
-        (Estimate(5.0, 0.05, 9.80665, "m/s^2"), "500 (5 to 1000) mg"),
-        (Estimate(1.7e7, 0.52, 5.6e14), "1.7×10⁷ (0.52 to 5.6×10¹⁴)"),
-        (Estimate(1.0, 0.5, 2.0, "deg/h/sqrt(s)"), "60 (30 to 120) °/h/√h"),
-        (Estimate(5.0, 5.0, 5.0, "s"), "5 (5 to 5) s"),
-        (Estimate.refused("s", "", low=12.0), "unresolved (at least 12 s)"),
-        (Estimate.refused("g", "", high=3e-6), "unresolved (at most 3 µg)"),
-        (Estimate.refused("m", ""), "unresolved (no bound)"),
-    ],
-)
+    [(Estimate(1 / 60, 0.5 / 60, 2 / 60, "deg/sqrt(s)"), "1.0 (0.5 to 2.0) °/√h"),
+     (Estimate(1 / 3600, 0.0, 2 / 3600, "deg/s"), "1.0 (0.0 to 2.0) °/h"),
+     (Estimate(np.pi / 180 / 60, None, None, "rad/sqrt(s)"), "1 (no bound) °/√h"),
+     (Estimate(1 / 60, 0.5 / 60, 2 / 60, "rad/s/sqrt(s)"), "210000 (100000 to 410000) °/h/√h"),
+     (Estimate(18.0, 12.0, 24.0, "deg/h*sqrt(s)"), "0.30 (0.20 to 0.40) °/√h"),
+     (Estimate(1000e-6, 997e-6, 1003e-6, "g"), "1.000 (0.997 to 1.003) mg"),
+     (Estimate(5.0, 0.05, 9.80665, "m/s^2"), "500 (5 to 1000) mg"),
+     (Estimate(1.7e7, 0.52, 5.6e14), "1.7×10⁷ (0.52 to 5.6×10¹⁴)"),
+     (Estimate(1.0, 0.5, 2.0, "deg/h/sqrt(s)"), "60 (30 to 120) °/h/√h"),
+     (Estimate(5.0, 5.0, 5.0, "s"), "5 (5 to 5) s"),
+     (Estimate.refused("s", "", low=12.0), "unresolved (at least 12 s)"),
+     (Estimate.refused("g", "", high=3e-6), "unresolved (at most 3 µg)"),
+     (Estimate.refused("m", ""), "unresolved (no bound)")],
+)  # fmt: skip
 def test_estimates_are_written_in_the_units_of_the_trade(estimate, words):
     """Analytic: 1 deg/sqrt(s) is 60 deg/sqrt(h), 1 deg/s is 3600 deg/h, 1 g is 1e6 µg."""
     assert str(estimate) == words
@@ -420,6 +415,12 @@ def test_a_column_has_the_unit_of_its_largest_number(monkeypatch, tmp_path):
     assert analysis.in_one_unit([bound, bound]) == ("mg", [(None, "at least 2")] * 2)
     assert analysis.in_one_unit([bound, small])[0] == "µg"
     assert analysis.in_one_unit([Estimate.refused("m", "")]) == ("m", [(None, "no bound")])
+    assert analysis.in_one_unit([None, None]) == ("", [None, None])
+    assert analysis.in_one_unit([Estimate(1.5, None, None)]) == ("", [("1.5", "no bound")])
+    rad = Estimate(*np.radians([40 / 3600, 39 / 3600, 41 / 3600]), "rad/s")
+    hour = Estimate(0.2 / 3600, 0.1 / 3600, 0.3 / 3600, "deg/s")
+    expected = "°/h", [("0.20", "0.10 to 0.30"), ("40.0", "39.0 to 41.0"), None]
+    assert analysis.in_one_unit([hour, rad, None]) == expected
     for folder, found in ((str(tmp_path), tmp_path), ("", None)):
         monkeypatch.setenv("COMPENDIUM_FIGURES", folder)
         assert analysis.figures_folder() == found
@@ -433,14 +434,10 @@ def test_exponents_are_written_out():
 
 @pytest.mark.parametrize(
     ("bounds", "ends", "markers"),
-    [
-        ((2.0, 3.0), (2.0, 3.0), ["None", "|", "|"]),
-        ((2.0, None), (2.0, 10.0), ["None", "|", ">"]),
-        ((None, 3.0), (1.0, 3.0), ["None", "<", "|"]),
-        ((0.0, 3.0), (1.0, 3.0), ["None", "<", "|"]),
-        ((None, None), (1.0, 10.0), ["None", "<", ">"]),
-    ],
-)
+    [((2.0, 3.0), (2.0, 3.0), ["None", "|", "|"]), ((2.0, None), (2.0, 10.0), ["None", "|", ">"]),
+     ((None, 3.0), (1.0, 3.0), ["None", "<", "|"]), ((0.0, 3.0), (1.0, 3.0), ["None", "<", "|"]),
+     ((None, None), (1.0, 10.0), ["None", "<", ">"])],
+)  # fmt: skip
 def test_an_interval_bar_ends_where_the_interval_does(bounds, ends, markers):
     """Property: from bound to bound; a side that is open runs to the edge, as an arrow."""
     ax = axes()

@@ -88,8 +88,7 @@ def write_hdf5(path):
 
 def write_json_lines(path):
     """Write a sample."""
-    xyz = [dict(zip("xyz", a, strict=True)) for a in ACCEL]
-    rows = zip(T, GYRO.tolist(), xyz, strict=True)
+    rows = zip(T, GYRO.tolist(), [dict(zip("xyz", a, strict=True)) for a in ACCEL], strict=True)
     lines = (json.dumps({"t_s": t, "gyro_rad_s": g, "accel": a}) for t, g, a in rows)
     path.write_text("\n".join(lines) + "\n")
 
@@ -464,8 +463,7 @@ def test_without_the_extra_a_sentence_has_the_command(name, tmp_path, monkeypatc
 @pytest.mark.parametrize("name", [name for name in BY_NAME if "folder" not in name])
 def test_damaged_files_are_refused_in_a_sentence(name, tmp_path):
     """Property: cut or with wrong bytes, a file is read or refused in one sentence, never worse."""
-    raw = write(name, tmp_path).read_bytes()
-    random = np.random.default_rng(7)
+    raw, random = write(name, tmp_path).read_bytes(), np.random.default_rng(7)
     damaged = [b"", raw[:7], raw[: len(raw) // 2], raw[:-3]]
     for top in (400, len(raw)):
         wrong = bytearray(raw)
@@ -524,8 +522,7 @@ def test_a_wrong_format_with_a_right_suffix(suffix, tmp_path, capsys):
     path = tmp_path / f"log.{suffix}"
     path.write_text("Dear colleague,\nhere is the log.\n")
     assert main(["report", str(path), "--out", str(tmp_path / "out")]) in (1, 2)
-    assert capsys.readouterr().err.count("\n") == 1
-    assert not (tmp_path / "out").exists()
+    assert capsys.readouterr().err.count("\n") == 1 and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("kind", ["bag", "ulog"])
@@ -562,8 +559,7 @@ def test_a_message_without_stamps_takes_the_times_of_recording(tmp_path):
         kind = "geometry_msgs/msg/Vector3"
         line = writer.add_connection("/gyro", kind, typestore=store)
         for k, g in enumerate(GYRO):
-            message = store.types[kind](*g)
-            writer.write(line, 10**9 + k * 10**7, store.serialize_cdr(message, kind))
+            writer.write(line, 10**9 + k * 10**7, store.serialize_cdr(store.types[kind](*g), kind))
     log = read(tmp_path / "bag", table="/gyro", columns=["x", "y", "z"], unit="rad/s")
     assert log.rate_hz == pytest.approx(RATE)
     assert any("times of recording" in repair for repair in log.repairs)
@@ -675,8 +671,7 @@ def test_a_dataflash_log_without_a_clock(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("code", "names"),
     [("BIHBLLI", b"Status,TimeMS,Week,NSats,Lat,Lng,T"),
-     ("BIHBLL", b"Status,TimeMS,Week,NSats,Lat,Lng"),
-     ("BIHBLL", b"Status,GMS,GWk,NSats,Lat,Lng"),
+     ("BIHBLL", b"Status,TimeMS,Week,NSats,Lat,Lng"), ("BIHBLL", b"Status,GMS,GWk,NSats,Lat,Lng"),
      ("IBIHBLL", b"TimeMS,Status,GMS,GWk,NSats,Lat,Lng")],
 )  # fmt: skip
 def test_positions_of_an_old_dataflash_log(code, names, tmp_path):
@@ -786,15 +781,13 @@ def _phone_tables(sign):
 )
 def test_other_layouts(layout, tmp_path):
     """Cross-check: dates in JSON lines, one object of arrays, a struct of x, y, z, a packed zip."""
-    path = tmp_path / "log"
-    table = {"t": T, "gyro_rad_s": GYRO, "acc_m_s2": ACCEL}
+    path, table = tmp_path / "log", {"t": T, "gyro_rad_s": GYRO, "acc_m_s2": ACCEL}
     if layout == "ISO dates":
         dates = [f"2024-05-01T10:00:{t:09.6f}Z" for t in T]
         rows = zip(dates, GYRO.tolist(), ACCEL.tolist(), strict=True)
         path.write_text("\n".join(json.dumps(dict(zip(table, row, strict=True))) for row in rows))
     elif layout == "Parquet dates":
-        start = pd.Timestamp("2024-05-01", tz="Europe/Paris")
-        dates = start + pd.to_timedelta(T, unit="s")
+        dates = pd.Timestamp("2024-05-01", tz="Europe/Paris") + pd.to_timedelta(T, unit="s")
         frame().drop(columns="t_s").set_index(dates.rename("time")).to_parquet(path)
     elif layout == "arrays":
         path.write_text(json.dumps({name: values.tolist() for name, values in table.items()}))
@@ -842,8 +835,7 @@ def test_sentences_before_binary_messages_hide_nothing(tmp_path):
     write_ubx_pvt(tmp_path / "pvt.ubx")
     write_ubx(tmp_path / "esf.ubx")
     for name in ("pvt.ubx", "esf.ubx"):
-        binary = (tmp_path / name).read_bytes()
-        (tmp_path / f"mixed-{name}").write_bytes(sentences(100) + binary)
+        (tmp_path / f"mixed-{name}").write_bytes(sentences(100) + (tmp_path / name).read_bytes())
     mixed = tmp_path / "mixed-pvt.ubx"
     assert len(read_moving([mixed]).gnss.t_s) == 200
     assert any("another: NMEA" in note for note in read(mixed).repairs)

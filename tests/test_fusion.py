@@ -47,17 +47,6 @@ def manoeuvre(seconds, rate=40):
     return np.column_stack([0.5 * np.sin(0.3 * t), 0.8 * np.cos(0.2 * t), 0 * t])
 
 
-def test_prediction_is_exact():
-    """analytic: constant acceleration: p = a t^2 / 2, v = a t, to rounding."""
-    block = Fusion()
-    block.start([0.0] * 3, [0.0] * 3, 1.0, 1.0)
-    a = np.array([1.0, -2.0, 0.5])
-    for _ in range(100):
-        block.predict(a, 0.1, 0.3)
-    np.testing.assert_allclose(block.position, 50 * a)
-    np.testing.assert_allclose(block.velocity, 10 * a)
-
-
 def test_noise_does_not_depend_on_the_step():
     """analytic: ten steps of 0.1 s add the same covariance as one of 1 s, to rounding."""
     one, ten = Fusion(), Fusion()
@@ -78,9 +67,7 @@ def test_the_structure_is_the_whole_filter():
     block.start([0.0] * 3, [1.0, 2.0, 0.0], 3.0, 1.0)
     x, P = np.array([0.0, 0, 0, 1, 2, 0, 0, 0, 0]), np.diag([9.0] * 3 + [1.0] * 3 + [0.04] * 3)
     unit, none = np.eye(3), np.zeros((3, 3))
-    F = np.block(
-        [[unit, dt * unit, -dt * dt / 2 * unit], [none, unit, -dt * unit], [none, none, unit]]
-    )
+    F = np.kron([[1, dt, -dt * dt / 2], [0, 1, -dt], [0, 0, 1]], unit)
     B = np.vstack([dt * dt / 2 * unit, dt * unit, none])
     white = 0.09 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
     Q = np.kron(np.pad(white, (0, 1)) + np.diag([0, 0, SIGMA_BIAS_WALK**2 * dt]), unit)
@@ -94,33 +81,8 @@ def test_the_structure_is_the_whole_filter():
         given = z[:3].tolist() if second % 7 else None, z[3:].tolist() if second % 7 != 3 else None
         block.update(*given, 3.0, 0.3)
         x, P = kalman.update(x, P, z[rows], H[rows], R[rows, rows])
-    found = [*block.position, *block.velocity, *block.bias]
-    np.testing.assert_allclose(found, x, atol=1e-5)
+    np.testing.assert_allclose([*block.position, *block.velocity, *block.bias], x, atol=1e-5)
     np.testing.assert_allclose(dense(block._level, block._height), P, rtol=1e-4, atol=1e-7)
-
-
-def test_fused_positions_are_better_than_fixes():
-    """property: in white noise the filter's error is under half the fixes' after a minute."""
-    errors = drive(Fusion(), manoeuvre(200), np.random.default_rng(1))
-    assert np.sqrt((errors[60:, :2] ** 2).mean()) < 1.0
-
-
-def test_an_outage_is_bridged():
-    """property: 20 s without fixes while weaving: holding would be six times worse (ten rides)."""
-    accel, rate = manoeuvre(120), 40
-    fixes = [not 80 <= s < 100 for s in range(120)]
-    position = np.cumsum(np.cumsum(accel, axis=0) / rate, axis=0) / rate
-    gone = np.linalg.norm(position[100 * rate] - position[80 * rate])
-    runs = [drive(Fusion(), accel, np.random.default_rng(k), fixes=fixes)[99] for k in range(10)]
-    assert gone > 40
-    assert np.sqrt((np.array(runs)[:, :2] ** 2).sum(axis=1).mean()) < gone / 6
-
-
-def test_an_acceleration_error_is_learnt():
-    """property: a constant error of 0.2 m/s^2 is found to 0.05, so an outage stays small."""
-    block, error = Fusion(), (0.2, -0.1, 0.0)
-    drive(block, manoeuvre(300), np.random.default_rng(3), error=error)
-    np.testing.assert_allclose(block.bias[:2], error[:2], atol=0.05)
 
 
 def test_covariance_is_honest():
@@ -128,9 +90,7 @@ def test_covariance_is_honest():
     inside = 0
     for seed in range(40):
         rng, block = np.random.default_rng(seed), Fusion()
-        noisy = manoeuvre(60) + 0.0
-        error = 0.2 * rng.standard_normal(3)
-        last = drive(block, noisy, rng, error=error)[-1]
+        last = drive(block, manoeuvre(60) + 0.0, rng, error=0.2 * rng.standard_normal(3))[-1]
         inside += last[:2] @ last[:2] < 5.99 * block.sigma_p**2
     assert inside >= 35
 
@@ -149,5 +109,4 @@ def test_covariance_stays_positive(number):
             block.update(position, velocity, 3.0, 0.2)
     states = (*block.position, *block.velocity, *block.bias, *block._level)
     assert {type(state) for state in states} == {number}
-    whole = dense(block._level, block._height)
-    assert np.linalg.eigvalsh(whole.astype(float)).min() > 0
+    assert np.linalg.eigvalsh(dense(block._level, block._height).astype(float)).min() > 0

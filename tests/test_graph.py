@@ -51,8 +51,7 @@ def test_graph_readings():
     y = rng.standard_normal(500_000) + np.cumsum(2e-3 * rng.standard_normal(500_000))
     curve = allan_deviation(y, 1.0)
     arw = graph.white_noise(curve, "deg/s")
-    model = adev_model(curve.tau, arw=1.0, rrw=2e-3)
-    floor = graph.bias_instability(curve, "deg/s", model)
+    floor = graph.bias_instability(curve, "deg/s", adev_model(curve.tau, arw=1.0, rrw=2e-3))
     assert arw.value == pytest.approx(1.0, rel=0.01) and arw.unit == "deg/sqrt(s)"
     # White 1/tau and walk K^2 tau/3 meet lowest at tau = sqrt(3)/K, adev^2 = 2K/sqrt(3).
     assert floor.value == pytest.approx(np.sqrt(2 * 2e-3 / np.sqrt(3)) / 0.664, rel=0.05)
@@ -66,8 +65,7 @@ def test_white_noise_is_read_where_the_slope_is():
     tau, edf = np.geomspace(0.1, 100, 61), np.linspace(400, 100, 61)
     for corner, begin in ((10.0, 0.1), (0.15, None)):
         adev = 2 / np.sqrt(np.minimum(tau, corner))
-        curve = AllanCurve(tau, adev, 0 * tau, 0 * tau, edf)
-        found = graph.white_noise(curve, "deg/s")
+        found = graph.white_noise(AllanCurve(tau, adev, 0 * tau, 0 * tau, edf), "deg/s")
         reach = np.sqrt(edf / chi2.ppf([[0.975], [0.025]], edf))
         if begin is None:
             bound = (adev * reach[1] * np.sqrt(tau)).min()
@@ -76,8 +74,7 @@ def test_white_noise_is_read_where_the_slope_is():
         ends = 2 * reach[:, 0]
         assert (found.value, found.low, found.high) == pytest.approx((2.0, *ends))
         assert found.note.startswith("slope -1/2 from 0.1 to 7.94 s")
-    slope = graph.slopes(AllanCurve(tau, tau**0.3, tau, tau, edf))
-    np.testing.assert_allclose(slope, 0.3)
+    np.testing.assert_allclose(graph.slopes(AllanCurve(tau, tau**0.3, tau, tau, edf)), 0.3)
     sparse = graph.slopes(AllanCurve(tau[::20], tau[::20] ** 0.3, *[tau[::20]] * 3))
     np.testing.assert_allclose(sparse, 0.3)
     assert np.isnan(graph.slopes(AllanCurve(*[tau[:2]] * 5))).all()
@@ -86,8 +83,7 @@ def test_white_noise_is_read_where_the_slope_is():
 def test_no_floor_no_bias_instability():
     """property: white noise alone gives no bias instability, only a ceiling."""
     curve = allan_deviation(np.random.default_rng(13).standard_normal(50_000), 0.01)
-    model = adev_model(curve.tau, arw=0.1)
-    found = graph.bias_instability(curve, "deg/s", model)
+    found = graph.bias_instability(curve, "deg/s", adev_model(curve.tau, arw=0.1))
     assert found.value is None and found.high > 0 and "longer log" in found.note
 
 
@@ -107,8 +103,7 @@ def test_the_floor_of_a_bias_is_covered():
     # Refused is a curve that is off by more than twice its interval: less than one in a hundred.
     assert len(given) >= 0.99 * runs
     # 93-97 %, and the standard error of 200 logs, 1.5 %.
-    held = np.mean([b.low < TRUTH < b.high for b in given])
-    assert 0.93 - 0.015 <= held <= 0.97 + 0.015
+    assert 0.93 - 0.015 <= np.mean([b.low < TRUTH < b.high for b in given]) <= 0.97 + 0.015
 
 
 def test_the_floor_is_left_of_the_hump():
@@ -125,8 +120,7 @@ def test_the_floor_is_left_of_the_hump():
 
 def log_with_ripple():
     """Two hours of GYRO behind a sensor's filter of 5 Hz: the curve first rises, then falls."""
-    rng = np.random.default_rng(16)
-    y = lfilter(*butter(2, 5.0, fs=100.0), GYRO.simulate(720_000, 0.01, rng))
+    y = lfilter(*butter(2, 5.0, fs=100.0), GYRO.simulate(720_000, 0.01, np.random.default_rng(16)))
     return allan_deviation(fit_line(y, 0.01)[0], 0.01)
 
 

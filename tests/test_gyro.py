@@ -45,8 +45,7 @@ def test_variance_of_short_times_keeps_its_digits():
 
 def test_high_pass_removes_a_constant_and_keeps_what_is_fast():
     """analytic: a constant goes to 0; an oscillation far above the corner passes whole."""
-    t = np.arange(0, 20, 0.01)
-    fast = np.sin(2 * np.pi * 10 * t)
+    fast = np.sin(2 * np.pi * 10 * np.arange(0, 20, 0.01))
     left = assumptions.high_pass(3.0 + fast, 0.01, 1.0)
     assert np.abs(assumptions.high_pass(np.full((100, 2), 3.0), 0.01, 1.0)).max() < 1e-12
     assert left[1000:].std() == pytest.approx(fast[1000:].std(), rel=0.02)  # |1 / (1 + 1/j63)|

@@ -11,9 +11,8 @@ import pytest
 from analysis import ROOT
 from workbench import cli
 
-ROWS = "".join(
-    f"{k / 100:.2f},{x:.5f}\n" for k, x in enumerate(np.random.default_rng(1).standard_normal(300))
-)
+WHITE = np.random.default_rng(1).standard_normal(300)
+ROWS = "".join(f"{k / 100:.2f},{x:.5f}\n" for k, x in enumerate(WHITE))
 HEADER = "time_s,gyro_x_deg_s\n"
 TINY = "".join(f"{k / 100:.2f},{(-1) ** k * (k % 7) * 1e-312}\n" for k in range(300))
 DEEP = '{"a":' * 50_000 + "1" + "}" * 50_000
@@ -53,19 +52,15 @@ def test_output_that_cannot_be_written(to, status):
     assert ("cannot answer: the output: No space left" in run.stderr) == bool(status)
 
 
-FULL = (
-    "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (99, 99));"
-    "import sys, workbench.cli; sys.exit(workbench.cli.main())"
-)
+FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (99, 99));"
+FULL += "import sys, workbench.cli; sys.exit(workbench.cli.main())"
 
 
 @pytest.mark.parametrize(
     "command",
-    [
-        "replay data/raw/gpsd/telit-he910.log",
-        "coverage --runs 2 --hours 0.1 --models midg-roll --workers 1",
-    ],
-)
+    ["replay data/raw/gpsd/telit-he910.log",
+     "coverage --runs 2 --hours 0.1 --models midg-roll --workers 1"],
+)  # fmt: skip
 def test_a_disk_that_is_full_while_files_are_written(command, tmp_path):
     """property: one sentence, status 1, and no file, whole or half."""
     command = [sys.executable, "-c", FULL, *command.split(), "--out", str(tmp_path / "out")]

@@ -40,10 +40,8 @@ def test_nothing_before_the_first_acceptable_fix_unless_stored():
     for stored in (None, HOME):
         block = LastPosition(stored, **GATE_ALONE)
         for t, (fix, pdop) in enumerate([(None, math.nan), (FIX, 30.0), (FIX, math.nan)]):
-            assert not block.step(t, fix, pdop)
-            assert block.position == stored
-        assert block.step(3.0, FIX, 5.0)
-        assert block.position == Stored(*FIX, 3.0, 5.0)
+            assert not block.step(t, fix, pdop) and block.position == stored
+        assert block.step(3.0, FIX, 5.0) and block.position == Stored(*FIX, 3.0, 5.0)
 
 
 def test_motion_ends_the_hold():
@@ -77,11 +75,9 @@ def test_two_dimensions_are_doubted():
 def test_fixes_have_to_move_as_they_say():
     """property: a start that settles at 5 m/s without speed waits, steady driving does not."""
     settling = [100 * math.exp(-t / 20) for t in range(60)]
-    first = feed(LastPosition(), settling).index(True)
-    assert settling[first] < 33.0 < 75.0 < settling[5]
+    assert settling[feed(LastPosition(), settling).index(True)] < 33.0 < 75.0 < settling[5]
     assert feed(LastPosition(), [20.0 * t for t in range(7)], speed=20.0, course=0.0)[5:]
-    frozen = feed(LastPosition(), [0.0] * 40, speed=20.0, course=0.0)
-    assert not any(frozen)
+    assert not any(feed(LastPosition(), [0.0] * 40, speed=20.0, course=0.0))
 
 
 NAN = math.nan
@@ -156,24 +152,18 @@ def test_speeds_are_judged_by_the_positions():
         slips.append(block.slip)
         far += 10 * fast
     feed(block, [far], 200, speed=10.0, course=0.0)
-    known = [
-        0,
-        5 / 2,
-        *(10 / (k + 1) for k in range(2, 12)),
-        *(10 / 12 * (11 / 12) ** k for k in range(1, 9)),
-    ]
+    known = [0, 5 / 2, *(10 / (k + 1) for k in range(2, 12))]
+    known += [10 / 12 * (11 / 12) ** k for k in range(1, 9)]
     assert [*slips, block.slip][:20] == pytest.approx(known, abs=0.01)
 
 
 @pytest.mark.parametrize("course", [0.0, math.nan])
 def test_a_jump_is_refused_until_it_lasts(course):
     """property: one wild fix in a drive is dropped, and the next good ones count again."""
-    block = LastPosition()
-    north = [20.0 * t for t in range(40)]
+    block, north = LastPosition(), [20.0 * t for t in range(40)]
     north[20] += 300.0
     taken = feed(block, north, speed=20.0, course=course)
-    assert all(taken[6:20]) and not taken[20] and all(taken[27:])
-    assert not block.jumped
+    assert all(taken[6:20]) and not taken[20] and all(taken[27:]) and not block.jumped
     # Those that stay there wait for settle_s, and the first that counts is told as a jump.
     there, told = [20.0 * t + 300.0 for t in range(40, 50)], []
     for t, far in enumerate(there, 40):
@@ -187,9 +177,8 @@ def test_an_old_place_is_not_put_out_while_fixes_contradict_it():
     for t in range(7):
         old.append(feed(block, [5000.0 + 15.0 * t], t, speed=15.0, course=0.0)[0])
         assert block.position != HOME
-    assert old == [False] * 5 + [True] * 2 and block.moved_while_off == pytest.approx(
-        5075, rel=0.01
-    )
+    assert old == [False] * 5 + [True] * 2
+    assert block.moved_while_off == pytest.approx(5075, rel=0.01)
     block, put_out = LastPosition(HOME), []
     for t in range(31):
         taken = feed(block, [333.0], t)[0]
@@ -214,16 +203,9 @@ def test_a_good_fix_ends_what_doubted_ones_said():
     assert feed(block, flat, 20, mode=2, satellites=3, **there).index(True) == 30
 
 
-def test_a_fix_at_the_memory_does_not_wait():
-    """property: agreement with the memory stands for agreement over time."""
-    assert feed(LastPosition(HOME), [8.0])[0]
-    assert not feed(LastPosition(), [8.0])[0]
-
-
 def test_memory_is_written_now_and_then():
     """property: at most one write per save_every_s, one where a drive ends, the first at once."""
-    block = LastPosition(save_every_s=60.0)
-    written = set()
+    block, written = LastPosition(save_every_s=60.0), set()
     for t in range(200):
         block.step(float(t), FIX, 2.0)
         written.add(block.snapshot.t_s if block.snapshot else None)
@@ -248,8 +230,7 @@ def test_moved_while_off(metres, moved, criteria):
 
 def test_bad_first_fixes_on_a_roof_are_no_move():
     """property: what converges, or jumps, to the memory without any speed was not moved."""
-    settling = [127.0 * math.exp(-t / 200.0) for t in range(600)]
-    for fixes in (settling, [54.0] * 60 + [0.0] * 40):
+    for fixes in ([127.0 * math.exp(-t / 200.0) for t in range(600)], [54.0] * 60 + [0.0] * 40):
         block = LastPosition(HOME)
         feed(block, fixes[:35])
         assert block.moved_while_off > 50.0
@@ -291,5 +272,4 @@ def test_the_frame_is_that_of_pymap3d(lat):
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, 1e300])
 def test_a_longitude_that_is_no_number_is_no_crash(wrong):
     """property: block 1 by itself takes it without an error, not as one near the last."""
-    block = LastPosition(HOME)
-    assert not block.step(0.0, (44.5, wrong, 60.0), 2.0)
+    assert not LastPosition(HOME).step(0.0, (44.5, wrong, 60.0), 2.0)

@@ -20,13 +20,10 @@ from studies import coverage
 
 DT, BLOCKS = 0.5, 70
 MODELS = {
-    "white": {},
-    "bias": {"bias": [(1.3, 4.0)]},
-    "two biases": {"bias": [(1.3, 4.0), (2.0, 30.0)]},
-    "walk": {"rrw": 0.4},
-    "flicker": {"flicker": 0.9},
+    "white": {}, "bias": {"bias": [(1.3, 4.0)]}, "two biases": {"bias": [(1.3, 4.0), (2.0, 30.0)]},
+    "walk": {"rrw": 0.4}, "flicker": {"flicker": 0.9},
     "everything": {"bias": [(1.0, 300.0)], "rrw": 0.4, "quantisation": 0.3},
-}
+}  # fmt: skip
 HOLES = [(9, 14), (22, 23), (40, 58)]  # blocks
 
 
@@ -81,8 +78,7 @@ def test_likelihood_is_exact(name, m, added, cut):
     # Contrasts: an orthonormal basis of what is left when the columns are taken out.
     basis = np.linalg.svd(x, full_matrices=True)[0][:, x.shape[1] :]
     dense = multivariate_normal(cov=basis.T @ v @ basis).logpdf(basis.T @ y)
-    centred = x[:, 1:] - x[:, 1:].mean(axis=0)
-    constant = 0.5 * basis.shape[1] * np.log(2 * np.pi)
+    centred, constant = x[:, 1:] - x[:, 1:].mean(axis=0), 0.5 * basis.shape[1] * np.log(2 * np.pi)
     constant -= 0.5 * np.linalg.slogdet(centred.T @ centred)[1]
     walk = cut and "rrw" in MODELS[name]
     assert found.count == basis.shape[1]
@@ -119,8 +115,7 @@ def test_a_long_log_is_reduced_as_a_short_one(monkeypatch):
     Regressors at a third of the samples may place a step 1.5 of them off: 0.1 of its standard error
     (0.02 with 2^20 of 17 million). 166 of 99,991 samples are left out: 0.2 %.
     """
-    y = np.random.default_rng(1).standard_normal(99_991)
-    at = 40_000 * DT
+    y, at = np.random.default_rng(1).standard_normal(99_991), 40_000 * DT
     columns = [lambda t: np.exp(-t / at), lambda t: (t >= at).astype(float)]
     row = terms(1.0, [(0.1, 300.0)])
     exact = likelihood.evaluate(spectrum.spectra(y, DT, 1, columns), row)
@@ -145,37 +140,30 @@ def test_drawn_logs_are_those_of_the_model(name, added, cut):
     """
     samples, left, columns, line = log_with(1, added, cut)
     other = {"bias": [(0.8, 9.0)]}
-    v, w = (
-        covariance(BLOCKS, 1, size, **parts)[left][:, left]
-        for size, parts in ((0.7, MODELS[name]), (0.5, other))
-    )
-    w = np.linalg.inv(w)
+    v = covariance(BLOCKS, 1, 0.7, **MODELS[name])[left][:, left]
+    w = np.linalg.inv(covariance(BLOCKS, 1, 0.5, **other)[left][:, left])
     onto = np.linalg.solve(line.T @ w @ line, line.T @ w)
-    free = w - w @ line @ onto
-    stretch = spectrum.spectra(samples, DT, 1, columns)
+    free, stretch = w - w @ line @ onto, spectrum.spectra(samples, DT, 1, columns)
     rng, logs = np.random.default_rng(2), 20000
     drawn = likelihood.simulate(stretch, terms(0.7, **MODELS[name]), logs, rng)
     found = likelihood.evaluate(drawn, terms(0.5, **other))
     assert found.value.shape == found.drift.shape == (logs, 1)
     spread = np.sqrt(2 * np.trace(free @ v @ free @ v) / logs)
     assert abs(found.quadratic.mean() - np.trace(free @ v)) < 4 * spread
-    variance = (onto @ v @ onto.T)[1, 1]
-    assert found.drift.var() == pytest.approx(variance, rel=4 * np.sqrt(2 / logs))
+    assert found.drift.var() == pytest.approx((onto @ v @ onto.T)[1, 1], rel=4 * np.sqrt(2 / logs))
 
 
 def test_drawn_bins_have_the_moments_of_white_noise():
     """analytic: sums of products with the ramp and the first sample, in bins of one and of many."""
-    stretch = spectrum.transform(np.zeros(3000), DT)
-    logs = 20000
+    stretch, logs = spectrum.transform(np.zeros(3000), DT), 20000
     drawn = likelihood.simulate(stretch, terms(2.0), logs, np.random.default_rng(3))
     many = stretch.count > 2
     assert many.sum() > 50
+    ramp, first = drawn.zy[:, 1], drawn.zy[:, 0]
     for products, moment in (
-        (drawn.yy, stretch.count),
-        (drawn.zy[:, 1] ** 2, stretch.zz[1, 1]),
-        (drawn.zy[:, 0] ** 2, stretch.uu),
-        (drawn.zy[:, 1] * drawn.zy[:, 0], stretch.zz[0, 1]),
-    ):
+        (drawn.yy, stretch.count), (ramp**2, stretch.zz[1, 1]), (first**2, stretch.uu),
+        (ramp * first, stretch.zz[0, 1]),
+    ):  # fmt: skip
         spread = products.std(axis=0) / np.sqrt(logs)
         assert np.all(np.abs(products.mean(axis=0) - 4 * moment) <= 5 * spread)
     deviation = drawn.yy.std(axis=0)[many]
@@ -184,8 +172,7 @@ def test_drawn_bins_have_the_moments_of_white_noise():
 
 def test_bins_lose_next_to_nothing():
     """property: 338 bins have the likelihood ratio of 20 000 coefficients to 1 %."""
-    model = UnifiedModel(0.1, 40.0, 0.1)
-    y = model.simulate(20_000, 1.0, np.random.default_rng(2))
+    y = UnifiedModel(0.1, 40.0, 0.1).simulate(20_000, 1.0, np.random.default_rng(2))
     at = [terms(0.1, [(0.1, 40.0)]), terms(0.101, [(0.12, 55.0)])]
     ratios = []
     for single in (spectrum.SINGLE, 20_000):
@@ -321,8 +308,7 @@ def test_gaps_and_spikes_do_not_move_the_answer():
     whole, broken = (infer(v, 0.5, "deg", "angle", np.random.default_rng(5)) for v in (y, holed))
     assert [d.note[:17] for d in broken.disturbances if d.kind == "spikes"] == ["spikes left out: "]
     said = [d.note[:8] for d in broken.disturbances if d.kind == "missing"]
-    assert said == ["one gap,", "388 samp"]
-    assert not whole.disturbances
+    assert said == ["one gap,", "388 samp"] and not whole.disturbances
     a, b = (r.parameters["sigma_v"] for r in (whole, broken))
     assert b.value == pytest.approx(a.value, rel=0.01)
     low, high = broken.parameters["corr_time"].low, broken.parameters["corr_time"].high
@@ -335,8 +321,7 @@ def test_a_filter_is_not_taken_for_noise():
     y = (white[3:] + white[2:-1] + white[1:-2] + white[:-3]) / 4
     found = infer(y, 0.01, "deg/s", "rate", np.random.default_rng(7))
     arw = found.parameters["arw"]
-    assert found.averaged >= 4 and "correlated" in arw.note
-    assert arw.low < 0.1 < arw.high
+    assert found.averaged >= 4 and "correlated" in arw.note and arw.low < 0.1 < arw.high
 
 
 def test_means_lack_the_noise_that_a_low_pass_takes_out():
@@ -351,8 +336,7 @@ def test_means_lack_the_noise_that_a_low_pass_takes_out():
     means = NoiseLikelihood(spectrum.spectra(y, DT, per_mean))
     lack, _ = lost_in_means(spectrum.transform(y, DT), means, means.fit("N"))
     band = np.arctan(np.pi * x) / (np.pi * x)
-    expected = np.sqrt(band / (1 - x * (1 - np.exp(-1 / x)))) - 1
-    assert lack == pytest.approx(expected, abs=0.02)
+    assert lack == pytest.approx(np.sqrt(band / (1 - x * (1 - np.exp(-1 / x)))) - 1, abs=0.02)
     white = spectrum.transform(np.random.default_rng(3).standard_normal(n), DT)
     assert abs(lost_in_means(white, NoiseLikelihood(white), means.fit("N"))[0]) < 1e-12
 
@@ -360,13 +344,10 @@ def test_means_lack_the_noise_that_a_low_pass_takes_out():
 def test_white_noise_behind_a_first_order_low_pass_is_its_plateau():
     """analytic: sigma_v of the unfiltered noise, where the filtered one is a Gauss-Markov bias."""
     n, dt, keep = 60_000, 0.1, np.exp(-0.1 / 0.8)
-    white = 0.06 * np.random.default_rng(3).standard_normal(n)
-    found = infer(
-        lfilter([1 - keep], [1, -keep], white), dt, "deg/s", "rate", np.random.default_rng(4)
-    )
+    y = lfilter([1 - keep], [1, -keep], 0.06 * np.random.default_rng(3).standard_normal(n))
+    found = infer(y, dt, "deg/s", "rate", np.random.default_rng(4))
     e, bias = found.parameters["sigma_v"], found.parameters["sigma_b"]
-    assert e.resolved and e.low < 0.06 < e.high < 1.2 * e.low
-    assert not bias.resolved
+    assert e.resolved and e.low < 0.06 < e.high < 1.2 * e.low and not bias.resolved
 
 
 def test_a_walk_beside_a_bias_may_be_a_second_bias():
@@ -416,29 +397,22 @@ def test_choice_among_models():
     found = infer(white + flicker_noise(50_000, 0.1, 0.5, rng), 0.1, "deg/s", "rate", rng)
     assert found.chosen.model.startswith("N+B")
     b = found.parameters["bias_instability"]
-    assert b.low < 0.5 < b.high
-    assert not found.parameters["corr_time"].resolved
+    assert b.low < 0.5 < b.high and not found.parameters["corr_time"].resolved
 
 
 def test_richer_models_need_strong_evidence():
     """property: of equals N+GM; 5 better is not enough for a fourth parameter, 7 is."""
 
     def made(model, aic):
-        size = len(fit.MODELS[model])
-        return fit.Fit(model, {}, 0.0, aic, np.zeros(size), fit.MODELS[model])
+        return fit.Fit(model, {}, 0.0, aic, np.zeros(len(fit.MODELS[model])), fit.MODELS[model])
 
     base = [made("N", 50.0), made("N+K", 9.0), made("N+B+K", 5.5), made("N+GM", 6.0)]
-    assert choose(base).model == "N+GM"
-    assert choose([*base, made("N+GM+K", 1.0)]).model == "N+GM"
+    assert choose(base).model == "N+GM" and choose([*base, made("N+GM+K", 1.0)]).model == "N+GM"
     assert choose([*base, made("N+GM+K", -1.0)]).model == "N+GM+K"
     assert choose([made("N", 10.0), made("N+GM", 8.5)]).model == "N"
     # Others within 4 are told, the best of them, as near or as equal.
-    chosen = made("N+GM", 6.0)
-    for aic, words in (
-        (10.1, ""),
-        (10.0, "nearly as well as N+GM (AIC +4.0)"),
-        (6.0, "log as well"),
-    ):
+    chosen, near = made("N+GM", 6.0), "nearly as well as N+GM (AIC +4.0)"
+    for aic, words in ((10.1, ""), (10.0, near), (6.0, "log as well")):
         fits = {"N+K": made("N+K", aic), "N+B": made("N+B", 30.0)}
         told = inference.Inference.rival(SimpleNamespace(fits=fits, chosen=chosen))
         assert words in told and bool(words) == told.startswith("N+K")
@@ -473,8 +447,7 @@ def test_same_log_in_other_units():
     y += 2e-5 * np.arange(20_000)
     first = infer(y, 0.5, "u", "accel", np.random.default_rng(0))
     for scale, back in ((9.80665, False), (-1.0, False), (1.0, True)):
-        turned = scale * (y[::-1] if back else y)
-        found = infer(turned, 0.5, "u", "accel", np.random.default_rng(0))
+        found = infer(scale * (y[::-1] if back else y), 0.5, "u", "accel", np.random.default_rng(0))
         assert found.chosen.model == first.chosen.model
         for name, known in first.parameters.items():
             other, factor = found.parameters[name], 1.0 if name == "corr_time" else abs(scale)

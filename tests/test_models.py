@@ -22,8 +22,7 @@ from analysis.noise.models import (
 def test_gauss_markov_moments(dt):
     """analytic: variance sigma_b^2 from the first sample on, correlation exp(-dt/T), any dt."""
     sigma_b, corr_time, runs = 0.4, 50.0, 40_000
-    b = gauss_markov(3, dt, sigma_b, corr_time, np.random.default_rng(1), runs=runs)
-    cov = np.cov(b.T)
+    cov = np.cov(gauss_markov(3, dt, sigma_b, corr_time, np.random.default_rng(1), runs=runs).T)
     lag = np.abs(np.subtract.outer(np.arange(3), np.arange(3)))
     # Standard error of a variance: sqrt(2 / runs) = 0.7 %; four of them.
     expected = sigma_b**2 * np.exp(-lag * dt / corr_time)
@@ -100,8 +99,7 @@ def test_flicker_noise_is_flat_at_0_664_of_its_size(dt):
     rng, m = np.random.default_rng(9), np.array([8, 16, 32, 64])
     found = [overlapped_variance(flicker_noise(4096, dt, 3.0, rng), m) for _ in range(60)]
     # 60 logs know it to 1 or 2 %; sampled, it is a little less than that of the process.
-    expected = 9.0 * 2 * np.log(2) / np.pi
-    np.testing.assert_allclose(np.mean(found, axis=0), expected, rtol=0.06)
+    np.testing.assert_allclose(np.mean(found, axis=0), 9.0 * 2 * np.log(2) / np.pi, rtol=0.06)
 
 
 def test_shift_and_drift_are_a_line():
@@ -126,8 +124,7 @@ def test_models_of_table_one():
 def test_log_k_has_stream_k():
     """property: a log is decided by the seed and its place, not by the models after it."""
     models = {"a": UnifiedModel(0.1, 60.0, 0.2), "b": UnifiedModel(0.3)}
-    logs = simulate_logs(models, 100, 0.5, seed=3)
-    stream = np.random.SeedSequence(3).spawn(1)[0]
+    logs, stream = simulate_logs(models, 100, 0.5, seed=3), np.random.SeedSequence(3).spawn(1)[0]
     alone = models["a"].simulate(100, 0.5, np.random.default_rng(stream))
     np.testing.assert_array_equal(logs["a"], alone)
     assert list(logs) == ["a", "b"]

@@ -43,8 +43,7 @@ def of_errors(labels, error):
 def test_a_lap_does_not_depend_on_its_company(monkeypatch):
     """property: the same run in another block, another number of runs, other cells."""
     whole = laps(setup_of())
-    fewer = laps(setup_of(), runs=3)
-    np.testing.assert_array_equal(fewer.error, whole.error[:, :3])
+    np.testing.assert_array_equal(laps(setup_of(), runs=3).error, whole.error[:, :3])
     alone = laps(setup_of(), sensors={"x": Sensor(0.001, 0.005)})
     np.testing.assert_allclose(alone.errors("x"), whole.errors((0.001, 0.005)), atol=1e-9)
     monkeypatch.setattr(monte_carlo, "TOGETHER", 12)
@@ -82,8 +81,7 @@ def test_laps_are_the_same_on_another_processor():
     run, printed = [sys.executable, "-c", LAPS_OF_EVERY_KIND], []
     for other in ({}, OTHER_PROCESSOR | {"NPY_DISABLE_CPU_FEATURES": less}):
         printed.append(subprocess.check_output(run, env=os.environ | other, text=True))
-    assert printed[0] == printed[1]
-    assert float(printed[0].split()[0]) > 0
+    assert printed[0] == printed[1] and float(printed[0].split()[0]) > 0
 
 
 def test_without_any_error_there_is_none_and_sensors_share_what_there_is():
@@ -161,8 +159,7 @@ def test_the_filter_with_bias_states_expects_the_turn_on():
     streams = np.random.SeedSequence(SEED).spawn(40)
     first, moved = monte_carlo.odometry(setup, streams)
     paths = monte_carlo.attitude_errors(setup, 1, streams, setup.samples)
-    true = road().at(setup.truth)
-    told_zero = replace(setup, start="zero")
+    true, told_zero = road().at(setup.truth), replace(setup, start="zero")
     wrong = monte_carlo.follow(road(), setup.truth, true, first, moved, paths, sensors, told_zero)
     assert wrong.nees()["gyro"] > 5
 
@@ -176,8 +173,7 @@ def test_what_a_filter_begins_with_and_adds(start, bias):
     setup, ones = setup_of(start=start, **told), np.ones((1, 1))
     ukf, Q = monte_carlo.filters_of(road(), setup, 0.01 * ones, 0.02 * ones, np.array([60.0, 70.0]))
     assert ukf.x[:, 0].T.tolist() == [[60, 0, 0, 0], [70, 0, 0, 0]]
-    known = [0.25, 0.09, bias, 0.01]
-    np.testing.assert_allclose(ukf.P[:, :, 0, 1], np.diag(known), atol=1e-15)
+    np.testing.assert_allclose(ukf.P[:, :, 0, 1], np.diag([0.25, 0.09, bias, 0.01]), atol=1e-15)
     monte_carlo.advance(ukf, setup, np.array([-2.0, -2.0]), Q, None, 0.01)
     q = 0.013**2 + (3.4e-4) ** 2 * 300
     kept = np.exp(-0.01 / 200)  # of the bias, in one sample at 100 Hz
@@ -207,11 +203,9 @@ def test_what_a_precision_allows():
 
 def test_one_function_tells_the_tracking_error():
     """property: the grid's own numbers, rising with B; a log's interval holds its value."""
-    plane = terrain_data.error_plane("R tuned")
-    i, j = 4, 3
-    assert plane.of(Sensor(plane.arw[j], plane.sigma_b[i])) == pytest.approx(
-        (plane.error[i, j], plane.lost[i, j])
-    )
+    plane, i, j = terrain_data.error_plane("R tuned"), 4, 3
+    known = plane.error[i, j], plane.lost[i, j]
+    assert plane.of(Sensor(plane.arw[j], plane.sigma_b[i])) == pytest.approx(known)
     errors = [plane.of(Sensor(0.005, b))[0] for b in np.geomspace(1e-6, 0.1, 30)]
     assert errors[0] == errors[1] and max(errors) == errors[-1]
     assert plane.of(Sensor(1.0, 0.001))[0] == np.inf
@@ -280,8 +274,7 @@ def test_bootstrap_interval_covers():
     rng, inside = np.random.default_rng(SEED), 0
     for _ in range(300):
         error = 2.0 * rng.standard_normal((1, 50, 1)) + rng.standard_normal((1, 50, 10))
-        measures = of_errors((0,), error).measures(300, rng)
-        found = monte_carlo.interval(measures["variance"][0])
+        found = monte_carlo.interval(of_errors((0,), error).measures(300, rng)["variance"][0])
         inside += found.low < 5.0 < found.high
     assert 0.88 <= inside / 300 <= 0.98
 

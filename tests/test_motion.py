@@ -18,12 +18,9 @@ G = np.array([0.0, 0.0, STANDARD_GRAVITY])
 def moved(kind, rng, even=True, noise=1.0):
     """Move along a winding path of its own, and give what receiver and IMU make of it."""
     n = round(MINUTES * 60 / DT)
-    t = DT * np.arange(n)
-    waves = [
-        rng.uniform(0.7, 1.3) * np.sin(2 * np.pi * (t / p + rng.random())) for p in (17, 41, 73)
-    ]
-    fast = {"runner": 3.5, "boat": 6.0}.get(kind, 12.0)
-    v = fast * (1 + 0.2 * waves[1])
+    t, w = DT * np.arange(n), 2 * np.pi
+    waves = [rng.uniform(0.7, 1.3) * np.sin(w * (t / p + rng.random())) for p in (17, 41, 73)]
+    v = {"runner": 3.5, "boat": 6.0}.get(kind, 12.0) * (1 + 0.2 * waves[1])
     course = np.cumsum(np.radians(9.0 * waves[0] + 6.0 * waves[2])) * DT
     velocity = np.column_stack([v * np.cos(course), v * np.sin(course), np.zeros(n)])
     force = np.gradient(velocity, DT, axis=0) - G
@@ -57,35 +54,27 @@ def moved(kind, rng, even=True, noise=1.0):
 
 @pytest.mark.parametrize(
     ("kind", "answers"),
-    [
-        ("car", {"car"}),
-        ("motorbike", {"leans"}),
-        ("aircraft", {"leans"}),
-        ("multicopter", {"leans", "unlike"}),
-        ("boat", {"tilts", "open"}),
-        ("runner", {"tilts", "open", "unlike"}),
-    ],
-)
+    [("car", {"car"}), ("motorbike", {"leans"}), ("aircraft", {"leans"}),
+     ("multicopter", {"leans", "unlike"}), ("boat", {"tilts", "open"}),
+     ("runner", {"tilts", "open", "unlike"})],
+)  # fmt: skip
 def test_kinds(kind, answers):
     """statistical: 20 simulated rides, the sensor mounted anyhow, are told for what they are."""
-    found = {vehicle(*moved(kind, np.random.default_rng([7, k]))).kind for k in range(20)}
-    assert found <= answers
+    assert {vehicle(*moved(kind, np.random.default_rng([7, k]))).kind for k in range(20)} <= answers
 
 
 def test_share_sideways_of_a_car_is_one():
     """analytic: a car feels v dpsi/dt across its way, whole, and a vehicle that leans nothing."""
     for kind, share in (("car", 1.0), ("motorbike", 0.0)):
         found = [vehicle(*moved(kind, np.random.default_rng([8, k]))) for k in range(10)]
-        values = [each.sideways.value for each in found]
-        np.testing.assert_allclose(values, share, atol=0.04)
+        np.testing.assert_allclose([each.sideways.value for each in found], share, atol=0.04)
 
 
 def test_straight_roads_and_short_logs_tell_nothing():
     """property: open, for no turn says how it feels; a scooter's simulated ride leans."""
     gnss, imu = moved("car", np.random.default_rng(1))
     keep = np.arange(len(gnss.t_s)) < 40
-    short = gnss.without(~keep, "speed_m_s")
-    assert vehicle(short, imu).kind == "open"
+    assert vehicle(gnss.without(~keep, "speed_m_s"), imu).kind == "open"
     ride = scenarios.scenario("B", np.random.default_rng(1), laps=2).log
     assert vehicle(ride.gnss, ride.imu).kind == "leans"
 
@@ -109,13 +98,10 @@ def test_steps_of_four_fixes():
 def test_speed_and_course_of_positions():
     """analytic: 3 m/s to the north and 4 m/s to the west over the date line; not near the ends."""
     t = np.arange(20.0)
-    lat = 60 + 3 * t / 111_195
-    lon = -179.9995 - 4 * t / 111_195 / np.cos(np.radians(60))
+    lat, lon = 60 + 3 * t / 111_195, -179.9995 - 4 * t / 111_195 / np.cos(np.radians(60))
     known, nan = t != 8, np.full(20, np.nan)
-    found = by_positions(
-        Gnss(t, np.where(known, lat, 0), (lon + 180) % 360 - 180, *[nan] * 4, known)
-    )
-    inside = (t >= 2) & (t <= 17)
+    lat, lon = np.where(known, lat, 0), (lon + 180) % 360 - 180
+    found, inside = by_positions(Gnss(t, lat, lon, *[nan] * 4, known)), (t >= 2) & (t <= 17)
     np.testing.assert_allclose(found.speed_m_s[inside], 5.0, rtol=2e-3)
     off = found.course_deg[inside] % 360 - np.degrees(np.arctan2(-4, 3)) - 360
     np.testing.assert_allclose(off, 0.0, atol=0.2)

@@ -25,8 +25,7 @@ def ride(block, mount, speeds, *, dt=1.0, rate=0.0, share=(1.0, 1.0), noise=None
     ax, ay = felt(mount, share[0] * np.diff(speeds) / dt, share[1] * speeds[1:] * rate)
     accel, (sigma, variance, rng) = np.column_stack([ax, ay]), noise or (0.0, 0.0, None)
     accel = accel + level + (sigma * rng.standard_normal(accel.shape) if rng else 0.0)
-    t = dt * np.arange(1, len(speeds))
-    rows = zip(t, speeds[1:], accel, strict=True)
+    rows = zip(dt * np.arange(1, len(speeds)), speeds[1:], accel, strict=True)
     return [k for k, v, a in rows if block.step(k, dt, 1.0 + rate * k, v, rate, *a, variance)]
 
 
@@ -39,19 +38,16 @@ def setting_off(n=20, a=0.6, top=6.0):
 @pytest.mark.parametrize("accelerating", [True, False])
 def test_printed_rule_loses_the_quadrant(angle, accelerating):
     """published: eq (3) gives the angle modulo 180 deg, right only within 90 deg of ahead."""
-    mount = math.radians(angle)
-    ax, ay = felt(mount, 0.5 if accelerating else -0.5)
+    ax, ay = felt(math.radians(angle), 0.5 if accelerating else -0.5)
     found = math.degrees(-mounting.printed_angle(ax, ay))
-    assert abs((found - angle + 90) % 180 - 90) < 1e-9
-    assert -90 <= found <= 90
+    assert abs((found - angle + 90) % 180 - 90) < 1e-9 and -90 <= found <= 90
 
 
 @pytest.mark.parametrize("angle", range(0, 360, 15))
 @pytest.mark.parametrize("accelerating", [True, False])
 def test_weighted_rule_keeps_the_quadrant(angle, accelerating):
     """analytic: without noise the angle is exact for any mounting, speeding up or braking."""
-    mount, speeds = math.radians(angle), setting_off()
-    block = MountingYaw()
+    mount, speeds, block = math.radians(angle), setting_off(), MountingYaw()
     assert ride(block, mount, speeds if accelerating else speeds[::-1])
     assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=1e-6)
 
@@ -63,16 +59,14 @@ def test_constant_speed_gives_no_angle():
         assert not ride(block, 1.0, np.full(8, 8.0), noise=(0.03, 0.03**2, rng))
         printed.append(block.printed)
         block.interrupt()
-    assert block.mount is None
-    assert block.straights >= 30
+    assert block.mount is None and block.straights >= 30
     assert np.std(np.degrees(printed)) > 30  # an angle at random in 180 deg scatters by 52
 
 
 def test_a_bent_path_is_no_straight():
     """published: the variance of the course over the buffer must stay under theta_alpha."""
     block = MountingYaw()
-    assert not ride(block, 1.0, setting_off(60), rate=0.1)
-    assert block.straights == 0
+    assert not ride(block, 1.0, setting_off(60), rate=0.1) and block.straights == 0
 
 
 def up_and_down(n=30, a=1.2, period=6.0):
@@ -116,15 +110,13 @@ def test_a_fast_bend_is_no_straight(pull, straight):
 def test_bend_variance():
     """analytic: courses that run evenly through pull T / v scatter by its square over twelve."""
     v, pull, seconds = 10.0, 0.2, 6.0
-    courses = np.linspace(0, pull * seconds / v, 10001)
-    found = course_variance([(c, 1.0) for c in courses])
+    found = course_variance([(c, 1.0) for c in np.linspace(0, pull * seconds / v, 10001)])
     assert bend_variance([(0.0, v * v)], seconds, pull) == pytest.approx(found, rel=1e-3)
 
 
 def test_slow_courses_count_little():
     """property: a wild course at a crawl does not hide a straight."""
-    entries = [(2.0, 0.01), *[(0.0, 25.0)] * 5]
-    assert course_variance(entries) < math.radians(3.0) ** 2
+    assert course_variance([(2.0, 0.01), *[(0.0, 25.0)] * 5]) < math.radians(3.0) ** 2
 
 
 @pytest.mark.parametrize("straights", [1, 8])
@@ -141,8 +133,7 @@ def test_stated_sigma_covers(noise, straights):
         block = MountingYaw(max_mount_sigma=10.0, slope=(0.0, 10.0))
         for _ in range(straights):
             speeds = up_and_down(8, rng.uniform(0.8, 2.0))
-            level = 0.2 * rng.standard_normal(2)
-            ride(block, mount, speeds, noise=(noise, 0.0, rng), level=level)
+            ride(block, mount, speeds, noise=(noise, 0.0, rng), level=0.2 * rng.standard_normal(2))
             block.interrupt()
         errors.append(wrap(block.mount - mount, 2 * math.pi))
         sigmas.append(block.sigma)
@@ -150,8 +141,7 @@ def test_stated_sigma_covers(noise, straights):
     lowest = 0.90 if straights > 1 or noise == 0.2 else 0.80
     assert lowest * 400 <= inside
     if straights > 1:
-        assert inside <= 0.985 * 400
-        assert np.mean(sigmas) < 1.3 * np.std(errors)
+        assert inside <= 0.985 * 400 and np.mean(sigmas) < 1.3 * np.std(errors)
 
 
 def test_a_new_mount_is_learnt():
@@ -180,8 +170,7 @@ def test_constant_speed_erases_nothing():
 def test_an_acceleration_of_another_vehicle_is_refused():
     """property: felt at a third of what GPS says, it is not the vehicle's: no angle."""
     block = MountingYaw()
-    assert not ride(block, 1.0, setting_off(), share=(1 / 3, 0.0))
-    assert block.mount is None
+    assert not ride(block, 1.0, setting_off(), share=(1 / 3, 0.0)) and block.mount is None
 
 
 @pytest.mark.parametrize("rate", [1, 2, 5, 10])
@@ -189,8 +178,7 @@ def test_any_rate_of_fixes(rate):
     """property: the buffer is as long in time at 10 Hz as at 1 Hz."""
     block = MountingYaw()
     found = ride(block, 1.2, 8.0 + 1.2 * np.sin(np.arange(0, 20, 1 / rate)), dt=1 / rate)
-    assert block.mount == pytest.approx(1.2)
-    assert found[0] == pytest.approx(7.0, abs=1.1)
+    assert block.mount == pytest.approx(1.2) and found[0] == pytest.approx(7.0, abs=1.1)
 
 
 def test_without_course_or_speed_the_buffer_starts_anew():
@@ -207,9 +195,7 @@ def test_fit_adds_over_straights():
     one = mounting.fit([(f, 0.0, *felt(1.0, f), 100.0) for f in (0.5, 0.0, -0.5)], 0.2)
     two = mounting.fit([(f, 0.0, *felt(1.2, f), 100.0) for f in (0.5, 0.0, -0.5)], 0.2)
     angle, sigma, slope = mounting.weighted_angle([a + b for a, b in zip(one, two, strict=True)])
-    assert -angle == pytest.approx(1.1)
-    assert slope == pytest.approx(math.cos(0.1))
-    assert sigma > 0
+    assert -angle == pytest.approx(1.1) and slope == pytest.approx(math.cos(0.1)) and sigma > 0
 
 
 def test_turned_axes_turn_the_fit():
@@ -244,10 +230,8 @@ def test_real_rides_turned_by_known_angles(name, within):
     table = stored["turned"]
     assert sorted(table["turned_deg"]) == list(range(0, 360, 30))
     assert np.isfinite(table.drop(columns="last_printed_deg")).all(axis=None)
-    assert table["lowest_off_deg"].min() >= -within
-    assert table["highest_off_deg"].max() <= within
+    assert table["lowest_off_deg"].min() >= -within and table["highest_off_deg"].max() <= within
     first = table["last_deg"] - table["turned_deg"]
-    follows = (first - first[0] + 180) % 360 - 180
-    assert np.abs(follows).max() < 1.0
+    assert np.abs((first - first[0] + 180) % 360 - 180).max() < 1.0
     width = source["reference_high_deg"] - source["reference_low_deg"]
     assert 0.5 < width < 15.0

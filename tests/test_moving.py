@@ -38,10 +38,8 @@ def clock(second):
 def epoch(k, *, start=36000.0, fix=True, talker="GN", date="120624", pdop=2.0, speed=5.0):
     """Write the sentences of one epoch."""
     t = clock(start + k)
-    bodies = [
-        f"RMC,{t},A,{place(k)},{speed:.2f},10.00,{date},,,A",
-        f"GGA,{t},{place(k)},1,08,1.0,100.0,M,47.0,M,,",
-    ]
+    bodies = [f"RMC,{t},A,{place(k)},{speed:.2f},10.00,{date},,,A"]
+    bodies += [f"GGA,{t},{place(k)},1,08,1.0,100.0,M,47.0,M,,"]
     if not fix:
         bodies = [f"RMC,{t},V,,,,,,,{date},,,N", f"GGA,{t},,,,,0,00,99.9,,,,,,"]
     lines = [sentence(talker + body) for body in bodies]
@@ -114,8 +112,7 @@ def test_a_clean_log(tmp_path):
     for name, value in (wanted | {"course_deg": 10.0, "pdop": 2.0}).items():
         np.testing.assert_allclose(getattr(gnss, name), value)
     np.testing.assert_allclose(gnss.lat_deg, LAT + np.arange(20) / 1852 / 60, atol=1e-7)
-    assert log.start_utc == "2024-06-12T10:00:00.000+00:00"
-    assert log.notes == () and log.imu is None
+    assert log.start_utc == "2024-06-12T10:00:00.000+00:00" and log.notes == () and log.imu is None
 
 
 def test_wrong_checksums_are_left_out_and_counted(tmp_path):
@@ -135,8 +132,7 @@ def test_cut_sentences(tmp_path, cut):
     """property: a log cut in the middle of its last sentence, or with a torn one, is read."""
     text = "".join(epochs(5))
     assert len(drive(tmp_path, [text[:-cut]]).gnss.t_s) == 5
-    torn = "".join(epoch(9))[:cut]
-    gnss = drive(tmp_path, [text[:-1], torn, *epochs(5, 6, 7)]).gnss
+    gnss = drive(tmp_path, [text[:-1], "".join(epoch(9))[:cut], *epochs(5, 6, 7)]).gnss
     assert gnss.t_s[-1] == 7.0 and np.isfinite(gnss.lat_deg).all()
 
 
@@ -222,8 +218,7 @@ def test_every_epoch_is_read_where_and_when_it_was(tmp_path, case):
 @pytest.mark.parametrize("bogus", ["060180", "050104", "311299"])
 def test_bogus_dates_move_nothing(tmp_path, bogus):
     """property: dates from before the first fix, or rolled over, are said and not used."""
-    early = epochs(5, date=bogus, fix=False)
-    log = drive(tmp_path, early + epochs(*range(5, 12)))
+    log = drive(tmp_path, epochs(5, date=bogus, fix=False) + epochs(*range(5, 12)))
     np.testing.assert_allclose(log.gnss.t_s, np.arange(12.0))
     assert log.start_utc == "2024-06-12T10:00:00.000+00:00"
     assert says(log, "bogus or rolled over") == 1
@@ -289,8 +284,7 @@ CLEAN = "".join(epochs(20))
 
 @pytest.mark.parametrize(
     ("content", "said"),
-    [("$GPGGA", "line 1"),
-     ("$GPGGA,1,2\r\n" * 20, "20 have no checksum, 0 a wrong one"),
+    [("$GPGGA", "line 1"), ("$GPGGA,1,2\r\n" * 20, "20 have no checksum, 0 a wrong one"),
      ("$GPGSA,A,3*00\r\n", "0 have no checksum, 1 a wrong one"),
      (re.sub(r"\*..", "", CLEAN), "60 have no checksum, 0 a wrong one"),
      (re.sub(r"\*..", "*00", CLEAN), "0 have no checksum, 60 a wrong one")],
@@ -310,8 +304,7 @@ def test_nothing_usable(tmp_path, content, said):
 def test_real_receivers(name, expected):
     """property: gpsd's logs as their README describes them: epochs, fixes, first PDOP."""
     gnss = read_moving([datasets.path(f"gpsd-logs/{name}.log")]).gnss
-    first = gnss.pdop[np.argmax(gnss.has_fix)]
-    assert (len(gnss.t_s), gnss.has_fix.sum(), first) == expected
+    assert (len(gnss.t_s), gnss.has_fix.sum(), gnss.pdop[np.argmax(gnss.has_fix)]) == expected
     assert (np.diff(gnss.t_s) > 0).all()
 
 

@@ -35,8 +35,7 @@ def road(channels=1):
 def test_own_R_is_the_variance_of_what_is_measured(start, noise, form):
     """cross-check: the sum of squared responses against the drawn paths."""
     setup = Setup(200.0, rate_hz=20.0, corr_time=15.0, start=start, noise=noise, **form)
-    streams = np.random.SeedSequence(SEED).spawn(800)
-    walk, bias = attitude_errors(setup, 1, streams, setup.samples)
+    walk, bias = attitude_errors(setup, 1, np.random.SeedSequence(SEED).spawn(800), setup.samples)
     for sensor, path in ((Sensor(1.0, 0.0), walk), (Sensor(0.0, 1.0), bias)):
         # Mean square of 800 correlated Gaussians: known to at most 5 %; four of those.
         assert setup.own_R(sensor) == pytest.approx((path**2).mean(), rel=0.2)
@@ -58,11 +57,8 @@ def test_compiled_filter_equals_numpy(channels, changes):
     """cross-check: the same laps to the bit, since a lap that is lost magnifies any rounding."""
     pytest.importorskip("numba")
     setup = Setup.reference(200.0, rate_hz=50.0, **changes)
-    sensors = {n: Sensor(n, n) for n in (0.0, 0.002, 0.01)}
-    first, second = (
-        simulate_laps(road(channels), sensors, setup, runs=5, seed=SEED, compiled=compiled)
-        for compiled in (False, True)
-    )
+    given = road(channels), {n: Sensor(n, n) for n in (0.0, 0.002, 0.01)}, setup
+    first, second = (simulate_laps(*given, runs=5, seed=SEED, compiled=c) for c in (False, True))
     for name in ("error", "variance"):
         np.testing.assert_array_equal(getattr(second, name), getattr(first, name))
 
@@ -87,22 +83,19 @@ def test_laps_begin_all_along_the_road():
     """property: within the span, spread evenly, and lap k where it is for any number of laps."""
     setup = Setup(100.0, begin=50.0, span=400.0)
     begins = setup.begins(0, 64)
-    assert begins[0] == 50.0 and begins.max() < 350.0
-    assert np.ptp(np.diff(np.sort(begins))) < 1e-9
+    assert begins[0] == 50.0 and begins.max() < 350.0 and np.ptp(np.diff(np.sort(begins))) < 1e-9
     np.testing.assert_array_equal(setup.begins(10, 5), begins[10:15])
 
 
 def test_a_coarser_rate_with_its_R_gives_the_same_errors():
     """property: R scaled with the rate keeps the information of a second, so 0.55 m a step do."""
-    chosen = Interpretation(leg_m=190.0)
-    setup = replace(chosen.setup(), span=None)
+    setup = replace(Interpretation(leg_m=190.0).setup(), span=None)
     sensor = Sensor(0.01, 0.01)
     fine = replace(setup, rate_hz=100.0, R=replace(setup, rate_hz=100.0).own_R(sensor))
     coarse = replace(setup, R=fine.R * setup.rate_hz / 100.0)
     laps = [simulate_laps(road(), {0: sensor}, s, runs=300, seed=SEED) for s in (fine, coarse)]
-    assert laps[0].rms()[0] == pytest.approx(
-        laps[1].rms()[0], rel=0.15
-    )  # rms of 300 laps each: 4 to 5 %; three
+    one, other = (of.rms()[0] for of in laps)
+    assert one == pytest.approx(other, rel=0.15)  # rms of 300 laps each: 4 to 5 %; three
 
 
 def made():
@@ -147,9 +140,8 @@ def test_numbers_of_made_laps():
         of_square = c2 * (x[-1] ** 2 - x[0] ** 2)
         return of_square / (of_square + c1 * (x[-1] - x[0]))
 
-    of_b, of_n = (
-        spearmanr(v.ravel(), np.broadcast_to(x, (4, 4)).ravel())[0] for x in (b, n[:, None])
-    )
+    over = (np.broadcast_to(x, (4, 4)).ravel() for x in (b, n[:, None]))
+    of_b, of_n = (spearmanr(v.ravel(), x)[0] for x in over)
     law = linregress(np.log(price), np.log([64, 36, 16, 4]))
     known = {
         "low-cost-tracks": 1, "fig7-mems-keeps-track": 1, "sampling-rate-matters": 1,
@@ -207,10 +199,8 @@ def test_the_design_has_every_level_about_equally_often():
 
 def judged(count=600, seed=SEED):
     """Make judged interpretations: one claim that noise decides, one that nothing decides."""
-    plan = open_choices.design(count, seed)
-    rng = np.random.default_rng(seed)
-    integrated = plan["noise"] == "integrated"
-    table = plan.assign(p_a=np.where(integrated, 100, 0), v_a=1.0)
+    plan, rng = open_choices.design(count, seed), np.random.default_rng(seed)
+    table = plan.assign(p_a=np.where(plan["noise"] == "integrated", 100, 0), v_a=1.0)
     table = table.assign(p_b=100 * (rng.random(len(plan)) < 0.5), v_b=2.0, p_c=50, v_c=3.0)
     return Judged.of(table, 10, seed)
 
@@ -228,8 +218,7 @@ def test_joint_ranking_and_shares_count_what_holds():
     """property: shares add up; the best hold most claims."""
     of = judged()
     shares = of.shares()
-    assert np.allclose(shares.sum(axis=1), 1.0)
-    assert shares.loc["terrain-c", "open"] == 1.0
+    assert np.allclose(shares.sum(axis=1), 1.0) and shares.loc["terrain-c", "open"] == 1.0
     best = of.joint().iloc[0]
     assert (best["holds"], best["fails"], best["open"]) == (2, 0, 1)
     assert best["noise"] == "integrated"
@@ -244,8 +233,7 @@ def test_the_committed_study_is_simulated_again_the_same():
     assert len(study.sample.levels) >= 2000
     quick = study.all.levels.query("leg_m == 100 and speed_m_s == 30")
     for channel in ("pitch", "both"):
-        row = quick.index[quick["channel"] == channel][0]
-        found = study.again(row)
+        found = study.again(quick.index[quick["channel"] == channel][0])
         np.testing.assert_allclose(found["value"], found["stored"], rtol=6e-3, equal_nan=True)
         assert (found["inside"] - found["stored_inside"]).abs().max() < 0.0051
 
@@ -272,18 +260,15 @@ def recorded():
     """Read the notebook and the verdict of each claim of the terrain paper, by id."""
     table = pd.read_csv(FIGURES / "claims.csv")
     table = table[table["id"].str.startswith("terrain-")]
-    return {
-        id_: (of, verdict) for id_, of, verdict in table[["id", "notebook", "verdict"]].to_numpy()
-    }
+    rows = table[["id", "notebook", "verdict"]].to_numpy()
+    return {id_: (of, verdict) for id_, of, verdict in rows}
 
 
 def test_conditions_of_verdicts_on_the_terrain_paper_are_few():
     """property: noise as the paper did or as a car does, a data sheet; none is invented."""
-    conditions = {
-        claim: verdict.partition(" if ")[2]
-        for claim, (_, verdict) in recorded().items()
-        if verdict.startswith(("reproduced", "not reproduced"))
-    }
+    verdicts = {claim: verdict for claim, (_, verdict) in recorded().items()}
+    told = {k: of for k, of in verdicts.items() if of.startswith(("reproduced", "not reproduced"))}
+    conditions = {claim: verdict.partition(" if ")[2] for claim, verdict in told.items()}
     assert len(conditions) > 40
     assert {k for k, of in conditions.items() if "brochure" in of} == BROCHURE
     of_24 = [of for k, of in conditions.items() if recorded()[k][0] == "24-which-reading"]
@@ -304,11 +289,9 @@ def test_both_verdicts_come_from_the_stored_laps():
     words = both.str.partition(";")[0]
     decided = words[words != "open"].index.intersection(said.index)
     assert len(decided) > 30
-    theirs = said[decided].map({1.0: "reproduced", 0.0: "not reproduced"})
-    assert (words[decided] == theirs).all()
-    np.testing.assert_allclose(
-        written.loc[both.index, "value"], table.loc["paper", "value"][both.index]
-    )
+    assert (words[decided] == said[decided].map({1.0: "reproduced", 0.0: "not reproduced"})).all()
+    value = written.loc[both.index, "value"]
+    np.testing.assert_allclose(value, table.loc["paper", "value"][both.index])
 
 
 def test_real_laps_are_judged_as_simulated_ones():
@@ -318,9 +301,8 @@ def test_real_laps_are_judged_as_simulated_ones():
     roads, options = terrain_data.roads(), {"draws": 3, "seed": 1, "resamples": 40}
     found = roads.evaluate_real(laps, Interpretation(), **options)
     alone = roads.evaluate_real({"a": laps["a"]}, Interpretation(), **options)
-    assert set(found.index) == set(
-        roads.evaluate(Interpretation(leg_m=100.0), laps=3, seed=1).index
-    )
+    simulated = roads.evaluate(Interpretation(leg_m=100.0), laps=3, seed=1)
+    assert set(found.index) == set(simulated.index)
     of_laps = found.index[found.index.str.contains(r"fig[789]|fig1[01]|low-cost-tracks")]
     assert len(of_laps) > 12  # those of price draw prices, too; here it is the same lap twice
     np.testing.assert_allclose(found["value"][of_laps], alone["value"][of_laps], rtol=1e-9)

@@ -56,8 +56,7 @@ def test_textbook_update_gives_one_number_of_table_one():
     """published: 207 products for [3, 3], divisions among them; the other three do not follow."""
     three, nine = operations.update(3, 3), operations.update(9, 5)
     sums, products = printed(2, "Update")
-    assert three["products"] + three["divisions"] == products
-    assert three["sums"] == sums - 6
+    assert three["products"] + three["divisions"] == products and three["sums"] == sums - 6
     sums, products = printed(6, "Update")
     assert (nine["sums"], nine["products"] + nine["divisions"]) == (sums - 175, products - 285)
 
@@ -88,9 +87,8 @@ def test_counting_changes_no_value():
     """property: counted numbers compute what floats do, and each operation is counted once."""
     tally = Counter()
     a, b = Counted(3.0, tally), Counted(-2.0, tally)
-    assert float((a + b) * 2 - 1 / a + (1 - b) ** 2 + -b + 2.0 * a / b) == pytest.approx(
-        2 - 1 / 3 + 9 + 2 - 3
-    )
+    found = (a + b) * 2 - 1 / a + (1 - b) ** 2 + -b + 2.0 * a / b
+    assert float(found) == pytest.approx(2 - 1 / 3 + 9 + 2 - 3)
     assert tally == Counter(sums=6, products=3, divisions=2)
     before = tally.copy()
     assert a > b and b < 0 and a >= 3 and b <= -2 and a == 3.0
@@ -118,8 +116,7 @@ def test_filter_steps_are_those_of_the_formulas(sizes):
     """cross-check: the kernel on counting numbers against the formulas of another module."""
     n, m, p = sizes
     predict, update = operations.filter_costs(n, m, p, input_matrix=True)["counted"].values()
-    assert predict == operations.predict(n, p)
-    assert update == lean_update(n, m)
+    assert predict == operations.predict(n, p) and update == lean_update(n, m)
 
 
 def test_the_fusion_filter_costs_a_fraction_of_its_formula(steps):

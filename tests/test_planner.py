@@ -75,16 +75,12 @@ def test_plan_from_a_first_log():
 
 @pytest.mark.parametrize(
     ("numbers", "says"),
-    [
-        ("--white 0.004 --sigma 0.005 --time 0.001", "--time 0.001 is shorter than a sample"),
-        ("--white 1e300 --sigma 1e300 --time 1e300", "too far apart"),
-        ("--white 1 --walk 1e300", "too far apart"),
-        ("--white inf", "above zero"),
-        ("--white nan", "above zero"),
-        ("--white 1 --within 0", "above zero"),
-        ("--white 1 --sigma 1", "go together"),
-    ],
-)
+    [("--white 0.004 --sigma 0.005 --time 0.001", "--time 0.001 is shorter than a sample"),
+     ("--white 1e300 --sigma 1e300 --time 1e300", "too far apart"),
+     ("--white 1 --walk 1e300", "too far apart"), ("--white inf", "above zero"),
+     ("--white nan", "above zero"), ("--white 1 --within 0", "above zero"),
+     ("--white 1 --sigma 1", "go together")],
+)  # fmt: skip
 def test_numbers_without_a_plan(capsys, numbers, says):
     """error: what is no sensor is wrong usage, in a sentence."""
     assert cli.main(["plan", "--rate", "100", *numbers.split()]) == 2

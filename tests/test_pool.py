@@ -31,8 +31,7 @@ def cut_off(curve, at):
 
 def test_marginal_by_quadrature():
     """analytic: the closed form equals the integral of exp(l) times the normal density."""
-    theta = np.linspace(-30, 30, 200_001)
-    whole = known_variance(0.2, 5, np.random.default_rng(1))
+    theta, whole = np.linspace(-30, 30, 200_001), known_variance(0.2, 5, np.random.default_rng(1))
     for curve in (whole, cut_off(whole, 0.3)):
         slope = np.diff(curve.fall) / np.diff(curve.at)
         beyond = curve.fall[-1] + (theta - curve.at[-1]) * slope[-1] * curve.closed[1]
@@ -91,8 +90,7 @@ def test_no_spread_is_said_with_a_bound():
     rng, before = np.random.default_rng(3), np.inf
     for units in (3, 6, 12):
         middle, spread = population([known_variance(0.0, 50, rng) for _ in range(units)], "s")
-        assert not spread.resolved and said("no_spread") in spread.note
-        assert spread.high < before
+        assert not spread.resolved and said("no_spread") in spread.note and spread.high < before
         assert middle.low < 1 < middle.high
         before = spread.high
 
@@ -108,9 +106,8 @@ def test_open_sides_count():
         seen = [c if c.best < 0.2 else cut_off(c, 0.2) for c in curves]
         middle, _ = population(seen, "s")
         missed += not (middle.low or 0) < 1 < (middle.high or np.inf)
-        assert (
-            said("both_sides_others", both=sum(c.closed[1] for c in seen), count=10) in middle.note
-        )
+        both = sum(c.closed[1] for c in seen)
+        assert said("both_sides_others", both=both, count=10) in middle.note
         pooled.append(np.log(middle.value) if middle.resolved else np.nan)
         left.append(np.mean([c.best for c in curves if c.best < 0.2]))
     assert missed <= allowed(runs)
@@ -162,14 +159,11 @@ def test_pool_writes_what_it_prints(tmp_path, axes, capsys):
 
 @pytest.mark.parametrize(
     ("names", "dt", "says"),
-    [
-        (["gyro_x_deg_s", "gyro_y_deg"], DT, "rate in deg/s, and gyro_y of"),
-        (["gyro_x_deg_s", "gyro_y_rad_s"], DT, "rate in rad/s; pool logs of one kind and unit"),
-        (["gyro_x_deg_s", "gyro_z_deg_s"], DT, "no channel gyro_y"),
-        (["gyro_x_deg_s", "gyro_y_deg_s"], 0.1, "20 Hz"),
-        (None, DT, "nothing to pool"),
-    ],
-)
+    [(["gyro_x_deg_s", "gyro_y_deg"], DT, "rate in deg/s, and gyro_y of"),
+     (["gyro_x_deg_s", "gyro_y_rad_s"], DT, "rate in rad/s; pool logs of one kind and unit"),
+     (["gyro_x_deg_s", "gyro_z_deg_s"], DT, "no channel gyro_y"),
+     (["gyro_x_deg_s", "gyro_y_deg_s"], 0.1, "20 Hz"), (None, DT, "nothing to pool")],
+)  # fmt: skip
 def test_logs_that_do_not_belong_together(tmp_path, names, dt, says, capsys):
     """property: other units, channels or rates, or one log alone: one sentence, nothing written."""
     logs = [write(tmp_path / "a.csv", 0)]
@@ -222,9 +216,9 @@ def test_one_log_does_not_count_as_two_units(tmp_path, capsys):
 @pytest.mark.parametrize("dead", [("b.csv",), ("a.csv", "b.csv")])
 def test_a_constant_channel_is_named(tmp_path, dead, capsys):
     """property: a log with nothing to measure is refused with its file and channel."""
-    logs = [
-        write(tmp_path / name, k, change=lambda xy, d=name in dead: np.where([0, d], 0.5, xy))
-        for k, name in enumerate(("a.csv", "b.csv"))
-    ]
+    logs = []
+    for k, name in enumerate(("a.csv", "b.csv")):
+        still = [False, name in dead]
+        logs.append(write(tmp_path / name, k, change=lambda xy, s=still: np.where(s, 0.5, xy)))
     refusal = pooled(capsys, tmp_path / "model", *logs, status=1)
     assert f"{dead[0]}, channel gyro_y" in refusal and "constant" in refusal

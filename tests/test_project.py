@@ -109,19 +109,15 @@ def test_no_index_no_machine_and_no_half_done_merge_in_any_file():
 
 def test_ci_calls_the_readme_command():
     """property: CI, README and Makefile speak of one test command."""
-    called = {
-        ".ci/run": "(exec )?make test$",
-        "README.md": "    make test( |$)",
-        "Makefile": "test:",
-    }
+    called = {".ci/run": "(exec )?make test$", "README.md": "    make test( |$)"}
+    called |= {"Makefile": "test:"}
     for file, words in called.items():
         assert re.search(f"^{words}", (ROOT / file).read_text(), re.M), file
 
 
 def test_nothing_large_is_committed():
     """property: no tracked file is over 2 MB."""
-    large = [p.name for p in tracked() if p.exists() and p.stat().st_size > 2_000_000]
-    assert large == []
+    assert [p.name for p in tracked() if p.exists() and p.stat().st_size > 2_000_000] == []
 
 
 def form_faults(path):

@@ -28,14 +28,9 @@ settings.load_profile("same everywhere")
 
 WHOLE = "\n".join([HEADER, *lines(100)]).encode()
 PIECES = b', ; \n \t \0 " # nan -inf 1e999 1e-320 - \xff 12:00 2024-02-30 $GPGGA, {'.split(b" ")
-EDITS = st.lists(
-    st.tuples(
-        st.integers(0, len(WHOLE)),
-        st.integers(0, 60),
-        st.sampled_from(PIECES) | st.binary(max_size=3),
-    ),
-    min_size=1, max_size=8,
-)  # fmt: skip
+PUT_IN = st.sampled_from(PIECES) | st.binary(max_size=3)
+EDIT = st.tuples(st.integers(0, len(WHOLE)), st.integers(0, 60), PUT_IN)
+EDITS = st.lists(EDIT, min_size=1, max_size=8)
 ANY_JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
     lambda inner: st.lists(inner, max_size=3)
@@ -85,8 +80,7 @@ def test_a_number_is_read_as_it_is_written(tmp_path, values, unit, delimiter, co
     path = tmp_path / "my.csv"
     path.write_text(text.replace(".", ",") if comma else text)
     log = sensorlogs.read(path)
-    written = [float(form.format(v)) for v in values]
-    np.testing.assert_array_equal(log.channels[0].values, written)
+    np.testing.assert_array_equal(log.channels[0].values, [float(form.format(v)) for v in values])
 
 
 @given(
@@ -110,11 +104,8 @@ def minutes(degrees, digits):
     """Write degrees as NMEA does: whole ones, minutes, and the letter of the half."""
     units = round(abs(degrees) * 60 * 10**digits)
     whole, part = divmod(units, 60 * 10**digits)
-    return (
-        whole,
-        f"{part // 10**digits:02d}.{part % 10**digits:0{digits}d}",
-        units / 60 / 10**digits,
-    )
+    written = f"{part // 10**digits:02d}.{part % 10**digits:0{digits}d}"
+    return whole, written, units / 60 / 10**digits
 
 
 @given(
@@ -167,17 +158,15 @@ def test_a_model_that_was_edited_is_taken_or_refused(tmp_path, monkeypatch, caps
     part, key = whole, ""
     while isinstance(part[key], (dict, list)) and part[key] and data.draw(st.integers(0, 4)):
         part = part[key]
-        key = data.draw(
-            st.sampled_from(sorted(part) if isinstance(part, dict) else range(len(part)))
-        )
+        keys = sorted(part) if isinstance(part, dict) else range(len(part))
+        key = data.draw(st.sampled_from(keys))
     part[key] = data.draw(ANY_JSON)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(datasheets, "GIVEN", tmp_path / "out")
     (tmp_path / "model.json").write_text(json.dumps(whole[""]))
     shutil.rmtree("out", ignore_errors=True)
     given_away = ["--licence", "CC0", "--source", "me"] * command.startswith("atlas")
-    status = main([*command.split(), *given_away])
-    said = capsys.readouterr().err
+    status, said = main([*command.split(), *given_away]), capsys.readouterr().err
     assert status in (0, 1, 2) and "Traceback" not in said
     if status:
         assert said.count("\n") == 1 and not (tmp_path / "out").exists()
@@ -196,9 +185,8 @@ def test_any_stanza_is_read_or_refused(tmp_path, monkeypatch, stanza, file):
     def toml(value):
         match value:
             case dict():
-                return (
-                    "{" + ", ".join(f"{json.dumps(k)} = {toml(v)}" for k, v in value.items()) + "}"
-                )
+                pairs = (f"{json.dumps(k)} = {toml(v)}" for k, v in value.items())
+                return "{" + ", ".join(pairs) + "}"
             case list():
                 return "[" + ", ".join(toml(v) for v in value) + "]"
             case float():
@@ -239,8 +227,7 @@ def test_any_word_after_a_flag_is_taken_or_refused(tmp_path, monkeypatch, capsys
     shutil.rmtree("out", ignore_errors=True)
     (tmp_path / "my.csv").write_bytes(WHOLE)
     csv(tmp_path, "t_s,lat,lon", [(k, 47.0, 8 + 1e-5 * k) for k in range(30)], "drive.csv")
-    status = main([*NEEDED[verb], *more])
-    said = capsys.readouterr().err
+    status, said = main([*NEEDED[verb], *more]), capsys.readouterr().err
     assert status in (0, 1, 2) and "Traceback" not in said
     if status:
         assert said.strip() and not (tmp_path / "out").exists()

@@ -58,8 +58,7 @@ def test_register(name):
     One line a cell, ASCII only, so that every tool reads the registers alike.
     """
     table, header = REGISTERS[name]
-    assert ",".join(table.columns) == header
-    assert set(table["paper"]) == PAPERS
+    assert ",".join(table.columns) == header and set(table["paper"]) == PAPERS
     for cell in table.to_numpy().ravel():
         assert cell.isascii() and "\n" not in cell, cell
     if "id" in table:
@@ -71,8 +70,7 @@ def test_register(name):
 def claim_faults(row):
     """List, in a sentence each, what is wrong with a row of claims.csv."""
     value, low = float(row["value"]), float(row["low"] or "-inf")
-    high = float(row["high"] or "inf")
-    untestable = row["why"].startswith("not testable: ")
+    high, untestable = float(row["high"] or "inf"), row["why"].startswith("not testable: ")
     needs = r"needs the paper's own logs|the maker's data sheet is not at hand|no real log here has"
     yes = (row["value"], row["low"], row["high"], row["unit"]) == ("1", "1", "1", "yes or no")
     rules = {
@@ -113,8 +111,7 @@ def test_verdicts_come_from_the_notebook_of_the_register(verdicts):
     """Property: where the register names a claim's notebook, its verdict is from there."""
     named = CLAIMS["notebook"][CLAIMS["notebook"] != ""]
     both = named.index.intersection(verdicts.index)
-    assert len(both) > 200
-    assert named[both].to_dict() == verdicts["notebook"][both].to_dict()
+    assert len(both) > 200 and named[both].to_dict() == verdicts["notebook"][both].to_dict()
 
 
 def test_what_is_judged_could_have_failed(verdicts):
@@ -122,8 +119,7 @@ def test_what_is_judged_could_have_failed(verdicts):
     judged = verdicts.index[verdicts["notebook"].str.match("1[0-4]-")]
     why = CLAIMS["why"][CLAIMS["notebook"].str.match("1[0-4]-") | CLAIMS.index.isin(judged)]
     why = why[~why.str.startswith(("by construction: ", "not testable: "))]
-    assert len(why) > 40
-    assert why.index[~why.str.contains("; fails if ")].tolist() == []
+    assert len(why) > 40 and why.index[~why.str.contains("; fails if ")].tolist() == []
 
 
 def test_a_verdict_named_in_markdown_is_one_of_its_notebook(verdicts):
@@ -195,12 +191,10 @@ def of_module(row):
 
 
 PORTIONS = {
-    "Memory access": "load-position",
-    "Mean of buffer (worst case)": "static-filter-mean",
-    "Mean of buffer": "yaw-alignment-mean",
-    "Other processing": "yaw-alignment-other",
+    "Memory access": "load-position", "Mean of buffer (worst case)": "static-filter-mean",
+    "Mean of buffer": "yaw-alignment-mean", "Other processing": "yaw-alignment-other",
     "Rotation matrix conversion": "yaw-alignment-rotation",
-}
+}  # fmt: skip
 ENDS = {"arw_deg_sqrt_s": "-n", "b_deg_s": "-b"}
 OF_FIT = {
     "sigma_v_deg": "-sigma-v", "corr_time_s": "-tau", "sigma_b_deg": "-sigma-b",
@@ -269,8 +263,7 @@ def test_print_agrees_with_print():
     for axis in ("roll", "pitch", "yaw"):
         assert spread[f"midg-{axis}"] < spread[f"tokimec-{axis}"]
     cep = number_table("comparison-cep.csv").set_index("receiver")
-    assert (cep["cep_m"] < cep["spec_m"]).all()
-    assert cep["cep_m"].rank().equals(cep["spec_m"].rank())
+    assert (cep["cep_m"] < cep["spec_m"]).all() and cep["cep_m"].rank().equals(cep["spec_m"].rank())
     assert cep["cep_m"]["MIDG"] < cep["cep_m"]["Tokimec"]
     spec = number_table("comparison-specifications.csv").set_index("sensor")
     assert (spec.loc["MIDG"] <= spec.loc["Tokimec"]).drop("price_usd").all()

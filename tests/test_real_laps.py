@@ -92,30 +92,6 @@ def test_the_error_of_a_map_is_recovered():
     assert found == pytest.approx((0.07, 0.15, 50.0, 0.08, 2.5), rel=0.01)
 
 
-def test_differences_are_read_at_whole_metres(monkeypatch):
-    """cross-check: the semivariogram that is fitted, from samples anywhere, one by one.
-
-    Nothing is known at a metre with no sample within two.
-    """
-    rng, laps, sums, fitted = np.random.default_rng(2), [], [], []
-
-    def fit(_, lags, gamma, start, **options):
-        fitted.extend((lags, gamma))
-        return start, None
-
-    monkeypatch.setattr(real_laps, "curve_fit", fit)
-    for _ in range(2):
-        s = np.cumsum(rng.choice([0.3, 0.8, 1.0, 4.0, 7.0], 500, p=[0.3, 0.3, 0.3, 0.05, 0.05]))
-        s[0] -= 5.0
-        laps.append((s, rng.normal(size=500)))
-        grid = range(int(np.ceil(s[0])), int(np.ceil(s[-1])))
-        of = [np.interp(g, *laps[-1]) if np.abs(g - s).min() <= 2 else np.nan for g in grid]
-        sums.append([np.nanmean(np.subtract(of[k:], of[:-k]) ** 2) / 2 for k in real_laps.LAGS])
-    MapError.estimate(laps)
-    np.testing.assert_allclose(fitted[1], np.mean(sums, axis=0))
-    assert fitted[0][[0, -1]].tolist() == [1, 200]
-
-
 def test_what_a_filter_expects_of_a_map():
     """analytic: of four laps 1.25 times the variance, the offset by Student's t of five, 2.571."""
     error, setup = MapError(0.06, 0.15, 50.0, 0.08, 2.5, laps=6), Setup.reference(1557.0)
@@ -186,10 +162,8 @@ def test_resampling_keeps_gaps():
 
 def test_two_short_laps_say_nothing_of_a_maps_error():
     """property: what cannot be estimated is refused, with what it needs."""
-    short, enough = (
-        (s, np.random.default_rng(1).normal(size=len(s)))
-        for s in (np.arange(401.0), np.arange(402.0))
-    )
+    noise = np.random.default_rng(1).normal(size=402)
+    short, enough = ((np.arange(float(n)), noise[:n]) for n in (401, 402))
     with pytest.raises(CannotAnswer, match=r"two laps of 400 m .*; there are 1"):
         MapError.estimate([short, enough])
     assert MapError.estimate([enough, enough]).laps == 2
@@ -204,16 +178,13 @@ def test_a_lap_off_its_map_is_held():
     lap, others = terrain_data.lap_and_map(LAP)
     off = -0.17 - 0.33 * ((lap.s_m > 500) & (lap.s_m < 800))
     bent = {LAP: (replace(lap, pitch_deg=lap.pitch_deg + off), others)}
-    gyros = {"MEMS": Sensor(0.01, 0.01)}
-    setup = Setup.reference(1557.0, every=10)
+    gyros, setup = {"MEMS": Sensor(0.01, 0.01)}, Setup.reference(1557.0, every=10)
     white = replace(setup, bias_states=True, R=0.2**2 / 10)  # as strong as 0.2 deg at 100 Hz
-    errors = {LAP: terrain_data.map_error(LAP)}
-    found = {}
+    errors, found = {LAP: terrain_data.map_error(LAP)}, {}
     for name, (of, expected) in {"white": (white, None), "expected": (setup, errors)}.items():
         laps = track_real_laps(bent, gyros, of, runs=5, seed=1, map_errors=expected)[LAP]
         found[name] = laps.rms()["MEMS"], laps.nees()["MEMS"]
-    assert found["expected"][0] < 0.3
-    assert found["expected"][1] < 1.5 < 2 * 1.5 < found["white"][1]
+    assert found["expected"][0] < 0.3 and found["expected"][1] < 1.5 < 2 * 1.5 < found["white"][1]
 
 
 def test_the_study_of_real_laps_again(monkeypatch):
@@ -224,10 +195,11 @@ def test_the_study_of_real_laps_again(monkeypatch):
     for name, few in (("DRAWS", 2), ("WATCHED", 1), ("ASSUMED", (4.0,)), ("RESAMPLES", 50)):
         monkeypatch.setattr(study, name, few)
     stability = study._stability  # at 10 Hz here, for bias states take most of the time
-    monkeypatch.setattr(
-        *(study, "_stability"),
-        lambda real, setup, *others: stability(real, replace(setup, every=10), *others),
-    )
+
+    def rarely(real, setup, *others):
+        return stability(real, replace(setup, every=10), *others)
+
+    monkeypatch.setattr(study, "_stability", rarely)
     (_, now), was = study.runs(), store.read("real-laps").tables
     alone = [of["laps"].query("filter == 'odometry alone'")["rms_m"] for of in (now, was)]
     np.testing.assert_allclose(*(rms.to_numpy() for rms in alone), rtol=store.TOLERANCE)

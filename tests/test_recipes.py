@@ -6,12 +6,7 @@ from scipy.integrate import quad
 
 from analysis.noise.allan import AllanCurve
 from analysis.noise.models import FLICKER, UnifiedModel, adev_flicker, adev_gauss_markov, adev_model
-from analysis.noise.recipes import (
-    TerrainRecipe,
-    comparison_recipe,
-    five_coefficients,
-    slow_top,
-)
+from analysis.noise.recipes import TerrainRecipe, comparison_recipe, five_coefficients, slow_top
 
 N, B, T_C = 0.004, 0.005, 200.0  # terrain paper, Table 1
 DT = 0.01
@@ -44,9 +39,8 @@ def test_flicker_curve_is_the_integral_of_its_density(tau):
 
 def test_flicker_curve_ends_at_its_floor_and_its_series_joins():
     """analytic: 0.664 B at long times; series and closed form meet where one takes over."""
-    assert adev_flicker(1e6, 3.0, 1.0) == pytest.approx(
-        3 * np.sqrt(2 * np.log(2) / np.pi), rel=1e-5
-    )
+    flat = 3 * np.sqrt(2 * np.log(2) / np.pi)
+    assert adev_flicker(1e6, 3.0, 1.0) == pytest.approx(flat, rel=1e-5)
     assert adev_model(np.array([1.0, 9.0]), bias_instability=3.0) == pytest.approx(3 * FLICKER)
     below, above = adev_flicker(np.array([0.01999, 0.02001]), 1.0, 1.0)
     assert above / below == pytest.approx(0.02001 / 0.01999, rel=1e-4)  # next term: x^2 / 3
@@ -58,14 +52,12 @@ def test_top_of_a_gauss_markov_curve():
     tau, adev = read.top_at, read.top
     assert tau / T_C == pytest.approx(1.89, abs=0.005)
     assert adev / B == pytest.approx(0.617, abs=0.0005)
-    around = adev_gauss_markov(tau * np.array([0.99, 1.01]), B, T_C)
-    assert np.all(around < adev)
+    assert np.all(adev_gauss_markov(tau * np.array([0.99, 1.01]), B, T_C) < adev)
 
 
 def test_a_very_long_log_reads_what_the_closed_forms_say():
     """analytic: on 2000 h the recipe reads its own limits, not the parameters put in."""
-    y = simulate(2000, seed=1)
-    found = TerrainRecipe.of_log(y, 1.0, 10.0)
+    found = TerrainRecipe.of_log(simulate(2000, seed=1), 1.0, 10.0)
     endless = TerrainRecipe.of_endless_log(SENSOR, DT, 10.0)
     # Standard errors on 36 000 correlation times: 0.05 %, 0.5 %, 1.2 %.
     assert found.arw == pytest.approx(np.hypot(N, B * np.sqrt(2 / 3 / T_C)), rel=0.002)
@@ -91,8 +83,7 @@ def test_white_noise_has_no_slow_part():
 
 def test_recipe_follows_the_paper():
     """published: section III on a long log with little white noise gives tau within 20 %."""
-    model = UnifiedModel(0.01, 164.0, 0.046)
-    y = model.simulate(200_000, 0.5, np.random.default_rng(3))
+    y = UnifiedModel(0.01, 164.0, 0.046).simulate(200_000, 0.5, np.random.default_rng(3))
     found = comparison_recipe(y - y.mean(), 0.5)
     # 600 correlation times: the reading scatters by some 8 %; the peak keeps some white noise.
     assert found["corr_time"] == pytest.approx(164.0, rel=0.2)
@@ -108,7 +99,5 @@ def test_five_coefficients_of_exact_curves():
     tau = np.geomspace(0.1, 1000, 60)
     for name in ("quantisation", "white", "bias_instability", "rrw", "ramp"):
         adev = adev_model(tau, **{{"white": "arw", "ramp": "drift"}.get(name, name): 2.0})
-        curve = AllanCurve(tau, adev, adev / 2, 1.5 * adev, np.full(60, 100.0))
-        found = five_coefficients(curve)
-        assert found.pop(name) == pytest.approx(2.0, rel=1e-6)
-        assert max(found.values()) < 1e-3
+        found = five_coefficients(AllanCurve(tau, adev, adev / 2, 1.5 * adev, np.full(60, 100.0)))
+        assert found.pop(name) == pytest.approx(2.0, rel=1e-6) and max(found.values()) < 1e-3

@@ -10,15 +10,7 @@ from analysis import terrain_data
 from analysis.noise.models import gauss_markov
 from analysis.terrain import relocate
 from analysis.terrain.assumptions import Sensor, Setup
-from analysis.terrain.monte_carlo import attitude_errors
-from analysis.terrain.real_laps import resample_lap
-from analysis.terrain.relocate import (
-    Watched,
-    averaged_map,
-    likelihood,
-    watch,
-    watch_real_laps,
-)
+from analysis.terrain.relocate import averaged_map, likelihood, watch, watch_real_laps
 from analysis.terrain.terrain_map import AttitudeMap
 
 LAP = "14-45-26"
@@ -27,8 +19,7 @@ MEMS = Sensor(0.01, 0.01)
 
 def test_no_alarm_without_need_and_the_way_back_after_a_slip():
     """property: on a real lap none without cause; after a slip or a wrong start the place again."""
-    setup = Setup.reference(1557.0, every=10)
-    laps = {LAP: terrain_data.lap_and_map(LAP)}
+    setup, laps = Setup.reference(1557.0, every=10), {LAP: terrain_data.lap_and_map(LAP)}
     found = watch_real_laps(laps, {LAP: terrain_data.map_error(LAP)}, MEMS, setup, seed=4)
     found = found.droplevel(1)
     for kind in ("none", "pitch 0.5° off for 300 m"):
@@ -41,8 +32,7 @@ def test_no_alarm_without_need_and_the_way_back_after_a_slip():
 @pytest.fixture
 def drive():
     """Make 600 m of hills, and samples of them at 10 Hz and 10 m/s without any error."""
-    rng = np.random.default_rng(3)
-    s = np.arange(1500.0)
+    rng, s = np.random.default_rng(3), np.arange(1500.0)
     waves = rng.uniform(0.01, 0.2, (12, 1)), rng.uniform(0, 7, (12, 1))
     road = AttitudeMap(0.0, 1.0, 0.3 * np.sin(waves[0] * s + waves[1]).sum(axis=0))
     setup = Setup(600.0, speed=10.0, rate_hz=10.0, bias_states=True, R=0.3**2, map_error=(0.1, 50))
@@ -52,18 +42,15 @@ def drive():
 
 @pytest.mark.parametrize(
     ("errors", "mean"),
-    [
-        ({"ramp": 0.1}, 0.5), ({"every": 5}, 0.5), ({"constant": 1.0}, 0.5),
-        # Means over a stretch vary less than what they are of: a little too well explained.
-        ({"walk": 0.3}, 0.8), ({"of_map": 0.6}, 0.8),
-    ],
+    [({"ramp": 0.1}, 0.5), ({"every": 5}, 0.5), ({"constant": 1.0}, 0.5),
+     # Means over a stretch vary less than what they are of: a little too well explained.
+     ({"walk": 0.3}, 0.8), ({"of_map": 0.6}, 0.8)],
 )  # fmt: skip
 def test_errors_as_assumed_are_explained_at_the_true_place(drive, errors, mean):
     """coverage: the probability of samples whose errors are those assumed is uniform."""
     road, rng, t, found = drive[0], np.random.default_rng(6), np.arange(301) / 10, []
-    ramp, walk, constant, of_map, every = (
-        errors.get(name, 1e-3) for name in ("ramp", "walk", "constant", "of_map", "every")
-    )
+    names = "ramp", "walk", "constant", "of_map", "every"
+    ramp, walk, constant, of_map, every = (errors.get(name, 1e-3) for name in names)
     setup = Setup(
         300.0, speed=10.0, rate_hz=10.0, bias_states=True, R=0.09, map_error=(of_map, 50.0),
         every=max(int(every), 1), begin_attitude_sd=constant,
@@ -118,8 +105,7 @@ def test_the_map_is_averaged_over_ten_metres():
     spikes = np.stack([np.eye(21)[0], np.eye(21)[10]])
     fine, coarse = (averaged_map(AttitudeMap(5.0, step, spikes)) for step in (2.0, 25.0))
     assert (fine.start, fine.step) == (5.0, 2.0)
-    away = np.abs(np.arange(21) - 10)
-    np.testing.assert_allclose(fine.attitude[1], 0.2 * (away < 3), atol=1e-12)
+    np.testing.assert_allclose(fine.attitude[1], 0.2 * (np.abs(np.arange(21) - 10) < 3), atol=1e-12)
     np.testing.assert_allclose(fine.attitude[0, :4], [0.6, 0.4, 0.2, 0.0], atol=1e-12)
     np.testing.assert_array_equal(coarse.attitude, spikes)
 
@@ -205,38 +191,3 @@ def test_alarm_and_way_back_comparison_by_comparison(drive, monkeypatch):
     anew = replace(setup, begin_sd=1.0, start="stationary", begin_attitude_sd=sd)
     rest = watch(road, samples[:, 600:], moved[600:] * (truth[600:] > 1000), 1047.0, MEMS, anew)
     np.testing.assert_allclose(found.position[600:], rest.position, atol=1e-6)
-
-
-def test_real_laps_are_spoilt_as_their_names_say(monkeypatch):
-    """known case: what `watch` is given of a lap, against the lap; what it answers, in the rows."""
-    setup, given = Setup.reference(1557.0, every=10), []
-    lap, profile = terrain_data.lap_and_map(LAP)
-    truth, moved, attitude = resample_lap(lap, 100.0)
-
-    def answer(*of):
-        given.extend(of)
-        off = np.array([[0, 0, -3, 0, 0]] * (len(truth) - 1) + [[1, 0, 2, 0, 0]])
-        return Watched(truth[:, None] + off, None, [(2, 5), (4, 7), (2, 9)], [(2, 7)])
-
-    monkeypatch.setattr(relocate, "watch", answer)
-    error = terrain_data.map_error(LAP)
-    table = watch_real_laps({LAP: (lap, profile)}, {LAP: error}, MEMS, setup, seed=4)
-    _, seen, driven, first, sensor, own, places = given
-    walk, bias = attitude_errors(setup, 1, [np.random.SeedSequence(4)], len(truth))
-    np.testing.assert_allclose(seen[..., 0] - attitude, 0.01 * (walk + bias)[..., 0].T, atol=1e-12)
-    assert (sensor, own) == (MEMS, error.setup(setup, profile.laps.mean()))
-    assert places == (truth.min() - 10, truth.max() + 10)
-    bent = (seen - seen[..., :1])[0]
-    for d, degrees, metres in ((1, -0.5, 300), (2, 1.0, 100)):
-        off = np.isfinite(bent[:, d]) & (np.abs(bent[:, d]) > 1e-9)
-        assert bent[off, d] == pytest.approx(degrees) and abs(np.ptp(truth[off]) - metres) < 1
-        assert truth[off].max() == pytest.approx(800, abs=0.5)
-    np.testing.assert_allclose(np.nan_to_num(bent[:, [3, 4]]), 0.0, atol=1e-12)
-    missed = (driven - moved[:, None]).T
-    np.testing.assert_array_equal(missed[[0, 1, 2, 4]], 0.0)
-    slips = np.flatnonzero(missed[3])
-    assert missed[3].sum() == pytest.approx(-30) and np.ptp(slips) == 199  # 2 s at 100 Hz
-    assert truth[slips[0] - 1] <= 700 < truth[slips[0]]
-    assert (first - truth[0]).tolist() == [0, 0, 0, 0, 60]
-    rows = [[0, 0, 1, 1], [0, 0, 0, 0], [2, 1, 3, 2], [0, 0, 0, 0], [1, 0, 0, 0]]
-    np.testing.assert_allclose(table.droplevel(1), rows, atol=1e-9)

@@ -32,8 +32,7 @@ def test_z_of_a_pair():
     table = table.assign(parameter="arw", low=table["value"] / ratio, high=table["value"] * ratio)
     (z,) = repeatability.pairs(table)["z"]
     assert z == pytest.approx(np.log(2) / (0.1 * np.sqrt(2)))
-    swapped = repeatability.pairs(table.iloc[::-1])
-    assert swapped["z"].iloc[0] == pytest.approx(-z)
+    assert repeatability.pairs(table.iloc[::-1])["z"].iloc[0] == pytest.approx(-z)
 
 
 def test_only_resolved_parts_are_compared():
@@ -48,8 +47,7 @@ def test_only_resolved_parts_are_compared():
 
 def test_right_intervals_are_within_in_95_of_100():
     """coverage: 300 channels in quarters with known errors; too narrow intervals show."""
-    rng = np.random.default_rng(5)
-    values = 7 + 0.3 * rng.standard_normal((300, 4))
+    values = 7 + 0.3 * np.random.default_rng(5).standard_normal((300, 4))
     for half, low, high in ((1.96 * 0.3, 0.93, 0.97), (0.98 * 0.3, 0.6, 0.75)):
         table = parts_of(values, half)
         (row,) = repeatability.summary(table, repeatability.pairs(table)).to_dict("records")
@@ -61,11 +59,9 @@ def test_right_intervals_are_within_in_95_of_100():
 
 def test_interval_of_a_share_is_of_channels():
     """property: one bad channel of three widens the interval, however many pairs it has."""
-    values = np.array([[1.0] * 8, [1.0] * 8, [1.0, 9.0] * 4])
-    table = parts_of(values, 0.1, named="step")
+    table = parts_of(np.array([[1.0] * 8, [1.0] * 8, [1.0, 9.0] * 4]), 0.1, named="step")
     (row,) = repeatability.summary(table, repeatability.pairs(table)).to_dict("records")
-    assert row["low"] < 0.6 and row["high"] == 1.0
-    assert row["named"] == 1.0
+    assert row["low"] < 0.6 and row["high"] == 1.0 and row["named"] == 1.0
 
 
 def test_parts_of_a_real_log_again():

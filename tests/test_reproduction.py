@@ -41,9 +41,8 @@ def test_same_numbers_and_verdicts(fresh):
 
 
 NO_NAME = re.compile(r"(panel|line|curve|data|series|points|child)?[ _]*\d*", re.IGNORECASE)
-NO_UNIT = re.compile(
-    r"\(.+\)\S?$|/|\b(share|PDOP|autocorrelation|coherence|claims?|factor|cutoff)\b"
-)
+PURE = "share|PDOP|autocorrelation|coherence|claims?|factor|cutoff"
+NO_UNIT = re.compile(rf"\(.+\)\S?$|/|\b({PURE})\b")
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
@@ -130,8 +129,7 @@ def small_notebook(folder, draw=DRAW, own="None"):
     cells = [nbformat.v4.new_code_cell(s) for s in (f"SIZE = 1.0\nOWN = {own}", draw, "2 + 2")]
     cells[0].metadata["tags"] = ["parameters"]
     spec = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
-    notebook = nbformat.v4.new_notebook(cells=cells, metadata=spec)
-    nbformat.write(notebook, folder / "99-small.ipynb")
+    nbformat.write(nbformat.v4.new_notebook(cells=cells, metadata=spec), folder / "99-small.ipynb")
     return folder / "99-small.ipynb"
 
 
@@ -248,10 +246,9 @@ def test_the_upload_button_keeps_what_is_chosen(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ipywidgets", fake)
     exec(code, space)
     button, said = shown
-    for name, content, words in (
-        ("../my.csv", first, "my.csv is in data/own: write it into LOG"),
-        ("my.csv", b"another", "has a my.csv already"),
-    ):
+    into = "my.csv is in data/own: write it into LOG"
+    again = "my.csv", b"another", "has a my.csv already"
+    for name, content, words in (("../my.csv", first, into), again):
         button.value = (traitlets.Bunch(name=name, content=memoryview(content)),)
         assert path.read_bytes() == first and words in said.value
     assert len(list(tmp_path.rglob("*"))) == 2

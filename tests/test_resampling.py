@@ -33,9 +33,8 @@ def test_spread_is_that_of_the_blocks_that_were_drawn(monkeypatch):
     assert starts.shape == (20_000, 11) and (starts.min(), starts.max()) == (0, 51)
     rng = np.random.default_rng(2)
     found, ratio = spread(x, 5, rng, "m"), ratio_of_spreads(x, y, 5, np.random.default_rng(2))
-    longer, other = (
-        (at[:, :, None] + np.arange(5)).reshape(len(at), -1) % 52 for at in (starts, later)
-    )
+    blocks = (at[:, :, None] + np.arange(5) for at in (starts, later))
+    longer, other = (at.reshape(len(at), -1) % 52 for at in blocks)
     for name, unit, of in (("mean", "m", np.mean), ("sd", "m", np.std),
                            ("excess_kurtosis", "", kurtosis)):  # fmt: skip
         e = found[name]

@@ -19,8 +19,7 @@ def test_a_synthetic_road_has_its_spectrum():
     rng = np.random.default_rng(4)
     made = IsoRoad(256e-6).simulate(40_000.0, 0.5, rng, wheelbase=1.0, track_width=0.01)
     taper = np.hanning(len(made.s_m))
-    height = made.height_m * taper / np.sqrt(np.mean(taper**2))
-    n, density = periodogram(height, 1 / 0.5)
+    n, density = periodogram(made.height_m * taper / np.sqrt(np.mean(taper**2)), 1 / 0.5)
     line = linregress(*(np.log(v[(n > 0.02) & (n < 0.1)]) for v in (n, density)))
     # A line of a periodogram is short by exp(0.577) in the mean of its logarithm. A rod of 1 m sees
     # 95 % of the density at 0.1 cycles/m.
@@ -44,8 +43,7 @@ def test_two_tracks_share_long_waves_only():
     # Pitch and roll of the defaults, by the integral over what the axles see of each wave.
     made = IsoRoad(256e-6).simulate(40_000.0, 0.5, np.random.default_rng(5))
     n = np.arange(400, 40_000) / 40_000  # waves of 100 m to half a cycle a step
-    density, half = IsoRoad(256e-6).density(n), np.pi * n * 3.5
-    x = 2 * np.pi * n * 1.6
+    density, half, x = IsoRoad(256e-6).density(n), np.pi * n * 3.5, 2 * np.pi * n * 1.6
     pitch = density * (1 + x * k1(x)) / 2 * 4 * np.sin(half) ** 2 / 3.5**2
     roll = density * 2 * (1 - x * k1(x)) * np.cos(half) ** 2 / 1.6**2
     for found, squares in ((made.pitch_deg, pitch), (made.roll_deg, roll)):
@@ -54,13 +52,9 @@ def test_two_tracks_share_long_waves_only():
 
 def test_hills_have_the_grade_asked_for():
     """Analytic: on a smooth surface the root mean square pitch is that of the hills."""
-    rng = np.random.default_rng(6)
-    rms = [
-        np.sqrt(
-            np.mean(IsoRoad(1e-12).simulate(20_000.0, 1.0, rng, hill_grade_deg=2.0).pitch_deg ** 2)
-        )
-        for _ in range(6)
-    ]
+    given = 20_000.0, 1.0, np.random.default_rng(6)
+    roads = [IsoRoad(1e-12).simulate(*given, hill_grade_deg=2.0) for _ in range(6)]
+    rms = [np.sqrt(np.mean(road.pitch_deg**2)) for road in roads]
     # An octave around 300 m in 20 km holds about 50 lines: 10 % each, 4 % for six.
     assert np.mean(rms) == pytest.approx(2.0, rel=0.12)
 

@@ -55,8 +55,7 @@ def test_aircraft_integrity_and_positions():
     inside = t.between(efis["t_s"].iloc[0], efis["t_s"].iloc[-1])
     steep = np.interp(t, efis["t_s"], efis["roll_deg"].abs()) > 35
     low = echo["nic"] < 9
-    counted = [(low & k & inside).sum() for k in (steep, ~steep)]
-    assert counted == [20, 0]
+    assert [(low & k & inside).sum() for k in (steep, ~steep)] == [20, 0]
     assert [(k & inside).sum() for k in (steep, ~steep)] == [66, 93]
     tracks = units.tracks(store.read("light-aircraft").tables)
     d = differences(tracks["efis-2"], tracks["echo-2"].shifted(lambda x: x - 17999.0))
@@ -126,8 +125,7 @@ def test_tracks_need_units_on_the_ground():
 
 def test_five_receivers_were_on_one_ride():
     """Property: every pair, the worst receivers too; none on the same road at another pace."""
-    five = units.tracks(store.read("five-receivers").tables)
-    for a, b in combinations(five.values(), 2):
+    for a, b in combinations(units.tracks(store.read("five-receivers").tables).values(), 2):
         assert abs(clock_offset(a, b).offset_s.value) < 6  # the Etrex stamps late by seconds
         at = b.t_s + 19 * np.sin(2 * np.pi * b.t_s / 600)  # its speed changed by up to a fifth
         with pytest.raises(CannotAnswer, match="not on one journey"):

@@ -1,7 +1,5 @@
 """Logs that move: which stretches are static, and what `report` makes of them."""
 
-import contextlib
-import io
 import json
 import os
 import shlex
@@ -9,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_cli import run
 
 import sensorlogs as logs
 from analysis import STANDARD_GRAVITY, CannotAnswer, static_logs
 from analysis.static_logs.standstill import static_stretches
 from sensorlogs import datasets
 from sensorlogs.static import Channel, Log
-from workbench import cli, report
+from workbench import report
 
 RATE = 50.0
 N = 30_000  # ten minutes
@@ -37,8 +36,7 @@ def along(series):
 
 
 DISTURBED = {
-    "nothing": (0.0, 0.0),
-    "warm-up": (along(np.exp(-T / 200)), along(0.3 * np.exp(-T / 200))),
+    "nothing": (0.0, 0.0), "warm-up": (along(np.exp(-T / 200)), along(0.3 * np.exp(-T / 200))),
     "a bias step": (along(2.0 * HALF), 0.0),
     "a temperature cycle": (along(np.sin(T / 100)), along(0.2 * np.sin(T / 100))),
     "noise doubled": (0.17 * HALF[:, None] * WHITE[:, ::-1][:, :3], 0.0),
@@ -47,17 +45,15 @@ DISTURBED = {
     "a knock of two seconds": (along(30 * (np.abs(T - 200) < 1)), along(3 * (np.abs(T - 200) < 1))),
     "spikes": (along(20.0 * (np.arange(N) % 3000 == 7)), along(5.0 * (np.arange(N) % 999 == 7))),
     "vibration": (0.0, along(0.1 * np.sin(2 * np.pi * 28.5 * T))),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", DISTURBED)
 def test_static_but_disturbed_is_static(case):
     """Property: what disturbs a sensor at rest does not make it move, with either sensor alone."""
     of_gyro, of_accel = DISTURBED[case]
-    gyro, accel = GYRO + of_gyro, ACCEL + of_accel
-    whole = [(0.0, N / RATE)]
-    assert stretches(gyro, accel) == whole
-    assert stretches(gyro, accel[:, :0]) == whole
+    gyro, accel, whole = GYRO + of_gyro, ACCEL + of_accel, [(0.0, N / RATE)]
+    assert stretches(gyro, accel) == whole and stretches(gyro, accel[:, :0]) == whole
     assert stretches(gyro[:, :0], accel) == whole
 
 
@@ -97,18 +93,14 @@ def test_motion_is_not_static(case):
 
 def test_the_static_stretches_are_found():
     """Analytic: rest, motion, rest in another pose, motion: the rests, to five windows of 1 s."""
-    moving = ((T > 200) & (T < 260)) | (T > 500)
-    gyro = GYRO + along(np.where(moving, 20 * np.sin(T / 3), 0))
-    accel = ACCEL + along(np.where(T > 230, 2.0, 0.0))
-    found = stretches(gyro, accel)
+    gyro = GYRO + along(np.where(((T > 200) & (T < 260)) | (T > 500), 20 * np.sin(T / 3), 0))
+    found = stretches(gyro, ACCEL + along(np.where(T > 230, 2.0, 0.0)))
     np.testing.assert_allclose(found, [(0, 200), (260, 500)], atol=5)
 
 
 def test_a_slow_turn_is_doubted():
     """Property: 12 deg/s may be an offset or a turn, which is said; 4.5 deg/s is an offset."""
-    channels = [
-        Channel(f"gyro_{a}", "deg/s", "rate", y) for a, y in zip("xyz", GYRO.T, strict=True)
-    ]
+    channels = [Channel(f"gyro_{k}", "deg/s", "rate", y) for k, y in enumerate(GYRO.T)]
     about = ("a", "a", "a.csv", "", RATE, tuple(channels), N, 0, (), "", "")
     assert static_logs.standstill.static_part(Log(*about)).repairs == ()
     faster = (*channels[:2], Channel("gyro_2", "deg/s", "rate", GYRO[:, 2] + 12))
@@ -167,21 +159,12 @@ def write(folder, moves):
     return folder / "my.csv"
 
 
-def run(*arguments):
-    """Run the command line: status, what it prints, what it complains."""
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        status = cli.main([str(a) for a in arguments])
-    return status, out.getvalue(), err.getvalue()
-
-
 def test_a_log_that_only_moves_is_refused(tmp_path):
     """Property: exit status 1, one sentence, nothing written; a pool refuses it too."""
     path = write(tmp_path, np.ones(6000, dtype=bool))
     for verb in (["report", path], ["pool", path, path]):
         status, out, err = run(*verb, "--out", tmp_path / "mine")
-        assert (status, out, err.count("\n")) == (1, "", 1)
-        assert "my.csv: no static stretch" in err
+        assert (status, out, err.count("\n")) == (1, "", 1) and "my.csv: no static stretch" in err
     assert [p.name for p in tmp_path.iterdir()] == ["my.csv"]
 
 
@@ -204,16 +187,14 @@ def test_a_static_half_is_used_and_said(tmp_path, no_pictures):
 def test_shorter_static_stretches_are_named_with_commands_that_work(tmp_path, no_pictures):
     """Property: exit status 1, nothing written; each printed command reports its stretch."""
     moves = ((T > 40) & (T < 70)) | (T > 90)
-    path = write(tmp_path, moves[:9000])
-    status, out, err = run("report", path, "--out", tmp_path / "mine")
+    status, out, err = run("report", write(tmp_path, moves[:9000]), "--out", tmp_path / "mine")
     assert (status, out, err.count("\n")) == (1, "", 1)
     assert [p.name for p in tmp_path.iterdir()] == ["my.csv"]
     commands = [part.partition(": ")[2] for part in err.split("; ")[-1].split(" or")]
     assert len(commands) == 2
     for command in commands:
         assert run(*shlex.split(command)[3:])[0] == 0
-        model = json.loads((tmp_path / "mine" / "model.json").read_text())
-        assert "used" not in model["source"]
+        assert "used" not in json.loads((tmp_path / "mine" / "model.json").read_text())["source"]
 
 
 def test_a_cut_keeps_the_time_of_the_file(tmp_path):
@@ -243,8 +224,7 @@ def test_the_sentence_names_no_column_to_leave_out(tmp_path):
 
 def receiver(velocity, seconds=900, seed=5):
     """Make the log of a receiver at 1 Hz: noise, a wander of a few metres, one jump, a motion."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(seconds)
+    rng, t = np.random.default_rng(seed), np.arange(seconds)
     wander = 3 * np.sin(2 * np.pi * t / 700) + 15 * (t == 400) + 8 * (t > 600)
     east = wander + 0.3 * rng.standard_normal(seconds) + np.cumsum(velocity * np.ones(seconds))
     axes = {"north": 0.3 * rng.standard_normal(seconds), "east": east, "down": 0.0 * t}
@@ -257,9 +237,8 @@ def test_a_receiver_in_motion_is_no_static_log():
     rest = receiver(0.0)
     assert static_logs.standstill.static_part(rest) is rest
     for speed in (0.5, 1.2, 20.0):
-        with pytest.raises(
-            static_logs.standstill.Moving, match=r"positions move; .*replay 'my logs/a\.csv' --out"
-        ):
+        said = r"positions move; .*replay 'my logs/a\.csv' --out"
+        with pytest.raises(static_logs.standstill.Moving, match=said):
             static_logs.standstill.static_part(receiver(speed))
     parked = static_logs.standstill.static_part(receiver(10.0 * (np.arange(900) < 200)))
     assert parked.used == pytest.approx((200, 900), abs=100)  # a block of 100 s

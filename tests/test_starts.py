@@ -13,10 +13,8 @@ def test_the_counts_of_65_power_ons():
     """published: fixes in two dimensions and their errors, no first fix refused, 9 far off."""
     drawn = [starts.PowerOns().draw(rng) for rng in np.random.default_rng(3).spawn(1300)]
     errors = [np.hypot(*starts.metres(gnss.lat_deg, gnss.lon_deg)) for gnss in drawn]
-    mode, pdop, error = (
-        np.concatenate(parts)
-        for parts in ([g.mode for g in drawn], [g.pdop for g in drawn], errors)
-    )
+    parts = [g.mode for g in drawn], [g.pdop for g in drawn], errors
+    mode, pdop, error = map(np.concatenate, parts)
     assert max(gnss.pdop[0] for gnss in drawn) <= 10.0
     poor = [(gnss.pdop > 10).sum() for gnss in drawn]
     assert max(poor) == 20  # s of a spell
@@ -48,9 +46,8 @@ def test_a_plain_power_on():
     assert np.mean([g.speed_m_s for g in logs]) == pytest.approx(0.1 * np.sqrt(2 / np.pi), rel=0.02)
     assert all(g.has_fix.all() and np.isnan(g.course_deg).all() for g in logs)
     assert (logs[0].t_s == np.arange(180)).all() and not logs[0].height_m.any()
-    north, east, _ = pymap3d.geodetic2ned(
-        logs[0].lat_deg, logs[0].lon_deg, 0.0, *starts.Scenario.origin
-    )
+    fixes = logs[0].lat_deg, logs[0].lon_deg, 0.0
+    north, east, _ = pymap3d.geodetic2ned(*fixes, *starts.Scenario.origin)
     np.testing.assert_allclose(error[0], [north, east], atol=1e-3)
 
 
@@ -97,8 +94,7 @@ def test_a_poor_spell_is_the_same_fixes_farther_off():
 
 def test_a_start_is_waited_for():
     """known case: three epochs without a fix, four poor ones, then good ones to the east."""
-    t = np.arange(20.0)
-    frame = starts.Frame((45.0, 9.0, 0.0))
+    t, frame = np.arange(20.0), starts.Frame((45.0, 9.0, 0.0))
     same, pdop = np.ones(20), np.where((t < 7) | (t > 14), 30.0, 2.0)
     gnss = Gnss(
         t, 45.0 * same, 9.0 + 15 * t / frame.east, 0 * t, pdop, 15 * same, 90 * same, t >= 3,
@@ -153,9 +149,7 @@ def test_a_move_is_found_and_no_move_is_not():
 
 def drive(wrong=()):
     """Make a drive to the north at 15 m/s, some fixes moved east by metres, and those errors."""
-    t = np.arange(200.0)
-    frame = starts.Frame((45.0, 9.0, 0.0))
-    east = np.zeros(200)
+    t, frame, east = np.arange(200.0), starts.Frame((45.0, 9.0, 0.0)), np.zeros(200)
     for k, metres in wrong:
         east[k] = metres
     same = np.ones(200)

@@ -37,8 +37,7 @@ def test_the_page_needs_nothing_else_and_is_the_same_again(walk):
     assert not re.search(r"https?:|src=|href=|@import|url\(", text)
     assert "<b>&.nmea" not in text and "&lt;/script&gt;&lt;b&gt;&amp;.nmea" in text
     assert "a &lt;note&gt; &amp; more" in text
-    assert text.count("</script>") == text.count("<script") == 2
-    assert pages.page(walk) == text
+    assert text.count("</script>") == text.count("<script") == 2 and pages.page(walk) == text
 
 
 def test_the_page_holds_the_track(walk):
@@ -63,8 +62,7 @@ def test_a_long_log_is_thinned(monkeypatch, walk):
     """property: at most so many epochs are drawn, and the page says how many."""
     monkeypatch.setattr(pages, "DRAWN", 100)
     text = pages.page(walk)
-    assert 80 < len(drawn(text)["t"]) <= 100
-    assert "One epoch in 5 is drawn" in text
+    assert 80 < len(drawn(text)["t"]) <= 100 and "One epoch in 5 is drawn" in text
 
 
 def test_without_gnss_there_is_a_page(walk):
@@ -91,9 +89,8 @@ def test_gpx_is_read_back_by_our_own_reader(tmp_path):
     known = np.isfinite(c["out_lat_deg"])
     np.testing.assert_allclose(log.gnss.lat_deg, c["out_lat_deg"][known], atol=6e-9)
     np.testing.assert_allclose(log.gnss.lon_deg, c["out_lon_deg"][known], atol=6e-9)
-    np.testing.assert_allclose(
-        log.gnss.t_s - log.gnss.t_s[0], c["t_s"][known] - c["t_s"][known][0], atol=2e-3
-    )
+    t, known_t = log.gnss.t_s, c["t_s"][known]
+    np.testing.assert_allclose(t - t[0], known_t - known_t[0], atol=2e-3)
 
 
 def test_gpx_keeps_to_the_schema():
@@ -107,6 +104,5 @@ def test_gpx_keeps_to_the_schema():
         assert segment.tag.endswith("}trkseg") and len(segment)
         for point in segment:
             assert -90 <= float(point.get("lat")) <= 90 and -180 <= float(point.get("lon")) < 180
-            parts = [part.tag.rpartition("}")[2] for part in point]
-            assert parts in (["time"], ["time", "pdop"])
+            assert [part.tag.rpartition("}")[2] for part in point] in (["time"], ["time", "pdop"])
             assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", point[0].text)

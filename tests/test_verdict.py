@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import sensorlogs as logs
-from analysis import ROOT, Estimate, WrongUsage, in_one_unit, plots, static_logs, store
+from analysis import ROOT, Estimate, WrongUsage, plots, static_logs, store
 from workbench import pages, report, verdict
 from workbench.pages import Said, phrase, sentences
 
@@ -32,8 +32,7 @@ def logged(folder, columns, name="my.csv", n=N):
     """Write a CSV of columns and report it: what is told, and the page without images."""
     table = pd.DataFrame({"t_s": DT * np.arange(n)} | columns)
     table.to_csv(folder / name, index=False, float_format="%.7g")
-    told = report.write(logs.read(folder / name), folder / "mine")
-    return told, page(folder / "mine")
+    return report.write(logs.read(folder / name), folder / "mine"), page(folder / "mine")
 
 
 @pytest.fixture
@@ -75,18 +74,15 @@ def test_each_code_has_its_sentence():
 
 @pytest.mark.parametrize(
     ("n", "b", "answer", "words"),
-    [
-        (0.004, 0.001, "yes", "within on every axis"),
-        (0.01, 0.001, "no", "above it (2 times) on every axis"),
-        (0.005, 0.001, "open", "not decided on every axis"),
-        (0.004, 0.01, "no", "above it (7.83 times) on every axis"),
-    ],
-)
+    [(0.004, 0.001, "yes", "within on every axis"),
+     (0.01, 0.001, "no", "above it (2 times) on every axis"),
+     (0.005, 0.001, "open", "not decided on every axis"),
+     (0.004, 0.01, "no", "above it (7.83 times) on every axis")],
+)  # fmt: skip
 def test_held_against_a_data_sheet(n, b, answer, words):
     """Analytic: intervals of ±10 % below, above and across the stated N and B."""
     found = verdict.within_datasheet(measured(n, b), SHEET, NAMED)
-    assert found.answer == answer
-    assert words in sentences(*found.why)
+    assert found.answer == answer and words in sentences(*found.why)
     assert "MPU-6050" in phrase(verdict.headline(found, found))
 
 
@@ -178,8 +174,7 @@ def test_temperature_is_separated_from_the_drift(tmp_path, no_pictures):
     assert said in page
     ends = re.search(r"Coefficient [\d.]+ \(([\d.]+) to ([\d.]+)\) °/h/K", said).groups()
     assert float(ends[0]) < 36 < float(ends[1])
-    labels = [ax.get_ylabel() for ax in plots.four_panels(channel, "").axes]
-    assert "temperature (°C)" in labels
+    assert "temperature (°C)" in [ax.get_ylabel() for ax in plots.four_panels(channel, "").axes]
 
 
 def twelve(result):
@@ -203,8 +198,7 @@ def test_pages_of_other_logs(page_of, result, pictures):
     page = page_of(result)
     assert page.count("<dt ") == 3
     images = re.findall(r"<img[^>]*>", page)
-    assert len(images) == pictures
-    assert all(re.search(r'alt="[^"]{20,}"', image) for image in images)
+    assert len(images) == pictures and all(re.search(r'alt="[^"]{20,}"', image) for image in images)
     assert all(f"<b>{c.name}</b>" in page for c in result.channels)
     assert not EXPONENT.search(re.sub(r"<code>[0-9a-f]{64}</code>", "", page))
     in_print = page.split("@media print")[1]
@@ -222,20 +216,6 @@ def test_every_column_has_one_unit(page_of):
     assert found == words - {"at least"}
     text = re.sub(r"<style>.*?</style>|<[^>]*>", " ", page, flags=re.S)
     assert not {name for name in verdict.SYMBOLS if "_" in name} & set(re.findall(r"\w+", text))
-
-
-def test_one_unit_for_numbers_of_all_sizes():
-    """Analytic: 0.2 and 40 deg/h, rad/s beside deg/s; bounds, gaps and pure numbers."""
-    hour, rad = 1 / 3600, np.radians(1 / 3600)
-    made = [
-        Estimate(0.2 * hour, 0.1 * hour, 0.3 * hour, "deg/s"),
-        Estimate(40 * rad, 39 * rad, 41 * rad, "rad/s"), None,
-        Estimate(None, None, 2000 * hour, "deg/s", resolved=False),
-    ]  # fmt: skip
-    cells = [("0.20", "0.10 to 0.30"), ("40.0", "39.0 to 41.0"), None, (None, "at most 2000")]
-    assert in_one_unit(made) == ("°/h", cells)
-    assert in_one_unit([None, None]) == ("", [None, None])
-    assert in_one_unit([Estimate(1.5, None, None)]) == ("", [("1.5", "no bound")])
 
 
 @pytest.mark.parametrize("gyros", [True, False])

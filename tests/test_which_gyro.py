@@ -44,10 +44,8 @@ def test_below_what_the_map_allows_no_gyro_is_enough():
 def test_one_gyro_has_one_answer():
     """cross-check: report, which-gyro and the shared surface agree on a gyro, to its interval."""
     row = next(r for r in which_gyro.answer(0.5)["rows"] if r["name"].endswith("16405 (log)"))
-    plane = terrain_data.error_plane()
-    own = plane.estimate(Sensor(row["n"] / 60, row["b"] / 3600))
-    model = stored.read_model("adis16405")
-    told = verdict.road(model)["gyro_y"]["bias states"]
+    own = terrain_data.error_plane().estimate(Sensor(row["n"] / 60, row["b"] / 3600))
+    told = verdict.road(stored.read_model("adis16405"))["gyro_y"]["bias states"]
     for other in (own, told):
         assert f"{other.value:.2g}" == f"{row['error'].value:.2g}" == "0.37"
     assert told.low <= own.low < own.high <= told.high
