@@ -98,11 +98,12 @@ def test_a_course_over_north_is_no_bend():
     assert course_variance([(c, 1.0) for c in courses]) == pytest.approx(math.radians(1.0) ** 2)
 
 
+@pytest.mark.parametrize("entry_s", [1.0, 2.0])
 @pytest.mark.parametrize(("pull", "straight"), [(0.15, True), (0.3, False)])
-def test_a_fast_bend_is_no_straight(pull, straight):
+def test_a_fast_bend_is_no_straight(pull, straight, entry_s):
     """analytic: at 20 m/s 0.3 m/s^2 turn by 1.5 deg in 6 s, far under 3 deg, and still pull."""
-    block, rate = MountingYaw(), pull / 20.0
-    ride(block, 0.0, np.full(12, 20.0), rate=rate)
+    block, rate = MountingYaw(entry_s=entry_s), pull / 20.0
+    ride(block, 0.0, np.full(24, 20.0), rate=rate)
     assert course_variance([(rate * k, 1.0) for k in range(6)]) < MountingYaw.theta_alpha / 4
     assert bool(block.straights) == straight
 
