@@ -293,7 +293,7 @@ def atlas(fig: Figure, table: pd.DataFrame) -> None:
             circle = {"ms": 8, "mfc": "w", "mec": "0.4", "mew": 0.6, "ls": "none"}
             ax.plot(*at, "o", label=f"{i}  {sheet.name}", **circle)
             ax.text(*at, i, fontsize=5.5, ha="center", va="center_baseline", color="0.2")
-        colors = cycle(("C0", "C2", "C1", "C4"))
+        colors = cycle(("C0", "C2", "C1", "C4", "C5"))
         for (basis, name), of in marks.groupby(["basis", "name"], sort=False):
             mine = basis == "this log"
             color, mark = ("r", "*") if mine else (next(colors), "D")

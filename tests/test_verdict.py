@@ -202,7 +202,7 @@ def test_pages_of_other_logs(page_of, result, pictures):
     assert all(f"<b>{c.name}</b>" in page for c in result.channels)
     assert not EXPONENT.search(re.sub(r"<code>[0-9a-f]{64}</code>", "", page))
     in_print = page.split("@media print")[1]
-    assert "::details-content" in in_print and "break-inside: avoid" in in_print
+    assert ".reasons::details-content" in in_print and "break-inside: avoid" in in_print
 
 
 def test_every_column_has_one_unit(page_of):

@@ -4,6 +4,7 @@ import html.parser
 import re
 import urllib.parse
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pypdfium2
@@ -11,8 +12,9 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from pypdfium2.raw import FPDF_PAGEOBJ_IMAGE
 
-from analysis import DATA, FIGURES
+from analysis import DATA, FIGURES, static_logs
 from conftest import DESKTOP, PHONE, SITE, measured
+from workbench import report
 
 PAGES = sorted(str(p.relative_to(SITE)) for p in SITE.rglob("*.html") if "_static" not in p.parts)
 OUTCOMES = "(?:not )?reproduced(?: if)?|undecidable|not testable|by construction"
@@ -257,6 +259,17 @@ def test_ten_pages_of_paper_hold_a_notebook(visit, path):
         thing for of in pages for thing in of.get_objects() if thing.type == FPDF_PAGEOBJ_IMAGE
     ]
     assert len(drawn) >= page.locator("figure img").count()
+
+
+def test_a_report_of_six_channels_is_five_pages(visit, tmp_path, monkeypatch):
+    """property: at most, as it opens; a channel that is opened is printed too."""
+    monkeypatch.setattr(static_logs, "characterise", lambda log: static_logs.read("adis16405"))
+    report.write(SimpleNamespace(file="my.csv", given="my.csv"), tmp_path)
+    page = visit("report.html", root=f"{tmp_path.as_uri()}/")
+    assert len(pypdfium2.PdfDocument(page.pdf(format="A4"))) <= 5
+    page.locator("summary", has_text="gyro_x").click()
+    pages = pypdfium2.PdfDocument(page.pdf(format="A4"))
+    assert "angle random walk" in " ".join(p.get_textpage().get_text_range() for p in pages)
 
 
 def test_first_paint(visit):
