@@ -1,5 +1,6 @@
 """Makes the roads and the sensors of data/derived, and what tracking on these roads gives."""
 
+import warnings
 from dataclasses import asdict, replace
 from operator import itemgetter
 
@@ -404,14 +405,11 @@ def published_curves():
     """
     import rdata  # only here
 
-    def as_is(value, attributes):
-        return value
-
-    known = rdata.conversion.DEFAULT_CLASS_MAP | dict.fromkeys(("list", "avar", "imu_avar"), as_is)
     files = {key: f"published-curves/{key}_av.rda" for key in CURVES}
     rows = []
     for key, file in files.items():
-        (found,) = rdata.read_rda(datasets.path(file), constructor_dict=known).values()
+        with warnings.catch_warnings(action="ignore"):  # of R classes: their lists are wanted
+            (found,) = rdata.read_rda(datasets.path(file)).values()
         about = {"sensor": key, "name": CURVES[key], "kind": "rate", "unit": "deg/s"}
         about |= {"basis": "published curve", "source": "SMAC-Group/avar, units inferred"}
         sides = zip(found["axis"], found["type"], found["avar"].values(), strict=True)

@@ -116,6 +116,8 @@ def test_a_large_set_keeps_the_sha256_of_its_first_use(tmp_path, monkeypatch):
     few = load_catalogue()["bmi055"] | {"rows": 300}
     monkeypatch.setattr(catalogue, "load_catalogue", lambda: {"few": few})
     assert read("few", unit="rad/s").samples == 300
+    rdata.write_rda(file, {"gyro": np.sin(np.arange(300.0))})  # a vector
+    assert read(file, columns=["c1"], unit="rad/s", rate=100).samples == 300
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ one table: ``t``, ``gx``, ``gy``, ``gz``, or ``t`` and a matrix ``gyro`` with th
 
 import contextlib
 import json
+import warnings
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -130,23 +131,22 @@ def rda(path: Path) -> list[Part]:
     """List the matrices of an R data file; columns without a name are c1, c2 ..."""
     import rdata  # with xarray it takes half a second, which every other log would pay
 
-    # rdata warns where an R class has no Python equivalent (here "imu", a matrix with attributes)
-    # and then returns the plain matrix, which is wanted here: constructors avoid the warning.
-    constructors = rdata.conversion.DEFAULT_CLASS_MAP | dict.fromkeys(
-        ("imu", "matrix"), lambda matrix, attributes: matrix
-    )
+    parts = []
     with reading(path, "an R data file", "rdata", "save the matrix as CSV"):
-        objects = rdata.conversion.convert(rdata.parser.parse_file(path), constructors)
-        parts = []
+        with warnings.catch_warnings(action="ignore"):  # of R classes: their matrix is wanted
+            objects = rdata.read_rda(path)
         for name, value in objects.items():
             if isinstance(value, pd.DataFrame):
                 columns = {str(key): value[key].to_numpy() for key in value}
-            else:
+            elif getattr(value, "dtype", np.dtype(object)).kind in "fiub":
                 matrix = np.asarray(value, dtype=float)
+                matrix = matrix.reshape(len(matrix), -1)  # a vector is one column
                 names = [f"c{j + 1}" for j in range(matrix.shape[1])]
                 if hasattr(value, "coords"):
                     names = [str(each) for each in value.coords[value.dims[1]].values]
                 columns = {each: matrix[:, j] for j, each in enumerate(names)}
+            else:
+                continue  # a list, a text
             parts.append(of_arrays(path, name, columns))
     return parts
 
