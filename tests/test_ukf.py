@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+from scipy.linalg import expm
 
 from analysis import CannotAnswer, WrongUsage, terrain_data
 from analysis.terrain import point_mass
@@ -18,6 +19,16 @@ def hills(channels=1, points=1200, step=1.0):
     rng, s = np.random.default_rng(SEED), np.arange(points) * step
     waves = rng.uniform(0.01, 0.2, (channels, 12, 1)), rng.uniform(0, 7, (channels, 12, 1))
     return AttitudeMap(0.0, step, (0.4 * np.sin(waves[0] * s + waves[1])).sum(axis=1))
+
+
+def test_process_noise_is_van_loans():
+    """analytic: da = b dt + N dw, db = -b / T dt + sqrt(2 s^2 / T) dv; Q to a share of dt / T."""
+    arw, size, T, dt = 0.01, 0.2, 200.0, 2.0
+    A, C = np.array([[0, 1], [0, -1 / T]]), np.diag([arw**2, 2 * size**2 / T])
+    M = expm(dt * np.block([[-A, C], [np.zeros((2, 2)), A.T]]))
+    transition, Q = bias_state_matrices(arw, size, T, dt)
+    np.testing.assert_allclose(transition, M[2:, 2:].T, rtol=1e-12)
+    np.testing.assert_allclose(Q[1:, 1:], M[2:, 2:].T @ M[:2, 2:], rtol=dt / T)
 
 
 @pytest.mark.parametrize(
