@@ -79,7 +79,7 @@ def test_track():
     rounds = {n: whole[n][:, centre_line.first_round(*middles[n])] for n in whole}
     mounting = antennas.calibrate(*([rounds[n] for n in names] for names in LAPS.values()), DT)
     paths = {d: [middles[n] for n in names] for d, names in LAPS.items()}
-    lines = {d: centre_line.centre_line(of, (0.0, 0.0)) for d, of in paths.items()}
+    lines = {d: centre_line.centre_line(of) for d, of in paths.items()}
     laps = {n: lay_on_line(n, d, raw[n], lines[d], mounting) for n, d in DIRECTION_OF.items()}
     # Metres along the centre line per encoder count, by least squares.
     fits = {n: np.polyfit(of.wheel_m[of.fixed], of.s_m[of.fixed], 1) for n, of in laps.items()}

@@ -333,3 +333,18 @@ def test_a_sensor_put_on_otherwise_is_learnt():
     for _ in range(600):
         block.step(reading(new, 0.0), 1.0)
     assert math.hypot(*block.level(reading(new, 0.0))) < 0.01 * STANDARD_GRAVITY
+
+
+def test_what_the_accelerometer_says_of_the_vertical():
+    """analytic: shaking adds its square; what lasts counts from 0.3 to 0.5 m/s^2 for 20 s / dt."""
+
+    def variance(lasts, shakes=0.0):
+        block = Attitude()
+        block._mean_external = [0.0, lasts, 0.0]
+        block._external = [shakes, lasts, 0.0]
+        return block._accel_variance(0.1)
+
+    assert variance(0.4, shakes=2.0) - variance(0.4) == pytest.approx(4.0)
+    assert variance(0.4) - variance(0.0) == pytest.approx((0.4**2 - 0.3**2) * 20 / 0.1)
+    assert variance(0.5) - variance(0.4) == pytest.approx((0.5**2 - 0.4**2) * 20 / 0.1)
+    assert variance(0.3) == variance(0.0) and variance(9.0) == variance(0.5)

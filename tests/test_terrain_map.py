@@ -70,7 +70,7 @@ MOUNTING = AntennaMounting(*mounting_of_the_van())
 def line_of(laps):
     """Centre line through the rear middles of laps."""
     middles = [lap[1:].mean(axis=0) for lap in laps]
-    return centre_line.centre_line([(m[:, 0], m[:, 1]) for m in middles], (0.0, 0.0))
+    return centre_line.centre_line([(m[:, 0], m[:, 1]) for m in middles])
 
 
 def columns(lap, line):

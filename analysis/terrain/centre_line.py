@@ -199,7 +199,7 @@ def first_round(east, north):
     return slice(int(known[0]), int(known[np.argmin(back)]))
 
 
-def centre_line(laps, gate):
+def centre_line(laps):
     """Average laps in one direction into a closed centre line.
 
     The first round of the first lap starts it; then all laps are laid on it, their mean offset
@@ -208,25 +208,24 @@ def centre_line(laps, gate):
     Parameters
     ----------
     laps : sequence of (east, north)
-        Pairs of ndarray (n,), m, in the order of time, NaN where missing; each at least a round.
-    gate : (float, float)
-        East and north of the point next to which s is 0, m.
+        Pairs of ndarray (n,), m from the gate, where s is 0; in the order of time, NaN where
+        missing; each at least a round.
 
     Returns
     -------
     CentreLine
     """
     points = np.column_stack(laps[0])[first_round(*laps[0])]
-    line = _resample(points[np.isfinite(points).all(axis=1)], gate)
+    line = _resample(points[np.isfinite(points).all(axis=1)])
     # Smoothing a line cuts its corners; the offsets of the laps, averaged below, put that back.
-    line = _resample(_smooth_round([line.east_m, line.north_m]).T, gate)
+    line = _resample(_smooth_round([line.east_m, line.north_m]).T)
     for _ in range(ROUNDS):
         offset = np.array([_mean_offset(line, *lap) for lap in laps])
         # Each lap has the same weight, however often its receiver dropped out there.
         offset = np.nanmean(offset, axis=0)
         east1, north1 = line.curves()(line.s_m, 1).T
         moved = np.column_stack([line.east_m + offset * north1, line.north_m - offset * east1])
-        line = _resample(moved, gate)
+        line = _resample(moved)
     return line
 
 
@@ -245,13 +244,13 @@ def _smooth_round(values):
     return gaussian_filter1d(np.asarray(values, dtype=float), SMOOTH / STEP, mode="wrap")
 
 
-def _resample(points, gate):
-    """Close points into a line, measure it, space it evenly, start it at the gate."""
+def _resample(points):
+    """Close points into a line, measure it, space it evenly, start it at the origin."""
     closed = np.vstack([points, points[:1]])
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
     curve = CubicSpline(s, closed, bc_type="periodic")
     fine = np.linspace(0.0, s[-1], round(20 * s[-1] / STEP), endpoint=False)
-    start = fine[np.argmin(np.hypot(*(curve(fine) - gate).T))]
+    start = fine[np.argmin(np.hypot(*curve(fine).T))]
     n = round(s[-1] / STEP)
     points = curve((start + np.arange(n) * s[-1] / n) % s[-1])
     closed = np.vstack([points, points[:1]])
