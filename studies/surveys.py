@@ -38,8 +38,7 @@ HIGHWAY_STEP = 5.0  # m
 ATLAS = ["sensor", "name", "axis", "kind", "unit", "n", "n_low", "n_high", "b", "b_low", "b_high"]
 ATLAS += ["basis", "low_usd", "high_usd", "source"]
 MEASURED = ("adis16405", "mpu6050-gyro", "mpu6050-accel")  # static logs of gyros, accelerometers
-CURVES = {"ln200": "Northrop Grumman LN-200", "imar": "iMAR, product not named"}
-CURVES |= {"navchip": "InterSense NavChip"}
+CURVES = {"ln200": "LN-200", "imar": "iMAR", "navchip": "NavChip"}
 SLOPE = 0.1  # from -1/2, over two octaves: white noise is read there (chosen)
 DIRECTION = "ccw"  # its map is the mean of four drives (notebook 20)
 N_AND_B = ["arw_deg_sqrt_s", "sigma_b_deg_s"]
@@ -410,7 +409,12 @@ def published_curves():
     for key, file in files.items():
         with warnings.catch_warnings(action="ignore"):  # of R classes: their lists are wanted
             (found,) = rdata.read_rda(datasets.path(file)).values()
-        about = {"sensor": key, "name": CURVES[key], "kind": "rate", "unit": "deg/s"}
+        about = {
+            "sensor": key,
+            "name": f"{CURVES[key]} (published, unit inferred)",
+            "kind": "rate",
+            "unit": "deg/s",
+        }
         about |= {"basis": "published curve", "source": "SMAC-Group/avar, units inferred"}
         sides = zip(found["axis"], found["type"], found["avar"].values(), strict=True)
         for axis, curve in ((axis, curve) for axis, kind, curve in sides if kind == "Gyroscope"):

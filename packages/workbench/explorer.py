@@ -23,7 +23,7 @@ TRACKERS = {  # the others: of data/derived/error-surface
     "on attitude": "exact map; noise put straight on the attitude, as the terrain paper words it",
     "bias states": "exact map; noise integrated, the filter estimates the gyro's bias",
 }
-RATES = "kind == 'rate' and (basis != 'datasheet' or b == b)"  # gyros that have N and B
+RATES = "kind == 'rate' and (basis == 'measured' or b == b)"  # gyros that have N and B
 WITHIN = 0.2  # a parameter counts as known when its 95 % interval is within ±20 %
 OF_A_PART = (
     *("part", "sensor", "name", "axis", "basis", "source", "over_sheet", "n", "n_low", "n_high"),
