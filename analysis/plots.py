@@ -319,7 +319,8 @@ def _axes_of_a_sensor(ax, name, of, color, mark):
     ax.hlines(of["b_at"], of["n_low"], of["n_high"], label=f"_{name}, N, 95 %", **style)
     ax.vlines(of["n_at"], of["b_low"], of["b_high"], label=f"_{name}, B, 95 %", **style)
     style |= {"ls": "none", "mfc": "w", "ms": 8 if mark == "*" else 4}
-    for only, marker, words in ((of["b"].notna(), mark, ""), (of["b"].isna(), "v", ", B at most")):
+    bound = ", N and B at most" if of["n"].isna().all() else ", B at most"
+    for only, marker, words in ((of["b"].notna(), mark, ""), (of["b"].isna(), "v", bound)):
         if only.any():
             ax.plot(of["n_at"][only], of["b_at"][only], marker, label=name + words, **style)
     for axis in of.itertuples():
