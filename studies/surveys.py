@@ -409,13 +409,9 @@ def published_curves():
     for key, file in files.items():
         with warnings.catch_warnings(action="ignore"):  # of R classes: their lists are wanted
             (found,) = rdata.read_rda(datasets.path(file)).values()
-        about = {
-            "sensor": key,
-            "name": f"{CURVES[key]} (published, unit inferred)",
-            "kind": "rate",
-            "unit": "deg/s",
-        }
-        about |= {"basis": "published curve", "source": "SMAC-Group/avar, units inferred"}
+        about = {"sensor": key, "name": f"{CURVES[key]} (published, unit inferred)"}
+        about |= {"kind": "rate", "unit": "deg/s", "basis": "published curve"}
+        about |= {"source": "SMAC-Group/avar, units inferred"}
         sides = zip(found["axis"], found["type"], found["avar"].values(), strict=True)
         for axis, curve in ((axis, curve) for axis, kind, curve in sides if kind == "Gyroscope"):
             tau, freedom = curve["levels"], 1 / (2 * curve["errors"] ** 2)
@@ -463,6 +459,5 @@ def atlas():
         rows += datasheets.of_log(model, **about, source=source["source"])
     curves = store.read("published-curves").tables["axes"].to_dict("records")
     table = rounded(pd.DataFrame([*rows, *curves], columns=ATLAS))
-    return {"title": "Sensors by datasheet, by their logs and by published curves"}, {
-        "atlas": table
-    }
+    title = "Sensors by datasheet, by their logs and by published curves"
+    return {"title": title}, {"atlas": table}

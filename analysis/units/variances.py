@@ -239,7 +239,8 @@ def _interval(s, best, i, freedom, unit) -> Estimate:
     def crossing(k):
         inner = np.geomspace(grid[k], grid[k + 1], PROFILE)
         y = beyond(inner)
-        return float(np.sqrt(np.interp(0.0, *((y, inner) if y[-1] > y[0] else (-y, inner)))))
+        rising = np.argsort(y)
+        return float(np.sqrt(np.interp(0.0, y[rising], inner[rising])))
 
     y, at = beyond(grid), int(np.argmin(np.abs(grid - best[i])))
     high = crossing(at + int(np.argmax(y[at:] > 0)) - 1)

@@ -138,9 +138,13 @@ def path(name: str) -> Path:
                     first.parent.mkdir(parents=True, exist_ok=True)
                     first.write_text(sha256(place), encoding="utf-8")
             elif sha256(place) != wanted.sha256:
+                known = f"registered file (its sha256 or its size of {wanted.bytes} bytes differs)"
+                other = ""
+                if not wanted.bytes:
+                    known = "file of its first use (its sha256 differs)"
+                    other = f", or data/downloaded/{name}.sha256 if the first was wrong,"
                 raise CannotAnswer(
-                    f"{name} is there but is not the registered file (its sha256 or its size of "
-                    f"{wanted.bytes} bytes differs): delete that copy and run "
+                    f"{name} is there but is not the {known}: delete that copy{other} and run "
                     f"`python -m analysis data {name}`"
                 )
             return place

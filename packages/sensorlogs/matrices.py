@@ -142,8 +142,9 @@ def rda(path: Path) -> list[Part]:
                 matrix = np.asarray(value, dtype=float)
                 matrix = matrix.reshape(len(matrix), -1)  # a vector is one column
                 names = [f"c{j + 1}" for j in range(matrix.shape[1])]
-                if hasattr(value, "coords"):
-                    names = [str(each) for each in value.coords[value.dims[1]].values]
+                dims = [*getattr(value, "dims", ())]
+                if len(dims) == 2 and dims[1] in value.coords:
+                    names = [str(each) for each in value.coords[dims[1]].values]
                 columns = {each: matrix[:, j] for j, each in enumerate(names)}
             else:
                 continue  # a list, a text

@@ -97,7 +97,7 @@ def read_moving(
     there = [name for parts in tables_of.values() for part in parts for name in part.columns]
     if all(len(parts) == 1 for parts in tables_of.values()):
         alone = [part for parts in tables_of.values() for part in parts]
-        tables = [named(alone, name, str(next(iter(tables_of)).name)).name for name in tables]
+        tables = [named(alone, name, next(iter(tables_of)).name).name for name in tables]
     for path, parts in tables_of.items():
         sources[path.name] = sha256(path)
         parts, before = [_assigned(part, wanted, used) for part in parts], {*found.parts}
