@@ -35,7 +35,7 @@ from analysis import (
 )
 
 __all__ = [
-    "INTEGRATED", "OUTCOMES", "Ledger", "advice", "counted", "counts", "finding", "learned",
+    "INTEGRATED", "OUTCOMES", "Ledger", "counted", "counts", "finding", "learned",
     "of_paper", "published", "verdicts",
 ]  # fmt: skip
 
@@ -106,35 +106,37 @@ def finding(notebook: str, sentence: str, *, when: str, figure: str, so: str = "
 
 
 def findings() -> pd.DataFrame:
-    """Read what the notebooks found, in reading order.
+    """Read what the notebooks found: first what says to do something differently.
 
     Returns
     -------
-    pandas.DataFrame
+    pandas.DataFrame, indexed by number, from 1
         Columns notebook, sentence, condition, figure, so.
     """
-    return pd.read_csv(_register("findings"), keep_default_na=False)
+    table = pd.read_csv(_register("findings"), keep_default_na=False)
+    table = table.sort_values("so", key=lambda so: so == "", kind="stable", ignore_index=True)
+    return table.set_index(table.index + 1)
 
 
-def advice() -> text.Shown:
-    """List what the findings say to do differently, each with its number."""
-    rows = enumerate(findings().itertuples(), start=1)
-    return text.Shown("\n".join(f"- {row.so} (finding {n})" for n, row in rows if row.so))
-
-
-def learned() -> text.Shown:
+def learned(*, to_do: bool) -> text.Shown:
     """Lay out the findings for the index: small picture, sentence, condition, link.
+
+    Parameters
+    ----------
+    to_do : bool
+        Those that say what to do differently, headed by it; or the others.
 
     Returns
     -------
     text.Shown
     """
-    rows = []
-    for number, row in enumerate(findings().itertuples(), start=1):
+    rows, known = [], findings()
+    for row in known[known["so"].ne("") == to_do].itertuples():
         path = f"../figures/{row.figure}.png"
         picture = f'<a href="{path}"><img src="{path}" width="180" alt="{row.figure}"></a>'
         link = f"[{row.notebook}]({row.notebook}.ipynb)"
-        rows.append([picture, f"**{number}. {row.sentence}**<br>{row.condition} {link}"])
+        said = f"{row.so}**<br>{row.sentence}" if to_do else f"{row.sentence}**"
+        rows.append([picture, f"**{row.Index}. {said}<br>{row.condition} {link}"])
     wide = "&nbsp;" * 32  # so that no browser squeezes the pictures
     return text.table(pd.DataFrame(rows, columns=[wide, "what was found, and when"]))
 

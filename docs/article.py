@@ -74,8 +74,7 @@ def findings() -> dict[str, dict]:
     rows["so"] = rows["so"].str.replace(r": `.*", ".", regex=True)
     for column in ("sentence", "condition", "so"):
         rows[column] = rows[column].map(spelled)
-    numbered = enumerate(rows.to_dict("records"), start=1)
-    return {row["notebook"][:2]: row | {"number": n} for n, row in numbered}
+    return {row["notebook"][:2]: row | {"number": n} for n, row in rows.to_dict("index").items()}
 
 
 def drawn() -> dict[str, dict]:

@@ -270,8 +270,7 @@ def write(folder: Path) -> None:
         "errata": errata.to_dict("records"),
         "symbols": store.published("symbols").fillna("").to_dict("records"),
         "coverage": store.published("coverage").fillna("").to_dict("records"),
-        "findings": claims.findings().to_dict("records") if findings.exists() else [],
-        "advice": claims.advice() if findings.exists() else "",
+        "findings": claims.findings().to_dict("index") if findings.exists() else {},
     }
     for name, path in WORDS.items():
         words = _words((ROOT / path).read_text("utf-8"), "(?!http)")

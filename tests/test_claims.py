@@ -309,7 +309,7 @@ def test_findings_are_one_for_each_notebook(elsewhere):
     kept = {"10-other": 'A, "b".', "90-test": "New."}
     rows = [[name, said, "Here.", "10-a", "Do."] for name, said in kept.items()]
     assert claims.findings().to_numpy().tolist() == rows
-    assert claims.advice() == "- Do. (finding 1)\n- Do. (finding 2)"
+    assert "**2. Do.**<br>New.<br>Here. [90-test]" in claims.learned(to_do=True)
     assert shown[-1] == "**Finding.** New. *Here.*" and elsewhere.read_bytes() == before
     with pytest.raises(WrongUsage, match="the finding of 90-test has 31 words: at most 30"):
         claims.finding("90-test", "word " * 31, when="Here.", figure="10-a")

@@ -135,7 +135,8 @@ def form_faults(path):
     # What tells JupyterLab to fold a cell; the tag alone tells this project and its pages.
     hidden = [c.metadata.get("jupyter", {}) == {"source_hidden": True} for c in code]
     rules = {
-        'the first cell begins with a title, "# ..."': first.startswith("# "),
+        'the first cell begins with a title, "# ...", of at most 15 words':
+            first.startswith("# ") and len(first.splitlines()[0].split()) <= 16,
         f"under the title stand {', '.join(HEADER)}, in bold and in this order":
             -1 not in positions and positions == sorted(positions),
         "one cell has the tag parameters (in the index none)":
@@ -152,6 +153,19 @@ def form_faults(path):
             not any(o.output_type == "error" or o.get("name") == "stderr" for o in outputs),
     }  # fmt: skip
     return [rule for rule, kept in rules.items() if not kept]
+
+
+def test_it_is_read_in_one_sitting():
+    """property: 18 notebooks besides appendices, 70 figures, 50,000 words without the code."""
+    notebooks = [nbformat.read(path, as_version=4) for path in NOTEBOOKS]
+    titles = [notebook.cells[0].source for notebook in notebooks]
+    assert sum(not title.startswith("# Appendix") for title in titles) <= 18
+    assert len([p for p in tracked() if p.parent == FIGURES and p.suffix == ".png"]) <= 70
+    cells = [cell for notebook in notebooks for cell in notebook.cells]
+    shown = [c.source for c in cells if c.cell_type == "markdown"]
+    for data in (o.get("data", {}) for c in cells for o in c.get("outputs", [])):
+        shown.append(data.get("text/markdown", data.get("text/plain", "")))
+    assert sum(len(re.findall(r"[^\s|]*\w[^\s|]*", words)) for words in shown) <= 50_000
 
 
 def test_the_readme_tells_the_counts_of_reliability():

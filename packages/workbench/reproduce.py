@@ -296,9 +296,7 @@ def readme(page):
     titles = {path.stem: title(path) for path in sorted(NOTEBOOKS.glob("*.ipynb"))}
     words = pages.TEXTS.get_template("readme.txt").module
     blocks = {
-        "findings": words.findings(
-            claims.findings().itertuples(), claims.advice(), claims.counted()
-        ),
+        "findings": words.findings([*claims.findings().itertuples()], claims.counted()),
         "notebooks": words.notebooks(titles).rstrip(),
     }
     for name, block in blocks.items():
