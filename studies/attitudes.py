@@ -2,7 +2,8 @@
 
 The filters of ahrs get gyro and accelerometer, ours GNSS too. On each log each of theirs has the
 gain that is best on all others: of the least mean logarithm of the angle between the true and the
-computed vertical.
+computed vertical. The gravity that a phone computes can be off itself: over a drive it is all that
+is left of the specific force, to some tenths of a degree, so it is turned onto the mean of that.
 """
 
 import importlib.metadata
@@ -15,7 +16,7 @@ import pandas as pd
 import pymap3d
 from scipy.spatial.transform import Rotation
 
-from analysis import CannotAnswer, store
+from analysis import CannotAnswer, resampling, store
 from analysis.tracker import attitude
 from analysis.tracker.device import Options
 from analysis.tracker.log_replay import replay
@@ -29,6 +30,7 @@ SETTLED_S = 30.0  # s from the start that are not judged
 PHONES = "2023-08-09_12-47-42", "2025-06-11_20-34-24", "2025-06-14_21-17-02"
 DRIVEN = 1.0  # m/s
 QUIET_S = 10.0  # s of the quietest stretch, which shows the white noise of a gyro
+BLOCK_S, DRAWS = 10.0, 4000  # of the bootstrap of a ratio of errors; a block outlasts most of them
 RATES = [(gain,) for gain in (0.003, 0.01, 0.03, 0.1, 0.3)]
 GAINS = {"Madgwick": RATES, "Mahony": [*product((0.03, 0.1, 0.3, 1.0), (1e-9, 1e-3))], "EKF": RATES}
 POSE = "comma2k19/segment/global_pose/frame_orientations"
@@ -79,6 +81,20 @@ FILES = {"aerobatics": [several_units.AEROBATIC], "highway": [POSE]}
 FILES |= {f"phone, {name[:10]}": [f"phone-drives/{name}.csv"] for name in PHONES}
 
 
+def turned(log, true):
+    """Turn a phone's down onto the mean specific force of its car; by how much, deg."""
+    sample = last_sample(log)
+    known = (log.gnss.t_s - log.imu.t_s[sample] < attitude.GAP_S) & np.isfinite(true).all(axis=1)
+    force = -log.imu.accel_b[sample[known]].mean(axis=0)
+    turn = Rotation.align_vectors([force], [true[known].mean(axis=0)])[0]
+    return turn.apply(true), np.degrees(turn.magnitude())
+
+
+def last_sample(log):
+    """Index of the last IMU sample before each epoch."""
+    return np.maximum(np.searchsorted(log.imu.t_s, log.gnss.t_s, side="right") - 1, 0)
+
+
 def theirs(kind, gain, log):
     """Down by a filter of ahrs that begins level, at the epochs of a log."""
     from ahrs import filters
@@ -98,8 +114,7 @@ def theirs(kind, gain, log):
     steps = np.clip(np.diff(imu.t_s), 0.0, attitude.GAP_S)
     for gyro_b, down_b, dt in zip(imu.gyro_b[1:], down[1:], steps, strict=True):
         q.append(step(q[-1], gyro_b, down_b, dt=dt) if dt else q[-1])
-    last = np.maximum(np.searchsorted(imu.t_s, log.gnss.t_s, side="right") - 1, 0)
-    return Rotation.from_quat(np.array(q)[last], scalar_first=True).as_matrix()[:, 2]
+    return Rotation.from_quat(np.array(q)[last_sample(log)], scalar_first=True).as_matrix()[:, 2]
 
 
 def ours(log, **options):
@@ -127,25 +142,39 @@ OURS = {
 
 
 def errors(down, log, true):
-    """Rms angle between computed and true down, deg, and its epochs."""
-    known = (log.gnss.t_s > log.gnss.t_s[0] + SETTLED_S) & np.isfinite(down + true).all(axis=1)
-    down, true = down[known], true[known]
-    off = np.degrees(
-        np.arctan2(np.linalg.norm(np.cross(down, true), axis=1), np.vecdot(down, true))
-    )
-    return {"vertical_deg": np.sqrt(np.mean(off**2)), "epochs": known.sum()}
+    """Angle between computed and true down, deg, at each epoch; NaN where it is not judged."""
+    off = np.arctan2(np.linalg.norm(np.cross(down, true), axis=1), np.vecdot(down, true))
+    return np.where(log.gnss.t_s > log.gnss.t_s[0] + SETTLED_S, np.degrees(off), np.nan)
+
+
+def compared(own, off, log):
+    """Rms of one error, its epochs, and the ratio of our rms to it with its 95 % interval."""
+    known = np.isfinite(own + off)
+    squares = np.column_stack([own, off])[known] ** 2
+    n, block = len(squares), round(BLOCK_S / np.median(np.diff(log.gnss.t_s)))
+    begins = resampling.drawn(n, DRAWS, np.random.default_rng(1), block)
+    again = squares[(begins[:, :, None] + np.arange(block)) % n].mean(axis=(1, 2))
+    ends = [np.nan] * 2  # of a log with too few blocks
+    if n >= resampling.FEWEST_BLOCKS * block:
+        ends = resampling.interval(np.sqrt(again[:, 0] / again[:, 1]))
+    rms = np.sqrt(squares.mean(axis=0))
+    ratio = dict(zip(("ours_over", "low", "high"), (rms[0] / rms[1], *ends), strict=True))
+    return {"vertical_deg": rms[1], "epochs": n} | ratio
 
 
 def judged(name):
     """Judge every filter at every gain on one log."""
     log, true = CASES[name]()
+    true, by_deg = turned(log, true) if name.startswith("phone") else (true, np.nan)
     ways = {(kind, ""): way for kind, way in OURS.items()}
     for kind, gains in GAINS.items():
         for gain in gains:
             ways[kind, " ".join(f"{g:g}" for g in gain)] = partial(theirs, kind, gain)
+    off = {key: errors(way(log), log, true) for key, way in ways.items()}
     return [
-        {"log": name, "filter": kind, "gain": gain} | errors(way(log), log, true)
-        for (kind, gain), way in ways.items()
+        {"log": name, "turned_deg": by_deg, "filter": kind, "gain": gain}
+        | compared(off["block 2", ""], one, log)
+        for (kind, gain), one in off.items()
     ]
 
 
