@@ -112,9 +112,9 @@ def numbers() -> dict[str, str]:
     """Compute what the text says beside the claims: counts, and numbers of figures and tables."""
     sources = pd.read_csv(DATA / "registry.csv")["file"].str.split("/").str[0]
     _, coverage = figures.read(FIGURES / "13-coverage.csv")
-    _, outages = figures.read(FIGURES / "34-outages.csv")
-    longest = outages["panel"].str.endswith("median") & (outages["x"] == outages["x"].max())
-    fusion = outages.loc[longest & (outages["series"] == "block 6 (fusion)"), "y"]
+    outages = store.read("tracker-outages").tables["ends"].groupby(["seconds", "ride"])
+    half = outages["block 6"].median()  # error of fusion
+    (short, *_, long), fusion = half.index.levels[0], half.loc[half.index.levels[0].max()]
     readings, laps = store.read("readings"), store.read("real-laps").tables
     rms = laps["filters"].set_index(["filter", "gyro"])["rms_m"]
     parts = store.read("inverse-design").tables["parts"].set_index(["tracker", "start", "map"])
@@ -126,7 +126,7 @@ def numbers() -> dict[str, str]:
         "lap": f"{readings.source['lap_m']:.0f} m", "laps": laps["laps"]["lap"].nunique(),
         "log": f"{store.read('ensembles').source['duration_s']:.0f} s",
         "coverage": f"{coverage['y'].min():.1f}% to {coverage['y'].max():.1f}%",
-        "short": f"{outages['x'].min():.0f} s", "long": f"{outages['x'].max():.0f} s",
+        "short": f"{short:.0f} s", "long": f"{long:.0f} s",
         "fusion": f"{fusion.min():.0f} to {fusion.max():.0f} m",
         "one state": f"{rms['R = 1 R0', 'MEMS']:.2f} m",
         "tactical": f"{rms['four states', 'tactical']:.2f} m",
