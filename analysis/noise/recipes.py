@@ -25,7 +25,6 @@ from analysis.noise.models import UnifiedModel, adev_model
 SHORT = 15.0  # s, the paper's short stretch
 KEPT = 0.7  # lag-1 autocorrelation at which averaging has left little white noise
 WHITE = 2.0  # the slow part begins where the curve stands this far above the line of slope -1/2
-READ_AT = 1.0  # s, where N is read, as IEEE 952 does
 COARSE = 10.0  # s, averages used for the slow part
 POINTS = 40
 FEWEST = 50  # averages needed for an autocorrelation
@@ -45,7 +44,7 @@ def comparison_recipe(residual, dt):
     dict of str, float
         ``sigma_v`` (U), ``corr_time`` (s), ``sigma_b`` (U); NaN where the recipe finds nothing.
     """
-    sigma_v = float(np.nanstd(residual[: max(2, round(SHORT / dt))], ddof=1))
+    sigma_v = float(np.nanstd(residual[: round(SHORT / dt)], ddof=1))
     m = window_for(residual)
     if m is None:
         return {"sigma_v": sigma_v, "corr_time": np.nan, "sigma_b": np.nan}
@@ -89,8 +88,9 @@ class TerrainRecipe:
         -------
         TerrainRecipe
         """
-        m = round(READ_AT / dt)
-        arw = float(np.sqrt(overlapped_variance(y, [m])[0] * m * dt))
+        arw = float(
+            np.sqrt(overlapped_variance(y, [round(1 / dt)])[0])
+        )  # at 1 s, as IEEE 952 has it
         top_at, top = slow_top(block_means(y, round(COARSE / dt)), COARSE, arw)
         return cls(arw, top, top_at, correlogram(y, dt, window).corr_time)
 
@@ -129,9 +129,8 @@ class TerrainRecipe:
         a = window / corr_time
         acov = (2 * np.sinh(a / 2) / a) ** 2 * np.exp(-a * np.arange(3 + int(3 / a)))
         acov[0] = 2 / a**2 * (a + np.expm1(-a)) + (arw / sigma_b) ** 2 / window
-        read_at_1_s = float(model.adev(READ_AT, dt) * np.sqrt(READ_AT))
         top_at, lag = float(np.exp(found.x)), one_over_e(acov, window)
-        return cls(read_at_1_s, float(-found.fun), top_at, lag)
+        return cls(float(model.adev(1.0, dt)), float(-found.fun), top_at, lag)
 
 
 def window_for(residual):
@@ -171,7 +170,7 @@ def five_coefficients(curve: AllanCurve) -> dict[str, float]:
     terms = np.stack(
         [3 / tau**2, 1 / tau, np.full(len(tau), 2 * np.log(2) / np.pi), tau / 3, tau**2 / 2], axis=1
     )
-    weight = np.sqrt(curve.edf / 2) / curve.adev**2
+    weight = np.sqrt(curve.edf) / curve.adev**2
     scale = np.linalg.norm(terms * weight[:, None], axis=0)
     squares = nnls(terms * weight[:, None] / scale, weight * curve.adev**2)[0] / scale
     return dict(zip(COEFFICIENTS, np.sqrt(squares).tolist(), strict=True))
