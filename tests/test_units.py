@@ -79,14 +79,6 @@ def pair(rng, *, seconds=600.0, offset=0.0, drift=0.0, sigma=1.0, corr_time=60.0
     return units
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.37, -17999.0, 3618.2, 1.6e9])
-def test_clock_offset_is_found(offset):
-    """analytic: any offset comes back within its interval, which is narrower than half a second."""
-    a, b = local_tracks(named(*pair(np.random.default_rng(1), offset=offset)))
-    found = clock_offset(a, b).offset_s
-    assert found.low <= offset <= found.high and found.high - found.low < 1.0
-
-
 def test_clock_interval_holds_the_truth():
     """coverage: 95 % intervals hold offset and drift in at least 90 % of 24 drives (4 % s.e.)."""
     held, truth = [], {"offset_s": 3.21, "drift": 2e-5}
@@ -191,17 +183,14 @@ def test_lags_are_those_of_each_lag_by_itself(seed):
 
     Enough is common where it lasts 30 s, scatters by 30 m, and has a 16th of the motion.
     """
-    rng, signals, grids = np.random.default_rng(seed), [], []
+    rng, signals, grids, motion = np.random.default_rng(seed), [], [], []
     for start, stop, every in ((0, 260, 2.0), (100, 300, 0.5)):
         t = np.arange(start, stop, every)
         x = drive(300, np.random.default_rng(seed))(t) + 5 * rng.standard_normal((len(t), 2))
         x[(t > 180) & (t < 200)] = np.nan
         signals.append((t + 7 * every, x))
         grids.append(interpolated(np.arange(start, t[-1] + 1.0), t, x))  # half of the slower one's
-    motion = [
-        np.nanmean(((g - np.nanmedian(x, axis=0)) ** 2).sum(axis=1))
-        for (_, x), g in zip(signals, grids, strict=True)
-    ]
+        motion.append(np.nanmean(((grids[-1] - np.nanmedian(x, axis=0)) ** 2).sum(axis=1)))
     least = min(motion) * min(np.isfinite(g[:, 0]).sum() for g in grids) / 16
     n, gains = len(grids[1]), [0.0]
     one = np.pad(grids[0], ((n, n), (0, 0)), constant_values=np.nan)
@@ -234,10 +223,10 @@ def test_a_clock_by_attitudes_alone():
         assert clock.offset_s.value == pytest.approx(7.25, abs=1e-3) and clock.undated
         assert clock.middle_s == pytest.approx(150 - 7.25, abs=0.3)
         assert not clock.drift.resolved and clock.drift.value is None
-    # White noise on a, and the rate of the yaw of b, 60 / 11 / sqrt(2) rms, make the interval.
+    # White noise on a, and the rate of the yaw of b, make the interval.
     noise = 0.1 * np.random.default_rng(1).standard_normal(angles.shape)
-    e = clock_offset(replace(a, attitude=a.attitude + noise), b).offset_s
-    half = 1.96 * 0.1 / np.sqrt(1450) * 11 * np.sqrt(2) / 60
+    e, rms = clock_offset(replace(a, attitude=a.attitude + noise), b).offset_s, 60 / 11 / np.sqrt(2)
+    half = 1.96 * 0.1 / rms / np.sqrt(1450)
     assert abs(e.value - 7.25) < 2 * half
     assert (e.value - e.low, e.high - e.value) == pytest.approx((half, half), rel=0.2)
     rest = replace(b, attitude=0.01 * b.attitude)
@@ -570,14 +559,6 @@ def test_spells_of_disagreement_by_their_rules(ab, ac, bc, who, spells):
             assert all(("others agree" in e.note) == (e.unit in "abc") for e in found)
 
 
-def test_slow_errors_of_a_metre_are_no_disagreement():
-    """property: none in 6 drives of units with slow errors of 1 m."""
-    for rng in map(np.random.default_rng, np.random.SeedSequence(17).spawn(6)):
-        a, b = local_tracks(named(*pair(rng, seconds=300, rates=(2, 1))))
-        (most,) = disagreements(apart(a, b, differences(a, b)))
-        assert most.kind == "largest position difference" and most.size < 6
-
-
 def test_the_largest_disagreements_are_listed():
     """analytic: single epochs 130 m off, 3 s apart; 23 deg of pitch, usually 5, while yaw is off.
 
@@ -607,9 +588,6 @@ def test_the_largest_disagreements_are_listed():
     # The noise of 4 m on each axis, and the steps of the other one.
     assert sizes == pytest.approx([130, 130, 130, 40, 23], abs=25) and sizes[:3] > [120] * 3
     assert sizes[3:] == pytest.approx([40, 23], abs=3)
-    metrics = found.pairs[0].metrics  # of white noise of 5 deg; 199 epochs, 3 s.e.
-    assert metrics["pitch_p50_deg"].value == pytest.approx(5 * 0.674, abs=1.2)
-    assert metrics["pitch_p95_deg"].value == pytest.approx(5 * 1.96, abs=2.5)
 
 
 def white(sigma, n, rng):
@@ -986,7 +964,6 @@ def test_attitudes_alone(tmp_path):
     assert not found.clocks[0].offset_s.resolved
     assert any("stamps are taken" in note for note in found.notes)
     assert all(e.low <= 0.1 <= e.high for e in found.variances["roll"].independent)
-    assert found.pairs[0].metrics["yaw_sd_deg"].value == pytest.approx(0.1414, rel=0.1)
 
 
 def test_stored_study_of_the_hat():
