@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm
 from analysis import Estimate
 from analysis.noise import added_terms, goodness, likelihood, spectrum
 from analysis.noise.fit import Fit, NoiseLikelihood
-from analysis.noise.inference import INSTEAD, either, infer
+from analysis.noise.inference import either, infer
 from analysis.noise.likelihood import Terms
 from analysis.noise.models import UnifiedModel
 from analysis.noise.notes import said
@@ -185,18 +185,6 @@ def test_a_warm_up_instead_of_a_line():
         expected = np.sqrt(left) * (-1 if own is x else 1)
         # The noise adds to the root of the gain with a standard deviation below one.
         assert np.sign(rise) * np.sqrt(abs(rise)) == pytest.approx(expected, abs=3)
-
-
-@pytest.mark.parametrize(
-    ("signal", "resolved", "says"),
-    [(0.02 * np.exp(-T / 1500), True, "instead"), (0.02 * T / 3600, True, "drift"),
-     (0.15 * np.exp(-T / 900), False, "no_drift")],  # 30 sigma_b: an established warm-up
-)  # fmt: skip
-def test_a_drift_that_may_be_a_warm_up_says_so(signal, resolved, says):
-    """property: it is refused beside a warm-up that is a term; a line is no end of a warm-up."""
-    drift = inferred(log(5) + signal).parameters["drift"]
-    assert drift.resolved == resolved and said(says, term="warm-up") in drift.note
-    assert (INSTEAD in drift.note) == (says == "instead")
 
 
 def test_signals_have_the_allan_deviation_of_textbooks():

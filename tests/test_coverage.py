@@ -49,6 +49,8 @@ def test_intervals_hold_the_truth(papers):
      ("N+GM, unselected", "corr_time", (6,), [*coverage.papers()], "mean", 0.95, 1.05),
      ("1/e", "corr_time", (2,), ["midg-roll"], "median", 0.0, 0.7),
      ("likelihood", "drift", (2, 6), ["walk"], "covered", 0.92, 1.0),
+     ("likelihood", "bias_instability", (2, 6), ["flicker"], "covered", 0.9, 1.0),
+     ("likelihood", "rrw", (2, 6), ["flicker"], "covered", 0.9, 1.0),
      ("likelihood", "drift", (2, 6), ["weak-bias"], "covered", 0.9, 1.0)],
 )  # fmt: skip
 def test_what_the_study_says(study, estimator, parameter, hours, models, statistic, low, high):

@@ -13,11 +13,6 @@ DT = 0.01
 SENSOR, BIAS = UnifiedModel(N / np.sqrt(DT), T_C, B), UnifiedModel(0.0, T_C, B)
 
 
-def simulate(hours, seed):
-    """Make a log of Table 1's sensor in averages of one second."""
-    return SENSOR.simulate_means(round(3600 * hours), 100, DT, np.random.default_rng(seed))
-
-
 def limit(sensor, window):
     """Give the correlation time that the recipe reads off a log without end."""
     return TerrainRecipe.of_endless_log(sensor, DT, window).corr_time
@@ -56,10 +51,11 @@ def test_top_of_a_gauss_markov_curve():
 
 
 def test_a_very_long_log_reads_what_the_closed_forms_say():
-    """analytic: on 2000 h the recipe reads its own limits, not the parameters put in."""
-    found = TerrainRecipe.of_log(simulate(2000, seed=1), 1.0, 10.0)
+    """analytic: on 1000 h the recipe reads its own limits, not the parameters put in."""
+    log = SENSOR.simulate_means(7_200_000, 50, DT, np.random.default_rng(1))
+    found = TerrainRecipe.of_log(log, 0.5, 10.0)
     endless = TerrainRecipe.of_endless_log(SENSOR, DT, 10.0)
-    # Standard errors on 36 000 correlation times: 0.05 %, 0.5 %, 1.2 %.
+    # Standard errors on 18 000 correlation times: 0.07 %, 0.7 %, 1.7 %.
     assert found.arw == pytest.approx(np.hypot(N, B * np.sqrt(2 / 3 / T_C)), rel=0.002)
     assert found.arw == pytest.approx(endless.arw, rel=0.002)
     assert found.top == pytest.approx(endless.top, rel=0.02)
@@ -75,10 +71,20 @@ def test_a_wide_window_reads_long_and_a_narrow_one_short():
     assert limit(SENSOR, 0.01) < 0.01
 
 
-def test_white_noise_has_no_slow_part():
-    """property: where the curve never leaves the line of slope -1/2, there is no top."""
-    y = 3.0 * np.random.default_rng(2).standard_normal(20_000)
-    assert np.isnan(slow_top(y, 1.0, 3.0)).all()
+def test_the_slow_part_begins_at_twice_the_line_of_white_noise():
+    """analytic: A sin^2 x / x of a sinusoid, x = pi f tau, behind a higher curve of alternation.
+
+    Times the root of tau it has its top, 0.821 A sqrt(period / pi), near x = 1.4.
+    """
+    k, dt, a = np.arange(40_000), 0.5, 3.0
+    y, most = a * ((-1.0) ** k + np.cos(2 * np.pi * k / 1000)), 0.821 * a * np.sqrt(500 / np.pi)
+    for times in (2.2, 6.0):
+        tau, adev = slow_top(y, dt, most / times)
+        x = np.pi * tau / 500
+        assert adev == pytest.approx(a * np.sin(x) ** 2 / x, rel=0.01)  # edges of 40 periods
+        assert x == pytest.approx(1.166, rel=0.13)  # averaging times are 24 % apart
+    assert np.isnan(slow_top(y, dt, most / 1.9)).all()
+    assert slow_top(y, dt, 0.01) == pytest.approx((dt, np.sqrt(2) * a), rel=1e-3)
 
 
 def test_recipe_follows_the_paper():
@@ -88,16 +94,33 @@ def test_recipe_follows_the_paper():
     # 600 correlation times: the reading scatters by some 8 %; the peak keeps some white noise.
     assert found["corr_time"] == pytest.approx(164.0, rel=0.2)
     assert found["sigma_b"] == pytest.approx(0.046, rel=0.15)
-    assert np.isnan(comparison_recipe(np.diff(y[::7]), 0.5)["corr_time"])
+    for without in (np.diff(y[::7]), np.zeros(9)):
+        assert np.isnan(comparison_recipe(without, 0.5)["sigma_b"])
     # sigma_v is that of the first 15 s: 30 samples at 2 Hz, with one degree of freedom lost.
     short = np.where(np.arange(400) < 30, (-1.0) ** np.arange(400), 7.0)
     assert comparison_recipe(short, 0.5)["sigma_v"] == pytest.approx(np.sqrt(30 / 29))
 
 
 def test_five_coefficients_of_exact_curves():
-    """analytic: each of the five terms alone comes back from its own closed-form curve."""
-    tau = np.geomspace(0.1, 1000, 60)
-    for name in ("quantisation", "white", "bias_instability", "rrw", "ramp"):
-        adev = adev_model(tau, **{{"white": "arw", "ramp": "drift"}.get(name, name): 2.0})
-        found = five_coefficients(AllanCurve(tau, adev, adev / 2, 1.5 * adev, np.full(60, 100.0)))
-        assert found.pop(name) == pytest.approx(2.0, rel=1e-6) and max(found.values()) < 1e-3
+    """analytic: each of the five terms alone comes back from its own closed-form curve.
+
+    Of another curve no change of one lowers the sum of squares, relative and by degrees of freedom.
+    """
+    tau, edf = np.geomspace(0.1, 1000, 60), np.geomspace(1000, 1, 60)
+    names = "quantisation", "arw", "bias_instability", "rrw", "drift"
+
+    def adev_of(values):
+        return adev_model(tau, **dict(zip(names, values, strict=True)))
+
+    def fitted(adev):
+        return five_coefficients(AllanCurve(tau, adev, adev / 2, 1.5 * adev, edf))
+
+    for one in np.eye(5):
+        values = fitted(adev_of(2 * one))
+        assert list(values) == ["quantisation", "white", "bias_instability", "rrw", "ramp"]
+        np.testing.assert_allclose([*values.values()], 2 * one, rtol=1e-6, atol=1e-6)
+    adev = adev_of([0.1, 1.0, 0.5, 0.1, 0.003]) * (1 + 0.2 * np.sin(np.arange(60) ** 2))
+    best = np.array([*fitted(adev).values()])
+    near = best * (1 + 0.01 * np.vstack([np.zeros(5), np.eye(5), -np.eye(5)]))
+    misfits = [edf @ ((adev_of(values) / adev) ** 2 - 1) ** 2 for values in near]
+    assert min(misfits[1:]) > misfits[0]

@@ -1,8 +1,7 @@
 """When a parameter is given, widened or refused: the rules of inference on made-up fits."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +22,7 @@ def fitted(model, aic):
     names = MODELS.get(model.removesuffix("+Q"), MODELS["N+2GM"] + ("rrw",))
     terms = {k: v for k, v in SIZES.items() if k in names or (k == "sigma_b" and "walk" in names)}
     terms |= TWO if names.count("walk") == 2 else {}
+    names += ("quantisation",) * model.endswith("+Q")
     return Fit(model, terms, -aic / 2, aic, np.zeros(len(names)), names)
 
 
@@ -55,18 +55,13 @@ def ends_of(e):
 
 @pytest.mark.parametrize(
     ("drift", "warm_up", "why"),
-    [
-        ((1.0, 0.5, 1.5), False, None),
-        ((1.0, 0.31, 1.5), False, None),
-        ((-1.0, -1.5, -0.29), False, said("near_zero")),  # 0.3 of the value, from zero
-        ((1.0, -0.1, 1.5), False, "slow bias"),
-        ((1.0, 0.0, 1.5), False, "slow bias"),
-        ((-1.0, -1.5, 0.0), False, "slow bias"),
-        ((1.0, 0.71, 1.5), True, None),  # not more than 0.3 of the value from an end to it
-        ((-1.0, -1.5, -0.69), True, "warm-up"),
-        ((1.0, -0.1, 1.5), True, "warm-up"),
-    ],
-)
+    [((1.0, 0.5, 1.5), False, None), ((1.0, 0.31, 1.5), False, None),
+     ((-1.0, -1.5, -0.29), False, said("near_zero")),  # 0.3 of the value, from zero
+     ((1.0, -0.1, 1.5), False, "slow bias"), ((1.0, 0.0, 1.5), False, "slow bias"),
+     ((-1.0, -1.5, 0.0), False, "slow bias"), ((1.0, -0.1, 1.5), True, "warm-up"),
+     # Not more than 0.3 of the value from an end to it.
+     ((1.0, 0.71, 1.5), True, None), ((-1.0, -1.5, -0.69), True, "warm-up")],
+)  # fmt: skip
 @pytest.mark.parametrize("rise", [-3.9, 0.5, 3.9, 4.1])
 def test_a_drift_by_its_interval(drift, warm_up, why, rise, monkeypatch):
     """known case: refused where the interval holds zero, or comes near it beside a warm-up."""
@@ -246,6 +241,53 @@ def test_a_filter_is_seen_by_neighbours_and_by_its_bias():
         assert inference.low_passed(likelihood, fit) == filtered
 
 
+@pytest.mark.parametrize(
+    ("case", "averaged"),
+    [({}, 1), ({"beyond": 4}, 16),  # clean means of 4, and two doublings more
+     ({"beyond": 99}, 64),  # at least 256 are left
+     ({"lost": 10}, 2), ({"lost": 10, "noisy": False}, 8),  # one sample of ten: two at least
+     ({"time": 0.079}, 16), ({"time": 0.081}, 1),  # eight means of a filter
+     ({"beyond": 2, "time": 0.159}, 16), ({"beyond": 2, "time": 0.161}, 8),
+     ({"time": 0.079, "N": 4.0}, 1), ({"time": 0.079, "N": 4.1}, 16),  # white noise does as well
+     ({"low_passed": True}, 8), ({"low_passed": True, "kind": "angle"}, 1)],
+)  # fmt: skip
+def test_averaging_goes_on_until_no_filter_shows(case, averaged, monkeypatch):
+    """known case: until models agree without a quick bias, then two steps; 256 means are left."""
+    n, dt, at = 20_000, 0.01, []
+
+    def spectra(y, dt, m, left_out):
+        at.append(m)
+        return SimpleNamespace(length=np.array([n]), behind=np.array([0.8 * m]))
+
+    def fit_all(likelihood, rate, near):
+        times = {"corr_time": [case.get("time", 9.0) if at[-1] < 4 else 9.0]}
+        slow = replace(fitted("N+GM", 0.0), terms=SIZES | times)
+        return {"N": fitted("N", case.get("N", 9.0)), "N+GM": slow}
+
+    stubs = {
+        "lines": lambda y, dt: ((), []), "spectra": spectra, "fit_all": fit_all,
+        "NoiseLikelihood": lambda pieces, detrend: SimpleNamespace(spectrum=pieces, scale=1.0),
+        "disagreement": lambda *_: (0.1, at[-1] < case.get("beyond", 0)),
+        "low_passed": lambda *_: at[-1] == 1 and "low_passed" in case,
+        "as_noisy": lambda *_: case.get("noisy", True), "lost_in_means": lambda *_: (0.0, 0.0),
+        "add_terms": lambda result, *_: (result, None), "_parameters": lambda *_: {},
+        "uneven": lambda *_: [], "_judged": lambda result, *_: result,
+    }  # fmt: skip
+    for name, stub in stubs.items():
+        monkeypatch.setattr(inference, name, stub)
+    y = np.random.default_rng(1).standard_normal(n)
+    y[9 :: case.get("lost", n)] = np.nan
+    found = inference.infer(y, dt, "deg/s", case.get("kind", "rate"), np.random.default_rng(1))
+    assert (found.averaged, found.fewest) == (averaged, 1 + ("lost" in case))
+    assert at == [2**k for k in range(7) if found.fewest <= 2**k <= averaged]
+    why = said("means_missing" if averaged == 2 else "means_filtered")
+    assert found.band == inference.listed(
+        (said("means", m=averaged, width=averaged * dt) + why) * (averaged > 1),
+        said("unused", share=1 - 0.8 * n / np.isfinite(y).sum()),
+        said("misfits", percent=3.0, misfit=10.0) * (averaged == 64),
+    )
+
+
 def test_which_models_are_fitted_from_which():
     """known case: every model, the richer from the simpler; all with quantisation if it helps."""
     for rate, gain, extra in ((False, 9.0, 0), (True, 5.9, 1), (True, 6.1, 7)):
@@ -256,12 +298,8 @@ def test_which_models_are_fitted_from_which():
             aic = {"N+GM": 0.0}.get(model.removesuffix("+Q"), 20.0)
             return fitted(model, aic - gain * model.endswith("+Q"))
 
-        def quantised(model, simpler=(), near=(), fit=fit):
-            made = fit(model, simpler, near)
-            return replace(made, names=(*made.names, *["quantisation"] * model.endswith("+Q")))
-
         near = {"N+K": fitted("N+K", 0.0)}
-        fits = inference.fit_all(SimpleNamespace(fit=quantised), rate=rate, near=near)
+        fits = inference.fit_all(SimpleNamespace(fit=fit), rate=rate, near=near)
         models = ["N+GM+Q"] * (extra == 1) + [f"{m}+Q" for m in MODELS] * (extra == 7)
         assert list(fits)[:7] == list(MODELS) and sorted(fits) == sorted([*MODELS, *models])
         assert asked["N+K"] == ([], ["N+K"]) and asked["N"] == ([], [])
@@ -291,23 +329,38 @@ def test_a_bias_that_white_noise_may_hide_and_means_that_bridge_losses():
         assert spectrum.fewest_to_average(np.where(lost, np.nan, 1.0), most) == fewest
 
 
-@dataclass(frozen=True)
-class Growing:
+def test_terms_have_the_sizes_of_least_squares():
+    """analytic: in white noise, with mean and line; the criterion falls by squares over sigma^2."""
+    t, points = np.arange(3000.0), {"N": np.log([0.7]), "N+K": np.log([0.7, 1e-9])}
+    kinds = ("step", 1000.0), ("sinusoid", 500.0), ("warm_up", 300.0)
+    terms = [added_terms.added_term(*kind) for kind in kinds]
+    columns = [column for term in terms for column in term.columns]
+    x = np.stack([np.ones(3000), t, *(column(t) for column in columns)], axis=1)
+    y = x @ [3.0, 1e-3, 2.0, 0.5, -0.4, 4.0] + np.random.default_rng(1).normal(0, 0.7, 3000)
+    fits = {name: Fit(name, {}, 0.0, 0.0, at, MODELS[name]) for name, at in points.items()}
+    least, coarse = [], added_terms.Coarse.of(y, 1.0, 1)
+    for k, some in ((2, []), (6, columns)):
+        likelihood = NoiseLikelihood(spectrum.spectra(y, 1.0, 1, some))
+        made = likelihood, fits, fits["N"], "deg", coarse, 1, 1, (0.0, 0.0), "", terms[: len(some)]
+        best, squares = np.linalg.lstsq(x[:, :k], y)[:2]
+        least.append((found := Inference(*made)).criterion() - squares[0] / 0.49)
+    assert least[1] == pytest.approx(least[0], abs=0.1)
+    deviance = likelihood.evaluate(points["N"][None], MODELS["N"]).deviance[0]
+    assert found.criterion() == 2 + deviance  # of the two the one without a walk
+    (sizes, errors), cov = found.sizes(), np.linalg.inv(x.T @ x)
+    np.testing.assert_allclose(sizes, best[2:], rtol=1e-3)
+    np.testing.assert_allclose(errors, 0.7 * np.sqrt(np.diag(cov)[2:]), rtol=1e-3)
+    np.testing.assert_allclose(found.without_terms(y), y - x[:, 2:] @ sizes)
+    told = [term.parameters["amplitude"].value for term in found.fitted_terms()]
+    assert told == pytest.approx([sizes[0], np.hypot(*sizes[1:3]), sizes[3]])
+
+
+class Growing(SimpleNamespace):
     """What `add_terms` needs of an inference; `left` is its criterion, which terms bring down."""
 
-    likelihood: Any
-    fits: dict
-    chosen: Fit
-    terms: tuple
-    coarse: Any
-
-    def sizes(self):
-        """No coefficients."""
-        return (), ()
-
-    def criterion(self):
-        """AIC of the log with its terms."""
-        return self.likelihood.left
+    def __getattr__(self, name):
+        """Give no coefficients, and the AIC of the log with its terms."""
+        return {"sizes": lambda: ((), ()), "criterion": lambda: self.likelihood.left}[name]
 
 
 @pytest.mark.parametrize(
@@ -345,7 +398,9 @@ def test_terms_are_added_as_long_as_they_are_clearly_better(offered, kept, rival
     monkeypatch.setattr(inference, "fit_all", lambda likelihood, rate, near: near)
     coarse = SimpleNamespace(duration=1e4, without=lambda terms, sizes: coarse, placed=replace)
     fits = {"N": fitted("N", 0.0)}
-    start = Growing(SimpleNamespace(left=100.0, detrend=True), fits, fits["N"], (), coarse)
+    monkeypatch.setattr(inference, "replace", lambda of, **new: Growing(**vars(of) | new))
+    start = SimpleNamespace(left=100.0, detrend=True)
+    start = Growing(likelihood=start, fits=fits, chosen=fits["N"], terms=(), coarse=coarse)
     found, other = inference.add_terms(start, False, None, lambda columns: columns)
     assert [t.at for t in found.terms] == [row[2] for row in offered[:kept]]
     assert (other is not None) == rival and (not rival or len(other.terms) == kept + 1)

@@ -171,7 +171,7 @@ def five_coefficients(curve: AllanCurve) -> dict[str, float]:
     terms = np.stack(
         [3 / tau**2, 1 / tau, np.full(len(tau), 2 * np.log(2) / np.pi), tau / 3, tau**2 / 2], axis=1
     )
-    weight = np.sqrt(curve.edf / 2) / curve.adev**2
+    weight = np.sqrt(curve.edf) / curve.adev**2
     scale = np.linalg.norm(terms * weight[:, None], axis=0)
     squares = nnls(terms * weight[:, None] / scale, weight * curve.adev**2)[0] / scale
     return dict(zip(COEFFICIENTS, np.sqrt(squares).tolist(), strict=True))

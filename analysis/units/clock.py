@@ -188,12 +188,11 @@ def _best_lags(one, other, least) -> Iterator[float]:
         mask = np.isfinite(values).all(axis=1)
         grids.append(np.where(mask[:, None], values - np.nanmedian(x, axis=0), 0.0))
         masks.append(mask.astype(float))
-    scale = np.sqrt(sum(np.mean(g**2) for g in grids))  # keeps the sums well scaled
 
     def correlation(x, y):
         return fftconvolve(x, y[::-1], axes=0)
 
-    (xa, xb), (wa, wb) = [g / scale for g in grids], masks
+    (xa, xb), (wa, wb) = grids, masks
     n = np.maximum(correlation(wa, wb), 1e-9)
     sums = [correlation(xa, wb[:, None]), correlation(wa[:, None], xb)]
     squares = [correlation((xa**2).sum(axis=1), wb), correlation(wa, (xb**2).sum(axis=1))]
@@ -201,8 +200,8 @@ def _best_lags(one, other, least) -> Iterator[float]:
     total = squares[0] + squares[1] - 2 * correlation(xa, xb).sum(axis=1)
     variance = total / n - ((mean[0] - mean[1]) ** 2).sum(axis=1)
     motion = [q / n - (m**2).sum(axis=1) for q, m in zip(squares, mean, strict=True)]
-    mean_motion = min(float((x**2).sum() / max(w.sum(), 1)) for x, w in ((xa, wa), (xb, wb)))
-    enough = (n * step >= LEAST_S) & (np.minimum(*motion) > (least / scale) ** 2)
+    mean_motion = min((x**2).sum() / w.sum() for x, w in ((xa, wa), (xb, wb)))
+    enough = (n * step >= LEAST_S) & (np.minimum(*motion) > least**2)
     shorter = min(w.sum() for w in masks)
     enough &= np.minimum(*motion) * n > SHARE**2 * mean_motion * shorter
     shifts = correlation_lags(*map(len, masks))
