@@ -234,10 +234,9 @@ def test_a_b_and_c_are_as_the_paper_describes_them():
 def test_position_errors_have_the_stated_size():
     """analytic: variance PDOP^2 (sum sigma^2 + white^2) per axis, over 200 independent logs."""
     model = GnssErrors(drift=((1.5, 30.0), (0.5, 5.0)), white_m=0.3)
-    errors = []
-    for stream in np.random.SeedSequence(5).spawn(200):
-        b = scenario("A", np.random.default_rng(stream), minutes=1, gnss=model)
-        errors.append(np.array(b.fix_error())[:, 30] / b.log.gnss.pdop[30])
+    streams = map(np.random.default_rng, np.random.SeedSequence(5).spawn(200))
+    logs = (scenario("A", stream, minutes=1, gnss=model) for stream in streams)
+    errors = [log.fix_error()[:, 30] / log.gnss.pdop[30] for log in logs]
     expected = np.sqrt(1.5**2 + 0.5**2 + 0.3**2)
     # 400 independent values: 3.5 % is one standard error, 12 % more than three.
     assert np.std(errors) == pytest.approx(expected, rel=0.12)
