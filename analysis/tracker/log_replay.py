@@ -258,7 +258,7 @@ def _columns(gnss, rows):
 
 def _step(t):
     """Return the seconds that each epoch stands for; a gap counts for none."""
-    step = np.diff(t, append=t[-1:]) if len(t) else t
+    step = np.diff(t, append=t[-1:])
     usual = np.median(step[step > 0]) if (step > 0).any() else 0.0
     return np.where(step > max(GAP_STEPS * usual, GAP_S), 0.0, step)
 
@@ -406,10 +406,10 @@ def _stood(columns, speed):
     t, lat, lon = (columns[name] for name in ("t_s", "lat_deg", "lon_deg"))
     same = (np.diff(lat) == 0) & (np.diff(lon) == 0) & (speed[1:] < SLOW)
     same &= columns["moving"][1:] == 1
-    since = np.maximum.accumulate(np.where(same, -np.inf, t[1:]))
-    lasts = np.where(same & np.isfinite(since), t[1:] - since, 0.0)
-    most = int(np.argmax(lasts)) if len(lasts) else 0
-    return (float(since[most]), float(lasts[most])) if len(lasts) else (0.0, 0.0)
+    since = np.maximum.accumulate(np.where(np.r_[True, same], -np.inf, t))
+    lasts = np.where(np.isfinite(since), t - since, 0.0)
+    most = np.argmax(lasts)
+    return float(since[most]), float(lasts[most])
 
 
 def _without_imu(imu, t_s):

@@ -18,7 +18,7 @@ an engine.
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -225,7 +225,7 @@ class Scenario:
         angles = np.column_stack([pitch_deg, roll_deg])[use]
         given = Rotation.from_euler("YX", angles, degrees=True).as_matrix()[:, 2]
         cosines = [np.vecdot(d, self.C_nb[use, 2]) for d in (given, down[use])]
-        return tuple(float((np.degrees(np.arccos(np.clip(c, -1, 1))) ** 2).mean()) for c in cosines)
+        return tuple(float((np.degrees(np.arccos(np.minimum(c, 1))) ** 2).mean()) for c in cosines)
 
     @property
     def first_turn_s(self):
@@ -306,7 +306,7 @@ def _laps(rng, gnss, imu, *, laps=6, imu_rate=40.0, mount_deg=90.0, slope=0.0, s
     return _measure(path, imu_rate, pdop, gnss, imu, rng, lean=True, ground=ground, **mounted)
 
 
-@lru_cache(maxsize=4)  # the same for every ride, and slower to make than its errors
+@cache  # the same for every ride, and slower to make than its errors
 def _path_of_laps(laps, imu_rate):
     radius = 36.5 + 9.76
     lap = [(84.39, 0.0), (np.pi * radius, -np.pi), (84.39, 0.0), (np.pi * radius, -np.pi)]
@@ -370,8 +370,7 @@ def _ride(lap, length, straight, bend, rate, *, wait, course, accel=0.6):
         here = s % ends[-1]
         target = np.interp((here + 1.5 * v) % ends[-1], at, speeds, period=ends[-1])
         target = min(target, np.sqrt(2 * accel * (length - s)))  # to be at rest at the end
-        v += np.clip(target - v, -accel * dt, accel * dt) if v or s == 0 else 0.01
-        v = max(v, 0.02)
+        v = max(v + np.clip(target - v, -accel * dt, accel * dt), 0.02)
         s += v * dt
         k += np.interp(here, at, bends, period=ends[-1]) * v * dt
         out.append((v, k))
@@ -381,18 +380,18 @@ def _ride(lap, length, straight, bend, rate, *, wait, course, accel=0.6):
 
 
 def _ground(moved, slope, slope_m, rng):
-    """Make slopes along and across (rad, shape (2, n)) for steps of so many metres."""
+    """Make slopes along and across (rad, n numbers each) for steps of so many metres."""
     if not slope:
-        return None
+        return 0.0, 0.0
     s = np.cumsum(moved)
     grid = np.arange(0.0, s[-1] + 2.0)
     slopes = gauss_markov(len(grid), 1.0, slope, slope_m, rng, runs=2)
-    return np.array([np.interp(s, grid, each) for each in slopes])
+    return [np.interp(s, grid, each) for each in slopes]
 
 
 def _measure(
     path, rate, pdop, gnss, imu, rng, *,
-    tilt, mount_deg=0.0, lean=False, swing_deg=0.0, ground=None, rock=0.0,
+    tilt, mount_deg=0.0, lean=False, swing_deg=0.0, ground=(0.0, 0.0), rock=0.0,
 ):  # fmt: skip
     """Make the readings of receiver and IMU along a path of speed (m/s) and course (rad)."""
     v, course = path
@@ -403,8 +402,7 @@ def _measure(
     position = np.cumsum(v_n, axis=0) * dt - v_n * dt
     roll = np.arctan(v * np.gradient(course, dt) / STANDARD_GRAVITY) if lean else np.zeros(n)
     step = np.radians(swing_deg) * np.minimum(v, 1.0) * np.sin(2 * np.pi * 0.9 * t)
-    along, across = np.zeros((2, n)) if ground is None else ground
-    angles = np.column_stack([course, step + along + rock, roll + step + across])
+    angles = np.column_stack([course, step + ground[0] + rock, roll + step + ground[1]])
     mounted = Rotation.from_euler("ZYX", [mount_deg, tilt[1], tilt[0]], degrees=True)
     angles, again = np.unique(angles, axis=0, return_inverse=True)  # at rest there is one
     again = again.ravel()  # NumPy 2.0 gives a column
@@ -415,7 +413,6 @@ def _measure(
     accel = attitude.inv().apply(a_n - [0.0, 0.0, STANDARD_GRAVITY])
     gyro, bends = np.zeros((n, 3)), np.flatnonzero(np.diff(again))
     gyro[bends] = (attitude[bends].inv() * attitude[bends + 1]).as_rotvec() / dt
-    gyro[-1] = gyro[-2]
     accel = accel + imu.accel_bias * rng.standard_normal(3)
     gyro = gyro + imu.gyro_bias * rng.standard_normal(3)
     accel += imu.accel_white * rng.standard_normal((n, 3))
