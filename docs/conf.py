@@ -95,6 +95,7 @@ def _with_files(app, failure):
         (ROOT / "figures", "figures"),
         (Path(app.srcdir) / "sharp", "sharp"),
         (ROOT / "data/published", "published"),
+        (ROOT / "notebooks", "notebooks"),
     ):
         shutil.copytree(
             source,

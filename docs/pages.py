@@ -15,16 +15,18 @@ import shutil
 import sys
 from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import quote
 
 import jinja2
 import nbformat
 import pandas as pd
 from PIL import Image
 
-from analysis import FIGURES, ROOT, claims, figures, store
+from analysis import FIGURES, ROOT, claims, figures, provenance, store
 from workbench import citation
 
 NOTEBOOKS, TEMPLATES = ROOT / "notebooks", Path(__file__).parent / "pages"
+ADDRESS = provenance.citation_file().get("repository-code", "")
 PAPERS = {"comparison": "comparison paper", "terrain": "terrain paper", "tracker": "tracker paper"}
 FACES = {
     "sensorlogs": "reads logs",
@@ -117,6 +119,7 @@ class Page:
             cell.source = cell.source if cell.cell_type == "code" else _words(cell.source, "../")
             cells.append(cell)
         self.notebook.cells = cells
+        cells[0].source += f"\n\n{taken(self.stem, ADDRESS)}"
 
     def _saved(self, source):
         """List the figures of this notebook that the code of a cell names."""
@@ -186,6 +189,15 @@ class Page:
             mark.id = marks[i]
             cells.insert(i, mark)
         return found
+
+
+def taken(stem: str, address: str) -> str:
+    """Link to a notebook as a file and, once the compendium has an address, to a machine for it."""
+    links = f'<a href="{stem}.ipynb" download>Download this notebook</a>'
+    if address:
+        place = f"{quote(address, safe='')}/HEAD?labpath=notebooks/{stem}.ipynb"
+        links += f' · <a href="https://mybinder.org/v2/git/{place}">Run it on Binder</a>'
+    return f'<p class="taken">{links}</p>'
 
 
 def _words(markdown, beginning):

@@ -2,6 +2,7 @@
 
 import html.parser
 import re
+import runpy
 import urllib.parse
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +13,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from pypdfium2.raw import FPDF_PAGEOBJ_IMAGE
 
-from analysis import DATA, FIGURES, static_logs
+from analysis import DATA, FIGURES, ROOT, static_logs
 from conftest import DESKTOP, PHONE, SITE, measured
 from workbench import report
 
@@ -43,6 +44,19 @@ def read():
     """Every page of the site, parsed: path -> Read."""
     assert len(PAGES) > 20
     return {path: Read((SITE / path).read_text(encoding="utf-8")) for path in PAGES}
+
+
+def test_a_notebook_can_be_taken_and_run(read):
+    """property: each is beside its page; a link to a machine for it waits for an address."""
+    taken = runpy.run_path(str(ROOT / "docs" / "pages.py"))["taken"]
+    for path in (ROOT / "notebooks").glob("*.ipynb"):
+        assert path.name in read[f"notebooks/{path.stem}.html"].links
+        assert (SITE / "notebooks" / path.name).read_bytes() == path.read_bytes()
+    here, there = (Read(taken("12-a", address)).links for address in ("", "https://a.org/b/c"))
+    assert here == ["12-a.ipynb"] and there[0] == here[0]
+    assert urllib.parse.unquote(there[1]).split("/v2/git/")[1] == (
+        "https://a.org/b/c/HEAD?labpath=notebooks/12-a.ipynb"
+    )
 
 
 @pytest.fixture(scope="module", params=PAGES)
