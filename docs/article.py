@@ -81,7 +81,8 @@ def drawn() -> dict[str, dict]:
     """Give each figure its notebook, its caption and its words for one who does not see it."""
     read = {path.stem: figures.read(path) for path in sorted(FIGURES.glob("[0-9]*.csv"))}
     return {
-        name: {k: head[k] for k in ("caption", "notebook")} | {"alt": alternative(head, table)}
+        name: {k: head[k] for k in ("caption", "notebook")}
+        | {"alt": alternative(name, head, table)}
         for name, (head, table) in read.items()
     }
 

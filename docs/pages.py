@@ -13,6 +13,7 @@ import inspect
 import re
 import shutil
 import sys
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
@@ -23,7 +24,7 @@ import pandas as pd
 from PIL import Image
 
 from analysis import FIGURES, ROOT, claims, figures, provenance, store
-from workbench import citation
+from workbench import citation, reproduce
 
 NOTEBOOKS, TEMPLATES = ROOT / "notebooks", Path(__file__).parent / "pages"
 ADDRESS = provenance.citation_file().get("repository-code", "")
@@ -85,16 +86,34 @@ class Figure(NamedTuple):
         )
 
 
-def alternative(head: dict, table: pd.DataFrame) -> str:
-    """Describe a figure to one who does not see it: axes and series of each panel."""
-    panels = []
+@cache
+def messages() -> dict[str, str]:
+    """Give what the figure of a finding says, by its name; what a notebook says, by its stem."""
+    titles = {path.stem: f"{reproduce.title(path)}." for path in NOTEBOOKS.glob("*.ipynb")}
+    return titles | claims.findings().set_index("figure")["sentence"].to_dict()
+
+
+def alternative(name: str, head: dict, table: pd.DataFrame) -> str:
+    """Tell one who does not see a figure what it is for; then axes and series of each panel."""
+    message, panels = messages().get(name) or messages()[head["notebook"]], []
     for title, axes in head["axes"].items():
         series = table.loc[table["panel"] == title, "series"].unique()
         more = f" and {len(series) - 6} more" if len(series) > 6 else ""
         named = "" if axes["y"].startswith(title) else f"{title}: "
         panels.append(f"{named}{axes['y']} against {axes['x']}; {', '.join(series[:6])}{more}")
     counted = f"{len(panels)} panels. " if len(panels) > 1 else ""
-    return f"Plot. {counted}{'. '.join(panels or [head['caption']])}."
+    return f"{message} Plot. {counted}{'. '.join(panels or [head['caption']])}."
+
+
+def galleries(drawn: list[str]) -> dict[str, list[tuple[str, str]]]:
+    """Order the figures: of the ten findings, of each figure of the papers, and the others."""
+    found = [(f"Finding {n}", row.figure) for n, row in claims.findings().iterrows()]
+    ordered = {"Of the ten findings": found}
+    for paper, of in store.published("coverage").dropna(subset="figures").groupby("paper"):
+        items = of.groupby("figures", sort=False)["item"].agg(", ".join)
+        ordered[f"Of the {PAPERS[paper]}"] = [(item, name) for name, item in items.items()]
+    seen = {name for names in ordered.values() for _, name in names}
+    return ordered | {"Of no paper": [("", name) for name in drawn if name not in seen]}
 
 
 class Page:
@@ -149,7 +168,7 @@ class Page:
                 yield from (output, legend)
                 continue
             head, table = self._known.pop(name)
-            alt, caption = alternative(head, table), head["caption"]
+            alt, caption = alternative(name, head, table), head["caption"]
             with Image.open(FIGURES / f"{name}.png") as picture:
                 inches = [n / dpi for n, dpi in zip(picture.size, picture.info["dpi"], strict=True)]
             number = f"{self.stem.split('-')[0]}.{len(self.figures) + 1}"
@@ -267,6 +286,7 @@ def write(folder: Path) -> None:
     content = {
         "pages": pages,
         "figures": {f.name: f for page in pages for f in page.figures},
+        "galleries": galleries(list(known)),
         "rules": _rules(pages[0].notebook),
         "judging": sorted(verdicts["notebook"].dropna().unique()),
         "papers": PAPERS,
