@@ -200,7 +200,7 @@ def _best_lags(one, other, least) -> Iterator[float]:
     total = squares[0] + squares[1] - 2 * correlation(xa, xb).sum(axis=1)
     variance = total / n - ((mean[0] - mean[1]) ** 2).sum(axis=1)
     motion = [q / n - (m**2).sum(axis=1) for q, m in zip(squares, mean, strict=True)]
-    mean_motion = min((x**2).sum() / w.sum() for x, w in ((xa, wa), (xb, wb)))
+    mean_motion = min((x**2).sum() / max(w.sum(), 1) for x, w in ((xa, wa), (xb, wb)))
     enough = (n * step >= LEAST_S) & (np.minimum(*motion) > least**2)
     shorter = min(w.sum() for w in masks)
     enough &= np.minimum(*motion) * n > SHARE**2 * mean_motion * shorter
