@@ -496,6 +496,7 @@ def test_a_receiver_alone_coasts_and_then_holds():
     assert error[5:60].max() < 0.1 and error[70] == pytest.approx(20.0 * 11, abs=0.1)
     assert track.summary["seconds_without_fix_but_position"] == 30.0
     assert (np.diff(sigma[49:80]) > 0).all() and (error[5:] < 2.5 * sigma[5:]).all()
+    assert sigma[55] < 0.2 * 20.0 * 5  # m: so far straight on has been right
     assert len(set(held["out_lat_deg"][50:80].tolist())) == 1
     assert (other[5:] < 2.5 * held["sigma_north_m"][5:]).all()
     said = "20 epochs not known to be at rest are over 10 s after"
