@@ -30,10 +30,8 @@ def moved(kind, rng, even=True, noise=1.0):
         a = Rotation.from_rotvec(np.outer(-yaw, [0, 0, 1])).apply(force)
         roll = np.arctan2(a[:, 1], -a[:, 2])
         if kind == "multicopter":
-            pitch, roll = (
-                np.arctan2(-a[:, 0], -a[:, 2]),
-                np.arctan2(a[:, 1], np.hypot(*a[:, ::2].T)),
-            )
+            pitch = np.arctan2(-a[:, 0], -a[:, 2])
+            roll = np.arctan2(a[:, 1], np.hypot(*a[:, ::2].T))
     elif kind == "boat":
         roll, pitch = (np.radians(6 * np.sin(2 * np.pi * t / p)) for p in (4.0, 5.5))
     elif kind == "runner":
@@ -64,19 +62,22 @@ def test_kinds(kind, answers):
 
 
 def test_share_sideways_of_a_car_is_one():
-    """analytic: a car feels v dpsi/dt across its way, whole, and a vehicle that leans nothing."""
+    """analytic: a car feels v dpsi/dt across its way, whole, and a vehicle that leans nothing.
+
+    Where fixes are good intervals of 95 % hold it, 8 of 10 or more. The tilt is that of the gyro's
+    noise: half of Rayleigh's sizes are below sqrt(2 ln 2) of it, here of means of 50 samples.
+    """
     for kind, share in (("car", 1.0), ("motorbike", 0.0)):
-        found = [vehicle(*moved(kind, np.random.default_rng([8, k]))) for k in range(10)]
-        np.testing.assert_allclose([each.sideways.value for each in found], share, atol=0.04)
-
-
-def test_straight_roads_and_short_logs_tell_nothing():
-    """property: open, for no turn says how it feels; a scooter's simulated ride leans."""
-    gnss, imu = moved("car", np.random.default_rng(1))
-    keep = np.arange(len(gnss.t_s)) < 40
-    assert vehicle(gnss.without(~keep, "speed_m_s"), imu).kind == "open"
-    ride = scenarios.scenario("B", np.random.default_rng(1), laps=2).log
-    assert vehicle(ride.gnss, ride.imu).kind == "leans"
+        rides = [moved(kind, np.random.default_rng([8, k]), noise=0.1) for k in range(10)]
+        found = [vehicle(*ride) for ride in rides]
+        np.testing.assert_allclose([each.sideways.value for each in found], share, atol=0.01)
+        few = rides[0][0].without(np.arange(len(rides[0][0].t_s)) >= 40, "speed_m_s")
+        assert vehicle(few, rides[0][1]).kind == "open"  # few turns say how it feels
+        assert sum(e.low <= share <= e.high for e in (each.sideways for each in found)) >= 8
+        if kind == "car":
+            np.testing.assert_allclose([each.turn.value for each in found], 1.0, atol=0.005)
+            tilt = np.degrees(0.01 / np.sqrt(50)) * np.sqrt(np.log(2))
+            assert np.mean([each.tilt_deg_s for each in found]) == pytest.approx(tilt, rel=0.1)
 
 
 def test_steps_of_four_fixes():

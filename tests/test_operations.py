@@ -10,9 +10,8 @@ import pytest
 from analysis import DATA
 from analysis.tracker import at_rest, operations
 from analysis.tracker.attitude import Attitude
+from analysis.tracker.constrained import Constrained
 from analysis.tracker.operations import Counted, counted, instrument
-
-SIZES = [(3, 3, 3), (9, 5, 3), (2, 1, 1), (6, 4, 2), (1, 1, 1)]
 
 
 def lean_update(n, m):
@@ -50,6 +49,7 @@ def test_predictions_are_those_of_table_one():
     three, nine = operations.predict(3, 3, input_matrix=False), operations.predict(9, 3)
     assert (three["sums"], three["products"]) == printed(2, "Predict 1")
     assert (nine["sums"], nine["products"]) == printed(6, "Predict")
+    assert three - operations.predict(3, 0) == Counter(sums=3)  # the input that is not there
 
 
 def test_textbook_update_gives_one_number_of_table_one():
@@ -100,18 +100,13 @@ def kinds(steps, block, step):
     return Counter(steps.loc[(block, step), list(operations.KINDS)].to_dict())
 
 
-def per_second(steps):
-    """Add up the operations of each block a second."""
-    return (steps["total"] * steps["times_a_second"]).groupby("block").sum()
-
-
 @pytest.fixture(scope="module")
 def steps():
     """Count every step once."""
     return operations.block_costs()
 
 
-@pytest.mark.parametrize("sizes", SIZES)
+@pytest.mark.parametrize("sizes", [(3, 3, 3), (9, 5, 3), (2, 1, 1), (6, 4, 2), (1, 1, 1)])
 def test_filter_steps_are_those_of_the_formulas(sizes):
     """cross-check: the kernel on counting numbers against the formulas of another module."""
     n, m, p = sizes
@@ -139,10 +134,25 @@ def test_the_low_pass_filter_costs_its_means(steps):
     first, second, third = (buffer_mean(n, axes=2) for n in at_rest.LowPass.lengths)
     assert kinds(steps, "4", "fix that fills layer 1") == first
     assert kinds(steps, "4", "fix that fills layer 3") == first + second + third
-    jump = Counter(sums=4, products=3)  # the distance of the fix from the output, squared
-    assert kinds(steps, "4", "fix") == jump
-    each = sum(m.total() / e for m, e in zip((first, second, third), (30, 900, 2700), strict=True))
-    assert per_second(steps)["4"] == pytest.approx(each + jump.total())
+    # The distance of the fix from the output, squared.
+    assert kinds(steps, "4", "fix") == Counter(sums=4, products=3)
+
+
+def test_how_often_steps_come(steps):
+    """analytic: fixes of 1 Hz, samples of 40; eight fill a step of P, 30 x 30 x 3 fixes a layer."""
+    often = {"fix": 1, "straight": 1 / 6, "window of 0.25 s means": 4, "step of P": 5}
+    often |= {f"fix that fills layer {k}": n / 2700 for k, n in ((1, 87), (2, 2), (3, 1))}
+    for (_, step), found in steps["times_a_second"].items():
+        assert found == pytest.approx(often.get(step, 40.0))
+    block, under, tally = Constrained(), operations.under_way(1 / 40), Counter()
+    block.start((0.1, 0.2), (5.0, 0.1), (under.C_nb, under.bias.x, under.down), 0.1, 3.0, 0.3)
+    instrument(block, tally)
+    for _ in range(8):
+        block.sample(*counted(((0.0, 0.0, 0.1), (0.3, 0.0, -9.8), 1 / 40), tally))
+    sample, step = (kinds(steps, operations.FOR_CARS, name) for name in ("sample", "step of P"))
+    assert tally.total() == 8 * sample.total() + step.total()
+    # Seven means, the force, its weight, and the share of the upright mean.
+    assert kinds(steps, "5", "fix")["divisions"] == 7 + 3
 
 
 def test_counting_does_not_change_what_a_block_says():

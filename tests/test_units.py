@@ -21,13 +21,7 @@ from analysis.units import clock_offset, differences, find_events, trajectory_me
 from analysis.units.clock import _best_lags, least_squares, named_offset, stands_still
 from analysis.units.events import Apart, disagreements
 from analysis.units.frame import Track, interpolated, local_tracks, rate, tracks, unwrapped
-from analysis.units.metrics import (
-    Differences,
-    _common,
-    normal_factor,
-    quantile,
-    root_mean_square,
-)
+from analysis.units.metrics import Differences, _common, normal_factor, quantile, root_mean_square
 from analysis.units.side_by_side import apart, conventions, datums, noise_of_each, side_by_side
 from analysis.units.variances import unit_variances
 from sensorlogs import catalogue
@@ -354,13 +348,17 @@ def test_few_independent_samples_give_no_interval():
 
 
 def test_a_noisy_drive_has_no_events_but_a_jump_of_many_deviations():
-    """property: turns, stops and noise of 0.02 m are none; a jump of 2 m, and back, is two."""
+    """property: turns, stops and noise of 0.02 m are none; a jump of 2 m, and back, is two.
+
+    Of two jumps 0.4 s apart the larger is told.
+    """
     rng, t = np.random.default_rng(4), np.arange(0.0, 600, 0.2)
     enu = drive(600, rng)(t) + 0.02 * rng.standard_normal((len(t), 2))
     assert happened(*local_tracks(named(unit(t, enu)))) == []
     enu[(t >= 100) & (t < 130)] += [2.0, 0.0]
+    enu += [[2.0, 0.0]] * (t > 200.3)[:, None] + [[1.6, 0.0]] * (t > 199.9)[:, None]
     jumps = happened(*local_tracks(named(unit(t, enu))))
-    assert [(kind, round(to)) for kind, _, to, _ in jumps] == [("jump", 100), ("jump", 130)]
+    assert [(e[0], round(e[2], 1)) for e in jumps] == [("jump", at) for at in (100, 130, 200.4)]
     # Many deviations of a step: noise of 0.2 m hides it.
     enu += 0.2 * rng.standard_normal(enu.shape)
     assert happened(*local_tracks(named(unit(t, enu)))) == []
@@ -384,13 +382,13 @@ def test_interpolation_and_rates_of_a_parabola():
 
     Not over a gap of more than 2.5 intervals and 1 s, nor outside; at the ends one side counts.
     """
-    at = np.r_[0.0, 0.5, 1.0, 2.0, 3.0, 5.4, 6.4, 7.0, 9.6, 10.0, 11.0]  # the median interval: 1
+    at = np.r_[-3, 0.0, 0.5, 1, 2, 3, 5.4, 6.4, 7.0, 9.6, 10, 11, 14]  # the median interval: 1
     x = np.stack([at**2 - 3 * at, 5 - at], axis=1)
-    x = np.insert(x, 4, np.nan, axis=0)  # an epoch without a value is none
-    at = np.insert(at, 4, 2.5)
-    t = np.r_[-0.1, 0.0, 0.7, 2.6, 4.0, 6.9, 7.0, 7.1, 9.5, 9.6, 11.0, 11.1]
-    found, gone = interpolated(t, at, x), [True, *[False] * 6, True, True, False, False, True]
-    assert np.isnan(found).all(axis=1).tolist() == gone
+    x = np.insert(x, 5, np.nan, axis=0)  # an epoch without a value is none
+    at = np.insert(at, 5, 2.5)
+    t = np.r_[-3.1, -3, -2.9, -0.1, 0.0, 0.7, 2.6, 4, 6.9, 7, 7.1, 9.5, 9.6, 11, 11.1, 14.1]
+    found, gone = interpolated(t, at, x), np.isin(t, [-3.1, -2.9, -0.1, 7.1, 9.5, 11.1, 14.1])
+    assert (np.isnan(found).all(axis=1) == gone).all()
     good = np.isfinite(found[:, 0])
     np.testing.assert_allclose(found[good], np.stack([t**2 - 3 * t, 5 - t], axis=1)[good])
     short = np.r_[0.0, 0.1, 0.2, 1.15, 1.25, 2.3, 2.4]
@@ -479,10 +477,12 @@ def test_a_loss_and_a_jump_are_longer_than_the_rules_say(dt, lost, aside, side):
         later = t + (gap - dt) * (t > t[20])
         loss = [("loss", *np.round([t[20], t[20] + gap, gap], 6))] if gap == lost[1] else []
         assert happened(track(later, later[:, None] * ROAD)) == loss
-        xy = t[:, None] * ROAD + off * side * (t > t[20])[:, None]
-        jump = [("jump", *np.round([t[20], t[21], off], 6))] if off == aside[1] else []
+        xy = t[:, None] * ROAD + off * side * ((t > t[20]) & (t < t[24]))[:, None]  # and back
+        jump = [("jump", *np.round([*t[k : k + 2], off], 6)) for k in (20, 23) if off == aside[1]]
         assert happened(track(t, xy)) == jump
-        assert happened(track(-t[::-1], xy[::-1])) == [(k, -b, -a, size) for k, a, b, size in jump]
+        assert happened(track(-t[::-1], xy[::-1])) == [
+            (k, -b, -a, size) for k, a, b, size in jump[::-1]
+        ]
     assert happened(track(t[:2], t[:2, None] * ROAD)) == []
 
 
@@ -494,7 +494,8 @@ def test_a_jump_along_the_road_where_stamps_are_irregular_is_one_of_time():
         (0.1, (2, -13), "time step"), (0.1, (3, -13), "jump"), (0.02, (0, -13), "jump"),
     ):  # fmt: skip
         stamps = t + uneven * (-1) ** t
-        found = happened(track(stamps, stamps[:, None] * ROAD + np.outer(after, off)))
+        xy = stamps[:, None] * ROAD + np.outer(after, off)
+        found = happened(track(stamps, xy @ [[0.8, 0.6], [-0.6, 0.8]]))  # the road may turn
         assert found == [(kind, *np.round([stamps[19], stamps[20], np.hypot(*off)], 6))]
 
 
@@ -511,14 +512,14 @@ def test_holds_are_seen_by_what_moves_meanwhile():
         other = track(T, np.outer(ramp, travel * np.array([0.6, -0.8])), name="b")
         assert happened(track(T, xy, (0.0, 0.0)), other) == found
         angles = np.stack([np.sin(T), np.cos(T), 3 * T], axis=1)
-        turning = np.stack([0 * T, 0 * T, wrap(179 + travel * ramp)], axis=1)
+        turning = np.stack([0 * T, 0 * T, wrap(179 + travel * ramp + 9 * (T > 8))], axis=1)
         angles[(T > 5) & (T < 7.1)] = angles[25]
         found = [("attitude hold", 5.0, 7.0, travel)] * seen
         one = track(T, T[:, None] * ROAD, angles=angles)
         assert happened(one, track(T, T[:, None] * ROAD, angles=turning, name="b")) == found
         assert happened(one) == []
-    t = np.arange(101.0)
-    for last, kind in ((89.0, "hold"), (91.0, "frozen"), (1.0, None)):
+    t = np.arange(106.0)
+    for last, kind in ((94.0, "hold"), (95.0, "frozen"), (1.0, None)):
         stays = track(t, np.maximum(t, last)[:, None] * [1.0, 0.0])
         assert happened(stays) == ([(kind, 0.0, last, 5 * last)] if kind else [])
 
@@ -543,7 +544,7 @@ def test_spells_of_disagreement_by_their_rules(ab, ac, bc, who, spells):
         for far in (size, less):
             found = []
             for one, other, at in pairs:
-                off = np.full(100, 0.5)
+                off = np.full(100, 0.6 if one == "b" else 0.5)
                 for start, stop in zip(at[::2], at[1::2], strict=True):
                     off[start:stop] = far
                 found.append(Apart(one, other, what, t, off, usual))
@@ -828,26 +829,18 @@ def part(found, keep):
 
 BAD = {  # what is done to the second log (b of a and b) -> exit status, what is said
     "twice": (lambda a, b: a, 2, "the same log twice"),
-    "frozen": (
-        lambda a, b: changed(b, lat_deg=0 * b.gnss.t_s + 46, lon_deg=0 * b.gnss.t_s + 6),
-        *(1, "b is frozen"),
-    ),
+    "frozen": (lambda a, b: changed(b, lat_deg=0 * b.gnss.t_s + 46, lon_deg=0 * b.gnss.t_s + 6),
+               1, "b is frozen"),
     "elsewhere": (lambda a, b: changed(b, lat_deg=48 + 0 * b.gnss.t_s), 1, "not travel together"),
     "longitude": (lambda a, b: changed(b, lon_deg=-b.gnss.lon_deg), 1, "sign of its longitude"),
     "another day": (lambda a, b: backwards(a, b), 1, "not on one journey"),
-    "hours later": (
-        lambda a, b: changed(backwards(a, b), t_s=7000 + a.gnss.t_s[-1] + np.arange(296.0)),
-        *(1, "by their stamps 7000 s lie between them"),
-    ),
-    "standing": (
-        lambda a, b: changed(
-            b,
-            **{k: np.resize([v, v + 1e-6], 296) for k, v in (("lat_deg", 46.2), ("lon_deg", 6.1))},
-        ),
-        *(1, "b does not move (its scatter is 0.068 m)"),
-    ),
+    "hours later": (lambda a, b: changed(backwards(a, b), t_s=7297.8 + np.arange(296.0)),
+                    1, "by their stamps 7000 s lie between them"),
+    "standing": (lambda a, b: changed(b, lat_deg=np.resize([46.2, 46.2 + 1e-6], 296),
+                                      lon_deg=np.resize([6.1, 6.1 + 1e-6], 296)),
+                 1, "b does not move (its scatter is 0.068 m)"),
     "no fix": (lambda a, b: changed(b, lat_deg=np.nan * b.gnss.t_s), 1, "0 epochs with a position"),
-}
+}  # fmt: skip
 
 
 def backwards(a, b):
@@ -896,15 +889,12 @@ def test_conventions_are_found_and_put_right():
     ):
         one, other = local_tracks(named(a, unit(t, moved, attitude=(t, *angles))))
         right, sentences = conventions(other, one)
-        assert len(sentences) == len(said) and all(
-            any(words in sentence for sentence in sentences) for words in said
-        ), sentences
+        assert len(sentences) == len(said) and all(w in str(sentences) for w in said), sentences
         if "follows" in "".join(said):
             continue  # said, and left as it is
         off = (right.attitude - one.attitude + 180) % 360 - 180
-        expected = 4.0 if not said else 0.0
         # Parked, the direction of the noise-free path is undefined and both have the same.
-        np.testing.assert_allclose(np.median(off, axis=0), [0, 0, expected], atol=1e-6)
+        np.testing.assert_allclose(np.median(off, axis=0), [0, 0, 0 if said else 4], atol=1e-6)
 
 
 def test_what_is_constant_between_two_units():
@@ -934,7 +924,7 @@ def test_what_is_constant_between_two_units():
     ):  # fmt: skip
         told = datums(a, b, apart_by(east, north, np.nan, scatter))
         assert len(told) == bool(said) and all(said in sentence for sentence in told)
-    angles = np.tile([2.0, -3.0, 179.5], (100, 1)) + aside[:, None]
+    angles = np.tile([90.0, -3.0, 179.5], (100, 1)) + aside[:, None]
     angles[50] += [20.0, 0.0, -60.0]
     d = apart_by(5.0, 6.0, 0.0, 0.0, wrap(angles))
     ahead = np.stack([np.sin(np.radians(36 * t)), np.cos(np.radians(36 * t))], axis=1)
