@@ -413,3 +413,8 @@ def test_the_strongest_candidate_is_the_term_itself(kind, at, width):
     assert {c.kind for _, c in found} == {"warm_up", "step", "sinusoid", "temperature"}
     bare = added_terms.candidates(coarse, Terms(np.sqrt(2) * ONE))
     assert "temperature" not in {c.kind for _, c in bare}
+    for n, width in ((72, 16.0), (75, 32.0)):  # of 64 places a ramp of 32 leaves none, of 67 three
+        slow = added_terms.added_term("step", n / 2, width)
+        few = added_terms.Coarse.of(9.0 * slow.columns[0](np.arange(n) + 0.5), 1.0, 1)
+        widths = {c.width for _, c in added_terms.candidates(few, Terms(ONE))}
+        assert width in widths and max(widths) == width

@@ -245,25 +245,39 @@ def test_the_last_digits_of_the_likelihood_decide_nothing(log, channel, monkeypa
                 assert abs(a - b) < 0.01 * width, name
 
 
-def test_profile_of_a_parabola():
+@pytest.mark.parametrize("sizes", [(False, False, False), (True, True, False)])
+@pytest.mark.parametrize("along", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.5)])
+def test_profile_of_a_parabola(along, sizes):
     """analytic: of a quadratic surface the interval is the marginal one, and a wall is an end."""
-    precision = np.array([[2.0, 0.9], [0.9, 1.0]])
+    precision = np.array([[2.0, 0.9, 0.1], [0.9, 1.0, -0.3], [0.1, -0.3, 1.5]])
+    top, along = np.array([2.0, -1.0, 0.5]), np.array(along)
 
     def value(points):
-        return -0.5 * np.einsum("ri,ij,rj->r", points, precision, points)
+        return 7.0 - 0.5 * np.einsum("ri,ij,rj->r", points - top, precision, points - top)
 
-    plain = value, lambda point: precision, np.zeros(2, dtype=bool), np.full(2, -50.0)
-    surface = Surface(*plain, np.full(2, 50.0))
-    half = np.sqrt(chi2.ppf(0.95, 1) * np.linalg.inv(precision)[0, 0])
-    low, high = interval(surface, np.zeros(2), 0.0, np.array([1.0, 0.0]))
-    assert (low, high) == pytest.approx((-half, half), rel=1e-3)
-    tight = Surface(*plain, np.array([0.5 * half, 50.0]))
-    assert interval(tight, np.zeros(2), 0.0, np.array([1.0, 0.0]))[1] is None
-    for of, ends in ((surface, (True, True)), (tight, (True, False))):
-        at, fall, closed = profile_curve(of, np.zeros(2), 0.0, np.array([1.0, 0.0]), 50.0)
-        lost = -0.5 * chi2.ppf(0.95, 1) * (at / half) ** 2
+    plain = value, lambda point: precision, np.array(sizes), np.full(3, -9.0)
+    surface = Surface(*plain, np.full(3, 9.0))
+    assert surface.polished(top + 1e-3) == pytest.approx(top, abs=1e-8)
+    assert surface.maximum(top + 2.0, top - 1.0)[1] == pytest.approx(7.0, abs=1e-7)
+    spread, centre = np.linalg.inv(precision) @ along, along @ top
+    half = np.sqrt(chi2.ppf(0.95, 1) * along @ spread)
+    both = pytest.approx((centre - half, centre + half), rel=1e-3)
+    assert interval(surface, top, 7.0, along) == both
+    there, reached = surface.maximum_where(along, centre + half, [top])
+    assert there == pytest.approx(top + half * spread / (along @ spread), abs=2e-3)
+    assert reached == pytest.approx(7.0 - chi2.ppf(0.95, 1) / 2, abs=1e-6)
+    high = np.where(along > 0, top + 0.5 * half * spread / (along @ spread), 9.0)
+    tight = Surface(*plain, high)
+    for of, highest, most, ends in (
+        (surface, 99.0, 2.6, (True, True)), (tight, 99.0, 0.5, (True, False)),
+        (surface, 2.0, 1.9, (True, True)), (surface, 0.9, 0.9, (True, False)),
+        (surface, 0.0, 0.0, (True, False)), (tight, 0.0, 0.0, (True, False)),
+    ):  # fmt: skip
+        at, fall, closed = profile_curve(of, top, 7.0, along, centre + highest * half)
+        lost = -0.5 * chi2.ppf(0.95, 1) * ((at - centre) / half) ** 2
         np.testing.assert_allclose(fall, lost, rtol=1e-3, atol=1e-6)
-        assert closed == ends and at.max() >= 0.5 * half
+        reach = np.array([at.min(), at.max()]) - centre
+        assert closed == ends and reach / half == pytest.approx([-2.6, most], abs=1e-3)
 
 
 @pytest.mark.parametrize("what", ["corr_time", "sigma_b", "sigma_v"])

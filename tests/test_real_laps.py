@@ -19,18 +19,6 @@ LAP = "17-39-12"  # the one with the longest dropout
 PERFECT = {0: Sensor(0.0, 0.0)}
 
 
-def test_a_held_out_lap_is_tracked_well_under_a_metre():
-    """property: with a perfect gyro the map of the other laps holds this one, gaps and all."""
-    lap, others = terrain_data.lap_and_map(LAP)
-    options = {"runs": 3, "seed": 1}
-    laps = track_real_laps({LAP: (lap, others)}, PERFECT, Setup.reference(1557.0), **options)[LAP]
-    assert np.sqrt((laps.error**2).mean()) < 0.6
-    assert len(laps.odometry) == len(laps.distance) and np.isfinite(laps.error).all()
-    truth, moved, attitude = resample_lap(lap, 100.0)
-    assert attitude.shape == (1, len(truth)) and moved[0] == 0
-    assert 0 < np.isnan(attitude).mean() < 0.1  # RTK drops out, and is left out
-
-
 def test_on_a_level_map_odometry_is_all_there_is():
     """analytic: a filter is off by its start and by what the wheels have driven too much."""
     lap, others = terrain_data.lap_and_map(LAP)
