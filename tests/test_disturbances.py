@@ -447,3 +447,16 @@ def test_whose_level_changes_is_told_by_the_white_noise(m):
         levels = [d for d in uneven(y, DT, m, np.sqrt(share * avar * m)) if d.kind == "noise_level"]
         assert {d.affects for d in levels} == affects and len(levels) == len(affects)
         assert all((d.start_s, d.end_s) == pytest.approx((0.0, N * DT), rel=0.1) for d in levels)
+
+
+@pytest.mark.parametrize("noise", ["normal", "t5", "t3"])
+def test_isolated_spikes_are_left_out(noise):
+    """property: 20 spikes far beyond the rest are marked and said, with or without heavy tails."""
+    y = rng().standard_normal(N) if noise == "normal" else rng().standard_t(int(noise[1]), N)
+    at = rng(2).choice(N, 20, replace=False)
+    y[at] += rng(3).choice([-1, 1], 20) * np.geomspace(2e3, 1e5, 20)
+    marked, (found,) = spikes(y, DT)
+    assert marked[at].all() and marked.sum() < 60  # with what is within 10 samples of a spike
+    assert found.kind == "spikes" and "20" in found.note and not found.affects
+    ends = at.min() * DT, at.max() * DT
+    assert (found.start_s, found.end_s) == pytest.approx(ends, abs=2.0)
