@@ -13,7 +13,6 @@ import inspect
 import re
 import shutil
 import sys
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
@@ -24,7 +23,7 @@ import pandas as pd
 from PIL import Image
 
 from analysis import FIGURES, ROOT, claims, figures, provenance, store
-from workbench import citation, reproduce
+from workbench import citation
 
 NOTEBOOKS, TEMPLATES = ROOT / "notebooks", Path(__file__).parent / "pages"
 ADDRESS = provenance.citation_file().get("repository-code", "")
@@ -86,23 +85,17 @@ class Figure(NamedTuple):
         )
 
 
-@cache
-def messages() -> dict[str, str]:
-    """Give what the figure of a finding says, by its name; what a notebook says, by its stem."""
-    titles = {path.stem: f"{reproduce.title(path)}." for path in NOTEBOOKS.glob("*.ipynb")}
-    return titles | claims.findings().set_index("figure")["sentence"].to_dict()
-
-
 def alternative(name: str, head: dict, table: pd.DataFrame) -> str:
-    """Tell one who does not see a figure what it is for; then axes and series of each panel."""
-    message, panels = messages().get(name) or messages()[head["notebook"]], []
+    """Tell one who does not see a figure what it found, if it leads; then axes and series."""
+    found = claims.findings().set_index("figure")["sentence"]
+    message, panels = f"{found[name]} " if name in found else "", []
     for title, axes in head["axes"].items():
         series = table.loc[table["panel"] == title, "series"].unique()
         more = f" and {len(series) - 6} more" if len(series) > 6 else ""
         named = "" if axes["y"].startswith(title) else f"{title}: "
         panels.append(f"{named}{axes['y']} against {axes['x']}; {', '.join(series[:6])}{more}")
     counted = f"{len(panels)} panels. " if len(panels) > 1 else ""
-    return f"{message} Plot. {counted}{'. '.join(panels or [head['caption']])}."
+    return f"{message}Plot. {counted}{'. '.join(panels or [head['caption']])}."
 
 
 def galleries(drawn: list[str]) -> dict[str, list[tuple[str, str]]]:

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from analysis import CannotAnswer, resampling, store
 from analysis.tracker import attitude
 from analysis.tracker.device import Options
+from analysis.tracker.evaluate import ratio_interval
 from analysis.tracker.log_replay import replay
 from sensorlogs import datasets
 from sensorlogs.timeline import Timeline
@@ -30,7 +31,7 @@ SETTLED_S = 30.0  # s from the start that are not judged
 PHONES = "2023-08-09_12-47-42", "2025-06-11_20-34-24", "2025-06-14_21-17-02"
 DRIVEN = 1.0  # m/s
 QUIET_S = 10.0  # s of the quietest stretch, which shows the white noise of a gyro
-BLOCK_S, DRAWS = 10.0, 4000  # of the bootstrap of a ratio of errors; a block outlasts most of them
+BLOCK_S = 10.0  # of the bootstrap of a ratio of errors: longer than most of them last
 RATES = [(gain,) for gain in (0.003, 0.01, 0.03, 0.1, 0.3)]
 GAINS = {"Madgwick": RATES, "Mahony": [*product((0.03, 0.1, 0.3, 1.0), (1e-9, 1e-3))], "EKF": RATES}
 POSE = "comma2k19/segment/global_pose/frame_orientations"
@@ -149,33 +150,34 @@ def errors(down, log, true):
 
 def compared(own, off, log):
     """Rms of one error, its epochs, and the ratio of our rms to it with its 95 % interval."""
-    known = np.isfinite(own + off)
-    squares = np.column_stack([own, off])[known] ** 2
+    squares = np.column_stack([own, off])[np.isfinite(own + off)] ** 2
     n, block = len(squares), round(BLOCK_S / np.median(np.diff(log.gnss.t_s)))
-    begins = resampling.drawn(n, DRAWS, np.random.default_rng(1), block)
-    again = squares[(begins[:, :, None] + np.arange(block)) % n].mean(axis=(1, 2))
-    ends = [np.nan] * 2  # of a log with too few blocks
-    if n >= resampling.FEWEST_BLOCKS * block:
-        ends = resampling.interval(np.sqrt(again[:, 0] / again[:, 1]))
-    rms = np.sqrt(squares.mean(axis=0))
-    ratio = dict(zip(("ours_over", "low", "high"), (rms[0] / rms[1], *ends), strict=True))
-    return {"vertical_deg": rms[1], "epochs": n} | ratio
+    blocks = squares[: n - n % block].reshape(-1, block, 2).mean(axis=1)
+    ratio = ratio_interval(*blocks.T, np.random.default_rng(1))
+    ends = np.sqrt([ratio.value, ratio.low, ratio.high])
+    ends[1:] = np.nan if len(blocks) < resampling.FEWEST_BLOCKS else ends[1:]
+    found = dict(zip(("ours_over", "low", "high"), ends, strict=True))
+    return {"vertical_deg": np.sqrt(squares[:, 1].mean()), "epochs": n} | found
 
 
 def judged(name):
     """Judge every filter at every gain on one log."""
-    log, true = CASES[name]()
-    true, by_deg = turned(log, true) if name.startswith("phone") else (true, np.nan)
+    log, as_it_is = CASES[name]()
+    phone = name.startswith("phone")
+    true, by_deg = turned(log, as_it_is) if phone else (as_it_is, np.nan)
     ways = {(kind, ""): way for kind, way in OURS.items()}
     for kind, gains in GAINS.items():
         for gain in gains:
             ways[kind, " ".join(f"{g:g}" for g in gain)] = partial(theirs, kind, gain)
-    off = {key: errors(way(log), log, true) for key, way in ways.items()}
-    return [
-        {"log": name, "turned_deg": by_deg, "filter": kind, "gain": gain}
-        | compared(off["block 2", ""], one, log)
-        for (kind, gain), one in off.items()
-    ]
+    down = {key: way(log) for key, way in ways.items()}
+    off, other = ({k: errors(d, log, to) for k, d in down.items()} for to in (true, as_it_is))
+    rows = []
+    for (kind, gain), one in off.items():
+        row = {"log": name, "turned_deg": by_deg, "filter": kind, "gain": gain}
+        row |= compared(off["block 2", ""], one, log)
+        unturned = compared(other["block 2", ""], other[kind, gain], log)
+        rows.append(row | {f"unturned_{k}": unturned[k] for k in ("ours_over", "low", "high")})
+    return rows
 
 
 def chosen(every):

@@ -225,7 +225,7 @@ class Scenario:
         angles = np.column_stack([pitch_deg, roll_deg])[use]
         given = Rotation.from_euler("YX", angles, degrees=True).as_matrix()[:, 2]
         cosines = [np.vecdot(d, self.C_nb[use, 2]) for d in (given, down[use])]
-        return tuple(float((np.degrees(np.arccos(np.minimum(c, 1))) ** 2).mean()) for c in cosines)
+        return tuple(float((np.degrees(np.arccos(np.clip(c, -1, 1))) ** 2).mean()) for c in cosines)
 
     @property
     def first_turn_s(self):
