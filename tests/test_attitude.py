@@ -78,7 +78,10 @@ def test_the_cascade_is_three_dense_filters():
         sums, static = np.zeros((3, 3)), {"static": True} if k < 5 * RATE else {}
         for w, f, before in zip(gyro[k : k + n], accel[k : k + n], gyro[k - 1 :], strict=False):
             block.imu(w, f, dt, **static)
-            a, swing = 0.5 * dt * (w - b), 0.0 if static else dt**2 * np.sum((w - before) ** 2) / 2
+            a, swing = (
+                0.5 * dt * ((w + before) / 2 - b),
+                0.0 if static else dt**2 * np.sum((w - before) ** 2) / 2,
+            )
             W = np.cross(a, unit)  # W x = x cross a
             F = unit + 2 / (1 + a @ a) * (W + W @ W)
             for i in (0, 1):

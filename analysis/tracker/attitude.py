@@ -51,6 +51,10 @@ class Attitude:
     heading_known : bool
         Whether a course has come since; before that, yaw counts from the direction at the start.
         Set to False, the yaw starts anew from the next heading.
+    rate : sequence of 3 floats
+        rad/s, between the last two samples: their mean.
+    doubt : float
+        Variance (rad^2) of the angle turned in between, where the rate may have been any.
 
     Examples
     --------
@@ -71,7 +75,8 @@ class Attitude:
         self.bias = GyroBiasFilter(number)
         self.ready = self.heading_known = False
         self._external, self._mean_external, self._vehicle = [0.0] * 3, [0.0] * 3, None
-        self._rate = (0.0, 0.0, 0.0)
+        self._last = self.rate = (0.0, 0.0, 0.0)
+        self.doubt = 0.0
         self._clear_sums()
 
     @property
@@ -99,8 +104,9 @@ class Attitude:
             dt = 0.0
         wx, wy, wz = gyro_b
         fx, fy, fz = accel_b
-        change = [w - before for w, before in zip(gyro_b, self._rate)]
-        self._rate = gyro_b
+        change = [w - last for w, last in zip(gyro_b, self._last)]
+        self._last, self.rate = gyro_b, [w - 0.5 * c for w, c in zip(gyro_b, change)]
+        self.doubt = 0.5 * dt * dt * dot(change, change)
         add(self._gyro, gyro_b)  # over the epoch, for the bias
         add(self._gyro_square, (wx * wx, wy * wy, wz * wz))
         self._samples += 1
@@ -108,13 +114,12 @@ class Attitude:
         if not self.ready:
             self._align(accel_b)
             return
-        bx, by, bz = self.bias.x
         half = 0.5 * dt
-        a, b, c = half * (wx - bx), half * (wy - by), half * (wz - bz)
+        a, b, c = [half * (w - bias) for w, bias in zip(self.rate, self.bias.x)]
         self.yaw.predict(a, b, c, dt)
         before = self.tilt.predict(a, b, c, dt)
-        if not static:  # between two samples the rate may have been any of their kind
-            self.tilt.p += 0.5 * dt * dt * dot(change, change)
+        if not static:
+            self.tilt.p += self.doubt
         variance = SIGMA_ACCEL * SIGMA_ACCEL if static else self._accel_variance(dt)
         scale = -1 / STANDARD_GRAVITY
         z = fx * scale, fy * scale, fz * scale

@@ -567,8 +567,9 @@ static void attitude_imu(Attitude *b, const number gyro[3], const number accel[3
     dt = 0;
   }
   number change[3];
-  EACH(k, 3) change[k] = gyro[k] - b->rate[k];
-  copy(b->rate, gyro);
+  EACH(k, 3) change[k] = gyro[k] - b->last[k], b->rate[k] = gyro[k] - R(0.5) * change[k];
+  copy(b->last, gyro);
+  b->doubt = R(0.5) * dt * dt * dot(change, change);
   add(b->gyro, gyro);
   EACH(k, 3) b->gyro_square[k] += gyro[k] * gyro[k];
   b->samples++;
@@ -578,11 +579,11 @@ static void attitude_imu(Attitude *b, const number gyro[3], const number accel[3
     return;
   }
   number a[3], z[3], before[3], turn[3], scale = -1 / GRAVITY;
-  EACH(k, 3) a[k] = R(0.5) * dt * (gyro[k] - b->bias.x[k]);
+  EACH(k, 3) a[k] = R(0.5) * dt * (b->rate[k] - b->bias.x[k]);
   direction_predict(&b->yaw, a, dt);
   direction_predict(&b->tilt, a, dt);
   copy(before, b->tilt.x);
-  if (!is_static) b->tilt.p += R(0.5) * dt * dt * dot(change, change);
+  if (!is_static) b->tilt.p += b->doubt;
   number variance = SQUARE(ATTITUDE_SIGMA_ACCEL);
   if (!is_static) variance = attitude_accel_variance(b, dt);
   EACH(k, 3) z[k] = accel[k] * scale;
@@ -873,7 +874,7 @@ typedef struct {
   number coefficient;
 } Term;
 
-static void car_wait(Constrained *b) { b->seconds = 0, zero(b->force), zero(b->turned); }
+static void car_wait(Constrained *b) { b->seconds = b->doubt = 0, zero(b->force), zero(b->turned); }
 
 static void car_start(Constrained *b, const number position[3], const number velocity[2],
                       const Attitude *attitude, const number down[3], number mount, number sigma_p,
@@ -983,7 +984,7 @@ static void car_carry(Constrained *b) {
   number turning = SQUARE(CONSTRAINED_RATE_WHITE) + rate * rate * CONSTRAINED_RATE_S;
   EACH(i, 3) {
     b->P[SPEED + i][SPEED + i] += SQUARE(CONSTRAINED_SIGMA_FORCE) * T;
-    b->P[TILT + i][TILT + i] += turning * T;
+    b->P[TILT + i][TILT + i] += turning * T + b->doubt;
     b->P[GYRO + i][GYRO + i] += SQUARE(CONSTRAINED_GYRO_WALK) * T;
     b->P[ACCEL + i][ACCEL + i] += SQUARE(CONSTRAINED_ACCEL_WALK) * T;
   }
@@ -1016,7 +1017,7 @@ static void car_constrain(Constrained *b, bool is_static) {
 }
 
 static void car_sample(Constrained *b, const number gyro[3], const number accel[3], number dt,
-                       bool is_static) {
+                       bool is_static, number doubt) {
   number half = R(0.5) * dt, a[3], f[3], before[2] = {b->velocity[0], b->velocity[1]};
   EACH(k, 3) a[k] = half * (gyro[k] - b->gyro_bias[k]), f[k] = accel[k] - b->accel_bias[k];
   EACH(i, 3) {
@@ -1028,6 +1029,7 @@ static void car_sample(Constrained *b, const number gyro[3], const number accel[
   EACH(i, 2) b->position[i] += half * (before[i] + b->velocity[i]);
   add(b->turned, a);
   b->seconds += dt;
+  b->doubt += doubt;
   if (b->seconds + R(0.5) * dt >= CONSTRAINED_STEP_S) {
     car_carry(b);
     car_constrain(b, is_static);
@@ -1165,7 +1167,8 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
     car->started = dt <= DEVICE_GAP_S;
     bool lost = t_s - d->t_fix > (wide)DEVICE_GAP_S, steady = d->rest.steady;
     bool creeps = SQUARE(car->velocity[0]) + SQUARE(car->velocity[1]) < SQUARE(CONSTRAINED_CREEP);
-    car_sample(car, gyro_b, accel_b, dt, (lost && steady && creeps) || !d->still.moving);
+    bool still = (lost && steady && creeps) || !d->still.moving;
+    car_sample(car, block->rate, accel_b, dt, still, block->doubt);
   }
 }
 

@@ -209,7 +209,8 @@ class Device:
             car.started = dt <= GAP_S
             lost = t_s - self._t_fix > GAP_S  # block 3 keeps the last speed, the car has its own
             still = lost and bool(rest and rest.steady) and car.may_rest
-            car.sample(gyro_b, accel_b, dt, still or not self.static.moving)
+            still = still or not self.static.moving
+            car.sample(block.rate, accel_b, dt, still, block.doubt)
 
     def gnss(self, epoch):
         """Take in one GNSS epoch.
