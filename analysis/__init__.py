@@ -238,12 +238,6 @@ class Estimate:
         number, unit = self._customary()
         return None if self.value is None else f"{number(self.value)}{unit}"
 
-    @property
-    def interval_text(self):
-        """The interval in its customary unit, ``0.2 to 0.4 °/√h``; a bound where a side is open."""
-        number, unit = self._customary()
-        return self.between(number) + (unit if self._ends() else "")
-
     def __str__(self):
         """Write value and interval, or the refusal's bound, in the customary unit."""
         return self._written(*self._customary())

@@ -1,9 +1,12 @@
 """Numbers and tables in words, for notebooks, pages and the terminal."""
 
 from collections.abc import Mapping
+from numbers import Integral, Number
 from typing import Any
 
-from analysis import engineering
+import numpy as np
+
+from analysis import Estimate, engineering, without_exponents
 
 __all__ = ["duration", "table"]
 
@@ -19,17 +22,23 @@ class Shown(str):
         return f"<Markdown of {len(self.splitlines())} lines; print it to read it>"
 
 
-def table(rows: Any, key: str | None = None) -> Shown:
+def table(rows: Any, key: str | None = None, form: str | Mapping[str, str] = "") -> Shown:
     """Lay rows out as a table in Markdown, which notebooks and their readers elsewhere render.
+
+    Cells hold numbers, estimates, booleans or words. Integers count something, and are written as
+    they are; an `Estimate` with its interval, in its customary unit; other numbers with three
+    digits; booleans as yes and no; what is missing, NaN or None, as a dash.
 
     Parameters
     ----------
     rows : DataFrame, or dict of str to dict
         A dict gives a row for each entry: its name, then its cells by column, or a single cell in
-        a column "value". A cell is written by ``str``, so that an `Estimate` shows its interval; a
-        missing one is a dash.
+        a column "value".
     key : str, optional
         Heading of the first column, where `rows` is a dict or its index is to be shown.
+    form : str or dict of str to str, optional
+        How else estimates and numbers but integers are written, ``"{:.0%}"`` or ``"{:.1f}°"``: one
+        for all, or by heading, of a row or else of a column, and ``""`` for all others.
 
     Returns
     -------
@@ -37,24 +46,33 @@ def table(rows: Any, key: str | None = None) -> Shown:
     """
     import pandas as pd  # here, not above: what only writes a duration starts at once
 
-    if isinstance(rows, pd.DataFrame):
-        frame = rows if key is None else rows.rename_axis(key).reset_index()
-    else:
-        full = {k: v if isinstance(v, Mapping) else {"value": v} for k, v in rows.items()}
-        columns = list(dict.fromkeys(column for cells in full.values() for column in cells))
-        listed = [[name, *map(cells.get, columns)] for name, cells in full.items()]
-        frame = pd.DataFrame(listed, columns=[key or "", *columns], dtype=object)
+    if not isinstance(rows, pd.DataFrame):
+        full = [row if isinstance(row, Mapping) else {"value": row} for row in rows.values()]
+        rows, key = pd.DataFrame(full, index=list(rows), dtype=object), key or ""
+    frame = rows if key is None else rows.rename_axis(key).reset_index()
+    forms = {"": form} if isinstance(form, str) else form
 
     def line(cells):
-        cells = ["–" if _missing(cell) else str(cell) for cell in cells]
-        return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |"
+        return "| " + " | ".join(str(cell).replace("|", r"\|") for cell in cells) + " |"
+
+    def written(row):
+        known = (forms.get(row[0]) or forms.get(c) or forms.get("") for c in frame.columns)
+        return map(_written, row, known)
 
     head = [line(frame.columns), "|" + "---|" * len(frame.columns)]
-    return Shown("\n".join(head + [line(row) for row in frame.itertuples(index=False)]))
+    return Shown("\n".join(head + [line(written(row)) for row in frame.itertuples(index=False)]))
 
 
-def _missing(cell):
-    return cell is None or (isinstance(cell, float) and cell != cell)
+def _written(cell, form):
+    """Write a cell of a table, a number as `form` says."""
+    if cell is None or cell != cell:
+        return "–"
+    if isinstance(cell, (bool, np.bool_)):
+        return "yes" if cell else "no"
+    if isinstance(cell, Integral) or not isinstance(cell, (Number, Estimate)):
+        return str(cell)
+    form = form or ("{}" if isinstance(cell, Estimate) else "{:.3g}")
+    return without_exponents(form.format(cell)).replace("inf", "∞")
 
 
 def duration(hours: float | None) -> str:

@@ -118,33 +118,25 @@ def assumed_errors() -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A row an error, a column a scenario, written with units as a reader wants them.
+        A row an error, a column a scenario; the row has the unit.
     """
-
-    def pairs(parts):
-        return [f"{size:.3g} m, {seconds:g} s" for size, seconds in parts]
-
     columns = {}
     for name, (gnss, imu, pdop) in ASSUMED.items():
-        drift = [(float(f"{pdop * sigma:.2g}"), corr_time) for sigma, corr_time in gnss.drift]
+        starts = GnssErrors.STARTS.values() if name == "A" else ()
         columns[name] = {
-            "drift per axis at the PDOP of": f"{pdop:g}",
-            "- standard deviation and correlation time": "; ".join(pairs(drift)),
-            "- white noise (m)": f"{gnss.white_m * pdop:.2f}",
-            "- each velocity component, white (m/s)": f"{gnss.speed_m_s * pdop:.2f}",
-            "settling: size and time constant": "–",
-            "accelerometer, white, one sample (mm/s²)": f"{1e3 * imu.accel_white:.1f}",
-            "- constant bias, σ of each axis (m/s²)": f"{imu.accel_bias:g}",
-            "- vibration per speed (m/s² per m/s)": f"{imu.vibration:g}",
-            "- engine's line at idle, amplitude of each axis (m/s²)": f"{imu.engine:g}",
-            "gyro, white, one sample (°/s)": f"{math.degrees(imu.gyro_white):.3f}",
-            "- constant bias, σ of each axis (°/s)": f"{math.degrees(imu.gyro_bias):g}",
+            "PDOP, of the position errors per axis": pdop,
+            **{f"- drift, correlation time {t:g} s (m)": pdop * size for size, t in gnss.drift},
+            "- white noise (m)": gnss.white_m * pdop,
+            "- each velocity component, white (m/s)": gnss.speed_m_s * pdop,
+            **{f"settling of a start, time constant {t:g} s (m)": size for size, t in starts},
+            "accelerometer, white, one sample (mm/s²)": 1e3 * imu.accel_white,
+            "- constant bias, σ of each axis (m/s²)": imu.accel_bias,
+            "- vibration per speed (m/s² per m/s)": imu.vibration,
+            "- engine's line at idle, amplitude of each axis (m/s²)": imu.engine,
+            "gyro, white, one sample (°/s)": math.degrees(imu.gyro_white),
+            "- constant bias, σ of each axis (°/s)": math.degrees(imu.gyro_bias),
         }
-    table = pd.DataFrame(columns).rename_axis("assumed")
-    table.loc["settling: size and time constant", "A"] = " or ".join(
-        pairs(GnssErrors.STARTS.values())
-    )
-    return table.reset_index()
+    return pd.DataFrame(columns)
 
 
 @dataclass(frozen=True)
