@@ -70,10 +70,10 @@ def difference(a, b):
     return found
 
 
-def fed(block, gyro, accel, count=4, dt=0.02, doubt=0.0):
+def fed(block, gyro, accel, count=4, dt=0.02):
     """Feed the same sample a few times, less than a step of the covariance."""
     for _ in range(count):
-        block.sample(gyro, accel, dt, doubt=doubt)
+        block.sample(gyro, accel, dt)
     return block
 
 
@@ -112,14 +112,20 @@ def test_the_transition_is_the_derivative_of_the_motion():
         F[:, k] = difference(end, off) / size
     A = np.random.default_rng(1).standard_normal((STATES, STATES))
     for P in (0 * A, A @ A.T / STATES):
-        carried = fed(nominal(start), gyro, accel, dt=dt, doubt=dt)
+        carried = fed(nominal(start), gyro, accel, dt=dt)
         carried.P = P.tolist()
         carried._carry()
         if not P.any():
             c = constrained
             turning = c.RATE_WHITE**2 + c.RATE_SHARE**2 * 10.0 * rate @ rate
-            each = [0.0, c.SIGMA_FORCE, np.sqrt(turning + 1.0), c.GYRO_WALK, c.ACCEL_WALK]
-            each = np.square([*each, c.MOUNT_WALK])
+            each = [
+                0.0,
+                c.SIGMA_FORCE**2,
+                turning,
+                c.GYRO_WALK**2,
+                c.ACCEL_WALK**2,
+                c.MOUNT_WALK**2,
+            ]
             Q = 4 * dt * np.diag(np.repeat(each, [2, 3, 3, 3, 3, 2]))
             np.testing.assert_allclose(carried.P, Q, rtol=1e-6)
         np.testing.assert_allclose(carried.P, F @ P @ F.T + Q, atol=1e-5)

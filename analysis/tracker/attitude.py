@@ -53,8 +53,6 @@ class Attitude:
         Set to False, the yaw starts anew from the next heading.
     rate : sequence of 3 floats
         rad/s, between the last two samples: their mean.
-    doubt : float
-        Variance (rad^2) of the angle turned in between, where the rate may have been any.
 
     Examples
     --------
@@ -76,7 +74,6 @@ class Attitude:
         self.ready = self.heading_known = False
         self._external, self._mean_external, self._vehicle = [0.0] * 3, [0.0] * 3, None
         self._last = self.rate = (0.0, 0.0, 0.0)
-        self.doubt = 0.0
         self._clear_sums()
 
     @property
@@ -106,7 +103,6 @@ class Attitude:
         fx, fy, fz = accel_b
         change = [w - last for w, last in zip(gyro_b, self._last)]
         self._last, self.rate = gyro_b, [w - 0.5 * c for w, c in zip(gyro_b, change)]
-        self.doubt = 0.5 * dt * dt * dot(change, change)
         add(self._gyro, gyro_b)  # over the epoch, for the bias
         add(self._gyro_square, (wx * wx, wy * wy, wz * wz))
         self._samples += 1
@@ -118,8 +114,8 @@ class Attitude:
         a, b, c = [half * (w - bias) for w, bias in zip(self.rate, self.bias.x)]
         self.yaw.predict(a, b, c, dt)
         before = self.tilt.predict(a, b, c, dt)
-        if not static:
-            self.tilt.p += self.doubt
+        if not static:  # between two samples the rate may have been any of their kind
+            self.tilt.p += 0.5 * dt * dt * dot(change, change)
         variance = SIGMA_ACCEL * SIGMA_ACCEL if static else self._accel_variance(dt)
         scale = -1 / STANDARD_GRAVITY
         z = fx * scale, fy * scale, fz * scale

@@ -96,9 +96,9 @@ class Constrained:
         self.started = True
 
     def _wait(self):
-        self._seconds, self._force, self._turned, self._doubt = 0.0, [0.0] * 3, [0.0] * 3, 0.0
+        self._seconds, self._force, self._turned = 0.0, [0.0] * 3, [0.0] * 3
 
-    def sample(self, gyro_b, accel_b, dt, static=False, doubt=0.0):
+    def sample(self, gyro_b, accel_b, dt, static=False):
         """Carry the state over one IMU sample.
 
         Parameters
@@ -108,8 +108,6 @@ class Constrained:
         dt : float
         static : bool
             Block 3 judges the vehicle static.
-        doubt : float
-            Variance of the angle turned, rad^2, beside that of every gyro.
         """
         half = 0.5 * dt
         a, b, c = (half * (w - o) for w, o in zip(gyro_b, self.gyro_bias))
@@ -133,7 +131,6 @@ class Constrained:
         self.position[1] += half * (before[1] + velocity[1])
         add(self._turned, (a, b, c))
         self._seconds += dt
-        self._doubt += doubt
         if self._seconds + 0.5 * dt >= STEP_S:
             self._carry()
             self._constrain(static)
@@ -213,7 +210,7 @@ class Constrained:
         rate *= RATE_SHARE
         noise = (
             (SPEED, SIGMA_FORCE * SIGMA_FORCE * T),
-            (TILT, (RATE_WHITE * RATE_WHITE + rate * rate * RATE_S) * T + self._doubt),
+            (TILT, (RATE_WHITE * RATE_WHITE + rate * rate * RATE_S) * T),
             (GYRO, GYRO_WALK * GYRO_WALK * T),
             (ACCEL, ACCEL_WALK * ACCEL_WALK * T),
         )

@@ -569,7 +569,6 @@ static void attitude_imu(Attitude *b, const number gyro[3], const number accel[3
   number change[3];
   EACH(k, 3) change[k] = gyro[k] - b->last[k], b->rate[k] = gyro[k] - R(0.5) * change[k];
   copy(b->last, gyro);
-  b->doubt = R(0.5) * dt * dt * dot(change, change);
   add(b->gyro, gyro);
   EACH(k, 3) b->gyro_square[k] += gyro[k] * gyro[k];
   b->samples++;
@@ -583,7 +582,7 @@ static void attitude_imu(Attitude *b, const number gyro[3], const number accel[3
   direction_predict(&b->yaw, a, dt);
   direction_predict(&b->tilt, a, dt);
   copy(before, b->tilt.x);
-  if (!is_static) b->tilt.p += b->doubt;
+  if (!is_static) b->tilt.p += R(0.5) * dt * dt * dot(change, change);
   number variance = SQUARE(ATTITUDE_SIGMA_ACCEL);
   if (!is_static) variance = attitude_accel_variance(b, dt);
   EACH(k, 3) z[k] = accel[k] * scale;
@@ -874,7 +873,7 @@ typedef struct {
   number coefficient;
 } Term;
 
-static void car_wait(Constrained *b) { b->seconds = b->doubt = 0, zero(b->force), zero(b->turned); }
+static void car_wait(Constrained *b) { b->seconds = 0, zero(b->force), zero(b->turned); }
 
 static void car_start(Constrained *b, const number position[3], const number velocity[2],
                       const Attitude *attitude, const number down[3], number mount, number sigma_p,
@@ -984,7 +983,7 @@ static void car_carry(Constrained *b) {
   number turning = SQUARE(CONSTRAINED_RATE_WHITE) + rate * rate * CONSTRAINED_RATE_S;
   EACH(i, 3) {
     b->P[SPEED + i][SPEED + i] += SQUARE(CONSTRAINED_SIGMA_FORCE) * T;
-    b->P[TILT + i][TILT + i] += turning * T + b->doubt;
+    b->P[TILT + i][TILT + i] += turning * T;
     b->P[GYRO + i][GYRO + i] += SQUARE(CONSTRAINED_GYRO_WALK) * T;
     b->P[ACCEL + i][ACCEL + i] += SQUARE(CONSTRAINED_ACCEL_WALK) * T;
   }
@@ -1017,7 +1016,7 @@ static void car_constrain(Constrained *b, bool is_static) {
 }
 
 static void car_sample(Constrained *b, const number gyro[3], const number accel[3], number dt,
-                       bool is_static, number doubt) {
+                       bool is_static) {
   number half = R(0.5) * dt, a[3], f[3], before[2] = {b->velocity[0], b->velocity[1]};
   EACH(k, 3) a[k] = half * (gyro[k] - b->gyro_bias[k]), f[k] = accel[k] - b->accel_bias[k];
   EACH(i, 3) {
@@ -1029,7 +1028,6 @@ static void car_sample(Constrained *b, const number gyro[3], const number accel[
   EACH(i, 2) b->position[i] += half * (before[i] + b->velocity[i]);
   add(b->turned, a);
   b->seconds += dt;
-  b->doubt += doubt;
   if (b->seconds + R(0.5) * dt >= CONSTRAINED_STEP_S) {
     car_carry(b);
     car_constrain(b, is_static);
@@ -1167,8 +1165,7 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
     car->started = dt <= DEVICE_GAP_S;
     bool lost = t_s - d->t_fix > (wide)DEVICE_GAP_S, steady = d->rest.steady;
     bool creeps = SQUARE(car->velocity[0]) + SQUARE(car->velocity[1]) < SQUARE(CONSTRAINED_CREEP);
-    bool still = (lost && steady && creeps) || !d->still.moving;
-    car_sample(car, block->rate, accel_b, dt, still, block->doubt);
+    car_sample(car, block->rate, accel_b, dt, (lost && steady && creeps) || !d->still.moving);
   }
 }
 

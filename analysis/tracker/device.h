@@ -93,7 +93,7 @@ typedef struct {
   Direction tilt, yaw;
   GyroBias bias;
   bool ready, heading_known;
-  number external[3], mean_external[3], vehicle, last[3], rate[3], doubt;
+  number external[3], mean_external[3], vehicle, last[3], rate[3];
   number turned[3], gyro[3], gyro_square[3], accel[3], seconds;
   int samples;
 } Attitude;
@@ -121,7 +121,7 @@ typedef struct {
 typedef struct {
   bool started;
   number position[2], velocity[3], C_nb[3][3], C_vb[3][3], gyro_bias[3], accel_bias[3];
-  number P[STATES][STATES], error[STATES], seconds, force[3], turned[3], doubt, slide;
+  number P[STATES][STATES], error[STATES], seconds, force[3], turned[3], slide;
 } Constrained;
 
 typedef struct {

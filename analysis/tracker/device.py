@@ -209,8 +209,7 @@ class Device:
             car.started = dt <= GAP_S
             lost = t_s - self._t_fix > GAP_S  # block 3 keeps the last speed, the car has its own
             still = lost and bool(rest and rest.steady) and car.may_rest
-            still = still or not self.static.moving
-            car.sample(block.rate, accel_b, dt, still, block.doubt)
+            car.sample(block.rate, accel_b, dt, still or not self.static.moving)
 
     def gnss(self, epoch):
         """Take in one GNSS epoch.
