@@ -51,8 +51,8 @@ class Attitude:
     heading_known : bool
         Whether a course has come since; before that, yaw counts from the direction at the start.
         Set to False, the yaw starts anew from the next heading.
-    rate : sequence of 3 floats
-        rad/s, between the last two samples: their mean.
+    last : sequence of 3 floats
+        The last sample of the gyro, rad/s.
 
     Examples
     --------
@@ -73,7 +73,7 @@ class Attitude:
         self.bias = GyroBiasFilter(number)
         self.ready = self.heading_known = False
         self._external, self._mean_external, self._vehicle = [0.0] * 3, [0.0] * 3, None
-        self._last = self.rate = (0.0, 0.0, 0.0)
+        self.last = (0.0, 0.0, 0.0)
         self._clear_sums()
 
     @property
@@ -101,8 +101,8 @@ class Attitude:
             dt = 0.0
         wx, wy, wz = gyro_b
         fx, fy, fz = accel_b
-        change = [w - last for w, last in zip(gyro_b, self._last)]
-        self._last, self.rate = gyro_b, [w - 0.5 * c for w, c in zip(gyro_b, change)]
+        change = [w - last for w, last in zip(gyro_b, self.last)]
+        self.last = gyro_b
         add(self._gyro, gyro_b)  # over the epoch, for the bias
         add(self._gyro_square, (wx * wx, wy * wy, wz * wz))
         self._samples += 1
@@ -111,7 +111,8 @@ class Attitude:
             self._align(accel_b)
             return
         half = 0.5 * dt
-        a, b, c = [half * (w - bias) for w, bias in zip(self.rate, self.bias.x)]
+        both = zip(gyro_b, change, self.bias.x)
+        a, b, c = [half * (w - 0.5 * d - bias) for w, d, bias in both]
         self.yaw.predict(a, b, c, dt)
         before = self.tilt.predict(a, b, c, dt)
         if not static:  # between two samples the rate may have been any of their kind

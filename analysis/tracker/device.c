@@ -567,7 +567,7 @@ static void attitude_imu(Attitude *b, const number gyro[3], const number accel[3
     dt = 0;
   }
   number change[3];
-  EACH(k, 3) change[k] = gyro[k] - b->last[k], b->rate[k] = gyro[k] - R(0.5) * change[k];
+  EACH(k, 3) change[k] = gyro[k] - b->last[k];
   copy(b->last, gyro);
   add(b->gyro, gyro);
   EACH(k, 3) b->gyro_square[k] += gyro[k] * gyro[k];
@@ -578,7 +578,7 @@ static void attitude_imu(Attitude *b, const number gyro[3], const number accel[3
     return;
   }
   number a[3], z[3], before[3], turn[3], scale = -1 / GRAVITY;
-  EACH(k, 3) a[k] = R(0.5) * dt * (b->rate[k] - b->bias.x[k]);
+  EACH(k, 3) a[k] = R(0.5) * dt * (gyro[k] - R(0.5) * change[k] - b->bias.x[k]);
   direction_predict(&b->yaw, a, dt);
   direction_predict(&b->tilt, a, dt);
   copy(before, b->tilt.x);
@@ -1143,6 +1143,8 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
       attitude_restart(block, d->rest.force, d->rest.rate);
     d->still.quiet = d->rest.steady ? YES : NO;
   }
+  number mean[3];
+  EACH(k, 3) mean[k] = R(0.5) * (gyro_b[k] + block->last[k]);
   attitude_imu(block, gyro_b, accel_b, dt, !d->still.moving);
   if (!block->ready) return;
   number ax, ay;
@@ -1165,7 +1167,7 @@ void device_imu(Device *d, wide t_s, const number gyro_b[3], const number accel_
     car->started = dt <= DEVICE_GAP_S;
     bool lost = t_s - d->t_fix > (wide)DEVICE_GAP_S, steady = d->rest.steady;
     bool creeps = SQUARE(car->velocity[0]) + SQUARE(car->velocity[1]) < SQUARE(CONSTRAINED_CREEP);
-    car_sample(car, block->rate, accel_b, dt, (lost && steady && creeps) || !d->still.moving);
+    car_sample(car, mean, accel_b, dt, (lost && steady && creeps) || !d->still.moving);
   }
 }
 

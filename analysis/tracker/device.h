@@ -93,7 +93,7 @@ typedef struct {
   Direction tilt, yaw;
   GyroBias bias;
   bool ready, heading_known;
-  number external[3], mean_external[3], vehicle, last[3], rate[3];
+  number external[3], mean_external[3], vehicle, last[3];
   number turned[3], gyro[3], gyro_square[3], accel[3], seconds;
   int samples;
 } Attitude;

@@ -189,6 +189,7 @@ class Device:
             if quiet and self._slow and self.static.moving and block.ready:
                 block.restart(rest.force, rest.rate)
             self.static.quiet = rest.steady
+        last = block.last
         block.imu(gyro_b, accel_b, dt, not self.static.moving)
         if not block.ready:
             return
@@ -209,7 +210,8 @@ class Device:
             car.started = dt <= GAP_S
             lost = t_s - self._t_fix > GAP_S  # block 3 keeps the last speed, the car has its own
             still = lost and bool(rest and rest.steady) and car.may_rest
-            car.sample(block.rate, accel_b, dt, still or not self.static.moving)
+            mean = [0.5 * (w + v) for w, v in zip(gyro_b, last)]
+            car.sample(mean, accel_b, dt, still or not self.static.moving)
 
     def gnss(self, epoch):
         """Take in one GNSS epoch.
