@@ -241,8 +241,7 @@ class Estimate:
     @property
     def interval_text(self):
         """The interval in its customary unit, ``0.2 to 0.4 °/√h``; a bound where a side is open."""
-        number, unit = self._customary()
-        return self.between(number) + (unit if self._ends() else "")
+        return self.between(*self._customary())
 
     def __str__(self):
         """Write value and interval, or the refusal's bound, in the customary unit."""
@@ -252,23 +251,21 @@ class Estimate:
         """Write value and interval in their own unit, each number as `spec` says."""
         if not spec:
             return str(self)
-        unit = pretty(self.unit)
-        return self._written(
-            lambda x: without_exponents(format(x, spec)), f" {unit}" if unit else ""
-        )
+        unit = f" {pretty(self.unit)}".rstrip()
+        return self._written(lambda x: without_exponents(format(x, spec)), unit)
 
     def _written(self, number, unit):
-        between = self.between(number)
         if self.value is None:
-            return f"unresolved ({between}{unit if self._ends() else ''})"
-        return f"{number(self.value)} ({between}){unit}"
+            return f"unresolved ({self.between(number, unit)})"
+        return f"{number(self.value)} ({self.between(number)}){unit}"
 
-    def between(self, number):
+    def between(self, number, unit=""):
         """Write the interval, or the bound where a side is open; `number` writes its ends."""
         low, high = (None if v is None else number(v) for v in (self.low, self.high))
         if low is None or high is None:
-            return f"at least {low}" if low else f"at most {high}" if high else "no bound"
-        return f"{low} to {high}"
+            bound = f"at least {low}" if low else f"at most {high}" if high else ""
+            return f"{bound}{unit}" if bound else "no bound"
+        return f"{low} to {high}{unit}"
 
     def _ends(self):
         return [v for v in (self.low, self.high) if v is not None]
@@ -337,7 +334,7 @@ def in_one_unit(estimates):
             e
             and (
                 None if e.value is None else f"{number(e.value)}{after}",
-                e.between(number) + (after if e._ends() else ""),
+                e.between(number, after),
             )
         )
     return unit.strip(), cells

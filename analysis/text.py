@@ -46,14 +46,10 @@ def table(rows: Any, key: str | None = None, form: str | Mapping[str, str] = "")
     """
     import pandas as pd  # here, not above: what only writes a duration starts at once
 
-    if isinstance(rows, pd.DataFrame):
-        frame = rows if key is None else rows.rename_axis(key).reset_index()
-    else:
-        full = {k: v if isinstance(v, Mapping) else {"value": v} for k, v in rows.items()}
-        columns = list(dict.fromkeys(column for cells in full.values() for column in cells))
-        listed = [[name, *map(cells.get, columns)] for name, cells in full.items()]
-        frame = pd.DataFrame(listed, columns=[key or "", *columns], dtype=object)
-
+    if not isinstance(rows, pd.DataFrame):
+        full = [row if isinstance(row, Mapping) else {"value": row} for row in rows.values()]
+        rows, key = pd.DataFrame(full, index=list(rows), dtype=object), key or ""
+    frame = rows if key is None else rows.rename_axis(key).reset_index()
     forms = {"": form} if isinstance(form, str) else form
 
     def line(cells):

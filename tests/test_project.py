@@ -120,6 +120,81 @@ def test_nothing_large_is_committed():
     assert [p.name for p in tracked() if p.exists() and p.stat().st_size > 2_000_000] == []
 
 
+def called(node):
+    """Name what a node calls, if it does."""
+    return ast.unparse(node.func) if isinstance(node, ast.Call) else ""
+
+
+def values(node):
+    """List the parts of a node that may be a cell of a table: no key, heading or sentence."""
+    if isinstance(node, ast.Dict):
+        return [*filter(None, node.values)]
+    if isinstance(node, ast.DictComp):
+        return [node.value, *node.generators]
+    if isinstance(node, ast.Subscript):
+        return [node.value]
+    if isinstance(node, ast.keyword) and node.arg in ("index", "columns"):
+        return []
+    if isinstance(node, ast.Assign) and getattr(node.targets[0], "attr", "") in (
+        "index",
+        "columns",
+    ):
+        return []
+    if called(node) == "text.table":
+        return node.args[:1]
+    if re.search(r"\.(set_axis|rename)$|^(ledger|claims|figures|Markdown|print)\b", called(node)):
+        return [node.func]
+    return ast.iter_child_nodes(node)
+
+
+def numbers_as_text(notebook):
+    """List what writes numbers as text in cells that fill a table, but for keys and sentences."""
+    cells = [ast.parse(c.source) for c in notebook.cells if c.cell_type == "code"]
+    tables = [n.args[0] for c in cells for n in ast.walk(c) if called(n) == "text.table"]
+    names = {n.id for rows in tables for n in ast.walk(rows) if isinstance(n, ast.Name)}
+
+    def fills(node):
+        """Whether a node makes a table, or puts something into one."""
+        if not isinstance(node, (ast.Assign, ast.AugAssign)):
+            return called(node) == "text.table"
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        into = (n for target in targets for n in ast.walk(target) if isinstance(n, ast.Name))
+        return any(n.id in names for n in into)
+
+    def found(node):
+        written = isinstance(node, ast.FormattedValue) and node.format_spec
+        written = written or getattr(node, "attr", "") in ("format", "format_map")
+        if isinstance(node, ast.JoinedStr):  # two numbers in one cell
+            written = re.search(r"\} (of|to) \{", ast.unparse(node))
+        if written or called(node) in ("engineering", "format"):
+            yield ast.unparse(node)
+        for part in values(node):
+            yield from found(part)
+
+    return [text for c in cells if any(map(fills, ast.walk(c))) for text in found(c)]
+
+
+@pytest.mark.parametrize(
+    ("cell", "faults"),
+    [
+        ("rows = {'a': 1.5, f'{x:g} m': [y]}\ntext.table(rows, f'{x:.0%}', '{:.1f}')", 0),
+        ("rows[f'{x:g}'] = {f'above {x:g}': y}\nMarkdown(f'{y:.1f}')\ntext.table(rows)", 0),
+        ("rows = pd.DataFrame(x, index=[f'{y:g}'])\ntext.table(rows.set_axis([f'{x:g}']))", 0),
+        ("said = f'{x:.1f} m'", 0),
+        ("text.table({'a': f'{x:.1f} m'})", 1),
+        ("text.table({'a': f'{x} of {y}', 'b': f'{x}, {y}'})", 1),
+        ("rows['a'] = {'b': f'{x:.1f}, {y:.0f}'}\ntext.table(rows)", 2),
+        ("text.table(frame.map('{:.1f}'.format))", 1),
+        ("text.table({'a': engineering(x, 2)})", 1),
+        ("rows |= {'a': '{x} m'.format_map(y)}\ntext.table(rows)", 1),
+    ],
+)
+def test_a_number_written_as_text_is_noticed(cell, faults):
+    """analytic: an f-string in a cell, and a method that formats; not in a name or a heading."""
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell)])
+    assert len(numbers_as_text(notebook)) == faults
+
+
 def form_faults(path):
     """List, in a sentence each, what a notebook lacks of the form that all have."""
     notebook = nbformat.read(path, as_version=4)
@@ -148,6 +223,7 @@ def form_faults(path):
         "half of its code cells have at most six lines":
             path.stem not in READ_AS_PAPERS or statistics.median(lengths) <= 6,
         "a cell with the tag figure, and no other, has jupyter.source_hidden": hidden == folded,
+        "a table holds numbers, which its form writes, not text": not numbers_as_text(notebook),
         "no output shows nan, None or a repr": not any(re.search(raw, words) for words in shown),
         "no cell fails or writes to stderr":
             not any(o.output_type == "error" or o.get("name") == "stderr" for o in outputs),
