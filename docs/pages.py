@@ -7,6 +7,7 @@ from ``figures/``, tables from ``data/published``. The pages in ``docs/pages`` a
 
 import ast
 import base64
+import functools
 import html
 import importlib
 import inspect
@@ -49,6 +50,7 @@ WORDS = {  # pages of this project that the site shows too, without their links 
     "contributing": "CONTRIBUTING.md",
 }
 DOTS_PER_INCH = 110  # of the page; a figure of two columns fills it
+NO_RESULT = (claims.BY_CONSTRUCTION, claims.NOT_TESTABLE, claims.NOT_YET)
 JUDGED = "## Against the paper"  # heading under which a notebook lists its verdicts
 
 
@@ -86,16 +88,78 @@ class Figure(NamedTuple):
 
 
 def alternative(name: str, head: dict, table: pd.DataFrame) -> str:
-    """Tell one who does not see a figure what it found, if it leads; then axes and series."""
-    found = claims.findings().set_index("figure")["sentence"]
-    message, panels = f"{found[name]} " if name in found else "", []
+    """Tell one who does not see a figure what it shows, then its axes and series."""
+    panels = []
     for title, axes in head["axes"].items():
         series = table.loc[table["panel"] == title, "series"].unique()
         more = f" and {len(series) - 6} more" if len(series) > 6 else ""
         named = "" if axes["y"].startswith(title) else f"{title}: "
         panels.append(f"{named}{axes['y']} against {axes['x']}; {', '.join(series[:6])}{more}")
     counted = f"{len(panels)} panels. " if len(panels) > 1 else ""
-    return f"{message}Plot. {counted}{'. '.join(panels or [head['caption']])}."
+    return f"{messages()[name]} Plot. {counted}{'. '.join(panels or [head['caption']])}."
+
+
+@functools.cache
+def messages() -> dict[str, str]:
+    """Say what each figure shows, in words that were computed.
+
+    The finding that it leads; else the verdicts on claims about the figure of a paper that it
+    redraws; else the question of its section, if it asks one, with the verdicts on the claims that
+    the section checks or, if there are none, the first sentence of the caption.
+    """
+    verdicts, redrawn, said = claims.verdicts(), {}, {}
+    verdicts = verdicts[~verdicts["outcome"].isin(NO_RESULT)]
+    for (name, paper), rows in store.published("coverage").groupby(["figures", "paper"]):
+        others = verdicts["where"].map(printed).map(set(rows["item"]).isdisjoint)
+        about = decided(verdicts[~others & (verdicts["paper"] == paper)])
+        redrawn[name] = about and f"{', '.join(rows['item'])} of the {PAPERS[paper]}: {about}"
+    for path in sorted(NOTEBOOKS.glob("*.ipynb")):
+        cells = nbformat.read(path, as_version=4).cells
+        judged = judging(cells, list(verdicts.index[verdicts["notebook"] == path.stem]))
+        known = {p.stem: figures.read(p)[0] for p in FIGURES.glob(f"{path.stem[:2]}-*.csv")}
+        headings = {i: re.findall("(?m)^#+ (.+)$", c.source) for i, c in enumerate(cells)}
+        begins = [i for i, c in enumerate(cells) if headings[i] and c.cell_type == "markdown"]
+        for begin, end in zip(begins, [*begins[1:], len(cells)], strict=True):
+            sources = [c.source for c in cells[begin:end] if "figures.save" in c.source]
+            patterns = [pattern for source in sources for pattern in _patterns(source)]
+            asked = re.sub(r" \([^)]*\)$", "", headings[begin][-1]).replace("$", "")
+            here = decided(verdicts.loc[[c for c, i in judged.items() if begin <= i < end]])
+            for name in (n for n in known if any(p.fullmatch(n) for p in patterns)):
+                told = here or f"{known[name]['caption'].partition('. ')[0].removesuffix('.')}."
+                question = f"{asked} " * asked.endswith("?")
+                said[name] = redrawn.get(name) or f"{question}{told}"
+    return said | claims.findings().set_index("figure")["sentence"].to_dict()
+
+
+def decided(verdicts: pd.DataFrame) -> str:
+    """Write verdicts in words: one or two with their claims, more of them counted."""
+    words = verdicts["outcome"].str.replace(" if", " under a condition")
+    paper, car = (verdicts[way].astype(object).str.split(";").str[0] for way in claims.WAYS)
+    ways = paper + " as the paper did, " + car + " as a car does"
+    words = words.where(car.isna(), ways.where(paper != car, paper + " both ways"))
+    if len(words) > 2:
+        counts = words.value_counts(sort=False)
+        listed = "; ".join(f"{n} {word}" for word, n in counts.items())
+        return f"{len(words)} claims, {listed if len(counts) > 1 else f'all {words.iloc[0]}'}."
+    pairs = zip(verdicts["claim"], words, strict=True)
+    return " ".join(f"“{claim.rstrip('.')}”: {word}." for claim, word in pairs)
+
+
+def printed(where: str) -> set[str]:
+    """List the figures and tables that the reference of a claim names.
+
+    Examples
+    --------
+    >>> sorted(printed("Section V-C, Figs 15 and 16"))
+    ['Fig 15', 'Fig 16']
+    >>> printed("Table I")
+    {'Table I'}
+    """
+    found = set()
+    for kind, first, joined, last in re.findall(r"(Fig|Table)s? (\w+)(?: (and|to) (\w+))?", where):
+        numbers = range(int(first), int(last) + 1) if joined == "to" else (first, last)
+        found |= {f"{kind} {number}" for number in numbers if number != ""}
+    return found
 
 
 def galleries(drawn: list[str]) -> dict[str, list[tuple[str, str]]]:
@@ -172,35 +236,40 @@ class Page:
             yield nbformat.v4.new_output("display_data", {"text/html": figure.card("../")})
 
     def anchors(self, ids: list[str]) -> dict[str, str]:
-        """Find the cell that judges each claim, and mark it.
-
-        The cell is the first whose code names the claim, or a pattern such as ``f"terrain-{k}"``
-        with the most letters in common; else the heading over the notebook's table of verdicts.
-        """
+        """Mark the cell that judges each claim."""
         cells, found, marks = self.notebook.cells, {}, {}
-        patterns = [
-            (i, pattern)
-            for i, cell in enumerate(cells)
-            if cell.cell_type == "code" and "figure" not in cell.metadata.get("tags", ())
-            for pattern in _patterns(cell.source)
-        ]
-        table = next(
-            (i for i, c in enumerate(cells) if c.source.startswith(JUDGED)), len(cells) - 1
-        )
-        for claim in ids:
-            short = claim.split("-", 1)[1]
-            fits = [
-                (len(pattern.pattern), -i)
-                for i, pattern in patterns
-                if pattern.fullmatch(claim) or pattern.fullmatch(short)
-            ]
-            cell = -max(fits)[1] if fits else table
+        for claim, cell in judging(cells, ids).items():
             marks[cell] = found[claim] = f"judged-{cell}"
         for i in sorted(marks, reverse=True):
             mark = nbformat.v4.new_markdown_cell(f'<div id="{marks[i]}" class="judged"></div>')
             mark.id = marks[i]
             cells.insert(i, mark)
         return found
+
+
+def judging(cells: list, ids: list[str]) -> dict[str, int]:
+    """Find the cell of a notebook that judges each claim.
+
+    It is the first whose code names the claim, or a pattern such as ``f"terrain-{k}"`` with the
+    most letters in common; else the heading over the notebook's table of verdicts.
+    """
+    patterns = [
+        (i, pattern)
+        for i, cell in enumerate(cells)
+        if cell.cell_type == "code" and "figure" not in cell.metadata.get("tags", ())
+        for pattern in _patterns(cell.source)
+    ]
+    table = next((i for i, c in enumerate(cells) if c.source.startswith(JUDGED)), len(cells) - 1)
+    found = {}
+    for claim in ids:
+        short = claim.split("-", 1)[1]
+        fits = [
+            (len(pattern.pattern), -i)
+            for i, pattern in patterns
+            if pattern.fullmatch(claim) or pattern.fullmatch(short)
+        ]
+        found[claim] = -max(fits)[1] if fits else table
+    return found
 
 
 def taken(stem: str, address: str) -> str:

@@ -1,5 +1,6 @@
 """The built site in a real browser, and its files: `make test-site` builds it and runs this."""
 
+import html
 import html.parser
 import re
 import runpy
@@ -142,7 +143,56 @@ def test_nothing_is_loaded_from_elsewhere(read):
     measured["size of the site"] = f"{size / 1e6:.1f} MB in {len(read)} pages"
 
 
-def test_every_figure_has_number_caption_alt_and_downloads(read):
+@pytest.fixture
+def pages(monkeypatch):
+    """What docs/pages.py defines, on the committed verdicts."""
+    monkeypatch.setenv("COMPENDIUM_FIGURES", str(FIGURES))
+    return SimpleNamespace(**runpy.run_path(str(ROOT / "docs" / "pages.py")))
+
+
+def test_an_alternative_text_says_the_message_first(pages):
+    """property: a finding, verdicts of the ledger, or a question and what is drawn; axes last."""
+    found = pages.claims.findings().set_index("figure")["sentence"]
+    verdicts, kinds = pages.claims.verdicts(), {}
+    words = {f"“{row.claim.rstrip('.')}”": row for row in verdicts.itertuples()}
+    for path in FIGURES.glob("*.png"):
+        head, table = pages.figures.read(path.with_suffix(".csv"))
+        message, axes = pages.alternative(path.stem, head, table).split(" Plot. ", 1)
+        quoted = re.findall(rf"(“[^”]+”): ({OUTCOMES}|open)", message)
+        drawn = head["caption"].partition(". ")[0].removesuffix(".")
+        if path.stem in found:
+            kinds[path.stem] = "finding"
+            assert message == found[path.stem]
+        elif quoted or re.search(rf"\d+ claims, .*({OUTCOMES})", message):
+            kinds[path.stem] = "verdict"
+            for claim, outcome in quoted:
+                row = words[claim]
+                twice = str(row.as_the_paper_did).split(";")[0]
+                assert outcome in (row.outcome.removesuffix(" if"), twice), claim
+        else:
+            kinds[path.stem] = "question" if "? " in message else "drawn"
+            assert message.endswith(f"{drawn}."), message
+        assert len(message.split()) <= 70, path.stem
+        assert " against " in axes or not head["axes"], path.stem
+    of = list(kinds.values())
+    assert of.count("finding") == len(found) and of.count("verdict") >= 20
+    assert of.count("drawn") <= 16  # no claim that a log can decide, and no question
+
+
+def test_verdicts_in_an_alternative_text_are_those_of_the_ledger(pages):
+    """published: Fig 7 of the terrain paper, both ways; Table I counts what a log can decide."""
+    message, table = pages.messages()["21-fig7-two-sensors"], pages.messages()["11-unified-table"]
+    mems = pages.claims.verdicts().loc["terrain-fig7-mems-keeps-track"]
+    assert message.startswith(f"Fig 7 of the terrain paper: “{mems['claim'].rstrip('.')}”: ")
+    assert f"{mems['as_the_paper_did']} as the paper did" in message
+    verdicts = pages.claims.verdicts().query("paper == 'comparison' and where == 'Table I'")
+    counted = (~verdicts["outcome"].isin(pages.NO_RESULT)).sum()
+    assert table.startswith(f"Table I of the comparison paper: {counted} claims, ")
+    assert pages.printed("Section VII, Figs 29 to 31") == {"Fig 29", "Fig 30", "Fig 31"}
+    assert pages.printed("Tables 2 and 3") == {"Table 2", "Table 3"} != pages.printed("eq (3)")
+
+
+def test_every_figure_has_number_caption_alt_and_downloads(read, pages):
     """property: each of figures/ is on a page once, with a number of its own and three files."""
     names = {p.stem for p in FIGURES.glob("*.png")}
     cards = {}
@@ -153,7 +203,8 @@ def test_every_figure_has_number_caption_alt_and_downloads(read):
                 name = re.search(r'id="([^"]+)"', card)[1]
                 assert name not in cards, name
                 cards[name] = re.search(r"<b>Figure ([\d.]+)\.</b> \S", card)[1]
-                assert len(re.search(r'alt="([^"]*)"', card)[1]) > 20, name
+                alt = html.unescape(re.search(r'alt="([^"]*)"', card)[1])
+                assert alt.startswith(f"{pages.messages()[name]} Plot. "), name
                 assert card.count(" download>") == 3, name
     assert cards.keys() == names
     assert len(set(cards.values())) == len(names)
