@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from numbers import Integral, Number
 from typing import Any
 
-import numpy as np
-
 from analysis import Estimate, engineering, without_exponents
 
 __all__ = ["duration", "table"]
@@ -65,6 +63,8 @@ def table(rows: Any, key: str | None = None, form: str | Mapping[str, str] = "")
 
 def _written(cell, form):
     """Write a cell of a table, a number as `form` says."""
+    import numpy as np  # here, as pandas is
+
     if cell is None or cell != cell:
         return "–"
     if isinstance(cell, (bool, np.bool_)):
