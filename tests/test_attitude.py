@@ -10,6 +10,7 @@ from analysis import STANDARD_GRAVITY
 from analysis.tracker import attitude as block_2
 from analysis.tracker import kalman
 from analysis.tracker.attitude import Attitude, Direction, Upright, level, north
+from analysis.tracker.log_replay import beyond_gnss
 
 RATE = 40
 
@@ -131,7 +132,7 @@ def test_the_cascade_is_three_dense_filters():
         for here, there in (
             (block.tilt.x, x[0]), (block.tilt.p * unit, P[0]), (block.bias.x, b), (block.bias.P, B),
             (block.accel_n, C @ off), (block.C_nb, C), (block.yaw.x, x[1]),
-            (block.unexplained, max(0.0, np.linalg.norm(mean) - 2 * (vehicle or 0.0) ** 0.5)),
+            (beyond_gnss(block), max(0.0, np.linalg.norm(mean) - 2 * (vehicle or 0.0) ** 0.5)),
             (block.yaw.p * unit, P[1]),
         ):  # fmt: skip
             np.testing.assert_allclose(here, there, rtol=1e-9, atol=1e-12)
@@ -218,12 +219,12 @@ def test_the_first_second_is_rest_or_not(scatter, length, dt):
     known = 1 / (1 / prior + 1 / rest) if still else prior
     np.testing.assert_allclose(block.bias.x, mean * (1 - known / prior), rtol=1e-6)
     np.testing.assert_allclose(block.bias.P, known * np.eye(3), rtol=1e-6)
-    assert block.unexplained == pytest.approx(0.0 if still else abs(length - 1) * g)
+    assert beyond_gnss(block) == pytest.approx(0.0 if still else abs(length - 1) * g)
     for of in (block.tilt, block.yaw):
         assert of.density == pytest.approx(3e-4**2 + 10.0 * (rest if still else prior))
     level = block.tilt.p
     block.restart([0.0, 3.0, -4.0], mean)
-    assert block.down == pytest.approx([0.0, -0.6, 0.8]) and block.unexplained == 0.0
+    assert block.down == pytest.approx([0.0, -0.6, 0.8]) and beyond_gnss(block) == 0.0
     assert block.bias.x == mean.tolist() and block.bias.P[2][2] == pytest.approx(rest)
     assert block.tilt.p == pytest.approx((block_2.SIGMA_ACCEL / g) ** 2)
     assert (level == block.tilt.p) == still

@@ -185,12 +185,6 @@ class Attitude:
         return level(self._external, self.down)
 
     @property
-    def unexplained(self):
-        """Mean acceleration in the IMU beyond twice that of the vehicle by GNSS, m/s^2."""
-        measured = math.sqrt(dot(self._mean_external, self._mean_external))
-        return max(0.0, measured - 2 * math.sqrt(self._vehicle or 0.0))
-
-    @property
     def yaw_rate(self):
         """Mean rate about the vertical since the last epoch, rad/s."""
         if not self.ready or not self._samples:

@@ -114,7 +114,7 @@ def replay(
             straights.append(device.mounting.straight)
         rows.append(row | {"t_s": epoch.t_s, "has_fix": epoch.fix is not None})
         known = row["roll"] == row["roll"]
-        unexplained.append(device.attitude.unexplained if known else 0.0)
+        unexplained.append(beyond_gnss(device.attitude) if known else 0.0)
         car = device.constrained
         if smooth and car and car.started and device.ned and [*device.ned[:2]] == car.antenna:
             attitude = [[*axis] for axis in car.C_nb]
@@ -343,6 +343,11 @@ def _summary(timeline, options, columns, devices, straights):
         "number_type": np.dtype(options.number).name,
         "notes": list(timeline.notes),
     }
+
+
+def beyond_gnss(block):
+    """Mean acceleration (m/s^2) in block 2 beyond twice that of the vehicle by GNSS."""
+    return max(0.0, math.hypot(*block._mean_external) - 2 * math.sqrt(block._vehicle or 0.0))
 
 
 def _remarks(timeline, options, columns, devices, unexplained, lag, moves):
