@@ -83,7 +83,7 @@ def test_a_floor_by_its_rules():
         ends = off / 0.6643 * np.sqrt(edf / chi2.ppf([0.975, 0.025], edf))
         expected = [ends[1]] if code else [off / 0.6643, *ends]
         given = [x for x in (found.value, found.low, found.high) if x is not None]
-        assert given == pytest.approx(expected, rel=1e-3)
+        assert given == pytest.approx(expected, rel=1e-3)  # 0.6643 has four digits
         longest = t[t <= 0.4 * t[-1]][-1]
         told = said(code or "floor", tau=tau[30], longest=longest)
         assert found.note == told + ("" if code else said("floor_at", tau=tau[30]))

@@ -56,7 +56,7 @@ def test_an_interval_counts_independent_positions(least, monkeypatch):
     note, half = said("independent", count=8000, least=least), 0.98 / np.sqrt(49)  # of both axes
     note += said("few_independent", median=0.5) * (least < 20)
     assert (found.note, found.resolved) == (note, least == 20)
-    # Their means take two degrees of freedom.
+    # Their means take two degrees of freedom; radii are 1 / 4000 apart.
     ends = np.array([0.5 - half, 0.5 + half]) / np.sqrt(1 - 2 / 49)
     assert not found.resolved or (found.low, found.high) == pytest.approx(tuple(ends), abs=1e-3)
     with pytest.raises(CannotAnswer, match="no position"):
