@@ -20,20 +20,7 @@ def test_constant_has_no_deviation():
     assert len(allan_deviation(np.full(1000, 3.7), DT).tau) == 0
 
 
-@pytest.mark.parametrize("m", [1, 2, 7, 50])
-def test_first_order_autoregression(m):
-    """analytic: AR(1) has adev^2 = g(0) - g(1), with g the autocovariance of means of m."""
-    phi, sigma, lags = 0.98, 2.0, np.arange(1, m)
-    g0 = sigma**2 / m**2 * (m + 2 * np.sum((m - lags) * phi**lags))
-    g1 = sigma**2 / m**2 * phi * ((1 - phi**m) / (1 - phi)) ** 2
-    model = UnifiedModel(0.0, -DT / np.log(phi), sigma)
-    y = model.simulate(50_000, DT, np.random.default_rng(2), runs=20)
-    avar = [allan_deviation(run, DT, np.array([m])).adev[0] ** 2 for run in y]
-    error = np.std(avar) / np.sqrt(len(avar))
-    assert abs(np.mean(avar) - (g0 - g1)) < 4 * error
-
-
-@pytest.mark.parametrize("n", [64, 1000, 131_072])
+@pytest.mark.parametrize("n", [17, 64, 1000, 131_072])
 def test_equals_allantools(n):
     """cross-check: the deviation is allantools' to 1e-9."""
     y = 1e3 + np.cumsum(np.random.default_rng(n).standard_normal(n))
@@ -45,29 +32,19 @@ def test_equals_allantools(n):
 
 
 @pytest.mark.parametrize("slope", [0.0, 1e-5, -0.3])
-def test_with_and_without_line(slope):
-    """cross-check: as recorded it is allantools' curve to 1e-9, without line that of the rest."""
-    y = 20.0 + np.random.default_rng(7).standard_normal(20_000) + slope * np.arange(20_000)
-    residual, line = fit_line(y, DT)
-    recorded, removed = allan.with_and_without_line(y, line, DT)
-    for curve, log in ((recorded, y), (removed, residual)):
-        theirs = oadev(log, rate=1 / DT, data_type="freq", taus=DT * allan.cluster_sizes(len(y)))[1]
-        np.testing.assert_allclose(curve.adev, theirs, rtol=1e-9)
-    # At a quarter of the log the steep line is all there is: D tau / sqrt(2) above noise of 1/70.
-    ramp = abs(line.drift) * recorded.tau[-1] / np.sqrt(2)
-    if abs(slope) > 0.1:
-        assert recorded.adev[-1] == pytest.approx(ramp, rel=1e-4) and removed.adev[-1] < 1e-3 * ramp
-
-
-def test_with_and_without_line_where_samples_are_missing():
+@pytest.mark.parametrize("holes", [False, True])
+def test_with_and_without_line(slope, holes):
     """property: both are the curves of the log, and of the log less its line, holes and all."""
-    y = np.random.default_rng(8).standard_normal(5000) + 1e-3 * np.arange(5000)
-    y[1000:1040] = np.nan
+    y = 20.0 + np.random.default_rng(7).standard_normal(20_000) + slope * np.arange(20_000)
+    y[1000:1040] = np.nan if holes else y[1000:1040]
     residual, line = fit_line(y, DT)
     recorded, removed = allan.with_and_without_line(y, line, DT)
     for curve, log in ((recorded, y), (removed, residual)):  # 1e-9: rounding of sums
         np.testing.assert_allclose(curve.adev, allan_deviation(log, DT).adev, rtol=1e-9)
-    assert recorded.adev[-1] > 3 * removed.adev[-1]
+    # At a quarter of the log the steep line is all there is: D tau / sqrt(2) above noise of 1/70.
+    ramp = abs(line.drift) * recorded.tau[-1] / np.sqrt(2)
+    if abs(slope) > 0.1 and not holes:
+        assert recorded.adev[-1] == pytest.approx(ramp, rel=1e-4) and removed.adev[-1] < 1e-3 * ramp
 
 
 @pytest.mark.parametrize("lost", ["5 %", "gaps"])
@@ -113,7 +90,7 @@ def test_an_interval_covers_what_the_power_wanders(m, blocks, holes, monkeypatch
     Where samples are missing, of means of half of them; less what so few scatter more than all.
     """
     rng, n = np.random.default_rng(4), 4096 + 2 * m - 1
-    y = rng.standard_normal(n) * np.exp(np.sin(np.arange(n) / 300))
+    y = 1e-6 * rng.standard_normal(n) * np.exp(np.sin(np.arange(n) / 300))
     if holes:
         y[2100:][rng.random(n - 2100) < 0.2] = y[2500:2600] = np.nan  # the first half is whole
     squares, count = np.zeros(4096), np.ones(4096)

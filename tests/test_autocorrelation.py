@@ -6,21 +6,16 @@ import pytest
 from analysis.noise.autocorrelation import autocovariance, block_means, correlogram, one_over_e
 
 
-def test_autocovariance_by_definition():
-    """analytic: the FFT gives the sums of the definition."""
+@pytest.mark.parametrize("lost", [[], [1, 7, 8, 30]])
+def test_autocovariance_by_definition(lost):
+    """analytic: the FFT gives the sums of the definition; what is missing is as the rest."""
     y = np.random.default_rng(1).standard_normal(50)
-    d = y - y.mean()
-    direct = [d[: 50 - k] @ d[k:] / 50 for k in range(50)]
+    y[lost] = np.nan
+    d = y - np.nanmean(y)
+    direct = [np.nanmean(d[: 50 - k] * d[k:]) * (50 - k) / 50 for k in range(50)]
     for longest in (None, 49, 99):
-        np.testing.assert_allclose(autocovariance(y, longest), direct, atol=1e-12)
-
-
-def test_autocovariance_with_holes():
-    """property: a hole of 100 in 20 000 samples changes no lag by more than 1 % of the peak."""
-    y = np.convolve(np.random.default_rng(2).standard_normal(20_000), np.ones(20) / 20, "valid")
-    holed = y.copy()
-    holed[5000:5100] = np.nan
-    np.testing.assert_allclose(autocovariance(holed, 30), autocovariance(y, 30), atol=5e-4)
+        found = autocovariance([y, 3.0 * y + 7.0], longest)
+        np.testing.assert_allclose(found, np.multiply.outer([1, 9], direct), atol=1e-12)
 
 
 def test_one_over_e_of_an_exponential():
@@ -33,7 +28,7 @@ def test_one_over_e_of_an_exponential():
 def test_block_means():
     """analytic: means of whole blocks, the rest left out, mostly missing blocks missing."""
     y = np.array([1.0, 3.0, 5.0, np.nan, np.nan, np.nan, 9.0])
-    np.testing.assert_array_equal(block_means(y, 2), [2.0, 5.0, np.nan])
+    np.testing.assert_array_equal(block_means([y, -y], 2), np.outer([1, -1], [2.0, 5.0, np.nan]))
 
 
 def test_correlogram():

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter
 from scipy.stats import chi2, norm
 
 from analysis.noise import graph
 from analysis.noise.allan import AllanCurve, allan_deviation, fit_line
-from analysis.noise.models import UnifiedModel, adev_model
+from analysis.noise.models import UnifiedModel
+from analysis.noise.notes import said
 from workbench import conventions
 
 Q = (np.arange(20_000) + 0.5) / 20_000  # evenly spread probabilities
@@ -27,34 +27,13 @@ def test_slope_of_a_power_law(power):
 
 
 def test_distance_to_itself_is_nil():
-    """Analytic: the quantiles of a shape are next to it and GAP from the other."""
+    """Analytic: the quantiles of a shape are next to it and GAP from the other, in any unit."""
     gaussian, uniform = norm(3.0, 0.2).ppf(Q), 5.0 + 7.0 * Q
     # 1e-3: 20,000 quantiles have a deviation that is a little short, most of all in the tails
     assert graph.distances(gaussian) == pytest.approx((0.0, GAP), abs=1e-3)
-    assert graph.distances(uniform) == pytest.approx((GAP, 0.0), abs=1e-3)
+    other = np.concatenate([[np.nan], -3.0 + 1e4 * uniform[::-1], [np.nan]])
+    assert graph.distances(other) == pytest.approx((GAP, 0.0), abs=1e-3)
     assert graph.nearer_to_gaussian(gaussian) and not graph.nearer_to_gaussian(uniform)
-
-
-def test_missing_samples_and_units_do_not_count():
-    """Property: NaN is left out, and neither order, offset nor scale changes the distances."""
-    rng = np.random.default_rng(4)
-    y = rng.exponential(size=500)
-    expected = graph.distances(y)
-    other = np.concatenate([[np.nan], rng.permutation(-3.0 + 1e4 * y), [np.nan]])
-    # 1e-9: scaling costs the last digits of the mean
-    assert graph.distances(other) == pytest.approx(expected, abs=1e-9)
-
-
-def test_graph_readings():
-    """analytic: N, and B from the floor, of white noise plus a random walk."""
-    rng = np.random.default_rng(12)
-    y = rng.standard_normal(500_000) + np.cumsum(2e-3 * rng.standard_normal(500_000))
-    curve = allan_deviation(y, 1.0)
-    arw = graph.white_noise(curve, "deg/s")
-    floor = graph.bias_instability(curve, "deg/s", adev_model(curve.tau, arw=1.0, rrw=2e-3))
-    assert arw.value == pytest.approx(1.0, rel=0.01) and arw.unit == "deg/sqrt(s)"
-    # White 1/tau and walk K^2 tau/3 meet lowest at tau = sqrt(3)/K, adev^2 = 2K/sqrt(3).
-    assert floor.value == pytest.approx(np.sqrt(2 * 2e-3 / np.sqrt(3)) / 0.664, rel=0.05)
 
 
 def test_white_noise_is_read_where_the_slope_is():
@@ -64,7 +43,7 @@ def test_white_noise_is_read_where_the_slope_is():
     """
     tau, edf = np.geomspace(0.1, 100, 61), np.linspace(400, 100, 61)
     for corner, begin in ((10.0, 0.1), (0.15, None)):
-        adev = 2 / np.sqrt(np.minimum(tau, corner))
+        adev = 2 / np.sqrt(np.minimum(tau, corner) * np.maximum(tau / 50, 1))  # again, too short
         found = graph.white_noise(AllanCurve(tau, adev, 0 * tau, 0 * tau, edf), "deg/s")
         reach = np.sqrt(edf / chi2.ppf([[0.975], [0.025]], edf))
         if begin is None:
@@ -74,17 +53,40 @@ def test_white_noise_is_read_where_the_slope_is():
         ends = 2 * reach[:, 0]
         assert (found.value, found.low, found.high) == pytest.approx((2.0, *ends))
         assert found.note.startswith("slope -1/2 from 0.1 to 7.94 s")
-    np.testing.assert_allclose(graph.slopes(AllanCurve(tau, tau**0.3, tau, tau, edf)), 0.3)
-    sparse = graph.slopes(AllanCurve(tau[::20], tau[::20] ** 0.3, *[tau[::20]] * 3))
-    np.testing.assert_allclose(sparse, 0.3)
+    # Least squares of a parabola have its slope at the middle of the points, 0.3 decades or three.
+    x, lean = np.log10(tau), np.clip(0.15 - 0.05 * np.arange(61), 0, None)
+    for every, expected in ((1, 2 * x + lean - lean[::-1]), (20, [0, 0, 2, 2])):
+        curve = AllanCurve(tau[::every], 10 ** x[::every] ** 2, *[tau[::every]] * 3)
+        np.testing.assert_allclose(graph.slopes(curve), expected, atol=1e-9)
     assert np.isnan(graph.slopes(AllanCurve(*[tau[:2]] * 5))).all()
 
 
-def test_no_floor_no_bias_instability():
-    """property: white noise alone gives no bias instability, only a ceiling."""
-    curve = allan_deviation(np.random.default_rng(13).standard_normal(50_000), 0.01)
-    found = graph.bias_instability(curve, "deg/s", adev_model(curve.tau, arw=0.1))
-    assert found.value is None and found.high > 0 and "longer log" in found.note
+def test_a_floor_by_its_rules():
+    """analytic: adev^2 of T / 2 tau and tau / 2 T is lowest, 1, at T; given, or refused and why.
+
+    A longest mean is 0.4 of the last; the curve may be off by twice its interval, in logarithms.
+    """
+    tau = 10 ** np.linspace(-2, 1, 61)  # T is the 31st
+    model = np.sqrt((tau[30] / tau + tau / tau[30]) / 2)
+    low, high = np.sqrt(200 / chi2.ppf([0.975, 0.025], 200))
+    for off, first, last, edf, code in (
+        (1.03, 0, 61, 200, ""), (1.03, 0, 40, 200, ""), (1.03, 0, 39, 200, "no_floor"),
+        (1.0, 0, 40, 20, "no_floor"), (1.03, 29, 61, 200, ""), (1.03, 30, 61, 200, "rises"),
+        (0.99 * high**-2, 0, 61, 200, "floor_off"), (1.01 * high**-2, 0, 61, 200, ""),
+        (1.01 * low**-2, 0, 61, 200, "floor_off"), (0.99 * low**-2, 0, 61, 200, ""),
+    ):  # fmt: skip
+        t = tau[:last]
+        adev = off * np.where(np.arange(61) == 3, 0.1, model)[:last]  # a low point is no floor
+        curve = AllanCurve(t, adev, 0 * t, 0 * t, np.full(last, float(edf)))
+        begins = {"shortest": tau[first]} if first else {}
+        found = graph.bias_instability(curve, "deg/s", model[:last], **begins)
+        ends = off / 0.6643 * np.sqrt(edf / chi2.ppf([0.975, 0.025], edf))
+        expected = [ends[1]] if code else [off / 0.6643, *ends]
+        given = [x for x in (found.value, found.low, found.high) if x is not None]
+        assert given == pytest.approx(expected, rel=1e-3)  # 0.6643 has four digits
+        longest = t[t <= 0.4 * t[-1]][-1]
+        told = said(code or "floor", tau=tau[30], longest=longest)
+        assert found.note == told + ("" if code else said("floor_at", tau=tau[30]))
 
 
 GYRO = UnifiedModel(0.04, 200.0, 0.005)  # of the terrain paper's size, at 100 Hz
@@ -106,47 +108,29 @@ def test_the_floor_of_a_bias_is_covered():
     assert 0.93 - 0.015 <= np.mean([b.low < TRUTH < b.high for b in given]) <= 0.97 + 0.015
 
 
+def curve_of(gyro):
+    """Give the Allan curve of a model itself."""
+    tau = np.geomspace(0.01, 1800, 200)
+    exact = gyro.adev(tau, 0.01)
+    return AllanCurve(tau, exact, exact, exact, np.full(200, 200.0))
+
+
 def test_the_floor_is_left_of_the_hump():
     """analytic: beyond the hump of a short bias the curve falls below the floor; B is not there."""
-    gyro, tau = UnifiedModel(0.04, 60.0, 0.005), np.geomspace(0.01, 1800, 200)
-    exact = gyro.adev(tau, 0.01)
-    curve = AllanCurve(tau, exact, 0.9 * exact, 1.1 * exact, np.full(len(tau), 200.0))
+    curve = curve_of(UnifiedModel(0.04, 60.0, 0.005))
     floor = conventions.floor(0.004, 0.005, 60.0, 0.01)[1]
-    assert exact[tau < 720].min() < floor
+    assert curve.adev[curve.tau < 720].min() < floor
     # 1e-3: the floor lies between two averaging times
-    found = graph.bias_instability(curve, "deg/s", exact).value
+    found = graph.bias_instability(curve, "deg/s", curve.adev).value
     assert found == pytest.approx(floor / 0.664, rel=1e-3)
-
-
-def log_with_ripple():
-    """Two hours of GYRO behind a sensor's filter of 5 Hz: the curve first rises, then falls."""
-    y = lfilter(*butter(2, 5.0, fs=100.0), GYRO.simulate(720_000, 0.01, np.random.default_rng(16)))
-    return allan_deviation(fit_line(y, 0.01)[0], 0.01)
-
-
-def test_a_ripple_is_no_floor():
-    """analytic: B is the floor at 14 s, not the first point, from which a filtered curve rises."""
-    curve = log_with_ripple()
-    assert curve.low[5] > curve.high[0]  # a rise that is no chance, as of a floor
-    found = graph.bias_instability(curve, "deg/s", GYRO.adev(curve.tau, 0.01), shortest=1.0)
-    assert found.low < TRUTH < found.high
-
-
-def test_what_is_not_fitted_is_not_read():
-    """property: no floor below the fitted band, nor where model and curve disagree."""
-    curve = log_with_ripple()
-    model = GYRO.adev(curve.tau, 0.01)
-    below = graph.bias_instability(curve, "deg/s", model, shortest=30.0)
-    assert not below.resolved and "rises from" in below.note and below.high > TRUTH
-    off = graph.bias_instability(curve, "deg/s", 0.8 * model, shortest=1.0)
-    assert not off.resolved and "differs" in off.note
 
 
 def test_flicker_noise_that_may_be_there_widens_the_floor():
     """property: the interval reaches down to flicker noise that the log leaves possible."""
-    curve = log_with_ripple()
-    reading = curve, "deg/s", GYRO.adev(curve.tau, 0.01)
-    alone = graph.bias_instability(*reading, shortest=1.0)
-    wider = graph.bias_instability(*reading, shortest=1.0, flicker=(TRUTH / 3, TRUTH))
+    curve = curve_of(GYRO)
+    reading = curve, "deg/s", curve.adev
+    alone = graph.bias_instability(*reading)
+    wider = graph.bias_instability(*reading, flicker=(TRUTH / 3, TRUTH))
     assert (wider.value, wider.high) == (alone.value, alone.high) and wider.low == TRUTH / 3
-    assert not graph.bias_instability(*reading, shortest=1.0, flicker=(None, TRUTH)).resolved
+    assert wider.note == graph.listed(alone.note, said("down_to_flicker"))
+    assert not graph.bias_instability(*reading, flicker=(None, TRUTH)).resolved

@@ -23,7 +23,7 @@ MODELS = {
     "walk": {"rrw": 0.4}, "flicker": {"flicker": 0.9},
     "everything": {"bias": [(1.0, 300.0)], "rrw": 0.4, "quantisation": 0.3},
 }  # fmt: skip
-HOLES = [(9, 14), (22, 23), (40, 58)]  # blocks
+HOLES = [(0, 1), (9, 14), (22, 23), (40, 58)]  # blocks
 
 
 def terms(sigma_v, bias=(), **others):
@@ -51,7 +51,7 @@ def log_with(m, added, cut):
     them: mean, line and, where wanted, a warm-up and a step.
     """
     left = np.ones(BLOCKS, dtype=bool)
-    for a, b in HOLES * cut:
+    for a, b in HOLES if cut else HOLES[:added]:
         left[a:b] = False
     more = [lambda t: np.exp(-t / (9 * m * DT)), lambda t: 1.0 * (t > 31 * m * DT)] * added
     t = DT * (m * np.arange(BLOCKS) + (m - 1) / 2)
@@ -59,20 +59,22 @@ def log_with(m, added, cut):
     return np.repeat(np.where(left, 0.0, np.nan), m), left, more, x[left]
 
 
-@pytest.mark.parametrize("cut", [False, True])
+@pytest.mark.parametrize(("cut", "detrend"), [(False, True), (True, True), (False, False)])
 @pytest.mark.parametrize("added", [False, True])
 @pytest.mark.parametrize("m", [1, 7])
 @pytest.mark.parametrize("name", MODELS)
-def test_likelihood_is_exact(name, m, added, cut):
+def test_likelihood_is_exact(name, m, added, cut, detrend, monkeypatch):
     """cross-check: equal to scipy's normal density of what mean, drift and terms cannot change.
 
     With gaps, of the means that are there. A random walk across gaps is a Gauss-Markov process of
     1000 log lengths, hence its tolerances: a few ten-thousandths of a standard error.
     """
+    monkeypatch.setattr(spectrum, "BLOCK", 2**15 if m == 1 else 16)  # coefficients at a time
     y = np.cumsum(np.random.default_rng(1).standard_normal(BLOCKS))
     empty, left, columns, x = log_with(m, added, cut)
     stretch = spectrum.spectra(empty + np.repeat(y, m), DT, m, columns)
-    found = likelihood.evaluate(stretch, terms(0.7, **MODELS[name]))
+    found = likelihood.evaluate(stretch, terms(0.7, **MODELS[name]), detrend=detrend)
+    x = x if detrend else np.delete(x, 1, axis=1)
     v, y = covariance(BLOCKS, m, 0.7, **MODELS[name])[np.ix_(left, left)], y[left]
     # Contrasts: an orthonormal basis of what is left when the columns are taken out.
     basis = np.linalg.svd(x, full_matrices=True)[0][:, x.shape[1] :]
@@ -84,23 +86,24 @@ def test_likelihood_is_exact(name, m, added, cut):
     assert found.value[0] == pytest.approx(dense + constant, abs=1e-4 if walk else 1e-8)
     cov = np.linalg.inv(x.T @ np.linalg.solve(v, x))
     best, error = cov @ x.T @ np.linalg.solve(v, y), np.sqrt(np.diag(cov))
-    fitted = np.append(found.drift, found.added)
-    assert np.abs((fitted - best[1:]) / error[1:]).max() < (1e-4 if walk else 1e-8)
-    np.testing.assert_allclose(found.drift_sd, error[1], rtol=1e-3 if walk else 1e-8)
-    np.testing.assert_allclose(found.added_cov[0], cov[2:, 2:], rtol=1e-3 if walk else 1e-8)
+    fitted, rtol = np.append(found.drift, found.added)[not detrend :], 1e-3 if walk else 1e-8
+    assert np.all(np.abs((fitted - best[1:]) / error[1:]) < (1e-4 if walk else 1e-8))
+    np.testing.assert_allclose(found.drift_sd[:detrend], error[1 : 1 + detrend], rtol=rtol)
+    np.testing.assert_allclose(found.added_cov[0], cov[1 + detrend :, 1 + detrend :], rtol=rtol)
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_frequencies_are_left_out_exactly(name):
+def test_frequencies_are_left_out_exactly(name, monkeypatch):
     """cross-check: equal to scipy's normal density of the other coefficients."""
-    y, t = np.cumsum(np.random.default_rng(1).standard_normal(BLOCKS)), DT * np.arange(BLOCKS)
-    ranges = [(0.1 / DT, 0.17 / DT), (0.3 / DT, 0.305 / DT), (0.6 / DT, 0.7 / DT)]
-    stretch = spectrum.spectra(y, DT, 1, left_out=ranges)
+    monkeypatch.setattr(spectrum, "BLOCK", 16)  # coefficients at a time
+    y, t = np.cumsum(np.random.default_rng(1).standard_normal(BLOCKS)), 2 * DT * np.arange(BLOCKS)
+    ranges = np.array([(0.0, 0.01), (0.1, 0.17), (0.3, 0.305), (0.6, 0.7)]) / (2 * DT)
+    stretch = spectrum.spectra(np.repeat(y, 2), DT, 2, left_out=ranges.tolist())
     found = likelihood.evaluate(stretch, terms(0.7, **MODELS[name]))
-    at = np.arange(BLOCKS) / (2 * BLOCKS * DT)
+    at = np.arange(BLOCKS) / (4 * BLOCKS * DT)
     kept = (at > 0) & ~np.any([(a <= at) & (at <= b) for a, b in ranges], axis=0)
     waves = dct(np.eye(BLOCKS), axis=0, norm="ortho")[kept]
-    v, x = waves @ covariance(BLOCKS, 1, 0.7, **MODELS[name]) @ waves.T, waves @ t[:, None]
+    v, x = waves @ covariance(BLOCKS, 2, 0.7, **MODELS[name]) @ waves.T, waves @ t[:, None]
     basis = np.linalg.svd(x, full_matrices=True)[0][:, 1:]
     dense = multivariate_normal(cov=basis.T @ v @ basis).logpdf(basis.T @ waves @ y)
     constant = 0.5 * (basis.shape[1] * np.log(2 * np.pi) - np.log((x**2).sum()))
@@ -158,6 +161,9 @@ def test_drawn_bins_have_the_moments_of_white_noise():
     drawn = likelihood.simulate(stretch, terms(2.0), logs, np.random.default_rng(3))
     many = stretch.count > 2
     assert many.sum() > 50
+    outline, short = spectrum.outline(60, DT), spectrum.transform(np.zeros(60), DT)
+    for name in ("lam", "count", "uu"):  # of a log that is not recorded yet
+        np.testing.assert_allclose(getattr(outline, name), getattr(short, name), atol=1e-12)
     ramp, first = drawn.zy[:, 1], drawn.zy[:, 0]
     for products, moment in (
         (drawn.yy, stretch.count), (ramp**2, stretch.zz[1, 1]), (first**2, stretch.uu),
@@ -246,9 +252,12 @@ def test_the_last_digits_of_the_likelihood_decide_nothing(log, channel, monkeypa
 
 
 @pytest.mark.parametrize("sizes", [(False, False, False), (True, True, False)])
-@pytest.mark.parametrize("along", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.5)])
-def test_profile_of_a_parabola(along, sizes):
-    """analytic: of a quadratic surface the interval is the marginal one, and a wall is an end."""
+@pytest.mark.parametrize("along", [(1.0, 0.0, 0.0), (0.0, 2.0, 0.5)])
+def test_profile_of_a_parabola(along, sizes, monkeypatch):
+    """analytic: of a quadratic surface the interval is the marginal one, and a wall is an end.
+
+    The root of its fall is a straight line, on which Newton's method takes few steps.
+    """
     precision = np.array([[2.0, 0.9, 0.1], [0.9, 1.0, -0.3], [0.1, -0.3, 1.5]])
     top, along = np.array([2.0, -1.0, 0.5]), np.array(along)
 
@@ -259,13 +268,24 @@ def test_profile_of_a_parabola(along, sizes):
     surface = Surface(*plain, np.full(3, 9.0))
     assert surface.polished(top + 1e-3) == pytest.approx(top, abs=1e-8)
     assert surface.maximum(top + 2.0, top - 1.0)[1] == pytest.approx(7.0, abs=1e-7)
+    for low, high in ((-9.0, 1.5), (2.5, 9.0)):  # a wall, at which the first one stops
+        wall = np.clip(top[0], low, high)
+        others = top[1:] - np.linalg.solve(precision[1:, 1:], precision[1:, 0]) * (wall - top[0])
+        boxed = Surface(*plain[:3], np.array([low, -9, -9]), np.array([high, 9, 9]))
+        for found in (boxed.polished(np.append(wall, others + 1e-3)), boxed.maximum(top)[0]):
+            # A search ends with 1e-8 of ln L to gain: sqrt(2e-8) of a standard error.
+            assert found == pytest.approx(np.append(wall, others), abs=3e-4)
     spread, centre = np.linalg.inv(precision) @ along, along @ top
     half = np.sqrt(chi2.ppf(0.95, 1) * along @ spread)
     both = pytest.approx((centre - half, centre + half), rel=1e-3)
-    assert interval(surface, top, 7.0, along) == both
+    cuts, cut = [], Surface.maximum_where
+    monkeypatch.setattr(Surface, "maximum_where", lambda *of: cuts.append(of) or cut(*of))
+    assert interval(surface, top, 7.0, along) == both and len(cuts) <= 8
     there, reached = surface.maximum_where(along, centre + half, [top])
     assert there == pytest.approx(top + half * spread / (along @ spread), abs=2e-3)
     assert reached == pytest.approx(7.0 - chi2.ppf(0.95, 1) / 2, abs=1e-6)
+    far, _ = surface.maximum_where(along, 8.9 * along.sum(), [top])
+    assert along @ far == pytest.approx(8.9 * along.sum()) and np.abs(far).max() <= 9.0 + 1e-9
     high = np.where(along > 0, top + 0.5 * half * spread / (along @ spread), 9.0)
     tight = Surface(*plain, high)
     for of, highest, most, ends in (

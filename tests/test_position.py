@@ -6,16 +6,10 @@ import pytest
 from analysis import CannotAnswer
 from analysis.noise import position
 from analysis.noise.models import gauss_markov
+from analysis.noise.notes import said
 from analysis.noise.position import DRIFTS, cep, effective_samples, outliers, simulate_fixes
 
 PER_SIGMA = np.sqrt(2 * np.log(2))  # CEP of a circular Gaussian of unit deviation: 1.1774
-
-
-def test_cep_of_a_circular_gaussian():
-    """analytic: half of a circular Gaussian lies within 1.1774 sigma."""
-    n, e = 2.0 * np.random.default_rng(1).standard_normal((2, 100_000))
-    # The median of 1e5 radii has a standard error of 0.3 %.
-    assert cep(n, e).value == pytest.approx(2.0 * PER_SIGMA, rel=0.012)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.9, 0.99])
@@ -51,11 +45,20 @@ def test_errors_as_slow_as_the_log_are_refused(drifts):
     assert wrong / runs < 0.1
 
 
-def test_too_few_independent_positions():
-    """property: positions that hardly move are refused, with what they do say."""
-    n, e = gauss_markov(600, 1.0, 1.0, 60.0, np.random.default_rng(4), runs=2)
-    found = cep(n, e)
-    assert found.value is None and "independent" in found.note
+@pytest.mark.parametrize("least", [19.9, 20.0])
+def test_an_interval_counts_independent_positions(least, monkeypatch):
+    """analytic: of radii spread evenly from 0 to 1, at 1/2 -+ 0.98 / sqrt(N); refused below 20."""
+    counts = iter([30.0, least])  # north, east
+    monkeypatch.setattr(position, "effective_samples", lambda x: next(counts))
+    monkeypatch.setattr(position, "_by_eighths", lambda x: 29.0)
+    radius, turn = (np.arange(4000) + 0.5) / 4000, np.random.default_rng(4).random(4000) * 2 * np.pi
+    found = cep(*(np.append(x, -x) for x in (radius * np.cos(turn), radius * np.sin(turn))))
+    note, half = said("independent", count=8000, least=least), 0.98 / np.sqrt(49)  # of both axes
+    note += said("few_independent", median=0.5) * (least < 20)
+    assert (found.note, found.resolved) == (note, least == 20)
+    # Their means take two degrees of freedom; radii are 1 / 4000 apart.
+    ends = np.array([0.5 - half, 0.5 + half]) / np.sqrt(1 - 2 / 49)
+    assert not found.resolved or (found.low, found.high) == pytest.approx(tuple(ends), abs=1e-3)
     with pytest.raises(CannotAnswer, match="no position"):
         cep(np.full(5, np.nan), np.zeros(5))
 
@@ -66,7 +69,7 @@ def test_an_outlier_is_six_deviations_from_its_neighbours():
     for run, off in ((1, 0.99), (1, 1.01), (5, 1.01), (6, 1.01), (6, -1.01)):
         ramp, far = np.linspace(0, 1, 4001), slice(2000, 2000 + run)
         ramp[far] += bound * off + np.sign(off) * 1e-3 * (run - 1)  # the middle of eleven moves on
-        for axes in ((ramp, still), (still, ramp[::-1])):
+        for axes in ((ramp,), (ramp, still), (still, ramp[::-1])):
             assert outliers(*axes).sum() == (run if run < 6 and off > 1 else 0)
 
 

@@ -55,12 +55,12 @@ def ends_of(e):
 
 @pytest.mark.parametrize(
     ("drift", "warm_up", "why"),
-    [((1.0, 0.5, 1.5), False, None), ((1.0, 0.31, 1.5), False, None),
-     ((-1.0, -1.5, -0.29), False, said("near_zero")),  # 0.3 of the value, from zero
+    [((1.0, 0.5, 1.5), False, None), ((2.0, 0.6, 3.0), False, None),
+     ((-2.0, -3.0, -0.59), False, said("near_zero")),  # 0.3 of the value, from zero
      ((1.0, -0.1, 1.5), False, "slow bias"), ((1.0, 0.0, 1.5), False, "slow bias"),
      ((-1.0, -1.5, 0.0), False, "slow bias"), ((1.0, -0.1, 1.5), True, "warm-up"),
      # Not more than 0.3 of the value from an end to it.
-     ((1.0, 0.71, 1.5), True, None), ((-1.0, -1.5, -0.69), True, "warm-up")],
+     ((2.0, 1.4, 3.0), True, None), ((-2.0, -3.0, -1.39), True, "warm-up")],
 )  # fmt: skip
 @pytest.mark.parametrize("rise", [-3.9, 0.5, 3.9, 4.1])
 def test_a_drift_by_its_interval(drift, warm_up, why, rise, monkeypatch):
@@ -90,7 +90,7 @@ def test_white_noise_by_its_band():
     """known case: as the likelihood has it; wider and higher behind a filter; either side of Q."""
     for more in ({}, {"averaged": 4, "fewest": 4}):
         assert ends_of(inferred("N", {"N": 0.0}, **more).white_noise()) == (0.1, 0.05, 0.2)
-    for lack, error in ((0.0149, 0.2), (0.1, 0.2)):
+    for lack, error in ((0.015, 0.2), (0.1, 0.2)):
         e = inferred("N", {"N": 0.0}, averaged=8, lack=(lack, error)).white_noise()
         ends = np.array([0.05 * 0.985, 0.2 * 1.015])  # half of the 3 % that bands may be off
         raised = lack > 0.015
@@ -154,11 +154,12 @@ def test_a_random_walk_by_its_rivals(chosen, aics, ends, expected, why):
         # A second slow process: both intervals, of the slower bias.
         ("N+GM", {"N+GM": 0.0, "N+2GM": -2.8}, {("N+2GM", "corr_time"): (100.0, 250.0)},
          (600.0, 30.0, 250.0), (0.4, 0.15, 0.8), "few that not"),
-        ("N+GM", {"N+GM": 0.0, "N+2GM": -2.7}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), ""),
+        ("N+GM", {"N+GM": 0.0, "N+2GM": -2.75}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), ""),
         ("N+GM", {"N+GM": 0.0, "N+GM+K": -2.8}, {("N+2GM", "corr_time"): (100.0, 301.0)},
          (None, 30.0, 301.0), (None, 0.15, 0.8), "second slow process"),  # a range over 10
         ("N+GM+K", {"N+GM+K": 0.0, "N+2GM": 3.9}, {},
-         (600.0, 300.0, 1200.0), (0.4, 0.2, 0.8), "second slow process"),
+         (600.0, 300.0, 1200.0), (0.4, 0.2, 0.8),
+         said("second_process", unit="deg/s", sigma_b=0.2, corr_time=20.0)),
         ("N+GM+K", {"N+GM+K": 0.0, "N+2GM": 4.0}, {}, (60.0, 30.0, 120.0), (0.3, 0.15, 0.6), ""),
         # A walk, flicker noise and white noise have none, with what the log still bounds.
         ("N+K", {"N+K": 0.0}, {}, (None, 30.0, None), (None, 0.15, None), "at most 333 corr"),
@@ -253,7 +254,7 @@ def test_a_filter_is_seen_by_neighbours_and_by_its_bias():
 )  # fmt: skip
 def test_averaging_goes_on_until_no_filter_shows(case, averaged, monkeypatch):
     """known case: until models agree without a quick bias, then two steps; 256 means are left."""
-    n, dt, at = 20_000, 0.01, []
+    n, dt, at = 16_384, 0.01, []
 
     def spectra(y, dt, m, left_out):
         at.append(m)
@@ -267,7 +268,7 @@ def test_averaging_goes_on_until_no_filter_shows(case, averaged, monkeypatch):
     stubs = {
         "lines": lambda y, dt: ((), []), "spectra": spectra, "fit_all": fit_all,
         "NoiseLikelihood": lambda pieces, detrend: SimpleNamespace(spectrum=pieces, scale=1.0),
-        "disagreement": lambda *_: (0.1, at[-1] < case.get("beyond", 0)),
+        "disagreement": lambda *_: (0.9, at[-1] < case.get("beyond", 0)),
         "low_passed": lambda *_: at[-1] == 1 and "low_passed" in case,
         "as_noisy": lambda *_: case.get("noisy", True), "lost_in_means": lambda *_: (0.0, 0.0),
         "add_terms": lambda result, *_: (result, None), "_parameters": lambda *_: {},
@@ -284,7 +285,7 @@ def test_averaging_goes_on_until_no_filter_shows(case, averaged, monkeypatch):
     assert found.band == inference.listed(
         (said("means", m=averaged, width=averaged * dt) + why) * (averaged > 1),
         said("unused", share=1 - 0.8 * n / np.isfinite(y).sum()),
-        said("misfits", percent=3.0, misfit=10.0) * (averaged == 64),
+        said("misfits", percent=3.0, misfit=90.0) * (averaged == 64),
     )
 
 
@@ -331,16 +332,16 @@ def test_a_bias_that_white_noise_may_hide_and_means_that_bridge_losses():
 
 def test_terms_have_the_sizes_of_least_squares():
     """analytic: in white noise, with mean and line; the criterion falls by squares over sigma^2."""
-    t, points = np.arange(3000.0), {"N": np.log([0.7]), "N+K": np.log([0.7, 1e-9])}
-    kinds = ("step", 1000.0), ("sinusoid", 500.0), ("warm_up", 300.0)
+    t, points = 0.5 * np.arange(3000), {"N": np.log([0.7]), "N+K": np.log([0.7, 1e-9])}
+    kinds = ("step", 500.0), ("sinusoid", 250.0), ("warm_up", 150.0)
     terms = [added_terms.added_term(*kind) for kind in kinds]
     columns = [column for term in terms for column in term.columns]
     x = np.stack([np.ones(3000), t, *(column(t) for column in columns)], axis=1)
     y = x @ [3.0, 1e-3, 2.0, 0.5, -0.4, 4.0] + np.random.default_rng(1).normal(0, 0.7, 3000)
     fits = {name: Fit(name, {}, 0.0, 0.0, at, MODELS[name]) for name, at in points.items()}
-    least, coarse = [], added_terms.Coarse.of(y, 1.0, 1)
+    least, coarse = [], added_terms.Coarse.of(y, 0.5, 1)
     for k, some in ((2, []), (6, columns)):
-        likelihood = NoiseLikelihood(spectrum.spectra(y, 1.0, 1, some))
+        likelihood = NoiseLikelihood(spectrum.spectra(y, 0.5, 1, some))
         made = likelihood, fits, fits["N"], "deg", coarse, 1, 1, (0.0, 0.0), "", terms[: len(some)]
         best, squares = np.linalg.lstsq(x[:, :k], y)[:2]
         least.append((found := Inference(*made)).criterion() - squares[0] / 0.49)
@@ -367,11 +368,11 @@ class Growing(SimpleNamespace):
     ("offered", "kept", "rival"),
     [
      # Screened rise, kind, place; what the fit with it rises by.
-     ([(3.9, "warm_up", 10.0, 50.0)], 0, False), ([(4.1, "warm_up", 10.0, 14.0)], 1, False),
+     ([(3.9, "warm_up", 10.0, 50.0)], 0, False), ([(4.0, "warm_up", 10.0, 14.0)], 1, False),
      ([(4.1, "warm_up", 10.0, 13.9)], 0, True), ([(4.1, "warm_up", 10.0, 4.0)], 0, False),
      ([(30.0, "step", 10.0, 24.9)], 0, True),
-     ([(30.0, "step", 10.0, 25.0), (30.0, "step", 10.21, 25.0)], 2, False),
-     ([(30.0, "step", 10.0, 25.0), (30.0, "step", 10.2, 25.0)], 1, False),  # the same within 2 %
+     ([(30.0, "step", 50.0, 25.0), (30.0, "step", 51.1, 25.0)], 2, False),
+     ([(30.0, "step", 50.0, 25.0), (30.0, "step", 51.0, 25.0)], 1, False),  # the same within 2 %
      ([(30.0, "sinusoid", 10.0, 30.0), (30.0, "step", 10.0, 30.0)], 2, False),
      ([(30.0, "sinusoid", 9.0 * 2**k, 30.0) for k in range(5)], 3, False),
      ([(30.0, "step", 9.0 * 2**k, 30.0) for k in range(8)], 6, False),

@@ -281,12 +281,10 @@ def saturation(y: np.ndarray, dt: float) -> list[Disturbance]:
     """
     some, shares = _known(y)[1], []
     for end, farthest in ((np.max, -np.inf), (np.min, np.inf)):
-        top, share = some == end(some), 0.0
-        if top.sum() > PILED**2:  # fewer are too few, whatever is below
-            below = some == end(some, initial=farthest, where=~top)
-            runs, beside = (np.count_nonzero(at[1:] & ~at[:-1]) for at in (top, below))
-            share = top.mean() * (runs - beside > PILED * np.sqrt(runs + beside))
-        shares.append(share)
+        top = some == end(some)
+        below = some == end(some, initial=farthest, where=~top)
+        runs, beside = (np.count_nonzero(at[1:] & ~at[:-1]) for at in (top, below))
+        shares.append(top.mean() * (runs - beside > PILED * np.sqrt(runs + beside)))
     if not any(shares):
         return []
     ends = -norm.isf(shares[1]), norm.isf(shares[0])  # in deviations
@@ -432,7 +430,7 @@ def level_changes(
     tails = max(1 + (part.fourth - 3) / 2, 1.0)
     ratio = part.energy.var(axis=1, ddof=1).mean() * part.size / PARTS**2 / 2
     freedom = PARTS * (PARTS - 1)
-    bursts = ratio / tails > chi2.isf(chance, freedom) / freedom and ratio > 1 + (NOTICED - 1) / 2
+    bursts = ratio / tails > chi2.isf(chance, freedom) / freedom
     if not (changes or bursts):
         return []
     error = changes * t.ppf(0.975, PARTS - 1) * np.sqrt(between / PARTS)

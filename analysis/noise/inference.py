@@ -653,9 +653,8 @@ def disagreement(likelihood, fit):
     # Each coefficient counts once, whatever the slope of the spectrum.
     parts = stretch.yy / variance, stretch.count
     measured, count = by_octave(stretch, OCTAVES, *parts)[1]
-    off = measured / np.maximum(count, 1) - 1
-    error = np.sqrt(2 / np.maximum(count, 1))
-    off, error = off[count > 0], error[count > 0]
+    off = measured[count > 0] / count[count > 0] - 1
+    error = np.sqrt(2 / count[count > 0])
     return float(np.abs(off).max()), bool(np.any(np.abs(off) > np.maximum(AGREE, BEYOND * error)))
 
 
@@ -763,8 +762,9 @@ def linear_drift(likelihood, fits, chosen, rng):
     fall = 2 * (value[1:].max(axis=1) - without.max(axis=1))
     value, drift, threshold = value[0], drift[0], np.quantile(fall, LEVEL)
     room = threshold - 2 * (value.max() - value)  # left for the drift, under each row of noise
-    half = sd * np.sqrt(np.maximum(room, 0.0))
-    ends = (drift - half)[room >= 0].min(), (drift + half)[room >= 0].max()
+    some = room >= 0
+    half = sd[some] * np.sqrt(room[some])
+    ends = (drift[some] - half).min(), (drift[some] + half).max()
     # Averaged over the biases: of two that describe the log alike none is picked.
     weight = np.exp(value - value.max())
     return float(weight @ drift / weight.sum()), *map(float, ends)

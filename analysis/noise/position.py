@@ -117,9 +117,8 @@ def effective_samples(x: np.ndarray) -> float:
         return 1.0
     rho = autocovariance(x)
     length = 2 * np.cumsum(rho / rho[0]) - 1
-    window = np.arange(len(x)) >= 5 * length
-    stop = int(window.argmax()) if window.any() else len(x) - 1
-    return float(np.clip(len(x) / max(length[stop], 1e-9), 1.0, len(x)))
+    window = np.arange(len(x)) >= 5 * length  # at the last lag at latest, to which they sum to zero
+    return float(np.clip(len(x) / max(length[window.argmax()], 1e-9), 1.0, len(x)))
 
 
 def _by_eighths(x):
