@@ -4,6 +4,8 @@ import ast
 import doctest
 import math
 import sys
+from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,18 +17,15 @@ from analysis.tracker.at_rest import LowPass, StaticTest
 from analysis.tracker.attitude import Attitude
 from analysis.tracker.device import BLOCKS, FILTERS, Device, Epoch, Options
 from analysis.tracker.fusion import Fusion
-from analysis.tracker.last_position import LastPosition
+from analysis.tracker.last_position import Frame, LastPosition
 from analysis.tracker.mounting import MountingYaw
 from workbench import cli
 
 CLASSES = {  # of each block, and the modules of the same folder that its module needs
-    "last_position": (LastPosition, {"vectors"}),
-    "attitude": (Attitude, {"vectors"}),
-    "static": (StaticTest, {"vectors"}),
-    "low_pass": (LowPass, {"vectors"}),
-    "mounting": (MountingYaw, {"at_rest", "vectors"}),
-    "fusion": (Fusion, set()),
-}
+    "last_position": (LastPosition, {"vectors"}), "attitude": (Attitude, {"vectors"}),
+    "static": (StaticTest, {"vectors"}), "low_pass": (LowPass, {"vectors"}),
+    "mounting": (MountingYaw, {"at_rest", "vectors"}), "fusion": (Fusion, set()),
+}  # fmt: skip
 
 
 def test_the_command_can_turn_each_block_off():
@@ -127,12 +126,106 @@ def test_a_device_survives_broken_inputs(laps, broken):
     assert last["moving"] == whole["moving"]
 
 
-def test_what_no_receiver_can_mean():
-    """property: a latitude beyond the pole is no fix; at the pole, and a turn away, it is."""
+def test_what_no_sensor_can_mean():
+    """known case: beyond a pole, a turn, 100 km, 2 km/s, 2000 m/s^2 or 200 rad/s nothing is known.
+
+    A time is never before the last one's: earlier by a second or less it is that one, by more a gap
+    of two seconds.
+    """
+    device, n, most = Device(Options(), None, True), math.nan, (-90.0, 360.0, -9.9e4)
+    for fix, *rest in ((most, 9.0, 1999.0, -9.0, 2.0, 4.0), ((90.0, -360.0, 9.9e4), *[0.0] * 5)):
+        assert device._known(Epoch(0.0, fix, *rest)) == (0.0, fix, *rest)
+    for lat, lon, height, *rest in (
+        (90.1, 0.0, 0.0, -0.1, -0.1, math.inf), (-90.1, 0.0, 0.0, math.inf, 2000.0, n),
+        (0.0, 360.1, 0.0, n, n, n), (0.0, -360.1, 0.0, n, n, n), (90.0, 360.0, 1e5, n, n, n),
+    ):  # fmt: skip
+        seen = device._known(Epoch(0.0, (lat, lon, height), *rest, 3.0, 8.0))
+        assert np.isnan(seen[2:5]).all() and (not seen.fix if height == 0 else seen.fix[2] != 1e5)
+    assert [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (n, 3.0)] == [0.0, 3.0]
+    device._t_imu, device._t_epoch = 4.5, 4.0
+    known = [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (4.2, 3.0, n, 2.9, 3.0)]
+    assert known == pytest.approx([4.2, 4.0, 4.0, 6.5, 6.6])
+    device = Device(Options(), None, True)
+    for n, (k, much) in enumerate(product(range(6), (0.99, -0.99, 1.0, -1.0))):
+        reading = (200.0 if k < 3 else 2000.0) * much * np.eye(6)[k]
+        device.imu(float(n), reading[:3], reading[3:])
+        assert (device._t_imu == n) == (abs(much) < 1)
+
+
+def test_speed_and_wandering_by_the_fixes():
+    """analytic: at a m/s^2 who goes straight on is a T^2 / 2 off after T, a^2 / 8 T^4 an axis.
+
+    Of 2.5 to 5 s; learnt where these are more than 5 m, and a hundredth of each.
+    """
+    device, a, t, found = Device(Options(), None, False), 0.7, np.arange(32) / 2, []
+    s = 2.0 * t + a * t**2 / 2
+    for k in range(32):
+        fix = (0.6 * s[k], -0.8 * s[k], 0.0) if k < 24 else None
+        found.append(device._by_fixes(t[k], fix, 2.0 + a * t[k], math.atan2(-0.8, 0.6)))
+    first, last = np.maximum(np.arange(32) - 10, 0), np.minimum(np.arange(32), 23)
+    with np.errstate(invalid="ignore"):
+        speeds = np.where(last - first >= 5, (s[last] - s[first]) / (t[last] - t[first]), np.nan)
+    np.testing.assert_allclose(found, speeds)
+    # Of 24 fixes five have too little before them, and one 5 m.
+    assert device._unaided == pytest.approx(a**2 / 8 + (0.25 - a**2 / 8) * 0.99**18)
+
+
+def test_the_acceleration_by_speed_and_turns():
+    """analytic: a in a straight line, v w on a circle; the larger of the last two, if both are."""
     device = Device(Options(), None, False)
-    for lat, lon in ((90.0, 360.0), (-90.0, -360.0), (90.1, 0.0), (0.0, 360.1)):
-        epoch = Epoch(0.0, (lat, lon, 0.0), 1.0, 0.0, 0.0, 3.0, 8.0)
-        assert (device._known(epoch).fix is None) == (abs(lat) > 90 or abs(lon) > 360)
+    for speed, turn, dt, known in (
+        (5, 0.2, 1, None), (6, 0.2, 0.5, None), (6, 0.1, 0.5, 4 + 1.44), (6, -0.5, 2, 9),
+        (5, 0, 2, 9), (5, 1, 0, None), (5, math.nan, 1, None), (5, 0.3, 1, None), (5, 0.3, 1, 2.25),
+    ):  # fmt: skip
+        assert device._vehicle(speed, turn, dt) == (known and pytest.approx(known))
+
+
+def test_how_good_a_fix_is():
+    """known case: 1.5 m a PDOP but 1 m at least, 4 m without, 60 m if doubted; a rest is known."""
+    device, n, on = Device(Options(), None, False), math.nan, Options
+    for pdop, speed, course, accepted, moving, sigma, sigma_v, v in (
+        (4.0, 10.0, 2.0, True, True, 6.0, on.sigma_speed, (-4.1615, 9.0930)),
+        (0.5, 10.0, n, True, True, 1.0, 10.0, None), (n, 0.4, n, True, True, 4.0, 0.4, (0.0, 0.0)),
+        (4.0, 0.1, n, True, True, 6.0, on.sigma_speed, (0.0, 0.0)),
+        (4.0, 0.5, n, True, True, 6.0, 0.5, None), (4.0, n, 2.0, 1, 1, 6.0, on.sigma_speed, None),
+        (4.0, 10.0, 2.0, False, True, 4.0, on.sigma_speed, None),
+        (4.0, 10.0, 2.0, True, False, 6.0, on.sigma_rest_m_s, (0.0, 0.0)),
+    ):  # fmt: skip
+        for device.last.doubted in (False, True):
+            found = device._quality(Epoch(0.0, None, pdop, speed, course, 3, 8), accepted, moving)
+            assert found[:2] == (60.0 if device.last.doubted and accepted else sigma, sigma_v)
+            assert found[2] == (v and pytest.approx(v, abs=1e-3))
+
+
+@pytest.mark.parametrize("kind", ["constant-velocity", "none"])
+def test_what_a_receiver_alone_says_in_an_outage(kind):
+    """analytic: straight on for 10 s; a speed off by 0.3 m/s, then any of that size, and a turn.
+
+    With what the last fix may be off, of 3 m at a PDOP of 2. At rest nothing is added.
+    """
+    device, frame, lost = Device(Options(filter=kind), None, False), Frame((45.0, 9.0, 0.0)), []
+    for t in range(40):
+        fix = (*frame.degrees((12.0 * t, -16.0 * t)), 0.0) if t < 20 else None
+        row = device.gnss(Epoch(float(t), fix, 2.0, 20.0, math.atan2(-16, 12), 3.0, 8.0))
+        lost.append((*row["ellipse"], *(device.ned or [math.nan] * 2)[:2]))
+    seen, T, wander = np.array(lost), np.arange(21.0)[:, None], device._unaided
+    assert 0 < wander < 0.25 and device.bridges == kind and np.isnan(seen[4]).all()
+    on = np.minimum(T, 10.0 if kind == "constant-velocity" else 0.0)
+    expected = 9.0 + (0.3 * on) ** 2 + (20.0 * (T - on)) ** 2 + wander * on**4
+    np.testing.assert_allclose(seen[19:, :3], expected * [1, 0, 1])
+    np.testing.assert_allclose(seen[19:, 3:], seen[19, 3:] + on * [12, -16])
+    assert device._ellipse(99.0, moving=False) == (9.0, 0.0, 9.0)
+
+
+def test_a_fix_that_contradicts_the_output():
+    """known case: 50 m off, and five standard deviations of both, with what lasts of a fix."""
+    device, start = Device(Options(), None, False), SimpleNamespace
+    device.ned, device._lasting, device.fusion = (100, 50, 0), 16.0, start(started=1, sigma_p=3)
+    assert device._ellipse(0.0, moving=True) == (25.0, 0.0, 25.0)
+    device.constrained = start(started=True, ellipse=(4.0, 1.0, 9.0))
+    assert device._ellipse(0.0, moving=True) == (20.0, 1.0, 25.0)
+    for sigma, far, known in ((1, 49.9, 0), (1, 50.1, 1), (12, 64.9, 0), (12, 65.1, 1)):
+        assert device._contradicted((100 - 0.6 * far, 50 + 0.8 * far, 0.0), sigma) == known
 
 
 @pytest.mark.parametrize("without", [None, *BLOCKS])

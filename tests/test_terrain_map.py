@@ -109,17 +109,6 @@ def test_the_mounting_is_recovered_from_both_directions():
     np.testing.assert_allclose(angles, mounting_of_the_van(), atol=0.01)
 
 
-def test_a_twisted_baseline_leaks_roll_into_pitch():
-    """Analytic: without the mounting the directions disagree in pitch by sin(psi) roll, twice."""
-    laps = [drive(way, rounds=1.0)[0] for way in (1, -1)]
-    (_, there, a), (_, back, b) = (antennas.residuals(lap, AntennaMounting(), DT) for lap in laps)
-    psi = np.radians(MOUNTING.yaw_deg)
-    # First order in the roll of 4 deg: the next is its cosine, 0.3 %.
-    assert there - back == pytest.approx(-np.sin(psi) * (a - b), rel=0.02)
-    left = [antennas.residuals(lap, MOUNTING, DT)[1] for lap in laps]
-    np.testing.assert_allclose(left, 0.0, atol=0.01)
-
-
 def test_what_the_antennas_see_undoes_the_mounting():
     """Property: the antenna attitude of the vehicle's is the one without a mounting."""
     lap, _ = drive(1)
@@ -226,24 +215,6 @@ def test_the_bound_of_a_sine():
 
 
 # ---------------------------------------------------------------- jumps of the height
-
-
-def hill(s):
-    """A hill of 40 m in 4 km."""
-    return 20.0 - 20.0 * np.cos(2 * np.pi * s / 4000.0)
-
-
-def test_jumps_are_removed_and_the_hill_stays():
-    """Analytic: a stretch off by 20 m, and one off by 1.5 m, come back to the hill below them."""
-    s = np.arange(0.0, 8000.0, 1.4)
-    broken = hill(s) + 20.0 * ((s > 2000) & (s < 2100)) - 1.5 * ((s > 5000) & (s < 5150))
-    cleaned, level, jumps = remove_jumps(s, broken)
-    assert jumps.size == 4
-    np.testing.assert_allclose(cleaned, hill(s), atol=0.05)
-    np.testing.assert_allclose(cleaned[level], broken[level], atol=1e-9)
-    assert not level[(s > 2000) & (s < 2100)].any() and level.mean() > 0.9
-    same, all_level, none = remove_jumps(s, hill(s))
-    assert (same == hill(s)).all() and all_level.all() and none.size == 0
 
 
 def test_jumps_and_a_drift_on_a_straight_climb():
