@@ -377,9 +377,9 @@ def test_a_noisy_drive_has_no_events_but_a_jump_of_many_deviations():
     enu += [[2.0, 0.0]] * (t > 200.3)[:, None] + [[1.6, 0.0]] * (t > 199.9)[:, None]
     jumps = happened(*local_tracks(named(unit(t, enu))))
     assert [(e[0], round(e[2], 1)) for e in jumps] == [("jump", at) for at in (100, 130, 200.4)]
-    # Many deviations of a step: noise of 0.2 m hides it.
-    enu += 0.2 * rng.standard_normal(enu.shape)
-    assert happened(*local_tracks(named(unit(t, enu)))) == []
+    zigzag = np.outer(T, ROAD) + np.outer((-1.0) ** np.arange(101), [0.0, 0.1])
+    for off in (4.9, 5.2):  # m; eight deviations of the 0.4 m that this leaves of a step, and 0.3 m
+        assert bool(happened(track(T, zigzag + np.outer(T > 10, [off, 0])))) == (off > 5)
 
 
 def track(t, xy, velocity=(3.0, 4.0), angles=None, name="a"):
