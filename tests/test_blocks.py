@@ -5,7 +5,7 @@ import doctest
 import math
 import sys
 from itertools import product
-from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -111,11 +111,15 @@ def laps():
     return record(scenario("B", np.random.default_rng(3), laps=2).log)
 
 
+JUMPS = (clock_set_back, clock_set_forward, no_times)
+
+
 @pytest.mark.parametrize("broken", BROKEN)
 def test_a_device_survives_broken_inputs(laps, broken):
     """property: no error and no infinite number; afterwards place and tilt are what they would be.
 
     A metre: the fixes of the last minute count, whatever was lost before. A degree: tilt at rest.
+    A clock that jumps moves nothing by 15 m at any epoch, at 5 m/s: set back, it is a gap of 2 s.
     """
     *_, last = rows = list(play(laps.given, broken(laps.events)))
     assert not any(np.isinf(np.hstack(list(row.values()))).any() for row in rows)
@@ -124,6 +128,8 @@ def test_a_device_survives_broken_inputs(laps, broken):
     for angle in ("roll", "pitch"):
         assert last[angle] == pytest.approx(whole[angle], abs=math.radians(1.0))
     assert last["moving"] == whole["moving"]
+    for row, other in zip(rows, laps.rows, strict=True) if broken in JUMPS else ():
+        assert not math.hypot(*[111e3 * (row[k] - other[k]) for k in ("lat_deg", "lon_deg")]) > 15
 
 
 def test_what_no_sensor_can_mean():
@@ -166,6 +172,10 @@ def test_speed_and_wandering_by_the_fixes():
     with np.errstate(invalid="ignore"):
         speeds = np.where(last - first >= 5, (s[last] - s[first]) / (t[last] - t[first]), np.nan)
     np.testing.assert_allclose(found, speeds)
+    # Without a speed it is as fast as it was: a smooth ride in an outage is no rest.
+    for share, slow in ((1.0, False), (math.nan, False), (0.99, True), (math.nan, True)):
+        device._rests(share * Options.speed_threshold)
+        assert device._slow == slow
     # Of 24 fixes five have too little before them, and one 5 m.
     assert device._unaided == pytest.approx(a**2 / 8 + (0.25 - a**2 / 8) * 0.99**18)
 
@@ -219,7 +229,7 @@ def test_what_a_receiver_alone_says_in_an_outage(kind):
 
 def test_a_fix_that_contradicts_the_output():
     """known case: 50 m off, and five standard deviations of both, with what lasts of a fix."""
-    device, start = Device(Options(), None, False), SimpleNamespace
+    device, start = Device(Options(), None, False), Mock
     device.ned, device._lasting, device.fusion = (100, 50, 0), 16.0, start(started=1, sigma_p=3)
     assert device._ellipse(0.0, moving=True) == (25.0, 0.0, 25.0)
     device.constrained = start(started=True, ellipse=(4.0, 1.0, 9.0))
@@ -228,12 +238,88 @@ def test_a_fix_that_contradicts_the_output():
         assert device._contradicted((100 - 0.6 * far, 50 + 0.8 * far, 0.0), sigma) == known
 
 
+def stand_ins(options, **blocks):
+    """Make a device some of whose blocks only keep what they are told."""
+    device = Device(options, None, True)
+    vars(device).update({name: Mock(**has) for name, has in blocks.items()})
+    return device
+
+
+def test_what_an_epoch_tells_the_mounting():
+    """known case: means of its samples, and the variance of that of the force."""
+    rng, attitude = np.random.default_rng(1), {"down": (0.6, 0.0, 0.8), "yaw_rate": 0.2}
+    device = stand_ins(Options(rest_blocks=0), attitude=attitude, mounting={"mount": 0.5})
+    for n in (9, 5):  # nothing of the last epoch is left
+        force, level = rng.normal(size=(n, 3)), rng.normal(size=(n, 2))
+        for k in range(n):
+            device.attitude.horizontal = tuple(level[k])
+            device.imu(0.1 * k - n, (0.0, 0.0, 0.0), tuple(force[k]))
+        device._orient(2.0, True, False, 3.0, 10.0, 0.5)
+    *given, _, _, variance, mean = device.mounting.step.call_args.args
+    assert given == [2.0, 0.5, 3.0, 10.0, 0.2] and mean == pytest.approx(level.mean(axis=0))
+    assert variance == pytest.approx(force.var(axis=0).mean() / n)
+    assert device.attitude.epoch.call_args.args[:3] == (False, 3.5 - 2 * math.pi, 0.03)
+
+
+def test_what_an_epoch_tells_the_filters():
+    """known case: a start, a low-passed rest, a fix, a velocity at rest; who says where it is."""
+    epoch, rest, both = Epoch(100.0, None, 2.0, 10.0, 0.0, 3.0, 8.0), (7.0, 8.0, 9.0), (True, False)
+    for has_car, started, fix, moving, layer, since, jumped in product(
+        both, both, ((3.0, 4.0, 5.0), None), both, (0, 2), (60.0, 60.1), both
+    ):
+        car, anew = Mock(antenna=[5.0, 6.0], started=True), not started or bool(fix and jumped)
+        device = stand_ins(
+            Options(), fusion={"started": started, "position": (1.0, 2.0, 3.0)},
+            low_pass={"position": rest}, last={"slip": 0.25, "jumped": jumped, "doubted": False},
+            _predict={}, _constrain={"return_value": car if has_car else None},
+            _contradicted={"return_value": True},
+        )  # fmt: skip
+        device.ned, device.constrained, device._t_fix = "before", car, 100.0 - since
+        device._fuse(epoch, fix, moving, layer)
+        v, sigma_v = ((10.0, 0.0) if fix else None, 0.3) if moving else ((0.0, 0.0), 0.05)
+        sigma = 3.0 if fix else 4.0
+        calls = [("update", fix, v, sigma, sigma_v)] if fix or v else []
+        calls = [("update", rest, (0.0, 0.0), 1.0, sigma_v)] if layer else calls
+        if anew:
+            calls = [("start", fix, (*v, 0.0), sigma, 1.0)] if fix else []
+        assert [(c[0], *c[1]) for c in device.fusion.method_calls] == calls
+        expected = rest if layer else "before"
+        if started or fix:
+            device._constrain.assert_called_once_with(fix, v, sigma, 0.5 if moving else sigma_v)
+            if not layer and (since == 60.0 or (has_car and fix)):
+                expected = (5.0, 6.0, 3.0) if has_car else (1.0, 2.0, 3.0)
+            assert device._predict.called != anew and car.started != (started and anew)
+        assert device.ned == expected and device._lasting == (9.0 if fix else 0.0)
+
+
+def test_when_the_filters_start_and_what_carries_them():
+    """known case: at 3 m/s, sighted, with fix and velocity; by the IMU as far as it is there."""
+    bias = Mock(x="b", P=np.diag([1.0, 3.0, 2.0]))
+    good = {"mount": 0.5, "heading": True, "fix": "fix", "velocity": "v", "speed": 3.1}
+    changed = {}, *({k: False} for k in good), {"mount": None}, {"speed": 3.0}
+    for at in (good | other for other in changed):
+        attitude = {"ready": True, "heading_known": at["heading"], "C_nb": "C", "bias": bias}
+        device = stand_ins(
+            Options(), attitude=attitude | {"tilt": Mock(p=0.1)}, constrained={"started": False},
+            fusion={}, mounting={"mount": at["mount"]}, upright={"down": "d"},
+        )  # fmt: skip
+        device._speed, starts = at["speed"], at == good or at["mount"] is False
+        device._constrain(at["fix"], at["velocity"], 1.0, 2.0)
+        given = ("fix", "v", ("C", "b", "d"), at["mount"] or 0.0, 1.0, 2.0, (0.1, 3.0))
+        assert [c.args for c in device.constrained.start.call_args_list] == [given] * starts
+        for since, imu in ((0.0, 0.0), (1.0, 1.0), (1.01, 0.0), (0.5, 1.01)):
+            device._t_fusion, device._t_imu, device.fusion = 9.0, 9.0 + since - imu, Mock()
+            device._predict(9.0 + since)
+            sighted = at["heading"] and at["mount"] is not None and max(since, imu) <= 1.0
+            by = (device.attitude.accel_n, since, 0.3) if sighted else ((0.0, 0.0, 0.0), since, 1.0)
+            assert [c.args for c in device.fusion.predict.call_args_list] == [by] * (since > 0)
+
+
 @pytest.mark.parametrize("without", [None, *BLOCKS])
 @pytest.mark.parametrize("filter", FILTERS)
 def test_any_block_can_be_left_out(laps, filter, without):
     """property: with each filter a position is put out to the end, within 15 m of that with all."""
-    changed = {without: False} if without else {}
-    *_, last = play(laps.given, laps.events, filter=filter, **changed)
+    *_, last = play(laps.given, laps.events, filter=filter, **{w: False for w in [without] if w})
     off = [(last[k] - laps.rows[-1][k]) * 111_000 for k in ("lat_deg", "lon_deg")]
     assert math.hypot(*off) < 15.0
 
@@ -247,14 +333,3 @@ def test_a_clock_set_back_is_a_gap_of_two_seconds(laps):
     for row, same in pairs:
         for name in ("lat_deg", "lon_deg", "roll", "pitch", "yaw"):
             assert row[name] == pytest.approx(same[name], abs=1e-9, nan_ok=True)
-
-
-@pytest.mark.parametrize("broken", [clock_set_back, clock_set_forward, no_times])
-def test_a_clock_that_jumps_moves_nothing(laps, broken):
-    """property: within 15 m of the undisturbed track at every epoch, while driving at 5 m/s.
-
-    A clock set back is taken for a gap of two seconds: 10 m of driving unseen.
-    """
-    for row, whole in zip(list(play(laps.given, broken(laps.events))), laps.rows, strict=True):
-        off = [(row[k] - whole[k]) * 111_000 for k in ("lat_deg", "lon_deg")]
-        assert not math.hypot(*off) > 15.0
