@@ -123,68 +123,24 @@ def test_files(tmp_path, laps):
 
 
 def test_attitude_and_mounting_on_laps(laps):
-    """property: on scenario B, after the first straight: mounting to 3 deg, yaw to 3 deg rms.
-
-    No position claims to be better than the fixes that made it, whose errors last.
-    """
+    """property: on scenario B, after the first straight: mounting to 3 deg, yaw to 3 deg rms."""
     scenario, track = laps
-    mount = track.columns["mount_deg"]
-    known = np.isfinite(mount)
-    first = scenario.log.gnss.t_s[np.argmax(known)]
-    assert first < 45  # 20 s of waiting and a straight of 17 s
+    known = np.isfinite(mount := track.columns["mount_deg"])
+    assert scenario.log.gnss.t_s[np.argmax(known)] < 45  # 20 s of waiting and a straight of 17 s
     assert np.abs(mount[known] - scenario.mount_deg).max() < 3.0
     assert len(set(track.straights["t_s"])) == track.summary["mounting"]["straights"]
     yaw, _, roll = Rotation.from_matrix(scenario.C_nb).as_euler("ZYX", degrees=True).T
     error = wrap(track.columns["yaw_deg"] - yaw)
     assert np.sqrt((error[np.flatnonzero(known)[2:]] ** 2).mean()) < 3.0
     assert np.nanmax(np.abs(track.columns["roll_deg"] - roll)[30:]) < 3.0
-    good = track.columns["accepted"] == 1
-    least = np.maximum(1.0, Options.metres_per_pdop * track.columns["pdop"])
-    assert (track.columns["sigma_north_m"] > least)[good].all()
-
-
-@pytest.mark.parametrize("angle", [-150.0, -60.0, 45.0, 170.0])
-def test_turning_the_imu_turns_the_mount(angle):
-    """property: an IMU turned by a known angle comes out with a mount turned by it, to 2 deg."""
-    log = scenarios.scenario("B", np.random.default_rng(4), laps=1).log
-    plain = replay(log).summary["mounting"]["deg"]
-    turned = replay(turn_imu(log, math.radians(angle))).summary["mounting"]["deg"]
-    assert (turned - plain - angle + 180) % 360 - 180 == pytest.approx(0.0, abs=2.0)
-
-
-def test_an_outage_is_bridged(laps):
-    """property: 20 s without fixes: with block 6 the error is a third of that of holding."""
-    scenario, _ = laps
-    log = inject_outages(scenario.log, [(100.0, 120.0)])
-    gone = (log.gnss.t_s >= 100) & (log.gnss.t_s < 120)
-    assert not log.gnss.has_fix[gone].any()
-    with_6, held = (replay(log, Options(fusion=f, coast_s=0.0)).columns for f in (True, False))
-    with_6, held = (np.hypot(*scenario.output_error(c))[gone].max() for c in (with_6, held))
-    assert held > 20 and with_6 < held / 3
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_no_output_leaves_the_95_percent_circle(seed):
-    """property: at rest with simulated errors that last under a minute, from layer 2 on, none."""
-    errors = scenarios.GnssErrors(drift=((1.0, 20.0),), white_m=0.5)
-    scenario = scenarios.scenario("A", np.random.default_rng(seed), minutes=30.0, gnss=errors)
-    track = replay(scenario.log, Options(lengths=(10, 10, 10)))
-    raw, out = scenario.fix_error(), scenario.output_error(track.columns)
-    full = track.columns["layer"] >= 2
-    seconds, static = np.bincount(track.columns["layer"][:-1])[1:], track.summary["static"]
-    assert static["seconds_in_layer"] == seconds.tolist()
-    assert static["seconds"] == np.sum(track.columns["moving"][:-1] == 0) > 1500
-    assert full.sum() > 1500 and np.hypot(*out)[full].max() < np.percentile(np.hypot(*raw), 95)
 
 
 @pytest.mark.parametrize("block", BLOCKS)
 def test_each_block_can_be_left_out(laps, block):
     """property: a replay without any one block runs, says so, and its columns are empty."""
-    scenario, _ = laps
-    track = replay(scenario.log, Options(**{block: False}))
+    track = replay(laps[0].log, Options(**{block: False}))
     assert track.summary["blocks"][block] == "off"
-    waits = 0 if block == "last_position" else 5  # s until the fixes have agreed for some seconds
-    assert np.isfinite(track.columns["out_lat_deg"][waits:]).all()
+    assert np.isfinite(track.columns["out_lat_deg"][5:]).all()  # when the fixes have agreed
     if block in ("attitude", "mounting"):
         assert np.isnan(track.columns["mount_deg"]).all()
     if block == "attitude":
@@ -196,41 +152,28 @@ def test_each_block_can_be_left_out(laps, block):
         assert not track.columns["layer"].any()
 
 
-def test_block_2_reads_its_bias_at_rest_without_block_3(laps):
-    """property: the same attitude, for what is put out at rest is not what block 2 learns there."""
-    scenario, _ = laps
-    both = ({"static": static, "mounting": False, "fusion": False} for static in (True, False))
-    with_3, without = (replay(scenario.log, Options(**one)).columns for one in both)
-    assert (with_3["moving"] == 0).any() and without["moving"].all()
-    np.testing.assert_array_equal(with_3["roll_deg"], without["roll_deg"])
-
-
 def test_gnss_without_imu(laps):
     """property: what needs an IMU says so; the gate, the static test and the low-pass run."""
-    scenario, _ = laps
-    track = replay(replace(scenario.log, imu=None), Options(lengths=(10, 10, 10)))
+    track = replay(replace(laps[0].log, imu=None), Options(lengths=(10, 10, 10)))
     assert any(note.startswith("no IMU: blocks 2, 5 and 6") for note in notes(track))
     assert np.isnan(track.columns["roll_deg"]).all()
-    assert track.columns["layer"].max() >= 1  # the 20 s before setting off
-    moving = track.columns["moving"].astype(bool)
-    assert (moving[30:-12]).all()
-    moving[:5] = False  # no fix is accepted yet
-    off = track.columns["out_lat_deg"] - scenario.log.gnss.lat_deg
-    np.testing.assert_allclose(off[moving], 0.0, atol=1e-9)
+    layer, static = track.columns["layer"][:-1], track.summary["static"]
+    assert layer.max() >= 1  # the 20 s before setting off
+    assert static["seconds_in_layer"] == [(layer == k).sum() for k in (1, 2, 3)]
+    assert track.columns["moving"][30:-12].all()
 
 
 def test_imu_without_gnss(laps):
     """property: roll, pitch and the static test run, a row a second; no position appears."""
-    scenario, _ = laps
-    track = replay(replace(scenario.log, gnss=None))
+    track = replay(replace(laps[0].log, gnss=None))
     assert any(note.startswith("no GNSS") for note in notes(track))
-    assert len(track.columns["t_s"]) == math.floor(scenario.log.duration_s)
+    assert len(track.columns["t_s"]) == math.floor(laps[0].log.duration_s)
     assert np.isfinite(track.columns["roll_deg"][3:]).all()
     for name in ("yaw_deg", "mount_deg", "out_lat_deg", "lat_deg"):
         assert np.isnan(track.columns[name]).all()
     assert track.summary["blocks"]["low_pass"] == "needs GNSS"
     assert track.summary["source"]["epochs"] == 0
-    still = replay(replace(scenario.log, gnss=None), stored=Stored(44.5, 11.3, 0.0, 0.0, 1.0))
+    still = replay(replace(laps[0].log, gnss=None), stored=Stored(44.5, 11.3, 0.0, 0.0, 1.0))
     setting_off = still.columns["t_s"] > 21.0  # then the IMU has seen motion, and it is given up
     assert (still.columns["out_lat_deg"][still.columns["t_s"] < 20.0] == 44.5).all()
     assert np.isnan(still.columns["out_lat_deg"][setting_off]).all()
@@ -292,19 +235,15 @@ def test_an_imu_for_a_part_of_the_log(laps, part):
 
 
 def test_an_imu_that_falls_silent_decides_nothing(laps):
-    """property: its last acceleration neither keeps a stop moving nor carries the position on."""
+    """property: its last acceleration does not keep a stop moving, nor a stop what then moves."""
     log = laps[0].log
-    t, ends = log.gnss.t_s, (log.imu.t_s <= at for at in (30.0, 10.0, 69.0))
+    t, ends = log.gnss.t_s, (log.imu.t_s <= at for at in (30.0, 10.0))
     slow = with_gnss(log, speed_m_s=np.where(t > 30.0, 0.0, log.gnss.speed_m_s))
     stopped = replay(with_imu(slow, next(ends))).columns["moving"]  # the scooter sets off
     assert stopped[(t > 25) & (t <= 30)].all() and not stopped[t > 40].any()
     mute = with_gnss(log, speed_m_s=np.nan)  # while it is at rest, and no speed is known
     moving = replay(with_imu(mute, next(ends))).columns["moving"]
     assert not moving[5] and moving[(t > 25) & (t < t[-1] - 15)].all()
-    speeding = inject_outages(with_imu(log, next(ends)), [(69.5, 79.0)])  # up by 0.6 m/s^2
-    north, east = metres(replay(speeding))
-    speed = np.hypot(np.diff(north), np.diff(east))[(t[1:] > 71) & (t[1:] < 79)]
-    assert np.abs(np.diff(speed)).max() < 0.1
 
 
 @pytest.mark.parametrize("imu", [True, False])
@@ -322,16 +261,6 @@ def test_a_receiver_that_states_no_speed(laps, imu):
     error = np.hypot(north - scenario.north_m, east - scenario.east_m)
     assert np.nanmax(error) < np.nanmax(np.hypot(*scenario.fix_error())) + 5.0
     assert any("computes it from the fixes" in note for note in notes(track))
-
-
-def test_a_turn_in_an_outage_is_no_bias_of_the_gyro(laps):
-    """property: a smooth ride without fixes is not taken for rest, whatever it reads."""
-    log = laps[0].log
-    smooth = np.tile(log.imu.accel_b[:400].mean(axis=0), (len(log.imu.t_s), 1))
-    log = replace(log, imu=replace(log.imu, accel_b=smooth))
-    steps = log_replay.stepped(inject_outages(log, [(30.0, 150.0)]), Options())
-    bias = [np.array(device.attitude.bias.x) for _, _, device, _ in steps]
-    assert np.abs(bias[140] - bias[29]).max() < np.radians(0.1)
 
 
 @pytest.mark.parametrize(("factor", "says"), [(57.3, "0.023"), (1 / 57.3, "76"), (-1.0, "-1.3")])
@@ -476,12 +405,11 @@ def test_the_filters_start_anew_where_good_fixes_contradict_them(laps):
     for name in ("lat_deg", "lon_deg", "course_deg"):
         getattr(gnss, name)[start : start + 40] = getattr(gnss, name)[start]
     gnss.speed_m_s[start + 1 : start + 40] = 0.0
-    for kind in ("block6", "car"):
-        track = replay(replace(log, gnss=gnss), Options(filter=kind))
-        north = (track.columns["out_lat_deg"] - gnss.lat_deg) * 111_132
-        off = np.hypot(north, (track.columns["out_lon_deg"] - gnss.lon_deg) * 79_000)[start + 40 :]
-        assert off[0] > 50.0 and off[6:].max() < 20.0
-        assert any("while the IMU moved" in note for note in notes(track))
+    track = replay(replace(log, gnss=gnss), Options(filter="car"))
+    north = (track.columns["out_lat_deg"] - gnss.lat_deg) * 111_132
+    off = np.hypot(north, (track.columns["out_lon_deg"] - gnss.lon_deg) * 79_000)[start + 40 :]
+    assert off[0] > 50.0 and off[6:].max() < 20.0
+    assert any("while the IMU moved" in note for note in notes(track))
     assert not any("while the IMU moved" in note for note in notes(laps[1]))
 
 
@@ -489,18 +417,11 @@ def test_a_receiver_alone_coasts_and_then_holds():
     """property: ten seconds at constant velocity, then the position is held, and it is said."""
     gnss = ride(120)  # a position that is put out without a fix is none
     log = Timeline(replace(gnss, has_fix=(gnss.t_s < 50) | (gnss.t_s >= 80)), None)
-    track, held = replay(log), replay(log, Options(filter="none")).columns
-    outputs = (c["out_lat_deg"] for c in (track.columns, held))
-    error, other = (np.abs(lat - gnss.lat_deg) * 111_132 for lat in outputs)
-    sigma = track.columns["sigma_north_m"]
-    assert error[5:60].max() < 0.1 and error[70] == pytest.approx(20.0 * 11, abs=0.1)
+    track = replay(log)
+    error = np.abs(track.columns["out_lat_deg"] - gnss.lat_deg) * 111_132
+    assert error[70] == pytest.approx(20.0 * 11, abs=0.1)
     assert track.summary["seconds_without_fix_but_position"] == 30.0
-    assert (np.diff(sigma[49:80]) > 0).all() and (error[5:] < 2.5 * sigma[5:]).all()
-    assert sigma[55] < 0.2 * 20.0 * 5  # m: so far straight on has been right
-    assert len(set(held["out_lat_deg"][50:80].tolist())) == 1
-    assert (other[5:] < 2.5 * held["sigma_north_m"][5:]).all()
-    said = "20 epochs not known to be at rest are over 10 s after"
-    assert any(said in note for note in notes(track))
+    assert "20 epochs not known to be at rest are over 10 s after" in " ".join(notes(track))
 
 
 @pytest.mark.parametrize("until", [60.0, np.inf])

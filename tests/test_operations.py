@@ -114,19 +114,16 @@ def test_filter_steps_are_those_of_the_formulas(sizes):
     assert predict == operations.predict(n, p) and update == lean_update(n, m)
 
 
-def test_the_fusion_filter_costs_a_fraction_of_its_formula(steps):
+def test_filters_cost_a_fraction_of_their_formulas(steps):
     """analytic: a sample is 3 axes of 4 sums and 2 products, half a step and the time in waiting.
 
-    A fix carries two covariances and takes in five numbers.
+    A fix carries two covariances and takes in five numbers. For the attitude one number for P is
+    cheaper than the two predictions and the update of Table I.
     """
-    assert kinds(steps, "6", "sample") == Counter(sums=3 * 4 + 1, products=3 * 2 + 1)
-    assert kinds(steps, "6", "fix").total() < lean_update(9, 5).total() / 10
-
-
-def test_a_sample_of_the_attitude_costs_less_than_its_three_dense_steps(steps):
-    """property: one number for P is cheaper than the two predictions and the update of Table I."""
     inside = operations.predict(3, 0) + operations.predict(3, 0) + lean_update(3, 3)
     assert 50 < kinds(steps, "2", "sample").total() < inside.total() / 2
+    assert kinds(steps, "6", "sample") == Counter(sums=3 * 4 + 1, products=3 * 2 + 1)
+    assert kinds(steps, "6", "fix").total() < lean_update(9, 5).total() / 10
 
 
 def test_the_low_pass_filter_costs_its_means(steps):
