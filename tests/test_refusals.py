@@ -196,8 +196,7 @@ def test_two_warm_ups_speak_against_a_walk():
         e = found.rate_random_walk()
         assert (said("two_warm_ups") in e.note) == told != e.resolved and e.high == 0.02
         assert all(len(set(pair)) == 2 for pair in pairs) and len(set(pairs)) == len(pairs)
-        ends = [(np.min(pairs), np.max(pairs))] if pairs else []
-        assert ends == [pytest.approx((9.0, 1800.0))] * (terms is both)
+        assert not pairs or (np.min(pairs), np.max(pairs)) == pytest.approx((9.0, 1800.0))
 
 
 def test_a_step_where_the_level_changes_leaves_no_slow_noise(monkeypatch):
