@@ -8,6 +8,7 @@ import pytest
 from analysis.tracker.last_position import GATE_ALONE, Frame, LastPosition, Stored, distance
 
 HOME = Stored(44.5, 11.3, 60.0, 12.0, 2.0)
+FIX = (44.501, 11.3, 61.0)
 BEARING = 2.2  # rad, of a road that is along no axis
 
 
@@ -32,6 +33,15 @@ def test_gate(pdop, accepted, criteria):
     block = LastPosition(**criteria)
     assert feed(block, [0.0] * 9, pdop=pdop)[-1] == accepted
     assert (block.position is not None) == accepted == (block.accepted > 0)
+
+
+def test_nothing_before_the_first_acceptable_fix_unless_stored():
+    """property: no position from no fix or a poor one; the stored one if there is one."""
+    for stored in (None, HOME):
+        block = LastPosition(stored, **GATE_ALONE)
+        for t, (fix, pdop) in enumerate([(None, math.nan), (FIX, 30.0), (FIX, math.nan)]):
+            assert not block.step(t, fix, pdop) and block.position == stored
+        assert block.step(3.0, FIX, 5.0) and block.position == Stored(*FIX, 3.0, 5.0)
 
 
 def test_motion_ends_the_hold():
