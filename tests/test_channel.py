@@ -30,6 +30,9 @@ def test_a_disturbance_reaches_parameters_and_fit():
     assert not found.parameters["arw"].resolved and "arw" in told["affects"]
     assert told["note"] in found.parameters["arw"].note
     assert found.parameters["arw"].low < np.sqrt(0.01 * 2.5) < found.parameters["arw"].high
+    for window, (lags, acov) in found.autocorrelation.items():  # of means, to half of the log
+        assert lags[-1] == pytest.approx(100.0, abs=2 * window) and lags[0] == 0.0
+        assert acov[0] == pytest.approx(2.5 * 0.01 / window, rel=0.3)
 
 
 @pytest.mark.parametrize("levels", [2, 3])
