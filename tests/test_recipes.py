@@ -94,6 +94,8 @@ def test_recipe_follows_the_paper():
     # 600 correlation times: the reading scatters by some 8 %; the peak keeps some white noise.
     assert found["corr_time"] == pytest.approx(164.0, rel=0.2)
     assert found["sigma_b"] == pytest.approx(0.046, rel=0.15)
+    twice = comparison_recipe(y - y.mean(), 1.0)["corr_time"]  # the same readings, half as often
+    assert twice == pytest.approx(2 * found["corr_time"])
     for without in (np.diff(y[::7]), np.zeros(9)):
         assert np.isnan(comparison_recipe(without, 0.5)["sigma_b"])
     # sigma_v is that of the first 15 s: 30 samples at 2 Hz, with one degree of freedom lost.
