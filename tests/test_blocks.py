@@ -163,7 +163,8 @@ def test_speed_and_wandering_by_the_fixes():
 
     Of 2.5 to 5 s; learnt where these are more than 5 m, and a hundredth of each.
     """
-    device, a, t, found = Device(Options(), None, False), 0.7, np.arange(32) / 2, []
+    device, a = Device(Options(sigma_unaided=2.0), None, False), 0.7
+    t, found = np.arange(32) / 2, []
     s = 2.0 * t + a * t**2 / 2
     for k in range(32):
         fix = (0.6 * s[k], -0.8 * s[k], 0.0) if k < 24 else None
@@ -177,7 +178,7 @@ def test_speed_and_wandering_by_the_fixes():
         device._rests(share * Options.speed_threshold)
         assert device._slow == slow
     # Of 24 fixes five have too little before them, and one 5 m.
-    assert device._unaided == pytest.approx(a**2 / 8 + (0.25 - a**2 / 8) * 0.99**18)
+    assert device._unaided == pytest.approx(a**2 / 8 + (1.0 - a**2 / 8) * 0.99**18)
 
 
 def test_the_acceleration_by_speed_and_turns():
