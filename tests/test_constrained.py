@@ -422,7 +422,8 @@ def test_single_precision_stays_single_and_agrees(town):
 
 
 def test_a_lever_arm_arrives():
-    """property: one that a replay is given is that of its filter."""
+    """property: one that a replay is given is that of its filter; without one it has no arm."""
     ride = scenario("D", np.random.default_rng(3), stops=0)
-    *_, (_, _, device, _) = stepped(ride.log, Options(filter="car"), lever=(4.0, 0.0, 0.0))
-    assert device.constrained.lever == (4.0, 0.0, 0.0)
+    for lever, arm in (((4.0, 0.0, 0.0), (4.0, 0.0, 0.0)), ((0.0, 0.0, 0.0), None)):
+        _, _, device, _ = next(stepped(ride.log, Options(filter="car"), lever=lever))
+        assert getattr(device.constrained, "lever", None) == arm

@@ -6,7 +6,7 @@ import numpy as np
 import pymap3d
 import pytest
 
-from analysis import store
+from analysis import store, wrap
 from analysis.tracker import evaluate, scenarios
 from analysis.tracker.at_rest import LowPass
 from analysis.tracker.device import Options
@@ -168,6 +168,9 @@ def test_a_ride_is_judged_by_its_true_angle(rides):
     assert rides["last"].abs().max() < 10 and (rides["last"].abs() < 4 * rides["sigma"]).all()
     assert np.abs(np.concatenate(list(rides["printed"]))).max() > 90
     assert all(len(row["alone"]) == len(row["sigmas"]) for _, row in rides.iterrows())
+    # The sign of the speed's change keeps the line of eq (3), or turns it round.
+    apart = np.concatenate(list(rides["signed"])) - np.concatenate(list(rides["printed"]))
+    np.testing.assert_allclose(np.abs(wrap(2 * apart)), 0.0, atol=1e-6)
     assert (rides["sideways"] < 0.5).all()
 
 
