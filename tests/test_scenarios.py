@@ -53,6 +53,10 @@ def test_readings_are_those_of_the_true_motion(name, given):
     turned = wrap(ride.log.gnss.course_deg - ride.course_deg)
     np.testing.assert_allclose(turned[there], 0.0, atol=1e-6)
     np.testing.assert_array_equal(ride.moving, ride.speed_m_s > 0)
+    if name == "C":  # it walks slower round each of the four corners
+        turns = np.abs(wrap(np.diff(ride.course_deg))) > 5
+        edges = np.flatnonzero(np.diff(turns.astype(int), prepend=0, append=0)).reshape(-1, 2)
+        assert [ride.speed_m_s[a:b].min() < 1.11 for a, b in edges] == [True] * 4
 
 
 def body(ride, mount, pitch, roll):
