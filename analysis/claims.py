@@ -168,8 +168,8 @@ def counted() -> text.Shown:
     ways = verdicts()[WAYS].dropna()
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
-        f" {len(ways)} claims on tracking are judged twice: above as the paper most likely did,"
-        f" {paper} reproduced, but this was chosen because many hold in it; as a car does, {car}."
+        f" {len(ways)} claims on tracking are judged twice. Counted above is what the paper likely"
+        f" did: {paper} hold, but it was chosen because many do. As a car does, {car} hold."
     )
     return text.Shown(
         f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"

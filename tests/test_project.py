@@ -134,12 +134,8 @@ def values(node):
         return [node.value, *node.generators]
     if isinstance(node, ast.Subscript):
         return [node.value]
-    if isinstance(node, ast.keyword) and node.arg in ("index", "columns"):
-        return []
-    if isinstance(node, ast.Assign) and getattr(node.targets[0], "attr", "") in (
-        "index",
-        "columns",
-    ):
+    to = node.targets[0] if isinstance(node, ast.Assign) else node
+    if getattr(to, "arg" if to is node else "attr", "") in ("index", "columns"):
         return []
     if called(node) == "text.table":
         return node.args[:1]
