@@ -16,7 +16,7 @@ import pandas as pd
 import pymap3d
 from scipy.spatial.transform import Rotation
 
-from analysis import CannotAnswer, resampling, store
+from analysis import CannotAnswer, resampling, store, wrap
 from analysis.tracker import attitude
 from analysis.tracker.device import Options
 from analysis.tracker.evaluate import ratio_interval
@@ -78,6 +78,7 @@ CASES = {
     "aerobatics": aerobatics,
     **{f"phone, {name[:10]}": partial(phone, name) for name in PHONES},
 }
+CARS = "highway", f"phone, {PHONES[0][:10]}"  # of the other phones no mounting angle is found
 FILES = {"aerobatics": [several_units.AEROBATIC], "highway": [POSE]}
 FILES |= {f"phone, {name[:10]}": [f"phone-drives/{name}.csv"] for name in PHONES}
 
@@ -160,11 +161,16 @@ def compared(own, off, log):
     return {"vertical_deg": np.sqrt(squares[:, 1].mean()), "epochs": n} | found
 
 
-def judged(name):
-    """Judge every filter at every gain on one log."""
+def case(name):
+    """Read a log and its true down as it is, turned, and by how much, deg."""
     log, as_it_is = CASES[name]()
     phone = name.startswith("phone")
-    true, by_deg = turned(log, as_it_is) if phone else (as_it_is, np.nan)
+    return log, as_it_is, *(turned(log, as_it_is) if phone else (as_it_is, np.nan))
+
+
+def judged(name):
+    """Judge every filter at every gain on one log."""
+    log, as_it_is, true, by_deg = case(name)
     ways = {(kind, ""): way for kind, way in OURS.items()}
     for kind, gains in GAINS.items():
         for gain in gains:
@@ -177,6 +183,26 @@ def judged(name):
         row |= compared(off["block 2", ""], one, log)
         unturned = compared(other["block 2", ""], other[kind, gain], log)
         rows.append(row | {f"unturned_{k}": unturned[k] for k in ("ours_over", "low", "high")})
+    return rows
+
+
+def stated(name):
+    """Count how often roll and pitch lie within what the filter for cars states of them."""
+    log, _, true, _ = case(name)
+    columns = replay(log, Options(filter="car")).columns
+    true = true / np.linalg.norm(true, axis=1, keepdims=True)
+    truth = {"roll": np.arctan2(true[:, 1], true[:, 2]), "pitch": -np.arcsin(true[:, 0])}
+    rows, late = [], log.gnss.t_s > log.gnss.t_s[0] + SETTLED_S
+    for angle, radians in truth.items():
+        sigma = columns[f"sigma_{angle}_deg"]
+        off = wrap(columns[f"{angle}_deg"] - np.degrees(radians))
+        known = np.isfinite(off + sigma) & late
+        inside = (np.abs(off) < 1.96 * sigma)[known]
+        block = round(BLOCK_S / np.median(np.diff(log.gnss.t_s)))
+        many = resampling.spread(inside.astype(float), block, np.random.default_rng(1))["mean"]
+        row = {"log": name, "angle": angle, "epochs": known.sum(), "sigma_deg": sigma[known].mean()}
+        row |= {"rms_deg": np.sqrt((off[known] ** 2).mean())}
+        rows.append(row | {"inside": many.value, "low": many.low, "high": many.high})
     return rows
 
 
@@ -210,5 +236,6 @@ def study(folder=FOLDER, **where):
         "versions": versions,
     }
     files = [file for name in CASES for file in FILES[name]]
-    cell = Cell(judged, [*CASES], chosen, {})
-    tabulate(folder, source | datasets.origin(*files), {"errors": cell}, **where)
+    tables = {"errors": Cell(judged, [*CASES], chosen, {})}
+    tables["stated"] = Cell(stated, [*CARS], pd.DataFrame, {})
+    tabulate(folder, source | datasets.origin(*files), tables, **where)

@@ -4,6 +4,7 @@ import math
 from copy import copy as shallow
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from analysis import STANDARD_GRAVITY, WrongUsage, wrap
-from analysis.tracker import constrained, kalman
+from analysis.tracker import constrained, doubt, kalman
 from analysis.tracker.attitude import angles
 from analysis.tracker.constrained import ACCEL, GYRO, MOUNT, PLACE, SPEED, STATES, TILT
 from analysis.tracker.device import Options
@@ -157,11 +158,11 @@ def test_what_it_starts_with():
     The car's axes in those of a level sensor, by the mounting angle; a car creeps below 2 m/s.
     """
     told = (8.0, 5.0), (EYE, [0.1] * 3, [0.0, 0.0, 1.0]), 0.5, 2.0, 0.3
-    for doubt in ((0.25, 0.0), (0.0, 0.36), None):
+    for more in ((0.25, 0.0), (0.0, 0.36), None):
         block = constrained.Constrained()
-        block.start((3.0, -4.0, 9.0), *told, *([doubt] if doubt else []))
+        block.start((3.0, -4.0, 9.0), *told, *([more] if more else []))
         tilt, yaw, gyro, accel, *mount = constrained.START
-        tilt, gyro = np.maximum([tilt, gyro], np.sqrt(doubt or (0.0, 0.0)))
+        tilt, gyro = np.maximum([tilt, gyro], np.sqrt(more or (0.0, 0.0)))
         sigmas = [2.0] * 2 + [0.3] * 2 + [1.0, tilt, tilt, yaw] + [gyro] * 3 + [accel] * 3 + mount
         np.testing.assert_allclose(block.P, np.diag(np.square(sigmas)))
     assert (block.position, block.velocity) == ([3.0, -4.0], [8.0, 5.0, 0.0])
@@ -179,7 +180,35 @@ def test_sigmas_are_those_of_the_angles():
     off = [angles(constrained.turned(C, *turn)) for turn in size * np.eye(3)]
     J = np.subtract(off, angles(C)).T / size
     expected = np.sqrt(np.diag(J @ (A @ A.T)[TILT:GYRO, TILT:GYRO] @ J.T))
-    np.testing.assert_allclose(constrained.angle_sigmas(C, A @ A.T), expected, rtol=1e-4)
+    np.testing.assert_allclose(doubt.angle_sigmas(C, A @ A.T), expected, rtol=1e-4)
+
+
+def test_what_is_missing_is_what_the_filter_makes_of_an_error():
+    """property: it is the spread, later, of filters that are off by that much in one tilt each.
+
+    Half the square of the change of the angle over a sample, per axis, as block 2 adds it. The car
+    goes straight on, so that corrections are small.
+    """
+    last, size, dt, force = [0.03, -0.02, 0.01], 1e-6, 0.04, [0.0, 0.0, -STANDARD_GRAVITY]
+    block = doubt.Doubted(block=SimpleNamespace(last=last))
+    level = EYE, [0.0] * 3, [0.0, 0.0, 1.0]
+    block.start((3.0, -4.0), (8.0, 5.0), level, -math.atan2(5.0, 8.0), 3.0, 0.3)
+    block.sample([0.01, 0.0, 0.02], force, dt)
+    block._carry()
+    last[:] = [0.0] * 3
+    off = [moved(block, size * np.eye(STATES)[k]) for k in range(TILT, GYRO)]
+    for one in (block, *off):
+        for _ in range(100):
+            one.sample(last, force, dt)
+        one.update((35.32, 16.2), (8.0, 5.0), 3.0, 0.3)
+    spread = np.transpose([difference(block, one) for one in off]) / size
+    variance = 0.5 * dt**2 * (0.04**2 + 0.04**2 + 0.02**2)
+    expected = variance * spread @ spread.T
+    each = np.sqrt(np.diag(expected))[TILT:GYRO]  # F is of the first order, in steps of 0.2 s
+    off = (block.missing - expected)[TILT:GYRO, TILT:GYRO] / np.outer(each, each)
+    assert np.abs(off).max() < 0.01
+    with_it = np.array(block.P)[TILT:GYRO, TILT:GYRO] + block.missing[TILT:GYRO, TILT:GYRO]
+    np.testing.assert_allclose(np.square(block.sigmas), np.diag(with_it), rtol=1e-3)
 
 
 def test_a_fix_of_the_antenna_is_the_derivative_of_its_place():
@@ -422,8 +451,8 @@ def test_single_precision_stays_single_and_agrees(town):
 
 
 def test_a_lever_arm_arrives():
-    """property: one that a replay is given is that of its filter; without one it has no arm."""
+    """property: one that a replay is given is that of its filter, none too."""
     ride = scenario("D", np.random.default_rng(3), stops=0)
-    for lever, arm in (((4.0, 0.0, 0.0), (4.0, 0.0, 0.0)), ((0.0, 0.0, 0.0), None)):
+    for lever in (4.0, 0.0, 0.0), (0.0, 0.0, 0.0):
         _, _, device, _ = next(stepped(ride.log, Options(filter="car"), lever=lever))
-        assert getattr(device.constrained, "lever", None) == arm
+        assert device.constrained.lever == lever

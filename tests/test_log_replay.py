@@ -350,7 +350,8 @@ def test_looking_back_moves_what_was_put_out():
     before, after = A @ A.swapaxes(-1, -2)
     filtered = SimpleNamespace(smoothed=lambda: (errors, before, after))
     device = SimpleNamespace(constrained=filtered, frame=SimpleNamespace(degrees=lambda at: at[:2]))
-    marks = [(row, device, k, (10.0, -20.0, 3.0), np.eye(3).tolist()) for k, row in enumerate(rows)]
+    level, missing = np.eye(3).tolist(), 0.5 * np.eye(16)
+    marks = [(row, device, k, (10.0, -20.0, 3.0), level, missing) for k, row in enumerate(rows)]
     log_replay._look_back(marks)
     for row, e, P, change in zip(rows, errors, after, after - before, strict=True):
         assert (row["lat_deg"], row["lon_deg"]) == pytest.approx((10.0 + e[0], -20.0 + e[1]))
@@ -358,7 +359,7 @@ def test_looking_back_moves_what_was_put_out():
         assert row["ellipse"] == pytest.approx(expected)
         found = row["roll"], row["pitch"], row["yaw"]
         np.testing.assert_allclose(found, e[5:8], atol=1e-7)
-        np.testing.assert_allclose(row["sigmas"], np.sqrt(np.diag(P)[5:8]), rtol=1e-3)
+        np.testing.assert_allclose(row["sigmas"], np.sqrt(np.diag(P)[5:8] + 0.5), rtol=1e-3)
 
 
 def ride(n, lat0=45.0, speed=20.0, start=0):

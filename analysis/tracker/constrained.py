@@ -156,11 +156,6 @@ class Constrained:
         return self.P[0][0], self.P[0][1], self.P[1][1]
 
     @property
-    def sigmas(self):
-        """Standard deviations of roll, pitch and yaw, rad; up to some 70 deg of pitch."""
-        return angle_sigmas(self.C_nb, self.P)
-
-    @property
     def may_rest(self):
         """Whether the speed is so low that quiet readings are those of a rest."""
         v = self.velocity
@@ -283,13 +278,3 @@ def turned(C, a, b, c):
     along = dot(x, z)
     x = unit([x[k] - along * z[k] for k in (0, 1, 2)])
     return [x, cross(z, x), z]
-
-
-def angle_sigmas(C_nb, P):
-    """Return the standard deviations of roll, pitch and yaw (rad) from attitude and covariance."""
-    (nn, ne, _), (_, ee, _), (_, _, dd) = [row[TILT : TILT + 3] for row in P[TILT:GYRO]]
-    c, s = C_nb[0][0], C_nb[1][0]  # where the sensor's X axis points
-    scale = 1 / (c * c + s * s)
-    roll = c * c * nn + 2 * c * s * ne + s * s * ee
-    pitch = s * s * nn - 2 * c * s * ne + c * c * ee
-    return math.sqrt(scale * roll), math.sqrt(scale * pitch), math.sqrt(dd)

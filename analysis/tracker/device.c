@@ -1042,14 +1042,6 @@ static void car_update(Constrained *b, const number *position, const number *vel
   car_apply(b);
 }
 
-static void angle_sigmas(const Constrained *b, number out[3]) {
-  number nn = b->P[TILT][TILT], ne = b->P[TILT][TILT + 1], ee = b->P[TILT + 1][TILT + 1];
-  number c = b->C_nb[0][0], s = b->C_nb[1][0], scale = 1 / (c * c + s * s);
-  out[0] = root(scale * (c * c * nn + 2 * c * s * ne + s * s * ee));
-  out[1] = root(scale * (s * s * nn - 2 * c * s * ne + c * c * ee));
-  out[2] = root(b->P[TILT + 2][TILT + 2]);
-}
-
 // device.py
 
 // The filter for cars once it has started, else NULL; without it in the options, never.
@@ -1388,14 +1380,13 @@ Row device_gnss(Device *d, const Epoch *given) {
   int layer = d->low_pass.layer;
   device_fuse(d, e, fix, moving, layer);
   Row row = {accepted, moving, layer, NAN, NAN, NONE, NONE, NONE, d->mounting.mount,
-             {NONE, NONE, NONE}, {NONE, NONE, NONE}};
+             {NONE, NONE, NONE}};
   const Constrained *car = car_of(d);
   if (d->has_attitude && !no_imu) {
     if (car) {
       number C[3][3];
       EACH(i, 3) copy(C[i], car->C_nb[i]);
       angles_of(C, &row);
-      angle_sigmas(car, row.sigmas);
     } else {
       attitude_angles(&d->attitude, &row);
     }

@@ -43,7 +43,7 @@ typedef struct {
   bool accepted, moving;
   int layer;
   wide lat_deg, lon_deg;
-  number roll, pitch, yaw, mount, sigmas[3], ellipse[3];
+  number roll, pitch, yaw, mount, ellipse[3];
 } Row;
 
 typedef struct {

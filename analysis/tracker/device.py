@@ -224,7 +224,7 @@ class Device:
         -------
         dict
             accepted, moving, layer, lat_deg and lon_deg put out, roll, pitch, yaw, mount (rad),
-            sigmas of the three angles, ellipse; NaN without value.
+            ellipse; NaN without value.
         """
         epoch = self._known(epoch)
         dt = 0.0 if self._t_epoch is None else epoch.t_s - self._t_epoch
@@ -255,11 +255,11 @@ class Device:
                 self.low_pass.step(fix)
         layer = self.low_pass.layer
         self._fuse(epoch, fix, moving, layer)
-        roll, pitch, yaw = sigmas = (math.nan,) * 3
+        roll, pitch, yaw = (math.nan,) * 3
         if self.attitude and not no_imu:
             car = self.constrained
             if car and car.started:
-                (roll, pitch, yaw), sigmas = angles(car.C_nb), car.sigmas
+                roll, pitch, yaw = angles(car.C_nb)
             else:
                 roll, pitch, yaw = self.attitude.angles
         lat, lon = self.frame.degrees(self.ned) if self.ned else (math.nan, math.nan)
@@ -273,7 +273,6 @@ class Device:
             "pitch": pitch,
             "yaw": yaw,
             "mount": math.nan if self.mounting.mount is None else self.mounting.mount,
-            "sigmas": sigmas,
             "ellipse": self._ellipse(epoch.t_s, moving),
         }
 

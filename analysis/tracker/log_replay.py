@@ -11,10 +11,11 @@ from tqdm import tqdm
 
 from analysis import STANDARD_GRAVITY, Estimate, WrongUsage
 from analysis.tracker.attitude import GAP_S, angles
-from analysis.tracker.constrained import PLACE, TILT, angle_sigmas, turned
+from analysis.tracker.constrained import PLACE, TILT, turned
 from analysis.tracker.device import BLOCKS, Device, Epoch, Options
+from analysis.tracker.doubt import Doubted, angle_sigmas
 from analysis.tracker.last_position import LOST_S, PDOP_WAIT_S, SLOW, Stored
-from analysis.tracker.lever import NO_LEVER, Levered
+from analysis.tracker.lever import NO_LEVER
 from analysis.tracker.motion import Vehicle, by_positions, time_lag, vehicle
 from analysis.tracker.mounting import Straight
 from analysis.tracker.smoother import Recorded
@@ -112,13 +113,14 @@ def replay(
             devices.append(device)
         if device.mounting.straight not in (None, *straights[-1:]):
             straights.append(device.mounting.straight)
-        rows.append(row | {"t_s": epoch.t_s, "has_fix": epoch.fix is not None})
-        known = row["roll"] == row["roll"]
+        car, known = device.constrained, row["roll"] == row["roll"]
+        sigmas = car.sigmas if known and car and car.started else (math.nan,) * 3
+        added = {"t_s": epoch.t_s, "has_fix": epoch.fix is not None, "sigmas": sigmas}
+        rows.append(row | added)
         unexplained.append(beyond_gnss(device.attitude) if known else 0.0)
-        car = device.constrained
         if smooth and car and car.started and device.ned and [*device.ned[:2]] == car.antenna:
             attitude = [[*axis] for axis in car.C_nb]
-            marks.append((rows[-1], device, car.step, device.ned, attitude))
+            marks.append((rows[-1], device, car.step, device.ned, attitude, car.missing))
     if not rows:
         raise WrongUsage("nothing to replay: the log has neither positions nor an IMU")
     _look_back(marks)
@@ -143,7 +145,7 @@ def _look_back(marks):
         marked = list(of)
         device = marked[0][1]
         errors, before, after = device.constrained.smoothed()
-        for row, _, k, (north, east, down), attitude in marked:
+        for row, _, k, (north, east, down), attitude, missing in marked:
             e = errors[k].tolist()
             place = device.frame.degrees((north + e[PLACE], east + e[PLACE + 1], down))
             row["lat_deg"], row["lon_deg"] = place
@@ -151,7 +153,7 @@ def _look_back(marks):
             row["ellipse"] = tuple(lasting + after[k][[0, 0, 1], [0, 1, 1]])
             C = turned(attitude, *e[TILT : TILT + 3])
             row["roll"], row["pitch"], row["yaw"] = angles(C)
-            row["sigmas"] = angle_sigmas(C, after[k].tolist())
+            row["sigmas"] = angle_sigmas(C, after[k] + missing)
 
 
 def motion(timeline: Timeline) -> tuple[Estimate, Vehicle]:
@@ -188,10 +190,9 @@ def stepped(timeline, options, stored=None, smooth=False, lever=NO_LEVER, *, pro
 
     def switched_on(left):
         device = Device(options, left, has_imu)
-        if smooth and device.constrained:
-            device.constrained = Recorded(options.number, lever)
-        elif any(lever) and device.constrained:
-            device.constrained = Levered(options.number, lever)
+        if device.constrained:
+            kind = Recorded if smooth else Doubted
+            device.constrained = kind(options.number, lever, device.attitude)
         return device
 
     device, samples = switched_on(stored), _samples(timeline.imu, options.number)

@@ -13,10 +13,10 @@ before and after it, and F how errors are carried there.
 import numpy as np
 
 from analysis.tracker.constrained import STATES
-from analysis.tracker.lever import Levered
+from analysis.tracker.doubt import Doubted
 
 
-class Recorded(Levered):
+class Recorded(Doubted):
     """A constrained filter that keeps every step, a few times a second: 6 kB each."""
 
     def __init__(self, *given):
@@ -44,13 +44,9 @@ class Recorded(Levered):
 
     def _carry(self):
         if self._seconds > 0:
-            transition = np.eye(STATES)
-            for i, terms in self._transition():
-                for j, c in terms:
-                    transition[i] += c * transition[j]
             self._end()
             super()._carry()
-            self._keep(transition)
+            self._keep(self.carried)
 
     def _apply(self):
         self._steps[-1][2] += self._error

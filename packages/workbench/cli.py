@@ -313,9 +313,8 @@ def replay(
     track, and in time what each block did) and track.gpx. yaw_deg is the heading of the sensor's X
     axis, mount_deg its angle clockwise from the vehicle's heading; the sigmas and the correlation
     are those of the position put out, and of the angles where the filter is that for cars. The
-    thresholds that
-    summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad (theta_alpha in rad^2);
-    lengths are counts.
+    thresholds that summary.json lists under options are in SI units: m, s, m/s, m/s^2, rad
+    (theta_alpha in rad^2); lengths are counts.
     """
     from workbench import track as page
 

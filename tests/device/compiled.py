@@ -154,11 +154,9 @@ def feed(folder, given, events, target="host", **how):
     command = (*EMULATOR, "feed") if target == "cortex" else (str(folder / "feed"),)
     call(*command, cwd=folder)
     lines = (line.split() for line in (folder / "cost").read_text().splitlines())
-    values = np.fromfile(folder / "rows").reshape(-1, len(NAMES) + 6)
+    values = np.fromfile(folder / "rows").reshape(-1, len(NAMES) + 3)
     rows = [
-        dict(zip(NAMES, row, strict=False))
-        | {"sigmas": tuple(row[9:12]), "ellipse": tuple(row[12:])}
-        for row in values.tolist()
+        dict(zip(NAMES, row, strict=False)) | {"ellipse": tuple(row[9:])} for row in values.tolist()
     ]
     return rows, {name: int(number) for name, number in lines}
 

@@ -121,10 +121,10 @@ int main(void) {
       uint32_t since = ticks();
       Row r = device_gnss(&device, &epoch);
       count(&epochs, since, top);
-      double out[15] = {r.accepted, r.moving, r.layer, (double)r.lat_deg, (double)r.lon_deg,
-                        r.roll, r.pitch, r.yaw, r.mount, r.sigmas[0], r.sigmas[1], r.sigmas[2],
+      double out[12] = {r.accepted, r.moving, r.layer, (double)r.lat_deg, (double)r.lon_deg,
+                        r.roll, r.pitch, r.yaw, r.mount,
                         r.ellipse[0], r.ellipse[1], r.ellipse[2]};
-      fwrite(out, sizeof *out, 15, rows);
+      fwrite(out, sizeof *out, 12, rows);
     }
   }
   say(cost, &samples);

@@ -111,7 +111,7 @@ def test_float_gives_what_was_measured(tmp_path, name):
         np.testing.assert_array_equal(column(rows, key), column(found, key))
     assert METRES * max(off(rows, found, k) for k in ("lat_deg", "lon_deg")) < POSITION_M
     most, epochs = LATER.get(name, (ANGLE, 0))
-    for key in ("roll", "pitch", "yaw", "mount", "sigmas"):
+    for key in ("roll", "pitch", "yaw", "mount"):
         assert off(rows, found, key) < most, key
         here, there = (np.isnan(column(each, key)) for each in (rows, found))
         assert (here != there).any(axis=1).sum() <= epochs, key

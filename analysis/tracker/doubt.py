@@ -1,0 +1,86 @@
+"""How far off the attitude of the filter for cars can be: with the error that sets no gain of it.
+
+Block 2 takes in how the rate may have changed between two samples; the filter for cars, whose gains
+a correlated error of this size would make worse, does not. Its own covariance P is then too small.
+What is missing, D, is carried beside it, with the same gains K ::
+
+    D = F D F' + q,     D = (I - K H) D (I - K H)'
+
+from zero on, with q the variance that block 2 adds: P + D is the covariance of a filter that is not
+the best one for its noise. Beside the device, which has no memory for it.
+"""
+
+import math
+
+import numpy as np
+
+from analysis.tracker.constrained import GYRO, STATES, TILT
+from analysis.tracker.lever import NO_LEVER, Levered
+from analysis.tracker.vectors import dot
+
+
+class Doubted(Levered):
+    """A constrained filter that knows what its own covariance leaves out.
+
+    Parameters
+    ----------
+    number : type
+        Of every state.
+    lever : sequence of 3 floats
+        From the sensor to the antenna, forward, right and down in the car, m.
+    block : Attitude
+        Block 2, which has the last sample.
+    """
+
+    def __init__(self, number=float, lever=NO_LEVER, block=None):
+        super().__init__(number, lever)
+        self._block = block
+
+    def start(self, *state):
+        """Start in motion."""
+        super().start(*state)
+        self.missing, self._between = np.zeros((STATES, STATES)), 0.0
+
+    def sample(self, gyro_b, accel_b, dt, static=False):
+        """Carry the state over one IMU sample, at the mean of its rate and the one before."""
+        if not static:
+            half = [w - mean for w, mean in zip(self._block.last, gyro_b, strict=True)]
+            self._between += 2 * dt * dt * dot(half, half)  # as block 2 has it, of the change
+        super().sample(gyro_b, accel_b, dt, static)
+
+    @property
+    def sigmas(self):
+        """Standard deviations of roll, pitch and yaw, rad; up to some 70 deg of pitch."""
+        return angle_sigmas(self.C_nb, self.P + self.missing)
+
+    def _carry(self):
+        if self._seconds <= 0:
+            return
+        self.carried = np.eye(STATES)
+        for i, terms in self._transition():
+            for j, c in terms:
+                self.carried[i, j] = c
+        super()._carry()
+        self.missing = self.carried @ self.missing @ self.carried.T
+        tilts = range(TILT, GYRO)
+        self.missing[tilts, tilts] += self._between
+        self._between = 0.0
+
+    def _take(self, terms, residual, variance):
+        h = np.zeros(STATES)
+        for j, c in terms:
+            h[j] += c
+        Ph = self.P @ h
+        left = np.eye(STATES) - np.outer(Ph / (variance + h @ Ph), h)
+        self.missing = left @ self.missing @ left.T
+        super()._take(terms, residual, variance)
+
+
+def angle_sigmas(C_nb, P):
+    """Return the standard deviations of roll, pitch and yaw (rad) from attitude and covariance."""
+    (nn, ne, _), (_, ee, _), (_, _, dd) = P[TILT:GYRO, TILT:GYRO]
+    c, s = C_nb[0][0], C_nb[1][0]  # where the sensor's X axis points
+    scale = 1 / (c * c + s * s)
+    roll = c * c * nn + 2 * c * s * ne + s * s * ee
+    pitch = s * s * nn - 2 * c * s * ne + c * c * ee
+    return math.sqrt(scale * roll), math.sqrt(scale * pitch), math.sqrt(dd)
