@@ -168,16 +168,17 @@ def counted() -> text.Shown:
     ways = verdicts()[WAYS].dropna()
     paper, car = (sum(said.startswith(REPRODUCED) for said in of) for _, of in ways.items())
     twice = (
-        f" {len(ways)} claims on tracking are judged twice. Counted above is what the paper likely"
-        f" did: {paper} hold, but it was chosen because many do. As a car does, {car} hold."
+        f" {len(ways)} claims on tracking hang on where the noise of a gyro is put, which the paper"
+        f" leaves open: on the attitude, as counted above because more hold then, {paper} hold;"
+        f" integrated, as in a car, {car}."
     )
     return text.Shown(
         f"{claimed} claims of the papers are {n.sum()} independent ones (each computation once,"
-        f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a condition;"
-        f" {differ} are not, {n[NOT_REPRODUCED]} without a condition; for {n[UNDECIDABLE]} the data"
-        f" at hand, or logs as long as the papers', cannot tell; {n[NOT_TESTABLE]} need data that"
-        f" are not at hand; {n[BY_CONSTRUCTION]} could not have come out otherwise and are no"
-        f" evidence{waiting}."
+        f" history left out). {agree} of these are reproduced, {n[REPRODUCED]} without a condition"
+        f" (such as: the sensor is its printed model); {differ} are not, {n[NOT_REPRODUCED]}"
+        f" without one; for {n[UNDECIDABLE]} the data at hand, or logs as long as the papers',"
+        f" cannot tell; {n[NOT_TESTABLE]} need data that are not at hand; {n[BY_CONSTRUCTION]}"
+        f" could not have come out otherwise and are no evidence{waiting}."
         f"{twice * bool(len(ways))}"
     )
 
