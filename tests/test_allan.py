@@ -191,18 +191,13 @@ def test_degrees_of_freedom_at_long_tau(alpha, power):
 
 
 @pytest.mark.parametrize(
-    "model",
-    [
-        UnifiedModel(1.0),
-        UnifiedModel(0.058, 164.0, 0.046),
-        UnifiedModel(0.144, 403.0, 0.410),
-        UnifiedModel(0.006, 521.0, 0.405),
-    ],
+    "sensor",
+    [(1.0,), (0.058, 164.0, 0.046), (0.144, 403.0, 0.410), (0.006, 521.0, 0.405)],
     ids=["white", "midg-roll", "tokimec-roll", "kvh-yaw"],
 )
-def test_intervals_cover(model):
+def test_intervals_cover(sensor):
     """coverage: 95 % intervals cover the truth at all tau of two-hour logs, long ones included."""
-    dt, n, runs = 0.5, 14_400, 400
+    dt, n, runs, model = 0.5, 14_400, 400, UnifiedModel(*sensor)
     m = np.unique(np.geomspace(1, n // 4, 12).round().astype(int))
     truth, inside, steadily = model.adev(m * dt, dt), np.zeros(len(m)), np.zeros(len(m))
     for y in model.simulate(n, dt, np.random.default_rng(5), runs=runs):

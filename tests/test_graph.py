@@ -89,6 +89,18 @@ def test_a_floor_by_its_rules():
         assert found.note == told + ("" if code else said("floor_at", tau=tau[30]))
 
 
+def test_floors_of_few_points():
+    """known case: the lowest place between a fall and a rise; a tenth of the log is not too long."""
+    for model, floor in (
+        ([3, 4, 2, 5, 1], (2, True)), ([3, 2, 2, 4], (1, True)), ([5, 4, 3], (2, False)),
+        ([1, 2, 3], (0, False)), ([4, 2, 3, 1, 2], (3, True)),
+    ):  # fmt: skip
+        assert graph.floor_of(np.array(model)) == floor
+    tau, model = np.array([1.0, 2, 4, 10]), np.array([2.0, 1, 1.5, 3])
+    curve = AllanCurve(tau, model, model, model, np.full(4, 200.0))
+    assert graph.bias_instability(curve, "deg/s", model).resolved
+
+
 GYRO = UnifiedModel(0.04, 200.0, 0.005)  # of the terrain paper's size, at 100 Hz
 TRUTH = conventions.floor(0.004, 0.005, 200.0, 0.01)[1] / 0.664
 
