@@ -22,8 +22,7 @@ WHITE = np.random.default_rng(2).standard_normal((N, 6))
 GYRO = [4.5, 0.1, -1.0] + 0.1 * WHITE[:, :3]  # deg/s; offset and noise of the MPU-6050
 ACCEL = [0.3, -0.2, STANDARD_GRAVITY] + 0.05 * WHITE[:, 3:]  # m/s^2
 HALF = T > 300
-LOST = np.random.default_rng(4).random((N, 1)) < 0.05
-LOST[5000:8000] = True
+LOST = (np.random.default_rng(4).random(N) < 0.05) | ((T > 100) & (T < 160))
 
 
 def stretches(gyro=GYRO, accel=ACCEL):
@@ -37,7 +36,7 @@ def along(series):
 
 
 DISTURBED = {
-    "nothing": (0.0, 0.0), "a minute lost": (np.where(LOST, np.nan, 0.0),) * 2,
+    "nothing": (0.0, 0.0), "a minute lost": (np.where(LOST[:, None], np.nan, 0.0),) * 2,
     "warm-up": (along(np.exp(-T / 200)), along(0.3 * np.exp(-T / 200))),
     "a bias step": (along(2.0 * HALF), 0.0),
     "a temperature cycle": (along(np.sin(T / 100)), along(0.2 * np.sin(T / 100))),
