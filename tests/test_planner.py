@@ -16,12 +16,6 @@ from workbench import cli, report
 from workbench.pages import phrase
 
 
-def test_white_noise_is_known_as_chi_square_says():
-    """analytic: n samples know sigma_v to 1.96 / sqrt(2 n)."""
-    found = Plan(0.3).relative_error(0.1, 1.0)["sigma_v"]
-    assert found == pytest.approx(1.96 / np.sqrt(2 * 36_000), rel=1e-3)
-
-
 def test_plan_against_simulated_logs():
     """cross-check: the scatter of fitted logs is the planned one, at 100 correlation times."""
     model, dt, n = UnifiedModel(0.1, 50.0, 0.1), 1.0, 5000
@@ -35,10 +29,15 @@ def test_plan_against_simulated_logs():
 
 
 def test_hours_grow_as_the_square():
-    """property: half the error takes four times the hours, and eleven years may not do."""
+    """property: half the error takes four times the hours, and eleven years may not do.
+
+    Of white noise n samples know sigma_v to 1.96 / sqrt(2 n).
+    """
     plan = Plan(0.1, 0.1, 100.0)
     a, b = (plan.hours_needed(0.1, np.expm1(w))["corr_time"] for w in (0.2, 0.1))
     assert b == pytest.approx(4 * a, rel=0.05)
+    white = Plan(0.3).relative_error(0.1, 1.0)["sigma_v"]
+    assert white == pytest.approx(1.96 / np.sqrt(2 * 36_000), rel=1e-3)
     for endless in (Plan(1.0, 1e-3, 1e7), Plan(1.0, 1.0, 1e9)):
         assert endless.hours_needed(1.0, 0.05)["corr_time"] is None
 

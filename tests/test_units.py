@@ -917,15 +917,15 @@ def test_conventions_are_found_and_put_right():
 def test_how_much_makes_a_convention():
     """known case: changes over 10 s of 5 deg of yaw, 0.5 of roll and pitch, half of them explained.
 
-    A zero is another one within 20 deg of a quarter of a turn. A wave of 20 s changes by twice its
-    size in 10 s.
+    A zero is another one within 20 deg of a quarter of a turn, if it keeps within a ramp of +-80.8:
+    sin(x) / x of 0.7. A wave of 20 s changes by twice its size in 10 s, of which five are needed.
     """
     t = np.arange(0, 300, 0.2)
     wave, other, still = np.sin(t * np.pi / 10), np.cos(t * np.pi / 10), np.full((1500, 2), np.nan)
 
-    def told(k, mine, theirs):
-        both = (track(t, still, angles=np.outer(x, np.eye(3)[k])) for x in (theirs, mine))
-        return len(conventions(*both)[1])
+    def told(k, mine, theirs, n=1500):
+        angles = (np.outer(x[:n], np.eye(3)[k]) for x in (theirs, mine))
+        return len(conventions(*(track(t[:n], still[:n], angles=x) for x in angles))[1])
 
     for much in (0.98, 1.02):
         for k, least in enumerate((0.5, 0.5, 5.0)):
@@ -934,6 +934,8 @@ def test_how_much_makes_a_convention():
         own = 10 + 20 * wave
         assert told(1, own, -own + 20 * much * other) == (much < 1)
         assert told(2, own, own - 90 + 20 * much) == (much < 1)
+        assert told(2, own, own - 90 + 80.8 * much * (t / 150 - 1)) == (much < 1)
+    assert [told(1, own, -own, n) for n in (249, 250)] == [0, 1]
 
 
 def test_what_is_constant_between_two_units():
