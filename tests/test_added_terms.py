@@ -394,17 +394,17 @@ def test_slow_noise_in_parts_of_a_log(loud, code):
 
 @pytest.mark.parametrize(
     ("kind", "at", "width"),
-    [("warm_up", 170.0, 0.0), ("step", 400.0, 0.0), ("sinusoid", 96.0, 0.0), ("step", 400.0, 16.0),
-     ("temperature", 0.0, 0.0), ("warm_up", 5.5, 0.0)],
+    [("warm_up", 510.0, 0.0), ("step", 1200.0, 0.0), ("sinusoid", 288.0, 0.0),
+     ("step", 1200.0, 48.0), ("temperature", 0.0, 0.0), ("warm_up", 16.5, 0.0)],
 )  # fmt: skip
 def test_the_strongest_candidate_is_the_term_itself(kind, at, width):
     """analytic: its place, and the rise of 2 ln L in white noise, by least squares."""
 
     def warmth(t):
-        return np.cos(t / 90) ** 3
+        return np.cos(t / 270) ** 3
 
-    samples, term = 0.5 * (np.arange(2000) + 0.5), added_terms.added_term(kind, at, width, warmth)
-    coarse = added_terms.Coarse.of(2.0 * term.columns[0](samples - 0.25), 0.5, 2)
+    samples, term = 1.5 * np.arange(2000), added_terms.added_term(kind, at, width, warmth)
+    coarse = added_terms.Coarse.of(2.0 * term.columns[0](samples), 1.5, 2)
     found = added_terms.candidates(coarse, Terms(np.sqrt(2) * ONE), warmth)
     rise, best = max(found, key=lambda pair: pair[0])
     x = np.stack([np.ones(1000), coarse.time, coarse.y], axis=1)

@@ -22,7 +22,7 @@ def rng(seed=1):
     return np.random.default_rng(seed)
 
 
-@pytest.mark.parametrize("degrees", [3, 5, np.inf])
+@pytest.mark.parametrize("degrees", [3, 5, 1e9])
 def test_tails_are_no_spikes(degrees):
     """coverage: of 60 logs of Student's t of 3 and 5 degrees and of normal noise, at most 3 lose
     samples: 1 % is allowed for, and 3 of 60 has a chance of 2 % then.
@@ -31,68 +31,24 @@ def test_tails_are_no_spikes(degrees):
     assert sum(spikes(y, DT)[0].any() for y in logs) <= 3
 
 
-def test_what_is_neither_spike_nor_stuck():
+def test_what_is_neither_spike_nor_stuck_nor_the_end_of_a_range():
     """property: a step of the bias, a loud tenth, a coarse and a held output are not left out.
 
-    Nor is rounding to up to ten deviations.
+    Nor is rounding to up to ten deviations. Noise, settling, swings, jumps and drift thin out
+    towards their ends.
     """
-    white = rng().standard_normal(N)
-    step = white + 100.0 * (np.arange(N) > N // 3)
-    loud = white * np.where(np.arange(N) // (N // 10) == 4, 8, 1)
+    white, at = rng().standard_normal(N), np.arange(N)
+    step, loud = white + 100.0 * (at > N // 3), white * np.where(at // (N // 10) == 4, 8, 1)
     for y in (step, loud, np.round(white), np.round(2 * white), np.repeat(white[: N // 20], 20)):
         assert not spikes(y, DT)[0].any()
     for step in (0.3, 1.0, 1.5, 3.0, 10.0):
         y = np.round((white + 0.3) / step) * step
         assert not stuck(y, DT)[0].any() and not stuck(np.repeat(y, 2), DT)[0].any()
-
-
-def test_a_shock_is_left_out_whole():
-    """property: what rings for 20 samples is one spike, also in a log with lost samples."""
-    y, k = rng().standard_normal(N), np.arange(20)
-    y[5000:5020] += 200 * np.exp(-k / 6) * np.cos(2 * k)
-    y[rng(2).random(N) < 0.05] = np.nan
-    marked, (found,) = spikes(y, DT)
-    assert found.note.startswith("spikes left out: 1,")
-    assert np.abs(y[np.isfinite(y) & ~marked]).max() < 6 and marked.sum() < 60
-
-
-def disturbed(kind):
-    """White noise of unit level that breaks the model, with its root mean square."""
-    white, part = rng(4).standard_normal(N), np.arange(N) / N
-    level = {
-        "normal": 1.0,
-        "doubled": np.where(part < 0.5, 1.0, 2.0),
-        "rise": 1 + 0.5 * part,
-        "loud": np.where((part > 0.43) & (part < 0.53), 8.0, 1.0),
-        "contaminated": np.where(rng(2).random(N) < 0.01, 10.0, 1.0),
-    }.get(kind)
-    if level is None:
-        degrees = float(kind[1:])
-        variance = degrees / (degrees - 2) if degrees > 2 else np.inf
-        return rng().standard_t(degrees, N), np.sqrt(variance)
-    return level * white, np.sqrt(np.mean(level**2))
-
-
-@pytest.mark.parametrize(
-    ("kind", "named", "resolved"),
-    [("normal", set(), True), ("t3", {"heavy_tails"}, True), ("t5", {"heavy_tails"}, True),
-     ("t2", {"heavy_tails"}, False), ("contaminated", {"heavy_tails"}, True),
-     ("doubled", {"noise_level"}, False), ("rise", {"noise_level"}, True),
-     ("loud", {"noise_level"}, False)],
-)  # fmt: skip
-def test_uneven_noise_holds_or_is_refused(kind, named, resolved):
-    """property: each disturbance is named, and the interval holds the root mean square or N is
-    refused with a bound that does.
-    """
-    y, truth = disturbed(kind)
-    found = uneven(y, DT, 1, float(y.std()))
-    assert named <= {d.kind for d in found} and bool(named) == bool(found)
-    error = 1.96 / np.sqrt(2 * N)
-    plain = Estimate(y.std(), y.std() * (1 - error), y.std() * (1 + error), "deg/s")
-    e = adjusted(plain, "sigma_v", found)
-    assert e.resolved == resolved and e.low <= truth <= (np.inf if e.high is None else e.high)
-    assert all(d.note in e.note for d in found if d.affects)
-    assert adjusted(plain, "corr_time", found) == plain
+    settling, jumps = 500 * np.exp(-at / 2000), np.cumsum(rng(2).random(N) < 1e-3) % 2
+    logs = [white, white / 3, 0.1 * settling + 0.3 * white, settling]
+    logs = [np.round(y) for y in (*logs, 100 * np.sin(0.2325 * at) + 0.3 * white)]
+    logs += [white, rng(3).standard_t(3, N), rng(4).random(N), np.cumsum(white)]
+    assert not any(saturation(y, DT) for y in (*logs, 1.0 * jumps, jumps + 0.01 * white))
 
 
 def test_few_gaussian_logs_are_flagged():
@@ -133,27 +89,6 @@ def test_a_range_that_cuts_off_is_told_with_what_it_leaves(low, high, step):
     assert slow.high is None and "cut off" in slow.note  # a bound from cut readings is too low
 
 
-def test_other_ends_of_a_range_are_no_saturation():
-    """property: noise, steps, settling, swings, jumps and drift thin out towards their ends."""
-    rng, n = np.random.default_rng(5), 100_000
-    w, t = rng.standard_normal(n), DT * np.arange(n)
-    swing, jumps = np.sin(2 * np.pi * 0.37 * t), np.cumsum(rng.random(n) < 1e-3) % 2
-    logs = [w, np.round(w), np.round(w / 3), rng.standard_t(3, n), rng.random(n), np.cumsum(w)]
-    logs += [np.round(50 * np.exp(-t / 200) + 0.3 * w), np.round(500 * np.exp(-t / 200))]
-    logs += [np.round(100 * swing + 0.3 * w), jumps, jumps + 0.01 * w]
-    assert not any(saturation(np.asarray(y, dtype=float), DT) for y in logs)
-
-
-def test_what_is_missing_is_said_with_its_place():
-    """analytic: gaps are counted with length and place."""
-    y = rng().standard_normal(N)
-    assert rules.missing(y, DT) == []
-    y[1000:1300] = y[20_000:20_450] = np.nan
-    [gaps] = rules.missing(y, DT)
-    assert gaps.note.startswith("2 gaps, 75 s in all, the longest 45 s at 2000 s")
-    assert (gaps.start_s, gaps.end_s) == pytest.approx((100.0, 2045.0))
-
-
 def test_a_line_is_left_out_as_far_as_it_leaks():
     """analytic: a comb of steps is flat in a Hann window; a sine of a adds (a L / 4)^2 at its bin.
 
@@ -188,28 +123,16 @@ def test_a_line_is_left_out_as_far_as_it_leaks():
         assert bool(rules.lines(np.append(held, y[-1]), step)[1]) == (share > 7)
 
 
-def uneven_noise(r, n):
-    """A second of shaking, a loud tenth, and an output that holds its value."""
-    burst, tenth, held = r.standard_normal((3, n))
-    burst[n // 3 : n // 3 + 100] *= 50
-    tenth[3 * n // 10 : 4 * n // 10] *= 8
-    return burst, tenth, np.repeat(held[: n // 100], 100)
-
-
-def coloured_noise(r, n):
-    """White noise, a walk, biases short and long, and a low-passed output."""
-    w, v = r.standard_normal((2, n))
-    slow, short = lfilter([0.3], [1, -0.999], v), lfilter([3.0], [1, -0.7], v)
-    return w, np.cumsum(w), w + slow, w + short, lfilter(*butter(2, 0.2), w)
-
-
-@pytest.mark.parametrize(
-    ("noise", "length"), [(uneven_noise, 20_000), (coloured_noise, 9000), (coloured_noise, 100_000)]
-)
-def test_noise_is_no_oscillation(noise, length):
+@pytest.mark.parametrize("length", [9000, 20_000, 100_000])
+def test_noise_is_no_oscillation(length):
     """property: uneven noise and noise of any colour, 40 logs of each."""
-    r = rng(4)
-    assert not any(rules.lines(y, 0.01)[1] for _ in range(40) for y in noise(r, length))
+    for w, v, burst, loud, held in rng(4).standard_normal((40, 5, length)):
+        burst[length // 3 : length // 3 + 100] *= 50
+        loud[3 * length // 10 : 4 * length // 10] *= 8
+        slow, short = (lfilter([b], [1, -a], v) for b, a in ((0.3, 0.999), (3.0, 0.7)))
+        coloured = w, np.cumsum(w), w + slow, w + short, lfilter(*butter(2, 0.2), w)
+        for y in (*coloured, burst, loud, np.repeat(held[: length // 100], 100)):
+            assert not rules.lines(y, 0.01)[1]
 
 
 QUIET = rng(6).permutation(norm.ppf((np.arange(N) + 0.5) / N))
@@ -312,6 +235,12 @@ def test_a_gap_is_longer_than_chance_makes_it():
         assert not any(d.affects for d in told)
         ends = (20.0 if gap else 10.0, 20.0 + singles - 0.9)
         assert (told[-1].start_s, told[-1].end_s) == pytest.approx(ends)
+    y = np.zeros(1000)
+    assert rules.missing(y, DT) == rules.missing(np.full(9, np.nan), DT) == []
+    y[100:105] = y[300:306] = np.nan
+    (gaps,) = rules.missing(y, DT)
+    assert gaps.note == said("gaps", count=2, total=1.1, longest=0.6, at=30.0)
+    assert (gaps.start_s, gaps.end_s) == pytest.approx((10.0, 30.6))
 
 
 def test_increments_are_those_of_their_definition():
@@ -341,11 +270,11 @@ def made(z=(), level=(), energy=None, fourth=3.0, size=64_000):
 def test_heavy_tails_by_their_kurtosis_and_their_index():
     """known case: 5 standard errors or 0.2 of excess kurtosis; below a tail index of 2.7 a bound.
 
-    The tails are those of quantiles of Student's t of 9 and of 2 degrees.
+    The tails are those of quantiles of Student's t of 9 and 4 degrees, and of 2.
     """
     p = (np.arange(100_000) + 0.5) / 100_000
-    for n, least in ((100_000, 0.2), (1000, 5 * np.sqrt(24 / 1000))):
-        z = t(9).ppf(p[:: 100_000 // n])
+    for n, of, least in ((100_000, 4, 0.2), (1000, 9, 5 * np.sqrt(24 / 1000))):
+        z = t(of).ppf(p[:: 100_000 // n])
         two = np.sum(np.sort(abs(z))[-2:] ** 4) / n  # what the two largest alone make of it
         assert rules.heavy_tails(made(z, fourth=2.99 + least + two)) == []
         excess = least + two + 0.01
@@ -409,6 +338,9 @@ def test_estimates_are_adjusted_by_what_affects_them():
     two = [Disturbance("noise_level", 0, 1, "a", ("arw",), w) for w in ((3, 4), (4, 3))]
     e = adjusted(Estimate(1.0, np.exp(-12), np.exp(12), "deg/s"), "arw", two)
     np.testing.assert_allclose(np.log([e.low, e.high]), [-13, 13])
+    for ends in ((0.5, None), (None, 2.0)):  # an open side stays open
+        half = Estimate(1.0, *ends, "m")
+        assert adjusted(half, "arw", two) == half
     plain = Estimate(2.0, 1.0, 3.0, "m", note="own")
     for bounds in ((0.5, None), (None, 3.0), (None, None)):
         ends = tuple(bound and 2 * bound for bound in bounds)  # of a value of 2
@@ -445,7 +377,7 @@ def test_what_is_wrong_with_samples_is_found_in_turn():
         (y, ["missing", "stuck", "spikes"]), (np.round(QUIET / 3), ["resolution"]),
         (np.clip(QUIET, -2, 2), ["saturation"]),
     ):  # fmt: skip
-        left, found = rules.of_samples(log, DT)
+        left, found = rules.of_samples(log.copy(), DT)
         assert [d.kind for d in found] == kinds
         log[np.r_[700:730, 2000] if log is y else []] = np.nan
         np.testing.assert_array_equal(left, log)

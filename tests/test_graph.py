@@ -87,6 +87,26 @@ def test_a_floor_by_its_rules():
         longest = t[t <= 0.4 * t[-1]][-1]
         told = said(code or "floor", tau=tau[30], longest=longest)
         assert found.note == told + ("" if code else said("floor_at", tau=tau[30]))
+    # The interval reaches down to flicker noise that the log leaves possible.
+    wider = graph.bias_instability(curve, "deg/s", model, flicker=(0.1, 9.0))
+    assert (wider.value, wider.low, wider.high) == (found.value, 0.1, found.high)
+    assert wider.note == graph.listed(found.note, said("down_to_flicker"))
+    assert not graph.bias_instability(curve, "deg/s", model, flicker=(None, 9.0)).resolved
+
+
+def test_floors_of_few_points():
+    """known case: the lowest place between a fall and a rise; a tenth of the log is in.
+
+    Beyond the hump of a short bias a curve falls below its floor.
+    """
+    for model, floor in (
+        ([3, 4, 2, 5, 1], (2, True)), ([3, 2, 2, 4], (1, True)), ([5, 4, 3], (2, False)),
+        ([1, 2, 3], (0, False)), ([4, 2, 3, 1, 2], (3, True)),
+    ):  # fmt: skip
+        assert graph.floor_of(np.array(model)) == floor
+    tau, model = np.array([1.0, 2, 4, 10]), np.array([2.0, 1, 1.5, 3])
+    curve = AllanCurve(tau, model, model, model, np.full(4, 200.0))
+    assert graph.bias_instability(curve, "deg/s", model).resolved
 
 
 GYRO = UnifiedModel(0.04, 200.0, 0.005)  # of the terrain paper's size, at 100 Hz
@@ -106,31 +126,3 @@ def test_the_floor_of_a_bias_is_covered():
     assert len(given) >= 0.99 * runs
     # 93-97 %, and the standard error of 200 logs, 1.5 %.
     assert 0.93 - 0.015 <= np.mean([b.low < TRUTH < b.high for b in given]) <= 0.97 + 0.015
-
-
-def curve_of(gyro):
-    """Give the Allan curve of a model itself."""
-    tau = np.geomspace(0.01, 1800, 200)
-    exact = gyro.adev(tau, 0.01)
-    return AllanCurve(tau, exact, exact, exact, np.full(200, 200.0))
-
-
-def test_the_floor_is_left_of_the_hump():
-    """analytic: beyond the hump of a short bias the curve falls below the floor; B is not there."""
-    curve = curve_of(UnifiedModel(0.04, 60.0, 0.005))
-    floor = conventions.floor(0.004, 0.005, 60.0, 0.01)[1]
-    assert curve.adev[curve.tau < 720].min() < floor
-    # 1e-3: the floor lies between two averaging times
-    found = graph.bias_instability(curve, "deg/s", curve.adev).value
-    assert found == pytest.approx(floor / 0.664, rel=1e-3)
-
-
-def test_flicker_noise_that_may_be_there_widens_the_floor():
-    """property: the interval reaches down to flicker noise that the log leaves possible."""
-    curve = curve_of(GYRO)
-    reading = curve, "deg/s", curve.adev
-    alone = graph.bias_instability(*reading)
-    wider = graph.bias_instability(*reading, flicker=(TRUTH / 3, TRUTH))
-    assert (wider.value, wider.high) == (alone.value, alone.high) and wider.low == TRUTH / 3
-    assert wider.note == graph.listed(alone.note, said("down_to_flicker"))
-    assert not graph.bias_instability(*reading, flicker=(None, TRUTH)).resolved

@@ -13,7 +13,7 @@ import sensorlogs as logs
 from analysis.noise import added_terms, fit, inference, likelihood, spectrum
 from analysis.noise.fit import NoiseLikelihood, choose
 from analysis.noise.inference import infer, lost_in_means
-from analysis.noise.models import UnifiedModel, gauss_markov
+from analysis.noise.models import UnifiedModel
 from analysis.noise.profile_likelihood import Surface, interval, profile_curve
 from studies import coverage
 
@@ -161,9 +161,11 @@ def test_drawn_bins_have_the_moments_of_white_noise():
     drawn = likelihood.simulate(stretch, terms(2.0), logs, np.random.default_rng(3))
     many = stretch.count > 2
     assert many.sum() > 50
-    outline, short = spectrum.outline(60, DT), spectrum.transform(np.zeros(60), DT)
-    for name in ("lam", "count", "uu"):  # of a log that is not recorded yet
-        np.testing.assert_allclose(getattr(outline, name), getattr(short, name), atol=1e-12)
+    for n, off in ((60, 1e-12), (5000, 1e-4)):  # the middle of a bin stands for it
+        outline, recorded = spectrum.outline(n, DT), spectrum.transform(np.zeros(n), DT)
+        for name in ("lam", "count", "length", "behind", "uu"):  # of a log not recorded yet
+            now, then = getattr(outline, name), getattr(recorded, name)
+            np.testing.assert_allclose(now, then, rtol=0, atol=off)
     ramp, first = drawn.zy[:, 1], drawn.zy[:, 0]
     for products, moment in (
         (drawn.yy, stretch.count), (ramp**2, stretch.zz[1, 1]), (first**2, stretch.uu),
@@ -173,18 +175,6 @@ def test_drawn_bins_have_the_moments_of_white_noise():
         assert np.all(np.abs(products.mean(axis=0) - 4 * moment) <= 5 * spread)
     deviation = drawn.yy.std(axis=0)[many]
     np.testing.assert_allclose(deviation, 4 * np.sqrt(2 * stretch.count[many]), rtol=0.04)
-
-
-def test_bins_lose_next_to_nothing(monkeypatch):
-    """property: 338 bins have the likelihood ratio of 20 000 coefficients to 1 %."""
-    y = UnifiedModel(0.1, 40.0, 0.1).simulate(20_000, 1.0, np.random.default_rng(2))
-    at, ratios = [terms(0.1, [(0.1, 40.0)]), terms(0.101, [(0.12, 55.0)])], []
-    for single in (spectrum.SINGLE, 20_000):
-        monkeypatch.setattr(spectrum, "SINGLE", single)
-        stretch = spectrum.transform(y, 1.0)
-        assert (np.count_nonzero(stretch.count) < 400) == (single < 20_000)
-        ratios.append(np.subtract(*(likelihood.evaluate(stretch, t).value[0] for t in at)))
-    assert ratios[0] == pytest.approx(ratios[1], rel=0.01)
 
 
 def test_flicker_ladder_has_the_density_of_ieee_952():
@@ -200,23 +190,8 @@ def test_flicker_ladder_has_the_density_of_ieee_952():
         assert density[inside].sum() == pytest.approx((1 / (2 * np.pi * f[inside])).sum(), rel=0.08)
 
 
-@pytest.mark.parametrize("small", ["sigma_v", "flicker", "rrw"])
-def test_a_search_finds_terms_that_are_too_small_to_matter(small):
-    """property: with one term of no size at all the search comes to the same top."""
-    rng = np.random.default_rng(12)
-    y = rng.standard_normal(20_000) + gauss_markov(20_000, 0.1, 0.5, 30.0, rng)
-    names = ("sigma_v", "flicker", "rrw")
-    surface = NoiseLikelihood(spectrum.transform(y, 0.1)).surface(names)
-    near = np.log([1.0, 0.1, 0.01])
-    tiny = np.where(np.array(names) == small, surface.low, near)
-    tops = [surface.maximum(start)[1] for start in (near, tiny)]
-    assert tops[0] == pytest.approx(tops[1], abs=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("log", "channel"), [("f9p-static", 1), ("mpu6050-gyro", 0), ("adis16405", 3)]
-)
-def test_the_last_digits_of_the_likelihood_decide_nothing(log, channel, monkeypatch):
+@pytest.mark.parametrize(("log", "k"), [("f9p-static", 1), ("mpu6050-gyro", 0), ("adis16405", 3)])
+def test_the_last_digits_of_the_likelihood_decide_nothing(log, k, monkeypatch):
     """property: relative noise of 1e-13 and 1e-12 in it moves no number of a real channel by 1 %.
 
     Of its interval, or of itself where an end is open. The searches agree to 1e-6 of it.
@@ -225,7 +200,7 @@ def test_the_last_digits_of_the_likelihood_decide_nothing(log, channel, monkeypa
         read = logs.read(log)
     except logs.datasets.NotHere as error:
         pytest.skip(str(error))
-    one, exact = read.channels[channel], likelihood.evaluate
+    one, exact = read.channels[k], likelihood.evaluate
     y = np.asarray(one.values, dtype=float)[:60_000]
 
     def estimates():
@@ -289,10 +264,10 @@ def test_profile_of_a_parabola(along, sizes, monkeypatch):
     assert reached == pytest.approx(7.0 - chi2.ppf(0.95, 1) / 2, abs=1e-6)
     far, _ = surface.maximum_where(along, 8.9 * along.sum(), [top])
     assert along @ far == pytest.approx(8.9 * along.sum()) and np.abs(far).max() <= 9.0 + 1e-9
-    high = np.where(along > 0, top + 0.5 * half * spread / (along @ spread), 9.0)
+    high = np.where(along > 0, top + 0.6 * half * spread / (along @ spread), 9.0)
     tight = Surface(*plain, high)
     for of, highest, most, ends in (
-        (surface, 99.0, 2.6, (True, True)), (tight, 99.0, 0.5, (True, False)),
+        (surface, 99.0, 2.6, (True, True)), (tight, 99.0, 0.6, (True, False)),
         (surface, 2.0, 1.9, (True, True)), (surface, 0.9, 0.9, (True, False)),
         (surface, 0.0, 0.0, (True, False)), (tight, 0.0, 0.0, (True, False)),
     ):  # fmt: skip
@@ -377,12 +352,13 @@ def test_a_walk_beside_a_bias_may_be_a_second_bias():
         assert (walk.low or 0.0) < 0.95 * alone[0] and walk.high >= alone[1]
 
 
-def test_of_many_pieces_half_are_left_out():
-    """known case: of 60 pieces of 600 samples 30 are used."""
+def test_what_is_used_of_a_log_with_losses():
+    """known case: 30 of 60 pieces; means of one and two are worth 4 / 3, for 1 / n adds up."""
     k = np.arange(60_000)
     y = np.where(k % 1000 < 400, np.nan, np.random.default_rng(3).standard_normal(60_000))
     stretch = spectrum.spectra(y, 0.1, 1)
     assert stretch.length @ stretch.behind == 0.5 * np.isfinite(y).sum()
+    assert spectrum.spectra(np.where(k % 4, 1.0, np.nan), 0.1, 2).behind == pytest.approx([4 / 3])
 
 
 def test_richer_models_need_strong_evidence():

@@ -71,9 +71,9 @@ def test_compiled_filter_leaves_out_bias_states():
 
 
 def test_a_high_pass_or_difference_is_one_of_map_and_samples():
-    """analytic: without gyro error there is no error, whatever is compared."""
+    """analytic: without any error there is none, whatever is compared."""
     exact = {"odometry_walk": 0.0, "odometry_scale": 0.0, "begin_sd": 1e-9, "R": 0.01}
-    for form in ({"high_pass": 3.0}, {"difference": 30.0}):
+    for form in ({}, {"high_pass": 3.0}, {"difference": 30.0}):
         setup = Setup(300.0, **exact, **form)
         laps = simulate_laps(road(), {0: Sensor(0, 0)}, setup, runs=2, seed=SEED)
         assert np.abs(laps.error).max() < 1e-6

@@ -213,15 +213,3 @@ def test_interval_of_a_share_over_laps_and_draws():
     low, high = study._interval(lost, np.random.default_rng(1))
     assert low == 0.0 and 0.3 < high <= 0.6
     assert (study._interval(np.ones((6, 100)), np.random.default_rng(1)) == 1.0).all()
-
-
-def test_a_held_out_lap_is_tracked_well_under_a_metre():
-    """property: with a perfect gyro the map of the other laps holds this one, gaps and all."""
-    lap, others = terrain_data.lap_and_map(LAP)
-    options = {"runs": 3, "seed": 1}
-    laps = track_real_laps({LAP: (lap, others)}, PERFECT, Setup.reference(1557.0), **options)[LAP]
-    assert np.sqrt((laps.error**2).mean()) < 0.6
-    assert len(laps.odometry) == len(laps.distance) and np.isfinite(laps.error).all()
-    truth, moved, attitude = resample_lap(lap, 100.0)
-    assert attitude.shape == (1, len(truth)) and moved[0] == 0
-    assert 0 < np.isnan(attitude).mean() < 0.1  # RTK drops out, and is left out

@@ -366,6 +366,7 @@ def test_a_bias_that_white_noise_may_hide_and_means_that_bridge_losses():
         (k < 0, 8, 1), (k % 10 == 0, 8, 2), (k % 10 == 0, 1.9, 1), (k % 4 > 0, 4, 4),
         (k % 4 > 0, 3.0, 1), (k % 66 < 20, 8, 1), (k % 66 < 20, 64, 32), (k < 2000, 64, 1),
         ((k % 100 == 0) | (k >= 3000) & (k % 10 == 0) | (k >= 3100), 8, 1),  # 97 % as it is
+        ((k > 1870) & ((k % 2 == 1) | (k > 2128)), 8, 1),  # 1900 of 2000 are enough
     ):  # fmt: skip
         assert spectrum.fewest_to_average(np.where(lost, np.nan, 1.0), most) == fewest
 

@@ -117,12 +117,6 @@ def test_the_phone_yaw_counts_anticlockwise():
     assert np.corrcoef(-yaw, early["gyro_z_deg"])[0, 1] > 0.8  # steel about it pulls at the magnet
 
 
-def test_tracks_need_units_on_the_ground():
-    """Property: a journey of which no table has positions gives no tracks."""
-    assert units.tracks(store.read("car-attitude").tables) == {}
-    assert set(units.tracks(store.read("comma2k19").tables)) == {"pose", "ublox"}
-
-
 def test_five_receivers_were_on_one_ride():
     """Property: every pair, the worst receivers too; none on the same road at another pace."""
     for a, b in combinations(units.tracks(store.read("five-receivers").tables).values(), 2):

@@ -495,12 +495,10 @@ def test_a_loss_and_a_jump_are_longer_than_the_rules_say(dt, lost, aside, side):
         later = t + (gap - dt) * (t > t[20])
         loss = [("loss", *np.round([t[20], t[20] + gap, gap], 6))] if gap == lost[1] else []
         assert happened(track(later, later[:, None] * ROAD)) == loss
-        xy = t[:, None] * ROAD + off * side * ((t > t[20]) & (t < t[24]))[:, None]  # and back
-        jump = [("jump", *np.round([*t[k : k + 2], off], 6)) for k in (20, 23) if off == aside[1]]
+        xy = t[:, None] * ROAD + off * side * ((t > t[20]) & (t < t[39]))[:, None]  # and back
+        jump = [("jump", *np.round([*t[k : k + 2], off], 6)) for k in (20, 38) if off == aside[1]]
         assert happened(track(t, xy)) == jump
-        assert happened(track(-t[::-1], xy[::-1])) == [
-            (k, -b, -a, size) for k, a, b, size in jump[::-1]
-        ]
+        assert happened(track(-t[::-1], xy[::-1])) == [(k, -b, -a, m) for k, a, b, m in jump[::-1]]
     assert happened(track(t[:2], t[:2, None] * ROAD)) == []
 
 
@@ -527,7 +525,7 @@ def test_holds_are_seen_by_what_moves_meanwhile():
         assert happened(track(T, xy, (0.6 * speed, 0.8 * speed))) == found
     for travel, seen in ((2.9, False), (3.1, True)):
         ramp, found = np.clip((T - 5) / 2, 0, 1), [("hold", 5.0, 7.0, travel)] * seen
-        other = track(T, np.outer(ramp, travel * np.array([0.6, -0.8])), name="b")
+        other = track(T, 9.0 + np.outer(ramp, [0.6 * travel, -0.8 * travel]), name="b")
         assert happened(track(T, xy, (0.0, 0.0)), other) == found
         angles = np.stack([np.sin(T), np.cos(T), 3 * T], axis=1)
         turning = np.stack([0 * T, 0 * T, wrap(179 + travel * ramp + 9 * (T > 8))], axis=1)
@@ -576,6 +574,8 @@ def test_spells_of_disagreement_by_their_rules(ab, ac, bc, who, spells):
             assert [(e.unit, e.kind, e.from_s, e.to_s, e.size) for e in found] == expected
             assert all(f"up to {far:.3g} {unit} from" in e.note for e in found)
             assert all(("others agree" in e.note) == (e.unit in "abc") for e in found)
+    four = [Apart(*k, "yaw", t, 9 * (k < ("a", "d")) + 0 * t, 1.0) for k in combinations("abcd", 2)]
+    assert disagreements(four)[0].unit == "a and b and c"  # d agrees with all
 
 
 def test_the_largest_disagreements_are_listed():
@@ -917,15 +917,15 @@ def test_conventions_are_found_and_put_right():
 def test_how_much_makes_a_convention():
     """known case: changes over 10 s of 5 deg of yaw, 0.5 of roll and pitch, half of them explained.
 
-    A zero is another one within 20 deg of a quarter of a turn. A wave of 20 s changes by twice its
-    size in 10 s.
+    A zero is another one within 20 deg of a quarter of a turn, if it keeps within a ramp of +-80.8:
+    sin(x) / x of 0.7. A wave of 20 s changes by twice its size in 10 s, of which five are needed.
     """
     t = np.arange(0, 300, 0.2)
     wave, other, still = np.sin(t * np.pi / 10), np.cos(t * np.pi / 10), np.full((1500, 2), np.nan)
 
-    def told(k, mine, theirs):
-        both = (track(t, still, angles=np.outer(x, np.eye(3)[k])) for x in (theirs, mine))
-        return len(conventions(*both)[1])
+    def told(k, mine, theirs, n=1500):
+        angles = (np.outer(x[:n], np.eye(3)[k]) for x in (theirs, mine))
+        return len(conventions(*(track(t[:n], still[:n], angles=x) for x in angles))[1])
 
     for much in (0.98, 1.02):
         for k, least in enumerate((0.5, 0.5, 5.0)):
@@ -934,6 +934,8 @@ def test_how_much_makes_a_convention():
         own = 10 + 20 * wave
         assert told(1, own, -own + 20 * much * other) == (much < 1)
         assert told(2, own, own - 90 + 20 * much) == (much < 1)
+        assert told(2, own, own - 90 + 80.8 * much * (t / 150 - 1)) == (much < 1)
+    assert [told(1, own, -own, n) for n in (249, 250)] == [0, 1]
 
 
 def test_what_is_constant_between_two_units():
