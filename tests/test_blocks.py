@@ -246,6 +246,73 @@ def stand_ins(options, **blocks):
     return device
 
 
+def test_what_a_sample_tells_each_block():
+    """known case: a quiet window restarts a slow, moving attitude; the car rests where nobody says.
+
+    A stored position is given up when the IMU moves after a rest and no fix has come.
+    """
+    both, gyro, force, last = (True, False), (1.0, 2.0, 3.0), (0.0, 0.0, -9.8), (3.0, 6.0, 9.0)
+    for quiet, slow, moving, ready, creeps, dt, silent in product(
+        both, both, both, both, both, (1.0, 1.1), (1.0, 1.1)
+    ):
+        level, car = {"ready": ready, "last": last, "horizontal": (0.3, 0.4)}, {"may_rest": creeps}
+        device = stand_ins(
+            Options(), attitude=level, static={"moving": moving, "accelerate.return_value": moving},
+            rest={"sample.return_value": quiet, "steady": quiet, "force": "f", "rate": "r"},
+            constrained=car | {"started": True}, last={"accepted": 1},
+        )  # fmt: skip
+        device._slow, device._t_imu, device._t_fix = slow, 5.0, 5.0 + dt - silent
+        device.imu(5.0 + dt, gyro, force)
+        restarts = [(("f", "r"),)] * (quiet and slow and moving and ready)
+        assert device.attitude.restart.call_args_list == restarts and device.static.quiet == quiet
+        assert device.attitude.imu.call_args.args == (gyro, force, dt, not moving)
+        assert device.rest.sample.call_args.args == (gyro, force, dt)
+        assert device.static.accelerate.call_args_list == [((0.3, 0.4, dt),)] * ready
+        assert device._moved == (moving and ready)
+        rests = not moving or (silent > 1.0 and quiet and creeps)
+        told = [(([2.0, 4.0, 6.0], force, dt, rests),)] * ready
+        assert device.constrained.sample.call_args_list == told
+        assert device.constrained.started == (dt == 1.0 or not ready)
+    seen = [(True, 0), (False, 0), (False, 0), (True, 1)]
+    for fixes, stored in product((0, 1), (None, "home")):
+        device = stand_ins(
+            Options(rest_blocks=0), attitude={"horizontal": (0.0, 0.0)}, static={},
+            last={"accepted": fixes, "position": stored},
+        )  # fmt: skip
+        for t, (moves, given_up) in enumerate(seen):
+            device.static.accelerate.return_value, device.ned = moves, "home"
+            device.imu(float(t), gyro, force)
+            up = bool(given_up and stored and not fixes)
+            assert (device.ned is None) == device.last.motion.called == up
+
+
+def test_what_an_epoch_tells_the_low_pass():
+    """known case: fixes at rest; it is emptied in motion, and by a silence that nobody watched."""
+    both, ned, place = (True, False), (3.0, 4.0, 5.0), (45.0, 9.0, 0.0)
+    for imu, on, accepted, moving, gap, since in product(
+        both, both, both, both, (60, 61), (60, 61)
+    ):
+        device = stand_ins(
+            Options(low_pass=on), last={"step.return_value": accepted, "position": "here"},
+            low_pass={"gap_s": 60.0, "layer": 2}, frame={"ned.return_value": ned},
+            _rests={"return_value": not moving}, _orient={}, _fuse={}, _ellipse={},
+        )  # fmt: skip
+        device.attitude, device.ned = Mock(angles=(1.0, 2.0, 3.0)) if imu else None, None
+        device._t_imu, device._t_epoch, device._t_fix = 99.5, 100.0 - gap, 100.0 - since
+        row = device.gnss(Epoch(100.0, place, 2.0, 10.0, 0.5, 3.0, 8.0))
+        silent = gap if imu else since
+        assert device.low_pass.reset.called == (moving or not on or silent > 60)
+        steps = [((ned,),)] * (accepted and on and not moving)
+        assert device.low_pass.step.call_args_list == steps
+        assert device._t_fix == (100.0 if accepted else 100.0 - since)
+        assert device._left == ((ned, 10.0, 0.5) if accepted else None)
+        fix, *_, dt = device._fuse.call_args.args[1], *device._orient.call_args.args
+        assert fix == (ned if accepted else None) and dt == gap
+        assert (row["accepted"], row["moving"], row["layer"]) == (accepted, moving, 2)
+        angles = (row["roll"], row["pitch"], row["yaw"])
+        assert angles == pytest.approx((1.0, 2.0, 3.0) if imu else (math.nan,) * 3, nan_ok=True)
+
+
 def test_what_an_epoch_tells_the_mounting():
     """known case: means of its samples, and the variance of that of the force."""
     rng, attitude = np.random.default_rng(1), {"down": (0.6, 0.0, 0.8), "yaw_rate": 0.2}
