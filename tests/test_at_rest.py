@@ -96,7 +96,7 @@ def test_rest_is_found_in_one_window(rate):
 
     An engine's line, eight times theta_A, averages out.
     """
-    block, n, bias, given = RestDetector(), 8 * max(1, round(rate / 4)), [0.0785, -0.035, 0.0175], []
+    block, n, bias, given = RestDetector(), 8 * max(1, round(rate / 4)), [0.08, -0.03, 0.02], []
     for k in range(n):
         assert not block.steady and block.statistic == math.inf
         given.append([0.0, (rate > 28) * math.sin(2 * math.pi * 28.5 * k / rate), -9.81])

@@ -252,18 +252,6 @@ def reading(mounted, forward, lateral=0.0, lean=0.0):
     return mounted.inv().apply(tilt.inv().apply([forward, lateral, -STANDARD_GRAVITY]))
 
 
-@pytest.mark.parametrize("mount", [0.0, 45.0, 130.0, 270.0])
-@pytest.mark.parametrize("lean", [0.0, 20.0, -45.0])
-def test_a_lean_leaves_forward_where_it_is(mount, lean):
-    """analytic: on two wheels in a bend, what is felt in the upright level is forward alone."""
-    mounted, block = Rotation.from_euler("Z", mount, degrees=True), Upright()
-    lean = math.radians(lean)
-    block.start(reading(mounted, 0.0))
-    ax, ay = block.level(reading(mounted, 0.7, STANDARD_GRAVITY * math.tan(lean), lean))
-    c, s = math.cos(math.radians(mount)), math.sin(math.radians(mount))
-    assert (ax, ay) == pytest.approx((0.7 * c, -0.7 * s), abs=1e-9)
-
-
 def test_upright_is_the_mean_of_a_ride():
     """property: bends to both sides, starts and stops; down is right to 0.3 deg, side stand or not.
 

@@ -33,6 +33,13 @@ def test_the_command_can_turn_each_block_off():
     flags = cli.FLAGS["replay"]
     assert [b.replace("-", "_") for b in flags["without"]["choices"]] == list(BLOCKS)
     assert flags["using"]["choices"] == ["auto", *FILTERS]
+    for asked, imu, fuses, used, seconds in (
+        ("car", True, True, "car", 60), ("block6", True, True, "block6", 60),
+        ("car", False, True, "constant-velocity", 10), ("none", True, True, "none", 0),
+        ("block6", True, False, "constant-velocity", 10), ("none", False, False, "none", 0),
+    ):  # fmt: skip
+        device = Device(Options(filter=asked, fusion=fuses), None, imu)
+        assert (device.bridges, device.last.bridged_s) == (used, seconds)
     with pytest.raises(ValueError, match="no such filter: cars"):
         Device(Options(filter="cars"), None, has_imu=True)
 
@@ -314,19 +321,24 @@ def test_what_an_epoch_tells_the_low_pass():
 
 
 def test_what_an_epoch_tells_the_mounting():
-    """known case: means of its samples, and the variance of that of the force."""
+    """known case: means of its samples, and the variance of that of the force; upright, a mean."""
     rng, attitude = np.random.default_rng(1), {"down": (0.6, 0.0, 0.8), "yaw_rate": 0.2}
-    device = stand_ins(Options(rest_blocks=0), attitude=attitude, mounting={"mount": 0.5})
-    for n in (9, 5):  # nothing of the last epoch is left
+    device = stand_ins(
+        Options(rest_blocks=0), attitude=attitude, mounting={"mount": 0.5},
+        upright={"level.return_value": (7.0, 8.0)},
+    )  # fmt: skip
+    for n, v, sigma in ((9, 100.0, math.radians(1.0)), (5, 10.0, 0.03)):  # one epoch, the next
         force, level = rng.normal(size=(n, 3)), rng.normal(size=(n, 2))
         for k in range(n):
             device.attitude.horizontal = tuple(level[k])
             device.imu(0.1 * k - n, (0.0, 0.0, 0.0), tuple(force[k]))
-        device._orient(2.0, True, False, 3.0, 10.0, 0.5)
-    *given, _, _, variance, mean = device.mounting.step.call_args.args
-    assert given == [2.0, 0.5, 3.0, 10.0, 0.2] and mean == pytest.approx(level.mean(axis=0))
-    assert variance == pytest.approx(force.var(axis=0).mean() / n)
-    assert device.attitude.epoch.call_args.args[:3] == (False, 3.5 - 2 * math.pi, 0.03)
+        device._orient(2.0, True, False, 3.0, v, 0.5)
+        *given, variance, mean = device.mounting.step.call_args.args
+        assert given == [2.0, 0.5, 3.0, v, 0.2, 7.0, 8.0] and mean == pytest.approx(level.mean(0))
+        assert variance == pytest.approx(force.var(axis=0).mean() / n)
+        assert device.attitude.epoch.call_args.args[:3] == (False, 3.5 - 2 * math.pi, sigma)
+        device.upright.step.assert_called_with(pytest.approx(force.mean(axis=0)), 0.5)
+        device.upright.level.assert_called_with(pytest.approx(force.mean(axis=0)))
 
 
 def test_what_an_epoch_tells_the_filters():

@@ -383,16 +383,6 @@ def test_each_start_has_its_summary(tmp_path):
     assert gap.summary["static"]["seconds"] <= 199.0
 
 
-@pytest.mark.parametrize(("gap", "wait"), [(3600.0, 0), (0.0, 12)])
-def test_the_low_pass_starts_anew_after_a_gap_and_a_jump(gap, wait):
-    """property: an hour later and 333 m away, or 333 m away at once, the old mean is gone."""
-    gnss, later = ride(200, start=300), np.arange(200) >= 100
-    lat = gnss.lat_deg + 3e-3 * later
-    gnss = replace(gnss, t_s=gnss.t_s + gap * later, lat_deg=lat)
-    out = replay(Timeline(gnss, None)).columns["out_lat_deg"]
-    assert np.abs(out - lat)[100 + wait :].max() * 111_132 < 1.0
-
-
 def test_an_hour_of_driving_in_a_gap_leaves_no_old_place():
     """property: driving on after an hour: empty for five seconds, then the fixes, never behind."""
     gnss = ride(200)

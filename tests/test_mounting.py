@@ -53,17 +53,6 @@ def test_weighted_rule_keeps_the_quadrant(angle, rate, change):
     assert found[0] == pytest.approx(7.0, abs=1.1)  # six entries of 1 s and where they start
 
 
-def test_constant_speed_gives_no_angle():
-    """property: at constant speed the weighted rule answers nothing; the printed one, noise."""
-    block, rng, printed = MountingYaw(), np.random.default_rng(1), []
-    for _ in range(40):
-        assert not ride(block, 1.0, np.full(8, 8.0), noise=(0.03, 0.03**2, rng))
-        printed.append(block.printed)
-        block.interrupt()
-    assert block.mount is None and block.straights >= 30
-    assert np.std(np.degrees(printed)) > 30  # an angle at random in 180 deg scatters by 52
-
-
 def test_a_bent_path_is_no_straight():
     """published: the variance of the course over the buffer must stay under theta_alpha."""
     block = MountingYaw()
@@ -143,15 +132,23 @@ def test_a_new_mount_is_learnt():
     assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=5.0)
 
 
-def test_constant_speed_erases_nothing():
-    """property: a hundred straights that say nothing leave angle and sigma as they were."""
-    block, noise = MountingYaw(), (0.1, 0.1**2, np.random.default_rng(3))
+def test_constant_speed_says_and_erases_nothing():
+    """property: a hundred straights give no angle, and leave angle and sigma as they were.
+
+    By the printed rule they give one at random: over 180 deg it scatters by 52 deg.
+    """
+    block, noise, printed = MountingYaw(), (0.1, 0.1**2, np.random.default_rng(3)), []
+    for _ in range(100):
+        assert not ride(block, 2.0, np.full(8, 8.0), noise=noise) and block.mount is None
+        printed.append(block.printed)
+        block.interrupt()
+    assert np.std(np.degrees(printed)) > 30
     for _ in range(3):
         ride(block, 2.0, up_and_down(8), noise=noise)
         block.interrupt()
     before = block.mount, block.sigma
     ride(block, 2.0, np.full(700, 8.0), noise=noise)
-    assert block.straights > 100
+    assert block.straights > 200
     assert math.degrees(wrap(block.mount - before[0], 2 * math.pi)) == pytest.approx(0.0, abs=0.1)
     assert block.sigma < 1.1 * before[1]
 

@@ -9,7 +9,6 @@ import pytest
 
 from analysis import DATA
 from analysis.tracker import at_rest, operations
-from analysis.tracker.attitude import Attitude
 from analysis.tracker.constrained import Constrained
 from analysis.tracker.operations import Counted, counted, instrument
 
@@ -159,18 +158,6 @@ def test_how_often_steps_come(steps):
     assert tally.total() == 8 * sample.total() + step.total()
     # Seven means, the force, its weight, and the share of the upright mean.
     assert kinds(steps, "5", "fix")["divisions"] == 7 + 3
-
-
-def test_counting_does_not_change_what_a_block_says():
-    """property: an instrumented attitude gives the same answer as a plain one."""
-    plain, tally = operations.under_way(0.025), Counter()
-    seen = instrument(operations.under_way(0.025), tally)
-    gyro, accel = (0.01, -0.02, 0.3), (0.4, 0.1, -9.7)
-    plain.imu(gyro, accel, 0.025)
-    seen.imu(counted(gyro, tally), counted(accel, tally), 0.025)
-    np.testing.assert_allclose([float(x) for x in seen.tilt.x], plain.tilt.x, rtol=1e-12)
-    np.testing.assert_allclose([float(a) for a in seen.horizontal], plain.horizontal, rtol=1e-9)
-    assert isinstance(plain, Attitude) and tally.total() > 0
 
 
 def test_the_alignment_counts_its_mean_and_its_matrix():
