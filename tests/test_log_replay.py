@@ -364,14 +364,32 @@ def ride(n, lat0=45.0, speed=20.0, start=0):
     return Gnss(t, lat, 9 * same, 100 * same, 2 * same, v, 0 * same, same > 0)
 
 
-def test_seconds_of_an_epoch_are_those_to_the_next():
-    """known case: epochs 8 s apart are no gaps, a hundred seconds are; the last stands for none."""
+def test_what_is_counted_over_epochs():
+    """known case: epochs 8 s apart are no gaps, a hundred seconds are; the last stands for none.
+
+    Held is what moves and is put out, later than so long after a fix; a receiver stands while its
+    place stays, it is slow and the IMU moves; a second without a sample before it is without IMU.
+    """
     t = np.r_[np.arange(0.0, 80.0, 8.0), 180.0, 188.0]
     np.testing.assert_array_equal(log_replay._step(t), [8.0] * 9 + [0.0, 8.0, 0.0])
+    t, moving, out = np.arange(12.0), np.ones(12), np.zeros(12)
+    moving[5], out[10], taken = 0, np.nan, np.isin(t, [1, 2])
+    columns = {"t_s": t, "accepted": taken, "moving": moving, "out_lat_deg": out}
+    for bridged, held in ((3.0, 5), (4.0, 4), (8.9, 1)):
+        assert log_replay._held(columns, bridged) == held
+    columns |= {"lat_deg": (t > 0) + 1.0 * (t > 3), "lon_deg": 1.0 * (t > 6)}
+    assert log_replay._stood(columns, 0.9 + 0.1 * (t == 9)) == (1.0, 2.0)
+    assert log_replay._stood(columns, 0 * t) == (7.0, 4.0)
+    assert log_replay._stood(columns, t + 1) == (-np.inf, 0.0)
+    imu, times = SimpleNamespace(t_s=t[[0, 1, 2, 5]]), [-1.5, -1.0, 0.5, 3.0, 3.01, 5.5, 6.0, 6.1]
+    assert log_replay._without_imu(imu, np.array(times)) == 3
 
 
-def test_each_start_has_its_summary(tmp_path):
-    """property: two starts an hour apart: two summaries, and the gap is no standing time."""
+def test_each_start_has_its_summary(capsys):
+    """property: two starts an hour apart: two summaries, and the gap is no standing time.
+
+    Nothing is printed on the way.
+    """
     gnss, far = ride(200, start=300), np.where(np.arange(200) < 100, 0.0, 3600.0)
     gnss = replace(gnss, t_s=gnss.t_s + far, lat_deg=gnss.lat_deg + far * 1e-6)
     whole = replay(Timeline(gnss, None, restarts_s=(3700.0,)))
@@ -383,6 +401,7 @@ def test_each_start_has_its_summary(tmp_path):
     static = whole.summary["static"]["seconds"]
     assert one["static_seconds"] + two["static_seconds"] == static <= 199.0
     assert any("moved while switched off" in note for note in notes(whole))
+    assert capsys.readouterr() == ("", "")
     gap = replay(Timeline(gnss, None))  # the same without a restart: block 4 does not mix them
     assert gap.summary["static"]["seconds"] <= 199.0
 
