@@ -175,9 +175,8 @@ def test_a_ride_is_judged_by_its_true_angle(monkeypatch):
     straights["ay_m_s2"] = aside * np.cos(mount) - ahead * np.sin(mount)
     straights["printed_deg"], straights["alone_deg"] = [-50.0, 125.0], [131.0, -232.0]
     columns = {"t_s": t, "mount_deg": np.repeat([np.nan, 131, 135, 127], [9, 1, 4, 6])}
-    track = SimpleNamespace(
-        columns=columns, straights=straights, summary={"mounting": {"sigma_deg": 2.0}}
-    )
+    summary = {"mounting": {"sigma_deg": 2.0}}
+    track = SimpleNamespace(columns=columns, straights=straights, summary=summary)
     monkeypatch.setattr(evaluate, "replay", lambda log, options: track)
     gnss = SimpleNamespace(speed_m_s=10 - np.abs(t - 10))
     ride = SimpleNamespace(log=None, gnss=gnss, mount_deg=130.0, first_turn_s=5.0)

@@ -205,9 +205,8 @@ def test_the_angle_is_that_of_dense_least_squares():
     assert last[5:] == pytest.approx(level) and last.printed == -math.atan(level[1] / level[0])
 
 
-def test_mean_and_wrap():
-    """analytic: component by component; into (-pi, pi]."""
-    assert mounting.mean([(1.0, 5.0), (2.0, 7.0)]) == [1.5, 6.0]
+def test_wrap():
+    """analytic: into (-pi, pi]."""
     assert wrap(3 * math.pi, 2 * math.pi) == pytest.approx(math.pi)
     assert wrap(-math.pi, 2 * math.pi) == pytest.approx(math.pi)
     assert wrap(-0.1, 2 * math.pi) == pytest.approx(-0.1)

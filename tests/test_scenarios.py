@@ -85,8 +85,11 @@ def test_how_each_body_is_held(monkeypatch):
     np.testing.assert_allclose(swing, [by, by], atol=1e-9)
     assert np.abs(by).max() > 5
     with_hills = scenario("D", rng(), stops=8, imu_rate=10.0)
-    monkeypatch.setattr(scenarios, "_ground", lambda *_: (0.0, 0.0))
+    moved = []
+    monkeypatch.setattr(scenarios, "_ground", lambda m, *_: moved.append(sum(m)) or (0.0, 0.0))
     d = scenario("D", rng(), stops=8, imu_rate=10.0)
+    driven = np.hypot(np.diff(d.north_m), np.diff(d.east_m)).sum()
+    assert moved == [pytest.approx(driven, rel=0.01)]  # the ground is that of the way
     course, pitch, roll = body(d, 15, -6, 2)
     np.testing.assert_allclose(roll, 0.0, atol=1e-9)
     sets_off = np.flatnonzero(np.diff(d.moving.astype(int)) > 0)
