@@ -105,10 +105,11 @@ def test_the_device_keeps_to_what_micropython_knows(module):
 
 
 def test_what_a_device_has_of_the_root_is_the_same():
-    """property: gravity and the angle wrap, which stand in both, agree."""
+    """analytic: gravity and the angle wrap, which stand in both, agree; into (-pi, pi]."""
     assert vectors.STANDARD_GRAVITY == STANDARD_GRAVITY
-    for angle in (-10.0, -math.pi, -0.1, 0.0, math.pi, 3.2, 400.0):
-        assert vectors.wrap(angle) == wrap(angle, 2 * math.pi)
+    for turns, angle in ((-1, -math.pi), (0, -0.1), (0, 0.0), (0, math.pi), (1, 3.2), (64, 400.0)):
+        known = pytest.approx(angle - turns * 2 * math.pi)
+        assert vectors.wrap(angle) == wrap(angle, 2 * math.pi) == known
         assert vectors.wrap(angle, 360.0) == wrap(angle)
 
 
@@ -154,7 +155,8 @@ def test_what_no_sensor_can_mean():
     ):  # fmt: skip
         seen = device._known(Epoch(0.0, (lat, lon, height), *rest, 3.0, 8.0))
         assert np.isnan(seen[2:5]).all() and (not seen.fix if height == 0 else seen.fix[2] != 1e5)
-    assert [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (n, 3.0)] == [0.0, 3.0]
+    known = [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (n, math.inf, -math.inf, 3.0)]
+    assert known == [0.0, 0.0, 0.0, 3.0]
     device._t_imu, device._t_epoch = 4.5, 4.0
     known = [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (4.2, 3.0, n, 2.9, 3.0)]
     assert known == pytest.approx([4.2, 4.0, 4.0, 6.5, 6.6])
@@ -308,10 +310,9 @@ def test_what_an_epoch_tells_the_low_pass():
         assert device.low_pass.reset.called == (moving or not on or silent > 60)
         steps = [((ned,),)] * (accepted and on and not moving)
         assert device.low_pass.step.call_args_list == steps
-        assert device._t_fix == (100.0 if accepted else 100.0 - since)
-        assert device._left == ((ned, 10.0, 0.5) if accepted else None)
+        left = (100.0, (ned, 10.0, 0.5)) if accepted else (100.0 - since, None)
         fix, *_, dt = device._fuse.call_args.args[1], *device._orient.call_args.args
-        assert fix == (ned if accepted else None) and dt == gap
+        assert (fix, dt, device._t_fix, device._left) == (ned if accepted else None, gap, *left)
         assert (row["accepted"], row["moving"], row["layer"]) == (accepted, moving, 2)
         angles = (row["roll"], row["pitch"], row["yaw"])
         assert angles == pytest.approx((1.0, 2.0, 3.0) if imu else (math.nan,) * 3, nan_ok=True)

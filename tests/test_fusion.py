@@ -34,8 +34,8 @@ def test_the_structure_is_the_whole_filter():
     Its random walk is added at the end of each sample, here it is integrated: 1e-6 at 100 Hz.
     """
     rng, block, dt = np.random.default_rng(6), Fusion(), 0.01
-    block.start([0.0] * 3, [1.0, 2.0, 0.0], 3.0, 1.0)
-    x, P = np.array([0.0, 0, 0, 1, 2, 0, 0, 0, 0]), np.diag([9.0] * 3 + [1.0] * 3 + [0.04] * 3)
+    block.start([0.0] * 3, [1.0, 2.0, 0.0], 3.0, 0.5)
+    x, P = np.array([0.0, 0, 0, 1, 2, 0, 0, 0, 0]), np.diag([9.0] * 3 + [0.25] * 3 + [0.04] * 3)
     unit, none = np.eye(3), np.zeros((3, 3))
     F = np.kron([[1, dt, -dt * dt / 2], [0, 1, -dt], [0, 0, 1]], unit)
     B = np.vstack([dt * dt / 2 * unit, dt * unit, none])

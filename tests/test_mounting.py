@@ -57,6 +57,9 @@ def test_a_bent_path_is_no_straight():
     """published: the variance of the course over the buffer must stay under theta_alpha."""
     block = MountingYaw()
     assert not ride(block, 1.0, setting_off(60, top=1.5), rate=0.1) and block.straights == 0
+    for epochs, straights in ((5, 0), (1, 1)):  # six entries later the bend is forgotten
+        ride(block, 1.0, setting_off(epochs + 1))
+        assert block.straights == straights
 
 
 def up_and_down(n=30, a=1.2, period=6.0):
@@ -130,6 +133,10 @@ def test_a_new_mount_is_learnt():
             ride(block, mount, up_and_down(8))
             block.interrupt()
     assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=5.0)
+    for _ in range(20):  # weaker ones keep what is known at what is enough
+        ride(block, mount, up_and_down(8, 0.8))
+        block.interrupt()
+    assert block._known[0] == pytest.approx(mounting.ENOUGH)
 
 
 def test_constant_speed_says_and_erases_nothing():
@@ -203,13 +210,6 @@ def test_the_angle_is_that_of_dense_least_squares():
         assert found == pytest.approx((-math.atan2(along[1], along[0]), sigma))
     level = felt_there[::-1, 7:].mean(axis=1)
     assert last[5:] == pytest.approx(level) and last.printed == -math.atan(level[1] / level[0])
-
-
-def test_wrap():
-    """analytic: into (-pi, pi]."""
-    assert wrap(3 * math.pi, 2 * math.pi) == pytest.approx(math.pi)
-    assert wrap(-math.pi, 2 * math.pi) == pytest.approx(math.pi)
-    assert wrap(-0.1, 2 * math.pi) == pytest.approx(-0.1)
 
 
 @pytest.mark.parametrize(("name", "within"), [("racebox", 5.0), ("car", 5.0), ("drive", 6.0)])
