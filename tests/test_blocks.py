@@ -33,6 +33,13 @@ def test_the_command_can_turn_each_block_off():
     flags = cli.FLAGS["replay"]
     assert [b.replace("-", "_") for b in flags["without"]["choices"]] == list(BLOCKS)
     assert flags["using"]["choices"] == ["auto", *FILTERS]
+    for asked, imu, fuses, used, seconds in (
+        ("car", True, True, "car", 60), ("block6", True, True, "block6", 60),
+        ("car", False, True, "constant-velocity", 10), ("none", True, True, "none", 0),
+        ("block6", True, False, "constant-velocity", 10), ("none", False, False, "none", 0),
+    ):  # fmt: skip
+        device = Device(Options(filter=asked, fusion=fuses), None, imu)
+        assert (device.bridges, device.last.bridged_s) == (used, seconds)
     with pytest.raises(ValueError, match="no such filter: cars"):
         Device(Options(filter="cars"), None, has_imu=True)
 
@@ -98,10 +105,11 @@ def test_the_device_keeps_to_what_micropython_knows(module):
 
 
 def test_what_a_device_has_of_the_root_is_the_same():
-    """property: gravity and the angle wrap, which stand in both, agree."""
+    """analytic: gravity and the angle wrap, which stand in both, agree; into (-pi, pi]."""
     assert vectors.STANDARD_GRAVITY == STANDARD_GRAVITY
-    for angle in (-10.0, -math.pi, -0.1, 0.0, math.pi, 3.2, 400.0):
-        assert vectors.wrap(angle) == wrap(angle, 2 * math.pi)
+    for turns, angle in ((-1, -math.pi), (0, -0.1), (0, 0.0), (0, math.pi), (1, 3.2), (64, 400.0)):
+        known = pytest.approx(angle - turns * 2 * math.pi)
+        assert vectors.wrap(angle) == wrap(angle, 2 * math.pi) == known
         assert vectors.wrap(angle, 360.0) == wrap(angle)
 
 
@@ -147,7 +155,8 @@ def test_what_no_sensor_can_mean():
     ):  # fmt: skip
         seen = device._known(Epoch(0.0, (lat, lon, height), *rest, 3.0, 8.0))
         assert np.isnan(seen[2:5]).all() and (not seen.fix if height == 0 else seen.fix[2] != 1e5)
-    assert [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (n, 3.0)] == [0.0, 3.0]
+    known = [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (n, math.inf, -math.inf, 3.0)]
+    assert known == [0.0, 0.0, 0.0, 3.0]
     device._t_imu, device._t_epoch = 4.5, 4.0
     known = [device._known(Epoch(t, None, *[0.0] * 5)).t_s for t in (4.2, 3.0, n, 2.9, 3.0)]
     assert known == pytest.approx([4.2, 4.0, 4.0, 6.5, 6.6])
@@ -246,20 +255,88 @@ def stand_ins(options, **blocks):
     return device
 
 
+def test_what_a_sample_tells_each_block():
+    """known case: a quiet window restarts a slow, moving attitude; the car rests where nobody says.
+
+    A stored position is given up when the IMU moves after a rest and no fix has come.
+    """
+    both, gyro, force, last = (True, False), (1.0, 2.0, 3.0), (0.0, 0.0, -9.8), (3.0, 6.0, 9.0)
+    cases = product(*[both] * 5, (1.0, 1.1), (1.0, 1.1))
+    for quiet, slow, moving, ready, creeps, dt, silent in cases:
+        level, car = {"ready": ready, "last": last, "horizontal": (0.3, 0.4)}, {"may_rest": creeps}
+        device = stand_ins(
+            Options(), attitude=level, static={"moving": moving, "accelerate.return_value": moving},
+            rest={"sample.return_value": quiet, "steady": quiet, "force": "f", "rate": "r"},
+            constrained=car | {"started": True}, last={"accepted": 1},
+        )  # fmt: skip
+        device._slow, device._t_imu, device._t_fix = slow, 5.0, 5.0 + dt - silent
+        device.imu(5.0 + dt, gyro, force)
+        restarts = [(("f", "r"),)] * (quiet and slow and moving and ready)
+        assert device.attitude.restart.call_args_list == restarts and device.static.quiet == quiet
+        assert device.attitude.imu.call_args.args == (gyro, force, dt, not moving)
+        assert device.rest.sample.call_args.args == (gyro, force, dt)
+        assert device.static.accelerate.call_args_list == [((0.3, 0.4, dt),)] * ready
+        assert device._moved == (moving and ready)
+        rests = not moving or (silent > 1.0 and quiet and creeps)
+        told = [(([2.0, 4.0, 6.0], force, dt, rests),)] * ready
+        assert device.constrained.sample.call_args_list == told
+        assert device.constrained.started == (dt == 1.0 or not ready)
+    seen = [(True, 0), (False, 0), (False, 0), (True, 1)]
+    for fixes, stored in product((0, 1), (None, "home")):
+        device = stand_ins(
+            Options(rest_blocks=0), attitude={"horizontal": (0.0, 0.0)}, static={},
+            last={"accepted": fixes, "position": stored},
+        )  # fmt: skip
+        for t, (moves, given_up) in enumerate(seen):
+            device.static.accelerate.return_value, device.ned = moves, "home"
+            device.imu(float(t), gyro, force)
+            up = bool(given_up and stored and not fixes)
+            assert (device.ned is None) == device.last.motion.called == up
+
+
+def test_what_an_epoch_tells_the_low_pass():
+    """known case: fixes at rest; it is emptied in motion, and by a silence that nobody watched."""
+    both, ned, place = (True, False), (3.0, 4.0, 5.0), (45.0, 9.0, 0.0)
+    for imu, on, accepted, moving, gap, since in product(*[both] * 4, (60, 61), (60, 61)):
+        device = stand_ins(
+            Options(low_pass=on), last={"step.return_value": accepted, "position": "here"},
+            low_pass={"gap_s": 60.0, "layer": 2}, frame={"ned.return_value": ned},
+            _rests={"return_value": not moving}, _orient={}, _fuse={}, _ellipse={},
+        )  # fmt: skip
+        device.attitude, device.ned = Mock(angles=(1.0, 2.0, 3.0)) if imu else None, None
+        device._t_imu, device._t_epoch, device._t_fix = 99.5, 100.0 - gap, 100.0 - since
+        row = device.gnss(Epoch(100.0, place, 2.0, 10.0, 0.5, 3.0, 8.0))
+        silent = gap if imu else since
+        assert device.low_pass.reset.called == (moving or not on or silent > 60)
+        steps = [((ned,),)] * (accepted and on and not moving)
+        assert device.low_pass.step.call_args_list == steps
+        left = (100.0, (ned, 10.0, 0.5)) if accepted else (100.0 - since, None)
+        fix, *_, dt = device._fuse.call_args.args[1], *device._orient.call_args.args
+        assert (fix, dt, device._t_fix, device._left) == (ned if accepted else None, gap, *left)
+        assert (row["accepted"], row["moving"], row["layer"]) == (accepted, moving, 2)
+        angles = (row["roll"], row["pitch"], row["yaw"])
+        assert angles == pytest.approx((1.0, 2.0, 3.0) if imu else (math.nan,) * 3, nan_ok=True)
+
+
 def test_what_an_epoch_tells_the_mounting():
-    """known case: means of its samples, and the variance of that of the force."""
+    """known case: means of its samples, and the variance of that of the force; upright, a mean."""
     rng, attitude = np.random.default_rng(1), {"down": (0.6, 0.0, 0.8), "yaw_rate": 0.2}
-    device = stand_ins(Options(rest_blocks=0), attitude=attitude, mounting={"mount": 0.5})
-    for n in (9, 5):  # nothing of the last epoch is left
+    device = stand_ins(
+        Options(rest_blocks=0), attitude=attitude, mounting={"mount": 0.5},
+        upright={"level.return_value": (7.0, 8.0)},
+    )  # fmt: skip
+    for n, v, sigma in ((9, 100.0, math.radians(1.0)), (5, 10.0, 0.03)):  # one epoch, the next
         force, level = rng.normal(size=(n, 3)), rng.normal(size=(n, 2))
         for k in range(n):
             device.attitude.horizontal = tuple(level[k])
             device.imu(0.1 * k - n, (0.0, 0.0, 0.0), tuple(force[k]))
-        device._orient(2.0, True, False, 3.0, 10.0, 0.5)
-    *given, _, _, variance, mean = device.mounting.step.call_args.args
-    assert given == [2.0, 0.5, 3.0, 10.0, 0.2] and mean == pytest.approx(level.mean(axis=0))
-    assert variance == pytest.approx(force.var(axis=0).mean() / n)
-    assert device.attitude.epoch.call_args.args[:3] == (False, 3.5 - 2 * math.pi, 0.03)
+        device._orient(2.0, True, False, 3.0, v, 0.5)
+        *given, variance, mean = device.mounting.step.call_args.args
+        assert given == [2.0, 0.5, 3.0, v, 0.2, 7.0, 8.0] and mean == pytest.approx(level.mean(0))
+        assert variance == pytest.approx(force.var(axis=0).mean() / n)
+        assert device.attitude.epoch.call_args.args[:3] == (False, 3.5 - 2 * math.pi, sigma)
+        device.upright.step.assert_called_with(pytest.approx(force.mean(axis=0)), 0.5)
+        device.upright.level.assert_called_with(pytest.approx(force.mean(axis=0)))
 
 
 def test_what_an_epoch_tells_the_filters():
@@ -323,14 +400,3 @@ def test_any_block_can_be_left_out(laps, filter, without):
     *_, last = play(laps.given, laps.events, filter=filter, **{w: False for w in [without] if w})
     off = [(last[k] - laps.rows[-1][k]) * 111_000 for k in ("lat_deg", "lon_deg")]
     assert math.hypot(*off) < 15.0
-
-
-def test_a_clock_set_back_is_a_gap_of_two_seconds(laps):
-    """property: the rows are those of a clock that runs on, with a gap where it was set back."""
-    last = max(t for t, *_ in laps.events if t <= 70.0)
-    more = last + 2.0 - min(t for t, *_ in laps.events if t > 70.0)
-    gap = [(t + more * (t > 70.0), *rest) for t, *rest in laps.events]
-    pairs = zip(play(laps.given, clock_set_back(laps.events)), play(laps.given, gap), strict=True)
-    for row, same in pairs:
-        for name in ("lat_deg", "lon_deg", "roll", "pitch", "yaw"):
-            assert row[name] == pytest.approx(same[name], abs=1e-9, nan_ok=True)

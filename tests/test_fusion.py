@@ -17,36 +17,6 @@ def dense(P_level, P_height):
     return whole
 
 
-def drive(block, accel, rng, *, rate=40, fixes=1, noise=(2.0, 0.2), error=(0.0, 0.0, 0.0)):
-    """Feed a true acceleration (n, 3) and noisy fixes once a second while ``fixes`` says so.
-
-    Returns
-    -------
-    ndarray, shape (seconds, 3)
-        Position error at each second, m.
-    """
-    dt, p, v = 1 / rate, np.zeros(3), np.zeros(3)
-    errors = []
-    block.start(p, v, *noise)
-    for k, a in enumerate(accel):
-        block.predict(a + error, dt, 0.3)
-        p, v = p + v * dt + a * dt * dt / 2, v + a * dt
-        if k % rate == rate - 1:
-            second = k // rate
-            if fixes if np.isscalar(fixes) else fixes[second]:
-                z = p + noise[0] * rng.standard_normal(3)
-                velocity = (v[:2] + noise[1] * rng.standard_normal(2)).tolist()
-                block.update(z.tolist(), velocity, *noise)
-            errors.append(np.array(block.position) - p)
-    return np.array(errors)
-
-
-def manoeuvre(seconds, rate=40):
-    """Return a weaving acceleration, m/s^2."""
-    t = np.arange(seconds * rate) / rate
-    return np.column_stack([0.5 * np.sin(0.3 * t), 0.8 * np.cos(0.2 * t), 0 * t])
-
-
 def test_noise_does_not_depend_on_the_step():
     """analytic: ten steps of 0.1 s add the same covariance as one of 1 s, to rounding."""
     one, ten = Fusion(), Fusion()
@@ -64,8 +34,8 @@ def test_the_structure_is_the_whole_filter():
     Its random walk is added at the end of each sample, here it is integrated: 1e-6 at 100 Hz.
     """
     rng, block, dt = np.random.default_rng(6), Fusion(), 0.01
-    block.start([0.0] * 3, [1.0, 2.0, 0.0], 3.0, 1.0)
-    x, P = np.array([0.0, 0, 0, 1, 2, 0, 0, 0, 0]), np.diag([9.0] * 3 + [1.0] * 3 + [0.04] * 3)
+    block.start([0.0] * 3, [1.0, 2.0, 0.0], 3.0, 0.5)
+    x, P = np.array([0.0, 0, 0, 1, 2, 0, 0, 0, 0]), np.diag([9.0] * 3 + [0.25] * 3 + [0.04] * 3)
     unit, none = np.eye(3), np.zeros((3, 3))
     F = np.kron([[1, dt, -dt * dt / 2], [0, 1, -dt], [0, 0, 1]], unit)
     B = np.vstack([dt * dt / 2 * unit, dt * unit, none])
@@ -83,16 +53,6 @@ def test_the_structure_is_the_whole_filter():
         x, P = kalman.update(x, P, z[rows], H[rows], R[rows, rows])
     np.testing.assert_allclose([*block.position, *block.velocity, *block.bias], x, atol=1e-5)
     np.testing.assert_allclose(dense(block._level, block._height), P, rtol=1e-4, atol=1e-7)
-
-
-def test_covariance_is_honest():
-    """coverage: over 40 rides the error at the end is within 95 % of P in 88 to 100 %."""
-    inside = 0
-    for seed in range(40):
-        rng, block = np.random.default_rng(seed), Fusion()
-        last = drive(block, manoeuvre(60) + 0.0, rng, error=0.2 * rng.standard_normal(3))[-1]
-        inside += last[:2] @ last[:2] < 5.99 * block.sigma_p**2
-    assert inside >= 35
 
 
 @pytest.mark.parametrize("number", [float, np.float32])

@@ -81,17 +81,17 @@ def test_share_sideways_of_a_car_is_one():
 
 
 def test_steps_of_four_fixes():
-    """known case: changes between fixes, means of the IMU; slow and long steps are none."""
-    t, nan = np.array([10.0, 11.0, 12.0, 12.5, 15.0, 16.0, 17.0]), np.full(7, np.nan)
-    speed, course = np.array([4.0, 6, 5, 6, 6, 1, 2]), np.array([350.0, 10, 20, 15, 20, 20, 20])
-    at = np.arange(9.5, 18, 0.25)
+    """known case: changes between fixes, means of the IMU; slow, long and empty steps are none."""
+    t, nan = np.array([10.0, 11, 12, 12.5, 15, 16, 17, 18, 19]), np.full(9, np.nan)
+    speed, course = np.array([4.0, 6, 5, 6, 6, 1, 2, 4, 4]), np.repeat(20.0, 9)
+    at, course[:4] = np.r_[np.arange(9.5, 17, 0.25), 18.25], [350, 10, 20, 15]
     imu = Imu(at, np.outer(at, [1.0, 2.0, 3.0]), np.outer(at, [-1.0, 0.0, 5.0]))
     found = steps(Gnss(t, nan, nan, nan, nan, speed, course, t > 0), imu)
-    np.testing.assert_allclose(found.dt, [1, 1, 0.5, 1])
-    np.testing.assert_allclose(found.speed, [5, 5.5, 5.5, 3.5])
-    np.testing.assert_allclose(found.change, [2, -1, 2, -5])
-    np.testing.assert_allclose(np.degrees(found.turn), [20, 10, -10, 0], atol=1e-9)
-    means = np.array([10.375, 11.375, 12.125, 15.375])  # of the samples from a fix to the next
+    np.testing.assert_allclose(found.dt, [1, 1, 0.5, 1, 1])
+    np.testing.assert_allclose(found.speed, [5, 5.5, 5.5, 3.5, 4])
+    np.testing.assert_allclose(found.change, [2, -1, 2, -5, 0])
+    np.testing.assert_allclose(np.degrees(found.turn), [20, 10, -10, 0, 0], atol=1e-9)
+    means = np.array([10.375, 11.375, 12.125, 15.375, 18.25])  # of the samples from fix to fix
     np.testing.assert_allclose(found.rate, np.outer(means, [1, 2, 3]))
     np.testing.assert_allclose(found.force, np.outer(means, [-1, 0, 5]))
 

@@ -43,30 +43,23 @@ def test_printed_rule_loses_the_quadrant(angle, accelerating):
     assert abs((found - angle + 90) % 180 - 90) < 1e-9 and -90 <= found <= 90
 
 
-@pytest.mark.parametrize("angle", range(0, 360, 15))
-@pytest.mark.parametrize("accelerating", [True, False])
-def test_weighted_rule_keeps_the_quadrant(angle, accelerating):
-    """analytic: without noise the angle is exact for any mounting, speeding up or braking."""
-    mount, speeds, block = math.radians(angle), setting_off(), MountingYaw()
-    assert ride(block, mount, speeds if accelerating else speeds[::-1])
+@pytest.mark.parametrize("angle", range(0, 360, 45))
+@pytest.mark.parametrize(("rate", "change"), [(1, 1.2), (1, -1.2), (2, 1.2), (5, -1.2), (10, 1.2)])
+def test_weighted_rule_keeps_the_quadrant(angle, rate, change):
+    """analytic: without noise exact for any mounting and rate of fixes, speeding up or braking."""
+    mount, block = math.radians(angle), MountingYaw()
+    found = ride(block, mount, 8.0 + change * np.sin(np.arange(0, 20, 1 / rate)), dt=1 / rate)
     assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=1e-6)
-
-
-def test_constant_speed_gives_no_angle():
-    """property: at constant speed the weighted rule answers nothing; the printed one, noise."""
-    block, rng, printed = MountingYaw(), np.random.default_rng(1), []
-    for _ in range(40):
-        assert not ride(block, 1.0, np.full(8, 8.0), noise=(0.03, 0.03**2, rng))
-        printed.append(block.printed)
-        block.interrupt()
-    assert block.mount is None and block.straights >= 30
-    assert np.std(np.degrees(printed)) > 30  # an angle at random in 180 deg scatters by 52
+    assert found[0] == pytest.approx(7.0, abs=1.1)  # six entries of 1 s and where they start
 
 
 def test_a_bent_path_is_no_straight():
     """published: the variance of the course over the buffer must stay under theta_alpha."""
     block = MountingYaw()
     assert not ride(block, 1.0, setting_off(60, top=1.5), rate=0.1) and block.straights == 0
+    for epochs, straights in ((5, 0), (1, 1)):  # six entries later the bend is forgotten
+        ride(block, 1.0, setting_off(epochs + 1))
+        assert block.straights == straights
 
 
 def up_and_down(n=30, a=1.2, period=6.0):
@@ -140,17 +133,29 @@ def test_a_new_mount_is_learnt():
             ride(block, mount, up_and_down(8))
             block.interrupt()
     assert math.degrees(wrap(block.mount - mount, 2 * math.pi)) == pytest.approx(0.0, abs=5.0)
+    for _ in range(20):  # weaker ones keep what is known at what is enough
+        ride(block, mount, up_and_down(8, 0.8))
+        block.interrupt()
+    assert block._known[0] == pytest.approx(mounting.ENOUGH)
 
 
-def test_constant_speed_erases_nothing():
-    """property: a hundred straights that say nothing leave angle and sigma as they were."""
-    block, noise = MountingYaw(), (0.1, 0.1**2, np.random.default_rng(3))
+def test_constant_speed_says_and_erases_nothing():
+    """property: a hundred straights give no angle, and leave angle and sigma as they were.
+
+    By the printed rule they give one at random: over 180 deg it scatters by 52 deg.
+    """
+    block, noise, printed = MountingYaw(), (0.1, 0.1**2, np.random.default_rng(3)), []
+    for _ in range(100):
+        assert not ride(block, 2.0, np.full(8, 8.0), noise=noise) and block.mount is None
+        printed.append(block.printed)
+        block.interrupt()
+    assert np.std(np.degrees(printed)) > 30
     for _ in range(3):
         ride(block, 2.0, up_and_down(8), noise=noise)
         block.interrupt()
     before = block.mount, block.sigma
     ride(block, 2.0, np.full(700, 8.0), noise=noise)
-    assert block.straights > 100
+    assert block.straights > 200
     assert math.degrees(wrap(block.mount - before[0], 2 * math.pi)) == pytest.approx(0.0, abs=0.1)
     assert block.sigma < 1.1 * before[1]
 
@@ -160,14 +165,8 @@ def test_an_acceleration_of_another_vehicle_is_refused():
     for share, most in ((1 / 3, 1.0), (3.0, 1.0), (1.0, 0.01)):
         block = MountingYaw(max_mount_sigma=most)
         assert not ride(block, 1.0, setting_off(), share=(share, 0.0)) and block.mount is None
-
-
-@pytest.mark.parametrize("rate", [1, 2, 5, 10])
-def test_any_rate_of_fixes(rate):
-    """property: the buffer is as long in time at 10 Hz as at 1 Hz."""
-    block = MountingYaw()
-    found = ride(block, 1.2, 8.0 + 1.2 * np.sin(np.arange(0, 20, 1 / rate)), dt=1 / rate)
-    assert block.mount == pytest.approx(1.2) and found[0] == pytest.approx(7.0, abs=1.1)
+    for sums in ([1.0, *[0.0] * 10], [0.0, 0.0, 1.0, *[0.0] * 8]):  # nothing felt, nothing done
+        assert mounting.weighted_angle(sums) == (0.0, math.inf, 0.0)
 
 
 def test_a_hole_never_joins_two_stretches():
@@ -188,17 +187,20 @@ def test_the_angle_is_that_of_dense_least_squares():
 
     Sigma is that of the normal equations, times the scatter across the heading.
     """
-    rng, block = np.random.default_rng(9), MountingYaw(max_mount_sigma=9.0)
+    rng, dt = np.random.default_rng(9), 0.8
+    block, unsure = (MountingYaw(max_mount_sigma=most) for most in (9.0, 0.0))
     v, yaw, variance = 8 + rng.random(13), 0.05 * rng.random(13), 9 * rng.random(13)
-    forward, lateral = np.diff(v, prepend=v[0]), v * yaw
+    forward, lateral = np.diff(v, prepend=v[0]) / dt, v * yaw
     felt_there = felt(2.0, forward, 0.5 * lateral) + 0.1 * rng.standard_normal((2, 13))
     for k, a in enumerate(felt_there.T):
-        block.step(float(k), 1.0, 0.0, v[k], yaw[k], *a, variance[k], levelled=(*a[::-1],))
+        for each in (block, unsure):
+            each.step(dt * k, dt, 0.0, v[k], yaw[k], *a, variance[k], levelled=(*a[::-1],))
     root = 1 / np.sqrt(mounting.SIGMA_ENTRY**2 + variance + (mounting.SIGMA_LATERAL * lateral) ** 2)
     levels = np.repeat(np.eye(3)[:, 1:], (1, 6, 6), axis=0)
     X, y = root[:, None] * np.column_stack([forward, lateral, levels]), root * felt_there
     priors = np.diag(1 / np.array([np.inf, mounting.SIGMA_LATERAL, *[block.sigma_level] * 2]))
     last = block.straight
+    assert last.mount == block.mount and math.isnan(unsure.straight.mount)
     for at, found in ((1, (block.mount, block.sigma)), (7, (last.alone, last.sigma))):
         design, values = np.vstack([X[at:], priors]), np.vstack([y.T[at:], np.zeros((4, 2))])
         along = np.linalg.lstsq(design, values)[0][0]
@@ -208,14 +210,6 @@ def test_the_angle_is_that_of_dense_least_squares():
         assert found == pytest.approx((-math.atan2(along[1], along[0]), sigma))
     level = felt_there[::-1, 7:].mean(axis=1)
     assert last[5:] == pytest.approx(level) and last.printed == -math.atan(level[1] / level[0])
-
-
-def test_mean_and_wrap():
-    """analytic: component by component; into (-pi, pi]."""
-    assert mounting.mean([(1.0, 5.0), (2.0, 7.0)]) == [1.5, 6.0]
-    assert wrap(3 * math.pi, 2 * math.pi) == pytest.approx(math.pi)
-    assert wrap(-math.pi, 2 * math.pi) == pytest.approx(math.pi)
-    assert wrap(-0.1, 2 * math.pi) == pytest.approx(-0.1)
 
 
 @pytest.mark.parametrize(("name", "within"), [("racebox", 5.0), ("car", 5.0), ("drive", 6.0)])

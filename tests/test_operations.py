@@ -9,7 +9,6 @@ import pytest
 
 from analysis import DATA
 from analysis.tracker import at_rest, operations
-from analysis.tracker.attitude import Attitude
 from analysis.tracker.constrained import Constrained
 from analysis.tracker.operations import Counted, counted, instrument
 
@@ -126,8 +125,17 @@ def test_filters_cost_a_fraction_of_their_formulas(steps):
     assert kinds(steps, "6", "fix").total() < lean_update(9, 5).total() / 10
 
 
-def test_the_low_pass_filter_costs_its_means(steps):
-    """analytic: n places, two coordinates: 2 (n - 1) sums and 2 divisions; at worst all layers."""
+def test_blocks_three_and_four_cost_their_means(steps):
+    """analytic: n places, two coordinates: 2 (n - 1) sums and 2 divisions; at worst all layers.
+
+    Of eight means of six numbers the mean, the squares of what they are off, and T of their sums.
+    """
+    six, off = buffer_mean(8, axes=6), Counter(sums=2 * 48, products=48)
+    scaled = Counter(products=6) + Counter(sums=2 + 2 + 1, divisions=3)
+    assert kinds(steps, "3", "window of 0.25 s means") == six + off + scaled
+    assert kinds(steps, "3", "fix") == Counter(sums=5, divisions=1)
+    # Two running means by a share of the step, and the square of their norm.
+    assert kinds(steps, "3", "sample") == Counter(sums=2 * 2 + 1, products=2 + 2, divisions=1)
     first, second, third = (buffer_mean(n, axes=2) for n in at_rest.LowPass.lengths)
     assert kinds(steps, "4", "fix that fills layer 1") == first
     assert kinds(steps, "4", "fix that fills layer 3") == first + second + third
@@ -150,18 +158,6 @@ def test_how_often_steps_come(steps):
     assert tally.total() == 8 * sample.total() + step.total()
     # Seven means, the force, its weight, and the share of the upright mean.
     assert kinds(steps, "5", "fix")["divisions"] == 7 + 3
-
-
-def test_counting_does_not_change_what_a_block_says():
-    """property: an instrumented attitude gives the same answer as a plain one."""
-    plain, tally = operations.under_way(0.025), Counter()
-    seen = instrument(operations.under_way(0.025), tally)
-    gyro, accel = (0.01, -0.02, 0.3), (0.4, 0.1, -9.7)
-    plain.imu(gyro, accel, 0.025)
-    seen.imu(counted(gyro, tally), counted(accel, tally), 0.025)
-    np.testing.assert_allclose([float(x) for x in seen.tilt.x], plain.tilt.x, rtol=1e-12)
-    np.testing.assert_allclose([float(a) for a in seen.horizontal], plain.horizontal, rtol=1e-9)
-    assert isinstance(plain, Attitude) and tally.total() > 0
 
 
 def test_the_alignment_counts_its_mean_and_its_matrix():

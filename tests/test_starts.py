@@ -46,6 +46,7 @@ def test_a_plain_power_on():
     assert np.mean([g.speed_m_s for g in logs]) == pytest.approx(0.1 * np.sqrt(2 / np.pi), rel=0.02)
     assert all(g.has_fix.all() and np.isnan(g.course_deg).all() for g in logs)
     assert (logs[0].t_s == np.arange(180)).all() and not logs[0].height_m.any()
+    assert starts.metres(*starts.degrees(30.0, -40.0)) == pytest.approx((30.0, -40.0))
     fixes = logs[0].lat_deg, logs[0].lon_deg, 0.0
     north, east, _ = pymap3d.geodetic2ned(*fixes, *starts.Scenario.origin)
     np.testing.assert_allclose(error[0], [north, east], atol=1e-3)
