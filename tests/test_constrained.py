@@ -426,3 +426,26 @@ def test_a_lever_arm_arrives():
     for lever in (4.0, 0.0, 0.0), (0.0, 0.0, 0.0):
         _, _, device, _ = next(stepped(ride.log, Options(filter="car"), lever=lever))
         assert device.constrained.lever == lever
+
+
+@pytest.fixture(scope="module")
+def town():
+    """Simulate a car in town whose sensor has no noise but its constant biases."""
+    return scenario("D", np.random.default_rng(7), imu=ImuErrors(), stops=4)
+
+
+def test_its_attitude_is_the_better_one_and_says_how_good():
+    """property: rms errors of all angles below those of block 2, and inside what it states."""
+    for seed in (0, 4):
+        ride = scenario("D", np.random.default_rng(seed))
+        true = Rotation.from_matrix(ride.C_nb).as_euler("ZYX", degrees=True)[:, ::-1]
+        errors = []
+        for kind in ("block6", "car"):
+            c = replay(ride.log, Options(filter=kind)).columns
+            angles = np.column_stack([c[f"{k}_deg"] for k in ("roll", "pitch", "yaw")])
+            errors.append(wrap(angles - true))
+        sigma = np.column_stack([c[f"sigma_{k}_deg"] for k in ("roll", "pitch", "yaw")])
+        known = np.isfinite(sigma).all(axis=1)
+        block_2, car = (np.sqrt(np.mean(e[known] ** 2, axis=0)) for e in errors)
+        assert known.mean() > 0.7 and (car < block_2).all()
+        assert (np.mean(np.abs(errors[1][known]) < 1.96 * sigma[known], axis=0) > 0.95).all()

@@ -381,3 +381,42 @@ def test_what_is_wrong_with_samples_is_found_in_turn():
         assert [d.kind for d in found] == kinds
         log[np.r_[700:730, 2000] if log is y else []] = np.nan
         np.testing.assert_array_equal(left, log)
+
+
+def disturbed(kind):
+    """White noise of unit level that breaks the model, with its root mean square."""
+    white, part = rng(4).standard_normal(N), np.arange(N) / N
+    level = {
+        "normal": 1.0,
+        "doubled": np.where(part < 0.5, 1.0, 2.0),
+        "rise": 1 + 0.5 * part,
+        "loud": np.where((part > 0.43) & (part < 0.53), 8.0, 1.0),
+        "contaminated": np.where(rng(2).random(N) < 0.01, 10.0, 1.0),
+    }.get(kind)
+    if level is None:
+        degrees = float(kind[1:])
+        variance = degrees / (degrees - 2) if degrees > 2 else np.inf
+        return rng().standard_t(degrees, N), np.sqrt(variance)
+    return level * white, np.sqrt(np.mean(level**2))
+
+
+@pytest.mark.parametrize(
+    ("kind", "named", "resolved"),
+    [("normal", set(), True), ("t3", {"heavy_tails"}, True), ("t5", {"heavy_tails"}, True),
+     ("t2", {"heavy_tails"}, False), ("contaminated", {"heavy_tails"}, True),
+     ("doubled", {"noise_level"}, False), ("rise", {"noise_level"}, True),
+     ("loud", {"noise_level"}, False)],
+)  # fmt: skip
+def test_uneven_noise_holds_or_is_refused(kind, named, resolved):
+    """property: each disturbance is named, and the interval holds the root mean square or N is
+    refused with a bound that does.
+    """
+    y, truth = disturbed(kind)
+    found = uneven(y, DT, 1, float(y.std()))
+    assert named <= {d.kind for d in found} and bool(named) == bool(found)
+    error = 1.96 / np.sqrt(2 * N)
+    plain = Estimate(y.std(), y.std() * (1 - error), y.std() * (1 + error), "deg/s")
+    e = adjusted(plain, "sigma_v", found)
+    assert e.resolved == resolved and e.low <= truth <= (np.inf if e.high is None else e.high)
+    assert all(d.note in e.note for d in found if d.affects)
+    assert adjusted(plain, "corr_time", found) == plain

@@ -265,3 +265,11 @@ def test_an_interval_of_a_skewed_number_has_its_mirror_image():
     assert (hull.low, hull.high) == pytest.approx((1 / plain.high, plain.high))
     crossing = monte_carlo.interval(rows - 2.0, skewed=True)
     assert crossing == monte_carlo.interval(rows - 2.0)  # no logarithm: as it is
+
+
+def test_the_filter_with_bias_states_expects_the_turn_on():
+    """coverage: its NEES is near 1 with the constant that it is told of."""
+    setup = setup_of(bias_states=True, R=0.01, start="turn-on", drawn_map_error=((0.1, 1e-3),))
+    sensors = {"gyro": Sensor(0.001, 0.05)}
+    found = laps(setup, runs=40, sensors=sensors)  # the map's error is white at 0.11 m a sample
+    assert found.nees()["gyro"] < 1.5 and found.rms()["gyro"] < 0.5
