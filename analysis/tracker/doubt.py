@@ -78,9 +78,7 @@ class Doubted(Levered):
 
 def angle_sigmas(C_nb, P):
     """Return the standard deviations of roll, pitch and yaw (rad) from attitude and covariance."""
-    (nn, ne, _), (_, ee, _), (_, _, dd) = P[TILT:GYRO, TILT:GYRO]
-    c, s = C_nb[0][0], C_nb[1][0]  # where the sensor's X axis points
-    scale = 1 / (c * c + s * s)
-    roll = c * c * nn + 2 * c * s * ne + s * s * ee
-    pitch = s * s * nn - 2 * c * s * ne + c * c * ee
-    return math.sqrt(scale * roll), math.sqrt(scale * pitch), math.sqrt(dd)
+    x, y = C_nb[0][0], C_nb[1][0]  # where the sensor's X axis points
+    c, s = x / math.hypot(x, y), y / math.hypot(x, y)
+    level = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.sqrt(np.diag(level @ P[TILT:GYRO, TILT:GYRO] @ level.T))
