@@ -112,9 +112,9 @@ def test_slow_noise_that_settles_shows_in_all_axes_together():
         power[:, :, 0] *= times
         found = [goodness.together([[(p, 40.0) for p in c] for c in log], 8000.0) for log in power]
         assert least <= sum(map(bool, found)) <= most
-    (one,) = goodness.together([[(1.0, 40.0), (1.0, 40.0), (1.9, 40.0), (1.0, 40.0)]] * 3, 8000.0)
+    (one,) = goodness.together([[(1.0, 40.0), (1.0, 40.0), (1.9, 80.0), (1.0, 40.0)]] * 3, 8000.0)
     assert one.affects == goodness.SIZES and (one.start_s, one.end_s) == (4000.0, 6000.0)
-    p, ends = 2 * 4 * f.sf(1.9, 120, 360), np.sqrt(np.array([1.0, 1.9]) / 1.225)
+    p, ends = 2 * 4 * f.sf(1.9, 240, 360), np.sqrt(np.array([1.0, 1.9]) / 1.36)
     told = {"channels": 3, "off": 90.0, "p": p, "low": ends[0], "high": ends[1]}
     assert one.note == said("together", **told)
     assert one.widens == pytest.approx(np.abs(np.log(ends)))

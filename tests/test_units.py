@@ -412,7 +412,7 @@ def test_interpolation_and_rates_of_a_parabola():
     short = np.r_[0.0, 0.1, 0.2, 1.15, 1.25, 2.3, 2.4]
     quick = interpolated(np.r_[0.4, 1.6], short, np.ones((7, 1)))
     assert np.isfinite(quick[0]) and np.isnan(quick[1])  # 1 s, where intervals are short
-    np.testing.assert_allclose(interpolated(np.r_[1.5], np.r_[1.0, 2.0], np.eye(2)), [[0.5, 0.5]])
+    np.testing.assert_allclose(interpolated(np.r_[1.5], np.r_[1.0, 3.0], np.eye(2)), [[0.75, 0.25]])
     assert np.isnan(interpolated(np.r_[1.0], np.r_[1.0], np.ones((1, 2)))).all()
     t = np.arange(0, 5.01, 0.25)
     x = np.stack([t**2, 3 * t], axis=1)
